@@ -1,0 +1,56 @@
+# capslip: from a scan of a joint face to its damping.
+# `make` lists the targets. A target that needs the environment builds it first.
+
+PYTHON ?= python3
+VENV   := .venv
+BIN    := $(VENV)/bin
+READY  := $(VENV)/.ready
+NAME    = $(basename $(notdir $(SURFACE)))
+OUT    ?=
+CONFIG ?=
+WORKERS ?= 0
+
+.DEFAULT_GOAL := help
+.PHONY: help setup analyze batch inspect samples test lint format clean
+
+help: ## List the targets
+	@awk -F ':.*## ' '/^[a-z-]+:.*## / {printf "  %-11s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
+
+setup: $(READY) ## Build the environment in .venv (every target that needs it does so)
+
+$(READY): pyproject.toml constraints.txt
+	@echo "building the environment in $(VENV) (once; about a minute)" >&2
+	@test -x $(BIN)/python || $(PYTHON) -m venv $(VENV)
+	@$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e ".[vendor,test]"
+	@touch $@
+
+analyze: $(READY) ## Analyse one scan: SURFACE=file [CONFIG=file.toml] [OUT=folder]
+	@test -n "$(SURFACE)" || { echo "make analyze: SURFACE=... is missing; for example SURFACE=sample_surfaces/paper_face_a.h5" >&2; exit 2; }
+	@$(BIN)/capslip analyze "$(SURFACE)" $(if $(CONFIG),--config "$(CONFIG)") $(if $(OUT),--out "$(OUT)") $(ARGS)
+
+batch: $(READY) ## Analyse many scans: SCANS=folder OUT=folder [CONFIG=file.toml]
+	@test -n "$(SCANS)" || { echo "make batch: SCANS=... is missing; for example SCANS=sample_surfaces OUT=results/samples" >&2; exit 2; }
+	@$(BIN)/capslip batch "$(SCANS)" $(if $(CONFIG),--config "$(CONFIG)") $(if $(OUT),--out "$(OUT)") $(ARGS)
+
+inspect: $(READY) ## Look at the fitted caps in PyVista: RESULT=folder
+	@test -n "$(RESULT)" || { echo "make inspect: RESULT=... is missing; for example RESULT=results/paper_face_a" >&2; exit 2; }
+	@$(BIN)/capslip inspect "$(RESULT)" $(ARGS)
+
+samples: $(READY) ## Write the sample surfaces again
+	@$(BIN)/python -m pipeline.studies.samples sample_surfaces
+
+test: $(READY) ## Run the tests
+	@$(BIN)/python -m pytest
+
+lint: $(READY) ## Check style and types
+	@$(BIN)/ruff check .
+	@$(BIN)/ruff format --check .
+	@$(BIN)/mypy
+
+format: $(READY) ## Format the code
+	@$(BIN)/ruff check --fix .
+	@$(BIN)/ruff format .
+
+clean: ## Remove the environment, results and caches
+	rm -rf $(VENV) results build dist *.egg-info .pytest_cache .mypy_cache .ruff_cache .hypothesis
+	find . -name __pycache__ -type d -prune -exec rm -rf {} +

@@ -1,0 +1,1 @@
+"""From a height map to fitted caps and their families."""

@@ -1,0 +1,361 @@
+"""The command line: the only place that prints or exits."""
+
+import json
+import sys
+import time
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from pipeline import __version__
+from pipeline.errors import CapslipError, SettingsError
+
+if TYPE_CHECKING:
+    from pipeline.analysis import Analysis
+    from pipeline.settings import Settings
+
+MODELS = ("auto", "flat", "families", "caps", "mean_field", "interacting")
+UNITS = ("m", "mm", "um", "µm", "nm", "inch")
+
+
+class _Failure(click.ClickException):
+    """One line on stderr and the exit code that the error stands for."""
+
+    def __init__(self, error: CapslipError) -> None:
+        super().__init__(str(error))
+        self.exit_code = error.exit_code
+
+    def show(self, file: Any = None) -> None:
+        click.echo(f"error: {self.message}", err=True)
+
+
+class _Command(click.Command):
+    """A command that turns the project's errors into one line; `-v` shows the traceback."""
+
+    def invoke(self, ctx: click.Context) -> Any:
+        try:
+            return super().invoke(ctx)
+        except CapslipError as error:
+            if ctx.params.get("verbose"):
+                raise
+            raise _Failure(error) from error
+        except (click.ClickException, click.exceptions.Exit, click.Abort):
+            raise
+        except MemoryError as error:
+            raise _Failure(CapslipError("not enough memory for this analysis")) from error
+        except Exception as error:
+            if ctx.params.get("verbose"):
+                raise
+            text = (
+                f"internal error: {type(error).__name__}: {error}; run again with -v and report it"
+            )
+            raise _Failure(CapslipError(" ".join(text.split()))) from error
+
+
+class _Group(click.Group):
+    command_class = _Command
+
+
+def _common(command: Any) -> Any:
+    """Add the options that every working command has."""
+    for option in (
+        click.option("-v", "--verbose", is_flag=True, help="Show tracebacks and details."),
+        click.option("-q", "--quiet", is_flag=True, help="Errors only on stderr."),
+        click.option(
+            "--json", "as_json", is_flag=True, help="Only the summary, as JSON, on stdout."
+        ),
+        click.option("-o", "--out", type=click.Path(path_type=Path), help="Output folder."),
+        click.option(
+            "--set",
+            "overrides",
+            multiple=True,
+            metavar="TABLE.KEY=VALUE",
+            help="Change one setting; repeatable.",
+        ),
+        click.option("-c", "--config", type=click.Path(path_type=Path), help="Settings (TOML)."),
+    ):
+        command = option(command)
+    return command
+
+
+def _analysis_options(command: Any) -> Any:
+    """Add the options that stand for single settings of an analysis."""
+    for option in (
+        click.option("--render/--no-render", default=None, help="The PyVista picture."),
+        click.option("--figures/--no-figures", default=None, help="Pictures of every stage."),
+        click.option(
+            "--pixel-size",
+            type=(float, float),
+            metavar="DY DX",
+            help="Size of a pixel, where the file does not say; needs --lateral-unit.",
+        ),
+        click.option("--lateral-unit", type=click.Choice(UNITS), help="Unit of the pixel size."),
+        click.option("--unit", type=click.Choice(UNITS), help="Unit of the heights."),
+        click.option("--dataset", help="Dataset of an HDF5 file."),
+        click.option("--model", type=click.Choice(MODELS), help="Contact model."),
+        click.option("--preload", type=float, metavar="N", help="Normal load of one joint, in N."),
+    ):
+        command = option(command)
+    return command
+
+
+@click.group(cls=_Group, context_settings={"help_option_names": ["-h", "--help"]})
+@click.version_option(__version__, prog_name="capslip")
+def main() -> None:
+    """From a scan of a joint face to its damping."""
+
+
+@main.command()
+@click.argument("surface", type=click.Path(path_type=Path))
+@_analysis_options
+@_common
+def analyze(surface: Path, out: Path | None, as_json: bool, quiet: bool, **options: Any) -> None:
+    """Analyse one scan: caps, families, contact, slip, damping, pictures and report."""
+    from pipeline.output import store
+
+    settings = _settings(**options)
+    folder = out if out is not None else Path("results") / surface.stem
+    store.check_folder(folder)
+    say = _Progress(quiet)
+
+    analysis, read_s = _load_and_analyze(surface, settings, say)
+    if not as_json and not quiet:
+        click.echo(_numbers(analysis))
+    with store.new_folder(folder) as work:
+        summary = _write(analysis, work, say, {"read": read_s})
+    if as_json:
+        click.echo(json.dumps(summary, indent=1, ensure_ascii=False, allow_nan=False))
+    elif not quiet:
+        click.echo(f"\nresults    {folder}\nreport     {folder / 'report.html'}")
+
+
+def _load_and_analyze(
+    surface: Path, settings: "Settings", say: "_Progress"
+) -> tuple["Analysis", float]:
+    say(f"reading {surface.name}")
+    from pipeline.analysis import analyze as run
+    from pipeline.surface.readers import load_surface
+
+    reading = settings.reading
+    started = time.perf_counter()
+    height_map = load_surface(
+        surface,
+        unit=reading.unit,
+        lateral_unit=reading.lateral_unit,
+        pixel_size=reading.pixel_size,
+        dataset=reading.dataset,
+    )
+    read_s = time.perf_counter() - started
+    say("analysing")
+    return run(height_map, settings), read_s
+
+
+def _write(
+    analysis: "Analysis", work: Path, say: "_Progress", timings: dict[str, float]
+) -> dict[str, Any]:
+    """Write everything into the working folder, the summary last; return the summary."""
+    from pipeline.output import mesh, report, scene, store
+    from pipeline.summary import summarise
+
+    run = analysis.settings.run
+
+    def timed(stage: str, since: float) -> float:
+        now = time.perf_counter()
+        timings[stage] = now - since
+        return now
+
+    clock = time.perf_counter()
+    store.write_result(analysis, work)
+    mesh.write_meshes(analysis, work)
+    clock = timed("tables", clock)
+    (work / "figures").mkdir()
+    message: str | None = "switched off (--no-render)"
+    if run.render:
+        say("rendering")
+        rendering = scene.start_render(work / "result.h5", work / "figures" / "scene.png")
+    if run.figures:
+        say("drawing")
+        from pipeline.output.figures import write_figures
+
+        write_figures(analysis, work / "figures")
+        clock = timed("figures", clock)
+    if run.render:
+        message = rendering.wait()
+        if message is not None:
+            say.warn(f"no render: {message}")
+        clock = timed("render", clock)
+    say("writing the report")
+    command = " ".join(["capslip", *sys.argv[1:]])
+    report.write_report(analysis, summarise(analysis, command, timings), work, message)
+    timed("report", clock)
+    summary = summarise(analysis, command, {**timings, "total": say.elapsed_s()})
+    store.write_summary(summary, work)
+    return summary
+
+
+@main.command()
+@click.argument("scans", nargs=-1, required=True)
+@_analysis_options
+@_common
+def batch(
+    scans: tuple[str, ...], out: Path | None, as_json: bool, quiet: bool, **options: Any
+) -> None:
+    """Analyse every scan of a folder or a glob; done work is kept."""
+    from pipeline.batch import run_batch
+
+    settings = _settings(**options)
+    say = _Progress(quiet)
+    rows = run_batch(scans, out or Path("results") / "batch", settings, say)
+    failed = [row for row in rows if row["status"] == "failed"]
+    if as_json:
+        click.echo(json.dumps(rows, indent=1, ensure_ascii=False))
+    elif not quiet:
+        for row in rows:
+            click.echo(f"{row['status']:7} {row['scan']}  {row['error'] or ''}".rstrip())
+    if failed:
+        say.warn(f"{len(failed)} of {len(rows)} scans failed; see batch.csv")
+        sys.exit(3)
+
+
+@main.command()
+@click.argument("result", type=click.Path(path_type=Path))
+@click.option("-v", "--verbose", is_flag=True, help="Show tracebacks and details.")
+def inspect(result: Path, verbose: bool) -> None:
+    """Look at the fitted caps of a result in a PyVista window."""
+    from pipeline.output.scene import show
+
+    show(result)
+
+
+@main.command("init-config")
+@click.argument("path", type=click.Path(path_type=Path), default="capslip.toml")
+def init_config(path: Path) -> None:
+    """Write a settings file with every default, to be edited."""
+    import tomli_w
+
+    from pipeline.errors import OutputError
+    from pipeline.settings import Settings
+
+    try:
+        with path.open("x", encoding="utf-8") as file:
+            file.write(tomli_w.dumps(Settings().to_dict()))
+    except FileExistsError:
+        raise OutputError(
+            f"{path}: exists already; nothing was written; give another name"
+        ) from None
+    except OSError as error:
+        raise OutputError(f"{path}: {error.strerror}; give another name") from error
+    click.echo(path)
+
+
+@main.command()
+def formats() -> None:
+    """List the file formats that can be read."""
+    from pipeline.surface.readers import formats as known
+
+    for row in known():
+        click.echo(f"{row.name:16} {row.extensions:28} {row.note}")
+
+
+def _settings(
+    config: Path | None, overrides: tuple[str, ...], verbose: bool, **options: Any
+) -> "Settings":
+    """Settings of the file, then of `--set`, then of the options of their own."""
+    from pipeline.settings import load_settings
+
+    place = {
+        "preload": "contact.preload_N",
+        "model": "contact.model",
+        "dataset": "reading.dataset",
+        "unit": "reading.unit",
+        "lateral_unit": "reading.lateral_unit",
+        "pixel_size": "reading.pixel_size",
+        "figures": "run.figures",
+        "render": "run.render",
+    }
+    given = {place[name]: value for name, value in options.items() if value is not None}
+    for name, value in given.items():
+        if isinstance(value, float) and value != value:
+            raise SettingsError(f"{name}: got nan; expected a finite number")
+    texts = tuple(f"{name}={_toml(value)}" for name, value in given.items())
+    return load_settings(config, (*overrides, *texts))
+
+
+def _toml(value: Any) -> str:
+    if isinstance(value, bool):
+        return str(value).lower()
+    if isinstance(value, tuple):
+        return f"[{', '.join(_toml(inner) for inner in value)}]"
+    return repr(float(value)) if isinstance(value, float) else json.dumps(value)
+
+
+class _Progress:
+    """Messages on stderr, each with the seconds since the start; silent with `-q`."""
+
+    def __init__(self, quiet: bool) -> None:
+        self.quiet = quiet
+        self.started = time.perf_counter()
+
+    def __call__(self, message: str) -> None:
+        if not self.quiet:
+            click.echo(f"[{self.elapsed_s():5.1f} s] {message}", err=True)
+
+    def elapsed_s(self) -> float:
+        """Return the seconds since the command began."""
+        return time.perf_counter() - self.started
+
+    def warn(self, message: str) -> None:
+        click.echo(f"warning: {message}", err=True)
+
+
+def _numbers(analysis: "Analysis") -> str:
+    """Return the results as a dozen lines in engineering units."""
+    hills, families = analysis.hills, analysis.families
+    surface = analysis.conditioned.surface
+    (ny, nx), (dy_m, dx_m) = surface.shape, surface.pixel_size_m
+    missing = 100 * (1 - surface.measured.mean())
+    um = 1e6
+    lines = [
+        f"scan       {surface.origin.name}: {nx} x {ny} points of {dx_m * um:.4g} x {dy_m * um:.4g}"
+        f" um, {missing:.2f} % non-measured",
+        f"surface    Sq {analysis.conditioned.sq_m * um:.4g} um, "
+        f"Sz {analysis.conditioned.sz_m * um:.4g} um after form removal",
+        f"hills      cut {hills.cut_height_m * um:.4g} um, {hills.n_regions} regions, "
+        f"{hills.n_hills} hills, {int(analysis.caps.usable.sum())} caps, "
+        f"largest region {100 * hills.largest_region_share:.0f} %",
+    ]
+    h = "-" if families.h_m is None else f"{families.h_m * um:.4g} um"
+    lines.append(f"families   m {families.m}, n {families.n}, h {h}")
+    for name, family in (("G", families.G), ("P", families.P)):
+        if family is not None:
+            lines.append(
+                f"  {name}        R {family.radius_m:.4g} m, D {family.diameter_m * 1e3:.4g} mm, "
+                f"df {family.height_m * um:.4g} um"
+            )
+    contact, slip, damping = analysis.contact, analysis.slip, analysis.damping
+    if contact is not None:
+        lines.append(
+            f"contact    {contact.model}: {contact.preload_N:g} N on {contact.contacts} caps, "
+            f"approach {contact.approach_m * um:.4g} um "
+            f"({contact.approach_without_bulk_m * um:.4g} um without bulk)"
+        )
+    if slip is not None:
+        lines.append(
+            f"slip       stiffness {slip.tangential_stiffness_N_per_m / 1e6:.4g} MN/m, total slip at "
+            f"{slip.total_slip_force_N:.4g} N, {slip.total_slip_displacement_m * 1e9:.4g} nm"
+        )
+    if damping is not None and damping.amplitude_at_peak_m is None:
+        lines.append(
+            "damping    no loss below gross slip at "
+            f"{damping.gross_slip_amplitude_m * um:.4g} um"
+        )
+    elif damping is not None:
+        lines.append(
+            f"damping    peak loss factor {damping.peak_loss_factor:.4g} at "
+            f"{(damping.amplitude_at_peak_m or 0.0) * um:.4g} um, gross slip at "
+            f"{damping.gross_slip_amplitude_m * um:.4g} um"
+        )
+    lines.append(f"status     {analysis.status}")
+    lines += [f"  {p.severity:8} {p.code}: {p.message}" for p in analysis.problems]
+    return "\n".join(lines)

@@ -1,0 +1,1 @@
+"""Normal contact and slip of the caps."""

@@ -1,0 +1,132 @@
+"""What makes a result doubtful: said beside the numbers, never left to the reader to find."""
+
+import numpy as np
+
+from pipeline.caps.families import Families
+from pipeline.caps.hills import NOISE_FACTOR, Hills
+from pipeline.caps.table import CapFlag, CapTable
+from pipeline.problems import Problem, Severity
+from pipeline.settings import Settings
+from pipeline.structure.response import Damping
+from pipeline.surface.heightmap import HeightMap
+
+
+def doubts_of_caps(
+    surface: HeightMap, hills: Hills, caps: CapTable, families: Families
+) -> list[Problem]:
+    """Return what makes the caps or their families doubtful."""
+    found: list[Problem] = []
+
+    def doubt(code: str, message: str, severity: Severity = "warning") -> None:
+        found.append(Problem(code, severity, message))
+
+    if not caps.usable.any():
+        doubt(
+            "no_caps",
+            f"no usable cap: {hills.n_regions} regions above the cut, rejected "
+            f"{hills.rejected or 'none'}, {len(caps)} without a sphere",
+        )
+        return found
+    if hills.largest_region_share > max(0.2, 3.0 / caps.usable.sum()):
+        doubt(
+            "connected_network",
+            f"one connected region holds {100 * hills.largest_region_share:.0f} % of the points "
+            "above the cut: hills run together there, and one sphere stands for many",
+        )
+    highest_m = float(np.nanmax(surface.height_m))
+    top_m = float(caps.peak_height_m[caps.usable].max())
+    if highest_m - top_m > NOISE_FACTOR * hills.noise_m + 0.05 * np.nanmax(caps.cap_height_m):
+        doubt(
+            "highest_point_on_no_cap",
+            f"the highest measured point stands {highest_m - top_m:.3g} m above the highest cap: "
+            "a spike, or a hill that was rejected",
+        )
+    for flag, meaning in (
+        (CapFlag.edge, "touch the edge of the map: part of them was not measured"),
+        (CapFlag.non_measured, "touch a patch of non-measured points"),
+        (CapFlag.plateau, "have a flat top (clipped sensor or quantised heights)"),
+        (CapFlag.noisy_apex, "are less than ten times as high as the noise"),
+        (CapFlag.apex_off_surface, "have no paraboloid apex on the hill: their peak is one point"),
+    ):
+        n_flagged = int((caps.usable & ((caps.flags & flag) != 0)).sum())
+        if n_flagged:
+            share = n_flagged / caps.usable.sum()
+            doubt(
+                f"caps_{flag.name}",
+                f"{n_flagged} of {int(caps.usable.sum())} caps {meaning}",
+                "warning" if share > 0.2 or flag is CapFlag.plateau else "info",
+            )
+    relative = caps.residual_m[caps.usable] / caps.cap_height_m[caps.usable]
+    if np.median(relative) > 0.25:
+        doubt(
+            "not_spherical",
+            f"half of the hills deviate from their sphere by more than {np.median(relative):.0%} "
+            "of its height: ridges or rough hills rather than caps",
+        )
+    if families.count == 1:
+        doubt(
+            "one_family",
+            f"the peak heights of {families.m} caps show one family: no P-caps, h is not defined",
+            "info",
+        )
+    elif families.separation is not None and families.separation < 3.0:
+        doubt(
+            "families_overlap",
+            f"the two families lie only {families.separation:.1f} spreads apart: a continuum of "
+            "heights rather than two families; m, n and h are worth little",
+        )
+    return found
+
+
+def doubts_of_contact(
+    caps: CapTable,
+    families: Families,
+    n_contacts: int,
+    n_overlaps: int,
+    max_pressure_Pa: float | None,
+    damping: Damping,
+    settings: Settings,
+) -> list[Problem]:
+    """Return what makes the contact, or the damping that follows from it, doubtful."""
+    found: list[Problem] = []
+
+    def doubt(code: str, message: str, severity: Severity = "warning") -> None:
+        found.append(Problem(code, severity, message))
+
+    if n_contacts == 1:
+        doubt("one_contact", "one cap carries the whole preload")
+    if families.P is not None and not (caps.load_N[caps.family == "P"] > 0).any():
+        doubt("P_not_in_contact", "no P-cap touches under this preload", "info")
+    if n_overlaps:
+        doubt(
+            "contacts_merge",
+            f"{n_overlaps} pairs of contacts overlap: the caps do not hold at this preload",
+        )
+    loaded = caps.load_N > 0
+    beyond = loaded & (caps.contact_radius_m > 0.5 * caps.diameter_m)
+    if beyond.any():
+        doubt(
+            "contact_beyond_cap",
+            f"{int(beyond.sum())} contacts are wider than the hill that the cap was fitted to",
+        )
+    doubtful = CapFlag.edge | CapFlag.non_measured | CapFlag.apex_off_surface | CapFlag.noisy_apex
+    load_N = np.where(loaded, caps.load_N, 0.0)
+    share = load_N[(caps.flags & doubtful) != 0].sum() / max(load_N.sum(), 1e-300)
+    if share > 0.2:
+        doubt("load_on_doubtful_caps", f"{share:.0%} of the preload rests on flagged caps")
+    yield_Pa = settings.material.yield_stress_Pa
+    if yield_Pa is not None and max_pressure_Pa is not None and max_pressure_Pa > 1.6 * yield_Pa:
+        doubt(
+            "plastic",
+            f"the greatest contact pressure {max_pressure_Pa / 1e6:.4g} MPa exceeds 1.6 times the "
+            f"yield stress {yield_Pa / 1e6:.4g} MPa: the elastic model does not hold",
+        )
+    if damping.peak_loss_factor > 0.3:
+        doubt(
+            "not_lightly_damped",
+            f"the loss factor reaches {damping.peak_loss_factor:.2g}: the mode is no longer lightly "
+            "damped there, and the amplitudes do not follow from its stiffness alone",
+        )
+    if damping.peak_at_gross_slip:
+        doubt("peak_at_gross_slip", "the loss factor still grows where gross slip begins", "info")
+    return found

@@ -1,0 +1,50 @@
+"""The errors that capslip raises: one tree, each with the exit code it leads to.
+
+A message is one line: what is wrong, where, what was found, what was expected, what to do.
+"""
+
+
+class CapslipError(Exception):
+    """Base of every error that capslip raises on purpose."""
+
+    exit_code = 1
+
+
+class SettingsError(CapslipError):
+    """A setting, an option or a model parameter is unknown, of the wrong type or out of bounds."""
+
+    exit_code = 2
+
+
+class OutputError(CapslipError):
+    """The output folder cannot be used."""
+
+    exit_code = 2
+
+
+class NothingToDoError(CapslipError):
+    """No input was found."""
+
+    exit_code = 4
+
+
+class ScanError(CapslipError):
+    """A scan could not be read or analysed; other scans may be fine."""
+
+    exit_code = 3
+
+
+class UnreadableFileError(ScanError):
+    """The file is not a height map in a format that is known, or is damaged."""
+
+
+class UncalibratedError(ScanError):
+    """The file holds heights, but not their unit or not the pixel size."""
+
+
+class UnusableSurfaceError(ScanError):
+    """The height map was read, but cannot be analysed (constant, all points non-measured, ...)."""
+
+
+class ContactError(ScanError):
+    """The caps cannot carry the preload within the validity of the contact model."""

@@ -1,0 +1,1 @@
+"""Everything that leaves the program: tables, meshes, pictures, the report."""

@@ -1,0 +1,72 @@
+"""The common look of all figures: sizes, colours, units."""
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+# Vermilion and blue of Okabe and Ito: told apart by colour-blind eyes, and in grey.
+FAMILY_COLOUR = {"G": "#D55E00", "P": "#0072B2", "": "#707070"}
+FAMILY_NAME = {"G": "G-caps", "P": "P-caps", "": "no family"}
+INK = "#222222"
+ACCENT = "#009E73"
+NON_MEASURED = "#BDBDBD"
+DPI = 130
+
+
+def blank(title: str, width: float = 8.0, height: float = 5.0) -> "tuple[Figure, Axes]":
+    """Return an empty figure (inches) with one pair of axes, outside of any window system."""
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(width, height), dpi=DPI, layout="constrained")
+    FigureCanvasAgg(figure)
+    axes = figure.add_subplot()
+    axes.set_title(title, loc="left", fontsize=11, color=INK)
+    axes.spines[["top", "right"]].set_visible(False)
+    axes.grid(color="#E3E3E3", linewidth=0.6)
+    axes.set_axisbelow(True)
+    return figure, axes
+
+
+def face_axes(title: str, side_m: tuple[float, float]) -> "tuple[Figure, Axes]":
+    """Return axes for a map of the face, in mm and at equal scale."""
+    side_y_m, side_x_m = side_m
+    inch_per_m = min(8.0 / side_x_m, 7.5 / side_y_m)
+    width, height = (max(side * inch_per_m, 2.5) for side in (side_x_m, side_y_m))
+    figure, axes = blank(title, width + 1.7, height + 1.3)
+    figure.set_layout_engine("compressed")  # the one made for axes of a fixed aspect
+    axes.grid(False)
+    axes.set(
+        xlim=(0, side_x_m * 1e3),
+        ylim=(0, side_y_m * 1e3),
+        aspect="equal",
+        xlabel="x [mm]",
+        ylabel="y [mm]",
+    )
+    return figure, axes
+
+
+def height_limits(height_m: np.ndarray, peak_height_m: np.ndarray) -> tuple[float, float]:
+    """Choose the heights that a picture spans: the bulk of the points and every cap.
+
+    Lone spikes and pits, at most one point in a hundred on either side, count only as far as half
+    the range of the bulk beyond it; without that, a single wrong point hides the surface.
+    """
+    measured_m = height_m[np.isfinite(height_m)]
+    low_m, high_m = np.quantile(measured_m, [0.01, 0.99])
+    margin_m = 0.5 * (high_m - low_m)
+    low_m = max(measured_m.min(), low_m - margin_m)
+    high_m = max(min(measured_m.max(), high_m + margin_m), peak_height_m.max(initial=-np.inf))
+    if not high_m > low_m:  # all but a few points are equal
+        low_m, high_m = measured_m.min(), measured_m.max()
+    return float(low_m), float(high_m)
+
+
+def thinned(values: np.ndarray, points: int = 1100) -> np.ndarray:
+    """Leave out rows and columns that a picture does not resolve."""
+    step_y, step_x = (max(1, n // points) for n in values.shape)
+    return values[::step_y, ::step_x]

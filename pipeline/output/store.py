@@ -1,0 +1,181 @@
+"""Results on disk: tables, settings and the summary, written whole or not at all."""
+
+import csv
+import json
+import os
+import shutil
+import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from pipeline.caps.table import UNITS
+from pipeline.errors import OutputError
+from pipeline.summary import SCHEMA
+
+if TYPE_CHECKING:
+    from pipeline.analysis import Analysis
+
+# Everything that an analysis leaves in its folder. A folder that holds more is not ours to replace.
+FILES = frozenset(
+    {
+        "summary.json",
+        "result.h5",
+        "caps.csv",
+        "settings.toml",
+        "report.html",
+        "figures",
+        "caps.vtu",
+        "surface.vtu",
+        "jenkins.csv",
+    }
+)
+
+
+@contextmanager
+def new_folder(folder: Path) -> Iterator[Path]:
+    """Give a temporary folder that takes the place of `folder` when the block ends well.
+
+    Raises
+    ------
+    OutputError
+        If `folder` is a file, cannot be written, or holds files that no analysis wrote.
+    """
+    check_folder(folder)
+    try:
+        folder.parent.mkdir(parents=True, exist_ok=True)
+        work = Path(tempfile.mkdtemp(prefix=f".{folder.name}.", dir=folder.parent))
+    except OSError as error:
+        raise OutputError(
+            f"output folder {folder}: {error.strerror}; choose another with --out"
+        ) from error
+    try:
+        work.chmod(0o777 & ~_umask())
+        yield work
+        _move(work, folder)
+    except BaseException:
+        shutil.rmtree(work, ignore_errors=True)
+        raise
+
+
+def check_folder(folder: Path) -> None:
+    """Refuse a folder that cannot be replaced; raises OutputError."""
+    if folder.exists() and not folder.is_dir():
+        raise OutputError(f"output folder {folder}: is a file; choose another with --out")
+    if not folder.is_dir():
+        return
+    names = {entry.name for entry in folder.iterdir()}
+    if not names:
+        return
+    foreign = sorted(names - FILES)
+    if foreign or not _is_result(folder):
+        found = foreign[0] if foreign else sorted(names)[0]
+        raise OutputError(
+            f"output folder {folder}: holds {found}, which is no earlier result of capslip; "
+            "nothing was written; choose another with --out, or move that file away"
+        )
+
+
+def _is_result(folder: Path) -> bool:
+    summary = read_summary(folder)
+    return summary is not None and str(summary.get("schema")).startswith("capslip/")
+
+
+def read_summary(folder: Path) -> dict[str, Any] | None:
+    """Return the summary of a finished result, or None where there is none."""
+    try:
+        summary = json.loads((folder / "summary.json").read_text(encoding="utf-8"))
+    except (OSError, ValueError):
+        return None
+    return summary if isinstance(summary, dict) and summary.get("schema") == SCHEMA else None
+
+
+def _move(work: Path, folder: Path) -> None:
+    old = work.with_name(work.name + ".old")
+    if folder.exists():
+        os.replace(folder, old)
+    try:
+        os.replace(work, folder)
+    except BaseException:
+        if old.exists():
+            os.replace(old, folder)
+        raise
+    shutil.rmtree(old, ignore_errors=True)
+
+
+def _umask() -> int:
+    mask = os.umask(0)
+    os.umask(mask)
+    return mask
+
+
+def write_result(analysis: "Analysis", folder: Path) -> None:
+    """Write `result.h5`, `caps.csv` and `settings.toml`."""
+    import tomli_w
+
+    _write_hdf5(analysis, folder / "result.h5")
+    columns = analysis.caps.columns()
+    with (folder / "caps.csv").open("w", newline="", encoding="utf-8") as file:
+        writer = csv.writer(file)
+        writer.writerow(columns)
+        writer.writerows(zip(*(_cells(column) for column in columns.values()), strict=True))
+    (folder / "settings.toml").write_text(tomli_w.dumps(analysis.settings.to_dict()), "utf-8")
+
+
+def write_summary(summary: dict[str, Any], folder: Path) -> None:
+    """Write `summary.json`: the last file of a result, and the sign that it is complete."""
+    text = json.dumps(summary, indent=1, ensure_ascii=False, allow_nan=False) + "\n"
+    (folder / "summary.json").write_text(text, encoding="utf-8")
+
+
+def _cells(column: np.ndarray) -> list[str]:
+    """Text that reads back to the same number; an absent number is an empty cell."""
+    if column.dtype.kind == "f":
+        return ["" if np.isnan(value) else repr(float(value)) for value in column]
+    return [str(value) for value in column]
+
+
+def _write_hdf5(analysis: "Analysis", path: Path) -> None:
+    import h5py
+
+    surface = analysis.conditioned.surface
+    with h5py.File(path, "w") as file:
+
+        def write(name: str, values: Any, unit: str, **options: Any) -> Any:
+            dataset = file.create_dataset(name, data=values, **options)
+            dataset.attrs["unit"] = unit
+            return dataset
+
+        packed = {"chunks": True, "compression": "gzip", "compression_opts": 1, "shuffle": True}
+        height = write("surface/height_m", surface.height_m.astype(np.float32), "m", **packed)
+        height.attrs["pixel_size_m"] = surface.pixel_size_m
+        height.attrs["pixel_size"] = surface.pixel_size_m
+        height.attrs["pixel_unit"] = "m"
+        write("hills/labels", analysis.hills.label, "", **packed)
+        for name, column in analysis.caps.columns().items():
+            values = column
+            if column.dtype.kind in "UO":
+                values = np.array([str(word) for word in column], dtype=h5py.string_dtype())
+            write(f"caps/{name}", values, UNITS[name])
+        if analysis.contact is not None:
+            load_N = analysis.contact.preload_N * np.concatenate(
+                ([0.0], np.geomspace(1e-3, 1.0, 64), np.linspace(1.0, 2.0, 17)[1:])
+            )
+            write("normal/approach_m", analysis.contact.normal.approach_m(load_N), "m")
+            write("normal/load_N", load_N, "N")
+        slip = analysis.slip
+        if slip is not None:
+            force_N = np.geomspace(1e-3, 1.0, 96) * slip.total_slip_force_N
+            write("slip/force_N", force_N, "N")
+            write("slip/displacement_m", slip.displacement_m(force_N), "m")
+            write("slip/energy_J", slip.energy_at_force_J(force_N), "J")
+        damping = analysis.damping
+        if damping is not None:
+            write("damping/amplitude_m", damping.amplitude_m, "m")
+            write("damping/force_N", damping.force_N, "N")
+            write("damping/loss_factor", damping.loss_factor, "1")
+            write("damping/damping_ratio", damping.damping_ratio, "1")
+            write("damping/frequency_ratio", damping.frequency_ratio, "1")

@@ -1,0 +1,1 @@
+"""From slip in the joints to the damping of the structure."""

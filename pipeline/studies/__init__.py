@@ -1,0 +1,1 @@
+"""Studies of the method itself: the paper, timings, accuracy and limits."""

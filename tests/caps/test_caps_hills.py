@@ -1,0 +1,62 @@
+"""The cut and the regions above it."""
+
+import numpy as np
+import pytest
+from conftest import caps_map
+
+from pipeline.caps.hills import find_hills
+from pipeline.errors import UnusableSurfaceError
+from pipeline.surface.heightmap import HeightMap
+
+CAPS = [(6e-3, 5e-3, 24.0, 0.0), (14e-3, 12e-3, 27.0, -1e-7), (24e-3, 8e-3, 25.0, -5e-8)]
+
+
+def test_the_cut_keeps_its_share_of_the_measured_points_only():
+    rng = np.random.default_rng(0)
+    height_m = rng.normal(size=(200, 300))
+    height_m[:100] = np.nan
+    hills = find_hills(HeightMap(height_m, (1e-5, 1e-5)), 0.1)
+    assert hills.cut_height_m == np.quantile(height_m[100:], 0.9)
+    assert hills.kept_fraction == pytest.approx(0.1, abs=1e-4)
+
+
+def test_regions_are_eight_connected():
+    height_m = np.zeros((40, 40))
+    height_m[5:10, 5:10] = 1.0
+    height_m[10:15, 10:15] = 1.0  # touches the first by a corner
+    height_m[30:35, 30:35] = 1.0
+    hills = find_hills(HeightMap(height_m, (1.0, 1.0)), 75 / 1600)
+    assert (hills.n_regions, hills.n_hills) == (2, 2)
+    assert hills.label[7, 7] == hills.label[12, 12] != hills.label[32, 32]
+    assert hills.largest_region_share == pytest.approx(50 / 75)
+
+
+def test_fragments_are_counted_not_lost():
+    rng = np.random.default_rng(3)
+    surface = caps_map(CAPS)
+    hills = find_hills(
+        HeightMap(surface.height_m + rng.normal(0, 3e-9, surface.shape), (1e-4, 1e-4))
+    )
+    assert hills.n_hills == 3
+    assert hills.n_regions == 3 + sum(hills.rejected.values())
+
+
+def test_white_noise_is_measured_as_such():
+    rng = np.random.default_rng(4)
+    surface = caps_map(CAPS)
+    noisy = HeightMap(surface.height_m + rng.normal(0, 3e-9, surface.shape), (1e-4, 1e-4))
+    assert find_hills(surface).noise_m < 1e-12
+    assert find_hills(noisy).noise_m == pytest.approx(3e-9, rel=0.02)
+
+
+@pytest.mark.parametrize(
+    ("height_m", "ratio", "message"),
+    [
+        (np.full((20, 20), np.nan), 0.1, "all 400 points are non-measured"),
+        (np.full((20, 20), 3.0), 0.1, "all 400 measured heights equal 3"),
+        (np.arange(400.0).reshape(20, 20), 0.01, "4 points lie above the cut"),
+    ],
+)
+def test_what_cannot_be_cut_is_refused(height_m, ratio, message):
+    with pytest.raises(UnusableSurfaceError, match=message):
+        find_hills(HeightMap(height_m, (1.0, 1.0)), ratio)

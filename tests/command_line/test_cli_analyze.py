@@ -1,0 +1,104 @@
+"""The command line end to end on the sample faces."""
+
+import csv
+import json
+import subprocess
+import sys
+
+import h5py
+import numpy as np
+import pytest
+from check_result import defects
+from click.testing import CliRunner
+from conftest import PROJECT
+
+from pipeline.caps.table import UNITS
+from pipeline.cli import main
+
+FACE = PROJECT / "sample_surfaces" / "paper_face_a.h5"
+
+
+@pytest.fixture(scope="module")
+def result(tmp_path_factory):
+    out = tmp_path_factory.mktemp("analyze") / "face_a"
+    ran = CliRunner().invoke(main, ["analyze", str(FACE), "-o", str(out), "--json"])
+    assert ran.exit_code == 0, ran.output
+    return out, json.loads(ran.stdout)
+
+
+def test_the_result_is_complete(result):
+    out, summary = result
+    assert defects(out) == []
+    assert json.loads((out / "summary.json").read_text()) == summary
+    assert len(list((out / "figures").glob("*.png"))) >= 8
+
+
+def test_both_families_are_found(result):
+    _, summary = result
+    assert (summary["families"]["m"], summary["families"]["n"]) == (2, 9)
+    assert summary["families"]["G"]["radius_m"] == pytest.approx(23.8, rel=0.05)
+    assert summary["families"]["P"]["radius_m"] == pytest.approx(26.7, rel=0.05)
+    assert summary["families"]["h_m"] == pytest.approx(2.4e-7, rel=0.05)
+
+
+def test_the_tables_agree(result):
+    out, summary = result
+    with h5py.File(out / "result.h5") as file:
+        assert set(file["caps"]) == set(UNITS)
+        every = []
+        file.visititems(lambda _, item: every.append(item))
+        assert all("unit" in item.attrs for item in every if isinstance(item, h5py.Dataset))
+        force_N, energy_J = file["slip/force_N"][:], file["slip/energy_J"][:]
+        load_N = file["caps/load_N"][:]
+        labels = file["hills/labels"][:]
+    assert labels.shape == tuple(summary["surface"]["shape"])
+    assert len(force_N) >= 64
+    assert force_N[[0, -1]] / summary["slip"]["total_slip_force_N"] == pytest.approx([1e-3, 1])
+    assert (np.diff(energy_J) > 0).all()
+    assert load_N.sum() == pytest.approx(summary["contact"]["preload_N"], rel=1e-9)
+    with (out / "caps.csv").open() as file:
+        rows = list(csv.DictReader(file))
+    assert [float(row["load_N"]) for row in rows] == list(load_N)
+    assert len(rows) == summary["hills"]["hills"]
+
+
+def test_the_settings_of_a_result_repeat_it(result, tmp_path):
+    out, summary = result
+    arguments = ["analyze", str(FACE), "-c", str(out / "settings.toml"), "--no-figures"]
+    again = CliRunner().invoke(
+        main, [*arguments, "--no-render", "-o", str(tmp_path / "x"), "--json"]
+    )
+    assert again.exit_code == 0, again.output
+    second = json.loads(again.stdout)
+    for key in ("hills", "families", "accuracy", "problems"):
+        assert second[key] == summary[key]
+    for table, key in (("slip", "total_slip_displacement_m"), ("damping", "loss_factor")):
+        assert second[table][key] == pytest.approx(summary[table][key], rel=1e-9)
+    assert second["provenance"]["settings_sha256"] == summary["provenance"]["settings_sha256"]
+
+
+def test_a_face_without_caps_is_a_result_to_check(tmp_path):
+    rng = np.random.default_rng(0)
+    with h5py.File(tmp_path / "flat.h5", "w") as file:
+        file["height"] = rng.normal(size=(60, 80))
+        file["height"].attrs.update(unit="nm", pixel_size=[50.0, 50.0], pixel_unit="um")
+    out = tmp_path / "out"
+    ran = CliRunner().invoke(main, ["analyze", str(tmp_path / "flat.h5"), "-o", str(out), "--json"])
+    assert ran.exit_code == 0, ran.output
+    summary = json.loads(ran.stdout)
+    assert summary["status"] == "check"
+    assert "no_caps" in [problem["code"] for problem in summary["problems"]]
+    assert summary["contact"]["approach_m"] is None
+    assert defects(out) == []
+    assert (out / "caps.csv").read_text().splitlines() == [",".join(UNITS)]
+
+
+def test_help_loads_nothing_heavy():
+    code = (
+        "import sys, pipeline.cli; "
+        "print([m for m in ('numpy', 'scipy', 'h5py', 'matplotlib') if m in sys.modules])"
+    )
+    loaded = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, check=True
+    )
+    assert loaded.stdout.strip() == "[]"

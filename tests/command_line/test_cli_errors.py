@@ -1,0 +1,137 @@
+"""Bad input: one clear line, the right exit code, nothing written."""
+
+import h5py
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+from pipeline.cli import main
+
+
+@pytest.fixture
+def run(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+
+    def call(*arguments):
+        return CliRunner().invoke(main, [str(a) for a in arguments])
+
+    return call
+
+
+def native(path, height, **attributes):
+    with h5py.File(path, "w") as file:
+        file["height"] = height
+        file["height"].attrs.update(attributes)
+    return path
+
+
+def hill(shape=(40, 60)):
+    y, x = np.mgrid[: shape[0], : shape[1]]
+    return -((x - 30.0) ** 2 + (y - 20.0) ** 2) * 1e-3
+
+
+KNOWN = {"unit": "um", "pixel_size": [50.0, 50.0], "pixel_unit": "um"}
+
+
+def one_line(result, code, *words):
+    assert result.exit_code == code, result.output
+    lines = [line for line in result.stderr.splitlines() if line.startswith("error: ")]
+    assert len(lines) == 1, result.stderr
+    for word in words:
+        assert word in lines[0]
+    assert "Traceback" not in result.output
+
+
+def test_no_such_file(run, tmp_path):
+    one_line(run("analyze", "nothing.h5"), 3, "nothing.h5", "no such file")
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_not_a_height_map(run, tmp_path):
+    (tmp_path / "notes.h5").write_text("dear diary")
+    one_line(run("analyze", "notes.h5"), 3, "notes.h5")
+    assert not (tmp_path / "results").exists()
+
+
+def test_no_unit(run, tmp_path):
+    native(tmp_path / "a.h5", hill(), pixel_size=[50.0, 50.0], pixel_unit="um")
+    one_line(run("analyze", "a.h5"), 3, "a.h5", "--unit")
+
+
+def test_no_pixel_size(run, tmp_path):
+    native(tmp_path / "a.h5", hill(), unit="um")
+    one_line(run("analyze", "a.h5"), 3, "a.h5", "--pixel-size")
+
+
+def test_all_points_non_measured(run, tmp_path):
+    native(tmp_path / "a.h5", np.full((40, 60), np.nan), **KNOWN)
+    one_line(run("analyze", "a.h5"), 3, "non-measured")
+    assert not (tmp_path / "results" / "a").exists()
+
+
+def test_constant_map(run, tmp_path):
+    native(tmp_path / "a.h5", np.full((40, 60), 3.0), **KNOWN)
+    one_line(run("analyze", "a.h5"), 3, "equal")
+
+
+def test_fewer_than_nine_points_above_the_cut(run, tmp_path):
+    native(tmp_path / "a.h5", hill(), **KNOWN)
+    one_line(
+        run("analyze", "a.h5", "--set", "hills.material_ratio=0.001"), 3, "points lie above the cut"
+    )
+
+
+@pytest.mark.parametrize(
+    ("override", "words"),
+    [
+        ("contact.preload_N=nan", ["contact.preload_N", "nan"]),
+        ("contact.preload_N=-5", ["contact.preload_N", "-5"]),
+        ("material.friction_coefficient=-0.2", ["friction_coefficient", "-0.2"]),
+        ("contact.preloadN=5", ["contact.preloadN", "did you mean contact.preload_N?"]),
+        ("hils.material_ratio=0.1", ["hils", "did you mean hills?"]),
+        ("contact.model=hertz", ["contact.model", "hertz", "interacting"]),
+        ("nonsense", ["nonsense", "table.key=value"]),
+    ],
+)
+def test_settings(run, tmp_path, override, words):
+    native(tmp_path / "a.h5", hill(), **KNOWN)
+    one_line(run("analyze", "a.h5", "--set", override), 2, *words)
+    assert [entry.name for entry in tmp_path.iterdir()] == ["a.h5"]
+
+
+def test_settings_file_that_is_no_toml(run, tmp_path):
+    native(tmp_path / "a.h5", hill(), **KNOWN)
+    (tmp_path / "c.toml").write_text("[contact\n")
+    one_line(run("analyze", "a.h5", "-c", "c.toml"), 2, "c.toml", "TOML")
+
+
+def test_a_folder_of_someone_else_is_refused(run, tmp_path):
+    native(tmp_path / "a.h5", hill(), **KNOWN)
+    (tmp_path / "out").mkdir()
+    (tmp_path / "out" / "thesis.tex").write_text("years of work")
+    one_line(run("analyze", "a.h5", "-o", "out"), 2, "out", "thesis.tex")
+    assert [entry.name for entry in (tmp_path / "out").iterdir()] == ["thesis.tex"]
+
+
+def test_a_summary_beside_foreign_files_is_refused(run, tmp_path):
+    native(tmp_path / "a.h5", hill(), **KNOWN)
+    light = ("--no-figures", "--no-render")
+    assert run("analyze", "a.h5", "-o", "out", *light).exit_code == 0
+    (tmp_path / "out" / "notes.txt").write_text("mine")
+    one_line(run("analyze", "a.h5", "-o", "out", *light), 2, "notes.txt")
+    assert (tmp_path / "out" / "notes.txt").read_text() == "mine"
+
+
+def test_an_earlier_result_is_replaced_whole(run, tmp_path):
+    native(tmp_path / "a.h5", hill(), **KNOWN)
+    assert run("analyze", "a.h5", "-o", "out", "--no-render").exit_code == 0
+    assert list((tmp_path / "out" / "figures").glob("*.png"))
+    assert run("analyze", "a.h5", "-o", "out", "--no-render", "--no-figures").exit_code == 0
+    assert not list((tmp_path / "out" / "figures").glob("*.png"))
+    assert sorted(entry.name for entry in tmp_path.iterdir()) == ["a.h5", "out"]
+
+
+def test_nothing_to_do(run, tmp_path):
+    (tmp_path / "empty").mkdir()
+    one_line(run("batch", "empty", "-o", "out"), 4, "empty")
+    assert not (tmp_path / "out").exists()

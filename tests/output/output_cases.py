@@ -1,0 +1,44 @@
+"""Analyses that the tests of the output share, each computed once."""
+
+from functools import cache
+
+import numpy as np
+from conftest import caps_map
+
+from pipeline.analysis import analyze
+from pipeline.settings import load_settings
+from pipeline.surface.heightmap import HeightMap
+
+SETTINGS = load_settings(
+    overrides=("contact.preload_N=150", "contact.model=caps", "conditioning.form=none")
+)
+
+
+@cache
+def none():
+    """White noise: every region above the cut is rejected."""
+    height_m = np.random.default_rng(3).normal(0.0, 1e-7, (60, 90))
+    analysis = analyze(HeightMap(height_m, (1e-4, 1e-4)), SETTINGS)
+    assert len(analysis.caps) == 0
+    return analysis
+
+
+@cache
+def one():
+    """One cap in the middle."""
+    analysis = analyze(caps_map([(15e-3, 10e-3, 10.0, 0.0)]), SETTINGS)
+    assert len(analysis.caps) == 1
+    return analysis
+
+
+@cache
+def several():
+    """Two high and three low caps, some points non-measured."""
+    high = [(6e-3, 5e-3, 10.0, 0.0), (22e-3, 13e-3, 10.0, 0.01e-6)]
+    low = [(14e-3, 6e-3, 8.0, -0.2e-6), (24e-3, 5e-3, 8.0, -0.21e-6), (8e-3, 15e-3, 8.0, -0.19e-6)]
+    surface = caps_map(high + low)
+    height_m = surface.height_m.copy()
+    height_m[180:, :40] = np.nan
+    analysis = analyze(HeightMap(height_m, surface.pixel_size_m), SETTINGS)
+    assert (analysis.families.m, analysis.families.n) == (2, 3)
+    return analysis

@@ -1,0 +1,179 @@
+"""Figures: what is drawn, and that it is true."""
+
+import subprocess
+import sys
+from dataclasses import replace
+from itertools import combinations
+
+import numpy as np
+import output_cases
+import pytest
+
+from pipeline.output.canvas import height_limits
+from pipeline.output.figures import FIGURES, write_figures
+
+NEED_NO_CAP = {"height_map", "hills_and_caps"}
+
+
+@pytest.fixture
+def one():
+    return output_cases.one()
+
+
+@pytest.fixture
+def several():
+    return output_cases.several()
+
+
+def curve(figure, label):
+    """Return the data of one line of a figure."""
+    lines = [line for axes in figure.axes for line in axes.get_lines()]
+    return next(line for line in lines if line.get_label().startswith(label)).get_data()
+
+
+def visible_texts(axes):
+    """Return the texts inside and around a pair of axes, tick labels out of view left out."""
+    texts = [*axes.texts, axes.xaxis.label, axes.yaxis.label, axes.title, axes._left_title]
+    for axis in (axes.xaxis, axes.yaxis):
+        low, high = sorted(axis.get_view_interval())
+        texts += [tick.label1 for tick in axis.get_major_ticks() if low <= tick.get_loc() <= high]
+        texts += [tick.label2 for tick in axis.get_major_ticks() if low <= tick.get_loc() <= high]
+    if axes.get_legend():
+        texts += axes.get_legend().get_texts()
+    return [text for text in texts if text.get_visible() and text.get_text()]
+
+
+@pytest.mark.parametrize("name", ["none", "one", "several"])
+def test_what_exists_is_drawn_and_nothing_else(name, tmp_path):
+    analysis = getattr(output_cases, name)()
+    paths = write_figures(analysis, tmp_path)
+    drawn = {path.stem for path in paths}
+    assert drawn == (NEED_NO_CAP if name == "none" else set(FIGURES))
+    for path in paths:
+        assert path.read_bytes().startswith(b"\x89PNG")
+        assert path.stat().st_size > 5000
+
+
+@pytest.mark.parametrize("model", ["flat", "families", "interacting", "mean_field"])
+def test_every_model_can_be_drawn(model, several, tmp_path):
+    from pipeline.analysis import analyze
+    from pipeline.settings import load_settings
+
+    settings = load_settings(overrides=(f"contact.model={model}", "contact.preload_N=150"))
+    drawn = {path.stem for path in write_figures(analyze(several.surface, settings), tmp_path)}
+    assert drawn == set(FIGURES) - ({"slip_loop", "energy"} if model == "flat" else set())
+
+
+@pytest.mark.parametrize("name", [name for name in FIGURES if name != "hills_and_caps"])
+def test_no_text_lies_on_another(name, several):
+    figure = FIGURES[name].draw(several)
+    figure.canvas.draw()
+    texts = [text for axes in figure.axes for text in visible_texts(axes)]
+    boxes = [(text.get_text(), text.get_window_extent().padded(-1)) for text in texts]
+    assert len(boxes) > 10
+    for (one, box), (other, other_box) in combinations(boxes, 2):
+        assert not box.overlaps(other_box), f"{one!r} lies on {other!r}"
+
+
+def test_map_has_equal_scale_and_one_grey_patch(several):
+    axes = FIGURES["height_map"].draw(several).axes[0]
+    assert axes.get_aspect() == 1.0
+    heights_um = axes.get_images()[0].get_array()
+    surface = several.conditioned.surface
+    np.testing.assert_allclose(heights_um.compressed(), surface.height_m[surface.measured] * 1e6)
+    assert heights_um.mask.sum() == (~surface.measured).sum()
+
+
+def test_a_wrong_point_does_not_set_the_colours():
+    height_m = np.random.default_rng(1).uniform(-1e-6, 1e-6, (100, 100))
+    height_m[3, 4], height_m[5, 6], height_m[0, 0] = 1e-3, -1e-3, np.nan
+    low_m, high_m = height_limits(height_m, np.array([2.5e-6]))
+    assert -2.1e-6 < low_m < -1.5e-6
+    assert high_m == 2.5e-6
+    flat_m = np.zeros((20, 20))
+    flat_m[0, 0] = 1e-6
+    assert height_limits(flat_m, np.array([])) == (0.0, 1e-6)
+
+
+def test_profile_states_its_true_exaggeration(several):
+    figure = FIGURES["cap_profile"].draw(several)
+    figure.canvas.draw()
+    axes = figure.axes[0]
+    (x0, y0), (x1, y1) = axes.transData.transform([(0.0, 0.0), (1.0, 1.0)])
+    true = ((y1 - y0) / 1e-6) / ((x1 - x0) / 1e-3)
+    note = next(text.get_text() for text in axes.texts if "heights drawn" in text.get_text())
+    stated = float(note.removeprefix("heights drawn x").replace(" ", ""))
+    assert stated == pytest.approx(true, rel=0.05)
+
+
+def test_profile_shows_the_most_loaded_cap(several):
+    i = int(np.nanargmax(several.caps.load_N))
+    figure = FIGURES["cap_profile"].draw(several)
+    assert f"Cap {i + 1}," in figure.axes[0].get_title(loc="left")
+    x_mm, z_um = curve(figure, "fitted sphere")
+    caps = several.caps
+    assert z_um.max() == pytest.approx(caps.peak_height_m[i] * 1e6)
+    sag_um = z_um.max() - np.interp(0.4 * caps.diameter_m[i] * 1e3, x_mm, z_um)
+    expected = (0.4 * caps.diameter_m[i]) ** 2 / (2 * caps.radius_m[i]) * 1e6
+    assert sag_um == pytest.approx(expected, rel=1e-3)
+
+
+def test_loop_encloses_the_energy_it_states(several):
+    slip = several.slip
+    x, y = curve(FIGURES["slip_loop"].draw(several), "0.6")
+    peak_N = 0.6 * slip.total_slip_force_N
+    assert y.max() == pytest.approx(peak_N)
+    unit_m = slip.displacement_m(peak_N) / x.max()
+    area_J = abs(np.sum(x * np.roll(y, -1) - y * np.roll(x, -1))) / 2 * unit_m
+    assert area_J == pytest.approx(float(slip.energy_at_force_J(peak_N)), rel=2e-3)
+
+
+@pytest.mark.parametrize("name", ["slip_loop", "energy"])
+def test_bands_end_where_the_first_and_the_last_cap_slip_fully(name, several):
+    slip = several.slip
+    axes = FIGURES[name].draw(several).axes[0]
+    bands = {patch.get_label()[:3]: patch for patch in axes.patches}
+    total_m = float(slip.total_slip_displacement_m)
+    unit_m = total_m / bands["TS:"].get_x()
+    ends = bands["PPS"].get_x(), bands["PPS"].get_x() + bands["PPS"].get_width()
+    assert ends == pytest.approx((np.nanmin(slip.limits_m) / unit_m, total_m / unit_m))
+    middle_m = np.array([0.999 * ends[0], 1.001 * ends[0], 0.999 * ends[1]]) * unit_m
+    assert list(slip.phase(middle_m)) == ["GPS", "PPS", "PPS"]
+
+
+def test_unknown_limits_are_not_called_gps(several):
+    class Curve:
+        def __getattr__(self, name):
+            return getattr(several.slip, name)
+
+        limits_m = np.full(5, np.nan)
+
+    figure = FIGURES["slip_loop"].draw(replace(several, slip=Curve()))
+    labels = [patch.get_label() for patch in figure.axes[0].patches]
+    assert labels == ["GPS or PPS, not told apart", "TS: all caps slip totally"]
+
+
+def test_energy_starts_with_slope_three(one):
+    x, y = curve(FIGURES["energy"].draw(one), "W")
+    slope = np.diff(np.log(y)) / np.diff(np.log(x))
+    assert slope[0] == pytest.approx(3.0, abs=0.01)
+
+
+def test_loss_factor_ends_at_gross_slip(several):
+    axes = FIGURES["loss_factor"].draw(several).axes[0]
+    x, y = axes.get_lines()[0].get_data()
+    assert np.isfinite(y).all()
+    damping = several.damping
+    steady = damping.amplitude_m[np.isfinite(damping.loss_factor)]
+    assert axes.get_xlim()[1] > x[-1]
+    assert x[-1] / x[0] == pytest.approx(steady[-1] / steady[0])
+
+
+def test_matplotlib_is_imported_only_to_draw():
+    code = (
+        "import sys, pipeline.output.figures, pipeline.output.mesh, pipeline.output.scene\n"
+        "heavy = {'matplotlib', 'pyvista', 'meshio', 'vtkmodules'} & set(sys.modules)\n"
+        "sys.exit(f'imported: {heavy}' if heavy else 0)"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr

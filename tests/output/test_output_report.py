@@ -1,0 +1,129 @@
+"""Report: complete, self-contained, honest about what is missing."""
+
+from dataclasses import replace
+from html.parser import HTMLParser
+
+import numpy as np
+import output_cases
+import pytest
+
+from pipeline.output.figures import FIGURES, write_figures
+from pipeline.output.report import MAX_ROWS, write_report
+from pipeline.problems import Problem
+from pipeline.settings import load_settings
+from pipeline.surface.heightmap import Origin
+
+
+@pytest.fixture
+def none():
+    return output_cases.none()
+
+
+@pytest.fixture
+def several():
+    return output_cases.several()
+
+
+class Page(HTMLParser):
+    """Tags with their attributes, and the visible text."""
+
+    def __init__(self, path):
+        super().__init__()
+        self.tags, self.text, self.hidden = [], "", 0
+        self.source = path.read_text(encoding="utf-8")
+        self.feed(self.source)
+
+    def handle_starttag(self, tag, attributes):
+        self.tags.append((tag, dict(attributes)))
+        self.hidden += tag == "style"
+
+    def handle_endtag(self, tag):
+        self.hidden -= tag == "style"
+
+    def handle_data(self, data):
+        self.text += "" if self.hidden else data
+
+    def all(self, tag):
+        return [attributes for name, attributes in self.tags if name == tag]
+
+
+@pytest.fixture
+def page(several, tmp_path):
+    (tmp_path / "figures").mkdir()
+    write_figures(several, tmp_path / "figures")
+    return Page(write_report(several, several.summary(), tmp_path, "no OpenGL here"))
+
+
+def test_report_needs_nothing_from_elsewhere(page):
+    assert not page.all("script")
+    assert not page.all("link")
+    addresses = [a[key] for _, a in page.tags for key in ("src", "href") if key in a]
+    assert addresses
+    assert all(address.startswith("data:image/png;base64,") for address in addresses)
+    assert "url(" not in page.source
+    assert "http" not in page.source
+
+
+def test_report_shows_every_figure_with_title_and_text(page):
+    images = page.all("img")
+    assert [image["alt"] for image in images] == [entry.title for entry in FIGURES.values()]
+    assert page.all("html")[0]["lang"] == "en"
+    assert "<title>" in page.source
+    for entry in FIGURES.values():
+        assert entry.caption in page.text
+
+
+def test_missing_picture_is_said(page):
+    assert "no OpenGL here" in page.text
+
+
+def test_report_without_caps_says_what_is_missing(none, tmp_path):
+    (tmp_path / "figures").mkdir()
+    drawn = write_figures(none, tmp_path / "figures")
+    page = Page(write_report(none, none.summary(), tmp_path, None))
+    assert len(page.all("img")) == len(drawn)
+    assert page.text.count("not shown") == len(FIGURES) - len(drawn) + 1  # and the scene
+    assert "No cap was found" in page.text
+    assert "nan" not in page.text.lower().replace("provenance", "")
+    assert "None" not in page.text
+
+
+def test_report_without_figures_says_they_are_off(several, tmp_path):
+    analysis = replace(several, settings=load_settings(overrides=("run.figures=false",)))
+    page = Page(write_report(analysis, analysis.summary(), tmp_path, "switched off"))
+    assert page.text.count("switched off") == len(FIGURES) + 1
+
+
+def test_report_says_the_numbers_of_the_summary(page, several):
+    assert "check" in page.text or "ok" in page.text
+    assert f"{several.families.m}, {several.families.n}" in page.text
+    assert f"{several.damping.peak_loss_factor:.3g}" in page.text
+    assert f"{several.families.h_m * 1e9:.3g} nm" in page.text
+    assert "Bureau" in page.text
+    assert several.settings.sha256() in page.text
+    assert "preload_N = 150.0" in page.text
+
+
+def test_what_a_file_says_cannot_break_the_page(several, tmp_path):
+    nasty = '<script>alert("1")</script> & co'
+    surface = replace(several.surface, origin=Origin(name=nasty))
+    problems = (Problem("info_first", "info", nasty), Problem("then_error", "error", "5 < 6 & 7"))
+    analysis = replace(several, surface=surface, problems=problems)
+    page = Page(write_report(analysis, analysis.summary(), tmp_path, nasty))
+    assert not page.all("script")
+    assert page.text.count(nasty) >= 3
+    assert page.text.index("then_error") < page.text.index("info_first")
+
+
+def test_long_table_is_cut_and_says_so(several, tmp_path):
+    n = MAX_ROWS + 57
+    rows = np.resize(np.arange(len(several.caps)), n)
+    columns = {name: getattr(several.caps, name)[rows] for name in vars(several.caps)}
+    columns["load_N"] = np.arange(n, dtype=float)
+    analysis = replace(several, caps=several.caps.with_columns(**columns))
+    page = Page(write_report(analysis, several.summary(), tmp_path, None))
+    assert f"The first {MAX_ROWS} of {n} caps" in page.text
+    assert "57 more are in caps.csv" in page.text
+    body = page.source.split("<tbody>")[1].split("</tbody>")[0]
+    assert body.count("<tr>") == MAX_ROWS
+    assert body.startswith(f"\n<tr><td>{n}</td>")

@@ -1,0 +1,128 @@
+"""Jenkins elements lose the energy of the slip curve that they replace."""
+
+import numpy as np
+import pytest
+
+from pipeline.contact.curves import caps, families
+from pipeline.contact.flat import flat
+from pipeline.contact.slip import slip_curve
+from pipeline.errors import OutputError, SettingsError
+from pipeline.structure.jenkins import jenkins, write_jenkins
+
+
+def cycle_energy_J(elements, amplitude_m):
+    """March the springs and sliders through cycles of u, as the CSV file says to."""
+    stiffness, limit_N = elements.stiffness_N_per_m, elements.slip_force_N
+    z = np.zeros_like(limit_N)
+    u_m = amplitude_m * np.sin(2 * np.pi * np.arange(1.25, 2.25 + 1e-12, 1 / 4000))
+    force_N = []
+    for u in np.concatenate([amplitude_m * np.sin(np.linspace(0, 2.5 * np.pi, 4001)), u_m]):
+        f = np.clip(stiffness * (u - z), -limit_N, limit_N)
+        z = u - f / stiffness
+        force_N.append(f.sum())
+    return abs(np.trapezoid(force_N[-len(u_m) :], u_m))
+
+
+@pytest.mark.parametrize("tolerance", [0.1, 0.01, 0.005])
+def test_energy_on_a_dense_grid(slip, tolerance):
+    elements = jenkins(slip, tolerance)
+    delta_m = np.geomspace(0.01, 3.0, 20011) * slip.total_slip_displacement_m
+    error = elements.energy_J(delta_m) / slip.energy_J(delta_m) - 1
+    assert np.abs(error).max() <= tolerance
+    assert elements.energy_error <= tolerance
+    # What a structure imposes is the force.
+    delta_m = np.geomspace(0.01, 1.0, 20011) * slip.total_slip_displacement_m
+    knot_m = np.append(0.0, elements.slip_displacement_m)
+    at_force_m = np.interp(slip.force_N(delta_m), elements.force_N(knot_m), knot_m)
+    error = elements.energy_J(at_force_m) / slip.energy_J(delta_m) - 1
+    assert np.abs(error).max() <= tolerance
+    assert np.abs(elements.force_N(delta_m) / slip.force_N(delta_m) - 1).max() <= tolerance / 5
+
+
+def test_few_elements_suffice(slip):
+    assert len(jenkins(slip, 0.01).slip_force_N) < 60
+    assert len(jenkins(slip, 0.1).slip_force_N) < 25
+
+
+def test_sums_and_order(slip):
+    elements = jenkins(slip)
+    assert elements.stiffness_N_per_m.sum() == pytest.approx(
+        float(slip.stiffness_N_per_m(0.0)), rel=1e-12
+    )
+    assert elements.slip_force_N.sum() == pytest.approx(slip.total_slip_force_N, rel=1e-12)
+    assert (elements.stiffness_N_per_m > 0).all()
+    assert (elements.slip_force_N > 0).all()
+    assert (np.diff(elements.slip_displacement_m) > 0).all()
+    assert elements.slip_displacement_m[-1] <= slip.total_slip_displacement_m
+
+
+@pytest.mark.parametrize("share", [0.03, 0.3, 1.0, 1.5])
+def test_marched_cycle(slip, share):
+    elements = jenkins(slip)
+    amplitude_m = share * slip.total_slip_displacement_m
+    marched_J = cycle_energy_J(elements, amplitude_m)
+    assert marched_J == pytest.approx(elements.energy_J(amplitude_m), rel=2e-3)
+    assert marched_J == pytest.approx(slip.energy_J(amplitude_m), rel=0.012)
+
+
+def test_below_the_range_too_little_is_lost(slip):
+    elements = jenkins(slip, smallest_displacement_m=0.1 * slip.total_slip_displacement_m)
+    assert elements.energy_J(1e-6 * slip.total_slip_displacement_m) == 0
+    assert len(elements.slip_force_N) < len(jenkins(slip).slip_force_N)
+
+
+def test_units_rescale(spheres):
+    here, there = jenkins(spheres((90.0, 6e-8))), jenkins(spheres((0.09, 6e-2)))
+    np.testing.assert_allclose(there.slip_force_N, 1e-3 * here.slip_force_N, rtol=1e-9)
+    np.testing.assert_allclose(there.slip_displacement_m, 1e6 * here.slip_displacement_m, rtol=1e-9)
+
+
+def test_one_slider_is_one_element(one_slider):
+    elements = jenkins(one_slider)
+    np.testing.assert_allclose(elements.slip_force_N, [90.0])
+    np.testing.assert_allclose(elements.stiffness_N_per_m, [3e9])
+    assert elements.energy_error == 0
+
+
+def test_reference_joint_and_many_caps():
+    depth_m = np.append(0.0, np.random.default_rng(1).uniform(0, 4e-7, 199))
+    for curve in (
+        families((5, 18), (23.8, 26.7), (0, 2.4e-7), 109.89e9),
+        caps(np.full(200, 25.0), depth_m, 109.89e9),
+    ):
+        slip = slip_curve(curve, 460.4, 0.2, 1.2143)
+        elements = jenkins(slip)
+        delta_m = np.geomspace(0.01, 2.0, 5003) * slip.total_slip_displacement_m
+        np.testing.assert_allclose(elements.energy_J(delta_m), slip.energy_J(delta_m), rtol=0.01)
+        assert elements.slip_force_N.sum() == pytest.approx(0.2 * 460.4, rel=1e-12)
+        assert len(elements.slip_force_N) < 60
+
+
+def test_rigid_joint_has_no_elements():
+    with pytest.raises(SettingsError, match="flat contact model has no displacement"):
+        jenkins(slip_curve(flat(460.0), 460.0, 0.2, 1.2143))
+
+
+def test_file_gives_back_every_digit(spheres, tmp_path):
+    elements = jenkins(spheres((90.0, 6e-8), (3.0, 2e-9)))
+    path = tmp_path / "jenkins.csv"
+    write_jenkins(elements, path)
+    lines = path.read_text(encoding="utf-8").splitlines()
+    head = [line for line in lines if line.startswith("#")]
+    assert lines[len(head)] == "stiffness_N_per_m,slip_force_N"
+    assert max(len(line) for line in head) <= 100
+    stiffness, force = np.loadtxt(path, delimiter=",", skiprows=len(head) + 1).T
+    np.testing.assert_array_equal(stiffness, elements.stiffness_N_per_m)
+    np.testing.assert_array_equal(force, elements.slip_force_N)
+
+
+def test_bad_input(spheres, tmp_path):
+    slip = spheres((90.0, 6e-8))
+    for tolerance in (0.0, 0.001, 1.0, np.nan):
+        with pytest.raises(SettingsError, match="tolerance: got"):
+            jenkins(slip, tolerance)
+    for smallest_m in (0.0, -1.0, 6e-8, np.nan):
+        with pytest.raises(SettingsError, match="smallest_displacement_m: got"):
+            jenkins(slip, smallest_displacement_m=smallest_m)
+    with pytest.raises(OutputError, match="cannot be written"):
+        write_jenkins(jenkins(slip), tmp_path / "missing" / "jenkins.csv")

@@ -1,0 +1,62 @@
+"""The committed sample surfaces."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from pipeline.studies.samples import samples, write_samples
+from pipeline.surface.conditioning import condition
+from pipeline.surface.readers import load_surface
+
+FOLDER = Path(__file__).parents[2] / "sample_surfaces"
+NAMES = [sample.name for sample in samples()]
+
+
+@pytest.fixture(scope="module")
+def written(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("samples")
+    write_samples(folder)
+    return folder
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_writing_again_gives_the_committed_heights(written, name):
+    new, old = (load_surface(folder / f"{name}.h5") for folder in (written, FOLDER))
+    # another build of the Fourier transform may turn the last eighth of a nanometre
+    np.testing.assert_allclose(new.height_m, old.height_m, rtol=0, atol=0.13e-9)
+    assert (new.height_m == old.height_m)[new.measured].mean() > 0.999
+    assert new.pixel_size_m == old.pixel_size_m
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_every_sample_has_its_truth_and_its_section(name):
+    known = json.loads((FOLDER / f"{name}.truth.json").read_text(encoding="utf-8"))
+    assert len(known["truth"]["x_m"]) == len(known["truth"]["family"])
+    assert f"## {name}.h5" in (FOLDER / "README.md").read_text(encoding="utf-8")
+
+
+def test_the_paper_faces_carry_5_and_18_caps_between_them():
+    families = [
+        family
+        for name in ("paper_face_a", "paper_face_b")
+        for family in json.loads((FOLDER / f"{name}.truth.json").read_text())["truth"]["family"]
+    ]
+    assert (families.count("G"), families.count("P")) == (5, 18)
+
+
+@pytest.mark.parametrize("name", ["paper_face_a", "paper_face_b"])
+def test_paper_faces_are_read_clean(name):
+    surface = load_surface(FOLDER / f"{name}.h5")
+    assert surface.shape == (800, 1200)
+    conditioned = condition(surface)
+    truth = json.loads((FOLDER / f"{name}.truth.json").read_text())["truth"]
+    assert conditioned.problems == ()
+    smc_m = np.nanquantile(conditioned.surface.height_m, 0.9)
+    assert smc_m == pytest.approx(truth["cut_height_m"], abs=1e-9)
+
+
+def test_the_harder_face_says_what_is_wrong_with_it():
+    problems = condition(load_surface(FOLDER / "harder_face.h5"), "quadratic").problems
+    assert {"spikes", "non_square_pixels"} <= {p.code for p in problems}
