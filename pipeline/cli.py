@@ -13,6 +13,7 @@ from pipeline.errors import CapslipError, SettingsError
 
 if TYPE_CHECKING:
     from pipeline.analysis import Analysis
+    from pipeline.contact.slip import SlipCurve
     from pipeline.settings import Settings
 
 MODELS = ("auto", "flat", "families", "caps", "mean_field", "interacting")
@@ -24,7 +25,7 @@ class _Failure(click.ClickException):
 
     def __init__(self, error: CapslipError) -> None:
         super().__init__(str(error))
-        self.exit_code = error.exit_code
+        self.exit_code = error.exit_code  # type: ignore[misc]
 
     def show(self, file: Any = None) -> None:
         click.echo(f"error: {self.message}", err=True)
@@ -109,8 +110,20 @@ def main() -> None:
 @main.command()
 @click.argument("surface", type=click.Path(path_type=Path))
 @_analysis_options
+@click.option(
+    "--export",
+    type=click.Choice(["jenkins"]),
+    help="Write the slip curve for another solver: jenkins.csv, parallel Jenkins elements.",
+)
 @_common
-def analyze(surface: Path, out: Path | None, as_json: bool, quiet: bool, **options: Any) -> None:
+def analyze(
+    surface: Path,
+    out: Path | None,
+    as_json: bool,
+    quiet: bool,
+    export: str | None,
+    **options: Any,
+) -> None:
     """Analyse one scan: caps, families, contact, slip, damping, pictures and report."""
     from pipeline.output import store
 
@@ -123,11 +136,19 @@ def analyze(surface: Path, out: Path | None, as_json: bool, quiet: bool, **optio
     if not as_json and not quiet:
         click.echo(_numbers(analysis))
     with store.new_folder(folder) as work:
+        if export == "jenkins" and analysis.slip is not None:
+            _export_jenkins(analysis.slip, work)
         summary = _write(analysis, work, say, {"read": read_s})
     if as_json:
         click.echo(json.dumps(summary, indent=1, ensure_ascii=False, allow_nan=False))
     elif not quiet:
         click.echo(f"\nresults    {folder}\nreport     {folder / 'report.html'}")
+
+
+def _export_jenkins(slip: "SlipCurve", work: Path) -> None:
+    from pipeline.structure.jenkins import jenkins, write_jenkins
+
+    write_jenkins(jenkins(slip), work / "jenkins.csv")
 
 
 def _load_and_analyze(

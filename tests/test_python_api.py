@@ -4,7 +4,7 @@ import json
 
 import numpy as np
 import pytest
-from conftest import PROJECT, caps_map
+from scenes import PROJECT, caps_map
 
 import pipeline
 

@@ -86,7 +86,10 @@ class NormalCurve(Protocol):
         """Return the same at given load drop; a spring in series plays no part in it."""
 
     def lift_off_m(self, approach_m: ArrayLike) -> np.ndarray:
-        """Withdrawal at which each row loses its load; NaN where it has none."""
+        """Withdrawal at which each row loses its load; NaN where it has none, or if unknown."""
+
+    def lifted(self, approach_m: ArrayLike, withdrawal_m: ArrayLike) -> np.ndarray:
+        """Whether each row had a load and has lost it."""
 
 
 def families(

@@ -88,6 +88,11 @@ class FlatCurve:
         """Withdrawal of total slip."""
         return (self.compliance_m_per_N * self.load_N(approach_m))[..., None]
 
+    def lifted(self, approach_m: ArrayLike, withdrawal_m: ArrayLike) -> np.ndarray:
+        """Whether the face has lost its load."""
+        load, e = self._load_and(approach_m, withdrawal_m)
+        return (e >= self.compliance_m_per_N * load)[..., None]
+
     def _load_and(self, approach_m: ArrayLike, other: ArrayLike) -> tuple[np.ndarray, np.ndarray]:
         load, array = np.broadcast_arrays(self.load_N(approach_m), np.asarray(other, dtype=float))
         return load, array

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from pipeline.errors import ContactError
+from pipeline.errors import ContactError, SettingsError
 
 
 def load_drop_of_asperity(
@@ -99,11 +99,15 @@ class HertzCurve:
 
         Raises
         ------
+        SettingsError
+            If a load is negative.
         ContactError
             If a contact would be wider than its asperity (a > R), where Hertz ends, or if the
             approach would fall with growing load.
         """
         load = np.asarray(load_N, dtype=float)
+        if not (load >= 0).all():
+            raise SettingsError(f"{self.model}: load_N: got {load.min():g}; expected loads >= 0")
         level, g = self._pressed(load)
         if np.any((g > self.radius_m) & (self.count > 0)):
             deepest = np.where(self.count > 0, self.depth_m + self.radius_m, np.inf).min(axis=-1)
@@ -149,6 +153,11 @@ class HertzCurve:
         drop = self._drop(g[..., None, :], np.maximum(g, 0)[..., None])
         spring = np.asarray(self.compliance_m_per_N)[..., None] * drop
         return np.where(loaded, g + spring, np.nan)
+
+    def lifted(self, approach_m: ArrayLike, withdrawal_m: ArrayLike) -> np.ndarray:
+        """Whether each row had a load and has lost it, shape (..., n)."""
+        g = self._compression(approach_m)
+        return (g > 0) & (self.count > 0) & (np.abs(self._withdrawn(g, withdrawal_m)) >= g)
 
     def _compression(self, approach_m: ArrayLike) -> np.ndarray:
         """Return how far each asperity is compressed at an approach, negative for a gap."""
@@ -244,9 +253,9 @@ class HertzCurve:
         slope = 1 + self.compliance_m_per_N * stiffness
         if np.any(slope <= 0):
             raise ContactError(
-                f"{self.model}: the compliance in series is {np.min(self.compliance_m_per_N):g} "
-                f"m/N; expected more than {-1 / np.max(stiffness):g} m/N, what the contacts themselves "
-                "yield, or the approach would fall with growing load; keep the bulk term"
+                f"{self.model}: a compliance of {np.min(self.compliance_m_per_N):g} m/N in series "
+                "makes the approach fall with growing load; expected more than "
+                f"{-1 / np.max(stiffness):g} m/N, what the contacts themselves yield; keep the bulk"
             )
         return slope
 

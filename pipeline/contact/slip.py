@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from pipeline.contact.curves import NormalCurve
-from pipeline.errors import SettingsError
+from pipeline.errors import ContactError, SettingsError
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,11 +42,11 @@ class SlipCurve:
 
     @property
     def limits_m(self) -> np.ndarray:
-        """Displacement at which each row of asperities slips as a whole; NaN where it is unloaded.
+        """Displacement at which each row slips as a whole: delta_lim of Eq. 8 for each family.
 
-        This is delta_lim of Eq. 8 for each family.
+        NaN for rows that carry nothing, and for `interacting`.
         """
-        return self._scale * self.curve.lift_off_m(self.approach_m)
+        return np.asarray(self._scale)[..., None] * self.curve.lift_off_m(self.approach_m)
 
     @property
     def _scale(self) -> Any:
@@ -111,10 +111,10 @@ class SlipCurve:
 
     def phase(self, displacement_m: ArrayLike) -> np.ndarray:
         """Return "GPS", "PPS" or "TS": none, some or all asperities slip as a whole (Sec. 2.3)."""
-        delta = _amplitude("displacement_m", displacement_m)
-        some = (delta[..., None] >= self.limits_m).any(axis=-1)
-        all_of_them = delta >= self.total_slip_displacement_m
-        return np.where(all_of_them, "TS", np.where(some, "PPS", "GPS"))
+        e = _amplitude("displacement_m", displacement_m) / self._scale
+        some = self.curve.lifted(self.approach_m, e).any(axis=-1)
+        total = e >= self.approach_m - self.curve.touch_m
+        return np.where(total, "TS", np.where(some, "PPS", "GPS"))
 
     @property
     def _energy_scale(self) -> Any:
@@ -153,7 +153,7 @@ def slip_curve(
     SettingsError
         If a number is not positive and finite.
     ContactError
-        If the curve cannot carry the load.
+        If the curve cannot carry the load, or was made for another one (`flat`).
 
     Examples
     --------
@@ -174,6 +174,12 @@ def slip_curve(
         if not np.all((number > 0) & (number < np.inf)):
             raise SettingsError(f"{name}: got {value}; expected a finite number > 0")
     approach_m = _plain(curve.approach_m(preload_N))
+    carried = curve.load_N(approach_m)
+    if not np.all(np.abs(carried - preload_N) <= 1e-9 * np.abs(preload_N)):
+        raise ContactError(
+            f"{curve.model}: the curve carries {carried} N at its approach for {preload_N} N; "
+            "expected the same load; give the model the preload of the joint"
+        )
     return SlipCurve(curve, preload_N, approach_m, friction_coefficient, kappa)
 
 

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from conftest import caps_map
+from scenes import caps_map
 
 from pipeline.caps.hills import find_hills
 from pipeline.errors import UnusableSurfaceError

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from check_result import defects
 from click.testing import CliRunner
-from conftest import PROJECT
+from scenes import PROJECT
 
 from pipeline.caps.table import UNITS
 from pipeline.cli import main

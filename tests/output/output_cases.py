@@ -3,7 +3,7 @@
 from functools import cache
 
 import numpy as np
-from conftest import caps_map
+from scenes import caps_map
 
 from pipeline.analysis import analyze
 from pipeline.settings import load_settings
