@@ -5,13 +5,11 @@ PYTHON ?= python3
 VENV   := .venv
 BIN    := $(VENV)/bin
 READY  := $(VENV)/.ready
-NAME    = $(basename $(notdir $(SURFACE)))
 OUT    ?=
 CONFIG ?=
-WORKERS ?= 0
 
 .DEFAULT_GOAL := help
-.PHONY: help setup analyze batch inspect samples test lint format clean
+.PHONY: help setup analyze batch inspect compare reproduce samples test lint format clean
 
 help: ## List the targets
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / {printf "  %-11s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
@@ -35,6 +33,14 @@ batch: $(READY) ## Analyse many scans: SCANS=folder OUT=folder [CONFIG=file.toml
 inspect: $(READY) ## Look at the fitted caps in PyVista: RESULT=folder
 	@test -n "$(RESULT)" || { echo "make inspect: RESULT=... is missing; for example RESULT=results/paper_face_a" >&2; exit 2; }
 	@$(BIN)/capslip inspect "$(RESULT)" $(ARGS)
+
+compare: $(READY) ## A result against measured damping: RESULT=folder ASSEMBLY=csv [MONOLITHIC=csv] [OUT=folder]
+	@test -n "$(RESULT)" -a -n "$(ASSEMBLY)" || { echo "make compare: RESULT=... and ASSEMBLY=... are needed" >&2; exit 2; }
+	@$(BIN)/capslip compare "$(RESULT)" --assembly "$(ASSEMBLY)" $(if $(MONOLITHIC),--monolithic "$(MONOLITHIC)") $(if $(OUT),--out "$(OUT)") $(ARGS)
+
+reproduce: $(READY) ## The paper's tables, figures and errata: [OUT=folder]
+	@$(BIN)/capslip reproduce $(if $(OUT),--out "$(OUT)") $(ARGS)
+	@$(BIN)/python -m pipeline.studies.errata docs/errata.md
 
 samples: $(READY) ## Write the sample surfaces again
 	@$(BIN)/python -m pipeline.studies.samples sample_surfaces

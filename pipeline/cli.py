@@ -1,6 +1,7 @@
 """The command line: the only place that prints or exits."""
 
 import json
+import os
 import sys
 import time
 from pathlib import Path
@@ -58,15 +59,23 @@ class _Group(click.Group):
     command_class = _Command
 
 
-def _common(command: Any) -> Any:
-    """Add the options that every working command has."""
+def _result_options(command: Any) -> Any:
+    """Add the options that every command with a result has."""
     for option in (
         click.option("-v", "--verbose", is_flag=True, help="Show tracebacks and details."),
         click.option("-q", "--quiet", is_flag=True, help="Errors only on stderr."),
         click.option(
-            "--json", "as_json", is_flag=True, help="Only the summary, as JSON, on stdout."
+            "--json", "as_json", is_flag=True, help="Only the numbers, as JSON, on stdout."
         ),
         click.option("-o", "--out", type=click.Path(path_type=Path), help="Output folder."),
+    ):
+        command = option(command)
+    return command
+
+
+def _common(command: Any) -> Any:
+    """Add the options of a command that analyses."""
+    for option in (
         click.option(
             "--set",
             "overrides",
@@ -77,7 +86,7 @@ def _common(command: Any) -> Any:
         click.option("-c", "--config", type=click.Path(path_type=Path), help="Settings (TOML)."),
     ):
         command = option(command)
-    return command
+    return _result_options(command)
 
 
 def _analysis_options(command: Any) -> Any:
@@ -105,6 +114,8 @@ def _analysis_options(command: Any) -> Any:
 @click.version_option(__version__, prog_name="capslip")
 def main() -> None:
     """From a scan of a joint face to its damping."""
+    # The systems of equations are small: threads of the linear algebra only wait for each other.
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 
 @main.command()
@@ -249,6 +260,64 @@ def inspect(result: Path, verbose: bool) -> None:
     show(result)
 
 
+@main.command()
+@_result_options
+def reproduce(out: Path | None, as_json: bool, quiet: bool, verbose: bool) -> None:
+    """Reproduce the paper's tables and figures, and show what is wrong in print."""
+    from pipeline.studies.reproduce import reproduce as run
+
+    folder = out if out is not None else Path("results") / "reproduce"
+    numbers = run(folder)
+    if as_json:
+        click.echo(json.dumps(numbers, indent=1, ensure_ascii=False, allow_nan=False))
+    elif not quiet:
+        worst = max(abs(row["relative_error"]) for row in numbers["table1"])
+        click.echo(f"table 1    {len(numbers['table1'])} loads within {100 * worst:.2f} %")
+        click.echo(f"errata     {len(numbers['errata'])}")
+        click.echo(f"page       {folder / 'reproduce.html'}")
+
+
+@main.command()
+@click.argument("result", type=click.Path(path_type=Path))
+@click.option(
+    "--assembly",
+    type=click.Path(path_type=Path),
+    required=True,
+    metavar="CSV",
+    help="Measured damping of the assembled structure.",
+)
+@click.option(
+    "--monolithic",
+    type=click.Path(path_type=Path),
+    metavar="CSV",
+    help="The same of the structure without joints, to be subtracted.",
+)
+@click.option("--identify", is_flag=True, help="Fit friction coefficient and preload.")
+@_result_options
+def compare(
+    result: Path,
+    assembly: Path,
+    monolithic: Path | None,
+    identify: bool,
+    out: Path | None,
+    as_json: bool,
+    quiet: bool,
+    verbose: bool,
+) -> None:
+    """Compare a result with measured damping (CSV: amplitude_um,loss_factor and the like)."""
+    from pipeline.studies import compare_result as study
+
+    found = study.compare_result(result, assembly, monolithic, identify)
+    if out is not None:
+        study.write_comparison(found, out)
+    if as_json:
+        click.echo(json.dumps(study.to_dict(found), indent=1, ensure_ascii=False, allow_nan=False))
+    elif not quiet:
+        click.echo("\n".join(study.lines(found)))
+        if out is not None:
+            click.echo(f"picture    {out / 'compare.png'}")
+
+
 @main.command("init-config")
 @click.argument("path", type=click.Path(path_type=Path), default="capslip.toml")
 def init_config(path: Path) -> None:
@@ -282,7 +351,7 @@ def formats() -> None:
 def _settings(
     config: Path | None, overrides: tuple[str, ...], verbose: bool, **options: Any
 ) -> "Settings":
-    """Settings of the file, then of `--set`, then of the options of their own."""
+    """Read the file, then `--set`, then the options of their own."""
     from pipeline.settings import load_settings
 
     place = {
@@ -363,13 +432,12 @@ def _numbers(analysis: "Analysis") -> str:
         )
     if slip is not None:
         lines.append(
-            f"slip       stiffness {slip.tangential_stiffness_N_per_m / 1e6:.4g} MN/m, total slip at "
-            f"{slip.total_slip_force_N:.4g} N, {slip.total_slip_displacement_m * 1e9:.4g} nm"
+            f"slip       stiffness {slip.tangential_stiffness_N_per_m / 1e6:.4g} MN/m, total slip "
+            f"at {slip.total_slip_force_N:.4g} N, {slip.total_slip_displacement_m * 1e9:.4g} nm"
         )
     if damping is not None and damping.amplitude_at_peak_m is None:
         lines.append(
-            "damping    no loss below gross slip at "
-            f"{damping.gross_slip_amplitude_m * um:.4g} um"
+            f"damping    no loss below gross slip at {damping.gross_slip_amplitude_m * um:.4g} um"
         )
     elif damping is not None:
         lines.append(

@@ -124,8 +124,8 @@ def doubts_of_contact(
     if damping.peak_loss_factor > 0.3:
         doubt(
             "not_lightly_damped",
-            f"the loss factor reaches {damping.peak_loss_factor:.2g}: the mode is no longer lightly "
-            "damped there, and the amplitudes do not follow from its stiffness alone",
+            f"the loss factor reaches {damping.peak_loss_factor:.2g}: the mode is no longer "
+            "lightly damped there, and the amplitudes do not follow from its stiffness alone",
         )
     if damping.peak_at_gross_slip:
         doubt("peak_at_gross_slip", "the loss factor still grows where gross slip begins", "info")

@@ -1,4 +1,4 @@
-"""The dictionary of `summary.json`: every key present, absent values null, SI units in the names."""
+"""The dictionary of `summary.json`: every key present, absent values null, units in the names."""
 
 import math
 import platform

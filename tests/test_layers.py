@@ -15,7 +15,7 @@ LAYERS = [
     {"caps"},
     {"contact"},
     {"structure"},
-    {"doubts"},
+    {"doubts", "sensitivity"},
     {"analysis", "summary"},
     {"output"},
     {"batch", "studies"},

@@ -13,7 +13,8 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-    from pipeline.analysis import Analysis, ContactState
+    from pipeline.analysis import Analysis
+    from pipeline.contact.press import ContactState
     from pipeline.contact.curves import NormalCurve
     from pipeline.contact.slip import SlipCurve
 
