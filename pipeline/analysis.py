@@ -2,25 +2,32 @@
 
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from datetime import UTC, datetime
+from functools import partial
 from typing import Any
 
 from pipeline.caps.families import Families, group_families
 from pipeline.caps.fit import fit_caps
 from pipeline.caps.hills import Hills, find_hills
 from pipeline.caps.table import CapTable
+from pipeline.caps.together import count_together
 from pipeline.contact.press import ContactState, press
 from pipeline.contact.slip import SlipCurve, slip_curve
-from pipeline.doubts import doubts_of_caps, doubts_of_contact
+from pipeline.doubts import doubts_of_caps, doubts_of_contact, doubts_of_families
 from pipeline.errors import ContactError
 from pipeline.problems import Problem
-from pipeline.settings import Settings
+from pipeline.sensitivity import FORCE_RATIO, Answers, Sensitivity, answers, sensitivity
+from pipeline.settings import Conditioning, Settings
 from pipeline.structure.beam import BeamMode
 from pipeline.structure.response import Damping, response
 from pipeline.structure.stiffness import stiffnesses
 from pipeline.surface.conditioning import Conditioned, condition
 from pipeline.surface.heightmap import HeightMap
+from pipeline.surface.mating import mate as composite_of
+from pipeline.surface.mating import place
+
+CONDITIONING = Conditioning.__struct_fields__
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,6 +44,7 @@ class Analysis:
     slip: SlipCurve | None
     beam: BeamMode | None  # None where the settings give the two stiffnesses
     damping: Damping | None
+    sensitivity: Sensitivity | None  # None where there is no usable cap
     problems: tuple[Problem, ...]
     timings_s: dict[str, float]
     started: str
@@ -53,8 +61,13 @@ class Analysis:
         return summarise(self)
 
 
-def analyze(surface: HeightMap, settings: Settings | None = None) -> Analysis:
-    """Run every stage on one height map.
+Timed = Callable[..., Any]  # calls a function with what follows its name, and takes the time
+
+
+def analyze(
+    surface: HeightMap, settings: Settings | None = None, mate: HeightMap | None = None
+) -> Analysis:
+    """Run every stage on one face, or on two that are mated.
 
     Parameters
     ----------
@@ -62,6 +75,8 @@ def analyze(surface: HeightMap, settings: Settings | None = None) -> Analysis:
         The map as measured.
     settings : Settings, optional
         All defaults where absent.
+    mate : HeightMap, optional
+        The other face, as measured; `settings.mating` says how it is laid on the first.
 
     Returns
     -------
@@ -83,25 +98,20 @@ def analyze(surface: HeightMap, settings: Settings | None = None) -> Analysis:
     def timed(stage: str, function: Callable[..., Any], *args: Any, **options: Any) -> Any:
         begin = time.perf_counter()
         result = function(*args, **options)
-        timings_s[stage] = time.perf_counter() - begin
+        timings_s[stage] = timings_s.get(stage, 0.0) + time.perf_counter() - begin
         return result
 
-    conditioned = timed(
-        "condition",
-        condition,
-        surface,
-        form=settings.conditioning.form,
-        s_filter_nesting_index_m=settings.conditioning.s_filter_nesting_index_m,
-    )
-    hills = timed("hills", find_hills, conditioned.surface, settings.hills.material_ratio)
-    caps = timed("caps", fit_caps, conditioned.surface, hills, settings.caps.fit)
-    caps, families = timed("families", group_families, caps, settings.families.count)
-    problems = [*conditioned.problems, *doubts_of_caps(conditioned.surface, hills, caps, families)]
+    conditioned, hills, caps, problems = _find_caps(surface, mate, settings, timed)
+    grouping = settings.families
+    caps, families = timed("families", group_families, caps, grouping.count, grouping.feature)
+    problems = [*conditioned.problems, *problems, *doubts_of_families(caps, families)]
 
     contact = slip = beam = damping = None
     try:
         if caps.usable.any():
-            contact, caps = timed("contact", press, caps, families, surface.side_m, settings)
+            contact, caps = timed(
+                "contact", press, caps, families, conditioned.surface.side_m, settings
+            )
             slip = timed(
                 "slip",
                 slip_curve,
@@ -130,6 +140,19 @@ def analyze(surface: HeightMap, settings: Settings | None = None) -> Analysis:
             )
     except ContactError as error:
         problems.append(Problem("contact_failed", "error", str(error)))
+    swept = None
+    if caps.usable.any():
+        swept = timed(
+            "sensitivity",
+            sensitivity,
+            partial(_answer, mate),
+            surface,
+            settings,
+            int(caps.usable.sum()),
+            hills.pruning_height_m,
+            with_contact=slip is not None,
+        )
+        problems += swept.problems
     return Analysis(
         surface=surface,
         settings=settings,
@@ -141,7 +164,82 @@ def analyze(surface: HeightMap, settings: Settings | None = None) -> Analysis:
         slip=slip,
         beam=beam,
         damping=damping,
+        sensitivity=swept,
         problems=tuple(problems),
         timings_s=timings_s,
         started=started,
     )
+
+
+def _find_caps(
+    surface: HeightMap, mate: HeightMap | None, settings: Settings, timed: Timed
+) -> tuple[Conditioned, Hills, CapTable, list[Problem]]:
+    """Run the stages from the height map, or two of them, to one table of caps."""
+    options = {name: getattr(settings.conditioning, name) for name in CONDITIONING}
+    conditioned = timed("condition", condition, surface, **options)
+    if mate is None:
+        return conditioned, *_hills_and_caps(conditioned.surface, settings, timed)
+    second = timed("condition", condition, mate, **options)
+    mating = settings.mating
+    placement = timed(
+        "mate",
+        place,
+        conditioned.surface,
+        second.surface,
+        mirror=mating.mirror,
+        align=mating.align,
+        offset_m=mating.offset_m,
+        rotation_rad=mating.rotation_rad,
+    )
+    if mating.way == "composite":
+        conditioned = timed("mate", composite_of, conditioned, second, placement)
+        return conditioned, *_hills_and_caps(conditioned.surface, settings, timed)
+    hills, caps, problems = _hills_and_caps(conditioned.surface, settings, timed)
+    _, other_caps, other_problems = _hills_and_caps(second.surface, settings, timed)
+    caps = count_together(caps, other_caps, placement.on_first, placement.rotation_rad)
+    name = second.surface.origin.name
+    for problem in (*second.problems, *other_problems):
+        problems.append(replace(problem, message=f"{name}: {problem.message}"))
+    return conditioned, hills, caps, problems
+
+
+def _hills_and_caps(
+    surface: HeightMap, settings: Settings, timed: Timed
+) -> tuple[Hills, CapTable, list[Problem]]:
+    hills = timed(
+        "hills",
+        find_hills,
+        surface,
+        settings.hills.material_ratio,
+        settings.hills.separation,
+        settings.hills.pruning_height_m,
+        settings.hills.pruning_percent_Sz,
+    )
+    caps = timed("caps", fit_caps, surface, hills, settings.caps.fit)
+    return hills, caps, doubts_of_caps(surface, hills, caps, settings.hills.material_ratio)
+
+
+def _answer(
+    mate: HeightMap | None, surface: HeightMap, settings: Settings, with_contact: bool
+) -> Answers:
+    """Run the stages as far as the sensitivity asks for."""
+
+    def untimed(_: str, function: Callable[..., Any], *args: Any, **options: Any) -> Any:
+        return function(*args, **options)
+
+    conditioned, _, caps, _ = _find_caps(surface, mate, settings, untimed)
+    caps, families = group_families(caps, settings.families.count, settings.families.feature)
+    if not (with_contact and caps.usable.any()):
+        return answers(families, None, None)
+    try:
+        contact, _ = press(caps, families, conditioned.surface.side_m, settings)
+        slip = slip_curve(
+            contact.curve,
+            contact.preload_N,
+            settings.material.friction_coefficient,
+            contact.composite.kappa,
+        )
+        energy_J = slip.energy_at_force_J(FORCE_RATIO * slip.total_slip_force_N)
+    except ContactError:
+        return answers(families, None, None)
+    return answers(families, contact.approach_m, float(energy_J))

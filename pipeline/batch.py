@@ -96,10 +96,8 @@ def run_batch(
                     scan = futures[done]
                     rows[scan] = {**done.result(), "scan": places[scan]}
                     _write_table([rows[s] for s in scans if s in rows], folder)
-                    row = rows[scan]
-                    say(
-                        f"{len(rows)} of {len(scans)}: {row['scan']}: {row['error'] or row['status']}"
-                    )
+                    outcome = rows[scan]["error"] or rows[scan]["status"]
+                    say(f"{len(rows)} of {len(scans)}: {places[scan]}: {outcome}")
             except BaseException:
                 pool.shutdown(cancel_futures=True)
                 raise

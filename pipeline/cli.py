@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from pipeline.analysis import Analysis
     from pipeline.contact.slip import SlipCurve
     from pipeline.settings import Settings
+    from pipeline.surface.heightmap import HeightMap
 
 MODELS = ("auto", "flat", "families", "caps", "mean_field", "interacting")
 UNITS = ("m", "mm", "um", "µm", "nm", "inch")
@@ -121,6 +122,7 @@ def main() -> None:
 @main.command()
 @click.argument("surface", type=click.Path(path_type=Path))
 @_analysis_options
+@click.option("--mate", type=click.Path(path_type=Path), help="Scan of the other face.")
 @click.option(
     "--export",
     type=click.Choice(["jenkins"]),
@@ -132,6 +134,7 @@ def analyze(
     out: Path | None,
     as_json: bool,
     quiet: bool,
+    mate: Path | None,
     export: str | None,
     **options: Any,
 ) -> None:
@@ -143,7 +146,7 @@ def analyze(
     store.check_folder(folder)
     say = _Progress(quiet)
 
-    analysis, read_s = _load_and_analyze(surface, settings, say)
+    analysis, read_s = _load_and_analyze(surface, mate, settings, say)
     if not as_json and not quiet:
         click.echo(_numbers(analysis))
     with store.new_folder(folder) as work:
@@ -163,24 +166,28 @@ def _export_jenkins(slip: "SlipCurve", work: Path) -> None:
 
 
 def _load_and_analyze(
-    surface: Path, settings: "Settings", say: "_Progress"
+    surface: Path, mate: Path | None, settings: "Settings", say: "_Progress"
 ) -> tuple["Analysis", float]:
-    say(f"reading {surface.name}")
     from pipeline.analysis import analyze as run
     from pipeline.surface.readers import load_surface
 
     reading = settings.reading
+
+    def load(path: Path) -> "HeightMap":
+        say(f"reading {path.name}")
+        return load_surface(
+            path,
+            unit=reading.unit,
+            lateral_unit=reading.lateral_unit,
+            pixel_size=reading.pixel_size,
+            dataset=reading.dataset,
+        )
+
     started = time.perf_counter()
-    height_map = load_surface(
-        surface,
-        unit=reading.unit,
-        lateral_unit=reading.lateral_unit,
-        pixel_size=reading.pixel_size,
-        dataset=reading.dataset,
-    )
+    height_map, other = load(surface), load(mate) if mate is not None else None
     read_s = time.perf_counter() - started
     say("analysing")
-    return run(height_map, settings), read_s
+    return run(height_map, settings, other), read_s
 
 
 def _write(

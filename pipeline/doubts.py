@@ -1,5 +1,7 @@
 """What makes a result doubtful: said beside the numbers, never left to the reader to find."""
 
+import math
+
 import numpy as np
 
 from pipeline.caps.families import Families
@@ -12,14 +14,21 @@ from pipeline.surface.heightmap import HeightMap
 
 
 def doubts_of_caps(
-    surface: HeightMap, hills: Hills, caps: CapTable, families: Families
+    surface: HeightMap, hills: Hills, caps: CapTable, material_ratio: float
 ) -> list[Problem]:
-    """Return what makes the caps or their families doubtful."""
+    """Return what makes the hills of a face, or their caps, doubtful."""
     found: list[Problem] = []
 
     def doubt(code: str, message: str, severity: Severity = "warning") -> None:
         found.append(Problem(code, severity, message))
 
+    if hills.pruning_sensitivity >= 0.2:
+        doubt(
+            "pruning_decides",
+            f"{hills.n_hills} hills; half the pruning height of {hills.pruning_height_m:.3g} m "
+            f"gives {hills.n_hills_half_pruning}, double {hills.n_hills_double_pruning}: the "
+            "count depends on the pruning; set hills.pruning_height_m or use an S-filter",
+        )
     if not caps.usable.any():
         doubt(
             "no_caps",
@@ -27,12 +36,30 @@ def doubts_of_caps(
             f"{hills.rejected or 'none'}, {len(caps)} without a sphere",
         )
         return found
-    if hills.largest_region_share > max(0.2, 3.0 / caps.usable.sum()):
+    usable = caps.usable
+    if hills.largest_hill_share > max(0.2, 3.0 / usable.sum()):
         doubt(
             "connected_network",
-            f"one connected region holds {100 * hills.largest_region_share:.0f} % of the points "
-            "above the cut: hills run together there, and one sphere stands for many",
+            f"one hill holds {hills.largest_hill_share:.0%} of the points above the cut: hills run "
+            "together there, and one sphere stands for many",
         )
+    shallow = float((hills.prominence_m < 0.1 * caps.cap_height_m)[usable].mean())
+    if shallow > 0.25:
+        doubt(
+            "shallow_saddles",
+            f"{shallow:.0%} of the caps stand less than a tenth of their height above a saddle: "
+            "roughness on larger hills, or caps that touch; an S-filter tells which",
+        )
+    usual_m = float(np.median(caps.cap_height_m[usable]))
+    if 0.1 * usual_m < hills.pruning_height_m < np.inf:
+        doubt(
+            "coarse_pruning",
+            f"dents up to {hills.pruning_height_m:.3g} m, {hills.pruning_height_m / usual_m:.0%} "
+            "of a usual cap, count as noise: caps that overlap more closely are one",
+            "info",
+        )
+    if hills.kept_fraction > 1.5 * material_ratio:
+        doubt("plateau_at_cut", f"{hills.kept_fraction:.0%} of the points lie at or above the cut")
     highest_m = float(np.nanmax(surface.height_m))
     top_m = float(caps.peak_height_m[caps.usable].max())
     if highest_m - top_m > NOISE_FACTOR * hills.noise_m + 0.05 * np.nanmax(caps.cap_height_m):
@@ -63,17 +90,40 @@ def doubts_of_caps(
             f"half of the hills deviate from their sphere by more than {np.median(relative):.0%} "
             "of its height: ridges or rough hills rather than caps",
         )
+    return found
+
+
+def doubts_of_families(caps: CapTable, families: Families) -> list[Problem]:
+    """Return what makes the families doubtful."""
+    found: list[Problem] = []
+
+    def doubt(code: str, message: str, severity: Severity = "warning") -> None:
+        found.append(Problem(code, severity, message))
+
+    if not caps.usable.any():
+        return found
     if families.count == 1:
         doubt(
             "one_family",
             f"the peak heights of {families.m} caps show one family: no P-caps, h is not defined",
             "info",
         )
-    elif families.separation is not None and families.separation < 3.0:
+    if len(families.levels) > 2:
+        levels = ", ".join(f"{one.count} at {one.peak_height_m:.3g} m" for one in families.levels)
         doubt(
-            "families_overlap",
-            f"the two families lie only {families.separation:.1f} spreads apart: a continuum of "
-            "heights rather than two families; m, n and h are worth little",
+            "more_than_two_families",
+            f"the caps lie on {len(families.levels)} levels ({levels}); the model knows two: m, n "
+            "and h are those of the best split in two",
+        )
+    elif not families.clear:
+        apart = families.separation
+        odds = math.exp(min(families.log_odds or 0.0, 50.0))
+        width = "" if apart is None else f"; the best split in two is {apart:.1f} spreads wide"
+        doubt(
+            "families_doubtful",
+            f"{families.m + families.n} caps do not settle how many families there are: the odds "
+            f"of {len(families.levels)} are {odds:.2g} to 1{width}; "
+            "m, n and h are worth little",
         )
     return found
 

@@ -19,6 +19,7 @@ from pipeline.errors import SettingsError
 Positive = Annotated[float, msgspec.Meta(gt=0)]
 Share = Annotated[float, msgspec.Meta(gt=0, lt=1)]
 Pair = tuple[float, float]
+Size = Annotated[int, msgspec.Meta(ge=3)]
 LengthUnit = Literal["m", "mm", "um", "µm", "nm", "inch"]
 
 
@@ -38,15 +39,33 @@ class Reading(_Table):
 class Conditioning(_Table):
     """From the raw height map to the one that is cut."""
 
-    form: Literal["plane", "quadratic", "none"] = "plane"
+    form: Literal["plane", "quadratic", "polynomial", "cylinder", "sphere", "none"] = "plane"
+    form_degree: Annotated[int, msgspec.Meta(ge=1, le=10)] | None = None  # of a polynomial
+    form_robust: bool = False
+    outliers: Literal["isolated", "none"] = "isolated"
+    edge_trim_m: Positive | None = None
     s_filter_nesting_index_m: Positive | None = None
+    l_filter_nesting_index_m: Positive | None = None
+    resample_to: tuple[Size, Size] | None = None  # points (ny, nx)
+
+
+class Mating(_Table):
+    """How a second face is laid on the first, where there is one."""
+
+    way: Literal["composite", "together"] = "composite"
+    align: Literal["given", "least_squares"] = "given"
+    mirror: Literal["x", "y"] = "x"
+    offset_m: Pair = (0.0, 0.0)
+    rotation_rad: float = 0.0
 
 
 class HillSettings(_Table):
     """The cut, and what counts as a hill."""
 
     material_ratio: Share = 0.10
-    separation: Literal["regions"] = "regions"
+    separation: Literal["watershed", "regions"] = "watershed"
+    pruning_height_m: Positive | None = None
+    pruning_percent_Sz: Annotated[float, msgspec.Meta(gt=0, lt=100)] | None = None
 
 
 class CapSettings(_Table):
@@ -59,6 +78,7 @@ class FamilySettings(_Table):
     """How many families the caps are grouped into."""
 
     count: Literal["auto", 1, 2] = "auto"
+    feature: Literal["peak_height", "cap_height", "diameter", "radius"] = "peak_height"
 
 
 class Material(_Table):
@@ -113,6 +133,7 @@ class Settings(_Table):
 
     reading: Reading = Reading()
     conditioning: Conditioning = Conditioning()
+    mating: Mating = Mating()
     hills: HillSettings = HillSettings()
     caps: CapSettings = CapSettings()
     families: FamilySettings = FamilySettings()
@@ -194,6 +215,11 @@ def _check_meaning(settings: Settings, where: str) -> None:
     if reading.pixel_size is not None and min(reading.pixel_size) <= 0:
         raise SettingsError(
             f"{where}: reading.pixel_size: got {reading.pixel_size}; expected two positive numbers"
+        )
+    hills = settings.hills
+    if hills.pruning_height_m is not None and hills.pruning_percent_Sz is not None:
+        raise SettingsError(
+            f"{where}: hills: got both pruning_height_m and pruning_percent_Sz; give one or none"
         )
     structure = settings.structure
     if (structure.modal_stiffness_N_per_m is None) != (structure.joint_stiffness_N_per_m is None):

@@ -54,6 +54,7 @@ def summarise(
             "sq_m": analysis.conditioned.sq_m,
             "sz_m": analysis.conditioned.sz_m,
             "form": settings.conditioning.form,
+            "steps": list(analysis.conditioned.steps),
             "format": surface.origin.file_format,
             "height_unit": surface.origin.height_unit,
             "lateral_unit": surface.origin.lateral_unit,
@@ -68,12 +69,22 @@ def summarise(
             "caps": usable,
             "rejected": rejected,
             "noise_m": hills.noise_m,
+            "pruning_height_m": hills.pruning_height_m,
+            "hills_half_pruning": hills.n_hills_half_pruning,
+            "hills_double_pruning": hills.n_hills_double_pruning,
+            "largest_hill_share": hills.largest_hill_share,
         },
         "families": {
             "count": families.count,
             "m": families.m,
             "n": families.n,
             "h_m": families.h_m,
+            "h_se_m": families.h_se_m,
+            "count_se": families.count_se,
+            "separation": families.separation,
+            "log_odds": families.log_odds,
+            "clear": families.clear,
+            "levels": [_family(family) for family in families.levels],
             "G": _family(families.G),
             "P": _family(families.P),
         },
@@ -113,6 +124,7 @@ def summarise(
             "estimated": None,
             "model_reason": contact.model_reason if contact else None,
         },
+        "sensitivity": analysis.sensitivity.to_dict() if analysis.sensitivity else None,
         "problems": [
             {"code": p.code, "severity": p.severity, "message": p.message}
             for p in analysis.problems
@@ -149,9 +161,12 @@ def _family(family: "Family | None") -> dict[str, Any] | None:
     return {
         "count": family.count,
         "radius_m": family.radius_m,
+        "radius_se_m": family.radius_se_m,
+        "mean_radius_m": family.mean_radius_m,
         "diameter_m": family.diameter_m,
         "height_m": family.height_m,
         "peak_height_m": family.peak_height_m,
+        "peak_height_se_m": family.peak_height_se_m,
     }
 
 

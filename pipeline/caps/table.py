@@ -1,6 +1,6 @@
 """The table of caps: one row a hill, with its fitted sphere, its family and its flags."""
 
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, field, fields, replace
 from enum import IntFlag
 
 import numpy as np
@@ -11,10 +11,14 @@ class CapFlag(IntFlag):
 
     edge = 1  # the hill touches the edge of the map: part of the cap was not measured
     non_measured = 2  # the hill touches a patch of non-measured points
-    plateau = 4  # several points share the greatest height: clipped sensor, or quantised heights
-    not_convex = 8  # the fitted surface does not curve downwards: no radius
-    noisy_apex = 16  # noise is more than a tenth of the cap's height
-    apex_off_surface = 32  # the fitted apex left the hill; the highest point was taken
+    plateau = 4  # a flat top: clipped sensor, or quantised heights
+    not_convex = 8  # the hill has no height above the cut: no radius
+    noisy_apex = 16  # noise, or the error of the apex, is a visible part of the cap's height
+    apex_off_surface = 32  # the fitted apex left the hill; a safer one was taken
+    few_points = 64  # too few points for a fitted surface
+    ridge = 128  # not curved downwards in all directions, or ten times as much in one
+    several_peaks = 256  # the points that were fitted do not fill one ellipse
+    outlier = 512  # the radius is far from that of the other caps
 
     def words(self) -> str:
         """Return the names of the flags that are set, joined by a blank."""
@@ -36,7 +40,22 @@ UNITS = {
     "load_N": "N",
     "contact_radius_m": "m",
     "flags": "",
+    "radius_se_m": "m",
+    "peak_height_se_m": "m",
+    "radius_major_m": "m",
+    "radius_minor_m": "m",
+    "orientation_rad": "rad",
+    "fit_depth_m": "m",
+    "parent_region": "",
 }
+
+
+def _unknown() -> np.ndarray:
+    return np.array(np.nan)
+
+
+def _none() -> np.ndarray:
+    return np.array(0, dtype=np.int32)
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,7 +64,8 @@ class CapTable:
 
     Heights count from the fitted form; positions from the corner of the map. A cap that has no
     usable sphere keeps its row: its radius is NaN, its family empty and a flag says why. Loads and
-    contact radii are NaN until a contact model gave them.
+    contact radii are NaN until a contact model gave them; the last columns where a table was not
+    made by a fit, or where a hill has too few points or no curvature for them.
     """
 
     x_m: np.ndarray  # apex
@@ -55,11 +75,28 @@ class CapTable:
     diameter_m: np.ndarray  # D of Eq. 18
     radius_m: np.ndarray
     area_m2: np.ndarray  # measured area above the cut
-    residual_m: np.ndarray  # rms distance of the hill's points from the sphere
+    residual_m: np.ndarray  # rms distance of the fitted points from the sphere
     family: np.ndarray  # "G", "P" or ""
     load_N: np.ndarray
     contact_radius_m: np.ndarray
     flags: np.ndarray  # CapFlag bits, uint16
+    radius_se_m: np.ndarray = field(default_factory=_unknown)  # standard errors
+    peak_height_se_m: np.ndarray = field(default_factory=_unknown)
+    radius_major_m: np.ndarray = field(
+        default_factory=_unknown
+    )  # principal radii of the fitted points
+    radius_minor_m: np.ndarray = field(default_factory=_unknown)
+    orientation_rad: np.ndarray = field(
+        default_factory=_unknown
+    )  # of the flatter direction, from x towards y
+    fit_depth_m: np.ndarray = field(default_factory=_unknown)  # depth of the fit below the apex
+    parent_region: np.ndarray = field(default_factory=_none)  # connected region, 1 ...; 0: unknown
+
+    def __post_init__(self) -> None:
+        for column in fields(self):
+            values = getattr(self, column.name)
+            if values.ndim == 0:
+                object.__setattr__(self, column.name, np.full(len(self), values))
 
     def __len__(self) -> int:
         return len(self.x_m)

@@ -6,8 +6,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from pipeline.contact.curves import caps
-from pipeline.contact.equilibrium import press, shear, solve_coupled
-from pipeline.contact.hertz import HertzCurve
+from pipeline.contact.equilibrium import lift_off, press, shear, solve_coupled
+from pipeline.contact.hertz import HertzCurve, load_drop_of_asperity
 from pipeline.errors import ContactError, SettingsError
 
 
@@ -45,8 +45,15 @@ class InteractingCurve(HertzCurve):
         return int(among_contacts // 2 + overlap[:, ~touching].sum())
 
     def lift_off_m(self, approach_m: ArrayLike) -> np.ndarray:
-        """NaN: there is no closed form."""
-        return np.full_like(self._compression(approach_m), np.nan)
+        """Withdrawal at which each cap loses its load, shape (..., n); solved when asked for.
+
+        NaN where it has none, and for a small cap between contacts that all but merge, which grows
+        at first.
+        """
+        g = self._compression(approach_m)
+        return np.array([self._lift_off(one) for one in g.reshape(-1, g.shape[-1])]).reshape(
+            g.shape
+        )
 
     def _compression(self, approach_m: ArrayLike) -> np.ndarray:
         d = np.asarray(approach_m, dtype=float)
@@ -124,6 +131,17 @@ class InteractingCurve(HertzCurve):
         x = np.zeros((len(goal), len(g)))
         e, x[:, touching] = shear(self.coefficient[touching], C, g[touching], goal, closing)
         return e, x
+
+    def _lift_off(self, g: np.ndarray) -> np.ndarray:
+        withdrawal = np.full(len(g), np.nan)
+        touching = g > 0
+        if touching.any():
+            k = self.coefficient[touching]
+            C = self.pair_compliance_m_per_N[np.ix_(touching, touching)]
+            e, x = lift_off(k, C, g[touching])
+            drop = load_drop_of_asperity(k, g[touching], x).sum(axis=-1)
+            withdrawal[touching] = e + self.compliance_m_per_N * drop
+        return withdrawal
 
     def _slope(self, g: np.ndarray) -> np.ndarray:
         """dN/dy by the implicit derivative 1^T (1 + D C)^-1 D 1, D = diag(1.5 k sqrt(g))."""

@@ -1,6 +1,7 @@
 """Slip, loop and energy of one joint under constant load, from its normal curve alone."""
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -40,11 +41,11 @@ class SlipCurve:
         """dT/d delta before any slip: N'(d) / kappa."""
         return _plain(self.curve.stiffness_N_per_m(self.approach_m) / self.kappa)
 
-    @property
+    @cached_property
     def limits_m(self) -> np.ndarray:
         """Displacement at which each row slips as a whole: delta_lim of Eq. 8 for each family.
 
-        NaN for rows that carry nothing, and for `interacting`.
+        NaN for rows that carry nothing, and for interacting caps that have none, see `lift_off_m`.
         """
         return np.asarray(self._scale)[..., None] * self.curve.lift_off_m(self.approach_m)
 

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from pipeline.output import figures_contact, figures_surface
+from pipeline.output import figures_contact, figures_sensitivity, figures_surface
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -87,6 +87,15 @@ FIGURES = {
         "Loss factor of the mode from micro-slip in all joints, over the amplitude at mid-span. In "
         "the shaded range the joint slides as a whole and no steady cycle exists under a given "
         "force, so no value is given.",
+    ),
+    "sensitivity": Entry(
+        figures_sensitivity.sensitivity,
+        "Sensitivity",
+        "a usable cap",
+        "Every answer with one choice changed at a time: the cut, the pruning of the hills and the "
+        "S-filter. W is the energy lost per cycle at half the force at total slip. In the shaded "
+        "range the answer stays within its error bar: two standard errors, or the requested "
+        "tolerance.",
     ),
 }
 

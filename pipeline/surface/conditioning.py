@@ -1,19 +1,21 @@
-"""From the map as measured to the one that is cut: form off, short waves off, doubts said."""
+"""From the map as measured to the one that is cut: every optional step, in its order."""
 
-from dataclasses import dataclass, replace
-from typing import Literal
+import math
+from dataclasses import asdict, dataclass, replace
+from typing import Any, Literal, get_args
 
 import numpy as np
 
 from pipeline.errors import SettingsError, UnusableSurfaceError
 from pipeline.problems import Problem
-from pipeline.surface.filters import gaussian_s_filter
+from pipeline.surface.filters import gaussian_l_filter, gaussian_s_filter
+from pipeline.surface.form import FormKind, remove_form
 from pipeline.surface.heightmap import HeightMap
-from pipeline.surface.plausibility import doubts_of_surface
+from pipeline.surface.outliers import Outliers, find_outliers
+from pipeline.surface.plausibility import doubts_of_outliers, doubts_of_surface
+from pipeline.surface.resampling import resample
 
-Form = Literal["plane", "quadratic", "none"]
-DEGREE = {"plane": 1, "quadratic": 2}
-MAX_CONDITION = 1e10  # of the normal equations; a map measured everywhere has about 10
+OutlierRule = Literal["isolated", "none"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -23,9 +25,11 @@ class Conditioned:
     Attributes
     ----------
     surface : HeightMap
-        Heights relative to the fitted form; non-measured points stay non-measured.
+        Heights relative to the fitted form; non-measured points and removed outliers are NaN.
     sq_m, sz_m : float
         Root mean square height and height range of `surface` (ISO 25178-2 Sq, Sz).
+    steps : tuple of dict
+        What was done, in order: `step` names it, the other keys are its numbers.
     problems : tuple of Problem
         What makes the map doubtful.
     """
@@ -33,32 +37,45 @@ class Conditioned:
     surface: HeightMap
     sq_m: float
     sz_m: float
+    steps: tuple[dict[str, Any], ...]
     problems: tuple[Problem, ...]
 
 
 def condition(
     surface: HeightMap,
-    form: Form = "plane",
+    form: FormKind = "plane",
     *,
+    form_degree: int | None = None,
+    form_robust: bool = False,
+    outliers: OutlierRule = "isolated",
+    edge_trim_m: float | None = None,
     s_filter_nesting_index_m: float | None = None,
+    l_filter_nesting_index_m: float | None = None,
+    resample_to: tuple[int, int] | None = None,
 ) -> Conditioned:
-    """Remove the form and, on demand, the shortest waves.
+    """Trim, remove form and outliers, filter and resample, each on demand and in this order.
 
     Parameters
     ----------
     surface : HeightMap
-        The map as measured.
-    form : {"plane", "quadratic", "none"}
-        What the F-operator removes: the least-squares polynomial of total degree 1 or 2 through
-        the measured points, or nothing.
-    s_filter_nesting_index_m : float, optional
-        Nesting index (cut-off wavelength) of an areal Gaussian S-filter, applied after the form is
-        off, where the edge of the map disturbs it least.
+        The map as measured. No step fills a non-measured point.
+    form, form_degree, form_robust
+        See `remove_form`.
+    outliers : {"isolated", "none"}
+        Mark spikes and bad codes as non-measured (see `find_outliers`) and fit the form again
+        without them, or keep them.
+    edge_trim_m : float, optional
+        Width of the margin to cut off on all four sides. Places then count from the new corner.
+    s_filter_nesting_index_m, l_filter_nesting_index_m : float, optional
+        Nesting indices of the areal Gaussian filters that take off short and long waves. They come
+        after the form, so that the edge of the map disturbs them least.
+    resample_to : (int, int), optional
+        (ny, nx) of the grid to resample to.
 
     Raises
     ------
     SettingsError
-        If `form` is unknown or the nesting index is not positive and finite.
+        If an option is unknown, out of bounds or too large for the face.
     UnusableSurfaceError
         If no point is measured, or the measured points do not fix the form.
 
@@ -66,86 +83,87 @@ def condition(
     --------
     >>> y, x = np.mgrid[0:40, 0:60]
     >>> tilted = HeightMap(3e-6 * x - 2e-6 * y + 5e-3, (1e-4, 1e-4))
-    >>> condition(tilted).sz_m < 1e-15
-    True
+    >>> result = condition(tilted)
+    >>> result.sz_m < 1e-15, [step["step"] for step in result.steps]
+    (True, ['form', 'outliers'])
     """
-    if form != "none" and form not in DEGREE:
+    if outliers not in get_args(OutlierRule):
         raise SettingsError(
-            f"conditioning.form: got {form!r}; expected one of plane, quadratic, none"
+            f"conditioning.outliers: got {outliers!r}; expected one of "
+            f"{', '.join(get_args(OutlierRule))}"
         )
-    height_m = surface.height_m
-    if form != "none":
-        height_m = _without_form(height_m, DEGREE[form], surface.origin.name)
+    steps: list[dict[str, Any]] = []
+    if edge_trim_m is not None:
+        surface, step = _trimmed(surface, edge_trim_m)
+        steps.append(step)
+
+    stored = surface
+    surface, removed_form = remove_form(stored, form, degree=form_degree, robust=form_robust)
+    found = find_outliers(surface, stored)
+    step = {"step": "outliers", "rule": outliers, "removed": 0}
+    if outliers == "isolated" and found.index.size:
+        step["removed"] = found.index.size
+        step["sq_before_m"], step["sz_before_m"] = sq_and_sz_m(surface)
+        stored = _without(stored, found)
+        surface, removed_form = remove_form(stored, form, degree=form_degree, robust=form_robust)
+    sq_m, sz_m = sq_and_sz_m(surface)
+    steps += [{"step": "form", **asdict(removed_form), "residual_sq_m": sq_m}, step]
+    problems = doubts_of_outliers(surface, sq_m, found, kept=outliers == "none")
+    del stored  # a map's worth of memory
+
     if s_filter_nesting_index_m is not None:
-        height_m = gaussian_s_filter(
-            replace(surface, height_m=height_m), s_filter_nesting_index_m
-        ).height_m
-    result = replace(surface, height_m=height_m)
-    measured_m = _measured(height_m, surface.origin.name)
-    deviation_m = measured_m - measured_m.mean()
-    sq_m = float(np.sqrt(deviation_m @ deviation_m / deviation_m.size))
-    sz_m = float(measured_m.max() - measured_m.min())
-    return Conditioned(result, sq_m, sz_m, doubts_of_surface(result, sq_m, sz_m))
+        surface = gaussian_s_filter(surface, s_filter_nesting_index_m)
+        steps.append({"step": "s_filter", "nesting_index_m": s_filter_nesting_index_m})
+    if l_filter_nesting_index_m is not None:
+        surface = gaussian_l_filter(surface, l_filter_nesting_index_m)
+        steps.append({"step": "l_filter", "nesting_index_m": l_filter_nesting_index_m})
+    if resample_to is not None:
+        surface = resample(surface, resample_to)
+        steps.append({"step": "resampling", "shape": list(surface.shape)})
+    if steps[-1] is not step:
+        sq_m, sz_m = sq_and_sz_m(surface)
+    problems += doubts_of_surface(surface, sq_m, sz_m)
+    return Conditioned(surface, sq_m, sz_m, tuple(steps), problems)
 
 
-def _measured(height_m: np.ndarray, name: str) -> np.ndarray:
-    """Return the measured heights as one row, without a copy where all are."""
-    flat_m: np.ndarray = height_m.reshape(-1)
-    if not np.isnan(flat_m.sum()):
-        return flat_m
-    flat_m = flat_m[~np.isnan(flat_m)]
-    if flat_m.size == 0:
-        raise UnusableSurfaceError(
-            f"{name}: all {height_m.size} points are non-measured; expected heights; "
-            "check the file's code for missing data"
+def _trimmed(surface: HeightMap, edge_trim_m: float) -> tuple[HeightMap, dict[str, Any]]:
+    shorter_m = min(surface.side_m)
+    (ny, nx), (dy_m, dx_m) = surface.shape, surface.pixel_size_m
+    if 0.0 < edge_trim_m < 0.5 * shorter_m:
+        trim_y, trim_x = (math.ceil(edge_trim_m / size_m - 1e-9) for size_m in (dy_m, dx_m))
+    else:
+        trim_y, trim_x = ny, nx
+    if 2 * trim_y > ny - 3 or 2 * trim_x > nx - 3:
+        raise SettingsError(
+            f"conditioning.edge_trim_m: got {edge_trim_m:g}; expected above 0 and less than half "
+            f"the shorter side ({shorter_m:g} m), so that three points are left"
         )
-    return flat_m
+    inner = surface.height_m[trim_y : ny - trim_y, trim_x : nx - trim_x]
+    return replace(surface, height_m=inner), {"step": "edge_trim", "points": [trim_y, trim_x]}
 
 
-def _without_form(height_m: np.ndarray, degree: int, name: str) -> np.ndarray:
-    """Subtract the least-squares polynomial of total degree `degree`.
+def _without(surface: HeightMap, outliers: Outliers) -> HeightMap:
+    height_m = surface.height_m.copy()
+    height_m.reshape(-1)[outliers.index] = np.nan
+    return replace(surface, height_m=height_m)
 
-    The sums of the normal equations factorise into rows and columns: with V and U the powers of
-    the scaled coordinates, sum(w v^i u^j) is one matrix product V^T W U, and so is the right side.
-    Coordinates run from -1 to 1 over the measured part and heights count from a measured one, so
-    that neither the place nor the level of the face costs digits.
+
+def sq_and_sz_m(surface: HeightMap) -> tuple[float, float]:
+    """Return root mean square height and height range (ISO 25178-2 Sq, Sz), in metres.
+
+    Raises
+    ------
+    UnusableSurfaceError
+        If no point is measured.
     """
-    measured = None if not np.isnan(height_m.sum()) else ~np.isnan(height_m)
-    if measured is None:
-        count_y, count_x = (np.ones(n) for n in height_m.shape)
-        level_m = height_m[0, 0]
-    else:
-        count_y, count_x = measured.sum(axis=1), measured.sum(axis=0)
-        level_m = _measured(height_m, name)[0]
-    v, u = _scaled(count_y), _scaled(count_x)
-    powers = np.arange(2 * degree + 1)
-    v_powers, u_powers = v[:, None] ** powers, u[:, None] ** powers
-
-    relative_m = height_m - level_m
-    if measured is None:
-        moments = np.outer(v_powers.sum(axis=0), u_powers.sum(axis=0))
-        known_m = relative_m
-    else:
-        moments = v_powers.T @ (measured @ u_powers)
-        known_m = np.where(measured, relative_m, 0.0)
-    right = v_powers[:, : degree + 1].T @ (known_m @ u_powers[:, : degree + 1])
-
-    i, j = np.array([(i, j) for i in range(degree + 1) for j in range(degree + 1 - i)]).T
-    normal = moments[i[:, None] + i, j[:, None] + j]
-    if np.linalg.cond(normal) > MAX_CONDITION:
+    measured_m = surface.height_m.reshape(-1)
+    if np.isnan(measured_m.sum()):
+        measured_m = measured_m[~np.isnan(measured_m)]
+    if measured_m.size == 0:
         raise UnusableSurfaceError(
-            f"{name}: the measured points lie along a line or are too few to fix the form; "
-            "expected points spread over the face; set conditioning.form to none or scan more"
+            f"{surface.origin.name}: all {surface.height_m.size} points are non-measured; expected "
+            "heights; check the file's code for missing data"
         )
-    coefficients = np.zeros((degree + 1, degree + 1))
-    coefficients[i, j] = np.linalg.solve(normal, right[i, j])
-    relative_m -= (v_powers[:, : degree + 1] @ coefficients) @ u_powers[:, : degree + 1].T
-    return relative_m
-
-
-def _scaled(count: np.ndarray) -> np.ndarray:
-    """Index along one axis, scaled to -1 ... 1 over the part that holds measured points."""
-    first, last = np.flatnonzero(count)[[0, -1]]
-    half = max((last - first) / 2.0, 0.5)
-    scaled: np.ndarray = (np.arange(len(count)) - (first + last) / 2.0) / half
-    return scaled
+    deviation_m = measured_m - measured_m.mean()
+    sq_m = math.sqrt(deviation_m @ deviation_m / deviation_m.size)
+    return sq_m, float(measured_m.max() - measured_m.min())

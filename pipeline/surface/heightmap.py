@@ -17,6 +17,7 @@ class Origin:
     file_format: str | None = None
     height_unit: str | None = None  # as stored in the file, or as given by the user
     lateral_unit: str | None = None
+    notes: tuple[str, ...] = ()  # what the reader did beyond reading, for the user
 
 
 @dataclass(frozen=True, eq=False)

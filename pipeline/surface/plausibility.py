@@ -2,23 +2,29 @@
 
 import numpy as np
 
-from pipeline.problems import Problem
+from pipeline.problems import Problem, Severity
 from pipeline.surface.heightmap import HeightMap
+from pipeline.surface.outliers import Outliers
 
 MAX_STEEP_SHARE = 0.05
 MAX_SZ_OVER_SQ = 30.0
 SQUARE_WITHIN = 1e-3
-SPIKE_OVER_ROUGHNESS = 20.0
-SPIKE_OVER_SQ = 0.1
+MAX_PIXEL_RATIO = 2.0
+SMALLEST_SZ_M = 1e-10  # an atom
+LARGEST_SIDE_M = 10.0
+SAMPLED_LINES = 100
+HIGHEST_SHARE = 0.10  # what the paper keeps: a spike up there is touched, or spoils a cap
+VISIBLE_SHARE_OF_SQ = 0.01
+MAX_OUTLIER_SHARE = 0.02
 
 
 def doubts_of_surface(surface: HeightMap, sq_m: float, sz_m: float) -> tuple[Problem, ...]:
-    """Look for signs of a wrong unit, outliers and odd pixels.
+    """Look for signs of a wrong unit, odd pixels and heights far from the rest.
 
     Parameters
     ----------
     surface : HeightMap
-        Heights after removal of the form.
+        Heights after conditioning.
     sq_m, sz_m : float
         Its root mean square height and height range.
 
@@ -26,21 +32,76 @@ def doubts_of_surface(surface: HeightMap, sq_m: float, sz_m: float) -> tuple[Pro
     -------
     tuple of Problem
         `slope_suspect` (error) where the height range exceeds the shorter side of the face, or
-        (warning) where the rms slope or more than 5 % of all slopes exceed 1: a wrong unit until
-        proven otherwise. `outliers` (warning) where Sz/Sq exceeds 30. `spikes` (warning) counts
-        single points far above or below all four neighbours. `non_square_pixels` (info).
+        (warning) where the rms slope or more than 5 % of all slopes exceed 1, and `scale_suspect`
+        (warning) where it is below the size of an atom or a side is longer than 10 m: a wrong unit
+        until proven otherwise. `outliers` where Sz/Sq exceeds 30: a warning where peaks, info
+        where pits do it. `non_square_pixels` (info; warning above a ratio of 2).
     """
-    steep, spikes = _slopes(surface), _spikes(surface, sq_m)
     found = (
-        _unit(surface, sz_m, *steep),
-        _outliers(sq_m, sz_m),
-        _isolated(spikes),
+        _steep(surface, sz_m),
+        _scale(surface, sz_m),
+        _range(surface, sq_m, sz_m),
         _pixel(surface),
     )
     return tuple(problem for problem in found if problem is not None)
 
 
-def _unit(surface: HeightMap, sz_m: float, rms_slope: float, steep_share: float) -> Problem | None:
+def doubts_of_outliers(
+    surface: HeightMap, sq_m: float, outliers: Outliers, kept: bool
+) -> tuple[Problem, ...]:
+    """Say how many points the outlier rule found, and whether they matter.
+
+    Parameters
+    ----------
+    surface : HeightMap
+        Heights after removal of the form, with the outliers or without.
+    sq_m : float
+        Its root mean square height.
+    outliers : Outliers
+        What the rule found.
+    kept : bool
+        Whether these points are still part of the map.
+
+    Returns
+    -------
+    tuple of Problem
+        None where nothing was found. `outliers_removed` is info; a warning above 2 % of the
+        points, where the rule no longer speaks of exceptions. `spikes`, for points that were kept,
+        is a warning where one lies in the highest 10 % (it is touched, or spoils a cap) or where
+        together they can move the form by more than 1 % of Sq; else info.
+    """
+    if outliers.index.size == 0:
+        return ()
+    return (_kept(surface, sq_m, outliers) if kept else _removed(surface, outliers),)
+
+
+def sanity_line(surface: HeightMap, sq_m: float, sz_m: float) -> str:
+    """Return one line by which a wrong unit or a damaged map is seen at a glance.
+
+    Parameters
+    ----------
+    surface : HeightMap
+        The map as read.
+    sq_m, sz_m : float
+        Root mean square height and height range after removal of the form.
+    """
+    (ny, nx), (dy_m, dx_m), (side_y_m, side_x_m) = (
+        surface.shape,
+        surface.pixel_size_m,
+        surface.side_m,
+    )
+    square = "" if abs(dy_m / dx_m - 1.0) <= SQUARE_WITHIN else " (not square)"
+    missing = 100.0 * (1.0 - np.count_nonzero(surface.measured) / surface.height_m.size)
+    ratio = f"{sz_m / sq_m:.3g}" if sq_m > 0.0 else "-"
+    return (
+        f"{nx} x {ny} points of {dx_m * 1e6:.4g} x {dy_m * 1e6:.4g} um{square}, "
+        f"{side_x_m * 1e3:.4g} x {side_y_m * 1e3:.4g} mm; heights stored in "
+        f"{surface.origin.height_unit or 'an unnamed unit'}; {missing:.2f} % non-measured; "
+        f"Sq {sq_m * 1e6:.4g} um, Sz {sz_m * 1e6:.4g} um, Sz/Sq {ratio}"
+    )
+
+
+def _steep(surface: HeightMap, sz_m: float) -> Problem | None:
     side_m = min(surface.side_m)
     advice = "check the units of heights and pixels (--unit, --lateral-unit)"
     if sz_m > side_m:
@@ -49,6 +110,7 @@ def _unit(surface: HeightMap, sz_m: float, rms_slope: float, steep_share: float)
             "error",
             f"the heights range over {sz_m:.3g} m on a face only {side_m:.3g} m wide: {advice}",
         )
+    rms_slope, steep_share = _slopes(surface)
     if rms_slope > 1.0 or steep_share > MAX_STEEP_SHARE:
         return Problem(
             "slope_suspect",
@@ -58,25 +120,66 @@ def _unit(surface: HeightMap, sz_m: float, rms_slope: float, steep_share: float)
     return None
 
 
-def _outliers(sq_m: float, sz_m: float) -> Problem | None:
-    if sz_m <= MAX_SZ_OVER_SQ * sq_m:
+def _scale(surface: HeightMap, sz_m: float) -> Problem | None:
+    side_m = max(surface.side_m)
+    if 0.0 < sz_m < SMALLEST_SZ_M:
+        what = f"the heights range over {sz_m:.3g} m, less than an atom"
+    elif side_m > LARGEST_SIDE_M:
+        what = f"the face is {side_m:.3g} m long"
+    else:
         return None
     return Problem(
-        "outliers",
+        "scale_suspect",
         "warning",
-        f"Sz/Sq = {sz_m / sq_m:.0f} (above {MAX_SZ_OVER_SQ:.0f}): single heights far from the rest "
-        "pull the form and the first touch; look at the map, mark bad points as non-measured",
+        f"{what}: check the units of heights and pixels (--unit, --lateral-unit)",
     )
 
 
-def _isolated(n_spikes: int) -> Problem | None:
-    if n_spikes == 0:
-        return None
+def _removed(surface: HeightMap, outliers: Outliers) -> Problem:
+    n = outliers.index.size
+    share = n / (n + np.count_nonzero(surface.measured))
+    many = share > MAX_OUTLIER_SHARE
+    return Problem(
+        "outliers_removed",
+        "warning" if many else "info",
+        f"{n} points ({100 * share:.2g} %) stand off all that is around them, "
+        f"{np.count_nonzero(outliers.step_m > 0.0)} of them upwards, and were marked as "
+        "non-measured"
+        + (": too many for spikes; look at the map or the scan" if many else "")
+        + "; conditioning.outliers = none keeps them",
+    )
+
+
+def _kept(surface: HeightMap, sq_m: float, outliers: Outliers) -> Problem:
+    n = outliers.index.size
+    measured_m = surface.height_m[surface.measured]
+    high_m = np.quantile(measured_m, 1.0 - HIGHEST_SHARE)
+    n_high = np.count_nonzero(surface.height_m.reshape(-1)[outliers.index] >= high_m)
+    # A least-squares plane follows a far point by at most 7 times its share of the points.
+    moved_m = 7.0 * float(np.abs(outliers.step_m).sum()) / measured_m.size
+    matters = n_high > 0 or moved_m > VISIBLE_SHARE_OF_SQ * sq_m
     return Problem(
         "spikes",
-        "warning",
-        f"{n_spikes} single points stand far above or below all their neighbours; they were kept; "
-        "mark them as non-measured or use an S-filter",
+        "warning" if matters else "info",
+        f"{n} points stand off all that is around them and were kept; {n_high} of them lie in the "
+        f"highest {100 * HIGHEST_SHARE:.0f} %, and together they move the form by up to "
+        f"{moved_m:.2g} m; conditioning.outliers = isolated removes them",
+    )
+
+
+def _range(surface: HeightMap, sq_m: float, sz_m: float) -> Problem | None:
+    if sz_m <= MAX_SZ_OVER_SQ * sq_m:
+        return None
+    highest_m = float(np.fmax.reduce(surface.height_m, axis=None))
+    peak_m = highest_m - float(np.nanmean(surface.height_m))
+    if peak_m > 0.5 * MAX_SZ_OVER_SQ * sq_m:
+        severity: Severity = "warning"
+        what = f"peaks stand {peak_m:.3g} m above the mean; they are touched first; look at the map"
+    else:
+        severity = "info"
+        what = f"pits lie {sz_m - peak_m:.3g} m below the mean; no contact reaches them"
+    return Problem(
+        "outliers", severity, f"Sz/Sq = {sz_m / sq_m:.0f} (above {MAX_SZ_OVER_SQ:.0f}): {what}"
     )
 
 
@@ -84,36 +187,24 @@ def _pixel(surface: HeightMap) -> Problem | None:
     dy_m, dx_m = surface.pixel_size_m
     if abs(dy_m / dx_m - 1.0) <= SQUARE_WITHIN:
         return None
+    odd = max(dy_m / dx_m, dx_m / dy_m) > MAX_PIXEL_RATIO
     return Problem(
         "non_square_pixels",
-        "info",
-        f"pixels of {dy_m:.6g} x {dx_m:.6g} m (dy x dx) are not square; this is accounted for",
+        "warning" if odd else "info",
+        f"pixels of {dy_m:.6g} x {dx_m:.6g} m (dy x dx) are not square; this is accounted for"
+        + ("; check both sizes" if odd else ""),
     )
 
 
 def _slopes(surface: HeightMap) -> tuple[float, float]:
-    """Return the rms slope and the share of slopes above 1, x and y together."""
+    """Return the rms slope and the share of slopes above 1, on lines along both axes."""
     square_sum, steep, n = 0.0, 0, 0
     for axis, size_m in enumerate(surface.pixel_size_m):
-        slope = np.diff(surface.height_m, axis=axis).reshape(-1)
-        slope = slope[~np.isnan(slope)] / size_m
+        every = max(1, surface.shape[1 - axis] // SAMPLED_LINES)
+        lines = surface.height_m[:, ::every] if axis == 0 else surface.height_m[::every]
+        slope = np.diff(lines, axis=axis).reshape(-1) / size_m
+        slope = slope[~np.isnan(slope)]
         square_sum += float(slope @ slope)
         steep += int(np.count_nonzero(np.abs(slope) > 1.0))
         n += slope.size
     return (float(np.sqrt(square_sum / n)), steep / n) if n else (0.0, 0.0)
-
-
-def _spikes(surface: HeightMap, sq_m: float) -> int:
-    """Count the points that stand off all four neighbours by far more than the roughness."""
-    z = surface.height_m
-    centre = z[1:-1, 1:-1]
-    around = (z[:-2, 1:-1], z[2:, 1:-1], z[1:-1, :-2], z[1:-1, 2:])
-    # fmax and fmin look past a non-measured neighbour; a point without neighbours gives NaN.
-    highest = np.fmax(np.fmax(around[0], around[1]), np.fmax(around[2], around[3]))
-    lowest = np.fmin(np.fmin(around[0], around[1]), np.fmin(around[2], around[3]))
-    step_m = np.abs(np.diff(z[:: max(1, z.shape[0] // 100)], axis=1))
-    step_m = step_m[~np.isnan(step_m)]
-    if step_m.size == 0:
-        return 0
-    least_m = max(SPIKE_OVER_ROUGHNESS * float(np.median(step_m)), SPIKE_OVER_SQ * sq_m)
-    return int(np.count_nonzero((centre - highest > least_m) | (lowest - centre > least_m)))

@@ -2,9 +2,9 @@
 
 import numpy as np
 import pytest
-from conftest import caps_map
+from scenes import caps_map
 
-from pipeline.caps.fit import equation18_radius_m, fit_caps
+from pipeline.caps.fit import FITS, equation18_radius_m, fit_caps
 from pipeline.caps.hills import find_hills
 from pipeline.caps.table import CapFlag
 from pipeline.surface.heightmap import HeightMap
@@ -35,7 +35,7 @@ def test_equation_18_gives_the_table_of_the_paper():
     assert equation18_radius_m(18e-3, 1.7e-6) == pytest.approx(23.82, abs=0.01)
 
 
-@pytest.mark.parametrize("fit", ["equation18", "pinned"])
+@pytest.mark.parametrize("fit", FITS)
 def test_three_spheres_are_found_where_they_are(fit):
     x, y, radius_m, peak_m = by_x(fitted(caps_map(CAPS), fit))
     assert len(x) == 3
@@ -46,7 +46,7 @@ def test_three_spheres_are_found_where_they_are(fit):
         assert peak_m[i] == pytest.approx(peak, abs=2e-9)
 
 
-@pytest.mark.parametrize("fit", ["equation18", "pinned"])
+@pytest.mark.parametrize("fit", FITS)
 def test_rotation_by_90_degrees_turns_the_caps(fit):
     surface = caps_map(CAPS, pixel_size_m=(1e-4, 1.3e-4))
     turned = HeightMap(np.rot90(surface.height_m), surface.pixel_size_m[::-1])
@@ -59,7 +59,7 @@ def test_rotation_by_90_degrees_turns_the_caps(fit):
     assert there.radius_m[b] == pytest.approx(here.radius_m[a], rel=1e-9)
 
 
-@pytest.mark.parametrize("fit", ["equation18", "pinned"])
+@pytest.mark.parametrize("fit", FITS)
 def test_lengths_scale(fit):
     surface = caps_map(CAPS)
     lateral, vertical = 3.0, 7.0

@@ -25,7 +25,7 @@ def test_regions_are_eight_connected():
     height_m[5:10, 5:10] = 1.0
     height_m[10:15, 10:15] = 1.0  # touches the first by a corner
     height_m[30:35, 30:35] = 1.0
-    hills = find_hills(HeightMap(height_m, (1.0, 1.0)), 75 / 1600)
+    hills = find_hills(HeightMap(height_m, (1.0, 1.0)), 75 / 1600, separation="regions")
     assert (hills.n_regions, hills.n_hills) == (2, 2)
     assert hills.label[7, 7] == hills.label[12, 12] != hills.label[32, 32]
     assert hills.largest_region_share == pytest.approx(50 / 75)

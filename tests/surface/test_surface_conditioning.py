@@ -1,180 +1,162 @@
-"""Form removal, the Gaussian filter, and what makes a map suspect."""
+"""The steps in order, what they say of themselves, and what makes a map suspect."""
+
+import json
+import time
+import tracemalloc
+from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 
+from pipeline.caps.families import group_families
+from pipeline.caps.fit import fit_caps
+from pipeline.caps.hills import find_hills
 from pipeline.errors import SettingsError, UnusableSurfaceError
 from pipeline.surface.conditioning import condition
-from pipeline.surface.filters import SIGMA_PER_NESTING_INDEX, gaussian_s_filter
-from pipeline.surface.heightmap import HeightMap
+from pipeline.surface.filters import gaussian_s_filter
+from pipeline.surface.form import remove_form
+from pipeline.surface.heightmap import HeightMap, Origin
+from pipeline.surface.plausibility import sanity_line
+from pipeline.surface.readers import load_surface
+from pipeline.surface.resampling import resample
+from pipeline.surface.synthetic import CapFamily, Scene, synthetic_surface
 
+SAMPLES = Path(__file__).parents[2] / "sample_surfaces"
 PIXEL_M = (60e-6, 50e-6)
+SQUARE_M = (50e-6, 50e-6)
 NY, NX = 120, 170
-
-
-def axes(shape=(NY, NX), pixel_m=PIXEL_M):
-    y, x = np.mgrid[: shape[0], : shape[1]]
-    return (y + 0.5) * pixel_m[0], (x + 0.5) * pixel_m[1]
+ROW, COL = np.mgrid[:NY, :NX]
 
 
 def rough(seed=0, rms_m=1e-7):
     return rms_m * np.random.default_rng(seed).standard_normal((NY, NX))
 
 
-def holes(seed=1, share=0.2):
-    missing = np.random.default_rng(seed).random((NY, NX)) < share
-    missing[:40, :90] = True
-    return missing
-
-
-def polynomial(degree):
-    y, x = axes()
-    z = 3e-3 + 2e-5 * x - 4e-5 * y
-    return z if degree == 1 else z + 1e-2 * x**2 - 2e-2 * y**2 + 1.5e-2 * x * y
-
-
-@pytest.mark.parametrize(("form", "degree"), [("plane", 1), ("quadratic", 2)])
-@pytest.mark.parametrize("masked", [False, True])
-def test_the_form_itself_leaves_nothing(form, degree, masked):
-    z = polynomial(degree)
-    if masked:
-        z[holes()] = np.nan
-    result = condition(HeightMap(z, PIXEL_M), form)
-    assert result.sz_m < 1e-12 * 3e-3
-    np.testing.assert_array_equal(result.surface.measured, ~np.isnan(z))
-
-
-@pytest.mark.parametrize(("form", "degree"), [("plane", 1), ("quadratic", 2)])
-@pytest.mark.parametrize("masked", [False, True])
-def test_adding_the_form_changes_nothing(form, degree, masked):
+def spiky(n=20, height_m=1e-5):
     z = rough()
-    if masked:
-        z[holes()] = np.nan
-    bare = condition(HeightMap(z, PIXEL_M), form).surface.height_m
-    bent = condition(HeightMap(z + polynomial(degree), PIXEL_M), form).surface.height_m
-    np.testing.assert_allclose(bent, bare, atol=1e-14)
-
-
-@pytest.mark.parametrize(("form", "degree"), [("plane", 1), ("quadratic", 2)])
-@pytest.mark.parametrize("masked", [False, True])
-def test_form_is_that_of_dense_least_squares(form, degree, masked):
-    z = rough(3) + polynomial(2)
-    if masked:
-        z[holes()] = np.nan
-    y, x = (a / a.max() for a in axes())
-    terms = [x**i * y**j for i in range(degree + 1) for j in range(degree + 1 - i)]
-    matrix = np.stack(terms, axis=-1)
-    known = ~np.isnan(z)
-    solution = np.linalg.lstsq(matrix[known], z[known], rcond=None)[0]
-    found = condition(HeightMap(z, PIXEL_M), form).surface.height_m
-    np.testing.assert_allclose(found, z - matrix @ solution, atol=1e-15)
-
-
-def test_turning_the_face_turns_the_result():
-    z = rough(4) + polynomial(2)
-    z[holes()] = np.nan
-    turned = condition(HeightMap(np.rot90(z), PIXEL_M[::-1]), "quadratic").surface.height_m
-    straight = condition(HeightMap(z, PIXEL_M), "quadratic").surface.height_m
-    np.testing.assert_allclose(turned, np.rot90(straight), atol=1e-16)
-
-
-def test_a_high_level_costs_no_digits():
-    z = rough(5, 1e-9)
-    low = condition(HeightMap(z, PIXEL_M)).surface.height_m
-    high = condition(HeightMap(z + 0.05, PIXEL_M)).surface.height_m
-    np.testing.assert_allclose(high, low, atol=2e-17)  # 0.05 m has an ulp of 7e-18 m
-
-
-def test_a_small_measured_part_far_off_the_middle_is_well_conditioned():
-    z = polynomial(2) + rough(6, 1e-12)
-    z[5:, :] = np.nan
-    z[:, :160] = np.nan
-    assert condition(HeightMap(z, PIXEL_M), "quadratic").sq_m < 1.1e-12
+    z.reshape(-1)[np.arange(1, n + 1) * 907] += height_m
+    return z
 
 
 def test_sq_and_sz_of_a_known_wave():
-    x = axes((100, 100))[1]
-    z = 1e-6 * np.sin(2 * np.pi * x / (100 * PIXEL_M[1]) * 4) + 5.0
+    z = 1e-6 * np.sin(2 * np.pi * (COL[:100, :100] + 0.5) / 25) + 5.0
     result = condition(HeightMap(z, PIXEL_M), "none")
     assert result.sq_m == pytest.approx(1e-6 / np.sqrt(2), rel=1e-6)
     assert result.sz_m == pytest.approx(2e-6, rel=1e-2)
 
 
-@pytest.mark.parametrize("keep", [np.s_[0:0], np.s_[7], np.s_[:, 9], np.s_[3:5, 3:5]])
-def test_too_few_measured_points_are_refused(keep):
-    z = np.full((NY, NX), np.nan)
-    z[keep] = rough()[keep]
-    with pytest.raises(UnusableSurfaceError, match=r"non-measured|along a line"):
-        condition(HeightMap(z, PIXEL_M), "quadratic")
+def test_defaults_are_a_plane_and_no_outliers():
+    surface = HeightMap(spiky() + 1e-6 * COL, PIXEL_M)
+    result = condition(surface)
+    form, outliers = result.steps
+    assert (form["step"], form["kind"], form["degree"], form["robust"]) == (
+        "form",
+        "plane",
+        1,
+        False,
+    )
+    assert form["residual_sq_m"] == result.sq_m
+    assert (outliers["step"], outliers["rule"], outliers["removed"]) == (
+        "outliers",
+        "isolated",
+        20,
+    )
+    assert outliers["sz_before_m"] > 1e-5 > result.sz_m
+    assert np.count_nonzero(~result.surface.measured) == 20
 
 
-def test_points_along_a_diagonal_fix_no_plane():
-    z = np.full((50, 50), np.nan)
-    np.fill_diagonal(z, 1e-6)
-    with pytest.raises(UnusableSurfaceError, match="along a line"):
-        condition(HeightMap(z, PIXEL_M))
+def test_the_form_is_that_of_the_points_that_stay():
+    z, clean = spiky() + 1e-6 * COL, rough() + 1e-6 * COL
+    clean[np.abs(z - clean) > 0] = np.nan
+    found = condition(HeightMap(z, PIXEL_M)).surface.height_m
+    expected = remove_form(HeightMap(clean, PIXEL_M))[0].height_m
+    np.testing.assert_array_equal(found, expected)
 
 
-def test_unknown_form_is_refused():
+def test_outliers_stay_on_demand():
+    result = condition(HeightMap(spiky(), PIXEL_M), outliers="none")
+    assert result.steps[1] == {"step": "outliers", "rule": "none", "removed": 0}
+    assert result.surface.measured.all()
+
+
+def test_every_step_is_stated_in_the_order_it_is_done():
+    surface = HeightMap(spiky(), SQUARE_M)
+    result = condition(
+        surface,
+        "polynomial",
+        form_degree=3,
+        form_robust=True,
+        edge_trim_m=120e-6,
+        s_filter_nesting_index_m=0.3e-3,
+        l_filter_nesting_index_m=4e-3,
+        resample_to=(57, 82),
+    )
+    names = [step["step"] for step in result.steps]
+    assert names == ["edge_trim", "form", "outliers", "s_filter", "l_filter", "resampling"]
+    trim, form, _, s, long, grid = result.steps
+    assert trim["points"] == [3, 3]
+    assert (form["degree"], form["robust"]) == (3, True)
+    assert (s["nesting_index_m"], long["nesting_index_m"]) == (0.3e-3, 4e-3)
+    assert grid["shape"] == [57, 82]
+    assert result.surface.shape == (57, 82)
+    assert result.surface.side_m == pytest.approx((114 * 50e-6, 164 * 50e-6))
+    json.dumps(result.steps, allow_nan=False)
+
+
+def test_steps_are_those_of_their_own_functions():
+    z = rough()
+    z[30:40, 50:80] = np.nan
+    surface = HeightMap(z + 1e-6 * COL, PIXEL_M)
+    result = condition(surface, s_filter_nesting_index_m=0.5e-3, resample_to=(60, 100))
+    expected = resample(gaussian_s_filter(remove_form(surface)[0], 0.5e-3), (60, 100))
+    np.testing.assert_array_equal(result.surface.height_m, expected.height_m)
+
+
+@pytest.mark.parametrize(
+    ("width_m", "margin"), [(50e-6, (1, 1)), (120e-6, (2, 3)), (51e-6, (1, 2))]
+)
+def test_the_margin_is_cut_off(width_m, margin):
+    z = rough()
+    inner = z[margin[0] : NY - margin[0], margin[1] : NX - margin[1]]
+    found = condition(HeightMap(z, PIXEL_M), "none", edge_trim_m=width_m).surface
+    np.testing.assert_array_equal(found.height_m, inner)
+
+
+@pytest.mark.parametrize("width_m", [0.0, -1e-3, 3.6e-3, 1.0, np.nan, np.inf])
+def test_an_impossible_margin_is_refused(width_m):
+    with pytest.raises(SettingsError, match="edge_trim_m"):
+        condition(HeightMap(rough(), PIXEL_M), edge_trim_m=width_m)
+
+
+def test_unknown_rule_and_form_are_refused():
+    with pytest.raises(SettingsError, match="median"):
+        condition(HeightMap(rough(), PIXEL_M), outliers="median")
     with pytest.raises(SettingsError, match="cubic"):
         condition(HeightMap(rough(), PIXEL_M), "cubic")
 
 
-def test_sigma_is_that_of_the_standard():
-    assert pytest.approx(0.1874, abs=5e-5) == SIGMA_PER_NESTING_INDEX
-    # transmission of a Gaussian of that width at a wave as long as the nesting index
-    assert np.exp(-2 * (np.pi * SIGMA_PER_NESTING_INDEX) ** 2) == pytest.approx(0.5, rel=1e-14)
+@pytest.mark.parametrize("form", ["plane", "none"])
+def test_a_map_without_a_height_is_refused(form):
+    with pytest.raises(UnusableSurfaceError, match="non-measured"):
+        condition(HeightMap(np.full((NY, NX), np.nan), PIXEL_M), form)
 
 
-@pytest.mark.parametrize("masked", [False, True])
-def test_filter_leaves_a_constant_alone(masked):
-    z = np.full((NY, NX), 0.0123)
-    if masked:
-        z[holes()] = np.nan
-    smooth = gaussian_s_filter(HeightMap(z, PIXEL_M), 1e-3).height_m
-    np.testing.assert_allclose(smooth, z, rtol=1e-15)
+# What is said about a map
 
 
-@pytest.mark.parametrize("axis", [0, 1])
-@pytest.mark.parametrize("ratio", [0.5, 1.0, 2.0, 4.0])
-def test_filter_transmits_waves_as_the_standard_says(axis, ratio):
-    index_m = 0.8e-3
-    wave = np.cos(2 * np.pi * (axes((160, 160))[axis] - 4e-3) / (ratio * index_m))
-    middle = np.s_[60:100, 60:100]
-    smooth = gaussian_s_filter(HeightMap(wave, PIXEL_M), index_m).height_m
-    expected = 0.5 ** (1 / ratio**2)
-    np.testing.assert_allclose(smooth[middle], expected * wave[middle], atol=2e-6)
-
-
-def test_filter_ignores_what_was_not_measured():
-    z = rough(8)
-    z[holes()] = np.nan
-    smooth = gaussian_s_filter(HeightMap(z, PIXEL_M), 0.5e-3).height_m
-    np.testing.assert_array_equal(np.isnan(smooth), np.isnan(z))
-    y, x = axes()
-    i, j = 80, 100
-    sigma_m = SIGMA_PER_NESTING_INDEX * 0.5e-3
-    weight = np.exp(-((y - y[i, j]) ** 2 + (x - x[i, j]) ** 2) / (2 * sigma_m**2))
-    weight[np.isnan(z)] = 0
-    assert smooth[i, j] == pytest.approx(np.nansum(weight * z) / weight.sum(), rel=1e-4)
-
-
-@pytest.mark.parametrize("index_m", [0.0, -1e-3, 1e-4, 1.0, np.nan, np.inf])
-def test_filter_refuses_a_nesting_index_the_grid_cannot_show(index_m):
-    with pytest.raises(SettingsError, match="nesting_index"):
-        condition(HeightMap(rough(), PIXEL_M), s_filter_nesting_index_m=index_m)
-
-
-def codes(z, pixel_m=(50e-6, 50e-6), form="plane"):
-    return {p.code: p.severity for p in condition(HeightMap(z, pixel_m), form).problems}
+def codes(z, pixel_m=SQUARE_M, form="plane", **options):
+    found = condition(HeightMap(z, pixel_m), form, **options).problems
+    return {problem.code: problem.severity for problem in found}
 
 
 def test_a_plausible_face_raises_no_doubt():
     assert codes(rough()) == {}
 
 
-def test_non_square_pixels_are_mentioned():
-    assert codes(rough(), PIXEL_M) == {"non_square_pixels": "info"}
+@pytest.mark.parametrize(("pixel_m", "severity"), [(PIXEL_M, "info"), ((50e-6, 110e-6), "warning")])
+def test_non_square_pixels_are_mentioned(pixel_m, severity):
+    assert codes(rough(), pixel_m) == {"non_square_pixels": severity}
 
 
 def test_heights_beyond_the_face_are_a_unit_error():
@@ -185,16 +167,105 @@ def test_steep_heights_are_suspect():
     assert codes(3e2 * rough()) == {"slope_suspect": "warning"}
 
 
-def test_a_spike_is_counted_once_and_kept():
+def test_heights_below_an_atom_and_a_face_of_ten_metres_are_suspect():
+    assert codes(1e-5 * rough()) == {"scale_suspect": "warning"}
+    assert codes(rough(), (0.1, 0.1)) == {"scale_suspect": "warning"}
+
+
+def test_removed_outliers_are_counted_for_information():
+    assert codes(spiky(3)) == {"outliers_removed": "info"}
+    message = condition(HeightMap(spiky(3), SQUARE_M)).problems[0].message
+    assert message.startswith("3 points")
+    assert "3 of them upwards" in message
+
+
+def test_many_outliers_are_a_warning():
     z = rough()
-    z[40, 50] += 5e-6
-    z[0:3, 9] = np.nan
-    result = condition(HeightMap(z, (50e-6, 50e-6)))
-    assert [p.code for p in result.problems] == ["outliers", "spikes"]
-    assert result.problems[1].message.startswith("1 single")
-    assert np.nanargmax(result.surface.height_m) == 40 * NX + 50
+    z[2::6, 2::6] += 1e-5
+    assert codes(z) == {"outliers_removed": "warning"}
 
 
-def test_a_smooth_cap_is_no_spike():
-    y, x = axes()
-    assert "spikes" not in codes(-((y - 3e-3) ** 2 + (x - 4e-3) ** 2) / 50, form="none")
+def test_kept_spikes_matter_where_they_are_touched_or_move_the_form():
+    up, down, deep = (rough() + 5e-7 * np.sin(COL / 20) for _ in range(3))
+    up[40, 50] += 5e-6
+    down[40, 50] -= 5e-6
+    deep[40, 50] -= 1e-4
+    assert codes(up, outliers="none") == {"spikes": "warning"}
+    assert codes(down, outliers="none") == {"spikes": "info"}
+    assert codes(deep, outliers="none") == {"spikes": "warning", "outliers": "info"}
+
+
+def test_heights_far_from_the_rest_matter_where_they_are_touched():
+    hill = np.exp(-((ROW - 60) ** 2 + (COL - 80) ** 2) / 8.0)
+    assert codes(rough() + 1e-5 * hill) == {"outliers": "warning"}
+    assert codes(rough() - 1e-5 * hill) == {"outliers": "info"}
+
+
+def test_the_sanity_line_says_what_was_read():
+    z = rough()
+    z[:12] = np.nan
+    surface = HeightMap(z, PIXEL_M, Origin(height_unit="um"))
+    line = sanity_line(surface, 1e-7, 8.6e-6)
+    assert line == (
+        "170 x 120 points of 50 x 60 um (not square), 8.5 x 7.2 mm; heights stored in um; "
+        "10.00 % non-measured; Sq 0.1 um, Sz 8.6 um, Sz/Sq 86"
+    )
+
+
+# The whole way
+
+
+def caps_of(surface):
+    result = condition(surface)
+    hills = find_hills(result.surface)
+    caps, families = group_families(fit_caps(result.surface, hills))
+    return result, caps, families
+
+
+@pytest.mark.parametrize("name", ["paper_face_a", "paper_face_b"])
+def test_tilt_missing_points_and_spikes_leave_the_caps_alone(name):
+    clean = load_surface(SAMPLES / f"{name}.h5")
+    rng = np.random.default_rng(4)
+    nx = clean.shape[1]
+    z = clean.height_m + 1e-3 * np.arange(nx) / nx
+    at = rng.choice(z.size, 100, replace=False)
+    z.reshape(-1)[at] += 2.1e-6 * rng.choice((-1.0, 1.0), 100)  # 1000 times the roughness
+    z[rng.random(z.shape) < 0.05] = np.nan
+
+    _, expected, families = caps_of(clean)
+    result, caps, found = caps_of(replace(clean, height_m=z))
+    assert result.steps[1]["removed"] == np.count_nonzero(~np.isnan(z.reshape(-1)[at]))
+    assert (found.m, found.n) == (families.m, families.n)
+    assert found.h_m == pytest.approx(families.h_m, rel=0.01)
+    for one, other in ((found.G, families.G), (found.P, families.P)):
+        for key in ("radius_m", "diameter_m", "height_m", "peak_height_m"):
+            assert getattr(one, key) == pytest.approx(getattr(other, key), rel=0.01), key
+    apart = np.hypot(caps.x_m[:, None] - expected.x_m, caps.y_m[:, None] - expected.y_m)
+    pair = apart.argmin(axis=1)
+    assert sorted(pair) == list(range(len(expected)))
+    for key, within in (("peak_height_m", 0.01), ("diameter_m", 0.01), ("radius_m", 0.05)):
+        values = getattr(caps, key), getattr(expected, key)[pair]
+        np.testing.assert_allclose(*values, rtol=within, err_msg=key)
+    np.testing.assert_allclose(caps.radius_m.mean(), expected.radius_m.mean(), rtol=0.01)
+
+
+def test_condition_is_quick_and_small():
+    scene = Scene(families=(CapFamily("G", 5, 23.8),), noise_rms_m=2e-9, tilt=(1e-3, 0.0))
+    scene = replace(scene, n_spikes=100, spike_m=2e-6, non_measured_fraction=0.05)
+    surface, _ = synthetic_surface(scene)
+    condition(surface)
+    begin = time.thread_time()
+    condition(surface)
+    assert time.thread_time() - begin < 0.2  # 34 ms where nothing else runs
+    tracemalloc.start()
+    condition(
+        surface,
+        "quadratic",
+        edge_trim_m=1e-4,
+        s_filter_nesting_index_m=0.3e-3,
+        l_filter_nesting_index_m=20e-3,
+        resample_to=(600, 900),
+    )
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert peak < 6 * surface.height_m.nbytes

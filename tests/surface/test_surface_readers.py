@@ -4,6 +4,7 @@ import contextlib
 import hashlib
 import subprocess
 import sys
+import time
 
 import h5py
 import numpy as np
@@ -235,6 +236,31 @@ def test_x3p_without_a_height_map_is_refused(tmp_path):
             load_surface(tmp_path / f"{name}.x3p")
 
 
+@pytest.mark.parametrize("damage", ["length", "heap"])
+def test_damaged_strings_do_not_hang_the_hdf5_library(tmp_path, damage):
+    path = native(tmp_path / "face.h5")
+    content = bytearray(path.read_bytes())
+    if damage == "length":
+        at = content.index(b"unit\0\0\0\0")
+        at = content.index((2).to_bytes(4, "little"), at + 24)
+        content[at : at + 4] = b"\xff\xff\xff\xff"
+    else:
+        at = content.index(b"GCOL") + 16
+        content[at : at + 16] = bytes(16)
+    path.write_bytes(content)
+    started = time.process_time()
+    with pytest.raises(UnreadableFileError, match="damaged HDF5 file at offset"):
+        load_surface(path)
+    assert time.process_time() - started < 1.0
+
+
+def test_unwritten_dataset_is_no_map(tmp_path):
+    with h5py.File(tmp_path / "sparse.h5", "w") as file:
+        file.create_dataset("height", (4000, 4000), dtype="f8", chunks=True)
+    with pytest.raises(UnreadableFileError, match="unpack"):
+        load_surface(tmp_path / "sparse.h5")
+
+
 @pytest.mark.parametrize("kind", ["h5", "x3p"])
 @pytest.mark.parametrize("seed", range(12))
 def test_damaged_bytes_give_an_error_of_ours_or_a_map(tmp_path, kind, seed):
@@ -264,14 +290,17 @@ def test_writing_refuses_unknown_units_and_folders(tmp_path):
 
 
 def test_formats_names_every_reader():
-    assert [row.name for row in formats()] == ["hdf5", "npy", "x3p", "vendor"]
+    assert " ".join(row.name for row in formats()) == (
+        "hdf5 npy x3p sdf mat tiff gwyddion xyz text vendor"
+    )
     assert all(row.extensions and row.note for row in formats())
 
 
 def test_registry_imports_no_reading_library():
     code = (
         "import sys, pipeline.surface.readers; "
-        "print([m for m in ('h5py', 'x3pio', 'SurfaceTopography', 'scipy') if m in sys.modules])"
+        "heavy = ('h5py', 'x3pio', 'tifffile', 'SurfaceTopography', 'scipy'); "
+        "print([m for m in heavy if m in sys.modules])"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.strip() == "[]"
@@ -293,15 +322,3 @@ def test_what_is_no_height_map_is_refused(tmp_path, content):
     (tmp_path / "thing.dat").write_bytes(content)
     with pytest.raises(UnreadableFileError, match=r"not a height map|damaged"):
         load_surface(tmp_path / "thing.dat")
-
-
-def test_text_matrix_goes_through_the_extra_and_needs_units(tmp_path):
-    pytest.importorskip(
-        "SurfaceTopography", reason="needs the extra `vendor`", exc_type=ImportError
-    )
-    np.savetxt(tmp_path / "m.txt", HEIGHTS)
-    with pytest.raises(UncalibratedError, match="--unit"):
-        load_surface(tmp_path / "m.txt")
-    surface = load_surface(tmp_path / "m.txt", **CALIBRATION)
-    np.testing.assert_allclose(surface.height_m, HEIGHTS * 1e-6)
-    assert surface.pixel_size_m == (1e-3, 2e-3)

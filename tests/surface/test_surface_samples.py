@@ -59,4 +59,4 @@ def test_paper_faces_are_read_clean(name):
 
 def test_the_harder_face_says_what_is_wrong_with_it():
     problems = condition(load_surface(FOLDER / "harder_face.h5"), "quadratic").problems
-    assert {"spikes", "non_square_pixels"} <= {p.code for p in problems}
+    assert {"outliers_removed", "non_square_pixels"} <= {p.code for p in problems}

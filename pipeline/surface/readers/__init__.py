@@ -4,12 +4,23 @@ import hashlib
 from dataclasses import dataclass
 from pathlib import Path
 
-from pipeline.errors import UnreadableFileError
+from pipeline.errors import SettingsError, UnreadableFileError
 from pipeline.surface.heightmap import HeightMap, Origin
-from pipeline.surface.readers import hdf5, npy, vendor, x3p
-from pipeline.surface.readers.stored import Format, calibrate
+from pipeline.surface.readers import gwyddion, hdf5, mat, npy, sdf, text, tiff, vendor, x3p, xyz
+from pipeline.surface.readers.stored import Format, Request, calibrate, read_head
 
-FORMATS: tuple[Format, ...] = (hdf5.FORMAT, npy.FORMAT, x3p.FORMAT, vendor.FORMAT)  # asked in order
+FORMATS: tuple[Format, ...] = (  # asked in this order
+    hdf5.FORMAT,
+    npy.FORMAT,
+    x3p.FORMAT,
+    sdf.FORMAT,
+    mat.FORMAT,
+    tiff.FORMAT,
+    gwyddion.FORMAT,
+    xyz.FORMAT,
+    text.FORMAT,
+    vendor.FORMAT,
+)
 HEAD_BYTES = 512
 
 
@@ -29,7 +40,7 @@ def formats() -> tuple[FormatRow, ...]:
     Examples
     --------
     >>> [row.name for row in formats()]
-    ['hdf5', 'npy', 'x3p', 'vendor']
+    ['hdf5', 'npy', 'x3p', 'sdf', 'mat', 'tiff', 'gwyddion', 'xyz', 'text', 'vendor']
     """
     return tuple(FormatRow(f.name, f.extensions, f.reader, f.note) for f in FORMATS)
 
@@ -41,6 +52,7 @@ def load_surface(
     lateral_unit: str | None = None,
     pixel_size: tuple[float, float] | None = None,
     dataset: str | None = None,
+    lenient: bool = False,
 ) -> HeightMap:
     """Read a scan file as a height map in metres.
 
@@ -56,14 +68,20 @@ def load_surface(
     lateral_unit : str, optional
         Unit of the pixel size, one of the same words.
     pixel_size : (float, float), optional
-        (dy, dx) in `lateral_unit`, which then has to be given too.
+        (dy, dx) in `lateral_unit`, which then has to be given too. For a point cloud, which has
+        no pixels of its own, the size of the cells of the grid.
     dataset : str, optional
-        Name of the dataset (HDF5) or channel (vendor formats) that holds the heights.
+        Name of the dataset (HDF5), array (NPZ), variable (MAT) or channel (vendor formats) that
+        holds the heights.
+    lenient : bool, optional
+        Accept an X3P archive with its files in a subfolder, with entries that an archiver added,
+        or with a wrong checksum. Each leniency used is said in `origin.notes`.
 
     Returns
     -------
     HeightMap
-        float64, shape (ny, nx), NaN at non-measured points.
+        float64, shape (ny, nx), NaN at non-measured points. `origin.notes` says what the reader
+        did beyond reading.
 
     Raises
     ------
@@ -79,7 +97,12 @@ def load_surface(
     path = Path(path)
     head = _head(path)
     file_format = next(f for f in FORMATS if f.recognises(head, path))
-    stored = file_format.read(path, dataset)
+    if dataset is not None and not file_format.named:
+        raise SettingsError(
+            f"{path}: --dataset {dataset} given, but a file of the format {file_format.name} "
+            "holds one height map; leave it out"
+        )
+    stored = file_format.read(path, Request(dataset, pixel_size, lateral_unit, lenient))
     origin = Origin(
         name=path.stem, path=str(path), sha256=sha256_of(path), file_format=file_format.name
     )
@@ -90,8 +113,7 @@ def _head(path: Path) -> bytes:
     if path.is_dir():
         raise UnreadableFileError(f"{path}: is a folder; expected a scan file; name one in it")
     try:
-        with path.open("rb") as file:
-            head = file.read(HEAD_BYTES)
+        head = read_head(path, HEAD_BYTES)
     except FileNotFoundError as error:
         raise UnreadableFileError(f"{path}: no such file; check the path") from error
     except OSError as error:
@@ -102,5 +124,6 @@ def _head(path: Path) -> bytes:
 
 
 def sha256_of(path: Path) -> str:
+    """Return the SHA-256 digest of a file, in hexadecimal."""
     with path.open("rb") as file:
         return hashlib.file_digest(file, "sha256").hexdigest()

@@ -27,6 +27,9 @@ SPELLINGS = {
     "nanometer": "nm",
 }
 MAX_POINTS = 2**28  # 2 GiB of float64
+# Packed data that grow more than this are no measured heights, whose noise does not pack.
+MAX_GROWTH = 200
+GROWTH_COUNTS_FROM_BYTES = 2**24
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,12 +46,48 @@ class Stored:
         (dy, dx) in `lateral_unit`.
     lateral_unit : str or None
         Unit of the pixel size.
+    notes : tuple of str
+        What the reader did beyond reading: each a sentence for the user.
     """
 
     height: np.ndarray
     unit: str | None = None
     pixel_size: tuple[float, float] | None = None
     lateral_unit: str | None = None
+    notes: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class Request:
+    """What the user asks of a reader, beside the file.
+
+    Attributes
+    ----------
+    dataset : str or None
+        Name of the dataset, variable or channel that holds the heights.
+    pixel_size : (float, float) or None
+        (dy, dx) in `lateral_unit`: the cells of a point cloud, which has no pixels of its own.
+    lateral_unit : str or None
+        Unit of `pixel_size`.
+    lenient : bool
+        Accept what a format names as its leniencies, each with a note.
+    """
+
+    dataset: str | None = None
+    pixel_size: tuple[float, float] | None = None
+    lateral_unit: str | None = None
+    lenient: bool = False
+
+    def pixel_size_in(self, unit: str | None) -> tuple[float, float] | None:
+        """Return the pixel size in a unit of the file; None for `unit` means the user's own."""
+        if self.pixel_size is None:
+            return None
+        dy, dx = _given_pair(self.pixel_size)
+        if unit is None or self.lateral_unit is None:
+            return dy, dx
+        factor = METRES[_given_word(self.lateral_unit, "--lateral-unit")]
+        factor /= METRES[_stored_word(unit, "pixel unit")]
+        return dy * factor, dx * factor
 
 
 @dataclass(frozen=True)
@@ -56,7 +95,8 @@ class Format:
     """One row of the registry.
 
     `recognises(head, path)` judges by the first bytes of the file, and looks into the file or at
-    its extension only where those do not decide. `read(path, dataset)` returns what is stored.
+    its extension only where those do not decide. `read(path, request)` returns what is stored.
+    `named` says that a file can hold several maps, so that `Request.dataset` has a meaning.
     """
 
     name: str
@@ -64,7 +104,14 @@ class Format:
     reader: str
     note: str
     recognises: Callable[[bytes, Path], bool]
-    read: Callable[[Path, str | None], Stored]
+    read: Callable[[Path, Request], Stored]
+    named: bool = False
+
+
+def read_head(path: Path, size: int) -> bytes:
+    """Return the first bytes of a file."""
+    with path.open("rb") as file:
+        return file.read(size)
 
 
 def check_shape(shape: tuple[int, ...], what: str) -> None:
@@ -75,7 +122,7 @@ def check_shape(shape: tuple[int, ...], what: str) -> None:
     UnreadableFileError
         If the shape has not two axes, or more than `MAX_POINTS` points.
     """
-    if len(shape) != 2:
+    if len(shape) != 2 or min(shape) < 0:
         raise UnreadableFileError(
             f"{what}: shape {tuple(shape)}; expected two axes (ny, nx); choose the dataset that "
             "holds the height map"
@@ -96,6 +143,22 @@ def check_real(dtype: np.dtype[Any], what: str) -> None:
         )
 
 
+def check_growth(packed_bytes: int, unpacked_bytes: int, what: str) -> None:
+    """Refuse, before memory is taken, packed data that grow as no measured heights do.
+
+    Raises
+    ------
+    UnreadableFileError
+        If the data grow to more than `GROWTH_COUNTS_FROM_BYTES` and more than `MAX_GROWTH` times.
+    """
+    if unpacked_bytes > max(GROWTH_COUNTS_FROM_BYTES, MAX_GROWTH * packed_bytes):
+        raise UnreadableFileError(
+            f"{what}: {packed_bytes} bytes unpack to {unpacked_bytes}; expected at most "
+            f"{MAX_GROWTH} times as many; measured heights do not pack like this: export the "
+            "scan again"
+        )
+
+
 def calibrate(
     stored: Stored,
     origin: Origin,
@@ -110,7 +173,7 @@ def calibrate(
     stored : Stored
         What the file says.
     origin : Origin
-        Name and digest; the units are added here.
+        Name and digest; the units and the reader's notes are added here.
     unit, lateral_unit : str or None
         Units given by the user. `lateral_unit` belongs to `pixel_size` where that is given, and to
         the file's own pixel size where it is not.
@@ -130,8 +193,9 @@ def calibrate(
     pixel_size_m, pixel_unit = _pixel_size_m(stored, lateral_unit, pixel_size, where)
     height_m = np.asarray(stored.height, dtype=np.float64)
     if height_unit != "m":
-        height_m = height_m * METRES[height_unit]
-    origin = replace(origin, height_unit=height_unit, lateral_unit=pixel_unit)
+        with np.errstate(invalid="ignore", over="ignore"):  # odd NaN; infinity is refused later
+            height_m = height_m * METRES[height_unit]
+    origin = replace(origin, height_unit=height_unit, lateral_unit=pixel_unit, notes=stored.notes)
     return HeightMap(height_m, pixel_size_m, origin)
 
 

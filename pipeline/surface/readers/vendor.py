@@ -8,20 +8,21 @@ from typing import Any
 import numpy as np
 
 from pipeline.errors import CapslipError, UnreadableFileError
-from pipeline.surface.readers.stored import Format, Stored, check_shape
+from pipeline.surface.readers.stored import Format, Request, Stored, check_shape
 
 REFUSED = {
     "nms": "the library gets its lateral scale wrong; export it as X3P",
-    "npz": "it holds several bare arrays; save one of them as NPY",
 }
-NO_FORMAT = "hgt"  # has no header: every file of a fitting size passes for it
+# hgt has no header: every file of a fitting size passes for it. The others are built in: what
+# their own readers did not recognise is damaged, and the library would read it less strictly.
+NO_FORMAT = ("hgt", "asc", "h5", "mat", "npy", "npz", "sdf", "x3p", "xyz")
 
 
 def _recognises(head: bytes, path: Path) -> bool:
     return True  # the last in the registry: everything that nothing else recognised
 
 
-def _read(path: Path, dataset: str | None) -> Stored:
+def _read(path: Path, request: Request) -> Stored:
     with warnings.catch_warnings():
         # The library warns of optional parts that this use does not need, and one of its parsers
         # logs the whole content of a file that is not its own.
@@ -32,12 +33,13 @@ def _read(path: Path, dataset: str | None) -> Stored:
             from SurfaceTopography.Exceptions import CannotDetectFileFormat
         except ImportError as error:
             raise UnreadableFileError(
-                f"{path}: not HDF5, NPY or X3P; other formats need an optional library; "
-                "install capslip[vendor], or convert the file to one of these"
+                f"{path}: in no format that is built in; formats of instrument makers need an "
+                "optional library; install capslip[vendor], or convert the file to X3P, SDF, XYZ "
+                "or HDF5"
             ) from error
         try:
             with open_topography(str(path)) as reader:
-                return _stored(reader, path, dataset)
+                return _stored(reader, path, request.dataset)
         except CapslipError:
             raise
         except CannotDetectFileFormat as error:
@@ -59,7 +61,7 @@ def _unknown(path: Path) -> UnreadableFileError:
 
 def _stored(reader: Any, path: Path, dataset: str | None) -> Stored:
     kind = reader.format()
-    if kind == NO_FORMAT:
+    if kind in NO_FORMAT:
         raise _unknown(path)
     if kind in REFUSED:
         raise UnreadableFileError(f"{path}: {kind} files are refused: {REFUSED[kind]}")
@@ -112,17 +114,15 @@ FORMAT = Format(
         ".opdx",
         ".plu",
         ".plux",
-        ".sdf",
         ".spm",
         ".sur",
         ".tmd",
-        ".txt",
         ".vk4",
-        ".xyz",
         ".zon",
     ),
     reader="SurfaceTopography (capslip[vendor])",
-    note="about 40 formats of instrument makers and text matrices, recognised by content",
+    note="about 40 formats of instrument makers, recognised by content",
     recognises=_recognises,
     read=_read,
+    named=True,
 )

@@ -1,0 +1,189 @@
+"""Two faces: the second is laid on the first as told, or where it fits."""
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy import ndimage
+
+from pipeline.errors import SettingsError, UnusableSurfaceError
+from pipeline.surface.conditioning import condition, sq_and_sz_m
+from pipeline.surface.heightmap import HeightMap, Origin
+from pipeline.surface.mating import composite_surface, doubts_of_mating, mate, place
+
+D_M = 50e-6
+PIXEL_M = (D_M, D_M)
+
+
+def waves(shape, seed=0, width=8, rms_m=1e-6):
+    z = ndimage.gaussian_filter(np.random.default_rng(seed).standard_normal(shape), width)
+    return rms_m * z / z.std()
+
+
+def flat(surface):
+    """Least-squares plane off, by a dense solver."""
+    z = surface.height_m
+    known = ~np.isnan(z)
+    y, x = np.nonzero(known)
+    matrix = np.stack((np.ones(y.size), y / z.shape[0], x / z.shape[1]), axis=1)
+    level = z.copy()
+    level[known] -= matrix @ np.linalg.lstsq(matrix, z[known], rcond=None)[0]
+    return level
+
+
+@pytest.mark.parametrize("mirror", ["x", "y"])
+def test_without_a_shift_the_heights_of_the_mirrored_face_are_added(mirror):
+    a, b = waves((60, 90), 1), waves((60, 90), 2)
+    first, second = HeightMap(a, PIXEL_M), HeightMap(b, PIXEL_M)
+    both = composite_surface(first, second, place(first, second, mirror=mirror))
+    turned = b[:, ::-1] if mirror == "x" else b[::-1]
+    np.testing.assert_allclose(both.height_m, flat(HeightMap(a + turned, PIXEL_M)), atol=1e-15)
+
+
+def test_a_shift_moves_the_second_face_and_leaves_the_rest_non_measured():
+    a, b = waves((60, 90), 1), waves((60, 90), 2)
+    first, second = HeightMap(a, PIXEL_M), HeightMap(b, PIXEL_M)
+    placement = place(first, second, offset_m=(4 * D_M, -7 * D_M))
+    both = composite_surface(first, second, placement)
+    expected = np.full((60, 90), np.nan)
+    expected[4:, :-7] = a[4:, :-7] + b[:-4, ::-1][:, 7:]
+    np.testing.assert_allclose(both.height_m, flat(HeightMap(expected, PIXEL_M)), atol=1e-15)
+
+
+def test_half_a_turn_undoes_one_mirror_and_makes_the_other():
+    a, b = waves((60, 90), 1), waves((60, 90), 2)
+    first, second = HeightMap(a, PIXEL_M), HeightMap(b, PIXEL_M)
+    turned = composite_surface(first, second, place(first, second, rotation_rad=np.pi))
+    other = composite_surface(first, second, place(first, second, mirror="y"))
+    np.testing.assert_allclose(turned.height_m, other.height_m, atol=1e-14)
+
+
+@pytest.mark.parametrize("mirror", ["x", "y"])
+def test_points_move_with_the_heights(mirror):
+    """A peak of the second face stands on the composite where `on_first` says."""
+    shape, other = (100, 140), (80, 160)
+    y, x = (np.mgrid[: other[0], : other[1]] + 0.5) * D_M
+    b = np.exp(-((y - 2.5e-3) ** 2 + (x - 5.2e-3) ** 2) / (2 * 3e-4**2))
+    first, second = HeightMap(np.zeros(shape), PIXEL_M), HeightMap(b, PIXEL_M)
+    placement = place(first, second, mirror=mirror, offset_m=(2e-4, -5e-4), rotation_rad=0.3)
+    both = composite_surface(first, second, placement)
+    x_m, y_m = placement.on_first(np.array([5.2e-3]), np.array([2.5e-3]))
+    top = np.unravel_index(np.nanargmax(both.height_m), shape)
+    assert (top[1] + 0.5) * D_M == pytest.approx(x_m[0], abs=D_M)
+    assert (top[0] + 0.5) * D_M == pytest.approx(y_m[0], abs=D_M)
+    mirrored = (second.side_m[1] - 5.2e-3, 2.5e-3) if mirror == "x" else (5.2e-3, 80 * D_M - 2.5e-3)
+    u, v = mirrored[0] - second.side_m[1] / 2, mirrored[1] - second.side_m[0] / 2
+    expected_x = u * np.cos(0.3) - v * np.sin(0.3) + first.side_m[1] / 2 - 5e-4
+    expected_y = u * np.sin(0.3) + v * np.cos(0.3) + first.side_m[0] / 2 + 2e-4
+    assert (x_m[0], y_m[0]) == pytest.approx((expected_x, expected_y), abs=1e-12)
+
+
+def test_non_measured_points_of_either_face_are_those_of_the_sum():
+    a, b = waves((60, 90), 1), waves((60, 90), 2)
+    a[10:20, 30:40] = np.nan
+    b[40:50, 5:15] = np.nan
+    first, second = HeightMap(a, PIXEL_M), HeightMap(b, PIXEL_M)
+    both = composite_surface(first, second, place(first, second))
+    np.testing.assert_array_equal(both.measured, ~np.isnan(a) & ~np.isnan(b[:, ::-1]))
+
+
+def test_a_finer_second_face_is_averaged_to_the_grid_of_the_first():
+    fine = waves((240, 360), 3, width=16)
+    noise = 1e-7 * np.random.default_rng(4).standard_normal(fine.shape)
+    first = HeightMap(np.zeros((60, 90)), PIXEL_M)
+    second = HeightMap(fine + noise, (D_M / 4, D_M / 4))
+    both = composite_surface(first, second, place(first, second))
+    blocks = fine[:, ::-1].reshape(60, 4, 90, 4).mean(axis=(1, 3))
+    off = both.height_m - flat(HeightMap(blocks, PIXEL_M))
+    assert np.abs(off[3:-3, 3:-3]).std() < 5e-8
+
+
+def worn_pair(offset_m, rotation_rad, mirror, noise_m=3e-8, second_pixel_m=D_M):
+    """Cut a face, and one that bears its print, out of a larger piece."""
+    large = waves((460, 620), 0)
+    first = HeightMap(large[30:430, 30:590], PIXEL_M)
+    ny, nx = round(300 * D_M / second_pixel_m), round(480 * D_M / second_pixel_m)
+    blank = HeightMap(np.zeros((ny, nx)), (second_pixel_m, second_pixel_m))
+    truth = place(first, blank, mirror=mirror, offset_m=offset_m, rotation_rad=rotation_rad)
+    y, x = (np.mgrid[:ny, :nx] + 0.5) * second_pixel_m
+    on_x, on_y = truth.on_first(x.ravel(), y.ravel())
+    places = on_y / D_M + 29.5, on_x / D_M + 29.5
+    rng = np.random.default_rng(5)
+    z = -ndimage.map_coordinates(large, places, order=3).reshape(ny, nx)
+    z += noise_m * rng.standard_normal(z.shape)
+    z[rng.random(z.shape) < 0.05] = np.nan
+    return first, replace(blank, height_m=z), truth
+
+
+@pytest.mark.parametrize(
+    ("offset_m", "rotation_rad", "mirror", "second_pixel_m"),
+    [
+        ((0.0, 0.0), 0.0, "x", D_M),
+        ((0.6e-3, -1.23e-3), 0.02, "x", D_M),
+        ((-1.0e-3, 1.5e-3), -0.05, "y", D_M),
+        ((0.3e-3, 0.2e-3), 0.03, "x", 0.8 * D_M),
+    ],
+)
+def test_a_worn_pair_finds_its_place(offset_m, rotation_rad, mirror, second_pixel_m):
+    first, second, truth = worn_pair(offset_m, rotation_rad, mirror, second_pixel_m=second_pixel_m)
+    found = place(first, second, mirror=mirror, align="least_squares")
+    assert found.offset_m == pytest.approx(offset_m, abs=0.05 * D_M)
+    assert found.rotation_rad == pytest.approx(rotation_rad, abs=1e-4)
+    assert found.correlation > 0.99
+    both = composite_surface(first, second, found)
+    assert np.nanstd(both.height_m) < 5e-8
+    assert doubts_of_mating(both, found) == ()
+    assert truth.correlation is None
+
+
+def test_faces_that_have_nothing_to_do_with_each_other_are_said_to():
+    first = HeightMap(waves((200, 300), 1, width=4), PIXEL_M)
+    second = HeightMap(waves((200, 300), 2, width=4), PIXEL_M)
+    found = place(first, second, align="least_squares")
+    problems = doubts_of_mating(composite_surface(first, second, found), found)
+    assert [p.code for p in problems] == ["mating_unrelated"]
+
+
+def test_little_overlap_is_said_and_none_is_refused():
+    face = HeightMap(waves((60, 90)), PIXEL_M)
+    beside = place(face, face, offset_m=(0.0, 60 * D_M))
+    problems = doubts_of_mating(composite_surface(face, face, beside), beside)
+    assert [p.code for p in problems] == ["mating_overlap"]
+    with pytest.raises(UnusableSurfaceError, match="overlap"):
+        composite_surface(face, face, place(face, face, offset_m=(0.0, 1.0)))
+
+
+def test_mated_faces_are_conditioned_and_tell_their_steps():
+    spiky = waves((60, 90), 2)
+    spiky[30, 40] += 1e-4
+    first, second = (
+        condition(HeightMap(z, PIXEL_M, Origin(name=name)))
+        for z, name in ((waves((60, 90), 1), "a"), (spiky, "b"))
+    )
+    placement = place(first.surface, second.surface)
+    both = mate(first, second, placement)
+    expected = composite_surface(first.surface, second.surface, placement)
+    np.testing.assert_array_equal(both.surface.height_m, expected.height_m)
+    assert (both.sq_m, both.sz_m) == sq_and_sz_m(expected)
+    assert [step["step"] for step in both.steps] == ["form", "outliers", "mating"]
+    assert both.steps[2]["second_steps"][1]["removed"] == 1
+    assert [problem.message[:9] for problem in both.problems] == ["b: 1 poin"]
+    assert np.count_nonzero(~both.surface.measured) == 1
+    json.dumps(both.steps, allow_nan=False)
+
+
+@pytest.mark.parametrize(
+    "options",
+    [
+        {"mirror": "z"},
+        {"align": "best"},
+        {"offset_m": (np.nan, 0.0)},
+        {"offset_m": (0.0,)},
+        {"rotation_rad": np.inf},
+    ],
+)
+def test_impossible_placements_are_refused(options):
+    face = HeightMap(waves((60, 90)), PIXEL_M)
+    with pytest.raises(SettingsError, match="mating"):
+        place(face, face, **options)

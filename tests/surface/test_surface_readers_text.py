@@ -1,0 +1,361 @@
+"""Readers of text: separators, decimal marks, labels, units, points on and off a grid, SDF."""
+
+import subprocess
+import sys
+import time
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from pipeline.errors import (
+    CapslipError,
+    UncalibratedError,
+    UnreadableFileError,
+    UnusableSurfaceError,
+)
+from pipeline.surface.readers import load_surface
+from pipeline.surface.readers.points import grid_points
+
+CALIBRATION = {"unit": "um", "pixel_size": (2.0, 1.0), "lateral_unit": "mm"}
+LENGTHS = {"unit": "um", "lateral_unit": "mm"}
+MAP = np.round(np.random.default_rng(3).normal(size=(6, 8)), 4)
+
+
+def put(path, content):
+    path.write_bytes(content if isinstance(content, bytes) else content.encode())
+    return path
+
+
+def rows(values=MAP, separator=" ", decimal="."):
+    lines = (separator.join(f"{v:.4f}".replace(".", decimal) for v in row) for row in values)
+    return "\n".join(lines) + "\n"
+
+
+def points_of(heights=MAP, dy=2.0, dx=1.0):
+    i, j = np.indices(heights.shape)
+    return np.column_stack([dx * j.ravel(), dy * i.ravel(), heights.ravel()])
+
+
+# --- matrices and CSV ---
+
+
+@pytest.mark.parametrize(
+    ("separator", "decimal"),
+    [(" ", "."), ("\t", "."), (",", "."), (", ", "."), (";", "."), (";", ","), ("\t", ",")],
+)
+@pytest.mark.parametrize("end", ["\n", "\r\n", "\r"])
+def test_separators_and_decimal_marks(tmp_path, separator, decimal, end):
+    text = rows(separator=separator, decimal=decimal).replace("\n", end)
+    surface = load_surface(put(tmp_path / "m.csv", text), **CALIBRATION)
+    np.testing.assert_allclose(surface.height_m, 1e-6 * MAP, rtol=1e-15)
+    assert surface.pixel_size_m == (2e-3, 1e-3)
+    assert any("decimal commas" in note for note in surface.origin.notes) == (decimal == ",")
+
+
+def test_blanks_with_decimal_commas(tmp_path):
+    surface = load_surface(put(tmp_path / "m.txt", rows(decimal=",")), **CALIBRATION)
+    np.testing.assert_allclose(surface.height_m, 1e-6 * MAP, rtol=1e-15)
+
+
+def test_unit_and_pixel_size_are_asked_for(tmp_path):
+    path = put(tmp_path / "m.csv", rows(separator=","))
+    with pytest.raises(UncalibratedError, match="--unit"):
+        load_surface(path)
+    with pytest.raises(UncalibratedError, match="--pixel-size"):
+        load_surface(path, unit="um")
+
+
+def test_comments_empty_fields_and_nan_are_no_heights(tmp_path):
+    text = "# made by hand\n% twice\n\n1,2,3,4,\n5,,7,nan,\n,9,8,7,\n"
+    surface = load_surface(put(tmp_path / "m.csv", text), **CALIBRATION)
+    nan = np.nan
+    expected = [[1, 2, 3, 4], [5, nan, 7, nan], [nan, 9, 8, 7]]
+    np.testing.assert_allclose(surface.height_m, 1e-6 * np.array(expected))
+
+
+def test_last_field_of_a_row_may_be_empty(tmp_path):
+    surface = load_surface(put(tmp_path / "m.csv", "1;2;3;4\n4;5;6;\n7;8;9;7\n"), **CALIBRATION)
+    assert np.isnan(surface.height_m[1, 3])
+    assert np.isnan(surface.height_m).sum() == 1
+
+
+def test_text_without_an_end_is_noted(tmp_path):
+    surface = load_surface(put(tmp_path / "m.txt", rows().rstrip("\n")), **CALIBRATION)
+    assert any("truncated" in note for note in surface.origin.notes)
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("1 2 3 4\n5 Bad 7 8\n9 9 9 9\n", "line 2, column 2: 'Bad'"),
+        ("# c\n1,2,3,4\n5,6,7,8\n5,6,7,#\n", "line 4, column 4: '#'"),
+        ("1 2 3 4\n5 6 7\n", "line 2 has 3 numbers; expected 4"),
+        ("1.5;2,5;3;4\n1;2;3;4\n", "points and commas"),
+        ("1,05,2,07,3,01\n" * 3, "one number or two"),
+        ("1,5,2 2,5,7 3,1 4\n" * 3, "commas and blanks"),
+        ("height,of,my,map\n1,2,3,4\n", "line 1, column 1: 'height'"),
+        ("", "zero bytes"),
+        ("# nothing\n", "no numbers"),
+        ("0 1 2 3 4\n" + "5 6.5 7 9 8\n" * 4, "labels"),
+        (",0,1,2,3\n0,5,6,9,8\n1,5,6,7,8\n2,5,6,3,8\n", "labels"),
+        ("0 .1 .2 .3 .4\n" + "".join(f"{0.5 * i} 5 9 2 8\n" for i in range(1, 6)), "labels"),
+        ("1 2 3 4 5\n" * 400, "a list, not a map"),
+        ("1 2 3 4\n5 6 7 8\x00\n", "zero byte at offset 15"),
+    ],
+)
+def test_odd_matrix_is_refused(tmp_path, text, words):
+    path = put(tmp_path / "odd.csv", text)
+    with pytest.raises(UnreadableFileError, match=words) as caught:
+        load_surface(path, **CALIBRATION)
+    assert str(path) in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+def test_utf16_is_named(tmp_path):
+    with pytest.raises(CapslipError):
+        load_surface(put(tmp_path / "m.csv", rows().encode("utf-16")), **CALIBRATION)
+
+
+def test_infinity_is_refused(tmp_path):
+    text = rows().replace("\n", "\n", 1) + "inf " * 8 + "\n"
+    with pytest.raises(UnusableSurfaceError, match="infinite"):
+        load_surface(put(tmp_path / "m.txt", text), **CALIBRATION)
+
+
+def test_tilted_plane_is_no_label(tmp_path):
+    plane = np.add.outer(0.25 * np.arange(6.0), 0.5 * np.arange(8.0))
+    surface = load_surface(put(tmp_path / "m.txt", rows(plane + 0.125)), **CALIBRATION)
+    np.testing.assert_allclose(surface.height_m, 1e-6 * (plane + 0.125))
+
+
+# --- Gwyddion ASCII ---
+
+SIZED = "h=6 w=8\npixel size=5e-007 m\ndata unit=rad\nheight conversion factor (-> m)=2e-008\n"
+
+
+def test_hidden_scale_factor_is_applied(tmp_path):
+    surface = load_surface(put(tmp_path / "g.txt", SIZED + rows()))
+    np.testing.assert_allclose(surface.height_m, 2e-8 * MAP, rtol=1e-15)
+    assert surface.pixel_size_m == (5e-7, 5e-7)
+    assert surface.origin.file_format == "gwyddion"
+
+
+@pytest.mark.parametrize("encoding", ["utf-8", "latin-1"])
+def test_commented_header_gives_the_field(tmp_path, encoding):
+    head = "# Channel: z\n# Width: 8 µm\n# Height: 12 µm\n# Value units: nm\n"
+    surface = load_surface(put(tmp_path / "g.txt", (head + rows()).encode(encoding)))
+    np.testing.assert_allclose(surface.height_m, 1e-9 * MAP, rtol=1e-15)
+    np.testing.assert_allclose(surface.pixel_size_m, (2e-6, 1e-6), rtol=1e-15)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "error", "words"),
+    [
+        ("h=6", "h=7", UnreadableFileError, "6 rows of 8 numbers; expected 7 rows"),
+        ("h=6 w=8", "h=999999 w=999999", UnreadableFileError, "999999 x 999999 points"),
+        ("=2e-008", "=two", UnreadableFileError, "positive number"),
+        ("=2e-008", "=-2e-008", UnreadableFileError, "positive number"),
+        ("(-> m)", "(-> rad)", UncalibratedError, "'rad'"),
+        ("height conversion", "another", UncalibratedError, "'rad'"),
+        ("pixel size=5e-007 m\n", "", UnreadableFileError, "pixel size"),
+    ],
+)
+def test_odd_gwyddion_header_is_refused(tmp_path, old, new, error, words):
+    with pytest.raises(error, match=words):
+        load_surface(put(tmp_path / "g.txt", SIZED.replace(old, new) + rows()))
+
+
+# --- XYZ ---
+
+
+@settings(max_examples=60, deadline=None)
+@given(
+    shape=st.tuples(st.integers(5, 30), st.integers(5, 30)),
+    step=st.tuples(st.floats(1e-4, 1e3), st.floats(1e-4, 1e3)),
+    start=st.floats(-1e4, 1e4),
+    holes=st.floats(0.0, 0.4),
+    seed=st.integers(0, 99),
+)
+def test_grid_is_found_in_any_order_with_holes(shape, step, start, holes, seed):
+    rng = np.random.default_rng(seed)
+    heights = rng.normal(size=shape)
+    points = points_of(heights, *step) + np.array([start, -start, 0.0])
+    kept = rng.random(heights.size) >= holes
+    kept.reshape(shape)[[0, -1]] = kept.reshape(shape)[:, [0, -1]] = True
+    grid = grid_points(rng.permutation(points[kept]), "points")
+    np.testing.assert_allclose(grid.pixel_size, step, rtol=1e-6)
+    np.testing.assert_array_equal(grid.height, np.where(kept.reshape(shape), heights, np.nan))
+    assert grid.notes == ()
+
+
+@pytest.mark.parametrize("jitter", [0.05, 0.2])
+def test_jittered_points_go_to_their_nodes_with_a_note(jitter):
+    rng = np.random.default_rng(1)
+    heights = rng.normal(size=(40, 50))
+    points = points_of(heights)
+    points[:, :2] += rng.uniform(-jitter, jitter, (len(points), 2)) * [1.0, 2.0]
+    grid = grid_points(rng.permutation(points), "points")
+    np.testing.assert_array_equal(grid.height, heights)
+    np.testing.assert_allclose(grid.pixel_size, (2.0, 1.0), rtol=1e-3)
+    assert f"up to {100 * jitter:.0f} % of a pixel" in grid.notes[0]
+
+
+def test_cloud_keeps_a_plane_and_says_what_was_done():
+    rng = np.random.default_rng(2)
+    xy = rng.uniform(0.0, 10.0, (20_000, 2))
+    grid = grid_points(np.column_stack([xy, xy @ [0.3, -0.2]]), "points")
+    dy, dx = grid.pixel_size
+    assert dy == dx == pytest.approx(np.sqrt(4 * 100 / 20_000), rel=1e-3)
+    i, j = np.indices(grid.height.shape)
+    plane = 0.3 * (j + 0.5) * dx - 0.2 * (i + 0.5) * dy
+    inside = ~np.isnan(grid.height[:-1, :-1])
+    # the mean of the points of a cell lies at most half a cell from its centre
+    assert np.abs((grid.height - plane)[:-1, :-1][inside]).max() < 0.25 * dx + 1e-3
+    empty = np.isnan(grid.height).mean()
+    assert empty == pytest.approx(np.exp(-4.0), abs=0.01)
+    assert "20000 points" in grid.notes[0]
+    assert f"{100 * empty:.1f} % of the cells are empty" in grid.notes[0]
+
+
+def test_cells_of_a_cloud_are_chosen_with_the_pixel_size(tmp_path):
+    rng = np.random.default_rng(2)
+    cloud = np.column_stack([rng.uniform(0.0, 10.0, (500, 2)), rng.normal(size=500)])
+    np.savetxt(tmp_path / "c.xyz", cloud, header="x [mm] y [mm] z [um]")
+    surface = load_surface(tmp_path / "c.xyz", pixel_size=(2000.0, 1000.0), lateral_unit="um")
+    np.testing.assert_allclose(surface.pixel_size_m, (2e-3, 1e-3), rtol=1e-15)
+    assert surface.shape == (5, 10)
+    wide = rng.permutation(np.vstack([cloud, [[1e4, 1e4, 0.0]]]))
+    with pytest.raises(UnreadableFileError, match="stray points"):
+        grid_points(wide, "points")
+
+
+def test_repeated_points_are_merged_and_contradictions_refused():
+    points = points_of()
+    grid = grid_points(np.vstack([points, points[5:8]]), "points")
+    np.testing.assert_array_equal(grid.height, MAP)
+    assert grid.notes == ("3 points that repeat another one were merged with it",)
+    other = points[9] + [0.0, 0.0, 1.0]
+    with pytest.raises(
+        UnreadableFileError, match=r"two heights at x = 1, y = 2: .* and "
+    ) as caught:
+        grid_points(np.vstack([points, other]), "points")
+    assert f"{points[9, 2]:.9g}" in str(caught.value)
+    assert f"{other[2]:.9g}" in str(caught.value)
+
+
+def test_xyz_file_has_its_rows_along_y(tmp_path):
+    text = rows(points_of(), ",")
+    surface = load_surface(put(tmp_path / "p.csv", text), **LENGTHS)
+    np.testing.assert_allclose(surface.height_m, 1e-6 * MAP, rtol=1e-15)
+    np.testing.assert_allclose(surface.pixel_size_m, (2e-3, 1e-3), rtol=1e-12)
+    assert surface.origin.file_format == "xyz"
+
+
+def test_units_in_the_line_of_names_count(tmp_path):
+    path = put(tmp_path / "p.xyz", "x [mm]; y [mm]; z (nm)\n" + rows(points_of(), ";"))
+    surface = load_surface(path)
+    np.testing.assert_allclose(surface.height_m, 1e-9 * MAP, rtol=1e-15)
+    with pytest.raises(UncalibratedError, match="never overridden"):
+        load_surface(path, unit="um")
+    with pytest.raises(UncalibratedError, match="--lateral-unit"):
+        load_surface(put(tmp_path / "q.xyz", rows(points_of())), unit="um")
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        (lambda p: p[:5], "at least 9"),
+        (lambda p: np.where(p == p[3], np.nan, p), r"point 1 is \(nan|point \d+ is"),
+        (lambda p: np.where(p == p[3, 2], np.inf, p), "point 4 is .*inf"),
+        (lambda p: p * [0.0, 1.0, 1.0], "all points have x = 0"),
+        (lambda p: np.hstack([p, p[:, :1]]), "4 columns"),
+    ],
+)
+def test_odd_points_are_refused(tmp_path, change, words):
+    np.savetxt(tmp_path / "p.xyz", change(points_of()))
+    with pytest.raises(UnreadableFileError, match=words):
+        load_surface(tmp_path / "p.xyz", **LENGTHS)
+
+
+@pytest.mark.parametrize("line", [1, 4])
+def test_word_among_points_is_named(tmp_path, line):
+    lines = rows(points_of()).split("\n")
+    lines[line - 1] = "1.0 Bad 2.0"
+    with pytest.raises(UnreadableFileError, match=f"line {line}, column 2: 'Bad'"):
+        load_surface(put(tmp_path / "p.xyz", "\n".join(lines)), **LENGTHS)
+
+
+def test_million_points_are_read_in_time_and_memory(tmp_path):
+    rng = np.random.default_rng(4)
+    points = points_of(rng.normal(size=(1000, 1000)), 0.0101, 0.0123)
+    path = tmp_path / "million.xyz"
+    with path.open("w") as file:
+        file.writelines(f"{x:.4f} {y:.4f} {z:.6f}\n" for x, y, z in rng.permutation(points))
+    code = (
+        "import sys, time; from pipeline.surface.readers import load_surface\n"
+        "start = time.process_time()\n"
+        "surface = load_surface(sys.argv[1], unit='um', lateral_unit='mm')\n"
+        "took = time.process_time() - start\n"
+        "status = open('/proc/self/status').read() if sys.platform == 'linux' else 'VmHWM: 0 kB'\n"
+        "print(surface.shape, took, status.split('VmHWM:')[1].split()[0])"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", code, path], capture_output=True, text=True, check=True
+    )
+    shape, _, rest = done.stdout.partition(") ")
+    took_s, peak_kB = map(float, rest.split())
+    assert shape == "(1000, 1000"
+    assert took_s < 3.0
+    assert peak_kB < 400_000
+
+
+# --- SDF in text ---
+
+FIELDS = (
+    "ManufacID = test\nNumPoints = 8\nNumProfiles = 6\nXscale = 1E-6\nYscale = 2E-6\n"
+    "Zscale = 1E-9\nZresolution = 1E-9\nCompression = 0\nDataType = 7\nCheckType = 0\n"
+)
+
+
+@pytest.mark.parametrize("magic", ["aISO-1.0", "aBCR-1.0", "aISO-2.0"])
+@pytest.mark.parametrize("separator", [" ", "\n"])
+def test_sdf_text(tmp_path, magic, separator, monkeypatch):
+    monkeypatch.setitem(sys.modules, "SurfaceTopography", None)
+    body = rows(separator=separator).replace(f"{MAP[2, 3]:.4f}", "BAD")
+    surface = load_surface(put(tmp_path / "s.sdf", f"{magic}\r\n{FIELDS}*\n{body}*\n*\n"))
+    expected = np.where(MAP[2, 3] == MAP, np.nan, 1e-9 * MAP)
+    np.testing.assert_allclose(surface.height_m, expected, rtol=1e-15)
+    assert surface.pixel_size_m == (2e-6, 1e-6)
+    assert surface.origin.notes == ()
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "words"),
+    [
+        ("NumPoints = 8", "NumPoints = 9", "48 heights; expected 54"),
+        ("NumPoints = 8", "NumPoints = 1000000000000", "1000000000000 points"),
+        ("NumPoints = 8", "NumPoints = 0", "NumPoints is 0"),
+        ("NumPoints = 8", "NumPoints = many", "NumPoints is 'many'"),
+        ("Zscale = 1E-9\n", "", "Zscale is 'missing'"),
+        ("Zscale = 1E-9", "Zscale = -1", "Zscale is -1"),
+        ("Compression = 0", "Compression = 1", "Compression is 1"),
+        ("DataType = 7", "DataType = 8", "DataType is 8"),
+        (f"{MAP[0, 2]:.4f}", "Bed", "height 3 of 48 is 'Bed'"),
+        ("*\n", "", "asterisk"),
+        ("aISO-1.0", "aISO-9.0", "version aISO-9.0"),
+    ],
+)
+def test_odd_sdf_text_is_refused(tmp_path, old, new, words):
+    text = f"aISO-1.0\n{FIELDS}*\n{rows()}*\n*\n".replace(old, new)
+    with pytest.raises(UnreadableFileError, match=words):
+        load_surface(put(tmp_path / "s.sdf", text))
+
+
+def test_refusing_is_quick(tmp_path):
+    text = "1 2 3\n" * 1_000_000 + "1 2 Bad\n"
+    started = time.process_time()
+    with pytest.raises(UnreadableFileError, match="line 1000001, column 3: 'Bad'"):
+        load_surface(put(tmp_path / "p.xyz", text), **LENGTHS)
+    assert time.process_time() - started < 1.0

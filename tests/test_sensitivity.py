@@ -1,0 +1,234 @@
+"""Sensitivity: the stable ranges of answers that are known to be stable there."""
+
+import math
+from types import SimpleNamespace
+
+import msgspec
+import numpy as np
+import pytest
+
+from pipeline.caps.families import group_families
+from pipeline.caps.fit import fit_caps
+from pipeline.caps.hills import find_hills
+from pipeline.errors import ContactError
+from pipeline.output.figures_sensitivity import sensitivity as figure_of
+from pipeline.sensitivity import ANSWERS, Answers, answers, sensitivity
+from pipeline.settings import settings_from
+from pipeline.surface.conditioning import condition
+from pipeline.surface.heightmap import HeightMap
+from pipeline.surface.synthetic import CapFamily, Scene, synthetic_surface
+
+SMALL = HeightMap(np.random.default_rng(0).normal(size=(40, 60)), (1e-4, 1e-4))
+STEADY = np.array([5.0, 18.0, 2.4e-7, 23.8, 26.7, 3e-7, 1e-7])
+NO_ERROR = np.full(len(ANSWERS), np.nan)
+
+
+def cut_of(settings):
+    return settings.hills.material_ratio
+
+
+def swept(value_of, surface=SMALL, error=NO_ERROR, tables=None):
+    def answer(_, settings, with_contact):
+        return Answers(value_of(settings), error)
+
+    return sensitivity(answer, surface, settings_from(tables or {}), 23, math.inf, True)
+
+
+def with_W(energy_J):
+    value = STEADY.copy()
+    value[ANSWERS.index("energy_J")] = energy_J
+    return value
+
+
+def test_an_answer_is_stable_from_where_it_settles_to_where_it_leaves():
+    found = swept(lambda s: with_W(1e-7 if 0.05 < cut_of(s) < 0.16 else 2e-7))
+    cut = found.sweeps[0]
+    assert (cut.stable_from[-1], cut.stable_to[-1]) == pytest.approx((6.0, 15.0))
+    assert (cut.stable_from[0], cut.stable_to[0]) == pytest.approx((2.0, 30.0))
+    assert "W stable from 6 to 15 %" in cut.sentence
+    assert found.problems == ()
+
+
+def test_a_value_that_comes_back_ends_the_stable_range_all_the_same():
+    found = swept(lambda s: with_W(2e-7 if cut_of(s) == 0.20 else 1e-7))
+    assert found.sweeps[0].stable_to[-1] == pytest.approx(15.0)
+
+
+def test_an_answer_that_one_step_moves_is_a_problem():
+    found = swept(lambda s: with_W(1e-6 * cut_of(s)))
+    (problem,) = found.problems
+    assert (problem.code, problem.severity) == ("sensitive_to_cut", "warning")
+    assert "decides on W: from 8 to 12 %" in problem.message
+    assert "W stable at 10 % alone" in problem.message
+
+
+def test_the_error_bar_is_two_standard_errors_or_the_tolerance():
+    error = NO_ERROR.copy()
+    error[2] = 1e-8
+
+    def answer(settings):
+        value = STEADY.copy()
+        value[2] *= 1.0 + 0.5 * (cut_of(settings) - 0.10)  # 5 % at 20 %
+        return value
+
+    by_error = swept(answer, error=error)
+    assert by_error.error_bar[2] == pytest.approx(2e-8)
+    assert by_error.sweeps[0].stable_to[2] == pytest.approx(25.0)
+    by_tolerance = swept(answer, tables={"contact": {"tolerance": 0.03}})
+    assert by_tolerance.error_bar[2] == pytest.approx(0.03 * 2.4e-7)
+    assert by_tolerance.sweeps[0].stable_to[2] == pytest.approx(15.0)
+
+
+def test_a_run_that_fails_is_no_answer_and_ends_the_range():
+    def fails_at_15(settings):
+        if cut_of(settings) == 0.15:
+            raise ContactError("nothing carries the load")
+        return STEADY
+
+    cut = swept(fails_at_15).sweeps[0]
+    assert np.isnan(cut.answer[6]).all()
+    assert cut.stable_to == pytest.approx(np.full(7, 12.0))
+
+
+def test_nothing_found_anywhere_says_nothing():
+    found = swept(lambda _: np.full(7, np.nan))
+    assert (found.problems, found.sweeps) == ((), ())
+    assert figure_of(SimpleNamespace(sensitivity=found)) is None
+
+
+@pytest.mark.parametrize("cut", [0.10, 0.07, 0.5])
+def test_the_chosen_cut_is_among_the_swept(cut):
+    sweep = swept(lambda _: STEADY, tables={"hills": {"material_ratio": cut}}).sweeps[0]
+    assert sweep.value[sweep.chosen] == pytest.approx(100 * cut)
+    assert (np.diff(sweep.value) > 0).all()
+
+
+class Pruned(msgspec.Struct):
+    material_ratio: float = 0.10
+    pruning_height_m: float | None = None
+    pruning_percent_Sz: float | None = 5.0
+
+
+def test_the_pruning_is_swept_around_the_height_that_was_used():
+    asked = []
+
+    def answer(_, settings, with_contact):
+        asked.append(settings.hills)
+        moved = settings.hills.pruning_height_m == pytest.approx(2e-8)
+        return Answers(with_W(2e-7 if moved else 1e-7), NO_ERROR)
+
+    settings = msgspec.structs.replace(settings_from({}), hills=Pruned())
+    found = sensitivity(answer, SMALL, settings, 23, 1e-8, True)
+    pruning = found.sweeps[1]
+    assert pruning.value == pytest.approx([2.5, 5.0, 10.0, 20.0])  # nm
+    assert pruning.stable_to[-1] == pytest.approx(10.0)
+    assert [problem.code for problem in found.problems] == ["sensitive_to_pruning"]
+    for hills in asked:  # one of the two ways to say it, never both
+        assert (hills.pruning_height_m is None) == (hills.pruning_percent_Sz is not None)
+
+
+@pytest.mark.parametrize(
+    ("index_m", "expected_um"),
+    [(None, [0, 400, 800]), (1e-3, [0, 500, 1000, 2000]), (7e-4, [0, 700, 1400])],
+)
+def test_the_filter_goes_from_none_to_more_and_never_below_four_pixels(index_m, expected_um):
+    asked = []
+
+    def answer(_, settings, with_contact):
+        asked.append(settings.conditioning.s_filter_nesting_index_m)
+        return Answers(STEADY, NO_ERROR)
+
+    tables = {} if index_m is None else {"conditioning": {"s_filter_nesting_index_m": index_m}}
+    sweep = sensitivity(answer, SMALL, settings_from(tables), 23, math.inf, True).sweeps[-1]
+    assert sweep.value == pytest.approx(expected_um)
+    assert sweep.value[sweep.chosen] == pytest.approx((index_m or 0.0) * 1e6)
+    assert None in asked
+    assert 0.0 not in asked
+
+
+@pytest.mark.parametrize(
+    ("model", "n_caps", "used"),
+    [("auto", 23, "interacting"), ("auto", 900, "mean_field"), ("families", 900, "families")],
+)
+def test_all_runs_use_one_cheap_model(model, n_caps, used):
+    models = set()
+
+    def answer(_, settings, with_contact):
+        models.add(settings.contact.model)
+        return Answers(STEADY, NO_ERROR)
+
+    sensitivity(answer, SMALL, settings_from({"contact": {"model": model}}), n_caps, math.inf, True)
+    assert models == {used}
+
+
+def test_a_coarser_map_is_used_where_it_gives_the_same_answers():
+    y, x = np.mgrid[0:500, 0:601]
+    height_m = 1e-6 * x - 2e-6 * y
+    height_m[10, 10] = np.nan
+    height_m[20:22, 20:22] = np.nan
+    fine = HeightMap(height_m, (1e-4, 2e-4))
+    seen = []
+
+    def answer(surface, _, with_contact):
+        seen.append(surface)
+        return Answers(STEADY, NO_ERROR)
+
+    sensitivity(answer, fine, settings_from({}), 23, math.inf, True)
+    coarse = seen[1]
+    assert [surface.shape for surface in seen] == [(500, 601)] + [(250, 300)] * (len(seen) - 1)
+    assert coarse.pixel_size_m == pytest.approx((2e-4, 4e-4))
+    assert coarse.height_m[50, 50] == pytest.approx(1e-6 * 100.5 - 2e-6 * 100.5)
+    assert np.isfinite(coarse.height_m[5, 5])
+    assert (~coarse.measured).sum() == 1
+
+    seen.clear()
+
+    def answer_of_the_grid(surface, _, with_contact):
+        seen.append(surface)
+        return Answers(with_W(1e-7 * surface.pixel_size_m[0]), NO_ERROR)
+
+    sensitivity(answer_of_the_grid, fine, settings_from({}), 23, math.inf, True)
+    assert sum(surface.shape == (250, 300) for surface in seen) == 1
+
+
+def test_a_face_of_caps_is_stable_and_its_figure_is_drawn():
+    scene = Scene(
+        shape=(400, 600),
+        pixel_size_m=(1e-4, 1e-4),
+        seed=2,
+        families=(CapFamily("G", 2, 23.8), CapFamily("P", 9, 26.7, 2.4e-7)),
+        floor_m=4e-7,
+        noise_rms_m=1e-9,
+    )
+    face, _ = synthetic_surface(scene)
+
+    def answer(surface, settings, with_contact):
+        cleaned = condition(
+            surface, s_filter_nesting_index_m=settings.conditioning.s_filter_nesting_index_m
+        ).surface
+        hills = find_hills(cleaned, settings.hills.material_ratio)
+        _, families = group_families(fit_caps(cleaned, hills))
+        return answers(families, 3e-7, 1e-7)
+
+    found = sensitivity(answer, face, settings_from({}), 23, math.inf, True)
+    for sweep in found.sweeps:
+        assert sweep.holds.all(), sweep.sentence
+    cut = found.sweeps[0]
+    assert (cut.stable_from <= 8).all()
+    assert (cut.stable_to >= 12).all()
+    assert cut.answer[cut.chosen, :2] == pytest.approx([2, 9])
+    assert cut.answer[cut.chosen, 2] == pytest.approx(2.4e-7, rel=0.02)
+
+    plain = found.to_dict()["hills.material_ratio"]
+    assert plain["stable_to"]["m"] >= 12
+    assert plain["m"][cut.chosen] == 2
+
+    figure = figure_of(SimpleNamespace(sensitivity=found))
+    panels = [axes for axes in figure.axes if axes.lines]
+    assert len(panels) == 5 * len(found.sweeps)
+    assert panels[0].get_ylabel() == "caps"
+    figure.canvas.draw()
+
+
+def test_no_sweep_no_figure():
+    assert figure_of(SimpleNamespace(sensitivity=None)) is None
