@@ -7,12 +7,15 @@ from datetime import UTC, datetime
 from functools import partial
 from typing import Any
 
+import numpy as np
+
 from pipeline.caps.families import Families, group_families
-from pipeline.caps.fit import fit_caps
+from pipeline.caps.fit import CONTACT_SHARE, fit_caps
 from pipeline.caps.hills import Hills, find_hills
+from pipeline.caps.points import points_of_hills
 from pipeline.caps.table import CapTable
 from pipeline.caps.together import count_together
-from pipeline.contact.press import ContactState, press
+from pipeline.contact.press import ContactState, press, press_for_depth
 from pipeline.contact.slip import SlipCurve, slip_curve
 from pipeline.doubts import doubts_of_caps, doubts_of_contact, doubts_of_families
 from pipeline.errors import ContactError
@@ -27,6 +30,8 @@ from pipeline.surface.heightmap import HeightMap
 from pipeline.surface.mating import mate as composite_of
 from pipeline.surface.mating import place
 
+MAX_TURNS = 10  # of fit and contact
+SETTLED = 1e-3  # of the preload: loads that move less in one turn have settled
 CONDITIONING = Conditioning.__struct_fields__
 
 
@@ -215,8 +220,41 @@ def _hills_and_caps(
         settings.hills.pruning_height_m,
         settings.hills.pruning_percent_Sz,
     )
-    caps = timed("caps", fit_caps, surface, hills, settings.caps.fit)
-    return hills, caps, doubts_of_caps(surface, hills, caps, settings.hills.material_ratio)
+    caps, moved = timed("caps", _fit, surface, hills, settings)
+    problems = doubts_of_caps(surface, hills, caps, settings.hills.material_ratio)
+    if moved > SETTLED:
+        message = f"the last turn of fit and contact still moved {moved:.1%} of the load"
+        problems.append(Problem("fit_not_settled", "warning", message))
+    return hills, caps, problems
+
+
+def _fit(surface: HeightMap, hills: Hills, settings: Settings) -> tuple[CapTable, float]:
+    """Fit the caps; with `contact`, each at the depth at which the preload compresses it.
+
+    The fit takes depths, contact gives them: a cap is fitted down to about half of its compression
+    a^2 / R, pressed again, and so on until the loads settle. A cap that does not touch keeps the
+    depth that the fit chooses. Returns the share of the load that the last turn still moved, too.
+    """
+    points = points_of_hills(surface, hills)
+    caps = fit_caps(surface, hills, settings.caps.fit, points=points)
+    if settings.caps.fit != "contact" or settings.contact.model == "flat":
+        return caps, 0.0
+    load_N, moved = np.zeros(len(caps)), 0.0
+    for _ in range(MAX_TURNS):
+        if not caps.usable.any():
+            return caps, 0.0
+        try:
+            pressed = press_for_depth(caps, surface.side_m, settings)
+        except ContactError:
+            return caps, 0.0  # the stage of contact says why
+        before_N, load_N = load_N, np.nan_to_num(pressed.load_N)
+        moved = float(np.abs(load_N - before_N).sum() / (2.0 * settings.contact.preload_N))
+        if moved < SETTLED:
+            break
+        compression_m = pressed.contact_radius_m**2 / pressed.radius_m
+        depth_m = np.where(load_N > 0.0, CONTACT_SHARE * compression_m, np.nan)
+        caps = fit_caps(surface, hills, "contact", depth_m, points)
+    return caps, moved
 
 
 def _answer(

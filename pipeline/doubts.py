@@ -7,10 +7,13 @@ import numpy as np
 from pipeline.caps.families import Families
 from pipeline.caps.hills import NOISE_FACTOR, Hills
 from pipeline.caps.table import CapFlag, CapTable
+from pipeline.contact.material import composite
 from pipeline.problems import Problem, Severity
 from pipeline.settings import Settings
 from pipeline.structure.response import Damping
 from pipeline.surface.heightmap import HeightMap
+
+ELASTIC_STRAIN = 0.03  # of E*: the greatest pressure at which the hardest steels stay elastic
 
 
 def doubts_of_caps(
@@ -73,7 +76,11 @@ def doubts_of_caps(
         (CapFlag.non_measured, "touch a patch of non-measured points"),
         (CapFlag.plateau, "have a flat top (clipped sensor or quantised heights)"),
         (CapFlag.noisy_apex, "are less than ten times as high as the noise"),
-        (CapFlag.apex_off_surface, "have no paraboloid apex on the hill: their peak is one point"),
+        (CapFlag.apex_off_surface, "have no fitted apex on the hill: its highest place stands in"),
+        (CapFlag.few_points, "have too few points for their errors to be known"),
+        (CapFlag.ridge, "are ridges rather than caps"),
+        (CapFlag.several_peaks, "have several peaks"),
+        (CapFlag.outlier, "are unlike all others in size"),
     ):
         n_flagged = int((caps.usable & ((caps.flags & flag) != 0)).sum())
         if n_flagged:
@@ -83,7 +90,8 @@ def doubts_of_caps(
                 f"{n_flagged} of {int(caps.usable.sum())} caps {meaning}",
                 "warning" if share > 0.2 or flag is CapFlag.plateau else "info",
             )
-    relative = caps.residual_m[caps.usable] / caps.cap_height_m[caps.usable]
+    depth_m = np.where(caps.fit_depth_m > 0.0, caps.fit_depth_m, caps.cap_height_m)
+    relative = (caps.residual_m / depth_m)[caps.usable]
     if np.median(relative) > 0.25:
         doubt(
             "not_spherical",
@@ -162,6 +170,15 @@ def doubts_of_contact(
     doubtful = CapFlag.edge | CapFlag.non_measured | CapFlag.apex_off_surface | CapFlag.noisy_apex
     load_N = np.where(loaded, caps.load_N, 0.0)
     share = load_N[(caps.flags & doubtful) != 0].sum() / max(load_N.sum(), 1e-300)
+    depth_m = 0.5 * caps.contact_radius_m**2 / caps.radius_m
+    deep = loaded & (depth_m > 1.001 * caps.fit_depth_m)
+    low = loaded & (caps.cap_height_m < 0.1 * np.nanmax(caps.cap_height_m))
+    if load_N[deep].sum() > 0.05 * load_N.sum() or low.any():
+        doubt(
+            "contact_reaches_below_cut",
+            "the contact reaches down to the cut: hills below it may touch too, and caps are "
+            "fitted too shallow; raise hills.material_ratio",
+        )
     if share > 0.2:
         doubt("load_on_doubtful_caps", f"{share:.0%} of the preload rests on flagged caps")
     yield_Pa = settings.material.yield_stress_Pa
@@ -171,6 +188,15 @@ def doubts_of_contact(
             f"the greatest contact pressure {max_pressure_Pa / 1e6:.4g} MPa exceeds 1.6 times the "
             f"yield stress {yield_Pa / 1e6:.4g} MPa: the elastic model does not hold",
         )
+    if yield_Pa is None and max_pressure_Pa is not None:
+        joint = composite(settings.material.youngs_modulus_Pa, settings.material.poisson_ratio)
+        if max_pressure_Pa > ELASTIC_STRAIN * joint.E_star_Pa:
+            doubt(
+                "pressure_beyond_elastic",
+                f"the greatest contact pressure {max_pressure_Pa / 1e9:.3g} GPa is more than any "
+                "engineering metal bears elastically; check preload and units, or give "
+                "material.yield_stress_Pa",
+            )
     if damping.peak_loss_factor > 0.3:
         doubt(
             "not_lightly_damped",

@@ -71,7 +71,7 @@ class HillSettings(_Table):
 class CapSettings(_Table):
     """How a sphere is fitted to a hill."""
 
-    fit: Literal["equation18", "pinned"] = "pinned"
+    fit: Literal["equation18", "pinned", "least_squares", "contact"] = "contact"
 
 
 class FamilySettings(_Table):

@@ -10,6 +10,8 @@ from pipeline.contact.equilibrium import lift_off, press, shear, solve_coupled
 from pipeline.contact.hertz import HertzCurve, load_drop_of_asperity
 from pipeline.errors import ContactError, SettingsError
 
+MAX_LIFT_OFFS = 300  # contacts
+
 
 @dataclass(frozen=True, eq=False)
 class InteractingCurve(HertzCurve):
@@ -47,10 +49,12 @@ class InteractingCurve(HertzCurve):
     def lift_off_m(self, approach_m: ArrayLike) -> np.ndarray:
         """Withdrawal at which each cap loses its load, shape (..., n); solved when asked for.
 
-        NaN where it has none, and for a small cap between contacts that all but merge, which grows
-        at first.
+        NaN where it has none, for a small cap between contacts that all but merge, which grows at
+        first, and for all of more than 300 contacts: the time grows as their fourth power.
         """
         g = self._compression(approach_m)
+        if np.count_nonzero(g > 0, axis=-1).max(initial=0) > MAX_LIFT_OFFS:
+            return np.full(g.shape, np.nan)
         return np.array([self._lift_off(one) for one in g.reshape(-1, g.shape[-1])]).reshape(
             g.shape
         )

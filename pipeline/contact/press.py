@@ -14,6 +14,7 @@ from pipeline.contact.material import Composite, composite
 from pipeline.errors import ContactError
 from pipeline.settings import Settings
 
+REACH_MARGIN = 0.25  # of the approach: caps a little deeper are tried too
 MAX_INTERACTING = 2000  # caps; the dense matrix of pairs then takes 32 MB
 
 
@@ -102,6 +103,50 @@ def press(
         composite=material,
     )
     return state, _with_loads(caps, state)
+
+
+def press_for_depth(
+    caps: CapTable, side_m: tuple[float, float], settings: Settings
+) -> CapTable:
+    """Fill in the loads and contact radii that decide at which depth a cap is fitted.
+
+    Interacting caps, those alone that the face can reach; the mean field where they are too many.
+
+    Parameters
+    ----------
+    caps : CapTable
+        Caps of one face, at least one of them usable.
+    side_m : (float, float)
+        Sides (ly, lx) of the face.
+    settings : Settings
+        `material` and `contact`.
+
+    Raises
+    ------
+    ContactError
+        If the caps cannot carry the preload.
+    """
+    material = composite(settings.material.youngs_modulus_Pa, settings.material.poisson_ratio)
+    E_star_Pa, preload_N = material.E_star_Pa, settings.contact.preload_N
+    usable = np.flatnonzero(caps.usable)
+    depth_m = caps.peak_height_m[usable].max() - caps.peak_height_m[usable]
+    radius_m, x_m, y_m = caps.radius_m[usable], caps.x_m[usable], caps.y_m[usable]
+    curve: NormalCurve = curves.mean_field(radius_m, depth_m, E_star_Pa, side_m, preload_N)
+    approach_m, reach_m = float(curve.approach_m(preload_N)), 0.0
+    near = np.ones(len(usable), dtype=bool)
+    while approach_m > reach_m:  # a cap touches only where the approach exceeds its depth
+        reach_m = (1.0 + REACH_MARGIN) * approach_m
+        candidates = depth_m <= reach_m
+        if np.count_nonzero(candidates) > MAX_INTERACTING:
+            break
+        near = candidates
+        curve = interacting(radius_m[near], depth_m[near], x_m[near], y_m[near], E_star_Pa)
+        approach_m = float(curve.approach_m(preload_N))
+    load_N = np.full(len(caps), np.nan)
+    load_N[usable] = 0.0
+    load_N[usable[near]] = curve.asperity_loads_N(approach_m)
+    a_m = np.cbrt(3.0 * load_N * caps.radius_m / (4.0 * E_star_Pa))
+    return caps.with_columns(load_N=load_N, contact_radius_m=a_m)
 
 
 def _normal_curve(

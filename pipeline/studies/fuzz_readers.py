@@ -13,6 +13,7 @@ import zipfile
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -23,6 +24,7 @@ from pipeline.surface.readers.hdf5 import write_hdf5
 
 SLOW_S = 1.0
 SHAPE = (9, 11)
+CALIBRATED = ("hdf5", "x3p", "sdf", "gwyddion")  # their files say their units
 TOKENS = (b"nan", b"-", b"1e999", b"Bad", b",", b";", b"\t", b"\n", b"#", b"999999999999", b"=")
 NUMBERS = (0, 1, 0x7F, 0x80, 0xFF, 0xFFFF, 0x7FFFFFFF, 0xFFFFFFFF, 1 << 40, (1 << 63) - 1)
 
@@ -70,6 +72,14 @@ def fuzz_readers(n_mutants: int, seed: int = 0) -> tuple[FuzzResult, ...]:
         )
 
 
+def calibration(name: str) -> dict[str, Any]:
+    """Return what the valid files of a format do not say, as keywords of `load_surface`."""
+    if name in CALIBRATED:
+        return {}
+    lengths = {"unit": "um", "lateral_unit": "um"}
+    return lengths if name == "xyz" else {**lengths, "pixel_size": (2.0, 1.0)}
+
+
 def valid_files(folder: Path) -> dict[str, list[bytes]]:
     """Return the contents of valid files of every built-in format, written in a folder."""
     heights = np.random.default_rng(1).normal(0.0, 1e-6, SHAPE)
@@ -95,12 +105,13 @@ def _warm_up(folder: Path) -> None:
         path = folder / f"valid.{name}"
         path.write_bytes(files[0])
         with contextlib.suppress(CapslipError):
-            load_surface(path, unit="um", lateral_unit="um", pixel_size=(2.0, 1.0))
+            load_surface(path, **calibration(name))
 
 
 def _fuzz(name: str, files: list[bytes], folder: Path, n_mutants: int, seed: int) -> FuzzResult:
     rng = np.random.default_rng([seed, *name.encode()])
     path = folder / f"mutant.{name}"
+    given = calibration(name)
     n_read = n_refused = 0
     slowest_s = 0.0
     failures = []
@@ -111,9 +122,7 @@ def _fuzz(name: str, files: list[bytes], folder: Path, n_mutants: int, seed: int
         try:
             with warnings.catch_warnings():
                 warnings.simplefilter("error")
-                surface = load_surface(
-                    path, unit="um", pixel_size=(2.0, 1.0), lateral_unit="um", lenient=True
-                )
+                surface = load_surface(path, **given, lenient=True)
             n_read += isinstance(surface, HeightMap)
         except CapslipError:
             n_refused += 1

@@ -2,7 +2,7 @@
 
 import sys
 
-from pipeline.studies.fuzz_readers import fuzz_readers, valid_files
+from pipeline.studies.fuzz_readers import calibration, fuzz_readers, valid_files
 from pipeline.surface.readers import load_surface
 
 
@@ -12,7 +12,7 @@ def test_no_damaged_file_escapes_the_errors_of_the_project(monkeypatch):
     assert [failure for result in results for failure in result.failures] == []
     for result in results:
         assert result.n_read + result.n_refused == result.n_mutants == 500
-        assert result.n_refused > 0, result.name
+        assert min(result.n_read, result.n_refused) > 10, result.name
 
 
 def test_the_files_before_the_damage_are_sound(tmp_path):
@@ -21,10 +21,7 @@ def test_the_files_before_the_damage_are_sound(tmp_path):
         for content in contents:
             path = tmp_path / f"sound.{name}"
             path.write_bytes(content)
-            given = {} if name in ("hdf5", "x3p", "sdf", "gwyddion") else {"lateral_unit": "um"}
-            if name in ("npy", "npz", "mat", "tiff", "text"):
-                given["pixel_size"] = (2.0, 1.0)
-            surface = load_surface(path, **given, **({"unit": "um"} if given else {}))
+            surface = load_surface(path, **calibration(name))
             names.append(surface.origin.file_format)
             assert surface.height_m.size > 0
     assert set(names) == {"hdf5", "npy", "x3p", "sdf", "mat", "tiff", "gwyddion", "xyz", "text"}

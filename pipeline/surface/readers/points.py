@@ -11,6 +11,7 @@ MAX_OFFSET = 0.35  # pixels; a point farther from its node may belong to the nex
 NOTED_OFFSET = 0.01  # pixels; less is the rounding of printed coordinates
 MIN_FILLED = 0.2  # of the nodes; a grid emptier than this is the rounding of scattered points
 POINTS_A_CELL = 4.0  # leaves 2 % of the cells of randomly scattered points empty
+MAX_CELLS_A_POINT = 100.0  # more is a mistaken cell size, or a stray point far away
 MAX_EMPTY = 0.75  # of the cells of a point cloud whose cell size was not given
 
 
@@ -184,9 +185,14 @@ def _by_cells(points: np.ndarray, where: str, cell_size: tuple[float, float] | N
         raise UnreadableFileError(
             f"{where}: the points lie on a line; expected a surface; export the whole scan"
         )
-    columns, rows = max(extent_x / dx, 0.5), max(extent_y / dy, 0.5)
-    check_shape((int(np.ceil(rows)), int(np.ceil(columns))), where)
-    ny, nx = int(np.ceil(rows)), int(np.ceil(columns))
+    ny, nx = (int(np.ceil(max(n, 0.5))) for n in (extent_y / dy, extent_x / dx))
+    if ny * nx > MAX_CELLS_A_POINT * len(measured):
+        raise UnreadableFileError(
+            f"{where}: {len(measured)} points in {ny} x {nx} cells of {dy:.4g} x {dx:.4g}; "
+            f"expected at most {MAX_CELLS_A_POINT:g} cells a point; give a larger --pixel-size, or "
+            "cut stray points off"
+        )
+    check_shape((ny, nx), where)
     i = np.minimum(((measured[:, 1] - low[1]) / dy).astype(np.int64), ny - 1)
     j = np.minimum(((measured[:, 0] - low[0]) / dx).astype(np.int64), nx - 1)
     cell = i * nx + j
