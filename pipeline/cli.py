@@ -352,7 +352,7 @@ def formats() -> None:
     from pipeline.surface.readers import formats as known
 
     for row in known():
-        click.echo(f"{row.name:16} {row.extensions:28} {row.note}")
+        click.echo(f"{row.name:12} {' '.join(row.extensions):24} {row.note}")
 
 
 def _settings(
