@@ -27,7 +27,7 @@ class _Table(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tr
     """A table of a settings file."""
 
 
-class Reading(_Table):
+class Reading(_Table, frozen=True):
     """What a file does not say of itself. Never overrides what it says."""
 
     unit: LengthUnit | None = None
@@ -36,7 +36,7 @@ class Reading(_Table):
     dataset: str | None = None
 
 
-class Conditioning(_Table):
+class Conditioning(_Table, frozen=True):
     """From the raw height map to the one that is cut."""
 
     form: Literal["plane", "quadratic", "polynomial", "cylinder", "sphere", "none"] = "plane"
@@ -49,7 +49,7 @@ class Conditioning(_Table):
     resample_to: tuple[Size, Size] | None = None  # points (ny, nx)
 
 
-class Mating(_Table):
+class Mating(_Table, frozen=True):
     """How a second face is laid on the first, where there is one."""
 
     way: Literal["composite", "together"] = "composite"
@@ -59,7 +59,7 @@ class Mating(_Table):
     rotation_rad: float = 0.0
 
 
-class HillSettings(_Table):
+class HillSettings(_Table, frozen=True):
     """The cut, and what counts as a hill."""
 
     material_ratio: Share = 0.10
@@ -68,20 +68,20 @@ class HillSettings(_Table):
     pruning_percent_Sz: Annotated[float, msgspec.Meta(gt=0, lt=100)] | None = None
 
 
-class CapSettings(_Table):
+class CapSettings(_Table, frozen=True):
     """How a sphere is fitted to a hill."""
 
     fit: Literal["equation18", "pinned", "least_squares", "contact"] = "contact"
 
 
-class FamilySettings(_Table):
+class FamilySettings(_Table, frozen=True):
     """How many families the caps are grouped into."""
 
     count: Literal["auto", 1, 2] = "auto"
     feature: Literal["peak_height", "cap_height", "diameter", "radius"] = "peak_height"
 
 
-class Material(_Table):
+class Material(_Table, frozen=True):
     """The two bodies and the friction between them."""
 
     youngs_modulus_Pa: Pair = (200e9, 200e9)
@@ -90,7 +90,7 @@ class Material(_Table):
     yield_stress_Pa: Positive | None = None
 
 
-class Contact(_Table):
+class Contact(_Table, frozen=True):
     """The contact model and the preload of one joint."""
 
     model: Literal["auto", "flat", "families", "caps", "mean_field", "interacting"] = "auto"
@@ -99,7 +99,7 @@ class Contact(_Table):
     bulk: bool = False  # keep the half-space's bulk sinking in stiffness and displacement
 
 
-class Beam(_Table):
+class Beam(_Table, frozen=True):
     """A clamped-clamped beam with joints across its section."""
 
     length_m: Positive = 0.4
@@ -110,7 +110,7 @@ class Beam(_Table):
     joint_position_m: Positive | None = None  # default: where the bending moment vanishes
 
 
-class Structure(_Table):
+class Structure(_Table, frozen=True):
     """The vibrating structure: two stiffnesses, or a beam that gives them."""
 
     modal_stiffness_N_per_m: Positive | None = None
@@ -119,7 +119,7 @@ class Structure(_Table):
     beam: Beam = Beam()
 
 
-class Run(_Table):
+class Run(_Table, frozen=True):
     """What changes no number."""
 
     workers: Annotated[int, msgspec.Meta(ge=0)] = 0  # 0: one a core
@@ -128,7 +128,7 @@ class Run(_Table):
     log_level: Literal["debug", "info", "warning", "error"] = "info"
 
 
-class Settings(_Table):
+class Settings(_Table, frozen=True):
     """All settings of one analysis."""
 
     reading: Reading = Reading()

@@ -105,9 +105,7 @@ def press(
     return state, _with_loads(caps, state)
 
 
-def press_for_depth(
-    caps: CapTable, side_m: tuple[float, float], settings: Settings
-) -> CapTable:
+def press_for_depth(caps: CapTable, side_m: tuple[float, float], settings: Settings) -> CapTable:
     """Fill in the loads and contact radii that decide at which depth a cap is fitted.
 
     Interacting caps, those alone that the face can reach; the mean field where they are too many.

@@ -14,8 +14,8 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from pipeline.analysis import Analysis
-    from pipeline.contact.press import ContactState
     from pipeline.contact.curves import NormalCurve
+    from pipeline.contact.press import ContactState
     from pipeline.contact.slip import SlipCurve
 
 LOOP_SHARES = (0.3, 0.6, 0.9)  # of the force at total slip

@@ -10,16 +10,16 @@ from typing import Any
 import msgspec
 import numpy as np
 
-from pipeline.contact.press import press
-from pipeline.structure.stiffness import stiffnesses
 from pipeline.caps.families import group_families
 from pipeline.caps.table import CapFlag, CapTable
 from pipeline.contact.curves import NormalCurve
 from pipeline.contact.material import composite
+from pipeline.contact.press import press
 from pipeline.errors import OutputError, UnreadableFileError
 from pipeline.output.store import read_summary
 from pipeline.settings import Settings, load_settings
 from pipeline.structure.compare import Comparison, JointModel, Measurement, compare
+from pipeline.structure.stiffness import stiffnesses
 from pipeline.surface.heightmap import HeightMap
 
 SCHEMA = "capslip/compare/1"

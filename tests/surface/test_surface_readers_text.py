@@ -229,7 +229,7 @@ def test_cells_of_a_cloud_are_chosen_with_the_pixel_size(tmp_path):
     wide = rng.permutation(np.vstack([cloud, [[1e4, 1e4, 0.0]]]))
     with pytest.raises(UnreadableFileError, match="stray points"):
         grid_points(wide, "points")
-    with pytest.raises(UnreadableFileError, match="500 points in 10000 x 10000 cells"):
+    with pytest.raises(UnreadableFileError, match="501 points in 10000 x 10000 cells"):
         grid_points(wide, "points", (1.0, 1.0))
 
 
