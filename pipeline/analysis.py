@@ -109,7 +109,13 @@ def analyze(
     conditioned, hills, caps, problems = _find_caps(surface, mate, settings, timed)
     grouping = settings.families
     caps, families = timed("families", group_families, caps, grouping.count, grouping.feature)
-    problems = [*conditioned.problems, *problems, *doubts_of_families(caps, families)]
+    notes = [
+        Problem("reader_note", "warning", note)
+        for face in (surface, mate)
+        if face is not None
+        for note in face.origin.notes
+    ]
+    problems = [*notes, *conditioned.problems, *problems, *doubts_of_families(caps, families)]
 
     contact = slip = beam = damping = None
     try:

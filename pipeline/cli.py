@@ -181,6 +181,7 @@ def _load_and_analyze(
             lateral_unit=reading.lateral_unit,
             pixel_size=reading.pixel_size,
             dataset=reading.dataset,
+            lenient=reading.lenient,
         )
 
     started = time.perf_counter()

@@ -34,6 +34,7 @@ class Reading(_Table, frozen=True):
     lateral_unit: LengthUnit | None = None
     pixel_size: Pair | None = None  # (dy, dx) in lateral_unit
     dataset: str | None = None
+    lenient: bool = False  # accept odd X3P archives, each with a note
 
 
 class Conditioning(_Table, frozen=True):
