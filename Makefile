@@ -9,7 +9,7 @@ OUT    ?=
 CONFIG ?=
 
 .DEFAULT_GOAL := help
-.PHONY: help setup analyze batch inspect compare reproduce samples test lint format clean
+.PHONY: help setup analyze batch inspect compare reproduce bench chart limits soak samples test lint format clean
 
 help: ## List the targets
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / {printf "  %-11s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
@@ -41,6 +41,18 @@ compare: $(READY) ## A result against measured damping: RESULT=folder ASSEMBLY=c
 reproduce: $(READY) ## The paper's tables, figures and errata: [OUT=folder]
 	@$(BIN)/capslip reproduce $(if $(OUT),--out "$(OUT)") $(ARGS)
 	@$(BIN)/python -m pipeline.studies.errata docs/errata.md
+
+bench: $(READY) ## Timings of commands, stages and solvers beside their peers: [OUT=folder]
+	@$(BIN)/capslip bench $(if $(OUT),--out "$(OUT)") $(ARGS)
+
+chart: $(READY) ## Speed against accuracy of every method, into docs/: [OUT=folder] [SCANS=folder]
+	@$(BIN)/capslip chart --out "$(or $(OUT),docs)" $(if $(SCANS),--scans "$(SCANS)") $(ARGS)
+
+limits: $(READY) ## Where each method breaks and what the program says, into docs/: [OUT=folder]
+	@$(BIN)/capslip limits --out "$(or $(OUT),docs)" $(ARGS)
+
+soak: $(READY) ## Long checks: 10,000 random contact scenes, 20,000 damaged files a format
+	@$(BIN)/python tests/soak.py
 
 samples: $(READY) ## Write the sample surfaces again
 	@$(BIN)/python -m pipeline.studies.samples sample_surfaces

@@ -326,6 +326,49 @@ def compare(
             click.echo(f"picture    {out / 'compare.png'}")
 
 
+@main.command()
+@_result_options
+def bench(out: Path | None, as_json: bool, quiet: bool, verbose: bool) -> None:
+    """Time commands, stages and solvers beside their peers (minutes)."""
+    from pipeline.studies.bench import bench_markdown, run_bench
+
+    folder = out if out is not None else Path("results") / "bench"
+    result = run_bench(folder)
+    if as_json:
+        click.echo(json.dumps(result, indent=1, ensure_ascii=False, default=float))
+    elif not quiet:
+        click.echo(bench_markdown(result))
+
+
+@main.command()
+@click.option("--scans", type=click.Path(path_type=Path), help="Folder of real scans to add.")
+@_result_options
+def chart(scans: Path | None, out: Path | None, as_json: bool, quiet: bool, verbose: bool) -> None:
+    """Chart speed against accuracy of every method (many minutes)."""
+    from pipeline.studies.chart import chart as run
+
+    folder = out if out is not None else Path("results") / "chart"
+    result = run(folder, scans, _Progress(quiet))
+    if as_json:
+        click.echo(json.dumps(result, indent=1, ensure_ascii=False, default=float))
+    elif not quiet:
+        click.echo(f"chart      {folder / 'speed-accuracy.md'}")
+
+
+@main.command()
+@_result_options
+def limits(out: Path | None, as_json: bool, quiet: bool, verbose: bool) -> None:
+    """Drive each axis until the method breaks, and see what the program says (many minutes)."""
+    from pipeline.studies.limits import limits as run
+
+    folder = out if out is not None else Path("results") / "limits"
+    result = run(folder, _Progress(quiet))
+    if as_json:
+        click.echo(json.dumps(result, indent=1, ensure_ascii=False, default=float))
+    elif not quiet:
+        click.echo(f"limits     {folder / 'limits.md'}")
+
+
 @main.command("init-config")
 @click.argument("path", type=click.Path(path_type=Path), default="capslip.toml")
 def init_config(path: Path) -> None:

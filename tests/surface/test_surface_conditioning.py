@@ -243,7 +243,7 @@ def test_tilt_missing_points_and_spikes_leave_the_caps_alone(name):
     apart = np.hypot(caps.x_m[:, None] - expected.x_m, caps.y_m[:, None] - expected.y_m)
     pair = apart.argmin(axis=1)
     assert sorted(pair) == list(range(len(expected)))
-    for key, within in (("peak_height_m", 0.01), ("diameter_m", 0.01), ("radius_m", 0.05)):
+    for key, within in (("peak_height_m", 0.01), ("diameter_m", 0.01), ("radius_m", 0.01)):
         values = getattr(caps, key), getattr(expected, key)[pair]
         np.testing.assert_allclose(*values, rtol=within, err_msg=key)
     np.testing.assert_allclose(caps.radius_m.mean(), expected.radius_m.mean(), rtol=0.01)

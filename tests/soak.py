@@ -1,0 +1,21 @@
+"""Long checks, run by `make soak`: 10,000 random contact scenes and 20,000 damaged files a format."""
+
+import sys
+from pathlib import Path
+
+sys.path.insert(0, str(Path(__file__).parent / "contact"))
+
+from test_contact_interacting import solve_random_scenes
+
+from pipeline.studies.fuzz_readers import fuzz_readers
+
+if __name__ == "__main__":
+    worst, slowest_s = solve_random_scenes(10_000, seed=1)
+    print(f"10000 random scenes: worst misfit {worst:.2g}, slowest solve {slowest_s:.2g} s")
+    results = fuzz_readers(20_000, seed=1)
+    for result in results:
+        print(
+            f"{result.name:10} read {result.n_read}, refused {result.n_refused}, failures", end=" "
+        )
+        print(len(result.failures))
+    sys.exit(worst > 1e-9 or any(result.failures for result in results))
