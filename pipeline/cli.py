@@ -143,7 +143,8 @@ def analyze(
 
     settings = _settings(**options)
     folder = out if out is not None else Path("results") / surface.stem
-    store.check_folder(folder)
+    if surface.is_file():  # otherwise the reader says what is wrong with it
+        store.check_folder(folder)
     say = _Progress(quiet)
 
     analysis, read_s = _load_and_analyze(surface, mate, settings, say)

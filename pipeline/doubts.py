@@ -151,16 +151,16 @@ def doubts_of_contact(
     def doubt(code: str, message: str, severity: Severity = "warning") -> None:
         found.append(Problem(code, severity, message))
 
-    if n_contacts == 1:
+    loaded = caps.load_N > 0  # nowhere for a model without caps
+    if n_contacts == 1 and loaded.any():
         doubt("one_contact", "one cap carries the whole preload")
-    if families.P is not None and not (caps.load_N[caps.family == "P"] > 0).any():
+    if families.P is not None and loaded.any() and not loaded[caps.family == "P"].any():
         doubt("P_not_in_contact", "no P-cap touches under this preload", "info")
     if n_overlaps:
         doubt(
             "contacts_merge",
             f"{n_overlaps} pairs of contacts overlap: the caps do not hold at this preload",
         )
-    loaded = caps.load_N > 0
     beyond = loaded & (caps.contact_radius_m > 0.5 * caps.diameter_m)
     if beyond.any():
         doubt(

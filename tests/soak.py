@@ -1,4 +1,4 @@
-"""Long checks, run by `make soak`: 10,000 random contact scenes and 20,000 damaged files a format."""
+"""Long checks of `make soak`: 10,000 random contact scenes, 20,000 damaged files a format."""
 
 import sys
 from pathlib import Path

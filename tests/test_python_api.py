@@ -77,3 +77,18 @@ def test_every_model_gives_a_whole_summary(model):
         assert max(summary["damping"]["loss_factor"][:-1]) == 0.0
     else:
         assert summary["damping"]["peak_loss_factor"] > 0.0
+
+
+def test_a_preload_that_no_face_can_carry_is_an_error_in_the_result():
+    settings = pipeline.load_settings(overrides=("contact.preload_N=1e12",))
+    analysis = pipeline.analyze(caps_map(CAPS), settings)
+    failed = {p.code: p for p in analysis.problems}["contact_failed"]
+    assert failed.severity == "error"
+    assert analysis.slip is None
+    assert analysis.summary()["damping"]["peak_loss_factor"] is None
+
+
+def test_a_plane_interface_has_no_caps_to_doubt():
+    settings = pipeline.load_settings(overrides=("contact.model=flat",))
+    codes = {p.code for p in pipeline.analyze(caps_map(CAPS), settings).problems}
+    assert not codes & {"one_contact", "P_not_in_contact"}

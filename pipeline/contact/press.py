@@ -84,6 +84,11 @@ def press(
     if model != "flat":
         a_m = np.cbrt(3.0 * load_N * curve.radius_m / (4.0 * E_star_Pa))
         area_m2 = float((curve.count * np.pi * a_m**2).sum())
+        if area_m2 > side_m[0] * side_m[1]:
+            raise ContactError(
+                f"{model}: {preload_N:g} N need a contact area of {area_m2:.3g} m2; expected less "
+                f"than the face's {side_m[0] * side_m[1]:.3g} m2; check preload and units"
+            )
         pressure_Pa = float((1.5 * load_N[touching] / (np.pi * a_m[touching] ** 2)).max())
     state = ContactState(
         model=model,
