@@ -121,8 +121,16 @@ def analyze(
     try:
         if caps.usable.any():
             contact, caps = timed(
-                "contact", press, caps, families, conditioned.surface.side_m, settings
+                "contact",
+                press,
+                caps,
+                families,
+                conditioned.surface,
+                settings,
+                hills.label if len(caps) == hills.n_hills else None,
+                hills.noise_m,
             )
+            problems += contact.problems
             slip = timed(
                 "slip",
                 slip_curve,
@@ -276,7 +284,7 @@ def _answer(
     if not (with_contact and caps.usable.any()):
         return answers(families, None, None)
     try:
-        contact, _ = press(caps, families, conditioned.surface.side_m, settings)
+        contact, _ = press(caps, families, conditioned.surface, settings)
         slip = slip_curve(
             contact.curve,
             contact.preload_N,

@@ -18,7 +18,15 @@ if TYPE_CHECKING:
     from pipeline.settings import Settings
     from pipeline.surface.heightmap import HeightMap
 
-MODELS = ("auto", "flat", "families", "caps", "mean_field", "interacting")
+MODELS = (
+    "auto",
+    "flat",
+    "families",
+    "caps",
+    "mean_field",
+    "interacting",
+    "boundary_elements",
+)
 UNITS = ("m", "mm", "um", "µm", "nm", "inch")
 
 

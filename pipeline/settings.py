@@ -94,7 +94,9 @@ class Material(_Table, frozen=True):
 class Contact(_Table, frozen=True):
     """The contact model and the preload of one joint."""
 
-    model: Literal["auto", "flat", "families", "caps", "mean_field", "interacting"] = "auto"
+    model: Literal[
+        "auto", "flat", "families", "caps", "mean_field", "interacting", "boundary_elements"
+    ] = "auto"
     preload_N: Positive = 460.0
     tolerance: Share = 0.05
     bulk: bool = False  # keep the half-space's bulk sinking in stiffness and displacement

@@ -121,7 +121,7 @@ def summarise(
         },
         "accuracy": {
             "requested": settings.contact.tolerance,
-            "estimated": None,
+            "estimated": contact.estimated_error if contact else None,
             "model_reason": contact.model_reason if contact else None,
         },
         "sensitivity": analysis.sensitivity.to_dict() if analysis.sensitivity else None,
@@ -146,9 +146,9 @@ def summarise(
 def _limit(analysis: "Analysis", family: str) -> float | None:
     """Return the displacement at which the last cap of a family slips as a whole."""
     contact, slip = analysis.contact, analysis.slip
-    if contact is None or slip is None or contact.model == "flat":
+    if contact is None or slip is None or contact.model in ("flat", "boundary_elements"):
         return None
-    names = analysis.caps.family[analysis.caps.usable]
+    names = analysis.caps.family[contact.use]
     if contact.model == "families":
         names = np.array(["G", "P"])[: analysis.families.count]
     limits_m = slip.limits_m[(names == family) & np.isfinite(slip.limits_m)]

@@ -37,6 +37,8 @@ def normal_curve(analysis: "Analysis") -> "Figure | None":
     preload_N = contact.preload_N
     # Evenly spaced in the approach of a Hertz contact; the preload comes last.
     load_N = preload_N * np.append(1.5 * np.linspace(0.0, 1.0, 61) ** 1.5, 1.0)
+    if not np.array_equal(contact.use, analysis.caps.usable):
+        load_N[:-1] /= 1.5  # the curve holds what can touch up to the preload
     try:
         approach_m = np.asarray(contact.curve.approach_m(load_N))
     except ContactError:  # the caps carry the preload, but not half as much again

@@ -161,9 +161,7 @@ def _write_hdf5(analysis: "Analysis", path: Path) -> None:
                 values = np.array([str(word) for word in column], dtype=h5py.string_dtype())
             write(f"caps/{name}", values, UNITS[name])
         if analysis.contact is not None:
-            load_N = analysis.contact.preload_N * np.concatenate(
-                ([0.0], np.geomspace(1e-3, 1.0, 64), np.linspace(1.0, 2.0, 17)[1:])
-            )
+            load_N = analysis.contact.preload_N * np.append(0.0, np.geomspace(1e-3, 1.0, 80))
             write("normal/approach_m", analysis.contact.normal.approach_m(load_N), "m")
             write("normal/load_N", load_N, "N")
         slip = analysis.slip

@@ -209,7 +209,7 @@ def load_model(result: str | Path) -> tuple[JointModel, Settings]:
     def curve(preload_N: float) -> NormalCurve:
         contact = msgspec.structs.replace(settings.contact, preload_N=preload_N)
         changed = msgspec.structs.replace(settings, contact=contact)
-        return press(caps, families, surface.side_m, changed)[0].curve
+        return press(caps, families, surface, changed)[0].curve
 
     _, modal, joint = stiffnesses(settings)
     material = settings.material

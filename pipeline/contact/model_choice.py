@@ -1,0 +1,253 @@
+"""The cheapest contact model whose estimated error a scene allows."""
+
+import math
+import time
+from dataclasses import dataclass
+
+import numpy as np
+
+from pipeline.caps.families import Families
+from pipeline.caps.table import CapTable
+from pipeline.contact.curves import NormalCurve, bulk_compliance_m_per_N
+from pipeline.contact.interacting import InteractingCurve, interacting
+from pipeline.contact.ladder import RUNGS, normal_curve, reachable, without_bulk
+from pipeline.contact.material import Composite, composite
+from pipeline.contact.slip import slip_curve
+from pipeline.contact.unmodelled import unmodelled_area_m2
+from pipeline.errors import ContactError
+from pipeline.problems import Problem
+from pipeline.settings import Settings
+from pipeline.surface.heightmap import HeightMap
+
+FORCE_SHARES = (0.1, 0.25, 0.5, 0.75)  # T / (mu N) at which the energies are compared
+SHAPE_SHARE = 0.45  # of a residual that acts like an error of the height, see Notes
+LEAST_ERROR = 0.01  # of interacting spheres against boundary elements
+BEYOND_SHARE = 0.05  # of the load, on contacts wider than their hills
+DRAWS = 16
+WITH_BULK = ("mean_field", "interacting")
+BOUNDARY_ELEMENTS_S = 8e-7  # a point and binary digit of their number, on one core
+
+
+@dataclass(frozen=True, eq=False)
+class Choice:
+    """The contact model for one face and load, made by `choose_model`."""
+
+    model: str
+    reason: str
+    estimated_error: float | None  # of energy and stiffness, at 95 %; None: not known
+    estimates: dict[str, float | None]  # of every rung that was tried
+    use: np.ndarray  # (n,), the caps that can touch
+    cost_s: float  # of building, pressing and slipping the chosen model
+    boundary_elements_s: float | None  # what they would take, where they are needed
+
+    @property
+    def problem(self) -> Problem | None:
+        """What makes a result of this choice doubtful."""
+        if self.boundary_elements_s is None:
+            return None
+        return Problem("boundary_elements_needed", "warning", self.reason)
+
+
+def choose_model(
+    caps: CapTable,
+    families: Families,
+    surface: HeightMap,
+    label: np.ndarray | None,
+    noise_m: float,
+    settings: Settings,
+) -> Choice:
+    """Choose the cheapest rung of the ladder whose estimated error is within the tolerance.
+
+    The error of a rung is the greatest relative one of the energy of a cycle at four forces and of
+    the stiffness. For a lower rung it is the difference to interacting caps plus their own error.
+
+    Parameters
+    ----------
+    caps : CapTable
+        Caps of the face, at least one of them usable.
+    families : Families
+        Their families.
+    surface : HeightMap
+        Heights after removal of the form, to see whether anything else touches.
+    label : int, shape (ny, nx)
+        The hills of the caps; 0 elsewhere. None where the caps are not those of one map: then
+        nobody looks for what else touches.
+    noise_m : float
+        Standard deviation of the noise of the map.
+    settings : Settings
+        `material`, and `contact` with its tolerance.
+
+    Returns
+    -------
+    Choice
+        Where no rung is within the tolerance, the highest one, with the time that boundary
+        elements would take.
+
+    Raises
+    ------
+    ContactError
+        If the caps cannot carry the preload.
+
+    Notes
+    -----
+    The error of interacting caps is twice the standard deviation over faces whose caps were moved
+    at random: heights and radii by their standard errors, and by what the shape of the hills does.
+    A hill that deviates from its sphere by r changes its load like a height error of r averaged
+    with the pressure of a flat punch. The lowest deviation that a fitted sphere leaves and that
+    does so is 6 t^2 - 6 t + 1 with t = (r / a)^2, and has 0.2 sqrt(5) = 0.45 of its root mean
+    square. Deviations that go with the direction have none.
+
+    A second part of the error is the change under another law between two contacts. The error is
+    not known where something else than the caps carries: if contacts overlap, are wider than their
+    hills, or if the plane reaches points outside the hills.
+    """
+    joint = composite(settings.material.youngs_modulus_Pa, settings.material.poisson_ratio)
+    ladder = _Ladder(caps, families, surface.side_m, joint, settings)
+    use, curve = reachable(caps, surface.side_m, joint.E_star_Pa, settings.contact.preload_N)
+    if not isinstance(curve, InteractingCurve):
+        return _too_many(ladder, use, surface.shape)
+    answers, costs_s = {}, {}
+    for model in RUNGS:
+        begin = time.perf_counter()
+        try:
+            answers[model] = ladder.answers(ladder.curve(model, use))
+        except ContactError:
+            if model == RUNGS[-1]:
+                raise
+        costs_s[model] = time.perf_counter() - begin
+    doubt = ladder.doubt(use, surface, label, noise_m)
+    own = None
+    if doubt is None:
+        spread = ladder.spread(use, answers["interacting"], noise_m)
+        pairs = ladder.pair_error(use, answers["interacting"])
+        own = math.hypot(spread, pairs, LEAST_ERROR)
+    estimates: dict[str, float | None] = {}
+    for model, numbers in answers.items():
+        difference = np.abs(numbers / answers["interacting"] - 1.0).max()
+        estimates[model] = None if own is None else float(difference) + own
+    tolerance = settings.contact.tolerance
+    for model, estimate in estimates.items():
+        if estimate is not None and estimate <= tolerance:
+            reason = f"the cheapest model within {tolerance:.2g}: its error is about {estimate:.2g}"
+            return Choice(model, reason, estimate, estimates, use, costs_s[model], None)
+    needed_s = boundary_elements_s(surface.shape)
+    why = doubt or f"interacting caps may be off by {own:.2g}, more than {tolerance:.2g}"
+    return Choice(
+        "interacting",
+        f"{why}; boundary elements are needed and take about {needed_s:.2g} s",
+        own,
+        estimates,
+        use,
+        costs_s["interacting"],
+        needed_s,
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class _Ladder:
+    caps: CapTable
+    families: Families
+    side_m: tuple[float, float]
+    joint: Composite
+    settings: Settings
+
+    def curve(self, model: str, use: np.ndarray) -> NormalCurve:
+        preload_N, E_star_Pa = self.settings.contact.preload_N, self.joint.E_star_Pa
+        return normal_curve(model, self.caps, self.families, self.side_m, E_star_Pa, preload_N, use)
+
+    def answers(self, curve: NormalCurve) -> np.ndarray:
+        """Return the energies at four forces and the stiffness that slip would use."""
+        preload_N, mu = self.settings.contact.preload_N, self.settings.material.friction_coefficient
+        slip = slip_curve(curve, preload_N, mu, self.joint.kappa)
+        energy_J = slip.energy_at_force_J(np.array(FORCE_SHARES) * slip.total_slip_force_N)
+        if curve.model in WITH_BULK and not self.settings.contact.bulk:
+            bulk_m_per_N = bulk_compliance_m_per_N(self.side_m, self.joint.E_star_Pa)
+            curve, _ = without_bulk(curve, bulk_m_per_N, preload_N)
+        stiffness = curve.stiffness_N_per_m(curve.approach_m(preload_N))
+        return np.append(energy_J, stiffness)
+
+    def spread(self, use: np.ndarray, answers: np.ndarray, noise_m: float) -> float:
+        """Return twice the relative standard deviation of the answers that moved caps give."""
+        caps = self.caps
+
+        def used(values: np.ndarray) -> np.ndarray:
+            return np.nan_to_num(values[use])  # a table that no fit made has no standard errors
+
+        residual_m = np.sqrt(np.maximum(used(caps.residual_m) ** 2 - noise_m**2, 0.0))
+        shape_m = SHAPE_SHARE * residual_m
+        depth_m = np.where(
+            used(caps.fit_depth_m) > 0.0, caps.fit_depth_m[use], caps.cap_height_m[use]
+        )
+        height_m, ratio = np.zeros((2, len(caps)))
+        height_m[use] = np.hypot(shape_m, used(caps.peak_height_se_m))
+        ratio[use] = np.hypot(
+            used(caps.radius_se_m) / caps.radius_m[use], shape_m / np.maximum(depth_m, shape_m)
+        )
+        draws = max(4, min(DRAWS, DRAWS * 100 // int(np.count_nonzero(use))))
+        sign = np.random.default_rng(0).choice((-1.0, 1.0), (draws, 2, len(caps)))
+        found = []
+        for up, wide in sign:
+            moved = caps.with_columns(
+                peak_height_m=caps.peak_height_m + up * height_m,
+                radius_m=caps.radius_m * np.exp(wide * ratio),
+            )
+            found.append(self.answers(self.interacting(use, moved)) / answers - 1.0)
+        return float(2.0 * np.sqrt(np.mean(np.square(found), axis=0)).max())
+
+    def pair_error(self, use: np.ndarray, answers: np.ndarray) -> float:
+        """Return the relative change of the answers with another law between two contacts.
+
+        The point load and Johnson's Eq. 3.42 err on either side, the latter further.
+        """
+        curve = self.interacting(use, self.caps, self.settings.contact.preload_N)
+        return float(np.abs(self.answers(curve) / answers - 1.0).max())
+
+    def doubt(
+        self, use: np.ndarray, surface: HeightMap, label: np.ndarray | None, noise_m: float
+    ) -> str | None:
+        """Return why the error of interacting caps is not known, None where it is."""
+        caps = self.caps
+        curve = self.interacting(use, caps)
+        approach_m = float(curve.approach_m(self.settings.contact.preload_N))
+        if curve.overlapping_pairs(approach_m):
+            return "contacts run together"
+        load_N = curve.asperity_loads_N(approach_m)
+        a_m = np.cbrt(0.75 * load_N * curve.radius_m / self.joint.E_star_Pa)
+        beyond = a_m > 0.5 * caps.diameter_m[use]
+        if load_N[beyond].sum() > BEYOND_SHARE * load_N.sum():
+            return "contacts are wider than the hills that the caps were fitted to"
+        top_m = float(caps.peak_height_m[use].max())
+        if label is None:
+            return None
+        if unmodelled_area_m2(surface, label, curve, approach_m, top_m, noise_m) > 0.0:
+            return "parts of the face that are no hills would touch"
+        return None
+
+    def interacting(
+        self, use: np.ndarray, caps: CapTable, preload_N: float | None = None
+    ) -> InteractingCurve:
+        depth_m = caps.peak_height_m[use].max() - caps.peak_height_m[use]
+        places = caps.x_m[use], caps.y_m[use]
+        return interacting(caps.radius_m[use], depth_m, *places, self.joint.E_star_Pa, preload_N)
+
+
+def _too_many(ladder: _Ladder, use: np.ndarray, shape: tuple[int, int]) -> Choice:
+    """Return mean field, whose error nothing on the ladder tells."""
+    begin = time.perf_counter()
+    ladder.answers(ladder.curve("mean_field", use))
+    needed_s = boundary_elements_s(shape)
+    return Choice(
+        "mean_field",
+        f"{np.count_nonzero(use)} caps that can touch are too many to solve for every pair",
+        None,
+        {"mean_field": None},
+        use,
+        time.perf_counter() - begin,
+        needed_s,
+    )
+
+
+def boundary_elements_s(shape: tuple[int, int]) -> float:
+    """Return about how long boundary elements take on a grid, for one loss curve."""
+    points = math.prod(shape)
+    return BOUNDARY_ELEMENTS_S * points * math.log2(points)
