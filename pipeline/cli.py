@@ -462,15 +462,12 @@ class _Progress:
 def _numbers(analysis: "Analysis") -> str:
     """Return the results as a dozen lines in engineering units."""
     hills, families = analysis.hills, analysis.families
-    surface = analysis.conditioned.surface
-    (ny, nx), (dy_m, dx_m) = surface.shape, surface.pixel_size_m
-    missing = 100 * (1 - surface.measured.mean())
+    from pipeline.surface.plausibility import sanity_line
+
+    conditioned = analysis.conditioned
     um = 1e6
     lines = [
-        f"scan       {surface.origin.name}: {nx} x {ny} points of {dx_m * um:.4g} x {dy_m * um:.4g}"
-        f" um, {missing:.2f} % non-measured",
-        f"surface    Sq {analysis.conditioned.sq_m * um:.4g} um, "
-        f"Sz {analysis.conditioned.sz_m * um:.4g} um after form removal",
+        f"scan       {sanity_line(conditioned.surface, conditioned.sq_m, conditioned.sz_m)}",
         f"hills      cut {hills.cut_height_m * um:.4g} um, {hills.n_regions} regions, "
         f"{hills.n_hills} hills, {int(analysis.caps.usable.sum())} caps, "
         f"largest region {100 * hills.largest_region_share:.0f} %",
