@@ -17,7 +17,13 @@ from pipeline.caps.table import CapTable
 from pipeline.caps.together import count_together
 from pipeline.contact.press import ContactState, press, press_for_depth
 from pipeline.contact.slip import SlipCurve, slip_curve
-from pipeline.doubts import doubts_of_caps, doubts_of_contact, doubts_of_families
+from pipeline.doubts import (
+    doubts_of_caps,
+    doubts_of_contact,
+    doubts_of_families,
+    doubts_of_form,
+    doubts_of_scan,
+)
 from pipeline.errors import ContactError
 from pipeline.problems import Problem
 from pipeline.sensitivity import FORCE_RATIO, Answers, Sensitivity, answers, sensitivity
@@ -109,12 +115,11 @@ def analyze(
     conditioned, hills, caps, problems = _find_caps(surface, mate, settings, timed)
     grouping = settings.families
     caps, families = timed("families", group_families, caps, grouping.count, grouping.feature)
-    notes = [
-        Problem("reader_note", "warning", note)
-        for face in (surface, mate)
-        if face is not None
-        for note in face.origin.notes
-    ]
+    notes = []
+    for face in (surface, mate):
+        if face is not None:
+            notes += [Problem("reader_note", "warning", note) for note in face.origin.notes]
+            notes += doubts_of_scan(face)
     problems = [*notes, *conditioned.problems, *problems, *doubts_of_families(caps, families)]
 
     contact = slip = beam = damping = None
@@ -131,6 +136,8 @@ def analyze(
                 hills.noise_m,
             )
             problems += contact.problems
+            if settings.conditioning.form == "none":
+                problems += doubts_of_form(conditioned.surface, contact.approach_m)
             slip = timed(
                 "slip",
                 slip_curve,
@@ -154,6 +161,7 @@ def analyze(
                 contact.contacts,
                 contact.overlapping_pairs,
                 contact.max_pressure_Pa,
+                conditioned.surface.pixel_area_m2,
                 damping,
                 settings,
             )

@@ -6,14 +6,49 @@ import numpy as np
 
 from pipeline.caps.families import Families
 from pipeline.caps.hills import NOISE_FACTOR, Hills
+from pipeline.caps.pruning import MIN_POINTS
 from pipeline.caps.table import CapFlag, CapTable
 from pipeline.contact.material import composite
 from pipeline.problems import Problem, Severity
 from pipeline.settings import Settings
 from pipeline.structure.response import Damping
+from pipeline.surface.form import remove_form
 from pipeline.surface.heightmap import HeightMap
 
+MIN_PIXELS_ACROSS = 4.0  # of the contacts that carry the lighter half of the load
 ELASTIC_STRAIN = 0.03  # of E*: the greatest pressure at which the hardest steels stay elastic
+
+
+def doubts_of_scan(surface: HeightMap) -> list[Problem]:
+    """Return what makes the map as measured doubtful; levelling would hide a flat top."""
+    height_m = surface.height_m[surface.measured]
+    if height_m.size == 0:
+        return []
+    top_m = height_m.max()
+    n_top = int(np.count_nonzero(height_m == top_m))
+    below_m = height_m[height_m < top_m]
+    if n_top < MIN_POINTS or below_m.size == 0:
+        return []
+    if n_top <= 4 * np.count_nonzero(below_m == below_m.max()):
+        return []  # quantised: the next level holds as many
+    message = (
+        f"{n_top} points share the greatest height: the sensor cut the peaks off, and the caps are "
+        "higher than they look"
+    )
+    return [Problem("clipped", "warning", message)]
+
+
+def doubts_of_form(surface: HeightMap, approach_m: float) -> list[Problem]:
+    """Return whether a tilt was left in that decides what touches."""
+    level, _ = remove_form(surface, "plane")
+    tilt_m = float(np.ptp((surface.height_m - level.height_m)[surface.measured]))
+    if tilt_m <= 0.1 * approach_m:
+        return []
+    message = (
+        f"the face is tilted by {tilt_m:.3g} m, the approach is {approach_m:.3g} m; "
+        "conditioning.form = plane removes it"
+    )
+    return [Problem("tilt_left", "warning", message)]
 
 
 def doubts_of_caps(
@@ -142,6 +177,7 @@ def doubts_of_contact(
     n_contacts: int,
     n_overlaps: int,
     max_pressure_Pa: float | None,
+    pixel_area_m2: float,
     damping: Damping,
     settings: Settings,
 ) -> list[Problem]:
@@ -171,7 +207,7 @@ def doubts_of_contact(
     load_N = np.where(loaded, caps.load_N, 0.0)
     share = load_N[(caps.flags & doubtful) != 0].sum() / max(load_N.sum(), 1e-300)
     depth_m = 0.5 * caps.contact_radius_m**2 / caps.radius_m
-    deep = loaded & (depth_m > 1.001 * caps.fit_depth_m)
+    deep = loaded & (depth_m > 1.001 * caps.cap_height_m)  # no fit goes below the cut
     low = loaded & (caps.cap_height_m < 0.1 * np.nanmax(caps.cap_height_m))
     if load_N[deep].sum() > 0.05 * load_N.sum() or low.any():
         doubt(
@@ -179,6 +215,18 @@ def doubts_of_contact(
             "the contact reaches down to the cut: hills below it may touch too, and caps are "
             "fitted too shallow; raise hills.material_ratio",
         )
+    if loaded.any():
+        radius_m = caps.contact_radius_m[loaded]
+        order = np.argsort(radius_m)
+        carried_N = np.cumsum(caps.load_N[loaded][order])
+        half_m = radius_m[order][np.searchsorted(carried_N, 0.5 * carried_N[-1])]
+        across = 2.0 * half_m / math.sqrt(pixel_area_m2)
+        if across < MIN_PIXELS_ACROSS:
+            doubt(
+                "contact_under_resolved",
+                f"half of the load rests on contacts of at most {across:.2g} pixels across: a "
+                "dozen points or fewer; check units, or use a finer scan",
+            )
     if share > 0.2:
         doubt("load_on_doubtful_caps", f"{share:.0%} of the preload rests on flagged caps")
     yield_Pa = settings.material.yield_stress_Pa

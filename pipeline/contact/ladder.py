@@ -117,7 +117,9 @@ def without_bulk(
     rest = curves.in_series(curve, -bulk_m_per_N)
     try:
         # The compliance falls with the load: what holds at the preload holds below it.
-        rest.stiffness_N_per_m(rest.approach_m(preload_N))
+        approach_m = rest.approach_m(preload_N)
+        stiffness_N_per_m = rest.stiffness_N_per_m(approach_m)
+        left = bool(approach_m > rest.touch_m and stiffness_N_per_m > 0.0)
     except ContactError:
-        return curve, True
-    return rest, False
+        left = False
+    return (rest, False) if left else (curve, True)

@@ -9,7 +9,7 @@ from pipeline.caps.table import CapTable
 from pipeline.contact.boundary_elements import BoundaryElementCurve, boundary_elements
 from pipeline.contact.curves import NormalCurve, bulk_compliance_m_per_N
 from pipeline.contact.interacting import InteractingCurve
-from pipeline.contact.ladder import normal_curve, reachable, without_bulk
+from pipeline.contact.ladder import RUNGS, normal_curve, reachable, without_bulk
 from pipeline.contact.material import Composite, composite
 from pipeline.contact.model_choice import choose_model
 from pipeline.errors import ContactError
@@ -88,6 +88,8 @@ def press(
         choice = choose_model(caps, families, surface, label, noise_m, settings)
         model, reason, error, use = choice.model, choice.reason, choice.estimated_error, choice.use
         problems += [] if choice.problem is None else [choice.problem]
+    elif model in RUNGS and label is not None:
+        problems += _doubt_of_rung(model, caps, families, surface, label, noise_m, settings)
 
     normal: NormalCurve
     if model == "boundary_elements":
@@ -151,6 +153,31 @@ def press(
         problems=tuple(problems),
     )
     return state, _loaded(caps, load_N, E_star_Pa)
+
+
+def _doubt_of_rung(
+    model: str,
+    caps: CapTable,
+    families: Families,
+    surface: HeightMap,
+    label: np.ndarray,
+    noise_m: float,
+    settings: Settings,
+) -> list[Problem]:
+    """Say where a rung that the settings force is worse than the tolerance they ask for."""
+    try:
+        choice = choose_model(caps, families, surface, label, noise_m, settings)
+    except ContactError:
+        return []  # the rung itself says why, where it cannot carry the load
+    estimate, tolerance = choice.estimates.get(model), settings.contact.tolerance
+    if estimate is not None and estimate <= tolerance:
+        return []
+    off = "not known" if estimate is None else f"about {estimate:.2g}"
+    message = (
+        f"the error of {model} is {off}, more than {tolerance:.2g}; contact.model = auto takes the "
+        "cheapest one that is within"
+    )
+    return [Problem("model_doubtful", "warning", message)]
 
 
 def press_for_depth(caps: CapTable, side_m: tuple[float, float], settings: Settings) -> CapTable:

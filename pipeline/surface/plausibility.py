@@ -11,7 +11,7 @@ MAX_SZ_OVER_SQ = 30.0
 SQUARE_WITHIN = 1e-3
 MAX_PIXEL_RATIO = 2.0
 SMALLEST_SZ_M = 1e-10  # an atom
-LARGEST_SIDE_M = 10.0
+LARGEST_SIDE_M = 1.0
 SAMPLED_LINES = 100
 HIGHEST_SHARE = 0.10  # what the paper keeps: a spike up there is touched, or spoils a cap
 VISIBLE_SHARE_OF_SQ = 0.01
@@ -33,7 +33,7 @@ def doubts_of_surface(surface: HeightMap, sq_m: float, sz_m: float) -> tuple[Pro
     tuple of Problem
         `slope_suspect` (error) where the height range exceeds the shorter side of the face, or
         (warning) where the rms slope or more than 5 % of all slopes exceed 1, and `scale_suspect`
-        (warning) where it is below the size of an atom or a side is longer than 10 m: a wrong unit
+        (warning) where it is below the size of an atom or a side is longer than 1 m: a wrong unit
         until proven otherwise. `outliers` where Sz/Sq exceeds 30: a warning where peaks, info
         where pits do it. `non_square_pixels` (info; warning above a ratio of 2).
     """

@@ -10,8 +10,9 @@ from scenes import caps_map
 from pipeline.caps.families import group_families
 from pipeline.caps.fit import fit_caps
 from pipeline.caps.hills import find_hills
+from pipeline.contact.curves import caps as caps_curve
 from pipeline.contact.interacting import interacting
-from pipeline.contact.ladder import RUNGS, normal_curve
+from pipeline.contact.ladder import RUNGS, normal_curve, without_bulk
 from pipeline.contact.material import composite
 from pipeline.contact.model_choice import boundary_elements_s, choose_model
 from pipeline.contact.slip import slip_curve
@@ -159,6 +160,18 @@ def test_unmodelled_area_is_that_of_a_plateau_above_the_plane():
     assert unmodelled_area_m2(lower, *area[1:], 0.0) == 0.0
     # Noise of that size may hide that it touches
     assert unmodelled_area_m2(lower, *area[1:], 2 * approach_m) > 0.0
+
+
+def test_the_bulk_term_stays_where_nothing_would_be_left():
+    alone = caps_curve([20.0], [0.0], E_STAR_PA)
+    approach_m = float(alone.approach_m(100.0))
+    rest, with_bulk = without_bulk(alone, 0.1 * approach_m / 100.0, 100.0)
+    assert not with_bulk
+    assert float(rest.approach_m(100.0)) == pytest.approx(0.9 * approach_m)
+    for share in (0.8, 1.5):  # beyond 2/3 the stiffness of a Hertz contact would be negative
+        kept, with_bulk = without_bulk(alone, share * approach_m / 100.0, 100.0)
+        assert with_bulk
+        assert kept is alone
 
 
 def test_boundary_elements_take_longer_on_finer_grids():

@@ -1,0 +1,168 @@
+"""The pictures and the page of the limits study."""
+
+import math
+from typing import TYPE_CHECKING, Any
+
+from pipeline.output.canvas import ACCENT, FAMILY_COLOUR, INK, blank
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+COLUMNS = 6
+LOWEST, HIGHEST = 1e-4, 1e2  # relative errors shown; what lies outside is drawn on the frame
+COLOUR = {"default": ACCENT, "the paper's way": FAMILY_COLOUR["P"]}
+SILENT = FAMILY_COLOUR["G"]
+SPOKEN = ("told", "doubted", "warned")
+OUTCOMES = ("right", "warned", "told", "doubted", "refused", "silent")
+Row = dict[str, Any]
+
+
+def limits_figure(results: Row) -> "Figure":
+    """Return one small chart an axis: error over severity, and what was said.
+
+    Parameters
+    ----------
+    results : dict
+        What `measure` returned.
+    """
+    n_rows = math.ceil(len(results["axes"]) / COLUMNS)
+    figure, first = blank("", 3.0 * COLUMNS, 2.4 * n_rows + 0.8)
+    first.remove()
+    grid = figure.subplots(n_rows, COLUMNS, squeeze=False).ravel()
+    for axes, axis in zip(grid, results["axes"], strict=False):
+        runs = [run for run in results["runs"] if run["axis"] == axis["name"]]
+        _chart(axes, axis, runs, results["breakdown_error"])
+    for axes in grid[len(results["axes"]) :]:
+        axes.remove()
+    for method, colour in COLOUR.items():
+        for filled, text in ((True, "nothing said"), (False, "a warning")):
+            face = colour if filled else "none"
+            grid[0].plot([], [], "o", color=colour, mfc=face, label=f"{method}: {text}")
+    grid[0].plot([], [], "X", color=SILENT, label="silent failure")
+    figure.legend(*grid[0].get_legend_handles_labels(), loc="outside lower center", ncols=5)
+    figure.suptitle(
+        "Relative error over severity; on the upper frame: no number, or m and n wrong",
+        color=INK,
+    )
+    return figure
+
+
+def limits_markdown(results: Row) -> str:
+    """Return the page.
+
+    Parameters
+    ----------
+    results : dict
+        What `measure` returned.
+    """
+    limit = results["breakdown_error"]
+    lines = [
+        "# Limits",
+        "",
+        "Where the method breaks, and what it says there. Written by `make limits`, which makes",
+        "the faces, their truth and all numbers.",
+        "",
+        f"{len(results['axes'])} axes, {_cases(results)} cases. Each face is known: the true",
+        "answer is that of its true caps with elastic interaction or, where a face is more than",
+        "separate caps, that of boundary elements on the clean map. The error is the greatest",
+        "relative one of the approach without bulk sinking, the tangential stiffness, and the",
+        "energy per cycle at T = 0.25, 0.5 and 0.75 mu N; on the axes `small force` and",
+        f"`gross slip` at the force named. An answer is wrong where the error exceeds {limit:.0%},",
+        "or where m or n is not that of the face.",
+        "",
+        "| outcome | meaning |",
+        "| --- | --- |",
+        "| right | right, and nothing of a warning said |",
+        "| warned | right, with a warning |",
+        "| told | wrong, and a problem names the cause |",
+        "| doubted | wrong, with a warning, but none that names the cause |",
+        "| refused | no number, but a reason |",
+        "| **silent** | **wrong, and nothing said** |",
+        "",
+        "| method | cases | " + " | ".join(OUTCOMES) + " | silent share | s a case |",
+        "| --- | " + "--- | " * (len(OUTCOMES) + 2) + "--- |",
+    ]
+    for method, total in results["totals"].items():
+        counts = " | ".join(str(total["outcomes"].get(name, 0)) for name in OUTCOMES)
+        lines.append(
+            f"| {method} | {total['cases']} | {counts} | {total['silent_share']:.1%} | "
+            f"{total['seconds_a_case']:.2g} |"
+        )
+    lines += ["", "![error over severity](limits.png)", "", "## Breakdown points", ""]
+    lines += [
+        "`holds to` is the last severity before the first at which any of the faces is wrong or",
+        "refused; `says` are the commonest warnings where it is.",
+    ]
+    for method in results["totals"]:
+        lines += ["", f"### {method[0].upper()}{method[1:]}", ""]
+        lines += ["| axis | severity | holds to | breaks at | silent | says |"]
+        lines += ["| --- | --- | --- | --- | --- | --- |"]
+        lines += [_axis_row(axis, method) for axis in results["axes"]]
+    lines += ["", "## Silent failures", ""]
+    for method in results["totals"]:
+        mine = [run for run in results["silent"] if run["method"] == method]
+        lines += [f"### {method[0].upper()}{method[1:]}: {len(mine)}", ""]
+        lines += [_silent_row(run) for run in mine]
+        lines += [""] if mine else ["None.", ""]
+    return "\n".join(lines)
+
+
+def _chart(axes: "Axes", axis: Row, runs: list[Row], limit: float) -> None:
+    axes.set_title(axis["name"], loc="left", fontsize=9, color=INK)
+    axes.axhspan(limit, HIGHEST, color="#F4F4F4", zorder=0)
+    position = {severity: i for i, severity in enumerate(axis["severities"])}
+    for run in runs:
+        if run["outcome"] == "no truth":
+            continue
+        colour = SILENT if run["outcome"] == "silent" else COLOUR.get(run["method"], INK)
+        quiet = run["outcome"] not in SPOKEN
+        x = position[run["severity"]] + (0.12 if run["method"] == "default" else -0.12)
+        axes.plot(
+            x,
+            _shown(run),
+            "X" if run["outcome"] == "silent" else "o",
+            color=colour,
+            mfc=colour if quiet else "none",
+            ms=6 if run["outcome"] == "silent" and run["method"] == "default" else 4,
+            clip_on=False,
+        )
+    step = math.ceil(len(position) / 6)
+    axes.set_xticks(range(0, len(position), step), [f"{s:.3g}" for s in axis["severities"][::step]])
+    axes.set(yscale="log", ylim=(LOWEST, HIGHEST))
+    axes.set_xlabel(axis["quantity"], fontsize=7)
+    axes.tick_params(labelsize=7)
+    axes.spines[["top", "right"]].set_visible(False)
+
+
+def _shown(run: Row) -> float:
+    wrong_counts = run["true_m"] is not None and (run["m"], run["n"]) != (
+        run["true_m"],
+        run["true_n"],
+    )
+    if run["error"] is None or wrong_counts:
+        return HIGHEST
+    return float(min(max(abs(run["error"]), LOWEST), HIGHEST))
+
+
+def _cases(results: Row) -> int:
+    return int(max(total["cases"] for total in results["totals"].values()))
+
+
+def _axis_row(axis: Row, method: str) -> str:
+    found = axis["methods"][method]
+    holds, breaks = (
+        "-" if value is None else f"{value:.3g}"
+        for value in (found["holds_to"], found["breaks_at"])
+    )
+    says = ", ".join(f"`{code}` {count}" for code, count in found["says"]) or "-"
+    silent = found["outcomes"].get("silent", 0)
+    return f"| {axis['name']} | {axis['quantity']} | {holds} | {breaks} | {silent} | {says} |"
+
+
+def _silent_row(run: Row) -> str:
+    error = "infinite" if run["error"] is None else f"{run['error']:.0%}"
+    counts = "" if run["true_m"] is None else f"; m {run['m']}, n {run['n']}"
+    if counts and (run["m"], run["n"]) != (run["true_m"], run["true_n"]):
+        counts += f" (true {run['true_m']}, {run['true_n']})"
+    return f"- {run['axis']}: {run['name']}: {run['worst']} off by {error}{counts}"

@@ -1,0 +1,110 @@
+"""The limits study: no case of a small run fails without a word."""
+
+import json
+import math
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from pipeline.studies.limits import BREAKDOWN, limits, measure
+from pipeline.studies.limits_axes import axes
+from pipeline.studies.limits_cases import clean, harmless_faces
+from pipeline.surface.synthetic import synthetic_surface
+
+DOCS = Path(__file__).parents[2] / "docs"
+TOO_DEAR = ("many pixels",)
+DEAR = ("wavy faces", "self-affine faces", "roughness", "grinding lay", "elongated caps")
+
+
+def thinned(axis):
+    """One case about where things go wrong, and one where nothing is left."""
+    cases = axis.cases
+    middle = cases[len(cases) // 2]
+    return replace(axis, cases=(middle,) if axis.name in DEAR else (middle, cases[-1]))
+
+
+@pytest.fixture(scope="module")
+def found():
+    return measure([thinned(axis) for axis in axes() if axis.name not in TOO_DEAR], ("default",))
+
+
+def test_at_least_400_cases_on_16_axes():
+    everything = axes()
+    assert len({axis.name for axis in everything}) == len(everything) >= 16
+    assert sum(len(axis.cases) for axis in everything) >= 400
+    for axis in everything:
+        assert all(case.axis == axis.name for case in axis.cases)
+        names = [case.name for case in axis.cases]
+        assert len(set(names)) == len(names)
+
+
+def test_no_silent_failure(found):
+    assert found["silent"] == []
+
+
+def test_every_case_has_a_truth_and_an_outcome(found):
+    assert {run["outcome"] for run in found["runs"]} <= {
+        "right",
+        "warned",
+        "told",
+        "doubted",
+        "refused",
+    }
+
+
+def test_harmless_faces_are_right_and_nothing_is_said():
+    first = next(axis for axis in axes() if axis.name == "yield")
+    harmless = replace(first, cases=first.cases[: len(harmless_faces())])
+    for run in measure([harmless], ("default",))["runs"]:
+        assert run["outcome"] == "right", run
+        assert run["error"] < 0.02
+
+
+def test_the_truth_does_not_see_the_scan():
+    for scene, _ in harmless_faces().values():
+        spoilt = replace(scene, noise_rms_m=1e-7, tilt=(1e-3, 0.0), non_measured_fraction=0.1)
+        face, truth = synthetic_surface(clean(spoilt))
+        expected, _ = synthetic_surface(scene)
+        np.testing.assert_array_equal(face.height_m, expected.height_m)
+        assert truth.peak_height_m.max() == pytest.approx(face.height_m.max(), abs=1e-9)
+
+
+def test_a_wrong_answer_without_a_word_is_called_silent():
+    """Heights 1.5 times too great on a face without blemish: nothing can tell."""
+    axis = next(axis for axis in axes() if axis.name == "heights in a wrong unit")
+    case = replace(axis.cases[2], scan_change=lambda surface, truth: stretched(surface, 1.5))
+    result = measure([replace(axis, cases=(case,))], ("default",))
+    run = result["runs"][0]
+    assert run["error"] > BREAKDOWN
+    assert run["outcome"] == "silent"
+    assert result["totals"]["default"]["silent_share"] == 1.0
+    assert result["silent"][0]["name"] == case.name
+
+
+def stretched(surface, factor):
+    return replace(surface, height_m=factor * surface.height_m)
+
+
+def test_the_files(tmp_path, monkeypatch):
+    few = [thinned(axis) for axis in axes() if axis.name in ("gross slip", "noise")]
+    monkeypatch.setattr("pipeline.studies.limits.axes", lambda: tuple(few))
+    results = limits(tmp_path)
+    assert json.loads((tmp_path / "limits.json").read_text(encoding="utf-8")) == results
+    page = (tmp_path / "limits.md").read_text(encoding="utf-8")
+    for axis in few:
+        assert f"| {axis.name} |" in page
+    assert (tmp_path / "limits.png").stat().st_size > 10_000
+
+
+def test_committed_numbers():
+    committed = json.loads((DOCS / "limits.json").read_text(encoding="utf-8"))
+    total = committed["totals"]["default"]
+    assert total["cases"] >= 400
+    assert total["silent_share"] < 0.02
+    assert {axis["name"] for axis in committed["axes"]} == {axis.name for axis in axes()}
+    page = (DOCS / "limits.md").read_text(encoding="utf-8")
+    for run in committed["silent"]:
+        assert run["name"] in page
+    assert math.isfinite(committed["seconds"])
