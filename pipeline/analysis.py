@@ -55,7 +55,7 @@ class Analysis:
     slip: SlipCurve | None
     beam: BeamMode | None  # None where the settings give the two stiffnesses
     damping: Damping | None
-    sensitivity: Sensitivity | None  # None where there is no usable cap
+    sensitivity: Sensitivity | None  # None without a usable cap, or where it was left out
     problems: tuple[Problem, ...]
     timings_s: dict[str, float]
     started: str
@@ -76,7 +76,10 @@ Timed = Callable[..., Any]  # calls a function with what follows its name, and t
 
 
 def analyze(
-    surface: HeightMap, settings: Settings | None = None, mate: HeightMap | None = None
+    surface: HeightMap,
+    settings: Settings | None = None,
+    mate: HeightMap | None = None,
+    sweeps: bool = True,
 ) -> Analysis:
     """Run every stage on one face, or on two that are mated.
 
@@ -88,6 +91,8 @@ def analyze(
         All defaults where absent.
     mate : HeightMap, optional
         The other face, as measured; `settings.mating` says how it is laid on the first.
+    sweeps : bool
+        False leaves the sensitivity out, and with it the problems that it would find.
 
     Returns
     -------
@@ -168,7 +173,7 @@ def analyze(
     except ContactError as error:
         problems.append(Problem("contact_failed", "error", str(error)))
     swept = None
-    if caps.usable.any():
+    if sweeps and caps.usable.any():
         swept = timed(
             "sensitivity",
             sensitivity,

@@ -99,6 +99,7 @@ class Contact(_Table, frozen=True):
     ] = "auto"
     preload_N: Positive = 460.0
     tolerance: Share = 0.05
+    solver_tolerance: Annotated[float, msgspec.Meta(ge=1e-12, le=1e-2)] = 1e-7  # boundary elements
     bulk: bool = False  # keep the half-space's bulk sinking in stiffness and displacement
 
 

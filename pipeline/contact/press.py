@@ -93,7 +93,7 @@ def press(
 
     normal: NormalCurve
     if model == "boundary_elements":
-        normal = boundary_elements(surface, E_star_Pa)
+        normal = boundary_elements(surface, E_star_Pa, settings.contact.solver_tolerance)
     else:
         normal = normal_curve(model, caps, families, surface.side_m, E_star_Pa, preload_N, use)
     approach_m = float(normal.approach_m(preload_N))

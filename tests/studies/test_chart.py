@@ -1,0 +1,162 @@
+"""A small chart: the ladder is a ladder, the reference is certified, the choice is honest."""
+
+import csv
+import json
+import math
+from itertools import pairwise
+
+import numpy as np
+import pytest
+
+from pipeline.settings import load_settings
+from pipeline.studies import chart as study
+from pipeline.studies.chart_figures import figures
+from pipeline.studies.chart_methods import PAPER, methods
+from pipeline.studies.chart_reference import ENERGIES, QUANTITIES
+from pipeline.studies.chart_text import chart_markdown
+from pipeline.studies.scenes import BLOCK, cases, make_face, scan_cases
+
+LADDER = ("families", "caps", "mean_field", "interacting")
+CAPS = (0, 3, 6)  # of the paper, equal ones, ones of all heights
+WAVES = (8,)
+
+
+@pytest.fixture(scope="module")
+def results():
+    wanted = {PAPER, *(f"{model}, contact, watershed" for model in LADDER)}
+    small = [
+        method
+        for method in methods()
+        if (method.line in wanted and method.setting == "1/1")
+        or (method.line == "boundary elements, by grid" and method.coarsening < 4)
+        or (method.line, method.setting) == ("auto", "5 %")
+    ]
+    everything = cases()
+    return study.measure([everything[i] for i in CAPS + WAVES], small, with_peak=False)
+
+
+def median(results, line, quantity, group="caps", setting="1/1"):
+    for point in results["points"]:
+        if (point["line"], point["setting"]) == (line, setting):
+            return point["groups"][group][quantity][0]
+    raise AssertionError(f"no point of {line} at {setting}")
+
+
+def test_every_method_is_made_of_settings():
+    found = methods()
+    assert len(found) == len({(method.line, method.setting) for method in found})
+    for method in found:
+        load_settings(overrides=method.overrides_on((200, 300), (2e-4, 2e-4)))
+
+
+def test_scenes_are_seeded_and_seen_through_pixels_twice_as_large():
+    case = cases()[0]
+    one, two = make_face(case), make_face(case)
+    assert np.array_equal(one.measured.height_m, two.measured.height_m)
+    assert one.fine.side_m == pytest.approx(one.measured.side_m)
+    assert one.measured.pixel_size_m[0] == BLOCK * one.fine.pixel_size_m[0]
+    assert one.measured.height_m.mean() == pytest.approx(one.fine.height_m.mean(), abs=1e-15)
+    assert cases(1)[0].scene != case.scene
+    assert len(cases()) >= 12
+
+
+def test_noise_is_on_the_measured_map_alone():
+    noisy = next(case for case in cases() if case.noise_rms_m == 5e-9)
+    clean = next(c for c in cases() if c.scene == noisy.scene and not c.noise_rms_m)
+    difference_m = make_face(noisy).measured.height_m - make_face(clean).measured.height_m
+    assert difference_m.std() == pytest.approx(5e-9, rel=0.02)
+    assert np.array_equal(make_face(noisy).fine.height_m, make_face(clean).fine.height_m)
+
+
+def test_the_reference_is_certified(results):
+    for case in results["cases"]:
+        known = case["reference"]
+        certificate = known["certificate"]
+        assert abs(certificate["load_balance"]) < 1e-12
+        assert certificate["least_gap"] > -1e-8
+        assert certificate["least_pressure"] >= 0.0
+        assert certificate["complementarity"] < 1e-8
+        assert known["pixels_across"] > 10
+        assert known["uncertainty"]["energy_0.5"] < 0.02
+
+
+@pytest.mark.parametrize("quantity", ["energy_0.25", "energy_0.5", "approach", "stiffness"])
+def test_no_rung_is_worse_than_the_one_below(results, quantity):
+    errors = [median(results, f"{model}, contact, watershed", quantity) for model in LADDER]
+    errors.append(median(results, "boundary elements, by grid", quantity))
+    # What the reference is unsure of decides nothing
+    unsure = max(case["reference"]["uncertainty"].get(quantity, 0.002) for case in results["cases"])
+    for lower, higher in pairwise(errors):
+        assert higher <= max(lower * (1 + 1e-6), unsure)
+    assert errors[3] < 0.2 * errors[0]
+
+
+def test_interacting_caps_are_good_on_faces_of_caps(results):
+    line = "interacting, contact, watershed"
+    assert median(results, line, "energy_0.5") < 0.01
+    assert median(results, line, "stiffness") < 0.01
+    assert median(results, PAPER, "energy_0.25") > 0.05
+
+
+def test_a_coarser_grid_costs_boundary_elements_accuracy_and_saves_time(results):
+    line = "boundary elements, by grid"
+    for quantity, sign in (("approach", 1), ("seconds", -1)):
+        full, half = (median(results, line, quantity, "all", s) for s in ("1/1", "1/2"))
+        assert sign * half > sign * full
+
+
+def test_the_automatic_choice_is_honest(results):
+    found = results["honesty"]["same"]
+    assert len(found) == len(CAPS) + len(WAVES)
+    for row in found:
+        if row["estimated"] is None or row["estimated"] > row["requested"]:
+            assert "boundary_elements_needed" in row["problems"]
+        if row["estimated"] is not None:
+            assert row["true"] <= row["estimated"]
+    by_group = {row["group"]: row for row in found}
+    assert by_group["caps"]["estimated"] <= 0.05
+    assert by_group["waves"]["estimated"] is None or by_group["waves"]["estimated"] > 0.05
+
+
+def test_the_pareto_front_is_not_dominated(results):
+    place = {
+        (p["line"], p["setting"]): (
+            p["groups"]["all"]["seconds"][0],
+            p["groups"]["all"]["energy"][0] or math.inf,
+        )
+        for p in results["points"]
+    }
+    front = [tuple(pair) for pair in results["pareto"]["energy"]]
+    for one in front:
+        for other in place.values():
+            assert not (other[0] < place[one][0] and other[1] < place[one][1])
+
+
+def test_a_method_without_an_answer_counts_as_infinitely_wrong():
+    assert study._median_and_range([math.inf, math.inf, 0.1]) == [None, 0.1, None]
+
+
+def test_what_is_written(results, tmp_path):
+    results = {**results, "seconds": 1.0}
+    results["honesty"]["fresh"] = results["honesty"]["same"]
+    json.dumps(results, allow_nan=False)
+    study._write_csv(tmp_path / "runs.csv", results["runs"])
+    with (tmp_path / "runs.csv").open(encoding="utf-8") as file:
+        rows = list(csv.DictReader(file))
+    assert len(rows) == len(results["runs"])
+    assert {f"error_{name}" for name in (*QUANTITIES, *ENERGIES)} <= set(rows[0])
+    page = chart_markdown(results)
+    assert "None" not in page
+    assert page.count("\n1. ") == 1
+    assert page.count("\n5. ") == 1
+    for name, figure in figures(results).items():
+        figure.savefig(tmp_path / f"{name}.png")
+        assert f"({name}.png)" in page
+
+
+def test_scans_become_cases(scans):
+    found = scan_cases(scans)
+    assert len(found) >= 5
+    face = make_face(found[0])
+    assert max(face.measured.shape) <= 300
+    assert face.truth is None
