@@ -161,9 +161,9 @@ def mean_field(
 
     d(N) = d_caps(N) + c N (1 - 1 / sqrt(n)) / (E* sqrt(A)): the mean sinking of the face (see
     `bulk_compliance_m_per_N`) less the share of each contact in its own. The number n of caps in
-    contact is that under the preload, at every load, so that d(N) has no steps. Stiffness and
-    approach become those of interacting caps to a few per cent; the energy at given force stays
-    that of `caps`.
+    contact is that under the preload, at every load, so that d(N) has no steps. The approach
+    becomes that of interacting caps to about 3 %, the stiffness to 20 %; the energy at given force
+    stays that of `caps`.
 
     Parameters
     ----------
