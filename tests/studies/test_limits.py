@@ -1,6 +1,7 @@
 """The limits study: no case of a small run fails without a word."""
 
 import json
+import math
 from dataclasses import replace
 from pathlib import Path
 
@@ -95,3 +96,15 @@ def test_the_files(tmp_path, monkeypatch):
     for axis in few:
         assert f"| {axis.name} |" in page
     assert (tmp_path / "limits.png").stat().st_size > 10_000
+
+
+def test_committed_numbers():
+    committed = json.loads((DOCS / "limits.json").read_text(encoding="utf-8"))
+    total = committed["totals"]["default"]
+    assert total["cases"] >= 400
+    assert total["silent_share"] < 0.02
+    assert {axis["name"] for axis in committed["axes"]} == {axis.name for axis in axes()}
+    page = (DOCS / "limits.md").read_text(encoding="utf-8")
+    for run in committed["silent"]:
+        assert run["name"] in page
+    assert math.isfinite(committed["seconds"])
