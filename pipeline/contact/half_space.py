@@ -1,6 +1,7 @@
 """The elastic half-space under pressures that are uniform in each pixel of a rectangular map."""
 
 import math
+from typing import Literal
 
 import numpy as np
 
@@ -27,24 +28,12 @@ class HalfSpace:
     def __init__(
         self, shape: tuple[int, int], pixel_size_m: tuple[float, float], E_star_Pa: float
     ) -> None:
-        from scipy import fft
-
-        ny, nx = self.shape = shape
-        dy_m, dx_m = pixel_size_m
+        self.shape = shape
         quadrant = love_kernel(shape, pixel_size_m, E_star_Pa)
         self.pixel_compliance_m_per_Pa = float(quadrant[0, 0])
-        self._padded = tuple(fft.next_fast_len(2 * n - 1, real=True) for n in shape)
-        kernel = np.zeros(self._padded)
-        kernel[:ny, :nx] = quadrant
-        kernel[1 - ny :, :nx] = quadrant[:0:-1]
-        kernel[:, 1 - nx :] = kernel[:, nx - 1 : 0 : -1]
-        # The kernel is even, so its transform is real.
-        self._spectrum = fft.rfft2(kernel, workers=_WORKERS).real.copy()
-        self._inverse = np.hypot(
-            2 * np.pi * fft.fftfreq(ny, dy_m)[:, None], 2 * np.pi * fft.rfftfreq(nx, dx_m)
-        )
-        self._inverse[0, 0] = min(self._inverse[0, 1], self._inverse[1, 0]) / 2
-        self._inverse *= E_star_Pa / 2
+        self._padded = padded_shape(shape)
+        self._spectrum = even_spectrum(quadrant, self._padded)
+        self._inverse = wave_numbers_per_m(shape, pixel_size_m) * (E_star_Pa / 2)
 
     def sinking_m(self, pressure_Pa: np.ndarray) -> np.ndarray:
         """Return the displacement into the half-space, shape (ny, nx)."""
@@ -108,3 +97,47 @@ def love_kernel(
     x, y = x[None, :], y[:, None]
     corners = x * np.arcsinh(y / np.abs(x)) + y * np.arcsinh(x / np.abs(y))
     return np.asarray(np.diff(np.diff(corners, axis=0), axis=1) / (math.pi * E_star_Pa))
+
+
+def padded_shape(shape: tuple[int, int]) -> tuple[int, int]:
+    """Return the shape to which maps are padded for a convolution that does not wrap around."""
+    from scipy import fft
+
+    py, px = (int(fft.next_fast_len(2 * n - 1, real=True)) for n in shape)
+    return py, px
+
+
+def even_spectrum(
+    quadrant: np.ndarray, padded: tuple[int, int], mirrored: Literal[1, -1] = 1
+) -> np.ndarray:
+    """Return the transform of a kernel from its values at distances of 0 ... n - 1 pixels.
+
+    Parameters
+    ----------
+    quadrant : ndarray, shape (ny, nx)
+        The kernel for x, y >= 0.
+    padded : (int, int)
+        From `padded_shape`.
+    mirrored : {1, -1}
+        What the kernel is multiplied with when x or y changes its sign. Both together leave it as
+        it is, so its transform is real.
+    """
+    from scipy import fft
+
+    ny, nx = quadrant.shape
+    kernel = np.zeros(padded)
+    kernel[:ny, :nx] = quadrant
+    kernel[1 - ny :, :nx] = mirrored * quadrant[:0:-1]
+    kernel[:, 1 - nx :] = mirrored * kernel[:, nx - 1 : 0 : -1]
+    return np.asarray(fft.rfft2(kernel, workers=_WORKERS).real.copy())
+
+
+def wave_numbers_per_m(shape: tuple[int, int], pixel_size_m: tuple[float, float]) -> np.ndarray:
+    """Return the wave numbers of a real transform, with half of the least in place of zero."""
+    from scipy import fft
+
+    (ny, nx), (dy_m, dx_m) = shape, pixel_size_m
+    k_y, k_x = fft.fftfreq(ny, dy_m)[:, None], fft.rfftfreq(nx, dx_m)
+    waves = 2 * np.pi * np.hypot(k_y, k_x)
+    waves[0, 0] = min(waves[0, 1], waves[1, 0]) / 2
+    return np.asarray(waves)
