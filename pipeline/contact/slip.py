@@ -133,7 +133,9 @@ def slip_curve(
     """Return the tangential behaviour of a joint that carries a constant normal load.
 
     Exact for uncoupled half-spaces (equal materials, or Dundurs' beta = 0) at constant normal load,
-    without rotation, in one direction; Poisson's effect in three dimensions adds a few per cent.
+    without rotation, in one direction. Poisson's effect in three dimensions, at nu = 0.3, changes
+    the displacement by 1 to 5 % and the energy by up to 4 % on round caps, 11 % on waves; which way
+    depends on the direction of the force (`pipeline.studies.theorem`).
     Multicontact models of this kind describe the elastic response of real interfaces, but not
     their dissipation quantitatively (Bureau, Caroli and Baumberger 2003).
 

@@ -132,7 +132,8 @@ def _limits(summary: dict[str, Any], analysis: "Analysis") -> list[str]:
         "Slip follows from the normal curve by the theorem of Ciavarella and Jaeger: constant "
         "preload, one direction of slip, no rotation, equal materials (or no coupling between "
         "normal and tangential deformation), Coulomb friction with one coefficient. Poisson's "
-        "effect alone changes force and energy by a few per cent.",
+        "effect alone (at 0.3) changes displacement and energy by 0.1 and 0.4 % for one round "
+        "contact, by up to 5 and 11 % for waves that leave few contacts.",
     ]
     model = summary["contact"]["model"]
     if model is not None:

@@ -105,19 +105,19 @@ def test_without_poissons_effect_the_theorem_is_exact(share):
     assert len(loaded.region_loads_N) >= 5
     sheared = shear(loaded, joint(0.0), MU, share * MU * load_N * TURNED, tolerance=1e-11)
     withdrawn_m = loaded.approach_m - lower.approach_m
-    assert sheared.displacement_m == pytest.approx(MU * withdrawn_m * TURNED, rel=1e-8)
+    assert sheared.displacement_m == pytest.approx(MU * withdrawn_m * TURNED, rel=1e-9)
     # By Betti's theorem, as in `unloading`
     dy_m, dx_m = surface.pixel_size_m
     gap_m = np.where(lower.pressure_Pa > 0, 0.0, lower.gap_m)
     loss_J = 4 * MU**2 * (loaded.pressure_Pa * gap_m).sum() * dy_m * dx_m
-    assert 4 * sheared.work_J == pytest.approx(loss_J, rel=1e-6)
+    assert 4 * sheared.work_J == pytest.approx(loss_J, rel=1e-7)
     difference_Pa = MU * (loaded.pressure_Pa - lower.pressure_Pa) * TURNED
     assert np.allclose(sheared.traction_Pa, difference_Pa, atol=1e-5 * np.abs(difference_Pa).max())
 
 
 @pytest.mark.parametrize("share", [0.2, 0.6, 0.9])
 def test_one_sphere_is_that_of_cattaneo_and_mindlin(share):
-    # Their tractions have no y-component and so slip a little off their direction: hence 2e-3.
+    # Their tractions have no y-component and so slip a little off their direction.
     n_radius, contact_m = 40, 2e-3
     surface, load_N = sphere(n_radius, contact_m)
     force_N = share * MU * load_N
@@ -125,13 +125,13 @@ def test_one_sphere_is_that_of_cattaneo_and_mindlin(share):
     total_slip_m = MU * joint(0.3).kappa * contact_m**2 / 20.0
     rest = 1 - share
     assert sheared.displacement_m.real == pytest.approx(
-        total_slip_m * (1 - rest ** (2 / 3)), rel=3e-3
+        total_slip_m * (1 - rest ** (2 / 3)), rel=1.5e-3
     )
     stick_m = np.sqrt(np.count_nonzero(sheared.sticking) / np.pi) * contact_m / n_radius
     assert stick_m == pytest.approx(contact_m * rest ** (1 / 3), abs=0.5 * contact_m / n_radius)
     q = np.cbrt(rest)
     energy_J = 0.8 * MU * load_N * total_slip_m * (1 - q) ** 3 * (1 + 3 * q + q**2)
-    assert 4 * sheared.work_J == pytest.approx(energy_J, rel=0.05 if share < 0.5 else 0.01)
+    assert 4 * sheared.work_J == pytest.approx(energy_J, rel=0.01)
 
 
 @pytest.mark.parametrize("along", [1.0, 1j, TURNED])
@@ -157,7 +157,7 @@ def test_an_ellipse_that_sticks_has_its_compliance_in_each_direction(along, nu):
     alone = shear(punch, joint(0.0), MU, force_N).displacement_m / along
     assert found.sticking.sum() == np.count_nonzero(pressure_Pa)
     expected = complex(xx * np.real(along), yy * np.imag(along)) * alone.real
-    assert found.displacement_m == pytest.approx(expected, rel=2e-3)
+    assert found.displacement_m == pytest.approx(expected, rel=5e-4)
     assert xx > 1.05 * yy
 
 
