@@ -40,7 +40,7 @@ class Case:
 class Axis:
     """One way to go wrong; its cases run from harmless to hopeless.
 
-    `codes` are the problems that name the cause.
+    `codes` are the warnings that name the cause.
     """
 
     name: str

@@ -54,7 +54,7 @@ def _small_force(seed: int) -> Axis:
         "T = {:g} mu N",
         lambda face, share: {"shares": (share,)},
     )
-    return Axis("small force", "T / (mu N)", ("small_slip",), cases)
+    return Axis("small force", "T / (mu N)", (), cases)
 
 
 def _height_difference(seed: int) -> Axis:
@@ -88,7 +88,7 @@ def _hidden_family(seed: int) -> Axis:
         for h_m in (2.4e-7, 3e-7, 3.4e-7, 3.7e-7, 4e-7, 4.3e-7)
         for preload_N in (50.0, 460.0, 2000.0)
     )
-    codes = ("sensitive_to_cut", "contact_reaches_below", "P_not_in_contact")
+    codes = ("sensitive_to_cut", "contact_reaches_below_cut")
     return Axis("hidden family", "h [m]", codes, cases)
 
 
@@ -120,7 +120,7 @@ def _counts(seed: int) -> Axis:
         for m, n in counts
         for face in (APART * seed + 5, APART * seed + 6)
     )
-    codes = ("families_doubtful", "one_family", "one_contact")
+    codes = ("families_doubtful", "one_contact")
     return Axis("uneven families", "smaller of m and n", codes, cases, logarithmic=False)
 
 
@@ -167,7 +167,7 @@ def _spread(seed: int) -> Axis:
         for spread_m in (2e-9, 1e-8, 1.4e-8, 1.8e-8, 2.2e-8)
         for face in range(APART * seed + 2, APART * seed + 6)
     )
-    codes = ("families_doubtful", "more_than_two_families", "one_family")
+    codes = ("families_doubtful", "more_than_two_families")
     return Axis("spread of heights", "spread of each family, 0.1 um apart [m]", codes, cases)
 
 
@@ -235,7 +235,6 @@ def _merging(seed: int) -> Axis:
         "connected_network",
         "shallow_saddles",
         "contacts_merge",
-        "coarse_pruning",
     )
     codes += ("pruning_decides", "sensitive_to_pruning", "not_spherical")
     return Axis("hills that merge", "distance [disc radii]", codes, cases)
@@ -275,7 +274,12 @@ def _lay(seed: int) -> Axis:
         "lay of {:g} m",
         lambda face, rms_m: {"face_change": partial(_with_lay, rms_m=rms_m, seed=seed)},
     )
-    codes: tuple[str, ...] = ("not_spherical", "ridges", "shallow_saddles", "sensitive_to_pruning")
+    codes: tuple[str, ...] = (
+        "not_spherical",
+        "caps_ridge",
+        "shallow_saddles",
+        "sensitive_to_pruning",
+    )
     codes += ("sensitive_to_filter", "pruning_decides", "boundary_elements_needed")
     return Axis("grinding lay", "rms of grooves 2 mm apart [m]", codes, cases)
 
@@ -304,7 +308,7 @@ def _ridges(seed: int) -> Axis:
         "R1 / R2 = {:g}",
         lambda face, ratio: {"face_change": partial(_elongated, ratio=ratio, seed=seed)},
     )
-    codes = ("not_spherical", "ridges", "caps_edge", "shallow_saddles", "connected_network")
+    codes = ("not_spherical", "caps_ridge", "caps_edge", "shallow_saddles", "connected_network")
     return Axis("elongated caps", "ratio of principal radii", codes, cases)
 
 
@@ -322,8 +326,8 @@ def _high_load(seed: int) -> Axis:
         "contact_failed",
         "plastic",
         "boundary_elements_needed",
-        "contact_reaches_below",
-        "pressure_",
+        "contact_reaches_below_cut",
+        "pressure_beyond_elastic",
     )
     return Axis("high load", "preload [N]", codes, cases)
 

@@ -44,14 +44,13 @@ def axes_of_scans(seed: int) -> tuple[Axis, ...]:
 
 def _noise(seed: int) -> Axis:
     levels = (0.5e-9, 2e-9, 5e-9, 1e-8, 2e-8, 5e-8, 1e-7, 2e-7)
-    codes = ("caps_noisy_apex", "load_on_doubtful_caps", "noise", "sensitive_to_filter")
+    codes = ("caps_noisy_apex", "load_on_doubtful_caps", "sensitive_to_filter")
     return scene_axis(
         seed, "noise", "rms [m]", levels, "noise {:g} m", codes, lambda x: {"noise_rms_m": x}
     )
 
 
 FORM_CODES = (
-    "form_left",
     "tilt_left",
     "one_contact",
     "caps_edge",
@@ -102,7 +101,7 @@ def _cylinder(seed: int) -> Axis:
 
 def _patches(seed: int) -> Axis:
     levels = (2e-4, 5e-4, 1e-3, 2e-3, 3e-3, 5e-3, 8e-3)
-    codes = ("caps_non_measured", "load_on_doubtful_caps", "much_non_measured")
+    codes = ("caps_non_measured", "load_on_doubtful_caps")
     return scene_axis(
         seed,
         "non-measured patches",
@@ -116,7 +115,7 @@ def _patches(seed: int) -> Axis:
 
 def _missing(seed: int) -> Axis:
     levels = (0.01, 0.05, 0.2, 0.5, 0.8, 0.9, 0.95, 0.98, 0.995)
-    codes = ("caps_non_measured", "load_on_doubtful_caps", "much_non_measured", "no_caps")
+    codes = ("caps_non_measured", "load_on_doubtful_caps", "no_caps")
     return scene_axis(
         seed,
         "scattered missing points",
@@ -158,7 +157,7 @@ def _steps(seed: int) -> Axis:
         "steps of {:g} m",
         lambda face, step_m: {"scan_change": partial(_quantised, step_m=step_m)},
     )
-    codes = ("caps_plateau", "plateau_at_cut", "quantised")
+    codes = ("caps_plateau", "plateau_at_cut")
     return Axis("quantised heights", "step [m]", codes, cases)
 
 
@@ -171,7 +170,6 @@ def _few_pixels(seed: int) -> Axis:
         lambda face, nx: {"scene": _with_points(face, int(nx))},
     )
     codes = (
-        "few_pixels",
         "contact_under_resolved",
         "caps_few_points",
         "no_caps",
@@ -216,8 +214,7 @@ def _cut(seed: int, name: str, ratios: tuple[float, ...]) -> Axis:
         "caps_few_points",
         "plateau_at_cut",
         "no_caps",
-        "cut",
-        "contact_reaches_below",
+        "contact_reaches_below_cut",
     )
     return Axis(name, "material ratio", codes, cases)
 
@@ -273,11 +270,11 @@ def _units(
     codes: tuple[str, ...] = (
         "slope_suspect",
         "scale_suspect",
-        "pressure_",
+        "pressure_beyond_elastic",
         "plastic",
         "contact_beyond_cap",
     )
-    codes += ("contact_reaches_below", "contact_under_resolved")
+    codes += ("contact_reaches_below_cut", "contact_under_resolved")
     return Axis(name, quantity, (*codes, "contacts_merge", "one_contact", "contact_failed"), cases)
 
 
@@ -315,7 +312,7 @@ def _spikes(seed: int) -> Axis:
         "spikes",
         "highest_point_on_no_cap",
         "caps_outlier",
-        "caps_apex_off",
+        "caps_apex_off_surface",
     )
     return Axis("spikes", "number times height [m]", codes, cases)
 
