@@ -14,6 +14,7 @@ from pipeline.settings import Settings
 from pipeline.surface.heightmap import HeightMap
 
 ANSWERS = ("m", "n", "h_m", "radius_G_m", "radius_P_m", "approach_m", "energy_J")
+DECISIVE = ("m", "n", "approach", "W")  # the others act on the damping through these alone
 SYMBOL = dict(zip(ANSWERS, ("m", "n", "h", "R_G", "R_P", "approach", "W"), strict=True))
 CUTS = (0.02, 0.04, 0.06, 0.08, 0.10, 0.12, 0.15, 0.20, 0.25, 0.30)
 PRUNING_FACTORS = (0.25, 0.5, 1.0, 2.0)
@@ -22,6 +23,7 @@ MIN_FILTER_PIXELS = 4.0  # a shorter filter is not one on this grid
 FILTER_FACTORS = (0.0, 0.5, 1.0, 2.0)
 MIN_COARSE_POINTS = 40_000
 MAX_INTERACTING = 100  # caps
+BELOW_CUT = 2.0  # times the chosen share: how far below the cut a second family is looked for
 FORCE_RATIO = 0.5  # of the force at total slip, at which W is taken
 
 
@@ -107,7 +109,11 @@ class Sensitivity:
 
     @property
     def problems(self) -> tuple[Problem, ...]:
-        """One for each setting of which a single step moves an answer beyond its error bar."""
+        """One for each setting of which a single step moves an answer beyond its error bar.
+
+        A warning where a count, the approach or W moves; where they hold, h and the radii may move
+        without effect on the damping, which is info. Then the family that lies below the cut.
+        """
         found = []
         for sweep in self.sweeps:
             moved = [SYMBOL[ANSWERS[i]] for i in np.flatnonzero(~sweep.holds)]
@@ -116,12 +122,13 @@ class Sensitivity:
                 found.append(
                     Problem(
                         f"sensitive_to_{sweep.name.split()[0]}",
-                        "warning",
+                        "warning" if set(moved) & set(DECISIVE) else "info",
                         f"the {sweep.name} decides on {_listed(moved)}: from {step[0]:.3g} to "
                         f"{step[-1]:.3g} {sweep.unit} more than the error bar lies between the "
                         f"answers; {sweep.sentence}",
                     )
                 )
+            found += _family_below(sweep) if sweep.name == "cut" else []
         return tuple(found)
 
     def to_dict(self) -> dict[str, Any]:
@@ -138,6 +145,29 @@ class Sensitivity:
             }
             for sweep in self.sweeps
         }
+
+
+def _family_below(cut: Sweep) -> list[Problem]:
+    """Return whether more of the face shows lower caps as a second family beside the same first.
+
+    One cap is no family: the floor between the hills often comes up as one piece.
+    """
+    m, n = (cut.answer[:, ANSWERS.index(name)] for name in ("m", "n"))
+    if np.isfinite(n[cut.chosen]):
+        return []
+    lower = (cut.value > cut.value[cut.chosen]) & (
+        cut.value <= 1.001 * BELOW_CUT * cut.value[cut.chosen]
+    )
+    seen = np.flatnonzero(lower & (m == m[cut.chosen]) & (n >= 2))
+    if not seen.size:
+        return []
+    at = seen[0]
+    message = (
+        f"a cut of {cut.value[at]:.3g} % shows {n[at]:.0f} P-caps beside the {m[at]:.0f} G-caps: "
+        f"a second family lies below the cut of {cut.value[cut.chosen]:.3g} %; raise "
+        "hills.material_ratio"
+    )
+    return [Problem("family_below_cut", "warning", message)]
 
 
 def answers(families: Families, approach_m: float | None, energy_J: float | None) -> Answers:

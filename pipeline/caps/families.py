@@ -6,12 +6,13 @@ from typing import Literal
 import numpy as np
 
 from pipeline.caps.clusters import Clusters, cluster
-from pipeline.caps.table import CapTable
+from pipeline.caps.table import CapFlag, CapTable
 
 Feature = Literal["peak_height", "cap_height", "diameter", "radius"]
 MIN_SEPARATION = 4.0  # pooled spreads; nearer, one cap in forty is on the wrong side
 CLEAR_SEPARATION = 5.0
 CLEAR_LOG_ODDS = 3.0  # 20 to 1
+ALIKE_LEVEL = 0.01  # of the chi-square test that the peaks are equally high
 
 
 @dataclass(frozen=True)
@@ -53,6 +54,8 @@ class Families:
     count_se : float
         Standard error of m and of n: caps between the families may belong to either. About a
         quarter too low, because the split itself makes the families look narrow.
+    alike : bool
+        Whether all peaks are equally high as far as their standard errors let one see.
     """
 
     G: Family | None
@@ -61,6 +64,7 @@ class Families:
     separation: float | None
     log_odds: float | None
     count_se: float
+    alike: bool
 
     @property
     def count(self) -> int:
@@ -95,8 +99,11 @@ class Families:
     def clear(self) -> bool:
         """Whether the caps leave no doubt about the number of families that was taken.
 
-        It needs odds of 20 to 1 and, for two, families that are five spreads apart.
+        It needs odds of 20 to 1 and, for two, families that are five spreads apart. Peaks that are
+        alike are one family, however few they are.
         """
+        if self.alike and self.count == len(self.levels) == 1:
+            return True
         if self.log_odds is None:
             return self.count < 2
         apart = self.count < 2 or (self.separation or 0.0) >= CLEAR_SEPARATION
@@ -156,6 +163,7 @@ def group_families(
         separation=float(found.separation[1]) if len(found.sizes) > 2 else None,
         log_odds=log_odds,
         count_se=_count_se(getattr(caps, f"{feature}_m")[member], group),
+        alike=_alike(caps, member),
     )
 
 
@@ -172,6 +180,23 @@ def _supported(found: Clusters) -> tuple[int, float | None]:
             best = int(count)
     rivals = [evidence[count - 1] for count in numbers if count != best]
     return best, float(evidence[best - 1] - max(rivals))
+
+
+def _alike(caps: CapTable, member: np.ndarray) -> bool:
+    """Tell whether the peaks differ by no more than chance, given their standard errors.
+
+    A chi-square test of equal heights. Where noise is a visible part of a cap, equal within the
+    errors says nothing.
+    """
+    from scipy.special import chdtrc
+
+    peak_m, error_m = caps.peak_height_m[member], caps.peak_height_se_m[member]
+    noisy = (caps.flags[member] & CapFlag.noisy_apex) != 0
+    if member.size < 2 or noisy.any() or not (error_m > 0.0).all():
+        return False
+    weight = (error_m.min() / error_m) ** 2
+    deviation = (peak_m - np.average(peak_m, weights=weight)) / error_m
+    return bool(chdtrc(member.size - 1, deviation @ deviation) >= ALIKE_LEVEL)
 
 
 def _in_groups(caps: CapTable, member: np.ndarray, sizes: np.ndarray) -> np.ndarray:

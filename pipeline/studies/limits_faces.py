@@ -88,7 +88,7 @@ def _hidden_family(seed: int) -> Axis:
         for h_m in (2.4e-7, 3e-7, 3.4e-7, 3.7e-7, 4e-7, 4.3e-7)
         for preload_N in (50.0, 460.0, 2000.0)
     )
-    codes = ("sensitive_to_cut", "contact_reaches_below_cut")
+    codes = ("family_below_cut", "sensitive_to_cut", "contact_reaches_below_cut")
     return Axis("hidden family", "h [m]", codes, cases)
 
 

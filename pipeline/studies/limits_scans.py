@@ -52,6 +52,7 @@ def _noise(seed: int) -> Axis:
 
 FORM_CODES = (
     "tilt_left",
+    "bow_left",
     "one_contact",
     "caps_edge",
     "connected_network",
@@ -210,6 +211,7 @@ def _cut(seed: int, name: str, ratios: tuple[float, ...]) -> Axis:
         lambda face, ratio: {"overrides": (f"hills.material_ratio={ratio!r}",)},
     )
     codes = (
+        "family_below_cut",
         "sensitive_to_cut",
         "caps_few_points",
         "plateau_at_cut",

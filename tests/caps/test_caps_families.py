@@ -29,6 +29,7 @@ def table(peak_height_m, flags=None, **columns):
     n = len(peak_height_m)
     every = {f.name: np.ones(n) for f in fields(CapTable)}
     every["peak_height_m"] = np.asarray(peak_height_m, float)
+    every["peak_height_se_m"] = np.full(n, np.nan)  # nothing known, unless given
     every["family"] = np.full(n, "", dtype="<U1")
     every["flags"] = np.zeros(n, np.uint16) if flags is None else np.asarray(flags, np.uint16)
     return CapTable(**every | {name: np.asarray(value, float) for name, value in columns.items()})
