@@ -14,7 +14,6 @@ from pipeline.settings import Settings
 from pipeline.surface.heightmap import HeightMap
 
 ANSWERS = ("m", "n", "h_m", "radius_G_m", "radius_P_m", "approach_m", "energy_J")
-DECISIVE = ("m", "n", "approach", "W")  # the others act on the damping through these alone
 SYMBOL = dict(zip(ANSWERS, ("m", "n", "h", "R_G", "R_P", "approach", "W"), strict=True))
 CUTS = (0.02, 0.04, 0.06, 0.08, 0.10, 0.12, 0.15, 0.20, 0.25, 0.30)
 PRUNING_FACTORS = (0.25, 0.5, 1.0, 2.0)
@@ -111,8 +110,7 @@ class Sensitivity:
     def problems(self) -> tuple[Problem, ...]:
         """One for each setting of which a single step moves an answer beyond its error bar.
 
-        A warning where a count, the approach or W moves; where they hold, h and the radii may move
-        without effect on the damping, which is info. Then the family that lies below the cut.
+        And one for a second family that a deeper cut shows.
         """
         found = []
         for sweep in self.sweeps:
@@ -122,7 +120,7 @@ class Sensitivity:
                 found.append(
                     Problem(
                         f"sensitive_to_{sweep.name.split()[0]}",
-                        "warning" if set(moved) & set(DECISIVE) else "info",
+                        "warning",
                         f"the {sweep.name} decides on {_listed(moved)}: from {step[0]:.3g} to "
                         f"{step[-1]:.3g} {sweep.unit} more than the error bar lies between the "
                         f"answers; {sweep.sentence}",

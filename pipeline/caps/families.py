@@ -99,8 +99,8 @@ class Families:
     def clear(self) -> bool:
         """Whether the caps leave no doubt about the number of families that was taken.
 
-        It needs odds of 20 to 1 and, for two, families that are five spreads apart. Peaks that are
-        alike are one family, however few they are.
+        It needs odds of 20 to 1 and, for two, families that are five spreads apart; or peaks that
+        are alike, and so one family, however few they are.
         """
         if self.alike and self.count == len(self.levels) == 1:
             return True
@@ -118,7 +118,8 @@ def group_families(
     The split is exact and the number of families follows from the evidence, see `cluster`. Two are
     taken where they are likelier than one and at least four pooled spreads apart; more than two are
     named in `levels` where the odds are 20 to 1 and each is five spreads from the next, but G and P
-    remain the best split in two: that is what the two-height model needs.
+    remain the best split in two: that is what the two-height model needs. Peaks that differ by no
+    more than their standard errors are one family, whatever the odds.
 
     Parameters
     ----------
@@ -146,7 +147,8 @@ def group_families(
     values = getattr(caps, f"{feature}_m")[member]
     member = member[np.argsort(values, kind="stable")]
     found = cluster(np.sort(values))
-    supported, log_odds = _supported(found)
+    alike = feature == "peak_height" and _alike(caps, member)
+    supported, log_odds = _supported(found, alike)
     wanted = min(supported, 2) if count == "auto" else min(int(count), len(found.sizes))
     group = _in_groups(caps, member, found.sizes[wanted - 1])
     family = np.full(len(caps), "", dtype="<U1")
@@ -163,15 +165,21 @@ def group_families(
         separation=float(found.separation[1]) if len(found.sizes) > 2 else None,
         log_odds=log_odds,
         count_se=_count_se(getattr(caps, f"{feature}_m")[member], group),
-        alike=_alike(caps, member),
+        alike=alike,
     )
 
 
-def _supported(found: Clusters) -> tuple[int, float | None]:
-    """Return the number of families that the caps support, and its log odds."""
+def _supported(found: Clusters, alike: bool) -> tuple[int, float | None]:
+    """Return the number of families that the caps support, and its log odds.
+
+    The odds know the scatter of the heights alone: they may split what only noise or rounding
+    tells apart.
+    """
     evidence, separation = found.log_evidence, found.separation
     if len(evidence) < 2:
         return 1, None  # also of no caps at all
+    if alike:
+        return 1, float(evidence[0] - evidence[1])
     best = 2 if evidence[1] > evidence[0] and separation[1] >= MIN_SEPARATION else 1
     # Three and more are fragments of two unless they are far apart
     numbers = [1, 2, *(np.flatnonzero(separation[2:] >= CLEAR_SEPARATION) + 3)]
