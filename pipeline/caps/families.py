@@ -194,7 +194,8 @@ def _alike(caps: CapTable, member: np.ndarray) -> bool:
     """Tell whether the peaks differ by no more than chance, given their standard errors.
 
     A chi-square test of equal heights. Where noise is a visible part of a cap, equal within the
-    errors says nothing.
+    errors says nothing; and an error far above the usual one is that of a hill that is no sphere,
+    not of noise, and excuses no other height.
     """
     from scipy.special import chdtrc
 
@@ -202,6 +203,7 @@ def _alike(caps: CapTable, member: np.ndarray) -> bool:
     noisy = (caps.flags[member] & CapFlag.noisy_apex) != 0
     if member.size < 2 or noisy.any() or not (error_m > 0.0).all():
         return False
+    error_m = np.minimum(error_m, 2.0 * np.median(error_m))
     weight = (error_m.min() / error_m) ** 2
     deviation = (peak_m - np.average(peak_m, weights=weight)) / error_m
     return bool(chdtrc(member.size - 1, deviation @ deviation) >= ALIKE_LEVEL)

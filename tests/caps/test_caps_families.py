@@ -254,3 +254,10 @@ def test_two_families_within_noise_are_not_declared_one():
     noisy = table(peak_m, [CapFlag.noisy_apex] * 6, peak_height_se_m=error_m)
     assert not group_families(noisy)[1].alike
     assert not families_of(peak_m).alike  # errors that are not known settle nothing
+
+
+def test_a_hill_that_is_no_sphere_is_not_alike_for_its_great_error():
+    peak_m, error_m = heights_with_errors(np.random.default_rng(4), 7)
+    peak_m[:3] -= 2e-8
+    error_m[:3] = 2e-8
+    assert not families_of(peak_m, peak_height_se_m=error_m).alike
