@@ -40,7 +40,7 @@ def limits_figure(results: Row) -> "Figure":
     for axes in grid[len(results["axes"]) :]:
         axes.remove()
     for method, colour in COLOUR.items():
-        for filled, text in ((True, "nothing said"), (False, "a warning")):
+        for filled, text in ((True, "nothing said"), (False, "a warning, or no number")):
             face = colour if filled else "none"
             grid[0].plot([], [], "o", color=colour, mfc=face, label=f"{method}: {text}")
     grid[0].plot([], [], "X", color=SILENT, label="silent failure")
@@ -87,9 +87,9 @@ def limits_markdown(results: Row) -> str:
         *TOTALS_HEAD,
         *_totals_rows(results["totals"]),
         "",
-        "Thresholds and warnings of the program were mended on these faces. On fresh ones (seed",
-        f"{results['fresh']['seed']}: other places of the caps, other noise, waves, grooves and",
-        "spikes of the same kinds) that no mend was judged on:",
+        "Thresholds and warnings of the program were mended on these faces. The next table is of",
+        f"fresh ones (seed {results['fresh']['seed']}): other places of the caps, other noise, waves,",
+        "grooves and spikes of the same kinds, on which no mend was judged.",
         "",
         *TOTALS_HEAD,
         *_totals_rows(results["fresh"]["totals"]),
@@ -135,7 +135,7 @@ def _chart(axes: "Axes", axis: Row, runs: list[Row], limit: float) -> None:
         if run["outcome"] == "no truth":
             continue
         colour = SILENT if run["outcome"] == "silent" else COLOUR.get(run["method"], INK)
-        quiet = run["outcome"] not in SPOKEN
+        quiet = run["outcome"] in ("right", "silent")
         x = position[run["severity"]] + (0.12 if run["method"] == "default" else -0.12)
         axes.plot(
             x,
