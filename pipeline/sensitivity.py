@@ -136,20 +136,22 @@ class Sensitivity:
         found = []
         for sweep in self.sweeps:
             moved = [SYMBOL[ANSWERS[i]] for i in np.flatnonzero(~sweep.holds)]
-            if moved and sweep.labels:
-                why = f"the {sweep.name} decides on {_listed(moved)}: {LEVELLING}; {sweep.sentence}"
-                found.append(Problem(f"sensitive_to_{sweep.name}", "warning", why))
-            elif moved:
+            if not moved:
+                continue
+            why = LEVELLING
+            if not sweep.labels:
                 step = sweep.value[max(sweep.chosen - 1, 0) : sweep.chosen + 2]
-                found.append(
-                    Problem(
-                        f"sensitive_to_{sweep.name.split()[0]}",
-                        "warning",
-                        f"the {sweep.name} decides on {_listed(moved)}: from {step[0]:.3g} to "
-                        f"{step[-1]:.3g} {sweep.unit} more than the error bar lies between the "
-                        f"answers; {sweep.sentence}",
-                    )
+                why = (
+                    f"from {step[0]:.3g} to {step[-1]:.3g} {sweep.unit} more than the error bar "
+                    "lies between the answers"
                 )
+            found.append(
+                Problem(
+                    f"sensitive_to_{sweep.name.split()[0]}",
+                    "warning",
+                    f"the {sweep.name} decides on {_listed(moved)}: {why}; {sweep.sentence}",
+                )
+            )
         return tuple(found)
 
     def to_dict(self) -> dict[str, Any]:

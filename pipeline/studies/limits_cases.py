@@ -75,7 +75,7 @@ def harmless_faces() -> dict[str, tuple[Scene, float]]:
     """
     return {
         "caps of the paper": (random_face(1, *PAPER), 200.0),
-        "caps of some spread": (scattered_face(1e-8), 200.0),
+        "caps of some spread": (scattered_face(1e-8, 3), 200.0),
         "smaller caps": (
             random_face(2, CapFamily("G", 10, 15.0), CapFamily("P", 12, 20.0, 0.1e-6)),
             PRELOAD_N,
