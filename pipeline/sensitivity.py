@@ -25,8 +25,8 @@ MIN_COARSE_POINTS = 40_000
 MAX_INTERACTING = 100  # caps
 LEVELLING = (
     "a tilt of some nm over the face decides which caps touch; a least-squares plane is tilted by "
-    "where the caps lie, a robust one (conditioning.form_robust) follows the floor between them if "
-    "most of the face is floor"
+    "where the caps lie; where a level floor is a third of the face, that of the lowest third of "
+    "the points (conditioning.form_floor = true) is right"
 )
 FORCE_RATIO = 0.5  # of the force at total slip, at which W is taken
 
@@ -230,8 +230,8 @@ def sensitivity(
     Sensitivity
         The cut from 2 to 30 %; the pruning, where there is one, from a quarter to twice its
         height; the S-filter from none to twice the chosen nesting index, or to eight pixels of the
-        map of the runs; the form by least squares and robust, or none and a plane. No sweep where
-        the chosen settings give no answer.
+        map of the runs; the form as chosen and through the lowest third of the points, or none
+        and a plane. No sweep where the chosen settings give no answer.
     """
     if settings.contact.model in ("auto", "interacting", "boundary_elements"):
         model = "interacting" if n_caps <= MAX_INTERACTING else "mean_field"
@@ -308,8 +308,9 @@ def _levelling(settings: Settings) -> _Plan:
         options: tuple[Any, ...] = ("none", "plane")
         labels, setting, chosen = ("no form removed", "plane"), "conditioning.form", 0.0
     else:
-        options, labels = (False, True), (f"least-squares {form}", f"robust {form}")
-        setting, chosen = "conditioning.form_robust", float(settings.conditioning.form_robust)
+        fit = "robust" if settings.conditioning.form_robust else "least-squares"
+        options, labels = (False, True), (f"{fit} {form}", f"{form} of the lowest third")
+        setting, chosen = "conditioning.form_floor", float(settings.conditioning.form_floor)
     return _Plan(setting, "levelling", "", 1.0, (0.0, 1.0), chosen, options, labels)
 
 

@@ -151,19 +151,19 @@ def test_the_filter_goes_from_none_to_more_and_never_below_four_pixels(index_m, 
 
 
 @pytest.mark.parametrize("form", ["plane", "quadratic", "none"])
-@pytest.mark.parametrize("robust", [False, True])
-def test_the_face_is_levelled_the_other_way(form, robust):
+@pytest.mark.parametrize("floor", [False, True])
+def test_the_face_is_levelled_the_other_way(form, floor):
     asked = []
 
     def answer(_, settings, with_contact):
-        asked.append((settings.conditioning.form, settings.conditioning.form_robust))
-        moved = asked[-1] != (form, robust)
+        asked.append((settings.conditioning.form, settings.conditioning.form_floor))
+        moved = asked[-1] != (form, floor)
         return Answers(with_W(2e-7 if moved else 1e-7), NO_ERROR)
 
-    tables = {"conditioning": {"form": form, "form_robust": robust}}
+    tables = {"conditioning": {"form": form, "form_floor": floor}}
     found = sensitivity(answer, SMALL, settings_from(tables), 23, math.inf, True)
-    other = ("plane", robust) if form == "none" else (form, not robust)
-    assert set(asked) == {(form, robust), other}
+    other = ("plane", floor) if form == "none" else (form, not floor)
+    assert set(asked) == {(form, floor), other}
     assert asked.count(other) == 1  # one run: the sweep has little time
     (problem,) = found.problems
     assert (problem.code, problem.severity) == ("sensitive_to_levelling", "warning")
@@ -171,8 +171,8 @@ def test_the_face_is_levelled_the_other_way(form, robust):
     sweep = found.sweeps[-1]
     labels = ("no form removed", "plane")
     if form != "none":
-        labels = (f"least-squares {form}", f"robust {form}")
-    energies = "2e-07 J / 1e-07 J" if robust and form != "none" else "1e-07 J / 2e-07 J"
+        labels = (f"least-squares {form}", f"{form} of the lowest third")
+    energies = "2e-07 J / 1e-07 J" if floor and form != "none" else "1e-07 J / 2e-07 J"
     assert sweep.sentence in problem.message
     assert sweep.sentence == (
         f"levelling, {' / '.join(labels)}: m 5, n 18, h 2.4e-07 m, R_G 23.8 m, R_P 26.7 m, "

@@ -122,7 +122,12 @@ def place(
 
 
 def composite_surface(
-    first: HeightMap, second: HeightMap, placement: Placement, *, robust: bool = False
+    first: HeightMap,
+    second: HeightMap,
+    placement: Placement,
+    *,
+    robust: bool = False,
+    floor: bool = False,
 ) -> HeightMap:
     """Add the heights of both faces where they face each other.
 
@@ -136,7 +141,7 @@ def composite_surface(
         Form removed.
     placement : Placement
         From `place`.
-    robust : bool
+    robust, floor : bool
         How the plane of the sum is fitted; see `remove_form`.
 
     Returns
@@ -166,11 +171,16 @@ def composite_surface(
             f"with offset {placement.offset_m} m; expected faces that overlap; check "
             "mating.offset_m, mating.mirror and the units"
         )
-    return remove_form(replace(first, height_m=height_m), robust=robust)[0]
+    return remove_form(replace(first, height_m=height_m), robust=robust, floor=floor)[0]
 
 
 def mate(
-    first: Conditioned, second: Conditioned, placement: Placement, robust: bool = False
+    first: Conditioned,
+    second: Conditioned,
+    placement: Placement,
+    *,
+    robust: bool = False,
+    floor: bool = False,
 ) -> Conditioned:
     """Put the composite surface in the place of a conditioned face.
 
@@ -180,7 +190,7 @@ def mate(
         The faces, each conditioned alone.
     placement : Placement
         From `place`, for their surfaces.
-    robust : bool
+    robust, floor : bool
         How the plane of the sum is fitted; see `remove_form`.
 
     Returns
@@ -194,7 +204,9 @@ def mate(
     UnusableSurfaceError
         If the faces do not overlap.
     """
-    surface = composite_surface(first.surface, second.surface, placement, robust=robust)
+    surface = composite_surface(
+        first.surface, second.surface, placement, robust=robust, floor=floor
+    )
     sq_m, sz_m = sq_and_sz_m(surface)
     step = {
         "step": "mating",

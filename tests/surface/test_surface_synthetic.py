@@ -68,9 +68,9 @@ def test_removing_the_plane_restores_the_truth():
     assert smc_m == pytest.approx(truth.cut_height_m, abs=1e-14)
 
 
-def tilt_m(surface, robust=False):
+def tilt_m(surface, **fit):
     """Rise of the plane over the face, corner to corner."""
-    level, _ = remove_form(surface, "plane", robust=robust)
+    level, _ = remove_form(surface, "plane", **fit)
     return float(np.ptp(surface.height_m - level.height_m))
 
 
@@ -91,6 +91,7 @@ def test_balanced_caps_stand_on_a_level_floor_and_their_plane_is_level(families,
     floor_m = surface.height_m.min()
     on_floor = surface.height_m <= floor_m + 1e-18
     assert on_floor.mean() > 0.5  # level from edge to edge, not bent
+    assert tilt_m(surface, floor=True) < 1e-14
     if on_floor.mean() > 0.6:
         assert tilt_m(surface, robust=True) < 1e-14
     disc_m = np.sqrt((truth.peak_height_m - floor_m - 0.2e-6) * 2 * truth.radius_m)
