@@ -2,6 +2,7 @@
 
 from pipeline.studies.limits_cases import Axis
 from pipeline.studies.limits_faces import axes_of_faces
+from pipeline.studies.limits_levelling import axes_of_levelling
 from pipeline.studies.limits_scans import axes_of_scans
 
 
@@ -14,4 +15,4 @@ def axes() -> tuple[Axis, ...]:
     >>> len(found) >= 16, sum(len(axis.cases) for axis in found) >= 400
     (True, True)
     """
-    return (*axes_of_faces(), *axes_of_scans())
+    return (*axes_of_faces(), *axes_of_scans(), *axes_of_levelling())
