@@ -41,7 +41,7 @@ def sensitivity(analysis: "Analysis") -> "Figure | None":
     for axes, sweep in zip(grid[-1], found.sweeps, strict=True):
         axes.set_xlabel(f"{sweep.name} [{sweep.unit}]" if sweep.unit else sweep.name)
         if sweep.labels:
-            axes.set_xticks(sweep.value, [label.replace(" ", "\n") for label in sweep.labels])
+            axes.set_xticks(sweep.value, [label.replace(" of", "\nof") for label in sweep.labels])
             axes.set_xlim(sweep.value[0] - 0.5, sweep.value[-1] + 0.5)
     _legend(figure)
     return figure
