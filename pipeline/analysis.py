@@ -227,7 +227,8 @@ def _find_caps(
         rotation_rad=mating.rotation_rad,
     )
     if mating.way == "composite":
-        conditioned = timed("mate", composite_of, conditioned, second, placement)
+        fit = {"robust": options["form_robust"], "floor": options["form_floor"]}
+        conditioned = timed("mate", composite_of, conditioned, second, placement, **fit)
         return conditioned, *_hills_and_caps(conditioned.surface, settings, timed)
     hills, caps, problems = _hills_and_caps(conditioned.surface, settings, timed)
     _, other_caps, other_problems = _hills_and_caps(second.surface, settings, timed)

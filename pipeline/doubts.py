@@ -48,8 +48,10 @@ def doubts_of_tilt(surface: HeightMap, approach_m: float) -> list[Problem]:
     if tilt_m <= VISIBLE_FORM * approach_m:
         return []
     message = (
-        f"the face is tilted by {tilt_m:.3g} m, the approach is {approach_m:.3g} m; "
-        "conditioning.form = plane removes it"
+        f"the levelling decides which caps touch: nothing was taken off the face, and its "
+        f"least-squares plane is tilted by {tilt_m:.3g} m, the approach is {approach_m:.3g} m. "
+        "Where that is how the face lay under the instrument, conditioning.form = plane takes it "
+        "off; where it is the face's own, as caps on one side tilt that plane, leave it"
     )
     return [Problem("tilt_left", "warning", message)]
 

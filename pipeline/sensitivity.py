@@ -1,4 +1,4 @@
-"""How far the answers hang on the choices: cut, pruning and filter, swept one by one."""
+"""How far the answers hang on the choices: cut, pruning, filter and levelling, one by one."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -15,6 +15,7 @@ from pipeline.surface.heightmap import HeightMap
 
 ANSWERS = ("m", "n", "h_m", "radius_G_m", "radius_P_m", "approach_m", "energy_J")
 SYMBOL = dict(zip(ANSWERS, ("m", "n", "h", "R_G", "R_P", "approach", "W"), strict=True))
+UNIT = dict(zip(ANSWERS, ("", "", " m", " m", " m", " m", " J"), strict=True))
 CUTS = (0.02, 0.04, 0.06, 0.08, 0.10, 0.12, 0.15, 0.20, 0.25, 0.30)
 PRUNING_FACTORS = (0.25, 0.5, 1.0, 2.0)
 FILTER_PIXELS = (0.0, 4.0, 8.0)  # 0: no filter
@@ -23,6 +24,11 @@ FILTER_FACTORS = (0.0, 0.5, 1.0, 2.0)
 MIN_COARSE_POINTS = 40_000
 MAX_INTERACTING = 100  # caps
 BELOW_CUT = 2.0  # times the chosen share: how far below the cut a second family is looked for
+LEVELLING = (
+    "a tilt of some nm over the face decides which caps touch; a least-squares plane is tilted by "
+    "where the caps lie; where a level floor is a third of the face, that of the lowest third of "
+    "the points (conditioning.form_floor = true) is right"
+)
 FORCE_RATIO = 0.5  # of the force at total slip, at which W is taken
 
 
@@ -49,7 +55,7 @@ class Sweep:
     name, unit : str
         How it is called and measured; `value` is in that unit.
     value : float64, shape (k,)
-        Swept values, growing.
+        Swept values, growing; the numbers of the `labels` where there are any.
     chosen : int
         Which of them the analysis uses.
     answer : float64, shape (k, 7)
@@ -57,6 +63,8 @@ class Sweep:
     stable_from, stable_to : float64, shape (7,)
         First and last value between which the answer stays within its error bar, on the way to
         either side from the chosen value.
+    labels : tuple of str, shape (k,) or ()
+        What the values are called where they are choices and no numbers.
     """
 
     setting: str
@@ -67,6 +75,7 @@ class Sweep:
     answer: np.ndarray
     stable_from: np.ndarray
     stable_to: np.ndarray
+    labels: tuple[str, ...] = ()
 
     @property
     def holds(self) -> np.ndarray:
@@ -80,6 +89,8 @@ class Sweep:
     @property
     def sentence(self) -> str:
         """What an engineer wants to hear: which answer is stable from where to where."""
+        if self.labels:
+            return self._sentence_of_choices()
         said: dict[str, list[str]] = {}
         for key, low, high in zip(ANSWERS, self.stable_from, self.stable_to, strict=True):
             if np.isfinite(self.answer[self.chosen, ANSWERS.index(key)]):
@@ -88,6 +99,20 @@ class Sweep:
                 said.setdefault(where if low < high else at, []).append(SYMBOL[key])
         ranges = [f"{_listed(names)} stable {where}" for where, names in said.items()]
         return f"{self.name}: {'; '.join(ranges)}."
+
+    def _sentence_of_choices(self) -> str:
+        said = []
+        for i, key in enumerate(ANSWERS):
+            column = self.answer[:, i]
+            if np.isnan(column).all():
+                continue
+            given = [f"{x:.3g}{UNIT[key]}" if np.isfinite(x) else "none" for x in column]
+            said.append(f"{SYMBOL[key]} {' / '.join(given if not self.holds[i] else given[:1])}")
+        return f"{self.name}, {' / '.join(self.labels)}: {', '.join(said)}."
+
+    def said(self, value: float) -> float | str:
+        """Return a value as it is called: its label, or itself."""
+        return self.labels[int(value)] if self.labels else value
 
 
 @dataclass(frozen=True, eq=False)
@@ -114,19 +139,24 @@ class Sensitivity:
         """
         found = []
         for sweep in self.sweeps:
-            moved = [SYMBOL[ANSWERS[i]] for i in np.flatnonzero(~sweep.holds)]
-            if moved:
-                step = sweep.value[max(sweep.chosen - 1, 0) : sweep.chosen + 2]
-                found.append(
-                    Problem(
-                        f"sensitive_to_{sweep.name.split()[0]}",
-                        "warning",
-                        f"the {sweep.name} decides on {_listed(moved)}: from {step[0]:.3g} to "
-                        f"{step[-1]:.3g} {sweep.unit} more than the error bar lies between the "
-                        f"answers; {sweep.sentence}",
-                    )
-                )
             found += _family_below(sweep) if sweep.name == "cut" else []
+            moved = [SYMBOL[ANSWERS[i]] for i in np.flatnonzero(~sweep.holds)]
+            if not moved:
+                continue
+            why = LEVELLING
+            if not sweep.labels:
+                step = sweep.value[max(sweep.chosen - 1, 0) : sweep.chosen + 2]
+                why = (
+                    f"from {step[0]:.3g} to {step[-1]:.3g} {sweep.unit} more than the error bar "
+                    "lies between the answers"
+                )
+            found.append(
+                Problem(
+                    f"sensitive_to_{sweep.name.split()[0]}",
+                    "warning",
+                    f"the {sweep.name} decides on {_listed(moved)}: {why}; {sweep.sentence}",
+                )
+            )
         return tuple(found)
 
     def to_dict(self) -> dict[str, Any]:
@@ -134,11 +164,11 @@ class Sensitivity:
         return {
             sweep.setting: {
                 "unit": sweep.unit,
-                "value": sweep.value,
-                "chosen": sweep.value[sweep.chosen],
+                "value": sweep.labels or sweep.value,
+                "chosen": sweep.said(sweep.value[sweep.chosen]),
                 **{key: sweep.answer[:, i] for i, key in enumerate(ANSWERS)},
-                "stable_from": dict(zip(ANSWERS, sweep.stable_from, strict=True)),
-                "stable_to": dict(zip(ANSWERS, sweep.stable_to, strict=True)),
+                "stable_from": dict(zip(ANSWERS, map(sweep.said, sweep.stable_from), strict=True)),
+                "stable_to": dict(zip(ANSWERS, map(sweep.said, sweep.stable_to), strict=True)),
                 "sentence": sweep.sentence,
             }
             for sweep in self.sweeps
@@ -228,7 +258,8 @@ def sensitivity(
     Sensitivity
         The cut from 2 to 30 %; the pruning, where there is one, from a quarter to twice its
         height; the S-filter from none to twice the chosen nesting index, or to eight pixels of the
-        map of the runs. No sweep where the chosen settings give no answer.
+        map of the runs; the form as chosen and through the lowest third of the points, or none
+        and a plane. No sweep where the chosen settings give no answer.
     """
     if settings.contact.model in ("auto", "interacting", "boundary_elements"):
         model = "interacting" if n_caps <= MAX_INTERACTING else "mean_field"
@@ -260,7 +291,7 @@ def sensitivity(
         at = int(np.searchsorted(value, plan.chosen))
         rows = [
             chosen if i == at else ask(surface, _with(settings, plan.setting, x))
-            for i, x in enumerate(value.tolist())
+            for i, x in enumerate(plan.options or value.tolist())
         ]
         sweeps.append(_sweep(plan, value, at, np.array([row.value for row in rows]), error_bar))
     return Sensitivity(error_bar, tuple(sweeps))
@@ -276,6 +307,8 @@ class _Plan:
     unit_size: float
     values: tuple[float, ...]
     chosen: float
+    options: tuple[Any, ...] = ()  # what the values number, where they are choices
+    labels: tuple[str, ...] = ()
 
 
 def _plans(settings: Settings, surface: HeightMap, pruning_m: float) -> list[_Plan]:
@@ -292,7 +325,21 @@ def _plans(settings: Settings, surface: HeightMap, pruning_m: float) -> list[_Pl
     possible = tuple(x for x in lengths_m if not x or shortest_m <= x <= longest_m)
     setting = "conditioning.s_filter_nesting_index_m"
     plans.append(_Plan(setting, "filter", "µm", 1e-6, possible, index_m or 0.0))
+    plans.append(_levelling(settings))
     return plans
+
+
+def _levelling(settings: Settings) -> _Plan:
+    """Return the other way to level: nobody knows how a face lay under the instrument."""
+    form = settings.conditioning.form
+    if form == "none":
+        options: tuple[Any, ...] = ("none", "plane")
+        labels, setting, chosen = ("no form removed", "plane"), "conditioning.form", 0.0
+    else:
+        fit = "robust" if settings.conditioning.form_robust else "least-squares"
+        options, labels = (False, True), (f"{fit} {form}", f"{form} of the lowest third")
+        setting, chosen = "conditioning.form_floor", float(settings.conditioning.form_floor)
+    return _Plan(setting, "levelling", "", 1.0, (0.0, 1.0), chosen, options, labels)
 
 
 def _sweep(
@@ -309,6 +356,7 @@ def _sweep(
         answer=answer,
         stable_from=value[first],
         stable_to=value[last],
+        labels=plan.labels,
     )
 
 
@@ -339,13 +387,13 @@ def _coarsened(surface: HeightMap) -> HeightMap | None:
     return replace(surface, height_m=height_m, pixel_size_m=(2.0 * dy_m, 2.0 * dx_m))
 
 
-def _with(settings: Settings, setting: str, value: float | str) -> Settings:
+def _with(settings: Settings, setting: str, value: float | str | bool) -> Settings:
     """Return the settings with one changed."""
     table, key = setting.split(".")
     changes: dict[str, Any] = {key: value}
     if key == "pruning_height_m":
         changes["pruning_percent_Sz"] = None  # the other way to say it
-    if value == 0.0:
+    if key == "s_filter_nesting_index_m" and not value:
         changes[key] = None  # a filter of no length
     inner = msgspec.structs.replace(getattr(settings, table), **changes)
     return msgspec.structs.replace(settings, **{table: inner})

@@ -43,6 +43,7 @@ class Conditioning(_Table, frozen=True):
     form: Literal["plane", "quadratic", "polynomial", "cylinder", "sphere", "none"] = "plane"
     form_degree: Annotated[int, msgspec.Meta(ge=1, le=10)] | None = None  # of a polynomial
     form_robust: bool = False
+    form_floor: bool = False
     outliers: Literal["isolated", "none"] = "isolated"
     edge_trim_m: Positive | None = None
     s_filter_nesting_index_m: Positive | None = None

@@ -6,7 +6,9 @@ from types import SimpleNamespace
 import msgspec
 import numpy as np
 import pytest
+from scenes import REFERENCE, caps_map
 
+from pipeline.analysis import analyze
 from pipeline.caps.families import group_families
 from pipeline.caps.fit import fit_caps
 from pipeline.caps.hills import find_hills
@@ -16,6 +18,7 @@ from pipeline.sensitivity import ANSWERS, Answers, answers, sensitivity
 from pipeline.settings import settings_from
 from pipeline.surface.conditioning import condition
 from pipeline.surface.heightmap import HeightMap
+from pipeline.surface.readers import load_surface
 from pipeline.surface.synthetic import CapFamily, Scene, synthetic_surface
 
 SMALL = HeightMap(np.random.default_rng(0).normal(size=(40, 60)), (1e-4, 1e-4))
@@ -170,11 +173,85 @@ def test_the_filter_goes_from_none_to_more_and_never_below_four_pixels(index_m, 
         return Answers(STEADY, NO_ERROR)
 
     tables = {} if index_m is None else {"conditioning": {"s_filter_nesting_index_m": index_m}}
-    sweep = sensitivity(answer, SMALL, settings_from(tables), 23, math.inf, True).sweeps[-1]
+    found = sensitivity(answer, SMALL, settings_from(tables), 23, math.inf, True)
+    sweep = next(sweep for sweep in found.sweeps if sweep.name == "filter")
     assert sweep.value == pytest.approx(expected_um)
     assert sweep.value[sweep.chosen] == pytest.approx((index_m or 0.0) * 1e6)
     assert None in asked
     assert 0.0 not in asked
+
+
+@pytest.mark.parametrize("form", ["plane", "quadratic", "none"])
+@pytest.mark.parametrize("floor", [False, True])
+def test_the_face_is_levelled_the_other_way(form, floor):
+    asked = []
+
+    def answer(_, settings, with_contact):
+        asked.append((settings.conditioning.form, settings.conditioning.form_floor))
+        moved = asked[-1] != (form, floor)
+        return Answers(with_W(2e-7 if moved else 1e-7), NO_ERROR)
+
+    tables = {"conditioning": {"form": form, "form_floor": floor}}
+    found = sensitivity(answer, SMALL, settings_from(tables), 23, math.inf, True)
+    other = ("plane", floor) if form == "none" else (form, not floor)
+    assert set(asked) == {(form, floor), other}
+    assert asked.count(other) == 1  # one run: the sweep has little time
+    (problem,) = found.problems
+    assert (problem.code, problem.severity) == ("sensitive_to_levelling", "warning")
+    assert problem.message.startswith("the levelling decides on W: a tilt of some nm")
+    sweep = found.sweeps[-1]
+    labels = ("no form removed", "plane")
+    if form != "none":
+        labels = (f"least-squares {form}", f"{form} of the lowest third")
+    energies = "2e-07 J / 1e-07 J" if floor and form != "none" else "1e-07 J / 2e-07 J"
+    assert sweep.sentence in problem.message
+    assert sweep.sentence == (
+        f"levelling, {' / '.join(labels)}: m 5, n 18, h 2.4e-07 m, R_G 23.8 m, R_P 26.7 m, "
+        f"approach 3e-07 m, W {energies}."
+    )
+    plain = found.to_dict()[sweep.setting]
+    assert plain["value"] == labels
+    assert plain["chosen"] == labels[sweep.chosen]
+    assert plain["stable_to"]["energy_J"] == plain["chosen"]
+
+
+def test_levelling_that_moves_nothing_is_no_problem():
+    found = swept(lambda _: STEADY)
+    assert found.problems == ()
+    assert found.sweeps[-1].name == "levelling"
+    assert found.sweeps[-1].holds.all()
+
+
+@pytest.mark.parametrize(
+    ("options", "codes"),
+    [
+        ({}, {"sensitive_to_levelling"}),
+        ({"form": "quadratic"}, {"sensitive_to_levelling"}),
+        ({"form": "none"}, {"sensitive_to_levelling", "tilt_left"}),
+    ],
+)
+def test_caps_on_one_side_name_the_levelling(options, codes):
+    """Six spheres on a flat floor, the lower three on one side: h is 240 nm."""
+    places_m = ((10, 10), (30, 12), (50, 10), (12, 30), (32, 30), (50, 28))
+    caps = [
+        (1e-3 * x, 1e-3 * y, 24.0, -2.4e-7 if i > 2 else 0.0) for i, (x, y) in enumerate(places_m)
+    ]
+    face = caps_map(caps, (200, 300), (2e-4, 2e-4), floor_m=-8e-7)
+    found = analyze(face, settings_from({"conditioning": options}))
+    said = {problem.code: problem.message for problem in found.problems}
+    assert codes <= set(said)
+    assert found.status == "check"
+    if "tilt_left" in codes:  # here the floor is level, and taking the plane off is the error
+        assert "the levelling decides" in said["tilt_left"]
+        assert "leave it" in said["tilt_left"]
+        assert found.families.h_m == pytest.approx(2.4e-7, rel=1e-3)
+
+
+@pytest.mark.skipif(not REFERENCE.is_dir(), reason="the reference faces are not at hand")
+def test_the_reference_face_of_caps_names_the_levelling():
+    """5 G-caps and 18 P-caps; the plane is tilted by 0.2 um, and 11 of the 18 are left."""
+    found = analyze(load_surface(REFERENCE / "caps.h5"))
+    assert "sensitive_to_levelling" in {problem.code for problem in found.problems}
 
 
 @pytest.mark.parametrize(

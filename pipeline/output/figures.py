@@ -92,10 +92,10 @@ FIGURES = {
         figures_sensitivity.sensitivity,
         "Sensitivity",
         "a usable cap",
-        "Every answer with one choice changed at a time: the cut, the pruning of the hills and the "
-        "S-filter. W is the energy lost per cycle at half the force at total slip. In the shaded "
-        "range the answer stays within its error bar: two standard errors, or the requested "
-        "tolerance.",
+        "Every answer with one choice changed at a time: the cut, the pruning of the hills, the "
+        "S-filter and the levelling. W is the energy lost per cycle at half the force at total "
+        "slip. In the shaded range the answer stays within its error bar: two standard errors, or "
+        "the requested tolerance.",
     ),
 }
 

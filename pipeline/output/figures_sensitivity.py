@@ -1,4 +1,4 @@
-"""Figure of the sensitivity: every answer over the cut, the pruning and the filter."""
+"""Figure of the sensitivity: every answer over cut, pruning, filter and levelling."""
 
 from typing import TYPE_CHECKING, Any
 
@@ -39,7 +39,10 @@ def sensitivity(analysis: "Analysis") -> "Figure | None":
         row[0].set_ylabel(f"{label} [{prefixed}]" if unit else label)
     grid[0, 0].set_title("Answers over the choices made", loc="left", fontsize=11, color=INK)
     for axes, sweep in zip(grid[-1], found.sweeps, strict=True):
-        axes.set_xlabel(f"{sweep.name} [{sweep.unit}]")
+        axes.set_xlabel(f"{sweep.name} [{sweep.unit}]" if sweep.unit else sweep.name)
+        if sweep.labels:
+            axes.set_xticks(sweep.value, [label.replace(" of", "\nof") for label in sweep.labels])
+            axes.set_xlim(sweep.value[0] - 0.5, sweep.value[-1] + 0.5)
     _legend(figure)
     return figure
 

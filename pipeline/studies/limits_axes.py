@@ -2,6 +2,7 @@
 
 from pipeline.studies.limits_cases import Axis
 from pipeline.studies.limits_faces import axes_of_faces
+from pipeline.studies.limits_levelling import axes_of_levelling
 from pipeline.studies.limits_scans import axes_of_scans
 
 
@@ -19,4 +20,4 @@ def axes(seed: int = 0) -> tuple[Axis, ...]:
     >>> len(found) >= 16, sum(len(axis.cases) for axis in found) >= 400
     (True, True)
     """
-    return (*axes_of_faces(seed), *axes_of_scans(seed))
+    return (*axes_of_faces(seed), *axes_of_scans(seed), *axes_of_levelling(seed))

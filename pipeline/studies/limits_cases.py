@@ -78,7 +78,7 @@ def harmless_faces(seed: int) -> dict[str, tuple[Scene, float]]:
     smaller = CapFamily("G", 10, 15.0), CapFamily("P", 12, 20.0, 0.1e-6)
     return {
         "caps of the paper": (random_face(first + 1, *PAPER), 200.0),
-        "caps of some spread": (scattered_face(1e-8, first + 2), 200.0),
+        "caps of some spread": (scattered_face(1e-8, first + 3), 200.0),
         "smaller caps": (random_face(first + 2, *smaller), PRELOAD_N),
     }
 

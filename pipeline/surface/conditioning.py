@@ -47,6 +47,7 @@ def condition(
     *,
     form_degree: int | None = None,
     form_robust: bool = False,
+    form_floor: bool = False,
     outliers: OutlierRule = "isolated",
     edge_trim_m: float | None = None,
     s_filter_nesting_index_m: float | None = None,
@@ -59,7 +60,7 @@ def condition(
     ----------
     surface : HeightMap
         The map as measured. No step fills a non-measured point.
-    form, form_degree, form_robust
+    form, form_degree, form_robust, form_floor
         See `remove_form`.
     outliers : {"isolated", "none"}
         Mark spikes and bad codes as non-measured (see `find_outliers`) and fit the form again
@@ -98,14 +99,15 @@ def condition(
         steps.append(step)
 
     stored = surface
-    surface, removed_form = remove_form(stored, form, degree=form_degree, robust=form_robust)
+    fit: dict[str, Any] = {"degree": form_degree, "robust": form_robust, "floor": form_floor}
+    surface, removed_form = remove_form(stored, form, **fit)
     found = find_outliers(surface, stored)
     step = {"step": "outliers", "rule": outliers, "removed": 0}
     if outliers == "isolated" and found.index.size:
         step["removed"] = found.index.size
         step["sq_before_m"], step["sz_before_m"] = sq_and_sz_m(surface)
         stored = _without(stored, found)
-        surface, removed_form = remove_form(stored, form, degree=form_degree, robust=form_robust)
+        surface, removed_form = remove_form(stored, form, **fit)
     sq_m, sz_m = sq_and_sz_m(surface)
     steps += [{"step": "form", **asdict(removed_form), "residual_sq_m": sq_m}, step]
     problems = doubts_of_outliers(surface, sq_m, found, kept=outliers == "none")

@@ -17,6 +17,7 @@ MAX_DEGREE = 10
 MAX_CONDITION = 1e10  # of the normal equations; a map measured everywhere has below 1e3
 BIWEIGHT_OVER_MEDIAN = 4.4478  # ISO 16610-71: 3 standard deviations of a normal distribution
 MAX_REWEIGHTS = 50
+FLOOR_SHARE = 1.0 / 3.0  # of the points, the lowest, that a floor is fitted to
 ROUNDING = 1e-12  # of the height range: a smaller spread has no meaning
 SETTLED = 1e-4  # relative change of the spread between two reweighted fits
 MAX_STEPS = 50
@@ -38,6 +39,8 @@ class Form:
         Total degree of the polynomial; None for sphere, cylinder and none.
     robust : bool
         Whether peaks and outliers were weighted down.
+    floor : bool
+        Whether the lowest third of the points alone was fitted.
     radius_m : float or None
         Of sphere or cylinder; positive where the face is convex. None where it came out plane.
     axis_rad : float or None
@@ -49,10 +52,16 @@ class Form:
     robust: bool = False
     radius_m: float | None = None
     axis_rad: float | None = None
+    floor: bool = False
 
 
 def remove_form(
-    surface: HeightMap, kind: FormKind = "plane", *, degree: int | None = None, robust: bool = False
+    surface: HeightMap,
+    kind: FormKind = "plane",
+    *,
+    degree: int | None = None,
+    robust: bool = False,
+    floor: bool = False,
 ) -> tuple[HeightMap, Form]:
     """Subtract the form that fits the measured points best in height.
 
@@ -69,6 +78,10 @@ def remove_form(
         False: least squares. True: least squares with Tukey's biweight, renewed until it settles
         (the weights of ISO 16610-71), so that points farther than 4.4478 median deviations from
         the form, such as peaks, pits and spikes, have no say.
+    floor : bool
+        True: least squares through the lowest third of the points above the form, renewed until
+        they stay the same (least trimmed squares, one-sided). Hills that stand on a floor then have
+        no say, even where their flanks cover half of it. `robust` makes no difference.
 
     Returns
     -------
@@ -96,11 +109,13 @@ def remove_form(
         return surface, Form("none")
     degree = DEGREE.get(kind, degree)
     measured = _measured(surface)
-    if robust:
+    if floor:
+        residual_m, radius_m, axis_rad = _through_lowest(surface, measured, kind, degree)
+    elif robust:
         residual_m, radius_m, axis_rad = _reweighted(surface, measured, kind, degree)
     else:
         residual_m, radius_m, axis_rad = _fit(surface, measured, None, kind, degree)
-    form = Form(kind, degree, robust, radius_m, axis_rad)
+    form = Form(kind, degree, robust and not floor, radius_m, axis_rad, floor)
     return replace(surface, height_m=residual_m), form
 
 
@@ -170,6 +185,23 @@ def _reweighted(
         weight = _biweight(residual_m, BIWEIGHT_OVER_MEDIAN * spread_m)
         if measured is not None:
             weight[~measured] = 0.0
+    return residual_m, radius_m, axis_rad
+
+
+def _through_lowest(
+    surface: HeightMap, measured: np.ndarray | None, kind: FormKind, degree: int | None
+) -> tuple[np.ndarray, float | None, float | None]:
+    """Fit again to the lowest third of the residuals, until nearly the same points are lowest."""
+    weight = None
+    for _ in range(MAX_REWEIGHTS + 1):
+        residual_m, radius_m, axis_rad = _fit(surface, measured, weight, kind, degree)
+        known_m = residual_m if measured is None else residual_m[measured]
+        # Where many points are equally low, as on a clean floor, all of them count
+        limit_m = np.quantile(known_m, FLOOR_SHARE, method="higher")
+        low = residual_m <= limit_m  # False where non-measured
+        if weight is not None and np.mean(low != (weight > 0.0)) <= SETTLED:
+            break
+        weight = low.astype(np.float64)
     return residual_m, radius_m, axis_rad
 
 

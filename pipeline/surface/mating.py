@@ -121,7 +121,14 @@ def place(
     return _refined(first, second, _coarse(first, second, given))
 
 
-def composite_surface(first: HeightMap, second: HeightMap, placement: Placement) -> HeightMap:
+def composite_surface(
+    first: HeightMap,
+    second: HeightMap,
+    placement: Placement,
+    *,
+    robust: bool = False,
+    floor: bool = False,
+) -> HeightMap:
     """Add the heights of both faces where they face each other.
 
     The gap between two faces, and so the contact of two elastic bodies of small slopes, depends on
@@ -134,6 +141,8 @@ def composite_surface(first: HeightMap, second: HeightMap, placement: Placement)
         Form removed.
     placement : Placement
         From `place`.
+    robust, floor : bool
+        How the plane of the sum is fitted; see `remove_form`.
 
     Returns
     -------
@@ -162,10 +171,17 @@ def composite_surface(first: HeightMap, second: HeightMap, placement: Placement)
             f"with offset {placement.offset_m} m; expected faces that overlap; check "
             "mating.offset_m, mating.mirror and the units"
         )
-    return remove_form(replace(first, height_m=height_m))[0]
+    return remove_form(replace(first, height_m=height_m), robust=robust, floor=floor)[0]
 
 
-def mate(first: Conditioned, second: Conditioned, placement: Placement) -> Conditioned:
+def mate(
+    first: Conditioned,
+    second: Conditioned,
+    placement: Placement,
+    *,
+    robust: bool = False,
+    floor: bool = False,
+) -> Conditioned:
     """Put the composite surface in the place of a conditioned face.
 
     Parameters
@@ -174,6 +190,8 @@ def mate(first: Conditioned, second: Conditioned, placement: Placement) -> Condi
         The faces, each conditioned alone.
     placement : Placement
         From `place`, for their surfaces.
+    robust, floor : bool
+        How the plane of the sum is fitted; see `remove_form`.
 
     Returns
     -------
@@ -186,7 +204,9 @@ def mate(first: Conditioned, second: Conditioned, placement: Placement) -> Condi
     UnusableSurfaceError
         If the faces do not overlap.
     """
-    surface = composite_surface(first.surface, second.surface, placement)
+    surface = composite_surface(
+        first.surface, second.surface, placement, robust=robust, floor=floor
+    )
     sq_m, sz_m = sq_and_sz_m(surface)
     step = {
         "step": "mating",

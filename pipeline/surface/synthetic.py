@@ -1,16 +1,18 @@
 """Synthetic faces whose content is known: caps, form, waves, noise and defects, all seeded."""
 
 import math
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from typing import Any, Literal
 
 import numpy as np
 
 from pipeline.errors import SettingsError
 from pipeline.surface.heightmap import HeightMap, Origin
+from pipeline.surface.placing import balanced_places, free_places
 
-PLACEMENT_TRIES = 20_000
-LEVELLING_STEPS = 30
+BALANCING_STEPS = 40
+LEVEL_M = 1e-15  # rise of the least-squares plane over half the face at which it is level
+DRAWS = 20  # of places that can be balanced
 
 
 @dataclass(frozen=True)
@@ -40,8 +42,8 @@ class Scene:
 
     The surface is the higher of floor and caps at every point. The families are placed so that at
     the cut their discs are at least `gap_m` apart and inside the face, and as high as makes the
-    discs of all caps fill `material_ratio` of it. On top come roughness, form, noise, spikes and,
-    last, the non-measured points.
+    discs of all caps fill `material_ratio` of it. The floor is level. On top come roughness, form,
+    noise, spikes and, last, the non-measured points.
 
     Attributes
     ----------
@@ -57,6 +59,9 @@ class Scene:
         Share of the face that the discs of the caps fill at the cut.
     gap_m : float
         Least distance between discs, and from the edge.
+    balanced : bool
+        True: the families lie so that the least-squares plane of the whole is level, too. False:
+        they lie where they fall, and that plane is tilted by it.
     floor_m : float
         Depth of the floor below the nominal cut height.
     waviness_rms_m, waviness_length_m : float
@@ -89,6 +94,7 @@ class Scene:
     caps: tuple[Cap, ...] = ()
     material_ratio: float = 0.10
     gap_m: float = 1e-3
+    balanced: bool = True
     floor_m: float = 0.5e-6
     waviness_rms_m: float = 0.0
     waviness_length_m: float = 5e-3
@@ -114,8 +120,8 @@ class Truth:
     Attributes
     ----------
     x_m, y_m, radius_m, peak_height_m : float64, shape (n,)
-        Apexes and radii of the caps. Heights count from the least-squares plane of the face
-        without roughness, form and defects.
+        Apexes and radii of the caps as placed. Heights count from the mean height of the face
+        without roughness, form and defects, parallel to its floor.
     family : str, shape (n,)
         Names of the families.
     cut_height_m : float
@@ -155,12 +161,15 @@ def synthetic_surface(scene: Scene, name: str = "synthetic") -> tuple[HeightMap,
     Raises
     ------
     SettingsError
-        If the caps of the families do not fit on the face, or a number is out of bounds.
+        If the caps of the families do not fit on the face, or not in balance, or a number is out
+        of bounds.
 
     Notes
     -----
-    The floor is tilted by a trifle, so that the least-squares plane of caps and floor together is
-    level: removing a plane then leaves the peak heights as they are in the truth.
+    The slope of the least-squares plane is as the sum of V x, with the volume V of each cap above
+    the floor and its place x from the middle. In a balanced scene the places are such that it
+    vanishes: removing the plane then leaves the peak heights as they are in the truth. Caps at
+    given places stay there; without families nothing can balance them.
 
     Examples
     --------
@@ -172,19 +181,21 @@ def synthetic_surface(scene: Scene, name: str = "synthetic") -> tuple[HeightMap,
     """
     _check(scene)
     rng = np.random.default_rng(scene.seed)
-    caps = (*_placed(scene, rng), *scene.caps)
     y_m, x_m = _axes(scene)
     floor_m = np.full(scene.shape, -float(scene.floor_m))
     if scene.waviness_rms_m:
-        floor_m += _waves(
+        waves_m = _waves(
             scene,
             rng,
             scene.waviness_rms_m,
             scene.waviness_length_m,
             scene.waviness_spectrum,
         )
-    caps_m = _highest_cap(scene, caps, float(floor_m.min()) - scene.floor_m)
-    height_m, level_m = _levelled(caps_m, floor_m)
+        floor_m += _level(waves_m)
+    caps = (*_placed(scene, rng, floor_m), *scene.caps)
+    height_m = _joined(scene, caps, floor_m)
+    level_m = float(height_m.mean())
+    height_m -= level_m
     truth = Truth(
         x_m=np.array([cap.x_m for cap in caps]),
         y_m=np.array([cap.y_m for cap in caps]),
@@ -237,26 +248,75 @@ def _disc_radius_m(radius_m: float, height_m: float) -> float:
     return math.sqrt(height_m * (2.0 * radius_m - height_m))
 
 
-def _placed(scene: Scene, rng: np.random.Generator) -> tuple[Cap, ...]:
+def _placed(scene: Scene, rng: np.random.Generator, floor_m: np.ndarray) -> tuple[Cap, ...]:
     """Give the families their height above the cut, and a place to each of their caps."""
     if not scene.families:
         return ()
     top_m = _top_height_m(scene)
-    side_y, side_x = _sides(scene)
-    caps: list[Cap] = []
-    discs = [
-        (cap.x_m, cap.y_m, _disc_radius_m(cap.radius_m, max(cap.height_m, 0.0)))
-        for cap in scene.caps
+    unplaced = [
+        Cap(0.0, 0.0, family.radius_m, top_m - family.below_m, family.name)
+        for family in sorted(scene.families, key=lambda f: f.below_m)
+        for _ in range(family.count)
     ]
-    for family in sorted(scene.families, key=lambda f: f.below_m):
-        height_m = top_m - family.below_m
-        disc_m = _disc_radius_m(family.radius_m, height_m)
-        keep_m = disc_m + scene.gap_m
-        for _ in range(family.count):
-            x_m, y_m = _free_place(rng, keep_m, disc_m, discs, scene.gap_m, (side_y, side_x))
-            discs.append((x_m, y_m, disc_m))
-            caps.append(Cap(x_m, y_m, family.radius_m, height_m, family.name))
-    return tuple(caps)
+    disc_m = np.array([_disc_radius_m(cap.radius_m, cap.height_m) for cap in unplaced])
+    given = np.array(
+        [
+            (cap.x_m, cap.y_m, _disc_radius_m(cap.radius_m, max(cap.height_m, 0.0)))
+            for cap in scene.caps
+        ]
+    )
+    for _ in range(DRAWS):
+        place_m = free_places(rng, disc_m, given, scene.gap_m, _sides(scene))
+        if not scene.balanced:
+            return _at(unplaced, place_m)
+        balanced_m = _balanced(scene, floor_m, unplaced, place_m, disc_m, given)
+        if balanced_m is not None:
+            return _at(unplaced, balanced_m)
+    raise SettingsError(
+        f"scene: {len(unplaced)} caps found no places in which their least-squares plane is level; "
+        "lower gap_m, the counts or material_ratio, try another seed, or set balanced to false"
+    )
+
+
+def _at(caps: list[Cap], place_m: np.ndarray) -> tuple[Cap, ...]:
+    return tuple(
+        replace(cap, x_m=x_m, y_m=y_m)
+        for cap, (x_m, y_m) in zip(caps, place_m.tolist(), strict=True)
+    )
+
+
+def _balanced(
+    scene: Scene,
+    floor_m: np.ndarray,
+    caps: list[Cap],
+    place_m: np.ndarray,
+    disc_m: np.ndarray,
+    given: np.ndarray,
+) -> np.ndarray | None:
+    """Move the caps until the least-squares plane of the whole is level; None if they do not.
+
+    The volumes of single caps tell the moment but roughly, as caps overlap at their feet and reach
+    over the edge. So the moment that is missing on the map is added to the one that is aimed at.
+    """
+    f_m = np.array([max(cap.height_m + scene.floor_m, 0.0) for cap in caps])
+    radius_m = np.array([cap.radius_m for cap in caps])
+    volume_m3 = math.pi * f_m**2 * (radius_m - f_m / 3.0)
+    side_y, side_x = _sides(scene)
+    middle_m = np.array([0.5 * side_x, 0.5 * side_y])
+    aim_m4 = volume_m3.sum() * middle_m
+    for _ in range(BALANCING_STEPS):
+        found_m = balanced_places(
+            place_m, volume_m3, disc_m, given, scene.gap_m, (side_y, side_x), aim_m4
+        )
+        if found_m is None:
+            return None
+        place_m = found_m
+        rise_m = _rise_m(_joined(scene, (*_at(caps, place_m), *scene.caps), floor_m))
+        if np.abs(rise_m).max() < LEVEL_M:
+            return place_m
+        # The moment of a plane that rises by r from the middle to the edge is A r L / 6
+        aim_m4 = aim_m4 - side_y * side_x * rise_m[::-1] * middle_m / 3.0
+    return None
 
 
 def _top_height_m(scene: Scene) -> float:
@@ -286,29 +346,6 @@ def _top_height_m(scene: Scene) -> float:
     return float(top_m)
 
 
-def _free_place(
-    rng: np.random.Generator,
-    keep_m: float,
-    disc_m: float,
-    discs: list[tuple[float, float, float]],
-    gap_m: float,
-    side_m: tuple[float, float],
-) -> tuple[float, float]:
-    taken = np.array(discs).reshape(-1, 3)
-    if 2.0 * keep_m < min(side_m):
-        for _ in range(PLACEMENT_TRIES):
-            x_m = rng.uniform(keep_m, side_m[1] - keep_m)
-            y_m = rng.uniform(keep_m, side_m[0] - keep_m)
-            apart_m = np.hypot(taken[:, 0] - x_m, taken[:, 1] - y_m) - taken[:, 2] - disc_m
-            if (apart_m >= gap_m).all():
-                return x_m, y_m
-    raise SettingsError(
-        f"scene: no place left for a disc of {2e3 * disc_m:.3g} mm with a gap of "
-        f"{1e3 * gap_m:.3g} mm beside {len(discs)} others; lower gap_m, the counts or "
-        "material_ratio, or try another seed"
-    )
-
-
 def _highest_cap(scene: Scene, caps: tuple[Cap, ...], lowest_m: float) -> np.ndarray:
     """Height of the highest sphere at every point; -inf where none rises above `lowest_m`."""
     y_m, x_m = _axes(scene)
@@ -329,25 +366,27 @@ def _highest_cap(scene: Scene, caps: tuple[Cap, ...], lowest_m: float) -> np.nda
     return highest_m
 
 
-def _levelled(caps_m: np.ndarray, floor_m: np.ndarray) -> tuple[np.ndarray, float]:
-    """Join caps and floor with the floor tilted until the plane of the whole is level.
+def _joined(scene: Scene, caps: tuple[Cap, ...], floor_m: np.ndarray) -> np.ndarray:
+    """Return the higher of floor and caps."""
+    caps_m = _highest_cap(scene, caps, float(floor_m.min()))
+    return np.maximum(caps_m, floor_m, out=caps_m)
 
-    Returns the heights above that plane and the height of the plane.
-    """
-    ny, nx = floor_m.shape
+
+def _rise_m(height_m: np.ndarray) -> np.ndarray:
+    """Rise of the least-squares plane from the middle to the last point, along y and x."""
+    ny, nx = height_m.shape
     v, u = np.linspace(-1.0, 1.0, ny), np.linspace(-1.0, 1.0, nx)
-    v2, u2 = nx * (v @ v), ny * (u @ u)
-    tilt_y = tilt_x = 0.0
-    for _ in range(LEVELLING_STEPS):
-        height_m = np.maximum(caps_m, floor_m - (tilt_y * v[:, None] + tilt_x * u))
-        wrong_y, wrong_x = v @ height_m.sum(axis=1) / v2, u @ height_m.sum(axis=0) / u2
-        if max(abs(wrong_y), abs(wrong_x)) < 1e-15:
-            break
-        tilt_y += wrong_y
-        tilt_x += wrong_x
-    level_m = float(height_m.mean())
-    height_m -= level_m
-    return height_m, level_m
+    along_y, along_x = v @ height_m.sum(axis=1), u @ height_m.sum(axis=0)
+    return np.array([along_y / (nx * (v @ v)), along_x / (ny * (u @ u))])
+
+
+def _level(height_m: np.ndarray) -> np.ndarray:
+    """Subtract the slopes of the least-squares plane, not its height."""
+    ny, nx = height_m.shape
+    rise_y, rise_x = _rise_m(height_m)
+    level_m: np.ndarray = height_m - rise_y * np.linspace(-1.0, 1.0, ny)[:, None]
+    level_m -= rise_x * np.linspace(-1.0, 1.0, nx)
+    return level_m
 
 
 def _waves(

@@ -207,7 +207,7 @@ def test_the_families_of_a_face_are_found(noise, within, m, n, h_m):
     scene = Scene(
         shape=(400, 600),
         pixel_size_m=(1e-4, 1e-4),
-        seed=1,
+        seed=2,
         families=(CapFamily("G", m, 23.8), CapFamily("P", n, 26.7, h_m)),
         floor_m=4e-7,
         tilt=(2e-5, -3e-5),

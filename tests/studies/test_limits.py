@@ -21,7 +21,7 @@ SOURCE = Path(pipeline.__file__).parent
 # What stands in the braces of the codes that are put together
 BRACES = {
     "caps_{flag.name}": [flag.name for flag in CapFlag],
-    "sensitive_to_{sweep.name.split()[0]}": ["cut", "pruning", "filter"],
+    "sensitive_to_{sweep.name.split()[0]}": ["cut", "pruning", "filter", "levelling"],
 }
 TOO_DEAR = ("many pixels",)
 DEAR = ("wavy faces", "self-affine faces", "roughness", "grinding lay", "elongated caps")

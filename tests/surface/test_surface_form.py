@@ -2,6 +2,7 @@
 
 import time
 import tracemalloc
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -9,6 +10,7 @@ import pytest
 from pipeline.errors import SettingsError, UnusableSurfaceError
 from pipeline.surface.form import remove_form
 from pipeline.surface.heightmap import HeightMap
+from pipeline.surface.synthetic import CapFamily, Scene, synthetic_surface
 
 PIXEL_M = (60e-6, 50e-6)
 NY, NX = 120, 170
@@ -264,3 +266,32 @@ def test_a_plane_is_removed_quickly():
         remove_form(surface)
         times.append(time.thread_time() - begin)
     assert min(times) < 0.03  # 4 ms where nothing else runs
+
+
+def test_the_lowest_third_is_the_floor_under_hills_on_one_side():
+    """Flanks cover more than half of the face: the robust plane follows them, too."""
+    scene = Scene(
+        (200, 300),
+        (2e-4, 2e-4),
+        seed=14,
+        families=(CapFamily("G", 5, 23.8), CapFamily("P", 18, 26.7, 0.24e-6)),
+        balanced=False,
+    )
+    face, _ = synthetic_surface(scene)
+    tilted = synthetic_surface(replace(scene, tilt=(2e-5, -3e-5), noise_rms_m=1e-9))[0]
+    for kind in ("plane", "quadratic"):
+        off_m = {
+            fit: float(np.ptp(remove_form(face, kind, **{fit: True})[0].height_m - face.height_m))
+            for fit in ("robust", "floor")
+        }
+        assert off_m["robust"] > 1e-8
+        assert off_m["floor"] < 1e-12
+        level, form = remove_form(tilted, kind, floor=True)
+        assert (form.floor, form.robust) == (True, False)
+        floor_m = level.height_m[face.height_m == face.height_m.min()]
+        assert floor_m.std() == pytest.approx(1e-9, rel=0.1)
+    holed = face.height_m.copy()
+    holed[50:60, 70:90] = np.nan
+    level, _ = remove_form(replace(face, height_m=holed), floor=True)
+    assert np.isnan(level.height_m).sum() == 200
+    assert np.nanmax(np.abs(np.diff(level.height_m - holed))) < 1e-15

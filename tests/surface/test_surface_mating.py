@@ -11,6 +11,7 @@ from pipeline.errors import SettingsError, UnusableSurfaceError
 from pipeline.surface.conditioning import condition, sq_and_sz_m
 from pipeline.surface.heightmap import HeightMap, Origin
 from pipeline.surface.mating import composite_surface, doubts_of_mating, mate, place
+from pipeline.surface.synthetic import CapFamily, Scene, synthetic_surface
 
 D_M = 50e-6
 PIXEL_M = (D_M, D_M)
@@ -187,3 +188,18 @@ def test_impossible_placements_are_refused(options):
     face = HeightMap(waves((60, 90)), PIXEL_M)
     with pytest.raises(SettingsError, match="mating"):
         place(face, face, **options)
+
+
+def test_the_sum_is_levelled_as_the_faces_are():
+    """Hills on one side of one face tilt the least-squares plane of the sum, and no other."""
+    scene = Scene(
+        (200, 300), (2e-4, 2e-4), seed=3, families=(CapFamily("G", 6, 23.8),), balanced=False
+    )
+    hills = condition(synthetic_surface(scene)[0], form_floor=True)
+    flat = replace(hills, surface=replace(hills.surface, height_m=np.zeros((200, 300))))
+    placement = place(hills.surface, flat.surface)
+    tilted, level = (mate(hills, flat, placement, floor=floor) for floor in (False, True))
+    on_floor = hills.surface.height_m <= hills.surface.height_m.min() + 1e-15
+    inside = np.isfinite(level.surface.height_m) & on_floor
+    assert np.ptp(level.surface.height_m[inside]) < 1e-12
+    assert np.ptp(tilted.surface.height_m[inside]) > 1e-8

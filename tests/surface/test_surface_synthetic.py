@@ -10,9 +10,10 @@ from scipy import ndimage
 
 from pipeline.errors import SettingsError
 from pipeline.surface.conditioning import condition
+from pipeline.surface.form import remove_form
 from pipeline.surface.synthetic import Cap, CapFamily, Scene, synthetic_surface
 
-PAPER = Scene(families=(CapFamily("G", 2, 23.8), CapFamily("P", 9, 26.7, 0.24e-6)), seed=3)
+PAPER = Scene(families=(CapFamily("G", 2, 23.8), CapFamily("P", 9, 26.7, 0.24e-6)), seed=5)
 SMALL = replace(PAPER, shape=(400, 600), pixel_size_m=(1e-4, 1e-4))
 
 
@@ -67,6 +68,74 @@ def test_removing_the_plane_restores_the_truth():
     assert smc_m == pytest.approx(truth.cut_height_m, abs=1e-14)
 
 
+def tilt_m(surface, **fit):
+    """Rise of the plane over the face, corner to corner."""
+    level, _ = remove_form(surface, "plane", **fit)
+    return float(np.ptp(surface.height_m - level.height_m))
+
+
+FAMILIES = {
+    "one cap": (CapFamily("G", 1, 30.0),),
+    "a large and a small one": (CapFamily("G", 1, 60.0), CapFamily("P", 1, 20.0, 0.2e-6)),
+    "of the paper": (CapFamily("G", 5, 23.8), CapFamily("P", 18, 26.7, 0.24e-6)),
+    "100 of many sizes": tuple(CapFamily("", 1, 3.0 + 0.05 * i, 1e-9 * i) for i in range(100)),
+}
+
+
+@pytest.mark.parametrize("families", FAMILIES.values(), ids=FAMILIES)
+@pytest.mark.parametrize("seed", range(5))
+def test_balanced_caps_stand_on_a_level_floor_and_their_plane_is_level(families, seed):
+    scene = replace(SMALL, families=families, seed=seed, gap_m=0.5e-3, floor_m=0.2e-6)
+    surface, truth = synthetic_surface(scene)
+    assert tilt_m(surface) < 1e-14
+    floor_m = surface.height_m.min()
+    on_floor = surface.height_m <= floor_m + 1e-18
+    assert on_floor.mean() > 0.5  # level from edge to edge, not bent
+    assert tilt_m(surface, floor=True) < 1e-14
+    if on_floor.mean() > 0.6:
+        assert tilt_m(surface, robust=True) < 1e-14
+    disc_m = np.sqrt((truth.peak_height_m - floor_m - 0.2e-6) * 2 * truth.radius_m)
+    apart_m = np.hypot(truth.x_m[:, None] - truth.x_m, truth.y_m[:, None] - truth.y_m)
+    apart_m -= disc_m[:, None] + disc_m
+    np.fill_diagonal(apart_m, np.inf)
+    assert apart_m.min() >= 0.5e-3 * (1 - 1e-5)
+    for place_m, side_m in ((truth.x_m, 60e-3), (truth.y_m, 40e-3)):
+        assert (np.minimum(place_m, side_m - place_m) - disc_m).min() >= 0.5e-3 * (1 - 1e-5)
+
+
+def test_waves_of_the_floor_leave_the_plane_level():
+    scene = replace(SMALL, waviness_rms_m=4e-8, waviness_length_m=4e-3)
+    assert tilt_m(synthetic_surface(scene)[0]) < 1e-14
+    assert tilt_m(synthetic_surface(replace(scene, families=()))[0]) < 1e-14
+
+
+def test_caps_where_they_fall_tilt_the_least_squares_plane_alone():
+    scene = replace(SMALL, balanced=False, floor_m=0.2e-6, seed=3)
+    surface, truth = synthetic_surface(scene)
+    f_m = truth.peak_height_m - surface.height_m.min()
+    volume_m3 = np.pi * f_m**2 * truth.radius_m
+    slope = [
+        12 * volume_m3 @ (place_m - side_m / 2) / (40e-3 * 60e-3 * side_m**2)
+        for place_m, side_m in ((truth.y_m, 40e-3), (truth.x_m, 60e-3))
+    ]
+    expected_m = abs(slope[0]) * 40e-3 + abs(slope[1]) * 60e-3
+    assert expected_m > 2e-8
+    assert tilt_m(surface) == pytest.approx(expected_m, rel=0.02)
+    assert tilt_m(surface, robust=True) < 1e-14
+    assert truth.peak_height_m.max() == pytest.approx(surface.height_m.max(), abs=1e-10)
+
+
+def test_given_caps_stay_and_the_others_balance_them():
+    given = Cap(10e-3, 20e-3, 26.7, 0.1e-6, "X")
+    scene = replace(SMALL, caps=(given,))
+    surface, truth = synthetic_surface(scene)
+    assert tilt_m(surface) < 1e-14
+    assert (truth.x_m[-1], truth.y_m[-1]) == (10e-3, 20e-3)
+    alone, truth = synthetic_surface(replace(scene, families=()))
+    assert tilt_m(alone) > 1e-9
+    assert truth.peak_height_m[0] == pytest.approx(alone.height_m.max(), abs=1e-10)
+
+
 def test_sphere_is_exact_where_the_paraboloid_is_not():
     cap = Cap(5.03e-3, 5.01e-3, radius_m=6e-3, height_m=2e-3)
     scene = Scene((100, 100), (1e-4, 1e-4), caps=(cap,), floor_m=1e-3)
@@ -91,7 +160,7 @@ def test_same_seed_same_face_other_seed_other_face():
     scene = replace(SMALL, waviness_rms_m=5e-8, roughness_rms_m=1e-9, noise_rms_m=1e-9)
     first, again = (synthetic_surface(scene)[0].height_m for _ in range(2))
     np.testing.assert_array_equal(first, again)
-    assert not np.array_equal(first, synthetic_surface(replace(scene, seed=4))[0].height_m)
+    assert not np.array_equal(first, synthetic_surface(replace(scene, seed=6))[0].height_m)
 
 
 @pytest.mark.parametrize("spectrum", ["gaussian", "power_law"])
@@ -147,6 +216,14 @@ def test_cylinder_sags_by_the_exact_amount():
     [
         ({"families": (CapFamily("G", 40, 23.8), CapFamily("P", 4, 26.7, 2e-6))}, "reach the cut"),
         ({"gap_m": 8e-3}, "no place left"),
+        (
+            {
+                "families": (CapFamily("G", 1, 23.8),),
+                "caps": (Cap(10e-3, 20e-3, 26.7, 0.2e-6), Cap(15e-3, 20e-3, 26.7, 0.3e-6)),
+                "material_ratio": 0.05,
+            },
+            "set balanced to false",
+        ),
         ({"material_ratio": 0.0}, "material_ratio"),
         ({"noise_rms_m": -1.0}, "noise_rms_m"),
         ({"roughness_length_m": 0.0}, "roughness_length_m"),
