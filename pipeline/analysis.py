@@ -62,8 +62,11 @@ class Analysis:
 
     @property
     def status(self) -> str:
-        """Return "ok", or "check" where a problem of at least a warning stands."""
-        return "check" if any(p.severity != "info" for p in self.problems) else "ok"
+        """Return "failed" with an error among the problems, "check" with a warning, or "ok"."""
+        severities = {p.severity for p in self.problems}
+        if "error" in severities:
+            return "failed"
+        return "check" if "warning" in severities else "ok"
 
     def summary(self) -> dict[str, Any]:
         """Return the dictionary of `summary.json`."""

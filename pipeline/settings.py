@@ -20,6 +20,8 @@ Positive = Annotated[float, msgspec.Meta(gt=0)]
 Share = Annotated[float, msgspec.Meta(gt=0, lt=1)]
 Pair = tuple[float, float]
 Size = Annotated[int, msgspec.Meta(ge=3)]
+SOLVER_TOLERANCE = (1e-10, 1e-3)  # least and greatest, of boundary elements
+SolverTolerance = Annotated[float, msgspec.Meta(ge=SOLVER_TOLERANCE[0], le=SOLVER_TOLERANCE[1])]
 LengthUnit = Literal["m", "mm", "um", "µm", "nm", "inch"]
 
 
@@ -99,7 +101,7 @@ class Contact(_Table, frozen=True):
     ] = "auto"
     preload_N: Positive = 460.0
     tolerance: Share = 0.05
-    solver_tolerance: Annotated[float, msgspec.Meta(ge=1e-12, le=1e-2)] = 1e-7  # boundary elements
+    solver_tolerance: SolverTolerance = 1e-7  # of boundary elements
     bulk: bool = False  # keep the half-space's bulk sinking in stiffness and displacement
 
 

@@ -5,9 +5,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from pipeline.contact.boundary_elements import BoundaryElementCurve
 from pipeline.errors import ContactError
 from pipeline.output.canvas import ACCENT, INK, blank
-from pipeline.output.quantity import engineering, scaled
+from pipeline.output.quantity import contact_name, engineering, scaled
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -37,7 +38,9 @@ def normal_curve(analysis: "Analysis") -> "Figure | None":
     preload_N = contact.preload_N
     # Evenly spaced in the approach of a Hertz contact; the preload comes last.
     load_N = preload_N * np.append(1.5 * np.linspace(0.0, 1.0, 61) ** 1.5, 1.0)
-    if not np.array_equal(contact.use, analysis.caps.usable):
+    if isinstance(contact.curve, BoundaryElementCurve):  # new loads would cost solutions
+        load_N = np.append(contact.curve.solved_loads_N(preload_N), preload_N)
+    elif not np.array_equal(contact.use, analysis.caps.usable):
         load_N[:-1] /= 1.5  # the curve holds what can touch up to the preload
     try:
         approach_m = np.asarray(contact.curve.approach_m(load_N))
@@ -62,7 +65,7 @@ def normal_curve(analysis: "Analysis") -> "Figure | None":
     touching = "whole face" if contact.model == "flat" else f"{contact.contacts}"
     state = (
         f"preload {preload_N:.4g} N: d = {engineering(approach_m[-1], 'm')}\n"
-        f"caps in contact: {touching}\n"
+        f"{contact_name(contact.model)} in contact: {touching}\n"
         f"normal stiffness: {engineering(contact.stiffness_N_per_m, 'N/m')}"
     )
     axes.plot(

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from pipeline.output.figures import FIGURES
-from pipeline.output.quantity import engineering, scaled
+from pipeline.output.quantity import contact_name, engineering, scaled
 
 if TYPE_CHECKING:
     from pipeline.analysis import Analysis
@@ -95,7 +95,7 @@ def _headlines(summary: dict[str, Any]) -> list[tuple[str, str, str]]:
             f"without bulk; {engineering(contact['approach_m'], 'm')} with it",
         ),
         (
-            "caps in contact",
+            f"{contact_name(contact['model'])} in contact",
             _in_contact(contact),
             f"at {contact['preload_N']:.4g} N, model {contact['model'] or DASH}",
         ),
@@ -165,6 +165,8 @@ def _figures(
         missing = f"It needs {entry.needs}, which this analysis does not have; see the problems."
         if not analysis.settings.run.figures:
             missing = "Figures were switched off (run.figures)."
+        failed = [p.message for p in analysis.problems if p.message.startswith(f"{name}.png")]
+        missing = failed[0] if failed else missing
         figures.append(_picture(folder, name, entry.title, entry.caption, missing))
     caption = (
         "The face with its fitted caps, slightly lifted. Holes are non-measured points. Heights "

@@ -1,11 +1,20 @@
 """Bad input: one clear line, the right exit code, nothing written."""
 
+import errno
+import os
+import shutil
+from contextlib import nullcontext
+from pathlib import Path
+
 import h5py
 import numpy as np
 import pytest
 from click.testing import CliRunner
 
 from pipeline.cli import main
+from pipeline.output import store
+from pipeline.output.store import FILES, new_folder
+from pipeline.summary import SCHEMA
 
 
 @pytest.fixture
@@ -115,7 +124,7 @@ def test_a_folder_of_someone_else_is_refused(run, tmp_path):
 
 def test_a_summary_beside_foreign_files_is_refused(run, tmp_path):
     native(tmp_path / "a.h5", hill(), **KNOWN)
-    light = ("--no-figures", "--no-render")
+    light = ("--no-figures", "--no-render", "--preload", "0.1")
     assert run("analyze", "a.h5", "-o", "out", *light).exit_code == 0
     (tmp_path / "out" / "notes.txt").write_text("mine")
     one_line(run("analyze", "a.h5", "-o", "out", *light), 2, "notes.txt")
@@ -124,11 +133,111 @@ def test_a_summary_beside_foreign_files_is_refused(run, tmp_path):
 
 def test_an_earlier_result_is_replaced_whole(run, tmp_path):
     native(tmp_path / "a.h5", hill(), **KNOWN)
-    assert run("analyze", "a.h5", "-o", "out", "--no-render").exit_code == 0
+    light = ("--no-render", "--no-figures")
+    assert run("analyze", "a.h5", "-o", "out", "--no-render", "--preload", "0.1").exit_code == 0
     assert list((tmp_path / "out" / "figures").glob("*.png"))
-    assert run("analyze", "a.h5", "-o", "out", "--no-render", "--no-figures").exit_code == 0
+    assert run("analyze", "a.h5", "-o", "out", "--preload", "0.1", *light).exit_code == 0
     assert not list((tmp_path / "out" / "figures").glob("*.png"))
     assert sorted(entry.name for entry in tmp_path.iterdir()) == ["a.h5", "out"]
+
+
+def test_the_current_folder_takes_a_result_and_the_next_one(run, tmp_path, monkeypatch):
+    face = native(tmp_path / "a.h5", hill(), **KNOWN)
+    light = ("--no-render", "--no-figures", "--preload", "0.1")
+    (tmp_path / "out").mkdir()
+    monkeypatch.chdir(tmp_path / "out")
+    for extra in ((), ("--set", "material.friction_coefficient=0.3")):
+        ran = run("analyze", face, "-o", ".", *light, *extra)
+        assert ran.exit_code == 0, ran.output
+        names = sorted(entry.name for entry in Path.cwd().iterdir())
+        assert set(names) <= FILES
+        assert {"summary.json", "result.h5", "caps.csv"} <= set(names)
+    assert "friction_coefficient = 0.3" in Path("settings.toml").read_text()
+    assert sorted(entry.name for entry in tmp_path.iterdir()) == ["a.h5", "out"]
+
+
+def test_a_mounted_folder_is_filled_in_its_place(tmp_path, monkeypatch):
+    (tmp_path / "out").mkdir()
+    before = (tmp_path / "out").stat().st_ino
+    with new_folder(tmp_path / "out") as work:  # empty
+        (work / "summary.json").write_text(f'{{"schema": "{SCHEMA}"}}')
+        (work / "figures").mkdir()
+    monkeypatch.setattr(os.path, "ismount", lambda path: Path(path).name == "out")
+    with new_folder(tmp_path / "out") as work:
+        assert work.parent == tmp_path / "out"
+        (work / "summary.json").write_text(f'{{"schema": "{SCHEMA}", "name": "second"}}')
+    assert (tmp_path / "out").stat().st_ino == before
+    assert [entry.name for entry in (tmp_path / "out").iterdir()] == ["summary.json"]
+    assert "second" in (tmp_path / "out" / "summary.json").read_text()
+
+
+def test_the_summary_moves_last_and_an_earlier_result_comes_back(tmp_path, monkeypatch):
+    out = tmp_path / "out"
+    out.mkdir()
+    monkeypatch.setattr(os.path, "ismount", lambda path: Path(path).name == "out")
+    for turn in ("first", "second"):
+        with pytest.raises(OSError, match="full") if turn == "second" else nullcontext():
+            with new_folder(out) as work:
+                for name in ("summary.json", "caps.csv", "result.h5"):
+                    (work / name).write_text(f'{{"schema": "{SCHEMA}", "turn": "{turn}"}}')
+                if turn == "second":
+                    monkeypatch.setattr(store.shutil, "move", fails_on_summary(shutil.move, out))
+    assert sorted(entry.name for entry in out.iterdir()) == [
+        "caps.csv",
+        "result.h5",
+        "summary.json",
+    ]
+    assert all("first" in entry.read_text() for entry in out.iterdir())
+
+
+def fails_on_summary(move, out):
+    def moving(source, target):
+        if Path(target) == out / "summary.json" and "second" in Path(source).read_text():
+            assert "second" in (out / "result.h5").read_text()
+            raise OSError("disk full")
+        return move(source, target)
+
+    return moving
+
+
+def test_a_folder_that_cannot_be_renamed_is_filled_in_its_place(tmp_path, monkeypatch):
+    out = tmp_path / "out"
+    replace = os.replace
+
+    def refuse(source, target):
+        if Path(source) == out:
+            raise OSError(errno.EBUSY, "busy")
+        replace(source, target)
+
+    for turn in ("first", "second"):
+        with new_folder(out) as work:
+            (work / "summary.json").write_text(f'{{"schema": "{SCHEMA}", "turn": "{turn}"}}')
+        monkeypatch.setattr(os, "replace", refuse)
+    assert "second" in (out / "summary.json").read_text()
+    assert [entry.name for entry in tmp_path.iterdir()] == ["out"]
+
+
+def test_a_scan_inside_the_output_folder_is_kept(run, tmp_path):
+    native(tmp_path / "a.h5", hill(), **KNOWN)
+    light = ("--no-render", "--no-figures", "--preload", "0.1")
+    assert run("analyze", "a.h5", "-o", "out", *light).exit_code == 0
+    before = (tmp_path / "out" / "result.h5").read_bytes()
+    again = ("analyze", "out/result.h5", "--dataset", "/surface/height_m", *light)
+    one_line(run(*again, "-o", "out"), 2, "out", "result.h5", "would be replaced")
+    one_line(run("analyze", "a.h5", "--mate", "out/result.h5", "-o", "out", *light), 2, "replaced")
+    assert (tmp_path / "out" / "result.h5").read_bytes() == before
+    assert run(*again, "-o", "other").exit_code == 0
+
+
+def test_an_interrupt_ends_with_130_and_leaves_nothing(run, tmp_path, monkeypatch):
+    native(tmp_path / "a.h5", hill(), **KNOWN)
+
+    def interrupt(*_):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(store, "write_summary", interrupt)
+    one_line(run("analyze", "a.h5", "-o", "out", "--no-render", "--no-figures"), 130, "interrupted")
+    assert [entry.name for entry in tmp_path.iterdir()] == ["a.h5"]
 
 
 def test_nothing_to_do(run, tmp_path):
