@@ -36,9 +36,9 @@ UNITS = ("m", "mm", "um", "µm", "nm", "inch")
 class _Failure(click.ClickException):
     """One line on stderr and the exit code that the error stands for."""
 
-    def __init__(self, error: CapslipError) -> None:
+    def __init__(self, error: CapslipError, exit_code: int | None = None) -> None:
         super().__init__(str(error))
-        self.exit_code = error.exit_code  # type: ignore[misc]
+        self.exit_code = error.exit_code if exit_code is None else exit_code  # type: ignore[misc]
 
     def show(self, file: Any = None) -> None:
         click.echo(f"error: {self.message}", err=True)
@@ -55,9 +55,8 @@ class _Command(click.Command):
                 traceback.print_exc()
             raise _Failure(error) from error
         except KeyboardInterrupt as error:
-            stop = _Failure(CapslipError("interrupted; no result was written for what was running"))
-            stop.exit_code = 130  # 128 and the signal's number, as shells have it
-            raise stop from error
+            stopped = CapslipError("interrupted; of what was running no result was written")
+            raise _Failure(stopped, 130) from error  # 128 and the signal's number, as in shells
         except (click.ClickException, click.exceptions.Exit, click.Abort):
             raise
         except MemoryError as error:

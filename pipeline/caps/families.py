@@ -11,6 +11,7 @@ from pipeline.caps.table import CapTable
 Feature = Literal["peak_height", "cap_height", "diameter", "radius"]
 MIN_SEPARATION = 4.0  # pooled spreads; nearer, one cap in forty is on the wrong side
 CLEAR_SEPARATION = 5.0
+ROUNDING = 1e-9  # of the heights: far above that of float64, far below any instrument's
 CLEAR_LOG_ODDS = 3.0  # 20 to 1
 
 
@@ -138,7 +139,7 @@ def group_families(
     member = np.flatnonzero(caps.usable)
     values = getattr(caps, f"{feature}_m")[member]
     member = member[np.argsort(values, kind="stable")]
-    found = cluster(np.sort(values))
+    found = cluster(np.sort(values), _resolution_m(caps, feature))
     supported, log_odds = _supported(found)
     wanted = min(supported, 2) if count == "auto" else min(int(count), len(found.sizes))
     group = _in_groups(caps, member, found.sizes[wanted - 1])
@@ -157,6 +158,22 @@ def group_families(
         log_odds=log_odds,
         count_se=_count_se(getattr(caps, f"{feature}_m")[member], group),
     )
+
+
+def _resolution_m(caps: CapTable, feature: Feature) -> float:
+    """Return the range within which the usable caps cannot be told apart by a feature.
+
+    The rounding of their largest value, or the four standard errors that two families need between
+    them: equal caps differ by the last digit, and every last digit has its clusters.
+    """
+    usable = caps.usable
+    largest_m = np.abs(getattr(caps, f"{feature}_m"))[usable].max(initial=0.0)
+    if feature == "peak_height":  # counts from the mean plane, where peaks may lie, too
+        largest_m = max(largest_m, caps.cap_height_m[usable].max(initial=0.0))
+    error_m = getattr(caps, f"{feature}_se_m", np.zeros(0))
+    error_m = error_m[usable & np.isfinite(error_m)] if error_m.size else error_m
+    noise_m = MIN_SEPARATION * float(np.median(error_m)) if error_m.size else 0.0
+    return max(ROUNDING * float(largest_m), noise_m)
 
 
 def _supported(found: Clusters) -> tuple[int, float | None]:

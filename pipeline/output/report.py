@@ -27,8 +27,8 @@ MISSES = {
     "share of the load between the caps is that of caps that stand alone.",
     "interacting": "Caps are spheres and act on one another as point loads on a half-space: other "
     "shapes, contacts that merge and the edges of the face are left out.",
-    "boundary_elements": "The height map itself is pressed, without spheres: what its pixels do not "
-    "resolve is left out, and the face sinks as part of a half-space that ends nowhere.",
+    "boundary_elements": "The height map itself is pressed, without spheres: what its pixels do "
+    "not resolve is left out, and the face sinks as part of a half-space that ends nowhere.",
 }
 
 

@@ -120,7 +120,8 @@ def _move(work: Path, folder: Path) -> None:
         try:
             os.replace(folder, old)
         except OSError:  # mounted from the same disk, which does not show before
-            return _move_into(work, folder)
+            _move_into(work, folder)
+            return
     try:
         os.replace(work, folder)
     except BaseException:
@@ -206,7 +207,7 @@ def _cells(column: np.ndarray) -> list[str]:
 
 
 def _loads_N(contact: "ContactState") -> np.ndarray:
-    """Loads of the normal curve: for boundary elements those alone that are solved already."""
+    """Return the loads of the normal curve; for boundary elements those that are solved already."""
     from pipeline.contact.boundary_elements import BoundaryElementCurve
 
     if isinstance(contact.normal, BoundaryElementCurve):

@@ -5,6 +5,7 @@ from dataclasses import fields, replace
 
 import numpy as np
 import pytest
+from scenes import caps_map
 
 from pipeline.caps.clusters import cluster
 from pipeline.caps.families import group_families
@@ -12,6 +13,7 @@ from pipeline.caps.fit import fit_caps
 from pipeline.caps.hills import find_hills
 from pipeline.caps.table import CapFlag, CapTable
 from pipeline.surface.conditioning import condition
+from pipeline.surface.heightmap import HeightMap
 from pipeline.surface.synthetic import CapFamily, Scene, synthetic_surface
 
 ONE_FAMILY = {
@@ -29,6 +31,8 @@ def table(peak_height_m, flags=None, **columns):
     n = len(peak_height_m)
     every = {f.name: np.ones(n) for f in fields(CapTable)}
     every["peak_height_m"] = np.asarray(peak_height_m, float)
+    every["cap_height_m"] = every["peak_height_m"]
+    every["peak_height_se_m"] = every["radius_se_m"] = np.full(n, np.nan)
     every["family"] = np.full(n, "", dtype="<U1")
     every["flags"] = np.zeros(n, np.uint16) if flags is None else np.asarray(flags, np.uint16)
     return CapTable(**every | {name: np.asarray(value, float) for name, value in columns.items()})
@@ -219,3 +223,22 @@ def test_the_families_of_a_face_are_found(noise, within, m, n, h_m):
     assert (families.m, families.n) == (m, n)
     assert families.h_m == pytest.approx(h_m, rel=within)
     assert families.clear
+
+
+def test_equal_caps_that_differ_by_rounding_are_one_family():
+    x, y = np.meshgrid(0.002 + 0.004 * np.arange(6), 0.002 + 0.004 * np.arange(4))
+    surface = caps_map([(*place, 2.0, 0.0) for place in zip(x.flat, y.flat, strict=True)])
+    surface = HeightMap(surface.height_m[:160, :240] + 1e-10, surface.pixel_size_m)
+    hills = find_hills(surface, 0.10)
+    caps, families = group_families(fit_caps(surface, hills, "equation18"))
+    assert len(caps) == 24
+    assert 0 < np.ptp(caps.peak_height_m) < 1e-18
+    assert (families.m, families.n, families.h_m) == (24, 0, None)
+    assert families.clear
+
+
+def test_a_difference_within_the_errors_of_the_peaks_is_none():
+    heights_m = np.array([0.0, 0.0, 0.1, 0.1, 1e-3, 2.8e-3, 3e-3, 0.1]) * 1e-6
+    assert families_of(heights_m).count == 2
+    assert families_of(heights_m, peak_height_se_m=np.full(8, 2e-8)).count == 2
+    assert families_of(heights_m, peak_height_se_m=np.full(8, 3e-8)).count == 1

@@ -81,7 +81,7 @@ def test_all_good_scans_end_with_code_0(batch, tmp_path):
 
 
 def test_pictures_that_were_left_out_are_made_when_wanted(batch, tmp_path):
-    folder, arguments, _ = batch
+    folder, _, _ = batch
     (tmp_path / "in").mkdir()
     shutil.copy(folder / "scans in" / "two.h5", tmp_path / "in")
     source = ["batch", str(tmp_path / "in"), "-o", str(tmp_path / "out"), "--no-render"]

@@ -3,7 +3,6 @@
 import errno
 import os
 import shutil
-from contextlib import nullcontext
 from pathlib import Path
 
 import h5py
@@ -175,24 +174,24 @@ def test_the_summary_moves_last_and_an_earlier_result_comes_back(tmp_path, monke
     out = tmp_path / "out"
     out.mkdir()
     monkeypatch.setattr(os.path, "ismount", lambda path: Path(path).name == "out")
-    for turn in ("first", "second"):
-        with pytest.raises(OSError, match="full") if turn == "second" else nullcontext():
-            with new_folder(out) as work:
-                for name in ("summary.json", "caps.csv", "result.h5"):
-                    (work / name).write_text(f'{{"schema": "{SCHEMA}", "turn": "{turn}"}}')
-                if turn == "second":
-                    monkeypatch.setattr(store.shutil, "move", fails_on_summary(shutil.move, out))
-    assert sorted(entry.name for entry in out.iterdir()) == [
-        "caps.csv",
-        "result.h5",
-        "summary.json",
-    ]
-    assert all("first" in entry.read_text() for entry in out.iterdir())
+    result = dict.fromkeys(("summary.json", "caps.csv", "result.h5"), f'{{"schema": "{SCHEMA}"}}')
+    with new_folder(out) as work:
+        for name, text in result.items():
+            (work / name).write_text(text)
+    monkeypatch.setattr(store.shutil, "move", fails_on_summary(shutil.move, out))
+    with pytest.raises(OSError, match="full"), new_folder(out) as work:
+        write_second(work, result)
+    assert {entry.name: entry.read_text() for entry in out.iterdir()} == result
+
+
+def write_second(work, names):
+    for name in names:
+        (work / name).write_text("second")
 
 
 def fails_on_summary(move, out):
     def moving(source, target):
-        if Path(target) == out / "summary.json" and "second" in Path(source).read_text():
+        if Path(target) == out / "summary.json" and Path(source).read_text() == "second":
             assert "second" in (out / "result.h5").read_text()
             raise OSError("disk full")
         return move(source, target)
