@@ -23,6 +23,7 @@ from pipeline.doubts import (
     doubts_of_families,
     doubts_of_form,
     doubts_of_scan,
+    doubts_of_settings,
 )
 from pipeline.errors import ContactError
 from pipeline.problems import Problem
@@ -123,11 +124,12 @@ def analyze(
     conditioned, hills, caps, problems = _find_caps(surface, mate, settings, timed)
     grouping = settings.families
     caps, families = timed("families", group_families, caps, grouping.count, grouping.feature)
-    notes = []
+    notes: list[Problem] = []
     for face in (surface, mate):
         if face is not None:
             notes += [Problem("reader_note", "warning", note) for note in face.origin.notes]
             notes += doubts_of_scan(face)
+    notes += doubts_of_settings(settings)
     problems = [*notes, *conditioned.problems, *problems, *doubts_of_families(caps, families)]
 
     contact = slip = beam = damping = None

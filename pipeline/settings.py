@@ -222,6 +222,15 @@ def _check_meaning(settings: Settings, where: str) -> None:
         raise SettingsError(
             f"{where}: reading.pixel_size: got {reading.pixel_size}; expected two positive numbers"
         )
+    conditioning = settings.conditioning
+    short_m = conditioning.s_filter_nesting_index_m
+    long_m = conditioning.l_filter_nesting_index_m
+    if short_m is not None and long_m is not None and short_m >= long_m:
+        raise SettingsError(
+            f"{where}: conditioning: s_filter_nesting_index_m {short_m:g} is not below "
+            f"l_filter_nesting_index_m {long_m:g}; the first takes off what is shorter, the second "
+            "what is longer, so nothing would be left"
+        )
     hills = settings.hills
     if hills.pruning_height_m is not None and hills.pruning_percent_Sz is not None:
         raise SettingsError(

@@ -99,12 +99,34 @@ def test_fewer_than_nine_points_above_the_cut(run, tmp_path):
         ("hils.material_ratio=0.1", ["hils", "did you mean hills?"]),
         ("contact.model=hertz", ["contact.model", "hertz", "interacting"]),
         ("nonsense", ["nonsense", "table.key=value"]),
+        ("contact.solver_tolerance=1e-11", ["contact.solver_tolerance", "1e-11"]),
+        ("contact.solver_tolerance=0.005", ["contact.solver_tolerance", "0.005"]),
     ],
 )
 def test_settings(run, tmp_path, override, words):
     native(tmp_path / "a.h5", hill(), **KNOWN)
     one_line(run("analyze", "a.h5", "--set", override), 2, *words)
     assert [entry.name for entry in tmp_path.iterdir()] == ["a.h5"]
+
+
+def test_filters_that_leave_nothing(run, tmp_path):
+    native(tmp_path / "a.h5", hill(), **KNOWN)
+    filters = ("s_filter_nesting_index_m=1e-3", "l_filter_nesting_index_m=5e-4")
+    sets = [word for name in filters for word in ("--set", f"conditioning.{name}")]
+    one_line(run("analyze", "a.h5", *sets), 2, "s_filter_nesting_index_m", "0.0005", "nothing")
+
+
+@pytest.mark.parametrize("factor", [1e300, 1e160, 1e-160, 1e-300])
+def test_heights_that_no_unit_makes_plausible(run, tmp_path, factor):
+    native(tmp_path / "a.h5", hill() * factor, **KNOWN)
+    result = run("analyze", "a.h5")
+    one_line(result, 3, "a: heights of up to", "--unit")
+    assert "RuntimeWarning" not in result.stderr
+
+
+def test_a_pixel_that_no_unit_makes_plausible(run, tmp_path):
+    native(tmp_path / "a.h5", hill(), **KNOWN | {"pixel_size": [50.0, 1e300]})
+    one_line(run("analyze", "a.h5"), 3, "a: a side of", "--lateral-unit")
 
 
 def test_settings_file_that_is_no_toml(run, tmp_path):
