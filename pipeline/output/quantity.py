@@ -32,14 +32,14 @@ def engineering(value: float | None, unit: str, digits: int = 3) -> str:
 
 
 def contact_name(model: str | None) -> str:
-    """Return what `contacts` counts: a height map touches in regions, which need be no caps.
+    """Name what `contacts` counts: a height map touches in regions, which need be no caps.
 
     Examples
     --------
     >>> contact_name("interacting"), contact_name("boundary_elements")
-    ('caps', 'contact regions')
+    ('caps in contact', 'contact regions')
     """
-    return "contact regions" if model == "boundary_elements" else "caps"
+    return "contact regions" if model == "boundary_elements" else "caps in contact"
 
 
 def scaled(values: np.ndarray, unit: str) -> tuple[np.ndarray, str]:

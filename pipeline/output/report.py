@@ -95,7 +95,7 @@ def _headlines(summary: dict[str, Any]) -> list[tuple[str, str, str]]:
             f"without bulk; {engineering(contact['approach_m'], 'm')} with it",
         ),
         (
-            f"{contact_name(contact['model'])} in contact",
+            contact_name(contact["model"]),
             _in_contact(contact),
             f"at {contact['preload_N']:.4g} N, model {contact['model'] or DASH}",
         ),

@@ -39,10 +39,10 @@ def test_every_model_leaves_a_whole_result(model, face, tmp_path):
     assert defects(out) == []
     summary = json.loads((out / "summary.json").read_text())
     assert summary["contact"]["model"] == (model if model != "auto" else "interacting")
-    counted = "contact regions" if model == "boundary_elements" else "caps"
+    counted = "contact regions" if model == "boundary_elements" else "caps in contact"
     contacts = summary["contact"]["contacts"]
     assert f"on {contacts} {counted}," in ran.stdout
-    assert f"{counted} in contact" in (out / "report.html").read_text()
+    assert f"<span>{counted}</span>" in (out / "report.html").read_text()
     with h5py.File(out / "result.h5") as file:
         approach_m, load_N = file["normal/approach_m"][:], file["normal/load_N"][:]
     assert load_N[0] == approach_m[0] == 0.0

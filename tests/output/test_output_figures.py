@@ -169,6 +169,16 @@ def test_loss_factor_ends_at_gross_slip(several):
     assert x[-1] / x[0] == pytest.approx(steady[-1] / steady[0])
 
 
+def test_loss_factor_shows_small_amplitudes_and_kinks(several):
+    axes = FIGURES["loss_factor"].draw(several).axes[0]
+    assert axes.get_yscale() == "log"
+    y = axes.get_lines()[0].get_ydata()
+    low, high = axes.get_ylim()
+    assert low <= y.min()
+    assert y.max() < high
+    assert y.max() / y.min() > 100  # what a linear axis would show as zero
+
+
 def test_matplotlib_is_imported_only_to_draw():
     code = (
         "import sys, pipeline.output.figures, pipeline.output.mesh, pipeline.output.scene\n"
