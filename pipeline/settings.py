@@ -16,7 +16,8 @@ import msgspec
 
 from pipeline.errors import SettingsError
 
-Positive = Annotated[float, msgspec.Meta(gt=0)]
+LEAST, GREATEST = 1e-30, 1e30  # of any positive setting, in SI: beyond it powers overflow
+Positive = Annotated[float, msgspec.Meta(ge=LEAST, le=GREATEST)]
 Share = Annotated[float, msgspec.Meta(gt=0, lt=1)]
 Pair = tuple[float, float]
 Size = Annotated[int, msgspec.Meta(ge=3)]
@@ -210,8 +211,11 @@ def settings_from(tables: dict[str, Any], where: str = "settings") -> Settings:
 
 def _check_meaning(settings: Settings, where: str) -> None:
     for value in settings.material.youngs_modulus_Pa:
-        if value <= 0:
-            raise SettingsError(f"{where}: material.youngs_modulus_Pa: got {value:g}; expected > 0")
+        if not LEAST <= value <= GREATEST:
+            raise SettingsError(
+                f"{where}: material.youngs_modulus_Pa: got {value:g}; expected {LEAST:g} to "
+                f"{GREATEST:g}"
+            )
     for value in settings.material.poisson_ratio:
         if not -1 < value < 0.5:
             raise SettingsError(

@@ -99,6 +99,8 @@ def test_fewer_than_nine_points_above_the_cut(run, tmp_path):
         ("hils.material_ratio=0.1", ["hils", "did you mean hills?"]),
         ("contact.model=hertz", ["contact.model", "hertz", "interacting"]),
         ("nonsense", ["nonsense", "table.key=value"]),
+        ("contact.preload_N=1e300", ["contact.preload_N", "1e+300", "1e+30"]),
+        ("material.youngs_modulus_Pa=[1e300,1e300]", ["youngs_modulus_Pa", "1e+300"]),
         ("contact.solver_tolerance=1e-11", ["contact.solver_tolerance", "1e-11"]),
         ("contact.solver_tolerance=0.005", ["contact.solver_tolerance", "0.005"]),
     ],
