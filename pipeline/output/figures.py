@@ -71,7 +71,7 @@ FIGURES = {
         "Tangential force over tangential displacement at constant preload: first loading (dashed) "
         "and steady cycles up to three shares of the force at total slip. The area of a loop is "
         "the energy W lost per cycle. The bands are the phases of first loading; the "
-        "first cap to slip as a whole ends GPS.",
+        "first contact to slip as a whole ends GPS.",
     ),
     "energy": Entry(
         figures_contact.energy,

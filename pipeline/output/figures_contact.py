@@ -23,9 +23,9 @@ LOOP_SHARES = (0.3, 0.6, 0.9)  # of the force at total slip
 LEAST_LOSS_FACTOR = 1e-6  # of the greatest: what a figure still shows
 LOOP_COLOURS = ("#56B4E9", "#0072B2", "#003D66")
 PHASES = (  # of first loading, the paper's Sec. 2.3
-    ("GPS: no cap slips totally", "#E8F3EC"),
-    ("PPS: some caps slip totally", "#FFF4D6"),
-    ("TS: all caps slip totally", "#F6DEDA"),
+    ("GPS: no contact slips totally", "#E8F3EC"),
+    ("PPS: some contacts slip totally", "#FFF4D6"),
+    ("TS: all contacts slip totally", "#F6DEDA"),
 )
 
 UNRESOLVED = ("GPS or PPS, not told apart", "#F1F1F1")

@@ -33,14 +33,11 @@ def refuse_absurd(surface: HeightMap) -> None:
         have a range of zero and are left to others.
     """
     low_m, high_m = LENGTHS_M
-    height_m = surface.height_m[surface.measured]
-    if height_m.size == 0:
-        return
-    lowest_m, highest_m = float(height_m.min()), float(height_m.max())
-    range_m = highest_m / 2.0 - lowest_m / 2.0  # half, which cannot overflow
+    lowest_m = float(np.fmin.reduce(surface.height_m, axis=None))  # NaN without measured points
+    highest_m = float(np.fmax.reduce(surface.height_m, axis=None))
     for what, length_m in (
         ("heights of up to", max(abs(lowest_m), abs(highest_m))),
-        ("a height range of", min(2.0 * range_m, 1e300)),
+        ("a height range of", highest_m - lowest_m),
         ("a side of", min(surface.side_m)),
         ("a side of", max(surface.side_m)),
     ):

@@ -150,7 +150,7 @@ def test_unknown_limits_are_not_called_gps(several):
 
     figure = FIGURES["slip_loop"].draw(replace(several, slip=Curve()))
     labels = [patch.get_label() for patch in figure.axes[0].patches]
-    assert labels == ["GPS or PPS, not told apart", "TS: all caps slip totally"]
+    assert labels == ["GPS or PPS, not told apart", "TS: all contacts slip totally"]
 
 
 def test_energy_starts_with_slope_three(one):
