@@ -1,7 +1,9 @@
 """Many scans: a bad one is named and never the end of the rest; done work is kept."""
 
 import csv
+import json
 import shutil
+import subprocess
 
 import h5py
 import numpy as np
@@ -109,3 +111,18 @@ def test_an_analysis_that_fails_is_counted_and_keeps_its_numbers(batch, tmp_path
         assert "1e+12 N" in row["error"]
         assert row["folder"] == "scans/two"
         assert (tmp_path / "out" / "scans" / "two" / "summary.json").is_file()
+
+
+def test_a_result_that_lacks_a_part_keeps_its_row_and_is_told(batch, tmp_path, monkeypatch):
+    folder, arguments, _ = batch
+    summary = (folder / "out" / "scans" / "two" / "summary.json").read_text()
+    ended = subprocess.CompletedProcess([], 1, summary, "error: internal error: energy.png\n")
+    monkeypatch.setattr("pipeline.batch.subprocess.run", lambda *_, **__: ended)
+    source = str(folder / "scans in" / "two.h5")
+    ran = CliRunner().invoke(main, ["batch", source, "-o", str(tmp_path / "out"), *arguments[4:]])
+    assert ran.exit_code == 1
+    assert "1 of 1 results lack a part" in ran.stderr
+    row = rows(tmp_path)["two"]
+    assert row["status"] == json.loads(summary)["status"]
+    assert row["error"] == "internal error: energy.png"
+    assert float(row["peak_loss_factor"]) > 0
