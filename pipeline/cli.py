@@ -196,8 +196,8 @@ class _Parts:
         self.missing: list[Problem] = []
         self.internal = False  # whether a failure was none that is raised on purpose
 
-    def make(self, name: str, function: Callable[..., Any], *arguments: Any) -> Any:
-        """Return what the function returns, or None where it fails."""
+    def make(self, paths: tuple[Path, ...], function: Callable[..., Any], *arguments: Any) -> Any:
+        """Call what makes some files; where it fails, leave none of them and return None."""
         from pipeline.problems import Problem
 
         try:
@@ -205,6 +205,9 @@ class _Parts:
         except Exception as error:
             if self.verbose:
                 traceback.print_exc()
+            for path in paths:
+                path.unlink(missing_ok=True)
+            name = " and ".join(path.name for path in paths)
             reason = str(error)
             if not isinstance(error, CapslipError):
                 self.internal, reason = True, f"{type(error).__name__}: {error}"
@@ -270,21 +273,23 @@ def _write(
     clock = time.perf_counter()
     store.write_result(analysis, work)
     if export is not None:
-        parts.make(f"{export}.csv", _export_jenkins, analysis, work)
-    parts.make("surface.vtu and caps.vtu", mesh.write_meshes, analysis, work)
+        parts.make((work / f"{export}.csv",), _export_jenkins, analysis, work)
+    meshes = (work / "surface.vtu", work / "caps.vtu")
+    parts.make(meshes, mesh.write_meshes, analysis, work)
     clock = timed("tables", clock)
     (work / "figures").mkdir()
     message: str | None = "switched off (--no-render)"
     if run.render:
         say("rendering")
-        scene_png = work / "figures" / "scene.png"
-        rendering = parts.make("scene.png", scene.start_render, work / "result.h5", scene_png)
+        png = work / "figures" / "scene.png"
+        rendering = parts.make((png,), scene.start_render, work / "result.h5", png)
     if run.figures:
         say("drawing")
         from pipeline.output.figures import FIGURES, write_figure
 
         for name in FIGURES:
-            parts.make(f"{name}.png", write_figure, name, analysis, work / "figures")
+            png = work / "figures" / f"{name}.png"
+            parts.make((png,), write_figure, name, analysis, png.parent)
         clock = timed("figures", clock)
     if run.render:
         message = "the renderer did not start"
@@ -300,7 +305,8 @@ def _write(
         return replace(analysis, problems=(*analysis.problems, *parts.missing))
 
     numbers = summarise(whole(), command, timings)
-    parts.make("report.html", report.write_report, whole(), numbers, work, message)
+    page = (work / "report.html",)
+    parts.make(page, report.write_report, whole(), numbers, work, message)
     timed("report", clock)
     summary = summarise(whole(), command, {**timings, "total": say.elapsed_s()})
     store.write_summary(summary, work)

@@ -103,6 +103,20 @@ def test_a_part_that_fails_takes_no_number_along(
         assert len(list((out / "figures").glob("*.png"))) >= 8
 
 
+def test_no_half_picture_is_left(face, tmp_path, monkeypatch):
+    def torn(name, analysis, folder):
+        (folder / f"{name}.png").write_bytes(b"half")
+        raise OSError("no space left")
+
+    monkeypatch.setattr("pipeline.output.figures.write_figure", torn)
+    out = tmp_path / "out"
+    ran = run("analyze", face, "--no-render", "-q", "-o", out)
+    assert ran.exit_code == 1
+    assert "no space left" in ran.stderr
+    assert list((out / "figures").iterdir()) == []
+    assert defects(out) == []
+
+
 def test_an_export_that_cannot_be_is_refused_before_the_work(face, tmp_path):
     out = tmp_path / "out"
     ran = run("analyze", face, "--model", "flat", "--export", "jenkins", "-o", out)
