@@ -18,12 +18,13 @@ from pipeline.caps.together import count_together
 from pipeline.contact.press import ContactState, press, press_for_depth
 from pipeline.contact.slip import SlipCurve, slip_curve
 from pipeline.doubts import (
+    doubts_of_bow,
     doubts_of_caps,
     doubts_of_contact,
     doubts_of_families,
-    doubts_of_form,
     doubts_of_scan,
     doubts_of_settings,
+    doubts_of_tilt,
 )
 from pipeline.errors import ContactError
 from pipeline.problems import Problem
@@ -147,7 +148,9 @@ def analyze(
             )
             problems += contact.problems
             if settings.conditioning.form == "none":
-                problems += doubts_of_form(conditioned.surface, contact.approach_m)
+                problems += doubts_of_tilt(conditioned.surface, contact.approach_m)
+            if settings.conditioning.form in ("plane", "none"):
+                problems += doubts_of_bow(caps, contact.approach_m)
             slip = timed(
                 "slip",
                 slip_curve,

@@ -9,6 +9,7 @@ from pipeline.caps.hills import NOISE_FACTOR, Hills
 from pipeline.caps.pruning import MIN_POINTS
 from pipeline.caps.table import CapFlag, CapTable
 from pipeline.contact.material import composite, dundurs_beta
+from pipeline.contact.model_choice import BEYOND_SHARE
 from pipeline.problems import Problem, Severity
 from pipeline.settings import Beam, Settings
 from pipeline.structure.response import Damping
@@ -18,6 +19,8 @@ from pipeline.surface.heightmap import HeightMap
 MIN_PIXELS_ACROSS = 4.0  # of the contacts that carry the lighter half of the load
 LARGE_BETA = 0.1  # beyond: compliances change by beta^2, more than 1 %, and much slips early
 LARGE_FRICTION = 1.5
+VISIBLE_FORM = 0.1  # of the approach: form that moves the peaks by more decides what touches
+BOW_LEVEL = 0.01  # of the F-test that the peaks lie on a bow
 ELASTIC_STRAIN = 0.03  # of E*: the greatest pressure at which the hardest steels stay elastic
 
 
@@ -67,17 +70,50 @@ def doubts_of_settings(settings: Settings) -> list[Problem]:
     return found
 
 
-def doubts_of_form(surface: HeightMap, approach_m: float) -> list[Problem]:
+def doubts_of_tilt(surface: HeightMap, approach_m: float) -> list[Problem]:
     """Return whether a tilt was left in that decides what touches."""
     level, _ = remove_form(surface, "plane")
     tilt_m = float(np.ptp((surface.height_m - level.height_m)[surface.measured]))
-    if tilt_m <= 0.1 * approach_m:
+    if tilt_m <= VISIBLE_FORM * approach_m:
         return []
     message = (
         f"the face is tilted by {tilt_m:.3g} m, the approach is {approach_m:.3g} m; "
         "conditioning.form = plane removes it"
     )
     return [Problem("tilt_left", "warning", message)]
+
+
+def doubts_of_bow(caps: CapTable, approach_m: float) -> list[Problem]:
+    """Return whether the peaks lie on a bow that decides what touches.
+
+    Heights within each family are explained by a plane, then by a second-degree surface; an F-test
+    says whether the latter explains more than chance would.
+    """
+    from scipy.special import fdtrc
+
+    member = np.flatnonzero(caps.usable & (caps.family != ""))
+    peak_m = caps.peak_height_m[member]
+    families = np.unique(caps.family[member])
+    n_free = member.size - families.size - 5  # less two slopes and three curvatures
+    if n_free < 1:
+        return []
+    side_m = max(np.ptp(caps.x_m[member]), np.ptp(caps.y_m[member]))
+    u, v = ((at_m - at_m.mean()) / side_m for at_m in (caps.x_m[member], caps.y_m[member]))
+    plane = np.column_stack([*(caps.family[member] == name for name in families), u, v])
+    bowed = np.column_stack([plane, u * u, u * v, v * v])
+    by_plane, by_bow = (np.linalg.lstsq(model, peak_m, rcond=None)[0] for model in (plane, bowed))
+    bow_m = float(np.ptp(bowed[:, -3:] @ by_bow[-3:]))
+    rest_m2 = float(np.square(peak_m - bowed @ by_bow).sum())
+    gain_m2 = float(np.square(peak_m - plane @ by_plane).sum()) - rest_m2
+    if bow_m <= VISIBLE_FORM * approach_m:
+        return []
+    if rest_m2 > 0.0 and fdtrc(3, n_free, (gain_m2 / 3.0) / (rest_m2 / n_free)) > BOW_LEVEL:
+        return []
+    message = (
+        f"the peaks lie on a bow of {bow_m:.3g} m, the approach is {approach_m:.3g} m: it decides "
+        "what touches; conditioning.form = quadratic removes it, if it is not the face's own"
+    )
+    return [Problem("bow_left", "warning", message)]
 
 
 def doubts_of_caps(
@@ -226,14 +262,15 @@ def doubts_of_contact(
             "contacts_merge",
             f"{n_overlaps} pairs of contacts overlap: the caps do not hold at this preload",
         )
+    load_N = np.where(loaded, caps.load_N, 0.0)
     beyond = loaded & (caps.contact_radius_m > 0.5 * caps.diameter_m)
     if beyond.any():
         doubt(
             "contact_beyond_cap",
             f"{int(beyond.sum())} contacts are wider than the hill that the cap was fitted to",
+            "warning" if load_N[beyond].sum() > BEYOND_SHARE * load_N.sum() else "info",
         )
     doubtful = CapFlag.edge | CapFlag.non_measured | CapFlag.apex_off_surface | CapFlag.noisy_apex
-    load_N = np.where(loaded, caps.load_N, 0.0)
     share = load_N[(caps.flags & doubtful) != 0].sum() / max(load_N.sum(), 1e-300)
     depth_m = 0.5 * caps.contact_radius_m**2 / caps.radius_m
     deep = loaded & (depth_m > 1.001 * caps.cap_height_m)  # no fit goes below the cut

@@ -31,7 +31,7 @@ class Clusters:
     separation: np.ndarray
 
 
-def cluster(values: np.ndarray, resolution: float = 0.0) -> Clusters:
+def cluster(values: np.ndarray) -> Clusters:
     """Split numbers into one to four clusters, exactly.
 
     The split is that of the least sum of squares within the clusters: of all contiguous splits of
@@ -40,9 +40,7 @@ def cluster(values: np.ndarray, resolution: float = 0.0) -> Clusters:
     Parameters
     ----------
     values : ndarray, shape (n,)
-        Finite numbers, **sorted**. Fewer than two are one cluster.
-    resolution : float
-        Numbers that lie no further apart than this count as equal, and are one cluster.
+        Finite numbers, **sorted**. Equal numbers, or fewer than two, are one cluster.
 
     Returns
     -------
@@ -64,7 +62,7 @@ def cluster(values: np.ndarray, resolution: float = 0.0) -> Clusters:
     (array([6, 3]), True)
     """
     n = len(values)
-    if n < 2 or values[-1] - values[0] <= resolution:
+    if n < 2 or values[0] == values[-1]:
         return Clusters((np.array([n]),), np.zeros(1), np.full(1, np.nan))
     z = (values - values[0]) / (values[-1] - values[0])
     z -= z.mean()

@@ -6,13 +6,13 @@ from typing import Literal
 import numpy as np
 
 from pipeline.caps.clusters import Clusters, cluster
-from pipeline.caps.table import CapTable
+from pipeline.caps.table import CapFlag, CapTable
 
 Feature = Literal["peak_height", "cap_height", "diameter", "radius"]
 MIN_SEPARATION = 4.0  # pooled spreads; nearer, one cap in forty is on the wrong side
 CLEAR_SEPARATION = 5.0
-ROUNDING = 1e-9  # of the heights: far above that of float64, far below any instrument's
 CLEAR_LOG_ODDS = 3.0  # 20 to 1
+ALIKE_LEVEL = 0.01  # of the chi-square test that the peaks are equally high
 
 
 @dataclass(frozen=True)
@@ -54,6 +54,8 @@ class Families:
     count_se : float
         Standard error of m and of n: caps between the families may belong to either. About a
         quarter too low, because the split itself makes the families look narrow.
+    alike : bool
+        Whether all peaks are equally high as far as their standard errors let one see.
     """
 
     G: Family | None
@@ -62,6 +64,7 @@ class Families:
     separation: float | None
     log_odds: float | None
     count_se: float
+    alike: bool
 
     @property
     def count(self) -> int:
@@ -96,8 +99,11 @@ class Families:
     def clear(self) -> bool:
         """Whether the caps leave no doubt about the number of families that was taken.
 
-        It needs odds of 20 to 1 and, for two, families that are five spreads apart.
+        It needs odds of 20 to 1 and, for two, families that are five spreads apart; or peaks that
+        are alike, and so one family, however few they are.
         """
+        if self.alike and self.count == len(self.levels) == 1:
+            return True
         if self.log_odds is None:
             return self.count < 2
         apart = self.count < 2 or (self.separation or 0.0) >= CLEAR_SEPARATION
@@ -112,7 +118,8 @@ def group_families(
     The split is exact and the number of families follows from the evidence, see `cluster`. Two are
     taken where they are likelier than one and at least four pooled spreads apart; more than two are
     named in `levels` where the odds are 20 to 1 and each is five spreads from the next, but G and P
-    remain the best split in two: that is what the two-height model needs.
+    remain the best split in two: that is what the two-height model needs. Peaks that differ by no
+    more than their standard errors are one family, whatever the odds.
 
     Parameters
     ----------
@@ -139,8 +146,9 @@ def group_families(
     member = np.flatnonzero(caps.usable)
     values = getattr(caps, f"{feature}_m")[member]
     member = member[np.argsort(values, kind="stable")]
-    found = cluster(np.sort(values), _resolution_m(caps, feature))
-    supported, log_odds = _supported(found)
+    found = cluster(np.sort(values))
+    alike = feature == "peak_height" and _alike(caps, member)
+    supported, log_odds = _supported(found, alike)
     wanted = min(supported, 2) if count == "auto" else min(int(count), len(found.sizes))
     group = _in_groups(caps, member, found.sizes[wanted - 1])
     family = np.full(len(caps), "", dtype="<U1")
@@ -157,30 +165,21 @@ def group_families(
         separation=float(found.separation[1]) if len(found.sizes) > 2 else None,
         log_odds=log_odds,
         count_se=_count_se(getattr(caps, f"{feature}_m")[member], group),
+        alike=alike,
     )
 
 
-def _resolution_m(caps: CapTable, feature: Feature) -> float:
-    """Return the range within which the usable caps cannot be told apart by a feature.
+def _supported(found: Clusters, alike: bool) -> tuple[int, float | None]:
+    """Return the number of families that the caps support, and its log odds.
 
-    The rounding of their largest value, or the four standard errors that two families need between
-    them: equal caps differ by the last digit, and every last digit has its clusters.
+    The odds know the scatter of the heights alone: they may split what only noise or rounding
+    tells apart.
     """
-    usable = caps.usable
-    largest_m = np.abs(getattr(caps, f"{feature}_m"))[usable].max(initial=0.0)
-    if feature == "peak_height":  # counts from the mean plane, where peaks may lie, too
-        largest_m = max(largest_m, caps.cap_height_m[usable].max(initial=0.0))
-    error_m = getattr(caps, f"{feature}_se_m", np.zeros(0))
-    error_m = error_m[usable & np.isfinite(error_m)] if error_m.size else error_m
-    noise_m = MIN_SEPARATION * float(np.median(error_m)) if error_m.size else 0.0
-    return max(ROUNDING * float(largest_m), noise_m)
-
-
-def _supported(found: Clusters) -> tuple[int, float | None]:
-    """Return the number of families that the caps support, and its log odds."""
     evidence, separation = found.log_evidence, found.separation
     if len(evidence) < 2:
         return 1, None  # also of no caps at all
+    if alike:
+        return 1, float(evidence[0] - evidence[1])
     best = 2 if evidence[1] > evidence[0] and separation[1] >= MIN_SEPARATION else 1
     # Three and more are fragments of two unless they are far apart
     numbers = [1, 2, *(np.flatnonzero(separation[2:] >= CLEAR_SEPARATION) + 3)]
@@ -189,6 +188,25 @@ def _supported(found: Clusters) -> tuple[int, float | None]:
             best = int(count)
     rivals = [evidence[count - 1] for count in numbers if count != best]
     return best, float(evidence[best - 1] - max(rivals))
+
+
+def _alike(caps: CapTable, member: np.ndarray) -> bool:
+    """Tell whether the peaks differ by no more than chance, given their standard errors.
+
+    A chi-square test of equal heights. Where noise is a visible part of a cap, equal within the
+    errors says nothing; and an error far above the usual one is that of a hill that is no sphere,
+    not of noise, and excuses no other height.
+    """
+    from scipy.special import chdtrc
+
+    peak_m, error_m = caps.peak_height_m[member], caps.peak_height_se_m[member]
+    noisy = (caps.flags[member] & CapFlag.noisy_apex) != 0
+    if member.size < 2 or noisy.any() or not (error_m > 0.0).all():
+        return False
+    error_m = np.minimum(error_m, 2.0 * np.median(error_m))
+    weight = (error_m.min() / error_m) ** 2
+    deviation = (peak_m - np.average(peak_m, weights=weight)) / error_m
+    return bool(chdtrc(member.size - 1, deviation @ deviation) >= ALIKE_LEVEL)
 
 
 def _in_groups(caps: CapTable, member: np.ndarray, sizes: np.ndarray) -> np.ndarray:

@@ -165,15 +165,15 @@ def _normal_equations(
 
 def _inverse(normal: np.ndarray, enough: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return which hills can be solved, and the inverse of their matrices, zero elsewhere."""
-    solvable = enough.copy()
-    matrix = normal[enough]
+    matrix = normal.copy()
     # A trace of ridge keeps the inverse finite; where it matters the hill is dropped below.
     matrix[:, range(6), range(6)] += 1e-14 * matrix[:, :1, 0]
+    # Points in few rows or columns can still meet a pivot of exactly zero.
+    solvable = enough & (np.linalg.slogdet(matrix)[0] != 0.0)
     inverse = np.zeros_like(normal)
-    inverse[enough] = np.linalg.inv(matrix)
-    inflation = np.einsum("nii,nii->ni", inverse[enough], matrix)
-    solvable[enough] = (inflation < MAX_INFLATION).all(axis=1)
-    return solvable, inverse
+    inverse[solvable] = np.linalg.inv(matrix[solvable])
+    inflation = np.einsum("nii,nii->ni", inverse, matrix)
+    return solvable & (inflation < MAX_INFLATION).all(axis=1), inverse
 
 
 def _vertex(

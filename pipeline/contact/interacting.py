@@ -241,14 +241,16 @@ def interacting(
     for _ in range(2):
         N = curve.asperity_loads_N(curve.approach_m(preload_N))
         a = np.cbrt(0.75 * N * curve.radius_m / E_star_Pa)
-        factor = _hertz_over_point_load(a / r)
+        factor = hertz_over_point_load(a / r)
         C = (factor + factor.T) / (2 * np.pi * E_star_Pa * r)
         curve = replace(curve, pair_compliance_m_per_N=C)
     return curve
 
 
-def _hertz_over_point_load(rho: np.ndarray) -> np.ndarray:
-    """Return Johnson's Eq. 3.42 over N / (pi E* r), with rho = a / r.
+def hertz_over_point_load(rho: np.ndarray) -> np.ndarray:
+    """Return the sinking around a Hertz contact over that around a point load, N / (pi E* r).
+
+    Johnson's Eq. 3.42 with rho = a / r (1.18 at the rim of the contact, 1.02 at r = 2 a):
 
     3 / (4 rho^3) [(2 rho^2 - 1) asin(rho) + rho sqrt(1 - rho^2)], which cancels for small rho;
     there 1 + rho^2 / 10 + 9 rho^4 / 280 serves.

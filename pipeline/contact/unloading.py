@@ -19,11 +19,15 @@ TOLERANCE = 0.005  # aimed at for the loss between the solved loads
 MAX_SOLUTIONS = 40
 _FIRST = 9  # solutions before the first look at the accuracy
 _SMALLEST, _LARGEST = 0.007, 0.985  # their withdrawals, as shares of that of a single Hertz contact
+_UNSETTLED = 1e-3  # of the loss: the most that a solution may leave open
+_FINEST = 1e-11  # tolerance of a solution, above rounding
 _TABLE = 2000  # points of the table
 _REACH = 1e-5  # first withdrawal of the table, as a share of the last
 _ROWS = 50  # of the table at once
-_ENOUGH_PIXELS = 100  # that left the contact: fewer make the loss a matter of chance
-_PIXEL_ERROR = 5.0  # relative error of the loss times the pixels that left, seen on spheres
+_ENOUGH_PIXELS = 100  # in contact
+# Relative error of the loss of a region times the square of the width, in pixels, of the ring that
+# left it; seen on spheres for rings of 0.3 to 2.7 pixels
+_RING_ERROR = 0.015
 _UNCERTAIN = 0.05  # relative error of the loss from which it is not to be trusted
 
 
@@ -99,7 +103,7 @@ def unload(face: ElasticFace, pressed: Pressed, tolerance: float) -> Unloading:
         loss_J = float(interpolant.at(np.array([node.withdrawal_m]))[2][0])
         exact_J = float(node.region_loss_J.sum())
         error = abs(loss_J / exact_J - 1) / 2 if exact_J > 0 else 0.0
-        excess = error / max(TOLERANCE, _PIXEL_ERROR / max(node.left, 1))
+        excess = error / max(TOLERANCE, node.pixel_error)
         intervals.remove(worst)
         intervals += [
             _Interval(excess, error, worst.low, node.odd),
@@ -127,7 +131,7 @@ class _Node:
     region_load_N: np.ndarray
     region_loss_J: np.ndarray
     region_least_gap_m: np.ndarray
-    left: int  # pixels that left the contact
+    pixel_error: float  # relative, that pixels leave in the loss of the face
     contact: np.ndarray
     pressure_Pa: np.ndarray  # of the pixels in contact
 
@@ -151,9 +155,11 @@ class _Path:
     def solve(self, odd: float) -> _Node:
         """Solve at a withdrawal t with log(t / (1 - t)) = odd of a single Hertz contact."""
         load_N = self.pressed.load_N * (1 + np.exp(odd)) ** -1.5
-        state = press(
-            self.face, load_N=load_N, tolerance=self.tolerance, start_Pa=self._start(load_N)
-        )
+        # The loss is about t^3 / 8 of load times approach, to which the tolerance refers: a
+        # solution that only fulfils the tolerance may not have moved the edges of the contacts.
+        t = 1 / (1 + np.exp(-odd))
+        tolerance = min(self.tolerance, max(_UNSETTLED * t**3 / 8, _FINEST))
+        state = press(self.face, load_N=load_N, tolerance=tolerance, start_Pa=self._start(load_N))
         node = self._node(odd, state)
         self.nodes = sorted([*self.nodes, node], key=lambda each: each.withdrawal_m)
         return node
@@ -161,7 +167,7 @@ class _Path:
     def end(self) -> _Node:
         """Return the state without load, which needs no solution: the gaps are the depths."""
         zero, depth_m = np.zeros(len(self.contact)), self.face.depth_m
-        return self._seen(np.inf, 0.0, self.pressed.approach_m, zero, depth_m, 0)
+        return self._seen(np.inf, 0.0, self.pressed.approach_m, zero, depth_m)
 
     def _start(self, load_N: float) -> np.ndarray:
         """Interpolate linearly between the solved loads around one."""
@@ -187,8 +193,7 @@ class _Path:
     def _node(self, odd: float, state: Pressed) -> _Node:
         pressure_Pa = state.pressure_Pa.flat[self.contact]
         withdrawal_m = self.pressed.approach_m - state.approach_m
-        left = int(np.count_nonzero(pressure_Pa == 0))
-        return self._seen(odd, state.load_N, withdrawal_m, pressure_Pa, state.gap_m, left, state)
+        return self._seen(odd, state.load_N, withdrawal_m, pressure_Pa, state.gap_m, state)
 
     def _seen(
         self,
@@ -197,7 +202,6 @@ class _Path:
         withdrawal_m: float,
         pressure_Pa: np.ndarray,
         gap_m: np.ndarray,
-        left: int,
         state: Pressed | None = None,
     ) -> _Node:
         """Integrate loads, losses and least gaps over the regions of the preload."""
@@ -205,6 +209,10 @@ class _Path:
         gap_here_m = gap_m.flat[self.contact]
         # Complementarity makes the residual gaps in contact zero.
         lost = self.pressure_Pa * np.where(pressure_Pa > 0, 0.0, np.maximum(gap_here_m, 0.0))
+        loss_J = 4 * np.bincount(self.region, weights=lost, minlength=n_regions) * area_m2
+        left = np.bincount(self.region, weights=pressure_Pa == 0, minlength=n_regions)
+        perimeter = 2 * np.sqrt(np.pi * self.pressed.region_pixels)
+        error_J = loss_J * _RING_ERROR * np.square(perimeter / np.maximum(left, 1))
         least_gap_m = np.full(n_regions, np.inf)
         np.minimum.at(least_gap_m, self.region, gap_here_m)
         contact = np.flatnonzero(state.pressure_Pa) if state is not None else self.contact[:0]
@@ -213,9 +221,9 @@ class _Path:
             load_N,
             withdrawal_m,
             np.bincount(self.region, weights=pressure_Pa, minlength=n_regions) * area_m2,
-            4 * np.bincount(self.region, weights=lost, minlength=n_regions) * area_m2,
+            loss_J,
             np.maximum(least_gap_m, 0.0),
-            left,
+            float(np.linalg.norm(error_J) / loss_J.sum()) if loss_J.any() else np.inf,
             contact,
             state.pressure_Pa.flat[contact] if state is not None else pressure_Pa[:0],
         )
@@ -228,7 +236,7 @@ class _Interpolant:
         from scipy.interpolate import PchipInterpolator
 
         self.load_N = path.region_load_N
-        trusted = [node for node in path.nodes if node.left >= _ENOUGH_PIXELS]
+        trusted = [node for node in path.nodes if node.pixel_error <= _UNCERTAIN]
         nodes = [*trusted, path.end()]
         self.smallest_m = nodes[0].withdrawal_m
         x = np.array([node.withdrawal_m for node in nodes])

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from pipeline.output.canvas import INK, blank
-from pipeline.studies.chart_methods import FITS, PAPER, SEPARATIONS
+from pipeline.studies.chart_methods import CHOSEN, FITS, MODELS, PAPER, SEPARATIONS
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -25,7 +25,9 @@ COLOUR = {
     "boundary elements": "#009E73",
 }
 MARKER = {"equation18": "s", "pinned": "^", "least_squares": "D", "contact": "o"}
-DRAWN_FIT = ("contact", "watershed")  # of the lines over the grid
+TICKS_S = (0.01, 0.02, 0.05, 0.1)
+STYLE = {"by tolerance": "--", "by filter": ":"}
+LABELLED = ("interacting", "boundary elements", "auto", PAPER)  # lines whose points are named
 TITLES = {
     "energy": "energy W, worst of four forces",
     "energy_0.1": "energy W at T = 0.1 μN",
@@ -53,6 +55,7 @@ PICTURES = {
 def figures(results: dict[str, Any]) -> "dict[str, Figure]":
     """Draw all pictures of the chart, by the names of their files."""
     drawn = {name: _panels(results, quantities) for name, quantities in PICTURES.items()}
+    drawn["speed-accuracy-fits"] = _fits(results)
     drawn["speed-accuracy-caps"] = _caps(results)
     drawn["speed-accuracy-honesty"] = _honesty(results)
     return drawn
@@ -66,15 +69,8 @@ def _panels(results: dict[str, Any], quantities: tuple[str, ...]) -> "Figure":
     panels = figure.subplots(rows, 2, squeeze=False).ravel()
     for axes, quantity in zip(panels, quantities, strict=True):
         _panel(axes, results, quantity)
-    for fit, marker in MARKER.items():  # what the small points of the whole grid are
-        panels[0].plot([], [], marker, color="#777777", markersize=4, label=f"fit {fit}")
-    panels[0].plot(
-        *([], [], "o"),
-        color="#777777",
-        markersize=4,
-        markerfacecolor="none",
-        label="hollow: separation by regions",
-    )
+    label = "small: other fits and separations, whole map"
+    panels[0].plot([], [], "o", color="#777777", markersize=3.5, label=label)
     handles = {}
     for axes in panels:
         for handle, label in zip(*axes.get_legend_handles_labels(), strict=True):
@@ -111,7 +107,15 @@ def _panel(axes: "Axes", results: dict[str, Any], quantity: str) -> None:
         if (point["line"], point["setting"]) in front
     )
     if best:
-        axes.plot(*np.array(best).T, color="#F0E442", linewidth=6, zorder=0.5, label="Pareto front")
+        axes.plot(
+            *np.array(best).T,
+            color="#F0E442",
+            linewidth=6,
+            marker="o",
+            markersize=9,
+            zorder=0.5,
+            label="Pareto front of all methods",
+        )
         axes.set(xscale="log", yscale="log", ylim=(3e-4, 5.0))
     axes.set_xlabel("seconds of one analysis")
     axes.set_ylabel(f"relative error of the {TITLES[quantity]}", fontsize=8.5)
@@ -127,42 +131,83 @@ def _line(axes: "Axes", line: str, points: "list[Row]", quantity: str) -> None:
     """Draw one method: a point a setting, joined where they are a scale."""
     name, _, rest = line.partition(", ")
     fit, _, separation = rest.partition(", ")
-    colour = COLOUR[name]
-    is_caps = fit in FITS
     drawn = [point for point in points if _place(point, quantity)[1] is not None]
-    if is_caps and (fit, separation) != DRAWN_FIT:  # small, coarser maps smaller still
-        for point in drawn:
-            seconds, error = _place(point, quantity)
-            axes.plot(
-                [seconds],
-                [error or np.nan],
-                MARKER[fit],
-                color=colour,
-                markersize=4 if point["setting"] == "1/1" else 1.5,
-                markerfacecolor=colour if separation == "watershed" else "none",
-                alpha=0.75,
-            )
-        return
     if not drawn:
         return
-    seconds, error = np.array([_place(point, quantity) for point in drawn], dtype=float).T
-    ranges = np.array([point["groups"]["all"][quantity] for point in drawn], dtype=float)
-    greatest = np.where(np.isnan(ranges[:, 2]), 1e3, ranges[:, 2])
+    if fit in FITS and (fit, separation) != CHOSEN:
+        if drawn[0]["setting"] == "1/1":
+            seconds, error = _place(drawn[0], quantity)
+            axes.plot([seconds], [error or np.nan], "o", color=COLOUR[name], markersize=3.5)
+        return
+    x, y = np.array([_place(point, quantity) for point in drawn], dtype=float).T
     axes.plot(
-        seconds,
-        error,
-        color=colour,
+        x,
+        y,
+        color=COLOUR[name],
         marker={"boundary elements": "*", PAPER: "X", "auto": "P"}.get(name, "o"),
         markersize=8,
         linewidth=1.4,
-        linestyle={"by tolerance": "--", "by filter": ":"}.get(rest, "-"),
+        linestyle=STYLE.get(rest, "-"),
         label=line,
     )
-    axes.vlines(seconds, ranges[:, 1], greatest, color=colour, linewidth=0.8, alpha=0.35)
-    for x, y, point in zip(seconds, error, drawn, strict=True):
+    if name in LABELLED and rest not in STYLE:
+        ranges = np.array([point["groups"]["all"][quantity] for point in drawn], dtype=float)
+        greatest = np.where(np.isnan(ranges[:, 2]), 1e3, ranges[:, 2])
+        axes.vlines(x, ranges[:, 1], greatest, color=COLOUR[name], linewidth=0.8, alpha=0.35)
+        _name_points(axes, drawn, quantity, COLOUR[name])
+
+
+def _name_points(axes: "Axes", points: "list[Row]", quantity: str, colour: str) -> None:
+    """Write the setting beside each point, where other lines have none."""
+    below = points[0]["line"].startswith("interacting")
+    for point in points:
         axes.annotate(
-            point["setting"], (x, y), (4, 4), textcoords="offset points", fontsize=6.5, color=colour
+            point["setting"],
+            _place(point, quantity),
+            (-4, -9) if below else (4, 4),
+            textcoords="offset points",
+            ha="right" if below else "left",
+            fontsize=6.5,
+            color=colour,
         )
+
+
+def _fits(results: dict[str, Any]) -> "Figure":
+    """Draw the models over the grid, one panel a fit and separation."""
+    figure, first = blank("", 13.0, 7.0)
+    first.remove()
+    panels = figure.subplots(len(SEPARATIONS), len(FITS), sharex=True, sharey=True)
+    quantity = "energy_0.25"
+    for row, separation in zip(panels, SEPARATIONS, strict=True):
+        for axes, fit in zip(row, FITS, strict=True):
+            for model in MODELS:
+                points = [
+                    point
+                    for point in results["points"]
+                    if point["line"] == f"{model}, {fit}, {separation}"
+                    and _place(point, quantity)[1] is not None
+                ]
+                if points:
+                    x, y = np.array([_place(point, quantity) for point in points], dtype=float).T
+                    axes.plot(x, y, "o-", color=COLOUR[model], markersize=5, label=model)
+                    axes.plot(x[0], y[0], "o", color=COLOUR[model], markersize=9)
+            axes.set(xscale="log", yscale="log", title=f"{fit}, {separation}")
+            axes.xaxis.set_minor_formatter("")
+            axes.set_xticks(TICKS_S, [f"{1e3 * seconds:g} ms" for seconds in TICKS_S])
+            axes.grid(color="#E3E3E3", linewidth=0.6)
+            axes.spines[["top", "right"]].set_visible(False)
+        row[0].set_ylabel(f"relative error of the {TITLES[quantity]}", fontsize=8.5)
+    for axes in panels[-1]:
+        axes.set_xlabel("time of one analysis")
+    handles, labels = panels[-1, -1].get_legend_handles_labels()
+    figure.legend(handles=handles, labels=labels, loc="outside lower center", ncols=4)
+    figure.suptitle(
+        "Every model, fit and separation over the grid: large point the whole map, then 1/2, 1/4, "
+        f"1/8 of its points along each axis; medians\n{_machine(results)}",
+        fontsize=9.5,
+        color=INK,
+    )
+    return figure
 
 
 def _place(point: "Row", quantity: str) -> tuple[float, float | None]:

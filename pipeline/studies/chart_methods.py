@@ -5,6 +5,7 @@ from dataclasses import dataclass
 MODELS = ("families", "caps", "mean_field", "interacting")
 FITS = ("equation18", "pinned", "least_squares", "contact")
 SEPARATIONS = ("regions", "watershed")
+CHOSEN = ("contact", "watershed")  # the fit and separation that the program chooses
 PAPER = "the paper's way"
 COARSENINGS = (2, 4, 8, 16)
 FILTERS_PIXELS = (5, 10)
@@ -58,7 +59,7 @@ def methods() -> tuple[Method, ...]:
     found += _by_grid("boundary elements, by grid", boundary, (2, 4))
     for line, overrides in (
         ("boundary elements, by filter", boundary),
-        ("interacting, by filter", _caps("interacting", "contact", "watershed")),
+        ("interacting, by filter", _caps("interacting", *CHOSEN)),
     ):
         found += [Method(line, f"{n} pixels", overrides, filter_pixels=n) for n in FILTERS_PIXELS]
     found += [

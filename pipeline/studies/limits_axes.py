@@ -5,8 +5,13 @@ from pipeline.studies.limits_faces import axes_of_faces
 from pipeline.studies.limits_scans import axes_of_scans
 
 
-def axes() -> tuple[Axis, ...]:
+def axes(seed: int = 0) -> tuple[Axis, ...]:
     """Return all axes.
+
+    Parameters
+    ----------
+    seed : int
+        Another one gives other faces, and other noise, of the same kinds.
 
     Examples
     --------
@@ -14,4 +19,4 @@ def axes() -> tuple[Axis, ...]:
     >>> len(found) >= 16, sum(len(axis.cases) for axis in found) >= 400
     (True, True)
     """
-    return (*axes_of_faces(), *axes_of_scans())
+    return (*axes_of_faces(seed), *axes_of_scans(seed))

@@ -15,6 +15,10 @@ COLOUR = {"default": ACCENT, "the paper's way": FAMILY_COLOUR["P"]}
 SILENT = FAMILY_COLOUR["G"]
 SPOKEN = ("told", "doubted", "warned")
 OUTCOMES = ("right", "warned", "told", "doubted", "refused", "silent")
+TOTALS_HEAD = (
+    "| method | cases | " + " | ".join(OUTCOMES) + " | silent share | s a case |",
+    "| --- | " + "--- | " * (len(OUTCOMES) + 2) + "--- |",
+)
 Row = dict[str, Any]
 
 
@@ -36,7 +40,7 @@ def limits_figure(results: Row) -> "Figure":
     for axes in grid[len(results["axes"]) :]:
         axes.remove()
     for method, colour in COLOUR.items():
-        for filled, text in ((True, "nothing said"), (False, "a warning")):
+        for filled, text in ((True, "nothing said"), (False, "a warning, or no number")):
             face = colour if filled else "none"
             grid[0].plot([], [], "o", color=colour, mfc=face, label=f"{method}: {text}")
     grid[0].plot([], [], "X", color=SILENT, label="silent failure")
@@ -75,20 +79,21 @@ def limits_markdown(results: Row) -> str:
         "| --- | --- |",
         "| right | right, and nothing of a warning said |",
         "| warned | right, with a warning |",
-        "| told | wrong, and a problem names the cause |",
+        "| told | wrong, and a warning names the cause |",
         "| doubted | wrong, with a warning, but none that names the cause |",
         "| refused | no number, but a reason |",
         "| **silent** | **wrong, and nothing said** |",
         "",
-        "| method | cases | " + " | ".join(OUTCOMES) + " | silent share | s a case |",
-        "| --- | " + "--- | " * (len(OUTCOMES) + 2) + "--- |",
+        *TOTALS_HEAD,
+        *_totals_rows(results["totals"]),
+        "",
+        "Thresholds and warnings of the program were mended on these faces. The next table is of",
+        f"fresh ones (seed {results['fresh']['seed']}): other places of the caps, other noise,",
+        "waves, grooves and spikes of the same kinds, on which no mend was judged.",
+        "",
+        *TOTALS_HEAD,
+        *_totals_rows(results["fresh"]["totals"]),
     ]
-    for method, total in results["totals"].items():
-        counts = " | ".join(str(total["outcomes"].get(name, 0)) for name in OUTCOMES)
-        lines.append(
-            f"| {method} | {total['cases']} | {counts} | {total['silent_share']:.1%} | "
-            f"{total['seconds_a_case']:.2g} |"
-        )
     lines += ["", "![error over severity](limits.png)", "", "## Breakdown points", ""]
     lines += [
         "`holds to` is the last severity before the first at which any of the faces is wrong or",
@@ -105,7 +110,21 @@ def limits_markdown(results: Row) -> str:
         lines += [f"### {method[0].upper()}{method[1:]}: {len(mine)}", ""]
         lines += [_silent_row(run) for run in mine]
         lines += [""] if mine else ["None.", ""]
-    return "\n".join(lines)
+    mine = results["fresh"]["silent"]
+    lines += [f"### Default, fresh faces: {len(mine)}", ""]
+    lines += [_silent_row(run) for run in mine]
+    lines += [""] if mine else ["None.", ""]
+    lines += ["## What the warnings cost and save", ""]
+    lines += [
+        "Default: cases on which a warning stands, and those on which it stands alone. Alone on a",
+        "right case it is the false alarm; alone on a wrong one it is all that keeps it from being",
+        "silent.",
+        "",
+        "| warning | right | alone there | wrong | alone there |",
+        "| --- | --- | --- | --- | --- |",
+    ]
+    lines += _warning_rows([run for run in results["runs"] if run["method"] == "default"])
+    return "\n".join([*lines, ""])
 
 
 def _chart(axes: "Axes", axis: Row, runs: list[Row], limit: float) -> None:
@@ -116,7 +135,7 @@ def _chart(axes: "Axes", axis: Row, runs: list[Row], limit: float) -> None:
         if run["outcome"] == "no truth":
             continue
         colour = SILENT if run["outcome"] == "silent" else COLOUR.get(run["method"], INK)
-        quiet = run["outcome"] not in SPOKEN
+        quiet = run["outcome"] in ("right", "silent")
         x = position[run["severity"]] + (0.12 if run["method"] == "default" else -0.12)
         axes.plot(
             x,
@@ -158,6 +177,33 @@ def _axis_row(axis: Row, method: str) -> str:
     says = ", ".join(f"`{code}` {count}" for code, count in found["says"]) or "-"
     silent = found["outcomes"].get("silent", 0)
     return f"| {axis['name']} | {axis['quantity']} | {holds} | {breaks} | {silent} | {says} |"
+
+
+def _totals_rows(totals: Row) -> list[str]:
+    rows = []
+    for method, total in totals.items():
+        counts = " | ".join(str(total["outcomes"].get(name, 0)) for name in OUTCOMES)
+        rows.append(
+            f"| {method} | {total['cases']} | {counts} | {total['silent_share']:.1%} | "
+            f"{total['seconds_a_case']:.2g} |"
+        )
+    return rows
+
+
+def _warning_rows(runs: list[Row]) -> list[str]:
+    """Count on how many right and wrong cases each warning stands, and stands alone."""
+    counts: dict[str, list[int]] = {}
+    for run in runs:
+        if run["outcome"] not in SPOKEN:
+            continue
+        warnings = [code for code, severity in run["problems"].items() if severity != "info"]
+        first = 0 if run["outcome"] == "warned" else 2
+        for code in warnings:
+            count = counts.setdefault(code, [0, 0, 0, 0])
+            count[first] += 1
+            count[first + 1] += len(warnings) == 1
+    ordered = sorted(counts.items(), key=lambda item: (-item[1][1], -item[1][0], item[0]))
+    return [f"| `{code}` | {' | '.join(map(str, count))} |" for code, count in ordered]
 
 
 def _silent_row(run: Row) -> str:

@@ -1,7 +1,7 @@
 """The seeded faces on which the methods are measured, and the real scans where they are present.
 
 A face is made once, on a fine grid. The reference presses that face; the methods see what an
-instrument with pixels twice as large would measure of it, with noise or without.
+instrument with pixels four times as large would measure of it, with noise or without.
 """
 
 import math
@@ -17,8 +17,8 @@ from pipeline.surface.heightmap import HeightMap, Origin
 from pipeline.surface.readers import load_surface
 from pipeline.surface.synthetic import CapFamily, Scene, Truth, synthetic_surface
 
-FINE_SHAPE, FINE_PIXEL_M = (400, 600), (1e-4, 1e-4)  # a face of 60 mm x 40 mm
-BLOCK = 2  # fine pixels on a side of a measured one
+FINE_SHAPE, FINE_PIXEL_M = (800, 1200), (5e-5, 5e-5)  # a face of 60 mm x 40 mm
+BLOCK = 4  # fine pixels on a side of a measured one
 SCAN_POINTS = 300  # along the longer side, for real scans
 # Nominal pressures for scans: of the paper's preload over the synthetic faces, and under a bolt
 SCAN_PRESSURES_PA = (0.19e6, 20e6)
@@ -125,7 +125,7 @@ def make_face(case: Case) -> Face:
     --------
     >>> face = make_face(cases()[0])
     >>> face.fine.shape, face.measured.shape, len(face.truth.x_m)
-    ((400, 600), (200, 300), 23)
+    ((800, 1200), (200, 300), 23)
     """
     if case.scene is None:
         scan = load_surface(str(case.path))

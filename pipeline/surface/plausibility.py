@@ -10,7 +10,7 @@ from pipeline.surface.outliers import Outliers
 MAX_STEEP_SHARE = 0.05
 MAX_SZ_OVER_SQ = 30.0
 SQUARE_WITHIN = 1e-3
-MAX_PIXEL_RATIO = 2.0
+MAX_PIXEL_RATIO = 10.0  # cm taken for mm; below, no unit explains it, and pixels are what they are
 SMALLEST_SZ_M = 1e-10  # an atom
 LARGEST_SIDE_M = 1.0
 LENGTHS_M = (
@@ -66,7 +66,7 @@ def doubts_of_surface(surface: HeightMap, sq_m: float, sz_m: float) -> tuple[Pro
         (warning) where the rms slope or more than 5 % of all slopes exceed 1, and `scale_suspect`
         (warning) where it is below the size of an atom or a side is longer than 1 m: a wrong unit
         until proven otherwise. `outliers` where Sz/Sq exceeds 30: a warning where peaks, info
-        where pits do it. `non_square_pixels` (info; warning above a ratio of 2).
+        where pits do it. `non_square_pixels` (info; warning from a ratio of 10 on).
     """
     found = (
         _steep(surface, sz_m),
@@ -218,7 +218,7 @@ def _pixel(surface: HeightMap) -> Problem | None:
     dy_m, dx_m = surface.pixel_size_m
     if abs(dy_m / dx_m - 1.0) <= SQUARE_WITHIN:
         return None
-    odd = max(dy_m / dx_m, dx_m / dy_m) > MAX_PIXEL_RATIO
+    odd = max(dy_m / dx_m, dx_m / dy_m) > MAX_PIXEL_RATIO * (1.0 - SQUARE_WITHIN)
     return Problem(
         "non_square_pixels",
         "warning" if odd else "info",

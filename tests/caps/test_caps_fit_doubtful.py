@@ -9,6 +9,7 @@ from scenes import caps_map
 
 from pipeline.caps.fit import FITS, fit_caps
 from pipeline.caps.hills import find_hills
+from pipeline.caps.quadric import _inverse, _normal_equations
 from pipeline.caps.table import CapFlag
 from pipeline.errors import SettingsError
 from pipeline.surface.heightmap import HeightMap
@@ -181,3 +182,17 @@ def test_very_many_hills_take_bounded_time():
     assert process_time() - begin < 2.0
     assert len(table) == 50000
     assert_no_silent_nan(table)
+
+
+def test_points_in_two_rows_are_no_quadric_and_no_crash():
+    """One such hill, of pixels 128 times as long as wide, has a pivot of exactly zero."""
+    step = 0.04045053984490594
+    u = -step * np.append(np.arange(10.0, -1.0, -1.0), np.arange(19.0, 0.0, -1.0))
+    v = np.repeat([0.0, 5.1776691001485275], [11, 19])
+    found = []
+    for shrunk in np.linspace(1.0, 0.99, 200):
+        places = (np.append(shrunk * u, 0.0), np.append(v, 0.0), np.zeros(31))
+        normal, _, _ = _normal_equations(np.array([30]), *places)
+        found.append(_inverse(normal, np.array([True])))
+    assert not any(solvable[0] for solvable, _ in found)
+    assert all(np.isfinite(inverse).all() for _, inverse in found)

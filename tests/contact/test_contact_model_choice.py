@@ -176,3 +176,19 @@ def test_the_bulk_term_stays_where_nothing_would_be_left():
 
 def test_boundary_elements_take_longer_on_finer_grids():
     assert boundary_elements_s((400, 600)) > 4 * boundary_elements_s((200, 300))
+
+
+@pytest.mark.parametrize("rim", [1.02, 1.05, 1.2])
+def test_the_flank_beside_a_contact_does_not_touch(rim):
+    """Outside its contact a pressed sphere gapes (Hertz), however close its hill ends there."""
+    x0_m, y0_m, radius_m, top_m = SPREAD[0]
+    surface = caps_map(SPREAD[:1], SHAPE, PIXEL_M, -1e-6)
+    curve = interacting([radius_m], [0.0], [x0_m], [y0_m], E_STAR_PA)
+    approach_m = float(curve.approach_m(300.0))
+    a_m = float(np.sqrt(approach_m * radius_m))
+    y_m, x_m = ((np.arange(n) + 0.5) * 2e-4 for n in SHAPE)
+    r_m = np.hypot(x_m - x0_m, y_m[:, None] - y0_m)
+    hill = (r_m <= rim * a_m).astype(int)
+    assert unmodelled_area_m2(surface, hill, curve, approach_m, top_m, 0.0) == 0.0
+    smaller = (r_m <= 0.7 * a_m).astype(int)
+    assert unmodelled_area_m2(surface, smaller, curve, approach_m, top_m, 0.0) > 0.0

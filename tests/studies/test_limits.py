@@ -1,5 +1,6 @@
 """The limits study: no case of a small run fails without a word."""
 
+import ast
 import json
 import math
 from dataclasses import replace
@@ -8,12 +9,20 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pipeline.studies.limits import BREAKDOWN, limits, measure
+import pipeline
+from pipeline.caps.table import CapFlag
+from pipeline.studies.limits import BREAKDOWN, FRESH_SEED, limits, measure
 from pipeline.studies.limits_axes import axes
 from pipeline.studies.limits_cases import clean, harmless_faces
 from pipeline.surface.synthetic import synthetic_surface
 
 DOCS = Path(__file__).parents[2] / "docs"
+SOURCE = Path(pipeline.__file__).parent
+# What stands in the braces of the codes that are put together
+BRACES = {
+    "caps_{flag.name}": [flag.name for flag in CapFlag],
+    "sensitive_to_{sweep.name.split()[0]}": ["cut", "pruning", "filter"],
+}
 TOO_DEAR = ("many pixels",)
 DEAR = ("wavy faces", "self-affine faces", "roughness", "grinding lay", "elongated caps")
 
@@ -40,6 +49,50 @@ def test_at_least_400_cases_on_16_axes():
         assert len(set(names)) == len(names)
 
 
+def codes_of_the_program():
+    """All codes of problems, from the source: the first argument wherever one is made."""
+    codes = set()
+    for path in SOURCE.rglob("*.py"):
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+            if not (isinstance(node, ast.Call) and isinstance(node.func, ast.Name)):
+                continue
+            if node.func.id not in ("Problem", "doubt"):  # `doubt` collects them in doubts.py
+                continue
+            match node.args[0]:
+                case ast.Constant(value=code):
+                    codes.add(code)
+                case ast.JoinedStr():
+                    text = ast.unparse(node.args[0])[2:-1]
+                    codes |= {f"{text.split('{')[0]}{word}" for word in BRACES[text]}
+    return codes
+
+
+def test_the_codes_that_name_a_cause_are_those_of_the_program():
+    known = codes_of_the_program()
+    assert {"families_doubtful", "caps_edge", "sensitive_to_cut", "slope_suspect"} <= known
+    for axis in axes():
+        assert set(axis.codes) <= known, axis.name
+
+
+def test_another_seed_gives_other_faces_of_the_same_kinds():
+    ours, theirs, others = axes(), axes(0), axes(1)
+    for axis, same, other in zip(ours, theirs, others, strict=True):
+        assert (axis.name, axis.codes) == (other.name, other.codes)
+        assert [case.severity for case in axis.cases] == [case.severity for case in other.cases]
+        for one, two, three in zip(axis.cases[:2], same.cases, other.cases, strict=False):
+            if axis.name in TOO_DEAR:
+                continue
+            np.testing.assert_array_equal(scan_of(one), scan_of(two))
+            assert (scan_of(one) != scan_of(three)).mean() > 0.01
+
+
+def scan_of(case):
+    scan, truth = synthetic_surface(case.scene)
+    for change in (case.face_change, case.scan_change):
+        scan = scan if change is None else change(scan, truth)
+    return scan.height_m
+
+
 def test_no_silent_failure(found):
     assert found["silent"] == []
 
@@ -56,14 +109,14 @@ def test_every_case_has_a_truth_and_an_outcome(found):
 
 def test_harmless_faces_are_right_and_nothing_is_said():
     first = next(axis for axis in axes() if axis.name == "yield")
-    harmless = replace(first, cases=first.cases[: len(harmless_faces())])
+    harmless = replace(first, cases=first.cases[: len(harmless_faces(0))])
     for run in measure([harmless], ("default",))["runs"]:
         assert run["outcome"] == "right", run
         assert run["error"] < 0.02
 
 
 def test_the_truth_does_not_see_the_scan():
-    for scene, _ in harmless_faces().values():
+    for scene, _ in harmless_faces(0).values():
         spoilt = replace(scene, noise_rms_m=1e-7, tilt=(1e-3, 0.0), non_measured_fraction=0.1)
         face, truth = synthetic_surface(clean(spoilt))
         expected, _ = synthetic_surface(scene)
@@ -89,13 +142,23 @@ def stretched(surface, factor):
 
 def test_the_files(tmp_path, monkeypatch):
     few = [thinned(axis) for axis in axes() if axis.name in ("gross slip", "noise")]
-    monkeypatch.setattr("pipeline.studies.limits.axes", lambda: tuple(few))
+    asked = []
+
+    def some(seed=0):
+        asked.append(seed)
+        return tuple(few)
+
+    monkeypatch.setattr("pipeline.studies.limits.axes", some)
     results = limits(tmp_path)
     assert json.loads((tmp_path / "limits.json").read_text(encoding="utf-8")) == results
     page = (tmp_path / "limits.md").read_text(encoding="utf-8")
     for axis in few:
         assert f"| {axis.name} |" in page
     assert (tmp_path / "limits.png").stat().st_size > 10_000
+    assert asked == [0, FRESH_SEED]
+    n_cases = sum(len(axis.cases) for axis in few)
+    assert results["fresh"]["totals"]["default"]["cases"] == n_cases
+    assert "fresh faces" in page
 
 
 def test_committed_numbers():
@@ -104,7 +167,11 @@ def test_committed_numbers():
     assert total["cases"] >= 400
     assert total["silent_share"] < 0.02
     assert {axis["name"] for axis in committed["axes"]} == {axis.name for axis in axes()}
+    fresh = committed["fresh"]
+    assert fresh["seed"] == FRESH_SEED
+    assert fresh["totals"]["default"]["cases"] >= 400
+    assert fresh["totals"]["default"]["silent_share"] < 0.02
     page = (DOCS / "limits.md").read_text(encoding="utf-8")
-    for run in committed["silent"]:
+    for run in committed["silent"] + fresh["silent"]:
         assert run["name"] in page
     assert math.isfinite(committed["seconds"])

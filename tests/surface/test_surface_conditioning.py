@@ -154,7 +154,10 @@ def test_a_plausible_face_raises_no_doubt():
     assert codes(rough()) == {}
 
 
-@pytest.mark.parametrize(("pixel_m", "severity"), [(PIXEL_M, "info"), ((50e-6, 110e-6), "warning")])
+@pytest.mark.parametrize(
+    ("pixel_m", "severity"),
+    [(PIXEL_M, "info"), ((50e-6, 110e-6), "info"), ((50e-6, 500e-6), "warning")],
+)
 def test_non_square_pixels_are_mentioned(pixel_m, severity):
     assert codes(rough(), pixel_m) == {"non_square_pixels": severity}
 
