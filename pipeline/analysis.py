@@ -23,6 +23,7 @@ from pipeline.doubts import (
     doubts_of_contact,
     doubts_of_families,
     doubts_of_scan,
+    doubts_of_settings,
     doubts_of_tilt,
 )
 from pipeline.errors import ContactError
@@ -63,8 +64,11 @@ class Analysis:
 
     @property
     def status(self) -> str:
-        """Return "ok", or "check" where a problem of at least a warning stands."""
-        return "check" if any(p.severity != "info" for p in self.problems) else "ok"
+        """Return "failed" with an error among the problems, "check" with a warning, or "ok"."""
+        severities = {p.severity for p in self.problems}
+        if "error" in severities:
+            return "failed"
+        return "check" if "warning" in severities else "ok"
 
     def summary(self) -> dict[str, Any]:
         """Return the dictionary of `summary.json`."""
@@ -121,11 +125,12 @@ def analyze(
     conditioned, hills, caps, problems = _find_caps(surface, mate, settings, timed)
     grouping = settings.families
     caps, families = timed("families", group_families, caps, grouping.count, grouping.feature)
-    notes = []
+    notes: list[Problem] = []
     for face in (surface, mate):
         if face is not None:
             notes += [Problem("reader_note", "warning", note) for note in face.origin.notes]
             notes += doubts_of_scan(face)
+    notes += doubts_of_settings(settings)
     problems = [*notes, *conditioned.problems, *problems, *doubts_of_families(caps, families)]
 
     contact = slip = beam = damping = None

@@ -15,9 +15,9 @@ from typing import Any
 import tomli_w
 
 import pipeline
-from pipeline.errors import NothingToDoError, OutputError
+from pipeline.errors import NothingToDoError, OutputError, SettingsError
 from pipeline.output import store
-from pipeline.settings import Settings
+from pipeline.settings import Settings, load_settings
 from pipeline.surface.readers import sha256_of
 
 COLUMNS = (
@@ -59,7 +59,8 @@ def run_batch(
         Files, folders (all files in them, hidden ones left out) and globs.
     folder : Path
         Receives `batch.csv`, `index.html` and one folder a scan under `scans/`. A scan whose result
-        stands there already, from the same bytes, settings and version, is not done again.
+        stands there already, from the same bytes, settings and version, with the pictures that
+        are wanted, is not done again.
     settings : Settings
         For all scans.
     say : callable
@@ -68,7 +69,8 @@ def run_batch(
     Returns
     -------
     list of dict
-        One row a scan, in the order of the names; a failed scan has status "failed" and its error.
+        One row a scan, in the order of the names; a failed scan has status "failed" and its error;
+        one with an error and another status lacks a part that no number depends on.
 
     Raises
     ------
@@ -152,7 +154,7 @@ def _check_folder(folder: Path) -> None:
 def _one(scan: Path, folder: Path, config: Path, settings: Settings) -> dict[str, Any]:
     """Analyse one scan in a process of its own, so that nothing it does can harm another."""
     summary = store.read_summary(folder)
-    if summary is None or not _same(summary, scan, settings):
+    if summary is None or not _same(summary, folder, scan, settings):
         command = [sys.executable, "-m", "pipeline", "analyze", str(scan), "--json", "--quiet"]
         process = subprocess.run(
             [*command, "--config", str(config), "--out", str(folder)],
@@ -161,20 +163,35 @@ def _one(scan: Path, folder: Path, config: Path, settings: Settings) -> dict[str
             stdin=subprocess.DEVNULL,
             check=False,
         )
-        if process.returncode != 0:
-            return _row(scan, folder, None, _last_line(process))
-        summary = json.loads(process.stdout)
-    return _row(scan, folder, summary, None)
+        error = _last_line(process) if process.returncode != 0 else None
+        if not process.stdout:
+            return _row(scan, folder, None, error)
+        # A failed analysis leaves what it found before, and says so with its exit code.
+        return _row(scan, folder, json.loads(process.stdout), error)
+    errors = [one["message"] for one in summary["problems"] if one["severity"] == "error"]
+    return _row(scan, folder, summary, errors[0] if errors else None)
 
 
-def _same(summary: dict[str, Any], scan: Path, settings: Settings) -> bool:
-    """Tell whether a result came from the same bytes, settings and version."""
+def _same(summary: dict[str, Any], folder: Path, scan: Path, settings: Settings) -> bool:
+    """Tell whether a result came from the same bytes, settings and version, with all pictures."""
     provenance = summary["provenance"]
     return (
         provenance["version"] == pipeline.__version__
         and provenance["settings_sha256"] == settings.sha256()
         and summary["surface"]["sha256"] == sha256_of(scan)
+        and not any(one["code"] == "output_missing" for one in summary["problems"])
+        and _has_pictures(folder, settings)
     )
+
+
+def _has_pictures(folder: Path, settings: Settings) -> bool:
+    """Tell whether the pictures that are wanted now were wanted then, too."""
+    try:
+        then = load_settings(folder / "settings.toml").run
+    except SettingsError:
+        return False
+    wanted = settings.run
+    return (then.figures or not wanted.figures) and (then.render or not wanted.render)
 
 
 def _last_line(process: subprocess.CompletedProcess[str]) -> str:

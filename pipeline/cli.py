@@ -4,17 +4,20 @@ import json
 import os
 import sys
 import time
+import traceback
+from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 
 from pipeline import __version__
-from pipeline.errors import CapslipError, SettingsError
+from pipeline.errors import CapslipError, ContactError, ScanError, SettingsError
 
 if TYPE_CHECKING:
     from pipeline.analysis import Analysis
-    from pipeline.contact.slip import SlipCurve
+    from pipeline.problems import Problem
     from pipeline.settings import Settings
     from pipeline.surface.heightmap import HeightMap
 
@@ -33,9 +36,9 @@ UNITS = ("m", "mm", "um", "µm", "nm", "inch")
 class _Failure(click.ClickException):
     """One line on stderr and the exit code that the error stands for."""
 
-    def __init__(self, error: CapslipError) -> None:
+    def __init__(self, error: CapslipError, exit_code: int | None = None) -> None:
         super().__init__(str(error))
-        self.exit_code = error.exit_code  # type: ignore[misc]
+        self.exit_code = error.exit_code if exit_code is None else exit_code  # type: ignore[misc]
 
     def show(self, file: Any = None) -> None:
         click.echo(f"error: {self.message}", err=True)
@@ -49,15 +52,18 @@ class _Command(click.Command):
             return super().invoke(ctx)
         except CapslipError as error:
             if ctx.params.get("verbose"):
-                raise
+                traceback.print_exc()
             raise _Failure(error) from error
+        except KeyboardInterrupt as error:
+            stopped = CapslipError("interrupted; of what was running no result was written")
+            raise _Failure(stopped, 130) from error  # 128 and the signal's number, as in shells
         except (click.ClickException, click.exceptions.Exit, click.Abort):
             raise
         except MemoryError as error:
             raise _Failure(CapslipError("not enough memory for this analysis")) from error
         except Exception as error:
             if ctx.params.get("verbose"):
-                raise
+                traceback.print_exc()
             text = (
                 f"internal error: {type(error).__name__}: {error}; run again with -v and report it"
             )
@@ -150,9 +156,14 @@ def analyze(
     from pipeline.output import store
 
     settings = _settings(**options)
+    if export is not None and settings.contact.model == "flat":
+        raise SettingsError(
+            f"--export {export}: contact.model is flat, which slips only as a whole; expected a "
+            "model with caps; take one slider with the force at total slip instead"
+        )
     folder = out if out is not None else Path("results") / surface.stem
     if surface.is_file():  # otherwise the reader says what is wrong with it
-        store.check_folder(folder)
+        store.check_folder(folder, keep=(surface, mate))
     say = _Progress(quiet)
 
     analysis, read_s = _load_and_analyze(surface, mate, settings, say)
@@ -160,20 +171,58 @@ def analyze(
         from pipeline.output.terminal import result_lines
 
         click.echo(result_lines(analysis))
+    parts = _Parts(say, options["verbose"])
     with store.new_folder(folder) as work:
-        if export == "jenkins" and analysis.slip is not None:
-            _export_jenkins(analysis.slip, work)
-        summary = _write(analysis, work, say, {"read": read_s})
+        summary = _write(analysis, work, say, {"read": read_s}, parts, export)
     if as_json:
         click.echo(json.dumps(summary, indent=1, ensure_ascii=False, allow_nan=False))
     elif not quiet:
         click.echo(f"\nresults    {folder}\nreport     {folder / 'report.html'}")
+    errors = [p.message for p in analysis.problems if p.severity == "error"]
+    if errors:
+        raise ScanError(f"{surface}: {errors[0]}; what was found before is in {folder}")
+    if parts.missing:
+        text = f"{parts.missing[0].message}; all numbers are in {folder}"
+        if parts.internal:
+            raise CapslipError(f"internal error: {text}; run again with -v and report it")
+        raise ScanError(text)
 
 
-def _export_jenkins(slip: "SlipCurve", work: Path) -> None:
+class _Parts:
+    """Makes parts of a result that no number depends on; one that fails is a problem."""
+
+    def __init__(self, say: "_Progress", verbose: bool) -> None:
+        self.say, self.verbose = say, verbose
+        self.missing: list[Problem] = []
+        self.internal = False  # whether a failure was none that is raised on purpose
+
+    def make(self, paths: tuple[Path, ...], function: Callable[..., Any], *arguments: Any) -> Any:
+        """Call what makes some files; where it fails, leave none of them and return None."""
+        from pipeline.problems import Problem
+
+        try:
+            return function(*arguments)
+        except Exception as error:
+            if self.verbose:
+                traceback.print_exc()
+            for path in paths:
+                path.unlink(missing_ok=True)
+            name = " and ".join(path.name for path in paths)
+            reason = str(error)
+            if not isinstance(error, CapslipError):
+                self.internal, reason = True, f"{type(error).__name__}: {error}"
+            text = " ".join(f"{name} could not be made: {reason}".split())
+            self.say.warn(text)
+            self.missing.append(Problem("output_missing", "warning", text))
+            return None
+
+
+def _export_jenkins(analysis: "Analysis", work: Path) -> None:
     from pipeline.structure.jenkins import jenkins, write_jenkins
 
-    write_jenkins(jenkins(slip), work / "jenkins.csv")
+    if analysis.slip is None:
+        raise ContactError("it needs a slip curve, which this analysis does not have")
+    write_jenkins(jenkins(analysis.slip), work / "jenkins.csv")
 
 
 def _load_and_analyze(
@@ -203,9 +252,14 @@ def _load_and_analyze(
 
 
 def _write(
-    analysis: "Analysis", work: Path, say: "_Progress", timings: dict[str, float]
+    analysis: "Analysis",
+    work: Path,
+    say: "_Progress",
+    timings: dict[str, float],
+    parts: _Parts,
+    export: str | None,
 ) -> dict[str, Any]:
-    """Write everything into the working folder, the summary last; return the summary."""
+    """Write everything into the working folder, numbers first, the summary last; return it."""
     from pipeline.output import mesh, report, scene, store
     from pipeline.summary import summarise
 
@@ -218,29 +272,43 @@ def _write(
 
     clock = time.perf_counter()
     store.write_result(analysis, work)
-    mesh.write_meshes(analysis, work)
+    if export is not None:
+        parts.make((work / f"{export}.csv",), _export_jenkins, analysis, work)
+    meshes = (work / "surface.vtu", work / "caps.vtu")
+    parts.make(meshes, mesh.write_meshes, analysis, work)
     clock = timed("tables", clock)
     (work / "figures").mkdir()
     message: str | None = "switched off (--no-render)"
     if run.render:
         say("rendering")
-        rendering = scene.start_render(work / "result.h5", work / "figures" / "scene.png")
+        png = work / "figures" / "scene.png"
+        rendering = parts.make((png,), scene.start_render, work / "result.h5", png)
     if run.figures:
         say("drawing")
-        from pipeline.output.figures import write_figures
+        from pipeline.output.figures import FIGURES, write_figure
 
-        write_figures(analysis, work / "figures")
+        for name in FIGURES:
+            png = work / "figures" / f"{name}.png"
+            parts.make((png,), write_figure, name, analysis, png.parent)
         clock = timed("figures", clock)
     if run.render:
-        message = rendering.wait()
+        message = "the renderer did not start"
+        if rendering is not None:
+            message = rendering.wait()
         if message is not None:
             say.warn(f"no render: {message}")
         clock = timed("render", clock)
     say("writing the report")
     command = " ".join(["capslip", *sys.argv[1:]])
-    report.write_report(analysis, summarise(analysis, command, timings), work, message)
+
+    def whole() -> "Analysis":
+        return replace(analysis, problems=(*analysis.problems, *parts.missing))
+
+    numbers = summarise(whole(), command, timings)
+    page = (work / "report.html",)
+    parts.make(page, report.write_report, whole(), numbers, work, message)
     timed("report", clock)
-    summary = summarise(analysis, command, {**timings, "total": say.elapsed_s()})
+    summary = summarise(whole(), command, {**timings, "total": say.elapsed_s()})
     store.write_summary(summary, work)
     return summary
 
@@ -259,6 +327,7 @@ def batch(
     say = _Progress(quiet)
     rows = run_batch(scans, out or Path("results") / "batch", settings, say)
     failed = [row for row in rows if row["status"] == "failed"]
+    incomplete = [row for row in rows if row["error"] and row not in failed]
     if as_json:
         click.echo(json.dumps(rows, indent=1, ensure_ascii=False))
     elif not quiet:
@@ -267,6 +336,9 @@ def batch(
     if failed:
         say.warn(f"{len(failed)} of {len(rows)} scans failed; see batch.csv")
         sys.exit(3)
+    if incomplete:
+        say.warn(f"{len(incomplete)} of {len(rows)} results lack a part; see batch.csv")
+        sys.exit(1)
 
 
 @main.command()

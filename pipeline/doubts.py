@@ -8,15 +8,17 @@ from pipeline.caps.families import Families
 from pipeline.caps.hills import NOISE_FACTOR, Hills
 from pipeline.caps.pruning import MIN_POINTS
 from pipeline.caps.table import CapFlag, CapTable
-from pipeline.contact.material import composite
+from pipeline.contact.material import composite, dundurs_beta
 from pipeline.contact.model_choice import BEYOND_SHARE
 from pipeline.problems import Problem, Severity
-from pipeline.settings import Settings
+from pipeline.settings import Beam, Settings
 from pipeline.structure.response import Damping
 from pipeline.surface.form import remove_form
 from pipeline.surface.heightmap import HeightMap
 
 MIN_PIXELS_ACROSS = 4.0  # of the contacts that carry the lighter half of the load
+LARGE_BETA = 0.1  # beyond: compliances change by beta^2, more than 1 %, and much slips early
+LARGE_FRICTION = 1.5
 VISIBLE_FORM = 0.1  # of the approach: form that moves the peaks by more decides what touches
 BOW_LEVEL = 0.01  # of the F-test that the peaks lie on a bow
 ELASTIC_STRAIN = 0.03  # of E*: the greatest pressure at which the hardest steels stay elastic
@@ -39,6 +41,33 @@ def doubts_of_scan(surface: HeightMap) -> list[Problem]:
         "higher than they look"
     )
     return [Problem("clipped", "warning", message)]
+
+
+def doubts_of_settings(settings: Settings) -> list[Problem]:
+    """Return what in the settings is hardly meant, or beyond what the model describes."""
+    found: list[Problem] = []
+    material, structure = settings.material, settings.structure
+    beta = dundurs_beta(material.youngs_modulus_Pa, material.poisson_ratio)
+    if abs(beta) > LARGE_BETA:
+        message = (
+            f"Dundurs' beta of the two materials is {beta:.2g}: pressure alone shears such "
+            f"contacts, by about {abs(beta) / material.friction_coefficient:.0%} of their "
+            "friction, which the slip curve leaves out (exact only at beta = 0, equal materials)"
+        )
+        found.append(Problem("materials_coupled", "warning", message))
+    if material.friction_coefficient > LARGE_FRICTION:
+        message = (
+            f"material.friction_coefficient is {material.friction_coefficient:g}; dry engineering "
+            f"faces have 0.05 to {LARGE_FRICTION:g}"
+        )
+        found.append(Problem("friction_suspect", "warning", message))
+    if structure.modal_stiffness_N_per_m is not None and structure.beam != Beam():
+        message = (
+            "structure.beam is not used: the structure's two stiffnesses are given; leave out the "
+            "one or the other"
+        )
+        found.append(Problem("beam_ignored", "warning", message))
+    return found
 
 
 def doubts_of_tilt(surface: HeightMap, approach_m: float) -> list[Problem]:

@@ -16,10 +16,13 @@ import msgspec
 
 from pipeline.errors import SettingsError
 
-Positive = Annotated[float, msgspec.Meta(gt=0)]
+LEAST, GREATEST = 1e-30, 1e30  # of any positive setting, in SI: beyond it powers overflow
+Positive = Annotated[float, msgspec.Meta(ge=LEAST, le=GREATEST)]
 Share = Annotated[float, msgspec.Meta(gt=0, lt=1)]
 Pair = tuple[float, float]
 Size = Annotated[int, msgspec.Meta(ge=3)]
+SOLVER_TOLERANCE = (1e-10, 1e-3)  # least and greatest, of boundary elements
+SolverTolerance = Annotated[float, msgspec.Meta(ge=SOLVER_TOLERANCE[0], le=SOLVER_TOLERANCE[1])]
 LengthUnit = Literal["m", "mm", "um", "µm", "nm", "inch"]
 
 
@@ -100,7 +103,7 @@ class Contact(_Table, frozen=True):
     ] = "auto"
     preload_N: Positive = 460.0
     tolerance: Share = 0.05
-    solver_tolerance: Annotated[float, msgspec.Meta(ge=1e-12, le=1e-2)] = 1e-7  # boundary elements
+    solver_tolerance: SolverTolerance = 1e-7  # of boundary elements
     bulk: bool = False  # keep the half-space's bulk sinking in stiffness and displacement
 
 
@@ -209,8 +212,11 @@ def settings_from(tables: dict[str, Any], where: str = "settings") -> Settings:
 
 def _check_meaning(settings: Settings, where: str) -> None:
     for value in settings.material.youngs_modulus_Pa:
-        if value <= 0:
-            raise SettingsError(f"{where}: material.youngs_modulus_Pa: got {value:g}; expected > 0")
+        if not LEAST <= value <= GREATEST:
+            raise SettingsError(
+                f"{where}: material.youngs_modulus_Pa: got {value:g}; expected {LEAST:g} to "
+                f"{GREATEST:g}"
+            )
     for value in settings.material.poisson_ratio:
         if not -1 < value < 0.5:
             raise SettingsError(
@@ -220,6 +226,15 @@ def _check_meaning(settings: Settings, where: str) -> None:
     if reading.pixel_size is not None and min(reading.pixel_size) <= 0:
         raise SettingsError(
             f"{where}: reading.pixel_size: got {reading.pixel_size}; expected two positive numbers"
+        )
+    conditioning = settings.conditioning
+    short_m = conditioning.s_filter_nesting_index_m
+    long_m = conditioning.l_filter_nesting_index_m
+    if short_m is not None and long_m is not None and short_m >= long_m:
+        raise SettingsError(
+            f"{where}: conditioning: s_filter_nesting_index_m {short_m:g} is not below "
+            f"l_filter_nesting_index_m {long_m:g}; the first takes off what is shorter, the second "
+            "what is longer, so nothing would be left"
         )
     hills = settings.hills
     if hills.pruning_height_m is not None and hills.pruning_percent_Sz is not None:

@@ -84,8 +84,35 @@ def test_a_preload_that_no_face_can_carry_is_an_error_in_the_result():
     analysis = pipeline.analyze(caps_map(CAPS), settings)
     failed = {p.code: p for p in analysis.problems}["contact_failed"]
     assert failed.severity == "error"
+    assert analysis.status == "failed"
     assert analysis.slip is None
     assert analysis.summary()["damping"]["peak_loss_factor"] is None
+
+
+@pytest.mark.parametrize(
+    ("overrides", "code"),
+    [
+        (["material.youngs_modulus_Pa=[200e9,3e9]", "material.poisson_ratio=[0.3,0.4]"], "coupled"),
+        (["material.friction_coefficient=50"], "friction_suspect"),
+        (
+            [
+                "structure.modal_stiffness_N_per_m=2e8",
+                "structure.joint_stiffness_N_per_m=1e8",
+                "structure.beam.length_m=0.3",
+            ],
+            "beam_ignored",
+        ),
+        (["material.youngs_modulus_Pa=[200e9,70e9]", "material.poisson_ratio=[0.3,0.43]"], None),
+        (["structure.modal_stiffness_N_per_m=2e8", "structure.joint_stiffness_N_per_m=1e8"], None),
+        (["structure.beam.length_m=0.3", "material.friction_coefficient=1.2"], None),
+    ],
+)
+def test_settings_that_are_hardly_meant_are_said(overrides, code):
+    settings = pipeline.load_settings(overrides=tuple(overrides))
+    analysis = pipeline.analyze(caps_map(CAPS), settings, sweeps=False)
+    said = {p.code for p in analysis.problems if p.severity == "warning"}
+    silly = {"materials_coupled", "friction_suspect", "beam_ignored"} & said
+    assert silly == ({"materials_coupled" if code == "coupled" else code} if code else set())
 
 
 def test_a_plane_interface_has_no_caps_to_doubt():

@@ -18,6 +18,7 @@ from pipeline.contact.polonsky_keer import (
 from pipeline.contact.unloading import Unloading, unload
 from pipeline.errors import ContactError, SettingsError
 from pipeline.problems import Problem
+from pipeline.settings import SOLVER_TOLERANCE
 from pipeline.surface.heightmap import HeightMap
 
 MIN_PIXELS_ACROSS = 10.0  # of the contacts that carry half of the load
@@ -120,6 +121,11 @@ class BoundaryElementCurve:
     def touch_m(self) -> np.ndarray:
         """Zero: the approach counts from first touch."""
         return np.zeros(())
+
+    def solved_loads_N(self, most_N: float) -> np.ndarray:
+        """Zero and the loads up to `most_N` whose approach costs no solution any more, growing."""
+        solved = np.array(sorted(self.solutions.approach_m))
+        return np.append(0.0, solved[solved <= most_N])
 
     def pressed(self, load_N: float) -> Pressed:
         """Return pressures, gaps, contact regions and certificate under a load."""
@@ -357,8 +363,9 @@ def boundary_elements(
     >>> print(f"{curve.approach_m(10.0):.2e} m")
     6.15e-08 m
     """
-    if not 1e-10 <= tolerance <= 1e-3:
-        raise SettingsError(f"tolerance: got {tolerance:g}; expected 1e-10 to 1e-3")
+    low, high = SOLVER_TOLERANCE
+    if not low <= tolerance <= high:
+        raise SettingsError(f"solver_tolerance: got {tolerance:g}; expected {low:g} to {high:g}")
     return BoundaryElementCurve(_Solutions(elastic_face(surface, E_star_Pa), float(tolerance)))
 
 

@@ -15,6 +15,39 @@ class Composite:
     kappa: float  # tangential over normal compliance of any contact, E* G* / 4
 
 
+def dundurs_beta(
+    youngs_modulus_Pa: tuple[float, float], poisson_ratio: tuple[float, float]
+) -> float:
+    """Return Dundurs' second parameter: how much pressure moves the faces sideways.
+
+    Johnson 1987, Eq. 5.3, with the shear moduli G = E / (2 (1 + nu))::
+
+        beta = [(1 - 2 nu_1) / G_1 - (1 - 2 nu_2) / G_2]
+               / (2 [(1 - nu_1) / G_1 + (1 - nu_2) / G_2])
+
+    It is zero for equal bodies, and at most 0.5 in size for nu >= 0. Normal and tangential problem
+    are coupled where it is not zero, which the theorem behind the slip curve leaves out.
+
+    Parameters
+    ----------
+    youngs_modulus_Pa, poisson_ratio : (float, float)
+        One value a body.
+
+    Examples
+    --------
+    >>> dundurs_beta((200e9, 200e9), (0.3, 0.3))
+    0.0
+    >>> round(dundurs_beta((200e9, 3e9), (0.3, 0.4)), 3)
+    -0.159
+    """
+    difference, total = 0.0, 0.0
+    for sign, E, nu in zip((1, -1), youngs_modulus_Pa, poisson_ratio, strict=True):
+        G = E / (2 * (1 + nu))
+        difference += sign * (1 - 2 * nu) / G
+        total += (1 - nu) / G
+    return difference / (2 * total)
+
+
 def composite(
     youngs_modulus_Pa: tuple[float, float], poisson_ratio: tuple[float, float]
 ) -> Composite:

@@ -71,7 +71,7 @@ FIGURES = {
         "Tangential force over tangential displacement at constant preload: first loading (dashed) "
         "and steady cycles up to three shares of the force at total slip. The area of a loop is "
         "the energy W lost per cycle. The bands are the phases of first loading; the "
-        "first cap to slip as a whole ends GPS.",
+        "first contact to slip as a whole ends GPS.",
     ),
     "energy": Entry(
         figures_contact.energy,
@@ -115,10 +115,15 @@ def write_figures(analysis: "Analysis", folder: str | Path) -> list[Path]:
     list of Path
         The files written, `<name>.png` for the names of `FIGURES`.
     """
-    paths = []
-    for name, entry in FIGURES.items():
-        figure = entry.draw(analysis)
-        if figure is not None:
-            paths.append(Path(folder) / f"{name}.png")
-            figure.savefig(paths[-1])
-    return paths
+    paths = [write_figure(name, analysis, folder) for name in FIGURES]
+    return [path for path in paths if path is not None]
+
+
+def write_figure(name: str, analysis: "Analysis", folder: str | Path) -> Path | None:
+    """Draw one figure of `FIGURES` as PNG; None where the analysis lacks what it needs."""
+    figure = FIGURES[name].draw(analysis)
+    if figure is None:
+        return None
+    path = Path(folder) / f"{name}.png"
+    figure.savefig(path)
+    return path

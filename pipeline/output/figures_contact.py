@@ -5,9 +5,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from pipeline.contact.boundary_elements import BoundaryElementCurve
 from pipeline.errors import ContactError
 from pipeline.output.canvas import ACCENT, INK, blank
-from pipeline.output.quantity import engineering, scaled
+from pipeline.output.quantity import contact_name, engineering, scaled
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -19,11 +20,12 @@ if TYPE_CHECKING:
     from pipeline.contact.slip import SlipCurve
 
 LOOP_SHARES = (0.3, 0.6, 0.9)  # of the force at total slip
+LEAST_LOSS_FACTOR = 1e-6  # of the greatest: what a figure still shows
 LOOP_COLOURS = ("#56B4E9", "#0072B2", "#003D66")
 PHASES = (  # of first loading, the paper's Sec. 2.3
-    ("GPS: no cap slips totally", "#E8F3EC"),
-    ("PPS: some caps slip totally", "#FFF4D6"),
-    ("TS: all caps slip totally", "#F6DEDA"),
+    ("GPS: no contact slips totally", "#E8F3EC"),
+    ("PPS: some contacts slip totally", "#FFF4D6"),
+    ("TS: all contacts slip totally", "#F6DEDA"),
 )
 
 UNRESOLVED = ("GPS or PPS, not told apart", "#F1F1F1")
@@ -37,7 +39,11 @@ def normal_curve(analysis: "Analysis") -> "Figure | None":
     preload_N = contact.preload_N
     # Evenly spaced in the approach of a Hertz contact; the preload comes last.
     load_N = preload_N * np.append(1.5 * np.linspace(0.0, 1.0, 61) ** 1.5, 1.0)
-    if not np.array_equal(contact.use, analysis.caps.usable):
+    marker = ""
+    if isinstance(contact.curve, BoundaryElementCurve):  # more loads would cost solutions
+        marker = "."
+        load_N = np.append(contact.curve.solved_loads_N(preload_N), preload_N)
+    elif not np.array_equal(contact.use, analysis.caps.usable):
         load_N[:-1] /= 1.5  # the curve holds what can touch up to the preload
     try:
         approach_m = np.asarray(contact.curve.approach_m(load_N))
@@ -53,7 +59,8 @@ def normal_curve(analysis: "Analysis") -> "Figure | None":
     figure, axes = blank(f"Normal curve N(d), model: {contact.model}")
     has_bulk = bool(bulk_m[-1] > 0.0)
     label = f"{used} (used for slip)" if has_bulk else "N(d)"
-    axes.plot(approach_m[:-1] / unit_m, load_N[:-1], color=INK, linewidth=1.8, label=label)
+    x = approach_m[:-1] / unit_m
+    axes.plot(x, load_N[:-1], color=INK, linewidth=1.8, marker=marker, label=label)
     if has_bulk:
         axes.plot(other_m[:-1] / unit_m, load_N[:-1], "--", color=INK, linewidth=1.2, label=other)
         alone_m = _caps_alone(analysis, contact).approach_m(load_N[:-1])
@@ -62,7 +69,7 @@ def normal_curve(analysis: "Analysis") -> "Figure | None":
     touching = "whole face" if contact.model == "flat" else f"{contact.contacts}"
     state = (
         f"preload {preload_N:.4g} N: d = {engineering(approach_m[-1], 'm')}\n"
-        f"caps in contact: {touching}\n"
+        f"{contact_name(contact.model)}: {touching}\n"
         f"normal stiffness: {engineering(contact.stiffness_N_per_m, 'N/m')}"
     )
     axes.plot(
@@ -152,9 +159,8 @@ def loss_factor(analysis: "Analysis") -> "Figure | None":
     gross_m = damping.gross_slip_amplitude_m
     unit_m, unit = _unit_of_length(gross_m)
     figure, axes = blank("Loss factor from micro-slip in the joints")
-    axes.semilogx(
-        damping.amplitude_m[steady] / unit_m, damping.loss_factor[steady], color=INK, linewidth=1.8
-    )
+    amplitude_m, eta = damping.amplitude_m[steady], damping.loss_factor[steady]
+    axes.semilogx(amplitude_m / unit_m, eta, color=INK, linewidth=1.8, label="_loss factor")
     if damping.amplitude_at_peak_m is not None:
         where = engineering(damping.amplitude_at_peak_m, "m")
         if damping.peak_at_gross_slip:
@@ -172,8 +178,13 @@ def loss_factor(analysis: "Analysis") -> "Figure | None":
     gross = f"gross slip from {engineering(gross_m, 'm')}: no steady cycle"
     axes.axvspan(gross_m / unit_m, 3 * gross_m / unit_m, color=colour, label=gross, zorder=0)
     axes.set_xlim(damping.amplitude_m.min() / unit_m, 3 * gross_m / unit_m)
-    axes.set_ylim(bottom=0.0)
     axes.set(xlabel=f"amplitude v at mid-span [{unit}]", ylabel="loss factor η")
+    if (eta > 0.0).any():
+        greatest = max(float(eta.max()), damping.peak_loss_factor)
+        axes.set_yscale("log")
+        axes.set_ylim(max(eta[eta > 0.0].min(), LEAST_LOSS_FACTOR * greatest), 8.0 * greatest)
+    else:
+        axes.set_ylim(bottom=0.0)
     axes.legend(loc="upper left", fontsize=9, framealpha=0.9, edgecolor="none")
     return figure
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from pipeline.output.figures import FIGURES
-from pipeline.output.quantity import engineering, scaled
+from pipeline.output.quantity import contact_name, engineering, scaled
 
 if TYPE_CHECKING:
     from pipeline.analysis import Analysis
@@ -27,6 +27,8 @@ MISSES = {
     "share of the load between the caps is that of caps that stand alone.",
     "interacting": "Caps are spheres and act on one another as point loads on a half-space: other "
     "shapes, contacts that merge and the edges of the face are left out.",
+    "boundary_elements": "The height map itself is pressed, without spheres: what its pixels do "
+    "not resolve is left out, and the face sinks as part of a half-space that ends nowhere.",
 }
 
 
@@ -93,7 +95,7 @@ def _headlines(summary: dict[str, Any]) -> list[tuple[str, str, str]]:
             f"without bulk; {engineering(contact['approach_m'], 'm')} with it",
         ),
         (
-            "caps in contact",
+            contact_name(contact["model"]),
             _in_contact(contact),
             f"at {contact['preload_N']:.4g} N, model {contact['model'] or DASH}",
         ),
@@ -163,6 +165,8 @@ def _figures(
         missing = f"It needs {entry.needs}, which this analysis does not have; see the problems."
         if not analysis.settings.run.figures:
             missing = "Figures were switched off (run.figures)."
+        failed = [p.message for p in analysis.problems if p.message.startswith(f"{name}.png")]
+        missing = failed[0] if failed else missing
         figures.append(_picture(folder, name, entry.title, entry.caption, missing))
     caption = (
         "The face with its fitted caps, slightly lifted. Holes are non-measured points. Heights "

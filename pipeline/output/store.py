@@ -5,7 +5,7 @@ import json
 import os
 import shutil
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -18,6 +18,7 @@ from pipeline.summary import SCHEMA
 
 if TYPE_CHECKING:
     from pipeline.analysis import Analysis
+    from pipeline.contact.press import ContactState
 
 # Everything that an analysis leaves in its folder. A folder that holds more is not ours to replace.
 FILES = frozenset(
@@ -35,6 +36,9 @@ FILES = frozenset(
 )
 
 
+OURS = ".capslip."  # begins the names of folders that hold a result under way
+
+
 @contextmanager
 def new_folder(folder: Path) -> Iterator[Path]:
     """Give a temporary folder that takes the place of `folder` when the block ends well.
@@ -47,7 +51,9 @@ def new_folder(folder: Path) -> Iterator[Path]:
     check_folder(folder)
     try:
         folder.parent.mkdir(parents=True, exist_ok=True)
-        work = Path(tempfile.mkdtemp(prefix=f".{folder.name}.", dir=folder.parent))
+        stays = _stays(folder)
+        place = folder if stays else folder.parent
+        work = Path(tempfile.mkdtemp(prefix=OURS, dir=place))
     except OSError as error:
         raise OutputError(
             f"output folder {folder}: {error.strerror}; choose another with --out"
@@ -55,19 +61,34 @@ def new_folder(folder: Path) -> Iterator[Path]:
     try:
         work.chmod(0o777 & ~_umask())
         yield work
-        _move(work, folder)
+        if stays:
+            _move_into(work, folder)
+        else:
+            _move(work, folder)
     except BaseException:
         shutil.rmtree(work, ignore_errors=True)
         raise
 
 
-def check_folder(folder: Path) -> None:
-    """Refuse a folder that cannot be replaced; raises OutputError."""
+def check_folder(folder: Path, keep: Iterable[Path | None] = ()) -> None:
+    """Refuse a folder that cannot be replaced, or that holds a file to `keep`.
+
+    Raises
+    ------
+    OutputError
+        See `new_folder`.
+    """
     if folder.exists() and not folder.is_dir():
         raise OutputError(f"output folder {folder}: is a file; choose another with --out")
     if not folder.is_dir():
         return
-    names = {entry.name for entry in folder.iterdir()}
+    for path in keep:
+        if path is not None and folder.resolve() in path.resolve().parents:
+            raise OutputError(
+                f"output folder {folder}: holds {path}, which is to be read and would be "
+                "replaced; nothing was written; choose another with --out"
+            )
+    names = {entry.name for entry in _entries(folder)}
     if not names:
         return
     foreign = sorted(names - FILES)
@@ -96,13 +117,60 @@ def read_summary(folder: Path) -> dict[str, Any] | None:
 def _move(work: Path, folder: Path) -> None:
     old = work.with_name(work.name + ".old")
     if folder.exists():
-        os.replace(folder, old)
+        try:
+            os.replace(folder, old)
+        except OSError:  # mounted from the same disk, which does not show before
+            _move_into(work, folder)
+            return
     try:
         os.replace(work, folder)
     except BaseException:
         if old.exists():
             os.replace(old, folder)
         raise
+    shutil.rmtree(old, ignore_errors=True)
+
+
+def _stays(folder: Path) -> bool:
+    """Tell whether a folder has to be filled in its place: new, in use, or mounted."""
+    if not folder.is_dir():
+        return False
+    here = Path.cwd()
+    return (
+        not _entries(folder)
+        or folder.resolve() in (here, *here.parents)
+        or os.path.ismount(folder)
+        or not os.access(folder.parent, os.W_OK)
+    )
+
+
+def _entries(folder: Path) -> list[Path]:
+    """List a folder without what an analysis that was killed may have left in it."""
+    return [entry for entry in folder.iterdir() if not entry.name.startswith(OURS)]
+
+
+def _move_into(work: Path, folder: Path) -> None:
+    """Put one result in the place of another, file by file: while they move, there is no summary.
+
+    An earlier result is put back if that fails.
+    """
+    old = Path(tempfile.mkdtemp(prefix=OURS, dir=folder))
+    new = sorted(work.iterdir(), key=lambda one: one.name == "summary.json")
+    moved = []
+    try:
+        for entry in sorted(_entries(folder), key=lambda one: one.name != "summary.json"):
+            shutil.move(entry, old / entry.name)
+        for entry in new:
+            moved.append(folder / entry.name)
+            shutil.move(entry, moved[-1])
+    except BaseException:
+        for entry in moved:
+            shutil.rmtree(entry) if entry.is_dir() else entry.unlink(missing_ok=True)
+        for entry in sorted(old.iterdir(), key=lambda one: one.name == "summary.json"):
+            shutil.move(entry, folder / entry.name)
+        old.rmdir()
+        raise
+    work.rmdir()
     shutil.rmtree(old, ignore_errors=True)
 
 
@@ -138,6 +206,15 @@ def _cells(column: np.ndarray) -> list[str]:
     return [str(value) for value in column]
 
 
+def _loads_N(contact: "ContactState") -> np.ndarray:
+    """Return the loads of the normal curve; for boundary elements those that are solved already."""
+    from pipeline.contact.boundary_elements import BoundaryElementCurve
+
+    if isinstance(contact.normal, BoundaryElementCurve):
+        return contact.normal.solved_loads_N(contact.preload_N)
+    return contact.preload_N * np.append(0.0, np.geomspace(1e-3, 1.0, 80))
+
+
 def _write_hdf5(analysis: "Analysis", path: Path) -> None:
     import h5py
 
@@ -161,7 +238,7 @@ def _write_hdf5(analysis: "Analysis", path: Path) -> None:
                 values = np.array([str(word) for word in column], dtype=h5py.string_dtype())
             write(f"caps/{name}", values, UNITS[name])
         if analysis.contact is not None:
-            load_N = analysis.contact.preload_N * np.append(0.0, np.geomspace(1e-3, 1.0, 80))
+            load_N = _loads_N(analysis.contact)
             write("normal/approach_m", analysis.contact.normal.approach_m(load_N), "m")
             write("normal/load_N", load_N, "N")
         slip = analysis.slip

@@ -2,6 +2,7 @@
 
 from typing import TYPE_CHECKING
 
+from pipeline.output.quantity import contact_name
 from pipeline.surface.plausibility import sanity_line
 
 if TYPE_CHECKING:
@@ -30,7 +31,8 @@ def result_lines(analysis: "Analysis") -> str:
     contact, slip, damping = analysis.contact, analysis.slip, analysis.damping
     if contact is not None:
         lines.append(
-            f"contact    {contact.model}: {contact.preload_N:g} N on {contact.contacts} caps, "
+            f"contact    {contact.model}: {contact.preload_N:g} N on {contact.contacts} "
+            f"{contact_name(contact.model)}, "
             f"approach {contact.approach_m * um:.4g} um "
             f"({contact.approach_without_bulk_m * um:.4g} um without bulk)"
         )

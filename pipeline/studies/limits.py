@@ -210,7 +210,7 @@ def _run(
     wrong = greatest > BREAKDOWN or not right_counts
     named = any(code in axis.codes for code in _warnings(row))
     if wrong:
-        doubted = "doubted" if analysis.status == "check" else "silent"
+        doubted = "doubted" if analysis.status != "ok" else "silent"
         row["outcome"] = "told" if named else doubted
     else:
         row["outcome"] = "right" if analysis.status == "ok" else "warned"

@@ -12,7 +12,7 @@ from pipeline.surface.filters import gaussian_l_filter, gaussian_s_filter
 from pipeline.surface.form import FormKind, remove_form
 from pipeline.surface.heightmap import HeightMap
 from pipeline.surface.outliers import Outliers, find_outliers
-from pipeline.surface.plausibility import doubts_of_outliers, doubts_of_surface
+from pipeline.surface.plausibility import doubts_of_outliers, doubts_of_surface, refuse_absurd
 from pipeline.surface.resampling import resample
 
 OutlierRule = Literal["isolated", "none"]
@@ -78,7 +78,8 @@ def condition(
     SettingsError
         If an option is unknown, out of bounds or too large for the face.
     UnusableSurfaceError
-        If no point is measured, or the measured points do not fix the form.
+        If no point is measured, the measured points do not fix the form, or no unit makes the
+        lengths plausible.
 
     Examples
     --------
@@ -93,6 +94,7 @@ def condition(
             f"conditioning.outliers: got {outliers!r}; expected one of "
             f"{', '.join(get_args(OutlierRule))}"
         )
+    refuse_absurd(surface)
     steps: list[dict[str, Any]] = []
     if edge_trim_m is not None:
         surface, step = _trimmed(surface, edge_trim_m)

@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from pipeline.errors import UnusableSurfaceError
 from pipeline.problems import Problem, Severity
 from pipeline.surface.heightmap import HeightMap
 from pipeline.surface.outliers import Outliers
@@ -12,10 +13,40 @@ SQUARE_WITHIN = 1e-3
 MAX_PIXEL_RATIO = 10.0  # cm taken for mm; below, no unit explains it, and pixels are what they are
 SMALLEST_SZ_M = 1e-10  # an atom
 LARGEST_SIDE_M = 1.0
+LENGTHS_M = (
+    1e-20,
+    1e6,
+)  # of heights and sides; beyond it powers of them leave the floating numbers
 SAMPLED_LINES = 100
 HIGHEST_SHARE = 0.10  # what the paper keeps: a spike up there is touched, or spoils a cap
 VISIBLE_SHARE_OF_SQ = 0.01
 MAX_OUTLIER_SHARE = 0.02
+
+
+def refuse_absurd(surface: HeightMap) -> None:
+    """Refuse lengths that no unit makes plausible, before a power of them overflows.
+
+    Raises
+    ------
+    UnusableSurfaceError
+        If the heights, their range or a side of the face are beyond 1e-20 to 1e6 m. Equal heights
+        have a range of zero and are left to others.
+    """
+    low_m, high_m = LENGTHS_M
+    lowest_m = float(np.fmin.reduce(surface.height_m, axis=None))  # NaN without measured points
+    highest_m = float(np.fmax.reduce(surface.height_m, axis=None))
+    for what, length_m in (
+        ("heights of up to", max(abs(lowest_m), abs(highest_m))),
+        ("a height range of", highest_m - lowest_m),
+        ("a side of", min(surface.side_m)),
+        ("a side of", max(surface.side_m)),
+    ):
+        if length_m > high_m or (0.0 < length_m < low_m):
+            raise UnusableSurfaceError(
+                f"{surface.origin.name}: {what} {length_m:.3g} m; expected {low_m:g} to "
+                f"{high_m:g} m; check the units (--unit, --lateral-unit) and the code for missing "
+                "data"
+            )
 
 
 def doubts_of_surface(surface: HeightMap, sq_m: float, sz_m: float) -> tuple[Problem, ...]:

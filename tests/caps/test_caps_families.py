@@ -5,6 +5,7 @@ from dataclasses import fields, replace
 
 import numpy as np
 import pytest
+from scenes import caps_map
 
 from pipeline.caps.clusters import cluster
 from pipeline.caps.families import group_families
@@ -12,6 +13,7 @@ from pipeline.caps.fit import fit_caps
 from pipeline.caps.hills import find_hills
 from pipeline.caps.table import CapFlag, CapTable
 from pipeline.surface.conditioning import condition
+from pipeline.surface.heightmap import HeightMap
 from pipeline.surface.synthetic import CapFamily, Scene, synthetic_surface
 
 ONE_FAMILY = {
@@ -219,6 +221,18 @@ def test_the_families_of_a_face_are_found(noise, within, m, n, h_m):
     _, families = group_families(fit_caps(face, find_hills(face)))
     assert (families.m, families.n) == (m, n)
     assert families.h_m == pytest.approx(h_m, rel=within)
+    assert families.clear
+
+
+def test_equal_caps_that_differ_by_rounding_are_one_family():
+    x, y = np.meshgrid(0.002 + 0.004 * np.arange(6), 0.002 + 0.004 * np.arange(4))
+    surface = caps_map([(*place, 2.0, 0.0) for place in zip(x.flat, y.flat, strict=True)])
+    surface = HeightMap(surface.height_m[:160, :240] + 1e-10, surface.pixel_size_m)
+    hills = find_hills(surface, 0.10)
+    caps, families = group_families(fit_caps(surface, hills, "equation18"))
+    assert len(caps) == 24
+    assert 0 < np.ptp(caps.peak_height_m) < 1e-18
+    assert (families.m, families.n, families.h_m) == (24, 0, None)
     assert families.clear
 
 

@@ -1,7 +1,9 @@
 """Many scans: a bad one is named and never the end of the rest; done work is kept."""
 
 import csv
+import json
 import shutil
+import subprocess
 
 import h5py
 import numpy as np
@@ -78,3 +80,49 @@ def test_all_good_scans_end_with_code_0(batch, tmp_path):
         main, ["batch", str(tmp_path / "in" / "*.h5"), "-o", str(tmp_path / "out"), *arguments[4:]]
     )
     assert ran.exit_code == 0, ran.output
+
+
+def test_pictures_that_were_left_out_are_made_when_wanted(batch, tmp_path):
+    folder, _, _ = batch
+    (tmp_path / "in").mkdir()
+    shutil.copy(folder / "scans in" / "two.h5", tmp_path / "in")
+    source = ["batch", str(tmp_path / "in"), "-o", str(tmp_path / "out"), "--no-render"]
+    assert CliRunner().invoke(main, [*source, "--no-figures"]).exit_code == 0
+    summary = tmp_path / "out" / "scans" / "two" / "summary.json"
+    assert CliRunner().invoke(main, source).exit_code == 0
+    assert (summary.parent / "figures" / "height_map.png").is_file()
+    written = summary.stat().st_mtime_ns
+    assert CliRunner().invoke(main, [*source, "--no-figures"]).exit_code == 0
+    assert summary.stat().st_mtime_ns == written
+
+
+def test_an_analysis_that_fails_is_counted_and_keeps_its_numbers(batch, tmp_path):
+    folder, arguments, _ = batch
+    (tmp_path / "in").mkdir()
+    shutil.copy(folder / "scans in" / "two.h5", tmp_path / "in")
+    arguments = ["batch", str(tmp_path / "in"), "-o", str(tmp_path / "out"), *arguments[4:]]
+    for _ in range(2):  # done, and found done
+        ran = CliRunner().invoke(main, [*arguments, "--preload", "1e12"])
+        assert ran.exit_code == 3
+        assert "1 of 1 scans failed" in ran.stderr
+        row = rows(tmp_path)["two"]
+        assert row["status"] == "failed"
+        assert row["caps"] == "3"
+        assert "1e+12 N" in row["error"]
+        assert row["folder"] == "scans/two"
+        assert (tmp_path / "out" / "scans" / "two" / "summary.json").is_file()
+
+
+def test_a_result_that_lacks_a_part_keeps_its_row_and_is_told(batch, tmp_path, monkeypatch):
+    folder, arguments, _ = batch
+    summary = (folder / "out" / "scans" / "two" / "summary.json").read_text()
+    ended = subprocess.CompletedProcess([], 1, summary, "error: internal error: energy.png\n")
+    monkeypatch.setattr("pipeline.batch.subprocess.run", lambda *_, **__: ended)
+    source = str(folder / "scans in" / "two.h5")
+    ran = CliRunner().invoke(main, ["batch", source, "-o", str(tmp_path / "out"), *arguments[4:]])
+    assert ran.exit_code == 1
+    assert "1 of 1 results lack a part" in ran.stderr
+    row = rows(tmp_path)["two"]
+    assert row["status"] == json.loads(summary)["status"]
+    assert row["error"] == "internal error: energy.png"
+    assert float(row["peak_loss_factor"]) > 0

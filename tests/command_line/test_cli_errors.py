@@ -1,11 +1,19 @@
 """Bad input: one clear line, the right exit code, nothing written."""
 
+import errno
+import os
+import shutil
+from pathlib import Path
+
 import h5py
 import numpy as np
 import pytest
 from click.testing import CliRunner
 
 from pipeline.cli import main
+from pipeline.output import store
+from pipeline.output.store import FILES, new_folder
+from pipeline.summary import SCHEMA
 
 
 @pytest.fixture
@@ -91,12 +99,36 @@ def test_fewer_than_nine_points_above_the_cut(run, tmp_path):
         ("hils.material_ratio=0.1", ["hils", "did you mean hills?"]),
         ("contact.model=hertz", ["contact.model", "hertz", "interacting"]),
         ("nonsense", ["nonsense", "table.key=value"]),
+        ("contact.preload_N=1e300", ["contact.preload_N", "1e+300", "1e+30"]),
+        ("material.youngs_modulus_Pa=[1e300,1e300]", ["youngs_modulus_Pa", "1e+300"]),
+        ("contact.solver_tolerance=1e-11", ["contact.solver_tolerance", "1e-11"]),
+        ("contact.solver_tolerance=0.005", ["contact.solver_tolerance", "0.005"]),
     ],
 )
 def test_settings(run, tmp_path, override, words):
     native(tmp_path / "a.h5", hill(), **KNOWN)
     one_line(run("analyze", "a.h5", "--set", override), 2, *words)
     assert [entry.name for entry in tmp_path.iterdir()] == ["a.h5"]
+
+
+def test_filters_that_leave_nothing(run, tmp_path):
+    native(tmp_path / "a.h5", hill(), **KNOWN)
+    filters = ("s_filter_nesting_index_m=1e-3", "l_filter_nesting_index_m=5e-4")
+    sets = [word for name in filters for word in ("--set", f"conditioning.{name}")]
+    one_line(run("analyze", "a.h5", *sets), 2, "s_filter_nesting_index_m", "0.0005", "nothing")
+
+
+@pytest.mark.parametrize("factor", [1e300, 1e160, 1e-160, 1e-300])
+def test_heights_that_no_unit_makes_plausible(run, tmp_path, factor):
+    native(tmp_path / "a.h5", hill() * factor, **KNOWN)
+    result = run("analyze", "a.h5")
+    one_line(result, 3, "a: heights of up to", "--unit")
+    assert "RuntimeWarning" not in result.stderr
+
+
+def test_a_pixel_that_no_unit_makes_plausible(run, tmp_path):
+    native(tmp_path / "a.h5", hill(), **KNOWN | {"pixel_size": [50.0, 1e300]})
+    one_line(run("analyze", "a.h5"), 3, "a: a side of", "--lateral-unit")
 
 
 def test_settings_file_that_is_no_toml(run, tmp_path):
@@ -115,7 +147,7 @@ def test_a_folder_of_someone_else_is_refused(run, tmp_path):
 
 def test_a_summary_beside_foreign_files_is_refused(run, tmp_path):
     native(tmp_path / "a.h5", hill(), **KNOWN)
-    light = ("--no-figures", "--no-render")
+    light = ("--no-figures", "--no-render", "--preload", "0.1")
     assert run("analyze", "a.h5", "-o", "out", *light).exit_code == 0
     (tmp_path / "out" / "notes.txt").write_text("mine")
     one_line(run("analyze", "a.h5", "-o", "out", *light), 2, "notes.txt")
@@ -124,11 +156,111 @@ def test_a_summary_beside_foreign_files_is_refused(run, tmp_path):
 
 def test_an_earlier_result_is_replaced_whole(run, tmp_path):
     native(tmp_path / "a.h5", hill(), **KNOWN)
-    assert run("analyze", "a.h5", "-o", "out", "--no-render").exit_code == 0
+    light = ("--no-render", "--no-figures")
+    assert run("analyze", "a.h5", "-o", "out", "--no-render", "--preload", "0.1").exit_code == 0
     assert list((tmp_path / "out" / "figures").glob("*.png"))
-    assert run("analyze", "a.h5", "-o", "out", "--no-render", "--no-figures").exit_code == 0
+    assert run("analyze", "a.h5", "-o", "out", "--preload", "0.1", *light).exit_code == 0
     assert not list((tmp_path / "out" / "figures").glob("*.png"))
     assert sorted(entry.name for entry in tmp_path.iterdir()) == ["a.h5", "out"]
+
+
+def test_the_current_folder_takes_a_result_and_the_next_one(run, tmp_path, monkeypatch):
+    face = native(tmp_path / "a.h5", hill(), **KNOWN)
+    light = ("--no-render", "--no-figures", "--preload", "0.1")
+    (tmp_path / "out").mkdir()
+    monkeypatch.chdir(tmp_path / "out")
+    for extra in ((), ("--set", "material.friction_coefficient=0.3")):
+        ran = run("analyze", face, "-o", ".", *light, *extra)
+        assert ran.exit_code == 0, ran.output
+        names = sorted(entry.name for entry in Path.cwd().iterdir())
+        assert set(names) <= FILES
+        assert {"summary.json", "result.h5", "caps.csv"} <= set(names)
+    assert "friction_coefficient = 0.3" in Path("settings.toml").read_text()
+    assert sorted(entry.name for entry in tmp_path.iterdir()) == ["a.h5", "out"]
+
+
+def test_a_mounted_folder_is_filled_in_its_place(tmp_path, monkeypatch):
+    (tmp_path / "out").mkdir()
+    before = (tmp_path / "out").stat().st_ino
+    with new_folder(tmp_path / "out") as work:  # empty
+        (work / "summary.json").write_text(f'{{"schema": "{SCHEMA}"}}')
+        (work / "figures").mkdir()
+    monkeypatch.setattr(os.path, "ismount", lambda path: Path(path).name == "out")
+    with new_folder(tmp_path / "out") as work:
+        assert work.parent == tmp_path / "out"
+        (work / "summary.json").write_text(f'{{"schema": "{SCHEMA}", "name": "second"}}')
+    assert (tmp_path / "out").stat().st_ino == before
+    assert [entry.name for entry in (tmp_path / "out").iterdir()] == ["summary.json"]
+    assert "second" in (tmp_path / "out" / "summary.json").read_text()
+
+
+def test_the_summary_moves_last_and_an_earlier_result_comes_back(tmp_path, monkeypatch):
+    out = tmp_path / "out"
+    out.mkdir()
+    monkeypatch.setattr(os.path, "ismount", lambda path: Path(path).name == "out")
+    result = dict.fromkeys(("summary.json", "caps.csv", "result.h5"), f'{{"schema": "{SCHEMA}"}}')
+    with new_folder(out) as work:
+        for name, text in result.items():
+            (work / name).write_text(text)
+    monkeypatch.setattr(store.shutil, "move", fails_on_summary(shutil.move, out))
+    with pytest.raises(OSError, match="full"), new_folder(out) as work:
+        write_second(work, result)
+    assert {entry.name: entry.read_text() for entry in out.iterdir()} == result
+
+
+def write_second(work, names):
+    for name in names:
+        (work / name).write_text("second")
+
+
+def fails_on_summary(move, out):
+    def moving(source, target):
+        if Path(target) == out / "summary.json" and Path(source).read_text() == "second":
+            assert "second" in (out / "result.h5").read_text()
+            raise OSError("disk full")
+        return move(source, target)
+
+    return moving
+
+
+def test_a_folder_that_cannot_be_renamed_is_filled_in_its_place(tmp_path, monkeypatch):
+    out = tmp_path / "out"
+    replace = os.replace
+
+    def refuse(source, target):
+        if Path(source) == out:
+            raise OSError(errno.EBUSY, "busy")
+        replace(source, target)
+
+    for turn in ("first", "second"):
+        with new_folder(out) as work:
+            (work / "summary.json").write_text(f'{{"schema": "{SCHEMA}", "turn": "{turn}"}}')
+        monkeypatch.setattr(os, "replace", refuse)
+    assert "second" in (out / "summary.json").read_text()
+    assert [entry.name for entry in tmp_path.iterdir()] == ["out"]
+
+
+def test_a_scan_inside_the_output_folder_is_kept(run, tmp_path):
+    native(tmp_path / "a.h5", hill(), **KNOWN)
+    light = ("--no-render", "--no-figures", "--preload", "0.1")
+    assert run("analyze", "a.h5", "-o", "out", *light).exit_code == 0
+    before = (tmp_path / "out" / "result.h5").read_bytes()
+    again = ("analyze", "out/result.h5", "--dataset", "/surface/height_m", *light)
+    one_line(run(*again, "-o", "out"), 2, "out", "result.h5", "would be replaced")
+    one_line(run("analyze", "a.h5", "--mate", "out/result.h5", "-o", "out", *light), 2, "replaced")
+    assert (tmp_path / "out" / "result.h5").read_bytes() == before
+    assert run(*again, "-o", "other").exit_code == 0
+
+
+def test_an_interrupt_ends_with_130_and_leaves_nothing(run, tmp_path, monkeypatch):
+    native(tmp_path / "a.h5", hill(), **KNOWN)
+
+    def interrupt(*_):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(store, "write_summary", interrupt)
+    one_line(run("analyze", "a.h5", "-o", "out", "--no-render", "--no-figures"), 130, "interrupted")
+    assert [entry.name for entry in tmp_path.iterdir()] == ["a.h5"]
 
 
 def test_nothing_to_do(run, tmp_path):

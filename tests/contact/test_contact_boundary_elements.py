@@ -300,7 +300,7 @@ def test_refusals(monkeypatch):
     for wrong in ({}, {"load_N": 1.0, "approach_m": 1e-9}, {"load_N": -1.0}, {"load_N": np.nan}):
         with pytest.raises(SettingsError):
             press(face, **wrong)
-    with pytest.raises(SettingsError, match="tolerance"):
+    with pytest.raises(SettingsError, match="solver_tolerance: got 0"):
         boundary_elements(surface, E, tolerance=0.5)
     with pytest.raises(SettingsError, match="E_star_Pa"):
         boundary_elements(surface, -1.0)

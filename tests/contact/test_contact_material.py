@@ -4,7 +4,7 @@ import math
 
 import pytest
 
-from pipeline.contact.material import composite
+from pipeline.contact.material import composite, dundurs_beta
 from pipeline.errors import SettingsError
 
 
@@ -39,3 +39,10 @@ def test_a_bad_modulus_is_named(E):
 def test_a_bad_poisson_ratio_is_named(nu):
     with pytest.raises(SettingsError, match=r"poisson_ratio: got .*expected -1 < nu < 0\.5"):
         composite((2e11, 2e11), (0.3, nu))
+
+
+def test_dundurs_beta_vanishes_where_nothing_couples():
+    assert dundurs_beta((210e9, 70e9), (0.4999999, 0.4999999)) == pytest.approx(0.0, abs=1e-6)
+    assert dundurs_beta((200e9, 3e9), (0.3, 0.4)) == -dundurs_beta((3e9, 200e9), (0.4, 0.3))
+    # Against a rigid body (1 - 2 nu) / (2 (1 - nu)), Johnson 1987, Sec. 5.1.
+    assert dundurs_beta((3e9, 1e30), (0.25, 0.3)) == pytest.approx(1 / 3)

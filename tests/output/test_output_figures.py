@@ -150,7 +150,7 @@ def test_unknown_limits_are_not_called_gps(several):
 
     figure = FIGURES["slip_loop"].draw(replace(several, slip=Curve()))
     labels = [patch.get_label() for patch in figure.axes[0].patches]
-    assert labels == ["GPS or PPS, not told apart", "TS: all caps slip totally"]
+    assert labels == ["GPS or PPS, not told apart", "TS: all contacts slip totally"]
 
 
 def test_energy_starts_with_slope_three(one):
@@ -167,6 +167,16 @@ def test_loss_factor_ends_at_gross_slip(several):
     steady = damping.amplitude_m[np.isfinite(damping.loss_factor)]
     assert axes.get_xlim()[1] > x[-1]
     assert x[-1] / x[0] == pytest.approx(steady[-1] / steady[0])
+
+
+def test_loss_factor_shows_small_amplitudes_and_kinks(several):
+    axes = FIGURES["loss_factor"].draw(several).axes[0]
+    assert axes.get_yscale() == "log"
+    y = axes.get_lines()[0].get_ydata()
+    low, high = axes.get_ylim()
+    assert low <= y.min()
+    assert y.max() < high
+    assert y.max() / y.min() > 100  # what a linear axis would show as zero
 
 
 def test_matplotlib_is_imported_only_to_draw():

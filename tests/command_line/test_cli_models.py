@@ -1,0 +1,139 @@
+"""Every model end to end, and parts of a result that fail without taking the numbers along."""
+
+import json
+
+import h5py
+import numpy as np
+import pytest
+from check_result import defects
+from click.testing import CliRunner
+from scenes import caps_map
+
+from pipeline.cli import MODELS, main
+from pipeline.contact import boundary_elements
+from pipeline.output import figures_contact, mesh, report
+
+
+def run(*arguments):
+    return CliRunner().invoke(main, [str(a) for a in arguments])
+
+
+@pytest.fixture(scope="module")
+def face(tmp_path_factory):
+    """Two high and three low caps with pixels wide enough to be solved quickly."""
+    high = [(6e-3, 5e-3, 10.0, 0.0), (22e-3, 13e-3, 10.0, 0.01e-6)]
+    low = [(14e-3, 6e-3, 8.0, -0.2e-6), (24e-3, 5e-3, 8.0, -0.21e-6), (8e-3, 15e-3, 8.0, -0.19e-6)]
+    surface = caps_map(high + low, (100, 150), (2e-4, 2e-4))
+    path = tmp_path_factory.mktemp("models") / "face.h5"
+    with h5py.File(path, "w") as file:
+        file["height"] = surface.height_m
+        file["height"].attrs.update(unit="m", pixel_size=[2e-4, 2e-4], pixel_unit="m")
+    return path
+
+
+@pytest.mark.parametrize("model", MODELS)
+def test_every_model_leaves_a_whole_result(model, face, tmp_path):
+    out = tmp_path / "out"
+    ran = run("analyze", face, "--model", model, "--no-render", "-o", out)
+    assert ran.exit_code == 0, ran.output
+    assert defects(out) == []
+    summary = json.loads((out / "summary.json").read_text())
+    assert summary["contact"]["model"] == (model if model != "auto" else "interacting")
+    counted = "contact regions" if model == "boundary_elements" else "caps in contact"
+    contacts = summary["contact"]["contacts"]
+    assert f"on {contacts} {counted}," in ran.stdout
+    assert f"<span>{counted}</span>" in (out / "report.html").read_text()
+    with h5py.File(out / "result.h5") as file:
+        approach_m, load_N = file["normal/approach_m"][:], file["normal/load_N"][:]
+    assert load_N[0] == approach_m[0] == 0.0
+    assert load_N[-1] == summary["contact"]["preload_N"]
+    assert (np.diff(load_N) > 0).all()
+    assert approach_m[-1] == pytest.approx(summary["contact"]["approach_m"], rel=1e-12)
+
+
+def test_the_normal_curve_of_boundary_elements_costs_no_solution(face, tmp_path, monkeypatch):
+    loads_N = []
+    press = boundary_elements.press
+
+    def counted(*arguments, load_N=None, **options):
+        loads_N.append(load_N)
+        return press(*arguments, load_N=load_N, **options)
+
+    monkeypatch.setattr(boundary_elements, "press", counted)
+    ran = run("analyze", face, "--model", "boundary_elements", "--no-render", "-o", tmp_path / "x")
+    assert ran.exit_code == 0, ran.output
+    assert loads_N == [460.0]
+
+
+@pytest.mark.parametrize(
+    ("module", "name", "missing"),
+    [
+        (figures_contact, "_caps_alone", "normal_curve.png"),
+        (report, "_limits", "report.html"),
+        (mesh, "cap_mesh", "caps.vtu"),
+    ],
+)
+def test_a_part_that_fails_takes_no_number_along(
+    module, name, missing, face, tmp_path, monkeypatch
+):
+    def fail(*_):
+        raise KeyError("no such colour")
+
+    monkeypatch.setattr(module, name, fail)
+    out = tmp_path / "out"
+    ran = run("analyze", face, "--no-render", "--json", "-o", out)
+    assert ran.exit_code == 1
+    errors = [line for line in ran.stderr.splitlines() if line.startswith("error: ")]
+    assert len(errors) == 1
+    assert missing in errors[0]
+    assert "no such colour" in errors[0]
+    assert str(out) in errors[0]
+    summary = json.loads((out / "summary.json").read_text())
+    assert summary == json.loads(ran.stdout)
+    assert summary["status"] == "check"
+    said = [p["message"] for p in summary["problems"] if p["code"] == "output_missing"]
+    assert len(said) == 1
+    assert missing in said[0]
+    assert summary["damping"]["peak_loss_factor"] > 0
+    assert (out / "caps.csv").is_file()
+    with h5py.File(out / "result.h5") as file:
+        assert len(file["slip/energy_J"]) >= 64
+    if missing != "report.html":
+        assert "no such colour" in (out / "report.html").read_text()
+        assert len(list((out / "figures").glob("*.png"))) >= 8
+
+
+def test_no_half_picture_is_left(face, tmp_path, monkeypatch):
+    def torn(name, analysis, folder):
+        (folder / f"{name}.png").write_bytes(b"half")
+        raise OSError("no space left")
+
+    monkeypatch.setattr("pipeline.output.figures.write_figure", torn)
+    out = tmp_path / "out"
+    ran = run("analyze", face, "--no-render", "-q", "-o", out)
+    assert ran.exit_code == 1
+    assert "no space left" in ran.stderr
+    assert list((out / "figures").iterdir()) == []
+    assert defects(out) == []
+
+
+def test_an_export_that_cannot_be_is_refused_before_the_work(face, tmp_path):
+    out = tmp_path / "out"
+    ran = run("analyze", face, "--model", "flat", "--export", "jenkins", "-o", out)
+    assert ran.exit_code == 2
+    assert "analysing" not in ran.stderr
+    assert [line[:23] for line in ran.stderr.splitlines()] == ["error: --export jenkins"]
+    assert not out.exists()
+
+
+def test_a_failed_analysis_is_written_and_ends_with_code_3(face, tmp_path):
+    out = tmp_path / "out"
+    ran = run("analyze", face, "--preload", "1e12", "--no-render", "--json", "-o", out)
+    assert ran.exit_code == 3, ran.output
+    assert "error: " in ran.stderr
+    assert "Traceback" not in ran.stderr
+    summary = json.loads((out / "summary.json").read_text())
+    assert summary["status"] == "failed"
+    assert summary["hills"]["caps"] == 5
+    assert defects(out) == ["status failed"]
+    assert 'class="status failed"' in (out / "report.html").read_text()
