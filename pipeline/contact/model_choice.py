@@ -40,10 +40,13 @@ class Choice:
     use: np.ndarray  # (n,), the caps that can touch
     cost_s: float  # of building, pressing and slipping the chosen model
     boundary_elements_s: float | None  # what they would take, where they are needed
+    levelling: bool = False  # whether the levelling alone makes it doubtful
 
     @property
     def problem(self) -> Problem | None:
         """What makes a result of this choice doubtful."""
+        if self.levelling:
+            return Problem("levelling_decides", "warning", self.reason)
         if self.boundary_elements_s is None:
             return None
         return Problem("boundary_elements_needed", "warning", self.reason)
@@ -82,7 +85,7 @@ def choose_model(
     -------
     Choice
         Where no rung is within the tolerance, the highest one, with the time that boundary
-        elements would take.
+        elements would take, unless the levelling alone is the cause, which they share.
 
     Raises
     ------
@@ -130,17 +133,18 @@ def choose_model(
                 raise
         costs_s[model] = time.perf_counter() - begin
     doubt = ladder.doubt(use, surface, label, noise_m)
-    own = None
+    own, of_caps, of_tilt = None, math.inf, 0.0
     if doubt is None:
         try:
             at = answers["interacting"]
-            own = math.hypot(
+            of_caps = math.hypot(
                 ladder.spread(use, at, noise_m),
                 ladder.shape_error(use, at),
-                ladder.tilt_error(at, surface),
                 ladder.pair_error(use, at),
                 LEAST_ERROR,
             )
+            of_tilt = ladder.tilt_error(at, surface)
+            own = math.hypot(of_caps, of_tilt)
         except (ContactError, UnusableSurfaceError):
             doubt = "caps that are moved within their errors have no solution"
     estimates: dict[str, float | None] = {}
@@ -152,6 +156,15 @@ def choose_model(
         if estimate is not None and estimate <= tolerance:
             reason = f"the cheapest model within {tolerance:.2g}: its error is about {estimate:.2g}"
             return Choice(model, reason, estimate, estimates, use, costs_s[model], None)
+    if own is not None and of_caps <= tolerance:
+        reason = (
+            f"interacting caps may be off by {own:.2g}, more than {tolerance:.2g}: a robust plane "
+            f"instead of what was taken off changes the answers by {of_tilt:.2g}; where the caps "
+            "lie tilts a least-squares plane, and conditioning.form_robust follows the floor "
+            "between them where most of the face is floor"
+        )
+        cost_s = costs_s["interacting"]
+        return Choice("interacting", reason, own, estimates, use, cost_s, None, levelling=True)
     needed_s = boundary_elements_s(surface.shape)
     why = doubt or f"interacting caps may be off by {own:.2g}, more than {tolerance:.2g}"
     return Choice(
