@@ -103,7 +103,7 @@ def choose_model(
     the contact reaches, load and stiffness of that hill are those of a sphere whose apex is higher
     by 8/15 q s^2 and the logarithm of whose radius is greater by (2/3 - 8/5 s) q / z. The change
     that all hills make together so is the error of shape. It is the first order alone, and counts
-    twice: on hills of r^1.6 to r^4 the true error was 0.5 to 1 times that.
+    twice: on hills of r^1.6 to r^4 the true error was 0.4 to 1 times that.
 
     Random errors are twice the standard deviation over faces whose caps were moved at random:
     heights and radii by their standard errors, and by what is left of the profile. The lowest such

@@ -148,7 +148,7 @@ def test_a_shape_that_all_hills_share_is_part_of_the_error(power):
     assert 0.05 < error <= estimate
 
 
-@pytest.mark.parametrize("stretch", [1.2, 1.3])  # radii of curvature of 1.44^2 and 1.69^2 to one
+@pytest.mark.parametrize("stretch", [1.2, 1.3])  # principal radii of 2.1 and 2.9 to one
 def test_ellipsoids_have_no_error_of_shape(stretch):
     estimate, error = estimate_and_error(hills_of_power(2.0, stretch))
     assert error <= estimate < 0.02
