@@ -26,7 +26,7 @@ from pipeline.doubts import (
     doubts_of_settings,
     doubts_of_tilt,
 )
-from pipeline.errors import ContactError
+from pipeline.errors import ContactError, SettingsError
 from pipeline.problems import Problem
 from pipeline.sensitivity import FORCE_RATIO, Answers, Sensitivity, answers, sensitivity
 from pipeline.settings import Conditioning, Settings
@@ -37,6 +37,7 @@ from pipeline.surface.conditioning import Conditioned, condition
 from pipeline.surface.heightmap import HeightMap
 from pipeline.surface.mating import mate as composite_of
 from pipeline.surface.mating import place
+from pipeline.surface.plausibility import doubts_of_holes
 
 MAX_TURNS = 10  # of fit and contact
 SETTLED = 1e-3  # of the preload: loads that move less in one turn have settled
@@ -110,9 +111,16 @@ def analyze(
     UnusableSurfaceError
         If nothing was measured, all heights are equal, or fewer than 9 points lie above the cut.
     SettingsError
-        If a setting makes no sense for this map.
+        If a setting makes no sense for this map, or boundary elements shall press two maps whose
+        caps are counted together.
     """
     settings = settings if settings is not None else Settings()
+    together = mate is not None and settings.mating.way == "together"
+    if together and settings.contact.model == "boundary_elements":
+        raise SettingsError(
+            "contact.model: got boundary_elements with mating.way = together, which counts the "
+            "caps of two maps; expected one map to press; set mating.way to composite"
+        )
     started = datetime.now(UTC).isoformat(timespec="seconds")
     timings_s: dict[str, float] = {}
 
@@ -258,6 +266,8 @@ def _hills_and_caps(
     )
     caps, moved = timed("caps", _fit, surface, hills, settings)
     problems = doubts_of_caps(surface, hills, caps, settings.hills.material_ratio)
+    if caps.usable.any():
+        problems += doubts_of_holes(surface, 0.5 * float(np.median(caps.diameter_m[caps.usable])))
     if moved > SETTLED:
         message = f"the last turn of fit and contact still moved {moved:.1%} of the load"
         problems.append(Problem("fit_not_settled", "warning", message))

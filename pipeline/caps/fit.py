@@ -200,6 +200,7 @@ def _fit(
         part = (flags & (CapFlag.edge | CapFlag.non_measured).value) > 0
         whole_m = np.sqrt(np.maximum(cap_height_m * (2.0 * radius_m - cap_height_m), 0.0))
         diameter_m = np.where(part & np.isfinite(radius_m), 2.0 * whole_m, diameter_m)
+    quartic_m, profile_residual_m = _profile(points, x_m, y_m, apex_m, radius_m, body)
     return CapTable(
         x_m=x_m,
         y_m=y_m,
@@ -219,6 +220,8 @@ def _fit(
         radius_minor_m=1.0 / body.quadric.curvature_per_m[1],
         orientation_rad=body.quadric.orientation_rad,
         fit_depth_m=body.depth_m,
+        quartic_m=quartic_m,
+        profile_residual_m=profile_residual_m,
         parent_region=hills.parent_region,
     )
 
@@ -351,6 +354,48 @@ def _residual(
     sums = np.bincount(hill, (points.z_m[chosen] - sphere_m) ** 2, points.n_hills)
     count = np.bincount(hill, minlength=points.n_hills)
     return np.sqrt(sums / np.maximum(count, 1))
+
+
+def _profile(
+    points: HillPoints,
+    x_m: np.ndarray,
+    y_m: np.ndarray,
+    apex_m: np.ndarray,
+    radius_m: np.ndarray,
+    body: _Body,
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return the quartic term of each hill's profile, and the rms distance of its points from it.
+
+    The profile is a least-squares c0 + c1 t + c2 t^2 in the elliptic coordinate t, the square of
+    the distance from the apex by the curvatures of the quadric, one at the fitted depth. So an
+    ellipsoid has neither term nor residual. NaN where there are too few points.
+    """
+    quadric = body.quadric
+    curvature_per_m = np.where(quadric.exists, quadric.curvature_per_m, 1.0 / radius_m)
+    cos, sin = np.cos(quadric.orientation_rad), np.sin(quadric.orientation_rad)
+    cos, sin = np.where(quadric.exists, (cos, sin), 0.5**0.5)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        scale = np.sqrt(0.5 * curvature_per_m / body.depth_m)
+    hill = points.hill
+    along, across = points.x_m - x_m[hill], points.y_m - y_m[hill]
+    along, across = cos[hill] * along + sin[hill] * across, cos[hill] * across - sin[hill] * along
+    t = (scale[0][hill] * along) ** 2 + (scale[1][hill] * across) ** 2
+    chosen = np.flatnonzero(points.measured & (t <= 1.0))
+    hill, t = hill[chosen], t[chosen]
+    fall_m = apex_m[hill] - points.z_m[chosen]
+
+    def total(values: np.ndarray) -> np.ndarray:
+        return np.bincount(hill, values, points.n_hills)
+
+    count = np.bincount(hill, minlength=points.n_hills)
+    basis = np.stack([np.ones_like(t), 2.0 * t - 1.0, 6.0 * t * (t - 1.0) + 1.0])
+    normal = np.array([[total(one * other) for other in basis] for one in basis]).transpose(2, 0, 1)
+    right = np.array([total(one * fall_m) for one in basis]).T
+    known = (count >= MIN_POINTS) & (np.linalg.matrix_rank(normal, hermitian=True) == len(basis))
+    c = np.full((3, points.n_hills), np.nan)
+    c[:, known] = np.linalg.solve(normal[known], right[known][..., None])[..., 0].T
+    square_m2 = total((fall_m - (c[:, hill] * basis).sum(axis=0)) ** 2)
+    return 6.0 * c[2], np.sqrt(square_m2 / np.maximum(count, 1))
 
 
 def _flags(

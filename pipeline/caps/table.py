@@ -46,6 +46,8 @@ UNITS = {
     "radius_minor_m": "m",
     "orientation_rad": "rad",
     "fit_depth_m": "m",
+    "quartic_m": "m",
+    "profile_residual_m": "m",
     "parent_region": "",
 }
 
@@ -90,6 +92,10 @@ class CapTable:
         default_factory=_unknown
     )  # of the flatter direction, from x towards y
     fit_depth_m: np.ndarray = field(default_factory=_unknown)  # depth of the fit below the apex
+    # Over t, the depth below the apex of the quadric over fit_depth_m, the hill falls like
+    # A t + quartic_m t^2, with the rms distance profile_residual_m of its points
+    quartic_m: np.ndarray = field(default_factory=_unknown)
+    profile_residual_m: np.ndarray = field(default_factory=_unknown)
     parent_region: np.ndarray = field(default_factory=_none)  # connected region, 1 ...; 0: unknown
 
     def __post_init__(self) -> None:

@@ -14,13 +14,14 @@ from pipeline.contact.ladder import RUNGS, normal_curve, reachable, without_bulk
 from pipeline.contact.material import Composite, composite
 from pipeline.contact.slip import slip_curve
 from pipeline.contact.unmodelled import unmodelled_area_m2
-from pipeline.errors import ContactError
+from pipeline.errors import ContactError, UnusableSurfaceError
 from pipeline.problems import Problem
 from pipeline.settings import Settings
+from pipeline.surface.form import floor_slopes
 from pipeline.surface.heightmap import HeightMap
 
 FORCE_SHARES = (0.1, 0.25, 0.5, 0.75)  # T / (mu N) at which the energies are compared
-SHAPE_SHARE = 0.45  # of a residual that acts like an error of the height, see Notes
+SHAPE_SHARE = 0.38  # of the rest of a profile that acts like an error of height, see Notes
 LEAST_ERROR = 0.01  # of interacting spheres against boundary elements
 BEYOND_SHARE = 0.05  # of the load, on contacts wider than their hills
 DRAWS = 16
@@ -39,10 +40,13 @@ class Choice:
     use: np.ndarray  # (n,), the caps that can touch
     cost_s: float  # of building, pressing and slipping the chosen model
     boundary_elements_s: float | None  # what they would take, where they are needed
+    levelling: bool = False  # whether the levelling alone makes it doubtful
 
     @property
     def problem(self) -> Problem | None:
         """What makes a result of this choice doubtful."""
+        if self.levelling:
+            return Problem("levelling_decides", "warning", self.reason)
         if self.boundary_elements_s is None:
             return None
         return Problem("boundary_elements_needed", "warning", self.reason)
@@ -81,7 +85,7 @@ def choose_model(
     -------
     Choice
         Where no rung is within the tolerance, the highest one, with the time that boundary
-        elements would take.
+        elements would take, unless the levelling alone is the cause, which they share.
 
     Raises
     ------
@@ -90,16 +94,29 @@ def choose_model(
 
     Notes
     -----
-    The error of interacting caps is twice the standard deviation over faces whose caps were moved
-    at random: heights and radii by their standard errors, and by what the shape of the hills does.
     A hill that deviates from its sphere by r changes its load like a height error of r averaged
-    with the pressure of a flat punch. The lowest deviation that a fitted sphere leaves and that
-    does so is 6 t^2 - 6 t + 1 with t = (r / a)^2, and has 0.2 sqrt(5) = 0.45 of its root mean
-    square. Deviations that go with the direction have none.
+    with the pressure of a flat punch over the contact, which grows with the load. Deviations that
+    go with the direction have none, so r counts from the paraboloid of the hill's own curvatures.
 
-    A second part of the error is the change under another law between two contacts. The error is
-    not known where something else than the caps carries: if contacts overlap, are wider than their
-    hills, or if the plane reaches points outside the hills.
+    What the fit leaves is known with its sign: an apex and a volume that are right, and a term
+    q (t^2 - 2/3 t) of the profile, t the depth over the fitted one z. At the share s of z in t that
+    the contact reaches, load and stiffness of that hill are those of a sphere whose apex is higher
+    by 8/15 q s^2 and the logarithm of whose radius is greater by (2/3 - 8/5 s) q / z. The change
+    that all hills make together so is the error of shape. It is the first order alone, and counts
+    twice: on hills of r^1.6 to r^4 the true error was 0.4 to 1 times that.
+
+    Random errors are twice the standard deviation over faces whose caps were moved at random:
+    heights and radii by their standard errors, and by what is left of the profile. The lowest such
+    term, 20 t^3 - 30 t^2 + 12 t - 1, has a height error of sqrt(7) / 7 = 0.38 of its root mean
+    square.
+
+    The levelling is uncertain by the tilt between the plane taken off and that of the lowest third
+    of the points, which peaks that are not balanced over the face do not pull.
+
+    The last part is the change under another law between two contacts. None of these causes has to
+    do with another, so their squares add. The error is not known where something else than the caps
+    carries: if contacts overlap, are wider than their hills, or if the plane reaches points outside
+    the hills.
     """
     joint = composite(settings.material.youngs_modulus_Pa, settings.material.poisson_ratio)
     ladder = _Ladder(caps, families, surface.side_m, joint, settings)
@@ -116,12 +133,19 @@ def choose_model(
                 raise
         costs_s[model] = time.perf_counter() - begin
     doubt = ladder.doubt(use, surface, label, noise_m)
-    own = None
+    own, of_caps, of_tilt = None, math.inf, 0.0
     if doubt is None:
         try:
-            spread = ladder.spread(use, answers["interacting"], noise_m)
-            own = math.hypot(spread, ladder.pair_error(use, answers["interacting"]), LEAST_ERROR)
-        except ContactError:
+            at = answers["interacting"]
+            of_caps = math.hypot(
+                ladder.spread(use, at, noise_m),
+                ladder.shape_error(use, at),
+                ladder.pair_error(use, at),
+                LEAST_ERROR,
+            )
+            of_tilt = ladder.tilt_error(at, surface)
+            own = math.hypot(of_caps, of_tilt)
+        except (ContactError, UnusableSurfaceError):
             doubt = "caps that are moved within their errors have no solution"
     estimates: dict[str, float | None] = {}
     for model, numbers in answers.items():
@@ -132,6 +156,15 @@ def choose_model(
         if estimate is not None and estimate <= tolerance:
             reason = f"the cheapest model within {tolerance:.2g}: its error is about {estimate:.2g}"
             return Choice(model, reason, estimate, estimates, use, costs_s[model], None)
+    if own is not None and of_caps <= tolerance:
+        reason = (
+            f"interacting caps may be off by {own:.2g}, more than {tolerance:.2g}: the plane of "
+            "the lowest third of the points instead of what was taken off changes the answers by "
+            f"{of_tilt:.2g}; where the caps lie tilts a least-squares plane, and "
+            "conditioning.form_floor = true follows the floor between them, where there is one"
+        )
+        cost_s = costs_s["interacting"]
+        return Choice("interacting", reason, own, estimates, use, cost_s, None, levelling=True)
     needed_s = boundary_elements_s(surface.shape)
     why = doubt or f"interacting caps may be off by {own:.2g}, more than {tolerance:.2g}"
     return Choice(
@@ -175,7 +208,7 @@ class _Ladder:
         def used(values: np.ndarray) -> np.ndarray:
             return np.nan_to_num(values[use])  # a table that no fit made has no standard errors
 
-        residual_m = np.sqrt(np.maximum(used(caps.residual_m) ** 2 - noise_m**2, 0.0))
+        residual_m = np.sqrt(np.maximum(used(caps.profile_residual_m) ** 2 - noise_m**2, 0.0))
         shape_m = SHAPE_SHARE * residual_m
         depth_m = np.where(
             used(caps.fit_depth_m) > 0.0, caps.fit_depth_m[use], caps.cap_height_m[use]
@@ -195,6 +228,37 @@ class _Ladder:
             )
             found.append(self.answers(self.interacting(use, moved)) / answers - 1.0)
         return float(2.0 * np.sqrt(np.mean(np.square(found), axis=0)).max())
+
+    def shape_error(self, use: np.ndarray, answers: np.ndarray) -> float:
+        """Return twice the change of the answers with caps that follow the hills' profiles."""
+        caps, preload_N = self.caps, self.settings.contact.preload_N
+        curve = self.interacting(use, caps)
+        load_N = curve.asperity_loads_N(curve.approach_m(preload_N))
+        depth_m, quartic_m = caps.fit_depth_m[use], caps.quartic_m[use]
+        share = (load_N / curve.coefficient) ** (2 / 3) / (2.0 * depth_m)
+        known = np.isfinite(quartic_m * share)  # a table that no fit made has no profiles
+        up_m, wide = np.zeros((2, len(caps)))
+        up_m[use] = np.where(known, 8 / 15 * quartic_m * share**2, 0.0)
+        wide[use] = np.where(known, (2 / 3 - 8 / 5 * share) * quartic_m / depth_m, 0.0)
+        moved = caps.with_columns(
+            peak_height_m=caps.peak_height_m + up_m, radius_m=caps.radius_m * np.exp(wide)
+        )
+        return float(2.0 * np.abs(self.answers(self.interacting(use, moved)) / answers - 1.0).max())
+
+    def tilt_error(self, answers: np.ndarray, surface: HeightMap) -> float:
+        """Return the relative change of the answers where the floor levels the face."""
+        if self.settings.conditioning.form == "none":
+            return 0.0
+        slope_y, slope_x = floor_slopes(surface)
+        caps = self.caps
+        peak_m = caps.peak_height_m - slope_y * caps.y_m - slope_x * caps.x_m
+        _, curve = reachable(
+            caps.with_columns(peak_height_m=peak_m),
+            self.side_m,
+            self.joint.E_star_Pa,
+            self.settings.contact.preload_N,
+        )
+        return float(np.abs(self.answers(curve) / answers - 1.0).max())
 
     def pair_error(self, use: np.ndarray, answers: np.ndarray) -> float:
         """Return the relative change of the answers with another law between two contacts.

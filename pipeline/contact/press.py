@@ -9,7 +9,7 @@ from pipeline.caps.table import CapTable
 from pipeline.contact.boundary_elements import BoundaryElementCurve, boundary_elements
 from pipeline.contact.curves import NormalCurve, bulk_compliance_m_per_N
 from pipeline.contact.interacting import InteractingCurve
-from pipeline.contact.ladder import RUNGS, normal_curve, reachable, without_bulk
+from pipeline.contact.ladder import normal_curve, reachable, without_bulk
 from pipeline.contact.material import Composite, composite
 from pipeline.contact.model_choice import choose_model
 from pipeline.errors import ContactError
@@ -29,7 +29,7 @@ class ContactState:
     estimated_error: float | None  # of energy and stiffness; None: not known
     preload_N: float
     approach_m: float  # from first touch, half-space bulk term included where the model has one
-    approach_without_bulk_m: float
+    bulk_m: float  # that term at the preload; 0 where the model has none
     bulk: bool  # whether the curve below holds the bulk term
     contacts: int
     overlapping_pairs: int  # of contacts: where there are any, the caps do not hold
@@ -41,6 +41,12 @@ class ContactState:
     curve: NormalCurve  # the one that slip uses, with or without the bulk term as chosen
     composite: Composite
     problems: tuple[Problem, ...]
+
+    @property
+    def approach_without_bulk_m(self) -> float | None:
+        """Approach less the bulk term; None where that would be negative."""
+        rest_m = self.approach_m - self.bulk_m
+        return rest_m if rest_m >= 0.0 else None
 
 
 def press(
@@ -88,8 +94,9 @@ def press(
         choice = choose_model(caps, families, surface, label, noise_m, settings)
         model, reason, error, use = choice.model, choice.reason, choice.estimated_error, choice.use
         problems += [] if choice.problem is None else [choice.problem]
-    elif model in RUNGS and label is not None:
-        problems += _doubt_of_rung(model, caps, families, surface, label, noise_m, settings)
+    elif model != "boundary_elements":
+        error, doubts = _doubt_of_rung(model, caps, families, surface, label, noise_m, settings)
+        problems += doubts
 
     normal: NormalCurve
     if model == "boundary_elements":
@@ -97,12 +104,20 @@ def press(
     else:
         normal = normal_curve(model, caps, families, surface.side_m, E_star_Pa, preload_N, use)
     approach_m = float(normal.approach_m(preload_N))
-    curve, without_m, bulk = normal, approach_m, settings.contact.bulk
+    curve, bulk_m, bulk = normal, 0.0, settings.contact.bulk
     if model in WITH_BULK:
         bulk_m_per_N = bulk_compliance_m_per_N(surface.side_m, E_star_Pa)
-        without_m -= bulk_m_per_N * preload_N
+        bulk_m = bulk_m_per_N * preload_N
         if not bulk:
             curve, bulk = without_bulk(normal, bulk_m_per_N, preload_N)
+        if bulk and not settings.contact.bulk:
+            message = (
+                f"the bulk sinking of the half-space, {bulk_m:.3g} m, leaves "
+                f"nothing of the approach of {approach_m:.3g} m or of its compliance: it was kept, "
+                "so stiffness and displacement hold it; the contact is spread over the face, or "
+                "lies near its edges"
+            )
+            problems.append(Problem("bulk_kept", "warning", message))
 
     overlaps, area_m2, pressure_Pa = 0, None, None
     load_N = np.full(len(caps), np.nan)
@@ -139,7 +154,7 @@ def press(
         estimated_error=error,
         preload_N=preload_N,
         approach_m=approach_m,
-        approach_without_bulk_m=without_m,
+        bulk_m=bulk_m,
         bulk=bulk,
         contacts=contacts,
         overlapping_pairs=int(overlaps),
@@ -160,24 +175,38 @@ def _doubt_of_rung(
     caps: CapTable,
     families: Families,
     surface: HeightMap,
-    label: np.ndarray,
+    label: np.ndarray | None,
     noise_m: float,
     settings: Settings,
-) -> list[Problem]:
-    """Say where a rung that the settings force is worse than the tolerance they ask for."""
+) -> tuple[float | None, list[Problem]]:
+    """Return the estimated error of a model that the settings force, and whether it is too great.
+
+    None where it is not known: for `flat`, which has no caps, and where interacting caps, against
+    which the lower rungs are measured, cannot carry the load.
+    """
     try:
         choice = choose_model(caps, families, surface, label, noise_m, settings)
-    except ContactError:
-        return []  # the rung itself says why, where it cannot carry the load
-    estimate, tolerance = choice.estimates.get(model), settings.contact.tolerance
+        estimate, why = choice.estimates.get(model), ""
+    except ContactError as failure:
+        estimate, why = None, f" ({failure})"
+    tolerance = settings.contact.tolerance
     if estimate is not None and estimate <= tolerance:
-        return []
-    off = "not known" if estimate is None else f"about {estimate:.2g}"
-    message = (
-        f"the error of {model} is {off}, more than {tolerance:.2g}; contact.model = auto takes the "
-        "cheapest one that is within"
+        return estimate, []
+    off = (
+        f"not known{why}"
+        if estimate is None
+        else f"about {estimate:.2g}, more than {tolerance:.2g}"
     )
-    return [Problem("model_doubtful", "warning", message)]
+    message = (
+        f"the error of {model} is {off}; contact.model = auto takes the cheapest model that is "
+        f"within {tolerance:.2g}"
+    )
+    if model == "flat":
+        message = (
+            "a flat interface loses nothing below total slip: its damping is none of the face, and "
+            "its error is not known; contact.model = auto presses the caps"
+        )
+    return estimate, [Problem("model_doubtful", "warning", message)]
 
 
 def press_for_depth(caps: CapTable, side_m: tuple[float, float], settings: Settings) -> CapTable:

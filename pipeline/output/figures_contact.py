@@ -50,7 +50,7 @@ def normal_curve(analysis: "Analysis") -> "Figure | None":
     except ContactError:  # the caps carry the preload, but not half as much again
         load_N[:-1] /= 1.5
         approach_m = np.asarray(contact.curve.approach_m(load_N))
-    bulk_m = (contact.approach_m - contact.approach_without_bulk_m) * load_N / preload_N
+    bulk_m = contact.bulk_m * load_N / preload_N
     other_m = approach_m - bulk_m if contact.bulk else approach_m + bulk_m
     unit_m, unit = _unit_of_length(float(max(approach_m.max(), other_m.max())))
     words = ("with", "without") if contact.bulk else ("without", "with")

@@ -30,11 +30,11 @@ def result_lines(analysis: "Analysis") -> str:
             )
     contact, slip, damping = analysis.contact, analysis.slip, analysis.damping
     if contact is not None:
+        without_m = contact.approach_without_bulk_m
+        without = "" if without_m is None else f" ({without_m * um:.4g} um without bulk)"
         lines.append(
             f"contact    {contact.model}: {contact.preload_N:g} N on {contact.contacts} "
-            f"{contact_name(contact.model)}, "
-            f"approach {contact.approach_m * um:.4g} um "
-            f"({contact.approach_without_bulk_m * um:.4g} um without bulk)"
+            f"{contact_name(contact.model)}, approach {contact.approach_m * um:.4g} um{without}"
         )
     if slip is not None:
         lines.append(

@@ -249,7 +249,7 @@ def _numbers(analysis: Analysis, shares: tuple[float, ...]) -> dict[str, float] 
         return None
     energies_J = slip.energy_at_force_J(np.array(shares) * slip.total_slip_force_N)
     return {
-        "approach": contact.approach_without_bulk_m,
+        "approach": contact.approach_m - contact.bulk_m,
         "stiffness": float(slip.tangential_stiffness_N_per_m),
         **dict(zip(_energies(shares), energies_J.tolist(), strict=True)),
     }

@@ -33,7 +33,9 @@ def axes_of_levelling(seed: int = 0) -> tuple[Axis, ...]:
         cases += sorted(fallen, key=lambda case: case.severity)[::EVERY]
     cases.sort(key=lambda case: case.severity)
     quantity = "tilt of the least-squares plane [m]"
-    return (Axis("levelling", quantity, ("sensitive_to_levelling",), tuple(cases)),)
+    return (
+        Axis("levelling", quantity, ("sensitive_to_levelling", "levelling_decides"), tuple(cases)),
+    )
 
 
 def _tilt_m(scene: Scene) -> float:

@@ -18,6 +18,7 @@ MAX_CONDITION = 1e10  # of the normal equations; a map measured everywhere has b
 BIWEIGHT_OVER_MEDIAN = 4.4478  # ISO 16610-71: 3 standard deviations of a normal distribution
 MAX_REWEIGHTS = 50
 FLOOR_SHARE = 1.0 / 3.0  # of the points, the lowest, that a floor is fitted to
+SLOPE_LINES = 100  # rows and columns, at least, that tell the slopes of the floor
 ROUNDING = 1e-12  # of the height range: a smaller spread has no meaning
 SETTLED = 1e-4  # relative change of the spread between two reweighted fits
 MAX_STEPS = 50
@@ -117,6 +118,41 @@ def remove_form(
         residual_m, radius_m, axis_rad = _fit(surface, measured, None, kind, degree)
     form = Form(kind, degree, robust and not floor, radius_m, axis_rad, floor)
     return replace(surface, height_m=residual_m), form
+
+
+def floor_slopes(surface: HeightMap) -> tuple[float, float]:
+    """Return the slopes along y and x of the floor of a map, from some of its points.
+
+    Of a map levelled by least squares: how far peaks that are not balanced over the face tilted
+    that plane against the rest of the face.
+
+    Parameters
+    ----------
+    surface : HeightMap
+        A hundred rows and columns of it, at least, are taken.
+
+    Raises
+    ------
+    UnusableSurfaceError
+        If no plane is fixed by them.
+
+    Examples
+    --------
+    >>> height_m = np.zeros((40, 60)) + 1e-6 * np.arange(60)
+    >>> height_m[:, 50:] += 1e-3
+    >>> slope_y, slope_x = floor_slopes(HeightMap(height_m, (1e-4, 1e-4)))
+    >>> round(slope_x, 6)
+    0.01
+    """
+    step_y, step_x = (max(1, n // SLOPE_LINES) for n in surface.shape)
+    dy_m, dx_m = surface.pixel_size_m
+    few = HeightMap(surface.height_m[::step_y, ::step_x], (step_y * dy_m, step_x * dx_m))
+    level, _ = remove_form(few, "plane", floor=True)
+    row, col = np.nonzero(few.measured)
+    plane_m = (few.height_m - level.height_m)[row, col]
+    columns = np.stack([row * step_y * dy_m, col * step_x * dx_m, np.ones(len(row))], axis=1)
+    slope_y, slope_x, _ = np.linalg.lstsq(columns, plane_m)[0]
+    return float(slope_y), float(slope_x)
 
 
 def _check(kind: FormKind, degree: int | None) -> None:

@@ -106,6 +106,59 @@ def doubts_of_outliers(
     return (_kept(surface, sq_m, outliers) if kept else _removed(surface, outliers),)
 
 
+def doubts_of_holes(surface: HeightMap, hill_radius_m: float) -> tuple[Problem, ...]:
+    """Say where a hole of the map may hide a hill that carries load.
+
+    A hill of which no point was measured leaves no trace. It fits into a hole that holds a disc of
+    its size. What lies beyond the measured points along both its row and its column is no hole, but
+    outside of a face that is not rectangular.
+
+    Parameters
+    ----------
+    surface : HeightMap
+        The map whose hills were found.
+    hill_radius_m : float
+        Radius of the disc that a usual hill covers above the cut.
+
+    Returns
+    -------
+    tuple of Problem
+        `hole_may_hide_hills` (warning) where the largest disc in a hole is not smaller.
+    """
+    from scipy.ndimage import distance_transform_edt
+
+    measured = surface.measured
+    if measured.all():
+        return ()
+    hole = ~measured & (_enclosed(measured, 0) | _enclosed(measured, 1))
+    # Blocks of a tenth of the disc, lost as a whole: none holds a measured point
+    steps = [max(1, int(0.1 * hill_radius_m / size_m)) for size_m in surface.pixel_size_m]
+    for axis, step in enumerate(steps):
+        hole = np.logical_and.reduceat(hole, np.arange(0, hole.shape[axis], step), axis=axis)
+    if not hole.any():
+        return ()
+    block_m = [step * size_m for step, size_m in zip(steps, surface.pixel_size_m, strict=True)]
+    # Between centres of blocks: half a block of that is measured
+    to_centre_m = distance_transform_edt(hole, sampling=block_m)
+    radius_m = float(to_centre_m.max()) - 0.5 * min(block_m)
+    if radius_m < hill_radius_m:
+        return ()
+    message = (
+        f"a hole in the map holds a disc of {radius_m:.3g} m radius, a usual hill covers one of "
+        f"{hill_radius_m:.3g} m: hills that carry load may lie in it, and are not counted; measure "
+        "what is missing, or scan a part of the face without such a hole"
+    )
+    return (Problem("hole_may_hide_hills", "warning", message),)
+
+
+def _enclosed(measured: np.ndarray, axis: int) -> np.ndarray:
+    """Tell which points have measured ones on both sides along an axis."""
+    before = np.logical_or.accumulate(measured, axis=axis)
+    after = np.flip(np.logical_or.accumulate(np.flip(measured, axis), axis=axis), axis)
+    both: np.ndarray = before & after
+    return both
+
+
 def sanity_line(surface: HeightMap, sq_m: float, sz_m: float) -> str:
     """Return one line by which a wrong unit or a damaged map is seen at a glance.
 

@@ -120,3 +120,19 @@ def test_clipped_sensor_is_a_plateau():
     surface = caps_map(CAPS)
     table = fitted(HeightMap(np.minimum(surface.height_m, -1.2e-7), surface.pixel_size_m))
     assert ((table.flags & CapFlag.plateau) != 0).any()
+
+
+@pytest.mark.parametrize(("stretch", "turn"), [(1.0, 0.0), (1.3, 0.0), (1.3, 0.7)])
+def test_the_profile_has_the_quartic_term_of_the_hill_in_any_direction(stretch, turn):
+    x, y = np.meshgrid((np.arange(120) - 60.3) * 1e-4, (np.arange(120) - 59.8) * 1e-4)
+    along = (np.cos(turn) * x + np.sin(turn) * y) / stretch
+    across = (np.cos(turn) * y - np.sin(turn) * x) * stretch
+    t = (along**2 + across**2) / 2.5e-3**2
+    for quartic in (0.0, 0.3, -0.03):
+        surface = HeightMap(-1e-7 * (t + quartic * t**2), (1e-4, 1e-4))
+        caps = fit_caps(surface, find_hills(surface), "pinned")
+        radius_m = np.sqrt(caps.radius_major_m * caps.radius_minor_m)
+        at_depth = 2.0 * radius_m * caps.fit_depth_m / 2.5e-3**2  # t where the fit ends
+        expected_m = pytest.approx(quartic * 1e-7 * at_depth**2, rel=0.02, abs=1e-13)
+        assert caps.quartic_m == expected_m
+        assert caps.profile_residual_m[0] < 1e-3 * caps.fit_depth_m[0]

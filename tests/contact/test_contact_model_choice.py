@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from scenes import caps_map
 
+from pipeline.analysis import analyze
 from pipeline.caps.families import group_families
 from pipeline.caps.fit import fit_caps
 from pipeline.caps.hills import find_hills
@@ -18,6 +19,8 @@ from pipeline.contact.model_choice import boundary_elements_s, choose_model
 from pipeline.contact.slip import slip_curve
 from pipeline.contact.unmodelled import unmodelled_area_m2
 from pipeline.settings import load_settings
+from pipeline.studies.chart_reference import ENERGIES, numbers_of, reference
+from pipeline.surface.heightmap import HeightMap
 
 E_STAR_PA = composite((200e9, 200e9), (0.3, 0.3)).E_star_Pa
 PIXEL_M = (2e-4, 2e-4)
@@ -40,6 +43,7 @@ def scene(caps, preload_N=100.0, tolerance=0.05, floor_m=-1e-6, ratio=0.10, **co
     table, families = group_families(fit_caps(surface, hills))
     table = table.with_columns(**columns)
     overrides = (f"contact.preload_N={preload_N}", f"contact.tolerance={tolerance}")
+    overrides += ("conditioning.form=none",)  # the map is level as it is
     return table, families, surface, hills.label, hills.noise_m, load_settings(overrides=overrides)
 
 
@@ -103,16 +107,75 @@ def test_uncertain_caps_make_an_uncertain_result():
     assert unsure.model == "interacting"
     assert unsure.problem.code == "boundary_elements_needed"
     assert unsure.boundary_elements_s > 0.1
-    rough = choose_model(*scene(SPREAD, residual_m=np.full(n, 10e-9)))
+    rough = choose_model(*scene(SPREAD, profile_residual_m=np.full(n, 10e-9)))
     assert rough.estimated_error > 5 * certain.estimates["interacting"]
 
 
 def test_noise_is_no_error_of_shape():
     table, *rest = scene(SPREAD)
-    rough = table.with_columns(residual_m=np.full(len(table), 10e-9))
+    rough = table.with_columns(profile_residual_m=np.full(len(table), 10e-9))
     surface, label, _, settings = rest[1:]
     choice = choose_model(rough, rest[0], surface, label, 10e-9, settings)
     assert choice.estimates["interacting"] < 0.02
+
+
+def hills_of_power(power, stretch=1.0):
+    """Four equal hills that fall as r^power, on a floor: no error of one is undone by another."""
+    x_m = (np.arange(200) + 0.5) * 1.3e-4
+    height_m = np.full((200, 200), -0.6e-6)
+    for x, y in ((7, 6.5), (19, 7.5), (6.5, 19), (19.5, 18.5)):
+        r_m = np.hypot((x_m - 1e-3 * x) / stretch, (x_m[:, None] - 1e-3 * y) * stretch)
+        height_m = np.maximum(height_m, -0.4e-6 * (r_m / 5e-3) ** power)
+    return HeightMap(height_m, (1.3e-4, 1.3e-4))
+
+
+def estimate_and_error(surface):
+    """Return what interacting caps promise, and their error beyond that of the reference."""
+    overrides = ("contact.preload_N=80", "contact.model=interacting", "conditioning.form=none")
+    settings = load_settings(overrides=overrides)
+    analysis = analyze(surface, settings, sweeps=False)
+    truth, found = reference(surface, settings, with_peak=False), numbers_of(analysis)
+    errors = {
+        name: abs(found[name] / truth.numbers[name] - 1.0) - truth.uncertainty[name]
+        for name in (*ENERGIES, "stiffness_without_bulk")
+    }
+    return analysis.contact.estimated_error, max(errors.values())
+
+
+@pytest.mark.parametrize("power", [1.6, 2.5, 3.0])
+def test_a_shape_that_all_hills_share_is_part_of_the_error(power):
+    estimate, error = estimate_and_error(hills_of_power(power))
+    assert 0.05 < error <= estimate
+
+
+@pytest.mark.parametrize("stretch", [1.2, 1.3])  # principal radii of 2.1 and 2.9 to one
+def test_ellipsoids_have_no_error_of_shape(stretch):
+    estimate, error = estimate_and_error(hills_of_power(2.0, stretch))
+    assert error <= estimate < 0.02
+
+
+def test_the_tilt_of_the_levelling_is_part_of_the_error():
+    # all caps at one end of a flat floor: the least-squares plane tilts towards them
+    places = [(0.006 + 0.011 * i, 0.006 + 0.0093 * j) for i in range(3) for j in range(4)]
+    caps = [(x, y, 20.0, -0.1e-6 * (x > 0.02)) for x, y in places]
+    surface = caps_map(caps, SHAPE, PIXEL_M, -0.5e-6)
+
+    def run(robust):
+        settings = (f"conditioning.form_robust={robust}", "contact.preload_N=300")
+        return analyze(surface, load_settings(overrides=settings), sweeps=False)
+
+    tilted, level = run("false"), run("true")
+    shares = np.array([0.25, 0.5, 0.75])
+    energy_J, true_J = (
+        one.slip.energy_at_force_J(shares * one.slip.total_slip_force_N) for one in (tilted, level)
+    )
+    error = np.abs(energy_J / true_J - 1.0).max()
+    assert 0.1 < error <= tilted.contact.estimated_error
+    assert level.contact.estimated_error < 0.05
+    # boundary elements would press the same tilted map
+    codes = {problem.code for problem in tilted.problems}
+    assert "levelling_decides" in codes
+    assert "boundary_elements_needed" not in codes
 
 
 def test_contacts_that_run_together_are_not_promised_anything():
