@@ -316,7 +316,7 @@ def _answer(
     if not (with_contact and caps.usable.any()):
         return answers(families, None, None)
     try:
-        contact, _ = press(caps, families, conditioned.surface, settings)
+        contact, _ = press(caps, families, conditioned.surface, settings, judged=False)
         slip = slip_curve(
             contact.curve,
             contact.preload_N,

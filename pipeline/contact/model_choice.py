@@ -25,8 +25,9 @@ SHAPE_SHARE = 0.38  # of the rest of a profile that acts like an error of height
 LEAST_ERROR = 0.01  # of interacting spheres against boundary elements
 BEYOND_SHARE = 0.05  # of the load, on contacts wider than their hills
 DRAWS = 16
+MOST_WIDE = 3.0  # in the logarithm of a radius
 WITH_BULK = ("mean_field", "interacting")
-BOUNDARY_ELEMENTS_S = 8e-7  # a point and binary digit of their number, on one core
+BOUNDARY_ELEMENTS_S = 1.1e-6  # a point and binary digit of their number, on one core
 
 
 @dataclass(frozen=True, eq=False)
@@ -239,7 +240,9 @@ class _Ladder:
         known = np.isfinite(quartic_m * share)  # a table that no fit made has no profiles
         up_m, wide = np.zeros((2, len(caps)))
         up_m[use] = np.where(known, 8 / 15 * quartic_m * share**2, 0.0)
-        wide[use] = np.where(known, (2 / 3 - 8 / 5 * share) * quartic_m / depth_m, 0.0)
+        # The first order would overflow far beyond the hill, which is doubted anyway
+        first_order = (2 / 3 - 8 / 5 * share) * quartic_m / depth_m
+        wide[use] = np.where(known, np.clip(first_order, -MOST_WIDE, MOST_WIDE), 0.0)
         moved = caps.with_columns(
             peak_height_m=caps.peak_height_m + up_m, radius_m=caps.radius_m * np.exp(wide)
         )

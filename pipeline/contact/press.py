@@ -56,6 +56,8 @@ def press(
     settings: Settings,
     label: np.ndarray | None = None,
     noise_m: float = 0.0,
+    *,
+    judged: bool = True,
 ) -> tuple[ContactState, CapTable]:
     """Choose the normal curve and press the face with the preload.
 
@@ -73,6 +75,9 @@ def press(
         The hills of the caps, for the choice of the model.
     noise_m : float
         Standard deviation of the noise of the map, for the choice of the model.
+    judged : bool
+        Whether to estimate the error of a model that the settings force, which takes far longer
+        than to press it.
 
     Returns
     -------
@@ -94,7 +99,7 @@ def press(
         choice = choose_model(caps, families, surface, label, noise_m, settings)
         model, reason, error, use = choice.model, choice.reason, choice.estimated_error, choice.use
         problems += [] if choice.problem is None else [choice.problem]
-    elif model != "boundary_elements":
+    elif judged and model != "boundary_elements":
         error, doubts = _doubt_of_rung(model, caps, families, surface, label, noise_m, settings)
         problems += doubts
 

@@ -328,6 +328,7 @@ def _high_load(seed: int) -> Axis:
         "boundary_elements_needed",
         "contact_reaches_below_cut",
         "pressure_beyond_elastic",
+        "bulk_kept",
     )
     return Axis("high load", "preload [N]", codes, cases)
 

@@ -102,7 +102,7 @@ def _cylinder(seed: int) -> Axis:
 
 def _patches(seed: int) -> Axis:
     levels = (2e-4, 5e-4, 1e-3, 2e-3, 3e-3, 5e-3, 8e-3)
-    codes = ("caps_non_measured", "load_on_doubtful_caps")
+    codes = ("hole_may_hide_hills", "caps_non_measured", "load_on_doubtful_caps")
     return scene_axis(
         seed,
         "non-measured patches",

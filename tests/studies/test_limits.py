@@ -78,7 +78,8 @@ def test_another_seed_gives_other_faces_of_the_same_kinds():
     ours, theirs, others = axes(), axes(0), axes(1)
     for axis, same, other in zip(ours, theirs, others, strict=True):
         assert (axis.name, axis.codes) == (other.name, other.codes)
-        assert [case.severity for case in axis.cases] == [case.severity for case in other.cases]
+        if axis.name != "levelling":  # how far the places tilt a plane is up to them
+            assert [case.severity for case in axis.cases] == [c.severity for c in other.cases]
         for one, two, three in zip(axis.cases[:2], same.cases, other.cases, strict=False):
             if axis.name in TOO_DEAR:
                 continue
