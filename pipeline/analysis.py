@@ -86,6 +86,7 @@ def analyze(
     settings: Settings | None = None,
     mate: HeightMap | None = None,
     sweeps: bool = True,
+    judged: bool = True,
 ) -> Analysis:
     """Run every stage on one face, or on two that are mated.
 
@@ -99,6 +100,8 @@ def analyze(
         The other face, as measured; `settings.mating` says how it is laid on the first.
     sweeps : bool
         False leaves the sensitivity out, and with it the problems that it would find.
+    judged : bool
+        False leaves out how far a contact model that the settings force can be trusted.
 
     Returns
     -------
@@ -153,6 +156,7 @@ def analyze(
                 settings,
                 hills.label if len(caps) == hills.n_hills else None,
                 hills.noise_m,
+                judged=judged,
             )
             problems += contact.problems
             if settings.conditioning.form == "none":

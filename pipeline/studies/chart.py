@@ -217,7 +217,7 @@ def _run(method: Method, case: Case, face: Face, answer: Reference) -> Row:
     while not seconds or (len(seconds) < repeats and seconds[0] < QUICK_S):
         begin = time.perf_counter()
         try:
-            analysis = analyze(measured, settings, sweeps=False)
+            analysis = analyze(measured, settings, sweeps=False, judged=False)
         except CapslipError as error:
             row["problem"] = str(error)
         seconds.append(time.perf_counter() - begin)

@@ -44,9 +44,10 @@ def chart_markdown(results: dict[str, Any]) -> str:
         "with boundary elements; each energy is one solution more, by Betti's theorem, and no "
         "curve is interpolated. The methods see the map of an instrument with pixels four times as "
         "large (300 x 200 points), with noise or without, and do the whole of "
-        "`pipeline.analyze`. Seconds are medians of three runs where one takes less than half a "
-        "second. Errors are relative; where a method gives no answer, it counts as infinitely "
-        "wrong. Rows give medians over all seeded faces; ranges are in the pictures and the files.",
+        "`pipeline.analyze` but the sweeps and the judgement of a forced model. Seconds are "
+        "medians of three runs where one takes less than half a second. Errors are relative; "
+        "where a method gives no answer, it counts as infinitely wrong. Rows give medians over "
+        "all seeded faces; ranges are in the pictures and the files.",
         f"Worst certificate of the {len(cases)} references: load balance "
         f"{max(c['load_balance'] for c in certificate):.1g}, penetration "
         f"{max(0.0, *(-c['least_gap'] for c in certificate)):.1g} of the approach, tension "
@@ -107,7 +108,8 @@ def _advice(results: dict[str, Any]) -> list[str]:
         f"{percent(BEST, 'energy_0.1', 'waves')} at a tenth of that force in the median and by far "
         "more on single faces, `--model boundary_elements` "
         f"({seconds(BOUNDARY)}) by {percent(BOUNDARY, 'energy_0.25', 'waves')} and "
-        f"{percent(BOUNDARY, 'energy_0.1', 'waves')}: take it where W must be right.",
+        f"{percent(BOUNDARY, 'energy_0.1', 'waves')}: take it where W must be right, on the finest "
+        "map there is, as pixels limit it at small forces.",
         f"The paper's way ({seconds(PAPER)}) is off by {percent(PAPER, 'energy_0.25')} in W, by "
         f"{percent(PAPER, 'stiffness_without_bulk')} in the stiffness; single caps without "
         f"interaction by {percent(CAPS, 'energy_0.25')} and "
