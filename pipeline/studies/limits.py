@@ -197,7 +197,8 @@ def _run(
     given = _numbers(analysis, case.shares)
     if given is None or not all(math.isfinite(given[name]) for name in _energies(case.shares)):
         row["outcome"] = "refused"
-        row["reason"] = "; ".join(p.message for p in analysis.problems if p.severity != "info")
+        said = "; ".join(p.message for p in analysis.problems if p.severity != "info")
+        row["reason"] = said or "the joint slides as a whole: the energy of a cycle has no bound"
         return row
     errors = _errors(given, known)
     if case.yield_share is not None:
