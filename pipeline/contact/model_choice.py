@@ -1,7 +1,6 @@
 """The cheapest contact model whose estimated error a scene allows."""
 
 import math
-import time
 from dataclasses import dataclass
 
 import numpy as np
@@ -39,7 +38,6 @@ class Choice:
     estimated_error: float | None  # of energy and stiffness, at 95 %; None: not known
     estimates: dict[str, float | None]  # of every rung that was tried
     use: np.ndarray  # (n,), the caps that can touch
-    cost_s: float  # of building, pressing and slipping the chosen model
     boundary_elements_s: float | None  # what they would take, where they are needed
     levelling: bool = False  # whether the levelling alone makes it doubtful
 
@@ -124,23 +122,21 @@ def choose_model(
     use, curve = reachable(caps, surface.side_m, joint.E_star_Pa, settings.contact.preload_N)
     if not isinstance(curve, InteractingCurve):
         return _too_many(ladder, use, surface.shape)
-    answers, costs_s = {}, {}
+    answers = {}
     for model in RUNGS:
-        begin = time.perf_counter()
         try:
             answers[model] = ladder.answers(ladder.curve(model, use))
         except ContactError:
             if model == RUNGS[-1]:
                 raise
-        costs_s[model] = time.perf_counter() - begin
-    doubt = ladder.doubt(use, surface, label, noise_m)
+    doubt = ladder.doubt(use, curve, surface, label, noise_m)
     own, of_caps, of_tilt = None, math.inf, 0.0
     if doubt is None:
         try:
             at = answers["interacting"]
             of_caps = math.hypot(
                 ladder.spread(use, at, noise_m),
-                ladder.shape_error(use, at),
+                ladder.shape_error(use, curve, at),
                 ladder.pair_error(use, at),
                 LEAST_ERROR,
             )
@@ -156,7 +152,7 @@ def choose_model(
     for model, estimate in estimates.items():
         if estimate is not None and estimate <= tolerance:
             reason = f"the cheapest model within {tolerance:.2g}: its error is about {estimate:.2g}"
-            return Choice(model, reason, estimate, estimates, use, costs_s[model], None)
+            return Choice(model, reason, estimate, estimates, use, None)
     if own is not None and of_caps <= tolerance:
         reason = (
             f"interacting caps may be off by {own:.2g}, more than {tolerance:.2g}: the plane of "
@@ -164,8 +160,7 @@ def choose_model(
             f"{of_tilt:.2g}; where the caps lie tilts a least-squares plane, and "
             "conditioning.form_floor = true follows the floor between them, where there is one"
         )
-        cost_s = costs_s["interacting"]
-        return Choice("interacting", reason, own, estimates, use, cost_s, None, levelling=True)
+        return Choice("interacting", reason, own, estimates, use, None, levelling=True)
     needed_s = boundary_elements_s(surface.shape)
     why = doubt or f"interacting caps may be off by {own:.2g}, more than {tolerance:.2g}"
     return Choice(
@@ -174,7 +169,6 @@ def choose_model(
         own,
         estimates,
         use,
-        costs_s["interacting"],
         needed_s,
     )
 
@@ -230,11 +224,10 @@ class _Ladder:
             found.append(self.answers(self.interacting(use, moved)) / answers - 1.0)
         return float(2.0 * np.sqrt(np.mean(np.square(found), axis=0)).max())
 
-    def shape_error(self, use: np.ndarray, answers: np.ndarray) -> float:
+    def shape_error(self, use: np.ndarray, curve: InteractingCurve, answers: np.ndarray) -> float:
         """Return twice the change of the answers with caps that follow the hills' profiles."""
-        caps, preload_N = self.caps, self.settings.contact.preload_N
-        curve = self.interacting(use, caps)
-        load_N = curve.asperity_loads_N(curve.approach_m(preload_N))
+        caps = self.caps
+        load_N = curve.asperity_loads_N(curve.approach_m(self.settings.contact.preload_N))
         depth_m, quartic_m = caps.fit_depth_m[use], caps.quartic_m[use]
         share = (load_N / curve.coefficient) ** (2 / 3) / (2.0 * depth_m)
         known = np.isfinite(quartic_m * share)  # a table that no fit made has no profiles
@@ -272,11 +265,15 @@ class _Ladder:
         return float(np.abs(self.answers(curve) / answers - 1.0).max())
 
     def doubt(
-        self, use: np.ndarray, surface: HeightMap, label: np.ndarray | None, noise_m: float
+        self,
+        use: np.ndarray,
+        curve: InteractingCurve,
+        surface: HeightMap,
+        label: np.ndarray | None,
+        noise_m: float,
     ) -> str | None:
         """Return why the error of interacting caps is not known, None where it is."""
         caps = self.caps
-        curve = self.interacting(use, caps)
         approach_m = float(curve.approach_m(self.settings.contact.preload_N))
         if curve.overlapping_pairs(approach_m):
             return "contacts run together"
@@ -302,8 +299,7 @@ class _Ladder:
 
 def _too_many(ladder: _Ladder, use: np.ndarray, shape: tuple[int, int]) -> Choice:
     """Return mean field, whose error nothing on the ladder tells."""
-    begin = time.perf_counter()
-    ladder.answers(ladder.curve("mean_field", use))
+    ladder.answers(ladder.curve("mean_field", use))  # raises where they cannot carry the load
     needed_s = boundary_elements_s(shape)
     return Choice(
         "mean_field",
@@ -311,7 +307,6 @@ def _too_many(ladder: _Ladder, use: np.ndarray, shape: tuple[int, int]) -> Choic
         None,
         {"mean_field": None},
         use,
-        time.perf_counter() - begin,
         needed_s,
     )
 

@@ -189,6 +189,12 @@ def _doubt_of_rung(
     None where it is not known: for `flat`, which has no caps, and where interacting caps, against
     which the lower rungs are measured, cannot carry the load.
     """
+    if model == "flat":
+        message = (
+            "a flat interface loses nothing below total slip: its damping is none of the face, and "
+            "its error is not known; contact.model = auto presses the caps"
+        )
+        return None, [Problem("model_doubtful", "warning", message)]
     try:
         choice = choose_model(caps, families, surface, label, noise_m, settings)
         estimate, why = choice.estimates.get(model), ""
@@ -206,11 +212,6 @@ def _doubt_of_rung(
         f"the error of {model} is {off}; contact.model = auto takes the cheapest model that is "
         f"within {tolerance:.2g}"
     )
-    if model == "flat":
-        message = (
-            "a flat interface loses nothing below total slip: its damping is none of the face, and "
-            "its error is not known; contact.model = auto presses the caps"
-        )
     return estimate, [Problem("model_doubtful", "warning", message)]
 
 
