@@ -1,6 +1,7 @@
 """Fixtures that several tests share."""
 
 import pytest
+
 from scenes import SCANS
 
 

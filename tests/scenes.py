@@ -4,7 +4,7 @@ from pathlib import Path
 
 import numpy as np
 
-from pipeline.surface.heightmap import HeightMap
+from capslip.surface.heightmap import HeightMap
 
 PROJECT = Path(__file__).parents[1]
 SCANS = PROJECT.parent / "shared" / "scans"

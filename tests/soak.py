@@ -7,7 +7,7 @@ sys.path.insert(0, str(Path(__file__).parent / "contact"))
 
 from test_contact_interacting import solve_random_scenes
 
-from pipeline.studies.fuzz_readers import fuzz_readers
+from capslip.studies.fuzz_readers import fuzz_readers
 
 if __name__ == "__main__":
     worst, slowest_s = solve_random_scenes(10_000, seed=1)

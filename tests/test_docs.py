@@ -20,7 +20,8 @@ def test_what_is_named_exists(page):
         if match["file"].startswith("tests/"):
             assert f"def {name}(" in file.read_text(encoding="utf-8"), f"{page.name} names {name}"
         else:
-            module = importlib.import_module(match["file"].removesuffix(".py").replace("/", "."))
+            path = match["file"].removesuffix(".py").removeprefix("pipeline/")
+            module = importlib.import_module(path.replace("/", "."))
             assert reduce(getattr, name.split("."), module) is not None
 
 
@@ -29,6 +30,6 @@ def test_theory_and_verification_name_their_functions():
         NAMED.findall((PROJECT / "docs" / name).read_text(encoding="utf-8"))
         for name in ("theory.md", "verification.md")
     )
-    wings = {file.split("/")[1] for file, _ in theory}
+    wings = {file.split("/")[2] for file, _ in theory}
     assert wings == {"contact", "structure"}
     assert {file.split("/")[0] for file, _ in verification} == {"tests", "pipeline"}

@@ -5,11 +5,11 @@ from dataclasses import fields, replace
 import numpy as np
 import pytest
 
-from pipeline.caps.families import group_families
-from pipeline.caps.table import CapFlag, CapTable
-from pipeline.doubts import doubts_of_bow, doubts_of_contact
-from pipeline.settings import Settings
-from pipeline.structure.response import Damping
+from capslip.caps.families import group_families
+from capslip.caps.table import CapFlag, CapTable
+from capslip.doubts import doubts_of_bow, doubts_of_contact
+from capslip.settings import Settings
+from capslip.structure.response import Damping
 
 APPROACH_M = 2e-7
 

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-PACKAGE = Path(__file__).parents[1] / "pipeline"
+PACKAGE = Path(__file__).parents[1] / "pipeline" / "capslip"
 
 # Lower number = deeper layer. A module may import from deeper layers, or its own wing's.
 LAYERS = [
@@ -59,7 +59,7 @@ def test_imports_run_one_way(path):
     module = ".".join(relative.parts)
     tree = without_type_checking(ast.parse(path.read_text(encoding="utf-8")))
     for name in imports(tree):
-        if name.startswith("pipeline."):
+        if name.startswith("capslip."):
             assert layer_of(name) <= layer_of(module), f"{module} imports {name}, which is above it"
 
 

@@ -4,28 +4,28 @@ import json
 
 import numpy as np
 import pytest
-from scenes import PROJECT, caps_map
 
-import pipeline
+import capslip
+from scenes import PROJECT, caps_map
 
 CAPS = [(6e-3, 5e-3, 24.0, 0.0), (14e-3, 12e-3, 27.0, -1e-7), (24e-3, 8e-3, 25.0, -5e-8)]
 
 
 def test_the_public_names_are_what_they_say():
-    from pipeline.analysis import analyze  # loading the module must not hide the function
+    from capslip.analysis import analyze  # loading the module must not hide the function
 
-    assert pipeline.analyze is analyze
-    assert set(pipeline.__all__) >= {"load_surface", "load_settings", "analyze", "HeightMap"}
+    assert capslip.analyze is analyze
+    assert set(capslip.__all__) >= {"load_surface", "load_settings", "analyze", "HeightMap"}
     with pytest.raises(AttributeError, match="no attribute 'nothing'"):
-        _ = pipeline.nothing
+        _ = capslip.nothing
 
 
 def test_analyze_is_pure(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     surface = caps_map(CAPS)
     before = surface.height_m.copy()
-    first = pipeline.analyze(surface, pipeline.Settings())
-    second = pipeline.analyze(surface)
+    first = capslip.analyze(surface, capslip.Settings())
+    second = capslip.analyze(surface)
     assert np.array_equal(surface.height_m, before)
     assert capsys.readouterr() == ("", "")
     assert list(tmp_path.iterdir()) == []
@@ -34,33 +34,33 @@ def test_analyze_is_pure(tmp_path, monkeypatch, capsys):
 
 
 def test_the_summary_is_json_without_nan():
-    summary = pipeline.analyze(caps_map(CAPS)).summary()
+    summary = capslip.analyze(caps_map(CAPS)).summary()
     assert json.loads(json.dumps(summary, allow_nan=False)) == summary
     assert summary["surface"]["path"] is None
 
 
 def test_default_file_holds_the_defaults():
-    from_file = pipeline.load_settings(PROJECT / "configs" / "default.toml")
-    assert from_file == pipeline.Settings()
-    assert from_file.sha256() == pipeline.Settings().sha256()
+    from_file = capslip.load_settings(PROJECT / "configs" / "default.toml")
+    assert from_file == capslip.Settings()
+    assert from_file.sha256() == capslip.Settings().sha256()
 
 
 def test_the_papers_settings_are_valid():
-    settings = pipeline.load_settings(PROJECT / "configs" / "peyret2016.toml")
+    settings = capslip.load_settings(PROJECT / "configs" / "peyret2016.toml")
     assert (settings.contact.model, settings.caps.fit) == ("families", "equation18")
 
 
 def test_what_changes_no_number_is_not_in_the_key():
-    plain = pipeline.load_settings()
-    assert pipeline.load_settings(overrides=("run.workers=3",)).sha256() == plain.sha256()
-    assert pipeline.load_settings(overrides=("contact.preload_N=3",)).sha256() != plain.sha256()
+    plain = capslip.load_settings()
+    assert capslip.load_settings(overrides=("run.workers=3",)).sha256() == plain.sha256()
+    assert capslip.load_settings(overrides=("contact.preload_N=3",)).sha256() != plain.sha256()
 
 
 def test_tilt_changes_nothing():
     surface = caps_map(CAPS)
     y, x = np.mgrid[: surface.shape[0], : surface.shape[1]]
-    tilted = pipeline.HeightMap(surface.height_m + 1e-6 * x - 2e-6 * y, surface.pixel_size_m)
-    here, there = pipeline.analyze(surface).summary(), pipeline.analyze(tilted).summary()
+    tilted = capslip.HeightMap(surface.height_m + 1e-6 * x - 2e-6 * y, surface.pixel_size_m)
+    here, there = capslip.analyze(surface).summary(), capslip.analyze(tilted).summary()
     assert there["families"]["m"] == here["families"]["m"]
     for table, key in (("contact", "approach_m"), ("damping", "peak_loss_factor")):
         assert there[table][key] == pytest.approx(here[table][key], rel=1e-6)
@@ -68,8 +68,8 @@ def test_tilt_changes_nothing():
 
 @pytest.mark.parametrize("model", ["flat", "families", "caps", "mean_field", "interacting"])
 def test_every_model_gives_a_whole_summary(model):
-    settings = pipeline.load_settings(overrides=(f"contact.model={model}",))
-    summary = pipeline.analyze(caps_map(CAPS), settings).summary()
+    settings = capslip.load_settings(overrides=(f"contact.model={model}",))
+    summary = capslip.analyze(caps_map(CAPS), settings).summary()
     assert summary["contact"]["model"] == model
     assert summary["slip"]["total_slip_force_N"] == pytest.approx(92.0)
     assert len(summary["damping"]["amplitude_m"]) >= 64
@@ -80,8 +80,8 @@ def test_every_model_gives_a_whole_summary(model):
 
 
 def test_a_preload_that_no_face_can_carry_is_an_error_in_the_result():
-    settings = pipeline.load_settings(overrides=("contact.preload_N=1e12",))
-    analysis = pipeline.analyze(caps_map(CAPS), settings)
+    settings = capslip.load_settings(overrides=("contact.preload_N=1e12",))
+    analysis = capslip.analyze(caps_map(CAPS), settings)
     failed = {p.code: p for p in analysis.problems}["contact_failed"]
     assert failed.severity == "error"
     assert analysis.status == "failed"
@@ -108,14 +108,14 @@ def test_a_preload_that_no_face_can_carry_is_an_error_in_the_result():
     ],
 )
 def test_settings_that_are_hardly_meant_are_said(overrides, code):
-    settings = pipeline.load_settings(overrides=tuple(overrides))
-    analysis = pipeline.analyze(caps_map(CAPS), settings, sweeps=False)
+    settings = capslip.load_settings(overrides=tuple(overrides))
+    analysis = capslip.analyze(caps_map(CAPS), settings, sweeps=False)
     said = {p.code for p in analysis.problems if p.severity == "warning"}
     silly = {"materials_coupled", "friction_suspect", "beam_ignored"} & said
     assert silly == ({"materials_coupled" if code == "coupled" else code} if code else set())
 
 
 def test_a_plane_interface_has_no_caps_to_doubt():
-    settings = pipeline.load_settings(overrides=("contact.model=flat",))
-    codes = {p.code for p in pipeline.analyze(caps_map(CAPS), settings).problems}
+    settings = capslip.load_settings(overrides=("contact.model=flat",))
+    codes = {p.code for p in capslip.analyze(caps_map(CAPS), settings).problems}
     assert not codes & {"one_contact", "P_not_in_contact"}

@@ -6,20 +6,20 @@ from types import SimpleNamespace
 import msgspec
 import numpy as np
 import pytest
-from scenes import REFERENCE, caps_map
 
-from pipeline.analysis import analyze
-from pipeline.caps.families import group_families
-from pipeline.caps.fit import fit_caps
-from pipeline.caps.hills import find_hills
-from pipeline.errors import ContactError
-from pipeline.output.figures_sensitivity import sensitivity as figure_of
-from pipeline.sensitivity import ANSWERS, Answers, answers, sensitivity
-from pipeline.settings import settings_from
-from pipeline.surface.conditioning import condition
-from pipeline.surface.heightmap import HeightMap
-from pipeline.surface.readers import load_surface
-from pipeline.surface.synthetic import CapFamily, Scene, synthetic_surface
+from capslip.analysis import analyze
+from capslip.caps.families import group_families
+from capslip.caps.fit import fit_caps
+from capslip.caps.hills import find_hills
+from capslip.errors import ContactError
+from capslip.output.figures_sensitivity import sensitivity as figure_of
+from capslip.sensitivity import ANSWERS, Answers, answers, sensitivity
+from capslip.settings import settings_from
+from capslip.surface.conditioning import condition
+from capslip.surface.heightmap import HeightMap
+from capslip.surface.readers import load_surface
+from capslip.surface.synthetic import CapFamily, Scene, synthetic_surface
+from scenes import REFERENCE, caps_map
 
 SMALL = HeightMap(np.random.default_rng(0).normal(size=(40, 60)), (1e-4, 1e-4))
 STEADY = np.array([5.0, 18.0, 2.4e-7, 23.8, 26.7, 3e-7, 1e-7])

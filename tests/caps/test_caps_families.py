@@ -5,16 +5,16 @@ from dataclasses import fields, replace
 
 import numpy as np
 import pytest
-from scenes import caps_map
 
-from pipeline.caps.clusters import cluster
-from pipeline.caps.families import group_families
-from pipeline.caps.fit import fit_caps
-from pipeline.caps.hills import find_hills
-from pipeline.caps.table import CapFlag, CapTable
-from pipeline.surface.conditioning import condition
-from pipeline.surface.heightmap import HeightMap
-from pipeline.surface.synthetic import CapFamily, Scene, synthetic_surface
+from capslip.caps.clusters import cluster
+from capslip.caps.families import group_families
+from capslip.caps.fit import fit_caps
+from capslip.caps.hills import find_hills
+from capslip.caps.table import CapFlag, CapTable
+from capslip.surface.conditioning import condition
+from capslip.surface.heightmap import HeightMap
+from capslip.surface.synthetic import CapFamily, Scene, synthetic_surface
+from scenes import caps_map
 
 ONE_FAMILY = {
     "normal": lambda rng, n: rng.normal(size=n),

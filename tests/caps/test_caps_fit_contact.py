@@ -5,16 +5,16 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from scenes import REFERENCE, caps_map
 
-from pipeline.caps.fit import CONTACT_SHARE, elliptic_factor, fit_caps
-from pipeline.caps.hills import find_hills
-from pipeline.caps.points import points_of_hills
-from pipeline.caps.table import CapFlag
-from pipeline.contact.curves import bulk_compliance_m_per_N
-from pipeline.contact.interacting import interacting
-from pipeline.contact.slip import slip_curve
-from pipeline.surface.heightmap import HeightMap
+from capslip.caps.fit import CONTACT_SHARE, elliptic_factor, fit_caps
+from capslip.caps.hills import find_hills
+from capslip.caps.points import points_of_hills
+from capslip.caps.table import CapFlag
+from capslip.contact.curves import bulk_compliance_m_per_N
+from capslip.contact.interacting import interacting
+from capslip.contact.slip import slip_curve
+from capslip.surface.heightmap import HeightMap
+from scenes import REFERENCE, caps_map
 
 
 def exact_elliptic_factor(axis_ratio):

@@ -5,14 +5,14 @@ from time import process_time
 
 import numpy as np
 import pytest
-from scenes import caps_map
 
-from pipeline.caps.fit import FITS, fit_caps
-from pipeline.caps.hills import find_hills
-from pipeline.caps.quadric import _inverse, _normal_equations
-from pipeline.caps.table import CapFlag
-from pipeline.errors import SettingsError
-from pipeline.surface.heightmap import HeightMap
+from capslip.caps.fit import FITS, fit_caps
+from capslip.caps.hills import find_hills
+from capslip.caps.quadric import _inverse, _normal_equations
+from capslip.caps.table import CapFlag
+from capslip.errors import SettingsError
+from capslip.surface.heightmap import HeightMap
+from scenes import caps_map
 
 PIXEL_M = 1e-4
 Y, X = (np.mgrid[:60, :60] + 0.5) * PIXEL_M

@@ -2,14 +2,14 @@
 
 import numpy as np
 import pytest
-from scenes import caps_map
 from scipy import ndimage
 
-from pipeline.caps.fit import fit_caps
-from pipeline.caps.hills import find_hills
-from pipeline.caps.noise import noise_on_hills
-from pipeline.caps.points import points_of_hills
-from pipeline.surface.heightmap import HeightMap
+from capslip.caps.fit import fit_caps
+from capslip.caps.hills import find_hills
+from capslip.caps.noise import noise_on_hills
+from capslip.caps.points import points_of_hills
+from capslip.surface.heightmap import HeightMap
+from scenes import caps_map
 
 CAPS = [
     (6e-3, 5e-3, 24.0, 0.0),

@@ -2,11 +2,11 @@
 
 import numpy as np
 import pytest
-from scenes import caps_map
 
-from pipeline.caps.hills import find_hills
-from pipeline.errors import UnusableSurfaceError
-from pipeline.surface.heightmap import HeightMap
+from capslip.caps.hills import find_hills
+from capslip.errors import UnusableSurfaceError
+from capslip.surface.heightmap import HeightMap
+from scenes import caps_map
 
 CAPS = [(6e-3, 5e-3, 24.0, 0.0), (14e-3, 12e-3, 27.0, -1e-7), (24e-3, 8e-3, 25.0, -5e-8)]
 

@@ -8,16 +8,16 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
-from scenes import caps_map
 from scipy import ndimage
 
-from pipeline.caps.hills import find_hills
-from pipeline.caps.separation import change_tree
-from pipeline.errors import SettingsError
-from pipeline.surface.conditioning import condition
-from pipeline.surface.heightmap import HeightMap
-from pipeline.surface.readers import load_surface
-from pipeline.surface.synthetic import Cap, CapFamily, Scene, synthetic_surface
+from capslip.caps.hills import find_hills
+from capslip.caps.separation import change_tree
+from capslip.errors import SettingsError
+from capslip.surface.conditioning import condition
+from capslip.surface.heightmap import HeightMap
+from capslip.surface.readers import load_surface
+from capslip.surface.synthetic import Cap, CapFamily, Scene, synthetic_surface
+from scenes import caps_map
 
 EIGHT = np.ones((3, 3))
 PIXEL_M = (1e-4, 1e-4)

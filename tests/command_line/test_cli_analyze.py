@@ -8,12 +8,12 @@ import sys
 import h5py
 import numpy as np
 import pytest
-from check_result import defects
 from click.testing import CliRunner
-from scenes import PROJECT
 
-from pipeline.caps.table import UNITS
-from pipeline.cli import main
+from capslip.caps.table import UNITS
+from capslip.cli import main
+from check_result import defects
+from scenes import PROJECT
 
 FACE = PROJECT / "sample_surfaces" / "paper_face_a.h5"
 
@@ -95,7 +95,7 @@ def test_a_face_without_caps_is_a_result_to_check(tmp_path):
 
 def test_help_loads_nothing_heavy():
     code = (
-        "import sys, pipeline.cli; "
+        "import sys, capslip.cli; "
         "print([m for m in ('numpy', 'scipy', 'h5py', 'matplotlib') if m in sys.modules])"
     )
     loaded = subprocess.run(

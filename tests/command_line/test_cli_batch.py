@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
-from pipeline.cli import main
+from capslip.cli import main
 
 
 def scan(path, seed):
@@ -117,7 +117,7 @@ def test_a_result_that_lacks_a_part_keeps_its_row_and_is_told(batch, tmp_path, m
     folder, arguments, _ = batch
     summary = (folder / "out" / "scans" / "two" / "summary.json").read_text()
     ended = subprocess.CompletedProcess([], 1, summary, "error: internal error: energy.png\n")
-    monkeypatch.setattr("pipeline.batch.subprocess.run", lambda *_, **__: ended)
+    monkeypatch.setattr("capslip.batch.subprocess.run", lambda *_, **__: ended)
     source = str(folder / "scans in" / "two.h5")
     ran = CliRunner().invoke(main, ["batch", source, "-o", str(tmp_path / "out"), *arguments[4:]])
     assert ran.exit_code == 1

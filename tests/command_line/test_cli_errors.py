@@ -10,10 +10,10 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
-from pipeline.cli import main
-from pipeline.output import store
-from pipeline.output.store import FILES, new_folder
-from pipeline.summary import SCHEMA
+from capslip.cli import main
+from capslip.output import store
+from capslip.output.store import FILES, new_folder
+from capslip.summary import SCHEMA
 
 
 @pytest.fixture

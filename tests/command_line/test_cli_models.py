@@ -5,13 +5,13 @@ import json
 import h5py
 import numpy as np
 import pytest
-from check_result import defects
 from click.testing import CliRunner
-from scenes import caps_map
 
-from pipeline.cli import MODELS, main
-from pipeline.contact import boundary_elements
-from pipeline.output import figures_contact, mesh, report
+from capslip.cli import MODELS, main
+from capslip.contact import boundary_elements
+from capslip.output import figures_contact, mesh, report
+from check_result import defects
+from scenes import caps_map
 
 
 def run(*arguments):
@@ -108,7 +108,7 @@ def test_no_half_picture_is_left(face, tmp_path, monkeypatch):
         (folder / f"{name}.png").write_bytes(b"half")
         raise OSError("no space left")
 
-    monkeypatch.setattr("pipeline.output.figures.write_figure", torn)
+    monkeypatch.setattr("capslip.output.figures.write_figure", torn)
     out = tmp_path / "out"
     ran = run("analyze", face, "--no-render", "-q", "-o", out)
     assert ran.exit_code == 1

@@ -4,10 +4,10 @@ import json
 
 import pytest
 from click.testing import CliRunner
-from scenes import PROJECT
 
-import pipeline
-from pipeline.cli import main
+import capslip
+from capslip.cli import main
+from scenes import PROJECT
 
 FACE_A, FACE_B = (PROJECT / "sample_surfaces" / f"paper_face_{x}.h5" for x in "ab")
 
@@ -26,7 +26,7 @@ def test_formats_lists_every_reader():
 def test_init_config_writes_the_defaults_once(tmp_path):
     path = tmp_path / "mine.toml"
     assert run("init-config", path).exit_code == 0
-    assert pipeline.load_settings(path) == pipeline.Settings()
+    assert capslip.load_settings(path) == capslip.Settings()
     again = run("init-config", path)
     assert again.exit_code == 2
     assert "exists already" in again.stderr

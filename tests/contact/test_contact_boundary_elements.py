@@ -7,14 +7,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pipeline.contact import polonsky_keer
-from pipeline.contact.boundary_elements import boundary_elements
-from pipeline.contact.curves import caps, in_series
-from pipeline.contact.half_space import HalfSpace, love_kernel
-from pipeline.contact.polonsky_keer import coarsened, elastic_face, press
-from pipeline.contact.slip import slip_curve
-from pipeline.errors import ContactError, SettingsError, UnusableSurfaceError
-from pipeline.surface.heightmap import HeightMap
+from capslip.contact import polonsky_keer
+from capslip.contact.boundary_elements import boundary_elements
+from capslip.contact.curves import caps, in_series
+from capslip.contact.half_space import HalfSpace, love_kernel
+from capslip.contact.polonsky_keer import coarsened, elastic_face, press
+from capslip.contact.slip import slip_curve
+from capslip.errors import ContactError, SettingsError, UnusableSurfaceError
+from capslip.surface.heightmap import HeightMap
 
 E = 110e9
 REFERENCE = Path(__file__).parents[2].parent / "shared" / "reference"
@@ -285,7 +285,7 @@ def test_reference_faces(name):
 
 def test_tamaas_agrees():
     pytest.importorskip("tamaas", reason="Tamaas is not installed here")
-    from pipeline.studies import bench_boundary_elements as bench
+    from capslip.studies import bench_boundary_elements as bench
 
     surface = bench.seeded_face((160, 240))
     face = elastic_face(surface, bench.E_STAR_PA)

@@ -8,11 +8,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pipeline.contact.curves import bulk_compliance_m_per_N, caps, in_series, mean_field
-from pipeline.contact.interacting import interacting
-from pipeline.contact.material import composite
-from pipeline.contact.slip import slip_curve
-from pipeline.errors import ContactError, SettingsError
+from capslip.contact.curves import bulk_compliance_m_per_N, caps, in_series, mean_field
+from capslip.contact.interacting import interacting
+from capslip.contact.material import composite
+from capslip.contact.slip import slip_curve
+from capslip.errors import ContactError, SettingsError
 
 STEEL = composite((200e9, 200e9), (0.3, 0.3))
 E, KAPPA = STEEL.E_star_Pa, STEEL.kappa

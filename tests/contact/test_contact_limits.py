@@ -7,10 +7,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pipeline.contact.curves import bulk_compliance_m_per_N, caps, families, in_series
-from pipeline.contact.interacting import interacting
-from pipeline.contact.material import composite
-from pipeline.contact.slip import slip_curve
+from capslip.contact.curves import bulk_compliance_m_per_N, caps, families, in_series
+from capslip.contact.interacting import interacting
+from capslip.contact.material import composite
+from capslip.contact.slip import slip_curve
 
 STEEL = composite((200e9, 200e9), (0.3, 0.3))
 E, KAPPA = STEEL.E_star_Pa, STEEL.kappa

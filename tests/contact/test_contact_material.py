@@ -4,8 +4,8 @@ import math
 
 import pytest
 
-from pipeline.contact.material import composite, dundurs_beta
-from pipeline.errors import SettingsError
+from capslip.contact.material import composite, dundurs_beta
+from capslip.errors import SettingsError
 
 
 @pytest.mark.parametrize("nu", [-0.5, 0.0, 0.3, 0.49])

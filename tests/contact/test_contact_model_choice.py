@@ -5,22 +5,22 @@ from dataclasses import replace
 import msgspec
 import numpy as np
 import pytest
-from scenes import caps_map
 
-from pipeline.analysis import analyze
-from pipeline.caps.families import group_families
-from pipeline.caps.fit import fit_caps
-from pipeline.caps.hills import find_hills
-from pipeline.contact.curves import caps as caps_curve
-from pipeline.contact.interacting import interacting
-from pipeline.contact.ladder import RUNGS, normal_curve, without_bulk
-from pipeline.contact.material import composite
-from pipeline.contact.model_choice import boundary_elements_s, choose_model
-from pipeline.contact.slip import slip_curve
-from pipeline.contact.unmodelled import unmodelled_area_m2
-from pipeline.settings import load_settings
-from pipeline.studies.chart_reference import ENERGIES, numbers_of, reference
-from pipeline.surface.heightmap import HeightMap
+from capslip.analysis import analyze
+from capslip.caps.families import group_families
+from capslip.caps.fit import fit_caps
+from capslip.caps.hills import find_hills
+from capslip.contact.curves import caps as caps_curve
+from capslip.contact.interacting import interacting
+from capslip.contact.ladder import RUNGS, normal_curve, without_bulk
+from capslip.contact.material import composite
+from capslip.contact.model_choice import boundary_elements_s, choose_model
+from capslip.contact.slip import slip_curve
+from capslip.contact.unmodelled import unmodelled_area_m2
+from capslip.settings import load_settings
+from capslip.studies.chart_reference import ENERGIES, numbers_of, reference
+from capslip.surface.heightmap import HeightMap
+from scenes import caps_map
 
 E_STAR_PA = composite((200e9, 200e9), (0.3, 0.3)).E_star_Pa
 PIXEL_M = (2e-4, 2e-4)

@@ -1,11 +1,11 @@
 """The pressed face: what it says of a model that was forced, and of the bulk term."""
 
 import pytest
-from scenes import caps_map
 
-from pipeline import analyze, load_settings
-from pipeline.contact import press as module
-from pipeline.errors import ContactError, SettingsError
+from capslip import analyze, load_settings
+from capslip.contact import press as module
+from capslip.errors import ContactError, SettingsError
+from scenes import caps_map
 
 PIXEL_M = (2e-4, 2e-4)
 SHAPE = (200, 300)

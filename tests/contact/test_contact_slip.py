@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pipeline.contact.curves import (
+from capslip.contact.curves import (
     bulk_compliance_m_per_N,
     caps,
     families,
@@ -14,9 +14,9 @@ from pipeline.contact.curves import (
     in_series,
     mean_field,
 )
-from pipeline.contact.material import composite
-from pipeline.contact.slip import SlipCurve, slip_curve
-from pipeline.errors import ContactError, SettingsError
+from capslip.contact.material import composite
+from capslip.contact.slip import SlipCurve, slip_curve
+from capslip.errors import ContactError, SettingsError
 
 STEEL = composite((200e9, 200e9), (0.3, 0.3))
 E, KAPPA = STEEL.E_star_Pa, STEEL.kappa

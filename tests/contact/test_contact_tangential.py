@@ -5,14 +5,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from pipeline.contact import tangential
-from pipeline.contact.cerruti import ShearedHalfSpace, cerruti_kernels
-from pipeline.contact.half_space import love_kernel
-from pipeline.contact.material import composite
-from pipeline.contact.polonsky_keer import elastic_face, press
-from pipeline.contact.tangential import shear
-from pipeline.errors import ContactError, SettingsError
-from pipeline.surface.heightmap import HeightMap
+from capslip.contact import tangential
+from capslip.contact.cerruti import ShearedHalfSpace, cerruti_kernels
+from capslip.contact.half_space import love_kernel
+from capslip.contact.material import composite
+from capslip.contact.polonsky_keer import elastic_face, press
+from capslip.contact.tangential import shear
+from capslip.errors import ContactError, SettingsError
+from capslip.surface.heightmap import HeightMap
 
 MU = 0.2
 TURNED = 0.6 + 0.8j  # a direction that is no axis of the map

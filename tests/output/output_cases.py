@@ -3,11 +3,11 @@
 from functools import cache
 
 import numpy as np
-from scenes import caps_map
 
-from pipeline.analysis import analyze
-from pipeline.settings import load_settings
-from pipeline.surface.heightmap import HeightMap
+from capslip.analysis import analyze
+from capslip.settings import load_settings
+from capslip.surface.heightmap import HeightMap
+from scenes import caps_map
 
 SETTINGS = load_settings(
     overrides=("contact.preload_N=150", "contact.model=caps", "conditioning.form=none")

@@ -9,8 +9,8 @@ import numpy as np
 import output_cases
 import pytest
 
-from pipeline.output.canvas import height_limits
-from pipeline.output.figures import FIGURES, write_figures
+from capslip.output.canvas import height_limits
+from capslip.output.figures import FIGURES, write_figures
 
 NEED_NO_CAP = {"height_map", "hills_and_caps"}
 
@@ -56,8 +56,8 @@ def test_what_exists_is_drawn_and_nothing_else(name, tmp_path):
 
 @pytest.mark.parametrize("model", ["flat", "families", "interacting", "mean_field"])
 def test_every_model_can_be_drawn(model, several, tmp_path):
-    from pipeline.analysis import analyze
-    from pipeline.settings import load_settings
+    from capslip.analysis import analyze
+    from capslip.settings import load_settings
 
     settings = load_settings(overrides=(f"contact.model={model}", "contact.preload_N=150"))
     drawn = {path.stem for path in write_figures(analyze(several.surface, settings), tmp_path)}
@@ -181,7 +181,7 @@ def test_loss_factor_shows_small_amplitudes_and_kinks(several):
 
 def test_matplotlib_is_imported_only_to_draw():
     code = (
-        "import sys, pipeline.output.figures, pipeline.output.mesh, pipeline.output.scene\n"
+        "import sys, capslip.output.figures, capslip.output.mesh, capslip.output.scene\n"
         "heavy = {'matplotlib', 'pyvista', 'meshio', 'vtkmodules'} & set(sys.modules)\n"
         "sys.exit(f'imported: {heavy}' if heavy else 0)"
     )

@@ -4,7 +4,7 @@ import numpy as np
 import output_cases
 import pytest
 
-from pipeline.output.mesh import cap_mesh, face_mesh, write_meshes
+from capslip.output.mesh import cap_mesh, face_mesh, write_meshes
 
 
 @pytest.fixture

@@ -7,11 +7,11 @@ import numpy as np
 import output_cases
 import pytest
 
-from pipeline.output.figures import FIGURES, write_figures
-from pipeline.output.report import MAX_ROWS, write_report
-from pipeline.problems import Problem
-from pipeline.settings import load_settings
-from pipeline.surface.heightmap import Origin
+from capslip.output.figures import FIGURES, write_figures
+from capslip.output.report import MAX_ROWS, write_report
+from capslip.problems import Problem
+from capslip.settings import load_settings
+from capslip.surface.heightmap import Origin
 
 
 @pytest.fixture

@@ -8,9 +8,9 @@ import numpy as np
 import output_cases
 import pytest
 
-from pipeline.errors import OutputError
-from pipeline.output.scene import read_scene, show, start_render
-from pipeline.output.store import write_result
+from capslip.errors import OutputError
+from capslip.output.scene import read_scene, show, start_render
+from capslip.output.store import write_result
 
 DRAW_A_SPHERE = (
     "import sys, pyvista\n"

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from scipy.linalg import eig
 
-from pipeline.errors import SettingsError
-from pipeline.structure.beam import beam_mode
+from capslip.errors import SettingsError
+from capslip.structure.beam import beam_mode
 
 STEEL = {"youngs_modulus_Pa": 200e9, "density_kg_per_m3": 7850.0, "poisson_ratio": 0.3}
 BEAM = {"length_m": 0.4, "width_m": 0.06, "thickness_m": 0.04, **STEEL}

@@ -6,11 +6,11 @@ from functools import lru_cache
 import numpy as np
 import pytest
 
-from pipeline.contact.curves import families
-from pipeline.contact.slip import slip_curve
-from pipeline.errors import SettingsError
-from pipeline.structure.compare import JointModel, Measurement, compare
-from pipeline.structure.response import response
+from capslip.contact.curves import families
+from capslip.contact.slip import slip_curve
+from capslip.errors import SettingsError
+from capslip.structure.compare import JointModel, Measurement, compare
+from capslip.structure.response import response
 
 KAPPA, K_M, K_S, JOINTS = 1.2142857, 1.8e8, 9.9e7, 2
 MU, PRELOAD_N, NOISE = 0.2, 460.0, 0.05

@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
-from pipeline.contact.curves import caps, families
-from pipeline.contact.flat import flat
-from pipeline.contact.slip import slip_curve
-from pipeline.errors import OutputError, SettingsError
-from pipeline.structure.jenkins import jenkins, write_jenkins
+from capslip.contact.curves import caps, families
+from capslip.contact.flat import flat
+from capslip.contact.slip import slip_curve
+from capslip.errors import OutputError, SettingsError
+from capslip.structure.jenkins import jenkins, write_jenkins
 
 
 def cycle_energy_J(elements, amplitude_m):

@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
-from pipeline.contact.curves import families
-from pipeline.contact.flat import flat
-from pipeline.contact.slip import slip_curve
-from pipeline.errors import SettingsError
-from pipeline.structure.response import response
+from capslip.contact.curves import families
+from capslip.contact.flat import flat
+from capslip.contact.slip import slip_curve
+from capslip.errors import SettingsError
+from capslip.structure.response import response
 
 K_M, K_S = 1.8e8, 1.0e8
 

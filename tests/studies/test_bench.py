@@ -6,8 +6,8 @@ import time
 
 import pytest
 
-from pipeline.errors import CapslipError, OutputError
-from pipeline.studies import bench
+from capslip.errors import CapslipError, OutputError
+from capslip.studies import bench
 
 
 @pytest.fixture

@@ -8,13 +8,13 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from pipeline.settings import load_settings
-from pipeline.studies import chart as study
-from pipeline.studies.chart_figures import figures
-from pipeline.studies.chart_methods import PAPER, methods
-from pipeline.studies.chart_reference import ENERGIES, QUANTITIES
-from pipeline.studies.chart_text import chart_markdown
-from pipeline.studies.scenes import BLOCK, cases, make_face, scan_cases
+from capslip.settings import load_settings
+from capslip.studies import chart as study
+from capslip.studies.chart_figures import figures
+from capslip.studies.chart_methods import PAPER, methods
+from capslip.studies.chart_reference import ENERGIES, QUANTITIES
+from capslip.studies.chart_text import chart_markdown
+from capslip.studies.scenes import BLOCK, cases, make_face, scan_cases
 
 LADDER = ("families", "caps", "mean_field", "interacting")
 BOUNDARY = "boundary elements, by grid"

@@ -4,13 +4,12 @@ import json
 
 import numpy as np
 import pytest
-from scenes import caps_map
 
-from pipeline.analysis import analyze
-from pipeline.errors import OutputError, UnreadableFileError
-from pipeline.output import store
-from pipeline.settings import load_settings
-from pipeline.studies.compare_result import (
+from capslip.analysis import analyze
+from capslip.errors import OutputError, UnreadableFileError
+from capslip.output import store
+from capslip.settings import load_settings
+from capslip.studies.compare_result import (
     compare_result,
     lines,
     load_measurement,
@@ -18,6 +17,7 @@ from pipeline.studies.compare_result import (
     to_dict,
     write_comparison,
 )
+from scenes import caps_map
 
 CAPS = [(5e-3, 5e-3, 20.0, 0.0), (15e-3, 6e-3, 22.0, -1e-8), (25e-3, 14e-3, 24.0, -5e-8)]
 

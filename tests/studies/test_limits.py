@@ -9,15 +9,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-import pipeline
-from pipeline.caps.table import CapFlag
-from pipeline.studies.limits import BREAKDOWN, FRESH_SEED, limits, measure
-from pipeline.studies.limits_axes import axes
-from pipeline.studies.limits_cases import clean, harmless_faces
-from pipeline.surface.synthetic import synthetic_surface
+import capslip
+from capslip.caps.table import CapFlag
+from capslip.studies.limits import BREAKDOWN, FRESH_SEED, limits, measure
+from capslip.studies.limits_axes import axes
+from capslip.studies.limits_cases import clean, harmless_faces
+from capslip.surface.synthetic import synthetic_surface
 
 DOCS = Path(__file__).parents[2] / "docs"
-SOURCE = Path(pipeline.__file__).parent
+SOURCE = Path(capslip.__file__).parent
 # What stands in the braces of the codes that are put together
 BRACES = {
     "caps_{flag.name}": [flag.name for flag in CapFlag],
@@ -149,7 +149,7 @@ def test_the_files(tmp_path, monkeypatch):
         asked.append(seed)
         return tuple(few)
 
-    monkeypatch.setattr("pipeline.studies.limits.axes", some)
+    monkeypatch.setattr("capslip.studies.limits.axes", some)
     results = limits(tmp_path)
     assert json.loads((tmp_path / "limits.json").read_text(encoding="utf-8")) == results
     page = (tmp_path / "limits.md").read_text(encoding="utf-8")

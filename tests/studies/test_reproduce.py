@@ -7,11 +7,11 @@ import mpmath
 import numpy as np
 import pytest
 
-from pipeline.errors import OutputError
-from pipeline.studies import paper
-from pipeline.studies.errata import errata, errata_markdown, outside_rounding, table_1_error
-from pipeline.studies.reproduce import reproduce, table_1
-from pipeline.studies.reproduce_figures import cases_of, loss_factors
+from capslip.errors import OutputError
+from capslip.studies import paper
+from capslip.studies.errata import errata, errata_markdown, outside_rounding, table_1_error
+from capslip.studies.reproduce import reproduce, table_1
+from capslip.studies.reproduce_figures import cases_of, loss_factors
 
 PROJECT = Path(__file__).parents[2]
 
@@ -202,7 +202,7 @@ def test_page_opens_offline_and_holds_everything(page):
 def test_committed_errata_are_those_computed(found, page):
     text = errata_markdown(found)
     committed = (PROJECT / "docs" / "errata.md").read_text(encoding="utf-8")
-    assert committed == text, "run: python -m pipeline.studies.errata docs/errata.md"
+    assert committed == text, "run: python -m capslip.studies.errata docs/errata.md"
     assert (page[0] / "errata.md").read_text(encoding="utf-8") == text
 
 

@@ -9,18 +9,18 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pipeline.caps.families import group_families
-from pipeline.caps.fit import fit_caps
-from pipeline.caps.hills import find_hills
-from pipeline.errors import SettingsError, UnusableSurfaceError
-from pipeline.surface.conditioning import condition
-from pipeline.surface.filters import gaussian_s_filter
-from pipeline.surface.form import remove_form
-from pipeline.surface.heightmap import HeightMap, Origin
-from pipeline.surface.plausibility import sanity_line
-from pipeline.surface.readers import load_surface
-from pipeline.surface.resampling import resample
-from pipeline.surface.synthetic import CapFamily, Scene, synthetic_surface
+from capslip.caps.families import group_families
+from capslip.caps.fit import fit_caps
+from capslip.caps.hills import find_hills
+from capslip.errors import SettingsError, UnusableSurfaceError
+from capslip.surface.conditioning import condition
+from capslip.surface.filters import gaussian_s_filter
+from capslip.surface.form import remove_form
+from capslip.surface.heightmap import HeightMap, Origin
+from capslip.surface.plausibility import sanity_line
+from capslip.surface.readers import load_surface
+from capslip.surface.resampling import resample
+from capslip.surface.synthetic import CapFamily, Scene, synthetic_surface
 
 SAMPLES = Path(__file__).parents[2] / "sample_surfaces"
 PIXEL_M = (60e-6, 50e-6)

@@ -6,13 +6,13 @@ import tracemalloc
 import numpy as np
 import pytest
 
-from pipeline.errors import SettingsError
-from pipeline.surface.filters import (
+from capslip.errors import SettingsError
+from capslip.surface.filters import (
     SIGMA_PER_NESTING_INDEX,
     gaussian_l_filter,
     gaussian_s_filter,
 )
-from pipeline.surface.heightmap import HeightMap
+from capslip.surface.heightmap import HeightMap
 
 PIXEL_M = (60e-6, 50e-6)
 NY, NX = 120, 170

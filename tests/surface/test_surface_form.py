@@ -7,10 +7,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from pipeline.errors import SettingsError, UnusableSurfaceError
-from pipeline.surface.form import remove_form
-from pipeline.surface.heightmap import HeightMap
-from pipeline.surface.synthetic import CapFamily, Scene, synthetic_surface
+from capslip.errors import SettingsError, UnusableSurfaceError
+from capslip.surface.form import remove_form
+from capslip.surface.heightmap import HeightMap
+from capslip.surface.synthetic import CapFamily, Scene, synthetic_surface
 
 PIXEL_M = (60e-6, 50e-6)
 NY, NX = 120, 170

@@ -2,11 +2,11 @@
 
 import numpy as np
 import pytest
-from scenes import caps_map
 
-from pipeline import analyze, load_settings
-from pipeline.surface.heightmap import HeightMap
-from pipeline.surface.plausibility import doubts_of_holes
+from capslip import analyze, load_settings
+from capslip.surface.heightmap import HeightMap
+from capslip.surface.plausibility import doubts_of_holes
+from scenes import caps_map
 
 PIXEL_M = (2e-4, 1e-4)
 Y_M, X_M = (np.arange(150)[:, None] + 0.5) * 2e-4, (np.arange(400) + 0.5) * 1e-4

@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 from scipy import ndimage
 
-from pipeline.errors import SettingsError, UnusableSurfaceError
-from pipeline.surface.conditioning import condition, sq_and_sz_m
-from pipeline.surface.heightmap import HeightMap, Origin
-from pipeline.surface.mating import composite_surface, doubts_of_mating, mate, place
-from pipeline.surface.synthetic import CapFamily, Scene, synthetic_surface
+from capslip.errors import SettingsError, UnusableSurfaceError
+from capslip.surface.conditioning import condition, sq_and_sz_m
+from capslip.surface.heightmap import HeightMap, Origin
+from capslip.surface.mating import composite_surface, doubts_of_mating, mate, place
+from capslip.surface.synthetic import CapFamily, Scene, synthetic_surface
 
 D_M = 50e-6
 PIXEL_M = (D_M, D_M)

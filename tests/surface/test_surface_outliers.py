@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 from scipy import ndimage
 
-from pipeline.surface.form import remove_form
-from pipeline.surface.heightmap import HeightMap
-from pipeline.surface.outliers import find_outliers
-from pipeline.surface.readers import load_surface
+from capslip.surface.form import remove_form
+from capslip.surface.heightmap import HeightMap
+from capslip.surface.outliers import find_outliers
+from capslip.surface.readers import load_surface
 
 SCANS = Path(__file__).parents[3] / "shared" / "scans"
 PIXEL_M = (50e-6, 50e-6)

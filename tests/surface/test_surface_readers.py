@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 import x3pio
 
-from pipeline.errors import (
+from capslip.errors import (
     CapslipError,
     OutputError,
     SettingsError,
@@ -19,9 +19,9 @@ from pipeline.errors import (
     UnreadableFileError,
     UnusableSurfaceError,
 )
-from pipeline.surface.heightmap import HeightMap
-from pipeline.surface.readers import formats, load_surface
-from pipeline.surface.readers.hdf5 import write_hdf5
+from capslip.surface.heightmap import HeightMap
+from capslip.surface.readers import formats, load_surface
+from capslip.surface.readers.hdf5 import write_hdf5
 
 HEIGHTS = np.random.default_rng(5).standard_normal((20, 30))
 CALIBRATION = {"unit": "um", "pixel_size": (1.0, 2.0), "lateral_unit": "mm"}
@@ -298,7 +298,7 @@ def test_formats_names_every_reader():
 
 def test_registry_imports_no_reading_library():
     code = (
-        "import sys, pipeline.surface.readers; "
+        "import sys, capslip.surface.readers; "
         "heavy = ('h5py', 'x3pio', 'tifffile', 'SurfaceTopography', 'scipy'); "
         "print([m for m in heavy if m in sys.modules])"
     )

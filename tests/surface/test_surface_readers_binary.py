@@ -11,9 +11,9 @@ import tifffile
 import x3pio
 from scipy.io import savemat
 
-from pipeline.errors import UncalibratedError, UnreadableFileError
-from pipeline.surface.readers import load_surface
-from pipeline.surface.readers.stored import check_growth
+from capslip.errors import UncalibratedError, UnreadableFileError
+from capslip.surface.readers import load_surface
+from capslip.surface.readers.stored import check_growth
 
 MAP = np.random.default_rng(8).normal(size=(7, 9))
 CALIBRATION = {"unit": "um", "pixel_size": (2.0, 1.0), "lateral_unit": "um"}

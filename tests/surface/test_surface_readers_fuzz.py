@@ -2,8 +2,8 @@
 
 import sys
 
-from pipeline.studies.fuzz_readers import calibration, fuzz_readers, valid_files
-from pipeline.surface.readers import load_surface
+from capslip.studies.fuzz_readers import calibration, fuzz_readers, valid_files
+from capslip.surface.readers import load_surface
 
 
 def test_no_damaged_file_escapes_the_errors_of_the_project(monkeypatch):

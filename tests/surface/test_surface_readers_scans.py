@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pipeline.surface.readers import load_surface
+from capslip.surface.readers import load_surface
 
 SCANS = Path(__file__).parents[3] / "shared" / "scans"
 ORACLE = json.loads((SCANS / "oracle.json").read_text("utf-8")) if SCANS.is_dir() else {}

@@ -9,14 +9,14 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pipeline.errors import (
+from capslip.errors import (
     CapslipError,
     UncalibratedError,
     UnreadableFileError,
     UnusableSurfaceError,
 )
-from pipeline.surface.readers import load_surface
-from pipeline.surface.readers.points import grid_points
+from capslip.surface.readers import load_surface
+from capslip.surface.readers.points import grid_points
 
 CALIBRATION = {"unit": "um", "pixel_size": (2.0, 1.0), "lateral_unit": "mm"}
 LENGTHS = {"unit": "um", "lateral_unit": "mm"}
@@ -296,7 +296,7 @@ def test_million_points_are_read_in_time_and_memory(tmp_path):
     with path.open("w") as file:
         file.writelines(f"{x:.4f} {y:.4f} {z:.6f}\n" for x, y, z in rng.permutation(points))
     code = (
-        "import sys, time; from pipeline.surface.readers import load_surface\n"
+        "import sys, time; from capslip.surface.readers import load_surface\n"
         "start = time.process_time()\n"
         "surface = load_surface(sys.argv[1], unit='um', lateral_unit='mm')\n"
         "took = time.process_time() - start\n"

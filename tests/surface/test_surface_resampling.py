@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from pipeline.errors import SettingsError
-from pipeline.surface.heightmap import HeightMap
-from pipeline.surface.resampling import resample
+from capslip.errors import SettingsError
+from capslip.surface.heightmap import HeightMap
+from capslip.surface.resampling import resample
 
 PIXEL_M = (60e-6, 50e-6)
 NY, NX = 120, 180

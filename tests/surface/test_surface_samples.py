@@ -6,9 +6,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pipeline.studies.samples import samples, write_samples
-from pipeline.surface.conditioning import condition
-from pipeline.surface.readers import load_surface
+from capslip.studies.samples import samples, write_samples
+from capslip.surface.conditioning import condition
+from capslip.surface.readers import load_surface
 
 FOLDER = Path(__file__).parents[2] / "sample_surfaces"
 NAMES = [sample.name for sample in samples()]

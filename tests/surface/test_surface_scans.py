@@ -6,8 +6,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pipeline.surface.conditioning import condition
-from pipeline.surface.readers import load_surface
+from capslip.surface.conditioning import condition
+from capslip.surface.readers import load_surface
 
 SCANS = Path(__file__).parents[3] / "shared" / "scans"
 OPEN = (
@@ -88,7 +88,7 @@ def test_what_is_odd_about_a_scan_is_said(name, code):
 @pytest.mark.parametrize("name", VENDOR)
 def test_half_a_vendor_file_is_refused_in_one_line(name, tmp_path, capfd):
     pytest.importorskip("SurfaceTopography", reason="extra `vendor`", exc_type=ImportError)
-    from pipeline.errors import CapslipError
+    from capslip.errors import CapslipError
 
     content = (SCANS / name).read_bytes()
     half = tmp_path / Path(name).name

@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 from scipy import ndimage
 
-from pipeline.errors import SettingsError
-from pipeline.surface.conditioning import condition
-from pipeline.surface.form import remove_form
-from pipeline.surface.synthetic import Cap, CapFamily, Scene, synthetic_surface
+from capslip.errors import SettingsError
+from capslip.surface.conditioning import condition
+from capslip.surface.form import remove_form
+from capslip.surface.synthetic import Cap, CapFamily, Scene, synthetic_surface
 
 PAPER = Scene(families=(CapFamily("G", 2, 23.8), CapFamily("P", 9, 26.7, 0.24e-6)), seed=5)
 SMALL = replace(PAPER, shape=(400, 600), pixel_size_m=(1e-4, 1e-4))

@@ -1,0 +1,42 @@
+"""capslip: from a scan of a joint face to its damping.
+
+The public names load on first use, so that `import capslip` and `capslip --help` stay fast.
+"""
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+__version__ = "0.1.0"
+
+if TYPE_CHECKING:
+    from capslip.analysis import Analysis, analyze
+    from capslip.errors import CapslipError
+    from capslip.settings import Settings, load_settings
+    from capslip.surface.heightmap import HeightMap
+    from capslip.surface.readers import load_surface
+
+__all__ = [
+    "Analysis",
+    "CapslipError",
+    "HeightMap",
+    "Settings",
+    "analyze",
+    "load_settings",
+    "load_surface",
+]
+
+_HOME = {
+    "Analysis": "capslip.analysis",
+    "CapslipError": "capslip.errors",
+    "HeightMap": "capslip.surface.heightmap",
+    "Settings": "capslip.settings",
+    "analyze": "capslip.analysis",
+    "load_settings": "capslip.settings",
+    "load_surface": "capslip.surface.readers",
+}
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _HOME:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    return getattr(import_module(_HOME[name]), name)

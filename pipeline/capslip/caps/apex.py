@@ -1,0 +1,122 @@
+"""The apex of each hill, which noise does not lift."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from capslip.caps.hills import Hills
+from capslip.caps.noise import Noise
+from capslip.caps.points import HillPoints
+from capslip.caps.quadric import Quadrics, fit_quadrics
+from capslip.surface.heightmap import HeightMap
+
+CROWN_POINTS = 25  # highest points from which the apex is taken where there is no noise
+CROWN_NOISE = 10.0  # depth, in standard deviations of the noise, from which it is taken otherwise
+
+
+@dataclass(frozen=True, eq=False)
+class Apexes:
+    """Apexes of all hills; shape (n,) unless said otherwise, NaN for a hill without points."""
+
+    highest_m: np.ndarray  # (3, n): x, y and z of the highest point
+    highest_se_m: np.ndarray  # by how much noise and pixels may misplace its height
+    ties: np.ndarray  # number of points that share its height
+    apex_m: np.ndarray  # (3, n): vertex of the quadric, or what stands in for it
+    apex_se_m: np.ndarray  # standard error of its height
+    on_surface: np.ndarray  # whether it is the vertex
+    least_depth_m: np.ndarray  # depth of the crown, the shallowest that can be fitted
+    floor_m: np.ndarray  # level below which noise takes points away from the hill
+
+
+def find_apexes(surface: HeightMap, hills: Hills, points: HillPoints, noise: Noise) -> Apexes:
+    """Find the apexes by a quadric through the crown of each hill.
+
+    The crown is as deep as noise demands, and as shallow as pixels allow: on a hill that is no
+    paraboloid a deeper one would shift the apex. The vertex must lie on the hill, and no farther
+    than the depth of the crown from the highest point. Where it does not, as on a slope that the
+    edge cuts, the apex is where the quadric is highest among the points of the crown, or the
+    highest point itself where there is no quadric or no noise.
+
+    Parameters
+    ----------
+    surface : HeightMap
+        Heights after removal of the form.
+    hills : Hills
+        Labelled hills of the same map.
+    points : HillPoints
+        Their points.
+    noise : Noise
+        What `noise_on_hills` returned.
+    """
+    count = points.count
+    many = np.maximum(count, 1)
+    highest_m, ties = _first_highest(
+        points.n_hills, points.hill, points.x_m, points.y_m, points.z_m
+    )
+    height_m = np.fmax(highest_m[2] - hills.cut_height_m, 0.0)
+    floor_m = hills.cut_height_m + np.minimum(3.0 * noise.rms_m, 0.3 * height_m)
+    # On a sphere the height falls by equal amounts from point to point.
+    per_point_m = height_m / many
+    depth_m = np.maximum(CROWN_NOISE * noise.rms_m, CROWN_POINTS * per_point_m)
+    # The highest point of many stands up to four standard deviations above the surface.
+    seen_m = np.maximum(depth_m, (CROWN_NOISE + 4.0) * noise.rms_m)
+    level_m = np.maximum(highest_m[2] - seen_m, floor_m)
+    crown = fit_quadrics(points, level_m, highest_m)
+    if noise.rms_m > 0.0:
+        level_m = np.where(crown.exists, np.fmax(crown.z_m - depth_m, floor_m), level_m)
+        crown = fit_quadrics(points, level_m, highest_m, crown, noise.rms_m)
+    on_surface = on_hill(surface, hills, crown)
+    on_surface[on_surface] = np.abs(crown.z_m - highest_m[2])[on_surface] <= seen_m[on_surface]
+    highest_se_m = noise.rms_m * np.sqrt(2.0 * np.log(np.maximum(count, 2))) + per_point_m
+    apex_m = np.where(on_surface, np.stack([crown.x_m, crown.y_m, crown.z_m]), highest_m)
+    fitted = on_surface
+    if noise.rms_m > 0.0:
+        summit_m = _summit(points, crown)
+        slope = crown.solved & ~on_surface & (np.abs(summit_m[2] - highest_m[2]) <= seen_m)
+        apex_m = np.where(slope, summit_m, apex_m)
+        fitted = on_surface | slope
+    scatter_m = np.fmax(crown.residual_m, noise.rms_m) * noise.inflation
+    gain = crown.height_gain(apex_m[0], apex_m[1])
+    return Apexes(
+        highest_m=highest_m,
+        highest_se_m=highest_se_m,
+        ties=ties,
+        apex_m=apex_m,
+        apex_se_m=np.where(fitted, scatter_m * gain, highest_se_m),
+        on_surface=on_surface,
+        least_depth_m=depth_m,
+        floor_m=floor_m,
+    )
+
+
+def on_hill(surface: HeightMap, hills: Hills, quadric: Quadrics) -> np.ndarray:
+    """Tell whether each vertex exists and lies over its own hill, or over a hole in the map."""
+    (ny, nx), (dy_m, dx_m) = surface.shape, surface.pixel_size_m
+    row = np.where(quadric.exists, quadric.y_m / dy_m, -1.0)
+    col = np.where(quadric.exists, quadric.x_m / dx_m, -1.0)
+    inside = (row >= 0.0) & (row < ny) & (col >= 0.0) & (col < nx)
+    row, col = (np.where(inside, place, 0.0).astype(np.intp) for place in (row, col))
+    own = hills.label[row, col] == np.arange(1, len(row) + 1)
+    return inside & (own | np.isnan(surface.height_m[row, col]))
+
+
+def _summit(points: HillPoints, quadric: Quadrics) -> np.ndarray:
+    """Return x, y, z where each quadric is highest among the points it was fitted to."""
+    hill = points.hill[quadric.chosen]
+    x_m, y_m = points.x_m[quadric.chosen], points.y_m[quadric.chosen]
+    return _first_highest(points.n_hills, hill, x_m, y_m, quadric.height_m(hill, x_m, y_m))[0]
+
+
+def _first_highest(
+    n: int, hill: np.ndarray, x_m: np.ndarray, y_m: np.ndarray, z_m: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return x, y, z of the first highest point of each hill, and how many are as high."""
+    count = np.bincount(hill, minlength=n)
+    some = count > 0
+    highest_m = np.full((3, n), np.nan)
+    if some.any():
+        highest_m[2, some] = np.maximum.reduceat(z_m, (np.cumsum(count) - count)[some])
+    at = np.flatnonzero(z_m == np.repeat(highest_m[2], count))[::-1]
+    highest_m[0, hill[at]] = x_m[at]
+    highest_m[1, hill[at]] = y_m[at]
+    return highest_m, np.bincount(hill[at], minlength=n)

@@ -1,0 +1,320 @@
+"""Hills: the parts of the face that stand above the cut, separated where they run together.
+
+The paper keeps the highest 10 % of the points (its section 3): the cut height is Smc(10 %) of the
+areal material ratio curve, taken over the measured points alone; its hills are the connected
+regions above the cut. On ground or worn faces one region holds many hills, so these are separated
+by watershed, and Wolf's pruning joins again what no distinct saddle divides.
+"""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from capslip.caps.pruning import MIN_POINTS, Basins, automatic_pruning_m, change_of_count
+from capslip.caps.separation import ChangeTree, change_tree
+from capslip.errors import SettingsError, UnusableSurfaceError
+from capslip.surface.heightmap import HeightMap
+
+NOISE_FACTOR = 5.0  # noise alone lifts a point this many standard deviations once in 3.5 million
+NOISE_ROWS = 128
+
+SQUARES = (3, 5, 7, 9)  # points; wider ones fill the saddles of hills of usual size
+QUIET = 0.02  # of the relief: what averaging should leave of NOISE_FACTOR times the noise
+
+
+@dataclass(frozen=True, eq=False)
+class Hills:
+    """Labelled hills of one height map, the highest first.
+
+    Attributes
+    ----------
+    label : int32, shape (ny, nx)
+        1 ... n on the hills, 0 elsewhere and at non-measured points.
+    parent_region : int32, shape (n,)
+        Connected region that holds each hill, 1 ... n_regions.
+    prominence_m : float64, shape (n,)
+        Height of each peak above the saddle to a higher one; above the cut for the highest of a
+        region. Of the averaged heights, see `square`.
+    cut_height_m : float
+        Smc(material ratio).
+    kept_fraction : float
+        Share of the measured points at or above the cut.
+    n_regions : int
+        Connected regions above the cut, fragments included.
+    largest_region_share, largest_hill_share : float
+        Points of the largest region, and of the largest hill, over all points above the cut.
+    noise_m : float
+        Standard deviation of the point-to-point noise.
+    square : int
+        Peaks and saddles are those of the mean heights over squares of so many points a side.
+    pruning_height_m : float
+        Least prominence of a hill beside a higher one; inf where regions were left whole.
+    n_hills_half_pruning, n_hills_double_pruning : int
+        Number of hills if the pruning height were halved, or doubled.
+    rejected : dict
+        Hills that carry no label, counted by reason.
+    """
+
+    label: np.ndarray
+    parent_region: np.ndarray
+    prominence_m: np.ndarray
+    cut_height_m: float
+    kept_fraction: float
+    n_regions: int
+    largest_region_share: float
+    largest_hill_share: float
+    noise_m: float
+    square: int
+    pruning_height_m: float
+    n_hills_half_pruning: int
+    n_hills_double_pruning: int
+    rejected: dict[str, int]
+
+    @property
+    def n_hills(self) -> int:
+        """Number of hills."""
+        return len(self.parent_region)
+
+    @property
+    def pruning_sensitivity(self) -> float:
+        """Greater relative change of the number of hills as the pruning is halved or doubled."""
+        return change_of_count(self.n_hills_half_pruning, self.n_hills, self.n_hills_double_pruning)
+
+
+def find_hills(
+    surface: HeightMap,
+    material_ratio: float = 0.10,
+    separation: str = "watershed",
+    pruning_height_m: float | None = None,
+    pruning_percent_Sz: float | None = None,
+) -> Hills:
+    """Cut a height map and separate what stands above the cut into hills, with eight neighbours.
+
+    Parameters
+    ----------
+    surface : HeightMap
+        Heights after removal of the form.
+    material_ratio : float
+        Share of the measured points to keep, in (0, 1).
+    separation : {"watershed", "regions"}
+        Hills by steepest ascent, pruned by saddle height, or connected regions as they are.
+    pruning_height_m, pruning_percent_Sz : float, optional
+        Least height of a peak above the saddle to a higher one, in metres or in per cent of the
+        height range Sz. Give one of them at most. By default it is chosen from the map: the lowest
+        height, from five times the noise up, at which the number of hills hardly depends on it.
+
+    Returns
+    -------
+    Hills
+        Hills of fewer than 9 points that have a higher neighbour belong to it. Others, and those
+        that noise alone would raise above the cut, are counted in `rejected` and carry no label.
+
+    Raises
+    ------
+    UnusableSurfaceError
+        If no point is measured, all heights are equal, or fewer than 9 points lie above the cut.
+    SettingsError
+        If the separation is unknown, or the pruning is not positive or given twice.
+
+    Notes
+    -----
+    Peaks and saddles are sought on heights averaged over a square of 3 x 3 points, up to 9 x 9
+    where the noise asks for it; a single point that stands above all its neighbours counts as high
+    as the highest of them. The cut, the labels' outline and all later stages see the heights as
+    measured. Non-measured points carry no label, but hold a hill together where the mean around
+    them, or the straight line across a patch of them, lies above the cut.
+
+    Without `pruning_height_m` and `pruning_percent_Sz`, the pruning height starts at five standard
+    deviations of the averaged noise, or 0.5 % of the relief (twice the median height above the cut)
+    if that is more. It is doubled, up to a third of the relief, until half and double of it change
+    the number of hills by less than 10 %. Where no height does, the lowest is taken, and
+    `pruning_sensitivity` says how much the number depends on it.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> y, x = np.mgrid[-50:51, -50:51] * 1e-4
+    >>> hills = find_hills(HeightMap(-(x**2 + y**2) / 50, (1e-4, 1e-4)))
+    >>> hills.n_hills, round(hills.kept_fraction, 2)
+    (1, 0.1)
+    """
+    _check(separation, pruning_height_m, pruning_percent_Sz)
+    heights_m = surface.height_m[surface.measured]
+    name = surface.origin.name
+    if heights_m.size == 0:
+        raise UnusableSurfaceError(
+            f"{name}: all {surface.height_m.size} points are non-measured; expected heights; "
+            "check the file's code for missing data"
+        )
+    sz_m = float(heights_m.max() - heights_m.min())
+    if sz_m == 0.0:
+        raise UnusableSurfaceError(
+            f"{name}: all {heights_m.size} measured heights equal {heights_m[0]:g} m; expected a "
+            "surface with relief; check the dataset and the unit"
+        )
+    if separation == "regions":
+        pruning_height_m = math.inf
+    elif pruning_percent_Sz is not None:
+        pruning_height_m = pruning_percent_Sz / 100.0 * sz_m
+    ratios = (1.0 - material_ratio, 1.0 - material_ratio / 2.0)
+    cut_m, middle_m = (float(height_m) for height_m in np.quantile(heights_m, ratios))
+    relief_m = 2.0 * (middle_m - cut_m) or sz_m  # no relief: a plateau
+    return _separate(surface, heights_m.size, cut_m, relief_m, pruning_height_m)
+
+
+def _check(
+    separation: str, pruning_height_m: float | None, pruning_percent_Sz: float | None
+) -> None:
+    if separation not in ("watershed", "regions"):
+        raise SettingsError(
+            f"hills.separation: got {separation!r}; expected one of watershed, regions"
+        )
+    if pruning_height_m is not None and pruning_percent_Sz is not None:
+        raise SettingsError(
+            "hills: got both pruning_height_m and pruning_percent_Sz; give one of them, or none"
+        )
+    for name, value in (("height_m", pruning_height_m), ("percent_Sz", pruning_percent_Sz)):
+        if value is not None and not 0.0 < value < math.inf:
+            raise SettingsError(f"hills.pruning_{name}: got {value}; expected a positive number")
+
+
+def _separate(
+    surface: HeightMap, n_measured: int, cut_m: float, relief_m: float, pruning_m: float | None
+) -> Hills:
+    # A frame of non-measured points spares every later step the edge of the map.
+    margin = SQUARES[-1] // 2
+    above_m = np.pad(surface.height_m - cut_m, margin, constant_values=np.nan)
+    point = np.flatnonzero(above_m >= 0.0)
+    n_kept = point.size
+    if n_kept < MIN_POINTS:
+        raise UnusableSurfaceError(
+            f"{surface.origin.name}: {n_kept} points lie above the cut at {cut_m:.3g} m; expected "
+            f"at least {MIN_POINTS}; raise hills.material_ratio or use a finer scan"
+        )
+    noise_m = _noise(surface.height_m)
+    square, noise_left_m = _square(noise_m, relief_m, n_measured / surface.height_m.size)
+    _lower_spikes(above_m, point)
+    tree, raw_m = _tree(above_m, point, margin, square)
+
+    measured = ~np.isnan(raw_m)
+    hill, m = tree.hill[measured], len(tree.peak_m)
+    highest_m = np.full(m, -np.inf)
+    np.maximum.at(highest_m, hill, raw_m[measured])
+    low = (highest_m < NOISE_FACTOR * noise_m) & (tree.peak_m < NOISE_FACTOR * noise_left_m)
+    basins = Basins(tree, np.bincount(hill, minlength=m), low)
+    if pruning_m is None:
+        pruning_m = automatic_pruning_m(basins, NOISE_FACTOR * noise_left_m, relief_m)
+
+    group, keep, rejected = basins.pruned(pruning_m)
+    number = np.cumsum(keep, dtype=np.int32) * keep
+    label = np.zeros(above_m.size, dtype=np.int32)
+    label[tree.point[measured]] = number[group[hill]]
+    label = label.reshape(above_m.shape)[margin:-margin, margin:-margin]
+    region = tree.join(np.full(m, True))
+    region_points = basins.points_of(region)
+    return Hills(
+        label=np.ascontiguousarray(label),
+        parent_region=np.cumsum(region_points > 0, dtype=np.int32)[region[keep]],
+        prominence_m=np.clip(tree.prominence_m, 0.0, np.maximum(tree.peak_m, 0.0))[keep],
+        cut_height_m=cut_m,
+        kept_fraction=n_kept / n_measured,
+        n_regions=int(np.count_nonzero(region_points)),
+        largest_region_share=float(region_points.max() / n_kept),
+        largest_hill_share=float(basins.points_of(group).max() / n_kept),
+        noise_m=noise_m,
+        square=square,
+        pruning_height_m=pruning_m,
+        n_hills_half_pruning=basins.count(0.5 * pruning_m),
+        n_hills_double_pruning=basins.count(2.0 * pruning_m),
+        rejected=rejected,
+    )
+
+
+def _square(noise_m: float, relief_m: float, measured_share: float) -> tuple[int, float]:
+    """Choose the side of the averaging square; return it and the noise that it leaves."""
+    for side in SQUARES:
+        points = side * side * measured_share
+        left_m = noise_m / math.sqrt(points)
+        if points > 6.0 and NOISE_FACTOR * left_m <= QUIET * relief_m:
+            break
+    return side, left_m
+
+
+def _lower_spikes(above_m: np.ndarray, point: np.ndarray) -> None:
+    """Lower single points that exceed all eight neighbours to the highest of these, in place."""
+    width, flat_m = above_m.shape[1], above_m.reshape(-1)
+    around_m = flat_m[point - 1]
+    for step in (1, width - 1, -width + 1, width, -width, width + 1, -width - 1):
+        np.fmax(around_m, flat_m[point + step], out=around_m)
+    flat_m[point] = np.fmin(flat_m[point], around_m)
+
+
+def _tree(
+    above_m: np.ndarray, point: np.ndarray, margin: int, side: int
+) -> tuple[ChangeTree, np.ndarray]:
+    """Build the tree of the averaged heights; return it and the heights at its points.
+
+    Non-measured points whose mean lies above the cut are in it too, with height NaN.
+    """
+    missing = np.isnan(above_m)
+    inner = np.zeros_like(missing)
+    inner[margin:-margin, margin:-margin] = missing[margin:-margin, margin:-margin]
+    point = np.concatenate((point, np.flatnonzero(inner)))
+    mean_m = _mean(above_m, missing, point, side)
+    deep = np.isnan(mean_m)
+    if deep.any():
+        field_m = np.full(above_m.size, np.nan)
+        field_m[point] = mean_m
+        mean_m[deep] = _across(field_m, point[deep], above_m.shape[1])
+    flat_m = above_m.reshape(-1)
+    taken = (mean_m >= 0.0) | ~np.isnan(flat_m[point])
+    tree = change_tree(point[taken], mean_m[taken], above_m.shape)
+    return tree, flat_m[tree.point]
+
+
+def _mean(above_m: np.ndarray, missing: np.ndarray, point: np.ndarray, side: int) -> np.ndarray:
+    """Mean of the measured heights in a square about each point, NaN where there is none."""
+    from scipy.ndimage import uniform_filter1d
+
+    width = above_m.shape[1]
+    total, weight = np.zeros(len(point)), np.zeros(len(point))
+    values = np.where(missing, 0.0, above_m)
+    for field, at_points in ((values, total), (~missing, weight)):
+        along_row = uniform_filter1d(field, side, axis=1, output=np.float64).reshape(-1)
+        for step in range(-(side // 2), side // 2 + 1):
+            at_points += along_row[point + step * width]
+    weight[weight < 0.5 / side] = np.nan
+    return total / weight
+
+
+def _across(field_m: np.ndarray, point: np.ndarray, width: int) -> np.ndarray:
+    """Bridge the inside of non-measured patches, along rows or columns, whichever is higher.
+
+    Heights run straight from one side of a patch to the other; NaN where one side is the edge.
+    """
+    bridge_m = np.full(len(point), np.nan)
+    for step, order in ((1, np.arange(len(point))), (width, np.lexsort((point, point % width)))):
+        line = point[order]
+        begins = np.append(True, np.diff(line) != step)
+        run, start = np.cumsum(begins) - 1, line[begins]
+        length = np.bincount(run)
+        before_m, after_m = field_m[start - step], field_m[start + step * length]
+        share = ((line - start[run]) // step + 1) / (length + 1)[run]
+        along_m = before_m[run] + share * (after_m - before_m)[run]
+        bridge_m[order] = np.fmax(bridge_m[order], along_m)
+    return bridge_m
+
+
+def _noise(height_m: np.ndarray) -> float:
+    """Return the standard deviation of white noise, from the median of the second mixed difference.
+
+    The stencil (1 -2 1) x (1 -2 1) is blind to any quadratic surface; white noise comes out of it
+    36 times in variance. The median holds against steps and spikes. Points beside non-measured
+    ones drop out; a hundred rows are enough.
+    """
+    middle = np.arange(1, len(height_m) - 1, max(1, len(height_m) // NOISE_ROWS))
+    rows = height_m[middle - 1] - 2 * height_m[middle] + height_m[middle + 1]
+    both = rows[:, :-2] - 2 * rows[:, 1:-1] + rows[:, 2:]
+    both = np.abs(both[~np.isnan(both)])
+    return float(np.median(both) / (0.6744897501960817 * 6.0)) if both.size else 0.0

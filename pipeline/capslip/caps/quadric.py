@@ -1,0 +1,210 @@
+"""Quadric surfaces by least squares, one a hill, all hills at once."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from capslip.caps.points import HillPoints
+
+MIN_POINTS = 9  # three more than the unknowns
+MAX_INFLATION = 1e8  # of a coefficient's variance by the others: beyond, the points lie on a line
+_POWERS = ((0, 0), (1, 0), (0, 1), (2, 0), (1, 1), (0, 2))  # of u and v in z = sum c u^i v^j
+
+
+@dataclass(frozen=True, eq=False)
+class Quadrics:
+    """Surfaces z = c0 + c1 u + c2 v + c3 u^2 + c4 u v + c5 v^2 with (u, v) from `origin_m`, scaled.
+
+    Shape (n,) unless said otherwise. What needs a vertex is NaN where there is none: too few
+    points, points on a line, or a surface that does not curve downwards in all directions.
+    """
+
+    x_m: np.ndarray  # vertex
+    y_m: np.ndarray
+    z_m: np.ndarray
+    curvature_per_m: np.ndarray  # (2, n): the smaller and the larger principal curvature
+    orientation_rad: np.ndarray  # of the direction of the smaller curvature, from x towards y
+    curvature_gain: np.ndarray  # relative standard error of sqrt(k1 k2), see `height_gain`, 1/m
+    points: np.ndarray  # number of points
+    chosen: np.ndarray  # their indices among the points of all hills
+    spread_m2: np.ndarray  # square root of the determinant of their covariance
+    residual_m: np.ndarray  # their standard deviation, six unknowns counted
+    solved: np.ndarray  # whether there is a surface, with a vertex or without
+    coefficients: np.ndarray  # (6, n), zero where there is none
+    covariance: np.ndarray  # (n, 6, 6), for points of unit standard deviation
+    origin_m: np.ndarray  # (3, n): x, y, z
+    scale_m: np.ndarray
+
+    @property
+    def exists(self) -> np.ndarray:
+        """Mask of the hills that have a vertex."""
+        return np.isfinite(self.z_m)
+
+    def height_m(self, hill: np.ndarray, x_m: np.ndarray, y_m: np.ndarray) -> np.ndarray:
+        """Height of the surface of the given hills at given places."""
+        c = self.coefficients
+        u = (x_m - self.origin_m[0][hill]) / self.scale_m[hill]
+        v = (y_m - self.origin_m[1][hill]) / self.scale_m[hill]
+        height = (c[3][hill] * u + c[4][hill] * v + c[1][hill]) * u
+        height += (c[5][hill] * v + c[2][hill]) * v
+        height += (c[0] + self.origin_m[2])[hill]
+        return height
+
+    def height_gain(self, x_m: np.ndarray, y_m: np.ndarray) -> np.ndarray:
+        """Return the standard error of the height at one place a hill, for points of unit one."""
+        u, v = (x_m - self.origin_m[0]) / self.scale_m, (y_m - self.origin_m[1]) / self.scale_m
+        return _error(np.stack([np.ones_like(u), u, v, u * u, u * v, v * v]), self.covariance)
+
+
+def fit_quadrics(
+    points: HillPoints,
+    level_m: np.ndarray,
+    origin_m: np.ndarray,
+    guide: Quadrics | None = None,
+    noise_m: float = 0.0,
+) -> Quadrics:
+    """Fit a quadric to the measured points of each hill above a level.
+
+    Parameters
+    ----------
+    points : HillPoints
+        Points of all hills.
+    level_m : float64, shape (n,)
+        Level of each hill.
+    origin_m : float64, shape (3, n)
+        A point on each hill, from which coordinates count.
+    guide : Quadrics, optional
+        A first fit. Points then count as above the level where it is, not where they are: noise
+        lifts as many points over a level as it pushes below, and those that it lifted alone would
+        bias the fit. Hills for which it has no vertex are fitted without.
+    noise_m : float
+        Standard deviation of the noise about the guide.
+
+    Notes
+    -----
+    The sums run over sorted points by `np.add.reduceat`. The vertex, the principal curvatures and
+    their standard errors follow from the coefficients by first-order propagation.
+    """
+    n = points.n_hills
+    chosen = _chosen(points, level_m, guide, noise_m)
+    count = np.bincount(points.hill[chosen], minlength=n)
+    # Coordinates of order one keep the normal equations well conditioned.
+    scale_m = np.sqrt(points.pixel_area_m2 * np.maximum(count, 1) / np.pi)
+    # One more point, of no weight: reduceat needs an element at every start.
+    u, v, w = (
+        np.append((place_m[chosen] - np.repeat(from_m, count)) / np.repeat(unit_m, count), 0.0)
+        for place_m, from_m, unit_m in (
+            (points.x_m, origin_m[0], scale_m),
+            (points.y_m, origin_m[1], scale_m),
+            (points.z_m, origin_m[2], np.ones(n)),
+        )
+    )
+    normal, right, square = _normal_equations(count, u, v, w)
+    many = np.maximum(count, 1)
+    mean_u, mean_v = normal[:, 0, 1] / many, normal[:, 0, 2] / many
+    spread = (normal[:, 0, 3] / many - mean_u**2) * (normal[:, 0, 5] / many - mean_v**2)
+    spread -= (normal[:, 0, 4] / many - mean_u * mean_v) ** 2
+    solvable, inverse = _inverse(normal, count >= MIN_POINTS)
+    c = np.einsum("nij,nj->in", inverse, right)
+    misfit = np.maximum(square - np.einsum("in,ni->n", c, right), 0.0)
+    return Quadrics(
+        points=count,
+        chosen=chosen,
+        spread_m2=np.sqrt(np.maximum(spread, 0.0)) * scale_m**2,
+        # The sum of squares cancels down to the rounding of the moments, 1e-8 of the heights.
+        residual_m=np.sqrt(misfit / np.maximum(count - 6, 1)),
+        solved=solvable,
+        coefficients=c,
+        covariance=inverse,
+        origin_m=origin_m,
+        scale_m=scale_m,
+        **_vertex(solvable, c, inverse, origin_m, scale_m),
+    )
+
+
+def _chosen(
+    points: HillPoints, level_m: np.ndarray, guide: Quadrics | None, noise_m: float
+) -> np.ndarray:
+    """Return the indices of the measured points above the level, by themselves or by the guide."""
+    reach_m = level_m if guide is None else level_m - 5.0 * noise_m
+    chosen = np.flatnonzero(points.measured & (points.z_m >= np.repeat(reach_m, points.count)))
+    if guide is None:
+        return chosen
+    hill = points.hill[chosen]
+    guide_m = guide.height_m(hill, points.x_m[chosen], points.y_m[chosen])
+    height_m = np.where(guide.exists[hill], guide_m, points.z_m[chosen])
+    return chosen[height_m >= level_m[hill]]
+
+
+def _normal_equations(
+    count: np.ndarray, u: np.ndarray, v: np.ndarray, w: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return matrices (n, 6, 6), right-hand sides (n, 6) and the sums of the squares of w."""
+    n = len(count)
+    start = np.cumsum(count) - count
+    empty = count == 0
+
+    def total(values: np.ndarray) -> np.ndarray:
+        sums = np.add.reduceat(values, start)
+        sums[empty] = 0.0  # where reduceat gives the first element of the next hill
+        return sums
+
+    uu, uv, vv = u * u, u * v, v * v
+    sums = {(0, 0): count, (1, 0): total(u), (0, 1): total(v)}
+    sums |= {(2, 0): total(uu), (1, 1): total(uv), (0, 2): total(vv)}
+    sums |= {(3, 0): total(uu * u), (2, 1): total(uu * v), (1, 2): total(u * vv)}
+    sums |= {(0, 3): total(vv * v), (4, 0): total(uu * uu), (3, 1): total(uu * uv)}
+    sums |= {(2, 2): total(uu * vv), (1, 3): total(uv * vv), (0, 4): total(vv * vv)}
+    normal = np.empty((n, 6, 6))
+    for row, (i, j) in enumerate(_POWERS):
+        for column, (k, m) in enumerate(_POWERS):
+            normal[:, row, column] = sums[i + k, j + m]
+    right = np.stack([total(w), *(total(x * w) for x in (u, v, uu, uv, vv))], axis=1)
+    return normal, right, total(w * w)
+
+
+def _inverse(normal: np.ndarray, enough: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return which hills can be solved, and the inverse of their matrices, zero elsewhere."""
+    matrix = normal.copy()
+    # A trace of ridge keeps the inverse finite; where it matters the hill is dropped below.
+    matrix[:, range(6), range(6)] += 1e-14 * matrix[:, :1, 0]
+    # Points in few rows or columns can still meet a pivot of exactly zero.
+    solvable = enough & (np.linalg.slogdet(matrix)[0] != 0.0)
+    inverse = np.zeros_like(normal)
+    inverse[solvable] = np.linalg.inv(matrix[solvable])
+    inflation = np.einsum("nii,nii->ni", inverse, matrix)
+    return solvable & (inflation < MAX_INFLATION).all(axis=1), inverse
+
+
+def _vertex(
+    enough: np.ndarray,
+    c: np.ndarray,
+    inverse: np.ndarray,
+    origin_m: np.ndarray,
+    scale_m: np.ndarray,
+) -> dict[str, np.ndarray]:
+    """Return vertex, curvatures and their standard errors, NaN where there is no vertex."""
+    xx, xy, yy = -2.0 * c[3], -c[4], -2.0 * c[5]
+    mean, half = 0.5 * (xx + yy), np.hypot(0.5 * (xx - yy), xy)
+    determinant = xx * yy - xy**2
+    exists = enough & (mean > 0.0) & (determinant > 1e-12 * mean**2)
+    safe = np.where(exists, determinant, 1.0)
+    u = np.where(exists, (yy * c[1] - xy * c[2]) / safe, np.nan)
+    v = np.where(exists, (xx * c[2] - xy * c[1]) / safe, np.nan)
+    zero = np.zeros_like(u)
+    slope = np.stack([zero, zero, zero, -yy / safe, xy / safe, -xx / safe])
+    large = np.where(exists, mean + half, 1.0)
+    curvature = np.stack([safe / large, large]) / scale_m**2
+    return {
+        "x_m": origin_m[0] + scale_m * u,
+        "y_m": origin_m[1] + scale_m * v,
+        "z_m": origin_m[2] + c[0] + 0.5 * (c[1] * u + c[2] * v),
+        "curvature_per_m": np.where(exists, curvature, np.nan),
+        "orientation_rad": np.where(exists, 0.5 * np.arctan2(-2.0 * xy, yy - xx), np.nan),
+        "curvature_gain": np.where(exists, _error(slope, inverse), np.nan),
+    }
+
+
+def _error(vector: np.ndarray, inverse: np.ndarray) -> np.ndarray:
+    """Return the standard error of vector . c for points of unit standard deviation."""
+    return np.sqrt(np.maximum(np.einsum("in,nij,jn->n", vector, inverse, vector), 0.0))

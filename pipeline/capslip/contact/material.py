@@ -1,0 +1,85 @@
+"""The elastic constants of two bodies in contact."""
+
+import math
+from dataclasses import dataclass
+
+from capslip.errors import SettingsError
+
+
+@dataclass(frozen=True)
+class Composite:
+    """Constants of a pair of half-spaces, as `composite` gives them."""
+
+    E_star_Pa: float  # 1/E* = sum (1 - nu^2) / E
+    G_star_m2_per_N: float  # G* = sum (2 - nu) / G: a compliance
+    kappa: float  # tangential over normal compliance of any contact, E* G* / 4
+
+
+def dundurs_beta(
+    youngs_modulus_Pa: tuple[float, float], poisson_ratio: tuple[float, float]
+) -> float:
+    """Return Dundurs' second parameter: how much pressure moves the faces sideways.
+
+    Johnson 1987, Eq. 5.3, with the shear moduli G = E / (2 (1 + nu))::
+
+        beta = [(1 - 2 nu_1) / G_1 - (1 - 2 nu_2) / G_2]
+               / (2 [(1 - nu_1) / G_1 + (1 - nu_2) / G_2])
+
+    It is zero for equal bodies, and at most 0.5 in size for nu >= 0. Normal and tangential problem
+    are coupled where it is not zero, which the theorem behind the slip curve leaves out.
+
+    Parameters
+    ----------
+    youngs_modulus_Pa, poisson_ratio : (float, float)
+        One value a body.
+
+    Examples
+    --------
+    >>> dundurs_beta((200e9, 200e9), (0.3, 0.3))
+    0.0
+    >>> round(dundurs_beta((200e9, 3e9), (0.3, 0.4)), 3)
+    -0.159
+    """
+    difference, total = 0.0, 0.0
+    for sign, E, nu in zip((1, -1), youngs_modulus_Pa, poisson_ratio, strict=True):
+        G = E / (2 * (1 + nu))
+        difference += sign * (1 - 2 * nu) / G
+        total += (1 - nu) / G
+    return difference / (2 * total)
+
+
+def composite(
+    youngs_modulus_Pa: tuple[float, float], poisson_ratio: tuple[float, float]
+) -> Composite:
+    """Combine the elastic constants of both bodies.
+
+    E* is that of Hertz (Johnson 1987, Eq. 4.2c; Eq. 2 of the paper). G* is that of Mindlin, with
+    2 - nu where the paper prints 2 - nu^2 (which would change the slip limit by 12 % at nu = 0.3).
+    For equal bodies kappa = (2 - nu) / (2 (1 - nu)).
+
+    Parameters
+    ----------
+    youngs_modulus_Pa, poisson_ratio : (float, float)
+        One value a body, E > 0 and -1 < nu < 0.5.
+
+    Raises
+    ------
+    SettingsError
+        If a value is out of bounds.
+
+    Examples
+    --------
+    >>> steel = composite((200e9, 200e9), (0.3, 0.3))
+    >>> round(steel.E_star_Pa / 1e9, 2), round(steel.kappa, 4)
+    (109.89, 1.2143)
+    """
+    for E in youngs_modulus_Pa:
+        if not 0 < E < math.inf:
+            raise SettingsError(f"youngs_modulus_Pa: got {E:g}; expected a finite number > 0")
+    for nu in poisson_ratio:
+        if not -1 < nu < 0.5:
+            raise SettingsError(f"poisson_ratio: got {nu:g}; expected -1 < nu < 0.5")
+    bodies = list(zip(youngs_modulus_Pa, poisson_ratio, strict=True))
+    E_star = 1 / sum((1 - nu**2) / E for E, nu in bodies)
+    G_star = sum((2 - nu) * 2 * (1 + nu) / E for E, nu in bodies)
+    return Composite(E_star, G_star, E_star * G_star / 4)

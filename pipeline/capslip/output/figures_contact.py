@@ -1,0 +1,224 @@
+"""Figures of the loaded joint: normal curve, slip loop, energy and loss factor."""
+
+from itertools import pairwise
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from capslip.contact.boundary_elements import BoundaryElementCurve
+from capslip.errors import ContactError
+from capslip.output.canvas import ACCENT, INK, blank
+from capslip.output.quantity import contact_name, engineering, scaled
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+    from capslip.analysis import Analysis
+    from capslip.contact.curves import NormalCurve
+    from capslip.contact.press import ContactState
+    from capslip.contact.slip import SlipCurve
+
+LOOP_SHARES = (0.3, 0.6, 0.9)  # of the force at total slip
+LEAST_LOSS_FACTOR = 1e-6  # of the greatest: what a figure still shows
+LOOP_COLOURS = ("#56B4E9", "#0072B2", "#003D66")
+PHASES = (  # of first loading, the paper's Sec. 2.3
+    ("GPS: no contact slips totally", "#E8F3EC"),
+    ("PPS: some contacts slip totally", "#FFF4D6"),
+    ("TS: all contacts slip totally", "#F6DEDA"),
+)
+
+UNRESOLVED = ("GPS or PPS, not told apart", "#F1F1F1")
+
+
+def normal_curve(analysis: "Analysis") -> "Figure | None":
+    """Load over normal approach, with the preload."""
+    contact = analysis.contact
+    if contact is None:
+        return None
+    preload_N = contact.preload_N
+    # Evenly spaced in the approach of a Hertz contact; the preload comes last.
+    load_N = preload_N * np.append(1.5 * np.linspace(0.0, 1.0, 61) ** 1.5, 1.0)
+    marker = ""
+    if isinstance(contact.curve, BoundaryElementCurve):  # more loads would cost solutions
+        marker = "."
+        load_N = np.append(contact.curve.solved_loads_N(preload_N), preload_N)
+    elif not np.array_equal(contact.use, analysis.caps.usable):
+        load_N[:-1] /= 1.5  # the curve holds what can touch up to the preload
+    try:
+        approach_m = np.asarray(contact.curve.approach_m(load_N))
+    except ContactError:  # the caps carry the preload, but not half as much again
+        load_N[:-1] /= 1.5
+        approach_m = np.asarray(contact.curve.approach_m(load_N))
+    bulk_m = contact.bulk_m * load_N / preload_N
+    other_m = approach_m - bulk_m if contact.bulk else approach_m + bulk_m
+    unit_m, unit = _unit_of_length(float(max(approach_m.max(), other_m.max())))
+    words = ("with", "without") if contact.bulk else ("without", "with")
+    used, other = (f"{word} bulk term" for word in words)
+
+    figure, axes = blank(f"Normal curve N(d), model: {contact.model}")
+    has_bulk = bool(bulk_m[-1] > 0.0)
+    label = f"{used} (used for slip)" if has_bulk else "N(d)"
+    x = approach_m[:-1] / unit_m
+    axes.plot(x, load_N[:-1], color=INK, linewidth=1.8, marker=marker, label=label)
+    if has_bulk:
+        axes.plot(other_m[:-1] / unit_m, load_N[:-1], "--", color=INK, linewidth=1.2, label=other)
+        alone_m = _caps_alone(analysis, contact).approach_m(load_N[:-1])
+        label = "caps without interaction"
+        axes.plot(alone_m / unit_m, load_N[:-1], ":", color=INK, linewidth=1.2, label=label)
+    touching = "whole face" if contact.model == "flat" else f"{contact.contacts}"
+    state = (
+        f"preload {preload_N:.4g} N: d = {engineering(approach_m[-1], 'm')}\n"
+        f"{contact_name(contact.model)}: {touching}\n"
+        f"normal stiffness: {engineering(contact.stiffness_N_per_m, 'N/m')}"
+    )
+    axes.plot(
+        approach_m[-1] / unit_m, preload_N, "o", color=ACCENT, markersize=8, label=state, zorder=3
+    )
+    axes.set(xlabel=f"normal approach d from first touch [{unit}]", ylabel="normal load N [N]")
+    axes.set_xlim(left=0.0)
+    axes.set_ylim(bottom=0.0)
+    _legend_beside(axes)
+    return figure
+
+
+def slip_loop(analysis: "Analysis") -> "Figure | None":
+    """First loading to total slip with its phases, and cycles of three amplitudes."""
+    slip = analysis.slip
+    if slip is None or not slip.total_slip_displacement_m > 0.0:
+        return None
+    end_m = 1.2 * float(slip.total_slip_displacement_m)
+    unit_m, unit = _unit_of_length(end_m)
+    figure, axes = blank("Tangential force over slip displacement, one joint")
+    displacement_m = np.linspace(0.0, end_m, 201)
+    axes.plot(
+        displacement_m / unit_m,
+        slip.force_N(displacement_m),
+        "--",
+        color=INK,
+        linewidth=1.2,
+        label="first loading",
+    )
+    for share, colour in zip(LOOP_SHARES, LOOP_COLOURS, strict=True):
+        peak_N = share * slip.total_slip_force_N
+        loop_m, loop_N = slip.loop(float(slip.displacement_m(peak_N)))
+        axes.plot(
+            loop_m / unit_m,
+            loop_N,
+            color=colour,
+            linewidth=1.6,
+            label=f"{share:g} of total slip: "
+            f"W = {engineering(float(slip.energy_at_force_J(peak_N)), 'J')}",
+        )
+    _shade_phases(axes, slip, 0.0, end_m, unit_m)
+    axes.set(
+        xlim=(-end_m / unit_m, end_m / unit_m),
+        xlabel=f"tangential displacement δ [{unit}]",
+        ylabel="tangential force T [N]",
+    )
+    _legend_beside(axes)
+    return figure
+
+
+def energy(analysis: "Analysis") -> "Figure | None":
+    """Energy lost in a cycle over its amplitude, both logarithmic."""
+    slip = analysis.slip
+    if slip is None or not slip.total_slip_displacement_m > 0.0:
+        return None
+    begin_m, end_m = np.array([1e-3, 3.0]) * slip.total_slip_displacement_m
+    displacement_m = np.geomspace(begin_m, end_m, 121)
+    energy_J = np.asarray(slip.energy_J(displacement_m))
+    positive = energy_J > 0.0
+    if not positive.any():
+        return None
+    unit_m, unit = _unit_of_length(end_m)
+    figure, axes = blank("Energy lost per cycle, one joint")
+    axes.loglog(
+        displacement_m[positive] / unit_m, energy_J[positive], color=INK, linewidth=1.8, label="W"
+    )
+    first = int(np.argmax(positive))
+    guide_m = displacement_m[first] * np.array([1.0, 10.0])
+    guide_J = energy_J[first] * np.array([1.0, 1000.0])
+    axes.loglog(guide_m / unit_m, guide_J, ":", color=ACCENT, linewidth=1.8, label="slope 3")
+    _shade_phases(axes, slip, begin_m, end_m, unit_m)
+    axes.set(
+        xlim=(begin_m / unit_m, end_m / unit_m),
+        xlabel=f"amplitude of the tangential displacement δ [{unit}]",
+        ylabel="energy lost per cycle W [J]",
+    )
+    _legend_beside(axes)
+    return figure
+
+
+def loss_factor(analysis: "Analysis") -> "Figure | None":
+    """Loss factor of the mode over its amplitude, up to gross slip."""
+    damping = analysis.damping
+    if damping is None:
+        return None
+    steady = np.isfinite(damping.loss_factor)
+    gross_m = damping.gross_slip_amplitude_m
+    unit_m, unit = _unit_of_length(gross_m)
+    figure, axes = blank("Loss factor from micro-slip in the joints")
+    amplitude_m, eta = damping.amplitude_m[steady], damping.loss_factor[steady]
+    axes.semilogx(amplitude_m / unit_m, eta, color=INK, linewidth=1.8, label="_loss factor")
+    if damping.amplitude_at_peak_m is not None:
+        where = engineering(damping.amplitude_at_peak_m, "m")
+        if damping.peak_at_gross_slip:
+            where += ", still growing there"
+        label = f"greatest value {damping.peak_loss_factor:.3g} at {where}"
+        axes.plot(
+            damping.amplitude_at_peak_m / unit_m,
+            damping.peak_loss_factor,
+            "o",
+            color=ACCENT,
+            markersize=8,
+            label=label,
+        )
+    colour = PHASES[2][1]
+    gross = f"gross slip from {engineering(gross_m, 'm')}: no steady cycle"
+    axes.axvspan(gross_m / unit_m, 3 * gross_m / unit_m, color=colour, label=gross, zorder=0)
+    axes.set_xlim(damping.amplitude_m.min() / unit_m, 3 * gross_m / unit_m)
+    axes.set(xlabel=f"amplitude v at mid-span [{unit}]", ylabel="loss factor η")
+    if (eta > 0.0).any():
+        greatest = max(float(eta.max()), damping.peak_loss_factor)
+        axes.set_yscale("log")
+        axes.set_ylim(max(eta[eta > 0.0].min(), LEAST_LOSS_FACTOR * greatest), 8.0 * greatest)
+    else:
+        axes.set_ylim(bottom=0.0)
+    axes.legend(loc="upper left", fontsize=9, framealpha=0.9, edgecolor="none")
+    return figure
+
+
+def _caps_alone(analysis: "Analysis", contact: "ContactState") -> "NormalCurve":
+    """Return the normal curve of the same caps without interaction."""
+    from capslip.contact import curves
+
+    caps = analysis.caps
+    peak_m = caps.peak_height_m[caps.usable]
+    depth_m = peak_m.max() - peak_m
+    return curves.caps(caps.radius_m[caps.usable], depth_m, contact.composite.E_star_Pa)
+
+
+def _unit_of_length(largest_m: float) -> tuple[float, str]:
+    """Length of one unit that suits the largest value of an axis, and its name."""
+    number, unit = scaled(np.array([largest_m]), "m")
+    return (largest_m / float(number[0]) if number[0] else 1.0), unit
+
+
+def _shade_phases(
+    axes: "Axes", slip: "SlipCurve", begin_m: float, end_m: float, unit_m: float
+) -> None:
+    """Shade the phases of first loading; caps that are all loaded alike have no PPS."""
+    total_m = float(slip.total_slip_displacement_m)
+    limits_m = slip.limits_m[np.isfinite(slip.limits_m)]
+    first_m = float(limits_m.min(initial=total_m))
+    edges_m = [begin_m, max(begin_m, first_m), total_m, end_m]
+    # A curve that does not know its limits has one band for both.
+    phases = PHASES if limits_m.size else (UNRESOLVED, *PHASES[1:])
+    for (label, colour), (left_m, right_m) in zip(phases, pairwise(edges_m), strict=True):
+        if right_m > left_m:
+            axes.axvspan(left_m / unit_m, right_m / unit_m, color=colour, label=label, zorder=0)
+
+
+def _legend_beside(axes: "Axes") -> None:
+    axes.legend(loc="upper left", bbox_to_anchor=(1.0, 1.0), fontsize=9, frameon=False)

@@ -1,0 +1,249 @@
+"""Figures of the face: heights, hills and their caps, one cap, the families."""
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from capslip.output.canvas import (
+    FAMILY_COLOUR,
+    FAMILY_NAME,
+    INK,
+    NON_MEASURED,
+    blank,
+    face_axes,
+    height_limits,
+    thinned,
+)
+from capslip.output.quantity import engineering, scaled
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+    from capslip.analysis import Analysis
+
+NUMBERED = 60  # more numbers than this hide the picture
+
+
+def height_map(analysis: "Analysis") -> "Figure":
+    """Heights after removal of the form, with the contour of the cut."""
+    from matplotlib import colormaps
+
+    surface, cut_m = analysis.conditioned.surface, analysis.hills.cut_height_m
+    heights_um = thinned(surface.height_m) * 1e6
+    usable_peaks_m = analysis.caps.peak_height_m[analysis.caps.usable]
+    low_m, high_m = height_limits(surface.height_m, usable_peaks_m)
+    low, high = low_m * 1e6, high_m * 1e6
+    beyond = np.array([np.nanmin(heights_um) < low, np.nanmax(heights_um) > high])
+    extend = ("neither", "min", "max", "both")[int(beyond @ [1, 2])]
+
+    figure, axes = face_axes("Heights after removal of the form", surface.side_m)
+    extent = (0, surface.side_m[1] * 1e3, 0, surface.side_m[0] * 1e3)
+    image = axes.imshow(
+        np.ma.masked_invalid(heights_um),
+        origin="lower",
+        extent=extent,
+        vmin=low,
+        vmax=high,
+        interpolation="nearest",
+        cmap=colormaps["viridis"].with_extremes(bad=NON_MEASURED),
+        aspect="equal",
+    )
+    outline = np.ma.masked_invalid(thinned(surface.height_m, 550) * 1e6)
+    if outline.min() < cut_m * 1e6 < outline.max():
+        axes.contour(
+            outline, levels=[cut_m * 1e6], origin="lower", extent=extent, colors="k", linewidths=0.5
+        )
+    bar = figure.colorbar(image, ax=axes, extend=extend, shrink=0.85, label="height [µm]")
+    bar.ax.axhline(cut_m * 1e6, color="k", linewidth=1.2)
+    _face_legend(figure, [("cut", "k")], bool(np.isnan(heights_um).any()))
+    return figure
+
+
+def hills_and_caps(analysis: "Analysis") -> "Figure":
+    """Hills in pale colours, each with the base circle of its fitted cap."""
+    from matplotlib.collections import EllipseCollection
+    from matplotlib.colors import ListedColormap
+
+    surface, caps = analysis.conditioned.surface, analysis.caps
+    figure, axes = face_axes("Hills and the base circles of their caps", surface.side_m)
+    label = thinned(analysis.hills.label)
+    shade = np.where(label > 0, 2 + label % 6, thinned(surface.measured).astype(int))
+    pale = ["#D9EAD3", "#FFF2CC", "#E6DAF0", "#D5ECF2", "#F7DCE3", "#E4E8C8"]
+    axes.imshow(
+        shade,
+        origin="lower",
+        extent=(0, surface.side_m[1] * 1e3, 0, surface.side_m[0] * 1e3),
+        vmin=-0.5,
+        vmax=7.5,
+        interpolation="nearest",
+        cmap=ListedColormap([NON_MEASURED, "#F6F6F6", *pale]),
+        aspect="equal",
+    )
+    entries = []
+    for family in ("", "P", "G"):
+        member = caps.usable & (caps.family == family)
+        if not member.any():
+            continue
+        width = caps.diameter_m[member] * 1e3
+        axes.add_collection(
+            EllipseCollection(
+                width,
+                width,
+                np.zeros_like(width),
+                units="xy",
+                offsets=np.column_stack([caps.x_m[member], caps.y_m[member]]) * 1e3,
+                offset_transform=axes.transData,
+                facecolors="none",
+                edgecolors=FAMILY_COLOUR[family],
+                linewidths=1.6 if member.sum() < 200 else 0.9,
+            )
+        )
+        entries.append((f"{FAMILY_NAME[family]} ({member.sum()})", FAMILY_COLOUR[family]))
+    if len(caps) <= NUMBERED:
+        _number_caps(axes, analysis)
+    _face_legend(figure, entries[::-1], bool((~surface.measured).any()))
+    return figure
+
+
+def cap_profile(analysis: "Analysis") -> "Figure | None":
+    """Section along x through the apex of the most loaded cap (or the highest)."""
+    caps, surface = analysis.caps, analysis.conditioned.surface
+    if not caps.usable.any():
+        return None
+    loaded = np.isfinite(caps.load_N) & (caps.load_N > 0) & caps.usable
+    merit = np.where(loaded, caps.load_N, -np.inf) if loaded.any() else caps.peak_height_m
+    i = int(np.argmax(np.where(caps.usable, merit, -np.inf)))
+    what = "most loaded" if loaded.any() else "highest"
+
+    dy_m, dx_m = surface.pixel_size_m
+    row = int(np.clip(caps.y_m[i] // dy_m, 0, surface.shape[0] - 1))
+    half_m = caps.diameter_m[i] / 2
+    x_m = (np.arange(surface.shape[1]) + 0.5) * dx_m - caps.x_m[i]
+    near = np.abs(x_m) <= 1.7 * half_m
+    rim = 2.0 * np.arctan2(caps.cap_height_m[i], half_m)  # polar angle of the cap's edge
+    polar = np.linspace(-1.0, 1.0, 281) * min(1.4 * rim, np.pi)
+    s_m = caps.radius_m[i] * np.sin(polar)
+    sphere_m = caps.peak_height_m[i] - 2.0 * caps.radius_m[i] * np.sin(polar / 2) ** 2
+
+    figure, axes = blank(f"Cap {i + 1}, the {what}: section along x through its apex")
+    dots = ".-" if near.sum() < 120 else "-"
+    measured_um = surface.height_m[row, near] * 1e6
+    axes.plot(x_m[near] * 1e3, measured_um, dots, color="#8C8C8C", markersize=3, label="measured")
+    inside = np.abs(polar) <= rim * (1 + 1e-9)
+    colour = FAMILY_COLOUR[str(caps.family[i])]
+    name = f"fitted sphere, R = {engineering(caps.radius_m[i], 'm', 4)}"
+    axes.plot(s_m * 1e3, sphere_m * 1e6, "--", color=colour, linewidth=1)
+    axes.plot(s_m[inside] * 1e3, sphere_m[inside] * 1e6, color=colour, linewidth=2, label=name)
+
+    cut_um, peak_um = analysis.hills.cut_height_m * 1e6, caps.peak_height_m[i] * 1e6
+    df_um, half_mm = caps.cap_height_m[i] * 1e6, half_m * 1e3
+    bottom, top = cut_um - 1.05 * df_um, peak_um + 0.55 * df_um
+    axes.set(xlim=(-1.7 * half_mm, 1.7 * half_mm), ylim=(bottom, top))
+    axes.axhline(cut_um, color=INK, linewidth=0.8, linestyle=":", label="cut")
+    arrow = {"arrowstyle": "<->", "color": INK, "shrinkA": 0, "shrinkB": 0}
+    level = cut_um - 0.3 * df_um
+    axes.annotate("", (-half_mm, level), (half_mm, level), arrowprops=arrow)
+    axes.vlines([-half_mm, half_mm], level, cut_um, color=INK, linewidth=0.6)
+    axes.annotate("", (1.25 * half_mm, cut_um), (1.25 * half_mm, peak_um), arrowprops=arrow)
+    axes.hlines(peak_um, 0, 1.25 * half_mm, color=INK, linewidth=0.6)
+    halo = {"facecolor": "white", "edgecolor": "none", "pad": 1.5}
+    diameter = f"D = {engineering(2 * half_m, 'm', 4)}"
+    axes.text(0, level, diameter, ha="center", va="center", bbox=halo)
+    middle = (cut_um + peak_um) / 2
+    df = f"df = {engineering(caps.cap_height_m[i], 'm', 4)}"
+    axes.text(1.25 * half_mm, middle, df, ha="center", va="center", bbox=halo)
+
+    # Axes of a known size make the exaggeration exact.
+    figure.set_layout_engine("none")
+    axes.set_position((0.1, 0.12, 0.87, 0.8))
+    width_in, height_in = figure.get_size_inches() * (0.87, 0.8)
+    factor = (height_in / ((top - bottom) * 1e-6)) / (width_in / (3.4 * half_m))
+    rounded = float(f"{factor:.2g}")
+    factor_text = f"{rounded:,.0f}".replace(",", " ") if rounded >= 10 else f"{rounded:g}"
+    note = f"heights drawn x {factor_text}"
+    axes.text(0.01, 0.02, note, transform=axes.transAxes, bbox=halo)
+    axes.set(xlabel="distance from the apex [mm]", ylabel="height [µm]")
+    axes.legend(loc="upper left", fontsize=9, framealpha=1.0, edgecolor="none")
+    return figure
+
+
+def family_scatter(analysis: "Analysis") -> "Figure | None":
+    """Peak height against radius of every cap, with the means of the families."""
+    caps, families = analysis.caps, analysis.families
+    if not caps.usable.any():
+        return None
+    figure, axes = blank("Peak height and radius of the caps")
+    radius, unit = scaled(caps.radius_m, "m")
+    for name in ("", "P", "G"):
+        member = caps.usable & (caps.family == name)
+        if member.any():
+            axes.plot(
+                radius[member],
+                caps.peak_height_m[member] * 1e6,
+                {"G": "o", "P": "^", "": "x"}[name],
+                color=FAMILY_COLOUR[name],
+                markersize=6 if member.sum() < 200 else 3,
+                markeredgewidth=1.0 if name == "" else 0.0,
+                alpha=0.85,
+                label=f"{FAMILY_NAME[name]} ({member.sum()})",
+            )
+    if radius[caps.usable].max() > 10 * radius[caps.usable].min():
+        axes.set_xscale("log")
+    for name, family in (("G", families.G), ("P", families.P)):
+        if family is not None:
+            mean_um = family.peak_height_m * 1e6
+            axes.axhline(mean_um, color=FAMILY_COLOUR[name], linewidth=1, linestyle="--")
+    axes.margins(x=0.12, y=0.12)
+    if families.G is not None and families.P is not None and families.h_m is not None:
+        across = axes.get_yaxis_transform()  # x as a share of the width, y as a height
+        high_um, low_um = families.G.peak_height_m * 1e6, families.P.peak_height_m * 1e6
+        arrow = {"arrowstyle": "<->", "color": INK, "shrinkA": 0, "shrinkB": 0}
+        ends = ((0.965, low_um), (0.965, high_um))
+        axes.annotate("", *ends, xycoords=across, textcoords=across, arrowprops=arrow)
+        axes.text(
+            0.955,
+            (low_um + high_um) / 2,
+            f"h = {engineering(families.h_m, 'm')}",
+            transform=across,
+            ha="right",
+            va="center",
+            bbox={"facecolor": "white", "edgecolor": "none", "pad": 1.5},
+        )
+    axes.axhline(analysis.hills.cut_height_m * 1e6, color=INK, linestyle=":", label="cut")
+    axes.set(xlabel=f"radius of the fitted sphere R [{unit}]", ylabel="peak height [µm]")
+    axes.legend(loc="upper left", bbox_to_anchor=(1.0, 1.0), fontsize=9, frameon=False)
+    return figure
+
+
+def _face_legend(figure: "Figure", entries: list[tuple[str, str]], non_measured: bool) -> None:
+    from matplotlib.lines import Line2D
+    from matplotlib.patches import Patch
+
+    handles: list[Line2D | Patch] = [
+        Line2D([], [], color=colour, linewidth=1.5, label=name) for name, colour in entries
+    ]
+    if non_measured:
+        handles.append(Patch(color=NON_MEASURED, label="non-measured"))
+    if handles:
+        columns = len(handles) if figure.get_figwidth() > 6 else 2
+        figure.legend(
+            handles=handles, loc="outside lower center", ncols=columns, frameon=False, fontsize=9
+        )
+
+
+def _number_caps(axes: "Axes", analysis: "Analysis") -> None:
+    from matplotlib.patheffects import withStroke
+
+    caps = analysis.caps
+    for i in np.flatnonzero(caps.usable):
+        axes.annotate(
+            str(i + 1),
+            (caps.x_m[i] * 1e3, caps.y_m[i] * 1e3),
+            ha="center",
+            va="center",
+            fontsize=8,
+            color=INK,
+            annotation_clip=True,
+            path_effects=[withStroke(linewidth=2.5, foreground="white")],
+        )

@@ -1,0 +1,189 @@
+"""Meshes of the face and of the fitted caps, for ParaView and for finite-element codes."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from capslip.analysis import Analysis
+
+FACE_CELLS = 240_000
+CAP_CELLS = 200_000
+FAMILY_CODE = {"": 0, "P": 1, "G": 2}
+
+
+def face_mesh(
+    height_m: np.ndarray, pixel_size_m: tuple[float, float], max_cells: int = FACE_CELLS
+) -> tuple[np.ndarray, np.ndarray]:
+    """Join the points of a height map to quadrilaterals.
+
+    Parameters
+    ----------
+    height_m : ndarray, shape (ny, nx)
+        Heights; NaN marks a non-measured point.
+    pixel_size_m : (float, float)
+        (dy, dx).
+    max_cells : int
+        About how many cells to make at most. A larger map is thinned: rows and columns are left
+        out, no height is averaged, and the outermost rows and columns stay.
+
+    Returns
+    -------
+    points : ndarray, shape (n_points, 3)
+        x, y, z in metres, of the measured points that a cell uses.
+    cells : int ndarray, shape (n_cells, 4)
+        Numbers of the corners. A quadrilateral with a non-measured corner is left out; a hole that
+        lies between the remaining rows and columns is bridged.
+
+    Examples
+    --------
+    >>> points, cells = face_mesh(np.zeros((3, 4)), (1e-3, 2e-3))
+    >>> points.shape, cells.shape
+    ((12, 3), (6, 4))
+    """
+    step = max(1, int(np.ceil(np.sqrt(height_m.size / max_cells))))
+    rows, cols = (_thinned(n, step) for n in height_m.shape)
+    z_m = height_m[np.ix_(rows, cols)]
+    number = np.arange(z_m.size).reshape(z_m.shape)
+    corners = (number[:-1, :-1], number[:-1, 1:], number[1:, 1:], number[1:, :-1])
+    cells = np.stack([corner.ravel() for corner in corners], axis=1)
+    cells = cells[np.isfinite(z_m.ravel()[cells]).all(axis=1)]
+    used, cells = np.unique(cells, return_inverse=True)
+    dy_m, dx_m = pixel_size_m
+    x_m, y_m = np.meshgrid((cols + 0.5) * dx_m, (rows + 0.5) * dy_m)
+    points = np.stack([x_m.ravel(), y_m.ravel(), z_m.ravel()], axis=1)[used]
+    return points, cells.reshape(-1, 4)
+
+
+def cap_mesh(
+    x_m: np.ndarray,
+    y_m: np.ndarray,
+    peak_height_m: np.ndarray,
+    cap_height_m: np.ndarray,
+    diameter_m: np.ndarray,
+    max_cells: int = CAP_CELLS,
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Triangulate spherical caps from the apex down to the cut.
+
+    Parameters
+    ----------
+    x_m, y_m, peak_height_m : ndarray, shape (n,)
+        Apex.
+    cap_height_m, diameter_m : ndarray, shape (n,)
+        df and D of Eq. 18, both positive.
+    max_cells : int
+        Caps get coarser to keep to this number, down to six triangles a cap.
+
+    Returns
+    -------
+    points : ndarray, shape (n_points, 3)
+        x, y, z in metres; each lies on its sphere.
+    cells : int ndarray, shape (n_cells, 3)
+        Numbers of the corners.
+    cap : int ndarray, shape (n_points,)
+        Which of the n caps a point belongs to; caps share no point.
+
+    Examples
+    --------
+    >>> one = np.ones(1)
+    >>> points, _, _ = cap_mesh(0 * one, 0 * one, 5e-6 * one, 2e-6 * one, 1e-2 * one)
+    >>> np.round([points[:, 2].max() * 1e6, points[:, 2].min() * 1e6], 9)
+    array([5., 3.])
+    """
+    n = len(x_m)
+    sectors = int(np.clip(np.sqrt(2 * max_cells / max(n, 1)), 6, 48))
+    rings = max(1, sectors // 4)
+    around = np.linspace(0.0, 2 * np.pi, sectors, endpoint=False)
+    share = np.arange(1, rings + 1) / rings
+    u = np.append(0.0, np.tile(np.cos(around), rings))
+    v = np.append(0.0, np.tile(np.sin(around), rings))
+
+    # By the polar angle: no cancellation in a flat cap, and right beyond the equator as well.
+    half_m = diameter_m[:, None] / 2
+    radius_m = (half_m**2 / cap_height_m[:, None] + cap_height_m[:, None]) / 2  # Eq. 18
+    rim = 2.0 * np.arctan2(cap_height_m[:, None], half_m)
+    polar = rim * np.append(0.0, np.repeat(share, sectors))
+    r_m, sag_m = radius_m * np.sin(polar), 2.0 * radius_m * np.sin(polar / 2) ** 2
+    points = np.stack(
+        [x_m[:, None] + r_m * u, y_m[:, None] + r_m * v, peak_height_m[:, None] - sag_m], 2
+    ).reshape(-1, 3)
+    one_cap = _disc_triangles(rings, sectors)
+    cells = (one_cap + len(u) * np.arange(n)[:, None, None]).reshape(-1, 3)
+    return points, cells, np.repeat(np.arange(n), len(u))
+
+
+def write_meshes(analysis: "Analysis", folder: str | Path) -> list[Path]:
+    """Write `surface.vtu` and, where there are caps, `caps.vtu`.
+
+    Coordinates and values are SI, at true scale: 1 um of relief on 60 mm. `caps.vtu` holds cap
+    (the row of `caps.csv`, from 1), family (0 none, 1 P, 2 G), radius_m, load_N and
+    peak_height_m of each cap on its cells and points.
+
+    Parameters
+    ----------
+    analysis : Analysis
+        A finished analysis.
+    folder : path
+        An existing folder.
+
+    Returns
+    -------
+    list of Path
+        The files written.
+    """
+    import meshio
+
+    folder = Path(folder)
+    surface = analysis.conditioned.surface
+    points, cells = face_mesh(surface.height_m, surface.pixel_size_m)
+    paths = []
+    if len(cells):
+        face = meshio.Mesh(points, {"quad": cells}, point_data={"height_m": points[:, 2].copy()})
+        paths.append(folder / "surface.vtu")
+        face.write(paths[-1])
+
+    caps = analysis.caps
+    usable = np.flatnonzero(caps.usable)
+    if len(usable):
+        points, cells, cap = cap_mesh(
+            caps.x_m[usable],
+            caps.y_m[usable],
+            caps.peak_height_m[usable],
+            caps.cap_height_m[usable],
+            caps.diameter_m[usable],
+        )
+        columns = {
+            "cap": usable + 1,
+            "family": np.array([FAMILY_CODE[name] for name in caps.family[usable]]),
+            "radius_m": caps.radius_m[usable],
+            "load_N": caps.load_N[usable],
+            "peak_height_m": caps.peak_height_m[usable],
+        }
+        on_points = {name: column[cap] for name, column in columns.items()}
+        mesh = meshio.Mesh(
+            points,
+            {"triangle": cells},
+            point_data=on_points | {"height_m": points[:, 2].copy()},
+            cell_data={name: [column[cap[cells[:, 0]]]] for name, column in columns.items()},
+        )
+        paths.append(folder / "caps.vtu")
+        mesh.write(paths[-1])
+    return paths
+
+
+def _thinned(n: int, step: int) -> np.ndarray:
+    """Choose about every step-th of n indices, the first and the last among them."""
+    return np.unique(np.rint(np.linspace(0, n - 1, (n - 1) // step + 1 + (step > 1))).astype(int))
+
+
+def _disc_triangles(rings: int, sectors: int) -> np.ndarray:
+    """Triangles of a disc: point 0 in the middle, then ring after ring; normals point up."""
+    here = 1 + np.arange(sectors)
+    following = 1 + (np.arange(sectors) + 1) % sectors
+    triangles = [np.stack([np.zeros_like(here), here, following], axis=1)]
+    for ring in range(rings - 1):
+        inner, outer = ring * sectors, (ring + 1) * sectors
+        triangles.append(np.stack([here + inner, here + outer, following + outer], axis=1))
+        triangles.append(np.stack([here + inner, following + outer, following + inner], axis=1))
+    return np.concatenate(triangles)

@@ -1,0 +1,403 @@
+"""How far the answers hang on the choices: cut, pruning, filter and levelling, one by one."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import Any
+
+import msgspec
+import numpy as np
+
+from capslip.caps.families import Families
+from capslip.errors import CapslipError
+from capslip.problems import Problem
+from capslip.settings import Settings
+from capslip.surface.heightmap import HeightMap
+
+ANSWERS = ("m", "n", "h_m", "radius_G_m", "radius_P_m", "approach_m", "energy_J")
+SYMBOL = dict(zip(ANSWERS, ("m", "n", "h", "R_G", "R_P", "approach", "W"), strict=True))
+UNIT = dict(zip(ANSWERS, ("", "", " m", " m", " m", " m", " J"), strict=True))
+CUTS = (0.02, 0.04, 0.06, 0.08, 0.10, 0.12, 0.15, 0.20, 0.25, 0.30)
+PRUNING_FACTORS = (0.25, 0.5, 1.0, 2.0)
+FILTER_PIXELS = (0.0, 4.0, 8.0)  # 0: no filter
+MIN_FILTER_PIXELS = 4.0  # a shorter filter is not one on this grid
+FILTER_FACTORS = (0.0, 0.5, 1.0, 2.0)
+MIN_COARSE_POINTS = 40_000
+MAX_INTERACTING = 100  # caps
+BELOW_CUT = 2.0  # times the chosen share: how far below the cut a second family is looked for
+LEVELLING = (
+    "a tilt of some nm over the face decides which caps touch; a least-squares plane is tilted by "
+    "where the caps lie; where a level floor is a third of the face, that of the lowest third of "
+    "the points (conditioning.form_floor = true) is right"
+)
+FORCE_RATIO = 0.5  # of the force at total slip, at which W is taken
+
+
+@dataclass(frozen=True, eq=False)
+class Answers:
+    """What one run of the stages says, in the order of `ANSWERS`; NaN for what it does not give.
+
+    `standard_error` holds what is known of the errors: those of the counts and of h. (That of a
+    family's radius is a spread of the caps, which are the same caps in every run.)
+    """
+
+    value: np.ndarray  # (7,)
+    standard_error: np.ndarray  # (7,)
+
+
+@dataclass(frozen=True, eq=False)
+class Sweep:
+    """The answers over the values of one setting.
+
+    Attributes
+    ----------
+    setting : str
+        Its name, `table.key`.
+    name, unit : str
+        How it is called and measured; `value` is in that unit.
+    value : float64, shape (k,)
+        Swept values, growing; the numbers of the `labels` where there are any.
+    chosen : int
+        Which of them the analysis uses.
+    answer : float64, shape (k, 7)
+        In the order of `ANSWERS`.
+    stable_from, stable_to : float64, shape (7,)
+        First and last value between which the answer stays within its error bar, on the way to
+        either side from the chosen value.
+    labels : tuple of str, shape (k,) or ()
+        What the values are called where they are choices and no numbers.
+    """
+
+    setting: str
+    name: str
+    unit: str
+    value: np.ndarray
+    chosen: int
+    answer: np.ndarray
+    stable_from: np.ndarray
+    stable_to: np.ndarray
+    labels: tuple[str, ...] = ()
+
+    @property
+    def holds(self) -> np.ndarray:
+        """Whether each answer bears a step of the sweep to either side, shape (7,)."""
+        first, last = max(self.chosen - 1, 0), min(self.chosen + 1, len(self.value) - 1)
+        held: np.ndarray = (self.stable_from <= self.value[first]) & (
+            self.stable_to >= self.value[last]
+        )
+        return held
+
+    @property
+    def sentence(self) -> str:
+        """What an engineer wants to hear: which answer is stable from where to where."""
+        if self.labels:
+            return self._sentence_of_choices()
+        said: dict[str, list[str]] = {}
+        for key, low, high in zip(ANSWERS, self.stable_from, self.stable_to, strict=True):
+            if np.isfinite(self.answer[self.chosen, ANSWERS.index(key)]):
+                where = f"from {low:.3g} to {high:.3g} {self.unit}"
+                at = f"at {low:.3g} {self.unit} alone"
+                said.setdefault(where if low < high else at, []).append(SYMBOL[key])
+        ranges = [f"{_listed(names)} stable {where}" for where, names in said.items()]
+        return f"{self.name}: {'; '.join(ranges)}."
+
+    def _sentence_of_choices(self) -> str:
+        said = []
+        for i, key in enumerate(ANSWERS):
+            column = self.answer[:, i]
+            if np.isnan(column).all():
+                continue
+            given = [f"{x:.3g}{UNIT[key]}" if np.isfinite(x) else "none" for x in column]
+            said.append(f"{SYMBOL[key]} {' / '.join(given if not self.holds[i] else given[:1])}")
+        return f"{self.name}, {' / '.join(self.labels)}: {', '.join(said)}."
+
+    def said(self, value: float) -> float | str:
+        """Return a value as it is called: its label, or itself."""
+        return self.labels[int(value)] if self.labels else value
+
+
+@dataclass(frozen=True, eq=False)
+class Sensitivity:
+    """Sweeps around the chosen settings.
+
+    Attributes
+    ----------
+    error_bar : float64, shape (7,)
+        By how much an answer may move and still be the same: two standard errors, or the
+        requested tolerance, whichever is more.
+    sweeps : tuple of Sweep
+        One a setting.
+    """
+
+    error_bar: np.ndarray
+    sweeps: tuple[Sweep, ...]
+
+    @property
+    def problems(self) -> tuple[Problem, ...]:
+        """One for each setting of which a single step moves an answer beyond its error bar.
+
+        And one for a second family that a deeper cut shows.
+        """
+        found = []
+        for sweep in self.sweeps:
+            found += _family_below(sweep) if sweep.name == "cut" else []
+            moved = [SYMBOL[ANSWERS[i]] for i in np.flatnonzero(~sweep.holds)]
+            if not moved:
+                continue
+            why = LEVELLING
+            if not sweep.labels:
+                step = sweep.value[max(sweep.chosen - 1, 0) : sweep.chosen + 2]
+                why = (
+                    f"from {step[0]:.3g} to {step[-1]:.3g} {sweep.unit} more than the error bar "
+                    "lies between the answers"
+                )
+            found.append(
+                Problem(
+                    f"sensitive_to_{sweep.name.split()[0]}",
+                    "warning",
+                    f"the {sweep.name} decides on {_listed(moved)}: {why}; {sweep.sentence}",
+                )
+            )
+        return tuple(found)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return plain dictionaries of arrays, one a setting, for the summary."""
+        return {
+            sweep.setting: {
+                "unit": sweep.unit,
+                "value": sweep.labels or sweep.value,
+                "chosen": sweep.said(sweep.value[sweep.chosen]),
+                **{key: sweep.answer[:, i] for i, key in enumerate(ANSWERS)},
+                "stable_from": dict(zip(ANSWERS, map(sweep.said, sweep.stable_from), strict=True)),
+                "stable_to": dict(zip(ANSWERS, map(sweep.said, sweep.stable_to), strict=True)),
+                "sentence": sweep.sentence,
+            }
+            for sweep in self.sweeps
+        }
+
+
+def _family_below(cut: Sweep) -> list[Problem]:
+    """Return whether more of the face shows lower caps as a second family beside the same first.
+
+    One cap is no family: the floor between the hills often comes up as one piece.
+    """
+    m, n = (cut.answer[:, ANSWERS.index(name)] for name in ("m", "n"))
+    if np.isfinite(n[cut.chosen]):
+        return []
+    lower = (cut.value > cut.value[cut.chosen]) & (
+        cut.value <= 1.001 * BELOW_CUT * cut.value[cut.chosen]
+    )
+    seen = np.flatnonzero(lower & (m == m[cut.chosen]) & (n >= 2))
+    if not seen.size:
+        return []
+    at = seen[0]
+    message = (
+        f"a cut of {cut.value[at]:.3g} % shows {n[at]:.0f} P-caps beside the {m[at]:.0f} G-caps: "
+        f"a second family lies below the cut of {cut.value[cut.chosen]:.3g} %; raise "
+        "hills.material_ratio"
+    )
+    return [Problem("family_below_cut", "warning", message)]
+
+
+def answers(families: Families, approach_m: float | None, energy_J: float | None) -> Answers:
+    """Collect the answers of one run.
+
+    Parameters
+    ----------
+    families : Families
+        The caps in their families.
+    approach_m, energy_J : float or None
+        Normal approach under the preload, and energy lost per cycle at `FORCE_RATIO` of the force
+        at total slip; None where the contact could not be solved.
+    """
+    G, P = families.G, families.P
+    value = (
+        families.m or None,  # where there is no such family, nothing can be stable
+        families.n or None,
+        families.h_m,
+        G.radius_m if G else None,
+        P.radius_m if P else None,
+        approach_m,
+        energy_J,
+    )
+    error = (families.count_se, families.count_se, families.h_se_m, *[None] * 4)
+    return Answers(np.array(value, dtype=float), np.array(error, dtype=float))
+
+
+def sensitivity(
+    answer: Callable[[HeightMap, Settings, bool], Answers],
+    surface: HeightMap,
+    settings: Settings,
+    n_caps: int,
+    pruning_height_m: float,
+    with_contact: bool,
+) -> Sensitivity:
+    """Run the stages again with one setting changed at a time.
+
+    All runs use one contact model, the interacting caps or, for more than 100 caps, the mean field
+    in place of dearer ones. They are made on a map of half the rows and columns, 2 x 2 points
+    averaged, if there the chosen settings give the same answers within the error bars.
+
+    Parameters
+    ----------
+    answer : callable
+        Runs the stages on a height map with changed settings, with or without the contact. It may
+        raise a CapslipError: then that value of the setting has no answer.
+    surface : HeightMap
+        The map as measured.
+    settings : Settings
+        The chosen ones. The tolerance of the contact sets the error bars from below.
+    n_caps : int
+        Usable caps that the chosen settings give.
+    pruning_height_m : float
+        The one that the hills were pruned with; infinite where they are whole regions.
+    with_contact : bool
+        False where the caps do not carry the preload: approach and W are not asked for then.
+
+    Returns
+    -------
+    Sensitivity
+        The cut from 2 to 30 %; the pruning, where there is one, from a quarter to twice its
+        height; the S-filter from none to twice the chosen nesting index, or to eight pixels of the
+        map of the runs; the form as chosen and through the lowest third of the points, or none
+        and a plane. No sweep where the chosen settings give no answer.
+    """
+    if settings.contact.model in ("auto", "interacting", "boundary_elements"):
+        model = "interacting" if n_caps <= MAX_INTERACTING else "mean_field"
+        settings = _with(settings, "contact.model", model)
+
+    def ask(surface: HeightMap, settings: Settings) -> Answers:
+        try:
+            return answer(surface, settings, with_contact)
+        except CapslipError:
+            none = np.full(len(ANSWERS), np.nan)
+            return Answers(none, none)
+
+    chosen = ask(surface, settings)
+    least = settings.contact.tolerance * np.abs(chosen.value)
+    error_bar = np.fmax(2.0 * chosen.standard_error, least)
+    if np.isnan(chosen.value).all():
+        return Sensitivity(error_bar, ())
+    if np.isfinite(pruning_height_m):
+        # An automatic pruning would follow the cut and the filter: one choice at a time.
+        settings = _with(settings, "hills.pruning_height_m", pruning_height_m)
+    coarse = _coarsened(surface)
+    if coarse is not None:
+        on_coarse = ask(coarse, settings)
+        if _same(on_coarse.value, chosen.value, error_bar).all():
+            surface, chosen = coarse, on_coarse
+    sweeps = []
+    for plan in _plans(settings, surface, pruning_height_m):
+        value = np.unique([*plan.values, plan.chosen])
+        at = int(np.searchsorted(value, plan.chosen))
+        rows = [
+            chosen if i == at else ask(surface, _with(settings, plan.setting, x))
+            for i, x in enumerate(plan.options or value.tolist())
+        ]
+        sweeps.append(_sweep(plan, value, at, np.array([row.value for row in rows]), error_bar))
+    return Sensitivity(error_bar, tuple(sweeps))
+
+
+@dataclass(frozen=True)
+class _Plan:
+    """What is swept; values in the unit of the setting."""
+
+    setting: str
+    name: str
+    unit: str
+    unit_size: float
+    values: tuple[float, ...]
+    chosen: float
+    options: tuple[Any, ...] = ()  # what the values number, where they are choices
+    labels: tuple[str, ...] = ()
+
+
+def _plans(settings: Settings, surface: HeightMap, pruning_m: float) -> list[_Plan]:
+    cut = settings.hills.material_ratio
+    plans = [_Plan("hills.material_ratio", "cut", "%", 0.01, CUTS, cut)]
+    if np.isfinite(pruning_m):
+        heights_m = tuple(factor * pruning_m for factor in PRUNING_FACTORS)
+        plans.append(_Plan("hills.pruning_height_m", "pruning", "nm", 1e-9, heights_m, pruning_m))
+    index_m = settings.conditioning.s_filter_nesting_index_m
+    pixel_m = max(surface.pixel_size_m)
+    factors, unit_m = (FILTER_FACTORS, index_m) if index_m else (FILTER_PIXELS, pixel_m)
+    lengths_m = [factor * unit_m for factor in factors]
+    shortest_m, longest_m = MIN_FILTER_PIXELS * pixel_m, min(surface.side_m)
+    possible = tuple(x for x in lengths_m if not x or shortest_m <= x <= longest_m)
+    setting = "conditioning.s_filter_nesting_index_m"
+    plans.append(_Plan(setting, "filter", "µm", 1e-6, possible, index_m or 0.0))
+    plans.append(_levelling(settings))
+    return plans
+
+
+def _levelling(settings: Settings) -> _Plan:
+    """Return the other way to level: nobody knows how a face lay under the instrument."""
+    form = settings.conditioning.form
+    if form == "none":
+        options: tuple[Any, ...] = ("none", "plane")
+        labels, setting, chosen = ("no form removed", "plane"), "conditioning.form", 0.0
+    else:
+        fit = "robust" if settings.conditioning.form_robust else "least-squares"
+        options, labels = (False, True), (f"{fit} {form}", f"{form} of the lowest third")
+        setting, chosen = "conditioning.form_floor", float(settings.conditioning.form_floor)
+    return _Plan(setting, "levelling", "", 1.0, (0.0, 1.0), chosen, options, labels)
+
+
+def _sweep(
+    plan: _Plan, value: np.ndarray, at: int, answer: np.ndarray, error_bar: np.ndarray
+) -> Sweep:
+    first, last = _run_around(_same(answer, answer[at], error_bar), at)
+    value = value / plan.unit_size
+    return Sweep(
+        setting=plan.setting,
+        name=plan.name,
+        unit=plan.unit,
+        value=value,
+        chosen=at,
+        answer=answer,
+        stable_from=value[first],
+        stable_to=value[last],
+        labels=plan.labels,
+    )
+
+
+def _same(answer: np.ndarray, chosen: np.ndarray, error_bar: np.ndarray) -> np.ndarray:
+    """Tell whether answers are those chosen, within their error bars; none is the same as none."""
+    same: np.ndarray = np.abs(answer - chosen) <= error_bar
+    return same | (np.isnan(answer) & np.isnan(chosen))
+
+
+def _run_around(same: np.ndarray, at: int) -> tuple[np.ndarray, np.ndarray]:
+    """First and last row of the unbroken run of True around row `at`, for each column."""
+    below = np.cumprod(same[at::-1], axis=0).sum(axis=0)
+    above = np.cumprod(same[at:], axis=0).sum(axis=0)
+    return at + 1 - below, at - 1 + above
+
+
+def _coarsened(surface: HeightMap) -> HeightMap | None:
+    """Average 2 x 2 points, the measured ones of each; None for a map that is small anyway."""
+    ny, nx = (n // 2 for n in surface.shape)
+    if ny * nx < MIN_COARSE_POINTS:
+        return None
+    blocks_m = surface.height_m[: 2 * ny, : 2 * nx].reshape(ny, 2, nx, 2)
+    measured = ~np.isnan(blocks_m)
+    points = measured.sum(axis=(1, 3))
+    sum_m = np.where(measured, blocks_m, 0.0).sum(axis=(1, 3))
+    height_m = np.where(points > 0, sum_m / np.maximum(points, 1), np.nan)
+    dy_m, dx_m = surface.pixel_size_m
+    return replace(surface, height_m=height_m, pixel_size_m=(2.0 * dy_m, 2.0 * dx_m))
+
+
+def _with(settings: Settings, setting: str, value: float | str | bool) -> Settings:
+    """Return the settings with one changed."""
+    table, key = setting.split(".")
+    changes: dict[str, Any] = {key: value}
+    if key == "pruning_height_m":
+        changes["pruning_percent_Sz"] = None  # the other way to say it
+    if key == "s_filter_nesting_index_m" and not value:
+        changes[key] = None  # a filter of no length
+    inner = msgspec.structs.replace(getattr(settings, table), **changes)
+    return msgspec.structs.replace(settings, **{table: inner})
+
+
+def _listed(names: list[str]) -> str:
+    return names[0] if len(names) == 1 else f"{', '.join(names[:-1])} and {names[-1]}"

@@ -1,0 +1,325 @@
+"""Settings: strict, frozen, SI, with the unit in every name.
+
+A settings file is TOML. Every key has a default, so a file names only what differs. An unknown key,
+a wrong type or a value out of bounds is an error, with a proposal where the name is close to one
+that exists.
+"""
+
+import difflib
+import hashlib
+import math
+import tomllib
+from pathlib import Path
+from typing import Annotated, Any, Literal, get_args
+
+import msgspec
+
+from capslip.errors import SettingsError
+
+LEAST, GREATEST = 1e-30, 1e30  # of any positive setting, in SI: beyond it powers overflow
+Positive = Annotated[float, msgspec.Meta(ge=LEAST, le=GREATEST)]
+Share = Annotated[float, msgspec.Meta(gt=0, lt=1)]
+Pair = tuple[float, float]
+Size = Annotated[int, msgspec.Meta(ge=3)]
+SOLVER_TOLERANCE = (1e-10, 1e-3)  # least and greatest, of boundary elements
+SolverTolerance = Annotated[float, msgspec.Meta(ge=SOLVER_TOLERANCE[0], le=SOLVER_TOLERANCE[1])]
+LengthUnit = Literal["m", "mm", "um", "µm", "nm", "inch"]
+
+
+class _Table(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """A table of a settings file."""
+
+
+class Reading(_Table, frozen=True):
+    """What a file does not say of itself. Never overrides what it says."""
+
+    unit: LengthUnit | None = None
+    lateral_unit: LengthUnit | None = None
+    pixel_size: Pair | None = None  # (dy, dx) in lateral_unit
+    dataset: str | None = None
+    lenient: bool = False  # accept odd X3P archives, each with a note
+
+
+class Conditioning(_Table, frozen=True):
+    """From the raw height map to the one that is cut."""
+
+    form: Literal["plane", "quadratic", "polynomial", "cylinder", "sphere", "none"] = "plane"
+    form_degree: Annotated[int, msgspec.Meta(ge=1, le=10)] | None = None  # of a polynomial
+    form_robust: bool = False
+    form_floor: bool = False
+    outliers: Literal["isolated", "none"] = "isolated"
+    edge_trim_m: Positive | None = None
+    s_filter_nesting_index_m: Positive | None = None
+    l_filter_nesting_index_m: Positive | None = None
+    resample_to: tuple[Size, Size] | None = None  # points (ny, nx)
+
+
+class Mating(_Table, frozen=True):
+    """How a second face is laid on the first, where there is one."""
+
+    way: Literal["composite", "together"] = "composite"
+    align: Literal["given", "least_squares"] = "given"
+    mirror: Literal["x", "y"] = "x"
+    offset_m: Pair = (0.0, 0.0)
+    rotation_rad: float = 0.0
+
+
+class HillSettings(_Table, frozen=True):
+    """The cut, and what counts as a hill."""
+
+    material_ratio: Share = 0.10
+    separation: Literal["watershed", "regions"] = "watershed"
+    pruning_height_m: Positive | None = None
+    pruning_percent_Sz: Annotated[float, msgspec.Meta(gt=0, lt=100)] | None = None
+
+
+class CapSettings(_Table, frozen=True):
+    """How a sphere is fitted to a hill."""
+
+    fit: Literal["equation18", "pinned", "least_squares", "contact"] = "contact"
+
+
+class FamilySettings(_Table, frozen=True):
+    """How many families the caps are grouped into."""
+
+    count: Literal["auto", 1, 2] = "auto"
+    feature: Literal["peak_height", "cap_height", "diameter", "radius"] = "peak_height"
+
+
+class Material(_Table, frozen=True):
+    """The two bodies and the friction between them."""
+
+    youngs_modulus_Pa: Pair = (200e9, 200e9)
+    poisson_ratio: Pair = (0.3, 0.3)
+    friction_coefficient: Positive = 0.2
+    yield_stress_Pa: Positive | None = None
+
+
+class Contact(_Table, frozen=True):
+    """The contact model and the preload of one joint."""
+
+    model: Literal[
+        "auto", "flat", "families", "caps", "mean_field", "interacting", "boundary_elements"
+    ] = "auto"
+    preload_N: Positive = 460.0
+    tolerance: Share = 0.05
+    solver_tolerance: SolverTolerance = 1e-7  # of boundary elements
+    bulk: bool = False  # keep the half-space's bulk sinking in stiffness and displacement
+
+
+class Beam(_Table, frozen=True):
+    """A clamped-clamped beam with joints across its section."""
+
+    length_m: Positive = 0.4
+    width_m: Positive = 0.06
+    thickness_m: Positive = 0.04
+    density_kg_per_m3: Positive = 7850.0
+    theory: Literal["timoshenko", "euler_bernoulli"] = "timoshenko"
+    joint_position_m: Positive | None = None  # default: where the bending moment vanishes
+
+
+class Structure(_Table, frozen=True):
+    """The vibrating structure: two stiffnesses, or a beam that gives them."""
+
+    modal_stiffness_N_per_m: Positive | None = None
+    joint_stiffness_N_per_m: Positive | None = None
+    joints: Annotated[int, msgspec.Meta(ge=1)] = 2
+    beam: Beam = Beam()
+
+
+class Run(_Table, frozen=True):
+    """What changes no number."""
+
+    workers: Annotated[int, msgspec.Meta(ge=0)] = 0  # 0: one a core
+    figures: bool = True
+    render: bool = True
+    log_level: Literal["debug", "info", "warning", "error"] = "info"
+
+
+class Settings(_Table, frozen=True):
+    """All settings of one analysis."""
+
+    reading: Reading = Reading()
+    conditioning: Conditioning = Conditioning()
+    mating: Mating = Mating()
+    hills: HillSettings = HillSettings()
+    caps: CapSettings = CapSettings()
+    families: FamilySettings = FamilySettings()
+    material: Material = Material()
+    contact: Contact = Contact()
+    structure: Structure = Structure()
+    run: Run = Run()
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return plain nested dictionaries; settings that are not given are left out."""
+        tables = msgspec.to_builtins(self)
+        return {name: _without_none(table) for name, table in tables.items()}
+
+    def sha256(self) -> str:
+        """Return the digest of everything that can change a number, so without `[run]`."""
+        tables = self.to_dict()
+        del tables["run"]
+        return hashlib.sha256(msgspec.json.encode(tables, order="deterministic")).hexdigest()
+
+
+def load_settings(path: str | Path | None = None, overrides: tuple[str, ...] = ()) -> Settings:
+    """Read a settings file and apply `table.key=value` overrides.
+
+    Parameters
+    ----------
+    path : path, optional
+        A TOML file; without it every setting has its default.
+    overrides : tuple of str
+        Each `table.key=value`, the value in TOML (a bare word is taken as a string).
+
+    Raises
+    ------
+    SettingsError
+        If the file cannot be read, a key is unknown, or a value has the wrong type or is out of
+        bounds. The message names the key and, for a misspelt one, the closest that exists.
+
+    Examples
+    --------
+    >>> load_settings(overrides=("contact.preload_N=230",)).contact.preload_N
+    230.0
+    """
+    tables: dict[str, Any] = {}
+    if path is not None:
+        try:
+            tables = tomllib.loads(Path(path).read_text(encoding="utf-8"))
+        except OSError as error:
+            raise SettingsError(
+                f"settings file {path}: {error.strerror}; give a TOML file"
+            ) from error
+        except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+            raise SettingsError(f"settings file {path}: not valid TOML: {error}") from error
+    for override in overrides:
+        _apply(tables, override)
+    return settings_from(tables, str(path) if path else "settings")
+
+
+def settings_from(tables: dict[str, Any], where: str = "settings") -> Settings:
+    """Check nested dictionaries and make them Settings; errors as for `load_settings`."""
+    _refuse_unknown(tables, Settings, where, ())
+    _refuse_non_finite(tables, where, ())
+    try:
+        settings = msgspec.convert(tables, Settings)
+    except msgspec.ValidationError as error:
+        raise SettingsError(f"{where}: {_explain(str(error), tables)}") from error
+    _check_meaning(settings, where)
+    return settings
+
+
+def _check_meaning(settings: Settings, where: str) -> None:
+    for value in settings.material.youngs_modulus_Pa:
+        if not LEAST <= value <= GREATEST:
+            raise SettingsError(
+                f"{where}: material.youngs_modulus_Pa: got {value:g}; expected {LEAST:g} to "
+                f"{GREATEST:g}"
+            )
+    for value in settings.material.poisson_ratio:
+        if not -1 < value < 0.5:
+            raise SettingsError(
+                f"{where}: material.poisson_ratio: got {value:g}; expected -1 < nu < 0.5"
+            )
+    reading = settings.reading
+    if reading.pixel_size is not None and min(reading.pixel_size) <= 0:
+        raise SettingsError(
+            f"{where}: reading.pixel_size: got {reading.pixel_size}; expected two positive numbers"
+        )
+    conditioning = settings.conditioning
+    short_m = conditioning.s_filter_nesting_index_m
+    long_m = conditioning.l_filter_nesting_index_m
+    if short_m is not None and long_m is not None and short_m >= long_m:
+        raise SettingsError(
+            f"{where}: conditioning: s_filter_nesting_index_m {short_m:g} is not below "
+            f"l_filter_nesting_index_m {long_m:g}; the first takes off what is shorter, the second "
+            "what is longer, so nothing would be left"
+        )
+    hills = settings.hills
+    if hills.pruning_height_m is not None and hills.pruning_percent_Sz is not None:
+        raise SettingsError(
+            f"{where}: hills: got both pruning_height_m and pruning_percent_Sz; give one or none"
+        )
+    structure = settings.structure
+    if (structure.modal_stiffness_N_per_m is None) != (structure.joint_stiffness_N_per_m is None):
+        raise SettingsError(
+            f"{where}: structure: modal_stiffness_N_per_m and joint_stiffness_N_per_m go together; "
+            "got one of them; give both, or neither and a [structure.beam]"
+        )
+
+
+def _refuse_unknown(
+    tables: dict[str, Any], kind: type[msgspec.Struct], where: str, path: tuple[str, ...]
+) -> None:
+    known = {field.name: field.type for field in msgspec.structs.fields(kind)}
+    for key, value in tables.items():
+        if key not in known:
+            name = ".".join((*path, key))
+            close = difflib.get_close_matches(key, known, n=1)
+            mean = f"; did you mean {'.'.join((*path, close[0]))}?" if close else ""
+            raise SettingsError(
+                f"{where}: unknown setting {name}{mean} (known here: {', '.join(known)})"
+            )
+        nested = known[key]
+        if isinstance(nested, type) and issubclass(nested, msgspec.Struct):
+            if not isinstance(value, dict):
+                raise SettingsError(f"{where}: {'.'.join((*path, key))}: expected a table of keys")
+            _refuse_unknown(value, nested, where, (*path, key))
+
+
+def _refuse_non_finite(value: Any, where: str, path: tuple[str, ...]) -> None:
+    if isinstance(value, dict):
+        for key, inner in value.items():
+            _refuse_non_finite(inner, where, (*path, key))
+    elif isinstance(value, list | tuple):
+        for inner in value:
+            _refuse_non_finite(inner, where, path)
+    elif isinstance(value, float) and not math.isfinite(value):
+        raise SettingsError(f"{where}: {'.'.join(path)}: got {value}; expected a finite number")
+
+
+def _explain(message: str, tables: dict[str, Any]) -> str:
+    """Turn msgspec's message into key, value found, value expected."""
+    expected, _, path = message.partition(" - at `$.")
+    keys = path.rstrip("`").split(".")
+    value: Any = tables
+    kind: Any = Settings
+    for key in keys:
+        name, _, index = key.partition("[")
+        value = value.get(name) if isinstance(value, dict) else value
+        if isinstance(kind, type) and issubclass(kind, msgspec.Struct):
+            kind = next(field.type for field in msgspec.structs.fields(kind) if field.name == name)
+        if index and isinstance(value, list):
+            value = value[int(index.rstrip("]"))] if index[0].isdigit() else value
+    if expected.startswith("Invalid enum value"):
+        words = [arg for part in (kind, *get_args(kind)) for arg in get_args(part)]
+        words = [word for word in dict.fromkeys(words) if isinstance(word, str | int)]
+        expected = "expected one of " + ", ".join(str(word) for word in words)
+        close = difflib.get_close_matches(str(value), [str(word) for word in words], n=1)
+        expected += f"; did you mean {close[0]}?" if close else ""
+    return f"{'.'.join(keys)}: got {value!r}; {expected[0].lower()}{expected[1:].replace('`', '')}"
+
+
+def _apply(tables: dict[str, Any], override: str) -> None:
+    name, equals, text = override.partition("=")
+    keys = name.strip().split(".")
+    if not equals or not all(keys) or len(keys) < 2:
+        raise SettingsError(f"--set {override}: expected table.key=value")
+    try:
+        value = tomllib.loads(f"value = {text}")["value"]
+    except tomllib.TOMLDecodeError:
+        value = text.strip()
+    for key in keys[:-1]:
+        tables = tables.setdefault(key, {})
+        if not isinstance(tables, dict):
+            raise SettingsError(f"--set {override}: {key} is no table")
+    tables[keys[-1]] = value
+
+
+def _without_none(table: dict[str, Any]) -> dict[str, Any]:
+    return {
+        key: _without_none(value) if isinstance(value, dict) else value
+        for key, value in table.items()
+        if value is not None
+    }

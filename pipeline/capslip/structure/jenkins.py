@@ -1,0 +1,262 @@
+"""The slip curve as a few parallel Jenkins elements, for finite-element codes."""
+
+import math
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from capslip.contact.slip import SlipCurve
+from capslip.errors import OutputError, SettingsError
+
+
+@dataclass(frozen=True, eq=False)
+class JenkinsElements:
+    """Parallel elements of one joint, each a spring in series with a slider; shape (n,).
+
+    The stiffnesses add up to the initial tangential stiffness, the slip forces to mu N0.
+    """
+
+    stiffness_N_per_m: np.ndarray
+    slip_force_N: np.ndarray
+    smallest_displacement_m: float  # the energy was checked from here to total slip
+    energy_error: float  # largest relative error of the energy per cycle found there
+
+    @property
+    def slip_displacement_m(self) -> np.ndarray:
+        """Displacement at which each element starts to slide, shape (n,), increasing."""
+        return self.slip_force_N / self.stiffness_N_per_m
+
+    def force_N(self, displacement_m: np.ndarray) -> np.ndarray:
+        """Tangential force on first loading, shape of the displacement."""
+        return _force_N(
+            self.stiffness_N_per_m, self.slip_displacement_m, np.asarray(displacement_m)
+        )
+
+    def energy_J(self, displacement_m: np.ndarray) -> np.ndarray:
+        """Energy lost in a cycle between plus and minus a displacement, in its shape."""
+        return _energy_J(
+            self.stiffness_N_per_m, self.slip_displacement_m, np.asarray(displacement_m)
+        )
+
+
+def jenkins(
+    slip: SlipCurve, tolerance: float = 0.01, smallest_displacement_m: float | None = None
+) -> JenkinsElements:
+    """Replace a slip curve by parallel Jenkins elements that lose the same energy per cycle.
+
+    The slip curve is an Iwan model whose density of sliders over the slip displacement s is -T''.
+    The range of displacement is cut into cells, and the density in each cell is replaced by two
+    sliders that keep its integral and its first two moments. Force, stiffness and energy are then
+    exact at every border of a cell, and the error inside a cell depends on that cell alone::
+
+        T = integral of -T'' min(s, delta),  W = 4 integral of -T'' s max(delta - s, 0)
+
+    So every cell is made as long as the tolerance allows, at given displacement and at given force.
+    The first one starts at zero and holds all sliders that the range does not resolve.
+
+    Parameters
+    ----------
+    slip : SlipCurve
+        Slip curve of one joint.
+    tolerance : float
+        Allowed relative error of the energy per cycle, 0.005 to 0.5.
+    smallest_displacement_m : float, optional
+        The tolerance holds from here to total slip, and beyond. By default a hundredth of the
+        displacement at total slip. Below it the elements lose too little, and nothing in the end.
+
+    Returns
+    -------
+    JenkinsElements
+        Stiffness and slip force of each element, and the largest error found.
+
+    Raises
+    ------
+    SettingsError
+        If the tolerance or the smallest displacement is out of bounds, or the joint is rigid up to
+        total slip.
+
+    Notes
+    -----
+    Iwan, J. Appl. Mech. 33 (1966) 893. W is that of Masing's rule; Eqs. 4-8 of Peyret, Chevallier
+    and Dion, Int. J. Appl. Mech. 8 (2016) 1650097, are the case of one spherical contact.
+
+    Examples
+    --------
+    >>> from capslip.contact.curves import families
+    >>> from capslip.contact.slip import slip_curve
+    >>> curve = families((5, 18), (23.8, 26.7), (0, 2.4e-7), 109.89e9)
+    >>> elements = jenkins(slip_curve(curve, 460.4, 0.2, 1.2143), tolerance=0.05)
+    >>> print(f"{len(elements.slip_force_N)} elements, {elements.slip_force_N.sum():.2f} N")
+    20 elements, 92.08 N
+    """
+    total_m = float(slip.total_slip_displacement_m)
+    if not 0.005 <= tolerance <= 0.5:
+        raise SettingsError(f"jenkins: tolerance: got {tolerance:g}; expected 0.005 to 0.5")
+    if not total_m > 0:
+        raise SettingsError(
+            f"jenkins: the {slip.curve.model} contact model has no displacement before total "
+            "slip; expected one with caps; use one slider with the force at total slip instead"
+        )
+    if smallest_displacement_m is None:
+        smallest_displacement_m = 0.01 * total_m
+    if not 0 < smallest_displacement_m < total_m:
+        raise SettingsError(
+            f"jenkins: smallest_displacement_m: got {smallest_displacement_m:g}; expected above 0 "
+            f"and below {total_m:g} m, the displacement at total slip"
+        )
+    delta_m = _borders(smallest_displacement_m, total_m, tolerance)
+    stiffness_N_per_m, slip_m = _sliders(slip, delta_m, tolerance)
+    return JenkinsElements(
+        stiffness_N_per_m=stiffness_N_per_m,
+        slip_force_N=stiffness_N_per_m * slip_m,
+        smallest_displacement_m=smallest_displacement_m,
+        energy_error=_energy_error(slip, stiffness_N_per_m, slip_m, delta_m),
+    )
+
+
+def write_jenkins(elements: JenkinsElements, path: str | Path) -> None:
+    """Write the elements as CSV, with the way to use them in comment lines at the top.
+
+    Parameters
+    ----------
+    elements : JenkinsElements
+        Elements of one joint.
+    path : path
+        File to write; an existing one is replaced.
+
+    Raises
+    ------
+    OutputError
+        If the file cannot be written.
+    """
+    smallest_m, accuracy = elements.smallest_displacement_m, elements.energy_error
+    head = f"""\
+# One joint under constant preload, along the direction of slip: {len(elements.slip_force_N)}
+# parallel Jenkins elements. Each is a spring (stiffness_N_per_m, in N/m) in series with a
+# Coulomb slider (slip_force_N, in N). Put all of them between the same two degrees of freedom,
+# the motion of the two faces along the direction of slip.
+# Couple the faces in the other directions; give the joint no other friction.
+# Time stepping, with the relative displacement u and a memory z of each element, zero at first:
+#   f = stiffness (u - z), cut off at plus or minus slip_force; then z = u - f / stiffness.
+#   The force of the joint is the sum of f.
+# Harmonic balance: the same over two periods of u; the second one is the steady cycle.
+# The energy lost per cycle is within {accuracy:.2g} (relative) at amplitudes of u from
+# {smallest_m:.6g} m to total slip and beyond; at smaller ones too little is lost.
+# The stiffnesses add up to the initial stiffness, the slip forces to friction times preload.
+"""
+    rows = zip(elements.stiffness_N_per_m.tolist(), elements.slip_force_N.tolist(), strict=True)
+    table = "".join(f"{stiffness!r},{force!r}\n" for stiffness, force in rows)
+    try:
+        Path(path).write_text(head + "stiffness_N_per_m,slip_force_N\n" + table, encoding="utf-8")
+    except OSError as error:
+        raise OutputError(
+            f"Jenkins elements: {path} cannot be written: {error.strerror}; choose another file"
+        ) from error
+
+
+def _borders(smallest_m: float, total_m: float, tolerance: float) -> np.ndarray:
+    """Return displacements at which a cell may end, close enough to test the cells at.
+
+    A cell of relative width q errs by about 0.1 q^2, so each gets some 20 points. They are as close
+    seen from total slip, where the displacement at given force runs away.
+    """
+    per_e_fold = 9 / math.sqrt(tolerance)
+    n_low = math.ceil(per_e_fold * math.log(total_m / smallest_m))
+    n_high = math.ceil(per_e_fold * math.log(10 / tolerance))
+    from_zero_m = np.geomspace(smallest_m, total_m, n_low + 1)
+    from_total_m = total_m * (1 - np.geomspace(0.3, 0.03 * tolerance, n_high))
+    return np.union1d(from_zero_m, from_total_m[from_total_m > smallest_m])
+
+
+def _sliders(
+    slip: SlipCurve, delta_m: np.ndarray, tolerance: float
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return stiffness and slip displacement of the sliders, two for each cell."""
+    border_m = np.concatenate([[0.0], delta_m])
+    T_N, W_J = slip.force_N(border_m), slip.energy_J(border_m)
+    slope = np.array(slip.stiffness_N_per_m(border_m))
+    slope[-1] = 0.0  # at total slip every slider moves
+    # Integrals of -T'', -T'' s and -T'' s^2 from zero to every border, by parts.
+    first = T_N - border_m * slope
+    second = border_m * first - W_J / 4
+    moments = np.stack([slope[0] - slope, first, second])
+
+    def fits(sliders: np.ndarray, start: int, stop: int) -> bool:
+        """Whether the sliders of a cell lose the right energy all over it."""
+        inside = slice(max(start, 1), stop)
+        # Force is linear between borders and sliders, and exact at the borders.
+        knot_m = np.concatenate([border_m[[start]], sliders[1], border_m[[stop]]])
+        stuck_N_per_m = slope[start] - sliders[0].sum()
+        knot_N = first[start] + stuck_N_per_m * knot_m + _force_N(sliders[0], sliders[1], knot_m)
+        at_force_m = np.interp(T_N[inside], knot_N, knot_m)
+        trial_m = np.stack([border_m[inside], at_force_m])
+        below_J = 4 * (trial_m * first[start] - second[start])
+        error_J = np.abs(below_J + _energy_J(sliders[0], sliders[1], trial_m) - W_J[inside])
+        # The margin is for what happens between the points.
+        return bool(np.all(error_J <= 0.7 * tolerance * W_J[inside]))
+
+    cells = []
+    start, last = 0, len(delta_m)
+    while start < last:
+        stop = start + 1
+        cell = _two_sliders(border_m, moments, start, stop)
+        while stop < last:
+            longer = _two_sliders(border_m, moments, start, stop + 1)
+            if not fits(longer, start, stop + 1):
+                break
+            cell, stop = longer, stop + 1
+        cells.append(cell)
+        start = stop
+    stiffness_N_per_m, slip_m = np.concatenate(cells, axis=1)
+    return stiffness_N_per_m, slip_m
+
+
+def _two_sliders(border_m: np.ndarray, moments: np.ndarray, start: int, stop: int) -> np.ndarray:
+    """Return [stiffness, slip displacement] of the sliders that keep the moments of a cell."""
+    low_m, high_m = border_m[start], border_m[stop]
+    stiffness, first, second = moments[:, stop] - moments[:, start]
+    if stiffness <= 1e-13 * moments[0, -1]:
+        return np.empty((2, 0))
+    mean_m = min(max(first / stiffness, low_m), high_m)
+    below_m, above_m = mean_m - low_m, high_m - mean_m
+    # No density between two borders has a larger variance than their product.
+    variance_m2 = min(second / stiffness - mean_m**2, below_m * above_m)
+    if variance_m2 <= 1e-12 * mean_m**2:
+        return np.array([[stiffness], [mean_m]])
+    # Of all pairs with this mean and variance, the one that always lies inside the cell.
+    spread_m, skew = math.sqrt(variance_m2), math.sqrt(below_m / above_m)
+    slip_m = [mean_m - spread_m * skew, mean_m + spread_m / skew]
+    return np.array([[above_m, below_m], slip_m]) * [[stiffness / (high_m - low_m)], [1.0]]
+
+
+def _energy_error(
+    slip: SlipCurve, stiffness_N_per_m: np.ndarray, slip_m: np.ndarray, delta_m: np.ndarray
+) -> float:
+    """Return the largest relative error, at given displacement and at given force.
+
+    It is looked for between the points that the cells were tested at, and where a slider starts to
+    move: it peaks there.
+    """
+    delta_m = np.union1d(delta_m, slip_m[slip_m > delta_m[0]])
+    delta_m = np.union1d(delta_m, (delta_m[1:] + delta_m[:-1]) / 2)
+    exact_J = slip.energy_J(delta_m)
+    knot_m = np.concatenate([[0.0], slip_m])
+    knot_N = _force_N(stiffness_N_per_m, slip_m, knot_m)
+    at_force_m = np.interp(slip.force_N(delta_m), knot_N, knot_m)
+    wrong_J = np.abs(
+        _energy_J(stiffness_N_per_m, slip_m, np.stack([delta_m, at_force_m])) - exact_J
+    )
+    lossy = exact_J > 0
+    return float((wrong_J[:, lossy] / exact_J[lossy]).max(initial=0.0))
+
+
+def _force_N(stiffness_N_per_m: np.ndarray, slip_m: np.ndarray, delta_m: np.ndarray) -> np.ndarray:
+    """Sum over the sliders; shape of the displacement."""
+    return np.asarray(np.minimum(delta_m[..., None], slip_m) @ stiffness_N_per_m)
+
+
+def _energy_J(stiffness_N_per_m: np.ndarray, slip_m: np.ndarray, delta_m: np.ndarray) -> np.ndarray:
+    """4 k s (delta - s) for each slider that moves; shape of the displacement."""
+    slide_m = np.maximum(delta_m[..., None] - slip_m, 0.0)
+    return np.asarray(4 * slide_m @ (stiffness_N_per_m * slip_m))

@@ -1,0 +1,198 @@
+"""From slip in the joints to the loss factor of one mode, over its amplitude."""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from capslip.contact.slip import SlipCurve
+from capslip.errors import SettingsError
+
+
+@dataclass(frozen=True, eq=False)
+class Damping:
+    """Damping and softening of one mode; arrays of one shape (n,), over `amplitude_m`.
+
+    Beyond `gross_slip_amplitude_m` there is no steady cycle under a given force: every array but
+    `amplitude_m` holds NaN there.
+    """
+
+    amplitude_m: np.ndarray  # v at mid-span, without the displacement of the joints
+    total_amplitude_m: np.ndarray  # v with the displacement of the joints: what a sensor sees
+    force_N: np.ndarray  # shear force T in one joint
+    displacement_m: np.ndarray  # slip displacement of one joint
+    energy_J: np.ndarray  # lost per cycle in all joints
+    loss_factor: np.ndarray
+    damping_ratio: np.ndarray
+    frequency_ratio: np.ndarray  # to the frequency with rigid joints
+    peak_loss_factor: float
+    amplitude_at_peak_m: float | None  # None: no loss below gross slip
+    peak_at_gross_slip: bool  # the loss factor still grows where gross slip begins
+    gross_slip_amplitude_m: float
+    modal_stiffness_N_per_m: float
+    joint_stiffness_N_per_m: float
+    joints: int
+
+
+def response(
+    slip: SlipCurve,
+    modal_stiffness_N_per_m: float,
+    joint_stiffness_N_per_m: float,
+    joints: int,
+    amplitude_m: ArrayLike | None = None,
+) -> Damping:
+    """Compute loss factor, damping ratio and frequency of one mode over its amplitude.
+
+    The amplitude v is the displacement at mid-span of the structure with rigid joints, F / K_m, so
+    that the shear force in a joint is T = K_s v. With F in phase in every joint::
+
+        W = n_j W(delta(T)),  eta = W / (2 pi W_ext),  W_ext = K_m v^2 / 2,  xi = eta / 2
+        v_total = F / K_m + n_j r delta(T),  r = K_s / K_m,  f / f_0 = sqrt(v / v_total)
+
+    The joints move the mid-span by n_j r delta, as the force F does the work T delta in each of
+    them; the loop of F over v_total therefore has the area W.
+
+    Parameters
+    ----------
+    slip : SlipCurve
+        Slip curve of one joint.
+    modal_stiffness_N_per_m : float
+        K_m, of the mode with rigid joints, for displacement at mid-span.
+    joint_stiffness_N_per_m : float
+        K_s, shear force in one joint per displacement at mid-span.
+    joints : int
+        Number n_j of equal joints in which the energy is lost.
+    amplitude_m : array_like, shape (n,), optional
+        Amplitudes v, positive. By default 1e-3 to 1 of the gross-slip amplitude, spaced
+        logarithmically, and the neighbourhood of the peak.
+
+    Returns
+    -------
+    Damping
+        Arrays over the amplitudes. The peak is that of the whole range up to gross slip, whatever
+        amplitudes are asked for.
+
+    Raises
+    ------
+    SettingsError
+        If a stiffness or an amplitude is not positive and finite, or there is no joint.
+
+    Notes
+    -----
+    Eqs. 17, 19 and 20 of Peyret, Chevallier and Dion, Int. J. Appl. Mech. 8 (2016) 1650097. W_ext
+    leaves out the energy stored in the joints. The loss factor of the whole, over F v_total / 2, is
+    the smaller `loss_factor * frequency_ratio**2`. At small amplitudes W grows as v^3, so the
+    loss factor as v; xi = eta / 2 holds for light damping.
+
+    Examples
+    --------
+    >>> from capslip.contact.curves import families
+    >>> from capslip.contact.slip import slip_curve
+    >>> curve = families((5, 18), (23.8, 26.7), (0, 2.4e-7), 109.89e9)
+    >>> damping = response(slip_curve(curve, 460.4, 0.2, 1.2143), 1.8e8, 9.9e7, joints=2)
+    >>> print(f"{damping.peak_loss_factor:.4f} at {damping.amplitude_at_peak_m:.2e} m")
+    0.0204 at 9.30e-07 m
+    """
+    for name, value in (
+        ("modal_stiffness_N_per_m", modal_stiffness_N_per_m),
+        ("joint_stiffness_N_per_m", joint_stiffness_N_per_m),
+    ):
+        if not 0 < value < math.inf:
+            raise SettingsError(
+                f"structure: {name}: got {value:g}; expected a positive finite number"
+            )
+    if isinstance(joints, bool) or not isinstance(joints, int | np.integer) or joints < 1:
+        raise SettingsError(f"structure: joints: got {joints!r}; expected an integer of at least 1")
+    mode = _Mode(slip, float(modal_stiffness_N_per_m), float(joint_stiffness_N_per_m), int(joints))
+    gross_slip_m = float(slip.total_slip_force_N / joint_stiffness_N_per_m)
+    grid_m = np.geomspace(1e-3 * gross_slip_m, gross_slip_m, 73)
+    peak_m = mode.find_peak(grid_m)
+    if amplitude_m is None:
+        wanted_m = grid_m
+        if peak_m is not None and peak_m >= grid_m[0]:
+            near_m = np.geomspace(peak_m / 1.2, min(1.2 * peak_m, gross_slip_m), 16)
+            wanted_m = np.union1d(grid_m, np.append(near_m[near_m >= grid_m[0]], peak_m))
+    else:
+        wanted_m = np.atleast_1d(np.asarray(amplitude_m, dtype=float))
+        if wanted_m.ndim != 1:
+            raise SettingsError(
+                f"structure: amplitude_m: got an array of shape {wanted_m.shape}; expected one axis"
+            )
+        bad_m = wanted_m[~((wanted_m > 0) & (wanted_m < np.inf))]
+        if bad_m.size:
+            raise SettingsError(
+                f"structure: amplitude_m: got {bad_m[0]:g} ({bad_m.size} of {wanted_m.size} "
+                "values); expected positive finite numbers"
+            )
+    return mode.damping(wanted_m, peak_m, gross_slip_m)
+
+
+@dataclass(frozen=True)
+class _Mode:
+    slip: SlipCurve
+    K_m: float
+    K_s: float
+    n_j: int
+
+    def force_N(self, amplitude_m: np.ndarray) -> np.ndarray:
+        # The product may exceed mu N0 by rounding where gross slip begins.
+        return np.minimum(self.K_s * amplitude_m, self.slip.total_slip_force_N)
+
+    def energy_J(self, amplitude_m: np.ndarray) -> np.ndarray:
+        return np.asarray(self.n_j * self.slip.energy_at_force_J(self.force_N(amplitude_m)))
+
+    def loss_factor(self, amplitude_m: np.ndarray) -> np.ndarray:
+        return self.energy_J(amplitude_m) / (math.pi * self.K_m * amplitude_m) / amplitude_m
+
+    def find_peak(self, grid_m: np.ndarray) -> float | None:
+        """Return the amplitude of the highest loss factor, looking between the grid points too."""
+        loss = self.loss_factor(grid_m)
+        if not loss.max() > 0:
+            return None
+        # Families that barely touch may peak below the grid.
+        while loss[0] == loss.max() and grid_m[0] > 1e-9 * grid_m[-1]:
+            grid_m = np.geomspace(grid_m[0] / 10, grid_m[1], 25)
+            loss = self.loss_factor(grid_m)
+        for _ in range(6):  # each turn looks eight times closer
+            i = int(np.argmax(loss))
+            grid_m = np.geomspace(grid_m[max(i - 1, 0)], grid_m[min(i + 1, len(grid_m) - 1)], 17)
+            loss = self.loss_factor(grid_m)
+        return float(grid_m[np.argmax(loss)])
+
+    def damping(
+        self, amplitude_m: np.ndarray, peak_m: float | None, gross_slip_m: float
+    ) -> Damping:
+        steady = amplitude_m <= gross_slip_m
+        v_m = amplitude_m[steady]
+        T_N = self.force_N(v_m)
+        delta_m = np.asarray(self.slip.displacement_m(T_N))
+        energy_J = self.energy_J(v_m)
+        loss_factor = energy_J / (math.pi * self.K_m * v_m) / v_m
+        v_total_m = v_m + self.n_j * self.K_s / self.K_m * delta_m
+        peak_loss_factor = (
+            float(self.loss_factor(np.array([peak_m]))[0]) if peak_m is not None else 0.0
+        )
+
+        def absent_beyond_gross_slip(value: np.ndarray) -> np.ndarray:
+            full = np.full(amplitude_m.shape, np.nan)
+            full[steady] = value
+            return full
+
+        return Damping(
+            amplitude_m=amplitude_m,
+            total_amplitude_m=absent_beyond_gross_slip(v_total_m),
+            force_N=absent_beyond_gross_slip(T_N),
+            displacement_m=absent_beyond_gross_slip(delta_m),
+            energy_J=absent_beyond_gross_slip(energy_J),
+            loss_factor=absent_beyond_gross_slip(loss_factor),
+            damping_ratio=absent_beyond_gross_slip(loss_factor / 2),
+            frequency_ratio=absent_beyond_gross_slip(np.sqrt(v_m / v_total_m)),
+            peak_loss_factor=peak_loss_factor,
+            amplitude_at_peak_m=peak_m,
+            peak_at_gross_slip=peak_m == gross_slip_m,
+            gross_slip_amplitude_m=gross_slip_m,
+            modal_stiffness_N_per_m=self.K_m,
+            joint_stiffness_N_per_m=self.K_s,
+            joints=self.n_j,
+        )

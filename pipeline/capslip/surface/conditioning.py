@@ -1,0 +1,173 @@
+"""From the map as measured to the one that is cut: every optional step, in its order."""
+
+import math
+from dataclasses import asdict, dataclass, replace
+from typing import Any, Literal, get_args
+
+import numpy as np
+
+from capslip.errors import SettingsError, UnusableSurfaceError
+from capslip.problems import Problem
+from capslip.surface.filters import gaussian_l_filter, gaussian_s_filter
+from capslip.surface.form import FormKind, remove_form
+from capslip.surface.heightmap import HeightMap
+from capslip.surface.outliers import Outliers, find_outliers
+from capslip.surface.plausibility import doubts_of_outliers, doubts_of_surface, refuse_absurd
+from capslip.surface.resampling import resample
+
+OutlierRule = Literal["isolated", "none"]
+
+
+@dataclass(frozen=True, eq=False)
+class Conditioned:
+    """A height map ready for the cut.
+
+    Attributes
+    ----------
+    surface : HeightMap
+        Heights relative to the fitted form; non-measured points and removed outliers are NaN.
+    sq_m, sz_m : float
+        Root mean square height and height range of `surface` (ISO 25178-2 Sq, Sz).
+    steps : tuple of dict
+        What was done, in order: `step` names it, the other keys are its numbers.
+    problems : tuple of Problem
+        What makes the map doubtful.
+    """
+
+    surface: HeightMap
+    sq_m: float
+    sz_m: float
+    steps: tuple[dict[str, Any], ...]
+    problems: tuple[Problem, ...]
+
+
+def condition(
+    surface: HeightMap,
+    form: FormKind = "plane",
+    *,
+    form_degree: int | None = None,
+    form_robust: bool = False,
+    form_floor: bool = False,
+    outliers: OutlierRule = "isolated",
+    edge_trim_m: float | None = None,
+    s_filter_nesting_index_m: float | None = None,
+    l_filter_nesting_index_m: float | None = None,
+    resample_to: tuple[int, int] | None = None,
+) -> Conditioned:
+    """Trim, remove form and outliers, filter and resample, each on demand and in this order.
+
+    Parameters
+    ----------
+    surface : HeightMap
+        The map as measured. No step fills a non-measured point.
+    form, form_degree, form_robust, form_floor
+        See `remove_form`.
+    outliers : {"isolated", "none"}
+        Mark spikes and bad codes as non-measured (see `find_outliers`) and fit the form again
+        without them, or keep them.
+    edge_trim_m : float, optional
+        Width of the margin to cut off on all four sides. Places then count from the new corner.
+    s_filter_nesting_index_m, l_filter_nesting_index_m : float, optional
+        Nesting indices of the areal Gaussian filters that take off short and long waves. They come
+        after the form, so that the edge of the map disturbs them least.
+    resample_to : (int, int), optional
+        (ny, nx) of the grid to resample to.
+
+    Raises
+    ------
+    SettingsError
+        If an option is unknown, out of bounds or too large for the face.
+    UnusableSurfaceError
+        If no point is measured, the measured points do not fix the form, or no unit makes the
+        lengths plausible.
+
+    Examples
+    --------
+    >>> y, x = np.mgrid[0:40, 0:60]
+    >>> tilted = HeightMap(3e-6 * x - 2e-6 * y + 5e-3, (1e-4, 1e-4))
+    >>> result = condition(tilted)
+    >>> result.sz_m < 1e-15, [step["step"] for step in result.steps]
+    (True, ['form', 'outliers'])
+    """
+    if outliers not in get_args(OutlierRule):
+        raise SettingsError(
+            f"conditioning.outliers: got {outliers!r}; expected one of "
+            f"{', '.join(get_args(OutlierRule))}"
+        )
+    refuse_absurd(surface)
+    steps: list[dict[str, Any]] = []
+    if edge_trim_m is not None:
+        surface, step = _trimmed(surface, edge_trim_m)
+        steps.append(step)
+
+    stored = surface
+    fit: dict[str, Any] = {"degree": form_degree, "robust": form_robust, "floor": form_floor}
+    surface, removed_form = remove_form(stored, form, **fit)
+    found = find_outliers(surface, stored)
+    step = {"step": "outliers", "rule": outliers, "removed": 0}
+    if outliers == "isolated" and found.index.size:
+        step["removed"] = found.index.size
+        step["sq_before_m"], step["sz_before_m"] = sq_and_sz_m(surface)
+        stored = _without(stored, found)
+        surface, removed_form = remove_form(stored, form, **fit)
+    sq_m, sz_m = sq_and_sz_m(surface)
+    steps += [{"step": "form", **asdict(removed_form), "residual_sq_m": sq_m}, step]
+    problems = doubts_of_outliers(surface, sq_m, found, kept=outliers == "none")
+    del stored  # a map's worth of memory
+
+    if s_filter_nesting_index_m is not None:
+        surface = gaussian_s_filter(surface, s_filter_nesting_index_m)
+        steps.append({"step": "s_filter", "nesting_index_m": s_filter_nesting_index_m})
+    if l_filter_nesting_index_m is not None:
+        surface = gaussian_l_filter(surface, l_filter_nesting_index_m)
+        steps.append({"step": "l_filter", "nesting_index_m": l_filter_nesting_index_m})
+    if resample_to is not None:
+        surface = resample(surface, resample_to)
+        steps.append({"step": "resampling", "shape": list(surface.shape)})
+    if steps[-1] is not step:
+        sq_m, sz_m = sq_and_sz_m(surface)
+    problems += doubts_of_surface(surface, sq_m, sz_m)
+    return Conditioned(surface, sq_m, sz_m, tuple(steps), problems)
+
+
+def _trimmed(surface: HeightMap, edge_trim_m: float) -> tuple[HeightMap, dict[str, Any]]:
+    shorter_m = min(surface.side_m)
+    (ny, nx), (dy_m, dx_m) = surface.shape, surface.pixel_size_m
+    if 0.0 < edge_trim_m < 0.5 * shorter_m:
+        trim_y, trim_x = (math.ceil(edge_trim_m / size_m - 1e-9) for size_m in (dy_m, dx_m))
+    else:
+        trim_y, trim_x = ny, nx
+    if 2 * trim_y > ny - 3 or 2 * trim_x > nx - 3:
+        raise SettingsError(
+            f"conditioning.edge_trim_m: got {edge_trim_m:g}; expected above 0 and less than half "
+            f"the shorter side ({shorter_m:g} m), so that three points are left"
+        )
+    inner = surface.height_m[trim_y : ny - trim_y, trim_x : nx - trim_x]
+    return replace(surface, height_m=inner), {"step": "edge_trim", "points": [trim_y, trim_x]}
+
+
+def _without(surface: HeightMap, outliers: Outliers) -> HeightMap:
+    height_m = surface.height_m.copy()
+    height_m.reshape(-1)[outliers.index] = np.nan
+    return replace(surface, height_m=height_m)
+
+
+def sq_and_sz_m(surface: HeightMap) -> tuple[float, float]:
+    """Return root mean square height and height range (ISO 25178-2 Sq, Sz), in metres.
+
+    Raises
+    ------
+    UnusableSurfaceError
+        If no point is measured.
+    """
+    measured_m = surface.height_m.reshape(-1)
+    if np.isnan(measured_m.sum()):
+        measured_m = measured_m[~np.isnan(measured_m)]
+    if measured_m.size == 0:
+        raise UnusableSurfaceError(
+            f"{surface.origin.name}: all {surface.height_m.size} points are non-measured; expected "
+            "heights; check the file's code for missing data"
+        )
+    deviation_m = measured_m - measured_m.mean()
+    sq_m = math.sqrt(deviation_m @ deviation_m / deviation_m.size)
+    return sq_m, float(measured_m.max() - measured_m.min())

@@ -1,0 +1,121 @@
+"""The areal Gaussian filter."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+
+from capslip.errors import SettingsError
+from capslip.surface.heightmap import HeightMap
+
+# The weight exp(-pi (r / (alpha L))^2), alpha = sqrt(ln 2 / pi), halves a wave of length L.
+SIGMA_PER_NESTING_INDEX = math.sqrt(math.log(2.0) / 2.0) / math.pi  # 0.18739
+MIN_PIXELS = 4.0  # below, weights sampled pixel by pixel no longer halve that wave (at 3: 0.56)
+REACH_SIGMA = 6.0  # weights beyond are below 2e-8
+BLOCK_POINTS = 65536
+
+
+def gaussian_s_filter(surface: HeightMap, nesting_index_m: float) -> HeightMap:
+    """Take off the short waves with the areal Gaussian filter of ISO 16610-61.
+
+    Parameters
+    ----------
+    surface : HeightMap
+        Pixels need not be square.
+    nesting_index_m : float
+        The wavelength that is halved in amplitude.
+
+    Returns
+    -------
+    HeightMap
+        The weights are those of the measured points alone, made to sum to one (normalised
+        convolution): a constant stays constant up to the edge and around holes. Non-measured
+        points stay non-measured.
+
+    Raises
+    ------
+    SettingsError
+        If the nesting index is below four pixels, where the grid no longer carries the weights,
+        or exceeds the shorter side of the face.
+    """
+    _check(surface, nesting_index_m, "s")
+    return replace(surface, height_m=smooth(surface, nesting_index_m, nesting_index_m))
+
+
+def gaussian_l_filter(surface: HeightMap, nesting_index_m: float) -> HeightMap:
+    """Take off the long waves: what `gaussian_s_filter` of this nesting index would leave.
+
+    Parameters and errors as there.
+    """
+    _check(surface, nesting_index_m, "l")
+    long_m = smooth(surface, nesting_index_m, nesting_index_m)
+    return replace(surface, height_m=np.subtract(surface.height_m, long_m, out=long_m))
+
+
+def _check(surface: HeightMap, nesting_index_m: float, which: str) -> None:
+    shortest_m = MIN_PIXELS * max(surface.pixel_size_m)
+    longest_m = min(surface.side_m)
+    if not shortest_m <= nesting_index_m <= longest_m:
+        raise SettingsError(
+            f"conditioning.{which}_filter_nesting_index_m: got {nesting_index_m:g}; expected "
+            f"{MIN_PIXELS:g} pixels ({shortest_m:g} m) to the shorter side ({longest_m:g} m)"
+        )
+
+
+def smooth(surface: HeightMap, nesting_index_y_m: float, nesting_index_x_m: float) -> np.ndarray:
+    """Return the Gaussian-weighted means of the measured heights, NaN where none was measured.
+
+    Parameters
+    ----------
+    surface : HeightMap
+        Any.
+    nesting_index_y_m, nesting_index_x_m : float
+        Wavelengths that are halved along each axis; 0 leaves that axis as it is.
+
+    Returns
+    -------
+    float64, shape (ny, nx)
+        Heights.
+
+    Notes
+    -----
+    Sums of weights and of weighted heights go through the Fourier transform together, as imaginary
+    and real part: the transfer function is real and keeps them apart. It takes one axis after the
+    other, a few lines at a time.
+    """
+    measured = surface.measured
+    level_m = float(np.mean(surface.height_m, where=measured)) if measured.any() else 0.0
+    both = np.zeros(surface.shape, dtype=np.complex128)
+    np.subtract(surface.height_m, level_m, out=both.real, where=measured)
+    # In units of the greatest height, so that rounding of the weights does not reach the heights.
+    unit_m = float(max(both.real.max(), -both.real.min())) or 1.0
+    both.real /= unit_m
+    both.imag = measured
+    for lines, size_m, index_m in (
+        (both, surface.pixel_size_m[1], nesting_index_x_m),
+        (both.T, surface.pixel_size_m[0], nesting_index_y_m),
+    ):
+        if index_m > 0.0:
+            _convolve(lines, SIGMA_PER_NESTING_INDEX * index_m / size_m)
+    smooth_m = np.full(surface.shape, np.nan)
+    np.divide(both.real, both.imag, out=smooth_m, where=measured)
+    smooth_m *= unit_m
+    smooth_m += level_m
+    return smooth_m
+
+
+def _convolve(lines: np.ndarray, sigma: float) -> None:
+    """Convolve every row with a Gaussian, in place; what lies beyond the ends counts as zero."""
+    from scipy import fft
+
+    n = lines.shape[1]
+    n_padded = fft.next_fast_len(n + math.ceil(REACH_SIGMA * sigma))
+    distance = np.minimum(np.arange(n_padded), n_padded - np.arange(n_padded))
+    weight = np.exp(-0.5 * (distance / sigma) ** 2)
+    transfer = fft.fft(weight / weight.sum()).real
+    n_rows = max(1, BLOCK_POINTS // n_padded)
+    for first in range(0, len(lines), n_rows):
+        rows = slice(first, first + n_rows)
+        wave = fft.fft(lines[rows], n_padded, axis=1)
+        wave *= transfer
+        lines[rows] = fft.ifft(wave, axis=1, overwrite_x=True)[:, :n]

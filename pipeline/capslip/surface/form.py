@@ -1,0 +1,446 @@
+"""The form of a face (ISO 25178-2 F-operator): plane, polynomial, sphere or cylinder."""
+
+import math
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+from functools import partial
+from typing import Any, Literal, get_args
+
+import numpy as np
+
+from capslip.errors import SettingsError, UnusableSurfaceError
+from capslip.surface.heightmap import HeightMap
+
+FormKind = Literal["plane", "quadratic", "polynomial", "cylinder", "sphere", "none"]
+DEGREE = {"plane": 1, "quadratic": 2}
+MAX_DEGREE = 10
+MAX_CONDITION = 1e10  # of the normal equations; a map measured everywhere has below 1e3
+BIWEIGHT_OVER_MEDIAN = 4.4478  # ISO 16610-71: 3 standard deviations of a normal distribution
+MAX_REWEIGHTS = 50
+FLOOR_SHARE = 1.0 / 3.0  # of the points, the lowest, that a floor is fitted to
+SLOPE_LINES = 100  # rows and columns, at least, that tell the slopes of the floor
+ROUNDING = 1e-12  # of the height range: a smaller spread has no meaning
+SETTLED = 1e-4  # relative change of the spread between two reweighted fits
+MAX_STEPS = 50
+BLOCK_POINTS = 16384
+DIFFERENCE = 1e-5  # step of the central differences, in half diagonals and radians
+
+Model = Callable[[np.ndarray, np.ndarray], tuple[np.ndarray, list[np.ndarray]]]
+
+
+@dataclass(frozen=True)
+class Form:
+    """What was taken off a map.
+
+    Attributes
+    ----------
+    kind : str
+        As asked for.
+    degree : int or None
+        Total degree of the polynomial; None for sphere, cylinder and none.
+    robust : bool
+        Whether peaks and outliers were weighted down.
+    floor : bool
+        Whether the lowest third of the points alone was fitted.
+    radius_m : float or None
+        Of sphere or cylinder; positive where the face is convex. None where it came out plane.
+    axis_rad : float or None
+        Direction of the cylinder's axis, from x towards y, in [0, pi).
+    """
+
+    kind: FormKind
+    degree: int | None = None
+    robust: bool = False
+    radius_m: float | None = None
+    axis_rad: float | None = None
+    floor: bool = False
+
+
+def remove_form(
+    surface: HeightMap,
+    kind: FormKind = "plane",
+    *,
+    degree: int | None = None,
+    robust: bool = False,
+    floor: bool = False,
+) -> tuple[HeightMap, Form]:
+    """Subtract the form that fits the measured points best in height.
+
+    Parameters
+    ----------
+    surface : HeightMap
+        Non-measured points take no part and stay non-measured.
+    kind : {"plane", "quadratic", "polynomial", "cylinder", "sphere", "none"}
+        Polynomials are of total degree 1, 2 or `degree`. Cylinder and sphere are exact, of any
+        radius, curvature and (the cylinder) direction.
+    degree : int, optional
+        1 to 10; needed for a polynomial, refused elsewhere.
+    robust : bool
+        False: least squares. True: least squares with Tukey's biweight, renewed until it settles
+        (the weights of ISO 16610-71), so that points farther than 4.4478 median deviations from
+        the form, such as peaks, pits and spikes, have no say.
+    floor : bool
+        True: least squares through the lowest third of the points above the form, renewed until
+        they stay the same (least trimmed squares, one-sided). Hills that stand on a floor then have
+        no say, even where their flanks cover half of it. `robust` makes no difference.
+
+    Returns
+    -------
+    HeightMap, Form
+        Heights above the form, and its parameters.
+
+    Raises
+    ------
+    SettingsError
+        If the kind is unknown, or the degree missing, out of bounds or given without need.
+    UnusableSurfaceError
+        If no point is measured, the measured points do not fix the form, or no sphere or cylinder
+        passes near them.
+
+    Examples
+    --------
+    >>> y, x = np.mgrid[0:40, 0:60] * 1e-4
+    >>> ball = HeightMap(np.sqrt(0.5**2 - (x - 2e-3) ** 2 - (y - 1e-3) ** 2), (1e-4, 1e-4))
+    >>> flat, form = remove_form(ball, "sphere")
+    >>> round(form.radius_m, 6), float(np.ptp(flat.height_m)) < 1e-14
+    (0.5, True)
+    """
+    _check(kind, degree)
+    if kind == "none":
+        return surface, Form("none")
+    degree = DEGREE.get(kind, degree)
+    measured = _measured(surface)
+    if floor:
+        residual_m, radius_m, axis_rad = _through_lowest(surface, measured, kind, degree)
+    elif robust:
+        residual_m, radius_m, axis_rad = _reweighted(surface, measured, kind, degree)
+    else:
+        residual_m, radius_m, axis_rad = _fit(surface, measured, None, kind, degree)
+    form = Form(kind, degree, robust and not floor, radius_m, axis_rad, floor)
+    return replace(surface, height_m=residual_m), form
+
+
+def floor_slopes(surface: HeightMap) -> tuple[float, float]:
+    """Return the slopes along y and x of the floor of a map, from some of its points.
+
+    Of a map levelled by least squares: how far peaks that are not balanced over the face tilted
+    that plane against the rest of the face.
+
+    Parameters
+    ----------
+    surface : HeightMap
+        A hundred rows and columns of it, at least, are taken.
+
+    Raises
+    ------
+    UnusableSurfaceError
+        If no plane is fixed by them.
+
+    Examples
+    --------
+    >>> height_m = np.zeros((40, 60)) + 1e-6 * np.arange(60)
+    >>> height_m[:, 50:] += 1e-3
+    >>> slope_y, slope_x = floor_slopes(HeightMap(height_m, (1e-4, 1e-4)))
+    >>> round(slope_x, 6)
+    0.01
+    """
+    step_y, step_x = (max(1, n // SLOPE_LINES) for n in surface.shape)
+    dy_m, dx_m = surface.pixel_size_m
+    few = HeightMap(surface.height_m[::step_y, ::step_x], (step_y * dy_m, step_x * dx_m))
+    level, _ = remove_form(few, "plane", floor=True)
+    row, col = np.nonzero(few.measured)
+    plane_m = (few.height_m - level.height_m)[row, col]
+    columns = np.stack([row * step_y * dy_m, col * step_x * dx_m, np.ones(len(row))], axis=1)
+    slope_y, slope_x, _ = np.linalg.lstsq(columns, plane_m)[0]
+    return float(slope_y), float(slope_x)
+
+
+def _check(kind: FormKind, degree: int | None) -> None:
+    if kind not in get_args(FormKind):
+        raise SettingsError(
+            f"conditioning.form: got {kind!r}; expected one of {', '.join(get_args(FormKind))}"
+        )
+    if kind == "polynomial":
+        if degree is None or not 1 <= degree <= MAX_DEGREE:
+            raise SettingsError(
+                f"conditioning.form_degree: got {degree}; expected 1 to {MAX_DEGREE} for the form "
+                "polynomial"
+            )
+    elif degree is not None:
+        raise SettingsError(
+            f"conditioning.form_degree: got {degree} for the form {kind}; expected none; leave it "
+            "out or set conditioning.form to polynomial"
+        )
+
+
+def _measured(surface: HeightMap) -> np.ndarray | None:
+    """Return the mask of the measured points, or None where all are."""
+    if not np.isnan(surface.height_m.sum()):
+        return None
+    measured = surface.measured
+    if not measured.any():
+        raise UnusableSurfaceError(
+            f"{surface.origin.name}: all {measured.size} points are non-measured; expected "
+            "heights; check the file's code for missing data"
+        )
+    return measured
+
+
+def _fit(
+    surface: HeightMap,
+    measured: np.ndarray | None,
+    weight: np.ndarray | None,
+    kind: FormKind,
+    degree: int | None,
+) -> tuple[np.ndarray, float | None, float | None]:
+    """Return the residual map, and radius and direction where the form has them.
+
+    Without weights all measured points count alike.
+    """
+    if degree is not None:
+        return _without_polynomial(surface, measured, weight, degree), None, None
+    return _without_quadric(surface, weight, kind == "cylinder")
+
+
+def _reweighted(
+    surface: HeightMap, measured: np.ndarray | None, kind: FormKind, degree: int | None
+) -> tuple[np.ndarray, float | None, float | None]:
+    """Fit again with the weights that follow from the residuals, until their spread settles."""
+    weight = None
+    last_m = math.inf
+    z_m = surface.height_m
+    rounding_m = ROUNDING * (np.fmax.reduce(z_m, axis=None) - np.fmin.reduce(z_m, axis=None))
+    for step in range(MAX_REWEIGHTS + 1):
+        residual_m, radius_m, axis_rad = _fit(surface, measured, weight, kind, degree)
+        off_m = np.abs(residual_m if measured is None else residual_m[measured])
+        spread_m = float(np.median(off_m, overwrite_input=True))
+        settled = abs(last_m - spread_m) <= SETTLED * spread_m
+        if settled or spread_m <= rounding_m or step == MAX_REWEIGHTS:
+            break
+        last_m = spread_m
+        weight = _biweight(residual_m, BIWEIGHT_OVER_MEDIAN * spread_m)
+        if measured is not None:
+            weight[~measured] = 0.0
+    return residual_m, radius_m, axis_rad
+
+
+def _through_lowest(
+    surface: HeightMap, measured: np.ndarray | None, kind: FormKind, degree: int | None
+) -> tuple[np.ndarray, float | None, float | None]:
+    """Fit again to the lowest third of the residuals, until nearly the same points are lowest."""
+    weight = None
+    for _ in range(MAX_REWEIGHTS + 1):
+        residual_m, radius_m, axis_rad = _fit(surface, measured, weight, kind, degree)
+        known_m = residual_m if measured is None else residual_m[measured]
+        # Where many points are equally low, as on a clean floor, all of them count
+        limit_m = np.quantile(known_m, FLOOR_SHARE, method="higher")
+        low = residual_m <= limit_m  # False where non-measured
+        if weight is not None and np.mean(low != (weight > 0.0)) <= SETTLED:
+            break
+        weight = low.astype(np.float64)
+    return residual_m, radius_m, axis_rad
+
+
+def _biweight(residual_m: np.ndarray, reach_m: float) -> np.ndarray:
+    """Turn residuals into (1 - (r / reach)^2)^2, 0 beyond the reach, in place."""
+    residual_m /= reach_m
+    np.square(residual_m, out=residual_m)
+    np.minimum(residual_m, 1.0, out=residual_m)
+    return np.square(np.subtract(1.0, residual_m, out=residual_m), out=residual_m)
+
+
+def _without_polynomial(
+    surface: HeightMap, measured: np.ndarray | None, weight: np.ndarray | None, degree: int
+) -> np.ndarray:
+    """Subtract the least-squares polynomial of total degree `degree`.
+
+    The sums of the normal equations factorise into rows and columns: with V and U the Chebyshev
+    polynomials of the scaled coordinates, sum(w T_i(v) T_j(u)) is one matrix product V^T W U, and
+    so is the right side. Products of two polynomials are sums of single ones,
+    2 T_i T_k = T_(i+k) + T_|i-k|. Coordinates run from -1 to 1 over the measured part and heights
+    count from a measured one, so that neither the place nor the level of the face costs digits.
+    """
+    z_m = surface.height_m
+    if measured is None:
+        v, u = (np.linspace(-1.0, 1.0, n) for n in surface.shape)
+        level_m = z_m[0, 0]
+    else:
+        v, u = _scaled(measured.any(axis=1)), _scaled(measured.any(axis=0))
+        level_m = z_m.reshape(-1)[np.argmax(measured)]
+    chebyshev_v = np.polynomial.chebyshev.chebvander(v, 2 * degree)
+    chebyshev_u = np.polynomial.chebyshev.chebvander(u, 2 * degree)
+    few_v, few_u = chebyshev_v[:, : degree + 1], chebyshev_u[:, : degree + 1]
+
+    residual_m = z_m - level_m
+    known_m = residual_m if measured is None else np.where(measured, residual_m, 0.0)
+    if weight is not None:
+        known_m = known_m * weight
+    elif measured is not None:
+        weight = measured
+    if weight is None:
+        moment = np.outer(chebyshev_v.sum(axis=0), chebyshev_u.sum(axis=0))
+    else:
+        moment = chebyshev_v.T @ (weight @ chebyshev_u)
+    right = few_v.T @ (known_m @ few_u)
+
+    i, j = np.array([(i, j) for i in range(degree + 1) for j in range(degree + 1 - i)]).T
+    plus_i, minus_i = i[:, None] + i, np.abs(i[:, None] - i)
+    plus_j, minus_j = j[:, None] + j, np.abs(j[:, None] - j)
+    normal = 0.25 * (
+        moment[plus_i, plus_j]
+        + moment[plus_i, minus_j]
+        + moment[minus_i, plus_j]
+        + moment[minus_i, minus_j]
+    )
+    if not np.linalg.cond(normal) < MAX_CONDITION:
+        raise _loose(surface)
+    coefficient_m = np.zeros((degree + 1, degree + 1))
+    coefficient_m[i, j] = np.linalg.solve(normal, right[i, j])
+    residual_m -= (few_v @ coefficient_m) @ few_u.T
+    return residual_m
+
+
+def _scaled(holds: Any) -> np.ndarray:
+    """Index along one axis, scaled to -1 ... 1 over the part that holds measured points."""
+    first, last = np.flatnonzero(holds)[[0, -1]]
+    half = max((last - first) / 2.0, 0.5)
+    scaled: np.ndarray = (np.arange(len(holds)) - (first + last) / 2.0) / half
+    return scaled
+
+
+def _loose(surface: HeightMap) -> UnusableSurfaceError:
+    return UnusableSurfaceError(
+        f"{surface.origin.name}: the measured points lie along a line or are too few to fix the "
+        "form; expected points spread over the face; set conditioning.form to none or scan more"
+    )
+
+
+def _without_quadric(
+    surface: HeightMap, weight: np.ndarray | None, cylinder: bool
+) -> tuple[np.ndarray, float | None, float | None]:
+    """Subtract the least-squares sphere or cylinder, by Gauss-Newton steps.
+
+    Lengths count in half diagonals of the face, from its middle. The start is the curvature of the
+    least-squares polynomial of degree 2.
+    """
+    unit_m = 0.5 * math.hypot(*surface.side_m)
+    level_m = float(surface.height_m.reshape(-1)[np.argmax(surface.measured)])
+
+    def sums(model: Model) -> tuple[np.ndarray, np.ndarray, float, float]:
+        return _sums(surface, weight, unit_m, level_m, model)
+
+    parameter = _start(*sums(_quadratic)[:2], cylinder)
+    for _ in range(MAX_STEPS):
+        normal, right, square, count = sums(partial(_linearised, parameter))
+        step = _solve(normal, right)
+        parameter = parameter + step
+        change = math.sqrt(max(float(step @ normal @ step), 0.0) / count)
+        if change <= 1e-9 * math.sqrt(square / count) + 1e-16:
+            break
+    else:
+        raise UnusableSurfaceError(
+            f"{surface.origin.name}: no {'cylinder' if cylinder else 'sphere'} settles on the "
+            "heights; expected a face of that form; choose another conditioning.form"
+        )
+    residual_m = np.empty(surface.shape)
+    for rows, z, x, y in _blocks(surface, unit_m, level_m):
+        residual_m[rows] = unit_m * (z - _quadric(parameter, x, y))
+    radius_m = float(unit_m / parameter[3]) if parameter[3] else None
+    axis_rad = float(parameter[4] % math.pi) if cylinder else None
+    return residual_m, radius_m, axis_rad
+
+
+def _blocks(
+    surface: HeightMap, unit_m: float, level_m: float
+) -> Iterator[tuple[slice, np.ndarray, np.ndarray, np.ndarray]]:
+    """Yield rows, scaled heights and coordinates from the middle, a few rows at a time."""
+    (ny, nx), (dy_m, dx_m) = surface.shape, surface.pixel_size_m
+    y = (np.arange(ny) - 0.5 * (ny - 1)) * (dy_m / unit_m)
+    x = (np.arange(nx) - 0.5 * (nx - 1)) * (dx_m / unit_m)
+    n_rows = max(1, BLOCK_POINTS // nx)
+    for first in range(0, ny, n_rows):
+        rows = slice(first, first + n_rows)
+        z = (surface.height_m[rows] - level_m) / unit_m
+        yield rows, z, np.broadcast_to(x, z.shape), np.broadcast_to(y[rows, None], z.shape)
+
+
+def _sums(
+    surface: HeightMap, weight: np.ndarray | None, unit_m: float, level_m: float, model: Model
+) -> tuple[np.ndarray, np.ndarray, float, float]:
+    """Return normal matrix, right side, sum of squares and sum of weights about a model."""
+    normal: Any = 0.0
+    right: Any = 0.0
+    square = count = 0.0
+    for rows, z, x, y in _blocks(surface, unit_m, level_m):
+        known = ~np.isnan(z)
+        height, columns = model(x[known], y[known])
+        off = z[known] - height
+        w = np.ones_like(off) if weight is None else weight[rows][known]
+        design = np.stack(columns)
+        weighted = design * w
+        normal = normal + weighted @ design.T
+        right = right + weighted @ off
+        square += float(off @ (w * off))
+        count += float(w.sum())
+    if count < 2 * len(right):
+        raise _loose(surface)
+    return normal, right, square, count
+
+
+def _solve(normal: np.ndarray, right: np.ndarray) -> np.ndarray:
+    """Solve scaled normal equations; what the points do not fix (the axis of a plane) stays."""
+    scale = np.sqrt(np.maximum(np.diag(normal), 1e-300))
+    solution: np.ndarray = np.linalg.lstsq(
+        normal / np.outer(scale, scale), right / scale, rcond=1 / MAX_CONDITION
+    )[0]
+    return solution / scale
+
+
+def _quadratic(x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, list[np.ndarray]]:
+    return np.zeros_like(x), [np.ones_like(x), x, y, 0.5 * x * x, x * y, 0.5 * y * y]
+
+
+def _start(normal: np.ndarray, right: np.ndarray, cylinder: bool) -> np.ndarray:
+    """Parameters of the quadric that has the curvature of a polynomial of degree 2."""
+    a, b, c, xx, xy, yy = _solve(normal, right)
+    if not cylinder:
+        return np.array([a, b, c, -0.5 * (xx + yy)])
+    curvature, direction = np.linalg.eigh([[xx, xy], [xy, yy]])
+    across = int(np.argmax(np.abs(curvature)))
+    along = direction[:, 1 - across]
+    return np.array([a, b, c, -curvature[across], math.atan2(along[1], along[0])])
+
+
+def _linearised(
+    parameter: np.ndarray, x: np.ndarray, y: np.ndarray
+) -> tuple[np.ndarray, list[np.ndarray]]:
+    columns = [np.ones_like(x)]
+    for step in DIFFERENCE * np.eye(len(parameter))[1:]:
+        higher, lower = _quadric(parameter + step, x, y), _quadric(parameter - step, x, y)
+        columns.append((higher - lower) / (2.0 * DIFFERENCE))
+    return _quadric(parameter, x, y), columns
+
+
+def _quadric(parameter: np.ndarray, x: np.ndarray, y: np.ndarray) -> np.ndarray:
+    """Height of a sphere or cylinder given by what it is at the middle of the face.
+
+    The parameters are height a, slopes b and c along x and y, curvature k and, for a cylinder, the
+    direction of its axis. With q from the middle to a point, n the normal and u the axis there
+    (u = 0 for a sphere), every point obeys k (q.q - (q.u)^2) + 2 q.n = 0. Of the two roots this is
+    the one that becomes the plane as k goes to 0, in the form that loses no digit.
+    """
+    a, b, c, k = parameter[:4]
+    normal_z = 1.0 / math.sqrt(1.0 + b * b + c * c)
+    along, axis_z = np.zeros_like(x), 0.0
+    if len(parameter) == 5:
+        cosine, sine = math.cos(parameter[4]), math.sin(parameter[4])
+        rise = b * cosine + c * sine
+        length = math.sqrt(1.0 + rise * rise)
+        along, axis_z = (x * cosine + y * sine) / length, rise / length
+    second = k * (1.0 - axis_z**2)
+    first = normal_z - k * axis_z * along
+    constant = k * (x * x + y * y - along * along) - 2.0 * normal_z * (b * x + c * y)
+    # Beyond its rim a sphere has no height; there its equator stands in until the fit moves on.
+    root = np.sqrt(np.maximum(first * first - second * constant, 0.0))
+    height: np.ndarray = a - constant / (first + root)
+    return height

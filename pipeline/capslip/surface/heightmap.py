@@ -1,0 +1,95 @@
+"""The height map: what every reader returns and every later stage takes."""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from capslip.errors import SettingsError, UnusableSurfaceError
+
+
+@dataclass(frozen=True)
+class Origin:
+    """Where a height map came from, as far as it is known."""
+
+    name: str = "surface"
+    path: str | None = None
+    sha256: str | None = None
+    file_format: str | None = None
+    height_unit: str | None = None  # as stored in the file, or as given by the user
+    lateral_unit: str | None = None
+    notes: tuple[str, ...] = ()  # what the reader did beyond reading, for the user
+
+
+@dataclass(frozen=True, eq=False)
+class HeightMap:
+    """Heights on a rectangular grid of pixels, in metres.
+
+    Parameters
+    ----------
+    height_m : array_like, shape (ny, nx)
+        Heights, growing out of the material; NaN marks a non-measured point. Pixel (i, j) has
+        its centre at x = (j + 0.5) dx, y = (i + 0.5) dy.
+    pixel_size_m : (float, float)
+        (dy, dx), both positive.
+    origin : Origin, optional
+        File, digest and units; only for the record.
+
+    Raises
+    ------
+    UnusableSurfaceError
+        If the array is not two-dimensional, has fewer than 3 points along an axis, or holds an
+        infinite height.
+    SettingsError
+        If the pixel size is not two positive finite numbers.
+    """
+
+    height_m: np.ndarray
+    pixel_size_m: tuple[float, float]
+    origin: Origin = field(default_factory=Origin)
+
+    def __post_init__(self) -> None:
+        height_m = np.ascontiguousarray(self.height_m, dtype=np.float64)
+        name = self.origin.name
+        if height_m.ndim != 2 or min(height_m.shape) < 3:
+            raise UnusableSurfaceError(
+                f"{name}: heights have shape {height_m.shape}; expected two axes of at least 3 "
+                "points; choose the dataset that holds the height map"
+            )
+        if np.isinf(height_m).any():
+            raise UnusableSurfaceError(
+                f"{name}: {int(np.isinf(height_m).sum())} infinite heights; expected finite "
+                "heights or NaN for non-measured points; mark them as non-measured"
+            )
+        try:
+            dy_m, dx_m = (float(v) for v in self.pixel_size_m)
+        except (TypeError, ValueError):
+            raise SettingsError(
+                f"{name}: pixel size {self.pixel_size_m!r}; expected two numbers (dy, dx) in metres"
+            ) from None
+        if not (0 < dy_m < np.inf and 0 < dx_m < np.inf):
+            raise SettingsError(
+                f"{name}: pixel size ({dy_m:g}, {dx_m:g}) m; expected two positive numbers (dy, dx)"
+            )
+        height_m.flags.writeable = False
+        object.__setattr__(self, "height_m", height_m)
+        object.__setattr__(self, "pixel_size_m", (dy_m, dx_m))
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """(ny, nx)."""
+        return self.height_m.shape[0], self.height_m.shape[1]
+
+    @property
+    def measured(self) -> np.ndarray:
+        """Mask of the measured points, bool, shape (ny, nx)."""
+        return ~np.isnan(self.height_m)
+
+    @property
+    def side_m(self) -> tuple[float, float]:
+        """Lengths of the face along y and x."""
+        return self.shape[0] * self.pixel_size_m[0], self.shape[1] * self.pixel_size_m[1]
+
+    @property
+    def pixel_area_m2(self) -> float:
+        """Area of one pixel."""
+        return self.pixel_size_m[0] * self.pixel_size_m[1]

@@ -1,0 +1,413 @@
+"""Two faces: how the second lies on the first, and the composite surface of both."""
+
+import math
+from dataclasses import dataclass, replace
+from typing import Literal, get_args
+
+import numpy as np
+
+from capslip.errors import SettingsError, UnusableSurfaceError
+from capslip.problems import Problem
+from capslip.surface.conditioning import Conditioned, sq_and_sz_m
+from capslip.surface.filters import smooth
+from capslip.surface.form import remove_form
+from capslip.surface.heightmap import HeightMap
+from capslip.surface.resampling import resample
+
+Mirror = Literal["x", "y"]
+Align = Literal["given", "least_squares"]
+LEAST_MEASURED = 0.5
+LEAST_OVERLAP = 0.5
+LEAST_MATCH = 0.5
+FINER = 1.1  # pixels smaller by less need no smoothing first
+COARSE_POINTS = 128
+MAX_ROTATION_RAD = math.radians(5.0)
+FINE_POINTS = 512
+MAX_STEPS = 15
+MAX_STEP_PIXELS = 2.0
+SETTLED_PIXELS = 1e-2
+
+
+@dataclass(frozen=True)
+class Placement:
+    """How the second face lies on the first.
+
+    The second face is turned over, so that one of its coordinates is mirrored about its middle,
+    laid with its middle on that of the first, turned about it and shifted.
+
+    Attributes
+    ----------
+    mirror : {"x", "y"}
+        The coordinate that changes its sign.
+    offset_m : (float, float)
+        Shift (dy, dx) of the middle.
+    rotation_rad : float
+        From x towards y, as seen on the first face.
+    middle_m, second_middle_m : (float, float)
+        (y, x) of the middles, each in its own frame.
+    correlation : float or None
+        1 where each peak of one face lies in a pit of the other, 0 where the faces have nothing to
+        do with each other; None where the place was given.
+    """
+
+    mirror: Mirror
+    offset_m: tuple[float, float]
+    rotation_rad: float
+    middle_m: tuple[float, float]
+    second_middle_m: tuple[float, float]
+    correlation: float | None = None
+
+    def on_first(self, x_m: np.ndarray, y_m: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return where points of the second face lie in the frame of the first."""
+        second = np.stack((y_m, x_m)) - np.reshape(self.second_middle_m, (2, 1))
+        y, x = _turn(self) @ second + np.add(self.middle_m, self.offset_m)[:, None]
+        return x, y
+
+
+def place(
+    first: HeightMap,
+    second: HeightMap,
+    *,
+    mirror: Mirror = "x",
+    align: Align = "given",
+    offset_m: tuple[float, float] = (0.0, 0.0),
+    rotation_rad: float = 0.0,
+) -> Placement:
+    """Say how the second face lies on the first, or find it.
+
+    Parameters
+    ----------
+    first, second : HeightMap
+        Each seen from outside its own material, form removed. Pixels and sizes may differ.
+    mirror : {"x", "y"}
+        The coordinate that changes sign when the second face is turned over.
+    align : {"given", "least_squares"}
+        `least_squares` looks for the place where the sum of both heights varies least: where the
+        peaks of one face lie in the pits of the other, as they do once faces have worn into each
+        other. It looks within 5 degrees around the given rotation and over all shifts that leave
+        half of the smaller face covered, coarsely by correlation, then by Gauss-Newton steps.
+    offset_m : (float, float)
+        Shift (dy, dx) of the middle of the second face.
+    rotation_rad : float
+        Rotation about its middle, from x towards y of the first face.
+
+    Raises
+    ------
+    SettingsError
+        If an option is unknown, or not finite.
+    UnusableSurfaceError
+        If the faces do not overlap anywhere.
+    """
+    if mirror not in get_args(Mirror) or align not in get_args(Align):
+        raise SettingsError(
+            f"mating: got mirror {mirror!r}, align {align!r}; expected mirror x or y, align given "
+            "or least_squares"
+        )
+    if len(offset_m) != 2 or not np.isfinite([*offset_m, rotation_rad]).all():
+        raise SettingsError(
+            f"mating: got offset_m {offset_m}, rotation_rad {rotation_rad}; expected two lengths "
+            "(dy, dx) and an angle"
+        )
+    (side_y, side_x), (second_y, second_x) = first.side_m, second.side_m
+    given = Placement(
+        mirror,
+        (float(offset_m[0]), float(offset_m[1])),
+        float(rotation_rad),
+        (0.5 * side_y, 0.5 * side_x),
+        (0.5 * second_y, 0.5 * second_x),
+    )
+    if align == "given":
+        return given
+    return _refined(first, second, _coarse(first, second, given))
+
+
+def composite_surface(
+    first: HeightMap,
+    second: HeightMap,
+    placement: Placement,
+    *,
+    robust: bool = False,
+    floor: bool = False,
+) -> HeightMap:
+    """Add the heights of both faces where they face each other.
+
+    The gap between two faces, and so the contact of two elastic bodies of small slopes, depends on
+    the sum of their heights alone: the composite surface against a plane (Johnson, Contact
+    Mechanics, section 4.1).
+
+    Parameters
+    ----------
+    first, second : HeightMap
+        Form removed.
+    placement : Placement
+        From `place`.
+    robust, floor : bool
+        How the plane of the sum is fitted; see `remove_form`.
+
+    Returns
+    -------
+    HeightMap
+        On the grid of the first face, its plane taken off; points where one face is missing are
+        non-measured. The second face is interpolated linearly, after a Gaussian with a nesting
+        index of two pixels of the first where its own are finer.
+
+    Raises
+    ------
+    UnusableSurfaceError
+        If the faces do not overlap.
+
+    Examples
+    --------
+    >>> z = 1e-6 * np.random.default_rng(0).standard_normal((20, 30))
+    >>> face, print_of_it = HeightMap(z, (1e-4, 1e-4)), HeightMap(-z[:, ::-1], (1e-4, 1e-4))
+    >>> both = composite_surface(face, print_of_it, place(face, print_of_it))
+    >>> bool(np.abs(both.height_m).max() < 1e-15)
+    True
+    """
+    height_m = first.height_m + _laid(first, second, placement)
+    if np.isnan(height_m).all():
+        raise UnusableSurfaceError(
+            f"{first.origin.name} and {second.origin.name}: no point is measured on both faces "
+            f"with offset {placement.offset_m} m; expected faces that overlap; check "
+            "mating.offset_m, mating.mirror and the units"
+        )
+    return remove_form(replace(first, height_m=height_m), robust=robust, floor=floor)[0]
+
+
+def mate(
+    first: Conditioned,
+    second: Conditioned,
+    placement: Placement,
+    *,
+    robust: bool = False,
+    floor: bool = False,
+) -> Conditioned:
+    """Put the composite surface in the place of a conditioned face.
+
+    Parameters
+    ----------
+    first, second : Conditioned
+        The faces, each conditioned alone.
+    placement : Placement
+        From `place`, for their surfaces.
+    robust, floor : bool
+        How the plane of the sum is fitted; see `remove_form`.
+
+    Returns
+    -------
+    Conditioned
+        The composite surface. The steps are those of the first face, then the mating, which holds
+        the steps of the second; each problem names its face.
+
+    Raises
+    ------
+    UnusableSurfaceError
+        If the faces do not overlap.
+    """
+    surface = composite_surface(
+        first.surface, second.surface, placement, robust=robust, floor=floor
+    )
+    sq_m, sz_m = sq_and_sz_m(surface)
+    step = {
+        "step": "mating",
+        "way": "composite",
+        "second": second.surface.origin.name,
+        "second_steps": list(second.steps),
+        "mirror": placement.mirror,
+        "offset_m": list(placement.offset_m),
+        "rotation_rad": placement.rotation_rad,
+        "correlation": placement.correlation,
+        "sq_of_faces_m": [first.sq_m, second.sq_m],
+    }
+    problems = [
+        replace(problem, message=f"{face.surface.origin.name}: {problem.message}")
+        for face in (first, second)
+        for problem in face.problems
+    ]
+    problems += doubts_of_mating(surface, placement)
+    return Conditioned(surface, sq_m, sz_m, (*first.steps, step), tuple(problems))
+
+
+def doubts_of_mating(composite: HeightMap, placement: Placement) -> tuple[Problem, ...]:
+    """Say what makes the composite surface doubtful.
+
+    Parameters
+    ----------
+    composite : HeightMap
+        From `composite_surface`.
+    placement : Placement
+        From `place`.
+
+    Returns
+    -------
+    tuple of Problem
+        `mating_unrelated` (warning) where the place was looked for and the match is below 0.5;
+        `mating_overlap` (warning) where less than half of the first face is covered.
+    """
+    found = []
+    match = placement.correlation
+    if match is not None and match < LEAST_MATCH:
+        found.append(
+            Problem(
+                "mating_unrelated",
+                "warning",
+                f"at the best place the faces match by {match:.2f} only (1: peaks lie in pits, 0: "
+                "nothing to do with each other); the place is one of many; give mating.offset_m",
+            )
+        )
+    covered = np.count_nonzero(composite.measured) / composite.height_m.size
+    if covered < LEAST_OVERLAP:
+        found.append(
+            Problem(
+                "mating_overlap",
+                "warning",
+                f"both faces are measured on {100 * covered:.0f} % of the first only; check "
+                "mating.offset_m and mating.mirror",
+            )
+        )
+    return tuple(found)
+
+
+def _turn(placement: Placement) -> np.ndarray:
+    """Matrix from (y, x) about the middle of the second face to (y, x) on the first."""
+    cosine, sine = math.cos(placement.rotation_rad), math.sin(placement.rotation_rad)
+    sign = (-1.0, 1.0) if placement.mirror == "y" else (1.0, -1.0)
+    return np.array([[cosine, sine], [-sine, cosine]]) * sign
+
+
+def _laid(first: HeightMap, second: HeightMap, placement: Placement) -> np.ndarray:
+    """Heights of the second face at the points of the first, NaN beside it."""
+    from scipy.ndimage import affine_transform
+
+    finer = [
+        2.0 * size_m if size_m > FINER * own_m else 0.0
+        for size_m, own_m in zip(first.pixel_size_m, second.pixel_size_m, strict=True)
+    ]
+    z = smooth(second, *finer) if any(finer) else second.height_m
+    size_m, own_m = np.array(first.pixel_size_m), np.array(second.pixel_size_m)
+    back = _turn(placement).T
+    corner_m = 0.5 * size_m - placement.middle_m - placement.offset_m
+    options = {
+        "matrix": back * size_m / own_m[:, None],
+        "offset": (back @ corner_m + placement.second_middle_m) / own_m - 0.5,
+        "output_shape": first.shape,
+        "order": 1,
+        "mode": "grid-constant",
+    }
+    measured = ~np.isnan(z)
+    weight = affine_transform(measured.astype(np.float64), **options)
+    laid_m = affine_transform(np.where(measured, z, 0.0), **options)
+    known = weight >= LEAST_MEASURED
+    laid_m[~known] = np.nan
+    np.divide(laid_m, weight, out=laid_m, where=known)
+    return laid_m
+
+
+def _coarse(first: HeightMap, second: HeightMap, given: Placement) -> Placement:
+    """Try every shift on a coarse grid, at rotations one coarse pixel apart."""
+    coarse_m = max(first.side_m) / COARSE_POINTS
+    first, second = _coarsened(first, coarse_m), _coarsened(second, coarse_m)
+    pixel_m = np.array(first.pixel_size_m)
+    n_canvas = np.ceil(math.hypot(*second.side_m) / pixel_m).astype(int) + 1
+    canvas = HeightMap(np.zeros(n_canvas), first.pixel_size_m)
+    middle_m = 0.5 * n_canvas * pixel_m
+    on_canvas = replace(given, offset_m=(0.0, 0.0), middle_m=(middle_m[0], middle_m[1]))
+    n_turns = math.ceil(MAX_ROTATION_RAD * 0.5 * math.hypot(*first.shape))
+    best, found = -np.inf, given
+    for turn_rad in np.linspace(-MAX_ROTATION_RAD, MAX_ROTATION_RAD, 2 * n_turns + 1):
+        rotation_rad = given.rotation_rad + float(turn_rad)
+        laid_m = _laid(canvas, second, replace(on_canvas, rotation_rad=rotation_rad))
+        match = _match_by_shift(first.height_m, laid_m)
+        at = np.unravel_index(np.argmax(match), match.shape)
+        if match[at] > best:
+            best = match[at]
+            shift = [i if i < first.shape[k] else i - match.shape[k] for k, i in enumerate(at)]
+            offset_m = middle_m + shift * pixel_m - given.middle_m
+            found = replace(
+                given, offset_m=(float(offset_m[0]), float(offset_m[1])), rotation_rad=rotation_rad
+            )
+    if best == -np.inf:
+        raise UnusableSurfaceError(
+            f"{first.origin.name} and {second.origin.name}: the measured points of the faces cover "
+            "each other nowhere by half; expected two faces of one joint; give mating.offset_m"
+        )
+    return found
+
+
+def _coarsened(surface: HeightMap, pixel_m: float) -> HeightMap:
+    """Resample to pixels of about the given size, where they are smaller."""
+    ny, nx = (
+        max(3, min(n, round(side_m / pixel_m)))
+        for n, side_m in zip(surface.shape, surface.side_m, strict=True)
+    )
+    return resample(surface, (ny, nx))
+
+
+def _match_by_shift(first_m: np.ndarray, second_m: np.ndarray) -> np.ndarray:
+    """Return how well the faces match for every shift of the second, -inf without overlap.
+
+    The match is 1 - var(h1 + h2) / (var h1 + var h2) over the overlap: least squares, made
+    independent of how rough the overlap is.
+    """
+    from scipy import fft
+
+    shape = [
+        fft.next_fast_len(n + m, real=True)
+        for n, m in zip(first_m.shape, second_m.shape, strict=True)
+    ]
+
+    def waves(z: np.ndarray, conjugate: bool) -> list[np.ndarray]:
+        known = ~np.isnan(z)
+        z = np.where(known, (z - np.mean(z[known])) / np.std(z[known]), 0.0)
+        transforms = [fft.rfft2(part, shape) for part in (known.astype(float), z, z * z)]
+        return [np.conj(wave) for wave in transforms] if conjugate else transforms
+
+    scale = np.nanstd(first_m), np.nanstd(second_m)
+    (w1, z1, q1), (w2, z2, q2) = waves(first_m, False), waves(second_m, True)
+    n, s1, s2, ss1, ss2, s12 = (
+        fft.irfft2(product, shape)
+        for product in (w1 * w2, z1 * w2, w1 * z2, q1 * w2, w1 * q2, z1 * z2)
+    )
+    enough = n >= LEAST_OVERLAP * min(np.sum(~np.isnan(first_m)), np.sum(~np.isnan(second_m)))
+    n = np.where(enough, n, 1.0)
+    s1, s2 = s1 / n, s2 / n
+    variance = scale[0] ** 2 * (ss1 / n - s1**2) + scale[1] ** 2 * (ss2 / n - s2**2)
+    covariance = scale[0] * scale[1] * (s12 / n - s1 * s2)
+    variance = np.where(enough & (variance > 0.0), variance, 1.0)
+    return np.where(enough, -2.0 * covariance / variance, -np.inf)
+
+
+def _refined(first: HeightMap, second: HeightMap, start: Placement) -> Placement:
+    """Move the second face by Gauss-Newton steps to where the sum of the heights varies least."""
+    fine_m = max(first.side_m) / FINE_POINTS
+    first, second = _coarsened(first, fine_m), _coarsened(second, fine_m)
+    pixel_m = min(first.pixel_size_m)
+    unit = np.array([pixel_m, pixel_m, pixel_m / (0.5 * math.hypot(*first.side_m))])
+
+    def moved(step: np.ndarray) -> Placement:
+        dy_m, dx_m, turn_rad = step * unit
+        offset_m = start.offset_m[0] + float(dy_m), start.offset_m[1] + float(dx_m)
+        return replace(start, offset_m=offset_m, rotation_rad=start.rotation_rad + float(turn_rad))
+
+    def laid_m(step: np.ndarray) -> np.ndarray:
+        return _laid(first, second, moved(step)).reshape(-1)
+
+    place = np.zeros(3)
+    height_m = first.height_m.reshape(-1)
+    match, best = [], place
+    for _ in range(MAX_STEPS):
+        here_m = laid_m(place)
+        both = np.stack((height_m, here_m))
+        known = ~np.isnan(both.sum(axis=0))
+        variance = np.var(both[:, known], axis=1).sum()
+        match.append(1.0 - np.var(both[:, known].sum(axis=0)) / variance)
+        if match[-1] == max(match):
+            best = place
+        slopes = [laid_m(place + half) - laid_m(place - half) for half in 0.5 * np.eye(3)]
+        design = np.stack([np.ones_like(here_m), *slopes], axis=1)
+        known &= ~np.isnan(design).any(axis=1)
+        step = np.linalg.lstsq(design[known], -(height_m + here_m)[known], rcond=None)[0][1:]
+        place = place + np.clip(step, -MAX_STEP_PIXELS, MAX_STEP_PIXELS)
+        if np.abs(step).max() < SETTLED_PIXELS:
+            break
+    return replace(moved(best), correlation=float(max(match)))

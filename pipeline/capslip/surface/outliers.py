@@ -1,0 +1,228 @@
+"""Outliers: points that stand off their neighbours, not points that stand off the mean."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from capslip.surface.heightmap import HeightMap
+
+STEP_QUANTILE = 0.90
+CLIFF_OVER_STEP = 8.0  # white noise: 13 standard deviations of a step
+ROUNDING = 1e-9  # of the greatest height: smaller steps are no roughness but rounding
+MAX_POINTS = 8  # of an island; nine are the fewest that make a hill
+MAX_CODE_SHARE = 0.01  # of the points, for an island of one stored height
+MAX_SPIKE_POINTS = 2
+MIN_RING_POINTS = 5
+GAP_OVER_RING = 4.0
+SAMPLED_LINES = 100
+NEIGHBOURS = ((-1, -1), (-1, 0), (-1, 1), (0, -1), (0, 1), (1, -1), (1, 0), (1, 1))
+
+
+@dataclass(frozen=True, eq=False)
+class Outliers:
+    """Points that the rule takes for errors of the measurement.
+
+    Attributes
+    ----------
+    index : int64, shape (n,)
+        Places in the flattened map, ascending.
+    step_m : float64, shape (n,)
+        Height of each above what lies around it; negative for pits.
+    cliff_m : float
+        The height difference of neighbours that counts as a cliff.
+    """
+
+    index: np.ndarray
+    step_m: np.ndarray
+    cliff_m: float
+
+
+def find_outliers(surface: HeightMap, stored: HeightMap | None = None) -> Outliers:
+    """Find spikes and bad codes.
+
+    Parameters
+    ----------
+    surface : HeightMap
+        Heights after removal of the form, non-measured points NaN.
+    stored : HeightMap, optional
+        The same map as stored, where a code has one value; without it, `surface`.
+
+    Returns
+    -------
+    Outliers
+        Empty where there are none.
+
+    Notes
+    -----
+    A cliff is a height difference of neighbours of more than 8 times the one that 90 % of all
+    neighbours stay below. A part is a set of points that hang together without a cliff, diagonals
+    included. An island is a part of at most 8 points, or one of up to 1 % of all points that has
+    one stored height throughout. An island of one or two points is a *spike* if it stands above or
+    below all its measured neighbours, at least five, by more than 4 times the range of their
+    heights, highest and lowest left out. An island beside a non-measured point is a *bad
+    code* if it stands outside the heights of the rest of the face, other such islands left out, by
+    more than the range of these; a map without roughness gives no scale for that. What was found
+    is no neighbour any more, and the others are judged again. So a cap three pixels wide, a ridge,
+    the corner of a step and a rough patch stay: each has a neighbour of about its own height, or
+    neighbours that differ among themselves as it does from them.
+
+    Examples
+    --------
+    >>> z = 1e-9 * np.random.default_rng(0).standard_normal((50, 60))
+    >>> z[20, 30] = z[40, 10] = z[40, 11] = 1e-6
+    >>> find_outliers(HeightMap(z, (1e-4, 1e-4))).index
+    array([1230, 2410, 2411])
+    """
+    z = surface.height_m
+    stored_m = z if stored is None else stored.height_m
+    largest_m = max(float(np.fmax.reduce(z, axis=None)), -float(np.fmin.reduce(z, axis=None)))
+    cliff_m = CLIFF_OVER_STEP * _usual_step(z)
+    rough = cliff_m > ROUNDING * largest_m
+    cliff_m = max(cliff_m, ROUNDING * largest_m)
+    index, island = _islands(z, stored_m.reshape(-1), cliff_m)
+    if index.size == 0:
+        return Outliers(index, np.empty(0), cliff_m)
+    outlier, off_m = _judge(z.reshape(-1), z.shape, index, island, rough)
+    return Outliers(index[outlier], off_m[outlier], cliff_m)
+
+
+def _usual_step(z: np.ndarray) -> float:
+    """Height difference that 90 % of the neighbours stay below, along the rougher axis."""
+    usual_m = 0.0
+    for axis in (0, 1):
+        every = max(1, z.shape[1 - axis] // SAMPLED_LINES)
+        lines = z[:, ::every] if axis == 0 else z[::every]
+        step_m = np.abs(np.diff(lines, axis=axis)).reshape(-1)
+        step_m = step_m[~np.isnan(step_m)]
+        if step_m.size:
+            nth = int(STEP_QUANTILE * (step_m.size - 1))
+            usual_m = max(usual_m, float(np.partition(step_m, nth)[nth]))
+    return usual_m
+
+
+def _islands(z: np.ndarray, stored_m: np.ndarray, cliff_m: float) -> tuple[np.ndarray, np.ndarray]:
+    """Return place, ascending, and number of its island for every point of an island.
+
+    Points without a cliff to any neighbour are joined as an image; the few at a cliff are joined
+    to each other and to those parts as nodes of a graph.
+    """
+    from scipy import ndimage
+    from scipy.sparse import coo_array
+    from scipy.sparse.csgraph import connected_components
+
+    at_cliff = _at_cliff(z, cliff_m)
+    inland = ~np.isnan(z)
+    if inland.all() and not at_cliff.any():
+        return np.empty(0, dtype=np.intp), np.empty(0, dtype=np.intp)
+    inland &= ~at_cliff
+    image = np.empty(z.shape, dtype=np.int32)
+    n_inland = ndimage.label(inland, structure=np.ones((3, 3)), output=image)
+    node, height_m = image.reshape(-1), z.reshape(-1)
+    shore = np.flatnonzero(at_cliff)
+    node[shore] = np.arange(n_inland + 1, n_inland + 1 + shore.size)
+    points = np.bincount(node, minlength=n_inland + 1 + shore.size)
+    points[0] = 0  # not measured
+
+    member, beside = _neighbours(shore, z.shape)
+    joined = np.abs(height_m[beside] - height_m[shore[member]]) <= cliff_m
+    ends = node[shore[member[joined]]], node[beside[joined]]
+    graph = coo_array((np.ones(ends[0].size), ends), shape=(points.size, points.size))
+    n_parts, part = connected_components(graph, directed=False)
+    size = np.bincount(part, points, minlength=n_parts)
+    aside = part != np.argmax(size)
+    aside[0] = False
+    if not aside.any():
+        return np.empty(0, dtype=np.intp), np.empty(0, dtype=np.intp)
+    index = np.flatnonzero(aside[node])
+    of_index = part[node[index]]
+    lowest_m, highest_m = np.full(n_parts, np.inf), np.full(n_parts, -np.inf)
+    np.minimum.at(lowest_m, of_index, stored_m[index])
+    np.maximum.at(highest_m, of_index, stored_m[index])
+    one_height = (lowest_m == highest_m) & (size <= MAX_CODE_SHARE * size.sum())
+    island = ((size <= MAX_POINTS) | one_height)[of_index]
+    return index[island], np.unique(of_index[island], return_inverse=True)[1]
+
+
+def _at_cliff(z: np.ndarray, cliff_m: float) -> np.ndarray:
+    """Mask of the points that have a cliff to one of their eight neighbours."""
+    at_cliff = np.zeros(z.shape, dtype=bool)
+    low, every, high = slice(None, -1), slice(None), slice(1, None)
+    for one, other in (
+        ((every, low), (every, high)),
+        ((low, every), (high, every)),
+        ((low, low), (high, high)),
+        ((low, high), (high, low)),
+    ):
+        step_m = z[other] - z[one]
+        cliff = np.abs(step_m, out=step_m) > cliff_m  # False beside a non-measured point
+        at_cliff[one] |= cliff
+        at_cliff[other] |= cliff
+    return at_cliff
+
+
+def _neighbours(index: np.ndarray, shape: tuple[int, ...]) -> tuple[np.ndarray, np.ndarray]:
+    """Return pairs of point (its number in `index`) and neighbour (its place in the map)."""
+    down, right = np.array(NEIGHBOURS).T
+    row, col = index[:, None] // shape[1] + down, index[:, None] % shape[1] + right
+    inside = (row >= 0) & (row < shape[0]) & (col >= 0) & (col < shape[1])
+    return np.nonzero(inside)[0], (row * shape[1] + col)[inside]
+
+
+def _judge(
+    z: np.ndarray, shape: tuple[int, ...], index: np.ndarray, island: np.ndarray, rough: bool
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return which points of islands are outliers, and how far each stands off what is around it.
+
+    An outlier is no neighbour: each that is found sets its neighbours free, and they are judged
+    again.
+    """
+    n = int(island.max()) + 1
+    n_points = np.bincount(island, minlength=n)
+    centre_m = np.bincount(island, z[index], minlength=n) / n_points
+    ring, beside, open_ = _rings(z, shape, index, island)
+    outlier, middle_m = np.zeros(n, dtype=bool), np.zeros(n)
+    while True:
+        n_ring = np.bincount(ring, minlength=n)
+        spike = ~outlier & (n_ring >= MIN_RING_POINTS) & (n_points <= MAX_SPIKE_POINTS)
+        end = np.cumsum(n_ring)[spike]
+        start = end - n_ring[spike]
+        first, last = z[beside[start + 1]], z[beside[end - 2]]
+        middle_m[spike] = 0.5 * (first + last)
+        above_m, below_m = centre_m[spike] - z[beside[end - 1]], z[beside[start]] - centre_m[spike]
+        spike[spike] = np.maximum(above_m, below_m) > GAP_OVER_RING * (last - first)
+
+        code = open_ & ~outlier & ~spike & rough
+        if code.any():
+            rest_m = z.copy()
+            rest_m[index[(outlier | spike | code)[island]]] = np.nan
+            lowest_m, highest_m = np.fmin.reduce(rest_m), np.fmax.reduce(rest_m)
+            off_m = centre_m - np.clip(centre_m, lowest_m, highest_m)
+            code &= np.abs(off_m) > highest_m - lowest_m
+            middle_m[code] = centre_m[code] - off_m[code]
+        new = spike | code
+        if not new.any():
+            return outlier[island], z[index] - middle_m[island]
+        outlier |= new
+        place = np.minimum(np.searchsorted(index, beside), index.size - 1)
+        gone = (index[place] == beside) & outlier[island[place]]
+        ring, beside = ring[~gone], beside[~gone]
+
+
+def _rings(
+    z: np.ndarray, shape: tuple[int, ...], index: np.ndarray, island: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return what is around the islands.
+
+    Pairs of island and measured point beside it, by island and then by height, and which islands
+    have a non-measured point beside them.
+    """
+    member, beside = _neighbours(index, shape)
+    around = island[member]
+    missing = np.isnan(z[beside])
+    open_ = np.bincount(around[missing], minlength=int(island.max()) + 1) > 0
+    place = np.minimum(np.searchsorted(index, beside), index.size - 1)
+    keep = ~missing & ~((index[place] == beside) & (island[place] == around))
+    # A point beside two of an island counts once.
+    ring, beside = np.unique(np.stack((around[keep], beside[keep])), axis=1)
+    order = np.lexsort((z[beside], ring))
+    return ring[order], beside[order], open_

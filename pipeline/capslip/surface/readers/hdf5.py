@@ -1,0 +1,245 @@
+"""HDF5: the native height map, and any other dataset that the user names.
+
+The native file holds the dataset `/height` (ny, nx), float32 or float64, NaN where non-measured,
+with the attributes `unit`, `pixel_size` = [dy, dx] and `pixel_unit`.
+"""
+
+import json
+import math
+import mmap
+import struct
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from capslip.errors import OutputError, SettingsError, UncalibratedError, UnreadableFileError
+from capslip.surface.heightmap import HeightMap
+from capslip.surface.readers.stored import (
+    METRES,
+    Format,
+    Request,
+    Stored,
+    check_growth,
+    check_real,
+    check_shape,
+)
+
+MAGIC = b"\x89HDF\r\n\x1a\n"
+HEAP = b"GCOL\x01\0\0\0"  # where HDF5 keeps strings of free length
+VARIABLE_LENGTH = 9  # class of a data type
+MAX_WORD_BYTES = 1024
+VENDOR_EXTENSIONS = (".datx", ".nc")  # HDF5 inside, with a structure of their own
+
+
+def write_hdf5(
+    surface: HeightMap,
+    path: str | Path,
+    *,
+    truth: dict[str, Any] | None = None,
+    unit: str = "m",
+    dtype: str = "float64",
+) -> None:
+    """Write a height map as a native HDF5 file.
+
+    Parameters
+    ----------
+    surface : HeightMap
+        What to write.
+    path : path
+        The file; an existing one is replaced.
+    truth : dict, optional
+        What is known of a synthetic surface, stored as JSON text in the dataset `/truth`.
+    unit : {"m", "mm", "um", "nm"}
+        Unit of the stored heights.
+    dtype : {"float64", "float32"}
+        float32 keeps 24 binary digits: choose a unit in which that is enough.
+
+    Raises
+    ------
+    SettingsError
+        If the unit or the data type is not one of these.
+    OutputError
+        If the file cannot be written.
+    """
+    import h5py
+
+    if unit not in ("m", "mm", "um", "nm") or dtype not in ("float64", "float32"):
+        raise SettingsError(
+            f"{path}: unit {unit!r} and data type {dtype!r}; expected m, mm, um or nm, and "
+            "float64 or float32"
+        )
+    heights = (surface.height_m / METRES[unit]).astype(dtype)
+    try:
+        with h5py.File(path, "w") as file:
+            dataset = file.create_dataset(
+                "height", data=heights, compression="gzip", compression_opts=6, shuffle=True
+            )
+            dataset.attrs["unit"] = unit
+            dataset.attrs["pixel_size"] = surface.pixel_size_m
+            dataset.attrs["pixel_unit"] = "m"
+            if truth is not None:
+                file["truth"] = json.dumps(truth)
+    except OSError as error:
+        raise OutputError(f"{path}: cannot be written ({error}); choose another folder") from error
+
+
+def _recognises(head: bytes, path: Path) -> bool:
+    return head.startswith(MAGIC) and path.suffix.lower() not in VENDOR_EXTENSIONS
+
+
+def _read(path: Path, request: Request) -> Stored:
+    import h5py
+
+    _check_strings(path)
+    try:
+        with h5py.File(path, "r") as file:
+            return _stored(file, path, request.dataset)
+    except (OSError, RuntimeError, KeyError, ValueError, TypeError) as error:
+        # each of these is what h5py raises on one kind of damaged bytes
+        raise UnreadableFileError(
+            f"{path}: damaged or truncated HDF5 file ({error}); expected a whole one; "
+            "copy or export it again"
+        ) from error
+
+
+def _check_strings(path: Path) -> None:
+    """Refuse damaged strings of free length: the HDF5 library loops or takes gigabytes over them.
+
+    The bytes are looked at as they lie in the file: the heaps that hold such strings, and the
+    attributes `unit` and `pixel_unit` (format specification 3.0, III.E and IV.A.2.m).
+    """
+    with (
+        path.open("rb") as file,
+        mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as content,
+    ):
+        for name in (b"unit\0", b"pixel_unit\0"):
+            for at in _places(content, name):
+                if _is_endless(content, at, len(name)):
+                    raise _damaged_strings(path, at)
+        for at in _places(content, HEAP):
+            place, end = at + 16, at + int.from_bytes(content[at + 8 : at + 16], "little")
+            while place + 16 <= min(end, len(content)):
+                index, size = struct.unpack_from("<H6xQ", content, place)
+                # Object 0 is the free rest, its own 16 bytes included; others are padded to 8.
+                step = size if index == 0 else 16 + -(-size // 8) * 8
+                if step < 16 or place + step > end:
+                    raise _damaged_strings(path, place)
+                place += step
+
+
+def _places(content: mmap.mmap, word: bytes) -> Iterator[int]:
+    at = content.find(word)
+    while at >= 0:
+        yield at
+        at = content.find(word, at + 1)
+
+
+def _is_endless(content: mmap.mmap, at: int, name_size: int) -> bool:
+    """Say whether the attribute with its name at `at` is a string of free, absurd length."""
+    for start, versions in ((at - 8, (1, 2)), (at - 9, (3,))):
+        if start < 0 or content[start] not in versions:
+            continue
+        sizes = struct.unpack_from("<3H", content, start + 2)  # of the name, type and space
+        if sizes[0] != name_size:
+            continue
+        name, kind, space = (-(-n // 8) * 8 for n in sizes) if content[start] == 1 else sizes
+        value = at + name + kind + space
+        if value + 4 <= len(content) and content[at + name] & 0x0F == VARIABLE_LENGTH:
+            return int.from_bytes(content[value : value + 4], "little") > MAX_WORD_BYTES
+    return False
+
+
+def _damaged_strings(path: Path, offset: int) -> UnreadableFileError:
+    return UnreadableFileError(
+        f"{path}: damaged HDF5 file at offset {offset} (a string); expected a whole one; "
+        "copy or export it again"
+    )
+
+
+def _stored(file: Any, path: Path, name: str | None) -> Stored:
+    import h5py
+
+    chosen = file.get(name or "height")
+    if not isinstance(chosen, h5py.Dataset):
+        maps = _datasets(file)
+        raise UnreadableFileError(
+            f"{path}: no dataset {name or 'height'!r}; datasets with two axes: "
+            f"{', '.join(maps) or 'none'}; add --dataset NAME"
+        )
+    what = f"{path}:{chosen.name}"
+    if chosen.shape is None:
+        raise UnreadableFileError(f"{what}: empty dataset; expected two axes (ny, nx)")
+    check_shape(chosen.shape, what)
+    check_real(chosen.dtype, what)
+    check_growth(chosen.id.get_storage_size(), chosen.nbytes, what)
+    pixel_size = _attribute(chosen, "pixel_size", what)
+    return Stored(
+        height=chosen[()],
+        unit=_text(_attribute(chosen, "unit", what), f"{what}: attribute unit"),
+        pixel_size=None if pixel_size is None else _pair(pixel_size, what),
+        lateral_unit=_text(_attribute(chosen, "pixel_unit", what), f"{what}: attribute pixel_unit"),
+    )
+
+
+def _attribute(dataset: Any, name: str, what: str) -> Any:
+    """Return an attribute, or None; refuse one that is too large before it is read."""
+    if name not in dataset.attrs:
+        return None
+    held = dataset.attrs.get_id(name)
+    n_bytes = math.prod(held.shape or ()) * held.dtype.itemsize
+    if n_bytes > MAX_WORD_BYTES or (name == "pixel_size" and held.dtype.kind == "O"):
+        raise UncalibratedError(
+            f"{what}: attribute {name} has {n_bytes} bytes of type {held.dtype}; expected "
+            "pixel_size = two numbers [dy, dx] and units = a word; correct the file"
+        )
+    return dataset.attrs[name]
+
+
+def _datasets(file: Any) -> list[str]:
+    import h5py
+
+    found: list[str] = []
+
+    def visit(name: str, item: Any) -> None:
+        if isinstance(item, h5py.Dataset) and item.ndim == 2:
+            found.append(name)
+
+    file.visititems(visit)
+    return found
+
+
+def _text(value: Any, what: str) -> str | None:
+    if value is None:
+        return None
+    if isinstance(value, np.ndarray) and value.size == 1:
+        value = value.item()
+    if isinstance(value, bytes):
+        value = value.decode("utf-8", "replace")
+    if not isinstance(value, str):
+        raise UncalibratedError(
+            f"{what}: got {value!r}; expected a word (m, mm, um, nm); correct the file"
+        )
+    return value
+
+
+def _pair(value: Any, what: str) -> tuple[float, float]:
+    pair = np.asarray(value)
+    if pair.shape != (2,) or pair.dtype.kind not in "fiu":
+        raise UncalibratedError(
+            f"{what}: attribute pixel_size is {value!r}; expected two numbers [dy, dx]; "
+            "correct the file"
+        )
+    return float(pair[0]), float(pair[1])
+
+
+FORMAT = Format(
+    name="hdf5",
+    extensions=(".h5", ".hdf5"),
+    reader="built in",
+    note="dataset /height with unit, pixel_size, pixel_unit; others with --dataset",
+    recognises=_recognises,
+    read=_read,
+    named=True,
+)

@@ -1,0 +1,127 @@
+"""NPY and NPZ: bare arrays of NumPy; unit and pixel size come from the user."""
+
+import math
+import warnings
+import zipfile
+import zlib
+from pathlib import Path
+from tokenize import TokenError
+from typing import IO
+
+import numpy as np
+
+from capslip.errors import SettingsError, UnreadableFileError
+from capslip.surface.readers.stored import (
+    Format,
+    Request,
+    Stored,
+    check_growth,
+    check_real,
+    check_shape,
+)
+
+MAGIC = b"\x93NUMPY"
+ZIP_MAGIC = b"PK\x03\x04"
+
+
+def _recognises(head: bytes, path: Path) -> bool:
+    if head.startswith(MAGIC):
+        return True
+    if not head.startswith(ZIP_MAGIC):
+        return False
+    if path.suffix.lower() == ".npz":
+        return True
+    try:
+        with zipfile.ZipFile(path) as archive:
+            return any(name.endswith(".npy") for name in archive.namelist())
+    except (zipfile.BadZipFile, NotImplementedError, ValueError, OSError):
+        return False
+
+
+def _read(path: Path, request: Request) -> Stored:
+    with path.open("rb") as file:
+        if file.read(len(MAGIC)) == MAGIC:
+            if request.dataset is not None:
+                raise SettingsError(
+                    f"{path}: --dataset {request.dataset} given, but an NPY file holds one array; "
+                    "leave it out"
+                )
+            file.seek(0)
+            return Stored(_array(file, path.stat().st_size, str(path)))
+    try:
+        with zipfile.ZipFile(path) as archive:
+            member = _member(archive, path, request.dataset)
+            what = f"{path}:{member.filename}"
+            check_growth(member.compress_size, member.file_size, what)
+            with archive.open(member) as file:
+                return Stored(_array(file, member.file_size, what))
+    except (
+        zipfile.BadZipFile,
+        zlib.error,
+        NotImplementedError,
+        RuntimeError,
+        ValueError,
+        OSError,
+        EOFError,
+    ) as error:
+        # each of these is what zipfile raises on one kind of damaged bytes
+        raise UnreadableFileError(
+            f"{path}: damaged NPZ archive ({' '.join(str(error).split())}); expected a whole one; "
+            "save it again"
+        ) from error
+
+
+def _member(archive: zipfile.ZipFile, path: Path, dataset: str | None) -> zipfile.ZipInfo:
+    arrays = {
+        info.filename.removesuffix(".npy"): info
+        for info in archive.infolist()
+        if info.filename.endswith(".npy")
+    }
+    if dataset is None and len(arrays) == 1:
+        return next(iter(arrays.values()))
+    if dataset is None or dataset not in arrays:
+        raise UnreadableFileError(
+            f"{path}: {'no array ' + repr(dataset) if dataset else 'several arrays or none'}; "
+            f"arrays: {', '.join(arrays) or 'none'}; add --dataset NAME"
+        )
+    return arrays[dataset]
+
+
+def _array(file: IO[bytes], size: int, what: str) -> np.ndarray:
+    """Return the array of an open NPY file of `size` bytes."""
+    try:
+        version = np.lib.format.read_magic(file)
+        read_header = {
+            (1, 0): np.lib.format.read_array_header_1_0,
+            (2, 0): np.lib.format.read_array_header_2_0,
+        }[version]
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # of headers that Python 2 wrote
+            shape, in_columns, dtype = read_header(file)
+    except (ValueError, KeyError, TypeError, SyntaxError, EOFError, TokenError) as error:
+        raise UnreadableFileError(
+            f"{what}: damaged NPY header ({type(error).__name__}); expected version 1 or 2; "
+            "save it again"
+        ) from error
+    check_shape(shape, what)
+    check_real(dtype, what)
+    expected = math.prod(shape) * dtype.itemsize
+    got = size - file.tell()
+    if got < expected:
+        raise UnreadableFileError(
+            f"{what}: truncated: {got} bytes of data; expected {expected} for "
+            f"{shape[0]} x {shape[1]} points; copy the file again"
+        )
+    flat = np.frombuffer(file.read(expected), dtype=dtype)
+    return flat.reshape(shape, order="F" if in_columns else "C")
+
+
+FORMAT = Format(
+    name="npy",
+    extensions=(".npy", ".npz"),
+    reader="built in",
+    note="NumPy arrays; needs --unit, --pixel-size, --lateral-unit; NPZ with --dataset",
+    recognises=_recognises,
+    read=_read,
+    named=True,
+)

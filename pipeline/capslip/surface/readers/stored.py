@@ -1,0 +1,312 @@
+"""What a file says of its height map, and the way from there to metres."""
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from capslip.errors import SettingsError, UncalibratedError, UnreadableFileError
+from capslip.surface.heightmap import HeightMap, Origin
+
+METRES = {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "um": 1e-6, "nm": 1e-9, "pm": 1e-12, "inch": 0.0254}
+SPELLINGS = {
+    "µm": "um",  # micro sign
+    "μm": "um",  # Greek mu
+    "micron": "um",
+    "in": "inch",
+    "metre": "m",
+    "meter": "m",
+    "millimetre": "mm",
+    "millimeter": "mm",
+    "micrometre": "um",
+    "micrometer": "um",
+    "nanometre": "nm",
+    "nanometer": "nm",
+}
+MAX_POINTS = 2**28  # 2 GiB of float64
+# Packed data that grow more than this are no measured heights, whose noise does not pack.
+MAX_GROWTH = 200
+GROWTH_COUNTS_FROM_BYTES = 2**24
+
+
+@dataclass(frozen=True, eq=False)
+class Stored:
+    """A height map as stored; None is what the file does not say.
+
+    Attributes
+    ----------
+    height : shape (ny, nx)
+        In `unit`; NaN marks a non-measured point.
+    unit : str or None
+        Unit of the heights.
+    pixel_size : (float, float) or None
+        (dy, dx) in `lateral_unit`.
+    lateral_unit : str or None
+        Unit of the pixel size.
+    notes : tuple of str
+        What the reader did beyond reading: each a sentence for the user.
+    """
+
+    height: np.ndarray
+    unit: str | None = None
+    pixel_size: tuple[float, float] | None = None
+    lateral_unit: str | None = None
+    notes: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class Request:
+    """What the user asks of a reader, beside the file.
+
+    Attributes
+    ----------
+    dataset : str or None
+        Name of the dataset, variable or channel that holds the heights.
+    pixel_size : (float, float) or None
+        (dy, dx) in `lateral_unit`: the cells of a point cloud, which has no pixels of its own.
+    lateral_unit : str or None
+        Unit of `pixel_size`.
+    lenient : bool
+        Accept what a format names as its leniencies, each with a note.
+    """
+
+    dataset: str | None = None
+    pixel_size: tuple[float, float] | None = None
+    lateral_unit: str | None = None
+    lenient: bool = False
+
+    def pixel_size_in(self, unit: str | None) -> tuple[float, float] | None:
+        """Return the pixel size in a unit of the file; None for `unit` means the user's own."""
+        if self.pixel_size is None:
+            return None
+        dy, dx = _given_pair(self.pixel_size)
+        if unit is None or self.lateral_unit is None:
+            return dy, dx
+        factor = METRES[_given_word(self.lateral_unit, "--lateral-unit")]
+        factor /= METRES[_stored_word(unit, "pixel unit")]
+        return dy * factor, dx * factor
+
+
+@dataclass(frozen=True)
+class Format:
+    """One row of the registry.
+
+    `recognises(head, path)` judges by the first bytes of the file, and looks into the file or at
+    its extension only where those do not decide. `read(path, request)` returns what is stored.
+    `named` says that a file can hold several maps, so that `Request.dataset` has a meaning.
+    """
+
+    name: str
+    extensions: tuple[str, ...]
+    reader: str
+    note: str
+    recognises: Callable[[bytes, Path], bool]
+    read: Callable[[Path, Request], Stored]
+    named: bool = False
+
+
+def read_head(path: Path, size: int) -> bytes:
+    """Return the first bytes of a file."""
+    with path.open("rb") as file:
+        return file.read(size)
+
+
+def check_shape(shape: tuple[int, ...], what: str) -> None:
+    """Refuse, before memory is taken, a shape that is no height map or too large.
+
+    Raises
+    ------
+    UnreadableFileError
+        If the shape has not two axes, or more than `MAX_POINTS` points.
+    """
+    if len(shape) != 2 or min(shape) < 0:
+        raise UnreadableFileError(
+            f"{what}: shape {tuple(shape)}; expected two axes (ny, nx); choose the dataset that "
+            "holds the height map"
+        )
+    if math.prod(shape) > MAX_POINTS:
+        raise UnreadableFileError(
+            f"{what}: {shape[0]} x {shape[1]} points; expected at most {MAX_POINTS}; "
+            "cut a part of the scan or thin it"
+        )
+
+
+def check_real(dtype: np.dtype[Any], what: str) -> None:
+    """Refuse a data type that holds no real numbers (UnreadableFileError)."""
+    if dtype.kind not in "fiu":
+        raise UnreadableFileError(
+            f"{what}: data type {dtype}; expected real numbers; choose the dataset that holds "
+            "the heights"
+        )
+
+
+def check_growth(packed_bytes: int, unpacked_bytes: int, what: str) -> None:
+    """Refuse, before memory is taken, packed data that grow as no measured heights do.
+
+    Raises
+    ------
+    UnreadableFileError
+        If the data grow to more than `GROWTH_COUNTS_FROM_BYTES` and more than `MAX_GROWTH` times.
+    """
+    if unpacked_bytes > max(GROWTH_COUNTS_FROM_BYTES, MAX_GROWTH * packed_bytes):
+        raise UnreadableFileError(
+            f"{what}: {packed_bytes} bytes unpack to {unpacked_bytes}; expected at most "
+            f"{MAX_GROWTH} times as many; measured heights do not pack like this: export the "
+            "scan again"
+        )
+
+
+def calibrate(
+    stored: Stored,
+    origin: Origin,
+    unit: str | None,
+    lateral_unit: str | None,
+    pixel_size: tuple[float, float] | None,
+) -> HeightMap:
+    """Bring a stored height map to metres, with what the user says where the file is silent.
+
+    Parameters
+    ----------
+    stored : Stored
+        What the file says.
+    origin : Origin
+        Name and digest; the units and the reader's notes are added here.
+    unit, lateral_unit : str or None
+        Units given by the user. `lateral_unit` belongs to `pixel_size` where that is given, and to
+        the file's own pixel size where it is not.
+    pixel_size : (float, float) or None
+        (dy, dx) given by the user.
+
+    Raises
+    ------
+    UncalibratedError
+        If a unit or the pixel size is neither stored nor given, or what is given contradicts the
+        file.
+    SettingsError
+        If a unit that is given is no unit of length, or the pixel size no pair of positive numbers.
+    """
+    where = origin.path or origin.name
+    height_unit = _height_unit(stored.unit, unit, where)
+    pixel_size_m, pixel_unit = _pixel_size_m(stored, lateral_unit, pixel_size, where)
+    height_m = np.asarray(stored.height, dtype=np.float64)
+    if height_unit != "m":
+        with np.errstate(invalid="ignore", over="ignore"):  # odd NaN; infinity is refused later
+            height_m = height_m * METRES[height_unit]
+    origin = replace(origin, height_unit=height_unit, lateral_unit=pixel_unit, notes=stored.notes)
+    return HeightMap(height_m, pixel_size_m, origin)
+
+
+def _height_unit(stored: str | None, given: str | None, where: str) -> str:
+    from_file = None if stored is None else _stored_word(stored, f"{where}: height unit")
+    from_user = None if given is None else _given_word(given, "--unit")
+    if from_file is None and from_user is None:
+        raise UncalibratedError(
+            f"{where}: the file does not say the unit of its heights; expected m, mm, um or nm; "
+            "add --unit UNIT"
+        )
+    if from_file is not None and from_user is not None and from_file != from_user:
+        raise UncalibratedError(
+            f"{where}: heights are stored in {from_file}, but --unit says {from_user}; "
+            "a unit in the file is never overridden; leave --unit out or correct the file"
+        )
+    return from_file or from_user or ""
+
+
+def _pixel_size_m(
+    stored: Stored, lateral_unit: str | None, pixel_size: tuple[float, float] | None, where: str
+) -> tuple[tuple[float, float], str]:
+    own_unit = (
+        None
+        if stored.lateral_unit is None
+        else _stored_word(stored.lateral_unit, f"{where}: pixel unit")
+    )
+    given_unit = None if lateral_unit is None else _given_word(lateral_unit, "--lateral-unit")
+    given = None if pixel_size is None else _given_pair(pixel_size)
+    own = None if stored.pixel_size is None else _stored_pair(stored.pixel_size, where)
+
+    if given is not None and given_unit is None:
+        raise UncalibratedError(
+            f"{where}: --pixel-size {given[0]:g} {given[1]:g} has no unit; "
+            "add --lateral-unit m, mm, um or nm"
+        )
+    if own is None:
+        if given is None or given_unit is None:
+            raise UncalibratedError(
+                f"{where}: the file does not say its pixel size; expected two lengths; "
+                "add --pixel-size DY DX --lateral-unit UNIT"
+            )
+        return _in_metres(given, given_unit), given_unit
+    if own_unit is None:
+        if given_unit is None:
+            raise UncalibratedError(
+                f"{where}: the file says a pixel size of {own[0]:g} x {own[1]:g} but not its unit; "
+                "add --lateral-unit m, mm, um or nm"
+            )
+        own_unit = given_unit
+    elif given is None and given_unit is not None and given_unit != own_unit:
+        raise UncalibratedError(
+            f"{where}: the pixel size is stored in {own_unit}, but --lateral-unit says "
+            f"{given_unit}; a unit in the file is never overridden; leave --lateral-unit out"
+        )
+    own_m = _in_metres(own, own_unit)
+    if given is not None and given_unit is not None:
+        given_m = _in_metres(given, given_unit)
+        if not np.allclose(given_m, own_m, rtol=1e-4, atol=0.0):
+            raise UncalibratedError(
+                f"{where}: the file says a pixel of {own_m[0]:g} x {own_m[1]:g} m, but "
+                f"--pixel-size says {given_m[0]:g} x {given_m[1]:g} m; a pixel size in the file "
+                "is never overridden; leave --pixel-size out or correct the file"
+            )
+    return own_m, own_unit
+
+
+def _in_metres(pair: tuple[float, float], unit: str) -> tuple[float, float]:
+    return pair[0] * METRES[unit], pair[1] * METRES[unit]
+
+
+def _word(text: str) -> str | None:
+    text = text.strip()
+    text = SPELLINGS.get(text, text)
+    return text if text in METRES else None
+
+
+def _stored_word(text: str, what: str) -> str:
+    word = _word(text)
+    if word is None:
+        raise UncalibratedError(
+            f"{what}: the file says {text!r}; expected a unit of length ({', '.join(METRES)}); "
+            "convert the file"
+        )
+    return word
+
+
+def _given_word(text: str, option: str) -> str:
+    word = _word(text)
+    if word is None:
+        raise SettingsError(
+            f"{option} {text}: not a unit of length; expected one of {', '.join(METRES)}"
+        )
+    return word
+
+
+def _stored_pair(pair: tuple[float, float], where: str) -> tuple[float, float]:
+    dy, dx = float(pair[0]), float(pair[1])
+    if not (0 < dy < math.inf and 0 < dx < math.inf):
+        raise UnreadableFileError(
+            f"{where}: the file says a pixel size of {dy:g} x {dx:g}; expected two positive "
+            "numbers; correct the file"
+        )
+    return dy, dx
+
+
+def _given_pair(pair: tuple[float, float]) -> tuple[float, float]:
+    try:
+        dy, dx = (float(v) for v in pair)
+    except (TypeError, ValueError):
+        dy = dx = math.nan
+    if not (0 < dy < math.inf and 0 < dx < math.inf):
+        raise SettingsError(f"--pixel-size {pair}: expected two positive numbers DY DX")
+    return dy, dx

@@ -1,0 +1,295 @@
+"""Numbers in text: lines, separators and decimal marks, for the readers of text formats."""
+
+import io
+import re
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from capslip.errors import UnreadableFileError
+from capslip.surface.readers.stored import check_shape, read_head
+
+COMMENT = (b"#", b"%")
+LOOK_BYTES = 2**16  # enough for the comments and the first numbers
+MAX_BYTES = 2**30
+
+
+@dataclass(frozen=True, eq=False)
+class Table:
+    """Rows of numbers of equal length.
+
+    Attributes
+    ----------
+    values : shape (rows, columns)
+        NaN where the text says nan or a field is empty.
+    comments : tuple of str
+        The lines before the numbers, without their comment signs.
+    notes : tuple of str
+        What was done beyond reading.
+    """
+
+    values: np.ndarray
+    comments: tuple[str, ...]
+    notes: tuple[str, ...]
+
+
+def first_fields(path: Path, *, names: bool = False) -> int | None:
+    """Count the fields of the first row of numbers; None if the file is no table of numbers.
+
+    The row may follow comments and, with `names`, one line of column names.
+    """
+    head = read_head(path, LOOK_BYTES)
+    if b"\0" in head:
+        return None
+    content = _plain_lines(head)
+    row = _line_at(content, _first_row(content, names))
+    return len(_split(row)) if _is_row(row) else None
+
+
+def read_table(path: Path, *, names: bool = False) -> Table:
+    """Read a file of rows of numbers.
+
+    Separators are tabs, semicolons, commas or blanks; the decimal mark is a point, or a comma
+    where the separator is none.
+
+    Parameters
+    ----------
+    path : path
+        The file: comments (lines that begin with # or %), then the rows.
+    names : bool
+        Whether a line of words (names of columns) may stand before the rows.
+
+    Raises
+    ------
+    UnreadableFileError
+        If a word stands where a number belongs, a row is shorter or longer than the others, the
+        separator and the decimal mark cannot be told apart, or the file is too large.
+    """
+    content = read_text(path)
+    start = _first_row(content, names)
+    before = content[:start].split(b"\n")[:-1]
+    comments = tuple(decoded(line).lstrip("#% ").strip() for line in before)
+    values, notes = parse_rows(content[start:], str(path), len(before))
+    return Table(values, comments, notes)
+
+
+def parse_rows(
+    body: bytes, where: str, lines_before: int = 0
+) -> tuple[np.ndarray, tuple[str, ...]]:
+    """Turn lines into rows of numbers, with notes; errors as for `read_table`."""
+    notes = []
+    if not body.endswith(b"\n"):
+        notes.append("the last line has no end: the text may be truncated")
+    body = body.rstrip() + b"\n"
+    first = _line_at(body, _first_row(body, names=False))
+    if not first:
+        raise UnreadableFileError(f"{where}: no numbers; expected rows of numbers; export it again")
+    separator, decimal_comma = _separator(body, first, where)
+    if decimal_comma:
+        notes.append("decimal commas were read as decimal points")
+        body = body.replace(b",", b".")
+    if separator is not None:
+        body = _fill_empty_fields(body, separator)
+    check_shape((body.count(b"\n"), len(_split(first))), where)
+    try:
+        values = np.loadtxt(
+            io.BytesIO(body),
+            delimiter=None if separator is None else separator.decode(),
+            comments=None,
+            ndmin=2,
+            encoding="latin-1",
+        )
+    except ValueError as error:
+        raise UnreadableFileError(
+            _fault(body, separator, where, lines_before, str(error))
+        ) from error
+    return values, tuple(notes)
+
+
+def parse_numbers(content: bytes, where: str) -> np.ndarray:
+    """Turn numbers between blanks, in lines of any length, into an array of shape (n,).
+
+    Raises
+    ------
+    UnreadableFileError
+        If a word is no number.
+    """
+    words = content.split()
+    if not words:
+        raise UnreadableFileError(f"{where}: no numbers; expected heights; export it again")
+    try:
+        return np.loadtxt(io.BytesIO(b"\n".join(words)), comments=None, ndmin=1, encoding="latin-1")
+    except ValueError as error:
+        at = next((i for i, word in enumerate(words) if not _is_number(word)), 0)
+        raise UnreadableFileError(
+            f"{where}: height {at + 1} of {len(words)} is {_shown(words[at])}; expected a number; "
+            "correct it"
+        ) from error
+
+
+def read_text(path: Path) -> bytes:
+    """Return the text of a file, its lines ended by a line feed.
+
+    Raises
+    ------
+    UnreadableFileError
+        If the file is too large, in UTF-16, or holds a zero byte.
+    """
+    size = path.stat().st_size
+    if size > MAX_BYTES:
+        raise UnreadableFileError(
+            f"{path}: {size} bytes of text; expected at most {MAX_BYTES}; convert it to HDF5"
+        )
+    content = path.read_bytes()
+    if content.startswith((b"\xff\xfe", b"\xfe\xff")):
+        raise UnreadableFileError(f"{path}: text in UTF-16; expected UTF-8 or ASCII; save it again")
+    at = content.find(b"\0")
+    if at >= 0:
+        raise UnreadableFileError(
+            f"{path}: a zero byte at offset {at} of a text; expected numbers; copy the file again"
+        )
+    return _plain_lines(content)
+
+
+def decoded(line: bytes) -> str:
+    """Return text in UTF-8 or, failing that, Latin-1 (the micro sign of older programs)."""
+    try:
+        return line.decode("utf-8")
+    except UnicodeDecodeError:
+        return line.decode("latin-1")
+
+
+def _plain_lines(content: bytes) -> bytes:
+    content = content.removeprefix(b"\xef\xbb\xbf")
+    if b"\r" in content:
+        content = content.replace(b"\r\n", b"\n").replace(b"\r", b"\n")
+    return content
+
+
+def _line_at(content: bytes, start: int) -> bytes:
+    end = content.find(b"\n", start)
+    return content[start : len(content) if end < 0 else end].strip()
+
+
+def _first_row(content: bytes, names: bool) -> int:
+    """Offset of the first line that is neither empty, nor a comment, nor a line of names."""
+    start = 0
+    while start < len(content):
+        line = _line_at(content, start)
+        if line and not line.startswith(COMMENT):
+            if not names or any(map(_is_number, _fields(line))):
+                return start
+            names = False
+        end = content.find(b"\n", start)
+        start = len(content) if end < 0 else end + 1
+    return len(content)
+
+
+def _is_row(line: bytes) -> bool:
+    fields = _fields(line)
+    return bool(fields) and all(map(_is_number, fields))
+
+
+def _fields(line: bytes) -> list[bytes]:
+    """Return the first fields of a line, by whatever separates them."""
+    return [field for field in re.split(rb"[\s;,]+", line, maxsplit=100)[:100] if field]
+
+
+def _split(line: bytes) -> list[bytes]:
+    """Fields of a line, by its strongest separator; a trailing one ends no field."""
+    line = line.strip()
+    for separator in (b";", b"\t"):
+        if separator in line:
+            return line.rstrip(separator).split(separator)
+    words = line.split()
+    if len(words) > 1 and not any(w.startswith(b",") or w.endswith(b",") for w in words[:-1]):
+        return words
+    return line.rstrip(b",").split(b",") if b"," in line else words
+
+
+def _separator(body: bytes, first: bytes, where: str) -> tuple[bytes | None, bool]:
+    """Tell the separator (None: blanks), and whether commas are decimal marks."""
+    commas = b"," in body
+    points = b"." in body
+    if b";" in body:
+        separator = b";"
+    elif b"\t" in body and b"\t" in first.strip():
+        separator = b"\t"
+    elif not commas:
+        return None, False
+    else:
+        words = first.split()
+        if len(words) == 1 or any(w.startswith(b",") or w.endswith(b",") for w in words):
+            if not points and re.search(rb",[+-]?0\d", body):
+                raise UnreadableFileError(_ambiguous(where, "0,05 may be one number or two"))
+            return b",", False
+        if any(word.count(b",") > 1 for word in words):
+            raise UnreadableFileError(_ambiguous(where, "commas and blanks both separate"))
+        separator = None
+    if not commas:
+        return separator, False
+    if points:
+        raise UnreadableFileError(_ambiguous(where, "points and commas stand inside numbers"))
+    return separator, True
+
+
+def _ambiguous(where: str, why: str) -> str:
+    return (
+        f"{where}: the decimal mark and the separator cannot be told apart ({why}); expected "
+        "points in numbers, or commas in numbers and semicolons between them; save it again"
+    )
+
+
+def _fill_empty_fields(body: bytes, separator: bytes) -> bytes:
+    """Write nan into empty fields; a separator at the end of every line ends no field."""
+    body = re.sub(rb"[ ]*" + re.escape(separator) + rb"[ ]*", separator, body)
+    ends = body.count(separator + b"\n")
+    if ends and ends == body.count(b"\n"):
+        body = body.replace(separator + b"\n", b"\n")
+    else:
+        body = body.replace(separator + b"\n", separator + b"nan\n")
+    while separator * 2 in body:
+        body = body.replace(separator * 2, separator + b"nan" + separator)
+    return (b"nan" if body.startswith(separator) else b"") + body.replace(
+        b"\n" + separator, b"\nnan" + separator
+    )
+
+
+def _fault(
+    body: bytes, separator: bytes | None, where: str, lines_before: int, message: str
+) -> str:
+    """Say where the first fault of a table is, near the row that numpy's message names."""
+    rows = [(n, line) for n, line in enumerate(body.split(b"\n"), lines_before + 1) if line.strip()]
+    expected = len(rows[0][1].split(separator))
+    named = re.search(r"\brow (\d+)", message)
+    start = max(int(named.group(1)) - 2, 0) if named else 0
+    for number, line in rows[start : start + 5]:
+        fields = line.split(separator)
+        for column, field in enumerate(fields, 1):
+            if not _is_number(field):
+                return (
+                    f"{where}: line {number}, column {column}: {_shown(field)}; expected a number; "
+                    "write nan for a non-measured point"
+                )
+        if len(fields) != expected:
+            return (
+                f"{where}: line {number} has {len(fields)} numbers; expected {expected} as in "
+                "the first row; the file is truncated or no table"
+            )
+    return (
+        f"{where}: not a table of numbers ({message[:100]}); expected rows of equal length; "
+        "export it again"
+    )
+
+
+def _is_number(field: bytes) -> bool:
+    try:
+        float(field.replace(b",", b"."))
+    except ValueError:
+        return False
+    return b"_" not in field
+
+
+def _shown(word: bytes) -> str:
+    return repr(decoded(word[:40]))

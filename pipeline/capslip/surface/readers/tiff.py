@@ -1,0 +1,113 @@
+"""Float TIFF, read by tifffile. Only ImageJ's own words on units count as such.
+
+The resolution tags of other programs tell the size of a print, so they are left alone.
+"""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from capslip.errors import UnreadableFileError
+from capslip.surface.readers.stored import (
+    METRES,
+    SPELLINGS,
+    Format,
+    Request,
+    Stored,
+    check_growth,
+    check_real,
+    check_shape,
+)
+
+MAGICS = (b"II*\0", b"MM\0*", b"II+\0", b"MM\0+")
+GDAL_NODATA = 42113
+
+
+def _recognises(head: bytes, path: Path) -> bool:
+    return head.startswith(MAGICS)
+
+
+def _read(path: Path, request: Request) -> Stored:
+    import logging
+
+    import tifffile
+
+    # What tifffile logs of a damaged file is said by the error below, or does not matter here.
+    logging.getLogger("tifffile").setLevel(logging.CRITICAL + 1)
+    try:
+        with tifffile.TiffFile(path) as file:
+            return _stored(file, path)
+    except UnreadableFileError:
+        raise
+    except Exception as error:  # tifffile raises errors of every kind on damaged bytes
+        raise UnreadableFileError(
+            f"{path}: damaged, truncated or unsupported TIFF file ({type(error).__name__}: "
+            f"{' '.join(str(error).split())[:200]}); expected plain float32 or float64; "
+            "export it again"
+        ) from error
+
+
+def _stored(file: Any, path: Path) -> Stored:
+    if len(file.pages) != 1:
+        raise UnreadableFileError(
+            f"{path}: {len(file.pages)} pages; expected one; export the height map alone"
+        )
+    page = file.pages[0]
+    check_shape(page.shape, str(path))
+    if page.dtype is None or page.dtype.kind != "f":
+        raise UnreadableFileError(
+            f"{path}: data type {page.dtype}; expected float32 or float64: whole numbers hide a "
+            "scale factor; export the heights as float"
+        )
+    check_real(page.dtype, str(path))
+    check_growth(sum(page.databytecounts), page.nbytes, str(path))
+    size = path.stat().st_size
+    for offset, count in zip(page.dataoffsets, page.databytecounts, strict=True):
+        if offset + count > size:
+            raise UnreadableFileError(
+                f"{path}: truncated: data up to offset {offset + count}, but {size} bytes; "
+                "copy the file again"
+            )
+    heights = np.array(page.asarray(), dtype=np.float64)
+    notes = _mask_no_data(heights, page, path)
+    pixel_size, unit = _imagej_pixel_size(file, page)
+    return Stored(heights, None, pixel_size, unit, notes)
+
+
+def _mask_no_data(heights: np.ndarray, page: Any, path: Path) -> tuple[str, ...]:
+    tag = page.tags.get(GDAL_NODATA)
+    if tag is None:
+        return ()
+    try:
+        code = float(str(tag.value).strip("\0 "))
+    except ValueError:
+        raise UnreadableFileError(
+            f"{path}: tag {GDAL_NODATA} (no data) is {str(tag.value)[:40]!r}; expected a number; "
+            "export it again"
+        ) from None
+    marked = heights == np.float64(np.asarray(code, dtype=page.dtype))
+    heights[marked] = np.nan
+    return (f"{int(marked.sum())} points with the file's no-data value {code:g} are non-measured",)
+
+
+def _imagej_pixel_size(file: Any, page: Any) -> tuple[tuple[float, float] | None, str | None]:
+    """Return the pixel size (dy, dx) and its unit, where ImageJ wrote a unit of length."""
+    word = str((file.imagej_metadata or {}).get("unit", "")).replace("\\u00B5", "µ")
+    if SPELLINGS.get(word, word) not in METRES:
+        return None, None
+    tags = [page.tags.get(name) for name in ("YResolution", "XResolution")]
+    if None in tags or any(not tag.value[0] for tag in tags):
+        return None, None
+    dy, dx = (tag.value[1] / tag.value[0] for tag in tags)
+    return (dy, dx), word
+
+
+FORMAT = Format(
+    name="tiff",
+    extensions=(".tif", ".tiff"),
+    reader="tifffile",
+    note="one page of float32 or float64; needs --unit, --pixel-size and --lateral-unit",
+    recognises=_recognises,
+    read=_read,
+)

@@ -1,0 +1,128 @@
+"""Formats of instrument makers, read by SurfaceTopography (optional extra `vendor`)."""
+
+import logging
+import warnings
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from capslip.errors import CapslipError, UnreadableFileError
+from capslip.surface.readers.stored import Format, Request, Stored, check_shape
+
+REFUSED = {
+    "nms": "the library gets its lateral scale wrong; export it as X3P",
+}
+# hgt has no header: every file of a fitting size passes for it. The others are built in: what
+# their own readers did not recognise is damaged, and the library would read it less strictly.
+NO_FORMAT = ("hgt", "asc", "h5", "mat", "npy", "npz", "sdf", "x3p", "xyz")
+
+
+def _recognises(head: bytes, path: Path) -> bool:
+    return True  # the last in the registry: everything that nothing else recognised
+
+
+def _read(path: Path, request: Request) -> Stored:
+    with warnings.catch_warnings():
+        # The library warns of optional parts that this use does not need, and one of its parsers
+        # logs the whole content of a file that is not its own.
+        warnings.simplefilter("ignore")
+        logging.getLogger("igor2").setLevel(logging.CRITICAL + 1)
+        try:
+            from SurfaceTopography import open_topography
+            from SurfaceTopography.Exceptions import CannotDetectFileFormat
+        except ImportError as error:
+            raise UnreadableFileError(
+                f"{path}: in no format that is built in; formats of instrument makers need an "
+                "optional library; install capslip[vendor], or convert the file to X3P, SDF, XYZ "
+                "or HDF5"
+            ) from error
+        try:
+            with open_topography(str(path)) as reader:
+                return _stored(reader, path, request.dataset)
+        except CapslipError:
+            raise
+        except CannotDetectFileFormat as error:
+            raise _unknown(path) from error
+        except Exception as error:  # forty parsers on damaged bytes raise errors of every kind
+            raise UnreadableFileError(
+                f"{path}: damaged, truncated or unsupported "
+                f"({type(error).__name__}: {' '.join(str(error).split())[:200]}); "
+                "export it again, or as X3P"
+            ) from error
+
+
+def _unknown(path: Path) -> UnreadableFileError:
+    return UnreadableFileError(
+        f"{path}: not a height map in a format that is known; expected one of `capslip formats`; "
+        "export it as X3P or HDF5"
+    )
+
+
+def _stored(reader: Any, path: Path, dataset: str | None) -> Stored:
+    kind = reader.format()
+    if kind in NO_FORMAT:
+        raise _unknown(path)
+    if kind in REFUSED:
+        raise UnreadableFileError(f"{path}: {kind} files are refused: {REFUSED[kind]}")
+    channel = _channel(reader, path, dataset)
+    if channel.dim != 2:
+        raise UnreadableFileError(
+            f"{path}: {channel.dim} axis; expected a height map with two; export the whole scan"
+        )
+    nx, ny = channel.nb_grid_pts
+    check_shape((ny, nx), str(path))
+    size = channel.physical_sizes
+    topography = reader.topography(
+        channel_index=channel.index, physical_sizes=(nx, ny) if size is None else None
+    )
+    if not topography.is_uniform:
+        raise UnreadableFileError(f"{path}: no regular grid; expected one; resample the scan")
+    heights = np.ma.filled(np.ma.asarray(topography.heights(), dtype=np.float64), np.nan)
+    unit = topography.unit
+    return Stored(
+        height=heights.T,  # the library counts [x, y]
+        unit=unit,
+        pixel_size=None if size is None else (size[1] / ny, size[0] / nx),
+        lateral_unit=None if size is None else unit,
+    )
+
+
+def _channel(reader: Any, path: Path, dataset: str | None) -> Any:
+    if dataset is None:
+        return reader.default_channel
+    named = {channel.name: channel for channel in reader.channels}
+    if dataset not in named:
+        raise UnreadableFileError(
+            f"{path}: no channel {dataset!r}; expected one of {', '.join(named)}; correct --dataset"
+        )
+    return named[dataset]
+
+
+FORMAT = Format(
+    name="vendor",
+    extensions=(
+        ".al3d",
+        ".bcr",
+        ".datx",
+        ".dat",
+        ".frt",
+        ".gwy",
+        ".lext",
+        ".mnt",
+        ".opd",
+        ".opdx",
+        ".plu",
+        ".plux",
+        ".spm",
+        ".sur",
+        ".tmd",
+        ".vk4",
+        ".zon",
+    ),
+    reader="SurfaceTopography (capslip[vendor])",
+    note="about 40 formats of instrument makers, recognised by content",
+    recognises=_recognises,
+    read=_read,
+    named=True,
+)

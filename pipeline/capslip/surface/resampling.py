@@ -1,0 +1,70 @@
+"""To another grid over the same face, without aliasing."""
+
+import numpy as np
+
+from capslip.errors import SettingsError
+from capslip.surface.filters import smooth
+from capslip.surface.heightmap import HeightMap
+
+LEAST_MEASURED = 0.5
+
+
+def resample(surface: HeightMap, shape: tuple[int, int]) -> HeightMap:
+    """Resample a height map to `shape` points over the same face.
+
+    Parameters
+    ----------
+    surface : HeightMap
+        Pixels need not be square; form removed, so that the filter bends nothing at the edge.
+    shape : (int, int)
+        (ny, nx), at least 3 each.
+
+    Returns
+    -------
+    HeightMap
+        Along an axis that gets coarser, a Gaussian with a nesting index of two new pixels takes
+        off first what the new grid cannot show. Heights are then interpolated linearly between the
+        measured points beside a new one; where these have less than half of the weight, the new
+        point is non-measured.
+
+    Raises
+    ------
+    SettingsError
+        If the shape is not two whole numbers of at least 3.
+
+    Examples
+    --------
+    >>> y, x = np.mgrid[0:40, 0:60]
+    >>> coarse = resample(HeightMap(1e-6 * x, (1e-4, 1e-4)), (20, 30))
+    >>> coarse.pixel_size_m, round(float(coarse.height_m[5, 15]) * 1e6, 6)
+    ((0.0002, 0.0002), 30.5)
+    """
+    if len(shape) != 2 or any(n != int(n) or n < 3 for n in shape):
+        raise SettingsError(
+            f"conditioning.resample_to: got {shape!r}; expected two whole numbers of at least 3"
+        )
+    side_y_m, side_x_m = surface.side_m
+    size_m = side_y_m / shape[0], side_x_m / shape[1]
+    index_m = [
+        2.0 * new_m if n < n_old else 0.0
+        for new_m, n, n_old in zip(size_m, shape, surface.shape, strict=True)
+    ]
+    z = smooth(surface, *index_m) if any(index_m) else surface.height_m
+    weight = (~np.isnan(z)).astype(np.float64)
+    z = np.where(weight > 0.0, z, 0.0)
+    for axis, n in enumerate(shape):
+        z, weight = _along(z, axis, n), _along(weight, axis, n)
+    known = weight >= LEAST_MEASURED
+    z = np.divide(z, weight, out=np.full(weight.shape, np.nan), where=known)
+    return HeightMap(z, size_m, surface.origin)
+
+
+def _along(z: np.ndarray, axis: int, n: int) -> np.ndarray:
+    """Interpolate linearly at the centres of n new pixels along one axis."""
+    n_old = z.shape[axis]
+    place = np.clip((np.arange(n) + 0.5) * (n_old / n) - 0.5, 0.0, n_old - 1.0)
+    lower = np.minimum(place.astype(np.intp), n_old - 2)
+    share = (place - lower)[:, None] if axis == 0 else place - lower
+    below = np.take(z, lower, axis)
+    below *= 1.0 - share
+    return below + share * np.take(z, lower + 1, axis)
