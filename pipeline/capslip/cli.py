@@ -16,8 +16,8 @@ from capslip import __version__
 from capslip.errors import CapslipError, ContactError, ScanError, SettingsError
 
 if TYPE_CHECKING:
-    from capslip.analysis import Analysis
     from capslip.problems import Problem
+    from capslip.result import Analysis
     from capslip.settings import Settings
     from capslip.surface.heightmap import HeightMap
 
@@ -261,7 +261,6 @@ def _write(
 ) -> dict[str, Any]:
     """Write everything into the working folder, numbers first, the summary last; return it."""
     from capslip.output import mesh, report, scene, store
-    from capslip.summary import summarise
 
     run = analysis.settings.run
 
@@ -304,11 +303,11 @@ def _write(
     def whole() -> "Analysis":
         return replace(analysis, problems=(*analysis.problems, *parts.missing))
 
-    numbers = summarise(whole(), command, timings)
+    numbers = whole().summary(command, timings)
     page = (work / "report.html",)
     parts.make(page, report.write_report, whole(), numbers, work, message)
     timed("report", clock)
-    summary = summarise(whole(), command, {**timings, "total": say.elapsed_s()})
+    summary = whole().summary(command, {**timings, "total": say.elapsed_s()})
     store.write_summary(summary, work)
     return summary
 

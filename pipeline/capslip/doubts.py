@@ -6,14 +6,12 @@ import numpy as np
 
 from capslip.caps.families import Families
 from capslip.caps.hills import NOISE_FACTOR, Hills
-from capslip.caps.pruning import MIN_POINTS
 from capslip.caps.table import CapFlag, CapTable
 from capslip.contact.material import composite, dundurs_beta
 from capslip.contact.model_choice import BEYOND_SHARE
 from capslip.problems import Problem, Severity
 from capslip.settings import Beam, Settings
 from capslip.structure.response import Damping
-from capslip.surface.form import remove_form
 from capslip.surface.heightmap import HeightMap
 
 MIN_PIXELS_ACROSS = 4.0  # of the contacts that carry the lighter half of the load
@@ -22,25 +20,6 @@ LARGE_FRICTION = 1.5
 VISIBLE_FORM = 0.1  # of the approach: form that moves the peaks by more decides what touches
 BOW_LEVEL = 0.01  # of the F-test that the peaks lie on a bow
 ELASTIC_STRAIN = 0.03  # of E*: the greatest pressure at which the hardest steels stay elastic
-
-
-def doubts_of_scan(surface: HeightMap) -> list[Problem]:
-    """Return what makes the map as measured doubtful; levelling would hide a flat top."""
-    height_m = surface.height_m[surface.measured]
-    if height_m.size == 0:
-        return []
-    top_m = height_m.max()
-    n_top = int(np.count_nonzero(height_m == top_m))
-    below_m = height_m[height_m < top_m]
-    if n_top < MIN_POINTS or below_m.size == 0:
-        return []
-    if n_top <= 4 * np.count_nonzero(below_m == below_m.max()):
-        return []  # quantised: the next level holds as many
-    message = (
-        f"{n_top} points share the greatest height: the sensor cut the peaks off, and the caps are "
-        "higher than they look"
-    )
-    return [Problem("clipped", "warning", message)]
 
 
 def doubts_of_settings(settings: Settings) -> list[Problem]:
@@ -68,21 +47,6 @@ def doubts_of_settings(settings: Settings) -> list[Problem]:
         )
         found.append(Problem("beam_ignored", "warning", message))
     return found
-
-
-def doubts_of_tilt(surface: HeightMap, approach_m: float) -> list[Problem]:
-    """Return whether a tilt was left in that decides what touches."""
-    level, _ = remove_form(surface, "plane")
-    tilt_m = float(np.ptp((surface.height_m - level.height_m)[surface.measured]))
-    if tilt_m <= VISIBLE_FORM * approach_m:
-        return []
-    message = (
-        f"the levelling decides which caps touch: nothing was taken off the face, and its "
-        f"least-squares plane is tilted by {tilt_m:.3g} m, the approach is {approach_m:.3g} m. "
-        "Where that is how the face lay under the instrument, conditioning.form = plane takes it "
-        "off; where it is the face's own, as caps on one side tilt that plane, leave it"
-    )
-    return [Problem("tilt_left", "warning", message)]
 
 
 def doubts_of_bow(caps: CapTable, approach_m: float) -> list[Problem]:

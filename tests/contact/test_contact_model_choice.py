@@ -6,7 +6,7 @@ import msgspec
 import numpy as np
 import pytest
 
-from capslip.analysis import analyze
+from capslip.analysis import analyze_once as analyze
 from capslip.caps.families import group_families
 from capslip.caps.fit import fit_caps
 from capslip.caps.hills import find_hills
@@ -133,7 +133,7 @@ def estimate_and_error(surface):
     """Return what interacting caps promise, and their error beyond that of the reference."""
     overrides = ("contact.preload_N=80", "contact.model=interacting", "conditioning.form=none")
     settings = load_settings(overrides=overrides)
-    analysis = analyze(surface, settings, sweeps=False)
+    analysis = analyze(surface, settings)
     truth, found = reference(surface, settings, with_peak=False), numbers_of(analysis)
     errors = {
         name: abs(found[name] / truth.numbers[name] - 1.0) - truth.uncertainty[name]
@@ -162,7 +162,7 @@ def test_the_tilt_of_the_levelling_is_part_of_the_error():
 
     def run(robust):
         settings = (f"conditioning.form_robust={robust}", "contact.preload_N=300")
-        return analyze(surface, load_settings(overrides=settings), sweeps=False)
+        return analyze(surface, load_settings(overrides=settings))
 
     tilted, level = run("false"), run("true")
     shares = np.array([0.25, 0.5, 0.75])

@@ -14,10 +14,10 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-    from capslip.analysis import Analysis
     from capslip.contact.curves import NormalCurve
     from capslip.contact.press import ContactState
     from capslip.contact.slip import SlipCurve
+    from capslip.result import Analysis
 
 LOOP_SHARES = (0.3, 0.6, 0.9)  # of the force at total slip
 LEAST_LOSS_FACTOR = 1e-6  # of the greatest: what a figure still shows

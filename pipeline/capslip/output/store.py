@@ -14,11 +14,11 @@ import numpy as np
 
 from capslip.caps.table import UNITS
 from capslip.errors import OutputError
-from capslip.summary import SCHEMA
+from capslip.result import SCHEMA
 
 if TYPE_CHECKING:
-    from capslip.analysis import Analysis
     from capslip.contact.press import ContactState
+    from capslip.result import Analysis
 
 # Everything that an analysis leaves in its folder. A folder that holds more is not ours to replace.
 FILES = frozenset(

@@ -13,8 +13,9 @@ from typing import Any
 
 import numpy as np
 
-from capslip.analysis import Analysis, analyze
+from capslip.analysis import analyze_once
 from capslip.errors import CapslipError, ContactError, OutputError
+from capslip.result import Analysis
 from capslip.settings import load_settings
 from capslip.studies.chart_methods import Method, methods
 from capslip.studies.chart_reference import (
@@ -217,7 +218,7 @@ def _run(method: Method, case: Case, face: Face, answer: Reference) -> Row:
     while not seconds or (len(seconds) < repeats and seconds[0] < QUICK_S):
         begin = time.perf_counter()
         try:
-            analysis = analyze(measured, settings, sweeps=False, judged=False)
+            analysis = analyze_once(measured, settings, judged=False)
         except CapslipError as error:
             row["problem"] = str(error)
         seconds.append(time.perf_counter() - begin)

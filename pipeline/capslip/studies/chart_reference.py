@@ -17,7 +17,7 @@ from capslip.structure.stiffness import stiffnesses
 from capslip.surface.heightmap import HeightMap
 
 if TYPE_CHECKING:
-    from capslip.analysis import Analysis
+    from capslip.result import Analysis
 
 FORCE_SHARES = (0.1, 0.25, 0.5, 0.75)  # T / (mu N) at which the energy is compared
 ENERGIES = tuple(f"energy_{share:g}" for share in FORCE_SHARES)

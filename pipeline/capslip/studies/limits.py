@@ -11,13 +11,14 @@ from typing import Any
 
 import numpy as np
 
-from capslip.analysis import Analysis, analyze
+from capslip.analysis import analyze
 from capslip.contact.curves import bulk_compliance_m_per_N
 from capslip.contact.interacting import interacting
 from capslip.contact.ladder import without_bulk
 from capslip.contact.material import composite
 from capslip.contact.slip import slip_curve
 from capslip.errors import CapslipError, ContactError, OutputError
+from capslip.result import Analysis
 from capslip.settings import Settings, load_settings
 from capslip.studies.chart_reference import reference
 from capslip.studies.limits_axes import axes

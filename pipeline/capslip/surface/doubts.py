@@ -4,6 +4,7 @@ import numpy as np
 
 from capslip.errors import UnusableSurfaceError
 from capslip.problems import Problem, Severity
+from capslip.surface.form import remove_form
 from capslip.surface.heightmap import HeightMap
 from capslip.surface.outliers import Outliers
 
@@ -21,6 +22,8 @@ SAMPLED_LINES = 100
 HIGHEST_SHARE = 0.10  # what the paper keeps: a spike up there is touched, or spoils a cap
 VISIBLE_SHARE_OF_SQ = 0.01
 MAX_OUTLIER_SHARE = 0.02
+CLIPPED_POINTS = 9  # that share the greatest height
+VISIBLE_FORM = 0.1  # of the approach: form that moves the peaks by more decides what touches
 
 
 def refuse_absurd(surface: HeightMap) -> None:
@@ -49,7 +52,26 @@ def refuse_absurd(surface: HeightMap) -> None:
             )
 
 
-def doubts_of_surface(surface: HeightMap, sq_m: float, sz_m: float) -> tuple[Problem, ...]:
+def problems_of_scan(surface: HeightMap) -> list[Problem]:
+    """Return what makes the map as measured doubtful; levelling would hide a flat top."""
+    height_m = surface.height_m[surface.measured]
+    if height_m.size == 0:
+        return []
+    top_m = height_m.max()
+    n_top = int(np.count_nonzero(height_m == top_m))
+    below_m = height_m[height_m < top_m]
+    if n_top < CLIPPED_POINTS or below_m.size == 0:
+        return []
+    if n_top <= 4 * np.count_nonzero(below_m == below_m.max()):
+        return []  # quantised: the next level holds as many
+    message = (
+        f"{n_top} points share the greatest height: the sensor cut the peaks off, and the caps are "
+        "higher than they look"
+    )
+    return [Problem("clipped", "warning", message)]
+
+
+def problems_of_map(surface: HeightMap, sq_m: float, sz_m: float) -> tuple[Problem, ...]:
     """Look for signs of a wrong unit, odd pixels and heights far from the rest.
 
     Parameters
@@ -77,7 +99,7 @@ def doubts_of_surface(surface: HeightMap, sq_m: float, sz_m: float) -> tuple[Pro
     return tuple(problem for problem in found if problem is not None)
 
 
-def doubts_of_outliers(
+def problems_of_outliers(
     surface: HeightMap, sq_m: float, outliers: Outliers, kept: bool
 ) -> tuple[Problem, ...]:
     """Say how many points the outlier rule found, and whether they matter.
@@ -106,7 +128,22 @@ def doubts_of_outliers(
     return (_kept(surface, sq_m, outliers) if kept else _removed(surface, outliers),)
 
 
-def doubts_of_holes(surface: HeightMap, hill_radius_m: float) -> tuple[Problem, ...]:
+def problems_of_tilt(surface: HeightMap, approach_m: float) -> list[Problem]:
+    """Return whether a tilt was left in that decides what touches."""
+    level, _ = remove_form(surface, "plane")
+    tilt_m = float(np.ptp((surface.height_m - level.height_m)[surface.measured]))
+    if tilt_m <= VISIBLE_FORM * approach_m:
+        return []
+    message = (
+        f"the levelling decides which caps touch: nothing was taken off the face, and its "
+        f"least-squares plane is tilted by {tilt_m:.3g} m, the approach is {approach_m:.3g} m. "
+        "Where that is how the face lay under the instrument, conditioning.form = plane takes it "
+        "off; where it is the face's own, as caps on one side tilt that plane, leave it"
+    )
+    return [Problem("tilt_left", "warning", message)]
+
+
+def problems_of_holes(surface: HeightMap, hill_radius_m: float) -> tuple[Problem, ...]:
     """Say where a hole of the map may hide a hill that carries load.
 
     A hill of which no point was measured leaves no trace. It fits into a hole that holds a disc of
