@@ -13,6 +13,7 @@ from capslip.errors import ContactError
 from capslip.output.figures_sensitivity import sensitivity as figure_of
 from capslip.sensitivity import ANSWERS, Answers, sensitivity
 from capslip.settings import settings_from
+from capslip.stages import find_face
 from capslip.surface.heightmap import HeightMap
 from capslip.surface.readers import load_surface
 from capslip.surface.synthetic import CapFamily, Scene, synthetic_surface
@@ -90,14 +91,19 @@ def test_the_error_bar_is_two_standard_errors_or_the_tolerance():
 
 
 def test_a_run_that_fails_is_no_answer_and_ends_the_range():
-    def fails_at_15(settings):
+    def fails_at_15(surface, settings, other, clock):
         if cut_of(settings) == 0.15:
             raise ContactError("nothing carries the load")
-        return STEADY
+        return find_face(surface, settings, other, clock)
 
-    cut = swept(fails_at_15).sweeps[0]
+    face = caps_map([(8e-3, 8e-3, 24.0, 0.0), (2e-2, 1e-2, 24.0, 0.0)])
+    with mock.patch("capslip.sensitivity.find_face", fails_at_15):
+        found = sensitivity(face, settings_from({}), None, 2, math.inf, with_contact=False)
+    cut = found.sweeps[0]
     assert np.isnan(cut.answer[6]).all()
-    assert cut.stable_to == pytest.approx(np.full(7, 12.0))
+    known = np.isfinite(cut.answer[cut.chosen])
+    assert known.any()
+    assert cut.stable_to[known] == pytest.approx(12.0)
 
 
 def counted(n_of_cut, m_of_cut=lambda cut: 5.0):
