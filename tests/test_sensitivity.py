@@ -323,7 +323,7 @@ def test_a_face_of_caps_is_stable_and_its_figure_is_drawn():
     )
     face, _ = synthetic_surface(scene)
 
-    found = sensitivity(face, settings_from({}), None, 11, math.inf, with_contact=False)
+    found = sensitivity(face, settings_from({}), None, 11, math.inf, with_contact=True)
     for sweep in found.sweeps:
         assert sweep.holds.all(), sweep.sentence
     cut = found.sweeps[0]
