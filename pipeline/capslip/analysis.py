@@ -15,15 +15,18 @@ from capslip.caps.hills import Hills, find_hills
 from capslip.caps.points import points_of_hills
 from capslip.caps.table import CapTable
 from capslip.caps.together import count_together
-from capslip.contact.press import ContactState, press, press_for_depth
+from capslip.contact.choice import estimate_error
+from capslip.contact.depth import press_for_depth
+from capslip.contact.doubts import contact_doubts, material_doubts
+from capslip.contact.press import ContactState, press
 from capslip.contact.slip import SlipCurve, slip_curve
 from capslip.doubts import (
     doubts_of_bow,
     doubts_of_caps,
-    doubts_of_contact,
+    doubts_of_damping,
     doubts_of_families,
     doubts_of_scan,
-    doubts_of_settings,
+    doubts_of_structure,
     doubts_of_tilt,
 )
 from capslip.errors import ContactError, SettingsError
@@ -141,23 +144,25 @@ def analyze(
         if face is not None:
             notes += [Problem("reader_note", "warning", note) for note in face.origin.notes]
             notes += doubts_of_scan(face)
-    notes += doubts_of_settings(settings)
+    notes += material_doubts(settings.material)
+    notes += doubts_of_structure(settings.structure)
     problems = [*notes, *conditioned.problems, *problems, *doubts_of_families(caps, families)]
 
     contact = slip = beam = damping = None
     try:
         if caps.usable.any():
+            label = hills.label if len(caps) == hills.n_hills else None
             contact, caps = timed(
-                "contact",
-                press,
-                caps,
-                families,
-                conditioned.surface,
-                settings,
-                hills.label if len(caps) == hills.n_hills else None,
-                hills.noise_m,
-                judged=judged,
+                *("contact", press, caps, families, conditioned.surface, settings),
+                *(label, hills.noise_m),
             )
+            if judged and settings.contact.model != "auto":
+                error, doubts = timed(
+                    *("accuracy", estimate_error, caps, families, conditioned.surface),
+                    *(label, hills.noise_m, settings),
+                )
+                contact = replace(contact, estimated_error=error)
+                problems += doubts
             problems += contact.problems
             if settings.conditioning.form == "none":
                 problems += doubts_of_tilt(conditioned.surface, contact.approach_m)
@@ -180,16 +185,9 @@ def analyze(
                 joint_stiffness_N_per_m=joint,
                 joints=settings.structure.joints,
             )
-            problems += doubts_of_contact(
-                caps,
-                families,
-                contact.contacts,
-                contact.overlapping_pairs,
-                contact.max_pressure_Pa,
-                conditioned.surface.pixel_area_m2,
-                damping,
-                settings,
-            )
+            pixel_area_m2 = conditioned.surface.pixel_area_m2
+            problems += contact_doubts(contact, caps, families, pixel_area_m2, settings.material)
+            problems += doubts_of_damping(damping)
     except ContactError as error:
         problems.append(Problem("contact_failed", "error", str(error)))
     swept = None
@@ -320,7 +318,7 @@ def _answer(
     if not (with_contact and caps.usable.any()):
         return answers(families, None, None)
     try:
-        contact, _ = press(caps, families, conditioned.surface, settings, judged=False)
+        contact, _ = press(caps, families, conditioned.surface, settings)
         slip = slip_curve(
             contact.curve,
             contact.preload_N,

@@ -3,7 +3,7 @@
 import pytest
 
 from capslip import analyze, load_settings
-from capslip.contact import press as module
+from capslip.contact import choice as module
 from capslip.errors import ContactError, SettingsError
 from scenes import caps_map
 
