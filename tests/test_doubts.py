@@ -1,15 +1,13 @@
 """Doubts: what they should see is seen, and chance alone rarely raises one."""
 
-from dataclasses import fields, replace
+from dataclasses import fields
 
 import numpy as np
 import pytest
 
 from capslip.caps.families import group_families
-from capslip.caps.table import CapFlag, CapTable
-from capslip.doubts import doubts_of_bow, doubts_of_contact
-from capslip.settings import Settings
-from capslip.structure.response import Damping
+from capslip.caps.table import CapTable
+from capslip.doubts import doubts_of_bow
 
 APPROACH_M = 2e-7
 
@@ -63,23 +61,3 @@ def test_few_peaks_lie_on_any_bow(n):
     rng = np.random.default_rng(n)
     caps = caps_at(rng.uniform(size=n), rng.uniform(size=n), rng.uniform(size=n))
     assert doubts_of_bow(group_families(caps)[0], APPROACH_M) == []
-
-
-@pytest.mark.parametrize(("share", "severity"), [(0.04, "info"), (0.06, "warning")])
-def test_wide_contacts_matter_by_the_load_that_they_carry(share, severity):
-    caps = caps_at(*np.random.default_rng(0).uniform(size=(3, 10)))
-    caps, families = group_families(caps)
-    load_N = np.full(10, (1.0 - share) / 9.0)
-    load_N[0] = share
-    caps = replace(
-        caps,
-        load_N=load_N,
-        contact_radius_m=np.where(np.arange(10) == 0, 0.6, 0.4),  # the hills have a radius of 0.5
-        radius_m=np.full(10, 100.0),
-        flags=np.full(10, CapFlag(0), dtype=np.uint16),
-    )
-    empty = np.zeros(1)
-    damping = Damping(**{field.name: empty for field in fields(Damping)})
-    damping = replace(damping, peak_loss_factor=0.0, peak_at_gross_slip=False)
-    found = doubts_of_contact(caps, families, 10, 0, None, 1e-4, damping, Settings())
-    assert {problem.code: problem.severity for problem in found} == {"contact_beyond_cap": severity}

@@ -4,18 +4,16 @@ from dataclasses import replace
 from datetime import UTC, datetime
 
 from capslip.caps.table import CapTable
-from capslip.doubts import (
-    doubts_of_bow,
-    doubts_of_contact,
-    doubts_of_families,
-    doubts_of_settings,
-)
+from capslip.contact.doubts import contact_doubts, material_doubts
+from capslip.contact.rung import rung
+from capslip.doubts import doubts_of_bow, doubts_of_families
 from capslip.errors import ContactError, SettingsError
 from capslip.problems import Problem
 from capslip.result import Analysis
 from capslip.sensitivity import sensitivity
 from capslip.settings import Settings
-from capslip.stages import Clock, Face, damp, find_face, press_face
+from capslip.stages import Clock, Face, damp, estimate, find_face, press_face
+from capslip.structure.doubts import problems_of_damping, problems_of_structure
 from capslip.surface.doubts import problems_of_scan, problems_of_tilt
 from capslip.surface.heightmap import HeightMap
 
@@ -49,57 +47,61 @@ def analyze(
         caps are counted together.
     """
     settings = settings if settings is not None else Settings()
-    analysis = analyze_once(surface, settings, mate)
-    if not analysis.caps.usable.any():
-        return analysis
     clock = Clock()
+    face, analysis = _analyzed(surface, settings, mate, clock)
+    if not face.caps.usable.any():
+        return analysis
+    problems = analysis.problems
+    contact = analysis.contact
+    if contact is not None and settings.contact.model != "auto":
+        error, doubts = estimate(face, settings, clock)
+        contact = replace(contact, estimated_error=error)
+        problems = (*problems, *doubts)
     with clock("sensitivity"):
         swept = sensitivity(
             surface,
             settings,
             mate,
-            int(analysis.caps.usable.sum()),
-            analysis.hills.pruning_height_m,
-            with_contact=analysis.slip is not None,
+            int(face.caps.usable.sum()),
+            face.hills.pruning_height_m,
+            with_contact=contact is not None,
         )
     return replace(
-        analysis,
-        sensitivity=swept,
-        problems=(*analysis.problems, *swept.problems),
-        timings_s={**analysis.timings_s, **clock.seconds},
+        analysis, contact=contact, sensitivity=swept, problems=(*problems, *swept.problems)
     )
 
 
-def analyze_once(
-    surface: HeightMap, settings: Settings, mate: HeightMap | None = None, *, judged: bool = True
-) -> Analysis:
-    """Run every stage once, without the sensitivity; parameters and errors as for `analyze`."""
+def analyze_once(surface: HeightMap, settings: Settings, mate: HeightMap | None = None) -> Analysis:
+    """Run every stage once: neither the error of a forced model nor the sensitivity.
+
+    Parameters and errors are those of `analyze`.
+    """
+    return _analyzed(surface, settings, mate, Clock())[1]
+
+
+def _analyzed(
+    surface: HeightMap, settings: Settings, mate: HeightMap | None, clock: Clock
+) -> tuple[Face, Analysis]:
     _check(settings, mate)
     started = datetime.now(UTC).isoformat(timespec="seconds")
-    clock = Clock()
     face = find_face(surface, settings, mate, clock)
     problems = _before_contact(surface, mate, face, settings)
     caps = face.caps
     contact = slip = beam = damping = None
     try:
         if caps.usable.any():
-            contact, caps, slip = press_face(face, settings, clock, judged=judged)
+            contact, caps, slip = press_face(face, settings, clock)
             problems += contact.problems
             problems += _of_levelling(face, caps, contact.approach_m, settings)
             beam, damping = damp(slip, settings, clock)
-            problems += doubts_of_contact(
-                caps,
-                face.families,
-                contact.contacts,
-                contact.overlapping_pairs,
-                contact.max_pressure_Pa,
-                face.conditioned.surface.pixel_area_m2,
-                damping,
-                settings,
+            pixel_area_m2 = face.conditioned.surface.pixel_area_m2
+            problems += contact_doubts(
+                contact, caps, face.families, pixel_area_m2, settings.material
             )
+            problems += problems_of_damping(damping)
     except ContactError as error:
         problems.append(Problem("contact_failed", "error", str(error)))
-    return Analysis(
+    return face, Analysis(
         surface=surface,
         settings=settings,
         conditioned=face.conditioned,
@@ -118,11 +120,12 @@ def analyze_once(
 
 
 def _check(settings: Settings, mate: HeightMap | None) -> None:
+    model = settings.contact.model
     two_maps = mate is not None and settings.mating.way == "together"
-    if two_maps and settings.contact.model == "boundary_elements":
+    if two_maps and model != "auto" and rung(model).made_from == "map":
         raise SettingsError(
-            "contact.model: got boundary_elements with mating.way = together, which counts the "
-            "caps of two maps; expected one map to press; set mating.way to composite"
+            f"contact.model: got {model} with mating.way = together, which counts the caps of two "
+            "maps; expected one map to press; set mating.way to composite"
         )
 
 
@@ -135,7 +138,8 @@ def _before_contact(
         if scan is not None:
             problems += [Problem("reader_note", "warning", note) for note in scan.origin.notes]
             problems += problems_of_scan(scan)
-    problems += doubts_of_settings(settings)
+    problems += material_doubts(settings.material)
+    problems += problems_of_structure(settings.structure)
     problems += [*face.conditioned.problems, *face.problems]
     return problems + doubts_of_families(face.caps, face.families)
 

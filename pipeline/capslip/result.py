@@ -210,12 +210,12 @@ def _problem(problem: Problem) -> dict[str, Any]:
 def _limit(analysis: Analysis, family: str) -> float | None:
     """Return the displacement at which the last cap of a family slips as a whole."""
     contact, slip = analysis.contact, analysis.slip
-    if contact is None or slip is None or contact.model in ("flat", "boundary_elements"):
+    if contact is None or slip is None:
         return None
-    names = analysis.caps.family[contact.use]
-    if contact.model == "families":
-        names = np.array(["G", "P"])[: analysis.families.count]
-    limits_m = slip.limits_m[(names == family) & np.isfinite(slip.limits_m)]
+    at = contact.row_family == family
+    if not at.any():
+        return None
+    limits_m = slip.limits_m[at & np.isfinite(slip.limits_m)]
     return float(limits_m.max()) if limits_m.size else None
 
 

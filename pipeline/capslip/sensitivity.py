@@ -6,6 +6,9 @@ from typing import Any
 import msgspec
 import numpy as np
 
+from capslip.contact.models.interacting import RUNG as EXACT
+from capslip.contact.models.mean_field import RUNG as COARSE
+from capslip.contact.rung import rung
 from capslip.errors import CapslipError, ContactError
 from capslip.problems import Problem
 from capslip.settings import Settings
@@ -234,9 +237,10 @@ def sensitivity(
         map of the runs; the form as chosen and through the lowest third of the points, or none
         and a plane. No sweep where the chosen settings give no answer.
     """
-    if settings.contact.model in ("auto", "interacting", "boundary_elements"):
-        model = "interacting" if n_caps <= MAX_INTERACTING else "mean_field"
-        settings = _with(settings, "contact.model", model)
+    model = settings.contact.model
+    if model == "auto" or rung(model).cost >= EXACT.cost:
+        cheap = EXACT if n_caps <= MAX_INTERACTING else COARSE
+        settings = _with(settings, "contact.model", cheap.name)
     chosen = answers_of(surface, settings, other, with_contact)
     least = settings.contact.tolerance * np.abs(chosen.value)
     error_bar = np.fmax(2.0 * chosen.standard_error, least)

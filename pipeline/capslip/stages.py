@@ -16,7 +16,10 @@ from capslip.caps.hills import Hills, find_hills
 from capslip.caps.points import points_of_hills
 from capslip.caps.table import CapTable
 from capslip.caps.together import count_together
-from capslip.contact.press import ContactState, press, press_for_depth
+from capslip.contact.choice import estimate_error
+from capslip.contact.depth import press_for_depth
+from capslip.contact.press import ContactState, press
+from capslip.contact.rung import rung
 from capslip.contact.slip import SlipCurve, slip_curve
 from capslip.doubts import doubts_of_caps
 from capslip.errors import ContactError
@@ -99,7 +102,7 @@ def find_face(
 
 
 def press_face(
-    face: Face, settings: Settings, clock: Clock, *, judged: bool = False
+    face: Face, settings: Settings, clock: Clock
 ) -> tuple[ContactState, CapTable, SlipCurve]:
     """Press a face with its preload, and shear it.
 
@@ -121,7 +124,6 @@ def press_face(
             settings,
             face.label,
             face.hills.noise_m,
-            judged=judged,
         )
     with clock("slip"):
         slip = slip_curve(
@@ -131,6 +133,24 @@ def press_face(
             contact.composite.kappa,
         )
     return contact, caps, slip
+
+
+def estimate(
+    face: Face, settings: Settings, clock: Clock
+) -> tuple[float | None, tuple[Problem, ...]]:
+    """Return the estimated error of a model that the settings force, and whether it is too great.
+
+    It takes far longer than to press the face; the automatic choice has its estimate already.
+    """
+    with clock("accuracy"):
+        return estimate_error(
+            face.caps,
+            face.families,
+            face.conditioned.surface,
+            face.label,
+            face.hills.noise_m,
+            settings,
+        )
 
 
 def damp(slip: SlipCurve, settings: Settings, clock: Clock) -> tuple[BeamMode | None, Damping]:
@@ -222,7 +242,7 @@ def _fitted(surface: HeightMap, hills: Hills, settings: Settings) -> tuple[CapTa
     """
     points = points_of_hills(surface, hills)
     caps = fit_caps(surface, hills, settings.caps.fit, points=points)
-    if settings.caps.fit != "contact" or settings.contact.model == "flat":
+    if settings.caps.fit != "contact" or not _has_contacts(settings):
         return caps, 0.0
     load_N, moved = np.zeros(len(caps)), 0.0
     for _ in range(MAX_TURNS):
@@ -240,3 +260,8 @@ def _fitted(surface: HeightMap, hills: Hills, settings: Settings) -> tuple[CapTa
         depth_m = np.where(load_N > 0.0, CONTACT_SHARE * compression_m, np.nan)
         caps = fit_caps(surface, hills, settings.caps.fit, depth_m, points)
     return caps, moved
+
+
+def _has_contacts(settings: Settings) -> bool:
+    model = settings.contact.model
+    return model == "auto" or rung(model).made_from != "nothing"

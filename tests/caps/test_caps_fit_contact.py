@@ -10,8 +10,8 @@ from capslip.caps.fit import CONTACT_SHARE, elliptic_factor, fit_caps
 from capslip.caps.hills import find_hills
 from capslip.caps.points import points_of_hills
 from capslip.caps.table import CapFlag
-from capslip.contact.curves import bulk_compliance_m_per_N
-from capslip.contact.interacting import interacting
+from capslip.contact.bulk import bulk_compliance_m_per_N
+from capslip.contact.models.interacting import interacting
 from capslip.contact.slip import slip_curve
 from capslip.surface.heightmap import HeightMap
 from scenes import REFERENCE, caps_map

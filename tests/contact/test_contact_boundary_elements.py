@@ -7,12 +7,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from capslip.contact import polonsky_keer
-from capslip.contact.boundary_elements import boundary_elements
-from capslip.contact.curves import caps, in_series
-from capslip.contact.half_space import HalfSpace, love_kernel
-from capslip.contact.polonsky_keer import coarsened, elastic_face, press
+from capslip.contact.curve import in_series
+from capslip.contact.models.boundary_elements import boundary_elements
+from capslip.contact.models.caps import caps
 from capslip.contact.slip import slip_curve
+from capslip.contact.solvers import polonsky_keer
+from capslip.contact.solvers.half_space import HalfSpace, love_kernel
+from capslip.contact.solvers.polonsky_keer import coarsened, elastic_face, press
 from capslip.errors import ContactError, SettingsError, UnusableSurfaceError
 from capslip.surface.heightmap import HeightMap
 

@@ -208,7 +208,7 @@ def _cells(column: np.ndarray) -> list[str]:
 
 def _loads_N(contact: "ContactState") -> np.ndarray:
     """Return the loads of the normal curve; for boundary elements those that are solved already."""
-    from capslip.contact.boundary_elements import BoundaryElementCurve
+    from capslip.contact.models.boundary_elements import BoundaryElementCurve
 
     if isinstance(contact.normal, BoundaryElementCurve):
         return contact.normal.solved_loads_N(contact.preload_N)

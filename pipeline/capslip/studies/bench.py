@@ -24,8 +24,8 @@ import numpy as np
 from capslip.caps.families import group_families
 from capslip.caps.fit import fit_caps
 from capslip.caps.hills import find_hills
-from capslip.contact.curves import families
-from capslip.contact.interacting import InteractingCurve, interacting
+from capslip.contact.models.families import families
+from capslip.contact.models.interacting import InteractingCurve, interacting
 from capslip.contact.slip import SlipCurve, slip_curve
 from capslip.errors import CapslipError, OutputError
 from capslip.surface.conditioning import condition

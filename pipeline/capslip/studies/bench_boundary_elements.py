@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from capslip.contact.polonsky_keer import ElasticFace, elastic_face, press
+from capslip.contact.solvers.polonsky_keer import ElasticFace, elastic_face, press
 from capslip.surface.heightmap import HeightMap
 
 E_STAR_PA = 109.89e9

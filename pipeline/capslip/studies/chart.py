@@ -218,7 +218,7 @@ def _run(method: Method, case: Case, face: Face, answer: Reference) -> Row:
     while not seconds or (len(seconds) < repeats and seconds[0] < QUICK_S):
         begin = time.perf_counter()
         try:
-            analysis = analyze_once(measured, settings, judged=False)
+            analysis = analyze_once(measured, settings)
         except CapslipError as error:
             row["problem"] = str(error)
         seconds.append(time.perf_counter() - begin)

@@ -5,12 +5,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from capslip.contact.boundary_elements import boundary_elements
-from capslip.contact.curves import bulk_compliance_m_per_N
-from capslip.contact.ladder import without_bulk
+from capslip.contact.bulk import bulk_compliance_m_per_N, without_bulk
 from capslip.contact.material import composite
-from capslip.contact.polonsky_keer import Certificate, Pressed, press
+from capslip.contact.models.boundary_elements import boundary_elements
 from capslip.contact.slip import slip_curve
+from capslip.contact.solvers.polonsky_keer import Certificate, Pressed, press
 from capslip.settings import Settings
 from capslip.structure.response import response
 from capslip.structure.stiffness import stiffnesses

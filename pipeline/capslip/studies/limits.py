@@ -12,11 +12,11 @@ from typing import Any
 import numpy as np
 
 from capslip.analysis import analyze
-from capslip.contact.curves import bulk_compliance_m_per_N
-from capslip.contact.interacting import interacting
-from capslip.contact.ladder import without_bulk
+from capslip.contact.bulk import bulk_compliance_m_per_N, without_bulk
 from capslip.contact.material import composite
+from capslip.contact.models.interacting import interacting
 from capslip.contact.slip import slip_curve
+from capslip.contact.solvers.hertz import contact_radius_m
 from capslip.errors import CapslipError, ContactError, OutputError
 from capslip.result import Analysis
 from capslip.settings import Settings, load_settings
@@ -306,7 +306,7 @@ def _known_of_caps(
     if curve.overlapping_pairs(approach_m):
         return None
     load_N = curve.asperity_loads_N(approach_m)
-    a_m = np.cbrt(0.75 * load_N * curve.radius_m / joint.E_star_Pa)
+    a_m = contact_radius_m(load_N, curve.radius_m, joint.E_star_Pa)
     touching = load_N > 0.0
     bulk_m_per_N = bulk_compliance_m_per_N(face.side_m, joint.E_star_Pa)
     rest, _ = without_bulk(curve, bulk_m_per_N, preload_N)

@@ -7,13 +7,15 @@ Nothing here is corrected; the right forms are in `contact` and `structure`.
 import math
 from dataclasses import dataclass, replace
 from decimal import Decimal
-from typing import Any, Literal
+from typing import Any, Literal, cast
 
 import numpy as np
 
-from capslip.contact.curves import families
+from capslip.contact.curve import AsperityCurve
 from capslip.contact.material import Composite, composite
+from capslip.contact.models.families import families
 from capslip.contact.slip import SlipCurve, slip_curve
+from capslip.contact.solvers.hertz import contact_radius_m
 from capslip.settings import Structure
 from capslip.structure.beam import BeamMode, beam_mode
 
@@ -152,16 +154,17 @@ class Contact:
 def contacts(slip: SlipCurve, material: Composite | None = None) -> tuple[Contact, Contact]:
     """Return one G- and one P-contact of a joint of two families."""
     material = material if material is not None else steel()
-    loads_N = slip.curve.asperity_loads_N(slip.approach_m)
+    curve = cast(AsperityCurve, slip.curve)  # of `families`
+    loads_N = curve.asperity_loads_N(slip.approach_m)
     g, p = (
         Contact(
             float(N),
-            float(np.cbrt(3 * N * radius_m / (4 * material.E_star_Pa))),
+            float(contact_radius_m(N, radius_m, material.E_star_Pa)),
             float(limit_m),
             slip.friction_coefficient,
             material.G_star_m2_per_N,
         )
-        for N, radius_m, limit_m in zip(loads_N, slip.curve.radius_m, slip.limits_m, strict=True)
+        for N, radius_m, limit_m in zip(loads_N, curve.radius_m, slip.limits_m, strict=True)
     )
     return g, p
 

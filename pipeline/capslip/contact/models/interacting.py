@@ -5,9 +5,10 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import ArrayLike
 
-from capslip.contact.curves import caps
-from capslip.contact.equilibrium import lift_off, press, shear, solve_coupled
-from capslip.contact.hertz import HertzCurve, load_drop_of_asperity
+from capslip.contact.models.caps import caps
+from capslip.contact.rung import Contacts, Rung, Scene, contacts_of_caps
+from capslip.contact.solvers.equilibrium import lift_off, press, shear, solve_coupled
+from capslip.contact.solvers.hertz import HertzCurve, contact_radius_m, load_drop_of_asperity
 from capslip.errors import ContactError, SettingsError
 
 MAX_LIFT_OFFS = 300  # contacts
@@ -76,7 +77,7 @@ class InteractingCurve(HertzCurve):
             if start is None:
                 mean = self.pair_compliance_m_per_N.mean()
                 args = (self.count, self.radius_m, self.depth_m, self.E_star_Pa, mean)
-                start = HertzCurve("caps", *args)._compression(y)
+                start = HertzCurve(self.model, *args)._compression(y)
             _, start = press(*self._system, start, level=y)
             g[index] = start
         return g
@@ -174,7 +175,7 @@ def interacting(
     Parameters
     ----------
     radius_m, depth_m, E_star_Pa
-        As for `caps`.
+        As for `caps.caps`.
     x_m, y_m : array_like, shape (n,)
         Places of the peaks.
     preload_N : float, optional
@@ -240,7 +241,7 @@ def interacting(
     # The radii depend on the compliances but weakly: after two rounds nothing changes
     for _ in range(2):
         N = curve.asperity_loads_N(curve.approach_m(preload_N))
-        a = np.cbrt(0.75 * N * curve.radius_m / E_star_Pa)
+        a = contact_radius_m(N, curve.radius_m, E_star_Pa)
         factor = hertz_over_point_load(a / r)
         C = (factor + factor.T) / (2 * np.pi * E_star_Pa * r)
         curve = replace(curve, pair_compliance_m_per_N=C)
@@ -259,3 +260,28 @@ def hertz_over_point_load(rho: np.ndarray) -> np.ndarray:
     wide = np.where(rho > 0.03, rho, 1)
     exact = (2 * wide**2 - 1) * np.arcsin(wide) + wide * np.sqrt(1 - wide**2)
     return np.where(rho > 0.03, 0.75 * exact / wide**3, 1 + rho**2 / 10 + 9 * rho**4 / 280)
+
+
+def _build(scene: Scene) -> InteractingCurve:
+    caps, use = scene.caps, scene.use
+    places = caps.x_m[use], caps.y_m[use]
+    return interacting(scene.radius_m, scene.depth_m, *places, scene.E_star_Pa)
+
+
+def _contacts(scene: Scene, curve: InteractingCurve, approach_m: float) -> Contacts:
+    return contacts_of_caps(scene, curve, approach_m, curve.overlapping_pairs(approach_m))
+
+
+RUNG = Rung(
+    name="interacting",
+    label="interacting",
+    cost=4,
+    made_from="spheres",
+    automatic=True,
+    holds_bulk=True,
+    leaves_out="Caps are spheres and act on one another as point loads on a half-space: other "
+    "shapes, contacts that merge and the edges of the face are left out.",
+    colour="#0072B2",
+    build=_build,
+    contacts=_contacts,
+)

@@ -1,10 +1,11 @@
-"""What of a face would touch though no cap stands for it."""
+"""What lies outside the hills of a face and would touch, though no cap stands for it."""
 
 import math
 
 import numpy as np
 
-from capslip.contact.interacting import InteractingCurve, hertz_over_point_load
+from capslip.contact.models.interacting import InteractingCurve, hertz_over_point_load
+from capslip.contact.solvers.hertz import contact_radius_m
 from capslip.surface.heightmap import HeightMap
 
 BLOCKS = 100  # along the shorter side of the map, over which heights are averaged
@@ -69,7 +70,7 @@ def unmodelled_area_m2(
     touching = 0
     for part in np.array_split(np.arange(row.size), 1 + row.size * int(at.sum()) // AT_ONCE):
         r_m = np.hypot(x_m[part, None] - curve.x_m[at], y_m[part, None] - curve.y_m[at])
-        a_m = np.cbrt(0.75 * load_N[at] * curve.radius_m[at] / curve.E_star_Pa)
+        a_m = contact_radius_m(load_N[at], curve.radius_m[at], curve.E_star_Pa)
         r_m = np.maximum(r_m, a_m)  # within a contact at least as at its rim
         share_N = load_N[at] * hertz_over_point_load(a_m / r_m) / r_m
         sinking_m = share_N.sum(axis=1) / (math.pi * curve.E_star_Pa)

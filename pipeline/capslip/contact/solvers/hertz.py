@@ -1,4 +1,4 @@
-"""Sums of Hertz contacts, and the two formulas of one contact on which every curve rests."""
+"""Sums of Hertz contacts, and the formulas of one contact on which every curve rests."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -7,7 +7,26 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from capslip.contact.material import check_modulus
 from capslip.errors import ContactError, SettingsError
+
+
+def contact_radius_m(load_N: ArrayLike, radius_m: ArrayLike, E_star_Pa: float) -> np.ndarray:
+    """Return the contact radius a = (3 N R / (4 E*))^(1/3) (Johnson 1987, Eq. 4.22).
+
+    Parameters
+    ----------
+    load_N, radius_m : array_like
+        Load of one asperity, and its composite radius; they broadcast against each other.
+    E_star_Pa : float
+        Composite modulus.
+
+    Examples
+    --------
+    >>> print(f"{contact_radius_m(100.0, 23.8, 109.89e9):.3g} m")
+    0.00253 m
+    """
+    return np.cbrt(3.0 * np.asarray(load_N) * np.asarray(radius_m) / (4.0 * E_star_Pa))
 
 
 def load_drop_of_asperity(
@@ -264,6 +283,26 @@ class HertzCurve:
 
     def _loss(self, g: np.ndarray, x: np.ndarray) -> np.ndarray:
         return (self.count * loss_of_asperity(self.coefficient, g, x)).sum(axis=-1)
+
+
+def checked_asperities(
+    count: ArrayLike, radius_m: ArrayLike, depth_m: ArrayLike, E_star_Pa: float
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return the arrays, broadcast against each other, with no depth below zero; see `families`."""
+    check_modulus(E_star_Pa)
+    count, radius_m, depth_m = np.broadcast_arrays(
+        *(np.atleast_1d(np.asarray(array, dtype=float)) for array in (count, radius_m, depth_m))
+    )
+    for name, array, good, expected in (
+        ("radius_m", radius_m, (radius_m > 0) & (radius_m < np.inf), "finite lengths > 0"),
+        ("depth_m", depth_m, np.isfinite(depth_m), "finite lengths"),
+        ("count", count, (count >= 0) & (count < np.inf), "finite numbers >= 0"),
+    ):
+        if not good.all():
+            raise SettingsError(f"{name}: got {array[~good][0]:g}; expected {expected}")
+    if count.shape[-1] == 0 or not (count > 0).any(axis=-1).all():
+        raise ContactError("no asperities: nothing can carry the load; expected at least one")
+    return count, radius_m, depth_m - np.minimum(depth_m.min(axis=-1, keepdims=True), 0)
 
 
 def _newton(step: Callable[[np.ndarray], np.ndarray], start: np.ndarray) -> np.ndarray:

@@ -4,10 +4,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from capslip.contact.cerruti import ShearedHalfSpace
 from capslip.contact.material import Composite
-from capslip.contact.polonsky_keer import Pressed
+from capslip.contact.solvers.polonsky_keer import Pressed
 from capslip.errors import ContactError, SettingsError
+from capslip.studies.theorem.cerruti import ShearedHalfSpace
 
 _MAX_ITERATIONS = 1000
 _ON_THE_BOUND = 1 - 1e-12  # of mu p
@@ -98,7 +98,7 @@ def shear(
     Examples
     --------
     >>> from capslip.contact.material import composite
-    >>> from capslip.contact.polonsky_keer import elastic_face, press
+    >>> from capslip.contact.solvers.polonsky_keer import elastic_face, press
     >>> from capslip.surface.heightmap import HeightMap
     >>> y, x = np.mgrid[-32:32, -32:32] * 1e-4
     >>> steel = composite((200e9, 200e9), (0.3, 0.3))

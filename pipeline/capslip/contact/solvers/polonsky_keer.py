@@ -5,7 +5,7 @@ from functools import cached_property
 
 import numpy as np
 
-from capslip.contact.half_space import HalfSpace
+from capslip.contact.solvers.half_space import HalfSpace
 from capslip.errors import ContactError, SettingsError, UnusableSurfaceError
 from capslip.surface.heightmap import HeightMap
 

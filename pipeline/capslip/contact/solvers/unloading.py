@@ -6,8 +6,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from capslip.contact.hertz import load_drop_of_asperity, loss_of_asperity
-from capslip.contact.polonsky_keer import (
+from capslip.contact.solvers.hertz import load_drop_of_asperity, loss_of_asperity
+from capslip.contact.solvers.polonsky_keer import (
     ElasticFace,
     Pressed,
     press,

@@ -6,17 +6,18 @@ import msgspec
 import numpy as np
 import pytest
 
-from capslip.analysis import analyze_once as analyze
+from capslip.analysis import analyze
 from capslip.caps.families import group_families
 from capslip.caps.fit import fit_caps
 from capslip.caps.hills import find_hills
-from capslip.contact.curves import caps as caps_curve
-from capslip.contact.interacting import interacting
-from capslip.contact.ladder import RUNGS, normal_curve, without_bulk
+from capslip.contact.bulk import without_bulk
+from capslip.contact.choice import boundary_elements_s, choose_model
 from capslip.contact.material import composite
-from capslip.contact.model_choice import boundary_elements_s, choose_model
+from capslip.contact.models.caps import caps as caps_curve
+from capslip.contact.models.interacting import interacting
+from capslip.contact.outside import unmodelled_area_m2
+from capslip.contact.rung import Scene, ladder
 from capslip.contact.slip import slip_curve
-from capslip.contact.unmodelled import unmodelled_area_m2
 from capslip.settings import load_settings
 from capslip.studies.chart_reference import ENERGIES, numbers_of, reference
 from capslip.surface.heightmap import HeightMap
@@ -25,6 +26,7 @@ from scenes import caps_map
 E_STAR_PA = composite((200e9, 200e9), (0.3, 0.3)).E_star_Pa
 PIXEL_M = (2e-4, 2e-4)
 SHAPE = (200, 300)
+RUNGS = [rung.name for rung in ladder() if rung.automatic]
 # (x, y, R, peak) on a face of 60 mm x 40 mm; the last two lie too low to touch
 SPREAD = [
     (0.010, 0.010, 20.0, 0.50e-6),
@@ -66,11 +68,9 @@ def test_the_chosen_rung_is_within_its_estimate_and_no_lower_one_promises_as_muc
     given = scene(SPREAD, tolerance=tolerance)
     table, families, surface, _, _, settings = given
     choice = choose_model(*given)
+    pressed = Scene(table, families, surface, E_STAR_PA, 100.0, table.usable, 1e-7)
     energies = {
-        model: answers(
-            normal_curve(model, table, families, surface.side_m, E_STAR_PA, 100.0), settings
-        )
-        for model in RUNGS
+        rung.name: answers(rung.build(pressed), settings) for rung in ladder() if rung.automatic
     }
     error = np.abs(energies[choice.model] / energies["interacting"] - 1.0).max()
     assert error <= choice.estimated_error <= tolerance

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
+from capslip.contact.rung import Contacts, Rung, Scene
 from capslip.errors import ContactError, SettingsError
 
 
@@ -22,21 +23,6 @@ class FlatCurve:
                 f"flat: the compliance in series is {self.compliance_m_per_N:g} m/N; expected >= 0:"
                 " a plane interface has none that could be taken away"
             )
-
-    @property
-    def count(self) -> np.ndarray:
-        """One row: the whole face."""
-        return np.ones(1)
-
-    @property
-    def radius_m(self) -> np.ndarray:
-        """A plane has an infinite radius."""
-        return np.full(1, np.inf)
-
-    @property
-    def depth_m(self) -> np.ndarray:
-        """All points touch at once."""
-        return np.zeros(1)
 
     @property
     def touch_m(self) -> np.ndarray:
@@ -59,10 +45,6 @@ class FlatCurve:
         load, e = self._load_and(approach_m, withdrawal_m)
         c = self.compliance_m_per_N
         return np.where((load > 0) & (e <= c * load), 1 / c if c > 0 else np.inf, 0.0)
-
-    def asperity_loads_N(self, approach_m: ArrayLike) -> np.ndarray:
-        """Load of the face."""
-        return self.load_N(approach_m)[..., None]
 
     def load_drop_N(self, approach_m: ArrayLike, withdrawal_m: ArrayLike) -> np.ndarray:
         """N(d) - N(d - e): all of the load as soon as e exceeds the spring's share."""
@@ -124,3 +106,27 @@ def flat(preload_N: float) -> FlatCurve:
     if not 0 < preload_N < np.inf:
         raise SettingsError(f"preload_N: got {preload_N:g}; expected a finite number > 0")
     return FlatCurve(float(preload_N))
+
+
+def _build(scene: Scene) -> FlatCurve:
+    return flat(scene.preload_N)
+
+
+def _contacts(scene: Scene, curve: FlatCurve, approach_m: float) -> Contacts:
+    return Contacts(1, np.full(len(scene.caps), np.nan), np.array([""]))
+
+
+RUNG = Rung(
+    name="flat",
+    label="flat",
+    cost=0,
+    made_from="nothing",
+    automatic=False,
+    holds_bulk=False,
+    leaves_out="The interface is taken as perfectly plane: no energy is lost below total slip.",
+    colour="#999999",
+    build=_build,
+    contacts=_contacts,
+    doubt="a flat interface loses nothing below total slip: its damping is none of the face, and "
+    "its error is not known; contact.model = auto presses the caps",
+)

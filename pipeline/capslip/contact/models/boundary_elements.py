@@ -8,14 +8,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from capslip.contact.polonsky_keer import (
+from capslip.contact.rung import Contacts, Rung, Scene
+from capslip.contact.solvers.polonsky_keer import (
     ElasticFace,
     Pressed,
     elastic_face,
     press,
     stiffness_of_regions_N_per_m,
 )
-from capslip.contact.unloading import Unloading, unload
+from capslip.contact.solvers.unloading import Unloading, unload
 from capslip.errors import ContactError, SettingsError
 from capslip.problems import Problem
 from capslip.settings import SOLVER_TOLERANCE
@@ -94,28 +95,13 @@ class BoundaryElementCurve:
     """The normal curve of a height map, see `boundary_elements`.
 
     Every load asked for is solved, and what happens below it (`Unloading`) when first needed. The
-    rows of `asperity_loads_N`, `lift_off_m` and `lifted` are the contact regions at the given
-    approach, so their number changes with it, and these take a single approach.
+    rows of `lift_off_m` and `lifted` are the contact regions at the given approach, so their number
+    changes with it, and these take a single approach.
     """
 
     solutions: _Solutions
     compliance_m_per_N: float = 0.0
     model: str = "boundary_elements"
-
-    @property
-    def count(self) -> np.ndarray:
-        """One row: the whole face."""
-        return np.ones(1)
-
-    @property
-    def radius_m(self) -> np.ndarray:
-        """NaN: a height map has no spheres."""
-        return np.full(1, np.nan)
-
-    @property
-    def depth_m(self) -> np.ndarray:
-        """Zero: the approach counts from the highest measured point."""
-        return np.zeros(1)
 
     @property
     def touch_m(self) -> np.ndarray:
@@ -193,11 +179,6 @@ class BoundaryElementCurve:
         if loaded.any():
             approach[loaded] = self.solutions.approach_under(load[loaded])
         return approach + self.compliance_m_per_N * load
-
-    def asperity_loads_N(self, approach_m: ArrayLike) -> np.ndarray:
-        """Load of each contact region at one approach, shape (n,)."""
-        load_N = self._load_at(_single(approach_m))
-        return self.pressed(load_N).region_loads_N if load_N > 0 else np.zeros(0)
 
     def lift_off_m(self, approach_m: ArrayLike) -> np.ndarray:
         """Withdrawal at which each contact region at one approach loses its load, shape (n,)."""
@@ -382,3 +363,37 @@ def _single(approach_m: ArrayLike) -> float:
             "contact regions differ from approach to approach"
         )
     return float(np.asarray(approach_m))
+
+
+def _build(scene: Scene) -> BoundaryElementCurve:
+    return boundary_elements(scene.surface, scene.E_star_Pa, scene.solver_tolerance)
+
+
+def _contacts(scene: Scene, curve: BoundaryElementCurve, approach_m: float) -> Contacts:
+    pressed = curve.pressed(scene.preload_N)
+    n_regions = len(pressed.region_loads_N)
+    return Contacts(
+        count=n_regions,
+        load_N=np.full(len(scene.caps), np.nan),
+        family=np.full(n_regions, ""),
+        area_m2=pressed.contact_area_m2,
+        max_pressure_Pa=pressed.max_pressure_Pa,
+        problems=curve.problems(scene.preload_N),
+    )
+
+
+RUNG = Rung(
+    name="boundary_elements",
+    label="boundary elements",
+    cost=5,
+    made_from="map",
+    automatic=False,
+    holds_bulk=True,
+    leaves_out="The height map itself is pressed, without spheres: what its pixels do not resolve "
+    "is left out, and the face sinks as part of a half-space that ends nowhere.",
+    colour="#009E73",
+    build=_build,
+    contacts=_contacts,
+    contact_name="contact regions",
+    solved_loads_N=BoundaryElementCurve.solved_loads_N,
+)

@@ -1,6 +1,6 @@
 """How far the theorem of the slip law is from a direct solution with Cerruti's kernel.
 
-`python -m capslip.studies.theorem` prints the table of docs/theory.md, in two minutes.
+`python -m capslip.studies.theorem.errors` prints the table of docs/theory.md, in two minutes.
 """
 
 import sys
@@ -10,9 +10,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from capslip.contact.material import composite
-from capslip.contact.polonsky_keer import elastic_face, press, stiffness_of_regions_N_per_m
-from capslip.contact.tangential import shear
+from capslip.contact.solvers.polonsky_keer import elastic_face, press, stiffness_of_regions_N_per_m
 from capslip.studies.scenes import cases, make_face
+from capslip.studies.theorem.tangential import shear
 from capslip.surface.heightmap import HeightMap
 
 POISSON_RATIOS = (0.3, 0.45)

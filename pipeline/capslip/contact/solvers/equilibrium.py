@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from capslip.contact.hertz import load_drop_of_asperity
+from capslip.contact.solvers.hertz import load_drop_of_asperity
 from capslip.errors import ContactError
 
 _BATCH = 4_000_000  # numbers in the matrices that are solved at once: 32 MB
