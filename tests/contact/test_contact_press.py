@@ -3,7 +3,7 @@
 import pytest
 
 from capslip import load_settings
-from capslip.analysis import analyze_once as analyze
+from capslip.analysis import analyze
 from capslip.contact import choice as module
 from capslip.errors import ContactError, SettingsError
 from scenes import caps_map
