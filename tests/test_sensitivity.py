@@ -315,7 +315,7 @@ def test_a_face_of_caps_is_stable_and_its_figure_is_drawn():
             surface, s_filter_nesting_index_m=settings.conditioning.s_filter_nesting_index_m
         ).surface
         hills = find_hills(cleaned, settings.hills.material_ratio)
-        _, families = group_families(fit_caps(cleaned, hills))
+        _, families = group_families(fit_caps(cleaned, hills, "pinned"))
         return answers(families, 3e-7, 1e-7)
 
     found = sensitivity(answer, face, settings_from({}), 23, math.inf, True)

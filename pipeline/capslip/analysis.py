@@ -9,19 +9,18 @@ from typing import Any
 
 import numpy as np
 
+from capslip.caps.doubts import problems_of_bow, problems_of_caps, problems_of_families
 from capslip.caps.families import Families, group_families
-from capslip.caps.fit import CONTACT_SHARE, fit_caps
+from capslip.caps.fit import fit_caps
+from capslip.caps.fitting import fit_named
 from capslip.caps.hills import Hills, find_hills
+from capslip.caps.joining import join_faces
 from capslip.caps.points import points_of_hills
 from capslip.caps.table import CapTable
-from capslip.caps.together import count_together
 from capslip.contact.press import ContactState, press, press_for_depth
 from capslip.contact.slip import SlipCurve, slip_curve
 from capslip.doubts import (
-    doubts_of_bow,
-    doubts_of_caps,
     doubts_of_contact,
-    doubts_of_families,
     doubts_of_scan,
     doubts_of_settings,
     doubts_of_tilt,
@@ -142,7 +141,7 @@ def analyze(
             notes += [Problem("reader_note", "warning", note) for note in face.origin.notes]
             notes += doubts_of_scan(face)
     notes += doubts_of_settings(settings)
-    problems = [*notes, *conditioned.problems, *problems, *doubts_of_families(caps, families)]
+    problems = [*notes, *conditioned.problems, *problems, *problems_of_families(caps, families)]
 
     contact = slip = beam = damping = None
     try:
@@ -162,7 +161,7 @@ def analyze(
             if settings.conditioning.form == "none":
                 problems += doubts_of_tilt(conditioned.surface, contact.approach_m)
             if settings.conditioning.form in ("plane", "none"):
-                problems += doubts_of_bow(caps, contact.approach_m)
+                problems += problems_of_bow(caps, contact.approach_m)
             slip = timed(
                 "slip",
                 slip_curve,
@@ -249,7 +248,7 @@ def _find_caps(
         return conditioned, *_hills_and_caps(conditioned.surface, settings, timed)
     hills, caps, problems = _hills_and_caps(conditioned.surface, settings, timed)
     _, other_caps, other_problems = _hills_and_caps(second.surface, settings, timed)
-    caps = count_together(caps, other_caps, placement.on_first, placement.rotation_rad)
+    caps = join_faces(caps, other_caps, placement.on_first, placement.rotation_rad)
     name = second.surface.origin.name
     for problem in (*second.problems, *other_problems):
         problems.append(replace(problem, message=f"{name}: {problem.message}"))
@@ -269,7 +268,7 @@ def _hills_and_caps(
         settings.hills.pruning_percent_Sz,
     )
     caps, moved = timed("caps", _fit, surface, hills, settings)
-    problems = doubts_of_caps(surface, hills, caps, settings.hills.material_ratio)
+    problems = problems_of_caps(surface, hills, caps, settings.hills.material_ratio)
     if caps.usable.any():
         problems += doubts_of_holes(surface, 0.5 * float(np.median(caps.diameter_m[caps.usable])))
     if moved > SETTLED:
@@ -279,15 +278,16 @@ def _hills_and_caps(
 
 
 def _fit(surface: HeightMap, hills: Hills, settings: Settings) -> tuple[CapTable, float]:
-    """Fit the caps; with `contact`, each at the depth at which the preload compresses it.
+    """Fit the caps; where the fit wants it, each at the depth at which the preload compresses it.
 
-    The fit takes depths, contact gives them: a cap is fitted down to about half of its compression
+    The fit takes depths, contact gives them: a cap is fitted down to a share of its compression
     a^2 / R, pressed again, and so on until the loads settle. A cap that does not touch keeps the
     depth that the fit chooses. Returns the share of the load that the last turn still moved, too.
     """
+    share = fit_named(settings.caps.fit).compression_share
     points = points_of_hills(surface, hills)
     caps = fit_caps(surface, hills, settings.caps.fit, points=points)
-    if settings.caps.fit != "contact" or settings.contact.model == "flat":
+    if share is None or settings.contact.model == "flat":
         return caps, 0.0
     load_N, moved = np.zeros(len(caps)), 0.0
     for _ in range(MAX_TURNS):
@@ -302,8 +302,8 @@ def _fit(surface: HeightMap, hills: Hills, settings: Settings) -> tuple[CapTable
         if moved < SETTLED:
             break
         compression_m = pressed.contact_radius_m**2 / pressed.radius_m
-        depth_m = np.where(load_N > 0.0, CONTACT_SHARE * compression_m, np.nan)
-        caps = fit_caps(surface, hills, "contact", depth_m, points)
+        depth_m = np.where(load_N > 0.0, share * compression_m, np.nan)
+        caps = fit_caps(surface, hills, settings.caps.fit, depth_m, points)
     return caps, moved
 
 

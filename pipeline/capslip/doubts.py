@@ -4,8 +4,8 @@ import math
 
 import numpy as np
 
+from capslip.caps.doubts import VISIBLE_FORM
 from capslip.caps.families import Families
-from capslip.caps.hills import NOISE_FACTOR, Hills
 from capslip.caps.pruning import MIN_POINTS
 from capslip.caps.table import CapFlag, CapTable
 from capslip.contact.material import composite, dundurs_beta
@@ -19,8 +19,6 @@ from capslip.surface.heightmap import HeightMap
 MIN_PIXELS_ACROSS = 4.0  # of the contacts that carry the lighter half of the load
 LARGE_BETA = 0.1  # beyond: compliances change by beta^2, more than 1 %, and much slips early
 LARGE_FRICTION = 1.5
-VISIBLE_FORM = 0.1  # of the approach: form that moves the peaks by more decides what touches
-BOW_LEVEL = 0.01  # of the F-test that the peaks lie on a bow
 ELASTIC_STRAIN = 0.03  # of E*: the greatest pressure at which the hardest steels stay elastic
 
 
@@ -83,159 +81,6 @@ def doubts_of_tilt(surface: HeightMap, approach_m: float) -> list[Problem]:
         "off; where it is the face's own, as caps on one side tilt that plane, leave it"
     )
     return [Problem("tilt_left", "warning", message)]
-
-
-def doubts_of_bow(caps: CapTable, approach_m: float) -> list[Problem]:
-    """Return whether the peaks lie on a bow that decides what touches.
-
-    Heights within each family are explained by a plane, then by a second-degree surface; an F-test
-    says whether the latter explains more than chance would.
-    """
-    from scipy.special import fdtrc
-
-    member = np.flatnonzero(caps.usable & (caps.family != ""))
-    peak_m = caps.peak_height_m[member]
-    families = np.unique(caps.family[member])
-    n_free = member.size - families.size - 5  # less two slopes and three curvatures
-    if n_free < 1:
-        return []
-    side_m = max(np.ptp(caps.x_m[member]), np.ptp(caps.y_m[member]))
-    u, v = ((at_m - at_m.mean()) / side_m for at_m in (caps.x_m[member], caps.y_m[member]))
-    plane = np.column_stack([*(caps.family[member] == name for name in families), u, v])
-    bowed = np.column_stack([plane, u * u, u * v, v * v])
-    by_plane, by_bow = (np.linalg.lstsq(model, peak_m, rcond=None)[0] for model in (plane, bowed))
-    bow_m = float(np.ptp(bowed[:, -3:] @ by_bow[-3:]))
-    rest_m2 = float(np.square(peak_m - bowed @ by_bow).sum())
-    gain_m2 = float(np.square(peak_m - plane @ by_plane).sum()) - rest_m2
-    if bow_m <= VISIBLE_FORM * approach_m:
-        return []
-    if rest_m2 > 0.0 and fdtrc(3, n_free, (gain_m2 / 3.0) / (rest_m2 / n_free)) > BOW_LEVEL:
-        return []
-    message = (
-        f"the peaks lie on a bow of {bow_m:.3g} m, the approach is {approach_m:.3g} m: it decides "
-        "what touches; conditioning.form = quadratic removes it, if it is not the face's own"
-    )
-    return [Problem("bow_left", "warning", message)]
-
-
-def doubts_of_caps(
-    surface: HeightMap, hills: Hills, caps: CapTable, material_ratio: float
-) -> list[Problem]:
-    """Return what makes the hills of a face, or their caps, doubtful."""
-    found: list[Problem] = []
-
-    def doubt(code: str, message: str, severity: Severity = "warning") -> None:
-        found.append(Problem(code, severity, message))
-
-    if hills.pruning_sensitivity >= 0.2:
-        doubt(
-            "pruning_decides",
-            f"{hills.n_hills} hills; half the pruning height of {hills.pruning_height_m:.3g} m "
-            f"gives {hills.n_hills_half_pruning}, double {hills.n_hills_double_pruning}: the "
-            "count depends on the pruning; set hills.pruning_height_m or use an S-filter",
-        )
-    if not caps.usable.any():
-        doubt(
-            "no_caps",
-            f"no usable cap: {hills.n_regions} regions above the cut, rejected "
-            f"{hills.rejected or 'none'}, {len(caps)} without a sphere",
-        )
-        return found
-    usable = caps.usable
-    if hills.largest_hill_share > max(0.2, 3.0 / usable.sum()):
-        doubt(
-            "connected_network",
-            f"one hill holds {hills.largest_hill_share:.0%} of the points above the cut: hills run "
-            "together there, and one sphere stands for many",
-        )
-    shallow = float((hills.prominence_m < 0.1 * caps.cap_height_m)[usable].mean())
-    if shallow > 0.25:
-        doubt(
-            "shallow_saddles",
-            f"{shallow:.0%} of the caps stand less than a tenth of their height above a saddle: "
-            "roughness on larger hills, or caps that touch; an S-filter tells which",
-        )
-    usual_m = float(np.median(caps.cap_height_m[usable]))
-    if 0.1 * usual_m < hills.pruning_height_m < np.inf:
-        doubt(
-            "coarse_pruning",
-            f"dents up to {hills.pruning_height_m:.3g} m, {hills.pruning_height_m / usual_m:.0%} "
-            "of a usual cap, count as noise: caps that overlap more closely are one",
-            "info",
-        )
-    if hills.kept_fraction > 1.5 * material_ratio:
-        doubt("plateau_at_cut", f"{hills.kept_fraction:.0%} of the points lie at or above the cut")
-    highest_m = float(np.nanmax(surface.height_m))
-    top_m = float(caps.peak_height_m[caps.usable].max())
-    if highest_m - top_m > NOISE_FACTOR * hills.noise_m + 0.05 * np.nanmax(caps.cap_height_m):
-        doubt(
-            "highest_point_on_no_cap",
-            f"the highest measured point stands {highest_m - top_m:.3g} m above the highest cap: "
-            "a spike, or a hill that was rejected",
-        )
-    for flag, meaning in (
-        (CapFlag.edge, "touch the edge of the map: part of them was not measured"),
-        (CapFlag.non_measured, "touch a patch of non-measured points"),
-        (CapFlag.plateau, "have a flat top (clipped sensor or quantised heights)"),
-        (CapFlag.noisy_apex, "are less than ten times as high as the noise"),
-        (CapFlag.apex_off_surface, "have no fitted apex on the hill: its highest place stands in"),
-        (CapFlag.few_points, "have too few points for their errors to be known"),
-        (CapFlag.ridge, "are ridges rather than caps"),
-        (CapFlag.several_peaks, "have several peaks"),
-        (CapFlag.outlier, "are unlike all others in size"),
-    ):
-        n_flagged = int((caps.usable & ((caps.flags & flag) != 0)).sum())
-        if n_flagged:
-            share = n_flagged / caps.usable.sum()
-            doubt(
-                f"caps_{flag.name}",
-                f"{n_flagged} of {int(caps.usable.sum())} caps {meaning}",
-                "warning" if share > 0.2 or flag is CapFlag.plateau else "info",
-            )
-    depth_m = np.where(caps.fit_depth_m > 0.0, caps.fit_depth_m, caps.cap_height_m)
-    relative = (caps.residual_m / depth_m)[caps.usable]
-    if np.median(relative) > 0.25:
-        doubt(
-            "not_spherical",
-            f"half of the hills deviate from their sphere by more than {np.median(relative):.0%} "
-            "of its height: ridges or rough hills rather than caps",
-        )
-    return found
-
-
-def doubts_of_families(caps: CapTable, families: Families) -> list[Problem]:
-    """Return what makes the families doubtful."""
-    found: list[Problem] = []
-
-    def doubt(code: str, message: str, severity: Severity = "warning") -> None:
-        found.append(Problem(code, severity, message))
-
-    if not caps.usable.any():
-        return found
-    if families.count == 1:
-        doubt(
-            "one_family",
-            f"the peak heights of {families.m} caps show one family: no P-caps, h is not defined",
-            "info",
-        )
-    if len(families.levels) > 2:
-        levels = ", ".join(f"{one.count} at {one.peak_height_m:.3g} m" for one in families.levels)
-        doubt(
-            "more_than_two_families",
-            f"the caps lie on {len(families.levels)} levels ({levels}); the model knows two: m, n "
-            "and h are those of the best split in two",
-        )
-    elif not families.clear:
-        apart = families.separation
-        odds = math.exp(min(families.log_odds or 0.0, 50.0))
-        width = "" if apart is None else f"; the best split in two is {apart:.1f} spreads wide"
-        doubt(
-            "families_doubtful",
-            f"{families.m + families.n} caps do not settle how many families there are: the odds "
-            f"of {len(families.levels)} are {odds:.2g} to 1{width}; "
-            "m, n and h are worth little",
-        )
-    return found
 
 
 def doubts_of_contact(

@@ -9,11 +9,13 @@ import difflib
 import hashlib
 import math
 import tomllib
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated, Any, Literal, get_args
 
 import msgspec
 
+from capslip import registry
 from capslip.errors import SettingsError
 
 LEAST, GREATEST = 1e-30, 1e30  # of any positive setting, in SI: beyond it powers overflow
@@ -76,7 +78,7 @@ class HillSettings(_Table, frozen=True):
 class CapSettings(_Table, frozen=True):
     """How a sphere is fitted to a hill."""
 
-    fit: Literal["equation18", "pinned", "least_squares", "contact"] = "contact"
+    fit: str = "contact"  # one of the files of capslip.caps.fits
 
 
 class FamilySettings(_Table, frozen=True):
@@ -211,6 +213,11 @@ def settings_from(tables: dict[str, Any], where: str = "settings") -> Settings:
 
 
 def _check_meaning(settings: Settings, where: str) -> None:
+    fits = registry.names("caps.fits")
+    if settings.caps.fit not in fits:
+        raise SettingsError(
+            f"{where}: caps.fit: got {settings.caps.fit!r}; {_one_of(settings.caps.fit, fits)}"
+        )
     for value in settings.material.youngs_modulus_Pa:
         if not LEAST <= value <= GREATEST:
             raise SettingsError(
@@ -295,10 +302,13 @@ def _explain(message: str, tables: dict[str, Any]) -> str:
     if expected.startswith("Invalid enum value"):
         words = [arg for part in (kind, *get_args(kind)) for arg in get_args(part)]
         words = [word for word in dict.fromkeys(words) if isinstance(word, str | int)]
-        expected = "expected one of " + ", ".join(str(word) for word in words)
-        close = difflib.get_close_matches(str(value), [str(word) for word in words], n=1)
-        expected += f"; did you mean {close[0]}?" if close else ""
+        expected = _one_of(value, [str(word) for word in words])
     return f"{'.'.join(keys)}: got {value!r}; {expected[0].lower()}{expected[1:].replace('`', '')}"
+
+
+def _one_of(value: Any, words: Sequence[str]) -> str:
+    close = difflib.get_close_matches(str(value), words, n=1)
+    return f"expected one of {', '.join(words)}" + (f"; did you mean {close[0]}?" if close else "")
 
 
 def _apply(tables: dict[str, Any], override: str) -> None:

@@ -218,7 +218,7 @@ def test_the_families_of_a_face_are_found(noise, within, m, n, h_m):
     _, truth = synthetic_surface(scene)
     smallest_m = (truth.peak_height_m - truth.cut_height_m).min()
     face = condition(synthetic_surface(replace(scene, noise_rms_m=noise * smallest_m))[0]).surface
-    _, families = group_families(fit_caps(face, find_hills(face)))
+    _, families = group_families(fit_caps(face, find_hills(face), "pinned"))
     assert (families.m, families.n) == (m, n)
     assert families.h_m == pytest.approx(h_m, rel=within)
     assert families.clear

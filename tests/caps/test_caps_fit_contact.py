@@ -6,15 +6,19 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from capslip.caps.fit import CONTACT_SHARE, elliptic_factor, fit_caps
+from capslip.caps.fit import fit_caps
+from capslip.caps.fitting import fit_named
 from capslip.caps.hills import find_hills
 from capslip.caps.points import points_of_hills
+from capslip.caps.spheres import elliptic_factor
 from capslip.caps.table import CapFlag
 from capslip.contact.curves import bulk_compliance_m_per_N
 from capslip.contact.interacting import interacting
 from capslip.contact.slip import slip_curve
 from capslip.surface.heightmap import HeightMap
 from scenes import REFERENCE, caps_map
+
+CONTACT_SHARE = fit_named("contact").compression_share
 
 
 def exact_elliptic_factor(axis_ratio):
@@ -108,7 +112,7 @@ def test_a_cap_at_the_edge_of_the_face_loads_like_the_sphere_it_gets(from_edge, 
 def test_the_depth_asked_for_is_used_where_the_hill_has_it():
     surface = caps_map([(6e-3, 5e-3, 24.0, 0.0), (14e-3, 12e-3, 27.0, -1e-7)])
     hills = find_hills(surface)
-    height_m = fit_caps(surface, hills).cap_height_m
+    height_m = fit_caps(surface, hills, "contact").cap_height_m
     asked_m = np.array([0.3 * height_m[0], np.nan])
     table = fit_caps(surface, hills, "contact", asked_m)
     assert table.fit_depth_m == pytest.approx([0.3 * height_m[0], 0.5 * height_m[1]])
