@@ -76,10 +76,11 @@ def edge_factor(inside: np.ndarray, outside: np.ndarray) -> np.ndarray:
     Parameters
     ----------
     inside : float64, shape (2, n)
-        Distance of each apex from the nearer edge along y and along x, in radii of the cut at the
-        fitted depth; one or more where no edge is near.
+        Distance of each apex from the nearer edge along y and along x, over sqrt(2 R t) with the
+        radius by volume R and the fitted depth t; one or more where no edge is near.
     outside : float64, shape (2, n)
-        Distance by which the vertex of the whole cap lies beyond it, in the same unit; 0 inside.
+        Distance by which the vertex of the whole cap lies beyond it, over the same with R from the
+        curvatures; 0 inside.
 
     Examples
     --------
