@@ -15,7 +15,6 @@ LAYERS = [
     {"caps"},
     {"contact"},
     {"structure"},
-    {"doubts"},
     {"stages"},
     {"sensitivity"},
     {"result"},

@@ -3,10 +3,10 @@
 from dataclasses import replace
 from datetime import UTC, datetime
 
+from capslip.caps.doubts import problems_of_bow, problems_of_families
 from capslip.caps.table import CapTable
 from capslip.contact.doubts import contact_doubts, material_doubts
 from capslip.contact.rung import rung
-from capslip.doubts import doubts_of_bow, doubts_of_families
 from capslip.errors import ContactError, SettingsError
 from capslip.problems import Problem
 from capslip.result import Analysis
@@ -141,7 +141,7 @@ def _before_contact(
     problems += material_doubts(settings.material)
     problems += problems_of_structure(settings.structure)
     problems += [*face.conditioned.problems, *face.problems]
-    return problems + doubts_of_families(face.caps, face.families)
+    return problems + problems_of_families(face.caps, face.families)
 
 
 def _of_levelling(
@@ -150,4 +150,4 @@ def _of_levelling(
     """Return whether a tilt or a bow that was left in decides what touches."""
     form = settings.conditioning.form
     problems = problems_of_tilt(face.conditioned.surface, approach_m) if form == "none" else []
-    return problems + (doubts_of_bow(caps, approach_m) if form in ("plane", "none") else [])
+    return problems + (problems_of_bow(caps, approach_m) if form in ("plane", "none") else [])

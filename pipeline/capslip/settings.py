@@ -78,7 +78,7 @@ class HillSettings(_Table, frozen=True):
 class CapSettings(_Table, frozen=True):
     """How a sphere is fitted to a hill."""
 
-    fit: Literal["equation18", "pinned", "least_squares", "contact"] = "contact"
+    fit: str = "contact"  # one of the files of capslip.caps.fits
 
 
 class FamilySettings(_Table, frozen=True):
@@ -211,6 +211,11 @@ def settings_from(tables: dict[str, Any], where: str = "settings") -> Settings:
 
 
 def _check_meaning(settings: Settings, where: str) -> None:
+    fits = registry.names("caps.fits")
+    if settings.caps.fit not in fits:
+        raise SettingsError(
+            f"{where}: caps.fit: got {settings.caps.fit!r}; {_one_of(fits, settings.caps.fit)}"
+        )
     for value in settings.material.youngs_modulus_Pa:
         if not LEAST <= value <= GREATEST:
             raise SettingsError(

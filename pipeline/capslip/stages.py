@@ -10,18 +10,19 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from capslip.caps.doubts import problems_of_caps
 from capslip.caps.families import Families, group_families
-from capslip.caps.fit import CONTACT_SHARE, fit_caps
+from capslip.caps.fit import fit_caps
+from capslip.caps.fitting import fit_named
 from capslip.caps.hills import Hills, find_hills
+from capslip.caps.joining import join_faces
 from capslip.caps.points import points_of_hills
 from capslip.caps.table import CapTable
-from capslip.caps.together import count_together
 from capslip.contact.choice import estimate_error
 from capslip.contact.depth import press_for_depth
 from capslip.contact.press import ContactState, press
 from capslip.contact.rung import rung
 from capslip.contact.slip import SlipCurve, slip_curve
-from capslip.doubts import doubts_of_caps
 from capslip.errors import ContactError
 from capslip.problems import Problem
 from capslip.settings import Conditioning, Settings
@@ -196,7 +197,7 @@ def _two_maps(
     """Count the caps of both maps, as the paper does."""
     hills, caps, problems = _hills_and_caps(first.surface, settings, clock)
     _, other_caps, other_problems = _hills_and_caps(second.surface, settings, clock)
-    caps = count_together(caps, other_caps, placement.on_first, placement.rotation_rad)
+    caps = join_faces(caps, other_caps, placement.on_first, placement.rotation_rad)
     name = second.surface.origin.name
     for problem in (*second.problems, *other_problems):
         problems.append(replace(problem, message=f"{name}: {problem.message}"))
@@ -223,7 +224,7 @@ def _hills_and_caps(
         )
     with clock("caps"):
         caps, moved = _fitted(surface, hills, settings)
-    problems = doubts_of_caps(surface, hills, caps, chosen.material_ratio)
+    problems = problems_of_caps(surface, hills, caps, chosen.material_ratio)
     if caps.usable.any():
         hill_m = 0.5 * float(np.median(caps.diameter_m[caps.usable]))
         problems += problems_of_holes(surface, hill_m)
@@ -234,15 +235,16 @@ def _hills_and_caps(
 
 
 def _fitted(surface: HeightMap, hills: Hills, settings: Settings) -> tuple[CapTable, float]:
-    """Fit the caps; with `contact`, each at the depth at which the preload compresses it.
+    """Fit the caps; where the fit wants it, each at the depth at which the preload compresses it.
 
-    The fit takes depths, contact gives them: a cap is fitted down to about half of its compression
+    The fit takes depths, contact gives them: a cap is fitted down to a share of its compression
     a^2 / R, pressed again, and so on until the loads settle. A cap that does not touch keeps the
     depth that the fit chooses. Returns the share of the load that the last turn still moved, too.
     """
+    share = fit_named(settings.caps.fit).compression_share
     points = points_of_hills(surface, hills)
     caps = fit_caps(surface, hills, settings.caps.fit, points=points)
-    if settings.caps.fit != "contact" or not _has_contacts(settings):
+    if share is None or not _has_contacts(settings):
         return caps, 0.0
     load_N, moved = np.zeros(len(caps)), 0.0
     for _ in range(MAX_TURNS):
@@ -257,7 +259,7 @@ def _fitted(surface: HeightMap, hills: Hills, settings: Settings) -> tuple[CapTa
         if moved < SETTLED:
             break
         compression_m = pressed.contact_radius_m**2 / pressed.radius_m
-        depth_m = np.where(load_N > 0.0, CONTACT_SHARE * compression_m, np.nan)
+        depth_m = np.where(load_N > 0.0, share * compression_m, np.nan)
         caps = fit_caps(surface, hills, settings.caps.fit, depth_m, points)
     return caps, moved
 

@@ -42,7 +42,7 @@ SPREAD = [
 def scene(caps, preload_N=100.0, tolerance=0.05, floor_m=-1e-6, ratio=0.10, **columns):
     surface = caps_map(caps, SHAPE, PIXEL_M, floor_m)
     hills = find_hills(surface, ratio)
-    table, families = group_families(fit_caps(surface, hills))
+    table, families = group_families(fit_caps(surface, hills, "pinned"))
     table = table.with_columns(**columns)
     overrides = (f"contact.preload_N={preload_N}", f"contact.tolerance={tolerance}")
     overrides += ("conditioning.form=none",)  # the map is level as it is

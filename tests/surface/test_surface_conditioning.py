@@ -221,7 +221,7 @@ def test_the_sanity_line_says_what_was_read():
 def caps_of(surface):
     result = condition(surface)
     hills = find_hills(result.surface)
-    caps, families = group_families(fit_caps(result.surface, hills))
+    caps, families = group_families(fit_caps(result.surface, hills, "pinned"))
     return result, caps, families
 
 

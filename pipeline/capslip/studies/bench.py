@@ -199,7 +199,7 @@ def _stages(scan: Path) -> Iterator[Timing]:
     surface = load_surface(scan)
     level = condition(surface).surface
     hills = find_hills(level)
-    caps = fit_caps(level, hills)
+    caps = fit_caps(level, hills, "pinned")
     stages: tuple[tuple[str, Callable[[], Any], Peers], ...] = (
         ("load", lambda: load_surface(scan), {"h5py, dataset alone": lambda: _h5py(scan)}),
         (
@@ -217,7 +217,7 @@ def _stages(scan: Path) -> Iterator[Timing]:
         ),
         (
             "caps (apex, sphere, errors, flags)",
-            lambda: fit_caps(level, hills),
+            lambda: fit_caps(level, hills, "pinned"),
             {"skimage regionprops_table": lambda: _regionprops(level)},
         ),
         ("families", lambda: group_families(caps), {}),

@@ -10,9 +10,7 @@ from capslip.caps.table import CapTable
 Place = Callable[[np.ndarray, np.ndarray], tuple[np.ndarray, np.ndarray]]
 
 
-def count_together(
-    first: CapTable, second: CapTable, on_first: Place, rotation_rad: float
-) -> CapTable:
+def join_faces(first: CapTable, second: CapTable, on_first: Place, rotation_rad: float) -> CapTable:
     """Join the caps of two mated faces, as if one plane met them all.
 
     The paper counts the caps of both faces and takes one face as flat (its section 3). Heights

@@ -1,13 +1,13 @@
-"""Doubts: what they should see is seen, and chance alone rarely raises one."""
+"""Doubts about hills, caps and families: seen where they should be, and rarely by chance."""
 
 from dataclasses import fields
 
 import numpy as np
 import pytest
 
+from capslip.caps.doubts import problems_of_bow
 from capslip.caps.families import group_families
 from capslip.caps.table import CapTable
-from capslip.doubts import doubts_of_bow
 
 APPROACH_M = 2e-7
 
@@ -31,7 +31,7 @@ def peaks(rng, spread_m, bow_m=0.0, slope=0.0, h_m=1e-6):
 
 
 def says_bow(caps):
-    return [problem.code for problem in doubts_of_bow(caps, APPROACH_M)] == ["bow_left"]
+    return [problem.code for problem in problems_of_bow(caps, APPROACH_M)] == ["bow_left"]
 
 
 @pytest.mark.parametrize("sign", [-1.0, 1.0])
@@ -60,4 +60,4 @@ def test_a_bow_below_a_tenth_of_the_approach_decides_nothing():
 def test_few_peaks_lie_on_any_bow(n):
     rng = np.random.default_rng(n)
     caps = caps_at(rng.uniform(size=n), rng.uniform(size=n), rng.uniform(size=n))
-    assert doubts_of_bow(group_families(caps)[0], APPROACH_M) == []
+    assert problems_of_bow(group_families(caps)[0], APPROACH_M) == []
