@@ -18,7 +18,7 @@ from capslip.contact.model_choice import boundary_elements_s, choose_model
 from capslip.contact.slip import slip_curve
 from capslip.contact.unmodelled import unmodelled_area_m2
 from capslip.settings import load_settings
-from capslip.studies.chart_reference import ENERGIES, numbers_of, reference
+from capslip.studies.chart.reference import ENERGIES, numbers_of, reference
 from capslip.surface.heightmap import HeightMap
 from scenes import caps_map
 

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from capslip.studies.samples import samples, write_samples
+from capslip.studies.faces.samples import samples, write_samples
 from capslip.surface.conditioning import condition
 from capslip.surface.readers import load_surface
 

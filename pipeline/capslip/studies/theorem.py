@@ -12,7 +12,7 @@ import numpy as np
 from capslip.contact.material import composite
 from capslip.contact.polonsky_keer import elastic_face, press, stiffness_of_regions_N_per_m
 from capslip.contact.tangential import shear
-from capslip.studies.scenes import cases, make_face
+from capslip.studies.faces.scenes import cases, make_face
 from capslip.surface.heightmap import HeightMap
 
 POISSON_RATIOS = (0.3, 0.45)

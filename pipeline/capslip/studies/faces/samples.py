@@ -9,9 +9,7 @@ from typing import Any
 import numpy as np
 
 from capslip.errors import OutputError
-from capslip.surface.heightmap import HeightMap
-from capslip.surface.readers.hdf5 import write_hdf5
-from capslip.surface.synthetic import (
+from capslip.studies.faces.synthetic import (
     Cap,
     CapFamily,
     Scene,
@@ -19,6 +17,8 @@ from capslip.surface.synthetic import (
     scene_to_dict,
     synthetic_surface,
 )
+from capslip.surface.heightmap import HeightMap
+from capslip.surface.readers.hdf5 import write_hdf5
 
 STEP_M = 0.125e-9  # heights are rounded to eighths of a nanometre: exact in binary, packs well
 RADIUS_G_M, RADIUS_P_M, H_M = 23.8, 26.7, 0.24e-6  # Peyret, Chevallier and Dion 2016, Table 2

@@ -7,8 +7,8 @@ from typing import Any, Literal
 import numpy as np
 
 from capslip.errors import SettingsError
+from capslip.studies.faces.placing import balanced_places, free_places
 from capslip.surface.heightmap import HeightMap, Origin
-from capslip.surface.placing import balanced_places, free_places
 
 BALANCING_STEPS = 40
 LEVEL_M = 1e-15  # rise of the least-squares plane over half the face at which it is level
