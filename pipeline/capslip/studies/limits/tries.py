@@ -41,35 +41,39 @@ def scattered_face(spread_m: float, seed: int) -> Scene:
     return random_face(seed, *caps)
 
 
-def lattice(seed: int, pairs_apart: float = 0.0, edge: float | None = None) -> Scene:
-    """Return a face of caps of 25 m, 0.2 um above the cut; some in pairs, or some at the edge.
+def two_families(h_m: float, face: int) -> Scene:
+    """Return the caps of the paper, the P-caps `h_m` lower."""
+    return random_face(face, PAPER[0], replace(PAPER[1], below_m=h_m))
 
-    Distances are in radii of the disc at the cut. Other seeds than 0 shift every cap, pair by pair
-    and along the edge, and change all radii.
-    """
-    rng = np.random.default_rng(seed)
 
-    def moved() -> float:
-        return rng.uniform(-0.5e-3, 0.5e-3) if seed else 0.0
+def hidden_family(h_m: float, face: int) -> Scene:
+    """Return the same, filling 15 % of the face: P-caps sink towards the cut of 10 %, and below."""
+    return replace(two_families(h_m, face), material_ratio=0.15)
 
-    radius_m, height_m = 25.0 * (rng.uniform(0.9, 1.1) if seed else 1.0), 0.2e-6
-    disc_m = math.sqrt(2.0 * radius_m * height_m)
-    if edge is not None:
-        inside_m = edge * disc_m
-        at = [(inside_m, y_m + moved()) for y_m in (8e-3, 21e-3)]
-        at += [(x_m + moved(), inside_m) for x_m in (21e-3, 41e-3)]
-        lone = ((16e-3, 14e-3), (31e-3, 18e-3), (46e-3, 25e-3), (19e-3, 31e-3))
-        at += [(x_m + moved(), y_m + moved()) for x_m, y_m in lone]
-    else:
-        half_m = pairs_apart * disc_m / 2.0
-        along_m, up_m = 0.8 * half_m, 0.6 * half_m
-        lone = ((17e-3, 9e-3), (43e-3, 10e-3), (10e-3, 28e-3), (52e-3, 30e-3))
-        at = [(x_m + moved(), y_m + moved()) for x_m, y_m in lone]
-        for x_m, y_m in ((30e-3, 16e-3), (24e-3, 32e-3), (38e-3, 34e-3)):
-            x_m, y_m = x_m + moved(), y_m + moved()
-            at += [(x_m - along_m, y_m - up_m), (x_m + along_m, y_m + up_m)]
-    caps = tuple(Cap(x_m, y_m, radius_m, height_m, "G") for x_m, y_m in at)
-    return Scene(SHAPE, PIXEL_M, caps=caps)
+
+def few_caps(count: float, face: int) -> Scene:
+    """Return a face of few equal caps."""
+    return random_face(face + int(count), CapFamily("G", int(count), 40.0))
+
+
+def wavy(length_m: float, face: int) -> Scene:
+    """Return a face of waves of that correlation length."""
+    return Scene(SHAPE, PIXEL_M, seed=face, waviness_rms_m=0.4e-6, waviness_length_m=length_m)
+
+
+def self_affine(hurst: float, face: int) -> Scene:
+    """Return a self-affine face."""
+    return replace(wavy(3e-3, face), waviness_spectrum="power_law", hurst_exponent=hurst)
+
+
+def paired_caps(apart: float, face: int) -> Scene:
+    """Return a face of ten caps, six of them in pairs so many disc radii apart."""
+    return _lattice(face, apart, None)
+
+
+def caps_at_edge(inside: float, face: int) -> Scene:
+    """Return a face of eight caps, four of them with the apex so many disc radii inside."""
+    return _lattice(face, 0.0, inside)
 
 
 def harmless_faces(seed: int) -> dict[str, tuple[Scene, float]]:
@@ -118,6 +122,11 @@ def at_loads(
                 yield {"name": name, "scene": scene(x, face), "preload_N": preload_N}
 
     return tries
+
+
+def rough(rms_m: float) -> Row:
+    """Return what of a scene makes its face rough."""
+    return {"roughness_rms_m": rms_m, "roughness_length_m": 1e-3}
 
 
 def uneven_counts(seed: int, counts: tuple[int, int]) -> Iterator[Row]:
@@ -197,6 +206,37 @@ def _on_faces(text: str, fields: Callable[[Scene, Any, int], Row]) -> Tries:
             yield case | fields(face, x, seed)
 
     return tries
+
+
+def _lattice(seed: int, pairs_apart: float, edge: float | None) -> Scene:
+    """Return a face of caps of 25 m, 0.2 um above the cut; some in pairs, or some at the edge.
+
+    Distances are in radii of the disc at the cut. Other seeds than 0 shift every cap, pair by pair
+    and along the edge, and change all radii.
+    """
+    rng = np.random.default_rng(seed)
+
+    def moved() -> float:
+        return rng.uniform(-0.5e-3, 0.5e-3) if seed else 0.0
+
+    radius_m, height_m = 25.0 * (rng.uniform(0.9, 1.1) if seed else 1.0), 0.2e-6
+    disc_m = math.sqrt(2.0 * radius_m * height_m)
+    if edge is not None:
+        inside_m = edge * disc_m
+        at = [(inside_m, y_m + moved()) for y_m in (8e-3, 21e-3)]
+        at += [(x_m + moved(), inside_m) for x_m in (21e-3, 41e-3)]
+        lone = ((16e-3, 14e-3), (31e-3, 18e-3), (46e-3, 25e-3), (19e-3, 31e-3))
+        at += [(x_m + moved(), y_m + moved()) for x_m, y_m in lone]
+    else:
+        half_m = pairs_apart * disc_m / 2.0
+        along_m, up_m = 0.8 * half_m, 0.6 * half_m
+        lone = ((17e-3, 9e-3), (43e-3, 10e-3), (10e-3, 28e-3), (52e-3, 30e-3))
+        at = [(x_m + moved(), y_m + moved()) for x_m, y_m in lone]
+        for x_m, y_m in ((30e-3, 16e-3), (24e-3, 32e-3), (38e-3, 34e-3)):
+            x_m, y_m = x_m + moved(), y_m + moved()
+            at += [(x_m - along_m, y_m - up_m), (x_m + along_m, y_m + up_m)]
+    caps = tuple(Cap(x_m, y_m, radius_m, height_m, "G") for x_m, y_m in at)
+    return Scene(SHAPE, PIXEL_M, caps=caps)
 
 
 def _tilt_m(scene: Scene) -> float:

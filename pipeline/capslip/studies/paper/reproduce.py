@@ -17,6 +17,7 @@ from capslip.studies.paper.errata_formulas import CERTAINTY
 from capslip.studies.paper.figures import cases_of, figures, loss_factors
 
 SCHEMA = "capslip/reproduce/1"
+PARAMETERS = ("m", "n", "delta_n_m", "h_m", "friction_coefficient")
 
 
 def reproduce(folder: str | Path) -> dict[str, Any]:
@@ -80,19 +81,14 @@ def table_1() -> list[dict[str, Any]]:
         half_N = computed_N * paper.YOUNGS_MODULUS_PA / 2 / right.E_star_Pa  # N is linear in E*
         rows.append(
             {
-                "m": case.m,
-                "n": case.n,
-                "delta_n_m": case.delta_n_m,
-                "h_m": case.h_m,
-                "friction_coefficient": case.friction_coefficient,
-                "printed_N": case.printed_N,
+                **asdict(case),
+                "figures": list(case.figures),
                 "computed_N": computed_N,
                 "relative_error": computed_N / case.printed_N - 1,
                 "computed_220_N": printed_modulus_N,
                 "relative_error_220": printed_modulus_N / case.printed_N - 1,
                 "computed_220_without_nu_N": half_N,
                 "relative_error_220_without_nu": half_N / case.printed_N - 1,
-                "figures": list(case.figures),
             }
         )
     return rows
@@ -128,11 +124,7 @@ def _loss_factor() -> list[dict[str, Any]]:
             rows.append(
                 {
                     "figure": part,
-                    "m": case.m,
-                    "n": case.n,
-                    "delta_n_m": case.delta_n_m,
-                    "h_m": case.h_m,
-                    "friction_coefficient": case.friction_coefficient,
+                    **{name: getattr(case, name) for name in PARAMETERS},
                     "first_peak_amplitude_m": None
                     if first is None
                     else float(damping.amplitude_m[first]),
