@@ -40,7 +40,7 @@ compare: $(READY) ## A result against measured damping: RESULT=folder ASSEMBLY=c
 
 reproduce: $(READY) ## The paper's tables, figures and errata: [OUT=folder]
 	@$(BIN)/capslip reproduce $(if $(OUT),--out "$(OUT)") $(ARGS)
-	@$(BIN)/python -m capslip.studies.errata docs/errata.md
+	@$(BIN)/python -m capslip.studies.paper.errata docs/errata.md
 
 bench: $(READY) ## Timings of commands, stages and solvers beside their peers: [OUT=folder]
 	@$(BIN)/capslip bench $(if $(OUT),--out "$(OUT)") $(ARGS)
@@ -58,7 +58,7 @@ warnings: $(READY) ## Write docs/warnings.md from the registry of problems
 	@$(BIN)/python -m capslip.problems > docs/warnings.md
 
 samples: $(READY) ## Write the sample surfaces again
-	@$(BIN)/python -m capslip.studies.samples sample_surfaces
+	@$(BIN)/python -m capslip.studies.faces.samples sample_surfaces
 
 test: $(READY) ## Run the tests
 	@$(BIN)/python -m pytest

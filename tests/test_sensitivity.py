@@ -14,9 +14,9 @@ from capslip.output.figures_sensitivity import sensitivity as figure_of
 from capslip.sensitivity import ANSWERS, Answers, sensitivity
 from capslip.settings import settings_from
 from capslip.stages import find_face
+from capslip.studies.faces.synthetic import CapFamily, Scene, synthetic_surface
 from capslip.surface.heightmap import HeightMap
 from capslip.surface.readers import load_surface
-from capslip.surface.synthetic import CapFamily, Scene, synthetic_surface
 from scenes import REFERENCE, caps_map
 
 SMALL = HeightMap(np.random.default_rng(0).normal(size=(40, 60)), (1e-4, 1e-4))

@@ -354,7 +354,7 @@ def inspect(result: Path, verbose: bool) -> None:
 @_result_options
 def reproduce(out: Path | None, as_json: bool, quiet: bool, verbose: bool) -> None:
     """Reproduce the paper's tables and figures, and show what is wrong in print."""
-    from capslip.studies.reproduce import reproduce as run
+    from capslip.studies.paper.reproduce import reproduce as run
 
     folder = out if out is not None else Path("results") / "reproduce"
     numbers = run(folder)
@@ -412,7 +412,7 @@ def compare(
 @_result_options
 def bench(out: Path | None, as_json: bool, quiet: bool, verbose: bool) -> None:
     """Time commands, stages and solvers beside their peers (minutes)."""
-    from capslip.studies.bench import bench_markdown, run_bench
+    from capslip.studies.bench.study import bench_markdown, run_bench
 
     folder = out if out is not None else Path("results") / "bench"
     result = run_bench(folder)
@@ -427,7 +427,7 @@ def bench(out: Path | None, as_json: bool, quiet: bool, verbose: bool) -> None:
 @_result_options
 def chart(scans: Path | None, out: Path | None, as_json: bool, quiet: bool, verbose: bool) -> None:
     """Chart speed against accuracy of every method (many minutes)."""
-    from capslip.studies.chart import chart as run
+    from capslip.studies.chart.study import chart as run
 
     folder = out if out is not None else Path("results") / "chart"
     result = run(folder, scans, _Progress(quiet))
@@ -441,7 +441,7 @@ def chart(scans: Path | None, out: Path | None, as_json: bool, quiet: bool, verb
 @_result_options
 def limits(out: Path | None, as_json: bool, quiet: bool, verbose: bool) -> None:
     """Drive each axis until the method breaks, and see what the program says (many minutes)."""
-    from capslip.studies.limits import limits as run
+    from capslip.studies.limits.study import limits as run
 
     folder = out if out is not None else Path("results") / "limits"
     result = run(folder, _Progress(quiet))

@@ -286,11 +286,11 @@ def test_reference_faces(name):
 
 def test_tamaas_agrees():
     pytest.importorskip("tamaas", reason="Tamaas is not installed here")
-    from capslip.studies import bench_boundary_elements as bench
+    from capslip.studies.bench import boundary_elements as bench
 
     surface = bench.seeded_face((160, 240))
     face = elastic_face(surface, bench.E_STAR_PA)
-    expected_m = bench._judged(face, bench._tamaas(surface))[0]
+    expected_m = bench._certificate(face, bench._tamaas(surface))[0]
     pressed = press(face, load_N=bench.LOAD_N)
     assert pressed.approach_m == pytest.approx(expected_m, rel=1e-5)
 

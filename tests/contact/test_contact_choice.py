@@ -19,7 +19,7 @@ from capslip.contact.outside import unmodelled_area_m2
 from capslip.contact.rung import Scene, ladder
 from capslip.contact.slip import slip_curve
 from capslip.settings import load_settings
-from capslip.studies.chart_reference import ENERGIES, numbers_of, reference
+from capslip.studies.chart.reference import ENERGIES, numbers_of, reference
 from capslip.surface.heightmap import HeightMap
 from scenes import caps_map
 

@@ -8,10 +8,10 @@ import pytest
 from scipy import ndimage
 
 from capslip.errors import SettingsError, UnusableSurfaceError
+from capslip.studies.faces.synthetic import CapFamily, Scene, synthetic_surface
 from capslip.surface.conditioning import condition, sq_and_sz_m
 from capslip.surface.heightmap import HeightMap, Origin
 from capslip.surface.mating import composite_surface, mate, place, problems_of_mating
-from capslip.surface.synthetic import CapFamily, Scene, synthetic_surface
 
 D_M = 50e-6
 PIXEL_M = (D_M, D_M)

@@ -11,7 +11,7 @@ import numpy as np
 
 from capslip.contact.material import composite
 from capslip.contact.solvers.polonsky_keer import elastic_face, press, stiffness_of_regions_N_per_m
-from capslip.studies.scenes import cases, make_face
+from capslip.studies.faces.scenes import cases, make_face
 from capslip.studies.theorem.tangential import shear
 from capslip.surface.heightmap import HeightMap
 

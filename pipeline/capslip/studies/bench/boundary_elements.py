@@ -1,20 +1,21 @@
 """Boundary elements beside two published solvers: the same face, tolerance and machine, one run.
 
-Run `python -m capslip.studies.bench_boundary_elements` in an environment that also has Tamaas and
+Run `python -m capslip.studies.bench.boundary_elements` in an environment that also has Tamaas and
 ContactMechanics; a solver that is absent is named, and left out. Every solver is judged by the
 same certificate, computed here from the pressures it returns.
 """
 
 import importlib
-import statistics
 import sys
-import time
 from collections.abc import Callable
+from functools import partial
 from typing import Any
 
 import numpy as np
 
 from capslip.contact.solvers.polonsky_keer import ElasticFace, elastic_face, press
+from capslip.studies.clock import in_turns
+from capslip.studies.page import table
 from capslip.surface.heightmap import HeightMap
 
 E_STAR_PA = 109.89e9
@@ -23,6 +24,7 @@ SHAPE = (800, 1200)
 PIXEL_SIZE_M = (50e-6, 50e-6)
 TOLERANCE = 1e-6
 REPEATS = 3
+HEAD = ("solver", "seconds", "approach off", "complementarity", "least gap")
 
 
 def seeded_face(shape: tuple[int, int] = SHAPE, seed: int = 1) -> HeightMap:
@@ -34,39 +36,35 @@ def seeded_face(shape: tuple[int, int] = SHAPE, seed: int = 1) -> HeightMap:
     return HeightMap(0.4e-6 * waves / waves.std(), PIXEL_SIZE_M)
 
 
-def bench() -> str:
+def bench_boundary_elements() -> str:
     """Return the table: seconds (median), approach, complementarity and least gap."""
     surface = seeded_face()
     face = elastic_face(surface, E_STAR_PA)
     exact_m = press(face, load_N=LOAD_N, tolerance=1e-10).approach_m
-    lines = [
-        f"{SHAPE[0]} x {SHAPE[1]} points, {LOAD_N:g} N, tolerance {TOLERANCE:g}, cold, "
-        f"median of {REPEATS}",
-        f"{'solver':<18}{'seconds':>9}{'approach off':>14}{'complementarity':>17}{'least gap':>12}",
-    ]
-    solvers: list[tuple[str, Callable[[HeightMap], np.ndarray]]] = [("capslip", _capslip)]
+    solvers: dict[str, Callable[[], np.ndarray]] = {"capslip": lambda: _capslip(surface)}
+    absent = []
     for name, peer in (("tamaas", _tamaas), ("ContactMechanics", _contact_mechanics)):
         try:
             importlib.import_module(name)
         except ImportError:
-            lines.append(f"{name:<18} is not installed here")
+            absent.append(f"{name} is not installed here")
         else:
-            solvers.append((name, peer))
-    for name, solver in solvers:
-        times_s = []
-        for _ in range(REPEATS):
-            begin = time.perf_counter()
-            pressure_Pa = solver(surface)
-            times_s.append(time.perf_counter() - begin)
-        d_m, off, gap = _judged(face, pressure_Pa)
-        lines.append(
-            f"{name:<18}{statistics.median(times_s):9.2f}{d_m / exact_m - 1:14.1e}{off:17.1e}"
-            f"{gap:12.1e}"
+            solvers[name] = partial(peer, surface)
+    times_s, found = in_turns(list(solvers.values()), REPEATS)
+    rows = []
+    for name, seconds, pressure_Pa in zip(
+        solvers, np.median(times_s[..., 0], axis=0), found, strict=True
+    ):
+        approach_m, off, gap = _certificate(face, pressure_Pa)
+        rows.append(
+            (name, f"{seconds:.2f}", f"{approach_m / exact_m - 1:.1e}", f"{off:.1e}", f"{gap:.1e}")
         )
-    return "\n".join(lines) + "\n"
+    size = f"{SHAPE[0]} x {SHAPE[1]} points, {LOAD_N:g} N, tolerance {TOLERANCE:g}, cold"
+    lines = [f"{size}, median of {REPEATS}", "", table(HEAD, rows), "", *absent]
+    return "\n".join(lines).rstrip() + "\n"
 
 
-def _judged(face: ElasticFace, pressure_Pa: np.ndarray) -> tuple[float, float, float]:
+def _certificate(face: ElasticFace, pressure_Pa: np.ndarray) -> tuple[float, float, float]:
     """Return approach, complementarity and least gap of the pressures."""
     sunk_m = face.half_space.sinking_m(pressure_Pa) + face.depth_m
     weight = pressure_Pa / pressure_Pa.sum()
@@ -119,4 +117,4 @@ def _contact_mechanics(surface: HeightMap) -> np.ndarray:
 
 
 if __name__ == "__main__":
-    sys.stdout.write(bench())
+    sys.stdout.write(bench_boundary_elements())

@@ -7,11 +7,11 @@ from pathlib import Path
 
 import numpy as np
 
-from capslip.errors import OutputError
 from capslip.settings import Structure
 from capslip.structure.response import response
-from capslip.studies import paper
-from capslip.studies.errata_formulas import CERTAINTY, Erratum, formula_errata
+from capslip.studies.page import write
+from capslip.studies.paper import printed as paper
+from capslip.studies.paper.errata_formulas import CERTAINTY, Erratum, formula_errata
 
 
 def errata() -> tuple[Erratum, ...]:
@@ -39,7 +39,7 @@ def errata_markdown(found: tuple[Erratum, ...]) -> str:
         "",
         "Peyret, Chevallier and Dion 2016, doi 10.1142/S1758825116500976. This page is written by",
         "`make reproduce`; every number in it is computed by "
-        "`pipeline/capslip/studies/errata.py`. Edit",
+        "`pipeline/capslip/studies/paper/errata.py`. Edit",
         "that file, not this one. The pictures are on the page of `capslip reproduce`.",
         "",
     ]
@@ -363,10 +363,8 @@ def _slope(x: np.ndarray, y: np.ndarray) -> float:
 
 def write_errata(path: str | Path) -> None:
     """Write `docs/errata.md`; raises OutputError where it cannot be written."""
-    try:
-        Path(path).write_text(errata_markdown(errata()), encoding="utf-8")
-    except OSError as error:
-        raise OutputError(f"{path}: {error.strerror}; choose another path") from error
+    path = Path(path)
+    write(path.parent, {path.name: errata_markdown(errata())})
 
 
 if __name__ == "__main__":

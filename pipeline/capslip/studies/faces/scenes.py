@@ -12,11 +12,13 @@ from typing import Literal
 import numpy as np
 
 from capslip.errors import ScanError
+from capslip.studies.faces.synthetic import CapFamily, Scene, Truth, synthetic_surface
 from capslip.surface.conditioning import condition
 from capslip.surface.heightmap import HeightMap, Origin
 from capslip.surface.readers import load_surface
-from capslip.surface.synthetic import CapFamily, Scene, Truth, synthetic_surface
 
+# Peyret, Chevallier and Dion 2016, Table 2
+PAPER = (CapFamily("G", 5, 23.8), CapFamily("P", 18, 26.7, 0.24e-6))
 FINE_SHAPE, FINE_PIXEL_M = (800, 1200), (5e-5, 5e-5)  # a face of 60 mm x 40 mm
 BLOCK = 4  # fine pixels on a side of a measured one
 SCAN_POINTS = 300  # along the longer side, for real scans
@@ -64,7 +66,7 @@ def cases(seed: int = 0) -> tuple[Case, ...]:
         scene = Scene(FINE_SHAPE, FINE_PIXEL_M, seed=number, waviness_rms_m=0.4e-6)
         return replace(scene, waviness_length_m=length_m, waviness_spectrum=spectrum)
 
-    paper = caps(CapFamily("G", 5, 23.8), CapFamily("P", 18, 26.7, 0.24e-6))
+    paper = caps(*PAPER)
     equal = caps(CapFamily("G", 12, 25.0))
     many = caps(CapFamily("G", 10, 8.0), CapFamily("P", 50, 9.0, 0.06e-6), gap_m=0.5e-3)
     few = caps(CapFamily("G", 2, 40.0), CapFamily("P", 4, 40.0, 0.1e-6))

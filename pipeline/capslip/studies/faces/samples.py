@@ -2,26 +2,22 @@
 
 import json
 import sys
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from capslip.errors import OutputError
+from capslip.studies.faces.scenes import PAPER
+from capslip.studies.faces.synthetic import Cap, CapFamily, Scene, Truth, synthetic_surface
+from capslip.studies.page import table
 from capslip.surface.heightmap import HeightMap
 from capslip.surface.readers.hdf5 import write_hdf5
-from capslip.surface.synthetic import (
-    Cap,
-    CapFamily,
-    Scene,
-    Truth,
-    scene_to_dict,
-    synthetic_surface,
-)
 
 STEP_M = 0.125e-9  # heights are rounded to eighths of a nanometre: exact in binary, packs well
-RADIUS_G_M, RADIUS_P_M, H_M = 23.8, 26.7, 0.24e-6  # Peyret, Chevallier and Dion 2016, Table 2
+DIGITS = 10  # of the numbers of the truth: the sums of linear algebra differ beyond, by processor
+RADIUS_G_M, RADIUS_P_M, H_M = PAPER[0].radius_m, PAPER[1].radius_m, PAPER[1].below_m
 
 
 @dataclass(frozen=True)
@@ -34,12 +30,12 @@ class Sample:
 
 
 def write_samples(folder: str | Path) -> None:
-    """Write every sample surface (HDF5), its truth (JSON) and a README into a folder.
+    """Write every sample surface (HDF5), its truth (JSON) and a README: the same bytes every time.
 
     Parameters
     ----------
     folder : path
-        Made where absent; files of the same names are replaced. The same heights every time.
+        Made where absent; files of the same names are replaced.
 
     Raises
     ------
@@ -113,23 +109,31 @@ def samples() -> tuple[Sample, ...]:
 
 
 def _families(n_g: int, n_p: int) -> tuple[CapFamily, CapFamily]:
-    return CapFamily("G", n_g, RADIUS_G_M), CapFamily("P", n_p, RADIUS_P_M, H_M)
+    return replace(PAPER[0], count=n_g), replace(PAPER[1], count=n_p)
 
 
 def _write(sample: Sample, folder: Path) -> str:
     surface, truth = synthetic_surface(sample.scene, sample.name)
     rounded = replace(surface, height_m=np.round(surface.height_m / STEP_M) * STEP_M)
-    known = {"scene": scene_to_dict(sample.scene), "truth": truth.to_dict()}
+    known = {"scene": asdict(sample.scene), "truth": _rounded(truth)}
     write_hdf5(rounded, folder / f"{sample.name}.h5", truth=known, unit="nm", dtype="float32")
     text = json.dumps(known, indent=1)
     (folder / f"{sample.name}.truth.json").write_text(text + "\n", encoding="utf-8")
     return _section(sample, surface, truth)
 
 
+def _rounded(truth: Truth) -> dict[str, Any]:
+    """Return the truth as plain lists of numbers on which all machines agree."""
+    numbers = {name: np.asarray(value).tolist() for name, value in vars(truth).items()}
+    return json.loads(
+        json.dumps(numbers), parse_float=lambda text: float(f"{float(text):.{DIGITS}g}")
+    )
+
+
 def _head() -> str:
     return f"""# Sample surfaces
 
-Synthetic faces of known content, written by `make samples`; the same heights every time. Each is
+Synthetic faces of known content, written by `make samples`; the same bytes every time. Each is
 a native HDF5 file, with its scene and truth beside it in `*.truth.json` (and inside, in `/truth`).
 
 Radii and height difference are those of Peyret, Chevallier and Dion 2016 (Table 2): G-caps of
@@ -159,30 +163,28 @@ def _section(sample: Sample, surface: HeightMap, truth: Truth) -> str:
         ("spikes", f"{scene.n_spikes} of +-{scene.spike_m * 1e6:g} um"),
         (f"cut height at {100 * scene.material_ratio:g} %", f"{truth.cut_height_m * 1e6:.4f} um"),
     ]
-    lines = [f"## {sample.name}.h5", "", sample.about, "", "| | |", "| --- | --- |"]
-    lines += [f"| {label} | {value} |" for label, value in rows]
-    lines += ["", "| cap | family | x [mm] | y [mm] | R [m] | peak [um] | above the cut [um] |"]
-    lines += ["| --- | --- | --- | --- | --- | --- | --- |"]
-    lines += [_cap_row(i, truth) for i in _listed(truth)]
-    return "\n".join([*lines, ""])
+    caps = [_cap_row(i, truth) for i in np.argsort(truth.family, kind="stable").tolist()]
+    head = ("cap", "family", "x [mm]", "y [mm]", "R [m]", "peak [um]", "above the cut [um]")
+    parts = [
+        f"## {sample.name}.h5",
+        sample.about,
+        table(("property", "value"), rows),
+        table(head, caps),
+    ]
+    return "\n\n".join(parts) + "\n"
 
 
-def _listed(truth: Truth) -> list[int]:
-    return sorted(range(len(truth.x_m)), key=lambda i: str(truth.family[i]))
-
-
-def _cap_row(i: int, truth: Truth) -> str:
-    first = int(np.flatnonzero(truth.family == truth.family[i])[0])
-    cells: list[Any] = [
-        i - first + 1,
+def _cap_row(i: int, truth: Truth) -> tuple[Any, ...]:
+    number = int((truth.family[: i + 1] == truth.family[i]).sum())
+    return (
+        number,
         truth.family[i],
         f"{truth.x_m[i] * 1e3:.3f}",
         f"{truth.y_m[i] * 1e3:.3f}",
         f"{truth.radius_m[i]:g}",
         f"{truth.peak_height_m[i] * 1e6:.4f}",
         f"{(truth.peak_height_m[i] - truth.cut_height_m) * 1e6:.4f}",
-    ]
-    return "| " + " | ".join(str(cell) for cell in cells) + " |"
+    )
 
 
 def _nm(first_m: float, second_m: float) -> str:

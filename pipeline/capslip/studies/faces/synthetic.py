@@ -2,13 +2,13 @@
 
 import math
 from dataclasses import asdict, dataclass, replace
-from typing import Any, Literal
+from typing import Literal
 
 import numpy as np
 
 from capslip.errors import SettingsError
+from capslip.studies.faces.placing import balanced_places, free_places
 from capslip.surface.heightmap import HeightMap, Origin
-from capslip.surface.placing import balanced_places, free_places
 
 BALANCING_STEPS = 40
 LEVEL_M = 1e-15  # rise of the least-squares plane over half the face at which it is level
@@ -135,13 +135,6 @@ class Truth:
     family: np.ndarray
     cut_height_m: float
 
-    def to_dict(self) -> dict[str, Any]:
-        """Return plain lists, for JSON."""
-        return {
-            name: value.tolist() if isinstance(value, np.ndarray) else value
-            for name, value in vars(self).items()
-        }
-
 
 def synthetic_surface(scene: Scene, name: str = "synthetic") -> tuple[HeightMap, Truth]:
     """Make the height map of a scene and the truth about it.
@@ -209,11 +202,6 @@ def synthetic_surface(scene: Scene, name: str = "synthetic") -> tuple[HeightMap,
     height_m += _form(scene, y_m, x_m)
     _add_defects(scene, rng, height_m, y_m, x_m)
     return HeightMap(height_m, scene.pixel_size_m, Origin(name=name)), truth
-
-
-def scene_to_dict(scene: Scene) -> dict[str, Any]:
-    """Return the scene as plain nested dictionaries, for JSON."""
-    return asdict(scene)
 
 
 def _check(scene: Scene) -> None:

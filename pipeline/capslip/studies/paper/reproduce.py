@@ -8,15 +8,16 @@ from typing import Any
 
 import numpy as np
 
-from capslip.errors import OutputError
 from capslip.output.quantity import engineering
 from capslip.settings import Structure
-from capslip.studies import paper
-from capslip.studies.errata import errata, errata_markdown
-from capslip.studies.errata_formulas import CERTAINTY
-from capslip.studies.reproduce_figures import cases_of, figures, loss_factors
+from capslip.studies.page import png, write
+from capslip.studies.paper import printed as paper
+from capslip.studies.paper.errata import errata, errata_markdown
+from capslip.studies.paper.errata_formulas import CERTAINTY
+from capslip.studies.paper.figures import cases_of, figures, loss_factors
 
 SCHEMA = "capslip/reproduce/1"
+PARAMETERS = ("m", "n", "delta_n_m", "h_m", "friction_coefficient")
 
 
 def reproduce(folder: str | Path) -> dict[str, Any]:
@@ -37,7 +38,6 @@ def reproduce(folder: str | Path) -> dict[str, Any]:
     OutputError
         If the folder cannot be made or written.
     """
-    folder = Path(folder)
     found = errata()
     numbers = {
         "schema": SCHEMA,
@@ -48,22 +48,17 @@ def reproduce(folder: str | Path) -> dict[str, Any]:
         "stand_ins": _stand_ins(),
         "errata": [asdict(one) for one in found],
     }
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        pictures = []
-        for name, (draw, caption) in figures().items():
-            figure = draw()
-            figure.savefig(folder / f"{name}.png")
-            data = base64.b64encode((folder / f"{name}.png").read_bytes()).decode("ascii")
-            pictures.append({"name": name, "caption": caption, "data": data})
-        (folder / "errata.md").write_text(errata_markdown(found), encoding="utf-8")
-        (folder / "reproduce.html").write_text(_page(numbers, pictures), encoding="utf-8")
-        text = json.dumps(numbers, indent=1, ensure_ascii=False, allow_nan=False) + "\n"
-        (folder / "reproduce.json").write_text(text, encoding="utf-8")
-    except OSError as error:
-        raise OutputError(
-            f"output folder {folder}: {error.strerror}; choose another with --out"
-        ) from error
+    drawn = {name: (png(draw()), caption) for name, (draw, caption) in figures().items()}
+    pictures = {
+        name: {"caption": caption, "data": base64.b64encode(data).decode("ascii")}
+        for name, (data, caption) in drawn.items()
+    }
+    texts = {
+        "errata.md": errata_markdown(found),
+        "reproduce.html": _page(numbers, pictures),
+        "reproduce.json": json.dumps(numbers, indent=1, ensure_ascii=False, allow_nan=False) + "\n",
+    }
+    write(folder, {**texts, **{f"{name}.png": data for name, (data, _) in drawn.items()}})
     return numbers
 
 
@@ -86,19 +81,14 @@ def table_1() -> list[dict[str, Any]]:
         half_N = computed_N * paper.YOUNGS_MODULUS_PA / 2 / right.E_star_Pa  # N is linear in E*
         rows.append(
             {
-                "m": case.m,
-                "n": case.n,
-                "delta_n_m": case.delta_n_m,
-                "h_m": case.h_m,
-                "friction_coefficient": case.friction_coefficient,
-                "printed_N": case.printed_N,
+                **asdict(case),
+                "figures": list(case.figures),
                 "computed_N": computed_N,
                 "relative_error": computed_N / case.printed_N - 1,
                 "computed_220_N": printed_modulus_N,
                 "relative_error_220": printed_modulus_N / case.printed_N - 1,
                 "computed_220_without_nu_N": half_N,
                 "relative_error_220_without_nu": half_N / case.printed_N - 1,
-                "figures": list(case.figures),
             }
         )
     return rows
@@ -134,11 +124,7 @@ def _loss_factor() -> list[dict[str, Any]]:
             rows.append(
                 {
                     "figure": part,
-                    "m": case.m,
-                    "n": case.n,
-                    "delta_n_m": case.delta_n_m,
-                    "h_m": case.h_m,
-                    "friction_coefficient": case.friction_coefficient,
+                    **{name: getattr(case, name) for name in PARAMETERS},
                     "first_peak_amplitude_m": None
                     if first is None
                     else float(damping.amplitude_m[first]),
@@ -209,7 +195,7 @@ def _stand_ins() -> list[dict[str, str]]:
     return [{"quantity": name, "value": value} for name, value in rows]
 
 
-def _page(numbers: dict[str, Any], pictures: list[dict[str, str]]) -> str:
+def _page(numbers: dict[str, Any], pictures: dict[str, dict[str, str]]) -> str:
     from jinja2 import Environment, StrictUndefined
 
     from capslip import __version__
@@ -223,6 +209,6 @@ def _page(numbers: dict[str, Any], pictures: list[dict[str, str]]) -> str:
         **numbers,
         version=__version__,
         certainty=CERTAINTY,
-        pictures={picture["name"]: picture for picture in pictures},
+        pictures=pictures,
         worst_percent=100 * max(abs(row["relative_error"]) for row in numbers["table1"]),
     )

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from capslip.studies import paper
+from capslip.studies.paper import printed as paper
 
 CERTAINTY = {
     "proved": "wrong as printed",

@@ -4,30 +4,36 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from capslip.caps.fitting import fit_named
 from capslip.output.canvas import INK, blank
-from capslip.studies.chart_methods import CHOSEN, FITS, MODELS, PAPER, SEPARATIONS
+from capslip.studies.chart.methods import (
+    AUTO,
+    BOUNDARY,
+    CHOSEN,
+    FITS,
+    GRID,
+    LADDER,
+    MODELS,
+    PAPER,
+    SEPARATIONS,
+)
+from capslip.studies.page import Row
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-    from capslip.studies.chart import Row
-
 # After Okabe and Ito; told apart in grey by the markers too.
 COLOUR = {
-    "flat": "#999999",
     PAPER: "#D55E00",
-    "families": "#E69F00",
-    "caps": "#CC79A7",
-    "mean_field": "#56B4E9",
-    "interacting": "#0072B2",
-    "auto": "#000000",
-    "boundary elements": "#009E73",
+    AUTO: "#000000",
+    **{rung.name: rung.colour for rung in LADDER},
+    GRID.label: GRID.colour,
 }
-MARKER = {"equation18": "s", "pinned": "^", "least_squares": "D", "contact": "o"}
+MARKER = {name: fit_named(name).marker for name in FITS}
 TICKS_S = (0.01, 0.02, 0.05, 0.1)
 STYLE = {"by tolerance": "--", "by filter": ":"}
-LABELLED = ("interacting", "boundary elements", "auto", PAPER)  # lines whose points are named
+LABELLED = (MODELS[-1], BOUNDARY, AUTO, PAPER)  # lines whose points are named
 TITLES = {
     "energy": "energy W, worst of four forces",
     "energy_0.1": "energy W at T = 0.1 μN",
@@ -64,8 +70,12 @@ def figures(results: dict[str, Any]) -> "dict[str, Figure]":
 def _panels(results: dict[str, Any], quantities: tuple[str, ...]) -> "Figure":
     """Draw error over seconds, one panel a quantity."""
     rows = (len(quantities) + 1) // 2
-    figure, first = blank("", 13.0, 1.6 + 4.6 * rows)
-    first.remove()
+    n_cases = len({run["case"] for run in results["runs"] if run["group"] != "scan"})
+    title = (
+        f"Error against boundary elements on the fine face, over {n_cases} seeded cases: median, "
+        "and the range from least to greatest (faint)"
+    )
+    figure = _sheet(results, 1.6 + 4.6 * rows, title)
     panels = figure.subplots(rows, 2, squeeze=False).ravel()
     for axes, quantity in zip(panels, quantities, strict=True):
         _panel(axes, results, quantity)
@@ -81,13 +91,6 @@ def _panels(results: dict[str, Any], quantities: tuple[str, ...]) -> "Figure":
         loc="outside lower center",
         ncols=4,
         fontsize=8.5,
-    )
-    n_cases = len({run["case"] for run in results["runs"] if run["group"] != "scan"})
-    figure.suptitle(
-        f"Error against boundary elements on the fine face, over {n_cases} seeded cases: median, "
-        f"and the range from least to greatest (faint)\n{_machine(results)}",
-        fontsize=9.5,
-        color=INK,
     )
     return figure
 
@@ -119,15 +122,14 @@ def _panel(axes: "Axes", results: dict[str, Any], quantity: str) -> None:
         axes.set(xscale="log", yscale="log", ylim=(3e-4, 5.0))
     axes.set_xlabel("seconds of one analysis")
     axes.set_ylabel(f"relative error of the {TITLES[quantity]}", fontsize=8.5)
-    axes.spines[["top", "right"]].set_visible(False)
-    axes.grid(color="#E3E3E3", linewidth=0.6)
+    _plain(axes)
     uncertainty = _uncertainty(results, quantity)
     if uncertainty:
         label = "median uncertainty of the reference"
         axes.axhspan(1e-9, uncertainty, color="#EFEFEF", zorder=0, label=label)
 
 
-def _line(axes: "Axes", line: str, points: "list[Row]", quantity: str) -> None:
+def _line(axes: "Axes", line: str, points: list[Row], quantity: str) -> None:
     """Draw one method: a point a setting, joined where they are a scale."""
     name, _, rest = line.partition(", ")
     fit, _, separation = rest.partition(", ")
@@ -144,7 +146,7 @@ def _line(axes: "Axes", line: str, points: "list[Row]", quantity: str) -> None:
         x,
         y,
         color=COLOUR[name],
-        marker={"boundary elements": "*", PAPER: "X", "auto": "P"}.get(name, "o"),
+        marker={BOUNDARY: "*", PAPER: "X", AUTO: "P"}.get(name, "o"),
         markersize=8,
         linewidth=1.4,
         linestyle=STYLE.get(rest, "-"),
@@ -157,9 +159,9 @@ def _line(axes: "Axes", line: str, points: "list[Row]", quantity: str) -> None:
         _name_points(axes, drawn, quantity, COLOUR[name])
 
 
-def _name_points(axes: "Axes", points: "list[Row]", quantity: str, colour: str) -> None:
+def _name_points(axes: "Axes", points: list[Row], quantity: str, colour: str) -> None:
     """Write the setting beside each point, where other lines have none."""
-    below = points[0]["line"].startswith("interacting")
+    below = points[0]["line"].startswith(MODELS[-1])
     for point in points:
         axes.annotate(
             point["setting"],
@@ -174,8 +176,11 @@ def _name_points(axes: "Axes", points: "list[Row]", quantity: str, colour: str) 
 
 def _fits(results: dict[str, Any]) -> "Figure":
     """Draw the models over the grid, one panel a fit and separation."""
-    figure, first = blank("", 13.0, 7.0)
-    first.remove()
+    title = (
+        "Every model, fit and separation over the grid: large point the whole map, then 1/2, 1/4, "
+        "1/8 of its points along each axis; medians"
+    )
+    figure = _sheet(results, 7.0, title)
     panels = figure.subplots(len(SEPARATIONS), len(FITS), sharex=True, sharey=True)
     quantity = "energy_0.25"
     for row, separation in zip(panels, SEPARATIONS, strict=True):
@@ -194,23 +199,16 @@ def _fits(results: dict[str, Any]) -> "Figure":
             axes.set(xscale="log", yscale="log", title=f"{fit}, {separation}")
             axes.xaxis.set_minor_formatter("")
             axes.set_xticks(TICKS_S, [f"{1e3 * seconds:g} ms" for seconds in TICKS_S])
-            axes.grid(color="#E3E3E3", linewidth=0.6)
-            axes.spines[["top", "right"]].set_visible(False)
+            _plain(axes)
         row[0].set_ylabel(f"relative error of the {TITLES[quantity]}", fontsize=8.5)
     for axes in panels[-1]:
         axes.set_xlabel("time of one analysis")
     handles, labels = panels[-1, -1].get_legend_handles_labels()
     figure.legend(handles=handles, labels=labels, loc="outside lower center", ncols=4)
-    figure.suptitle(
-        "Every model, fit and separation over the grid: large point the whole map, then 1/2, 1/4, "
-        f"1/8 of its points along each axis; medians\n{_machine(results)}",
-        fontsize=9.5,
-        color=INK,
-    )
     return figure
 
 
-def _place(point: "Row", quantity: str) -> tuple[float, float | None]:
+def _place(point: Row, quantity: str) -> tuple[float, float | None]:
     group = point["groups"]["all"]
     return group["seconds"][0], (group[quantity] or [None])[0]
 
@@ -227,8 +225,11 @@ def _uncertainty(results: dict[str, Any], quantity: str) -> float | None:
 
 def _caps(results: dict[str, Any]) -> "Figure":
     """Draw the errors of m, n, h and the radii by fit and separation."""
-    figure, first = blank("", 13.0, 5.0)
-    first.remove()
+    title = (
+        "Families found on faces of caps (blue) and on the same with noise (vermilion): median and "
+        "range"
+    )
+    figure = _sheet(results, 5.0, title)
     names = {
         "m": "|error of m|, caps",
         "n": "|error of n|, caps",
@@ -241,7 +242,7 @@ def _caps(results: dict[str, Any]) -> "Figure":
     by_line = {p["line"]: p for p in reversed(results["points"]) if p["setting"] == "1/1"}
     for axes, (quantity, label) in zip(panels, names.items(), strict=True):
         for row, (fit, separation) in enumerate(wanted):
-            point = by_line.get(f"families, {fit}, {separation}")
+            point = by_line.get(f"{MODELS[0]}, {fit}, {separation}")
             for group, colour, shift in (("caps", "#0072B2", -0.15), ("noise", "#D55E00", 0.15)):
                 values = (point or {}).get("groups", {}).get(group, {}).get(quantity)
                 if values:
@@ -254,14 +255,7 @@ def _caps(results: dict[str, Any]) -> "Figure":
         axes.set_xscale("symlog", linthresh=1.0 if quantity in "mn" else 1e-3)
         axes.set_xlim(0.0, 30.0 if quantity in "mn" else 1.0)
         axes.invert_yaxis()
-        axes.grid(color="#E3E3E3", linewidth=0.6)
-        axes.spines[["top", "right"]].set_visible(False)
-    figure.suptitle(
-        "Families found on faces of caps (blue) and on the same with noise (vermilion): median and "
-        f"range\n{_machine(results)}",
-        fontsize=9.5,
-        color=INK,
-    )
+        _plain(axes)
     return figure
 
 
@@ -295,7 +289,17 @@ def _honesty(results: dict[str, Any]) -> "Figure":
     return figure
 
 
-def _machine(results: dict[str, Any]) -> str:
+def _sheet(results: dict[str, Any], height: float, title: str) -> "Figure":
+    """Return an empty figure for panels; its title ends with the machine and the versions."""
+    figure, first = blank("", 13.0, height)
+    first.remove()
     of = results["machine"]
     versions = ", ".join(f"{name} {of[name]}" for name in ("python", "numpy", "scipy", "capslip"))
-    return f"{of['processor']}, {of['system']}; {versions}"
+    text = f"{title}\n{of['processor']}, {of['system']}; {versions}"
+    figure.suptitle(text, fontsize=9.5, color=INK)
+    return figure
+
+
+def _plain(axes: "Axes") -> None:
+    axes.spines[["top", "right"]].set_visible(False)
+    axes.grid(color="#E3E3E3", linewidth=0.6)

@@ -10,7 +10,7 @@ from capslip.output.canvas import ACCENT, FAMILY_COLOUR, INK, blank
 from capslip.output.quantity import engineering, scaled
 from capslip.settings import Structure
 from capslip.structure.response import Damping, response
-from capslip.studies import paper
+from capslip.studies.paper import printed as paper
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

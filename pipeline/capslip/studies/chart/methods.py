@@ -1,12 +1,37 @@
 """The methods of the chart: each is a name, a setting, and what it overrides in the settings."""
 
 from dataclasses import dataclass
+from itertools import product
 
-MODELS = ("families", "caps", "mean_field", "interacting")
-FITS = ("equation18", "pinned", "least_squares", "contact")
+from capslip import registry
+from capslip.caps.fitting import fit_named
+from capslip.contact.rung import ladder
+from capslip.settings import CapSettings, HillSettings
+
+# Rungs and fits from the cheapest on; the paper's come first, those that the program chooses last.
+LADDER = ladder()
+FITS = tuple(
+    sorted(
+        registry.names("caps.fits"),
+        key=lambda name: (
+            not fit_named(name).at_cut_alone,
+            fit_named(name).compression_share is not None,
+        ),
+    )
+)
 SEPARATIONS = ("regions", "watershed")
-CHOSEN = ("contact", "watershed")  # the fit and separation that the program chooses
+MODELS = tuple(rung.name for rung in LADDER if rung.automatic)
+FLAT, GRID = (next(r for r in LADDER if r.made_from == what) for what in ("nothing", "map"))
+AUTO = "auto"
+PAPERS = (MODELS[0], FITS[0], SEPARATIONS[0])
+CHOSEN = (CapSettings().fit, HillSettings().separation)
+
 PAPER = "the paper's way"
+CAPS, MEAN, BEST = (", ".join((model, *CHOSEN)) for model in MODELS[1:])  # lines of the page
+BOUNDARY = GRID.label
+BY_GRID, BY_FILTER = f"{BOUNDARY}, by grid", f"{BOUNDARY}, by filter"
+TOLERANCES = (0.01, 0.05, 0.20)
+AUTO_DEFAULT = "5 %"  # the setting of the line `auto` that the program has by default
 COARSENINGS = (2, 4, 8, 16)
 FILTERS_PIXELS = (5, 10)
 
@@ -43,32 +68,22 @@ def methods() -> tuple[Method, ...]:
     >>> sorted({method.line.split(",")[0] for method in methods()})[:4]
     ['auto', 'boundary elements', 'caps', 'families']
     """
-    found = [Method("flat", "any", ("contact.model=flat",))]
-    paper = (*_caps("families", "equation18", "regions"), "families.count=2")
-    found += _by_grid(PAPER, paper, COARSENINGS)
-    for model in MODELS:
-        for fit in FITS:
-            for separation in SEPARATIONS:
-                line = f"{model}, {fit}, {separation}"
-                found += _by_grid(line, _caps(model, fit, separation), COARSENINGS)
+    found = [Method(FLAT.name, "any", (f"contact.model={FLAT.name}",))]
+    found += _by_grid(PAPER, (*_caps(*PAPERS), "families.count=2"), COARSENINGS)
+    for combination in product(MODELS, FITS, SEPARATIONS):
+        found += _by_grid(", ".join(combination), _caps(*combination), COARSENINGS)
     found += [
-        Method("auto", f"{100 * tolerance:g} %", (f"contact.tolerance={tolerance:g}",))
-        for tolerance in (0.01, 0.05, 0.20)
+        Method(AUTO, f"{100 * tolerance:g} %", (f"contact.tolerance={tolerance:g}",))
+        for tolerance in TOLERANCES
     ]
-    boundary = ("contact.model=boundary_elements",)
-    found += _by_grid("boundary elements, by grid", boundary, (2, 4))
-    for line, overrides in (
-        ("boundary elements, by filter", boundary),
-        ("interacting, by filter", _caps("interacting", *CHOSEN)),
-    ):
+    grid = (f"contact.model={GRID.name}",)
+    found += _by_grid(BY_GRID, grid, (2, 4))
+    best = _caps(MODELS[-1], *CHOSEN)
+    for line, overrides in ((BY_FILTER, grid), (f"{MODELS[-1]}, by filter", best)):
         found += [Method(line, f"{n} pixels", overrides, filter_pixels=n) for n in FILTERS_PIXELS]
     found += [
-        Method(
-            "boundary elements, by tolerance",
-            f"{tolerance:g}",
-            (*boundary, f"contact.solver_tolerance={tolerance:g}"),
-        )
-        for tolerance in (1e-3, 1e-5, 1e-9)
+        Method(f"{BOUNDARY}, by tolerance", f"{x:g}", (*grid, f"contact.solver_tolerance={x:g}"))
+        for x in (1e-3, 1e-5, 1e-9)
     ]
     return tuple(found)
 
