@@ -18,6 +18,7 @@ LAYERS = [
     {"doubts", "sensitivity"},
     {"analysis", "summary"},
     {"output"},
+    {"compare"},
     {"batch", "studies"},
     {"cli"},
 ]

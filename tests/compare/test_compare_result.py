@@ -6,17 +6,12 @@ import numpy as np
 import pytest
 
 from capslip.analysis import analyze
+from capslip.compare import compare_result, lines, to_dict, write_comparison
+from capslip.compare.measurement import load_measurement
+from capslip.compare.model import load_model
 from capslip.errors import OutputError, UnreadableFileError
 from capslip.output import store
 from capslip.settings import load_settings
-from capslip.studies.compare_result import (
-    compare_result,
-    lines,
-    load_measurement,
-    load_model,
-    to_dict,
-    write_comparison,
-)
 from scenes import caps_map
 
 CAPS = [(5e-3, 5e-3, 20.0, 0.0), (15e-3, 6e-3, 22.0, -1e-8), (25e-3, 14e-3, 24.0, -5e-8)]

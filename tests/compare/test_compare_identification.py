@@ -6,10 +6,12 @@ from functools import lru_cache
 import numpy as np
 import pytest
 
+from capslip.compare.comparison import compare
+from capslip.compare.measurement import Measurement
+from capslip.compare.model import JointModel
 from capslip.contact.curves import families
 from capslip.contact.slip import slip_curve
 from capslip.errors import SettingsError
-from capslip.structure.compare import JointModel, Measurement, compare
 from capslip.structure.response import response
 
 KAPPA, K_M, K_S, JOINTS = 1.2142857, 1.8e8, 9.9e7, 2
