@@ -11,7 +11,7 @@ from capslip.compare.measurement import Measurement
 from capslip.compare.model import JointModel
 from capslip.contact.curves import families
 from capslip.contact.slip import slip_curve
-from capslip.errors import SettingsError
+from capslip.errors import ContactError, SettingsError
 from capslip.structure.response import response
 
 KAPPA, K_M, K_S, JOINTS = 1.2142857, 1.8e8, 9.9e7, 2
@@ -203,6 +203,26 @@ def test_a_curve_that_the_model_cannot_reach_ends_at_a_bound(model, gross_m):
     found = compare(measured, model, MU, PRELOAD_N, identify=True)
     assert found.identified.at_bound is not None
     assert any("do not hold" in remark for remark in found.remarks)
+
+
+@pytest.mark.parametrize(("most_N", "reached"), [(600.0, True), (400.0, False)])
+def test_the_search_ends_where_the_caps_carry_no_more(most_N, reached):
+    def curve(preload_N):
+        if preload_N > most_N:
+            raise ContactError("too much")
+        return ONE
+
+    v_m = np.geomspace(0.02, 0.95, 25) * joints(ONE).gross_slip_amplitude_m(MU, PRELOAD_N)
+    measured = noisy(joints(ONE), v_m, 0)
+    model = JointModel(curve, KAPPA, K_M, K_S, JOINTS)
+    found = compare(measured, model, MU, 200.0, identify=True).identified
+    assert (found.at_bound is None) == reached
+    if reached:
+        assert abs(np.log(found.preload_N / PRELOAD_N)) < 3 * found.preload_log_std
+    else:
+        assert 0.96 * most_N < found.preload_N <= most_N
+    with pytest.raises(ContactError):
+        compare(measured, model, MU, 2 * most_N, identify=True)
 
 
 def test_too_few_points_are_refused(model):

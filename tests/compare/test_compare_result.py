@@ -57,6 +57,38 @@ def test_model_of_a_result_is_that_of_its_analysis(surface, tmp_path, name):
     np.testing.assert_allclose(got, expected, rtol=5e-3, atol=1e-15)
 
 
+@pytest.mark.parametrize(("feature", "m"), [("peak_height", 1), ("radius", 2)])
+def test_families_are_those_of_the_analysis(tmp_path, feature, m):
+    four = [(5e-3, 5e-3, 20.0, 0.0), (15e-3, 6e-3, 30.0, -2e-7)]
+    four += [(25e-3, 14e-3, 20.5, -2.1e-7), (8e-3, 15e-3, 31.0, -2.2e-7)]
+    chosen = (f"families.feature={feature}", "families.count=2", "contact.model=families")
+    analysis = result_of(caps_map(four), tmp_path / "result", *chosen)
+    assert analysis.families.m == m
+    model, _ = load_model(tmp_path / "result")
+    got = model.curve(460.0)
+    np.testing.assert_array_equal(got.count, analysis.contact.curve.count)
+    approach_m = np.linspace(1e-8, 5e-7, 50)
+    np.testing.assert_allclose(
+        got.load_N(approach_m), analysis.contact.curve.load_N(approach_m), rtol=1e-12
+    )
+
+
+def test_contact_model_is_that_of_the_result_at_every_preload(surface, tmp_path):
+    # at a tenth of the preload families are within this tolerance
+    analysis = result_of(surface, tmp_path / "result", "contact.tolerance=0.5")
+    used = analysis.contact.model
+    assert analysis.settings.contact.model == "auto"
+    model, _ = load_model(tmp_path / "result")
+    light = result_of(
+        surface, tmp_path / "light", "contact.tolerance=0.5", "contact.preload_N=46.0"
+    )
+    assert light.contact.model != used
+    assert [model.curve(preload_N).model for preload_N in (46.0, 460.0, 4600.0)] == 3 * [used]
+    load_N = np.geomspace(1.0, 460.0, 30)
+    got, expected = (one.approach_m(load_N) for one in (model.curve(460.0), analysis.contact.curve))
+    np.testing.assert_allclose(got, expected, rtol=1e-9)
+
+
 def test_result_against_its_own_curve(result, tmp_path):
     folder, analysis = result
     damping = analysis.damping

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from capslip.compare.model import JointModel
-from capslip.errors import SettingsError
+from capslip.errors import ContactError, SettingsError
 
 LEAST_POINTS = 5  # two parameters and something left to tell the noise
 GREATEST_CORRELATION = 0.98
@@ -150,7 +150,8 @@ def _starts(
     """Return where to begin, (ln v_gross / v_greatest, ln N0), and the bounds of the search.
 
     Families make the misfit a narrow valley with others beside it, so the whole range is looked
-    over first, on coarse curves: the lowest places along the preload, three at most.
+    over first, on coarse curves: the lowest places along the preload, three at most. The range ends
+    at the greatest preload that the caps carry.
     """
     middle, reach = math.log(preload_N), math.log(PRELOAD_RANGE)
     logs = np.linspace(middle - reach, middle + reach, 122)[1:-1]
@@ -158,15 +159,23 @@ def _starts(
     share = amplitude_m / amplitude_m[-1] * np.exp(-excess[:, None])  # of v_gross
     least, best = np.empty(logs.size), np.empty(logs.size)
     for i, log_N0 in enumerate(logs):
-        unit = model.unit_curve(math.exp(log_N0), points=100)
+        try:
+            unit = model.unit_curve(math.exp(log_N0), points=100)
+        except ContactError:  # more than the caps can carry
+            if log_N0 < middle:
+                raise
+            least[i:], best[i:] = np.inf, excess[0]
+            break
         misfit = np.log(unit(share * unit.gross_slip_amplitude_m) / joint_loss_factor)
         squares = (misfit**2).sum(axis=1)
         least[i], best[i] = squares.min(), excess[squares.argmin()]
     padded = np.concatenate(([np.inf], least, [np.inf]))
-    low = np.flatnonzero((least <= padded[:-2]) & (least <= padded[2:]))
+    carried = np.isfinite(least)
+    low = np.flatnonzero(carried & (least <= padded[:-2]) & (least <= padded[2:]))
     low = low[np.argsort(least[low])][:3]
-    bounds = np.array([[0.0, middle - reach], [GREATEST_EXCESS, middle + reach]])
-    return np.column_stack([best[low], logs[low]]), bounds
+    greatest = middle + reach if carried.all() else logs[carried][-1] - STEP
+    bounds = np.array([[0.0, middle - reach], [GREATEST_EXCESS, greatest]])
+    return np.column_stack([best[low], np.minimum(logs[low], greatest)]), bounds
 
 
 def _bound(x: np.ndarray, bounds: np.ndarray) -> str | None:
@@ -175,5 +184,5 @@ def _bound(x: np.ndarray, bounds: np.ndarray) -> str | None:
     if x[0] > bounds[1, 0] - 1e-6:
         return "gross slip far above every amplitude measured"
     if x[1] - bounds[0, 1] < 1e-6 or x[1] > bounds[1, 1] - 1e-6:
-        return f"a preload {PRELOAD_RANGE:g} times off the one given"
+        return f"a preload {PRELOAD_RANGE:g} times off the one given, or the most the caps carry"
     return None
