@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from capslip.compare.comparison import compare
+from capslip.compare.identification import _bound, _uncertainty
 from capslip.compare.measurement import Measurement
 from capslip.compare.model import JointModel
 from capslip.contact.curves import families
@@ -121,7 +122,8 @@ def test_intrinsic_loss_is_subtracted_inside_its_range_alone(model, gross_m):
 
 def test_points_without_a_share_of_the_joints_are_left_out_and_said(model, gross_m):
     v_m = np.geomspace(1e-2, 0.9, 20) * gross_m
-    measured = Measurement(v_m, np.where(np.arange(20) < 4, 1e-4, 1e-2))
+    # one point loses exactly as much, three lose less
+    measured = Measurement(v_m, np.where(np.arange(20) < 4, [1e-3] + 19 * [1e-4], 1e-2))
     monolithic = Measurement(v_m[[0, -1]], np.array([1e-3, 1e-3]))
     found = compare(measured, model, MU, PRELOAD_N, monolithic)
     assert np.isnan(found.joint_loss_factor[:4]).all()
@@ -203,6 +205,59 @@ def test_a_curve_that_the_model_cannot_reach_ends_at_a_bound(model, gross_m):
     found = compare(measured, model, MU, PRELOAD_N, identify=True)
     assert found.identified.at_bound is not None
     assert any("do not hold" in remark for remark in found.remarks)
+
+
+def test_uncertainty_is_that_of_linear_least_squares():
+    jacobian = np.random.default_rng(5).normal(size=(9, 2)) * [3.0, 0.5]
+    covariance = 0.7 / (9 - 2) * np.linalg.inv(jacobian.T @ jacobian)
+    log_std, correlation, condition, exponent = _uncertainty(jacobian, 0.7)
+    np.testing.assert_allclose(log_std, np.sqrt(np.diag(covariance)), rtol=1e-12)
+    assert correlation == pytest.approx(covariance[0, 1] / log_std.prod(), rel=1e-12)
+    assert condition == pytest.approx(np.linalg.cond(jacobian), rel=1e-12)
+    # of all ln mu + p ln N0 the one with the least variance
+    variance = [
+        np.array([1.0, p]) @ covariance @ [1.0, p] for p in exponent + np.array([0.0, -1e-3, 1e-3])
+    ]
+    assert variance[0] < min(variance[1:])
+    assert variance[0] == pytest.approx(covariance[0, 0] * (1 - correlation**2), rel=1e-9)
+
+
+def test_what_is_identified_has_the_misfit_that_is_given(model, gross_m):
+    v_m = np.geomspace(0.1, 0.95, 5) * gross_m  # as few points as are taken
+    measured = noisy(model, v_m, 1)
+    found = compare(measured, model, MU, PRELOAD_N, identify=True)
+    fit = found.identified
+    best = model.loss_factor(v_m, fit.friction_coefficient, fit.preload_N)
+    misfit = np.log(best / measured.loss_factor)
+    assert fit.rms_log_ratio == pytest.approx(np.sqrt(np.mean(misfit**2)), rel=1e-6)
+    assert fit.points == 5
+    at_m = found.curve_amplitude_m
+    expected = model.loss_factor(at_m, fit.friction_coefficient, fit.preload_N)
+    np.testing.assert_array_equal(found.curve_identified, expected)
+
+
+def test_correlated_values_are_not_told_apart_whatever_the_condition_number():
+    model = joints(ONE)
+    v_m = np.geomspace(0.01, 0.8, 25) * model.gross_slip_amplitude_m(MU, PRELOAD_N)
+    fit = compare(noisy(model, v_m, 3), model, MU, PRELOAD_N, identify=True).identified
+    assert abs(fit.correlation) > 0.98
+    assert fit.condition_number < 100
+    assert not fit.distinguishable
+
+
+@pytest.mark.parametrize(
+    ("x", "words"),
+    [
+        ((1.0, 5.0), None),
+        ((0.0, 5.0), "greatest amplitude"),
+        ((10.0, 5.0), "far above"),
+        ((1.0, 3.0), "preload"),
+        ((1.0, 7.0), "preload"),
+    ],
+)
+def test_bounds_are_named(x, words):
+    found = _bound(np.array(x), np.array([[0.0, 3.0], [10.0, 7.0]]))
+    assert found is None if words is None else words in found
 
 
 @pytest.mark.parametrize(("most_N", "reached"), [(600.0, True), (400.0, False)])
