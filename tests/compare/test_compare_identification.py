@@ -139,6 +139,31 @@ def test_points_beyond_gross_slip_are_said(model, gross_m):
     assert any(f"{beyond} of 20 points lie beyond gross slip" in r for r in found.remarks)
 
 
+def test_points_without_a_share_are_not_counted_beyond_gross_slip(model, gross_m):
+    v_m = np.array([0.5, 0.8, 1.2, 1.5]) * gross_m
+    monolithic = Measurement(v_m[:3], np.full(3, 1e-4))
+    found = compare(Measurement(v_m, np.full(4, 0.01)), model, MU, PRELOAD_N, monolithic)
+    assert any("1 of 4 points lie beyond gross slip" in remark for remark in found.remarks)
+    assert any("1 of 4 points lie outside" in remark for remark in found.remarks)
+
+
+def test_curves_are_those_of_the_model_of_the_plane_and_of_the_monolithic_beam(model, gross_m):
+    v_m = np.geomspace(1e-2, 0.9, 20) * gross_m
+    monolithic = Measurement(v_m[[0, 9]], np.array([1e-3, 3e-3]))
+    found = compare(Measurement(v_m, np.full(20, 0.01)), model, MU, PRELOAD_N, monolithic)
+    at_m = found.curve_amplitude_m
+    np.testing.assert_allclose(at_m[[0, -1]], v_m[[0, -1]], rtol=1e-12)
+    np.testing.assert_array_equal(found.curve_model, model.loss_factor(at_m, MU, PRELOAD_N))
+    np.testing.assert_array_equal(found.curve_plane[at_m < MU * PRELOAD_N / K_S], 0.0)
+    inside = (at_m > v_m[0]) & (at_m < v_m[9])
+    share = np.log(at_m / v_m[0]) / np.log(v_m[9] / v_m[0])
+    np.testing.assert_allclose(found.curve_intrinsic[inside], (1e-3 + 2e-3 * share)[inside])
+    assert np.isnan(found.curve_intrinsic[at_m > v_m[9]]).all()
+    assert (
+        compare(Measurement(v_m, np.full(20, 0.01)), model, MU, PRELOAD_N).curve_intrinsic == 0
+    ).all()
+
+
 def test_truth_lies_inside_the_error_bars(model, gross_m):
     v_m = np.geomspace(0.02, 0.95, 25) * gross_m
     off = []

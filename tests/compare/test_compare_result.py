@@ -1,12 +1,14 @@
 """A result folder against CSV files: reading, units, one-line errors."""
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from capslip.analysis import analyze
 from capslip.compare import compare_result, lines, to_dict, write_comparison
+from capslip.compare.comparison import Band
 from capslip.compare.measurement import load_measurement
 from capslip.compare.model import load_model
 from capslip.errors import OutputError, UnreadableFileError
@@ -128,6 +130,36 @@ def test_units_of_the_header(tmp_path, header, row, amplitude_m, loss_factor):
     measured = load_measurement(write(tmp_path / "a.csv", f"\ufeff{header}\n{row}\n\n{row}\n"))
     np.testing.assert_allclose(measured.amplitude_m, amplitude_m, rtol=1e-12)
     np.testing.assert_allclose(measured.loss_factor, loss_factor, rtol=1e-12)
+
+
+def test_greatest_values_are_allowed(tmp_path):
+    path = write(tmp_path / "a.csv", "amplitude_m,loss_factor\n0.05,0.5\n0.1,1.0\n")
+    measured = load_measurement(path)
+    assert (measured.amplitude_m[1], measured.loss_factor[1]) == (0.1, 1.0)
+
+
+def test_text_and_json_hold_what_was_found(result, tmp_path):
+    text = "amplitude_um,loss_factor\n" + "".join(f"0.{k},0.00{k}\n" for k in range(1, 8))
+    found = compare_result(result[0], write(tmp_path / "a.csv", text), identify=True)
+    points = to_dict(found)["points"]
+    for name, values in points.items():
+        np.testing.assert_array_equal(np.array(values, dtype=float), getattr(found, name))
+    assert {"joint_energy_J", "joint_loss_factor", "model_loss_factor"} < points.keys()
+    identified = replace(
+        found.identified,
+        friction_coefficient=0.25,
+        friction_coefficient_log_std=0.03,
+        preload_N=512.0,
+        preload_log_std=0.07,
+        correlation=-0.5,
+        rms_log_ratio=0.125,
+    )
+    band = Band("small", 1e-7, 3e-7, 4, 0.5, float(np.log(0.75)))
+    given = replace(found, bands=(band,), identified=identified)
+    _, misfit, fit, *_ = lines(given)
+    assert "0.1 to 0.3 um: 4 points, model / measured 0.75 on average, rms ln ratio 0.5" in misfit
+    assert "mu 0.25 +- 3 %, preload 512 N +- 7 %, correlation -0.500" in fit
+    assert fit.endswith("rms ln ratio 0.125")
 
 
 GOOD = "amplitude_um,loss_factor\n1,0.01\n2,0.02\n"
