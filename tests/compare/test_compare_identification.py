@@ -105,6 +105,20 @@ def test_misfit_by_band_counts_factor_and_scatter(model, gross_m):
     np.testing.assert_allclose([band.rms_log_ratio for band in found.bands], np.abs(biases))
 
 
+def test_misfit_by_band_tells_scatter_from_bias(model, gross_m):
+    # thirds of three decades: their borders belong to the greater amplitudes
+    v_m = np.array([1.0, 3.0, 10.0, 30.0, 100.0, 300.0, 1000.0]) * 9e-4 * gross_m
+    factor = np.array([2.0, 0.5, 2.0, 2.0, 4.0, 1.0, 1.0])
+    measured = Measurement(v_m, model.loss_factor(v_m, MU, PRELOAD_N) / factor)
+    found = compare(measured, model, MU, PRELOAD_N)
+    assert [band.points for band in found.bands] == [2, 2, 3]
+    ln2 = np.log(2.0)
+    biases = [band.bias_log_ratio for band in found.bands]
+    np.testing.assert_allclose(biases, [0.0, ln2, 2 * ln2 / 3], atol=1e-9)
+    rms = [band.rms_log_ratio for band in found.bands]
+    np.testing.assert_allclose(rms, [ln2, ln2, 2 * ln2 / np.sqrt(3)], rtol=1e-9)
+
+
 def test_intrinsic_loss_is_subtracted_inside_its_range_alone(model, gross_m):
     v_m = np.geomspace(1e-2, 0.9, 20) * gross_m
     joint = model.loss_factor(v_m, MU, PRELOAD_N)

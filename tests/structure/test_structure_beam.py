@@ -129,6 +129,15 @@ def test_mirrored_joint_and_clamp():
     assert 2 * clamp.joint_stiffness_N_per_m > clamp.modal_stiffness_N_per_m
 
 
+def test_bounds_of_the_material_themselves():
+    # an auxetic body has a shear modulus above E / 2, and all of a section may carry shear
+    auxetic = beam_mode(**{**BEAM, "poisson_ratio": -0.3}, shear_correction=1.0)
+    usual = beam_mode(**BEAM, shear_correction=1.0)
+    assert usual.frequency_Hz < auxetic.frequency_Hz
+    thin = beam_mode(**BEAM, theory="euler_bernoulli")
+    assert auxetic.frequency_Hz < thin.frequency_Hz
+
+
 @pytest.mark.parametrize(
     ("change", "text"),
     [
