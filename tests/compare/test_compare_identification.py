@@ -6,7 +6,7 @@ from functools import lru_cache
 import numpy as np
 import pytest
 
-from capslip.compare.comparison import compare
+from capslip.compare.comparison import _bands, compare
 from capslip.compare.identification import _bound, _uncertainty
 from capslip.compare.measurement import Measurement
 from capslip.compare.model import JointModel
@@ -117,6 +117,18 @@ def test_misfit_by_band_tells_scatter_from_bias(model, gross_m):
     np.testing.assert_allclose(biases, [0.0, ln2, 2 * ln2 / 3], atol=1e-9)
     rms = [band.rms_log_ratio for band in found.bands]
     np.testing.assert_allclose(rms, [ln2, ln2, 2 * ln2 / np.sqrt(3)], rtol=1e-9)
+
+
+def test_an_amplitude_between_two_bands_counts_with_the_greater():
+    v_m = np.array([1.0, 2.0, 4.0, 8.0])
+    np.testing.assert_array_equal(np.geomspace(1.0, 8.0, 4), v_m)
+    assert [band.points for band in _bands(v_m, np.ones(4))] == [1, 1, 2]
+
+
+def test_gross_slip_itself_has_a_loss_factor(model):
+    for mu in np.linspace(0.05, 0.9, 60):
+        gross_m = model.gross_slip_amplitude_m(mu, PRELOAD_N)
+        assert np.isfinite(model.loss_factor(np.array([gross_m]), mu, PRELOAD_N)).all()
 
 
 def test_intrinsic_loss_is_subtracted_inside_its_range_alone(model, gross_m):

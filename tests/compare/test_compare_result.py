@@ -91,6 +91,15 @@ def test_contact_model_is_that_of_the_result_at_every_preload(surface, tmp_path)
     np.testing.assert_allclose(got, expected, rtol=1e-9)
 
 
+def test_caps_that_cannot_touch_are_no_rows_of_a_chosen_model(surface, tmp_path):
+    chosen = ("contact.tolerance=0.001", "contact.preload_N=1.0")
+    contact = result_of(surface, tmp_path / "result", *chosen).contact
+    assert contact.model == "interacting"
+    assert contact.use.sum() == 2
+    model, _ = load_model(tmp_path / "result")
+    assert [len(model.curve(preload_N).radius_m) for preload_N in (1.0, 460.0)] == [2, 3]
+
+
 def test_result_against_its_own_curve(result, tmp_path):
     folder, analysis = result
     damping = analysis.damping
