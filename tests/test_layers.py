@@ -20,6 +20,7 @@ LAYERS = [
     {"result"},
     {"analysis"},
     {"output"},
+    {"compare"},
     {"batch", "studies"},
     {"cli"},
 ]

@@ -395,15 +395,15 @@ def compare(
     verbose: bool,
 ) -> None:
     """Compare a result with measured damping (CSV: amplitude_um,loss_factor and the like)."""
-    from capslip.studies import compare_result as study
+    from capslip.compare import compare_result, lines, to_dict, write_comparison
 
-    found = study.compare_result(result, assembly, monolithic, identify)
+    found = compare_result(result, assembly, monolithic, identify)
     if out is not None:
-        study.write_comparison(found, out)
+        write_comparison(found, out)
     if as_json:
-        click.echo(json.dumps(study.to_dict(found), indent=1, ensure_ascii=False, allow_nan=False))
+        click.echo(json.dumps(to_dict(found), indent=1, ensure_ascii=False, allow_nan=False))
     elif not quiet:
-        click.echo("\n".join(study.lines(found)))
+        click.echo("\n".join(lines(found)))
         if out is not None:
             click.echo(f"picture    {out / 'compare.png'}")
 

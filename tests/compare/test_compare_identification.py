@@ -6,10 +6,13 @@ from functools import lru_cache
 import numpy as np
 import pytest
 
+from capslip.compare.comparison import _bands, compare
+from capslip.compare.identification import _bound, _uncertainty
+from capslip.compare.measurement import Measurement
+from capslip.compare.model import JointModel
 from capslip.contact.models.families import families
 from capslip.contact.slip import slip_curve
-from capslip.errors import SettingsError
-from capslip.structure.compare import JointModel, Measurement, compare
+from capslip.errors import ContactError, SettingsError
 from capslip.structure.response import response
 
 KAPPA, K_M, K_S, JOINTS = 1.2142857, 1.8e8, 9.9e7, 2
@@ -102,6 +105,32 @@ def test_misfit_by_band_counts_factor_and_scatter(model, gross_m):
     np.testing.assert_allclose([band.rms_log_ratio for band in found.bands], np.abs(biases))
 
 
+def test_misfit_by_band_tells_scatter_from_bias(model, gross_m):
+    # thirds of three decades: their borders belong to the greater amplitudes
+    v_m = np.array([1.0, 3.0, 10.0, 30.0, 100.0, 300.0, 1000.0]) * 9e-4 * gross_m
+    factor = np.array([2.0, 0.5, 2.0, 2.0, 4.0, 1.0, 1.0])
+    measured = Measurement(v_m, model.loss_factor(v_m, MU, PRELOAD_N) / factor)
+    found = compare(measured, model, MU, PRELOAD_N)
+    assert [band.points for band in found.bands] == [2, 2, 3]
+    ln2 = np.log(2.0)
+    biases = [band.bias_log_ratio for band in found.bands]
+    np.testing.assert_allclose(biases, [0.0, ln2, 2 * ln2 / 3], atol=1e-9)
+    rms = [band.rms_log_ratio for band in found.bands]
+    np.testing.assert_allclose(rms, [ln2, ln2, 2 * ln2 / np.sqrt(3)], rtol=1e-9)
+
+
+def test_an_amplitude_between_two_bands_counts_with_the_greater():
+    v_m = np.array([1.0, 2.0, 4.0, 8.0])
+    np.testing.assert_array_equal(np.geomspace(1.0, 8.0, 4), v_m)
+    assert [band.points for band in _bands(v_m, np.ones(4))] == [1, 1, 2]
+
+
+def test_gross_slip_itself_has_a_loss_factor(model):
+    for mu in np.linspace(0.05, 0.9, 60):
+        gross_m = model.gross_slip_amplitude_m(mu, PRELOAD_N)
+        assert np.isfinite(model.loss_factor(np.array([gross_m]), mu, PRELOAD_N)).all()
+
+
 def test_intrinsic_loss_is_subtracted_inside_its_range_alone(model, gross_m):
     v_m = np.geomspace(1e-2, 0.9, 20) * gross_m
     joint = model.loss_factor(v_m, MU, PRELOAD_N)
@@ -119,7 +148,8 @@ def test_intrinsic_loss_is_subtracted_inside_its_range_alone(model, gross_m):
 
 def test_points_without_a_share_of_the_joints_are_left_out_and_said(model, gross_m):
     v_m = np.geomspace(1e-2, 0.9, 20) * gross_m
-    measured = Measurement(v_m, np.where(np.arange(20) < 4, 1e-4, 1e-2))
+    # one point loses exactly as much, three lose less
+    measured = Measurement(v_m, np.where(np.arange(20) < 4, [1e-3] + 19 * [1e-4], 1e-2))
     monolithic = Measurement(v_m[[0, -1]], np.array([1e-3, 1e-3]))
     found = compare(measured, model, MU, PRELOAD_N, monolithic)
     assert np.isnan(found.joint_loss_factor[:4]).all()
@@ -133,6 +163,31 @@ def test_points_beyond_gross_slip_are_said(model, gross_m):
     beyond = int((v_m > gross_m).sum())
     assert np.isnan(found.model_loss_factor).sum() == beyond
     assert any(f"{beyond} of 20 points lie beyond gross slip" in r for r in found.remarks)
+
+
+def test_points_without_a_share_are_not_counted_beyond_gross_slip(model, gross_m):
+    v_m = np.array([0.5, 0.8, 1.2, 1.5]) * gross_m
+    monolithic = Measurement(v_m[:3], np.full(3, 1e-4))
+    found = compare(Measurement(v_m, np.full(4, 0.01)), model, MU, PRELOAD_N, monolithic)
+    assert any("1 of 4 points lie beyond gross slip" in remark for remark in found.remarks)
+    assert any("1 of 4 points lie outside" in remark for remark in found.remarks)
+
+
+def test_curves_are_those_of_the_model_of_the_plane_and_of_the_monolithic_beam(model, gross_m):
+    v_m = np.geomspace(1e-2, 0.9, 20) * gross_m
+    monolithic = Measurement(v_m[[0, 9]], np.array([1e-3, 3e-3]))
+    found = compare(Measurement(v_m, np.full(20, 0.01)), model, MU, PRELOAD_N, monolithic)
+    at_m = found.curve_amplitude_m
+    np.testing.assert_allclose(at_m[[0, -1]], v_m[[0, -1]], rtol=1e-12)
+    np.testing.assert_array_equal(found.curve_model, model.loss_factor(at_m, MU, PRELOAD_N))
+    np.testing.assert_array_equal(found.curve_plane[at_m < MU * PRELOAD_N / K_S], 0.0)
+    inside = (at_m > v_m[0]) & (at_m < v_m[9])
+    share = np.log(at_m / v_m[0]) / np.log(v_m[9] / v_m[0])
+    np.testing.assert_allclose(found.curve_intrinsic[inside], (1e-3 + 2e-3 * share)[inside])
+    assert np.isnan(found.curve_intrinsic[at_m > v_m[9]]).all()
+    assert (
+        compare(Measurement(v_m, np.full(20, 0.01)), model, MU, PRELOAD_N).curve_intrinsic == 0
+    ).all()
 
 
 def test_truth_lies_inside_the_error_bars(model, gross_m):
@@ -201,6 +256,79 @@ def test_a_curve_that_the_model_cannot_reach_ends_at_a_bound(model, gross_m):
     found = compare(measured, model, MU, PRELOAD_N, identify=True)
     assert found.identified.at_bound is not None
     assert any("do not hold" in remark for remark in found.remarks)
+
+
+def test_uncertainty_is_that_of_linear_least_squares():
+    jacobian = np.random.default_rng(5).normal(size=(9, 2)) * [3.0, 0.5]
+    covariance = 0.7 / (9 - 2) * np.linalg.inv(jacobian.T @ jacobian)
+    log_std, correlation, condition, exponent = _uncertainty(jacobian, 0.7)
+    np.testing.assert_allclose(log_std, np.sqrt(np.diag(covariance)), rtol=1e-12)
+    assert correlation == pytest.approx(covariance[0, 1] / log_std.prod(), rel=1e-12)
+    assert condition == pytest.approx(np.linalg.cond(jacobian), rel=1e-12)
+    # of all ln mu + p ln N0 the one with the least variance
+    variance = [
+        np.array([1.0, p]) @ covariance @ [1.0, p] for p in exponent + np.array([0.0, -1e-3, 1e-3])
+    ]
+    assert variance[0] < min(variance[1:])
+    assert variance[0] == pytest.approx(covariance[0, 0] * (1 - correlation**2), rel=1e-9)
+
+
+def test_what_is_identified_has_the_misfit_that_is_given(model, gross_m):
+    v_m = np.geomspace(0.1, 0.95, 5) * gross_m  # as few points as are taken
+    measured = noisy(model, v_m, 1)
+    found = compare(measured, model, MU, PRELOAD_N, identify=True)
+    fit = found.identified
+    best = model.loss_factor(v_m, fit.friction_coefficient, fit.preload_N)
+    misfit = np.log(best / measured.loss_factor)
+    assert fit.rms_log_ratio == pytest.approx(np.sqrt(np.mean(misfit**2)), rel=1e-6)
+    assert fit.points == 5
+    at_m = found.curve_amplitude_m
+    expected = model.loss_factor(at_m, fit.friction_coefficient, fit.preload_N)
+    np.testing.assert_array_equal(found.curve_identified, expected)
+
+
+def test_correlated_values_are_not_told_apart_whatever_the_condition_number():
+    model = joints(ONE)
+    v_m = np.geomspace(0.01, 0.8, 25) * model.gross_slip_amplitude_m(MU, PRELOAD_N)
+    fit = compare(noisy(model, v_m, 3), model, MU, PRELOAD_N, identify=True).identified
+    assert abs(fit.correlation) > 0.98
+    assert fit.condition_number < 100
+    assert not fit.distinguishable
+
+
+@pytest.mark.parametrize(
+    ("x", "words"),
+    [
+        ((1.0, 5.0), None),
+        ((0.0, 5.0), "greatest amplitude"),
+        ((10.0, 5.0), "far above"),
+        ((1.0, 3.0), "preload"),
+        ((1.0, 7.0), "preload"),
+    ],
+)
+def test_bounds_are_named(x, words):
+    found = _bound(np.array(x), np.array([[0.0, 3.0], [10.0, 7.0]]))
+    assert found is None if words is None else words in found
+
+
+@pytest.mark.parametrize(("most_N", "reached"), [(600.0, True), (400.0, False)])
+def test_the_search_ends_where_the_caps_carry_no_more(most_N, reached):
+    def curve(preload_N):
+        if preload_N > most_N:
+            raise ContactError("too much")
+        return ONE
+
+    v_m = np.geomspace(0.02, 0.95, 25) * joints(ONE).gross_slip_amplitude_m(MU, PRELOAD_N)
+    measured = noisy(joints(ONE), v_m, 0)
+    model = JointModel(curve, KAPPA, K_M, K_S, JOINTS)
+    found = compare(measured, model, MU, 200.0, identify=True).identified
+    assert (found.at_bound is None) == reached
+    if reached:
+        assert abs(np.log(found.preload_N / PRELOAD_N)) < 3 * found.preload_log_std
+    else:
+        assert 0.96 * most_N < found.preload_N <= most_N
+    with pytest.raises(ContactError):
+        compare(measured, model, MU, 2 * most_N, identify=True)
 
 
 def test_too_few_points_are_refused(model):

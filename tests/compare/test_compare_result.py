@@ -1,22 +1,19 @@
 """A result folder against CSV files: reading, units, one-line errors."""
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from capslip.analysis import analyze
+from capslip.compare import compare_result, lines, to_dict, write_comparison
+from capslip.compare.comparison import Band
+from capslip.compare.measurement import load_measurement
+from capslip.compare.model import load_model
 from capslip.errors import OutputError, UnreadableFileError
 from capslip.output import store
 from capslip.settings import load_settings
-from capslip.studies.compare_result import (
-    compare_result,
-    lines,
-    load_measurement,
-    load_model,
-    to_dict,
-    write_comparison,
-)
 from scenes import caps_map
 
 CAPS = [(5e-3, 5e-3, 20.0, 0.0), (15e-3, 6e-3, 22.0, -1e-8), (25e-3, 14e-3, 24.0, -5e-8)]
@@ -62,6 +59,47 @@ def test_model_of_a_result_is_that_of_its_analysis(surface, tmp_path, name):
     np.testing.assert_allclose(got, expected, rtol=5e-3, atol=1e-15)
 
 
+@pytest.mark.parametrize(("feature", "m"), [("peak_height", 1), ("radius", 2)])
+def test_families_are_those_of_the_analysis(tmp_path, feature, m):
+    four = [(5e-3, 5e-3, 20.0, 0.0), (15e-3, 6e-3, 30.0, -2e-7)]
+    four += [(25e-3, 14e-3, 20.5, -2.1e-7), (8e-3, 15e-3, 31.0, -2.2e-7)]
+    chosen = (f"families.feature={feature}", "families.count=2", "contact.model=families")
+    analysis = result_of(caps_map(four), tmp_path / "result", *chosen)
+    assert analysis.families.m == m
+    model, _ = load_model(tmp_path / "result")
+    got = model.curve(460.0)
+    np.testing.assert_array_equal(got.count, analysis.contact.curve.count)
+    approach_m = np.linspace(1e-8, 5e-7, 50)
+    np.testing.assert_allclose(
+        got.load_N(approach_m), analysis.contact.curve.load_N(approach_m), rtol=1e-12
+    )
+
+
+def test_contact_model_is_that_of_the_result_at_every_preload(surface, tmp_path):
+    # at a tenth of the preload families are within this tolerance
+    analysis = result_of(surface, tmp_path / "result", "contact.tolerance=0.5")
+    used = analysis.contact.model
+    assert analysis.settings.contact.model == "auto"
+    model, _ = load_model(tmp_path / "result")
+    light = result_of(
+        surface, tmp_path / "light", "contact.tolerance=0.5", "contact.preload_N=46.0"
+    )
+    assert light.contact.model != used
+    assert [model.curve(preload_N).model for preload_N in (46.0, 460.0, 4600.0)] == 3 * [used]
+    load_N = np.geomspace(1.0, 460.0, 30)
+    got, expected = (one.approach_m(load_N) for one in (model.curve(460.0), analysis.contact.curve))
+    np.testing.assert_allclose(got, expected, rtol=1e-9)
+
+
+def test_caps_that_cannot_touch_are_no_rows_of_a_chosen_model(surface, tmp_path):
+    chosen = ("contact.tolerance=0.001", "contact.preload_N=1.0")
+    contact = result_of(surface, tmp_path / "result", *chosen).contact
+    assert contact.model == "interacting"
+    assert contact.use.sum() == 2
+    model, _ = load_model(tmp_path / "result")
+    assert [len(model.curve(preload_N).radius_m) for preload_N in (1.0, 460.0)] == [2, 3]
+
+
 def test_result_against_its_own_curve(result, tmp_path):
     folder, analysis = result
     damping = analysis.damping
@@ -101,6 +139,36 @@ def test_units_of_the_header(tmp_path, header, row, amplitude_m, loss_factor):
     measured = load_measurement(write(tmp_path / "a.csv", f"\ufeff{header}\n{row}\n\n{row}\n"))
     np.testing.assert_allclose(measured.amplitude_m, amplitude_m, rtol=1e-12)
     np.testing.assert_allclose(measured.loss_factor, loss_factor, rtol=1e-12)
+
+
+def test_greatest_values_are_allowed(tmp_path):
+    path = write(tmp_path / "a.csv", "amplitude_m,loss_factor\n0.05,0.5\n0.1,1.0\n")
+    measured = load_measurement(path)
+    assert (measured.amplitude_m[1], measured.loss_factor[1]) == (0.1, 1.0)
+
+
+def test_text_and_json_hold_what_was_found(result, tmp_path):
+    text = "amplitude_um,loss_factor\n" + "".join(f"0.{k},0.00{k}\n" for k in range(1, 8))
+    found = compare_result(result[0], write(tmp_path / "a.csv", text), identify=True)
+    points = to_dict(found)["points"]
+    for name, values in points.items():
+        np.testing.assert_array_equal(np.array(values, dtype=float), getattr(found, name))
+    assert {"joint_energy_J", "joint_loss_factor", "model_loss_factor"} < points.keys()
+    identified = replace(
+        found.identified,
+        friction_coefficient=0.25,
+        friction_coefficient_log_std=0.03,
+        preload_N=512.0,
+        preload_log_std=0.07,
+        correlation=-0.5,
+        rms_log_ratio=0.125,
+    )
+    band = Band("small", 1e-7, 3e-7, 4, 0.5, float(np.log(0.75)))
+    given = replace(found, bands=(band,), identified=identified)
+    _, misfit, fit, *_ = lines(given)
+    assert "0.1 to 0.3 um: 4 points, model / measured 0.75 on average, rms ln ratio 0.5" in misfit
+    assert "mu 0.25 +- 3 %, preload 512 N +- 7 %, correlation -0.500" in fit
+    assert fit.endswith("rms ln ratio 0.125")
 
 
 GOOD = "amplitude_um,loss_factor\n1,0.01\n2,0.02\n"

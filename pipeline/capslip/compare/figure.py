@@ -1,4 +1,4 @@
-"""The picture of a measurement beside the model: the paper's Fig. 11."""
+"""The figure of a measurement beside the model: the paper's Fig. 11."""
 
 from typing import TYPE_CHECKING
 
@@ -9,7 +9,7 @@ from capslip.output.canvas import ACCENT, FAMILY_COLOUR, INK, NON_MEASURED, blan
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from capslip.structure.compare import Comparison
+    from capslip.compare.comparison import Comparison
 
 UM = 1e6
 
