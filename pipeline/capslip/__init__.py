@@ -11,6 +11,7 @@ __version__ = "0.1.0"
 if TYPE_CHECKING:
     from capslip.analysis import Analysis, analyze
     from capslip.errors import CapslipError
+    from capslip.output.folder import write
     from capslip.settings import Settings, load_settings
     from capslip.surface.heightmap import HeightMap
     from capslip.surface.readers import load_surface
@@ -23,6 +24,7 @@ __all__ = [
     "analyze",
     "load_settings",
     "load_surface",
+    "write",
 ]
 
 _HOME = {
@@ -33,6 +35,7 @@ _HOME = {
     "analyze": "capslip.analysis",
     "load_settings": "capslip.settings",
     "load_surface": "capslip.surface.readers",
+    "write": "capslip.output.folder",
 }
 
 

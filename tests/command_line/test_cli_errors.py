@@ -11,8 +11,8 @@ import pytest
 from click.testing import CliRunner
 
 from capslip.cli import main
-from capslip.output import store
-from capslip.output.store import FILES, new_folder
+from capslip.output import staging, tables
+from capslip.output.staging import FILES, new_folder
 from capslip.summary import SCHEMA
 
 
@@ -202,7 +202,7 @@ def test_the_summary_moves_last_and_an_earlier_result_comes_back(tmp_path, monke
     with new_folder(out) as work:
         for name, text in result.items():
             (work / name).write_text(text)
-    monkeypatch.setattr(store.shutil, "move", fails_on_summary(shutil.move, out))
+    monkeypatch.setattr(staging.shutil, "move", fails_on_summary(shutil.move, out))
     with pytest.raises(OSError, match="full"), new_folder(out) as work:
         write_second(work, result)
     assert {entry.name: entry.read_text() for entry in out.iterdir()} == result
@@ -258,7 +258,7 @@ def test_an_interrupt_ends_with_130_and_leaves_nothing(run, tmp_path, monkeypatc
     def interrupt(*_):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(store, "write_summary", interrupt)
+    monkeypatch.setattr(tables, "write_summary", interrupt)
     one_line(run("analyze", "a.h5", "-o", "out", "--no-render", "--no-figures"), 130, "interrupted")
     assert [entry.name for entry in tmp_path.iterdir()] == ["a.h5"]
 

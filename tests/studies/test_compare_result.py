@@ -7,7 +7,7 @@ import pytest
 
 from capslip.analysis import analyze
 from capslip.errors import OutputError, UnreadableFileError
-from capslip.output import store
+from capslip.output import tables
 from capslip.settings import load_settings
 from capslip.studies.compare_result import (
     compare_result,
@@ -32,8 +32,8 @@ def surface():
 def result_of(surface, folder, *overrides):
     analysis = analyze(surface, load_settings(overrides=("conditioning.form='none'", *overrides)))
     folder.mkdir()
-    store.write_result(analysis, folder)
-    store.write_summary(analysis.summary(), folder)
+    tables.write_result(analysis, folder)
+    tables.write_summary(analysis.summary(), folder)
     return analysis
 
 

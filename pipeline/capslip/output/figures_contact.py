@@ -5,10 +5,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from capslip.contact.boundary_elements import BoundaryElementCurve
 from capslip.errors import ContactError
 from capslip.output.canvas import ACCENT, INK, blank
-from capslip.output.quantity import contact_name, engineering, scaled
+from capslip.output.quantity import engineering, scaled
+from capslip.output.rungs import rung
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -40,7 +40,7 @@ def normal_curve(analysis: "Analysis") -> "Figure | None":
     # Evenly spaced in the approach of a Hertz contact; the preload comes last.
     load_N = preload_N * np.append(1.5 * np.linspace(0.0, 1.0, 61) ** 1.5, 1.0)
     marker = ""
-    if isinstance(contact.curve, BoundaryElementCurve):  # more loads would cost solutions
+    if hasattr(contact.curve, "solved_loads_N"):  # more loads would cost solutions
         marker = "."
         load_N = np.append(contact.curve.solved_loads_N(preload_N), preload_N)
     elif not np.array_equal(contact.use, analysis.caps.usable):
@@ -66,10 +66,11 @@ def normal_curve(analysis: "Analysis") -> "Figure | None":
         alone_m = _caps_alone(analysis, contact).approach_m(load_N[:-1])
         label = "caps without interaction"
         axes.plot(alone_m / unit_m, load_N[:-1], ":", color=INK, linewidth=1.2, label=label)
-    touching = "whole face" if contact.model == "flat" else f"{contact.contacts}"
+    called = rung(contact.model)
+    touching = "whole face" if called.whole_face else f"{contact.contacts}"
     state = (
         f"preload {preload_N:.4g} N: d = {engineering(approach_m[-1], 'm')}\n"
-        f"{contact_name(contact.model)}: {touching}\n"
+        f"{called.contacts}: {touching}\n"
         f"normal stiffness: {engineering(contact.stiffness_N_per_m, 'N/m')}"
     )
     axes.plot(

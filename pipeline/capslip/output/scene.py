@@ -59,14 +59,18 @@ class Rendering:
         try:
             _, stderr = self.process.communicate(timeout=timeout_s)
         except subprocess.TimeoutExpired:
-            self.process.kill()
-            self.process.communicate()
+            self.stop()
             return f"the renderer was not ready after {timeout_s:g} s"
         if self.png.is_file():  # renamed when complete: a crash while VTK shuts down does no harm
             return None
         lines = [line.strip() for line in stderr.splitlines() if line.strip()]
         reason = f": {lines[-1][:200]}" if lines else ""
         return f"the renderer ended with code {self.process.returncode}{reason}; {REMEDY}"
+
+    def stop(self) -> None:
+        """End the renderer, with or without a picture."""
+        self.process.kill()
+        self.process.communicate()
 
 
 def start_render(result: str | Path, png: str | Path, command: Sequence[str] = RENDER) -> Rendering:

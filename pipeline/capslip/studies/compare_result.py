@@ -16,7 +16,7 @@ from capslip.contact.curves import NormalCurve
 from capslip.contact.material import composite
 from capslip.contact.press import press
 from capslip.errors import OutputError, UnreadableFileError
-from capslip.output.store import read_summary
+from capslip.output.staging import read_summary
 from capslip.settings import Settings, load_settings
 from capslip.structure.compare import Comparison, JointModel, Measurement, compare
 from capslip.structure.stiffness import stiffnesses
