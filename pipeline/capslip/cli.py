@@ -224,19 +224,8 @@ def inspect(result: Path, verbose: bool) -> None:
 
 @main.command()
 @click.argument("result", type=PATH)
-@click.option(
-    "--assembly",
-    type=PATH,
-    required=True,
-    metavar="CSV",
-    help="Measured damping of the assembled structure.",
-)
-@click.option(
-    "--monolithic",
-    type=PATH,
-    metavar="CSV",
-    help="The same of the structure without joints, to be subtracted.",
-)
+@click.option("--assembly", type=PATH, required=True, metavar="CSV", help="Measured damping.")
+@click.option("--monolithic", type=PATH, metavar="CSV", help="The same without joints, subtracted.")
 @click.option("--identify", is_flag=True, help="Fit friction coefficient and preload.")
 @_result_options
 def compare(
