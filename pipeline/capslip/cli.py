@@ -13,7 +13,7 @@ import click
 
 from capslip import __version__
 from capslip.errors import CapslipError, ScanError, SettingsError, in_one_line
-from capslip.output.rungs import RUNGS
+from capslip.output.rungs import RUNGS, rung
 from capslip.units import WORDS
 
 if TYPE_CHECKING:
@@ -150,9 +150,9 @@ def analyze(
     from capslip.surface.readers import load_surface
 
     settings = _settings(**options)
-    if export is not None and settings.contact.model == "flat":
+    if export is not None and rung(settings.contact.model).whole_face:
         raise SettingsError(
-            f"--export {export}: contact.model is flat, which slips only as a whole; expected a "
+            f"--export {export}: contact.model is {settings.contact.model}, which slips only as a whole; expected a "
             "model with caps; take one slider with the force at total slip instead"
         )
     folder = out if out is not None else Path("results") / surface.stem

@@ -98,6 +98,17 @@ def test_the_table_of_caps_is_that_of_the_analysis(written):
                 assert cells == [str(one) for one in column]
 
 
+def test_an_absent_number_is_an_empty_cell(tmp_path):
+    analysis = output_cases.several()
+    load_N = analysis.caps.load_N.copy()
+    load_N[1] = np.nan
+    analysis = replace(analysis, caps=analysis.caps.with_columns(load_N=load_N))
+    tables.write_result(analysis, tmp_path)
+    with (tmp_path / "caps.csv").open() as file:
+        cells = [row["load_N"] for row in csv.DictReader(file)]
+    assert [cell == "" for cell in cells] == [i == 1 for i in range(len(load_N))]
+
+
 def test_every_dataset_has_its_unit_and_its_numbers(written):
     analysis, folder, _ = written
     slip, damping, surface = analysis.slip, analysis.damping, analysis.conditioned.surface
