@@ -194,11 +194,19 @@ def test_a_mounted_folder_is_filled_in_its_place(tmp_path, monkeypatch):
     assert "second" in (tmp_path / "out" / "summary.json").read_text()
 
 
+def test_a_result_can_be_read_by_those_who_can_read_other_new_folders(tmp_path):
+    (tmp_path / "plain").mkdir()
+    with new_folder(tmp_path / "out"):
+        pass
+    assert (tmp_path / "out").stat().st_mode == (tmp_path / "plain").stat().st_mode
+
+
 def test_the_summary_moves_last_and_an_earlier_result_comes_back(tmp_path, monkeypatch):
     out = tmp_path / "out"
     out.mkdir()
     monkeypatch.setattr(os.path, "ismount", lambda path: Path(path).name == "out")
-    result = dict.fromkeys(("summary.json", "caps.csv", "result.h5"), f'{{"schema": "{SCHEMA}"}}')
+    names = ("summary.json", "caps.csv", "surface.vtu")  # on either side of it by name
+    result = dict.fromkeys(names, f'{{"schema": "{SCHEMA}"}}')
     with new_folder(out) as work:
         for name, text in result.items():
             (work / name).write_text(text)
@@ -216,7 +224,8 @@ def write_second(work, names):
 def fails_on_summary(move, out):
     def moving(source, target):
         if Path(target) == out / "summary.json" and Path(source).read_text() == "second":
-            assert "second" in (out / "result.h5").read_text()
+            assert "second" in (out / "caps.csv").read_text()
+            assert "second" in (out / "surface.vtu").read_text()
             raise OSError("disk full")
         return move(source, target)
 
