@@ -153,8 +153,7 @@ def analyze(
     if export is not None and rung(settings.contact.model).whole_face:
         raise SettingsError(
             f"--export {export}: contact.model is {settings.contact.model}, which slips only as a "
-            "whole; expected a model with caps; take one slider with the force at total slip "
-            "instead"
+            "whole; expected a model with caps; take one slider with the force at total slip"
         )
     folder = out if out is not None else Path("results") / surface.stem
     if surface.is_file():  # otherwise the reader says what is wrong with it

@@ -39,6 +39,7 @@ def batch(tmp_path_factory):
     scan(scans / "one.h5", 1)
     scan(scans / "two.h5", 2)
     (scans / "bad.x3p").write_bytes(b"PK\x03\x04 not really")
+    (scans / ".DS_Store").write_bytes(b"hidden")
     np.save(scans / "one.npy", np.zeros((3, 3)))  # no unit, and the stem of another
     arguments = ["batch", str(scans), "-o", str(folder / "out"), "--no-figures", "--no-render"]
     first = CliRunner().invoke(main, arguments)
@@ -101,6 +102,26 @@ def test_pictures_that_were_left_out_are_made_when_wanted(batch, tmp_path):
     written = summary.stat().st_mtime_ns
     assert CliRunner().invoke(main, [*source, "--no-figures"]).exit_code == 0
     assert summary.stat().st_mtime_ns == written
+
+
+def again(*_):
+    return None, "done again"
+
+
+@pytest.mark.parametrize("picture", ["figures", "render"])
+def test_either_kind_of_picture_that_is_wanted_is_made(batch, tmp_path, picture):
+    folder, arguments, _ = batch
+    source = str(folder / "scans in" / "two.h5")
+    arguments = ["batch", source, "-o", str(tmp_path / "out"), *arguments[4:]]
+    assert CliRunner().invoke(main, arguments).exit_code == 0
+    wanted = {"figures": "false", "render": "false", picture: "true"}
+    texts = tuple(f"run.{name}={value}" for name, value in wanted.items())
+    settings = load_settings(overrides=texts)
+    (row,) = run_batch([source], tmp_path / "out", settings, lambda _: None, work=again)
+    assert row["error"] == "done again"
+    settings = load_settings(overrides=("run.figures=false", "run.render=false"))
+    (row,) = run_batch([source], tmp_path / "out", settings, lambda _: None, work=again)
+    assert row["error"] is None
 
 
 def test_an_analysis_that_fails_is_counted_and_keeps_its_numbers(batch, tmp_path):

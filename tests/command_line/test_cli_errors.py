@@ -145,6 +145,14 @@ def test_a_folder_of_someone_else_is_refused(run, tmp_path):
     assert [entry.name for entry in (tmp_path / "out").iterdir()] == ["thesis.tex"]
 
 
+def test_a_report_of_someone_else_is_refused(run, tmp_path):
+    native(tmp_path / "a.h5", hill(), **KNOWN)
+    (tmp_path / "out").mkdir()
+    (tmp_path / "out" / "report.html").write_text("mine")
+    one_line(run("analyze", "a.h5", "-o", "out"), 2, "out", "report.html", "no earlier result")
+    assert (tmp_path / "out" / "report.html").read_text() == "mine"
+
+
 def test_a_summary_beside_foreign_files_is_refused(run, tmp_path):
     native(tmp_path / "a.h5", hill(), **KNOWN)
     light = ("--no-figures", "--no-render", "--preload", "0.1")

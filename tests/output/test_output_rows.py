@@ -29,6 +29,11 @@ def test_the_unit_is_that_of_the_key():
 def test_values_are_those_of_the_analysis():
     analysis = output_cases.several()
     summary, families = analysis.summary(), analysis.families
+    limit_m = {
+        name: analysis.slip.limits_m[analysis.caps.family[analysis.contact.use] == name].max()
+        for name in "GP"
+    }
+    assert limit_m["G"] > limit_m["P"] > 0
     expected = {
         "m": families.m,
         "n": families.n,
@@ -44,6 +49,13 @@ def test_values_are_those_of_the_analysis():
         "tangential_stiffness_N_per_m": analysis.slip.tangential_stiffness_N_per_m,
         "total_slip_force_N": analysis.slip.total_slip_force_N,
         "gross_slip_amplitude_m": analysis.damping.gross_slip_amplitude_m,
+        "limit_G_m": limit_m["G"],
+        "limit_P_m": limit_m["P"],
+        "max_pressure_Pa": analysis.contact.max_pressure_Pa,
+        "contact_area_m2": analysis.contact.contact_area_m2,
+        "amplitude_at_peak_m": analysis.damping.amplitude_at_peak_m,
+        "modal_stiffness_N_per_m": analysis.damping.modal_stiffness_N_per_m,
+        "joint_stiffness_N_per_m": analysis.damping.joint_stiffness_N_per_m,
         "sq_m": analysis.conditioned.sq_m,
         "sz_m": analysis.conditioned.sz_m,
     }
