@@ -9,7 +9,7 @@ PACKAGE = Path(__file__).parents[1] / "pipeline" / "capslip"
 
 # Lower number = deeper layer. A module may import from deeper layers, or its own wing's.
 LAYERS = [
-    {"errors", "problems", "registry"},
+    {"errors", "problems", "registry", "units", "workers"},
     {"settings"},
     {"surface"},
     {"caps"},

@@ -16,7 +16,13 @@ def test_the_public_names_are_what_they_say():
     from capslip.analysis import analyze  # loading the module must not hide the function
 
     assert capslip.analyze is analyze
-    assert set(capslip.__all__) >= {"load_surface", "load_settings", "analyze", "HeightMap"}
+    assert set(capslip.__all__) >= {
+        "load_surface",
+        "load_settings",
+        "analyze",
+        "HeightMap",
+        "write",
+    }
     with pytest.raises(AttributeError, match="no attribute 'nothing'"):
         _ = capslip.nothing
 

@@ -11,6 +11,7 @@ __version__ = "0.1.0"
 if TYPE_CHECKING:
     from capslip.analysis import analyze
     from capslip.errors import CapslipError
+    from capslip.output.folder import write
     from capslip.result import Analysis
     from capslip.settings import Settings, load_settings
     from capslip.surface.heightmap import HeightMap
@@ -24,6 +25,7 @@ __all__ = [
     "analyze",
     "load_settings",
     "load_surface",
+    "write",
 ]
 
 _HOME = {
@@ -34,6 +36,7 @@ _HOME = {
     "analyze": "capslip.analysis",
     "load_settings": "capslip.settings",
     "load_surface": "capslip.surface.readers",
+    "write": "capslip.output.folder",
 }
 
 

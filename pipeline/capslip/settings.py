@@ -17,6 +17,7 @@ import msgspec
 
 from capslip import registry
 from capslip.errors import SettingsError
+from capslip.units import LengthUnit
 
 LEAST, GREATEST = 1e-30, 1e30  # of any positive setting, in SI: beyond it powers overflow
 Positive = Annotated[float, msgspec.Meta(ge=LEAST, le=GREATEST)]
@@ -25,7 +26,6 @@ Pair = tuple[float, float]
 Size = Annotated[int, msgspec.Meta(ge=3)]
 SOLVER_TOLERANCE = (1e-10, 1e-3)  # least and greatest, of boundary elements
 SolverTolerance = Annotated[float, msgspec.Meta(ge=SOLVER_TOLERANCE[0], le=SOLVER_TOLERANCE[1])]
-LengthUnit = Literal["m", "mm", "um", "µm", "nm", "inch"]
 
 
 class _Table(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
@@ -133,7 +133,6 @@ class Run(_Table, frozen=True):
     workers: Annotated[int, msgspec.Meta(ge=0)] = 0  # 0: one a core
     figures: bool = True
     render: bool = True
-    log_level: Literal["debug", "info", "warning", "error"] = "info"
 
 
 class Settings(_Table, frozen=True):

@@ -12,7 +12,7 @@ from capslip.compare.comparison import Band
 from capslip.compare.measurement import load_measurement
 from capslip.compare.model import load_model
 from capslip.errors import OutputError, UnreadableFileError
-from capslip.output import store
+from capslip.output import tables
 from capslip.settings import load_settings
 from scenes import caps_map
 
@@ -29,8 +29,8 @@ def surface():
 def result_of(surface, folder, *overrides):
     analysis = analyze(surface, load_settings(overrides=("conditioning.form='none'", *overrides)))
     folder.mkdir()
-    store.write_result(analysis, folder)
-    store.write_summary(analysis.summary(), folder)
+    tables.write_result(analysis, folder)
+    tables.write_summary(analysis.summary(), folder)
     return analysis
 
 

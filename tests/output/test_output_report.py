@@ -107,12 +107,15 @@ def test_report_says_the_numbers_of_the_summary(page, several):
 def test_what_a_file_says_cannot_break_the_page(several, tmp_path):
     nasty = '<script>alert("1")</script> & co'
     surface = replace(several.surface, origin=Origin(name=nasty))
-    problems = (Problem("info_first", "info", nasty), Problem("then_error", "error", "5 < 6 & 7"))
+    problems = (
+        Problem("one_family", "info", nasty),
+        Problem("contact_failed", "error", "5 < 6 & 7"),
+    )
     analysis = replace(several, surface=surface, problems=problems)
     page = Page(write_report(analysis, analysis.summary(), tmp_path, nasty))
     assert not page.all("script")
     assert page.text.count(nasty) >= 3
-    assert page.text.index("then_error") < page.text.index("info_first")
+    assert page.text.index("contact_failed") < page.text.index("one_family")
 
 
 def test_long_table_is_cut_and_says_so(several, tmp_path):

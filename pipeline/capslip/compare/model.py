@@ -17,7 +17,7 @@ from capslip.contact.press import press
 from capslip.contact.reach import reachable
 from capslip.contact.slip import slip_curve
 from capslip.errors import UnreadableFileError
-from capslip.output.store import read_summary
+from capslip.output.staging import read_summary
 from capslip.settings import Settings, load_settings
 from capslip.structure.response import response
 from capslip.structure.stiffness import stiffnesses

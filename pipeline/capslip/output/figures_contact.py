@@ -5,10 +5,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from capslip.contact.models.boundary_elements import BoundaryElementCurve
 from capslip.errors import ContactError
 from capslip.output.canvas import ACCENT, INK, blank
-from capslip.output.quantity import contact_name, engineering, scaled
+from capslip.output.quantity import engineering, scaled
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -40,9 +39,9 @@ def normal_curve(analysis: "Analysis") -> "Figure | None":
     # Evenly spaced in the approach of a Hertz contact; the preload comes last.
     load_N = preload_N * np.append(1.5 * np.linspace(0.0, 1.0, 61) ** 1.5, 1.0)
     marker = ""
-    if isinstance(contact.curve, BoundaryElementCurve):  # more loads would cost solutions
+    if contact.rung.solved_loads_N is not None:  # more loads would cost solutions
         marker = "."
-        load_N = np.append(contact.curve.solved_loads_N(preload_N), preload_N)
+        load_N = np.append(contact.rung.solved_loads_N(contact.curve, preload_N), preload_N)
     elif not np.array_equal(contact.use, analysis.caps.usable):
         load_N[:-1] /= 1.5  # the curve holds what can touch up to the preload
     try:
@@ -66,10 +65,10 @@ def normal_curve(analysis: "Analysis") -> "Figure | None":
         alone_m = _caps_alone(analysis, contact).approach_m(load_N[:-1])
         label = "caps without interaction"
         axes.plot(alone_m / unit_m, load_N[:-1], ":", color=INK, linewidth=1.2, label=label)
-    touching = "whole face" if contact.model == "flat" else f"{contact.contacts}"
+    touching = "whole face" if contact.rung.made_from == "nothing" else f"{contact.contacts}"
     state = (
         f"preload {preload_N:.4g} N: d = {engineering(approach_m[-1], 'm')}\n"
-        f"{contact_name(contact.model)}: {touching}\n"
+        f"{contact.rung.contact_name}: {touching}\n"
         f"normal stiffness: {engineering(contact.stiffness_N_per_m, 'N/m')}"
     )
     axes.plot(
