@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import capslip
+from capslip.analysis import analyze_once
 from scenes import PROJECT, caps_map
 
 CAPS = [(6e-3, 5e-3, 24.0, 0.0), (14e-3, 12e-3, 27.0, -1e-7), (24e-3, 8e-3, 25.0, -5e-8)]
@@ -109,7 +110,7 @@ def test_a_preload_that_no_face_can_carry_is_an_error_in_the_result():
 )
 def test_settings_that_are_hardly_meant_are_said(overrides, code):
     settings = capslip.load_settings(overrides=tuple(overrides))
-    analysis = capslip.analyze(caps_map(CAPS), settings, sweeps=False)
+    analysis = analyze_once(caps_map(CAPS), settings)
     said = {p.code for p in analysis.problems if p.severity == "warning"}
     silly = {"materials_coupled", "friction_suspect", "beam_ignored"} & said
     assert silly == ({"materials_coupled" if code == "coupled" else code} if code else set())

@@ -9,8 +9,9 @@ from typing import TYPE_CHECKING, Any
 __version__ = "0.1.0"
 
 if TYPE_CHECKING:
-    from capslip.analysis import Analysis, analyze
+    from capslip.analysis import analyze
     from capslip.errors import CapslipError
+    from capslip.result import Analysis
     from capslip.settings import Settings, load_settings
     from capslip.surface.heightmap import HeightMap
     from capslip.surface.readers import load_surface
@@ -26,7 +27,7 @@ __all__ = [
 ]
 
 _HOME = {
-    "Analysis": "capslip.analysis",
+    "Analysis": "capslip.result",
     "CapslipError": "capslip.errors",
     "HeightMap": "capslip.surface.heightmap",
     "Settings": "capslip.settings",

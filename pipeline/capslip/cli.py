@@ -16,8 +16,8 @@ from capslip import __version__
 from capslip.errors import CapslipError, ContactError, ScanError, SettingsError
 
 if TYPE_CHECKING:
-    from capslip.analysis import Analysis
     from capslip.problems import Problem
+    from capslip.result import Analysis
     from capslip.settings import Settings
     from capslip.surface.heightmap import HeightMap
 
@@ -261,7 +261,6 @@ def _write(
 ) -> dict[str, Any]:
     """Write everything into the working folder, numbers first, the summary last; return it."""
     from capslip.output import mesh, report, scene, store
-    from capslip.summary import summarise
 
     run = analysis.settings.run
 
@@ -304,11 +303,11 @@ def _write(
     def whole() -> "Analysis":
         return replace(analysis, problems=(*analysis.problems, *parts.missing))
 
-    numbers = summarise(whole(), command, timings)
+    numbers = whole().summary(command, timings)
     page = (work / "report.html",)
     parts.make(page, report.write_report, whole(), numbers, work, message)
     timed("report", clock)
-    summary = summarise(whole(), command, {**timings, "total": say.elapsed_s()})
+    summary = whole().summary(command, {**timings, "total": say.elapsed_s()})
     store.write_summary(summary, work)
     return summary
 
@@ -355,7 +354,7 @@ def inspect(result: Path, verbose: bool) -> None:
 @_result_options
 def reproduce(out: Path | None, as_json: bool, quiet: bool, verbose: bool) -> None:
     """Reproduce the paper's tables and figures, and show what is wrong in print."""
-    from capslip.studies.reproduce import reproduce as run
+    from capslip.studies.paper.reproduce import reproduce as run
 
     folder = out if out is not None else Path("results") / "reproduce"
     numbers = run(folder)
@@ -413,7 +412,7 @@ def compare(
 @_result_options
 def bench(out: Path | None, as_json: bool, quiet: bool, verbose: bool) -> None:
     """Time commands, stages and solvers beside their peers (minutes)."""
-    from capslip.studies.bench import bench_markdown, run_bench
+    from capslip.studies.bench.study import bench_markdown, run_bench
 
     folder = out if out is not None else Path("results") / "bench"
     result = run_bench(folder)
@@ -428,7 +427,7 @@ def bench(out: Path | None, as_json: bool, quiet: bool, verbose: bool) -> None:
 @_result_options
 def chart(scans: Path | None, out: Path | None, as_json: bool, quiet: bool, verbose: bool) -> None:
     """Chart speed against accuracy of every method (many minutes)."""
-    from capslip.studies.chart import chart as run
+    from capslip.studies.chart.study import chart as run
 
     folder = out if out is not None else Path("results") / "chart"
     result = run(folder, scans, _Progress(quiet))
@@ -442,7 +441,7 @@ def chart(scans: Path | None, out: Path | None, as_json: bool, quiet: bool, verb
 @_result_options
 def limits(out: Path | None, as_json: bool, quiet: bool, verbose: bool) -> None:
     """Drive each axis until the method breaks, and see what the program says (many minutes)."""
-    from capslip.studies.limits import limits as run
+    from capslip.studies.limits.study import limits as run
 
     folder = out if out is not None else Path("results") / "limits"
     result = run(folder, _Progress(quiet))

@@ -9,7 +9,7 @@ import difflib
 import hashlib
 import math
 import tomllib
-from collections.abc import Sequence
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Annotated, Any, Literal, get_args
 
@@ -100,9 +100,7 @@ class Material(_Table, frozen=True):
 class Contact(_Table, frozen=True):
     """The contact model and the preload of one joint."""
 
-    model: Literal[
-        "auto", "flat", "families", "caps", "mean_field", "interacting", "boundary_elements"
-    ] = "auto"
+    model: str = "auto"  # or the name of a rung: a file in contact/models
     preload_N: Positive = 460.0
     tolerance: Share = 0.05
     solver_tolerance: SolverTolerance = 1e-7  # of boundary elements
@@ -216,7 +214,7 @@ def _check_meaning(settings: Settings, where: str) -> None:
     fits = registry.names("caps.fits")
     if settings.caps.fit not in fits:
         raise SettingsError(
-            f"{where}: caps.fit: got {settings.caps.fit!r}; {_one_of(settings.caps.fit, fits)}"
+            f"{where}: caps.fit: got {settings.caps.fit!r}; {_one_of(fits, settings.caps.fit)}"
         )
     for value in settings.material.youngs_modulus_Pa:
         if not LEAST <= value <= GREATEST:
@@ -229,6 +227,12 @@ def _check_meaning(settings: Settings, where: str) -> None:
             raise SettingsError(
                 f"{where}: material.poisson_ratio: got {value:g}; expected -1 < nu < 0.5"
             )
+    models = ("auto", *registry.names("contact.models"))
+    if settings.contact.model not in models:
+        raise SettingsError(
+            f"{where}: contact.model: got {settings.contact.model!r}; "
+            f"{_one_of(models, settings.contact.model)}"
+        )
     reading = settings.reading
     if reading.pixel_size is not None and min(reading.pixel_size) <= 0:
         raise SettingsError(
@@ -301,14 +305,16 @@ def _explain(message: str, tables: dict[str, Any]) -> str:
             value = value[int(index.rstrip("]"))] if index[0].isdigit() else value
     if expected.startswith("Invalid enum value"):
         words = [arg for part in (kind, *get_args(kind)) for arg in get_args(part)]
-        words = [word for word in dict.fromkeys(words) if isinstance(word, str | int)]
-        expected = _one_of(value, [str(word) for word in words])
+        words = [str(word) for word in dict.fromkeys(words) if isinstance(word, str | int)]
+        expected = _one_of(words, str(value))
     return f"{'.'.join(keys)}: got {value!r}; {expected[0].lower()}{expected[1:].replace('`', '')}"
 
 
-def _one_of(value: Any, words: Sequence[str]) -> str:
-    close = difflib.get_close_matches(str(value), words, n=1)
-    return f"expected one of {', '.join(words)}" + (f"; did you mean {close[0]}?" if close else "")
+def _one_of(words: Iterable[str], got: str) -> str:
+    words = tuple(words)
+    close = difflib.get_close_matches(got, words, n=1)
+    mean = f"; did you mean {close[0]}?" if close else ""
+    return f"expected one of {', '.join(words)}{mean}"
 
 
 def _apply(tables: dict[str, Any], override: str) -> None:

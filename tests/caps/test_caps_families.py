@@ -11,9 +11,9 @@ from capslip.caps.families import _supported, group_families
 from capslip.caps.fit import fit_caps
 from capslip.caps.hills import find_hills
 from capslip.caps.table import CapFlag, CapTable
+from capslip.studies.faces.synthetic import CapFamily, Scene, synthetic_surface
 from capslip.surface.conditioning import condition
 from capslip.surface.heightmap import HeightMap
-from capslip.surface.synthetic import CapFamily, Scene, synthetic_surface
 from scenes import caps_map
 
 ONE_FAMILY = {

@@ -12,8 +12,8 @@ from capslip.caps.hills import find_hills
 from capslip.caps.points import points_of_hills
 from capslip.caps.spheres import edge_factor, elliptic_factor
 from capslip.caps.table import CapFlag
-from capslip.contact.curves import bulk_compliance_m_per_N
-from capslip.contact.interacting import interacting
+from capslip.contact.bulk import bulk_compliance_m_per_N
+from capslip.contact.models.interacting import interacting
 from capslip.contact.slip import slip_curve
 from capslip.surface.heightmap import HeightMap
 from scenes import REFERENCE, caps_map

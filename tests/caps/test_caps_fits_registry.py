@@ -53,7 +53,7 @@ def toy(tmp_path, monkeypatch):
 def test_a_new_fit_is_one_file(toy):
     settings = capslip.load_settings(overrides=toy(7.0))
     assert "toy" in registry.names("caps.fits")
-    analysis = capslip.analyze(caps_map(CAPS), settings, sweeps=False)
+    analysis = capslip.analyze(caps_map(CAPS), settings)
     assert analysis.caps.radius_m == pytest.approx(7.0)
     assert analysis.contact is not None
     assert analysis.summary()["families"]["G"]["radius_m"] == pytest.approx(7.0)
@@ -63,9 +63,7 @@ def test_a_new_fit_is_one_file(toy):
 def test_a_fit_is_pressed_again_where_it_says_so(toy, share):
     """It is then fitted at its share of the compression a^2 / R that contact found."""
     overrides = (*toy(7.0, f"compression_share={share}"), "contact.preload_N=5.0")
-    caps = capslip.analyze(
-        caps_map(CAPS), capslip.load_settings(None, overrides), sweeps=False
-    ).caps
+    caps = capslip.analyze(caps_map(CAPS), capslip.load_settings(None, overrides)).caps
     loaded = caps.load_N > 0.0
     assert loaded.any()
     if share is None:
@@ -77,9 +75,7 @@ def test_a_fit_is_pressed_again_where_it_says_so(toy, share):
 
 def test_a_fit_takes_its_own_share_of_the_height(toy):
     overrides = toy(7.0, "depth_share=0.8")
-    caps = capslip.analyze(
-        caps_map(CAPS), capslip.load_settings(None, overrides), sweeps=False
-    ).caps
+    caps = capslip.analyze(caps_map(CAPS), capslip.load_settings(None, overrides)).caps
     assert caps.fit_depth_m == pytest.approx(0.8 * caps.cap_height_m)
 
 

@@ -13,7 +13,7 @@ from click.testing import CliRunner
 from capslip.cli import main
 from capslip.output import store
 from capslip.output.store import FILES, new_folder
-from capslip.summary import SCHEMA
+from capslip.result import SCHEMA
 
 
 @pytest.fixture

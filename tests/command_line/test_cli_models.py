@@ -8,7 +8,7 @@ import pytest
 from click.testing import CliRunner
 
 from capslip.cli import MODELS, main
-from capslip.contact import boundary_elements
+from capslip.contact.models import boundary_elements
 from capslip.output import figures_contact, mesh, report
 from check_result import defects
 from scenes import caps_map

@@ -6,7 +6,7 @@ from functools import lru_cache
 import numpy as np
 import pytest
 
-from capslip.contact.curves import families
+from capslip.contact.models.families import families
 from capslip.contact.slip import slip_curve
 from capslip.errors import SettingsError
 from capslip.structure.compare import JointModel, Measurement, compare

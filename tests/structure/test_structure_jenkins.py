@@ -3,8 +3,9 @@
 import numpy as np
 import pytest
 
-from capslip.contact.curves import caps, families
-from capslip.contact.flat import flat
+from capslip.contact.models.caps import caps
+from capslip.contact.models.families import families
+from capslip.contact.models.flat import flat
 from capslip.contact.slip import slip_curve
 from capslip.errors import OutputError, SettingsError
 from capslip.structure.jenkins import jenkins, write_jenkins

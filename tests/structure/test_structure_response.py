@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from capslip.contact.curves import families
-from capslip.contact.flat import flat
+from capslip.contact.models.families import families
+from capslip.contact.models.flat import flat
 from capslip.contact.slip import slip_curve
 from capslip.errors import SettingsError
 from capslip.structure.response import response

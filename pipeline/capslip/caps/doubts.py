@@ -8,9 +8,9 @@ from capslip.caps.families import Families
 from capslip.caps.hills import NOISE_FACTOR, Hills
 from capslip.caps.table import CapFlag, CapTable
 from capslip.problems import Problem
+from capslip.surface.doubts import VISIBLE_FORM
 from capslip.surface.heightmap import HeightMap
 
-VISIBLE_FORM = 0.1  # of the approach: form that moves the peaks by more decides what touches
 BOW_LEVEL = 0.01  # of the F-test that the peaks lie on a bow
 MEANING = {  # of the flags of caps that are usable
     CapFlag.edge: "touch the edge of the map: part of them was not measured",

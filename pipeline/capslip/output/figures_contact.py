@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from capslip.contact.boundary_elements import BoundaryElementCurve
+from capslip.contact.models.boundary_elements import BoundaryElementCurve
 from capslip.errors import ContactError
 from capslip.output.canvas import ACCENT, INK, blank
 from capslip.output.quantity import contact_name, engineering, scaled
@@ -14,10 +14,10 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-    from capslip.analysis import Analysis
-    from capslip.contact.curves import NormalCurve
+    from capslip.contact.curve import NormalCurve
     from capslip.contact.press import ContactState
     from capslip.contact.slip import SlipCurve
+    from capslip.result import Analysis
 
 LOOP_SHARES = (0.3, 0.6, 0.9)  # of the force at total slip
 LEAST_LOSS_FACTOR = 1e-6  # of the greatest: what a figure still shows
@@ -191,12 +191,12 @@ def loss_factor(analysis: "Analysis") -> "Figure | None":
 
 def _caps_alone(analysis: "Analysis", contact: "ContactState") -> "NormalCurve":
     """Return the normal curve of the same caps without interaction."""
-    from capslip.contact import curves
+    from capslip.contact.models.caps import caps as curve_of
 
     caps = analysis.caps
     peak_m = caps.peak_height_m[caps.usable]
     depth_m = peak_m.max() - peak_m
-    return curves.caps(caps.radius_m[caps.usable], depth_m, contact.composite.E_star_Pa)
+    return curve_of(caps.radius_m[caps.usable], depth_m, contact.composite.E_star_Pa)
 
 
 def _unit_of_length(largest_m: float) -> tuple[float, str]:

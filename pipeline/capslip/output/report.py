@@ -10,8 +10,8 @@ from capslip.output.figures import FIGURES
 from capslip.output.quantity import contact_name, engineering, scaled
 
 if TYPE_CHECKING:
-    from capslip.analysis import Analysis
     from capslip.caps.table import CapTable
+    from capslip.result import Analysis
 
 MAX_ROWS = 200
 DASH = "–"

@@ -14,11 +14,11 @@ import numpy as np
 
 from capslip.caps.table import UNITS
 from capslip.errors import OutputError
-from capslip.summary import SCHEMA
+from capslip.result import SCHEMA
 
 if TYPE_CHECKING:
-    from capslip.analysis import Analysis
     from capslip.contact.press import ContactState
+    from capslip.result import Analysis
 
 # Everything that an analysis leaves in its folder. A folder that holds more is not ours to replace.
 FILES = frozenset(
@@ -208,7 +208,7 @@ def _cells(column: np.ndarray) -> list[str]:
 
 def _loads_N(contact: "ContactState") -> np.ndarray:
     """Return the loads of the normal curve; for boundary elements those that are solved already."""
-    from capslip.contact.boundary_elements import BoundaryElementCurve
+    from capslip.contact.models.boundary_elements import BoundaryElementCurve
 
     if isinstance(contact.normal, BoundaryElementCurve):
         return contact.normal.solved_loads_N(contact.preload_N)

@@ -3,10 +3,10 @@
 from typing import TYPE_CHECKING
 
 from capslip.output.quantity import contact_name
-from capslip.surface.plausibility import sanity_line
+from capslip.surface.doubts import sanity_line
 
 if TYPE_CHECKING:
-    from capslip.analysis import Analysis
+    from capslip.result import Analysis
 
 
 def result_lines(analysis: "Analysis") -> str:

@@ -6,8 +6,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from capslip.contact.curves import NormalCurve
-from capslip.contact.flat import flat
+from capslip.contact.curve import NormalCurve
+from capslip.contact.models.flat import flat
 from capslip.contact.slip import slip_curve
 from capslip.errors import SettingsError
 from capslip.structure.response import response

@@ -87,7 +87,7 @@ def response(
 
     Examples
     --------
-    >>> from capslip.contact.curves import families
+    >>> from capslip.contact.models.families import families
     >>> from capslip.contact.slip import slip_curve
     >>> curve = families((5, 18), (23.8, 26.7), (0, 2.4e-7), 109.89e9)
     >>> damping = response(slip_curve(curve, 460.4, 0.2, 1.2143), 1.8e8, 9.9e7, joints=2)

@@ -12,7 +12,7 @@ import numpy as np
 
 from capslip.caps.families import group_families
 from capslip.caps.table import CapFlag, CapTable
-from capslip.contact.curves import NormalCurve
+from capslip.contact.curve import NormalCurve
 from capslip.contact.material import composite
 from capslip.contact.press import press
 from capslip.errors import OutputError, UnreadableFileError
