@@ -24,15 +24,8 @@ from capslip.surface.readers import load_surface
 from scenes import PROJECT, caps_map
 
 # Messages that say that something is so, and have no number to say
-WITHOUT_NUMBER = {
-    "beam_ignored",
-    "contact_reaches_below_cut",
-    "one_contact",
-    "output_missing",
-    "P_not_in_contact",
-    "peak_at_gross_slip",
-    "reader_note",
-}
+WITHOUT_NUMBER = {"beam_ignored", "contact_reaches_below_cut", "one_contact", "output_missing"}
+WITHOUT_NUMBER |= {"P_not_in_contact", "peak_at_gross_slip", "reader_note"}
 # `few_points` asks for fewer than 9 points, and no hill of fewer than 9 leaves the pruning
 UNREACHABLE = {"caps_few_points"}
 
