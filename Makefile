@@ -9,7 +9,7 @@ OUT    ?=
 CONFIG ?=
 
 .DEFAULT_GOAL := help
-.PHONY: help setup analyze batch inspect compare reproduce bench chart limits soak warnings samples test lint format clean
+.PHONY: help setup analyze batch inspect compare reproduce bench chart limits soak mutants warnings samples test lint format clean
 
 help: ## List the targets
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / {printf "  %-11s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
@@ -53,6 +53,9 @@ limits: $(READY) ## Where each method breaks and what the program says, into doc
 
 soak: $(READY) ## Long checks: 10,000 random contact scenes, 20,000 damaged files a format
 	@$(BIN)/python tests/soak.py
+
+mutants: $(READY) ## Break the code in one place at a time and see whether a test fails
+	@$(BIN)/python tests/mutants.py $(ARGS)
 
 warnings: $(READY) ## Write docs/warnings.md from the registry of problems
 	@$(BIN)/python -m capslip.problems > docs/warnings.md

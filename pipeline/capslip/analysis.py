@@ -148,6 +148,8 @@ def _of_levelling(
     face: Face, caps: CapTable, approach_m: float, settings: Settings
 ) -> list[Problem]:
     """Return whether a tilt or a bow that was left in decides what touches."""
+    if approach_m == 0.0:
+        return []  # a flat interface: it touches everywhere
     form = settings.conditioning.form
     problems = problems_of_tilt(face.conditioned.surface, approach_m) if form == "none" else []
     return problems + (problems_of_bow(caps, approach_m) if form in ("plane", "none") else [])
