@@ -126,3 +126,17 @@ def test_a_plane_interface_has_no_caps_to_doubt():
     settings = capslip.load_settings(overrides=("contact.model=flat",))
     codes = {p.code for p in capslip.analyze(caps_map(CAPS), settings).problems}
     assert not codes & {"one_contact", "P_not_in_contact"}
+
+
+def test_an_analysis_shows_itself_in_a_line_and_in_a_notebook():
+    analysis = capslip.analyze(caps_map(CAPS))
+    summary = analysis.summary()
+    line = repr(analysis)
+    assert "\n" not in line
+    assert f"{summary['hills']['caps']} caps, {summary['contact']['model']} at 460 N" in line
+    assert f"loss factor {summary['damping']['peak_loss_factor']:.3g}" in line
+    page = analysis._repr_html_()
+    assert f"<caption>{summary['name']}: {analysis.status}</caption>" in page
+    assert f"<th>caps</th><td>{summary['hills']['caps']}</td>" in page
+    for problem in analysis.problems:
+        assert f"<th>{problem.code}</th>" in page

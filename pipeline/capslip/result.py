@@ -6,6 +6,7 @@ In the dictionary every key is present, absent values are null, and units are in
 import math
 import platform
 from dataclasses import dataclass
+from html import escape
 from typing import Any
 
 import numpy as np
@@ -54,6 +55,36 @@ class Analysis:
             return "failed"
         return "check" if "warning" in severities else "ok"
 
+    def __repr__(self) -> str:
+        table = self.summary()
+        contact, peak = table["contact"], table["damping"]["peak_loss_factor"]
+        loss = "no loss factor" if peak is None else f"loss factor {peak:.3g}"
+        return (
+            f"<Analysis of {table['name']}: {table['status']}, {table['hills']['caps']} caps, "
+            f"{contact['model'] or 'no contact'} at {contact['preload_N']:g} N, {loss}, "
+            f"{len(table['problems'])} problems>"
+        )
+
+    def _repr_html_(self) -> str:
+        """Return a small table, for notebooks."""
+        table = self.summary()
+        rows = {
+            "caps": table["hills"]["caps"],
+            "G-caps, P-caps": f"{table['families']['m']}, {table['families']['n']}",
+            "contact model": table["contact"]["model"],
+            "preload [N]": table["contact"]["preload_N"],
+            "tangential stiffness [N/m]": table["slip"]["tangential_stiffness_N_per_m"],
+            "greatest loss factor": table["damping"]["peak_loss_factor"],
+            "gross slip amplitude [m]": table["damping"]["gross_slip_amplitude_m"],
+            **{problem["code"]: problem["message"] for problem in table["problems"]},
+        }
+        body = "".join(
+            f"<tr><th>{escape(name)}</th><td>{_cell(value)}</td></tr>"
+            for name, value in rows.items()
+        )
+        caption = f"{escape(table['name'])}: {table['status']}"
+        return f"<table><caption>{caption}</caption>{body}</table>"
+
     def summary(
         self, command: str | None = None, timings_s: dict[str, float] | None = None
     ) -> dict[str, Any]:
@@ -95,6 +126,12 @@ class Analysis:
         }
         plain: dict[str, Any] = _plain(tables)
         return plain
+
+
+def _cell(value: object) -> str:
+    if value is None:
+        return "–"
+    return f"{value:.4g}" if isinstance(value, float) else escape(str(value))
 
 
 def _surface(analysis: Analysis) -> dict[str, Any]:
