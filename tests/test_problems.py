@@ -275,7 +275,7 @@ ROWS = [
     Row(
         "bulk_kept", "warning", "approach of 7.29e-06", "plain plastics", "plain plastics with-bulk"
     ),
-    Row("model_doubtful", "warning", "about 0.25, more than 0.05", "plain alone"),
+    Row("model_doubtful", "warning", "about 0.25, more than 0.05", "plain alone", swept=True),
     Row("levelling_decides", "warning", "more than 0.05", "low-side", "low-side as-it-lay"),
     Row("boundary_elements_needed", "warning", "more than 0.05", "noisy"),
     Row("one_contact", "warning", "one cap", "plain N=0.01"),
