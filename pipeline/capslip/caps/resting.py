@@ -10,12 +10,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from capslip.caps.simplex import minimum
 from capslip.errors import SettingsError, UnusableSurfaceError
 from capslip.surface.heightmap import HeightMap
 
 SQUARE = 3  # points, over which heights are averaged
 MAX_FRAMES = 50  # levels that the heights are averaged in; two or three do
-MAX_PIVOTS = 500  # about ten do
 BELOW = 1e7  # height ranges: depth of the corners to start from
 ROUNDING = 1e-12  # of the height range: a point so little above the plane lies on it
 
@@ -204,24 +204,12 @@ def _facet(
     angle = 2.0 * np.pi * np.arange(3) / 3.0
     x = np.append(x_m / reach_m, 10.0 * np.cos(angle))
     y = np.append(y_m / reach_m, 10.0 * np.sin(angle))
-    base_m = float(height_m.mean())
-    range_m = float(np.ptp(height_m))
+    base_m, range_m = float(height_m.mean()), float(np.ptp(height_m))
     z = np.append(height_m - base_m, np.full(3, -BELOW * range_m))
-    corner = np.arange(n, n + 3)
-    for _ in range(MAX_PIVOTS):
-        triangle = np.stack([np.ones(3), x[corner], y[corner]])
-        plane = np.linalg.solve(triangle.T, z[corner])
-        above = z - (plane[0] + plane[1] * x + plane[2] * y)
-        highest = int(np.argmax(above))
-        rounding = ROUNDING * range_m if (corner < n).all() else 0.0
-        if above[highest] <= rounding or highest in corner:
-            break
-        share = np.linalg.solve(triangle, [[1.0, 1.0], [0.0, x[highest]], [0.0, y[highest]]])
-        falling = share[:, 1] > 1e-12
-        ratio = np.full(3, np.inf)
-        ratio[falling] = np.maximum(share[falling, 0], 0.0) / share[falling, 1]
-        corner = corner.copy()
-        corner[int(np.argmin(ratio))] = highest
-    if (corner >= n).any():
+    places = np.column_stack((np.ones(n + 3), x, y))
+    origin = np.array([1.0, 0.0, 0.0])
+    found = minimum(places, z, origin, np.arange(n, n + 3), ROUNDING * range_m)
+    if (found.basis >= n).any():
         return None
-    return corner, np.array([plane[0] + base_m, plane[1] / reach_m, plane[2] / reach_m])
+    level_m, slope_x, slope_y = found.unknowns
+    return found.basis, np.array([level_m + base_m, slope_x / reach_m, slope_y / reach_m])
