@@ -280,9 +280,7 @@ class _Scaled:
             )
         between = np.concatenate((np.insert(places, 3, 0.0, 1), np.insert(-places, 3, 1.0, 1)))
         height = np.append(self.z, -self.z)
-        slab = minimum(
-            between, height, np.array([0.0, 0.0, 0.0, 1.0]), self._radon(places), 1e-12
-        )
+        slab = minimum(between, height, np.array([0.0, 0.0, 0.0, 1.0]), self._radon(places), 1e-12)
         log_range = math.log(slab.unknowns[3])
         shapes.append(
             (log_factorial[n - 4] - log_factorial[n])

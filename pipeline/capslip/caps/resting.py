@@ -103,7 +103,7 @@ def resting_plane(
         if found is None:
             break
         corner, (level_m, turn_x, turn_y) = found
-        slope = slope + (turn_x, turn_y)
+        slope = slope + np.array([turn_x, turn_y])
         height_m = height_m - (turn_x * squares.x_m + turn_y * squares.y_m)
         # The mean without the highest point can have risen by no more than this.
         lift_m = 2.0 * (abs(turn_x) * squares.width_m[0] + abs(turn_y) * squares.width_m[1])

@@ -149,9 +149,7 @@ def _sinking_m(
     E_star_Pa: float,
 ) -> np.ndarray:
     """Sinking of the surface at places under all contacts; infinite near one of them."""
-    r_m = np.hypot(
-        place_m[0][:, None] - contact_m[0], place_m[1][:, None] - contact_m[1]
-    )
+    r_m = np.hypot(place_m[0][:, None] - contact_m[0], place_m[1][:, None] - contact_m[1])
     near = (r_m < NEAR * a_m).any(axis=1)
     r_m = np.maximum(r_m, a_m)
     sunk_m = load_N * hertz_over_point_load(a_m / r_m) / r_m

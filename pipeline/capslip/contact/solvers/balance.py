@@ -239,7 +239,7 @@ class _Plane:
         unknowns: damped Newton. Caps that do not touch lend their stiffness to the damping, so a
         plane that rests on one cap, or on none, knows how far to go.
         """
-        B, k = self.columns, self.k
+        B = self.columns
         moved = np.zeros(len(free))
         energy, missing, stiff = self._pulled(g, free, moved)
         damping = 0.0
@@ -255,9 +255,7 @@ class _Plane:
             new_energy, new_missing, new_stiff = self._pulled(trial, free + step, moved + step)
             rounding = 1e-14 * (abs(energy) + abs(new_energy))
             fell = new_energy < energy - rounding
-            if fell or (
-                new_energy <= energy + rounding and np.abs(new_missing).max() < 0.5 * size
-            ):
+            if fell or (new_energy <= energy + rounding and np.abs(new_missing).max() < 0.5 * size):
                 g, free, moved = trial, free + step, moved + step
                 energy, missing, stiff = new_energy, new_missing, new_stiff
                 damping = damping / 8 if damping > 1e-9 else 0.0
@@ -292,8 +290,8 @@ def _refuse_tipping(arm: np.ndarray) -> None:
     side = ("+" if along[axis] > 0 else "-") + "xy"[axis]
     raise ContactError(
         f"tips_over: the load point lies outside the hull of the {len(arm)} peaks that can carry, "
-        f"and the face turns over on its {side} side; expected peaks on all sides of the load; move "
-        "contact.load_point_m, or set contact.alignment to as_levelled"
+        f"and the face turns over on its {side} side; expected peaks on all sides of the load; "
+        "move contact.load_point_m, or set contact.alignment to as_levelled"
     )
 
 
