@@ -96,7 +96,7 @@ def resting_plane(
     at_m = (0.5 * lx_m, 0.5 * ly_m) if load_point_m is None else load_point_m
     squares = _Squares.of(surface, at_m, square)
     slope = squares.slope()
-    height_m = squares.heights_m(slope, np.arange(squares.x_m.size))
+    height_m = squares.heights_m(slope)
     found = None
     for _ in range(MAX_FRAMES):
         found = _facet(squares.x_m, squares.y_m, height_m)
@@ -134,6 +134,7 @@ class _Squares:
     x_m: np.ndarray  # their middles
     y_m: np.ndarray
     width_m: tuple[float, float]  # along x and y
+    complete: bool  # whether all points were measured
 
     @classmethod
     def of(cls, surface: HeightMap, at_m: tuple[float, float], square: int) -> "_Squares":
@@ -148,12 +149,13 @@ class _Squares:
         x_m = ((np.arange(cols * square) + left + 0.5) * dx_m - at_m[0]).reshape(cols, square)
         block_m = inner.reshape(rows, square, cols, square)
         enough = np.ones((rows, cols), dtype=bool)
-        if np.isnan(inner.sum()):
+        complete = not np.isnan(inner.sum())
+        if not complete:
             enough = np.count_nonzero(~np.isnan(block_m), axis=(1, 3)) > 0.5 * square**2
         row, col = np.nonzero(enough)
         middle_x, middle_y = x_m.mean(axis=1)[col], y_m.mean(axis=1)[row]
         width_m = (square * dx_m, square * dy_m)
-        return cls(block_m, x_m, y_m, row, col, middle_x, middle_y, width_m)
+        return cls(block_m, x_m, y_m, row, col, middle_x, middle_y, width_m, complete)
 
     def slope(self) -> np.ndarray:
         """Return the slopes of a plane through the middles of some squares, to start from."""
@@ -168,25 +170,37 @@ class _Squares:
         fitted: np.ndarray = np.linalg.lstsq(places[known], height_m[known], rcond=None)[0]
         return fitted[:2]
 
-    def heights_m(self, slope: np.ndarray, index: np.ndarray) -> np.ndarray:
+    def heights_m(self, slope: np.ndarray, index: np.ndarray | None = None) -> np.ndarray:
         """Return mean heights above a plane through the load point, highest points left out."""
-        row, col, side = self.row[index], self.col[index], self.block_m.shape[1]
-        total, known = np.zeros((2, index.size))
-        highest = np.full(index.size, -np.inf)
-        for i in range(side):
-            down_m = (slope[1] * self.y_axis_m[:, i])[row]
-            for j in range(side):
-                z = self.block_m[row, i, col, j]
-                z -= down_m
-                z -= (slope[0] * self.x_axis_m[:, j])[col]
-                np.fmax(highest, z, out=highest)
-                measured = ~np.isnan(z)
-                known += measured
-                np.add(total, z, out=total, where=measured)
-        if side == 1:
-            return total
-        mean: np.ndarray = (total - highest) / (known - 1.0)
-        return mean
+        side = self.block_m.shape[1]
+        down_m, across_m = slope[1] * self.y_axis_m, slope[0] * self.x_axis_m
+        row, col = (self.row, self.col) if index is None else (self.row[index], self.col[index])
+
+        def points_m(i: int, j: int) -> np.ndarray:
+            if index is None:  # slices of the whole map, several times as fast
+                z = self.block_m[:, i, :, j] - across_m[:, j]
+                z -= down_m[:, i, None]
+                return z
+            return self.block_m[row, i, col, j] - across_m[col, j] - down_m[row, i]
+
+        total = points_m(0, 0)
+        highest, lost = total.copy(), np.isnan(total)
+        total[lost] = 0.0
+        known = np.where(lost, 0.0, 1.0)
+        for i, j in list(np.ndindex(side, side))[1:]:
+            z = points_m(i, j)
+            np.fmax(highest, z, out=highest)
+            if self.complete:
+                total += z
+                continue
+            measured = ~np.isnan(z)
+            known += measured
+            np.add(total, z, out=total, where=measured)
+        if self.complete:
+            known.fill(side**2)
+        if side > 1:
+            total = (total - highest) / np.maximum(known - 1.0, 1.0)
+        return total[row, col] if index is None else total
 
 
 def _facet(

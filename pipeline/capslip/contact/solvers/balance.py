@@ -259,7 +259,7 @@ class _Plane:
                 g, free, moved = trial, free + step, moved + step
                 energy, missing, stiff = new_energy, new_missing, new_stiff
                 damping = damping / 8 if damping > 1e-9 else 0.0
-            elif damping > 1e6:
+            elif damping > 1e6 or size <= _TOLERANCE * self.goal[0]:
                 break
             else:
                 damping = max(8 * damping, 1e-8)
