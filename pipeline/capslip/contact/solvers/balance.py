@@ -197,9 +197,10 @@ class _Plane:
         rest = height - self.level
         if loose.any():
             held = B[:, ~loose] @ free[~loose]
-            weighted = B[:, loose].T * N
+            columns = B if loose.all() else B[:, loose]
+            weighted = columns.T * N
             free = free.copy()
-            free[loose] = _solve(weighted @ B[:, loose], weighted @ (rest - held))
+            free[loose] = _solve(weighted @ columns, weighted @ (rest - held))
         moved = B @ free
         gap = rest - moved
         active = (g > 0) | (gap < 0)
@@ -300,21 +301,26 @@ def _solve(matrix: np.ndarray, right: np.ndarray) -> np.ndarray:
     if len(matrix) == 1:
         return right / matrix[0] if matrix[0, 0] > 0 else np.zeros(1)
     try:
-        x = np.linalg.solve(matrix, right)
-        if np.isfinite(x).all():
-            return x
+        return _solved(matrix, right)
     except np.linalg.LinAlgError:
-        pass
-    shortest: np.ndarray = np.linalg.pinv(matrix, rcond=1e-12, hermitian=True) @ right
-    return shortest
+        shortest: np.ndarray = np.linalg.pinv(matrix, rcond=1e-12, hermitian=True) @ right
+        return shortest
 
 
 def _solve_definite(matrix: np.ndarray, diagonal: float, right: np.ndarray) -> np.ndarray:
     """Solve with the matrix of that diagonal; LinAlgError if it is not positive definite."""
-    from scipy.linalg import cho_factor, cho_solve
-
     matrix.flat[:: len(matrix) + 1] = diagonal
-    return cho_solve(cho_factor(matrix, check_finite=False), right, check_finite=False)
+    return _solved(matrix, right)
+
+
+def _solved(matrix: np.ndarray, right: np.ndarray) -> np.ndarray:
+    from scipy.linalg.lapack import dposv  # of few unknowns, five times as fast as its wrappers
+
+    _, x, failed = dposv(matrix, right)
+    if failed:
+        raise np.linalg.LinAlgError("not positive definite")
+    solution: np.ndarray = x
+    return solution
 
 
 def rigid_stiffness(
