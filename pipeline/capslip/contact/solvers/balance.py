@@ -82,7 +82,7 @@ def press(
 
     Examples
     --------
-    A load at a quarter of the side of a square on four equal spheres, held by hardly a spring:
+    A load at a quarter of the side of a square on four equal spheres; the plane turns freely:
 
     >>> k, arm = np.full(4, 1e12), np.array([[-1, -1], [3, -1], [-1, 3], [3, 3]]) * 0.01
     >>> rest = press(k, np.zeros(4), None, np.ones(4), load=160.0, arm=arm, turning_stiffness=0.0)
