@@ -1,0 +1,333 @@
+"""Clusters of peak heights that are levels on a common plane, which is found with them.
+
+A family is a set of peaks of one height, but heights count from a plane, and no plane that is
+taken off a map beforehand is that of the families: least squares follows everything else on the
+face, and a face that was pressed has turned until its moments balanced. So the plane is part of the
+model: height = level of the family + slope . place + scatter, with the same slopes for all
+families. Adding any plane to the map then moves nothing but the slopes.
+"""
+
+import math
+from dataclasses import dataclass
+from itertools import combinations
+
+import numpy as np
+
+from capslip.caps.clusters import (
+    MAX_CLUSTERS,
+    WIDTH_RATIOS2,
+    Clusters,
+    _separation,
+    _splits,
+    _within,
+)
+from capslip.caps.simplex import Vertex, minimum
+
+LEAST_CAPS = 5  # fewer fix a plane and two levels, and say nothing else
+TRIPLETS = 400  # of caps through which planes are laid to start from
+STARTS = 5  # of them, the best, that are followed
+SAMPLE = 200  # caps that judge them
+MAX_TURNS = 20  # of plane and split
+FEW_TURNS = 3  # of them for more than two families
+
+
+@dataclass(frozen=True, eq=False)
+class Levels:
+    """The best splits of n peaks into K = 1, 2, ... parallel planes.
+
+    Attributes
+    ----------
+    clusters : Clusters
+        Sizes, log evidence and separation of each K, as of numbers on a line. The sizes of K
+        clusters are those of the caps sorted by `heights_m(K)`.
+    slope : float64, shape (n_splits, 2)
+        Slopes along x and y of the planes of each K.
+    """
+
+    clusters: Clusters
+    slope: np.ndarray
+    _place_m: np.ndarray
+    _height_m: np.ndarray
+
+    def heights_m(self, count: int) -> np.ndarray:
+        """Return the peaks' heights over a plane of `count` families through their middle."""
+        middle_m = self._place_m.mean(axis=0)
+        heights_m: np.ndarray = self._height_m - (self._place_m - middle_m) @ self.slope[count - 1]
+        return heights_m
+
+
+def find_levels(x_m: np.ndarray, y_m: np.ndarray, height_m: np.ndarray) -> Levels:
+    """Split peaks into one to four families on parallel planes.
+
+    Parameters
+    ----------
+    x_m, y_m, height_m : ndarray, shape (n,)
+        Places and heights of the peaks. Fewer than five, or peaks in a line, are one family.
+
+    Returns
+    -------
+    Levels
+
+    Notes
+    -----
+    The evidence is that of `cluster` with two unknowns more, in every model: slopes of a flat
+    prior, integrated out. Over the caps' places P = [1, x, y], with V = 1 + ratio Z Z^T (Z tells
+    the members of each family, ratio is one of `WIDTH_RATIOS2`), a family's normal heights have
+
+        log p = -1/2 log |V| - 1/2 log |P^T V^-1 P| - (n - 3)/2 log rest + const,
+
+    rest the weighted least sum of squares about a plane. As the slopes are in all models alike,
+    they favour none. Which caps belong to which family has the prior of `cluster`: any of them, so
+    that a plane that gathers caps by chance pays for its choice of them.
+
+    The least sum of squares over planes and splits is sought by turns, the best split over a plane
+    and the best plane of a split, from the least-squares plane and from planes through triplets of
+    caps. Their choice depends on the places alone, and so nothing on how the map was levelled.
+
+    Examples
+    --------
+    >>> rng = np.random.default_rng(0)
+    >>> x, y = rng.uniform(0.0, 0.06, 23), rng.uniform(0.0, 0.04, 23)
+    >>> heights = np.where(np.arange(23) < 5, 2.4e-7, 0.0) + 1e-8 * rng.standard_normal(23)
+    >>> levels = find_levels(x, y, heights + 1e-4 * x - 3e-4 * y)
+    >>> levels.clusters.sizes[1], levels.slope[1].round(6)
+    (array([18,  5]), array([ 0.0001, -0.0003]))
+    """
+    order = np.lexsort((y_m, x_m))  # the answer shall not depend on the order of the caps
+    place_m = np.column_stack((x_m, y_m))
+    scaled = _Scaled.of(place_m[order], height_m[order])
+    if scaled is None:
+        slope = _plane_slope(place_m, height_m)
+        one = Clusters((np.array([len(x_m)]),), np.zeros(1), np.full(1, np.nan))
+        return Levels(one, slope[None], place_m, height_m)
+    n = len(x_m)
+    log_factorial = np.append(0.0, np.cumsum(np.log(np.arange(1.0, n + 1.0))))
+    planes = scaled.starts()
+    slopes, sizes, evidence = [np.zeros(2)], [np.array([n])], []
+    evidence.append(scaled.log_evidence_of_one(log_factorial))
+    for count in range(2, min(MAX_CLUSTERS, n - 3) + 1):
+        slope, split = scaled.best(planes, count)
+        rank = np.argsort(scaled.z - scaled.place @ slope, kind="stable")
+        low = np.arange(1, n)
+        splits = np.column_stack((low, n - low)) if count == 2 else split[None]
+        log_each = scaled.log_evidence(rank, splits, log_factorial)
+        evidence.append(float(np.logaddexp.reduce(log_each)))
+        slopes.append(slope)
+        sizes.append(split)
+        planes = np.stack((slope, np.zeros(2)))
+    separation = [
+        _separation(_centred(np.sort(scaled.z - scaled.place @ slope)), split)
+        for slope, split in zip(slopes, sizes, strict=True)
+    ]
+    # Two degrees of freedom more are lost to the slopes.
+    for i, split in enumerate(sizes):
+        if n > len(split) + 2:
+            separation[i] *= math.sqrt((n - len(split) - 2) / (n - len(split)))
+    clusters = Clusters(tuple(sizes), np.array(evidence), np.array(separation))
+    return Levels(clusters, scaled.in_metres(np.array(slopes)), place_m, height_m)
+
+
+def _plane_slope(place: np.ndarray, z: np.ndarray) -> np.ndarray:
+    """Return the slopes of the least-squares plane, the smallest where places do not fix them."""
+    if len(z) == 0:
+        return np.zeros(2)
+    slope: np.ndarray = np.linalg.lstsq(place - place.mean(axis=0), z - z.mean(), rcond=1e-9)[0]
+    return slope
+
+
+def _centred(z: np.ndarray) -> np.ndarray:
+    centred: np.ndarray = z - z.mean()
+    return centred
+
+
+@dataclass(frozen=True, eq=False)
+class _Scaled:
+    """Places and heights of order one, the heights over the least-squares plane."""
+
+    place: np.ndarray  # (n, 2), of mean zero
+    z: np.ndarray  # (n,), of mean zero
+    slope_m: np.ndarray  # of the plane that was taken off
+    unit: float  # slope of 1 here, in metres over metres
+
+    @classmethod
+    def of(cls, place_m: np.ndarray, height_m: np.ndarray) -> "_Scaled | None":
+        """Return None for fewer than five caps, caps in a line, or all of them in one plane."""
+        if len(height_m) < LEAST_CAPS:
+            return None
+        centred_m = place_m - place_m.mean(axis=0)
+        size = np.linalg.svd(centred_m, compute_uv=False)
+        if size[1] <= 1e-6 * size[0]:
+            return None
+        slope_m = _plane_slope(place_m, height_m)
+        z_m = _centred(height_m) - centred_m @ slope_m
+        height, length = float(np.ptp(z_m)), float(size[0]) / math.sqrt(len(height_m))
+        if height <= 1e-12 * float(np.ptp(height_m)):
+            return None
+        return cls(centred_m / length, z_m / height, slope_m, height / length)
+
+    def in_metres(self, slope: np.ndarray) -> np.ndarray:
+        metres: np.ndarray = slope * self.unit + self.slope_m
+        return metres
+
+    def starts(self) -> np.ndarray:
+        """Return slopes of planes to start from: least squares, and through triplets of caps."""
+        n = len(self.z)
+        if math.comb(n, 3) <= TRIPLETS:
+            triplets = np.array(list(combinations(range(n), 3)))
+        else:
+            triplets = np.random.default_rng(0).integers(n, size=(4 * TRIPLETS, 3))
+        first, second, third = (self.place[triplets[:, i]] for i in range(3))
+        a, b = second - first, third - first
+        area = a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]
+        wide = np.argsort(-np.abs(area), kind="stable")[:TRIPLETS]
+        wide = wide[np.abs(area[wide]) > 1e-6]
+        rise = self.z[triplets[wide]]
+        up, vp = rise[:, 1] - rise[:, 0], rise[:, 2] - rise[:, 0]
+        a, b, area = a[wide], b[wide], area[wide]
+        slope = np.stack([up * b[:, 1] - vp * a[:, 1], vp * a[:, 0] - up * b[:, 0]], axis=1)
+        return np.concatenate((np.zeros((1, 2)), slope / area[:, None]))
+
+    def best(self, planes: np.ndarray, count: int) -> tuple[np.ndarray, np.ndarray]:
+        """Return slopes and sizes of the least sum of squares within `count` families."""
+        if len(planes) > STARTS + 1:
+            every = max(1, len(self.z) // SAMPLE)
+            rest = np.sort(self.z[::every] - planes @ self.place[::every].T, axis=1)
+            planes = planes[np.argsort(_least_within(rest), kind="stable")[:STARTS]]
+        turns = MAX_TURNS if count == 2 else FEW_TURNS
+        found: tuple[float, np.ndarray, np.ndarray] | None = None
+        for start in planes:
+            slope, within = start, math.inf
+            for _ in range(turns):
+                rest = self.z - self.place @ slope
+                rank = np.argsort(rest, kind="stable")
+                sorted_rest = _centred(rest[rank])
+                split = _best_split(sorted_rest, count)
+                group = np.empty(len(rest), dtype=np.intp)
+                group[rank] = np.repeat(np.arange(count), split)
+                slope = self._slope_of(group, split)
+                rest = self.z - self.place @ slope
+                last, within = within, _sum_within(rest, group, split)
+                if not within < last * (1.0 - 1e-9):
+                    break
+            if found is None or within < found[0] * (1.0 - 1e-9):
+                found = within, slope, split
+        assert found is not None
+        return found[1], found[2]
+
+    def _slope_of(self, group: np.ndarray, size: np.ndarray) -> np.ndarray:
+        """Return the slopes of the parallel planes that fit the groups best."""
+        columns = np.column_stack((self.place, self.z))
+        for i in range(3):
+            columns[:, i] -= (np.bincount(group, columns[:, i], len(size)) / size)[group]
+        place, z = columns[:, :2], columns[:, 2]
+        normal = place.T @ place
+        determinant = normal[0, 0] * normal[1, 1] - normal[0, 1] ** 2
+        if determinant <= 1e-9 * normal[0, 0] * normal[1, 1]:
+            return np.zeros(2)
+        slope: np.ndarray = np.linalg.solve(normal, place.T @ z)
+        return slope
+
+    def log_evidence(
+        self, rank: np.ndarray, sizes: np.ndarray, log_factorial: np.ndarray
+    ) -> np.ndarray:
+        """Log evidence of normal families, for each split of the caps in the order of `rank`."""
+        n, count = len(self.z), sizes.shape[-1]
+        columns = np.column_stack((np.ones(n), self.place, self.z))[rank]
+        total = np.concatenate((np.zeros((1, 4)), np.cumsum(columns, axis=0)))
+        ends = np.cumsum(sizes, axis=-1)
+        sums = total[ends] - total[ends - sizes]  # (n_splits, K, 4)
+        outer = np.einsum("ski,skj->skij", sums, sums)
+        square = columns.T @ columns
+        log_shapes = []
+        for ratio, odds in WIDTH_RATIOS2 if count > 1 else [(0.0, 1.0)]:
+            weight = ratio / (1.0 + ratio * sizes)
+            M = square - np.einsum("sk,skij->sij", weight, outer)
+            place, cross = M[:, :3, :3], M[:, :3, 3]
+            log_det = np.linalg.slogdet(place)[1]
+            explained = (cross * np.linalg.solve(place, cross[..., None])[..., 0]).sum(axis=-1)
+            rest = np.maximum(M[:, 3, 3] - explained, 1e-13 * square[3, 3])
+            log_widths = np.log1p(ratio * sizes).sum(axis=-1) + log_det
+            log_shapes.append(math.log(odds) - 0.5 * log_widths - 0.5 * (n - 3) * np.log(rest))
+        log_members = log_factorial[n] - log_factorial[sizes].sum(axis=-1)
+        log_sizes = log_factorial[n - 1] - log_factorial[count - 1] - log_factorial[n - count]
+        constant = math.lgamma(0.5 * (n - 3)) - math.log(2.0) - 0.5 * (n - 3) * math.log(math.pi)
+        log_odds = log_factorial[count] - log_members - log_sizes
+        evidence: np.ndarray = np.logaddexp.reduce(log_shapes, axis=0) + constant + log_odds
+        return evidence
+
+    def log_evidence_of_one(self, log_factorial: np.ndarray) -> float:
+        """Log evidence of one family, of any of four shapes, at equal odds.
+
+        Two of them end at a plane that touches three caps, one lies between two planes that touch
+        four: the sharp edges decide, and the evidence is the integral over the cone of planes that
+        leave these caps on the right side. With c as the sum of the rows A of the touching caps
+        with weights q, that is (n - 4)! rest^-(n - 3) / (|det A| prod n q) for the exponential ones
+        and (n - 4)! / n! range^-(n - 3) / (|det A| prod q) for the uniform one.
+        """
+        n = len(self.z)
+        shapes = [float(self.log_evidence(np.arange(n), np.array([[n]]), log_factorial)[0])]
+        places = np.column_stack((np.ones(n), self.place))
+        mean = np.array([1.0, 0.0, 0.0])
+        corners = np.column_stack((np.ones(3), 10.0 * np.eye(3, 2) * np.abs(places).max()))
+        corners[2, 1:] = -corners[0, 1], -corners[1, 2]
+        rows = np.concatenate((places, corners))
+        for z in (self.z, -self.z):
+            height = np.append(z, np.full(3, -1e6))
+            edge = minimum(rows, height, mean, np.arange(n, n + 3), 1e-12)
+            rest = float((places @ edge.unknowns - z).sum())
+            shapes.append(
+                log_factorial[n - 4] - (n - 3) * math.log(rest) - self._log_cone(rows, edge, n)
+            )
+        between = np.concatenate((np.insert(places, 3, 0.0, 1), np.insert(-places, 3, 1.0, 1)))
+        height = np.append(self.z, -self.z)
+        slab = minimum(between, height, np.array([0.0, 0.0, 0.0, 1.0]), self._radon(places), 1e-12)
+        log_range = math.log(slab.unknowns[3])
+        shapes.append(
+            (log_factorial[n - 4] - log_factorial[n])
+            - (n - 3) * log_range
+            - self._log_cone(between, slab, 1)
+        )
+        return float(np.logaddexp.reduce(shapes) - math.log(4.0))
+
+    def _log_cone(self, rows: np.ndarray, vertex: Vertex, n: int) -> float:
+        """Log of |det A| prod n q; a cap that all but leaves the cone is stopped by others."""
+        least = 0.5 / len(self.z)
+        weight = n * np.maximum(vertex.weight, least)
+        return float(np.linalg.slogdet(rows[vertex.basis])[1] + np.log(weight).sum())
+
+    def _radon(self, places: np.ndarray) -> np.ndarray:
+        """Return four caps, each as the lower or the upper side of a slab, to start from."""
+        n = len(places)
+        x, y = self.place.T
+        four = [int(np.argmax(x)), int(np.argmin(x)), int(np.argmax(y)), int(np.argmin(y))]
+        if len(set(four)) < 4 or np.linalg.matrix_rank(places[four]) < 3:
+            distance = np.abs(x) + np.abs(y)
+            four = np.argsort(-distance, kind="stable")[:4].tolist()
+        dependency = np.linalg.svd(places[four].T)[2][-1]
+        return np.array(four) + np.where(dependency > 0, 0, n)
+
+
+def _best_split(z: np.ndarray, count: int) -> np.ndarray:
+    n = len(z)
+    if count == 2:
+        low = np.arange(1, n)
+        sizes = np.column_stack((low, n - low))
+        best: np.ndarray = sizes[int(np.argmin(_within(z, sizes)))]
+        return best
+    return _splits(z, count)[-1]
+
+
+def _least_within(z: np.ndarray) -> np.ndarray:
+    """Least sum of squares of two clusters of each row of sorted numbers."""
+    n = z.shape[1]
+    z = z - z.mean(axis=1, keepdims=True)
+    low = np.cumsum(z, axis=1)[:, :-1]
+    size = np.arange(1.0, n)
+    between = low**2 * (1.0 / size + 1.0 / (n - size))  # the sums of both parts cancel
+    least: np.ndarray = (z**2).sum(axis=1) - between.max(axis=1)
+    return least
+
+
+def _sum_within(z: np.ndarray, group: np.ndarray, size: np.ndarray) -> float:
+    rest = z - (np.bincount(group, z, len(size)) / size)[group]
+    return float(rest @ rest)

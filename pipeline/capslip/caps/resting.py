@@ -1,0 +1,229 @@
+"""The plane on which a face rests at vanishing load: three points carry it.
+
+A rigid plane that is laid on a face under a load point sinks and turns until it rests on three
+points around that one: the facet of the upper convex hull of the heights that the line of action
+passes through. It is a property of the face and not of the frame it was measured in: any plane
+that is added to the map is added to it.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from capslip.caps.simplex import minimum
+from capslip.errors import SettingsError, UnusableSurfaceError
+from capslip.surface.heightmap import HeightMap
+
+SQUARE = 3  # points, over which heights are averaged
+MAX_FRAMES = 50  # levels that the heights are averaged in; two or three do
+BELOW = 1e7  # height ranges: depth of the corners to start from
+ROUNDING = 1e-12  # of the height range: a point so little above the plane lies on it
+
+
+@dataclass(frozen=True)
+class RestingPlane:
+    """A plane over the face.
+
+    Attributes
+    ----------
+    height_m : float
+        At the load point.
+    slope : (float, float)
+        Along x and y.
+    corners_m : float64, shape (3, 2)
+        Places (x, y) of the three points it rests on.
+    load_point_m : (float, float)
+        Place (x, y) of the load.
+    """
+
+    height_m: float
+    slope: tuple[float, float]
+    corners_m: np.ndarray
+    load_point_m: tuple[float, float]
+
+
+def resting_plane(
+    surface: HeightMap, load_point_m: tuple[float, float] | None = None, square: int = SQUARE
+) -> RestingPlane:
+    """Find the plane on which the face rests under a load of no size.
+
+    Parameters
+    ----------
+    surface : HeightMap
+        A map without outliers; its form and level do not matter.
+    load_point_m : (float, float), optional
+        Place (x, y) of the line of action; the centre of the map by default.
+    square : int
+        Side of the squares of points over which heights are averaged, odd; see `Hills.square`.
+
+    Returns
+    -------
+    RestingPlane
+
+    Raises
+    ------
+    SettingsError
+        If the square is not odd.
+    UnusableSurfaceError
+        If the load point lies outside the measured points, and the face tips over.
+
+    Notes
+    -----
+    The corners are found among the mean heights of adjoining squares, the highest point of each
+    left out, so that no spike carries the face, and squares with fewer than half of their points
+    too. The lowest plane at the load point above all of them is a linear programme in three
+    unknowns; the simplex method solves it: of the three corners of a triangle around the load
+    point, the one that has to go is replaced by the point that stands highest above the plane,
+    until none does. Which point of a square is its highest depends on the level, so the
+    squares are averaged again in the frame of the plane that was found, until it stays. That makes
+    the answer covariant: a plane added to the map comes out added, to rounding.
+    Only squares that the change of level may have lifted above the plane are looked at again.
+
+    Examples
+    --------
+    >>> y, x = np.mgrid[0:90, 0:120] * 1e-4
+    >>> height_m = 1e-6 - ((x - 2e-3) ** 2 + (y - 2e-3) ** 2) / 40
+    >>> for place in ((1e-2, 2e-3), (6e-3, 8e-3)):
+    ...     hill = 1e-6 - ((x - place[0]) ** 2 + (y - place[1]) ** 2) / 40
+    ...     height_m = np.maximum(height_m, hill)
+    >>> plane = resting_plane(HeightMap(height_m + 2e-4 * x, (1e-4, 1e-4)))
+    >>> bool(np.allclose(plane.slope, (2e-4, 0.0), atol=1e-6))
+    True
+    """
+    if square < 1 or square % 2 == 0:
+        raise SettingsError(f"square: got {square}; expected an odd number of points")
+    ly_m, lx_m = surface.side_m
+    at_m = (0.5 * lx_m, 0.5 * ly_m) if load_point_m is None else load_point_m
+    squares = _Squares.of(surface, at_m, square)
+    slope = squares.slope()
+    height_m = squares.heights_m(slope)
+    found = None
+    for _ in range(MAX_FRAMES):
+        found = _facet(squares.x_m, squares.y_m, height_m)
+        if found is None:
+            break
+        corner, (level_m, turn_x, turn_y) = found
+        slope = slope + np.array([turn_x, turn_y])
+        height_m = height_m - (turn_x * squares.x_m + turn_y * squares.y_m)
+        # The mean without the highest point can have risen by no more than this.
+        lift_m = 2.0 * (abs(turn_x) * squares.width_m[0] + abs(turn_y) * squares.width_m[1])
+        near = np.flatnonzero(height_m >= level_m - lift_m)
+        height_m[near] = squares.heights_m(slope, near)
+        rounding_m = ROUNDING * max(float(np.ptp(height_m)), abs(level_m))
+        if height_m[near].max() <= height_m[corner].min() + rounding_m:
+            break
+    if found is None:
+        raise UnusableSurfaceError(
+            f"{surface.origin.name}: the load point x = {at_m[0]:g} m, y = {at_m[1]:g} m lies "
+            "outside the measured points, and the face tips over; expected points on all sides of "
+            "it; move contact.load_point_m"
+        )
+    corners_m = np.column_stack((squares.x_m[corner], squares.y_m[corner])) + at_m
+    return RestingPlane(float(level_m), (float(slope[0]), float(slope[1])), corners_m, at_m)
+
+
+@dataclass(frozen=True, eq=False)
+class _Squares:
+    """Squares of points with points enough; places count from the load point."""
+
+    block_m: np.ndarray  # (rows, square, columns, square) heights
+    x_axis_m: np.ndarray  # (columns, square) places of the points
+    y_axis_m: np.ndarray  # (rows, square)
+    row: np.ndarray  # of each square
+    col: np.ndarray
+    x_m: np.ndarray  # their middles
+    y_m: np.ndarray
+    width_m: tuple[float, float]  # along x and y
+    complete: bool  # whether all points were measured
+
+    @classmethod
+    def of(cls, surface: HeightMap, at_m: tuple[float, float], square: int) -> "_Squares":
+        (ny, nx), (dy_m, dx_m) = surface.shape, surface.pixel_size_m
+        # What is left over falls away on both sides alike, so that a mirrored map is the same.
+        rows, cols = (n // square - n % square % 2 for n in (ny, nx))
+        if min(rows, cols) < 1:
+            square, rows, cols = 1, ny, nx
+        top, left = (ny - rows * square) // 2, (nx - cols * square) // 2
+        inner = surface.height_m[top : top + rows * square, left : left + cols * square]
+        y_m = ((np.arange(rows * square) + top + 0.5) * dy_m - at_m[1]).reshape(rows, square)
+        x_m = ((np.arange(cols * square) + left + 0.5) * dx_m - at_m[0]).reshape(cols, square)
+        block_m = inner.reshape(rows, square, cols, square)
+        enough = np.ones((rows, cols), dtype=bool)
+        complete = not np.isnan(inner.sum())
+        if not complete:
+            enough = np.count_nonzero(~np.isnan(block_m), axis=(1, 3)) > 0.5 * square**2
+        row, col = np.nonzero(enough)
+        middle_x, middle_y = x_m.mean(axis=1)[col], y_m.mean(axis=1)[row]
+        width_m = (square * dx_m, square * dy_m)
+        return cls(block_m, x_m, y_m, row, col, middle_x, middle_y, width_m, complete)
+
+    def slope(self) -> np.ndarray:
+        """Return the slopes of a plane through the middles of some squares, to start from."""
+        every = max(1, self.row.size // 2000)
+        row, col = self.row[::every], self.col[::every]
+        middle = self.block_m.shape[1] // 2
+        height_m = self.block_m[row, middle, col, middle]
+        known = ~np.isnan(height_m)
+        if np.count_nonzero(known) < 3:
+            return np.zeros(2)
+        places = np.column_stack((self.x_m[::every], self.y_m[::every], np.ones(row.size)))
+        fitted: np.ndarray = np.linalg.lstsq(places[known], height_m[known], rcond=None)[0]
+        return fitted[:2]
+
+    def heights_m(self, slope: np.ndarray, index: np.ndarray | None = None) -> np.ndarray:
+        """Return mean heights above a plane through the load point, highest points left out."""
+        side = self.block_m.shape[1]
+        down_m, across_m = slope[1] * self.y_axis_m, slope[0] * self.x_axis_m
+        row, col = (self.row, self.col) if index is None else (self.row[index], self.col[index])
+
+        def points_m(i: int, j: int) -> np.ndarray:
+            if index is None:  # slices of the whole map, several times as fast
+                z = self.block_m[:, i, :, j] - across_m[:, j]
+                z -= down_m[:, i, None]
+                return z
+            return self.block_m[row, i, col, j] - across_m[col, j] - down_m[row, i]
+
+        total = points_m(0, 0)
+        highest, lost = total.copy(), np.isnan(total)
+        total[lost] = 0.0
+        known = np.where(lost, 0.0, 1.0)
+        for i, j in list(np.ndindex(side, side))[1:]:
+            z = points_m(i, j)
+            np.fmax(highest, z, out=highest)
+            if self.complete:
+                total += z
+                continue
+            measured = ~np.isnan(z)
+            known += measured
+            np.add(total, z, out=total, where=measured)
+        if self.complete:
+            known.fill(side**2)
+        if side > 1:
+            total = (total - highest) / np.maximum(known - 1.0, 1.0)
+        return total[row, col] if index is None else total
+
+
+def _facet(
+    x_m: np.ndarray, y_m: np.ndarray, height_m: np.ndarray
+) -> tuple[np.ndarray, np.ndarray] | None:
+    """Return the corners of the facet of the upper hull over the origin, and its plane.
+
+    The plane is (height at the origin, slope along x, along y). None where the origin lies outside.
+    """
+    n = height_m.size
+    if n < 3:
+        return None
+    # Three corners far away and far below, to start from: none stays where another can replace it.
+    reach_m = float(np.hypot(x_m, y_m).max())
+    angle = 2.0 * np.pi * np.arange(3) / 3.0
+    x = np.append(x_m / reach_m, 10.0 * np.cos(angle))
+    y = np.append(y_m / reach_m, 10.0 * np.sin(angle))
+    base_m, range_m = float(height_m.mean()), float(np.ptp(height_m))
+    z = np.append(height_m - base_m, np.full(3, -BELOW * range_m))
+    places = np.column_stack((np.ones(n + 3), x, y))
+    origin = np.array([1.0, 0.0, 0.0])
+    found = minimum(places, z, origin, np.arange(n, n + 3), ROUNDING * range_m)
+    if (found.basis >= n).any():
+        return None
+    level_m, slope_x, slope_y = found.unknowns
+    return found.basis, np.array([level_m + base_m, slope_x / reach_m, slope_y / reach_m])

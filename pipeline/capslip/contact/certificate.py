@@ -1,0 +1,145 @@
+"""Whether a cut went deep enough: nothing that was measured may stand in the pressed plane."""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from capslip.contact.models.interacting import hertz_over_point_load
+from capslip.surface.heightmap import HeightMap
+
+BLOCKS = 100  # along the shorter side of the map, over which heights are averaged
+NOISE_SPREADS = 2.0  # standard deviations of a mean height that may hide a contact
+MODEL_ERROR = 0.02  # of the sinking: what point loads may be off
+NEAR = 1.5  # contact radii within which the shape of a cap is the fit's matter, not the cut's
+SHAPE_ERROR = 0.1  # of its compression, that a loaded hill may stand above its cap beyond there
+AT_ONCE = 2_000_000  # pairs of a block and a contact
+
+
+@dataclass(frozen=True, eq=False)
+class Certificate:
+    """What stands above the deformed surface of contact though no contact carries it.
+
+    Attributes
+    ----------
+    missed_area_m2 : float
+        Area outside the hills: the cut was too high for it.
+    hills : int64, shape (m,)
+        Labels of the hills in the way, rising: those without load, and those that stand up again
+        beside their own contact.
+    hill_area_m2 : float64, shape (m,)
+        Their areas in the way.
+    highest_m : float
+        How far the worst point stands above the deformed surface; 0 where none does.
+    place_m : (float, float) or None
+        Its place (x, y).
+    """
+
+    missed_area_m2: float
+    hills: np.ndarray
+    hill_area_m2: np.ndarray
+    highest_m: float
+    place_m: tuple[float, float] | None
+
+    @property
+    def holds(self) -> bool:
+        """Whether nothing stands in the way."""
+        return self.place_m is None
+
+
+def certify_cut(
+    surface: HeightMap,
+    label: np.ndarray,
+    plane_m: float,
+    caps_m: np.ndarray,
+    load_N: np.ndarray,
+    hill: np.ndarray,
+    E_star_Pa: float,
+    noise_m: float = 0.0,
+) -> Certificate:
+    """Compare every part of the map with the plane, sunk by the loads of all contacts.
+
+    Parameters
+    ----------
+    surface : HeightMap
+        Heights in the frame in which the pressed plane is level.
+    label : int, shape (ny, nx)
+        Hills, 1 ... n; 0 outside.
+    plane_m : float
+        Height of the plane: that of the peaks less how far it has come down.
+    caps_m : float64, shape (3, m)
+        x, y and radius of the caps that carry load.
+    load_N : float64, shape (m,)
+        Their loads, positive.
+    hill : int, shape (m,)
+        Their labels.
+    E_star_Pa : float
+        Composite modulus.
+    noise_m : float
+        Standard deviation of the noise, point by point.
+
+    Returns
+    -------
+    Certificate
+
+    Notes
+    -----
+    Heights are averaged over squares of a hundredth of the shorter side. The plane follows the
+    surface that sinks around each contact as around a Hertz contact (Johnson 1985, Eq. 3.42), so a
+    mean height z is in the way where z - plane > sum N_i f(a_i / r_i) / (pi E* r_i). It is
+    evaluated only where z stands above the plane. Within 1.5 contact radii the surface belongs to
+    that contact.
+    """
+    side = max(1, min(surface.shape) // BLOCKS)
+    dy_m, dx_m = surface.pixel_size_m
+    height_m = _means(surface.height_m, side)
+    reach_m = height_m - (plane_m + NOISE_SPREADS * noise_m / side)
+    row, col = np.nonzero(reach_m > 0.0)  # False where nothing was measured
+    reach_m = reach_m[row, col]
+    place_m = np.stack([(col + 0.5) * side * dx_m, (row + 0.5) * side * dy_m])
+    owner = label[row * side + side // 2, col * side + side // 2]
+    a_m = np.cbrt(0.75 * load_N * caps_m[2] / E_star_Pa)
+    compression_m = np.zeros(int(label.max(initial=0)) + 1)
+    np.maximum.at(compression_m, hill, a_m**2 / caps_m[2])
+
+    excess_m = np.full(row.size, -np.inf)
+    for part in np.array_split(np.arange(row.size), 1 + row.size * a_m.size // AT_ONCE):
+        r_m = np.hypot(*(place_m[:, part, None] - caps_m[:2, None]))
+        # Point loads sink the surface less than contacts do, and most places are past even them.
+        least_m = (load_N / r_m).sum(axis=1) / (math.pi * E_star_Pa)
+        left = (reach_m[part] > least_m) & (r_m >= NEAR * a_m).all(axis=1)
+        share_N_per_m = load_N * hertz_over_point_load(a_m / r_m[left]) / r_m[left]
+        sunk_m = share_N_per_m.sum(axis=1) * (1.0 + MODEL_ERROR) / (math.pi * E_star_Pa)
+        excess_m[part[left]] = reach_m[part[left]] - sunk_m
+    excess_m -= SHAPE_ERROR * compression_m[owner]
+    above = np.flatnonzero(excess_m > 0.0)
+    block_m2 = side**2 * dy_m * dx_m
+    count = np.bincount(owner[above], minlength=1)
+    in_way = np.flatnonzero(count[1:]) + 1
+    worst = int(above[np.argmax(excess_m[above])]) if above.size else None
+    return Certificate(
+        missed_area_m2=float(count[0] * block_m2),
+        hills=in_way,
+        hill_area_m2=count[in_way] * block_m2,
+        highest_m=0.0 if worst is None else float(excess_m[worst]),
+        place_m=None if worst is None else (float(place_m[0, worst]), float(place_m[1, worst])),
+    )
+
+
+def _means(z: np.ndarray, side: int) -> np.ndarray:
+    """Mean heights of squares, NaN where half of the points or more were not measured."""
+    ny, nx = (n // side for n in z.shape)
+    inner = z[: ny * side, : nx * side]
+
+    def sums(array: np.ndarray) -> np.ndarray:
+        rows = array.reshape(ny, side, nx * side).sum(axis=1)
+        blocks: np.ndarray = np.add.reduceat(rows, np.arange(0, nx * side, side), axis=1)
+        return blocks
+
+    total = sums(inner)
+    if not np.isnan(total).any():
+        return total / side**2
+    measured = ~np.isnan(inner)
+    count = sums(measured.astype(float))
+    total = sums(np.where(measured, inner, 0.0))
+    return np.where(count > 0.5 * side**2, total / np.maximum(count, 1.0), np.nan)

@@ -1,0 +1,349 @@
+"""Equilibrium of coupled Hertz contacts under a plane that may rise, sink and turn.
+
+Contact i carries N_i = k_i (g_i)_+^1.5 at compression g_i, and the load N_j of another one sinks it
+by C_ij N_j, so that g_i + sum_j C_ij N_j = y + t . r_i - h_i under a plane of level y at the load
+point and slopes t; r_i counts from that point. The plane has come to rest when its loads carry
+the preload and their moments about the load point are those of the spring that holds it upright:
+sum N_i = N, sum N_i r_i = -K t. K = 0 is a face that turns freely (balanced), K = inf one that does
+not turn at all (as levelled).
+"""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from capslip.errors import ContactError
+
+_TOLERANCE = 1e-14  # of the heights: misfit at which a state is an equilibrium
+_ACCEPTED = 1e-12  # of the heights: misfit that rounding may leave
+
+
+@dataclass(frozen=True, eq=False)
+class Equilibrium:
+    """A plane at rest on its contacts."""
+
+    level_m: float  # y, at the load point
+    slope: tuple[float, float]  # t, along x and y; positive: deeper where x or y is larger
+    compression_m: np.ndarray  # g, shape (n,); negative for a gap
+
+
+def press(
+    k: np.ndarray,
+    h: np.ndarray,
+    C: np.ndarray | None,
+    g: np.ndarray,
+    load: float | None = None,
+    level: float | None = None,
+    arm: np.ndarray | None = None,
+    turning_stiffness: float = math.inf,
+) -> Equilibrium:
+    """Find the equilibrium under a given load, or under a plane at a given level.
+
+    The loads of the equilibrium are a minimum over N >= 0 of the energy
+    sum_i [3/5 k_i^(-2/3) N_i^(5/3) + h_i N_i] + N C N / 2 + K t . t / 2 among those that carry the
+    load and its moments (at given level: of that less y sum N, among all). Newton's step on the
+    active set, in which the plane's unknowns have the exact Hessian
+    B^T (1 + D C)^-1 D B + diag(0, K, K) with B = [1, r], D = diag(1.5 k sqrt(g)); after each step
+    the plane is moved to where it carries the load, which is a convex problem in its unknowns
+    alone; and damped where the matrix is not positive definite or the energy does not fall. So it
+    ends in a stable equilibrium from any start. As long as no contacts overlap the energy is convex
+    and there is only one.
+
+    Parameters
+    ----------
+    k, h : ndarray, shape (n,)
+        Hertz coefficients in N/m^1.5 and depths in m.
+    C : ndarray, shape (n, n), optional
+        Pair compliances in m/N, symmetric with zero diagonal; None for caps that do not interact.
+    g : ndarray, shape (n,)
+        Compressions to start from.
+    load, level : float
+        One of them; the level so high that a cap touches. With a level the plane does not turn:
+        take the slopes into the depths, h - t . r.
+    arm : ndarray, shape (n, 2), optional
+        r: places (x, y) of the contacts from the load point, in m. Needed by a plane that turns.
+    turning_stiffness : float
+        K in N m/rad.
+
+    Returns
+    -------
+    Equilibrium
+
+    Raises
+    ------
+    ContactError
+        If no equilibrium is found, or the plane tips over: it turns freely and the load point lies
+        outside the hull of the places.
+
+    Notes
+    -----
+    A mean-field compliance c in series adds c N to the level and leaves the balance as it is.
+
+    Examples
+    --------
+    A load at a quarter of the side of a square on four equal spheres; the plane turns freely:
+
+    >>> k, arm = np.full(4, 1e12), np.array([[-1, -1], [3, -1], [-1, 3], [3, 3]]) * 0.01
+    >>> rest = press(k, np.zeros(4), None, np.ones(4), load=160.0, arm=arm, turning_stiffness=0.0)
+    >>> loads = k * np.maximum(rest.compression_m, 0.0) ** 1.5
+    >>> bool(abs(loads.sum() - 160.0) < 1e-9), bool(np.abs(loads @ arm).max() < 1e-12)
+    (True, True)
+    """
+    plane = _Plane.of(k, h, load, level, arm, turning_stiffness)
+    state = plane.state(C, g, np.zeros(plane.columns.shape[1]))
+    damping = 0.0
+    for _ in range(200):
+        if state.error <= _TOLERANCE * state.scale:
+            break
+        while damping < 1e9:
+            trial = plane.newton_step(C, state, damping)
+            if trial is not None and trial.is_better_than(state):
+                break
+            damping = max(4 * damping, 0.25)
+        else:
+            break
+        state = trial
+        damping = damping / 8 if damping > 0.1 else 0.0
+    if state.error > _ACCEPTED * state.scale:
+        goal = f"approach {level:g} m" if load is None else f"load {load:g} N"
+        raise ContactError(
+            f"no equilibrium of {len(k)} caps at {goal}; the misfit is {state.error:g} m, expected "
+            f"at most {_ACCEPTED * state.scale:g} m; use mean_field"
+        )
+    return plane.at_rest(state)
+
+
+@dataclass(frozen=True, eq=False)
+class _State:
+    """Compressions that carry the load, and how far they are from equilibrium."""
+
+    g: np.ndarray  # zero for a gap
+    free: np.ndarray  # of the plane's unknowns, their values
+    gap: np.ndarray  # in equilibrium zero in contact and not negative elsewhere
+    active: np.ndarray
+    error: float
+    scale: float  # of the heights that were added up
+    energy: float
+    rounding: float  # of the energy
+
+    def is_better_than(self, other: "_State") -> bool:
+        """Whether the energy fell or, where rounding hides that, the error did."""
+        return self.energy < other.energy - other.rounding or (
+            self.energy < other.energy + other.rounding and self.error < 0.5 * other.error
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class _Plane:
+    """Contacts, and the plane over them with its zero, one or three unknowns.
+
+    Slopes count times `reach_m`, the largest distance from the load point, so that all unknowns are
+    lengths and all rows of their Hessian N/m.
+    """
+
+    k: np.ndarray
+    h: np.ndarray
+    columns: np.ndarray  # B, shape (n, 0), (n, 1) or (n, 3)
+    goal: np.ndarray  # what B^T N has to be, in N
+    spring: np.ndarray  # stiffness of each unknown against the ground, in N/m
+    reach_m: float
+    level: float  # where it is given, else 0
+
+    @classmethod
+    def of(
+        cls,
+        k: np.ndarray,
+        h: np.ndarray,
+        load: float | None,
+        level: float | None,
+        arm: np.ndarray | None,
+        turning_stiffness: float,
+    ) -> "_Plane":
+        one = np.ones((len(k), 1))
+        if load is None:
+            return cls(k, h, one[:, :0], np.zeros(0), np.zeros(0), 1.0, float(level or 0.0))
+        goal = np.array([load])
+        if arm is None or math.isinf(turning_stiffness):
+            return cls(k, h, one, goal, np.zeros(1), 1.0, 0.0)
+        if turning_stiffness == 0.0:
+            _refuse_tipping(arm)
+        reach_m = float(np.hypot(*arm.T).max()) or 1.0
+        columns = np.hstack((one, arm / reach_m))
+        stiffness = turning_stiffness / reach_m**2
+        return cls(
+            *(k, h, columns, np.append(goal, (0.0, 0.0))),
+            *(np.array([0.0, stiffness, stiffness]), reach_m, 0.0),
+        )
+
+    def at_rest(self, state: _State) -> Equilibrium:
+        """Return the state in the caller's units."""
+        level, slope_x, slope_y = (*state.free, 0.0, 0.0, 0.0)[:3]
+        g = np.where(state.g > 0, state.g, -state.gap)
+        slope = float(slope_x) / self.reach_m, float(slope_y) / self.reach_m
+        return Equilibrium(float(level) + self.level, slope, g)
+
+    def state(self, C: np.ndarray | None, g: np.ndarray, free: np.ndarray) -> _State:
+        """Return the state at given compressions, after moving the plane to carry the load."""
+        B = self.columns
+        if B.shape[1]:
+            g, free = self._carrying(g, free)
+        g = np.maximum(g, 0)
+        N = self.k * g * np.sqrt(g)
+        sunk = np.zeros_like(g) if C is None else C @ N
+        height = g + sunk + self.h
+        # Unknowns that no spring holds are multipliers: those that leave the least misfit.
+        loose = self.spring == 0.0
+        rest = height - self.level
+        if loose.any():
+            held = B[:, ~loose] @ free[~loose]
+            columns = B if loose.all() else B[:, loose]
+            weighted = columns.T * N
+            free = free.copy()
+            free[loose] = _solve(weighted @ columns, weighted @ (rest - held))
+        moved = B @ free
+        gap = rest - moved
+        active = (g > 0) | (gap < 0)
+        scale = float((np.abs(height) + np.abs(moved))[active].max(initial=0.0))
+        energy = float(N @ (0.6 * g + 0.5 * sunk + self.h - self.level))
+        energy += 0.5 * float(self.spring @ free**2)
+        error = float(np.abs(gap[active]).max(initial=0.0))
+        return _State(g, free, gap, active, error, scale, energy, 1e-13 * scale * float(N.sum()))
+
+    def newton_step(self, C: np.ndarray | None, state: _State, damping: float) -> _State | None:
+        """Return the state after one step; None where the matrix is not positive definite."""
+        active, columns = state.active, self.columns
+        g = np.where(state.g > 0, state.g, -state.gap)
+        # A cap about to touch has no stiffness yet; that at its whole penetration serves.
+        S = np.sqrt(1.5 * self.k[active] * np.sqrt(g[active]))
+        right = S[:, None] * np.column_stack((state.gap[active], columns[active]))
+        if C is None:
+            z = right / (1 + damping)
+        else:
+            try:
+                z = _solve_definite(S[:, None] * C[np.ix_(active, active)] * S, 1 + damping, right)
+            except np.linalg.LinAlgError:
+                return None
+        free, step = state.free, -z[:, 0]
+        if columns.shape[1]:
+            H = right[:, 1:].T @ z[:, 1:]
+            H.flat[:: len(H) + 1] += self.spring
+            moved = _solve(H, right[:, 1:].T @ z[:, 0])
+            free, step = free + moved, step + z[:, 1:] @ moved
+        g[active] += step / S
+        return self.state(C, g, free)
+
+    def _carrying(self, g: np.ndarray, free: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Move the plane until B^T N + spring free = goal, with no regard to what sinks.
+
+        The energy sum 2/5 k g^2.5 + spring . free^2 / 2 - goal . free is convex in the plane's
+        unknowns: damped Newton. Caps that do not touch lend their stiffness to the damping, so a
+        plane that rests on one cap, or on none, knows how far to go.
+        """
+        B = self.columns
+        moved = np.zeros(len(free))
+        energy, missing, stiff = self._pulled(g, free, moved)
+        damping = 0.0
+        for _ in range(200):
+            size = float(np.abs(missing).max())
+            if size <= 4e-16 * self.goal[0]:
+                break
+            D = stiff * np.where(g > 0, 1.0, damping)
+            H = (B.T * (D * (1 + damping))) @ B
+            H.flat[:: len(H) + 1] += self.spring
+            step = _solve(H, missing)
+            trial = g + B @ step
+            new_energy, new_missing, new_stiff = self._pulled(trial, free + step, moved + step)
+            rounding = 1e-14 * (abs(energy) + abs(new_energy))
+            fell = new_energy < energy - rounding
+            if fell or (new_energy <= energy + rounding and np.abs(new_missing).max() < 0.5 * size):
+                g, free, moved = trial, free + step, moved + step
+                energy, missing, stiff = new_energy, new_missing, new_stiff
+                damping = damping / 8 if damping > 1e-9 else 0.0
+            elif damping > 1e6 or size <= _TOLERANCE * self.goal[0]:
+                break
+            else:
+                damping = max(8 * damping, 1e-8)
+        return g, free
+
+    def _pulled(
+        self, g: np.ndarray, free: np.ndarray, moved: np.ndarray
+    ) -> tuple[float, np.ndarray, np.ndarray]:
+        """Return the energy of `_carrying`, the forces that miss, and stiffnesses, also of gaps."""
+        root = self.k * np.sqrt(np.abs(g))
+        rest = np.maximum(g, 0)
+        N = root * rest
+        energy = 0.4 * float(N @ rest) + 0.5 * float(self.spring @ free**2)
+        energy -= float(self.goal @ moved)
+        return energy, self.goal - N @ self.columns - self.spring * free, 1.5 * root
+
+
+def _refuse_tipping(arm: np.ndarray) -> None:
+    """Raise if no loads on these places can have their resultant at the load point."""
+    angle = np.sort(np.arctan2(arm[:, 1], arm[:, 0]))
+    opening = np.diff(angle, append=angle[0] + 2 * np.pi)
+    widest = int(np.argmax(opening))
+    if opening[widest] < np.pi - 1e-9:
+        return
+    towards = angle[widest] + 0.5 * opening[widest]
+    along = math.cos(towards), math.sin(towards)
+    axis = int(abs(along[1]) > abs(along[0]))
+    side = ("+" if along[axis] > 0 else "-") + "xy"[axis]
+    raise ContactError(
+        f"tips_over: the load point lies outside the hull of the {len(arm)} peaks that can carry, "
+        f"and the face turns over on its {side} side; expected peaks on all sides of the load; "
+        "move contact.load_point_m, or set contact.alignment to as_levelled"
+    )
+
+
+def _solve(matrix: np.ndarray, right: np.ndarray) -> np.ndarray:
+    """Solve for the plane's unknowns; the shortest solution where contacts do not fix them all."""
+    if len(matrix) == 1:
+        return right / matrix[0] if matrix[0, 0] > 0 else np.zeros(1)
+    try:
+        return _solved(matrix, right)
+    except np.linalg.LinAlgError:
+        shortest: np.ndarray = np.linalg.pinv(matrix, rcond=1e-12, hermitian=True) @ right
+        return shortest
+
+
+def _solve_definite(matrix: np.ndarray, diagonal: float, right: np.ndarray) -> np.ndarray:
+    """Solve with the matrix of that diagonal; LinAlgError if it is not positive definite."""
+    matrix.flat[:: len(matrix) + 1] = diagonal
+    return _solved(matrix, right)
+
+
+def _solved(matrix: np.ndarray, right: np.ndarray) -> np.ndarray:
+    from scipy.linalg.lapack import dposv  # of few unknowns, five times as fast as its wrappers
+
+    _, x, failed = dposv(matrix, right)
+    if failed:
+        raise np.linalg.LinAlgError("not positive definite")
+    solution: np.ndarray = x
+    return solution
+
+
+def rigid_stiffness(
+    k: np.ndarray, C: np.ndarray | None, g: np.ndarray, arm: np.ndarray
+) -> np.ndarray:
+    """Return B^T (1 + D C)^-1 D B, how loads and moments grow as the plane sinks and turns.
+
+    Parameters
+    ----------
+    k, C, g, arm
+        As for `press`, in equilibrium.
+
+    Returns
+    -------
+    float64, shape (3, 3)
+        In N/m, N/rad and N m/rad, rows and columns (level, slope along x, slope along y). Element
+        [0, 0] is dN/dy at frozen slopes, 1 / inverse[0, 0] that of a face that goes on turning.
+    """
+    touching = g > 0
+    S = np.sqrt(1.5 * k[touching] * np.sqrt(g[touching]))
+    right = S[:, None] * np.column_stack((np.ones(len(S)), arm[touching]))
+    if C is None:
+        return right.T @ right
+    matrix = S[:, None] * C[np.ix_(touching, touching)] * S
+    stiffness: np.ndarray = right.T @ _solve_definite(matrix, 1.0, right)
+    return stiffness

@@ -1,0 +1,134 @@
+"""Families on a common plane that is found with them."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy.optimize import linprog
+
+from capslip.caps.levels import _Scaled, find_levels
+from capslip.caps.simplex import minimum
+
+H_M = 2.4e-7
+
+
+def peaks(seed, m, n, scatter_m):
+    """Return m caps of a family and n of one h below it, on a face of 60 mm x 40 mm."""
+    rng = np.random.default_rng(seed)
+    x_m, y_m = rng.uniform(0.0, 0.06, m + n), rng.uniform(0.0, 0.04, m + n)
+    height_m = np.where(np.arange(m + n) < m, H_M, 0.0)
+    return x_m, y_m, height_m + scatter_m * rng.standard_normal(m + n)
+
+
+def two_found(levels):
+    """Return whether two families are likelier than one, and apart."""
+    clusters = levels.clusters
+    odds = clusters.log_evidence[1] - clusters.log_evidence[0]
+    return len(clusters.sizes) > 1 and odds > 0.0 and clusters.separation[1] >= 4.0
+
+
+def h_of(levels):
+    size = levels.clusters.sizes[1]
+    sorted_m = np.sort(levels.heights_m(2))
+    return sorted_m[size[0] :].mean() - sorted_m[: size[0]].mean()
+
+
+@pytest.mark.parametrize(("m", "n"), [(5, 18), (2, 9), (10, 50), (20, 20), (100, 400)])
+def test_two_families_are_found_under_a_tilt_much_larger_than_h(m, n):
+    x_m, y_m, height_m = peaks(3, m, n, 0.05 * H_M)
+    slope = np.array([2e-4, -5e-4])  # 12 and 20 um over the face
+    levels = find_levels(x_m, y_m, height_m + slope[0] * x_m + slope[1] * y_m)
+    assert two_found(levels)
+    assert levels.clusters.sizes[1].tolist() == [n, m]
+    error = 0.05 * H_M / np.sqrt(m + n) / (0.04 / np.sqrt(12))  # of the slope along y
+    assert levels.slope[1] == pytest.approx(slope, abs=4 * error)
+    assert h_of(levels) == pytest.approx(H_M, rel=0.1)
+
+
+@given(
+    seed=st.integers(0, 20),
+    slope_x=st.floats(-1e-3, 1e-3),
+    slope_y=st.floats(-1e-3, 1e-3),
+    rise_m=st.floats(-1e-5, 1e-5),
+)
+def test_a_plane_added_to_the_heights_moves_the_slopes_and_nothing_else(
+    seed, slope_x, slope_y, rise_m
+):
+    x_m, y_m, height_m = peaks(seed, 4, 9, 0.1 * H_M)
+    one = find_levels(x_m, y_m, height_m)
+    other = find_levels(x_m, y_m, height_m + slope_x * x_m + slope_y * y_m + rise_m)
+    for a, b in zip(one.clusters.sizes, other.clusters.sizes, strict=True):
+        assert a.tolist() == b.tolist()
+    assert other.clusters.log_evidence == pytest.approx(one.clusters.log_evidence, abs=1e-5)
+    assert other.slope - [slope_x, slope_y] == pytest.approx(one.slope, abs=1e-12)
+
+
+def test_the_order_of_the_caps_and_the_axes_play_no_part():
+    x_m, y_m, height_m = peaks(1, 5, 18, 0.1 * H_M)
+    one = find_levels(x_m, y_m, height_m)
+    order = np.random.default_rng(0).permutation(23)
+    shuffled = find_levels(x_m[order], y_m[order], height_m[order])
+    assert np.array_equal(one.clusters.log_evidence, shuffled.clusters.log_evidence)
+    mirrored = find_levels(0.06 - x_m, y_m, height_m)
+    transposed = find_levels(y_m, x_m, height_m)
+    for other, slope in ((mirrored, one.slope[1] * [-1, 1]), (transposed, one.slope[1][::-1])):
+        assert other.slope[1] == pytest.approx(slope, rel=1e-6)
+        assert other.clusters.log_evidence[1] == pytest.approx(one.clusters.log_evidence[1])
+
+
+def test_the_evidence_is_the_integral_that_it_says():
+    """One family of five caps: the integral over level, slopes and width by quadrature."""
+    x_m, y_m, height_m = peaks(5, 0, 5, 1.0)
+    scaled = _Scaled.of(np.column_stack((x_m, y_m)), height_m)
+    places = np.column_stack((np.ones(5), scaled.place))
+    z = scaled.z
+    # With the plane integrated out: (2 pi)^-1 |P^T P|^-1/2 w^-2 exp(-rest / 2 w^2) dw / w
+    w = np.geomspace(1e-3, 1e4, 200_001)
+    rest = z @ z
+    density = np.exp(-rest / (2 * w**2)) / (2 * np.pi * w**2)
+    integral = np.trapezoid(density, np.log(w)) / np.sqrt(np.linalg.det(places.T @ places))
+    factorials = np.append(0.0, np.cumsum(np.log(np.arange(1.0, 6.0))))
+    found = scaled.log_evidence(np.arange(5), np.array([[5]]), factorials)[0]
+    assert found == pytest.approx(np.log(integral), abs=1e-6)
+
+
+@pytest.mark.parametrize("shape", ["normal", "uniform", "exponential"])
+def test_one_family_stays_one(shape):
+    """Splits of a single family where none is: at most one in twenty, from five caps up."""
+    rng = np.random.default_rng(7)
+    false = 0
+    for _ in range(60):
+        n = int(rng.integers(8, 61))
+        x_m, y_m = rng.uniform(0.0, 0.06, n), rng.uniform(0.0, 0.04, n)
+        height_m = {
+            "normal": rng.standard_normal(n),
+            "uniform": rng.uniform(-2.0, 2.0, n),
+            "exponential": -rng.exponential(1.0, n),
+        }[shape]
+        false += two_found(find_levels(x_m, y_m, 3e-8 * height_m + 1e-4 * x_m))
+    assert false <= 3
+
+
+def test_few_caps_and_caps_in_a_line_are_one_family():
+    x_m, y_m, height_m = peaks(0, 2, 2, 1e-9)
+    assert len(find_levels(x_m, y_m, height_m).clusters.sizes) == 1
+    x_m, y_m, height_m = peaks(0, 5, 10, 1e-9)
+    in_line = find_levels(x_m, 0.5 * x_m, height_m)
+    assert len(in_line.clusters.sizes) == 1
+    none = find_levels(x_m[:0], y_m[:0], height_m[:0])
+    assert none.clusters.sizes[0].tolist() == [0]
+    flat = find_levels(x_m, y_m, 3e-4 * x_m - 1e-4 * y_m)
+    assert len(flat.clusters.sizes) == 1
+    assert flat.slope[0] == pytest.approx([3e-4, -1e-4])
+
+
+@given(seed=st.integers(0, 200))
+def test_the_simplex_finds_what_a_linear_programme_has(seed):
+    rng = np.random.default_rng(seed)
+    places = np.column_stack((np.ones(30), rng.uniform(-1.0, 1.0, (30, 2))))
+    places[:3, 1:] = [[-1.0, -1.0], [2.0, -1.0], [-1.0, 2.0]]  # around the origin
+    height, goal = rng.standard_normal(30), np.array([1.0, 0.0, 0.0])
+    found = minimum(places, height, goal, np.arange(3), 1e-13)
+    known = linprog(goal, -places, -height, bounds=(None, None))
+    assert goal @ found.unknowns == pytest.approx(known.fun, abs=1e-9)
+    assert (found.weight >= -1e-12).all()
