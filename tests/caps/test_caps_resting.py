@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from capslip.surface.synthetic import CapFamily, Scene, synthetic_surface
+from capslip.studies.faces.synthetic import CapFamily, Scene, synthetic_surface
 from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial import ConvexHull
