@@ -50,6 +50,10 @@ class ContactError(ScanError):
     """The caps cannot carry the preload within the validity of the contact model."""
 
 
+class TipsOverError(ContactError):
+    """The line of action of the preload leaves the hull of what can touch."""
+
+
 def in_one_line(error: BaseException) -> str:
     """Say what ended the work: a message of capslip as it stands, anything else as internal.
 

@@ -70,6 +70,7 @@ class HillSettings(_Table, frozen=True):
     """The cut, and what counts as a hill."""
 
     material_ratio: Share = 0.10
+    cut: Literal["certified", "fixed"] = "certified"  # grown until it holds all that touches
     separation: Literal["watershed", "regions"] = "watershed"
     pruning_height_m: Positive | None = None
     pruning_percent_Sz: Annotated[float, msgspec.Meta(gt=0, lt=100)] | None = None
@@ -102,6 +103,9 @@ class Contact(_Table, frozen=True):
 
     model: str = "auto"  # or the name of a rung: a file in contact/models
     preload_N: Positive = 460.0
+    alignment: Literal["balanced", "as_levelled"] = "balanced"
+    load_point_m: Pair | None = None  # (x, y) of its line of action; default: the map's centre
+    alignment_stiffness_Nm_per_rad: Annotated[float, msgspec.Meta(ge=0, le=GREATEST)] = 0.0
     tolerance: Share = 0.05
     solver_tolerance: SolverTolerance = 1e-7  # of boundary elements
     bulk: bool = False  # keep the half-space's bulk sinking in stiffness and displacement

@@ -19,6 +19,7 @@ from capslip.surface.noise import noise_of_map_m
 
 NOISE_FACTOR = 5.0  # noise alone lifts a point this many standard deviations once in 3.5 million
 SQUARES = (3, 5, 7, 9)  # points; wider ones fill the saddles of hills of usual size
+TOLD_APART = 0.01  # of the relief that is given: saddles from which on hills are told apart
 QUIET = 0.02  # of the relief: what averaging should leave of NOISE_FACTOR times the noise
 
 
@@ -87,6 +88,7 @@ def find_hills(
     separation: str = "watershed",
     pruning_height_m: float | None = None,
     pruning_percent_Sz: float | None = None,
+    relief_m: float | None = None,
 ) -> Hills:
     """Cut a height map and separate what stands above the cut into hills, with eight neighbours.
 
@@ -102,6 +104,9 @@ def find_hills(
         Least height of a peak above the saddle to a higher one, in metres or in per cent of the
         height range Sz. Give one of them at most. By default it is chosen from the map: the lowest
         height, from five times the noise up, at which the number of hills hardly depends on it.
+    relief_m : float, optional
+        Height that matters, such as the approach of the face. The noise is then averaged down to
+        what does not matter against it, and hills are told apart from a hundredth of it on.
 
     Returns
     -------
@@ -158,8 +163,9 @@ def find_hills(
         pruning_height_m = pruning_percent_Sz / 100.0 * sz_m
     ratios = (1.0 - material_ratio, 1.0 - material_ratio / 2.0)
     cut_m, middle_m = (float(height_m) for height_m in np.quantile(heights_m, ratios))
-    relief_m = 2.0 * (middle_m - cut_m) or sz_m  # no relief: a plateau
-    return _separate(surface, heights_m.size, cut_m, relief_m, pruning_height_m)
+    least_m = None if relief_m is None else TOLD_APART * relief_m
+    relief_m = relief_m or 2.0 * (middle_m - cut_m) or sz_m  # no relief: a plateau
+    return _separate(surface, heights_m.size, cut_m, relief_m, pruning_height_m, least_m)
 
 
 def _check(
@@ -179,7 +185,12 @@ def _check(
 
 
 def _separate(
-    surface: HeightMap, n_measured: int, cut_m: float, relief_m: float, pruning_m: float | None
+    surface: HeightMap,
+    n_measured: int,
+    cut_m: float,
+    relief_m: float,
+    pruning_m: float | None,
+    least_m: float | None,
 ) -> Hills:
     # A frame of non-measured points spares every later step the edge of the map.
     margin = SQUARES[-1] // 2
@@ -202,7 +213,9 @@ def _separate(
     np.maximum.at(highest_m, hill, raw_m[measured])
     low = (highest_m < NOISE_FACTOR * noise_m) & (tree.peak_m < NOISE_FACTOR * noise_left_m)
     basins = Basins(tree, np.bincount(hill, minlength=m), low)
-    if pruning_m is None:
+    if pruning_m is None and least_m is not None:
+        pruning_m = max(least_m, NOISE_FACTOR * noise_left_m)
+    elif pruning_m is None:
         pruning_m = automatic_pruning_m(basins, NOISE_FACTOR * noise_left_m, relief_m)
 
     group, keep, rejected = basins.pruned(pruning_m)

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from capslip.errors import ContactError
+from capslip.errors import ContactError, TipsOverError
 
 _TOLERANCE = 1e-14  # of the heights: misfit at which a state is an equilibrium
 _ACCEPTED = 1e-12  # of the heights: misfit that rounding may leave
@@ -289,7 +289,7 @@ def _refuse_tipping(arm: np.ndarray) -> None:
     along = math.cos(towards), math.sin(towards)
     axis = int(abs(along[1]) > abs(along[0]))
     side = ("+" if along[axis] > 0 else "-") + "xy"[axis]
-    raise ContactError(
+    raise TipsOverError(
         f"tips_over: the load point lies outside the hull of the {len(arm)} peaks that can carry, "
         f"and the face turns over on its {side} side; expected peaks on all sides of the load; "
         "move contact.load_point_m, or set contact.alignment to as_levelled"

@@ -1,0 +1,368 @@
+"""The level that a pressed face finds: it turns until its contacts balance about the load.
+
+A preload has a line of action, and a face turns under it until the moments of its contacts about
+that line vanish. So the tilt of the map is an unknown with an equation of its own. It is found in
+turns: take the tilt off the map, cut, fit caps at the depth at which they are compressed, press
+them under a plane that may turn. The start owes nothing to any plane that was taken off before:
+the face rests on three points under a load of no size.
+"""
+
+import math
+from contextlib import suppress
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from capslip.caps.fit import fit_caps
+from capslip.caps.fitting import fit_named
+from capslip.caps.hills import Hills, find_hills
+from capslip.caps.points import points_of_hills
+from capslip.caps.resting import resting_plane
+from capslip.caps.table import CapTable
+from capslip.contact.certificate import Certificate, certify_cut
+from capslip.contact.material import composite
+from capslip.contact.solvers.balance import Equilibrium, press
+from capslip.errors import ContactError, TipsOverError, UnusableSurfaceError
+from capslip.settings import Settings
+from capslip.surface.heightmap import HeightMap
+
+RATIOS = (0.10, 0.15, 0.20, 0.25, 0.30, 0.40, 0.55)  # cuts to try, where one is not deep enough
+COARSE_POINTS = 200  # along the shorter side of the map on which the level is found first
+MAX_CUTS = 4  # at one material ratio
+MAX_TURNS = 25  # of fit and contact on the hills of one cut
+SETTLED_M = 1e-11  # tilt across the face that the last turn may leave
+SETTLED_LOAD = 1e-4  # of the preload, that the last turn may move
+HELD_LOAD = 3e-4  # of the preload: below, depths are held, else a pixel may flip for ever
+EARLY = 0.05  # of load and approach: by then the cut can be tried
+SAME_CUT = 0.1  # of the approach: a face that turned less since it was cut is cut well
+SAME_APPROACH = 0.02  # relative: an approach on which the separation of hills was based
+MAX_PAIRS = 2000  # caps; more are pressed without interaction to find the level
+
+
+@dataclass(frozen=True, eq=False)
+class Level:
+    """A face at the level at which it is pressed.
+
+    Attributes
+    ----------
+    surface : HeightMap
+        Heights over the plane of the balanced face.
+    hills, caps : Hills, CapTable
+        What stands above the cut on this surface; caps without loads.
+    slope : (float, float)
+        Of the plane that was added to the map, along x and y.
+    load_point_m : (float, float)
+        Place (x, y) of the line of action.
+    material_ratio : float
+        Of the cut.
+    missed_area_m2 : float
+        Area outside the hills that the pressed plane reaches; 0 where the cut is deep enough.
+    settled : bool
+        Whether the turns came to rest.
+    """
+
+    surface: HeightMap
+    hills: Hills
+    caps: CapTable
+    slope: tuple[float, float]
+    load_point_m: tuple[float, float]
+    material_ratio: float
+    missed_area_m2: float
+    settled: bool
+
+
+def find_level(surface: HeightMap, settings: Settings) -> Level:
+    """Find the level of a face under its preload, and the cut that holds all that touches.
+
+    Parameters
+    ----------
+    surface : HeightMap
+        Heights after removal of the form; their own level does not matter.
+    settings : Settings
+        `hills`, `caps`, `material` and `contact`.
+
+    Raises
+    ------
+    TipsOverError
+        If the load point lies outside the hull of what can touch.
+    ContactError
+        If the caps cannot carry the preload, or the turns come to no rest.
+    UnusableSurfaceError
+        If fewer than 9 points lie above the cut.
+
+    Notes
+    -----
+    A large map is first levelled on the means of blocks, which costs a tenth. The cut grows until
+    nothing outside the hills stands in the pressed plane, unless `hills.cut` is fixed. Hills are
+    told apart by saddles of one hundredth of the approach: two peaks that stand in one contact are
+    better as two caps than as one.
+    """
+    at_m = load_point_m(surface, settings)
+    try:
+        rest = resting_plane(surface, at_m)
+    except UnusableSurfaceError as error:
+        raise TipsOverError(f"tips_over: {error}") from error
+    start = _Start(np.array(rest.slope), settings.hills.material_ratio)
+    step = round(min(surface.shape) / COARSE_POINTS)
+    if step > 1:
+        with suppress(ContactError, UnusableSurfaceError):  # small contacts need the whole map
+            start = _Search(block_means(surface, step), settings, at_m, rest.slope).run(start)[1]
+    return _Search(surface, settings, at_m, rest.slope).run(start)[0]
+
+
+def load_point_m(surface: HeightMap, settings: Settings) -> tuple[float, float]:
+    """Return the place (x, y) of the line of action: as set, or the centre of the map."""
+    if settings.contact.load_point_m is not None:
+        return settings.contact.load_point_m
+    ly_m, lx_m = surface.side_m
+    return 0.5 * lx_m, 0.5 * ly_m
+
+
+def turned(
+    surface: HeightMap, slope: np.ndarray | tuple[float, float], at_m: tuple[float, float]
+) -> HeightMap:
+    """Return the map with a plane of slopes (x, y) added that vanishes at a place (x, y)."""
+    (ny, nx), (dy_m, dx_m) = surface.shape, surface.pixel_size_m
+    along_x = slope[0] * ((np.arange(nx) + 0.5) * dx_m - at_m[0])
+    along_y = slope[1] * ((np.arange(ny) + 0.5) * dy_m - at_m[1])
+    return replace(surface, height_m=surface.height_m + along_x + along_y[:, None])
+
+
+def block_means(surface: HeightMap, step: int) -> HeightMap:
+    """Return the means of square blocks of points; what is left over falls away on both sides."""
+    ny, nx = (n // step for n in surface.shape)
+    top, left = ((n % step) // 2 for n in surface.shape)
+    inner = surface.height_m[top : top + ny * step, left : left + nx * step]
+    dy_m, dx_m = surface.pixel_size_m
+    total = np.add.reduceat(
+        inner.reshape(ny, step, nx * step).sum(axis=1), np.arange(0, nx * step, step), axis=1
+    )
+    return replace(surface, height_m=total / step**2, pixel_size_m=(step * dy_m, step * dx_m))
+
+
+@dataclass(frozen=True, eq=False)
+class _Start:
+    """What one search hands to the next."""
+
+    slope: np.ndarray  # (2,), of the plane to be taken off the map
+    ratio: float
+    approach_m: float | None = None
+    place_m: np.ndarray | None = None  # (2, m), of the caps that carried load
+    depth_m: np.ndarray | None = None  # (m,), at which they were fitted
+
+
+@dataclass(frozen=True, eq=False)
+class _Rest:
+    """The end of the turns on the hills of one cut."""
+
+    caps: CapTable
+    use: np.ndarray  # (m,), the caps that were pressed
+    load_N: np.ndarray  # (m,)
+    plane_m: float  # height of the pressed plane at the load point, in the frame of `slope`
+    depth_m: np.ndarray | None  # (n,), at which caps were fitted
+    slope: np.ndarray
+    approach_m: float
+    settled: bool
+
+
+class _MissedError(Exception):
+    """The cut was too high: something outside its hills stands in the pressed plane."""
+
+    def __init__(self, slope: np.ndarray, approach_m: float) -> None:
+        super().__init__()
+        self.slope, self.approach_m = slope, approach_m
+
+
+@dataclass(frozen=True, eq=False)
+class _Search:
+    """The search for the level of one map."""
+
+    surface: HeightMap
+    settings: Settings
+    at_m: tuple[float, float]
+    rest_slope: tuple[float, float]
+
+    def run(self, start: _Start) -> tuple[Level, _Start]:
+        """Return the level, and what a search on a finer map can start from."""
+        trouble: ContactError | None = None
+        fixed = self.settings.hills.cut == "fixed"
+        ratios = [start.ratio, *(r for r in RATIOS if r > start.ratio + 1e-9 and not fixed)]
+        for ratio in ratios:
+            last = ratio == ratios[-1]
+            try:
+                return self._at_ratio(replace(start, ratio=ratio), last)
+            except _MissedError as missed:
+                start = _Start(missed.slope, ratio, missed.approach_m)
+            except TipsOverError as error:
+                trouble, start = error, _Start(np.array(self.rest_slope), ratio)
+            except ContactError as error:
+                trouble, start = trouble or error, _Start(np.array(self.rest_slope), ratio)
+        raise trouble or ContactError("the face finds no level: no cut holds all that touches")
+
+    def _at_ratio(self, start: _Start, last: bool) -> tuple[Level, _Start]:
+        for _ in range(MAX_CUTS):
+            surface, hills = self._cut(start)
+            rest = self._turns(surface, hills, start, last)
+            span_m = self._across_m(rest.slope - start.slope)
+            same = span_m < SAME_CUT * rest.approach_m
+            if start.approach_m is None or abs(rest.approach_m / start.approach_m - 1) > (
+                SAME_APPROACH
+            ):
+                same = False
+            start = self._next(start, rest)
+            if same:
+                break
+        surface = turned(self.surface, -rest.slope, self.at_m)
+        certificate = self._certify(surface, hills, rest)
+        if certificate.missed_area_m2 > 0.0 and not last:
+            raise _MissedError(rest.slope, rest.approach_m)
+        slope_x, slope_y = (-rest.slope).tolist()
+        level = Level(
+            surface=surface,
+            hills=hills,
+            caps=rest.caps,
+            slope=(slope_x, slope_y),
+            load_point_m=self.at_m,
+            material_ratio=start.ratio,
+            missed_area_m2=certificate.missed_area_m2,
+            settled=rest.settled,
+        )
+        return level, start
+
+    def _cut(self, start: _Start) -> tuple[HeightMap, Hills]:
+        surface = turned(self.surface, -start.slope, self.at_m)
+        chosen = self.settings.hills
+        return surface, find_hills(
+            surface,
+            start.ratio,
+            chosen.separation,
+            chosen.pruning_height_m,
+            chosen.pruning_percent_Sz,
+            relief_m=start.approach_m,
+        )
+
+    def _turns(self, surface: HeightMap, hills: Hills, start: _Start, last: bool) -> _Rest:
+        """Fit and press the hills of one cut until the plane over them comes to rest."""
+        fit = self.settings.caps.fit
+        share = fit_named(fit).compression_share
+        points = points_of_hills(surface, hills)
+        slope, depth_m = start.slope, self._carried(start, hills, surface)
+        before_N: np.ndarray | None = None
+        tried, history = last, list[float]()
+        for _ in range(MAX_TURNS):
+            caps = fit_caps(surface, hills, fit, depth_m, points)
+            use, rest, load_N, peak_m = self._press(caps)
+            turn = np.array(rest.slope)
+            all_N = np.zeros(len(caps))
+            all_N[use] = load_N
+            preload_N = self.settings.contact.preload_N
+            moved = 1.0
+            if before_N is not None:
+                moved = float(np.abs(all_N - before_N).sum()) / (2.0 * preload_N)
+            before_N = all_N
+            span_m = self._across_m(turn)
+            depths_m = peak_m.max() - peak_m - self._arm_m(caps, use) @ turn
+            approach_m = rest.level_m - float(depths_m.min())
+            found = _Rest(
+                *(caps, use, load_N, float(peak_m.max()) - rest.level_m),
+                *(depth_m, slope, approach_m, True),
+            )
+            if moved < SETTLED_LOAD and span_m < SETTLED_M:
+                return found
+            history.append(moved)
+            if len(history) > 4 and moved > HELD_LOAD and moved > 0.5 * history[-3]:
+                break
+            if not tried and moved < EARLY and span_m < EARLY * approach_m:
+                tried = True
+                if self._certify(surface, hills, found).missed_area_m2 > 0.0:
+                    raise _MissedError(slope, approach_m)
+            if share is not None and (moved > HELD_LOAD or depth_m is None):
+                compression_m = np.maximum(rest.compression_m, 0.0)
+                depth_m = np.full(len(caps), np.nan)
+                depth_m[use] = np.where(load_N > 0.0, share * compression_m, np.nan)
+            points = replace(
+                points,
+                z_m=points.z_m
+                + turn[0] * (points.x_m - self.at_m[0])
+                + turn[1] * (points.y_m - self.at_m[1]),
+            )
+            slope = slope - turn
+        if last:
+            return replace(found, slope=slope, settled=False)
+        raise ContactError(
+            f"the face finds no level: after {len(history)} turns of fit and contact {moved:.1%} "
+            "of the load still move; set contact.alignment to as_levelled"
+        )
+
+    def _press(self, caps: CapTable) -> tuple[np.ndarray, Equilibrium, np.ndarray, np.ndarray]:
+        """Return the caps that were pressed, their equilibrium, loads and peak heights."""
+        usable = np.flatnonzero(caps.usable)
+        if not usable.size:
+            raise ContactError("no cap stands above the cut; raise hills.material_ratio")
+        material, contact = self.settings.material, self.settings.contact
+        E_star_Pa = composite(material.youngs_modulus_Pa, material.poisson_ratio).E_star_Pa
+        k = 4.0 / 3.0 * E_star_Pa * np.sqrt(caps.radius_m[usable])
+        peak_m = caps.peak_height_m[usable]
+        C = None
+        if usable.size <= MAX_PAIRS:
+            x_m, y_m = caps.x_m[usable], caps.y_m[usable]
+            r_m = np.hypot(x_m[:, None] - x_m, y_m[:, None] - y_m)
+            np.fill_diagonal(r_m, np.inf)
+            C = 1.0 / (math.pi * E_star_Pa * np.maximum(r_m, 1e-12))
+        rest = press(
+            k,
+            peak_m.max() - peak_m,
+            C,
+            (contact.preload_N / usable.size / k) ** (2 / 3),
+            load=contact.preload_N,
+            arm=self._arm_m(caps, usable),
+            turning_stiffness=contact.alignment_stiffness_Nm_per_rad,
+        )
+        load_N = k * np.maximum(rest.compression_m, 0.0) ** 1.5
+        return usable, rest, load_N, peak_m
+
+    def _arm_m(self, caps: CapTable, use: np.ndarray) -> np.ndarray:
+        return np.column_stack((caps.x_m[use] - self.at_m[0], caps.y_m[use] - self.at_m[1]))
+
+    def _across_m(self, slope: np.ndarray) -> float:
+        """Return the greater height that slopes (x, y) make along a side of the face."""
+        ly_m, lx_m = self.surface.side_m
+        return float(np.abs(slope * (lx_m, ly_m)).max())
+
+    def _next(self, start: _Start, rest: _Rest) -> _Start:
+        known = np.zeros(0, dtype=np.intp)
+        if rest.depth_m is not None:
+            known = np.flatnonzero(np.isfinite(rest.depth_m))
+        place_m = np.stack((rest.caps.x_m[known], rest.caps.y_m[known]))
+        depth_m = rest.depth_m[known] if rest.depth_m is not None else None
+        return _Start(rest.slope, start.ratio, rest.approach_m, place_m, depth_m)
+
+    def _carried(self, start: _Start, hills: Hills, surface: HeightMap) -> np.ndarray | None:
+        """Return the depths of the last cut for the hills that its caps stand on now."""
+        if start.place_m is None or start.depth_m is None or not start.depth_m.size:
+            return None
+        row, col = (
+            np.clip((at_m / size_m).astype(np.intp), 0, n - 1)
+            for at_m, size_m, n in zip(
+                start.place_m[::-1], surface.pixel_size_m, surface.shape, strict=True
+            )
+        )
+        label = hills.label[row, col]
+        depth_m = np.full(hills.n_hills, np.nan)
+        depth_m[label[label > 0] - 1] = start.depth_m[label > 0]
+        return depth_m
+
+    def _certify(self, surface: HeightMap, hills: Hills, rest: _Rest) -> Certificate:
+        on = rest.load_N > 0.0
+        hill = rest.use[on]
+        material = self.settings.material
+        return certify_cut(
+            surface,
+            hills.label,
+            rest.plane_m,
+            np.stack([rest.caps.x_m[hill], rest.caps.y_m[hill], rest.caps.radius_m[hill]]),
+            rest.load_N[on],
+            hill + 1,
+            composite(material.youngs_modulus_Pa, material.poisson_ratio).E_star_Pa,
+            hills.noise_m,
+        )
