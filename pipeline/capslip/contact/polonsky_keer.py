@@ -5,6 +5,7 @@ from functools import cached_property
 
 import numpy as np
 
+from capslip.contact.closing import Closing, GivenApproach, GivenLoad
 from capslip.contact.half_space import HalfSpace
 from capslip.errors import ContactError, SettingsError, UnusableSurfaceError
 from capslip.surface.heightmap import HeightMap
@@ -28,6 +29,7 @@ class Certificate:
     least_pressure: float  # below zero is tension
     complementarity: float  # sum of p |gap| / sum of p
     iterations: int  # on the finest grid
+    moments: tuple[float, float] = (0.0, 0.0)  # left over in x and y, over load times side
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,6 +42,17 @@ class Pressed:
     gap_m: np.ndarray  # up to rounding and tolerance zero in contact; 0 at non-measured points
     pixel_size_m: tuple[float, float]
     certificate: Certificate
+    tilt_rad: tuple[float, float] = (0.0, 0.0)  # slopes in x and y that balance added to the map
+
+    @property
+    def resultant_m(self) -> tuple[float, float]:
+        """Where the resultant of the pressures acts, (x, y) in the map."""
+        dy_m, dx_m = self.pixel_size_m
+        ny, nx = self.pressure_Pa.shape
+        over_x, over_y = self.pressure_Pa.sum(axis=0), self.pressure_Pa.sum(axis=1)
+        x_m = float(over_x @ (np.arange(nx) + 0.5)) * dx_m / float(over_x.sum())
+        y_m = float(over_y @ (np.arange(ny) + 0.5)) * dy_m / float(over_y.sum())
+        return x_m, y_m
 
     @property
     def contact_area_m2(self) -> float:
@@ -107,6 +120,22 @@ class ElasticFace:
         size_m = (2 * dy_m, 2 * dx_m)
         half_space = HalfSpace(depth_m.shape, size_m, self.E_star_Pa)
         return ElasticFace(self.name, depth_m, measured, size_m, self.E_star_Pa, half_space)
+
+    def tilted(self, tilt_rad: tuple[float, float]) -> "ElasticFace":
+        """Return the face with slopes in x and y added to its heights, in metres a metre."""
+        if tilt_rad == (0.0, 0.0):
+            return self
+        x_m, y_m = self.places_m
+        depth_m = self.depth_m - tilt_rad[0] * x_m - tilt_rad[1] * y_m
+        depth_m -= np.min(depth_m, where=self.measured, initial=np.inf)
+        return replace(self, depth_m=np.where(self.measured, depth_m, 0.0))
+
+    @property
+    def places_m(self) -> tuple[np.ndarray, np.ndarray]:
+        """x, shape (1, nx), and y, shape (ny, 1), of the pixels' centres."""
+        dy_m, dx_m = self.pixel_size_m
+        ny, nx = self.shape
+        return (np.arange(nx) + 0.5)[None, :] * dx_m, (np.arange(ny) + 0.5)[:, None] * dy_m
 
     @property
     def shape(self) -> tuple[int, int]:
@@ -179,6 +208,23 @@ def coarsened(surface: HeightMap, factor: int) -> HeightMap:
     )
 
 
+@dataclass(frozen=True, eq=False)
+class State:
+    """Pressures, gaps and approach, and how far they are from contact."""
+
+    pressure_Pa: np.ndarray
+    gap_m: np.ndarray
+    approach_m: float  # from first touch under the tilt
+    tilt_rad: tuple[float, float]  # slopes in x and y added to the map
+    contact: np.ndarray  # flat indices of the pixels under pressure
+    least_gap: float
+    complementarity: float
+
+    def fulfils(self, tolerance: float) -> bool:
+        """Whether gaps under pressure and penetration are within the tolerance."""
+        return self.complementarity <= tolerance and self.least_gap >= -tolerance
+
+
 def press(
     face: ElasticFace,
     *,
@@ -226,19 +272,11 @@ def press(
             raise SettingsError(f"{name}: got {value:g}; expected a finite number > 0")
     if not 1e-12 <= tolerance <= 0.1:
         raise SettingsError(f"tolerance: got {tolerance:g}; expected 1e-12 to 0.1")
-    total_Pa = None if load_N is None else load_N / face.pixel_area_m2
-    if start_Pa is not None:
-        start_Pa = np.where(face.measured, np.maximum(start_Pa, 0.0), 0.0)
-    if start_Pa is None or not start_Pa.any():
-        start_Pa = _nested_start(face, total_Pa, approach_m)
-    state, iterations = _iterate(face, start_Pa, total_Pa, approach_m, tolerance)
-    if not state.fulfils(tolerance):
-        raise ContactError(
-            f"{face.name}: boundary elements did not converge in {iterations} iterations: "
-            f"complementarity {state.complementarity:.2g}, least gap {state.least_gap:.2g} of the "
-            f"approach; expected {tolerance:g}; filter or coarsen the map, or allow more"
-        )
-    return _certified(face, state, load_N, iterations)
+    closing: Closing = GivenApproach(approach_m or 0.0)
+    if load_N is not None:
+        closing = GivenLoad(load_N / face.pixel_area_m2)
+    state, iterations = solve(face, closing, tolerance, start_Pa)
+    return certified(face, state, load_N, iterations)
 
 
 def stiffness_of_regions_N_per_m(face: ElasticFace, pressed: Pressed) -> np.ndarray:
@@ -252,58 +290,64 @@ def stiffness_of_regions_N_per_m(face: ElasticFace, pressed: Pressed) -> np.ndar
     return pressed.sum_over_regions(pressed_punch.pressure_Pa)
 
 
-@dataclass(frozen=True, eq=False)
-class _State:
-    """Pressures, gaps and approach, and how far they are from contact."""
+def solve(
+    face: ElasticFace, closing: Closing, tolerance: float, start_Pa: np.ndarray | None
+) -> tuple[State, int]:
+    """Return the state that fulfils the tolerance, and the number of steps on the finest grid.
 
-    pressure_Pa: np.ndarray
-    gap_m: np.ndarray
-    approach_m: float
-    contact: np.ndarray  # flat indices of the pixels under pressure
-    least_gap: float
-    complementarity: float
+    Raises
+    ------
+    ContactError
+        If it is not found.
+    """
+    if start_Pa is not None:
+        start_Pa = np.where(face.measured, np.maximum(start_Pa, 0.0), 0.0)
+    if start_Pa is None or not start_Pa.any():
+        start_Pa = _nested_start(face, closing)
+    state, iterations = _iterate(face, start_Pa, closing, tolerance)
+    if not state.fulfils(tolerance):
+        raise ContactError(
+            f"{face.name}: boundary elements did not converge in {iterations} iterations: "
+            f"complementarity {state.complementarity:.2g}, least gap {state.least_gap:.2g} of the "
+            f"approach; expected {tolerance:g}; filter or coarsen the map, or allow more"
+        )
+    return state, iterations
 
-    def fulfils(self, tolerance: float) -> bool:
-        return self.complementarity <= tolerance and self.least_gap >= -tolerance
 
-
-def _nested_start(
-    face: ElasticFace, total_Pa: float | None, approach_m: float | None
-) -> np.ndarray:
+def _nested_start(face: ElasticFace, closing: Closing) -> np.ndarray:
     """Return the solution on the next coarser grid, or something to begin with."""
     coarser = face.coarser
     if coarser is None:
-        return face.measured.astype(float) if total_Pa else np.zeros(face.shape)
-    total = None if total_Pa is None else total_Pa * face.pixel_area_m2 / coarser.pixel_area_m2
-    start_Pa = _nested_start(coarser, total, approach_m)
-    coarse, _ = _iterate(coarser, start_Pa, total, approach_m, _COARSE_TOLERANCE)
+        given = isinstance(closing, GivenApproach)
+        return np.zeros(face.shape) if given else face.measured.astype(float)
+    coarse_closing = closing.on_grid(coarser.places_m, face.pixel_area_m2 / coarser.pixel_area_m2)
+    start_Pa = _nested_start(coarser, coarse_closing)
+    coarse, _ = _iterate(coarser, start_Pa, coarse_closing, _COARSE_TOLERANCE)
     finer_Pa = _finer(coarse.pressure_Pa)[: face.shape[0], : face.shape[1]]
     return np.where(face.measured, finer_Pa, 0.0)
 
 
 def _iterate(
-    face: ElasticFace,
-    start_Pa: np.ndarray,
-    total_Pa: float | None,
-    approach_m: float | None,
-    tolerance: float,
-) -> tuple[_State, int]:
+    face: ElasticFace, start_Pa: np.ndarray, closing: Closing, tolerance: float
+) -> tuple[State, int]:
     """Run the iteration; return its last state and the number of steps.
 
-    With a given load the pressures keep their sum, so residual and direction have no mean. With a
-    given approach nothing is subtracted. A state that fulfils the tolerance is returned only with a
-    sinking that was computed from its pressures, not updated along the way.
+    The pressures stay on the conditions of the closing, so residual and direction are projected on
+    them. A state that fulfils the tolerance is returned only with a sinking that was computed from
+    its pressures, not updated along the way.
     """
     half_space = face.half_space
-    shift = np.mean if total_Pa is not None else np.zeros_like
     p = start_Pa.copy()
-    if total_Pa is not None:
-        p *= total_Pa / p.sum()
+    restored = closing.restored(p.flat[np.flatnonzero(p)], np.flatnonzero(p))
+    if restored is None:  # the start lies to one side of the resultant
+        p = face.measured.astype(float)
+        restored = closing.restored(p.flat[np.flatnonzero(p)], np.flatnonzero(p))
+    p.flat[np.flatnonzero(p)] = restored
     u, fresh = half_space.sinking_m(p), True
     residual, direction = np.zeros(face.shape), np.zeros(face.shape)
     slope = 0.0  # r z of the last step; zero begins anew
     for iteration in range(_MAX_ITERATIONS):
-        state = _state(face, p, u, approach_m)
+        state = _state(face, p, u, closing)
         if state.fulfils(tolerance):
             if fresh:
                 return state, iteration
@@ -315,52 +359,75 @@ def _iterate(
         c = np.flatnonzero(
             (p > 0) | (face.measured & (state.gap_m < -tolerance * state.approach_m))
         )
+        project = closing.projector(c)
         old_r, old_t = residual.flat[c], direction.flat[c]
-        r = state.gap_m.flat[c]
-        r = r - shift(r)
+        r = project(state.gap_m.flat[c])
         residual.fill(0.0)
         residual.flat[c] = r
-        z = half_space.pressure_Pa(residual).flat[c]
-        z = z - shift(z)
+        z = project(half_space.pressure_Pa(residual).flat[c])
         new_slope = float(r @ z)
         t = z
         if slope > 0:
-            t = z + max(0.0, (new_slope - float(old_r @ z)) / slope) * old_t
-            t = t - shift(t)
+            t = project(z + max(0.0, (new_slope - float(old_r @ z)) / slope) * old_t)
         direction.fill(0.0)
         direction.flat[c] = t
         slope = new_slope
         du = half_space.sinking_m(direction)
         work = float(t @ du.flat[c])
         step = float(r @ t) / work if work > 0 else 0.0
+        p, fresh = _stepped(p, c, t, step, closing)
+        u = half_space.sinking_m(p) if fresh else u - step * du
+    return _state(face, p, half_space.sinking_m(p), closing), _MAX_ITERATIONS
+
+
+def _stepped(
+    p: np.ndarray, c: np.ndarray, t: np.ndarray, step: float, closing: Closing
+) -> tuple[np.ndarray, bool]:
+    """Return the pressures after a step, and whether some would have become tension.
+
+    These are cut off, which moves load and moments; a step after which the pressures left cannot
+    be brought back onto them is halved.
+    """
+    while True:
         p_c = p.flat[c] - step * t
         fresh = bool((p_c < 0).any())
-        p.flat[c] = np.maximum(p_c, 0.0)
-        if fresh:
-            if total_Pa is not None:
-                p *= total_Pa / p.sum()
-            u = half_space.sinking_m(p)
-        else:
-            u -= step * du
-    return _state(face, p, half_space.sinking_m(p), approach_m), _MAX_ITERATIONS
+        if not fresh:
+            break
+        left = p_c > 0
+        restored = closing.restored(p_c[left], c[left]) if left.any() else p_c[left]
+        if restored is not None:
+            p_c = np.zeros(len(c))
+            p_c[left] = restored
+            break
+        step /= 2
+    p = p.copy()
+    p.flat[c] = p_c
+    return p, fresh
 
 
-def _state(face: ElasticFace, p: np.ndarray, u: np.ndarray, approach_m: float | None) -> _State:
-    """Return gaps and certificate of pressures and their sinking.
-
-    Under a given load the approach is the mean of sinking + depth, weighted with the pressure.
-    """
+def _state(face: ElasticFace, p: np.ndarray, u: np.ndarray, closing: Closing) -> State:
+    """Return gaps and certificate of pressures and their sinking."""
     contact = np.flatnonzero(p)
     p_c = p.flat[contact]
     gap_m = u + face.depth_m
-    d = approach_m if approach_m is not None else float(p_c @ gap_m.flat[contact] / p_c.sum())
-    gap_m -= d
+    plane = closing.plane(p_c, gap_m.flat[contact], contact)
+    plane_m = closing.over(plane)
+    gap_m -= plane_m
+    d = float(plane[0])
+    if np.ndim(plane_m):
+        d = float(np.max(plane_m - face.depth_m, where=face.measured, initial=-np.inf))
     least_gap = float(np.min(gap_m, where=face.measured & (p == 0), initial=np.inf)) / d
     off = float(p_c @ np.abs(gap_m.flat[contact]) / p_c.sum()) / d if contact.size else np.inf
-    return _State(p, gap_m, d, contact, least_gap, off)
+    return State(p, gap_m, d, (float(plane[1]), float(plane[2])), contact, least_gap, off)
 
 
-def _certified(face: ElasticFace, state: _State, load_N: float | None, iterations: int) -> Pressed:
+def certified(
+    face: ElasticFace,
+    state: State,
+    load_N: float | None,
+    iterations: int,
+    moments: tuple[float, float] = (0.0, 0.0),
+) -> Pressed:
     """Return the solution with its certificate, all of it computed from the pressures returned."""
     p = state.pressure_Pa
     N = float(p.sum()) * face.pixel_area_m2
@@ -370,8 +437,10 @@ def _certified(face: ElasticFace, state: _State, load_N: float | None, iteration
         least_pressure=float(p.min() / p.flat[state.contact].mean()),
         complementarity=state.complementarity,
         iterations=iterations,
+        moments=moments,
     )
-    if certificate.load_balance > 1e-9 or certificate.least_pressure < 0:
+    unbalanced = max(certificate.load_balance, *np.abs(moments)) > 1e-9
+    if unbalanced or certificate.least_pressure < 0:
         raise ContactError(f"{face.name}: a solution does not balance its load: {certificate}")
     gap_m = np.where(face.measured, state.gap_m, 0.0)
     approach_m = state.approach_m
