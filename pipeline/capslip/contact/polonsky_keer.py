@@ -280,14 +280,20 @@ def press(
 
 
 def stiffness_of_regions_N_per_m(face: ElasticFace, pressed: Pressed) -> np.ndarray:
-    """Return dN_i/dd of each contact region, shape (n,); their sum is the stiffness dN/dd.
+    """Return dN_i/dd of each contact region, shape (n,); their sum is the stiffness dN/dd."""
+    return pressed.sum_over_regions(punch_pressure_Pa_per_m(face, pressed))
+
+
+def punch_pressure_Pa_per_m(face: ElasticFace, pressed: Pressed) -> np.ndarray:
+    """Return dp/dd, shape (ny, nx).
 
     As long as no pixel enters or leaves, more load is that of a flat punch on the same pixels.
     """
-    region = pressed.region
-    punch = replace(face, depth_m=np.zeros(face.shape), measured=region > 0)
-    pressed_punch = press(punch, approach_m=1.0, start_Pa=pressed.pressure_Pa, tolerance=1e-6)
-    return pressed.sum_over_regions(pressed_punch.pressure_Pa)
+    contact = pressed.pressure_Pa > 0
+    punch = replace(face, depth_m=np.zeros(face.shape), measured=contact)
+    return press(
+        punch, approach_m=1.0, start_Pa=pressed.pressure_Pa, tolerance=1e-6
+    ).pressure_Pa
 
 
 def solve(
