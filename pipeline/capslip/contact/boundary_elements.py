@@ -16,7 +16,7 @@ from capslip.contact.polonsky_keer import (
     press,
     stiffness_of_regions_N_per_m,
 )
-from capslip.contact.unloading import Unloading, unload
+from capslip.contact.unloading import Unloading, refinement, unload
 from capslip.errors import ContactError, SettingsError
 from capslip.problems import Problem
 from capslip.settings import SOLVER_TOLERANCE
@@ -297,6 +297,8 @@ class BoundaryElementCurve:
         if load_N in self.solutions.unloading:
             return self.solutions.unloading[load_N].stiffness_N_per_m
         pressed = self.pressed(load_N)
+        if refinement(self.solutions.face, pressed) > 1:
+            return self.unloading(load_N).stiffness_N_per_m
         return float(stiffness_of_regions_N_per_m(self.solutions.face, pressed).sum())
 
     def _with_spring(self, stiffness_N_per_m: Any) -> Any:

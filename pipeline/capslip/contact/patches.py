@@ -1,4 +1,4 @@
-"""Patches around the contacts of a pressed face, on which all that happens below its load is solved.
+"""Patches around the contacts of a pressed face, on which what happens below its load is solved.
 
 Below a load the contact only shrinks, so no point outside of it is needed any more. Each patch has
 its own small transform. Between two patches the kernel is smooth, and is interpolated between
@@ -7,7 +7,8 @@ nodes, interpolated to the pixels of the other.
 """
 
 import math
-from dataclasses import dataclass, replace
+from collections.abc import Iterator
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -46,13 +47,13 @@ class PatchedFace(ElasticFace):
         return self.depth_m.shape
 
     @cached_property
-    def coarser(self) -> None:  # type: ignore[override]
+    def coarser(self) -> None:
         """None: patches start from the whole map."""
         return
 
     @property
     def places_m(self) -> tuple[np.ndarray, np.ndarray]:
-        """x and y of the points in the map, shape (n,) each."""
+        """Coordinates x and y of the points in the map, shape (n,) each."""
         return self.at_m
 
     def gathered(self, values: np.ndarray) -> np.ndarray:
@@ -98,10 +99,12 @@ def patched(face: ElasticFace, contact: np.ndarray, refinement: int = 1) -> Patc
         parents.append((i[:, None] * face.shape[1] + j).ravel())
         knowns.append(face.measured[i[:, None], j].ravel())
         depths.append(_refined(face, (y0, x0, y1, x1), refinement).ravel())
-    at = np.concatenate(places, axis=1)
+    at, depth_m = np.concatenate(places, axis=1), np.concatenate(depths)
+    if refinement > 1:  # the approach counts from the highest of all points, now on the spline
+        depth_m -= depth_m.min()
     return PatchedFace(
         face.name,
-        np.concatenate(depths),
+        depth_m,
         np.concatenate(knowns),
         size_m,
         face.E_star_Pa,
@@ -170,7 +173,12 @@ class PatchedHalfSpace:
             group.pressure_Pa(sinking_m, pressure_Pa)
         return pressure_Pa
 
-    def _each(self) -> zip:  # type: ignore[type-arg]
+    @property
+    def count(self) -> int:
+        """Number of patches."""
+        return len(self._nodes)
+
+    def _each(self) -> "Iterator[tuple[_Nodes, int, int]]":
         return zip(self._nodes, self._ends[:-1].tolist(), self._ends[1:].tolist(), strict=True)
 
     def _kernel(self, pixel_size_m: tuple[float, float], E_star_Pa: float) -> np.ndarray:
@@ -262,9 +270,8 @@ class _Nodes:
                 off = at[:, None] - nodes
                 exact = np.abs(off) < 1e-14
                 terms = weight / np.where(exact, 1.0, off)
-                basis = np.where(
-                    exact.any(axis=1)[:, None], exact, terms / terms.sum(axis=1)[:, None]
-                )
+                on_node = np.asarray(exact.any(axis=1))[:, None]
+                basis = np.where(on_node, exact, terms / terms.sum(axis=1)[:, None])
             bases.append(np.ascontiguousarray(basis))
             places.append(low[k, axis] + (nodes + 1) * half if n > 1 else low[k, axis] + nodes)
         y, x = np.meshgrid(*places, indexing="ij")

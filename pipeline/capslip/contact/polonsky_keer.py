@@ -291,9 +291,7 @@ def punch_pressure_Pa_per_m(face: ElasticFace, pressed: Pressed) -> np.ndarray:
     """
     contact = pressed.pressure_Pa > 0
     punch = replace(face, depth_m=np.zeros(face.shape), measured=contact)
-    return press(
-        punch, approach_m=1.0, start_Pa=pressed.pressure_Pa, tolerance=1e-6
-    ).pressure_Pa
+    return press(punch, approach_m=1.0, start_Pa=pressed.pressure_Pa, tolerance=1e-6).pressure_Pa
 
 
 def solve(
