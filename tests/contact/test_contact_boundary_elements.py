@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from capslip.contact import elastic_face as elastic_faces
 from capslip.contact import polonsky_keer
 from capslip.contact.boundary_elements import boundary_elements
 from capslip.contact.curves import caps, in_series
@@ -311,7 +312,7 @@ def test_refusals(monkeypatch):
     monkeypatch.setattr(polonsky_keer, "_MAX_ITERATIONS", 2)
     with pytest.raises(ContactError, match="in 2 iterations: complementarity"):
         press(face, load_N=20.0)
-    monkeypatch.setattr(polonsky_keer, "MAX_POINTS", 1000)
+    monkeypatch.setattr(elastic_faces, "MAX_POINTS", 1000)
     with pytest.raises(ContactError, match="coarsen the map 2 times"):
         elastic_face(surface, E)
 

@@ -13,6 +13,7 @@ from functools import cached_property
 
 import numpy as np
 
+from capslip.contact.elastic_face import ElasticFace
 from capslip.contact.half_space import (
     even_spectrum,
     love_kernel,
@@ -20,7 +21,6 @@ from capslip.contact.half_space import (
     padded_shape,
     wave_numbers_per_m,
 )
-from capslip.contact.polonsky_keer import ElasticFace
 
 KERNEL_ERROR = 1e-6  # aimed at between patches, relative
 _MARGIN = 2  # pixels around the contacts
