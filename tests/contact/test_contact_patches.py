@@ -183,3 +183,15 @@ def test_a_patched_face_is_pressed_to_the_same_state():
         atol=1e-4 * pressed.max_pressure_Pa,
     )
     assert GivenLoad(1.0).on_grid(patches.places_m, 4.0).total_Pa == 4.0
+
+
+def test_refined_heights_go_on_to_the_edge_of_the_map():
+    # A paraboloid that peaks at a corner: a cubic spline has it exactly, and beyond the last point.
+    dy, dx = 2e-4, 3e-4
+    y_m, x_m = (np.arange(40)[:, None] + 0.5) * dy, (np.arange(50) + 0.5) * dx
+    face = elastic_face(HeightMap(-(y_m**2 + x_m**2) / 40, (dy, dx)), E)
+    contact = np.zeros(face.shape, dtype=bool)
+    contact[:6, :8] = contact[-5:, -7:] = True
+    patches = patched(face, contact, 4)
+    expected_m = (patches.places_m[0] ** 2 + patches.places_m[1] ** 2) / 40
+    assert np.allclose(patches.depth_m, expected_m - expected_m.min(), rtol=0, atol=1e-15)

@@ -372,7 +372,8 @@ def _refined(face: ElasticFace, box: tuple[int, int, int, int], refinement: int)
     y0, x0, y1, x1 = box
     if refinement == 1:
         return face.depth_m[y0:y1, x0:x1]
-    from scipy.ndimage import distance_transform_edt, map_coordinates
+    from scipy.interpolate import make_interp_spline
+    from scipy.ndimage import distance_transform_edt
 
     (ny, nx), m = face.shape, _SPLINE_MARGIN
     first, last = (max(y0 - m, 0), max(x0 - m, 0)), (min(y1 + m, ny), min(x1 + m, nx))
@@ -381,9 +382,9 @@ def _refined(face: ElasticFace, box: tuple[int, int, int, int], refinement: int)
     if not measured.all():
         nearest = distance_transform_edt(~measured, return_distances=False, return_indices=True)
         depth_m = depth_m[tuple(nearest)]
-    i, j = (
-        (np.arange(a * refinement, b * refinement) + 0.5) / refinement - 0.5 - start
-        for a, b, start in ((y0, y1, first[0]), (x0, x1, first[1]))
-    )
-    places = np.meshgrid(i, j, indexing="ij")
-    return np.asarray(map_coordinates(depth_m, places, order=3, mode="nearest"))
+    # Its ends go on as they are, since a map ends half a pixel beyond its last point.
+    for axis, (start, end) in enumerate(((y0, y1), (x0, x1))):
+        places = (np.arange(start * refinement, end * refinement) + 0.5) / refinement - 0.5
+        known = np.arange(depth_m.shape[axis]) + first[axis]
+        depth_m = make_interp_spline(known, depth_m, k=3, axis=axis)(places)
+    return np.asarray(depth_m)
