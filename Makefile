@@ -9,7 +9,7 @@ OUT    ?=
 CONFIG ?=
 
 .DEFAULT_GOAL := help
-.PHONY: help setup analyze batch inspect compare reproduce bench chart limits soak samples test lint format clean
+.PHONY: help setup analyze batch inspect compare reproduce bench chart limits soak mutants warnings samples test lint format clean
 
 help: ## List the targets
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / {printf "  %-11s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
@@ -40,7 +40,7 @@ compare: $(READY) ## A result against measured damping: RESULT=folder ASSEMBLY=c
 
 reproduce: $(READY) ## The paper's tables, figures and errata: [OUT=folder]
 	@$(BIN)/capslip reproduce $(if $(OUT),--out "$(OUT)") $(ARGS)
-	@$(BIN)/python -m capslip.studies.errata docs/errata.md
+	@$(BIN)/python -m capslip.studies.paper.errata docs/errata.md
 
 bench: $(READY) ## Timings of commands, stages and solvers beside their peers: [OUT=folder]
 	@$(BIN)/capslip bench $(if $(OUT),--out "$(OUT)") $(ARGS)
@@ -54,8 +54,14 @@ limits: $(READY) ## Where each method breaks and what the program says, into doc
 soak: $(READY) ## Long checks: 10,000 random contact scenes, 20,000 damaged files a format
 	@$(BIN)/python tests/soak.py
 
+mutants: $(READY) ## Break the code in one place at a time and see whether a test fails
+	@$(BIN)/python tests/mutants.py $(ARGS)
+
+warnings: $(READY) ## Write docs/warnings.md from the registry of problems
+	@$(BIN)/python -m capslip.problems > docs/warnings.md
+
 samples: $(READY) ## Write the sample surfaces again
-	@$(BIN)/python -m capslip.studies.samples sample_surfaces
+	@$(BIN)/python -m capslip.studies.faces.samples sample_surfaces
 
 test: $(READY) ## Run the tests
 	@$(BIN)/python -m pytest

@@ -69,6 +69,9 @@ def write(folder):
             for key in ("timings_s", "provenance"):
                 numbers.pop(key, None)
             numbers["surface"].pop("path", None)
+            numbers["problems"] = [
+                [one[key] for key in ("code", "severity", "message")] for one in numbers["problems"]
+            ]
         except capslip.CapslipError as error:
             numbers = {"error": str(error)}
         text = json.dumps(numbers, indent=1, sort_keys=True)

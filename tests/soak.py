@@ -3,11 +3,10 @@
 import sys
 from pathlib import Path
 
-sys.path.insert(0, str(Path(__file__).parent / "contact"))
+sys.path.extend(str(Path(__file__).parent / wing) for wing in ("contact", "surface"))
 
+from fuzz_readers import fuzz_readers
 from test_contact_interacting import solve_random_scenes
-
-from capslip.studies.fuzz_readers import fuzz_readers
 
 if __name__ == "__main__":
     worst, slowest_s = solve_random_scenes(10_000, seed=1)

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import capslip
+from capslip.analysis import analyze_once
 from scenes import PROJECT, caps_map
 
 CAPS = [(6e-3, 5e-3, 24.0, 0.0), (14e-3, 12e-3, 27.0, -1e-7), (24e-3, 8e-3, 25.0, -5e-8)]
@@ -15,7 +16,13 @@ def test_the_public_names_are_what_they_say():
     from capslip.analysis import analyze  # loading the module must not hide the function
 
     assert capslip.analyze is analyze
-    assert set(capslip.__all__) >= {"load_surface", "load_settings", "analyze", "HeightMap"}
+    assert set(capslip.__all__) >= {
+        "load_surface",
+        "load_settings",
+        "analyze",
+        "HeightMap",
+        "write",
+    }
     with pytest.raises(AttributeError, match="no attribute 'nothing'"):
         _ = capslip.nothing
 
@@ -109,7 +116,7 @@ def test_a_preload_that_no_face_can_carry_is_an_error_in_the_result():
 )
 def test_settings_that_are_hardly_meant_are_said(overrides, code):
     settings = capslip.load_settings(overrides=tuple(overrides))
-    analysis = capslip.analyze(caps_map(CAPS), settings, sweeps=False)
+    analysis = analyze_once(caps_map(CAPS), settings)
     said = {p.code for p in analysis.problems if p.severity == "warning"}
     silly = {"materials_coupled", "friction_suspect", "beam_ignored"} & said
     assert silly == ({"materials_coupled" if code == "coupled" else code} if code else set())
@@ -119,3 +126,17 @@ def test_a_plane_interface_has_no_caps_to_doubt():
     settings = capslip.load_settings(overrides=("contact.model=flat",))
     codes = {p.code for p in capslip.analyze(caps_map(CAPS), settings).problems}
     assert not codes & {"one_contact", "P_not_in_contact"}
+
+
+def test_an_analysis_shows_itself_in_a_line_and_in_a_notebook():
+    analysis = capslip.analyze(caps_map(CAPS))
+    summary = analysis.summary()
+    line = repr(analysis)
+    assert "\n" not in line
+    assert f"{summary['hills']['caps']} caps, {summary['contact']['model']} at 460 N" in line
+    assert f"loss factor {summary['damping']['peak_loss_factor']:.3g}" in line
+    page = analysis._repr_html_()
+    assert f"<caption>{summary['name']}: {analysis.status}</caption>" in page
+    assert f"<th>caps</th><td>{summary['hills']['caps']}</td>" in page
+    for problem in analysis.problems:
+        assert f"<th>{problem.code}</th>" in page

@@ -2,28 +2,36 @@
 
 import math
 from types import SimpleNamespace
+from unittest import mock
 
 import msgspec
 import numpy as np
 import pytest
 
 from capslip.analysis import analyze
-from capslip.caps.families import group_families
-from capslip.caps.fit import fit_caps
-from capslip.caps.hills import find_hills
 from capslip.errors import ContactError
 from capslip.output.figures_sensitivity import sensitivity as figure_of
-from capslip.sensitivity import ANSWERS, Answers, answers, sensitivity
+from capslip.sensitivity import ANSWERS, Answers, sensitivity
 from capslip.settings import settings_from
-from capslip.surface.conditioning import condition
+from capslip.stages import find_face
+from capslip.studies.faces.synthetic import CapFamily, Scene, synthetic_surface
 from capslip.surface.heightmap import HeightMap
 from capslip.surface.readers import load_surface
-from capslip.surface.synthetic import CapFamily, Scene, synthetic_surface
 from scenes import REFERENCE, caps_map
 
 SMALL = HeightMap(np.random.default_rng(0).normal(size=(40, 60)), (1e-4, 1e-4))
 STEADY = np.array([5.0, 18.0, 2.4e-7, 23.8, 26.7, 3e-7, 1e-7])
 NO_ERROR = np.full(len(ANSWERS), np.nan)
+
+
+def swept_by(answer, surface, settings, n_caps, pruning_m):
+    """Sweep with the answers of a function in place of those of the stages."""
+
+    def answers_of(surface, settings, other, with_contact):
+        return answer(surface, settings, with_contact)
+
+    with mock.patch("capslip.sensitivity.answers_of", answers_of):
+        return sensitivity(surface, settings, None, n_caps, pruning_m, True)
 
 
 def cut_of(settings):
@@ -34,7 +42,7 @@ def swept(value_of, surface=SMALL, error=NO_ERROR, tables=None):
     def answer(_, settings, with_contact):
         return Answers(value_of(settings), error)
 
-    return sensitivity(answer, surface, settings_from(tables or {}), 23, math.inf, True)
+    return swept_by(answer, surface, settings_from(tables or {}), 23, math.inf)
 
 
 def with_W(energy_J):
@@ -83,14 +91,19 @@ def test_the_error_bar_is_two_standard_errors_or_the_tolerance():
 
 
 def test_a_run_that_fails_is_no_answer_and_ends_the_range():
-    def fails_at_15(settings):
+    def fails_at_15(surface, settings, other, clock):
         if cut_of(settings) == 0.15:
             raise ContactError("nothing carries the load")
-        return STEADY
+        return find_face(surface, settings, other, clock)
 
-    cut = swept(fails_at_15).sweeps[0]
+    face = caps_map([(8e-3, 8e-3, 24.0, 0.0), (2e-2, 1e-2, 24.0, 0.0)])
+    with mock.patch("capslip.sensitivity.find_face", fails_at_15):
+        found = sensitivity(face, settings_from({}), None, 2, math.inf, with_contact=False)
+    cut = found.sweeps[0]
     assert np.isnan(cut.answer[6]).all()
-    assert cut.stable_to == pytest.approx(np.full(7, 12.0))
+    known = np.isfinite(cut.answer[cut.chosen])
+    assert known.any()
+    assert cut.stable_to[known] == pytest.approx(12.0)
 
 
 def counted(n_of_cut, m_of_cut=lambda cut: 5.0):
@@ -152,7 +165,7 @@ def test_the_pruning_is_swept_around_the_height_that_was_used():
         return Answers(with_W(2e-7 if moved else 1e-7), NO_ERROR)
 
     settings = msgspec.structs.replace(settings_from({}), hills=Pruned())
-    found = sensitivity(answer, SMALL, settings, 23, 1e-8, True)
+    found = swept_by(answer, SMALL, settings, 23, 1e-8)
     pruning = found.sweeps[1]
     assert pruning.value == pytest.approx([2.5, 5.0, 10.0, 20.0])  # nm
     assert pruning.stable_to[-1] == pytest.approx(10.0)
@@ -173,7 +186,7 @@ def test_the_filter_goes_from_none_to_more_and_never_below_four_pixels(index_m, 
         return Answers(STEADY, NO_ERROR)
 
     tables = {} if index_m is None else {"conditioning": {"s_filter_nesting_index_m": index_m}}
-    found = sensitivity(answer, SMALL, settings_from(tables), 23, math.inf, True)
+    found = swept_by(answer, SMALL, settings_from(tables), 23, math.inf)
     sweep = next(sweep for sweep in found.sweeps if sweep.name == "filter")
     assert sweep.value == pytest.approx(expected_um)
     assert sweep.value[sweep.chosen] == pytest.approx((index_m or 0.0) * 1e6)
@@ -192,7 +205,7 @@ def test_the_face_is_levelled_the_other_way(form, floor):
         return Answers(with_W(2e-7 if moved else 1e-7), NO_ERROR)
 
     tables = {"conditioning": {"form": form, "form_floor": floor}}
-    found = sensitivity(answer, SMALL, settings_from(tables), 23, math.inf, True)
+    found = swept_by(answer, SMALL, settings_from(tables), 23, math.inf)
     other = ("plane", floor) if form == "none" else (form, not floor)
     assert set(asked) == {(form, floor), other}
     assert asked.count(other) == 1  # one run: the sweep has little time
@@ -265,7 +278,7 @@ def test_all_runs_use_one_cheap_model(model, n_caps, used):
         models.add(settings.contact.model)
         return Answers(STEADY, NO_ERROR)
 
-    sensitivity(answer, SMALL, settings_from({"contact": {"model": model}}), n_caps, math.inf, True)
+    swept_by(answer, SMALL, settings_from({"contact": {"model": model}}), n_caps, math.inf)
     assert models == {used}
 
 
@@ -281,7 +294,7 @@ def test_a_coarser_map_is_used_where_it_gives_the_same_answers():
         seen.append(surface)
         return Answers(STEADY, NO_ERROR)
 
-    sensitivity(answer, fine, settings_from({}), 23, math.inf, True)
+    swept_by(answer, fine, settings_from({}), 23, math.inf)
     coarse = seen[1]
     assert [surface.shape for surface in seen] == [(500, 601)] + [(250, 300)] * (len(seen) - 1)
     assert coarse.pixel_size_m == pytest.approx((2e-4, 4e-4))
@@ -295,7 +308,7 @@ def test_a_coarser_map_is_used_where_it_gives_the_same_answers():
         seen.append(surface)
         return Answers(with_W(1e-7 * surface.pixel_size_m[0]), NO_ERROR)
 
-    sensitivity(answer_of_the_grid, fine, settings_from({}), 23, math.inf, True)
+    swept_by(answer_of_the_grid, fine, settings_from({}), 23, math.inf)
     assert sum(surface.shape == (250, 300) for surface in seen) == 1
 
 
@@ -310,15 +323,7 @@ def test_a_face_of_caps_is_stable_and_its_figure_is_drawn():
     )
     face, _ = synthetic_surface(scene)
 
-    def answer(surface, settings, with_contact):
-        cleaned = condition(
-            surface, s_filter_nesting_index_m=settings.conditioning.s_filter_nesting_index_m
-        ).surface
-        hills = find_hills(cleaned, settings.hills.material_ratio)
-        _, families = group_families(fit_caps(cleaned, hills))
-        return answers(families, 3e-7, 1e-7)
-
-    found = sensitivity(answer, face, settings_from({}), 23, math.inf, True)
+    found = sensitivity(face, settings_from({}), None, 11, math.inf, with_contact=True)
     for sweep in found.sweeps:
         assert sweep.holds.all(), sweep.sentence
     cut = found.sweeps[0]

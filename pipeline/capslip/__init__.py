@@ -9,8 +9,10 @@ from typing import TYPE_CHECKING, Any
 __version__ = "0.1.0"
 
 if TYPE_CHECKING:
-    from capslip.analysis import Analysis, analyze
+    from capslip.analysis import analyze
     from capslip.errors import CapslipError
+    from capslip.output.folder import write
+    from capslip.result import Analysis
     from capslip.settings import Settings, load_settings
     from capslip.surface.heightmap import HeightMap
     from capslip.surface.readers import load_surface
@@ -23,16 +25,18 @@ __all__ = [
     "analyze",
     "load_settings",
     "load_surface",
+    "write",
 ]
 
 _HOME = {
-    "Analysis": "capslip.analysis",
+    "Analysis": "capslip.result",
     "CapslipError": "capslip.errors",
     "HeightMap": "capslip.surface.heightmap",
     "Settings": "capslip.settings",
     "analyze": "capslip.analysis",
     "load_settings": "capslip.settings",
     "load_surface": "capslip.surface.readers",
+    "write": "capslip.output.folder",
 }
 
 

@@ -1,30 +1,27 @@
-"""Many scans: one process and one folder a scan, one row a scan, no scan the end of the rest."""
+"""Many scans: worker processes, one folder and one row a scan, no scan the end of the rest."""
 
 import csv
 import glob
-import json
 import os
-import subprocess
-import sys
-import tempfile
+import time
 from collections.abc import Callable, Iterable
-from concurrent.futures import ThreadPoolExecutor, as_completed
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import closing
 from pathlib import Path
 from typing import Any
 
-import tomli_w
+import msgspec
 
 import capslip
-from capslip.errors import NothingToDoError, OutputError, SettingsError
-from capslip.output import store
+from capslip.errors import NothingToDoError, OutputError, SettingsError, in_one_line
+from capslip.output.folder import write
+from capslip.output.rows import QUANTITIES, Value, value
+from capslip.output.staging import read_summary
 from capslip.settings import Settings, load_settings
-from capslip.surface.readers import sha256_of
+from capslip.surface.readers import load_surface, sha256_of
+from capslip.workers import outcomes
 
-COLUMNS = (
-    "scan",
-    "status",
-    "error",
-    "path",
+RESULTS = (  # columns of numbers, by their names in the one table of quantities
     "caps",
     "m",
     "n",
@@ -39,10 +36,47 @@ COLUMNS = (
     "peak_loss_factor",
     "amplitude_at_peak_m",
     "gross_slip_amplitude_m",
-    "problems",
-    "folder",
 )
+COLUMNS = ("scan", "status", "error", "path", *RESULTS, "problems", "folder")
+INDEX = {  # what the page shows, and how it is written
+    "caps": "",
+    "m": "",
+    "n": "",
+    "h_m": ".4g µm",
+    "tangential_stiffness_N_per_m": ".4g MN/m",
+    "peak_loss_factor": ".3g %",
+    "amplitude_at_peak_m": ".3g µm",
+}
 OWN = frozenset({"batch.csv", "index.html", "scans"})
+ENDED = (
+    "the process that analysed this scan was ended, also when it had the machine to itself (out "
+    "of memory, or a crash in a library)"
+)
+
+Found = tuple[dict[str, Any] | None, str | None]  # summary and error of one scan
+
+
+def analyse_scan(scan: Path, folder: Path, settings: Settings, command: str | None) -> Found:
+    """Read, analyse and write one scan; what goes wrong is returned, not raised."""
+    from capslip.analysis import analyze
+
+    try:
+        started_s = time.perf_counter()
+        surface = load_surface(scan, **msgspec.structs.asdict(settings.reading))
+        read_s = time.perf_counter() - started_s
+        analysis = analyze(surface, settings)
+        summary = write(analysis, folder, command=command, timings_s={"read": read_s})
+    except Exception as error:
+        return None, in_one_line(error)
+    return summary, _error(summary)
+
+
+def _error(summary: dict[str, Any]) -> str | None:
+    """Return the problem that makes a result failed, or incomplete."""
+    problems = summary["problems"]
+    errors = [one["message"] for one in problems if one["severity"] == "error"]
+    errors += [one["message"] for one in problems if one["code"] == "output_missing"]
+    return errors[0] if errors else None
 
 
 def run_batch(
@@ -50,8 +84,10 @@ def run_batch(
     folder: Path,
     settings: Settings,
     say: Callable[[str], None],
+    command: str | None = None,
+    work: Callable[[Path, Path, Settings, str | None], Found] = analyse_scan,
 ) -> list[dict[str, Any]]:
-    """Analyse every scan of the sources, each in a process of its own.
+    """Analyse every scan of the sources, in worker processes.
 
     Parameters
     ----------
@@ -65,6 +101,10 @@ def run_batch(
         For all scans.
     say : callable
         Told each finished scan.
+    command : str, optional
+        What was called, for the record.
+    work : callable, optional
+        Called in a worker with scan, folder, settings and command.
 
     Returns
     -------
@@ -83,26 +123,27 @@ def run_batch(
     _check_folder(folder)
     (folder / "scans").mkdir(parents=True, exist_ok=True)
     places = dict(zip(scans, _names(scans), strict=True))
-    rows: dict[Path, dict[str, Any]] = {}
     workers = settings.run.workers or os.cpu_count() or 1
-    with tempfile.TemporaryDirectory() as temporary:
-        config = Path(temporary) / "settings.toml"
-        config.write_text(tomli_w.dumps(settings.to_dict()), encoding="utf-8")
-        with ThreadPoolExecutor(workers) as pool:
-            futures = {
-                pool.submit(_one, scan, folder / "scans" / place, config, settings): scan
-                for scan, place in places.items()
-            }
-            try:
-                for done in as_completed(futures):
-                    scan = futures[done]
-                    rows[scan] = {**done.result(), "scan": places[scan]}
-                    _write_table([rows[s] for s in scans if s in rows], folder)
-                    outcome = rows[scan]["error"] or rows[scan]["status"]
-                    say(f"{len(rows)} of {len(scans)}: {places[scan]}: {outcome}")
-            except BaseException:
-                pool.shutdown(cancel_futures=True)
-                raise
+    rows: dict[Path, dict[str, Any]] = {}
+
+    def note(scan: Path, found: Found) -> None:
+        rows[scan] = _row(scan, places[scan], *found)
+        _write_table([rows[one] for one in scans if one in rows], folder)
+        outcome = rows[scan]["error"] or rows[scan]["status"]
+        say(f"{len(rows)} of {len(scans)}: {places[scan]}: {outcome}")
+
+    with ThreadPoolExecutor(workers) as pool:  # reading and hashing, which wait for the disk
+        old = pool.map(lambda scan: _done(scan, folder / "scans" / places[scan], settings), scans)
+        jobs = []
+        for scan, summary in zip(scans, old, strict=True):
+            if summary is None:
+                jobs.append((scan, folder / "scans" / places[scan], settings, command))
+            else:
+                note(scan, (summary, _error(summary)))
+    lost: Found = (None, ENDED)
+    with closing(outcomes(work, jobs, workers, lost)) as found_later:
+        for (scan, *_), found in found_later:
+            note(scan, found)
     table = [rows[scan] for scan in scans]
     _write_index(table, folder)
     return table
@@ -151,25 +192,10 @@ def _check_folder(folder: Path) -> None:
         )
 
 
-def _one(scan: Path, folder: Path, config: Path, settings: Settings) -> dict[str, Any]:
-    """Analyse one scan in a process of its own, so that nothing it does can harm another."""
-    summary = store.read_summary(folder)
-    if summary is None or not _same(summary, folder, scan, settings):
-        command = [sys.executable, "-m", "capslip", "analyze", str(scan), "--json", "--quiet"]
-        process = subprocess.run(
-            [*command, "--config", str(config), "--out", str(folder)],
-            capture_output=True,
-            text=True,
-            stdin=subprocess.DEVNULL,
-            check=False,
-        )
-        error = _last_line(process) if process.returncode != 0 else None
-        if not process.stdout:
-            return _row(scan, folder, None, error)
-        # A failed analysis leaves what it found before, and says so with its exit code.
-        return _row(scan, folder, json.loads(process.stdout), error)
-    errors = [one["message"] for one in summary["problems"] if one["severity"] == "error"]
-    return _row(scan, folder, summary, errors[0] if errors else None)
+def _done(scan: Path, folder: Path, settings: Settings) -> dict[str, Any] | None:
+    """Return the summary of a finished result that would come out the same again."""
+    summary = read_summary(folder)
+    return summary if summary and _same(summary, folder, scan, settings) else None
 
 
 def _same(summary: dict[str, Any], folder: Path, scan: Path, settings: Settings) -> bool:
@@ -194,43 +220,15 @@ def _has_pictures(folder: Path, settings: Settings) -> bool:
     return (then.figures or not wanted.figures) and (then.render or not wanted.render)
 
 
-def _last_line(process: subprocess.CompletedProcess[str]) -> str:
-    lines = [line for line in process.stderr.splitlines() if line.startswith("error: ")]
-    if lines:
-        return lines[-1].removeprefix("error: ")
-    if process.returncode < 0:
-        return f"the process was ended by signal {-process.returncode} (out of memory?)"
-    return f"exit code {process.returncode}"
-
-
 def _row(
-    scan: Path, folder: Path, summary: dict[str, Any] | None, error: str | None
+    scan: Path, place: str, summary: dict[str, Any] | None, error: str | None
 ) -> dict[str, Any]:
     row: dict[str, Any] = dict.fromkeys(COLUMNS)
-    row.update(status="failed", error=error, path=str(scan))
-    if summary is None:
-        return row
-    families, contact = summary["families"], summary["contact"]
-    slip, damping = summary["slip"], summary["damping"]
-    row.update(
-        status=summary["status"],
-        caps=summary["hills"]["caps"],
-        m=families["m"],
-        n=families["n"],
-        h_m=families["h_m"],
-        radius_G_m=(families["G"] or {}).get("radius_m"),
-        radius_P_m=(families["P"] or {}).get("radius_m"),
-        model=contact["model"],
-        preload_N=contact["preload_N"],
-        approach_m=contact["approach_m"],
-        contacts=contact["contacts"],
-        tangential_stiffness_N_per_m=slip["tangential_stiffness_N_per_m"],
-        peak_loss_factor=damping["peak_loss_factor"],
-        amplitude_at_peak_m=damping["amplitude_at_peak_m"],
-        gross_slip_amplitude_m=damping["gross_slip_amplitude_m"],
-        problems=" ".join(problem["code"] for problem in summary["problems"]),
-        folder=f"scans/{folder.name}",
-    )
+    row.update(scan=place, status="failed", error=error, path=str(scan))
+    if summary is not None:
+        row.update({name: value(summary, name) for name in RESULTS})
+        problems = " ".join(problem["code"] for problem in summary["problems"])
+        row.update(status=summary["status"], problems=problems, folder=f"scans/{place}")
     return row
 
 
@@ -249,5 +247,13 @@ def _write_index(rows: list[dict[str, Any]], folder: Path) -> None:
     environment = jinja2.Environment(
         loader=jinja2.PackageLoader("capslip", "output"), autoescape=True, trim_blocks=True
     )
-    page = environment.get_template("index.html.j2").render(rows=rows)
+    page = environment.get_template("index.html.j2").render(
+        rows=rows,
+        heads=[QUANTITIES[name].label for name in INDEX],
+        cells=[[_cell(row, name) for name in INDEX] for row in rows],
+    )
     (folder / "index.html").write_text(page, encoding="utf-8")
+
+
+def _cell(row: dict[str, Any], name: str) -> str:
+    return format(Value(row[name], QUANTITIES[name].unit, absent=""), INDEX[name])

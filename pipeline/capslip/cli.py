@@ -6,31 +6,31 @@ import sys
 import time
 import traceback
 from collections.abc import Callable
-from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 
-from capslip import __version__
-from capslip.errors import CapslipError, ContactError, ScanError, SettingsError
+from capslip import __version__, registry
+from capslip.errors import CapslipError, ScanError, SettingsError, in_one_line
+from capslip.units import WORDS
 
 if TYPE_CHECKING:
-    from capslip.analysis import Analysis
-    from capslip.problems import Problem
     from capslip.settings import Settings
     from capslip.surface.heightmap import HeightMap
 
-MODELS = (
-    "auto",
-    "flat",
-    "families",
-    "caps",
-    "mean_field",
-    "interacting",
-    "boundary_elements",
-)
-UNITS = ("m", "mm", "um", "µm", "nm", "inch")
+MODELS = ("auto", *registry.names("contact.models"))
+SETTING = {  # what an option of an analysis stands for
+    "preload": "contact.preload_N",
+    "model": "contact.model",
+    "dataset": "reading.dataset",
+    "unit": "reading.unit",
+    "lateral_unit": "reading.lateral_unit",
+    "pixel_size": "reading.pixel_size",
+    "figures": "run.figures",
+    "render": "run.render",
+}
+PATH = click.Path(path_type=Path)
 
 
 class _Failure(click.ClickException):
@@ -59,70 +59,58 @@ class _Command(click.Command):
             raise _Failure(stopped, 130) from error  # 128 and the signal's number, as in shells
         except (click.ClickException, click.exceptions.Exit, click.Abort):
             raise
-        except MemoryError as error:
-            raise _Failure(CapslipError("not enough memory for this analysis")) from error
         except Exception as error:
             if ctx.params.get("verbose"):
                 traceback.print_exc()
-            text = (
-                f"internal error: {type(error).__name__}: {error}; run again with -v and report it"
-            )
-            raise _Failure(CapslipError(" ".join(text.split()))) from error
+            raise _Failure(CapslipError(in_one_line(error))) from error
 
 
 class _Group(click.Group):
     command_class = _Command
 
 
-def _result_options(command: Any) -> Any:
-    """Add the options that every command with a result has."""
-    for option in (
-        click.option("-v", "--verbose", is_flag=True, help="Show tracebacks and details."),
-        click.option("-q", "--quiet", is_flag=True, help="Errors only on stderr."),
-        click.option(
-            "--json", "as_json", is_flag=True, help="Only the numbers, as JSON, on stdout."
-        ),
-        click.option("-o", "--out", type=click.Path(path_type=Path), help="Output folder."),
-    ):
-        command = option(command)
-    return command
+def _options(*options: Any) -> Callable[[Any], Any]:
+    """Join some options to one decorator."""
+
+    def add(command: Any) -> Any:
+        for option in reversed(options):
+            command = option(command)
+        return command
+
+    return add
 
 
-def _common(command: Any) -> Any:
-    """Add the options of a command that analyses."""
-    for option in (
-        click.option(
-            "--set",
-            "overrides",
-            multiple=True,
-            metavar="TABLE.KEY=VALUE",
-            help="Change one setting; repeatable.",
-        ),
-        click.option("-c", "--config", type=click.Path(path_type=Path), help="Settings (TOML)."),
-    ):
-        command = option(command)
-    return _result_options(command)
-
-
-def _analysis_options(command: Any) -> Any:
-    """Add the options that stand for single settings of an analysis."""
-    for option in (
-        click.option("--render/--no-render", default=None, help="The PyVista picture."),
-        click.option("--figures/--no-figures", default=None, help="Pictures of every stage."),
-        click.option(
-            "--pixel-size",
-            type=(float, float),
-            metavar="DY DX",
-            help="Size of a pixel, where the file does not say; needs --lateral-unit.",
-        ),
-        click.option("--lateral-unit", type=click.Choice(UNITS), help="Unit of the pixel size."),
-        click.option("--unit", type=click.Choice(UNITS), help="Unit of the heights."),
-        click.option("--dataset", help="Dataset of an HDF5 file."),
-        click.option("--model", type=click.Choice(MODELS), help="Contact model."),
-        click.option("--preload", type=float, metavar="N", help="Normal load of one joint, in N."),
-    ):
-        command = option(command)
-    return command
+_verbose = click.option("-v", "--verbose", is_flag=True, help="Show tracebacks and details.")
+_result_options = _options(  # of every command with a result
+    click.option("-o", "--out", type=PATH, help="Output folder."),
+    click.option("--json", "as_json", is_flag=True, help="Only the numbers, as JSON, on stdout."),
+    click.option("-q", "--quiet", is_flag=True, help="Errors only on stderr."),
+    _verbose,
+)
+_analysis_options = _options(  # of every command that analyses
+    click.option("--preload", type=float, metavar="N", help="Normal load of one joint, in N."),
+    click.option("--model", type=click.Choice(MODELS), help="Contact model."),
+    click.option("--dataset", help="Dataset of an HDF5 file."),
+    click.option("--unit", type=click.Choice(WORDS), help="Unit of the heights."),
+    click.option("--lateral-unit", type=click.Choice(WORDS), help="Unit of the pixel size."),
+    click.option(
+        "--pixel-size",
+        type=(float, float),
+        metavar="DY DX",
+        help="Size of a pixel, where the file does not say; needs --lateral-unit.",
+    ),
+    click.option("--figures/--no-figures", default=None, help="Pictures of every stage."),
+    click.option("--render/--no-render", default=None, help="The PyVista picture."),
+    click.option("-c", "--config", type=PATH, help="Settings (TOML)."),
+    click.option(
+        "--set",
+        "overrides",
+        multiple=True,
+        metavar="TABLE.KEY=VALUE",
+        help="Change one setting; repeatable.",
+    ),
+    _result_options,
+)
 
 
 @click.group(cls=_Group, context_settings={"help_option_names": ["-h", "--help"]})
@@ -134,15 +122,14 @@ def main() -> None:
 
 
 @main.command()
-@click.argument("surface", type=click.Path(path_type=Path))
+@click.argument("surface", type=PATH)
 @_analysis_options
-@click.option("--mate", type=click.Path(path_type=Path), help="Scan of the other face.")
+@click.option("--mate", type=PATH, help="Scan of the other face.")
 @click.option(
     "--export",
     type=click.Choice(["jenkins"]),
     help="Write the slip curve for another solver: jenkins.csv, parallel Jenkins elements.",
 )
-@_common
 def analyze(
     surface: Path,
     out: Path | None,
@@ -153,170 +140,57 @@ def analyze(
     **options: Any,
 ) -> None:
     """Analyse one scan: caps, families, contact, slip, damping, pictures and report."""
-    from capslip.output import store
+    import msgspec
+
+    from capslip.analysis import analyze as run
+    from capslip.contact.rung import rung
+    from capslip.output.folder import write
+    from capslip.output.staging import check_folder
+    from capslip.output.terminal import result_lines
+    from capslip.surface.readers import load_surface
 
     settings = _settings(**options)
-    if export is not None and settings.contact.model == "flat":
+    model = settings.contact.model
+    if export is not None and model != "auto" and rung(model).made_from == "nothing":
         raise SettingsError(
-            f"--export {export}: contact.model is flat, which slips only as a whole; expected a "
-            "model with caps; take one slider with the force at total slip instead"
+            f"--export {export}: contact.model is {settings.contact.model}, which slips only as a "
+            "whole; expected a model with caps; take one slider with the force at total slip"
         )
     folder = out if out is not None else Path("results") / surface.stem
     if surface.is_file():  # otherwise the reader says what is wrong with it
-        store.check_folder(folder, keep=(surface, mate))
-    say = _Progress(quiet)
-
-    analysis, read_s = _load_and_analyze(surface, mate, settings, say)
-    if not as_json and not quiet:
-        from capslip.output.terminal import result_lines
-
-        click.echo(result_lines(analysis))
-    parts = _Parts(say, options["verbose"])
-    with store.new_folder(folder) as work:
-        summary = _write(analysis, work, say, {"read": read_s}, parts, export)
-    if as_json:
-        click.echo(json.dumps(summary, indent=1, ensure_ascii=False, allow_nan=False))
-    elif not quiet:
-        click.echo(f"\nresults    {folder}\nreport     {folder / 'report.html'}")
-    errors = [p.message for p in analysis.problems if p.severity == "error"]
-    if errors:
-        raise ScanError(f"{surface}: {errors[0]}; what was found before is in {folder}")
-    if parts.missing:
-        text = f"{parts.missing[0].message}; all numbers are in {folder}"
-        if parts.internal:
-            raise CapslipError(f"internal error: {text}; run again with -v and report it")
-        raise ScanError(text)
-
-
-class _Parts:
-    """Makes parts of a result that no number depends on; one that fails is a problem."""
-
-    def __init__(self, say: "_Progress", verbose: bool) -> None:
-        self.say, self.verbose = say, verbose
-        self.missing: list[Problem] = []
-        self.internal = False  # whether a failure was none that is raised on purpose
-
-    def make(self, paths: tuple[Path, ...], function: Callable[..., Any], *arguments: Any) -> Any:
-        """Call what makes some files; where it fails, leave none of them and return None."""
-        from capslip.problems import Problem
-
-        try:
-            return function(*arguments)
-        except Exception as error:
-            if self.verbose:
-                traceback.print_exc()
-            for path in paths:
-                path.unlink(missing_ok=True)
-            name = " and ".join(path.name for path in paths)
-            reason = str(error)
-            if not isinstance(error, CapslipError):
-                self.internal, reason = True, f"{type(error).__name__}: {error}"
-            text = " ".join(f"{name} could not be made: {reason}".split())
-            self.say.warn(text)
-            self.missing.append(Problem("output_missing", "warning", text))
-            return None
-
-
-def _export_jenkins(analysis: "Analysis", work: Path) -> None:
-    from capslip.structure.jenkins import jenkins, write_jenkins
-
-    if analysis.slip is None:
-        raise ContactError("it needs a slip curve, which this analysis does not have")
-    write_jenkins(jenkins(analysis.slip), work / "jenkins.csv")
-
-
-def _load_and_analyze(
-    surface: Path, mate: Path | None, settings: "Settings", say: "_Progress"
-) -> tuple["Analysis", float]:
-    from capslip.analysis import analyze as run
-    from capslip.surface.readers import load_surface
-
-    reading = settings.reading
+        check_folder(folder, keep=(surface, mate))
+    say = _Progress(quiet, options["verbose"])
 
     def load(path: Path) -> "HeightMap":
         say(f"reading {path.name}")
-        return load_surface(
-            path,
-            unit=reading.unit,
-            lateral_unit=reading.lateral_unit,
-            pixel_size=reading.pixel_size,
-            dataset=reading.dataset,
-            lenient=reading.lenient,
-        )
+        return load_surface(path, **msgspec.structs.asdict(settings.reading))
 
-    started = time.perf_counter()
-    height_map, other = load(surface), load(mate) if mate is not None else None
-    read_s = time.perf_counter() - started
+    face, other = load(surface), load(mate) if mate is not None else None
+    timings_s = {"read": say.elapsed_s()}
     say("analysing")
-    return run(height_map, settings, other), read_s
-
-
-def _write(
-    analysis: "Analysis",
-    work: Path,
-    say: "_Progress",
-    timings: dict[str, float],
-    parts: _Parts,
-    export: str | None,
-) -> dict[str, Any]:
-    """Write everything into the working folder, numbers first, the summary last; return it."""
-    from capslip.output import mesh, report, scene, store
-    from capslip.summary import summarise
-
-    run = analysis.settings.run
-
-    def timed(stage: str, since: float) -> float:
-        now = time.perf_counter()
-        timings[stage] = now - since
-        return now
-
-    clock = time.perf_counter()
-    store.write_result(analysis, work)
-    if export is not None:
-        parts.make((work / f"{export}.csv",), _export_jenkins, analysis, work)
-    meshes = (work / "surface.vtu", work / "caps.vtu")
-    parts.make(meshes, mesh.write_meshes, analysis, work)
-    clock = timed("tables", clock)
-    (work / "figures").mkdir()
-    message: str | None = "switched off (--no-render)"
-    if run.render:
-        say("rendering")
-        png = work / "figures" / "scene.png"
-        rendering = parts.make((png,), scene.start_render, work / "result.h5", png)
-    if run.figures:
-        say("drawing")
-        from capslip.output.figures import FIGURES, write_figure
-
-        for name in FIGURES:
-            png = work / "figures" / f"{name}.png"
-            parts.make((png,), write_figure, name, analysis, png.parent)
-        clock = timed("figures", clock)
-    if run.render:
-        message = "the renderer did not start"
-        if rendering is not None:
-            message = rendering.wait()
-        if message is not None:
-            say.warn(f"no render: {message}")
-        clock = timed("render", clock)
-    say("writing the report")
-    command = " ".join(["capslip", *sys.argv[1:]])
-
-    def whole() -> "Analysis":
-        return replace(analysis, problems=(*analysis.problems, *parts.missing))
-
-    numbers = summarise(whole(), command, timings)
-    page = (work / "report.html",)
-    parts.make(page, report.write_report, whole(), numbers, work, message)
-    timed("report", clock)
-    summary = summarise(whole(), command, {**timings, "total": say.elapsed_s()})
-    store.write_summary(summary, work)
-    return summary
+    analysis = run(face, settings, other)
+    if not as_json and not quiet:
+        click.echo(result_lines(analysis))
+    summary = write(
+        analysis,
+        folder,
+        command=_command_line(),
+        timings_s=timings_s,
+        export=export,
+        progress=say,
+        missing=say.missing,
+    )
+    text = f"\nresults    {folder}\nreport     {folder / 'report.html'}"
+    _print(summary, text, as_json, quiet)
+    errors = [p.message for p in analysis.problems if p.severity == "error"]
+    if errors:
+        raise ScanError(f"{surface}: {errors[0]}; what was found before is in {folder}")
+    say.raise_failures(f"all numbers are in {folder}")
 
 
 @main.command()
 @click.argument("scans", nargs=-1, required=True)
 @_analysis_options
-@_common
 def batch(
     scans: tuple[str, ...], out: Path | None, as_json: bool, quiet: bool, **options: Any
 ) -> None:
@@ -325,14 +199,12 @@ def batch(
 
     settings = _settings(**options)
     say = _Progress(quiet)
-    rows = run_batch(scans, out or Path("results") / "batch", settings, say)
+    folder = out or Path("results") / "batch"
+    rows = run_batch(scans, folder, settings, say, _command_line())
     failed = [row for row in rows if row["status"] == "failed"]
     incomplete = [row for row in rows if row["error"] and row not in failed]
-    if as_json:
-        click.echo(json.dumps(rows, indent=1, ensure_ascii=False))
-    elif not quiet:
-        for row in rows:
-            click.echo(f"{row['status']:7} {row['scan']}  {row['error'] or ''}".rstrip())
+    lines = [f"{row['status']:7} {row['scan']}  {row['error'] or ''}".rstrip() for row in rows]
+    _print(rows, "\n".join(lines), as_json, quiet)
     if failed:
         say.warn(f"{len(failed)} of {len(rows)} scans failed; see batch.csv")
         sys.exit(3)
@@ -342,8 +214,8 @@ def batch(
 
 
 @main.command()
-@click.argument("result", type=click.Path(path_type=Path))
-@click.option("-v", "--verbose", is_flag=True, help="Show tracebacks and details.")
+@click.argument("result", type=PATH)
+@_verbose
 def inspect(result: Path, verbose: bool) -> None:
     """Look at the fitted caps of a result in a PyVista window."""
     from capslip.output.scene import show
@@ -352,37 +224,9 @@ def inspect(result: Path, verbose: bool) -> None:
 
 
 @main.command()
-@_result_options
-def reproduce(out: Path | None, as_json: bool, quiet: bool, verbose: bool) -> None:
-    """Reproduce the paper's tables and figures, and show what is wrong in print."""
-    from capslip.studies.reproduce import reproduce as run
-
-    folder = out if out is not None else Path("results") / "reproduce"
-    numbers = run(folder)
-    if as_json:
-        click.echo(json.dumps(numbers, indent=1, ensure_ascii=False, allow_nan=False))
-    elif not quiet:
-        worst = max(abs(row["relative_error"]) for row in numbers["table1"])
-        click.echo(f"table 1    {len(numbers['table1'])} loads within {100 * worst:.2f} %")
-        click.echo(f"errata     {len(numbers['errata'])}")
-        click.echo(f"page       {folder / 'reproduce.html'}")
-
-
-@main.command()
-@click.argument("result", type=click.Path(path_type=Path))
-@click.option(
-    "--assembly",
-    type=click.Path(path_type=Path),
-    required=True,
-    metavar="CSV",
-    help="Measured damping of the assembled structure.",
-)
-@click.option(
-    "--monolithic",
-    type=click.Path(path_type=Path),
-    metavar="CSV",
-    help="The same of the structure without joints, to be subtracted.",
-)
+@click.argument("result", type=PATH)
+@click.option("--assembly", type=PATH, required=True, metavar="CSV", help="Measured damping.")
+@click.option("--monolithic", type=PATH, metavar="CSV", help="The same without joints, subtracted.")
 @click.option("--identify", is_flag=True, help="Fit friction coefficient and preload.")
 @_result_options
 def compare(
@@ -396,74 +240,76 @@ def compare(
     verbose: bool,
 ) -> None:
     """Compare a result with measured damping (CSV: amplitude_um,loss_factor and the like)."""
-    from capslip.studies import compare_result as study
+    from capslip.compare import compare_result, lines, to_dict, write_comparison
 
-    found = study.compare_result(result, assembly, monolithic, identify)
+    found = compare_result(result, assembly, monolithic, identify)
+    text = lines(found)
     if out is not None:
-        study.write_comparison(found, out)
-    if as_json:
-        click.echo(json.dumps(study.to_dict(found), indent=1, ensure_ascii=False, allow_nan=False))
-    elif not quiet:
-        click.echo("\n".join(study.lines(found)))
-        if out is not None:
-            click.echo(f"picture    {out / 'compare.png'}")
+        write_comparison(found, out)
+        text = [*text, f"picture    {out / 'compare.png'}"]
+    _print(to_dict(found), "\n".join(text), as_json, quiet)
+
+
+@main.command()
+@_result_options
+def reproduce(out: Path | None, as_json: bool, quiet: bool, verbose: bool) -> None:
+    """Reproduce the paper's tables and figures, and show what is wrong in print."""
+    from capslip.studies.paper.reproduce import reproduce as run
+
+    folder = out or Path("results") / "reproduce"
+    numbers = run(folder)
+    worst = max(abs(row["relative_error"]) for row in numbers["table1"])
+    text = (
+        f"table 1    {len(numbers['table1'])} loads within {100 * worst:.2f} %\n"
+        f"errata     {len(numbers['errata'])}\npage       {folder / 'reproduce.html'}"
+    )
+    _print(numbers, text, as_json, quiet)
 
 
 @main.command()
 @_result_options
 def bench(out: Path | None, as_json: bool, quiet: bool, verbose: bool) -> None:
     """Time commands, stages and solvers beside their peers (minutes)."""
-    from capslip.studies.bench import bench_markdown, run_bench
+    from capslip.studies.bench.study import bench_markdown, run_bench
 
-    folder = out if out is not None else Path("results") / "bench"
-    result = run_bench(folder)
-    if as_json:
-        click.echo(json.dumps(result, indent=1, ensure_ascii=False, default=float))
-    elif not quiet:
-        click.echo(bench_markdown(result))
+    result = run_bench(out or Path("results") / "bench")
+    _print(result, bench_markdown(result), as_json, quiet)
 
 
 @main.command()
-@click.option("--scans", type=click.Path(path_type=Path), help="Folder of real scans to add.")
+@click.option("--scans", type=PATH, help="Folder of real scans to add.")
 @_result_options
 def chart(scans: Path | None, out: Path | None, as_json: bool, quiet: bool, verbose: bool) -> None:
     """Chart speed against accuracy of every method (many minutes)."""
-    from capslip.studies.chart import chart as run
+    from capslip.studies.chart.study import chart as run
 
-    folder = out if out is not None else Path("results") / "chart"
+    folder = out or Path("results") / "chart"
     result = run(folder, scans, _Progress(quiet))
-    if as_json:
-        click.echo(json.dumps(result, indent=1, ensure_ascii=False, default=float))
-    elif not quiet:
-        click.echo(f"chart      {folder / 'speed-accuracy.md'}")
+    _print(result, f"chart      {folder / 'speed-accuracy.md'}", as_json, quiet)
 
 
 @main.command()
 @_result_options
 def limits(out: Path | None, as_json: bool, quiet: bool, verbose: bool) -> None:
     """Drive each axis until the method breaks, and see what the program says (many minutes)."""
-    from capslip.studies.limits import limits as run
+    from capslip.studies.limits.study import limits as run
 
-    folder = out if out is not None else Path("results") / "limits"
+    folder = out or Path("results") / "limits"
     result = run(folder, _Progress(quiet))
-    if as_json:
-        click.echo(json.dumps(result, indent=1, ensure_ascii=False, default=float))
-    elif not quiet:
-        click.echo(f"limits     {folder / 'limits.md'}")
+    _print(result, f"limits     {folder / 'limits.md'}", as_json, quiet)
 
 
 @main.command("init-config")
-@click.argument("path", type=click.Path(path_type=Path), default="capslip.toml")
+@click.argument("path", type=PATH, default="capslip.toml")
 def init_config(path: Path) -> None:
-    """Write a settings file with every default, to be edited."""
-    import tomli_w
+    """Write a settings file with every setting and its default, to be edited."""
+    from importlib.resources import files
 
     from capslip.errors import OutputError
-    from capslip.settings import Settings
 
     try:
-        with path.open("x", encoding="utf-8") as file:
-            file.write(tomli_w.dumps(Settings().to_dict()))
+        with path.open("xb") as file:
+            file.write(files("capslip").joinpath("default.toml").read_bytes())
     except FileExistsError:
         raise OutputError(
             f"{path}: exists already; nothing was written; give another name"
@@ -488,17 +334,7 @@ def _settings(
     """Read the file, then `--set`, then the options of their own."""
     from capslip.settings import load_settings
 
-    place = {
-        "preload": "contact.preload_N",
-        "model": "contact.model",
-        "dataset": "reading.dataset",
-        "unit": "reading.unit",
-        "lateral_unit": "reading.lateral_unit",
-        "pixel_size": "reading.pixel_size",
-        "figures": "run.figures",
-        "render": "run.render",
-    }
-    given = {place[name]: value for name, value in options.items() if value is not None}
+    given = {SETTING[name]: value for name, value in options.items() if value is not None}
     for name, value in given.items():
         if isinstance(value, float) and value != value:
             raise SettingsError(f"{name}: got nan; expected a finite number")
@@ -514,12 +350,26 @@ def _toml(value: Any) -> str:
     return repr(float(value)) if isinstance(value, float) else json.dumps(value)
 
 
+def _command_line() -> str:
+    return " ".join(["capslip", *sys.argv[1:]])
+
+
+def _print(numbers: Any, text: str, as_json: bool, quiet: bool) -> None:
+    """Print a result: as JSON with `--json`, as text for people, or not at all."""
+    if as_json:
+        plain = json.dumps(numbers, indent=1, ensure_ascii=False, allow_nan=False, default=float)
+        click.echo(plain)
+    elif not quiet:
+        click.echo(text)
+
+
 class _Progress:
     """Messages on stderr, each with the seconds since the start; silent with `-q`."""
 
-    def __init__(self, quiet: bool) -> None:
-        self.quiet = quiet
+    def __init__(self, quiet: bool, verbose: bool = False) -> None:
+        self.quiet, self.verbose = quiet, verbose
         self.started = time.perf_counter()
+        self.failures: list[tuple[str, Exception]] = []
 
     def __call__(self, message: str) -> None:
         if not self.quiet:
@@ -531,3 +381,20 @@ class _Progress:
 
     def warn(self, message: str) -> None:
         click.echo(f"warning: {message}", err=True)
+
+    def missing(self, message: str, error: Exception | None) -> None:
+        """Tell what could not be made; an exception ends the command once all is written."""
+        if error is not None:
+            self.failures.append((message, error))
+            if self.verbose:
+                traceback.print_exception(error)
+        self.warn(message)
+
+    def raise_failures(self, where: str) -> None:
+        """End with the first part that could not be made, if there is one."""
+        if not self.failures:
+            return
+        text = f"{self.failures[0][0]}; {where}"
+        if all(isinstance(error, CapslipError) for _, error in self.failures):
+            raise ScanError(text)
+        raise CapslipError(f"internal error: {text}; run again with -v and report it")

@@ -48,3 +48,19 @@ class UnusableSurfaceError(ScanError):
 
 class ContactError(ScanError):
     """The caps cannot carry the preload within the validity of the contact model."""
+
+
+def in_one_line(error: BaseException) -> str:
+    """Say what ended the work: a message of capslip as it stands, anything else as internal.
+
+    Examples
+    --------
+    >>> in_one_line(OutputError("out: is a file")), in_one_line(KeyError("x"))
+    ('out: is a file', "internal error: KeyError: 'x'; run again with -v and report it")
+    """
+    if isinstance(error, MemoryError):
+        return "not enough memory for this analysis"
+    if isinstance(error, CapslipError):
+        return str(error)
+    text = f"internal error: {type(error).__name__}: {error}; run again with -v and report it"
+    return " ".join(text.split())

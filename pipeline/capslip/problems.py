@@ -1,15 +1,98 @@
-"""A problem: something that makes a number doubtful, said beside the number."""
+"""Problems: what makes a number doubtful, said beside the number, and the registry of their kinds.
 
+A problem carries the numbers of one case in its message. What it means, what it does to stiffness
+and energy, and what to do about it stand once, in `problems.toml`, from which `docs/warnings.md` is
+written, too.
+"""
+
+import sys
+import tomllib
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Literal
 
 Severity = Literal["info", "warning", "error"]
 
 
 @dataclass(frozen=True)
+class Kind:
+    """What all problems of one code have in common.
+
+    Attributes
+    ----------
+    code : str
+        The name that results, tables and documents use.
+    severities : tuple of str
+        Those that a problem of this kind can have.
+    meaning, effect, remedy : str
+        What was seen; what it does to the stiffness K and the energy W, or to the counts; what to
+        run or to change next.
+    """
+
+    code: str
+    severities: tuple[Severity, ...]
+    meaning: str
+    effect: str
+    remedy: str
+
+
+def _read_kinds() -> dict[str, Kind]:
+    text = Path(__file__).with_suffix(".toml").read_text(encoding="utf-8")
+    return {
+        code: Kind(code, tuple(row.pop("severities")), **row)
+        for code, row in tomllib.loads(text).items()
+    }
+
+
+KINDS = _read_kinds()
+
+
+@dataclass(frozen=True)
 class Problem:
-    """One thing that a reader of the results should know."""
+    """One thing that a reader of the results should know.
+
+    Raises
+    ------
+    ValueError
+        If the code is not in the registry, or cannot have that severity: a defect of the program.
+    """
 
     code: str
     severity: Severity
     message: str
+
+    def __post_init__(self) -> None:
+        if self.severity not in self.kind.severities:
+            raise ValueError(f"a problem {self.code} cannot be of severity {self.severity!r}")
+
+    @property
+    def kind(self) -> Kind:
+        """What all problems of this code have in common."""
+        if self.code not in KINDS:
+            raise ValueError(f"no problem {self.code!r} is registered in problems.toml")
+        return KINDS[self.code]
+
+
+def warnings_page() -> str:
+    """Return the text of `docs/warnings.md`: every kind of problem, as the registry has it."""
+    lines = [
+        "# What each warning means",
+        "",
+        "Written from `pipeline/capslip/problems.toml` by `make warnings`; edit that file. A",
+        "result is `failed` with an error among its problems, `check` with a warning, else `ok`;",
+        "an `info` changes no status. K is the stiffness, W the energy lost per cycle.",
+    ]
+    for kind in KINDS.values():
+        lines += [
+            "",
+            f"## {kind.code}",
+            "",
+            f"*{' or '.join(kind.severities)}*. {kind.meaning}",
+            "",
+        ]
+        lines += [f"- Effect: {kind.effect}", f"- Next: {kind.remedy}"]
+    return "\n".join(lines) + "\n"
+
+
+if __name__ == "__main__":
+    sys.stdout.write(warnings_page())

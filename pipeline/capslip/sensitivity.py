@@ -1,16 +1,18 @@
 """How far the answers hang on the choices: cut, pruning, filter and levelling, one by one."""
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Any
 
 import msgspec
 import numpy as np
 
-from capslip.caps.families import Families
-from capslip.errors import CapslipError
+from capslip.contact.models.interacting import RUNG as EXACT
+from capslip.contact.models.mean_field import RUNG as COARSE
+from capslip.contact.rung import rung
+from capslip.errors import CapslipError, ContactError
 from capslip.problems import Problem
 from capslip.settings import Settings
+from capslip.stages import Clock, find_face, press_face
 from capslip.surface.heightmap import HeightMap
 
 ANSWERS = ("m", "n", "h_m", "radius_G_m", "radius_P_m", "approach_m", "energy_J")
@@ -198,35 +200,10 @@ def _family_below(cut: Sweep) -> list[Problem]:
     return [Problem("family_below_cut", "warning", message)]
 
 
-def answers(families: Families, approach_m: float | None, energy_J: float | None) -> Answers:
-    """Collect the answers of one run.
-
-    Parameters
-    ----------
-    families : Families
-        The caps in their families.
-    approach_m, energy_J : float or None
-        Normal approach under the preload, and energy lost per cycle at `FORCE_RATIO` of the force
-        at total slip; None where the contact could not be solved.
-    """
-    G, P = families.G, families.P
-    value = (
-        families.m or None,  # where there is no such family, nothing can be stable
-        families.n or None,
-        families.h_m,
-        G.radius_m if G else None,
-        P.radius_m if P else None,
-        approach_m,
-        energy_J,
-    )
-    error = (families.count_se, families.count_se, families.h_se_m, *[None] * 4)
-    return Answers(np.array(value, dtype=float), np.array(error, dtype=float))
-
-
 def sensitivity(
-    answer: Callable[[HeightMap, Settings, bool], Answers],
     surface: HeightMap,
     settings: Settings,
+    other: HeightMap | None,
     n_caps: int,
     pruning_height_m: float,
     with_contact: bool,
@@ -239,13 +216,12 @@ def sensitivity(
 
     Parameters
     ----------
-    answer : callable
-        Runs the stages on a height map with changed settings, with or without the contact. It may
-        raise a CapslipError: then that value of the setting has no answer.
     surface : HeightMap
         The map as measured.
     settings : Settings
         The chosen ones. The tolerance of the contact sets the error bars from below.
+    other : HeightMap or None
+        The other face, as measured, where there is one.
     n_caps : int
         Usable caps that the chosen settings give.
     pruning_height_m : float
@@ -261,18 +237,11 @@ def sensitivity(
         map of the runs; the form as chosen and through the lowest third of the points, or none
         and a plane. No sweep where the chosen settings give no answer.
     """
-    if settings.contact.model in ("auto", "interacting", "boundary_elements"):
-        model = "interacting" if n_caps <= MAX_INTERACTING else "mean_field"
-        settings = _with(settings, "contact.model", model)
-
-    def ask(surface: HeightMap, settings: Settings) -> Answers:
-        try:
-            return answer(surface, settings, with_contact)
-        except CapslipError:
-            none = np.full(len(ANSWERS), np.nan)
-            return Answers(none, none)
-
-    chosen = ask(surface, settings)
+    model = settings.contact.model
+    if model == "auto" or rung(model).cost >= EXACT.cost:
+        cheap = EXACT if n_caps <= MAX_INTERACTING else COARSE
+        settings = _with(settings, "contact.model", cheap.name)
+    chosen = answers_of(surface, settings, other, with_contact)
     least = settings.contact.tolerance * np.abs(chosen.value)
     error_bar = np.fmax(2.0 * chosen.standard_error, least)
     if np.isnan(chosen.value).all():
@@ -282,7 +251,7 @@ def sensitivity(
         settings = _with(settings, "hills.pruning_height_m", pruning_height_m)
     coarse = _coarsened(surface)
     if coarse is not None:
-        on_coarse = ask(coarse, settings)
+        on_coarse = answers_of(coarse, settings, other, with_contact)
         if _same(on_coarse.value, chosen.value, error_bar).all():
             surface, chosen = coarse, on_coarse
     sweeps = []
@@ -290,11 +259,52 @@ def sensitivity(
         value = np.unique([*plan.values, plan.chosen])
         at = int(np.searchsorted(value, plan.chosen))
         rows = [
-            chosen if i == at else ask(surface, _with(settings, plan.setting, x))
+            chosen
+            if i == at
+            else answers_of(surface, _with(settings, plan.setting, x), other, with_contact)
             for i, x in enumerate(plan.options or value.tolist())
         ]
         sweeps.append(_sweep(plan, value, at, np.array([row.value for row in rows]), error_bar))
     return Sensitivity(error_bar, tuple(sweeps))
+
+
+def answers_of(
+    surface: HeightMap, settings: Settings, other: HeightMap | None, with_contact: bool
+) -> Answers:
+    """Run the stages once; NaN for what they do not give.
+
+    Parameters
+    ----------
+    surface, settings, other, with_contact
+        As for `sensitivity`.
+    """
+    clock = Clock()  # nobody reads it
+    try:
+        face = find_face(surface, settings, other, clock)
+    except CapslipError:
+        none = np.full(len(ANSWERS), np.nan)
+        return Answers(none, none)
+    approach_m, energy_J = None, None
+    if with_contact and face.caps.usable.any():
+        try:
+            contact, _, slip = press_face(face, settings, clock)
+            energy_J = float(slip.energy_at_force_J(FORCE_RATIO * slip.total_slip_force_N))
+            approach_m = contact.approach_m
+        except ContactError:
+            pass
+    families = face.families
+    G, P = families.G, families.P
+    value = (
+        families.m or None,  # where there is no such family, nothing can be stable
+        families.n or None,
+        families.h_m,
+        G.radius_m if G else None,
+        P.radius_m if P else None,
+        approach_m,
+        energy_J,
+    )
+    error = (families.count_se, families.count_se, families.h_se_m, *[None] * 4)
+    return Answers(np.array(value, dtype=float), np.array(error, dtype=float))
 
 
 @dataclass(frozen=True)

@@ -9,12 +9,15 @@ import difflib
 import hashlib
 import math
 import tomllib
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Annotated, Any, Literal, get_args
 
 import msgspec
 
+from capslip import registry
 from capslip.errors import SettingsError
+from capslip.units import LengthUnit
 
 LEAST, GREATEST = 1e-30, 1e30  # of any positive setting, in SI: beyond it powers overflow
 Positive = Annotated[float, msgspec.Meta(ge=LEAST, le=GREATEST)]
@@ -23,7 +26,6 @@ Pair = tuple[float, float]
 Size = Annotated[int, msgspec.Meta(ge=3)]
 SOLVER_TOLERANCE = (1e-10, 1e-3)  # least and greatest, of boundary elements
 SolverTolerance = Annotated[float, msgspec.Meta(ge=SOLVER_TOLERANCE[0], le=SOLVER_TOLERANCE[1])]
-LengthUnit = Literal["m", "mm", "um", "µm", "nm", "inch"]
 
 
 class _Table(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
@@ -76,7 +78,7 @@ class HillSettings(_Table, frozen=True):
 class CapSettings(_Table, frozen=True):
     """How a sphere is fitted to a hill."""
 
-    fit: Literal["equation18", "pinned", "least_squares", "contact"] = "contact"
+    fit: str = "contact"  # one of the files of capslip.caps.fits
 
 
 class FamilySettings(_Table, frozen=True):
@@ -98,9 +100,7 @@ class Material(_Table, frozen=True):
 class Contact(_Table, frozen=True):
     """The contact model and the preload of one joint."""
 
-    model: Literal[
-        "auto", "flat", "families", "caps", "mean_field", "interacting", "boundary_elements"
-    ] = "auto"
+    model: str = "auto"  # or the name of a rung: a file in contact/models
     preload_N: Positive = 460.0
     tolerance: Share = 0.05
     solver_tolerance: SolverTolerance = 1e-7  # of boundary elements
@@ -133,7 +133,6 @@ class Run(_Table, frozen=True):
     workers: Annotated[int, msgspec.Meta(ge=0)] = 0  # 0: one a core
     figures: bool = True
     render: bool = True
-    log_level: Literal["debug", "info", "warning", "error"] = "info"
 
 
 class Settings(_Table, frozen=True):
@@ -211,6 +210,11 @@ def settings_from(tables: dict[str, Any], where: str = "settings") -> Settings:
 
 
 def _check_meaning(settings: Settings, where: str) -> None:
+    fits = registry.names("caps.fits")
+    if settings.caps.fit not in fits:
+        raise SettingsError(
+            f"{where}: caps.fit: got {settings.caps.fit!r}; {_one_of(fits, settings.caps.fit)}"
+        )
     for value in settings.material.youngs_modulus_Pa:
         if not LEAST <= value <= GREATEST:
             raise SettingsError(
@@ -222,6 +226,12 @@ def _check_meaning(settings: Settings, where: str) -> None:
             raise SettingsError(
                 f"{where}: material.poisson_ratio: got {value:g}; expected -1 < nu < 0.5"
             )
+    models = ("auto", *registry.names("contact.models"))
+    if settings.contact.model not in models:
+        raise SettingsError(
+            f"{where}: contact.model: got {settings.contact.model!r}; "
+            f"{_one_of(models, settings.contact.model)}"
+        )
     reading = settings.reading
     if reading.pixel_size is not None and min(reading.pixel_size) <= 0:
         raise SettingsError(
@@ -294,11 +304,16 @@ def _explain(message: str, tables: dict[str, Any]) -> str:
             value = value[int(index.rstrip("]"))] if index[0].isdigit() else value
     if expected.startswith("Invalid enum value"):
         words = [arg for part in (kind, *get_args(kind)) for arg in get_args(part)]
-        words = [word for word in dict.fromkeys(words) if isinstance(word, str | int)]
-        expected = "expected one of " + ", ".join(str(word) for word in words)
-        close = difflib.get_close_matches(str(value), [str(word) for word in words], n=1)
-        expected += f"; did you mean {close[0]}?" if close else ""
+        words = [str(word) for word in dict.fromkeys(words) if isinstance(word, str | int)]
+        expected = _one_of(words, str(value))
     return f"{'.'.join(keys)}: got {value!r}; {expected[0].lower()}{expected[1:].replace('`', '')}"
+
+
+def _one_of(words: Iterable[str], got: str) -> str:
+    words = tuple(words)
+    close = difflib.get_close_matches(got, words, n=1)
+    mean = f"; did you mean {close[0]}?" if close else ""
+    return f"expected one of {', '.join(words)}{mean}"
 
 
 def _apply(tables: dict[str, Any], override: str) -> None:

@@ -6,14 +6,14 @@ from dataclasses import fields, replace
 import numpy as np
 import pytest
 
-from capslip.caps.clusters import cluster
-from capslip.caps.families import group_families
+from capslip.caps.clusters import Clusters, cluster
+from capslip.caps.families import _supported, group_families
 from capslip.caps.fit import fit_caps
 from capslip.caps.hills import find_hills
 from capslip.caps.table import CapFlag, CapTable
+from capslip.studies.faces.synthetic import CapFamily, Scene, synthetic_surface
 from capslip.surface.conditioning import condition
 from capslip.surface.heightmap import HeightMap
-from capslip.surface.synthetic import CapFamily, Scene, synthetic_surface
 from scenes import caps_map
 
 ONE_FAMILY = {
@@ -218,7 +218,7 @@ def test_the_families_of_a_face_are_found(noise, within, m, n, h_m):
     _, truth = synthetic_surface(scene)
     smallest_m = (truth.peak_height_m - truth.cut_height_m).min()
     face = condition(synthetic_surface(replace(scene, noise_rms_m=noise * smallest_m))[0]).surface
-    _, families = group_families(fit_caps(face, find_hills(face)))
+    _, families = group_families(fit_caps(face, find_hills(face), "pinned"))
     assert (families.m, families.n) == (m, n)
     assert families.h_m == pytest.approx(h_m, rel=within)
     assert families.clear
@@ -275,3 +275,131 @@ def test_a_hill_that_is_no_sphere_is_not_alike_for_its_great_error():
     peak_m[:3] -= 2e-8
     error_m[:3] = 2e-8
     assert not families_of(peak_m, peak_height_se_m=error_m).alike
+
+
+def test_alike_is_a_chi_square_test_at_one_per_cent():
+    # Two peaks of equal error: 2.5758 of the error of their difference
+    for share, alike in ((2.57, True), (2.58, False)):
+        peak_m = [0.0, share * np.sqrt(2.0)]
+        assert families_of(peak_m, peak_height_se_m=[1.0, 1.0]).alike == alike
+    # Three, two of them equal: sum of squares 2/3 d^2, 9.2103 at two degrees of freedom
+    for apart, alike in ((3.71, True), (3.72, False)):
+        assert families_of([0.0, 0.0, apart], peak_height_se_m=[1.0] * 3).alike == alike
+    # An error of ten counts as twice the median, with a quarter of the weight: 2/9 d^2
+    for apart, alike in ((6.43, True), (6.45, False)):
+        assert families_of([0.0, 0.0, apart], peak_height_se_m=[1.0, 1.0, 10.0]).alike == alike
+
+
+def test_the_error_of_the_count_is_that_of_its_odds():
+    """Each cap is a draw from the odds of two normal families, of the sizes and width found."""
+    from scipy.stats import norm
+
+    low, high = np.array([0.0, 0.5, 1.0, 1.2, 1.9, 2.4]), np.array([4.1, 4.8, 5.0])
+    families = families_of(np.concatenate((low, high)), 2)
+    assert (families.m, families.n) == (3, 6)
+    squares = ((low - low.mean()) ** 2).sum() + ((high - high.mean()) ** 2).sum()
+    spread = np.sqrt(squares / 7)
+    values = np.concatenate((low, high))
+    density = [len(part) * norm.pdf(values, part.mean(), spread) for part in (low, high)]
+    share = density[0] / (density[0] + density[1])
+    assert families.count_se == pytest.approx(np.sqrt((share * (1 - share)).sum()), rel=1e-9)
+    assert families.count_se > 0.1
+
+
+def test_two_standard_errors_of_the_count_hold_the_truth_nine_times_in_ten():
+    rng = np.random.default_rng(7)
+    held = []
+    for _ in range(300):
+        families = families_of(np.append(rng.normal(5.5, 1, 30), rng.normal(0, 1, 30)), 2)
+        held.append(abs(families.m - 30) <= 2.0 * families.count_se)
+    assert 0.85 < np.mean(held) < 0.99
+
+
+def test_the_numbers_of_a_family_are_those_of_its_caps():
+    columns = {
+        "diameter_m": [4.0, 6.0, 1.0, 1.5, 2.0],
+        "cap_height_m": [7.0, 8.0, 2.0, 2.5, 3.0],
+        "radius_m": [9.0, 16.0, 4.0, 4.0, 4.0],
+    }
+    families = families_of([100.0, 101.0, 0.0, 1.0, 2.0], 2, **columns)
+    G, P = families.G, families.P
+    assert (G.count, P.count) == (2, 3)
+    assert (G.diameter_m, P.diameter_m) == (5.0, 1.5)
+    assert (G.height_m, P.height_m) == (7.5, 2.5)
+    assert (G.peak_height_m, P.peak_height_m) == (100.5, 1.0)
+    assert G.radius_m == pytest.approx(3.5**2)
+    # pooled: squares 0.5 + 2 of the peaks, 24.5 of the radii, three degrees of freedom
+    assert G.peak_height_se_m == pytest.approx(np.sqrt(2.5 / 3 / 2))
+    assert P.peak_height_se_m == pytest.approx(np.sqrt(2.5 / 3 / 3))
+    assert P.radius_se_m == pytest.approx(np.sqrt(24.5 / 3 / 3))
+    assert families.h_se_m == pytest.approx(np.sqrt(2.5 / 3 * (1 / 2 + 1 / 3)))
+
+
+@pytest.mark.parametrize(
+    ("separation", "log_odds", "clear"),
+    [(5.01, 3.01, True), (4.99, 3.01, False), (5.01, 2.99, False), (math.inf, 3.01, True)],
+)
+def test_two_are_clear_at_five_spreads_and_odds_of_20_to_1(separation, log_odds, clear):
+    two = families_of([0.0] * 5 + [1.0] * 5)
+    assert replace(two, separation=separation, log_odds=log_odds).clear == clear
+    one = replace(two, P=None, levels=two.levels[:1], separation=separation, log_odds=log_odds)
+    assert one.clear == (log_odds > 3.0)
+
+
+@pytest.mark.parametrize(
+    ("evidence", "separation", "expected"),
+    [
+        ((0.0, 1.0), (np.nan, 4.01), (2, 1.0)),
+        ((0.0, 1.0), (np.nan, 3.99), (1, -1.0)),
+        ((1.0, 0.0), (np.nan, 9.00), (1, 1.0)),
+        ((0.0, 1.0, 4.1), (np.nan, 9.0, 5.01), (3, 3.1)),
+        ((0.0, 1.0, 3.9), (np.nan, 9.0, 5.01), (2, -2.9)),
+        ((0.0, 1.0, 9.0), (np.nan, 9.0, 4.99), (2, 1.0)),
+        ((0.0, 1.0, 4.1, 7.2), (np.nan, 9.0, 6.0, 6.0), (4, 3.1)),
+        ((0.0, 1.0, 4.1, 7.0), (np.nan, 9.0, 6.0, 6.0), (3, -2.9)),
+    ],
+)
+def test_the_number_of_families_follows_from_odds_and_separation(evidence, separation, expected):
+    number, log_odds = _supported(Clusters((), np.array(evidence), np.array(separation)), False)
+    assert number == expected[0]
+    assert log_odds == pytest.approx(expected[1])
+
+
+def test_the_separation_is_in_pooled_spreads():
+    # squares 2 + 2, six numbers less two means: a spread of one
+    assert cluster(np.array([0.0, 1, 2, 10, 11, 12])).separation[1] == pytest.approx(10.0)
+    narrow = cluster(np.array([0.0, 1e-4, 1.0, 1.0 + 1e-4]))
+    assert narrow.separation[1] == pytest.approx(1.0 / np.sqrt(0.5e-8), rel=1e-6)
+    three = cluster(np.array([0.0, 1, 2, 10, 11, 12, 30, 31, 32]))
+    assert three.separation[2] == pytest.approx(10.0)
+    assert np.isnan(three.separation[0])
+
+
+def test_the_evidence_of_two_is_the_integral_that_it_stands_for():
+    """Two normal clusters of one width, their means and it integrated out by brute force."""
+    z = np.array([0.0, 0.2, 0.9, 1.0])
+    log_sigma, step = np.linspace(-12.0, 12.0, 4001, retstep=True)
+    sigma = np.exp(log_sigma)
+    total = 0.0
+    for size in (1, 2, 3):
+        parts = z[:size], z[size:]
+        members = math.comb(4, size) * 3 / 2  # which are in it; three sizes; no names
+        for ratio, odds in ((50.0, 4 / 7), (5e3, 2 / 7), (5e5, 1 / 7)):
+            # given the middle of the means, each cluster is normal with a common shift
+            covariance = np.zeros((4, 4))
+            for at, part in ((0, parts[0]), (size, parts[1])):
+                covariance[at : at + len(part), at : at + len(part)] = ratio
+            covariance += np.eye(4)
+            inverse = np.linalg.inv(covariance)
+            one = np.ones(4)
+            # a flat prior of the middle integrates to this
+            within = z @ inverse @ z - (one @ inverse @ z) ** 2 / (one @ inverse @ one)
+            scale = (2 * np.pi) ** -1.5 / np.sqrt(np.linalg.det(covariance) * (one @ inverse @ one))
+            density = scale * sigma**-3.0 * np.exp(-0.5 * within / sigma**2)
+            total += odds / members * density.sum() * step
+    assert cluster(z).log_evidence[1] == pytest.approx(math.log(total), abs=1e-4)
+
+
+def test_three_clusters_among_many_numbers_are_cut_where_they_part():
+    parts = [np.linspace(level, level + 1.0, n) for level, n in ((0.0, 33), (5.0, 27), (12.0, 40))]
+    assert cluster(np.concatenate(parts)).sizes[2].tolist() == [33, 27, 40]

@@ -3,12 +3,15 @@
 import numpy as np
 import pytest
 
-from capslip.caps.fit import FITS, equation18_radius_m, fit_caps
+from capslip import registry
+from capslip.caps.fit import fit_caps
+from capslip.caps.fits.equation18 import equation18_radius_m
 from capslip.caps.hills import find_hills
 from capslip.caps.table import CapFlag
 from capslip.surface.heightmap import HeightMap
 from scenes import caps_map
 
+FITS = registry.names("caps.fits")
 CAPS = [(6e-3, 5e-3, 24.0, 0.0), (14e-3, 12e-3, 27.0, -1e-7), (24e-3, 8e-3, 25.0, -5e-8)]
 
 

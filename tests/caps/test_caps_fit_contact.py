@@ -6,15 +6,19 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from capslip.caps.fit import CONTACT_SHARE, elliptic_factor, fit_caps
+from capslip.caps.fit import fit_caps
+from capslip.caps.fitting import fit_named
 from capslip.caps.hills import find_hills
 from capslip.caps.points import points_of_hills
+from capslip.caps.spheres import edge_factor, elliptic_factor
 from capslip.caps.table import CapFlag
-from capslip.contact.curves import bulk_compliance_m_per_N
-from capslip.contact.interacting import interacting
+from capslip.contact.bulk import bulk_compliance_m_per_N
+from capslip.contact.models.interacting import interacting
 from capslip.contact.slip import slip_curve
 from capslip.surface.heightmap import HeightMap
 from scenes import REFERENCE, caps_map
+
+CONTACT_SHARE = fit_named("contact").compression_share
 
 
 def exact_elliptic_factor(axis_ratio):
@@ -105,10 +109,48 @@ def test_a_cap_at_the_edge_of_the_face_loads_like_the_sphere_it_gets(from_edge, 
     assert pinned.radius_m[0] == pytest.approx(R, rel=0.01)
 
 
+def left_of_paraboloid(at, corner):
+    """Share of the volume below 1 - x^2 - y^2 at x < `at`; in a corner at y < `at` too."""
+    x = (np.arange(2000) + 0.5) / 1000 - 1
+    height = np.maximum(1 - x**2 - x[:, None] ** 2, 0.0)
+    here = (x < at) & ((x[:, None] < at) | (not corner))
+    return height[here].sum() / height.sum()
+
+
+@pytest.mark.parametrize("corner", [False, True])
+@pytest.mark.parametrize("i", range(len(AT_EDGE)))
+def test_the_edge_factor_makes_the_volume_load_like_the_boundary_elements(i, corner):
+    """The fit is at half of the compression, so its lengths follow from the load of the table."""
+    at, expected = (IN_CORNER if corner else AT_EDGE)[i]
+    place = at * expected ** (1 / 6) * (3 ** (1 / 3) if at < 0 else 1)  # over sqrt(2 R depth)
+    none, away = np.zeros((2, 1)), np.ones((2, 1))
+    axes = 2 if corner else 1
+    if at < 0:  # the whole cap is deeper than what is there
+        depth = 1 + axes * place**2
+        volume = depth**2 * left_of_paraboloid(place / np.sqrt(depth), corner)
+        inside, outside = none, none - place
+    else:
+        volume = left_of_paraboloid(place, corner)
+        inside, outside = none + place / np.sqrt(volume), none
+    if not corner:
+        inside, outside = np.vstack([inside[:1], away[:1]]), np.vstack([outside[:1], none[:1]])
+    factor = edge_factor(inside, outside)[0]
+    within = 0.015 if corner or at < 0 else 0.003
+    assert factor * volume == pytest.approx(expected, abs=within)
+
+
+def test_the_edge_factor_has_the_values_of_its_fit():
+    inside = np.array([[1.0, 0.5, 0.5, 0.0, 0.0, 0.0], [1.5, 1.0, 0.5, 1.0, 1.0, 1.0]])
+    outside = np.array([[0.0, 0.0, 0.0, 0.5, 1.0, 3.0], [0.0] * 6])
+    expected = [1.0, 1.0435275, 1.0615572, 1.48, 1.76, 1.76]
+    assert edge_factor(inside, outside) == pytest.approx(expected, abs=1e-6)
+    assert edge_factor(inside[::-1], outside[::-1]) == pytest.approx(expected, abs=1e-6)
+
+
 def test_the_depth_asked_for_is_used_where_the_hill_has_it():
     surface = caps_map([(6e-3, 5e-3, 24.0, 0.0), (14e-3, 12e-3, 27.0, -1e-7)])
     hills = find_hills(surface)
-    height_m = fit_caps(surface, hills).cap_height_m
+    height_m = fit_caps(surface, hills, "contact").cap_height_m
     asked_m = np.array([0.3 * height_m[0], np.nan])
     table = fit_caps(surface, hills, "contact", asked_m)
     assert table.fit_depth_m == pytest.approx([0.3 * height_m[0], 0.5 * height_m[1]])

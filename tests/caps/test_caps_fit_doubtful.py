@@ -6,7 +6,8 @@ from time import process_time
 import numpy as np
 import pytest
 
-from capslip.caps.fit import FITS, fit_caps
+from capslip import registry
+from capslip.caps.fit import fit_caps
 from capslip.caps.hills import find_hills
 from capslip.caps.quadric import _inverse, _normal_equations
 from capslip.caps.table import CapFlag
@@ -14,6 +15,7 @@ from capslip.errors import SettingsError
 from capslip.surface.heightmap import HeightMap
 from scenes import caps_map
 
+FITS = registry.names("caps.fits")
 PIXEL_M = 1e-4
 Y, X = (np.mgrid[:60, :60] + 0.5) * PIXEL_M
 FROM_CENTRE2 = (X - 3e-3) ** 2 + (Y - 3e-3) ** 2
@@ -145,7 +147,7 @@ def test_a_cap_cut_by_a_patch_is_fitted_on_what_is_there(fit):
 
 def test_one_dust_grain_among_caps_is_an_outlier():
     places = [(x, y, 25.0, 0.0) for x in (5e-3, 12e-3, 19e-3, 26e-3) for y in (4e-3, 10e-3, 16e-3)]
-    table = fit_caps(s := caps_map([*places, (8.5e-3, 7e-3, 1.5, 0.0)]), find_hills(s))
+    table = fit_caps(s := caps_map([*places, (8.5e-3, 7e-3, 1.5, 0.0)]), find_hills(s), "pinned")
     outlier = (table.flags & CapFlag.outlier) > 0
     assert outlier.sum() == 1
     assert table.radius_m[outlier][0] == pytest.approx(1.5, rel=0.1)
@@ -169,7 +171,9 @@ def test_depths_must_fit_the_hills(depth):
 
 
 def test_an_unknown_fit_is_refused():
-    with pytest.raises(SettingsError, match="expected one of equation18, pinned"):
+    with pytest.raises(
+        SettingsError, match="expected one of contact, equation18, least_squares, pinned"
+    ):
         one_hill(-FROM_CENTRE2 / 50, -2e-8, "sphere")
 
 
@@ -178,7 +182,7 @@ def test_very_many_hills_take_bounded_time():
     height_m = 1e-6 * np.random.default_rng(0).standard_normal(label.shape)
     surface, hills = HeightMap(height_m, (PIXEL_M, PIXEL_M)), given_hills(label, -1e-5)
     begin = process_time()
-    table = fit_caps(surface, hills)
+    table = fit_caps(surface, hills, "pinned")
     assert process_time() - begin < 2.0
     assert len(table) == 50000
     assert_no_silent_nan(table)

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from capslip.caps.hills import find_hills
+from capslip.caps.hills import _square, find_hills
 from capslip.errors import UnusableSurfaceError
 from capslip.surface.heightmap import HeightMap
 from scenes import caps_map
@@ -47,6 +47,27 @@ def test_white_noise_is_measured_as_such():
     noisy = HeightMap(surface.height_m + rng.normal(0, 3e-9, surface.shape), (1e-4, 1e-4))
     assert find_hills(surface).noise_m < 1e-12
     assert find_hills(noisy).noise_m == pytest.approx(3e-9, rel=0.02)
+
+
+def test_half_and_double_the_pruning_are_counted_as_they_would_be():
+    height_m = np.random.default_rng(5).normal(size=(150, 200)).cumsum(0).cumsum(1)
+    surface = HeightMap(height_m - height_m.mean(), (1e-5, 1e-5))
+    counts = [find_hills(surface, 0.4, pruning_height_m=p).n_hills for p in (2.0, 4.0, 6.0, 8.0)]
+    assert counts[0] > counts[1] > counts[2] > counts[3]
+    hills = find_hills(surface, 0.4, pruning_height_m=4.0)
+    assert (hills.n_hills_half_pruning, hills.n_hills_double_pruning) == (counts[0], counts[3])
+
+
+@pytest.mark.parametrize(
+    ("noise", "share", "side"),
+    [(0.0119, 1.0, 3), (0.0121, 1.0, 5), (0.0199, 1.0, 5), (0.0201, 1.0, 7), (0.0, 0.6, 5)],
+)
+def test_the_square_leaves_five_deviations_of_noise_within_a_fiftieth_of_the_relief(
+    noise, share, side
+):
+    found, left_m = _square(noise, 1.0, share)
+    assert found == side
+    assert left_m == pytest.approx(noise / side)
 
 
 @pytest.mark.parametrize(

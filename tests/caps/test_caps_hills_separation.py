@@ -13,10 +13,10 @@ from scipy import ndimage
 from capslip.caps.hills import find_hills
 from capslip.caps.separation import change_tree
 from capslip.errors import SettingsError
+from capslip.studies.faces.synthetic import Cap, CapFamily, Scene, synthetic_surface
 from capslip.surface.conditioning import condition
 from capslip.surface.heightmap import HeightMap
 from capslip.surface.readers import load_surface
-from capslip.surface.synthetic import Cap, CapFamily, Scene, synthetic_surface
 from scenes import caps_map
 
 EIGHT = np.ones((3, 3))

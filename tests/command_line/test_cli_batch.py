@@ -2,15 +2,22 @@
 
 import csv
 import json
+import multiprocessing
+import os
 import shutil
-import subprocess
+import time
+from functools import partial
 
 import h5py
 import numpy as np
 import pytest
 from click.testing import CliRunner
 
+from capslip.batch import analyse_scan, run_batch
 from capslip.cli import main
+from capslip.output import report
+from capslip.output.staging import new_folder
+from capslip.settings import load_settings
 
 
 def scan(path, seed):
@@ -32,6 +39,7 @@ def batch(tmp_path_factory):
     scan(scans / "one.h5", 1)
     scan(scans / "two.h5", 2)
     (scans / "bad.x3p").write_bytes(b"PK\x03\x04 not really")
+    (scans / ".DS_Store").write_bytes(b"hidden")
     np.save(scans / "one.npy", np.zeros((3, 3)))  # no unit, and the stem of another
     arguments = ["batch", str(scans), "-o", str(folder / "out"), "--no-figures", "--no-render"]
     first = CliRunner().invoke(main, arguments)
@@ -96,6 +104,26 @@ def test_pictures_that_were_left_out_are_made_when_wanted(batch, tmp_path):
     assert summary.stat().st_mtime_ns == written
 
 
+def again(*_):
+    return None, "done again"
+
+
+@pytest.mark.parametrize("picture", ["figures", "render"])
+def test_either_kind_of_picture_that_is_wanted_is_made(batch, tmp_path, picture):
+    folder, arguments, _ = batch
+    source = str(folder / "scans in" / "two.h5")
+    arguments = ["batch", source, "-o", str(tmp_path / "out"), *arguments[4:]]
+    assert CliRunner().invoke(main, arguments).exit_code == 0
+    wanted = {"figures": "false", "render": "false", picture: "true"}
+    texts = tuple(f"run.{name}={value}" for name, value in wanted.items())
+    settings = load_settings(overrides=texts)
+    (row,) = run_batch([source], tmp_path / "out", settings, lambda _: None, work=again)
+    assert row["error"] == "done again"
+    settings = load_settings(overrides=("run.figures=false", "run.render=false"))
+    (row,) = run_batch([source], tmp_path / "out", settings, lambda _: None, work=again)
+    assert row["error"] is None
+
+
 def test_an_analysis_that_fails_is_counted_and_keeps_its_numbers(batch, tmp_path):
     folder, arguments, _ = batch
     (tmp_path / "in").mkdir()
@@ -113,16 +141,172 @@ def test_an_analysis_that_fails_is_counted_and_keeps_its_numbers(batch, tmp_path
         assert (tmp_path / "out" / "scans" / "two" / "summary.json").is_file()
 
 
+def call(arguments, work, monkeypatch):
+    """Call the command line with another function for the workers."""
+    monkeypatch.setattr("capslip.batch.run_batch", partial(run_batch, work=work))
+    return CliRunner().invoke(main, arguments)
+
+
+def without_report(scan, folder, settings, command):
+    def fail(*_):
+        raise KeyError("no such colour")
+
+    report.write_report = fail  # in the worker
+    return analyse_scan(scan, folder, settings, command)
+
+
 def test_a_result_that_lacks_a_part_keeps_its_row_and_is_told(batch, tmp_path, monkeypatch):
     folder, arguments, _ = batch
-    summary = (folder / "out" / "scans" / "two" / "summary.json").read_text()
-    ended = subprocess.CompletedProcess([], 1, summary, "error: internal error: energy.png\n")
-    monkeypatch.setattr("capslip.batch.subprocess.run", lambda *_, **__: ended)
     source = str(folder / "scans in" / "two.h5")
-    ran = CliRunner().invoke(main, ["batch", source, "-o", str(tmp_path / "out"), *arguments[4:]])
-    assert ran.exit_code == 1
+    arguments = ["batch", source, "-o", str(tmp_path / "out"), *arguments[4:]]
+    ran = call(arguments, without_report, monkeypatch)
+    assert ran.exit_code == 1, ran.output
     assert "1 of 1 results lack a part" in ran.stderr
     row = rows(tmp_path)["two"]
-    assert row["status"] == json.loads(summary)["status"]
-    assert row["error"] == "internal error: energy.png"
+    assert row["status"] == "check"
+    assert row["error"] == "report.html could not be made: KeyError: 'no such colour'"
+    assert row["problems"].split()[-1] == "output_missing"
     assert float(row["peak_loss_factor"]) > 0
+    # what is missing is made when it can be
+    ran = call(arguments, analyse_scan, monkeypatch)
+    assert ran.exit_code == 0, ran.output
+    assert (tmp_path / "out" / "scans" / "two" / "report.html").is_file()
+
+
+def ends_its_worker(scan, folder, settings, command):
+    if scan.stem == "two":
+        os._exit(1)
+    return analyse_scan(scan, folder, settings, command)
+
+
+def test_a_scan_that_kills_its_worker_is_named_and_the_only_one(batch, tmp_path, monkeypatch):
+    _, arguments, _ = batch
+    scans = tmp_path / "in"
+    scans.mkdir()
+    for seed, name in enumerate(("one", "two", "three", "four")):
+        scan(scans / f"{name}.h5", seed)
+    arguments = ["batch", str(scans), "-o", str(tmp_path / "out"), *arguments[4:]]
+    arguments += ["--set", "run.workers=2"]
+    ran = call(arguments, ends_its_worker, monkeypatch)
+    assert ran.exit_code == 3, ran.output
+    assert "1 of 4 scans failed" in ran.stderr
+    table = rows(tmp_path)
+    assert table["two"]["status"] == "failed"
+    assert "was ended" in table["two"]["error"]
+    assert {table[name]["status"] for name in ("one", "three", "four")} <= {"ok", "check"}
+    before = (tmp_path / "out" / "scans" / "one" / "summary.json").stat().st_mtime_ns
+    assert call(arguments, analyse_scan, monkeypatch).exit_code == 0
+    assert (tmp_path / "out" / "scans" / "one" / "summary.json").stat().st_mtime_ns == before
+
+
+def dies_once(scan, folder, settings, command):
+    mark = folder.parent.parent.parent / f"{scan.stem}.died"
+    if not mark.exists():
+        mark.touch()
+        os._exit(1)
+    return analyse_scan(scan, folder, settings, command)
+
+
+def test_a_scan_that_needs_the_machine_to_itself_gets_it(batch, tmp_path, monkeypatch):
+    folder, arguments, _ = batch
+    source = str(folder / "scans in" / "two.h5")
+    ran = call(
+        ["batch", source, "-o", str(tmp_path / "out"), *arguments[4:]], dies_once, monkeypatch
+    )
+    assert ran.exit_code == 0, ran.output
+    assert (tmp_path / "two.died").exists()
+    assert rows(tmp_path)["two"]["error"] == ""
+
+
+def one_waits(scan, folder, settings, command):
+    os.write(1, b"noise")
+    os.write(2, b"noise")
+    if scan.stem == "two":
+        with new_folder(folder):
+            (folder.parent / "under way").touch()
+            time.sleep(120)
+    while not (folder.parent / "under way").exists():
+        time.sleep(0.01)
+    return None, "quick"
+
+
+def test_an_interrupt_ends_the_workers_and_leaves_no_folder(batch, tmp_path, capfd):
+    folder, _, _ = batch
+
+    def interrupt(_):
+        raise KeyboardInterrupt
+
+    settings = load_settings(overrides=("run.workers=2",))
+    sources = [str(folder / "scans in" / name) for name in ("one.h5", "two.h5")]
+    started = time.monotonic()
+    with pytest.raises(KeyboardInterrupt):
+        run_batch(sources, tmp_path / "out", settings, interrupt, work=one_waits)
+    assert time.monotonic() - started < 60
+    assert multiprocessing.active_children() == []
+    assert [entry.name for entry in (tmp_path / "out" / "scans").iterdir()] == ["under way"]
+    assert capfd.readouterr() == ("", "")
+
+
+def test_a_row_holds_the_numbers_of_the_summary(batch):
+    folder, _, _ = batch
+    row = rows(folder)["two"]
+    summary = json.loads((folder / "out" / "scans" / "two" / "summary.json").read_text())
+    slip, damping, families = summary["slip"], summary["damping"], summary["families"]
+    expected = {
+        "caps": summary["hills"]["caps"],
+        "m": families["m"],
+        "n": families["n"],
+        "h_m": families["h_m"],
+        "radius_G_m": (families["G"] or {}).get("radius_m"),
+        "radius_P_m": (families["P"] or {}).get("radius_m"),
+        "model": summary["contact"]["model"],
+        "preload_N": summary["contact"]["preload_N"],
+        "approach_m": summary["contact"]["approach_m"],
+        "contacts": summary["contact"]["contacts"],
+        "tangential_stiffness_N_per_m": slip["tangential_stiffness_N_per_m"],
+        "peak_loss_factor": damping["peak_loss_factor"],
+        "amplitude_at_peak_m": damping["amplitude_at_peak_m"],
+        "gross_slip_amplitude_m": damping["gross_slip_amplitude_m"],
+        "problems": " ".join(one["code"] for one in summary["problems"]),
+        "folder": "scans/two",
+        "status": summary["status"],
+        "error": None,
+        "path": str(folder / "scans in" / "two.h5"),
+        "scan": "two",
+    }
+    assert row == {key: "" if one is None else str(one) for key, one in expected.items()}
+    assert summary["provenance"]["command"].startswith("capslip ")
+    assert summary["timings_s"]["read"] > 0
+
+
+@pytest.mark.parametrize("change", ["bytes", "version", "settings"])
+def test_a_result_of_something_else_is_not_kept(batch, tmp_path, change):
+    folder, arguments, _ = batch
+    (tmp_path / "in").mkdir()
+    face = shutil.copy(folder / "scans in" / "two.h5", tmp_path / "in")
+    arguments = ["batch", str(face), "-o", str(tmp_path / "out"), *arguments[4:]]
+    assert CliRunner().invoke(main, arguments).exit_code == 0
+    path = tmp_path / "out" / "scans" / "two" / "summary.json"
+    if change == "bytes":
+        scan(face, 7)
+    elif change == "version":
+        summary = json.loads(path.read_text())
+        summary["provenance"]["version"] = "0.0.1"
+        path.write_text(json.dumps(summary))
+    else:
+        arguments += ["--set", "material.friction_coefficient=0.3"]
+    before = path.stat().st_mtime_ns
+    assert CliRunner().invoke(main, arguments).exit_code == 0
+    assert path.stat().st_mtime_ns > before
+
+
+def test_a_folder_of_someone_else_is_refused(batch, tmp_path):
+    folder, arguments, _ = batch
+    (tmp_path / "out").mkdir()
+    (tmp_path / "out" / "thesis.tex").write_text("years of work")
+    ran = CliRunner().invoke(
+        main, ["batch", str(folder / "scans in"), "-o", str(tmp_path / "out"), *arguments[4:]]
+    )
+    assert ran.exit_code == 2
+    assert "thesis.tex" in ran.stderr
+    assert [entry.name for entry in (tmp_path / "out").iterdir()] == ["thesis.tex"]

@@ -11,9 +11,9 @@ import pytest
 from click.testing import CliRunner
 
 from capslip.cli import main
-from capslip.output import store
-from capslip.output.store import FILES, new_folder
-from capslip.summary import SCHEMA
+from capslip.output import staging, tables
+from capslip.output.staging import FILES, new_folder
+from capslip.result import SCHEMA
 
 
 @pytest.fixture
@@ -145,6 +145,14 @@ def test_a_folder_of_someone_else_is_refused(run, tmp_path):
     assert [entry.name for entry in (tmp_path / "out").iterdir()] == ["thesis.tex"]
 
 
+def test_a_report_of_someone_else_is_refused(run, tmp_path):
+    native(tmp_path / "a.h5", hill(), **KNOWN)
+    (tmp_path / "out").mkdir()
+    (tmp_path / "out" / "report.html").write_text("mine")
+    one_line(run("analyze", "a.h5", "-o", "out"), 2, "out", "report.html", "no earlier result")
+    assert (tmp_path / "out" / "report.html").read_text() == "mine"
+
+
 def test_a_summary_beside_foreign_files_is_refused(run, tmp_path):
     native(tmp_path / "a.h5", hill(), **KNOWN)
     light = ("--no-figures", "--no-render", "--preload", "0.1")
@@ -194,15 +202,23 @@ def test_a_mounted_folder_is_filled_in_its_place(tmp_path, monkeypatch):
     assert "second" in (tmp_path / "out" / "summary.json").read_text()
 
 
+def test_a_result_can_be_read_by_those_who_can_read_other_new_folders(tmp_path):
+    (tmp_path / "plain").mkdir()
+    with new_folder(tmp_path / "out"):
+        pass
+    assert (tmp_path / "out").stat().st_mode == (tmp_path / "plain").stat().st_mode
+
+
 def test_the_summary_moves_last_and_an_earlier_result_comes_back(tmp_path, monkeypatch):
     out = tmp_path / "out"
     out.mkdir()
     monkeypatch.setattr(os.path, "ismount", lambda path: Path(path).name == "out")
-    result = dict.fromkeys(("summary.json", "caps.csv", "result.h5"), f'{{"schema": "{SCHEMA}"}}')
+    names = ("summary.json", "caps.csv", "surface.vtu")  # on either side of it by name
+    result = dict.fromkeys(names, f'{{"schema": "{SCHEMA}"}}')
     with new_folder(out) as work:
         for name, text in result.items():
             (work / name).write_text(text)
-    monkeypatch.setattr(store.shutil, "move", fails_on_summary(shutil.move, out))
+    monkeypatch.setattr(staging.shutil, "move", fails_on_summary(shutil.move, out))
     with pytest.raises(OSError, match="full"), new_folder(out) as work:
         write_second(work, result)
     assert {entry.name: entry.read_text() for entry in out.iterdir()} == result
@@ -216,7 +232,8 @@ def write_second(work, names):
 def fails_on_summary(move, out):
     def moving(source, target):
         if Path(target) == out / "summary.json" and Path(source).read_text() == "second":
-            assert "second" in (out / "result.h5").read_text()
+            assert "second" in (out / "caps.csv").read_text()
+            assert "second" in (out / "surface.vtu").read_text()
             raise OSError("disk full")
         return move(source, target)
 
@@ -258,7 +275,7 @@ def test_an_interrupt_ends_with_130_and_leaves_nothing(run, tmp_path, monkeypatc
     def interrupt(*_):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(store, "write_summary", interrupt)
+    monkeypatch.setattr(tables, "write_summary", interrupt)
     one_line(run("analyze", "a.h5", "-o", "out", "--no-render", "--no-figures"), 130, "interrupted")
     assert [entry.name for entry in tmp_path.iterdir()] == ["a.h5"]
 

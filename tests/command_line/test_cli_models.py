@@ -8,7 +8,8 @@ import pytest
 from click.testing import CliRunner
 
 from capslip.cli import MODELS, main
-from capslip.contact import boundary_elements
+from capslip.contact.models import boundary_elements
+from capslip.errors import ContactError
 from capslip.output import figures_contact, mesh, report
 from check_result import defects
 from scenes import caps_map
@@ -101,6 +102,27 @@ def test_a_part_that_fails_takes_no_number_along(
     if missing != "report.html":
         assert "no such colour" in (out / "report.html").read_text()
         assert len(list((out / "figures").glob("*.png"))) >= 8
+
+
+@pytest.mark.parametrize(
+    ("first", "second", "code"),
+    [(ContactError, OSError, 1), (OSError, ContactError, 1), (ContactError, ContactError, 3)],
+)
+def test_one_internal_error_among_the_missing_parts_decides(
+    first, second, code, face, tmp_path, monkeypatch
+):
+    def failing(kind):
+        def fail(*_):
+            raise kind("torn")
+
+        return fail
+
+    monkeypatch.setattr(mesh, "write_meshes", failing(first))
+    monkeypatch.setattr(report, "write_report", failing(second))
+    light = ("--no-render", "--no-figures", "-q")
+    ran = run("analyze", face, "--model", "families", *light, "-o", tmp_path / "out")
+    assert ran.exit_code == code
+    assert ("internal error" in ran.stderr) is (code == 1)
 
 
 def test_no_half_picture_is_left(face, tmp_path, monkeypatch):

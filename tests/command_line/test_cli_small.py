@@ -1,12 +1,16 @@
 """The small commands."""
 
 import json
+import re
 
+import msgspec
+import numpy as np
 import pytest
 from click.testing import CliRunner
 
 import capslip
 from capslip.cli import main
+from capslip.units import METRES
 from scenes import PROJECT
 
 FACE_A, FACE_B = (PROJECT / "sample_surfaces" / f"paper_face_{x}.h5" for x in "ab")
@@ -30,6 +34,70 @@ def test_init_config_writes_the_defaults_once(tmp_path):
     again = run("init-config", path)
     assert again.exit_code == 2
     assert "exists already" in again.stderr
+
+
+def keys_of(kind, path=()):
+    """Yield every setting as table and name."""
+    for field in msgspec.structs.fields(kind):
+        if isinstance(field.type, type) and issubclass(field.type, msgspec.Struct):
+            yield from keys_of(field.type, (*path, field.name))
+        else:
+            yield ".".join(path), field.name
+
+
+def test_the_written_file_names_every_setting_and_nothing_else(tmp_path):
+    assert run("init-config", tmp_path / "mine.toml").exit_code == 0
+    text = (tmp_path / "mine.toml").read_text()
+    assert text == (PROJECT / "configs" / "default.toml").read_text()
+    named, table = {}, ""
+    for line in text.splitlines():
+        if head := re.match(r"\[([a-z.]+)\]", line):
+            table = head[1]
+        elif one := re.match(r"(?:# )?(\w+) = (.*?)(?:  +#.*)?$", line):
+            named[table, one[1]] = one[2]
+    assert set(named) == set(keys_of(capslip.Settings))
+    for (table, key), given in named.items():  # those that are commented out are valid, too
+        if "modal" in key or "joint_stiffness" in key:
+            continue  # go together
+        capslip.load_settings(overrides=(f"{table}.{key}={given}",))
+
+
+def test_a_setting_that_is_no_more_is_unknown(tmp_path):
+    (tmp_path / "old.toml").write_text('[run]\nlog_level = "info"\n')
+    ran = run("analyze", FACE_A, "-c", tmp_path / "old.toml")
+    assert ran.exit_code == 2
+    assert "unknown setting run.log_level (known here: workers, figures, render)" in ran.stderr
+
+
+def test_an_option_comes_before_set_and_set_before_the_file(tmp_path):
+    (tmp_path / "c.toml").write_text(
+        "[contact]\npreload_N = 50\ntolerance = 0.2\n[material]\nfriction_coefficient = 0.4\n"
+    )
+    sets = ("--set", "contact.preload_N=100", "--set", "contact.tolerance=0.1")
+    light = ("--no-figures", "--no-render", "--model", "families", "-q", "-o", tmp_path / "x")
+    ran = run("analyze", FACE_A, "-c", tmp_path / "c.toml", *sets, "--preload", "200", *light)
+    assert ran.exit_code == 0, ran.output
+    settings = capslip.load_settings(tmp_path / "x" / "settings.toml")
+    assert (settings.contact.preload_N, settings.contact.tolerance) == (200.0, 0.1)
+    assert settings.material.friction_coefficient == 0.4
+    assert settings.contact.model == "families"
+    assert not settings.run.figures
+    assert not settings.run.render
+    assert (ran.stdout, ran.stderr) == ("", "")
+
+
+@pytest.mark.parametrize("unit", METRES)
+def test_every_unit_of_a_reader_is_an_option_and_a_setting(unit, tmp_path):
+    np.save(tmp_path / "a.npy", np.full((4, 4), 2.0))
+    capslip.load_settings(overrides=(f"reading.unit={unit}", f"reading.lateral_unit={unit}"))
+    given = {"unit": unit, "lateral_unit": unit, "pixel_size": (1.0, 2.0)}
+    surface = capslip.load_surface(tmp_path / "a.npy", **given)
+    assert surface.height_m[0, 0] == pytest.approx(2 * METRES[unit])
+    assert surface.pixel_size_m == pytest.approx((METRES[unit], 2 * METRES[unit]))
+    options = ("--unit", unit, "--lateral-unit", unit, "--pixel-size", "1", "2")
+    ran = run("analyze", tmp_path / "a.npy", *options)
+    assert ran.exit_code == 3  # read, and found to be of no use
+    assert "Invalid value" not in ran.stderr
 
 
 def test_reproduce_writes_table_1(tmp_path):

@@ -7,13 +7,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from capslip.contact import elastic_face as elastic_faces
-from capslip.contact import polonsky_keer
-from capslip.contact.boundary_elements import boundary_elements
-from capslip.contact.curves import caps, in_series
-from capslip.contact.half_space import HalfSpace, love_kernel
-from capslip.contact.polonsky_keer import coarsened, elastic_face, press
+from capslip.contact.curve import in_series
+from capslip.contact.models.boundary_elements import boundary_elements
+from capslip.contact.models.caps import caps
 from capslip.contact.slip import slip_curve
+from capslip.contact.solvers import elastic_face as elastic_faces
+from capslip.contact.solvers import polonsky_keer
+from capslip.contact.solvers.half_space import HalfSpace, love_kernel
+from capslip.contact.solvers.polonsky_keer import coarsened, elastic_face, press
 from capslip.errors import ContactError, SettingsError, UnusableSurfaceError
 from capslip.surface.heightmap import HeightMap
 
@@ -286,11 +287,11 @@ def test_reference_faces(name):
 
 def test_tamaas_agrees():
     pytest.importorskip("tamaas", reason="Tamaas is not installed here")
-    from capslip.studies import bench_boundary_elements as bench
+    from capslip.studies.bench import boundary_elements as bench
 
     surface = bench.seeded_face((160, 240))
     face = elastic_face(surface, bench.E_STAR_PA)
-    expected_m = bench._judged(face, bench._tamaas(surface))[0]
+    expected_m = bench._certificate(face, bench._tamaas(surface))[0]
     pressed = press(face, load_N=bench.LOAD_N)
     assert pressed.approach_m == pytest.approx(expected_m, rel=1e-5)
 

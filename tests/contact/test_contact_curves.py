@@ -6,16 +6,14 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from capslip.contact.curves import (
-    bulk_compliance_m_per_N,
-    caps,
-    families,
-    flat,
-    in_series,
-    mean_field,
-)
-from capslip.contact.hertz import load_drop_of_asperity, loss_of_asperity
+from capslip.contact.bulk import bulk_compliance_m_per_N
+from capslip.contact.curve import in_series
 from capslip.contact.material import composite
+from capslip.contact.models.caps import caps
+from capslip.contact.models.families import families
+from capslip.contact.models.flat import flat
+from capslip.contact.models.mean_field import mean_field
+from capslip.contact.solvers.hertz import load_drop_of_asperity, loss_of_asperity
 from capslip.errors import ContactError, SettingsError
 
 STEEL = composite((200e9, 200e9), (0.3, 0.3))
@@ -264,7 +262,7 @@ def test_flat_loses_nothing_below_total_slip(compliance):
     np.testing.assert_allclose(plane.withdrawal_m(d, drops), compliance * drops)
     np.testing.assert_allclose(plane.load_drop_N(d, d + np.array([1e-9, 1.0])), 460.0)
     np.testing.assert_allclose(plane.loss_integral_J(d, d + 1e-9), 4 * 460.0 * 1e-9, rtol=1e-6)
-    np.testing.assert_array_equal(plane.asperity_loads_N(d), [460.0])
+    np.testing.assert_array_equal(plane.load_N(d), 460.0)
 
 
 @pytest.mark.parametrize(

@@ -8,9 +8,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from capslip.contact.curves import bulk_compliance_m_per_N, caps, in_series, mean_field
-from capslip.contact.interacting import interacting
+from capslip.contact.bulk import bulk_compliance_m_per_N
+from capslip.contact.curve import in_series
 from capslip.contact.material import composite
+from capslip.contact.models.caps import caps
+from capslip.contact.models.interacting import interacting
+from capslip.contact.models.mean_field import mean_field
 from capslip.contact.slip import slip_curve
 from capslip.errors import ContactError, SettingsError
 

@@ -7,9 +7,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from capslip.contact.curves import bulk_compliance_m_per_N, caps, families, in_series
-from capslip.contact.interacting import interacting
+from capslip.contact.bulk import bulk_compliance_m_per_N
+from capslip.contact.curve import in_series
 from capslip.contact.material import composite
+from capslip.contact.models.caps import caps
+from capslip.contact.models.families import families
+from capslip.contact.models.interacting import interacting
 from capslip.contact.slip import slip_curve
 
 STEEL = composite((200e9, 200e9), (0.3, 0.3))

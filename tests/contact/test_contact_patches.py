@@ -3,12 +3,12 @@
 import numpy as np
 import pytest
 
-from capslip.contact import unloading
-from capslip.contact.closing import GivenLoad
-from capslip.contact.half_space import HalfSpace, love_kernel, love_kernel_at
-from capslip.contact.patches import patched
-from capslip.contact.polonsky_keer import elastic_face, press
-from capslip.contact.unloading import refinement, unload
+from capslip.contact.solvers import unloading
+from capslip.contact.solvers.closing import GivenLoad
+from capslip.contact.solvers.half_space import HalfSpace, love_kernel, love_kernel_at
+from capslip.contact.solvers.patches import patched
+from capslip.contact.solvers.polonsky_keer import elastic_face, press
+from capslip.contact.solvers.unloading import refinement, unload
 from capslip.surface.heightmap import HeightMap
 
 E = 110e9
@@ -125,7 +125,7 @@ def test_contact_all_over_the_map_needs_no_patches():
 
 def test_refined_hertz_contact_slips_as_the_closed_form():
     # Twelve pixels across, where the pixels themselves leave 5 to 25 % in the energy.
-    from capslip.contact.curves import caps
+    from capslip.contact.models.caps import caps
 
     contact_m, radius_m = 2e-3, 20.0
     dx = contact_m / 6

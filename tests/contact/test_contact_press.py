@@ -2,8 +2,9 @@
 
 import pytest
 
-from capslip import analyze, load_settings
-from capslip.contact import press as module
+from capslip import load_settings
+from capslip.analysis import analyze
+from capslip.contact import choice as module
 from capslip.errors import ContactError, SettingsError
 from scenes import caps_map
 
@@ -21,7 +22,7 @@ CAPS = [
 def run(*overrides, caps=CAPS, mate=None):
     surface = caps_map(caps, SHAPE, PIXEL_M)
     settings = load_settings(overrides=("conditioning.form=none", *overrides))
-    return analyze(surface, settings, mate, sweeps=False)
+    return analyze(surface, settings, mate)
 
 
 def messages(analysis):

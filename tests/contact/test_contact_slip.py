@@ -6,15 +6,13 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from capslip.contact.curves import (
-    bulk_compliance_m_per_N,
-    caps,
-    families,
-    flat,
-    in_series,
-    mean_field,
-)
+from capslip.contact.bulk import bulk_compliance_m_per_N
+from capslip.contact.curve import in_series
 from capslip.contact.material import composite
+from capslip.contact.models.caps import caps
+from capslip.contact.models.families import families
+from capslip.contact.models.flat import flat
+from capslip.contact.models.mean_field import mean_field
 from capslip.contact.slip import SlipCurve, slip_curve
 from capslip.errors import ContactError, SettingsError
 

@@ -5,13 +5,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from capslip.contact import tangential
-from capslip.contact.cerruti import ShearedHalfSpace, cerruti_kernels
-from capslip.contact.half_space import love_kernel
 from capslip.contact.material import composite
-from capslip.contact.polonsky_keer import elastic_face, press
-from capslip.contact.tangential import shear
+from capslip.contact.solvers.half_space import love_kernel
+from capslip.contact.solvers.polonsky_keer import elastic_face, press
 from capslip.errors import ContactError, SettingsError
+from capslip.studies.theorem import tangential
+from capslip.studies.theorem.cerruti import ShearedHalfSpace, cerruti_kernels
+from capslip.studies.theorem.tangential import shear
 from capslip.surface.heightmap import HeightMap
 
 MU = 0.2

@@ -104,15 +104,47 @@ def test_report_says_the_numbers_of_the_summary(page, several):
     assert "preload_N = 150.0" in page.text
 
 
+@pytest.mark.parametrize("bulk", [True, False])
+def test_report_says_whether_the_bulk_is_in_the_stiffness(several, tmp_path, bulk):
+    summary = several.summary()
+    summary["contact"]["bulk"] = bulk
+    page = Page(write_report(several, summary, tmp_path, None))
+    assert f"one joint, {'with' if bulk else 'without'} bulk" in page.text
+    assert ("does not hold the sinking" in page.text) is not bulk
+
+
+def test_report_counts_contacts_only_where_there_are_some_to_count(several, tmp_path):
+    summary = several.summary()
+    contacts = f"<b>{summary['contact']['contacts']}</b>"
+    assert contacts in Page(write_report(several, summary, tmp_path, None)).source
+    summary["contact"]["model"] = "flat"
+    page = Page(write_report(several, summary, tmp_path, None))
+    assert "<b>whole face</b>" in page.source
+    assert contacts not in page.source
+
+
+def test_caps_without_load_follow_by_height(several, tmp_path):
+    caps = several.caps.with_columns(load_N=np.full(len(several.caps), np.nan))
+    page = Page(write_report(replace(several, caps=caps), several.summary(), tmp_path, None))
+    body = page.source.split("<tbody>")[1].split("</tbody>")[0]
+    shown = [int(row.split("</td>")[0]) - 1 for row in body.split("<tr><td>")[1:]]
+    heights_m = several.caps.peak_height_m[shown]
+    assert len(shown) == len(caps)
+    assert (np.diff(heights_m) <= 0).all()
+
+
 def test_what_a_file_says_cannot_break_the_page(several, tmp_path):
     nasty = '<script>alert("1")</script> & co'
     surface = replace(several.surface, origin=Origin(name=nasty))
-    problems = (Problem("info_first", "info", nasty), Problem("then_error", "error", "5 < 6 & 7"))
+    problems = (
+        Problem("one_family", "info", nasty),
+        Problem("contact_failed", "error", "5 < 6 & 7"),
+    )
     analysis = replace(several, surface=surface, problems=problems)
     page = Page(write_report(analysis, analysis.summary(), tmp_path, nasty))
     assert not page.all("script")
     assert page.text.count(nasty) >= 3
-    assert page.text.index("then_error") < page.text.index("info_first")
+    assert page.text.index("contact_failed") < page.text.index("one_family")
 
 
 def test_long_table_is_cut_and_says_so(several, tmp_path):

@@ -10,7 +10,7 @@ import pytest
 
 from capslip.errors import OutputError
 from capslip.output.scene import read_scene, show, start_render
-from capslip.output.store import write_result
+from capslip.output.tables import write_result
 
 DRAW_A_SPHERE = (
     "import sys, pyvista\n"

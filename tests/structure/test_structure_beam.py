@@ -129,6 +129,28 @@ def test_mirrored_joint_and_clamp():
     assert 2 * clamp.joint_stiffness_N_per_m > clamp.modal_stiffness_N_per_m
 
 
+@pytest.mark.parametrize("position_m", [0.01, 0.09, 0.199])
+def test_shear_force_is_the_slope_of_the_moment(position_m):
+    def at(x_m):
+        return beam_mode(**BEAM, theory="euler_bernoulli", joint_position_m=x_m)
+
+    step_m = 1e-5
+    slope = (at(position_m + step_m).joint_moment_N - at(position_m - step_m).joint_moment_N) / (
+        2 * step_m
+    )
+    assert at(position_m).joint_stiffness_N_per_m == pytest.approx(abs(slope), rel=1e-6)
+    assert at(position_m).joint_position_m == position_m
+
+
+def test_bounds_of_the_material_themselves():
+    # an auxetic body has a shear modulus above E / 2, and all of a section may carry shear
+    auxetic = beam_mode(**{**BEAM, "poisson_ratio": -0.3}, shear_correction=1.0)
+    usual = beam_mode(**BEAM, shear_correction=1.0)
+    assert usual.frequency_Hz < auxetic.frequency_Hz
+    thin = beam_mode(**BEAM, theory="euler_bernoulli")
+    assert auxetic.frequency_Hz < thin.frequency_Hz
+
+
 @pytest.mark.parametrize(
     ("change", "text"),
     [

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from capslip.contact.curves import families
-from capslip.contact.flat import flat
+from capslip.contact.models.families import families
+from capslip.contact.models.flat import flat
 from capslip.contact.slip import slip_curve
 from capslip.errors import SettingsError
 from capslip.structure.response import response
@@ -105,6 +105,29 @@ def test_peak_between_grid_points(T0_N):
     lowest_m = damping.amplitude_m[0]
     assert lowest_m == pytest.approx(1e-3 * damping.gross_slip_amplitude_m, rel=1e-12)
     assert (damping.amplitude_at_peak_m in damping.amplitude_m) == (v_m > lowest_m)
+
+
+class Dry:
+    """Loss in proportion to the force: the loss factor rises to the smallest amplitude."""
+
+    total_slip_force_N = 100.0
+
+    def displacement_m(self, force_N):
+        return 1e-9 * force_N
+
+    def energy_at_force_J(self, force_N):
+        return 1e-10 * force_N
+
+
+def test_a_loss_factor_that_rises_to_zero_ends_the_search():
+    damping = response(Dry(), K_M, K_S, 1)
+    assert 1e-11 < damping.amplitude_at_peak_m / damping.gross_slip_amplitude_m <= 1e-9
+
+
+def test_structure_stands_in_the_answer(slip):
+    damping = response(slip, K_M, K_S, 3)
+    found = (damping.modal_stiffness_N_per_m, damping.joint_stiffness_N_per_m, damping.joints)
+    assert found == (K_M, K_S, 3)
 
 
 def test_peak_does_not_depend_on_the_amplitudes_asked_for(slip):

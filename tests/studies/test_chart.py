@@ -9,12 +9,13 @@ import numpy as np
 import pytest
 
 from capslip.settings import load_settings
-from capslip.studies import chart as study
-from capslip.studies.chart_figures import figures
-from capslip.studies.chart_methods import PAPER, methods
-from capslip.studies.chart_reference import ENERGIES, QUANTITIES
-from capslip.studies.chart_text import chart_markdown
-from capslip.studies.scenes import BLOCK, cases, make_face, scan_cases
+from capslip.studies.chart import statistics, study
+from capslip.studies.chart.figures import figures
+from capslip.studies.chart.measure import measure
+from capslip.studies.chart.methods import PAPER, methods
+from capslip.studies.chart.reference import ENERGIES, QUANTITIES
+from capslip.studies.chart.text import chart_markdown
+from capslip.studies.faces.scenes import BLOCK, cases, make_face, scan_cases
 
 LADDER = ("families", "caps", "mean_field", "interacting")
 BOUNDARY = "boundary elements, by grid"
@@ -34,7 +35,7 @@ def results():
         or (method.line, method.setting) == ("auto", "5 %")
     ]
     everything = cases()
-    return study.measure([everything[i] for i in CAPS + WAVES], small, with_peak=False)
+    return measure([everything[i] for i in CAPS + WAVES], small, with_peak=False)
 
 
 def median(results, line, quantity, group="caps", setting="1/1"):
@@ -140,14 +141,14 @@ def test_the_pareto_front_is_not_dominated(results):
 
 
 def test_a_method_without_an_answer_counts_as_infinitely_wrong():
-    assert study._median_and_range([math.inf, math.inf, 0.1]) == [None, 0.1, None]
+    assert statistics.median_and_range([math.inf, math.inf, 0.1]) == [None, 0.1, None]
 
 
 def test_what_is_written(results, tmp_path):
     results = {**results, "seconds": 1.0}
     results["honesty"]["fresh"] = results["honesty"]["same"]
     json.dumps(results, allow_nan=False)
-    study._write_csv(tmp_path / "runs.csv", results["runs"])
+    (tmp_path / "runs.csv").write_text(study.runs_csv(results["runs"]), encoding="utf-8")
     with (tmp_path / "runs.csv").open(encoding="utf-8") as file:
         rows = list(csv.DictReader(file))
     assert len(rows) == len(results["runs"])

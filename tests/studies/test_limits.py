@@ -11,10 +11,12 @@ import pytest
 
 import capslip
 from capslip.caps.table import CapFlag
-from capslip.studies.limits import BREAKDOWN, FRESH_SEED, limits, measure
-from capslip.studies.limits_axes import axes
-from capslip.studies.limits_cases import clean, harmless_faces
-from capslip.surface.synthetic import synthetic_surface
+from capslip.studies.faces.synthetic import synthetic_surface
+from capslip.studies.limits.axes import axes
+from capslip.studies.limits.case import clean
+from capslip.studies.limits.measure import BREAKDOWN, measure
+from capslip.studies.limits.study import FRESH_SEED, limits
+from capslip.studies.limits.tries import harmless_faces
 
 DOCS = Path(__file__).parents[2] / "docs"
 SOURCE = Path(capslip.__file__).parent
@@ -149,7 +151,7 @@ def test_the_files(tmp_path, monkeypatch):
         asked.append(seed)
         return tuple(few)
 
-    monkeypatch.setattr("capslip.studies.limits.axes", some)
+    monkeypatch.setattr("capslip.studies.limits.study.axes", some)
     results = limits(tmp_path)
     assert json.loads((tmp_path / "limits.json").read_text(encoding="utf-8")) == results
     page = (tmp_path / "limits.md").read_text(encoding="utf-8")

@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 from capslip.errors import OutputError
-from capslip.studies import paper
-from capslip.studies.errata import errata, errata_markdown, outside_rounding, table_1_error
-from capslip.studies.reproduce import reproduce, table_1
-from capslip.studies.reproduce_figures import cases_of, loss_factors
+from capslip.studies.paper import printed as paper
+from capslip.studies.paper.errata import errata, errata_markdown, outside_rounding, table_1_error
+from capslip.studies.paper.figures import cases_of, loss_factors
+from capslip.studies.paper.reproduce import reproduce, table_1
 
 PROJECT = Path(__file__).parents[2]
 
@@ -202,7 +202,7 @@ def test_page_opens_offline_and_holds_everything(page):
 def test_committed_errata_are_those_computed(found, page):
     text = errata_markdown(found)
     committed = (PROJECT / "docs" / "errata.md").read_text(encoding="utf-8")
-    assert committed == text, "run: python -m capslip.studies.errata docs/errata.md"
+    assert committed == text, "run: python -m capslip.studies.paper.errata docs/errata.md"
     assert (page[0] / "errata.md").read_text(encoding="utf-8") == text
 
 

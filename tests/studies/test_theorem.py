@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from capslip.studies import theorem
+from capslip.studies.theorem import errors as theorem
 
 
 def test_a_sphere_has_no_direction_and_next_to_no_error():

@@ -13,14 +13,14 @@ from capslip.caps.families import group_families
 from capslip.caps.fit import fit_caps
 from capslip.caps.hills import find_hills
 from capslip.errors import SettingsError, UnusableSurfaceError
+from capslip.studies.faces.synthetic import CapFamily, Scene, synthetic_surface
 from capslip.surface.conditioning import condition
+from capslip.surface.doubts import sanity_line
 from capslip.surface.filters import gaussian_s_filter
 from capslip.surface.form import remove_form
 from capslip.surface.heightmap import HeightMap, Origin
-from capslip.surface.plausibility import sanity_line
 from capslip.surface.readers import load_surface
 from capslip.surface.resampling import resample
-from capslip.surface.synthetic import CapFamily, Scene, synthetic_surface
 
 SAMPLES = Path(__file__).parents[2] / "sample_surfaces"
 PIXEL_M = (60e-6, 50e-6)
@@ -221,7 +221,7 @@ def test_the_sanity_line_says_what_was_read():
 def caps_of(surface):
     result = condition(surface)
     hills = find_hills(result.surface)
-    caps, families = group_families(fit_caps(result.surface, hills))
+    caps, families = group_families(fit_caps(result.surface, hills, "pinned"))
     return result, caps, families
 
 

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from capslip.errors import SettingsError, UnusableSurfaceError
+from capslip.studies.faces.synthetic import CapFamily, Scene, synthetic_surface
 from capslip.surface.form import remove_form
 from capslip.surface.heightmap import HeightMap
-from capslip.surface.synthetic import CapFamily, Scene, synthetic_surface
 
 PIXEL_M = (60e-6, 50e-6)
 NY, NX = 120, 170

@@ -3,9 +3,10 @@
 import numpy as np
 import pytest
 
-from capslip import analyze, load_settings
+from capslip import load_settings
+from capslip.analysis import analyze_once as analyze
+from capslip.surface.doubts import problems_of_holes
 from capslip.surface.heightmap import HeightMap
-from capslip.surface.plausibility import doubts_of_holes
 from scenes import caps_map
 
 PIXEL_M = (2e-4, 1e-4)
@@ -24,25 +25,25 @@ def disc(x_m, y_m, radius_m):
 
 @pytest.mark.parametrize("place_m", [(0.02, 0.015), (0.02, 0.0)])  # inside, and cut by the edge
 def test_a_hole_hides_hills_from_the_size_of_a_hill_on(place_m):
-    found = doubts_of_holes(without(disc(*place_m, 3.5e-3)), 3e-3)
+    found = problems_of_holes(without(disc(*place_m, 3.5e-3)), 3e-3)
     assert [(one.code, one.severity) for one in found] == [("hole_may_hide_hills", "warning")]
-    assert doubts_of_holes(without(disc(*place_m, 2.9e-3)), 3e-3) == ()
+    assert problems_of_holes(without(disc(*place_m, 2.9e-3)), 3e-3) == ()
 
 
 def test_a_narrow_hole_hides_no_hill_however_long():
-    assert doubts_of_holes(without((np.abs(Y_M - 0.015) < 2.5e-3) & (X_M > 1e-3)), 3e-3) == ()
+    assert problems_of_holes(without((np.abs(Y_M - 0.015) < 2.5e-3) & (X_M > 1e-3)), 3e-3) == ()
 
 
 def test_what_lies_around_a_round_face_is_no_hole():
     face = disc(0.02, 0.015, 0.0148)
-    assert doubts_of_holes(without(~face), 1e-3) == ()
-    assert doubts_of_holes(without(~face | disc(0.02, 0.015, 2e-3)), 1e-3)
+    assert problems_of_holes(without(~face), 1e-3) == ()
+    assert problems_of_holes(without(~face | disc(0.02, 0.015, 2e-3)), 1e-3)
 
 
 @pytest.mark.parametrize("share", [0.05, 0.3])
 def test_scattered_points_hide_nothing(share):
     lost = np.random.default_rng(1).random((150, 400)) < share
-    assert doubts_of_holes(without(lost), 1e-3) == ()
+    assert problems_of_holes(without(lost), 1e-3) == ()
 
 
 def test_a_hidden_cap_is_not_passed_over():
@@ -52,8 +53,8 @@ def test_a_hidden_cap_is_not_passed_over():
     height_m = surface.height_m.copy()
     y_m, x_m = np.ogrid[0.5:200, 0.5:300]
     height_m[np.hypot(1e-4 * x_m - 0.014, 1e-4 * y_m - 0.006) < 4.1e-3] = np.nan
-    analysis = analyze(HeightMap(height_m, (1e-4, 1e-4)), settings, sweeps=False)
+    analysis = analyze(HeightMap(height_m, (1e-4, 1e-4)), settings)
     assert analysis.caps.usable.sum() == 5
     assert "hole_may_hide_hills" in {problem.code for problem in analysis.problems}
-    whole = analyze(surface, settings, sweeps=False)
+    whole = analyze(surface, settings)
     assert "hole_may_hide_hills" not in {problem.code for problem in whole.problems}

@@ -8,10 +8,10 @@ import pytest
 from scipy import ndimage
 
 from capslip.errors import SettingsError, UnusableSurfaceError
+from capslip.studies.faces.synthetic import CapFamily, Scene, synthetic_surface
 from capslip.surface.conditioning import condition, sq_and_sz_m
 from capslip.surface.heightmap import HeightMap, Origin
-from capslip.surface.mating import composite_surface, doubts_of_mating, mate, place
-from capslip.surface.synthetic import CapFamily, Scene, synthetic_surface
+from capslip.surface.mating import composite_surface, mate, place, problems_of_mating
 
 D_M = 50e-6
 PIXEL_M = (D_M, D_M)
@@ -134,7 +134,7 @@ def test_a_worn_pair_finds_its_place(offset_m, rotation_rad, mirror, second_pixe
     assert found.correlation > 0.99
     both = composite_surface(first, second, found)
     assert np.nanstd(both.height_m) < 5e-8
-    assert doubts_of_mating(both, found) == ()
+    assert problems_of_mating(both, found) == ()
     assert truth.correlation is None
 
 
@@ -142,14 +142,14 @@ def test_faces_that_have_nothing_to_do_with_each_other_are_said_to():
     first = HeightMap(waves((200, 300), 1, width=4), PIXEL_M)
     second = HeightMap(waves((200, 300), 2, width=4), PIXEL_M)
     found = place(first, second, align="least_squares")
-    problems = doubts_of_mating(composite_surface(first, second, found), found)
+    problems = problems_of_mating(composite_surface(first, second, found), found)
     assert [p.code for p in problems] == ["mating_unrelated"]
 
 
 def test_little_overlap_is_said_and_none_is_refused():
     face = HeightMap(waves((60, 90)), PIXEL_M)
     beside = place(face, face, offset_m=(0.0, 60 * D_M))
-    problems = doubts_of_mating(composite_surface(face, face, beside), beside)
+    problems = problems_of_mating(composite_surface(face, face, beside), beside)
     assert [p.code for p in problems] == ["mating_overlap"]
     with pytest.raises(UnusableSurfaceError, match="overlap"):
         composite_surface(face, face, place(face, face, offset_m=(0.0, 1.0)))

@@ -2,7 +2,8 @@
 
 import sys
 
-from capslip.studies.fuzz_readers import calibration, fuzz_readers, valid_files
+from fuzz_readers import calibration, fuzz_readers, valid_files
+
 from capslip.surface.readers import load_surface
 
 

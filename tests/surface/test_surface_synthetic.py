@@ -9,9 +9,9 @@ import pytest
 from scipy import ndimage
 
 from capslip.errors import SettingsError
+from capslip.studies.faces.synthetic import Cap, CapFamily, Scene, synthetic_surface
 from capslip.surface.conditioning import condition
 from capslip.surface.form import remove_form
-from capslip.surface.synthetic import Cap, CapFamily, Scene, synthetic_surface
 
 PAPER = Scene(families=(CapFamily("G", 2, 23.8), CapFamily("P", 9, 26.7, 0.24e-6)), seed=5)
 SMALL = replace(PAPER, shape=(400, 600), pixel_size_m=(1e-4, 1e-4))

@@ -15,10 +15,9 @@ from capslip.caps.pruning import MIN_POINTS, Basins, automatic_pruning_m, change
 from capslip.caps.separation import ChangeTree, change_tree
 from capslip.errors import SettingsError, UnusableSurfaceError
 from capslip.surface.heightmap import HeightMap
+from capslip.surface.noise import noise_of_map_m
 
 NOISE_FACTOR = 5.0  # noise alone lifts a point this many standard deviations once in 3.5 million
-NOISE_ROWS = 128
-
 SQUARES = (3, 5, 7, 9)  # points; wider ones fill the saddles of hills of usual size
 QUIET = 0.02  # of the relief: what averaging should leave of NOISE_FACTOR times the noise
 
@@ -192,7 +191,7 @@ def _separate(
             f"{surface.origin.name}: {n_kept} points lie above the cut at {cut_m:.3g} m; expected "
             f"at least {MIN_POINTS}; raise hills.material_ratio or use a finer scan"
         )
-    noise_m = _noise(surface.height_m)
+    noise_m = noise_of_map_m(surface.height_m)
     square, noise_left_m = _square(noise_m, relief_m, n_measured / surface.height_m.size)
     _lower_spikes(above_m, point)
     tree, raw_m = _tree(above_m, point, margin, square)
@@ -304,17 +303,3 @@ def _across(field_m: np.ndarray, point: np.ndarray, width: int) -> np.ndarray:
         along_m = before_m[run] + share * (after_m - before_m)[run]
         bridge_m[order] = np.fmax(bridge_m[order], along_m)
     return bridge_m
-
-
-def _noise(height_m: np.ndarray) -> float:
-    """Return the standard deviation of white noise, from the median of the second mixed difference.
-
-    The stencil (1 -2 1) x (1 -2 1) is blind to any quadratic surface; white noise comes out of it
-    36 times in variance. The median holds against steps and spikes. Points beside non-measured
-    ones drop out; a hundred rows are enough.
-    """
-    middle = np.arange(1, len(height_m) - 1, max(1, len(height_m) // NOISE_ROWS))
-    rows = height_m[middle - 1] - 2 * height_m[middle] + height_m[middle + 1]
-    both = rows[:, :-2] - 2 * rows[:, 1:-1] + rows[:, 2:]
-    both = np.abs(both[~np.isnan(both)])
-    return float(np.median(both) / (0.6744897501960817 * 6.0)) if both.size else 0.0

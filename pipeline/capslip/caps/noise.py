@@ -6,11 +6,11 @@ import numpy as np
 
 from capslip.caps.points import HillPoints
 from capslip.surface.heightmap import HeightMap
+from capslip.surface.noise import mixed_difference, rms_of_noise_m
 
 SAMPLES = 8000  # stencils at each spacing: the median is then good to 1 %
 SPACINGS = (1, 2, 4, 8)
 LEVELLED = 2.5  # growth from one spacing to the next below which the noise counts as seen in full
-MEDIAN_OF_NORMAL = 0.6744897501960817  # of |x| for a standard normal x
 
 
 @dataclass(frozen=True)
@@ -77,9 +77,5 @@ def _seen_m(height_m: np.ndarray, row: np.ndarray, col: np.ndarray, spacing: int
     inside = (row >= spacing) & (row < ny - spacing) & (col >= spacing) & (col < nx - spacing)
     centre = row[inside] * nx + col[inside]
     z_m = height_m.ravel()
-    sum_m = np.zeros(centre.size)
-    for i, weight_y in ((-1, 1.0), (0, -2.0), (1, 1.0)):
-        for j, weight_x in ((-1, 1.0), (0, -2.0), (1, 1.0)):
-            sum_m += weight_y * weight_x * z_m[centre + spacing * (i * nx + j)]
-    sum_m = np.abs(sum_m[~np.isnan(sum_m)])
-    return float(np.median(sum_m)) / (6.0 * MEDIAN_OF_NORMAL) if sum_m.size else 0.0
+    difference_m = mixed_difference(lambda i, j: z_m[centre + spacing * (i * nx + j)])
+    return rms_of_noise_m(difference_m)

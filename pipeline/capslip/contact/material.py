@@ -83,3 +83,9 @@ def composite(
     E_star = 1 / sum((1 - nu**2) / E for E, nu in bodies)
     G_star = sum((2 - nu) * 2 * (1 + nu) / E for E, nu in bodies)
     return Composite(E_star, G_star, E_star * G_star / 4)
+
+
+def check_modulus(E_star_Pa: float) -> None:
+    """Raise a SettingsError unless a composite modulus is positive and finite."""
+    if not 0 < E_star_Pa < math.inf:
+        raise SettingsError(f"E_star_Pa: got {E_star_Pa:g}; expected a finite number > 0")

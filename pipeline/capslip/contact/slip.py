@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from capslip.contact.curves import NormalCurve
+from capslip.contact.curve import NormalCurve
 from capslip.errors import ContactError, SettingsError
 
 
@@ -135,14 +135,14 @@ def slip_curve(
     Exact for uncoupled half-spaces (equal materials, or Dundurs' beta = 0) at constant normal load,
     without rotation, in one direction. Poisson's effect in three dimensions, at nu = 0.3, changes
     the displacement by 1 to 5 % and the energy by up to 4 % on round caps, 11 % on waves; which way
-    depends on the direction of the force (`capslip.studies.theorem`).
+    depends on the direction of the force (`capslip.studies.theorem.errors`).
     Multicontact models of this kind describe the elastic response of real interfaces, but not
     their dissipation quantitatively (Bureau, Caroli and Baumberger 2003).
 
     Parameters
     ----------
     curve : NormalCurve
-        From `curves` or `interacting`. A curve of many sets of parameters gives a slip curve of
+        From any rung. A curve of many sets of parameters gives a slip curve of
         as many: preload, friction coefficient and results then are arrays.
     preload_N : float
         Normal load of the joint.
@@ -160,7 +160,7 @@ def slip_curve(
 
     Examples
     --------
-    >>> from capslip.contact.curves import families
+    >>> from capslip.contact.models.families import families
     >>> curve = families((5, 18), (23.8, 26.7), (0, 2.4e-7), 109.89e9)
     >>> slip = slip_curve(curve, 460.37, 0.2, 1.2143)
     >>> [round(float(T), 2) for T in slip.force_N([5e-9, 6e-8])]

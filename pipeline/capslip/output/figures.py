@@ -10,7 +10,7 @@ from capslip.output import figures_contact, figures_sensitivity, figures_surface
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from capslip.analysis import Analysis
+    from capslip.result import Analysis
 
 
 @dataclass(frozen=True)

@@ -5,19 +5,18 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from capslip.contact.boundary_elements import BoundaryElementCurve
 from capslip.errors import ContactError
 from capslip.output.canvas import ACCENT, INK, blank
-from capslip.output.quantity import contact_name, engineering, scaled
+from capslip.output.quantity import engineering, scaled
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-    from capslip.analysis import Analysis
-    from capslip.contact.curves import NormalCurve
+    from capslip.contact.curve import NormalCurve
     from capslip.contact.press import ContactState
     from capslip.contact.slip import SlipCurve
+    from capslip.result import Analysis
 
 LOOP_SHARES = (0.3, 0.6, 0.9)  # of the force at total slip
 LEAST_LOSS_FACTOR = 1e-6  # of the greatest: what a figure still shows
@@ -40,9 +39,9 @@ def normal_curve(analysis: "Analysis") -> "Figure | None":
     # Evenly spaced in the approach of a Hertz contact; the preload comes last.
     load_N = preload_N * np.append(1.5 * np.linspace(0.0, 1.0, 61) ** 1.5, 1.0)
     marker = ""
-    if isinstance(contact.curve, BoundaryElementCurve):  # more loads would cost solutions
+    if contact.rung.solved_loads_N is not None:  # more loads would cost solutions
         marker = "."
-        load_N = np.append(contact.curve.solved_loads_N(preload_N), preload_N)
+        load_N = np.append(contact.rung.solved_loads_N(contact.curve, preload_N), preload_N)
     elif not np.array_equal(contact.use, analysis.caps.usable):
         load_N[:-1] /= 1.5  # the curve holds what can touch up to the preload
     try:
@@ -66,10 +65,10 @@ def normal_curve(analysis: "Analysis") -> "Figure | None":
         alone_m = _caps_alone(analysis, contact).approach_m(load_N[:-1])
         label = "caps without interaction"
         axes.plot(alone_m / unit_m, load_N[:-1], ":", color=INK, linewidth=1.2, label=label)
-    touching = "whole face" if contact.model == "flat" else f"{contact.contacts}"
+    touching = "whole face" if contact.rung.made_from == "nothing" else f"{contact.contacts}"
     state = (
         f"preload {preload_N:.4g} N: d = {engineering(approach_m[-1], 'm')}\n"
-        f"{contact_name(contact.model)}: {touching}\n"
+        f"{contact.rung.contact_name}: {touching}\n"
         f"normal stiffness: {engineering(contact.stiffness_N_per_m, 'N/m')}"
     )
     axes.plot(
@@ -191,12 +190,12 @@ def loss_factor(analysis: "Analysis") -> "Figure | None":
 
 def _caps_alone(analysis: "Analysis", contact: "ContactState") -> "NormalCurve":
     """Return the normal curve of the same caps without interaction."""
-    from capslip.contact import curves
+    from capslip.contact.models.caps import caps as curve_of
 
     caps = analysis.caps
     peak_m = caps.peak_height_m[caps.usable]
     depth_m = peak_m.max() - peak_m
-    return curves.caps(caps.radius_m[caps.usable], depth_m, contact.composite.E_star_Pa)
+    return curve_of(caps.radius_m[caps.usable], depth_m, contact.composite.E_star_Pa)
 
 
 def _unit_of_length(largest_m: float) -> tuple[float, str]:

@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-    from capslip.analysis import Analysis
+    from capslip.result import Analysis
     from capslip.sensitivity import Sensitivity, Sweep
 
 PANELS = (  # label, unit, and the answers of one row of panels with their colours

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-    from capslip.analysis import Analysis
+    from capslip.result import Analysis
 
 NUMBERED = 60  # more numbers than this hide the picture
 

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 if TYPE_CHECKING:
-    from capslip.analysis import Analysis
+    from capslip.result import Analysis
 
 FACE_CELLS = 240_000
 CAP_CELLS = 200_000

@@ -31,17 +31,6 @@ def engineering(value: float | None, unit: str, digits: int = 3) -> str:
     return f"{rounded / 10.0**power:.{digits}g} {PREFIX[power]}{unit}"
 
 
-def contact_name(model: str | None) -> str:
-    """Name what `contacts` counts: a height map touches in regions, which need be no caps.
-
-    Examples
-    --------
-    >>> contact_name("interacting"), contact_name("boundary_elements")
-    ('caps in contact', 'contact regions')
-    """
-    return "contact regions" if model == "boundary_elements" else "caps in contact"
-
-
 def scaled(values: np.ndarray, unit: str) -> tuple[np.ndarray, str]:
     """Bring values to the prefix that suits the largest of them, for an axis or a column.
 

@@ -6,30 +6,23 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from capslip.contact.rung import rung
 from capslip.output.figures import FIGURES
-from capslip.output.quantity import contact_name, engineering, scaled
+from capslip.output.quantity import engineering, scaled
+from capslip.output.rows import DASH, QUANTITIES, write_text
 
 if TYPE_CHECKING:
-    from capslip.analysis import Analysis
     from capslip.caps.table import CapTable
+    from capslip.result import Analysis
 
 MAX_ROWS = 200
-DASH = "–"
 SEVERITIES = ("error", "warning", "info")
 
-MISSES = {
-    "flat": "The interface is taken as perfectly plane: no energy is lost below total slip.",
-    "families": "Each family counts with its mean radius and height: the spread inside a family "
-    "and the elastic interaction of the caps are left out.",
-    "caps": "Each cap stands alone: the elastic interaction of the caps is left out, which makes "
-    "the joint too stiff and lets too many caps touch.",
-    "mean_field": "The elastic interaction of the caps enters the approach as a mean only; the "
-    "share of the load between the caps is that of caps that stand alone.",
-    "interacting": "Caps are spheres and act on one another as point loads on a half-space: other "
-    "shapes, contacts that merge and the edges of the face are left out.",
-    "boundary_elements": "The height map itself is pressed, without spheres: what its pixels do "
-    "not resolve is left out, and the face sinks as part of a half-space that ends nowhere.",
-}
+Fact = str | tuple[str, str]  # a quantity of the one table, or a label and a text of several
+FAMILY = (
+    "{{count_{0}}}: mean R {{radius_{0}_m:4}}, D {{diameter_{0}_m}}, df {{height_{0}_m}}, "
+    "peak height {{peak_height_{0}_m}}"
+)
 
 
 def write_report(
@@ -80,47 +73,41 @@ def write_report(
     return path
 
 
+def _fact(fact: Fact, summary: dict[str, Any]) -> tuple[str, str]:
+    """Return label and text of one fact."""
+    label, text = (QUANTITIES[fact].label, f"{{{fact}}}") if isinstance(fact, str) else fact
+    return label, write_text(text, summary)
+
+
 def _headlines(summary: dict[str, Any]) -> list[tuple[str, str, str]]:
     """Return label, value and note of the numbers that come first."""
-    families, contact = summary["families"], summary["contact"]
-    slip, damping = summary["slip"], summary["damping"]
-    peak_loss = damping["peak_loss_factor"]
-    at_peak = f"at an amplitude of {engineering(damping['amplitude_at_peak_m'], 'm')}"
-    numbers = [
-        ("G-caps m, P-caps n", f"{families['m']}, {families['n']}", "families by peak height"),
-        ("height difference h", engineering(families["h_m"], "m"), "G-peaks above P-peaks"),
+    contact = summary["contact"]
+    name, whole, model = "caps in contact", False, contact["model"]
+    if model is not None:
+        name, whole = rung(model).contact_name, rung(model).made_from == "nothing"
+    peak = "at an amplitude of {amplitude_at_peak_m}"
+    numbers: tuple[tuple[Fact, str], ...] = (
+        (("G-caps m, P-caps n", "{m}, {n}"), "families by peak height"),
+        ("h_m", "G-peaks above P-peaks"),
+        ("approach_without_bulk_m", "without bulk; {approach_m} with it"),
         (
-            "normal approach",
-            engineering(contact["approach_without_bulk_m"], "m"),
-            f"without bulk; {engineering(contact['approach_m'], 'm')} with it",
+            (name, "whole face" if whole else "{contacts}"),
+            "at {preload_N:.4g N}, model {model}",
         ),
+        ("stiffness_N_per_m", f"one joint, {'with' if contact['bulk'] else 'without'} bulk"),
+        ("tangential_stiffness_N_per_m", "first loading, one joint"),
         (
-            contact_name(contact["model"]),
-            _in_contact(contact),
-            f"at {contact['preload_N']:.4g} N, model {contact['model'] or DASH}",
+            "peak_loss_factor",
+            peak if summary["damping"]["peak_loss_factor"] else "no loss below gross slip",
         ),
-        (
-            "normal stiffness",
-            engineering(contact["stiffness_N_per_m"], "N/m"),
-            "one joint, with bulk" if contact["bulk"] else "one joint, without bulk",
-        ),
-        (
-            "tangential stiffness",
-            engineering(slip["tangential_stiffness_N_per_m"], "N/m"),
-            "first loading, one joint",
-        ),
-        (
-            "greatest loss factor",
-            DASH if peak_loss is None else f"{peak_loss:.3g}",
-            at_peak if peak_loss else "no loss below gross slip",
-        ),
-        (
-            "gross slip",
-            engineering(damping["gross_slip_amplitude_m"], "m"),
-            f"amplitude; {engineering(slip['total_slip_force_N'], 'N')} in one joint",
-        ),
-    ]
-    return [(*one[:2], "not available; see above") if one[1] == DASH else one for one in numbers]
+        ("gross_slip_amplitude_m", "amplitude; {total_slip_force_N} in one joint"),
+    )
+    found = []
+    for fact, note in numbers:
+        label, text = _fact(fact, summary)
+        note = "not available; see above" if text == DASH else write_text(note, summary)
+        found.append((label, text, note))
+    return found
 
 
 def _limits(summary: dict[str, Any], analysis: "Analysis") -> list[str]:
@@ -139,7 +126,7 @@ def _limits(summary: dict[str, Any], analysis: "Analysis") -> list[str]:
     ]
     model = summary["contact"]["model"]
     if model is not None:
-        limits.append(f"Contact model {model}: {MISSES[model]}")
+        limits.append(f"Contact model {model}: {rung(model).leaves_out}")
         how = "holds" if summary["contact"]["bulk"] else "does not hold"
         limits.append(
             f"The stiffness used {how} the sinking of the half-space as a whole (the bulk term). A "
@@ -218,97 +205,51 @@ def _cap_rows(caps: "CapTable") -> dict[str, Any]:
 
 def _tables(summary: dict[str, Any]) -> list[tuple[str, list[tuple[str, str]]]]:
     """Return the remaining numbers of the summary, grouped, as label and text."""
-    surface, hills, families = summary["surface"], summary["hills"], summary["families"]
-    contact, slip = summary["contact"], summary["slip"]
-    damping, accuracy = summary["damping"], summary["accuracy"]
+    surface, families = summary["surface"], summary["families"]
     (ny, nx), (dy_m, dx_m) = surface["shape"], surface["pixel_size_m"]
-    rejected = ", ".join(f"{count} {reason}" for reason, count in hills["rejected"].items())
-
-    def percent(share: float) -> str:
-        return f"{100 * share:.3g} %"
-
-    return [
-        (
-            "Height map",
-            [
-                ("file", surface["path"] or "given as an array"),
-                ("SHA-256", surface["sha256"] or DASH),
-                ("points", f"{nx} x {ny} (x, y)"),
-                ("pixel", f"{engineering(dx_m, 'm', 4)} x {engineering(dy_m, 'm', 4)}"),
-                ("face", f"{engineering(nx * dx_m, 'm')} x {engineering(ny * dy_m, 'm')}"),
-                ("non-measured", percent(surface["non_measured_fraction"])),
-                ("form removed", surface["form"]),
-                ("Sq", engineering(surface["sq_m"], "m")),
-                ("Sz", engineering(surface["sz_m"], "m")),
-            ],
+    rejected = ", ".join(f"{n} {reason}" for reason, n in summary["hills"]["rejected"].items())
+    family = {name: FAMILY.format(name) if families[name] else "none" for name in "GP"}
+    groups: dict[str, tuple[Fact, ...]] = {
+        "Height map": (
+            "path" if surface["path"] else ("file", "given as an array"),
+            "sha256",
+            ("points", f"{nx} x {ny} (x, y)"),
+            ("pixel", f"{engineering(dx_m, 'm', 4)} x {engineering(dy_m, 'm', 4)}"),
+            ("face", f"{engineering(nx * dx_m, 'm')} x {engineering(ny * dy_m, 'm')}"),
+            "non_measured",
+            "form",
+            "sq_m",
+            "sz_m",
         ),
-        (
-            "Hills and families",
-            [
-                ("material ratio of the cut", percent(hills["material_ratio"])),
-                ("cut height", engineering(hills["cut_height_m"], "m")),
-                ("points kept", percent(hills["kept_fraction"])),
-                ("regions above the cut", str(hills["regions"])),
-                ("share of the largest region", percent(hills["largest_region_share"])),
-                ("hills", f"{hills['hills']}, {hills['caps']} of them with a sphere"),
-                ("rejected", rejected.replace("_", " ") or "none"),
-                ("G-caps", _family(families["G"])),
-                ("P-caps", _family(families["P"])),
-            ],
+        "Hills and families": (
+            "material_ratio",
+            "cut_height_m",
+            "kept_fraction",
+            "regions",
+            "largest_region_share",
+            ("hills", "{hills}, {caps} of them with a sphere"),
+            ("rejected", rejected.replace("_", " ") or "none"),
+            ("G-caps", family["G"]),
+            ("P-caps", family["P"]),
         ),
-        (
-            "Contact, slip and damping",
-            [
-                (
-                    "contact model",
-                    f"{contact['model'] or DASH}: {accuracy['model_reason'] or DASH}",
-                ),
-                ("contact area", _area(contact["contact_area_m2"])),
-                ("greatest pressure", engineering(contact["max_pressure_Pa"], "Pa")),
-                ("friction coefficient", f"{slip['friction_coefficient']:g}"),
-                ("total slip, one joint", _total_slip(slip)),
-                ("limit of the G-caps", engineering(slip["limit_G_m"], "m")),
-                ("limit of the P-caps", engineering(slip["limit_P_m"], "m")),
-                ("modal stiffness", engineering(damping["modal_stiffness_N_per_m"], "N/m")),
-                ("joint stiffness", engineering(damping["joint_stiffness_N_per_m"], "N/m")),
-                ("joints", str(damping["joints"])),
-            ],
+        "Contact, slip and damping": (
+            ("contact model", "{model}: {model_reason}"),
+            "contact_area_m2",
+            "max_pressure_Pa",
+            ("friction coefficient", "{friction_coefficient:g}"),
+            ("total slip, one joint", "{total_slip_force_N} at {total_slip_displacement_m}"),
+            "limit_G_m",
+            "limit_P_m",
+            "modal_stiffness_N_per_m",
+            "joint_stiffness_N_per_m",
+            "joints",
         ),
-        (
-            "Provenance",
-            [
-                (name.replace("_", " "), text or DASH)
-                for name, text in summary["provenance"].items()
-            ],
-        ),
-        (
-            "Time",
-            [(stage, engineering(time_s, "s")) for stage, time_s in summary["timings_s"].items()],
-        ),
-    ]
-
-
-def _in_contact(contact: dict[str, Any]) -> str:
-    if contact["contacts"] is None:
-        return DASH
-    return "whole face" if contact["model"] == "flat" else str(contact["contacts"])
-
-
-def _family(family: dict[str, Any] | None) -> str:
-    if family is None:
-        return "none"
-    return (
-        f"{family['count']}: mean R {engineering(family['radius_m'], 'm', 4)}, "
-        f"D {engineering(family['diameter_m'], 'm')}, df {engineering(family['height_m'], 'm')}, "
-        f"peak height {engineering(family['peak_height_m'], 'm')}"
+    }
+    tables = [(title, [_fact(fact, summary) for fact in facts]) for title, facts in groups.items()]
+    provenance = summary["provenance"].items()
+    tables.append(
+        ("Provenance", [(key.replace("_", " "), text or DASH) for key, text in provenance])
     )
-
-
-def _area(area_m2: float | None) -> str:
-    """Write an area in mm^2: prefixes of a square mislead."""
-    return DASH if area_m2 is None else f"{area_m2 * 1e6:.3g} mm²"
-
-
-def _total_slip(slip: dict[str, Any]) -> str:
-    force = engineering(slip["total_slip_force_N"], "N")
-    return f"{force} at {engineering(slip['total_slip_displacement_m'], 'm')}"
+    timings_s = summary["timings_s"].items()
+    tables.append(("Time", [(stage, engineering(time_s, "s")) for stage, time_s in timings_s]))
+    return tables

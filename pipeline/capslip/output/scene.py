@@ -59,14 +59,18 @@ class Rendering:
         try:
             _, stderr = self.process.communicate(timeout=timeout_s)
         except subprocess.TimeoutExpired:
-            self.process.kill()
-            self.process.communicate()
+            self.stop()
             return f"the renderer was not ready after {timeout_s:g} s"
         if self.png.is_file():  # renamed when complete: a crash while VTK shuts down does no harm
             return None
         lines = [line.strip() for line in stderr.splitlines() if line.strip()]
         reason = f": {lines[-1][:200]}" if lines else ""
         return f"the renderer ended with code {self.process.returncode}{reason}; {REMEDY}"
+
+    def stop(self) -> None:
+        """End the renderer, with or without a picture."""
+        self.process.kill()
+        self.process.communicate()
 
 
 def start_render(result: str | Path, png: str | Path, command: Sequence[str] = RENDER) -> Rendering:
@@ -187,6 +191,25 @@ def build_scene(scene: Scene, off_screen: bool = True) -> Any:
             "fmt": "%.3g",
         },
     )
+    _add_caps(plotter, scene, low_m, high_m, factor)
+    clipped = int(((measured_m < low_m) | (measured_m > high_m)).sum())
+    plotter.add_text(
+        _caption(sides_m, float(np.ptp(measured_m)), factor, clipped),
+        position="lower_left",
+        font_size=11,
+        color="black",
+    )
+    wide = sides_m[1] >= sides_m[0]  # look across the longer side
+    plotter.view_vector((-0.45, -1.0, 0.75) if wide else (1.0, -0.45, 0.75), viewup=(0, 0, 1))
+    plotter.camera.zoom(1.35)
+    plotter.add_axes(color="black", viewport=(0.86, 0.8, 1.0, 1.0))
+    return plotter
+
+
+def _add_caps(plotter: Any, scene: Scene, low_m: float, high_m: float, factor: float) -> None:
+    """Add the caps, slightly lifted, a colour a family, and the legend."""
+    import pyvista
+
     legend = []
     lift_m = 0.01 * (high_m - low_m)
     for name, colour in FAMILY_COLOUR.items():
@@ -212,18 +235,6 @@ def build_scene(scene: Scene, off_screen: bool = True) -> Any:
             size=(0.16, 0.035 * len(legend)),
             loc="upper left",
         )
-    clipped = int(((measured_m < low_m) | (measured_m > high_m)).sum())
-    plotter.add_text(
-        _caption(sides_m, float(np.ptp(measured_m)), factor, clipped),
-        position="lower_left",
-        font_size=11,
-        color="black",
-    )
-    wide = sides_m[1] >= sides_m[0]  # look across the longer side
-    plotter.view_vector((-0.45, -1.0, 0.75) if wide else (1.0, -0.45, 0.75), viewup=(0, 0, 1))
-    plotter.camera.zoom(1.35)
-    plotter.add_axes(color="black", viewport=(0.86, 0.8, 1.0, 1.0))
-    return plotter
 
 
 def _enlarged(

@@ -1,56 +1,50 @@
 """The results as one reads them on a terminal."""
 
+import math
 from typing import TYPE_CHECKING
 
-from capslip.output.quantity import contact_name
-from capslip.surface.plausibility import sanity_line
+from capslip.output.rows import write_text
+from capslip.surface.doubts import sanity_line
 
 if TYPE_CHECKING:
-    from capslip.analysis import Analysis
+    from capslip.result import Analysis
+
+HILLS = (
+    "hills      cut {cut_height_m:um}, {regions} regions, {hills} hills, {caps} caps, largest "
+    "region {largest_region_share:.0f %}"
+)
+FAMILIES = "families   m {m}, n {n}, h {h_m:um}"
+FAMILY = "  {0}        R {{radius_{0}_m:.4g m}}, D {{diameter_{0}_m:mm}}, df {{height_{0}_m:um}}"
+CONTACT = "contact    {{model}}: {{preload_N:g N}} on {{contacts}} {0}, approach {{approach_m:um}}"
+WITHOUT_BULK = " ({approach_without_bulk_m:um} without bulk)"
+SLIP = (
+    "slip       stiffness {0}, total slip at {{total_slip_force_N:.4g N}}, "
+    "{{total_slip_displacement_m:nm}}"
+)
+STIFFNESS = "{tangential_stiffness_N_per_m:MN/m}"  # null in the summary where it is infinite
+NO_LOSS = "damping    no loss below gross slip at {gross_slip_amplitude_m:um}"
+DAMPING = (
+    "damping    peak loss factor {peak_loss_factor:.4g} at {amplitude_at_peak_m:um}, gross slip at "
+    "{gross_slip_amplitude_m:um}"
+)
 
 
 def result_lines(analysis: "Analysis") -> str:
     """Return the results as a dozen lines in engineering units."""
-    hills, families = analysis.hills, analysis.families
-    conditioned = analysis.conditioned
-    um = 1e6
-    lines = [
-        f"scan       {sanity_line(conditioned.surface, conditioned.sq_m, conditioned.sz_m)}",
-        f"hills      cut {hills.cut_height_m * um:.4g} um, {hills.n_regions} regions, "
-        f"{hills.n_hills} hills, {int(analysis.caps.usable.sum())} caps, "
-        f"largest region {100 * hills.largest_region_share:.0f} %",
-    ]
-    h = "-" if families.h_m is None else f"{families.h_m * um:.4g} um"
-    lines.append(f"families   m {families.m}, n {families.n}, h {h}")
-    for name, family in (("G", families.G), ("P", families.P)):
-        if family is not None:
-            lines.append(
-                f"  {name}        R {family.radius_m:.4g} m, D {family.diameter_m * 1e3:.4g} mm, "
-                f"df {family.height_m * um:.4g} um"
-            )
+    summary, conditioned = analysis.summary(), analysis.conditioned
     contact, slip, damping = analysis.contact, analysis.slip, analysis.damping
+    texts = [HILLS, FAMILIES]
+    texts += [FAMILY.format(name) for name in "GP" if summary["families"][name] is not None]
     if contact is not None:
-        without_m = contact.approach_without_bulk_m
-        without = "" if without_m is None else f" ({without_m * um:.4g} um without bulk)"
-        lines.append(
-            f"contact    {contact.model}: {contact.preload_N:g} N on {contact.contacts} "
-            f"{contact_name(contact.model)}, approach {contact.approach_m * um:.4g} um{without}"
-        )
+        without = WITHOUT_BULK if contact.approach_without_bulk_m is not None else ""
+        texts.append(CONTACT.format(contact.rung.contact_name) + without)
     if slip is not None:
-        lines.append(
-            f"slip       stiffness {slip.tangential_stiffness_N_per_m / 1e6:.4g} MN/m, total slip "
-            f"at {slip.total_slip_force_N:.4g} N, {slip.total_slip_displacement_m * 1e9:.4g} nm"
-        )
-    if damping is not None and damping.amplitude_at_peak_m is None:
-        lines.append(
-            f"damping    no loss below gross slip at {damping.gross_slip_amplitude_m * um:.4g} um"
-        )
-    elif damping is not None:
-        lines.append(
-            f"damping    peak loss factor {damping.peak_loss_factor:.4g} at "
-            f"{(damping.amplitude_at_peak_m or 0.0) * um:.4g} um, gross slip at "
-            f"{damping.gross_slip_amplitude_m * um:.4g} um"
-        )
-    lines.append(f"status     {analysis.status}")
+        rigid = math.isinf(slip.tangential_stiffness_N_per_m)
+        texts.append(SLIP.format("inf MN/m" if rigid else STIFFNESS))
+    if damping is not None:
+        texts.append(NO_LOSS if damping.amplitude_at_peak_m is None else DAMPING)
+    scan = sanity_line(conditioned.surface, conditioned.sq_m, conditioned.sz_m)
+    lines = [f"scan       {scan}", *(write_text(text, summary, absent="-") for text in texts)]
+    lines.append(f"status     {summary['status']}")
     lines += [f"  {p.severity:8} {p.code}: {p.message}" for p in analysis.problems]
     return "\n".join(lines)

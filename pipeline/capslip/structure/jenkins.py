@@ -83,7 +83,7 @@ def jenkins(
 
     Examples
     --------
-    >>> from capslip.contact.curves import families
+    >>> from capslip.contact.models.families import families
     >>> from capslip.contact.slip import slip_curve
     >>> curve = families((5, 18), (23.8, 26.7), (0, 2.4e-7), 109.89e9)
     >>> elements = jenkins(slip_curve(curve, 460.4, 0.2, 1.2143), tolerance=0.05)

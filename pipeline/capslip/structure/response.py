@@ -87,7 +87,7 @@ def response(
 
     Examples
     --------
-    >>> from capslip.contact.curves import families
+    >>> from capslip.contact.models.families import families
     >>> from capslip.contact.slip import slip_curve
     >>> curve = families((5, 18), (23.8, 26.7), (0, 2.4e-7), 109.89e9)
     >>> damping = response(slip_curve(curve, 460.4, 0.2, 1.2143), 1.8e8, 9.9e7, joints=2)
@@ -150,8 +150,9 @@ class _Mode:
         loss = self.loss_factor(grid_m)
         if not loss.max() > 0:
             return None
+        least_m = 1e-9 * grid_m[-1]
         # Families that barely touch may peak below the grid.
-        while loss[0] == loss.max() and grid_m[0] > 1e-9 * grid_m[-1]:
+        while loss[0] == loss.max() and grid_m[0] > least_m:
             grid_m = np.geomspace(grid_m[0] / 10, grid_m[1], 25)
             loss = self.loss_factor(grid_m)
         for _ in range(6):  # each turn looks eight times closer

@@ -8,11 +8,11 @@ import numpy as np
 
 from capslip.errors import SettingsError, UnusableSurfaceError
 from capslip.problems import Problem
+from capslip.surface.doubts import problems_of_map, problems_of_outliers, refuse_absurd
 from capslip.surface.filters import gaussian_l_filter, gaussian_s_filter
 from capslip.surface.form import FormKind, remove_form
 from capslip.surface.heightmap import HeightMap
 from capslip.surface.outliers import Outliers, find_outliers
-from capslip.surface.plausibility import doubts_of_outliers, doubts_of_surface, refuse_absurd
 from capslip.surface.resampling import resample
 
 OutlierRule = Literal["isolated", "none"]
@@ -112,7 +112,7 @@ def condition(
         surface, removed_form = remove_form(stored, form, **fit)
     sq_m, sz_m = sq_and_sz_m(surface)
     steps += [{"step": "form", **asdict(removed_form), "residual_sq_m": sq_m}, step]
-    problems = doubts_of_outliers(surface, sq_m, found, kept=outliers == "none")
+    problems = problems_of_outliers(surface, sq_m, found, kept=outliers == "none")
     del stored  # a map's worth of memory
 
     if s_filter_nesting_index_m is not None:
@@ -126,7 +126,7 @@ def condition(
         steps.append({"step": "resampling", "shape": list(surface.shape)})
     if steps[-1] is not step:
         sq_m, sz_m = sq_and_sz_m(surface)
-    problems += doubts_of_surface(surface, sq_m, sz_m)
+    problems += problems_of_map(surface, sq_m, sz_m)
     return Conditioned(surface, sq_m, sz_m, tuple(steps), problems)
 
 

@@ -224,11 +224,11 @@ def mate(
         for face in (first, second)
         for problem in face.problems
     ]
-    problems += doubts_of_mating(surface, placement)
+    problems += problems_of_mating(surface, placement)
     return Conditioned(surface, sq_m, sz_m, (*first.steps, step), tuple(problems))
 
 
-def doubts_of_mating(composite: HeightMap, placement: Placement) -> tuple[Problem, ...]:
+def problems_of_mating(composite: HeightMap, placement: Placement) -> tuple[Problem, ...]:
     """Say what makes the composite surface doubtful.
 
     Parameters

@@ -17,7 +17,6 @@ import numpy as np
 from capslip.errors import OutputError, SettingsError, UncalibratedError, UnreadableFileError
 from capslip.surface.heightmap import HeightMap
 from capslip.surface.readers.stored import (
-    METRES,
     Format,
     Request,
     Stored,
@@ -25,6 +24,7 @@ from capslip.surface.readers.stored import (
     check_real,
     check_shape,
 )
+from capslip.units import METRES
 
 MAGIC = b"\x89HDF\r\n\x1a\n"
 HEAP = b"GCOL\x01\0\0\0"  # where HDF5 keeps strings of free length

@@ -10,22 +10,8 @@ import numpy as np
 
 from capslip.errors import SettingsError, UncalibratedError, UnreadableFileError
 from capslip.surface.heightmap import HeightMap, Origin
+from capslip.units import METRES, SPELLINGS
 
-METRES = {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "um": 1e-6, "nm": 1e-9, "pm": 1e-12, "inch": 0.0254}
-SPELLINGS = {
-    "µm": "um",  # micro sign
-    "μm": "um",  # Greek mu
-    "micron": "um",
-    "in": "inch",
-    "metre": "m",
-    "meter": "m",
-    "millimetre": "mm",
-    "millimeter": "mm",
-    "micrometre": "um",
-    "micrometer": "um",
-    "nanometre": "nm",
-    "nanometer": "nm",
-}
 MAX_POINTS = 2**28  # 2 GiB of float64
 # Packed data that grow more than this are no measured heights, whose noise does not pack.
 MAX_GROWTH = 200

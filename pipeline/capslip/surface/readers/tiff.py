@@ -10,8 +10,6 @@ import numpy as np
 
 from capslip.errors import UnreadableFileError
 from capslip.surface.readers.stored import (
-    METRES,
-    SPELLINGS,
     Format,
     Request,
     Stored,
@@ -19,6 +17,7 @@ from capslip.surface.readers.stored import (
     check_real,
     check_shape,
 )
+from capslip.units import METRES, SPELLINGS
 
 MAGICS = (b"II*\0", b"MM\0*", b"II+\0", b"MM\0+")
 GDAL_NODATA = 42113

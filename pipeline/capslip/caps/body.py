@@ -1,0 +1,99 @@
+"""The body of each hill: its points, its volume and its shape within the depth of a fit."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from capslip.caps.apex import Apexes
+from capslip.caps.noise import Noise
+from capslip.caps.points import LIMIT_EDGE, LIMIT_PATCH, HillPoints
+from capslip.caps.quadric import Quadrics, fit_quadrics
+
+NEGLIGIBLE_NOISE = 1e-3  # of the depth of the fit
+FILLED_ELLIPSE = 0.8  # share of the ellipse of their second moments that the points of a cap fill
+DEEP_NOISE = 20.0  # standard deviations of the noise: depth that a fit takes where there is as much
+
+
+@dataclass(frozen=True, eq=False)
+class Body:
+    """What of each hill lies within the depth of its fit, shape (n,)."""
+
+    depth_m: np.ndarray
+    volume_m3: np.ndarray
+    at_edge: np.ndarray  # whether the edge of the map cuts it
+    at_patch: np.ndarray  # whether non-measured points do
+    scattered: np.ndarray  # whether its points lie in several places
+    quadric: Quadrics
+    scatter_m: np.ndarray  # standard deviation of its points that is fit for errors of means
+
+    @property
+    def radius_ratio(self) -> np.ndarray:
+        """R1 / R2, NaN where the quadric has no vertex."""
+        return self.quadric.curvature_per_m[1] / self.quadric.curvature_per_m[0]
+
+
+def body_of_hills(
+    cut_height_m: float,
+    points: HillPoints,
+    apexes: Apexes,
+    noise: Noise,
+    depth_m: np.ndarray,
+    depth_share: float,
+) -> Body:
+    """Gather what lies within the depth of the fit, and put a quadric through it.
+
+    Parameters
+    ----------
+    cut_height_m : float
+        Below it there is no hill.
+    points, apexes, noise
+        Of the hills.
+    depth_m : float64, shape (n,)
+        Depth below the apex that is asked for; NaN where none is.
+    depth_share : float
+        Depth elsewhere, of the height of the cap; deeper where there is much noise.
+    """
+    n, noise_m = points.n_hills, noise.rms_m
+    depth_m = _depth_m(cut_height_m, apexes, noise_m, depth_m, depth_share)
+    level_m = apexes.apex_m[2] - depth_m
+
+    seen_m = np.maximum(level_m, apexes.floor_m)
+    quadric = fit_quadrics(points, seen_m, apexes.apex_m)
+    # points that stand in for lost ones count here
+    filled_m2 = points.pixel_area_m2 * np.bincount(
+        points.hill[points.z_m >= np.repeat(seen_m, points.count)], minlength=n
+    )
+    scattered = filled_m2 < FILLED_ELLIPSE * 4.0 * np.pi * quadric.spread_m2
+    if noise_m > NEGLIGIBLE_NOISE * np.max(depth_m, initial=0.0):
+        quadric = fit_quadrics(points, seen_m, apexes.apex_m, quadric, noise_m)
+
+    rise_m = points.z_m - np.repeat(level_m, points.count)
+    above = np.flatnonzero(rise_m > 0.0)
+    hill, limit = points.hill[above], points.limit[above]
+    at_edge, at_patch = (
+        np.bincount(hill[(limit & bit) > 0], minlength=n) > 0 for bit in (LIMIT_EDGE, LIMIT_PATCH)
+    )
+    return Body(
+        depth_m=depth_m,
+        volume_m3=points.pixel_area_m2 * np.bincount(hill, rise_m[above], n),
+        at_edge=at_edge,
+        at_patch=at_patch,
+        scattered=scattered,
+        quadric=quadric,
+        scatter_m=np.fmax(quadric.residual_m, noise_m) * noise.inflation,
+    )
+
+
+def _depth_m(
+    cut_height_m: float,
+    apexes: Apexes,
+    noise_m: float,
+    asked_m: np.ndarray,
+    depth_share: float,
+) -> np.ndarray:
+    """Return the depths, between what noise and pixels allow and the cut."""
+    height_m = np.fmax(apexes.apex_m[2] - cut_height_m, 0.0)
+    noisy_m = np.minimum(DEEP_NOISE * noise_m, height_m - 3.0 * noise_m)
+    own_m = np.maximum(depth_share * height_m, noisy_m)
+    asked_m = np.maximum(asked_m, apexes.least_depth_m)
+    return np.minimum(np.where(np.isnan(asked_m), own_m, asked_m), height_m)

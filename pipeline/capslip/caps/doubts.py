@@ -1,0 +1,201 @@
+"""What makes hills, caps and families doubtful."""
+
+import math
+
+import numpy as np
+
+from capslip.caps.families import Families
+from capslip.caps.hills import NOISE_FACTOR, Hills
+from capslip.caps.table import CapFlag, CapTable
+from capslip.problems import Problem
+from capslip.surface.doubts import VISIBLE_FORM
+from capslip.surface.heightmap import HeightMap
+
+BOW_LEVEL = 0.01  # of the F-test that the peaks lie on a bow
+MEANING = {  # of the flags of caps that are usable
+    CapFlag.edge: "touch the edge of the map: part of them was not measured",
+    CapFlag.non_measured: "touch a patch of non-measured points",
+    CapFlag.plateau: "have a flat top (clipped sensor or quantised heights)",
+    CapFlag.noisy_apex: "are less than ten times as high as the noise",
+    CapFlag.apex_off_surface: "have no fitted apex on the hill: its highest place stands in",
+    CapFlag.few_points: "have too few points for their errors to be known",
+    CapFlag.ridge: "are ridges rather than caps",
+    CapFlag.several_peaks: "have several peaks",
+    CapFlag.outlier: "are unlike all others in size",
+}
+
+
+def problems_of_caps(
+    surface: HeightMap, hills: Hills, caps: CapTable, material_ratio: float
+) -> list[Problem]:
+    """Return what makes the hills of a face, or their caps, doubtful.
+
+    Parameters
+    ----------
+    surface : HeightMap
+        Heights after removal of the form.
+    hills : Hills
+        Its hills.
+    caps : CapTable
+        Their caps.
+    material_ratio : float
+        Share of the measured points that was to be kept.
+    """
+    found = _pruning(hills)
+    if not caps.usable.any():
+        message = (
+            f"no usable cap: {hills.n_regions} regions above the cut, rejected "
+            f"{hills.rejected or 'none'}, {len(caps)} without a sphere"
+        )
+        return [*found, Problem("no_caps", "warning", message)]
+    return [
+        *found,
+        *_hills_that_run_together(hills, caps),
+        *_cut(surface, hills, caps, material_ratio),
+        *_flagged(caps),
+        *_not_spherical(caps),
+    ]
+
+
+def problems_of_families(caps: CapTable, families: Families) -> list[Problem]:
+    """Return what makes the families of the caps doubtful."""
+    found: list[Problem] = []
+    if not caps.usable.any():
+        return found
+    if families.count == 1:
+        message = (
+            f"the peak heights of {families.m} caps show one family: no P-caps, h is not defined"
+        )
+        found.append(Problem("one_family", "info", message))
+    if len(families.levels) > 2:
+        levels = ", ".join(f"{one.count} at {one.peak_height_m:.3g} m" for one in families.levels)
+        message = (
+            f"the caps lie on {len(families.levels)} levels ({levels}); the model knows two: m, n "
+            "and h are those of the best split in two"
+        )
+        found.append(Problem("more_than_two_families", "warning", message))
+    elif not families.clear:
+        apart = families.separation
+        odds = math.exp(min(families.log_odds or 0.0, 50.0))
+        width = "" if apart is None else f"; the best split in two is {apart:.1f} spreads wide"
+        message = (
+            f"{families.m + families.n} caps do not settle how many families there are: the odds "
+            f"of {len(families.levels)} are {odds:.2g} to 1{width}; "
+            "m, n and h are worth little"
+        )
+        found.append(Problem("families_doubtful", "warning", message))
+    return found
+
+
+def problems_of_bow(caps: CapTable, approach_m: float) -> list[Problem]:
+    """Return whether the peaks lie on a bow that decides what touches."""
+    bow_m, chance = bow_of_peaks(caps)
+    if bow_m <= VISIBLE_FORM * approach_m or chance > BOW_LEVEL:
+        return []
+    message = (
+        f"the peaks lie on a bow of {bow_m:.3g} m, the approach is {approach_m:.3g} m: it decides "
+        "what touches; conditioning.form = quadratic removes it, if it is not the face's own"
+    )
+    return [Problem("bow_left", "warning", message)]
+
+
+def bow_of_peaks(caps: CapTable) -> tuple[float, float]:
+    """Return the height of the bow on which the peaks lie, and the odds of one as clear by chance.
+
+    Heights within each family are explained by a plane, then by a second-degree surface; an F-test
+    says whether the latter explains more than chance would. No bow, (0, 1), with too few peaks.
+    """
+    from scipy.special import fdtrc
+
+    member = np.flatnonzero(caps.usable & (caps.family != ""))
+    peak_m = caps.peak_height_m[member]
+    families = np.unique(caps.family[member])
+    n_free = member.size - families.size - 5  # less two slopes and three curvatures
+    if n_free < 1:
+        return 0.0, 1.0
+    side_m = max(np.ptp(caps.x_m[member]), np.ptp(caps.y_m[member]))
+    u, v = ((at_m - at_m.mean()) / side_m for at_m in (caps.x_m[member], caps.y_m[member]))
+    plane = np.column_stack([*(caps.family[member] == name for name in families), u, v])
+    bowed = np.column_stack([plane, u * u, u * v, v * v])
+    by_plane, by_bow = (np.linalg.lstsq(model, peak_m, rcond=None)[0] for model in (plane, bowed))
+    bow_m = float(np.ptp(bowed[:, -3:] @ by_bow[-3:]))
+    rest_m2 = float(np.square(peak_m - bowed @ by_bow).sum())
+    gain_m2 = float(np.square(peak_m - plane @ by_plane).sum()) - rest_m2
+    if rest_m2 == 0.0:
+        return bow_m, 0.0
+    return bow_m, float(fdtrc(3, n_free, (gain_m2 / 3.0) / (rest_m2 / n_free)))
+
+
+def _pruning(hills: Hills) -> list[Problem]:
+    if hills.pruning_sensitivity < 0.2:
+        return []
+    message = (
+        f"{hills.n_hills} hills; half the pruning height of {hills.pruning_height_m:.3g} m "
+        f"gives {hills.n_hills_half_pruning}, double {hills.n_hills_double_pruning}: the "
+        "count depends on the pruning; set hills.pruning_height_m or use an S-filter"
+    )
+    return [Problem("pruning_decides", "warning", message)]
+
+
+def _hills_that_run_together(hills: Hills, caps: CapTable) -> list[Problem]:
+    found, usable = [], caps.usable
+    if hills.largest_hill_share > max(0.2, 3.0 / usable.sum()):
+        message = (
+            f"one hill holds {hills.largest_hill_share:.0%} of the points above the cut: hills run "
+            "together there, and one sphere stands for many"
+        )
+        found.append(Problem("connected_network", "warning", message))
+    shallow = float((hills.prominence_m < 0.1 * caps.cap_height_m)[usable].mean())
+    if shallow > 0.25:
+        message = (
+            f"{shallow:.0%} of the caps stand less than a tenth of their height above a saddle: "
+            "roughness on larger hills, or caps that touch; an S-filter tells which"
+        )
+        found.append(Problem("shallow_saddles", "warning", message))
+    usual_m = float(np.median(caps.cap_height_m[usable]))
+    if 0.1 * usual_m < hills.pruning_height_m < np.inf:
+        message = (
+            f"dents up to {hills.pruning_height_m:.3g} m, {hills.pruning_height_m / usual_m:.0%} "
+            "of a usual cap, count as noise: caps that overlap more closely are one"
+        )
+        found.append(Problem("coarse_pruning", "info", message))
+    return found
+
+
+def _cut(surface: HeightMap, hills: Hills, caps: CapTable, material_ratio: float) -> list[Problem]:
+    """Return what the cut left on no cap: a plateau, or the highest point."""
+    found = []
+    if hills.kept_fraction > 1.5 * material_ratio:
+        message = f"{hills.kept_fraction:.0%} of the points lie at or above the cut"
+        found.append(Problem("plateau_at_cut", "warning", message))
+    above_m = float(np.nanmax(surface.height_m)) - float(caps.peak_height_m[caps.usable].max())
+    if above_m > NOISE_FACTOR * hills.noise_m + 0.05 * np.nanmax(caps.cap_height_m):
+        message = (
+            f"the highest measured point stands {above_m:.3g} m above the highest cap: "
+            "a spike, or a hill that was rejected"
+        )
+        found.append(Problem("highest_point_on_no_cap", "warning", message))
+    return found
+
+
+def _flagged(caps: CapTable) -> list[Problem]:
+    found, n_usable = [], int(caps.usable.sum())
+    for flag, meaning in MEANING.items():
+        n_flagged = int((caps.usable & ((caps.flags & flag) != 0)).sum())
+        if n_flagged:
+            many = n_flagged / n_usable > 0.2 or flag is CapFlag.plateau
+            message = f"{n_flagged} of {n_usable} caps {meaning}"
+            found.append(Problem(f"caps_{flag.name}", "warning" if many else "info", message))
+    return found
+
+
+def _not_spherical(caps: CapTable) -> list[Problem]:
+    depth_m = np.where(caps.fit_depth_m > 0.0, caps.fit_depth_m, caps.cap_height_m)
+    usual = float(np.median((caps.residual_m / depth_m)[caps.usable]))
+    if not usual > 0.25:
+        return []
+    message = (
+        f"half of the hills deviate from their sphere by more than {usual:.0%} "
+        "of its height: ridges or rough hills rather than caps"
+    )
+    return [Problem("not_spherical", "warning", message)]

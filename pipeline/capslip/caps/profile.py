@@ -1,0 +1,59 @@
+"""How far the points of a hill lie from its sphere, and from a profile of fourth degree."""
+
+import numpy as np
+
+from capslip.caps.fitting import FitInput, Spheres
+from capslip.caps.quadric import MIN_POINTS
+
+
+def rms_from_sphere_m(given: FitInput, spheres: Spheres) -> np.ndarray:
+    """Return the rms distance of the measured points within the depth from the sphere."""
+    points, apex_m, radius_m = given.points, spheres.apex_m, spheres.radius_m
+    level_m = apex_m - given.body.depth_m
+    chosen = np.flatnonzero(points.measured & (points.z_m >= np.repeat(level_m, points.count)))
+    hill = points.hill[chosen]
+    along_x_m, along_y_m = (
+        points.x_m[chosen] - spheres.x_m[hill],
+        points.y_m[chosen] - spheres.y_m[hill],
+    )
+    square_m2 = along_x_m**2 + along_y_m**2
+    under_m = np.sqrt(np.maximum(radius_m[hill] ** 2 - square_m2, 0.0))
+    sphere_m = apex_m[hill] - square_m2 / (radius_m[hill] + under_m)
+    sums = np.bincount(hill, (points.z_m[chosen] - sphere_m) ** 2, points.n_hills)
+    count = np.bincount(hill, minlength=points.n_hills)
+    return np.sqrt(sums / np.maximum(count, 1))
+
+
+def quartic_profile(given: FitInput, spheres: Spheres) -> tuple[np.ndarray, np.ndarray]:
+    """Return the quartic term of each hill's profile, and the rms distance of its points from it.
+
+    The profile is a least-squares c0 + c1 t + c2 t^2 in the elliptic coordinate t, the square of
+    the distance from the apex by the curvatures of the quadric, one at the fitted depth. So an
+    ellipsoid has neither term nor residual. NaN where there are too few points.
+    """
+    points, quadric = given.points, given.body.quadric
+    curvature_per_m = np.where(quadric.exists, quadric.curvature_per_m, 1.0 / spheres.radius_m)
+    cos, sin = np.cos(quadric.orientation_rad), np.sin(quadric.orientation_rad)
+    cos, sin = np.where(quadric.exists, (cos, sin), 0.5**0.5)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        scale = np.sqrt(0.5 * curvature_per_m / given.body.depth_m)
+    hill = points.hill
+    along, across = points.x_m - spheres.x_m[hill], points.y_m - spheres.y_m[hill]
+    along, across = cos[hill] * along + sin[hill] * across, cos[hill] * across - sin[hill] * along
+    t = (scale[0][hill] * along) ** 2 + (scale[1][hill] * across) ** 2
+    chosen = np.flatnonzero(points.measured & (t <= 1.0))
+    hill, t = hill[chosen], t[chosen]
+    fall_m = spheres.apex_m[hill] - points.z_m[chosen]
+
+    def total(values: np.ndarray) -> np.ndarray:
+        return np.bincount(hill, values, points.n_hills)
+
+    count = np.bincount(hill, minlength=points.n_hills)
+    basis = np.stack([np.ones_like(t), 2.0 * t - 1.0, 6.0 * t * (t - 1.0) + 1.0])
+    normal = np.array([[total(one * other) for other in basis] for one in basis]).transpose(2, 0, 1)
+    right = np.array([total(one * fall_m) for one in basis]).T
+    known = (count >= MIN_POINTS) & (np.linalg.matrix_rank(normal, hermitian=True) == len(basis))
+    c = np.full((3, points.n_hills), np.nan)
+    c[:, known] = np.linalg.solve(normal[known], right[known][..., None])[..., 0].T
+    square_m2 = total((fall_m - (c[:, hill] * basis).sum(axis=0)) ** 2)
+    return 6.0 * c[2], np.sqrt(square_m2 / np.maximum(count, 1))

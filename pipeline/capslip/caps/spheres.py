@@ -1,0 +1,128 @@
+"""Spheres by the volume of a hill below its apex, or by the curvature of its quadric."""
+
+import numpy as np
+
+from capslip.caps.body import Body
+from capslip.caps.fitting import FitInput, Spheres
+
+RIDGE_RATIO = 10.0  # of the principal radii
+
+
+def spheres_by_volume(given: FitInput) -> Spheres:
+    """Return the spheres at the apexes of the crowns that have the volumes of the hills.
+
+    Where a patch of non-measured points cuts a cap within the depth, or the edge where it is not
+    that of the face, the radius comes from the quadric through what is there.
+    """
+    body, edge_of_face = given.body, given.edge_of_face
+    x_m, y_m, apex_m = given.apexes.apex_m
+    apex_se_m = given.apexes.apex_se_m
+    radius_m, radius_se_m = _radius_by_volume(given)
+    if edge_of_face:
+        radius_m = radius_m * _edge_factor(given, radius_m)
+    cut = body.at_patch | (body.at_edge & (not edge_of_face))
+    cut &= body.quadric.exists
+    surface_m, surface_se_m = radius_by_quadric(body)
+    return Spheres(
+        x_m=x_m,
+        y_m=y_m,
+        apex_m=apex_m,
+        apex_se_m=apex_se_m,
+        on_surface=given.apexes.on_surface,
+        radius_m=np.where(cut, surface_m, radius_m),
+        radius_se_m=np.where(cut, surface_se_m, radius_se_m),
+    )
+
+
+def radius_by_quadric(body: Body) -> tuple[np.ndarray, np.ndarray]:
+    """Return the radius that Hertz theory wants of each quadric, and its standard error."""
+    quadric = body.quadric
+    radius_m = _elliptic_factor(body) / np.sqrt(quadric.curvature_per_m.prod(axis=0))
+    return radius_m, radius_m * quadric.curvature_gain * body.scatter_m
+
+
+def elliptic_factor(radius_ratio: np.ndarray) -> np.ndarray:
+    """Radius of the sphere that Hertz loads like an elliptic cap, over sqrt(R1 R2).
+
+    A cap of principal radii R1 >= R2 follows N = 4/3 E* sqrt(R) d^1.5 with R = sqrt(R1 R2) / F2^3
+    (Johnson 1985, Contact Mechanics, Sec. 4.2; F2 is made of elliptic integrals).
+
+    Parameters
+    ----------
+    radius_ratio : array_like
+        R1 / R2.
+
+    Notes
+    -----
+    1 + y^2/24 + y^4/3000 with y = ln(R1/R2) replaces the integrals to 0.1 % up to R1/R2 = 20.
+
+    Examples
+    --------
+    >>> elliptic_factor(np.array([1.0, 2.0, 10.0])).round(3)
+    array([1.  , 1.02, 1.23])
+    """
+    square = np.log(radius_ratio) ** 2
+    return 1.0 + square / 24.0 + square**2 / 3000.0
+
+
+def edge_factor(inside: np.ndarray, outside: np.ndarray) -> np.ndarray:
+    """Radius that loads like a cap at the edge of the face, over that of its volume.
+
+    Contact ends with the material, and yields less than the same contact inside the face: half a
+    sphere loads like one of 0.60 R, a quarter in a corner like one of 0.32 R. Fitted to
+    boundary-element solutions for spheres whose apex lies inside or outside an edge, to 1 % of R,
+    or of both edges of a corner, to 5 %.
+
+    Parameters
+    ----------
+    inside : float64, shape (2, n)
+        Distance of each apex from the nearer edge along y and along x, over sqrt(2 R t) with the
+        radius by volume R and the fitted depth t; one or more where no edge is near.
+    outside : float64, shape (2, n)
+        Distance by which the vertex of the whole cap lies beyond it, over the same with R from the
+        curvatures; 0 inside.
+
+    Examples
+    --------
+    >>> edge_factor(np.array([[0.0, 0.0], [1.0, 0.0]]), np.zeros((2, 2))).round(3)
+    array([1.2  , 1.283])
+    """
+    lost = np.clip(1.0 - inside, 0.0, 1.0) ** 2.2 + 2.8 * np.minimum(outside, 1.0)
+    return 1.0 + 0.2 * np.hypot(*lost)
+
+
+def _radius_by_volume(given: FitInput) -> tuple[np.ndarray, np.ndarray]:
+    """Radius of the sphere that has the volume V above the level: V = pi t^2 (R - t/3).
+
+    Noise that crosses the level adds half of its variance times the growth of the area, pi R
+    sigma^2. An error of the apex moves the level with it and counts double; the mean error of the
+    points within the cap, which both share, does not count.
+    """
+    body, apex_se_m = given.body, given.apexes.apex_se_m
+    t = np.where(body.depth_m > 0.0, body.depth_m, np.nan)
+    radius_m = body.volume_m3 / (np.pi * (t**2 + given.noise.rms_m**2)) + t / 3.0
+    points = np.maximum(np.pi * radius_m * 2.0 * t / given.surface.pixel_area_m2, 1.0)
+    scatter_m = np.fmax(body.scatter_m, 0.0)
+    apex = 2.0 / t * np.sqrt(np.maximum(apex_se_m**2 - scatter_m**2 / points, 0.0))
+    pixels = 0.2 * (points / np.pi) ** -1.25  # rms error of a lattice sum over a paraboloid
+    factor = _elliptic_factor(body)
+    return factor * radius_m, factor * radius_m * np.hypot(apex, pixels)
+
+
+def _elliptic_factor(body: Body) -> np.ndarray:
+    """Return the factor where the whole ellipse was seen, 1 elsewhere."""
+    whole = ~body.at_edge & body.quadric.exists
+    ratio = np.where(whole, np.minimum(body.radius_ratio, RIDGE_RATIO), 1.0)
+    return elliptic_factor(ratio)
+
+
+def _edge_factor(given: FitInput, radius_m: np.ndarray) -> np.ndarray:
+    """Return the factor where the edge of the map cuts the cap, 1 elsewhere."""
+    body, quadric = given.body, given.body.quadric
+    side_m = np.array(given.surface.side_m)[:, None]
+    place_m, vertex_m = given.apexes.apex_m[1::-1], np.stack([quadric.y_m, quadric.x_m])
+    reach_m = np.sqrt(2.0 * np.where(radius_m > 0.0, radius_m, np.nan) * body.depth_m)
+    slope_m = np.sqrt(2.0 * body.depth_m / np.sqrt(quadric.curvature_per_m.prod(axis=0)))
+    inside = np.fmin(np.minimum(place_m, side_m - place_m) / reach_m, 1.0)
+    outside = np.fmax(np.maximum(-vertex_m, vertex_m - side_m) / slope_m, 0.0)
+    return np.where(body.at_edge, edge_factor(inside, outside), 1.0)

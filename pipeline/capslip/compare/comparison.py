@@ -1,0 +1,175 @@
+"""A measurement beside the model: share of the joints, misfit, and what identification finds."""
+
+import math
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from capslip.compare.identification import Identified, friction_and_preload, remarks_on
+from capslip.compare.measurement import Measurement, joint_share, load_measurement
+from capslip.compare.model import JointModel, load_model
+
+N_CURVE = 160
+BAND_NAMES = ("small", "middle", "great")
+
+
+@dataclass(frozen=True)
+class Band:
+    """Misfit over a third of the logarithmic range of amplitudes; natural logarithms."""
+
+    name: str
+    least_amplitude_m: float
+    greatest_amplitude_m: float
+    points: int
+    rms_log_ratio: float | None  # of model over measured share of the joints
+    bias_log_ratio: float | None  # mean of the same: > 0, the model loses too much
+
+
+@dataclass(frozen=True, eq=False)
+class Comparison:
+    """A measurement beside the model; arrays over the measured amplitudes (n,) or a curve (k,)."""
+
+    amplitude_m: np.ndarray
+    measured_loss_factor: np.ndarray  # assembly, all sources
+    intrinsic_loss_factor: np.ndarray  # monolithic beam; NaN outside its range, 0 where not given
+    joint_loss_factor: np.ndarray  # what is left for the joints; NaN where it cannot be told
+    joint_energy_J: np.ndarray  # W_d2 = W_assembly - W_monolithic of a cycle
+    model_loss_factor: np.ndarray  # of the joints; NaN beyond gross slip
+    friction_coefficient: float
+    preload_N: float
+    bands: tuple[Band, ...]
+    identified: Identified | None
+    remarks: tuple[str, ...]
+    curve_amplitude_m: np.ndarray
+    curve_intrinsic: np.ndarray
+    curve_model: np.ndarray
+    curve_plane: np.ndarray
+    curve_identified: np.ndarray | None
+
+
+def compare_result(
+    result: str | Path,
+    assembly: str | Path,
+    monolithic: str | Path | None = None,
+    identify: bool = False,
+) -> Comparison:
+    """Compare a folder that `analyze` left with a measured curve.
+
+    Parameters
+    ----------
+    result : path
+        Folder with `settings.toml`, `summary.json` and `result.h5`.
+    assembly, monolithic : path
+        CSV files of two columns, see `load_measurement`.
+    identify : bool
+        Also fit friction coefficient and preload.
+
+    Raises
+    ------
+    UnreadableFileError
+        If a file is missing or damaged, or the result holds no joint.
+    SettingsError
+        If too few points are left to identify anything.
+    """
+    measured = load_measurement(assembly)
+    intrinsic = load_measurement(monolithic, distinct=True) if monolithic is not None else None
+    model, settings = load_model(result)
+    return compare(
+        measured,
+        model,
+        settings.material.friction_coefficient,
+        settings.contact.preload_N,
+        intrinsic,
+        identify,
+    )
+
+
+def compare(
+    assembly: Measurement,
+    model: JointModel,
+    friction_coefficient: float,
+    preload_N: float,
+    monolithic: Measurement | None = None,
+    identify: bool = False,
+) -> Comparison:
+    """Compare the loss measured on an assembly with that of the model.
+
+    Parameters
+    ----------
+    assembly, monolithic : Measurement
+        Loss factors of the assembled and of the monolithic structure, see `joint_share`.
+    model : JointModel
+        The joints and the structure.
+    friction_coefficient, preload_N : float
+        Values at which the model is compared, and from which the identification starts.
+    identify : bool
+        Fit friction coefficient and preload, see `friction_and_preload`.
+
+    Returns
+    -------
+    Comparison
+        Misfit by thirds of the logarithmic range; `remarks` say what was left out and why.
+
+    Raises
+    ------
+    SettingsError
+        If fewer than five points are left to identify two parameters, or the model loses nothing.
+
+    Notes
+    -----
+    Peyret, Chevallier and Dion, Int. J. Appl. Mech. 8 (2016) 1650097, Sec. 4 and Fig. 11.
+    """
+    v_m = assembly.amplitude_m
+    intrinsic, joint, remarks = joint_share(assembly, monolithic)
+    usable = np.isfinite(joint)
+    predicted = model.loss_factor(v_m, friction_coefficient, preload_N)
+    beyond = int((usable & np.isnan(predicted)).sum())
+    if beyond:
+        gross_m = model.gross_slip_amplitude_m(friction_coefficient, preload_N)
+        remarks.append(
+            f"{beyond} of {v_m.size} points lie beyond gross slip of the model "
+            f"({gross_m:.3g} m), where it gives no loss factor"
+        )
+    if (usable & (predicted == 0)).any():
+        remarks.append("the model loses nothing below gross slip: no misfit can be given there")
+    curve_m = np.geomspace(v_m[0], v_m[-1], N_CURVE) if v_m[0] < v_m[-1] else v_m[:1]
+    identified, curve_identified = None, None
+    if identify:
+        identified = friction_and_preload(v_m[usable], joint[usable], model, preload_N)
+        remarks += remarks_on(identified)
+        curve_identified = model.loss_factor(
+            curve_m, identified.friction_coefficient, identified.preload_N
+        )
+    return Comparison(
+        amplitude_m=v_m,
+        measured_loss_factor=assembly.loss_factor,
+        intrinsic_loss_factor=intrinsic,
+        joint_loss_factor=joint,
+        joint_energy_J=math.pi * model.modal_stiffness_N_per_m * v_m**2 * joint,
+        model_loss_factor=predicted,
+        friction_coefficient=friction_coefficient,
+        preload_N=preload_N,
+        bands=_bands(v_m, np.log(np.where(predicted > 0, predicted, np.nan) / joint)),
+        identified=identified,
+        remarks=tuple(remarks),
+        curve_amplitude_m=curve_m,
+        curve_intrinsic=np.zeros(curve_m.size) if monolithic is None else monolithic.at(curve_m),
+        curve_model=model.loss_factor(curve_m, friction_coefficient, preload_N),
+        curve_plane=model.plane().loss_factor(curve_m, friction_coefficient, preload_N),
+        curve_identified=curve_identified,
+    )
+
+
+def _bands(amplitude_m: np.ndarray, log_ratio: np.ndarray) -> tuple[Band, ...]:
+    edges_m = np.geomspace(amplitude_m[0], amplitude_m[-1], len(BAND_NAMES) + 1)
+    index = np.searchsorted(edges_m[1:-1], amplitude_m, side="right")
+    bands = []
+    for i, name in enumerate(BAND_NAMES):
+        inside = log_ratio[(index == i) & np.isfinite(log_ratio)]
+        rms = bias = None
+        if inside.size:
+            rms, bias = float(np.sqrt(np.mean(inside**2))), float(inside.mean())
+        least_m, greatest_m = float(edges_m[i]), float(edges_m[i + 1])
+        bands.append(Band(name, least_m, greatest_m, inside.size, rms, bias))
+    return tuple(bands)

@@ -1,0 +1,76 @@
+"""The figure of a measurement beside the model: the paper's Fig. 11."""
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from capslip.output.canvas import ACCENT, FAMILY_COLOUR, INK, NON_MEASURED, blank
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+    from capslip.compare.comparison import Comparison
+
+UM = 1e6
+
+
+def comparison(found: "Comparison") -> "Figure":
+    """Loss factor over amplitude: measured, plane interface and caps, intrinsic loss added back."""
+    figure, axes = blank("Loss factor: measured and computed", 9.0, 5.2)
+    v_um = UM * found.curve_amplitude_m
+    intrinsic = found.curve_intrinsic
+    axes.loglog(
+        UM * found.amplitude_m,
+        found.measured_loss_factor,
+        "o",
+        color=INK,
+        markersize=5,
+        label="measured, assembly",
+    )
+    left_out = ~np.isfinite(found.joint_loss_factor)
+    if left_out.any():
+        axes.loglog(
+            UM * found.amplitude_m[left_out],
+            found.measured_loss_factor[left_out],
+            "o",
+            markerfacecolor="white",
+            markeredgecolor=INK,
+            markersize=5,
+            label="of these, left out",
+        )
+    has_intrinsic = bool((intrinsic > 0).any())
+    added = "intrinsic + " if has_intrinsic else ""
+    if has_intrinsic:
+        axes.loglog(
+            v_um, intrinsic, color=NON_MEASURED, linewidth=3.0, label="intrinsic (monolithic beam)"
+        )
+        axes.loglog(
+            v_um,
+            intrinsic + found.curve_plane,
+            "--",
+            color=FAMILY_COLOUR["P"],
+            linewidth=1.5,
+            label=f"{added}plane interface",
+        )
+    else:
+        axes.plot([], [], "--", color=FAMILY_COLOUR["P"], label="plane interface: no loss")
+    axes.loglog(
+        v_um,
+        intrinsic + found.curve_model,
+        color=FAMILY_COLOUR["G"],
+        linewidth=1.8,
+        label=f"{added}caps, µ = {found.friction_coefficient:.3g}, N = {found.preload_N:.4g} N",
+    )
+    if found.identified is not None and found.curve_identified is not None:
+        axes.loglog(
+            v_um,
+            intrinsic + found.curve_identified,
+            "-.",
+            color=ACCENT,
+            linewidth=1.8,
+            label=f"{added}caps, identified: µ = {found.identified.friction_coefficient:.3g}, "
+            f"N = {found.identified.preload_N:.4g} N",
+        )
+    axes.set(xlabel="amplitude v at mid-span [µm]", ylabel="loss factor η")
+    axes.legend(loc="upper left", bbox_to_anchor=(0.0, -0.14), ncols=2, fontsize=9, frameon=False)
+    return figure

@@ -1,0 +1,170 @@
+"""The model of a stored result: the loss of its joints at any friction coefficient and preload."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, fields, replace
+from pathlib import Path
+from typing import Any
+
+import msgspec
+import numpy as np
+
+from capslip.caps.families import group_families
+from capslip.caps.table import CapFlag, CapTable
+from capslip.contact.curve import NormalCurve
+from capslip.contact.material import composite
+from capslip.contact.models.flat import flat
+from capslip.contact.press import press
+from capslip.contact.reach import reachable
+from capslip.contact.slip import slip_curve
+from capslip.errors import UnreadableFileError
+from capslip.output.staging import read_summary
+from capslip.settings import Settings, load_settings
+from capslip.structure.response import response
+from capslip.structure.stiffness import stiffnesses
+from capslip.surface.heightmap import HeightMap
+
+
+@dataclass(frozen=True)
+class JointModel:
+    """The loss that the joints add to one mode, for any friction coefficient and preload.
+
+    The amplitude counts the displacement of the joints, and the loss factor the energy that they
+    store: W / (2 pi F v_total / 2), which is what a decay or a resonance shows. It depends on
+    v / mu and N0 alone, because displacements, forces and the root of the energy go with mu.
+    """
+
+    curve: Callable[[float], NormalCurve]  # of one joint, for a preload in N
+    kappa: float
+    modal_stiffness_N_per_m: float
+    joint_stiffness_N_per_m: float
+    joints: int
+
+    def loss_factor(
+        self, amplitude_m: np.ndarray, friction_coefficient: float, preload_N: float
+    ) -> np.ndarray:
+        """Return the loss factor at amplitudes (n,); NaN beyond gross slip.
+
+        It is interpolated to about 0.2 % over a grid of five decades below gross slip. Further
+        below it is in proportion to the amplitude.
+        """
+        return self.unit_curve(preload_N)(amplitude_m / friction_coefficient)
+
+    def gross_slip_amplitude_m(self, friction_coefficient: float, preload_N: float) -> float:
+        """Return the amplitude beyond which nothing holds the joint."""
+        return friction_coefficient * self.unit_curve(preload_N).gross_slip_amplitude_m
+
+    def unit_curve(self, preload_N: float, points: int = 800) -> "UnitCurve":
+        """Return the loss factor over v / mu, on a grid of so many points."""
+        slip = slip_curve(self.curve(preload_N), preload_N, 1.0, self.kappa)
+        share = np.append(np.geomspace(1e-5, 0.97, points), 1 - np.geomspace(0.029, 1e-6, 60))
+        damping = response(
+            slip,
+            self.modal_stiffness_N_per_m,
+            self.joint_stiffness_N_per_m,
+            self.joints,
+            np.append(share, 1.0) * (slip.total_slip_force_N / self.joint_stiffness_N_per_m),
+        )
+        return UnitCurve(
+            damping.total_amplitude_m, damping.loss_factor * damping.frequency_ratio**2
+        )
+
+    def plane(self) -> "JointModel":
+        """Return the same structure with perfectly plane interfaces (Peyret et al. 2010)."""
+        return replace(self, curve=flat)
+
+
+@dataclass(frozen=True, eq=False)
+class UnitCurve:
+    """Loss factor over amplitude up to gross slip for mu = 1, see `JointModel`."""
+
+    amplitude_m: np.ndarray
+    loss_factor: np.ndarray
+
+    @property
+    def gross_slip_amplitude_m(self) -> float:
+        """The last amplitude."""
+        return float(self.amplitude_m[-1])
+
+    def __call__(self, amplitude_m: np.ndarray) -> np.ndarray:
+        """Interpolate; NaN beyond gross slip."""
+        from scipy.interpolate import PchipInterpolator
+
+        # eta / v is constant at small amplitudes, and so the smoothest thing to interpolate.
+        ratio = PchipInterpolator(np.log(self.amplitude_m), self.loss_factor / self.amplitude_m)
+        inside_m = np.clip(amplitude_m, self.amplitude_m[0], self.amplitude_m[-1])
+        loss = amplitude_m * ratio(np.log(inside_m))
+        # the bound itself belongs to the curve, whatever the rounding of v / mu
+        held = amplitude_m <= self.amplitude_m[-1] * (1 + 1e-9)
+        return np.asarray(np.where(held, loss, np.nan))
+
+
+def load_model(result: str | Path) -> tuple[JointModel, Settings]:
+    """Build the model of a result's joints from its caps, its settings and the model it used.
+
+    The contact model is the one that the result used, at every preload: where the settings left the
+    choice open it is not made again, so that the curve changes with the preload alone.
+
+    Parameters
+    ----------
+    result : path
+        Folder that `analyze` left.
+
+    Returns
+    -------
+    JointModel, Settings
+        The model, and the settings of the result.
+
+    Raises
+    ------
+    UnreadableFileError
+        If the folder holds no finished result, or one without a joint.
+    """
+    folder = Path(result)
+    summary = read_summary(folder)
+    if summary is None:
+        raise UnreadableFileError(
+            f"{folder}: holds no finished result; expected a folder that capslip analyze wrote"
+        )
+    used = summary["contact"]["model"]
+    if used is None:
+        raise UnreadableFileError(
+            f"{folder}: this analysis found no joint to compare (see its problems)"
+        )
+    settings = load_settings(folder / "settings.toml")
+    surface, stored = _load_surface_and_caps(folder / "result.h5")
+    caps, families = group_families(stored, **msgspec.structs.asdict(settings.families))
+    material = settings.material
+    joint = composite(material.youngs_modulus_Pa, material.poisson_ratio)
+
+    def curve(preload_N: float) -> NormalCurve:
+        pressed = caps
+        if used != settings.contact.model:
+            # A choice takes the caps that can touch; of thousands the others would fill the matrix.
+            near = reachable(caps, surface.side_m, joint.E_star_Pa, preload_N).use
+            pressed = replace(caps, **{f.name: getattr(caps, f.name)[near] for f in fields(caps)})
+        contact = msgspec.structs.replace(settings.contact, model=used, preload_N=preload_N)
+        changed = msgspec.structs.replace(settings, contact=contact)
+        return press(pressed, families, surface, changed)[0].curve
+
+    _, modal, shear = stiffnesses(settings)
+    return JointModel(curve, joint.kappa, modal, shear, settings.structure.joints), settings
+
+
+def _load_surface_and_caps(path: Path) -> tuple[HeightMap, CapTable]:
+    import h5py
+
+    try:
+        with h5py.File(path) as file:
+            columns: dict[str, Any] = {name: data[()] for name, data in file["caps"].items()}
+            height = file["surface/height_m"]
+            surface = HeightMap(height[()], tuple(height.attrs["pixel_size_m"]))
+    except (OSError, KeyError) as error:
+        raise UnreadableFileError(
+            f"{path}: cannot be read ({error}); run the analysis again"
+        ) from error
+    columns["family"] = columns["family"].astype(str)
+    columns["flags"] = np.array(
+        [sum(CapFlag[word] for word in words.decode().split()) for words in columns["flags"]],
+        dtype=np.uint16,
+    )
+    return surface, CapTable(**columns)

@@ -1,0 +1,91 @@
+"""A comparison as JSON, as text for a terminal and as a folder."""
+
+import json
+import math
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from capslip.compare.comparison import Comparison
+from capslip.errors import OutputError
+
+SCHEMA = "capslip/compare/1"
+
+
+def to_dict(found: Comparison) -> dict[str, Any]:
+    """Return a comparison as JSON holds it: plain numbers, absent ones null."""
+    identified = None
+    if found.identified is not None:
+        identified = {
+            name: value if not isinstance(value, float) or math.isfinite(value) else None
+            for name, value in asdict(found.identified).items()
+        }
+    return {
+        "schema": SCHEMA,
+        "friction_coefficient": found.friction_coefficient,
+        "preload_N": found.preload_N,
+        "points": {
+            "amplitude_m": found.amplitude_m.tolist(),
+            "measured_loss_factor": found.measured_loss_factor.tolist(),
+            "intrinsic_loss_factor": _with_null(found.intrinsic_loss_factor),
+            "joint_loss_factor": _with_null(found.joint_loss_factor),
+            "joint_energy_J": _with_null(found.joint_energy_J),
+            "model_loss_factor": _with_null(found.model_loss_factor),
+        },
+        "bands": [asdict(band) for band in found.bands],
+        "identified": identified,
+        "remarks": list(found.remarks),
+    }
+
+
+def _with_null(values: np.ndarray) -> list[float | None]:
+    return [float(value) if math.isfinite(value) else None for value in values]
+
+
+def write_comparison(found: Comparison, folder: str | Path) -> None:
+    """Write `compare.json` and `compare.png`; raises OutputError where that is impossible."""
+    from capslip.compare.figure import comparison
+
+    folder = Path(folder)
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        comparison(found).savefig(folder / "compare.png")
+        text = json.dumps(to_dict(found), indent=1, ensure_ascii=False, allow_nan=False) + "\n"
+        (folder / "compare.json").write_text(text, encoding="utf-8")
+    except OSError as error:
+        raise OutputError(
+            f"output folder {folder}: {error.strerror}; choose another with --out"
+        ) from error
+
+
+def lines(found: Comparison) -> list[str]:
+    """Return the comparison as lines of text for a terminal."""
+    um = 1e6
+    text = [
+        f"compared   {found.amplitude_m.size} amplitudes from {found.amplitude_m[0] * um:.4g} to "
+        f"{found.amplitude_m[-1] * um:.4g} um, model with mu {found.friction_coefficient:g} and "
+        f"{found.preload_N:g} N"
+    ]
+    for band in found.bands:
+        head = (
+            f"misfit     {band.name:6} {band.least_amplitude_m * um:.4g} to "
+            f"{band.greatest_amplitude_m * um:.4g} um: "
+        )
+        if band.rms_log_ratio is None or band.bias_log_ratio is None:
+            text.append(f"{head}no points")
+        else:
+            text.append(
+                f"{head}{band.points} points, model / measured {math.exp(band.bias_log_ratio):.3g} "
+                f"on average, rms ln ratio {band.rms_log_ratio:.3g}"
+            )
+    one = found.identified
+    if one is not None:
+        text.append(
+            f"identified mu {one.friction_coefficient:.4g} +- "
+            f"{100 * one.friction_coefficient_log_std:.2g} %, preload {one.preload_N:.5g} N +- "
+            f"{100 * one.preload_log_std:.2g} %, correlation {one.correlation:.3f}, "
+            f"rms ln ratio {one.rms_log_ratio:.3g}"
+        )
+    return [*text, *(f"remark     {remark}" for remark in found.remarks)]

@@ -1,0 +1,234 @@
+"""How far interacting caps may be from the face that they stand for."""
+
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from capslip.caps.table import CapTable
+from capslip.contact.bulk import bulk_compliance_m_per_N, without_bulk
+from capslip.contact.curve import NormalCurve
+from capslip.contact.material import composite
+from capslip.contact.models.interacting import RUNG, InteractingCurve, interacting
+from capslip.contact.outside import unmodelled_area_m2
+from capslip.contact.reach import reachable
+from capslip.contact.rung import Scene
+from capslip.contact.slip import slip_curve
+from capslip.contact.solvers.hertz import contact_radius_m
+from capslip.errors import ContactError, UnusableSurfaceError
+from capslip.settings import Settings
+from capslip.surface.form import floor_slopes
+
+FORCE_SHARES = (0.1, 0.25, 0.5, 0.75)  # T / (mu N) at which the energies are compared
+SHAPE_SHARE = 0.38  # of the rest of a profile that acts like an error of height, see Notes
+LEAST_ERROR = 0.01  # of interacting spheres against boundary elements
+BEYOND_SHARE = 0.05  # of the load, on contacts wider than their hills
+DRAWS = 16
+MOST_WIDE = 3.0  # in the logarithm of a radius
+
+
+@dataclass(frozen=True)
+class CapsError:
+    """The relative error of interacting caps at 95 %, by its causes; see `error_of_caps`."""
+
+    doubt: str | None  # why it is not known
+    of_caps: float = math.inf  # that of the caps themselves, and of the law between them
+    of_levelling: float = 0.0
+
+    @property
+    def total(self) -> float | None:
+        """None where it is not known."""
+        return None if self.doubt is not None else math.hypot(self.of_caps, self.of_levelling)
+
+
+def answers(
+    curve: NormalCurve, holds_bulk: bool, side_m: tuple[float, float], settings: Settings
+) -> np.ndarray:
+    """Return what the error counts in: the energies at four forces and the stiffness of slip.
+
+    Parameters
+    ----------
+    curve : NormalCurve
+        The whole normal curve of a model.
+    holds_bulk : bool
+        Whether it holds the bulk sinking of the half-space.
+    side_m : (float, float)
+        Sides (ly, lx) of the face.
+    settings : Settings
+        `material` and `contact`.
+    """
+    material, preload_N = settings.material, settings.contact.preload_N
+    joint = composite(material.youngs_modulus_Pa, material.poisson_ratio)
+    slip = slip_curve(curve, preload_N, material.friction_coefficient, joint.kappa)
+    energy_J = slip.energy_at_force_J(np.array(FORCE_SHARES) * slip.total_slip_force_N)
+    if holds_bulk and not settings.contact.bulk:
+        bulk_m_per_N = bulk_compliance_m_per_N(side_m, joint.E_star_Pa)
+        curve, _ = without_bulk(curve, bulk_m_per_N, preload_N)
+    stiffness = curve.stiffness_N_per_m(curve.approach_m(preload_N))
+    return np.append(energy_J, stiffness)
+
+
+def error_of_caps(
+    scene: Scene,
+    curve: InteractingCurve,
+    found: np.ndarray,
+    label: np.ndarray | None,
+    noise_m: float,
+    settings: Settings,
+) -> CapsError:
+    """Estimate the error of interacting caps against the face itself.
+
+    Parameters
+    ----------
+    scene : Scene
+        With the caps that can touch in use.
+    curve : InteractingCurve
+        Of these caps.
+    found : float64, shape (5,)
+        Its `answers`.
+    label : int, shape (ny, nx)
+        The hills of the caps; 0 elsewhere. None where the caps are not those of one map: then
+        nobody looks for what else touches.
+    noise_m : float
+        Standard deviation of the noise of the map.
+    settings : Settings
+        `conditioning`, `material` and `contact`.
+
+    Notes
+    -----
+    A hill that deviates from its sphere by r changes its load like a height error of r averaged
+    with the pressure of a flat punch over the contact, which grows with the load. Deviations that
+    go with the direction have none, so r counts from the paraboloid of the hill's own curvatures.
+
+    What the fit leaves is known with its sign: an apex and a volume that are right, and a term
+    q (t^2 - 2/3 t) of the profile, t the depth over the fitted one z. At the share s of z in t that
+    the contact reaches, load and stiffness of that hill are those of a sphere whose apex is higher
+    by 8/15 q s^2 and the logarithm of whose radius is greater by (2/3 - 8/5 s) q / z. The change
+    that all hills make together so is the error of shape. It is the first order alone, and counts
+    twice: on hills of r^1.6 to r^4 the true error was 0.4 to 1 times that.
+
+    Random errors are twice the standard deviation over faces whose caps were moved at random:
+    heights and radii by their standard errors, and by what is left of the profile. The lowest such
+    term, 20 t^3 - 30 t^2 + 12 t - 1, has a height error of sqrt(7) / 7 = 0.38 of its root mean
+    square.
+
+    The levelling is uncertain by the tilt between the plane taken off and that of the lowest third
+    of the points, which peaks that are not balanced over the face do not pull.
+
+    The last part is the change under another law between two contacts. None of these causes has to
+    do with another, so their squares add. The error is not known where something else than the caps
+    carries: if contacts overlap, are wider than their hills, or if the plane reaches points outside
+    the hills.
+    """
+    doubt = _doubt(scene, curve, label, noise_m)
+    if doubt is not None:
+        return CapsError(doubt)
+    try:
+        of_caps = math.hypot(
+            _random_error(scene, found, noise_m, settings),
+            _shape_error(scene, curve, found, settings),
+            _pair_error(scene, found, settings),
+            LEAST_ERROR,
+        )
+        return CapsError(None, of_caps, _levelling_error(scene, found, settings))
+    except (ContactError, UnusableSurfaceError):
+        return CapsError("caps that are moved within their errors have no solution")
+
+
+def _doubt(
+    scene: Scene, curve: InteractingCurve, label: np.ndarray | None, noise_m: float
+) -> str | None:
+    """Return why the error of interacting caps is not known, None where it is."""
+    caps, use = scene.caps, scene.use
+    approach_m = float(curve.approach_m(scene.preload_N))
+    if curve.overlapping_pairs(approach_m):
+        return "contacts run together"
+    load_N = curve.asperity_loads_N(approach_m)
+    a_m = contact_radius_m(load_N, curve.radius_m, scene.E_star_Pa)
+    beyond = a_m > 0.5 * caps.diameter_m[use]
+    if load_N[beyond].sum() > BEYOND_SHARE * load_N.sum():
+        return "contacts are wider than the hills that the caps were fitted to"
+    if label is None:
+        return None
+    top_m = float(caps.peak_height_m[use].max())
+    if unmodelled_area_m2(scene.surface, label, curve, approach_m, top_m, noise_m) > 0.0:
+        return "parts of the face that are no hills would touch"
+    return None
+
+
+def _random_error(scene: Scene, found: np.ndarray, noise_m: float, settings: Settings) -> float:
+    """Return twice the relative standard deviation of the answers that moved caps give."""
+    caps, use = scene.caps, scene.use
+
+    def used(values: np.ndarray) -> np.ndarray:
+        return np.nan_to_num(values[use])  # a table that no fit made has no standard errors
+
+    residual_m = np.sqrt(np.maximum(used(caps.profile_residual_m) ** 2 - noise_m**2, 0.0))
+    shape_m = SHAPE_SHARE * residual_m
+    depth_m = np.where(used(caps.fit_depth_m) > 0.0, caps.fit_depth_m[use], caps.cap_height_m[use])
+    height_m, ratio = np.zeros((2, len(caps)))
+    height_m[use] = np.hypot(shape_m, used(caps.peak_height_se_m))
+    ratio[use] = np.hypot(
+        used(caps.radius_se_m) / caps.radius_m[use], shape_m / np.maximum(depth_m, shape_m)
+    )
+    draws = max(4, min(DRAWS, DRAWS * 100 // int(np.count_nonzero(use))))
+    sign = np.random.default_rng(0).choice((-1.0, 1.0), (draws, 2, len(caps)))
+    changes = [
+        _change(_moved(scene, up * height_m, wide * ratio), scene, found, settings)
+        for up, wide in sign
+    ]
+    return float(2.0 * np.sqrt(np.mean(np.square(changes), axis=0)).max())
+
+
+def _shape_error(
+    scene: Scene, curve: InteractingCurve, found: np.ndarray, settings: Settings
+) -> float:
+    """Return twice the change of the answers with caps that follow the hills' profiles."""
+    caps, use = scene.caps, scene.use
+    load_N = curve.asperity_loads_N(curve.approach_m(scene.preload_N))
+    depth_m, quartic_m = caps.fit_depth_m[use], caps.quartic_m[use]
+    share = (load_N / curve.coefficient) ** (2 / 3) / (2.0 * depth_m)
+    known = np.isfinite(quartic_m * share)  # a table that no fit made has no profiles
+    up_m, wide = np.zeros((2, len(caps)))
+    up_m[use] = np.where(known, 8 / 15 * quartic_m * share**2, 0.0)
+    # The first order would overflow far beyond the hill, which is doubted anyway
+    first_order = (2 / 3 - 8 / 5 * share) * quartic_m / depth_m
+    wide[use] = np.where(known, np.clip(first_order, -MOST_WIDE, MOST_WIDE), 0.0)
+    change = _change(_moved(scene, up_m, wide), scene, found, settings)
+    return float(2.0 * np.abs(change).max())
+
+
+def _pair_error(scene: Scene, found: np.ndarray, settings: Settings) -> float:
+    """Return the relative change of the answers with another law between two contacts.
+
+    The point load and Johnson's Eq. 3.42 err on either side, the latter further.
+    """
+    places = scene.caps.x_m[scene.use], scene.caps.y_m[scene.use]
+    curve = interacting(scene.radius_m, scene.depth_m, *places, scene.E_star_Pa, scene.preload_N)
+    return float(np.abs(_change(curve, scene, found, settings)).max())
+
+
+def _levelling_error(scene: Scene, found: np.ndarray, settings: Settings) -> float:
+    """Return the relative change of the answers where the floor levels the face."""
+    if settings.conditioning.form == "none":
+        return 0.0
+    slope_y, slope_x = floor_slopes(scene.surface)
+    caps = scene.caps
+    peak_m = caps.peak_height_m - slope_y * caps.y_m - slope_x * caps.x_m
+    tilted = caps.with_columns(peak_height_m=peak_m)
+    reach = reachable(tilted, scene.surface.side_m, scene.E_star_Pa, scene.preload_N)
+    return float(np.abs(_change(reach.curve, scene, found, settings)).max())
+
+
+def _moved(scene: Scene, up_m: np.ndarray, log_radius: np.ndarray) -> InteractingCurve:
+    """Return the curve of caps that are higher and, by a logarithm, wider."""
+    caps: CapTable = scene.caps.with_columns(
+        peak_height_m=scene.caps.peak_height_m + up_m,
+        radius_m=scene.caps.radius_m * np.exp(log_radius),
+    )
+    return RUNG.build(replace(scene, caps=caps))
+
+
+def _change(curve: NormalCurve, scene: Scene, found: np.ndarray, settings: Settings) -> np.ndarray:
+    """Return the relative change of the answers by another curve with interaction."""
+    return answers(curve, RUNG.holds_bulk, scene.surface.side_m, settings) / found - 1.0

@@ -1,0 +1,62 @@
+"""The bulk sinking of the half-space under a face: how much it is, and a curve without it."""
+
+import math
+
+from capslip.contact.curve import NormalCurve, in_series
+from capslip.contact.material import check_modulus
+from capslip.errors import ContactError, SettingsError
+
+
+def bulk_compliance_m_per_N(side_m: tuple[float, float], E_star_Pa: float) -> float:
+    """Return the mean sinking of a rectangular face under uniform pressure, a unit of load.
+
+    c / (E* sqrt(A)) with the closed form of c for any aspect ratio: the integral of 1 / (pi r) over
+    all pairs of points of an a x b rectangle (a >= b), over (a b)^1.5, where
+
+        integral of 1/r = 2 a^2 b asinh(b/a) + 2 a b^2 asinh(a/b)
+                          + 2/3 [a^3 + b^3 - (a^2 + b^2)^1.5]
+
+    Parameters
+    ----------
+    side_m : (float, float)
+        Sides of the face (ly, lx).
+    E_star_Pa : float
+        Composite modulus.
+
+    Examples
+    --------
+    >>> round(bulk_compliance_m_per_N((1.0, 1.0), 1.0), 3)
+    0.946
+    >>> round(bulk_compliance_m_per_N((2.0, 3.0), 1.0) * 6**0.5, 3)
+    0.937
+    """
+    b, a = sorted(side_m)
+    if not 0 < b <= a < math.inf:
+        raise SettingsError(f"side_m: got {side_m}; expected two finite lengths > 0")
+    check_modulus(E_star_Pa)
+    t = b / a
+    corner = t**3 - math.expm1(1.5 * math.log1p(t**2))
+    integral = 2 * t * math.asinh(t) + 2 * t**2 * math.asinh(1 / t) + 2 / 3 * corner
+    c = integral / (math.pi * t**1.5)
+    return c / (E_star_Pa * math.sqrt(a * b))
+
+
+def without_bulk(
+    curve: NormalCurve, bulk_m_per_N: float, preload_N: float
+) -> tuple[NormalCurve, bool]:
+    """Take the bulk sinking out of a curve, unless nothing would be left of its compliance.
+
+    Returns
+    -------
+    NormalCurve, bool
+        The curve, and whether it still holds the bulk term.
+    """
+    rest = in_series(curve, -bulk_m_per_N)
+    try:
+        # The compliance falls with the load: what holds at the preload holds below it.
+        approach_m = rest.approach_m(preload_N)
+        stiffness_N_per_m = rest.stiffness_N_per_m(approach_m)
+        left = bool(approach_m > rest.touch_m and stiffness_N_per_m > 0.0)
+    except ContactError:
+        left = False
+    return (rest, False) if left else (curve, True)

@@ -1,0 +1,203 @@
+"""The cheapest contact model whose estimated error a scene allows."""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from capslip.caps.families import Families
+from capslip.caps.table import CapTable
+from capslip.contact.accuracy import CapsError, answers, error_of_caps
+from capslip.contact.material import composite
+from capslip.contact.models.interacting import RUNG as REFERENCE
+from capslip.contact.models.mean_field import RUNG as FALLBACK
+from capslip.contact.reach import reachable
+from capslip.contact.rung import Rung, Scene, ladder, rung
+from capslip.errors import ContactError
+from capslip.problems import Problem
+from capslip.settings import Settings
+from capslip.surface.heightmap import HeightMap
+
+BOUNDARY_ELEMENTS_S = 1.1e-6  # a point and binary digit of their number, on one core
+
+
+@dataclass(frozen=True, eq=False)
+class Choice:
+    """The contact model for one face and load, made by `choose_model`."""
+
+    model: str
+    reason: str
+    estimated_error: float | None  # of energy and stiffness, at 95 %; None: not known
+    estimates: dict[str, float | None]  # of every rung that was tried
+    use: np.ndarray  # (n,), the caps that can touch
+    boundary_elements_s: float | None  # what they would take, where they are needed
+    levelling: bool = False  # whether the levelling alone makes it doubtful
+
+    @property
+    def problem(self) -> Problem | None:
+        """What makes a result of this choice doubtful."""
+        if self.levelling:
+            return Problem("levelling_decides", "warning", self.reason)
+        if self.boundary_elements_s is None:
+            return None
+        return Problem("boundary_elements_needed", "warning", self.reason)
+
+
+def choose_model(
+    caps: CapTable,
+    families: Families,
+    surface: HeightMap,
+    label: np.ndarray | None,
+    noise_m: float,
+    settings: Settings,
+) -> Choice:
+    """Choose the cheapest rung of the ladder whose estimated error is within the tolerance.
+
+    The error of a rung is the greatest relative one of the energy of a cycle at four forces and of
+    the stiffness. For a lower rung it is the difference to interacting caps plus their own error,
+    see `error_of_caps`.
+
+    Parameters
+    ----------
+    caps : CapTable
+        Caps of the face, at least one of them usable.
+    families : Families
+        Their families.
+    surface : HeightMap
+        Heights after removal of the form, to see whether anything else touches.
+    label : int, shape (ny, nx)
+        The hills of the caps; 0 elsewhere. None where the caps are not those of one map: then
+        nobody looks for what else touches.
+    noise_m : float
+        Standard deviation of the noise of the map.
+    settings : Settings
+        `material`, and `contact` with its tolerance.
+
+    Returns
+    -------
+    Choice
+        Where no rung is within the tolerance, the highest one, with the time that boundary
+        elements would take, unless the levelling alone is the cause, which they share.
+
+    Raises
+    ------
+    ContactError
+        If the caps cannot carry the preload.
+    """
+    material, contact = settings.material, settings.contact
+    E_star_Pa = composite(material.youngs_modulus_Pa, material.poisson_ratio).E_star_Pa
+    reach = reachable(caps, surface.side_m, E_star_Pa, contact.preload_N)
+    scene = Scene(
+        *(caps, families, surface, E_star_Pa, contact.preload_N),
+        use=reach.use,
+        solver_tolerance=contact.solver_tolerance,
+    )
+    if reach.pairs is None:
+        return _too_many(scene, settings)
+    found = {}
+    for one in ladder():
+        if one.automatic:
+            try:
+                found[one.name] = _answers(one, scene, settings)
+            except ContactError:
+                if one is REFERENCE:
+                    raise
+    at = found[REFERENCE.name]
+    own = error_of_caps(scene, reach.pairs, at, label, noise_m, settings)
+    estimates: dict[str, float | None] = {}
+    for model, numbers in found.items():
+        difference = np.abs(numbers / at - 1.0).max()
+        estimates[model] = None if own.total is None else float(difference) + own.total
+    for model, estimate in estimates.items():
+        if estimate is not None and estimate <= contact.tolerance:
+            reason = (
+                f"the cheapest model within {contact.tolerance:.2g}: its error is about "
+                f"{estimate:.2g}"
+            )
+            return Choice(model, reason, estimate, estimates, reach.use, None)
+    return _beyond_tolerance(own, estimates, scene, settings)
+
+
+def estimate_error(
+    caps: CapTable,
+    families: Families,
+    surface: HeightMap,
+    label: np.ndarray | None,
+    noise_m: float,
+    settings: Settings,
+) -> tuple[float | None, tuple[Problem, ...]]:
+    """Estimate the error of the model that the settings force; far longer work than to press it.
+
+    Parameters
+    ----------
+    caps, families, surface, label, noise_m, settings
+        As for `choose_model`; `contact.model` names a rung.
+
+    Returns
+    -------
+    float or None, tuple of Problem
+        None where it is not known: for a rung that the choice does not compare, and where
+        interacting caps, against which the others are measured, cannot carry the load. A problem
+        where it is not known to be within the tolerance, unless nothing doubts the rung itself.
+    """
+    forced = rung(settings.contact.model)
+    if not forced.automatic:
+        doubt = forced.doubt
+        return None, () if doubt is None else (Problem("model_doubtful", "warning", doubt),)
+    try:
+        choice = choose_model(caps, families, surface, label, noise_m, settings)
+        estimate, why = choice.estimates.get(forced.name), ""
+    except ContactError as failure:
+        estimate, why = None, f" ({failure})"
+    tolerance = settings.contact.tolerance
+    if estimate is not None and estimate <= tolerance:
+        return estimate, ()
+    off = (
+        f"not known{why}"
+        if estimate is None
+        else f"about {estimate:.2g}, more than {tolerance:.2g}"
+    )
+    message = (
+        f"the error of {forced.name} is {off}; contact.model = auto takes the cheapest model that "
+        f"is within {tolerance:.2g}"
+    )
+    return estimate, (Problem("model_doubtful", "warning", message),)
+
+
+def boundary_elements_s(shape: tuple[int, int]) -> float:
+    """Return about how long boundary elements take on a grid, for one loss curve."""
+    points = math.prod(shape)
+    return BOUNDARY_ELEMENTS_S * points * math.log2(points)
+
+
+def _answers(one: Rung, scene: Scene, settings: Settings) -> np.ndarray:
+    return answers(one.build(scene), one.holds_bulk, scene.surface.side_m, settings)
+
+
+def _beyond_tolerance(
+    own: CapsError, estimates: dict[str, float | None], scene: Scene, settings: Settings
+) -> Choice:
+    """Return the reference, and why it is not enough."""
+    tolerance = settings.contact.tolerance
+    if own.total is not None and own.of_caps <= tolerance:
+        reason = (
+            f"interacting caps may be off by {own.total:.2g}, more than {tolerance:.2g}: the plane "
+            "of the lowest third of the points instead of what was taken off changes the answers "
+            f"by {own.of_levelling:.2g}; where the caps lie tilts a least-squares plane, and "
+            "conditioning.form_floor = true follows the floor between them, where there is one"
+        )
+        return Choice(REFERENCE.name, reason, own.total, estimates, scene.use, None, levelling=True)
+    needed_s = boundary_elements_s(scene.surface.shape)
+    why = own.doubt or f"interacting caps may be off by {own.total:.2g}, more than {tolerance:.2g}"
+    reason = f"{why}; boundary elements are needed and take about {needed_s:.2g} s"
+    return Choice(REFERENCE.name, reason, own.total, estimates, scene.use, needed_s)
+
+
+def _too_many(scene: Scene, settings: Settings) -> Choice:
+    """Return mean field, whose error nothing on the ladder tells."""
+    _answers(FALLBACK, scene, settings)  # raises where they cannot carry the load
+    reason = (
+        f"{np.count_nonzero(scene.use)} caps that can touch are too many to solve for every pair"
+    )
+    needed_s = boundary_elements_s(scene.surface.shape)
+    return Choice(FALLBACK.name, reason, None, {FALLBACK.name: None}, scene.use, needed_s)

@@ -1,0 +1,37 @@
+"""The loads that decide at which depth a cap is fitted."""
+
+import numpy as np
+
+from capslip.caps.table import CapTable
+from capslip.contact.material import composite
+from capslip.contact.reach import reachable
+from capslip.contact.solvers.hertz import contact_radius_m
+from capslip.settings import Settings
+
+
+def press_for_depth(caps: CapTable, side_m: tuple[float, float], settings: Settings) -> CapTable:
+    """Fill in the loads and contact radii that decide at which depth a cap is fitted.
+
+    Interacting caps, those alone that can touch; the mean field where they are too many.
+
+    Parameters
+    ----------
+    caps : CapTable
+        Caps of one face, at least one of them usable.
+    side_m : (float, float)
+        Sides (ly, lx) of the face.
+    settings : Settings
+        `material` and `contact`.
+
+    Raises
+    ------
+    ContactError
+        If the caps cannot carry the preload.
+    """
+    material, preload_N = settings.material, settings.contact.preload_N
+    E_star_Pa = composite(material.youngs_modulus_Pa, material.poisson_ratio).E_star_Pa
+    reach = reachable(caps, side_m, E_star_Pa, preload_N)
+    load_N = np.where(caps.usable, 0.0, np.nan)
+    load_N[reach.use] = reach.curve.asperity_loads_N(reach.curve.approach_m(preload_N))
+    a_m = contact_radius_m(load_N, caps.radius_m, E_star_Pa)
+    return caps.with_columns(load_N=load_N, contact_radius_m=a_m)

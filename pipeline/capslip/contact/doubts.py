@@ -1,0 +1,160 @@
+"""What makes the contact under the preload doubtful, and what of the material it leaves out."""
+
+import math
+
+import numpy as np
+
+from capslip.caps.families import Families
+from capslip.caps.table import CapFlag, CapTable
+from capslip.contact.accuracy import BEYOND_SHARE
+from capslip.contact.material import dundurs_beta
+from capslip.contact.press import ContactState
+from capslip.problems import Problem
+from capslip.settings import Material
+
+MIN_PIXELS_ACROSS = 4.0  # of the contacts that carry the lighter half of the load
+LARGE_BETA = 0.1  # beyond: compliances change by beta^2, more than 1 %, and much slips early
+LARGE_FRICTION = 1.5
+ELASTIC_STRAIN = 0.03  # of E*: the greatest pressure at which the hardest steels stay elastic
+DOUBTFUL = CapFlag.edge | CapFlag.non_measured | CapFlag.apex_off_surface | CapFlag.noisy_apex
+
+
+def material_doubts(material: Material) -> list[Problem]:
+    """Return what in the material is hardly meant, or beyond what the slip curve describes."""
+    found: list[Problem] = []
+    beta = dundurs_beta(material.youngs_modulus_Pa, material.poisson_ratio)
+    if abs(beta) > LARGE_BETA:
+        message = (
+            f"Dundurs' beta of the two materials is {beta:.2g}: pressure alone shears such "
+            f"contacts, by about {abs(beta) / material.friction_coefficient:.0%} of their "
+            "friction, which the slip curve leaves out (exact only at beta = 0, equal materials)"
+        )
+        found.append(Problem("materials_coupled", "warning", message))
+    if material.friction_coefficient > LARGE_FRICTION:
+        message = (
+            f"material.friction_coefficient is {material.friction_coefficient:g}; dry engineering "
+            f"faces have 0.05 to {LARGE_FRICTION:g}"
+        )
+        found.append(Problem("friction_suspect", "warning", message))
+    return found
+
+
+def contact_doubts(
+    contact: ContactState,
+    caps: CapTable,
+    families: Families,
+    pixel_area_m2: float,
+    material: Material,
+) -> list[Problem]:
+    """Return what makes the contact doubtful.
+
+    Parameters
+    ----------
+    contact : ContactState
+        The face under its preload.
+    caps : CapTable
+        With the loads and contact radii of that state; NaN for a model without caps.
+    families : Families
+        Their families.
+    pixel_area_m2 : float
+        Of the map that the caps were fitted to.
+    material : Material
+        The two bodies.
+    """
+    return [
+        *_which_caps_touch(contact, caps, families),
+        *_beyond_the_caps(contact, caps),
+        *_under_resolved(caps, pixel_area_m2),
+        *_on_flagged_caps(caps),
+        *_beyond_elastic(contact, material),
+    ]
+
+
+def _loads_N(caps: CapTable) -> np.ndarray:
+    return np.where(caps.load_N > 0, caps.load_N, 0.0)
+
+
+def _which_caps_touch(contact: ContactState, caps: CapTable, families: Families) -> list[Problem]:
+    found: list[Problem] = []
+    loaded = caps.load_N > 0
+    if contact.contacts == 1 and loaded.any():
+        found.append(Problem("one_contact", "warning", "one cap carries the whole preload"))
+    if families.P is not None and loaded.any() and not loaded[caps.family == "P"].any():
+        message = "no P-cap touches under this preload"
+        found.append(Problem("P_not_in_contact", "info", message))
+    return found
+
+
+def _beyond_the_caps(contact: ContactState, caps: CapTable) -> list[Problem]:
+    """Return whether contacts overlap, or leave the part of a hill that its cap describes."""
+    found: list[Problem] = []
+    if contact.overlapping_pairs:
+        message = (
+            f"{contact.overlapping_pairs} pairs of contacts overlap: the caps do not hold at this "
+            "preload"
+        )
+        found.append(Problem("contacts_merge", "warning", message))
+    load_N = _loads_N(caps)
+    loaded = load_N > 0
+    beyond = loaded & (caps.contact_radius_m > 0.5 * caps.diameter_m)
+    if beyond.any():
+        much = load_N[beyond].sum() > BEYOND_SHARE * load_N.sum()
+        message = f"{int(beyond.sum())} contacts are wider than the hill that the cap was fitted to"
+        found.append(Problem("contact_beyond_cap", "warning" if much else "info", message))
+    depth_m = 0.5 * caps.contact_radius_m**2 / caps.radius_m
+    deep = loaded & (depth_m > 1.001 * caps.cap_height_m)  # no fit goes below the cut
+    low = loaded & (caps.cap_height_m < 0.1 * np.nanmax(caps.cap_height_m))
+    if load_N[deep].sum() > 0.05 * load_N.sum() or low.any():
+        message = (
+            "the contact reaches down to the cut: hills below it may touch too, and caps are "
+            "fitted too shallow; raise hills.material_ratio"
+        )
+        found.append(Problem("contact_reaches_below_cut", "warning", message))
+    return found
+
+
+def _under_resolved(caps: CapTable, pixel_area_m2: float) -> list[Problem]:
+    loaded = caps.load_N > 0
+    if not loaded.any():
+        return []
+    radius_m = caps.contact_radius_m[loaded]
+    order = np.argsort(radius_m)
+    carried_N = np.cumsum(caps.load_N[loaded][order])
+    half_m = radius_m[order][np.searchsorted(carried_N, 0.5 * carried_N[-1])]
+    across = 2.0 * half_m / math.sqrt(pixel_area_m2)
+    if across >= MIN_PIXELS_ACROSS:
+        return []
+    message = (
+        f"half of the load rests on contacts of at most {across:.2g} pixels across: a "
+        "dozen points or fewer; check units, or use a finer scan"
+    )
+    return [Problem("contact_under_resolved", "warning", message)]
+
+
+def _on_flagged_caps(caps: CapTable) -> list[Problem]:
+    load_N = _loads_N(caps)
+    share = load_N[(caps.flags & DOUBTFUL) != 0].sum() / max(load_N.sum(), 1e-300)
+    if share <= 0.2:
+        return []
+    message = f"{share:.0%} of the preload rests on flagged caps"
+    return [Problem("load_on_doubtful_caps", "warning", message)]
+
+
+def _beyond_elastic(contact: ContactState, material: Material) -> list[Problem]:
+    pressure_Pa, yield_Pa = contact.max_pressure_Pa, material.yield_stress_Pa
+    if pressure_Pa is None:
+        return []
+    if yield_Pa is not None and pressure_Pa > 1.6 * yield_Pa:
+        message = (
+            f"the greatest contact pressure {pressure_Pa / 1e6:.4g} MPa exceeds 1.6 times the "
+            f"yield stress {yield_Pa / 1e6:.4g} MPa: the elastic model does not hold"
+        )
+        return [Problem("plastic", "warning", message)]
+    if yield_Pa is None and pressure_Pa > ELASTIC_STRAIN * contact.composite.E_star_Pa:
+        message = (
+            f"the greatest contact pressure {pressure_Pa / 1e9:.3g} GPa is more than any "
+            "engineering metal bears elastically; check preload and units, or give "
+            "material.yield_stress_Pa"
+        )
+        return [Problem("pressure_beyond_elastic", "warning", message)]
+    return []

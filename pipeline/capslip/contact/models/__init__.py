@@ -1,0 +1,1 @@
+"""The contact models: each file here is one rung of the ladder, `RUNG`, under the file's name."""

@@ -1,0 +1,429 @@
+"""The normal curve of the height map itself, pressed on an elastic half-space."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from capslip.contact.rung import Contacts, Rung, Scene
+from capslip.contact.solvers.polonsky_keer import (
+    ElasticFace,
+    Pressed,
+    elastic_face,
+    press,
+    stiffness_of_regions_N_per_m,
+)
+from capslip.contact.solvers.tilting import press_balanced
+from capslip.contact.solvers.unloading import Unloading, refinement, unload
+from capslip.errors import ContactError, SettingsError
+from capslip.problems import Problem
+from capslip.settings import SOLVER_TOLERANCE
+from capslip.surface.heightmap import HeightMap
+
+MIN_PIXELS_ACROSS = 10.0  # of the contacts that carry half of the load
+MAX_LOSS_ERROR = 0.01
+_SOLVED_ONE_BY_ONE = 8  # loads; more are interpolated
+_KEPT = 3  # pressure maps in memory
+
+
+@dataclass(eq=False)
+class _Solutions:
+    """What was solved already: curves that differ by a spring in series share it."""
+
+    face: ElasticFace
+    tolerance: float
+    approach_m: dict[float, float] = field(default_factory=dict)  # by load
+    pressed: dict[float, Pressed] = field(default_factory=dict)  # by load, the last few
+    unloading: dict[float, Unloading] = field(default_factory=dict)  # by preload
+
+    def press(self, load_N: float) -> Pressed:
+        """Return the state under a load, solved from a neighbouring one where there is one."""
+        if load_N not in self.pressed:
+            near = [N for N in self.pressed if 0.8 * load_N < N < 1.25 * load_N]
+            start_Pa = self.pressed[near[0]].pressure_Pa if near else None
+            self.keep(press(self.face, load_N=load_N, tolerance=self.tolerance, start_Pa=start_Pa))
+        return self.pressed[load_N]
+
+    def press_to(self, approach_m: float) -> Pressed:
+        """Return the state at an approach."""
+        return self.keep(press(self.face, approach_m=approach_m, tolerance=self.tolerance))
+
+    def unload(self, load_N: float) -> Unloading:
+        """Return what happens below a load."""
+        if load_N not in self.unloading:
+            found = unload(self.face, self.press(load_N), self.tolerance)
+            self.unloading[load_N] = found
+            pairs = zip(found.solved_load_N.tolist(), found.solved_approach_m.tolist(), strict=True)
+            self.approach_m.update(pairs)
+        return self.unloading[load_N]
+
+    def approach_under(self, load_N: np.ndarray) -> np.ndarray:
+        """Return the approach under loads > 0, solved or interpolated between solved ones."""
+        new = [N for N in np.unique(load_N).tolist() if N not in self.approach_m]
+        if len(new) <= _SOLVED_ONE_BY_ONE:
+            for N in new:
+                self.press(N)
+            solved = self.approach_m
+            return np.array([solved[N] for N in load_N.ravel().tolist()]).reshape(load_N.shape)
+        from scipy.interpolate import PchipInterpolator
+
+        # Both ends, and no two neighbours further apart than a quarter.
+        for end in (load_N.max(), load_N.min()):
+            if float(end) not in self.approach_m:
+                self.press(float(end))
+        nodes = np.array([N for N in sorted(self.approach_m) if load_N.min() <= N <= load_N.max()])
+        for low, high in pairwise(nodes):
+            n_between = int(np.ceil(np.log(high / low) / np.log(1.25) - 1e-9)) - 1
+            for N in np.geomspace(high, low, n_between + 2)[1:-1].tolist():
+                self.press(N)
+        table = np.array(sorted(self.approach_m.items())).T
+        curve = PchipInterpolator(*np.log(table))
+        return np.exp(np.asarray(curve(np.log(load_N))))
+
+    def keep(self, pressed: Pressed) -> Pressed:
+        """Remember a solution and its approach."""
+        self.approach_m[pressed.load_N] = pressed.approach_m
+        self.pressed[pressed.load_N] = pressed
+        while len(self.pressed) > _KEPT:
+            del self.pressed[next(iter(self.pressed))]
+        return pressed
+
+
+@dataclass(frozen=True, eq=False)
+class BoundaryElementCurve:
+    """The normal curve of a height map, see `boundary_elements`.
+
+    Every load asked for is solved, and what happens below it (`Unloading`) when first needed. The
+    rows of `lift_off_m` and `lifted` are the contact regions at the given approach, so their number
+    changes with it, and these take a single approach.
+    """
+
+    solutions: _Solutions
+    compliance_m_per_N: float = 0.0
+    model: str = "boundary_elements"
+    tilt_rad: tuple[float, float] = (0.0, 0.0)  # slopes in x and y added to the map, and held
+
+    @property
+    def touch_m(self) -> np.ndarray:
+        """Zero: the approach counts from first touch."""
+        return np.zeros(())
+
+    def solved_loads_N(self, most_N: float) -> np.ndarray:
+        """Zero and the loads up to `most_N` whose approach costs no solution any more, growing."""
+        solved = np.array(sorted(self.solutions.approach_m))
+        return np.append(0.0, solved[solved <= most_N])
+
+    def pressed(self, load_N: float) -> Pressed:
+        """Return pressures, gaps, contact regions and certificate under a load."""
+        return self.solutions.press(float(load_N))
+
+    def unloading(self, load_N: float) -> Unloading:
+        """Return what happens below a preload, with the error to be expected of it."""
+        return self.solutions.unload(float(load_N))
+
+    def problems(self, load_N: float) -> tuple[Problem, ...]:
+        """Return what makes the contact under a load, and its slip, doubtful."""
+        pressed, found = self.pressed(load_N), []
+        if pressed.pixels_across < MIN_PIXELS_ACROSS:
+            found.append(
+                Problem(
+                    "under_resolved",
+                    "warning",
+                    f"half of the load rests on contacts of at most {pressed.pixels_across:.1f} "
+                    f"pixels across; expected {MIN_PIXELS_ACROSS:g}: the map is too coarse",
+                )
+            )
+        unloading = self.unloading(load_N)
+        if unloading.loss_error > MAX_LOSS_ERROR:
+            found.append(
+                Problem(
+                    "loss_between_loads",
+                    "warning",
+                    f"the energy per cycle may be off by {unloading.loss_error:.1%} between the "
+                    f"{len(unloading.solved_load_N)} loads that were solved",
+                )
+            )
+        share = unloading.smallest_drop_N / unloading.load_N
+        found.append(
+            Problem(
+                "small_slip_extrapolated",
+                "info" if share < 0.05 else "warning",
+                f"below {share:.2g} of the force at total slip, less slips than the pixels of the "
+                "map resolve: the energy per cycle may be off by more than 5 %, and follows the "
+                "cube of the force in the end",
+            )
+        )
+        return tuple(found)
+
+    def load_N(self, approach_m: ArrayLike) -> np.ndarray:
+        """N(d); one solution for each approach that was not met before."""
+        d = np.asarray(approach_m, dtype=float)
+        levels, where = np.unique(d, return_inverse=True)
+        return np.array([self._load_at(level) for level in levels.tolist()])[where].reshape(d.shape)
+
+    def approach_m(self, load_N: ArrayLike) -> np.ndarray:
+        """d(N); more than a few loads at once are interpolated between solved ones (to 2e-4).
+
+        Raises
+        ------
+        ContactError
+            If a solution is not found.
+        """
+        load = np.asarray(load_N, dtype=float)
+        if not np.all((load >= 0) & (load < np.inf)):
+            raise SettingsError(
+                f"load_N: got {load.min():g} to {load.max():g}; expected loads >= 0"
+            )
+        approach = np.zeros(load.shape)
+        loaded = load > 0
+        if loaded.any():
+            approach[loaded] = self.solutions.approach_under(load[loaded])
+        return approach + self.compliance_m_per_N * load
+
+    def lift_off_m(self, approach_m: ArrayLike) -> np.ndarray:
+        """Withdrawal at which each contact region at one approach loses its load, shape (n,)."""
+        load_N = self._load_at(_single(approach_m))
+        if load_N == 0:
+            return np.zeros(0)
+        unloading = self.unloading(load_N)
+        lift_off_m = unloading.region_lift_off_m
+        drop_N = _proportional(lift_off_m, unloading.withdrawal_m, unloading.load_drop_N)
+        return lift_off_m + self.compliance_m_per_N * drop_N
+
+    def lifted(self, approach_m: ArrayLike, withdrawal_m: ArrayLike) -> np.ndarray:
+        """Whether each contact region at one approach has lost its load, shape (..., n)."""
+        e = np.asarray(withdrawal_m, dtype=float)
+        return np.asarray(np.abs(e)[..., None] >= self.lift_off_m(approach_m))
+
+    def stiffness_N_per_m(self, approach_m: ArrayLike, withdrawal_m: ArrayLike = 0.0) -> np.ndarray:
+        """N'(d - e); at e = 0 that of the pixels in contact, else of the unloading."""
+
+        def stiffness(load_N: float, e: np.ndarray) -> np.ndarray:
+            if not e.any():
+                return np.full(e.shape, self._with_spring(self._stiffness_at(load_N)))
+            unloading = self.unloading(load_N)
+            x, total = unloading.withdrawal_m, self._withdrawals(unloading)
+            slope = np.gradient(unloading.load_drop_N, x)
+            log_e = np.log(np.maximum(e, 1e-300))
+            at = np.interp(log_e, np.log(total), slope, left=unloading.stiffness_N_per_m)
+            return np.where(e < total[-1], self._with_spring(at), 0.0)
+
+        return self._each(approach_m, withdrawal_m, stiffness)
+
+    def load_drop_N(self, approach_m: ArrayLike, withdrawal_m: ArrayLike) -> np.ndarray:
+        """N(d) - N(d - e)."""
+
+        def drop(load_N: float, e: np.ndarray) -> np.ndarray:
+            unloading = self.unloading(load_N)
+            total = self._withdrawals(unloading)
+            part = _proportional(np.minimum(e, total[-1]), total, unloading.load_drop_N)
+            return np.where(e < total[-1], part, load_N)
+
+        return self._each(approach_m, withdrawal_m, drop)
+
+    def withdrawal_m(self, approach_m: ArrayLike, load_drop_N: ArrayLike) -> np.ndarray:
+        """Withdrawal for a load drop of at most N(d)."""
+
+        def withdrawal(load_N: float, drop_N: np.ndarray) -> np.ndarray:
+            unloading = self.unloading(load_N)
+            return _proportional(drop_N, unloading.load_drop_N, self._withdrawals(unloading))
+
+        return self._each(approach_m, load_drop_N, withdrawal)
+
+    def loss_integral_J(self, approach_m: ArrayLike, withdrawal_m: ArrayLike) -> np.ndarray:
+        """4 * integral of s (e - s) N''(d - s)."""
+
+        def beyond(load_N: float, e: np.ndarray) -> np.ndarray:
+            total_m = self._withdrawals(self.unloading(load_N))[-1]
+            return 4 * load_N * np.maximum(e - total_m, 0.0)
+
+        drop_N = self.load_drop_N(approach_m, withdrawal_m)
+        partial = self.loss_integral_at_drop_J(approach_m, drop_N)
+        return partial + self._each(approach_m, withdrawal_m, beyond)
+
+    def loss_integral_at_drop_J(self, approach_m: ArrayLike, load_drop_N: ArrayLike) -> np.ndarray:
+        """Return the same for a load drop of at most N(d)."""
+
+        def loss(load_N: float, drop_N: np.ndarray) -> np.ndarray:
+            unloading = self.unloading(load_N)
+            return _proportional(drop_N, unloading.load_drop_N, unloading.loss_J, power=3)
+
+        return self._each(approach_m, load_drop_N, loss)
+
+    def _load_at(self, approach_m: float) -> float:
+        """Return N(d), from y + c N(y) = d with the approach y of the face alone."""
+        c = self.compliance_m_per_N
+        if approach_m <= 0:
+            return 0.0
+        for load_N, level_m in self.solutions.approach_m.items():
+            if abs(level_m + c * load_N - approach_m) <= 1e-13 * approach_m:
+                return load_N
+        level_m = approach_m
+        for _ in range(50):
+            pressed = self.solutions.press_to(level_m)
+            excess_m = level_m + c * pressed.load_N - approach_m
+            if abs(excess_m) <= 1e-9 * approach_m:
+                return pressed.load_N
+            stiffness = self._stiffness_at(pressed.load_N)
+            level_m -= excess_m * self._with_spring(stiffness) / stiffness
+        raise ContactError(
+            f"{self.solutions.face.name}: no load found at an approach of {approach_m:g} m"
+        )
+
+    def _stiffness_at(self, load_N: float) -> float:
+        """Return the stiffness of the face alone."""
+        if load_N in self.solutions.unloading:
+            return self.solutions.unloading[load_N].stiffness_N_per_m
+        pressed = self.pressed(load_N)
+        if refinement(self.solutions.face, pressed) > 1:
+            return self.unloading(load_N).stiffness_N_per_m
+        return float(stiffness_of_regions_N_per_m(self.solutions.face, pressed).sum())
+
+    def _with_spring(self, stiffness_N_per_m: Any) -> Any:
+        """Return the stiffness with the spring in series, which must leave it positive."""
+        slope = 1 + self.compliance_m_per_N * stiffness_N_per_m
+        if np.any(slope <= 0):
+            raise ContactError(
+                f"{self.model}: the compliance in series is {self.compliance_m_per_N:g} m/N; "
+                f"expected more than {-1 / np.max(stiffness_N_per_m):g} m/N, what the face itself "
+                "yields, or the approach would fall with growing load; keep the bulk term"
+            )
+        return stiffness_N_per_m / slope
+
+    def _withdrawals(self, unloading: Unloading) -> np.ndarray:
+        """Return the withdrawals of the table, with the spring in series."""
+        self._with_spring(unloading.stiffness_N_per_m)
+        return unloading.withdrawal_m + self.compliance_m_per_N * unloading.load_drop_N
+
+    def _each(
+        self,
+        approach_m: ArrayLike,
+        other: ArrayLike,
+        function: Callable[[float, np.ndarray], np.ndarray],
+    ) -> np.ndarray:
+        """Call a function of load and array once for each approach; zero without load."""
+        d, values = np.broadcast_arrays(
+            np.asarray(approach_m, dtype=float), np.asarray(other, dtype=float)
+        )
+        result = np.zeros(d.shape)
+        for level in np.unique(d).tolist():
+            load_N = self._load_at(level)
+            if load_N > 0:
+                here = d == level
+                result[here] = function(load_N, values[here])
+        return result
+
+
+def boundary_elements(
+    surface: HeightMap,
+    E_star_Pa: float,
+    tolerance: float = 1e-7,
+    *,
+    balanced_at_N: float | None = None,
+    load_point_m: tuple[float, float] | None = None,
+    rotational_stiffness_Nm_per_rad: float = 0.0,
+) -> BoundaryElementCurve:
+    """Return the normal curve of the height map itself: the reference of the other models.
+
+    The map is pressed against a rigid plane, and sinks as an elastic half-space under the pressures
+    on it (free boundary). The approach counts from first touch at the highest measured point and
+    holds the bulk sinking of the half-space. Non-measured points and what lies outside the map
+    never touch.
+
+    The map does not tilt; or it takes the tilt at which a preload balances, and the whole curve is
+    that of this tilt held, as slip needs it, with first touch under this tilt.
+
+    Parameters
+    ----------
+    surface : HeightMap
+        Form and spikes off: every point counts.
+    E_star_Pa : float
+        Composite modulus.
+    tolerance : float
+        Of every solution, relative to the approach, see `polonsky_keer.press`.
+    balanced_at_N : float, optional
+        The preload that tilts the map.
+    load_point_m, rotational_stiffness_Nm_per_rad
+        Of this preload, see `press_balanced`.
+
+    Raises
+    ------
+    SettingsError, UnusableSurfaceError, ContactError
+        As `polonsky_keer.elastic_face`; the methods as `press`, if no solution is found.
+
+    Examples
+    --------
+    >>> y, x = np.mgrid[-40:40, -40:40] * 1e-4
+    >>> sphere = HeightMap(-(x**2 + y**2) / (2 * 20.0), (1e-4, 1e-4))
+    >>> curve = boundary_elements(sphere, 110e9)
+    >>> print(f"{curve.approach_m(10.0):.2e} m")
+    6.15e-08 m
+    """
+    low, high = SOLVER_TOLERANCE
+    if not low <= tolerance <= high:
+        raise SettingsError(f"solver_tolerance: got {tolerance:g}; expected {low:g} to {high:g}")
+    face = elastic_face(surface, E_star_Pa)
+    if balanced_at_N is None:
+        return BoundaryElementCurve(_Solutions(face, float(tolerance)))
+    pressed = press_balanced(
+        face,
+        balanced_at_N,
+        load_point_m,
+        rotational_stiffness_Nm_per_rad=rotational_stiffness_Nm_per_rad,
+        tolerance=tolerance,
+    )
+    solutions = _Solutions(face.tilted(pressed.tilt_rad), float(tolerance))
+    solutions.keep(pressed)
+    return BoundaryElementCurve(solutions, tilt_rad=pressed.tilt_rad)
+
+
+def _proportional(x: np.ndarray, xs: np.ndarray, ys: np.ndarray, power: int = 1) -> np.ndarray:
+    """Interpolate y(x) by its ratio to x^power, which is constant below the first x."""
+    ratio = np.interp(np.log(np.maximum(x, 1e-300)), np.log(xs), ys / xs**power)
+    return np.asarray(ratio * x**power)
+
+
+def _single(approach_m: ArrayLike) -> float:
+    if np.ndim(approach_m) != 0:
+        raise SettingsError(
+            f"approach_m: got an array of shape {np.shape(approach_m)}; expected one number: the "
+            "contact regions differ from approach to approach"
+        )
+    return float(np.asarray(approach_m))
+
+
+def _build(scene: Scene) -> BoundaryElementCurve:
+    return boundary_elements(scene.surface, scene.E_star_Pa, scene.solver_tolerance)
+
+
+def _contacts(scene: Scene, curve: BoundaryElementCurve, approach_m: float) -> Contacts:
+    pressed = curve.pressed(scene.preload_N)
+    n_regions = len(pressed.region_loads_N)
+    return Contacts(
+        count=n_regions,
+        load_N=np.full(len(scene.caps), np.nan),
+        family=np.full(n_regions, ""),
+        area_m2=pressed.contact_area_m2,
+        max_pressure_Pa=pressed.max_pressure_Pa,
+        problems=curve.problems(scene.preload_N),
+    )
+
+
+RUNG = Rung(
+    name="boundary_elements",
+    label="boundary elements",
+    cost=5,
+    made_from="map",
+    automatic=False,
+    holds_bulk=True,
+    leaves_out="The height map itself is pressed, without spheres: what its pixels do not resolve "
+    "is left out, and the face sinks as part of a half-space that ends nowhere.",
+    colour="#009E73",
+    build=_build,
+    contacts=_contacts,
+    contact_name="contact regions",
+    solved_loads_N=BoundaryElementCurve.solved_loads_N,
+)

@@ -1,0 +1,132 @@
+"""What the other modules know of a contact model: a rung of the ladder from cheap to exact.
+
+A rung is one file in `contact/models` that holds a `Rung` named `RUNG` under the file's own name.
+No other module asks for the name of a rung; whatever sets one apart is an attribute here.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any, Generic, Literal, TypeVar, cast
+
+import numpy as np
+
+from capslip import registry
+from capslip.caps.families import Families
+from capslip.caps.table import CapTable
+from capslip.contact.curve import AsperityCurve, NormalCurve
+from capslip.contact.solvers.hertz import contact_radius_m
+from capslip.errors import SettingsError
+from capslip.problems import Problem
+from capslip.surface.heightmap import HeightMap
+
+FOLDER = "contact.models"
+C = TypeVar("C", bound=NormalCurve)
+
+
+@dataclass(frozen=True, eq=False)
+class Scene:
+    """What a rung may build its curve from."""
+
+    caps: CapTable  # (n,), at least one of them usable
+    families: Families
+    surface: HeightMap  # after removal of the form
+    E_star_Pa: float
+    preload_N: float
+    use: np.ndarray  # (n,), the caps to take, the highest usable one among them
+    solver_tolerance: float  # relative to the approach, for a rung that iterates on the map
+
+    @property
+    def radius_m(self) -> np.ndarray:
+        """Radii of the caps in use."""
+        return self.caps.radius_m[self.use]
+
+    @property
+    def depth_m(self) -> np.ndarray:
+        """How far the caps in use lie below the highest of them."""
+        peak_height_m = self.caps.peak_height_m[self.use]
+        return peak_height_m.max() - peak_height_m
+
+
+@dataclass(frozen=True, eq=False)
+class Contacts:
+    """What a rung knows of the single contacts under the preload; None where it knows nothing."""
+
+    count: int
+    load_N: np.ndarray  # (n,), of each cap; NaN where the caps are no contacts
+    family: np.ndarray  # "G", "P" or "" for each row of the curve, for its limits of slip
+    area_m2: float | None = None
+    max_pressure_Pa: float | None = None
+    overlapping_pairs: int = 0  # where there are any, the caps do not hold
+    problems: tuple[Problem, ...] = ()
+
+
+@dataclass(frozen=True, eq=False)
+class Rung(Generic[C]):
+    """One contact model, C the kind of its curve."""
+
+    name: str  # of its file, and in the settings
+    label: str  # in figures and text
+    cost: float  # order on the ladder, cheapest first
+    made_from: Literal["nothing", "spheres", "map"]  # what the curve takes of the face
+    automatic: bool  # whether the automatic choice may take it
+    holds_bulk: bool  # whether the curve holds the bulk sinking of the half-space
+    leaves_out: str  # one sentence
+    colour: str  # after Okabe and Ito
+    build: Callable[[Scene], C]
+    contacts: Callable[[Scene, C, float], Contacts]  # at the approach under the preload
+    doubt: str | None = None  # what makes any result of it doubtful
+    contact_name: str = "caps in contact"  # what `Contacts.count` counts
+    # Growing loads up to one whose approach costs no solution; None: any load is as good
+    solved_loads_N: Callable[[C, float], np.ndarray] | None = None
+
+
+def rung(name: str) -> Rung[Any]:
+    """Return the rung of that name; SettingsError where there is none."""
+    names = registry.names(FOLDER)
+    if name not in names:
+        raise SettingsError(f"contact.model: got {name!r}; expected one of {', '.join(names)}")
+    return cast(Rung[Any], registry.entry(FOLDER, name).RUNG)
+
+
+def ladder() -> tuple[Rung[Any], ...]:
+    """Return all rungs, the cheapest first.
+
+    Examples
+    --------
+    >>> [rung.name for rung in ladder() if rung.automatic]
+    ['families', 'caps', 'mean_field', 'interacting']
+    """
+    return tuple(sorted(map(rung, registry.names(FOLDER)), key=lambda one: one.cost))
+
+
+def contacts_of_caps(
+    scene: Scene, curve: AsperityCurve, approach_m: float, overlapping_pairs: int = 0
+) -> Contacts:
+    """Return the contacts of a curve whose rows are the caps in use."""
+    one_N = curve.asperity_loads_N(approach_m)
+    load_N = np.where(scene.caps.usable, 0.0, np.nan)
+    load_N[scene.use] = one_N
+    family = scene.caps.family[scene.use]
+    return contacts_of_rows(scene, curve, one_N, load_N, family, overlapping_pairs)
+
+
+def contacts_of_rows(
+    scene: Scene,
+    curve: AsperityCurve,
+    row_load_N: np.ndarray,
+    load_N: np.ndarray,
+    family: np.ndarray,
+    overlapping_pairs: int = 0,
+) -> Contacts:
+    """Return the contacts of a curve whose rows are equal spheres under `row_load_N` each."""
+    touching = row_load_N > 0.0
+    a_m = contact_radius_m(row_load_N, curve.radius_m, scene.E_star_Pa)
+    pressure_Pa = 1.5 * row_load_N[touching] / (np.pi * a_m[touching] ** 2)
+    return Contacts(
+        count=int(curve.count[touching].sum()),
+        load_N=load_N,
+        family=family,
+        area_m2=float((curve.count * np.pi * a_m**2).sum()),
+        max_pressure_Pa=float(pressure_Pa.max()),
+        overlapping_pairs=overlapping_pairs,
+    )

@@ -1,0 +1,1 @@
+"""The numerics below the contact models."""

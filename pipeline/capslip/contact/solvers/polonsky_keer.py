@@ -1,0 +1,375 @@
+"""A height map pressed against a rigid plane: pressures and gaps, with their certificate."""
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+
+from capslip.contact.solvers.closing import Closing, GivenApproach, GivenLoad
+from capslip.contact.solvers.elastic_face import ElasticFace, coarsened, elastic_face
+from capslip.contact.solvers.patches import patched
+from capslip.errors import ContactError, SettingsError
+
+__all__ = [
+    "Certificate",
+    "ElasticFace",
+    "Pressed",
+    "coarsened",
+    "elastic_face",
+    "press",
+    "punch_pressure_Pa_per_m",
+    "stiffness_of_regions_N_per_m",
+]
+
+_WORTH_PATCHES = 50_000  # points of a map from which a first solution is sought on patches
+_COARSE_TOLERANCE = 1e-3  # of the solutions that only start the next finer one
+_MAX_ITERATIONS = 300
+
+
+@dataclass(frozen=True)
+class Certificate:
+    """How well a solution fulfils the conditions of contact, from its pressures alone.
+
+    Lengths are relative to the approach, pressures to the mean pressure in the contact.
+    """
+
+    load_balance: float  # |sum of p dA - N| / N; zero for a given approach
+    least_gap: float  # over all points without pressure: below zero is penetration
+    least_pressure: float  # below zero is tension
+    complementarity: float  # sum of p |gap| / sum of p
+    iterations: int  # on the finest grid
+    moments: tuple[float, float] = (0.0, 0.0)  # left over in x and y, over load times side
+
+
+@dataclass(frozen=True, eq=False)
+class Pressed:
+    """A face under load, as `press` found it; arrays of shape (ny, nx)."""
+
+    load_N: float
+    approach_m: float
+    pressure_Pa: np.ndarray  # zero where there is no contact
+    gap_m: np.ndarray  # up to rounding and tolerance zero in contact; 0 at non-measured points
+    pixel_size_m: tuple[float, float]
+    certificate: Certificate
+    tilt_rad: tuple[float, float] = (0.0, 0.0)  # slopes in x and y that balance added to the map
+
+    @property
+    def resultant_m(self) -> tuple[float, float]:
+        """Where the resultant of the pressures acts, (x, y) in the map."""
+        dy_m, dx_m = self.pixel_size_m
+        ny, nx = self.pressure_Pa.shape
+        over_x, over_y = self.pressure_Pa.sum(axis=0), self.pressure_Pa.sum(axis=1)
+        x_m = float(over_x @ (np.arange(nx) + 0.5)) * dx_m / float(over_x.sum())
+        y_m = float(over_y @ (np.arange(ny) + 0.5)) * dy_m / float(over_y.sum())
+        return x_m, y_m
+
+    @property
+    def contact_area_m2(self) -> float:
+        """Area of the pixels in contact."""
+        dy_m, dx_m = self.pixel_size_m
+        return float(np.count_nonzero(self.pressure_Pa) * dy_m * dx_m)
+
+    @property
+    def max_pressure_Pa(self) -> float:
+        """Greatest pressure of any pixel."""
+        return float(self.pressure_Pa.max())
+
+    @cached_property
+    def region(self) -> np.ndarray:
+        """Number of the contact region of each pixel (8-connected), 0 without contact."""
+        from scipy.ndimage import label
+
+        return np.asarray(label(self.pressure_Pa > 0, structure=np.ones((3, 3)))[0])
+
+    @property
+    def region_loads_N(self) -> np.ndarray:
+        """Load of each contact region, shape (n,)."""
+        return self.sum_over_regions(self.pressure_Pa)
+
+    @cached_property
+    def region_pixels(self) -> np.ndarray:
+        """Pixels of each contact region, shape (n,)."""
+        return np.bincount(self.region.ravel())[1:]
+
+    @property
+    def pixels_across(self) -> float:
+        """Pixels across the median unit of load: the diameter of the circle of its region's area.
+
+        Half of the load rests on regions that are smaller than this.
+        """
+        order = np.argsort(self.region_pixels)
+        share = np.cumsum(self.region_loads_N[order])
+        middle = min(int(np.searchsorted(share, 0.5 * share[-1])), len(order) - 1)
+        return float(np.sqrt(4 / np.pi * self.region_pixels[order[middle]]))
+
+    def sum_over_regions(self, density: np.ndarray) -> np.ndarray:
+        """Integrate an array (ny, nx) over each contact region, shape (n,)."""
+        dy_m, dx_m = self.pixel_size_m
+        return np.bincount(self.region.ravel(), weights=density.ravel())[1:] * (dy_m * dx_m)
+
+
+@dataclass(frozen=True, eq=False)
+class State:
+    """Pressures, gaps and approach, and how far they are from contact."""
+
+    pressure_Pa: np.ndarray
+    gap_m: np.ndarray
+    approach_m: float  # from first touch under the tilt
+    tilt_rad: tuple[float, float]  # slopes in x and y added to the map
+    contact: np.ndarray  # flat indices of the pixels under pressure
+    least_gap: float
+    complementarity: float
+
+    def fulfils(self, tolerance: float) -> bool:
+        """Whether gaps under pressure and penetration are within the tolerance."""
+        return self.complementarity <= tolerance and self.least_gap >= -tolerance
+
+
+def press(
+    face: ElasticFace,
+    *,
+    load_N: float | None = None,
+    approach_m: float | None = None,
+    tolerance: float = 1e-7,
+    start_Pa: np.ndarray | None = None,
+) -> Pressed:
+    """Press a face against a rigid plane, to a given load or a given approach.
+
+    Conjugate gradients on the pixels in contact (Polonsky and Keer, Wear 231 (1999) 206), with the
+    inverse of the half-space's spectrum as the preconditioner and, without a start, solutions on
+    coarser grids first.
+
+    Parameters
+    ----------
+    face : ElasticFace
+        From `elastic_face`.
+    load_N, approach_m : float
+        One of the two. The approach counts from first touch, at the highest measured point.
+    tolerance : float
+        Largest complementarity and penetration, see `Certificate`.
+    start_Pa : ndarray, shape (ny, nx), optional
+        Pressures near the solution, as those at a neighbouring load.
+
+    Raises
+    ------
+    SettingsError
+        If not exactly one of load and approach is given, or a number is not positive and finite.
+    ContactError
+        If no solution is found that fulfils the conditions of contact.
+
+    Examples
+    --------
+    >>> from capslip.surface.heightmap import HeightMap
+    >>> y, x = np.mgrid[-32:32, -32:32] * 1e-4
+    >>> sphere = HeightMap(-(x**2 + y**2) / (2 * 20.0), (1e-4, 1e-4))
+    >>> pressed = press(elastic_face(sphere, 110e9), load_N=10.0)
+    >>> print(f"{pressed.approach_m:.2e} m, {pressed.certificate.least_pressure:g}")
+    6.15e-08 m, 0
+    """
+    if (load_N is None) == (approach_m is None):
+        raise SettingsError("press: expected either load_N or approach_m")
+    for name, value in (("load_N", load_N), ("approach_m", approach_m)):
+        if value is not None and not 0 < value < np.inf:
+            raise SettingsError(f"{name}: got {value:g}; expected a finite number > 0")
+    if not 1e-12 <= tolerance <= 0.1:
+        raise SettingsError(f"tolerance: got {tolerance:g}; expected 1e-12 to 0.1")
+    closing: Closing = GivenApproach(approach_m or 0.0)
+    if load_N is not None:
+        closing = GivenLoad(load_N / face.pixel_area_m2)
+    state, iterations = solve(face, closing, tolerance, start_Pa)
+    return certified(face, state, load_N, iterations)
+
+
+def stiffness_of_regions_N_per_m(face: ElasticFace, pressed: Pressed) -> np.ndarray:
+    """Return dN_i/dd of each contact region, shape (n,); their sum is the stiffness dN/dd."""
+    return pressed.sum_over_regions(punch_pressure_Pa_per_m(face, pressed))
+
+
+def punch_pressure_Pa_per_m(face: ElasticFace, pressed: Pressed) -> np.ndarray:
+    """Return dp/dd, shape (ny, nx).
+
+    As long as no pixel enters or leaves, more load is that of a flat punch on the same pixels.
+    """
+    contact = pressed.pressure_Pa > 0
+    punch = replace(face, depth_m=np.zeros(face.shape), measured=contact)
+    return press(punch, approach_m=1.0, start_Pa=pressed.pressure_Pa, tolerance=1e-6).pressure_Pa
+
+
+def solve(
+    face: ElasticFace, closing: Closing, tolerance: float, start_Pa: np.ndarray | None
+) -> tuple[State, int]:
+    """Return the state that fulfils the tolerance, and the number of steps on the finest grid.
+
+    Raises
+    ------
+    ContactError
+        If it is not found.
+    """
+    if start_Pa is not None:
+        start_Pa = np.where(face.measured, np.maximum(start_Pa, 0.0), 0.0)
+    if start_Pa is None or not start_Pa.any():
+        state, iterations = _nested(face, closing, tolerance)
+    else:
+        state, iterations = _iterate(face, start_Pa, closing, tolerance)
+    if not state.fulfils(tolerance):
+        raise ContactError(
+            f"{face.name}: boundary elements did not converge in {iterations} iterations: "
+            f"complementarity {state.complementarity:.2g}, least gap {state.least_gap:.2g} of the "
+            f"approach; expected {tolerance:g}; filter or coarsen the map, or allow more"
+        )
+    return state, iterations
+
+
+def _nested(face: ElasticFace, closing: Closing, tolerance: float) -> tuple[State, int]:
+    """Solve from the solution on the next coarser grid, or from something to begin with.
+
+    Between the two, on patches around what touches on the coarser grid: what they leave out, and
+    what is left of the kernel between them, is a step or two on the whole map.
+    """
+    coarser, iterations = face.coarser, 0
+    if coarser is None:
+        given = isinstance(closing, GivenApproach)
+        start_Pa = np.zeros(face.shape) if given else face.measured.astype(float)
+    else:
+        on_coarser = closing.on_grid(coarser.places_m, face.pixel_area_m2 / coarser.pixel_area_m2)
+        start_Pa = _finer(_nested(coarser, on_coarser, _COARSE_TOLERANCE)[0].pressure_Pa)
+        start_Pa = np.where(face.measured, start_Pa[: face.shape[0], : face.shape[1]], 0.0)
+    if face.depth_m.size >= _WORTH_PATCHES and start_Pa.any():
+        patches = patched(face, start_Pa > 0)
+        if patches is not None:
+            on_patches = closing.on_grid(patches.places_m, 1.0)
+            start = patches.gathered(start_Pa)
+            state, iterations = _iterate(patches, start, on_patches, tolerance / 2)
+            start_Pa = patches.spread(state.pressure_Pa)
+    state, more = _iterate(face, start_Pa, closing, tolerance)
+    return state, iterations + more
+
+
+def _iterate(
+    face: ElasticFace, start_Pa: np.ndarray, closing: Closing, tolerance: float
+) -> tuple[State, int]:
+    """Run the iteration; return its last state and the number of steps.
+
+    The pressures stay on the conditions of the closing, so residual and direction are projected on
+    them. A state that fulfils the tolerance is returned only with a sinking that was computed from
+    its pressures, not updated along the way.
+    """
+    half_space = face.half_space
+    p = start_Pa.copy()
+    restored = closing.restored(p.flat[np.flatnonzero(p)], np.flatnonzero(p))
+    if restored is None:  # the start lies to one side of the resultant
+        p = face.measured.astype(float)
+        restored = closing.restored(p.flat[np.flatnonzero(p)], np.flatnonzero(p))
+    p.flat[np.flatnonzero(p)] = restored
+    u, fresh = half_space.sinking_m(p), True
+    residual, direction = np.zeros(face.shape), np.zeros(face.shape)
+    slope = 0.0  # r z of the last step; zero begins anew
+    for iteration in range(_MAX_ITERATIONS):
+        state = _state(face, p, u, closing)
+        if state.fulfils(tolerance):
+            if fresh:
+                return state, iteration
+            u, fresh = half_space.sinking_m(p), True
+            continue
+        if state.contact.size == 0 and state.least_gap >= 0:
+            return state, iteration  # too coarse a grid, on which nothing touches
+        # Pixels that penetrate join those under pressure; the step itself gives them theirs.
+        c = np.flatnonzero(
+            (p > 0) | (face.measured & (state.gap_m < -tolerance * state.approach_m))
+        )
+        project = closing.projector(c)
+        old_r, old_t = residual.flat[c], direction.flat[c]
+        r = project(state.gap_m.flat[c])
+        residual.fill(0.0)
+        residual.flat[c] = r
+        z = project(half_space.pressure_Pa(residual).flat[c])
+        new_slope = float(r @ z)
+        t = z
+        if slope > 0:
+            t = project(z + max(0.0, (new_slope - float(old_r @ z)) / slope) * old_t)
+        direction.fill(0.0)
+        direction.flat[c] = t
+        slope = new_slope
+        du = half_space.sinking_m(direction)
+        work = float(t @ du.flat[c])
+        step = float(r @ t) / work if work > 0 else 0.0
+        p, fresh = _stepped(p, c, t, step, closing)
+        u = half_space.sinking_m(p) if fresh else u - step * du
+    return _state(face, p, half_space.sinking_m(p), closing), _MAX_ITERATIONS
+
+
+def _stepped(
+    p: np.ndarray, c: np.ndarray, t: np.ndarray, step: float, closing: Closing
+) -> tuple[np.ndarray, bool]:
+    """Return the pressures after a step, and whether some would have become tension.
+
+    These are cut off, which moves load and moments; a step after which the pressures left cannot
+    be brought back onto them is halved.
+    """
+    while True:
+        p_c = p.flat[c] - step * t
+        fresh = bool((p_c < 0).any())
+        if not fresh:
+            break
+        left = p_c > 0
+        restored = closing.restored(p_c[left], c[left]) if left.any() else p_c[left]
+        if restored is not None:
+            p_c = np.zeros(len(c))
+            p_c[left] = restored
+            break
+        step /= 2
+    p = p.copy()
+    p.flat[c] = p_c
+    return p, fresh
+
+
+def _state(face: ElasticFace, p: np.ndarray, u: np.ndarray, closing: Closing) -> State:
+    """Return gaps and certificate of pressures and their sinking."""
+    contact = np.flatnonzero(p)
+    p_c = p.flat[contact]
+    gap_m = u + face.depth_m
+    plane = closing.plane(p_c, gap_m.flat[contact], contact)
+    plane_m = closing.over(plane)
+    gap_m -= plane_m
+    d = float(plane[0])
+    if np.ndim(plane_m):
+        d = float(np.max(plane_m - face.depth_m, where=face.measured, initial=-np.inf))
+    least_gap = float(np.min(gap_m, where=face.measured & (p == 0), initial=np.inf)) / d
+    off = float(p_c @ np.abs(gap_m.flat[contact]) / p_c.sum()) / d if contact.size else np.inf
+    return State(p, gap_m, d, (float(plane[1]), float(plane[2])), contact, least_gap, off)
+
+
+def certified(
+    face: ElasticFace,
+    state: State,
+    load_N: float | None,
+    iterations: int,
+    moments: tuple[float, float] = (0.0, 0.0),
+) -> Pressed:
+    """Return the solution with its certificate, all of it computed from the pressures returned."""
+    p = state.pressure_Pa
+    N = float(p.sum()) * face.pixel_area_m2
+    certificate = Certificate(
+        load_balance=0.0 if load_N is None else abs(N / load_N - 1),
+        least_gap=state.least_gap,
+        least_pressure=float(p.min() / p.flat[state.contact].mean()),
+        complementarity=state.complementarity,
+        iterations=iterations,
+        moments=moments,
+    )
+    unbalanced = max(certificate.load_balance, *np.abs(moments)) > 1e-9
+    if unbalanced or certificate.least_pressure < 0:
+        raise ContactError(f"{face.name}: a solution does not balance its load: {certificate}")
+    gap_m = np.where(face.measured, state.gap_m, 0.0)
+    approach_m = state.approach_m
+    return Pressed(load_N or N, approach_m, p, gap_m, face.pixel_size_m, certificate)
+
+
+def _finer(values: np.ndarray) -> np.ndarray:
+    """Interpolate linearly to pixels half as large, shape (2 ny, 2 nx)."""
+    for _ in range(2):
+        edged = np.pad(values, ((1, 1), (0, 0)), mode="edge")
+        near = 0.75 * values
+        pairs = np.stack((near + 0.25 * edged[:-2], near + 0.25 * edged[2:]), axis=1)
+        values = pairs.reshape(-1, values.shape[1]).T
+    return values

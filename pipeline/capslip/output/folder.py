@@ -1,0 +1,177 @@
+"""The folder that an analysis leaves: numbers first, then what no number depends on."""
+
+import time
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import msgspec
+
+from capslip.errors import CapslipError, ContactError, SettingsError
+from capslip.output import figures as all_figures
+from capslip.output import mesh, report, scene, staging, tables
+from capslip.problems import Problem
+from capslip.structure.jenkins import jenkins, write_jenkins
+
+if TYPE_CHECKING:
+    from capslip.result import Analysis
+
+Missing = Callable[[str, Exception | None], None]
+EXPORTS = ("jenkins",)
+
+
+def write(
+    analysis: "Analysis",
+    folder: str | Path,
+    *,
+    command: str | None = None,
+    timings_s: dict[str, float] | None = None,
+    figures: bool | None = None,
+    render: bool | None = None,
+    export: str | None = None,
+    progress: Callable[[str], None] = lambda _: None,
+    missing: Missing = lambda _, __: None,
+) -> dict[str, Any]:
+    """Write the folder of a result, as the command line does.
+
+    Everything is written into a temporary folder beside it, `summary.json` last, which then takes
+    the folder's place. A figure, picture, mesh, report or export that fails takes no number along:
+    it becomes a problem `output_missing`, in the summary that is returned, too.
+
+    Parameters
+    ----------
+    analysis : Analysis
+        Any analysis, a failed one as well.
+    folder : path
+        New, empty, or an earlier result, which is replaced.
+    command : str, optional
+        What was called, for the record.
+    timings_s : dict, optional
+        Seconds of what was done before, such as reading.
+    figures, render : bool, optional
+        Whether to draw the figures and the three-dimensional picture; by default `settings.run`.
+    export : {"jenkins"}, optional
+        Write the slip curve for another solver, too: `jenkins.csv`, parallel Jenkins elements.
+    progress : callable, optional
+        Told what is done next, one line at a time.
+    missing : callable, optional
+        Told, in one line, what could not be made, and the exception if there was one. A machine
+        without display or OpenGL has no three-dimensional picture; that alone is no problem.
+
+    Returns
+    -------
+    dict
+        The content of `summary.json`.
+
+    Raises
+    ------
+    OutputError
+        If the folder is a file, cannot be written, holds files that no analysis wrote, or holds
+        the scan itself.
+    SettingsError
+        If the export is none of those known.
+    """
+    if export is not None and export not in EXPORTS:
+        raise SettingsError(f"export: got {export}; expected one of {', '.join(EXPORTS)}")
+    folder, scan = Path(folder), analysis.surface.origin.path
+    staging.check_folder(folder, keep=(scan,))
+    wanted = {"figures": figures, "render": render}
+    given = {name: wish for name, wish in wanted.items() if wish is not None}
+    run = msgspec.structs.replace(analysis.settings.run, **given)
+    analysis = replace(analysis, settings=msgspec.structs.replace(analysis.settings, run=run))
+    with staging.new_folder(folder) as work:
+        parts = _Parts(analysis, work, timings_s or {}, progress, missing)
+        parts.write_numbers(export)
+        no_scene = parts.draw()
+        progress("writing the report")
+        summary = parts.analysis.summary(command, parts.timings_s)
+        parts.make(("report.html",), report.write_report, parts.analysis, summary, work, no_scene)
+        parts.lap("report")
+        total_s = sum((analysis.timings_s | parts.timings_s).values())
+        summary = parts.analysis.summary(command, {**parts.timings_s, "total": total_s})
+        tables.write_summary(summary, work)
+    return summary
+
+
+class _Parts:
+    """The parts of one result; one that fails becomes a problem of the analysis."""
+
+    def __init__(
+        self,
+        analysis: "Analysis",
+        work: Path,
+        timings_s: dict[str, float],
+        progress: Callable[[str], None],
+        missing: Missing,
+    ) -> None:
+        self.analysis, self.work = analysis, work
+        self.progress, self.missing = progress, missing
+        self.timings_s = dict(timings_s)
+        self.clock_s = time.perf_counter()
+
+    def lap(self, stage: str) -> None:
+        """Note the seconds since the last stage ended."""
+        before_s, self.clock_s = self.clock_s, time.perf_counter()
+        self.timings_s[stage] = self.clock_s - before_s
+
+    def make(self, names: tuple[str, ...], function: Callable[..., Any], *arguments: Any) -> Any:
+        """Call what makes some files; where it fails, leave none of them and return None."""
+        try:
+            return function(*arguments)
+        except Exception as error:
+            for name in names:
+                (self.work / name).unlink(missing_ok=True)
+            reason = str(error)
+            if not isinstance(error, CapslipError):
+                reason = f"{type(error).__name__}: {error}"
+            files = " and ".join(Path(name).name for name in names)
+            text = " ".join(f"{files} could not be made: {reason}".split())
+            self.missing(text, error)
+            problem = Problem("output_missing", "warning", text)
+            self.analysis = replace(self.analysis, problems=(*self.analysis.problems, problem))
+            return None
+
+    def write_numbers(self, export: str | None) -> None:
+        """Write tables and settings, and from them the export and the meshes."""
+        tables.write_result(self.analysis, self.work)
+        if export is not None:
+            self.make((f"{export}.csv",), _export_jenkins, self.analysis, self.work)
+        self.make(("surface.vtu", "caps.vtu"), mesh.write_meshes, self.analysis, self.work)
+        self.lap("tables")
+
+    def draw(self) -> str | None:
+        """Draw the figures while the picture is rendered; return why there is no picture."""
+        run, rendering = self.analysis.settings.run, None
+        pictures = self.work / "figures"
+        pictures.mkdir()
+        if run.render:
+            self.progress("rendering")
+            name, png = "figures/scene.png", pictures / "scene.png"
+            rendering = self.make((name,), scene.start_render, self.work / "result.h5", png)
+        try:
+            if run.figures:
+                self.progress("drawing")
+                for name in all_figures.FIGURES:
+                    file = (f"figures/{name}.png",)
+                    self.make(file, all_figures.write_figure, name, self.analysis, pictures)
+                self.lap("figures")
+            if not run.render:
+                return "switched off (--no-render)"
+            reason: str | None = "the renderer did not start"
+            if rendering is not None:
+                reason = rendering.wait()
+        except BaseException:
+            if rendering is not None:
+                rendering.stop()
+            raise
+        if reason is not None:
+            self.missing(f"no render: {reason}", None)
+        self.lap("render")
+        return reason
+
+
+def _export_jenkins(analysis: "Analysis", work: Path) -> None:
+    if analysis.slip is None:
+        raise ContactError("it needs a slip curve, which this analysis does not have")
+    write_jenkins(jenkins(analysis.slip), work / "jenkins.csv")

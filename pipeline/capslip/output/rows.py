@@ -1,0 +1,160 @@
+"""The one table of what is reported: each quantity with its label, unit and place in the summary.
+
+Report, terminal and batch take their numbers from here. A text names a quantity in braces, and
+after a colon how it is written: `"cut {cut_height_m:um}"`.
+"""
+
+from dataclasses import dataclass
+from typing import Any
+
+from capslip.output.quantity import engineering
+
+DASH = "–"
+SCALES = {"um": 1e-6, "µm": 1e-6, "nm": 1e-9, "mm": 1e-3, "mm²": 1e-6, "MN/m": 1e6, "%": 1e-2}
+
+
+@dataclass(frozen=True)
+class Quantity:
+    """One quantity of a result.
+
+    Attributes
+    ----------
+    label : str
+        Its name in a table.
+    unit : str
+        SI unit of its value; "%" for a share that is written in percent, "" for counts and words.
+    path : str
+        Its place in the summary.
+    """
+
+    label: str
+    unit: str
+    path: str
+
+
+def _of_family(name: str) -> dict[str, Quantity]:
+    place = f"families.{name}"
+    return {
+        f"count_{name}": Quantity(f"{name}-caps", "", f"{place}.count"),
+        f"radius_{name}_m": Quantity("mean R", "m", f"{place}.radius_m"),
+        f"diameter_{name}_m": Quantity("D", "m", f"{place}.diameter_m"),
+        f"height_{name}_m": Quantity("df", "m", f"{place}.height_m"),
+        f"peak_height_{name}_m": Quantity("peak height", "m", f"{place}.peak_height_m"),
+    }
+
+
+QUANTITIES = {
+    "path": Quantity("file", "", "surface.path"),
+    "sha256": Quantity("SHA-256", "", "surface.sha256"),
+    "non_measured": Quantity("non-measured", "%", "surface.non_measured_fraction"),
+    "form": Quantity("form removed", "", "surface.form"),
+    "sq_m": Quantity("Sq", "m", "surface.sq_m"),
+    "sz_m": Quantity("Sz", "m", "surface.sz_m"),
+    "material_ratio": Quantity("material ratio of the cut", "%", "hills.material_ratio"),
+    "cut_height_m": Quantity("cut height", "m", "hills.cut_height_m"),
+    "kept_fraction": Quantity("points kept", "%", "hills.kept_fraction"),
+    "regions": Quantity("regions above the cut", "", "hills.regions"),
+    "largest_region_share": Quantity(
+        "share of the largest region", "%", "hills.largest_region_share"
+    ),
+    "hills": Quantity("hills", "", "hills.hills"),
+    "caps": Quantity("caps", "", "hills.caps"),
+    "m": Quantity("m", "", "families.m"),
+    "n": Quantity("n", "", "families.n"),
+    "h_m": Quantity("height difference h", "m", "families.h_m"),
+    **_of_family("G"),
+    **_of_family("P"),
+    "model": Quantity("contact model", "", "contact.model"),
+    "preload_N": Quantity("preload", "N", "contact.preload_N"),
+    "approach_m": Quantity("normal approach with bulk", "m", "contact.approach_m"),
+    "approach_without_bulk_m": Quantity("normal approach", "m", "contact.approach_without_bulk_m"),
+    "contacts": Quantity("contacts", "", "contact.contacts"),
+    "stiffness_N_per_m": Quantity("normal stiffness", "N/m", "contact.stiffness_N_per_m"),
+    "contact_area_m2": Quantity("contact area", "m^2", "contact.contact_area_m2"),
+    "max_pressure_Pa": Quantity("greatest pressure", "Pa", "contact.max_pressure_Pa"),
+    "model_reason": Quantity("reason for the model", "", "accuracy.model_reason"),
+    "friction_coefficient": Quantity("friction coefficient", "", "slip.friction_coefficient"),
+    "total_slip_force_N": Quantity("force at total slip", "N", "slip.total_slip_force_N"),
+    "total_slip_displacement_m": Quantity(
+        "displacement at total slip", "m", "slip.total_slip_displacement_m"
+    ),
+    "limit_G_m": Quantity("limit of the G-caps", "m", "slip.limit_G_m"),
+    "limit_P_m": Quantity("limit of the P-caps", "m", "slip.limit_P_m"),
+    "tangential_stiffness_N_per_m": Quantity(
+        "tangential stiffness", "N/m", "slip.tangential_stiffness_N_per_m"
+    ),
+    "peak_loss_factor": Quantity("greatest loss factor", "", "damping.peak_loss_factor"),
+    "amplitude_at_peak_m": Quantity("amplitude there", "m", "damping.amplitude_at_peak_m"),
+    "gross_slip_amplitude_m": Quantity("gross slip", "m", "damping.gross_slip_amplitude_m"),
+    "modal_stiffness_N_per_m": Quantity(
+        "modal stiffness", "N/m", "damping.modal_stiffness_N_per_m"
+    ),
+    "joint_stiffness_N_per_m": Quantity(
+        "joint stiffness", "N/m", "damping.joint_stiffness_N_per_m"
+    ),
+    "joints": Quantity("joints", "", "damping.joints"),
+}
+
+
+@dataclass(frozen=True)
+class Value:
+    """A value that writes itself: `{:}`, `{:4}` (digits), `{:um}`, `{:.3g %}` (in that unit)."""
+
+    value: Any
+    unit: str = ""
+    absent: str = DASH
+
+    def __format__(self, spec: str) -> str:
+        """Write the value; an absent one is `absent`, whatever the specification."""
+        if self.value is None:
+            return self.absent
+        shape, _, unit = spec.rpartition(" ")
+        if unit in SCALES or shape:
+            return f"{self.value / SCALES.get(unit, 1.0):{shape or '.4g'}} {unit}"
+        if spec and not spec.isdigit():
+            return format(self.value, spec)
+        if self.unit == "m^2":  # prefixes of a square mislead
+            return f"{self:.3g mm²}"
+        if self.unit == "%":
+            return f"{self:.3g %}"
+        if self.unit:
+            return engineering(self.value, self.unit, int(spec or 3))
+        return f"{self.value:.3g}" if isinstance(self.value, float) else str(self.value)
+
+
+def value(summary: dict[str, Any], name: str) -> Any:
+    """Return a quantity of a summary in SI; None where the analysis did not come so far.
+
+    Examples
+    --------
+    >>> value({"families": {"h_m": 3e-7, "G": None}}, "h_m")
+    3e-07
+    >>> value({"families": {"h_m": 3e-7, "G": None}}, "radius_G_m") is None
+    True
+    """
+    found: Any = summary
+    for key in QUANTITIES[name].path.split("."):
+        found = None if found is None else found[key]
+    return found
+
+
+def write_text(template: str, summary: dict[str, Any], absent: str = DASH) -> str:
+    """Fill a text that names quantities in braces with the values of a summary.
+
+    Examples
+    --------
+    >>> summary = {"families": {"m": 2, "h_m": 2.4e-7}, "hills": {"kept_fraction": 0.1}}
+    >>> write_text("{m} caps, {h_m} = {h_m:.2f um}, {kept_fraction} kept", summary)
+    '2 caps, 240 nm = 0.24 um, 10 % kept'
+    """
+    return template.format_map(_Values(summary, absent))
+
+
+class _Values(dict[str, Value]):
+    """Looks a quantity up when a text names it."""
+
+    def __init__(self, summary: dict[str, Any], absent: str) -> None:
+        self.summary, self.absent = summary, absent
+
+    def __missing__(self, name: str) -> Value:
+        return Value(value(self.summary, name), QUANTITIES[name].unit, self.absent)

@@ -1,0 +1,286 @@
+"""The result of one analysis, and the dictionary of `summary.json` that is made of it.
+
+In the dictionary every key is present, absent values are null, and units are in the names.
+"""
+
+import math
+import platform
+from dataclasses import dataclass
+from html import escape
+from typing import Any
+
+import numpy as np
+
+import capslip
+from capslip.caps.families import Families, Family
+from capslip.caps.hills import Hills
+from capslip.caps.table import CapTable
+from capslip.contact.press import ContactState
+from capslip.contact.slip import SlipCurve
+from capslip.problems import Problem
+from capslip.sensitivity import Sensitivity
+from capslip.settings import Settings
+from capslip.structure.beam import BeamMode
+from capslip.structure.response import Damping
+from capslip.surface.conditioning import Conditioned
+from capslip.surface.heightmap import HeightMap
+
+SCHEMA = "capslip/summary/1"
+
+
+@dataclass(frozen=True, eq=False)
+class Analysis:
+    """All that one analysis found; the stages that could not run are None."""
+
+    surface: HeightMap
+    settings: Settings
+    conditioned: Conditioned
+    hills: Hills
+    caps: CapTable
+    families: Families
+    contact: ContactState | None
+    slip: SlipCurve | None
+    beam: BeamMode | None  # None where the settings give the two stiffnesses
+    damping: Damping | None
+    sensitivity: Sensitivity | None  # None without a usable cap
+    problems: tuple[Problem, ...]
+    timings_s: dict[str, float]
+    started: str
+
+    @property
+    def status(self) -> str:
+        """Return "failed" with an error among the problems, "check" with a warning, or "ok"."""
+        severities = {p.severity for p in self.problems}
+        if "error" in severities:
+            return "failed"
+        return "check" if "warning" in severities else "ok"
+
+    def __repr__(self) -> str:
+        table = self.summary()
+        contact, peak = table["contact"], table["damping"]["peak_loss_factor"]
+        loss = "no loss factor" if peak is None else f"loss factor {peak:.3g}"
+        return (
+            f"<Analysis of {table['name']}: {table['status']}, {table['hills']['caps']} caps, "
+            f"{contact['model'] or 'no contact'} at {contact['preload_N']:g} N, {loss}, "
+            f"{len(table['problems'])} problems>"
+        )
+
+    def _repr_html_(self) -> str:
+        """Return a small table, for notebooks."""
+        table = self.summary()
+        rows = {
+            "caps": table["hills"]["caps"],
+            "G-caps, P-caps": f"{table['families']['m']}, {table['families']['n']}",
+            "contact model": table["contact"]["model"],
+            "preload [N]": table["contact"]["preload_N"],
+            "tangential stiffness [N/m]": table["slip"]["tangential_stiffness_N_per_m"],
+            "greatest loss factor": table["damping"]["peak_loss_factor"],
+            "gross slip amplitude [m]": table["damping"]["gross_slip_amplitude_m"],
+            **{problem["code"]: problem["message"] for problem in table["problems"]},
+        }
+        body = "".join(
+            f"<tr><th>{escape(name)}</th><td>{_cell(value)}</td></tr>"
+            for name, value in rows.items()
+        )
+        caption = f"{escape(table['name'])}: {table['status']}"
+        return f"<table><caption>{caption}</caption>{body}</table>"
+
+    def summary(
+        self, command: str | None = None, timings_s: dict[str, float] | None = None
+    ) -> dict[str, Any]:
+        """Return the dictionary of `summary.json`: plain numbers, strings, lists, dictionaries.
+
+        Parameters
+        ----------
+        command : str, optional
+            The command line, for the record.
+        timings_s : dict, optional
+            Seconds of what was done outside the analysis (reading, drawing, ...).
+        """
+        tables = {
+            "schema": SCHEMA,
+            "name": self.surface.origin.name,
+            "status": self.status,
+            "surface": _surface(self),
+            "hills": _hills(self),
+            "families": _families(self.families),
+            "contact": _contact(self),
+            "slip": _slip(self),
+            "damping": _damping(self),
+            "accuracy": {
+                "requested": self.settings.contact.tolerance,
+                "estimated": self.contact.estimated_error if self.contact else None,
+                "model_reason": self.contact.model_reason if self.contact else None,
+            },
+            "sensitivity": self.sensitivity.to_dict() if self.sensitivity else None,
+            "problems": [_problem(problem) for problem in self.problems],
+            "timings_s": {**self.timings_s, **(timings_s or {})},
+            "provenance": {
+                "version": capslip.__version__,
+                "python": platform.python_version(),
+                "platform": platform.platform(),
+                "command": command,
+                "settings_sha256": self.settings.sha256(),
+                "started": self.started,
+            },
+        }
+        plain: dict[str, Any] = _plain(tables)
+        return plain
+
+
+def _cell(value: object) -> str:
+    if value is None:
+        return "–"
+    return f"{value:.4g}" if isinstance(value, float) else escape(str(value))
+
+
+def _surface(analysis: Analysis) -> dict[str, Any]:
+    surface, conditioned = analysis.surface, analysis.conditioned
+    return {
+        "path": surface.origin.path,
+        "sha256": surface.origin.sha256,
+        "shape": list(surface.shape),
+        "pixel_size_m": list(surface.pixel_size_m),
+        "non_measured_fraction": 1.0 - surface.measured.mean(),
+        "sq_m": conditioned.sq_m,
+        "sz_m": conditioned.sz_m,
+        "form": analysis.settings.conditioning.form,
+        "steps": list(conditioned.steps),
+        "format": surface.origin.file_format,
+        "height_unit": surface.origin.height_unit,
+        "lateral_unit": surface.origin.lateral_unit,
+    }
+
+
+def _hills(analysis: Analysis) -> dict[str, Any]:
+    hills, caps = analysis.hills, analysis.caps
+    usable = int(caps.usable.sum())
+    rejected = dict(hills.rejected)
+    if usable < len(caps):
+        rejected["no_sphere"] = len(caps) - usable
+    return {
+        "material_ratio": analysis.settings.hills.material_ratio,
+        "cut_height_m": hills.cut_height_m,
+        "kept_fraction": hills.kept_fraction,
+        "regions": hills.n_regions,
+        "largest_region_share": hills.largest_region_share,
+        "hills": hills.n_hills,
+        "caps": usable,
+        "rejected": rejected,
+        "noise_m": hills.noise_m,
+        "pruning_height_m": hills.pruning_height_m,
+        "hills_half_pruning": hills.n_hills_half_pruning,
+        "hills_double_pruning": hills.n_hills_double_pruning,
+        "largest_hill_share": hills.largest_hill_share,
+    }
+
+
+def _families(families: Families) -> dict[str, Any]:
+    return {
+        "count": families.count,
+        "m": families.m,
+        "n": families.n,
+        "h_m": families.h_m,
+        "h_se_m": families.h_se_m,
+        "count_se": families.count_se,
+        "separation": families.separation,
+        "log_odds": families.log_odds,
+        "clear": families.clear,
+        "levels": [_family(family) for family in families.levels],
+        "G": _family(families.G),
+        "P": _family(families.P),
+    }
+
+
+def _contact(analysis: Analysis) -> dict[str, Any]:
+    contact = analysis.contact
+    return {
+        "model": contact.model if contact else None,
+        "preload_N": analysis.settings.contact.preload_N,
+        "approach_m": contact.approach_m if contact else None,
+        "approach_without_bulk_m": contact.approach_without_bulk_m if contact else None,
+        "contacts": contact.contacts if contact else None,
+        "stiffness_N_per_m": contact.stiffness_N_per_m if contact else None,
+        "contact_area_m2": contact.contact_area_m2 if contact else None,
+        "max_pressure_Pa": contact.max_pressure_Pa if contact else None,
+        "bulk": contact.bulk if contact else None,
+    }
+
+
+def _slip(analysis: Analysis) -> dict[str, Any]:
+    slip = analysis.slip
+    return {
+        "friction_coefficient": analysis.settings.material.friction_coefficient,
+        "total_slip_force_N": slip.total_slip_force_N if slip else None,
+        "total_slip_displacement_m": slip.total_slip_displacement_m if slip else None,
+        "limit_G_m": _limit(analysis, "G"),
+        "limit_P_m": _limit(analysis, "P"),
+        "tangential_stiffness_N_per_m": slip.tangential_stiffness_N_per_m if slip else None,
+    }
+
+
+def _damping(analysis: Analysis) -> dict[str, Any]:
+    damping = analysis.damping
+    return {
+        "amplitude_m": damping.amplitude_m if damping else [],
+        "loss_factor": damping.loss_factor if damping else [],
+        "damping_ratio": damping.damping_ratio if damping else [],
+        "frequency_ratio": damping.frequency_ratio if damping else [],
+        "peak_loss_factor": damping.peak_loss_factor if damping else None,
+        "amplitude_at_peak_m": damping.amplitude_at_peak_m if damping else None,
+        "gross_slip_amplitude_m": damping.gross_slip_amplitude_m if damping else None,
+        "modal_stiffness_N_per_m": damping.modal_stiffness_N_per_m if damping else None,
+        "joint_stiffness_N_per_m": damping.joint_stiffness_N_per_m if damping else None,
+        "joints": analysis.settings.structure.joints,
+    }
+
+
+def _problem(problem: Problem) -> dict[str, Any]:
+    return {
+        "code": problem.code,
+        "severity": problem.severity,
+        "message": problem.message,
+        "remedy": problem.kind.remedy,
+    }
+
+
+def _limit(analysis: Analysis, family: str) -> float | None:
+    """Return the displacement at which the last cap of a family slips as a whole."""
+    contact, slip = analysis.contact, analysis.slip
+    if contact is None or slip is None:
+        return None
+    at = contact.row_family == family
+    if not at.any():
+        return None
+    limits_m = slip.limits_m[at & np.isfinite(slip.limits_m)]
+    return float(limits_m.max()) if limits_m.size else None
+
+
+def _family(family: Family | None) -> dict[str, Any] | None:
+    if family is None:
+        return None
+    return {
+        "count": family.count,
+        "radius_m": family.radius_m,
+        "radius_se_m": family.radius_se_m,
+        "mean_radius_m": family.mean_radius_m,
+        "diameter_m": family.diameter_m,
+        "height_m": family.height_m,
+        "peak_height_m": family.peak_height_m,
+        "peak_height_se_m": family.peak_height_se_m,
+    }
+
+
+def _plain(value: Any) -> Any:
+    """Make numpy values plain, and what is not a finite number null."""
+    if isinstance(value, dict):
+        return {key: _plain(inner) for key, inner in value.items()}
+    if isinstance(value, np.ndarray):
+        return _plain(value.tolist())
+    if isinstance(value, list | tuple):
+        return [_plain(inner) for inner in value]
+    if isinstance(value, np.generic):
+        value = value.item()
+    if isinstance(value, float) and not math.isfinite(value):
+        return None
+    return value

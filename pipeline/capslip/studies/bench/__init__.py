@@ -1,0 +1,1 @@
+"""Timings of commands, stages and solvers beside their peers."""

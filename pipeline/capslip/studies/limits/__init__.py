@@ -1,0 +1,1 @@
+"""Where the method breaks, and what the program says there."""

@@ -1,0 +1,118 @@
+"""The true answers of a case: those of its true caps, or of boundary elements on the face."""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from capslip.contact.bulk import bulk_compliance_m_per_N, without_bulk
+from capslip.contact.material import composite
+from capslip.contact.models.interacting import interacting
+from capslip.contact.slip import slip_curve
+from capslip.contact.solvers.hertz import contact_radius_m
+from capslip.settings import Settings
+from capslip.studies.chart.reference import Reference, reference
+from capslip.studies.faces.synthetic import Truth, synthetic_surface
+from capslip.studies.limits.case import Case, clean
+from capslip.surface.form import remove_form
+from capslip.surface.heightmap import HeightMap
+
+CUBIC_BELOW = 1e-3  # share of total slip below which the energy follows the cube of the force
+
+
+@dataclass(frozen=True)
+class Known:
+    """The true answers of a case; NaN where there is none."""
+
+    values: dict[str, float]
+    uncertainty: dict[str, float]  # relative, of each
+    counts: tuple[int, int] | None  # m and n, None where the face has no families
+    pressure_Pa: float | None = None  # greatest true pressure, where the truth is caps
+
+
+def known_answers(case: Case, settings: Settings, solved: dict[Any, Reference]) -> Known:
+    """Return the truth: that of the true caps where the face has nothing else, or of the face.
+
+    Parameters
+    ----------
+    case, settings : Case, Settings
+        The face, its load and its material.
+    solved : dict
+        What boundary elements found on faces that several cases share; new ones are added.
+
+    Raises
+    ------
+    ContactError
+        If boundary elements find no answer.
+    """
+    scene = clean(case.scene)
+    caps_alone = case.face_change is None and not scene.caps and not scene.waviness_rms_m
+    face, truth = synthetic_surface(scene, case.name)
+    counts = None
+    if truth.family.size and (truth.family != "").all():
+        counts = (int((truth.family == "G").sum()), int((truth.family == "P").sum()))
+    if caps_alone and not scene.roughness_rms_m:
+        known = _known_of_caps(case, truth, face, settings, counts)
+        if known is not None:
+            return known
+    key = (scene, case.face_change, case.preload_N)
+    if key not in solved:
+        if case.face_change is not None:
+            face = case.face_change(face, truth)
+        level, _ = remove_form(face, "plane")
+        solved[key] = reference(level, settings, with_peak=False)
+    found = solved[key]
+    names = {"approach": "approach_without_bulk", "stiffness": "stiffness_without_bulk"}
+    if found.numbers["stiffness_without_bulk"] is None:
+        names = {"approach": "approach_without_bulk", "stiffness": "stiffness"}
+    names |= {
+        ours: f"energy_{share:g}"
+        for ours, share in zip(energy_names(case.shares), case.shares, strict=True)
+    }
+    return Known(
+        values={ours: found.numbers[theirs] or 0.0 for ours, theirs in names.items()},
+        uncertainty={ours: found.uncertainty.get(theirs, 0.0) for ours, theirs in names.items()},
+        counts=counts,
+    )
+
+
+def energy_names(shares: tuple[float, ...]) -> tuple[str, ...]:
+    """Return the names of the energies at these shares of mu N."""
+    return tuple(f"energy at {share:g} mu N" for share in shares)
+
+
+def _known_of_caps(
+    case: Case,
+    truth: Truth,
+    face: HeightMap,
+    settings: Settings,
+    counts: tuple[int, int] | None,
+) -> Known | None:
+    """Return the answers of the true caps; None where their contacts merge."""
+    material, preload_N = settings.material, case.preload_N
+    joint = composite(material.youngs_modulus_Pa, material.poisson_ratio)
+    depth_m = truth.peak_height_m.max() - truth.peak_height_m
+    curve = interacting(truth.radius_m, depth_m, truth.x_m, truth.y_m, joint.E_star_Pa)
+    approach_m = float(curve.approach_m(preload_N))
+    if curve.overlapping_pairs(approach_m):
+        return None
+    load_N = curve.asperity_loads_N(approach_m)
+    a_m = contact_radius_m(load_N, curve.radius_m, joint.E_star_Pa)
+    touching = load_N > 0.0
+    bulk_m_per_N = bulk_compliance_m_per_N(face.side_m, joint.E_star_Pa)
+    rest, _ = without_bulk(curve, bulk_m_per_N, preload_N)
+    slip = slip_curve(rest, preload_N, material.friction_coefficient, joint.kappa)
+    # Far below total slip the cube law holds: an answer that does not hang on small differences.
+    shares = np.array(case.shares)
+    solved = np.maximum(shares, CUBIC_BELOW)
+    energies_J = slip.energy_at_force_J(solved * slip.total_slip_force_N) * (shares / solved) ** 3
+    return Known(
+        values={
+            "approach": approach_m - bulk_m_per_N * preload_N,
+            "stiffness": float(slip.tangential_stiffness_N_per_m),
+            **dict(zip(energy_names(case.shares), energies_J.tolist(), strict=True)),
+        },
+        uncertainty={},
+        counts=counts,
+        pressure_Pa=float((1.5 * load_N[touching] / (np.pi * a_m[touching] ** 2)).max()),
+    )

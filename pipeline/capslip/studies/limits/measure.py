@@ -1,0 +1,248 @@
+"""Run the methods on the cases, and see whether they are wrong and what is said then."""
+
+import math
+from collections import Counter
+from collections.abc import Callable, Iterable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from capslip.analysis import analyze
+from capslip.errors import CapslipError, ContactError
+from capslip.result import Analysis
+from capslip.settings import Settings, load_settings
+from capslip.studies.chart.reference import Reference
+from capslip.studies.clock import clocks
+from capslip.studies.faces.synthetic import synthetic_surface
+from capslip.studies.limits.case import Axis, Case
+from capslip.studies.limits.known import Known, energy_names, known_answers
+from capslip.studies.page import Row
+from capslip.surface.heightmap import HeightMap
+
+SCHEMA = "capslip/limits/1"
+BREAKDOWN = 0.10  # relative error at which a method counts as broken
+PAPER_CONFIG = Path(__file__).parents[4] / "configs" / "peyret2016.toml"
+METHODS: dict[str, Path | None] = {"default": None, "the paper's way": PAPER_CONFIG}
+SILENT_KEYS = ("method", "axis", "name", "error", "worst", "m", "n", "true_m", "true_n")
+
+
+def run_face(scan: HeightMap, settings: Settings) -> Analysis:
+    """Analyse one face with all that the program does."""
+    return analyze(scan, settings)
+
+
+def measure(
+    what: Iterable[Axis],
+    methods: Iterable[str] = tuple(METHODS),
+    progress: Callable[[str], None] = lambda message: None,
+) -> dict[str, Any]:
+    """Run the methods on the cases of some axes.
+
+    An answer is wrong where its greatest relative error exceeds 10 % (approach, stiffness, energies
+    at the forces of the case), or where m or n is not that of the face. The outcome of a case is
+
+    right
+        and nothing of at least a warning was said,
+    warned
+        right, but a warning was given,
+    told
+        wrong, and a warning names the cause,
+    doubted
+        wrong, and there is a warning, but none that names the cause,
+    refused
+        no number was given, but a reason,
+    silent
+        wrong, and nothing was said.
+
+    Returns
+    -------
+    dict
+        `runs`, one for each case and method; `axes` with the breakdown point of each method;
+        `totals`; and the names of the `silent` ones.
+    """
+    begin = clocks()
+    methods = tuple(methods)
+    solved: dict[Any, Reference] = {}
+    runs: list[Row] = []
+    found_axes: list[Row] = []
+    for axis in what:
+        started = clocks()
+        rows = [row for case in axis.cases for row in _run_case(axis, case, methods, solved)]
+        runs += rows
+        found_axes.append(_about(axis, rows, methods))
+        silent = [row["method"] for row in rows if row["outcome"] == "silent"]
+        said = ", ".join(f"{silent.count(method)} silent ({method})" for method in methods)
+        took_s = (clocks() - started)[0]
+        progress(f"{axis.name}: {len(axis.cases)} cases, {said}, {took_s:.0f} s")
+    return {
+        "schema": SCHEMA,
+        "breakdown_error": BREAKDOWN,
+        "seconds": float((clocks() - begin)[0]),
+        "totals": {method: _totals(runs, method) for method in methods},
+        "axes": found_axes,
+        "silent": [
+            {key: row[key] for key in SILENT_KEYS} for row in runs if row["outcome"] == "silent"
+        ],
+        "runs": runs,
+    }
+
+
+def _run_case(
+    axis: Axis, case: Case, methods: tuple[str, ...], solved: dict[Any, Reference]
+) -> list[Row]:
+    settings = load_settings(overrides=_overrides(case))
+    try:
+        known = known_answers(case, settings, solved)
+    except ContactError as error:
+        return [
+            _row(axis, case, method, outcome="no truth", reason=str(error)) for method in methods
+        ]
+    scan, truth = synthetic_surface(case.scene, case.name)
+    if case.face_change is not None:
+        scan = case.face_change(scan, truth)
+    if case.scan_change is not None:
+        scan = case.scan_change(scan, truth)
+    overrides = _overrides(case)
+    if case.yield_share is not None and known.pressure_Pa is not None:
+        yield_Pa = known.pressure_Pa / (1.6 * case.yield_share)
+        overrides = (*overrides, f"material.yield_stress_Pa={yield_Pa!r}")
+    return [_run(axis, case, method, scan, known, overrides) for method in methods]
+
+
+def _overrides(case: Case) -> tuple[str, ...]:
+    return (f"contact.preload_N={case.preload_N!r}", *case.overrides)
+
+
+def _run(
+    axis: Axis,
+    case: Case,
+    method: str,
+    scan: HeightMap,
+    known: Known,
+    overrides: tuple[str, ...],
+) -> Row:
+    begin = clocks()
+    try:
+        analysis = run_face(scan, load_settings(METHODS[method], overrides))
+    except CapslipError as error:
+        return _row(axis, case, method, outcome="refused", reason=str(error))
+    seconds = float((clocks() - begin)[0])
+    problems = {p.code: p.severity for p in analysis.problems}
+    m, n = analysis.families.m, analysis.families.n
+    row = _row(axis, case, method, seconds=seconds, problems=problems, m=m, n=n)
+    if known.counts is not None:
+        row["true_m"], row["true_n"] = known.counts
+    given = _numbers(analysis, case.shares)
+    if given is None or not all(math.isfinite(given[name]) for name in energy_names(case.shares)):
+        row["outcome"] = "refused"
+        said = "; ".join(p.message for p in analysis.problems if p.severity != "info")
+        row["reason"] = said or "the joint slides as a whole: the energy of a cycle has no bound"
+        return row
+    errors = _errors(given, known)
+    if case.yield_share is not None:
+        errors["elastic"] = max(0.0, case.yield_share - 1.0)
+    row["errors"] = {name: _plain(error) for name, error in errors.items()}
+    row["worst"] = max(errors, key=lambda name: abs(errors[name]))
+    greatest = abs(errors[row["worst"]])
+    row["error"] = _plain(greatest)
+    right_counts = known.counts is None or known.counts == (m, n)
+    wrong = greatest > BREAKDOWN or not right_counts
+    named = any(code in axis.codes for code in _warnings(row))
+    if wrong:
+        doubted = "doubted" if analysis.status != "ok" else "silent"
+        row["outcome"] = "told" if named else doubted
+    else:
+        row["outcome"] = "right" if analysis.status == "ok" else "warned"
+    return row
+
+
+def _row(axis: Axis, case: Case, method: str, **found: Any) -> Row:
+    row: Row = dict.fromkeys(
+        ("outcome", "error", "worst", "errors", "m", "n", "true_m", "true_n", "reason", "seconds")
+    )
+    row |= {"axis": axis.name, "name": case.name, "severity": case.severity, "method": method}
+    return row | {"problems": {}} | found
+
+
+def _errors(given: dict[str, float], known: Known) -> dict[str, float]:
+    """Return signed relative errors, less what the truth itself is unsure of."""
+    errors = {}
+    for name, true in known.values.items():
+        if not math.isfinite(true):  # an energy beyond gross slip, where none should be given
+            errors[name] = math.inf if math.isfinite(given[name]) else 0.0
+            continue
+        error = given[name] / true - 1.0 if true else math.inf  # full contact loses nothing
+        rest = max(0.0, abs(error) - known.uncertainty.get(name, 0.0))
+        errors[name] = math.copysign(rest, error)
+    return errors
+
+
+def _numbers(analysis: Analysis, shares: tuple[float, ...]) -> dict[str, float] | None:
+    """Return what is compared; None where the caps did not carry the preload."""
+    contact, slip = analysis.contact, analysis.slip
+    if contact is None or slip is None:
+        return None
+    energies_J = slip.energy_at_force_J(np.array(shares) * slip.total_slip_force_N)
+    return {
+        "approach": contact.approach_m - contact.bulk_m,
+        "stiffness": float(slip.tangential_stiffness_N_per_m),
+        **dict(zip(energy_names(shares), energies_J.tolist(), strict=True)),
+    }
+
+
+def _about(axis: Axis, rows: list[Row], methods: tuple[str, ...]) -> Row:
+    severities = list(dict.fromkeys(case.severity for case in axis.cases))
+    found: Row = {"name": axis.name, "quantity": axis.quantity, "severities": severities}
+    found |= {"logarithmic": axis.logarithmic, "methods": {}}
+    for method in methods:
+        mine = [row for row in rows if row["method"] == method]
+        broken = [
+            severity
+            for severity in severities
+            if any(_broken(row) for row in mine if row["severity"] == severity)
+        ]
+        first = severities.index(broken[0]) if broken else None
+        beyond = [row for row in mine if _broken(row)]
+        said = Counter(
+            code
+            for row in beyond
+            for code, severity in row["problems"].items()
+            if severity != "info"
+        )
+        found["methods"][method] = {
+            "breaks_at": None if first is None else severities[first],
+            "holds_to": severities[-1]
+            if first is None
+            else (severities[first - 1] if first else None),
+            "says": [[code, count] for code, count in said.most_common(4)],
+            "outcomes": dict(Counter(row["outcome"] for row in mine)),
+        }
+    return found
+
+
+def _warnings(row: Row) -> list[str]:
+    return [code for code, severity in row["problems"].items() if severity != "info"]
+
+
+def _broken(row: Row) -> bool:
+    return row["outcome"] in ("told", "doubted", "silent", "refused")
+
+
+def _totals(runs: list[Row], method: str) -> Row:
+    mine = [row for row in runs if row["method"] == method]
+    outcomes = Counter(row["outcome"] for row in mine)
+    known = len(mine) - outcomes["no truth"]
+    return {
+        "cases": known,
+        "outcomes": dict(outcomes),
+        "silent_share": outcomes["silent"] / max(known, 1),
+        "seconds_a_case": float(
+            np.median([row["seconds"] for row in mine if row["seconds"]] or [0])
+        ),
+    }
+
+
+def _plain(number: float) -> float | None:
+    """Return a number that JSON knows."""
+    return float(number) if math.isfinite(number) else None

@@ -1,0 +1,50 @@
+"""Where the method breaks, and what it says there: every axis is driven until nothing is left."""
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from capslip.studies.limits.axes import axes
+from capslip.studies.limits.figure import limits_figure
+from capslip.studies.limits.measure import measure
+from capslip.studies.limits.text import limits_markdown
+from capslip.studies.page import png, write
+
+FRESH_SEED = 11  # of faces on which no threshold of the program was ever judged
+
+
+def limits(
+    folder: str | Path, progress: Callable[[str], None] = lambda message: None
+) -> dict[str, Any]:
+    """Drive all axes until the method breaks; write `limits.json`, `limits.md` and `limits.png`.
+
+    The program learned from its silent failures on these faces, so the default settings are tried
+    on fresh ones, too: other faces and noise of the same kinds.
+
+    Parameters
+    ----------
+    folder : path
+        Made where absent; files of the same names are replaced.
+    progress : callable, optional
+        Called with one line for each axis.
+
+    Returns
+    -------
+    dict
+        What the JSON file holds.
+
+    Raises
+    ------
+    OutputError
+        If the folder cannot be made or written.
+    """
+    results = measure(axes(), progress=progress)
+    fresh = measure(axes(FRESH_SEED), ("default",), lambda line: progress(f"fresh faces, {line}"))
+    results["fresh"] = {"seed": FRESH_SEED, "totals": fresh["totals"], "silent": fresh["silent"]}
+    results["seconds"] += fresh["seconds"]
+    text = json.dumps(results, indent=1, ensure_ascii=False, allow_nan=False) + "\n"
+    picture = png(limits_figure(results))
+    page = limits_markdown(results)
+    write(folder, {"limits.json": text, "limits.md": page, "limits.png": picture})
+    return results

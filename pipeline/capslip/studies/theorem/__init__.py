@@ -1,0 +1,1 @@
+"""The theorem of the slip law against a direct solution under shear."""

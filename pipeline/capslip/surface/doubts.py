@@ -1,0 +1,331 @@
+"""What makes a height map doubtful before anything is computed from it."""
+
+import numpy as np
+
+from capslip.errors import UnusableSurfaceError
+from capslip.problems import Problem, Severity
+from capslip.surface.form import remove_form
+from capslip.surface.heightmap import HeightMap
+from capslip.surface.outliers import Outliers
+
+MAX_STEEP_SHARE = 0.05
+MAX_SZ_OVER_SQ = 30.0
+SQUARE_WITHIN = 1e-3
+MAX_PIXEL_RATIO = 10.0  # cm taken for mm; below, no unit explains it, and pixels are what they are
+SMALLEST_SZ_M = 1e-10  # an atom
+LARGEST_SIDE_M = 1.0
+LENGTHS_M = (
+    1e-20,
+    1e6,
+)  # of heights and sides; beyond it powers of them leave the floating numbers
+SAMPLED_LINES = 100
+HIGHEST_SHARE = 0.10  # what the paper keeps: a spike up there is touched, or spoils a cap
+VISIBLE_SHARE_OF_SQ = 0.01
+MAX_OUTLIER_SHARE = 0.02
+CLIPPED_POINTS = 9  # that share the greatest height
+VISIBLE_FORM = 0.1  # of the approach: form that moves the peaks by more decides what touches
+
+
+def refuse_absurd(surface: HeightMap) -> None:
+    """Refuse lengths that no unit makes plausible, before a power of them overflows.
+
+    Raises
+    ------
+    UnusableSurfaceError
+        If the heights, their range or a side of the face are beyond 1e-20 to 1e6 m. Equal heights
+        have a range of zero and are left to others.
+    """
+    low_m, high_m = LENGTHS_M
+    lowest_m = float(np.fmin.reduce(surface.height_m, axis=None))  # NaN without measured points
+    highest_m = float(np.fmax.reduce(surface.height_m, axis=None))
+    for what, length_m in (
+        ("heights of up to", max(abs(lowest_m), abs(highest_m))),
+        ("a height range of", highest_m - lowest_m),
+        ("a side of", min(surface.side_m)),
+        ("a side of", max(surface.side_m)),
+    ):
+        if length_m > high_m or (0.0 < length_m < low_m):
+            raise UnusableSurfaceError(
+                f"{surface.origin.name}: {what} {length_m:.3g} m; expected {low_m:g} to "
+                f"{high_m:g} m; check the units (--unit, --lateral-unit) and the code for missing "
+                "data"
+            )
+
+
+def problems_of_scan(surface: HeightMap) -> list[Problem]:
+    """Return what makes the map as measured doubtful; levelling would hide a flat top."""
+    height_m = surface.height_m[surface.measured]
+    if height_m.size == 0:
+        return []
+    top_m = height_m.max()
+    n_top = int(np.count_nonzero(height_m == top_m))
+    below_m = height_m[height_m < top_m]
+    if n_top < CLIPPED_POINTS or below_m.size == 0:
+        return []
+    if n_top <= 4 * np.count_nonzero(below_m == below_m.max()):
+        return []  # quantised: the next level holds as many
+    message = (
+        f"{n_top} points share the greatest height: the sensor cut the peaks off, and the caps are "
+        "higher than they look"
+    )
+    return [Problem("clipped", "warning", message)]
+
+
+def problems_of_map(surface: HeightMap, sq_m: float, sz_m: float) -> tuple[Problem, ...]:
+    """Look for signs of a wrong unit, odd pixels and heights far from the rest.
+
+    Parameters
+    ----------
+    surface : HeightMap
+        Heights after conditioning.
+    sq_m, sz_m : float
+        Its root mean square height and height range.
+
+    Returns
+    -------
+    tuple of Problem
+        `slope_suspect` (error) where the height range exceeds the shorter side of the face, or
+        (warning) where the rms slope or more than 5 % of all slopes exceed 1, and `scale_suspect`
+        (warning) where it is below the size of an atom or a side is longer than 1 m: a wrong unit
+        until proven otherwise. `outliers` where Sz/Sq exceeds 30: a warning where peaks, info
+        where pits do it. `non_square_pixels` (info; warning from a ratio of 10 on).
+    """
+    found = (
+        _steep(surface, sz_m),
+        _scale(surface, sz_m),
+        _range(surface, sq_m, sz_m),
+        _pixel(surface),
+    )
+    return tuple(problem for problem in found if problem is not None)
+
+
+def problems_of_outliers(
+    surface: HeightMap, sq_m: float, outliers: Outliers, kept: bool
+) -> tuple[Problem, ...]:
+    """Say how many points the outlier rule found, and whether they matter.
+
+    Parameters
+    ----------
+    surface : HeightMap
+        Heights after removal of the form, with the outliers or without.
+    sq_m : float
+        Its root mean square height.
+    outliers : Outliers
+        What the rule found.
+    kept : bool
+        Whether these points are still part of the map.
+
+    Returns
+    -------
+    tuple of Problem
+        None where nothing was found. `outliers_removed` is info; a warning above 2 % of the
+        points, where the rule no longer speaks of exceptions. `spikes`, for points that were kept,
+        is a warning where one lies in the highest 10 % (it is touched, or spoils a cap) or where
+        together they can move the form by more than 1 % of Sq; else info.
+    """
+    if outliers.index.size == 0:
+        return ()
+    return (_kept(surface, sq_m, outliers) if kept else _removed(surface, outliers),)
+
+
+def problems_of_tilt(surface: HeightMap, approach_m: float) -> list[Problem]:
+    """Return whether a tilt was left in that decides what touches."""
+    level, _ = remove_form(surface, "plane")
+    tilt_m = float(np.ptp((surface.height_m - level.height_m)[surface.measured]))
+    if tilt_m <= VISIBLE_FORM * approach_m:
+        return []
+    message = (
+        f"the levelling decides which caps touch: nothing was taken off the face, and its "
+        f"least-squares plane is tilted by {tilt_m:.3g} m, the approach is {approach_m:.3g} m. "
+        "Where that is how the face lay under the instrument, conditioning.form = plane takes it "
+        "off; where it is the face's own, as caps on one side tilt that plane, leave it"
+    )
+    return [Problem("tilt_left", "warning", message)]
+
+
+def problems_of_holes(surface: HeightMap, hill_radius_m: float) -> tuple[Problem, ...]:
+    """Say where a hole of the map may hide a hill that carries load.
+
+    A hill of which no point was measured leaves no trace. It fits into a hole that holds a disc of
+    its size. What lies beyond the measured points along both its row and its column is no hole, but
+    outside of a face that is not rectangular.
+
+    Parameters
+    ----------
+    surface : HeightMap
+        The map whose hills were found.
+    hill_radius_m : float
+        Radius of the disc that a usual hill covers above the cut.
+
+    Returns
+    -------
+    tuple of Problem
+        `hole_may_hide_hills` (warning) where the largest disc in a hole is not smaller.
+    """
+    from scipy.ndimage import distance_transform_edt
+
+    measured = surface.measured
+    if measured.all():
+        return ()
+    hole = ~measured & (_enclosed(measured, 0) | _enclosed(measured, 1))
+    # Blocks of a tenth of the disc, lost as a whole: none holds a measured point
+    steps = [max(1, int(0.1 * hill_radius_m / size_m)) for size_m in surface.pixel_size_m]
+    for axis, step in enumerate(steps):
+        hole = np.logical_and.reduceat(hole, np.arange(0, hole.shape[axis], step), axis=axis)
+    if not hole.any():
+        return ()
+    block_m = [step * size_m for step, size_m in zip(steps, surface.pixel_size_m, strict=True)]
+    # Between centres of blocks: half a block of that is measured
+    to_centre_m = distance_transform_edt(hole, sampling=block_m)
+    radius_m = float(to_centre_m.max()) - 0.5 * min(block_m)
+    if radius_m < hill_radius_m:
+        return ()
+    message = (
+        f"a hole in the map holds a disc of {radius_m:.3g} m radius, a usual hill covers one of "
+        f"{hill_radius_m:.3g} m: hills that carry load may lie in it, and are not counted; measure "
+        "what is missing, or scan a part of the face without such a hole"
+    )
+    return (Problem("hole_may_hide_hills", "warning", message),)
+
+
+def _enclosed(measured: np.ndarray, axis: int) -> np.ndarray:
+    """Tell which points have measured ones on both sides along an axis."""
+    before = np.logical_or.accumulate(measured, axis=axis)
+    after = np.flip(np.logical_or.accumulate(np.flip(measured, axis), axis=axis), axis)
+    both: np.ndarray = before & after
+    return both
+
+
+def sanity_line(surface: HeightMap, sq_m: float, sz_m: float) -> str:
+    """Return one line by which a wrong unit or a damaged map is seen at a glance.
+
+    Parameters
+    ----------
+    surface : HeightMap
+        The map as read.
+    sq_m, sz_m : float
+        Root mean square height and height range after removal of the form.
+    """
+    (ny, nx), (dy_m, dx_m), (side_y_m, side_x_m) = (
+        surface.shape,
+        surface.pixel_size_m,
+        surface.side_m,
+    )
+    square = "" if abs(dy_m / dx_m - 1.0) <= SQUARE_WITHIN else " (not square)"
+    missing = 100.0 * (1.0 - np.count_nonzero(surface.measured) / surface.height_m.size)
+    ratio = f"{sz_m / sq_m:.3g}" if sq_m > 0.0 else "-"
+    return (
+        f"{nx} x {ny} points of {dx_m * 1e6:.4g} x {dy_m * 1e6:.4g} um{square}, "
+        f"{side_x_m * 1e3:.4g} x {side_y_m * 1e3:.4g} mm; heights stored in "
+        f"{surface.origin.height_unit or 'an unnamed unit'}; {missing:.2f} % non-measured; "
+        f"Sq {sq_m * 1e6:.4g} um, Sz {sz_m * 1e6:.4g} um, Sz/Sq {ratio}"
+    )
+
+
+def _steep(surface: HeightMap, sz_m: float) -> Problem | None:
+    side_m = min(surface.side_m)
+    advice = "check the units of heights and pixels (--unit, --lateral-unit)"
+    if sz_m > side_m:
+        return Problem(
+            "slope_suspect",
+            "error",
+            f"the heights range over {sz_m:.3g} m on a face only {side_m:.3g} m wide: {advice}",
+        )
+    rms_slope, steep_share = _slopes(surface)
+    if rms_slope > 1.0 or steep_share > MAX_STEEP_SHARE:
+        return Problem(
+            "slope_suspect",
+            "warning",
+            f"rms slope {rms_slope:.2g}, {100 * steep_share:.1f} % of the slopes above 1: {advice}",
+        )
+    return None
+
+
+def _scale(surface: HeightMap, sz_m: float) -> Problem | None:
+    side_m = max(surface.side_m)
+    if 0.0 < sz_m < SMALLEST_SZ_M:
+        what = f"the heights range over {sz_m:.3g} m, less than an atom"
+    elif side_m > LARGEST_SIDE_M:
+        what = f"the face is {side_m:.3g} m long"
+    else:
+        return None
+    return Problem(
+        "scale_suspect",
+        "warning",
+        f"{what}: check the units of heights and pixels (--unit, --lateral-unit)",
+    )
+
+
+def _removed(surface: HeightMap, outliers: Outliers) -> Problem:
+    n = outliers.index.size
+    share = n / (n + np.count_nonzero(surface.measured))
+    many = share > MAX_OUTLIER_SHARE
+    return Problem(
+        "outliers_removed",
+        "warning" if many else "info",
+        f"{n} points ({100 * share:.2g} %) stand off all that is around them, "
+        f"{np.count_nonzero(outliers.step_m > 0.0)} of them upwards, and were marked as "
+        "non-measured"
+        + (": too many for spikes; look at the map or the scan" if many else "")
+        + "; conditioning.outliers = none keeps them",
+    )
+
+
+def _kept(surface: HeightMap, sq_m: float, outliers: Outliers) -> Problem:
+    n = outliers.index.size
+    measured_m = surface.height_m[surface.measured]
+    high_m = np.quantile(measured_m, 1.0 - HIGHEST_SHARE)
+    n_high = np.count_nonzero(surface.height_m.reshape(-1)[outliers.index] >= high_m)
+    # A least-squares plane follows a far point by at most 7 times its share of the points.
+    moved_m = 7.0 * float(np.abs(outliers.step_m).sum()) / measured_m.size
+    matters = n_high > 0 or moved_m > VISIBLE_SHARE_OF_SQ * sq_m
+    return Problem(
+        "spikes",
+        "warning" if matters else "info",
+        f"{n} points stand off all that is around them and were kept; {n_high} of them lie in the "
+        f"highest {100 * HIGHEST_SHARE:.0f} %, and together they move the form by up to "
+        f"{moved_m:.2g} m; conditioning.outliers = isolated removes them",
+    )
+
+
+def _range(surface: HeightMap, sq_m: float, sz_m: float) -> Problem | None:
+    if sz_m <= MAX_SZ_OVER_SQ * sq_m:
+        return None
+    highest_m = float(np.fmax.reduce(surface.height_m, axis=None))
+    peak_m = highest_m - float(np.nanmean(surface.height_m))
+    if peak_m > 0.5 * MAX_SZ_OVER_SQ * sq_m:
+        severity: Severity = "warning"
+        what = f"peaks stand {peak_m:.3g} m above the mean; they are touched first; look at the map"
+    else:
+        severity = "info"
+        what = f"pits lie {sz_m - peak_m:.3g} m below the mean; no contact reaches them"
+    return Problem(
+        "outliers", severity, f"Sz/Sq = {sz_m / sq_m:.0f} (above {MAX_SZ_OVER_SQ:.0f}): {what}"
+    )
+
+
+def _pixel(surface: HeightMap) -> Problem | None:
+    dy_m, dx_m = surface.pixel_size_m
+    if abs(dy_m / dx_m - 1.0) <= SQUARE_WITHIN:
+        return None
+    odd = max(dy_m / dx_m, dx_m / dy_m) > MAX_PIXEL_RATIO * (1.0 - SQUARE_WITHIN)
+    return Problem(
+        "non_square_pixels",
+        "warning" if odd else "info",
+        f"pixels of {dy_m:.6g} x {dx_m:.6g} m (dy x dx) are not square; this is accounted for"
+        + ("; check both sizes" if odd else ""),
+    )
+
+
+def _slopes(surface: HeightMap) -> tuple[float, float]:
+    """Return the rms slope and the share of slopes above 1, on lines along both axes."""
+    square_sum, steep, n = 0.0, 0, 0
+    for axis, size_m in enumerate(surface.pixel_size_m):
+        every = max(1, surface.shape[1 - axis] // SAMPLED_LINES)
+        lines = surface.height_m[:, ::every] if axis == 0 else surface.height_m[::every]
+        slope = np.diff(lines, axis=axis).reshape(-1) / size_m
+        slope = slope[~np.isnan(slope)]
+        square_sum += float(slope @ slope)
+        steep += int(np.count_nonzero(np.abs(slope) > 1.0))
+        n += slope.size
+    return (float(np.sqrt(square_sum / n)), steep / n) if n else (0.0, 0.0)

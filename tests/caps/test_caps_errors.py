@@ -1,0 +1,152 @@
+"""Caps: standard errors of apex and radius from pixels and noise, and depths for the noise."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from capslip.caps.apex import find_apexes
+from capslip.caps.body import body_of_hills
+from capslip.caps.fit import fit_caps
+from capslip.caps.fitting import FitInput
+from capslip.caps.hills import find_hills
+from capslip.caps.noise import noise_on_hills
+from capslip.caps.points import points_of_hills
+from capslip.caps.spheres import spheres_by_volume
+from capslip.surface.heightmap import HeightMap
+from scenes import caps_map, sphere_height_m
+
+RADIUS_M, PIXEL_M = 25.0, 1e-4
+
+
+def one_cap(rng, across, noise=0.0, radius_m=RADIUS_M, pixel_m=PIXEL_M):
+    """Make a cap `across` pixels in radius at a random place, cut at its height.
+
+    Noise is a share of its height. Points above the cut are those of the sphere without noise.
+    """
+    side = 2 * across + 9
+    y, x = (np.mgrid[:side, :side] + 0.5) * pixel_m
+    centre = (side / 2 + rng.uniform(-0.5, 0.5, 2)) * pixel_m
+    height_m = sphere_height_m(x, y, centre, radius_m, 0.0)
+    a_m = across * pixel_m
+    cap_m = a_m**2 / (radius_m + np.sqrt(radius_m**2 - a_m**2))
+    hills = replace(
+        find_hills(caps_map([(6e-3, 5e-3, 24.0, 0.0)])),
+        label=(height_m > -cap_m).astype(np.int32),
+        cut_height_m=-cap_m,
+        noise_m=0.0,
+    )
+    height_m = height_m + noise * cap_m * rng.standard_normal(height_m.shape)
+    return HeightMap(height_m, (pixel_m, pixel_m)), hills, cap_m
+
+
+def found(fit, across, n, **options):
+    """Relative errors of R, their standard errors, and the same of the apex: shape (4, n)."""
+    rows = []
+    for seed in range(n):
+        surface, hills, _ = one_cap(np.random.default_rng(seed), across, **options)
+        caps = fit_caps(surface, hills, fit)
+        rows.append(
+            (
+                caps.radius_m[0] / RADIUS_M - 1,
+                caps.radius_se_m[0] / RADIUS_M,
+                caps.peak_height_m[0],
+                caps.peak_height_se_m[0],
+            )
+        )
+    return np.array(rows).T
+
+
+def rms(values):
+    return float(np.sqrt(np.mean(np.square(values))))
+
+
+@pytest.mark.parametrize("across", [6, 20, 60])
+def test_without_noise_the_error_is_that_of_the_pixels(across):
+    # Lattice points in a circle: the relative error falls as its radius to the power -1.5
+    radius, radius_se, apex_m, apex_se_m = found("equation18", across, 40)
+    assert 0.8 < rms(radius) / rms(radius_se) < 1.5
+    assert 0.4 < rms(apex_m) / rms(apex_se_m) < 1.0
+    # Sums over a paraboloid: to the power -2.5
+    radius, radius_se, apex_m, _ = found("pinned", across, 40)
+    assert 0.2 < rms(radius) / rms(radius_se) < 1.0
+    assert rms(apex_m) < 1e-15
+
+
+def test_noise_lifts_the_highest_point_by_no_more_than_its_error():
+    radius, radius_se, apex_m, apex_se_m = found("equation18", 25, 40, noise=0.03)
+    assert (apex_m > 0.0).all()
+    assert 0.35 < rms(apex_m) / rms(apex_se_m) < 1.0
+    assert 0.35 < rms(radius) / rms(radius_se) < 1.0
+
+
+def given_of(surface, hills, share=0.5):
+    points = points_of_hills(surface, hills)
+    noise = noise_on_hills(surface, points)
+    apexes = find_apexes(surface, hills, points, noise)
+    body = body_of_hills(hills.cut_height_m, points, apexes, noise, np.full(1, np.nan), share)
+    return FitInput(surface, hills, points, noise, apexes, body, False)
+
+
+def test_an_error_of_the_apex_counts_double_less_what_all_points_share():
+    """V = pi t^2 R: an apex too high by e adds 2 e / t to ln R; the mean of N points cancels."""
+    given = given_of(*one_cap(np.random.default_rng(0), 30, noise=0.02)[:2])
+    t, scatter_m = given.body.depth_m, given.body.scatter_m
+
+    def error(apex_se_m):
+        found = spheres_by_volume(replace(given, apexes=replace(given.apexes, apex_se_m=apex_se_m)))
+        return (found.radius_se_m / found.radius_m)[0], found.radius_m
+
+    pixels, radius_m = error(np.zeros(1))
+    assert pixels < 1e-3
+    within = 2.0 * np.pi * radius_m * t / given.surface.pixel_area_m2
+    assert error(0.999 * scatter_m / np.sqrt(within))[0] == pixels
+    apex_se_m = np.array([0.01 * t[0]])
+    shared = scatter_m[0] ** 2 / within[0] / apex_se_m[0] ** 2
+    assert shared > 0.01
+    assert error(apex_se_m)[0] == pytest.approx(np.hypot(0.02 * np.sqrt(1 - shared), pixels))
+
+
+def test_a_deep_cap_is_a_sphere_and_no_paraboloid():
+    """V = pi t^2 (R - t/3): at t = R/5 the last term is 7 % of R."""
+    height_m = one_cap(np.random.default_rng(0), 150, radius_m=2e-3, pixel_m=1e-5)
+    caps = fit_caps(*height_m[:2], "pinned", np.array([4e-4]))
+    assert caps.fit_depth_m[0] == pytest.approx(4e-4)
+    assert caps.radius_m[0] == pytest.approx(2e-3, rel=0.01)
+
+
+@pytest.mark.parametrize(("noise", "sigmas"), [(0.02, None), (0.035, 20.0), (0.06, None)])
+def test_noise_asks_for_depth(noise, sigmas):
+    """Half of the height, or 20 standard deviations of the noise, or three of them to the cut."""
+    surface, hills, _ = one_cap(np.random.default_rng(1), 30, noise=noise)
+    given = given_of(surface, hills)
+    rms_m, height_m = given.noise.rms_m, given.apexes.apex_m[2, 0] - hills.cut_height_m
+    if sigmas is None:
+        expected_m = 0.5 * height_m if noise < 0.025 else height_m - 3.0 * rms_m
+    else:
+        expected_m = sigmas * rms_m
+        assert 0.5 * height_m < expected_m < height_m - 3.0 * rms_m
+    assert given.body.depth_m == pytest.approx(expected_m, rel=1e-9)
+
+
+def test_a_depth_has_the_points_and_the_noise_that_an_apex_needs():
+    surface, hills, cap_m = one_cap(np.random.default_rng(2), 30)
+    shallow = fit_caps(surface, hills, "pinned", np.full(1, 1e-6 * cap_m))
+    count = np.count_nonzero(hills.label)
+    assert shallow.fit_depth_m[0] == pytest.approx(25.0 / count * cap_m, rel=0.01)
+    surface, hills, cap_m = one_cap(np.random.default_rng(2), 30, noise=0.02)
+    rms_m = given_of(surface, hills).noise.rms_m
+    shallow = fit_caps(surface, hills, "pinned", np.full(1, 1e-6 * cap_m))
+    assert shallow.fit_depth_m[0] == pytest.approx(10.0 * rms_m, rel=1e-9)
+
+
+def test_where_no_vertex_is_on_the_hill_the_error_is_that_of_its_highest_point():
+    surface, hills, _ = one_cap(np.random.default_rng(3), 30)
+    ny, nx = surface.shape
+    y, x = np.mgrid[:ny, :nx]
+    ring = np.where(np.hypot(y - ny / 2, x - nx / 2) < 12, 0, hills.label)
+    caps = fit_caps(surface, replace(hills, label=ring), "pinned")
+    top_m = surface.height_m[ring > 0].max()
+    assert caps.peak_height_m[0] == top_m
+    fall_m = (top_m - hills.cut_height_m) / np.count_nonzero(ring)
+    assert caps.peak_height_se_m[0] == pytest.approx(fall_m, rel=1e-6)

@@ -1,0 +1,362 @@
+"""Comparison with a measurement: shares, misfit and identification on curves of known truth."""
+
+from dataclasses import replace
+from functools import lru_cache
+
+import numpy as np
+import pytest
+
+from capslip.compare.comparison import _bands, compare
+from capslip.compare.identification import _bound, _uncertainty
+from capslip.compare.measurement import Measurement
+from capslip.compare.model import JointModel
+from capslip.contact.models.families import families
+from capslip.contact.slip import slip_curve
+from capslip.errors import ContactError, SettingsError
+from capslip.structure.response import response
+
+KAPPA, K_M, K_S, JOINTS = 1.2142857, 1.8e8, 9.9e7, 2
+MU, PRELOAD_N, NOISE = 0.2, 460.0, 0.05
+TWO = families((5, 18), (23.8, 26.7), (0, 2.4e-7), 109.89e9)
+ONE = families(5, 23.8, 0, 109.89e9)
+
+
+def joints(curve):
+    return JointModel(lambda preload_N: curve, KAPPA, K_M, K_S, JOINTS)
+
+
+class Remembering(JointModel):
+    """Keeps the curves that every search looks at."""
+
+    @lru_cache(maxsize=1000)  # noqa: B019
+    def unit_curve(self, preload_N, points=800):
+        return super().unit_curve(preload_N, points)
+
+
+def noisy(model, amplitude_m, seed, added=0.0):
+    noise = np.exp(NOISE * np.random.default_rng(seed).standard_normal(len(amplitude_m)))
+    return Measurement(amplitude_m, model.loss_factor(amplitude_m, MU, PRELOAD_N) * noise + added)
+
+
+@pytest.fixture(scope="module")
+def model():
+    return Remembering(lambda preload_N: TWO, KAPPA, K_M, K_S, JOINTS)
+
+
+@pytest.fixture
+def gross_m(model):
+    return model.gross_slip_amplitude_m(MU, PRELOAD_N)
+
+
+@pytest.mark.parametrize("curve", [ONE, TWO], ids=["one", "two"])
+@pytest.mark.parametrize(("mu", "preload_N"), [(0.2, 460.0), (0.07, 900.0)])
+def test_model_is_the_response_over_the_total_amplitude(curve, mu, preload_N):
+    model = joints(curve)
+    slip = slip_curve(curve, preload_N, mu, KAPPA)
+    v_m = np.geomspace(1e-6, 1, 301) * slip.total_slip_force_N / K_S
+    direct = response(slip, K_M, K_S, JOINTS, v_m)
+    expected = direct.loss_factor * direct.frequency_ratio**2
+    got = model.loss_factor(direct.total_amplitude_m, mu, preload_N)
+    np.testing.assert_allclose(got, expected, rtol=5e-3)
+    assert np.median(np.abs(got / expected - 1)) < 1e-6
+    gross_m = model.gross_slip_amplitude_m(mu, preload_N)
+    assert gross_m == pytest.approx(direct.total_amplitude_m[-1], rel=1e-12)
+    assert np.isnan(model.loss_factor(np.array([1.001 * gross_m]), mu, preload_N)).all()
+
+
+def test_loss_over_total_amplitude_is_the_area_of_the_loop(model):
+    # W / (2 pi F v_total / 2) with F = K_m v, written out
+    slip = slip_curve(TWO, PRELOAD_N, MU, KAPPA)
+    v_m = 4e-7
+    T_N = K_S * v_m
+    total_m = v_m + JOINTS * K_S / K_M * float(slip.displacement_m(T_N))
+    lost_J = JOINTS * float(slip.energy_at_force_J(T_N))
+    expected = lost_J / (np.pi * K_M * v_m * total_m)
+    got = model.loss_factor(np.array([total_m]), MU, PRELOAD_N)[0]
+    assert got == pytest.approx(expected, rel=1e-4)
+
+
+def test_plane_interface_loses_nothing_below_gross_slip(model, gross_m):
+    plane = model.plane()
+    v_m = np.geomspace(1e-3, 0.9, 9) * MU * PRELOAD_N / K_S
+    assert (plane.loss_factor(v_m, MU, PRELOAD_N) == 0).all()
+    assert plane.gross_slip_amplitude_m(MU, PRELOAD_N) == pytest.approx(MU * PRELOAD_N / K_S)
+    assert plane.gross_slip_amplitude_m(MU, PRELOAD_N) < gross_m
+
+
+def test_perfect_data_have_no_misfit(model, gross_m):
+    v_m = np.geomspace(1e-2, 0.9, 30) * gross_m
+    found = compare(Measurement(v_m, model.loss_factor(v_m, MU, PRELOAD_N)), model, MU, PRELOAD_N)
+    assert [band.points for band in found.bands] == [10, 10, 10]
+    assert all(band.rms_log_ratio < 1e-12 for band in found.bands)
+    lost_J = np.pi * K_M * v_m**2 * found.measured_loss_factor
+    np.testing.assert_allclose(found.joint_energy_J, lost_J, rtol=1e-12)
+    assert any("no monolithic beam" in remark for remark in found.remarks)
+    assert found.identified is None
+
+
+def test_misfit_by_band_counts_factor_and_scatter(model, gross_m):
+    v_m = np.geomspace(1e-2, 0.9, 30) * gross_m
+    factor = np.repeat([2.0, 1.0, 0.5], 10)
+    measured = Measurement(v_m, model.loss_factor(v_m, MU, PRELOAD_N) / factor)
+    found = compare(measured, model, MU, PRELOAD_N)
+    biases = [band.bias_log_ratio for band in found.bands]
+    np.testing.assert_allclose(biases, np.log([2.0, 1.0, 0.5]), atol=1e-9)
+    np.testing.assert_allclose([band.rms_log_ratio for band in found.bands], np.abs(biases))
+
+
+def test_misfit_by_band_tells_scatter_from_bias(model, gross_m):
+    # thirds of three decades: their borders belong to the greater amplitudes
+    v_m = np.array([1.0, 3.0, 10.0, 30.0, 100.0, 300.0, 1000.0]) * 9e-4 * gross_m
+    factor = np.array([2.0, 0.5, 2.0, 2.0, 4.0, 1.0, 1.0])
+    measured = Measurement(v_m, model.loss_factor(v_m, MU, PRELOAD_N) / factor)
+    found = compare(measured, model, MU, PRELOAD_N)
+    assert [band.points for band in found.bands] == [2, 2, 3]
+    ln2 = np.log(2.0)
+    biases = [band.bias_log_ratio for band in found.bands]
+    np.testing.assert_allclose(biases, [0.0, ln2, 2 * ln2 / 3], atol=1e-9)
+    rms = [band.rms_log_ratio for band in found.bands]
+    np.testing.assert_allclose(rms, [ln2, ln2, 2 * ln2 / np.sqrt(3)], rtol=1e-9)
+
+
+def test_an_amplitude_between_two_bands_counts_with_the_greater():
+    v_m = np.array([1.0, 2.0, 4.0, 8.0])
+    np.testing.assert_array_equal(np.geomspace(1.0, 8.0, 4), v_m)
+    assert [band.points for band in _bands(v_m, np.ones(4))] == [1, 1, 2]
+
+
+def test_gross_slip_itself_has_a_loss_factor(model):
+    for mu in np.linspace(0.05, 0.9, 60):
+        gross_m = model.gross_slip_amplitude_m(mu, PRELOAD_N)
+        assert np.isfinite(model.loss_factor(np.array([gross_m]), mu, PRELOAD_N)).all()
+
+
+def test_intrinsic_loss_is_subtracted_inside_its_range_alone(model, gross_m):
+    v_m = np.geomspace(1e-2, 0.9, 20) * gross_m
+    joint = model.loss_factor(v_m, MU, PRELOAD_N)
+    slope = 2e-4
+    line = 1e-3 + slope * np.log(v_m)  # straight over ln v, as the interpolation supposes
+    line -= line.min() - 1e-3
+    monolithic = Measurement(v_m[[3, 9, 15]], line[[3, 9, 15]])
+    found = compare(Measurement(v_m, joint + line), model, MU, PRELOAD_N, monolithic)
+    inside = slice(3, 16)
+    np.testing.assert_allclose(found.joint_loss_factor[inside], joint[inside], rtol=1e-9)
+    assert np.isnan(found.joint_loss_factor[[0, 1, 2, 16, 17, 18, 19]]).all()
+    assert sum(band.points for band in found.bands) == 13
+    assert any("7 of 20 points" in r and "not extrapolated" in r for r in found.remarks)
+
+
+def test_points_without_a_share_of_the_joints_are_left_out_and_said(model, gross_m):
+    v_m = np.geomspace(1e-2, 0.9, 20) * gross_m
+    # one point loses exactly as much, three lose less
+    measured = Measurement(v_m, np.where(np.arange(20) < 4, [1e-3] + 19 * [1e-4], 1e-2))
+    monolithic = Measurement(v_m[[0, -1]], np.array([1e-3, 1e-3]))
+    found = compare(measured, model, MU, PRELOAD_N, monolithic)
+    assert np.isnan(found.joint_loss_factor[:4]).all()
+    assert np.isnan(found.joint_energy_J[:4]).all()
+    assert any("4 of 20 points lose no more" in remark for remark in found.remarks)
+
+
+def test_points_beyond_gross_slip_are_said(model, gross_m):
+    v_m = np.geomspace(0.1, 2.0, 20) * gross_m
+    found = compare(Measurement(v_m, np.full(20, 0.01)), model, MU, PRELOAD_N)
+    beyond = int((v_m > gross_m).sum())
+    assert np.isnan(found.model_loss_factor).sum() == beyond
+    assert any(f"{beyond} of 20 points lie beyond gross slip" in r for r in found.remarks)
+
+
+def test_points_without_a_share_are_not_counted_beyond_gross_slip(model, gross_m):
+    v_m = np.array([0.5, 0.8, 1.2, 1.5]) * gross_m
+    monolithic = Measurement(v_m[:3], np.full(3, 1e-4))
+    found = compare(Measurement(v_m, np.full(4, 0.01)), model, MU, PRELOAD_N, monolithic)
+    assert any("1 of 4 points lie beyond gross slip" in remark for remark in found.remarks)
+    assert any("1 of 4 points lie outside" in remark for remark in found.remarks)
+
+
+def test_curves_are_those_of_the_model_of_the_plane_and_of_the_monolithic_beam(model, gross_m):
+    v_m = np.geomspace(1e-2, 0.9, 20) * gross_m
+    monolithic = Measurement(v_m[[0, 9]], np.array([1e-3, 3e-3]))
+    found = compare(Measurement(v_m, np.full(20, 0.01)), model, MU, PRELOAD_N, monolithic)
+    at_m = found.curve_amplitude_m
+    np.testing.assert_allclose(at_m[[0, -1]], v_m[[0, -1]], rtol=1e-12)
+    np.testing.assert_array_equal(found.curve_model, model.loss_factor(at_m, MU, PRELOAD_N))
+    np.testing.assert_array_equal(found.curve_plane[at_m < MU * PRELOAD_N / K_S], 0.0)
+    inside = (at_m > v_m[0]) & (at_m < v_m[9])
+    share = np.log(at_m / v_m[0]) / np.log(v_m[9] / v_m[0])
+    np.testing.assert_allclose(found.curve_intrinsic[inside], (1e-3 + 2e-3 * share)[inside])
+    assert np.isnan(found.curve_intrinsic[at_m > v_m[9]]).all()
+    assert (
+        compare(Measurement(v_m, np.full(20, 0.01)), model, MU, PRELOAD_N).curve_intrinsic == 0
+    ).all()
+
+
+def test_truth_lies_inside_the_error_bars(model, gross_m):
+    v_m = np.geomspace(0.02, 0.95, 25) * gross_m
+    off = []
+    for seed in range(40):
+        # started from values that are wrong by a lot
+        found = compare(noisy(model, v_m, seed), model, 0.35, 700.0, identify=True).identified
+        assert found.distinguishable
+        assert found.at_bound is None
+        assert found.rms_log_ratio < 2 * NOISE
+        off.append(
+            (
+                np.log(found.friction_coefficient / MU) / found.friction_coefficient_log_std,
+                np.log(found.preload_N / PRELOAD_N) / found.preload_log_std,
+            )
+        )
+    inside = (np.abs(off) < 2).mean(axis=0)
+    assert (inside >= 0.9).all()
+    # and the bars are not simply wide
+    assert (np.std(off, axis=0) > 0.6).all()
+
+
+def test_uncertainty_is_the_spread_over_repeated_measurements(model, gross_m):
+    v_m = np.geomspace(0.3, 0.9, 15) * gross_m
+    fits = [
+        compare(noisy(model, v_m, seed), model, MU, PRELOAD_N, identify=True).identified
+        for seed in range(12)
+    ]
+    spread = np.std([np.log(fit.friction_coefficient) for fit in fits])
+    claimed = np.mean([fit.friction_coefficient_log_std for fit in fits])
+    assert 0.6 < spread / claimed < 1.6
+
+
+def test_monolithic_share_does_not_bias_the_identification(model, gross_m):
+    v_m = np.geomspace(0.05, 0.95, 25) * gross_m
+    monolithic = Measurement(v_m[[0, -1]] * [0.9, 1.1], np.array([2e-3, 2e-3]))
+    measured = noisy(model, v_m, 7, added=2e-3)
+    found = compare(measured, model, MU, PRELOAD_N, monolithic, identify=True).identified
+    alone = compare(noisy(model, v_m, 7), model, MU, PRELOAD_N, identify=True).identified
+    assert found.friction_coefficient == pytest.approx(alone.friction_coefficient, rel=1e-4)
+    assert found.preload_N == pytest.approx(alone.preload_N, rel=1e-4)
+
+
+def test_one_family_at_small_amplitudes_tells_one_combination():
+    # eta = C v / (mu N0^(4/3)) there: delta_lim goes with mu N0^(2/3), T with delta N0^(1/3).
+    # A tenth of the shear, so that the compliance of the joint adds no second dependence on N0.
+    model = replace(joints(ONE), joint_stiffness_N_per_m=K_S / 10)
+    gross_m = model.gross_slip_amplitude_m(MU, PRELOAD_N)
+    v_m = np.geomspace(1e-4, 1e-2, 25) * gross_m
+    found = compare(noisy(model, v_m, 3), model, MU, PRELOAD_N, identify=True)
+    fit = found.identified
+    assert not fit.distinguishable
+    assert abs(fit.correlation) > 0.98
+    assert fit.exponent == pytest.approx(4 / 3, rel=0.02)
+    got = np.log(fit.friction_coefficient / MU) + 4 / 3 * np.log(fit.preload_N / PRELOAD_N)
+    assert abs(got) < 0.05
+    assert fit.exponent_log_std < 2 * NOISE
+    assert fit.preload_log_std > 10 * fit.exponent_log_std
+    assert any("cannot tell" in remark for remark in found.remarks)
+
+
+def test_a_curve_that_the_model_cannot_reach_ends_at_a_bound(model, gross_m):
+    v_m = np.geomspace(0.05, 0.9, 12) * gross_m
+    measured = Measurement(v_m, 1e-9 * np.ones(12))
+    found = compare(measured, model, MU, PRELOAD_N, identify=True)
+    assert found.identified.at_bound is not None
+    assert any("do not hold" in remark for remark in found.remarks)
+
+
+def test_uncertainty_is_that_of_linear_least_squares():
+    jacobian = np.random.default_rng(5).normal(size=(9, 2)) * [3.0, 0.5]
+    covariance = 0.7 / (9 - 2) * np.linalg.inv(jacobian.T @ jacobian)
+    log_std, correlation, condition, exponent = _uncertainty(jacobian, 0.7)
+    np.testing.assert_allclose(log_std, np.sqrt(np.diag(covariance)), rtol=1e-12)
+    assert correlation == pytest.approx(covariance[0, 1] / log_std.prod(), rel=1e-12)
+    assert condition == pytest.approx(np.linalg.cond(jacobian), rel=1e-12)
+    # of all ln mu + p ln N0 the one with the least variance
+    variance = [
+        np.array([1.0, p]) @ covariance @ [1.0, p] for p in exponent + np.array([0.0, -1e-3, 1e-3])
+    ]
+    assert variance[0] < min(variance[1:])
+    assert variance[0] == pytest.approx(covariance[0, 0] * (1 - correlation**2), rel=1e-9)
+
+
+def test_what_is_identified_has_the_misfit_that_is_given(model, gross_m):
+    v_m = np.geomspace(0.1, 0.95, 5) * gross_m  # as few points as are taken
+    measured = noisy(model, v_m, 1)
+    found = compare(measured, model, MU, PRELOAD_N, identify=True)
+    fit = found.identified
+    best = model.loss_factor(v_m, fit.friction_coefficient, fit.preload_N)
+    misfit = np.log(best / measured.loss_factor)
+    assert fit.rms_log_ratio == pytest.approx(np.sqrt(np.mean(misfit**2)), rel=1e-6)
+    assert fit.points == 5
+    at_m = found.curve_amplitude_m
+    expected = model.loss_factor(at_m, fit.friction_coefficient, fit.preload_N)
+    np.testing.assert_array_equal(found.curve_identified, expected)
+
+
+def test_correlated_values_are_not_told_apart_whatever_the_condition_number():
+    model = joints(ONE)
+    v_m = np.geomspace(0.01, 0.8, 25) * model.gross_slip_amplitude_m(MU, PRELOAD_N)
+    fit = compare(noisy(model, v_m, 3), model, MU, PRELOAD_N, identify=True).identified
+    assert abs(fit.correlation) > 0.98
+    assert fit.condition_number < 100
+    assert not fit.distinguishable
+
+
+@pytest.mark.parametrize(
+    ("x", "words"),
+    [
+        ((1.0, 5.0), None),
+        ((0.0, 5.0), "greatest amplitude"),
+        ((10.0, 5.0), "far above"),
+        ((1.0, 3.0), "preload"),
+        ((1.0, 7.0), "preload"),
+    ],
+)
+def test_bounds_are_named(x, words):
+    found = _bound(np.array(x), np.array([[0.0, 3.0], [10.0, 7.0]]))
+    assert found is None if words is None else words in found
+
+
+@pytest.mark.parametrize(("most_N", "reached"), [(600.0, True), (400.0, False)])
+def test_the_search_ends_where_the_caps_carry_no_more(most_N, reached):
+    def curve(preload_N):
+        if preload_N > most_N:
+            raise ContactError("too much")
+        return ONE
+
+    v_m = np.geomspace(0.02, 0.95, 25) * joints(ONE).gross_slip_amplitude_m(MU, PRELOAD_N)
+    measured = noisy(joints(ONE), v_m, 0)
+    model = JointModel(curve, KAPPA, K_M, K_S, JOINTS)
+    found = compare(measured, model, MU, 200.0, identify=True).identified
+    assert (found.at_bound is None) == reached
+    if reached:
+        assert abs(np.log(found.preload_N / PRELOAD_N)) < 3 * found.preload_log_std
+    else:
+        assert 0.96 * most_N < found.preload_N <= most_N
+    with pytest.raises(ContactError):
+        compare(measured, model, MU, 2 * most_N, identify=True)
+
+
+def test_too_few_points_are_refused(model):
+    measured = Measurement(np.array([1e-7, 2e-7, 4e-7]), np.array([1e-3, 2e-3, 3e-3]))
+    with pytest.raises(SettingsError, match="3 points"):
+        compare(measured, model, MU, PRELOAD_N, identify=True)
+
+
+def test_a_plane_interface_has_no_misfit_and_nothing_to_identify(model, gross_m):
+    v_m = np.geomspace(0.05, 0.9, 12) * gross_m
+    measured = Measurement(v_m, np.full(12, 1e-3))
+    found = compare(measured, model.plane(), MU, PRELOAD_N)
+    assert [band.points for band in found.bands] == [0, 0, 0]
+    assert any("loses nothing" in remark for remark in found.remarks)
+    with pytest.raises(SettingsError, match="loses nothing"):
+        compare(measured, model.plane(), MU, PRELOAD_N, identify=True)
+
+
+@pytest.mark.parametrize(
+    ("amplitude_m", "loss_factor"),
+    [([], []), ([1e-7], [1e-3, 2e-3]), ([0.0], [1e-3]), ([1e-7], [np.nan]), ([1e-7], [-1e-3])],
+)
+def test_measurements_are_positive_and_paired(amplitude_m, loss_factor):
+    with pytest.raises(SettingsError, match="measurement"):
+        Measurement(np.array(amplitude_m), np.array(loss_factor))
+
+
+def test_measurements_are_sorted():
+    measured = Measurement(np.array([3e-7, 1e-7]), np.array([3e-3, 1e-3]))
+    assert measured.amplitude_m.tolist() == [1e-7, 3e-7]
+    assert measured.loss_factor.tolist() == [1e-3, 3e-3]

@@ -1,0 +1,239 @@
+"""A result folder against CSV files: reading, units, one-line errors."""
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from capslip.analysis import analyze
+from capslip.compare import compare_result, lines, to_dict, write_comparison
+from capslip.compare.comparison import Band
+from capslip.compare.measurement import load_measurement
+from capslip.compare.model import load_model
+from capslip.errors import OutputError, UnreadableFileError
+from capslip.output import tables
+from capslip.settings import load_settings
+from scenes import caps_map
+
+CAPS = [(5e-3, 5e-3, 20.0, 0.0), (15e-3, 6e-3, 22.0, -1e-8), (25e-3, 14e-3, 24.0, -5e-8)]
+
+
+@pytest.fixture(scope="module")
+def surface():
+    rng = np.random.default_rng(0)
+    flat = caps_map(CAPS, floor_m=-4e-7)
+    return type(flat)(flat.height_m + rng.normal(0, 1e-10, flat.shape), flat.pixel_size_m)
+
+
+def result_of(surface, folder, *overrides):
+    analysis = analyze(surface, load_settings(overrides=("conditioning.form='none'", *overrides)))
+    folder.mkdir()
+    tables.write_result(analysis, folder)
+    tables.write_summary(analysis.summary(), folder)
+    return analysis
+
+
+@pytest.fixture(scope="module")
+def result(surface, tmp_path_factory):
+    folder = tmp_path_factory.mktemp("compare") / "result"
+    return folder, result_of(surface, folder)
+
+
+def write(path, text):
+    path.write_text(text, encoding="utf-8")
+    return path
+
+
+@pytest.mark.parametrize("name", ["families", "caps", "mean_field", "interacting", "flat"])
+def test_model_of_a_result_is_that_of_its_analysis(surface, tmp_path, name):
+    analysis = result_of(surface, tmp_path / "result", f"contact.model={name}")
+    model, settings = load_model(tmp_path / "result")
+    damping = analysis.damping
+    got = model.loss_factor(
+        damping.total_amplitude_m,
+        settings.material.friction_coefficient,
+        settings.contact.preload_N,
+    )
+    expected = damping.loss_factor * damping.frequency_ratio**2
+    np.testing.assert_allclose(got, expected, rtol=5e-3, atol=1e-15)
+
+
+@pytest.mark.parametrize(("feature", "m"), [("peak_height", 1), ("radius", 2)])
+def test_families_are_those_of_the_analysis(tmp_path, feature, m):
+    four = [(5e-3, 5e-3, 20.0, 0.0), (15e-3, 6e-3, 30.0, -2e-7)]
+    four += [(25e-3, 14e-3, 20.5, -2.1e-7), (8e-3, 15e-3, 31.0, -2.2e-7)]
+    chosen = (f"families.feature={feature}", "families.count=2", "contact.model=families")
+    analysis = result_of(caps_map(four), tmp_path / "result", *chosen)
+    assert analysis.families.m == m
+    model, _ = load_model(tmp_path / "result")
+    got = model.curve(460.0)
+    np.testing.assert_array_equal(got.count, analysis.contact.curve.count)
+    approach_m = np.linspace(1e-8, 5e-7, 50)
+    np.testing.assert_allclose(
+        got.load_N(approach_m), analysis.contact.curve.load_N(approach_m), rtol=1e-12
+    )
+
+
+def test_contact_model_is_that_of_the_result_at_every_preload(surface, tmp_path):
+    # at a tenth of the preload families are within this tolerance
+    analysis = result_of(surface, tmp_path / "result", "contact.tolerance=0.5")
+    used = analysis.contact.model
+    assert analysis.settings.contact.model == "auto"
+    model, _ = load_model(tmp_path / "result")
+    light = result_of(
+        surface, tmp_path / "light", "contact.tolerance=0.5", "contact.preload_N=46.0"
+    )
+    assert light.contact.model != used
+    assert [model.curve(preload_N).model for preload_N in (46.0, 460.0, 4600.0)] == 3 * [used]
+    load_N = np.geomspace(1.0, 460.0, 30)
+    got, expected = (one.approach_m(load_N) for one in (model.curve(460.0), analysis.contact.curve))
+    np.testing.assert_allclose(got, expected, rtol=1e-9)
+
+
+def test_caps_that_cannot_touch_are_no_rows_of_a_chosen_model(surface, tmp_path):
+    chosen = ("contact.tolerance=0.001", "contact.preload_N=1.0")
+    contact = result_of(surface, tmp_path / "result", *chosen).contact
+    assert contact.model == "interacting"
+    assert contact.use.sum() == 2
+    model, _ = load_model(tmp_path / "result")
+    assert [len(model.curve(preload_N).radius_m) for preload_N in (1.0, 460.0)] == [2, 3]
+
+
+def test_result_against_its_own_curve(result, tmp_path):
+    folder, analysis = result
+    damping = analysis.damping
+    eta = damping.loss_factor * damping.frequency_ratio**2
+    rows = zip(damping.total_amplitude_m[::4] * 1e6, eta[::4] / 2 * 100, strict=True)
+    text = "amplitude_um,damping_ratio_percent\n" + "".join(f"{v},{xi}\n" for v, xi in rows)
+    found = compare_result(folder, write(tmp_path / "own.csv", text), identify=True)
+    assert all(band.rms_log_ratio < 3e-3 for band in found.bands)
+    assert found.identified.friction_coefficient == pytest.approx(0.2, rel=0.05)
+    assert found.identified.preload_N == pytest.approx(460.0, rel=0.05)
+    write_comparison(found, tmp_path / "new" / "out")
+    written = json.loads((tmp_path / "new" / "out" / "compare.json").read_text("utf-8"))
+    assert written == to_dict(found)
+    assert (tmp_path / "new" / "out" / "compare.png").stat().st_size > 10_000
+    assert sum(line.startswith("misfit") for line in lines(found)) == 3
+
+
+def test_monolithic_file_and_points_outside_it(result, tmp_path):
+    assembly = write(tmp_path / "a.csv", "amplitude_nm,loss_factor\n50,0.004\n100,0.006\n200,.01\n")
+    monolithic = write(tmp_path / "m.csv", "loss_factor,amplitude_nm\n.001,90\n.001,300\n")
+    found = compare_result(result[0], assembly, monolithic)
+    np.testing.assert_allclose(found.joint_loss_factor, [np.nan, 0.005, 0.009], rtol=1e-12)
+    assert to_dict(found)["points"]["joint_loss_factor"][0] is None
+    write_comparison(found, tmp_path / "out")
+
+
+@pytest.mark.parametrize(
+    ("header", "row", "amplitude_m", "loss_factor"),
+    [
+        ("amplitude_um,loss_factor", "1.5,0.01", 1.5e-6, 0.01),
+        ("amplitude_m,damping_ratio_percent", "1.5e-6,0.5", 1.5e-6, 0.01),
+        ("damping_ratio,amplitude_nm", "0.005,1500", 1.5e-6, 0.01),
+        ("amplitude_mm, loss_factor_percent", "0.0015, 1", 1.5e-6, 0.01),
+    ],
+)
+def test_units_of_the_header(tmp_path, header, row, amplitude_m, loss_factor):
+    measured = load_measurement(write(tmp_path / "a.csv", f"\ufeff{header}\n{row}\n\n{row}\n"))
+    np.testing.assert_allclose(measured.amplitude_m, amplitude_m, rtol=1e-12)
+    np.testing.assert_allclose(measured.loss_factor, loss_factor, rtol=1e-12)
+
+
+def test_greatest_values_are_allowed(tmp_path):
+    path = write(tmp_path / "a.csv", "amplitude_m,loss_factor\n0.05,0.5\n0.1,1.0\n")
+    measured = load_measurement(path)
+    assert (measured.amplitude_m[1], measured.loss_factor[1]) == (0.1, 1.0)
+
+
+def test_text_and_json_hold_what_was_found(result, tmp_path):
+    text = "amplitude_um,loss_factor\n" + "".join(f"0.{k},0.00{k}\n" for k in range(1, 8))
+    found = compare_result(result[0], write(tmp_path / "a.csv", text), identify=True)
+    points = to_dict(found)["points"]
+    for name, values in points.items():
+        np.testing.assert_array_equal(np.array(values, dtype=float), getattr(found, name))
+    assert {"joint_energy_J", "joint_loss_factor", "model_loss_factor"} < points.keys()
+    identified = replace(
+        found.identified,
+        friction_coefficient=0.25,
+        friction_coefficient_log_std=0.03,
+        preload_N=512.0,
+        preload_log_std=0.07,
+        correlation=-0.5,
+        rms_log_ratio=0.125,
+    )
+    band = Band("small", 1e-7, 3e-7, 4, 0.5, float(np.log(0.75)))
+    given = replace(found, bands=(band,), identified=identified)
+    _, misfit, fit, *_ = lines(given)
+    assert "0.1 to 0.3 um: 4 points, model / measured 0.75 on average, rms ln ratio 0.5" in misfit
+    assert "mu 0.25 +- 3 %, preload 512 N +- 7 %, correlation -0.500" in fit
+    assert fit.endswith("rms ln ratio 0.125")
+
+
+GOOD = "amplitude_um,loss_factor\n1,0.01\n2,0.02\n"
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("", ["is empty"]),
+        ("amplitude,loss_factor\n1,0.01\n", ["line 1", "column 1", "'amplitude'"]),
+        ("amplitude_um\n1\n2\n", ["line 1", "expected one amplitude and one"]),
+        ("amplitude_um,amplitude_nm\n1,2\n", ["line 1", "expected one amplitude and one"]),
+        ("amplitude_um,loss_factor,damping_ratio\n1,2,3\n", ["expected one amplitude and one"]),
+        ("amplitude_um;loss_factor\n1;0.01\n", ["line 1", "column 1"]),
+        ("amplitude_um,loss_factor\n1,0.01\n", ["1 lines of values"]),
+        (GOOD + "3,0.03,4\n", ["line 4", "3 values"]),
+        (GOOD + "1,5,0,03\n", ["line 4", "4 values", "point in decimal"]),
+        (GOOD + "3,x\n", ["line 4", "column loss_factor", "'x'"]),
+        (GOOD + "3,\n", ["line 4", "column loss_factor", "''"]),
+        (GOOD + "nan,0.1\n", ["line 4", "column amplitude_um", "'nan'"]),
+        (GOOD + "-3,0.1\n", ["line 4", "column amplitude_um", "'-3'"]),
+        (GOOD + "3,0\n", ["line 4", "column loss_factor", "'0'"]),
+        (GOOD + "3,2.5\n", ["line 4", "column loss_factor", "2.5", "loss_factor_percent"]),
+        ("amplitude_m,loss_factor\n1e-6,0.01\n2,0.01\n", ["line 3", "column amplitude_m", "unit"]),
+    ],
+)
+def test_bad_csv_says_file_line_and_column(tmp_path, text, words):
+    path = write(tmp_path / "bad.csv", text)
+    with pytest.raises(UnreadableFileError) as caught:
+        load_measurement(path)
+    message = str(caught.value)
+    assert "\n" not in message
+    for word in [str(path), *words]:
+        assert word in message
+
+
+def test_an_amplitude_that_stands_twice(tmp_path):
+    path = write(tmp_path / "m.csv", GOOD + "1,0.03\n")
+    assert len(load_measurement(path).amplitude_m) == 3
+    with pytest.raises(UnreadableFileError, match=r"line 4, column amplitude_um.*twice"):
+        load_measurement(path, distinct=True)
+
+
+def test_binary_and_missing_files(tmp_path):
+    (tmp_path / "b.csv").write_bytes(b"\x89PNG\xff\x00")
+    with pytest.raises(UnreadableFileError, match="not a CSV"):
+        load_measurement(tmp_path / "b.csv")
+    with pytest.raises(UnreadableFileError, match="give a CSV file"):
+        load_measurement(tmp_path / "none.csv")
+
+
+def test_a_folder_that_is_no_result(tmp_path):
+    with pytest.raises(UnreadableFileError, match="no finished result"):
+        load_model(tmp_path)
+
+
+def test_a_damaged_result(surface, tmp_path):
+    result_of(surface, tmp_path / "result")
+    (tmp_path / "result" / "result.h5").write_bytes(b"nothing")
+    with pytest.raises(UnreadableFileError, match="run the analysis again"):
+        load_model(tmp_path / "result")
+
+
+def test_a_folder_that_cannot_be_made(result, tmp_path):
+    found = compare_result(result[0], write(tmp_path / "a.csv", GOOD))
+    (tmp_path / "file").write_text("")
+    with pytest.raises(OutputError, match="choose another"):
+        write_comparison(found, tmp_path / "file" / "out")

@@ -1,0 +1,257 @@
+"""The automatic choice: no model that is too rough, none dearer than needed, no false promise."""
+
+from dataclasses import replace
+
+import msgspec
+import numpy as np
+import pytest
+
+from capslip.analysis import analyze
+from capslip.caps.families import group_families
+from capslip.caps.fit import fit_caps
+from capslip.caps.hills import find_hills
+from capslip.contact.bulk import without_bulk
+from capslip.contact.choice import boundary_elements_s, choose_model
+from capslip.contact.material import composite
+from capslip.contact.models.caps import caps as caps_curve
+from capslip.contact.models.interacting import interacting
+from capslip.contact.outside import unmodelled_area_m2
+from capslip.contact.rung import Scene, ladder
+from capslip.contact.slip import slip_curve
+from capslip.settings import load_settings
+from capslip.studies.chart.reference import ENERGIES, numbers_of, reference
+from capslip.surface.heightmap import HeightMap
+from scenes import caps_map
+
+E_STAR_PA = composite((200e9, 200e9), (0.3, 0.3)).E_star_Pa
+PIXEL_M = (2e-4, 2e-4)
+SHAPE = (200, 300)
+RUNGS = [rung.name for rung in ladder() if rung.automatic]
+# (x, y, R, peak) on a face of 60 mm x 40 mm; the last two lie too low to touch
+SPREAD = [
+    (0.010, 0.010, 20.0, 0.50e-6),
+    (0.030, 0.012, 24.0, 0.46e-6),
+    (0.050, 0.010, 18.0, 0.48e-6),
+    (0.012, 0.030, 22.0, 0.44e-6),
+    (0.048, 0.031, 25.0, 0.47e-6),
+    (0.030, 0.030, 20.0, 0.10e-6),
+    (0.020, 0.022, 20.0, 0.05e-6),
+]
+
+
+def scene(caps, preload_N=100.0, tolerance=0.05, floor_m=-1e-6, ratio=0.10, **columns):
+    surface = caps_map(caps, SHAPE, PIXEL_M, floor_m)
+    hills = find_hills(surface, ratio)
+    table, families = group_families(fit_caps(surface, hills, "pinned"))
+    table = table.with_columns(**columns)
+    overrides = (f"contact.preload_N={preload_N}", f"contact.tolerance={tolerance}")
+    overrides += ("conditioning.form=none",)  # the map is level as it is
+    return table, families, surface, hills.label, hills.noise_m, load_settings(overrides=overrides)
+
+
+def answers(curve, settings):
+    slip = slip_curve(curve, settings.contact.preload_N, 0.2, 1.2143)
+    return slip.energy_at_force_J(np.array([0.1, 0.25, 0.5, 0.75]) * slip.total_slip_force_N)
+
+
+def test_one_cap_needs_no_neighbours():
+    *given, settings = scene([(0.03, 0.02, 20.0, 0.5e-6)], 20.0)
+    with_bulk = msgspec.structs.replace(settings.contact, bulk=True)
+    choice = choose_model(*given, msgspec.structs.replace(settings, contact=with_bulk))
+    assert choice.model == RUNGS[0]
+    assert choice.estimated_error < 0.02
+    assert choice.problem is None
+
+
+@pytest.mark.parametrize("tolerance", [0.015, 0.05, 0.2, 0.9])
+def test_the_chosen_rung_is_within_its_estimate_and_no_lower_one_promises_as_much(tolerance):
+    given = scene(SPREAD, tolerance=tolerance)
+    table, families, surface, _, _, settings = given
+    choice = choose_model(*given)
+    pressed = Scene(table, families, surface, E_STAR_PA, 100.0, table.usable, 1e-7)
+    energies = {
+        rung.name: answers(rung.build(pressed), settings) for rung in ladder() if rung.automatic
+    }
+    error = np.abs(energies[choice.model] / energies["interacting"] - 1.0).max()
+    assert error <= choice.estimated_error <= tolerance
+    lower = RUNGS[: RUNGS.index(choice.model)]
+    assert all(choice.estimates[model] > tolerance for model in lower)
+
+
+def test_a_dearer_rung_is_taken_as_the_tolerance_falls():
+    chosen = [choose_model(*scene(SPREAD, tolerance=t)).model for t in (0.9, 0.2, 0.05, 0.015)]
+    rungs = [RUNGS.index(model) for model in chosen]
+    assert rungs == sorted(rungs)
+    assert rungs[0] < rungs[-1]
+
+
+def test_caps_that_cannot_touch_are_left_out_and_change_nothing():
+    given = scene(SPREAD, ratio=0.14)
+    choice = choose_model(*given)
+    caps = given[0]
+    assert len(caps) == 7
+    assert choice.use.sum() == 5
+    approach = []
+    for use in (choice.use, caps.usable):
+        depth_m = caps.peak_height_m[use].max() - caps.peak_height_m[use]
+        curve = interacting(caps.radius_m[use], depth_m, caps.x_m[use], caps.y_m[use], E_STAR_PA)
+        approach.append(float(curve.approach_m(100.0)))
+    assert approach[0] == pytest.approx(approach[1], rel=1e-12)
+
+
+def test_uncertain_caps_make_an_uncertain_result():
+    certain = choose_model(*scene(SPREAD))
+    n = len(scene(SPREAD)[0])
+    unsure = choose_model(*scene(SPREAD, peak_height_se_m=np.full(n, 10e-9)))
+    assert unsure.estimated_error > 5 * certain.estimates["interacting"]
+    assert unsure.model == "interacting"
+    assert unsure.problem.code == "boundary_elements_needed"
+    assert unsure.boundary_elements_s > 0.1
+    rough = choose_model(*scene(SPREAD, profile_residual_m=np.full(n, 10e-9)))
+    assert rough.estimated_error > 5 * certain.estimates["interacting"]
+
+
+def test_noise_is_no_error_of_shape():
+    table, *rest = scene(SPREAD)
+    rough = table.with_columns(profile_residual_m=np.full(len(table), 10e-9))
+    surface, label, _, settings = rest[1:]
+    choice = choose_model(rough, rest[0], surface, label, 10e-9, settings)
+    assert choice.estimates["interacting"] < 0.02
+
+
+def hills_of_power(power, stretch=1.0):
+    """Four equal hills that fall as r^power, on a floor: no error of one is undone by another."""
+    x_m = (np.arange(200) + 0.5) * 1.3e-4
+    height_m = np.full((200, 200), -0.6e-6)
+    for x, y in ((7, 6.5), (19, 7.5), (6.5, 19), (19.5, 18.5)):
+        r_m = np.hypot((x_m - 1e-3 * x) / stretch, (x_m[:, None] - 1e-3 * y) * stretch)
+        height_m = np.maximum(height_m, -0.4e-6 * (r_m / 5e-3) ** power)
+    return HeightMap(height_m, (1.3e-4, 1.3e-4))
+
+
+def estimate_and_error(surface):
+    """Return what interacting caps promise, and their error beyond that of the reference."""
+    overrides = ("contact.preload_N=80", "contact.model=interacting", "conditioning.form=none")
+    settings = load_settings(overrides=overrides)
+    analysis = analyze(surface, settings)
+    truth, found = reference(surface, settings, with_peak=False), numbers_of(analysis)
+    errors = {
+        name: abs(found[name] / truth.numbers[name] - 1.0) - truth.uncertainty[name]
+        for name in (*ENERGIES, "stiffness_without_bulk")
+    }
+    return analysis.contact.estimated_error, max(errors.values())
+
+
+@pytest.mark.parametrize("power", [1.6, 2.5, 3.0])
+def test_a_shape_that_all_hills_share_is_part_of_the_error(power):
+    estimate, error = estimate_and_error(hills_of_power(power))
+    assert 0.05 < error <= estimate
+
+
+@pytest.mark.parametrize("stretch", [1.2, 1.3])  # principal radii of 2.1 and 2.9 to one
+def test_ellipsoids_have_no_error_of_shape(stretch):
+    estimate, error = estimate_and_error(hills_of_power(2.0, stretch))
+    assert error <= estimate < 0.02
+
+
+def test_the_tilt_of_the_levelling_is_part_of_the_error():
+    # all caps at one end of a flat floor: the least-squares plane tilts towards them
+    places = [(0.006 + 0.011 * i, 0.006 + 0.0093 * j) for i in range(3) for j in range(4)]
+    caps = [(x, y, 20.0, -0.1e-6 * (x > 0.02)) for x, y in places]
+    surface = caps_map(caps, SHAPE, PIXEL_M, -0.5e-6)
+
+    def run(robust):
+        settings = (f"conditioning.form_robust={robust}", "contact.preload_N=300")
+        return analyze(surface, load_settings(overrides=settings))
+
+    tilted, level = run("false"), run("true")
+    shares = np.array([0.25, 0.5, 0.75])
+    energy_J, true_J = (
+        one.slip.energy_at_force_J(shares * one.slip.total_slip_force_N) for one in (tilted, level)
+    )
+    error = np.abs(energy_J / true_J - 1.0).max()
+    assert 0.1 < error <= tilted.contact.estimated_error
+    assert level.contact.estimated_error < 0.05
+    # boundary elements would press the same tilted map
+    codes = {problem.code for problem in tilted.problems}
+    assert "levelling_decides" in codes
+    assert "boundary_elements_needed" not in codes
+
+
+def test_contacts_that_run_together_are_not_promised_anything():
+    near = [(0.028, 0.02, 20.0, 0.5e-6), (0.031, 0.02, 20.0, 0.5e-6)]
+    table, families, surface, label, noise_m, settings = scene(
+        [near[0], (0.05, 0.02, 20.0, 0.5e-6)]
+    )
+    moved = table.with_columns(x_m=np.array([0.028, 0.031]))
+    choice = choose_model(moved, families, surface, label, noise_m, settings)
+    assert choice.estimated_error is None
+    assert "run together" in choice.problem.message
+
+
+def test_contacts_wider_than_their_hills_are_not_promised_anything():
+    choice = choose_model(*scene(SPREAD[:5], preload_N=3000.0, floor_m=0.3e-6))
+    assert choice.estimated_error is None
+    assert choice.problem.code == "boundary_elements_needed"
+
+
+def test_a_face_that_touches_beside_its_hills_is_not_promised_anything():
+    given = list(scene(SPREAD[:5]))
+    assert choose_model(*given).estimated_error is not None
+    given[3] = np.where(given[3] == given[3][49, 51], 0, given[3])  # one hill was not recognised
+    choice = choose_model(*given)
+    assert choice.estimated_error is None
+    assert "no hills" in choice.reason
+
+
+def test_unmodelled_area_is_that_of_a_plateau_above_the_plane():
+    caps, _, surface, _, _, _ = scene(SPREAD[:1], 20.0)
+    label = (surface.height_m > -1e-6).astype(int)
+    curve = interacting(caps.radius_m, [0.0], caps.x_m, caps.y_m, E_STAR_PA)
+    approach_m = float(curve.approach_m(20.0))
+    area = (surface, label, curve, approach_m, float(caps.peak_height_m[0]))
+    assert unmodelled_area_m2(*area, 0.0) == 0.0
+
+    def with_plateau(level_m):
+        height_m = surface.height_m.copy()
+        height_m[150:160, 200:220] = level_m
+        return replace(surface, height_m=height_m)
+
+    as_high = with_plateau(caps.peak_height_m[0])
+    assert unmodelled_area_m2(as_high, *area[1:], 0.0) == pytest.approx(200 * 4e-8)
+    lower = with_plateau(caps.peak_height_m[0] - 2 * approach_m)
+    assert unmodelled_area_m2(lower, *area[1:], 0.0) == 0.0
+    # Noise of that size may hide that it touches
+    assert unmodelled_area_m2(lower, *area[1:], 2 * approach_m) > 0.0
+
+
+def test_the_bulk_term_stays_where_nothing_would_be_left():
+    alone = caps_curve([20.0], [0.0], E_STAR_PA)
+    approach_m = float(alone.approach_m(100.0))
+    rest, with_bulk = without_bulk(alone, 0.1 * approach_m / 100.0, 100.0)
+    assert not with_bulk
+    assert float(rest.approach_m(100.0)) == pytest.approx(0.9 * approach_m)
+    for share in (0.8, 1.5):  # beyond 2/3 the stiffness of a Hertz contact would be negative
+        kept, with_bulk = without_bulk(alone, share * approach_m / 100.0, 100.0)
+        assert with_bulk
+        assert kept is alone
+
+
+def test_boundary_elements_take_longer_on_finer_grids():
+    assert boundary_elements_s((400, 600)) > 4 * boundary_elements_s((200, 300))
+
+
+@pytest.mark.parametrize("rim", [1.02, 1.05, 1.2])
+def test_the_flank_beside_a_contact_does_not_touch(rim):
+    """Outside its contact a pressed sphere gapes (Hertz), however close its hill ends there."""
+    x0_m, y0_m, radius_m, top_m = SPREAD[0]
+    surface = caps_map(SPREAD[:1], SHAPE, PIXEL_M, -1e-6)
+    curve = interacting([radius_m], [0.0], [x0_m], [y0_m], E_STAR_PA)
+    approach_m = float(curve.approach_m(300.0))
+    a_m = float(np.sqrt(approach_m * radius_m))
+    y_m, x_m = ((np.arange(n) + 0.5) * 2e-4 for n in SHAPE)
+    r_m = np.hypot(x_m - x0_m, y_m[:, None] - y0_m)
+    hill = (r_m <= rim * a_m).astype(int)
+    assert unmodelled_area_m2(surface, hill, curve, approach_m, top_m, 0.0) == 0.0
+    smaller = (r_m <= 0.7 * a_m).astype(int)
+    assert unmodelled_area_m2(surface, smaller, curve, approach_m, top_m, 0.0) > 0.0

@@ -1,0 +1,341 @@
+"""Mutants: change one place of the source at a time and see whether a test fails.
+
+    python tests/mutants.py [--sample N] [--seed S] [--module PATH ...] [--jobs N]
+
+Each mutant lives in a temporary copy of the source, first on PYTHONPATH; the working tree is never
+written to. Strings, type hints, decorators and what is raised are left alone. A mutant that no test
+sees is printed as `survived`: either a test is missing, or the change is none (`<` for `<=` at a
+place that no number hits).
+"""
+
+import argparse
+import ast
+import io
+import os
+import random
+import shutil
+import signal
+import subprocess
+import sys
+import tempfile
+import time
+import tokenize
+from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from itertools import pairwise
+from pathlib import Path
+from queue import SimpleQueue
+
+SOURCE = "pipeline"
+# Globs of modules, below the package, and of the tests that concern them, the quickest first.
+# A glob that finds nothing is passed over, so that a file may move to one of its places.
+TABLE = [
+    (
+        ("contact/press.py",),
+        (
+            "tests/contact/test_*press*.py",
+            "tests/contact/test_*choice*.py",
+            "tests/test_problems.py",
+        ),
+    ),
+    (
+        ("contact/model_choice.py", "contact/choice.py"),
+        (
+            "tests/contact/test_*choice*.py",
+            "tests/contact/test_*press*.py",
+            "tests/test_problems.py",
+        ),
+    ),
+    (
+        ("surface/doubts.py",),
+        (
+            "tests/surface/test_*holes*.py",
+            "tests/surface/test_*doubts*.py",
+            "tests/test_problems.py",
+            "tests/surface/test_*conditioning*.py",
+            "tests/surface/test_*outliers*.py",
+        ),
+    ),
+    (
+        ("doubts.py", "*/doubts.py"),
+        ("tests/test_doubts.py", "tests/*/test_*doubts*.py", "tests/test_problems.py"),
+    ),
+    (
+        ("caps/fit.py", "caps/fits/*.py", "caps/apex.py", "caps/noise.py", "caps/quadric.py"),
+        ("tests/caps/test_*fit*.py",),
+    ),
+    (
+        ("caps/families.py", "caps/clusters.py"),
+        ("tests/caps/test_*families*.py", "tests/test_problems.py"),
+    ),
+    (("structure/response.py",), ("tests/structure/test_*response*.py",)),
+    (
+        ("stages.py",),
+        ("tests/test_stages.py", "tests/test_problems.py", "tests/contact/test_*press*.py"),
+    ),
+    (("sensitivity.py",), ("tests/test_sensitivity.py", "tests/test_problems.py")),
+]
+SAMPLE = 40
+SLOWER = 4.0  # times the tests without a mutant, and
+SPARE_S = 30.0  # more, until a mutant counts as killed by never ending
+
+OTHERS = {
+    "<": ("<=", ">="), "<=": ("<", ">"), ">": (">=", "<="), ">=": (">", "<"),
+    "==": ("!=",), "!=": ("==",), "+": ("-",), "-": ("+",), "*": ("/",), "/": ("*",),
+    "&": ("|",), "|": ("&",), "and": ("or",), "or": ("and",),
+    "+=": ("-=",), "-=": ("+=",), "*=": ("/=",), "/=": ("*=",), "&=": ("|=",), "|=": ("&=",),
+}  # fmt: skip
+EXTREMES = [
+    ("min", "max"), ("minimum", "maximum"), ("fmin", "fmax"), ("nanmin", "nanmax"),
+    ("argmin", "argmax"),
+]  # fmt: skip
+AXES = [("dy", "dx"), ("dy_m", "dx_m"), ("y_m", "x_m"), ("ny", "nx")]  # where a module has both
+TWINS = {a: b for pair in EXTREMES + AXES for a, b in (pair, pair[::-1])}
+
+
+@dataclass(frozen=True)
+class Mutant:
+    """One change of one line; columns count characters."""
+
+    path: Path
+    line: int  # from 1
+    begin: int
+    end: int
+    new: str
+
+    def text(self, source: str) -> str:
+        """Return the source with the change made."""
+        lines = source.splitlines(keepends=True)
+        old = lines[self.line - 1]
+        lines[self.line - 1] = old[: self.begin] + self.new + old[self.end :]
+        return "".join(lines)
+
+    def describe(self, root: Path, source: str) -> str:
+        """Return `file:line  old -> new  | the line`."""
+        line = source.splitlines()[self.line - 1]
+        old = line[self.begin : self.end]
+        where = f"{self.path.relative_to(root)}:{self.line}"
+        return f"{where}  {old} -> {self.new or 'nothing'}  | {line.strip()}"
+
+
+class _Finder:
+    """Finds what can be changed in one module."""
+
+    def __init__(self, path: Path, source: str) -> None:
+        self.path, self.lines, self.found = path, source.splitlines(), list[Mutant]()
+        tokens = tokenize.generate_tokens(io.StringIO(source).readline)
+        self.tokens = [t for t in tokens if t.type in (tokenize.OP, tokenize.NAME)]
+        self.names = {t.string for t in self.tokens} | {name for pair in EXTREMES for name in pair}
+
+    def place(self, line: int, byte: int) -> tuple[int, int]:
+        """Return line and character of a place that `ast` counts in bytes."""
+        return line, len(self.lines[line - 1].encode()[:byte].decode())
+
+    def begin(self, node: ast.expr) -> tuple[int, int]:
+        return self.place(node.lineno, node.col_offset)
+
+    def end(self, node: ast.expr) -> tuple[int, int]:
+        assert node.end_lineno is not None
+        assert node.end_col_offset is not None
+        return self.place(node.end_lineno, node.end_col_offset)
+
+    def add(self, begin: tuple[int, int], end: tuple[int, int], *news: str) -> None:
+        if begin[0] == end[0]:
+            self.found += [Mutant(self.path, begin[0], begin[1], end[1], new) for new in news]
+
+    def between(self, one: tuple[int, int], other: tuple[int, int]) -> None:
+        """Change the operator between two operands."""
+        for token in self.tokens:
+            if one <= token.start and token.end <= other and token.string in OTHERS:
+                self.add(token.start, token.end, *OTHERS[token.string])
+                return
+
+    def name(self, node: ast.expr, name: str) -> None:
+        if TWINS.get(name) in self.names:
+            line, end = self.end(node)
+            self.add((line, end - len(name)), (line, end), TWINS[name])
+
+    def constant(self, node: ast.expr, swap: bool = False) -> None:
+        """Change a number or a truth value; `swap` makes 0 of 1, where it tells two apart."""
+        value = node.value if isinstance(node, ast.Constant) else None
+        new = ""
+        if isinstance(value, bool):
+            new = str(not value)
+        elif value == 0 or (swap and value == 1):
+            new = repr(type(value)(1 - value))  # type: ignore[operator]
+        elif isinstance(value, int | float):
+            new = repr(2 * value)
+        if new:
+            self.add(self.begin(node), self.end(node), new)
+
+    def visit(self, node: ast.AST) -> None:
+        """Look at a node and at what lies in it, but not at texts and types."""
+        if isinstance(node, ast.JoinedStr | ast.Raise | ast.Import | ast.ImportFrom):
+            return
+        if isinstance(node, ast.If) and ast.unparse(node.test).startswith(("TYPE_CH", "__name__")):
+            return
+        skipped = {"annotation", "returns", "decorator_list", "type_params"}
+        if isinstance(node, ast.Compare):
+            operands = [node.left, *node.comparators]
+            for one, other in pairwise(operands):
+                self.between(self.end(one), self.begin(other))
+        elif isinstance(node, ast.BinOp):
+            self.between(self.end(node.left), self.begin(node.right))
+        elif isinstance(node, ast.BoolOp):
+            for one, other in pairwise(node.values):
+                self.between(self.end(one), self.begin(other))
+        elif isinstance(node, ast.AugAssign):
+            self.between(self.end(node.target), self.begin(node.value))
+        elif isinstance(node, ast.UnaryOp):
+            self.add(self.begin(node), self.begin(node.operand), "")  # no `not`, `-`, `~`
+        elif isinstance(node, ast.Name) and isinstance(node.ctx, ast.Load):
+            self.name(node, node.id)
+        elif isinstance(node, ast.Attribute) and isinstance(node.ctx, ast.Load):
+            self.name(node, node.attr)
+        elif isinstance(node, ast.Constant):
+            self.constant(node)
+        elif isinstance(node, ast.Subscript) and isinstance(node.slice, ast.Constant):
+            self.constant(node.slice, swap=True)
+            skipped.add("slice")
+        elif isinstance(node, ast.keyword) and node.arg == "axis":
+            self.constant(node.value, swap=True)
+            skipped.add("value" if isinstance(node.value, ast.Constant) else "")
+        for field, inner in ast.iter_fields(node):
+            if field not in skipped:
+                for child in inner if isinstance(inner, list) else [inner]:
+                    if isinstance(child, ast.AST):
+                        self.visit(child)
+
+
+def mutants_of(path: Path) -> list[Mutant]:
+    """Return every mutant of a module that is valid Python."""
+    source = path.read_text(encoding="utf-8")
+    finder = _Finder(path, source)
+    finder.visit(ast.parse(source))
+    return [one for one in finder.found if _compiles(one.text(source))]
+
+
+def _compiles(text: str) -> bool:
+    try:
+        compile(text, "mutant", "exec")
+    except SyntaxError:
+        return False
+    return True
+
+
+def modules(root: Path, asked: list[str]) -> dict[Path, tuple[str, ...]]:
+    """Return the modules, those asked for or all of the table, with the tests of each."""
+    (package,) = (path.parent for path in (root / SOURCE).glob("*/__init__.py"))
+    known: dict[Path, tuple[str, ...]] = {}
+    for globs, tests in TABLE:
+        for path in sorted({path for one in globs for path in package.glob(one)}):
+            known.setdefault(path, _existing(root, tests))
+    if not asked:
+        return known
+    found = {}
+    for name in asked:
+        paths = sorted(path for path in root.glob(name) if path.suffix == ".py")
+        if not paths:
+            raise SystemExit(f"--module {name}: no such module below {root}")
+        for path in paths:
+            found[path] = (
+                known.get(path) or _existing(root, (f"tests/{path.parent.name}", "tests"))[:1]
+            )
+    return found
+
+
+def _existing(root: Path, globs: tuple[str, ...]) -> tuple[str, ...]:
+    paths = [path for one in globs for path in sorted(root.glob(one))]
+    return tuple(dict.fromkeys(str(path.relative_to(root)) for path in paths))
+
+
+def run_tests(root: Path, copy: Path, tests: tuple[str, ...], timeout_s: float | None) -> str:
+    """Run tests on a copy of the source; return "passed", "failed" or "never ended"."""
+    command = [sys.executable, "-m", "pytest", "-x", "-q", "-p", "no:cacheprovider", *tests]
+    paths = [str(copy), *filter(None, [os.environ.get("PYTHONPATH")])]
+    environment = {
+        **os.environ,
+        "PYTHONPATH": os.pathsep.join(paths),
+        "PYTEST_DISABLE_PLUGIN_AUTOLOAD": "1",  # half of the time of a quick test
+        "PYTHONDONTWRITEBYTECODE": "1",  # two mutants of one second and size would share it
+        "OPENBLAS_NUM_THREADS": "1",
+    }
+    quiet = subprocess.DEVNULL
+    process = subprocess.Popen(
+        command, cwd=root, env=environment, stdout=quiet, stderr=quiet, start_new_session=True
+    )
+    try:
+        return "failed" if process.wait(timeout_s) else "passed"
+    except subprocess.TimeoutExpired:
+        return "never ended"
+    finally:
+        if process.poll() is None:
+            os.killpg(process.pid, signal.SIGKILL)  # with what the tests started
+            process.wait()
+
+
+def results(
+    root: Path, chosen: list[Mutant], tests: dict[Path, tuple[str, ...]], jobs: int
+) -> Iterator[tuple[Mutant, str]]:
+    """Yield each mutant with what its tests did, as soon as it is known and in the order given."""
+    with tempfile.TemporaryDirectory() as folder, ThreadPoolExecutor(jobs) as pool:
+        copies: SimpleQueue[Path] = SimpleQueue()
+        for job in range(jobs):
+            copy = Path(folder) / str(job)
+            shutil.copytree(root / SOURCE, copy, ignore=shutil.ignore_patterns("__pycache__"))
+            copies.put(copy)
+
+        def timed(names: tuple[str, ...]) -> float:
+            copy, begin = copies.get(), time.perf_counter()
+            try:
+                if run_tests(root, copy, names, None) != "passed":
+                    raise SystemExit(f"without a mutant these fail already: {' '.join(names)}")
+            finally:
+                copies.put(copy)
+            return SLOWER * (time.perf_counter() - begin) + SPARE_S
+
+        sets = list(dict.fromkeys(tests[one.path] for one in chosen))
+        most_s = dict(zip(sets, pool.map(timed, sets), strict=True))
+
+        def outcome(one: Mutant) -> str:
+            copy = copies.get()
+            mutated = copy / one.path.relative_to(root / SOURCE)
+            source = one.path.read_text(encoding="utf-8")
+            mutated.write_text(one.text(source), encoding="utf-8")
+            try:
+                return run_tests(root, copy, tests[one.path], most_s[tests[one.path]])
+            finally:
+                mutated.write_text(source, encoding="utf-8")
+                copies.put(copy)
+
+        yield from zip(chosen, pool.map(outcome, chosen), strict=True)
+
+
+def main(arguments: list[str] | None = None) -> None:
+    """Print each mutant with its fate, and the share that was killed."""
+    parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
+    parser.add_argument("--sample", type=int, default=SAMPLE, help="how many; 0: all")
+    parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--module", action="append", default=[], help="path or glob, repeatable")
+    parser.add_argument("--jobs", type=int, default=1)
+    parser.add_argument("--root", type=Path, default=Path(__file__).parents[1])
+    options = parser.parse_args(arguments)
+    root = options.root.resolve()
+    tests = modules(root, options.module)
+    every = [one for path in tests for one in mutants_of(path)]
+    chosen = every
+    if 0 < options.sample < len(every):
+        picked = random.Random(options.seed).sample(range(len(every)), options.sample)
+        chosen = [every[i] for i in sorted(picked)]
+    print(f"{len(chosen)} of {len(every)} mutants of {len(tests)} modules, seed {options.seed}")
+    killed = 0
+    for one, outcome in results(root, chosen, tests, options.jobs):
+        killed += outcome != "passed"
+        fate = {"passed": "survived", "failed": "killed"}.get(outcome, "killed (never ended)")
+        print(f"{fate:8} {one.describe(root, one.path.read_text(encoding='utf-8'))}", flush=True)
+    print(f"{killed} of {len(chosen)} killed" + (f", {killed / len(chosen):.0%}" if chosen else ""))
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,239 @@
+"""Writing: whole or not at all, the same numbers in every file, and no number lost to a picture."""
+
+import csv
+import json
+from dataclasses import replace
+
+import h5py
+import numpy as np
+import output_cases
+import pytest
+
+import capslip
+from capslip.caps.table import UNITS
+from capslip.errors import OutputError, SettingsError
+from capslip.output import mesh, scene, tables
+from capslip.problems import Problem
+from check_result import defects
+
+DATASETS = {  # every dataset beside the caps, with its unit
+    "surface/height_m": "m",
+    "hills/labels": "",
+    "normal/approach_m": "m",
+    "normal/load_N": "N",
+    "slip/force_N": "N",
+    "slip/displacement_m": "m",
+    "slip/energy_J": "J",
+    "damping/amplitude_m": "m",
+    "damping/force_N": "N",
+    "damping/loss_factor": "1",
+    "damping/damping_ratio": "1",
+    "damping/frequency_ratio": "1",
+}
+
+
+@pytest.fixture(scope="module")
+def written(tmp_path_factory):
+    analysis, folder = output_cases.several(), tmp_path_factory.mktemp("written") / "result"
+    told = []
+    summary = capslip.write(
+        analysis,
+        folder,
+        command="capslip by hand",
+        timings_s={"read": 2.0},
+        figures=False,
+        render=False,
+        export="jenkins",
+        progress=told.append,
+        missing=lambda text, error: pytest.fail(text),
+    )
+    assert told == ["writing the report"]
+    return analysis, folder, summary
+
+
+def test_the_summary_returned_is_the_one_on_disk(written):
+    analysis, folder, summary = written
+    assert json.loads((folder / "summary.json").read_text()) == summary
+    for key, one in analysis.summary().items():
+        if key not in ("timings_s", "provenance"):
+            assert summary[key] == one
+    assert summary["provenance"]["command"] == "capslip by hand"
+    times_s = summary["timings_s"]
+    assert times_s["read"] == 2.0
+    assert {"tables", "report", "hills", "caps"} <= set(times_s)
+    rest_s = [time_s for stage, time_s in times_s.items() if stage != "total"]
+    assert times_s["total"] == pytest.approx(sum(rest_s), rel=1e-9)
+
+
+def test_the_folder_is_whole(written):
+    _, folder, _ = written
+    assert defects(folder) == []
+    assert (folder / "jenkins.csv").is_file()
+    assert list((folder / "figures").iterdir()) == []
+    assert [entry.name for entry in folder.parent.iterdir()] == ["result"]
+
+
+def test_the_settings_say_what_was_drawn(written):
+    analysis, folder, _ = written
+    settings = capslip.load_settings(folder / "settings.toml")
+    assert not settings.run.figures
+    assert not settings.run.render
+    assert settings.sha256() == analysis.settings.sha256()
+
+
+def test_the_table_of_caps_is_that_of_the_analysis(written):
+    analysis, folder, _ = written
+    with (folder / "caps.csv").open() as file:
+        rows = list(csv.DictReader(file))
+    columns = analysis.caps.columns()
+    assert list(rows[0]) == list(columns) == list(UNITS)
+    with h5py.File(folder / "result.h5") as file:
+        for name, column in columns.items():
+            assert file[f"caps/{name}"].attrs["unit"] == UNITS[name]
+            cells = [row[name] for row in rows]
+            if column.dtype.kind == "f":
+                np.testing.assert_array_equal(file[f"caps/{name}"][:], column)
+                np.testing.assert_array_equal([float(c or "nan") for c in cells], column)
+            else:
+                assert cells == [str(one) for one in column]
+
+
+def test_an_absent_number_is_an_empty_cell(tmp_path):
+    analysis = output_cases.several()
+    load_N = analysis.caps.load_N.copy()
+    load_N[1] = np.nan
+    analysis = replace(analysis, caps=analysis.caps.with_columns(load_N=load_N))
+    tables.write_result(analysis, tmp_path)
+    with (tmp_path / "caps.csv").open() as file:
+        cells = [row["load_N"] for row in csv.DictReader(file)]
+    assert [cell == "" for cell in cells] == [i == 1 for i in range(len(load_N))]
+
+
+def test_every_dataset_has_its_unit_and_its_numbers(written):
+    analysis, folder, _ = written
+    slip, damping, surface = analysis.slip, analysis.damping, analysis.conditioned.surface
+    with h5py.File(folder / "result.h5") as file:
+        units = {}
+        file.visititems(
+            lambda name, item: (
+                units.update({name: item.attrs["unit"]}) if isinstance(item, h5py.Dataset) else None
+            )
+        )
+        assert {name: unit for name, unit in units.items() if "caps/" not in name} == DATASETS
+        height = file["surface/height_m"]
+        assert tuple(height.attrs["pixel_size_m"]) == surface.pixel_size_m
+        np.testing.assert_allclose(height[:], surface.height_m, rtol=1e-6)
+        np.testing.assert_array_equal(file["hills/labels"][:], analysis.hills.label)
+        load_N = file["normal/load_N"][:]
+        assert load_N[0] == 0.0
+        assert load_N[-1] == pytest.approx(analysis.contact.preload_N)
+        approach_m = analysis.contact.normal.approach_m(load_N)
+        np.testing.assert_allclose(file["normal/approach_m"][:], approach_m)
+        force_N = file["slip/force_N"][:]
+        assert len(force_N) >= 64
+        assert force_N[-1] == pytest.approx(slip.total_slip_force_N)
+        np.testing.assert_allclose(file["slip/displacement_m"][:], slip.displacement_m(force_N))
+        np.testing.assert_allclose(file["slip/energy_J"][:], slip.energy_at_force_J(force_N))
+        for name in file["damping"]:
+            np.testing.assert_array_equal(file[f"damping/{name}"][:], getattr(damping, name))
+
+
+def test_a_native_file_of_the_result_reads_back_as_the_face(written):
+    analysis, folder, _ = written
+    back = capslip.load_surface(folder / "result.h5", dataset="/surface/height_m")
+    face = analysis.conditioned.surface
+    assert back.pixel_size_m == pytest.approx(face.pixel_size_m)
+    np.testing.assert_allclose(back.height_m, face.height_m, rtol=1e-6)
+
+
+def test_every_part_that_fails_is_told_once_and_the_report_names_it(tmp_path, monkeypatch):
+    def fail(*_):
+        raise ValueError("torn")
+
+    monkeypatch.setattr(mesh, "write_meshes", fail)
+    told = []
+    summary = capslip.write(
+        output_cases.none(),
+        tmp_path / "a",
+        figures=False,
+        render=False,
+        export="jenkins",
+        missing=lambda text, error: told.append((text, type(error))),
+    )
+    texts = [p["message"] for p in summary["problems"] if p["code"] == "output_missing"]
+    assert [text for text, _ in told] == texts
+    assert texts[0].startswith("jenkins.csv could not be made: it needs a slip curve")
+    assert texts[1] == "surface.vtu and caps.vtu could not be made: ValueError: torn"
+    assert [kind.__name__ for _, kind in told] == ["ContactError", "ValueError"]
+    assert "ValueError: torn" in (tmp_path / "a" / "report.html").read_text()
+
+
+def test_no_display_is_told_but_no_problem(tmp_path, monkeypatch):
+    class Blind:
+        def wait(self):
+            return "no OpenGL here"
+
+    monkeypatch.setattr(scene, "start_render", lambda *_: Blind())
+    told = []
+    summary = capslip.write(
+        output_cases.none(),
+        tmp_path / "a",
+        figures=False,
+        render=True,
+        missing=lambda text, error: told.append((text, error)),
+    )
+    assert told == [("no render: no OpenGL here", None)]
+    assert "output_missing" not in [p["code"] for p in summary["problems"]]
+    assert "no OpenGL here" in (tmp_path / "a" / "report.html").read_text()
+
+
+def test_an_interrupt_ends_the_renderer_and_leaves_nothing(tmp_path, monkeypatch):
+    ended = []
+
+    class Slow:
+        def wait(self):
+            raise KeyboardInterrupt
+
+        def stop(self):
+            ended.append(True)
+
+    monkeypatch.setattr(scene, "start_render", lambda *_: Slow())
+    with pytest.raises(KeyboardInterrupt):
+        capslip.write(output_cases.none(), tmp_path / "a", figures=False, render=True)
+    assert ended == [True]
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_failing_number_leaves_no_folder(tmp_path, monkeypatch):
+    def fail(*_):
+        raise OSError("disk full")
+
+    monkeypatch.setattr(tables, "write_summary", fail)
+    with pytest.raises(OSError, match="disk full"):
+        capslip.write(output_cases.none(), tmp_path / "a", figures=False, render=False)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_the_scan_itself_is_never_replaced(tmp_path):
+    analysis = output_cases.none()
+    light = {"figures": False, "render": False}
+    capslip.write(analysis, tmp_path / "a", **light)
+    origin = replace(analysis.surface.origin, path=str(tmp_path / "a" / "result.h5"))
+    surface = replace(analysis.surface, origin=origin)
+    with pytest.raises(OutputError, match="would be replaced"):
+        capslip.write(replace(analysis, surface=surface), tmp_path / "a", **light)
+    capslip.write(replace(analysis, surface=surface), tmp_path / "b", **light)
+
+
+def test_an_unknown_export_is_refused_before_anything_is_written(tmp_path):
+    with pytest.raises(SettingsError, match="jenkins"):
+        capslip.write(output_cases.none(), tmp_path / "a", export="abaqus")
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_failed_analysis_is_written(tmp_path):
+    problem = Problem("contact_failed", "error", "too much")
+    analysis = replace(output_cases.none(), problems=(problem,))
+    summary = capslip.write(analysis, tmp_path / "a", figures=False, render=False)
+    assert summary["status"] == "failed"
+    assert defects(tmp_path / "a") == ["status failed"]

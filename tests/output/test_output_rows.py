@@ -1,0 +1,141 @@
+"""The one table of quantities: every place exists, and every way of writing is right."""
+
+import output_cases
+import pytest
+
+from capslip.output.rows import QUANTITIES, SCALES, Value, value, write_text
+from capslip.output.terminal import result_lines
+
+SUFFIX = {"m": "_m", "N": "_N", "N/m": "_N_per_m", "Pa": "_Pa", "m^2": "_m2"}
+
+
+@pytest.mark.parametrize("case", [output_cases.none, output_cases.one, output_cases.several])
+def test_every_quantity_has_a_place_in_every_summary(case):
+    summary = case().summary()
+    for name in QUANTITIES:
+        value(summary, name)
+
+
+def test_the_unit_is_that_of_the_key():
+    for name, quantity in QUANTITIES.items():
+        key = quantity.path.split(".")[-1]
+        units = [unit for unit, suffix in SUFFIX.items() if key.endswith(suffix)]
+        if units and key not in ("m", "n"):
+            assert quantity.unit == max(units, key=lambda unit: len(SUFFIX[unit])), name
+        else:
+            assert quantity.unit in ("", "%"), name
+
+
+def test_values_are_those_of_the_analysis():
+    analysis = output_cases.several()
+    summary, families = analysis.summary(), analysis.families
+    limit_m = {
+        name: analysis.slip.limits_m[analysis.caps.family[analysis.contact.use] == name].max()
+        for name in "GP"
+    }
+    assert limit_m["G"] > limit_m["P"] > 0
+    expected = {
+        "m": families.m,
+        "n": families.n,
+        "h_m": families.h_m,
+        "radius_G_m": families.G.radius_m,
+        "diameter_P_m": families.P.diameter_m,
+        "height_G_m": families.G.height_m,
+        "peak_height_P_m": families.P.peak_height_m,
+        "cut_height_m": analysis.hills.cut_height_m,
+        "approach_m": analysis.contact.approach_m,
+        "approach_without_bulk_m": analysis.contact.approach_without_bulk_m,
+        "stiffness_N_per_m": analysis.contact.stiffness_N_per_m,
+        "tangential_stiffness_N_per_m": analysis.slip.tangential_stiffness_N_per_m,
+        "total_slip_force_N": analysis.slip.total_slip_force_N,
+        "gross_slip_amplitude_m": analysis.damping.gross_slip_amplitude_m,
+        "limit_G_m": limit_m["G"],
+        "limit_P_m": limit_m["P"],
+        "max_pressure_Pa": analysis.contact.max_pressure_Pa,
+        "contact_area_m2": analysis.contact.contact_area_m2,
+        "amplitude_at_peak_m": analysis.damping.amplitude_at_peak_m,
+        "modal_stiffness_N_per_m": analysis.damping.modal_stiffness_N_per_m,
+        "joint_stiffness_N_per_m": analysis.damping.joint_stiffness_N_per_m,
+        "sq_m": analysis.conditioned.sq_m,
+        "sz_m": analysis.conditioned.sz_m,
+    }
+    assert {name: value(summary, name) for name in expected} == expected
+
+
+@pytest.mark.parametrize(
+    ("found", "unit", "spec", "text"),
+    [
+        (2.345e-7, "m", "", "234 nm"),
+        (2.3456e-7, "m", "4", "234.6 nm"),
+        (2.3456e-7, "m", "um", "0.2346 um"),
+        (2.3456e-7, "m", ".2f um", "0.23 um"),
+        (1.5e-3, "m", "mm", "1.5 mm"),
+        (25.0, "m", ".4g m", "25 m"),
+        (7.6e-8, "m", "nm", "76 nm"),
+        (4.245e9, "N/m", "MN/m", "4245 MN/m"),
+        (0.2149, "%", "", "21.5 %"),
+        (0.2149, "%", ".0f %", "21 %"),
+        (3.07e-6, "m^2", "", "3.07 mm²"),
+        (0.051449, "", "", "0.0514"),
+        (0.051449, "", ".4g", "0.05145"),
+        (11, "", "", "11"),
+        ("caps", "", "", "caps"),
+        (None, "m", "um", "–"),
+        (None, "", "", "–"),
+    ],
+)
+def test_how_a_value_is_written(found, unit, spec, text):
+    assert format(Value(found, unit), spec) == text
+
+
+def test_scales_are_those_of_their_prefix():
+    assert {name: scale for name, scale in SCALES.items() if name != "µm"} == {
+        "um": 1e-6,
+        "nm": 1e-9,
+        "mm": 1e-3,
+        "mm²": 1e-6,
+        "MN/m": 1e6,
+        "%": 1e-2,
+    }
+    assert SCALES["µm"] == SCALES["um"]
+
+
+def test_an_unknown_quantity_is_an_error_of_the_program():
+    with pytest.raises(KeyError, match="nothing"):
+        write_text("{nothing}", {})
+
+
+def test_the_lines_of_a_terminal():
+    analysis = output_cases.several()
+    lines = result_lines(analysis).splitlines()
+    families, slip, damping = analysis.families, analysis.slip, analysis.damping
+    assert lines[0].startswith("scan       ")
+    assert f"cut {analysis.hills.cut_height_m * 1e6:.4g} um, " in lines[1]
+    assert lines[2] == f"families   m 2, n 3, h {families.h_m * 1e6:.4g} um"
+    for line, name, family in ((lines[3], "G", families.G), (lines[4], "P", families.P)):
+        assert line == (
+            f"  {name}        R {family.radius_m:.4g} m, D {family.diameter_m * 1e3:.4g} mm, "
+            f"df {family.height_m * 1e6:.4g} um"
+        )
+    contact = analysis.contact
+    assert lines[5] == (
+        f"contact    caps: 150 N on {contact.contacts} caps in contact, approach "
+        f"{contact.approach_m * 1e6:.4g} um ({contact.approach_without_bulk_m * 1e6:.4g} um "
+        "without bulk)"
+    )
+    assert lines[6] == (
+        f"slip       stiffness {slip.tangential_stiffness_N_per_m / 1e6:.4g} MN/m, total slip at "
+        f"{slip.total_slip_force_N:.4g} N, {slip.total_slip_displacement_m * 1e9:.4g} nm"
+    )
+    assert lines[7] == (
+        f"damping    peak loss factor {damping.peak_loss_factor:.4g} at "
+        f"{damping.amplitude_at_peak_m * 1e6:.4g} um, gross slip at "
+        f"{damping.gross_slip_amplitude_m * 1e6:.4g} um"
+    )
+    assert lines[8] == f"status     {analysis.status}"
+
+
+def test_the_terminal_says_what_is_absent_in_plain_letters():
+    lines = result_lines(output_cases.none()).splitlines()
+    assert lines[2] == "families   m 0, n 0, h -"
+    assert lines[3].startswith("status ")
