@@ -16,7 +16,8 @@ from capslip.contact.solvers.polonsky_keer import (
     press,
     stiffness_of_regions_N_per_m,
 )
-from capslip.contact.solvers.unloading import Unloading, unload
+from capslip.contact.solvers.tilting import press_balanced
+from capslip.contact.solvers.unloading import Unloading, refinement, unload
 from capslip.errors import ContactError, SettingsError
 from capslip.problems import Problem
 from capslip.settings import SOLVER_TOLERANCE
@@ -43,12 +44,12 @@ class _Solutions:
         if load_N not in self.pressed:
             near = [N for N in self.pressed if 0.8 * load_N < N < 1.25 * load_N]
             start_Pa = self.pressed[near[0]].pressure_Pa if near else None
-            self._keep(press(self.face, load_N=load_N, tolerance=self.tolerance, start_Pa=start_Pa))
+            self.keep(press(self.face, load_N=load_N, tolerance=self.tolerance, start_Pa=start_Pa))
         return self.pressed[load_N]
 
     def press_to(self, approach_m: float) -> Pressed:
         """Return the state at an approach."""
-        return self._keep(press(self.face, approach_m=approach_m, tolerance=self.tolerance))
+        return self.keep(press(self.face, approach_m=approach_m, tolerance=self.tolerance))
 
     def unload(self, load_N: float) -> Unloading:
         """Return what happens below a load."""
@@ -82,7 +83,8 @@ class _Solutions:
         curve = PchipInterpolator(*np.log(table))
         return np.exp(np.asarray(curve(np.log(load_N))))
 
-    def _keep(self, pressed: Pressed) -> Pressed:
+    def keep(self, pressed: Pressed) -> Pressed:
+        """Remember a solution and its approach."""
         self.approach_m[pressed.load_N] = pressed.approach_m
         self.pressed[pressed.load_N] = pressed
         while len(self.pressed) > _KEPT:
@@ -102,6 +104,7 @@ class BoundaryElementCurve:
     solutions: _Solutions
     compliance_m_per_N: float = 0.0
     model: str = "boundary_elements"
+    tilt_rad: tuple[float, float] = (0.0, 0.0)  # slopes in x and y added to the map, and held
 
     @property
     def touch_m(self) -> np.ndarray:
@@ -275,6 +278,8 @@ class BoundaryElementCurve:
         if load_N in self.solutions.unloading:
             return self.solutions.unloading[load_N].stiffness_N_per_m
         pressed = self.pressed(load_N)
+        if refinement(self.solutions.face, pressed) > 1:
+            return self.unloading(load_N).stiffness_N_per_m
         return float(stiffness_of_regions_N_per_m(self.solutions.face, pressed).sum())
 
     def _with_spring(self, stiffness_N_per_m: Any) -> Any:
@@ -313,14 +318,23 @@ class BoundaryElementCurve:
 
 
 def boundary_elements(
-    surface: HeightMap, E_star_Pa: float, tolerance: float = 1e-7
+    surface: HeightMap,
+    E_star_Pa: float,
+    tolerance: float = 1e-7,
+    *,
+    balanced_at_N: float | None = None,
+    load_point_m: tuple[float, float] | None = None,
+    rotational_stiffness_Nm_per_rad: float = 0.0,
 ) -> BoundaryElementCurve:
     """Return the normal curve of the height map itself: the reference of the other models.
 
-    The map is pressed against a rigid plane that does not tilt, and sinks as an elastic half-space
-    under the pressures on it (free boundary). The approach counts from first touch at the highest
-    measured point and holds the bulk sinking of the half-space. Non-measured points and what lies
-    outside the map never touch.
+    The map is pressed against a rigid plane, and sinks as an elastic half-space under the pressures
+    on it (free boundary). The approach counts from first touch at the highest measured point and
+    holds the bulk sinking of the half-space. Non-measured points and what lies outside the map
+    never touch.
+
+    The map does not tilt; or it takes the tilt at which a preload balances, and the whole curve is
+    that of this tilt held, as slip needs it, with first touch under this tilt.
 
     Parameters
     ----------
@@ -330,6 +344,10 @@ def boundary_elements(
         Composite modulus.
     tolerance : float
         Of every solution, relative to the approach, see `polonsky_keer.press`.
+    balanced_at_N : float, optional
+        The preload that tilts the map.
+    load_point_m, rotational_stiffness_Nm_per_rad
+        Of this preload, see `press_balanced`.
 
     Raises
     ------
@@ -347,7 +365,19 @@ def boundary_elements(
     low, high = SOLVER_TOLERANCE
     if not low <= tolerance <= high:
         raise SettingsError(f"solver_tolerance: got {tolerance:g}; expected {low:g} to {high:g}")
-    return BoundaryElementCurve(_Solutions(elastic_face(surface, E_star_Pa), float(tolerance)))
+    face = elastic_face(surface, E_star_Pa)
+    if balanced_at_N is None:
+        return BoundaryElementCurve(_Solutions(face, float(tolerance)))
+    pressed = press_balanced(
+        face,
+        balanced_at_N,
+        load_point_m,
+        rotational_stiffness_Nm_per_rad=rotational_stiffness_Nm_per_rad,
+        tolerance=tolerance,
+    )
+    solutions = _Solutions(face.tilted(pressed.tilt_rad), float(tolerance))
+    solutions.keep(pressed)
+    return BoundaryElementCurve(solutions, tilt_rad=pressed.tilt_rad)
 
 
 def _proportional(x: np.ndarray, xs: np.ndarray, ys: np.ndarray, power: int = 1) -> np.ndarray:

@@ -6,6 +6,7 @@ from typing import Literal
 import numpy as np
 
 _WORKERS = 2  # threads of a transform; more gain little
+_FAR = 60  # pixels
 _COLUMNS = 64  # transformed at once along y: what fits into the cache
 
 
@@ -97,6 +98,41 @@ def love_kernel(
     x, y = x[None, :], y[:, None]
     corners = x * np.arcsinh(y / np.abs(x)) + y * np.arcsinh(x / np.abs(y))
     return np.asarray(np.diff(np.diff(corners, axis=0), axis=1) / (math.pi * E_star_Pa))
+
+
+def love_kernel_at(
+    offsets: tuple[np.ndarray, np.ndarray], pixel_size_m: tuple[float, float], E_star_Pa: float
+) -> np.ndarray:
+    """Return the same kernel at any distances, not only at whole pixels.
+
+    From `_FAR` pixels on by the first terms of its series in pixel over distance, which leave
+    1e-9 of it.
+
+    Parameters
+    ----------
+    offsets : (ndarray, ndarray)
+        Distances in y and x, in pixels.
+    pixel_size_m, E_star_Pa
+        As for `love_kernel`.
+    """
+    dy, dx = pixel_size_m
+    y, x = offsets[0] * dy, offsets[1] * dx
+    r2 = np.square(x) + np.square(y)
+    near = r2 < (_FAR * max(dy, dx)) ** 2
+    r2[near] = 1.0
+    # 1/r and its second derivatives, averaged over the pixel
+    second = dx**2 * (2 * x**2 - y**2) + dy**2 * (2 * y**2 - x**2)
+    kernel = dx * dy * (1 + second / (24 * r2**2)) / np.sqrt(r2)
+    y, x = y[near], x[near]
+    corner = np.zeros(y.shape)
+    for sign_y in (-1, 1):
+        for sign_x in (-1, 1):
+            b, a = y + sign_y * dy / 2, x + sign_x * dx / 2
+            b, a = np.where(b == 0, 1e-300, b), np.where(a == 0, 1e-300, a)
+            part = a * np.arcsinh(b / np.abs(a)) + b * np.arcsinh(a / np.abs(b))
+            corner += sign_y * sign_x * part
+    kernel[near] = corner
+    return np.asarray(kernel / (math.pi * E_star_Pa))
 
 
 def padded_shape(shape: tuple[int, int]) -> tuple[int, int]:

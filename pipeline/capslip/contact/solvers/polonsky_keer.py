@@ -5,13 +5,23 @@ from functools import cached_property
 
 import numpy as np
 
-from capslip.contact.solvers.half_space import HalfSpace
-from capslip.errors import ContactError, SettingsError, UnusableSurfaceError
-from capslip.surface.heightmap import HeightMap
+from capslip.contact.solvers.closing import Closing, GivenApproach, GivenLoad
+from capslip.contact.solvers.elastic_face import ElasticFace, coarsened, elastic_face
+from capslip.contact.solvers.patches import patched
+from capslip.errors import ContactError, SettingsError
 
-MAX_POINTS = 16_000_000  # of a map
-BYTES_PER_POINT = 200  # of memory that a solution takes at its peak
-_COARSEST = 48  # points along the shorter side at which nesting ends
+__all__ = [
+    "Certificate",
+    "ElasticFace",
+    "Pressed",
+    "coarsened",
+    "elastic_face",
+    "press",
+    "punch_pressure_Pa_per_m",
+    "stiffness_of_regions_N_per_m",
+]
+
+_WORTH_PATCHES = 50_000  # points of a map from which a first solution is sought on patches
 _COARSE_TOLERANCE = 1e-3  # of the solutions that only start the next finer one
 _MAX_ITERATIONS = 300
 
@@ -28,6 +38,7 @@ class Certificate:
     least_pressure: float  # below zero is tension
     complementarity: float  # sum of p |gap| / sum of p
     iterations: int  # on the finest grid
+    moments: tuple[float, float] = (0.0, 0.0)  # left over in x and y, over load times side
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,6 +51,17 @@ class Pressed:
     gap_m: np.ndarray  # up to rounding and tolerance zero in contact; 0 at non-measured points
     pixel_size_m: tuple[float, float]
     certificate: Certificate
+    tilt_rad: tuple[float, float] = (0.0, 0.0)  # slopes in x and y that balance added to the map
+
+    @property
+    def resultant_m(self) -> tuple[float, float]:
+        """Where the resultant of the pressures acts, (x, y) in the map."""
+        dy_m, dx_m = self.pixel_size_m
+        ny, nx = self.pressure_Pa.shape
+        over_x, over_y = self.pressure_Pa.sum(axis=0), self.pressure_Pa.sum(axis=1)
+        x_m = float(over_x @ (np.arange(nx) + 0.5)) * dx_m / float(over_x.sum())
+        y_m = float(over_y @ (np.arange(ny) + 0.5)) * dy_m / float(over_y.sum())
+        return x_m, y_m
 
     @property
     def contact_area_m2(self) -> float:
@@ -87,96 +109,20 @@ class Pressed:
 
 
 @dataclass(frozen=True, eq=False)
-class ElasticFace:
-    """A height map on a half-space, ready to be pressed, made by `elastic_face`."""
+class State:
+    """Pressures, gaps and approach, and how far they are from contact."""
 
-    name: str
-    depth_m: np.ndarray  # below the highest measured point; 0 at non-measured points
-    measured: np.ndarray
-    pixel_size_m: tuple[float, float]
-    E_star_Pa: float
-    half_space: HalfSpace
+    pressure_Pa: np.ndarray
+    gap_m: np.ndarray
+    approach_m: float  # from first touch under the tilt
+    tilt_rad: tuple[float, float]  # slopes in x and y added to the map
+    contact: np.ndarray  # flat indices of the pixels under pressure
+    least_gap: float
+    complementarity: float
 
-    @cached_property
-    def coarser(self) -> "ElasticFace | None":
-        """The same face on a grid of pixels twice as large, None where that is too coarse."""
-        if min(self.shape) < 2 * _COARSEST:
-            return None
-        depth_m, measured = _block_means(self.depth_m, self.measured, 2)
-        dy_m, dx_m = self.pixel_size_m
-        size_m = (2 * dy_m, 2 * dx_m)
-        half_space = HalfSpace(depth_m.shape, size_m, self.E_star_Pa)
-        return ElasticFace(self.name, depth_m, measured, size_m, self.E_star_Pa, half_space)
-
-    @property
-    def shape(self) -> tuple[int, int]:
-        """(ny, nx)."""
-        return self.depth_m.shape[0], self.depth_m.shape[1]
-
-    @property
-    def pixel_area_m2(self) -> float:
-        """Area of one pixel."""
-        return self.pixel_size_m[0] * self.pixel_size_m[1]
-
-
-def elastic_face(surface: HeightMap, E_star_Pa: float) -> ElasticFace:
-    """Prepare a height map for contact.
-
-    Parameters
-    ----------
-    surface : HeightMap
-        Non-measured points never touch.
-    E_star_Pa : float
-        Composite modulus.
-
-    Raises
-    ------
-    SettingsError
-        If the modulus is not positive and finite.
-    UnusableSurfaceError
-        If nothing was measured.
-    ContactError
-        If the map has more than `MAX_POINTS` points, which need `BYTES_PER_POINT` bytes each.
-    """
-    if not 0 < E_star_Pa < np.inf:
-        raise SettingsError(f"E_star_Pa: got {E_star_Pa:g}; expected a finite number > 0")
-    name, n_points = surface.origin.name, surface.height_m.size
-    if n_points > MAX_POINTS:
-        factor = int(np.ceil(np.sqrt(n_points / MAX_POINTS)))
-        raise ContactError(
-            f"{name}: boundary elements on {n_points} points need "
-            f"{n_points * BYTES_PER_POINT / 1e9:.1f} GB; expected at most {MAX_POINTS} points; "
-            f"coarsen the map {factor} times"
-        )
-    measured = surface.measured
-    if not measured.any():
-        raise UnusableSurfaceError(f"{name}: all points are non-measured; expected heights")
-    depth_m = np.where(measured, np.nanmax(surface.height_m) - surface.height_m, 0.0)
-    half_space = HalfSpace(surface.shape, surface.pixel_size_m, E_star_Pa)
-    return ElasticFace(name, depth_m, measured, surface.pixel_size_m, E_star_Pa, half_space)
-
-
-def coarsened(surface: HeightMap, factor: int) -> HeightMap:
-    """Return the map with pixels `factor` times as large, to see what the resolution does.
-
-    Each height is the mean over the measured points of a block; blocks at the far edges may be
-    incomplete, and those without a measured point stay non-measured.
-
-    Examples
-    --------
-    >>> coarsened(HeightMap(np.arange(36.0).reshape(6, 6), (1.0, 1.0)), 2).height_m[0]
-    array([3.5, 5.5, 7.5])
-    """
-    if isinstance(factor, bool) or not isinstance(factor, int | np.integer) or factor < 1:
-        raise SettingsError(f"factor: got {factor!r}; expected an integer of at least 1")
-    measured = surface.measured
-    height_m, known = _block_means(np.where(measured, surface.height_m, 0.0), measured, factor)
-    dy_m, dx_m = surface.pixel_size_m
-    return replace(
-        surface,
-        height_m=np.where(known, height_m, np.nan),
-        pixel_size_m=(factor * dy_m, factor * dx_m),
-    )
+    def fulfils(self, tolerance: float) -> bool:
+        """Whether gaps under pressure and penetration are within the tolerance."""
+        return self.complementarity <= tolerance and self.least_gap >= -tolerance
 
 
 def press(
@@ -213,6 +159,7 @@ def press(
 
     Examples
     --------
+    >>> from capslip.surface.heightmap import HeightMap
     >>> y, x = np.mgrid[-32:32, -32:32] * 1e-4
     >>> sphere = HeightMap(-(x**2 + y**2) / (2 * 20.0), (1e-4, 1e-4))
     >>> pressed = press(elastic_face(sphere, 110e9), load_N=10.0)
@@ -226,84 +173,99 @@ def press(
             raise SettingsError(f"{name}: got {value:g}; expected a finite number > 0")
     if not 1e-12 <= tolerance <= 0.1:
         raise SettingsError(f"tolerance: got {tolerance:g}; expected 1e-12 to 0.1")
-    total_Pa = None if load_N is None else load_N / face.pixel_area_m2
+    closing: Closing = GivenApproach(approach_m or 0.0)
+    if load_N is not None:
+        closing = GivenLoad(load_N / face.pixel_area_m2)
+    state, iterations = solve(face, closing, tolerance, start_Pa)
+    return certified(face, state, load_N, iterations)
+
+
+def stiffness_of_regions_N_per_m(face: ElasticFace, pressed: Pressed) -> np.ndarray:
+    """Return dN_i/dd of each contact region, shape (n,); their sum is the stiffness dN/dd."""
+    return pressed.sum_over_regions(punch_pressure_Pa_per_m(face, pressed))
+
+
+def punch_pressure_Pa_per_m(face: ElasticFace, pressed: Pressed) -> np.ndarray:
+    """Return dp/dd, shape (ny, nx).
+
+    As long as no pixel enters or leaves, more load is that of a flat punch on the same pixels.
+    """
+    contact = pressed.pressure_Pa > 0
+    punch = replace(face, depth_m=np.zeros(face.shape), measured=contact)
+    return press(punch, approach_m=1.0, start_Pa=pressed.pressure_Pa, tolerance=1e-6).pressure_Pa
+
+
+def solve(
+    face: ElasticFace, closing: Closing, tolerance: float, start_Pa: np.ndarray | None
+) -> tuple[State, int]:
+    """Return the state that fulfils the tolerance, and the number of steps on the finest grid.
+
+    Raises
+    ------
+    ContactError
+        If it is not found.
+    """
     if start_Pa is not None:
         start_Pa = np.where(face.measured, np.maximum(start_Pa, 0.0), 0.0)
     if start_Pa is None or not start_Pa.any():
-        start_Pa = _nested_start(face, total_Pa, approach_m)
-    state, iterations = _iterate(face, start_Pa, total_Pa, approach_m, tolerance)
+        state, iterations = _nested(face, closing, tolerance)
+    else:
+        state, iterations = _iterate(face, start_Pa, closing, tolerance)
     if not state.fulfils(tolerance):
         raise ContactError(
             f"{face.name}: boundary elements did not converge in {iterations} iterations: "
             f"complementarity {state.complementarity:.2g}, least gap {state.least_gap:.2g} of the "
             f"approach; expected {tolerance:g}; filter or coarsen the map, or allow more"
         )
-    return _certified(face, state, load_N, iterations)
+    return state, iterations
 
 
-def stiffness_of_regions_N_per_m(face: ElasticFace, pressed: Pressed) -> np.ndarray:
-    """Return dN_i/dd of each contact region, shape (n,); their sum is the stiffness dN/dd.
+def _nested(face: ElasticFace, closing: Closing, tolerance: float) -> tuple[State, int]:
+    """Solve from the solution on the next coarser grid, or from something to begin with.
 
-    As long as no pixel enters or leaves, more load is that of a flat punch on the same pixels.
+    Between the two, on patches around what touches on the coarser grid: what they leave out, and
+    what is left of the kernel between them, is a step or two on the whole map.
     """
-    region = pressed.region
-    punch = replace(face, depth_m=np.zeros(face.shape), measured=region > 0)
-    pressed_punch = press(punch, approach_m=1.0, start_Pa=pressed.pressure_Pa, tolerance=1e-6)
-    return pressed.sum_over_regions(pressed_punch.pressure_Pa)
-
-
-@dataclass(frozen=True, eq=False)
-class _State:
-    """Pressures, gaps and approach, and how far they are from contact."""
-
-    pressure_Pa: np.ndarray
-    gap_m: np.ndarray
-    approach_m: float
-    contact: np.ndarray  # flat indices of the pixels under pressure
-    least_gap: float
-    complementarity: float
-
-    def fulfils(self, tolerance: float) -> bool:
-        return self.complementarity <= tolerance and self.least_gap >= -tolerance
-
-
-def _nested_start(
-    face: ElasticFace, total_Pa: float | None, approach_m: float | None
-) -> np.ndarray:
-    """Return the solution on the next coarser grid, or something to begin with."""
-    coarser = face.coarser
+    coarser, iterations = face.coarser, 0
     if coarser is None:
-        return face.measured.astype(float) if total_Pa else np.zeros(face.shape)
-    total = None if total_Pa is None else total_Pa * face.pixel_area_m2 / coarser.pixel_area_m2
-    start_Pa = _nested_start(coarser, total, approach_m)
-    coarse, _ = _iterate(coarser, start_Pa, total, approach_m, _COARSE_TOLERANCE)
-    finer_Pa = _finer(coarse.pressure_Pa)[: face.shape[0], : face.shape[1]]
-    return np.where(face.measured, finer_Pa, 0.0)
+        given = isinstance(closing, GivenApproach)
+        start_Pa = np.zeros(face.shape) if given else face.measured.astype(float)
+    else:
+        on_coarser = closing.on_grid(coarser.places_m, face.pixel_area_m2 / coarser.pixel_area_m2)
+        start_Pa = _finer(_nested(coarser, on_coarser, _COARSE_TOLERANCE)[0].pressure_Pa)
+        start_Pa = np.where(face.measured, start_Pa[: face.shape[0], : face.shape[1]], 0.0)
+    if face.depth_m.size >= _WORTH_PATCHES and start_Pa.any():
+        patches = patched(face, start_Pa > 0)
+        if patches is not None:
+            on_patches = closing.on_grid(patches.places_m, 1.0)
+            start = patches.gathered(start_Pa)
+            state, iterations = _iterate(patches, start, on_patches, tolerance / 2)
+            start_Pa = patches.spread(state.pressure_Pa)
+    state, more = _iterate(face, start_Pa, closing, tolerance)
+    return state, iterations + more
 
 
 def _iterate(
-    face: ElasticFace,
-    start_Pa: np.ndarray,
-    total_Pa: float | None,
-    approach_m: float | None,
-    tolerance: float,
-) -> tuple[_State, int]:
+    face: ElasticFace, start_Pa: np.ndarray, closing: Closing, tolerance: float
+) -> tuple[State, int]:
     """Run the iteration; return its last state and the number of steps.
 
-    With a given load the pressures keep their sum, so residual and direction have no mean. With a
-    given approach nothing is subtracted. A state that fulfils the tolerance is returned only with a
-    sinking that was computed from its pressures, not updated along the way.
+    The pressures stay on the conditions of the closing, so residual and direction are projected on
+    them. A state that fulfils the tolerance is returned only with a sinking that was computed from
+    its pressures, not updated along the way.
     """
     half_space = face.half_space
-    shift = np.mean if total_Pa is not None else np.zeros_like
     p = start_Pa.copy()
-    if total_Pa is not None:
-        p *= total_Pa / p.sum()
+    restored = closing.restored(p.flat[np.flatnonzero(p)], np.flatnonzero(p))
+    if restored is None:  # the start lies to one side of the resultant
+        p = face.measured.astype(float)
+        restored = closing.restored(p.flat[np.flatnonzero(p)], np.flatnonzero(p))
+    p.flat[np.flatnonzero(p)] = restored
     u, fresh = half_space.sinking_m(p), True
     residual, direction = np.zeros(face.shape), np.zeros(face.shape)
     slope = 0.0  # r z of the last step; zero begins anew
     for iteration in range(_MAX_ITERATIONS):
-        state = _state(face, p, u, approach_m)
+        state = _state(face, p, u, closing)
         if state.fulfils(tolerance):
             if fresh:
                 return state, iteration
@@ -315,52 +277,75 @@ def _iterate(
         c = np.flatnonzero(
             (p > 0) | (face.measured & (state.gap_m < -tolerance * state.approach_m))
         )
+        project = closing.projector(c)
         old_r, old_t = residual.flat[c], direction.flat[c]
-        r = state.gap_m.flat[c]
-        r = r - shift(r)
+        r = project(state.gap_m.flat[c])
         residual.fill(0.0)
         residual.flat[c] = r
-        z = half_space.pressure_Pa(residual).flat[c]
-        z = z - shift(z)
+        z = project(half_space.pressure_Pa(residual).flat[c])
         new_slope = float(r @ z)
         t = z
         if slope > 0:
-            t = z + max(0.0, (new_slope - float(old_r @ z)) / slope) * old_t
-            t = t - shift(t)
+            t = project(z + max(0.0, (new_slope - float(old_r @ z)) / slope) * old_t)
         direction.fill(0.0)
         direction.flat[c] = t
         slope = new_slope
         du = half_space.sinking_m(direction)
         work = float(t @ du.flat[c])
         step = float(r @ t) / work if work > 0 else 0.0
+        p, fresh = _stepped(p, c, t, step, closing)
+        u = half_space.sinking_m(p) if fresh else u - step * du
+    return _state(face, p, half_space.sinking_m(p), closing), _MAX_ITERATIONS
+
+
+def _stepped(
+    p: np.ndarray, c: np.ndarray, t: np.ndarray, step: float, closing: Closing
+) -> tuple[np.ndarray, bool]:
+    """Return the pressures after a step, and whether some would have become tension.
+
+    These are cut off, which moves load and moments; a step after which the pressures left cannot
+    be brought back onto them is halved.
+    """
+    while True:
         p_c = p.flat[c] - step * t
         fresh = bool((p_c < 0).any())
-        p.flat[c] = np.maximum(p_c, 0.0)
-        if fresh:
-            if total_Pa is not None:
-                p *= total_Pa / p.sum()
-            u = half_space.sinking_m(p)
-        else:
-            u -= step * du
-    return _state(face, p, half_space.sinking_m(p), approach_m), _MAX_ITERATIONS
+        if not fresh:
+            break
+        left = p_c > 0
+        restored = closing.restored(p_c[left], c[left]) if left.any() else p_c[left]
+        if restored is not None:
+            p_c = np.zeros(len(c))
+            p_c[left] = restored
+            break
+        step /= 2
+    p = p.copy()
+    p.flat[c] = p_c
+    return p, fresh
 
 
-def _state(face: ElasticFace, p: np.ndarray, u: np.ndarray, approach_m: float | None) -> _State:
-    """Return gaps and certificate of pressures and their sinking.
-
-    Under a given load the approach is the mean of sinking + depth, weighted with the pressure.
-    """
+def _state(face: ElasticFace, p: np.ndarray, u: np.ndarray, closing: Closing) -> State:
+    """Return gaps and certificate of pressures and their sinking."""
     contact = np.flatnonzero(p)
     p_c = p.flat[contact]
     gap_m = u + face.depth_m
-    d = approach_m if approach_m is not None else float(p_c @ gap_m.flat[contact] / p_c.sum())
-    gap_m -= d
+    plane = closing.plane(p_c, gap_m.flat[contact], contact)
+    plane_m = closing.over(plane)
+    gap_m -= plane_m
+    d = float(plane[0])
+    if np.ndim(plane_m):
+        d = float(np.max(plane_m - face.depth_m, where=face.measured, initial=-np.inf))
     least_gap = float(np.min(gap_m, where=face.measured & (p == 0), initial=np.inf)) / d
     off = float(p_c @ np.abs(gap_m.flat[contact]) / p_c.sum()) / d if contact.size else np.inf
-    return _State(p, gap_m, d, contact, least_gap, off)
+    return State(p, gap_m, d, (float(plane[1]), float(plane[2])), contact, least_gap, off)
 
 
-def _certified(face: ElasticFace, state: _State, load_N: float | None, iterations: int) -> Pressed:
+def certified(
+    face: ElasticFace,
+    state: State,
+    load_N: float | None,
+    iterations: int,
+    moments: tuple[float, float] = (0.0, 0.0),
+) -> Pressed:
     """Return the solution with its certificate, all of it computed from the pressures returned."""
     p = state.pressure_Pa
     N = float(p.sum()) * face.pixel_area_m2
@@ -370,27 +355,14 @@ def _certified(face: ElasticFace, state: _State, load_N: float | None, iteration
         least_pressure=float(p.min() / p.flat[state.contact].mean()),
         complementarity=state.complementarity,
         iterations=iterations,
+        moments=moments,
     )
-    if certificate.load_balance > 1e-9 or certificate.least_pressure < 0:
+    unbalanced = max(certificate.load_balance, *np.abs(moments)) > 1e-9
+    if unbalanced or certificate.least_pressure < 0:
         raise ContactError(f"{face.name}: a solution does not balance its load: {certificate}")
     gap_m = np.where(face.measured, state.gap_m, 0.0)
     approach_m = state.approach_m
     return Pressed(load_N or N, approach_m, p, gap_m, face.pixel_size_m, certificate)
-
-
-def _block_means(
-    values: np.ndarray, known: np.ndarray, factor: int
-) -> tuple[np.ndarray, np.ndarray]:
-    """Return means over the known points of blocks (0 where there is none), and which have one."""
-    pad = [(0, -n % factor) for n in values.shape]
-
-    def sums(array: np.ndarray) -> np.ndarray:
-        array = np.pad(array, pad)
-        ny, nx = (n // factor for n in array.shape)
-        return np.asarray(array.reshape(ny, factor, nx, factor).sum(axis=(1, 3)))
-
-    count = sums(known.astype(float))
-    return sums(np.where(known, values, 0.0)) / np.maximum(count, 1), count > 0
 
 
 def _finer(values: np.ndarray) -> np.ndarray:

@@ -1,0 +1,138 @@
+"""A height map on an elastic half-space, ready to be pressed, and the same on coarser grids."""
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+
+from capslip.contact.solvers.half_space import HalfSpace
+from capslip.errors import ContactError, SettingsError, UnusableSurfaceError
+from capslip.surface.heightmap import HeightMap
+
+MAX_POINTS = 16_000_000  # of a map
+BYTES_PER_POINT = 200  # of memory that a solution takes at its peak
+_COARSEST = 48  # points along the shorter side at which nesting ends
+
+
+@dataclass(frozen=True, eq=False)
+class ElasticFace:
+    """A height map on a half-space, ready to be pressed, made by `elastic_face`."""
+
+    name: str
+    depth_m: np.ndarray  # below the highest measured point; 0 at non-measured points
+    measured: np.ndarray
+    pixel_size_m: tuple[float, float]
+    E_star_Pa: float
+    half_space: HalfSpace
+
+    @cached_property
+    def coarser(self) -> "ElasticFace | None":
+        """The same face on a grid of pixels twice as large, None where that is too coarse."""
+        if min(self.shape) < 2 * _COARSEST:
+            return None
+        depth_m, measured = _block_means(self.depth_m, self.measured, 2)
+        dy_m, dx_m = self.pixel_size_m
+        size_m = (2 * dy_m, 2 * dx_m)
+        half_space = HalfSpace(depth_m.shape, size_m, self.E_star_Pa)
+        return ElasticFace(self.name, depth_m, measured, size_m, self.E_star_Pa, half_space)
+
+    def tilted(self, tilt_rad: tuple[float, float]) -> "ElasticFace":
+        """Return the face with slopes in x and y added to its heights, in metres a metre."""
+        if tilt_rad == (0.0, 0.0):
+            return self
+        x_m, y_m = self.places_m
+        depth_m = self.depth_m - tilt_rad[0] * x_m - tilt_rad[1] * y_m
+        depth_m -= np.min(depth_m, where=self.measured, initial=np.inf)
+        return replace(self, depth_m=np.where(self.measured, depth_m, 0.0))
+
+    @property
+    def places_m(self) -> tuple[np.ndarray, np.ndarray]:
+        """x, shape (1, nx), and y, shape (ny, 1), of the pixels' centres."""
+        dy_m, dx_m = self.pixel_size_m
+        ny, nx = self.shape
+        return (np.arange(nx) + 0.5)[None, :] * dx_m, (np.arange(ny) + 0.5)[:, None] * dy_m
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """(ny, nx)."""
+        return self.depth_m.shape[0], self.depth_m.shape[1]
+
+    @property
+    def pixel_area_m2(self) -> float:
+        """Area of one pixel."""
+        return self.pixel_size_m[0] * self.pixel_size_m[1]
+
+
+def elastic_face(surface: HeightMap, E_star_Pa: float) -> ElasticFace:
+    """Prepare a height map for contact.
+
+    Parameters
+    ----------
+    surface : HeightMap
+        Non-measured points never touch.
+    E_star_Pa : float
+        Composite modulus.
+
+    Raises
+    ------
+    SettingsError
+        If the modulus is not positive and finite.
+    UnusableSurfaceError
+        If nothing was measured.
+    ContactError
+        If the map has more than `MAX_POINTS` points, which need `BYTES_PER_POINT` bytes each.
+    """
+    if not 0 < E_star_Pa < np.inf:
+        raise SettingsError(f"E_star_Pa: got {E_star_Pa:g}; expected a finite number > 0")
+    name, n_points = surface.origin.name, surface.height_m.size
+    if n_points > MAX_POINTS:
+        factor = int(np.ceil(np.sqrt(n_points / MAX_POINTS)))
+        raise ContactError(
+            f"{name}: boundary elements on {n_points} points need "
+            f"{n_points * BYTES_PER_POINT / 1e9:.1f} GB; expected at most {MAX_POINTS} points; "
+            f"coarsen the map {factor} times"
+        )
+    measured = surface.measured
+    if not measured.any():
+        raise UnusableSurfaceError(f"{name}: all points are non-measured; expected heights")
+    depth_m = np.where(measured, np.nanmax(surface.height_m) - surface.height_m, 0.0)
+    half_space = HalfSpace(surface.shape, surface.pixel_size_m, E_star_Pa)
+    return ElasticFace(name, depth_m, measured, surface.pixel_size_m, E_star_Pa, half_space)
+
+
+def coarsened(surface: HeightMap, factor: int) -> HeightMap:
+    """Return the map with pixels `factor` times as large, to see what the resolution does.
+
+    Each height is the mean over the measured points of a block; blocks at the far edges may be
+    incomplete, and those without a measured point stay non-measured.
+
+    Examples
+    --------
+    >>> coarsened(HeightMap(np.arange(36.0).reshape(6, 6), (1.0, 1.0)), 2).height_m[0]
+    array([3.5, 5.5, 7.5])
+    """
+    if isinstance(factor, bool) or not isinstance(factor, int | np.integer) or factor < 1:
+        raise SettingsError(f"factor: got {factor!r}; expected an integer of at least 1")
+    measured = surface.measured
+    height_m, known = _block_means(np.where(measured, surface.height_m, 0.0), measured, factor)
+    dy_m, dx_m = surface.pixel_size_m
+    return replace(
+        surface,
+        height_m=np.where(known, height_m, np.nan),
+        pixel_size_m=(factor * dy_m, factor * dx_m),
+    )
+
+
+def _block_means(
+    values: np.ndarray, known: np.ndarray, factor: int
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return means over the known points of blocks (0 where there is none), and which have one."""
+    pad = [(0, -n % factor) for n in values.shape]
+
+    def sums(array: np.ndarray) -> np.ndarray:
+        array = np.pad(array, pad)
+        ny, nx = (n // factor for n in array.shape)
+        return np.asarray(array.reshape(ny, factor, nx, factor).sum(axis=(1, 3)))
+
+    count = sums(known.astype(float))
+    return sums(np.where(known, values, 0.0)) / np.maximum(count, 1), count > 0

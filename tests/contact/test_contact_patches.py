@@ -1,0 +1,197 @@
+"""Patches around the contacts against the whole map, and refined maps against finer ones."""
+
+import numpy as np
+import pytest
+
+from capslip.contact.solvers import unloading
+from capslip.contact.solvers.closing import GivenLoad
+from capslip.contact.solvers.half_space import HalfSpace, love_kernel, love_kernel_at
+from capslip.contact.solvers.patches import patched
+from capslip.contact.solvers.polonsky_keer import elastic_face, press
+from capslip.contact.solvers.unloading import refinement, unload
+from capslip.surface.heightmap import HeightMap
+
+E = 110e9
+LOAD_N = 100.0
+
+
+def waves(shape, smooth, seed=1, pixel_size_m=(1e-4, 1.2e-4), noise_m=0.0):
+    from scipy.ndimage import gaussian_filter
+
+    rng = np.random.default_rng(seed)
+    height_m = gaussian_filter(rng.standard_normal(shape), smooth)
+    height_m *= 4e-7 / height_m.std()
+    return HeightMap(height_m + noise_m * rng.standard_normal(shape), pixel_size_m)
+
+
+def loss_J(found, shares):
+    drop_N = np.array(shares) * found.load_N
+    return np.interp(drop_N, found.load_drop_N, found.loss_J / found.load_drop_N**3) * drop_N**3
+
+
+def withdrawal_m(found, shares):
+    return np.interp(np.array(shares) * found.load_N, found.load_drop_N, found.withdrawal_m)
+
+
+def test_kernel_at_any_distance_is_that_of_pixels_and_of_their_mean():
+    sizes = (2.0, 1.0)
+    kernel = love_kernel((300, 300), sizes, E)
+    i, j = (np.array(at, dtype=float) for at in np.mgrid[0:300:7, 0:300:11])
+    assert np.allclose(love_kernel_at((i, j), sizes, E), kernel[::7, ::11], rtol=1e-8, atol=0)
+    # Between pixels: the mean of 1/r over a pixel, here by Gauss points.
+    node, weight = np.polynomial.legendre.leggauss(12)
+    for di, dj in ((3.3, 0.4), (0.7, 5.1), (40.2, 80.9)):
+        y, x = di * 2.0 + node[:, None] * 1.0, dj + node * 0.5
+        mean = float((weight[:, None] * weight / 4 / np.hypot(y, x)).sum()) * 2.0
+        found = love_kernel_at((np.array([di]), np.array([dj])), sizes, E)[0]
+        assert found == pytest.approx(mean / (np.pi * E), rel=1e-8)
+
+
+@pytest.mark.parametrize("seed", [1, 2, 3])
+def test_sinking_on_patches_is_that_of_the_map(seed):
+    rng = np.random.default_rng(seed)
+    shape = (220, 260)
+    i, j = np.indices(shape)
+    contact = np.zeros(shape, dtype=bool)
+    for _ in range(8):
+        at, radius = rng.uniform((10, 10), (210, 250)), rng.uniform(1, 14)
+        contact |= np.hypot(i - at[0], j - at[1]) < radius
+    face = elastic_face(HeightMap(np.zeros(shape), (1e-4, 1.2e-4)), E)
+    patches = patched(face, contact)
+    pressure_Pa = np.where(contact, rng.random(shape), 0.0)
+    expected_m = patches.gathered(face.half_space.sinking_m(pressure_Pa))
+    found_m = patches.half_space.sinking_m(patches.gathered(pressure_Pa))
+    assert np.abs(found_m / expected_m - 1).max() < 3e-7
+    assert patches.half_space.count > 1
+    # Symmetric, as a compliance is.
+    other = rng.random(patches.shape)
+    one = patches.gathered(pressure_Pa)
+    assert one @ patches.half_space.sinking_m(other) == pytest.approx(other @ found_m, rel=1e-9)
+    # Nothing is lost, nothing counts twice.
+    assert np.array_equal(patches.spread(one), pressure_Pa)
+
+
+def test_places_of_the_points_are_those_of_the_map():
+    face = elastic_face(waves((90, 70), 5.0), E)
+    contact = press(face, load_N=20.0).pressure_Pa > 0
+    x_m, y_m = face.places_m
+    everywhere = [np.broadcast_to(place, face.shape) for place in (x_m, y_m)]
+    for k in (1, 3):
+        patches = patched(face, contact, k)
+        for found, place in zip(patches.places_m, everywhere, strict=True):
+            mean = patches.spread(found)
+            inside = mean > 0
+            assert np.allclose(mean[inside], place[inside])
+
+
+@pytest.mark.parametrize("noise_m", [0.0, 4e-9])
+def test_slip_on_patches_is_that_of_the_map(noise_m, monkeypatch):
+    face = elastic_face(waves((200, 240), 14.0, noise_m=noise_m), E)
+    monkeypatch.setattr(unloading, "_WIDE_ENOUGH", 0.0)
+    pressed = press(face, load_N=LOAD_N)
+    sinking, on_map = HalfSpace.sinking_m, []
+
+    def counted(self, pressure_Pa):
+        on_map.append(pressure_Pa.size)
+        return sinking(self, pressure_Pa)
+
+    monkeypatch.setattr(HalfSpace, "sinking_m", counted)
+    found = unload(face, pressed, 1e-7)
+    assert len(on_map) == 1  # what the whole map says at the end
+    assert 0 < found.patch_error < 1e-6
+    expected = unload(face, pressed, 1e-7, on_patches=False)
+    shares = (0.05, 0.1, 0.25, 0.5, 0.75, 0.95)
+    assert np.allclose(loss_J(found, shares), loss_J(expected, shares), rtol=1e-3)
+    assert np.allclose(withdrawal_m(found, shares), withdrawal_m(expected, shares), rtol=1e-4)
+    assert found.stiffness_N_per_m == pytest.approx(expected.stiffness_N_per_m, rel=1e-6)
+    assert np.allclose(found.region_lift_off_m, expected.region_lift_off_m, rtol=0.02, atol=1e-10)
+
+
+def test_patches_that_leave_out_too_much_are_noticed(monkeypatch):
+    face = elastic_face(waves((100, 100), 8.0), E)
+    pressed = press(face, load_N=LOAD_N)
+    monkeypatch.setattr(unloading, "_WIDE_ENOUGH", 0.0)
+    monkeypatch.setattr(unloading, "_PATCH_ERROR", 0.0)
+    found = unload(face, pressed, 1e-7)
+    assert found.patch_error == 0.0  # the map itself was solved
+    expected = unload(face, pressed, 1e-7, on_patches=False)
+    assert np.array_equal(found.loss_J, expected.loss_J)
+
+
+def test_contact_all_over_the_map_needs_no_patches():
+    face = elastic_face(waves((60, 60), 8.0), E)
+    assert patched(face, np.ones(face.shape, dtype=bool)) is None
+
+
+def test_refined_hertz_contact_slips_as_the_closed_form():
+    # Twelve pixels across, where the pixels themselves leave 5 to 25 % in the energy.
+    from capslip.contact.models.caps import caps
+
+    contact_m, radius_m = 2e-3, 20.0
+    dx = contact_m / 6
+    y, x = (np.arange(-12, 13) + 0.21)[:, None] * dx, (np.arange(-12, 13) - 0.37) * dx
+    face = elastic_face(HeightMap(-(x**2 + y**2) / (2 * radius_m), (dx, dx)), E)
+    load_N = 4 / 3 * E * contact_m**3 / radius_m
+    pressed = press(face, load_N=load_N)
+    assert refinement(face, pressed) == 6
+    found = unload(face, pressed, 1e-7)
+    assert found.refinement == 6
+    hertz = caps([radius_m], [0.0], E)
+    shares = np.array([0.1, 0.25, 0.5, 0.75])
+    expected_J = hertz.loss_integral_at_drop_J(contact_m**2 / radius_m, shares * load_N)
+    assert np.allclose(loss_J(found, shares), expected_J, rtol=0.02)
+    coarse = unload(face, pressed, 1e-7, on_patches=False)
+    assert abs(loss_J(coarse, [0.1])[0] / expected_J[0] - 1) > 0.02
+
+
+@pytest.mark.parametrize("seed", [1, 2])
+def test_coarse_smooth_map_slips_as_the_fine_one(seed):
+    fine = waves((400, 480), 32.0, seed, (5e-5, 6e-5))
+    height_m = fine.height_m
+    middle_m = height_m[1::4, 1::4] + height_m[2::4, 1::4] + height_m[1::4, 2::4]
+    coarse = HeightMap((middle_m + height_m[2::4, 2::4]) / 4, (2e-4, 2.4e-4))
+    shares, found = (0.1, 0.25, 0.5, 0.75), []
+    for surface in (fine, coarse):
+        face = elastic_face(surface, E)
+        pressed = press(face, load_N=LOAD_N)
+        one = unload(face, pressed, 1e-7)
+        # All that is solved is told in the approach of the map.
+        assert one.solved_approach_m[-1] == pressed.approach_m
+        found.append(one)
+    assert found[0].refinement == 1 < found[1].refinement
+    assert np.allclose(loss_J(found[1], shares), loss_J(found[0], shares), rtol=0.02)
+
+
+def test_rough_maps_are_not_refined():
+    face = elastic_face(waves((100, 120), 6.0, noise_m=3e-8), E)
+    pressed = press(face, load_N=LOAD_N)
+    assert pressed.pixels_across < 35
+    assert refinement(face, pressed) == 1
+
+
+def test_a_patched_face_is_pressed_to_the_same_state():
+    face = elastic_face(waves((150, 160), 10.0), E)
+    pressed = press(face, load_N=LOAD_N, tolerance=1e-9)
+    patches = patched(face, pressed.pressure_Pa > 0)
+    again = press(
+        patches, load_N=LOAD_N, tolerance=1e-9, start_Pa=patches.gathered(pressed.pressure_Pa)
+    )
+    assert again.approach_m == pytest.approx(pressed.approach_m, rel=1e-7)
+    assert np.allclose(
+        patches.spread(again.pressure_Pa),
+        pressed.pressure_Pa,
+        atol=1e-4 * pressed.max_pressure_Pa,
+    )
+    assert GivenLoad(1.0).on_grid(patches.places_m, 4.0).total_Pa == 4.0
+
+
+def test_refined_heights_go_on_to_the_edge_of_the_map():
+    # A paraboloid that peaks at a corner: a cubic spline has it exactly, and beyond the last point.
+    dy, dx = 2e-4, 3e-4
+    y_m, x_m = (np.arange(40)[:, None] + 0.5) * dy, (np.arange(50) + 0.5) * dx
+    face = elastic_face(HeightMap(-(y_m**2 + x_m**2) / 40, (dy, dx)), E)
+    contact = np.zeros(face.shape, dtype=bool)
+    contact[:6, :8] = contact[-5:, -7:] = True
+    patches = patched(face, contact, 4)
+    expected_m = (patches.places_m[0] ** 2 + patches.places_m[1] ** 2) / 40
+    assert np.allclose(patches.depth_m, expected_m - expected_m.min(), rtol=0, atol=1e-15)

@@ -1,0 +1,210 @@
+"""A face free to tilt under its load: balance, invariance under what a tilt must not feel."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from capslip.contact.models.boundary_elements import boundary_elements
+from capslip.contact.slip import slip_curve
+from capslip.contact.solvers.polonsky_keer import elastic_face, press
+from capslip.contact.solvers.tilting import press_balanced
+from capslip.errors import ContactError, SettingsError
+from capslip.surface.heightmap import HeightMap
+
+E = 110e9
+PIXEL_M = (2.5e-4, 2e-4)
+SHAPE = (80, 130)
+LOAD_N = 100.0
+REFERENCE = Path(__file__).parents[2].parent / "shared" / "reference"
+
+
+def waves(seed, smooth=5.0, non_measured=0.0):
+    from scipy.ndimage import gaussian_filter
+
+    rng = np.random.default_rng(seed)
+    noise = gaussian_filter(rng.standard_normal(SHAPE), smooth)
+    height_m = 4e-7 * noise / noise.std()
+    height_m[rng.random(SHAPE) < non_measured] = np.nan
+    return HeightMap(height_m, PIXEL_M)
+
+
+def moments(face, pressed, point_m):
+    """Moments about the load point over load times side, from the pressures alone."""
+    p, (x_m, y_m) = pressed.pressure_Pa, face.places_m
+    sides_m = SHAPE[1] * PIXEL_M[1], SHAPE[0] * PIXEL_M[0]
+    return [
+        float((p * (place - at)).sum() / p.sum()) / side
+        for place, at, side in zip((x_m, y_m), point_m, sides_m, strict=True)
+    ]
+
+
+@pytest.mark.parametrize("point_m", [(13e-3, 10e-3), (6e-3, 14e-3), (25e-3, 1e-3)])
+@pytest.mark.parametrize(("seed", "smooth", "non_measured"), [(1, 8.0, 0.0), (2, 1.0, 0.3)])
+def test_balanced_and_in_contact_wherever_the_load_acts(seed, smooth, non_measured, point_m):
+    face = elastic_face(waves(seed, smooth, non_measured), E)
+    pressed = press_balanced(face, LOAD_N, point_m)
+    assert np.abs(moments(face, pressed, point_m)).max() < 1e-9
+    assert np.abs(pressed.certificate.moments).max() < 1e-9
+    # The tilt held: the same state, without one more step.
+    held = face.tilted(pressed.tilt_rad)
+    again = press(held, load_N=LOAD_N, start_Pa=pressed.pressure_Pa)
+    assert again.certificate.iterations == 0
+    assert again.approach_m == pytest.approx(pressed.approach_m, rel=1e-9)
+    # Contact with the tilted map, from a sinking computed here.
+    p = pressed.pressure_Pa
+    gap_m = held.half_space.sinking_m(p) + held.depth_m - pressed.approach_m
+    assert gap_m[(p == 0) & held.measured].min() > -1e-7 * pressed.approach_m
+    assert float((p * np.abs(gap_m)).sum() / p.sum()) < 1e-7 * pressed.approach_m
+
+
+def test_tilt_is_the_one_at_which_fixed_planes_balance():
+    from scipy.optimize import root
+
+    face = elastic_face(waves(3, 8.0), E)
+    point_m = 13e-3, 10e-3
+
+    def off(tilt_urad):
+        tilt_rad = float(tilt_urad[0]) * 1e-6, float(tilt_urad[1]) * 1e-6
+        return moments(face, press(face.tilted(tilt_rad), load_N=LOAD_N, tolerance=1e-9), point_m)
+
+    found = root(off, [0.0, 0.0], tol=1e-8)
+    assert found.success
+    pressed = press_balanced(face, LOAD_N, point_m, tolerance=1e-9)
+    assert np.allclose(np.array(pressed.tilt_rad) * 1e6, found.x, atol=1e-4)
+
+
+def test_no_plane_in_the_map_and_no_start_moves_the_answer():
+    surface = waves(4)
+    face = elastic_face(surface, E)
+    base = press_balanced(face, LOAD_N)
+    x_m, y_m = face.places_m
+    sides = SHAPE[1] * PIXEL_M[1], SHAPE[0] * PIXEL_M[0]
+    relief_m = float(np.ptp(surface.height_m))
+    for across in ((10, 0), (-7, 7), (0, -10)):
+        slopes = [share * relief_m / side for share, side in zip(across, sides, strict=True)]
+        plane_m = slopes[0] * x_m + slopes[1] * y_m
+        tilted = press_balanced(
+            elastic_face(HeightMap(surface.height_m + plane_m, PIXEL_M), E), LOAD_N
+        )
+        assert tilted.approach_m == pytest.approx(base.approach_m, rel=1e-9)
+        assert np.allclose(
+            tilted.pressure_Pa, base.pressure_Pa, atol=1e-6 * base.max_pressure_Pa, rtol=0
+        )
+        assert np.allclose(np.add(tilted.tilt_rad, slopes), base.tilt_rad, atol=1e-12)
+        started = press_balanced(face, LOAD_N, start_tilt_rad=(slopes[0], slopes[1]))
+        assert started.approach_m == pytest.approx(base.approach_m, rel=1e-6)
+        assert np.allclose(started.tilt_rad, base.tilt_rad, atol=1e-11)
+
+
+def test_points_that_never_touch_do_not_count():
+    surface = waves(5)
+    base = press_balanced(elastic_face(surface, E), LOAD_N)
+    pitted_m = surface.height_m - np.where(surface.height_m < 0, 1e-6, 0) * np.linspace(0, 1, 130)
+    pitted = press_balanced(elastic_face(HeightMap(pitted_m, PIXEL_M), E), LOAD_N)
+    assert pitted.approach_m == pytest.approx(base.approach_m, rel=1e-6)
+    assert np.allclose(pitted.tilt_rad, base.tilt_rad, atol=1e-11)
+
+
+@pytest.mark.parametrize("turn", [np.rot90, np.fliplr, np.flipud, np.transpose])
+def test_rotated_face_rotated_answer(turn):
+    surface = waves(6)
+    base = press_balanced(elastic_face(surface, E), LOAD_N)
+    sizes = PIXEL_M if turn in (np.fliplr, np.flipud) else PIXEL_M[::-1]
+    turned = press_balanced(elastic_face(HeightMap(turn(surface.height_m), sizes), E), LOAD_N)
+    assert turned.approach_m == pytest.approx(base.approach_m, rel=1e-6)
+    assert np.allclose(
+        turned.pressure_Pa, turn(base.pressure_Pa), atol=1e-6 * base.max_pressure_Pa, rtol=0
+    )
+    x, y = base.tilt_rad
+    expected = {
+        np.rot90: (y, -x),
+        np.fliplr: (-x, y),
+        np.flipud: (x, -y),
+        np.transpose: (y, x),
+    }[turn]
+    assert np.allclose(turned.tilt_rad, expected, atol=1e-11)
+
+
+def test_balance_costs_less_than_a_third_more_than_a_plane_that_is_held(monkeypatch):
+    from capslip.contact.solvers.half_space import HalfSpace
+
+    sinking, points = HalfSpace.sinking_m, []
+
+    def counted(self, pressure_Pa):
+        points.append(pressure_Pa.size)
+        return sinking(self, pressure_Pa)
+
+    monkeypatch.setattr(HalfSpace, "sinking_m", counted)
+    held, free = 0, 0
+    for seed in range(6):
+        face = elastic_face(waves(seed), E)
+        points.clear()
+        press(face, load_N=LOAD_N)
+        held += sum(points)
+        points.clear()
+        press_balanced(face, LOAD_N)
+        free += sum(points)
+    assert free < 1.33 * held
+
+
+def test_rotational_stiffness_leads_from_balanced_to_levelled():
+    face = elastic_face(waves(7), E)
+    point_m = np.array([13e-3, 10e-3])
+    last_m = -1.0
+    for stiffness in (0.0, 1e2, 1e4, 1e5, 1e6, 1e9, np.inf):
+        pressed = press_balanced(face, LOAD_N, rotational_stiffness_Nm_per_rad=stiffness)
+        off_m = np.array(pressed.resultant_m) - point_m
+        if 0 < stiffness < np.inf:
+            # The resultant lies where the tilt puts it, or the tilt is the one that puts it there.
+            tilt_rad = -LOAD_N * off_m / stiffness
+            assert np.allclose(pressed.tilt_rad, tilt_rad, rtol=1e-4, atol=1e-12)
+        assert np.linalg.norm(off_m) > last_m - 1e-8
+        last_m = float(np.linalg.norm(off_m))
+    levelled = press(face, load_N=LOAD_N)
+    assert pressed.tilt_rad == (0.0, 0.0)
+    assert pressed.approach_m == levelled.approach_m
+
+
+def test_tips_over_names_the_side():
+    surface = waves(8)
+    face = elastic_face(surface, E)
+    sides = (((-1e-3, 1e-2), "small x"), ((2.7e-2, 1e-2), "great x"), ((1e-2, 2.1e-2), "great y"))
+    for point_m, side in sides:
+        with pytest.raises(ContactError, match=f"tips_over.*side at {side}"):
+            press_balanced(face, LOAD_N, point_m)
+    half_m = surface.height_m.copy()
+    half_m[:, 60:] = np.nan
+    with pytest.raises(ContactError, match=r"tips_over.*side at great x"):
+        press_balanced(elastic_face(HeightMap(half_m, PIXEL_M), E), LOAD_N)
+    line_m = np.where(np.arange(130) == 65, surface.height_m, np.nan)
+    with pytest.raises(ContactError, match=r"tips_over.*on one line"):
+        press_balanced(elastic_face(HeightMap(line_m, PIXEL_M), E), LOAD_N)
+    for wrong in ({"load_N": 0.0}, {"load_N": 1.0, "rotational_stiffness_Nm_per_rad": -1.0}):
+        with pytest.raises(SettingsError, match="expected"):
+            press_balanced(face, **wrong)
+    with pytest.raises(SettingsError, match="tolerance"):
+        press_balanced(face, 1.0, tolerance=0.5)
+
+
+@pytest.mark.parametrize("name", ["caps", "wavy"])
+def test_reference_faces_free_to_tilt(name):
+    if not (REFERENCE / "truth_balanced.json").is_file():
+        pytest.skip("the reference answers are not beside the project")
+    import h5py
+
+    truth = json.loads((REFERENCE / "truth_balanced.json").read_text(encoding="utf-8"))[name]
+    given = json.loads((REFERENCE / "truth.json").read_text(encoding="utf-8"))[name]
+    with h5py.File(REFERENCE / given["file"]) as file:
+        surface = HeightMap(file["height"][:], tuple(file["height"].attrs["pixel_size"]))
+    N0, nu, mu = given["preload_N"], given["poisson_ratio"], given["friction_coefficient"]
+    curve = boundary_elements(surface, given["E_star_Pa"], balanced_at_N=N0)
+    pressed = curve.pressed(N0)
+    assert np.allclose(curve.tilt_rad, truth["tilt_rad"], rtol=1e-5)
+    assert pressed.approach_m == pytest.approx(truth["approach_m"], rel=1e-6)
+    assert len(pressed.region_loads_N) == truth["contacts"]
+    slip = slip_curve(curve, N0, mu, (2 - nu) / (2 * (1 - nu)))
+    for row in truth["slip"]:
+        assert slip.displacement_m(row["force_N"]) == pytest.approx(row["displacement_m"], rel=5e-4)
+        assert slip.energy_at_force_J(row["force_N"]) == pytest.approx(row["energy_J"], rel=5e-3)
