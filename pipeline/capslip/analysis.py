@@ -4,8 +4,8 @@ from dataclasses import replace
 from datetime import UTC, datetime
 
 from capslip.caps.doubts import problems_of_bow, problems_of_families
-from capslip.caps.table import CapTable
 from capslip.contact.doubts import contact_doubts, material_doubts
+from capslip.contact.press import ContactState
 from capslip.contact.rung import rung
 from capslip.errors import ContactError, SettingsError
 from capslip.problems import Problem
@@ -57,6 +57,8 @@ def analyze(
         error, doubts = estimate(face, settings, clock)
         contact = replace(contact, estimated_error=error)
         problems = (*problems, *doubts)
+    if not settings.run.sensitivity:
+        return replace(analysis, contact=contact, problems=problems)
     with clock("sensitivity"):
         swept = sensitivity(
             surface,
@@ -89,14 +91,19 @@ def _analyzed(
     caps = face.caps
     contact = slip = beam = damping = None
     try:
-        if caps.usable.any():
+        if caps.usable.any() and not any(p.severity == "error" for p in face.problems):
             contact, caps, slip = press_face(face, settings, clock)
             problems += contact.problems
-            problems += _of_levelling(face, caps, contact.approach_m, settings)
+            problems += _of_levelling(face, contact, settings)
             beam, damping = damp(slip, settings, clock)
             pixel_area_m2 = face.conditioned.surface.pixel_area_m2
             problems += contact_doubts(
-                contact, caps, face.families, pixel_area_m2, settings.material
+                contact,
+                caps,
+                face.families,
+                pixel_area_m2,
+                settings.material,
+                cut_certified=face.level is not None and face.level.missed_area_m2 == 0.0,
             )
             problems += problems_of_damping(damping)
     except ContactError as error:
@@ -105,6 +112,7 @@ def _analyzed(
         surface=surface,
         settings=settings,
         conditioned=face.conditioned,
+        level=face.level,
         hills=face.hills,
         caps=caps,
         families=face.families,
@@ -141,15 +149,17 @@ def _before_contact(
     problems += material_doubts(settings.material)
     problems += problems_of_structure(settings.structure)
     problems += [*face.conditioned.problems, *face.problems]
-    return problems + problems_of_families(face.caps, face.families)
+    return problems + problems_of_families(face.family_caps, face.families)
 
 
-def _of_levelling(
-    face: Face, caps: CapTable, approach_m: float, settings: Settings
-) -> list[Problem]:
+def _of_levelling(face: Face, contact: ContactState, settings: Settings) -> list[Problem]:
     """Return whether a tilt or a bow that was left in decides what touches."""
-    if approach_m == 0.0:
-        return []  # a flat interface: it touches everywhere
     form = settings.conditioning.form
-    problems = problems_of_tilt(face.conditioned.surface, approach_m) if form == "none" else []
-    return problems + (problems_of_bow(caps, approach_m) if form in ("plane", "none") else [])
+    if contact.approach_m <= 0.0:
+        return []  # a flat interface: nothing decides
+    problems = []
+    if form == "none" and face.level is None:
+        problems += problems_of_tilt(face.conditioned.surface, contact.approach_m)
+    if form in ("plane", "none"):
+        problems += problems_of_bow(face.family_caps, contact.approach_m)
+    return problems

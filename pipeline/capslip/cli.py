@@ -27,6 +27,7 @@ SETTING = {  # what an option of an analysis stands for
     "unit": "reading.unit",
     "lateral_unit": "reading.lateral_unit",
     "pixel_size": "reading.pixel_size",
+    "sensitivity": "run.sensitivity",
     "figures": "run.figures",
     "render": "run.render",
 }
@@ -98,6 +99,11 @@ _analysis_options = _options(  # of every command that analyses
         type=(float, float),
         metavar="DY DX",
         help="Size of a pixel, where the file does not say; needs --lateral-unit.",
+    ),
+    click.option(
+        "--sensitivity/--no-sensitivity",
+        default=None,
+        help="Sweep cut, pruning, filter and level around what was chosen.",
     ),
     click.option("--figures/--no-figures", default=None, help="Pictures of every stage."),
     click.option("--render/--no-render", default=None, help="The PyVista picture."),

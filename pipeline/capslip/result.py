@@ -15,6 +15,7 @@ import capslip
 from capslip.caps.families import Families, Family
 from capslip.caps.hills import Hills
 from capslip.caps.table import CapTable
+from capslip.contact.levelling import Level
 from capslip.contact.press import ContactState
 from capslip.contact.slip import SlipCurve
 from capslip.problems import Problem
@@ -34,7 +35,8 @@ class Analysis:
 
     surface: HeightMap
     settings: Settings
-    conditioned: Conditioned
+    conditioned: Conditioned  # with the surface at the level at which it is pressed
+    level: Level | None  # None: as levelled
     hills: Hills
     caps: CapTable
     families: Families
@@ -42,7 +44,7 @@ class Analysis:
     slip: SlipCurve | None
     beam: BeamMode | None  # None where the settings give the two stiffnesses
     damping: Damping | None
-    sensitivity: Sensitivity | None  # None without a usable cap
+    sensitivity: Sensitivity | None  # None where it was not asked for
     problems: tuple[Problem, ...]
     timings_s: dict[str, float]
     started: str
@@ -153,13 +155,15 @@ def _surface(analysis: Analysis) -> dict[str, Any]:
 
 
 def _hills(analysis: Analysis) -> dict[str, Any]:
-    hills, caps = analysis.hills, analysis.caps
+    hills, caps, level = analysis.hills, analysis.caps, analysis.level
+    ratio = analysis.settings.hills.material_ratio
     usable = int(caps.usable.sum())
     rejected = dict(hills.rejected)
     if usable < len(caps):
         rejected["no_sphere"] = len(caps) - usable
     return {
-        "material_ratio": analysis.settings.hills.material_ratio,
+        "material_ratio": ratio if level is None else level.material_ratio,
+        "cut_certified": None if level is None else level.missed_area_m2 == 0.0,
         "cut_height_m": hills.cut_height_m,
         "kept_fraction": hills.kept_fraction,
         "regions": hills.n_regions,
@@ -204,6 +208,25 @@ def _contact(analysis: Analysis) -> dict[str, Any]:
         "contact_area_m2": contact.contact_area_m2 if contact else None,
         "max_pressure_Pa": contact.max_pressure_Pa if contact else None,
         "bulk": contact.bulk if contact else None,
+        **_alignment(analysis),
+    }
+
+
+def _alignment(analysis: Analysis) -> dict[str, Any]:
+    """Return how the face lies under its preload; slopes and places along x and y."""
+    contact, level = analysis.contact, analysis.level
+    if contact is None:
+        names = ("alignment", "tilt_rad", "tilt_across_face_m", "load_point_m", "eccentricity_m")
+        return dict.fromkeys(names)
+    tilt_rad = np.add(contact.tilt_rad, (0.0, 0.0) if level is None else level.slope)
+    balanced = level is not None or any(contact.tilt_rad)
+    ly_m, lx_m = analysis.surface.side_m
+    return {
+        "alignment": "balanced" if balanced else "as_levelled",
+        "tilt_rad": tilt_rad,
+        "tilt_across_face_m": float(np.abs(tilt_rad) @ (lx_m, ly_m)),
+        "load_point_m": contact.load_point_m,
+        "eccentricity_m": contact.eccentricity_m,
     }
 
 

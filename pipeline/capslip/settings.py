@@ -135,6 +135,7 @@ class Run(_Table, frozen=True):
     """What changes no number."""
 
     workers: Annotated[int, msgspec.Meta(ge=0)] = 0  # 0: one a core
+    sensitivity: bool = False  # sweep cut, pruning, filter and level around what was chosen
     figures: bool = True
     render: bool = True
 

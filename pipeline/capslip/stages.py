@@ -8,10 +8,11 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 
+import msgspec
 import numpy as np
 
 from capslip.caps.doubts import problems_of_caps
-from capslip.caps.families import Families, group_families
+from capslip.caps.families import Families, group_families, slope_of_families
 from capslip.caps.fit import fit_caps
 from capslip.caps.fitting import fit_named
 from capslip.caps.hills import Hills, find_hills
@@ -20,11 +21,12 @@ from capslip.caps.points import points_of_hills
 from capslip.caps.table import CapTable
 from capslip.contact.choice import estimate_error
 from capslip.contact.depth import press_for_depth
+from capslip.contact.levelling import COARSE_POINTS, Level, block_means, find_level, turned
 from capslip.contact.press import ContactState, press
 from capslip.contact.rung import rung
 from capslip.contact.slip import SlipCurve, slip_curve
-from capslip.errors import ContactError
-from capslip.problems import Problem
+from capslip.errors import ContactError, TipsOverError
+from capslip.problems import Problem, Severity
 from capslip.settings import Conditioning, Settings
 from capslip.structure.beam import BeamMode
 from capslip.structure.response import Damping, response
@@ -36,6 +38,9 @@ from capslip.surface.mating import Placement, mate, place
 
 MAX_TURNS = 10  # of fit and contact
 SETTLED = 1e-3  # of the preload: loads that move less in one turn have settled
+FAMILY_RATIO = 0.10  # of the points, above which the paper counts its caps
+FAMILY_TURNS = 4  # of the families and their plane
+FAMILY_SETTLED_M = 1e-10  # across the face
 CONDITIONING = Conditioning.__struct_fields__
 
 
@@ -57,13 +62,19 @@ class Clock:
 
 @dataclass(frozen=True, eq=False)
 class Face:
-    """One joint face, or two that are mated, before it is pressed."""
+    """One joint face, or two that are mated, before slip.
 
-    conditioned: Conditioned
+    Where it was balanced, the hills and caps are those that the pressed face touches with; the
+    families come from caps of their own, on the plane on which they are levels.
+    """
+
+    conditioned: Conditioned  # with the surface at the level at which it is pressed
+    level: Level | None  # None: as levelled
     hills: Hills
     caps: CapTable
     families: Families
     label: np.ndarray | None  # the caps' hills; None where the caps are those of two maps
+    family_caps: CapTable
     problems: tuple[Problem, ...]
 
 
@@ -117,6 +128,7 @@ def press_face(
     ContactError
         If the caps cannot carry the preload within the validity of the model.
     """
+    settings = as_found(face, settings)
     with clock("contact"):
         contact, caps = press(
             face.caps,
@@ -143,6 +155,7 @@ def estimate(
 
     It takes far longer than to press the face; the automatic choice has its estimate already.
     """
+    settings = as_found(face, settings)
     with clock("accuracy"):
         return estimate_error(
             face.caps,
@@ -152,6 +165,17 @@ def estimate(
             face.hills.noise_m,
             settings,
         )
+
+
+def as_found(face: Face, settings: Settings) -> Settings:
+    """Return the settings of a face that was not balanced: its caps are pressed as levelled.
+
+    A model of the map itself finds its own balance.
+    """
+    if face.level is not None or _made_from(settings) == "map":
+        return settings
+    contact = msgspec.structs.replace(settings.contact, alignment="as_levelled")
+    return msgspec.structs.replace(settings, contact=contact)
 
 
 def damp(slip: SlipCurve, settings: Settings, clock: Clock) -> tuple[BeamMode | None, Damping]:
@@ -186,9 +210,109 @@ def _placed(first: Conditioned, second: Conditioned, settings: Settings) -> Plac
 
 
 def _one_map(conditioned: Conditioned, settings: Settings, clock: Clock) -> Face:
-    hills, caps, problems = _hills_and_caps(conditioned.surface, settings, clock)
-    caps, families = _grouped(caps, settings, clock)
-    return Face(conditioned, hills, caps, families, hills.label, tuple(problems))
+    level, problems = _levelled(conditioned.surface, settings, clock)
+    if level is None:
+        hills, caps, doubts = _hills_and_caps(conditioned.surface, settings, clock)
+        caps, families = _grouped(caps, settings, clock)
+        problems += doubts
+        return Face(conditioned, None, hills, caps, families, hills.label, caps, tuple(problems))
+    with clock("families"):
+        plane, hills, family_caps, families = _families(conditioned.surface, level, settings)
+        caps = _named(level, hills, family_caps)
+    problems += problems_of_caps(plane, hills, family_caps, _family_ratio(settings))
+    if family_caps.usable.any():
+        hill_m = 0.5 * float(np.median(family_caps.diameter_m[family_caps.usable]))
+        problems += problems_of_holes(plane, hill_m)
+    step = {"step": "level", "tilt_rad": list(level.slope), "load_point_m": level.load_point_m}
+    conditioned = replace(conditioned, surface=level.surface, steps=(*conditioned.steps, step))
+    label = level.hills.label
+    return Face(
+        conditioned, level, level.hills, caps, families, label, family_caps, tuple(problems)
+    )
+
+
+def _levelled(
+    surface: HeightMap, settings: Settings, clock: Clock
+) -> tuple[Level | None, list[Problem]]:
+    """Return the level of a face that turns, None where it does not or cannot."""
+    if settings.contact.alignment == "as_levelled" or _made_from(settings) == "nothing":
+        return None, []
+    try:
+        with clock("level"):
+            level = find_level(surface, settings)
+    except TipsOverError as error:
+        severity: Severity = "info" if _made_from(settings) == "map" else "error"
+        return None, [Problem("tips_over", severity, str(error).removeprefix("tips_over: "))]
+    except ContactError as error:
+        if _made_from(settings) == "map":
+            return None, []
+        message = f"{error}; the face is pressed as it was levelled, and its level decides"
+        return None, [Problem("not_balanced", "warning", message)]
+    problems = []
+    if not level.settled:
+        message = "the last turns of level, fit and contact still moved the loads"
+        problems.append(Problem("level_not_settled", "warning", message))
+    if level.missed_area_m2 > 0.0:
+        message = (
+            f"{level.missed_area_m2:.3g} m2 below the cut at {level.material_ratio:.0%} stand in "
+            "the pressed plane, and no cap stands for them"
+        )
+        problems.append(Problem("cut_too_high", "warning", message))
+    return level, problems
+
+
+def _families(
+    surface: HeightMap, level: Level, settings: Settings
+) -> tuple[HeightMap, Hills, CapTable, Families]:
+    """Find the families on their own plane: the cut follows that plane, and it the caps above it.
+
+    So neither the level of the map nor that of the pressed face decides which caps are counted.
+    """
+    slope = np.array(level.rest_slope)
+    step = round(min(surface.shape) / COARSE_POINTS)
+    coarse = block_means(surface, step) if step > 1 else surface
+    for _ in range(FAMILY_TURNS):
+        _, caps = _counted(turned(coarse, -slope, level.load_point_m), settings)
+        turn = slope_of_families(caps)
+        slope = slope + turn
+        if float(np.abs(turn * surface.side_m[::-1]).max()) < FAMILY_SETTLED_M:
+            break
+    plane = turned(surface, -slope, level.load_point_m)
+    hills, caps = _counted(plane, settings)
+    grouping = settings.families
+    caps, families = group_families(caps, grouping.count, grouping.feature, own_plane=True)
+    return plane, hills, caps, families
+
+
+def _counted(surface: HeightMap, settings: Settings) -> tuple[Hills, CapTable]:
+    chosen = settings.hills
+    hills = find_hills(
+        surface,
+        _family_ratio(settings),
+        chosen.separation,
+        chosen.pruning_height_m,
+        chosen.pruning_percent_Sz,
+    )
+    return hills, fit_caps(surface, hills, settings.caps.fit)
+
+
+def _family_ratio(settings: Settings) -> float:
+    """Return the material ratio above which caps are counted: the paper's, unless one is fixed."""
+    return settings.hills.material_ratio if settings.hills.cut == "fixed" else FAMILY_RATIO
+
+
+def _named(level: Level, hills: Hills, family_caps: CapTable) -> CapTable:
+    """Return the caps of the pressed face with the families of the hills that they stand on."""
+    caps, surface = level.caps, level.surface
+    row, col = (
+        np.clip((at_m / size_m).astype(np.intp), 0, n - 1)
+        for at_m, size_m, n in zip(
+            (caps.y_m, caps.x_m), surface.pixel_size_m, surface.shape, strict=True
+        )
+    )
+    label = hills.label[row, col]
+    names = np.append("", family_caps.family)[label]
+    return caps.with_columns(family=np.where(caps.usable, names, ""))
 
 
 def _two_maps(
@@ -202,7 +326,7 @@ def _two_maps(
     for problem in (*second.problems, *other_problems):
         problems.append(replace(problem, message=f"{name}: {problem.message}"))
     caps, families = _grouped(caps, settings, clock)
-    return Face(first, hills, caps, families, None, tuple(problems))
+    return Face(first, None, hills, caps, families, None, caps, tuple(problems))
 
 
 def _grouped(caps: CapTable, settings: Settings, clock: Clock) -> tuple[CapTable, Families]:
@@ -244,7 +368,7 @@ def _fitted(surface: HeightMap, hills: Hills, settings: Settings) -> tuple[CapTa
     share = fit_named(settings.caps.fit).compression_share
     points = points_of_hills(surface, hills)
     caps = fit_caps(surface, hills, settings.caps.fit, points=points)
-    if share is None or not _has_contacts(settings):
+    if share is None or _made_from(settings) == "nothing":
         return caps, 0.0
     load_N, moved = np.zeros(len(caps)), 0.0
     for _ in range(MAX_TURNS):
@@ -264,6 +388,7 @@ def _fitted(surface: HeightMap, hills: Hills, settings: Settings) -> tuple[CapTa
     return caps, moved
 
 
-def _has_contacts(settings: Settings) -> bool:
+def _made_from(settings: Settings) -> str:
+    """Return what the contact model takes of the face; spheres where it is chosen later."""
     model = settings.contact.model
-    return model == "auto" or rung(model).made_from != "nothing"
+    return "spheres" if model == "auto" else rung(model).made_from

@@ -69,15 +69,15 @@ def cluster(values: np.ndarray) -> Clusters:
     log_factorial = np.append(0.0, np.cumsum(np.log(np.arange(1.0, n + 1.0))))
     low = np.arange(1, n)
     splits_in_two = np.column_stack((low, n - low))
-    best = int(np.argmin(_within(z, splits_in_two)))
-    sizes = [np.array([n]), splits_in_two[best], *_splits(z, min(MAX_CLUSTERS, n))]
+    best = int(np.argmin(within_of(z, splits_in_two)))
+    sizes = [np.array([n]), splits_in_two[best], *splits(z, min(MAX_CLUSTERS, n))]
     one, _, *more = (_log_normal(z, split[None, :], log_factorial)[0] for split in sizes)
     one = np.logaddexp.reduce([one, *_log_other_shapes(z, log_factorial)]) - math.log(4.0)
     two = np.logaddexp.reduce(_log_normal(z, splits_in_two, log_factorial))
     return Clusters(
         sizes=tuple(sizes),
         log_evidence=np.array([one, two, *more]),
-        separation=np.array([_separation(z, split) for split in sizes]),
+        separation=np.array([separation_of(z, split) for split in sizes]),
     )
 
 
@@ -88,13 +88,13 @@ def _sums(z: np.ndarray, sizes: np.ndarray) -> np.ndarray:
     return total[ends] - total[ends - sizes]
 
 
-def _within(z: np.ndarray, sizes: np.ndarray) -> np.ndarray:
+def within_of(z: np.ndarray, sizes: np.ndarray) -> np.ndarray:
     """Sum of squares within the clusters of each split, sizes of shape (n_splits, K)."""
     within = (z**2).sum() - (_sums(z, sizes) ** 2 / sizes).sum(axis=-1)
     return np.where(within > 1e-13 * (z**2).sum(), within, 0.0)  # below is rounding
 
 
-def _splits(z: np.ndarray, most: int) -> list[np.ndarray]:
+def splits(z: np.ndarray, most: int) -> list[np.ndarray]:
     """Sizes of the best split into 3, ... `most` clusters, by dynamic programming."""
     edges = np.unique(np.linspace(0, len(z), min(len(z), MAX_EDGES) + 1).astype(int))
     total, square = (np.append(0.0, np.cumsum(z**power))[edges] for power in (1, 2))
@@ -123,7 +123,7 @@ def _log_normal(z: np.ndarray, sizes: np.ndarray, log_factorial: np.ndarray) -> 
     ways to name the clusters are one split.
     """
     n, count = len(z), sizes.shape[-1]
-    mean, within = _sums(z, sizes) / sizes, _within(z, sizes)
+    mean, within = _sums(z, sizes) / sizes, within_of(z, sizes)
     log_shapes = []
     for ratio, odds in WIDTH_RATIOS2 if count > 1 else [(0.0, 1.0)]:
         weight = sizes / (1.0 + ratio * sizes)
@@ -148,10 +148,11 @@ def _log_other_shapes(z: np.ndarray, log_factorial: np.ndarray) -> tuple[float, 
     return float(upwards), float(downwards), float(uniform)
 
 
-def _separation(z: np.ndarray, sizes: np.ndarray) -> float:
+def separation_of(z: np.ndarray, sizes: np.ndarray) -> float:
+    """Least distance of neighbouring clusters over the pooled spread; NaN where there is none."""
     count = len(sizes)
     if count in (1, len(z)):
         return float("nan")
-    variance = float(_within(z, sizes[None, :])[0]) / (len(z) - count)
+    variance = float(within_of(z, sizes[None, :])[0]) / (len(z) - count)
     distance = float(np.diff(_sums(z, sizes) / sizes).min())
     return distance / np.sqrt(variance) if variance > 0.0 else float("inf")

@@ -6,6 +6,7 @@ from typing import Literal
 import numpy as np
 
 from capslip.caps.clusters import Clusters, cluster
+from capslip.caps.levels import LEAST_CAPS, Levels, find_levels
 from capslip.caps.table import CapFlag, CapTable
 
 Feature = Literal["peak_height", "cap_height", "diameter", "radius"]
@@ -111,7 +112,10 @@ class Families:
 
 
 def group_families(
-    caps: CapTable, count: str | int = "auto", feature: Feature = "peak_height"
+    caps: CapTable,
+    count: str | int = "auto",
+    feature: Feature = "peak_height",
+    own_plane: bool = False,
 ) -> tuple[CapTable, Families]:
     """Group the usable caps into one or two families by one of their features.
 
@@ -129,6 +133,9 @@ def group_families(
         How many families to form. One family is called G.
     feature : {"peak_height", "cap_height", "diameter", "radius"}
         The column that is grouped. G is the family of the higher peaks, whatever the feature.
+    own_plane : bool
+        Whether peak heights are levels on a common plane that is found with them, see
+        `find_levels`, so that a plane added to the map moves nothing. It takes five caps.
 
     Returns
     -------
@@ -143,30 +150,62 @@ def group_families(
     the family carries 3/8 (s / x)^2 of the load too little, x being the approach beyond its mean
     peak: 0.4 % where x is ten spreads, 4 % where it is three.
     """
-    member = np.flatnonzero(caps.usable)
-    values = getattr(caps, f"{feature}_m")[member]
-    member = member[np.argsort(values, kind="stable")]
-    found = cluster(np.sort(values))
-    alike = feature == "peak_height" and _alike(caps, member)
+    usable = np.flatnonzero(caps.usable)
+    levels = None
+    if own_plane and feature == "peak_height" and usable.size >= LEAST_CAPS:
+        levels = _levels_of(caps, usable)
+        found = levels.clusters
+        alike = _alike(_on_plane(caps, usable, levels, 1), usable, free=3)
+    else:
+        found = cluster(np.sort(getattr(caps, f"{feature}_m")[usable]))
+        alike = feature == "peak_height" and _alike(caps, usable)
     supported, log_odds = _supported(found, alike)
     wanted = min(supported, 2) if count == "auto" else min(int(count), len(found.sizes))
-    group = _in_groups(caps, member, found.sizes[wanted - 1])
+
+    def grouped(number: int) -> tuple[CapTable, np.ndarray, np.ndarray]:
+        table = caps if levels is None else _on_plane(caps, usable, levels, number)
+        order = np.argsort(getattr(table, f"{feature}_m")[usable], kind="stable")
+        member = usable[order]
+        return table, member, _in_groups(table, member, found.sizes[number - 1])
+
+    table, member, group = grouped(wanted)
     family = np.full(len(caps), "", dtype="<U1")
     family[member] = np.array(["G", "P"])[group]
-    caps = caps.with_columns(family=family)
-    taken = _families(caps, member, group)
-    levels = taken
-    if supported != wanted:
-        levels = _families(caps, member, _in_groups(caps, member, found.sizes[supported - 1]))
-    return caps, Families(
+    taken = _families(table, member, group)
+    return caps.with_columns(family=family), Families(
         G=taken[0] if taken else None,
         P=taken[1] if len(taken) > 1 else None,
-        levels=levels,
+        levels=taken if supported == wanted else _families(*grouped(supported)),
         separation=float(found.separation[1]) if len(found.sizes) > 2 else None,
         log_odds=log_odds,
-        count_se=_count_se(getattr(caps, f"{feature}_m")[member], group),
+        count_se=_count_se(getattr(table, f"{feature}_m")[member], group),
         alike=alike,
     )
+
+
+def slope_of_families(caps: CapTable) -> np.ndarray:
+    """Return the slopes (x, y) of the plane on which the families of a face are levels.
+
+    Zero for fewer than five usable caps. Parameters as for `group_families`.
+    """
+    usable = np.flatnonzero(caps.usable)
+    if usable.size < LEAST_CAPS:
+        return np.zeros(2)
+    levels = _levels_of(caps, usable)
+    alike = _alike(_on_plane(caps, usable, levels, 1), usable, free=3)
+    slope: np.ndarray = levels.slope[min(_supported(levels.clusters, alike)[0], 2) - 1]
+    return slope
+
+
+def _levels_of(caps: CapTable, usable: np.ndarray) -> Levels:
+    return find_levels(caps.x_m[usable], caps.y_m[usable], caps.peak_height_m[usable])
+
+
+def _on_plane(caps: CapTable, usable: np.ndarray, levels: Levels, number: int) -> CapTable:
+    """Return the caps with heights over the plane of so many families."""
+    peak_m = np.full(len(caps), np.nan)
+    peak_m[usable] = levels.heights_m(number)
+    return caps.with_columns(peak_height_m=peak_m)
 
 
 def _supported(found: Clusters, alike: bool) -> tuple[int, float | None]:
@@ -190,23 +229,23 @@ def _supported(found: Clusters, alike: bool) -> tuple[int, float | None]:
     return best, float(evidence[best - 1] - max(rivals))
 
 
-def _alike(caps: CapTable, member: np.ndarray) -> bool:
+def _alike(caps: CapTable, member: np.ndarray, free: int = 1) -> bool:
     """Tell whether the peaks differ by no more than chance, given their standard errors.
 
-    A chi-square test of equal heights. Where noise is a visible part of a cap, equal within the
-    errors says nothing; and an error far above the usual one is that of a hill that is no sphere,
-    not of noise, and excuses no other height.
+    A chi-square test of equal heights, of which `free` unknowns were fitted. Where noise is a
+    visible part of a cap, equal within the errors says nothing; and an error far above the usual
+    one is that of a hill that is no sphere, not of noise, and excuses no other height.
     """
     from scipy.special import chdtrc
 
     peak_m, error_m = caps.peak_height_m[member], caps.peak_height_se_m[member]
     noisy = (caps.flags[member] & CapFlag.noisy_apex) != 0
-    if member.size < 2 or noisy.any() or not (error_m > 0.0).all():
+    if member.size <= free or noisy.any() or not (error_m > 0.0).all():
         return False
     error_m = np.minimum(error_m, 2.0 * np.median(error_m))
     weight = (error_m.min() / error_m) ** 2
     deviation = (peak_m - np.average(peak_m, weights=weight)) / error_m
-    return bool(chdtrc(member.size - 1, deviation @ deviation) >= ALIKE_LEVEL)
+    return bool(chdtrc(member.size - free, deviation @ deviation) >= ALIKE_LEVEL)
 
 
 def _in_groups(caps: CapTable, member: np.ndarray, sizes: np.ndarray) -> np.ndarray:

@@ -17,9 +17,9 @@ from capslip.caps.clusters import (
     MAX_CLUSTERS,
     WIDTH_RATIOS2,
     Clusters,
-    _separation,
-    _splits,
-    _within,
+    separation_of,
+    splits,
+    within_of,
 )
 from capslip.caps.simplex import Vertex, minimum
 
@@ -116,7 +116,7 @@ def find_levels(x_m: np.ndarray, y_m: np.ndarray, height_m: np.ndarray) -> Level
         sizes.append(split)
         planes = np.stack((slope, np.zeros(2)))
     separation = [
-        _separation(_centred(np.sort(scaled.z - scaled.place @ slope)), split)
+        separation_of(_centred(np.sort(scaled.z - scaled.place @ slope)), split)
         for slope, split in zip(slopes, sizes, strict=True)
     ]
     # Two degrees of freedom more are lost to the slopes.
@@ -312,9 +312,9 @@ def _best_split(z: np.ndarray, count: int) -> np.ndarray:
     if count == 2:
         low = np.arange(1, n)
         sizes = np.column_stack((low, n - low))
-        best: np.ndarray = sizes[int(np.argmin(_within(z, sizes)))]
+        best: np.ndarray = sizes[int(np.argmin(within_of(z, sizes)))]
         return best
-    return _splits(z, count)[-1]
+    return splits(z, count)[-1]
 
 
 def _least_within(z: np.ndarray) -> np.ndarray:

@@ -8,6 +8,7 @@ import numpy as np
 from capslip.caps.table import CapTable
 from capslip.contact.bulk import bulk_compliance_m_per_N, without_bulk
 from capslip.contact.curve import NormalCurve
+from capslip.contact.levelling import rebalanced
 from capslip.contact.material import composite
 from capslip.contact.models.interacting import RUNG, InteractingCurve, interacting
 from capslip.contact.outside import unmodelled_area_m2
@@ -112,8 +113,9 @@ def error_of_caps(
     term, 20 t^3 - 30 t^2 + 12 t - 1, has a height error of sqrt(7) / 7 = 0.38 of its root mean
     square.
 
-    The levelling is uncertain by the tilt between the plane taken off and that of the lowest third
-    of the points, which peaks that are not balanced over the face do not pull.
+    As levelled, the level is uncertain by the tilt between the plane taken off and that of the
+    lowest third of the points, which peaks that are not balanced over the face do not pull. A
+    balanced face has no such doubt: moved caps are balanced anew.
 
     The last part is the change under another law between two contacts. None of these causes has to
     do with another, so their squares add. The error is not known where something else than the caps
@@ -174,7 +176,7 @@ def _random_error(scene: Scene, found: np.ndarray, noise_m: float, settings: Set
     draws = max(4, min(DRAWS, DRAWS * 100 // int(np.count_nonzero(use))))
     sign = np.random.default_rng(0).choice((-1.0, 1.0), (draws, 2, len(caps)))
     changes = [
-        _change(_moved(scene, up * height_m, wide * ratio), scene, found, settings)
+        _change(_moved(scene, up * height_m, wide * ratio, settings), scene, found, settings)
         for up, wide in sign
     ]
     return float(2.0 * np.sqrt(np.mean(np.square(changes), axis=0)).max())
@@ -194,7 +196,7 @@ def _shape_error(
     # The first order would overflow far beyond the hill, which is doubted anyway
     first_order = (2 / 3 - 8 / 5 * share) * quartic_m / depth_m
     wide[use] = np.where(known, np.clip(first_order, -MOST_WIDE, MOST_WIDE), 0.0)
-    change = _change(_moved(scene, up_m, wide), scene, found, settings)
+    change = _change(_moved(scene, up_m, wide, settings), scene, found, settings)
     return float(2.0 * np.abs(change).max())
 
 
@@ -210,7 +212,7 @@ def _pair_error(scene: Scene, found: np.ndarray, settings: Settings) -> float:
 
 def _levelling_error(scene: Scene, found: np.ndarray, settings: Settings) -> float:
     """Return the relative change of the answers where the floor levels the face."""
-    if settings.conditioning.form == "none":
+    if settings.conditioning.form == "none" or settings.contact.alignment == "balanced":
         return 0.0
     slope_y, slope_x = floor_slopes(scene.surface)
     caps = scene.caps
@@ -220,12 +222,16 @@ def _levelling_error(scene: Scene, found: np.ndarray, settings: Settings) -> flo
     return float(np.abs(_change(reach.curve, scene, found, settings)).max())
 
 
-def _moved(scene: Scene, up_m: np.ndarray, log_radius: np.ndarray) -> InteractingCurve:
+def _moved(
+    scene: Scene, up_m: np.ndarray, log_radius: np.ndarray, settings: Settings
+) -> InteractingCurve:
     """Return the curve of caps that are higher and, by a logarithm, wider."""
     caps: CapTable = scene.caps.with_columns(
         peak_height_m=scene.caps.peak_height_m + up_m,
         radius_m=scene.caps.radius_m * np.exp(log_radius),
     )
+    if settings.contact.alignment == "balanced":
+        caps = rebalanced(caps, scene.use, scene.load_point_m, settings)
     return RUNG.build(replace(scene, caps=caps))
 
 

@@ -87,11 +87,7 @@ def choose_model(
     material, contact = settings.material, settings.contact
     E_star_Pa = composite(material.youngs_modulus_Pa, material.poisson_ratio).E_star_Pa
     reach = reachable(caps, surface.side_m, E_star_Pa, contact.preload_N)
-    scene = Scene(
-        *(caps, families, surface, E_star_Pa, contact.preload_N),
-        use=reach.use,
-        solver_tolerance=contact.solver_tolerance,
-    )
+    scene = Scene.of(caps, families, surface, settings, reach.use)
     if reach.pairs is None:
         return _too_many(scene, settings)
     found = {}

@@ -45,6 +45,7 @@ def contact_doubts(
     families: Families,
     pixel_area_m2: float,
     material: Material,
+    cut_certified: bool,
 ) -> list[Problem]:
     """Return what makes the contact doubtful.
 
@@ -60,10 +61,12 @@ def contact_doubts(
         Of the map that the caps were fitted to.
     material : Material
         The two bodies.
+    cut_certified : bool
+        Whether nothing below the cut is known to touch.
     """
     return [
         *_which_caps_touch(contact, caps, families),
-        *_beyond_the_caps(contact, caps),
+        *_beyond_the_caps(contact, caps, cut_certified),
         *_under_resolved(caps, pixel_area_m2),
         *_on_flagged_caps(caps),
         *_beyond_elastic(contact, material),
@@ -85,7 +88,7 @@ def _which_caps_touch(contact: ContactState, caps: CapTable, families: Families)
     return found
 
 
-def _beyond_the_caps(contact: ContactState, caps: CapTable) -> list[Problem]:
+def _beyond_the_caps(contact: ContactState, caps: CapTable, cut_certified: bool) -> list[Problem]:
     """Return whether contacts overlap, or leave the part of a hill that its cap describes."""
     found: list[Problem] = []
     if contact.overlapping_pairs:
@@ -104,7 +107,7 @@ def _beyond_the_caps(contact: ContactState, caps: CapTable) -> list[Problem]:
     depth_m = 0.5 * caps.contact_radius_m**2 / caps.radius_m
     deep = loaded & (depth_m > 1.001 * caps.cap_height_m)  # no fit goes below the cut
     low = loaded & (caps.cap_height_m < 0.1 * np.nanmax(caps.cap_height_m))
-    if load_N[deep].sum() > 0.05 * load_N.sum() or low.any():
+    if not cut_certified and (load_N[deep].sum() > 0.05 * load_N.sum() or low.any()):
         message = (
             "the contact reaches down to the cut: hills below it may touch too, and caps are "
             "fitted too shallow; raise hills.material_ratio"

@@ -21,6 +21,7 @@ from capslip.caps.resting import resting_plane
 from capslip.caps.table import CapTable
 from capslip.contact.certificate import Certificate, certify_cut
 from capslip.contact.material import composite
+from capslip.contact.rung import load_point_m, rung, turning_stiffness
 from capslip.contact.solvers.balance import Equilibrium, press
 from capslip.errors import ContactError, TipsOverError, UnusableSurfaceError
 from capslip.settings import Settings
@@ -51,6 +52,8 @@ class Level:
         What stands above the cut on this surface; caps without loads.
     slope : (float, float)
         Of the plane that was added to the map, along x and y.
+    rest_slope : (float, float)
+        Of the plane on which the map rests under a load of no size.
     load_point_m : (float, float)
         Place (x, y) of the line of action.
     material_ratio : float
@@ -65,6 +68,7 @@ class Level:
     hills: Hills
     caps: CapTable
     slope: tuple[float, float]
+    rest_slope: tuple[float, float]
     load_point_m: tuple[float, float]
     material_ratio: float
     missed_area_m2: float
@@ -108,14 +112,6 @@ def find_level(surface: HeightMap, settings: Settings) -> Level:
         with suppress(ContactError, UnusableSurfaceError):  # small contacts need the whole map
             start = _Search(block_means(surface, step), settings, at_m, rest.slope).run(start)[1]
     return _Search(surface, settings, at_m, rest.slope).run(start)[0]
-
-
-def load_point_m(surface: HeightMap, settings: Settings) -> tuple[float, float]:
-    """Return the place (x, y) of the line of action: as set, or the centre of the map."""
-    if settings.contact.load_point_m is not None:
-        return settings.contact.load_point_m
-    ly_m, lx_m = surface.side_m
-    return 0.5 * lx_m, 0.5 * ly_m
 
 
 def turned(
@@ -222,6 +218,7 @@ class _Search:
             hills=hills,
             caps=rest.caps,
             slope=(slope_x, slope_y),
+            rest_slope=self.rest_slope,
             load_point_m=self.at_m,
             material_ratio=start.ratio,
             missed_area_m2=certificate.missed_area_m2,
@@ -261,7 +258,7 @@ class _Search:
                 moved = float(np.abs(all_N - before_N).sum()) / (2.0 * preload_N)
             before_N = all_N
             span_m = self._across_m(turn)
-            depths_m = peak_m.max() - peak_m - self._arm_m(caps, use) @ turn
+            depths_m = peak_m.max() - peak_m - _arm_m(caps, use, self.at_m) @ turn
             approach_m = rest.level_m - float(depths_m.min())
             found = _Rest(
                 *(caps, use, load_N, float(peak_m.max()) - rest.level_m),
@@ -296,33 +293,11 @@ class _Search:
 
     def _press(self, caps: CapTable) -> tuple[np.ndarray, Equilibrium, np.ndarray, np.ndarray]:
         """Return the caps that were pressed, their equilibrium, loads and peak heights."""
-        usable = np.flatnonzero(caps.usable)
-        if not usable.size:
+        use = np.flatnonzero(caps.usable)
+        if not use.size:
             raise ContactError("no cap stands above the cut; raise hills.material_ratio")
-        material, contact = self.settings.material, self.settings.contact
-        E_star_Pa = composite(material.youngs_modulus_Pa, material.poisson_ratio).E_star_Pa
-        k = 4.0 / 3.0 * E_star_Pa * np.sqrt(caps.radius_m[usable])
-        peak_m = caps.peak_height_m[usable]
-        C = None
-        if usable.size <= MAX_PAIRS:
-            x_m, y_m = caps.x_m[usable], caps.y_m[usable]
-            r_m = np.hypot(x_m[:, None] - x_m, y_m[:, None] - y_m)
-            np.fill_diagonal(r_m, np.inf)
-            C = 1.0 / (math.pi * E_star_Pa * np.maximum(r_m, 1e-12))
-        rest = press(
-            k,
-            peak_m.max() - peak_m,
-            C,
-            (contact.preload_N / usable.size / k) ** (2 / 3),
-            load=contact.preload_N,
-            arm=self._arm_m(caps, usable),
-            turning_stiffness=contact.alignment_stiffness_Nm_per_rad,
-        )
-        load_N = k * np.maximum(rest.compression_m, 0.0) ** 1.5
-        return usable, rest, load_N, peak_m
-
-    def _arm_m(self, caps: CapTable, use: np.ndarray) -> np.ndarray:
-        return np.column_stack((caps.x_m[use] - self.at_m[0], caps.y_m[use] - self.at_m[1]))
+        rest, load_N = _pressed(caps, use, self.at_m, self.settings)
+        return use, rest, load_N, caps.peak_height_m[use]
 
     def _across_m(self, slope: np.ndarray) -> float:
         """Return the greater height that slopes (x, y) make along a side of the face."""
@@ -366,3 +341,55 @@ class _Search:
             composite(material.youngs_modulus_Pa, material.poisson_ratio).E_star_Pa,
             hills.noise_m,
         )
+
+
+def rebalanced(
+    caps: CapTable, use: np.ndarray, at_m: tuple[float, float], settings: Settings
+) -> CapTable:
+    """Return caps at their heights over the plane that balances them.
+
+    Parameters
+    ----------
+    caps : CapTable
+        At their heights over some plane.
+    use : bool, shape (n,)
+        Those that may carry.
+    at_m : (float, float)
+        Load point (x, y).
+    settings : Settings
+        `material` and `contact`.
+    """
+    chosen = np.flatnonzero(use)
+    rest, _ = _pressed(caps, chosen, at_m, settings)
+    up_m = _arm_m(caps, np.arange(len(caps)), at_m) @ np.array(rest.slope)
+    return caps.with_columns(peak_height_m=caps.peak_height_m + up_m)
+
+
+def _pressed(
+    caps: CapTable, use: np.ndarray, at_m: tuple[float, float], settings: Settings
+) -> tuple[Equilibrium, np.ndarray]:
+    """Return the equilibrium of caps under a plane that may turn, and their loads."""
+    material, contact = settings.material, settings.contact
+    E_star_Pa = composite(material.youngs_modulus_Pa, material.poisson_ratio).E_star_Pa
+    k = 4.0 / 3.0 * E_star_Pa * np.sqrt(caps.radius_m[use])
+    peak_m = caps.peak_height_m[use]
+    C = None
+    if use.size <= MAX_PAIRS and (contact.model == "auto" or rung(contact.model).interacts):
+        x_m, y_m = caps.x_m[use], caps.y_m[use]
+        r_m = np.hypot(x_m[:, None] - x_m, y_m[:, None] - y_m)
+        np.fill_diagonal(r_m, np.inf)
+        C = 1.0 / (math.pi * E_star_Pa * r_m)
+    rest = press(
+        k,
+        peak_m.max() - peak_m,
+        C,
+        (contact.preload_N / use.size / k) ** (2 / 3),
+        load=contact.preload_N,
+        arm=_arm_m(caps, use, at_m),
+        turning_stiffness=turning_stiffness(settings),
+    )
+    return rest, k * np.maximum(rest.compression_m, 0.0) ** 1.5
+
+
+def _arm_m(caps: CapTable, use: np.ndarray, at_m: tuple[float, float]) -> np.ndarray:
+    return np.column_stack((caps.x_m[use] - at_m[0], caps.y_m[use] - at_m[1]))

@@ -39,6 +39,9 @@ class ContactState:
     normal: NormalCurve  # the whole curve N(d)
     curve: NormalCurve  # the one that slip uses, with or without the bulk term as chosen
     composite: Composite
+    load_point_m: tuple[float, float]  # place (x, y) of the line of action
+    eccentricity_m: tuple[float, float] | None  # of the resultant of the contacts, from there
+    tilt_rad: tuple[float, float]  # slopes (x, y) that the model itself added to the map
     problems: tuple[Problem, ...]
 
     @property
@@ -99,8 +102,7 @@ def press(
         problems += [] if choice.problem is None else [choice.problem]
     else:
         model = rung(settings.contact.model)
-    tolerance = settings.contact.solver_tolerance
-    scene = Scene(caps, families, surface, joint.E_star_Pa, preload_N, use, tolerance)
+    scene = Scene.of(caps, families, surface, settings, use)
     normal: NormalCurve = model.build(scene)
     approach_m = float(normal.approach_m(preload_N))
     curve, bulk_m, bulk = normal, 0.0, settings.contact.bulk
@@ -117,6 +119,10 @@ def press(
             f"{model.name}: {preload_N:g} N need a contact area of {found.area_m2:.3g} m2; "
             f"expected less than the face's {face_m2:.3g} m2; check preload and units"
         )
+    eccentricity_m = None
+    if found.resultant_m is not None:
+        x_m, y_m = np.subtract(found.resultant_m, scene.load_point_m).tolist()
+        eccentricity_m = (x_m, y_m)
     state = ContactState(
         rung=model,
         model_reason=reason,
@@ -135,6 +141,9 @@ def press(
         normal=normal,
         curve=curve,
         composite=joint,
+        load_point_m=scene.load_point_m,
+        eccentricity_m=eccentricity_m,
+        tilt_rad=found.tilt_rad,
         problems=(*problems, *found.problems),
     )
     a_m = contact_radius_m(found.load_N, caps.radius_m, joint.E_star_Pa)

@@ -4,8 +4,9 @@ A rung is one file in `contact/models` that holds a `Rung` named `RUNG` under th
 No other module asks for the name of a rung; whatever sets one apart is an attribute here.
 """
 
+import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Generic, Literal, TypeVar, cast
 
 import numpy as np
@@ -14,9 +15,11 @@ from capslip import registry
 from capslip.caps.families import Families
 from capslip.caps.table import CapTable
 from capslip.contact.curve import AsperityCurve, NormalCurve
+from capslip.contact.material import composite
 from capslip.contact.solvers.hertz import contact_radius_m
 from capslip.errors import SettingsError
 from capslip.problems import Problem
+from capslip.settings import Settings
 from capslip.surface.heightmap import HeightMap
 
 FOLDER = "contact.models"
@@ -34,6 +37,29 @@ class Scene:
     preload_N: float
     use: np.ndarray  # (n,), the caps to take, the highest usable one among them
     solver_tolerance: float  # relative to the approach, for a rung that iterates on the map
+    load_point_m: tuple[float, float]  # place (x, y) of the line of action
+    turning_stiffness: float  # N m/rad against a tilt; inf: the face stays as levelled
+
+    @classmethod
+    def of(
+        cls,
+        caps: CapTable,
+        families: Families,
+        surface: HeightMap,
+        settings: Settings,
+        use: np.ndarray,
+    ) -> "Scene":
+        """Return the scene under the preload of the settings."""
+        material, contact = settings.material, settings.contact
+        return cls(
+            *(caps, families, surface),
+            composite(material.youngs_modulus_Pa, material.poisson_ratio).E_star_Pa,
+            contact.preload_N,
+            use,
+            contact.solver_tolerance,
+            load_point_m(surface, settings),
+            turning_stiffness(settings),
+        )
 
     @property
     def radius_m(self) -> np.ndarray:
@@ -57,6 +83,8 @@ class Contacts:
     area_m2: float | None = None
     max_pressure_Pa: float | None = None
     overlapping_pairs: int = 0  # where there are any, the caps do not hold
+    resultant_m: tuple[float, float] | None = None  # place (x, y) of the resultant
+    tilt_rad: tuple[float, float] = (0.0, 0.0)  # that the rung itself added to the map
     problems: tuple[Problem, ...] = ()
 
 
@@ -78,6 +106,22 @@ class Rung(Generic[C]):
     contact_name: str = "caps in contact"  # what `Contacts.count` counts
     # Growing loads up to one whose approach costs no solution; None: any load is as good
     solved_loads_N: Callable[[C, float], np.ndarray] | None = None
+    interacts: bool = False  # whether each contact sinks the others
+
+
+def load_point_m(surface: HeightMap, settings: Settings) -> tuple[float, float]:
+    """Return the place (x, y) of the line of action: as set, or the centre of the map."""
+    if settings.contact.load_point_m is not None:
+        return settings.contact.load_point_m
+    ly_m, lx_m = surface.side_m
+    return 0.5 * lx_m, 0.5 * ly_m
+
+
+def turning_stiffness(settings: Settings) -> float:
+    """Return what holds the face against a tilt, in N m/rad; infinite as levelled."""
+    contact = settings.contact
+    balanced = contact.alignment == "balanced"
+    return contact.alignment_stiffness_Nm_per_rad if balanced else math.inf
 
 
 def rung(name: str) -> Rung[Any]:
@@ -107,7 +151,10 @@ def contacts_of_caps(
     load_N = np.where(scene.caps.usable, 0.0, np.nan)
     load_N[scene.use] = one_N
     family = scene.caps.family[scene.use]
-    return contacts_of_rows(scene, curve, one_N, load_N, family, overlapping_pairs)
+    places = scene.caps.x_m[scene.use], scene.caps.y_m[scene.use]
+    found = contacts_of_rows(scene, curve, one_N, load_N, family, overlapping_pairs)
+    x_m, y_m = (float(one_N @ at_m / one_N.sum()) for at_m in places)
+    return replace(found, resultant_m=(x_m, y_m))
 
 
 def contacts_of_rows(

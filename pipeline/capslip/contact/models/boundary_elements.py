@@ -1,5 +1,6 @@
 """The normal curve of the height map itself, pressed on an elastic half-space."""
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from itertools import pairwise
@@ -396,7 +397,16 @@ def _single(approach_m: ArrayLike) -> float:
 
 
 def _build(scene: Scene) -> BoundaryElementCurve:
-    return boundary_elements(scene.surface, scene.E_star_Pa, scene.solver_tolerance)
+    if math.isinf(scene.turning_stiffness):
+        return boundary_elements(scene.surface, scene.E_star_Pa, scene.solver_tolerance)
+    return boundary_elements(
+        scene.surface,
+        scene.E_star_Pa,
+        scene.solver_tolerance,
+        balanced_at_N=scene.preload_N,
+        load_point_m=scene.load_point_m,
+        rotational_stiffness_Nm_per_rad=scene.turning_stiffness,
+    )
 
 
 def _contacts(scene: Scene, curve: BoundaryElementCurve, approach_m: float) -> Contacts:
@@ -408,6 +418,8 @@ def _contacts(scene: Scene, curve: BoundaryElementCurve, approach_m: float) -> C
         family=np.full(n_regions, ""),
         area_m2=pressed.contact_area_m2,
         max_pressure_Pa=pressed.max_pressure_Pa,
+        resultant_m=pressed.resultant_m,
+        tilt_rad=curve.tilt_rad,
         problems=curve.problems(scene.preload_N),
     )
 
@@ -422,6 +434,7 @@ RUNG = Rung(
     leaves_out="The height map itself is pressed, without spheres: what its pixels do not resolve "
     "is left out, and the face sinks as part of a half-space that ends nowhere.",
     colour="#009E73",
+    interacts=True,
     build=_build,
     contacts=_contacts,
     contact_name="contact regions",

@@ -284,4 +284,5 @@ RUNG = Rung(
     colour="#0072B2",
     build=_build,
     contacts=_contacts,
+    interacts=True,
 )
