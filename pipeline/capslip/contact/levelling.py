@@ -180,6 +180,7 @@ class _Search:
 
     def run(self, start: _Start) -> tuple[Level, _Start]:
         """Return the level, and what a search on a finer map can start from."""
+        tipped: TipsOverError | None = None
         trouble: ContactError | None = None
         fixed = self.settings.hills.cut == "fixed"
         ratios = [start.ratio, *(r for r in RATIOS if r > start.ratio + 1e-9 and not fixed)]
@@ -188,12 +189,17 @@ class _Search:
             try:
                 return self._at_ratio(replace(start, ratio=ratio), last)
             except _MissedError as missed:
+                trouble = trouble or ContactError(
+                    f"the face finds no level: it balances on what stands above a cut at {ratio:.0%}, "
+                    "and on no deeper cut that holds all that touches"
+                )
                 start = _Start(missed.slope, ratio, missed.approach_m)
             except TipsOverError as error:
-                trouble, start = error, _Start(np.array(self.rest_slope), ratio)
+                tipped, start = error, _Start(np.array(self.rest_slope), ratio)
             except ContactError as error:
                 trouble, start = trouble or error, _Start(np.array(self.rest_slope), ratio)
-        raise trouble or ContactError("the face finds no level: no cut holds all that touches")
+        # A face tips over where it does so on every cut; else it is the search that failed.
+        raise trouble or tipped or ContactError("the face finds no level")
 
     def _at_ratio(self, start: _Start, last: bool) -> tuple[Level, _Start]:
         for _ in range(MAX_CUTS):
@@ -248,7 +254,16 @@ class _Search:
         tried, history = last, list[float]()
         for _ in range(MAX_TURNS):
             caps = fit_caps(surface, hills, fit, depth_m, points)
-            use, rest, load_N, peak_m = self._press(caps)
+            try:
+                use, rest, load_N, peak_m = self._press(caps)
+            except TipsOverError as error:
+                if before_N is None:
+                    raise
+                raise ContactError(  # more caps balanced it before some lost their sphere
+                    f"the face finds no level: fitted as deep as they are compressed, "
+                    f"{int(caps.usable.sum())} of {len(caps)} hills are left as caps, and they do "
+                    "not surround the load; check preload and units"
+                ) from error
             turn = np.array(rest.slope)
             all_N = np.zeros(len(caps))
             all_N[use] = load_N
