@@ -60,8 +60,8 @@ class Level:
         Of the cut.
     missed_area_m2 : float
         Area outside the hills that the pressed plane reaches; 0 where the cut is deep enough.
-    settled : bool
-        Whether the turns came to rest.
+    moved : float
+        Share of the load that the last turn still moved; 0 where the turns came to rest.
     """
 
     surface: HeightMap
@@ -72,7 +72,7 @@ class Level:
     load_point_m: tuple[float, float]
     material_ratio: float
     missed_area_m2: float
-    settled: bool
+    moved: float
 
 
 def find_level(surface: HeightMap, settings: Settings) -> Level:
@@ -158,7 +158,7 @@ class _Rest:
     depth_m: np.ndarray | None  # (n,), at which caps were fitted
     slope: np.ndarray
     approach_m: float
-    settled: bool
+    moved: float  # share of the load; 0 where the turns came to rest
 
 
 class _MissedError(Exception):
@@ -228,7 +228,7 @@ class _Search:
             load_point_m=self.at_m,
             material_ratio=start.ratio,
             missed_area_m2=certificate.missed_area_m2,
-            settled=rest.settled,
+            moved=rest.moved,
         )
         return level, start
 
@@ -277,7 +277,7 @@ class _Search:
             approach_m = rest.level_m - float(depths_m.min())
             found = _Rest(
                 *(caps, use, load_N, float(peak_m.max()) - rest.level_m),
-                *(depth_m, slope, approach_m, True),
+                *(depth_m, slope, approach_m, 0.0),
             )
             if moved < SETTLED_LOAD and span_m < SETTLED_M:
                 return found
@@ -300,7 +300,7 @@ class _Search:
             )
             slope = slope - turn
         if last:
-            return replace(found, slope=slope, settled=False)
+            return replace(found, slope=slope, moved=moved)
         raise ContactError(
             f"the face finds no level: after {len(history)} turns of fit and contact {moved:.1%} "
             "of the load still move; set contact.alignment to as_levelled"
