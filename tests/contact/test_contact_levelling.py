@@ -203,10 +203,13 @@ def test_a_stiff_alignment_is_as_levelled_and_a_soft_one_balanced():
 
 @pytest.mark.parametrize(
     ("at_m", "side"),
-    [([0.002, 0.02], "-x"), ([0.058, 0.02], "+x"), ([0.03, 0.001], "-y"), ([0.028, 0.037], "+y")],
+    [([0.002, 0.02], "-x"), ([0.058, 0.02], "+x"), ([0.03, 0.001], "-y"), ([0.03, 0.039], "+y")],
 )
 def test_a_load_beside_all_peaks_tips_the_face_over(at_m, side):
-    found = analyzed(three(), f"contact.load_point_m={at_m}")
+    surface = three()
+    if side == "+y":
+        surface = HeightMap(surface.height_m[::-1].copy(), PIXEL_M)
+    found = analyzed(surface, f"contact.load_point_m={at_m}")
     (problem,) = (p for p in found.problems if p.code == "tips_over")
     assert problem.severity == "error"
     assert found.status == "failed"
