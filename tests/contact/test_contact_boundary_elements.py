@@ -13,7 +13,7 @@ from capslip.contact.models.caps import caps
 from capslip.contact.slip import slip_curve
 from capslip.contact.solvers import polonsky_keer
 from capslip.contact.solvers.half_space import HalfSpace, love_kernel
-from capslip.contact.solvers.polonsky_keer import coarsened, elastic_face, press
+from capslip.contact.solvers.polonsky_keer import _block_means, elastic_face, press
 from capslip.errors import ContactError, SettingsError, UnusableSurfaceError
 from capslip.surface.heightmap import HeightMap
 
@@ -326,15 +326,14 @@ def test_coarse_contacts_are_reported():
     assert "under_resolved" not in fine
 
 
-def test_coarsened_keeps_means_and_non_measured_points():
-    height_m = np.arange(42.0).reshape(6, 7)
-    height_m[:2, :2] = np.nan
-    height_m[2, 2] = np.nan
-    coarse = coarsened(HeightMap(height_m, (1.0, 2.0)), 2)
-    assert coarse.shape == (3, 4)
-    assert coarse.pixel_size_m == (2.0, 4.0)
-    assert np.isnan(coarse.height_m[0, 0])
-    assert coarse.height_m[1, 1] == pytest.approx(np.nanmean(height_m[2:4, 2:4]))
-    assert coarse.height_m[2, 3] == pytest.approx(height_m[4:6, 6].mean())
-    with pytest.raises(SettingsError, match="factor"):
-        coarsened(coarse, 0)
+def test_block_means_are_those_of_the_known_points():
+    values = np.arange(42.0).reshape(6, 7)
+    known = np.ones((6, 7), dtype=bool)
+    known[:2, :2] = known[2, 2] = False
+    mean, some = _block_means(values, known, 2)
+    assert mean.shape == some.shape == (3, 4)
+    assert not some[0, 0]
+    assert np.count_nonzero(some) == 11
+    assert mean[0, 0] == 0.0
+    assert mean[1, 1] == pytest.approx(values[2:4, 2:4][known[2:4, 2:4]].mean())
+    assert mean[2, 3] == pytest.approx(values[4:6, 6].mean())
