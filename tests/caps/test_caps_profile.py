@@ -73,7 +73,7 @@ def test_a_known_rest_of_the_profile():
 
 def test_eight_points_are_too_few_for_a_profile():
     # on hills of radii of 2 and 5 the depths lie at r = 0.63 and 1.4: all points are within
-    assert np.isnan(quartic_profile(*given(np.zeros(16)))).tolist() == [[True] * 2, [False] * 2]
+    assert np.isnan(quartic_profile(*given(np.zeros(16)))).all()
     assert np.isfinite(quartic_profile(*given(np.zeros(18)))).all()
 
 
