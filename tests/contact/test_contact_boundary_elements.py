@@ -250,6 +250,9 @@ def test_a_spring_in_series_changes_displacements_and_no_loss():
         e = sprung.withdrawal_m(ds, drop)
         assert np.allclose(e, curve.withdrawal_m(d, drop) + c * drop)
         assert np.allclose(sprung.load_drop_N(ds, e), drop, rtol=1e-4)
+        lift_off_m = curve.lift_off_m(d)
+        with_spring_m = lift_off_m + c * curve.load_drop_N(d, lift_off_m)
+        assert np.allclose(sprung.lift_off_m(ds), with_spring_m, rtol=1e-4)
     with pytest.raises(ContactError, match="keep the bulk term"):
         in_series(curve, -1.1 / stiffness).stiffness_N_per_m(d - 55.0 / stiffness)
 
