@@ -2,13 +2,13 @@
 
 import numpy as np
 import pytest
-from capslip.studies.faces.synthetic import CapFamily, Scene, synthetic_surface
 from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial import ConvexHull
 
 from capslip.caps.resting import resting_plane
 from capslip.errors import SettingsError, UnusableSurfaceError
+from capslip.studies.faces.synthetic import CapFamily, Scene, synthetic_surface
 from capslip.surface.heightmap import HeightMap
 
 PIXEL_M = (1e-4, 2e-4)
