@@ -249,8 +249,10 @@ def _levelled(
         message = f"{error}; the face is pressed as it was levelled, and its level decides"
         return None, [Problem("not_balanced", "warning", message)]
     problems = []
-    if not level.settled:
-        message = "the last turns of level, fit and contact still moved the loads"
+    if level.moved > 0.0:
+        message = (
+            f"the last turn of level, fit and contact still moved {level.moved:.2%} of the load"
+        )
         problems.append(Problem("level_not_settled", "warning", message))
     if level.missed_area_m2 > 0.0:
         message = (

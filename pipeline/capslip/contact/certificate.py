@@ -105,6 +105,7 @@ def certify_cut(
     excess_m = np.full(row.size, -np.inf)
     for part in np.array_split(np.arange(row.size), 1 + row.size * a_m.size // AT_ONCE):
         r_m = np.hypot(*(place_m[:, part, None] - caps_m[:2, None]))
+        r_m = np.maximum(r_m, 1e-3 * a_m)  # a block may lie in the middle of a contact
         # Point loads sink the surface less than contacts do, and most places are past even them.
         least_m = (load_N / r_m).sum(axis=1) / (math.pi * E_star_Pa)
         left = (reach_m[part] > least_m) & (r_m >= NEAR * a_m).all(axis=1)

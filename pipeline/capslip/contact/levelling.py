@@ -60,8 +60,8 @@ class Level:
         Of the cut.
     missed_area_m2 : float
         Area outside the hills that the pressed plane reaches; 0 where the cut is deep enough.
-    settled : bool
-        Whether the turns came to rest.
+    moved : float
+        Share of the load that the last turn still moved; 0 where the turns came to rest.
     """
 
     surface: HeightMap
@@ -72,7 +72,7 @@ class Level:
     load_point_m: tuple[float, float]
     material_ratio: float
     missed_area_m2: float
-    settled: bool
+    moved: float
 
 
 def find_level(surface: HeightMap, settings: Settings) -> Level:
@@ -158,7 +158,7 @@ class _Rest:
     depth_m: np.ndarray | None  # (n,), at which caps were fitted
     slope: np.ndarray
     approach_m: float
-    settled: bool
+    moved: float  # share of the load; 0 where the turns came to rest
 
 
 class _MissedError(Exception):
@@ -180,6 +180,7 @@ class _Search:
 
     def run(self, start: _Start) -> tuple[Level, _Start]:
         """Return the level, and what a search on a finer map can start from."""
+        tipped: TipsOverError | None = None
         trouble: ContactError | None = None
         fixed = self.settings.hills.cut == "fixed"
         ratios = [start.ratio, *(r for r in RATIOS if r > start.ratio + 1e-9 and not fixed)]
@@ -188,12 +189,17 @@ class _Search:
             try:
                 return self._at_ratio(replace(start, ratio=ratio), last)
             except _MissedError as missed:
+                trouble = trouble or ContactError(
+                    f"the face finds no level: it balances on what stands above a cut at {ratio:.0%}, "
+                    "and on no deeper cut that holds all that touches"
+                )
                 start = _Start(missed.slope, ratio, missed.approach_m)
             except TipsOverError as error:
-                trouble, start = error, _Start(np.array(self.rest_slope), ratio)
+                tipped, start = error, _Start(np.array(self.rest_slope), ratio)
             except ContactError as error:
                 trouble, start = trouble or error, _Start(np.array(self.rest_slope), ratio)
-        raise trouble or ContactError("the face finds no level: no cut holds all that touches")
+        # A face tips over where it does so on every cut; else it is the search that failed.
+        raise trouble or tipped or ContactError("the face finds no level")
 
     def _at_ratio(self, start: _Start, last: bool) -> tuple[Level, _Start]:
         for _ in range(MAX_CUTS):
@@ -222,7 +228,7 @@ class _Search:
             load_point_m=self.at_m,
             material_ratio=start.ratio,
             missed_area_m2=certificate.missed_area_m2,
-            settled=rest.settled,
+            moved=rest.moved,
         )
         return level, start
 
@@ -248,7 +254,16 @@ class _Search:
         tried, history = last, list[float]()
         for _ in range(MAX_TURNS):
             caps = fit_caps(surface, hills, fit, depth_m, points)
-            use, rest, load_N, peak_m = self._press(caps)
+            try:
+                use, rest, load_N, peak_m = self._press(caps)
+            except TipsOverError as error:
+                if before_N is None:
+                    raise
+                raise ContactError(  # more caps balanced it before some lost their sphere
+                    f"the face finds no level: fitted as deep as they are compressed, "
+                    f"{int(caps.usable.sum())} of {len(caps)} hills are left as caps, and they do "
+                    "not surround the load; check preload and units"
+                ) from error
             turn = np.array(rest.slope)
             all_N = np.zeros(len(caps))
             all_N[use] = load_N
@@ -262,7 +277,7 @@ class _Search:
             approach_m = rest.level_m - float(depths_m.min())
             found = _Rest(
                 *(caps, use, load_N, float(peak_m.max()) - rest.level_m),
-                *(depth_m, slope, approach_m, True),
+                *(depth_m, slope, approach_m, 0.0),
             )
             if moved < SETTLED_LOAD and span_m < SETTLED_M:
                 return found
@@ -285,7 +300,7 @@ class _Search:
             )
             slope = slope - turn
         if last:
-            return replace(found, slope=slope, settled=False)
+            return replace(found, slope=slope, moved=moved)
         raise ContactError(
             f"the face finds no level: after {len(history)} turns of fit and contact {moved:.1%} "
             "of the load still move; set contact.alignment to as_levelled"
