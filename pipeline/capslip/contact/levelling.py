@@ -190,8 +190,8 @@ class _Search:
                 return self._at_ratio(replace(start, ratio=ratio), last)
             except _MissedError as missed:
                 trouble = trouble or ContactError(
-                    f"the face finds no level: it balances on what stands above a cut at {ratio:.0%}, "
-                    "and on no deeper cut that holds all that touches"
+                    f"the face finds no level: it balances on what stands above a cut at "
+                    f"{ratio:.0%}, and on no deeper cut that holds all that touches"
                 )
                 start = _Start(missed.slope, ratio, missed.approach_m)
             except TipsOverError as error:
