@@ -34,7 +34,7 @@ def test_theory_and_verification_name_their_functions():
         for name in ("theory.md", "verification.md")
     )
     wings = {file.split("/")[2] for file, _ in theory}
-    assert wings == {"contact", "structure", "studies"}
+    assert wings == {"caps", "contact", "structure", "studies"}
     assert {file.split("/")[0] for file, _ in verification} == {"tests", "pipeline"}
 
 

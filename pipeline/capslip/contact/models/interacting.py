@@ -7,8 +7,9 @@ from numpy.typing import ArrayLike
 
 from capslip.contact.models.caps import caps
 from capslip.contact.rung import Contacts, Rung, Scene, contacts_of_caps
-from capslip.contact.solvers.equilibrium import lift_off, press, shear, solve_coupled
+from capslip.contact.solvers.balance import press
 from capslip.contact.solvers.hertz import HertzCurve, contact_radius_m, load_drop_of_asperity
+from capslip.contact.solvers.shear import lift_off, shear, solve_coupled
 from capslip.errors import ContactError, SettingsError
 
 MAX_LIFT_OFFS = 300  # contacts
@@ -78,7 +79,7 @@ class InteractingCurve(HertzCurve):
                 mean = self.pair_compliance_m_per_N.mean()
                 args = (self.count, self.radius_m, self.depth_m, self.E_star_Pa, mean)
                 start = HertzCurve(self.model, *args)._compression(y)
-            _, start = press(*self._system, start, level=y)
+            start = press(*self._system, start, level=y).compression_m
             g[index] = start
         return g
 
@@ -92,7 +93,8 @@ class InteractingCurve(HertzCurve):
                 continue
             if start is None:
                 start = super()._pressed(np.asarray(N))[1]
-            level[index], start = press(*self._system, start, load=N)
+            rest = press(*self._system, start, load=N)
+            level[index], start = rest.level_m, rest.compression_m
             g[index] = start
         approach = level + self.compliance_m_per_N * load
         self._solved.clear()
