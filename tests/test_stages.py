@@ -79,7 +79,9 @@ def test_turns_end_where_a_thousandth_of_the_load_moves_or_after_ten(swing_N, tu
     assert len(calls) == turns
     said = [one.message for one in found.problems if one.code == "fit_not_settled"]
     assert said == (
-        [] if moved is None else [f"the last turn of fit and contact still moved {moved} of the load"]
+        []
+        if moved is None
+        else [f"the last turn of fit and contact still moved {moved} of the load"]
     )
 
 

@@ -58,7 +58,7 @@ def test_points_that_stand_in_or_lie_below_the_depth_do_not_count():
 
 
 def test_without_a_quadric_the_profile_is_that_of_the_sphere():
-    """z = R - sqrt(R^2 - r^2) = r^2 / 2R + (r^2 / 2R)^2 / 2R + ...: t goes by the depth."""
+    """Z = R - sqrt(R^2 - r^2) = r^2 / 2R + (r^2 / 2R)^2 / 2R + ...: t goes by the depth."""
     quartic_m, rest_m = quartic_profile(*given(np.zeros(400)))
     assert quartic_m == pytest.approx(DEPTH_M**2 / (2.0 * RADIUS_M), rel=0.1)
     assert (rest_m < 2e-2 * quartic_m).all()

@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from contact_cases import E_STAR_PA, scene_of, table
 
 from capslip.contact.accuracy import answers, error_of_caps
 from capslip.contact.bulk import bulk_compliance_m_per_N
@@ -12,7 +13,6 @@ from capslip.contact.material import composite
 from capslip.contact.models.caps import caps as caps_curve
 from capslip.contact.models.interacting import RUNG, hertz_over_point_load
 from capslip.settings import load_settings
-from contact_cases import E_STAR_PA, scene_of, table
 
 PRELOAD_N, SIDE_M = 50.0, (0.04, 0.06)
 APPROACH_M = (0.75 * PRELOAD_N / E_STAR_PA / np.sqrt(20.0)) ** (2 / 3)  # of one cap of 20 m
@@ -167,7 +167,7 @@ def test_many_caps_are_moved_less_often_but_err_alike():
 
 @pytest.mark.parametrize("distance_m", [4e-3, 6e-3, 2e-2])
 def test_the_error_of_the_pair_law_of_two_caps(distance_m):
-    """d = d_H(N / 2) + C N / 2, by the point load and by the displacement around a Hertz contact.
+    """D = d_H(N / 2) + C N / 2, by the point load and by the displacement around a Hertz contact.
 
     What both sink by is a spring, which changes no energy.
     """

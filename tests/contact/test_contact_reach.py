@@ -2,12 +2,12 @@
 
 import numpy as np
 import pytest
+from contact_cases import E_STAR_PA, table
 
 from capslip.caps.table import CapFlag
 from capslip.contact import reach as module
 from capslip.contact.models.interacting import interacting
 from capslip.contact.reach import reachable
-from contact_cases import E_STAR_PA, table
 
 SIDE_M, PRELOAD_N = (0.4, 0.6), 100.0
 PLACES = [(0.1, 0.1), (0.1, 0.5), (0.3, 0.3), (0.2, 0.2), (0.2, 0.4), (0.35, 0.1)]

@@ -4,9 +4,9 @@ from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
+import output_cases
 import pytest
 
-import output_cases
 from capslip.caps.table import CapFlag
 from capslip.problems import Problem
 from capslip.result import _cell, _limit, _plain
