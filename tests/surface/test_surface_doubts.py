@@ -22,7 +22,7 @@ def codes(problems):
 
 
 def heights(*values, pixel_m=(1.0, 1.0)):
-    """A map of 3 x 3 points with these heights first, the rest zero."""
+    """Return a map of 3 x 3 points with these heights first, the rest zero."""
     height_m = np.zeros(9)
     height_m[: len(values)] = values
     return HeightMap(height_m.reshape(3, 3), pixel_m)
