@@ -43,14 +43,16 @@ def test_wide_contacts_matter_by_the_load_that_they_carry(share, severity):
     load_N = np.full(10, (1.0 - share) / 9.0)
     load_N[0] = share
     caps = loaded_caps(load_N, np.where(np.arange(10) == 0, 0.6, 0.4))
-    found = contact_doubts(state(), *caps, 1e-4, Material())
+    found = contact_doubts(state(), *caps, 1e-4, Material(), cut_certified=False)
     assert severities(found) == {"contact_beyond_cap": severity}
 
 
 def test_contacts_that_run_together_and_lean_on_few_pixels_are_doubted():
     caps = loaded_caps(np.ones(10), np.full(10, 0.4))
-    assert contact_doubts(state(), *caps, 1e-4, Material()) == []
-    codes = [p.code for p in contact_doubts(state(pairs=2), *caps, 0.3, Material())]
+    assert contact_doubts(state(), *caps, 1e-4, Material(), cut_certified=False) == []
+    codes = [
+        p.code for p in contact_doubts(state(pairs=2), *caps, 0.3, Material(), cut_certified=False)
+    ]
     assert codes == ["contacts_merge", "contact_under_resolved"]
 
 
@@ -66,7 +68,9 @@ def test_contacts_that_run_together_and_lean_on_few_pixels_are_doubted():
 def test_pressures_beyond_the_material_are_doubted(pressure_Pa, yield_Pa, code):
     caps = loaded_caps(np.ones(10), np.full(10, 0.4))
     pressed = state(max_pressure_Pa=pressure_Pa)
-    found = contact_doubts(pressed, *caps, 1e-4, Material(yield_stress_Pa=yield_Pa))
+    found = contact_doubts(
+        pressed, *caps, 1e-4, Material(yield_stress_Pa=yield_Pa), cut_certified=False
+    )
     assert [problem.code for problem in found] == ([] if code is None else [code])
 
 

@@ -231,7 +231,7 @@ def _moved(
         radius_m=scene.caps.radius_m * np.exp(log_radius),
     )
     if settings.contact.alignment == "balanced":
-        caps = rebalanced(caps, scene.use, scene.load_point_m, settings)
+        caps = rebalanced(caps, scene.caps, scene.use, scene.load_point_m, settings)
     return RUNG.build(replace(scene, caps=caps))
 
 

@@ -255,7 +255,7 @@ class _Search:
         for _ in range(MAX_TURNS):
             caps = fit_caps(surface, hills, fit, depth_m, points)
             try:
-                use, rest, load_N, peak_m = self._press(caps)
+                use, rest, load_N, peak_m = self._press(caps, slope)
             except TipsOverError as error:
                 if before_N is None:
                     raise
@@ -306,12 +306,19 @@ class _Search:
             "of the load still move; set contact.alignment to as_levelled"
         )
 
-    def _press(self, caps: CapTable) -> tuple[np.ndarray, Equilibrium, np.ndarray, np.ndarray]:
-        """Return the caps that were pressed, their equilibrium, loads and peak heights."""
+    def _press(
+        self, caps: CapTable, slope: np.ndarray
+    ) -> tuple[np.ndarray, Equilibrium, np.ndarray, np.ndarray]:
+        """Return the caps that were pressed, their equilibrium, loads and peak heights.
+
+        What holds the parts upright is at ease where no slope is taken off the map.
+        """
         use = np.flatnonzero(caps.usable)
         if not use.size:
             raise ContactError("no cap stands above the cut; raise hills.material_ratio")
-        rest, load_N = _pressed(caps, use, self.at_m, self.settings)
+        stiffness = turning_stiffness(self.settings)
+        moment_Nm = stiffness * slope
+        rest, load_N = _pressed(caps, use, self.at_m, self.settings, stiffness, moment_Nm)
         return use, rest, load_N, caps.peak_height_m[use]
 
     def _across_m(self, slope: np.ndarray) -> float:
@@ -359,14 +366,20 @@ class _Search:
 
 
 def rebalanced(
-    caps: CapTable, use: np.ndarray, at_m: tuple[float, float], settings: Settings
+    caps: CapTable,
+    before: CapTable,
+    use: np.ndarray,
+    at_m: tuple[float, float],
+    settings: Settings,
 ) -> CapTable:
-    """Return caps at their heights over the plane that balances them.
+    """Return caps that have changed at their heights over the plane that balances them.
 
     Parameters
     ----------
     caps : CapTable
-        At their heights over some plane.
+        At their heights over the plane that balanced them before.
+    before : CapTable
+        The same caps before.
     use : bool, shape (n,)
         Those that may carry.
     at_m : (float, float)
@@ -375,13 +388,22 @@ def rebalanced(
         `material` and `contact`.
     """
     chosen = np.flatnonzero(use)
-    rest, _ = _pressed(caps, chosen, at_m, settings)
+    stiffness, moment_Nm = turning_stiffness(settings), np.zeros(2)
+    if stiffness > 0.0:
+        _, load_N = _pressed(before, chosen, at_m, settings, math.inf, moment_Nm)
+        moment_Nm = load_N @ _arm_m(before, chosen, at_m)
+    rest, _ = _pressed(caps, chosen, at_m, settings, stiffness, moment_Nm)
     up_m = _arm_m(caps, np.arange(len(caps)), at_m) @ np.array(rest.slope)
     return caps.with_columns(peak_height_m=caps.peak_height_m + up_m)
 
 
 def _pressed(
-    caps: CapTable, use: np.ndarray, at_m: tuple[float, float], settings: Settings
+    caps: CapTable,
+    use: np.ndarray,
+    at_m: tuple[float, float],
+    settings: Settings,
+    stiffness_Nm_per_rad: float,
+    moment_Nm: np.ndarray,
 ) -> tuple[Equilibrium, np.ndarray]:
     """Return the equilibrium of caps under a plane that may turn, and their loads."""
     material, contact = settings.material, settings.contact
@@ -401,7 +423,8 @@ def _pressed(
         (contact.preload_N / use.size / k) ** (2 / 3),
         load=contact.preload_N,
         arm=_arm_m(caps, use, at_m),
-        turning_stiffness=turning_stiffness(settings),
+        turning_stiffness=stiffness_Nm_per_rad,
+        moment_Nm=moment_Nm,
     )
     return rest, k * np.maximum(rest.compression_m, 0.0) ** 1.5
 
