@@ -13,9 +13,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from capslip.caps.fit import fit_caps
+from capslip.caps.fit import Fitted, fit_spheres
 from capslip.caps.fitting import fit_named
 from capslip.caps.hills import Hills, find_hills
+from capslip.caps.noise import noise_on_hills
 from capslip.caps.points import points_of_hills
 from capslip.caps.resting import resting_plane
 from capslip.caps.table import CapTable
@@ -151,7 +152,7 @@ class _Start:
 class _Rest:
     """The end of the turns on the hills of one cut."""
 
-    caps: CapTable
+    fitted: Fitted
     use: np.ndarray  # (m,), the caps that were pressed
     load_N: np.ndarray  # (m,)
     plane_m: float  # height of the pressed plane at the load point, in the frame of `slope`
@@ -216,7 +217,7 @@ class _Search:
         level = Level(
             surface=surface,
             hills=hills,
-            caps=rest.caps,
+            caps=rest.fitted.table,
             slope=(slope_x, slope_y),
             rest_slope=self.rest_slope,
             load_point_m=self.at_m,
@@ -243,14 +244,15 @@ class _Search:
         fit = self.settings.caps.fit
         share = fit_named(fit).compression_share
         points = points_of_hills(surface, hills)
+        noise = noise_on_hills(surface, points)
         slope, depth_m = start.slope, self._carried(start, hills, surface)
         before_N: np.ndarray | None = None
         tried, history = last, list[float]()
         for _ in range(MAX_TURNS):
-            caps = fit_caps(surface, hills, fit, depth_m, points)
-            use, rest, load_N, peak_m = self._press(caps)
+            fitted = fit_spheres(surface, hills, fit, depth_m, points, noise)
+            use, rest, load_N, depths_m = self._press(fitted)
             turn = np.array(rest.slope)
-            all_N = np.zeros(len(caps))
+            all_N = np.zeros(hills.n_hills)
             all_N[use] = load_N
             preload_N = self.settings.contact.preload_N
             moved = 1.0
@@ -258,12 +260,9 @@ class _Search:
                 moved = float(np.abs(all_N - before_N).sum()) / (2.0 * preload_N)
             before_N = all_N
             span_m = self._across_m(turn)
-            depths_m = peak_m.max() - peak_m - _arm_m(caps, use, self.at_m) @ turn
             approach_m = rest.level_m - float(depths_m.min())
-            found = _Rest(
-                *(caps, use, load_N, float(peak_m.max()) - rest.level_m),
-                *(depth_m, slope, approach_m, True),
-            )
+            plane_m = float(fitted.spheres.apex_m[use].max()) - rest.level_m
+            found = _Rest(fitted, use, load_N, plane_m, depth_m, slope, approach_m, True)
             if moved < SETTLED_LOAD and span_m < SETTLED_M:
                 return found
             history.append(moved)
@@ -275,7 +274,7 @@ class _Search:
                     raise _MissedError(slope, approach_m)
             if share is not None and (moved > HELD_LOAD or depth_m is None):
                 compression_m = np.maximum(rest.compression_m, 0.0)
-                depth_m = np.full(len(caps), np.nan)
+                depth_m = np.full(hills.n_hills, np.nan)
                 depth_m[use] = np.where(load_N > 0.0, share * compression_m, np.nan)
             points = replace(
                 points,
@@ -291,13 +290,18 @@ class _Search:
             "of the load still move; set contact.alignment to as_levelled"
         )
 
-    def _press(self, caps: CapTable) -> tuple[np.ndarray, Equilibrium, np.ndarray, np.ndarray]:
-        """Return the caps that were pressed, their equilibrium, loads and peak heights."""
-        use = np.flatnonzero(caps.usable)
+    def _press(self, fitted: Fitted) -> tuple[np.ndarray, Equilibrium, np.ndarray, np.ndarray]:
+        """Return the caps that were pressed, their equilibrium, loads and depths below the plane.
+
+        The plane is that of the highest peak, turned with the face.
+        """
+        use, spheres = np.flatnonzero(fitted.usable), fitted.spheres
         if not use.size:
             raise ContactError("no cap stands above the cut; raise hills.material_ratio")
-        rest, load_N = _pressed(caps, use, self.at_m, self.settings)
-        return use, rest, load_N, caps.peak_height_m[use]
+        arm_m = np.column_stack((spheres.x_m[use], spheres.y_m[use])) - self.at_m
+        peak_m = spheres.apex_m[use]
+        rest, load_N = _pressed(arm_m, peak_m, spheres.radius_m[use], self.settings)
+        return use, rest, load_N, peak_m.max() - peak_m - arm_m @ np.array(rest.slope)
 
     def _across_m(self, slope: np.ndarray) -> float:
         """Return the greater height that slopes (x, y) make along a side of the face."""
@@ -308,7 +312,8 @@ class _Search:
         known = np.zeros(0, dtype=np.intp)
         if rest.depth_m is not None:
             known = np.flatnonzero(np.isfinite(rest.depth_m))
-        place_m = np.stack((rest.caps.x_m[known], rest.caps.y_m[known]))
+        spheres = rest.fitted.spheres
+        place_m = np.stack((spheres.x_m[known], spheres.y_m[known]))
         depth_m = rest.depth_m[known] if rest.depth_m is not None else None
         return _Start(rest.slope, start.ratio, rest.approach_m, place_m, depth_m)
 
@@ -330,12 +335,12 @@ class _Search:
     def _certify(self, surface: HeightMap, hills: Hills, rest: _Rest) -> Certificate:
         on = rest.load_N > 0.0
         hill = rest.use[on]
-        material = self.settings.material
+        material, spheres = self.settings.material, rest.fitted.spheres
         return certify_cut(
             surface,
             hills.label,
             rest.plane_m,
-            np.stack([rest.caps.x_m[hill], rest.caps.y_m[hill], rest.caps.radius_m[hill]]),
+            np.stack([spheres.x_m[hill], spheres.y_m[hill], spheres.radius_m[hill]]),
             rest.load_N[on],
             hill + 1,
             composite(material.youngs_modulus_Pa, material.poisson_ratio).E_star_Pa,
@@ -360,22 +365,22 @@ def rebalanced(
         `material` and `contact`.
     """
     chosen = np.flatnonzero(use)
-    rest, _ = _pressed(caps, chosen, at_m, settings)
-    up_m = _arm_m(caps, np.arange(len(caps)), at_m) @ np.array(rest.slope)
-    return caps.with_columns(peak_height_m=caps.peak_height_m + up_m)
+    arm_m = np.column_stack((caps.x_m, caps.y_m)) - at_m
+    peak_m, radius_m = caps.peak_height_m[chosen], caps.radius_m[chosen]
+    rest, _ = _pressed(arm_m[chosen], peak_m, radius_m, settings)
+    return caps.with_columns(peak_height_m=caps.peak_height_m + arm_m @ np.array(rest.slope))
 
 
 def _pressed(
-    caps: CapTable, use: np.ndarray, at_m: tuple[float, float], settings: Settings
+    arm_m: np.ndarray, peak_m: np.ndarray, radius_m: np.ndarray, settings: Settings
 ) -> tuple[Equilibrium, np.ndarray]:
     """Return the equilibrium of caps under a plane that may turn, and their loads."""
     material, contact = settings.material, settings.contact
     E_star_Pa = composite(material.youngs_modulus_Pa, material.poisson_ratio).E_star_Pa
-    k = 4.0 / 3.0 * E_star_Pa * np.sqrt(caps.radius_m[use])
-    peak_m = caps.peak_height_m[use]
+    k = 4.0 / 3.0 * E_star_Pa * np.sqrt(radius_m)
     C = None
-    if use.size <= MAX_PAIRS and (contact.model == "auto" or rung(contact.model).interacts):
-        x_m, y_m = caps.x_m[use], caps.y_m[use]
+    if len(k) <= MAX_PAIRS and (contact.model == "auto" or rung(contact.model).interacts):
+        x_m, y_m = arm_m.T
         r_m = np.hypot(x_m[:, None] - x_m, y_m[:, None] - y_m)
         np.fill_diagonal(r_m, np.inf)
         C = 1.0 / (math.pi * E_star_Pa * r_m)
@@ -383,13 +388,9 @@ def _pressed(
         k,
         peak_m.max() - peak_m,
         C,
-        (contact.preload_N / use.size / k) ** (2 / 3),
+        (contact.preload_N / len(k) / k) ** (2 / 3),
         load=contact.preload_N,
-        arm=_arm_m(caps, use, at_m),
+        arm=arm_m,
         turning_stiffness=turning_stiffness(settings),
     )
     return rest, k * np.maximum(rest.compression_m, 0.0) ** 1.5
-
-
-def _arm_m(caps: CapTable, use: np.ndarray, at_m: tuple[float, float]) -> np.ndarray:
-    return np.column_stack((caps.x_m[use] - at_m[0], caps.y_m[use] - at_m[1]))
