@@ -349,9 +349,13 @@ class _Search:
 
 
 def rebalanced(
-    caps: CapTable, use: np.ndarray, at_m: tuple[float, float], settings: Settings
-) -> CapTable:
-    """Return caps at their heights over the plane that balances them.
+    caps: CapTable,
+    use: np.ndarray,
+    at_m: tuple[float, float],
+    settings: Settings,
+    start_m: np.ndarray | None = None,
+) -> tuple[CapTable, np.ndarray]:
+    """Return caps at their heights over the plane that balances them, and compressions in use.
 
     Parameters
     ----------
@@ -363,16 +367,23 @@ def rebalanced(
         Load point (x, y).
     settings : Settings
         `material` and `contact`.
+    start_m : float64, shape (m,), optional
+        Compressions of those in use to start from.
     """
     chosen = np.flatnonzero(use)
     arm_m = np.column_stack((caps.x_m, caps.y_m)) - at_m
     peak_m, radius_m = caps.peak_height_m[chosen], caps.radius_m[chosen]
-    rest, _ = _pressed(arm_m[chosen], peak_m, radius_m, settings)
-    return caps.with_columns(peak_height_m=caps.peak_height_m + arm_m @ np.array(rest.slope))
+    rest, _ = _pressed(arm_m[chosen], peak_m, radius_m, settings, start_m)
+    up_m = arm_m @ np.array(rest.slope)
+    return caps.with_columns(peak_height_m=caps.peak_height_m + up_m), rest.compression_m
 
 
 def _pressed(
-    arm_m: np.ndarray, peak_m: np.ndarray, radius_m: np.ndarray, settings: Settings
+    arm_m: np.ndarray,
+    peak_m: np.ndarray,
+    radius_m: np.ndarray,
+    settings: Settings,
+    start_m: np.ndarray | None = None,
 ) -> tuple[Equilibrium, np.ndarray]:
     """Return the equilibrium of caps under a plane that may turn, and their loads."""
     material, contact = settings.material, settings.contact
@@ -388,7 +399,7 @@ def _pressed(
         k,
         peak_m.max() - peak_m,
         C,
-        (contact.preload_N / len(k) / k) ** (2 / 3),
+        (contact.preload_N / len(k) / k) ** (2 / 3) if start_m is None else start_m,
         load=contact.preload_N,
         arm=arm_m,
         turning_stiffness=turning_stiffness(settings),

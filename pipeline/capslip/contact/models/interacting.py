@@ -30,6 +30,7 @@ class InteractingCurve(HertzCurve):
     x_m: np.ndarray = field(kw_only=True)  # (n,)
     y_m: np.ndarray = field(kw_only=True)  # (n,)
     pair_compliance_m_per_N: np.ndarray = field(kw_only=True)  # (n, n), zero diagonal
+    start_m: np.ndarray | None = field(default=None, kw_only=True, repr=False)  # of compressions
     # Level and compressions under the last load, which curves that differ by a spring share
     _equilibrium: dict[float, tuple[float, np.ndarray]] = field(
         default_factory=dict, kw_only=True, repr=False
@@ -97,6 +98,8 @@ class InteractingCurve(HertzCurve):
             if N in self._equilibrium:
                 level[index], g[index] = self._equilibrium[N]
                 continue
+            if start is None:
+                start = self.start_m
             if start is None:
                 start = super()._pressed(np.asarray(N))[1]
             level[index], start = press(*self._system, start, load=N)
