@@ -10,13 +10,14 @@ the face rests on three points under a load of no size.
 import math
 from contextlib import suppress
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
 from capslip.caps.fit import Fitted, fit_spheres
 from capslip.caps.fitting import fit_named
 from capslip.caps.hills import Hills, find_hills
-from capslip.caps.noise import noise_on_hills
+from capslip.caps.noise import SAMPLES, Noise, noise_at, on_lattice
 from capslip.caps.points import points_of_hills
 from capslip.caps.resting import resting_plane
 from capslip.caps.table import CapTable
@@ -37,7 +38,7 @@ SETTLED_LOAD = 1e-4  # of the preload, that the last turn may move
 HELD_LOAD = 3e-4  # of the preload: below, depths are held, else a pixel may flip for ever
 EARLY = 0.05  # of load and approach: by then the cut can be tried
 SAME_CUT = 0.1  # of the approach: a face that turned less since it was cut is cut well
-SAME_APPROACH = 0.02  # relative: an approach on which the separation of hills was based
+RELIEFS = 4  # a factor of two, to which approaches are rounded before they tell hills apart
 MAX_PAIRS = 2000  # caps; more are pressed without interaction to find the level
 
 
@@ -147,6 +148,11 @@ class _Start:
     place_m: np.ndarray | None = None  # (2, m), of the caps that carried load
     depth_m: np.ndarray | None = None  # (m,), at which they were fitted
 
+    @property
+    def relief_m(self) -> float | None:
+        """Relief that tells hills apart, None where no approach is known."""
+        return None if self.approach_m is None else _relief_m(self.approach_m)
+
 
 @dataclass(frozen=True, eq=False)
 class _Rest:
@@ -179,6 +185,18 @@ class _Search:
     at_m: tuple[float, float]
     rest_slope: tuple[float, float]
 
+    @cached_property
+    def noise(self) -> Noise:
+        """Noise of the highest tenth as the face rests, so that no level or cut decides it."""
+        shape, share = self.surface.shape, 0.1
+        every = max(1, math.isqrt(int(math.prod(shape) * share / SAMPLES)))
+        row, col = (np.flatnonzero(on_lattice(np.arange(n), n, every)) for n in shape)
+        (dy_m, dx_m), (slope_x, slope_y) = self.surface.pixel_size_m, self.rest_slope
+        height_m = self.surface.height_m[np.ix_(row, col)] - slope_x * dx_m * col
+        height_m -= (slope_y * dy_m * row)[:, None]
+        i, j = np.nonzero(height_m >= np.nanquantile(height_m, 1.0 - share))
+        return noise_at(self.surface, row[i], col[j])
+
     def run(self, start: _Start) -> tuple[Level, _Start]:
         """Return the level, and what a search on a finer map can start from."""
         trouble: ContactError | None = None
@@ -202,10 +220,7 @@ class _Search:
             rest = self._turns(surface, hills, start, last)
             span_m = self._across_m(rest.slope - start.slope)
             same = span_m < SAME_CUT * rest.approach_m
-            if start.approach_m is None or abs(rest.approach_m / start.approach_m - 1) > (
-                SAME_APPROACH
-            ):
-                same = False
+            same = same and start.relief_m == _relief_m(rest.approach_m)
             start = self._next(start, rest)
             if same:
                 break
@@ -236,7 +251,7 @@ class _Search:
             chosen.separation,
             chosen.pruning_height_m,
             chosen.pruning_percent_Sz,
-            relief_m=start.approach_m,
+            relief_m=start.relief_m,
         )
 
     def _turns(self, surface: HeightMap, hills: Hills, start: _Start, last: bool) -> _Rest:
@@ -244,12 +259,11 @@ class _Search:
         fit = self.settings.caps.fit
         share = fit_named(fit).compression_share
         points = points_of_hills(surface, hills)
-        noise = noise_on_hills(surface, points)
         slope, depth_m = start.slope, self._carried(start, hills, surface)
         before_N: np.ndarray | None = None
         tried, history = last, list[float]()
         for _ in range(MAX_TURNS):
-            fitted = fit_spheres(surface, hills, fit, depth_m, points, noise)
+            fitted = fit_spheres(surface, hills, fit, depth_m, points, self.noise)
             use, rest, load_N, depths_m = self._press(fitted)
             turn = np.array(rest.slope)
             all_N = np.zeros(hills.n_hills)
@@ -346,6 +360,11 @@ class _Search:
             composite(material.youngs_modulus_Pa, material.poisson_ratio).E_star_Pa,
             hills.noise_m,
         )
+
+
+def _relief_m(approach_m: float) -> float:
+    """Return an approach in steps, so that hills do not depend on how it was found."""
+    return float(2.0 ** (round(RELIEFS * math.log2(approach_m)) / RELIEFS))
 
 
 def rebalanced(
