@@ -27,7 +27,8 @@ def face(power=3.0):
 
 
 def settings(*more):
-    overrides = (f"contact.preload_N={PRELOAD_N}", "conditioning.form=none", *more)
+    as_levelled = ("conditioning.form=none", "contact.alignment=as_levelled")
+    overrides = (f"contact.preload_N={PRELOAD_N}", *as_levelled, *more)
     return load_settings(overrides=("hills.material_ratio=0.35", "caps.fit=contact", *overrides))
 
 
