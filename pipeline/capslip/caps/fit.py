@@ -106,7 +106,7 @@ def fit_spheres(
         depth_m = np.full(n, np.nan)
     points = points or points_of_hills(surface, hills)
     noise = noise or noise_on_hills(surface, points)
-    apexes = find_apexes(surface, hills, points, noise)
+    apexes = find_apexes(surface, hills, points, noise, depth_m)
     body = body_of_hills(hills.cut_height_m, points, apexes, noise, depth_m, chosen.depth_share)
     given = FitInput(surface, hills, points, noise, apexes, body, chosen.edge_of_face)
     spheres = chosen.spheres(given)

@@ -36,6 +36,7 @@ MAX_TURNS = 25  # of fit and contact on the hills of one cut
 SETTLED_M = 1e-11  # tilt across the face that the last turn may leave
 SETTLED_LOAD = 1e-4  # of the preload, that the last turn may move
 HELD_LOAD = 3e-4  # of the preload: below, depths are held, else a pixel may flip for ever
+SHALLOW_LOAD = 1e-3  # of the preload, on hills whose fit the cut may limit
 EARLY = 0.05  # of load and approach: by then the cut can be tried
 SAME_CUT = 0.1  # of the approach: a face that turned less since it was cut is cut well
 RELIEFS = 4  # a factor of two, to which approaches are rounded before they tell hills apart
@@ -232,7 +233,10 @@ class _Search:
                 break
         surface = turned(self.surface, -rest.slope, self.at_m)
         certificate = self._certify(surface, hills, rest)
-        if certificate.missed_area_m2 > 0.0 and not last:
+        at_cut = rest.fitted.given.apexes.at_cut[rest.use]
+        shallow_N = float(rest.load_N[at_cut].sum())
+        shallow = shallow_N > SHALLOW_LOAD * self.settings.contact.preload_N
+        if (certificate.missed_area_m2 > 0.0 or shallow) and not last:
             raise _MissedError(rest.slope, rest.approach_m)
         slope_x, slope_y = (-rest.slope).tolist()
         level = Level(
