@@ -222,6 +222,9 @@ def _tables(summary: dict[str, Any]) -> list[tuple[str, list[tuple[str, str]]]]:
             "sz_m",
         ),
         "Hills and families": (
+            "alignment",
+            "tilt_across_face_m",
+            "cut_certified",
             "material_ratio",
             "cut_height_m",
             "kept_fraction",

@@ -15,6 +15,8 @@ HILLS = (
 )
 FAMILIES = "families   m {m}, n {n}, h {h_m:um}"
 FAMILY = "  {0}        R {{radius_{0}_m:.4g m}}, D {{diameter_{0}_m:mm}}, df {{height_{0}_m:um}}"
+LEVEL = "level      turned by {tilt_across_face_m:nm} across the face until balanced{0}"
+NOT_CERTIFIED = "; the cut does not hold all that touches"
 CONTACT = "contact    {{model}}: {{preload_N:g N}} on {{contacts}} {0}, approach {{approach_m:um}}"
 WITHOUT_BULK = " ({approach_without_bulk_m:um} without bulk)"
 SLIP = (
@@ -35,6 +37,9 @@ def result_lines(analysis: "Analysis") -> str:
     contact, slip, damping = analysis.contact, analysis.slip, analysis.damping
     texts = [HILLS, FAMILIES]
     texts += [FAMILY.format(name) for name in "GP" if summary["families"][name] is not None]
+    if contact is not None and summary["contact"]["alignment"] == "balanced":
+        cut = NOT_CERTIFIED if summary["hills"]["cut_certified"] is False else ""
+        texts.append(LEVEL.replace("{0}", cut))
     if contact is not None:
         without = WITHOUT_BULK if contact.approach_without_bulk_m is not None else ""
         texts.append(CONTACT.format(contact.rung.contact_name) + without)

@@ -7,6 +7,7 @@ import numpy as np
 from capslip.caps.fitting import fit_named
 from capslip.output.canvas import INK, blank
 from capslip.studies.chart.methods import (
+    AS_LEVELLED,
     AUTO,
     BOUNDARY,
     CHOSEN,
@@ -32,7 +33,7 @@ COLOUR = {
 }
 MARKER = {name: fit_named(name).marker for name in FITS}
 TICKS_S = (0.01, 0.02, 0.05, 0.1)
-STYLE = {"by tolerance": "--", "by filter": ":"}
+STYLE = {"by tolerance": "--", "by filter": ":", AS_LEVELLED: "-."}
 LABELLED = (MODELS[-1], BOUNDARY, AUTO, PAPER)  # lines whose points are named
 TITLES = {
     "energy": "energy W, worst of four forces",

@@ -29,6 +29,7 @@ CHOSEN = (CapSettings().fit, HillSettings().separation)
 PAPER = "the paper's way"
 CAPS, MEAN, BEST = (", ".join((model, *CHOSEN)) for model in MODELS[1:])  # lines of the page
 BOUNDARY = GRID.label
+AS_LEVELLED = "as levelled"
 BY_GRID, BY_FILTER = f"{BOUNDARY}, by grid", f"{BOUNDARY}, by filter"
 TOLERANCES = (0.01, 0.05, 0.20)
 AUTO_DEFAULT = "5 %"  # the setting of the line `auto` that the program has by default
@@ -69,7 +70,9 @@ def methods() -> tuple[Method, ...]:
     ['auto', 'boundary elements', 'caps', 'families']
     """
     found = [Method(FLAT.name, "any", (f"contact.model={FLAT.name}",))]
-    found += _by_grid(PAPER, (*_caps(*PAPERS), "families.count=2"), COARSENINGS)
+    levelled = ("contact.alignment=as_levelled",)
+    paper = (*_caps(*PAPERS), "families.count=2", "hills.cut=fixed", *levelled)
+    found += _by_grid(PAPER, paper, COARSENINGS)
     for combination in product(MODELS, FITS, SEPARATIONS):
         found += _by_grid(", ".join(combination), _caps(*combination), COARSENINGS)
     found += [
@@ -77,7 +80,9 @@ def methods() -> tuple[Method, ...]:
         for tolerance in TOLERANCES
     ]
     grid = (f"contact.model={GRID.name}",)
+    found.append(Method(f"{AUTO}, {AS_LEVELLED}", AUTO_DEFAULT, levelled))
     found += _by_grid(BY_GRID, grid, (2, 4))
+    found += _by_grid(f"{BOUNDARY}, {AS_LEVELLED}", (*grid, *levelled), ())
     best = _caps(MODELS[-1], *CHOSEN)
     for line, overrides in ((BY_FILTER, grid), (f"{MODELS[-1]}, by filter", best)):
         found += [Method(line, f"{n} pixels", overrides, filter_pixels=n) for n in FILTERS_PIXELS]

@@ -40,24 +40,25 @@ COUNTS = ((5, 18), (12, 11), (18, 5), (20, 3), (3, 8), (2, 21), (2, 4), (5, 2), 
 FACTORS = (25.4, 1 / 25.4, 1e3, 1e-3, 1e6, 1e-6)
 RATIOS = (1.2, 2.0, 1 / 2.0, 4.0, 1 / 4.0, 8.0, 1 / 8.0, 16.0, 1 / 16.0, 64.0)
 
-BUMPY = ("shallow_saddles", "not_spherical", "sensitive_to_filter", "sensitive_to_pruning",
-         "pruning_decides", "boundary_elements_needed")
+BUMPY = ("shallow_saddles", "not_spherical", "pruning_decides", "boundary_elements_needed")
 MERGED = ("connected_network", "shallow_saddles", "contacts_merge", "pruning_decides",
-          "sensitive_to_pruning", "not_spherical")
+          "not_spherical")
 CRUSHED = ("contacts_merge", "contact_beyond_cap", "contact_failed", "plastic", "bulk_kept",
-           "boundary_elements_needed", "contact_reaches_below_cut", "pressure_beyond_elastic")
-WAVY = ("boundary_elements_needed", "not_spherical", "sensitive_to_cut", "sensitive_to_pruning",
-        "connected_network", "shallow_saddles", "sensitive_to_filter", "caps_edge")
-FORM = ("tilt_left", "bow_left", "one_contact", "caps_edge", "connected_network",
-        "sensitive_to_cut")
+           "boundary_elements_needed", "contact_reaches_below_cut", "pressure_beyond_elastic",
+           "cut_too_high")
+WAVY = ("boundary_elements_needed", "not_spherical", "connected_network", "shallow_saddles",
+        "caps_edge", "not_balanced")
+FORM = ("tilt_left", "bow_left", "one_contact", "caps_edge", "connected_network", "tips_over",
+        "not_balanced", "slope_suspect")
 FEW_POINTS = ("contact_under_resolved", "caps_few_points", "no_caps", "caps_apex_off_surface")
-CUT = ("family_below_cut", "sensitive_to_cut", "caps_few_points", "plateau_at_cut", "no_caps",
-       "contact_reaches_below_cut")
+CUT = ("family_below_cut", "caps_few_points", "plateau_at_cut", "no_caps",
+       "contact_reaches_below_cut", "cut_too_high")
 UNITS = ("slope_suspect", "scale_suspect", "pressure_beyond_elastic", "plastic",
          "contact_beyond_cap", "contact_reaches_below_cut", "contact_under_resolved",
-         "contacts_merge", "one_contact", "contact_failed")
+         "contacts_merge", "one_contact", "contact_failed", "cut_too_high")
 SPIKES = ("outliers", "outliers_removed", "spikes", "highest_point_on_no_cap", "caps_outlier")
 DUST = (*SPIKES, "one_contact", "not_spherical", "load_on_doubtful_caps", "caps_plateau")
+LEVEL = ("levelling_decides", "tips_over", "not_balanced", "level_not_settled", "slope_suspect")
 
 AXES = (
     AxisRow("small force", "T / (mu N)", (0.1, 1e-2, 1e-3, 1e-4, 1e-6, 1e-8, 1e-10),
@@ -67,7 +68,7 @@ AXES = (
             ("families_doubtful", "contacts_merge")),
     AxisRow("hidden family", "h [m]", (2.4e-7, 3e-7, 3.4e-7, 3.7e-7, 4e-7, 4.3e-7),
             at_loads("h = {nm:g} nm, {load:g} N", hidden_family, LOADS_N, (4,)),
-            ("family_below_cut", "sensitive_to_cut", "contact_reaches_below_cut")),
+            ("family_below_cut", "contact_reaches_below_cut", "cut_too_high")),
     AxisRow("uneven families", "smaller of m and n", COUNTS, uneven_counts,
             ("families_doubtful", "one_contact"), logarithmic=False),
     AxisRow("few caps", "caps", (6.0, 4.0, 3.0, 2.0, 1.0),
@@ -116,8 +117,8 @@ AXES = (
                      WAVE_LOADS_N, (60, 61)), WAVY, logarithmic=False),
     AxisRow("noise", "rms [m]", (0.5e-9, 2e-9, 5e-9, 1e-8, 2e-8, 5e-8, 1e-7, 2e-7),
             with_scene("noise {:g} m", lambda x: {"noise_rms_m": x}),
-            ("caps_noisy_apex", "load_on_doubtful_caps", "sensitive_to_filter")),
-    AxisRow("tilt left in", "slope", (1e-8, 1e-7, 1e-6, 3e-6, 1e-5, 3e-5, 1e-4, 1e-3),
+            ("caps_noisy_apex", "load_on_doubtful_caps")),
+    AxisRow("tilt left in", "slope", (1e-8, 1e-6, 1e-5, 1e-4, 1e-3, 1e-2, 0.1, 1.0),
             with_scene("slope {:g}", lambda x: {"tilt": (x, -0.5 * x)}, "conditioning.form=none"),
             FORM),
     AxisRow("bow left in", "rise over the middle [m]",
@@ -165,8 +166,8 @@ AXES = (
             (*SPIKES, "caps_apex_off_surface")),
     AxisRow("dust", "width of three grains [pixels]", (1.0, 2.0, 3.0, 4.0, 6.0, 10.0),
             with_change("scan_change", "grains of {:g} pixels", changes.dusty), DUST),
-    AxisRow("levelling", "tilt of the least-squares plane [m]", (None,), off_balance,
-            ("sensitive_to_levelling", "levelling_decides")),
+    AxisRow("levelling", "tilt of the least-squares plane [m]",
+            (None, 1e-7, 1e-6, 1e-5, 1e-4, 1e-3), off_balance, LEVEL),
 )
 # fmt: on
 

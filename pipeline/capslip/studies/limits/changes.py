@@ -35,6 +35,13 @@ def elongated(surface: HeightMap, truth: Truth, x: float, seed: int) -> HeightMa
     return replace(surface, height_m=height_m)
 
 
+def lowered(surface: HeightMap, truth: Truth, x: float, seed: int) -> HeightMap:
+    """Lower what never touches, the floor between the caps, on one half of the face."""
+    floor = surface.height_m <= surface.height_m.min() + 1e-9
+    floor[:, : surface.shape[1] // 2] = False
+    return replace(surface, height_m=surface.height_m - x * floor)
+
+
 def clipped(surface: HeightMap, truth: Truth, x: float, seed: int) -> HeightMap:
     """Clip that share of the highest cap."""
     top_m = truth.peak_height_m.max()

@@ -12,7 +12,11 @@ if TYPE_CHECKING:
 
 COLUMNS = 6
 LOWEST, HIGHEST = 1e-4, 1e2  # relative errors shown; what lies outside is drawn on the frame
-COLOUR = {"default": ACCENT, "the paper's way": FAMILY_COLOUR["P"]}
+COLOUR = {
+    "default": ACCENT,
+    "as levelled": FAMILY_COLOUR[""],
+    "the paper's way": FAMILY_COLOUR["P"],
+}
 SILENT = FAMILY_COLOUR["G"]
 
 

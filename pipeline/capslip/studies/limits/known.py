@@ -5,11 +5,15 @@ from typing import Any
 
 import numpy as np
 
+from capslip.caps.table import CapTable
 from capslip.contact.bulk import bulk_compliance_m_per_N, without_bulk
+from capslip.contact.levelling import rebalanced, turned
 from capslip.contact.material import composite
 from capslip.contact.models.interacting import interacting
+from capslip.contact.rung import load_point_m
 from capslip.contact.slip import slip_curve
 from capslip.contact.solvers.hertz import contact_radius_m
+from capslip.errors import TipsOverError
 from capslip.settings import Settings
 from capslip.studies.chart.reference import Reference, reference
 from capslip.studies.faces.synthetic import Truth, synthetic_surface
@@ -36,7 +40,7 @@ def known_answers(case: Case, settings: Settings, solved: dict[Any, Reference]) 
     Parameters
     ----------
     case, settings : Case, Settings
-        The face, its load and its material.
+        The face, its load, its material, and whether it is balanced.
     solved : dict
         What boundary elements found on faces that several cases share; new ones are added.
 
@@ -55,7 +59,7 @@ def known_answers(case: Case, settings: Settings, solved: dict[Any, Reference]) 
         known = _known_of_caps(case, truth, face, settings, counts)
         if known is not None:
             return known
-    key = (scene, case.face_change, case.preload_N)
+    key = (scene, case.face_change, case.preload_N, settings.contact.alignment)
     if key not in solved:
         if case.face_change is not None:
             face = case.face_change(face, truth)
@@ -88,13 +92,22 @@ def _known_of_caps(
     settings: Settings,
     counts: tuple[int, int] | None,
 ) -> Known | None:
-    """Return the answers of the true caps; None where their contacts merge."""
+    """Return the answers of the true caps; None where they are not all that touches."""
     material, preload_N = settings.material, case.preload_N
     joint = composite(material.youngs_modulus_Pa, material.poisson_ratio)
-    depth_m = truth.peak_height_m.max() - truth.peak_height_m
-    curve = interacting(truth.radius_m, depth_m, truth.x_m, truth.y_m, joint.E_star_Pa)
+    peak_m = truth.peak_height_m
+    if settings.contact.alignment == "balanced":
+        found = _balanced_peaks_m(truth, face, settings)
+        if found is None:
+            return None
+        peak_m, floor_m = found
+    curve = interacting(
+        truth.radius_m, peak_m.max() - peak_m, truth.x_m, truth.y_m, joint.E_star_Pa
+    )
     approach_m = float(curve.approach_m(preload_N))
     if curve.overlapping_pairs(approach_m):
+        return None
+    if settings.contact.alignment == "balanced" and floor_m > peak_m.max() - approach_m:
         return None
     load_N = curve.asperity_loads_N(approach_m)
     a_m = contact_radius_m(load_N, curve.radius_m, joint.E_star_Pa)
@@ -116,3 +129,38 @@ def _known_of_caps(
         counts=counts,
         pressure_Pa=float((1.5 * load_N[touching] / (np.pi * a_m[touching] ** 2)).max()),
     )
+
+
+def _balanced_peaks_m(
+    truth: Truth, face: HeightMap, settings: Settings
+) -> tuple[np.ndarray, float] | None:
+    """Return the true peaks over the plane that balances them, and the highest of the floor.
+
+    None where the caps alone cannot be balanced: the face tips over until its floor touches.
+    """
+    n = len(truth.x_m)
+    unknown = np.full(n, np.nan)
+    table = CapTable(
+        x_m=truth.x_m,
+        y_m=truth.y_m,
+        peak_height_m=truth.peak_height_m,
+        cap_height_m=unknown,
+        diameter_m=unknown,
+        radius_m=truth.radius_m,
+        area_m2=unknown,
+        residual_m=unknown,
+        family=truth.family,
+        load_N=unknown,
+        contact_radius_m=unknown,
+        flags=np.zeros(n, dtype=np.uint16),
+    )
+    at_m = load_point_m(face, settings)
+    try:
+        level, _ = rebalanced(table, table, np.ones(n, dtype=bool), at_m, settings)
+    except TipsOverError:
+        return None
+    arm_m = np.column_stack((truth.x_m - at_m[0], truth.y_m - at_m[1]))
+    up_m = level.peak_height_m - truth.peak_height_m
+    slope = np.linalg.lstsq(arm_m, up_m, rcond=None)[0]
+    floor = face.height_m <= face.height_m.min() + 1e-12
+    return level.peak_height_m, float(turned(face, slope, at_m).height_m[floor].max())

@@ -10,6 +10,7 @@ import numpy as np
 
 from capslip.studies.faces.scenes import PAPER
 from capslip.studies.faces.synthetic import Cap, CapFamily, Scene, synthetic_surface
+from capslip.studies.limits import changes
 from capslip.studies.limits.case import PRELOAD_N, Tries
 from capslip.studies.page import Row
 from capslip.surface.form import remove_form
@@ -181,19 +182,26 @@ def spikes(seed: int, spike: tuple[int, float]) -> Iterator[Row]:
         yield {"severity": spike_m * number, **found}
 
 
-def off_balance(seed: int, _: None) -> list[Row]:
-    """Try the harmless faces with their caps where they fall.
+def off_balance(seed: int, lowered_m: float | None) -> list[Row]:
+    """Try the harmless faces with a least-squares plane that what touches does not set.
 
-    The floor is level and the truth is that of the caps as placed. How far the plane of caps and
-    floor is tilted against it is the severity, to one digit.
+    Their caps lie where they fall, or half of the floor is lowered. The floor is level in the truth
+    as levelled, and the tilt of that plane against it is the severity, to one digit.
     """
     found: list[Row] = []
     for name, (face, preload_N) in harmless_faces(seed).items():
+        if lowered_m is not None:
+            text = f"half of the floor {lowered_m:g} m lower, {name}"
+            change = partial(changes.lowered, x=lowered_m, seed=seed)
+            surface = change(*synthetic_surface(face))
+            case: Row = {"severity": _tilt_m(surface), "name": text, "scene": face}
+            found.append({**case, "preload_N": preload_N, "scan_change": change})
+            continue
         fallen = []
         for i in range(1, DRAWS + 1):
             scene = replace(face, seed=face.seed + i, balanced=False)
             text = f"caps where they fall, draw {i}, {name}"
-            case: Row = {"severity": _tilt_m(scene), "name": text, "scene": scene}
+            case = {"severity": _tilt_m(synthetic_surface(scene)[0]), "name": text, "scene": scene}
             fallen.append({**case, "preload_N": preload_N})
         found += sorted(fallen, key=lambda case: case["severity"])[::EVERY]
     return sorted(found, key=lambda case: case["severity"])
@@ -239,8 +247,7 @@ def _lattice(seed: int, pairs_apart: float, edge: float | None) -> Scene:
     return Scene(SHAPE, PIXEL_M, caps=caps)
 
 
-def _tilt_m(scene: Scene) -> float:
+def _tilt_m(surface: HeightMap) -> float:
     """Rise of the least-squares plane over the face, corner to corner, to one digit."""
-    surface, _ = synthetic_surface(scene)
     level, _ = remove_form(surface, "plane")
     return float(f"{np.ptp(surface.height_m - level.height_m):.0e}")
