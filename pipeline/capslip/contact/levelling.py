@@ -271,21 +271,19 @@ class _Search:
         points = points_of_hills(surface, hills)
         slope, depth_m = start.slope, self._carried(start, hills, surface)
         before_N: np.ndarray | None = None
-        n_usable = 0
         tried, history = last, list[float]()
         for _ in range(MAX_TURNS):
             fitted = fit_spheres(surface, hills, fit, depth_m, points, self.noise)
             try:
                 use, rest, load_N, depths_m = self._press(fitted, slope)
             except TipsOverError as error:
-                if before_N is None or int(fitted.usable.sum()) >= n_usable:
+                if before_N is None or fitted.usable.all():
                     raise
                 raise ContactError(  # more caps balanced it before some lost their sphere
                     f"the face finds no level: fitted as deep as they are compressed, "
                     f"{int(fitted.usable.sum())} of {hills.n_hills} hills are left as caps, and "
                     "they do not surround the load; check preload and units"
                 ) from error
-            n_usable = use.size
             turn = np.array(rest.slope)
             all_N = np.zeros(hills.n_hills)
             all_N[use] = load_N
