@@ -98,6 +98,8 @@ def test_a_mutant_that_never_ends_is_killed(root, capsys, monkeypatch):
         ("a = -b", {"a = b"}),
         ("a = np.minimum(b, max(c))", {"a = np.maximum(b, max(c))", "a = np.minimum(b, min(c))"}),
         ("a = b.max(axis=0)", {"a = b.min(axis=0)", "a = b.max(axis=1)"}),
+        ("a = b.sum(axis=-1)", set()),
+        ("a = zip(b, c, strict=True)", set()),
         ("a = b[0]", {"a = b[1]"}),
         ("a = b[1]", {"a = b[0]"}),
         ("a = dy_m", set()),

@@ -1,6 +1,7 @@
 """Sensitivity: the stable ranges of answers that are known to be stable there."""
 
 import math
+from dataclasses import fields
 from types import SimpleNamespace
 from unittest import mock
 
@@ -9,9 +10,11 @@ import numpy as np
 import pytest
 
 from capslip.analysis import analyze
+from capslip.caps.families import group_families
+from capslip.caps.table import CapTable
 from capslip.errors import ContactError
 from capslip.output.figures_sensitivity import sensitivity as figure_of
-from capslip.sensitivity import ANSWERS, Answers, sensitivity
+from capslip.sensitivity import ANSWERS, Answers, answers_of, sensitivity
 from capslip.settings import settings_from
 from capslip.stages import find_face
 from capslip.studies.faces.synthetic import CapFamily, Scene, synthetic_surface
@@ -22,6 +25,7 @@ from scenes import REFERENCE, caps_map
 SMALL = HeightMap(np.random.default_rng(0).normal(size=(40, 60)), (1e-4, 1e-4))
 STEADY = np.array([5.0, 18.0, 2.4e-7, 23.8, 26.7, 3e-7, 1e-7])
 NO_ERROR = np.full(len(ANSWERS), np.nan)
+AS_LEVELLED = {"contact": {"alignment": "as_levelled"}, "run": {"sensitivity": True}}
 
 
 def swept_by(answer, surface, settings, n_caps, pruning_m):
@@ -88,6 +92,25 @@ def test_the_error_bar_is_two_standard_errors_or_the_tolerance():
     by_tolerance = swept(answer, tables={"contact": {"tolerance": 0.03}})
     assert by_tolerance.error_bar[2] == pytest.approx(0.03 * 2.4e-7)
     assert by_tolerance.sweeps[0].stable_to[2] == pytest.approx(15.0)
+
+
+def test_the_counts_and_h_have_the_errors_of_the_families():
+    heights = np.concatenate((np.linspace(0.0, 1.0, 9), np.linspace(1.6, 2.6, 12)))
+    columns = {field.name: np.ones(21) for field in fields(CapTable)}
+    columns |= {"flags": np.zeros(21, np.uint16), "peak_height_m": heights}
+    caps = CapTable(**columns)
+    families = group_families(caps, 2)[1]
+    face = SimpleNamespace(families=families)
+    with mock.patch("capslip.sensitivity.find_face", return_value=face):
+        found = answers_of(SMALL, settings_from({}), None, False)
+    assert families.count_se > 0.0
+    assert found.standard_error[:3].tolist() == [
+        families.count_se,
+        families.count_se,
+        families.h_se_m,
+    ]
+    assert np.isnan(found.standard_error[3:]).all()
+    assert found.value[:3].tolist() == [families.m, families.n, families.h_m]
 
 
 def test_a_run_that_fails_is_no_answer_and_ends_the_range():
@@ -250,7 +273,7 @@ def test_caps_on_one_side_name_the_levelling(options, codes):
         (1e-3 * x, 1e-3 * y, 24.0, -2.4e-7 if i > 2 else 0.0) for i, (x, y) in enumerate(places_m)
     ]
     face = caps_map(caps, (200, 300), (2e-4, 2e-4), floor_m=-8e-7)
-    found = analyze(face, settings_from({"conditioning": options}))
+    found = analyze(face, settings_from({"conditioning": options, **AS_LEVELLED}))
     said = {problem.code: problem.message for problem in found.problems}
     assert codes <= set(said)
     assert found.status == "check"
@@ -263,7 +286,7 @@ def test_caps_on_one_side_name_the_levelling(options, codes):
 @pytest.mark.skipif(not REFERENCE.is_dir(), reason="the reference faces are not at hand")
 def test_the_reference_face_of_caps_names_the_levelling():
     """5 G-caps and 18 P-caps; the plane is tilted by 0.2 um, and 11 of the 18 are left."""
-    found = analyze(load_surface(REFERENCE / "caps.h5"))
+    found = analyze(load_surface(REFERENCE / "caps.h5"), settings_from(AS_LEVELLED))
     assert "sensitive_to_levelling" in {problem.code for problem in found.problems}
 
 

@@ -237,8 +237,11 @@ def _levelled(
     surface: HeightMap, settings: Settings, clock: Clock
 ) -> tuple[Level | None, list[Problem]]:
     """Return the level of a face that turns, None where it does not or cannot."""
-    if settings.contact.alignment == "as_levelled" or _made_from(settings) == "nothing":
+    made_from, contact = _made_from(settings), settings.contact
+    if contact.alignment == "as_levelled" or made_from == "nothing":
         return None, []
+    if made_from == "map" and contact.alignment_stiffness_Nm_per_rad > 0.0:
+        return None, []  # what holds the parts is at ease as they were levelled
     try:
         with clock("level"):
             level = find_level(surface, settings)

@@ -2,14 +2,21 @@
 
 import math
 from dataclasses import fields, replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
-from capslip.caps.doubts import problems_of_bow, problems_of_caps, problems_of_families
+from capslip.caps import doubts
+from capslip.caps.doubts import (
+    bow_of_peaks,
+    problems_of_bow,
+    problems_of_caps,
+    problems_of_families,
+)
 from capslip.caps.families import group_families
 from capslip.caps.fit import fit_caps
-from capslip.caps.hills import find_hills
+from capslip.caps.hills import NOISE_FACTOR, find_hills
 from capslip.caps.table import CapFlag, CapTable
 from capslip.surface.heightmap import HeightMap
 from scenes import caps_map
@@ -163,3 +170,142 @@ def test_families_that_are_not_clear_are_named():
     three = replace(families, levels=families.levels * 3, separation=math.inf)
     found = [p.code for p in problems_of_families(caps, three)]
     assert found == ["one_family", "more_than_two_families"]
+
+
+def twenty_caps(usable=20, **columns):
+    """Caps 1 high with their peaks at 3, on no map."""
+    places = np.arange(20.0)
+    flags = np.where(np.arange(20) < usable, 0, CapFlag.not_convex).astype(np.uint16)
+    caps = caps_at(places, places**2, np.full(20, 3.0))
+    return caps.with_columns(flags=flags, residual_m=np.zeros(20), **columns)
+
+
+def hills_of_twenty(**changes):
+    clean = {
+        "n_hills": 20,
+        "pruning_sensitivity": 0.0,
+        "largest_hill_share": 0.0,
+        "prominence_m": np.ones(20),
+        "pruning_height_m": 0.0,
+        "kept_fraction": 0.0,
+        "noise_m": 0.0,
+        "n_hills_half_pruning": 20,
+        "n_hills_double_pruning": 20,
+        "n_regions": 20,
+        "rejected": {},
+    }
+    return SimpleNamespace(**(clean | changes))
+
+
+def one_in(n, low, high=1.0):
+    return np.where(np.arange(20) < n, low, high)
+
+
+@pytest.mark.parametrize(
+    ("code", "hills", "caps", "highest_m"),
+    [
+        (None, {"pruning_sensitivity": 0.199}, {}, 3.0),
+        ("pruning_decides", {"pruning_sensitivity": 0.2}, {}, 3.0),
+        (None, {"largest_hill_share": 0.2}, {}, 3.0),
+        ("connected_network", {"largest_hill_share": 0.201}, {}, 3.0),
+        (None, {"largest_hill_share": 0.3}, {"usable": 10}, 3.0),  # three of ten
+        ("connected_network", {"largest_hill_share": 0.301}, {"usable": 10}, 3.0),
+        # a quarter of the caps, less than a tenth of their height above a saddle
+        (None, {"prominence_m": one_in(20, 0.1)}, {}, 3.0),
+        (None, {"prominence_m": one_in(5, 0.099)}, {}, 3.0),
+        ("shallow_saddles", {"prominence_m": one_in(6, 0.099)}, {}, 3.0),
+        (None, {"prominence_m": one_in(14, 1.0, 0.0)}, {"usable": 14}, 3.0),  # of the usable ones
+        # a tenth of a usual cap
+        (None, {"pruning_height_m": 0.1}, {}, 3.0),
+        ("coarse_pruning", {"pruning_height_m": 0.101}, {}, 3.0),
+        (None, {"pruning_height_m": np.inf}, {}, 3.0),  # hills are regions
+        (None, {"kept_fraction": 1.5 * 0.1}, {}, 3.0),
+        ("plateau_at_cut", {"kept_fraction": 0.151}, {}, 3.0),
+        # a twentieth of the highest cap, and five spreads of the noise
+        (None, {}, {"cap_height_m": one_in(1, 5.0)}, 3.25),
+        ("highest_point_on_no_cap", {}, {"cap_height_m": one_in(1, 5.0)}, 3.251),
+        (None, {"noise_m": 0.01}, {}, 3.0 + 0.05 + 0.01 * NOISE_FACTOR - 1e-9),
+        ("highest_point_on_no_cap", {"noise_m": 0.01}, {}, 3.0 + 0.0501 + 0.01 * NOISE_FACTOR),
+        # half of the caps deviate by a quarter of the fitted depth
+        (None, {}, {"residual_m": np.full(20, 0.25)}, 3.0),
+        ("not_spherical", {}, {"residual_m": one_in(11, 0.251, 0.0)}, 3.0),
+        (None, {}, {"residual_m": np.full(20, 0.3), "fit_depth_m": np.full(20, 2.0)}, 3.0),
+        ("not_spherical", {}, {"residual_m": np.full(20, 0.3), "fit_depth_m": np.zeros(20)}, 3.0),
+        (None, {}, {"residual_m": np.full(20, 0.3), "fit_depth_m": np.zeros(20),
+                    "cap_height_m": np.full(20, 2.0)}, 3.0),
+    ],
+)  # fmt: skip
+def test_a_doubt_about_caps_is_raised_just_beyond_its_threshold(code, hills, caps, highest_m):
+    columns = dict(caps)
+    table = twenty_caps(columns.pop("usable", 20)).with_columns(**columns)
+    height_m = np.zeros((3, 3))
+    height_m[1, 1] = highest_m
+    face = HeightMap(height_m, (1.0, 1.0))
+    found = problems_of_caps(face, hills_of_twenty(**hills), table, 0.1)
+    assert [problem.code for problem in found] == ([] if code is None else [code])
+
+
+@pytest.mark.parametrize("n", [4, 5])
+def test_a_fifth_of_flagged_caps_is_a_note_and_more_a_warning(n):
+    flags = np.where(np.arange(20) < n, CapFlag.ridge, 0).astype(np.uint16)
+    flags[-1] = CapFlag.ridge | CapFlag.not_convex  # of which nothing is made, nor said
+    found = problems_of_caps(
+        HeightMap(np.full((3, 3), 3.0), (1.0, 1.0)),
+        hills_of_twenty(),
+        twenty_caps().with_columns(flags=flags),
+        0.1,
+    )
+    share = n / 19
+    assert [p.severity for p in found] == ["warning" if share > 0.2 else "info"]
+    assert found[0].message.startswith(f"{n} of 19 caps")
+
+
+@pytest.mark.parametrize(("n", "families"), [(7, 1), (12, 1), (8, 2), (20, 2)])
+@pytest.mark.parametrize("scale", [1e-5, 1.0])
+def test_a_bow_has_its_height_in_any_direction_and_unit(n, families, scale):
+    x, y = np.random.default_rng(5).uniform(-1.0, 1.0, (2, n))
+    u, v = x - x.mean(), y - y.mean()  # a bow off the middle tilts the plane, too
+    of = np.arange(n) % families
+    for bow_m in (u * u, u * v, -v * v):
+        caps = caps_at(scale * x, scale * y, 7.0 - 3.0 * of + 0.3 * x + bow_m)
+        found_m, chance = bow_of_peaks(caps.with_columns(family=np.array(["G", "P"])[of]))
+        assert found_m == pytest.approx(np.ptp(bow_m), rel=1e-6)
+        assert chance < 1e-6
+
+
+def test_too_few_or_equal_peaks_lie_on_no_bow():
+    rng = np.random.default_rng(6)
+    six = caps_at(*rng.uniform(size=(3, 6))).with_columns(family=np.full(6, "G"))
+    assert bow_of_peaks(six) == (0.0, 1.0)
+    equal = caps_at(*rng.uniform(size=(2, 9)), np.zeros(9)).with_columns(family=np.full(9, "G"))
+    assert bow_of_peaks(equal) == (0.0, 0.0)
+
+
+def test_the_chance_of_a_bow_is_that_of_the_f_distribution():
+    """Without a bow, one in ten sets of peaks has a chance below a tenth."""
+    rng = np.random.default_rng(7)
+    chances = [bow_of_peaks(peaks(rng, 1e-8))[1] for _ in range(300)]
+    assert np.quantile(chances, [0.1, 0.5, 0.9]) == pytest.approx([0.1, 0.5, 0.9], abs=0.08)
+
+
+@pytest.mark.parametrize(
+    ("bow_m", "chance", "says"),
+    [(1.0, 0.0, False), (1.001, 0.0, True), (2.0, 0.01, True), (2.0, 0.0101, False)],
+)
+def test_a_bow_is_said_just_beyond_its_thresholds(bow_m, chance, says, monkeypatch):
+    monkeypatch.setattr(doubts, "bow_of_peaks", lambda _: (bow_m, chance))
+    assert len(problems_of_bow(twenty_caps(), 10.0)) == says
+
+
+@pytest.mark.parametrize(
+    ("log_odds", "text"), [(None, "are 1 to 1"), (2.0, "are 7.4 to 1"), (60.0, "are 5.2e+21 to 1")]
+)
+def test_the_odds_of_the_families_are_told(log_odds, text):
+    x_m = np.linspace(0.0, 1e-2, 6)
+    caps, families = group_families(caps_at(x_m, x_m, np.array([0.0, 0.0, 0.0, 1.0, 1.0, 1.0])))
+    unclear = replace(families, log_odds=log_odds, separation=4.5)
+    (found,) = problems_of_families(caps, unclear)
+    assert found.code == "families_doubtful"
+    assert text in found.message
+    assert found.message.startswith("6 caps")
+    assert "4.5 spreads" in found.message

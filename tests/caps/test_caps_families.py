@@ -403,3 +403,106 @@ def test_the_evidence_of_two_is_the_integral_that_it_stands_for():
 def test_three_clusters_among_many_numbers_are_cut_where_they_part():
     parts = [np.linspace(level, level + 1.0, n) for level, n in ((0.0, 33), (5.0, 27), (12.0, 40))]
     assert cluster(np.concatenate(parts)).sizes[2].tolist() == [33, 27, 40]
+
+
+def evidence_by_covariance(z, sizes):
+    """The numbers as one normal vector: within a cluster they share a part of their variance.
+
+    Place and width integrated out; the sizes at equal odds, any member in any cluster.
+    """
+    n, count = len(z), len(sizes)
+    of = np.repeat(np.arange(count), sizes)
+    one, total = np.ones(n), 0.0
+    for ratio, odds in ((50.0, 4 / 7), (5e3, 2 / 7), (5e5, 1 / 7)):
+        V = np.eye(n) + ratio * (of[:, None] == of)
+        inverse = np.linalg.inv(V)
+        weight = one @ inverse @ one
+        rest = z @ inverse @ z - (one @ inverse @ z) ** 2 / weight
+        scale = math.gamma((n - 1) / 2) / 2 / math.sqrt(np.linalg.det(V) * weight)
+        total += odds * scale * (math.pi * rest) ** (-(n - 1) / 2)
+    members = math.factorial(n) / math.prod(math.factorial(size) for size in sizes)
+    return total * math.factorial(count) / math.comb(n - 1, count - 1) / members
+
+
+def test_the_evidence_of_clusters_is_that_of_their_covariance():
+    z = np.array([0.0, 0.1, 0.35, 0.4, 0.75, 1.0])
+    found = cluster(2.0 * z - 3.0)
+    for count in (3, 4):
+        expected = evidence_by_covariance(z, found.sizes[count - 1])
+        assert found.log_evidence[count - 1] == pytest.approx(math.log(expected), rel=1e-6)
+    two = sum(evidence_by_covariance(z, (i, 6 - i)) for i in range(1, 6))
+    assert found.log_evidence[1] == pytest.approx(math.log(two), rel=1e-6)
+    # the least distance of neighbouring means over the pooled spread
+    low, high = z[: found.sizes[1][0]], z[found.sizes[1][0] :]
+    pooled = ((low - low.mean()) ** 2).sum() + ((high - high.mean()) ** 2).sum()
+    apart = (high.mean() - low.mean()) / math.sqrt(pooled / 4)
+    assert found.separation[1] == pytest.approx(apart, rel=1e-9)
+    assert math.isnan(found.separation[0])
+
+
+@pytest.mark.parametrize("factor", [1e-170, 1e-9, 1e150])
+def test_numbers_around_zero_and_of_any_size_are_split_alike(factor):
+    values = np.array([-1.0, -0.9, -0.77, 0.75, 0.93, 1.0])
+    here, there = cluster(values + 1.0), cluster(factor * values)
+    assert [sizes.tolist() for sizes in there.sizes] == [sizes.tolist() for sizes in here.sizes]
+    assert there.log_evidence == pytest.approx(here.log_evidence, rel=1e-6)
+    assert there.separation[1:] == pytest.approx(here.separation[1:], rel=1e-6)
+
+
+@pytest.mark.parametrize("values", [[], [1.0], [2.0, 2.0, 2.0]])
+def test_equal_numbers_are_one_cluster_of_no_evidence(values):
+    found = cluster(np.array(values))
+    assert [sizes.tolist() for sizes in found.sizes] == [[len(values)]]
+    assert found.log_evidence.tolist() == [0.0]
+    assert np.isnan(found.separation).tolist() == [True]
+
+
+def test_more_clusters_are_cut_at_four_hundred_places_of_many_numbers():
+    rng = np.random.default_rng(9)
+    sizes = (400, 300, 500)
+    values = [rng.normal(10.0 * i, 0.1, size) for i, size in enumerate(sizes)]
+    found = cluster(np.sort(np.concatenate(values)))
+    assert found.sizes[2] == pytest.approx(sizes, abs=3)
+    assert found.sizes[2].sum() == 1200
+
+
+@pytest.mark.parametrize(
+    ("changes", "clear"),
+    [
+        ({"separation": 5.0, "log_odds": 3.0}, True),
+        ({"separation": 4.999, "log_odds": 3.0}, False),
+        ({"separation": 5.0, "log_odds": 2.999}, False),
+        ({"separation": None, "log_odds": 9.0}, False),
+        ({"separation": 9.0, "log_odds": None}, False),
+        ({"P": None, "separation": 1.0, "log_odds": 3.0}, False),  # two levels, one was taken
+        ({"P": None, "levels": (None,), "separation": 1.0, "log_odds": 3.0}, True),
+        ({"P": None, "levels": (None,), "separation": 1.0, "log_odds": 2.9}, False),
+        ({"P": None, "levels": (None,), "log_odds": None}, True),
+        ({"P": None, "levels": (None,), "log_odds": -9.0, "alike": True}, True),
+        ({"levels": (None,), "log_odds": -9.0, "alike": True}, False),
+    ],
+)
+def test_families_are_clear_at_five_spreads_and_odds_of_twenty(changes, clear):
+    two = families_of([0.0, 0.1, 0.2, 5.0, 5.1, 5.2])
+    assert two.count == 2
+    assert replace(two, **changes).clear == clear
+
+
+@pytest.mark.parametrize(
+    ("log_evidence", "separation", "expected"),
+    [
+        ([0.0, 1.0], [np.nan, 4.0], (2, 1.0)),
+        ([0.0, 1.0], [np.nan, 3.99], (1, -1.0)),
+        ([1.0, 1.0], [np.nan, 9.0], (1, 0.0)),
+        ([0.0, 1.0, 4.0], [np.nan, 9.0, 5.0], (3, 3.0)),
+        ([0.0, 1.0, 3.99], [np.nan, 9.0, 5.0], (2, pytest.approx(-2.99))),
+        ([0.0, 1.0, 9.0], [np.nan, 9.0, 4.99], (2, 1.0)),
+        ([0.0, 1.0, 4.0, 8.0], [np.nan, 9.0, 5.0, 5.0], (4, 4.0)),
+        ([0.0, 1.0, 4.0, 6.0], [np.nan, 9.0, 5.0, 5.0], (3, -2.0)),
+        ([0.0, 1.0, 4.0, 8.0], [np.nan, 9.0, 2.0, 5.0], (4, 7.0)),
+    ],
+)
+def test_the_number_supported_at_its_thresholds(log_evidence, separation, expected):
+    found = Clusters((), np.array(log_evidence), np.array(separation))
+    assert _supported(found, False) == expected
+    assert _supported(found, True) == (1, log_evidence[0] - log_evidence[1])

@@ -15,6 +15,9 @@ from capslip.output import staging, tables
 from capslip.output.staging import FILES, new_folder
 from capslip.result import SCHEMA
 
+# The small face has one cap, which balances under no load beside it
+ONE_CAP = ("--preload", "0.1", "--set", "contact.alignment=as_levelled")
+
 
 @pytest.fixture
 def run(tmp_path, monkeypatch):
@@ -155,7 +158,7 @@ def test_a_report_of_someone_else_is_refused(run, tmp_path):
 
 def test_a_summary_beside_foreign_files_is_refused(run, tmp_path):
     native(tmp_path / "a.h5", hill(), **KNOWN)
-    light = ("--no-figures", "--no-render", "--preload", "0.1")
+    light = ("--no-figures", "--no-render", *ONE_CAP)
     assert run("analyze", "a.h5", "-o", "out", *light).exit_code == 0
     (tmp_path / "out" / "notes.txt").write_text("mine")
     one_line(run("analyze", "a.h5", "-o", "out", *light), 2, "notes.txt")
@@ -165,16 +168,16 @@ def test_a_summary_beside_foreign_files_is_refused(run, tmp_path):
 def test_an_earlier_result_is_replaced_whole(run, tmp_path):
     native(tmp_path / "a.h5", hill(), **KNOWN)
     light = ("--no-render", "--no-figures")
-    assert run("analyze", "a.h5", "-o", "out", "--no-render", "--preload", "0.1").exit_code == 0
+    assert run("analyze", "a.h5", "-o", "out", "--no-render", *ONE_CAP).exit_code == 0
     assert list((tmp_path / "out" / "figures").glob("*.png"))
-    assert run("analyze", "a.h5", "-o", "out", "--preload", "0.1", *light).exit_code == 0
+    assert run("analyze", "a.h5", "-o", "out", *ONE_CAP, *light).exit_code == 0
     assert not list((tmp_path / "out" / "figures").glob("*.png"))
     assert sorted(entry.name for entry in tmp_path.iterdir()) == ["a.h5", "out"]
 
 
 def test_the_current_folder_takes_a_result_and_the_next_one(run, tmp_path, monkeypatch):
     face = native(tmp_path / "a.h5", hill(), **KNOWN)
-    light = ("--no-render", "--no-figures", "--preload", "0.1")
+    light = ("--no-render", "--no-figures", *ONE_CAP)
     (tmp_path / "out").mkdir()
     monkeypatch.chdir(tmp_path / "out")
     for extra in ((), ("--set", "material.friction_coefficient=0.3")):
@@ -259,7 +262,7 @@ def test_a_folder_that_cannot_be_renamed_is_filled_in_its_place(tmp_path, monkey
 
 def test_a_scan_inside_the_output_folder_is_kept(run, tmp_path):
     native(tmp_path / "a.h5", hill(), **KNOWN)
-    light = ("--no-render", "--no-figures", "--preload", "0.1")
+    light = ("--no-render", "--no-figures", *ONE_CAP)
     assert run("analyze", "a.h5", "-o", "out", *light).exit_code == 0
     before = (tmp_path / "out" / "result.h5").read_bytes()
     again = ("analyze", "out/result.h5", "--dataset", "/surface/height_m", *light)

@@ -52,7 +52,11 @@ def test_every_model_leaves_a_whole_result(model, face, tmp_path):
     assert approach_m[-1] == pytest.approx(summary["contact"]["approach_m"], rel=1e-12)
 
 
-def test_the_normal_curve_of_boundary_elements_costs_no_solution(face, tmp_path, monkeypatch):
+@pytest.mark.parametrize(("alignment", "solved_N"), [("as_levelled", [460.0]), ("balanced", [])])
+def test_the_normal_curve_of_boundary_elements_costs_no_solution(
+    face, tmp_path, monkeypatch, alignment, solved_N
+):
+    """Balanced, the one solution is that of the level."""
     loads_N = []
     press = boundary_elements.press
 
@@ -61,9 +65,10 @@ def test_the_normal_curve_of_boundary_elements_costs_no_solution(face, tmp_path,
         return press(*arguments, load_N=load_N, **options)
 
     monkeypatch.setattr(boundary_elements, "press", counted)
-    ran = run("analyze", face, "--model", "boundary_elements", "--no-render", "-o", tmp_path / "x")
+    way = ("--model", "boundary_elements", "--set", f"contact.alignment={alignment}")
+    ran = run("analyze", face, *way, "--no-render", "-o", tmp_path / "x")
     assert ran.exit_code == 0, ran.output
-    assert loads_N == [460.0]
+    assert loads_N == solved_N
 
 
 @pytest.mark.parametrize(
@@ -82,7 +87,7 @@ def test_a_part_that_fails_takes_no_number_along(
 
     monkeypatch.setattr(module, name, fail)
     out = tmp_path / "out"
-    ran = run("analyze", face, "--no-render", "--json", "-o", out)
+    ran = run("analyze", face, "--no-render", "--json", "--sensitivity", "-o", out)
     assert ran.exit_code == 1
     errors = [line for line in ran.stderr.splitlines() if line.startswith("error: ")]
     assert len(errors) == 1

@@ -66,7 +66,10 @@ def test_a_setting_that_is_no_more_is_unknown(tmp_path):
     (tmp_path / "old.toml").write_text('[run]\nlog_level = "info"\n')
     ran = run("analyze", FACE_A, "-c", tmp_path / "old.toml")
     assert ran.exit_code == 2
-    assert "unknown setting run.log_level (known here: workers, figures, render)" in ran.stderr
+    assert (
+        "unknown setting run.log_level (known here: workers, sensitivity, figures, render)"
+        in ran.stderr
+    )
 
 
 def test_an_option_comes_before_set_and_set_before_the_file(tmp_path):

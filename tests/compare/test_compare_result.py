@@ -64,6 +64,7 @@ def test_families_are_those_of_the_analysis(tmp_path, feature, m):
     four = [(5e-3, 5e-3, 20.0, 0.0), (15e-3, 6e-3, 30.0, -2e-7)]
     four += [(25e-3, 14e-3, 20.5, -2.1e-7), (8e-3, 15e-3, 31.0, -2.2e-7)]
     chosen = (f"families.feature={feature}", "families.count=2", "contact.model=families")
+    chosen += ("contact.alignment=as_levelled",)
     analysis = result_of(caps_map(four), tmp_path / "result", *chosen)
     assert analysis.families.m == m
     model, _ = load_model(tmp_path / "result")
@@ -93,6 +94,7 @@ def test_contact_model_is_that_of_the_result_at_every_preload(surface, tmp_path)
 
 def test_caps_that_cannot_touch_are_no_rows_of_a_chosen_model(surface, tmp_path):
     chosen = ("contact.tolerance=0.001", "contact.preload_N=1.0")
+    chosen += ("contact.alignment=as_levelled",)
     contact = result_of(surface, tmp_path / "result", *chosen).contact
     assert contact.model == "interacting"
     assert contact.use.sum() == 2

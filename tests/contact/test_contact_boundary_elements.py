@@ -13,8 +13,9 @@ from capslip.contact.models.caps import caps
 from capslip.contact.slip import slip_curve
 from capslip.contact.solvers import elastic_face as elastic_faces
 from capslip.contact.solvers import polonsky_keer
+from capslip.contact.solvers.elastic_face import _block_means
 from capslip.contact.solvers.half_space import HalfSpace, love_kernel
-from capslip.contact.solvers.polonsky_keer import coarsened, elastic_face, press
+from capslip.contact.solvers.polonsky_keer import elastic_face, press
 from capslip.errors import ContactError, SettingsError, UnusableSurfaceError
 from capslip.surface.heightmap import HeightMap
 
@@ -251,6 +252,9 @@ def test_a_spring_in_series_changes_displacements_and_no_loss():
         e = sprung.withdrawal_m(ds, drop)
         assert np.allclose(e, curve.withdrawal_m(d, drop) + c * drop)
         assert np.allclose(sprung.load_drop_N(ds, e), drop, rtol=1e-4)
+        lift_off_m = curve.lift_off_m(d)
+        with_spring_m = lift_off_m + c * curve.load_drop_N(d, lift_off_m)
+        assert np.allclose(sprung.lift_off_m(ds), with_spring_m, rtol=1e-4)
     with pytest.raises(ContactError, match="keep the bulk term"):
         in_series(curve, -1.1 / stiffness).stiffness_N_per_m(d - 55.0 / stiffness)
 
@@ -327,15 +331,14 @@ def test_coarse_contacts_are_reported():
     assert "under_resolved" not in fine
 
 
-def test_coarsened_keeps_means_and_non_measured_points():
-    height_m = np.arange(42.0).reshape(6, 7)
-    height_m[:2, :2] = np.nan
-    height_m[2, 2] = np.nan
-    coarse = coarsened(HeightMap(height_m, (1.0, 2.0)), 2)
-    assert coarse.shape == (3, 4)
-    assert coarse.pixel_size_m == (2.0, 4.0)
-    assert np.isnan(coarse.height_m[0, 0])
-    assert coarse.height_m[1, 1] == pytest.approx(np.nanmean(height_m[2:4, 2:4]))
-    assert coarse.height_m[2, 3] == pytest.approx(height_m[4:6, 6].mean())
-    with pytest.raises(SettingsError, match="factor"):
-        coarsened(coarse, 0)
+def test_block_means_are_those_of_the_known_points():
+    values = np.arange(42.0).reshape(6, 7)
+    known = np.ones((6, 7), dtype=bool)
+    known[:2, :2] = known[2, 2] = False
+    mean, some = _block_means(values, known, 2)
+    assert mean.shape == some.shape == (3, 4)
+    assert not some[0, 0]
+    assert np.count_nonzero(some) == 11
+    assert mean[0, 0] == 0.0
+    assert mean[1, 1] == pytest.approx(values[2:4, 2:4][known[2:4, 2:4]].mean())
+    assert mean[2, 3] == pytest.approx(values[4:6, 6].mean())

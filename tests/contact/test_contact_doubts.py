@@ -1,13 +1,13 @@
 """Doubts about the contact, from the state under the preload and the loads of the caps."""
 
-from dataclasses import fields
+from dataclasses import fields, replace
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from capslip.caps.families import group_families
-from capslip.caps.table import CapTable
+from capslip.caps.table import CapFlag, CapTable
 from capslip.contact.doubts import contact_doubts, material_doubts
 from capslip.settings import Material
 
@@ -43,14 +43,16 @@ def test_wide_contacts_matter_by_the_load_that_they_carry(share, severity):
     load_N = np.full(10, (1.0 - share) / 9.0)
     load_N[0] = share
     caps = loaded_caps(load_N, np.where(np.arange(10) == 0, 0.6, 0.4))
-    found = contact_doubts(state(), *caps, 1e-4, Material())
+    found = contact_doubts(state(), *caps, 1e-4, Material(), cut_certified=False)
     assert severities(found) == {"contact_beyond_cap": severity}
 
 
 def test_contacts_that_run_together_and_lean_on_few_pixels_are_doubted():
     caps = loaded_caps(np.ones(10), np.full(10, 0.4))
-    assert contact_doubts(state(), *caps, 1e-4, Material()) == []
-    codes = [p.code for p in contact_doubts(state(pairs=2), *caps, 0.3, Material())]
+    assert contact_doubts(state(), *caps, 1e-4, Material(), cut_certified=False) == []
+    codes = [
+        p.code for p in contact_doubts(state(pairs=2), *caps, 0.3, Material(), cut_certified=False)
+    ]
     assert codes == ["contacts_merge", "contact_under_resolved"]
 
 
@@ -66,7 +68,9 @@ def test_contacts_that_run_together_and_lean_on_few_pixels_are_doubted():
 def test_pressures_beyond_the_material_are_doubted(pressure_Pa, yield_Pa, code):
     caps = loaded_caps(np.ones(10), np.full(10, 0.4))
     pressed = state(max_pressure_Pa=pressure_Pa)
-    found = contact_doubts(pressed, *caps, 1e-4, Material(yield_stress_Pa=yield_Pa))
+    found = contact_doubts(
+        pressed, *caps, 1e-4, Material(yield_stress_Pa=yield_Pa), cut_certified=False
+    )
     assert [problem.code for problem in found] == ([] if code is None else [code])
 
 
@@ -76,3 +80,113 @@ def test_unlike_materials_and_odd_friction_are_doubted():
         youngs_modulus_Pa=(200e9, 3e9), poisson_ratio=(0.3, 0.4), friction_coefficient=2.0
     )
     assert [p.code for p in material_doubts(odd)] == ["materials_coupled", "friction_suspect"]
+
+
+def caps_of(load_N, contact_radius_m, **columns):
+    """One family of caps far higher and wider than their contacts, but for what is given."""
+    n = len(load_N)
+    caps, families = loaded_caps(np.array(load_N, dtype=float), np.array(contact_radius_m))
+    wide = {"diameter_m": np.full(n, 100.0), "cap_height_m": np.full(n, 10.0)}
+    given = {name: np.array(column) for name, column in columns.items()}
+    return caps.with_columns(family=np.full(n, "G"), **(wide | given)), families
+
+
+NAN = float("nan")
+FLAGGED = {"flags": np.array([1, 0], np.uint16)}
+LIGHTER = [3.0, 1.0, 1.0, 1.0], [4.0, 1.0, 1.5, 2.0]  # the lighter half ends with the last
+WIDE = {"diameter_m": [2.0, 100.0]}
+DEEP = {"radius_m": [2.0, 1e6], "cap_height_m": [0.0625, 0.0625]}  # 0.5^2 / (2 * 2)
+
+
+@pytest.mark.parametrize(
+    ("code", "severity", "load_N", "contact_radius_m", "columns", "more"),
+    [
+        # contacts as wide as the hill, and a twentieth of the load on those that are wider
+        (None, "", [10.0, 10.0], [1.0, 9.0], WIDE, {}),
+        ("contact_beyond_cap", "warning", [10.0, 10.0], [1.01, 9.0], WIDE, {}),
+        ("contact_beyond_cap", "info", [1.0, 19.0], [1.01, 9.0], WIDE, {}),
+        ("contact_beyond_cap", "warning", [1.01, 18.99], [1.01, 9.0], WIDE, {}),
+        (None, "", [0.0, 20.0], [1.01, 9.0], WIDE, {}),
+        # contacts as deep as their hill, a twentieth of the load on those that are deeper
+        (None, "", [10.0, 10.0], [0.5, 0.5], DEEP, {}),
+        ("contact_reaches_below_cut", "warning", [10.0, 10.0], [0.51, 0.5], DEEP, {}),
+        (None, "", [1.0, 19.0], [0.51, 0.5], DEEP, {}),
+        ("contact_reaches_below_cut", "warning", [1.01, 18.99], [0.51, 0.5], DEEP, {}),
+        # one that touches and is not a tenth as high as the highest
+        (None, "", [5.0, 5.0], [0.1, 0.1], {"cap_height_m": [1.0, 10.0]}, {}),
+        ("contact_reaches_below_cut", "warning", [5.0, 5.0], [0.1, 0.1],
+         {"cap_height_m": [0.99, 10.0]}, {}),
+        (None, "", [0.0, 5.0], [0.1, 0.1], {"cap_height_m": [0.99, 10.0]}, {}),
+        # contacts of four pixels carry the lighter half of the load
+        (None, "", *LIGHTER, {}, {"pixel_area_m2": 1.0}),
+        ("contact_under_resolved", "warning", *LIGHTER, {}, {"pixel_area_m2": 1.001}),
+        (None, "", [0.0, 0.0], [0.0, 0.0], {}, {}),
+        # a fifth of the load on flagged caps; nothing is known where caps are no contacts
+        (None, "", [1.0, 4.0], [0.1, 0.1], FLAGGED, {}),
+        ("load_on_doubtful_caps", "warning", [1.01, 4.0], [0.1, 0.1], FLAGGED, {}),
+        (None, "", [NAN, NAN], [NAN, NAN], FLAGGED, {}),
+        ("one_contact", "warning", [0.5, 0.0], [0.1, 0.0], {}, {"contacts": 1}),
+        (None, "", [0.5, 0.5], [0.1, 0.1], {}, {"contacts": 2}),
+        (None, "", [NAN, NAN], [NAN, NAN], {}, {"contacts": 1}),
+    ],
+)  # fmt: skip
+def test_a_doubt_about_contact_is_raised_just_beyond_its_threshold(
+    code, severity, load_N, contact_radius_m, columns, more
+):
+    caps, families = caps_of(load_N, contact_radius_m, **columns)
+    area_m2 = more.get("pixel_area_m2", 1e-8)
+    pressed = state(contacts=more.get("contacts", 10))
+    found = contact_doubts(pressed, caps, families, area_m2, Material())
+    assert severities(found) == ({} if code is None else {code: severity})
+
+
+@pytest.mark.parametrize("flag", list(CapFlag))
+def test_the_load_is_doubtful_on_caps_of_which_a_part_or_the_apex_is_not_known(flag):
+    caps, families = caps_of([1.0, 1.0], [0.1, 0.1], flags=np.array([flag, 0], np.uint16))
+    found = contact_doubts(state(), caps, families, 1e-8, Material())
+    names = {"edge", "non_measured", "apex_off_surface", "noisy_apex"}
+    assert [p.code for p in found] == ["load_on_doubtful_caps"] * (flag.name in names)
+
+
+@pytest.mark.parametrize(("load_N", "silent"), [([0.5, 0.5], True), ([0.5, 0.0], False)])
+def test_a_family_that_does_not_touch_is_named(load_N, silent):
+    caps, families = caps_of(load_N, [0.1, 0.1])
+    caps = caps.with_columns(family=np.array(["G", "P"]))
+    families = replace(families, P=families.G)
+    found = severities(contact_doubts(state(), caps, families, 1e-8, Material()))
+    assert found == ({} if silent else {"P_not_in_contact": "info"})
+
+
+@pytest.mark.parametrize(
+    ("pressure_Pa", "yield_Pa", "codes"),
+    [
+        (1.6 * 500e6, 500e6, []),
+        (800.1e6, 500e6, ["plastic"]),
+        (0.03 * 110e9, None, []),
+        (3.301e9, None, ["pressure_beyond_elastic"]),
+        (5e9, 4e9, []),  # what is given holds
+    ],
+)
+def test_pressure_is_doubted_just_beyond_its_threshold(pressure_Pa, yield_Pa, codes):
+    caps, families = caps_of([1.0, 1.0], [0.1, 0.1])
+    pressed, material = state(max_pressure_Pa=pressure_Pa), Material(yield_stress_Pa=yield_Pa)
+    found = contact_doubts(pressed, caps, families, 1e-8, material)
+    assert [p.code for p in found] == codes
+
+
+@pytest.mark.parametrize(
+    ("modulus_Pa", "friction", "codes"),
+    [
+        # beta = 0.2857 (E1 - E2) / (E1 + E2) at equal Poisson's ratios of 0.3
+        ((200e9, 96.4e9), 0.2, []),
+        ((200e9, 96.2e9), 0.2, ["materials_coupled"]),
+        ((96.2e9, 200e9), 0.2, ["materials_coupled"]),
+        ((200e9, 200e9), 1.5, []),
+        ((200e9, 200e9), 1.51, ["friction_suspect"]),
+    ],
+)
+def test_materials_are_doubted_just_beyond_their_thresholds(modulus_Pa, friction, codes):
+    material = Material(
+        youngs_modulus_Pa=modulus_Pa, poisson_ratio=(0.3, 0.3), friction_coefficient=friction
+    )
+    assert [p.code for p in material_doubts(material)] == codes

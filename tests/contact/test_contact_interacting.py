@@ -12,9 +12,10 @@ from capslip.contact.bulk import bulk_compliance_m_per_N
 from capslip.contact.curve import in_series
 from capslip.contact.material import composite
 from capslip.contact.models.caps import caps
-from capslip.contact.models.interacting import interacting
+from capslip.contact.models.interacting import hertz_over_point_load, interacting
 from capslip.contact.models.mean_field import mean_field
 from capslip.contact.slip import slip_curve
+from capslip.contact.solvers.hertz import contact_radius_m
 from capslip.errors import ContactError, SettingsError
 
 STEEL = composite((200e9, 200e9), (0.3, 0.3))
@@ -363,3 +364,16 @@ def test_bad_scenes_are_named():
         interacting(1e-3 * one, 0 * one, [1, 2, 3], one, E).approach_m(1e9)
     with pytest.raises(ContactError, match="fall with growing load"):
         in_series(face_of_23(), -1e-8).approach_m(460.0)
+
+
+def test_two_unlike_caps_push_each_other_by_the_mean_of_both_directions():
+    """Reciprocal (Betti): the law between two contacts of other radii is one number."""
+    curve = interacting([20.0, 2.0], [0.0, 0.0], [0.0, 4e-3], [0.0, 0.0], E, 100.0)
+    approach_m = curve.approach_m(100.0)
+    a_m = contact_radius_m(curve.asperity_loads_N(approach_m), curve.radius_m, E)
+    assert a_m[0] > 1.5 * a_m[1]
+    C = curve.pair_compliance_m_per_N
+    assert C[0, 1] == C[1, 0]
+    factor = hertz_over_point_load(a_m / 4e-3).mean()
+    assert factor > 1.005
+    assert C[0, 1] == pytest.approx(factor / (np.pi * E * 4e-3), rel=1e-6)

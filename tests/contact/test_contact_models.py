@@ -95,9 +95,7 @@ def test_what_a_rung_says_of_its_curve_holds(name):
     analysis = run("auto")
     one, state = rung(name), analysis.contact
     caps, surface = analysis.caps, analysis.conditioned.surface
-    scene = Scene(
-        *(caps, analysis.families, surface, state.composite.E_star_Pa, 100.0, state.use, 1e-5)
-    )
+    scene = Scene.of(caps, analysis.families, surface, analysis.settings, state.use)
     curve = one.build(scene)
     approach_m = float(curve.approach_m(100.0))
     found = one.contacts(scene, curve, approach_m)

@@ -1,11 +1,18 @@
 """The pressed face: what it says of a model that was forced, and of the bulk term."""
 
+from dataclasses import replace
+
+import numpy as np
 import pytest
+from contact_cases import E_STAR_PA, table
 
 from capslip import load_settings
 from capslip.analysis import analyze
+from capslip.caps.families import group_families
 from capslip.contact import choice as module
+from capslip.contact.press import press
 from capslip.errors import ContactError, SettingsError
+from capslip.surface.heightmap import HeightMap
 from scenes import caps_map
 
 PIXEL_M = (2e-4, 2e-4)
@@ -83,3 +90,69 @@ def test_a_bulk_term_that_cannot_be_taken_out_is_said():
     assert "bulk_kept" not in messages(without)
     rest_m = without.contact.approach_m - without.contact.bulk_m
     assert without.contact.approach_without_bulk_m == pytest.approx(rest_m)
+
+
+@pytest.mark.parametrize("model", ["caps", "interacting", "mean_field", "families"])
+def test_area_and_greatest_pressure_are_those_of_hertz(model):
+    """Three caps far apart: two equal ones, and a sharper and lower one that bears little."""
+    # the third one stands so low that it is pressed by a quarter of what the others are
+    caps = table([0.0, 1e3, 2e3], [0.0, 0.0, 0.0], [20.0, 20.0, 5.0], [0.0, 0.0, -7.5e-8])
+    caps = caps.with_columns(family=np.array(["G", "G", "P"]))
+    caps, families = group_families(caps)
+    face = HeightMap(np.zeros((20, 30)), (2e4, 2e4))
+    compression_m = np.array([1e-7, 1e-7, 2.5e-8])
+    a_m = np.sqrt(caps.radius_m * compression_m)
+    load_N = 4 / 3 * E_STAR_PA * np.sqrt(caps.radius_m) * compression_m**1.5
+    settings = load_settings(
+        overrides=(f"contact.model={model}", f"contact.preload_N={float(load_N.sum())!r}")
+    )
+    state, loaded = press(caps, families, face, settings)
+    assert state.contacts == 3
+    assert state.contact_area_m2 == pytest.approx((np.pi * a_m**2).sum(), rel=1e-3)
+    pressure_Pa = 1.5 * load_N / (np.pi * a_m**2)
+    assert pressure_Pa[2] == pytest.approx(pressure_Pa[0], rel=1e-9)  # E* sqrt(d / R) alike
+    assert state.max_pressure_Pa == pytest.approx(pressure_Pa.max(), rel=1e-3)
+    assert loaded.load_N == pytest.approx(load_N, rel=1e-3)
+    assert loaded.contact_radius_m == pytest.approx(a_m, rel=1e-3)
+    assert state.approach_m == pytest.approx(1e-7, rel=1e-3)
+    stiffness = (1.5 * load_N / compression_m).sum()
+    assert state.stiffness_N_per_m == pytest.approx(stiffness, rel=1e-3)
+    assert state.row_family.tolist() == (["G", "P"] if model == "families" else ["G", "G", "P"])
+    assert state.use.all()
+
+
+def test_the_greatest_pressure_is_that_of_the_hardest_pressed_contact():
+    caps = table([0.0, 1e3], [0.0, 0.0], [20.0, 5.0], [0.0, 0.0])
+    face = HeightMap(np.zeros((20, 30)), (2e4, 2e4))
+    settings = load_settings(overrides=("contact.model=caps", "contact.preload_N=100"))
+    caps, families = group_families(caps)
+    state, loaded = press(caps, families, face, settings)
+    a_m = np.sqrt(caps.radius_m * state.approach_m)
+    pressure_Pa = 1.5 * loaded.load_N / (np.pi * a_m**2)
+    assert pressure_Pa[1] == pytest.approx(2.0 * pressure_Pa[0], rel=1e-9)  # as 1 / sqrt(R)
+    assert state.max_pressure_Pa == pytest.approx(pressure_Pa[1], rel=1e-9)
+    assert state.max_pressure_Pa > 1.5 * 100.0 / state.contact_area_m2
+    assert state.overlapping_pairs == 0
+
+
+def test_a_contact_area_beyond_the_face_is_an_error():
+    caps, families = group_families(table([0.0, 1.0], [0.0, 0.0], [20.0, 20.0], [0.0, 0.0]))
+    settings = load_settings(overrides=("contact.model=caps", "contact.preload_N=100"))
+    state, _ = press(caps, families, HeightMap(np.zeros((4, 4)), (1.0, 1.0)), settings)
+    side_m = np.sqrt(state.contact_area_m2)
+
+    def face(share):
+        return HeightMap(np.zeros((4, 5)), (share * side_m / 4, side_m / 5))
+
+    press(caps, families, face(1.001), settings)
+    with pytest.raises(ContactError, match="need a contact area of"):
+        press(caps, families, face(0.999), settings)
+
+
+def test_the_approach_without_bulk_is_absent_where_it_would_be_negative():
+    state = run("contact.model=interacting", "contact.preload_N=100").contact
+    assert 0.0 < state.bulk_m < state.approach_m
+    rest = {share: replace(state, bulk_m=share * state.approach_m) for share in (0.25, 1.0, 1.01)}
+    assert rest[0.25].approach_without_bulk_m == 0.75 * state.approach_m
+    assert rest[1.0].approach_without_bulk_m == 0.0
+    assert rest[1.01].approach_without_bulk_m is None

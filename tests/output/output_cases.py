@@ -5,12 +5,17 @@ from functools import cache
 import numpy as np
 
 from capslip.analysis import analyze
+from capslip.output.figures import FIGURES, write_figure
 from capslip.settings import load_settings
 from capslip.surface.heightmap import HeightMap
 from scenes import caps_map
 
+# One cap carries no plane that turns, so these faces are pressed as they lie
 SETTINGS = load_settings(
-    overrides=("contact.preload_N=150", "contact.model=caps", "conditioning.form=none")
+    overrides=(
+        *("contact.preload_N=150", "contact.model=caps", "contact.alignment=as_levelled"),
+        *("conditioning.form=none", "run.sensitivity=true"),
+    )
 )
 
 
@@ -42,3 +47,9 @@ def several():
     analysis = analyze(HeightMap(height_m, surface.pixel_size_m), SETTINGS)
     assert (analysis.families.m, analysis.families.n) == (2, 3)
     return analysis
+
+
+def write_figures(analysis, folder):
+    """Write every figure that the analysis has data for; return their files."""
+    paths = [write_figure(name, analysis, folder) for name in FIGURES]
+    return [path for path in paths if path is not None]

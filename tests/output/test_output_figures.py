@@ -10,7 +10,7 @@ import output_cases
 import pytest
 
 from capslip.output.canvas import height_limits
-from capslip.output.figures import FIGURES, write_figures
+from capslip.output.figures import FIGURES
 
 NEED_NO_CAP = {"height_map", "hills_and_caps"}
 
@@ -46,7 +46,7 @@ def visible_texts(axes):
 @pytest.mark.parametrize("name", ["none", "one", "several"])
 def test_what_exists_is_drawn_and_nothing_else(name, tmp_path):
     analysis = getattr(output_cases, name)()
-    paths = write_figures(analysis, tmp_path)
+    paths = output_cases.write_figures(analysis, tmp_path)
     drawn = {path.stem for path in paths}
     assert drawn == (NEED_NO_CAP if name == "none" else set(FIGURES))
     for path in paths:
@@ -60,7 +60,10 @@ def test_every_model_can_be_drawn(model, several, tmp_path):
     from capslip.settings import load_settings
 
     settings = load_settings(overrides=(f"contact.model={model}", "contact.preload_N=150"))
-    drawn = {path.stem for path in write_figures(analyze(several.surface, settings), tmp_path)}
+    drawn = {
+        path.stem
+        for path in output_cases.write_figures(analyze(several.surface, settings), tmp_path)
+    }
     assert drawn == set(FIGURES) - ({"slip_loop", "energy"} if model == "flat" else set())
 
 

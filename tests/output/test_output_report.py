@@ -7,7 +7,7 @@ import numpy as np
 import output_cases
 import pytest
 
-from capslip.output.figures import FIGURES, write_figures
+from capslip.output.figures import FIGURES
 from capslip.output.report import MAX_ROWS, write_report
 from capslip.problems import Problem
 from capslip.settings import load_settings
@@ -50,7 +50,7 @@ class Page(HTMLParser):
 @pytest.fixture
 def page(several, tmp_path):
     (tmp_path / "figures").mkdir()
-    write_figures(several, tmp_path / "figures")
+    output_cases.write_figures(several, tmp_path / "figures")
     return Page(write_report(several, several.summary(), tmp_path, "no OpenGL here"))
 
 
@@ -79,7 +79,7 @@ def test_missing_picture_is_said(page):
 
 def test_report_without_caps_says_what_is_missing(none, tmp_path):
     (tmp_path / "figures").mkdir()
-    drawn = write_figures(none, tmp_path / "figures")
+    drawn = output_cases.write_figures(none, tmp_path / "figures")
     page = Page(write_report(none, none.summary(), tmp_path, None))
     assert len(page.all("img")) == len(drawn)
     assert page.text.count("not shown") == len(FIGURES) - len(drawn) + 1  # and the scene

@@ -93,7 +93,7 @@ class Hump:
         return 1e-10 * force_N**3 / (1 + (force_N / self.T0_N) ** 4)
 
 
-@pytest.mark.parametrize("T0_N", [70.0, 3.3, 0.2, 1e-3, 1e-5])
+@pytest.mark.parametrize("T0_N", [70.0, 3.3, 0.2, 0.138, 1e-3, 1e-5])
 def test_peak_between_grid_points(T0_N):
     damping = response(Hump(T0_N), K_M, K_S, 1)
     v_m = T0_N / 3**0.25 / K_S
@@ -122,6 +122,26 @@ class Dry:
 def test_a_loss_factor_that_rises_to_zero_ends_the_search():
     damping = response(Dry(), K_M, K_S, 1)
     assert 1e-11 < damping.amplitude_at_peak_m / damping.gross_slip_amplitude_m <= 1e-9
+
+
+class Held(Hump):
+    """Loses nothing below a force of 2 N, like a joint that first has to come loose."""
+
+    def energy_at_force_J(self, force_N):
+        return np.where(force_N < 2.0, 0.0, super().energy_at_force_J(force_N))
+
+
+def test_a_joint_that_loses_nothing_at_first_has_its_peak():
+    held, free = (response(kind(20.0), K_M, K_S, 1) for kind in (Held, Hump))
+    assert (held.loss_factor == 0.0).any()
+    assert held.amplitude_at_peak_m == pytest.approx(free.amplitude_at_peak_m, rel=1e-6)
+    assert held.peak_loss_factor == pytest.approx(free.peak_loss_factor, rel=1e-9)
+
+
+def test_soft_structures_and_small_amplitudes_are_structures(slip):
+    soft = response(slip, 0.5, 0.5, 1, [0.5])
+    assert np.isfinite(soft.total_amplitude_m).all()
+    assert soft.loss_factor[0] == pytest.approx(soft.energy_J[0] / (np.pi * 0.5 * 0.25), rel=1e-12)
 
 
 def test_structure_stands_in_the_answer(slip):

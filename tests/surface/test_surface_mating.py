@@ -203,3 +203,26 @@ def test_the_sum_is_levelled_as_the_faces_are():
     inside = np.isfinite(level.surface.height_m) & on_floor
     assert np.ptp(level.surface.height_m[inside]) < 1e-12
     assert np.ptp(tilted.surface.height_m[inside]) > 1e-8
+
+
+@pytest.mark.parametrize(("ratio", "smoothed"), [(8.0, True), (1.5, True), (1.05, False)])
+@pytest.mark.parametrize("axis", [0, 1])
+def test_finer_pixels_are_smoothed_to_two_of_the_first_and_equal_ones_are_left(
+    axis, ratio, smoothed
+):
+    """A Gaussian filter leaves 2^-(nesting index / wavelength)^2 of a wave."""
+    own_m = [D_M, D_M]
+    own_m[axis] = D_M / ratio
+    shape = [40, 40]
+    shape[axis] = round(40 * ratio)
+    place_m = (np.arange(shape[axis]) + 0.5) * own_m[axis]
+    from_middle_m = place_m - place_m.mean()  # even, so that levelling takes nothing of it
+    wave_m = 1e-6 * np.cos(2.0 * np.pi * from_middle_m / (8.0 * D_M))
+    height_m = np.broadcast_to(wave_m[:, None] if axis == 0 else wave_m, shape)
+    first, second = HeightMap(np.zeros((40, 40)), PIXEL_M), HeightMap(height_m, tuple(own_m))
+    both = composite_surface(first, second, place(first, second)).height_m[8:-8, 8:-8]
+    # between two points of the second face a straight line cuts the wave a little
+    left = both.std() / wave_m.std() / (2.0 ** -(1 / 16) if smoothed else 1.0)
+    assert left == pytest.approx(1.0, abs=0.02 if ratio == 8.0 else 0.09)
+    if ratio == 8.0:
+        assert both.std() < 0.97 * wave_m.std()

@@ -7,10 +7,11 @@ import numpy as np
 from capslip.caps.hills import Hills
 from capslip.caps.noise import Noise
 from capslip.caps.points import HillPoints
-from capslip.caps.quadric import Quadrics, fit_quadrics
+from capslip.caps.quadric import MIN_POINTS, Quadrics, fit_quadrics
 from capslip.surface.heightmap import HeightMap
 
 CROWN_POINTS = 25  # highest points from which the apex is taken where there is no noise
+MAX_DOUBLINGS = 10  # of the depth within which points are counted
 CROWN_NOISE = 10.0  # depth, in standard deviations of the noise, from which it is taken otherwise
 
 
@@ -26,9 +27,16 @@ class Apexes:
     on_surface: np.ndarray  # whether it is the vertex
     least_depth_m: np.ndarray  # depth of the crown, the shallowest that can be fitted
     floor_m: np.ndarray  # level below which noise takes points away from the hill
+    at_cut: np.ndarray  # whether the crown would have been deeper than that level
 
 
-def find_apexes(surface: HeightMap, hills: Hills, points: HillPoints, noise: Noise) -> Apexes:
+def find_apexes(
+    surface: HeightMap,
+    hills: Hills,
+    points: HillPoints,
+    noise: Noise,
+    depth_m: np.ndarray | None = None,
+) -> Apexes:
     """Find the apexes by a quadric through the crown of each hill.
 
     The crown is as deep as noise demands, and as shallow as pixels allow: on a hill that is no
@@ -47,6 +55,9 @@ def find_apexes(surface: HeightMap, hills: Hills, points: HillPoints, noise: Noi
         Their points.
     noise : Noise
         What `noise_on_hills` returned.
+    depth_m : float64, shape (n,), optional
+        Depth of the fit, NaN where none is asked for. Within it the points are counted that say how
+        far the height falls from one to the next; else over the whole hill, and the cut has a say.
     """
     count = points.count
     many = np.maximum(count, 1)
@@ -57,13 +68,16 @@ def find_apexes(surface: HeightMap, hills: Hills, points: HillPoints, noise: Noi
     floor_m = hills.cut_height_m + np.minimum(3.0 * noise.rms_m, 0.3 * height_m)
     # On a sphere the height falls by equal amounts from point to point.
     per_point_m = height_m / many
-    depth_m = np.maximum(CROWN_NOISE * noise.rms_m, CROWN_POINTS * per_point_m)
+    if depth_m is not None:
+        within_m, within = _fall_within(points, highest_m[2], np.minimum(depth_m, height_m))
+        per_point_m = np.where(within_m < height_m, within_m / np.maximum(within, 1), per_point_m)
+    crown_m = np.maximum(CROWN_NOISE * noise.rms_m, CROWN_POINTS * per_point_m)
     # The highest point of many stands up to four standard deviations above the surface.
-    seen_m = np.maximum(depth_m, (CROWN_NOISE + 4.0) * noise.rms_m)
+    seen_m = np.maximum(crown_m, (CROWN_NOISE + 4.0) * noise.rms_m)
     level_m = np.maximum(highest_m[2] - seen_m, floor_m)
     crown = fit_quadrics(points, level_m, highest_m)
     if noise.rms_m > 0.0:
-        level_m = np.where(crown.exists, np.fmax(crown.z_m - depth_m, floor_m), level_m)
+        level_m = np.where(crown.exists, np.fmax(crown.z_m - crown_m, floor_m), level_m)
         crown = fit_quadrics(points, level_m, highest_m, crown, noise.rms_m)
     on_surface = on_hill(surface, hills, crown)
     on_surface[on_surface] = np.abs(crown.z_m - highest_m[2])[on_surface] <= seen_m[on_surface]
@@ -84,9 +98,24 @@ def find_apexes(surface: HeightMap, hills: Hills, points: HillPoints, noise: Noi
         apex_m=apex_m,
         apex_se_m=np.where(fitted, scatter_m * gain, highest_se_m),
         on_surface=on_surface,
-        least_depth_m=depth_m,
+        least_depth_m=crown_m,
         floor_m=floor_m,
+        at_cut=highest_m[2] - seen_m < floor_m,
     )
+
+
+def _fall_within(
+    points: HillPoints, highest_m: np.ndarray, depth_m: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return depths, doubled where they hold fewer than nine points, and the points within."""
+    for _ in range(MAX_DOUBLINGS):
+        above = points.z_m >= np.repeat(highest_m - depth_m, points.count)
+        within = np.bincount(points.hill[above], minlength=points.n_hills)
+        few = (within < MIN_POINTS) & np.isfinite(depth_m)
+        if not few.any():
+            break
+        depth_m = np.where(few, 2.0 * depth_m, depth_m)
+    return depth_m, within
 
 
 def on_hill(surface: HeightMap, hills: Hills, quadric: Quadrics) -> np.ndarray:

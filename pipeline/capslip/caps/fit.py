@@ -1,6 +1,6 @@
 """Spherical caps fitted to hills, all hills at once."""
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -9,7 +9,7 @@ from capslip.caps.body import body_of_hills
 from capslip.caps.fitting import Fit, FitInput, Spheres, fit_named
 from capslip.caps.flags import flags_of_caps
 from capslip.caps.hills import Hills
-from capslip.caps.noise import noise_on_hills
+from capslip.caps.noise import Noise, noise_on_hills
 from capslip.caps.points import HillPoints, points_of_hills
 from capslip.caps.profile import quartic_profile, rms_from_sphere_m
 from capslip.caps.table import CapFlag, CapTable
@@ -60,6 +60,41 @@ def fit_caps(
     Standard errors follow from the scatter of the points about the quadric and from the correlation
     of the noise. They say nothing of how far a hill is from a sphere: the residual does.
     """
+    return fit_spheres(surface, hills, fit, depth_m, points).table
+
+
+@dataclass(frozen=True, eq=False)
+class Fitted:
+    """Spheres of the hills, shape (n,), and all that a table of caps tells of them."""
+
+    fit: Fit
+    given: FitInput
+    spheres: Spheres  # without radius where there is no usable one
+
+    @property
+    def usable(self) -> np.ndarray:
+        """Mask of the hills that have a sphere, as of the table."""
+        return ~np.isnan(self.spheres.radius_m)
+
+    @property
+    def table(self) -> CapTable:
+        """The caps."""
+        return _table(self.fit, self.given, self.spheres)
+
+
+def fit_spheres(
+    surface: HeightMap,
+    hills: Hills,
+    fit: str,
+    depth_m: np.ndarray | None = None,
+    points: HillPoints | None = None,
+    noise: Noise | None = None,
+) -> Fitted:
+    """Fit one sphere to each hill; its flags and how well it fits wait until they are asked for.
+
+    Parameters and errors are those of `fit_caps`; `noise` is what `noise_on_hills` returned for the
+    same map and hills, to save measuring it again.
+    """
     chosen, n = fit_named(fit), hills.n_hills
     depth_m = np.full(n, np.nan) if depth_m is None else np.asarray(depth_m, dtype=float)
     if depth_m.shape != (n,) or not (np.isnan(depth_m) | (depth_m > 0.0)).all():
@@ -70,20 +105,21 @@ def fit_caps(
     if chosen.at_cut_alone:
         depth_m = np.full(n, np.nan)
     points = points or points_of_hills(surface, hills)
-    noise = noise_on_hills(surface, points)
-    apexes = find_apexes(surface, hills, points, noise)
+    noise = noise or noise_on_hills(surface, points)
+    apexes = find_apexes(surface, hills, points, noise, depth_m)
     body = body_of_hills(hills.cut_height_m, points, apexes, noise, depth_m, chosen.depth_share)
     given = FitInput(surface, hills, points, noise, apexes, body, chosen.edge_of_face)
-    return _table(chosen, given, chosen.spheres(given))
+    spheres = chosen.spheres(given)
+    # No sphere where there is no height above the cut, or no positive radius
+    usable = (spheres.apex_m > hills.cut_height_m) & (spheres.radius_m > 0.0)
+    radius_m = np.where(usable, spheres.radius_m, np.nan)
+    radius_se_m = np.where(np.isfinite(radius_m), spheres.radius_se_m, np.nan)
+    return Fitted(chosen, given, replace(spheres, radius_m=radius_m, radius_se_m=radius_se_m))
 
 
 def _table(fit: Fit, given: FitInput, spheres: Spheres) -> CapTable:
-    """Return the caps; no sphere where there is no height above the cut, or no positive radius."""
     cap_height_m = np.fmax(spheres.apex_m - given.hills.cut_height_m, 0.0)
-    usable = (cap_height_m > 0.0) & (spheres.radius_m > 0.0)
-    radius_m = np.where(usable, spheres.radius_m, np.nan)
-    radius_se_m = np.where(np.isfinite(radius_m), spheres.radius_se_m, np.nan)
-    spheres = replace(spheres, radius_m=radius_m, radius_se_m=radius_se_m)
+    radius_m = spheres.radius_m
     flags = flags_of_caps(given, spheres, cap_height_m)
     diameter_m = given.diameter_m
     if not fit.at_cut_alone:
@@ -105,7 +141,7 @@ def _table(fit: Fit, given: FitInput, spheres: Spheres) -> CapTable:
         load_N=np.full(n, np.nan),
         contact_radius_m=np.full(n, np.nan),
         flags=flags,
-        radius_se_m=radius_se_m,
+        radius_se_m=spheres.radius_se_m,
         peak_height_se_m=spheres.apex_se_m,
         radius_major_m=1.0 / quadric.curvature_per_m[0],
         radius_minor_m=1.0 / quadric.curvature_per_m[1],

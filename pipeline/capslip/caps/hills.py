@@ -289,15 +289,22 @@ def _mean(above_m: np.ndarray, missing: np.ndarray, point: np.ndarray, side: int
     """Mean of the measured heights in a square about each point, NaN where there is none."""
     from scipy.ndimage import uniform_filter1d
 
-    width = above_m.shape[1]
-    total, weight = np.zeros(len(point)), np.zeros(len(point))
-    values = np.where(missing, 0.0, above_m)
-    for field, at_points in ((values, total), (~missing, weight)):
-        along_row = uniform_filter1d(field, side, axis=1, output=np.float64).reshape(-1)
-        for step in range(-(side // 2), side // 2 + 1):
-            at_points += along_row[point + step * width]
-    weight[weight < 0.5 / side] = np.nan
-    return total / weight
+    width, half = above_m.shape[1], side // 2
+    along_row = uniform_filter1d(
+        np.where(missing, 0.0, above_m), side, axis=1, output=np.float64
+    ).reshape(-1)
+    # No point is nearer to the frame than half a square.
+    known = (~missing).view(np.uint8)
+    beside = np.zeros_like(known)
+    for step in range(side):
+        beside[:, half : width - half] += known[:, step : width - 2 * half + step]
+    count_along_row = beside.reshape(-1)
+    total, count = np.zeros(len(point)), np.zeros(len(point))
+    for step in range(-half, half + 1):
+        total += along_row[point + step * width]
+        count += count_along_row[point + step * width]
+    count[count == 0.0] = np.nan
+    return total * (side / count)
 
 
 def _across(field_m: np.ndarray, point: np.ndarray, width: int) -> np.ndarray:

@@ -1,5 +1,6 @@
 """Noise of the heights on the hills, white or correlated over a few points."""
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -52,14 +53,26 @@ def noise_on_hills(surface: HeightMap, points: HillPoints) -> Noise:
     spacing k passes (6 - 8 r(k) + 2 r(2k))^2, which gives r(k) from r(2k), down from the spacing
     at which it vanishes; the inflation is the sum 1 + 2 r(1) + 2 r(2) + ...
     """
-    every = max(1, points.hill.size // SAMPLES)
-    row, col = points.row[::every], points.col[::every]
+    every = math.ceil(math.sqrt(max(1.0, points.hill.size / SAMPLES)))
+    some = on_lattice(points.row, surface.shape[0], every)
+    some &= on_lattice(points.col, surface.shape[1], every)
+    return noise_at(surface, points.row[some], points.col[some])
+
+
+def noise_at(surface: HeightMap, row: np.ndarray, col: np.ndarray) -> Noise:
+    """Measure the noise about some points of a map, given by row and column."""
     seen_m: list[float] = []
     for spacing in SPACINGS:
         seen_m.append(_seen_m(surface.height_m, row, col, spacing))
         if len(seen_m) > 1 and seen_m[-1] <= LEVELLED * seen_m[-2]:
             return Noise(max(seen_m[-2:]), _inflation(seen_m))
     return Noise(seen_m[0], 1.0)
+
+
+def on_lattice(place: np.ndarray, n: int, every: int) -> np.ndarray:
+    """Tell which of rows or columns 0 ... n - 1 lie on a lattice; the mirrored map has the same."""
+    chosen: np.ndarray = np.minimum(place, n - 1 - place) % every == 0
+    return chosen
 
 
 def _inflation(seen_m: list[float]) -> float:

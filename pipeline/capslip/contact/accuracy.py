@@ -127,7 +127,7 @@ def error_of_caps(
         return CapsError(doubt)
     try:
         of_caps = math.hypot(
-            _random_error(scene, found, noise_m, settings),
+            _random_error(scene, curve, found, noise_m, settings),
             _shape_error(scene, curve, found, settings),
             _pair_error(scene, found, settings),
             LEAST_ERROR,
@@ -158,7 +158,9 @@ def _doubt(
     return None
 
 
-def _random_error(scene: Scene, found: np.ndarray, noise_m: float, settings: Settings) -> float:
+def _random_error(
+    scene: Scene, curve: InteractingCurve, found: np.ndarray, noise_m: float, settings: Settings
+) -> float:
     """Return twice the relative standard deviation of the answers that moved caps give."""
     caps, use = scene.caps, scene.use
 
@@ -176,7 +178,7 @@ def _random_error(scene: Scene, found: np.ndarray, noise_m: float, settings: Set
     draws = max(4, min(DRAWS, DRAWS * 100 // int(np.count_nonzero(use))))
     sign = np.random.default_rng(0).choice((-1.0, 1.0), (draws, 2, len(caps)))
     changes = [
-        _change(_moved(scene, up * height_m, wide * ratio, settings), scene, found, settings)
+        _change(_moved(scene, curve, up * height_m, wide * ratio, settings), scene, found, settings)
         for up, wide in sign
     ]
     return float(2.0 * np.sqrt(np.mean(np.square(changes), axis=0)).max())
@@ -196,7 +198,7 @@ def _shape_error(
     # The first order would overflow far beyond the hill, which is doubted anyway
     first_order = (2 / 3 - 8 / 5 * share) * quartic_m / depth_m
     wide[use] = np.where(known, np.clip(first_order, -MOST_WIDE, MOST_WIDE), 0.0)
-    change = _change(_moved(scene, up_m, wide, settings), scene, found, settings)
+    change = _change(_moved(scene, curve, up_m, wide, settings), scene, found, settings)
     return float(2.0 * np.abs(change).max())
 
 
@@ -223,16 +225,23 @@ def _levelling_error(scene: Scene, found: np.ndarray, settings: Settings) -> flo
 
 
 def _moved(
-    scene: Scene, up_m: np.ndarray, log_radius: np.ndarray, settings: Settings
+    scene: Scene,
+    curve: InteractingCurve,
+    up_m: np.ndarray,
+    log_radius: np.ndarray,
+    settings: Settings,
 ) -> InteractingCurve:
-    """Return the curve of caps that are higher and, by a logarithm, wider."""
+    """Return the curve of caps that are higher and, by a logarithm, wider than those of another."""
+    load_N = curve.asperity_loads_N(curve.approach_m(scene.preload_N))
+    start_m = (load_N / curve.coefficient) ** (2 / 3)
     caps: CapTable = scene.caps.with_columns(
         peak_height_m=scene.caps.peak_height_m + up_m,
         radius_m=scene.caps.radius_m * np.exp(log_radius),
     )
     if settings.contact.alignment == "balanced":
-        caps = rebalanced(caps, scene.use, scene.load_point_m, settings)
-    return RUNG.build(replace(scene, caps=caps))
+        at_m = scene.load_point_m
+        caps, start_m = rebalanced(caps, scene.caps, scene.use, at_m, settings, start_m)
+    return replace(RUNG.build(replace(scene, caps=caps)), start_m=start_m)
 
 
 def _change(curve: NormalCurve, scene: Scene, found: np.ndarray, settings: Settings) -> np.ndarray:

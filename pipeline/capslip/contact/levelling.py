@@ -10,12 +10,14 @@ the face rests on three points under a load of no size.
 import math
 from contextlib import suppress
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
-from capslip.caps.fit import fit_caps
+from capslip.caps.fit import Fitted, fit_spheres
 from capslip.caps.fitting import fit_named
 from capslip.caps.hills import Hills, find_hills
+from capslip.caps.noise import SAMPLES, Noise, noise_at, on_lattice
 from capslip.caps.points import points_of_hills
 from capslip.caps.resting import resting_plane
 from capslip.caps.table import CapTable
@@ -34,9 +36,10 @@ MAX_TURNS = 25  # of fit and contact on the hills of one cut
 SETTLED_M = 1e-11  # tilt across the face that the last turn may leave
 SETTLED_LOAD = 1e-4  # of the preload, that the last turn may move
 HELD_LOAD = 3e-4  # of the preload: below, depths are held, else a pixel may flip for ever
+SHALLOW_LOAD = 1e-3  # of the preload, on hills whose fit the cut may limit
 EARLY = 0.05  # of load and approach: by then the cut can be tried
 SAME_CUT = 0.1  # of the approach: a face that turned less since it was cut is cut well
-SAME_APPROACH = 0.02  # relative: an approach on which the separation of hills was based
+RELIEFS = 4  # a factor of two, to which approaches are rounded before they tell hills apart
 MAX_PAIRS = 2000  # caps; more are pressed without interaction to find the level
 
 
@@ -146,12 +149,17 @@ class _Start:
     place_m: np.ndarray | None = None  # (2, m), of the caps that carried load
     depth_m: np.ndarray | None = None  # (m,), at which they were fitted
 
+    @property
+    def relief_m(self) -> float | None:
+        """Relief that tells hills apart, None where no approach is known."""
+        return None if self.approach_m is None else _relief_m(self.approach_m)
+
 
 @dataclass(frozen=True, eq=False)
 class _Rest:
     """The end of the turns on the hills of one cut."""
 
-    caps: CapTable
+    fitted: Fitted
     use: np.ndarray  # (m,), the caps that were pressed
     load_N: np.ndarray  # (m,)
     plane_m: float  # height of the pressed plane at the load point, in the frame of `slope`
@@ -178,6 +186,18 @@ class _Search:
     at_m: tuple[float, float]
     rest_slope: tuple[float, float]
 
+    @cached_property
+    def noise(self) -> Noise:
+        """Noise of the highest tenth as the face rests, so that no level or cut decides it."""
+        shape, share = self.surface.shape, 0.1
+        every = max(1, math.isqrt(int(math.prod(shape) * share / SAMPLES)))
+        row, col = (np.flatnonzero(on_lattice(np.arange(n), n, every)) for n in shape)
+        (dy_m, dx_m), (slope_x, slope_y) = self.surface.pixel_size_m, self.rest_slope
+        height_m = self.surface.height_m[np.ix_(row, col)] - slope_x * dx_m * col
+        height_m -= (slope_y * dy_m * row)[:, None]
+        i, j = np.nonzero(height_m >= np.nanquantile(height_m, 1.0 - share))
+        return noise_at(self.surface, row[i], col[j])
+
     def run(self, start: _Start) -> tuple[Level, _Start]:
         """Return the level, and what a search on a finer map can start from."""
         tipped: TipsOverError | None = None
@@ -190,8 +210,8 @@ class _Search:
                 return self._at_ratio(replace(start, ratio=ratio), last)
             except _MissedError as missed:
                 trouble = trouble or ContactError(
-                    f"the face finds no level: it balances on what stands above a cut at {ratio:.0%}, "
-                    "and on no deeper cut that holds all that touches"
+                    f"the face finds no level: it balances on what stands above a cut at "
+                    f"{ratio:.0%}, and on no deeper cut that holds all that touches"
                 )
                 start = _Start(missed.slope, ratio, missed.approach_m)
             except TipsOverError as error:
@@ -207,22 +227,22 @@ class _Search:
             rest = self._turns(surface, hills, start, last)
             span_m = self._across_m(rest.slope - start.slope)
             same = span_m < SAME_CUT * rest.approach_m
-            if start.approach_m is None or abs(rest.approach_m / start.approach_m - 1) > (
-                SAME_APPROACH
-            ):
-                same = False
+            same = same and start.relief_m == _relief_m(rest.approach_m)
             start = self._next(start, rest)
             if same:
                 break
         surface = turned(self.surface, -rest.slope, self.at_m)
         certificate = self._certify(surface, hills, rest)
-        if certificate.missed_area_m2 > 0.0 and not last:
+        at_cut = rest.fitted.given.apexes.at_cut[rest.use]
+        shallow_N = float(rest.load_N[at_cut].sum())
+        shallow = shallow_N > SHALLOW_LOAD * self.settings.contact.preload_N
+        if (certificate.missed_area_m2 > 0.0 or shallow) and not last:
             raise _MissedError(rest.slope, rest.approach_m)
         slope_x, slope_y = (-rest.slope).tolist()
         level = Level(
             surface=surface,
             hills=hills,
-            caps=rest.caps,
+            caps=rest.fitted.table,
             slope=(slope_x, slope_y),
             rest_slope=self.rest_slope,
             load_point_m=self.at_m,
@@ -241,7 +261,7 @@ class _Search:
             chosen.separation,
             chosen.pruning_height_m,
             chosen.pruning_percent_Sz,
-            relief_m=start.approach_m,
+            relief_m=start.relief_m,
         )
 
     def _turns(self, surface: HeightMap, hills: Hills, start: _Start, last: bool) -> _Rest:
@@ -253,19 +273,19 @@ class _Search:
         before_N: np.ndarray | None = None
         tried, history = last, list[float]()
         for _ in range(MAX_TURNS):
-            caps = fit_caps(surface, hills, fit, depth_m, points)
+            fitted = fit_spheres(surface, hills, fit, depth_m, points, self.noise)
             try:
-                use, rest, load_N, peak_m = self._press(caps)
+                use, rest, load_N, depths_m = self._press(fitted, slope)
             except TipsOverError as error:
                 if before_N is None:
                     raise
                 raise ContactError(  # more caps balanced it before some lost their sphere
                     f"the face finds no level: fitted as deep as they are compressed, "
-                    f"{int(caps.usable.sum())} of {len(caps)} hills are left as caps, and they do "
-                    "not surround the load; check preload and units"
+                    f"{int(fitted.usable.sum())} of {hills.n_hills} hills are left as caps, and "
+                    "they do not surround the load; check preload and units"
                 ) from error
             turn = np.array(rest.slope)
-            all_N = np.zeros(len(caps))
+            all_N = np.zeros(hills.n_hills)
             all_N[use] = load_N
             preload_N = self.settings.contact.preload_N
             moved = 1.0
@@ -273,12 +293,9 @@ class _Search:
                 moved = float(np.abs(all_N - before_N).sum()) / (2.0 * preload_N)
             before_N = all_N
             span_m = self._across_m(turn)
-            depths_m = peak_m.max() - peak_m - _arm_m(caps, use, self.at_m) @ turn
             approach_m = rest.level_m - float(depths_m.min())
-            found = _Rest(
-                *(caps, use, load_N, float(peak_m.max()) - rest.level_m),
-                *(depth_m, slope, approach_m, 0.0),
-            )
+            plane_m = float(fitted.spheres.apex_m[use].max()) - rest.level_m
+            found = _Rest(fitted, use, load_N, plane_m, depth_m, slope, approach_m, 0.0)
             if moved < SETTLED_LOAD and span_m < SETTLED_M:
                 return found
             history.append(moved)
@@ -290,7 +307,7 @@ class _Search:
                     raise _MissedError(slope, approach_m)
             if share is not None and (moved > HELD_LOAD or depth_m is None):
                 compression_m = np.maximum(rest.compression_m, 0.0)
-                depth_m = np.full(len(caps), np.nan)
+                depth_m = np.full(hills.n_hills, np.nan)
                 depth_m[use] = np.where(load_N > 0.0, share * compression_m, np.nan)
             points = replace(
                 points,
@@ -306,13 +323,23 @@ class _Search:
             "of the load still move; set contact.alignment to as_levelled"
         )
 
-    def _press(self, caps: CapTable) -> tuple[np.ndarray, Equilibrium, np.ndarray, np.ndarray]:
-        """Return the caps that were pressed, their equilibrium, loads and peak heights."""
-        use = np.flatnonzero(caps.usable)
+    def _press(
+        self, fitted: Fitted, slope: np.ndarray
+    ) -> tuple[np.ndarray, Equilibrium, np.ndarray, np.ndarray]:
+        """Return the caps that were pressed, their equilibrium, loads and depths below the plane.
+
+        The plane is that of the highest peak, turned with the face. What holds the parts upright is
+        at ease where no slope is taken off the map.
+        """
+        use, spheres = np.flatnonzero(fitted.usable), fitted.spheres
         if not use.size:
             raise ContactError("no cap stands above the cut; raise hills.material_ratio")
-        rest, load_N = _pressed(caps, use, self.at_m, self.settings)
-        return use, rest, load_N, caps.peak_height_m[use]
+        arm_m = np.column_stack((spheres.x_m[use], spheres.y_m[use])) - self.at_m
+        peak_m = spheres.apex_m[use]
+        stiffness = turning_stiffness(self.settings)
+        held = (stiffness, stiffness * slope)
+        rest, load_N = _pressed(arm_m, peak_m, spheres.radius_m[use], self.settings, held)
+        return use, rest, load_N, peak_m.max() - peak_m - arm_m @ np.array(rest.slope)
 
     def _across_m(self, slope: np.ndarray) -> float:
         """Return the greater height that slopes (x, y) make along a side of the face."""
@@ -323,7 +350,8 @@ class _Search:
         known = np.zeros(0, dtype=np.intp)
         if rest.depth_m is not None:
             known = np.flatnonzero(np.isfinite(rest.depth_m))
-        place_m = np.stack((rest.caps.x_m[known], rest.caps.y_m[known]))
+        spheres = rest.fitted.spheres
+        place_m = np.stack((spheres.x_m[known], spheres.y_m[known]))
         depth_m = rest.depth_m[known] if rest.depth_m is not None else None
         return _Start(rest.slope, start.ratio, rest.approach_m, place_m, depth_m)
 
@@ -345,12 +373,12 @@ class _Search:
     def _certify(self, surface: HeightMap, hills: Hills, rest: _Rest) -> Certificate:
         on = rest.load_N > 0.0
         hill = rest.use[on]
-        material = self.settings.material
+        material, spheres = self.settings.material, rest.fitted.spheres
         return certify_cut(
             surface,
             hills.label,
             rest.plane_m,
-            np.stack([rest.caps.x_m[hill], rest.caps.y_m[hill], rest.caps.radius_m[hill]]),
+            np.stack([spheres.x_m[hill], spheres.y_m[hill], spheres.radius_m[hill]]),
             rest.load_N[on],
             hill + 1,
             composite(material.youngs_modulus_Pa, material.poisson_ratio).E_star_Pa,
@@ -358,39 +386,67 @@ class _Search:
         )
 
 
+def _relief_m(approach_m: float) -> float:
+    """Return an approach in steps, so that hills do not depend on how it was found."""
+    return float(2.0 ** (round(RELIEFS * math.log2(approach_m)) / RELIEFS))
+
+
 def rebalanced(
-    caps: CapTable, use: np.ndarray, at_m: tuple[float, float], settings: Settings
-) -> CapTable:
-    """Return caps at their heights over the plane that balances them.
+    caps: CapTable,
+    before: CapTable,
+    use: np.ndarray,
+    at_m: tuple[float, float],
+    settings: Settings,
+    start_m: np.ndarray | None = None,
+) -> tuple[CapTable, np.ndarray]:
+    """Return caps that changed at their heights over the plane that balances them.
+
+    The compressions of those in use come with them.
 
     Parameters
     ----------
     caps : CapTable
-        At their heights over some plane.
+        At their heights over the plane that balanced them before.
+    before : CapTable
+        The same caps before.
     use : bool, shape (n,)
         Those that may carry.
     at_m : (float, float)
         Load point (x, y).
     settings : Settings
         `material` and `contact`.
+    start_m : float64, shape (m,), optional
+        Compressions of those in use to start from.
     """
     chosen = np.flatnonzero(use)
-    rest, _ = _pressed(caps, chosen, at_m, settings)
-    up_m = _arm_m(caps, np.arange(len(caps)), at_m) @ np.array(rest.slope)
-    return caps.with_columns(peak_height_m=caps.peak_height_m + up_m)
+    arm_m = np.column_stack((caps.x_m, caps.y_m)) - at_m
+    arms_m = arm_m[chosen]
+    held = (turning_stiffness(settings), np.zeros(2))
+    if held[0] > 0.0:
+        peak_m, radius_m = before.peak_height_m[chosen], before.radius_m[chosen]
+        _, load_N = _pressed(arms_m, peak_m, radius_m, settings, (math.inf, np.zeros(2)))
+        held = (held[0], load_N @ arms_m)
+    peak_m, radius_m = caps.peak_height_m[chosen], caps.radius_m[chosen]
+    rest, _ = _pressed(arms_m, peak_m, radius_m, settings, held, start_m)
+    up_m = arm_m @ np.array(rest.slope)
+    return caps.with_columns(peak_height_m=caps.peak_height_m + up_m), rest.compression_m
 
 
 def _pressed(
-    caps: CapTable, use: np.ndarray, at_m: tuple[float, float], settings: Settings
+    arm_m: np.ndarray,
+    peak_m: np.ndarray,
+    radius_m: np.ndarray,
+    settings: Settings,
+    held: tuple[float, np.ndarray],
+    start_m: np.ndarray | None = None,
 ) -> tuple[Equilibrium, np.ndarray]:
     """Return the equilibrium of caps under a plane that may turn, and their loads."""
     material, contact = settings.material, settings.contact
     E_star_Pa = composite(material.youngs_modulus_Pa, material.poisson_ratio).E_star_Pa
-    k = 4.0 / 3.0 * E_star_Pa * np.sqrt(caps.radius_m[use])
-    peak_m = caps.peak_height_m[use]
+    k = 4.0 / 3.0 * E_star_Pa * np.sqrt(radius_m)
     C = None
-    if use.size <= MAX_PAIRS and (contact.model == "auto" or rung(contact.model).interacts):
-        x_m, y_m = caps.x_m[use], caps.y_m[use]
+    if len(k) <= MAX_PAIRS and (contact.model == "auto" or rung(contact.model).interacts):
+        x_m, y_m = arm_m.T
         r_m = np.hypot(x_m[:, None] - x_m, y_m[:, None] - y_m)
         np.fill_diagonal(r_m, np.inf)
         C = 1.0 / (math.pi * E_star_Pa * r_m)
@@ -398,13 +454,10 @@ def _pressed(
         k,
         peak_m.max() - peak_m,
         C,
-        (contact.preload_N / use.size / k) ** (2 / 3),
+        (contact.preload_N / len(k) / k) ** (2 / 3) if start_m is None else start_m,
         load=contact.preload_N,
-        arm=_arm_m(caps, use, at_m),
-        turning_stiffness=turning_stiffness(settings),
+        arm=arm_m,
+        turning_stiffness=held[0],
+        moment_Nm=held[1],
     )
     return rest, k * np.maximum(rest.compression_m, 0.0) ** 1.5
-
-
-def _arm_m(caps: CapTable, use: np.ndarray, at_m: tuple[float, float]) -> np.ndarray:
-    return np.column_stack((caps.x_m[use] - at_m[0], caps.y_m[use] - at_m[1]))

@@ -100,25 +100,6 @@ FIGURES = {
 }
 
 
-def write_figures(analysis: "Analysis", folder: str | Path) -> list[Path]:
-    """Draw every figure that the analysis has data for, as PNG.
-
-    Parameters
-    ----------
-    analysis : Analysis
-        A finished analysis.
-    folder : path
-        An existing folder.
-
-    Returns
-    -------
-    list of Path
-        The files written, `<name>.png` for the names of `FIGURES`.
-    """
-    paths = [write_figure(name, analysis, folder) for name in FIGURES]
-    return [path for path in paths if path is not None]
-
-
 def write_figure(name: str, analysis: "Analysis", folder: str | Path) -> Path | None:
     """Draw one figure of `FIGURES` as PNG; None where the analysis lacks what it needs."""
     figure = FIGURES[name].draw(analysis)

@@ -7,8 +7,9 @@ from numpy.typing import ArrayLike
 
 from capslip.contact.models.caps import caps
 from capslip.contact.rung import Contacts, Rung, Scene, contacts_of_caps
-from capslip.contact.solvers.equilibrium import lift_off, press, shear, solve_coupled
+from capslip.contact.solvers.balance import press
 from capslip.contact.solvers.hertz import HertzCurve, contact_radius_m, load_drop_of_asperity
+from capslip.contact.solvers.shear import lift_off, shear, solve_coupled
 from capslip.errors import ContactError, SettingsError
 
 MAX_LIFT_OFFS = 300  # contacts
@@ -30,6 +31,11 @@ class InteractingCurve(HertzCurve):
     x_m: np.ndarray = field(kw_only=True)  # (n,)
     y_m: np.ndarray = field(kw_only=True)  # (n,)
     pair_compliance_m_per_N: np.ndarray = field(kw_only=True)  # (n, n), zero diagonal
+    start_m: np.ndarray | None = field(default=None, kw_only=True, repr=False)  # of compressions
+    # Level and compressions under the last load, which curves that differ by a spring share
+    _equilibrium: dict[float, tuple[float, np.ndarray]] = field(
+        default_factory=dict, kw_only=True, repr=False
+    )
     # Compressions at the approaches that `approach_m` returned last, for the methods asked next
     _solved: dict[float, np.ndarray] = field(default_factory=dict, init=False, repr=False)
 
@@ -78,7 +84,7 @@ class InteractingCurve(HertzCurve):
                 mean = self.pair_compliance_m_per_N.mean()
                 args = (self.count, self.radius_m, self.depth_m, self.E_star_Pa, mean)
                 start = HertzCurve(self.model, *args)._compression(y)
-            _, start = press(*self._system, start, level=y)
+            start = press(*self._system, start, level=y).compression_m
             g[index] = start
         return g
 
@@ -90,10 +96,19 @@ class InteractingCurve(HertzCurve):
             N = float(load[index])
             if N == 0:
                 continue
+            if N in self._equilibrium:
+                level[index], g[index] = self._equilibrium[N]
+                continue
+            if start is None:
+                start = self.start_m
             if start is None:
                 start = super()._pressed(np.asarray(N))[1]
-            level[index], start = press(*self._system, start, load=N)
+            rest = press(*self._system, start, load=N)
+            level[index], start = rest.level_m, rest.compression_m
             g[index] = start
+        if load.ndim == 0 and load > 0.0:
+            self._equilibrium.clear()
+            self._equilibrium[float(load)] = float(level), g
         approach = level + self.compliance_m_per_N * load
         self._solved.clear()
         self._solved.update(zip(approach.ravel().tolist(), g.reshape(-1, g.shape[-1]), strict=True))
@@ -244,7 +259,7 @@ def interacting(
         a = contact_radius_m(N, curve.radius_m, E_star_Pa)
         factor = hertz_over_point_load(a / r)
         C = (factor + factor.T) / (2 * np.pi * E_star_Pa * r)
-        curve = replace(curve, pair_compliance_m_per_N=C)
+        curve = replace(curve, pair_compliance_m_per_N=C, _equilibrium={})
     return curve
 
 

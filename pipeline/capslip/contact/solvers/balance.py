@@ -37,6 +37,7 @@ def press(
     level: float | None = None,
     arm: np.ndarray | None = None,
     turning_stiffness: float = math.inf,
+    moment_Nm: np.ndarray | tuple[float, float] = (0.0, 0.0),
 ) -> Equilibrium:
     """Find the equilibrium under a given load, or under a plane at a given level.
 
@@ -65,6 +66,9 @@ def press(
         r: places (x, y) of the contacts from the load point, in m. Needed by a plane that turns.
     turning_stiffness : float
         K in N m/rad.
+    moment_Nm : (float, float)
+        That the spring already pulls with where the slopes t are zero, along x and y: then
+        sum N_i r_i = moment - K t.
 
     Returns
     -------
@@ -90,7 +94,7 @@ def press(
     >>> bool(abs(loads.sum() - 160.0) < 1e-9), bool(np.abs(loads @ arm).max() < 1e-12)
     (True, True)
     """
-    plane = _Plane.of(k, h, load, level, arm, turning_stiffness)
+    plane = _Plane.of(k, h, load, level, arm, turning_stiffness, moment_Nm)
     state = plane.state(C, g, np.zeros(plane.columns.shape[1]))
     damping = 0.0
     for _ in range(200):
@@ -159,6 +163,7 @@ class _Plane:
         level: float | None,
         arm: np.ndarray | None,
         turning_stiffness: float,
+        moment_Nm: np.ndarray | tuple[float, float],
     ) -> "_Plane":
         one = np.ones((len(k), 1))
         if load is None:
@@ -172,7 +177,7 @@ class _Plane:
         columns = np.hstack((one, arm / reach_m))
         stiffness = turning_stiffness / reach_m**2
         return cls(
-            *(k, h, columns, np.append(goal, (0.0, 0.0))),
+            *(k, h, columns, np.append(goal, np.divide(moment_Nm, reach_m))),
             *(np.array([0.0, stiffness, stiffness]), reach_m, 0.0),
         )
 

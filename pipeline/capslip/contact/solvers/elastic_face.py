@@ -100,29 +100,6 @@ def elastic_face(surface: HeightMap, E_star_Pa: float) -> ElasticFace:
     return ElasticFace(name, depth_m, measured, surface.pixel_size_m, E_star_Pa, half_space)
 
 
-def coarsened(surface: HeightMap, factor: int) -> HeightMap:
-    """Return the map with pixels `factor` times as large, to see what the resolution does.
-
-    Each height is the mean over the measured points of a block; blocks at the far edges may be
-    incomplete, and those without a measured point stay non-measured.
-
-    Examples
-    --------
-    >>> coarsened(HeightMap(np.arange(36.0).reshape(6, 6), (1.0, 1.0)), 2).height_m[0]
-    array([3.5, 5.5, 7.5])
-    """
-    if isinstance(factor, bool) or not isinstance(factor, int | np.integer) or factor < 1:
-        raise SettingsError(f"factor: got {factor!r}; expected an integer of at least 1")
-    measured = surface.measured
-    height_m, known = _block_means(np.where(measured, surface.height_m, 0.0), measured, factor)
-    dy_m, dx_m = surface.pixel_size_m
-    return replace(
-        surface,
-        height_m=np.where(known, height_m, np.nan),
-        pixel_size_m=(factor * dy_m, factor * dx_m),
-    )
-
-
 def _block_means(
     values: np.ndarray, known: np.ndarray, factor: int
 ) -> tuple[np.ndarray, np.ndarray]:

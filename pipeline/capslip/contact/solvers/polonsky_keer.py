@@ -6,7 +6,7 @@ from functools import cached_property
 import numpy as np
 
 from capslip.contact.solvers.closing import Closing, GivenApproach, GivenLoad
-from capslip.contact.solvers.elastic_face import ElasticFace, coarsened, elastic_face
+from capslip.contact.solvers.elastic_face import ElasticFace, elastic_face
 from capslip.contact.solvers.patches import patched
 from capslip.errors import ContactError, SettingsError
 
@@ -14,7 +14,6 @@ __all__ = [
     "Certificate",
     "ElasticFace",
     "Pressed",
-    "coarsened",
     "elastic_face",
     "press",
     "punch_pressure_Pa_per_m",

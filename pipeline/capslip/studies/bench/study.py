@@ -22,16 +22,10 @@ SCHEMA = "capslip/bench/1"
 REPEATS = 5
 SHAPE = (800, 1200)
 N_SETS = 100_000  # of parameters, of the families
-LIBRARIES: tuple[str, ...] = (
-    "capslip",
-    "numpy",
-    "scipy",
-    "scikit-image",
-    "h5py",
-    "matplotlib",
-    "pyvista",
+LIBRARIES = (
+    *("capslip", "numpy", "scipy", "scikit-image"),
+    *("h5py", "matplotlib", "pyvista", "SurfaceTopography"),
 )
-LIBRARIES += ("SurfaceTopography",)
 # What times one stage more closely, and returns its table
 STUDIES = {"hills": bench_hills, "boundary elements": bench_boundary_elements}
 

@@ -156,7 +156,7 @@ def _balanced_peaks_m(
     )
     at_m = load_point_m(face, settings)
     try:
-        level = rebalanced(table, np.ones(n, dtype=bool), at_m, settings)
+        level, _ = rebalanced(table, table, np.ones(n, dtype=bool), at_m, settings)
     except TipsOverError:
         return None
     arm_m = np.column_stack((truth.x_m - at_m[0], truth.y_m - at_m[1]))

@@ -67,7 +67,6 @@ class Spheres:
     """One row of Table 2, as printed."""
 
     family: str
-    symbol: str
     count: int
     cap_height_m: float
     diameter_m: float
@@ -75,8 +74,8 @@ class Spheres:
 
 
 TABLE_2 = (
-    Spheres("G", "n", 5, 1.7e-6, 1.7e-2, RADIUS_G_M),
-    Spheres("P", "m", 18, 1.2e-6, 1.6e-2, RADIUS_P_M),
+    Spheres("G", 5, 1.7e-6, 1.7e-2, RADIUS_G_M),
+    Spheres("P", 18, 1.2e-6, 1.6e-2, RADIUS_P_M),
 )
 TABLE_2_H_M = 2.4e-7
 

@@ -3,7 +3,6 @@
 import math
 import warnings
 import zipfile
-import zlib
 from pathlib import Path
 from tokenize import TokenError
 from typing import IO
@@ -12,6 +11,7 @@ import numpy as np
 
 from capslip.errors import SettingsError, UnreadableFileError
 from capslip.surface.readers.stored import (
+    DAMAGED_ZIP,
     Format,
     Request,
     Stored,
@@ -55,16 +55,7 @@ def _read(path: Path, request: Request) -> Stored:
             check_growth(member.compress_size, member.file_size, what)
             with archive.open(member) as file:
                 return Stored(_array(file, member.file_size, what))
-    except (
-        zipfile.BadZipFile,
-        zlib.error,
-        NotImplementedError,
-        RuntimeError,
-        ValueError,
-        OSError,
-        EOFError,
-    ) as error:
-        # each of these is what zipfile raises on one kind of damaged bytes
+    except DAMAGED_ZIP as error:
         raise UnreadableFileError(
             f"{path}: damaged NPZ archive ({' '.join(str(error).split())}); expected a whole one; "
             "save it again"

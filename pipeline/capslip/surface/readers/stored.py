@@ -1,10 +1,12 @@
 """What a file says of its height map, and the way from there to metres."""
 
 import math
+import zlib
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
+from zipfile import BadZipFile
 
 import numpy as np
 
@@ -16,6 +18,8 @@ MAX_POINTS = 2**28  # 2 GiB of float64
 # Packed data that grow more than this are no measured heights, whose noise does not pack.
 MAX_GROWTH = 200
 GROWTH_COUNTS_FROM_BYTES = 2**24
+# Each is what zipfile raises on one kind of damaged bytes
+DAMAGED_ZIP = (BadZipFile, zlib.error, RuntimeError, ValueError, OSError, EOFError)
 
 
 @dataclass(frozen=True, eq=False)

@@ -12,7 +12,14 @@ from typing import Any
 import numpy as np
 
 from capslip.errors import UnreadableFileError
-from capslip.surface.readers.stored import Format, Request, Stored, check_growth, check_shape
+from capslip.surface.readers.stored import (
+    DAMAGED_ZIP,
+    Format,
+    Request,
+    Stored,
+    check_growth,
+    check_shape,
+)
 
 MAGIC = b"PK\x03\x04"
 MAIN = "main.xml"
@@ -87,16 +94,7 @@ def _archive_notes(path: Path, lenient: bool) -> tuple[str, ...]:
                 )
             main = MAIN if MAIN in names else mains[0]
             _check_main(archive, files[main], path)
-    except (
-        zipfile.BadZipFile,
-        zlib.error,
-        NotImplementedError,
-        RuntimeError,
-        ValueError,
-        OSError,
-        EOFError,
-    ) as error:
-        # each of these is what zipfile raises on one kind of damaged bytes
+    except DAMAGED_ZIP as error:
         raise UnreadableFileError(
             f"{path}: damaged or truncated archive ({_one_line(error)}); expected a whole X3P "
             "file; copy or export it again"

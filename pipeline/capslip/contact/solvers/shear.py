@@ -1,10 +1,9 @@
-"""Equilibrium of Hertz contacts that are coupled by springs: under load, and when sheared.
+"""Contacts that are coupled by springs and sheared: slip of each, and where each lets go.
 
 Contact i carries N_i = k_i (g_i)_+^1.5 at compression g_i, and the load N_j of another one sinks it
-by C_ij N_j; C is symmetric with zero diagonal. These are the solvers behind `interacting`.
+by C_ij N_j; C is symmetric with zero diagonal. These are the solvers behind `interacting`, from the
+equilibrium that `balance.press` finds on.
 """
-
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -12,147 +11,6 @@ from capslip.contact.solvers.hertz import load_drop_of_asperity
 from capslip.errors import ContactError
 
 _BATCH = 4_000_000  # numbers in the matrices that are solved at once: 32 MB
-
-
-def press(
-    k: np.ndarray,
-    h: np.ndarray,
-    C: np.ndarray,
-    g: np.ndarray,
-    load: float | None = None,
-    level: float | None = None,
-) -> tuple[float, np.ndarray]:
-    """Solve g_i + sum_j C_ij N_j = y - h_i at given load sum N_i or at given level y.
-
-    The solution is a minimum over N >= 0 of the energy
-    sum_i [3/5 k_i^(-2/3) N_i^(5/3) + (h_i - y) N_i] + N C N / 2 (without y and of given sum, at
-    given load). Newton's step on the active set, damped where the Hessian is not positive definite
-    or the energy does not fall: it ends in a stable equilibrium from any start. As long as no
-    contacts overlap the energy is convex and there is only one.
-
-    Parameters
-    ----------
-    k, h : ndarray, shape (n,)
-        Hertz coefficients in N/m^1.5 and depths in m.
-    C : ndarray, shape (n, n)
-        Pair compliances in m/N.
-    g : ndarray, shape (n,)
-        Compressions to start from; one at least positive.
-    load, level : float
-        One of them, so high that a cap touches.
-
-    Returns
-    -------
-    float, ndarray
-        Level and compressions, negative for a gap.
-
-    Raises
-    ------
-    ContactError
-        If no equilibrium is found.
-    """
-    state = _State.at(g, k, h, C, load, level)
-    damping = 0.0
-    for _ in range(200):
-        if state.error <= 1e-14 * state.level:
-            break
-        active = state.active
-        gap = state.gap[active]
-        # A cap about to touch has no stiffness yet; that at its whole penetration serves.
-        S = np.sqrt(1.5 * k[active] * np.sqrt(np.where(state.g > 0, state.g, -state.gap)[active]))
-        matrix = S[:, None] * C[np.ix_(active, active)] * S
-        while damping < 1e9:
-            try:
-                z = _solve_definite(matrix, 1 + damping, np.stack([S * gap, S], axis=1))
-            except np.linalg.LinAlgError:
-                damping = max(4 * damping, 0.25)
-                continue
-            rise = 0.0 if load is None else (S @ z[:, 0]) / (S @ z[:, 1])
-            trial = np.where(active, state.g, -state.gap)
-            trial[active] += (rise * z[:, 1] - z[:, 0]) / S
-            new = _State.at(trial, k, h, C, load, level)
-            if new.is_better_than(state):
-                break
-            damping = max(4 * damping, 0.25)
-        else:
-            break
-        state = new
-        damping = damping / 8 if damping > 0.1 else 0.0
-    if state.error > 1e-10 * state.level:
-        goal = f"approach {level:g} m" if load is None else f"load {load:g} N"
-        raise ContactError(
-            f"interacting: no equilibrium of {len(k)} caps at {goal}; the misfit is "
-            f"{state.error:g} m, expected at most {1e-10 * state.level:g} m; use mean_field"
-        )
-    return state.level, np.where(state.g > 0, state.g, -state.gap)
-
-
-@dataclass(frozen=True, eq=False)
-class _State:
-    """Compressions of all caps, and how far they are from equilibrium."""
-
-    g: np.ndarray  # zero for a gap
-    load: float
-    level: float
-    gap: np.ndarray  # in equilibrium zero in contact and not negative elsewhere
-    active: np.ndarray
-    error: float
-    energy: float
-
-    @classmethod
-    def at(
-        cls,
-        g: np.ndarray,
-        k: np.ndarray,
-        h: np.ndarray,
-        C: np.ndarray,
-        load: float | None,
-        level: float | None,
-    ) -> "_State":
-        """Return the state at given compressions, all shifted to the load if there is one."""
-        if load is not None:
-            g = _shifted_to_load(k, g, load)
-        g = np.maximum(g, 0)
-        N = k * g * np.sqrt(g)
-        total = float(N.sum())
-        sunk = C @ N
-        energy = float(N @ (0.6 * g + 0.5 * sunk + h))
-        if level is None:
-            level = float(N @ (g + sunk + h)) / total
-        else:
-            energy -= level * total
-        gap = g + sunk + h - level
-        active = (g > 0) | (gap < 0)
-        return cls(g, total, level, gap, active, float(np.abs(gap[active]).max()), energy)
-
-    def is_better_than(self, other: "_State") -> bool:
-        """Whether the energy fell or, where rounding hides that, the error did."""
-        rounding = 1e-13 * self.level * self.load
-        return self.energy < other.energy - rounding or (
-            self.energy < other.energy + rounding and self.error < 0.5 * other.error
-        )
-
-
-def _shifted_to_load(k: np.ndarray, g: np.ndarray, load: float) -> np.ndarray:
-    """Return g + s with sum k (g + s)_+^1.5 = load; convex in s, so Newton from the right."""
-    highest = int(np.argmax(g))
-    g = g - g[highest] + (load / k[highest]) ** (2 / 3)
-    for _ in range(100):
-        rest = np.maximum(g, 0)
-        root = np.sqrt(rest)
-        step = (k @ (rest * root) - load) / (1.5 * (k @ root))
-        g = g - step
-        if abs(step) <= 1e-15 * rest[highest]:
-            break
-    return g
-
-
-def _solve_definite(matrix: np.ndarray, diagonal: float, right: np.ndarray) -> np.ndarray:
-    """Solve with the matrix of that diagonal; LinAlgError if it is not positive definite."""
-    from scipy.linalg import cho_factor, cho_solve
-
-    matrix.flat[:: len(matrix) + 1] = diagonal
-    return cho_solve(cho_factor(matrix, check_finite=False), right, check_finite=False)
 
 
 def shear(
@@ -169,7 +27,7 @@ def shear(
     Parameters
     ----------
     k, C
-        As for `press`, of the contacts alone.
+        As for `balance.press`, of the contacts alone.
     g : ndarray, shape (n,)
         Their compressions, all positive.
     goal : ndarray, shape (m,)

@@ -1,0 +1,215 @@
+"""The error of interacting caps, cause by cause, in closed form for one cap and for two."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from contact_cases import E_STAR_PA, scene_of, table
+
+from capslip.contact.accuracy import answers, error_of_caps
+from capslip.contact.bulk import bulk_compliance_m_per_N
+from capslip.contact.curve import in_series
+from capslip.contact.material import composite
+from capslip.contact.models.caps import caps as caps_curve
+from capslip.contact.models.interacting import RUNG, hertz_over_point_load
+from capslip.settings import load_settings
+
+PRELOAD_N, SIDE_M = 50.0, (0.04, 0.06)
+APPROACH_M = (0.75 * PRELOAD_N / E_STAR_PA / np.sqrt(20.0)) ** (2 / 3)  # of one cap of 20 m
+
+
+def settings(*more):
+    overrides = (f"contact.preload_N={PRELOAD_N}", "conditioning.form=none", *more)
+    return load_settings(overrides=overrides)
+
+
+WITH_BULK = settings("contact.bulk=true")  # what holds the bulk term keeps it: Hertz for one cap
+
+
+def estimate(caps, noise_m=0.0, label=None, chosen=WITH_BULK):
+    scene = scene_of(caps, PRELOAD_N, SIDE_M)
+    curve = RUNG.build(scene)
+    found = answers(curve, RUNG.holds_bulk, SIDE_M, chosen)
+    return error_of_caps(scene, curve, found, label, noise_m, chosen)
+
+
+def beside_the_least(error):
+    """Return the error without the hundredth that spheres always have."""
+    assert error.doubt is None
+    assert error.of_caps >= 0.01
+    return np.sqrt(error.of_caps**2 - 0.01**2)
+
+
+def one_cap(**columns):
+    return table([0.03], [0.02], [20.0], [0.0], **{n: [value] for n, value in columns.items()})
+
+
+def test_the_answers_are_four_energies_of_mindlins_loop_and_the_slope_of_hertz():
+    curve = caps_curve([20.0], [0.0], E_STAR_PA)
+    kappa = composite((200e9, 200e9), (0.3, 0.3)).kappa
+    mu = WITH_BULK.material.friction_coefficient
+    q = np.cbrt(1.0 - np.array([0.1, 0.25, 0.5, 0.75]))
+    slip_m = mu * kappa * APPROACH_M
+    energy_J = 0.8 * mu * PRELOAD_N * slip_m * (1.0 - q) ** 3 * (1.0 + 3.0 * q + q**2)
+    expected = [*energy_J, 1.5 * PRELOAD_N / APPROACH_M]
+    assert answers(curve, False, SIDE_M, WITH_BULK) == pytest.approx(expected, rel=1e-9)
+
+
+def test_the_stiffness_is_that_of_slip_without_the_bulk_term_or_with_it():
+    alone = caps_curve([20.0], [0.0], E_STAR_PA)
+    sunk = in_series(alone, bulk_compliance_m_per_N(SIDE_M, E_STAR_PA))
+    plain = answers(alone, False, SIDE_M, settings())
+    assert answers(sunk, True, SIDE_M, settings()) == pytest.approx(plain, rel=1e-9)
+    with_it = answers(sunk, True, SIDE_M, WITH_BULK)
+    assert with_it[:4] == pytest.approx(plain[:4], rel=1e-9)
+    kept = 1.0 / (1.0 / plain[4] + bulk_compliance_m_per_N(SIDE_M, E_STAR_PA))
+    assert with_it[4] == pytest.approx(kept, rel=1e-9)
+    assert answers(sunk, False, SIDE_M, settings()) == pytest.approx(with_it, rel=1e-9)
+
+
+def test_a_perfect_sphere_has_the_error_of_spheres():
+    error = estimate(one_cap())
+    assert (error.of_caps, error.of_levelling) == (pytest.approx(0.01, rel=1e-9), 0.0)
+    assert error.total == pytest.approx(0.01, rel=1e-9)
+
+
+@pytest.mark.parametrize("quartic_share", [0.1, -0.1])
+@pytest.mark.parametrize("share", [0.1, 0.5, 1.0])
+def test_the_error_of_shape_of_one_cap_is_a_third_of_that_of_its_radius(share, quartic_share):
+    """Under a given load stiffness grows as R^(1/3), energy at a share of the force falls so."""
+    z_m = APPROACH_M / (2.0 * share)
+    wider = (2 / 3 - 8 / 5 * share) * quartic_share
+    error = estimate(one_cap(fit_depth_m=z_m, quartic_m=quartic_share * z_m))
+    expected = 2.0 * (np.exp(abs(wider) / 3.0) - 1.0)
+    assert beside_the_least(error) == pytest.approx(expected, rel=1e-6)
+
+
+def test_the_error_of_shape_is_bounded_and_unknown_profiles_have_none():
+    error = estimate(one_cap(fit_depth_m=1e-3 * APPROACH_M, quartic_m=APPROACH_M))
+    assert beside_the_least(error) == pytest.approx(2.0 * (np.exp(1.0) - 1.0), rel=1e-6)
+    unknown = estimate(one_cap(fit_depth_m=np.nan, quartic_m=np.nan))
+    assert beside_the_least(unknown) == pytest.approx(0.0, abs=1e-6)
+
+
+@pytest.mark.parametrize("quartic_share", [0.5, -0.5])
+def test_a_higher_apex_of_one_of_two_caps_changes_what_both_carry(quartic_share):
+    """Far from each other, one cap raised by 8/15 q s^2, at the share where no radius changes."""
+    half_m = APPROACH_M / 2.0 ** (2 / 3)  # the approach of either under half of the load
+    s = 5 / 12
+    z_m = half_m / (2.0 * s)
+    q_m = quartic_share * z_m
+    far = table(
+        *([1e3, 2e3], [0.0, 0.0], [20.0, 20.0], [0.0, 0.0]),
+        fit_depth_m=[z_m, z_m],
+        quartic_m=[q_m, 0.0],
+    )
+    depth_m = np.array([0.0, 8 / 15 * q_m * s**2])
+    moved = caps_curve([20.0, 20.0], depth_m - depth_m.min(), E_STAR_PA)
+    before = answers(caps_curve([20.0] * 2, [0.0] * 2, E_STAR_PA), False, SIDE_M, WITH_BULK)
+    change = np.abs(answers(moved, False, SIDE_M, WITH_BULK) / before - 1.0).max()
+    assert beside_the_least(estimate(far)) == pytest.approx(2.0 * change, rel=1e-3)
+
+
+def test_the_random_error_of_one_cap_is_two_thirds_of_that_of_its_radius():
+    error = estimate(one_cap(radius_se_m=0.03 * 20.0))
+    assert beside_the_least(error) == pytest.approx(2.0 * 0.03 / 3.0, rel=0.01)
+    # one cap stands where it stands
+    high = estimate(one_cap(peak_height_se_m=1e-8))
+    assert beside_the_least(high) == pytest.approx(0.0, abs=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("columns", "noise_m", "ratio"),
+    [
+        ({"profile_residual_m": 0.1e-6, "fit_depth_m": 1e-6}, 0.0, 0.38 * 0.1),
+        ({"profile_residual_m": 0.1e-6, "fit_depth_m": 1e-6}, 0.06e-6, 0.38 * 0.08),
+        ({"profile_residual_m": 0.1e-6, "fit_depth_m": 1e-6}, 0.1e-6, 0.0),
+        ({"profile_residual_m": 0.1e-6, "fit_depth_m": 1e-6}, 0.2e-6, 0.0),
+        ({"profile_residual_m": 0.1e-6, "fit_depth_m": np.nan, "cap_height_m": 2e-6}, 0.0, 0.019),
+        ({"profile_residual_m": np.nan, "radius_se_m": np.nan}, 0.0, 0.0),
+        ({"profile_residual_m": 0.1e-6, "fit_depth_m": 1e-6, "radius_se_m": 20 * 0.05}, 0.0,
+         np.hypot(0.038, 0.05)),
+    ],
+)  # fmt: skip
+def test_what_is_left_of_a_profile_beyond_noise_is_an_error_of_the_radius(columns, noise_m, ratio):
+    error = estimate(one_cap(**columns), noise_m)
+    assert beside_the_least(error) == pytest.approx(2.0 * ratio / 3.0, rel=0.02, abs=1e-6)
+
+
+def test_a_profile_that_is_all_rest_changes_a_radius_by_no_more_than_e():
+    error = estimate(one_cap(profile_residual_m=1e-3, fit_depth_m=1e-6))
+    assert beside_the_least(error) <= 2.0 * (np.exp(1 / 3) - 1.0) * (1 + 1e-9)
+    assert beside_the_least(error) > 1.0 - np.exp(-1 / 3)
+
+
+@pytest.mark.parametrize("cause", ["peak_height_se_m", "profile_residual_m"])
+def test_heights_err_by_their_errors_and_by_the_share_of_the_rest(cause):
+    """Two caps far apart, moved up or down at random: half of the draws move them alike."""
+    far = table([1e3, 2e3], [0.0, 0.0], [20.0, 20.0], [0.0, 0.0], **{cause: [4e-8, 4e-8]})
+    up_m = 4e-8 * (0.38 if cause == "profile_residual_m" else 1.0)
+    before = answers(caps_curve([20.0] * 2, [0.0] * 2, E_STAR_PA), False, SIDE_M, WITH_BULK)
+    apart = caps_curve([20.0] * 2, [0.0, 2.0 * up_m], E_STAR_PA)
+    change = answers(apart, False, SIDE_M, WITH_BULK) / before - 1.0
+    expected = 2.0 * np.abs(change).max() * np.sqrt(0.5)
+    assert beside_the_least(estimate(far)) == pytest.approx(expected, rel=0.25)
+
+
+def test_many_caps_are_moved_less_often_but_err_alike():
+    """Independent errors of many caps average out as one over the root of their number."""
+    rng = np.random.default_rng(3)
+    errors = []
+    for n in (4, 400):
+        x_m, y_m = 1e3 * rng.uniform(size=(2, n))
+        caps = table(x_m, y_m, np.full(n, 20.0), np.zeros(n), radius_se_m=np.full(n, 6.0))
+        errors.append(beside_the_least(estimate(caps)))
+    assert errors[0] / errors[1] == pytest.approx(10.0, rel=0.6)
+
+
+@pytest.mark.parametrize("distance_m", [4e-3, 6e-3, 2e-2])
+def test_the_error_of_the_pair_law_of_two_caps(distance_m):
+    """D = d_H(N / 2) + C N / 2, by the point load and by the displacement around a Hertz contact.
+
+    What both sink by is a spring, which changes no energy.
+    """
+    pair = table([0.02, 0.02 + distance_m], [0.02, 0.02], [20.0, 20.0], [0.0, 0.0])
+    half_m = APPROACH_M / 2.0 ** (2 / 3)
+    compliance = half_m / (1.5 * PRELOAD_N / 2.0)
+    C = 1.0 / (np.pi * E_STAR_PA * distance_m)
+    factor = hertz_over_point_load(np.array(np.sqrt(half_m * 20.0) / distance_m))
+    expected = abs((compliance + C) / (compliance + C * factor) - 1.0)
+    assert beside_the_least(estimate(pair)) == pytest.approx(expected, rel=1e-4, abs=1e-7)
+
+
+@pytest.mark.parametrize(
+    ("load_share", "over", "doubted"),
+    [(1.0, 0.999, False), (1.0, 1.001, True), (0.049, 2.0, False), (0.051, 2.0, True)],
+)
+def test_a_twentieth_of_the_load_may_be_on_contacts_wider_than_their_hills(
+    load_share, over, doubted
+):
+    """Two caps far apart; the second carries that share of the load, or there is one."""
+    share = np.array([load_share, 1.0 - load_share])[: 1 + (load_share < 1.0)]
+    compression_m = APPROACH_M * share ** (2 / 3)
+    a_m = np.sqrt(20.0 * compression_m)
+    n = len(share)
+    caps = table(
+        1e3 * np.arange(n),
+        np.zeros(n),
+        np.full(n, 20.0),
+        compression_m,
+        diameter_m=[2.0 * a_m[0] / over, 1.0][:n],
+    )
+    error = estimate(caps)
+    assert (error.doubt is not None) == doubted
+    assert error.doubt is None or "wider than the hills" in error.doubt
+    assert (error.total is None) == doubted
+
+
+def test_causes_add_as_squares():
+    both = replace(estimate(one_cap()), of_caps=0.3, of_levelling=0.4)
+    assert both.total == pytest.approx(0.5)
+    columns = {"fit_depth_m": APPROACH_M, "quartic_m": 0.1 * APPROACH_M}
+    shape = beside_the_least(estimate(one_cap(**columns)))
+    random = beside_the_least(estimate(one_cap(radius_se_m=0.6)))
+    together = beside_the_least(estimate(one_cap(**columns, radius_se_m=0.6)))
+    assert together == pytest.approx(np.hypot(shape, random), rel=0.01)

@@ -1,0 +1,112 @@
+"""The summary of a result: what is counted, what is left out, and what is shown."""
+
+from dataclasses import replace
+from types import SimpleNamespace
+
+import numpy as np
+import output_cases
+import pytest
+
+from capslip.caps.table import CapFlag
+from capslip.problems import Problem
+from capslip.result import _cell, _limit, _plain
+
+
+@pytest.fixture(scope="module")
+def several():
+    return output_cases.several()
+
+
+@pytest.mark.parametrize(
+    ("severities", "status"),
+    [
+        ([], "ok"),
+        (["info"], "ok"),
+        (["info", "warning"], "check"),
+        (["warning", "error"], "failed"),
+        (["error"], "failed"),
+    ],
+)
+def test_the_status_is_that_of_the_worst_problem(severities, status, several):
+    codes = {"info": "one_family", "warning": "no_caps", "error": "contact_failed"}
+    problems = tuple(Problem(codes[one], one, "") for one in severities)
+    assert replace(several, problems=problems).status == status
+
+
+def test_hills_without_a_sphere_are_counted_as_rejected(several):
+    flags = several.caps.flags.copy()
+    flags[:2] = CapFlag.not_convex
+    caps = several.caps.with_columns(flags=flags)
+    hills = replace(several.hills, rejected={"too_few_points": 3})
+    found = replace(several, caps=caps, hills=hills).summary()["hills"]
+    assert (found["caps"], found["hills"]) == (3, 5)
+    assert found["rejected"] == {"too_few_points": 3, "no_sphere": 2}
+    assert hills.rejected == {"too_few_points": 3}
+    assert replace(several, hills=hills).summary()["hills"]["rejected"] == hills.rejected
+
+
+def test_the_share_of_lost_points_is_that_of_the_scan(several):
+    lost = several.surface
+    expected = 1.0 - np.count_nonzero(lost.measured) / lost.height_m.size
+    assert several.summary()["surface"]["non_measured_fraction"] == pytest.approx(expected)
+    assert expected == pytest.approx(20 * 40 / 60000)
+
+
+def test_the_limit_of_a_family_is_that_of_the_last_of_its_contacts():
+    contact = SimpleNamespace(row_family=np.array(["G", "P", "G", "P", "G"]))
+    slip = SimpleNamespace(limits_m=np.array([1.0, 2.0, 3.0, np.nan, np.inf]))
+    analysis = SimpleNamespace(contact=contact, slip=slip)
+    assert (_limit(analysis, "G"), _limit(analysis, "P")) == (3.0, 2.0)
+    slip.limits_m = np.array([1.0, np.nan, 3.0, np.nan, 2.0])
+    assert (_limit(analysis, "G"), _limit(analysis, "P")) == (3.0, None)
+    assert _limit(analysis, "") is None
+    assert _limit(SimpleNamespace(contact=None, slip=slip), "G") is None
+    assert _limit(SimpleNamespace(contact=contact, slip=None), "G") is None
+
+
+def test_what_is_plain():
+    values = {
+        "array": np.array([[1.0, np.nan], [np.inf, 2.0]]),
+        "numpy": np.float64(0.5),
+        "count": np.int64(3),
+        "truth": np.bool_(True),
+        "nested": ({"bad": -np.inf}, "word", None, 7),
+    }
+    found = _plain(values)
+    assert found == {
+        "array": [[1.0, None], [None, 2.0]],
+        "numpy": 0.5,
+        "count": 3,
+        "truth": True,
+        "nested": [{"bad": None}, "word", None, 7],
+    }
+    assert [type(found[key]) for key in ("numpy", "count", "truth")] == [float, int, bool]
+
+
+@pytest.mark.parametrize(
+    ("value", "text"), [(None, "–"), (0.123456, "0.1235"), (12, "12"), ("<b>", "&lt;b&gt;")]
+)
+def test_how_a_cell_of_the_table_is_written(value, text):
+    assert _cell(value) == text
+
+
+def test_seconds_from_outside_stand_beside_those_of_the_stages(several):
+    found = several.summary("capslip", {"read": 1.5})
+    assert found["timings_s"] == {**several.timings_s, "read": 1.5}
+    assert found["provenance"]["command"] == "capslip"
+
+
+def test_stages_that_could_not_run_are_absent(several):
+    failed = replace(several, contact=None, slip=None, damping=None, sensitivity=None)
+    found = failed.summary()
+    assert found["contact"]["preload_N"] == 150.0
+    assert found["damping"]["joints"] == several.settings.structure.joints
+    for table, kept in (
+        ("contact", {"preload_N"}),
+        ("slip", {"friction_coefficient"}),
+        ("damping", {"joints"}),
+        ("accuracy", {"requested"}),
+    ):
+        assert {key for key, value in found[table].items() if value not in (None, [])} == kept
+    assert "no contact" in repr(failed)
+    assert "no loss factor" in repr(failed)

@@ -1,0 +1,244 @@
+"""Doubts about a height map, on both sides of each threshold."""
+
+import numpy as np
+import pytest
+
+from capslip.errors import UnusableSurfaceError
+from capslip.surface import doubts
+from capslip.surface.doubts import (
+    problems_of_map,
+    problems_of_outliers,
+    problems_of_scan,
+    problems_of_tilt,
+    refuse_absurd,
+    sanity_line,
+)
+from capslip.surface.heightmap import HeightMap, Origin
+from capslip.surface.outliers import Outliers
+
+
+def codes(problems):
+    return {problem.code: problem.severity for problem in problems}
+
+
+def heights(*values, pixel_m=(1.0, 1.0)):
+    """Return a map of 3 x 3 points with these heights first, the rest zero."""
+    height_m = np.zeros(9)
+    height_m[: len(values)] = values
+    return HeightMap(height_m.reshape(3, 3), pixel_m)
+
+
+@pytest.mark.parametrize(
+    ("surface", "said"),
+    [
+        (heights(1e6, pixel_m=(1e5, 1e5)), None),
+        (heights(1.001e6), "heights of up to"),
+        (heights(-1.001e6), "heights of up to"),
+        (heights(6e5, -6e5), "a height range of"),
+        (heights(9e-21), "heights of up to"),
+        (heights(1.1e-20), None),
+        (HeightMap(np.full((3, 3), 1.0), (1.0, 1.0)), None),  # equal heights
+        (HeightMap(np.full((3, 3), np.nan), (1.0, 1.0)), None),
+        (heights(pixel_m=(1.0, 3.4e5)), "a side of"),
+        (heights(pixel_m=(3.4e5, 1.0)), "a side of"),
+        (heights(pixel_m=(3e-21, 1.0)), "a side of"),
+        (heights(pixel_m=(1.0, 3e-21)), "a side of"),
+        (heights(), None),
+    ],
+)
+def test_lengths_that_no_unit_makes_plausible_are_refused(surface, said):
+    if said is None:
+        refuse_absurd(surface)
+    else:
+        with pytest.raises(UnusableSurfaceError, match=said):
+            refuse_absurd(surface)
+
+
+@pytest.mark.parametrize(
+    ("n_top", "n_next", "clipped"),
+    [(9, 2, True), (8, 1, False), (9, 3, False), (8, 2, False), (12, 3, False), (13, 3, True)],
+)
+def test_nine_points_at_the_top_and_four_times_the_next_level_are_clipped(n_top, n_next, clipped):
+    height_m = np.zeros(100)
+    height_m[:n_top], height_m[n_top : n_top + n_next] = 2.0, 1.0
+    height_m[-1] = np.nan
+    found = problems_of_scan(HeightMap(height_m.reshape(10, 10), (1.0, 1.0)))
+    assert codes(found) == ({"clipped": "warning"} if clipped else {})
+
+
+@pytest.mark.parametrize("height_m", [np.zeros((4, 4)), np.full((4, 4), np.nan)])
+def test_a_flat_or_an_empty_map_is_not_clipped(height_m):
+    assert problems_of_scan(HeightMap(height_m, (1.0, 1.0))) == []
+
+
+def ramp(slope_y, slope_x, pixel_m, shape=(40, 30)):
+    y_m, x_m = (np.arange(n) * size_m for n, size_m in zip(shape, pixel_m, strict=True))
+    return HeightMap(slope_y * y_m[:, None] + slope_x * x_m, pixel_m)
+
+
+@pytest.mark.parametrize(("slope_y", "slope_x"), [(3.0, 0.0), (0.0, 3.0), (3.0, 4.0)])
+def test_slopes_are_those_along_both_axes_by_their_own_pixels(slope_y, slope_x):
+    """Lines of 39 steps along y and 29 along x: 30 and 40 of them."""
+    surface = ramp(slope_y, slope_x, (1e-6, 1.0005e-6))
+    n_y, n_x = 39 * 30, 29 * 40
+    rms = np.sqrt((n_y * slope_y**2 + n_x * slope_x**2) / (n_y + n_x))
+    steep = (n_y * (slope_y > 1) + n_x * (slope_x > 1)) / (n_y + n_x)
+    found = problems_of_map(surface, 1e-5, 2e-5)
+    assert codes(found) == {"slope_suspect": "warning"}
+    assert f"rms slope {rms:.2g}, {100 * steep:.1f} %" in found[0].message
+
+
+def test_oblong_pixels_have_their_own_slopes():
+    # 1.2 along y, 0.3 along x; with the sizes of the pixels exchanged, 0.6 each
+    surface = ramp(1.2, 0.3, (1e-6, 2e-6), (30, 30))
+    (found,) = (one for one in problems_of_map(surface, 1e-5, 2e-5) if one.code == "slope_suspect")
+    assert f"rms slope {np.sqrt((1.2**2 + 0.3**2) / 2):.2g}, 50.0 %" in found.message
+
+
+@pytest.mark.parametrize(
+    ("slope", "n_steep", "said"), [(0.999, 0, False), (1.001, 0, True), (0.0, 1, False)]
+)
+def test_slopes_beyond_one_are_doubted(slope, n_steep, said):
+    surface = ramp(slope, slope, (1e-6, 1e-6))
+    height_m = surface.height_m.copy()
+    height_m[:n_steep, :] += 1.5e-6
+    found = problems_of_map(HeightMap(height_m, (1e-6, 1e-6)), 1e-5, 2e-5)
+    assert ("slope_suspect" in codes(found)) == said
+
+
+@pytest.mark.parametrize(("n_steps", "said"), [(2, False), (4, True)])
+def test_more_than_a_twentieth_of_steep_slopes_is_doubted(n_steps, said):
+    """Steps of 1.5 along x in 30 of 40 x 29 + 39 x 40 slopes each, the rest flat."""
+    height_m = np.zeros((40, 40))
+    for at in range(n_steps):
+        height_m[:, 8 * (at + 1) :] += 1.5e-6 * (-1) ** at
+    share = n_steps * 40 / (2 * 39 * 40)
+    assert (share > 0.05) == said
+    found = problems_of_map(HeightMap(height_m, (1e-6, 1e-6)), 1e-6, 1.5e-6)
+    assert ("slope_suspect" in codes(found)) == said
+
+
+def test_slopes_are_sampled_on_a_hundred_lines_and_need_no_measured_point():
+    surface = ramp(2.0, 0.0, (1e-6, 1e-6), (20, 400))
+    height_m = surface.height_m.copy()
+    height_m[:, 1::2] = np.nan  # between the lines along y; none is left along x
+    found = problems_of_map(HeightMap(height_m, (1e-6, 1e-6)), 1e-5, 1e-5)
+    assert "rms slope 2, 100.0 %" in found[0].message
+    lost = np.full((4, 4), np.nan)
+    lost[1, 1] = 0.0
+    assert problems_of_map(HeightMap(lost, (1e-6, 1e-6)), 1e-5, 2e-6) == ()
+
+
+FLAT = np.zeros((10, 20))
+
+
+@pytest.mark.parametrize(
+    ("pixel_m", "sz_m", "expected"),
+    [
+        ((1e-3, 1e-3), 1e-2, {}),  # as high as the shorter side
+        ((1e-3, 1e-3), 1.01e-2, {"slope_suspect": "error"}),
+        ((1e-3, 1e-3), 1e-10, {}),
+        ((1e-3, 1e-3), 0.99e-10, {"scale_suspect": "warning"}),
+        ((1e-3, 1e-3), 0.0, {}),
+        ((0.05, 0.05), 1e-6, {}),  # 1 m
+        ((0.0501, 0.0501), 1e-6, {"scale_suspect": "warning"}),
+        ((1e-3, 1.0009e-3), 1e-6, {}),
+        ((1e-3, 1.002e-3), 1e-6, {"non_square_pixels": "info"}),
+        ((1.002e-3, 1e-3), 1e-6, {"non_square_pixels": "info"}),
+        ((9.9e-4, 1e-4), 1e-6, {"non_square_pixels": "info"}),
+        ((1e-4, 9.9e-4), 1e-6, {"non_square_pixels": "info"}),
+        ((1e-3, 1e-4), 1e-6, {"non_square_pixels": "warning"}),
+        ((1e-4, 1e-3), 1e-6, {"non_square_pixels": "warning"}),
+    ],
+)
+def test_a_doubt_about_units_is_raised_just_beyond_its_threshold(pixel_m, sz_m, expected):
+    assert codes(problems_of_map(HeightMap(FLAT, pixel_m), sz_m, sz_m)) == expected
+
+
+@pytest.mark.parametrize(
+    ("highest_m", "sz_m", "expected"),
+    [
+        (15.0, 30.0, {}),
+        (14.9, 30.1, {"outliers": "info"}),
+        (15.1, 30.1, {"outliers": "warning"}),
+    ],
+)
+def test_a_range_of_thirty_spreads_is_doubted_where_peaks_make_it(highest_m, sz_m, expected):
+    height_m = np.zeros((3, 4))
+    height_m[0, :2] = highest_m, -highest_m  # a mean of zero
+    height_m[2, 3] = np.nan
+    found = problems_of_map(HeightMap(height_m, (1e3, 1e3)), 1.0, sz_m)
+    found = [one for one in found if one.code == "outliers"]
+    assert codes(found) == expected
+    if expected:
+        length_m = highest_m if "warning" in expected.values() else sz_m - highest_m
+        assert f" {length_m:.3g} m " in found[0].message
+
+
+def outliers(index, step_m):
+    return Outliers(np.array(index, dtype=np.int64), np.array(step_m, dtype=float), 1.0)
+
+
+@pytest.mark.parametrize(("n", "severity"), [(2, "info"), (3, "warning")])
+def test_removed_points_are_too_many_beyond_a_fiftieth(n, severity):
+    height_m = np.zeros(100)
+    height_m[:n] = np.nan  # removed, as they are now
+    surface = HeightMap(height_m.reshape(10, 10), (1.0, 1.0))
+    (found,) = problems_of_outliers(surface, 1.0, outliers(range(n), [1.0, 0.0, -1.0][:n]), False)
+    assert (found.code, found.severity) == ("outliers_removed", severity)
+    assert found.message.startswith(f"{n} points ({n:.2g} %)")
+    assert " 1 of them upwards" in found.message
+    assert problems_of_outliers(surface, 1.0, outliers([], []), False) == ()
+
+
+@pytest.mark.parametrize(
+    ("index", "step_m", "severity"),
+    [
+        ([50], [0.1], "info"),
+        ([89], [0.1], "info"),
+        ([90], [0.1], "warning"),  # the highest tenth
+        ([50], [14.2], "info"),  # a plane follows by 7 / 100 of the step, 1 % of Sq is 1
+        ([50], [14.3], "warning"),
+        ([50, 51], [-10.0, 10.0], "warning"),
+        ([50, 90], [0.1, 0.1], "warning"),
+    ],
+)
+def test_kept_points_matter_at_the_top_or_where_they_move_the_form(index, step_m, severity):
+    height_m = np.append(np.arange(100.0), np.full(10, np.nan)).reshape(11, 10)
+    surface = HeightMap(height_m, (1.0, 1.0))
+    (found,) = problems_of_outliers(surface, 100.0, outliers(index, step_m), True)
+    assert (found.code, found.severity) == ("spikes", severity)
+    assert f"; {sum(i >= 90 for i in index)} of them lie in the highest 10 %" in found.message
+    assert f"{0.07 * np.abs(step_m).sum():.2g} m" in found.message
+
+
+@pytest.mark.parametrize(("approach_m", "said"), [(2.0, False), (0.19, False), (0.1899, True)])
+def test_a_tilt_beyond_a_tenth_of_the_approach_is_said(approach_m, said):
+    # 20 points along x: the plane rises by 0.019 over the middles of the pixels
+    surface = ramp(0.0, 0.001, (1.0, 1.0), (10, 20))
+    found = problems_of_tilt(surface, approach_m * (1 + 1e-9 * (approach_m == 0.19)))
+    assert codes(found) == ({"tilt_left": "warning"} if said else {})
+    if said:
+        assert "tilted by 0.019 m" in found[0].message
+
+
+def test_a_tilt_of_a_tenth_is_none(monkeypatch):
+    surface = ramp(0.0, 0.001, (1.0, 1.0), (10, 20))
+    flat = HeightMap(np.zeros((10, 20)), (1.0, 1.0))
+    monkeypatch.setattr(doubts, "remove_form", lambda *_: (flat, None))
+    assert problems_of_tilt(surface, float(np.ptp(surface.height_m)) / 0.1) == []
+
+
+def test_the_line_for_a_glance():
+    height_m = np.zeros((10, 20))
+    height_m[0, 0] = np.nan
+    surface = HeightMap(height_m, (2e-6, 1e-6), Origin(height_unit="nm"))
+    assert sanity_line(surface, 2e-6, 9e-6) == (
+        "20 x 10 points of 1 x 2 um (not square), 0.02 x 0.02 mm; heights stored in nm; "
+        "0.50 % non-measured; Sq 2 um, Sz 9 um, Sz/Sq 4.5"
+    )
+    square = HeightMap(height_m, (1e-6, 1.0005e-6))
+    line = sanity_line(square, 0.0, 0.0)
+    assert "(not square)" not in line
+    assert "0.02001 x 0.01 mm; heights stored in an unnamed unit" in line
+    assert line.endswith("Sz/Sq -")

@@ -1,0 +1,121 @@
+"""The stages: their clock, and the turns of fit and contact."""
+
+from unittest import mock
+
+import numpy as np
+import pytest
+
+from capslip import stages
+from capslip.caps.fit import fit_caps
+from capslip.contact.depth import press_for_depth
+from capslip.settings import load_settings
+from capslip.stages import Clock, find_face
+from capslip.surface.heightmap import HeightMap, Origin
+
+PRELOAD_N = 80.0
+PIXEL_M = 2e-4
+
+
+def face(power=3.0):
+    """Three equal hills that fall as r^power, and one too low to touch."""
+    x_m = (np.arange(130) + 0.5) * PIXEL_M
+    height_m = np.full((130, 130), -0.6e-6)
+    for x, y, top_m in ((7, 6.5, 0.0), (19, 7.5, 0.0), (6.5, 19, 0.0), (19.5, 18.5, -0.22e-6)):
+        r_m = np.hypot(x_m - 1e-3 * x, x_m[:, None] - 1e-3 * y)
+        height_m = np.maximum(height_m, top_m - 0.4e-6 * (r_m / 5e-3) ** power)
+    return HeightMap(height_m, (PIXEL_M, PIXEL_M))
+
+
+def settings(*more):
+    as_levelled = ("conditioning.form=none", "contact.alignment=as_levelled")
+    overrides = (f"contact.preload_N={PRELOAD_N}", *as_levelled, *more)
+    return load_settings(overrides=("hills.material_ratio=0.35", "caps.fit=contact", *overrides))
+
+
+def test_the_clock_adds_the_time_of_a_stage_even_where_it_fails():
+    clock = Clock()
+    with mock.patch("time.perf_counter", side_effect=[1.0, 3.5, 10.0, 10.25, 20.0, 21.0]):
+        with clock("a"):
+            pass
+        with clock("b"):
+            pass
+        with pytest.raises(ValueError, match="it"), clock("a"):
+            raise ValueError("it")
+    assert clock.seconds == {"a": 3.5, "b": 0.25}
+
+
+def test_loaded_caps_are_fitted_at_half_of_their_compression_and_others_at_half_height():
+    chosen = settings()
+    spheres = face(2.0)
+    found = find_face(spheres, chosen, None, Clock())
+    assert found.problems == ()
+    caps = found.caps
+    pressed = press_for_depth(caps, spheres.side_m, chosen)
+    loaded = pressed.load_N > 0.0
+    assert loaded.tolist().count(True) == 3
+    compression_m = pressed.contact_radius_m**2 / pressed.radius_m
+    assert caps.fit_depth_m[loaded] == pytest.approx(0.5 * compression_m[loaded], rel=2e-3)
+    first = fit_caps(spheres, found.hills, "contact")
+    assert caps.fit_depth_m[~loaded] == pytest.approx(first.fit_depth_m[~loaded], rel=1e-12)
+    assert not np.allclose(caps.fit_depth_m[loaded], first.fit_depth_m[loaded], rtol=0.05)
+
+
+@pytest.mark.parametrize(
+    ("swing_N", "turns", "moved"),
+    # of 80 N, on two caps: 4 x swing / (2 x 80)
+    [(0.0398, 2, None), (0.0402, 10, "0.1%"), (4.0, 10, "10.0%")],
+)
+def test_turns_end_where_a_thousandth_of_the_load_moves_or_after_ten(swing_N, turns, moved):
+    calls = []
+
+    def swings(caps, side_m, _):
+        calls.append(side_m)
+        load_N = np.array([40.0, 40.0, 0.0, np.nan]) + swing_N * (-1) ** len(calls) * np.array(
+            [1.0, -1.0, 0.0, 0.0]
+        )
+        return caps.with_columns(load_N=load_N, contact_radius_m=np.full(4, 1e-3))
+
+    with mock.patch.object(stages, "press_for_depth", swings):
+        found = find_face(face(), settings(), None, Clock())
+    assert len(calls) == turns
+    said = [one.message for one in found.problems if one.code == "fit_not_settled"]
+    assert said == (
+        []
+        if moved is None
+        else [f"the last turn of fit and contact still moved {moved} of the load"]
+    )
+
+
+@pytest.mark.parametrize(
+    ("more", "turns"),
+    [
+        (("contact.model=flat",), False),
+        (("contact.model=caps",), True),
+        (("contact.model=boundary_elements",), True),
+        (("contact.model=auto",), True),
+        (("caps.fit=pinned",), False),
+    ],
+)
+def test_a_fit_is_pressed_where_it_wants_to_be_and_something_presses(more, turns):
+    with mock.patch.object(stages, "press_for_depth", wraps=press_for_depth) as pressed:
+        find_face(face(), settings(*more), None, Clock())
+    assert (pressed.call_count > 1) == turns
+
+
+def test_a_hole_is_compared_with_half_the_usual_diameter():
+    with mock.patch.object(stages, "problems_of_holes", return_value=()) as asked:
+        found = find_face(face(), settings(), None, Clock())
+    ((_, radius_m),) = (call.args for call in asked.call_args_list)
+    assert radius_m == pytest.approx(0.5 * np.median(found.caps.diameter_m), rel=1e-12)
+
+
+def test_what_is_wrong_with_the_second_face_is_told_under_its_name():
+    first, second = face(), face(2.0)
+    height_m = second.height_m.copy()
+    height_m[height_m > -0.05e-6] = -0.05e-6  # clipped
+    second = HeightMap(height_m, second.pixel_size_m, Origin(name="other"))
+    found = find_face(first, settings("mating.way=together"), second, Clock())
+    assert found.label is None
+    assert len(found.caps) == 8
+    told = [problem.message for problem in found.problems]
+    assert any(message.startswith("other: ") for message in told), told
