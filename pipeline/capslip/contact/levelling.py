@@ -277,7 +277,7 @@ class _Search:
             try:
                 use, rest, load_N, depths_m = self._press(fitted, slope)
             except TipsOverError as error:
-                if before_N is None:
+                if before_N is None or fitted.usable.all():
                     raise
                 raise ContactError(  # more caps balanced it before some lost their sphere
                     f"the face finds no level: fitted as deep as they are compressed, "
