@@ -129,37 +129,6 @@ def test_a_run_that_fails_is_no_answer_and_ends_the_range():
     assert cut.stable_to[known] == pytest.approx(12.0)
 
 
-def counted(n_of_cut, m_of_cut=lambda cut: 5.0):
-    """Answers with n P-caps as a function of the cut; 0 stands for no such family."""
-
-    def value_of(settings):
-        value = STEADY.copy()
-        cut = cut_of(settings)
-        value[:2] = m_of_cut(cut), n_of_cut(cut) or np.nan
-        return value
-
-    return value_of
-
-
-def test_a_family_that_only_a_deeper_cut_shows_is_named():
-    codes = {p.code: p for p in swept(counted(lambda cut: 18 * (cut >= 0.15))).problems}
-    assert set(codes) == {"family_below_cut"}
-    assert "15 % shows 18 P-caps beside the 5 G-caps" in codes["family_below_cut"].message
-
-
-@pytest.mark.parametrize(
-    ("n_of_cut", "m_of_cut"),
-    [
-        (lambda cut: 18, lambda cut: 5.0),  # nothing is hidden
-        (lambda cut: 18 * (cut >= 0.25), lambda cut: 5.0),  # too deep to be of the same face
-        (lambda cut: 1 * (cut >= 0.15), lambda cut: 5.0),  # one piece: the floor
-        (lambda cut: 18 * (cut >= 0.15), lambda cut: 5.0 + 9 * (cut >= 0.15)),  # another G
-    ],
-)
-def test_no_family_below_the_cut_where_there_is_none(n_of_cut, m_of_cut):
-    assert swept(counted(n_of_cut, m_of_cut)).problems == ()
-
-
 def test_nothing_found_anywhere_says_nothing():
     found = swept(lambda _: np.full(7, np.nan))
     assert (found.problems, found.sweeps) == ((), ())

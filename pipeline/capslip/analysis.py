@@ -6,6 +6,7 @@ from datetime import UTC, datetime
 from capslip.caps.doubts import problems_of_bow, problems_of_families
 from capslip.contact.doubts import contact_doubts, material_doubts
 from capslip.contact.press import ContactState
+from capslip.contact.relevance import as_read
 from capslip.contact.rung import rung
 from capslip.errors import ContactError, SettingsError
 from capslip.problems import Problem
@@ -93,6 +94,7 @@ def _analyzed(
     try:
         if caps.usable.any() and not any(p.severity == "error" for p in face.problems):
             contact, caps, slip = press_face(face, settings, clock)
+            problems = as_read(problems, contact, caps, settings.contact.tolerance)
             problems += contact.problems
             problems += _of_levelling(face, contact, settings)
             beam, damping = damp(slip, settings, clock)

@@ -25,7 +25,6 @@ MIN_FILTER_PIXELS = 4.0  # a shorter filter is not one on this grid
 FILTER_FACTORS = (0.0, 0.5, 1.0, 2.0)
 MIN_COARSE_POINTS = 40_000
 MAX_INTERACTING = 100  # caps
-BELOW_CUT = 2.0  # times the chosen share: how far below the cut a second family is looked for
 LEVELLING = (
     "a tilt of some nm over the face decides which caps touch; a least-squares plane is tilted by "
     "where the caps lie; where a level floor is a third of the face, that of the lowest third of "
@@ -141,7 +140,6 @@ class Sensitivity:
         """
         found = []
         for sweep in self.sweeps:
-            found += _family_below(sweep) if sweep.name == "cut" else []
             moved = [SYMBOL[ANSWERS[i]] for i in np.flatnonzero(~sweep.holds)]
             if not moved:
                 continue
@@ -175,29 +173,6 @@ class Sensitivity:
             }
             for sweep in self.sweeps
         }
-
-
-def _family_below(cut: Sweep) -> list[Problem]:
-    """Return whether more of the face shows lower caps as a second family beside the same first.
-
-    One cap is no family: the floor between the hills often comes up as one piece.
-    """
-    m, n = (cut.answer[:, ANSWERS.index(name)] for name in ("m", "n"))
-    if np.isfinite(n[cut.chosen]):
-        return []
-    lower = (cut.value > cut.value[cut.chosen]) & (
-        cut.value <= 1.001 * BELOW_CUT * cut.value[cut.chosen]
-    )
-    seen = np.flatnonzero(lower & (m == m[cut.chosen]) & (n >= 2))
-    if not seen.size:
-        return []
-    at = seen[0]
-    message = (
-        f"a cut of {cut.value[at]:.3g} % shows {n[at]:.0f} P-caps beside the {m[at]:.0f} G-caps: "
-        f"a second family lies below the cut of {cut.value[cut.chosen]:.3g} %; raise "
-        "hills.material_ratio"
-    )
-    return [Problem("family_below_cut", "warning", message)]
 
 
 def sensitivity(

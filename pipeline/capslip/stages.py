@@ -11,6 +11,7 @@ from dataclasses import dataclass, replace
 import msgspec
 import numpy as np
 
+from capslip.caps.below import family_below_cut
 from capslip.caps.doubts import problems_of_caps
 from capslip.caps.families import Families, group_families, slope_of_families
 from capslip.caps.fit import fit_caps
@@ -214,11 +215,14 @@ def _one_map(conditioned: Conditioned, settings: Settings, clock: Clock) -> Face
     if level is None:
         hills, caps, doubts = _hills_and_caps(conditioned.surface, settings, clock)
         caps, families = _grouped(caps, settings, clock)
-        problems += doubts
+        ratio = settings.hills.material_ratio
+        problems += [*doubts, *_below_cut(conditioned.surface, families, ratio, settings)]
         return Face(conditioned, None, hills, caps, families, hills.label, caps, tuple(problems))
     with clock("families"):
         plane, hills, family_caps, families = _families(conditioned.surface, level, settings)
         caps = _named(level, hills, family_caps)
+        ratio = _family_ratio(settings)
+        problems += _below_cut(plane, families, ratio, settings, own_plane=True)
     problems += problems_of_caps(plane, hills, family_caps, _family_ratio(settings))
     if family_caps.usable.any():
         hill_m = 0.5 * float(np.median(family_caps.diameter_m[family_caps.usable]))
@@ -289,11 +293,32 @@ def _families(
     return plane, hills, caps, families
 
 
-def _counted(surface: HeightMap, settings: Settings) -> tuple[Hills, CapTable]:
+def _below_cut(
+    plane: HeightMap,
+    families: Families,
+    ratio: float,
+    settings: Settings,
+    own_plane: bool = False,
+) -> list[Problem]:
+    """Return whether a deeper cut shows a second family; a coarse map tells."""
+    step = round(min(plane.shape) / COARSE_POINTS)
+    coarse = block_means(plane, step) if step > 1 else plane
+    grouping = settings.families
+
+    def counted(deeper: float) -> Families:
+        _, caps = _counted(coarse, settings, deeper)
+        return group_families(caps, grouping.count, grouping.feature, own_plane)[1]
+
+    return family_below_cut(families, ratio, counted)
+
+
+def _counted(
+    surface: HeightMap, settings: Settings, material_ratio: float | None = None
+) -> tuple[Hills, CapTable]:
     chosen = settings.hills
     hills = find_hills(
         surface,
-        _family_ratio(settings),
+        material_ratio or _family_ratio(settings),
         chosen.separation,
         chosen.pruning_height_m,
         chosen.pruning_percent_Sz,

@@ -40,7 +40,8 @@ def quartic_profile(given: FitInput, spheres: Spheres) -> tuple[np.ndarray, np.n
     hill = points.hill
     along, across = points.x_m - spheres.x_m[hill], points.y_m - spheres.y_m[hill]
     along, across = cos[hill] * along + sin[hill] * across, cos[hill] * across - sin[hill] * along
-    t = (scale[0][hill] * along) ** 2 + (scale[1][hill] * across) ** 2
+    with np.errstate(invalid="ignore"):  # a hill of no depth
+        t = (scale[0][hill] * along) ** 2 + (scale[1][hill] * across) ** 2
     chosen = np.flatnonzero(points.measured & (t <= 1.0))
     hill, t = hill[chosen], t[chosen]
     fall_m = spheres.apex_m[hill] - points.z_m[chosen]

@@ -5,6 +5,7 @@ from numpy.typing import ArrayLike
 
 from capslip.contact.rung import Contacts, Rung, Scene, contacts_of_rows
 from capslip.contact.solvers.hertz import HertzCurve, checked_asperities
+from capslip.errors import ContactError
 
 
 def families(
@@ -52,6 +53,8 @@ def families(
 
 def _build(scene: Scene) -> HertzCurve:
     members = [one for one in (scene.families.G, scene.families.P) if one is not None]
+    if not members:
+        raise ContactError("families: no cap belongs to a family; expected at least one")
     top_m = members[0].peak_height_m
     return families(
         [family.count for family in members],

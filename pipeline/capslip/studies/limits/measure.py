@@ -28,6 +28,7 @@ METHODS: dict[str, tuple[Path | None, tuple[str, ...]]] = {
     "as levelled": (None, ("contact.alignment=as_levelled",)),
     "the paper's way": (PAPER_CONFIG, ()),
 }
+COUNT_CODES = ("families_doubtful", "more_than_two_families", "family_below_cut")
 SILENT_KEYS = ("method", "axis", "name", "error", "worst", "m", "n", "true_m", "true_n")
 
 
@@ -51,7 +52,8 @@ def measure(
     warned
         right, but a warning was given,
     told
-        wrong, and a warning names the cause,
+        wrong, and a warning names the cause; where m and n alone are wrong, also what is noted of
+        the families without being a warning,
     doubted
         wrong, and there is a warning, but none that names the cause,
     refused
@@ -163,6 +165,8 @@ def _run(
     right_counts = known.counts is None or known.counts == (m, n)
     wrong = greatest > BREAKDOWN or not right_counts
     named = any(code in axis.codes for code in _warnings(row))
+    if greatest <= BREAKDOWN:  # m and n alone are wrong: a model that reads neither only notes it
+        named = named or any(code in problems for code in COUNT_CODES)
     if wrong:
         doubted = "doubted" if analysis.status != "ok" else "silent"
         row["outcome"] = "told" if named else doubted
