@@ -287,7 +287,7 @@ class _Search:
                 return found
             history.append(moved)
             if len(history) > 4 and moved > HELD_LOAD and moved > 0.5 * history[-3]:
-                if part < LEAST_PART or moved > EARLY:
+                if part < LEAST_PART or (moved > EARLY and not last):
                     break
                 part, history = 0.5 * part, []  # it swings to and fro: half of the way
             if not tried and moved < EARLY and span_m < EARLY * approach_m:
