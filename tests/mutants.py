@@ -67,6 +67,7 @@ TABLE = [
         (
             *("caps/fit.py", "caps/fits/*.py", "caps/fitting.py", "caps/spheres.py"),
             *("caps/body.py", "caps/flags.py", "caps/profile.py", "caps/apex.py"),
+            *("caps/noise.py", "caps/quadric.py"),
         ),
         (
             *("tests/caps/test_*profile*.py", "tests/caps/test_*apex*.py"),
@@ -78,6 +79,7 @@ TABLE = [
     (("caps/joining.py",), ("tests/caps/test_*joining*.py",)),
     (("structure/response.py",), ("tests/structure/test_*response*.py",)),
     (("stages.py",), ("tests/test_stages.py", "tests/caps/test_*registry*.py")),
+    (("sensitivity.py",), ("tests/test_sensitivity.py",)),
     (("result.py",), ("tests/output/test_*summary*.py", "tests/test_python_api.py")),
     (("output/rows.py", "output/quantity.py"), ("tests/output/test_*rows*.py",)),
     (("output/tables.py",), ("tests/output/test_*tables*.py",)),

@@ -344,9 +344,9 @@ ROWS = [
     Row(
         "level_not_settled",
         "warning",
-        "of the load",
+        "moved 0.35% of the load",
         "unsettled fixed N=300",
-        "unsettled N=300",
+        "plain",
     ),
     Row("cut_too_high", "warning", "the cut at 10% stand", "deep-P fixed", "deep-P"),
     Row("one_contact", "warning", "one cap", "plain levelled N=0.01"),

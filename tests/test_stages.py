@@ -44,8 +44,9 @@ def test_the_clock_adds_the_time_of_a_stage_even_where_it_fails():
     assert clock.seconds == {"a": 3.5, "b": 0.25}
 
 
-def test_loaded_caps_are_fitted_at_half_of_their_compression_and_others_at_half_height():
-    chosen = settings()
+@pytest.mark.parametrize("preload_N", [PRELOAD_N, 2.5])
+def test_loaded_caps_are_fitted_at_half_of_their_compression_and_others_at_half_height(preload_N):
+    chosen = settings(f"contact.preload_N={preload_N}")
     spheres = face(2.0)
     found = find_face(spheres, chosen, None, Clock())
     assert found.problems == ()
@@ -54,7 +55,9 @@ def test_loaded_caps_are_fitted_at_half_of_their_compression_and_others_at_half_
     loaded = pressed.load_N > 0.0
     assert loaded.tolist().count(True) == 3
     compression_m = pressed.contact_radius_m**2 / pressed.radius_m
-    assert caps.fit_depth_m[loaded] == pytest.approx(0.5 * compression_m[loaded], rel=2e-3)
+    few = preload_N < 10.0  # points in the fit
+    within = 0.02 if few else 2e-3
+    assert caps.fit_depth_m[loaded] == pytest.approx(0.5 * compression_m[loaded], rel=within)
     first = fit_caps(spheres, found.hills, "contact")
     assert caps.fit_depth_m[~loaded] == pytest.approx(first.fit_depth_m[~loaded], rel=1e-12)
     assert not np.allclose(caps.fit_depth_m[loaded], first.fit_depth_m[loaded], rtol=0.05)

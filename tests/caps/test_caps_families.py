@@ -406,7 +406,7 @@ def test_three_clusters_among_many_numbers_are_cut_where_they_part():
 
 
 def evidence_by_covariance(z, sizes):
-    """The numbers as one normal vector: within a cluster they share a part of their variance.
+    """Take the numbers as one normal vector: within a cluster they share a part of their variance.
 
     Place and width integrated out; the sizes at equal odds, any member in any cluster.
     """

@@ -94,18 +94,18 @@ def test_the_error_of_shape_is_bounded_and_unknown_profiles_have_none():
 @pytest.mark.parametrize("quartic_share", [0.5, -0.5])
 def test_a_higher_apex_of_one_of_two_caps_changes_what_both_carry(quartic_share):
     """Far from each other, one cap raised by 8/15 q s^2, at the share where no radius changes."""
-    half_m = APPROACH_M / 2.0 ** (2 / 3)  # the approach of either under half of the load
+    both_m = (0.75 * PRELOAD_N / E_STAR_PA / (np.sqrt(20.0) + np.sqrt(5.0))) ** (2 / 3)
     s = 5 / 12
-    z_m = half_m / (2.0 * s)
+    z_m = both_m / (2.0 * s)
     q_m = quartic_share * z_m
     far = table(
-        *([1e3, 2e3], [0.0, 0.0], [20.0, 20.0], [0.0, 0.0]),
+        *([1e3, 2e3], [0.0, 0.0], [20.0, 5.0], [0.0, 0.0]),
         fit_depth_m=[z_m, z_m],
         quartic_m=[q_m, 0.0],
     )
     depth_m = np.array([0.0, 8 / 15 * q_m * s**2])
-    moved = caps_curve([20.0, 20.0], depth_m - depth_m.min(), E_STAR_PA)
-    before = answers(caps_curve([20.0] * 2, [0.0] * 2, E_STAR_PA), False, SIDE_M, WITH_BULK)
+    moved = caps_curve([20.0, 5.0], depth_m - depth_m.min(), E_STAR_PA)
+    before = answers(caps_curve([20.0, 5.0], [0.0] * 2, E_STAR_PA), False, SIDE_M, WITH_BULK)
     change = np.abs(answers(moved, False, SIDE_M, WITH_BULK) / before - 1.0).max()
     assert beside_the_least(estimate(far)) == pytest.approx(2.0 * change, rel=1e-3)
 

@@ -59,7 +59,9 @@ def test_every_model_can_be_drawn(model, several, tmp_path):
     from capslip.analysis import analyze
     from capslip.settings import load_settings
 
-    settings = load_settings(overrides=(f"contact.model={model}", "contact.preload_N=150"))
+    settings = load_settings(
+        overrides=(f"contact.model={model}", "contact.preload_N=150", "run.sensitivity=true")
+    )
     drawn = {
         path.stem
         for path in output_cases.write_figures(analyze(several.surface, settings), tmp_path)

@@ -88,6 +88,14 @@ def test_how_a_value_is_written(found, unit, spec, text):
     assert format(Value(found, unit), spec) == text
 
 
+@pytest.mark.parametrize(
+    ("found", "text"),
+    [(1000.0, "1 kN"), (1e-6, "1 µN"), (999.4, "999 N"), (-2e6, "-2 MN"), (1e-18, "0.001 fN")],
+)
+def test_a_prefix_changes_at_a_thousand(found, text):
+    assert format(Value(found, "N"), "") == text
+
+
 def test_scales_are_those_of_their_prefix():
     assert {name: scale for name, scale in SCALES.items() if name != "µm"} == {
         "um": 1e-6,

@@ -242,3 +242,8 @@ def test_the_line_for_a_glance():
     assert "(not square)" not in line
     assert "0.02001 x 0.01 mm; heights stored in an unnamed unit" in line
     assert line.endswith("Sz/Sq -")
+
+
+def test_slopes_of_one_are_not_yet_steep():
+    stairs = np.add.outer(np.arange(20.0), np.arange(20.0))  # exactly 1 along both axes
+    assert "slope_suspect" not in codes(problems_of_map(HeightMap(stairs, (1.0, 1.0)), 10.0, 19.0))

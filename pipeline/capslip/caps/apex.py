@@ -7,11 +7,12 @@ import numpy as np
 from capslip.caps.hills import Hills
 from capslip.caps.noise import Noise
 from capslip.caps.points import HillPoints
-from capslip.caps.quadric import MIN_POINTS, Quadrics, fit_quadrics
+from capslip.caps.quadric import Quadrics, fit_quadrics
 from capslip.surface.heightmap import HeightMap
 
 CROWN_POINTS = 25  # highest points from which the apex is taken where there is no noise
-MAX_DOUBLINGS = 10  # of the depth within which points are counted
+FEW_POINTS = 2 * CROWN_POINTS  # within a depth that says how the height falls
+MAX_DOUBLINGS = 60  # of the depth within which points are counted
 CROWN_NOISE = 10.0  # depth, in standard deviations of the noise, from which it is taken otherwise
 
 
@@ -69,8 +70,8 @@ def find_apexes(
     # On a sphere the height falls by equal amounts from point to point.
     per_point_m = height_m / many
     if depth_m is not None:
-        within_m, within = _fall_within(points, highest_m[2], np.minimum(depth_m, height_m))
-        per_point_m = np.where(within_m < height_m, within_m / np.maximum(within, 1), per_point_m)
+        within_m = _fall_per_point_m(points, highest_m[2], np.minimum(depth_m, height_m))
+        per_point_m = np.where(np.isnan(within_m), per_point_m, within_m)
     crown_m = np.maximum(CROWN_NOISE * noise.rms_m, CROWN_POINTS * per_point_m)
     # The highest point of many stands up to four standard deviations above the surface.
     seen_m = np.maximum(crown_m, (CROWN_NOISE + 4.0) * noise.rms_m)
@@ -104,18 +105,23 @@ def find_apexes(
     )
 
 
-def _fall_within(
-    points: HillPoints, highest_m: np.ndarray, depth_m: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
-    """Return depths, doubled where they hold fewer than nine points, and the points within."""
+def _fall_per_point_m(points: HillPoints, highest_m: np.ndarray, depth_m: np.ndarray) -> np.ndarray:
+    """Return t^2 / (2 V), V the sum of the heights above a depth t; NaN where none is given.
+
+    That is t over the number of points within on a paraboloid, but hardly depends on where the
+    lattice lies. The depth is doubled where it holds few points.
+    """
     for _ in range(MAX_DOUBLINGS):
-        above = points.z_m >= np.repeat(highest_m - depth_m, points.count)
-        within = np.bincount(points.hill[above], minlength=points.n_hills)
-        few = (within < MIN_POINTS) & np.isfinite(depth_m)
+        rise_m = points.z_m - np.repeat(highest_m - depth_m, points.count)
+        above = np.flatnonzero(rise_m > 0.0)
+        hill = points.hill[above]
+        few = np.bincount(hill, minlength=points.n_hills) < np.minimum(FEW_POINTS, points.count)
+        few &= np.isfinite(depth_m)
         if not few.any():
             break
         depth_m = np.where(few, 2.0 * depth_m, depth_m)
-    return depth_m, within
+    volume_m = np.bincount(hill, rise_m[above], points.n_hills)
+    return depth_m**2 / (2.0 * np.where(volume_m > 0.0, volume_m, np.nan))
 
 
 def on_hill(surface: HeightMap, hills: Hills, quadric: Quadrics) -> np.ndarray:

@@ -124,6 +124,6 @@ def _edge_factor(given: FitInput, radius_m: np.ndarray) -> np.ndarray:
     reach_m = np.sqrt(2.0 * np.where(radius_m > 0.0, radius_m, np.nan) * body.depth_m)
     slope_m = np.sqrt(2.0 * body.depth_m / np.sqrt(quadric.curvature_per_m.prod(axis=0)))
     inside = np.fmin(np.minimum(place_m, side_m - place_m) / reach_m, 1.0)
-    with np.errstate(divide="ignore", invalid="ignore"):  # a hill of no depth
+    with np.errstate(divide="ignore", invalid="ignore"):  # a hill without height
         outside = np.fmax(np.maximum(-vertex_m, vertex_m - side_m) / slope_m, 0.0)
     return np.where(body.at_edge, edge_factor(inside, outside), 1.0)

@@ -18,7 +18,7 @@ from capslip.caps.fit import Fitted, fit_spheres
 from capslip.caps.fitting import fit_named
 from capslip.caps.hills import Hills, find_hills
 from capslip.caps.noise import SAMPLES, Noise, noise_at, on_lattice
-from capslip.caps.points import points_of_hills
+from capslip.caps.points import HillPoints, points_of_hills
 from capslip.caps.resting import resting_plane
 from capslip.caps.table import CapTable
 from capslip.contact.certificate import Certificate, certify_cut
@@ -36,6 +36,8 @@ MAX_TURNS = 25  # of fit and contact on the hills of one cut
 SETTLED_M = 1e-11  # tilt across the face that the last turn may leave
 SETTLED_LOAD = 1e-4  # of the preload, that the last turn may move
 HELD_LOAD = 3e-4  # of the preload: below, depths are held, else a pixel may flip for ever
+LEAST_PART = 0.2  # of a turn: a face that swings to and fro goes only so far each time
+NEARLY_LOAD, NEARLY_M = 1e-3, 1e-9  # what turns that do not settle may leave all the same
 SHALLOW_LOAD = 1e-3  # of the preload, on hills whose fit the cut may limit
 EARLY = 0.05  # of load and approach: by then the cut can be tried
 SAME_CUT = 0.1  # of the approach: a face that turned less since it was cut is cut well
@@ -271,7 +273,7 @@ class _Search:
         points = points_of_hills(surface, hills)
         slope, depth_m = start.slope, self._carried(start, hills, surface)
         before_N: np.ndarray | None = None
-        tried, history = last, list[float]()
+        tried, history, part = last, list[float](), 1.0
         for _ in range(MAX_TURNS):
             fitted = fit_spheres(surface, hills, fit, depth_m, points, self.noise)
             try:
@@ -287,10 +289,9 @@ class _Search:
             turn = np.array(rest.slope)
             all_N = np.zeros(hills.n_hills)
             all_N[use] = load_N
-            preload_N = self.settings.contact.preload_N
             moved = 1.0
             if before_N is not None:
-                moved = float(np.abs(all_N - before_N).sum()) / (2.0 * preload_N)
+                moved = float(np.abs(all_N - before_N).sum()) / (2.0 * sum(load_N)) / part
             before_N = all_N
             span_m = self._across_m(turn)
             approach_m = rest.level_m - float(depths_m.min())
@@ -300,26 +301,26 @@ class _Search:
                 return found
             history.append(moved)
             if len(history) > 4 and moved > HELD_LOAD and moved > 0.5 * history[-3]:
-                break
+                if part < LEAST_PART:
+                    break
+                part, history = 0.5 * part, []  # it swings to and fro: half of the way
             if not tried and moved < EARLY and span_m < EARLY * approach_m:
                 tried = True
                 if self._certify(surface, hills, found).missed_area_m2 > 0.0:
                     raise _MissedError(slope, approach_m)
             if share is not None and (moved > HELD_LOAD or depth_m is None):
                 compression_m = np.maximum(rest.compression_m, 0.0)
-                depth_m = np.full(hills.n_hills, np.nan)
-                depth_m[use] = np.where(load_N > 0.0, share * compression_m, np.nan)
-            points = replace(
-                points,
-                z_m=points.z_m
-                + turn[0] * (points.x_m - self.at_m[0])
-                + turn[1] * (points.y_m - self.at_m[1]),
-            )
-            slope = slope - turn
-        if last:
-            return replace(found, slope=slope, moved=moved)
+                new_m = np.full(hills.n_hills, np.nan)
+                new_m[use] = np.where(load_N > 0.0, share * compression_m, np.nan)
+                old_m = new_m if depth_m is None else np.where(np.isnan(depth_m), new_m, depth_m)
+                depth_m = old_m + part * (new_m - old_m)
+            points = _turned_points(points, part * turn, self.at_m)
+            slope = slope - part * turn
+        if last or (moved < NEARLY_LOAD and span_m < NEARLY_M):
+            nearly = moved < NEARLY_LOAD and span_m < NEARLY_M
+            return replace(found, moved=0.0 if nearly else moved)
         raise ContactError(
-            f"the face finds no level: after {len(history)} turns of fit and contact {moved:.1%} "
+            f"the face finds no level: after {MAX_TURNS} turns of fit and contact {moved:.1%} "
             "of the load still move; set contact.alignment to as_levelled"
         )
 
@@ -384,6 +385,12 @@ class _Search:
             composite(material.youngs_modulus_Pa, material.poisson_ratio).E_star_Pa,
             hills.noise_m,
         )
+
+
+def _turned_points(points: HillPoints, slope: np.ndarray, at_m: tuple[float, float]) -> HillPoints:
+    """Return the points with a plane of slopes (x, y) added that vanishes at a place (x, y)."""
+    rise_m = slope[0] * (points.x_m - at_m[0]) + slope[1] * (points.y_m - at_m[1])
+    return replace(points, z_m=points.z_m + rise_m)
 
 
 def _relief_m(approach_m: float) -> float:

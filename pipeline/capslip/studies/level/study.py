@@ -239,10 +239,10 @@ def main(write: Callable[[str], object] = sys.stdout.write) -> None:
     """Print both tables."""
     parser = argparse.ArgumentParser(prog="python -m capslip.studies.level", description=__doc__)
     parser.add_argument("--seeds", type=int, nargs="+", default=[0, 1])
-    parser.add_argument("--part", choices=("changes", "accuracy", "both"), default="both")
+    parser.add_argument("--part", choices=("changes", "errors", "both"), default="both")
     chosen = parser.parse_args()
     some = [face for seed in chosen.seeds for group in GROUPS for face in faces(seed, group)]
-    if chosen.part != "accuracy":
+    if chosen.part != "errors":
         rows = [row for face in some for row in held(face)]
         write("".join(f"{row}\n" for row in rows if not row.holds))
         write(f"\n{table_of_changes(rows)}\n\n")
