@@ -8,7 +8,7 @@ from typing import Any
 import msgspec
 import numpy as np
 
-from capslip.caps.families import group_families
+from capslip.caps.families import Families, Family
 from capslip.caps.table import CapFlag, CapTable
 from capslip.contact.curve import NormalCurve
 from capslip.contact.material import composite
@@ -131,8 +131,8 @@ def load_model(result: str | Path) -> tuple[JointModel, Settings]:
             f"{folder}: this analysis found no joint to compare (see its problems)"
         )
     settings = load_settings(folder / "settings.toml")
-    surface, stored = _load_surface_and_caps(folder / "result.h5")
-    caps, families = group_families(stored, **msgspec.structs.asdict(settings.families))
+    surface, caps = _load_surface_and_caps(folder / "result.h5")
+    families = _stored_families(summary["families"])
     material = settings.material
     joint = composite(material.youngs_modulus_Pa, material.poisson_ratio)
 
@@ -148,6 +148,20 @@ def load_model(result: str | Path) -> tuple[JointModel, Settings]:
 
     _, modal, shear = stiffnesses(settings)
     return JointModel(curve, joint.kappa, modal, shear, settings.structure.joints), settings
+
+
+def _stored_families(table: dict[str, Any]) -> Families:
+    """Return the families as the analysis found them, from the table of its summary."""
+    G, P = (None if table[name] is None else Family(**table[name]) for name in "GP")
+    return Families(
+        G=G,
+        P=P,
+        levels=tuple(Family(**level) for level in table["levels"]),
+        separation=table["separation"],
+        log_odds=table["log_odds"],
+        count_se=table["count_se"],
+        alike=False,
+    )
 
 
 def _load_surface_and_caps(path: Path) -> tuple[HeightMap, CapTable]:
