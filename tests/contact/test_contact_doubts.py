@@ -136,14 +136,14 @@ def test_a_doubt_about_contact_is_raised_just_beyond_its_threshold(
     caps, families = caps_of(load_N, contact_radius_m, **columns)
     area_m2 = more.get("pixel_area_m2", 1e-8)
     pressed = state(contacts=more.get("contacts", 10))
-    found = contact_doubts(pressed, caps, families, area_m2, Material())
+    found = contact_doubts(pressed, caps, families, area_m2, Material(), cut_certified=False)
     assert severities(found) == ({} if code is None else {code: severity})
 
 
 @pytest.mark.parametrize("flag", list(CapFlag))
 def test_the_load_is_doubtful_on_caps_of_which_a_part_or_the_apex_is_not_known(flag):
     caps, families = caps_of([1.0, 1.0], [0.1, 0.1], flags=np.array([flag, 0], np.uint16))
-    found = contact_doubts(state(), caps, families, 1e-8, Material())
+    found = contact_doubts(state(), caps, families, 1e-8, Material(), cut_certified=False)
     names = {"edge", "non_measured", "apex_off_surface", "noisy_apex"}
     assert [p.code for p in found] == ["load_on_doubtful_caps"] * (flag.name in names)
 
@@ -153,7 +153,8 @@ def test_a_family_that_does_not_touch_is_named(load_N, silent):
     caps, families = caps_of(load_N, [0.1, 0.1])
     caps = caps.with_columns(family=np.array(["G", "P"]))
     families = replace(families, P=families.G)
-    found = severities(contact_doubts(state(), caps, families, 1e-8, Material()))
+    doubts = contact_doubts(state(), caps, families, 1e-8, Material(), cut_certified=False)
+    found = severities(doubts)
     assert found == ({} if silent else {"P_not_in_contact": "info"})
 
 
@@ -170,7 +171,7 @@ def test_a_family_that_does_not_touch_is_named(load_N, silent):
 def test_pressure_is_doubted_just_beyond_its_threshold(pressure_Pa, yield_Pa, codes):
     caps, families = caps_of([1.0, 1.0], [0.1, 0.1])
     pressed, material = state(max_pressure_Pa=pressure_Pa), Material(yield_stress_Pa=yield_Pa)
-    found = contact_doubts(pressed, caps, families, 1e-8, material)
+    found = contact_doubts(pressed, caps, families, 1e-8, material, cut_certified=False)
     assert [p.code for p in found] == codes
 
 
