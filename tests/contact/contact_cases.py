@@ -27,4 +27,6 @@ def scene_of(caps, preload_N, side_m=(0.04, 0.06)):
     """Return the caps, all of them in use, on a flat face."""
     face = HeightMap(np.zeros((20, 30)), (side_m[0] / 20, side_m[1] / 30))
     families = group_families(caps)[1]
-    return Scene(caps, families, face, E_STAR_PA, preload_N, caps.usable, 1e-7)
+    middle_m = (0.5 * side_m[1], 0.5 * side_m[0])
+    held = (middle_m, np.inf)
+    return Scene(caps, families, face, E_STAR_PA, preload_N, caps.usable, 1e-7, *held)

@@ -19,7 +19,8 @@ APPROACH_M = (0.75 * PRELOAD_N / E_STAR_PA / np.sqrt(20.0)) ** (2 / 3)  # of one
 
 
 def settings(*more):
-    overrides = (f"contact.preload_N={PRELOAD_N}", "conditioning.form=none", *more)
+    as_levelled = ("conditioning.form=none", "contact.alignment=as_levelled")
+    overrides = (f"contact.preload_N={PRELOAD_N}", *as_levelled, *more)
     return load_settings(overrides=overrides)
 
 
