@@ -172,6 +172,10 @@ class _Rest:
     moved: float  # share of the load; 0 where the turns came to rest
 
 
+class _LostCapsError(ContactError):
+    """More caps balanced the face before some lost their sphere."""
+
+
 class _MissedError(Exception):
     """The cut was too high: something outside its hills stands in the pressed plane."""
 
@@ -204,6 +208,7 @@ class _Search:
     def run(self, start: _Start) -> tuple[Level, _Start]:
         """Return the level, and what a search on a finer map can start from."""
         tipped: TipsOverError | None = None
+        lost: ContactError | None = None
         trouble: ContactError | None = None
         fixed = self.settings.hills.cut == "fixed"
         ratios = [start.ratio, *(r for r in RATIOS if r > start.ratio + 1e-9 and not fixed)]
@@ -219,10 +224,13 @@ class _Search:
                 start = _Start(missed.slope, ratio, missed.approach_m)
             except TipsOverError as error:
                 tipped, start = error, _Start(np.array(self.rest_slope), ratio)
+            except _LostCapsError as error:
+                lost, start = error, _Start(np.array(self.rest_slope), ratio)
             except ContactError as error:
                 trouble, start = trouble or error, _Start(np.array(self.rest_slope), ratio)
-        # A face tips over where it does so on every cut; else it is the search that failed.
-        raise trouble or tipped or ContactError("the face finds no level")
+        # A face tips over where it does so on every cut on which its hills are caps; else it is the
+        # search that failed.
+        raise trouble or tipped or lost or ContactError("the face finds no level")
 
     def _at_ratio(self, start: _Start, last: bool) -> tuple[Level, _Start]:
         for _ in range(MAX_CUTS):
@@ -282,7 +290,7 @@ class _Search:
             except TipsOverError as error:
                 if before_N is None or fitted.usable.all():
                     raise
-                raise ContactError(  # more caps balanced it before some lost their sphere
+                raise _LostCapsError(
                     f"the face finds no level: fitted as deep as they are compressed, "
                     f"{int(fitted.usable.sum())} of {hills.n_hills} hills are left as caps, and "
                     "they do not surround the load; check preload and units"
@@ -341,6 +349,13 @@ class _Search:
         stiffness = turning_stiffness(self.settings)
         held = (stiffness, stiffness * slope)
         rest, load_N = _pressed(arm_m, peak_m, spheres.radius_m[use], self.settings, held)
+        compression_m = np.maximum(rest.compression_m, 0.0)
+        area_m2 = float(math.pi * (spheres.radius_m[use] * compression_m).sum())
+        if area_m2 > math.prod(self.surface.side_m):
+            raise ContactError(
+                f"the face finds no level: its caps need a contact area of {area_m2:.3g} m2; "
+                f"expected less than the face's {math.prod(self.surface.side_m):.3g} m2"
+            )
         return use, rest, load_N, peak_m.max() - peak_m - arm_m @ np.array(rest.slope)
 
     def _across_m(self, slope: np.ndarray) -> float:
