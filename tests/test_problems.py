@@ -269,6 +269,7 @@ ROWS = [
     Row("more_than_two_families", "info", "3 levels (4 at", "low-cap flat"),
     Row("families_doubtful", "info", "12 caps do not settle", "a-little-waved flat"),
     Row("family_below_cut", "info", "beside the 4 G-caps", "deep-P solved", "deep-P fixed fifth"),
+    Row("level_not_settled", "info", "of the load", "rough fixed solved", "plain"),
     Row("cut_too_high", "info", "the cut at 10% stand", "deep-P fixed solved", "deep-P"),
     Row("shallow_saddles", "warning", "50% of the caps", "twins-that-touch", "twins-apart"),
     Row("coarse_pruning", "info", "dents up to 4e-08", "plain coarsely"),
@@ -291,7 +292,7 @@ ROWS = [
     Row(
         "caps_several_peaks",
         "warning",
-        "7 of 12",
+        "8 of 12",
         "all-P-pairs regions levelled alone",
         "all-P-pairs levelled",
     ),
@@ -344,8 +345,8 @@ ROWS = [
     Row(
         "level_not_settled",
         "warning",
-        "moved 0.35% of the load",
-        "unsettled fixed N=300",
+        "moved 0.40% of the load",
+        "rough fixed",
         "plain",
     ),
     Row("cut_too_high", "warning", "the cut at 10% stand", "deep-P fixed", "deep-P"),
