@@ -7,7 +7,7 @@ import numpy as np
 
 from capslip.caps.points import HillPoints
 from capslip.surface.heightmap import HeightMap
-from capslip.surface.noise import mixed_difference, rms_of_noise_m
+from capslip.surface.noise import mixed_difference, on_lattice, rms_of_noise_m
 
 SAMPLES = 8000  # stencils at each spacing: the median is then good to 1 %
 SPACINGS = (1, 2, 4, 8)
@@ -67,12 +67,6 @@ def noise_at(surface: HeightMap, row: np.ndarray, col: np.ndarray) -> Noise:
         if len(seen_m) > 1 and seen_m[-1] <= LEVELLED * seen_m[-2]:
             return Noise(max(seen_m[-2:]), _inflation(seen_m))
     return Noise(seen_m[0], 1.0)
-
-
-def on_lattice(place: np.ndarray, n: int, every: int) -> np.ndarray:
-    """Tell which of rows or columns 0 ... n - 1 lie on a lattice; the mirrored map has the same."""
-    chosen: np.ndarray = np.minimum(place, n - 1 - place) % every == 0
-    return chosen
 
 
 def _inflation(seen_m: list[float]) -> float:

@@ -97,21 +97,24 @@ def resting_plane(
     squares = _Squares.of(surface, at_m, square)
     slope = squares.slope()
     height_m = squares.heights_m(slope)
-    found = None
+    found, some = None, np.arange(height_m.size)
     for _ in range(MAX_FRAMES):
-        found = _facet(squares.x_m, squares.y_m, height_m)
+        range_m = float(np.ptp(height_m))
+        found = _facet(squares.x_m[some], squares.y_m[some], height_m[some], range_m)
         if found is None:
             break
         corner, (level_m, turn_x, turn_y) = found
+        corner = some[corner]
         slope = slope + np.array([turn_x, turn_y])
         height_m = height_m - (turn_x * squares.x_m + turn_y * squares.y_m)
         # The mean without the highest point can have risen by no more than this.
         lift_m = 2.0 * (abs(turn_x) * squares.width_m[0] + abs(turn_y) * squares.width_m[1])
         near = np.flatnonzero(height_m >= level_m - lift_m)
         height_m[near] = squares.heights_m(slope, near)
-        rounding_m = ROUNDING * max(float(np.ptp(height_m)), abs(level_m))
+        rounding_m = ROUNDING * max(range_m, abs(level_m))
         if height_m[near].max() <= height_m[corner].min() + rounding_m:
             break
+        some = np.union1d(near, corner)  # whatever stands above the plane is among them
     if found is None:
         raise UnusableSurfaceError(
             f"{surface.origin.name}: the load point x = {at_m[0]:g} m, y = {at_m[1]:g} m lies "
@@ -204,11 +207,12 @@ class _Squares:
 
 
 def _facet(
-    x_m: np.ndarray, y_m: np.ndarray, height_m: np.ndarray
+    x_m: np.ndarray, y_m: np.ndarray, height_m: np.ndarray, range_m: float
 ) -> tuple[np.ndarray, np.ndarray] | None:
     """Return the corners of the facet of the upper hull over the origin, and its plane.
 
     The plane is (height at the origin, slope along x, along y). None where the origin lies outside.
+    `range_m` is that of the heights of the whole face.
     """
     n = height_m.size
     if n < 3:
@@ -218,7 +222,7 @@ def _facet(
     angle = 2.0 * np.pi * np.arange(3) / 3.0
     x = np.append(x_m / reach_m, 10.0 * np.cos(angle))
     y = np.append(y_m / reach_m, 10.0 * np.sin(angle))
-    base_m, range_m = float(height_m.mean()), float(np.ptp(height_m))
+    base_m = float(height_m.mean())
     z = np.append(height_m - base_m, np.full(3, -BELOW * range_m))
     places = np.column_stack((np.ones(n + 3), x, y))
     origin = np.array([1.0, 0.0, 0.0])

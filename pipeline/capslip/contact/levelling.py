@@ -17,7 +17,7 @@ import numpy as np
 from capslip.caps.fit import Fitted, fit_spheres
 from capslip.caps.fitting import fit_named
 from capslip.caps.hills import Hills, find_hills
-from capslip.caps.noise import SAMPLES, Noise, noise_at, on_lattice
+from capslip.caps.noise import SAMPLES, Noise, noise_at
 from capslip.caps.points import HillPoints, points_of_hills
 from capslip.caps.resting import resting_plane
 from capslip.caps.table import CapTable
@@ -28,6 +28,7 @@ from capslip.contact.solvers.balance import Equilibrium, press
 from capslip.errors import ContactError, TipsOverError, UnusableSurfaceError
 from capslip.settings import Settings
 from capslip.surface.heightmap import HeightMap
+from capslip.surface.noise import on_lattice
 
 RATIOS = (0.10, 0.15, 0.20, 0.25, 0.30, 0.40, 0.55)  # cuts to try, where one is not deep enough
 COARSE_POINTS = 200  # along the shorter side of the map on which the level is found first
@@ -301,7 +302,7 @@ class _Search:
                 return found
             history.append(moved)
             if len(history) > 4 and moved > HELD_LOAD and moved > 0.5 * history[-3]:
-                if part < LEAST_PART:
+                if part < LEAST_PART or (moved > EARLY and not last):
                     break
                 part, history = 0.5 * part, []  # it swings to and fro: half of the way
             if not tried and moved < EARLY and span_m < EARLY * approach_m:

@@ -162,22 +162,12 @@ def problems_of_holes(surface: HeightMap, hill_radius_m: float) -> tuple[Problem
     tuple of Problem
         `hole_may_hide_hills` (warning) where the largest disc in a hole is not smaller.
     """
-    from scipy.ndimage import distance_transform_edt
-
     measured = surface.measured
-    if measured.all():
+    # Quickly for all that is lost; what of it is a hole takes longer
+    if measured.all() or _largest_disc_m(~measured, surface, hill_radius_m) < hill_radius_m:
         return ()
     hole = ~measured & (_enclosed(measured, 0) | _enclosed(measured, 1))
-    # Blocks of a tenth of the disc, lost as a whole: none holds a measured point
-    steps = [max(1, int(0.1 * hill_radius_m / size_m)) for size_m in surface.pixel_size_m]
-    for axis, step in enumerate(steps):
-        hole = np.logical_and.reduceat(hole, np.arange(0, hole.shape[axis], step), axis=axis)
-    if not hole.any():
-        return ()
-    block_m = [step * size_m for step, size_m in zip(steps, surface.pixel_size_m, strict=True)]
-    # Between centres of blocks: half a block of that is measured
-    to_centre_m = distance_transform_edt(hole, sampling=block_m)
-    radius_m = float(to_centre_m.max()) - 0.5 * min(block_m)
+    radius_m = _largest_disc_m(hole, surface, hill_radius_m)
     if radius_m < hill_radius_m:
         return ()
     message = (
@@ -186,6 +176,22 @@ def problems_of_holes(surface: HeightMap, hill_radius_m: float) -> tuple[Problem
         "what is missing, or scan a part of the face without such a hole"
     )
     return (Problem("hole_may_hide_hills", "warning", message),)
+
+
+def _largest_disc_m(hole: np.ndarray, surface: HeightMap, hill_radius_m: float) -> float:
+    """Return the radius of the largest disc in a mask, 0 where it holds no block."""
+    from scipy.ndimage import distance_transform_edt
+
+    # Blocks of a tenth of the disc, lost as a whole: none holds a measured point
+    steps = [max(1, int(0.1 * hill_radius_m / size_m)) for size_m in surface.pixel_size_m]
+    for axis, step in enumerate(steps):
+        hole = np.logical_and.reduceat(hole, np.arange(0, hole.shape[axis], step), axis=axis)
+    if not hole.any():
+        return 0.0
+    block_m = [step * size_m for step, size_m in zip(steps, surface.pixel_size_m, strict=True)]
+    # Between centres of blocks: half a block of that is measured
+    to_centre_m = distance_transform_edt(hole, sampling=block_m)
+    return float(to_centre_m.max()) - 0.5 * min(block_m)
 
 
 def _enclosed(measured: np.ndarray, axis: int) -> np.ndarray:

@@ -6,12 +6,13 @@ the hills alone, where noise may differ from that of the floor, and of noise tha
 several points, which only stencils of wider spacing see (`capslip.caps.noise`).
 """
 
+import math
 from collections.abc import Callable
 
 import numpy as np
 
 MEDIAN_OF_NORMAL = 0.6744897501960817  # of |x| for a standard normal x
-ROWS = 128  # of the whole map: enough for the median
+SAMPLES = 60_000  # of the whole map: enough for the median
 
 
 def mixed_difference(height_m: Callable[[int, int], np.ndarray]) -> np.ndarray:
@@ -48,9 +49,17 @@ def rms_of_noise_m(difference_m: np.ndarray) -> float:
 
 
 def noise_of_map_m(height_m: np.ndarray) -> float:
-    """Return the standard deviation of the white noise of a map, shape (ny, nx), from some rows."""
-    ny, nx = height_m.shape
-    row = np.arange(1, ny - 1, max(1, ny // ROWS))
-    return rms_of_noise_m(
-        mixed_difference(lambda i, j: height_m[row + i, 1 + j : max(nx - 1 + j, 0)])
+    """Return the standard deviation of the white noise of a map, shape (ny, nx), from a lattice."""
+    every = max(1, math.isqrt(height_m.size // SAMPLES))
+    row, col = (np.arange(1, n - 1) for n in height_m.shape)
+    row, col = (
+        row[on_lattice(row, len(height_m), every)],
+        col[on_lattice(col, height_m.shape[1], every)],
     )
+    return rms_of_noise_m(mixed_difference(lambda i, j: height_m[np.ix_(row + i, col + j)]))
+
+
+def on_lattice(place: np.ndarray, n: int, every: int) -> np.ndarray:
+    """Tell which of rows or columns 0 ... n - 1 lie on a lattice; the mirrored map has the same."""
+    chosen: np.ndarray = np.minimum(place, n - 1 - place) % every == 0
+    return chosen

@@ -28,8 +28,7 @@ FORCE_SHARES = (0.1, 0.25, 0.5, 0.75)  # of mu N, at which the energies are comp
 CUTS = (0.05, 0.20, 0.30)  # to start from, beside the default of 0.10
 TILT_M, LOWERED_M = 8e-6, 1e-6
 RELIEFS = 10.0  # of the face, that the steep tilts rise across it
-# Directions of the steep tilts (x, y)
-STEEP = {"along x": (1.0, 0.0), "across": (0.6, -0.8), "against both": (-0.7, -0.7)}
+STEEP = {"along x": (1.0, 0.0), "across": (0.6, -0.8), "against both": (-0.7, -0.7)}  # (x, y)
 GROUPS = ("caps", "waves")
 REACH = {"caps": 1e-3, "waves": 1e-2}  # relative change that is reached
 
