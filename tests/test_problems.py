@@ -341,7 +341,13 @@ ROWS = [
         "fine-pair solved N=20",
         "fine-pair solved levelled N=20",
     ),
-    Row("not_balanced", "warning", "a cut at 10%", "plain plastics", "plain levelled plastics"),
+    Row(
+        "not_balanced",
+        "warning",
+        "finds no level",
+        "plain plastics N=5000",
+        "plain levelled plastics",
+    ),
     Row(
         "level_not_settled",
         "warning",
