@@ -269,6 +269,7 @@ ROWS = [
     Row("more_than_two_families", "info", "3 levels (4 at", "low-cap flat"),
     Row("families_doubtful", "info", "12 caps do not settle", "a-little-waved flat"),
     Row("family_below_cut", "info", "beside the 4 G-caps", "deep-P solved", "deep-P fixed fifth"),
+    Row("level_not_settled", "info", "of the load", "rough fixed solved", "plain"),
     Row("cut_too_high", "info", "the cut at 10% stand", "deep-P fixed solved", "deep-P"),
     Row("shallow_saddles", "warning", "50% of the caps", "twins-that-touch", "twins-apart"),
     Row("coarse_pruning", "info", "dents up to 4e-08", "plain coarsely"),
@@ -340,6 +341,7 @@ ROWS = [
         "fine-pair solved N=20",
         "fine-pair solved levelled N=20",
     ),
+<<<<<<< HEAD
     Row("not_balanced", "warning", "finds no level", "plain rubber", "plain levelled rubber"),
     Row(
         "level_not_settled",
@@ -347,6 +349,21 @@ ROWS = [
         "of the load",
         "plain plastics",
         "plain levelled plastics",
+=======
+    Row(
+        "not_balanced",
+        "warning",
+        "finds no level",
+        "plain plastics N=5000",
+        "plain levelled plastics",
+    ),
+    Row(
+        "level_not_settled",
+        "warning",
+        "moved 0.40% of the load",
+        "rough fixed",
+        "plain",
+>>>>>>> wt-lstud
     ),
     Row("cut_too_high", "warning", "the cut at 10% stand", "deep-P fixed", "deep-P"),
     Row("one_contact", "warning", "one cap", "plain levelled N=0.01"),

@@ -34,9 +34,15 @@ def warned(codes, made_from="spheres", error=0.01, share=0.0, flag=CapFlag.edge)
 
 @pytest.mark.parametrize("made_from", ["map", "nothing"])
 def test_a_model_without_caps_reads_none(made_from):
-    flagged = [f"caps_{flag.name}" for flag in (CapFlag.edge, CapFlag.plateau, CapFlag.outlier)]
-    assert warned(SHAPE + COUNTS + flagged, made_from, share=1.0) == []
+    flagged = [f"caps_{flag.name}" for flag in (CapFlag.edge, CapFlag.ridge, CapFlag.outlier)]
+    assert warned(SHAPE + COUNTS[:-1] + flagged, made_from, share=1.0) == []
     assert warned(OTHERS, made_from) == OTHERS
+
+
+@pytest.mark.parametrize("made_from", ["map", "nothing"])
+def test_the_map_itself_has_its_noise_steps_and_spikes(made_from):
+    codes = ["caps_noisy_apex", "caps_plateau", "highest_point_on_no_cap"]
+    assert warned(codes, made_from) == codes * (made_from == "map")
 
 
 def test_the_estimated_error_counts_the_shape_of_the_hills():

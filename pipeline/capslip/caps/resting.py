@@ -95,6 +95,8 @@ def resting_plane(
     ly_m, lx_m = surface.side_m
     at_m = (0.5 * lx_m, 0.5 * ly_m) if load_point_m is None else load_point_m
     squares = _Squares.of(surface, at_m, square)
+    if squares.row.size < 3:  # hardly any square has points enough
+        squares = _Squares.of(surface, at_m, 1)
     slope = squares.slope()
     height_m = squares.heights_m(slope)
     found, some = None, np.arange(height_m.size)

@@ -106,6 +106,7 @@ class Rung(Generic[C]):
     contact_name: str = "caps in contact"  # what `Contacts.count` counts
     # Growing loads up to one whose approach costs no solution; None: any load is as good
     solved_loads_N: Callable[[C, float], np.ndarray] | None = None
+    knows_places: bool = True  # whether a tilt moves its contacts; else it stays as levelled
     interacts: bool = False  # whether each contact sinks the others
 
 

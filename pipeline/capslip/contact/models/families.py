@@ -85,4 +85,5 @@ RUNG = Rung(
     colour="#E69F00",
     build=_build,
     contacts=_contacts,
+    knows_places=False,
 )

@@ -127,6 +127,7 @@ RUNG = Rung(
     colour="#999999",
     build=_build,
     contacts=_contacts,
+    knows_places=False,
     doubt="a flat interface loses nothing below total slip: its damping is none of the face, and "
     "its error is not known; contact.model = auto presses the caps",
 )

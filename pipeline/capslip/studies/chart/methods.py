@@ -5,7 +5,7 @@ from itertools import product
 
 from capslip import registry
 from capslip.caps.fitting import fit_named
-from capslip.contact.rung import ladder
+from capslip.contact.rung import ladder, rung
 from capslip.settings import CapSettings, HillSettings
 
 # Rungs and fits from the cheapest on; the paper's come first, those that the program chooses last.
@@ -94,7 +94,8 @@ def methods() -> tuple[Method, ...]:
 
 
 def _caps(model: str, fit: str, separation: str) -> tuple[str, ...]:
-    return (f"contact.model={model}", f"caps.fit={fit}", f"hills.separation={separation}")
+    chosen = (f"contact.model={model}", f"caps.fit={fit}", f"hills.separation={separation}")
+    return chosen if rung(model).knows_places else (*chosen, "contact.alignment=as_levelled")
 
 
 def _by_grid(line: str, overrides: tuple[str, ...], coarsenings: tuple[int, ...]) -> list[Method]:

@@ -104,13 +104,16 @@ def reference(face: HeightMap, settings: Settings, *, with_peak: bool = True) ->
     proven_J = mu**2 * kappa * _loss_J(loaded, proof)
     found_J = float(slip.energy_at_force_J(PROOF_SHARE * slip.total_slip_force_N))
     off = abs(proven_J / found_J - 1.0) if found_J else 0.0
-    proof_error = max(0.0, off - RING_ERROR / _ring_pixels(loaded, proof))
+    pixel_error = RING_ERROR / _ring_pixels(loaded, proof)
+    proof_error = max(0.0, off - pixel_error)
     uncertainty = dict.fromkeys(("stiffness", "stiffness_without_bulk"), STIFFNESS_ERROR)
     smallest = SMALLEST_ERROR * unloading.smallest_drop_N / preload_N
     for name, share in zip(ENERGIES, FORCE_SHARES, strict=True):
         # Zero: less than one pixel slips, and the map does not tell
         numbers[name] = float(slip.energy_at_force_J(share * slip.total_slip_force_N)) or None
         uncertainty[name] = unloading.loss_error + smallest / share + proof_error
+        if share == PROOF_SHARE:  # the proven energy is no further off than its pixels make it
+            uncertainty[name] = min(uncertainty[name], off + pixel_error)
     if with_peak:
         _, modal, own = stiffnesses(settings)
         damping = response(slip, modal, own, settings.structure.joints)
