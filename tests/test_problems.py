@@ -341,29 +341,13 @@ ROWS = [
         "fine-pair solved N=20",
         "fine-pair solved levelled N=20",
     ),
-<<<<<<< HEAD
     Row("not_balanced", "warning", "finds no level", "plain rubber", "plain levelled rubber"),
-    Row(
-        "level_not_settled",
-        "warning",
-        "of the load",
-        "plain plastics",
-        "plain levelled plastics",
-=======
-    Row(
-        "not_balanced",
-        "warning",
-        "finds no level",
-        "plain plastics N=5000",
-        "plain levelled plastics",
-    ),
     Row(
         "level_not_settled",
         "warning",
         "moved 0.40% of the load",
         "rough fixed",
         "plain",
->>>>>>> wt-lstud
     ),
     Row("cut_too_high", "warning", "the cut at 10% stand", "deep-P fixed", "deep-P"),
     Row("one_contact", "warning", "one cap", "plain levelled N=0.01"),
