@@ -240,7 +240,8 @@ def _levelled(
 ) -> tuple[Level | None, list[Problem]]:
     """Return the level of a face that turns, None where it does not or cannot."""
     made_from, contact = _made_from(settings), settings.contact
-    if contact.alignment == "as_levelled" or made_from == "nothing":
+    turns = contact.model == "auto" or rung(contact.model).knows_places
+    if contact.alignment == "as_levelled" or not turns:
         return None, []
     if made_from == "map" and contact.alignment_stiffness_Nm_per_rad > 0.0:
         return None, []  # what holds the parts is at ease as they were levelled

@@ -47,7 +47,10 @@ def write(path, text):
 
 @pytest.mark.parametrize("name", ["families", "caps", "mean_field", "interacting", "flat"])
 def test_model_of_a_result_is_that_of_its_analysis(surface, tmp_path, name):
-    analysis = result_of(surface, tmp_path / "result", f"contact.model={name}")
+    # Three caps that all but lie in a line balance only where the floor helps them
+    alignment = "as_levelled" if name in ("caps", "mean_field") else "balanced"
+    chosen = (f"contact.model={name}", f"contact.alignment={alignment}")
+    analysis = result_of(surface, tmp_path / "result", *chosen)
     model, settings = load_model(tmp_path / "result")
     damping = analysis.damping
     got = model.loss_factor(
