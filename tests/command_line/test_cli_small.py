@@ -9,7 +9,7 @@ import pytest
 from click.testing import CliRunner
 
 import capslip
-from capslip.cli import main
+from capslip.cli import _command_line, main
 from capslip.units import METRES
 from scenes import PROJECT
 
@@ -126,3 +126,8 @@ def test_export_writes_jenkins_elements(tmp_path):
     lines = (tmp_path / "a" / "jenkins.csv").read_text().splitlines()
     rows = [line.split(",") for line in lines if line[0].isdigit()]
     assert sum(float(slip_N) for _, slip_N in rows) == pytest.approx(92.0, rel=1e-6)
+
+
+def test_the_recorded_command_is_the_one_that_was_called(monkeypatch):
+    monkeypatch.setattr("sys.argv", ["/somewhere/capslip", "analyze", "a face.h5", "--quiet"])
+    assert _command_line() == "capslip analyze a face.h5 --quiet"
