@@ -270,7 +270,7 @@ ROWS = [
     Row("families_doubtful", "info", "12 caps do not settle", "a-little-waved flat"),
     Row("family_below_cut", "info", "beside the 4 G-caps", "deep-P solved", "deep-P fixed fifth"),
     Row("level_not_settled", "info", "of the load", "rough fixed solved", "plain"),
-    Row("cut_too_high", "info", "the cut at 10% stand", "deep-P fixed solved", "deep-P"),
+    Row("cut_too_high", "info", "the cut at 10% stand", "plain fixed solved N=3000", "plain"),
     Row("shallow_saddles", "warning", "50% of the caps", "twins-that-touch", "twins-apart"),
     Row("coarse_pruning", "info", "dents up to 4e-08", "plain coarsely"),
     Row(
@@ -349,7 +349,7 @@ ROWS = [
         "rough fixed",
         "plain",
     ),
-    Row("cut_too_high", "warning", "the cut at 10% stand", "deep-P fixed", "deep-P"),
+    Row("cut_too_high", "warning", "the cut at 10% stand", "plain fixed N=3000", "plain fixed"),
     Row("one_contact", "warning", "one cap", "plain levelled N=0.01"),
     Row("P_not_in_contact", "info", "no P-cap", "plain N=50"),
     Row("contacts_merge", "warning", "8 pairs of contacts", "plain levelled plastics"),

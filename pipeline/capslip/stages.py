@@ -39,6 +39,7 @@ from capslip.surface.mating import Placement, mate, place
 
 MAX_TURNS = 10  # of fit and contact
 SETTLED = 1e-3  # of the preload: loads that move less in one turn have settled
+UNSETTLED = 0.01  # of the preload: a level whose last turn still moves more is none
 FAMILY_RATIO = 0.10  # of the points, above which the paper counts its caps
 FAMILY_TURNS = 4  # of the families and their plane
 FAMILY_SETTLED_M = 1e-10  # across the face
@@ -248,6 +249,10 @@ def _levelled(
     try:
         with clock("level"):
             level = find_level(surface, settings)
+        if level.moved > UNSETTLED:
+            raise ContactError(
+                f"the face finds no level: the last turn still moved {level.moved:.1%} of the load"
+            )
     except TipsOverError as error:
         severity: Severity = "info" if _made_from(settings) == "map" else "error"
         return None, [Problem("tips_over", severity, str(error).removeprefix("tips_over: "))]
