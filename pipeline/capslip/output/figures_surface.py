@@ -37,7 +37,8 @@ def height_map(analysis: "Analysis") -> "Figure":
     beyond = np.array([np.nanmin(heights_um) < low, np.nanmax(heights_um) > high])
     extend = ("neither", "min", "max", "both")[int(beyond @ [1, 2])]
 
-    figure, axes = face_axes("Heights after removal of the form", surface.side_m)
+    over = "after removal of the form" if analysis.level is None else "over the balanced plane"
+    figure, axes = face_axes(f"Heights {over}", surface.side_m)
     extent = (0, surface.side_m[1] * 1e3, 0, surface.side_m[0] * 1e3)
     image = axes.imshow(
         np.ma.masked_invalid(heights_um),
