@@ -22,7 +22,7 @@ from capslip.caps.points import points_of_hills
 from capslip.caps.table import CapTable
 from capslip.contact.choice import estimate_error
 from capslip.contact.depth import press_for_depth
-from capslip.contact.levelling import COARSE_POINTS, Level, block_means, find_level, turned
+from capslip.contact.levelling import Level, coarse_map, find_level, turned
 from capslip.contact.press import ContactState, press
 from capslip.contact.rung import rung
 from capslip.contact.slip import SlipCurve, slip_curve
@@ -224,7 +224,7 @@ def _one_map(conditioned: Conditioned, settings: Settings, clock: Clock) -> Face
         caps = _named(level, hills, family_caps)
         ratio = _family_ratio(settings)
         problems += _below_cut(plane, families, ratio, settings, own_plane=True)
-    problems += problems_of_caps(plane, hills, family_caps, _family_ratio(settings))
+    problems += problems_of_caps(plane, hills, family_caps, ratio)
     if family_caps.usable.any():
         hill_m = 0.5 * float(np.median(family_caps.diameter_m[family_caps.usable]))
         problems += problems_of_holes(plane, hill_m)
@@ -254,10 +254,10 @@ def _levelled(
                 f"the face finds no level: the last turn still moved {level.moved:.1%} of the load"
             )
     except TipsOverError as error:
-        severity: Severity = "info" if _made_from(settings) == "map" else "error"
+        severity: Severity = "info" if made_from == "map" else "error"
         return None, [Problem("tips_over", severity, str(error).removeprefix("tips_over: "))]
     except ContactError as error:
-        if _made_from(settings) == "map":
+        if made_from == "map":
             return None, []
         message = f"{error}; the face is pressed as it was levelled, and its level decides"
         return None, [Problem("not_balanced", "warning", message)]
@@ -284,8 +284,7 @@ def _families(
     So neither the level of the map nor that of the pressed face decides which caps are counted.
     """
     slope = np.array(level.rest_slope)
-    step = round(min(surface.shape) / COARSE_POINTS)
-    coarse = block_means(surface, step) if step > 1 else surface
+    coarse = coarse_map(surface)
     for _ in range(FAMILY_TURNS):
         _, caps = _counted(turned(coarse, -slope, level.load_point_m), settings)
         turn = slope_of_families(caps)
@@ -307,8 +306,7 @@ def _below_cut(
     own_plane: bool = False,
 ) -> list[Problem]:
     """Return whether a deeper cut shows a second family; a coarse map tells."""
-    step = round(min(plane.shape) / COARSE_POINTS)
-    coarse = block_means(plane, step) if step > 1 else plane
+    coarse = coarse_map(plane)
     grouping = settings.families
 
     def counted(deeper: float) -> Families:

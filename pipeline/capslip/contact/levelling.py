@@ -113,10 +113,10 @@ def find_level(surface: HeightMap, settings: Settings) -> Level:
     except UnusableSurfaceError as error:
         raise TipsOverError(f"tips_over: {error}") from error
     start = _Start(np.array(rest.slope), settings.hills.material_ratio)
-    step = round(min(surface.shape) / COARSE_POINTS)
-    if step > 1:
+    coarse = coarse_map(surface)
+    if coarse is not surface:
         with suppress(ContactError, UnusableSurfaceError):  # small contacts need the whole map
-            start = _Search(block_means(surface, step), settings, at_m, rest.slope).run(start)[1]
+            start = _Search(coarse, settings, at_m, rest.slope).run(start)[1]
     return _Search(surface, settings, at_m, rest.slope).run(start)[0]
 
 
@@ -128,6 +128,12 @@ def turned(
     along_x = slope[0] * ((np.arange(nx) + 0.5) * dx_m - at_m[0])
     along_y = slope[1] * ((np.arange(ny) + 0.5) * dy_m - at_m[1])
     return replace(surface, height_m=surface.height_m + along_x + along_y[:, None])
+
+
+def coarse_map(surface: HeightMap) -> HeightMap:
+    """Return the map on which a level is found first: itself, where it is small."""
+    step = round(min(surface.shape) / COARSE_POINTS)
+    return block_means(surface, step) if step > 1 else surface
 
 
 def block_means(surface: HeightMap, step: int) -> HeightMap:
