@@ -5,6 +5,7 @@ from datetime import UTC, datetime
 
 from capslip.caps.doubts import problems_of_bow, problems_of_families
 from capslip.contact.doubts import contact_doubts, material_doubts
+from capslip.contact.levelling import coarse_map
 from capslip.contact.press import ContactState
 from capslip.contact.relevance import as_read
 from capslip.contact.rung import rung
@@ -13,9 +14,9 @@ from capslip.problems import Problem
 from capslip.result import Analysis
 from capslip.sensitivity import sensitivity
 from capslip.settings import Settings
-from capslip.stages import Clock, Face, damp, estimate, find_face, press_face
+from capslip.stages import Clock, Face, can_be_pressed, damp, estimate, find_face, press_face
 from capslip.structure.doubts import problems_of_damping, problems_of_structure
-from capslip.surface.doubts import problems_of_scan, problems_of_tilt
+from capslip.surface.doubts import problems_of_form, problems_of_scan, problems_of_tilt
 from capslip.surface.heightmap import HeightMap
 
 
@@ -55,7 +56,7 @@ def analyze(
     problems = analysis.problems
     contact = analysis.contact
     if contact is not None and settings.contact.model != "auto":
-        error, doubts = estimate(face, settings, clock)
+        error, doubts = estimate(face, contact, settings, clock)
         contact = replace(contact, estimated_error=error)
         problems = (*problems, *doubts)
     if not settings.run.sensitivity:
@@ -92,7 +93,7 @@ def _analyzed(
     caps = face.caps
     contact = slip = beam = damping = None
     try:
-        if caps.usable.any() and not any(p.severity == "error" for p in face.problems):
+        if can_be_pressed(face, settings):
             contact, caps, slip = press_face(face, settings, clock)
             problems = as_read(problems, contact, caps, settings.contact.tolerance)
             problems += contact.problems
@@ -163,5 +164,7 @@ def _of_levelling(face: Face, contact: ContactState, settings: Settings) -> list
     if form == "none" and face.level is None:
         problems += problems_of_tilt(face.conditioned.surface, contact.approach_m)
     if form in ("plane", "none"):
-        problems += problems_of_bow(face.family_caps, contact.approach_m)
+        bow = problems_of_bow(face.family_caps, contact.approach_m)
+        coarse = coarse_map(face.conditioned.surface)
+        problems += bow or problems_of_form(coarse, contact.approach_m)
     return problems

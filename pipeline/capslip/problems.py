@@ -48,6 +48,15 @@ KINDS = _read_kinds()
 
 
 @dataclass(frozen=True)
+class Effect:
+    """What a doubt moves, as relative changes that are not negative; None: not known."""
+
+    tangential_stiffness: float | None
+    energy: float | None  # at given forces
+    loss_factor: float | None
+
+
+@dataclass(frozen=True)
 class Problem:
     """One thing that a reader of the results should know.
 
@@ -60,6 +69,7 @@ class Problem:
     code: str
     severity: Severity
     message: str
+    effect: Effect | None = None
 
     def __post_init__(self) -> None:
         if self.severity not in self.kind.severities:

@@ -5,7 +5,7 @@ In the dictionary every key is present, absent values are null, and units are in
 
 import math
 import platform
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from html import escape
 from typing import Any
 
@@ -263,6 +263,7 @@ def _problem(problem: Problem) -> dict[str, Any]:
         "code": problem.code,
         "severity": problem.severity,
         "message": problem.message,
+        "effect": None if problem.effect is None else asdict(problem.effect),
         "remedy": problem.kind.remedy,
     }
 

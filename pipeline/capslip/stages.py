@@ -20,11 +20,11 @@ from capslip.caps.hills import Hills, find_hills
 from capslip.caps.joining import join_faces
 from capslip.caps.points import points_of_hills
 from capslip.caps.table import CapTable
-from capslip.contact.choice import estimate_error
+from capslip.contact.choice import estimate_error, rung_of_the_map
 from capslip.contact.depth import press_for_depth
 from capslip.contact.levelling import Level, coarse_map, find_level, turned
 from capslip.contact.press import ContactState, press
-from capslip.contact.rung import rung
+from capslip.contact.rung import Rung, rung
 from capslip.contact.slip import SlipCurve, slip_curve
 from capslip.errors import ContactError, TipsOverError
 from capslip.problems import Problem, Severity
@@ -130,7 +130,7 @@ def press_face(
     ContactError
         If the caps cannot carry the preload within the validity of the model.
     """
-    settings = as_found(face, settings)
+    asked, settings = settings, as_found(face, settings)
     with clock("contact"):
         contact, caps = press(
             face.caps,
@@ -140,6 +140,9 @@ def press_face(
             face.label,
             face.hills.noise_m,
         )
+    if settings.contact.model != asked.contact.model:
+        reason = "the caps find no level; so the map itself is pressed, which finds its own"
+        contact = replace(contact, model_reason=reason)
     with clock("slip"):
         slip = slip_curve(
             contact.curve,
@@ -151,13 +154,16 @@ def press_face(
 
 
 def estimate(
-    face: Face, settings: Settings, clock: Clock
+    face: Face, contact: ContactState, settings: Settings, clock: Clock
 ) -> tuple[float | None, tuple[Problem, ...]]:
     """Return the estimated error of a model that the settings force, and whether it is too great.
 
     It takes far longer than to press the face; the automatic choice has its estimate already.
     """
     settings = as_found(face, settings)
+    if contact.rung.error is not None:
+        with clock("accuracy"):
+            return contact.rung.error(contact.normal, contact.preload_N, settings.contact.tolerance)
     with clock("accuracy"):
         return estimate_error(
             face.caps,
@@ -169,15 +175,33 @@ def estimate(
         )
 
 
-def as_found(face: Face, settings: Settings) -> Settings:
-    """Return the settings of a face that was not balanced: its caps are pressed as levelled.
+def can_be_pressed(face: Face, settings: Settings) -> bool:
+    """Tell whether a face has caps, or a model that needs none, and does not tip over."""
+    if any(problem.severity == "error" for problem in face.problems):
+        return False
+    model = settings.contact.model
+    return bool(face.caps.usable.any()) or (model == "auto" and face.label is not None)
 
-    A model of the map itself finds its own balance.
+
+def as_found(face: Face, settings: Settings) -> Settings:
+    """Return the settings of a face whose caps were not balanced.
+
+    They are pressed as levelled; or the map itself, which finds its own balance, where the choice
+    is free and there is time.
     """
-    if face.level is not None or _made_from(settings) == "map":
+    if face.level is not None or settings.contact.alignment == "as_levelled":
         return settings
-    contact = msgspec.structs.replace(settings.contact, alignment="as_levelled")
+    if _made_from(settings) == "map":
+        return settings
+    one = None if face.label is None else _map_for_auto(face.conditioned.surface, settings)
+    change = {"alignment": "as_levelled"} if one is None else {"model": one.name}
+    contact = msgspec.structs.replace(settings.contact, **change)
     return msgspec.structs.replace(settings, contact=contact)
+
+
+def _map_for_auto(surface: HeightMap, settings: Settings) -> Rung | None:
+    """Return the model that presses the map, where the automatic choice has time for it."""
+    return rung_of_the_map(surface, settings) if settings.contact.model == "auto" else None
 
 
 def damp(slip: SlipCurve, settings: Settings, clock: Clock) -> tuple[BeamMode | None, Damping]:
@@ -246,6 +270,7 @@ def _levelled(
         return None, []
     if made_from == "map" and contact.alignment_stiffness_Nm_per_rad > 0.0:
         return None, []  # what holds the parts is at ease as they were levelled
+    needs_no_caps = made_from == "map" or _map_for_auto(surface, settings) is not None
     try:
         with clock("level"):
             level = find_level(surface, settings)
@@ -254,10 +279,10 @@ def _levelled(
                 f"the face finds no level: the last turn still moved {level.moved:.1%} of the load"
             )
     except TipsOverError as error:
-        severity: Severity = "info" if made_from == "map" else "error"
+        severity: Severity = "info" if needs_no_caps else "error"
         return None, [Problem("tips_over", severity, str(error).removeprefix("tips_over: "))]
     except ContactError as error:
-        if made_from == "map":
+        if needs_no_caps:
             return None, []
         message = f"{error}; the face is pressed as it was levelled, and its level decides"
         return None, [Problem("not_balanced", "warning", message)]

@@ -18,6 +18,7 @@ from capslip.contact.models.interacting import interacting
 from capslip.contact.outside import unmodelled_area_m2
 from capslip.contact.rung import Scene, ladder
 from capslip.contact.slip import slip_curve
+from capslip.errors import ContactError
 from capslip.settings import load_settings
 from capslip.studies.chart.reference import ENERGIES, numbers_of, reference
 from capslip.surface.heightmap import HeightMap
@@ -39,12 +40,18 @@ SPREAD = [
 ]
 
 
-def scene(caps, preload_N=100.0, tolerance=0.05, floor_m=-1e-6, ratio=0.10, **columns):
+TIME = 60.0  # for the map itself
+
+
+def scene(
+    caps, preload_N=100.0, tolerance=0.05, floor_m=-1e-6, ratio=0.10, time_limit_s=1e-3, **columns
+):
     surface = caps_map(caps, SHAPE, PIXEL_M, floor_m)
     hills = find_hills(surface, ratio)
     table, families = group_families(fit_caps(surface, hills, "pinned"))
     table = table.with_columns(**columns)
     overrides = (f"contact.preload_N={preload_N}", f"contact.tolerance={tolerance}")
+    overrides += (f"contact.time_limit_s={time_limit_s}",)
     # the map is level as it is
     overrides += ("conditioning.form=none", "contact.alignment=as_levelled")
     return table, families, surface, hills.label, hills.noise_m, load_settings(overrides=overrides)
@@ -188,6 +195,32 @@ def test_the_levelling_of_a_face_that_balances_is_no_part_of_the_error():
     assert tilted.contact.estimated_error == pytest.approx(level.contact.estimated_error, rel=1e-3)
     assert tilted.contact.estimated_error < 0.05
     assert "levelling_decides" not in {problem.code for problem in tilted.problems}
+
+
+def test_where_caps_are_not_enough_the_map_is_pressed_if_there_is_time():
+    n = len(scene(SPREAD)[0])
+    unsure = {"peak_height_se_m": np.full(n, 10e-9)}
+    needed_s = boundary_elements_s(SHAPE)
+    assert choose_model(*scene(SPREAD, time_limit_s=TIME)).model == "interacting"
+    for caps, columns in ((SPREAD, unsure), (SPREAD[:5], {"preload_N": 3000.0, "floor_m": 0.3e-6})):
+        late = choose_model(*scene(caps, time_limit_s=0.99 * needed_s, **columns))
+        in_time = choose_model(*scene(caps, time_limit_s=1.01 * needed_s, **columns))
+        assert (late.model, in_time.model) == ("interacting", "boundary_elements")
+        assert "more than contact.time_limit_s" in late.problem.message
+        assert f"take about {needed_s:.2g} s" in late.problem.message
+        assert in_time.problem.code == "caps_not_pressed"
+        assert not in_time.use.any()
+
+
+def test_caps_that_cannot_carry_the_load_leave_it_to_the_map():
+    given = scene(SPREAD, time_limit_s=TIME)
+    none = given[0].with_columns(radius_m=np.full(len(given[0]), np.nan))
+    choice = choose_model(none, *given[1:])
+    assert choice.model == "boundary_elements"
+    assert "no cap stands above the cut" in choice.reason
+    late = scene(SPREAD)
+    with pytest.raises(ContactError, match="no cap stands"):
+        choose_model(none, *late[1:])
 
 
 def test_contacts_that_run_together_are_not_promised_anything():

@@ -1,7 +1,7 @@
 """The cheapest contact model whose estimated error a scene allows."""
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -18,7 +18,7 @@ from capslip.problems import Problem
 from capslip.settings import Settings
 from capslip.surface.heightmap import HeightMap
 
-BOUNDARY_ELEMENTS_S = 1.1e-6  # a point and binary digit of their number, on one core
+BOUNDARY_ELEMENTS_S = 2.2e-7  # a point and binary digit of their number, on one core
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,12 +30,20 @@ class Choice:
     estimated_error: float | None  # of energy and stiffness, at 95 %; None: not known
     estimates: dict[str, float | None]  # of every rung that was tried
     use: np.ndarray  # (n,), the caps that can touch
-    boundary_elements_s: float | None  # what they would take, where they are needed
+    boundary_elements_s: float | None  # what they would take, where there is no time for them
     levelling: bool = False  # whether the levelling alone makes it doubtful
+    why: str = ""  # what is wrong with the caps
+    of_the_map: bool = False  # whether the map itself is pressed for that
 
     @property
     def problem(self) -> Problem | None:
         """What makes a result of this choice doubtful."""
+        if self.of_the_map:
+            message = (
+                f"{self.why}: m, n, R and h describe the caps as counted, and are neither the face "
+                "nor what was pressed"
+            )
+            return Problem("caps_not_pressed", "info", message)
         if self.levelling:
             return Problem("levelling_decides", "warning", self.reason)
         if self.boundary_elements_s is None:
@@ -51,7 +59,7 @@ def choose_model(
     noise_m: float,
     settings: Settings,
 ) -> Choice:
-    """Choose the cheapest rung of the ladder whose estimated error is within the tolerance.
+    """Choose the cheapest rung whose estimated error is within the tolerance.
 
     The error of a rung is the greatest relative one of the energy of a cycle at four forces and of
     the stiffness. For a lower rung it is the difference to interacting caps plus their own error,
@@ -76,14 +84,57 @@ def choose_model(
     Returns
     -------
     Choice
-        Where no rung is within the tolerance, the highest one, with the time that boundary
-        elements would take, unless the levelling alone is the cause, which they share.
+        Where no rung with caps is within the tolerance, or the caps cannot carry the preload:
+        boundary elements, if they are expected to end within `contact.time_limit_s`; else the
+        highest rung with caps, with the time that they would take. Where the levelling alone is
+        the cause, which they share, caps too.
 
     Raises
     ------
     ContactError
-        If the caps cannot carry the preload.
+        If the caps cannot carry the preload, and there is no time for boundary elements.
     """
+    one = None if label is None else rung_of_the_map(surface, settings)
+    try:
+        choice = _among_caps(caps, families, surface, label, noise_m, settings)
+    except ContactError as failure:
+        if one is None:
+            raise
+        return _of_the_map(one, str(failure), {}, len(caps))
+    if label is None or choice.boundary_elements_s is None:
+        return choice
+    if one is None:
+        limit = f", more than contact.time_limit_s = {settings.contact.time_limit_s:g} s"
+        return replace(choice, reason=choice.reason + limit)
+    return _of_the_map(one, choice.why, choice.estimates, len(caps))
+
+
+def rung_of_the_map(surface: HeightMap, settings: Settings) -> Rung | None:
+    """Return the rung that presses the map itself, None where there is no time for it."""
+    if boundary_elements_s(surface.shape) > settings.contact.time_limit_s:
+        return None
+    (one,) = (one for one in ladder() if one.made_from == "map")
+    return one
+
+
+def _of_the_map(one: Rung, why: str, estimates: dict[str, float | None], n_caps: int) -> Choice:
+    """Return the rung that presses the map itself, and why the caps are not enough."""
+    use = np.zeros(n_caps, dtype=bool)
+    reason = f"{why}; so the map itself is pressed"
+    return Choice(one.name, reason, None, estimates, use, None, why=why, of_the_map=True)
+
+
+def _among_caps(
+    caps: CapTable,
+    families: Families,
+    surface: HeightMap,
+    label: np.ndarray | None,
+    noise_m: float,
+    settings: Settings,
+) -> Choice:
+    """Choose among the rungs with caps; parameters and errors as for `choose_model`."""
+    if not caps.usable.any():
+        raise ContactError("no cap stands above the cut")
     material, contact = settings.material, settings.contact
     E_star_Pa = composite(material.youngs_modulus_Pa, material.poisson_ratio).E_star_Pa
     reach = reachable(caps, surface.side_m, E_star_Pa, contact.preload_N)
@@ -141,7 +192,7 @@ def estimate_error(
         doubt = forced.doubt
         return None, () if doubt is None else (Problem("model_doubtful", "warning", doubt),)
     try:
-        choice = choose_model(caps, families, surface, label, noise_m, settings)
+        choice = _among_caps(caps, families, surface, label, noise_m, settings)
         estimate, why = choice.estimates.get(forced.name), ""
     except ContactError as failure:
         estimate, why = None, f" ({failure})"
@@ -186,14 +237,14 @@ def _beyond_tolerance(
     needed_s = boundary_elements_s(scene.surface.shape)
     why = own.doubt or f"interacting caps may be off by {own.total:.2g}, more than {tolerance:.2g}"
     reason = f"{why}; boundary elements are needed and take about {needed_s:.2g} s"
-    return Choice(REFERENCE.name, reason, own.total, estimates, scene.use, needed_s)
+    return Choice(REFERENCE.name, reason, own.total, estimates, scene.use, needed_s, why=why)
 
 
 def _too_many(scene: Scene, settings: Settings) -> Choice:
     """Return mean field, whose error nothing on the ladder tells."""
     _answers(FALLBACK, scene, settings)  # raises where they cannot carry the load
-    reason = (
-        f"{np.count_nonzero(scene.use)} caps that can touch are too many to solve for every pair"
-    )
+    why = f"{np.count_nonzero(scene.use)} caps that can touch are too many to solve for every pair"
     needed_s = boundary_elements_s(scene.surface.shape)
-    return Choice(FALLBACK.name, reason, None, {FALLBACK.name: None}, scene.use, needed_s)
+    reason = f"{why}; boundary elements are needed and take about {needed_s:.2g} s"
+    known: dict[str, float | None] = {FALLBACK.name: None}
+    return Choice(FALLBACK.name, reason, None, known, scene.use, needed_s, why=why)

@@ -113,6 +113,9 @@ def press(
             curve, bulk = without_bulk(normal, bulk_m_per_N, preload_N)
             problems += [_bulk_kept(bulk_m, approach_m)] if bulk else []
     found = model.contacts(scene, normal, approach_m)
+    if settings.contact.model == "auto" and model.error is not None:
+        error, doubts = model.error(normal, preload_N, settings.contact.tolerance)
+        problems += doubts
     face_m2 = surface.side_m[0] * surface.side_m[1]
     if found.area_m2 is not None and found.area_m2 > face_m2:
         raise ContactError(

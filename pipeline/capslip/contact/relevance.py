@@ -19,9 +19,14 @@ SHAPE = {
     "caps_several_peaks",
 }
 COUNTS = {"families_doubtful", "more_than_two_families", "family_below_cut", "caps_noisy_apex"}
-ELSE = {"highest_point_on_no_cap", "plateau_at_cut", "cut_too_high", "level_not_settled"}
-# Noise, steps and spikes of the map, which a model of the map presses, too
-OF_THE_MAP = {"caps_noisy_apex", "caps_plateau", "highest_point_on_no_cap"}
+ELSE = {
+    "highest_point_on_no_cap",
+    "plateau_at_cut",
+    "cut_too_high",
+    "level_not_settled",
+    "no_caps",
+    "fit_not_settled",
+}
 FLAGGED_SHARE = 0.2  # of the load, on caps of one flag
 
 
@@ -31,7 +36,7 @@ def as_read(
     """Return the problems, with what the model in use does not read as information.
 
     A model of no surface at all reads nothing of hills, caps and families, and one of the map
-    itself only what noise, steps and spikes do to them, which it presses as they are.
+    itself neither; what noise, steps and spikes do to it, it measures.
     One of spheres reads the caps that carry load; and where its estimated error, in which the
     shape of each of their hills is counted, is within the tolerance, that shape is no doubt more.
 
@@ -51,8 +56,6 @@ def as_read(
     share = {code: _share(caps, flag) for code, flag in FLAGS.items()}
 
     def is_read(code: str) -> bool:
-        if code in OF_THE_MAP and contact.rung.made_from == "map":
-            return True
         if code in COUNTS | ELSE | SHAPE | FLAGS.keys() and contact.rung.made_from != "spheres":
             return False
         if code in SHAPE and known:

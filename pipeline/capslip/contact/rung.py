@@ -107,6 +107,8 @@ class Rung(Generic[C]):
     # Growing loads up to one whose approach costs no solution; None: any load is as good
     solved_loads_N: Callable[[C, float], np.ndarray] | None = None
     knows_places: bool = True  # whether a tilt moves its contacts; else it stays as levelled
+    # The error to be expected at a load, and what takes it beyond a tolerance, where it knows both
+    error: Callable[[C, float, float], tuple[float, tuple[Problem, ...]]] | None = None
     interacts: bool = False  # whether each contact sinks the others
 
 

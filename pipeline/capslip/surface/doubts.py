@@ -23,6 +23,7 @@ HIGHEST_SHARE = 0.10  # what the paper keeps: a spike up there is touched, or sp
 VISIBLE_SHARE_OF_SQ = 0.01
 MAX_OUTLIER_SHARE = 0.02
 CLIPPED_POINTS = 9  # that share the greatest height
+MOSTLY_FORM = 0.8  # of the variance of the heights
 VISIBLE_FORM = 0.1  # of the approach: form that moves the peaks by more decides what touches
 
 
@@ -141,6 +142,24 @@ def problems_of_tilt(surface: HeightMap, approach_m: float) -> list[Problem]:
         "off; where it is the face's own, as caps on one side tilt that plane, leave it"
     )
     return [Problem("tilt_left", "warning", message)]
+
+
+def problems_of_form(surface: HeightMap, approach_m: float) -> list[Problem]:
+    """Return whether most of the relief is a bow that decides what touches."""
+    over_plane, _ = remove_form(surface, "plane")
+    over_bow, _ = remove_form(surface, "quadratic")
+    rest = float(np.nanvar(over_bow.height_m) / np.nanvar(over_plane.height_m))
+    bow_m = float(np.nanmax(over_plane.height_m - over_bow.height_m)) - float(
+        np.nanmin(over_plane.height_m - over_bow.height_m)
+    )
+    if rest > 1.0 - MOSTLY_FORM or bow_m <= VISIBLE_FORM * approach_m:
+        return []
+    message = (
+        f"{1.0 - rest:.0%} of the variance of the heights is a bow of {bow_m:.3g} m, the approach "
+        f"is {approach_m:.3g} m: it decides what touches; conditioning.form = quadratic removes "
+        "it, if it is not the face's own"
+    )
+    return [Problem("bow_left", "warning", message)]
 
 
 def problems_of_holes(surface: HeightMap, hill_radius_m: float) -> tuple[Problem, ...]:

@@ -9,7 +9,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from capslip.contact.bulk import bulk_compliance_m_per_N
 from capslip.contact.rung import Contacts, Rung, Scene
+from capslip.contact.solvers.detail import effect_of_detail
 from capslip.contact.solvers.polonsky_keer import (
     ElasticFace,
     Pressed,
@@ -20,12 +22,14 @@ from capslip.contact.solvers.polonsky_keer import (
 from capslip.contact.solvers.tilting import press_balanced
 from capslip.contact.solvers.unloading import Unloading, refinement, unload
 from capslip.errors import ContactError, SettingsError
-from capslip.problems import Problem
+from capslip.problems import Effect, Problem
 from capslip.settings import SOLVER_TOLERANCE
 from capslip.surface.heightmap import HeightMap
 
 MIN_PIXELS_ACROSS = 10.0  # of the contacts that carry half of the load
-MAX_LOSS_ERROR = 0.01
+MIN_REFINED_ACROSS = 6.0  # the same, where a spline knows what lies between the pixels
+SMALL_SLIP = 0.1  # of mu N: forces below are not what a joint is asked for
+LEAST_ERROR = 0.01  # of stiffness and energy, by the pixels of contacts that are resolved
 _SOLVED_ONE_BY_ONE = 8  # loads; more are interpolated
 _KEPT = 3  # pressure maps in memory
 
@@ -127,31 +131,22 @@ class BoundaryElementCurve:
 
     def problems(self, load_N: float) -> tuple[Problem, ...]:
         """Return what makes the contact under a load, and its slip, doubtful."""
-        pressed, found = self.pressed(load_N), []
-        if pressed.pixels_across < MIN_PIXELS_ACROSS:
+        pressed, unloading, found = self.pressed(load_N), self.unloading(load_N), []
+        least = MIN_PIXELS_ACROSS if unloading.refinement == 1 else MIN_REFINED_ACROSS
+        if pressed.pixels_across < least:
             found.append(
                 Problem(
                     "under_resolved",
                     "warning",
                     f"half of the load rests on contacts of at most {pressed.pixels_across:.1f} "
-                    f"pixels across; expected {MIN_PIXELS_ACROSS:g}: the map is too coarse",
-                )
-            )
-        unloading = self.unloading(load_N)
-        if unloading.loss_error > MAX_LOSS_ERROR:
-            found.append(
-                Problem(
-                    "loss_between_loads",
-                    "warning",
-                    f"the energy per cycle may be off by {unloading.loss_error:.1%} between the "
-                    f"{len(unloading.solved_load_N)} loads that were solved",
+                    f"pixels across; expected {least:g}: the map is too coarse",
                 )
             )
         share = unloading.smallest_drop_N / unloading.load_N
         found.append(
             Problem(
                 "small_slip_extrapolated",
-                "info" if share < 0.05 else "warning",
+                "info" if share < SMALL_SLIP else "warning",
                 f"below {share:.2g} of the force at total slip, less slips than the pixels of the "
                 "map resolve: the energy per cycle may be off by more than 5 %, and follows the "
                 "cube of the force in the end",
@@ -424,6 +419,38 @@ def _contacts(scene: Scene, curve: BoundaryElementCurve, approach_m: float) -> C
     )
 
 
+def _error(
+    curve: BoundaryElementCurve, load_N: float, tolerance: float
+) -> tuple[float, tuple[Problem, ...]]:
+    """Return the error of stiffness, and of energies from a tenth of mu N on."""
+    face, unloading, found = curve.solutions.face, curve.unloading(load_N), []
+    between = unloading.loss_error
+    if between > tolerance:
+        message = (
+            f"from a tenth of mu N on the energy per cycle may be off by {between:.1%} between "
+            f"the {len(unloading.solved_load_N)} loads that were solved"
+        )
+        effect = Effect(None, between, between)
+        found.append(Problem("loss_between_loads", "warning", message, effect))
+    (ny, nx), (dy_m, dx_m) = face.shape, face.pixel_size_m
+    effect = effect_of_detail(
+        face,
+        curve.pressed(load_N),
+        unloading,
+        curve.solutions.tolerance,
+        bulk_compliance_m_per_N((ny * dy_m, nx * dx_m), face.E_star_Pa),
+    )
+    moved = max(effect.tangential_stiffness or 0.0, effect.energy or 0.0)
+    if moved > tolerance:
+        message = (
+            f"detail of one or two pixels moves the stiffness by {effect.tangential_stiffness:.1%} "
+            f"and the energy by up to {effect.energy:.1%}: noise, spikes, lost points or "
+            "roughness that the map hardly resolves"
+        )
+        found.append(Problem("detail_decides", "warning", message, effect))
+    return max(between, moved, LEAST_ERROR), tuple(found)
+
+
 RUNG = Rung(
     name="boundary_elements",
     label="boundary elements",
@@ -435,6 +462,7 @@ RUNG = Rung(
     "is left out, and the face sinks as part of a half-space that ends nowhere.",
     colour="#009E73",
     interacts=True,
+    error=_error,
     build=_build,
     contacts=_contacts,
     contact_name="contact regions",

@@ -37,6 +37,7 @@ _SMOOTH = (
 # Relative error of the loss of a region times the square of the width, in pixels, of the ring that
 # left it; seen on spheres for rings of 0.3 to 2.7 pixels
 _RING_ERROR = 0.015
+_SMALL_SLIP = 0.1  # of the preload: below, the loss is as good as `smallest_drop_N` says
 _UNCERTAIN = 0.05  # relative error of the loss from which it is not to be trusted
 
 
@@ -57,7 +58,7 @@ class Unloading:
     region_lift_off_m: np.ndarray  # of each contact region, by its number in the pressed face
     solved_load_N: np.ndarray  # growing
     solved_approach_m: np.ndarray
-    loss_error: float  # expected between the solved loads above the smallest drop, relative
+    loss_error: float  # expected between the solved loads from a tenth of the preload on, relative
     smallest_drop_N: float  # below it the loss may be off by more than 5 %: too few pixels slip
     refinement: int = 1  # points along the side of a pixel of the map on which it was solved
     # Worst gap off the contact that patches leave out, over the approach, at preload and below it:
@@ -387,7 +388,8 @@ def _tabulated(path: _Path, intervals: list[_Interval]) -> Unloading:
     smallest_N = float(np.interp(interpolant.smallest_m, x, drop_N))
     doubtful_N = [drop_of[each.high] for each in intervals if each.error > _UNCERTAIN]
     smallest_N = max([smallest_N, *doubtful_N])
-    trusted = [each.error for each in intervals if drop_of[each.high] > smallest_N]
+    least_N = max(smallest_N, _SMALL_SLIP * pressed.load_N)
+    trusted = [each.error for each in intervals if drop_of[each.high] > least_N]
     # In the approach of the map, which the preload has as well
     left = [(node.load_N, 1 - node.withdrawal_m / pressed.approach_m) for node in path.nodes]
     solved = np.array(sorted([*left, (pressed.load_N, 1.0)])) * (1, path.map_pressed.approach_m)

@@ -28,7 +28,12 @@ METHODS: dict[str, tuple[Path | None, tuple[str, ...]]] = {
     "as levelled": (None, ("contact.alignment=as_levelled",)),
     "the paper's way": (PAPER_CONFIG, ()),
 }
-COUNT_CODES = ("families_doubtful", "more_than_two_families", "family_below_cut")
+COUNT_CODES = (
+    "families_doubtful",
+    "more_than_two_families",
+    "family_below_cut",
+    "caps_not_pressed",
+)
 SILENT_KEYS = ("method", "axis", "name", "error", "worst", "m", "n", "true_m", "true_n")
 
 

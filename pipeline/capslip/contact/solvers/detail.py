@@ -1,0 +1,104 @@
+"""What the finest detail of a map decides: the map is smoothed, pressed and unloaded again."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from capslip.contact.solvers.elastic_face import ElasticFace
+from capslip.contact.solvers.polonsky_keer import Pressed, press
+from capslip.contact.solvers.unloading import Unloading, unload
+from capslip.problems import Effect
+
+FORCE_SHARES = (0.1, 0.25, 0.5, 0.75)  # T / (mu N) at which the energies are compared
+_KERNEL = np.array([1.0, 4.0, 6.0, 4.0, 1.0]) / 16.0  # binomial, a standard deviation of one pixel
+_FRAME = 4  # pixels that two passes of the filter reach
+_LEAST_WEIGHT = 0.1  # of the filter on measured points, from which a lost point is filled
+_TOLERANCE = 1e-4  # of the first look
+_NO_EFFECT = 2e-3  # of the approach: detail that moves it by less is not followed further
+
+
+def effect_of_detail(
+    face: ElasticFace,
+    pressed: Pressed,
+    unloading: Unloading,
+    tolerance: float,
+    bulk_m_per_N: float,
+) -> Effect:
+    """Return what the detail of one or two pixels does to stiffness and energy.
+
+    Noise, spikes of single pixels, lost points and roughness that the map hardly resolves look
+    alike: nobody knows from the map which of them the face has. So the same load is carried by the
+    map after a filter that fills single lost points: B + B (1 - B), where B is binomial with a
+    standard deviation of one pixel. It leaves every shape of the third degree as it is, so what is
+    much wider than a pixel does not feel it; B alone would lower sharp summits more than others.
+
+    Parameters
+    ----------
+    face : ElasticFace
+        The face.
+    pressed, unloading : Pressed, Unloading
+        Its state under the preload, and below it.
+    tolerance : float
+        Of each solution, see `press`.
+    bulk_m_per_N : float
+        Compliance of the bulk, which all maps of these sides share and slip does not count.
+
+    Returns
+    -------
+    Effect
+        Changes over the greater of both values; of the energy the greatest of four forces.
+    """
+    load_N = pressed.load_N
+    smooth = _smoothed(face)
+    again = press(smooth, load_N=load_N, tolerance=_TOLERANCE)
+    if abs(again.approach_m - pressed.approach_m) < _NO_EFFECT * pressed.approach_m:
+        return Effect(0.0, 0.0, 0.0)
+    again = press(smooth, load_N=load_N, tolerance=tolerance, start_Pa=again.pressure_Pa)
+    after = unload(smooth, again, tolerance)
+    stiffness = (_alone(one.stiffness_N_per_m, bulk_m_per_N) for one in (unloading, after))
+    energy_J = (_loss_J(one) for one in (unloading, after))
+    stiffer, more = (float(_relative(*pair).max()) for pair in (stiffness, energy_J))
+    return Effect(stiffer, more, more)
+
+
+def _smoothed(face: ElasticFace) -> ElasticFace:
+    """Return the filtered face; non-measured points count for nothing, single ones are filled.
+
+    At the edge of the map, where the filter has one side alone, the heights stay as they are.
+    """
+    inside = (slice(_FRAME, -_FRAME),) * 2
+    known = face.measured.astype(float)
+    weight = _binomial(known)
+    measured = face.measured.copy()
+    measured[inside] |= weight[inside] > _LEAST_WEIGHT
+    weight = np.maximum(weight, 1e-300)
+    mean_m = _binomial(face.depth_m * known) / weight
+    rest_m = _binomial((face.depth_m - mean_m) * known) / weight
+    filtered_m = face.depth_m.copy()
+    filtered_m[inside] = (mean_m + rest_m)[inside]
+    depth_m = np.where(measured, filtered_m, np.inf)
+    depth_m = np.where(measured, depth_m - depth_m.min(), 0.0)
+    return replace(face, depth_m=depth_m, measured=measured)
+
+
+def _binomial(array: np.ndarray) -> np.ndarray:
+    from scipy.ndimage import correlate1d
+
+    for axis in (0, 1):
+        array = correlate1d(array, _KERNEL, axis, mode="constant")
+    return array
+
+
+def _alone(stiffness_N_per_m: float, bulk_m_per_N: float) -> float:
+    """Return the stiffness of the contact alone, where that is positive."""
+    rest = 1.0 / stiffness_N_per_m - bulk_m_per_N
+    return 1.0 / rest if rest > 0.0 else stiffness_N_per_m
+
+
+def _loss_J(unloading: Unloading) -> np.ndarray:
+    drop_N = np.array(FORCE_SHARES) * unloading.load_N
+    return np.exp(np.interp(np.log(drop_N), *np.log((unloading.load_drop_N, unloading.loss_J))))
+
+
+def _relative(before: float | np.ndarray, after: float | np.ndarray) -> np.ndarray:
+    return np.asarray(np.abs(np.subtract(before, after)) / np.maximum(before, after))
