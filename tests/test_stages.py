@@ -1,5 +1,6 @@
 """The stages: their clock, and the turns of fit and contact."""
 
+from types import SimpleNamespace
 from unittest import mock
 
 import numpy as np
@@ -8,6 +9,7 @@ import pytest
 from capslip import stages
 from capslip.caps.fit import fit_caps
 from capslip.contact.depth import press_for_depth
+from capslip.errors import ContactError, TipsOverError
 from capslip.settings import load_settings
 from capslip.stages import Clock, find_face
 from capslip.surface.heightmap import HeightMap, Origin
@@ -122,3 +124,54 @@ def test_what_is_wrong_with_the_second_face_is_told_under_its_name():
     assert len(found.caps) == 8
     told = [problem.message for problem in found.problems]
     assert any(message.startswith("other: ") for message in told), told
+
+
+CAPS, MAP = "contact.model=caps", "contact.model=boundary_elements"
+HELD = "contact.alignment_stiffness_Nm_per_rad=9.0"
+
+
+@pytest.mark.parametrize(
+    ("more", "answer", "codes"),
+    [
+        ((CAPS,), (0.0, 0.0), {}),
+        ((CAPS, HELD), (0.0, 0.0), {}),
+        ((MAP,), (0.0, 0.0), {}),
+        (("contact.model=auto",), (0.0, 0.0), {}),
+        # the last turn moved up to a hundredth of the load, or more
+        ((CAPS,), (0.01, 0.0), {"level_not_settled": "warning"}),
+        ((CAPS,), (0.0101, 0.0), {"not_balanced": "warning"}),
+        ((MAP,), (0.0101, 0.0), {}),
+        ((CAPS,), (0.0, 1e-9), {"cut_too_high": "warning"}),
+        ((CAPS,), (1e-9, 1e-9), {"level_not_settled": "warning", "cut_too_high": "warning"}),
+        ((CAPS,), TipsOverError("tips_over: it falls"), {"tips_over": "error"}),
+        ((MAP,), TipsOverError("tips_over: it falls"), {"tips_over": "info"}),
+        ((CAPS,), ContactError("nothing carries"), {"not_balanced": "warning"}),
+        ((MAP,), ContactError("nothing carries"), {}),
+    ],
+)
+def test_a_level_is_taken_where_its_turns_settle(more, answer, codes):
+    found = answer
+    if isinstance(answer, tuple):
+        moved, missed_area_m2 = answer
+        found = SimpleNamespace(moved=moved, missed_area_m2=missed_area_m2, material_ratio=0.1)
+    chosen = settings("contact.alignment=balanced", *more)
+    with mock.patch.object(stages, "find_level", side_effect=[found]):
+        level, problems = stages._levelled(face(), chosen, Clock())
+    assert {problem.code: problem.severity for problem in problems} == codes
+    taken = isinstance(answer, tuple) and answer[0] <= 0.01
+    assert level is (found if taken else None)
+
+
+@pytest.mark.parametrize(
+    "more",
+    [
+        (CAPS, "contact.alignment=as_levelled"),
+        ("contact.model=families",),  # which know no places
+        ("contact.model=flat",),
+        (MAP, HELD),  # what holds the parts is at ease as they were levelled
+    ],
+)
+def test_nothing_turns_where_nothing_can_or_shall(more):
+    chosen = settings("contact.alignment=balanced", *more)
+    with mock.patch.object(stages, "find_level", side_effect=AssertionError):
+        assert stages._levelled(face(), chosen, Clock()) == (None, [])

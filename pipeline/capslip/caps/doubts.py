@@ -113,8 +113,8 @@ def bow_of_peaks(caps: CapTable) -> tuple[float, float]:
     n_free = member.size - families.size - 5  # less two slopes and three curvatures
     if n_free < 1:
         return 0.0, 1.0
-    side_m = max(np.ptp(caps.x_m[member]), np.ptp(caps.y_m[member]))
-    u, v = ((at_m - at_m.mean()) / side_m for at_m in (caps.x_m[member], caps.y_m[member]))
+    place_m = np.stack((caps.x_m[member], caps.y_m[member]))
+    u, v = (place_m - place_m.mean(axis=1, keepdims=True)) / np.hypot(*np.ptp(place_m, axis=1))
     plane = np.column_stack([*(caps.family[member] == name for name in families), u, v])
     bowed = np.column_stack([plane, u * u, u * v, v * v])
     by_plane, by_bow = (np.linalg.lstsq(model, peak_m, rcond=None)[0] for model in (plane, bowed))
