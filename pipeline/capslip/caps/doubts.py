@@ -12,13 +12,12 @@ from capslip.surface.doubts import VISIBLE_FORM
 from capslip.surface.heightmap import HeightMap
 
 BOW_LEVEL = 0.01  # of the F-test that the peaks lie on a bow
-MEANING = {  # of the flags of caps that are usable
+MEANING = {  # of the flags of caps that hills can have
     CapFlag.edge: "touch the edge of the map: part of them was not measured",
     CapFlag.non_measured: "touch a patch of non-measured points",
     CapFlag.plateau: "have a flat top (clipped sensor or quantised heights)",
     CapFlag.noisy_apex: "are less than ten times as high as the noise",
     CapFlag.apex_off_surface: "have no fitted apex on the hill: its highest place stands in",
-    CapFlag.few_points: "have too few points for their errors to be known",
     CapFlag.ridge: "are ridges rather than caps",
     CapFlag.several_peaks: "have several peaks",
     CapFlag.outlier: "are unlike all others in size",
