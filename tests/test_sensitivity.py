@@ -69,6 +69,37 @@ def test_a_value_that_comes_back_ends_the_stable_range_all_the_same():
     assert found.sweeps[0].stable_to[-1] == pytest.approx(15.0)
 
 
+@pytest.mark.parametrize(
+    ("cut", "wrong", "holds"),
+    [
+        (0.08, (0.04, 0.12), True),  # two steps away on either side
+        (0.08, (0.06,), False),
+        (0.08, (0.10,), False),
+        (0.02, (0.06, 0.30), True),  # the first has one neighbour, as has the last
+        (0.02, (0.04,), False),
+        (0.30, (0.20,), True),
+        (0.30, (0.25,), False),
+    ],
+)
+def test_an_answer_holds_that_bears_one_step_to_either_side(cut, wrong, holds):
+    found = swept(
+        lambda s: with_W(2e-7 if cut_of(s) in wrong else 1e-7),
+        tables={"hills": {"material_ratio": cut}},
+    )
+    assert found.sweeps[0].holds.tolist() == [True] * 6 + [holds]
+
+
+def test_no_filter_is_longer_than_the_shorter_side():
+    surface = HeightMap(np.random.default_rng(0).normal(size=(20, 60)), (1e-4, 1e-4))
+    tables = {"conditioning": {"s_filter_nesting_index_m": 1.5e-3}}
+    sweep = next(
+        one
+        for one in swept(lambda _: STEADY, surface, tables=tables).sweeps
+        if one.name == "filter"
+    )
+    assert sweep.value == pytest.approx([0.0, 750.0, 1500.0])  # not 3 mm, on 2 mm
+
+
 def test_an_answer_that_one_step_moves_is_a_problem():
     found = swept(lambda s: with_W(1e-6 * cut_of(s)))
     (problem,) = found.problems

@@ -175,3 +175,8 @@ def test_nothing_turns_where_nothing_can_or_shall(more):
     chosen = settings("contact.alignment=balanced", *more)
     with mock.patch.object(stages, "find_level", side_effect=AssertionError):
         assert stages._levelled(face(), chosen, Clock()) == (None, [])
+
+
+@pytest.mark.parametrize(("cut", "ratio"), [("fixed", 0.35), ("certified", 0.10)])
+def test_families_are_counted_above_the_papers_tenth_unless_the_cut_is_fixed(cut, ratio):
+    assert stages._family_ratio(settings(f"hills.cut={cut}")) == ratio

@@ -196,6 +196,5 @@ def test_a_vertex_is_on_the_hill_by_its_pixel():
         vertex = SimpleNamespace(
             x_m=np.array([x_m, 7.0]),
             y_m=np.array([y_m, 1.2]),
-            exists=np.array([np.isfinite(x_m), True]),
         )
         assert on_hill(surface, hills, vertex).tolist() == [expected, True], (x_m, y_m)

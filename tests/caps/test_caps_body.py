@@ -1,5 +1,6 @@
 """What of a hill lies within the depth of its fit, and the sphere of that volume: closed forms."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -167,6 +168,30 @@ def test_the_error_of_a_radius_is_that_of_apex_and_pixels(pixel_m2, points):
     pixels = 0.2 * (points / np.pi) ** -1.25
     assert error_m == pytest.approx(radius_m * np.hypot(apex, pixels))
     assert radius_m == pytest.approx(R * elliptic_factor(4.0))
+
+
+@pytest.mark.parametrize("R", [0.3, 5.0])
+def test_the_edge_counts_for_spheres_of_any_size(R):
+    t = 0.1
+    volume_m3 = np.pi * t**2 * (R - t / 3.0)
+    radius_m, _ = sphere(volume_m3, t, edge=True, edge_of_face=True, y_m=0.0)
+    assert radius_m == pytest.approx(1.2 * R)
+
+
+@pytest.mark.parametrize(
+    ("limit", "depth_m", "cut"),
+    [(1, 0.9, (True, False)), (2, 0.9, (False, True)), (3, 0.1, (False, False))],
+)
+def test_one_point_on_an_edge_or_beside_a_patch_cuts_a_hill(limit, depth_m, cut):
+    """If it lies within the depth; the point is half a unit below the apex."""
+    height_m = bowl_m((120, 40), (30.3, 40.9), 60.0, PIXEL_M)
+    surface, hills, points = hills_of(height_m, height_m >= -1.0, -1.0, PIXEL_M)
+    limits = np.zeros_like(points.limit)
+    limits[np.argmin(np.abs(points.z_m + 0.5))] = limit
+    points = replace(points, limit=limits)
+    apexes = find_apexes(surface, hills, points, SILENT)
+    body = body_of_hills(-1.0, points, apexes, SILENT, np.array([depth_m]), 0.5)
+    assert (body.at_edge[0], body.at_patch[0]) == cut
 
 
 def test_a_cap_that_is_cut_has_the_radius_of_its_quadric():

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from capslip.caps.clusters import Clusters, cluster
-from capslip.caps.families import _supported, group_families
+from capslip.caps.families import _supported, group_families, slope_of_families
 from capslip.caps.fit import fit_caps
 from capslip.caps.hills import find_hills
 from capslip.caps.table import CapFlag, CapTable
@@ -335,36 +335,6 @@ def test_the_numbers_of_a_family_are_those_of_its_caps():
     assert families.h_se_m == pytest.approx(np.sqrt(2.5 / 3 * (1 / 2 + 1 / 3)))
 
 
-@pytest.mark.parametrize(
-    ("separation", "log_odds", "clear"),
-    [(5.01, 3.01, True), (4.99, 3.01, False), (5.01, 2.99, False), (math.inf, 3.01, True)],
-)
-def test_two_are_clear_at_five_spreads_and_odds_of_20_to_1(separation, log_odds, clear):
-    two = families_of([0.0] * 5 + [1.0] * 5)
-    assert replace(two, separation=separation, log_odds=log_odds).clear == clear
-    one = replace(two, P=None, levels=two.levels[:1], separation=separation, log_odds=log_odds)
-    assert one.clear == (log_odds > 3.0)
-
-
-@pytest.mark.parametrize(
-    ("evidence", "separation", "expected"),
-    [
-        ((0.0, 1.0), (np.nan, 4.01), (2, 1.0)),
-        ((0.0, 1.0), (np.nan, 3.99), (1, -1.0)),
-        ((1.0, 0.0), (np.nan, 9.00), (1, 1.0)),
-        ((0.0, 1.0, 4.1), (np.nan, 9.0, 5.01), (3, 3.1)),
-        ((0.0, 1.0, 3.9), (np.nan, 9.0, 5.01), (2, -2.9)),
-        ((0.0, 1.0, 9.0), (np.nan, 9.0, 4.99), (2, 1.0)),
-        ((0.0, 1.0, 4.1, 7.2), (np.nan, 9.0, 6.0, 6.0), (4, 3.1)),
-        ((0.0, 1.0, 4.1, 7.0), (np.nan, 9.0, 6.0, 6.0), (3, -2.9)),
-    ],
-)
-def test_the_number_of_families_follows_from_odds_and_separation(evidence, separation, expected):
-    number, log_odds = _supported(Clusters((), np.array(evidence), np.array(separation)), False)
-    assert number == expected[0]
-    assert log_odds == pytest.approx(expected[1])
-
-
 def test_the_separation_is_in_pooled_spreads():
     # squares 2 + 2, six numbers less two means: a spread of one
     assert cluster(np.array([0.0, 1, 2, 10, 11, 12])).separation[1] == pytest.approx(10.0)
@@ -506,3 +476,15 @@ def test_the_number_supported_at_its_thresholds(log_evidence, separation, expect
     found = Clusters((), np.array(log_evidence), np.array(separation))
     assert _supported(found, False) == expected
     assert _supported(found, True) == (1, log_evidence[0] - log_evidence[1])
+
+
+@pytest.mark.parametrize("h_m", [0.0, 3e-7])
+def test_the_slope_of_families_is_that_of_their_plane(h_m):
+    """Nine caps of one family, or four of them lower, on a plane that is no level."""
+    rng = np.random.default_rng(4)
+    x_m, y_m = rng.uniform(0.0, 0.06, 9), rng.uniform(0.0, 0.04, 9)
+    peak_m = 3e-5 * x_m - 7e-5 * y_m - h_m * (np.arange(9) % 2) + 1e-10 * rng.standard_normal(9)
+    caps = table(peak_m, x_m=x_m, y_m=y_m, peak_height_se_m=np.full(9, 1e-10))
+    assert slope_of_families(caps) == pytest.approx([3e-5, -7e-5], abs=2e-8)
+    flags = np.where(np.arange(9) < 4, 0, CapFlag.not_convex).astype(np.uint16)
+    assert slope_of_families(caps.with_columns(flags=flags)).tolist() == [0.0, 0.0]

@@ -118,6 +118,14 @@ def test_more_than_a_twentieth_of_steep_slopes_is_doubted(n_steps, said):
     assert ("slope_suspect" in codes(found)) == said
 
 
+def test_every_line_of_a_small_map_has_its_slopes():
+    height_m = np.zeros((9, 11))
+    height_m[:, 5] = 40e-6  # two steep steps of ten along x, none along y
+    found = problems_of_map(HeightMap(height_m, (1e-6, 1e-6)), 40e-6, 4e-6)
+    assert f"{100 * 18 / (9 * 10 + 8 * 11):.1f} % of the slopes" in found[0].message
+    assert f"rms slope {40 * np.sqrt(18 / (9 * 10 + 8 * 11)):.2g}" in found[0].message
+
+
 def test_slopes_are_sampled_on_a_hundred_lines_and_need_no_measured_point():
     surface = ramp(2.0, 0.0, (1e-6, 1e-6), (20, 400))
     height_m = surface.height_m.copy()

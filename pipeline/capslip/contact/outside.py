@@ -6,6 +6,7 @@ import numpy as np
 
 from capslip.contact.models.interacting import InteractingCurve, hertz_over_point_load
 from capslip.contact.solvers.hertz import contact_radius_m
+from capslip.surface.blocks import block_sums
 from capslip.surface.heightmap import HeightMap
 
 BLOCKS = 100  # along the shorter side of the map, over which heights are averaged
@@ -48,18 +49,12 @@ def unmodelled_area_m2(
         Zero where only caps touch, as far as noise lets one see.
     """
     side = max(1, min(surface.shape) // BLOCKS)
-    ny, nx = (n // side for n in surface.shape)
-    (dy_m, dx_m), rows, cols = surface.pixel_size_m, ny * side, nx * side
-
-    def sums(array: np.ndarray) -> np.ndarray:
-        blocks: np.ndarray = array[:rows, :cols].reshape(ny, side, nx, side).sum(axis=(1, 3))
-        return blocks
-
+    dy_m, dx_m = surface.pixel_size_m
     free = surface.measured & (label == 0)
-    count = sums(free.astype(float))
+    count = block_sums(free.astype(float), side)
     height_m = np.full(count.shape, -np.inf)
     known = count > 0.5 * side**2
-    height_m[known] = sums(np.where(free, surface.height_m, 0.0))[known] / count[known]
+    height_m[known] = block_sums(np.where(free, surface.height_m, 0.0), side)[known] / count[known]
     height_m += NOISE_SPREADS * noise_m / side
 
     reach_m = height_m - (peak_height_m - approach_m)  # over the plane, before the face sinks
