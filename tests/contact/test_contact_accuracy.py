@@ -235,3 +235,18 @@ def test_moved_caps_are_higher_and_by_a_logarithm_wider():
     moved = accuracy._moved(scene, RUNG.build(scene), up_m, wide, WITH_BULK)
     assert moved.radius_m == pytest.approx(np.array([20.0, 5.0]) * np.exp(wide))
     assert moved.depth_m == pytest.approx(up_m.max() - up_m, abs=1e-20)
+
+
+@pytest.mark.parametrize("alignment", ["balanced", "as_levelled"])
+def test_moved_caps_are_balanced_anew_where_the_face_turns(alignment, monkeypatch):
+    asked = []
+
+    def rebalanced(caps, before, use, at_m, chosen, start_m):
+        asked.append(caps.peak_height_m.tolist())
+        return caps, start_m
+
+    monkeypatch.setattr(accuracy, "rebalanced", rebalanced)
+    scene = scene_of(table([0.01, 0.05], [0.02, 0.03], [20.0, 5.0], [0.0, 0.0]), PRELOAD_N, SIDE_M)
+    chosen = settings(f"contact.alignment={alignment}")
+    accuracy._moved(scene, RUNG.build(scene), np.array([3e-8, 1e-8]), np.zeros(2), chosen)
+    assert asked == ([[3e-8, 1e-8]] if alignment == "balanced" else [])

@@ -4,17 +4,11 @@ from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
-import output_cases
 import pytest
 
 from capslip.caps.table import CapFlag
 from capslip.problems import Problem
 from capslip.result import _alignment, _cell, _limit, _plain
-
-
-@pytest.fixture(scope="module")
-def several():
-    return output_cases.several()
 
 
 @pytest.mark.parametrize(

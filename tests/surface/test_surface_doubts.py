@@ -118,6 +118,15 @@ def test_more_than_a_twentieth_of_steep_slopes_is_doubted(n_steps, said):
     assert ("slope_suspect" in codes(found)) == said
 
 
+@pytest.mark.parametrize(("n_steep", "said"), [(2, False), (3, True)])
+def test_a_twentieth_of_steep_slopes_is_none(n_steep, said):
+    """Of 40 slopes; a corner has two of them, another point on the edge three."""
+    height_m = np.zeros((5, 5))
+    height_m[0, n_steep - 2] = 1.5
+    found = problems_of_map(HeightMap(height_m, (1.0, 1.0)), 1.0, 1.5)
+    assert ("slope_suspect" in codes(found)) == said
+
+
 def test_every_line_of_a_small_map_has_its_slopes():
     height_m = np.zeros((9, 11))
     height_m[:, 5] = 40e-6  # two steep steps of ten along x, none along y
@@ -167,6 +176,7 @@ def test_a_doubt_about_units_is_raised_just_beyond_its_threshold(pixel_m, sz_m, 
     ("highest_m", "sz_m", "expected"),
     [
         (15.0, 30.0, {}),
+        (15.0, 30.1, {"outliers": "info"}),
         (14.9, 30.1, {"outliers": "info"}),
         (15.1, 30.1, {"outliers": "warning"}),
     ],
