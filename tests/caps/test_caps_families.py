@@ -434,6 +434,7 @@ def test_more_clusters_are_cut_at_four_hundred_places_of_many_numbers():
     found = cluster(np.sort(np.concatenate(values)))
     assert found.sizes[2] == pytest.approx(sizes, abs=3)
     assert found.sizes[2].sum() == 1200
+    assert (found.sizes[2] % 3 == 0).all()
 
 
 @pytest.mark.parametrize(
@@ -488,3 +489,17 @@ def test_the_slope_of_families_is_that_of_their_plane(h_m):
     assert slope_of_families(caps) == pytest.approx([3e-5, -7e-5], abs=2e-8)
     flags = np.where(np.arange(9) < 4, 0, CapFlag.not_convex).astype(np.uint16)
     assert slope_of_families(caps.with_columns(flags=flags)).tolist() == [0.0, 0.0]
+
+
+@pytest.mark.parametrize(("n", "turns"), [(4, False), (5, True), (12, True)])
+def test_peaks_are_levels_on_their_own_plane_from_five_caps_on(n, turns):
+    rng = np.random.default_rng(8)
+    x_m, y_m = rng.uniform(0.0, 0.06, n), rng.uniform(0.0, 0.04, n)
+    caps = table(4e-5 * x_m - 6e-5 * y_m, x_m=x_m, y_m=y_m)
+    grouped, families = group_families(caps, 1, own_plane=True)
+    # over the plane of one family all peaks are as high as their mean
+    same = (families.G.peak_height_se_m or 0.0) < 1e-12
+    assert same == turns
+    assert grouped.peak_height_m.tolist() == caps.peak_height_m.tolist()
+    assert group_families(caps, 1)[1].G.peak_height_se_m > 1e-8
+    assert group_families(caps, 1, "radius", own_plane=True)[1].G.peak_height_se_m > 1e-8
