@@ -23,17 +23,6 @@ FORMATS: tuple[Format, ...] = (  # asked in this order
 HEAD_BYTES = 512
 
 
-def formats() -> tuple[Format, ...]:
-    """List the formats that can be read.
-
-    Examples
-    --------
-    >>> [row.name for row in formats()]
-    ['hdf5', 'npy', 'x3p', 'sdf', 'mat', 'tiff', 'gwyddion', 'xyz', 'text', 'vendor']
-    """
-    return FORMATS
-
-
 def load_surface(
     path: str | Path,
     *,
