@@ -292,7 +292,12 @@ def test_the_reference_face_of_caps_names_the_levelling():
 
 @pytest.mark.parametrize(
     ("model", "n_caps", "used"),
-    [("auto", 23, "interacting"), ("auto", 900, "mean_field"), ("families", 900, "families")],
+    [
+        ("auto", 23, "interacting"),
+        ("auto", 100, "interacting"),
+        ("auto", 101, "mean_field"),
+        ("families", 900, "families"),
+    ],
 )
 def test_all_runs_use_one_cheap_model(model, n_caps, used):
     models = set()
