@@ -16,7 +16,7 @@ from capslip.errors import ContactError
 from capslip.output.figures_sensitivity import sensitivity as figure_of
 from capslip.sensitivity import ANSWERS, Answers, answers_of, sensitivity
 from capslip.settings import settings_from
-from capslip.stages import find_face
+from capslip.stages import Clock, find_face, press_face
 from capslip.studies.faces.synthetic import CapFamily, Scene, synthetic_surface
 from capslip.surface.heightmap import HeightMap
 from capslip.surface.readers import load_surface
@@ -142,6 +142,18 @@ def test_the_counts_and_h_have_the_errors_of_the_families():
     ]
     assert np.isnan(found.standard_error[3:]).all()
     assert found.value[:3].tolist() == [families.m, families.n, families.h_m]
+
+
+def test_the_energy_is_that_at_half_the_force_of_total_slip():
+    face = caps_map([(8e-3, 8e-3, 24.0, 0.0), (2e-2, 1e-2, 24.0, 0.0)])
+    settings = settings_from({"contact": {"model": "caps", "alignment": "as_levelled"}})
+    found = find_face(face, settings, None, Clock())
+    contact, _, slip = press_face(found, settings, Clock())
+    value = dict(zip(ANSWERS, answers_of(face, settings, None, True).value, strict=True))
+    assert value["approach_m"] == contact.approach_m
+    expected_J = slip.energy_at_force_J(0.5 * slip.total_slip_force_N)
+    assert value["energy_J"] == pytest.approx(float(expected_J))
+    assert value["radius_G_m"] == found.families.G.radius_m
 
 
 def test_a_run_that_fails_is_no_answer_and_ends_the_range():
