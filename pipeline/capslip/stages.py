@@ -18,11 +18,12 @@ from capslip.caps.fit import fit_caps
 from capslip.caps.fitting import fit_named
 from capslip.caps.hills import Hills, find_hills
 from capslip.caps.joining import join_faces
+from capslip.caps.noise import noise_at_rest
 from capslip.caps.points import points_of_hills
 from capslip.caps.table import CapTable
 from capslip.contact.choice import estimate_error
 from capslip.contact.depth import press_for_depth
-from capslip.contact.levelling import Level, coarse_map, find_level, turned
+from capslip.contact.levelling import UNSETTLED, Level, coarse_map, find_level, turned
 from capslip.contact.press import ContactState, press
 from capslip.contact.rung import rung
 from capslip.contact.slip import SlipCurve, slip_curve
@@ -39,10 +40,9 @@ from capslip.surface.mating import Placement, mate, place
 
 MAX_TURNS = 10  # of fit and contact
 SETTLED = 1e-3  # of the preload: loads that move less in one turn have settled
-UNSETTLED = 0.01  # of the preload: a level whose last turn still moves more is none
 FAMILY_RATIO = 0.10  # of the points, above which the paper counts its caps
 FAMILY_TURNS = 4  # of the families and their plane
-FAMILY_SETTLED_M = 1e-10  # across the face
+FAMILY_SETTLED_M = 3e-9  # across the face; the next turn is a hundredth of it on the same hills
 CONDITIONING = Conditioning.__struct_fields__
 
 
@@ -285,14 +285,15 @@ def _families(
     """
     slope = np.array(level.rest_slope)
     coarse = coarse_map(surface)
+    noise_m = noise_at_rest(coarse, level.rest_slope).neighbours_m
     for _ in range(FAMILY_TURNS):
-        _, caps = _counted(turned(coarse, -slope, level.load_point_m), settings)
+        _, caps = _counted(turned(coarse, -slope, level.load_point_m), settings, noise_m)
         turn = slope_of_families(caps)
         slope = slope + turn
         if float(np.abs(turn * surface.side_m[::-1]).max()) < FAMILY_SETTLED_M:
             break
     plane = turned(surface, -slope, level.load_point_m)
-    hills, caps = _counted(plane, settings)
+    hills, caps = _counted(plane, settings, level.hills.noise_m)
     grouping = settings.families
     caps, families = group_families(caps, grouping.count, grouping.feature, own_plane=True)
     return plane, hills, caps, families
@@ -310,14 +311,17 @@ def _below_cut(
     grouping = settings.families
 
     def counted(deeper: float) -> Families:
-        _, caps = _counted(coarse, settings, deeper)
+        _, caps = _counted(coarse, settings, None, deeper)
         return group_families(caps, grouping.count, grouping.feature, own_plane)[1]
 
     return family_below_cut(families, ratio, counted)
 
 
 def _counted(
-    surface: HeightMap, settings: Settings, material_ratio: float | None = None
+    surface: HeightMap,
+    settings: Settings,
+    noise_m: float | None,
+    material_ratio: float | None = None,
 ) -> tuple[Hills, CapTable]:
     chosen = settings.hills
     hills = find_hills(
@@ -326,6 +330,7 @@ def _counted(
         chosen.separation,
         chosen.pruning_height_m,
         chosen.pruning_percent_Sz,
+        noise_m=noise_m,
     )
     return hills, fit_caps(surface, hills, settings.caps.fit)
 

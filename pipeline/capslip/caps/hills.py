@@ -89,6 +89,7 @@ def find_hills(
     pruning_height_m: float | None = None,
     pruning_percent_Sz: float | None = None,
     relief_m: float | None = None,
+    noise_m: float | None = None,
 ) -> Hills:
     """Cut a height map and separate what stands above the cut into hills, with eight neighbours.
 
@@ -107,6 +108,8 @@ def find_hills(
     relief_m : float, optional
         Height that matters, such as the approach of the face. The noise is then averaged down to
         what does not matter against it, and hills are told apart from a hundredth of it on.
+    noise_m : float, optional
+        What `noise_of_map_m` returned for the map at any level, to save measuring it again.
 
     Returns
     -------
@@ -165,7 +168,9 @@ def find_hills(
     cut_m, middle_m = (float(height_m) for height_m in np.quantile(heights_m, ratios))
     least_m = None if relief_m is None else TOLD_APART * relief_m
     relief_m = relief_m or 2.0 * (middle_m - cut_m) or sz_m  # no relief: a plateau
-    return _separate(surface, heights_m.size, cut_m, relief_m, pruning_height_m, least_m)
+    if noise_m is None:
+        noise_m = noise_of_map_m(surface.height_m)
+    return _separate(surface, heights_m.size, cut_m, relief_m, pruning_height_m, least_m, noise_m)
 
 
 def _check(
@@ -191,6 +196,7 @@ def _separate(
     relief_m: float,
     pruning_m: float | None,
     least_m: float | None,
+    noise_m: float,
 ) -> Hills:
     # A frame of non-measured points spares every later step the edge of the map.
     margin = SQUARES[-1] // 2
@@ -202,7 +208,6 @@ def _separate(
             f"{surface.origin.name}: {n_kept} points lie above the cut at {cut_m:.3g} m; expected "
             f"at least {MIN_POINTS}; raise hills.material_ratio or use a finer scan"
         )
-    noise_m = noise_of_map_m(surface.height_m)
     square, noise_left_m = _square(noise_m, relief_m, n_measured / surface.height_m.size)
     _lower_spikes(above_m, point)
     tree, raw_m = _tree(above_m, point, margin, square)
@@ -256,8 +261,11 @@ def _square(noise_m: float, relief_m: float, measured_share: float) -> tuple[int
 def _lower_spikes(above_m: np.ndarray, point: np.ndarray) -> None:
     """Lower single points that exceed all eight neighbours to the highest of these, in place."""
     width, flat_m = above_m.shape[1], above_m.reshape(-1)
+    around = (1, -1, width, -width, width + 1, -width - 1, width - 1, -width + 1)
+    for step in around:
+        point = point[~(flat_m[point + step] >= flat_m[point])]  # True beside a non-measured one
     around_m = flat_m[point - 1]
-    for step in (1, width - 1, -width + 1, width, -width, width + 1, -width - 1):
+    for step in around:
         np.fmax(around_m, flat_m[point + step], out=around_m)
     flat_m[point] = np.fmin(flat_m[point], around_m)
 
@@ -287,24 +295,25 @@ def _tree(
 
 def _mean(above_m: np.ndarray, missing: np.ndarray, point: np.ndarray, side: int) -> np.ndarray:
     """Mean of the measured heights in a square about each point, NaN where there is none."""
-    from scipy.ndimage import uniform_filter1d
-
-    width, half = above_m.shape[1], side // 2
-    along_row = uniform_filter1d(
-        np.where(missing, 0.0, above_m), side, axis=1, output=np.float64
-    ).reshape(-1)
-    # No point is nearer to the frame than half a square.
-    known = (~missing).view(np.uint8)
-    beside = np.zeros_like(known)
-    for step in range(side):
-        beside[:, half : width - half] += known[:, step : width - 2 * half + step]
-    count_along_row = beside.reshape(-1)
-    total, count = np.zeros(len(point)), np.zeros(len(point))
+    half = side // 2  # no point is nearer to the frame than this
+    along_row = _along_rows(np.where(missing, 0.0, above_m), side).reshape(-1)
+    total = np.zeros(len(point))
     for step in range(-half, half + 1):
-        total += along_row[point + step * width]
-        count += count_along_row[point + step * width]
+        total += along_row[point + step * above_m.shape[1]]
+    known = _along_rows((~missing).view(np.uint8), side)
+    known = _along_rows(known.T, side).T
+    count = known.reshape(-1)[point].astype(np.float64)
     count[count == 0.0] = np.nan
-    return total * (side / count)
+    return total / count
+
+
+def _along_rows(values: np.ndarray, side: int) -> np.ndarray:
+    """Return sums over so many values along each row, zero where fewer are left."""
+    sums, half = np.zeros_like(values), side // 2
+    inner = sums[:, half : values.shape[1] - half]
+    for step in range(side):
+        inner += values[:, step : step + inner.shape[1]]
+    return sums
 
 
 def _across(field_m: np.ndarray, point: np.ndarray, width: int) -> np.ndarray:
