@@ -13,11 +13,12 @@ import numpy as np
 
 from capslip.caps.below import family_below_cut
 from capslip.caps.doubts import problems_of_caps
-from capslip.caps.families import Families, group_families, slope_of_families
+from capslip.caps.families import Families, group_families, surface_of_families
 from capslip.caps.fit import fit_caps
 from capslip.caps.fitting import fit_named
 from capslip.caps.hills import Hills, find_hills
 from capslip.caps.joining import join_faces
+from capslip.caps.levels import bow_terms
 from capslip.caps.noise import noise_at_rest
 from capslip.caps.points import points_of_hills
 from capslip.caps.table import CapTable
@@ -281,22 +282,31 @@ def _families(
 ) -> tuple[HeightMap, Hills, CapTable, Families]:
     """Find the families on their own plane: the cut follows that plane, and it the caps above it.
 
-    So neither the level of the map nor that of the pressed face decides which caps are counted.
+    So neither the level of the map nor that of the pressed face decides which caps are counted. The
+    plane bends where the peaks leave no doubt; the caps that are returned keep that bow.
     """
-    slope = np.array(level.rest_slope)
+    slope, bow, at_m = np.array(level.rest_slope), np.zeros(3), level.load_point_m
     coarse = coarse_map(surface)
     noise_m = noise_at_rest(coarse, level.rest_slope).neighbours_m
+    ratio = _family_ratio(settings)
     for _ in range(FAMILY_TURNS):
-        _, caps = _counted(turned(coarse, -slope, level.load_point_m), settings, noise_m)
-        turn = slope_of_families(caps)
-        slope = slope + turn
-        if float(np.abs(turn * surface.side_m[::-1]).max()) < FAMILY_SETTLED_M:
+        _, caps = _counted(turned(coarse, -slope, at_m, -bow), settings, noise_m, ratio)
+        turn, bend, count = surface_of_families(caps, at_m)
+        if count == 1 and not bow.any() and not bend.any() and 2.0 * ratio < 1.0:
+            # A bow may keep the lower caps below the cut, and what is left looks like one family.
+            bent = turned(coarse, -slope, at_m)
+            _, caps = _counted(bent, settings, noise_m, 2.0 * ratio)
+            deeper, bend, _ = surface_of_families(caps, at_m)
+            turn = deeper if bend.any() else turn
+        slope, bow = slope + turn, bow + bend
+        if not bend.any() and np.abs(turn * surface.side_m[::-1]).max() < FAMILY_SETTLED_M:
             break
-    plane = turned(surface, -slope, level.load_point_m)
+    plane = turned(surface, -slope, at_m, -bow)
     hills, caps = _counted(plane, settings, level.hills.noise_m)
     grouping = settings.families
     caps, families = group_families(caps, grouping.count, grouping.feature, own_plane=True)
-    return plane, hills, caps, families
+    up_m = bow_terms(caps.x_m - at_m[0], caps.y_m - at_m[1]) @ bow
+    return plane, hills, caps.with_columns(peak_height_m=caps.peak_height_m + up_m), families
 
 
 def _below_cut(

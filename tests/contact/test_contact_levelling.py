@@ -231,6 +231,16 @@ def test_the_cut_that_is_fixed_stays_and_says_what_it_misses():
     assert "cut_too_high" in {p.code for p in found.problems}
 
 
+@pytest.mark.parametrize("rise_m", [5e-8, 1.5e-7, -1e-7])
+def test_families_survive_a_bow_that_the_contact_feels_and_the_face_is_told(rise_m):
+    y, x = (np.linspace(-1.0, 1.0, n) for n in SHAPE)
+    bowed = HeightMap(face().height_m + rise_m * (x**2 + 0.5 * y[:, None] ** 2), PIXEL_M)
+    found = analyzed(bowed)
+    same_families(plain(face), found, rel=2e-2)
+    assert "bow_left" in {problem.code for problem in found.problems}
+    assert found.contact.approach_m != pytest.approx(plain(face).contact.approach_m, rel=1e-3)
+
+
 def test_what_lies_below_all_that_touches_does_not_decide_the_noise():
     quiet = face()
     rough = np.random.default_rng(5).normal(0.0, 2e-8, SHAPE)

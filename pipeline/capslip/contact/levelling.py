@@ -122,13 +122,21 @@ def find_level(surface: HeightMap, settings: Settings) -> Level:
 
 
 def turned(
-    surface: HeightMap, slope: np.ndarray | tuple[float, float], at_m: tuple[float, float]
+    surface: HeightMap,
+    slope: np.ndarray | tuple[float, float],
+    at_m: tuple[float, float],
+    bow: np.ndarray | None = None,
 ) -> HeightMap:
-    """Return the map with a plane of slopes (x, y) added that vanishes at a place (x, y)."""
+    """Return the map with a plane of slopes (x, y) added that vanishes at a place (x, y).
+
+    With a bow, the terms of x^2, x y and y^2 from that place too.
+    """
     (ny, nx), (dy_m, dx_m) = surface.shape, surface.pixel_size_m
-    along_x = slope[0] * ((np.arange(nx) + 0.5) * dx_m - at_m[0])
-    along_y = slope[1] * ((np.arange(ny) + 0.5) * dy_m - at_m[1])
-    return replace(surface, height_m=surface.height_m + along_x + along_y[:, None])
+    x_m, y_m = (np.arange(nx) + 0.5) * dx_m - at_m[0], (np.arange(ny) + 0.5) * dy_m - at_m[1]
+    xx, xy, yy = (0.0, 0.0, 0.0) if bow is None else bow
+    height_m = surface.height_m + (slope[0] + xx * x_m) * x_m
+    height_m += ((slope[1] + yy * y_m) * y_m)[:, None]
+    return replace(surface, height_m=height_m + xy * np.outer(y_m, x_m) if xy else height_m)
 
 
 def coarse_map(surface: HeightMap) -> HeightMap:
