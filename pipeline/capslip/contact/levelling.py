@@ -117,7 +117,7 @@ def find_level(surface: HeightMap, settings: Settings) -> Level:
     coarse = coarse_map(surface)
     if coarse is not surface:
         with suppress(ContactError, UnusableSurfaceError):  # small contacts need the whole map
-            start = _Search(coarse, settings, at_m, rest.slope).run(start)[1]
+            start = _Search(coarse, settings, at_m, rest.slope).run(start, DEEP)[1]
     return _Search(surface, settings, at_m, rest.slope).run(start)[0]
 
 
@@ -213,13 +213,13 @@ class _Search:
         """Noise of what can touch."""
         return noise_at_rest(self.surface, self.rest_slope)
 
-    def run(self, start: _Start) -> tuple[Level, _Start]:
+    def run(self, start: _Start, deepest: float = RATIOS[-1]) -> tuple[Level, _Start]:
         """Return the level, and what a search on a finer map can start from."""
         tipped: TipsOverError | None = None
         lost: ContactError | None = None
         trouble: ContactError | None = None
-        fixed = self.settings.hills.cut == "fixed"
-        ratios = [start.ratio, *(r for r in RATIOS if r > start.ratio + 1e-9 and not fixed)]
+        deepest = 0.0 if self.settings.hills.cut == "fixed" else deepest
+        ratios = [start.ratio, *(r for r in RATIOS if start.ratio + 1e-9 < r <= deepest)]
         for ratio in ratios:
             last = ratio == ratios[-1]
             try:
