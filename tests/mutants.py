@@ -43,7 +43,7 @@ TABLE = [
         ),
     ),
     (
-        ("contact/choice.py", "contact/accuracy.py", "contact/reach.py", "contact/outside.py"),
+        ("contact/choice.py", "contact/accuracy.py", "contact/reach.py", "contact/certificate.py"),
         (
             "tests/contact/test_*reach*.py",
             "tests/contact/test_*accuracy*.py",

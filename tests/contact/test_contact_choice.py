@@ -11,11 +11,11 @@ from capslip.caps.families import group_families
 from capslip.caps.fit import fit_caps
 from capslip.caps.hills import find_hills
 from capslip.contact.bulk import without_bulk
+from capslip.contact.certificate import unmodelled_area_m2
 from capslip.contact.choice import boundary_elements_s, choose_model
 from capslip.contact.material import composite
 from capslip.contact.models.caps import caps as caps_curve
 from capslip.contact.models.interacting import interacting
-from capslip.contact.outside import unmodelled_area_m2
 from capslip.contact.rung import Scene, ladder
 from capslip.contact.slip import slip_curve
 from capslip.settings import load_settings
