@@ -219,7 +219,10 @@ def test_families_are_those_of_their_own_plane_whatever_the_level(slope):
     surface = caps_map(caps, (180, 300), (2e-4, 2e-4), floor_m=-8e-7)
     y_m, x_m = np.ogrid[0.5:180, 0.5:300]
     tilted_m = surface.height_m + 2e-4 * (slope[0] * x_m + slope[1] * y_m)
-    level = SimpleNamespace(rest_slope=(1e-6, 0.5e-6), load_point_m=(0.03, 0.018))
+    without_noise = SimpleNamespace(noise_m=0.0)
+    level = SimpleNamespace(
+        rest_slope=(1e-6, 0.5e-6), load_point_m=(0.03, 0.018), hills=without_noise
+    )
     plane, _, counted, families = stages._families(
         HeightMap(tilted_m, (2e-4, 2e-4)),
         level,

@@ -9,7 +9,7 @@ from hill_cases import bowl_m, hills_of
 from capslip.caps.apex import find_apexes, on_hill
 from capslip.caps.noise import Noise
 
-SILENT = Noise(0.0, 1.0)
+SILENT = Noise(0.0, 1.0, 0.0)
 PIXEL_M = (0.5, 2.0)
 
 
@@ -37,7 +37,7 @@ def test_without_noise_the_apex_is_the_vertex_between_the_points():
 def test_noise_takes_points_away_up_to_three_spreads_above_the_cut(noise_m, above_m):
     """And up to three tenths of the height: the highest point is 1 above a cut at 6."""
     height_m = bowl_m((40, 40), (20.5, 20.5), 100.0) + 7.0
-    found = find_apexes(*hills_of(height_m, height_m > 6.0, 6.0), Noise(noise_m, 1.0))
+    found = find_apexes(*hills_of(height_m, height_m > 6.0, 6.0), Noise(noise_m, 1.0, noise_m))
     assert found.floor_m[0] == pytest.approx(6.0 + above_m)
     assert found.least_depth_m[0] == pytest.approx(10.0 * noise_m)
     n = np.count_nonzero(height_m > 6.0)
@@ -48,7 +48,7 @@ def test_noise_takes_points_away_up_to_three_spreads_above_the_cut(noise_m, abov
 def test_a_crown_of_fourteen_spreads_may_reach_down_to_three_above_the_cut(spreads, at_cut):
     height_m = bowl_m((40, 40), (20.5, 20.5), 100.0) + 7.0
     given = hills_of(height_m, height_m > 6.0, 6.0)
-    assert find_apexes(*given, Noise(1.0 / spreads, 1.0)).at_cut[0] == at_cut
+    assert find_apexes(*given, Noise(1.0 / spreads, 1.0, 1.0 / spreads)).at_cut[0] == at_cut
 
 
 @pytest.mark.parametrize(("count", "at_cut"), [(24, True), (25, False)])
@@ -61,7 +61,7 @@ def test_a_crown_has_twenty_five_points(count, at_cut):
 def test_one_point_is_as_uncertain_as_two():
     height_m = np.zeros((5, 5))
     height_m[2, 2] = 1.0
-    found = find_apexes(*hills_of(height_m, height_m > 0.5), Noise(0.01, 1.0))
+    found = find_apexes(*hills_of(height_m, height_m > 0.5), Noise(0.01, 1.0, 0.01))
     assert found.highest_se_m[0] == pytest.approx(0.01 * np.sqrt(2.0 * np.log(2.0)) + 1.0)
     assert found.apex_se_m[0] == found.highest_se_m[0]
 
@@ -69,7 +69,7 @@ def test_one_point_is_as_uncertain_as_two():
 def test_a_hill_without_points_has_no_apex():
     height_m = bowl_m((20, 20), (10.2, 9.7), 50.0)
     given = hills_of(height_m, 2 * within(height_m, -0.5), -0.5)
-    for noise in (SILENT, Noise(0.01, 1.0)):
+    for noise in (SILENT, Noise(0.01, 1.0, 0.01)):
         found = find_apexes(*given, noise)
         assert np.isnan(found.apex_m[:, 0]).all()
         assert found.ties.tolist() == [0, 1]
@@ -145,14 +145,14 @@ def slope(lift_m):
 
 
 def test_on_a_slope_the_apex_is_where_its_quadric_is_highest():
-    found = find_apexes(*slope(0.01), Noise(0.02, 1.0))
+    found = find_apexes(*slope(0.01), Noise(0.02, 1.0, 0.02))
     assert not found.on_surface[0]
     assert found.highest_m[:2, 0].tolist() == [20.5, 15.5]
     assert found.apex_m[:2, 0] == pytest.approx([29.5, 10.5])
     assert found.apex_m[2, 0] == pytest.approx(29.5 / 30.0, abs=0.01)
     assert 0.0 < found.apex_se_m[0] < 0.02
     # without noise the highest point is what it is, and so is one that no noise explains
-    for lift_m, noise in ((0.01, SILENT), (0.5, Noise(0.02, 1.0))):
+    for lift_m, noise in ((0.01, SILENT), (0.5, Noise(0.02, 1.0, 0.02))):
         found = find_apexes(*slope(lift_m), noise)
         assert np.array_equal(found.apex_m, found.highest_m)
         assert np.array_equal(found.apex_se_m, found.highest_se_m)
@@ -163,12 +163,12 @@ def test_the_error_of_an_apex_is_that_of_a_quadric_over_its_disc():
     height_m = bowl_m((121, 121), (60.5, 60.5), 1000.0)
     given = hills_of(height_m, within(height_m, -1.6), -1.6)
     noise_m = 0.08
-    found = find_apexes(*given, Noise(noise_m, 3.0))
+    found = find_apexes(*given, Noise(noise_m, 3.0, noise_m))
     n = np.count_nonzero(height_m >= -10.0 * noise_m)
     assert found.apex_se_m[0] == pytest.approx(3.0 * noise_m * 2.0 / np.sqrt(n), rel=0.01)
     # scatter that is not known as noise counts where it is larger
     rough_m = 5e-4 * np.random.default_rng(2).choice([-1.0, 1.0], (121, 121))
-    rough = find_apexes(*hills_of(height_m + rough_m, given[1].label, -1.6), Noise(1e-9, 1.0))
+    rough = find_apexes(*hills_of(height_m + rough_m, given[1].label, -1.6), Noise(1e-9, 1.0, 1e-9))
     assert rough.least_depth_m[0] == pytest.approx(25.0 / (2.0 * np.pi * 1000.0), rel=0.1)
     assert rough.apex_se_m[0] == pytest.approx(5e-4 * 2.0 / np.sqrt(25.0), rel=0.3)
 

@@ -12,7 +12,7 @@ from capslip.caps.body import body_of_hills
 from capslip.caps.noise import Noise
 from capslip.caps.spheres import elliptic_factor, radius_by_quadric, spheres_by_volume
 
-SILENT = Noise(0.0, 1.0)
+SILENT = Noise(0.0, 1.0, 0.0)
 PIXEL_M = (0.5, 2.0)
 
 
@@ -53,7 +53,7 @@ def apexes(height_m, least_m=0.0, floor_m=-1.0):
 def test_the_depth_lies_between_the_crown_and_the_cut(height_m, noise_m, asked_m, least_m, depth_m):
     bowl = bowl_m((80, 40), (20.0, 40.0), 80.0, PIXEL_M)
     given = apexes(height_m, least_m)
-    found, _ = body_of(bowl, -1.0, Noise(noise_m, 1.0), asked_m, apexes=given)
+    found, _ = body_of(bowl, -1.0, Noise(noise_m, 1.0, noise_m), asked_m, apexes=given)
     assert found.depth_m[0] == pytest.approx(depth_m)
 
 
@@ -90,16 +90,16 @@ def test_noise_of_a_thousandth_of_the_depth_asks_for_a_guide(share, more):
     height_m = bowl_m((120, 40), (30.25, 41.0), 60.0, PIXEL_M)
     count = np.count_nonzero(height_m >= -3.001)
     height_m.flat[np.argmin(np.abs(height_m + 3.03))] = -3.0
-    body, _ = body_of(height_m, -6.0, Noise(3.001 * share, 1.0), 3.001)
+    body, _ = body_of(height_m, -6.0, Noise(3.001 * share, 1.0, 3.001 * share), 3.001)
     assert body.quadric.points[0] == count + more
 
 
 def test_the_scatter_is_that_of_the_points_or_of_the_noise():
     height_m = bowl_m((120, 40), (30.3, 40.9), 60.0, PIXEL_M)
-    body, _ = body_of(height_m, -6.0, Noise(0.01, 3.0), 3.0)
+    body, _ = body_of(height_m, -6.0, Noise(0.01, 3.0, 0.01), 3.0)
     assert body.scatter_m[0] == pytest.approx(0.03)
     rough_m = 0.05 * np.random.default_rng(1).choice([-1.0, 1.0], height_m.shape)
-    body, _ = body_of(height_m + rough_m, -6.0, Noise(0.01, 3.0), 3.0)
+    body, _ = body_of(height_m + rough_m, -6.0, Noise(0.01, 3.0, 0.01), 3.0)
     assert body.scatter_m[0] == pytest.approx(0.15, rel=0.02)
 
 
@@ -132,7 +132,7 @@ def given(volume_m3, depth_m, edge=False, patch=False, quadric=True, noise_m=0.0
     return SimpleNamespace(
         body=body,
         apexes=apexes,
-        noise=Noise(noise_m, 1.0),
+        noise=Noise(noise_m, 1.0, noise_m),
         surface=SimpleNamespace(pixel_area_m2=known["pixel_m2"], side_m=(20.0, 80.0)),
         edge_of_face=known["edge_of_face"],
     )

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from capslip.caps.clusters import Clusters, cluster
-from capslip.caps.families import _supported, group_families, slope_of_families
+from capslip.caps.families import _supported, group_families, surface_of_families
 from capslip.caps.fit import fit_caps
 from capslip.caps.hills import find_hills
 from capslip.caps.table import CapFlag, CapTable
@@ -486,9 +486,13 @@ def test_the_slope_of_families_is_that_of_their_plane(h_m):
     x_m, y_m = rng.uniform(0.0, 0.06, 9), rng.uniform(0.0, 0.04, 9)
     peak_m = 3e-5 * x_m - 7e-5 * y_m - h_m * (np.arange(9) % 2) + 1e-10 * rng.standard_normal(9)
     caps = table(peak_m, x_m=x_m, y_m=y_m, peak_height_se_m=np.full(9, 1e-10))
-    assert slope_of_families(caps) == pytest.approx([3e-5, -7e-5], abs=2e-8)
+    slope, bow, count = surface_of_families(caps, (0.03, 0.02))
+    assert slope == pytest.approx([3e-5, -7e-5], abs=2e-8)
+    assert not bow.any()
+    assert count == (2 if h_m else 1)
     flags = np.where(np.arange(9) < 4, 0, CapFlag.not_convex).astype(np.uint16)
-    assert slope_of_families(caps.with_columns(flags=flags)).tolist() == [0.0, 0.0]
+    slope, bow, count = surface_of_families(caps.with_columns(flags=flags), (0.03, 0.02))
+    assert (slope.tolist(), bow.tolist(), count) == ([0.0, 0.0], [0.0, 0.0, 0.0], 1)
 
 
 @pytest.mark.parametrize(("n", "turns"), [(4, False), (5, True), (12, True)])

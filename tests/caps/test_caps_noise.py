@@ -45,7 +45,7 @@ def test_growth_of_two_and_a_half_is_that_of_noise(growth, levelled):
         assert found.rms_m == pytest.approx(growth * unit_m)
         assert found.inflation > 1.0
     else:
-        assert found == Noise(pytest.approx(unit_m), 1.0)
+        assert found == Noise(pytest.approx(unit_m), 1.0, pytest.approx(unit_m))
 
 
 @pytest.mark.parametrize(
