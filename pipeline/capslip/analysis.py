@@ -113,6 +113,7 @@ def _analyzed(
     return face, Analysis(
         surface=surface,
         settings=settings,
+        joint=face.joint,
         conditioned=face.conditioned,
         level=face.level,
         hills=face.hills,

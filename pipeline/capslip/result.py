@@ -15,6 +15,7 @@ import capslip
 from capslip.caps.families import Families, Family
 from capslip.caps.hills import Hills
 from capslip.caps.table import CapTable
+from capslip.contact.joint import Joint
 from capslip.contact.levelling import Level
 from capslip.contact.press import ContactState
 from capslip.contact.slip import SlipCurve
@@ -35,6 +36,7 @@ class Analysis:
 
     surface: HeightMap
     settings: Settings
+    joint: Joint  # of which the face is a part
     conditioned: Conditioned  # with the surface at the level at which it is pressed
     level: Level | None  # None: as levelled
     hills: Hills
@@ -197,19 +199,33 @@ def _families(families: Families) -> dict[str, Any]:
 
 
 def _contact(analysis: Analysis) -> dict[str, Any]:
-    contact = analysis.contact
+    """Return the contact: loads and stiffness of the joint, the rest of the scan in it."""
+    contact, joint = analysis.contact, analysis.joint
+    area_m2 = contact.contact_area_m2 if contact and joint.is_even else None
     return {
         "model": contact.model if contact else None,
-        "preload_N": analysis.settings.contact.preload_N,
+        "preload_N": joint.preload_N,
+        "nominal_pressure_Pa": joint.nominal_pressure_Pa,
+        "coverage": joint.coverage,
+        "joint_area_m2": joint.area_m2,
+        "scan_area_m2": joint.scan_area_m2,
+        "scan_load_N": joint.scan_load_N,
+        "pressure_classes": len(joint.load_N),
         "approach_m": contact.approach_m if contact else None,
         "approach_without_bulk_m": contact.approach_without_bulk_m if contact else None,
         "contacts": contact.contacts if contact else None,
-        "stiffness_N_per_m": contact.stiffness_N_per_m if contact else None,
-        "contact_area_m2": contact.contact_area_m2 if contact else None,
+        "stiffness_N_per_m": _normal_stiffness(analysis),
+        "contact_area_m2": None if area_m2 is None else area_m2 * float(joint.weight[0]),
         "max_pressure_Pa": contact.max_pressure_Pa if contact else None,
         "bulk": contact.bulk if contact else None,
         **_alignment(analysis),
     }
+
+
+def _normal_stiffness(analysis: Analysis) -> float | None:
+    """Return that of the joint under its preload."""
+    slip = analysis.slip
+    return None if slip is None else float(slip.curve.stiffness_N_per_m(slip.approach_m))
 
 
 def _alignment(analysis: Analysis) -> dict[str, Any]:
@@ -272,7 +288,8 @@ def _limit(analysis: Analysis, family: str) -> float | None:
     contact, slip = analysis.contact, analysis.slip
     if contact is None or slip is None:
         return None
-    at = contact.row_family == family
+    # The rows of a joint are those of its scan, patch by patch
+    at = np.resize(contact.row_family, slip.limits_m.shape) == family
     if not at.any():
         return None
     limits_m = slip.limits_m[at & np.isfinite(slip.limits_m)]
