@@ -14,7 +14,9 @@ from capslip.result import Analysis
 from capslip.sensitivity import sensitivity
 from capslip.settings import Settings
 from capslip.stages import Clock, Face, damp, estimate, find_face, press_face
+from capslip.structure.answer import answer_to
 from capslip.structure.doubts import problems_of_damping, problems_of_structure
+from capslip.structure.stiffness import is_given, structure_name
 from capslip.surface.doubts import problems_of_scan, problems_of_tilt
 from capslip.surface.heightmap import HeightMap
 
@@ -90,7 +92,7 @@ def _analyzed(
     face = find_face(surface, settings, mate, clock)
     problems = _before_contact(surface, mate, face, settings)
     caps = face.caps
-    contact = slip = beam = damping = None
+    contact = slip = beam = damping = answer = None
     try:
         if caps.usable.any() and not any(p.severity == "error" for p in face.problems):
             contact, caps, slip = press_face(face, settings, clock)
@@ -107,7 +109,9 @@ def _analyzed(
                 settings.material,
                 cut_certified=face.level is not None and face.level.missed_area_m2 == 0.0,
             )
-            problems += problems_of_damping(damping)
+            problems += problems_of_damping(damping, structure_name(settings), is_given(settings))
+            answer, beyond = answer_to(settings.answer, slip, damping)
+            problems += beyond
     except ContactError as error:
         problems.append(Problem("contact_failed", "error", str(error)))
     return face, Analysis(
@@ -123,6 +127,7 @@ def _analyzed(
         slip=slip,
         beam=beam,
         damping=damping,
+        answer=answer,
         sensitivity=None,
         problems=tuple(problems),
         timings_s=clock.seconds,

@@ -7,22 +7,30 @@ import time
 import traceback
 from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 import click
 
 from capslip import __version__, registry
 from capslip.errors import CapslipError, ScanError, SettingsError, in_one_line
-from capslip.units import WORDS
+from capslip.units import WORDS, in_si
 
 if TYPE_CHECKING:
     from capslip.settings import Settings
     from capslip.surface.heightmap import HeightMap
 
 MODELS = ("auto", *registry.names("contact.models"))
+QUESTIONS: dict[str, Literal["m", "N"]] = {
+    "amplitude": "m",
+    "slip_force": "N",
+    "displacement": "m",
+}  # and their units
 SETTING = {  # what an option of an analysis stands for
     "preload": "contact.preload_N",
     "model": "contact.model",
+    "amplitude": "answer.amplitude_m",
+    "slip_force": "answer.slip_force_N",
+    "displacement": "answer.displacement_m",
     "dataset": "reading.dataset",
     "unit": "reading.unit",
     "lateral_unit": "reading.lateral_unit",
@@ -90,6 +98,9 @@ _result_options = _options(  # of every command with a result
 )
 _analysis_options = _options(  # of every command that analyses
     click.option("--preload", type=float, metavar="N", help="Normal load of one joint, in N."),
+    click.option("--amplitude", metavar="0.5um", help="Answer at this amplitude of the structure."),
+    click.option("--slip-force", metavar="20N", help="Answer at this slip force of a joint."),
+    click.option("--displacement", metavar="10nm", help="Answer at this slip of a joint."),
     click.option("--model", type=click.Choice(MODELS), help="Contact model."),
     click.option("--dataset", help="Dataset of an HDF5 file."),
     click.option("--unit", type=click.Choice(WORDS), help="Unit of the heights."),
@@ -340,6 +351,9 @@ def _settings(
     """Read the file, then `--set`, then the options of their own."""
     from capslip.settings import load_settings
 
+    for name, unit in QUESTIONS.items():
+        if options.get(name) is not None:
+            options[name] = in_si(options[name], unit, f"--{name.replace('_', '-')}")
     given = {SETTING[name]: value for name, value in options.items() if value is not None}
     for name, value in given.items():
         if isinstance(value, float) and value != value:

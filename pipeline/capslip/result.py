@@ -22,10 +22,13 @@ from capslip.contact.slip import SlipCurve
 from capslip.problems import Problem
 from capslip.sensitivity import Sensitivity
 from capslip.settings import Settings
+from capslip.structure.answer import Answer, asked
 from capslip.structure.beam import BeamMode
-from capslip.structure.response import Damping
+from capslip.structure.response import MOST_LOSS_FACTOR, Damping, lightly_damped
+from capslip.structure.stiffness import structure_name
 from capslip.surface.conditioning import Conditioned
 from capslip.surface.heightmap import HeightMap
+from capslip.verdict import assumptions, verdict
 
 SCHEMA = "capslip/summary/1"
 
@@ -46,6 +49,7 @@ class Analysis:
     slip: SlipCurve | None
     beam: BeamMode | None  # None where the settings give the two stiffnesses
     damping: Damping | None
+    answer: Answer | None  # None: beyond gross slip, too
     sensitivity: Sensitivity | None  # None where it was not asked for
     problems: tuple[Problem, ...]
     timings_s: dict[str, float]
@@ -59,10 +63,17 @@ class Analysis:
             return "failed"
         return "check" if "warning" in severities else "ok"
 
+    @property
+    def verdict(self) -> str:
+        """Return one sentence on what the result is usable for."""
+        error = self.contact.estimated_error if self.contact else None
+        return verdict(self.settings, self.problems, error)
+
     def __repr__(self) -> str:
         table = self.summary()
         contact, peak = table["contact"], table["damping"]["peak_loss_factor"]
-        loss = "no loss factor" if peak is None else f"loss factor {peak:.3g}"
+        of = structure_name(self.settings)
+        loss = "no loss factor" if peak is None else f"loss factor {peak:.3g} of the {of}"
         return (
             f"<Analysis of {table['name']}: {table['status']}, {table['hills']['caps']} caps, "
             f"{contact['model'] or 'no contact'} at {contact['preload_N']:g} N, {loss}, "
@@ -73,12 +84,15 @@ class Analysis:
         """Return a small table, for notebooks."""
         table = self.summary()
         rows = {
+            "verdict": table["verdict"],
             "caps": table["hills"]["caps"],
             "G-caps, P-caps": f"{table['families']['m']}, {table['families']['n']}",
             "contact model": table["contact"]["model"],
             "preload [N]": table["contact"]["preload_N"],
             "tangential stiffness [N/m]": table["slip"]["tangential_stiffness_N_per_m"],
-            "greatest loss factor": table["damping"]["peak_loss_factor"],
+            f"greatest loss factor, {table['damping']['structure']}": table["damping"][
+                "peak_loss_factor"
+            ],
             "gross slip amplitude [m]": table["damping"]["gross_slip_amplitude_m"],
             **{problem["code"]: problem["message"] for problem in table["problems"]},
         }
@@ -105,6 +119,12 @@ class Analysis:
             "schema": SCHEMA,
             "name": self.surface.origin.name,
             "status": self.status,
+            "verdict": self.verdict,
+            "answer": _answer(self),
+            "assumed": [
+                {"name": one.name, "setting": one.setting, "value": one.value, "moves": one.moves}
+                for one in assumptions(self.settings)
+            ],
             "surface": _surface(self),
             "hills": _hills(self),
             "families": _families(self.families),
@@ -136,6 +156,19 @@ def _cell(value: object) -> str:
     if value is None:
         return "–"
     return f"{value:.4g}" if isinstance(value, float) else escape(str(value))
+
+
+def _answer(analysis: Analysis) -> dict[str, Any]:
+    """Return the question and its answer, of one joint and of the structure."""
+    question = analysis.settings.answer
+    quantity, value = asked(question, analysis.slip)
+    by_default = all(getattr(question, name) is None for name in question.__struct_fields__)
+    names = Answer.__dataclass_fields__
+    return {
+        "asked": {"quantity": quantity, "value": value, "by_default": by_default},
+        "structure": structure_name(analysis.settings),
+        **{name: getattr(analysis.answer, name, None) for name in names},
+    }
 
 
 def _surface(analysis: Analysis) -> dict[str, Any]:
@@ -233,16 +266,18 @@ def _alignment(analysis: Analysis) -> dict[str, Any]:
     contact, level = analysis.contact, analysis.level
     if contact is None:
         names = ("alignment", "tilt_rad", "tilt_across_face_m", "load_point_m", "eccentricity_m")
-        return dict.fromkeys(names)
+        return dict.fromkeys((*names, "resultant_off_load_point_m"))
     tilt_rad = np.add(contact.tilt_rad, (0.0, 0.0) if level is None else level.slope)
     balanced = level is not None or any(contact.tilt_rad)
     ly_m, lx_m = analysis.surface.side_m
+    off_m = None if contact.eccentricity_m is None else math.hypot(*contact.eccentricity_m)
     return {
         "alignment": "balanced" if balanced else "as_levelled",
         "tilt_rad": tilt_rad,
         "tilt_across_face_m": float(np.abs(tilt_rad) @ (lx_m, ly_m)),
         "load_point_m": contact.load_point_m,
         "eccentricity_m": contact.eccentricity_m,
+        "resultant_off_load_point_m": off_m,
     }
 
 
@@ -260,18 +295,25 @@ def _slip(analysis: Analysis) -> dict[str, Any]:
 
 def _damping(analysis: Analysis) -> dict[str, Any]:
     damping = analysis.damping
+    peak = lightly_damped(damping.peak_loss_factor) if damping else None
     return {
+        "structure": structure_name(analysis.settings),
         "amplitude_m": damping.amplitude_m if damping else [],
-        "loss_factor": damping.loss_factor if damping else [],
-        "damping_ratio": damping.damping_ratio if damping else [],
+        "loss_factor": _where_defined(damping, damping.loss_factor) if damping else [],
+        "damping_ratio": _where_defined(damping, damping.damping_ratio) if damping else [],
         "frequency_ratio": damping.frequency_ratio if damping else [],
-        "peak_loss_factor": damping.peak_loss_factor if damping else None,
+        "peak_loss_factor": peak,
         "amplitude_at_peak_m": damping.amplitude_at_peak_m if damping else None,
         "gross_slip_amplitude_m": damping.gross_slip_amplitude_m if damping else None,
         "modal_stiffness_N_per_m": damping.modal_stiffness_N_per_m if damping else None,
         "joint_stiffness_N_per_m": damping.joint_stiffness_N_per_m if damping else None,
         "joints": analysis.settings.structure.joints,
     }
+
+
+def _where_defined(damping: Damping, values: np.ndarray) -> np.ndarray:
+    """Return values of a mode that is lightly damped; NaN elsewhere."""
+    return np.where(damping.loss_factor <= MOST_LOSS_FACTOR, values, np.nan)
 
 
 def _problem(problem: Problem) -> dict[str, Any]:

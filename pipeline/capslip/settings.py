@@ -147,6 +147,14 @@ class Structure(_Table, frozen=True):
     beam: Beam = Beam()
 
 
+class Question(_Table, frozen=True):
+    """What is asked: one of these, or none; then a quarter of the force at total slip."""
+
+    amplitude_m: Positive | None = None  # of the structure, at the point of its modal stiffness
+    slip_force_N: Positive | None = None  # tangential, of one joint
+    displacement_m: Positive | None = None  # tangential, of one joint
+
+
 class Run(_Table, frozen=True):
     """What changes no number."""
 
@@ -170,6 +178,7 @@ class Settings(_Table, frozen=True):
     contact: Contact = Contact()
     joint: JointSettings = JointSettings()
     structure: Structure = Structure()
+    answer: Question = Question()
     run: Run = Run()
 
     def to_dict(self) -> dict[str, Any]:
@@ -310,6 +319,11 @@ def _check_meaning(settings: Settings, where: str) -> None:
     if hills.pruning_height_m is not None and hills.pruning_percent_Sz is not None:
         raise SettingsError(
             f"{where}: hills: got both pruning_height_m and pruning_percent_Sz; give one or none"
+        )
+    question = _without_none(msgspec.to_builtins(settings.answer))
+    if len(question) > 1:
+        raise SettingsError(
+            f"{where}: answer: got {' and '.join(question)}; expected one question, or none"
         )
     structure = settings.structure
     if (structure.modal_stiffness_N_per_m is None) != (structure.joint_stiffness_N_per_m is None):

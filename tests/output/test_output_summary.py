@@ -108,7 +108,7 @@ def test_stages_that_could_not_run_are_absent(several):
     for table, kept in (
         ("contact", OF_THE_JOINT),
         ("slip", {"friction_coefficient"}),
-        ("damping", {"joints"}),
+        ("damping", {"joints", "structure"}),
         ("accuracy", {"requested"}),
     ):
         assert {key for key, value in found[table].items() if value not in (None, [])} == kept

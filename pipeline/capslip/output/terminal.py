@@ -3,6 +3,7 @@
 import math
 from typing import TYPE_CHECKING
 
+from capslip.output.lead import answer_lines, assumed_lines, joint_line
 from capslip.output.rows import write_text
 from capslip.surface.doubts import sanity_line
 
@@ -24,16 +25,25 @@ SLIP = (
     "{{total_slip_displacement_m:nm}}"
 )
 STIFFNESS = "{tangential_stiffness_N_per_m:MN/m}"  # null in the summary where it is infinite
-NO_LOSS = "damping    no loss below gross slip at {gross_slip_amplitude_m:um}"
-DAMPING = (
-    "damping    peak loss factor {peak_loss_factor:.4g} at {amplitude_at_peak_m:um}, gross slip at "
+NO_LOSS = "damping    {structure}: no loss below gross slip at {gross_slip_amplitude_m:um}"
+NOT_DEFINED = (
+    "damping    {structure}: no longer lightly damped at its peak, gross slip at "
     "{gross_slip_amplitude_m:um}"
+)
+DAMPING = (
+    "damping    {structure}: peak loss factor {peak_loss_factor:.4g} at {amplitude_at_peak_m:um}, "
+    "gross slip at {gross_slip_amplitude_m:um}"
 )
 
 
 def result_lines(analysis: "Analysis") -> str:
-    """Return the results as a dozen lines in engineering units."""
+    """Return the results as one screen: the verdict, the answer, what was assumed, the rest."""
     summary, conditioned = analysis.summary(), analysis.conditioned
+    lead = [("verdict", summary["verdict"]), *answer_lines(summary, "-")]
+    lead.append(("joint", joint_line(summary, "-")))
+    assumed = [f"{name} {value}: moves {moves}" for name, value, moves in assumed_lines(summary)]
+    lead += zip(["assumed", *[""] * len(assumed)], assumed, strict=False)
+    lines = [f"{label:10} {text}".replace("µ", "u") for label, text in lead]
     contact, slip, damping = analysis.contact, analysis.slip, analysis.damping
     texts = [HILLS, FAMILIES]
     texts += [FAMILY.format(name) for name in "GP" if summary["families"][name] is not None]
@@ -47,9 +57,10 @@ def result_lines(analysis: "Analysis") -> str:
         rigid = math.isinf(slip.tangential_stiffness_N_per_m)
         texts.append(SLIP.format("inf MN/m" if rigid else STIFFNESS))
     if damping is not None:
-        texts.append(NO_LOSS if damping.amplitude_at_peak_m is None else DAMPING)
+        defined = DAMPING if summary["damping"]["peak_loss_factor"] is not None else NOT_DEFINED
+        texts.append(NO_LOSS if damping.amplitude_at_peak_m is None else defined)
     scan = sanity_line(conditioned.surface, conditioned.sq_m, conditioned.sz_m)
-    lines = [f"scan       {scan}", *(write_text(text, summary, absent="-") for text in texts)]
+    lines += [f"scan       {scan}", *(write_text(text, summary, absent="-") for text in texts)]
     lines.append(f"status     {summary['status']}")
     lines += [f"  {p.severity:8} {p.code}: {p.message}" for p in analysis.problems]
     return "\n".join(lines)
