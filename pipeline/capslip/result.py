@@ -34,26 +34,25 @@ SCHEMA = "capslip/summary/1"
 
 
 @dataclass(frozen=True, eq=False)
-class Analysis:
-    """All that one analysis found; the stages that could not run are None."""
+class JointResult:
+    """What is known of a joint, from a scan or not; the stages that could not run are None."""
 
-    surface: HeightMap
     settings: Settings
-    joint: Joint  # of which the face is a part
-    conditioned: Conditioned  # with the surface at the level at which it is pressed
-    level: Level | None  # None: as levelled
-    hills: Hills
-    caps: CapTable
+    joint: Joint
     families: Families
     contact: ContactState | None
     slip: SlipCurve | None
     beam: BeamMode | None  # None where the settings give the two stiffnesses
     damping: Damping | None
     answer: Answer | None  # None: beyond gross slip, too
-    sensitivity: Sensitivity | None  # None where it was not asked for
     problems: tuple[Problem, ...]
     timings_s: dict[str, float]
     started: str
+
+    @property
+    def name(self) -> str:
+        """What the result is called."""
+        return "families"
 
     @property
     def status(self) -> str:
@@ -68,6 +67,76 @@ class Analysis:
         """Return one sentence on what the result is usable for."""
         error = self.contact.estimated_error if self.contact else None
         return verdict(self.settings, self.problems, error)
+
+    def summary(
+        self, command: str | None = None, timings_s: dict[str, float] | None = None
+    ) -> dict[str, Any]:
+        """Return the dictionary of `summary.json`: plain numbers, strings, lists, dictionaries.
+
+        Parameters
+        ----------
+        command : str, optional
+            The command line, for the record.
+        timings_s : dict, optional
+            Seconds of what was done outside the analysis (reading, drawing, ...).
+        """
+        tables = {
+            "schema": SCHEMA,
+            "name": self.name,
+            "status": self.status,
+            "verdict": self.verdict,
+            "answer": _answer(self),
+            "assumed": [
+                {"name": one.name, "setting": one.setting, "value": one.value, "moves": one.moves}
+                for one in assumptions(self.settings)
+            ],
+            "surface": None,
+            "hills": None,
+            "families": _families(self.families),
+            "contact": _contact(self),
+            "slip": _slip(self),
+            "damping": _damping(self),
+            "accuracy": {
+                "requested": self.settings.contact.tolerance,
+                "estimated": self.contact.estimated_error if self.contact else None,
+                "model_reason": self.contact.model_reason if self.contact else None,
+            },
+            "sensitivity": None,
+            **self._of_the_scan(),
+            "problems": [_problem(problem) for problem in self.problems],
+            "timings_s": {**self.timings_s, **(timings_s or {})},
+            "provenance": {
+                "version": capslip.__version__,
+                "python": platform.python_version(),
+                "platform": platform.platform(),
+                "command": command,
+                "settings_sha256": self.settings.sha256(),
+                "started": self.started,
+            },
+        }
+        plain: dict[str, Any] = _plain(tables)
+        return plain
+
+    def _of_the_scan(self) -> dict[str, Any]:
+        """Return the tables of what a scan shows."""
+        return {}
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Analysis(JointResult):
+    """All that one analysis of a scan found; the stages that could not run are None."""
+
+    surface: HeightMap
+    conditioned: Conditioned  # with the surface at the level at which it is pressed
+    level: Level | None  # None: as levelled
+    hills: Hills
+    caps: CapTable
+    sensitivity: Sensitivity | None  # None where it was not asked for
+
+    @property
+    def name(self) -> str:
+        """Name of the scan."""
+        return self.surface.origin.name
 
     def __repr__(self) -> str:
         table = self.summary()
@@ -103,53 +172,12 @@ class Analysis:
         caption = f"{escape(table['name'])}: {table['status']}"
         return f"<table><caption>{caption}</caption>{body}</table>"
 
-    def summary(
-        self, command: str | None = None, timings_s: dict[str, float] | None = None
-    ) -> dict[str, Any]:
-        """Return the dictionary of `summary.json`: plain numbers, strings, lists, dictionaries.
-
-        Parameters
-        ----------
-        command : str, optional
-            The command line, for the record.
-        timings_s : dict, optional
-            Seconds of what was done outside the analysis (reading, drawing, ...).
-        """
-        tables = {
-            "schema": SCHEMA,
-            "name": self.surface.origin.name,
-            "status": self.status,
-            "verdict": self.verdict,
-            "answer": _answer(self),
-            "assumed": [
-                {"name": one.name, "setting": one.setting, "value": one.value, "moves": one.moves}
-                for one in assumptions(self.settings)
-            ],
+    def _of_the_scan(self) -> dict[str, Any]:
+        return {
             "surface": _surface(self),
             "hills": _hills(self),
-            "families": _families(self.families),
-            "contact": _contact(self),
-            "slip": _slip(self),
-            "damping": _damping(self),
-            "accuracy": {
-                "requested": self.settings.contact.tolerance,
-                "estimated": self.contact.estimated_error if self.contact else None,
-                "model_reason": self.contact.model_reason if self.contact else None,
-            },
             "sensitivity": self.sensitivity.to_dict() if self.sensitivity else None,
-            "problems": [_problem(problem) for problem in self.problems],
-            "timings_s": {**self.timings_s, **(timings_s or {})},
-            "provenance": {
-                "version": capslip.__version__,
-                "python": platform.python_version(),
-                "platform": platform.platform(),
-                "command": command,
-                "settings_sha256": self.settings.sha256(),
-                "started": self.started,
-            },
         }
-        plain: dict[str, Any] = _plain(tables)
-        return plain
 
 
 def _cell(value: object) -> str:
@@ -158,7 +186,7 @@ def _cell(value: object) -> str:
     return f"{value:.4g}" if isinstance(value, float) else escape(str(value))
 
 
-def _answer(analysis: Analysis) -> dict[str, Any]:
+def _answer(analysis: JointResult) -> dict[str, Any]:
     """Return the question and its answer, of one joint and of the structure."""
     question = analysis.settings.answer
     quantity, value = asked(question, analysis.slip)
@@ -231,7 +259,7 @@ def _families(families: Families) -> dict[str, Any]:
     }
 
 
-def _contact(analysis: Analysis) -> dict[str, Any]:
+def _contact(analysis: JointResult) -> dict[str, Any]:
     """Return the contact: loads and stiffness of the joint, the rest of the scan in it."""
     contact, joint = analysis.contact, analysis.joint
     area_m2 = contact.contact_area_m2 if contact and joint.is_even else None
@@ -255,18 +283,19 @@ def _contact(analysis: Analysis) -> dict[str, Any]:
     }
 
 
-def _normal_stiffness(analysis: Analysis) -> float | None:
+def _normal_stiffness(analysis: JointResult) -> float | None:
     """Return that of the joint under its preload."""
     slip = analysis.slip
     return None if slip is None else float(slip.curve.stiffness_N_per_m(slip.approach_m))
 
 
-def _alignment(analysis: Analysis) -> dict[str, Any]:
+def _alignment(analysis: JointResult) -> dict[str, Any]:
     """Return how the face lies under its preload; slopes and places along x and y."""
-    contact, level = analysis.contact, analysis.level
-    if contact is None:
+    contact = analysis.contact
+    if contact is None or not isinstance(analysis, Analysis):
         names = ("alignment", "tilt_rad", "tilt_across_face_m", "load_point_m", "eccentricity_m")
         return dict.fromkeys((*names, "resultant_off_load_point_m"))
+    level = analysis.level
     tilt_rad = np.add(contact.tilt_rad, (0.0, 0.0) if level is None else level.slope)
     balanced = level is not None or any(contact.tilt_rad)
     ly_m, lx_m = analysis.surface.side_m
@@ -281,7 +310,7 @@ def _alignment(analysis: Analysis) -> dict[str, Any]:
     }
 
 
-def _slip(analysis: Analysis) -> dict[str, Any]:
+def _slip(analysis: JointResult) -> dict[str, Any]:
     slip = analysis.slip
     return {
         "friction_coefficient": analysis.settings.material.friction_coefficient,
@@ -293,7 +322,7 @@ def _slip(analysis: Analysis) -> dict[str, Any]:
     }
 
 
-def _damping(analysis: Analysis) -> dict[str, Any]:
+def _damping(analysis: JointResult) -> dict[str, Any]:
     damping = analysis.damping
     peak = lightly_damped(damping.peak_loss_factor) if damping else None
     return {
@@ -325,7 +354,7 @@ def _problem(problem: Problem) -> dict[str, Any]:
     }
 
 
-def _limit(analysis: Analysis, family: str) -> float | None:
+def _limit(analysis: JointResult, family: str) -> float | None:
     """Return the displacement at which the last cap of a family slips as a whole."""
     contact, slip = analysis.contact, analysis.slip
     if contact is None or slip is None:

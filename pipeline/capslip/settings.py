@@ -95,6 +95,13 @@ class FamilySettings(_Table, frozen=True):
 
     count: Literal["auto", 1, 2] = "auto"
     feature: Literal["peak_height", "cap_height", "diameter", "radius"] = "peak_height"
+    # Given in place of a scan
+    m: Annotated[int, msgspec.Meta(ge=1)] | None = None
+    n: Annotated[int, msgspec.Meta(ge=0)] | None = None
+    radius_G_m: Positive | None = None
+    radius_P_m: Positive | None = None
+    h_m: Annotated[float, msgspec.Meta(ge=0, le=GREATEST)] | None = None
+    approach_m: Positive | None = None  # in place of the preload
 
 
 class Material(_Table, frozen=True):
@@ -184,7 +191,8 @@ class Settings(_Table, frozen=True):
     def to_dict(self) -> dict[str, Any]:
         """Return plain nested dictionaries; settings that are absent are left out."""
         tables: dict[str, Any] = _without_none(msgspec.to_builtins(self))
-        if self.contact.nominal_pressure_Pa is not None or self.joint.pressure_map is not None:
+        instead = self.contact.nominal_pressure_Pa, self.joint.pressure_map
+        if any(one is not None for one in (*instead, self.families.approach_m)):
             del tables["contact"]["preload_N"]  # it follows
         return tables
 
@@ -267,7 +275,9 @@ def _given(tables: dict[str, Any]) -> set[str]:
 def _check_load(tables: dict[str, Any], where: str) -> None:
     """Refuse what gives the load or the area of the joint twice."""
     contact, joint = tables.get("contact", {}), tables.get("joint", {})
+    approach = ["families.approach_m"] if "approach_m" in tables.get("families", {}) else []
     loads = [f"contact.{key}" for key in ("preload_N", "nominal_pressure_Pa") if key in contact]
+    loads += approach
     if "pressure_map" in joint:
         loads += ["joint.pressure_map"]
         loads += ["joint.area_m2"] if "area_m2" in joint else []

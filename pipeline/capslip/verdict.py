@@ -33,6 +33,7 @@ def assumptions(settings: Settings) -> tuple[Assumption, ...]:
     contact, material, joint = settings.contact, settings.material, settings.joint
     mapped = joint.pressure_map is not None
     loaded = mapped or contact.nominal_pressure_Pa is not None
+    loaded = loaded or settings.families.approach_m is not None
     E_Pa, nu = material.youngs_modulus_Pa, material.poisson_ratio
     E = " and ".join(dict.fromkeys(f"{one / 1e9:g} GPa" for one in E_Pa))
     found = []
@@ -57,7 +58,7 @@ def assumptions(settings: Settings) -> tuple[Assumption, ...]:
             "--set structure.modal_stiffness_N_per_m=K --set structure.joint_stiffness_N_per_m=K"
         )
         found.append(("structure", key, structure_name(settings), moves, option, False))
-    if joint.area_m2 is None and not mapped:
+    if joint.area_m2 is None and not mapped and settings.families.m is None:
         key, moves = "joint.area_m2", "nominal pressure, and with it forces, stiffness, energy"
         found.append(("joint area", key, "that of the scan", moves, f"--set {key}=A", False))
     if material.yield_stress_Pa is None:

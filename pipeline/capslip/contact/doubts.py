@@ -69,7 +69,7 @@ def contact_doubts(
         *_beyond_the_caps(contact, caps, cut_certified),
         *_under_resolved(caps, pixel_area_m2),
         *_on_flagged_caps(caps),
-        *_beyond_elastic(contact, material),
+        *problems_of_pressure(contact, material),
     ]
 
 
@@ -143,7 +143,8 @@ def _on_flagged_caps(caps: CapTable) -> list[Problem]:
     return [Problem("load_on_doubtful_caps", "warning", message)]
 
 
-def _beyond_elastic(contact: ContactState, material: Material) -> list[Problem]:
+def problems_of_pressure(contact: ContactState, material: Material) -> list[Problem]:
+    """Return whether the greatest pressure is more than an elastic face bears."""
     pressure_Pa, yield_Pa = contact.max_pressure_Pa, material.yield_stress_Pa
     if pressure_Pa is None:
         return []

@@ -24,7 +24,8 @@ NOT_DEFINED = (
     "{answer_structure}: loss factor not defined at amplitude {answer_amplitude_m}: the mode is no "
     "longer lightly damped"
 )
-JOINT = "{preload_N:4} on {joint_area_m2}: {nominal_pressure_Pa} nominal"
+JOINT = "preload {preload_N:4}"
+PRESSURE = " on {joint_area_m2}: {nominal_pressure_Pa} nominal"
 COVERAGE = "; scan {coverage} of it, resultant {off_m} off the load point"
 
 
@@ -55,7 +56,9 @@ def answer_lines(summary: dict[str, Any], absent: str) -> list[tuple[str, str]]:
 
 def joint_line(summary: dict[str, Any], absent: str) -> str:
     """Return preload, area and pressure of the joint, and what of it was scanned."""
-    text = JOINT + (COVERAGE if summary["contact"]["coverage"] is not None else "")
+    contact = summary["contact"]
+    text = JOINT + (PRESSURE if contact["joint_area_m2"] is not None else "")
+    text += COVERAGE if contact["coverage"] is not None else ""
     return write_text(text, summary, absent)
 
 

@@ -1,14 +1,11 @@
 """The results as one reads them on a terminal."""
 
 import math
-from typing import TYPE_CHECKING
 
 from capslip.output.lead import answer_lines, assumed_lines, joint_line
 from capslip.output.rows import write_text
+from capslip.result import Analysis, JointResult
 from capslip.surface.doubts import sanity_line
-
-if TYPE_CHECKING:
-    from capslip.result import Analysis
 
 HILLS = (
     "hills      cut {cut_height_m:um}, {regions} regions, {hills} hills, {caps} caps, largest "
@@ -36,16 +33,16 @@ DAMPING = (
 )
 
 
-def result_lines(analysis: "Analysis") -> str:
+def result_lines(analysis: JointResult) -> str:
     """Return the results as one screen: the verdict, the answer, what was assumed, the rest."""
-    summary, conditioned = analysis.summary(), analysis.conditioned
+    summary = analysis.summary()
     lead = [("verdict", summary["verdict"]), *answer_lines(summary, "-")]
     lead.append(("joint", joint_line(summary, "-")))
     assumed = [f"{name} {value}: moves {moves}" for name, value, moves in assumed_lines(summary)]
     lead += zip(["assumed", *[""] * len(assumed)], assumed, strict=False)
     lines = [f"{label:10} {text}".replace("µ", "u") for label, text in lead]
     contact, slip, damping = analysis.contact, analysis.slip, analysis.damping
-    texts = [HILLS, FAMILIES]
+    texts = [HILLS, FAMILIES] if isinstance(analysis, Analysis) else [FAMILIES]
     texts += [FAMILY.format(name) for name in "GP" if summary["families"][name] is not None]
     if contact is not None and summary["contact"]["alignment"] == "balanced":
         cut = NOT_CERTIFIED if summary["hills"]["cut_certified"] is False else ""
@@ -59,8 +56,10 @@ def result_lines(analysis: "Analysis") -> str:
     if damping is not None:
         defined = DAMPING if summary["damping"]["peak_loss_factor"] is not None else NOT_DEFINED
         texts.append(NO_LOSS if damping.amplitude_at_peak_m is None else defined)
-    scan = sanity_line(conditioned.surface, conditioned.sq_m, conditioned.sz_m)
-    lines += [f"scan       {scan}", *(write_text(text, summary, absent="-") for text in texts)]
+    if isinstance(analysis, Analysis):
+        seen = analysis.conditioned
+        lines.append(f"scan       {sanity_line(seen.surface, seen.sq_m, seen.sz_m)}")
+    lines += [write_text(text, summary, absent="-") for text in texts]
     lines.append(f"status     {summary['status']}")
     lines += [f"  {p.severity:8} {p.code}: {p.message}" for p in analysis.problems]
     return "\n".join(lines)
