@@ -207,6 +207,7 @@ WORDS = {
     "soft-mode": "structure.modal_stiffness_N_per_m=1e8",
     "joint": "structure.joint_stiffness_N_per_m=5e7",
     "stiff-joint": "structure.joint_stiffness_N_per_m=5e8",
+    "part": "joint.area_m2=0.02",
     "pushed": "answer.slip_force_N=500",
     "beam": "structure.beam.length_m=0.5",
 }
@@ -418,6 +419,7 @@ ROWS = [
         "plain levelled N=0.01",
         "plain levelled",
     ),
+    Row("few_contacts_in_scan", "warning", "touches with 7 caps", "plain part", "plain"),
     Row("beyond_gross_slip", "error", "got slip force 500 N", "plain pushed", "plain"),
     Row("peak_at_gross_slip", "info", "still grows", "plain", "plain flat"),
     Row("sensitive_to_cut", "warning", "from 8 to 12 %", "waved levelled", swept=True),

@@ -112,6 +112,9 @@ def test_the_worst_problem_is_the_reason_and_its_remedy_the_next_step(severities
     problems = [Problem(codes[one], one, f"{one} said") for one in severities]
     said = verdict(load(*JOINT.values()), problems, 0.01)
     assert said.startswith(begins)
+    assert verdict(
+        load(*JOINT.values()), [Problem("sensitive_to_cut", "warning", "it is")], None
+    ) == ("usable with care: it is; next: --set hills.material_ratio=...")
     if "said" in begins:
         worst = codes["error" if "error" in severities else "warning"]
         assert said.endswith(KINDS[worst].remedy.rstrip("."))

@@ -4,7 +4,12 @@ from dataclasses import replace
 from datetime import UTC, datetime
 
 from capslip.caps.doubts import problems_of_bow, problems_of_families
-from capslip.contact.doubts import contact_doubts, material_doubts, problems_of_pressure
+from capslip.contact.doubts import (
+    contact_doubts,
+    material_doubts,
+    problems_of_pressure,
+    problems_of_share,
+)
 from capslip.contact.given import given_families, press_families
 from capslip.contact.press import ContactState
 from capslip.contact.relevance import as_read
@@ -156,7 +161,7 @@ def _analyzed(
         if caps.usable.any() and not any(p.severity == "error" for p in face.problems):
             contact, caps, slip = press_face(face, settings, clock)
             problems = as_read(problems, contact, caps, settings.contact.tolerance)
-            problems += contact.problems
+            problems += [*contact.problems, *problems_of_share(face.joint, contact)]
             problems += _of_levelling(face, contact, settings)
             beam, damping = damp(slip, settings, clock)
             pixel_area_m2 = face.conditioned.surface.pixel_area_m2

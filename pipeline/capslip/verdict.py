@@ -88,7 +88,8 @@ def verdict(settings: Settings, problems: Iterable[Problem], estimated_error: fl
         worst = [one for one in problems if one.severity == severity]
         if worst:
             more = f" (and {len(worst) - 1} more)" if len(worst) > 1 else ""
-            remedy = worst[0].kind.remedy.rstrip(".")
+            remedy = worst[0].kind.remedy
+            remedy = remedy if remedy.endswith("...") else remedy.removesuffix(".")
             return f"{begin}{word}: {worst[0].message}{more}; next: {remedy}"
     accuracy = "to an accuracy that was not estimated"
     if estimated_error is not None:

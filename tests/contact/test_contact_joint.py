@@ -3,8 +3,10 @@
 import numpy as np
 import pytest
 from contact_cases import E_STAR_PA
+from scipy.ndimage import gaussian_filter
 
 import capslip
+from capslip.analysis import analyze_once
 from capslip.compare.model import load_model
 from capslip.contact.joint import curve_of_joint, joint_of
 from capslip.contact.models.caps import caps
@@ -138,7 +140,7 @@ def test_an_uneven_joint_carries_no_more_than_its_preload():
 
 
 def test_classes_keep_area_load_and_spread_and_leave_out_what_bears_nothing():
-    rng = np.random.default_rng(104)
+    rng = np.random.default_rng(4)
     pressure_Pa = np.maximum(rng.normal(2e5, 1.5e5, 3000), 0.0)
     area_m2 = rng.uniform(1e-7, 5e-7, 3000)
     class_Pa, class_m2 = classes_of_pressure(pressure_Pa, area_m2)
@@ -152,7 +154,7 @@ def test_classes_keep_area_load_and_spread_and_leave_out_what_bears_nothing():
 
 
 def test_classes_lose_no_more_than_they_say():
-    rng = np.random.default_rng(105)
+    rng = np.random.default_rng(5)
     curve = families((5, 18), (23.8, 26.7), (0.0, 2.4e-7), E_STAR_PA)
     load_N, weight = rng.uniform(5.0, 500.0, 1000), rng.uniform(0.5, 2.0, 1000) * 1e-3
     few_N, few = classes_of_pressure(load_N, weight)
@@ -234,3 +236,27 @@ def test_a_stored_joint_is_compared_as_it_was_analysed(tmp_path):
         assert model.loss_factor(
             damping.total_amplitude_m[at], 0.2, settings.contact.preload_N
         ) == pytest.approx(whole[at], rel=3e-3)
+
+
+def test_a_face_cut_in_four_loses_as_the_whole_but_for_what_its_contacts_leave_out():
+    rng = np.random.default_rng(1)
+    z = gaussian_filter(rng.standard_normal((300, 300)), 4, mode="wrap")
+    z *= 2e-4 * 5e-5 / np.sqrt(np.mean(np.gradient(z)[0] ** 2))
+    settings = capslip.load_settings(
+        overrides=("contact.nominal_pressure_Pa=1e6", "contact.model=interacting")
+    )
+    whole, *parts = (
+        analyze_once(capslip.HeightMap(part.copy(), (5e-5, 5e-5)), settings)
+        for part in (z, *(half for rows in np.split(z, 2) for half in np.split(rows, 2, axis=1)))
+    )
+    n = np.mean([part.contact.contacts for part in parts])
+    assert n > 25
+    force_N = 0.25 * whole.slip.total_slip_force_N
+    low, high = 0.0, float(whole.slip.total_slip_displacement_m)
+    for _ in range(60):
+        middle = 0.5 * (low + high)
+        above = sum(float(part.slip.force_N(middle)) for part in parts) > force_N
+        low, high = (low, middle) if above else (middle, high)
+    energy_J = sum(float(part.slip.energy_J(low)) for part in parts)
+    ratio = energy_J / float(whole.slip.energy_at_force_J(force_N))
+    assert abs(1.0 - ratio) < 1.5 / np.sqrt(n)
