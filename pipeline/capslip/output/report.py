@@ -99,7 +99,7 @@ def _headlines(summary: dict[str, Any]) -> list[tuple[str, str, str]]:
         ("approach_without_bulk_m", "without bulk; {approach_m} with it"),
         (
             (name, "whole face" if whole else "{contacts}"),
-            "at {preload_N:.4g N}, model {model}",
+            "the scan at {scan_load_N:.4g N}, model {model}",
         ),
         ("stiffness_N_per_m", f"one joint, {'with' if contact['bulk'] else 'without'} bulk"),
         ("tangential_stiffness_N_per_m", "first loading, one joint"),
@@ -257,6 +257,7 @@ def _tables(summary: dict[str, Any]) -> list[tuple[str, list[tuple[str, str]]]]:
             "nominal_pressure_Pa",
             "joint_area_m2",
             "coverage",
+            "scan_load_N",
             "off_m",
             ("contact model", "{model}: {model_reason}"),
             "contact_area_m2",

@@ -83,6 +83,7 @@ QUANTITIES = {
     "off_m": Quantity("resultant off the load point", "m", "contact.resultant_off_load_point_m"),
     "model": Quantity("contact model", "", "contact.model"),
     "preload_N": Quantity("preload", "N", "contact.preload_N"),
+    "scan_load_N": Quantity("load of the scan", "N", "contact.scan_load_N"),
     "approach_m": Quantity("normal approach with bulk", "m", "contact.approach_m"),
     "approach_without_bulk_m": Quantity("normal approach", "m", "contact.approach_without_bulk_m"),
     "contacts": Quantity("contacts", "", "contact.contacts"),

@@ -15,7 +15,9 @@ FAMILIES = "families   m {m}, n {n}, h {h_m:um}"
 FAMILY = "  {0}        R {{radius_{0}_m:.4g m}}, D {{diameter_{0}_m:mm}}, df {{height_{0}_m:um}}"
 LEVEL = "level      turned by {tilt_across_face_m:nm} across the face until balanced{0}"
 NOT_CERTIFIED = "; the cut does not hold all that touches"
-CONTACT = "contact    {{model}}: {{preload_N:g N}} on {{contacts}} {0}, approach {{approach_m:um}}"
+CONTACT = (
+    "contact    {{model}}: {{scan_load_N:g N}} on {{contacts}} {0}, approach {{approach_m:um}}"
+)
 WITHOUT_BULK = " ({approach_without_bulk_m:um} without bulk)"
 SLIP = (
     "slip       stiffness {0}, total slip at {{total_slip_force_N:.4g N}}, "
