@@ -206,6 +206,9 @@ class Settings(_Table, frozen=True):
         """Return the digest of everything that can change a result, so without most of `[run]`."""
         tables = self.to_dict()
         tables["run"] = {"given": self.run.given}
+        path = self.joint.pressure_map
+        if path is not None and Path(path).is_file():  # what it says counts, not its name alone
+            tables["joint"]["sha256"] = hashlib.sha256(Path(path).read_bytes()).hexdigest()
         return hashlib.sha256(msgspec.json.encode(tables, order="deterministic")).hexdigest()
 
 

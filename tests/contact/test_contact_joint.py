@@ -260,3 +260,12 @@ def test_a_face_cut_in_four_loses_as_the_whole_but_for_what_its_contacts_leave_o
     energy_J = sum(float(part.slip.energy_J(low)) for part in parts)
     ratio = energy_J / float(whole.slip.energy_at_force_J(force_N))
     assert abs(1.0 - ratio) < 1.5 / np.sqrt(n)
+
+
+def test_another_pressure_in_the_same_file_is_another_key(tmp_path):
+    keys = []
+    for pressure in ("1e5,1e-4", "2e5,1e-4"):
+        path = pressure_file(tmp_path, pressure, header="pressure_Pa,area_m2")
+        settings = capslip.load_settings(overrides=(f"joint.pressure_map={path}",))
+        keys.append(settings.sha256())
+    assert keys[0] != keys[1]
