@@ -269,3 +269,34 @@ def test_another_pressure_in_the_same_file_is_another_key(tmp_path):
         settings = capslip.load_settings(overrides=(f"joint.pressure_map={path}",))
         keys.append(settings.sha256())
     assert keys[0] != keys[1]
+
+
+def test_a_plane_joint_holds_all_of_its_load_however_that_is_spread(tmp_path):
+    rows = ["1e5,1e-3", "3e5,2e-3", "0,5e-3"]
+    path = pressure_file(tmp_path, *rows, header="pressure_Pa,area_m2")
+    found = run(f"joint.pressure_map={path}", "contact.model=flat").summary()
+    assert found["contact"]["preload_N"] == pytest.approx(700.0)
+    assert found["contact"]["nominal_pressure_Pa"] == pytest.approx(700.0 / 8e-3)
+    assert found["slip"]["total_slip_force_N"] == pytest.approx(0.2 * 700.0)
+    assert found["slip"]["total_slip_displacement_m"] == 0.0
+    assert found["answer"]["energy_J"] == 0.0
+
+
+def test_an_uneven_joint_is_given_up_to_total_slip_and_there():
+    load_N = np.array([40.0, 300.0])
+    slip = slip_curve(curve_of_joint(scan_curve(), load_N, np.ones(2)), 340.0, MU, KAPPA)
+    total_m = slip.total_slip_displacement_m
+    assert float(slip.displacement_m(MU * 340.0)) == pytest.approx(total_m, rel=1e-12)
+    assert float(slip.displacement_m(0.0)) == 0.0
+    assert float(slip.displacement_m(1e-9)) == pytest.approx(
+        1e-9 / slip.tangential_stiffness_N_per_m, rel=1e-4
+    )
+    beyond = slip.energy_J([total_m, 1.5 * total_m])
+    assert np.diff(beyond) == pytest.approx(4 * MU * 340.0 * 0.5 * total_m, rel=1e-9)
+
+
+def test_a_model_that_solves_every_pressure_is_refused_many_of_them(tmp_path):
+    rows = [f"{1e5 + i},1e-3" for i in range(9)]
+    path = pressure_file(tmp_path, *rows, header="pressure_Pa,area_m2")
+    with pytest.raises(SettingsError, match=r"got 9 different pressures .* take contact\.model"):
+        run(f"joint.pressure_map={path}", "contact.model=boundary_elements")

@@ -349,8 +349,7 @@ class PatchedCurve:
             above = self._at(middle, 1, power=1) > drop_N
             low, high = np.where(above, low, middle), np.where(above, middle, high)
         linear = drop_N <= known_N[0]
-        e = np.where(linear, drop_N * (known_m[0] / known_N[0]), 0.5 * (low + high))
-        return np.asarray(np.where(drop_N >= known_N[-1] * (1.0 - 4e-15), known_m[-1], e))
+        return np.where(linear, drop_N * (known_m[0] / known_N[0]), 0.5 * (low + high))
 
     def _sum(self, method: str, approach_m: ArrayLike, withdrawal_m: ArrayLike) -> np.ndarray:
         """Sum a method of the scan's curve over the patches under the preload."""
