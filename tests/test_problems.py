@@ -205,6 +205,8 @@ WORDS = {
     "soft-mode": "structure.modal_stiffness_N_per_m=1e8",
     "joint": "structure.joint_stiffness_N_per_m=5e7",
     "stiff-joint": "structure.joint_stiffness_N_per_m=5e8",
+    "part": "joint.area_m2=0.02",
+    "pushed": "answer.slip_force_N=500",
     "beam": "structure.beam.length_m=0.5",
 }
 
@@ -323,8 +325,12 @@ ROWS = [
     Row("friction_suspect", "warning", "is 2;", "plain sticky"),
     Row("beam_ignored", "warning", "structure.beam is not used", "plain stiff-mode joint beam",
         "plain stiff-mode joint"),
-    Row("not_lightly_damped", "warning", "reaches 1.3", "plain levelled soft-mode stiff-joint",
+    Row("not_lightly_damped", "warning", "would be 1.3", "plain levelled soft-mode stiff-joint",
         "plain levelled stiff-mode joint"),
+    Row("not_lightly_damped", "info", "of the demonstration beam 400 x 60 x 40 mm",
+        "plain levelled N=0.01", "plain levelled"),
+    Row("few_contacts_in_scan", "warning", "touches with 7 caps", "plain part", "plain"),
+    Row("beyond_gross_slip", "error", "got slip force 500 N", "plain pushed", "plain"),
     Row("peak_at_gross_slip", "info", "still grows", "plain", "plain flat"),
     Row("sensitive_to_cut", "warning", "from 8 to 12 %", "waved levelled", swept=True),
     Row("sensitive_to_pruning", "warning", "nm more than the error bar", "waved levelled",
