@@ -13,16 +13,19 @@ import numpy as np
 
 from capslip.caps.below import family_below_cut
 from capslip.caps.doubts import problems_of_caps
-from capslip.caps.families import Families, group_families, slope_of_families
+from capslip.caps.families import Families, group_families, surface_of_families
 from capslip.caps.fit import fit_caps
 from capslip.caps.fitting import fit_named
 from capslip.caps.hills import Hills, find_hills
 from capslip.caps.joining import join_faces
+from capslip.caps.levels import bow_terms
+from capslip.caps.noise import noise_at_rest
 from capslip.caps.points import points_of_hills
 from capslip.caps.table import CapTable
 from capslip.contact.choice import estimate_error, rung_of_the_map
 from capslip.contact.depth import press_for_depth
-from capslip.contact.levelling import Level, coarse_map, find_level, turned
+from capslip.contact.joint import Joint, joint_of
+from capslip.contact.levelling import UNSETTLED, Level, coarse_map, find_level, turned
 from capslip.contact.press import ContactState, press
 from capslip.contact.rung import Rung, rung
 from capslip.contact.slip import SlipCurve, slip_curve
@@ -39,10 +42,9 @@ from capslip.surface.mating import Placement, mate, place
 
 MAX_TURNS = 10  # of fit and contact
 SETTLED = 1e-3  # of the preload: loads that move less in one turn have settled
-UNSETTLED = 0.01  # of the preload: a level whose last turn still moves more is none
 FAMILY_RATIO = 0.10  # of the points, above which the paper counts its caps
 FAMILY_TURNS = 4  # of the families and their plane
-FAMILY_SETTLED_M = 1e-10  # across the face
+FAMILY_SETTLED_M = 3e-9  # across the face; the next turn is a hundredth of it on the same hills
 CONDITIONING = Conditioning.__struct_fields__
 
 
@@ -70,6 +72,7 @@ class Face:
     families come from caps of their own, on the plane on which they are levels.
     """
 
+    joint: Joint  # of which the face is a part
     conditioned: Conditioned  # with the surface at the level at which it is pressed
     level: Level | None  # None: as levelled
     hills: Hills
@@ -118,39 +121,59 @@ def find_face(
 def press_face(
     face: Face, settings: Settings, clock: Clock
 ) -> tuple[ContactState, CapTable, SlipCurve]:
-    """Press a face with its preload, and shear it.
+    """Press a face with its share of the preload, and shear the joint.
 
     Returns
     -------
     ContactState, CapTable, SlipCurve
-        The state under the preload; the caps with their loads; the slip curve.
+        The state of the face under its share; the caps with their loads; the slip curve of the
+        whole joint.
 
     Raises
     ------
     ContactError
         If the caps cannot carry the preload within the validity of the model.
     """
-    asked, settings = settings, as_found(face, settings)
     with clock("contact"):
-        contact, caps = press(
-            face.caps,
-            face.families,
-            face.conditioned.surface,
-            settings,
-            face.label,
-            face.hills.noise_m,
-        )
-    if settings.contact.model != asked.contact.model:
-        reason = "the caps find no level; so the map itself is pressed, which finds its own"
-        contact = replace(contact, model_reason=reason)
+        contact, caps = _pressed(face, settings)
     with clock("slip"):
         slip = slip_curve(
-            contact.curve,
-            contact.preload_N,
+            face.joint.curve(contact),
+            face.joint.preload_N,
             settings.material.friction_coefficient,
             contact.composite.kappa,
         )
     return contact, caps, slip
+
+
+def _pressed(face: Face, settings: Settings) -> tuple[ContactState, CapTable]:
+    """Press a face; where the map was chosen and fails, its caps stand in as well as they can."""
+    found = as_found(face, settings)
+    given = (face.caps, face.families, face.conditioned.surface)
+    more = (face.label, face.hills.noise_m)
+    try:
+        contact, caps = press(*given, found, *more)
+        if found.contact.model != settings.contact.model:
+            reason = "the caps find no level; so the map itself is pressed, which finds its own"
+            contact = replace(contact, model_reason=reason)
+        return contact, caps
+    except ContactError as failure:
+        if settings.contact.model != "auto" or not face.caps.usable.any():
+            raise
+        why = str(failure)
+    found = as_found(face, settings, with_map=False)
+    try:
+        contact, caps = press(*given, found, *more, map_failure=why)
+    except ContactError as failure:
+        raise ContactError(f"{failure}; the map itself: {why}") from failure
+    if found.contact.alignment == settings.contact.alignment:
+        return contact, caps
+    message = (
+        f"neither caps ({contact.contacts} touch) nor the map find a level; the face is pressed as "
+        "it was levelled, and its level decides"
+    )
+    lost = Problem("not_balanced", "warning", message)
+    return replace(contact, problems=(*contact.problems, lost)), caps
 
 
 def estimate(
@@ -183,17 +206,20 @@ def can_be_pressed(face: Face, settings: Settings) -> bool:
     return bool(face.caps.usable.any()) or (model == "auto" and face.label is not None)
 
 
-def as_found(face: Face, settings: Settings) -> Settings:
-    """Return the settings of a face whose caps were not balanced.
+def as_found(face: Face, settings: Settings, with_map: bool = True) -> Settings:
+    """Return the settings of a face: its share of the load, and how it was found to lie.
 
-    They are pressed as levelled; or the map itself, which finds its own balance, where the choice
-    is free and there is time.
+    The caps of a face that was not balanced are pressed as levelled; or the map itself, which finds
+    its own balance, where the choice is free, there is time, and it is not known to fail.
     """
+    settings = face.joint.settings_of_scan(settings)
     if face.level is not None or settings.contact.alignment == "as_levelled":
         return settings
     if _made_from(settings) == "map":
         return settings
-    one = None if face.label is None else _map_for_auto(face.conditioned.surface, settings)
+    one = None
+    if with_map and face.label is not None:
+        one = _map_for_auto(face.conditioned.surface, settings)
     change = {"alignment": "as_levelled"} if one is None else {"model": one.name}
     contact = msgspec.structs.replace(settings.contact, **change)
     return msgspec.structs.replace(settings, contact=contact)
@@ -236,13 +262,16 @@ def _placed(first: Conditioned, second: Conditioned, settings: Settings) -> Plac
 
 
 def _one_map(conditioned: Conditioned, settings: Settings, clock: Clock) -> Face:
+    joint = joint_of(settings, conditioned.surface)
+    settings = joint.settings_of_scan(settings)
     level, problems = _levelled(conditioned.surface, settings, clock)
     if level is None:
         hills, caps, doubts = _hills_and_caps(conditioned.surface, settings, clock)
         caps, families = _grouped(caps, settings, clock)
         ratio = settings.hills.material_ratio
         problems += [*doubts, *_below_cut(conditioned.surface, families, ratio, settings)]
-        return Face(conditioned, None, hills, caps, families, hills.label, caps, tuple(problems))
+        found = (hills, caps, families, hills.label, caps)
+        return Face(joint, conditioned, None, *found, tuple(problems))
     with clock("families"):
         plane, hills, family_caps, families = _families(conditioned.surface, level, settings)
         caps = _named(level, hills, family_caps)
@@ -254,10 +283,8 @@ def _one_map(conditioned: Conditioned, settings: Settings, clock: Clock) -> Face
         problems += problems_of_holes(plane, hill_m)
     step = {"step": "level", "tilt_rad": list(level.slope), "load_point_m": level.load_point_m}
     conditioned = replace(conditioned, surface=level.surface, steps=(*conditioned.steps, step))
-    label = level.hills.label
-    return Face(
-        conditioned, level, level.hills, caps, families, label, family_caps, tuple(problems)
-    )
+    found = (level.hills, caps, families, level.hills.label, family_caps)
+    return Face(joint, conditioned, level, *found, tuple(problems))
 
 
 def _levelled(
@@ -279,7 +306,9 @@ def _levelled(
                 f"the face finds no level: the last turn still moved {level.moved:.1%} of the load"
             )
     except TipsOverError as error:
-        severity: Severity = "info" if needs_no_caps else "error"
+        severity: Severity = "error"
+        if needs_no_caps:  # the map may rest on more than its hills
+            severity = "info" if made_from == "map" else "warning"
         return None, [Problem("tips_over", severity, str(error).removeprefix("tips_over: "))]
     except ContactError as error:
         if needs_no_caps:
@@ -306,21 +335,31 @@ def _families(
 ) -> tuple[HeightMap, Hills, CapTable, Families]:
     """Find the families on their own plane: the cut follows that plane, and it the caps above it.
 
-    So neither the level of the map nor that of the pressed face decides which caps are counted.
+    So neither the level of the map nor that of the pressed face decides which caps are counted. The
+    plane bends where the peaks leave no doubt; the caps that are returned keep that bow.
     """
-    slope = np.array(level.rest_slope)
+    slope, bow, at_m = np.array(level.rest_slope), np.zeros(3), level.load_point_m
     coarse = coarse_map(surface)
+    noise_m = noise_at_rest(coarse, level.rest_slope).neighbours_m
+    ratio = _family_ratio(settings)
     for _ in range(FAMILY_TURNS):
-        _, caps = _counted(turned(coarse, -slope, level.load_point_m), settings)
-        turn = slope_of_families(caps)
-        slope = slope + turn
-        if float(np.abs(turn * surface.side_m[::-1]).max()) < FAMILY_SETTLED_M:
+        _, caps = _counted(turned(coarse, -slope, at_m, -bow), settings, noise_m, ratio)
+        turn, bend, count = surface_of_families(caps, at_m)
+        if count == 1 and not bow.any() and not bend.any() and 2.0 * ratio < 1.0:
+            # A bow may keep the lower caps below the cut, and what is left looks like one family.
+            bent = turned(coarse, -slope, at_m)
+            _, caps = _counted(bent, settings, noise_m, 2.0 * ratio)
+            deeper, bend, _ = surface_of_families(caps, at_m)
+            turn = deeper if bend.any() else turn
+        slope, bow = slope + turn, bow + bend
+        if not bend.any() and np.abs(turn * surface.side_m[::-1]).max() < FAMILY_SETTLED_M:
             break
-    plane = turned(surface, -slope, level.load_point_m)
-    hills, caps = _counted(plane, settings)
+    plane = turned(surface, -slope, at_m, -bow)
+    hills, caps = _counted(plane, settings, level.hills.noise_m)
     grouping = settings.families
     caps, families = group_families(caps, grouping.count, grouping.feature, own_plane=True)
-    return plane, hills, caps, families
+    up_m = bow_terms(caps.x_m - at_m[0], caps.y_m - at_m[1]) @ bow
+    return plane, hills, caps.with_columns(peak_height_m=caps.peak_height_m + up_m), families
 
 
 def _below_cut(
@@ -335,14 +374,17 @@ def _below_cut(
     grouping = settings.families
 
     def counted(deeper: float) -> Families:
-        _, caps = _counted(coarse, settings, deeper)
+        _, caps = _counted(coarse, settings, None, deeper)
         return group_families(caps, grouping.count, grouping.feature, own_plane)[1]
 
     return family_below_cut(families, ratio, counted)
 
 
 def _counted(
-    surface: HeightMap, settings: Settings, material_ratio: float | None = None
+    surface: HeightMap,
+    settings: Settings,
+    noise_m: float | None,
+    material_ratio: float | None = None,
 ) -> tuple[Hills, CapTable]:
     chosen = settings.hills
     hills = find_hills(
@@ -351,6 +393,7 @@ def _counted(
         chosen.separation,
         chosen.pruning_height_m,
         chosen.pruning_percent_Sz,
+        noise_m=noise_m,
     )
     return hills, fit_caps(surface, hills, settings.caps.fit)
 
@@ -378,6 +421,8 @@ def _two_maps(
     first: Conditioned, second: Conditioned, placement: Placement, settings: Settings, clock: Clock
 ) -> Face:
     """Count the caps of both maps, as the paper does."""
+    joint = joint_of(settings, first.surface)
+    settings = joint.settings_of_scan(settings)
     hills, caps, problems = _hills_and_caps(first.surface, settings, clock)
     _, other_caps, other_problems = _hills_and_caps(second.surface, settings, clock)
     caps = join_faces(caps, other_caps, placement.on_first, placement.rotation_rad)
@@ -385,7 +430,7 @@ def _two_maps(
     for problem in (*second.problems, *other_problems):
         problems.append(replace(problem, message=f"{name}: {problem.message}"))
     caps, families = _grouped(caps, settings, clock)
-    return Face(first, None, hills, caps, families, None, caps, tuple(problems))
+    return Face(joint, first, None, hills, caps, families, None, caps, tuple(problems))
 
 
 def _grouped(caps: CapTable, settings: Settings, clock: Clock) -> tuple[CapTable, Families]:

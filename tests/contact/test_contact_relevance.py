@@ -12,6 +12,8 @@ from capslip.problems import Problem
 
 SHAPE = ["connected_network", "shallow_saddles", "pruning_decides", "not_spherical", "caps_ridge"]
 COUNTS = ["families_doubtful", "more_than_two_families", "family_below_cut", "caps_noisy_apex"]
+ELSE = ["highest_point_on_no_cap", "plateau_at_cut", "cut_too_high", "level_not_settled"]
+ELSE += ["no_caps", "fit_not_settled"]
 OTHERS = ["outliers", "spikes", "hole_may_hide_hills", "clipped"]
 
 
@@ -36,13 +38,12 @@ def warned(codes, made_from="spheres", error=0.01, share=0.0, flag=CapFlag.edge)
 def test_a_model_without_caps_reads_none(made_from):
     flagged = [f"caps_{flag.name}" for flag in (CapFlag.edge, CapFlag.ridge, CapFlag.outlier)]
     assert warned(SHAPE + COUNTS[:-1] + flagged, made_from, share=1.0) == []
+    assert warned(ELSE + COUNTS[-1:], made_from) == []
     assert warned(OTHERS, made_from) == OTHERS
 
 
-@pytest.mark.parametrize("made_from", ["map", "nothing"])
-def test_the_map_itself_has_its_noise_steps_and_spikes(made_from):
-    codes = ["caps_noisy_apex", "caps_plateau", "highest_point_on_no_cap"]
-    assert warned(codes, made_from) == codes * (made_from == "map")
+def test_what_the_cut_left_out_matters_to_a_model_of_caps():
+    assert warned(ELSE) == ELSE
 
 
 def test_the_estimated_error_counts_the_shape_of_the_hills():

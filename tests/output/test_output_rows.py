@@ -1,12 +1,14 @@
 """The one table of quantities: every place exists, and every way of writing is right."""
 
+import numpy as np
 import output_cases
 import pytest
 
+from capslip.output.quantity import engineering, scaled
 from capslip.output.rows import QUANTITIES, SCALES, Value, value, write_text
 from capslip.output.terminal import result_lines
 
-SUFFIX = {"m": "_m", "N": "_N", "N/m": "_N_per_m", "Pa": "_Pa", "m^2": "_m2"}
+SUFFIX = {"m": "_m", "N": "_N", "N/m": "_N_per_m", "Pa": "_Pa", "J": "_J", "m^2": "_m2"}
 
 
 @pytest.mark.parametrize("case", [output_cases.none, output_cases.one, output_cases.several])
@@ -76,6 +78,7 @@ def test_values_are_those_of_the_analysis():
         (0.2149, "%", "", "21.5 %"),
         (0.2149, "%", ".0f %", "21 %"),
         (3.07e-6, "m^2", "", "3.07 mm²"),
+        (1.2e-3, "m^2", "", "12 cm²"),
         (0.051449, "", "", "0.0514"),
         (0.051449, "", ".4g", "0.05145"),
         (11, "", "", "11"),
@@ -96,12 +99,30 @@ def test_a_prefix_changes_at_a_thousand(found, text):
     assert format(Value(found, "N"), "") == text
 
 
+@pytest.mark.parametrize(("power", "prefix"), [*zip(range(-15, 15, 3), "fpnµm kMGT", strict=True)])
+def test_every_prefix_is_that_of_its_power(power, prefix):
+    assert engineering(3.21 * 10.0**power, "N") == f"3.21 {prefix.strip()}N"
+    assert engineering(-999.0 * 10.0**power, "N") == f"-999 {prefix.strip()}N"
+    values, unit = scaled(np.array([np.nan, -2.0, 50.0]) * 10.0**power, "N")
+    assert unit == f"{prefix.strip()}N"
+    assert values == pytest.approx([np.nan, -2.0, 50.0], nan_ok=True)
+
+
+def test_beyond_the_prefixes_the_last_one_stays():
+    assert engineering(1e-17, "N") == "0.01 fN"
+    assert engineering(1e15, "N") == "1e+03 TN"
+    assert engineering(12.346, "N", 4) == "12.35 N"
+    assert [engineering(x, "N") for x in (np.inf, np.nan, None)] == ["–"] * 3
+    assert scaled([0.0, np.nan], "N")[1] == scaled([], "N")[1] == "N"
+
+
 def test_scales_are_those_of_their_prefix():
     assert {name: scale for name, scale in SCALES.items() if name != "µm"} == {
         "um": 1e-6,
         "nm": 1e-9,
         "mm": 1e-3,
         "mm²": 1e-6,
+        "cm²": 1e-4,
         "MN/m": 1e6,
         "%": 1e-2,
     }
@@ -116,6 +137,9 @@ def test_an_unknown_quantity_is_an_error_of_the_program():
 def test_the_lines_of_a_terminal():
     analysis = output_cases.several()
     lines = result_lines(analysis).splitlines()
+    assert lines[0] == f"verdict    {analysis.verdict}"
+    assert lines[1].startswith("answer     at slip force 7.5 N (a quarter of total slip")
+    lines = lines[[line[:4] for line in lines].index("scan") :]
     families, slip, damping = analysis.families, analysis.slip, analysis.damping
     assert lines[0].startswith("scan       ")
     assert f"cut {analysis.hills.cut_height_m * 1e6:.4g} um, " in lines[1]
@@ -136,7 +160,8 @@ def test_the_lines_of_a_terminal():
         f"{slip.total_slip_force_N:.4g} N, {slip.total_slip_displacement_m * 1e9:.4g} nm"
     )
     assert lines[7] == (
-        f"damping    peak loss factor {damping.peak_loss_factor:.4g} at "
+        "damping    demonstration beam 400 x 60 x 40 mm: peak loss factor "
+        f"{damping.peak_loss_factor:.4g} at "
         f"{damping.amplitude_at_peak_m * 1e6:.4g} um, gross slip at "
         f"{damping.gross_slip_amplitude_m * 1e6:.4g} um"
     )
@@ -145,5 +170,6 @@ def test_the_lines_of_a_terminal():
 
 def test_the_terminal_says_what_is_absent_in_plain_letters():
     lines = result_lines(output_cases.none()).splitlines()
+    lines = lines[[line[:4] for line in lines].index("scan") :]
     assert lines[2] == "families   m 0, n 0, h -"
     assert lines[3].startswith("status ")

@@ -58,6 +58,7 @@ def choose_model(
     label: np.ndarray | None,
     noise_m: float,
     settings: Settings,
+    map_failure: str = "",
 ) -> Choice:
     """Choose the cheapest rung whose estimated error is within the tolerance.
 
@@ -80,6 +81,8 @@ def choose_model(
         Standard deviation of the noise of the map.
     settings : Settings
         `material`, and `contact` with its tolerance.
+    map_failure : str
+        Why the map itself cannot be pressed, where that is known: then it is not chosen.
 
     Returns
     -------
@@ -94,7 +97,7 @@ def choose_model(
     ContactError
         If the caps cannot carry the preload, and there is no time for boundary elements.
     """
-    one = None if label is None else rung_of_the_map(surface, settings)
+    one = None if label is None or map_failure else rung_of_the_map(surface, settings)
     try:
         choice = _among_caps(caps, families, surface, label, noise_m, settings)
     except ContactError as failure:
@@ -105,7 +108,8 @@ def choose_model(
         return choice
     if one is None:
         limit = f", more than contact.time_limit_s = {settings.contact.time_limit_s:g} s"
-        return replace(choice, reason=choice.reason + limit)
+        why = f", but fail: {map_failure}" if map_failure else limit
+        return replace(choice, reason=choice.reason + why)
     return _of_the_map(one, choice.why, choice.estimates, len(caps))
 
 

@@ -7,6 +7,7 @@ import numpy as np
 from capslip.caps.families import Families
 from capslip.caps.table import CapFlag, CapTable
 from capslip.contact.accuracy import BEYOND_SHARE
+from capslip.contact.joint import Joint
 from capslip.contact.material import dundurs_beta
 from capslip.contact.press import ContactState
 from capslip.problems import Problem
@@ -15,6 +16,7 @@ from capslip.settings import Material
 MIN_PIXELS_ACROSS = 4.0  # of the contacts that carry the lighter half of the load
 LARGE_BETA = 0.1  # beyond: compliances change by beta^2, more than 1 %, and much slips early
 LARGE_FRICTION = 1.5
+FEW_IN_SCAN = 25  # contacts of a scan that stands for a larger joint: W some 20 % too low
 ELASTIC_STRAIN = 0.03  # of E*: the greatest pressure at which the hardest steels stay elastic
 DOUBTFUL = CapFlag.edge | CapFlag.non_measured | CapFlag.apex_off_surface | CapFlag.noisy_apex
 
@@ -37,6 +39,24 @@ def material_doubts(material: Material) -> list[Problem]:
         )
         found.append(Problem("friction_suspect", "warning", message))
     return found
+
+
+def problems_of_share(joint: Joint, contact: ContactState) -> list[Problem]:
+    """Return whether a scan that stands for a larger joint holds enough contacts to do so.
+
+    Cut in nine, a face of n contacts in each part lost about 1 / sqrt(n) less than as a whole,
+    because each part touches with its own highest hills (`docs/theory.md`, section 6).
+    """
+    enough = contact.contacts >= FEW_IN_SCAN or contact.rung.made_from == "nothing"
+    if joint.coverage is None or joint.coverage > 0.99 or enough:
+        return []
+    off = 1.0 / math.sqrt(contact.contacts)
+    message = (
+        f"the scan is {joint.coverage:.2g} of its joint and touches with {contact.contacts} "
+        f"{contact.rung.contact_name}: a joint of such patches loses about {off:.0%} less than one "
+        "of the same face in one piece; waves longer than the scan are not in it"
+    )
+    return [Problem("few_contacts_in_scan", "warning", message)]
 
 
 def contact_doubts(
@@ -69,7 +89,7 @@ def contact_doubts(
         *_beyond_the_caps(contact, caps, cut_certified),
         *_under_resolved(caps, pixel_area_m2),
         *_on_flagged_caps(caps),
-        *_beyond_elastic(contact, material),
+        *problems_of_pressure(contact, material),
     ]
 
 
@@ -99,6 +119,8 @@ def _beyond_the_caps(contact: ContactState, caps: CapTable, cut_certified: bool)
         found.append(Problem("contacts_merge", "warning", message))
     load_N = _loads_N(caps)
     loaded = load_N > 0
+    if not loaded.any():
+        return found
     beyond = loaded & (caps.contact_radius_m > 0.5 * caps.diameter_m)
     if beyond.any():
         much = load_N[beyond].sum() > BEYOND_SHARE * load_N.sum()
@@ -143,7 +165,8 @@ def _on_flagged_caps(caps: CapTable) -> list[Problem]:
     return [Problem("load_on_doubtful_caps", "warning", message)]
 
 
-def _beyond_elastic(contact: ContactState, material: Material) -> list[Problem]:
+def problems_of_pressure(contact: ContactState, material: Material) -> list[Problem]:
+    """Return whether the greatest pressure is more than an elastic face bears."""
     pressure_Pa, yield_Pa = contact.max_pressure_Pa, material.yield_stress_Pa
     if pressure_Pa is None:
         return []

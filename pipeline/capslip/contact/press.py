@@ -63,6 +63,7 @@ def press(
     settings: Settings,
     label: np.ndarray | None = None,
     noise_m: float = 0.0,
+    map_failure: str = "",
 ) -> tuple[ContactState, CapTable]:
     """Choose the normal curve and press the face with the preload.
 
@@ -80,6 +81,8 @@ def press(
         The hills of the caps, for the choice of the model.
     noise_m : float
         Standard deviation of the noise of the map, for the choice of the model.
+    map_failure : str
+        Why the map itself cannot be pressed, for the choice of the model.
 
     Returns
     -------
@@ -96,7 +99,7 @@ def press(
     preload_N = settings.contact.preload_N
     use, reason, error, problems = caps.usable, "chosen in the settings", None, []
     if settings.contact.model == "auto":
-        choice = choose_model(caps, families, surface, label, noise_m, settings)
+        choice = choose_model(caps, families, surface, label, noise_m, settings, map_failure)
         use, reason, error = choice.use, choice.reason, choice.estimated_error
         model = rung(choice.model)
         problems += [] if choice.problem is None else [choice.problem]
