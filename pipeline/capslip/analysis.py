@@ -104,7 +104,6 @@ def _analyzed(
                 caps,
                 face.families,
                 pixel_area_m2,
-                settings.material,
                 cut_certified=face.level is not None and face.level.missed_area_m2 == 0.0,
             )
             problems += problems_of_damping(damping)

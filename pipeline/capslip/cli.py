@@ -13,6 +13,7 @@ import click
 
 from capslip import __version__, registry
 from capslip.errors import CapslipError, ScanError, SettingsError, in_one_line
+from capslip.materials import MATERIALS
 from capslip.units import WORDS
 
 if TYPE_CHECKING:
@@ -22,6 +23,7 @@ if TYPE_CHECKING:
 MODELS = ("auto", *registry.names("contact.models"))
 SETTING = {  # what an option of an analysis stands for
     "preload": "contact.preload_N",
+    "material": "material.preset",
     "model": "contact.model",
     "dataset": "reading.dataset",
     "unit": "reading.unit",
@@ -90,6 +92,11 @@ _result_options = _options(  # of every command with a result
 )
 _analysis_options = _options(  # of every command that analyses
     click.option("--preload", type=float, metavar="N", help="Normal load of one joint, in N."),
+    click.option(
+        "--material",
+        type=click.Choice(tuple(MATERIALS)),
+        help="Moduli and yield stress of both faces.",
+    ),
     click.option("--model", type=click.Choice(MODELS), help="Contact model."),
     click.option("--dataset", help="Dataset of an HDF5 file."),
     click.option("--unit", type=click.Choice(WORDS), help="Unit of the heights."),

@@ -207,6 +207,8 @@ def _contact(analysis: Analysis) -> dict[str, Any]:
         "stiffness_N_per_m": contact.stiffness_N_per_m if contact else None,
         "contact_area_m2": contact.contact_area_m2 if contact else None,
         "max_pressure_Pa": contact.max_pressure_Pa if contact else None,
+        "hardness_Pa": contact.hardness_Pa if contact else None,
+        "yielded_area_m2": contact.yielded_area_m2 if contact else None,
         "bulk": contact.bulk if contact else None,
         **_alignment(analysis),
     }

@@ -11,7 +11,7 @@ import numpy as np
 from capslip.caps.families import Families, Family
 from capslip.caps.table import CapFlag, CapTable
 from capslip.contact.curve import NormalCurve
-from capslip.contact.material import composite
+from capslip.contact.material import composite, yield_law
 from capslip.contact.models.flat import flat
 from capslip.contact.press import press
 from capslip.contact.reach import reachable
@@ -135,12 +135,13 @@ def load_model(result: str | Path) -> tuple[JointModel, Settings]:
     families = _stored_families(summary["families"])
     material = settings.material
     joint = composite(material.youngs_modulus_Pa, material.poisson_ratio)
+    law = yield_law(material)
 
     def curve(preload_N: float) -> NormalCurve:
         pressed = caps
         if used != settings.contact.model:
             # A choice takes the caps that can touch; of thousands the others would fill the matrix.
-            near = reachable(caps, surface.side_m, joint.E_star_Pa, preload_N).use
+            near = reachable(caps, surface.side_m, joint.E_star_Pa, preload_N, law).use
             pressed = replace(caps, **{f.name: getattr(caps, f.name)[near] for f in fields(caps)})
         contact = msgspec.structs.replace(settings.contact, model=used, preload_N=preload_N)
         changed = msgspec.structs.replace(settings, contact=contact)

@@ -8,6 +8,7 @@ import numpy as np
 from capslip.caps.table import CapTable
 from capslip.contact.bulk import bulk_compliance_m_per_N, without_bulk
 from capslip.contact.curve import NormalCurve
+from capslip.contact.flattening import flattened
 from capslip.contact.levelling import rebalanced
 from capslip.contact.material import composite
 from capslip.contact.models.interacting import RUNG, InteractingCurve, interacting
@@ -191,7 +192,8 @@ def _shape_error(
     caps, use = scene.caps, scene.use
     load_N = curve.asperity_loads_N(curve.approach_m(scene.preload_N))
     depth_m, quartic_m = caps.fit_depth_m[use], caps.quartic_m[use]
-    share = (load_N / curve.coefficient) ** (2 / 3) / (2.0 * depth_m)
+    a_m = contact_radius_m(load_N, curve.radius_m, scene.E_star_Pa)
+    share = a_m**2 / scene.radius_m / (2.0 * depth_m)
     known = np.isfinite(quartic_m * share)  # a table that no fit made has no profiles
     up_m, wide = np.zeros((2, len(caps)))
     up_m[use] = np.where(known, 8 / 15 * quartic_m * share**2, 0.0)
@@ -207,8 +209,10 @@ def _pair_error(scene: Scene, found: np.ndarray, settings: Settings) -> float:
 
     The point load and Johnson's Eq. 3.42 err on either side, the latter further.
     """
+    flat = flattened(RUNG, scene)
     places = scene.caps.x_m[scene.use], scene.caps.y_m[scene.use]
-    curve = interacting(scene.radius_m, scene.depth_m, *places, scene.E_star_Pa, scene.preload_N)
+    spheres = flat.radius_m, flat.depth_m
+    curve = interacting(*spheres, *places, scene.E_star_Pa, scene.preload_N)
     return float(np.abs(_change(curve, scene, found, settings)).max())
 
 
@@ -220,7 +224,8 @@ def _levelling_error(scene: Scene, found: np.ndarray, settings: Settings) -> flo
     caps = scene.caps
     peak_m = caps.peak_height_m - slope_y * caps.y_m - slope_x * caps.x_m
     tilted = caps.with_columns(peak_height_m=peak_m)
-    reach = reachable(tilted, scene.surface.side_m, scene.E_star_Pa, scene.preload_N)
+    face = scene.surface.side_m, scene.E_star_Pa, scene.preload_N, scene.law
+    reach = reachable(tilted, *face)
     return float(np.abs(_change(reach.curve, scene, found, settings)).max())
 
 
@@ -241,7 +246,7 @@ def _moved(
     if settings.contact.alignment == "balanced":
         at_m = scene.load_point_m
         caps, start_m = rebalanced(caps, scene.caps, scene.use, at_m, settings, start_m)
-    return replace(RUNG.build(replace(scene, caps=caps)), start_m=start_m)
+    return replace(RUNG.build(flattened(RUNG, replace(scene, caps=caps))), start_m=start_m)
 
 
 def _change(curve: NormalCurve, scene: Scene, found: np.ndarray, settings: Settings) -> np.ndarray:

@@ -3,6 +3,7 @@
 import numpy as np
 from numpy.typing import ArrayLike
 
+from capslip.caps.families import Family
 from capslip.contact.rung import Contacts, Rung, Scene, contacts_of_rows
 from capslip.contact.solvers.hertz import HertzCurve, checked_asperities
 from capslip.errors import ContactError
@@ -52,7 +53,7 @@ def families(
 
 
 def _build(scene: Scene) -> HertzCurve:
-    members = [one for one in (scene.families.G, scene.families.P) if one is not None]
+    members = [family for _, family in _members(scene)]
     if not members:
         raise ContactError("families: no cap belongs to a family; expected at least one")
     top_m = members[0].peak_height_m
@@ -64,9 +65,16 @@ def _build(scene: Scene) -> HertzCurve:
     )
 
 
+def _members(scene: Scene) -> list[tuple[str, Family]]:
+    """Return the families and their names, the highest first: G may have been flattened below P."""
+    both = (("G", scene.families.G), ("P", scene.families.P))
+    members = [(name, family) for name, family in both if family is not None]
+    return sorted(members, key=lambda member: -member[1].peak_height_m)
+
+
 def _contacts(scene: Scene, curve: HertzCurve, approach_m: float) -> Contacts:
     one_N = curve.asperity_loads_N(approach_m)
-    names = np.array(["G", "P"])[: one_N.size]
+    names = np.array([name for name, _ in _members(scene)])
     load_N = np.full(len(scene.caps), np.nan)
     for name, N in zip(names, one_N, strict=True):
         load_N[scene.caps.family == name] = N
