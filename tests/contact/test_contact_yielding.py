@@ -5,7 +5,7 @@ import pytest
 from contact_cases import table
 
 from capslip import load_settings
-from capslip.analysis import analyze
+from capslip.analysis import analyze, analyze_once
 from capslip.caps.families import group_families
 from capslip.contact.material import hardness_Pa, yield_law
 from capslip.contact.press import press
@@ -254,6 +254,53 @@ def test_a_soft_face_is_wider_in_contact_and_loses_less_at_given_force(alignment
         assert summary["hardness_Pa"] == hardness
         assert (summary["yielded_area_m2"] or 0.0) == (state.yielded_area_m2 or 0.0)
     assert (np.diff(np.array(found), axis=0) > 0).all()
+
+
+ROUND = [
+    (x, y, radius_m, up_m)
+    for x, y, radius_m, up_m in (
+        (0.0041, 0.0038, 2.0, -1e-7),
+        (0.0108, 0.0042, 2.8, 0.0),
+        (0.0193, 0.0039, 1.7, -5e-8),
+        (0.0262, 0.0041, 2.2, -2e-7),
+        (0.0042, 0.0157, 2.5, -1.5e-7),
+        (0.0113, 0.0160, 1.6, -1e-7),
+        (0.0188, 0.0163, 2.4, -2.5e-7),
+        (0.0258, 0.0158, 3.0, -5e-8),
+    )
+]
+
+
+@pytest.mark.parametrize(("hardness", "off"), [(None, 0.01), (5e6, 0.06), (3e6, 0.02)])
+def test_a_face_of_caps_finds_the_level_and_stiffness_of_its_map(hardness, off):
+    more = () if hardness is None else (f"material.hardness_Pa={hardness!r}",)
+    found = []
+    for model in ("interacting", "boundary_elements"):
+        settings = load_settings(
+            overrides=(f"contact.model={model}", "contact.preload_N=100", *more)
+        )
+        analysis = analyze_once(caps_map(ROUND, floor_m=-1.5e-6), settings)
+        contact = analysis.contact
+        turned = (0.0, 0.0) if analysis.level is None else analysis.level.slope
+        tilt_m = np.add(contact.tilt_rad, turned) * (0.03, 0.02)
+        found.append((contact.stiffness_N_per_m, contact.contact_area_m2, tilt_m))
+    (caps_N_per_m, caps_m2, caps_m), (map_N_per_m, map_m2, map_m) = found
+    assert caps_N_per_m == pytest.approx(map_N_per_m, rel=off)
+    assert caps_m2 == pytest.approx(map_m2, rel=0.05)
+    assert np.abs(map_m).max() > 3e-8
+    assert caps_m == pytest.approx(map_m, abs=2e-9 if hardness is None else 1.5e-8)
+
+
+def test_the_estimated_error_holds_how_yielded_caps_unload():
+    estimates = {}
+    for hardness in (3e6, 1e9):
+        settings = load_settings(
+            overrides=("contact.preload_N=100", f"material.hardness_Pa={hardness!r}")
+        )
+        contact = analyze_once(caps_map(ROUND, floor_m=-1.5e-6), settings).contact
+        estimates[hardness] = contact.estimated_error
+    assert estimates[1e9] < 0.05
+    assert estimates[3e6] is None or estimates[3e6] > 0.5
 
 
 def test_a_hardness_follows_from_the_yield_stress_and_beats_it():

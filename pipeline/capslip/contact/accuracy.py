@@ -25,6 +25,9 @@ FORCE_SHARES = (0.1, 0.25, 0.5, 0.75)  # T / (mu N) at which the energies are co
 SHAPE_SHARE = 0.38  # of the rest of a profile that acts like an error of height, see Notes
 LEAST_ERROR = 0.01  # of interacting spheres against boundary elements
 BEYOND_SHARE = 0.05  # of the load, on contacts wider than their hills
+# Of the energies of caps that have yielded, against height maps of the same hardness: the pressure
+# that is left after yield is flatter than that of Hertz, see `docs/theory.md`
+UNLOADING_ERROR = 0.5
 DRAWS = 16
 MOST_WIDE = 3.0  # in the logarithm of a radius
 
@@ -118,10 +121,11 @@ def error_of_caps(
     lowest third of the points, which peaks that are not balanced over the face do not pull. A
     balanced face has no such doubt: moved caps are balanced anew.
 
-    The last part is the change under another law between two contacts. None of these causes has to
-    do with another, so their squares add. The error is not known where something else than the caps
-    carries: if contacts overlap, are wider than their hills, or if the plane reaches points outside
-    the hills.
+    Then there is the change under another law between two contacts. Where caps have yielded they
+    unload as Hertz contacts, and the map less evenly: half of the energies, times the share of the
+    load on such caps. None of these causes has to do with another, so their squares add. The error
+    is not known where something else than the caps carries: if contacts overlap, are wider than
+    their hills, or if the plane reaches points outside the hills.
     """
     doubt = _doubt(scene, curve, label, noise_m)
     if doubt is not None:
@@ -131,6 +135,7 @@ def error_of_caps(
             _random_error(scene, curve, found, noise_m, settings),
             _shape_error(scene, curve, found, settings),
             _pair_error(scene, found, settings),
+            _yield_error(scene, curve),
             LEAST_ERROR,
         )
         return CapsError(None, of_caps, _levelling_error(scene, found, settings))
@@ -214,6 +219,15 @@ def _pair_error(scene: Scene, found: np.ndarray, settings: Settings) -> float:
     spheres = flat.radius_m, flat.depth_m
     curve = interacting(*spheres, *places, scene.E_star_Pa, scene.preload_N)
     return float(np.abs(_change(curve, scene, found, settings)).max())
+
+
+def _yield_error(scene: Scene, curve: InteractingCurve) -> float:
+    """Return the relative error of the energies that the unloading of yielded caps leaves."""
+    if scene.law is None:
+        return 0.0
+    load_N = curve.asperity_loads_N(curve.approach_m(scene.preload_N))
+    yielded = scene.law.yielded(load_N, scene.radius_m)
+    return UNLOADING_ERROR * float(load_N[yielded].sum() / load_N.sum())
 
 
 def _levelling_error(scene: Scene, found: np.ndarray, settings: Settings) -> float:

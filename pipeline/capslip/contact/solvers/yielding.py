@@ -26,6 +26,7 @@ HARDNESS_PER_YIELD = 2.8  # Tabor 1951; Jackson and Green have 2.84 for small co
 _MOST_STRAIN = 0.02  # yield stress over E*, to which the exponent of the area was fitted, roughly
 _MOST_W = 1e4  # of the yield compression: far beyond the greatest mean pressure of the fit
 _MAX_TURNS = 60
+_NEAR = 0.05  # of the load, that the last turn may move before Newton's
 _SETTLED = 1e-12  # of the load, that the last turn may move
 _ACCEPTED = 1e-8
 
@@ -103,17 +104,20 @@ class YieldLaw:
         left_m[at] = self.approach_m(N, R) - a**2 / flat_m[at]
         return flat_m, left_m
 
-    def tangent(self, load_N: np.ndarray, radius_m: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return Hertz caps with the loads and stiffnesses of the first loading.
+    def like_hertz(
+        self, load_N: np.ndarray, radius_m: np.ndarray, tangent: bool
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Return Hertz caps that have these loads where the caps on their first loading have them.
 
-        Their radii, and by how much lower their peaks are. A cap that has not yielded is one.
+        Their radii, and by how much lower their peaks are: not at all, or so that the stiffnesses
+        are the same, too (`tangent`). A cap that has not yielded is one.
         """
         at = self.yielded(load_N, radius_m)
         near_m, lower_m = np.array(radius_m, dtype=float), np.zeros(np.shape(radius_m))
         N, R = np.broadcast_to(load_N, at.shape)[at], near_m[at]
         w = self._w(N / self._load_at_w1_N(R))
         approach_m = w * self._approach_at_w1_m(R)
-        g = 1.5 * approach_m / self._fit(w)[1]  # 1.5 N over dN/d(approach)
+        g = 1.5 * approach_m / self._fit(w)[1] if tangent else approach_m  # 1.5 N over dN/dg
         near_m[at] = np.square(0.75 * N / (self.E_star_Pa * g**1.5))
         lower_m[at] = approach_m - g
         return near_m, lower_m
@@ -214,10 +218,10 @@ def first_loading(
 ) -> FirstLoading:
     """Press caps for the first time, to a load.
 
-    At the preload the yielded caps are elastic caps with other radii and peaks, which have the same
-    loads at the same approach. In turns: Hertz caps that have the load and the stiffness of the
-    yielding ones at the loads of the last turn are pressed. That is Newton's iteration, with the
-    balance of the plane and the interaction in each of its steps.
+    In turns: Hertz caps that have the loads of the last turn where the yielding ones have them are
+    pressed. As long as much moves they keep their peaks, which halves what is left in each turn at
+    worst; then they have the same stiffness, too, which is Newton's iteration. The balance of the
+    plane and the interaction are part of each turn.
 
     Parameters
     ----------
@@ -270,10 +274,11 @@ def first_loading(
     assert law is not None
     moved = math.inf
     for _ in range(_MAX_TURNS):
-        near_m, lower_m = law.tangent(one_N, radius_m)
-        start_m = (0.75 * one_N / (E_star_Pa * np.sqrt(near_m))) ** (2 / 3)
-        if rest is not None:
-            start_m = np.where(one_N > 0.0, start_m, rest.compression_m)
+        near_m, lower_m = law.like_hertz(one_N, radius_m, tangent=moved < _NEAR)
+        start_m = None
+        if rest is not None and moved < _NEAR:
+            near = (0.75 * one_N / (E_star_Pa * np.sqrt(near_m))) ** (2 / 3)
+            start_m = np.where(one_N > 0.0, near, rest.compression_m)
         before_N = one_N
         rest, one_N = pressed(near_m, depth_m + lower_m, start_m)
         moved = float(np.abs(count * (one_N - before_N)).sum()) / load_N
