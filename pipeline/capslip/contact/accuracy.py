@@ -260,7 +260,7 @@ def _moved(
     if settings.contact.alignment == "balanced":
         at_m = scene.load_point_m
         caps, start_m = rebalanced(caps, scene.caps, scene.use, at_m, settings, start_m)
-    return replace(RUNG.build(flattened(RUNG, replace(scene, caps=caps))), start_m=start_m)
+    return RUNG.build(flattened(RUNG, replace(scene, caps=caps, start_m=start_m)))
 
 
 def _change(curve: NormalCurve, scene: Scene, found: np.ndarray, settings: Settings) -> np.ndarray:

@@ -39,11 +39,13 @@ def _of_caps(model: Rung, scene: Scene) -> Scene:
     after = first_loading(
         *(scene.law, scene.radius_m, scene.depth_m, scene.E_star_Pa, scene.preload_N),
         compliance_m_per_N=between,
+        start_m=scene.start_m,
     )
     radius_m, peak_m = caps.radius_m.copy(), caps.peak_height_m.copy()
     radius_m[use] = after.radius_m
     peak_m[use] -= after.depth_m - scene.depth_m
-    return replace(scene, caps=caps.with_columns(radius_m=radius_m, peak_height_m=peak_m))
+    flat = caps.with_columns(radius_m=radius_m, peak_height_m=peak_m)
+    return replace(scene, caps=flat, start_m=after.compression_m)
 
 
 def _of_families(scene: Scene) -> Scene:

@@ -1,6 +1,6 @@
 """The caps that can touch below a load."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -62,16 +62,11 @@ def reachable(
     """
     depth_m = caps.peak_height_m[caps.usable].max() - caps.peak_height_m
     x_m, y_m, radius_m = caps.x_m, caps.y_m, caps.radius_m
-
-    def flat(use: np.ndarray, between: np.ndarray | None) -> tuple[np.ndarray, np.ndarray]:
-        """Return radii and depths of some caps after their first loading."""
-        if law is None:
-            return radius_m[use], depth_m[use]
-        spheres = radius_m[use], depth_m[use]
-        after = first_loading(law, *spheres, E_star_Pa, preload_N, compliance_m_per_N=between)
-        return after.radius_m, after.depth_m
-
-    mean = mean_field(*flat(caps.usable, None), E_star_Pa, side_m, preload_N)
+    spheres = radius_m[caps.usable], depth_m[caps.usable]
+    if law is not None:
+        after = first_loading(law, *spheres, E_star_Pa, preload_N)
+        spheres = after.radius_m, after.depth_m
+    mean = mean_field(*spheres, E_star_Pa, side_m, preload_N)
     approach_m, reach_m = float(mean.approach_m(preload_N)), 0.0
     near, pairs = caps.usable, None
     while approach_m > reach_m:
@@ -79,10 +74,12 @@ def reachable(
         near = caps.usable & (depth_m <= reach_m)
         if np.count_nonzero(near) > MAX_INTERACTING:
             return Reach(caps.usable, mean, None)
-        places = x_m[near], y_m[near]
-        pairs = interacting(radius_m[near], depth_m[near], *places, E_star_Pa)
+        spheres, places = (radius_m[near], depth_m[near]), (x_m[near], y_m[near])
+        pairs = interacting(*spheres, *places, E_star_Pa)
         if law is not None:
-            spheres = flat(near, pairs.pair_compliance_m_per_N)
-            pairs = interacting(*spheres, *places, E_star_Pa)
+            between = pairs.pair_compliance_m_per_N
+            after = first_loading(law, *spheres, E_star_Pa, preload_N, compliance_m_per_N=between)
+            pairs = interacting(after.radius_m, after.depth_m, *places, E_star_Pa)
+            pairs = replace(pairs, start_m=after.compression_m)
         approach_m = float(pairs.approach_m(preload_N))
     return Reach(near, mean, pairs)

@@ -41,6 +41,7 @@ class Scene:
     load_point_m: tuple[float, float]  # place (x, y) of the line of action
     turning_stiffness: float  # N m/rad against a tilt; inf: the face stays as levelled
     law: YieldLaw | None = None  # of caps that yield; None: all stays elastic
+    start_m: np.ndarray | None = None  # compressions of the caps in use, where they are known
 
     @classmethod
     def of(

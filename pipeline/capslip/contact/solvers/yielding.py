@@ -25,8 +25,9 @@ from capslip.errors import ContactError
 HARDNESS_PER_YIELD = 2.8  # Tabor 1951; Jackson and Green have 2.84 for small contacts
 _MOST_STRAIN = 0.02  # yield stress over E*, to which the exponent of the area was fitted, roughly
 _MOST_W = 1e4  # of the yield compression: far beyond the greatest mean pressure of the fit
-_MAX_TURNS = 60
+_MAX_TURNS = 100
 _NEAR = 0.05  # of the load, that the last turn may move before Newton's
+_LEAST_PART = 0.1  # of the way that a turn goes at least
 _SETTLED = 1e-12  # of the load, that the last turn may move
 _ACCEPTED = 1e-8
 
@@ -202,6 +203,7 @@ class FirstLoading:
     radius_m: np.ndarray  # flattened where it yielded
     depth_m: np.ndarray  # of the peaks, with what flattening left
     width_m: np.ndarray  # a^2 / R with the radius as it was: how deep the contact reaches, twice
+    compression_m: np.ndarray  # of the flattened caps; negative for a gap
 
 
 def first_loading(
@@ -270,25 +272,30 @@ def first_loading(
             raise
         rest, one_N = None, np.full(len(radius_m), load_N / np.sum(count * np.ones(len(radius_m))))
     if rest is not None and (law is None or not law.yielded(one_N, radius_m).any()):
-        return FirstLoading(rest, one_N, radius_m, depth_m, np.maximum(rest.compression_m, 0.0))
+        g = rest.compression_m
+        return FirstLoading(rest, one_N, radius_m, depth_m, np.maximum(g, 0.0), g)
     assert law is not None
-    moved = math.inf
+    moved, part = math.inf, 1.0
     for _ in range(_MAX_TURNS):
         near_m, lower_m = law.like_hertz(one_N, radius_m, tangent=moved < _NEAR)
         start_m = None
         if rest is not None and moved < _NEAR:
             near = (0.75 * one_N / (E_star_Pa * np.sqrt(near_m))) ** (2 / 3)
             start_m = np.where(one_N > 0.0, near, rest.compression_m)
-        before_N = one_N
-        rest, one_N = pressed(near_m, depth_m + lower_m, start_m)
-        moved = float(np.abs(count * (one_N - before_N)).sum()) / load_N
+        rest, new_N = pressed(near_m, depth_m + lower_m, start_m)
+        last, moved = moved, float(np.abs(count * (new_N - one_N)).sum()) / load_N
         if moved < _SETTLED:
+            one_N = new_N
             break
+        if moved > 0.8 * last:
+            part = max(0.5 * part, _LEAST_PART)  # it swings to and fro: half of the way
+        one_N = one_N + part * (new_N - one_N)
     if rest is None or moved > _ACCEPTED:
         raise ContactError(
             f"the caps that yield find no equilibrium under {load_N:g} N: the last turn still "
             f"moved {moved:.2g} of the load; expected {_ACCEPTED:g}; check preload and hardness"
         )
     flat_m, left_m = law.flattened(one_N, radius_m)
-    width_m = np.cbrt(0.75 * one_N * flat_m / E_star_Pa) ** 2 / radius_m
-    return FirstLoading(rest, one_N, flat_m, depth_m + left_m, width_m)
+    a2_m2 = np.cbrt(0.75 * one_N * flat_m / E_star_Pa) ** 2
+    g = np.where(one_N > 0.0, a2_m2 / flat_m, rest.compression_m)
+    return FirstLoading(rest, one_N, flat_m, depth_m + left_m, a2_m2 / radius_m, g)
