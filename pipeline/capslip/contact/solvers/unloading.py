@@ -342,8 +342,8 @@ class _Interpolant:
         loss_m = np.array([node.region_loss_J for node in nodes]) / self.load_N
         gap_m = np.array([node.region_least_gap_m for node in nodes])
         lifted = share <= 0
-        # t = 1 - (N_i1 / N_i)^(2/3) in contact; afterwards x over that at which the gap opened, which
-        # a region of one pixel, or of even pressure, does everywhere at once.
+        # t = 1 - (N_i1 / N_i)^(2/3) in contact; afterwards x over that at which the gap opened. A
+        # region of one pixel, or of even pressure, opens everywhere at once.
         t = -np.expm1(2 / 3 * np.log(np.where(lifted, 1.0, np.minimum(share, 1.0))))
         opened_m = np.maximum(x[:, None] - gap_m, 1e-6 * x[:, None])
         t = np.where(lifted, x[:, None] / opened_m, t)
