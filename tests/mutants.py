@@ -43,7 +43,7 @@ TABLE = [
         ),
     ),
     (
-        ("contact/choice.py", "contact/accuracy.py", "contact/reach.py", "contact/outside.py"),
+        ("contact/choice.py", "contact/accuracy.py", "contact/reach.py", "contact/certificate.py"),
         (
             "tests/contact/test_*reach*.py",
             "tests/contact/test_*accuracy*.py",
@@ -70,12 +70,17 @@ TABLE = [
             *("caps/noise.py", "caps/quadric.py"),
         ),
         (
-            *("tests/caps/test_*profile*.py", "tests/caps/test_*apex*.py"),
+            *("tests/caps/test_*quadric*.py", "tests/caps/test_*apex*.py"),
+            *("tests/caps/test_*body*.py", "tests/caps/test_*profile*.py"),
+            "tests/caps/test_*noise.py",
             *("tests/caps/test_*flags*.py", "tests/caps/test_*fit*.py"),
             "tests/caps/test_*errors*.py",
         ),
     ),
-    (("caps/families.py", "caps/clusters.py"), ("tests/caps/test_*families*.py",)),
+    (
+        ("caps/families.py", "caps/clusters.py"),
+        ("tests/caps/test_*families*.py", "tests/caps/test_*levels*.py"),
+    ),
     (("caps/joining.py",), ("tests/caps/test_*joining*.py",)),
     (("structure/response.py",), ("tests/structure/test_*response*.py",)),
     (("stages.py",), ("tests/test_stages.py", "tests/caps/test_*registry*.py")),

@@ -16,7 +16,7 @@ from capslip.errors import ContactError
 from capslip.output.figures_sensitivity import sensitivity as figure_of
 from capslip.sensitivity import ANSWERS, Answers, answers_of, sensitivity
 from capslip.settings import settings_from
-from capslip.stages import find_face
+from capslip.stages import Clock, find_face, press_face
 from capslip.studies.faces.synthetic import CapFamily, Scene, synthetic_surface
 from capslip.surface.heightmap import HeightMap
 from capslip.surface.readers import load_surface
@@ -69,6 +69,37 @@ def test_a_value_that_comes_back_ends_the_stable_range_all_the_same():
     assert found.sweeps[0].stable_to[-1] == pytest.approx(15.0)
 
 
+@pytest.mark.parametrize(
+    ("cut", "wrong", "holds"),
+    [
+        (0.08, (0.04, 0.12), True),  # two steps away on either side
+        (0.08, (0.06,), False),
+        (0.08, (0.10,), False),
+        (0.02, (0.06, 0.30), True),  # the first has one neighbour, as has the last
+        (0.02, (0.04,), False),
+        (0.30, (0.20,), True),
+        (0.30, (0.25,), False),
+    ],
+)
+def test_an_answer_holds_that_bears_one_step_to_either_side(cut, wrong, holds):
+    found = swept(
+        lambda s: with_W(2e-7 if cut_of(s) in wrong else 1e-7),
+        tables={"hills": {"material_ratio": cut}},
+    )
+    assert found.sweeps[0].holds.tolist() == [True] * 6 + [holds]
+
+
+def test_no_filter_is_longer_than_the_shorter_side():
+    surface = HeightMap(np.random.default_rng(0).normal(size=(20, 60)), (1e-4, 1e-4))
+    tables = {"conditioning": {"s_filter_nesting_index_m": 1.5e-3}}
+    sweep = next(
+        one
+        for one in swept(lambda _: STEADY, surface, tables=tables).sweeps
+        if one.name == "filter"
+    )
+    assert sweep.value == pytest.approx([0.0, 750.0, 1500.0])  # not 3 mm, on 2 mm
+
+
 def test_an_answer_that_one_step_moves_is_a_problem():
     found = swept(lambda s: with_W(1e-6 * cut_of(s)))
     (problem,) = found.problems
@@ -111,6 +142,18 @@ def test_the_counts_and_h_have_the_errors_of_the_families():
     ]
     assert np.isnan(found.standard_error[3:]).all()
     assert found.value[:3].tolist() == [families.m, families.n, families.h_m]
+
+
+def test_the_energy_is_that_at_half_the_force_of_total_slip():
+    face = caps_map([(8e-3, 8e-3, 24.0, 0.0), (2e-2, 1e-2, 24.0, 0.0)])
+    settings = settings_from({"contact": {"model": "caps", "alignment": "as_levelled"}})
+    found = find_face(face, settings, None, Clock())
+    contact, _, slip = press_face(found, settings, Clock())
+    value = dict(zip(ANSWERS, answers_of(face, settings, None, True).value, strict=True))
+    assert value["approach_m"] == contact.approach_m
+    expected_J = slip.energy_at_force_J(0.5 * slip.total_slip_force_N)
+    assert value["energy_J"] == pytest.approx(float(expected_J))
+    assert value["radius_G_m"] == found.families.G.radius_m
 
 
 def test_a_run_that_fails_is_no_answer_and_ends_the_range():
@@ -261,7 +304,12 @@ def test_the_reference_face_of_caps_names_the_levelling():
 
 @pytest.mark.parametrize(
     ("model", "n_caps", "used"),
-    [("auto", 23, "interacting"), ("auto", 900, "mean_field"), ("families", 900, "families")],
+    [
+        ("auto", 23, "interacting"),
+        ("auto", 100, "interacting"),
+        ("auto", 101, "mean_field"),
+        ("families", 900, "families"),
+    ],
 )
 def test_all_runs_use_one_cheap_model(model, n_caps, used):
     models = set()

@@ -1,5 +1,7 @@
 """The stages: their clock, and the turns of fit and contact."""
 
+from dataclasses import fields
+from types import SimpleNamespace
 from unittest import mock
 
 import numpy as np
@@ -7,10 +9,13 @@ import pytest
 
 from capslip import stages
 from capslip.caps.fit import fit_caps
+from capslip.caps.table import CapFlag, CapTable
 from capslip.contact.depth import press_for_depth
+from capslip.errors import ContactError, TipsOverError
 from capslip.settings import load_settings
 from capslip.stages import Clock, find_face
 from capslip.surface.heightmap import HeightMap, Origin
+from scenes import caps_map
 
 PRELOAD_N = 80.0
 PIXEL_M = 2e-4
@@ -89,6 +94,15 @@ def test_turns_end_where_a_thousandth_of_the_load_moves_or_after_ten(swing_N, tu
     )
 
 
+def test_a_fit_that_contact_cannot_settle_is_left_to_the_stage_of_contact():
+    with mock.patch.object(stages, "press_for_depth", side_effect=ContactError("nothing")):
+        found = find_face(face(), settings(), None, Clock())
+    assert found.problems == ()
+    np.testing.assert_array_equal(
+        found.caps.radius_m, fit_caps(face(), found.hills, "contact").radius_m
+    )
+
+
 @pytest.mark.parametrize(
     ("more", "turns"),
     [
@@ -122,3 +136,117 @@ def test_what_is_wrong_with_the_second_face_is_told_under_its_name():
     assert len(found.caps) == 8
     told = [problem.message for problem in found.problems]
     assert any(message.startswith("other: ") for message in told), told
+
+
+CAPS, MAP = "contact.model=caps", "contact.model=boundary_elements"
+HELD = "contact.alignment_stiffness_Nm_per_rad=9.0"
+
+
+@pytest.mark.parametrize(
+    ("more", "answer", "codes"),
+    [
+        ((CAPS,), (0.0, 0.0), {}),
+        ((CAPS, HELD), (0.0, 0.0), {}),
+        ((MAP,), (0.0, 0.0), {}),
+        (("contact.model=auto",), (0.0, 0.0), {}),
+        # the last turn moved up to a hundredth of the load, or more
+        ((CAPS,), (0.01, 0.0), {"level_not_settled": "warning"}),
+        ((CAPS,), (0.0101, 0.0), {"not_balanced": "warning"}),
+        ((MAP,), (0.0101, 0.0), {}),
+        ((CAPS,), (0.0, 1e-9), {"cut_too_high": "warning"}),
+        ((CAPS,), (1e-9, 1e-9), {"level_not_settled": "warning", "cut_too_high": "warning"}),
+        ((CAPS,), TipsOverError("tips_over: it falls"), {"tips_over": "error"}),
+        ((MAP,), TipsOverError("tips_over: it falls"), {"tips_over": "info"}),
+        ((CAPS,), ContactError("nothing carries"), {"not_balanced": "warning"}),
+        ((MAP,), ContactError("nothing carries"), {}),
+    ],
+)
+def test_a_level_is_taken_where_its_turns_settle(more, answer, codes):
+    found = answer
+    if isinstance(answer, tuple):
+        moved, missed_area_m2 = answer
+        found = SimpleNamespace(moved=moved, missed_area_m2=missed_area_m2, material_ratio=0.1)
+    chosen = settings("contact.alignment=balanced", *more)
+    with mock.patch.object(stages, "find_level", side_effect=[found]):
+        level, problems = stages._levelled(face(), chosen, Clock())
+    assert {problem.code: problem.severity for problem in problems} == codes
+    taken = isinstance(answer, tuple) and answer[0] <= 0.01
+    assert level is (found if taken else None)
+
+
+@pytest.mark.parametrize(
+    "more",
+    [
+        (CAPS, "contact.alignment=as_levelled"),
+        ("contact.model=families",),  # which know no places
+        ("contact.model=flat",),
+        (MAP, HELD),  # what holds the parts is at ease as they were levelled
+    ],
+)
+def test_nothing_turns_where_nothing_can_or_shall(more):
+    chosen = settings("contact.alignment=balanced", *more)
+    with mock.patch.object(stages, "find_level", side_effect=AssertionError):
+        assert stages._levelled(face(), chosen, Clock()) == (None, [])
+
+
+@pytest.mark.parametrize(("cut", "ratio"), [("fixed", 0.35), ("certified", 0.10)])
+def test_families_are_counted_above_the_papers_tenth_unless_the_cut_is_fixed(cut, ratio):
+    assert stages._family_ratio(settings(f"hills.cut={cut}")) == ratio
+
+
+def test_caps_of_the_pressed_face_have_the_families_of_the_hills_they_stand_on():
+    """Pixels of 1 along y and 2 along x; one cap beyond the edge, one without a sphere."""
+    label = np.zeros((4, 5), dtype=np.int32)
+    label[0, 0], label[2, 3], label[3, 4] = 1, 2, 3
+    flags = np.array([0, 0, 0, 0, CapFlag.not_convex], dtype=np.uint16)
+    x_m, y_m = np.array([0.5, 7.9, 10.5, 5.0, 0.5]), np.array([0.5, 2.1, 4.0, 2.5, 0.5])
+    columns = {field.name: np.ones(5) for field in fields(CapTable)}
+    columns |= {"x_m": x_m, "y_m": y_m, "flags": flags, "family": np.full(5, "X")}
+    caps = CapTable(**columns)
+    surface = HeightMap(np.zeros((4, 5)), (1.0, 2.0))
+    level = SimpleNamespace(caps=caps, surface=surface)
+    families = SimpleNamespace(family=np.array(["P", "G", "P"]))
+    found = stages._named(level, SimpleNamespace(label=label), families)
+    assert found.family.tolist() == ["P", "G", "P", "", ""]
+
+
+@pytest.mark.parametrize("slope", [(0.0, 0.0), (3e-6, -2e-6), (-1e-6, 5e-6)])
+def test_families_are_those_of_their_own_plane_whatever_the_level(slope):
+    """Three caps and nine, 200 nm lower, on a face of 36 mm x 60 mm that is tilted."""
+    places = [(6e-3 + 16e-3 * j, 6e-3 + 12e-3 * i) for i in range(3) for j in range(4)]
+    low_m = np.where(np.isin(np.arange(12), (0, 6, 11)), 0.0, -2e-7)
+    caps = [(x, y, 25.0, z) for (x, y), z in zip(places, low_m, strict=True)]
+    surface = caps_map(caps, (180, 300), (2e-4, 2e-4), floor_m=-8e-7)
+    y_m, x_m = np.ogrid[0.5:180, 0.5:300]
+    tilted_m = surface.height_m + 2e-4 * (slope[0] * x_m + slope[1] * y_m)
+    without_noise = SimpleNamespace(noise_m=0.0)
+    level = SimpleNamespace(
+        rest_slope=(1e-6, 0.5e-6), load_point_m=(0.03, 0.018), hills=without_noise
+    )
+    plane, _, counted, families = stages._families(
+        HeightMap(tilted_m, (2e-4, 2e-4)),
+        level,
+        settings("hills.material_ratio=0.3", "hills.cut=fixed"),
+    )
+    assert (families.m, families.n) == (3, 9)
+    assert families.h_m == pytest.approx(2e-7, rel=1e-3)
+    assert counted.family.tolist().count("G") == 3
+    # over its own plane the face has the heights that it has without a tilt
+    assert np.ptp(plane.height_m - surface.height_m) < 2e-9
+
+
+@pytest.mark.parametrize(
+    ("level", "model", "alignment"),
+    [
+        (None, "caps", "as_levelled"),
+        (None, "auto", "as_levelled"),
+        (None, "boundary_elements", "balanced"),  # which find their own balance
+        ("level", "caps", "balanced"),
+        ("level", "auto", "balanced"),
+    ],
+)
+def test_caps_without_a_level_are_pressed_as_levelled(level, model, alignment):
+    chosen = settings("contact.alignment=balanced", f"contact.model={model}")
+    found = stages.as_found(SimpleNamespace(level=level), chosen)
+    assert found.contact.alignment == alignment
+    assert found.contact.model == model

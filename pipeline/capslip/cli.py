@@ -335,9 +335,9 @@ def init_config(path: Path) -> None:
 @main.command()
 def formats() -> None:
     """List the file formats that can be read."""
-    from capslip.surface.readers import formats as known
+    from capslip.surface.readers import FORMATS
 
-    for row in known():
+    for row in FORMATS:
         click.echo(f"{row.name:12} {' '.join(row.extensions):24} {row.note}")
 
 

@@ -13,6 +13,7 @@ from capslip.errors import CapslipError, ContactError
 from capslip.problems import Problem
 from capslip.settings import Settings
 from capslip.stages import Clock, find_face, press_face
+from capslip.surface.blocks import block_sums
 from capslip.surface.heightmap import HeightMap
 
 ANSWERS = ("m", "n", "h_m", "radius_G_m", "radius_P_m", "approach_m", "energy_J")
@@ -360,13 +361,10 @@ def _run_around(same: np.ndarray, at: int) -> tuple[np.ndarray, np.ndarray]:
 
 def _coarsened(surface: HeightMap) -> HeightMap | None:
     """Average 2 x 2 points, the measured ones of each; None for a map that is small anyway."""
-    ny, nx = (n // 2 for n in surface.shape)
-    if ny * nx < MIN_COARSE_POINTS:
+    points = block_sums(surface.measured, 2)
+    if points.size < MIN_COARSE_POINTS:
         return None
-    blocks_m = surface.height_m[: 2 * ny, : 2 * nx].reshape(ny, 2, nx, 2)
-    measured = ~np.isnan(blocks_m)
-    points = measured.sum(axis=(1, 3))
-    sum_m = np.where(measured, blocks_m, 0.0).sum(axis=(1, 3))
+    sum_m = block_sums(np.where(surface.measured, surface.height_m, 0.0), 2)
     height_m = np.where(points > 0, sum_m / np.maximum(points, 1), np.nan)
     dy_m, dx_m = surface.pixel_size_m
     return replace(surface, height_m=height_m, pixel_size_m=(2.0 * dy_m, 2.0 * dx_m))

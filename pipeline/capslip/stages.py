@@ -13,16 +13,18 @@ import numpy as np
 
 from capslip.caps.below import family_below_cut
 from capslip.caps.doubts import problems_of_caps
-from capslip.caps.families import Families, group_families, slope_of_families
+from capslip.caps.families import Families, group_families, surface_of_families
 from capslip.caps.fit import fit_caps
 from capslip.caps.fitting import fit_named
 from capslip.caps.hills import Hills, find_hills
 from capslip.caps.joining import join_faces
+from capslip.caps.levels import bow_terms
+from capslip.caps.noise import noise_at_rest
 from capslip.caps.points import points_of_hills
 from capslip.caps.table import CapTable
 from capslip.contact.choice import estimate_error
 from capslip.contact.depth import press_for_depth
-from capslip.contact.levelling import Level, coarse_map, find_level, turned
+from capslip.contact.levelling import UNSETTLED, Level, coarse_map, find_level, turned
 from capslip.contact.press import ContactState, press
 from capslip.contact.rung import rung
 from capslip.contact.slip import SlipCurve, slip_curve
@@ -39,10 +41,9 @@ from capslip.surface.mating import Placement, mate, place
 
 MAX_TURNS = 10  # of fit and contact
 SETTLED = 1e-3  # of the preload: loads that move less in one turn have settled
-UNSETTLED = 0.01  # of the preload: a level whose last turn still moves more is none
 FAMILY_RATIO = 0.10  # of the points, above which the paper counts its caps
 FAMILY_TURNS = 4  # of the families and their plane
-FAMILY_SETTLED_M = 1e-10  # across the face
+FAMILY_SETTLED_M = 3e-9  # across the face; the next turn is a hundredth of it on the same hills
 CONDITIONING = Conditioning.__struct_fields__
 
 
@@ -281,21 +282,31 @@ def _families(
 ) -> tuple[HeightMap, Hills, CapTable, Families]:
     """Find the families on their own plane: the cut follows that plane, and it the caps above it.
 
-    So neither the level of the map nor that of the pressed face decides which caps are counted.
+    So neither the level of the map nor that of the pressed face decides which caps are counted. The
+    plane bends where the peaks leave no doubt; the caps that are returned keep that bow.
     """
-    slope = np.array(level.rest_slope)
+    slope, bow, at_m = np.array(level.rest_slope), np.zeros(3), level.load_point_m
     coarse = coarse_map(surface)
+    noise_m = noise_at_rest(coarse, level.rest_slope).neighbours_m
+    ratio = _family_ratio(settings)
     for _ in range(FAMILY_TURNS):
-        _, caps = _counted(turned(coarse, -slope, level.load_point_m), settings)
-        turn = slope_of_families(caps)
-        slope = slope + turn
-        if float(np.abs(turn * surface.side_m[::-1]).max()) < FAMILY_SETTLED_M:
+        _, caps = _counted(turned(coarse, -slope, at_m, -bow), settings, noise_m, ratio)
+        turn, bend, count = surface_of_families(caps, at_m)
+        if count == 1 and not bow.any() and not bend.any() and 2.0 * ratio < 1.0:
+            # A bow may keep the lower caps below the cut, and what is left looks like one family.
+            bent = turned(coarse, -slope, at_m)
+            _, caps = _counted(bent, settings, noise_m, 2.0 * ratio)
+            deeper, bend, _ = surface_of_families(caps, at_m)
+            turn = deeper if bend.any() else turn
+        slope, bow = slope + turn, bow + bend
+        if not bend.any() and np.abs(turn * surface.side_m[::-1]).max() < FAMILY_SETTLED_M:
             break
-    plane = turned(surface, -slope, level.load_point_m)
-    hills, caps = _counted(plane, settings)
+    plane = turned(surface, -slope, at_m, -bow)
+    hills, caps = _counted(plane, settings, level.hills.noise_m)
     grouping = settings.families
     caps, families = group_families(caps, grouping.count, grouping.feature, own_plane=True)
-    return plane, hills, caps, families
+    up_m = bow_terms(caps.x_m - at_m[0], caps.y_m - at_m[1]) @ bow
+    return plane, hills, caps.with_columns(peak_height_m=caps.peak_height_m + up_m), families
 
 
 def _below_cut(
@@ -310,14 +321,17 @@ def _below_cut(
     grouping = settings.families
 
     def counted(deeper: float) -> Families:
-        _, caps = _counted(coarse, settings, deeper)
+        _, caps = _counted(coarse, settings, None, deeper)
         return group_families(caps, grouping.count, grouping.feature, own_plane)[1]
 
     return family_below_cut(families, ratio, counted)
 
 
 def _counted(
-    surface: HeightMap, settings: Settings, material_ratio: float | None = None
+    surface: HeightMap,
+    settings: Settings,
+    noise_m: float | None,
+    material_ratio: float | None = None,
 ) -> tuple[Hills, CapTable]:
     chosen = settings.hills
     hills = find_hills(
@@ -326,6 +340,7 @@ def _counted(
         chosen.separation,
         chosen.pruning_height_m,
         chosen.pruning_percent_Sz,
+        noise_m=noise_m,
     )
     return hills, fit_caps(surface, hills, settings.caps.fit)
 

@@ -100,7 +100,7 @@ def flagged(n, flag):
     return lambda caps: {"flags": np.where(np.arange(6) < n, flag, 0).astype(np.uint16)}
 
 
-@pytest.mark.parametrize("flag", [flag for flag in CapFlag if flag is not CapFlag.not_convex])
+@pytest.mark.parametrize("flag", list(doubts.MEANING))
 def test_flags_of_more_than_a_fifth_of_the_caps_are_a_warning(flag):
     few = "warning" if flag is CapFlag.plateau else "info"
     assert codes(change_caps=flagged(1, flag)) == [(f"caps_{flag.name}", few)]

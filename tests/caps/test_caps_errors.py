@@ -5,14 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from capslip.caps.apex import find_apexes
-from capslip.caps.body import body_of_hills
 from capslip.caps.fit import fit_caps
-from capslip.caps.fitting import FitInput
 from capslip.caps.hills import find_hills
 from capslip.caps.noise import noise_on_hills
 from capslip.caps.points import points_of_hills
-from capslip.caps.spheres import spheres_by_volume
 from capslip.surface.heightmap import HeightMap
 from scenes import caps_map, sphere_height_m
 
@@ -80,33 +76,6 @@ def test_noise_lifts_the_highest_point_by_no_more_than_its_error():
     assert 0.35 < rms(radius) / rms(radius_se) < 1.0
 
 
-def given_of(surface, hills, share=0.5):
-    points = points_of_hills(surface, hills)
-    noise = noise_on_hills(surface, points)
-    apexes = find_apexes(surface, hills, points, noise)
-    body = body_of_hills(hills.cut_height_m, points, apexes, noise, np.full(1, np.nan), share)
-    return FitInput(surface, hills, points, noise, apexes, body, False)
-
-
-def test_an_error_of_the_apex_counts_double_less_what_all_points_share():
-    """V = pi t^2 R: an apex too high by e adds 2 e / t to ln R; the mean of N points cancels."""
-    given = given_of(*one_cap(np.random.default_rng(0), 30, noise=0.02)[:2])
-    t, scatter_m = given.body.depth_m, given.body.scatter_m
-
-    def error(apex_se_m):
-        found = spheres_by_volume(replace(given, apexes=replace(given.apexes, apex_se_m=apex_se_m)))
-        return (found.radius_se_m / found.radius_m)[0], found.radius_m
-
-    pixels, radius_m = error(np.zeros(1))
-    assert pixels < 1e-3
-    within = 2.0 * np.pi * radius_m * t / given.surface.pixel_area_m2
-    assert error(0.999 * scatter_m / np.sqrt(within))[0] == pixels
-    apex_se_m = np.array([0.01 * t[0]])
-    shared = scatter_m[0] ** 2 / within[0] / apex_se_m[0] ** 2
-    assert shared > 0.01
-    assert error(apex_se_m)[0] == pytest.approx(np.hypot(0.02 * np.sqrt(1 - shared), pixels))
-
-
 def test_a_deep_cap_is_a_sphere_and_no_paraboloid():
     """V = pi t^2 (R - t/3): at t = R/5 the last term is 7 % of R."""
     height_m = one_cap(np.random.default_rng(0), 150, radius_m=2e-3, pixel_m=1e-5)
@@ -115,27 +84,13 @@ def test_a_deep_cap_is_a_sphere_and_no_paraboloid():
     assert caps.radius_m[0] == pytest.approx(2e-3, rel=0.01)
 
 
-@pytest.mark.parametrize(("noise", "sigmas"), [(0.02, None), (0.035, 20.0), (0.06, None)])
-def test_noise_asks_for_depth(noise, sigmas):
-    """Half of the height, or 20 standard deviations of the noise, or three of them to the cut."""
-    surface, hills, _ = one_cap(np.random.default_rng(1), 30, noise=noise)
-    given = given_of(surface, hills)
-    rms_m, height_m = given.noise.rms_m, given.apexes.apex_m[2, 0] - hills.cut_height_m
-    if sigmas is None:
-        expected_m = 0.5 * height_m if noise < 0.025 else height_m - 3.0 * rms_m
-    else:
-        expected_m = sigmas * rms_m
-        assert 0.5 * height_m < expected_m < height_m - 3.0 * rms_m
-    assert given.body.depth_m == pytest.approx(expected_m, rel=1e-9)
-
-
 def test_a_depth_has_the_points_and_the_noise_that_an_apex_needs():
     surface, hills, cap_m = one_cap(np.random.default_rng(2), 30)
     shallow = fit_caps(surface, hills, "pinned", np.full(1, 1e-6 * cap_m))
     count = np.count_nonzero(hills.label)
     assert shallow.fit_depth_m[0] == pytest.approx(25.0 / count * cap_m, rel=0.01)
     surface, hills, cap_m = one_cap(np.random.default_rng(2), 30, noise=0.02)
-    rms_m = given_of(surface, hills).noise.rms_m
+    rms_m = noise_on_hills(surface, points_of_hills(surface, hills)).rms_m
     shallow = fit_caps(surface, hills, "pinned", np.full(1, 1e-6 * cap_m))
     assert shallow.fit_depth_m[0] == pytest.approx(10.0 * rms_m, rel=1e-9)
 

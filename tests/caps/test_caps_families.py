@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from capslip.caps.clusters import Clusters, cluster
-from capslip.caps.families import _supported, group_families
+from capslip.caps.families import _supported, group_families, surface_of_families
 from capslip.caps.fit import fit_caps
 from capslip.caps.hills import find_hills
 from capslip.caps.table import CapFlag, CapTable
@@ -335,36 +335,6 @@ def test_the_numbers_of_a_family_are_those_of_its_caps():
     assert families.h_se_m == pytest.approx(np.sqrt(2.5 / 3 * (1 / 2 + 1 / 3)))
 
 
-@pytest.mark.parametrize(
-    ("separation", "log_odds", "clear"),
-    [(5.01, 3.01, True), (4.99, 3.01, False), (5.01, 2.99, False), (math.inf, 3.01, True)],
-)
-def test_two_are_clear_at_five_spreads_and_odds_of_20_to_1(separation, log_odds, clear):
-    two = families_of([0.0] * 5 + [1.0] * 5)
-    assert replace(two, separation=separation, log_odds=log_odds).clear == clear
-    one = replace(two, P=None, levels=two.levels[:1], separation=separation, log_odds=log_odds)
-    assert one.clear == (log_odds > 3.0)
-
-
-@pytest.mark.parametrize(
-    ("evidence", "separation", "expected"),
-    [
-        ((0.0, 1.0), (np.nan, 4.01), (2, 1.0)),
-        ((0.0, 1.0), (np.nan, 3.99), (1, -1.0)),
-        ((1.0, 0.0), (np.nan, 9.00), (1, 1.0)),
-        ((0.0, 1.0, 4.1), (np.nan, 9.0, 5.01), (3, 3.1)),
-        ((0.0, 1.0, 3.9), (np.nan, 9.0, 5.01), (2, -2.9)),
-        ((0.0, 1.0, 9.0), (np.nan, 9.0, 4.99), (2, 1.0)),
-        ((0.0, 1.0, 4.1, 7.2), (np.nan, 9.0, 6.0, 6.0), (4, 3.1)),
-        ((0.0, 1.0, 4.1, 7.0), (np.nan, 9.0, 6.0, 6.0), (3, -2.9)),
-    ],
-)
-def test_the_number_of_families_follows_from_odds_and_separation(evidence, separation, expected):
-    number, log_odds = _supported(Clusters((), np.array(evidence), np.array(separation)), False)
-    assert number == expected[0]
-    assert log_odds == pytest.approx(expected[1])
-
-
 def test_the_separation_is_in_pooled_spreads():
     # squares 2 + 2, six numbers less two means: a spread of one
     assert cluster(np.array([0.0, 1, 2, 10, 11, 12])).separation[1] == pytest.approx(10.0)
@@ -464,6 +434,7 @@ def test_more_clusters_are_cut_at_four_hundred_places_of_many_numbers():
     found = cluster(np.sort(np.concatenate(values)))
     assert found.sizes[2] == pytest.approx(sizes, abs=3)
     assert found.sizes[2].sum() == 1200
+    assert (found.sizes[2] % 3 == 0).all()
 
 
 @pytest.mark.parametrize(
@@ -506,3 +477,33 @@ def test_the_number_supported_at_its_thresholds(log_evidence, separation, expect
     found = Clusters((), np.array(log_evidence), np.array(separation))
     assert _supported(found, False) == expected
     assert _supported(found, True) == (1, log_evidence[0] - log_evidence[1])
+
+
+@pytest.mark.parametrize("h_m", [0.0, 3e-7])
+def test_the_slope_of_families_is_that_of_their_plane(h_m):
+    """Nine caps of one family, or four of them lower, on a plane that is no level."""
+    rng = np.random.default_rng(4)
+    x_m, y_m = rng.uniform(0.0, 0.06, 9), rng.uniform(0.0, 0.04, 9)
+    peak_m = 3e-5 * x_m - 7e-5 * y_m - h_m * (np.arange(9) % 2) + 1e-10 * rng.standard_normal(9)
+    caps = table(peak_m, x_m=x_m, y_m=y_m, peak_height_se_m=np.full(9, 1e-10))
+    slope, bow, count = surface_of_families(caps, (0.03, 0.02))
+    assert slope == pytest.approx([3e-5, -7e-5], abs=2e-8)
+    assert not bow.any()
+    assert count == (2 if h_m else 1)
+    flags = np.where(np.arange(9) < 4, 0, CapFlag.not_convex).astype(np.uint16)
+    slope, bow, count = surface_of_families(caps.with_columns(flags=flags), (0.03, 0.02))
+    assert (slope.tolist(), bow.tolist(), count) == ([0.0, 0.0], [0.0, 0.0, 0.0], 1)
+
+
+@pytest.mark.parametrize(("n", "turns"), [(4, False), (5, True), (12, True)])
+def test_peaks_are_levels_on_their_own_plane_from_five_caps_on(n, turns):
+    rng = np.random.default_rng(8)
+    x_m, y_m = rng.uniform(0.0, 0.06, n), rng.uniform(0.0, 0.04, n)
+    caps = table(4e-5 * x_m - 6e-5 * y_m, x_m=x_m, y_m=y_m)
+    grouped, families = group_families(caps, 1, own_plane=True)
+    # over the plane of one family all peaks are as high as their mean
+    same = (families.G.peak_height_se_m or 0.0) < 1e-12
+    assert same == turns
+    assert grouped.peak_height_m.tolist() == caps.peak_height_m.tolist()
+    assert group_families(caps, 1)[1].G.peak_height_se_m > 1e-8
+    assert group_families(caps, 1, "radius", own_plane=True)[1].G.peak_height_se_m > 1e-8

@@ -57,6 +57,15 @@ def test_points_that_stand_in_or_lie_below_the_depth_do_not_count():
     assert rms_from_sphere_m(*given(off_m)) == pytest.approx([0.05 / np.sqrt(19), 0], abs=1e-12)
 
 
+def test_a_point_at_the_depth_of_the_fit_counts():
+    known, spheres = given(np.zeros(40))
+    points, off_m = known.points, 0.125
+    known.body.depth_m, spheres.apex_m = np.full(2, off_m), np.zeros(2)
+    points.z_m = np.where(np.arange(40) % 20 == 0, -off_m, -1.0)
+    points.x_m, points.y_m = X_M[points.hill], Y_M[points.hill]
+    assert rms_from_sphere_m(known, spheres) == pytest.approx(off_m, rel=1e-12)
+
+
 def test_without_a_quadric_the_profile_is_that_of_the_sphere():
     """Z = R - sqrt(R^2 - r^2) = r^2 / 2R + (r^2 / 2R)^2 / 2R + ...: t goes by the depth."""
     quartic_m, rest_m = quartic_profile(*given(np.zeros(400)))

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from contact_cases import E_STAR_PA, scene_of, table
 
+from capslip.contact import accuracy
 from capslip.contact.accuracy import answers, error_of_caps
 from capslip.contact.bulk import bulk_compliance_m_per_N
 from capslip.contact.curve import in_series
@@ -214,3 +215,38 @@ def test_causes_add_as_squares():
     random = beside_the_least(estimate(one_cap(radius_se_m=0.6)))
     together = beside_the_least(estimate(one_cap(**columns, radius_se_m=0.6)))
     assert together == pytest.approx(np.hypot(shape, random), rel=0.01)
+
+
+@pytest.mark.parametrize(("caps", "draws"), [(2, 16), (100, 16), (200, 8), (600, 4)])
+def test_many_caps_are_moved_less_often(caps, draws, monkeypatch):
+    """Sixteen faces of up to a hundred caps, as many caps of more, and four faces at least."""
+    moved = []
+    monkeypatch.setattr(accuracy, "_moved", lambda *_: moved.append(1))
+    monkeypatch.setattr(accuracy, "_change", lambda *_: np.zeros(5))
+    places = np.linspace(0.001, 0.039, caps)
+    scene = scene_of(table(places, places, np.ones(caps), np.zeros(caps)), PRELOAD_N, SIDE_M)
+    assert accuracy._random_error(scene, None, np.ones(5), 0.0, WITH_BULK) == 0.0
+    assert len(moved) == draws
+
+
+def test_moved_caps_are_higher_and_by_a_logarithm_wider():
+    scene = scene_of(table([0.01, 0.05], [0.02, 0.03], [20.0, 5.0], [0.0, 0.0]), PRELOAD_N, SIDE_M)
+    up_m, wide = np.array([3e-8, 1e-8]), np.array([-0.1, 0.3])
+    moved = accuracy._moved(scene, RUNG.build(scene), up_m, wide, WITH_BULK)
+    assert moved.radius_m == pytest.approx(np.array([20.0, 5.0]) * np.exp(wide))
+    assert moved.depth_m == pytest.approx(up_m.max() - up_m, abs=1e-20)
+
+
+@pytest.mark.parametrize("alignment", ["balanced", "as_levelled"])
+def test_moved_caps_are_balanced_anew_where_the_face_turns(alignment, monkeypatch):
+    asked = []
+
+    def rebalanced(caps, before, use, at_m, chosen, start_m):
+        asked.append(caps.peak_height_m.tolist())
+        return caps, start_m
+
+    monkeypatch.setattr(accuracy, "rebalanced", rebalanced)
+    scene = scene_of(table([0.01, 0.05], [0.02, 0.03], [20.0, 5.0], [0.0, 0.0]), PRELOAD_N, SIDE_M)
+    chosen = settings(f"contact.alignment={alignment}")
+    accuracy._moved(scene, RUNG.build(scene), np.array([3e-8, 1e-8]), np.zeros(2), chosen)
+    assert asked == ([[3e-8, 1e-8]] if alignment == "balanced" else [])

@@ -11,11 +11,11 @@ from capslip.caps.families import group_families
 from capslip.caps.fit import fit_caps
 from capslip.caps.hills import find_hills
 from capslip.contact.bulk import without_bulk
+from capslip.contact.certificate import unmodelled_area_m2
 from capslip.contact.choice import boundary_elements_s, choose_model
 from capslip.contact.material import composite
 from capslip.contact.models.caps import caps as caps_curve
 from capslip.contact.models.interacting import interacting
-from capslip.contact.outside import unmodelled_area_m2
 from capslip.contact.rung import Scene, ladder
 from capslip.contact.slip import slip_curve
 from capslip.settings import load_settings
@@ -237,6 +237,19 @@ def test_unmodelled_area_is_that_of_a_plateau_above_the_plane():
     assert unmodelled_area_m2(lower, *area[1:], 2 * approach_m) > 0.0
 
 
+@pytest.mark.parametrize(("outside", "found"), [(18, False), (19, True)])
+def test_a_block_of_which_half_lies_on_hills_is_not_asked(outside, found):
+    """Blocks of 6 x 6 points, one of them above the plane."""
+    height_m = np.full((600, 606), -1.0)
+    height_m[300:306, 12:18] = 1e-6
+    label = np.zeros(height_m.shape, dtype=int)
+    label[300:306, 12:18] = np.where(np.arange(36) < 36 - outside, 1, 0).reshape(6, 6)
+    surface = HeightMap(height_m, (1e-4, 2e-4))
+    curve = interacting([20.0], [0.0], [0.1], [0.05], E_STAR_PA)
+    area_m2 = unmodelled_area_m2(surface, label, curve, 1e-7, 0.0, 0.0)
+    assert area_m2 == pytest.approx(36 * 2e-8 * found)
+
+
 def test_the_bulk_term_stays_where_nothing_would_be_left():
     alone = caps_curve([20.0], [0.0], E_STAR_PA)
     approach_m = float(alone.approach_m(100.0))
@@ -253,13 +266,14 @@ def test_boundary_elements_take_longer_on_finer_grids():
     assert boundary_elements_s((400, 600)) > 4 * boundary_elements_s((200, 300))
 
 
+@pytest.mark.parametrize("softer", [1.0, 1e-6])  # 300 N and 0.3 mN
 @pytest.mark.parametrize("rim", [1.02, 1.05, 1.2])
-def test_the_flank_beside_a_contact_does_not_touch(rim):
+def test_the_flank_beside_a_contact_does_not_touch(rim, softer):
     """Outside its contact a pressed sphere gapes (Hertz), however close its hill ends there."""
     x0_m, y0_m, radius_m, top_m = SPREAD[0]
     surface = caps_map(SPREAD[:1], SHAPE, PIXEL_M, -1e-6)
-    curve = interacting([radius_m], [0.0], [x0_m], [y0_m], E_STAR_PA)
-    approach_m = float(curve.approach_m(300.0))
+    curve = interacting([radius_m], [0.0], [x0_m], [y0_m], softer * E_STAR_PA)
+    approach_m = float(curve.approach_m(softer * 300.0))
     a_m = float(np.sqrt(approach_m * radius_m))
     y_m, x_m = ((np.arange(n) + 0.5) * 2e-4 for n in SHAPE)
     r_m = np.hypot(x_m - x0_m, y_m[:, None] - y0_m)

@@ -8,6 +8,7 @@ import pytest
 
 from capslip.caps.families import group_families
 from capslip.caps.table import CapFlag, CapTable
+from capslip.contact import doubts
 from capslip.contact.doubts import contact_doubts, material_doubts
 from capslip.settings import Material
 
@@ -180,3 +181,9 @@ def test_materials_are_doubted_just_beyond_their_thresholds(modulus_Pa, friction
         youngs_modulus_Pa=modulus_Pa, poisson_ratio=(0.3, 0.3), friction_coefficient=friction
     )
     assert [p.code for p in material_doubts(material)] == codes
+
+
+@pytest.mark.parametrize(("beta", "coupled"), [(0.1, False), (-0.1, False), (-0.1001, True)])
+def test_materials_are_coupled_beyond_a_tenth(beta, coupled, monkeypatch):
+    monkeypatch.setattr(doubts, "dundurs_beta", lambda *_: beta)
+    assert bool(material_doubts(Material())) == coupled

@@ -2,13 +2,14 @@
 
 import json
 from functools import cache
+from unittest.mock import patch
 
 import numpy as np
 import pytest
 from scipy.ndimage import gaussian_filter
 
 import capslip
-from capslip.contact.levelling import block_means, turned
+from capslip.contact.levelling import UNSETTLED, _Search, block_means, find_level, turned
 from capslip.settings import load_settings
 from capslip.surface.heightmap import HeightMap
 from capslip.surface.readers import load_surface
@@ -228,6 +229,45 @@ def test_the_cut_that_is_fixed_stays_and_says_what_it_misses():
     assert table["material_ratio"] == 0.1
     assert table["cut_certified"] is False
     assert "cut_too_high" in {p.code for p in found.problems}
+
+
+@pytest.mark.parametrize("rise_m", [5e-8, 1.5e-7, -1e-7])
+def test_families_survive_a_bow_that_the_contact_feels_and_the_face_is_told(rise_m):
+    y, x = (np.linspace(-1.0, 1.0, n) for n in SHAPE)
+    bowed = HeightMap(face().height_m + rise_m * (x**2 + 0.5 * y[:, None] ** 2), PIXEL_M)
+    found = analyzed(bowed)
+    same_families(plain(face), found, rel=2e-2)
+    assert "bow_left" in {problem.code for problem in found.problems}
+    assert found.contact.approach_m != pytest.approx(plain(face).contact.approach_m, rel=1e-3)
+
+
+def test_what_lies_below_all_that_touches_does_not_decide_the_noise():
+    quiet = face()
+    rough = np.random.default_rng(5).normal(0.0, 2e-8, SHAPE)
+    low = quiet.height_m < np.quantile(quiet.height_m, 0.5)
+    loud = HeightMap(np.where(low, quiet.height_m - 2e-7 + rough, quiet.height_m), PIXEL_M)
+    one, other = (find_level(surface, load_settings()) for surface in (quiet, loud))
+    assert one.hills.noise_m < 1e-12
+    assert other.hills.noise_m < 1e-12
+    assert other.hills.n_hills == one.hills.n_hills
+    assert other.slope == pytest.approx(one.slope, rel=1e-6)
+
+
+def test_a_search_that_only_pixels_keep_awake_ends_and_says_what_still_moves():
+    # A thousand hills of few pixels: in every turn some pixel crosses the depth of its fit
+    z = gaussian_filter(np.random.default_rng(8).standard_normal((300, 400)), 2.0)
+    surface = HeightMap(2e-7 * z / z.std(), (2e-5, 2e-5))
+    turns, press = [], _Search._press
+
+    def counted(self, fitted, slope):
+        turns.append(self.surface.shape == surface.shape)
+        return press(self, fitted, slope)
+
+    with patch.object(_Search, "_press", counted):
+        level = find_level(surface, load_settings(overrides=("contact.preload_N=20",)))
+    assert 0.0 < level.moved < UNSETTLED
+    assert level.hills.n_hills > 500
+    assert sum(turns) < 50
 
 
 def test_block_means_keep_planes_and_mirrors():

@@ -7,11 +7,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from contact_cases import E_STAR_PA, scene_of, table
 
 import capslip
 from capslip import registry
 from capslip.contact import models
-from capslip.contact.rung import Scene, ladder, rung
+from capslip.contact.models.caps import caps as caps_curve
+from capslip.contact.rung import Scene, contacts_of_caps, ladder, rung
 from capslip.errors import SettingsError
 from scenes import caps_map
 
@@ -134,3 +136,22 @@ def test_a_new_file_takes_part_in_the_automatic_choice(register):
     found, caps = run("toy"), run("caps")
     assert found.contact.estimated_error == caps.contact.estimated_error
     assert found.contact.estimated_error is not None
+
+
+def test_the_contacts_of_caps_are_hertzian_and_their_resultant_lies_between_them():
+    """Two spheres of one radius, the second too low to touch, and a third sphere."""
+    x_m, y_m = np.array([0.01, 0.02, 0.05]), np.array([0.03, 0.01, 0.02])
+    radius_m, low_m = np.array([20.0, 20.0, 5.0]), np.array([0.0, 9e-7, 1e-7])
+    scene = scene_of(table(x_m, y_m, radius_m, -low_m), 50.0)
+    curve = caps_curve(radius_m, low_m, E_STAR_PA)
+    found = contacts_of_caps(scene, curve, 4e-7)
+    depth_m = np.array([4e-7, 0.0, 3e-7])
+    load_N = 4 / 3 * E_STAR_PA * np.sqrt(radius_m) * depth_m**1.5
+    assert found.load_N == pytest.approx(load_N)
+    assert found.count == 2
+    assert found.area_m2 == pytest.approx(np.pi * (radius_m * depth_m).sum())
+    pressure_Pa = 2 * E_STAR_PA / np.pi * np.sqrt(depth_m / radius_m)
+    assert found.max_pressure_Pa == pytest.approx(pressure_Pa.max())
+    assert found.resultant_m == pytest.approx(
+        (load_N @ x_m / load_N.sum(), load_N @ y_m / load_N.sum())
+    )

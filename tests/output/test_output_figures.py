@@ -19,16 +19,6 @@ from scenes import caps_map
 NEED_NO_CAP = {"height_map", "hills_and_caps"}
 
 
-@pytest.fixture
-def one():
-    return output_cases.one()
-
-
-@pytest.fixture
-def several():
-    return output_cases.several()
-
-
 def curve(figure, label):
     """Return the data of one line of a figure."""
     lines = [line for axes in figure.axes for line in axes.get_lines()]

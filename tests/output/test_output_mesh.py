@@ -1,20 +1,9 @@
 """Meshes: geometry against closed forms, and the files."""
 
 import numpy as np
-import output_cases
 import pytest
 
 from capslip.output.mesh import cap_mesh, face_mesh, write_meshes
-
-
-@pytest.fixture
-def none():
-    return output_cases.none()
-
-
-@pytest.fixture
-def several():
-    return output_cases.several()
 
 
 def triangle_vectors(points, cells):

@@ -14,16 +14,6 @@ from capslip.settings import load_settings
 from capslip.surface.heightmap import Origin
 
 
-@pytest.fixture
-def none():
-    return output_cases.none()
-
-
-@pytest.fixture
-def several():
-    return output_cases.several()
-
-
 class Page(HTMLParser):
     """Tags with their attributes, and the visible text."""
 

@@ -1,8 +1,10 @@
 """The one table of quantities: every place exists, and every way of writing is right."""
 
+import numpy as np
 import output_cases
 import pytest
 
+from capslip.output.quantity import engineering, scaled
 from capslip.output.rows import QUANTITIES, SCALES, Value, value, write_text
 from capslip.output.terminal import result_lines
 
@@ -94,6 +96,23 @@ def test_how_a_value_is_written(found, unit, spec, text):
 )
 def test_a_prefix_changes_at_a_thousand(found, text):
     assert format(Value(found, "N"), "") == text
+
+
+@pytest.mark.parametrize(("power", "prefix"), [*zip(range(-15, 15, 3), "fpnµm kMGT", strict=True)])
+def test_every_prefix_is_that_of_its_power(power, prefix):
+    assert engineering(3.21 * 10.0**power, "N") == f"3.21 {prefix.strip()}N"
+    assert engineering(-999.0 * 10.0**power, "N") == f"-999 {prefix.strip()}N"
+    values, unit = scaled(np.array([np.nan, -2.0, 50.0]) * 10.0**power, "N")
+    assert unit == f"{prefix.strip()}N"
+    assert values == pytest.approx([np.nan, -2.0, 50.0], nan_ok=True)
+
+
+def test_beyond_the_prefixes_the_last_one_stays():
+    assert engineering(1e-17, "N") == "0.01 fN"
+    assert engineering(1e15, "N") == "1e+03 TN"
+    assert engineering(12.346, "N", 4) == "12.35 N"
+    assert [engineering(x, "N") for x in (np.inf, np.nan, None)] == ["–"] * 3
+    assert scaled([0.0, np.nan], "N")[1] == scaled([], "N")[1] == "N"
 
 
 def test_scales_are_those_of_their_prefix():

@@ -24,16 +24,6 @@ def python(code):
     return (sys.executable, "-c", code)
 
 
-@pytest.fixture
-def none():
-    return output_cases.none()
-
-
-@pytest.fixture
-def several():
-    return output_cases.several()
-
-
 @pytest.fixture(scope="module")
 def result(tmp_path_factory):
     folder = tmp_path_factory.mktemp("result")

@@ -4,17 +4,11 @@ from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
-import output_cases
 import pytest
 
 from capslip.caps.table import CapFlag
 from capslip.problems import Problem
-from capslip.result import _cell, _limit, _plain
-
-
-@pytest.fixture(scope="module")
-def several():
-    return output_cases.several()
+from capslip.result import _alignment, _cell, _limit, _plain
 
 
 @pytest.mark.parametrize(
@@ -88,6 +82,28 @@ def test_what_is_plain():
 )
 def test_how_a_cell_of_the_table_is_written(value, text):
     assert _cell(value) == text
+
+
+@pytest.mark.parametrize(
+    ("level_slope", "tilt_rad", "expected", "alignment"),
+    [
+        (None, (0.0, 0.0), (0.0, 0.0), "as_levelled"),
+        (None, (0.0, -2e-6), (0.0, -2e-6), "balanced"),
+        (np.array([3e-6, 1e-6]), (0.0, 0.0), (3e-6, 1e-6), "balanced"),
+        (np.array([3e-6, 1e-6]), (1e-6, -2e-6), (4e-6, -1e-6), "balanced"),
+    ],
+)
+def test_the_tilt_is_that_of_level_and_contact_together(
+    level_slope, tilt_rad, expected, alignment, several
+):
+    """The face is 30 mm along x and 20 mm along y."""
+    level = None if level_slope is None else SimpleNamespace(slope=level_slope)
+    contact = replace(several.contact, tilt_rad=tilt_rad)
+    found = _alignment(replace(several, contact=contact, level=level))
+    assert found["tilt_rad"] == pytest.approx(expected)
+    across_m = 0.03 * abs(expected[0]) + 0.02 * abs(expected[1])
+    assert found["tilt_across_face_m"] == pytest.approx(across_m)
+    assert found["alignment"] == alignment
 
 
 def test_seconds_from_outside_stand_beside_those_of_the_stages(several):

@@ -118,6 +118,23 @@ def test_more_than_a_twentieth_of_steep_slopes_is_doubted(n_steps, said):
     assert ("slope_suspect" in codes(found)) == said
 
 
+@pytest.mark.parametrize(("n_steep", "said"), [(2, False), (3, True)])
+def test_a_twentieth_of_steep_slopes_is_none(n_steep, said):
+    """Of 40 slopes; a corner has two of them, another point on the edge three."""
+    height_m = np.zeros((5, 5))
+    height_m[0, n_steep - 2] = 1.5
+    found = problems_of_map(HeightMap(height_m, (1.0, 1.0)), 1.0, 1.5)
+    assert ("slope_suspect" in codes(found)) == said
+
+
+def test_every_line_of_a_small_map_has_its_slopes():
+    height_m = np.zeros((9, 11))
+    height_m[:, 5] = 40e-6  # two steep steps of ten along x, none along y
+    found = problems_of_map(HeightMap(height_m, (1e-6, 1e-6)), 40e-6, 4e-6)
+    assert f"{100 * 18 / (9 * 10 + 8 * 11):.1f} % of the slopes" in found[0].message
+    assert f"rms slope {40 * np.sqrt(18 / (9 * 10 + 8 * 11)):.2g}" in found[0].message
+
+
 def test_slopes_are_sampled_on_a_hundred_lines_and_need_no_measured_point():
     surface = ramp(2.0, 0.0, (1e-6, 1e-6), (20, 400))
     height_m = surface.height_m.copy()
@@ -159,6 +176,7 @@ def test_a_doubt_about_units_is_raised_just_beyond_its_threshold(pixel_m, sz_m, 
     ("highest_m", "sz_m", "expected"),
     [
         (15.0, 30.0, {}),
+        (15.0, 30.1, {"outliers": "info"}),
         (14.9, 30.1, {"outliers": "info"}),
         (15.1, 30.1, {"outliers": "warning"}),
     ],

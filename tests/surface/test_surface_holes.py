@@ -30,6 +30,15 @@ def test_a_hole_hides_hills_from_the_size_of_a_hill_on(place_m):
     assert problems_of_holes(without(disc(*place_m, 2.9e-3)), 3e-3) == ()
 
 
+@pytest.mark.parametrize(("hill_m", "hides"), [(2.4e-3, True), (2.6e-3, False)])
+def test_a_hole_is_seen_point_by_point_where_hills_are_small(hill_m, hides):
+    """Five by five points: a disc of three pixels but for the half of one that is measured."""
+    height_m = np.zeros((20, 20))
+    height_m[7:12, 3:8] = np.nan
+    found = problems_of_holes(HeightMap(height_m, (1e-3, 1e-3)), hill_m)
+    assert bool(found) == hides
+
+
 def test_a_narrow_hole_hides_no_hill_however_long():
     assert problems_of_holes(without((np.abs(Y_M - 0.015) < 2.5e-3) & (X_M > 1e-3)), 3e-3) == ()
 

@@ -20,7 +20,7 @@ from capslip.errors import (
     UnusableSurfaceError,
 )
 from capslip.surface.heightmap import HeightMap
-from capslip.surface.readers import formats, load_surface
+from capslip.surface.readers import FORMATS, load_surface
 from capslip.surface.readers.hdf5 import write_hdf5
 
 HEIGHTS = np.random.default_rng(5).standard_normal((20, 30))
@@ -290,10 +290,10 @@ def test_writing_refuses_unknown_units_and_folders(tmp_path):
 
 
 def test_formats_names_every_reader():
-    assert " ".join(row.name for row in formats()) == (
+    assert " ".join(row.name for row in FORMATS) == (
         "hdf5 npy x3p sdf mat tiff gwyddion xyz text vendor"
     )
-    assert all(row.extensions and row.note for row in formats())
+    assert all(row.extensions and row.note for row in FORMATS)
 
 
 def test_registry_imports_no_reading_library():

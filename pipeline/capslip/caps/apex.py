@@ -127,12 +127,11 @@ def _fall_per_point_m(points: HillPoints, highest_m: np.ndarray, depth_m: np.nda
 def on_hill(surface: HeightMap, hills: Hills, quadric: Quadrics) -> np.ndarray:
     """Tell whether each vertex exists and lies over its own hill, or over a hole in the map."""
     (ny, nx), (dy_m, dx_m) = surface.shape, surface.pixel_size_m
-    row = np.where(quadric.exists, quadric.y_m / dy_m, -1.0)
-    col = np.where(quadric.exists, quadric.x_m / dx_m, -1.0)
+    row, col = quadric.y_m / dy_m, quadric.x_m / dx_m  # NaN where there is none
     inside = (row >= 0.0) & (row < ny) & (col >= 0.0) & (col < nx)
-    row, col = (np.where(inside, place, 0.0).astype(np.intp) for place in (row, col))
-    own = hills.label[row, col] == np.arange(1, len(row) + 1)
-    return inside & (own | np.isnan(surface.height_m[row, col]))
+    at = tuple(np.where(inside, place, 0.0).astype(np.intp) for place in (row, col))
+    own = hills.label[at] == np.arange(1, len(row) + 1)
+    return inside & (own | np.isnan(surface.height_m[at]))
 
 
 def _summit(points: HillPoints, quadric: Quadrics) -> np.ndarray:

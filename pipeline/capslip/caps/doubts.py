@@ -12,13 +12,12 @@ from capslip.surface.doubts import VISIBLE_FORM
 from capslip.surface.heightmap import HeightMap
 
 BOW_LEVEL = 0.01  # of the F-test that the peaks lie on a bow
-MEANING = {  # of the flags of caps that are usable
+MEANING = {  # of the flags of caps that hills can have
     CapFlag.edge: "touch the edge of the map: part of them was not measured",
     CapFlag.non_measured: "touch a patch of non-measured points",
     CapFlag.plateau: "have a flat top (clipped sensor or quantised heights)",
     CapFlag.noisy_apex: "are less than ten times as high as the noise",
     CapFlag.apex_off_surface: "have no fitted apex on the hill: its highest place stands in",
-    CapFlag.few_points: "have too few points for their errors to be known",
     CapFlag.ridge: "are ridges rather than caps",
     CapFlag.several_peaks: "have several peaks",
     CapFlag.outlier: "are unlike all others in size",
@@ -113,8 +112,8 @@ def bow_of_peaks(caps: CapTable) -> tuple[float, float]:
     n_free = member.size - families.size - 5  # less two slopes and three curvatures
     if n_free < 1:
         return 0.0, 1.0
-    side_m = max(np.ptp(caps.x_m[member]), np.ptp(caps.y_m[member]))
-    u, v = ((at_m - at_m.mean()) / side_m for at_m in (caps.x_m[member], caps.y_m[member]))
+    place_m = np.stack((caps.x_m[member], caps.y_m[member]))
+    u, v = (place_m - place_m.mean(axis=1, keepdims=True)) / np.hypot(*np.ptp(place_m, axis=1))
     plane = np.column_stack([*(caps.family[member] == name for name in families), u, v])
     bowed = np.column_stack([plane, u * u, u * v, v * v])
     by_plane, by_bow = (np.linalg.lstsq(model, peak_m, rcond=None)[0] for model in (plane, bowed))

@@ -183,22 +183,34 @@ def group_families(
     )
 
 
-def slope_of_families(caps: CapTable) -> np.ndarray:
-    """Return the slopes (x, y) of the plane on which the families of a face are levels.
+def surface_of_families(
+    caps: CapTable, at_m: tuple[float, float]
+) -> tuple[np.ndarray, np.ndarray, int]:
+    """Return slopes (x, y) and bow (x^2, x y, y^2) of the surface on which families are levels.
 
-    Zero for fewer than five usable caps. Parameters as for `group_families`.
+    And their number. Slopes and bow are zero for fewer than five usable caps.
+
+    Parameters
+    ----------
+    caps : CapTable
+        As for `group_families`.
+    at_m : (float, float)
+        Place (x, y) of these slopes, from which coordinates count.
     """
     usable = np.flatnonzero(caps.usable)
     if usable.size < LEAST_CAPS:
-        return np.zeros(2)
-    levels = _levels_of(caps, usable)
+        return np.zeros(2), np.zeros(3), 1
+    levels = _levels_of(caps, usable, at_m)
     alike = _alike(_on_plane(caps, usable, levels, 1), usable, free=3)
-    slope: np.ndarray = levels.slope[min(_supported(levels.clusters, alike)[0], 2) - 1]
-    return slope
+    count = _supported(levels.clusters, alike)[0]
+    return levels.slope[min(count, 2) - 1], levels.bow, count
 
 
-def _levels_of(caps: CapTable, usable: np.ndarray) -> Levels:
-    return find_levels(caps.x_m[usable], caps.y_m[usable], caps.peak_height_m[usable])
+def _levels_of(
+    caps: CapTable, usable: np.ndarray, at_m: tuple[float, float] = (0.0, 0.0)
+) -> Levels:
+    x_m, y_m = caps.x_m[usable] - at_m[0], caps.y_m[usable] - at_m[1]
+    return find_levels(x_m, y_m, caps.peak_height_m[usable])
 
 
 def _on_plane(caps: CapTable, usable: np.ndarray, levels: Levels, number: int) -> CapTable:

@@ -19,6 +19,7 @@ from capslip.surface.noise import noise_of_map_m
 
 NOISE_FACTOR = 5.0  # noise alone lifts a point this many standard deviations once in 3.5 million
 SQUARES = (3, 5, 7, 9)  # points; wider ones fill the saddles of hills of usual size
+BLOCK_ROWS = 32
 TOLD_APART = 0.01  # of the relief that is given: saddles from which on hills are told apart
 QUIET = 0.02  # of the relief: what averaging should leave of NOISE_FACTOR times the noise
 
@@ -89,6 +90,7 @@ def find_hills(
     pruning_height_m: float | None = None,
     pruning_percent_Sz: float | None = None,
     relief_m: float | None = None,
+    noise_m: float | None = None,
 ) -> Hills:
     """Cut a height map and separate what stands above the cut into hills, with eight neighbours.
 
@@ -107,6 +109,8 @@ def find_hills(
     relief_m : float, optional
         Height that matters, such as the approach of the face. The noise is then averaged down to
         what does not matter against it, and hills are told apart from a hundredth of it on.
+    noise_m : float, optional
+        What `noise_of_map_m` returned for the map at any level, to save measuring it again.
 
     Returns
     -------
@@ -162,10 +166,13 @@ def find_hills(
     elif pruning_percent_Sz is not None:
         pruning_height_m = pruning_percent_Sz / 100.0 * sz_m
     ratios = (1.0 - material_ratio, 1.0 - material_ratio / 2.0)
-    cut_m, middle_m = (float(height_m) for height_m in np.quantile(heights_m, ratios))
+    n_measured = heights_m.size
+    cut_m, middle_m = np.quantile(heights_m, ratios, overwrite_input=True).tolist()
     least_m = None if relief_m is None else TOLD_APART * relief_m
     relief_m = relief_m or 2.0 * (middle_m - cut_m) or sz_m  # no relief: a plateau
-    return _separate(surface, heights_m.size, cut_m, relief_m, pruning_height_m, least_m)
+    if noise_m is None:
+        noise_m = noise_of_map_m(surface.height_m)
+    return _separate(surface, n_measured, cut_m, relief_m, pruning_height_m, least_m, noise_m)
 
 
 def _check(
@@ -191,10 +198,12 @@ def _separate(
     relief_m: float,
     pruning_m: float | None,
     least_m: float | None,
+    noise_m: float,
 ) -> Hills:
     # A frame of non-measured points spares every later step the edge of the map.
     margin = SQUARES[-1] // 2
-    above_m = np.pad(surface.height_m - cut_m, margin, constant_values=np.nan)
+    above_m = np.full([n + 2 * margin for n in surface.shape], np.nan)
+    np.subtract(surface.height_m, cut_m, out=above_m[margin:-margin, margin:-margin])
     point = np.flatnonzero(above_m >= 0.0)
     n_kept = point.size
     if n_kept < MIN_POINTS:
@@ -202,7 +211,6 @@ def _separate(
             f"{surface.origin.name}: {n_kept} points lie above the cut at {cut_m:.3g} m; expected "
             f"at least {MIN_POINTS}; raise hills.material_ratio or use a finer scan"
         )
-    noise_m = noise_of_map_m(surface.height_m)
     square, noise_left_m = _square(noise_m, relief_m, n_measured / surface.height_m.size)
     _lower_spikes(above_m, point)
     tree, raw_m = _tree(above_m, point, margin, square)
@@ -256,8 +264,11 @@ def _square(noise_m: float, relief_m: float, measured_share: float) -> tuple[int
 def _lower_spikes(above_m: np.ndarray, point: np.ndarray) -> None:
     """Lower single points that exceed all eight neighbours to the highest of these, in place."""
     width, flat_m = above_m.shape[1], above_m.reshape(-1)
+    around = (1, -1, width, -width, width + 1, -width - 1, width - 1, -width + 1)
+    for step in around:
+        point = point[~(flat_m[point + step] >= flat_m[point])]  # True beside a non-measured one
     around_m = flat_m[point - 1]
-    for step in (1, width - 1, -width + 1, width, -width, width + 1, -width - 1):
+    for step in around:
         np.fmax(around_m, flat_m[point + step], out=around_m)
     flat_m[point] = np.fmin(flat_m[point], around_m)
 
@@ -269,11 +280,14 @@ def _tree(
 
     Non-measured points whose mean lies above the cut are in it too, with height NaN.
     """
-    missing = np.isnan(above_m)
-    inner = np.zeros_like(missing)
-    inner[margin:-margin, margin:-margin] = missing[margin:-margin, margin:-margin]
-    point = np.concatenate((point, np.flatnonzero(inner)))
-    mean_m = _mean(above_m, missing, point, side)
+    inner = np.isnan(above_m)
+    for frame in (inner, inner.T):
+        frame[:margin] = frame[-margin:] = False
+    lost = np.flatnonzero(inner)
+    mean_m = _mean(above_m, point, side)
+    if lost.size:
+        point = np.concatenate((point, lost))
+        mean_m = np.concatenate((mean_m, _mean(above_m, lost, side)))
     deep = np.isnan(mean_m)
     if deep.any():
         field_m = np.full(above_m.size, np.nan)
@@ -285,26 +299,40 @@ def _tree(
     return tree, flat_m[tree.point]
 
 
-def _mean(above_m: np.ndarray, missing: np.ndarray, point: np.ndarray, side: int) -> np.ndarray:
-    """Mean of the measured heights in a square about each point, NaN where there is none."""
-    from scipy.ndimage import uniform_filter1d
+def _mean(above_m: np.ndarray, point: np.ndarray, side: int) -> np.ndarray:
+    """Mean of the measured heights in a square about each point, NaN where there is none.
 
-    width, half = above_m.shape[1], side // 2
-    along_row = uniform_filter1d(
-        np.where(missing, 0.0, above_m), side, axis=1, output=np.float64
-    ).reshape(-1)
-    # No point is nearer to the frame than half a square.
-    known = (~missing).view(np.uint8)
-    beside = np.zeros_like(known)
+    Points rise, and none is nearer to the frame than half a square. Some rows at a time: what is
+    computed stays in the cache.
+    """
+    half, (rows, width) = side // 2, above_m.shape
+    mean_m = np.empty(len(point))
+    for first in range(half, rows - half, BLOCK_ROWS):
+        last = min(first + BLOCK_ROWS, rows - half)
+        here = slice(*np.searchsorted(point, (first * width, last * width)))
+        if here.start == here.stop:
+            continue
+        block_m = above_m[first - half : last + half]
+        known = ~np.isnan(block_m)
+        at = point[here] - first * width
+        total = _sums(np.where(known, block_m, 0.0), side).reshape(-1)[at]
+        count = _sums(known.view(np.uint8), side).reshape(-1)[at].astype(np.float64)
+        count[count == 0.0] = np.nan
+        mean_m[here] = total / count
+    return mean_m
+
+
+def _sums(values: np.ndarray, side: int) -> np.ndarray:
+    """Return sums over squares; as many rows less, and columns at both ends without meaning."""
+    rows, width = len(values) - side + 1, values.shape[1]
+    down = values[:rows].copy()
+    for step in range(1, side):
+        down += values[step : step + rows]
+    sums, half = np.zeros_like(down), side // 2
+    inner = sums[:, half : width - half]
     for step in range(side):
-        beside[:, half : width - half] += known[:, step : width - 2 * half + step]
-    count_along_row = beside.reshape(-1)
-    total, count = np.zeros(len(point)), np.zeros(len(point))
-    for step in range(-half, half + 1):
-        total += along_row[point + step * width]
-        count += count_along_row[point + step * width]
-    count[count == 0.0] = np.nan
-    return total * (side / count)
+        inner += down[:, step : step + inner.shape[1]]
+    return sums
 
 
 def _across(field_m: np.ndarray, point: np.ndarray, width: int) -> np.ndarray:

@@ -8,7 +8,7 @@ families. Adding any plane to the map then moves nothing but the slopes.
 """
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import combinations
 
 import numpy as np
@@ -23,6 +23,10 @@ from capslip.caps.clusters import (
 )
 from capslip.caps.simplex import Vertex, minimum
 
+LEAST_BOWED = 12  # caps: fewer fix a bow and two levels, and say little else
+CLEAR = 5.0  # pooled spreads between families that leave no doubt
+LOG_ODDS = 3.0  # 20 to 1, of families
+BOW_ODDS = 5.0  # 150 to 1: planes come first
 LEAST_CAPS = 5  # fewer fix a plane and two levels, and say nothing else
 TRIPLETS = 400  # of caps through which planes are laid to start from
 STARTS = 5  # of them, the best, that are followed
@@ -42,17 +46,21 @@ class Levels:
         clusters are those of the caps sorted by `heights_m(K)`.
     slope : float64, shape (n_splits, 2)
         Slopes along x and y of the planes of each K.
+    bow : float64, shape (3,)
+        Terms of x^2, x y and y^2 that the planes bend by, all alike; zero unless the peaks leave no
+        doubt about it.
     """
 
     clusters: Clusters
     slope: np.ndarray
+    bow: np.ndarray
     _place_m: np.ndarray
     _height_m: np.ndarray
 
     def heights_m(self, count: int) -> np.ndarray:
         """Return the peaks' heights over a plane of `count` families through their middle."""
-        middle_m = self._place_m.mean(axis=0)
-        heights_m: np.ndarray = self._height_m - (self._place_m - middle_m) @ self.slope[count - 1]
+        rise_m = self._place_m @ self.slope[count - 1] + bow_terms(*self._place_m.T) @ self.bow
+        heights_m: np.ndarray = self._height_m - (rise_m - rise_m.mean())
         return heights_m
 
 
@@ -84,6 +92,10 @@ def find_levels(x_m: np.ndarray, y_m: np.ndarray, height_m: np.ndarray) -> Level
     and the best plane of a split, from the least-squares plane and from planes through triplets of
     caps. Their choice depends on the places alone, and so nothing on how the map was levelled.
 
+    The planes may all bend alike: three terms more, with the
+    prior of unit information, the weight of one cap (Kass and Wasserman 1995), and only at odds of
+    150 to 1. A bow of the order of the height between families hides them from any plane.
+
     Examples
     --------
     >>> rng = np.random.default_rng(0)
@@ -99,8 +111,68 @@ def find_levels(x_m: np.ndarray, y_m: np.ndarray, height_m: np.ndarray) -> Level
     if scaled is None:
         slope = _plane_slope(place_m, height_m)
         one = Clusters((np.array([len(x_m)]),), np.zeros(1), np.full(1, np.nan))
-        return Levels(one, slope[None], place_m, height_m)
-    n = len(x_m)
+        return Levels(one, slope[None], np.zeros(3), place_m, height_m)
+    clusters, slopes = _on_planes(scaled)
+    terms = bow_terms(*place_m[order].T)
+    bow = _bow(scaled, terms, clusters, slopes)
+    bent = _Scaled.of(place_m[order], height_m[order] - terms @ bow) if bow.any() else None
+    if bent is not None:
+        scaled = bent
+        clusters, slopes = _on_planes(scaled)
+    return Levels(clusters, scaled.in_metres(slopes), bow, place_m, height_m)
+
+
+def bow_terms(x_m: np.ndarray, y_m: np.ndarray) -> np.ndarray:
+    """Return x^2, x y and y^2, shape (n, 3)."""
+    return np.column_stack((x_m**2, x_m * y_m, y_m**2))
+
+
+def _clear(clusters: Clusters) -> bool:
+    """Tell whether planes show two families or more without doubt."""
+    evidence, separation = clusters.log_evidence, clusters.separation
+    best = int(np.argmax(evidence))
+    return best > 0 and bool(separation[best] >= CLEAR and evidence[best] > evidence[0] + LOG_ODDS)
+
+
+def _bow(
+    scaled: "_Scaled", terms: np.ndarray, clusters: Clusters, slopes: np.ndarray
+) -> np.ndarray:
+    """Return the bow of one family or of two on bent planes, zero unless it is far likelier.
+
+    Where planes show clear families, the bow is sought beside these alone.
+    """
+    n = len(scaled.z)
+    none = np.zeros(3)
+    if n < LEAST_BOWED:
+        return none
+    unit = np.abs(terms - terms.mean(axis=0)).max(axis=0)
+    flat = np.column_stack((np.ones(n), scaled.place))
+    bent = (terms - terms.mean(axis=0)) / unit
+    bent = bent - flat @ np.linalg.lstsq(flat, bent, rcond=None)[0]
+    if np.linalg.svd(bent, compute_uv=False)[-1] < 1e-3:
+        return none  # the places fix no bow
+    curved = replace(scaled, place=np.column_stack((scaled.place, bent)))
+    log_factorial = np.append(0.0, np.cumsum(np.log(np.arange(1.0, n + 1.0))))
+    found = []
+    for count in (1, 2):
+        if count == 1:
+            slope = np.linalg.lstsq(curved.place, scaled.z, rcond=None)[0]
+            splits = np.array([[n]])
+        else:
+            clear = np.pad(slopes[1:2], ((0, 0), (0, 3)))
+            slope, _ = curved.best(clear if _clear(clusters) else curved.starts(), 2)
+            low = np.arange(1, n)
+            splits = np.column_stack((low, n - low))
+        rank = np.argsort(scaled.z - curved.place @ slope, kind="stable")
+        evidence = float(np.logaddexp.reduce(curved.log_evidence(rank, splits, log_factorial)))
+        found.append((evidence, slope[2:] * scaled.height / unit))
+    evidence, bow = max(found, key=lambda one: one[0])
+    return bow if evidence - clusters.log_evidence.max() >= BOW_ODDS else none
+
+
+def _on_planes(scaled: "_Scaled") -> tuple[Clusters, np.ndarray]:
+    """Return the splits into families on parallel planes, and the slopes of these."""
+    n = len(scaled.z)
     log_factorial = np.append(0.0, np.cumsum(np.log(np.arange(1.0, n + 1.0))))
     planes = scaled.starts()
     slopes, sizes, evidence = [np.zeros(2)], [np.array([n])], []
@@ -123,8 +195,7 @@ def find_levels(x_m: np.ndarray, y_m: np.ndarray, height_m: np.ndarray) -> Level
     for i, split in enumerate(sizes):
         if n > len(split) + 2:
             separation[i] *= math.sqrt((n - len(split) - 2) / (n - len(split)))
-    clusters = Clusters(tuple(sizes), np.array(evidence), np.array(separation))
-    return Levels(clusters, scaled.in_metres(np.array(slopes)), place_m, height_m)
+    return Clusters(tuple(sizes), np.array(evidence), np.array(separation)), np.array(slopes)
 
 
 def _plane_slope(place: np.ndarray, z: np.ndarray) -> np.ndarray:
@@ -148,6 +219,7 @@ class _Scaled:
     z: np.ndarray  # (n,), of mean zero
     slope_m: np.ndarray  # of the plane that was taken off
     unit: float  # slope of 1 here, in metres over metres
+    height: float  # in metres, of 1 here
 
     @classmethod
     def of(cls, place_m: np.ndarray, height_m: np.ndarray) -> "_Scaled | None":
@@ -163,7 +235,7 @@ class _Scaled:
         height, length = float(np.ptp(z_m)), float(size[0]) / math.sqrt(len(height_m))
         if height <= 1e-12 * float(np.ptp(height_m)):
             return None
-        return cls(centred_m / length, z_m / height, slope_m, height / length)
+        return cls(centred_m / length, z_m / height, slope_m, height / length, height)
 
     def in_metres(self, slope: np.ndarray) -> np.ndarray:
         metres: np.ndarray = slope * self.unit + self.slope_m
@@ -171,21 +243,18 @@ class _Scaled:
 
     def starts(self) -> np.ndarray:
         """Return slopes of planes to start from: least squares, and through triplets of caps."""
-        n = len(self.z)
-        if math.comb(n, 3) <= TRIPLETS:
-            triplets = np.array(list(combinations(range(n), 3)))
+        n, free = self.place.shape
+        if math.comb(n, 3) <= TRIPLETS and free == 2:
+            tuples = np.array(list(combinations(range(n), 3)))
         else:
-            triplets = np.random.default_rng(0).integers(n, size=(4 * TRIPLETS, 3))
-        first, second, third = (self.place[triplets[:, i]] for i in range(3))
-        a, b = second - first, third - first
-        area = a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]
+            tuples = np.random.default_rng(0).integers(n, size=(4 * TRIPLETS, free + 1))
+        edge = self.place[tuples[:, 1:]] - self.place[tuples[:, :1]]
+        area = np.linalg.det(edge)
         wide = np.argsort(-np.abs(area), kind="stable")[:TRIPLETS]
         wide = wide[np.abs(area[wide]) > 1e-6]
-        rise = self.z[triplets[wide]]
-        up, vp = rise[:, 1] - rise[:, 0], rise[:, 2] - rise[:, 0]
-        a, b, area = a[wide], b[wide], area[wide]
-        slope = np.stack([up * b[:, 1] - vp * a[:, 1], vp * a[:, 0] - up * b[:, 0]], axis=1)
-        return np.concatenate((np.zeros((1, 2)), slope / area[:, None]))
+        rise = self.z[tuples[wide, 1:]] - self.z[tuples[wide, :1]]
+        slope = np.linalg.solve(edge[wide], rise[..., None])[..., 0]
+        return np.concatenate((np.zeros((1, free)), slope))
 
     def best(self, planes: np.ndarray, count: int) -> tuple[np.ndarray, np.ndarray]:
         """Return slopes and sizes of the least sum of squares within `count` families."""
@@ -217,13 +286,12 @@ class _Scaled:
     def _slope_of(self, group: np.ndarray, size: np.ndarray) -> np.ndarray:
         """Return the slopes of the parallel planes that fit the groups best."""
         columns = np.column_stack((self.place, self.z))
-        for i in range(3):
+        for i in range(columns.shape[1]):
             columns[:, i] -= (np.bincount(group, columns[:, i], len(size)) / size)[group]
-        place, z = columns[:, :2], columns[:, 2]
+        place, z = columns[:, :-1], columns[:, -1]
         normal = place.T @ place
-        determinant = normal[0, 0] * normal[1, 1] - normal[0, 1] ** 2
-        if determinant <= 1e-9 * normal[0, 0] * normal[1, 1]:
-            return np.zeros(2)
+        if np.linalg.det(normal) <= 1e-9 * np.prod(np.diag(normal)):
+            return np.zeros(len(normal))
         slope: np.ndarray = np.linalg.solve(normal, place.T @ z)
         return slope
 
@@ -232,8 +300,9 @@ class _Scaled:
     ) -> np.ndarray:
         """Log evidence of normal families, for each split of the caps in the order of `rank`."""
         n, count = len(self.z), sizes.shape[-1]
+        bent = self.place.shape[1] - 2
         columns = np.column_stack((np.ones(n), self.place, self.z))[rank]
-        total = np.concatenate((np.zeros((1, 4)), np.cumsum(columns, axis=0)))
+        total = np.concatenate((np.zeros((1, columns.shape[1])), np.cumsum(columns, axis=0)))
         ends = np.cumsum(sizes, axis=-1)
         sums = total[ends] - total[ends - sizes]  # (n_splits, K, 4)
         outer = np.einsum("ski,skj->skij", sums, sums)
@@ -242,10 +311,12 @@ class _Scaled:
         for ratio, odds in WIDTH_RATIOS2 if count > 1 else [(0.0, 1.0)]:
             weight = ratio / (1.0 + ratio * sizes)
             M = square - np.einsum("sk,skij->sij", weight, outer)
-            place, cross = M[:, :3, :3], M[:, :3, 3]
-            log_det = np.linalg.slogdet(place)[1]
-            explained = (cross * np.linalg.solve(place, cross[..., None])[..., 0]).sum(axis=-1)
-            rest = np.maximum(M[:, 3, 3] - explained, 1e-13 * square[3, 3])
+            log_det = np.linalg.slogdet(M[:, :3, :3])[1]
+            rest = M[:, -1, -1] - _explained(M, 3)
+            if bent:  # a prior of the weight of one cap
+                rest = (rest + n * (M[:, -1, -1] - _explained(M, 3 + bent))) / (1.0 + n)
+                log_det += bent * math.log(1.0 + n)
+            rest = np.maximum(rest, 1e-13 * square[-1, -1])
             log_widths = np.log1p(ratio * sizes).sum(axis=-1) + log_det
             log_shapes.append(math.log(odds) - 0.5 * log_widths - 0.5 * (n - 3) * np.log(rest))
         log_members = log_factorial[n] - log_factorial[sizes].sum(axis=-1)
@@ -305,6 +376,14 @@ class _Scaled:
             four = np.argsort(-distance, kind="stable")[:4].tolist()
         dependency = np.linalg.svd(places[four].T)[2][-1]
         return np.array(four) + np.where(dependency > 0, 0, n)
+
+
+def _explained(M: np.ndarray, unknowns: int) -> np.ndarray:
+    """Return the sum of squares that so many unknowns explain, of moments (n_splits, k, k)."""
+    cross = M[:, :unknowns, -1]
+    solved = np.linalg.solve(M[:, :unknowns, :unknowns], cross[..., None])[..., 0]
+    explained: np.ndarray = (cross * solved).sum(axis=-1)
+    return explained
 
 
 def _best_split(z: np.ndarray, count: int) -> np.ndarray:

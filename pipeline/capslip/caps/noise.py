@@ -11,6 +11,7 @@ from capslip.surface.noise import mixed_difference, on_lattice, rms_of_noise_m
 
 SAMPLES = 8000  # stencils at each spacing: the median is then good to 1 %
 SPACINGS = (1, 2, 4, 8)
+HIGHEST = 0.1  # share of the points of a face that rests, of which its noise is taken
 LEVELLED = 2.5  # growth from one spacing to the next below which the noise counts as seen in full
 
 
@@ -24,10 +25,13 @@ class Noise:
         Standard deviation.
     inflation : float
         Standard error of a mean of many neighbouring points, over that for white noise.
+    neighbours_m : float
+        What neighbouring points show of it: of white noise, all.
     """
 
     rms_m: float
     inflation: float
+    neighbours_m: float
 
 
 def noise_on_hills(surface: HeightMap, points: HillPoints) -> Noise:
@@ -59,14 +63,29 @@ def noise_on_hills(surface: HeightMap, points: HillPoints) -> Noise:
     return noise_at(surface, points.row[some], points.col[some])
 
 
+def noise_at_rest(surface: HeightMap, rest_slope: tuple[float, float]) -> Noise:
+    """Return the noise of the highest tenth of a face as it rests.
+
+    No level, no cut and no point that lies below all that touches decides it.
+    """
+    shape, share = surface.shape, HIGHEST
+    every = max(1, math.isqrt(int(math.prod(shape) * share / SAMPLES)))
+    row, col = (np.flatnonzero(on_lattice(np.arange(n), n, every)) for n in shape)
+    (dy_m, dx_m), (slope_x, slope_y) = surface.pixel_size_m, rest_slope
+    height_m = surface.height_m[np.ix_(row, col)] - slope_x * dx_m * col
+    height_m -= (slope_y * dy_m * row)[:, None]
+    i, j = np.nonzero(height_m >= np.nanquantile(height_m, 1.0 - share))
+    return noise_at(surface, row[i], col[j])
+
+
 def noise_at(surface: HeightMap, row: np.ndarray, col: np.ndarray) -> Noise:
     """Measure the noise about some points of a map, given by row and column."""
     seen_m: list[float] = []
     for spacing in SPACINGS:
         seen_m.append(_seen_m(surface.height_m, row, col, spacing))
         if len(seen_m) > 1 and seen_m[-1] <= LEVELLED * seen_m[-2]:
-            return Noise(max(seen_m[-2:]), _inflation(seen_m))
-    return Noise(seen_m[0], 1.0)
+            return Noise(max(seen_m[-2:]), _inflation(seen_m), seen_m[0])
+    return Noise(seen_m[0], 1.0, seen_m[0])
 
 
 def _inflation(seen_m: list[float]) -> float:

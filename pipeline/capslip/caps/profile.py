@@ -53,7 +53,7 @@ def quartic_profile(given: FitInput, spheres: Spheres) -> tuple[np.ndarray, np.n
     basis = np.stack([np.ones_like(t), 2.0 * t - 1.0, 6.0 * t * (t - 1.0) + 1.0])
     normal = np.array([[total(one * other) for other in basis] for one in basis]).transpose(2, 0, 1)
     right = np.array([total(one * fall_m) for one in basis]).T
-    known = (count >= MIN_POINTS) & (np.linalg.matrix_rank(normal, hermitian=True) == len(basis))
+    known = (count >= MIN_POINTS) & (np.linalg.matrix_rank(normal) == len(basis))
     c = np.full((3, points.n_hills), np.nan)
     c[:, known] = np.linalg.solve(normal[known], right[known][..., None])[..., 0].T
     square_m2 = total((fall_m - (c[:, hill] * basis).sum(axis=0)) ** 2)

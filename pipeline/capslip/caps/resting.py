@@ -15,6 +15,7 @@ from capslip.errors import SettingsError, UnusableSurfaceError
 from capslip.surface.heightmap import HeightMap
 
 SQUARE = 3  # points, over which heights are averaged
+FEW = 2000  # squares that are looked at first
 MAX_FRAMES = 50  # levels that the heights are averaged in; two or three do
 BELOW = 1e7  # height ranges: depth of the corners to start from
 ROUNDING = 1e-12  # of the height range: a point so little above the plane lies on it
@@ -99,10 +100,13 @@ def resting_plane(
         squares = _Squares.of(surface, at_m, 1)
     slope = squares.slope()
     height_m = squares.heights_m(slope)
-    found, some = None, np.arange(height_m.size)
+    found, some = None, np.arange(0, height_m.size, max(1, height_m.size // FEW))
     for _ in range(MAX_FRAMES):
         range_m = float(np.ptp(height_m))
         found = _facet(squares.x_m[some], squares.y_m[some], height_m[some], range_m)
+        if found is None and some.size < height_m.size:
+            some = np.arange(height_m.size)
+            continue
         if found is None:
             break
         corner, (level_m, turn_x, turn_y) = found
@@ -156,7 +160,9 @@ class _Squares:
         enough = np.ones((rows, cols), dtype=bool)
         complete = not np.isnan(inner.sum())
         if not complete:
-            enough = np.count_nonzero(~np.isnan(block_m), axis=(1, 3)) > 0.5 * square**2
+            measured = ~np.isnan(block_m)
+            count = sum(measured[:, i, :, j].astype(np.intp) for i, j in np.ndindex(square, square))
+            enough = count > 0.5 * square**2
         row, col = np.nonzero(enough)
         middle_x, middle_y = x_m.mean(axis=1)[col], y_m.mean(axis=1)[row]
         width_m = (square * dx_m, square * dy_m)

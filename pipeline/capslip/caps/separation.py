@@ -17,7 +17,7 @@ class ChangeTree:
     Attributes
     ----------
     point : int64, shape (n,)
-        Flat indices into the map, the highest point first.
+        Flat indices into the map, as given.
     hill : int32, shape (n,)
         Hill of each point, 0 ... m-1.
     peak_m : float64, shape (m,)
@@ -83,25 +83,33 @@ def change_tree(point: np.ndarray, height_m: np.ndarray, shape: tuple[int, int])
     (array([3., 2.]), array([-inf,   1.]), array([0, 0]))
     """
     order = _falling(height_m)
-    point, height_m = point[order], height_m[order]
     n = len(point)
-    rank = np.arange(n, dtype=np.int32)  # 0 is the highest
+    rank = np.empty(n, dtype=np.int32)  # 0 is the highest
+    rank[order] = np.arange(n, dtype=np.int32)
     map_of_ranks = np.full(shape[0] * shape[1], n, dtype=np.int32)
     map_of_ranks[point] = rank
-    before = [map_of_ranks[point - step] for step in (1, shape[1] - 1, shape[1], shape[1] + 1)]
-    after = [map_of_ranks[point + step] for step in (1, shape[1] - 1, shape[1], shape[1] + 1)]
 
-    highest = rank.copy()
-    for neighbour in (*before, *after):
-        np.minimum(highest, neighbour, out=highest)
-    summit = _ends(highest)
-    peak = np.flatnonzero(summit == rank)
+    uphill = np.empty(n, dtype=np.int32)  # of each rank, the highest rank around it
+    uphill[rank] = _least_around(map_of_ranks.reshape(shape)).reshape(-1)[point]
+    summit = _ends(uphill)
+    peak = np.flatnonzero(summit == np.arange(n))
     number = np.full(n, -1, dtype=np.int32)
     number[peak] = np.arange(len(peak))
-    hill = number[summit]
-    saddle, across = _joined(len(peak), *_passes(hill, before))
-    saddle_m = np.append(height_m, -np.inf)[saddle]
-    return ChangeTree(point, hill, height_m[peak], saddle_m, across)
+    hill = number[summit][rank]
+    saddle, across = _joined(len(peak), *_passes(point, hill, map_of_ranks, shape[1]))
+    falling_m = np.append(height_m[order], -np.inf)
+    return ChangeTree(point, hill, falling_m[peak], falling_m[saddle], across)
+
+
+def _least_around(values: np.ndarray) -> np.ndarray:
+    """Return the least of each value and its eight neighbours; on the frame, of fewer."""
+    rows = values.copy()
+    np.minimum(rows[:, :-1], values[:, 1:], out=rows[:, :-1])
+    np.minimum(rows[:, 1:], values[:, :-1], out=rows[:, 1:])
+    least = rows.copy()
+    np.minimum(least[:-1], rows[1:], out=least[:-1])
+    np.minimum(least[1:], rows[:-1], out=least[1:])
+    return least
 
 
 def _falling(height_m: np.ndarray) -> np.ndarray:
@@ -122,21 +130,22 @@ def _ends(pointer: np.ndarray) -> np.ndarray:
 
 
 def _passes(
-    hill: np.ndarray, neighbours: list[np.ndarray]
+    point: np.ndarray, hill: np.ndarray, map_of_ranks: np.ndarray, width: int
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return every two hills that touch and the rank of the pass between them, highest pass first.
 
     Of two neighbouring points on different hills the lower one makes a pass; the highest counts.
     """
     n_hills = np.int64(hill.max(initial=0)) + 1
-    hill_at = np.append(hill, -1)
+    map_of_hills = np.full(map_of_ranks.size, -1, dtype=np.int32)
+    map_of_hills[point] = hill
     pairs, passes = [], []
-    for neighbour in neighbours:
-        other = hill_at[neighbour]
+    for step in (1, width - 1, width, width + 1):
+        other = map_of_hills[point - step]
         at = np.flatnonzero((other != hill) & (other >= 0))
-        here, there = hill[at], other[at]
+        here, there = hill[at].astype(np.int64), other[at]
         pairs.append(np.minimum(here, there) * n_hills + np.maximum(here, there))
-        passes.append(np.maximum(at, neighbour[at]))
+        passes.append(np.maximum(map_of_ranks[point[at]], map_of_ranks[point[at] - step]))
     pair, rank = np.concatenate(pairs), np.concatenate(passes)
     if pair.size == 0:
         return pair, pair, rank

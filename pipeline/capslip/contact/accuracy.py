@@ -7,12 +7,12 @@ import numpy as np
 
 from capslip.caps.table import CapTable
 from capslip.contact.bulk import bulk_compliance_m_per_N, without_bulk
+from capslip.contact.certificate import unmodelled_area_m2
 from capslip.contact.curve import NormalCurve
 from capslip.contact.flattening import flattened
 from capslip.contact.levelling import rebalanced
 from capslip.contact.material import composite
 from capslip.contact.models.interacting import RUNG, InteractingCurve, interacting
-from capslip.contact.outside import unmodelled_area_m2
 from capslip.contact.reach import reachable
 from capslip.contact.rung import Scene
 from capslip.contact.slip import slip_curve

@@ -1,11 +1,16 @@
-"""Whether a cut went deep enough: nothing that was measured may stand in the pressed plane."""
+"""What stands in the pressed plane though no cap stands for it.
+
+Two stages ask. Whether a cut went deep enough: noise and the shape of a cap are then no proof that
+something stands in the way. And whether caps are all that touches: then any doubt counts.
+"""
 
 import math
 from dataclasses import dataclass
 
 import numpy as np
 
-from capslip.contact.models.interacting import hertz_over_point_load
+from capslip.contact.models.interacting import InteractingCurve, hertz_over_point_load
+from capslip.contact.solvers.hertz import contact_radius_m
 from capslip.surface.heightmap import HeightMap
 
 BLOCKS = 100  # along the shorter side of the map, over which heights are averaged
@@ -92,26 +97,13 @@ def certify_cut(
     """
     side = max(1, min(surface.shape) // BLOCKS)
     dy_m, dx_m = surface.pixel_size_m
-    height_m = _means(surface.height_m, side)
-    reach_m = height_m - (plane_m + NOISE_SPREADS * noise_m / side)
-    row, col = np.nonzero(reach_m > 0.0)  # False where nothing was measured
-    reach_m = reach_m[row, col]
-    place_m = np.stack([(col + 0.5) * side * dx_m, (row + 0.5) * side * dy_m])
+    contacts = np.vstack((caps_m[:2], np.cbrt(0.75 * load_N * caps_m[2] / E_star_Pa), load_N))
+    row, col, place_m, excess_m = _excess(
+        surface, surface.height_m, plane_m, contacts, E_star_Pa, noise_m, proven=True
+    )
     owner = label[row * side + side // 2, col * side + side // 2]
-    a_m = np.cbrt(0.75 * load_N * caps_m[2] / E_star_Pa)
     compression_m = np.zeros(int(label.max(initial=0)) + 1)
-    np.maximum.at(compression_m, hill, a_m**2 / caps_m[2])
-
-    excess_m = np.full(row.size, -np.inf)
-    for part in np.array_split(np.arange(row.size), 1 + row.size * a_m.size // AT_ONCE):
-        r_m = np.hypot(*(place_m[:, part, None] - caps_m[:2, None]))
-        r_m = np.maximum(r_m, 1e-3 * a_m)  # a block may lie in the middle of a contact
-        # Point loads sink the surface less than contacts do, and most places are past even them.
-        least_m = (load_N / r_m).sum(axis=1) / (math.pi * E_star_Pa)
-        left = (reach_m[part] > least_m) & (r_m >= NEAR * a_m).all(axis=1)
-        share_N_per_m = load_N * hertz_over_point_load(a_m / r_m[left]) / r_m[left]
-        sunk_m = share_N_per_m.sum(axis=1) * (1.0 + MODEL_ERROR) / (math.pi * E_star_Pa)
-        excess_m[part[left]] = reach_m[part[left]] - sunk_m
+    np.maximum.at(compression_m, hill, contacts[2] ** 2 / caps_m[2])
     excess_m -= SHAPE_ERROR * compression_m[owner]
     above = np.flatnonzero(excess_m > 0.0)
     block_m2 = side**2 * dy_m * dx_m
@@ -125,6 +117,85 @@ def certify_cut(
         highest_m=0.0 if worst is None else float(excess_m[worst]),
         place_m=None if worst is None else (float(place_m[0, worst]), float(place_m[1, worst])),
     )
+
+
+def unmodelled_area_m2(
+    surface: HeightMap,
+    label: np.ndarray,
+    curve: InteractingCurve,
+    approach_m: float,
+    peak_height_m: float,
+    noise_m: float,
+) -> float:
+    """Return the area outside the hills that the pressed plane may reach.
+
+    Parameters
+    ----------
+    surface : HeightMap
+        Heights after removal of the form.
+    label : int, shape (ny, nx)
+        0 outside the hills.
+    curve : InteractingCurve
+        Of the caps on these hills.
+    approach_m : float
+        Its approach under the load.
+    peak_height_m : float
+        Height of the highest cap, from which the approach counts.
+    noise_m : float
+        Standard deviation of the noise, point by point: it may hide that something touches.
+
+    Returns
+    -------
+    float
+        Zero where only caps touch, as far as noise lets one see.
+    """
+    side = max(1, min(surface.shape) // BLOCKS)
+    load_N = curve.asperity_loads_N(approach_m)
+    at = load_N > 0.0
+    a_m = contact_radius_m(load_N[at], curve.radius_m[at], curve.E_star_Pa)
+    contacts = np.vstack((curve.x_m[at], curve.y_m[at], a_m, load_N[at]))
+    free_m = np.where(label == 0, surface.height_m, np.nan)
+    plane_m = peak_height_m - approach_m
+    *_, excess_m = _excess(
+        surface, free_m, plane_m, contacts, curve.E_star_Pa, noise_m, proven=False
+    )
+    return float(np.count_nonzero(excess_m > 0.0) * side**2 * surface.pixel_area_m2)
+
+
+def _excess(
+    surface: HeightMap,
+    height_m: np.ndarray,
+    plane_m: float,
+    contacts: np.ndarray,
+    E_star_Pa: float,
+    noise_m: float,
+    proven: bool,
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """Return blocks above the plane (row, column), their places, and their heights above it, sunk.
+
+    The contacts, shape (4, m), are x, y, radius and load. What is to be proven lies beyond noise,
+    the error of the model and the neighbourhood of every contact; else noise counts against.
+    """
+    side = max(1, min(surface.shape) // BLOCKS)
+    dy_m, dx_m = surface.pixel_size_m
+    sign, near, error = (1.0, NEAR, MODEL_ERROR) if proven else (-1.0, 0.0, 0.0)
+    reach_m = _means(height_m, side) - (plane_m + sign * NOISE_SPREADS * noise_m / side)
+    row, col = np.nonzero(reach_m > 0.0)  # False where nothing was measured
+    reach_m = reach_m[row, col]
+    place_m = np.stack([(col + 0.5) * side * dx_m, (row + 0.5) * side * dy_m])
+    a_m, load_N = contacts[2:]
+    excess_m = np.full(row.size, -np.inf)
+    for part in np.array_split(np.arange(row.size), 1 + row.size * a_m.size // AT_ONCE):
+        r_m = np.hypot(*(place_m[:, part, None] - contacts[:2, None]))
+        beside = (r_m >= near * a_m).all(axis=1)
+        r_m = np.maximum(r_m, a_m)  # within a contact at least as at its rim
+        # Point loads sink the surface less than contacts do, and most places are past even them.
+        least_m = (load_N / r_m).sum(axis=1) / (math.pi * E_star_Pa)
+        left = (reach_m[part] > least_m) & beside
+        share_N_per_m = load_N * hertz_over_point_load(a_m / r_m[left]) / r_m[left]
+        sunk_m = share_N_per_m.sum(axis=1) * (1.0 + error) / (math.pi * E_star_Pa)
+        excess_m[part[left]] = reach_m[part[left]] - sunk_m
+    return row, col, place_m, excess_m
 
 
 def _means(z: np.ndarray, side: int) -> np.ndarray:

@@ -17,7 +17,7 @@ import numpy as np
 from capslip.caps.fit import Fitted, fit_spheres
 from capslip.caps.fitting import fit_named
 from capslip.caps.hills import Hills, find_hills
-from capslip.caps.noise import SAMPLES, Noise, noise_at
+from capslip.caps.noise import Noise, noise_at_rest
 from capslip.caps.points import HillPoints, points_of_hills
 from capslip.caps.resting import resting_plane
 from capslip.caps.table import CapTable
@@ -28,9 +28,9 @@ from capslip.contact.solvers.yielding import FirstLoading, first_loading
 from capslip.errors import ContactError, TipsOverError, UnusableSurfaceError
 from capslip.settings import Settings
 from capslip.surface.heightmap import HeightMap
-from capslip.surface.noise import on_lattice
 
 RATIOS = (0.10, 0.15, 0.20, 0.25, 0.30, 0.40, 0.55)  # cuts to try, where one is not deep enough
+DEEP = 0.40  # cut from which on fits that it limits are taken: a deeper one sees what never touches
 COARSE_POINTS = 200  # along the shorter side of the map on which the level is found first
 MAX_CUTS = 4  # at one material ratio
 MAX_TURNS = 25  # of fit and contact on the hills of one cut
@@ -39,6 +39,7 @@ SETTLED_LOAD = 1e-4  # of the preload, that the last turn may move
 HELD_LOAD = 3e-4  # of the preload: below, depths are held, else a pixel may flip for ever
 LEAST_PART = 0.2  # of a turn: a face that swings to and fro goes only so far each time
 NEARLY_LOAD, NEARLY_M = 1e-3, 1e-9  # what turns that do not settle may leave all the same
+UNSETTLED = 0.01  # of the preload: a level whose last turn still moves more is none
 SHALLOW_LOAD = 1e-3  # of the preload, on hills whose fit the cut may limit
 EARLY = 0.05  # of load and approach: by then the cut can be tried
 SAME_CUT = 0.1  # of the approach: a face that turned less since it was cut is cut well
@@ -116,18 +117,26 @@ def find_level(surface: HeightMap, settings: Settings) -> Level:
     coarse = coarse_map(surface)
     if coarse is not surface:
         with suppress(ContactError, UnusableSurfaceError):  # small contacts need the whole map
-            start = _Search(coarse, settings, at_m, rest.slope).run(start)[1]
+            start = _Search(coarse, settings, at_m, rest.slope).run(start, DEEP)[1]
     return _Search(surface, settings, at_m, rest.slope).run(start)[0]
 
 
 def turned(
-    surface: HeightMap, slope: np.ndarray | tuple[float, float], at_m: tuple[float, float]
+    surface: HeightMap,
+    slope: np.ndarray | tuple[float, float],
+    at_m: tuple[float, float],
+    bow: np.ndarray | None = None,
 ) -> HeightMap:
-    """Return the map with a plane of slopes (x, y) added that vanishes at a place (x, y)."""
+    """Return the map with a plane of slopes (x, y) added that vanishes at a place (x, y).
+
+    With a bow, the terms of x^2, x y and y^2 from that place too.
+    """
     (ny, nx), (dy_m, dx_m) = surface.shape, surface.pixel_size_m
-    along_x = slope[0] * ((np.arange(nx) + 0.5) * dx_m - at_m[0])
-    along_y = slope[1] * ((np.arange(ny) + 0.5) * dy_m - at_m[1])
-    return replace(surface, height_m=surface.height_m + along_x + along_y[:, None])
+    x_m, y_m = (np.arange(nx) + 0.5) * dx_m - at_m[0], (np.arange(ny) + 0.5) * dy_m - at_m[1]
+    xx, xy, yy = (0.0, 0.0, 0.0) if bow is None else bow
+    height_m = surface.height_m + (slope[0] + xx * x_m) * x_m
+    height_m += ((slope[1] + yy * y_m) * y_m)[:, None]
+    return replace(surface, height_m=height_m + xy * np.outer(y_m, x_m) if xy else height_m)
 
 
 def coarse_map(surface: HeightMap) -> HeightMap:
@@ -201,23 +210,16 @@ class _Search:
 
     @cached_property
     def noise(self) -> Noise:
-        """Noise of the highest tenth as the face rests, so that no level or cut decides it."""
-        shape, share = self.surface.shape, 0.1
-        every = max(1, math.isqrt(int(math.prod(shape) * share / SAMPLES)))
-        row, col = (np.flatnonzero(on_lattice(np.arange(n), n, every)) for n in shape)
-        (dy_m, dx_m), (slope_x, slope_y) = self.surface.pixel_size_m, self.rest_slope
-        height_m = self.surface.height_m[np.ix_(row, col)] - slope_x * dx_m * col
-        height_m -= (slope_y * dy_m * row)[:, None]
-        i, j = np.nonzero(height_m >= np.nanquantile(height_m, 1.0 - share))
-        return noise_at(self.surface, row[i], col[j])
+        """Noise of what can touch."""
+        return noise_at_rest(self.surface, self.rest_slope)
 
-    def run(self, start: _Start) -> tuple[Level, _Start]:
+    def run(self, start: _Start, deepest: float = RATIOS[-1]) -> tuple[Level, _Start]:
         """Return the level, and what a search on a finer map can start from."""
         tipped: TipsOverError | None = None
         lost: ContactError | None = None
         trouble: ContactError | None = None
-        fixed = self.settings.hills.cut == "fixed"
-        ratios = [start.ratio, *(r for r in RATIOS if r > start.ratio + 1e-9 and not fixed)]
+        deepest = 0.0 if self.settings.hills.cut == "fixed" else deepest
+        ratios = [start.ratio, *(r for r in RATIOS if start.ratio + 1e-9 < r <= deepest)]
         for ratio in ratios:
             last = ratio == ratios[-1]
             try:
@@ -252,7 +254,7 @@ class _Search:
         certificate = self._certify(surface, hills, rest)
         at_cut = rest.fitted.given.apexes.at_cut[rest.use]
         shallow_N = float(rest.load_N[at_cut].sum())
-        shallow = shallow_N > SHALLOW_LOAD * self.settings.contact.preload_N
+        shallow = shallow_N > SHALLOW_LOAD * self.settings.contact.preload_N and start.ratio < DEEP
         if (certificate.missed_area_m2 > 0.0 or shallow) and not last:
             raise _MissedError(rest.slope, rest.approach_m)
         slope_x, slope_y = (-rest.slope).tolist()
@@ -279,6 +281,7 @@ class _Search:
             chosen.pruning_height_m,
             chosen.pruning_percent_Sz,
             relief_m=start.relief_m,
+            noise_m=self.noise.neighbours_m,
         )
 
     def _turns(self, surface: HeightMap, hills: Hills, start: _Start, last: bool) -> _Rest:
@@ -288,7 +291,7 @@ class _Search:
         points = points_of_hills(surface, hills)
         slope, depth_m = start.slope, self._carried(start, hills, surface)
         before_N: np.ndarray | None = None
-        tried, history, part = last, list[float](), 1.0
+        tried, history, part, least, restless = last, list[float](), 1.0, math.inf, math.inf
         for _ in range(MAX_TURNS):
             fitted = fit_spheres(surface, hills, fit, depth_m, points, self.noise)
             try:
@@ -317,9 +320,14 @@ class _Search:
                 return found
             history.append(moved)
             if len(history) > 4 and moved > HELD_LOAD and moved > 0.5 * history[-3]:
+                if part == 1.0:
+                    restless = float(max(history[-3:]))
+                elif min(history) > least and restless < UNSETTLED:
+                    return replace(found, moved=restless)  # no swing: pixels come and go
                 if part < LEAST_PART or (moved > EARLY and not last):
                     break
-                part, history = 0.5 * part, []  # it swings to and fro: half of the way
+                # It swings to and fro: half of the way.
+                least, part, history = min(history), 0.5 * part, []
             if not tried and moved < EARLY and span_m < EARLY * approach_m:
                 tried = True
                 if self._certify(surface, hills, found).missed_area_m2 > 0.0:
@@ -481,11 +489,7 @@ def _pressed(
         np.fill_diagonal(r_m, np.inf)
         C = 1.0 / (math.pi * E_star_Pa * r_m)
     return first_loading(
-        yield_law(material),
-        radius_m,
-        peak_m.max() - peak_m,
-        E_star_Pa,
-        contact.preload_N,
+        *(yield_law(material), radius_m, peak_m.max() - peak_m, E_star_Pa, contact.preload_N),
         compliance_m_per_N=C,
         start_m=start_m,
         arm=arm_m,

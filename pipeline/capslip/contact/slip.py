@@ -80,13 +80,6 @@ class SlipCurve:
         e = _amplitude("displacement_m", displacement_m) / self._scale
         return self.curve.stiffness_N_per_m(self.approach_m, e) / self.kappa
 
-    def secant_stiffness_N_per_m(self, displacement_m: ArrayLike) -> np.ndarray:
-        """T(delta) / delta, which is also the slope of the cycle from tip to tip."""
-        delta = _amplitude("displacement_m", displacement_m)
-        moved = delta > 0
-        secant = self.force_N(delta) / np.where(moved, delta, 1)
-        return np.where(moved, secant, self.tangential_stiffness_N_per_m)
-
     def loop(self, amplitude_m: float, n_points: int = 201) -> tuple[np.ndarray, np.ndarray]:
         """Return displacement and force once around the cycle, from tip to tip and back.
 

@@ -163,8 +163,7 @@ def problems_of_holes(surface: HeightMap, hill_radius_m: float) -> tuple[Problem
         `hole_may_hide_hills` (warning) where the largest disc in a hole is not smaller.
     """
     measured = surface.measured
-    # Quickly for all that is lost; what of it is a hole takes longer
-    if measured.all() or _largest_disc_m(~measured, surface, hill_radius_m) < hill_radius_m:
+    if measured.all():
         return ()
     hole = ~measured & (_enclosed(measured, 0) | _enclosed(measured, 1))
     radius_m = _largest_disc_m(hole, surface, hill_radius_m)

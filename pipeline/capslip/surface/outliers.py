@@ -15,6 +15,7 @@ MAX_SPIKE_POINTS = 2
 MIN_RING_POINTS = 5
 GAP_OVER_RING = 4.0
 SAMPLED_LINES = 100
+BLOCK_ROWS = 32
 NEIGHBOURS = ((-1, -1), (-1, 0), (-1, 1), (0, -1), (0, 1), (1, -1), (1, 0), (1, 1))
 
 
@@ -147,16 +148,20 @@ def _at_cliff(z: np.ndarray, cliff_m: float) -> np.ndarray:
     """Mask of the points that have a cliff to one of their eight neighbours."""
     at_cliff = np.zeros(z.shape, dtype=bool)
     low, every, high = slice(None, -1), slice(None), slice(1, None)
-    for one, other in (
-        ((every, low), (every, high)),
-        ((low, every), (high, every)),
-        ((low, low), (high, high)),
-        ((low, high), (high, low)),
-    ):
-        step_m = z[other] - z[one]
-        cliff = np.abs(step_m, out=step_m) > cliff_m  # False beside a non-measured point
-        at_cliff[one] |= cliff
-        at_cliff[other] |= cliff
+    for first in range(0, len(z), BLOCK_ROWS):
+        # One row more than a block; what is computed stays in the cache.
+        block_m, at = z[first : first + BLOCK_ROWS + 1], at_cliff[first : first + BLOCK_ROWS + 1]
+        for one, other in (
+            ((every, low), (every, high)),
+            ((low, every), (high, every)),
+            ((low, low), (high, high)),
+            ((low, high), (high, low)),
+        ):
+            step_m = block_m[other] - block_m[one]
+            cliff = np.abs(step_m, out=step_m) > cliff_m  # False beside a non-measured point
+            if cliff.any():
+                at[one] |= cliff
+                at[other] |= cliff
     return at_cliff
 
 

@@ -326,29 +326,3 @@ def _solved(matrix: np.ndarray, right: np.ndarray) -> np.ndarray:
         raise np.linalg.LinAlgError("not positive definite")
     solution: np.ndarray = x
     return solution
-
-
-def rigid_stiffness(
-    k: np.ndarray, C: np.ndarray | None, g: np.ndarray, arm: np.ndarray
-) -> np.ndarray:
-    """Return B^T (1 + D C)^-1 D B, how loads and moments grow as the plane sinks and turns.
-
-    Parameters
-    ----------
-    k, C, g, arm
-        As for `press`, in equilibrium.
-
-    Returns
-    -------
-    float64, shape (3, 3)
-        In N/m, N/rad and N m/rad, rows and columns (level, slope along x, slope along y). Element
-        [0, 0] is dN/dy at frozen slopes, 1 / inverse[0, 0] that of a face that goes on turning.
-    """
-    touching = g > 0
-    S = np.sqrt(1.5 * k[touching] * np.sqrt(g[touching]))
-    right = S[:, None] * np.column_stack((np.ones(len(S)), arm[touching]))
-    if C is None:
-        return right.T @ right
-    matrix = S[:, None] * C[np.ix_(touching, touching)] * S
-    stiffness: np.ndarray = right.T @ _solve_definite(matrix, 1.0, right)
-    return stiffness

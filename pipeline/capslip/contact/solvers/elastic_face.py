@@ -7,6 +7,7 @@ import numpy as np
 
 from capslip.contact.solvers.half_space import HalfSpace
 from capslip.errors import ContactError, SettingsError, UnusableSurfaceError
+from capslip.surface.blocks import block_sums
 from capslip.surface.heightmap import HeightMap
 
 MAX_POINTS = 16_000_000  # of a map
@@ -115,11 +116,6 @@ def _block_means(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return means over the known points of blocks (0 where there is none), and which have one."""
     pad = [(0, -n % factor) for n in values.shape]
-
-    def sums(array: np.ndarray) -> np.ndarray:
-        array = np.pad(array, pad)
-        ny, nx = (n // factor for n in array.shape)
-        return np.asarray(array.reshape(ny, factor, nx, factor).sum(axis=(1, 3)))
-
-    count = sums(known.astype(float))
-    return sums(np.where(known, values, 0.0)) / np.maximum(count, 1), count > 0
+    count = block_sums(np.pad(known.astype(float), pad), factor)
+    total = block_sums(np.pad(np.where(known, values, 0.0), pad), factor)
+    return total / np.maximum(count, 1), count > 0

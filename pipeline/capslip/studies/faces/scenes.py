@@ -13,6 +13,7 @@ import numpy as np
 
 from capslip.errors import ScanError
 from capslip.studies.faces.synthetic import CapFamily, Scene, Truth, synthetic_surface
+from capslip.surface.blocks import block_sums
 from capslip.surface.conditioning import condition
 from capslip.surface.heightmap import HeightMap, Origin
 from capslip.surface.readers import load_surface
@@ -136,9 +137,8 @@ def make_face(case: Case) -> Face:
         surface = condition(scan, "quadratic", resample_to=(ny, nx)).surface
         return Face(surface, surface, None)
     fine, truth = synthetic_surface(case.scene, case.name)
-    (ny, nx), (dy_m, dx_m) = fine.shape, fine.pixel_size_m
-    blocks = fine.height_m.reshape(ny // BLOCK, BLOCK, nx // BLOCK, BLOCK)
-    height_m = blocks.mean(axis=(1, 3))
+    dy_m, dx_m = fine.pixel_size_m
+    height_m = block_sums(fine.height_m, BLOCK) / BLOCK**2
     noise = np.random.default_rng(case.scene.seed + 1).standard_normal(height_m.shape)
     measured = HeightMap(
         height_m + case.noise_rms_m * noise, (BLOCK * dy_m, BLOCK * dx_m), Origin(name=case.name)

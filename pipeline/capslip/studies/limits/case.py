@@ -34,38 +34,26 @@ class Case:
 class Axis:
     """One way to go wrong; its cases run from harmless to hopeless.
 
+    Each of `values` is a severity, unless the cases that `tries` makes there have one of their own.
     `codes` are the warnings that name the cause.
     """
 
     name: str
     quantity: str  # what the severity is, with its unit
-    codes: tuple[str, ...]
-    cases: tuple[Case, ...]
-    logarithmic: bool = True
-
-
-@dataclass(frozen=True)
-class AxisRow:
-    """One row of the table of axes.
-
-    Each of `values` is a severity, unless the cases that `tries` makes there have one of their own.
-    """
-
-    name: str
-    quantity: str
     values: tuple[Any, ...]
     tries: Tries
     codes: tuple[str, ...]
     logarithmic: bool = True
+    cases: tuple[Case, ...] = ()
 
-    def axis(self, seed: int) -> Axis:
-        """Return the axis on the faces of a seed."""
+    def on_faces_of(self, seed: int) -> "Axis":
+        """Return the axis with its cases on the faces of a seed."""
         cases = tuple(
             Case(**{"axis": self.name, "severity": value, **found})
             for value in self.values
             for found in self.tries(seed, value)
         )
-        return Axis(self.name, self.quantity, self.codes, cases, self.logarithmic)
+        return replace(self, cases=cases)
 
 
 def clean(scene: Scene) -> Scene:

@@ -12,8 +12,7 @@ from capslip.output.quantity import engineering
 from capslip.settings import Structure
 from capslip.studies.page import png, write
 from capslip.studies.paper import printed as paper
-from capslip.studies.paper.errata import errata, errata_markdown
-from capslip.studies.paper.errata_formulas import CERTAINTY
+from capslip.studies.paper.errata import CERTAINTY, errata, errata_markdown
 from capslip.studies.paper.figures import cases_of, figures, loss_factors
 
 SCHEMA = "capslip/reproduce/1"

@@ -1,7 +1,6 @@
 """Readers of scan files: one file a format, and the registry that chooses between them."""
 
 import hashlib
-from dataclasses import dataclass
 from pathlib import Path
 
 from capslip.errors import SettingsError, UnreadableFileError
@@ -22,27 +21,6 @@ FORMATS: tuple[Format, ...] = (  # asked in this order
     vendor.FORMAT,
 )
 HEAD_BYTES = 512
-
-
-@dataclass(frozen=True)
-class FormatRow:
-    """One row of `capslip formats`."""
-
-    name: str
-    extensions: tuple[str, ...]
-    reader: str
-    note: str
-
-
-def formats() -> tuple[FormatRow, ...]:
-    """List the formats that can be read.
-
-    Examples
-    --------
-    >>> [row.name for row in formats()]
-    ['hdf5', 'npy', 'x3p', 'sdf', 'mat', 'tiff', 'gwyddion', 'xyz', 'text', 'vendor']
-    """
-    return tuple(FormatRow(f.name, f.extensions, f.reader, f.note) for f in FORMATS)
 
 
 def load_surface(
