@@ -82,6 +82,13 @@ TABLE = [
         ("tests/caps/test_*families*.py", "tests/caps/test_*levels*.py"),
     ),
     (("caps/joining.py",), ("tests/caps/test_*joining*.py",)),
+    (
+        ("contact/joint.py", "contact/pressure_map.py"),
+        ("tests/contact/test_*joint*.py",),
+    ),
+    (("contact/given.py",), ("tests/command_line/test_cli_families.py",)),
+    (("structure/answer.py", "units.py"), ("tests/structure/test_*answer*.py",)),
+    (("verdict.py",), ("tests/test_verdict.py",)),
     (("structure/response.py",), ("tests/structure/test_*response*.py",)),
     (("stages.py",), ("tests/test_stages.py", "tests/caps/test_*registry*.py")),
     (("sensitivity.py",), ("tests/test_sensitivity.py",)),

@@ -19,6 +19,7 @@ FLOORS = (
     {"structure"},
     {"stages"},
     {"sensitivity"},
+    {"verdict"},
     {"result"},
     {"analysis"},
     {"output"},

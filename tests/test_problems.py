@@ -6,8 +6,10 @@ cause, and the same face with the one cause taken away.
 
 import json
 import re
+import tempfile
 from dataclasses import dataclass
 from functools import cache
+from pathlib import Path
 from typing import get_type_hints
 
 import numpy as np
@@ -35,6 +37,8 @@ CAPS = [
     for i in range(3)
     for j in range(4)
 ]
+UNEVEN = Path(tempfile.mkdtemp()) / "pressures.csv"
+UNEVEN.write_text("pressure_Pa,area_m2\n1e5,0.002\n2e5,0.002\n")
 GAP = (18e-3, 16e-3)  # the middle of four caps
 
 
@@ -206,6 +210,9 @@ WORDS = {
     "soft-mode": "structure.modal_stiffness_N_per_m=1e8",
     "joint": "structure.joint_stiffness_N_per_m=5e7",
     "stiff-joint": "structure.joint_stiffness_N_per_m=5e8",
+    "part": "joint.area_m2=0.02",
+    "uneven": f"joint.pressure_map={UNEVEN}",
+    "pushed": "answer.slip_force_N=500",
     "beam": "structure.beam.length_m=0.5",
 }
 
@@ -311,6 +318,7 @@ ROWS = [
     Row("contact_under_resolved", "warning", "at most 1.8 pixels", "plain N=1"),
     Row("load_on_doubtful_caps", "warning", "25% of the preload", "three-at-the-edge levelled"),
     Row("yielded", "info", "hardness of 0.0028 GPa", "plain weak", "plain strong"),
+    Row("uneven_yield", "warning", "down to 0.5 of its", "plain weak uneven", "plain weak"),
     Row("pressure_beyond_elastic", "warning", "a soft structural steel", "sharp", "sharp strong"),
     Row("pressure_beyond_elastic", "error", "without a hardness", "steep", "steep strong"),
     Row("under_resolved", "warning", "pixels across; expected 10", "coarse-pair solved N=12",
@@ -325,8 +333,12 @@ ROWS = [
     Row("friction_suspect", "warning", "is 2;", "plain sticky"),
     Row("beam_ignored", "warning", "structure.beam is not used", "plain stiff-mode joint beam",
         "plain stiff-mode joint"),
-    Row("not_lightly_damped", "warning", "reaches 1.3", "plain levelled soft-mode stiff-joint",
+    Row("not_lightly_damped", "warning", "would be 1.3", "plain levelled soft-mode stiff-joint",
         "plain levelled stiff-mode joint"),
+    Row("not_lightly_damped", "info", "of the demonstration beam 400 x 60 x 40 mm",
+        "plain levelled N=0.01", "plain levelled"),
+    Row("few_contacts_in_scan", "warning", "touches with 7 caps", "plain part", "plain"),
+    Row("beyond_gross_slip", "error", "got slip force 500 N", "plain pushed", "plain"),
     Row("peak_at_gross_slip", "info", "still grows", "plain", "plain flat"),
     Row("sensitive_to_cut", "warning", "from 8 to 12 %", "waved levelled", swept=True),
     Row("sensitive_to_pruning", "warning", "nm more than the error bar", "waved levelled",

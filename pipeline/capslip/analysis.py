@@ -4,19 +4,30 @@ from dataclasses import replace
 from datetime import UTC, datetime
 
 from capslip.caps.doubts import problems_of_bow, problems_of_families
-from capslip.contact.doubts import contact_doubts, material_doubts
+from capslip.contact.doubts import (
+    contact_doubts,
+    material_doubts,
+    problems_of_pressure,
+    problems_of_share,
+)
+from capslip.contact.given import given_families, press_families
 from capslip.contact.press import ContactState
 from capslip.contact.relevance import as_read
 from capslip.contact.rung import rung
+from capslip.contact.slip import slip_curve
 from capslip.errors import ContactError, SettingsError
 from capslip.problems import Problem
-from capslip.result import Analysis
+from capslip.result import Analysis, JointResult
 from capslip.sensitivity import sensitivity
 from capslip.settings import Settings
 from capslip.stages import Clock, Face, damp, estimate, find_face, press_face
+from capslip.structure.answer import answer_to
 from capslip.structure.doubts import problems_of_damping, problems_of_structure
+from capslip.structure.stiffness import is_given, structure_name
 from capslip.surface.doubts import problems_of_scan, problems_of_tilt
 from capslip.surface.heightmap import HeightMap
+
+GIVEN = ("m", "n", "radius_G_m", "radius_P_m", "h_m", "approach_m")  # of families, without a scan
 
 
 def analyze(
@@ -82,6 +93,61 @@ def analyze_once(surface: HeightMap, settings: Settings, mate: HeightMap | None 
     return _analyzed(surface, settings, mate, Clock())[1]
 
 
+def analyze_families(settings: Settings) -> JointResult:
+    """Run the stages from given families on: m, n, R and h in the settings, and no scan.
+
+    Parameters
+    ----------
+    settings : Settings
+        `families.m` and so on; the contact model is that of the families, whatever they say.
+
+    Raises
+    ------
+    SettingsError
+        If the families are not given, or only in part.
+    ContactError
+        If they cannot carry the preload.
+
+    Examples
+    --------
+    >>> from capslip.settings import load_settings
+    >>> given = {"m": 5, "n": 18, "radius_G_m": 23.8, "radius_P_m": 26.7, "h_m": 2.4e-7}
+    >>> sets = (f"families.{name}={value}" for name, value in given.items())
+    >>> settings = load_settings(overrides=(*sets, "families.approach_m=2.5e-7"))
+    >>> found = analyze_families(settings)
+    >>> print(f"{found.joint.preload_N:.1f} N")
+    460.4 N
+    """
+    clock, started = Clock(), datetime.now(UTC).isoformat(timespec="seconds")
+    families = given_families(settings)
+    with clock("contact"):
+        joint, contact = press_families(families, settings)
+    friction, kappa = settings.material.friction_coefficient, contact.composite.kappa
+    slip = slip_curve(contact.curve, joint.preload_N, friction, kappa)
+    beam, damping = damp(slip, settings, clock)
+    answer, beyond = answer_to(settings.answer, slip, damping)
+    problems = [
+        *material_doubts(settings.material),
+        *problems_of_structure(settings.structure),
+        *problems_of_pressure(contact),
+        *problems_of_damping(damping, structure_name(settings), is_given(settings)),
+        *beyond,
+    ]
+    return JointResult(
+        settings=settings,
+        joint=joint,
+        families=families,
+        contact=contact,
+        slip=slip,
+        beam=beam,
+        damping=damping,
+        answer=answer,
+        problems=tuple(problems),
+        timings_s=clock.seconds,
+        started=started,
+    )
+
+
 def _analyzed(
     surface: HeightMap, settings: Settings, mate: HeightMap | None, clock: Clock
 ) -> tuple[Face, Analysis]:
@@ -90,12 +156,12 @@ def _analyzed(
     face = find_face(surface, settings, mate, clock)
     problems = _before_contact(surface, mate, face, settings)
     caps = face.caps
-    contact = slip = beam = damping = None
+    contact = slip = beam = damping = answer = None
     try:
         if caps.usable.any() and not any(p.severity == "error" for p in face.problems):
             contact, caps, slip = press_face(face, settings, clock)
             problems = as_read(problems, contact, caps, settings.contact.tolerance)
-            problems += contact.problems
+            problems += [*contact.problems, *problems_of_share(face.joint, contact)]
             problems += _of_levelling(face, contact, settings)
             beam, damping = damp(slip, settings, clock)
             pixel_area_m2 = face.conditioned.surface.pixel_area_m2
@@ -106,12 +172,15 @@ def _analyzed(
                 pixel_area_m2,
                 cut_certified=face.level is not None and face.level.missed_area_m2 == 0.0,
             )
-            problems += problems_of_damping(damping)
+            problems += problems_of_damping(damping, structure_name(settings), is_given(settings))
+            answer, beyond = answer_to(settings.answer, slip, damping)
+            problems += beyond
     except ContactError as error:
         problems.append(Problem("contact_failed", "error", str(error)))
     return face, Analysis(
         surface=surface,
         settings=settings,
+        joint=face.joint,
         conditioned=face.conditioned,
         level=face.level,
         hills=face.hills,
@@ -121,6 +190,7 @@ def _analyzed(
         slip=slip,
         beam=beam,
         damping=damping,
+        answer=answer,
         sensitivity=None,
         problems=tuple(problems),
         timings_s=clock.seconds,
@@ -129,6 +199,12 @@ def _analyzed(
 
 
 def _check(settings: Settings, mate: HeightMap | None) -> None:
+    given = [name for name in GIVEN if getattr(settings.families, name) is not None]
+    if given:
+        raise SettingsError(
+            f"families.{given[0]}: got families together with a scan, which are counted on it; "
+            "leave them out, or take capslip families"
+        )
     model = settings.contact.model
     two_maps = mate is not None and settings.mating.way == "together"
     if two_maps and model != "auto" and rung(model).made_from == "map":

@@ -30,12 +30,22 @@ RESULTS = (  # columns of numbers, by their names in the one table of quantities
     "radius_P_m",
     "model",
     "preload_N",
+    "nominal_pressure_Pa",
+    "coverage",
     "approach_m",
     "contacts",
     "tangential_stiffness_N_per_m",
+    "answer_force_N",
+    "answer_displacement_m",
+    "answer_stiffness_N_per_m",
+    "answer_energy_J",
+    "answer_joint_loss_factor",
+    "answer_loss_factor",
+    "structure",
     "peak_loss_factor",
     "amplitude_at_peak_m",
     "gross_slip_amplitude_m",
+    "verdict",
 )
 COLUMNS = ("scan", "status", "error", "path", *RESULTS, "problems", "folder")
 INDEX = {  # what the page shows, and how it is written
@@ -44,6 +54,8 @@ INDEX = {  # what the page shows, and how it is written
     "n": "",
     "h_m": ".4g µm",
     "tangential_stiffness_N_per_m": ".4g MN/m",
+    "answer_joint_loss_factor": ".3g %",
+    "structure": "",
     "peak_loss_factor": ".3g %",
     "amplitude_at_peak_m": ".3g µm",
 }

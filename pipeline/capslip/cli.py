@@ -7,24 +7,38 @@ import time
 import traceback
 from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 import click
 
 from capslip import __version__, registry
 from capslip.errors import CapslipError, ScanError, SettingsError, in_one_line
 from capslip.materials import MATERIALS
-from capslip.units import WORDS
+from capslip.units import WORDS, in_si
 
 if TYPE_CHECKING:
     from capslip.settings import Settings
     from capslip.surface.heightmap import HeightMap
 
 MODELS = ("auto", *registry.names("contact.models"))
+QUESTIONS: dict[str, Literal["m", "N"]] = {
+    "amplitude": "m",
+    "slip_force": "N",
+    "displacement": "m",
+}  # and their units
 SETTING = {  # what an option of an analysis stands for
     "preload": "contact.preload_N",
     "material": "material.preset",
     "model": "contact.model",
+    "amplitude": "answer.amplitude_m",
+    "slip_force": "answer.slip_force_N",
+    "displacement": "answer.displacement_m",
+    "m": "families.m",
+    "n": "families.n",
+    "radius_g": "families.radius_G_m",
+    "radius_p": "families.radius_P_m",
+    "h": "families.h_m",
+    "approach": "families.approach_m",
     "dataset": "reading.dataset",
     "unit": "reading.unit",
     "lateral_unit": "reading.lateral_unit",
@@ -90,13 +104,27 @@ _result_options = _options(  # of every command with a result
     click.option("-q", "--quiet", is_flag=True, help="Errors only on stderr."),
     _verbose,
 )
-_analysis_options = _options(  # of every command that analyses
+_joint_options = _options(  # of every command that answers for a joint
     click.option("--preload", type=float, metavar="N", help="Normal load of one joint, in N."),
     click.option(
         "--material",
         type=click.Choice(tuple(MATERIALS)),
         help="Moduli and yield stress of both faces.",
     ),
+    click.option("--amplitude", metavar="0.5um", help="Answer at this amplitude of the structure."),
+    click.option("--slip-force", metavar="20N", help="Answer at this slip force of a joint."),
+    click.option("--displacement", metavar="10nm", help="Answer at this slip of a joint."),
+    click.option("-c", "--config", type=PATH, help="Settings (TOML)."),
+    click.option(
+        "--set",
+        "overrides",
+        multiple=True,
+        metavar="TABLE.KEY=VALUE",
+        help="Change one setting; repeatable.",
+    ),
+)
+_analysis_options = _options(  # of every command that analyses scans
+    _joint_options,
     click.option("--model", type=click.Choice(MODELS), help="Contact model."),
     click.option("--dataset", help="Dataset of an HDF5 file."),
     click.option("--unit", type=click.Choice(WORDS), help="Unit of the heights."),
@@ -114,14 +142,6 @@ _analysis_options = _options(  # of every command that analyses
     ),
     click.option("--figures/--no-figures", default=None, help="Pictures of every stage."),
     click.option("--render/--no-render", default=None, help="The PyVista picture."),
-    click.option("-c", "--config", type=PATH, help="Settings (TOML)."),
-    click.option(
-        "--set",
-        "overrides",
-        multiple=True,
-        metavar="TABLE.KEY=VALUE",
-        help="Change one setting; repeatable.",
-    ),
     _result_options,
 )
 
@@ -199,6 +219,30 @@ def analyze(
     if errors:
         raise ScanError(f"{surface}: {errors[0]}; what was found before is in {folder}")
     say.raise_failures(f"all numbers are in {folder}")
+
+
+@main.command()
+@click.option("--m", type=int, help="Number of G-caps, the higher ones.")
+@click.option("--n", type=int, help="Number of P-caps.")
+@click.option("--radius-G", "radius_g", type=float, metavar="M", help="Radius of a G-cap, in m.")
+@click.option("--radius-P", "radius_p", type=float, metavar="M", help="Radius of a P-cap, in m.")
+@click.option("--h", type=float, metavar="M", help="G-peaks above P-peaks, in m.")
+@click.option("--approach", type=float, metavar="M", help="In place of the preload, in m.")
+@_joint_options
+@_result_options
+def families(out: Path | None, as_json: bool, quiet: bool, **options: Any) -> None:
+    """Answer for given families, m, n, R and h, without a scan; a folder only with -o."""
+    from capslip.analysis import analyze_families
+    from capslip.output.folder import write_families
+    from capslip.output.terminal import result_lines
+
+    result = analyze_families(_settings(**options))
+    command = _command_line()
+    summary = write_families(result, out, command) if out else result.summary(command)
+    _print(summary, result_lines(result), as_json, quiet)
+    errors = [p.message for p in result.problems if p.severity == "error"]
+    if errors:
+        raise ScanError(errors[0])
 
 
 @main.command()
@@ -347,6 +391,9 @@ def _settings(
     """Read the file, then `--set`, then the options of their own."""
     from capslip.settings import load_settings
 
+    for name, unit in QUESTIONS.items():
+        if options.get(name) is not None:
+            options[name] = in_si(options[name], unit, f"--{name.replace('_', '-')}")
     given = {SETTING[name]: value for name, value in options.items() if value is not None}
     for name, value in given.items():
         if isinstance(value, float) and value != value:

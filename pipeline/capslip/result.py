@@ -15,39 +15,44 @@ import capslip
 from capslip.caps.families import Families, Family
 from capslip.caps.hills import Hills
 from capslip.caps.table import CapTable
+from capslip.contact.joint import Joint
 from capslip.contact.levelling import Level
 from capslip.contact.press import ContactState
 from capslip.contact.slip import SlipCurve
 from capslip.problems import Problem
 from capslip.sensitivity import Sensitivity
 from capslip.settings import Settings
+from capslip.structure.answer import Answer, asked
 from capslip.structure.beam import BeamMode
-from capslip.structure.response import Damping
+from capslip.structure.response import MOST_LOSS_FACTOR, Damping, lightly_damped
+from capslip.structure.stiffness import structure_name
 from capslip.surface.conditioning import Conditioned
 from capslip.surface.heightmap import HeightMap
+from capslip.verdict import assumptions, verdict
 
 SCHEMA = "capslip/summary/1"
 
 
 @dataclass(frozen=True, eq=False)
-class Analysis:
-    """All that one analysis found; the stages that could not run are None."""
+class JointResult:
+    """What is known of a joint, from a scan or not; the stages that could not run are None."""
 
-    surface: HeightMap
     settings: Settings
-    conditioned: Conditioned  # with the surface at the level at which it is pressed
-    level: Level | None  # None: as levelled
-    hills: Hills
-    caps: CapTable
+    joint: Joint
     families: Families
     contact: ContactState | None
     slip: SlipCurve | None
     beam: BeamMode | None  # None where the settings give the two stiffnesses
     damping: Damping | None
-    sensitivity: Sensitivity | None  # None where it was not asked for
+    answer: Answer | None  # None: beyond gross slip, too
     problems: tuple[Problem, ...]
     timings_s: dict[str, float]
     started: str
+
+    @property
+    def name(self) -> str:
+        """What the result is called."""
+        return "families"
 
     @property
     def status(self) -> str:
@@ -57,35 +62,11 @@ class Analysis:
             return "failed"
         return "check" if "warning" in severities else "ok"
 
-    def __repr__(self) -> str:
-        table = self.summary()
-        contact, peak = table["contact"], table["damping"]["peak_loss_factor"]
-        loss = "no loss factor" if peak is None else f"loss factor {peak:.3g}"
-        return (
-            f"<Analysis of {table['name']}: {table['status']}, {table['hills']['caps']} caps, "
-            f"{contact['model'] or 'no contact'} at {contact['preload_N']:g} N, {loss}, "
-            f"{len(table['problems'])} problems>"
-        )
-
-    def _repr_html_(self) -> str:
-        """Return a small table, for notebooks."""
-        table = self.summary()
-        rows = {
-            "caps": table["hills"]["caps"],
-            "G-caps, P-caps": f"{table['families']['m']}, {table['families']['n']}",
-            "contact model": table["contact"]["model"],
-            "preload [N]": table["contact"]["preload_N"],
-            "tangential stiffness [N/m]": table["slip"]["tangential_stiffness_N_per_m"],
-            "greatest loss factor": table["damping"]["peak_loss_factor"],
-            "gross slip amplitude [m]": table["damping"]["gross_slip_amplitude_m"],
-            **{problem["code"]: problem["message"] for problem in table["problems"]},
-        }
-        body = "".join(
-            f"<tr><th>{escape(name)}</th><td>{_cell(value)}</td></tr>"
-            for name, value in rows.items()
-        )
-        caption = f"{escape(table['name'])}: {table['status']}"
-        return f"<table><caption>{caption}</caption>{body}</table>"
+    @property
+    def verdict(self) -> str:
+        """Return one sentence on what the result is usable for."""
+        error = self.contact.estimated_error if self.contact else None
+        return verdict(self.settings, self.problems, error)
 
     def summary(
         self, command: str | None = None, timings_s: dict[str, float] | None = None
@@ -101,10 +82,16 @@ class Analysis:
         """
         tables = {
             "schema": SCHEMA,
-            "name": self.surface.origin.name,
+            "name": self.name,
             "status": self.status,
-            "surface": _surface(self),
-            "hills": _hills(self),
+            "verdict": self.verdict,
+            "answer": _answer(self),
+            "assumed": [
+                {"name": one.name, "setting": one.setting, "value": one.value, "moves": one.moves}
+                for one in assumptions(self.settings)
+            ],
+            "surface": None,
+            "hills": None,
             "families": _families(self.families),
             "contact": _contact(self),
             "slip": _slip(self),
@@ -114,7 +101,8 @@ class Analysis:
                 "estimated": self.contact.estimated_error if self.contact else None,
                 "model_reason": self.contact.model_reason if self.contact else None,
             },
-            "sensitivity": self.sensitivity.to_dict() if self.sensitivity else None,
+            "sensitivity": None,
+            **self._of_the_scan(),
             "problems": [_problem(problem) for problem in self.problems],
             "timings_s": {**self.timings_s, **(timings_s or {})},
             "provenance": {
@@ -129,11 +117,86 @@ class Analysis:
         plain: dict[str, Any] = _plain(tables)
         return plain
 
+    def _of_the_scan(self) -> dict[str, Any]:
+        """Return the tables of what a scan shows."""
+        return {}
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Analysis(JointResult):
+    """All that one analysis of a scan found; the stages that could not run are None."""
+
+    surface: HeightMap
+    conditioned: Conditioned  # with the surface at the level at which it is pressed
+    level: Level | None  # None: as levelled
+    hills: Hills
+    caps: CapTable
+    sensitivity: Sensitivity | None  # None where it was not asked for
+
+    @property
+    def name(self) -> str:
+        """Name of the scan."""
+        return self.surface.origin.name
+
+    def __repr__(self) -> str:
+        table = self.summary()
+        contact, peak = table["contact"], table["damping"]["peak_loss_factor"]
+        of = structure_name(self.settings)
+        loss = "no loss factor" if peak is None else f"loss factor {peak:.3g} of the {of}"
+        return (
+            f"<Analysis of {table['name']}: {table['status']}, {table['hills']['caps']} caps, "
+            f"{contact['model'] or 'no contact'} at {contact['preload_N']:g} N, {loss}, "
+            f"{len(table['problems'])} problems>"
+        )
+
+    def _repr_html_(self) -> str:
+        """Return a small table, for notebooks."""
+        table = self.summary()
+        rows = {
+            "verdict": table["verdict"],
+            "caps": table["hills"]["caps"],
+            "G-caps, P-caps": f"{table['families']['m']}, {table['families']['n']}",
+            "contact model": table["contact"]["model"],
+            "preload [N]": table["contact"]["preload_N"],
+            "tangential stiffness [N/m]": table["slip"]["tangential_stiffness_N_per_m"],
+            f"greatest loss factor, {table['damping']['structure']}": table["damping"][
+                "peak_loss_factor"
+            ],
+            "gross slip amplitude [m]": table["damping"]["gross_slip_amplitude_m"],
+            **{problem["code"]: problem["message"] for problem in table["problems"]},
+        }
+        body = "".join(
+            f"<tr><th>{escape(name)}</th><td>{_cell(value)}</td></tr>"
+            for name, value in rows.items()
+        )
+        caption = f"{escape(table['name'])}: {table['status']}"
+        return f"<table><caption>{caption}</caption>{body}</table>"
+
+    def _of_the_scan(self) -> dict[str, Any]:
+        return {
+            "surface": _surface(self),
+            "hills": _hills(self),
+            "sensitivity": self.sensitivity.to_dict() if self.sensitivity else None,
+        }
+
 
 def _cell(value: object) -> str:
     if value is None:
         return "–"
     return f"{value:.4g}" if isinstance(value, float) else escape(str(value))
+
+
+def _answer(analysis: JointResult) -> dict[str, Any]:
+    """Return the question and its answer, of one joint and of the structure."""
+    question = analysis.settings.answer
+    quantity, value = asked(question, analysis.slip)
+    by_default = all(getattr(question, name) is None for name in question.__struct_fields__)
+    names = Answer.__dataclass_fields__
+    return {
+        "asked": {"quantity": quantity, "value": value, "by_default": by_default},
+        "structure": structure_name(analysis.settings),
+        **{name: getattr(analysis.answer, name, None) for name in names},
+    }
 
 
 def _surface(analysis: Analysis) -> dict[str, Any]:
@@ -196,16 +259,24 @@ def _families(families: Families) -> dict[str, Any]:
     }
 
 
-def _contact(analysis: Analysis) -> dict[str, Any]:
-    contact = analysis.contact
+def _contact(analysis: JointResult) -> dict[str, Any]:
+    """Return the contact: loads and stiffness of the joint, the rest of the scan in it."""
+    contact, joint = analysis.contact, analysis.joint
+    area_m2 = contact.contact_area_m2 if contact and joint.is_even else None
     return {
         "model": contact.model if contact else None,
-        "preload_N": analysis.settings.contact.preload_N,
+        "preload_N": joint.preload_N,
+        "nominal_pressure_Pa": joint.nominal_pressure_Pa,
+        "coverage": joint.coverage,
+        "joint_area_m2": joint.area_m2,
+        "scan_area_m2": joint.scan_area_m2,
+        "scan_load_N": joint.scan_load_N,
+        "pressure_classes": len(joint.load_N),
         "approach_m": contact.approach_m if contact else None,
         "approach_without_bulk_m": contact.approach_without_bulk_m if contact else None,
         "contacts": contact.contacts if contact else None,
-        "stiffness_N_per_m": contact.stiffness_N_per_m if contact else None,
-        "contact_area_m2": contact.contact_area_m2 if contact else None,
+        "stiffness_N_per_m": _normal_stiffness(analysis),
+        "contact_area_m2": None if area_m2 is None else area_m2 * float(joint.weight[0]),
         "max_pressure_Pa": contact.max_pressure_Pa if contact else None,
         "hardness_Pa": contact.hardness_Pa if contact else None,
         "yielded_area_m2": contact.yielded_area_m2 if contact else None,
@@ -214,25 +285,34 @@ def _contact(analysis: Analysis) -> dict[str, Any]:
     }
 
 
-def _alignment(analysis: Analysis) -> dict[str, Any]:
+def _normal_stiffness(analysis: JointResult) -> float | None:
+    """Return that of the joint under its preload."""
+    slip = analysis.slip
+    return None if slip is None else float(slip.curve.stiffness_N_per_m(slip.approach_m))
+
+
+def _alignment(analysis: JointResult) -> dict[str, Any]:
     """Return how the face lies under its preload; slopes and places along x and y."""
-    contact, level = analysis.contact, analysis.level
-    if contact is None:
+    contact = analysis.contact
+    if contact is None or not isinstance(analysis, Analysis):
         names = ("alignment", "tilt_rad", "tilt_across_face_m", "load_point_m", "eccentricity_m")
-        return dict.fromkeys(names)
+        return dict.fromkeys((*names, "resultant_off_load_point_m"))
+    level = analysis.level
     tilt_rad = np.add(contact.tilt_rad, (0.0, 0.0) if level is None else level.slope)
     balanced = level is not None or any(contact.tilt_rad)
     ly_m, lx_m = analysis.surface.side_m
+    off_m = None if contact.eccentricity_m is None else math.hypot(*contact.eccentricity_m)
     return {
         "alignment": "balanced" if balanced else "as_levelled",
         "tilt_rad": tilt_rad,
         "tilt_across_face_m": float(np.abs(tilt_rad) @ (lx_m, ly_m)),
         "load_point_m": contact.load_point_m,
         "eccentricity_m": contact.eccentricity_m,
+        "resultant_off_load_point_m": off_m,
     }
 
 
-def _slip(analysis: Analysis) -> dict[str, Any]:
+def _slip(analysis: JointResult) -> dict[str, Any]:
     slip = analysis.slip
     return {
         "friction_coefficient": analysis.settings.material.friction_coefficient,
@@ -244,20 +324,27 @@ def _slip(analysis: Analysis) -> dict[str, Any]:
     }
 
 
-def _damping(analysis: Analysis) -> dict[str, Any]:
+def _damping(analysis: JointResult) -> dict[str, Any]:
     damping = analysis.damping
+    peak = lightly_damped(damping.peak_loss_factor) if damping else None
     return {
+        "structure": structure_name(analysis.settings),
         "amplitude_m": damping.amplitude_m if damping else [],
-        "loss_factor": damping.loss_factor if damping else [],
-        "damping_ratio": damping.damping_ratio if damping else [],
+        "loss_factor": _where_defined(damping, damping.loss_factor) if damping else [],
+        "damping_ratio": _where_defined(damping, damping.damping_ratio) if damping else [],
         "frequency_ratio": damping.frequency_ratio if damping else [],
-        "peak_loss_factor": damping.peak_loss_factor if damping else None,
+        "peak_loss_factor": peak,
         "amplitude_at_peak_m": damping.amplitude_at_peak_m if damping else None,
         "gross_slip_amplitude_m": damping.gross_slip_amplitude_m if damping else None,
         "modal_stiffness_N_per_m": damping.modal_stiffness_N_per_m if damping else None,
         "joint_stiffness_N_per_m": damping.joint_stiffness_N_per_m if damping else None,
         "joints": analysis.settings.structure.joints,
     }
+
+
+def _where_defined(damping: Damping, values: np.ndarray) -> np.ndarray:
+    """Return values of a mode that is lightly damped; NaN elsewhere."""
+    return np.where(damping.loss_factor <= MOST_LOSS_FACTOR, values, np.nan)
 
 
 def _problem(problem: Problem) -> dict[str, Any]:
@@ -269,12 +356,13 @@ def _problem(problem: Problem) -> dict[str, Any]:
     }
 
 
-def _limit(analysis: Analysis, family: str) -> float | None:
+def _limit(analysis: JointResult, family: str) -> float | None:
     """Return the displacement at which the last cap of a family slips as a whole."""
     contact, slip = analysis.contact, analysis.slip
     if contact is None or slip is None:
         return None
-    at = contact.row_family == family
+    # The rows of a joint are those of its scan, patch by patch
+    at = np.resize(contact.row_family, slip.limits_m.shape) == family
     if not at.any():
         return None
     limits_m = slip.limits_m[at & np.isfinite(slip.limits_m)]

@@ -26,6 +26,14 @@ Share = Annotated[float, msgspec.Meta(gt=0, lt=1)]
 Pair = tuple[float, float]
 Size = Annotated[int, msgspec.Meta(ge=3)]
 SOLVER_TOLERANCE = (1e-10, 1e-3)  # least and greatest, of boundary elements
+# What nobody may have given: a default that stands in for it is no fact of this joint
+STAND_INS = (
+    "contact.preload_N",
+    "material.youngs_modulus_Pa",
+    "material.poisson_ratio",
+    "material.friction_coefficient",
+    "structure.beam",
+)
 SolverTolerance = Annotated[float, msgspec.Meta(ge=SOLVER_TOLERANCE[0], le=SOLVER_TOLERANCE[1])]
 
 
@@ -88,6 +96,13 @@ class FamilySettings(_Table, frozen=True):
 
     count: Literal["auto", 1, 2] = "auto"
     feature: Literal["peak_height", "cap_height", "diameter", "radius"] = "peak_height"
+    # Given in place of a scan
+    m: Annotated[int, msgspec.Meta(ge=1)] | None = None
+    n: Annotated[int, msgspec.Meta(ge=0)] | None = None
+    radius_G_m: Positive | None = None
+    radius_P_m: Positive | None = None
+    h_m: Annotated[float, msgspec.Meta(ge=0, le=GREATEST)] | None = None
+    approach_m: Positive | None = None  # in place of the preload
 
 
 class Material(_Table, frozen=True):
@@ -109,12 +124,20 @@ class Contact(_Table, frozen=True):
 
     model: str = "auto"  # or the name of a rung: a file in contact/models
     preload_N: Positive = 460.0
+    nominal_pressure_Pa: Positive | None = None  # of the joint, in place of the preload
     alignment: Literal["balanced", "as_levelled"] = "balanced"
     load_point_m: Pair | None = None  # (x, y) of its line of action; default: the map's centre
     alignment_stiffness_Nm_per_rad: Annotated[float, msgspec.Meta(ge=0, le=GREATEST)] = 0.0
     tolerance: Share = 0.05
     solver_tolerance: SolverTolerance = 1e-7  # of boundary elements
     bulk: bool = False  # keep the half-space's bulk sinking in stiffness and displacement
+
+
+class JointSettings(_Table, frozen=True):
+    """The joint that the scan is a part of; without any of these it is the scan."""
+
+    area_m2: Positive | None = None
+    pressure_map: str | None = None  # CSV, see contact/pressure_map.py
 
 
 class Beam(_Table, frozen=True):
@@ -137,6 +160,14 @@ class Structure(_Table, frozen=True):
     beam: Beam = Beam()
 
 
+class Question(_Table, frozen=True):
+    """What is asked: one of these, or none; then a quarter of the force at total slip."""
+
+    amplitude_m: Positive | None = None  # of the structure, at the point of its modal stiffness
+    slip_force_N: Positive | None = None  # tangential, of one joint
+    displacement_m: Positive | None = None  # tangential, of one joint
+
+
 class Run(_Table, frozen=True):
     """What changes no number."""
 
@@ -144,6 +175,7 @@ class Run(_Table, frozen=True):
     sensitivity: bool = False  # sweep cut, pruning, filter and level around what was chosen
     figures: bool = True
     render: bool = True
+    given: tuple[str, ...] = ()  # the STAND_INS that a file or an option gave
 
 
 class Settings(_Table, frozen=True):
@@ -157,18 +189,32 @@ class Settings(_Table, frozen=True):
     families: FamilySettings = FamilySettings()
     material: Material = Material()
     contact: Contact = Contact()
+    joint: JointSettings = JointSettings()
     structure: Structure = Structure()
+    answer: Question = Question()
     run: Run = Run()
 
     def to_dict(self) -> dict[str, Any]:
-        """Return plain nested dictionaries; settings that are not given are left out."""
-        tables = msgspec.to_builtins(self)
-        return {name: _without_none(table) for name, table in tables.items()}
+        """Return plain nested dictionaries; settings that are absent are left out."""
+        tables: dict[str, Any] = _without_none(msgspec.to_builtins(self))
+        instead = self.contact.nominal_pressure_Pa, self.joint.pressure_map
+        if any(one is not None for one in (*instead, self.families.approach_m)):
+            del tables["contact"]["preload_N"]  # it follows
+        return tables
+
+    def is_given(self, stand_in: str) -> bool:
+        """Return whether someone gave one of the `STAND_INS`: said so, or gave another value."""
+        table, key = stand_in.split(".")
+        mine, default = (getattr(getattr(one, table), key) for one in (self, Settings()))
+        return stand_in in self.run.given or mine != default
 
     def sha256(self) -> str:
-        """Return the digest of everything that can change a number, so without `[run]`."""
+        """Return the digest of everything that can change a result, so without most of `[run]`."""
         tables = self.to_dict()
-        del tables["run"]
+        tables["run"] = {"given": self.run.given}
+        path = self.joint.pressure_map
+        if path is not None and Path(path).is_file():  # what it says counts, not its name alone
+            tables["joint"]["sha256"] = hashlib.sha256(Path(path).read_bytes()).hexdigest()
         return hashlib.sha256(msgspec.json.encode(tables, order="deterministic")).hexdigest()
 
 
@@ -203,8 +249,11 @@ def load_settings(path: str | Path | None = None, overrides: tuple[str, ...] = (
             ) from error
         except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
             raise SettingsError(f"settings file {path}: not valid TOML: {error}") from error
-    for override in overrides:
-        _apply(tables, override)
+    alone = [_apply(tables, override) for override in overrides]
+    written = tables.get("run", {}).get("given") if isinstance(tables.get("run"), dict) else None
+    if isinstance(written, list):  # by an analysis, in a file that holds every value
+        more = (name for one in alone for name in _given(_with_preset(one)))
+        tables["run"]["given"] = [*written, *more]
     return settings_from(tables, str(path) if path else "settings")
 
 
@@ -212,15 +261,45 @@ def settings_from(tables: dict[str, Any], where: str = "settings") -> Settings:
     """Check nested dictionaries and make them Settings; errors as for `load_settings`."""
     _refuse_unknown(tables, Settings, where, ())
     _refuse_non_finite(tables, where, ())
+    tables = _with_preset(tables, where)
     try:
-        settings = msgspec.convert(_with_preset(tables, where), Settings)
+        settings = msgspec.convert(tables, Settings)
     except msgspec.ValidationError as error:
         raise SettingsError(f"{where}: {_explain(str(error), tables)}") from error
     _check_meaning(settings, where)
-    return settings
+    _check_load(tables, where)
+    given = settings.run.given if "given" in tables.get("run", {}) else _given(tables)
+    given = tuple(name for name in STAND_INS if name in given)
+    return msgspec.structs.replace(settings, run=msgspec.structs.replace(settings.run, given=given))
 
 
-def _with_preset(tables: dict[str, Any], where: str) -> dict[str, Any]:
+def _given(tables: dict[str, Any]) -> set[str]:
+    """Return the stand-ins that nested dictionaries hold; an empty table is none."""
+    pairs = (name.split(".") for name in STAND_INS)
+    return {
+        f"{table}.{key}"
+        for table, key in pairs
+        if isinstance(tables.get(table), dict) and tables[table].get(key, {}) != {}
+    }
+
+
+def _check_load(tables: dict[str, Any], where: str) -> None:
+    """Refuse what gives the load or the area of the joint twice."""
+    contact, joint = tables.get("contact", {}), tables.get("joint", {})
+    approach = ["families.approach_m"] if "approach_m" in tables.get("families", {}) else []
+    loads = [f"contact.{key}" for key in ("preload_N", "nominal_pressure_Pa") if key in contact]
+    loads += approach
+    if "pressure_map" in joint:
+        loads += ["joint.pressure_map"]
+        loads += ["joint.area_m2"] if "area_m2" in joint else []
+    if len(loads) > 1:
+        raise SettingsError(
+            f"{where}: got {' and '.join(loads)}; each says how much load or area the joint has; "
+            "expected one of them"
+        )
+
+
+def _with_preset(tables: dict[str, Any], where: str = "settings") -> dict[str, Any]:
     """Fill in what the named materials say and the tables do not."""
     given = tables.get("material", {})
     preset = given.get("preset") if isinstance(given, dict) else None
@@ -285,6 +364,11 @@ def _check_meaning(settings: Settings, where: str) -> None:
     if hills.pruning_height_m is not None and hills.pruning_percent_Sz is not None:
         raise SettingsError(
             f"{where}: hills: got both pruning_height_m and pruning_percent_Sz; give one or none"
+        )
+    question = _without_none(msgspec.to_builtins(settings.answer))
+    if len(question) > 1:
+        raise SettingsError(
+            f"{where}: answer: got {' and '.join(question)}; expected one question, or none"
         )
     structure = settings.structure
     if (structure.modal_stiffness_N_per_m is None) != (structure.joint_stiffness_N_per_m is None):
@@ -351,7 +435,8 @@ def _one_of(words: Iterable[str], got: str) -> str:
     return f"expected one of {', '.join(words)}{mean}"
 
 
-def _apply(tables: dict[str, Any], override: str) -> None:
+def _apply(tables: dict[str, Any], override: str) -> dict[str, Any]:
+    """Set one value, and return it alone in its nested dictionaries."""
     name, equals, text = override.partition("=")
     keys = name.strip().split(".")
     if not equals or not all(keys) or len(keys) < 2:
@@ -360,11 +445,15 @@ def _apply(tables: dict[str, Any], override: str) -> None:
         value = tomllib.loads(f"value = {text}")["value"]
     except tomllib.TOMLDecodeError:
         value = text.strip()
+    alone: dict[str, Any] = {keys[-1]: value}
+    for key in reversed(keys[1:-1]):
+        alone = {key: alone}
     for key in keys[:-1]:
         tables = tables.setdefault(key, {})
         if not isinstance(tables, dict):
             raise SettingsError(f"--set {override}: {key} is no table")
     tables[keys[-1]] = value
+    return {keys[0]: alone}
 
 
 def _without_none(table: dict[str, Any]) -> dict[str, Any]:

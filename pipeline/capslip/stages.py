@@ -24,6 +24,7 @@ from capslip.caps.points import points_of_hills
 from capslip.caps.table import CapTable
 from capslip.contact.choice import estimate_error
 from capslip.contact.depth import press_for_depth
+from capslip.contact.joint import Joint, joint_of
 from capslip.contact.levelling import UNSETTLED, Level, coarse_map, find_level, turned
 from capslip.contact.press import ContactState, press
 from capslip.contact.rung import rung
@@ -71,6 +72,7 @@ class Face:
     families come from caps of their own, on the plane on which they are levels.
     """
 
+    joint: Joint  # of which the face is a part
     conditioned: Conditioned  # with the surface at the level at which it is pressed
     level: Level | None  # None: as levelled
     hills: Hills
@@ -119,12 +121,13 @@ def find_face(
 def press_face(
     face: Face, settings: Settings, clock: Clock
 ) -> tuple[ContactState, CapTable, SlipCurve]:
-    """Press a face with its preload, and shear it.
+    """Press a face with its share of the preload, and shear the joint.
 
     Returns
     -------
     ContactState, CapTable, SlipCurve
-        The state under the preload; the caps with their loads; the slip curve.
+        The state of the face under its share; the caps with their loads; the slip curve of the
+        whole joint.
 
     Raises
     ------
@@ -143,8 +146,8 @@ def press_face(
         )
     with clock("slip"):
         slip = slip_curve(
-            contact.curve,
-            contact.preload_N,
+            face.joint.curve(contact),
+            face.joint.preload_N,
             settings.material.friction_coefficient,
             contact.composite.kappa,
         )
@@ -171,10 +174,12 @@ def estimate(
 
 
 def as_found(face: Face, settings: Settings) -> Settings:
-    """Return the settings of a face that was not balanced: its caps are pressed as levelled.
+    """Return the settings of a face: its share of the load, and how it was found to lie.
 
-    A model of the map itself finds its own balance.
+    The caps of a face that was not balanced are pressed as levelled; a model of the map itself
+    finds its own balance.
     """
+    settings = face.joint.settings_of_scan(settings)
     if face.level is not None or _made_from(settings) == "map":
         return settings
     contact = msgspec.structs.replace(settings.contact, alignment="as_levelled")
@@ -213,13 +218,16 @@ def _placed(first: Conditioned, second: Conditioned, settings: Settings) -> Plac
 
 
 def _one_map(conditioned: Conditioned, settings: Settings, clock: Clock) -> Face:
+    joint = joint_of(settings, conditioned.surface)
+    settings = joint.settings_of_scan(settings)
     level, problems = _levelled(conditioned.surface, settings, clock)
     if level is None:
         hills, caps, doubts = _hills_and_caps(conditioned.surface, settings, clock)
         caps, families = _grouped(caps, settings, clock)
         ratio = settings.hills.material_ratio
         problems += [*doubts, *_below_cut(conditioned.surface, families, ratio, settings)]
-        return Face(conditioned, None, hills, caps, families, hills.label, caps, tuple(problems))
+        found = (hills, caps, families, hills.label, caps)
+        return Face(joint, conditioned, None, *found, tuple(problems))
     with clock("families"):
         plane, hills, family_caps, families = _families(conditioned.surface, level, settings)
         caps = _named(level, hills, family_caps)
@@ -231,10 +239,8 @@ def _one_map(conditioned: Conditioned, settings: Settings, clock: Clock) -> Face
         problems += problems_of_holes(plane, hill_m)
     step = {"step": "level", "tilt_rad": list(level.slope), "load_point_m": level.load_point_m}
     conditioned = replace(conditioned, surface=level.surface, steps=(*conditioned.steps, step))
-    label = level.hills.label
-    return Face(
-        conditioned, level, level.hills, caps, families, label, family_caps, tuple(problems)
-    )
+    found = (level.hills, caps, families, level.hills.label, family_caps)
+    return Face(joint, conditioned, level, *found, tuple(problems))
 
 
 def _levelled(
@@ -368,6 +374,8 @@ def _two_maps(
     first: Conditioned, second: Conditioned, placement: Placement, settings: Settings, clock: Clock
 ) -> Face:
     """Count the caps of both maps, as the paper does."""
+    joint = joint_of(settings, first.surface)
+    settings = joint.settings_of_scan(settings)
     hills, caps, problems = _hills_and_caps(first.surface, settings, clock)
     _, other_caps, other_problems = _hills_and_caps(second.surface, settings, clock)
     caps = join_faces(caps, other_caps, placement.on_first, placement.rotation_rad)
@@ -375,7 +383,7 @@ def _two_maps(
     for problem in (*second.problems, *other_problems):
         problems.append(replace(problem, message=f"{name}: {problem.message}"))
     caps, families = _grouped(caps, settings, clock)
-    return Face(first, None, hills, caps, families, None, caps, tuple(problems))
+    return Face(joint, first, None, hills, caps, families, None, caps, tuple(problems))
 
 
 def _grouped(caps: CapTable, settings: Settings, clock: Clock) -> tuple[CapTable, Families]:

@@ -1,6 +1,10 @@
 """The units of length that a file or a user can name: the one table of them."""
 
+import math
+import re
 from typing import TYPE_CHECKING, Literal
+
+from capslip.errors import SettingsError
 
 METRES = {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "um": 1e-6, "nm": 1e-9, "pm": 1e-12, "inch": 0.0254}
 SPELLINGS = {
@@ -17,9 +21,41 @@ SPELLINGS = {
     "nanometre": "nm",
     "nanometer": "nm",
 }
+NEWTONS = {"N": 1.0, "kN": 1e3, "MN": 1e6, "mN": 1e-3, "uN": 1e-6, "µN": 1e-6}
 WORDS = (*METRES, "µm")  # of options and settings
 
 if TYPE_CHECKING:
     LengthUnit = str
 else:
     LengthUnit = Literal[WORDS]
+
+
+def in_si(text: str, si_unit: Literal["m", "N"], name: str) -> float:
+    """Return a positive number that a user wrote with its unit, in SI.
+
+    Raises
+    ------
+    SettingsError
+        If the number is none, or the unit is missing or unknown: it is never guessed.
+
+    Examples
+    --------
+    >>> in_si("0.5um", "m", "--amplitude"), in_si("2 kN", "N", "--slip-force")
+    (5e-07, 2000.0)
+    """
+    known = NEWTONS if si_unit == "N" else METRES
+    match = re.fullmatch(r"\s*([-+]?[\d.]+(?:[eE][-+]?\d+)?)\s*([^\W\d]*)\s*", text)
+    number, unit = match.groups() if match else ("", "")
+    factor = known.get(SPELLINGS.get(unit, unit) if si_unit == "m" else unit)
+    try:
+        value = float(number)
+    except ValueError:
+        value = math.nan
+    if factor is None or not 0.0 < value < math.inf:
+        example = "0.5um" if si_unit == "m" else "20N"
+        raise SettingsError(
+            f"{name}: got {text!r}; expected a number > 0 and its unit, one of "
+            f"{', '.join(known)}, as in {example}"
+        )
+    # By division, so that 0.5um is 5e-07 and no digit more
+    return value / round(1.0 / factor) if factor < 1e-2 else value * factor

@@ -60,7 +60,7 @@ def test_every_scan_has_a_row(batch):
     assert "bad.x3p" in table["bad"]["error"]
     assert "--unit" in table["one.npy"]["error"]
     assert table["two"]["status"] in ("ok", "check")
-    assert float(table["two"]["peak_loss_factor"]) > 0
+    assert float(table["two"]["answer_joint_loss_factor"]) > 0
     assert "bad.x3p" in (folder / "out" / "index.html").read_text()
 
 
@@ -166,7 +166,7 @@ def test_a_result_that_lacks_a_part_keeps_its_row_and_is_told(batch, tmp_path, m
     assert row["status"] == "check"
     assert row["error"] == "report.html could not be made: KeyError: 'no such colour'"
     assert row["problems"].split()[-1] == "output_missing"
-    assert float(row["peak_loss_factor"]) > 0
+    assert float(row["answer_joint_loss_factor"]) > 0
     # what is missing is made when it can be
     ran = call(arguments, analyse_scan, monkeypatch)
     assert ran.exit_code == 0, ran.output
@@ -252,6 +252,7 @@ def test_a_row_holds_the_numbers_of_the_summary(batch):
     row = rows(folder)["two"]
     summary = json.loads((folder / "out" / "scans" / "two" / "summary.json").read_text())
     slip, damping, families = summary["slip"], summary["damping"], summary["families"]
+    answer = summary["answer"]
     expected = {
         "caps": summary["hills"]["caps"],
         "m": families["m"],
@@ -261,12 +262,22 @@ def test_a_row_holds_the_numbers_of_the_summary(batch):
         "radius_P_m": (families["P"] or {}).get("radius_m"),
         "model": summary["contact"]["model"],
         "preload_N": summary["contact"]["preload_N"],
+        "nominal_pressure_Pa": summary["contact"]["nominal_pressure_Pa"],
+        "coverage": summary["contact"]["coverage"],
         "approach_m": summary["contact"]["approach_m"],
         "contacts": summary["contact"]["contacts"],
         "tangential_stiffness_N_per_m": slip["tangential_stiffness_N_per_m"],
+        "answer_force_N": answer["slip_force_N"],
+        "answer_displacement_m": answer["displacement_m"],
+        "answer_stiffness_N_per_m": answer["tangential_stiffness_N_per_m"],
+        "answer_energy_J": answer["energy_J"],
+        "answer_joint_loss_factor": answer["joint_loss_factor"],
+        "answer_loss_factor": answer["loss_factor"],
+        "structure": damping["structure"],
         "peak_loss_factor": damping["peak_loss_factor"],
         "amplitude_at_peak_m": damping["amplitude_at_peak_m"],
         "gross_slip_amplitude_m": damping["gross_slip_amplitude_m"],
+        "verdict": summary["verdict"],
         "problems": " ".join(one["code"] for one in summary["problems"]),
         "folder": "scans/two",
         "status": summary["status"],

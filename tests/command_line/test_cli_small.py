@@ -67,7 +67,7 @@ def test_a_setting_that_is_no_more_is_unknown(tmp_path):
     ran = run("analyze", FACE_A, "-c", tmp_path / "old.toml")
     assert ran.exit_code == 2
     assert (
-        "unknown setting run.log_level (known here: workers, sensitivity, figures, render)"
+        "unknown setting run.log_level (known here: workers, sensitivity, figures, render, given)"
         in ran.stderr
     )
 

@@ -8,7 +8,7 @@ from capslip.output.quantity import engineering, scaled
 from capslip.output.rows import QUANTITIES, SCALES, Value, value, write_text
 from capslip.output.terminal import result_lines
 
-SUFFIX = {"m": "_m", "N": "_N", "N/m": "_N_per_m", "Pa": "_Pa", "m^2": "_m2"}
+SUFFIX = {"m": "_m", "N": "_N", "N/m": "_N_per_m", "Pa": "_Pa", "J": "_J", "m^2": "_m2"}
 
 
 @pytest.mark.parametrize("case", [output_cases.none, output_cases.one, output_cases.several])
@@ -78,6 +78,7 @@ def test_values_are_those_of_the_analysis():
         (0.2149, "%", "", "21.5 %"),
         (0.2149, "%", ".0f %", "21 %"),
         (3.07e-6, "m^2", "", "3.07 mm²"),
+        (1.2e-3, "m^2", "", "12 cm²"),
         (0.051449, "", "", "0.0514"),
         (0.051449, "", ".4g", "0.05145"),
         (11, "", "", "11"),
@@ -121,6 +122,7 @@ def test_scales_are_those_of_their_prefix():
         "nm": 1e-9,
         "mm": 1e-3,
         "mm²": 1e-6,
+        "cm²": 1e-4,
         "MN/m": 1e6,
         "%": 1e-2,
     }
@@ -135,6 +137,9 @@ def test_an_unknown_quantity_is_an_error_of_the_program():
 def test_the_lines_of_a_terminal():
     analysis = output_cases.several()
     lines = result_lines(analysis).splitlines()
+    assert lines[0] == f"verdict    {analysis.verdict}"
+    assert lines[1].startswith("answer     at slip force 7.5 N (a quarter of total slip")
+    lines = lines[[line[:4] for line in lines].index("scan") :]
     families, slip, damping = analysis.families, analysis.slip, analysis.damping
     assert lines[0].startswith("scan       ")
     assert f"cut {analysis.hills.cut_height_m * 1e6:.4g} um, " in lines[1]
@@ -155,7 +160,8 @@ def test_the_lines_of_a_terminal():
         f"{slip.total_slip_force_N:.4g} N, {slip.total_slip_displacement_m * 1e9:.4g} nm"
     )
     assert lines[7] == (
-        f"damping    peak loss factor {damping.peak_loss_factor:.4g} at "
+        "damping    demonstration beam 400 x 60 x 40 mm: peak loss factor "
+        f"{damping.peak_loss_factor:.4g} at "
         f"{damping.amplitude_at_peak_m * 1e6:.4g} um, gross slip at "
         f"{damping.gross_slip_amplitude_m * 1e6:.4g} um"
     )
@@ -164,5 +170,6 @@ def test_the_lines_of_a_terminal():
 
 def test_the_terminal_says_what_is_absent_in_plain_letters():
     lines = result_lines(output_cases.none()).splitlines()
+    lines = lines[[line[:4] for line in lines].index("scan") :]
     assert lines[2] == "families   m 0, n 0, h -"
     assert lines[3].startswith("status ")

@@ -112,15 +112,19 @@ def test_seconds_from_outside_stand_beside_those_of_the_stages(several):
     assert found["provenance"]["command"] == "capslip"
 
 
+OF_THE_JOINT = {"preload_N", "nominal_pressure_Pa", "coverage", "joint_area_m2", "scan_area_m2"}
+OF_THE_JOINT |= {"scan_load_N", "pressure_classes"}
+
+
 def test_stages_that_could_not_run_are_absent(several):
     failed = replace(several, contact=None, slip=None, damping=None, sensitivity=None)
     found = failed.summary()
     assert found["contact"]["preload_N"] == 150.0
     assert found["damping"]["joints"] == several.settings.structure.joints
     for table, kept in (
-        ("contact", {"preload_N"}),
+        ("contact", OF_THE_JOINT),
         ("slip", {"friction_coefficient"}),
-        ("damping", {"joints"}),
+        ("damping", {"joints", "structure"}),
         ("accuracy", {"requested"}),
     ):
         assert {key for key, value in found[table].items() if value not in (None, [])} == kept

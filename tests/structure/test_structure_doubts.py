@@ -39,4 +39,8 @@ def test_a_beam_beside_given_stiffnesses_is_not_used(structure, codes):
 def test_damping_is_doubted_just_beyond_its_threshold(slip, peak, at_gross_slip, expected):
     damping = response(slip, 2e8, 1e8, 1)
     damping = replace(damping, peak_loss_factor=peak, peak_at_gross_slip=at_gross_slip)
-    assert [(one.code, one.severity) for one in problems_of_damping(damping)] == expected
+    found = problems_of_damping(damping, "beam of mine", is_given=True)
+    assert [(one.code, one.severity) for one in found] == expected
+    assert all("beam of mine" in one.message for one in found if one.severity == "warning")
+    notes = problems_of_damping(damping, "demonstration beam", is_given=False)
+    assert [(one.code, one.severity) for one in notes] == [(code, "info") for code, _ in expected]

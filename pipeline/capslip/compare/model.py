@@ -11,6 +11,7 @@ import numpy as np
 from capslip.caps.families import Families, Family
 from capslip.caps.table import CapFlag, CapTable
 from capslip.contact.curve import NormalCurve
+from capslip.contact.joint import joint_of
 from capslip.contact.material import composite, yield_law
 from capslip.contact.models.flat import flat
 from capslip.contact.press import press
@@ -112,7 +113,7 @@ def load_model(result: str | Path) -> tuple[JointModel, Settings]:
     Returns
     -------
     JointModel, Settings
-        The model, and the settings of the result.
+        The model, and the settings of the result with the preload of its joint.
 
     Raises
     ------
@@ -134,21 +135,26 @@ def load_model(result: str | Path) -> tuple[JointModel, Settings]:
     surface, caps = _load_surface_and_caps(folder / "result.h5")
     families = _stored_families(summary["families"])
     material = settings.material
-    joint = composite(material.youngs_modulus_Pa, material.poisson_ratio)
+    composed = composite(material.youngs_modulus_Pa, material.poisson_ratio)
+    whole = joint_of(settings, surface)
     law = yield_law(material)
 
     def curve(preload_N: float) -> NormalCurve:
-        pressed = caps
+        pressed, joint = caps, whole.under(preload_N)
         if used != settings.contact.model:
             # A choice takes the caps that can touch; of thousands the others would fill the matrix.
-            near = reachable(caps, surface.side_m, joint.E_star_Pa, preload_N, law).use
+            share_N = joint.scan_load_N
+            near = reachable(caps, surface.side_m, composed.E_star_Pa, share_N, law).use
             pressed = replace(caps, **{f.name: getattr(caps, f.name)[near] for f in fields(caps)})
-        contact = msgspec.structs.replace(settings.contact, model=used, preload_N=preload_N)
-        changed = msgspec.structs.replace(settings, contact=contact)
-        return press(pressed, families, surface, changed)[0].curve
+        changed = joint.settings_of_scan(settings)
+        contact = msgspec.structs.replace(changed.contact, model=used)
+        changed = msgspec.structs.replace(changed, contact=contact)
+        return joint.curve(press(pressed, families, surface, changed)[0])
 
     _, modal, shear = stiffnesses(settings)
-    return JointModel(curve, joint.kappa, modal, shear, settings.structure.joints), settings
+    contact = msgspec.structs.replace(settings.contact, preload_N=whole.preload_N)
+    settings = msgspec.structs.replace(settings, contact=contact)
+    return JointModel(curve, composed.kappa, modal, shear, settings.structure.joints), settings
 
 
 def _stored_families(table: dict[str, Any]) -> Families:

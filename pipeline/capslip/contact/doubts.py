@@ -7,6 +7,7 @@ import numpy as np
 from capslip.caps.families import Families
 from capslip.caps.table import CapFlag, CapTable
 from capslip.contact.accuracy import BEYOND_SHARE
+from capslip.contact.joint import Joint
 from capslip.contact.material import dundurs_beta
 from capslip.contact.press import ContactState
 from capslip.materials import MATERIALS
@@ -16,6 +17,7 @@ from capslip.settings import Material
 MIN_PIXELS_ACROSS = 4.0  # of the contacts that carry the lighter half of the load
 LARGE_BETA = 0.1  # beyond: compliances change by beta^2, more than 1 %, and much slips early
 LARGE_FRICTION = 1.5
+FEW_IN_SCAN = 25  # contacts of a scan that stands for a larger joint: W some 20 % too low
 ELASTIC_STRAIN = 0.03  # of E*: the greatest pressure at which the hardest steels stay elastic
 FIRST_YIELD = 1.6  # greatest pressure of a Hertz contact over the yield stress, where it yields
 DOUBTFUL = CapFlag.edge | CapFlag.non_measured | CapFlag.apex_off_surface | CapFlag.noisy_apex
@@ -39,6 +41,32 @@ def material_doubts(material: Material) -> list[Problem]:
         )
         found.append(Problem("friction_suspect", "warning", message))
     return found
+
+
+def problems_of_share(joint: Joint, contact: ContactState) -> list[Problem]:
+    """Return whether a scan that stands for a larger joint holds enough contacts to do so.
+
+    Cut in nine, a face of n contacts in each part lost about 1 / sqrt(n) less than as a whole,
+    because each part touches with its own highest hills (`docs/theory.md`, section 6).
+    """
+    found: list[Problem] = []
+    if not joint.is_even and contact.yielded_area_m2:
+        least = float(joint.load_N.min() / joint.load_N.max())
+        message = (
+            f"the joint is pressed unevenly, down to {least:.2g} of its greatest pressure, and "
+            "slips as if all of it had yielded under that one: parts under less are taken too flat"
+        )
+        found.append(Problem("uneven_yield", "warning", message))
+    enough = contact.contacts >= FEW_IN_SCAN or contact.rung.made_from == "nothing"
+    if joint.coverage is None or joint.coverage > 0.99 or enough:
+        return found
+    off = 1.0 / math.sqrt(contact.contacts)
+    message = (
+        f"the scan is {joint.coverage:.2g} of its joint and touches with {contact.contacts} "
+        f"{contact.rung.contact_name}: a joint of such patches loses about {off:.0%} less than one "
+        "of the same face in one piece; waves longer than the scan are not in it"
+    )
+    return [*found, Problem("few_contacts_in_scan", "warning", message)]
 
 
 def contact_doubts(
@@ -68,7 +96,7 @@ def contact_doubts(
         *_beyond_the_caps(contact, caps, cut_certified),
         *_under_resolved(caps, pixel_area_m2),
         *_on_flagged_caps(caps),
-        *_beyond_elastic(contact),
+        *problems_of_pressure(contact),
     ]
 
 
@@ -142,7 +170,7 @@ def _on_flagged_caps(caps: CapTable) -> list[Problem]:
     return [Problem("load_on_doubtful_caps", "warning", message)]
 
 
-def _beyond_elastic(contact: ContactState) -> list[Problem]:
+def problems_of_pressure(contact: ContactState) -> list[Problem]:
     """Return how much has yielded or, where nothing was said of that, what would have."""
     pressure_Pa, hardness_Pa = contact.max_pressure_Pa, contact.hardness_Pa
     if pressure_Pa is None:

@@ -4,9 +4,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from capslip.caps.families import Family
+from capslip.caps.families import Families, Family
 from capslip.contact.rung import Rung, Scene
-from capslip.contact.solvers.yielding import first_loading
+from capslip.contact.solvers.yielding import YieldLaw, first_loading
 
 
 def flattened(model: Rung, scene: Scene) -> Scene:
@@ -30,7 +30,10 @@ def flattened(model: Rung, scene: Scene) -> Scene:
     """
     if scene.law is None or model.made_from != "spheres":
         return scene
-    return _of_caps(model, scene) if model.knows_places else _of_families(scene)
+    if model.knows_places:
+        return _of_caps(model, scene)
+    face = scene.law, scene.E_star_Pa, scene.preload_N
+    return replace(scene, families=flattened_families(scene.families, *face))
 
 
 def _of_caps(model: Rung, scene: Scene) -> Scene:
@@ -48,15 +51,17 @@ def _of_caps(model: Rung, scene: Scene) -> Scene:
     return replace(scene, caps=flat, start_m=after.compression_m)
 
 
-def _of_families(scene: Scene) -> Scene:
-    members = [one for one in (scene.families.G, scene.families.P) if one is not None]
-    if not members:
-        return scene
+def flattened_families(
+    families: Families, law: YieldLaw | None, E_star_Pa: float, preload_N: float
+) -> Families:
+    """Return the families after their first loading, each as a whole; see `flattened`."""
+    members = [one for one in (families.G, families.P) if one is not None]
+    if law is None or not members:
+        return families
     peak_m = np.array([one.peak_height_m for one in members])
     depth_m = peak_m.max() - peak_m
     after = first_loading(
-        *(scene.law, np.array([one.radius_m for one in members]), depth_m),
-        *(scene.E_star_Pa, scene.preload_N),
+        *(law, np.array([one.radius_m for one in members]), depth_m, E_star_Pa, preload_N),
         count=np.array([float(one.count) for one in members]),
     )
     lower_m = after.depth_m - depth_m
@@ -68,5 +73,4 @@ def _of_families(scene: Scene) -> Scene:
         radius_m, peak_m = next(flat)
         return replace(family, radius_m=radius_m, peak_height_m=peak_m)
 
-    families = replace(scene.families, G=of(scene.families.G), P=of(scene.families.P))
-    return replace(scene, families=families)
+    return replace(families, G=of(families.G), P=of(families.P))

@@ -158,13 +158,13 @@ def contacts_of_caps(
     load_N[scene.use] = one_N
     family = scene.caps.family[scene.use]
     places = scene.caps.x_m[scene.use], scene.caps.y_m[scene.use]
-    found = contacts_of_rows(scene, curve, one_N, load_N, family, overlapping_pairs)
+    found = contacts_of_rows(scene.E_star_Pa, curve, one_N, load_N, family, overlapping_pairs)
     x_m, y_m = (float(one_N @ at_m / one_N.sum()) for at_m in places)
     return replace(found, resultant_m=(x_m, y_m))
 
 
 def contacts_of_rows(
-    scene: Scene,
+    E_star_Pa: float,
     curve: AsperityCurve,
     row_load_N: np.ndarray,
     load_N: np.ndarray,
@@ -173,7 +173,7 @@ def contacts_of_rows(
 ) -> Contacts:
     """Return the contacts of a curve whose rows are equal spheres under `row_load_N` each."""
     touching = row_load_N > 0.0
-    a_m = contact_radius_m(row_load_N, curve.radius_m, scene.E_star_Pa)
+    a_m = contact_radius_m(row_load_N, curve.radius_m, E_star_Pa)
     pressure_Pa = 1.5 * row_load_N[touching] / (np.pi * a_m[touching] ** 2)
     return Contacts(
         count=int(curve.count[touching].sum()),

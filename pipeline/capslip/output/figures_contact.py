@@ -9,6 +9,7 @@ import numpy as np
 from capslip.errors import ContactError
 from capslip.output.canvas import ACCENT, INK, blank
 from capslip.output.quantity import engineering, scaled
+from capslip.structure.stiffness import structure_name
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -159,7 +160,7 @@ def loss_factor(analysis: "Analysis") -> "Figure | None":
     steady = np.isfinite(damping.loss_factor)
     gross_m = damping.gross_slip_amplitude_m
     unit_m, unit = _unit_of_length(gross_m)
-    figure, axes = blank("Loss factor from micro-slip in the joints")
+    figure, axes = blank(f"Loss factor from micro-slip: {structure_name(analysis.settings)}")
     amplitude_m, eta = damping.amplitude_m[steady], damping.loss_factor[steady]
     axes.semilogx(amplitude_m / unit_m, eta, color=INK, linewidth=1.8, label="_loss factor")
     if damping.amplitude_at_peak_m is not None:

@@ -15,7 +15,7 @@ from capslip.problems import Problem
 from capslip.structure.jenkins import jenkins, write_jenkins
 
 if TYPE_CHECKING:
-    from capslip.result import Analysis
+    from capslip.result import Analysis, JointResult
 
 Missing = Callable[[str, Exception | None], None]
 EXPORTS = ("jenkins",)
@@ -90,6 +90,15 @@ def write(
         parts.lap("report")
         total_s = sum((analysis.timings_s | parts.timings_s).values())
         summary = parts.analysis.summary(command, {**parts.timings_s, "total": total_s})
+        tables.write_summary(summary, work)
+    return summary
+
+
+def write_families(result: "JointResult", folder: Path, command: str | None) -> dict[str, Any]:
+    """Write `settings.toml` and `summary.json` of given families; return the summary."""
+    summary = result.summary(command)
+    with staging.new_folder(folder) as work:
+        tables.write_settings(result.settings, work)
         tables.write_summary(summary, work)
     return summary
 

@@ -8,6 +8,7 @@ import numpy as np
 
 from capslip.contact.rung import rung
 from capslip.output.figures import FIGURES
+from capslip.output.lead import answer_lines, assumed_lines, joint_line
 from capslip.output.quantity import engineering, scaled
 from capslip.output.rows import DASH, QUANTITIES, write_text
 
@@ -60,6 +61,10 @@ def write_report(
         status=summary["status"],
         version=summary["provenance"]["version"],
         started=summary["provenance"]["started"],
+        verdict=summary["verdict"],
+        answer=[text for _, text in answer_lines(summary, DASH)],
+        joint=joint_line(summary, DASH),
+        assumed=assumed_lines(summary),
         problems=problems,
         headlines=_headlines(summary),
         limits=_limits(summary, analysis),
@@ -85,27 +90,33 @@ def _headlines(summary: dict[str, Any]) -> list[tuple[str, str, str]]:
     name, whole, model = "caps in contact", False, contact["model"]
     if model is not None:
         name, whole = rung(model).contact_name, rung(model).made_from == "nothing"
-    peak = "at an amplitude of {amplitude_at_peak_m}"
+    damping, peak = summary["damping"], "{structure}, at an amplitude of {amplitude_at_peak_m}"
+    if damping["peak_loss_factor"] is None and damping["amplitude_at_peak_m"] is not None:
+        peak = "not defined: the {structure} is no longer lightly damped"
     numbers: tuple[tuple[Fact, str], ...] = (
         (("G-caps m, P-caps n", "{m}, {n}"), "families by peak height"),
         ("h_m", "G-peaks above P-peaks"),
         ("approach_without_bulk_m", "without bulk; {approach_m} with it"),
         (
             (name, "whole face" if whole else "{contacts}"),
-            "at {preload_N:.4g N}, model {model}",
+            "the scan at {scan_load_N:.4g N}, model {model}",
         ),
         ("stiffness_N_per_m", f"one joint, {'with' if contact['bulk'] else 'without'} bulk"),
         ("tangential_stiffness_N_per_m", "first loading, one joint"),
         (
             "peak_loss_factor",
-            peak if summary["damping"]["peak_loss_factor"] else "no loss below gross slip",
+            "no loss below gross slip" if damping["peak_loss_factor"] == 0.0 else peak,
         ),
-        ("gross_slip_amplitude_m", "amplitude; {total_slip_force_N} in one joint"),
+        (
+            "gross_slip_amplitude_m",
+            "amplitude of the {structure}; {total_slip_force_N} in one joint",
+        ),
     )
     found = []
     for fact, note in numbers:
         label, text = _fact(fact, summary)
-        note = "not available; see above" if text == DASH else write_text(note, summary)
+        gone = text == DASH and not note.startswith("not defined")
+        note = "not available; see above" if gone else write_text(note, summary)
         found.append((label, text, note))
     return found
 
@@ -138,6 +149,13 @@ def _limits(summary: dict[str, Any], analysis: "Analysis") -> list[str]:
         else f"The hardness of the softer face is taken as {hardness_Pa / 1e9:.3g} GPa everywhere; "
         "2.8 times a yield stress is known to some 20 %, less where machining hardened the skin."
     )
+    coverage = summary["contact"]["coverage"]
+    if coverage is not None and coverage < 0.99:
+        limits.append(
+            "The scan stands for a larger joint: waves longer than the scan are not in the "
+            "numbers, and its few highest hills stand for those of the whole. A face cut in nine "
+            "lost less than in one piece, by about one over the root of the contacts in a part."
+        )
     limits.append(
         "Only the loss in the joints is counted: not that in the material, at "
         "the clamps or in the air."
@@ -238,6 +256,11 @@ def _tables(summary: dict[str, Any]) -> list[tuple[str, list[tuple[str, str]]]]:
             ("P-caps", family["P"]),
         ),
         "Contact, slip and damping": (
+            "nominal_pressure_Pa",
+            "joint_area_m2",
+            "coverage",
+            "scan_load_N",
+            "off_m",
             ("contact model", "{model}: {model_reason}"),
             "contact_area_m2",
             "max_pressure_Pa",
@@ -247,6 +270,7 @@ def _tables(summary: dict[str, Any]) -> list[tuple[str, list[tuple[str, str]]]]:
             ("total slip, one joint", "{total_slip_force_N} at {total_slip_displacement_m}"),
             "limit_G_m",
             "limit_P_m",
+            "structure",
             "modal_stiffness_N_per_m",
             "joint_stiffness_N_per_m",
             "joints",

@@ -10,7 +10,16 @@ from typing import Any
 from capslip.output.quantity import engineering
 
 DASH = "–"
-SCALES = {"um": 1e-6, "µm": 1e-6, "nm": 1e-9, "mm": 1e-3, "mm²": 1e-6, "MN/m": 1e6, "%": 1e-2}
+SCALES = {
+    "um": 1e-6,
+    "µm": 1e-6,
+    "nm": 1e-9,
+    "mm": 1e-3,
+    "mm²": 1e-6,
+    "cm²": 1e-4,
+    "MN/m": 1e6,
+    "%": 1e-2,
+}
 
 
 @dataclass(frozen=True)
@@ -44,6 +53,7 @@ def _of_family(name: str) -> dict[str, Quantity]:
 
 
 QUANTITIES = {
+    "verdict": Quantity("verdict", "", "verdict"),
     "path": Quantity("file", "", "surface.path"),
     "sha256": Quantity("SHA-256", "", "surface.sha256"),
     "non_measured": Quantity("non-measured", "%", "surface.non_measured_fraction"),
@@ -67,8 +77,13 @@ QUANTITIES = {
     "cut_certified": Quantity("cut holds all that touches", "", "hills.cut_certified"),
     "alignment": Quantity("alignment", "", "contact.alignment"),
     "tilt_across_face_m": Quantity("tilt across the face", "m", "contact.tilt_across_face_m"),
+    "nominal_pressure_Pa": Quantity("nominal pressure", "Pa", "contact.nominal_pressure_Pa"),
+    "coverage": Quantity("scan over joint", "%", "contact.coverage"),
+    "joint_area_m2": Quantity("area of the joint", "m^2", "contact.joint_area_m2"),
+    "off_m": Quantity("resultant off the load point", "m", "contact.resultant_off_load_point_m"),
     "model": Quantity("contact model", "", "contact.model"),
     "preload_N": Quantity("preload", "N", "contact.preload_N"),
+    "scan_load_N": Quantity("load of the scan", "N", "contact.scan_load_N"),
     "approach_m": Quantity("normal approach with bulk", "m", "contact.approach_m"),
     "approach_without_bulk_m": Quantity("normal approach", "m", "contact.approach_without_bulk_m"),
     "contacts": Quantity("contacts", "", "contact.contacts"),
@@ -88,6 +103,21 @@ QUANTITIES = {
     "tangential_stiffness_N_per_m": Quantity(
         "tangential stiffness", "N/m", "slip.tangential_stiffness_N_per_m"
     ),
+    "answer_structure": Quantity("structure", "", "answer.structure"),
+    "answer_force_N": Quantity("slip force", "N", "answer.slip_force_N"),
+    "answer_displacement_m": Quantity("displacement of the joint", "m", "answer.displacement_m"),
+    "answer_stiffness_N_per_m": Quantity(
+        "tangential stiffness (secant)", "N/m", "answer.tangential_stiffness_N_per_m"
+    ),
+    "answer_energy_J": Quantity("energy lost per cycle", "J", "answer.energy_J"),
+    "answer_joint_loss_factor": Quantity(
+        "loss factor of the joint", "", "answer.joint_loss_factor"
+    ),
+    "answer_amplitude_m": Quantity("amplitude of the structure", "m", "answer.amplitude_m"),
+    "answer_loss_factor": Quantity("loss factor of the structure", "", "answer.loss_factor"),
+    "answer_damping_ratio": Quantity("damping ratio of the structure", "", "answer.damping_ratio"),
+    "answer_frequency_shift": Quantity("frequency shift", "%", "answer.frequency_shift"),
+    "structure": Quantity("structure", "", "damping.structure"),
     "peak_loss_factor": Quantity("greatest loss factor", "", "damping.peak_loss_factor"),
     "amplitude_at_peak_m": Quantity("amplitude there", "m", "damping.amplitude_at_peak_m"),
     "gross_slip_amplitude_m": Quantity("gross slip", "m", "damping.gross_slip_amplitude_m"),
@@ -119,7 +149,7 @@ class Value:
         if spec and not spec.isdigit():
             return format(self.value, spec)
         if self.unit == "m^2":  # prefixes of a square mislead
-            return f"{self:.3g mm²}"
+            return f"{self:.3g cm²}" if self.value >= 1e-3 else f"{self:.3g mm²}"
         if self.unit == "%":
             return f"{self:.3g %}"
         if self.unit:

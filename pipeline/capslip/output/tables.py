@@ -13,6 +13,7 @@ from capslip.caps.table import UNITS
 if TYPE_CHECKING:
     from capslip.contact.press import ContactState
     from capslip.result import Analysis
+    from capslip.settings import Settings
 
 LOADS, FORCES = 80, 96  # points of the normal curve and of the slip curve
 
@@ -25,7 +26,12 @@ def write_result(analysis: "Analysis", folder: Path) -> None:
         writer = csv.writer(file)
         writer.writerow(columns)
         writer.writerows(zip(*(_cells(column) for column in columns.values()), strict=True))
-    (folder / "settings.toml").write_text(tomli_w.dumps(analysis.settings.to_dict()), "utf-8")
+    write_settings(analysis.settings, folder)
+
+
+def write_settings(settings: "Settings", folder: Path) -> None:
+    """Write `settings.toml`, every setting as used."""
+    (folder / "settings.toml").write_text(tomli_w.dumps(settings.to_dict()), "utf-8")
 
 
 def write_summary(summary: dict[str, Any], folder: Path) -> None:

@@ -9,6 +9,13 @@ from numpy.typing import ArrayLike
 from capslip.contact.slip import SlipCurve
 from capslip.errors import SettingsError
 
+MOST_LOSS_FACTOR = 0.3  # of a mode that is lightly damped
+
+
+def lightly_damped(loss_factor: float) -> float | None:
+    """Return a loss factor that is one; None where the mode is no longer lightly damped."""
+    return loss_factor if loss_factor <= MOST_LOSS_FACTOR else None
+
 
 @dataclass(frozen=True, eq=False)
 class Damping:

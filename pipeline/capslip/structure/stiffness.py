@@ -1,7 +1,30 @@
-"""The two stiffnesses that describe the structure: given, or of a beam."""
+"""The structure: two stiffnesses that describe it, given or of a beam, and what it is called."""
 
 from capslip.settings import Settings
 from capslip.structure.beam import BeamMode, beam_mode
+
+
+def structure_name(settings: Settings) -> str:
+    """Return what the numbers of the structure are those of; a beam nobody gave is named so.
+
+    Examples
+    --------
+    >>> structure_name(Settings())
+    'demonstration beam 400 x 60 x 40 mm'
+    """
+    if settings.structure.modal_stiffness_N_per_m is not None:
+        return "structure"
+    beam = settings.structure.beam
+    sides = " x ".join(
+        f"{1e3 * side_m:.4g}" for side_m in (beam.length_m, beam.width_m, beam.thickness_m)
+    )
+    return f"{'' if is_given(settings) else 'demonstration '}beam {sides} mm"
+
+
+def is_given(settings: Settings) -> bool:
+    """Return whether someone gave a structure."""
+    given = settings.structure.modal_stiffness_N_per_m is not None
+    return given or settings.is_given("structure.beam")
 
 
 def stiffnesses(settings: Settings) -> tuple[BeamMode | None, float, float]:

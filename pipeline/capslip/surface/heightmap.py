@@ -93,3 +93,12 @@ class HeightMap:
     def pixel_area_m2(self) -> float:
         """Area of one pixel."""
         return self.pixel_size_m[0] * self.pixel_size_m[1]
+
+    @property
+    def measured_area_m2(self) -> float:
+        """Area of the least rectangle that holds all measured points, holes in it included."""
+        sides_m = 1.0
+        for axis, pixel_m in enumerate(self.pixel_size_m):
+            lines = np.flatnonzero(self.measured.any(axis=1 - axis))
+            sides_m *= pixel_m * (int(lines[-1]) - int(lines[0]) + 1 if lines.size else 0)
+        return sides_m

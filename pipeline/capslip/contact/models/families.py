@@ -1,9 +1,11 @@
 """Families of equal spheres, without interaction: the model of the paper."""
 
+from dataclasses import replace
+
 import numpy as np
 from numpy.typing import ArrayLike
 
-from capslip.caps.families import Family
+from capslip.caps.families import Families, Family
 from capslip.contact.rung import Contacts, Rung, Scene, contacts_of_rows
 from capslip.contact.solvers.hertz import HertzCurve, checked_asperities
 from capslip.errors import ContactError
@@ -52,8 +54,9 @@ def families(
     return HertzCurve("families", count, radius_m, depth_m, E_star_Pa)
 
 
-def _build(scene: Scene) -> HertzCurve:
-    members = [family for _, family in _members(scene)]
+def curve_of(found: Families, E_star_Pa: float) -> HertzCurve:
+    """Return the normal curve of the families of a face."""
+    members = [family for _, family in _members(found)]
     if not members:
         raise ContactError("families: no cap belongs to a family; expected at least one")
     top_m = members[0].peak_height_m
@@ -61,24 +64,36 @@ def _build(scene: Scene) -> HertzCurve:
         [family.count for family in members],
         [family.radius_m for family in members],
         [top_m - family.peak_height_m for family in members],
-        scene.E_star_Pa,
+        E_star_Pa,
     )
 
 
-def _members(scene: Scene) -> list[tuple[str, Family]]:
+def _members(found: Families) -> list[tuple[str, Family]]:
     """Return the families and their names, the highest first: G may have been flattened below P."""
-    both = (("G", scene.families.G), ("P", scene.families.P))
+    both = (("G", found.G), ("P", found.P))
     members = [(name, family) for name, family in both if family is not None]
     return sorted(members, key=lambda member: -member[1].peak_height_m)
 
 
-def _contacts(scene: Scene, curve: HertzCurve, approach_m: float) -> Contacts:
+def contacts_of_families(
+    found: Families, curve: HertzCurve, approach_m: float, E_star_Pa: float
+) -> Contacts:
+    """Return the contacts of the whole families; no cap is one of them."""
     one_N = curve.asperity_loads_N(approach_m)
-    names = np.array([name for name, _ in _members(scene)])
+    names = np.array([name for name, _ in _members(found)])
+    return contacts_of_rows(E_star_Pa, curve, one_N, np.zeros(0), names)
+
+
+def _build(scene: Scene) -> HertzCurve:
+    return curve_of(scene.families, scene.E_star_Pa)
+
+
+def _contacts(scene: Scene, curve: HertzCurve, approach_m: float) -> Contacts:
+    found = contacts_of_families(scene.families, curve, approach_m, scene.E_star_Pa)
     load_N = np.full(len(scene.caps), np.nan)
-    for name, N in zip(names, one_N, strict=True):
+    for name, N in zip(found.family, curve.asperity_loads_N(approach_m), strict=True):
         load_N[scene.caps.family == name] = N
-    return contacts_of_rows(scene, curve, one_N, load_N, names)
+    return replace(found, load_N=load_N)
 
 
 RUNG = Rung(

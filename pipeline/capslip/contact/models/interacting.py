@@ -166,6 +166,8 @@ class InteractingCurve(HertzCurve):
     def _slope(self, g: np.ndarray) -> np.ndarray:
         """dN/dy by the implicit derivative 1^T (1 + D C)^-1 D 1, D = diag(1.5 k sqrt(g))."""
         touching = (g > 0).reshape(-1, g.shape[-1]).any(axis=0)
+        if not touching.any():
+            return np.zeros(g.shape[:-1])
         D = 1.5 * self.coefficient[touching] * np.sqrt(np.maximum(g[..., touching], 0))
         S = np.sqrt(D).reshape(-1, D.shape[-1])
         C = self.pair_compliance_m_per_N[np.ix_(touching, touching)]

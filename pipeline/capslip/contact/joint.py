@@ -1,0 +1,367 @@
+"""The joint that a scan stands for: the share of the load that the scan carries, and the whole.
+
+A scan under a pressure gives a law per area. The joint is the sum of patches of such a law under
+one tangential displacement: the one place where results of the scan become those of the joint.
+"""
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import msgspec
+import numpy as np
+from numpy.typing import ArrayLike
+
+from capslip.contact.curve import NormalCurve
+from capslip.contact.press import ContactState
+from capslip.contact.pressure_map import classes_of_pressure, read_pressure_map
+from capslip.contact.rung import rung
+from capslip.errors import ContactError, SettingsError
+from capslip.settings import Settings
+from capslip.surface.heightmap import HeightMap
+
+MAX_SOLVED = 8  # pressures, of a model that solves each of them on the map
+LEAST_SHARE = 1e-5  # of the withdrawal at total slip that the table of uneven patches resolves
+
+
+@dataclass(frozen=True, eq=False)
+class Joint:
+    """A joint as patches of one scan.
+
+    Every patch is `weight` scans large, each of them under `load_N`: an area without pressure
+    carries nothing and is no patch.
+    """
+
+    area_m2: float | None  # None: neither given nor scanned
+    scan_area_m2: float | None  # None: no scan
+    preload_N: float  # of the joint
+    load_N: np.ndarray  # (k,), of the scan, for each patch
+    weight: np.ndarray  # (k,), area of the patch over that of the scan
+    scan_load_N: float  # under which the scan is pressed: that of the greatest pressure
+
+    @property
+    def nominal_pressure_Pa(self) -> float | None:
+        """Preload over area."""
+        return None if self.area_m2 is None else self.preload_N / self.area_m2
+
+    @property
+    def coverage(self) -> float | None:
+        """Area of the scan over that of the joint."""
+        if self.area_m2 is None or self.scan_area_m2 is None:
+            return None
+        return self.scan_area_m2 / self.area_m2
+
+    @property
+    def is_even(self) -> bool:
+        """Whether all of the joint is under one pressure."""
+        return len(self.load_N) == 1
+
+    def under(self, preload_N: float) -> "Joint":
+        """Return the same joint under another preload, spread over it in the same way."""
+        factor = preload_N / self.preload_N
+        return Joint(
+            *(self.area_m2, self.scan_area_m2, preload_N),
+            *(self.load_N * factor, self.weight, self.scan_load_N * factor),
+        )
+
+    def settings_of_scan(self, settings: Settings) -> Settings:
+        """Return the settings under which the scan is pressed."""
+        contact = msgspec.structs.replace(
+            settings.contact, preload_N=self.scan_load_N, nominal_pressure_Pa=None
+        )
+        return msgspec.structs.replace(settings, contact=contact)
+
+    def curve(self, contact: ContactState) -> NormalCurve:
+        """Return the normal curve of the joint from that of its scan, for slip."""
+        if contact.rung.made_from == "nothing":  # it carries one load, however that is spread
+            load_N, weight = [self.scan_load_N], [self.preload_N / self.scan_load_N]
+            return curve_of_joint(contact.curve, np.array(load_N), np.array(weight))
+        return curve_of_joint(contact.curve, self.load_N, self.weight)
+
+
+def joint_of(settings: Settings, surface: HeightMap) -> Joint:
+    """Return the joint that the settings describe and the scan is a part of.
+
+    The nominal pressure acts on the rectangle that was scanned, holes in it included: a point that
+    was not measured is face all the same. Lines without any measured point are none.
+
+    Parameters
+    ----------
+    settings : Settings
+        `joint` and `contact`.
+    surface : HeightMap
+        As it is pressed, so after trimming.
+
+    Raises
+    ------
+    SettingsError
+        If the pressure map cannot be used, or the bulk term shall stay, which is that of the scan.
+    """
+    contact, joint = settings.contact, settings.joint
+    scan_m2 = surface.measured_area_m2
+    if joint.pressure_map is not None:
+        pressure_Pa, patch_m2 = read_pressure_map(joint.pressure_map)
+        class_Pa, class_m2 = classes_of_pressure(pressure_Pa, patch_m2)
+        solves = contact.model != "auto" and rung(contact.model).solved_loads_N is not None
+        if solves and len(class_Pa) > MAX_SOLVED:
+            raise SettingsError(
+                f"joint.pressure_map: got {len(class_Pa)} different pressures with contact.model = "
+                f"{contact.model}, which solves the whole map for each; expected at most "
+                f"{MAX_SOLVED}; take contact.model = auto, or fewer pressures"
+            )
+        area_m2, preload_N = float(patch_m2.sum()), float(pressure_Pa @ patch_m2)
+        load_N, weight = class_Pa * scan_m2, class_m2 / scan_m2
+        scan_load_N = float(pressure_Pa.max() * scan_m2)
+    else:
+        area_m2 = scan_m2 if joint.area_m2 is None else joint.area_m2
+        preload_N = contact.preload_N
+        if contact.nominal_pressure_Pa is not None:
+            preload_N = contact.nominal_pressure_Pa * area_m2
+        load_N, weight = np.array([preload_N * (scan_m2 / area_m2)]), np.array([area_m2 / scan_m2])
+        scan_load_N = float(load_N[0])
+    if contact.bulk and not np.array_equal(weight, [1.0]):
+        raise SettingsError(
+            "contact.bulk: got true with a joint that is larger than its scan; the bulk sinking of "
+            "the scan is not that of the joint; leave it to the structure (contact.bulk = false)"
+        )
+    return Joint(area_m2, scan_m2, preload_N, load_N, weight, scan_load_N)
+
+
+def curve_of_joint(curve: NormalCurve, load_N: np.ndarray, weight: np.ndarray) -> NormalCurve:
+    """Return the normal curve of many scans side by side, each under its own load.
+
+    Parameters
+    ----------
+    curve : NormalCurve
+        Of the scan. Loading is elastic and depends on no path, so one curve serves every load.
+    load_N : ndarray, shape (k,)
+        Loads > 0 of the scan in each patch.
+    weight : ndarray, shape (k,)
+        How many scans make the patch, any number > 0.
+
+    Examples
+    --------
+    >>> from capslip.contact.models.families import families
+    >>> one = families((5, 18), (23.8, 26.7), (0, 2.4e-7), 109.89e9)
+    >>> two = curve_of_joint(one, np.array([460.0]), np.array([2.0]))
+    >>> [round(float(N), 1) for N in (one.load_N(2.5e-7), two.load_N(2.5e-7))]
+    [460.4, 920.8]
+    """
+    if np.array_equal(weight, [1.0]):
+        return curve
+    if len(load_N) == 1:
+        return ScaledCurve(curve, float(weight[0]))
+    # One by one, so that a curve that solves its loads interpolates none
+    approach_m = np.array([float(curve.approach_m(N)) for N in load_N])
+    return PatchedCurve(curve, approach_m, weight)
+
+
+@dataclass(frozen=True, eq=False)
+class ScaledCurve:
+    """Many equal scans side by side: every load of one, `factor` times."""
+
+    curve: NormalCurve
+    factor: float
+
+    @property
+    def model(self) -> str:
+        """Name of the model."""
+        return self.curve.model
+
+    @property
+    def touch_m(self) -> np.ndarray:
+        """Approach of first touch."""
+        return self.curve.touch_m
+
+    @property
+    def compliance_m_per_N(self) -> Any:
+        """Compliance of the springs in series."""
+        return self.curve.compliance_m_per_N / self.factor
+
+    def load_N(self, approach_m: ArrayLike) -> np.ndarray:
+        """N(d)."""
+        return self.factor * self.curve.load_N(approach_m)
+
+    def approach_m(self, load_N: ArrayLike) -> np.ndarray:
+        """d(N)."""
+        return self.curve.approach_m(self._of_scan(load_N))
+
+    def stiffness_N_per_m(self, approach_m: ArrayLike, withdrawal_m: ArrayLike = 0.0) -> np.ndarray:
+        """N'(d - e)."""
+        return self.factor * self.curve.stiffness_N_per_m(approach_m, withdrawal_m)
+
+    def load_drop_N(self, approach_m: ArrayLike, withdrawal_m: ArrayLike) -> np.ndarray:
+        """N(d) - N(d - e)."""
+        return self.factor * self.curve.load_drop_N(approach_m, withdrawal_m)
+
+    def withdrawal_m(self, approach_m: ArrayLike, load_drop_N: ArrayLike) -> np.ndarray:
+        """Withdrawal for a load drop."""
+        return self.curve.withdrawal_m(approach_m, self._of_scan(load_drop_N))
+
+    def loss_integral_J(self, approach_m: ArrayLike, withdrawal_m: ArrayLike) -> np.ndarray:
+        """4 * integral of s (e - s) N''(d - s)."""
+        return self.factor * self.curve.loss_integral_J(approach_m, withdrawal_m)
+
+    def loss_integral_at_drop_J(self, approach_m: ArrayLike, load_drop_N: ArrayLike) -> np.ndarray:
+        """Return the same at given load drop."""
+        drop_N = self._of_scan(load_drop_N)
+        return self.factor * self.curve.loss_integral_at_drop_J(approach_m, drop_N)
+
+    def lift_off_m(self, approach_m: ArrayLike) -> np.ndarray:
+        """Withdrawal at which each row of the scan loses its load."""
+        return self.curve.lift_off_m(approach_m)
+
+    def lifted(self, approach_m: ArrayLike, withdrawal_m: ArrayLike) -> np.ndarray:
+        """Whether each row of the scan had a load and has lost it."""
+        return self.curve.lifted(approach_m, withdrawal_m)
+
+    def _of_scan(self, load_N: ArrayLike) -> np.ndarray:
+        return np.asarray(load_N, dtype=float) / self.factor
+
+
+@dataclass(frozen=True, eq=False)
+class PatchedCurve:
+    """Patches that are pressed unevenly and move together: N(D) = sum_k w_k N(d_k - (D_0 - D)).
+
+    A patch that carries less lies lower, so this is a normal curve as any other: the approach D
+    counts from the first touch of the patch that carries most, and is D_0 under the preload. Under
+    shear all patches share one withdrawal e, and T = mu sum_k w_k [N(d_k) - N(d_k - e)], which is
+    what the theorem gives for each patch under the common displacement mu kappa e.
+
+    What happens below the preload is summed once, at some withdrawals, and interpolated in between
+    (to 5e-4, where a contact lets go): so withdrawals from any other approach than D_0 are refused.
+
+    Made by `curve_of_joint`.
+    """
+
+    curve: NormalCurve
+    patch_approach_m: np.ndarray  # (k,), under the preload
+    weight: np.ndarray  # (k,)
+    compliance_m_per_N: float = 0.0  # none in series with the whole
+
+    @property
+    def model(self) -> str:
+        """Name of the model."""
+        return self.curve.model
+
+    @property
+    def preload_approach_m(self) -> float:
+        """D_0, that of the patch that carries most."""
+        return float(self.patch_approach_m.max())
+
+    @property
+    def touch_m(self) -> np.ndarray:
+        """Approach of first touch."""
+        return np.asarray(self.curve.touch_m)
+
+    def load_N(self, approach_m: ArrayLike) -> np.ndarray:
+        """N(D)."""
+        below_m = self.preload_approach_m - np.asarray(approach_m, dtype=float)
+        patches = zip(self.patch_approach_m, self.weight, strict=True)
+        return np.asarray(sum(w * self.curve.load_N(d - below_m) for d, w in patches))
+
+    def approach_m(self, load_N: ArrayLike) -> np.ndarray:
+        """D(N) of loads up to the preload.
+
+        Raises
+        ------
+        ContactError
+            If a load exceeds it.
+        """
+        preload_N = self._below[1][-1]
+        drop_N = preload_N - np.asarray(load_N, dtype=float)
+        if (drop_N < -1e-9 * preload_N).any():
+            raise ContactError(
+                f"{self.model}: got a load of {np.max(load_N):g} N on a joint of unevenly pressed "
+                f"patches; expected at most its preload, {preload_N:g} N"
+            )
+        drop_N = np.where(drop_N < 1e-9 * preload_N, 0.0, drop_N)
+        return np.asarray(self.preload_approach_m - self._withdrawal_m(drop_N))
+
+    def stiffness_N_per_m(self, approach_m: ArrayLike, withdrawal_m: ArrayLike = 0.0) -> np.ndarray:
+        """N'(D - e)."""
+        return self._sum("stiffness_N_per_m", approach_m, withdrawal_m)
+
+    def load_drop_N(self, approach_m: ArrayLike, withdrawal_m: ArrayLike) -> np.ndarray:
+        """N(D) - N(D - e)."""
+        self._check(approach_m)
+        return self._at(withdrawal_m, 1, power=1)
+
+    def withdrawal_m(self, approach_m: ArrayLike, load_drop_N: ArrayLike) -> np.ndarray:
+        """Withdrawal for a load drop of at most N(D)."""
+        self._check(approach_m)
+        return self._withdrawal_m(np.asarray(load_drop_N, dtype=float))
+
+    def loss_integral_J(self, approach_m: ArrayLike, withdrawal_m: ArrayLike) -> np.ndarray:
+        """4 * integral of s (e - s) N''(D - s)."""
+        self._check(approach_m)
+        known_m, known_N, _ = self._below
+        beyond_m = np.maximum(np.asarray(withdrawal_m, dtype=float) - known_m[-1], 0.0)
+        return self._at(withdrawal_m, 2, power=3) + 4.0 * known_N[-1] * beyond_m
+
+    def loss_integral_at_drop_J(self, approach_m: ArrayLike, load_drop_N: ArrayLike) -> np.ndarray:
+        """Return the same at given load drop."""
+        return self.loss_integral_J(approach_m, self.withdrawal_m(approach_m, load_drop_N))
+
+    def lift_off_m(self, approach_m: ArrayLike) -> np.ndarray:
+        """Withdrawal at which each row of the scan loses its load, patch by patch."""
+        self._check(approach_m)
+        rows = [self.curve.lift_off_m(d) for d in self.patch_approach_m]
+        return np.concatenate(rows, axis=-1)
+
+    def lifted(self, approach_m: ArrayLike, withdrawal_m: ArrayLike) -> np.ndarray:
+        """Whether each row of the scan had a load and has lost it, patch by patch."""
+        self._check(approach_m)
+        rows = [self.curve.lifted(d, withdrawal_m) for d in self.patch_approach_m]
+        return np.concatenate(rows, axis=-1)
+
+    @cached_property
+    def _below(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Return withdrawals from the preload, with their load drops and loss integrals."""
+        share = np.geomspace(LEAST_SHARE, 0.5, 140)
+        share = np.concatenate([share, 1.0 - np.geomspace(0.49, 1e-6, 60), [1.0]])
+        e = share * (self.preload_approach_m - float(self.touch_m))
+        D = self.preload_approach_m
+        return e, self._sum("load_drop_N", D, e), self._sum("loss_integral_J", D, e)
+
+    @cached_property
+    def _ratios(self) -> Any:
+        """Return load drop over e and loss over e^3, as a smooth function of log e."""
+        from scipy.interpolate import PchipInterpolator
+
+        e, drop_N, loss_J = self._below
+        return PchipInterpolator(np.log(e), np.stack([e, drop_N / e, loss_J / e**3], axis=1))
+
+    def _at(self, withdrawal_m: ArrayLike, column: int, power: int) -> np.ndarray:
+        """Return a column of the table at any withdrawal up to the last, or at that."""
+        known_m = self._below[0]
+        e = np.minimum(np.asarray(withdrawal_m, dtype=float), known_m[-1])
+        ratio = self._ratios(np.log(np.maximum(e, known_m[0])))[..., column]
+        return np.asarray(ratio * e**power)
+
+    def _withdrawal_m(self, drop_N: np.ndarray) -> np.ndarray:
+        """Return the inverse of the interpolated load drop, which grows with the withdrawal."""
+        known_m, known_N, _ = self._below
+        first = np.clip(np.searchsorted(known_N, drop_N) - 1, 0, len(known_m) - 2)
+        low, high = known_m[first], known_m[first + 1]
+        for _ in range(60):
+            middle = 0.5 * (low + high)
+            above = self._at(middle, 1, power=1) > drop_N
+            low, high = np.where(above, low, middle), np.where(above, middle, high)
+        linear = drop_N <= known_N[0]
+        return np.where(linear, drop_N * (known_m[0] / known_N[0]), 0.5 * (low + high))
+
+    def _sum(self, method: str, approach_m: ArrayLike, withdrawal_m: ArrayLike) -> np.ndarray:
+        """Sum a method of the scan's curve over the patches under the preload."""
+        self._check(approach_m)
+        one = getattr(self.curve, method)
+        patches = zip(self.patch_approach_m, self.weight, strict=True)
+        return np.asarray(sum(w * one(d, withdrawal_m) for d, w in patches))
+
+    def _check(self, approach_m: ArrayLike) -> None:
+        if np.any(np.asarray(approach_m) != self.preload_approach_m):
+            raise ContactError(
+                f"{self.model}: unevenly pressed patches are withdrawn from their preload alone; "
+                f"got an approach of {np.max(approach_m):g} m; expected "
+                f"{self.preload_approach_m:g} m"
+            )

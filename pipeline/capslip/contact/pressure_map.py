@@ -1,0 +1,121 @@
+"""The pressure on a joint as another program wrote it: patches of area, each under its pressure."""
+
+import csv
+import math
+from pathlib import Path
+
+import numpy as np
+
+from capslip.errors import SettingsError
+
+COLUMNS = ("pressure_Pa", "area_m2")
+# Of the pressures in one cell. W keeps to 1 % at 0.1 mu N and to 0.1 % from 0.25 mu N on; it is the
+# patches in which further contacts have just touched that tell.
+CELL_RATIO = 1.06
+DECADES = 3.0  # below the greatest pressure; what bears less is one cell
+
+
+def read_pressure_map(path: str | Path) -> tuple[np.ndarray, np.ndarray]:
+    """Read a CSV file of patches with the columns `pressure_Pa` and `area_m2`.
+
+    Other columns, such as `x_m` and `y_m`, are left alone: patches share one tangential
+    displacement, so their places do not matter.
+
+    Returns
+    -------
+    ndarray, ndarray
+        Pressures >= 0 and areas > 0, shape (n,).
+
+    Raises
+    ------
+    SettingsError
+        If the file cannot be read, a column is missing, a value is no number or out of bounds, or
+        no patch bears any pressure.
+    """
+    where = f"joint.pressure_map: {path}"
+    try:
+        with Path(path).open(newline="", encoding="utf-8-sig") as file:
+            rows = csv.DictReader(file, skipinitialspace=True)
+            names = [name.strip() for name in rows.fieldnames or ()]
+            rows.fieldnames = names
+            missing = [name for name in COLUMNS if name not in names]
+            if missing:
+                raise SettingsError(
+                    f"{where}: got the columns {', '.join(names) or 'none'}; expected "
+                    f"{' and '.join(COLUMNS)}, x_m and y_m beside them or not; add a first line "
+                    "with these names"
+                )
+            values = [
+                [_number(row[name], where, rows.line_num, name) for name in COLUMNS] for row in rows
+            ]
+    except OSError as error:
+        raise SettingsError(f"{where}: {error.strerror}; give a CSV file") from error
+    except (UnicodeDecodeError, csv.Error) as error:
+        raise SettingsError(f"{where}: no CSV text: {error}; give a CSV file") from error
+    pressure_Pa, area_m2 = np.array(values).reshape(-1, 2).T
+    if not pressure_Pa.any():
+        raise SettingsError(
+            f"{where}: {len(values)} patches, none under pressure; expected a pressure_Pa > 0"
+        )
+    return pressure_Pa, area_m2
+
+
+def _number(text: str | None, where: str, line: int, name: str) -> float:
+    try:
+        value = float(text or "")
+    except ValueError:
+        value = math.nan
+    good = math.isfinite(value) and (value >= 0.0 if name == COLUMNS[0] else value > 0.0)
+    if not good:
+        expected = "a pressure >= 0" if name == COLUMNS[0] else "an area > 0"
+        raise SettingsError(f"{where}, line {line}: {name}: got {text!r}; expected {expected}")
+    return value
+
+
+def classes_of_pressure(
+    pressure_Pa: np.ndarray, area_m2: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return few classes of pressure that stand for many patches; what bears nothing is left out.
+
+    The pressures are cut into cells 6 % wide; each cell becomes two classes that keep its
+    area, its load and the spread of its pressures, inside the cell. Patches of few different
+    pressures become one class each, and nothing is lost.
+
+    Parameters
+    ----------
+    pressure_Pa, area_m2 : ndarray, shape (n,)
+        Of the patches, at least one under pressure.
+
+    Returns
+    -------
+    ndarray, ndarray
+        Pressures > 0 and areas of the classes, shape (k,).
+
+    Examples
+    --------
+    >>> classes_of_pressure(np.array([2e6, 0.0, 2e6]), np.array([1e-4, 5e-4, 3e-4]))
+    (array([2000000.]), array([0.0004]))
+    """
+    area_m2, pressure_Pa = area_m2[pressure_Pa > 0.0], pressure_Pa[pressure_Pa > 0.0]
+    distinct_Pa, which = np.unique(pressure_Pa, return_inverse=True)
+    last = math.ceil(DECADES * math.log(10.0) / math.log(CELL_RATIO))
+    if distinct_Pa.size <= last:
+        return distinct_Pa, np.bincount(which, area_m2)
+    cell = np.floor(np.log(pressure_Pa.max() / pressure_Pa) / math.log(CELL_RATIO)).astype(int)
+    cells, which = np.unique(np.minimum(cell, last), return_inverse=True)
+    A = np.bincount(which, area_m2)
+    mean = np.bincount(which, area_m2 * pressure_Pa) / A
+    variance = np.bincount(which, area_m2 * (pressure_Pa - mean[which]) ** 2) / A
+    low, high = np.full(cells.size, np.inf), np.zeros(cells.size)
+    np.minimum.at(low, which, pressure_Pa)
+    np.maximum.at(high, which, pressure_Pa)
+    # Of all pairs with this mean and variance, the one that always lies between low and high
+    below, above = np.maximum(mean - low, 0.0), np.maximum(high - mean, 0.0)
+    wide = (below > 1e-9 * mean) & (above > 1e-9 * mean)
+    below, above = np.where(wide, below, 1.0), np.where(wide, above, 1.0)
+    spread = np.where(wide, np.sqrt(variance), 0.0)
+    lower, upper = mean - spread * np.sqrt(below / above), mean + spread * np.sqrt(above / below)
+    share = above / (below + above)
+    found = np.concatenate([lower, upper]), np.concatenate([A * share, A * (1.0 - share)])
+    order = np.argsort(found[0], kind="stable")
+    return found[0][order], found[1][order]

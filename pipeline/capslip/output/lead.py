@@ -1,0 +1,67 @@
+"""What a reader sees first, on the terminal and in the report: answer, joint, what was assumed."""
+
+from typing import Any
+
+from capslip.output.rows import write_text
+
+ASKED = {
+    "amplitude_m": "amplitude {answer_amplitude_m:4} of the {answer_structure}",
+    "slip_force_N": "slip force {answer_force_N:4}",
+    "displacement_m": "displacement {answer_displacement_m:4} of the joint",
+}
+BY_DEFAULT = " (a quarter of total slip: nothing was asked)"
+STATE = "slip force {answer_force_N:4}, displacement {answer_displacement_m}"
+LOSS = (
+    "tangential stiffness {answer_stiffness_N_per_m} (secant), {answer_energy_J} lost per cycle, "
+    "loss factor of the joint {answer_joint_loss_factor}"
+)
+LIMITS = "total slip at {total_slip_force_N:4}, {total_slip_displacement_m}"
+STRUCTURE = (
+    "{answer_structure}: loss factor {answer_loss_factor}, damping ratio {answer_damping_ratio}, "
+    "frequency {answer_frequency_shift}, at amplitude {answer_amplitude_m}"
+)
+NOT_DEFINED = (
+    "{answer_structure}: loss factor not defined at amplitude {answer_amplitude_m}: the mode is no "
+    "longer lightly damped"
+)
+JOINT = "preload {preload_N:4}"
+PRESSURE = " on {joint_area_m2}: {nominal_pressure_Pa} nominal"
+COVERAGE = "; scan {coverage} of it, resultant {off_m} off the load point"
+
+
+def answer_lines(summary: dict[str, Any], absent: str) -> list[tuple[str, str]]:
+    """Return the answer, label and text of each line: the joint leads, then the structure.
+
+    Parameters
+    ----------
+    summary : dict
+        Of any analysis.
+    absent : str
+        Stands for a number that there is not.
+    """
+    answer = summary["answer"]
+    if answer["energy_J"] is None:
+        return [("answer", "none: see the problems")]
+    at = ASKED[answer["asked"]["quantity"]]
+    texts = [f"at {at}{BY_DEFAULT if answer['asked']['by_default'] else ''}", LOSS]
+    if answer["asked"]["quantity"] != "slip_force_N":
+        texts.append(f"{STATE}; {LIMITS}")
+    else:
+        texts.append(f"displacement {{answer_displacement_m}}; {LIMITS}")
+    texts.append(NOT_DEFINED if answer["loss_factor"] is None else STRUCTURE)
+    labels = ["answer", *[""] * (len(texts) - 1)]
+    written = [write_text(text, summary, absent) for text in texts]
+    return list(zip(labels, written, strict=True))
+
+
+def joint_line(summary: dict[str, Any], absent: str) -> str:
+    """Return preload, area and pressure of the joint, and what of it was scanned."""
+    contact = summary["contact"]
+    text = JOINT + (PRESSURE if contact["joint_area_m2"] is not None else "")
+    text += COVERAGE if contact["coverage"] is not None else ""
+    return write_text(text, summary, absent)
+
+
+def assumed_lines(summary: dict[str, Any]) -> list[tuple[str, str, str]]:
+    """Return name, value and what it moves of all that nobody gave."""
+    return [(one["name"], one["value"], one["moves"]) for one in summary["assumed"]]

@@ -1,0 +1,103 @@
+"""The question asked: what joint and structure do at one amplitude, force or displacement."""
+
+import math
+from dataclasses import dataclass
+
+from capslip.contact.slip import SlipCurve
+from capslip.problems import Problem
+from capslip.settings import Question
+from capslip.structure.response import Damping, lightly_damped
+
+DEFAULT_SHARE = 0.25  # of the force at total slip, where nothing was asked
+
+
+@dataclass(frozen=True)
+class Answer:
+    """One state of a vibrating joint; None for what has no meaning there.
+
+    The stiffness is the secant T / delta, which is the slope of the cycle from tip to tip, and the
+    loss factor of the joint W / (2 pi U) with the energy U = T delta / 2 of a spring of that
+    stiffness. With one energy that the secant stores it is defined up to total slip, however much
+    is lost; that of the structure only as long as the mode is lightly damped.
+    """
+
+    slip_force_N: float  # T, in one joint
+    displacement_m: float  # delta, of one joint
+    tangential_stiffness_N_per_m: float | None  # T / delta; None: rigid
+    energy_J: float  # W, lost per cycle in one joint
+    joint_loss_factor: float | None  # None: nothing moves
+    amplitude_m: float  # v of the structure, without the displacement of the joints
+    total_amplitude_m: float  # with it: what a sensor sees
+    loss_factor: float | None  # of the structure; None: not lightly damped
+    damping_ratio: float | None
+    frequency_shift: float  # f / f_0 - 1, to the frequency with rigid joints
+
+
+def asked(question: Question, slip: SlipCurve | None) -> tuple[str, float | None]:
+    """Return what was asked for and its value, or what is answered where nothing was."""
+    for name in question.__struct_fields__:
+        value = getattr(question, name)
+        if value is not None:
+            return name, value
+    return "slip_force_N", None if slip is None else DEFAULT_SHARE * float(slip.total_slip_force_N)
+
+
+def answer_to(
+    question: Question, slip: SlipCurve, damping: Damping
+) -> tuple[Answer | None, tuple[Problem, ...]]:
+    """Return what joint and structure do at what was asked for; by default at 0.25 mu N.
+
+    Parameters
+    ----------
+    question : Question
+        An amplitude of the structure, or a slip force or a displacement of one joint.
+    slip : SlipCurve
+        Of one joint.
+    damping : Damping
+        Of the structure; its stiffnesses count.
+
+    Returns
+    -------
+    Answer or None, tuple of Problem
+        None beyond gross slip, where no force holds the joint, with the problem that says so.
+
+    Notes
+    -----
+    Same equations as `structure.response.response`, at one point.
+    """
+    name, value = asked(question, slip)
+    assert value is not None  # a slip curve has a force at total slip
+    K_m, K_s = damping.modal_stiffness_N_per_m, damping.joint_stiffness_N_per_m
+    T_most, delta_most = float(slip.total_slip_force_N), float(slip.total_slip_displacement_m)
+    most = {
+        "amplitude_m": damping.gross_slip_amplitude_m,
+        "slip_force_N": T_most,
+        "displacement_m": delta_most,
+    }[name]
+    if value > most * (1.0 + 1e-12):
+        message = (
+            f"got {name.rpartition('_')[0].replace('_', ' ')} {value:.4g} {name.rpartition('_')[2]}"
+            f"; the joint slips as a whole from {most:.4g} on and nothing holds it there, so no "
+            "stiffness and no loss can be given"
+        )
+        return None, (Problem("beyond_gross_slip", "error", message),)
+    if name == "displacement_m":
+        delta, T, W = value, float(slip.force_N(value)), float(slip.energy_J(value))
+    else:
+        T = min(K_s * value if name == "amplitude_m" else value, T_most)
+        delta, W = float(slip.displacement_m(T)), float(slip.energy_at_force_J(T))
+    v, joints = T / K_s, damping.joints
+    v_total = v + joints * K_s / K_m * delta
+    loss_factor = lightly_damped(joints * W / (math.pi * K_m * v * v))
+    return Answer(
+        slip_force_N=T,
+        displacement_m=delta,
+        tangential_stiffness_N_per_m=T / delta if delta > 0.0 else None,
+        energy_J=W,
+        joint_loss_factor=W / (math.pi * T * delta) if delta > 0.0 else None,
+        amplitude_m=v,
+        total_amplitude_m=v_total,
+        loss_factor=loss_factor,
+        damping_ratio=None if loss_factor is None else loss_factor / 2.0,
+        frequency_shift=math.sqrt(v / v_total) - 1.0,
+    ), ()

@@ -1,0 +1,106 @@
+"""What a result is worth for a joint: what nobody gave, and a sentence on what it is usable for."""
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+from capslip.problems import Problem
+from capslip.settings import Settings
+from capslip.structure.stiffness import is_given, structure_name
+
+
+@dataclass(frozen=True)
+class Assumption:
+    """One thing that nobody gave, what stands in for it, and the numbers that it moves."""
+
+    name: str  # of one word or two
+    setting: str  # that would give it
+    value: str  # what stands in for it
+    moves: str
+    option: str  # how to give it on the command line
+    demonstrates: bool  # whether the numbers are those of no joint in particular without it
+
+
+def assumptions(settings: Settings) -> tuple[Assumption, ...]:
+    """Return what was assumed, not given, the most important first.
+
+    Examples
+    --------
+    >>> from capslip.settings import load_settings
+    >>> given = load_settings(overrides=("contact.preload_N=460", "structure.beam.length_m=0.4"))
+    >>> [one.name for one in assumptions(given)]
+    ['material', 'friction', 'joint area', 'yield']
+    """
+    contact, material, joint = settings.contact, settings.material, settings.joint
+    mapped = joint.pressure_map is not None
+    loaded = mapped or contact.nominal_pressure_Pa is not None
+    loaded = loaded or settings.families.approach_m is not None
+    E_Pa, nu = material.youngs_modulus_Pa, material.poisson_ratio
+    E = " and ".join(dict.fromkeys(f"{one / 1e9:g} GPa" for one in E_Pa))
+    found = []
+    if not loaded and not settings.is_given("contact.preload_N"):
+        value, moves = f"{contact.preload_N:g} N", "every number of contact, slip and damping"
+        found.append(("preload", "contact.preload_N", value, moves, "--preload N", True))
+    if not settings.is_given("material.youngs_modulus_Pa"):
+        value = f"E {E}, nu {' and '.join(dict.fromkeys(f'{one:g}' for one in nu))}"
+        moves, key = "stiffness, displacements, energy, loss", "material.youngs_modulus_Pa"
+        found.append(("material", key, value, moves, f"--set {key}=[E1,E2]", True))
+    elif not settings.is_given("material.poisson_ratio"):
+        value, key = " and ".join(dict.fromkeys(f"{one:g}" for one in nu)), "material.poisson_ratio"
+        moves = "stiffness and displacements, by some per cent"
+        found.append(("Poisson's ratio", key, value, moves, f"--set {key}=[nu1,nu2]", False))
+    if not settings.is_given("material.friction_coefficient"):
+        value, key = f"{material.friction_coefficient:g}", "material.friction_coefficient"
+        moves = "slip limits, energy, loss; not the initial stiffness"
+        found.append(("friction", key, value, moves, f"--set {key}=MU", True))
+    if not is_given(settings):
+        key, moves = "structure", "amplitudes, loss factor, frequency; nothing of the joint"
+        option = (
+            "--set structure.modal_stiffness_N_per_m=K --set structure.joint_stiffness_N_per_m=K"
+        )
+        found.append(("structure", key, structure_name(settings), moves, option, False))
+    if joint.area_m2 is None and not mapped and settings.families.m is None:
+        key, moves = "joint.area_m2", "nominal pressure, and with it forces, stiffness, energy"
+        found.append(("joint area", key, "that of the scan", moves, f"--set {key}=A", False))
+    if material.hardness_Pa is None and material.yield_stress_Pa is None:
+        key, moves = "material.hardness_Pa", "pressures; stiffness and energy of rough faces"
+        found.append(("yield", key, "none, elastic", moves, "--material steel", False))
+    return tuple(Assumption(*one) for one in found)
+
+
+def verdict(settings: Settings, problems: Iterable[Problem], estimated_error: float | None) -> str:
+    """Return one sentence: usable for what, how accurate, why not, and what to do next.
+
+    Parameters
+    ----------
+    settings : Settings
+        What was given, and what was not.
+    problems : iterable of Problem
+        Of the whole result; the first of the worst is the reason.
+    estimated_error : float or None
+        Of energy at given force and of stiffness, against the elastic face pressed exactly.
+    """
+    assumed = assumptions(settings)
+    shown = [one for one in assumed if one.demonstrates]
+    named = ", ".join(one.name for one in shown)
+    begin = f"for the demonstration values ({named}): " if shown else ""
+    problems = tuple(problems)
+    for severity, word in (("error", "not usable"), ("warning", "usable with care")):
+        worst = [one for one in problems if one.severity == severity]
+        if worst:
+            more = f" (and {len(worst) - 1} more)" if len(worst) > 1 else ""
+            remedy = worst[0].kind.remedy
+            remedy = remedy if remedy.endswith("...") else remedy.removesuffix(".")
+            return f"{begin}{word}: {worst[0].message}{more}; next: {remedy}"
+    accuracy = "to an accuracy that was not estimated"
+    if estimated_error is not None:
+        percent = max(100.0 * estimated_error, 0.1)
+        accuracy = f"within {percent:.2g} % of the same elastic face pressed exactly (estimated)"
+    use = "stiffness and slip of the joint"
+    if is_given(settings):
+        use += f" and the damping of the {structure_name(settings)}"
+    steps = [one.option for one in shown] or [one.option for one in assumed[:1]]
+    steps = steps or ["measure a loss factor, and capslip compare it"]
+    return (
+        f"{begin}usable for {use}, {accuracy}; the loss of a real joint is known to a factor of "
+        f"two to three; next: {' '.join(steps)}"
+    )

@@ -1,0 +1,106 @@
+"""Given families on the command line, against the paper's table and the analysis of a scan."""
+
+import json
+
+import pytest
+from click.testing import CliRunner
+
+import capslip
+from capslip.analysis import analyze_families
+from capslip.cli import main
+from capslip.errors import SettingsError
+from scenes import caps_map
+
+PAIR = ("--m", "5", "--n", "18", "--radius-G", "23.8", "--radius-P", "26.7", "--h", "2.4e-7")
+
+
+def run(*options):
+    return CliRunner().invoke(main, ["families", *options])
+
+
+def test_the_papers_families_give_its_loads_and_limits(tmp_path):
+    ran = run(*PAIR, "--approach", "2.5e-7", "--json", "-o", str(tmp_path / "out"))
+    assert ran.exit_code == 0, ran.output
+    summary = json.loads(ran.stdout)
+    # E 200 GPa, nu 0.3, mu 0.2: computed twice, independently
+    assert summary["contact"]["preload_N"] == pytest.approx(460.4, rel=2e-4)
+    slip = summary["slip"]
+    assert slip["limit_G_m"] == pytest.approx(6.071e-8, rel=1e-3)
+    assert slip["limit_P_m"] == pytest.approx(2.429e-9, rel=1e-3)
+    assert slip["tangential_stiffness_N_per_m"] == pytest.approx(3.89e9, rel=1e-3)
+    assert slip["total_slip_force_N"] == pytest.approx(92.1, rel=1e-3)
+    assert (summary["families"]["m"], summary["families"]["n"]) == (5, 18)
+    assert summary["surface"] is None
+    assert json.loads((tmp_path / "out" / "summary.json").read_text()) == summary
+    again = analyze_families(capslip.load_settings(tmp_path / "out" / "settings.toml")).summary()
+    for table in ("contact", "slip", "answer", "assumed", "verdict"):
+        assert again[table] == summary[table]
+
+
+@pytest.mark.parametrize(
+    ("displacement", "force_N", "energy_J"),
+    [("1nm", 3.694, 2.728e-10), ("5nm", 13.53, 3.488e-8), ("40nm", 74.27, 1.381e-6)],
+)
+def test_the_papers_families_answer_at_a_displacement(displacement, force_N, energy_J):
+    ran = run(*PAIR, "--approach", "2.5e-7", "--displacement", displacement, "--json")
+    answer = json.loads(ran.stdout)["answer"]
+    assert answer["slip_force_N"] == pytest.approx(force_N, rel=3e-4)
+    assert answer["energy_J"] == pytest.approx(energy_J, rel=3e-4)
+
+
+def test_the_terminal_shows_families_as_it_shows_a_scan():
+    ran = run(*PAIR, "--preload", "460", "--slip-force", "20N")
+    assert ran.exit_code == 0, ran.output
+    labels = [line[:10].strip() for line in ran.stdout.splitlines()]
+    assert labels[:2] == ["verdict", "answer"]
+    assert {"families", "contact", "slip", "damping", "status"} <= set(labels)
+    assert not {"scan", "hills", "level"} & set(labels)
+    assert "at slip force 20 N" in ran.stdout
+
+
+def test_given_families_answer_as_those_that_were_counted():
+    caps = [(5e-3, 5e-3, 20.0, 0.0), (25e-3, 6e-3, 20.0, 0.0), (15e-3, 15e-3, 24.0, -5e-8)]
+    settings = ("contact.model=families", "contact.preload_N=150", "families.count=2")
+    scan = capslip.analyze(caps_map(caps), capslip.load_settings(overrides=settings))
+    G, P = scan.families.G, scan.families.P
+    given = {"m": G.count, "radius_G_m": G.radius_m}
+    given |= {"n": P.count, "radius_P_m": P.radius_m, "h_m": scan.families.h_m} if P else {}
+    sets = tuple(f"families.{name}={value!r}" for name, value in given.items())
+    found = analyze_families(capslip.load_settings(overrides=(*settings, *sets)))
+    ours, theirs = found.summary(), scan.summary()
+    assert P is not None
+    for table in ("slip", "answer"):
+        for key, value in theirs[table].items():
+            if isinstance(value, float):
+                assert ours[table][key] == pytest.approx(value, rel=1e-9), key
+
+
+@pytest.mark.parametrize(
+    ("options", "said"),
+    [
+        ((), "expected at least families.m and families.radius_G_m (--m, --radius-G)"),
+        (("--m", "5", "--radius-G", "20", "--n", "3"), "families.n: got 3 P-caps; expected"),
+        ((*PAIR, "--approach", "1e-7", "--preload", "3"), "got contact.preload_N and families.app"),
+        ((*PAIR, "--set", "contact.nominal_pressure_Pa=1e6"), "expected joint.area_m2 with it"),
+        (("--m", "0", "--radius-G", "20"), "families.m: got 0; expected"),
+    ],
+)
+def test_families_in_part_are_a_usage_error_in_one_line(options, said):
+    ran = run(*options)
+    assert (ran.exit_code, ran.stdout) == (2, "")
+    assert said in ran.stderr
+    assert ran.stderr.count("\n") == 1
+
+
+def test_one_family_is_enough():
+    ran = run("--m", "5", "--radius-G", "23.8", "--preload", "89.35", "--json")
+    assert ran.exit_code == 0, ran.output
+    assert json.loads(ran.stdout)["families"]["P"] is None
+
+
+def test_families_beside_a_scan_are_refused():
+    with pytest.raises(SettingsError, match=r"families\.m: got families together with a scan"):
+        capslip.analyze(
+            caps_map([(15e-3, 10e-3, 10.0, 0.0)]),
+            capslip.load_settings(overrides=("families.m=5",)),
+        )

@@ -1,0 +1,183 @@
+"""What was given and what was not, and the sentence that says what a result is usable for."""
+
+import json
+
+import msgspec
+import pytest
+from click.testing import CliRunner
+
+import capslip
+from capslip.cli import main
+from capslip.problems import KINDS, Problem
+from capslip.settings import STAND_INS, Contact, Settings, settings_from
+from capslip.verdict import assumptions, verdict
+from scenes import PROJECT
+
+FACE = PROJECT / "sample_surfaces" / "paper_face_a.h5"
+JOINT = {
+    "preload": "contact.preload_N=460.0",
+    "material": "material.youngs_modulus_Pa=[200e9,200e9]",
+    "friction": "material.friction_coefficient=0.2",
+}
+REST = {
+    "Poisson's ratio": "material.poisson_ratio=[0.3,0.3]",
+    "structure": "structure.beam.length_m=0.4",
+    "joint area": "joint.area_m2=1e-3",
+    "yield": "material.yield_stress_Pa=1e9",
+}
+EVERY = {**JOINT, **REST}
+
+
+def names(settings):
+    return [one.name for one in assumptions(settings)]
+
+
+def load(*overrides, path=None):
+    return capslip.load_settings(path, overrides)
+
+
+def test_what_is_given_is_not_assumed_though_it_be_the_default():
+    assert names(load()) == ["preload", "material", "friction", "structure", "joint area", "yield"]
+    assert names(load(*EVERY.values())) == []
+    for name in EVERY:
+        rest = [override for other, override in EVERY.items() if other != name]
+        assert names(load(*rest)) == [name]
+
+
+def test_every_stand_in_moves_the_list():
+    for name in STAND_INS:
+        assert not Settings().is_given(name)
+    assert len(STAND_INS) == 5
+
+
+def test_a_pressure_stands_for_the_preload_and_a_map_for_preload_and_area():
+    assert "preload" not in names(load("contact.nominal_pressure_Pa=2e6"))
+    mapped = names(load("joint.pressure_map=p.csv"))
+    assert not {"preload", "joint area"} & set(mapped)
+    stiff = ("structure.modal_stiffness_N_per_m=1e8", "structure.joint_stiffness_N_per_m=1e8")
+    assert "structure" not in names(load(*stiff))
+
+
+def test_a_file_of_all_defaults_gives_nothing(tmp_path):
+    assert names(load(path=PROJECT / "configs" / "default.toml")) == names(Settings())
+    ran = CliRunner().invoke(main, ["init-config", str(tmp_path / "mine.toml")])
+    assert ran.exit_code == 0
+    assert names(load(path=tmp_path / "mine.toml")) == names(Settings())
+
+
+def test_what_an_analysis_wrote_down_gives_what_was_given(tmp_path):
+    import tomli_w
+
+    settings = load(JOINT["friction"], JOINT["preload"])
+    path = tmp_path / "settings.toml"
+    path.write_text(tomli_w.dumps(settings.to_dict()))
+    again = load(path=path)
+    assert (names(again), again.sha256()) == (names(settings), settings.sha256())
+    assert names(load(JOINT["material"], path=path)) == [
+        *("Poisson's ratio", "structure", "joint area", "yield")
+    ]
+
+
+def test_python_gives_settings_as_a_file_does():
+    assert "preload" not in names(settings_from({"contact": {"preload_N": 460.0}}))
+    assert "preload" not in names(Settings(contact=Contact(preload_N=300.0)))
+
+
+def test_the_verdict_is_for_a_demonstration_until_the_joint_is_given():
+    assert verdict(Settings(), [], 0.02).startswith(
+        "for the demonstration values (preload, material, friction): usable for stiffness and slip "
+        "of the joint, within 2 % "
+    )
+    friction = verdict(load(JOINT["preload"], JOINT["material"]), [], 0.02)
+    assert friction.startswith("for the demonstration values (friction): ")
+    assert friction.endswith("next: --set material.friction_coefficient=MU")
+    said = verdict(load(*JOINT.values()), [], None)
+    assert said.startswith(
+        "usable for stiffness and slip of the joint, to an accuracy that was not"
+    )
+    assert "damping" not in said
+    assert "damping of the beam 400 x 60 x 40 mm" in verdict(load(*EVERY.values()), [], None)
+
+
+@pytest.mark.parametrize(
+    ("severities", "begins"),
+    [
+        (("info", "error", "warning"), "not usable: error said; next: "),
+        (("warning", "info", "warning"), "usable with care: warning said (and 1 more); next: "),
+        (("info",), "usable for"),
+    ],
+)
+def test_the_worst_problem_is_the_reason_and_its_remedy_the_next_step(severities, begins):
+    codes = {"error": "beyond_gross_slip", "warning": "spikes", "info": "peak_at_gross_slip"}
+    problems = [Problem(codes[one], one, f"{one} said") for one in severities]
+    said = verdict(load(*JOINT.values()), problems, 0.01)
+    assert said.startswith(begins)
+    assert verdict(
+        load(*JOINT.values()), [Problem("sensitive_to_cut", "warning", "it is")], None
+    ) == ("usable with care: it is; next: --set hills.material_ratio=...")
+    if "said" in begins:
+        worst = codes["error" if "error" in severities else "warning"]
+        assert said.endswith(KINDS[worst].remedy.rstrip("."))
+
+
+def run(tmp_path, *options):
+    light = ("--no-figures", "--no-render", "--model", "families", "-o", str(tmp_path / "out"))
+    return CliRunner().invoke(main, ["analyze", str(FACE), *light, *options])
+
+
+def test_verdict_answer_and_assumptions_come_first_everywhere(tmp_path):
+    ran = run(tmp_path, "--amplitude", "0.5um", "--preload", "460")
+    assert ran.exit_code == 0, ran.output
+    summary = json.loads((tmp_path / "out" / "summary.json").read_text())
+    assert summary["verdict"].startswith("for the demonstration values (material, friction): ")
+    answer = summary["answer"]
+    assert answer["asked"] == {"quantity": "amplitude_m", "value": 5e-7, "by_default": False}
+    assert answer["structure"] == "demonstration beam 400 x 60 x 40 mm"
+    assert answer["amplitude_m"] == 5e-7
+    assert [one["name"] for one in summary["assumed"]][:2] == ["material", "friction"]
+    lines = ran.stdout.splitlines()
+    assert lines[0] == f"verdict    {summary['verdict']}"
+    assert lines[1] == "answer     at amplitude 500 nm of the demonstration beam 400 x 60 x 40 mm"
+    assert any(line.startswith("assumed    material E 200 GPa, nu 0.3: moves") for line in lines)
+    page = (tmp_path / "out" / "report.html").read_text()
+    assert page.index("for the demonstration values") < page.index("Assumed, not given")
+    assert page.index("Assumed, not given") < page.index("peak_at_gross_slip")
+
+
+def test_a_question_beyond_gross_slip_fails_with_its_name(tmp_path):
+    ran = run(tmp_path, "--slip-force", "95N")
+    assert ran.exit_code == 3
+    assert "got slip force 95 N; the joint slips as a whole from 92 on" in ran.stderr
+    summary = json.loads((tmp_path / "out" / "summary.json").read_text())
+    assert summary["status"] == "failed"
+    numbers = {**summary["answer"], "asked": None, "structure": None}
+    assert set(numbers.values()) == {None}
+    assert summary["slip"]["total_slip_force_N"] == pytest.approx(92.0)
+
+
+def test_a_number_without_a_unit_is_a_usage_error(tmp_path):
+    ran = run(tmp_path, "--amplitude", "0.5")
+    assert (ran.exit_code, ran.stdout) == (2, "")
+    assert "--amplitude: got '0.5'; expected a number > 0 and its unit" in ran.stderr
+
+
+def test_a_given_structure_leads_to_a_damping_without_demonstration(tmp_path):
+    sets = [part for one in EVERY.values() for part in ("--set", one)]
+    ran = run(tmp_path, *sets)
+    assert ran.exit_code == 0, ran.output
+    assert "demonstration" not in ran.stdout
+    assert "demonstration" not in (tmp_path / "out" / "report.html").read_text()
+
+
+def test_a_loss_factor_that_is_not_defined_is_null_and_said(tmp_path):
+    sets = ("structure.modal_stiffness_N_per_m=2e5", "structure.joint_stiffness_N_per_m=2e7")
+    ran = run(tmp_path, *(part for one in sets for part in ("--set", one)), "--slip-force", "80N")
+    assert ran.exit_code == 0, ran.output
+    summary = json.loads((tmp_path / "out" / "summary.json").read_text())
+    assert summary["answer"]["loss_factor"] is None
+    assert summary["damping"]["peak_loss_factor"] is None
+    assert max(one for one in summary["damping"]["loss_factor"] if one is not None) <= 0.3
+    assert "structure: loss factor not defined at amplitude" in ran.stdout
+    assert "no longer lightly damped at its peak" in ran.stdout
+    assert summary["answer"]["joint_loss_factor"] > 0.0
+    assert msgspec.json.encode(summary)
