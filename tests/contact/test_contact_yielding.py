@@ -5,7 +5,7 @@ import pytest
 from contact_cases import table
 
 from capslip import load_settings
-from capslip.analysis import analyze, analyze_once
+from capslip.analysis import analyze, analyze_families, analyze_once
 from capslip.caps.families import group_families
 from capslip.contact.material import hardness_Pa, yield_law
 from capslip.contact.press import press
@@ -219,6 +219,20 @@ def test_a_family_that_was_flattened_below_the_other_keeps_its_name():
         row = state.row_family.tolist().index(name)
         assert state.curve.radius_m[row] == pytest.approx(flat_m[0], rel=1e-6)
     assert state.row_family.tolist() == ["P", "G"]
+
+
+def test_families_that_are_given_yield_like_those_of_a_scan():
+    given = {"m": 2, "n": 2, "radius_G_m": 2e-3, "radius_P_m": 8e-3, "h_m": 1e-6}
+    sets = [f"families.{name}={value!r}" for name, value in given.items()]
+    sets += ["material.hardness_Pa=1e9", "contact.preload_N=100"]
+    found = analyze_families(load_settings(overrides=tuple(sets)))
+    state, _ = pressed("families", "material.hardness_Pa=1e9")
+    for name in ("stiffness_N_per_m", "contact_area_m2", "yielded_area_m2", "approach_m"):
+        assert getattr(found.contact, name) == pytest.approx(getattr(state, name), rel=1e-6)
+    assert found.contact.max_pressure_Pa == state.max_pressure_Pa
+    assert "yielded" in {problem.code for problem in found.problems}
+    with pytest.raises(SettingsError, match="preload_N"):
+        analyze_families(load_settings(overrides=(*sets[:-1], "families.approach_m=1e-6")))
 
 
 @pytest.mark.parametrize("alignment", ["balanced", "as_levelled"])
