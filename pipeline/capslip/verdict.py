@@ -61,9 +61,9 @@ def assumptions(settings: Settings) -> tuple[Assumption, ...]:
     if joint.area_m2 is None and not mapped and settings.families.m is None:
         key, moves = "joint.area_m2", "nominal pressure, and with it forces, stiffness, energy"
         found.append(("joint area", key, "that of the scan", moves, f"--set {key}=A", False))
-    if material.yield_stress_Pa is None:
-        key, moves = "material.yield_stress_Pa", "pressures; stiffness and energy of rough faces"
-        found.append(("yield", key, "none, elastic", moves, f"--set {key}=Y", False))
+    if material.hardness_Pa is None and material.yield_stress_Pa is None:
+        key, moves = "material.hardness_Pa", "pressures; stiffness and energy of rough faces"
+        found.append(("yield", key, "none, elastic", moves, "--material steel", False))
     return tuple(Assumption(*one) for one in found)
 
 

@@ -1,6 +1,6 @@
 """The face under its preload: the normal curve that the settings ask for, and its state."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -9,8 +9,9 @@ from capslip.caps.table import CapTable
 from capslip.contact.bulk import bulk_compliance_m_per_N, without_bulk
 from capslip.contact.choice import choose_model
 from capslip.contact.curve import NormalCurve
+from capslip.contact.flattening import flattened
 from capslip.contact.material import Composite, composite
-from capslip.contact.rung import Rung, Scene, rung
+from capslip.contact.rung import Contacts, Rung, Scene, rung
 from capslip.contact.solvers.hertz import contact_radius_m
 from capslip.errors import ContactError
 from capslip.problems import Problem
@@ -43,6 +44,8 @@ class ContactState:
     eccentricity_m: tuple[float, float] | None  # of the resultant of the contacts, from there
     tilt_rad: tuple[float, float]  # slopes (x, y) that the model itself added to the map
     problems: tuple[Problem, ...]
+    hardness_Pa: float | None = None  # of the softer face; None: all stays elastic
+    yielded_area_m2: float | None = None  # of the contact area; None as well
 
     @property
     def model(self) -> str:
@@ -94,6 +97,12 @@ def press(
     ------
     ContactError
         If the caps cannot carry the preload within the validity of the model.
+
+    Notes
+    -----
+    Where a hardness is given, the curve is the one along which the face unloads after it was loaded
+    to the preload once: approach, stiffness and slip are those of the caps that yielded, see
+    `flattening`.
     """
     joint = composite(settings.material.youngs_modulus_Pa, settings.material.poisson_ratio)
     preload_N = settings.contact.preload_N
@@ -105,7 +114,7 @@ def press(
         problems += [] if choice.problem is None else [choice.problem]
     else:
         model = rung(settings.contact.model)
-    scene = Scene.of(caps, families, surface, settings, use)
+    scene = flattened(model, Scene.of(caps, families, surface, settings, use))
     normal: NormalCurve = model.build(scene)
     approach_m = float(normal.approach_m(preload_N))
     curve, bulk_m, bulk = normal, 0.0, settings.contact.bulk
@@ -115,7 +124,7 @@ def press(
         if not bulk:
             curve, bulk = without_bulk(normal, bulk_m_per_N, preload_N)
             problems += [_bulk_kept(bulk_m, approach_m)] if bulk else []
-    found = model.contacts(scene, normal, approach_m)
+    found, a_m = _contacts(scene, caps, normal, approach_m, model)
     if settings.contact.model == "auto" and model.error is not None:
         error, doubts = model.error(normal, preload_N, settings.contact.tolerance)
         problems += doubts
@@ -151,9 +160,29 @@ def press(
         eccentricity_m=eccentricity_m,
         tilt_rad=found.tilt_rad,
         problems=(*problems, *found.problems),
+        hardness_Pa=None if scene.law is None else scene.law.hardness_Pa,
+        yielded_area_m2=found.yielded_area_m2,
     )
-    a_m = contact_radius_m(found.load_N, caps.radius_m, joint.E_star_Pa)
     return state, caps.with_columns(load_N=found.load_N, contact_radius_m=a_m)
+
+
+def _contacts(
+    scene: Scene, caps: CapTable, curve: NormalCurve, approach_m: float, model: Rung
+) -> tuple[Contacts, np.ndarray]:
+    """Return the contacts under the preload and their radii, of `caps` as they were before it."""
+    found, law, radius_m = model.contacts(scene, curve, approach_m), scene.law, caps.radius_m
+    yielded = np.zeros(len(caps), dtype=bool)
+    if law is not None:
+        yielded = law.yielded(found.load_N, radius_m)
+        radius_m, _ = law.flattened(found.load_N, radius_m)
+    a_m = contact_radius_m(found.load_N, radius_m, scene.E_star_Pa)
+    if law is None or found.area_m2 is None or found.max_pressure_Pa is None:
+        return found, a_m
+    if model.made_from == "spheres":  # a Hertz contact of that load and width has a sharper middle
+        area_m2 = min(found.area_m2, float(np.pi * np.square(a_m[yielded]).sum()))
+        pressure_Pa = min(found.max_pressure_Pa, law.hardness_Pa)
+        found = replace(found, yielded_area_m2=area_m2, max_pressure_Pa=pressure_Pa)
+    return found, a_m
 
 
 def _bulk_kept(bulk_m: float, approach_m: float) -> Problem:
