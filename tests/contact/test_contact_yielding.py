@@ -309,7 +309,11 @@ def test_the_estimated_error_holds_how_yielded_caps_unload():
     estimates = {}
     for hardness in (3e6, 1e9):
         settings = load_settings(
-            overrides=("contact.preload_N=100", f"material.hardness_Pa={hardness!r}")
+            overrides=(
+                "contact.preload_N=100",
+                f"material.hardness_Pa={hardness!r}",
+                "contact.time_limit_s=1e-3",  # for the map itself
+            )
         )
         contact = analyze_once(caps_map(ROUND, floor_m=-1.5e-6), settings).contact
         estimates[hardness] = contact.estimated_error

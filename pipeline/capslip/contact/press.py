@@ -18,6 +18,8 @@ from capslip.problems import Problem
 from capslip.settings import Settings
 from capslip.surface.heightmap import HeightMap
 
+FULL = 1.0 - 1e-6  # of the measured face in contact: no gap is left for a model of contact
+
 
 @dataclass(frozen=True, eq=False)
 class ContactState:
@@ -125,15 +127,15 @@ def press(
             curve, bulk = without_bulk(normal, bulk_m_per_N, preload_N)
             problems += [_bulk_kept(bulk_m, approach_m)] if bulk else []
     found, a_m = _contacts(scene, caps, normal, approach_m, model)
-    if settings.contact.model == "auto" and model.error is not None:
-        error, doubts = model.error(normal, preload_N, settings.contact.tolerance)
-        problems += doubts
-    face_m2 = surface.side_m[0] * surface.side_m[1]
-    if found.area_m2 is not None and found.area_m2 > face_m2:
+    face_m2 = float(np.count_nonzero(surface.measured)) * surface.pixel_area_m2
+    if found.area_m2 is not None and found.area_m2 > FULL * face_m2:
         raise ContactError(
             f"{model.name}: {preload_N:g} N need a contact area of {found.area_m2:.3g} m2; "
             f"expected less than the face's {face_m2:.3g} m2; check preload and units"
         )
+    if settings.contact.model == "auto" and model.error is not None:
+        error, doubts = model.error(normal, preload_N, settings.contact.tolerance)
+        problems += doubts
     eccentricity_m = None
     if found.resultant_m is not None:
         x_m, y_m = np.subtract(found.resultant_m, scene.load_point_m).tolist()

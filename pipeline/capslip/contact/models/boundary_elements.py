@@ -133,28 +133,22 @@ class BoundaryElementCurve:
         return self.solutions.unload(float(load_N))
 
     def problems(self, load_N: float) -> tuple[Problem, ...]:
-        """Return what makes the contact under a load, and its slip, doubtful."""
+        """Return where the pixels end: notes, as `_error` measures what that does."""
         pressed, unloading, found = self.pressed(load_N), self.unloading(load_N), []
         least = MIN_PIXELS_ACROSS if unloading.refinement == 1 else MIN_REFINED_ACROSS
         if pressed.pixels_across < least:
-            found.append(
-                Problem(
-                    "under_resolved",
-                    "warning",
-                    f"half of the load rests on contacts of at most {pressed.pixels_across:.1f} "
-                    f"pixels across; expected {least:g}: the map is too coarse",
-                )
+            message = (
+                f"half of the load rests on contacts of at most {pressed.pixels_across:.1f} pixels "
+                f"across; {least:g} are enough for any shape"
             )
+            found.append(Problem("under_resolved", "info", message))
         share = unloading.smallest_drop_N / unloading.load_N
-        found.append(
-            Problem(
-                "small_slip_extrapolated",
-                "info" if share < SMALL_SLIP else "warning",
-                f"below {share:.2g} of the force at total slip, less slips than the pixels of the "
-                "map resolve: the energy per cycle may be off by more than 5 %, and follows the "
-                "cube of the force in the end",
-            )
+        message = (
+            f"below {share:.2g} of the force at total slip, less slips than the pixels of the map "
+            "resolve: the energy per cycle may be off by more than 5 %, and follows the cube of "
+            "the force in the end"
         )
+        found.append(Problem("small_slip_extrapolated", "info", message))
         return tuple(found)
 
     def load_N(self, approach_m: ArrayLike) -> np.ndarray:
@@ -466,6 +460,8 @@ def _error(
         unloading,
         curve.solutions.tolerance,
         bulk_compliance_m_per_N((ny * dy_m, nx * dx_m), face.E_star_Pa),
+        resolved=unloading.smallest_drop_N < SMALL_SLIP * load_N
+        and all(problem.code != "under_resolved" for problem in curve.problems(load_N)),
     )
     moved = max(effect.tangential_stiffness or 0.0, effect.energy or 0.0)
     if moved > tolerance:

@@ -15,7 +15,7 @@ _KERNEL = np.array([1.0, 4.0, 6.0, 4.0, 1.0]) / 16.0  # binomial, a standard dev
 _FRAME = 4  # pixels that two passes of the filter reach
 _LEAST_WEIGHT = 0.1  # of the filter on measured points, from which a lost point is filled
 _TOLERANCE = 1e-4  # of the first look
-_NO_EFFECT = 2e-3  # of the approach: detail that moves it by less is not followed further
+_NO_EFFECT = 2e-3  # of the approach
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,6 +31,7 @@ def effect_of_detail(
     unloading: Unloading,
     tolerance: float,
     bulk_m_per_N: float,
+    resolved: bool,
 ) -> Effect:
     """Return what the detail of one or two pixels does to stiffness and energy.
 
@@ -50,6 +51,9 @@ def effect_of_detail(
         Of each solution, see `press`.
     bulk_m_per_N : float
         Compliance of the bulk, which all maps of these sides share and slip does not count.
+    resolved : bool
+        Whether the pixels follow contacts and slip: then detail that hardly moves the approach
+        moves nothing, and is not followed further.
 
     Returns
     -------
@@ -59,7 +63,8 @@ def effect_of_detail(
     load_N = unloading.load_N
     smooth = _smoothed(first.face)
     again = press(smooth, load_N=load_N, tolerance=_TOLERANCE)
-    if abs(again.approach_m - first.approach_m) < _NO_EFFECT * first.approach_m:
+    moved_m = abs(again.approach_m - first.approach_m)
+    if resolved and moved_m < _NO_EFFECT * first.approach_m:
         return Effect(0.0, 0.0, 0.0)
     again = press(smooth, load_N=load_N, tolerance=tolerance, start_Pa=again.pressure_Pa)
     if not math.isinf(smooth.hardness_Pa):
