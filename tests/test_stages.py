@@ -247,6 +247,7 @@ def test_families_are_those_of_their_own_plane_whatever_the_level(slope):
 )
 def test_caps_without_a_level_are_pressed_as_levelled(level, model, alignment):
     chosen = settings("contact.alignment=balanced", f"contact.model={model}")
-    found = stages.as_found(SimpleNamespace(level=level), chosen)
+    joint = SimpleNamespace(settings_of_scan=lambda given: given)
+    found = stages.as_found(SimpleNamespace(level=level, joint=joint), chosen)
     assert found.contact.alignment == alignment
     assert found.contact.model == model
