@@ -37,7 +37,8 @@ def load(*overrides, path=None):
 
 
 def test_what_is_given_is_not_assumed_though_it_be_the_default():
-    assert names(load()) == ["preload", "material", "friction", "structure", "joint area", "yield"]
+    of_joint = ["preload", "material", "friction", "structure", "joint area", "yield"]
+    assert names(load()) == [*of_joint, "normal load"]
     assert names(load(*EVERY.values())) == []
     for name in EVERY:
         rest = [override for other, override in EVERY.items() if other != name]

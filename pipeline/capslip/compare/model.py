@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, field, fields, replace
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -20,9 +20,10 @@ from capslip.contact.press import press
 from capslip.contact.reach import reachable
 from capslip.contact.rung import rung
 from capslip.contact.slip import slip_curve
+from capslip.contact.varying_load import varying
 from capslip.errors import UnreadableFileError
 from capslip.output.staging import read_summary
-from capslip.settings import Settings, load_settings
+from capslip.settings import Settings, SlipSettings, load_settings
 from capslip.structure.response import response
 from capslip.structure.stiffness import stiffnesses
 from capslip.surface.heightmap import HeightMap
@@ -44,6 +45,7 @@ class JointModel:
     modal_stiffness_N_per_m: float
     joint_stiffness_N_per_m: float
     joints: int
+    normal_load: SlipSettings = field(default_factory=SlipSettings)
     node_N: float | None = None  # where a preload costs seconds: solved at this one times 1.6^k
 
     def loss_factor(
@@ -85,6 +87,7 @@ class JointModel:
 
     def _solved(self, preload_N: float, points: int) -> "UnitCurve":
         slip = slip_curve(self.curve(preload_N), preload_N, 1.0, self.kappa)
+        slip = varying(slip, self.normal_load)
         share = np.append(np.geomspace(1e-5, 0.97, points), 1 - np.geomspace(0.029, 1e-6, 60))
         damping = response(
             slip,
@@ -184,7 +187,8 @@ def load_model(result: str | Path) -> tuple[JointModel, Settings]:
     contact = msgspec.structs.replace(settings.contact, preload_N=whole.preload_N)
     settings = msgspec.structs.replace(settings, contact=contact)
     node_N = whole.preload_N if rung(used).made_from == "map" else None
-    model = JointModel(curve, composed.kappa, modal, shear, settings.structure.joints, node_N)
+    stiffness = (composed.kappa, modal, shear, settings.structure.joints)
+    model = JointModel(curve, *stiffness, settings.slip, node_N)
     return model, settings
 
 
