@@ -24,6 +24,7 @@ REST = {
     "structure": "structure.beam.length_m=0.4",
     "joint area": "joint.area_m2=1e-3",
     "yield": "material.yield_stress_Pa=1e9",
+    "normal load": "slip.normal_amplitude_ratio=0.1",
 }
 EVERY = {**JOINT, **REST}
 
