@@ -15,7 +15,7 @@ from capslip.problems import Problem
 from capslip.settings import Material
 
 MIN_PIXELS_ACROSS = 4.0  # of the contacts that carry the lighter half of the load
-LARGE_BETA = 0.1  # beyond: compliances change by beta^2, more than 1 %, and much slips early
+COUPLED = 0.25  # of the friction that pressure alone uses up: |beta| / mu
 LARGE_FRICTION = 1.5
 FEW_IN_SCAN = 25  # contacts of a scan that stands for a larger joint: W some 20 % too low
 ELASTIC_STRAIN = 0.03  # of E*: the greatest pressure at which the hardest steels stay elastic
@@ -27,11 +27,12 @@ def material_doubts(material: Material) -> list[Problem]:
     """Return what in the material is hardly meant, or beyond what the slip curve describes."""
     found: list[Problem] = []
     beta = dundurs_beta(material.youngs_modulus_Pa, material.poisson_ratio)
-    if abs(beta) > LARGE_BETA:
+    used = abs(beta) / material.friction_coefficient
+    if used > COUPLED:
         message = (
             f"Dundurs' beta of the two materials is {beta:.2g}: pressure alone shears such "
-            f"contacts, by about {abs(beta) / material.friction_coefficient:.0%} of their "
-            "friction, which the slip curve leaves out (exact only at beta = 0, equal materials)"
+            f"contacts, by about {used:.0%} of their friction, which the slip curve leaves out "
+            "(exact only at beta = 0, equal materials)"
         )
         found.append(Problem("materials_coupled", "warning", message))
     if material.friction_coefficient > LARGE_FRICTION:

@@ -300,7 +300,9 @@ def _small_amplitudes() -> dict[str, float]:
 def _exponent() -> dict[str, float]:
     slip = paper.joint(paper.REFERENCE)
     p_m, g_m = float(slip.limits_m[1]), float(slip.total_slip_displacement_m)
-    delta = np.geomspace(1e-3 * p_m, g_m, 4001)
+    # The exponent has its bends where a family begins to slide as a whole, with an upright slope
+    near = 1.0 - np.geomspace(1e-12, 0.5, 400)
+    delta = np.concatenate([np.geomspace(1e-3 * p_m, g_m, 4001), p_m * near, g_m * near])
     # dW/d delta = 4 (T - T' delta) by Masing's rule, so the exponent needs no difference.
     lost, force = slip.energy_J(delta), slip.force_N(delta)
     exponent = 4 * (force - slip.stiffness_N_per_m(delta) * delta) * delta / lost
