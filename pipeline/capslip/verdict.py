@@ -28,7 +28,7 @@ def assumptions(settings: Settings) -> tuple[Assumption, ...]:
     >>> from capslip.settings import load_settings
     >>> given = load_settings(overrides=("contact.preload_N=460", "structure.beam.length_m=0.4"))
     >>> [one.name for one in assumptions(given)]
-    ['material', 'friction', 'joint area', 'yield']
+    ['material', 'friction', 'joint area', 'yield', 'spreads']
     """
     contact, material, joint = settings.contact, settings.material, settings.joint
     mapped = joint.pressure_map is not None
@@ -64,6 +64,16 @@ def assumptions(settings: Settings) -> tuple[Assumption, ...]:
     if material.yield_stress_Pa is None:
         key, moves = "material.yield_stress_Pa", "pressures; stiffness and energy of rough faces"
         found.append(("yield", key, "none, elastic", moves, f"--set {key}=Y", False))
+    spreads = {
+        "friction": ("material.friction_spread", material.friction_spread),
+        "preload": ("contact.preload_spread", contact.preload_spread),
+        "modulus": ("material.modulus_spread", material.modulus_spread),
+    }
+    certain = [name for name, (_, spread) in spreads.items() if spread == 0.0]
+    if certain:
+        key, moves = spreads[certain[0]][0], "the intervals, which leave them out"
+        value = f"{', '.join(certain)} as if known exactly"
+        found.append(("spreads", key, value, moves, f"--set {key}=0.2", False))
     return tuple(Assumption(*one) for one in found)
 
 

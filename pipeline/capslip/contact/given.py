@@ -64,6 +64,7 @@ def press_families(families: Families, settings: Settings) -> tuple[Joint, Conta
         rung=RUNG,
         model_reason="the families were given",
         estimated_error=None,
+        moved=None,
         preload_N=preload_N,
         approach_m=approach_m,
         bulk_m=0.0,

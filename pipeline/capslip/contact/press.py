@@ -6,6 +6,7 @@ import numpy as np
 
 from capslip.caps.families import Families
 from capslip.caps.table import CapTable
+from capslip.contact.accuracy import MovedCaps
 from capslip.contact.bulk import bulk_compliance_m_per_N, without_bulk
 from capslip.contact.choice import choose_model
 from capslip.contact.curve import NormalCurve
@@ -24,7 +25,8 @@ class ContactState:
 
     rung: Rung
     model_reason: str
-    estimated_error: float | None  # of energy and stiffness; None: not known
+    estimated_error: float | None  # of energy and stiffness, at 95 %; None: not known
+    moved: MovedCaps | None  # a part of it; None: not known, or the caps were not pressed
     preload_N: float
     approach_m: float  # from first touch, half-space bulk term included where the model has one
     bulk_m: float  # that term at the preload; 0 where the model has none
@@ -97,10 +99,10 @@ def press(
     """
     joint = composite(settings.material.youngs_modulus_Pa, settings.material.poisson_ratio)
     preload_N = settings.contact.preload_N
-    use, reason, error, problems = caps.usable, "chosen in the settings", None, []
+    use, reason, error, moved, problems = caps.usable, "chosen in the settings", None, None, []
     if settings.contact.model == "auto":
         choice = choose_model(caps, families, surface, label, noise_m, settings, map_failure)
-        use, reason, error = choice.use, choice.reason, choice.estimated_error
+        use, reason, error, moved = choice.use, choice.reason, choice.estimated_error, choice.moved
         model = rung(choice.model)
         problems += [] if choice.problem is None else [choice.problem]
     else:
@@ -133,6 +135,7 @@ def press(
         rung=model,
         model_reason=reason,
         estimated_error=error,
+        moved=moved,
         preload_N=preload_N,
         approach_m=approach_m,
         bulk_m=bulk_m,
