@@ -9,9 +9,9 @@ from capslip.caps.table import CapTable
 from capslip.contact.bulk import bulk_compliance_m_per_N, without_bulk
 from capslip.contact.levelling import rebalanced, turned
 from capslip.contact.material import composite
-from capslip.contact.models.interacting import interacting
+from capslip.contact.models.interacting import InteractingCurve, interacting
 from capslip.contact.rung import load_point_m
-from capslip.contact.slip import slip_curve
+from capslip.contact.slip import SlipCurve, slip_curve
 from capslip.contact.solvers.hertz import contact_radius_m
 from capslip.errors import TipsOverError
 from capslip.settings import Settings
@@ -93,7 +93,40 @@ def _known_of_caps(
     counts: tuple[int, int] | None,
 ) -> Known | None:
     """Return the answers of the true caps; None where they are not all that touches."""
-    material, preload_N = settings.material, case.preload_N
+    preload_N = case.preload_N
+    found = slip_of_true_caps(truth, face, settings, preload_N)
+    if found is None:
+        return None
+    curve, slip = found
+    approach_m = float(curve.approach_m(preload_N))
+    load_N = curve.asperity_loads_N(approach_m)
+    a_m = contact_radius_m(load_N, curve.radius_m, curve.E_star_Pa)
+    touching = load_N > 0.0
+    bulk_m_per_N = bulk_compliance_m_per_N(face.side_m, curve.E_star_Pa)
+    # Far below total slip the cube law holds: an answer that does not hang on small differences.
+    shares = np.array(case.shares)
+    solved = np.maximum(shares, CUBIC_BELOW)
+    energies_J = slip.energy_at_force_J(solved * slip.total_slip_force_N) * (shares / solved) ** 3
+    return Known(
+        values={
+            "approach": approach_m - bulk_m_per_N * preload_N,
+            "stiffness": float(slip.tangential_stiffness_N_per_m),
+            **dict(zip(energy_names(case.shares), energies_J.tolist(), strict=True)),
+        },
+        uncertainty={},
+        counts=counts,
+        pressure_Pa=float((1.5 * load_N[touching] / (np.pi * a_m[touching] ** 2)).max()),
+    )
+
+
+def slip_of_true_caps(
+    truth: Truth, face: HeightMap, settings: Settings, preload_N: float
+) -> tuple[InteractingCurve, SlipCurve] | None:
+    """Return the true caps with interaction, balanced, and their slip without the bulk sinking.
+
+    None where they are not all that touches.
+    """
+    material = settings.material
     joint = composite(material.youngs_modulus_Pa, material.poisson_ratio)
     peak_m = truth.peak_height_m
     if settings.contact.alignment == "balanced":
@@ -109,26 +142,9 @@ def _known_of_caps(
         return None
     if settings.contact.alignment == "balanced" and floor_m > peak_m.max() - approach_m:
         return None
-    load_N = curve.asperity_loads_N(approach_m)
-    a_m = contact_radius_m(load_N, curve.radius_m, joint.E_star_Pa)
-    touching = load_N > 0.0
     bulk_m_per_N = bulk_compliance_m_per_N(face.side_m, joint.E_star_Pa)
     rest, _ = without_bulk(curve, bulk_m_per_N, preload_N)
-    slip = slip_curve(rest, preload_N, material.friction_coefficient, joint.kappa)
-    # Far below total slip the cube law holds: an answer that does not hang on small differences.
-    shares = np.array(case.shares)
-    solved = np.maximum(shares, CUBIC_BELOW)
-    energies_J = slip.energy_at_force_J(solved * slip.total_slip_force_N) * (shares / solved) ** 3
-    return Known(
-        values={
-            "approach": approach_m - bulk_m_per_N * preload_N,
-            "stiffness": float(slip.tangential_stiffness_N_per_m),
-            **dict(zip(energy_names(case.shares), energies_J.tolist(), strict=True)),
-        },
-        uncertainty={},
-        counts=counts,
-        pressure_Pa=float((1.5 * load_N[touching] / (np.pi * a_m[touching] ** 2)).max()),
-    )
+    return curve, slip_curve(rest, preload_N, material.friction_coefficient, joint.kappa)
 
 
 def _balanced_peaks_m(
