@@ -90,7 +90,7 @@ def test_one_spread_of_one_sphere_moves_the_answer_as_in_closed_form(asked, name
         assert abs(np.log(np.array(found.interval[one]) / (low, high))).max() < 0.02 * width, one
         shares = found.contributions[one]
         assert shares == {} or shares[name] == pytest.approx(1.0, abs=0.01)
-    assert found.left_out == ("model",)
+    assert found.left_out == ("error of the model",)
 
 
 def test_shares_of_the_variance_are_those_of_the_exponents_at_small_slip():
@@ -206,3 +206,4 @@ def test_a_map_is_solved_once_more_for_its_preload():
         np.diff(np.log(ends)), rel=0.05
     )
     assert len(curve.solutions.unloading) == 2
+    assert found.left_out == ("error of the model", "noise of the map")

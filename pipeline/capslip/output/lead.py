@@ -34,7 +34,7 @@ MODEL_FORM = "beside it, dissipation of real joints is known to a factor of two 
 NO_INTERVAL = (
     "no interval: the error of the model is not known, or it cannot carry each preload that may be"
 )
-LEFT_OUT = "; the error of the {0} is not known and not in it"
+LEFT_OUT = "; not in it, as not known: {0}"
 JOINT = "preload {preload_N:4}"
 PRESSURE = " on {joint_area_m2}: {nominal_pressure_Pa} nominal"
 COVERAGE = "; scan {coverage} of it, resultant {off_m} off the load point"
@@ -73,7 +73,8 @@ def _interval_texts(answer: dict[str, Any]) -> list[str]:
     of_structure = answer["loss_factor"] is not None
     shares = answer["contributions"]["energy_J"].items()
     parts = ", ".join(f"{name} {share:.0%}" for name, share in shares if share >= 0.005)
-    left_out = "".join(LEFT_OUT.format(name) for name in answer["not_in_interval"])
+    names = " and ".join(answer["not_in_interval"])
+    left_out = LEFT_OUT.format(names) if names else ""
     return [
         INTERVAL + (INTERVAL_OF_STRUCTURE if of_structure else ""),
         (f"of the variance of the energy {parts}" if parts else "no upper bound")

@@ -31,7 +31,7 @@ class Band:
 
     interval: dict[str, tuple[float, float]]  # by the name of the number; infinite: no bound
     contributions: dict[str, dict[str, float]]  # share of each input in the variance of a number
-    left_out: tuple[str, ...]  # inputs whose errors are not known
+    left_out: tuple[str, ...]  # what is uncertain by an amount that is not known
 
 
 def band_of(
@@ -117,8 +117,13 @@ def _propagated(state: "_State", damping: Damping) -> Band | None:
     return Band(
         {name: _interval(name, np.broadcast_to(one, points)) for name, one in kept.items()},
         {name: _contributions(kept[name], normal) for name in COUNTED if name in kept},
-        ("model",) if state.contact.estimated_error is None else (),
+        _left_out(state.contact),
     )
+
+
+def _left_out(contact: ContactState) -> tuple[str, ...]:
+    unknown = ("error of the model",) if contact.estimated_error is None else ()
+    return (*unknown, "noise of the map") if contact.rung.made_from == "map" else unknown
 
 
 @dataclass(frozen=True, eq=False)
