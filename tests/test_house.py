@@ -11,7 +11,7 @@ PACKAGE = Path(__file__).parents[1] / "pipeline" / "capslip"
 
 # From the ground up: a module imports from deeper floors, or from its own room.
 FLOORS = (
-    {"errors", "registry", "units"},
+    {"errors", "materials", "registry", "units"},
     {"problems", "settings"},
     {"surface"},
     {"caps"},

@@ -27,7 +27,8 @@ REST = {
 }
 EVERY = {**JOINT, **REST}
 SPREADS = tuple(
-    f"{name}_spread=0.1" for name in ("material.friction", "contact.preload", "material.modulus")
+    f"{name}_spread=0.1"
+    for name in ("material.friction", "contact.preload", "material.modulus", "material.hardness")
 )
 
 
@@ -50,11 +51,13 @@ def test_what_is_given_is_not_assumed_though_it_be_the_default():
 
 
 def test_what_is_taken_as_known_exactly_is_said_by_name():
-    for i, name in enumerate(("friction", "preload", "modulus")):
+    for i, name in enumerate(("friction", "preload", "modulus", "hardness")):
         others = SPREADS[:i] + SPREADS[i + 1 :]
         (said,) = assumptions(load(*EVERY.values(), *others))
         assert (said.name, said.value) == ("spreads", f"{name} as if known exactly")
         assert f"{said.setting}=0.1" == SPREADS[i]
+    elastic = [override for name, override in EVERY.items() if name != "yield"]
+    assert names(load(*elastic, *SPREADS[:3])) == ["yield"]  # no hardness to be uncertain of
 
 
 def test_every_stand_in_moves_the_list():

@@ -135,7 +135,7 @@ def analyze_families(settings: Settings) -> JointResult:
     problems = [
         *material_doubts(settings.material),
         *problems_of_structure(settings.structure),
-        *problems_of_pressure(contact, settings.material),
+        *problems_of_pressure(contact),
         *problems_of_damping(damping, structure_name(settings), is_given(settings)),
         *beyond,
     ]
@@ -177,7 +177,6 @@ def _analyzed(
                 caps,
                 face.families,
                 pixel_area_m2,
-                settings.material,
                 cut_certified=face.level is not None and face.level.missed_area_m2 == 0.0,
             )
             problems += problems_of_damping(damping, structure_name(settings), is_given(settings))

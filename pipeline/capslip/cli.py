@@ -13,6 +13,7 @@ import click
 
 from capslip import __version__, registry
 from capslip.errors import CapslipError, ScanError, SettingsError, in_one_line
+from capslip.materials import MATERIALS
 from capslip.units import WORDS, in_si
 
 if TYPE_CHECKING:
@@ -27,6 +28,7 @@ QUESTIONS: dict[str, Literal["m", "N"]] = {
 }  # and their units
 SETTING = {  # what an option of an analysis stands for
     "preload": "contact.preload_N",
+    "material": "material.preset",
     "model": "contact.model",
     "amplitude": "answer.amplitude_m",
     "slip_force": "answer.slip_force_N",
@@ -104,6 +106,11 @@ _result_options = _options(  # of every command with a result
 )
 _joint_options = _options(  # of every command that answers for a joint
     click.option("--preload", type=float, metavar="N", help="Normal load of one joint, in N."),
+    click.option(
+        "--material",
+        type=click.Choice(tuple(MATERIALS)),
+        help="Moduli and yield stress of both faces.",
+    ),
     click.option("--amplitude", metavar="0.5um", help="Answer at this amplitude of the structure."),
     click.option("--slip-force", metavar="20N", help="Answer at this slip force of a joint."),
     click.option("--displacement", metavar="10nm", help="Answer at this slip of a joint."),

@@ -268,6 +268,7 @@ def _contact(analysis: JointResult) -> dict[str, Any]:
     """Return the contact: loads and stiffness of the joint, the rest of the scan in it."""
     contact, joint = analysis.contact, analysis.joint
     area_m2 = contact.contact_area_m2 if contact and joint.is_even else None
+    yielded_m2 = contact.yielded_area_m2 if contact and joint.is_even else None
     return {
         "model": contact.model if contact else None,
         "preload_N": joint.preload_N,
@@ -283,6 +284,8 @@ def _contact(analysis: JointResult) -> dict[str, Any]:
         "stiffness_N_per_m": _normal_stiffness(analysis),
         "contact_area_m2": None if area_m2 is None else area_m2 * float(joint.weight[0]),
         "max_pressure_Pa": contact.max_pressure_Pa if contact else None,
+        "hardness_Pa": contact.hardness_Pa if contact else None,
+        "yielded_area_m2": None if yielded_m2 is None else yielded_m2 * float(joint.weight[0]),
         "bulk": contact.bulk if contact else None,
         **_alignment(analysis),
     }

@@ -17,6 +17,7 @@ import msgspec
 
 from capslip import registry
 from capslip.errors import SettingsError
+from capslip.materials import MATERIALS
 from capslip.units import LengthUnit
 
 LEAST, GREATEST = 1e-30, 1e30  # of any positive setting, in SI: beyond it powers overflow
@@ -106,14 +107,20 @@ class FamilySettings(_Table, frozen=True):
 
 
 class Material(_Table, frozen=True):
-    """The two bodies and the friction between them."""
+    """The two bodies and the friction between them.
 
+    Hardness and yield stress are those of the softer body: it yields, and the other one does not.
+    """
+
+    preset: str | tuple[str, str] | None = None  # of capslip.materials; fills in what is not given
     youngs_modulus_Pa: Pair = (200e9, 200e9)
     poisson_ratio: Pair = (0.3, 0.3)
     friction_coefficient: Positive = 0.2
+    hardness_Pa: Positive | None = None
+    yield_stress_Pa: Positive | None = None  # gives the hardness where that is not given
     modulus_spread: Spread = 0.0
     friction_spread: Spread = 0.0
-    yield_stress_Pa: Positive | None = None
+    hardness_spread: Spread = 0.0
 
 
 class Contact(_Table, frozen=True):
@@ -251,7 +258,8 @@ def load_settings(path: str | Path | None = None, overrides: tuple[str, ...] = (
     alone = [_apply(tables, override) for override in overrides]
     written = tables.get("run", {}).get("given") if isinstance(tables.get("run"), dict) else None
     if isinstance(written, list):  # by an analysis, in a file that holds every value
-        tables["run"]["given"] = [*written, *(name for one in alone for name in _given(one))]
+        more = (name for one in alone for name in _given(_with_preset(one)))
+        tables["run"]["given"] = [*written, *more]
     return settings_from(tables, str(path) if path else "settings")
 
 
@@ -259,6 +267,7 @@ def settings_from(tables: dict[str, Any], where: str = "settings") -> Settings:
     """Check nested dictionaries and make them Settings; errors as for `load_settings`."""
     _refuse_unknown(tables, Settings, where, ())
     _refuse_non_finite(tables, where, ())
+    tables = _with_preset(tables, where)
     try:
         settings = msgspec.convert(tables, Settings)
     except msgspec.ValidationError as error:
@@ -294,6 +303,30 @@ def _check_load(tables: dict[str, Any], where: str) -> None:
             f"{where}: got {' and '.join(loads)}; each says how much load or area the joint has; "
             "expected one of them"
         )
+
+
+def _with_preset(tables: dict[str, Any], where: str = "settings") -> dict[str, Any]:
+    """Fill in what the named materials say and the tables do not."""
+    given = tables.get("material", {})
+    preset = given.get("preset") if isinstance(given, dict) else None
+    if preset is None:
+        return tables
+    names = [preset, preset] if isinstance(preset, str) else preset
+    if not isinstance(names, list | tuple) or len(names) != 2:
+        raise SettingsError(f"{where}: material.preset: got {preset!r}; expected one name, or two")
+    for name in names:
+        if name not in MATERIALS:
+            raise SettingsError(
+                f"{where}: material.preset: got {name!r}; {_one_of(MATERIALS, str(name))}"
+            )
+    bodies = [MATERIALS[name] for name in names]
+    known: dict[str, Any] = {
+        "youngs_modulus_Pa": [body.youngs_modulus_Pa for body in bodies],
+        "poisson_ratio": [body.poisson_ratio for body in bodies],
+    }
+    if "hardness_Pa" not in given:
+        known["yield_stress_Pa"] = min(body.yield_stress_Pa for body in bodies)
+    return {**tables, "material": {**known, **given}}
 
 
 def _check_meaning(settings: Settings, where: str) -> None:

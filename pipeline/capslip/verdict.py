@@ -61,14 +61,17 @@ def assumptions(settings: Settings) -> tuple[Assumption, ...]:
     if joint.area_m2 is None and not mapped and settings.families.m is None:
         key, moves = "joint.area_m2", "nominal pressure, and with it forces, stiffness, energy"
         found.append(("joint area", key, "that of the scan", moves, f"--set {key}=A", False))
-    if material.yield_stress_Pa is None:
-        key, moves = "material.yield_stress_Pa", "pressures; stiffness and energy of rough faces"
-        found.append(("yield", key, "none, elastic", moves, f"--set {key}=Y", False))
+    yields = material.hardness_Pa is not None or material.yield_stress_Pa is not None
+    if not yields:
+        key, moves = "material.hardness_Pa", "pressures; stiffness and energy of rough faces"
+        found.append(("yield", key, "none, elastic", moves, "--material steel", False))
     spreads = {
         "friction": ("material.friction_spread", material.friction_spread),
         "preload": ("contact.preload_spread", contact.preload_spread),
         "modulus": ("material.modulus_spread", material.modulus_spread),
     }
+    if yields:
+        spreads["hardness"] = ("material.hardness_spread", material.hardness_spread)
     certain = [name for name, (_, spread) in spreads.items() if spread == 0.0]
     if certain:
         key, moves = spreads[certain[0]][0], "the intervals, which leave them out"

@@ -77,12 +77,14 @@ def test_an_option_comes_before_set_and_set_before_the_file(tmp_path):
         "[contact]\npreload_N = 50\ntolerance = 0.2\n[material]\nfriction_coefficient = 0.4\n"
     )
     sets = ("--set", "contact.preload_N=100", "--set", "contact.tolerance=0.1")
+    options = ("--preload", "200", "--material", "brass")
     light = ("--no-figures", "--no-render", "--model", "families", "-q", "-o", tmp_path / "x")
-    ran = run("analyze", FACE_A, "-c", tmp_path / "c.toml", *sets, "--preload", "200", *light)
+    ran = run("analyze", FACE_A, "-c", tmp_path / "c.toml", *sets, *options, *light)
     assert ran.exit_code == 0, ran.output
     settings = capslip.load_settings(tmp_path / "x" / "settings.toml")
     assert (settings.contact.preload_N, settings.contact.tolerance) == (200.0, 0.1)
     assert settings.material.friction_coefficient == 0.4
+    assert settings.material.youngs_modulus_Pa == (97e9, 97e9)
     assert settings.contact.model == "families"
     assert not settings.run.figures
     assert not settings.run.render

@@ -199,7 +199,7 @@ def test_reference_faces_free_to_tilt(name):
     with h5py.File(REFERENCE / given["file"]) as file:
         surface = HeightMap(file["height"][:], tuple(file["height"].attrs["pixel_size"]))
     N0, nu, mu = given["preload_N"], given["poisson_ratio"], given["friction_coefficient"]
-    curve = boundary_elements(surface, given["E_star_Pa"], balanced_at_N=N0)
+    curve = boundary_elements(surface, given["E_star_Pa"], preload_N=N0, balanced=True)
     pressed = curve.pressed(N0)
     assert np.allclose(curve.tilt_rad, truth["tilt_rad"], rtol=1e-5)
     assert pressed.approach_m == pytest.approx(truth["approach_m"], rel=1e-6)

@@ -9,8 +9,12 @@ import numpy as np
 import output_cases
 import pytest
 
+from capslip.analysis import analyze_once
 from capslip.output.canvas import height_limits
 from capslip.output.figures import FIGURES
+from capslip.output.figures_contact import normal_curve
+from capslip.settings import settings_from
+from scenes import caps_map
 
 NEED_NO_CAP = {"height_map", "hills_and_caps"}
 
@@ -183,3 +187,17 @@ def test_matplotlib_is_imported_only_to_draw():
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
+
+
+def test_a_face_that_yielded_is_drawn_as_it_unloads():
+    caps = [(8e-3, 10e-3, 10.0, 0.0), (22e-3, 10e-3, 10.0, -1e-7)]
+    tables = output_cases.SETTINGS.to_dict()
+    tables["contact"] |= {"model": "interacting"}
+    tables["material"] |= {"hardness_Pa": 3e6}
+    analysis = analyze_once(caps_map(caps), settings_from(tables))
+    assert analysis.contact.yielded_area_m2 > 0
+    lines = normal_curve(analysis).axes[0].lines
+    assert len(lines) == 4  # with and without the bulk, caps alone, and the preload
+    for line in lines:
+        assert max(line.get_ydata()) <= 150.0
+        assert min(line.get_xdata()) >= 0.0

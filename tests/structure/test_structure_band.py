@@ -13,6 +13,7 @@ from capslip.contact.models.boundary_elements import RUNG as BOUNDARY_ELEMENTS
 from capslip.contact.models.boundary_elements import boundary_elements
 from capslip.contact.models.caps import caps
 from capslip.contact.slip import slip_curve
+from capslip.contact.solvers.yielding import YieldLaw
 from capslip.settings import load_settings
 from capslip.structure.answer import answer_to
 from capslip.structure.band import NORMAL_95, band_of
@@ -27,6 +28,7 @@ SPREADS = {
     "friction": "material.friction_spread",
     "preload": "contact.preload_spread",
     "modulus": "material.modulus_spread",
+    "hardness": "material.hardness_spread",
 }
 NUMBERS = ("tangential_stiffness_N_per_m", "energy_J", "joint_loss_factor", "loss_factor")
 
@@ -48,11 +50,13 @@ def numbers(T, delta, W):
     return dict(zip(NUMBERS, (T / delta, W, W / (np.pi * T * delta), loss), strict=True))
 
 
-def settings_of(question, **spreads):
+def settings_of(question, more=(), **spreads):
     given = (f"contact.preload_N={N}", f"material.friction_coefficient={MU}", "families.m=1")
     set_to = [f"{SPREADS[name]}={spread}" for name, spread in spreads.items()]
     questions = [f"answer.{name}={float(value)!r}" for name, value in question.items()]
-    return load_settings(overrides=(*given, f"families.radius_G_m={R_M}", *questions, *set_to))
+    return load_settings(
+        overrides=(*given, f"families.radius_G_m={R_M}", *questions, *set_to, *more)
+    )
 
 
 def pressed(settings, change=lambda contact: contact):
@@ -207,3 +211,61 @@ def test_a_map_is_solved_once_more_for_its_preload():
     )
     assert len(curve.solutions.unloading) == 2
     assert found.left_out == ("error of the model", "noise of the map")
+
+
+SMALL_M, H_PA = 0.01, 1e9  # a sphere that has yielded under N
+
+
+def yielded_states(T=None, delta=None, mu=MU, preload=N, E=1.0, H=1.0):
+    """Return the same of one sphere that its preload flattened, and that slips as Hertz's."""
+    law = YieldLaw(H * H_PA, E * STEEL.E_star_Pa, 0.3)
+    (flat_m,), _ = law.flattened(np.array([preload]), np.array([SMALL_M]))
+    scale = np.sqrt(flat_m / R_M)  # R and E* enter as E* sqrt(R)
+    return sphere_states(T, delta, mu, preload, E * scale)
+
+
+@pytest.mark.parametrize("name", ["friction", "preload", "modulus", "hardness"])
+@pytest.mark.parametrize("asked", ["slip_force_N", "displacement_m"])
+def test_a_sphere_that_yields_is_loaded_anew_for_what_moves_it(asked, name):
+    """The unloading curve of each preload, modulus and hardness is another one."""
+    spread, share = 0.2, 0.25
+    force, delta_m, _ = yielded_states(T=share * MU * N)
+    value, short = (force, "T") if asked == "slip_force_N" else (delta_m, "delta")
+    key = {"friction": "mu", "preload": "preload", "modulus": "E", "hardness": "H"}[name]
+    middle = {"mu": MU, "preload": N}.get(key, 1.0)
+    given = f"material.hardness_Pa={H_PA}", f"families.radius_G_m={SMALL_M}"
+    settings = settings_of({asked: value}, more=given, **{name: spread})
+    found = band_of(*pressed(settings))
+    ends = [
+        numbers(*yielded_states(**{short: value, key: middle * np.exp(z * spread / NORMAL_95)}))
+        for z in (-Z_90, Z_90)
+    ]
+    for one in NUMBERS:
+        low, high = sorted(end[one] for end in ends)
+        width = max(np.log(high / low), 1e-3)
+        assert abs(np.log(np.array(found.interval[one]) / (low, high))).max() < 0.03 * width, one
+        shares = found.contributions[one]
+        assert shares == {} or shares[name] == pytest.approx(1.0, abs=0.01)
+
+
+def test_yielding_moves_the_interval_of_a_preload():
+    """W ~ T^3 / (mu N E* a) under a small force, with a ~ N^(1/3) where elastic, else N^(1/2)."""
+    more = f"material.hardness_Pa={H_PA / 50.0}", f"families.radius_G_m={SMALL_M}"
+    question = {"slip_force_N": 1e-3 * MU * N}
+    yields = band_of(*pressed(settings_of(question, more=more, preload=0.1)))
+    elastic = band_of(*pressed(settings_of(question, preload=0.1)))
+    width = [float(np.diff(np.log(one.interval["energy_J"]))[0]) for one in (yields, elastic)]
+    assert width[1] == pytest.approx(4.0 / 3.0 * 2.0 * Z_90 * 0.1 / NORMAL_95, rel=0.04)
+    assert width[0] == pytest.approx(1.5 * 2.0 * Z_90 * 0.1 / NORMAL_95, rel=0.04)
+
+
+def test_what_the_unloading_of_yielded_caps_leaves_moves_the_energy_alone():
+    def moved(contact):
+        curve = contact.curve
+        return replace(contact, moved=MovedCaps(curve, (curve, curve), curve, curve, None, 0.3))
+
+    found = band({"slip_force_N": 0.25 * MU * N}, moved)
+    for name, of_unloading in (("energy_J", 0.3), ("displacement_m", 0.0)):
+        sd = np.hypot(of_unloading, LEAST_ERROR) / NORMAL_95
+        width = np.diff(np.log(found.interval[name]))[0]
+        assert width == pytest.approx(2.0 * Z_90 * sd, rel=0.05)

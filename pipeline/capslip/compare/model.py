@@ -12,7 +12,7 @@ from capslip.caps.families import Families, Family
 from capslip.caps.table import CapFlag, CapTable
 from capslip.contact.curve import NormalCurve
 from capslip.contact.joint import joint_of
-from capslip.contact.material import composite
+from capslip.contact.material import composite, yield_law
 from capslip.contact.models.flat import flat
 from capslip.contact.press import press
 from capslip.contact.reach import reachable
@@ -137,13 +137,14 @@ def load_model(result: str | Path) -> tuple[JointModel, Settings]:
     material = settings.material
     composed = composite(material.youngs_modulus_Pa, material.poisson_ratio)
     whole = joint_of(settings, surface)
+    law = yield_law(material)
 
     def curve(preload_N: float) -> NormalCurve:
         pressed, joint = caps, whole.under(preload_N)
         if used != settings.contact.model:
             # A choice takes the caps that can touch; of thousands the others would fill the matrix.
             share_N = joint.scan_load_N
-            near = reachable(caps, surface.side_m, composed.E_star_Pa, share_N).use
+            near = reachable(caps, surface.side_m, composed.E_star_Pa, share_N, law).use
             pressed = replace(caps, **{f.name: getattr(caps, f.name)[near] for f in fields(caps)})
         changed = joint.settings_of_scan(settings)
         contact = msgspec.structs.replace(changed.contact, model=used)

@@ -9,6 +9,7 @@ from capslip.caps.table import CapTable
 from capslip.contact.bulk import bulk_compliance_m_per_N, without_bulk
 from capslip.contact.certificate import unmodelled_area_m2
 from capslip.contact.curve import NormalCurve
+from capslip.contact.flattening import flattened
 from capslip.contact.levelling import rebalanced
 from capslip.contact.material import composite
 from capslip.contact.models.interacting import RUNG, InteractingCurve, interacting
@@ -24,6 +25,9 @@ FORCE_SHARES = (0.1, 0.25, 0.5, 0.75)  # T / (mu N) at which the energies are co
 SHAPE_SHARE = 0.38  # of the rest of a profile that acts like an error of height, see Notes
 LEAST_ERROR = 0.01  # of interacting spheres against boundary elements
 BEYOND_SHARE = 0.05  # of the load, on contacts wider than their hills
+# Of the energies of caps that have yielded, against height maps of the same hardness: the pressure
+# that is left after yield is flatter than that of Hertz, see `docs/theory.md`
+UNLOADING_ERROR = 0.5
 DRAWS = 16
 MOST_WIDE = 3.0  # in the logarithm of a radius
 
@@ -40,6 +44,7 @@ class MovedCaps:
     by_shape: NormalCurve  # on profiles as measured: half of an error at 95 %
     by_pairs: NormalCurve  # with another law between two contacts: an error at 95 %
     by_level: NormalCurve | None  # levelled by the floor: the same; None where the face balances
+    of_unloading: float = 0.0  # relative error at 95 % of the energy alone, of caps that yielded
 
 
 @dataclass(frozen=True)
@@ -143,10 +148,11 @@ def error_of_caps(
     lowest third of the points, which peaks that are not balanced over the face do not pull. A
     balanced face has no such doubt: moved caps are balanced anew.
 
-    The last part is the change under another law between two contacts. None of these causes has to
-    do with another, so their squares add. The error is not known where something else than the caps
-    carries: if contacts overlap, are wider than their hills, or if the plane reaches points outside
-    the hills.
+    Then there is the change under another law between two contacts. Where caps have yielded they
+    unload as Hertz contacts, and the map less evenly: half of the energies, times the share of the
+    load on such caps. None of these causes has to do with another, so their squares add. The error
+    is not known where something else than the caps carries: if contacts overlap, are wider than
+    their hills, or if the plane reaches points outside the hills.
     """
     doubt = _doubt(scene, curve, label, noise_m)
     if doubt is not None:
@@ -161,7 +167,8 @@ def error_of_caps(
             for one in (by_shape, by_pairs, by_level)
         )
         of_random = float(2.0 * np.sqrt(np.mean(random**2, axis=0)).max())
-        of_caps = math.hypot(of_random, 2.0 * shape, pairs, LEAST_ERROR)
+        unloading = _of_unloading(scene, curve)
+        of_caps = math.hypot(of_random, 2.0 * shape, pairs, unloading, LEAST_ERROR)
         side_m = scene.surface.side_m
         moved = MovedCaps(
             _as_slip_uses(curve, side_m, settings),
@@ -169,6 +176,7 @@ def error_of_caps(
             _as_slip_uses(by_shape, side_m, settings),
             _as_slip_uses(by_pairs, side_m, settings),
             None if by_level is None else _as_slip_uses(by_level, side_m, settings),
+            unloading,
         )
         return CapsError(None, of_caps, level, moved)
     except (ContactError, UnusableSurfaceError):
@@ -223,7 +231,8 @@ def _of_shape(scene: Scene, curve: InteractingCurve, settings: Settings) -> Inte
     caps, use = scene.caps, scene.use
     load_N = curve.asperity_loads_N(curve.approach_m(scene.preload_N))
     depth_m, quartic_m = caps.fit_depth_m[use], caps.quartic_m[use]
-    share = (load_N / curve.coefficient) ** (2 / 3) / (2.0 * depth_m)
+    a_m = contact_radius_m(load_N, curve.radius_m, scene.E_star_Pa)
+    share = a_m**2 / scene.radius_m / (2.0 * depth_m)
     known = np.isfinite(quartic_m * share)  # a table that no fit made has no profiles
     up_m, wide = np.zeros((2, len(caps)))
     up_m[use] = np.where(known, 8 / 15 * quartic_m * share**2, 0.0)
@@ -238,8 +247,18 @@ def _of_pairs(scene: Scene) -> InteractingCurve:
 
     The point load and Johnson's Eq. 3.42 err on either side, the latter further.
     """
+    flat = flattened(RUNG, scene)
     places = scene.caps.x_m[scene.use], scene.caps.y_m[scene.use]
-    return interacting(scene.radius_m, scene.depth_m, *places, scene.E_star_Pa, scene.preload_N)
+    return interacting(flat.radius_m, flat.depth_m, *places, scene.E_star_Pa, scene.preload_N)
+
+
+def _of_unloading(scene: Scene, curve: InteractingCurve) -> float:
+    """Return the relative error of the energies that the unloading of yielded caps leaves."""
+    if scene.law is None:
+        return 0.0
+    load_N = curve.asperity_loads_N(curve.approach_m(scene.preload_N))
+    yielded = scene.law.yielded(load_N, scene.radius_m)
+    return UNLOADING_ERROR * float(load_N[yielded].sum() / load_N.sum())
 
 
 def _of_level(scene: Scene, settings: Settings) -> NormalCurve | None:
@@ -250,7 +269,8 @@ def _of_level(scene: Scene, settings: Settings) -> NormalCurve | None:
     caps = scene.caps
     peak_m = caps.peak_height_m - slope_y * caps.y_m - slope_x * caps.x_m
     tilted = caps.with_columns(peak_height_m=peak_m)
-    return reachable(tilted, scene.surface.side_m, scene.E_star_Pa, scene.preload_N).curve
+    face = scene.surface.side_m, scene.E_star_Pa, scene.preload_N, scene.law
+    return reachable(tilted, *face).curve
 
 
 def _moved(
@@ -270,7 +290,7 @@ def _moved(
     if settings.contact.alignment == "balanced":
         at_m = scene.load_point_m
         caps, start_m = rebalanced(caps, scene.caps, scene.use, at_m, settings, start_m)
-    return replace(RUNG.build(replace(scene, caps=caps)), start_m=start_m)
+    return RUNG.build(flattened(RUNG, replace(scene, caps=caps, start_m=start_m)))
 
 
 def _change(curve: NormalCurve, scene: Scene, found: np.ndarray, settings: Settings) -> np.ndarray:

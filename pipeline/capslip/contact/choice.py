@@ -8,7 +8,8 @@ import numpy as np
 from capslip.caps.families import Families
 from capslip.caps.table import CapTable
 from capslip.contact.accuracy import CapsError, MovedCaps, answers, error_of_caps
-from capslip.contact.material import composite
+from capslip.contact.flattening import flattened
+from capslip.contact.material import composite, yield_law
 from capslip.contact.models.interacting import RUNG as REFERENCE
 from capslip.contact.models.mean_field import RUNG as FALLBACK
 from capslip.contact.reach import reachable
@@ -142,7 +143,8 @@ def _among_caps(
         raise ContactError("no cap stands above the cut")
     material, contact = settings.material, settings.contact
     E_star_Pa = composite(material.youngs_modulus_Pa, material.poisson_ratio).E_star_Pa
-    reach = reachable(caps, surface.side_m, E_star_Pa, contact.preload_N)
+    law = yield_law(material)
+    reach = reachable(caps, surface.side_m, E_star_Pa, contact.preload_N, law)
     scene = Scene.of(caps, families, surface, settings, reach.use)
     if reach.pairs is None:
         return _too_many(scene, settings)
@@ -225,7 +227,8 @@ def boundary_elements_s(shape: tuple[int, int]) -> float:
 
 
 def _answers(one: Rung, scene: Scene, settings: Settings) -> np.ndarray:
-    return answers(one.build(scene), one.holds_bulk, scene.surface.side_m, settings)
+    curve = one.build(flattened(one, scene))
+    return answers(curve, one.holds_bulk, scene.surface.side_m, settings)
 
 
 def _beyond_tolerance(

@@ -3,7 +3,7 @@
 import numpy as np
 
 from capslip.caps.table import CapTable
-from capslip.contact.material import composite
+from capslip.contact.material import composite, yield_law
 from capslip.contact.reach import reachable
 from capslip.contact.solvers.hertz import contact_radius_m
 from capslip.settings import Settings
@@ -30,8 +30,9 @@ def press_for_depth(caps: CapTable, side_m: tuple[float, float], settings: Setti
     """
     material, preload_N = settings.material, settings.contact.preload_N
     E_star_Pa = composite(material.youngs_modulus_Pa, material.poisson_ratio).E_star_Pa
-    reach = reachable(caps, side_m, E_star_Pa, preload_N)
-    load_N = np.where(caps.usable, 0.0, np.nan)
+    reach = reachable(caps, side_m, E_star_Pa, preload_N, yield_law(material))
+    load_N, radius_m = np.where(caps.usable, 0.0, np.nan), caps.radius_m.copy()
     load_N[reach.use] = reach.curve.asperity_loads_N(reach.curve.approach_m(preload_N))
-    a_m = contact_radius_m(load_N, caps.radius_m, E_star_Pa)
+    radius_m[reach.use] = reach.curve.radius_m
+    a_m = contact_radius_m(load_N, radius_m, E_star_Pa)
     return caps.with_columns(load_N=load_N, contact_radius_m=a_m)

@@ -10,6 +10,7 @@ from capslip.contact.accuracy import BEYOND_SHARE
 from capslip.contact.joint import Joint
 from capslip.contact.material import dundurs_beta
 from capslip.contact.press import ContactState
+from capslip.materials import MATERIALS
 from capslip.problems import Problem
 from capslip.settings import Material
 
@@ -18,6 +19,7 @@ LARGE_BETA = 0.1  # beyond: compliances change by beta^2, more than 1 %, and muc
 LARGE_FRICTION = 1.5
 FEW_IN_SCAN = 25  # contacts of a scan that stands for a larger joint: W some 20 % too low
 ELASTIC_STRAIN = 0.03  # of E*: the greatest pressure at which the hardest steels stay elastic
+FIRST_YIELD = 1.6  # greatest pressure of a Hertz contact over the yield stress, where it yields
 DOUBTFUL = CapFlag.edge | CapFlag.non_measured | CapFlag.apex_off_surface | CapFlag.noisy_apex
 
 
@@ -47,16 +49,24 @@ def problems_of_share(joint: Joint, contact: ContactState) -> list[Problem]:
     Cut in nine, a face of n contacts in each part lost about 1 / sqrt(n) less than as a whole,
     because each part touches with its own highest hills (`docs/theory.md`, section 6).
     """
+    found: list[Problem] = []
+    if not joint.is_even and contact.yielded_area_m2:
+        least = float(joint.load_N.min() / joint.load_N.max())
+        message = (
+            f"the joint is pressed unevenly, down to {least:.2g} of its greatest pressure, and "
+            "slips as if all of it had yielded under that one: parts under less are taken too flat"
+        )
+        found.append(Problem("uneven_yield", "warning", message))
     enough = contact.contacts >= FEW_IN_SCAN or contact.rung.made_from == "nothing"
     if joint.coverage is None or joint.coverage > 0.99 or enough:
-        return []
+        return found
     off = 1.0 / math.sqrt(contact.contacts)
     message = (
         f"the scan is {joint.coverage:.2g} of its joint and touches with {contact.contacts} "
         f"{contact.rung.contact_name}: a joint of such patches loses about {off:.0%} less than one "
         "of the same face in one piece; waves longer than the scan are not in it"
     )
-    return [Problem("few_contacts_in_scan", "warning", message)]
+    return [*found, Problem("few_contacts_in_scan", "warning", message)]
 
 
 def contact_doubts(
@@ -64,7 +74,6 @@ def contact_doubts(
     caps: CapTable,
     families: Families,
     pixel_area_m2: float,
-    material: Material,
     cut_certified: bool,
 ) -> list[Problem]:
     """Return what makes the contact doubtful.
@@ -79,8 +88,6 @@ def contact_doubts(
         Their families.
     pixel_area_m2 : float
         Of the map that the caps were fitted to.
-    material : Material
-        The two bodies.
     cut_certified : bool
         Whether nothing below the cut is known to touch.
     """
@@ -89,7 +96,7 @@ def contact_doubts(
         *_beyond_the_caps(contact, caps, cut_certified),
         *_under_resolved(caps, pixel_area_m2),
         *_on_flagged_caps(caps),
-        *problems_of_pressure(contact, material),
+        *problems_of_pressure(contact),
     ]
 
 
@@ -165,22 +172,34 @@ def _on_flagged_caps(caps: CapTable) -> list[Problem]:
     return [Problem("load_on_doubtful_caps", "warning", message)]
 
 
-def problems_of_pressure(contact: ContactState, material: Material) -> list[Problem]:
-    """Return whether the greatest pressure is more than an elastic face bears."""
-    pressure_Pa, yield_Pa = contact.max_pressure_Pa, material.yield_stress_Pa
+def problems_of_pressure(contact: ContactState) -> list[Problem]:
+    """Return how much has yielded or, where nothing was said of that, what would have."""
+    pressure_Pa, hardness_Pa = contact.max_pressure_Pa, contact.hardness_Pa
     if pressure_Pa is None:
         return []
-    if yield_Pa is not None and pressure_Pa > 1.6 * yield_Pa:
+    if hardness_Pa is not None:
+        if not contact.yielded_area_m2 or not contact.contact_area_m2:
+            return []
         message = (
-            f"the greatest contact pressure {pressure_Pa / 1e6:.4g} MPa exceeds 1.6 times the "
-            f"yield stress {yield_Pa / 1e6:.4g} MPa: the elastic model does not hold"
+            f"{contact.yielded_area_m2 / contact.contact_area_m2:.0%} of the contact area has "
+            f"yielded at a hardness of {hardness_Pa / 1e9:.3g} GPa; slip follows the curve along "
+            "which the face unloads"
         )
-        return [Problem("plastic", "warning", message)]
-    if yield_Pa is None and pressure_Pa > ELASTIC_STRAIN * contact.composite.E_star_Pa:
+        return [Problem("yielded", "info", message)]
+    soft, bearable_Pa = MATERIALS["steel"], ELASTIC_STRAIN * contact.composite.E_star_Pa
+    if pressure_Pa > bearable_Pa:
         message = (
             f"the greatest contact pressure {pressure_Pa / 1e9:.3g} GPa is more than any "
-            "engineering metal bears elastically; check preload and units, or give "
-            "material.yield_stress_Pa"
+            "engineering metal bears: without a hardness the answer is none; check preload and "
+            "units, and give material.preset or material.hardness_Pa"
+        )
+        return [Problem("pressure_beyond_elastic", "error", message)]
+    if pressure_Pa > FIRST_YIELD * soft.softest_yield_stress_Pa:
+        message = (
+            f"the greatest contact pressure {pressure_Pa / 1e6:.4g} MPa is more than a soft "
+            f"structural steel bears elastically, {FIRST_YIELD:g} times its yield stress of "
+            f"{soft.softest_yield_stress_Pa / 1e6:.4g} MPa; give material.preset or "
+            "material.hardness_Pa"
         )
         return [Problem("pressure_beyond_elastic", "warning", message)]
     return []

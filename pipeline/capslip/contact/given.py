@@ -1,14 +1,20 @@
 """Families that are given, not counted on a scan: the paper's m, n, R and h under a preload."""
 
 import math
+from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
 from capslip.caps.families import Families, Family
+from capslip.contact.curve import NormalCurve
+from capslip.contact.flattening import flattened_families
 from capslip.contact.joint import Joint
-from capslip.contact.material import composite
+from capslip.contact.material import composite, yield_law
 from capslip.contact.models.families import RUNG, contacts_of_families, curve_of
 from capslip.contact.press import ContactState
+from capslip.contact.solvers.hertz import contact_radius_m
+from capslip.contact.solvers.yielding import YieldLaw
 from capslip.errors import SettingsError
 from capslip.settings import Settings
 
@@ -45,9 +51,14 @@ def press_families(families: Families, settings: Settings) -> tuple[Joint, Conta
     """
     material, contact = settings.material, settings.contact
     joint = composite(material.youngs_modulus_Pa, material.poisson_ratio)
-    curve = curve_of(families, joint.E_star_Pa)
+    law, curve = yield_law(material), curve_of(families, joint.E_star_Pa)
     area_m2, preload_N = settings.joint.area_m2, contact.preload_N
     if settings.families.approach_m is not None:
+        if law is not None:
+            raise SettingsError(
+                "families.approach_m: got an approach of families that yield, which is that of no "
+                "elastic curve; expected contact.preload_N"
+            )
         preload_N = float(curve.load_N(settings.families.approach_m))
     elif contact.nominal_pressure_Pa is not None:
         if area_m2 is None:
@@ -58,8 +69,17 @@ def press_families(families: Families, settings: Settings) -> tuple[Joint, Conta
         preload_N = contact.nominal_pressure_Pa * area_m2
     if settings.joint.pressure_map is not None:
         raise SettingsError("joint.pressure_map: it needs a scan; expected joint.area_m2")
+    flat = flattened_families(families, law, joint.E_star_Pa, preload_N)
+    curve = curve_of(flat, joint.E_star_Pa)
     approach_m = float(curve.approach_m(preload_N))
-    found = contacts_of_families(curve, approach_m, joint.E_star_Pa)
+    found = contacts_of_families(flat, curve, approach_m, joint.E_star_Pa)
+    pressure_Pa, yielded_m2 = found.max_pressure_Pa, None
+    if law is not None and pressure_Pa is not None:
+        pressure_Pa = min(pressure_Pa, law.hardness_Pa)
+        before = [getattr(families, name).radius_m for name in found.family]
+        a_m = contact_radius_m(curve.asperity_loads_N(approach_m), curve.radius_m, joint.E_star_Pa)
+        area_m2s = curve.count * np.pi * a_m**2
+        yielded_m2 = float(area_m2s[curve.radius_m > before].sum())
     state = ContactState(
         rung=RUNG,
         model_reason="the families were given",
@@ -73,7 +93,7 @@ def press_families(families: Families, settings: Settings) -> tuple[Joint, Conta
         overlapping_pairs=0,
         stiffness_N_per_m=float(curve.stiffness_N_per_m(approach_m)),
         contact_area_m2=found.area_m2,
-        max_pressure_Pa=found.max_pressure_Pa,
+        max_pressure_Pa=pressure_Pa,
         use=np.zeros(0, dtype=bool),
         row_family=found.family,
         normal=curve,
@@ -83,9 +103,20 @@ def press_families(families: Families, settings: Settings) -> tuple[Joint, Conta
         eccentricity_m=None,
         tilt_rad=(0.0, 0.0),
         problems=(),
+        hardness_Pa=None if law is None else law.hardness_Pa,
+        yielded_area_m2=yielded_m2,
+        first=None if law is None else partial(_loaded_first, families, law, joint.E_star_Pa),
     )
     whole = np.array([preload_N]), np.ones(1)
     return Joint(area_m2, None, preload_N, *whole, preload_N), state
+
+
+def _loaded_first(
+    families: Families, law: YieldLaw, E_star_Pa: float, load_N: float, hardness_factor: float
+) -> NormalCurve:
+    """Return the curve of families that were loaded to another load, see `flattening`."""
+    law = replace(law, hardness_Pa=law.hardness_Pa * hardness_factor)
+    return curve_of(flattened_families(families, law, E_star_Pa, load_N), E_star_Pa)
 
 
 def _family(count: int, radius_m: float, peak_height_m: float) -> Family:

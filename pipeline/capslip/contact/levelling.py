@@ -22,9 +22,9 @@ from capslip.caps.points import HillPoints, points_of_hills
 from capslip.caps.resting import resting_plane
 from capslip.caps.table import CapTable
 from capslip.contact.certificate import Certificate, certify_cut
-from capslip.contact.material import composite
+from capslip.contact.material import composite, yield_law
 from capslip.contact.rung import load_point_m, rung, turning_stiffness
-from capslip.contact.solvers.balance import Equilibrium, press
+from capslip.contact.solvers.yielding import FirstLoading, first_loading
 from capslip.errors import ContactError, TipsOverError, UnusableSurfaceError
 from capslip.settings import Settings
 from capslip.surface.heightmap import HeightMap
@@ -295,7 +295,7 @@ class _Search:
         for _ in range(MAX_TURNS):
             fitted = fit_spheres(surface, hills, fit, depth_m, points, self.noise)
             try:
-                use, rest, load_N, depths_m = self._press(fitted, slope)
+                use, pressed, depths_m = self._press(fitted, slope)
             except TipsOverError as error:
                 if before_N is None or fitted.usable.all():
                     raise
@@ -304,6 +304,7 @@ class _Search:
                     f"{int(fitted.usable.sum())} of {hills.n_hills} hills are left as caps, and "
                     "they do not surround the load; check preload and units"
                 ) from error
+            rest, load_N = pressed.rest, pressed.load_N
             turn = np.array(rest.slope)
             all_N = np.zeros(hills.n_hills)
             all_N[use] = load_N
@@ -332,9 +333,8 @@ class _Search:
                 if self._certify(surface, hills, found).missed_area_m2 > 0.0:
                     raise _MissedError(slope, approach_m)
             if share is not None and (moved > HELD_LOAD or depth_m is None):
-                compression_m = np.maximum(rest.compression_m, 0.0)
                 new_m = np.full(hills.n_hills, np.nan)
-                new_m[use] = np.where(load_N > 0.0, share * compression_m, np.nan)
+                new_m[use] = np.where(load_N > 0.0, share * pressed.width_m, np.nan)
                 old_m = new_m if depth_m is None else np.where(np.isnan(depth_m), new_m, depth_m)
                 depth_m = old_m + part * (new_m - old_m)
             points = _turned_points(points, part * turn, self.at_m)
@@ -349,8 +349,8 @@ class _Search:
 
     def _press(
         self, fitted: Fitted, slope: np.ndarray
-    ) -> tuple[np.ndarray, Equilibrium, np.ndarray, np.ndarray]:
-        """Return the caps that were pressed, their equilibrium, loads and depths below the plane.
+    ) -> tuple[np.ndarray, FirstLoading, np.ndarray]:
+        """Return the caps that were pressed, how, and their depths below the plane.
 
         The plane is that of the highest peak, turned with the face. What holds the parts upright is
         at ease where no slope is taken off the map.
@@ -362,15 +362,14 @@ class _Search:
         peak_m = spheres.apex_m[use]
         stiffness = turning_stiffness(self.settings)
         held = (stiffness, stiffness * slope)
-        rest, load_N = _pressed(arm_m, peak_m, spheres.radius_m[use], self.settings, held)
-        compression_m = np.maximum(rest.compression_m, 0.0)
-        area_m2 = float(math.pi * (spheres.radius_m[use] * compression_m).sum())
+        pressed = _pressed(arm_m, peak_m, spheres.radius_m[use], self.settings, held)
+        area_m2 = float(math.pi * (spheres.radius_m[use] * pressed.width_m).sum())
         if area_m2 > math.prod(self.surface.side_m):
             raise ContactError(
                 f"the face finds no level: its caps need a contact area of {area_m2:.3g} m2; "
                 f"expected less than the face's {math.prod(self.surface.side_m):.3g} m2"
             )
-        return use, rest, load_N, peak_m.max() - peak_m - arm_m @ np.array(rest.slope)
+        return use, pressed, peak_m.max() - peak_m - arm_m @ np.array(pressed.rest.slope)
 
     def _across_m(self, slope: np.ndarray) -> float:
         """Return the greater height that slopes (x, y) make along a side of the face."""
@@ -405,11 +404,14 @@ class _Search:
         on = rest.load_N > 0.0
         hill = rest.use[on]
         material, spheres = self.settings.material, rest.fitted.spheres
+        law, radius_m = yield_law(material), spheres.radius_m[hill]
+        if law is not None:
+            radius_m, _ = law.flattened(rest.load_N[on], radius_m)
         return certify_cut(
             surface,
             hills.label,
             rest.plane_m,
-            np.stack([spheres.x_m[hill], spheres.y_m[hill], spheres.radius_m[hill]]),
+            np.stack([spheres.x_m[hill], spheres.y_m[hill], radius_m]),
             rest.load_N[on],
             hill + 1,
             composite(material.youngs_modulus_Pa, material.poisson_ratio).E_star_Pa,
@@ -461,10 +463,10 @@ def rebalanced(
     held = (turning_stiffness(settings), np.zeros(2))
     if held[0] > 0.0:
         peak_m, radius_m = before.peak_height_m[chosen], before.radius_m[chosen]
-        _, load_N = _pressed(arms_m, peak_m, radius_m, settings, (math.inf, np.zeros(2)))
-        held = (held[0], load_N @ arms_m)
+        level = _pressed(arms_m, peak_m, radius_m, settings, (math.inf, np.zeros(2)))
+        held = (held[0], level.load_N @ arms_m)
     peak_m, radius_m = caps.peak_height_m[chosen], caps.radius_m[chosen]
-    rest, _ = _pressed(arms_m, peak_m, radius_m, settings, held, start_m)
+    rest = _pressed(arms_m, peak_m, radius_m, settings, held, start_m).rest
     up_m = arm_m @ np.array(rest.slope)
     return caps.with_columns(peak_height_m=caps.peak_height_m + up_m), rest.compression_m
 
@@ -476,25 +478,21 @@ def _pressed(
     settings: Settings,
     held: tuple[float, np.ndarray],
     start_m: np.ndarray | None = None,
-) -> tuple[Equilibrium, np.ndarray]:
-    """Return the equilibrium of caps under a plane that may turn, and their loads."""
+) -> FirstLoading:
+    """Press caps under a plane that may turn."""
     material, contact = settings.material, settings.contact
     E_star_Pa = composite(material.youngs_modulus_Pa, material.poisson_ratio).E_star_Pa
-    k = 4.0 / 3.0 * E_star_Pa * np.sqrt(radius_m)
     C = None
-    if len(k) <= MAX_PAIRS and (contact.model == "auto" or rung(contact.model).interacts):
+    if len(radius_m) <= MAX_PAIRS and (contact.model == "auto" or rung(contact.model).interacts):
         x_m, y_m = arm_m.T
         r_m = np.hypot(x_m[:, None] - x_m, y_m[:, None] - y_m)
         np.fill_diagonal(r_m, np.inf)
         C = 1.0 / (math.pi * E_star_Pa * r_m)
-    rest = press(
-        k,
-        peak_m.max() - peak_m,
-        C,
-        (contact.preload_N / len(k) / k) ** (2 / 3) if start_m is None else start_m,
-        load=contact.preload_N,
+    return first_loading(
+        *(yield_law(material), radius_m, peak_m.max() - peak_m, E_star_Pa, contact.preload_N),
+        compliance_m_per_N=C,
+        start_m=start_m,
         arm=arm_m,
         turning_stiffness=held[0],
         moment_Nm=held[1],
     )
-    return rest, k * np.maximum(rest.compression_m, 0.0) ** 1.5

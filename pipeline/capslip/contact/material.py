@@ -1,9 +1,11 @@
-"""The elastic constants of two bodies in contact."""
+"""The elastic constants of two bodies in contact, and the hardness of the softer one."""
 
 import math
 from dataclasses import dataclass
 
+from capslip.contact.solvers.yielding import HARDNESS_PER_YIELD, YieldLaw
 from capslip.errors import SettingsError
+from capslip.settings import Material
 
 
 @dataclass(frozen=True)
@@ -83,6 +85,45 @@ def composite(
     E_star = 1 / sum((1 - nu**2) / E for E, nu in bodies)
     G_star = sum((2 - nu) * 2 * (1 + nu) / E for E, nu in bodies)
     return Composite(E_star, G_star, E_star * G_star / 4)
+
+
+def hardness_Pa(material: Material) -> float | None:
+    """Return the hardness of the softer body, None where the contact is to stay elastic.
+
+    As given, else 2.8 times the yield stress (Tabor 1951, The Hardness of Metals, ch. 4: the mean
+    pressure under a ball once the metal around it flows).
+
+    Raises
+    ------
+    SettingsError
+        If the material has a name that `load_settings` did not fill in.
+
+    Examples
+    --------
+    >>> hardness_Pa(Material()) is None
+    True
+    >>> print(f"{hardness_Pa(Material(yield_stress_Pa=355e6)) / 1e9:.3f} GPa")
+    0.994 GPa
+    """
+    if material.hardness_Pa is not None:
+        return material.hardness_Pa
+    if material.yield_stress_Pa is not None:
+        return HARDNESS_PER_YIELD * material.yield_stress_Pa
+    if material.preset is not None:
+        raise SettingsError(
+            f"material.preset: got {material.preset!r} without its values; expected settings from "
+            "load_settings or settings_from, which fill them in"
+        )
+    return None
+
+
+def yield_law(material: Material) -> YieldLaw | None:
+    """Return how a cap of the softer body yields, None where the contact is to stay elastic."""
+    hardness = hardness_Pa(material)
+    if hardness is None:
+        return None
+    E_star_Pa = composite(material.youngs_modulus_Pa, material.poisson_ratio).E_star_Pa
+    return YieldLaw(hardness, E_star_Pa, min(material.poisson_ratio))
 
 
 def check_modulus(E_star_Pa: float) -> None:

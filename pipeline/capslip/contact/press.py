@@ -1,6 +1,8 @@
 """The face under its preload: the normal curve that the settings ask for, and its state."""
 
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
@@ -10,13 +12,16 @@ from capslip.contact.accuracy import MovedCaps
 from capslip.contact.bulk import bulk_compliance_m_per_N, without_bulk
 from capslip.contact.choice import choose_model
 from capslip.contact.curve import NormalCurve
+from capslip.contact.flattening import flattened, loaded_first
 from capslip.contact.material import Composite, composite
-from capslip.contact.rung import Rung, Scene, rung
+from capslip.contact.rung import Contacts, Rung, Scene, rung
 from capslip.contact.solvers.hertz import contact_radius_m
 from capslip.errors import ContactError
 from capslip.problems import Problem
 from capslip.settings import Settings
 from capslip.surface.heightmap import HeightMap
+
+FULL = 1.0 - 1e-6  # of the measured face in contact: no gap is left for a model of contact
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,11 +50,27 @@ class ContactState:
     eccentricity_m: tuple[float, float] | None  # of the resultant of the contacts, from there
     tilt_rad: tuple[float, float]  # slopes (x, y) that the model itself added to the map
     problems: tuple[Problem, ...]
+    hardness_Pa: float | None = None  # of the softer face; None: all stays elastic
+    yielded_area_m2: float | None = None  # of the contact area; None as well
+    # The curve for slip after a first loading to a load, at a hardness by a factor; None as well
+    first: Callable[[float, float], NormalCurve] | None = None
 
     @property
     def model(self) -> str:
         """Name of the contact model."""
         return self.rung.name
+
+    def curve_after(self, load_N: float, hardness_factor: float = 1.0) -> NormalCurve:
+        """Return the curve for slip after a first loading to a load; all the same where elastic.
+
+        Raises
+        ------
+        ContactError
+            If the face cannot carry the load.
+        """
+        if self.first is None or (load_N == self.preload_N and hardness_factor == 1.0):
+            return self.curve
+        return self.first(load_N, hardness_factor)
 
     @property
     def approach_without_bulk_m(self) -> float | None:
@@ -96,6 +117,12 @@ def press(
     ------
     ContactError
         If the caps cannot carry the preload within the validity of the model.
+
+    Notes
+    -----
+    Where a hardness is given, the curve is the one along which the face unloads after it was loaded
+    to the preload once: approach, stiffness and slip are those of the caps that yielded, see
+    `flattening`.
     """
     joint = composite(settings.material.youngs_modulus_Pa, settings.material.poisson_ratio)
     preload_N = settings.contact.preload_N
@@ -107,7 +134,8 @@ def press(
         problems += [] if choice.problem is None else [choice.problem]
     else:
         model = rung(settings.contact.model)
-    scene = Scene.of(caps, families, surface, settings, use)
+    before = Scene.of(caps, families, surface, settings, use)
+    scene = flattened(model, before)
     normal: NormalCurve = model.build(scene)
     approach_m = float(normal.approach_m(preload_N))
     curve, bulk_m, bulk = normal, 0.0, settings.contact.bulk
@@ -117,16 +145,10 @@ def press(
         if not bulk:
             curve, bulk = without_bulk(normal, bulk_m_per_N, preload_N)
             problems += [_bulk_kept(bulk_m, approach_m)] if bulk else []
-    found = model.contacts(scene, normal, approach_m)
+    found, a_m = _contacts(scene, caps, normal, approach_m, model)
     if settings.contact.model == "auto" and model.error is not None:
         error, doubts = model.error(normal, preload_N, settings.contact.tolerance)
         problems += doubts
-    face_m2 = surface.side_m[0] * surface.side_m[1]
-    if found.area_m2 is not None and found.area_m2 > face_m2:
-        raise ContactError(
-            f"{model.name}: {preload_N:g} N need a contact area of {found.area_m2:.3g} m2; "
-            f"expected less than the face's {face_m2:.3g} m2; check preload and units"
-        )
     eccentricity_m = None
     if found.resultant_m is not None:
         x_m, y_m = np.subtract(found.resultant_m, scene.load_point_m).tolist()
@@ -154,9 +176,47 @@ def press(
         eccentricity_m=eccentricity_m,
         tilt_rad=found.tilt_rad,
         problems=(*problems, *found.problems),
+        hardness_Pa=None if scene.law is None else scene.law.hardness_Pa,
+        yielded_area_m2=found.yielded_area_m2,
+        first=_first(model, before, found.tilt_rad, bulk),
     )
-    a_m = contact_radius_m(found.load_N, caps.radius_m, joint.E_star_Pa)
     return state, caps.with_columns(load_N=found.load_N, contact_radius_m=a_m)
+
+
+def _first(
+    model: Rung, scene: Scene, tilt_rad: tuple[float, float], bulk: bool
+) -> Callable[[float, float], NormalCurve] | None:
+    if scene.law is None or model.made_from == "nothing":
+        return None
+    return partial(loaded_first, model, scene, tilt_rad, bulk)
+
+
+def _contacts(
+    scene: Scene, caps: CapTable, curve: NormalCurve, approach_m: float, model: Rung
+) -> tuple[Contacts, np.ndarray]:
+    """Return the contacts under the preload and their radii, of `caps` as they were before it.
+
+    Refuses contacts of more area than the face has.
+    """
+    found, law, radius_m = model.contacts(scene, curve, approach_m), scene.law, caps.radius_m
+    face_m2 = float(np.count_nonzero(scene.surface.measured)) * scene.surface.pixel_area_m2
+    if found.area_m2 is not None and found.area_m2 > FULL * face_m2:
+        raise ContactError(
+            f"{model.name}: {scene.preload_N:g} N need a contact area of {found.area_m2:.3g} m2; "
+            f"expected less than the face's {face_m2:.3g} m2; check preload and units"
+        )
+    yielded = np.zeros(len(caps), dtype=bool)
+    if law is not None:
+        yielded = law.yielded(found.load_N, radius_m)
+        radius_m, _ = law.flattened(found.load_N, radius_m)
+    a_m = contact_radius_m(found.load_N, radius_m, scene.E_star_Pa)
+    if law is None or found.area_m2 is None or found.max_pressure_Pa is None:
+        return found, a_m
+    if model.made_from == "spheres":  # a Hertz contact of that load and width has a sharper middle
+        area_m2 = min(found.area_m2, float(np.pi * np.square(a_m[yielded]).sum()))
+        pressure_Pa = min(found.max_pressure_Pa, law.hardness_Pa)
+        found = replace(found, yielded_area_m2=area_m2, max_pressure_Pa=pressure_Pa)
+    return found, a_m
 
 
 def _bulk_kept(bulk_m: float, approach_m: float) -> Problem:

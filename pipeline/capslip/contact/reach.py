@@ -1,6 +1,6 @@
 """The caps that can touch below a load."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -8,6 +8,7 @@ from capslip.caps.table import CapTable
 from capslip.contact.models.interacting import InteractingCurve, interacting
 from capslip.contact.models.mean_field import mean_field
 from capslip.contact.solvers.hertz import HertzCurve
+from capslip.contact.solvers.yielding import YieldLaw, first_loading
 
 MAX_INTERACTING = 2000  # caps; the dense matrix of pairs then takes 32 MB
 REACH_MARGIN = 0.25  # of the approach: caps a little deeper are kept too
@@ -15,7 +16,11 @@ REACH_MARGIN = 0.25  # of the approach: caps a little deeper are kept too
 
 @dataclass(frozen=True, eq=False)
 class Reach:
-    """The caps that can touch below a load, and their curve with interaction; see `reachable`."""
+    """The caps that can touch below a load, and their curve with interaction; see `reachable`.
+
+    Where caps yield the curve is that of the flattened ones, and its approach counts from the
+    highest peak as it was.
+    """
 
     use: np.ndarray  # (n,), these and some a little lower; all usable ones without `pairs`
     mean: HertzCurve  # of all usable caps, with the interaction of the mean field
@@ -28,7 +33,11 @@ class Reach:
 
 
 def reachable(
-    caps: CapTable, side_m: tuple[float, float], E_star_Pa: float, preload_N: float
+    caps: CapTable,
+    side_m: tuple[float, float],
+    E_star_Pa: float,
+    preload_N: float,
+    law: YieldLaw | None = None,
 ) -> Reach:
     """Find the caps that can touch below a load.
 
@@ -43,6 +52,8 @@ def reachable(
         Sides (ly, lx) of the face.
     E_star_Pa, preload_N : float
         Composite modulus; load of the joint.
+    law : YieldLaw, optional
+        Of caps that yield.
 
     Raises
     ------
@@ -51,7 +62,11 @@ def reachable(
     """
     depth_m = caps.peak_height_m[caps.usable].max() - caps.peak_height_m
     x_m, y_m, radius_m = caps.x_m, caps.y_m, caps.radius_m
-    mean = mean_field(radius_m[caps.usable], depth_m[caps.usable], E_star_Pa, side_m, preload_N)
+    spheres = radius_m[caps.usable], depth_m[caps.usable]
+    if law is not None:
+        after = first_loading(law, *spheres, E_star_Pa, preload_N)
+        spheres = after.radius_m, after.depth_m
+    mean = mean_field(*spheres, E_star_Pa, side_m, preload_N)
     approach_m, reach_m = float(mean.approach_m(preload_N)), 0.0
     near, pairs = caps.usable, None
     while approach_m > reach_m:
@@ -59,6 +74,12 @@ def reachable(
         near = caps.usable & (depth_m <= reach_m)
         if np.count_nonzero(near) > MAX_INTERACTING:
             return Reach(caps.usable, mean, None)
-        pairs = interacting(radius_m[near], depth_m[near], x_m[near], y_m[near], E_star_Pa)
+        spheres, places = (radius_m[near], depth_m[near]), (x_m[near], y_m[near])
+        pairs = interacting(*spheres, *places, E_star_Pa)
+        if law is not None:
+            between = pairs.pair_compliance_m_per_N
+            after = first_loading(law, *spheres, E_star_Pa, preload_N, compliance_m_per_N=between)
+            pairs = interacting(after.radius_m, after.depth_m, *places, E_star_Pa)
+            pairs = replace(pairs, start_m=after.compression_m)
         approach_m = float(pairs.approach_m(preload_N))
     return Reach(near, mean, pairs)

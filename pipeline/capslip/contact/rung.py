@@ -15,8 +15,9 @@ from capslip import registry
 from capslip.caps.families import Families
 from capslip.caps.table import CapTable
 from capslip.contact.curve import AsperityCurve, NormalCurve
-from capslip.contact.material import composite
+from capslip.contact.material import composite, yield_law
 from capslip.contact.solvers.hertz import contact_radius_m
+from capslip.contact.solvers.yielding import YieldLaw
 from capslip.errors import SettingsError
 from capslip.problems import Problem
 from capslip.settings import Settings
@@ -39,6 +40,8 @@ class Scene:
     solver_tolerance: float  # relative to the approach, for a rung that iterates on the map
     load_point_m: tuple[float, float]  # place (x, y) of the line of action
     turning_stiffness: float  # N m/rad against a tilt; inf: the face stays as levelled
+    law: YieldLaw | None = None  # of caps that yield; None: all stays elastic
+    start_m: np.ndarray | None = None  # compressions of the caps in use, where they are known
 
     @classmethod
     def of(
@@ -59,6 +62,7 @@ class Scene:
             contact.solver_tolerance,
             load_point_m(surface, settings),
             turning_stiffness(settings),
+            yield_law(material),
         )
 
     @property
@@ -81,6 +85,7 @@ class Contacts:
     load_N: np.ndarray  # (n,), of each cap; NaN where the caps are no contacts
     family: np.ndarray  # "G", "P" or "" for each row of the curve, for its limits of slip
     area_m2: float | None = None
+    yielded_area_m2: float | None = None  # of that, where the material has yielded
     max_pressure_Pa: float | None = None
     overlapping_pairs: int = 0  # where there are any, the caps do not hold
     resultant_m: tuple[float, float] | None = None  # place (x, y) of the resultant

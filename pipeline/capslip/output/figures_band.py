@@ -21,6 +21,7 @@ COLOURS = {  # after Okabe and Ito
     "friction": "#009E73",
     "preload": "#E69F00",
     "modulus": "#56B4E9",
+    "hardness": "#CC79A7",
 }
 INTERACTIONS = "#BDBDBD"
 

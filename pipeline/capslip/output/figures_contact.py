@@ -1,5 +1,6 @@
 """Figures of the loaded joint: normal curve, slip loop, energy and loss factor."""
 
+from contextlib import suppress
 from itertools import pairwise
 from typing import TYPE_CHECKING
 
@@ -32,7 +33,7 @@ UNRESOLVED = ("GPS or PPS, not told apart", "#F1F1F1")
 
 
 def normal_curve(analysis: "Analysis") -> "Figure | None":
-    """Load over normal approach, with the preload."""
+    """Load over normal approach, with the preload; of a face that yielded, its unloading."""
     contact = analysis.contact
     if contact is None:
         return None
@@ -43,8 +44,8 @@ def normal_curve(analysis: "Analysis") -> "Figure | None":
     if contact.rung.solved_loads_N is not None:  # more loads would cost solutions
         marker = "."
         load_N = np.append(contact.rung.solved_loads_N(contact.curve, preload_N), preload_N)
-    elif not np.array_equal(contact.use, analysis.caps.usable):
-        load_N[:-1] /= 1.5  # the curve holds what can touch up to the preload
+    elif contact.hardness_Pa or not np.array_equal(contact.use, analysis.caps.usable):
+        load_N[:-1] /= 1.5  # the curve holds what can touch, and has yielded, up to the preload
     try:
         approach_m = np.asarray(contact.curve.approach_m(load_N))
     except ContactError:  # the caps carry the preload, but not half as much again
@@ -63,9 +64,10 @@ def normal_curve(analysis: "Analysis") -> "Figure | None":
     axes.plot(x, load_N[:-1], color=INK, linewidth=1.8, marker=marker, label=label)
     if has_bulk:
         axes.plot(other_m[:-1] / unit_m, load_N[:-1], "--", color=INK, linewidth=1.2, label=other)
-        alone_m = _caps_alone(analysis, contact).approach_m(load_N[:-1])
-        label = "caps without interaction"
-        axes.plot(alone_m / unit_m, load_N[:-1], ":", color=INK, linewidth=1.2, label=label)
+        with suppress(ContactError):  # a model of the map may carry what its caps do not
+            alone_m = _caps_alone(analysis, contact).approach_m(load_N[:-1])
+            label = "caps without interaction"
+            axes.plot(alone_m / unit_m, load_N[:-1], ":", color=INK, linewidth=1.2, label=label)
     touching = "whole face" if contact.rung.made_from == "nothing" else f"{contact.contacts}"
     state = (
         f"preload {preload_N:.4g} N: d = {engineering(approach_m[-1], 'm')}\n"
@@ -212,12 +214,18 @@ def _mark_answer(axes: "Axes", analysis: "Analysis", unit_m: float) -> None:
 
 def _caps_alone(analysis: "Analysis", contact: "ContactState") -> "NormalCurve":
     """Return the normal curve of the same caps without interaction."""
+    from capslip.contact.material import yield_law
     from capslip.contact.models.caps import caps as curve_of
+    from capslip.contact.solvers.yielding import first_loading
 
-    caps = analysis.caps
+    caps, E_star_Pa = analysis.caps, contact.composite.E_star_Pa
     peak_m = caps.peak_height_m[caps.usable]
-    depth_m = peak_m.max() - peak_m
-    return curve_of(caps.radius_m[caps.usable], depth_m, contact.composite.E_star_Pa)
+    radius_m, depth_m = caps.radius_m[caps.usable], peak_m.max() - peak_m
+    law = yield_law(analysis.settings.material)
+    if law is not None:
+        after = first_loading(law, radius_m, depth_m, E_star_Pa, contact.preload_N)
+        radius_m, depth_m = after.radius_m, after.depth_m - after.depth_m.min()
+    return curve_of(radius_m, depth_m, E_star_Pa)
 
 
 def _unit_of_length(largest_m: float) -> tuple[float, str]:

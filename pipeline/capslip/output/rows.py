@@ -101,6 +101,8 @@ QUANTITIES = {
     "stiffness_N_per_m": Quantity("normal stiffness", "N/m", "contact.stiffness_N_per_m"),
     "contact_area_m2": Quantity("contact area", "m^2", "contact.contact_area_m2"),
     "max_pressure_Pa": Quantity("greatest pressure", "Pa", "contact.max_pressure_Pa"),
+    "hardness_Pa": Quantity("hardness", "Pa", "contact.hardness_Pa"),
+    "yielded_area_m2": Quantity("yielded area", "m^2", "contact.yielded_area_m2"),
     "model_reason": Quantity("reason for the model", "", "accuracy.model_reason"),
     "friction_coefficient": Quantity("friction coefficient", "", "slip.friction_coefficient"),
     "total_slip_force_N": Quantity("force at total slip", "N", "slip.total_slip_force_N"),

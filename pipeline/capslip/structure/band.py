@@ -1,7 +1,7 @@
 """How far an answer may be off: what is uncertain in it, propagated to every number of it."""
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -18,7 +18,8 @@ INSIDE = 0.90  # of what may be, in an interval
 LOG2_POINTS = 8
 NORMAL_95 = 1.96  # standard deviations on either side that hold 95 %
 NODES = 5  # preloads that are solved where the preload is not certain
-NODES_OF_A_MAP = 2  # the same, where each is a solution of the whole map
+NODES_OF_HARDNESS = 3  # the same of the hardness, at the preload
+NODES_OF_A_MAP = 2  # of either, where each is a solution of the whole map
 COUNTED = ("tangential_stiffness_N_per_m", "energy_J", "joint_loss_factor", "loss_factor")
 OF_LIGHT_DAMPING = ("loss_factor", "damping_ratio")
 LEAST_SPREAD = 1e-9  # standard deviation of a logarithm that is more than rounding
@@ -54,7 +55,7 @@ def band_of(
     damping : Damping
         Of the structure; its stiffnesses count.
     settings : Settings
-        The question, and the spreads of friction, preload and moduli.
+        The question, and the spreads of friction, preload, moduli and hardness.
 
     Returns
     -------
@@ -67,14 +68,16 @@ def band_of(
     Every factor on displacement and energy is log-normal. Caps: covariance of the two over the
     caps moved at random. Model: the other causes of `error_of_caps` and the difference to
     interacting caps, each as it changes this state; the estimated error of a model without caps
-    moves either of the two alone, as nothing tells how they go together. Friction mu, preload P
-    and modulus (a factor c on E*) follow from the curve: with N_c(d) = c N(d) and the share
-    t = T / (mu P) at the load N = P / c of the curve as it was solved::
+    moves either of the two alone, as nothing tells how they go together. Friction mu, preload P,
+    modulus (a factor c on E*) and hardness H follow from the curve: nothing but H / E* and N / E*
+    counts in the shape of N(d), so with the share t = T / (mu P) at the load N = P / c and the
+    hardness H / c of the curve as it was solved::
 
-        delta = mu kappa e(N, t),  W = mu^2 kappa c L(N, t)
+        delta = mu kappa e(N, H / c, t),  W = mu^2 kappa c L(N, H / c, t)
 
-    with the withdrawal e and the loss integral L, interpolated over N alone. The level of the face
-    stays that under its preload. On a joint that is pressed unevenly the caps are those of the
+    with the withdrawal e and the loss integral L of the curve along which the face unloads from N,
+    in logarithms one polynomial over N and, where the face yields, one over H. The level of the
+    face stays that under its preload. On a joint that is pressed unevenly the caps are those of the
     patch that carries most. The inputs are drawn at 256 points of a scrambled Sobol sequence. The
     share of an input is its first-order Sobol index for the logarithm of the number, from an
     expansion in Hermite polynomials up to the second degree (Sudret, Reliab. Eng. Syst. Saf. 93
@@ -100,6 +103,8 @@ def _propagated(state: "_State", damping: Damping) -> Band | None:
         "preload": np.array([[contact.preload_spread / NORMAL_95]]),
         "modulus": np.array([[material.modulus_spread / NORMAL_95]]),
     }
+    if state.contact.first is not None:
+        spreads["hardness"] = np.array([[material.hardness_spread / NORMAL_95]])
     uncertain = [name for name, spread in spreads.items() if spread.any()]
     if not uncertain:
         return None
@@ -107,7 +112,8 @@ def _propagated(state: "_State", damping: Damping) -> Band | None:
     points = 2**LOG2_POINTS
     log = {name: np.zeros((points, len(spread))) for name, spread in spreads.items()}
     log |= {name: normal[name] @ spreads[name] for name in uncertain}
-    found, W = state.under(*(log[name][:, 0] for name in ("friction", "preload", "modulus")))
+    given = {name: of[:, 0] for name, of in log.items() if name not in ("caps", "model")}
+    found, W = state.under(given)
     moved = np.exp(log["caps"] + log["model"])
     found, W = found * moved[:, 0], W * moved[:, 1]
     stays = state.answer.slip_force_N if state.by_force else state.answer.displacement_m
@@ -136,27 +142,26 @@ class _State:
     contact: ContactState
     settings: Settings
 
-    def under(
-        self, log_friction: np.ndarray, log_preload: np.ndarray, log_modulus: np.ndarray
-    ) -> tuple[np.ndarray, np.ndarray]:
+    def under(self, log: dict[str, np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
         """Return what does not stay (displacement or force) and the energy, each (n,).
 
-        Parameters are the logarithms of factors, each (n,). Infinite under a force above mu P.
+        Parameters are the logarithms of factors, each (n,), by the name of the input. Infinite
+        under a force above mu P.
         """
-        friction = self.settings.material.friction_coefficient * np.exp(log_friction)
-        kappa, c = self.contact.composite.kappa, np.exp(log_modulus)
-        log_N = log_preload - log_modulus
-        preload_N = self.joint.preload_N
-        nodes = self._nodes(float(np.abs(log_N).max()))
-        curves = [self.joint.under(preload_N * math.exp(at)).curve(self.contact) for at in nodes]
-        approach_m = [
-            curve.approach_m(preload_N * math.exp(at))
-            for curve, at in zip(curves, nodes, strict=True)
+        friction = self.settings.material.friction_coefficient * np.exp(log["friction"])
+        kappa, c = self.contact.composite.kappa, np.exp(log["modulus"])
+        log_N = log["preload"] - log["modulus"]
+        log_H = log.get("hardness", 0.0) - log["modulus"]
+        nodes, weight = self._nodes(log_N, log_H)
+        node_N = self.joint.preload_N * np.exp(nodes[:, 0])
+        curves = [
+            self._curve(N, factor) for N, factor in zip(node_N, np.exp(nodes[:, 1]), strict=True)
         ]
-        weight = _weights(nodes, log_N)
+        approach_m = [curve.approach_m(N) for curve, N in zip(curves, node_N, strict=True)]
         if self.by_force:
-            whole = preload_N * np.exp(nodes)
-            share = self.answer.slip_force_N / (friction * preload_N * np.exp(log_preload))
+            whole = node_N
+            share = self.answer.slip_force_N / friction
+            share = share / (self.joint.preload_N * np.exp(log["preload"]))
         else:
             pairs = zip(approach_m, curves, strict=True)
             whole = np.array([float(d - curve.touch_m) for d, curve in pairs])
@@ -184,13 +189,34 @@ class _State:
             return curve.withdrawal_m(approach_m, at), loss_J
         return curve.load_drop_N(approach_m, at), curve.loss_integral_J(approach_m, at)
 
-    def _nodes(self, widest: float) -> np.ndarray:
-        """Return logarithms of factors on the preload at which the curve is asked."""
+    def _curve(self, preload_N: float, hardness_factor: float) -> NormalCurve:
+        """Return the curve along which the joint unloads from a preload."""
+        joint = self.joint.under(preload_N)
+        after = self.contact.curve_after(joint.scan_load_N, hardness_factor)
+        return joint.curve(replace(self.contact, curve=after))
+
+    def _nodes(self, log_N: np.ndarray, log_H: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return logarithms of factors on preload and hardness at which the curve is asked.
+
+        Shape (k, 2), and the weights of the nodes, (n, k). What the two do together is left out.
+        """
+        loads = self._axis(float(np.abs(log_N).max()), NODES)
+        weight = _weights(loads, log_N)
+        nodes = np.column_stack((loads, np.zeros(len(loads))))
+        if self.contact.first is None or not log_H.any():
+            return nodes, weight
+        hard = self._axis(float(np.abs(log_H).max()), NODES_OF_HARDNESS)
+        nodes = np.vstack((nodes, np.column_stack((np.zeros(len(hard)), hard)), np.zeros((1, 2))))
+        weight = np.hstack((weight, _weights(hard, log_H), np.full((len(log_N), 1), -1.0)))
+        nodes, place = np.unique(np.round(nodes, 12), axis=0, return_inverse=True)
+        return nodes, weight @ np.eye(len(nodes))[place]
+
+    def _axis(self, widest: float, count: int) -> np.ndarray:
         if widest == 0.0:
             return np.zeros(1)
         if self.contact.rung.solved_loads_N is not None:
             return np.linspace(-widest, 0.0, NODES_OF_A_MAP)
-        return -widest * np.cos(np.pi * (np.arange(NODES) + 0.5) / NODES)
+        return -widest * np.cos(np.pi * (np.arange(count) + 0.5) / count)
 
 
 def _of_caps_and_model(state: _State) -> tuple[np.ndarray, np.ndarray]:
@@ -213,7 +239,8 @@ def _of_caps_and_model(state: _State) -> tuple[np.ndarray, np.ndarray]:
     random = np.array([log_of(curve) - log for curve in moved.at_random])
     others = [2.0 * (log_of(moved.by_shape) - log), log_of(moved.by_pairs) - log]
     others += [] if moved.by_level is None else [log_of(moved.by_level) - log]
-    others += [log_of(contact.curve) - log, *(LEAST_ERROR * np.eye(2))]
+    others += [log_of(contact.curve) - log, np.array([0.0, moved.of_unloading])]
+    others += [*(LEAST_ERROR * np.eye(2))]
     return _root(random / math.sqrt(len(random))), _root(np.array(others) / NORMAL_95)
 
 

@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from itertools import pairwise
 from typing import Any
 
@@ -11,11 +11,12 @@ from numpy.typing import ArrayLike
 
 from capslip.contact.bulk import bulk_compliance_m_per_N
 from capslip.contact.rung import Contacts, Rung, Scene
-from capslip.contact.solvers.detail import effect_of_detail
+from capslip.contact.solvers.detail import FirstLoading, effect_of_detail
 from capslip.contact.solvers.polonsky_keer import (
     ElasticFace,
     Pressed,
     elastic_face,
+    first_loading,
     press,
     stiffness_of_regions_N_per_m,
 )
@@ -110,6 +111,8 @@ class BoundaryElementCurve:
     compliance_m_per_N: float = 0.0
     model: str = "boundary_elements"
     tilt_rad: tuple[float, float] = (0.0, 0.0)  # slopes in x and y added to the map, and held
+    yielded_area_m2: float | None = None  # of the contact on the first loading; None: all elastic
+    first: FirstLoading | None = None  # of a map that is pressed under one preload
 
     @property
     def touch_m(self) -> np.ndarray:
@@ -130,28 +133,22 @@ class BoundaryElementCurve:
         return self.solutions.unload(float(load_N))
 
     def problems(self, load_N: float) -> tuple[Problem, ...]:
-        """Return what makes the contact under a load, and its slip, doubtful."""
+        """Return where the pixels end: notes, as `_error` measures what that does."""
         pressed, unloading, found = self.pressed(load_N), self.unloading(load_N), []
         least = MIN_PIXELS_ACROSS if unloading.refinement == 1 else MIN_REFINED_ACROSS
         if pressed.pixels_across < least:
-            found.append(
-                Problem(
-                    "under_resolved",
-                    "warning",
-                    f"half of the load rests on contacts of at most {pressed.pixels_across:.1f} "
-                    f"pixels across; expected {least:g}: the map is too coarse",
-                )
+            message = (
+                f"half of the load rests on contacts of at most {pressed.pixels_across:.1f} pixels "
+                f"across; {least:g} are enough for any shape"
             )
+            found.append(Problem("under_resolved", "info", message))
         share = unloading.smallest_drop_N / unloading.load_N
-        found.append(
-            Problem(
-                "small_slip_extrapolated",
-                "info" if share < SMALL_SLIP else "warning",
-                f"below {share:.2g} of the force at total slip, less slips than the pixels of the "
-                "map resolve: the energy per cycle may be off by more than 5 %, and follows the "
-                "cube of the force in the end",
-            )
+        message = (
+            f"below {share:.2g} of the force at total slip, less slips than the pixels of the map "
+            "resolve: the energy per cycle may be off by more than 5 %, and follows the cube of "
+            "the force in the end"
         )
+        found.append(Problem("small_slip_extrapolated", "info", message))
         return tuple(found)
 
     def load_N(self, approach_m: ArrayLike) -> np.ndarray:
@@ -318,7 +315,9 @@ def boundary_elements(
     E_star_Pa: float,
     tolerance: float = 1e-7,
     *,
-    balanced_at_N: float | None = None,
+    preload_N: float | None = None,
+    hardness_Pa: float = math.inf,
+    balanced: bool = False,
     load_point_m: tuple[float, float] | None = None,
     rotational_stiffness_Nm_per_rad: float = 0.0,
 ) -> BoundaryElementCurve:
@@ -332,6 +331,9 @@ def boundary_elements(
     The map does not tilt; or it takes the tilt at which a preload balances, and the whole curve is
     that of this tilt held, as slip needs it, with first touch under this tilt.
 
+    Where the map has a hardness, it yields under the preload, and the whole curve is that of the
+    elastic map which this first loading leaves: it holds up to the preload.
+
     Parameters
     ----------
     surface : HeightMap
@@ -340,8 +342,12 @@ def boundary_elements(
         Composite modulus.
     tolerance : float
         Of every solution, relative to the approach, see `polonsky_keer.press`.
-    balanced_at_N : float, optional
-        The preload that tilts the map.
+    preload_N : float, optional
+        The load under which the map tilts and yields; needed for either.
+    hardness_Pa : float
+        Greatest pressure that the map bears.
+    balanced : bool
+        Whether the preload tilts it.
     load_point_m, rotational_stiffness_Nm_per_rad
         Of this preload, see `press_balanced`.
 
@@ -361,19 +367,33 @@ def boundary_elements(
     low, high = SOLVER_TOLERANCE
     if not low <= tolerance <= high:
         raise SettingsError(f"solver_tolerance: got {tolerance:g}; expected {low:g} to {high:g}")
+    yields = not math.isinf(hardness_Pa)
+    if preload_N is None and (balanced or yields):
+        raise SettingsError("boundary_elements: a map tilts and yields under preload_N; got none")
     face = elastic_face(surface, E_star_Pa)
-    if balanced_at_N is None:
+    if preload_N is None or not (balanced or yields):
         return BoundaryElementCurve(_Solutions(face, float(tolerance)))
-    pressed = press_balanced(
-        face,
-        balanced_at_N,
-        load_point_m,
-        rotational_stiffness_Nm_per_rad=rotational_stiffness_Nm_per_rad,
-        tolerance=tolerance,
-    )
-    solutions = _Solutions(face.tilted(pressed.tilt_rad), float(tolerance))
+    face = replace(face, hardness_Pa=float(hardness_Pa))
+    if balanced:
+        pressed = press_balanced(
+            face,
+            preload_N,
+            load_point_m,
+            rotational_stiffness_Nm_per_rad=rotational_stiffness_Nm_per_rad,
+            tolerance=tolerance,
+        )
+        face = face.tilted(pressed.tilt_rad)
+    else:
+        pressed = press(face, load_N=preload_N, tolerance=tolerance)
+    area_m2, first = None, FirstLoading(face, pressed.approach_m)
+    if yields:
+        area_m2 = np.count_nonzero(pressed.pressure_Pa >= hardness_Pa) * face.pixel_area_m2
+        face, pressed = first_loading(face, pressed)
+    solutions = _Solutions(face, float(tolerance))
     solutions.keep(pressed)
-    return BoundaryElementCurve(solutions, tilt_rad=pressed.tilt_rad)
+    return BoundaryElementCurve(
+        solutions, tilt_rad=pressed.tilt_rad, yielded_area_m2=area_m2, first=first
+    )
 
 
 def _proportional(x: np.ndarray, xs: np.ndarray, ys: np.ndarray, power: int = 1) -> np.ndarray:
@@ -392,13 +412,13 @@ def _single(approach_m: ArrayLike) -> float:
 
 
 def _build(scene: Scene) -> BoundaryElementCurve:
-    if math.isinf(scene.turning_stiffness):
-        return boundary_elements(scene.surface, scene.E_star_Pa, scene.solver_tolerance)
     return boundary_elements(
         scene.surface,
         scene.E_star_Pa,
         scene.solver_tolerance,
-        balanced_at_N=scene.preload_N,
+        preload_N=scene.preload_N,
+        hardness_Pa=math.inf if scene.law is None else scene.law.hardness_Pa,
+        balanced=not math.isinf(scene.turning_stiffness),
         load_point_m=scene.load_point_m,
         rotational_stiffness_Nm_per_rad=scene.turning_stiffness,
     )
@@ -412,6 +432,7 @@ def _contacts(scene: Scene, curve: BoundaryElementCurve, approach_m: float) -> C
         load_N=np.full(len(scene.caps), np.nan),
         family=np.full(n_regions, ""),
         area_m2=pressed.contact_area_m2,
+        yielded_area_m2=curve.yielded_area_m2,
         max_pressure_Pa=pressed.max_pressure_Pa,
         resultant_m=pressed.resultant_m,
         tilt_rad=curve.tilt_rad,
@@ -424,6 +445,7 @@ def _error(
 ) -> tuple[float, tuple[Problem, ...]]:
     """Return the error of stiffness, and of energies from a tenth of mu N on."""
     face, unloading, found = curve.solutions.face, curve.unloading(load_N), []
+    first = curve.first or FirstLoading(face, curve.pressed(load_N).approach_m)
     between = unloading.loss_error
     if between > tolerance:
         message = (
@@ -434,11 +456,12 @@ def _error(
         found.append(Problem("loss_between_loads", "warning", message, effect))
     (ny, nx), (dy_m, dx_m) = face.shape, face.pixel_size_m
     effect = effect_of_detail(
-        face,
-        curve.pressed(load_N),
+        first,
         unloading,
         curve.solutions.tolerance,
         bulk_compliance_m_per_N((ny * dy_m, nx * dx_m), face.E_star_Pa),
+        resolved=unloading.smallest_drop_N < SMALL_SLIP * load_N
+        and all(problem.code != "under_resolved" for problem in curve.problems(load_N)),
     )
     moved = max(effect.tangential_stiffness or 0.0, effect.energy or 0.0)
     if moved > tolerance:

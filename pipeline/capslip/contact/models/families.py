@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import ArrayLike
 
-from capslip.caps.families import Families
+from capslip.caps.families import Families, Family
 from capslip.contact.rung import Contacts, Rung, Scene, contacts_of_rows
 from capslip.contact.solvers.hertz import HertzCurve, checked_asperities
 from capslip.errors import ContactError
@@ -56,7 +56,7 @@ def families(
 
 def curve_of(found: Families, E_star_Pa: float) -> HertzCurve:
     """Return the normal curve of the families of a face."""
-    members = [one for one in (found.G, found.P) if one is not None]
+    members = [family for _, family in _members(found)]
     if not members:
         raise ContactError("families: no cap belongs to a family; expected at least one")
     top_m = members[0].peak_height_m
@@ -68,10 +68,19 @@ def curve_of(found: Families, E_star_Pa: float) -> HertzCurve:
     )
 
 
-def contacts_of_families(curve: HertzCurve, approach_m: float, E_star_Pa: float) -> Contacts:
+def _members(found: Families) -> list[tuple[str, Family]]:
+    """Return the families and their names, the highest first: G may have been flattened below P."""
+    both = (("G", found.G), ("P", found.P))
+    members = [(name, family) for name, family in both if family is not None]
+    return sorted(members, key=lambda member: -member[1].peak_height_m)
+
+
+def contacts_of_families(
+    found: Families, curve: HertzCurve, approach_m: float, E_star_Pa: float
+) -> Contacts:
     """Return the contacts of the whole families; no cap is one of them."""
     one_N = curve.asperity_loads_N(approach_m)
-    names = np.array(["G", "P"])[: one_N.size]
+    names = np.array([name for name, _ in _members(found)])
     return contacts_of_rows(E_star_Pa, curve, one_N, np.zeros(0), names)
 
 
@@ -80,7 +89,7 @@ def _build(scene: Scene) -> HertzCurve:
 
 
 def _contacts(scene: Scene, curve: HertzCurve, approach_m: float) -> Contacts:
-    found = contacts_of_families(curve, approach_m, scene.E_star_Pa)
+    found = contacts_of_families(scene.families, curve, approach_m, scene.E_star_Pa)
     load_N = np.full(len(scene.caps), np.nan)
     for name, N in zip(found.family, curve.asperity_loads_N(approach_m), strict=True):
         load_N[scene.caps.family == name] = N

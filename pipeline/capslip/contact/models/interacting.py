@@ -282,7 +282,8 @@ def hertz_over_point_load(rho: np.ndarray) -> np.ndarray:
 def _build(scene: Scene) -> InteractingCurve:
     caps, use = scene.caps, scene.use
     places = caps.x_m[use], caps.y_m[use]
-    return interacting(scene.radius_m, scene.depth_m, *places, scene.E_star_Pa)
+    curve = interacting(scene.radius_m, scene.depth_m, *places, scene.E_star_Pa)
+    return curve if scene.start_m is None else replace(curve, start_m=scene.start_m)
 
 
 def _contacts(scene: Scene, curve: InteractingCurve, approach_m: float) -> Contacts:

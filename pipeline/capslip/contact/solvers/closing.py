@@ -28,6 +28,9 @@ class Closing(Protocol):
     def restored(self, pressure: np.ndarray, points: np.ndarray) -> np.ndarray | None:
         """Return the pressures, all > 0, moved onto load and moments; None if they cannot be."""
 
+    def less(self, pressure: np.ndarray, points: np.ndarray) -> "Closing | None":
+        """Return what is left for other points; None where these pressures carry too much."""
+
     def on_grid(self, places_m: tuple[np.ndarray, np.ndarray], area_ratio: float) -> "Closing":
         """Return the same for other points, x and y, and pixels `1 / area_ratio` times as large."""
 
@@ -61,6 +64,10 @@ class GivenApproach:
         """Return the pressures as they are."""
         return pressure
 
+    def less(self, pressure: np.ndarray, points: np.ndarray) -> Closing:
+        """Return the same."""
+        return self
+
     def on_grid(self, places_m: tuple[np.ndarray, np.ndarray], area_ratio: float) -> Closing:
         """Return the same."""
         return self
@@ -88,6 +95,11 @@ class GivenLoad:
     def restored(self, pressure: np.ndarray, points: np.ndarray) -> np.ndarray:
         """Return the pressures times a factor."""
         return pressure * (self.total_Pa / pressure.sum())
+
+    def less(self, pressure: np.ndarray, points: np.ndarray) -> Closing | None:
+        """Return the rest of the load."""
+        rest_Pa = self.total_Pa - float(pressure.sum())
+        return GivenLoad(rest_Pa) if rest_Pa > 0 else None
 
     def on_grid(self, places_m: tuple[np.ndarray, np.ndarray], area_ratio: float) -> Closing:
         """Return the load on the other pixels."""
@@ -182,6 +194,16 @@ class GivenResultant:
         if np.abs(basis @ weight).max() > 1e-11:
             return None
         return np.asarray(self.total_Pa * weight)
+
+    def less(self, pressure: np.ndarray, points: np.ndarray) -> Closing | None:
+        """Return the rest of the resultant, which acts elsewhere."""
+        rest_Pa = self.total_Pa - float(pressure.sum())
+        if rest_Pa <= 0:
+            return None
+        _, x, y = self._basis(points) * self._length_m
+        x_R, y_R = self.resultant_m
+        place = x_R - float(pressure @ x) / rest_Pa, y_R - float(pressure @ y) / rest_Pa
+        return GivenResultant(rest_Pa, self.places_m, place)
 
     def on_grid(self, places_m: tuple[np.ndarray, np.ndarray], area_ratio: float) -> Closing:
         """Return the resultant on the other pixels."""

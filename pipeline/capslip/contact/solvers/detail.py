@@ -1,11 +1,12 @@
 """What the finest detail of a map decides: the map is smoothed, pressed and unloaded again."""
 
-from dataclasses import replace
+import math
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from capslip.contact.solvers.elastic_face import ElasticFace
-from capslip.contact.solvers.polonsky_keer import Pressed, press
+from capslip.contact.solvers.polonsky_keer import first_loading, press
 from capslip.contact.solvers.unloading import Unloading, unload
 from capslip.problems import Effect
 
@@ -14,15 +15,23 @@ _KERNEL = np.array([1.0, 4.0, 6.0, 4.0, 1.0]) / 16.0  # binomial, a standard dev
 _FRAME = 4  # pixels that two passes of the filter reach
 _LEAST_WEIGHT = 0.1  # of the filter on measured points, from which a lost point is filled
 _TOLERANCE = 1e-4  # of the first look
-_NO_EFFECT = 2e-3  # of the approach: detail that moves it by less is not followed further
+_NO_EFFECT = 2e-3  # of the approach
+
+
+@dataclass(frozen=True, eq=False)
+class FirstLoading:
+    """A face as it was before it was pressed, and how far it came when it was."""
+
+    face: ElasticFace  # with its hardness, and the tilt that its balance found
+    approach_m: float
 
 
 def effect_of_detail(
-    face: ElasticFace,
-    pressed: Pressed,
+    first: FirstLoading,
     unloading: Unloading,
     tolerance: float,
     bulk_m_per_N: float,
+    resolved: bool,
 ) -> Effect:
     """Return what the detail of one or two pixels does to stiffness and energy.
 
@@ -34,26 +43,32 @@ def effect_of_detail(
 
     Parameters
     ----------
-    face : ElasticFace
-        The face.
-    pressed, unloading : Pressed, Unloading
-        Its state under the preload, and below it.
+    first : FirstLoading
+        The face under the preload.
+    unloading : Unloading
+        What happened below the preload.
     tolerance : float
         Of each solution, see `press`.
     bulk_m_per_N : float
         Compliance of the bulk, which all maps of these sides share and slip does not count.
+    resolved : bool
+        Whether the pixels follow contacts and slip: then detail that hardly moves the approach
+        moves nothing, and is not followed further.
 
     Returns
     -------
     Effect
         Changes over the greater of both values; of the energy the greatest of four forces.
     """
-    load_N = pressed.load_N
-    smooth = _smoothed(face)
+    load_N = unloading.load_N
+    smooth = _smoothed(first.face)
     again = press(smooth, load_N=load_N, tolerance=_TOLERANCE)
-    if abs(again.approach_m - pressed.approach_m) < _NO_EFFECT * pressed.approach_m:
+    moved_m = abs(again.approach_m - first.approach_m)
+    if resolved and moved_m < _NO_EFFECT * first.approach_m:
         return Effect(0.0, 0.0, 0.0)
     again = press(smooth, load_N=load_N, tolerance=tolerance, start_Pa=again.pressure_Pa)
+    if not math.isinf(smooth.hardness_Pa):
+        smooth, again = first_loading(smooth, again)
     after = unload(smooth, again, tolerance)
     stiffness = (_alone(one.stiffness_N_per_m, bulk_m_per_N) for one in (unloading, after))
     energy_J = (_loss_J(one) for one in (unloading, after))

@@ -1,6 +1,6 @@
 """A height map on an elastic half-space, ready to be pressed, and the same on coarser grids."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
@@ -25,6 +25,7 @@ class ElasticFace:
     pixel_size_m: tuple[float, float]
     E_star_Pa: float
     half_space: HalfSpace
+    hardness_Pa: float = field(default=np.inf, kw_only=True)  # greatest pressure that it bears
 
     @cached_property
     def coarser(self) -> "ElasticFace | None":
@@ -35,7 +36,10 @@ class ElasticFace:
         dy_m, dx_m = self.pixel_size_m
         size_m = (2 * dy_m, 2 * dx_m)
         half_space = HalfSpace(depth_m.shape, size_m, self.E_star_Pa)
-        return ElasticFace(self.name, depth_m, measured, size_m, self.E_star_Pa, half_space)
+        return ElasticFace(
+            *(self.name, depth_m, measured, size_m, self.E_star_Pa, half_space),
+            hardness_Pa=self.hardness_Pa,
+        )
 
     def tilted(self, tilt_rad: tuple[float, float]) -> "ElasticFace":
         """Return the face with slopes in x and y added to its heights, in metres a metre."""
@@ -45,6 +49,12 @@ class ElasticFace:
         depth_m = self.depth_m - tilt_rad[0] * x_m - tilt_rad[1] * y_m
         depth_m -= np.min(depth_m, where=self.measured, initial=np.inf)
         return replace(self, depth_m=np.where(self.measured, depth_m, 0.0))
+
+    def flattened(self, sunk_m: np.ndarray) -> "ElasticFace":
+        """Return the elastic face that is left where points have sunk for good, shape (ny, nx)."""
+        depth_m = self.depth_m + sunk_m
+        depth_m -= np.min(depth_m, where=self.measured, initial=np.inf)
+        return replace(self, depth_m=np.where(self.measured, depth_m, 0.0), hardness_Pa=np.inf)
 
     @property
     def places_m(self) -> tuple[np.ndarray, np.ndarray]:

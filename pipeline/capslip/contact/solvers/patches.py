@@ -113,6 +113,7 @@ def patched(face: ElasticFace, contact: np.ndarray, refinement: int = 1) -> Patc
         face.shape,
         refinement,
         (at[0] * size_m[1], at[1] * size_m[0]),
+        hardness_Pa=face.hardness_Pa,
     )
 
 

@@ -15,6 +15,7 @@ __all__ = [
     "ElasticFace",
     "Pressed",
     "elastic_face",
+    "first_loading",
     "press",
     "punch_pressure_Pa_per_m",
     "stiffness_of_regions_N_per_m",
@@ -23,6 +24,7 @@ __all__ = [
 _WORTH_PATCHES = 50_000  # points of a map from which a first solution is sought on patches
 _COARSE_TOLERANCE = 1e-3  # of the solutions that only start the next finer one
 _MAX_ITERATIONS = 300
+_MAX_YIELDING = 2000  # iterations where points yield: each step finds a few more of them
 
 
 @dataclass(frozen=True)
@@ -35,7 +37,7 @@ class Certificate:
     load_balance: float  # |sum of p dA - N| / N; zero for a given approach
     least_gap: float  # over all points without pressure: below zero is penetration
     least_pressure: float  # below zero is tension
-    complementarity: float  # sum of p |gap| / sum of p
+    complementarity: float  # sum of p |gap| / sum of p; where it yields, of a gap above zero
     iterations: int  # on the finest grid
     moments: tuple[float, float] = (0.0, 0.0)  # left over in x and y, over load times side
 
@@ -136,7 +138,8 @@ def press(
 
     Conjugate gradients on the pixels in contact (Polonsky and Keer, Wear 231 (1999) 206), with the
     inverse of the half-space's spectrum as the preconditioner and, without a start, solutions on
-    coarser grids first.
+    coarser grids first. Where a face has a hardness, pressures end there: such a point sinks for
+    good, as far as it must (Almqvist et al., Wear 262 (2007) 1370).
 
     Parameters
     ----------
@@ -174,9 +177,46 @@ def press(
         raise SettingsError(f"tolerance: got {tolerance:g}; expected 1e-12 to 0.1")
     closing: Closing = GivenApproach(approach_m or 0.0)
     if load_N is not None:
+        refuse_to_crush(face, load_N)
         closing = GivenLoad(load_N / face.pixel_area_m2)
     state, iterations = solve(face, closing, tolerance, start_Pa)
     return certified(face, state, load_N, iterations)
+
+
+def refuse_to_crush(face: ElasticFace, load_N: float) -> None:
+    """Raise a ContactError where all points at the hardness together do not carry the load."""
+    bears_N = face.hardness_Pa * face.pixel_area_m2 * np.count_nonzero(face.measured)
+    if load_N >= bears_N:
+        raise ContactError(
+            f"{face.name}: {load_N:g} N are more than all of the face bears at its hardness of "
+            f"{face.hardness_Pa:.3g} Pa; expected less than {bears_N:.3g} N; check preload and "
+            "units"
+        )
+
+
+def first_loading(face: ElasticFace, pressed: Pressed) -> tuple[ElasticFace, Pressed]:
+    """Return the face that a first load has left, and its state under that load still.
+
+    Where the pressure is the hardness, the point has sunk by what it would penetrate. With that in
+    its heights, the same pressures are the elastic solution of the face, from which it unloads.
+
+    Parameters
+    ----------
+    face : ElasticFace
+        With its hardness, under the tilt of the state.
+    pressed : Pressed
+        Its state under the load.
+
+    Returns
+    -------
+    ElasticFace, Pressed
+        Elastic; the approach counts from its own first touch.
+    """
+    yielded = pressed.pressure_Pa >= face.hardness_Pa
+    sunk_m = np.where(yielded, np.maximum(-pressed.gap_m, 0.0), 0.0)
+    lower_m = float(np.min(face.depth_m + sunk_m, where=face.measured, initial=np.inf))
+    gap_m, approach_m = pressed.gap_m + sunk_m, pressed.approach_m - lower_m
+    return face.flattened(sunk_m), replace(pressed, gap_m=gap_m, approach_m=approach_m)
 
 
 def stiffness_of_regions_N_per_m(face: ElasticFace, pressed: Pressed) -> np.ndarray:
@@ -254,16 +294,21 @@ def _iterate(
     its pressures, not updated along the way.
     """
     half_space = face.half_space
+    hardness_Pa = face.hardness_Pa
+    most = _MAX_ITERATIONS if np.isinf(hardness_Pa) else _MAX_YIELDING
     p = start_Pa.copy()
-    restored = closing.restored(p.flat[np.flatnonzero(p)], np.flatnonzero(p))
-    if restored is None:  # the start lies to one side of the resultant
+    restored = _bounded(p.flat[np.flatnonzero(p)], np.flatnonzero(p), closing, hardness_Pa)
+    if restored is None:  # the start lies to one side of the resultant, or bears too little
         p = face.measured.astype(float)
-        restored = closing.restored(p.flat[np.flatnonzero(p)], np.flatnonzero(p))
+        at = np.flatnonzero(p)
+        if not np.isinf(hardness_Pa):
+            p *= 1e-3 * hardness_Pa
+        restored = _bounded(p.flat[at], at, closing, hardness_Pa)
     p.flat[np.flatnonzero(p)] = restored
     u, fresh = half_space.sinking_m(p), True
     residual, direction = np.zeros(face.shape), np.zeros(face.shape)
     slope = 0.0  # r z of the last step; zero begins anew
-    for iteration in range(_MAX_ITERATIONS):
+    for iteration in range(most):
         state = _state(face, p, u, closing)
         if state.fulfils(tolerance):
             if fresh:
@@ -272,10 +317,11 @@ def _iterate(
             continue
         if state.contact.size == 0 and state.least_gap >= 0:
             return state, iteration  # too coarse a grid, on which nothing touches
-        # Pixels that penetrate join those under pressure; the step itself gives them theirs.
-        c = np.flatnonzero(
-            (p > 0) | (face.measured & (state.gap_m < -tolerance * state.approach_m))
-        )
+        # Pixels that penetrate join those under pressure; the step itself gives them theirs. Those
+        # at the hardness rest until a gap opens.
+        off_m = tolerance * state.approach_m
+        moving = (p > 0) & ((p < hardness_Pa) | (state.gap_m > off_m))
+        c = np.flatnonzero(moving | ((p == 0) & face.measured & (state.gap_m < -off_m)))
         project = closing.projector(c)
         old_r, old_t = residual.flat[c], direction.flat[c]
         r = project(state.gap_m.flat[c])
@@ -292,34 +338,57 @@ def _iterate(
         du = half_space.sinking_m(direction)
         work = float(t @ du.flat[c])
         step = float(r @ t) / work if work > 0 else 0.0
-        p, fresh = _stepped(p, c, t, step, closing)
+        p, fresh = _stepped(p, c, t, step, closing, hardness_Pa)
         u = half_space.sinking_m(p) if fresh else u - step * du
-    return _state(face, p, half_space.sinking_m(p), closing), _MAX_ITERATIONS
+    return _state(face, p, half_space.sinking_m(p), closing), most
 
 
 def _stepped(
-    p: np.ndarray, c: np.ndarray, t: np.ndarray, step: float, closing: Closing
+    p: np.ndarray, c: np.ndarray, t: np.ndarray, step: float, closing: Closing, hardness_Pa: float
 ) -> tuple[np.ndarray, bool]:
-    """Return the pressures after a step, and whether some would have become tension.
+    """Return the pressures after a step, and whether some would have left their bounds.
 
     These are cut off, which moves load and moments; a step after which the pressures left cannot
     be brought back onto them is halved.
     """
     while True:
         p_c = p.flat[c] - step * t
-        fresh = bool((p_c < 0).any())
+        fresh = bool((p_c < 0).any() or (p_c > hardness_Pa).any())
+        stepped = p.copy()
+        stepped.flat[c] = np.maximum(p_c, 0.0)
         if not fresh:
-            break
-        left = p_c > 0
-        restored = closing.restored(p_c[left], c[left]) if left.any() else p_c[left]
+            return stepped, False
+        under = np.flatnonzero(stepped)
+        restored = _bounded(stepped.flat[under], under, closing, hardness_Pa)
         if restored is not None:
-            p_c = np.zeros(len(c))
-            p_c[left] = restored
-            break
+            stepped.flat[under] = restored
+            return stepped, True
         step /= 2
-    p = p.copy()
-    p.flat[c] = p_c
-    return p, fresh
+
+
+def _bounded(
+    pressure_Pa: np.ndarray, points: np.ndarray, closing: Closing, hardness_Pa: float
+) -> np.ndarray | None:
+    """Return pressures > 0, at most the hardness, moved onto load and moments; None if impossible.
+
+    What is at the hardness stays there, and the others carry the rest; some of them may get there.
+    """
+    if not len(points):
+        return pressure_Pa
+    if np.isinf(hardness_Pa):
+        return closing.restored(pressure_Pa, points)
+    p = np.minimum(pressure_Pa, hardness_Pa)
+    while True:
+        held = p >= hardness_Pa
+        rest = closing.less(p[held], points[held])
+        if held.all() or rest is None:
+            return None
+        restored = rest.restored(p[~held], points[~held])
+        if restored is None:
+            return None
+        p[~held] = np.minimum(restored, hardness_Pa)
+        if (restored <= hardness_Pa).all():
+            return p
 
 
 def _state(face: ElasticFace, p: np.ndarray, u: np.ndarray, closing: Closing) -> State:
@@ -327,15 +396,32 @@ def _state(face: ElasticFace, p: np.ndarray, u: np.ndarray, closing: Closing) ->
     contact = np.flatnonzero(p)
     p_c = p.flat[contact]
     gap_m = u + face.depth_m
-    plane = closing.plane(p_c, gap_m.flat[contact], contact)
+    free = p_c < face.hardness_Pa  # the others have sunk as far as the plane wants
+    on = free if free.any() else np.ones_like(free)
+    plane = closing.plane(p_c[on], gap_m.flat[contact[on]], contact[on])
+    if contact.size and not free.any() and not isinstance(closing, GivenApproach):
+        plane[0] += _between(face, gap_m - closing.over(plane), contact)
     plane_m = closing.over(plane)
     gap_m -= plane_m
     d = float(plane[0])
     if np.ndim(plane_m):
         d = float(np.max(plane_m - face.depth_m, where=face.measured, initial=-np.inf))
     least_gap = float(np.min(gap_m, where=face.measured & (p == 0), initial=np.inf)) / d
-    off = float(p_c @ np.abs(gap_m.flat[contact]) / p_c.sum()) / d if contact.size else np.inf
+    off_m = gap_m.flat[contact]
+    off_m = np.where(free, np.abs(off_m), np.maximum(off_m, 0.0))
+    off = float(p_c @ off_m / p_c.sum()) / d if contact.size else np.inf
     return State(p, gap_m, d, (float(plane[1]), float(plane[2])), contact, least_gap, off)
+
+
+def _between(face: ElasticFace, gap_m: np.ndarray, contact: np.ndarray) -> float:
+    """Return the level where all contact is at the hardness, and so none tells it.
+
+    It lies above the highest of them and below the lowest of the others, where both can be.
+    """
+    others = face.measured.copy()
+    others.flat[contact] = False
+    highest_m = float(gap_m.flat[contact].max())
+    return 0.5 * (highest_m + float(np.min(gap_m, where=others, initial=np.inf)))
 
 
 def certified(

@@ -11,6 +11,7 @@ from capslip.contact.solvers.polonsky_keer import (
     State,
     certified,
     press,
+    refuse_to_crush,
     solve,
 )
 from capslip.errors import ContactError, SettingsError
@@ -89,6 +90,7 @@ def press_balanced(
         raise SettingsError(f"tolerance: got {tolerance:g}; expected 1e-12 to 0.1")
     (dy_m, dx_m), (ny, nx) = face.pixel_size_m, face.shape
     point_m = load_point_m or (nx * dx_m / 2, ny * dy_m / 2)
+    refuse_to_crush(face, load_N)
     _refuse_to_tip_over(face, point_m)
     if stiffness == np.inf:
         return press(face, load_N=load_N, tolerance=tolerance, start_Pa=start_Pa)

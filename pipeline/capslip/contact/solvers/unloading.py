@@ -343,16 +343,13 @@ class _Interpolant:
         loss_m = np.array([node.region_loss_J for node in nodes]) / self.load_N
         gap_m = np.array([node.region_least_gap_m for node in nodes])
         lifted = share <= 0
-        # t = 1 - (N_i1 / N_i)^(2/3) in contact; afterwards it grows on with the gap.
+        # t = 1 - (N_i1 / N_i)^(2/3) in contact; afterwards x over that at which the gap opened. A
+        # region of one pixel, or of even pressure, opens everywhere at once.
         t = -np.expm1(2 / 3 * np.log(np.where(lifted, 1.0, np.minimum(share, 1.0))))
+        opened_m = np.maximum(x[:, None] - gap_m, 1e-6 * x[:, None])
+        t = np.where(lifted, x[:, None] / opened_m, t)
         unit = loss_of_asperity(np.ones(()), np.ones(()), t)
-        tiny = 1e-6 * path.pressed.approach_m
-        length_m = np.where(
-            lifted,
-            np.maximum((loss_m - 4 * gap_m) / 0.8, tiny),
-            loss_m / np.where(unit > 0, unit, 1.0),
-        )
-        t = np.where(lifted, 1 + gap_m / np.where(lifted, length_m, 1.0), t)
+        length_m = loss_m / np.where(unit > 0, unit, 1.0)
         rate = np.concatenate((path.slope_per_m[None], t / x[:, None]))
         self._rate = PchipInterpolator(np.append(0.0, x), rate, axis=0)
         self._length = PchipInterpolator(

@@ -155,7 +155,8 @@ def _curve(face: HeightMap, E_star_Pa: float, settings: Settings) -> BoundaryEle
         face,
         E_star_Pa,
         TOLERANCE,
-        balanced_at_N=settings.contact.preload_N,
+        preload_N=settings.contact.preload_N,
+        balanced=True,
         load_point_m=load_point_m(face, settings),
         rotational_stiffness_Nm_per_rad=turning_stiffness(settings),
     )

@@ -43,7 +43,7 @@ RATIOS = (1.2, 2.0, 1 / 2.0, 4.0, 1 / 4.0, 8.0, 1 / 8.0, 16.0, 1 / 16.0, 64.0)
 BUMPY = ("shallow_saddles", "not_spherical", "pruning_decides", "boundary_elements_needed")
 MERGED = ("connected_network", "shallow_saddles", "contacts_merge", "pruning_decides",
           "not_spherical")
-CRUSHED = ("contacts_merge", "contact_beyond_cap", "contact_failed", "plastic", "bulk_kept",
+CRUSHED = ("contacts_merge", "contact_beyond_cap", "contact_failed", "bulk_kept",
            "boundary_elements_needed", "contact_reaches_below_cut", "pressure_beyond_elastic",
            "cut_too_high")
 WAVY = ("boundary_elements_needed", "not_spherical", "connected_network", "shallow_saddles",
@@ -53,7 +53,7 @@ FORM = ("tilt_left", "bow_left", "one_contact", "caps_edge", "connected_network"
 FEW_POINTS = ("contact_under_resolved", "no_caps", "caps_apex_off_surface")
 CUT = ("family_below_cut", "plateau_at_cut", "no_caps",
        "contact_reaches_below_cut", "cut_too_high")
-UNITS = ("slope_suspect", "scale_suspect", "pressure_beyond_elastic", "plastic",
+UNITS = ("slope_suspect", "scale_suspect", "pressure_beyond_elastic",
          "contact_beyond_cap", "contact_reaches_below_cut", "contact_under_resolved",
          "contacts_merge", "one_contact", "contact_failed", "cut_too_high")
 SPIKES = ("outliers", "outliers_removed", "spikes", "highest_point_on_no_cap", "caps_outlier")
@@ -104,9 +104,6 @@ AXES = (
     Axis("low load", "preload [N]", (100.0, 10.0, 1.0, 0.1, 1e-3, 1e-6),
          on_faces("{:g} N", lambda x: {"preload_N": x}),
          ("one_contact", "contact_under_resolved")),
-    Axis("yield", "pressure / (1.6 yield stress)", (0.5, 0.8, 0.95, 1.2, 2.0, 5.0, 20.0),
-         on_faces("{:g} times the pressure at which it yields", lambda x: {"yield_share": x}),
-         ("plastic",)),
     Axis("gross slip", "T / (mu N)", (0.8, 0.9, 0.99, 0.999, 1.001, 1.1, 2.0),
          on_faces("T = {:g} mu N", lambda x: {"shares": (x,)}), (), logarithmic=False),
     Axis("wavy faces", "correlation length [m]", (12e-3, 8e-3, 5e-3, 3e-3, 2e-3, 1e-3),

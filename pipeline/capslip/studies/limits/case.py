@@ -28,7 +28,6 @@ class Case:
     shares: tuple[float, ...] = SHARES
     face_change: Change | None = None  # of the face itself, so of the truth too
     scan_change: Change | None = None  # of what the instrument makes of it
-    yield_share: float | None = None  # true greatest pressure over 1.6 times the yield stress
 
 
 @dataclass(frozen=True)

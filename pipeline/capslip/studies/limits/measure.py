@@ -117,11 +117,7 @@ def _run_case(
         if isinstance(answer, str):
             rows.append(_row(axis, case, method, outcome="no truth", reason=answer))
             continue
-        more: tuple[str, ...] = ()
-        if case.yield_share is not None and answer.pressure_Pa is not None:
-            yield_Pa = answer.pressure_Pa / (1.6 * case.yield_share)
-            more = (f"material.yield_stress_Pa={yield_Pa!r}",)
-        rows.append(_run(axis, case, method, scan, answer, _settings(case, method, more)))
+        rows.append(_run(axis, case, method, scan, answer, _settings(case, method)))
     return rows
 
 
@@ -134,10 +130,10 @@ def _known(case: Case, alignment: str, solved: dict[Any, Reference]) -> Known | 
         return str(error)
 
 
-def _settings(case: Case, method: str, more: tuple[str, ...] = ()) -> Settings:
+def _settings(case: Case, method: str) -> Settings:
     path, overrides = METHODS[method]
     preload = f"contact.preload_N={case.preload_N!r}"
-    return load_settings(path, (*overrides, preload, *case.overrides, *more))
+    return load_settings(path, (*overrides, preload, *case.overrides))
 
 
 def _run(
@@ -161,8 +157,6 @@ def _run(
         row["reason"] = said or "the joint slides as a whole: the energy of a cycle has no bound"
         return row
     errors = _errors(given, known)
-    if case.yield_share is not None:
-        errors["elastic"] = max(0.0, case.yield_share - 1.0)
     row["errors"] = {name: _plain(error) for name, error in errors.items()}
     row["worst"] = max(errors, key=lambda name: abs(errors[name]))
     greatest = abs(errors[row["worst"]])

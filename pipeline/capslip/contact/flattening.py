@@ -1,0 +1,130 @@
+"""The caps after their first loading: those that yielded are flatter and lower, all are elastic."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+
+from capslip.caps.families import Families, Family
+from capslip.contact.bulk import bulk_compliance_m_per_N, without_bulk
+from capslip.contact.curve import NormalCurve
+from capslip.contact.levelling import turned
+from capslip.contact.rung import Rung, Scene
+from capslip.contact.solvers.yielding import YieldLaw, first_loading
+from capslip.errors import ContactError
+
+
+def flattened(model: Rung, scene: Scene) -> Scene:
+    """Return the scene that a model of spheres unloads: it was loaded to its preload once.
+
+    Slip follows the curve along which the face unloads (`docs/theory.md`), and on that a cap that
+    yielded is an elastic one with another radius and another peak. Each model shares the load in
+    its own way, so each has its own scene: of families the families are flattened, else the caps.
+
+    Parameters
+    ----------
+    model : Rung
+        A model of the map itself, or of nothing, leaves the scene as it is.
+    scene : Scene
+        Before any load.
+
+    Raises
+    ------
+    ContactError
+        If no equilibrium is found.
+    """
+    if scene.law is None or model.made_from != "spheres":
+        return scene
+    if model.knows_places:
+        return _of_caps(model, scene)
+    face = scene.law, scene.E_star_Pa, scene.preload_N
+    return replace(scene, families=flattened_families(scene.families, *face))
+
+
+def loaded_first(
+    model: Rung,
+    scene: Scene,
+    tilt_rad: tuple[float, float],
+    bulk: bool,
+    load_N: float,
+    hardness_factor: float = 1.0,
+) -> NormalCurve:
+    """Return the curve for slip of a face that yields, after another first loading than its own.
+
+    Parameters
+    ----------
+    model : Rung
+        One that knows yielding.
+    scene : Scene
+        Before any load, with its law of yielding.
+    tilt_rad : (float, float)
+        Slopes (x, y) that the model added to the map under its own preload, and that are held.
+    bulk : bool
+        Whether the curve holds the bulk sinking, where the model has one.
+    load_N : float
+        Of the first loading.
+    hardness_factor : float
+        On the hardness.
+
+    Raises
+    ------
+    ContactError
+        If no equilibrium is found, or the bulk cannot be taken off.
+    """
+    assert scene.law is not None
+    law = replace(scene.law, hardness_Pa=scene.law.hardness_Pa * hardness_factor)
+    scene = replace(scene, preload_N=load_N, law=law)
+    if model.made_from == "map":
+        level = turned(scene.surface, tilt_rad, (0.0, 0.0))
+        scene = replace(scene, surface=level, turning_stiffness=math.inf)
+    curve: NormalCurve = model.build(flattened(model, scene))
+    if bulk or not model.holds_bulk:
+        return curve
+    bulk_m_per_N = bulk_compliance_m_per_N(scene.surface.side_m, scene.E_star_Pa)
+    curve, is_left = without_bulk(curve, bulk_m_per_N, load_N)
+    if is_left:
+        raise ContactError(
+            f"{model.name}: under {load_N:g} N the bulk sinking leaves nothing of the compliance, "
+            "as it does under the preload; keep the bulk term (contact.bulk)"
+        )
+    return curve
+
+
+def _of_caps(model: Rung, scene: Scene) -> Scene:
+    caps, use = scene.caps, scene.use
+    between = getattr(model.build(scene), "pair_compliance_m_per_N", None)
+    after = first_loading(
+        *(scene.law, scene.radius_m, scene.depth_m, scene.E_star_Pa, scene.preload_N),
+        compliance_m_per_N=between,
+        start_m=scene.start_m,
+    )
+    radius_m, peak_m = caps.radius_m.copy(), caps.peak_height_m.copy()
+    radius_m[use] = after.radius_m
+    peak_m[use] -= after.depth_m - scene.depth_m
+    flat = caps.with_columns(radius_m=radius_m, peak_height_m=peak_m)
+    return replace(scene, caps=flat, start_m=after.compression_m)
+
+
+def flattened_families(
+    families: Families, law: YieldLaw | None, E_star_Pa: float, preload_N: float
+) -> Families:
+    """Return the families after their first loading, each as a whole; see `flattened`."""
+    members = [one for one in (families.G, families.P) if one is not None]
+    if law is None or not members:
+        return families
+    peak_m = np.array([one.peak_height_m for one in members])
+    depth_m = peak_m.max() - peak_m
+    after = first_loading(
+        *(law, np.array([one.radius_m for one in members]), depth_m, E_star_Pa, preload_N),
+        count=np.array([float(one.count) for one in members]),
+    )
+    lower_m = after.depth_m - depth_m
+    flat = iter(zip(after.radius_m.tolist(), (peak_m - lower_m).tolist(), strict=True))
+
+    def of(family: Family | None) -> Family | None:
+        if family is None:
+            return None
+        radius_m, peak_m = next(flat)
+        return replace(family, radius_m=radius_m, peak_height_m=peak_m)
+
+    return replace(families, G=of(families.G), P=of(families.P))

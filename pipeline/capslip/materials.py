@@ -1,0 +1,52 @@
+"""Materials by name: what a preset says of a body, and where it is written.
+
+The yield stresses are the least that the standard asks of a grade, so a face of that grade is at
+least as hard. Machining hardens its skin: a hardness measured on the face itself is better.
+"""
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class Material:
+    """One engineering metal."""
+
+    label: str  # the grade that stands for all
+    youngs_modulus_Pa: float
+    poisson_ratio: float
+    yield_stress_Pa: float  # 0.2 % proof stress of that grade (0.1 % in compression for cast iron)
+    softest_yield_stress_Pa: float  # of the softest grade of the kind
+    source: str
+
+
+MATERIALS = {
+    "steel": Material(
+        *("structural steel S355", 210e9, 0.3, 355e6, 235e6),
+        "EN 1993-1-1:2005, 3.2.6; EN 10025-2:2019, S355 and S235 up to 16 mm",
+    ),
+    "quenched_steel": Material(
+        *("quenched and tempered steel 42CrMo4", 210e9, 0.3, 650e6, 500e6),
+        "EN 10083-3:2006, 42CrMo4 +QT at 40 to 100 mm and at 160 to 250 mm",
+    ),
+    "stainless": Material(
+        *("austenitic stainless steel 1.4301", 200e9, 0.3, 210e6, 200e6),
+        "EN 1993-1-4:2006, 2.1.3; EN 10088-2:2014, hot-rolled plate of 1.4301 and 1.4307",
+    ),
+    "aluminium": Material(
+        *("aluminium alloy 6082-T6", 70e9, 0.3, 250e6, 35e6),
+        "EN 1999-1-1:2007, 3.2.5; tables 3.2a and b, EN AW-6082-T6 up to 5 mm and 5005-O",
+    ),
+    "titanium": Material(
+        *("titanium alloy Ti-6Al-4V", 114e9, 0.34, 828e6, 138e6),
+        "ASTM B265, grades 5 and 1; elastic constants: Boyer, Welsch, Collings 1994, "
+        "Materials Properties Handbook: Titanium Alloys",
+    ),
+    "brass": Material(
+        *("free-cutting brass C36000, half hard", 97e9, 0.31, 310e6, 124e6),
+        "Copper Development Association, UNS C36000, rod H02 of 25 mm and annealed O61",
+    ),
+    "cast_iron": Material(
+        *("grey cast iron EN-GJL-250", 110e9, 0.26, 325e6, 195e6),
+        "EN 1561:1997, Annex A, EN-GJL-250 and -150",
+    ),
+}

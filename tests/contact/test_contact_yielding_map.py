@@ -1,0 +1,205 @@
+"""Height maps that yield: a dense solution, closed forms, caps, and two real scans."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.ndimage import gaussian_filter
+from scipy.optimize import lsq_linear
+
+from capslip import load_settings, load_surface
+from capslip.analysis import analyze_once
+from capslip.contact.models.boundary_elements import boundary_elements
+from capslip.contact.slip import slip_curve
+from capslip.contact.solvers.polonsky_keer import elastic_face, first_loading, press
+from capslip.contact.solvers.tilting import press_balanced
+from capslip.contact.solvers.yielding import YieldLaw
+from capslip.errors import ContactError, SettingsError
+from capslip.surface.conditioning import condition
+from capslip.surface.heightmap import HeightMap
+from scenes import SCANS
+
+E, R_M = 115e9, 2e-3
+
+
+def sphere(pixel_m, n=128, off=(0.0, 0.0)):
+    y_m, x_m = (np.mgrid[-n // 2 : n // 2, -n // 2 : n // 2] + 0.5) * pixel_m
+    r2_m2 = (x_m - off[0]) ** 2 + (y_m - off[1]) ** 2
+    return HeightMap(-r2_m2 / (2 * R_M), (pixel_m, pixel_m))
+
+
+def rough(n, seed, pixel_m=1e-6, height_m=1e-7, width=1.5):
+    waves = gaussian_filter(np.random.default_rng(seed).normal(size=(n, n)), width, mode="wrap")
+    return HeightMap(height_m * waves / waves.std(), (pixel_m, pixel_m))
+
+
+def soft(surface, hardness):
+    return replace(elastic_face(surface, E), hardness_Pa=hardness)
+
+
+@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("hardness", [2e9, 4e9, 7e9])
+def test_pressures_are_those_of_a_dense_solution_within_the_same_bounds(seed, hardness):
+    face = soft(rough(12, seed), hardness)
+    approach_m = 2.5e-7
+    found = press(face, approach_m=approach_m, tolerance=1e-9)
+    units = np.eye(144).reshape(144, 12, 12)
+    C = np.array([face.half_space.sinking_m(unit).ravel() for unit in units])
+    # the least of p C p / 2 - p (d - depth): a least-squares problem with C = L L^T
+    L = np.linalg.cholesky(0.5 * (C + C.T) * 1e18)
+    right = np.linalg.solve(L, (approach_m - face.depth_m.ravel()) * 1e9)
+    dense = lsq_linear(L.T, right, (0.0, hardness / 1e9), tol=1e-15, max_iter=500).x * 1e9
+    assert found.max_pressure_Pa == hardness
+    assert found.pressure_Pa.ravel() == pytest.approx(dense, abs=2e-4 * hardness)
+
+
+@pytest.mark.parametrize("balanced", [False, True])
+@pytest.mark.parametrize("seed", range(3))
+def test_a_loaded_map_is_in_equilibrium_and_unloads_from_where_it_is(balanced, seed):
+    face, load_N, hardness = soft(rough(96, seed, width=4), 1e9), 1.5, 1e9
+    if balanced:
+        point_m = 44e-6, 51e-6
+        pressed = press_balanced(face, load_N, point_m, tolerance=1e-8)
+        face = face.tilted(pressed.tilt_rad)
+        assert pressed.resultant_m == pytest.approx(point_m, rel=1e-6)
+    else:
+        pressed = press(face, load_N=load_N, tolerance=1e-8)
+    p, gap_m, d = pressed.pressure_Pa, pressed.gap_m, pressed.approach_m
+    assert p.sum() * face.pixel_area_m2 == pytest.approx(load_N, rel=1e-12)
+    assert (p.min(), p.max()) == (0.0, hardness)
+    sinking_m = face.half_space.sinking_m(p)
+    assert gap_m == pytest.approx(sinking_m + face.depth_m - d, abs=1e-9 * d)
+    assert gap_m[p == 0].min() >= -1e-8 * d
+    assert gap_m[p == hardness].max() <= 1e-5 * d
+    assert gap_m[p == hardness].min() < -1e-2 * d
+    between = (p > 0) & (p < hardness)
+    assert (p[between] @ np.abs(gap_m[between])) / p.sum() < 1e-8 * d
+
+    left, under = first_loading(face, pressed)
+    assert np.isinf(left.hardness_Pa)
+    assert left.depth_m.min() == 0.0
+    assert (p == under.pressure_Pa).all()
+    again = press(left, load_N=load_N, tolerance=1e-8)  # elastic, and from no start at all
+    assert again.approach_m == pytest.approx(under.approach_m, rel=1e-5)
+    assert again.pressure_Pa == pytest.approx(p, abs=0.02 * hardness)
+    assert np.abs(again.pressure_Pa - p).sum() < 1e-4 * p.sum()
+
+
+def test_a_hardness_that_is_not_reached_changes_nothing():
+    face = rough(96, 5, width=4)
+    curves = [
+        boundary_elements(face, E, preload_N=0.01, hardness_Pa=hardness, balanced=balanced)
+        for balanced in (False, True)
+        for hardness in (np.inf, 1e13)
+    ]
+    for elastic, hard in (curves[:2], curves[2:]):
+        a, b = elastic.pressed(0.01), hard.pressed(0.01)
+        assert b.pressure_Pa == pytest.approx(a.pressure_Pa, abs=1e-12 * a.max_pressure_Pa)
+        assert b.approach_m == pytest.approx(a.approach_m, rel=1e-12)
+        assert (elastic.yielded_area_m2, hard.yielded_area_m2) == (None, 0.0)
+
+
+@pytest.mark.parametrize(("load_N", "pixel_m"), [(2.0, 1e-6), (8.0, 2e-6), (40.0, 4e-6)])
+def test_a_fully_plastic_sphere_unloads_as_a_uniform_pressure_does(load_N, pixel_m):
+    """N_0 - N(d_0 - e) = 2 H a^2 (s sqrt(1 - s^2) + asin s), s = e / e_0 and e_0 = 2 H a / E*.
+
+    Flat punches of radii c from 0 to a, 2 E* c dd each, whose sum is the pressure H: Abel's
+    equation, whose solution is dd/dc = (2 H / E*) c / sqrt(a^2 - c^2). 40 N are 12500 pixels at the
+    hardness, and no other.
+    """
+    hardness = 2e8
+    curve = boundary_elements(sphere(pixel_m, 160), E, preload_N=load_N, hardness_Pa=hardness)
+    area_m2 = curve.pressed(load_N).contact_area_m2
+    assert area_m2 == pytest.approx(load_N / hardness, rel=3e-3)
+    assert curve.yielded_area_m2 == pytest.approx(area_m2, rel=0.05)
+    a_m = np.sqrt(load_N / hardness / np.pi)
+    approach_m = curve.approach_m(load_N)
+    assert approach_m == pytest.approx(2 * hardness * a_m / E, rel=0.01)
+    s = np.array([0.25, 0.5, 0.75, 0.95])
+    drop_N = 2 * hardness * a_m**2 * (s * np.sqrt(1 - s**2) + np.arcsin(s))
+    found_N = curve.load_drop_N(approach_m, s * 2 * hardness * a_m / E)
+    assert found_N == pytest.approx(drop_N, rel=0.01)
+    assert curve.stiffness_N_per_m(approach_m) == pytest.approx(2 * E * a_m, rel=5e-3)
+
+
+@pytest.mark.parametrize(
+    ("load_N", "hardness", "pixel_m", "off"),
+    # from elastic over first yield to fully plastic: what Hertz unloading and the cap's law share
+    [(0.5, 1e9, 0.5e-6, 0.01), (2.0, 1e9, 0.8e-6, 0.08), (8.0, 1e9, 1e-6, 0.12),
+     (40.0, 1e9, 2e-6, 0.04), (2.0, 2e8, 1.3e-6, 0.005), (100.0, 2e8, 7e-6, 0.005)],
+)  # fmt: skip
+def test_a_cap_and_the_map_of_its_sphere_are_equally_stiff(load_N, hardness, pixel_m, off):
+    curve = boundary_elements(sphere(pixel_m, 160), E, preload_N=load_N, hardness_Pa=hardness)
+    law, N, radius_m = YieldLaw(hardness, E, 0.3), np.array([load_N]), np.array([R_M])
+    a_m = np.sqrt(N / (np.pi * law.mean_pressure_Pa(N, radius_m)))[0]
+    found = curve.stiffness_N_per_m(curve.approach_m(load_N))
+    assert 2 * E * a_m == pytest.approx(found, rel=off)
+    flat_m, _ = law.flattened(N, radius_m)
+    assert a_m**2 / flat_m[0] == pytest.approx(curve.approach_m(load_N), rel=0.2)
+
+
+def test_a_map_that_cannot_bear_the_load_is_refused():
+    face = soft(rough(24, 0), 1e8)
+    most_N = 1e8 * 24**2 * 1e-12
+    for refused in (press, press_balanced):
+        with pytest.raises(ContactError, match="hardness of 1e\\+08 Pa"):
+            refused(face, load_N=1.001 * most_N)
+    assert press(face, load_N=0.999 * most_N, tolerance=1e-5).max_pressure_Pa == 1e8
+    with pytest.raises(SettingsError, match="preload_N"):
+        boundary_elements(rough(24, 0), E, hardness_Pa=1e8)
+
+
+@pytest.mark.parametrize("alignment", ["balanced", "as_levelled"])
+def test_an_analysis_slips_along_the_unloading_of_the_map(alignment):
+    hardness, load_N = 1e9, 3.0
+    surface = rough(96, 7, width=6)
+    settings = load_settings(
+        overrides=(
+            "contact.model=boundary_elements",
+            f"contact.preload_N={load_N}",
+            f"contact.alignment={alignment}",
+            f"material.hardness_Pa={hardness}",
+            "conditioning.outliers=none",
+        )
+    )
+    analysis = analyze_once(surface, settings)
+    contact = analysis.contact
+    assert contact is not None, [p.message for p in analysis.problems]
+    assert contact.max_pressure_Pa == hardness
+    assert load_N / hardness < contact.contact_area_m2 < 2 * load_N / hardness
+    assert 0.2 < contact.yielded_area_m2 / contact.contact_area_m2 < 1.0
+    slip = slip_curve(contact.curve, load_N, 0.2, contact.composite.kappa)
+    assert slip.total_slip_displacement_m == analysis.slip.total_slip_displacement_m
+    assert "yielded" in {p.code for p in analysis.problems}
+    # Loaded anew it is held as it was balanced, so the same load gives the same curve
+    energy_J = [
+        float(slip_curve(curve, load_N, 0.2, contact.composite.kappa).energy_at_force_J(0.1))
+        for curve in (contact.curve, contact.curve_after(load_N, 1.0 + 1e-9))
+    ]
+    assert energy_J[1] == pytest.approx(energy_J[0], rel=1e-3)
+    assert contact.curve_after(0.5 * load_N).yielded_area_m2 < contact.yielded_area_m2
+
+
+@pytest.mark.parametrize(
+    ("name", "stiffness"),
+    [("milled_like_arcs_1.opd", 1.2e13), ("ski_base_stone_ground_alicona.x3p", 7.2e12)],
+)
+def test_with_a_hardness_a_real_face_hardly_depends_on_its_pixels(name, stiffness):
+    """Unloading stiffness per area at 2 MPa, as measured and smoothed by two pixels."""
+    if not (SCANS / name).is_file():
+        pytest.skip("needs the real scans")
+    surface = condition(load_surface(SCANS / name)).surface
+    known = surface.measured
+    weight = gaussian_filter(known.astype(float), 2.0)
+    height_m = gaussian_filter(np.where(known, surface.height_m, 0.0), 2.0)
+    height_m = np.where(known, height_m / np.maximum(weight, 1e-9), np.nan)
+    face_m2 = surface.side_m[0] * surface.side_m[1]
+    load_N, found = 2e6 * face_m2, []
+    for one in (surface, replace(surface, height_m=height_m)):
+        curve = boundary_elements(one, 109.9e9, 1e-6, preload_N=load_N, hardness_Pa=1e9)
+        pressed = curve.pressed(load_N)
+        assert pressed.max_pressure_Pa == 1e9
+        assert pressed.contact_area_m2 == pytest.approx(load_N / 1e9, rel=0.1)
+        found.append(float(curve.stiffness_N_per_m(curve.approach_m(load_N))) / face_m2)
+    assert found[0] == pytest.approx(stiffness, rel=0.05)
+    assert 0.7 < found[1] / found[0] < 1.0
