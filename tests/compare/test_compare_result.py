@@ -25,6 +25,9 @@ def surface():
     flat = caps_map(CAPS, floor_m=-4e-7)
     return type(flat)(flat.height_m + rng.normal(0, 1e-10, flat.shape), flat.pixel_size_m)
 
+# Three caps that all but lie in a line balance only where the floor helps them
+CAPS_ALONE = ("contact.alignment=as_levelled", "contact.time_limit_s=1e-3")
+
 
 def result_of(surface, folder, *overrides):
     analysis = analyze(surface, load_settings(overrides=("conditioning.form='none'", *overrides)))
@@ -37,7 +40,7 @@ def result_of(surface, folder, *overrides):
 @pytest.fixture(scope="module")
 def result(surface, tmp_path_factory):
     folder = tmp_path_factory.mktemp("compare") / "result"
-    return folder, result_of(surface, folder)
+    return folder, result_of(surface, folder, *CAPS_ALONE)
 
 
 def write(path, text):
@@ -47,7 +50,6 @@ def write(path, text):
 
 @pytest.mark.parametrize("name", ["families", "caps", "mean_field", "interacting", "flat"])
 def test_model_of_a_result_is_that_of_its_analysis(surface, tmp_path, name):
-    # Three caps that all but lie in a line balance only where the floor helps them
     alignment = "as_levelled" if name in ("caps", "mean_field") else "balanced"
     chosen = (f"contact.model={name}", f"contact.alignment={alignment}")
     analysis = result_of(surface, tmp_path / "result", *chosen)
@@ -81,13 +83,12 @@ def test_families_are_those_of_the_analysis(tmp_path, feature, m):
 
 def test_contact_model_is_that_of_the_result_at_every_preload(surface, tmp_path):
     # at a tenth of the preload families are within this tolerance
-    analysis = result_of(surface, tmp_path / "result", "contact.tolerance=0.5")
+    chosen = ("contact.tolerance=0.5", *CAPS_ALONE)
+    analysis = result_of(surface, tmp_path / "result", *chosen)
     used = analysis.contact.model
     assert analysis.settings.contact.model == "auto"
     model, _ = load_model(tmp_path / "result")
-    light = result_of(
-        surface, tmp_path / "light", "contact.tolerance=0.5", "contact.preload_N=46.0"
-    )
+    light = result_of(surface, tmp_path / "light", *chosen, "contact.preload_N=46.0")
     assert light.contact.model != used
     assert [model.curve(preload_N).model for preload_N in (46.0, 460.0, 1500.0)] == 3 * [used]
     load_N = np.geomspace(1.0, 460.0, 30)
@@ -96,13 +97,22 @@ def test_contact_model_is_that_of_the_result_at_every_preload(surface, tmp_path)
 
 
 def test_caps_that_cannot_touch_are_no_rows_of_a_chosen_model(surface, tmp_path):
-    chosen = ("contact.tolerance=0.001", "contact.preload_N=1.0")
-    chosen += ("contact.alignment=as_levelled",)
+    chosen = ("contact.tolerance=0.001", "contact.preload_N=1.0", *CAPS_ALONE)
     contact = result_of(surface, tmp_path / "result", *chosen).contact
     assert contact.model == "interacting"
     assert contact.use.sum() == 2
     model, _ = load_model(tmp_path / "result")
     assert [len(model.curve(preload_N).radius_m) for preload_N in (1.0, 460.0)] == [2, 3]
+
+
+def test_between_the_preloads_at_which_a_map_is_solved(surface, tmp_path):
+    result_of(surface, tmp_path / "result", "contact.model=boundary_elements")
+    model, _ = load_model(tmp_path / "result")
+    solved = replace(model, node_N=None)
+    for preload_N, error in ((460.0, 1e-12), (460.0 * 1.6**0.5, 1e-2), (230.0, 1e-2)):
+        got, expected = (one.unit_curve(preload_N, points=30) for one in (model, solved))
+        np.testing.assert_allclose(got.amplitude_m, expected.amplitude_m, rtol=error)
+        np.testing.assert_allclose(got.loss_factor, expected.loss_factor, rtol=error)
 
 
 def test_result_against_its_own_curve(result, tmp_path):
