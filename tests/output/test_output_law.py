@@ -6,6 +6,7 @@ import re
 import shutil
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import h5py
@@ -16,7 +17,9 @@ import capslip
 from capslip.analysis import analyze_once
 from capslip.contact.joint import ScaledCurve
 from capslip.contact.slip import slip_curve
+from capslip.errors import ContactError
 from capslip.output.exports.law import DECKS, EXPORT, FILES, UNITS
+from capslip.problems import Problem
 from capslip.settings import Settings
 
 FACE = Path(__file__).parents[2] / "sample_surfaces" / "paper_face_a.h5"
@@ -222,13 +225,25 @@ def test_calculix_presses_and_shears_two_blocks(written, tmp_path):
 
 def test_doubts_go_with_the_law(written, tmp_path):
     """What makes an analysis doubtful stands in every file of its law that holds a page."""
-    from dataclasses import replace
-
-    from capslip.problems import Problem
-
     analysis, _ = written
     doubt = Problem("under_resolved", "warning", "the map is too coarse here")
     EXPORT.write(replace(analysis, problems=(doubt,)), tmp_path)
     for name in ("law.csv", "law.json", "law_jenkins.csv", *DECKS.values()):
         assert "the map is too coarse here" in (tmp_path / name).read_text(encoding="utf-8")
     assert "check" in (tmp_path / "law.json").read_text(encoding="utf-8")
+
+
+def test_a_folder_with_a_law_is_a_result_and_is_replaced(written, tmp_path):
+    analysis, _ = written
+    light = {"figures": False, "render": False}
+    capslip.write(analysis, tmp_path / "a", export="law", **light)
+    assert all((tmp_path / "a" / name).is_file() for name in EXPORT.files)
+    capslip.write(analysis, tmp_path / "a", **light)
+    assert not any((tmp_path / "a" / name).exists() for name in EXPORT.files)
+
+
+def test_without_slip_there_is_no_law(written, tmp_path):
+    analysis, _ = written
+    with pytest.raises(ContactError, match="needs a slip curve"):
+        EXPORT.write(replace(analysis, slip=None), tmp_path)
+    assert list(tmp_path.iterdir()) == []

@@ -123,7 +123,12 @@ def about(found: Law, name: str, status: str, doubts: list[str]) -> list[str]:
         f"Error: of the model, estimated at {found.scan_pressure_Pa:.4g} Pa: {error}. Of law.py "
         f"against the model, from a tenth of mu p on: up to {found.shear_error:.1%} of tau and "
         f"{found.loss_error:.1%} of w, measured "
-        + ("with every second pressure left out" if found.solved else "at the pressures of law.csv")
+        + (
+            "with every second pressure left out: contacts that touch between two of them are "
+            "smeared, so take the pressures of law.csv where this is too much"
+            if found.solved
+            else "at the pressures of law.csv"
+        )
         + ". The dissipation of real joints is known to a factor of two to three at best (Bureau, "
         "Caroli and Baumberger 2003).",
         *(["", "What makes it doubtful:"] if doubts else []),
