@@ -25,6 +25,7 @@ def surface():
     flat = caps_map(CAPS, floor_m=-4e-7)
     return type(flat)(flat.height_m + rng.normal(0, 1e-10, flat.shape), flat.pixel_size_m)
 
+
 # Three caps that all but lie in a line balance only where the floor helps them
 CAPS_ALONE = ("contact.alignment=as_levelled", "contact.time_limit_s=1e-3")
 

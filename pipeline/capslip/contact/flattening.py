@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import replace
+from typing import Any, cast
 
 import numpy as np
 
@@ -51,6 +52,9 @@ def loaded_first(
 ) -> NormalCurve:
     """Return the curve for slip of a face that yields, after another first loading than its own.
 
+    Its approach counts from the highest peak as it was before: the first touch is where flattening
+    left that peak, see `touch_m`.
+
     Parameters
     ----------
     model : Rung
@@ -77,9 +81,12 @@ def loaded_first(
     if model.made_from == "map":
         level = turned(scene.surface, tilt_rad, (0.0, 0.0))
         scene = replace(scene, surface=level, turning_stiffness=math.inf)
-    curve: NormalCurve = model.build(flattened(model, scene))
+    after = flattened(model, scene)
+    curve: Any = model.build(after)
+    if model.made_from == "spheres":
+        curve = replace(curve, depth_m=curve.depth_m + _top_m(model, scene) - _top_m(model, after))
     if bulk or not model.holds_bulk:
-        return curve
+        return cast(NormalCurve, curve)
     bulk_m_per_N = bulk_compliance_m_per_N(scene.surface.side_m, scene.E_star_Pa)
     curve, is_left = without_bulk(curve, bulk_m_per_N, load_N)
     if is_left:
@@ -87,7 +94,14 @@ def loaded_first(
             f"{model.name}: under {load_N:g} N the bulk sinking leaves nothing of the compliance, "
             "as it does under the preload; keep the bulk term (contact.bulk)"
         )
-    return curve
+    return cast(NormalCurve, curve)
+
+
+def _top_m(model: Rung, scene: Scene) -> float:
+    if model.knows_places:
+        return float(scene.caps.peak_height_m[scene.use].max())
+    members = (scene.families.G, scene.families.P)
+    return max(one.peak_height_m for one in members if one is not None)
 
 
 def _of_caps(model: Rung, scene: Scene) -> Scene:
