@@ -28,7 +28,7 @@ def assumptions(settings: Settings) -> tuple[Assumption, ...]:
     >>> from capslip.settings import load_settings
     >>> given = load_settings(overrides=("contact.preload_N=460", "structure.beam.length_m=0.4"))
     >>> [one.name for one in assumptions(given)]
-    ['material', 'friction', 'joint area', 'yield', 'spreads']
+    ['material', 'friction', 'joint area', 'yield', 'normal load', 'spreads']
     """
     contact, material, joint = settings.contact, settings.material, settings.joint
     mapped = joint.pressure_map is not None
@@ -65,6 +65,9 @@ def assumptions(settings: Settings) -> tuple[Assumption, ...]:
     if not yields:
         key, moves = "material.hardness_Pa", "pressures; stiffness and energy of rough faces"
         found.append(("yield", key, "none, elastic", moves, "--material steel", False))
+    if settings.slip.normal_amplitude_ratio == 0.0:
+        key, moves = "slip.normal_amplitude_ratio", "energy and loss, most at small amplitudes"
+        found.append(("normal load", key, "constant", moves, f"--set {key}=R", False))
     spreads = {
         "friction": ("material.friction_spread", material.friction_spread),
         "preload": ("contact.preload_spread", contact.preload_spread),

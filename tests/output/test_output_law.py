@@ -247,6 +247,9 @@ def test_without_slip_there_is_no_law(written, tmp_path):
     analysis, _ = written
     with pytest.raises(ContactError, match="needs a slip curve"):
         EXPORT.write(replace(analysis, slip=None), tmp_path)
+    oscillates = capslip.load_settings(overrides=("slip.normal_amplitude_ratio=0.1",))
+    with pytest.raises(ContactError, match="constant pressure"):
+        EXPORT.write(replace(analysis, settings=oscillates), tmp_path)
     assert list(tmp_path.iterdir()) == []
 
 

@@ -173,6 +173,8 @@ def test_a_displacement_beyond_total_slip_has_the_force_of_total_slip():
 
 def test_nothing_uncertain_is_no_band():
     assert band({"slip_force_N": 5.0}) is None
+    varies = ("slip.normal_amplitude_ratio=0.1",)  # an interval at constant load would be wrong
+    assert band_of(*pressed(settings_of({"slip_force_N": 5.0}, more=varies, friction=0.1))) is None
     _, *rest = pressed(settings_of({"slip_force_N": 5.0}, friction=0.1))
     assert band_of(None, *rest) is None
 

@@ -1,8 +1,7 @@
 """The model of a stored result: the loss of its joints at any friction coefficient and preload."""
 
-import math
 from collections.abc import Callable
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, field, fields, replace
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -20,14 +19,15 @@ from capslip.contact.press import press
 from capslip.contact.reach import reachable
 from capslip.contact.rung import rung
 from capslip.contact.slip import slip_curve
+from capslip.contact.varying_load import varying
 from capslip.errors import UnreadableFileError
 from capslip.output.staging import read_summary
-from capslip.settings import Settings, load_settings
+from capslip.settings import Settings, SlipSettings, load_settings
 from capslip.structure.response import response
 from capslip.structure.stiffness import stiffnesses
 from capslip.surface.heightmap import HeightMap
 
-NODE_RATIO = 1.6  # of the preloads at which a map is solved
+TRIALS_OF_A_MAP = 24
 
 
 @dataclass(frozen=True)
@@ -44,7 +44,8 @@ class JointModel:
     modal_stiffness_N_per_m: float
     joint_stiffness_N_per_m: float
     joints: int
-    node_N: float | None = None  # where a preload costs seconds: solved at this one times 1.6^k
+    normal_load: SlipSettings = field(default_factory=SlipSettings)
+    trials: int = 120  # preloads that an identification looks at first; a map takes seconds each
 
     def loss_factor(
         self, amplitude_m: np.ndarray, friction_coefficient: float, preload_N: float
@@ -61,30 +62,9 @@ class JointModel:
         return friction_coefficient * self.unit_curve(preload_N).gross_slip_amplitude_m
 
     def unit_curve(self, preload_N: float, points: int = 800) -> "UnitCurve":
-        """Return the loss factor over v / mu, on a grid of so many points.
-
-        Where a preload costs seconds, its logarithms are interpolated over that of the preload by a
-        cubic through the four preloads around it that are solved: at one of these it is their own,
-        between them within 1 % (the worst where a hill comes into contact).
-        """
-        if self.node_N is None:
-            return self._solved(preload_N, points)
-        place = math.log(preload_N / self.node_N) / math.log(NODE_RATIO)
-        first = math.floor(place + 1e-9) - 1
-        weight = {
-            k: math.prod((place - j) / (k - j) for j in range(first, first + 4) if j != k)
-            for k in range(first, first + 4)
-        }
-        amplitude_m, loss_factor = np.array(1.0), np.array(1.0)
-        for k, w in weight.items():
-            if abs(w) > 1e-9:
-                solved = self._solved(self.node_N * NODE_RATIO**k, points)
-                amplitude_m = amplitude_m * solved.amplitude_m**w
-                loss_factor = loss_factor * solved.loss_factor**w
-        return UnitCurve(amplitude_m, loss_factor)
-
-    def _solved(self, preload_N: float, points: int) -> "UnitCurve":
+        """Return the loss factor over v / mu, on a grid of so many points."""
         slip = slip_curve(self.curve(preload_N), preload_N, 1.0, self.kappa)
+        slip = varying(slip, self.normal_load)
         share = np.append(np.geomspace(1e-5, 0.97, points), 1 - np.geomspace(0.029, 1e-6, 60))
         damping = response(
             slip,
@@ -99,7 +79,7 @@ class JointModel:
 
     def plane(self) -> "JointModel":
         """Return the same structure with perfectly plane interfaces (Peyret et al. 2010)."""
-        return replace(self, curve=flat, node_N=None)
+        return replace(self, curve=flat)
 
 
 @dataclass(frozen=True, eq=False)
@@ -183,8 +163,10 @@ def load_model(result: str | Path) -> tuple[JointModel, Settings]:
     _, modal, shear = stiffnesses(settings)
     contact = msgspec.structs.replace(settings.contact, preload_N=whole.preload_N)
     settings = msgspec.structs.replace(settings, contact=contact)
-    node_N = whole.preload_N if rung(used).made_from == "map" else None
-    model = JointModel(curve, composed.kappa, modal, shear, settings.structure.joints, node_N)
+    stiffness = (composed.kappa, modal, shear, settings.structure.joints)
+    model = JointModel(curve, *stiffness, normal_load=settings.slip)
+    if rung(used).made_from == "map":
+        model = replace(model, trials=TRIALS_OF_A_MAP)
     return model, settings
 
 

@@ -32,7 +32,8 @@ INTERVAL = (
 INTERVAL_OF_STRUCTURE = ", of the structure {answer_loss_factor_low} to {answer_loss_factor_high}"
 MODEL_FORM = "beside it, dissipation of real joints is known to a factor of two to three at best"
 NO_INTERVAL = (
-    "no interval: the error of the model is not known, or it cannot carry each preload that may be"
+    "no interval: the error of the model is not known, it cannot carry each preload that may be, "
+    "or the normal load oscillates"
 )
 LEFT_OUT = "; not in it, as not known: {0}"
 JOINT = "preload {preload_N:4}"

@@ -61,7 +61,7 @@ def band_of(
     -------
     Band or None
         None where there is no answer, where nothing moves, where nothing is known to be uncertain,
-        and where the model cannot carry a preload that may be.
+        where the model cannot carry a preload that may be, and where the normal load oscillates.
 
     Notes
     -----
@@ -84,6 +84,8 @@ def band_of(
     (2008) 964); what is missing to 1 are interactions.
     """
     if answer is None or not answer.displacement_m > 0.0:
+        return None
+    if settings.slip.normal_amplitude_ratio > 0.0:
         return None
     state = _State(answer, settings.answer.displacement_m is None, joint, contact, settings)
     try:

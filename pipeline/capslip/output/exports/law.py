@@ -66,6 +66,10 @@ def write(analysis: "Analysis", folder: Path) -> None:
     """
     if analysis.contact is None or analysis.slip is None:
         raise ContactError("it needs a slip curve, which this analysis does not have")
+    if analysis.settings.slip.normal_amplitude_ratio > 0.0:
+        raise ContactError(
+            "it is a law under a constant pressure; expected slip.normal_amplitude_ratio = 0"
+        )
     friction = analysis.settings.material.friction_coefficient
     found = law(analysis.contact, analysis.joint, friction, _reach_m(analysis, analysis.contact))
     doubts = [f"{p.code}: {p.message}" for p in analysis.problems if p.severity != "info"]
