@@ -68,7 +68,7 @@ def analyze(
         return analysis
     problems = analysis.problems
     contact = analysis.contact
-    if contact is not None and settings.contact.model != "auto":
+    if contact is not None and _lacks_error(contact, settings):
         contact, doubts = estimate(face, contact, settings, clock)
         problems = (*problems, *doubts)
     band = None
@@ -88,6 +88,12 @@ def analyze(
             with_contact=contact is not None,
         )
     return replace(analysis, sensitivity=swept, problems=(*problems, *swept.problems))
+
+
+def _lacks_error(contact: ContactState, settings: Settings) -> bool:
+    """Tell whether nobody has estimated the error of a model: one that was not chosen for it."""
+    of_the_map = contact.estimated_error is None and contact.rung.error is not None
+    return settings.contact.model != "auto" or of_the_map
 
 
 def analyze_once(surface: HeightMap, settings: Settings, mate: HeightMap | None = None) -> Analysis:

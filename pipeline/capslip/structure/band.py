@@ -18,6 +18,7 @@ INSIDE = 0.90  # of what may be, in an interval
 LOG2_POINTS = 8
 NORMAL_95 = 1.96  # standard deviations on either side that hold 95 %
 NODES = 5  # preloads that are solved where the preload is not certain
+NODES_OF_PATCHES = 3  # the same, of a joint that is pressed unevenly
 NODES_OF_HARDNESS = 3  # the same of the hardness, at the preload
 NODES_OF_A_MAP = 2  # of either, where each is a solution of the whole map
 COUNTED = ("tangential_stiffness_N_per_m", "energy_J", "joint_loss_factor", "loss_factor")
@@ -202,7 +203,8 @@ class _State:
 
         Shape (k, 2), and the weights of the nodes, (n, k). What the two do together is left out.
         """
-        loads = self._axis(float(np.abs(log_N).max()), NODES)
+        count = NODES if self.joint.is_even else NODES_OF_PATCHES
+        loads = self._axis(float(np.abs(log_N).max()), count)
         weight = _weights(loads, log_N)
         nodes = np.column_stack((loads, np.zeros(len(loads))))
         if self.contact.first is None or not log_H.any():

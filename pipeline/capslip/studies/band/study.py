@@ -35,12 +35,15 @@ class Held:
     holds: np.ndarray  # (3,), bool
 
 
-def held(seed: int, repeats: int, noise_m: float) -> Iterator[Held]:
+def held(
+    seed: int, repeats: int, noise_m: float, hardness_Pa: float | None = None
+) -> Iterator[Held]:
     """Yield what scans of one face find; nothing where its caps are not all that touches.
 
     A scan whose model has an error that is not known has no interval, and is left out.
     """
-    settings = load_settings(overrides=(f"contact.model={INTERACTING.name}",))
+    yields = () if hardness_Pa is None else (f"material.hardness_Pa={hardness_Pa!r}",)
+    settings = load_settings(overrides=(f"contact.model={INTERACTING.name}", *yields))
     scene = Scene(shape=SHAPE, pixel_size_m=PIXEL_M, families=PAPER, seed=seed)
     face, truth = synthetic_surface(scene)
     pressed = slip_of_true_caps(truth, face, settings, settings.contact.preload_N)
@@ -90,12 +93,13 @@ def main(write: Callable[[str], object] = sys.stdout.write) -> None:
     parser.add_argument("--faces", type=int, default=20)
     parser.add_argument("--repeats", type=int, default=10)
     parser.add_argument("--noise-nm", type=float, nargs="+", default=[5.0, 20.0])
+    parser.add_argument("--hardness-Pa", type=float)
     chosen = parser.parse_args()
     found = {
         1e-9 * noise_nm: [
             one
             for seed in range(chosen.faces)
-            for one in held(seed, chosen.repeats, 1e-9 * noise_nm)
+            for one in held(seed, chosen.repeats, 1e-9 * noise_nm, chosen.hardness_Pa)
         ]
         for noise_nm in chosen.noise_nm
     }

@@ -8,11 +8,12 @@ import numpy as np
 from capslip.caps.table import CapTable
 from capslip.contact.bulk import bulk_compliance_m_per_N, without_bulk
 from capslip.contact.levelling import rebalanced, turned
-from capslip.contact.material import composite
+from capslip.contact.material import composite, yield_law
 from capslip.contact.models.interacting import InteractingCurve, interacting
 from capslip.contact.rung import load_point_m
 from capslip.contact.slip import SlipCurve, slip_curve
 from capslip.contact.solvers.hertz import contact_radius_m
+from capslip.contact.solvers.yielding import first_loading
 from capslip.errors import TipsOverError
 from capslip.settings import Settings
 from capslip.studies.chart.reference import Reference, reference
@@ -134,9 +135,14 @@ def slip_of_true_caps(
         if found is None:
             return None
         peak_m, floor_m = found
-    curve = interacting(
-        truth.radius_m, peak_m.max() - peak_m, truth.x_m, truth.y_m, joint.E_star_Pa
-    )
+    spheres, places = (truth.radius_m, peak_m.max() - peak_m), (truth.x_m, truth.y_m)
+    curve = interacting(*spheres, *places, joint.E_star_Pa)
+    law = yield_law(material)
+    if law is not None:
+        between = curve.pair_compliance_m_per_N
+        given = (law, *spheres, joint.E_star_Pa, preload_N)
+        after = first_loading(*given, compliance_m_per_N=between)
+        curve = interacting(after.radius_m, after.depth_m, *places, joint.E_star_Pa)
     approach_m = float(curve.approach_m(preload_N))
     if curve.overlapping_pairs(approach_m):
         return None
