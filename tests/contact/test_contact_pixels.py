@@ -21,7 +21,7 @@ def rough():
 
 @pytest.fixture(scope="module")
 def pressed(rough):
-    return press(rough, load_N=0.5, tolerance=1e-10)
+    return press(rough, load_N=5.0, tolerance=1e-10)
 
 
 def test_they_sink_as_on_the_map(rough, pressed):
