@@ -176,6 +176,7 @@ def loss_factor(analysis: "Analysis") -> "Figure | None":
             markersize=8,
             label=label,
         )
+    _mark_answer(axes, analysis, unit_m)
     colour = PHASES[2][1]
     gross = f"gross slip from {engineering(gross_m, 'm')}: no steady cycle"
     axes.axvspan(gross_m / unit_m, 3 * gross_m / unit_m, color=colour, label=gross, zorder=0)
@@ -189,6 +190,26 @@ def loss_factor(analysis: "Analysis") -> "Figure | None":
         axes.set_ylim(bottom=0.0)
     axes.legend(loc="upper left", fontsize=9, framealpha=0.9, edgecolor="none")
     return figure
+
+
+def _mark_answer(axes: "Axes", analysis: "Analysis", unit_m: float) -> None:
+    """Mark the loss factor that was asked for, with its interval."""
+    answer, band = analysis.answer, analysis.band
+    if answer is None or not answer.loss_factor or band is None:
+        return
+    low, high = band.interval["loss_factor"]
+    down, up = answer.loss_factor - low, high - answer.loss_factor
+    axes.errorbar(
+        [answer.amplitude_m / unit_m],
+        [answer.loss_factor],
+        yerr=[[max(down, 0.0)], [max(up, 0.0)]] if np.isfinite(high) else None,
+        fmt="D",
+        color=LOOP_COLOURS[1],
+        capsize=4,
+        label=f"answer {answer.loss_factor:.3g}"
+        + (f", {low:.3g} to {high:.3g}" if np.isfinite(high) else f", at least {low:.3g}"),
+        zorder=3,
+    )
 
 
 def _caps_alone(analysis: "Analysis", contact: "ContactState") -> "NormalCurve":
