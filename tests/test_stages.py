@@ -57,7 +57,7 @@ def test_loaded_caps_are_fitted_at_half_of_their_compression_and_others_at_half_
     found = find_face(spheres, chosen, None, Clock())
     assert found.problems == ()
     caps = found.caps
-    pressed = press_for_depth(caps, spheres.side_m, chosen)
+    pressed = press_for_depth(caps, spheres, chosen)
     loaded = pressed.load_N > 0.0
     assert loaded.tolist().count(True) == 3
     compression_m = pressed.contact_radius_m**2 / pressed.radius_m
@@ -77,8 +77,8 @@ def test_loaded_caps_are_fitted_at_half_of_their_compression_and_others_at_half_
 def test_turns_end_where_a_thousandth_of_the_load_moves_or_after_ten(swing_N, turns, moved):
     calls = []
 
-    def swings(caps, side_m, _):
-        calls.append(side_m)
+    def swings(caps, surface, _):
+        calls.append(surface)
         load_N = np.array([40.0, 40.0, 0.0, np.nan]) + swing_N * (-1) ** len(calls) * np.array(
             [1.0, -1.0, 0.0, 0.0]
         )

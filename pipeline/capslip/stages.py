@@ -474,7 +474,7 @@ def _fitted(surface: HeightMap, hills: Hills, settings: Settings) -> tuple[CapTa
         if not caps.usable.any():
             return caps, 0.0
         try:
-            pressed = press_for_depth(caps, surface.side_m, settings)
+            pressed = press_for_depth(caps, surface, settings)
         except ContactError:
             return caps, 0.0  # the stage of contact says why
         before_N, load_N = load_N, np.nan_to_num(pressed.load_N)

@@ -14,8 +14,10 @@ from capslip.contact.material import composite
 from capslip.contact.models.caps import caps as caps_curve
 from capslip.contact.models.interacting import RUNG, hertz_over_point_load
 from capslip.settings import load_settings
+from capslip.surface.heightmap import HeightMap
 
 PRELOAD_N, SIDE_M = 50.0, (0.04, 0.06)
+FACE = HeightMap(np.zeros((20, 30)), (2e-3, 2e-3))
 APPROACH_M = (0.75 * PRELOAD_N / E_STAR_PA / np.sqrt(20.0)) ** (2 / 3)  # of one cap of 20 m
 
 
@@ -31,7 +33,7 @@ WITH_BULK = settings("contact.bulk=true")  # what holds the bulk term keeps it: 
 def estimate(caps, noise_m=0.0, label=None, chosen=WITH_BULK):
     scene = scene_of(caps, PRELOAD_N, SIDE_M)
     curve = RUNG.build(scene)
-    found = answers(curve, RUNG.holds_bulk, SIDE_M, chosen)
+    found = answers(curve, RUNG.holds_bulk, FACE, chosen)
     return error_of_caps(scene, curve, found, label, noise_m, chosen)
 
 
@@ -54,19 +56,19 @@ def test_the_answers_are_four_energies_of_mindlins_loop_and_the_slope_of_hertz()
     slip_m = mu * kappa * APPROACH_M
     energy_J = 0.8 * mu * PRELOAD_N * slip_m * (1.0 - q) ** 3 * (1.0 + 3.0 * q + q**2)
     expected = [*energy_J, 1.5 * PRELOAD_N / APPROACH_M]
-    assert answers(curve, False, SIDE_M, WITH_BULK) == pytest.approx(expected, rel=1e-9)
+    assert answers(curve, False, FACE, WITH_BULK) == pytest.approx(expected, rel=1e-9)
 
 
 def test_the_stiffness_is_that_of_slip_without_the_bulk_term_or_with_it():
     alone = caps_curve([20.0], [0.0], E_STAR_PA)
     sunk = in_series(alone, bulk_compliance_m_per_N(SIDE_M, E_STAR_PA))
-    plain = answers(alone, False, SIDE_M, settings())
-    assert answers(sunk, True, SIDE_M, settings()) == pytest.approx(plain, rel=1e-9)
-    with_it = answers(sunk, True, SIDE_M, WITH_BULK)
+    plain = answers(alone, False, FACE, settings())
+    assert answers(sunk, True, FACE, settings()) == pytest.approx(plain, rel=1e-9)
+    with_it = answers(sunk, True, FACE, WITH_BULK)
     assert with_it[:4] == pytest.approx(plain[:4], rel=1e-9)
     kept = 1.0 / (1.0 / plain[4] + bulk_compliance_m_per_N(SIDE_M, E_STAR_PA))
     assert with_it[4] == pytest.approx(kept, rel=1e-9)
-    assert answers(sunk, False, SIDE_M, settings()) == pytest.approx(with_it, rel=1e-9)
+    assert answers(sunk, False, FACE, settings()) == pytest.approx(with_it, rel=1e-9)
 
 
 def test_a_perfect_sphere_has_the_error_of_spheres():

@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from capslip.contact.bulk import bulk_compliance_m_per_N
+from capslip.contact.bulk import bulk_compliance_m_per_N, bulk_of_face_m_per_N
 from capslip.contact.curve import in_series
 from capslip.contact.material import composite
 from capslip.contact.models.caps import caps
@@ -15,11 +15,13 @@ from capslip.contact.models.flat import flat
 from capslip.contact.models.mean_field import mean_field
 from capslip.contact.solvers.hertz import load_drop_of_asperity, loss_of_asperity
 from capslip.errors import ContactError, SettingsError
+from capslip.surface.heightmap import HeightMap
 
 STEEL = composite((200e9, 200e9), (0.3, 0.3))
 E = STEEL.E_star_Pa
 R_G, R_P = 23.8, 26.7
 FACE = (0.04, 0.06)
+BULK_M_PER_N = bulk_compliance_m_per_N(FACE, E)
 
 # m, n, delta_n and h in 1e-7 m, printed load: Table 1 of the paper
 TABLE_1 = [
@@ -214,6 +216,49 @@ def test_bulk_sinking_of_a_rectangle_by_quadrature(sides):
     assert bulk_compliance_m_per_N(sides, 1.0) == pytest.approx(float(expected), rel=1e-12)
 
 
+def outlined(inside, points=400):
+    """Return a square face of side 2 of which a part was measured."""
+    y, x = (np.mgrid[:points, :points] + 0.5) * 2 / points - 1
+    height_m = np.where(inside(x, y), 0.0, np.nan)
+    return HeightMap(height_m, (2 / points, 2 / points))
+
+
+def test_bulk_of_a_disc_is_that_of_even_pressure_on_a_circle():
+    # Mean sinking 16 p a / (3 pi E*): Johnson (1987), Eq. 3.29, over the circle
+    disc = outlined(lambda x, y: x**2 + y**2 < 1)
+    assert bulk_of_face_m_per_N(disc, 2.0) == pytest.approx(16 / (3 * np.pi**2 * 2.0), rel=3e-3)
+    # less than that of its square by what the corners take
+    assert bulk_of_face_m_per_N(disc, 2.0) > 1.1 * bulk_compliance_m_per_N((2, 2), 2.0)
+
+
+def test_bulk_of_a_washer_is_known_by_its_discs():
+    # Even pressure 1 on a ring: all pairs of the disc, less those with the hole in it
+    inner = 0.5
+
+    def sinking(radius, at):  # of a disc under unit pressure, at a distance from its middle
+        if at <= radius:
+            return 4 * radius / mp.pi * mp.ellipe((at / radius) ** 2)
+        m = (radius / at) ** 2
+        return 4 * at / mp.pi * (mp.ellipe(m) - (1 - m) * mp.ellipk(m))
+
+    def over_ring(radius):
+        return mp.quad(lambda r: 2 * mp.pi * r * sinking(radius, r), [inner, 1])
+
+    area = mp.pi * (1 - inner**2)
+    expected = (over_ring(1) - over_ring(inner)) / area**2
+    ring = outlined(lambda x, y: (x**2 + y**2 < 1) & (x**2 + y**2 > inner**2))
+    assert bulk_of_face_m_per_N(ring, 1.0) == pytest.approx(float(expected), rel=3e-3)
+
+
+def test_points_lost_here_and_there_leave_the_bulk():
+    lost = np.random.default_rng(0).random((400, 400)) < 0.3
+    some = outlined(lambda x, y: ~lost)
+    whole = bulk_compliance_m_per_N((2, 2), 1.0)
+    assert bulk_of_face_m_per_N(some, 1.0) == pytest.approx(whole, rel=3e-3)
+    one = outlined(lambda x, y: (x > -0.999) | (y > -0.999))  # as good as the closed form
+    assert bulk_of_face_m_per_N(one, 1.0) == pytest.approx(whole, rel=1e-3)
+
+
 def test_bulk_factor_of_published_faces_and_of_thin_strips():
     assert bulk_compliance_m_per_N((1, 1), 1.0) == pytest.approx(0.946, abs=5e-4)
     assert bulk_compliance_m_per_N((2, 3), 1.0) * 6**0.5 == pytest.approx(0.937, abs=5e-4)
@@ -224,20 +269,23 @@ def test_bulk_factor_of_published_faces_and_of_thin_strips():
 
 def test_mean_field_adds_the_sinking_less_each_contacts_own_share():
     radius, depth = [R_G] * 5 + [R_P] * 18, [0.0] * 5 + [2.4e-7] * 18
-    plain, sunk = caps(radius, depth, E), mean_field(radius, depth, E, FACE, 100.0)
+    plain, sunk = (
+        caps(radius, depth, E),
+        mean_field(radius, depth, E, BULK_M_PER_N, 100.0),
+    )
     share = 1 - 1 / np.sqrt(5)  # only the five high caps touch under 100 N
     loads = np.array([1.0, 100.0, 460.0, 2000.0])
-    more = share * bulk_compliance_m_per_N(FACE, E) * loads
+    more = share * BULK_M_PER_N * loads
     np.testing.assert_allclose(sunk.approach_m(loads), plain.approach_m(loads) + more, rtol=1e-13)
     np.testing.assert_allclose(sunk.load_N(sunk.approach_m(loads)), loads, rtol=1e-12)
 
 
 def test_one_cap_has_no_field_to_sink_in():
-    assert mean_field([R_G], [0.0], E, FACE, 10.0).compliance_m_per_N == 0.0
+    assert mean_field([R_G], [0.0], E, BULK_M_PER_N, 10.0).compliance_m_per_N == 0.0
 
 
 def test_taking_the_bulk_away_again_restores_the_curve():
-    bulk = bulk_compliance_m_per_N(FACE, E)
+    bulk = BULK_M_PER_N
     sunk = in_series(two(), bulk)
     assert in_series(sunk, -bulk).approach_m(460.0) == two().approach_m(460.0)
 
@@ -287,7 +335,7 @@ def test_bad_preloads_are_named(preload_N):
     with pytest.raises(SettingsError, match="preload_N: got"):
         flat(preload_N)
     with pytest.raises(SettingsError, match="preload_N: got"):
-        mean_field([1.0], [0.0], E, FACE, preload_N)
+        mean_field([1.0], [0.0], E, BULK_M_PER_N, preload_N)
 
 
 def test_bad_faces_are_named():

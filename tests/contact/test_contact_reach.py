@@ -8,8 +8,9 @@ from capslip.caps.table import CapFlag
 from capslip.contact import reach as module
 from capslip.contact.models.interacting import interacting
 from capslip.contact.reach import reachable
+from capslip.surface.heightmap import HeightMap
 
-SIDE_M, PRELOAD_N = (0.4, 0.6), 100.0
+FACE, PRELOAD_N = HeightMap(np.zeros((4, 6)), (0.1, 0.1)), 100.0
 PLACES = [(0.1, 0.1), (0.1, 0.5), (0.3, 0.3), (0.2, 0.2), (0.2, 0.4), (0.35, 0.1)]
 
 
@@ -19,7 +20,7 @@ def at_depths(*depth_m, places=PLACES):
 
 
 def reach(caps):
-    return reachable(caps, SIDE_M, E_STAR_PA, PRELOAD_N)
+    return reachable(caps, FACE, E_STAR_PA, PRELOAD_N)
 
 
 def test_caps_down_to_a_quarter_more_than_the_approach_are_kept():

@@ -37,7 +37,7 @@ def random_slip(seed, model="caps", mu=MU):
     radius, depth = rng.uniform(1, 50, 9), rng.uniform(0, 4e-7, 9)
     curve = caps(radius, depth, E)
     if model == "mean_field":
-        curve = mean_field(radius, depth, E, (0.04, 0.06), 200.0)
+        curve = mean_field(radius, depth, E, bulk_compliance_m_per_N((0.04, 0.06), E), 200.0)
     return slip_curve(curve, 200.0, mu, KAPPA)
 
 

@@ -153,7 +153,7 @@ def load_model(result: str | Path) -> tuple[JointModel, Settings]:
         if used != settings.contact.model:
             # A choice takes the caps that can touch; of thousands the others would fill the matrix.
             share_N = joint.scan_load_N
-            near = reachable(caps, surface.side_m, composed.E_star_Pa, share_N, law).use
+            near = reachable(caps, surface, composed.E_star_Pa, share_N, law).use
             pressed = replace(caps, **{f.name: getattr(caps, f.name)[near] for f in fields(caps)})
         changed = joint.settings_of_scan(settings)
         contact = msgspec.structs.replace(changed.contact, model=used)

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from capslip.caps.table import CapTable
-from capslip.contact.bulk import bulk_compliance_m_per_N, without_bulk
+from capslip.contact.bulk import bulk_of_face_m_per_N, without_bulk
 from capslip.contact.certificate import unmodelled_area_m2
 from capslip.contact.curve import NormalCurve
 from capslip.contact.flattening import flattened
@@ -20,6 +20,7 @@ from capslip.contact.solvers.hertz import contact_radius_m
 from capslip.errors import ContactError, UnusableSurfaceError
 from capslip.settings import Settings
 from capslip.surface.form import floor_slopes
+from capslip.surface.heightmap import HeightMap
 
 FORCE_SHARES = (0.1, 0.25, 0.5, 0.75)  # T / (mu N) at which the energies are compared
 SHAPE_SHARE = 0.38  # of the rest of a profile that acts like an error of height, see Notes
@@ -63,7 +64,7 @@ class CapsError:
 
 
 def answers(
-    curve: NormalCurve, holds_bulk: bool, side_m: tuple[float, float], settings: Settings
+    curve: NormalCurve, holds_bulk: bool, surface: HeightMap, settings: Settings
 ) -> np.ndarray:
     """Return what the error counts in: the energies at four forces and the stiffness of slip.
 
@@ -73,8 +74,8 @@ def answers(
         The whole normal curve of a model.
     holds_bulk : bool
         Whether it holds the bulk sinking of the half-space.
-    side_m : (float, float)
-        Sides (ly, lx) of the face.
+    surface : HeightMap
+        The face.
     settings : Settings
         `material` and `contact`.
     """
@@ -83,20 +84,18 @@ def answers(
     slip = slip_curve(curve, preload_N, material.friction_coefficient, joint.kappa)
     energy_J = slip.energy_at_force_J(np.array(FORCE_SHARES) * slip.total_slip_force_N)
     if holds_bulk:
-        curve = _as_slip_uses(curve, side_m, settings)
+        curve = _as_slip_uses(curve, surface, settings)
     stiffness = curve.stiffness_N_per_m(curve.approach_m(preload_N))
     return np.append(energy_J, stiffness)
 
 
-def _as_slip_uses(
-    curve: NormalCurve, side_m: tuple[float, float], settings: Settings
-) -> NormalCurve:
+def _as_slip_uses(curve: NormalCurve, surface: HeightMap, settings: Settings) -> NormalCurve:
     """Return a curve that holds the bulk sinking with it or without, as the settings say."""
     if settings.contact.bulk:
         return curve
     material = settings.material
     E_star_Pa = composite(material.youngs_modulus_Pa, material.poisson_ratio).E_star_Pa
-    bulk_m_per_N = bulk_compliance_m_per_N(side_m, E_star_Pa)
+    bulk_m_per_N = bulk_of_face_m_per_N(surface, E_star_Pa)
     return without_bulk(curve, bulk_m_per_N, settings.contact.preload_N)[0]
 
 
@@ -169,13 +168,13 @@ def error_of_caps(
         of_random = float(2.0 * np.sqrt(np.mean(random**2, axis=0)).max())
         unloading = _of_unloading(scene, curve)
         of_caps = math.hypot(of_random, 2.0 * shape, pairs, unloading, LEAST_ERROR)
-        side_m = scene.surface.side_m
+        surface = scene.surface
         moved = MovedCaps(
-            _as_slip_uses(curve, side_m, settings),
-            tuple(_as_slip_uses(one, side_m, settings) for one in at_random),
-            _as_slip_uses(by_shape, side_m, settings),
-            _as_slip_uses(by_pairs, side_m, settings),
-            None if by_level is None else _as_slip_uses(by_level, side_m, settings),
+            _as_slip_uses(curve, surface, settings),
+            tuple(_as_slip_uses(one, surface, settings) for one in at_random),
+            _as_slip_uses(by_shape, surface, settings),
+            _as_slip_uses(by_pairs, surface, settings),
+            None if by_level is None else _as_slip_uses(by_level, surface, settings),
             unloading,
         )
         return CapsError(None, of_caps, level, moved)
@@ -269,7 +268,7 @@ def _of_level(scene: Scene, settings: Settings) -> NormalCurve | None:
     caps = scene.caps
     peak_m = caps.peak_height_m - slope_y * caps.y_m - slope_x * caps.x_m
     tilted = caps.with_columns(peak_height_m=peak_m)
-    face = scene.surface.side_m, scene.E_star_Pa, scene.preload_N, scene.law
+    face = scene.surface, scene.E_star_Pa, scene.preload_N, scene.law
     return reachable(tilted, *face).curve
 
 
@@ -295,4 +294,4 @@ def _moved(
 
 def _change(curve: NormalCurve, scene: Scene, found: np.ndarray, settings: Settings) -> np.ndarray:
     """Return the relative change of the answers by another curve with interaction."""
-    return answers(curve, RUNG.holds_bulk, scene.surface.side_m, settings) / found - 1.0
+    return answers(curve, RUNG.holds_bulk, scene.surface, settings) / found - 1.0

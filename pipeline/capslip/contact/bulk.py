@@ -2,9 +2,41 @@
 
 import math
 
+import numpy as np
+
 from capslip.contact.curve import NormalCurve, in_series
 from capslip.contact.material import check_modulus
+from capslip.contact.solvers.elastic_face import ElasticFace
+from capslip.contact.solvers.half_space import HalfSpace
 from capslip.errors import ContactError, SettingsError
+from capslip.surface.blocks import block_sums
+from capslip.surface.heightmap import HeightMap
+
+_BLOCKS = 64  # along the longer side of a face that is no rectangle
+
+
+def bulk_of_face_m_per_N(face: HeightMap | ElasticFace, E_star_Pa: float) -> float:
+    """Return the mean sinking of what was measured of a face, under even pressure, a unit of load.
+
+    That of the rectangle, where all of it was measured. Else by the same integral over all pairs of
+    blocks, about 64 along the longer side, each with its measured share of the pressure: so a disc
+    or a washer on its map is one, and points lost here and there change nothing.
+
+    Parameters
+    ----------
+    face : HeightMap or ElasticFace
+        Its outline counts, not its heights.
+    E_star_Pa : float
+        Composite modulus.
+    """
+    measured, (ny, nx), (dy_m, dx_m) = face.measured, face.shape, face.pixel_size_m
+    if measured.all():
+        return bulk_compliance_m_per_N((ny * dy_m, nx * dx_m), E_star_Pa)
+    block = -(-max(ny, nx) // _BLOCKS)
+    share = block_sums(np.pad(measured, ((0, -ny % block), (0, -nx % block))), block)
+    share = share / share.sum()
+    half_space = HalfSpace(share.shape, (block * dy_m, block * dx_m), E_star_Pa)
+    return float((share * half_space.sinking_m(share)).sum() / (block**2 * dy_m * dx_m))
 
 
 def bulk_compliance_m_per_N(side_m: tuple[float, float], E_star_Pa: float) -> float:

@@ -144,7 +144,7 @@ def _among_caps(
     material, contact = settings.material, settings.contact
     E_star_Pa = composite(material.youngs_modulus_Pa, material.poisson_ratio).E_star_Pa
     law = yield_law(material)
-    reach = reachable(caps, surface.side_m, E_star_Pa, contact.preload_N, law)
+    reach = reachable(caps, surface, E_star_Pa, contact.preload_N, law)
     scene = Scene.of(caps, families, surface, settings, reach.use)
     if reach.pairs is None:
         return _too_many(scene, settings)
@@ -228,7 +228,7 @@ def boundary_elements_s(shape: tuple[int, int]) -> float:
 
 def _answers(one: Rung, scene: Scene, settings: Settings) -> np.ndarray:
     curve = one.build(flattened(one, scene))
-    return answers(curve, one.holds_bulk, scene.surface.side_m, settings)
+    return answers(curve, one.holds_bulk, scene.surface, settings)
 
 
 def _beyond_tolerance(

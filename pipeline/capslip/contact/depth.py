@@ -7,9 +7,10 @@ from capslip.contact.material import composite, yield_law
 from capslip.contact.reach import reachable
 from capslip.contact.solvers.hertz import contact_radius_m
 from capslip.settings import Settings
+from capslip.surface.heightmap import HeightMap
 
 
-def press_for_depth(caps: CapTable, side_m: tuple[float, float], settings: Settings) -> CapTable:
+def press_for_depth(caps: CapTable, surface: HeightMap, settings: Settings) -> CapTable:
     """Fill in the loads and contact radii that decide at which depth a cap is fitted.
 
     Interacting caps, those alone that can touch; the mean field where they are too many.
@@ -18,8 +19,8 @@ def press_for_depth(caps: CapTable, side_m: tuple[float, float], settings: Setti
     ----------
     caps : CapTable
         Caps of one face, at least one of them usable.
-    side_m : (float, float)
-        Sides (ly, lx) of the face.
+    surface : HeightMap
+        The face.
     settings : Settings
         `material` and `contact`.
 
@@ -30,7 +31,7 @@ def press_for_depth(caps: CapTable, side_m: tuple[float, float], settings: Setti
     """
     material, preload_N = settings.material, settings.contact.preload_N
     E_star_Pa = composite(material.youngs_modulus_Pa, material.poisson_ratio).E_star_Pa
-    reach = reachable(caps, side_m, E_star_Pa, preload_N, yield_law(material))
+    reach = reachable(caps, surface, E_star_Pa, preload_N, yield_law(material))
     load_N, radius_m = np.where(caps.usable, 0.0, np.nan), caps.radius_m.copy()
     load_N[reach.use] = reach.curve.asperity_loads_N(reach.curve.approach_m(preload_N))
     radius_m[reach.use] = reach.curve.radius_m

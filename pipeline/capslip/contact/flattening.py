@@ -7,7 +7,7 @@ from typing import Any, cast
 import numpy as np
 
 from capslip.caps.families import Families, Family
-from capslip.contact.bulk import bulk_compliance_m_per_N, without_bulk
+from capslip.contact.bulk import bulk_of_face_m_per_N, without_bulk
 from capslip.contact.curve import NormalCurve
 from capslip.contact.levelling import turned
 from capslip.contact.rung import Rung, Scene
@@ -87,7 +87,7 @@ def loaded_first(
         curve = replace(curve, depth_m=curve.depth_m + _top_m(model, scene) - _top_m(model, after))
     if bulk or not model.holds_bulk:
         return cast(NormalCurve, curve)
-    bulk_m_per_N = bulk_compliance_m_per_N(scene.surface.side_m, scene.E_star_Pa)
+    bulk_m_per_N = bulk_of_face_m_per_N(scene.surface, scene.E_star_Pa)
     curve, is_left = without_bulk(curve, bulk_m_per_N, load_N)
     if is_left:
         raise ContactError(

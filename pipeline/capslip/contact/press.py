@@ -9,7 +9,7 @@ import numpy as np
 from capslip.caps.families import Families
 from capslip.caps.table import CapTable
 from capslip.contact.accuracy import MovedCaps
-from capslip.contact.bulk import bulk_compliance_m_per_N, without_bulk
+from capslip.contact.bulk import bulk_of_face_m_per_N, without_bulk
 from capslip.contact.choice import choose_model
 from capslip.contact.curve import NormalCurve
 from capslip.contact.flattening import flattened, loaded_first
@@ -140,7 +140,7 @@ def press(
     approach_m = float(normal.approach_m(preload_N))
     curve, bulk_m, bulk = normal, 0.0, settings.contact.bulk
     if model.holds_bulk:
-        bulk_m_per_N = bulk_compliance_m_per_N(surface.side_m, joint.E_star_Pa)
+        bulk_m_per_N = bulk_of_face_m_per_N(surface, joint.E_star_Pa)
         bulk_m = bulk_m_per_N * preload_N
         if not bulk:
             curve, bulk = without_bulk(normal, bulk_m_per_N, preload_N)

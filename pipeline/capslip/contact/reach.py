@@ -5,10 +5,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from capslip.caps.table import CapTable
+from capslip.contact.bulk import bulk_of_face_m_per_N
 from capslip.contact.models.interacting import InteractingCurve, interacting
 from capslip.contact.models.mean_field import mean_field
 from capslip.contact.solvers.hertz import HertzCurve
 from capslip.contact.solvers.yielding import YieldLaw, first_loading
+from capslip.surface.heightmap import HeightMap
 
 MAX_INTERACTING = 2000  # caps; the dense matrix of pairs then takes 32 MB
 REACH_MARGIN = 0.25  # of the approach: caps a little deeper are kept too
@@ -34,7 +36,7 @@ class Reach:
 
 def reachable(
     caps: CapTable,
-    side_m: tuple[float, float],
+    surface: HeightMap,
     E_star_Pa: float,
     preload_N: float,
     law: YieldLaw | None = None,
@@ -48,8 +50,8 @@ def reachable(
     ----------
     caps : CapTable
         Caps of the face, at least one of them usable.
-    side_m : (float, float)
-        Sides (ly, lx) of the face.
+    surface : HeightMap
+        The face.
     E_star_Pa, preload_N : float
         Composite modulus; load of the joint.
     law : YieldLaw, optional
@@ -66,7 +68,8 @@ def reachable(
     if law is not None:
         after = first_loading(law, *spheres, E_star_Pa, preload_N)
         spheres = after.radius_m, after.depth_m
-    mean = mean_field(*spheres, E_star_Pa, side_m, preload_N)
+    bulk_m_per_N = bulk_of_face_m_per_N(surface, E_star_Pa)
+    mean = mean_field(*spheres, E_star_Pa, bulk_m_per_N, preload_N)
     approach_m, reach_m = float(mean.approach_m(preload_N)), 0.0
     near, pairs = caps.usable, None
     while approach_m > reach_m:

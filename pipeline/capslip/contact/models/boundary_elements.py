@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from capslip.contact.bulk import bulk_compliance_m_per_N
+from capslip.contact.bulk import bulk_of_face_m_per_N
 from capslip.contact.rung import Contacts, Rung, Scene
 from capslip.contact.solvers.detail import FirstLoading, effect_of_detail
 from capslip.contact.solvers.polonsky_keer import (
@@ -454,12 +454,11 @@ def _error(
         )
         effect = Effect(None, between, between)
         found.append(Problem("loss_between_loads", "warning", message, effect))
-    (ny, nx), (dy_m, dx_m) = face.shape, face.pixel_size_m
     effect = effect_of_detail(
         first,
         unloading,
         curve.solutions.tolerance,
-        bulk_compliance_m_per_N((ny * dy_m, nx * dx_m), face.E_star_Pa),
+        bulk_of_face_m_per_N(face, face.E_star_Pa),
         resolved=unloading.smallest_drop_N < SMALL_SLIP * load_N
         and all(problem.code != "under_resolved" for problem in curve.problems(load_N)),
     )

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import ArrayLike
 
-from capslip.contact.bulk import bulk_compliance_m_per_N
+from capslip.contact.bulk import bulk_of_face_m_per_N
 from capslip.contact.models.caps import caps
 from capslip.contact.rung import Rung, Scene, contacts_of_caps
 from capslip.contact.solvers.hertz import HertzCurve
@@ -16,13 +16,13 @@ def mean_field(
     radius_m: ArrayLike,
     depth_m: ArrayLike,
     E_star_Pa: float,
-    side_m: tuple[float, float],
+    bulk_m_per_N: float,
     preload_N: float,
 ) -> HertzCurve:
     """Return the normal curve of caps on a face that sinks as if the load were spread evenly.
 
     d(N) = d_caps(N) + c N (1 - 1 / sqrt(n)) / (E* sqrt(A)): the mean sinking of the face (see
-    `bulk_compliance_m_per_N`) less the share of each contact in its own. The number n of caps in
+    `bulk_of_face_m_per_N`) less the share of each contact in its own. The number n of caps in
     contact is that under the preload, at every load, so that d(N) has no steps. The approach
     becomes that of interacting caps to about 3 %, the stiffness to 20 %; the energy at given force
     stays that of `caps`.
@@ -31,8 +31,8 @@ def mean_field(
     ----------
     radius_m, depth_m, E_star_Pa
         As for `caps`.
-    side_m : (float, float)
-        Sides of the face.
+    bulk_m_per_N : float
+        Of the face, see `bulk_of_face_m_per_N`.
     preload_N : float
         Load at which the caps in contact are counted.
     """
@@ -41,13 +41,14 @@ def mean_field(
     curve = caps(radius_m, depth_m, E_star_Pa)
     in_contact = np.count_nonzero(curve.asperity_loads_N(curve.approach_m(preload_N)), axis=-1)
     share = 1 - 1 / np.sqrt(in_contact)
-    sinking = share * bulk_compliance_m_per_N(side_m, E_star_Pa)
+    sinking = share * bulk_m_per_N
     return replace(curve, model="mean_field", compliance_m_per_N=sinking)
 
 
 def _build(scene: Scene) -> HertzCurve:
-    face = scene.surface.side_m, scene.preload_N
-    return mean_field(scene.radius_m, scene.depth_m, scene.E_star_Pa, *face)
+    bulk_m_per_N = bulk_of_face_m_per_N(scene.surface, scene.E_star_Pa)
+    spheres = scene.radius_m, scene.depth_m
+    return mean_field(*spheres, scene.E_star_Pa, bulk_m_per_N, scene.preload_N)
 
 
 RUNG = Rung(

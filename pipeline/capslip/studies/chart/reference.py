@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from capslip.contact.bulk import bulk_compliance_m_per_N, without_bulk
+from capslip.contact.bulk import bulk_of_face_m_per_N, without_bulk
 from capslip.contact.material import composite
 from capslip.contact.models.boundary_elements import BoundaryElementCurve, boundary_elements
 from capslip.contact.rung import load_point_m, turning_stiffness
@@ -83,7 +83,7 @@ def reference(face: HeightMap, settings: Settings, *, with_peak: bool = True) ->
     curve = _curve(face, joint.E_star_Pa, settings)
     loaded, unloading = curve.pressed(preload_N), curve.unloading(preload_N)
     slip = slip_curve(curve, preload_N, mu, kappa)
-    bulk_m_per_N = bulk_compliance_m_per_N(face.side_m, joint.E_star_Pa)
+    bulk_m_per_N = bulk_of_face_m_per_N(face, joint.E_star_Pa)
     numbers: dict[str, float | None] = {
         "approach": loaded.approach_m,
         "approach_without_bulk": loaded.approach_m - bulk_m_per_N * preload_N,

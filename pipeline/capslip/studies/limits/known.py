@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from capslip.caps.table import CapTable
-from capslip.contact.bulk import bulk_compliance_m_per_N, without_bulk
+from capslip.contact.bulk import bulk_of_face_m_per_N, without_bulk
 from capslip.contact.levelling import rebalanced, turned
 from capslip.contact.material import composite, yield_law
 from capslip.contact.models.interacting import InteractingCurve, interacting
@@ -103,7 +103,7 @@ def _known_of_caps(
     load_N = curve.asperity_loads_N(approach_m)
     a_m = contact_radius_m(load_N, curve.radius_m, curve.E_star_Pa)
     touching = load_N > 0.0
-    bulk_m_per_N = bulk_compliance_m_per_N(face.side_m, curve.E_star_Pa)
+    bulk_m_per_N = bulk_of_face_m_per_N(face, curve.E_star_Pa)
     # Far below total slip the cube law holds: an answer that does not hang on small differences.
     shares = np.array(case.shares)
     solved = np.maximum(shares, CUBIC_BELOW)
@@ -148,7 +148,7 @@ def slip_of_true_caps(
         return None
     if settings.contact.alignment == "balanced" and floor_m > peak_m.max() - approach_m:
         return None
-    bulk_m_per_N = bulk_compliance_m_per_N(face.side_m, joint.E_star_Pa)
+    bulk_m_per_N = bulk_of_face_m_per_N(face, joint.E_star_Pa)
     rest, _ = without_bulk(curve, bulk_m_per_N, preload_N)
     return curve, slip_curve(rest, preload_N, material.friction_coefficient, joint.kappa)
 
