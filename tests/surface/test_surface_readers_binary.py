@@ -184,7 +184,7 @@ def test_mat_that_asks_for_too_much_is_refused(tmp_path):
 def test_float_tiff(tmp_path, dtype, options):
     heights = MAP.astype(dtype)
     tifffile.imwrite(tmp_path / "t.tif", heights, **options)
-    np.testing.assert_allclose(loaded(tmp_path / "t.tif"), heights, rtol=1e-15)
+    np.testing.assert_allclose(loaded(tmp_path / "t.tif")[::-1], heights, rtol=1e-15)
     with pytest.raises(UncalibratedError, match="--pixel-size"):
         load_surface(tmp_path / "t.tif", unit="um")
 
@@ -194,7 +194,7 @@ def test_no_data_value_of_tiff(tmp_path):
     heights[1, 2] = -9999
     tifffile.imwrite(tmp_path / "t.tif", heights, extratags=[(42113, "s", 0, "-9999", True)])
     surface = load_surface(tmp_path / "t.tif", **CALIBRATION)
-    assert np.argwhere(~surface.measured).tolist() == [[1, 2]]
+    assert np.argwhere(~surface.measured[::-1]).tolist() == [[1, 2]]
     assert "1 points with the file's no-data value -9999" in surface.origin.notes[0]
 
 

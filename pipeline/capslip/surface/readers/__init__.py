@@ -6,7 +6,7 @@ from pathlib import Path
 from capslip.errors import SettingsError, UnreadableFileError
 from capslip.surface.heightmap import HeightMap, Origin
 from capslip.surface.readers import gwyddion, hdf5, mat, npy, sdf, text, tiff, vendor, x3p, xyz
-from capslip.surface.readers.stored import Format, Request, calibrate, read_head
+from capslip.surface.readers.stored import Calibration, Format, Request, calibrate, read_head
 
 FORMATS: tuple[Format, ...] = (  # asked in this order
     hdf5.FORMAT,
@@ -30,6 +30,9 @@ def load_surface(
     lateral_unit: str | None = None,
     pixel_size: tuple[float, float] | None = None,
     dataset: str | None = None,
+    scale: float | None = None,
+    top_row_first: bool | None = None,
+    invert: bool = False,
     lenient: bool = False,
 ) -> HeightMap:
     """Read a scan file as a height map in metres.
@@ -51,6 +54,13 @@ def load_surface(
     dataset : str, optional
         Name of the dataset (HDF5), array (NPZ), variable (MAT) or channel (vendor formats) that
         holds the heights.
+    scale : float, optional
+        Heights in `unit` a stored number, of a map whose file says no unit.
+    top_row_first : bool, optional
+        Whether y falls with the row, as in a picture; for formats that leave it open (HDF5, NPY,
+        MAT, text matrices), whose first row otherwise has the least y.
+    invert : bool, optional
+        The numbers grow into the material (gaps, depths): turn their sign.
     lenient : bool, optional
         Accept an X3P archive with its files in a subfolder, with entries that an archiver added,
         or with a wrong checksum. Each leniency used is said in `origin.notes`.
@@ -58,8 +68,8 @@ def load_surface(
     Returns
     -------
     HeightMap
-        float64, shape (ny, nx), NaN at non-measured points. `origin.notes` says what the reader
-        did beyond reading.
+        float64, shape (ny, nx), NaN at non-measured points; y grows with the row in every format.
+        `origin.notes` says what the reader did beyond reading.
 
     Raises
     ------
@@ -84,7 +94,8 @@ def load_surface(
     origin = Origin(
         name=path.stem, path=str(path), sha256=sha256_of(path), file_format=file_format.name
     )
-    return calibrate(stored, origin, unit, lateral_unit, pixel_size)
+    given = Calibration(unit, lateral_unit, pixel_size, scale, top_row_first, invert)
+    return calibrate(stored, origin, given)
 
 
 def _head(path: Path) -> bytes:

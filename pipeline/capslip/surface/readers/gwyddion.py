@@ -51,7 +51,12 @@ def _read(path: Path, request: Request) -> Stored:
                 f"{path}: width in {unit}, height in {unit_y}; expected one unit; export it again"
             )
         return Stored(
-            values, fields.get("value units"), (height / ny, width / nx), unit, notes=notes
+            values,
+            fields.get("value units"),
+            (height / ny, width / nx),
+            unit,
+            notes=notes,
+            top_row_first=True,
         )
     if (ny, nx) != expected:
         raise UnreadableFileError(
@@ -65,7 +70,7 @@ def _read(path: Path, request: Request) -> Stored:
         values *= _positive(fields[factor_name], factor_name, path)
         match = FACTOR.match(factor_name)
         unit = match.group(1) if match else None
-    return Stored(values, unit, (size, size), lateral_unit, notes=notes)
+    return Stored(values, unit, (size, size), lateral_unit, notes=notes, top_row_first=True)
 
 
 def _fields(line: str, sign: str) -> dict[str, str]:

@@ -21,6 +21,7 @@ from capslip.units import METRES, SPELLINGS
 
 MAGICS = (b"II*\0", b"MM\0*", b"II+\0", b"MM\0+")
 GDAL_NODATA = 42113
+ORIENTATION, TOP_LEFT, BOTTOM_LEFT = 274, 1, 4
 
 
 def _recognises(head: bytes, path: Path) -> bool:
@@ -71,7 +72,21 @@ def _stored(file: Any, path: Path) -> Stored:
     heights = np.array(page.asarray(), dtype=np.float64)
     notes = _mask_no_data(heights, page, path)
     pixel_size, unit = _imagej_pixel_size(file, page)
-    return Stored(heights, None, pixel_size, unit, notes)
+    return Stored(
+        heights, None, pixel_size, unit, notes, top_row_first=_is_top_row_first(page, path)
+    )
+
+
+def _is_top_row_first(page: Any, path: Path) -> bool:
+    """Judge by the tag Orientation (TIFF 6.0, section 8); without it the first row is the top."""
+    tag = page.tags.get(ORIENTATION)
+    place = 1 if tag is None else int(tag.value)
+    if place not in (TOP_LEFT, BOTTOM_LEFT):
+        raise UnreadableFileError(
+            f"{path}: tag Orientation is {place}; expected {TOP_LEFT} or {BOTTOM_LEFT}, the first "
+            "column on the left; export it without mirroring or turning"
+        )
+    return place == TOP_LEFT
 
 
 def _mask_no_data(heights: np.ndarray, page: Any, path: Path) -> tuple[str, ...]:

@@ -85,6 +85,7 @@ def _stored(reader: Any, path: Path, dataset: str | None) -> Stored:
         unit=unit,
         pixel_size=None if size is None else (size[1] / ny, size[0] / nx),
         lateral_unit=None if size is None else unit,
+        top_row_first=True,  # the library turns every map as it is drawn, from the top down
     )
 
 

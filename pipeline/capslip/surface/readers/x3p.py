@@ -169,6 +169,7 @@ def _stored(path: Path, notes: tuple[str, ...], verify: bool) -> Stored:
         pixel_size=(header.y.increment, header.x.increment),
         lateral_unit="m",
         notes=notes,
+        top_row_first=False,
     )
 
 

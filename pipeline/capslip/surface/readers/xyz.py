@@ -28,7 +28,8 @@ def _read(path: Path, request: Request) -> Stored:
         )
     unit, lateral_unit = _units(table.comments, path)
     grid = grid_points(table.values, str(path), request.pixel_size_in(lateral_unit))
-    return Stored(grid.height, unit, grid.pixel_size, lateral_unit, table.notes + grid.notes)
+    notes = table.notes + grid.notes
+    return Stored(grid.height, unit, grid.pixel_size, lateral_unit, notes, top_row_first=False)
 
 
 def _units(comments: tuple[str, ...], path: Path) -> tuple[str | None, str | None]:
