@@ -5,7 +5,7 @@ from pathlib import Path
 
 from capslip.errors import SettingsError, UnreadableFileError
 from capslip.surface.heightmap import HeightMap, Origin
-from capslip.surface.readers import gwyddion, hdf5, mat, npy, sdf, text, tiff, vendor, x3p, xyz
+from capslip.surface.readers import gwy, gwyddion, hdf5, mat, npy, sdf, text, tiff, vendor, x3p, xyz
 from capslip.surface.readers.stored import Calibration, Format, Request, calibrate, read_head
 
 FORMATS: tuple[Format, ...] = (  # asked in this order
@@ -15,6 +15,7 @@ FORMATS: tuple[Format, ...] = (  # asked in this order
     sdf.FORMAT,
     mat.FORMAT,
     tiff.FORMAT,
+    gwy.FORMAT,
     gwyddion.FORMAT,
     xyz.FORMAT,
     text.FORMAT,

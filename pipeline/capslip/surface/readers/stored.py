@@ -324,6 +324,11 @@ def _word(text: str) -> str | None:
     return text if text in METRES else None
 
 
+def is_length(text: str) -> bool:
+    """Say whether a word is a unit of length that is known."""
+    return _word(text) is not None
+
+
 def _stored_word(text: str, what: str) -> str:
     word = _word(text)
     if word is None:

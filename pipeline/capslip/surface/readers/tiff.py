@@ -20,12 +20,37 @@ from capslip.surface.readers.stored import (
 from capslip.units import METRES, SPELLINGS
 
 MAGICS = (b"II*\0", b"MM\0*", b"II+\0", b"MM\0+")
+IMAGE_DESCRIPTION = 270
+# Private tags of makers, whose own readers take the file: Park Systems (magic), JPK (version of its
+# format, name of a channel), and a word in the description of Olympus LEXT
+PARK_MAGIC, JPK_TAGS, LEXT_WORD = 50432, (0x8000, 0x8050), "TiffTagDescData"
+MAX_PAGES = 64  # looked at for them
 GDAL_NODATA = 42113
 ORIENTATION, TOP_LEFT, BOTTOM_LEFT = 274, 1, 4
 
 
 def _recognises(head: bytes, path: Path) -> bool:
-    return head.startswith(MAGICS)
+    return head.startswith(MAGICS) and not _is_instruments_own(path)
+
+
+def _is_instruments_own(path: Path) -> bool:
+    """Say whether an instrument wrote the file: its heights are then no plain picture."""
+    import logging
+
+    import tifffile
+
+    logging.getLogger("tifffile").setLevel(logging.CRITICAL + 1)
+    try:
+        with tifffile.TiffFile(path) as file:
+            for page in list(file.pages)[:MAX_PAGES]:
+                tags = page.tags
+                if PARK_MAGIC in tags or any(tag in tags for tag in JPK_TAGS):
+                    return True
+                if LEXT_WORD in str(tags.valueof(IMAGE_DESCRIPTION, default="")):
+                    return True
+    except Exception:  # tifffile raises errors of every kind on damaged bytes
+        return False
+    return False
 
 
 def _read(path: Path, request: Request) -> Stored:
