@@ -17,7 +17,7 @@ shared = pytest.mark.skipif(not CHANNELS.is_dir(), reason="no folder shared/scan
 
 
 @pytest.fixture
-def _extra():
+def extra():
     pytest.importorskip("SurfaceTopography", reason="extra `vendor`", exc_type=ImportError)
 
 
@@ -43,7 +43,8 @@ OTHERS = (
 )
 
 
-def test_gwy_agrees_with_another_reader(tmp_path, _extra):
+@pytest.mark.usefixtures("extra")
+def test_gwy_agrees_with_another_reader(tmp_path):
     from SurfaceTopography import open_topography
 
     path = put(tmp_path / "a.gwy", OTHERS, titled(0, "Height"))
@@ -96,7 +97,7 @@ def test_maps_of_one_name_are_told_apart_and_the_choice_is_said(tmp_path):
     assert named.origin.notes == ()
     second = load_surface(path, dataset="Height#2")
     np.testing.assert_allclose(second.height_m, 2 * first.height_m, rtol=1e-15)
-    with pytest.raises(UnreadableFileError, match="2 channels 'Height'.*Height#1, Height#2"):
+    with pytest.raises(UnreadableFileError, match=r"2 channels 'Height'.*Height#1, Height#2"):
         load_surface(path, dataset="Height")
     with pytest.raises(UnreadableFileError, match="expected one of Amplitude, Height#1"):
         load_surface(path, dataset="Phase")
@@ -126,14 +127,16 @@ def test_a_byte_more_or_less_is_no_gwy_file(tmp_path, at, change):
 
 
 @shared
+@pytest.mark.usefixtures("extra")
 @pytest.mark.scans
-def test_an_instruments_tiff_reaches_its_reader(_extra):
+def test_an_instruments_tiff_reaches_its_reader():
     surface = load_surface(CHANNELS / "example_ps.tiff")
     assert surface.origin.file_format == "vendor"
     np.testing.assert_allclose(surface.side_m, (1e-6, 1e-6), rtol=1e-9)
 
 
 @shared
+@pytest.mark.usefixtures("extra")
 @pytest.mark.scans
 @pytest.mark.parametrize(
     ("name", "dataset", "words"),
@@ -145,19 +148,20 @@ def test_an_instruments_tiff_reaches_its_reader(_extra):
         ("spot_1-1000nm.ibw", "Height", "no channel 'Height'.*HeightTrace"),
     ],
 )
-def test_what_is_no_height_is_refused_in_one_line(name, dataset, words, _extra):
+def test_what_is_no_height_is_refused_in_one_line(name, dataset, words):
     with pytest.raises(CapslipError, match=words) as caught:
         load_surface(CHANNELS / name, dataset=dataset)
     assert "\n" not in str(caught.value)
 
 
 @shared
+@pytest.mark.usefixtures("extra")
 @pytest.mark.scans
 @pytest.mark.parametrize(
     ("name", "first", "other"),
     [("di-1.di", "Height#1", "Height#2"), ("spot_1-1000nm.ibw", "HeightTrace", "HeightRetrace")],
 )
-def test_the_default_channel_has_a_name_and_is_said(name, first, other, _extra):
+def test_the_default_channel_has_a_name_and_is_said(name, first, other):
     surface = load_surface(CHANNELS / name)
     assert surface.origin.dataset == first
     assert f"{first!r} of the file was read, not {other}" in surface.origin.notes[0]

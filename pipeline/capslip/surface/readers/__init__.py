@@ -1,12 +1,36 @@
 """Readers of scan files: one file a format, and the registry that chooses between them."""
 
 import hashlib
+import re
+from dataclasses import replace
 from pathlib import Path
 
-from capslip.errors import SettingsError, UnreadableFileError
+from capslip.errors import CapslipError, SettingsError, UnreadableFileError
 from capslip.surface.heightmap import HeightMap, Origin
-from capslip.surface.readers import gwy, gwyddion, hdf5, mat, npy, sdf, text, tiff, vendor, x3p, xyz
-from capslip.surface.readers.stored import Calibration, Format, Request, calibrate, read_head
+from capslip.surface.readers import (
+    gwy,
+    gwyddion,
+    hdf5,
+    mat,
+    npy,
+    packed,
+    sdf,
+    text,
+    tiff,
+    vendor,
+    x3p,
+    xyz,
+)
+from capslip.surface.readers.choice import printable
+from capslip.surface.readers.marks import without_marks
+from capslip.surface.readers.stored import (
+    Calibration,
+    Format,
+    Request,
+    Stored,
+    calibrate,
+    read_head,
+)
 
 FORMATS: tuple[Format, ...] = (  # asked in this order
     hdf5.FORMAT,
@@ -22,6 +46,7 @@ FORMATS: tuple[Format, ...] = (  # asked in this order
     vendor.FORMAT,
 )
 HEAD_BYTES = 512
+GAPS = re.compile(r"gap|depth", re.IGNORECASE)
 
 
 def load_surface(
@@ -84,19 +109,55 @@ def load_surface(
         If a unit, pixel size or dataset that is given makes no sense.
     """
     path = Path(path)
-    head = _head(path)
-    file_format = next(f for f in FORMATS if f.recognises(head, path))
-    if dataset is not None and not file_format.named:
-        raise SettingsError(
-            f"{path}: --dataset {dataset} given, but a file of the format {file_format.name} "
-            "holds one height map; leave it out"
-        )
-    stored = file_format.read(path, Request(dataset, pixel_size, lateral_unit, lenient))
-    origin = Origin(
-        name=path.stem, path=str(path), sha256=sha256_of(path), file_format=file_format.name
-    )
+    request = Request(dataset, pixel_size, lateral_unit, lenient)
     given = Calibration(unit, lateral_unit, pixel_size, scale, top_row_first, invert)
-    return calibrate(stored, origin, given)
+    try:
+        if _head(path).startswith(packed.MAGIC):
+            with packed.unpacked(path) as copy:
+                return _of_copy(path, copy, request, given)
+        return _loaded(path, path, request, given)
+    except CapslipError as error:
+        if str(error).isprintable():
+            raise
+        raise type(error)(printable(str(error))) from error
+
+
+def _of_copy(path: Path, copy: Path, request: Request, given: Calibration) -> HeightMap:
+    try:
+        return _loaded(path, copy, request, given)
+    except CapslipError as error:
+        raise type(error)(str(error).replace(str(copy), str(path))) from error
+
+
+def _loaded(path: Path, copy: Path, request: Request, given: Calibration) -> HeightMap:
+    """Read a scan from where it lies, or from an unpacked copy."""
+    head = _head(copy)
+    file_format = next(f for f in FORMATS if f.recognises(head, copy))
+    if request.dataset is not None and not file_format.named:
+        raise SettingsError(
+            f"{path}: --dataset {request.dataset} given, but a file of the format "
+            f"{file_format.name} holds one height map; leave it out"
+        )
+    stored = file_format.read(copy, request)
+    height, marks = without_marks(stored.height)
+    notes = (*stored.notes, *marks, *_gaps(stored, given))
+    origin = Origin(
+        name=printable(copy.stem),
+        path=str(path),
+        sha256=sha256_of(path),
+        file_format=file_format.name,
+    )
+    return calibrate(replace(stored, height=height, notes=notes), origin, given)
+
+
+def _gaps(stored: Stored, given: Calibration) -> tuple[str, ...]:
+    """Say that a map sounds like one of gaps, which grow into the material."""
+    if given.invert or not GAPS.search(stored.dataset or ""):
+        return ()
+    return (
+        f"{stored.dataset!r} sounds like gaps or depths, not heights, which grow out of the "
+        "material; reading.invert = true turns them",
+    )
 
 
 def _head(path: Path) -> bytes:

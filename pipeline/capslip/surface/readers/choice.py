@@ -1,4 +1,4 @@
-"""Which of several maps in a file is read, and what is said of the choice."""
+"""Which of several maps in a file is read, and how names of theirs are said."""
 
 from pathlib import Path
 
@@ -61,9 +61,7 @@ def choose(dataset: str | None, names: list[str], heights: list[int], path: Path
     )
 
 
-def note_of_choice(
-    dataset: str | None, names: list[str], heights: list[int]
-) -> tuple[str, ...]:
+def note_of_choice(dataset: str | None, names: list[str], heights: list[int]) -> tuple[str, ...]:
     """Say which map was read where nobody chose between several that hold heights."""
     if dataset is not None or len(heights) < 2:
         return ()
@@ -84,3 +82,16 @@ def shown(names: list[str]) -> str:
     """
     more = f" and {len(names) - SHOWN} more" if len(names) > SHOWN else ""
     return (", ".join(names[:SHOWN]) or "none") + more
+
+
+def printable(text: str) -> str:
+    r"""Escape what would move the cursor, end the line or hide letters in a terminal.
+
+    Examples
+    --------
+    >>> printable("scan \x1b[2Jone\n µm")
+    'scan \\x1b[2Jone\\n µm'
+    """
+    return "".join(
+        c if c.isprintable() else c.encode("unicode_escape").decode("ascii") for c in text
+    )

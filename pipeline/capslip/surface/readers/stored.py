@@ -12,6 +12,7 @@ import numpy as np
 
 from capslip.errors import SettingsError, UncalibratedError, UnreadableFileError
 from capslip.surface.heightmap import HeightMap, Origin
+from capslip.surface.readers.choice import printable
 from capslip.units import METRES, SPELLINGS
 
 MAX_POINTS = 2**28  # 2 GiB of float64
@@ -219,8 +220,8 @@ def calibrate(stored: Stored, origin: Origin, given: Calibration) -> HeightMap:
         origin,
         height_unit=height_unit,
         lateral_unit=pixel_unit,
-        dataset=stored.dataset,
-        notes=stored.notes,
+        dataset=None if stored.dataset is None else printable(stored.dataset),
+        notes=tuple(map(printable, stored.notes)),
     )
     return HeightMap(height_m, pixel_size_m, origin)
 

@@ -3,6 +3,7 @@
 The resolution tags of other programs tell the size of a print, so they are left alone.
 """
 
+from itertools import islice
 from pathlib import Path
 from typing import Any
 
@@ -42,8 +43,8 @@ def _is_instruments_own(path: Path) -> bool:
     logging.getLogger("tifffile").setLevel(logging.CRITICAL + 1)
     try:
         with tifffile.TiffFile(path) as file:
-            for page in list(file.pages)[:MAX_PAGES]:
-                tags = page.tags
+            pages: list[Any] = list(islice(file.pages, MAX_PAGES))
+            for tags in (page.tags for page in pages):
                 if PARK_MAGIC in tags or any(tag in tags for tag in JPK_TAGS):
                     return True
                 if LEXT_WORD in str(tags.valueof(IMAGE_DESCRIPTION, default="")):
