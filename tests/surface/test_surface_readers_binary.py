@@ -1,7 +1,9 @@
 """Readers of binary formats: NPZ, SDF, MAT, TIFF and odd X3P archives."""
 
 import io
+import re
 import struct
+import time
 import zipfile
 
 import h5py
@@ -285,6 +287,43 @@ def entities(name, content):
 
 def huge(name, content):
     return content.replace(b"<SizeX>9<", b"<SizeX>1000000000000<") if "xml" in name else content
+
+
+def without_increment(axis, data_type="D"):
+    def change(name, content):
+        if name != "main.xml":
+            return b"no digest" if name.startswith("md5") else content
+        before, tag, after = content.decode().partition(f"<{axis}>")
+        after = re.sub("<Increment>.*?</Increment>", "", after, count=1)
+        after = after.replace("<DataType>D<", f"<DataType>{data_type}<", 1)
+        return (before + tag + after).encode()
+
+    return change
+
+
+@pytest.mark.parametrize("lenient", [False, True])
+@pytest.mark.parametrize(("axis", "data_type"), [("CX", "D"), ("CY", "D"), ("CZ", "I")])
+def test_an_axis_without_a_step_is_no_metre(tmp_path, axis, data_type, lenient):
+    path = x3p(tmp_path / "a.x3p", change=without_increment(axis, data_type))
+    with pytest.raises(UnreadableFileError, match=f"no Increment of the axis {axis}"):
+        load_surface(path, lenient=lenient)
+
+
+def test_heights_in_metres_need_no_step(tmp_path):
+    surface = load_surface(x3p(tmp_path / "a.x3p", change=without_increment("CZ")), lenient=True)
+    np.testing.assert_array_equal(surface.height_m, MAP)
+
+
+def test_tags_that_no_map_needs_are_not_parsed(tmp_path):
+    def change(name, content):
+        tags = b"</Record1>" + 1_000_000 * b"<a/>"
+        return content.replace(b"</Record1>", tags) if name == "main.xml" else content
+
+    path = x3p(tmp_path / "a.x3p", change=change)
+    started = time.process_time()
+    with pytest.raises(UnreadableFileError, match="XML tags; expected at most 4126 for 9 x 7"):
+        load_surface(path, lenient=True)
+    assert time.process_time() - started < 1.0
 
 
 @pytest.mark.parametrize("lenient", [False, True])

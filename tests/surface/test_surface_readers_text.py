@@ -3,6 +3,7 @@
 import subprocess
 import sys
 import time
+import tracemalloc
 
 import numpy as np
 import pytest
@@ -361,3 +362,16 @@ def test_refusing_is_quick(tmp_path):
     with pytest.raises(UnreadableFileError, match="line 1000001, column 3: 'Bad'"):
         load_surface(put(tmp_path / "p.xyz", text), **LENGTHS)
     assert time.process_time() - started < 1.0
+
+
+@pytest.mark.parametrize("line", ["1.5,", ",", "1", "a,"])
+def test_a_line_without_end_is_refused_before_memory_is_taken(tmp_path, line):
+    path = put(tmp_path / "a.csv", "1,2,3\n" + line * (10_000_000 // len(line)) + "\n")
+    tracemalloc.start()
+    with pytest.raises(
+        UnreadableFileError, match=r"line [12] has \d+ bytes; expected at most"
+    ):
+        load_surface(path, unit="um", pixel_size=(1, 1), lateral_unit="um")
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert peak < 8 * 10_000_000

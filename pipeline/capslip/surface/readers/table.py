@@ -13,6 +13,7 @@ from capslip.surface.readers.stored import check_shape, read_head
 COMMENT = (b"#", b"%")
 LOOK_BYTES = 2**16  # enough for the comments and the first numbers
 MAX_BYTES = 2**30
+MAX_LINE_BYTES = 2**21  # 80,000 numbers of 25 letters: more is no row of a map
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,6 +80,7 @@ def parse_rows(
 ) -> tuple[np.ndarray, tuple[str, ...]]:
     """Turn lines into rows of numbers, with notes; errors as for `read_table`."""
     notes = []
+    _check_lines(body, where, lines_before)
     if not body.endswith(b"\n"):
         notes.append("the last line has no end: the text may be truncated")
     body = body.rstrip() + b"\n"
@@ -165,6 +167,20 @@ def _plain_lines(content: bytes) -> bytes:
     if b"\r" in content:
         content = content.replace(b"\r\n", b"\n").replace(b"\r", b"\n")
     return content
+
+
+def _check_lines(body: bytes, where: str, lines_before: int) -> None:
+    """Refuse, before memory is taken, a line that is longer than any row of a map."""
+    if len(body) <= MAX_LINE_BYTES:
+        return
+    ends = np.flatnonzero(np.frombuffer(body, np.uint8) == ord("\n"))
+    sizes = np.diff(ends, prepend=-1, append=len(body)) - 1
+    longest = int(np.argmax(sizes))
+    if sizes[longest] > MAX_LINE_BYTES:
+        raise UnreadableFileError(
+            f"{where}: line {lines_before + longest + 1} has {int(sizes[longest])} bytes; expected "
+            f"at most {MAX_LINE_BYTES}, a row of a map; write one row a line"
+        )
 
 
 def _line_at(content: bytes, start: int) -> bytes:
