@@ -368,9 +368,7 @@ def test_refusing_is_quick(tmp_path):
 def test_a_line_without_end_is_refused_before_memory_is_taken(tmp_path, line):
     path = put(tmp_path / "a.csv", "1,2,3\n" + line * (10_000_000 // len(line)) + "\n")
     tracemalloc.start()
-    with pytest.raises(
-        UnreadableFileError, match=r"line [12] has \d+ bytes; expected at most"
-    ):
+    with pytest.raises(UnreadableFileError, match=r"line [12] has \d+ bytes; expected at most"):
         load_surface(path, unit="um", pixel_size=(1, 1), lateral_unit="um")
     peak = tracemalloc.get_traced_memory()[1]
     tracemalloc.stop()

@@ -2,6 +2,7 @@
 
 import logging
 import warnings
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -9,6 +10,7 @@ import numpy as np
 
 from capslip.errors import CapslipError, UncalibratedError, UnreadableFileError
 from capslip.surface.readers.choice import choose, note_of_choice, unique_names
+from capslip.surface.readers.lengths import check_length
 from capslip.surface.readers.stored import Format, Request, Stored, check_shape, is_length
 
 REFUSED = {
@@ -16,7 +18,7 @@ REFUSED = {
 }
 # hgt has no header: every file of a fitting size passes for it. The others are built in: what
 # their own readers did not recognise is damaged, and the library would read it less strictly.
-NO_FORMAT = ("hgt", "asc", "gwy", "h5", "mat", "npy", "npz", "sdf", "x3p", "xyz")
+NO_FORMAT = ("hgt", "asc", "gwy", "h5", "mat", "npy", "npz", "sdf", "sur", "x3p", "xyz")
 
 
 def _recognises(head: bytes, path: Path) -> bool:
@@ -38,9 +40,11 @@ def _read(path: Path, request: Request) -> Stored:
                 "optional library; install capslip[vendor], or convert the file to X3P, SDF, XYZ "
                 "or HDF5"
             ) from error
+        lengths = check_length(path, request.lenient)
         try:
             with open_topography(str(path)) as reader:
-                return _stored(reader, path, request.dataset)
+                stored = _stored(reader, path, request.dataset)
+            return replace(stored, notes=lengths + stored.notes)
         except CapslipError:
             raise
         except CannotDetectFileFormat as error:
@@ -135,7 +139,6 @@ FORMAT = Format(
         ".ibw",
         ".jpk",
         ".spm",
-        ".sur",
         ".tmd",
         ".vk4",
         ".zon",
