@@ -20,8 +20,6 @@ Z_UM = np.kron(LETTER, np.ones((2, 3))) + np.arange(150).reshape(10, 15) / 1024
 
 
 def written(path, z_um=Z_UM):
-    if path.suffix in (".gwy", ".sur"):
-        pytest.importorskip("SurfaceTopography", reason="extra `vendor`", exc_type=ImportError)
     write, given = writers()[path.name]
     write(path, z_um)
     return load_surface(path, **given)

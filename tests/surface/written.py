@@ -36,6 +36,13 @@ def writers() -> dict[str, tuple[Callable[[Path, np.ndarray], Any], dict[str, An
         "sized.txt": (_gwyddion_sized, {}),
         "commented.txt": (_gwyddion_commented, {}),
         "a.xyz": (_xyz, {**heights, "lateral_unit": "um"}),
+        "a.asc": (_esri, {**heights, "lateral_unit": "um"}),
+        "a.grd": (_surfer, {**heights, "lateral_unit": "um"}),
+        "a.ply": (_ply, {**heights, "lateral_unit": "um"}),
+        "up.sxm": (lambda path, z: _sxm(path, z, "up"), {}),
+        "down.sxm": (lambda path, z: _sxm(path, z[::-1], "down"), {}),
+        "zygo.txt": (_zygo, {}),
+        "keyence.csv": (_keyence, {}),
         "a.gwy": (_gwy, {}),
         "a.sur": (_sur, {}),
     }
@@ -85,20 +92,73 @@ def _sdf_text(path: Path, z: np.ndarray) -> None:
         f"Yscale = {1e-6 * DY_UM}\nZscale = 1e-6\nZresolution = 0\nCompression = 0\n"
         "DataType = 7\nCheckType = 0\n"
     )
-    path.write_text(f"aISO-1.0\nManufacID = capslip\n{fields}*\n{_rows(z)}*\n")
+    path.write_text(f"aISO-1.0\nManufacID = capslip\n{fields}*\n{rows_of(z)}*\n")
 
 
 def _gwyddion_sized(path: Path, z: np.ndarray) -> None:
     # This header knows one pixel size, so rows are doubled to keep the face.
     z = np.repeat(z[::-1], int(DY_UM / DX_UM), axis=0)
     head = f"h={len(z)} w={z.shape[1]}\npixel size={DX_UM} um\ndata unit=um\n"
-    path.write_text(head + _rows(z))
+    path.write_text(head + rows_of(z))
 
 
 def _gwyddion_commented(path: Path, z: np.ndarray) -> None:
     height, width = z.shape[0] * DY_UM, z.shape[1] * DX_UM
     head = f"# Channel: z\n# Width: {width} µm\n# Height: {height} µm\n# Value units: µm\n"
-    path.write_text(head + _rows(z[::-1]), encoding="utf-8")
+    path.write_text(head + rows_of(z[::-1]), encoding="utf-8")
+
+
+def _esri(path: Path, z: np.ndarray) -> None:
+    head = f"ncols {z.shape[1]}\nnrows {z.shape[0]}\ndx {DX_UM}\ndy {DY_UM}\n"
+    path.write_text(head + rows_of(z[::-1]))
+
+
+def _surfer(path: Path, z: np.ndarray) -> None:
+    x_end, y_end = DX_UM * (z.shape[1] - 1), DY_UM * (z.shape[0] - 1)
+    head = f"DSAA\n{z.shape[1]} {z.shape[0]}\n0 {x_end}\n0 {y_end}\n-9 9\n"
+    path.write_text(head + rows_of(z))
+
+
+def _ply(path: Path, z: np.ndarray) -> None:
+    y, x = np.indices(z.shape)
+    points = np.column_stack([DX_UM * x.ravel(), DY_UM * y.ravel(), z.ravel()])
+    names = "".join(f"property double {axis}\n" for axis in "xyz")
+    head = f"ply\nformat ascii 1.0\nelement vertex {z.size}\n{names}end_header\n"
+    path.write_text(head + rows_of(points))
+
+
+def _sxm(path: Path, z: np.ndarray, way: str) -> None:
+    ny, nx = z.shape
+    head = (
+        f":NANONIS_VERSION:\n2\n:SCAN_PIXELS:\n {nx} {ny}\n:SCAN_RANGE:\n"
+        f" {1e-6 * DX_UM * nx} {1e-6 * DY_UM * ny}\n:SCAN_DIR:\n{way}\n:DATA_INFO:\n"
+        "\tChannel\tName\tUnit\tDirection\n\t14\tZ\tm\tforward\n:SCANIT_END:\n\n\n"
+    )
+    path.write_bytes(head.encode() + b"\x1a\x04" + (1e-6 * z).astype(">f4").tobytes())
+
+
+def _zygo(path: Path, z: np.ndarray) -> None:
+    z = np.repeat(z[::-1], int(DY_UM / DX_UM), axis=0)
+    step_m = 2e-13  # half of a wavelength in 4096 parts
+    lines = [
+        *("Zygo ASCII Data File - Format 2", '1 8 1 5 "date"', "0 0 0 0 0 0"),
+        f"0 0 {z.shape[1]} {len(z)}",
+        *('"comment"', '"serial"', '"part"'),
+        f"0 0.5 {2 * 4096 * step_m} 0 1 0 {1e-6 * DX_UM} 0",
+        *('0 0 0 0 0 0 "lens"', "0 0 0 0 0 0 0 0 0 0", "0 0 0 0 0 0 0 0 0"),
+        *('0 ""', "1 0", '"zoom"', "#", "#"),
+    ]
+    phases = np.round(1e-6 * z / step_m).astype(int)
+    path.write_text("\n".join(lines) + "\n" + rows_of(phases) + "#\n")
+
+
+def _keyence(path: Path, z: np.ndarray) -> None:
+    z = np.repeat(z[::-1], int(DY_UM / DX_UM), axis=0)
+    head = (
+        f'"Horizontal","{z.shape[1]}"\n"Vertical","{len(z)}"\n'
+        f'"XY calibration","{1e3 * DX_UM}","nm/pixel"\n"Unit of height","um"\n\n'
+    )
+    path.write_bytes((head + rows_of(z, ",")).encode("utf-16"))
 
 
 def _xyz(path: Path, z: np.ndarray) -> None:
@@ -106,9 +166,10 @@ def _xyz(path: Path, z: np.ndarray) -> None:
     np.savetxt(path, np.column_stack([DX_UM * x.ravel(), DY_UM * y.ravel(), z.ravel()]))
 
 
-def _rows(z: np.ndarray) -> str:
+def rows_of(z: np.ndarray, separator: str = " ") -> str:
+    """Return rows of numbers with all their digits."""
     file = io.StringIO()
-    np.savetxt(file, z, fmt="%.17g")
+    np.savetxt(file, z, fmt="%.17g", delimiter=separator)
     return file.getvalue()
 
 

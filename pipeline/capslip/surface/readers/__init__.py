@@ -8,19 +8,25 @@ from pathlib import Path
 from capslip.errors import CapslipError, SettingsError, UnreadableFileError
 from capslip.surface.heightmap import HeightMap, Origin
 from capslip.surface.readers import (
+    esri,
     gwy,
     gwyddion,
     hdf5,
+    keyence,
     mat,
+    mesh,
     npy,
     packed,
     sdf,
     sur,
+    surfer,
+    sxm,
     text,
     tiff,
     vendor,
     x3p,
     xyz,
+    zygo,
 )
 from capslip.surface.readers.choice import printable
 from capslip.surface.readers.marks import without_marks
@@ -42,7 +48,13 @@ FORMATS: tuple[Format, ...] = (  # asked in this order
     tiff.FORMAT,
     gwy.FORMAT,
     sur.FORMAT,
+    sxm.FORMAT,
+    zygo.FORMAT,
+    surfer.FORMAT,
+    esri.FORMAT,
+    mesh.FORMAT,
     gwyddion.FORMAT,
+    keyence.FORMAT,
     xyz.FORMAT,
     text.FORMAT,
     vendor.FORMAT,
@@ -111,7 +123,7 @@ def load_surface(
         If a unit, pixel size or dataset that is given makes no sense.
     """
     path = Path(path)
-    request = Request(dataset, pixel_size, lateral_unit, lenient)
+    request = Request(dataset, pixel_size, lateral_unit, lenient, scale)
     given = Calibration(unit, lateral_unit, pixel_size, scale, top_row_first, invert)
     try:
         if _head(path).startswith(packed.MAGIC):

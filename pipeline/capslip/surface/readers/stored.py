@@ -96,12 +96,15 @@ class Request:
         Unit of `pixel_size`.
     lenient : bool
         Accept what a format names as its leniencies, each with a note.
+    scale : float or None
+        Heights a stored number, without which whole numbers are no heights in some formats.
     """
 
     dataset: str | None = None
     pixel_size: tuple[float, float] | None = None
     lateral_unit: str | None = None
     lenient: bool = False
+    scale: float | None = None
 
     def pixel_size_in(self, unit: str | None) -> tuple[float, float] | None:
         """Return the pixel size in a unit of the file; None for `unit` means the user's own."""
@@ -210,9 +213,9 @@ def calibrate(stored: Stored, origin: Origin, given: Calibration) -> HeightMap:
     pixel_size_m, pixel_unit = _pixel_size_m(stored, given.lateral_unit, given.pixel_size, where)
     factor = METRES[height_unit] * _scale(stored, given.scale, where)
     factor = -factor if given.invert else factor
-    height_m = np.asarray(stored.height, dtype=np.float64)
-    if factor != 1.0:
-        with np.errstate(invalid="ignore", over="ignore"):  # odd NaN; infinity is refused later
+    with np.errstate(invalid="ignore", over="ignore"):  # odd NaN; infinity is refused later
+        height_m = np.asarray(stored.height, dtype=np.float64)
+        if factor != 1.0:
             height_m = height_m * factor
     if _is_top_row_first(stored, given.top_row_first, where):
         height_m = height_m[::-1]

@@ -63,28 +63,29 @@ def _read(path: Path, request: Request) -> Stored:
     logging.getLogger("tifffile").setLevel(logging.CRITICAL + 1)
     try:
         with tifffile.TiffFile(path) as file:
-            return _stored(file, path)
+            return _stored(file, path, request.scale is not None)
     except UnreadableFileError:
         raise
     except Exception as error:  # tifffile raises errors of every kind on damaged bytes
         raise UnreadableFileError(
             f"{path}: damaged, truncated or unsupported TIFF file ({type(error).__name__}: "
-            f"{' '.join(str(error).split())[:200]}); expected plain float32 or float64; "
+            f"{' '.join(str(error).split())[:200]}); expected plain numbers; "
             "export it again"
         ) from error
 
 
-def _stored(file: Any, path: Path) -> Stored:
+def _stored(file: Any, path: Path, has_scale: bool) -> Stored:
     if len(file.pages) != 1:
         raise UnreadableFileError(
             f"{path}: {len(file.pages)} pages; expected one; export the height map alone"
         )
     page = file.pages[0]
     check_shape(page.shape, str(path))
-    if page.dtype is None or page.dtype.kind != "f":
+    if page.dtype is None or (page.dtype.kind != "f" and not has_scale):
         raise UnreadableFileError(
             f"{path}: data type {page.dtype}; expected float32 or float64: whole numbers hide a "
-            "scale factor; export the heights as float"
+            "scale factor; export the heights as float, or give reading.scale, the height in "
+            "--unit of one count"
         )
     check_real(page.dtype, str(path))
     check_growth(sum(page.databytecounts), page.nbytes, str(path))
