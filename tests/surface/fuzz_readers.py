@@ -87,8 +87,8 @@ def fuzz_readers(n_mutants: int, seed: int = 0) -> tuple[FuzzResult, ...]:
         folder = Path(name)
         _warm_up(folder)
         return tuple(
-            _fuzz(format_name, files, folder, n_mutants, seed)
-            for format_name, files in valid_files(folder).items()
+            _fuzz(name, files, folder, n_mutants, seed, SLOW_S, calibration(name))
+            for name, files in valid_files(folder).items()
         )
 
 
@@ -114,6 +114,7 @@ def fuzz_vendor(n_mutants: int, scans: Path, seed: int = 0) -> tuple[FuzzResult,
                 n_mutants,
                 seed,
                 VENDOR_SLOW_S,
+                {},
             )
             for file in VENDOR_FILES
             if (scans / file).is_file()
@@ -122,7 +123,7 @@ def fuzz_vendor(n_mutants: int, scans: Path, seed: int = 0) -> tuple[FuzzResult,
 
 def calibration(name: str) -> dict[str, Any]:
     """Return what the valid files of a format do not say, as keywords of `load_surface`."""
-    if name in CALIBRATED or name in {Path(file).suffix[1:] for file in VENDOR_FILES} - {"tiff"}:
+    if name in CALIBRATED:
         return {}
     lengths = {"unit": "um", "lateral_unit": "um"}
     return (
@@ -185,11 +186,11 @@ def _fuzz(
     folder: Path,
     n_mutants: int,
     seed: int,
-    slow_s: float = SLOW_S,
+    slow_s: float,
+    given: dict[str, Any],
 ) -> FuzzResult:
     rng = np.random.default_rng([seed, *name.encode()])
     path = folder / f"mutant.{name}"
-    given = calibration(name)
     n_read = n_refused = 0
     slowest_s = 0.0
     failures = []

@@ -14,7 +14,7 @@ import x3pio
 from scipy.io import savemat
 
 from capslip.errors import UncalibratedError, UnreadableFileError
-from capslip.surface.readers import load_surface
+from capslip.surface.readers import FORMATS, load_surface
 from capslip.surface.readers.stored import check_growth
 
 MAP = np.random.default_rng(8).normal(size=(7, 9))
@@ -157,6 +157,11 @@ def test_mat_by_name(tmp_path):
             loaded(tmp_path / "m.mat", dataset=name)
 
 
+def test_numbers_and_vectors_beside_the_only_map_are_not_asked_about(tmp_path):
+    savemat(tmp_path / "m.mat", {"z": MAP, "step": 0.5, "x": np.arange(9.0)})
+    np.testing.assert_allclose(loaded(tmp_path / "m.mat"), MAP, rtol=1e-15)
+
+
 def test_mat_7_3_is_stored_in_columns(tmp_path):
     path = tmp_path / "m.mat"
     with h5py.File(path, "w", userblock_size=512) as file:
@@ -234,6 +239,37 @@ def test_truncated_tiff_is_refused(tmp_path, keep):
     tifffile.imwrite(tmp_path / "t.tif", MAP)
     (tmp_path / "t.tif").write_bytes((tmp_path / "t.tif").read_bytes()[:keep])
     with pytest.raises(UnreadableFileError, match="truncated"):
+        loaded(tmp_path / "t.tif")
+
+
+@pytest.mark.parametrize(
+    ("tags", "name"),
+    [
+        ([(0x8050, "s", 0, "height", True)], "vendor"),  # JPK
+        ([(50432, "I", 1, 0x0E031301, True)], "vendor"),  # Park Systems
+        ([(270, "s", 0, "<TiffTagDescData/>", True)], "vendor"),  # Olympus LEXT
+        ([(270, "s", 0, "a face", True)], "tiff"),
+    ],
+)
+def test_a_plain_tiff_is_told_from_an_instruments_own(tmp_path, tags, name):
+    path = tmp_path / "t.tif"
+    tifffile.imwrite(path, MAP.astype("f4"), extratags=tags, description=None, metadata=None)
+    head = path.read_bytes()[:512]
+    assert next(row.name for row in FORMATS if row.recognises(head, path)) == name
+
+
+def test_a_chain_of_directories_without_end_is_not_followed(tmp_path):
+    """Two directories, each of which names the other as the next one."""
+    directory = struct.pack("<H", 0)
+    content = b"II*\0" + struct.pack("<I", 8) + directory + struct.pack("<I", 14)
+    (tmp_path / "t.tif").write_bytes(content + directory + struct.pack("<I", 8))
+    with pytest.raises(UnreadableFileError, match="3 directories"):
+        loaded(tmp_path / "t.tif")
+
+
+def test_a_mirrored_tiff_is_refused(tmp_path):
+    tifffile.imwrite(tmp_path / "t.tif", MAP, extratags=[(274, "H", 1, 2, True)])
+    with pytest.raises(UnreadableFileError, match="Orientation is 2; expected 1 or 4"):
         loaded(tmp_path / "t.tif")
 
 

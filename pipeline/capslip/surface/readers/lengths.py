@@ -2,8 +2,9 @@
 
 Bytes that were lost or slipped in on the way shift every height behind them, and the library reads
 on. Where header and length have to agree, they are compared first. They need not in files of AFM
-makers inside TIFF, in DATX and OPDX (the library follows offsets or blocks and fails where these
-lead nowhere), nor in VK4, ZON, MNT and PLUX (archives with checksums, or offsets).
+makers inside TIFF, of which the chain of directories is checked, in DATX and OPDX (the library
+follows offsets or blocks and fails where these lead nowhere), nor in VK4, ZON, MNT and PLUX
+(archives with checksums, or offsets).
 """
 
 import re
@@ -20,6 +21,7 @@ LOOK_BYTES = 2**17  # the header of the longest kind
 DI_DATA = re.compile(rb"\\Data offset: (\d{1,12})\s+\\Data length: (\d{1,12})")
 AL3D_TAG, AL3D_FIRST = 52, 17
 IBW_LABEL = 32
+MAX_DIRECTORIES, MAX_TAGS = 1000, 4000
 PLU_UNDEFINED = np.float32(1000001.0)
 
 
@@ -161,9 +163,31 @@ def _igor(head: bytes, path: Path, size: int) -> int | None:
     return None
 
 
+def _tiff(head: bytes, path: Path, size: int) -> None:
+    """Check the chain of directories, along which the library walks without end."""
+    order = "<" if head.startswith(b"II") else ">"
+    big = head[2:4] in (b"+\0", b"\0+")
+    count, entry, pointer = ("Q", 20, "Q") if big else ("H", 12, "I")
+    (at,) = struct.unpack_from(order + pointer, head, 8 if big else 4)
+    seen: set[int] = set()
+    with path.open("rb") as file:
+        while at:
+            file.seek(at)
+            (n_tags,) = struct.unpack(order + count, file.read(struct.calcsize(count)))
+            if at in seen or len(seen) >= MAX_DIRECTORIES or n_tags > MAX_TAGS:
+                raise ValueError(f"{len(seen) + 1} directories, one of {n_tags} tags")
+            seen.add(at)
+            file.seek(at + struct.calcsize(count) + entry * n_tags)
+            (at,) = struct.unpack(order + pointer, file.read(struct.calcsize(pointer)))
+
+
 # By the first bytes of the file, or by its extension where it has none of its own
 _KINDS: dict[bytes | tuple[str, ...], Callable[[bytes, Path, int], int | None]] = {
     (".plu", ".apx"): _plu,
+    b"II*\0": _tiff,
+    b"MM\0*": _tiff,
+    b"II+\0": _tiff,
+    b"MM\0+": _tiff,
     b"\\*": _nanoscope,
     b"\x01\x00Directory": _opd,
     b"FRTM_GLIDERV1": _frt,

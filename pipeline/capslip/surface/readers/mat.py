@@ -85,7 +85,7 @@ def _read_5(path: Path, dataset: str | None) -> tuple[str, np.ndarray]:
         )
     try:
         variables = {v.name: v for v in _variables(content, order)}
-        maps = [name for name, v in variables.items() if v.is_real and len(v.shape) == 2]
+        maps = [name for name, v in variables.items() if v.is_real and _is_map(v.shape)]
         chosen = variables[_choose(dataset, maps, list(variables), path)]
         what = f"{path}:{chosen.name}"
         if not chosen.is_real:
@@ -162,7 +162,11 @@ def _read_hdf5(path: Path, dataset: str | None) -> tuple[str, np.ndarray]:
 
     try:
         with h5py.File(path, "r") as file:
-            maps = [n for n in names_of_maps(file) if "/" not in n and file[n].dtype.kind in "fiu"]
+            maps = [
+                name
+                for name in names_of_maps(file)
+                if "/" not in name and file[name].dtype.kind in "fiu" and _is_map(file[name].shape)
+            ]
             names = [*maps, *(n for n in islice(file, MAX_ITEMS) if n not in maps)]
             name = _choose(dataset, maps, names, path)
             chosen = item_of(file, name, str(path))
@@ -182,6 +186,11 @@ def _read_hdf5(path: Path, dataset: str | None) -> tuple[str, np.ndarray]:
             f"{path}: damaged or truncated MAT file ({' '.join(str(error).split())}); expected a "
             "whole one; save it again"
         ) from error
+
+
+def _is_map(shape: tuple[int, ...]) -> bool:
+    """Say whether a matrix may be a map or points; numbers and vectors beside it are none."""
+    return len(shape) == 2 and min(shape) >= 3
 
 
 def _choose(dataset: str | None, maps: list[str], names: list[str], path: Path) -> str:

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from capslip.errors import UnreadableFileError
+from capslip.surface.readers.lengths import check_length
 from capslip.surface.readers.stored import (
     Format,
     Request,
@@ -42,6 +43,7 @@ def _is_instruments_own(path: Path) -> bool:
 
     logging.getLogger("tifffile").setLevel(logging.CRITICAL + 1)
     try:
+        check_length(path, lenient=True)
         with tifffile.TiffFile(path) as file:
             pages: list[Any] = list(islice(file.pages, MAX_PAGES))
             for tags in (page.tags for page in pages):
@@ -59,6 +61,7 @@ def _read(path: Path, request: Request) -> Stored:
 
     import tifffile
 
+    check_length(path, request.lenient)
     # What tifffile logs of a damaged file is said by the error below, or does not matter here.
     logging.getLogger("tifffile").setLevel(logging.CRITICAL + 1)
     try:
