@@ -1,11 +1,14 @@
 """One convention for all readers: y grows with the row, and the face is not seen in a mirror."""
 
+import json
 from pathlib import Path
 
 import numpy as np
 import pytest
+from click.testing import CliRunner
 from written import BARE, DX_UM, DY_UM, writers
 
+from capslip.cli import main
 from capslip.errors import UncalibratedError
 from capslip.surface.mating import composite_surface, place
 from capslip.surface.readers import load_surface
@@ -50,6 +53,26 @@ def test_a_face_and_its_print_in_another_format_mate(name, tmp_path):
         assert np.std(both.height_m) < 0.3 * np.std(face.height_m)
     wrong = composite_surface(face, written(tmp_path / name, -Z_UM[::-1, ::-1]), place(face, face))
     assert np.std(wrong.height_m) > 3.0 * np.std(both.height_m)
+
+
+def test_mate_gives_one_composite_whatever_the_formats(tmp_path):
+    """Through the command line: the worn print of a face, in formats of both directions."""
+    y, x = np.mgrid[:40, :60]
+    z_um = np.sin(x / 7) * np.cos(y / 5) + 0.5 * np.sin((x + 2 * y) / 11)
+    mate_um = -z_um[:, ::-1] + 0.2 * np.exp(-((x - 20) ** 2 + (y - 12) ** 2) / 60)
+    writers()["a.h5"][0](tmp_path / "face.h5", z_um)
+    found = {}
+    for name in ("a.h5", "a.x3p", "up.sxm", "down.sxm", "a.gwy", "a.sur", "commented.txt"):
+        writers()[name][0](tmp_path / name, mate_um)
+        out = tmp_path / f"{name} out"
+        arguments = ["analyze", str(tmp_path / "face.h5"), "--mate", str(tmp_path / name)]
+        options = ["--preload", "1e-4", "--no-figures", "--no-render", "--no-sensitivity"]
+        ran = CliRunner().invoke(main, [*arguments, "-o", str(out), *options, "--json"])
+        assert (out / "summary.json").is_file(), ran.output
+        surface = json.loads((out / "summary.json").read_text())["surface"]
+        found[name] = surface["sq_m"], surface["sz_m"]
+    for name, values in found.items():
+        assert values == pytest.approx(found["a.h5"], rel=1e-4), name
 
 
 @pytest.mark.parametrize("name", ["a.npy", "a.npz", "five.mat", "seven.mat", "a.csv"])
