@@ -51,7 +51,7 @@ chart: $(READY) ## Speed against accuracy of every method, into docs/: [OUT=fold
 limits: $(READY) ## Where each method breaks and what the program says, into docs/: [OUT=folder]
 	@$(BIN)/capslip limits --out "$(or $(OUT),docs)" $(ARGS)
 
-soak: $(READY) ## Long checks: 10,000 random contact scenes, 20,000 damaged files a format
+soak: $(READY) ## Long checks: 10,000 random contact scenes, 20,000 damaged files a format, 1,000 a maker's
 	@$(BIN)/python tests/soak.py
 
 mutants: $(READY) ## Break the code in one place at a time and see whether a test fails

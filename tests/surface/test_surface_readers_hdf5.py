@@ -64,6 +64,25 @@ def test_numbers_of_other_files_are_refused(elsewhere, write, words, is_mat):
         load_surface(path, dataset="height", **GIVEN)
 
 
+@pytest.mark.parametrize("write", [external_link, linked_group, external_storage, virtual])
+@pytest.mark.parametrize("name", ["face.datx", "face.nc"])
+def test_makers_formats_inside_hdf5_stay_inside_too(elsewhere, write, name):
+    pytest.importorskip("SurfaceTopography", reason="extra `vendor`", exc_type=ImportError)
+    with h5py.File(elsewhere / name, "w") as file:
+        write(file, elsewhere)
+    with pytest.raises(UnreadableFileError, match=r"another file|virtual"):
+        load_surface(elsewhere / name)
+
+
+@pytest.mark.parametrize("word", ["unit", "units"])
+def test_a_dataset_in_volts_is_no_map_of_heights(tmp_path, word):
+    with h5py.File(tmp_path / "a.h5", "w") as file:
+        file["height"] = MAP
+        file["height"].attrs[word] = "V"
+    with pytest.raises(UncalibratedError, match="the file says 'V'; expected a unit of length"):
+        load_surface(tmp_path / "a.h5", pixel_size=(1, 1), lateral_unit="um")
+
+
 def test_links_inside_the_file_are_followed(tmp_path):
     with h5py.File(tmp_path / "a.h5", "w") as file:
         file["scan/z"] = MAP

@@ -181,7 +181,8 @@ def _stored(file: Any, path: Path, request: Request) -> Stored:
     check_growth(chosen.id.get_storage_size(), chosen.nbytes, what)
     pixel_size = _attribute(chosen, "pixel_size", what)
     height, notes = _unpacked(chosen, what)
-    unit = _text(_attribute(chosen, "unit", what), f"{what}: attribute unit")
+    word = "units" if "unit" not in chosen.attrs else "unit"
+    unit = _text(_attribute(chosen, word, what), f"{what}: attribute {word}")
     lateral_unit = _text(_attribute(chosen, "pixel_unit", what), f"{what}: attribute pixel_unit")
     stored = (
         stored_array(height, what, request)

@@ -4,7 +4,10 @@ Links to other files, storage in other files and virtual datasets make the libra
 file they name: they are refused. Names are looked for in a bounded part of the file.
 """
 
+from collections import deque
+from collections.abc import Iterator
 from itertools import islice
+from pathlib import Path
 from typing import Any
 
 from capslip.errors import UnreadableFileError
@@ -69,20 +72,54 @@ def names_of_maps(file: Any) -> list[str]:
     """Return the names of datasets with two axes, as far as a bounded look finds them."""
     import h5py
 
-    found: list[str] = []
-    ahead = [("", file["/"], 0)]
+    return [
+        name
+        for name, link, item in _items(file)
+        if isinstance(link, h5py.HardLink) and isinstance(item, h5py.Dataset) and item.ndim == 2
+    ]
+
+
+def check_file(path: Path) -> None:
+    """Refuse a file any item of which leaves it, for readers that follow every link.
+
+    Raises
+    ------
+    UnreadableFileError
+        If it does, is damaged, or holds more than `MAX_ITEMS`.
+    """
+    import h5py
+
+    try:
+        with h5py.File(path, "r") as file:
+            for number, (name, link, item) in enumerate(_items(file, MAX_ITEMS + 1)):
+                if isinstance(link, h5py.ExternalLink) or number == MAX_ITEMS:
+                    raise UnreadableFileError(
+                        f"{path}: {name!r} is a link to another file, or one of more than "
+                        f"{MAX_ITEMS} items; expected data in this file; copy them into it"
+                    )
+                if isinstance(item, h5py.Dataset):
+                    check_inside(item, f"{path}:{name}")
+    except (OSError, RuntimeError, KeyError, ValueError, TypeError) as error:
+        raise UnreadableFileError(
+            f"{path}: damaged or truncated HDF5 file ({error}); expected a whole one; copy or "
+            "export it again"
+        ) from error
+
+
+def _items(file: Any, most: int = MAX_ITEMS) -> Iterator[tuple[str, Any, Any]]:
+    """Yield name, link and item of groups and datasets, of the nearest first."""
+    import h5py
+
+    ahead = deque([("", file["/"], 0)])
     n_seen = 0
     while ahead:
-        prefix, group, depth = ahead.pop(0)
-        for name in islice(group, MAX_ITEMS):
+        prefix, group, depth = ahead.popleft()
+        for name in islice(group, most):
             n_seen += 1
-            if n_seen > MAX_ITEMS:
-                return found
-            if not isinstance(group.get(name, getlink=True), h5py.HardLink):
-                continue
-            item = group[name]
-            if isinstance(item, h5py.Dataset) and item.ndim == 2:
-                found.append(prefix + name)
-            elif isinstance(item, h5py.Group) and depth < MAX_DEPTH:
+            if n_seen > most:
+                return
+            link = group.get(name, getlink=True)
+            item = group[name] if isinstance(link, h5py.HardLink) else None
+            yield prefix + name, link, item
+            if isinstance(item, h5py.Group) and depth < MAX_DEPTH:
                 ahead.append((f"{prefix}{name}/", item, depth + 1))
-    return found

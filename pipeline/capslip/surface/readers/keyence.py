@@ -36,7 +36,7 @@ def _read(path: Path, request: Request) -> Stored:
         end = content.find(b"\n", start)
         end = len(content) if end < 0 else end
         words = _words(decoded(content[start:end]))
-        if words and _is_number(words[0]):
+        if words and (_is_number(words[0]) or re.fullmatch(r"\*+", words[0])):
             break
         if words and words[0]:
             fields[words[0].lower()] = words[1:]
@@ -68,7 +68,7 @@ def _step(fields: dict[str, list[str]]) -> tuple[float | None, str | None]:
         words = fields.get(name, [])
         if words and _is_number(words[0]):
             unit = words[1].partition("/")[0].strip() if len(words) > 1 else ""
-            return float(words[0]), unit or None
+            return float(words[0].replace(",", ".")), unit or None
     return None, None
 
 
@@ -86,7 +86,7 @@ def _is_number(word: str) -> bool:
     try:
         float(word.replace(",", "."))
     except ValueError:
-        return bool(re.fullmatch(r"\*+", word))
+        return False
     return True
 
 

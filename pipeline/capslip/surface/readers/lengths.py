@@ -40,7 +40,7 @@ def check_length(path: Path, lenient: bool) -> tuple[str, ...]:
         if head.startswith(magic) if isinstance(magic, bytes) else path.suffix.lower() in magic:
             try:
                 expected = count(head, path, size)
-            except (struct.error, ValueError, KeyError, IndexError) as error:
+            except (struct.error, ValueError, KeyError, IndexError, OSError) as error:
                 raise UnreadableFileError(
                     f"{path}: damaged header ({' '.join(str(error).split())[:200]}); expected the "
                     "sizes of what follows; copy or export it again"

@@ -10,9 +10,18 @@ import numpy as np
 
 from capslip.errors import CapslipError, UncalibratedError, UnreadableFileError
 from capslip.surface.readers.choice import choose, note_of_choice, unique_names
+from capslip.surface.readers.hdf5_items import check_file
 from capslip.surface.readers.lengths import check_length
-from capslip.surface.readers.stored import Format, Request, Stored, check_shape, is_length
+from capslip.surface.readers.stored import (
+    Format,
+    Request,
+    Stored,
+    check_shape,
+    is_length,
+    read_head,
+)
 
+HDF5_MAGIC = b"\x89HDF\r\n\x1a\n"  # inside DATX and netCDF
 REFUSED = {
     "nms": "the library gets its lateral scale wrong; export it as X3P",
 }
@@ -41,6 +50,8 @@ def _read(path: Path, request: Request) -> Stored:
                 "or HDF5"
             ) from error
         lengths = check_length(path, request.lenient)
+        if read_head(path, len(HDF5_MAGIC)) == HDF5_MAGIC:
+            check_file(path)
         try:
             with open_topography(str(path)) as reader:
                 stored = _stored(reader, path, request.dataset)

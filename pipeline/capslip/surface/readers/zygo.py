@@ -55,7 +55,8 @@ def _read(path: Path, request: Request) -> Stored:
             f"{path}: {phase.size} phases; expected {ny} rows of {nx} as the header says; copy or "
             "export it again"
         )
-    z = np.where(phase >= INVALID, np.nan, phase * step_m).reshape(ny, nx)
+    with np.errstate(invalid="ignore", over="ignore"):  # infinity is refused later
+        z = np.where(phase >= INVALID, np.nan, phase * step_m).reshape(ny, nx)
     return Stored(
         -z if upside_down else z,
         "m",
