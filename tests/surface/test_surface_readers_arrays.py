@@ -112,6 +112,13 @@ def test_heights_that_only_look_odd_stay(tmp_path, value, cells, range_):
     assert surface.origin.notes == ()
 
 
+def test_heights_that_are_all_absurd_are_no_marks(tmp_path):
+    np.save(tmp_path / "a.npy", 1e160 * MAP)
+    surface = load_surface(tmp_path / "a.npy", **BARE)
+    assert surface.measured.all()
+    assert surface.origin.notes == ()
+
+
 # --- gzip, and names that would write to a terminal ---
 
 

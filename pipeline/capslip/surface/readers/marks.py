@@ -4,6 +4,7 @@ import numpy as np
 
 # Written by map, instrument and image software in place of a height
 CODES = (-9999.0, -99999.0, -32768.0, -2147483648.0)
+MARKS = 2  # of different size in one map; more are heights that some mistake made large
 BEYOND = 1e37  # 1.7e38 and 3.4e38 mark blanks; no height is as large in any unit
 
 
@@ -18,9 +19,10 @@ def without_marks(height: np.ndarray) -> tuple[np.ndarray, tuple[str, ...]]:
     Returns
     -------
     shape (ny, nx), tuple of str
-        A number beyond 1e37 is a mark. The least number is one where it is a code that software
-        writes for blanks, and stands several times or lies farther below the next one than half
-        the range of the others. A note says what was turned; without marks the array is the same.
+        One or two different numbers beyond 1e37 are marks. The least number is one where it is a
+        code that software writes for blanks, and stands several times or lies farther below the
+        next one than half the range of the others. A note says what was turned; without marks the
+        array is the same.
 
     Examples
     --------
@@ -35,8 +37,9 @@ def without_marks(height: np.ndarray) -> tuple[np.ndarray, tuple[str, ...]]:
         low, high = float(np.fmin.reduce(height, None)), float(np.fmax.reduce(height, None))
         if max(-low, high) >= BEYOND:
             beyond = np.isfinite(height) & (np.abs(height.astype(np.float64)) >= BEYOND)
-            height = _blanked(height, beyond, "numbers beyond 1e37", notes)
-            low = float(np.fmin.reduce(height, None))
+            if np.unique(height[beyond]).size <= MARKS:
+                height = _blanked(height, beyond, "numbers beyond 1e37", notes)
+                low = float(np.fmin.reduce(height, None))
         if low in CODES:
             marked = height == low
             if _is_mark(height, marked, low):
