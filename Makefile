@@ -54,7 +54,7 @@ limits: $(READY) ## Where each method breaks and what the program says, into doc
 validation: $(READY) ## The law of a real lap joint beside published backbones: [JOINT=folder]
 	@$(BIN)/python -m capslip.studies.validation "$(or $(JOINT),../shared/joint)"
 
-soak: $(READY) ## Long checks: 10,000 random contact scenes, 20,000 damaged files a format
+soak: $(READY) ## Long checks: 10,000 random contact scenes, 20,000 damaged files a format, 1,000 a maker's
 	@$(BIN)/python tests/soak.py
 
 mutants: $(READY) ## Break the code in one place at a time and see whether a test fails

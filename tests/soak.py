@@ -1,17 +1,21 @@
-"""Long checks of `make soak`: 10,000 random contact scenes, 20,000 damaged files a format."""
+"""Long checks of `make soak`: 10,000 random contact scenes, 20,000 damaged files a format.
+
+1,000 of each maker's format, where the folder of real scans lies beside the project.
+"""
 
 import sys
 from pathlib import Path
 
 sys.path.extend(str(Path(__file__).parent / wing) for wing in ("contact", "surface"))
 
-from fuzz_readers import fuzz_readers
+from fuzz_readers import fuzz_readers, fuzz_vendor
 from test_contact_interacting import solve_random_scenes
 
 if __name__ == "__main__":
     worst, slowest_s = solve_random_scenes(10_000, seed=1)
     print(f"10000 random scenes: worst misfit {worst:.2g}, slowest solve {slowest_s:.2g} s")
-    results = fuzz_readers(20_000, seed=1)
+    scans = Path(__file__).parents[2] / "shared" / "scans"
+    results = (*fuzz_readers(20_000, seed=1), *fuzz_vendor(1_000, scans, seed=1))
     for result in results:
         print(
             f"{result.name:10} read {result.n_read}, refused {result.n_refused}, failures", end=" "

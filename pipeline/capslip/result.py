@@ -217,6 +217,7 @@ def _surface(analysis: Analysis) -> dict[str, Any]:
         "form": analysis.settings.conditioning.form,
         "steps": list(conditioned.steps),
         "format": surface.origin.file_format,
+        "dataset": surface.origin.dataset,
         "height_unit": surface.origin.height_unit,
         "lateral_unit": surface.origin.lateral_unit,
     }

@@ -49,6 +49,9 @@ class Reading(_Table, frozen=True):
     lateral_unit: LengthUnit | None = None
     pixel_size: Pair | None = None  # (dy, dx) in lateral_unit
     dataset: str | None = None
+    scale: Positive | None = None  # heights in `unit` a stored number
+    top_row_first: bool | None = None  # y falls with the row, as in a picture
+    invert: bool = False  # gaps or depths in place of heights
     lenient: bool = False  # accept odd X3P archives, each with a note
 
 

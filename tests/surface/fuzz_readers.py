@@ -16,6 +16,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from written import writers
 
 from capslip.errors import CapslipError
 from capslip.surface.heightmap import HeightMap
@@ -23,8 +24,27 @@ from capslip.surface.readers import load_surface
 from capslip.surface.readers.hdf5 import write_hdf5
 
 SLOW_S = 1.0
+VENDOR_SLOW_S = 20.0
+VENDOR_FILES = (
+    *(f"channels/{name}" for name in ("di-1.di", "spot_1-1000nm.ibw", "al3d-1.al3d")),
+    "channels/example_ps.tiff",
+    "laser_textured_grooves_leica_dcm3d.plu",
+    "milled_like_arcs_1.opd",
+    "plate_30x60mm_missing27pct.frt",
+    "conformance/zygo_metropro_phase_res1.dat",
+)
 SHAPE = (9, 11)
-CALIBRATED = ("hdf5", "x3p", "sdf", "gwyddion")  # their files say their units
+CALIBRATED = (
+    "hdf5",
+    "x3p",
+    "sdf",
+    "gwyddion",
+    "gwy",
+    "sur",
+    "sxm",
+    "zygo",
+    "keyence",
+)  # their files say their units
 TOKENS = (b"nan", b"-", b"1e999", b"Bad", b",", b";", b"\t", b"\n", b"#", b"999999999999", b"=")
 NUMBERS = (0, 1, 0x7F, 0x80, 0xFF, 0xFFFF, 0x7FFFFFFF, 0xFFFFFFFF, 1 << 40, (1 << 63) - 1)
 
@@ -67,8 +87,37 @@ def fuzz_readers(n_mutants: int, seed: int = 0) -> tuple[FuzzResult, ...]:
         folder = Path(name)
         _warm_up(folder)
         return tuple(
-            _fuzz(format_name, files, folder, n_mutants, seed)
-            for format_name, files in valid_files(folder).items()
+            _fuzz(name, files, folder, n_mutants, seed, SLOW_S, calibration(name))
+            for name, files in valid_files(folder).items()
+        )
+
+
+def fuzz_vendor(n_mutants: int, scans: Path, seed: int = 0) -> tuple[FuzzResult, ...]:
+    """Damage files of instrument makers, of which the library of the extra reads most.
+
+    Parameters
+    ----------
+    n_mutants : int
+        Damaged files a format.
+    scans : path
+        The folder of real scans; without it there is nothing to damage.
+    seed : int
+        Of the damage.
+    """
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        return tuple(
+            _fuzz(
+                Path(file).suffix[1:],
+                [(scans / file).read_bytes()],
+                folder,
+                n_mutants,
+                seed,
+                VENDOR_SLOW_S,
+                {},
+            )
+            for file in VENDOR_FILES
+            if (scans / file).is_file()
         )
 
 
@@ -77,7 +126,11 @@ def calibration(name: str) -> dict[str, Any]:
     if name in CALIBRATED:
         return {}
     lengths = {"unit": "um", "lateral_unit": "um"}
-    return lengths if name == "xyz" else {**lengths, "pixel_size": (2.0, 1.0)}
+    return (
+        lengths
+        if name in ("xyz", "mesh", "esri", "surfer")
+        else {**lengths, "pixel_size": (2.0, 1.0)}
+    )
 
 
 def valid_files(folder: Path) -> dict[str, list[bytes]]:
@@ -96,6 +149,25 @@ def valid_files(folder: Path) -> dict[str, list[bytes]]:
         "gwyddion": _gwyddion(matrix),
         "xyz": _xyz(matrix),
         "text": _text(matrix),
+        **_of_others(folder, np.where(np.isnan(matrix), 0.0, matrix)),
+    }
+
+
+def _of_others(folder: Path, matrix: np.ndarray) -> dict[str, list[bytes]]:
+    names = {
+        "gwy": ("a.gwy",),
+        "sur": ("a.sur",),
+        "sxm": ("up.sxm", "down.sxm"),
+        "zygo": ("zygo.txt",),
+        "keyence": ("keyence.csv",),
+        "esri": ("a.asc",),
+        "surfer": ("a.grd",),
+        "mesh": ("a.ply",),
+    }
+    write = {name: write for name, (write, _) in writers().items()}
+    return {
+        name: _written(folder, [lambda path, f=file: write[f](path, matrix) for file in files])
+        for name, files in names.items()
     }
 
 
@@ -108,10 +180,17 @@ def _warm_up(folder: Path) -> None:
             load_surface(path, **calibration(name))
 
 
-def _fuzz(name: str, files: list[bytes], folder: Path, n_mutants: int, seed: int) -> FuzzResult:
+def _fuzz(
+    name: str,
+    files: list[bytes],
+    folder: Path,
+    n_mutants: int,
+    seed: int,
+    slow_s: float,
+    given: dict[str, Any],
+) -> FuzzResult:
     rng = np.random.default_rng([seed, *name.encode()])
     path = folder / f"mutant.{name}"
-    given = calibration(name)
     n_read = n_refused = 0
     slowest_s = 0.0
     failures = []
@@ -130,7 +209,7 @@ def _fuzz(name: str, files: list[bytes], folder: Path, n_mutants: int, seed: int
             failures.append(f"{number}: {type(error).__name__}: {error}")
         took_s = time.process_time() - started
         slowest_s = max(slowest_s, took_s)
-        if took_s > SLOW_S:
+        if took_s > slow_s:
             failures.append(f"{number}: took {took_s:.1f} s")
     return FuzzResult(name, n_mutants, n_read, n_refused, tuple(failures), slowest_s)
 

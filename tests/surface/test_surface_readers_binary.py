@@ -1,7 +1,9 @@
 """Readers of binary formats: NPZ, SDF, MAT, TIFF and odd X3P archives."""
 
 import io
+import re
 import struct
+import time
 import zipfile
 
 import h5py
@@ -12,7 +14,7 @@ import x3pio
 from scipy.io import savemat
 
 from capslip.errors import UncalibratedError, UnreadableFileError
-from capslip.surface.readers import load_surface
+from capslip.surface.readers import FORMATS, load_surface
 from capslip.surface.readers.stored import check_growth
 
 MAP = np.random.default_rng(8).normal(size=(7, 9))
@@ -155,6 +157,11 @@ def test_mat_by_name(tmp_path):
             loaded(tmp_path / "m.mat", dataset=name)
 
 
+def test_numbers_and_vectors_beside_the_only_map_are_not_asked_about(tmp_path):
+    savemat(tmp_path / "m.mat", {"z": MAP, "step": 0.5, "x": np.arange(9.0)})
+    np.testing.assert_allclose(loaded(tmp_path / "m.mat"), MAP, rtol=1e-15)
+
+
 def test_mat_7_3_is_stored_in_columns(tmp_path):
     path = tmp_path / "m.mat"
     with h5py.File(path, "w", userblock_size=512) as file:
@@ -184,7 +191,7 @@ def test_mat_that_asks_for_too_much_is_refused(tmp_path):
 def test_float_tiff(tmp_path, dtype, options):
     heights = MAP.astype(dtype)
     tifffile.imwrite(tmp_path / "t.tif", heights, **options)
-    np.testing.assert_allclose(loaded(tmp_path / "t.tif"), heights, rtol=1e-15)
+    np.testing.assert_allclose(loaded(tmp_path / "t.tif")[::-1], heights, rtol=1e-15)
     with pytest.raises(UncalibratedError, match="--pixel-size"):
         load_surface(tmp_path / "t.tif", unit="um")
 
@@ -194,7 +201,7 @@ def test_no_data_value_of_tiff(tmp_path):
     heights[1, 2] = -9999
     tifffile.imwrite(tmp_path / "t.tif", heights, extratags=[(42113, "s", 0, "-9999", True)])
     surface = load_surface(tmp_path / "t.tif", **CALIBRATION)
-    assert np.argwhere(~surface.measured).tolist() == [[1, 2]]
+    assert np.argwhere(~surface.measured[::-1]).tolist() == [[1, 2]]
     assert "1 points with the file's no-data value -9999" in surface.origin.notes[0]
 
 
@@ -232,6 +239,37 @@ def test_truncated_tiff_is_refused(tmp_path, keep):
     tifffile.imwrite(tmp_path / "t.tif", MAP)
     (tmp_path / "t.tif").write_bytes((tmp_path / "t.tif").read_bytes()[:keep])
     with pytest.raises(UnreadableFileError, match="truncated"):
+        loaded(tmp_path / "t.tif")
+
+
+@pytest.mark.parametrize(
+    ("tags", "name"),
+    [
+        ([(0x8050, "s", 0, "height", True)], "vendor"),  # JPK
+        ([(50432, "I", 1, 0x0E031301, True)], "vendor"),  # Park Systems
+        ([(270, "s", 0, "<TiffTagDescData/>", True)], "vendor"),  # Olympus LEXT
+        ([(270, "s", 0, "a face", True)], "tiff"),
+    ],
+)
+def test_a_plain_tiff_is_told_from_an_instruments_own(tmp_path, tags, name):
+    path = tmp_path / "t.tif"
+    tifffile.imwrite(path, MAP.astype("f4"), extratags=tags, description=None, metadata=None)
+    head = path.read_bytes()[:512]
+    assert next(row.name for row in FORMATS if row.recognises(head, path)) == name
+
+
+def test_a_chain_of_directories_without_end_is_not_followed(tmp_path):
+    """Two directories, each of which names the other as the next one."""
+    directory = struct.pack("<H", 0)
+    content = b"II*\0" + struct.pack("<I", 8) + directory + struct.pack("<I", 14)
+    (tmp_path / "t.tif").write_bytes(content + directory + struct.pack("<I", 8))
+    with pytest.raises(UnreadableFileError, match="3 directories"):
+        loaded(tmp_path / "t.tif")
+
+
+def test_a_mirrored_tiff_is_refused(tmp_path):
+    tifffile.imwrite(tmp_path / "t.tif", MAP, extratags=[(274, "H", 1, 2, True)])
+    with pytest.raises(UnreadableFileError, match="Orientation is 2; expected 1 or 4"):
         loaded(tmp_path / "t.tif")
 
 
@@ -285,6 +323,43 @@ def entities(name, content):
 
 def huge(name, content):
     return content.replace(b"<SizeX>9<", b"<SizeX>1000000000000<") if "xml" in name else content
+
+
+def without_increment(axis, data_type="D"):
+    def change(name, content):
+        if name != "main.xml":
+            return b"no digest" if name.startswith("md5") else content
+        before, tag, after = content.decode().partition(f"<{axis}>")
+        after = re.sub("<Increment>.*?</Increment>", "", after, count=1)
+        after = after.replace("<DataType>D<", f"<DataType>{data_type}<", 1)
+        return (before + tag + after).encode()
+
+    return change
+
+
+@pytest.mark.parametrize("lenient", [False, True])
+@pytest.mark.parametrize(("axis", "data_type"), [("CX", "D"), ("CY", "D"), ("CZ", "I")])
+def test_an_axis_without_a_step_is_no_metre(tmp_path, axis, data_type, lenient):
+    path = x3p(tmp_path / "a.x3p", change=without_increment(axis, data_type))
+    with pytest.raises(UnreadableFileError, match=f"no Increment of the axis {axis}"):
+        load_surface(path, lenient=lenient)
+
+
+def test_heights_in_metres_need_no_step(tmp_path):
+    surface = load_surface(x3p(tmp_path / "a.x3p", change=without_increment("CZ")), lenient=True)
+    np.testing.assert_array_equal(surface.height_m, MAP)
+
+
+def test_tags_that_no_map_needs_are_not_parsed(tmp_path):
+    def change(name, content):
+        tags = b"</Record1>" + 1_000_000 * b"<a/>"
+        return content.replace(b"</Record1>", tags) if name == "main.xml" else content
+
+    path = x3p(tmp_path / "a.x3p", change=change)
+    started = time.process_time()
+    with pytest.raises(UnreadableFileError, match="XML tags; expected at most 4126 for 9 x 7"):
+        load_surface(path, lenient=True)
+    assert time.process_time() - started < 1.0
 
 
 @pytest.mark.parametrize("lenient", [False, True])

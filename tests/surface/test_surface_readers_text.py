@@ -3,6 +3,7 @@
 import subprocess
 import sys
 import time
+import tracemalloc
 
 import numpy as np
 import pytest
@@ -10,7 +11,6 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from capslip.errors import (
-    CapslipError,
     UncalibratedError,
     UnreadableFileError,
     UnusableSurfaceError,
@@ -113,9 +113,11 @@ def test_odd_matrix_is_refused(tmp_path, text, words):
     assert "\n" not in str(caught.value)
 
 
-def test_utf16_is_named(tmp_path):
-    with pytest.raises(CapslipError):
-        load_surface(put(tmp_path / "m.csv", rows().encode("utf-16")), **CALIBRATION)
+@pytest.mark.parametrize("order", ["utf-16-le", "utf-16-be"])
+def test_utf16_with_its_mark_is_read(tmp_path, order):
+    (tmp_path / "t.csv").write_bytes(("\ufeff" + rows()).encode(order))
+    surface = load_surface(tmp_path / "t.csv", unit="um", pixel_size=(1, 1), lateral_unit="um")
+    np.testing.assert_allclose(surface.height_m, 1e-6 * MAP, rtol=1e-12)
 
 
 def test_infinity_is_refused(tmp_path):
@@ -137,7 +139,7 @@ SIZED = "h=6 w=8\npixel size=5e-007 m\ndata unit=rad\nheight conversion factor (
 
 def test_hidden_scale_factor_is_applied(tmp_path):
     surface = load_surface(put(tmp_path / "g.txt", SIZED + rows()))
-    np.testing.assert_allclose(surface.height_m, 2e-8 * MAP, rtol=1e-15)
+    np.testing.assert_allclose(surface.height_m[::-1], 2e-8 * MAP, rtol=1e-15)
     assert surface.pixel_size_m == (5e-7, 5e-7)
     assert surface.origin.file_format == "gwyddion"
 
@@ -146,7 +148,7 @@ def test_hidden_scale_factor_is_applied(tmp_path):
 def test_commented_header_gives_the_field(tmp_path, encoding):
     head = "# Channel: z\n# Width: 8 µm\n# Height: 12 µm\n# Value units: nm\n"
     surface = load_surface(put(tmp_path / "g.txt", (head + rows()).encode(encoding)))
-    np.testing.assert_allclose(surface.height_m, 1e-9 * MAP, rtol=1e-15)
+    np.testing.assert_allclose(surface.height_m[::-1], 1e-9 * MAP, rtol=1e-15)
     np.testing.assert_allclose(surface.pixel_size_m, (2e-6, 1e-6), rtol=1e-15)
 
 
@@ -272,7 +274,7 @@ def test_units_in_the_line_of_names_count(tmp_path):
         (lambda p: np.where(p == p[3], np.nan, p), r"point 1 is \(nan|point \d+ is"),
         (lambda p: np.where(p == p[3, 2], np.inf, p), "point 4 is .*inf"),
         (lambda p: p * [0.0, 1.0, 1.0], "all points have x = 0"),
-        (lambda p: np.hstack([p, p[:, :1]]), "4 columns"),
+        (lambda p: p[:, :2], "2 columns"),
     ],
 )
 def test_odd_points_are_refused(tmp_path, change, words):
@@ -361,3 +363,14 @@ def test_refusing_is_quick(tmp_path):
     with pytest.raises(UnreadableFileError, match="line 1000001, column 3: 'Bad'"):
         load_surface(put(tmp_path / "p.xyz", text), **LENGTHS)
     assert time.process_time() - started < 1.0
+
+
+@pytest.mark.parametrize("line", ["1.5,", ",", "1", "a,"])
+def test_a_line_without_end_is_refused_before_memory_is_taken(tmp_path, line):
+    path = put(tmp_path / "a.csv", "1,2,3\n" + line * (10_000_000 // len(line)) + "\n")
+    tracemalloc.start()
+    with pytest.raises(UnreadableFileError, match=r"line [12] has \d+ bytes; expected at most"):
+        load_surface(path, unit="um", pixel_size=(1, 1), lateral_unit="um")
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert peak < 8 * 10_000_000

@@ -68,7 +68,9 @@ def test_a_slope_stays_away_from_the_edge():
     np.testing.assert_allclose(other.height_m[inner], (3 * x - 2 * y)[inner], atol=1e-8)
 
 
-@pytest.mark.parametrize("shape", [(2, 50), (50,), (50.5, 40), (0, 0)])
+@pytest.mark.parametrize(
+    "shape", [(2, 50), (50,), (50.5, 40), (0, 0), (8 * NY + 1, NX), (10**9, 10**9)]
+)
 def test_impossible_grids_are_refused(shape):
     with pytest.raises(SettingsError, match="resample_to"):
         resample(HeightMap(np.zeros((NY, NX)), PIXEL_M), shape)

@@ -238,9 +238,10 @@ def sanity_line(surface: HeightMap, sq_m: float, sz_m: float) -> str:
     square = "" if abs(dy_m / dx_m - 1.0) <= SQUARE_WITHIN else " (not square)"
     missing = 100.0 * (1.0 - np.count_nonzero(surface.measured) / surface.height_m.size)
     ratio = f"{sz_m / sq_m:.3g}" if sq_m > 0.0 else "-"
+    which = "" if surface.origin.dataset is None else f" of {surface.origin.dataset!r}"
     return (
         f"{nx} x {ny} points of {dx_m * 1e6:.4g} x {dy_m * 1e6:.4g} um{square}, "
-        f"{side_x_m * 1e3:.4g} x {side_y_m * 1e3:.4g} mm; heights stored in "
+        f"{side_x_m * 1e3:.4g} x {side_y_m * 1e3:.4g} mm; heights{which} stored in "
         f"{surface.origin.height_unit or 'an unnamed unit'}; {missing:.2f} % non-measured; "
         f"Sq {sq_m * 1e6:.4g} um, Sz {sz_m * 1e6:.4g} um, Sz/Sq {ratio}"
     )

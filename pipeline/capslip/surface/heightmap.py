@@ -17,6 +17,7 @@ class Origin:
     file_format: str | None = None
     height_unit: str | None = None  # as stored in the file, or as given by the user
     lateral_unit: str | None = None
+    dataset: str | None = None  # which of several maps of the file was read
     notes: tuple[str, ...] = ()  # what the reader did beyond reading, for the user
 
 
@@ -28,7 +29,8 @@ class HeightMap:
     ----------
     height_m : array_like, shape (ny, nx)
         Heights, growing out of the material; NaN marks a non-measured point. Pixel (i, j) has
-        its centre at x = (j + 0.5) dx, y = (i + 0.5) dy.
+        its centre at x = (j + 0.5) dx, y = (i + 0.5) dy; x, y and the height are right-handed: with
+        x to the right and the height towards the eye, y points up, and row 0 is the lowest.
     pixel_size_m : (float, float)
         (dy, dx), both positive.
     origin : Origin, optional

@@ -7,6 +7,8 @@ from capslip.surface.filters import smooth
 from capslip.surface.heightmap import HeightMap
 
 LEAST_MEASURED = 0.5
+MAX_FINER = 8  # new points a stored one, along an axis: interpolation adds nothing to see
+MAX_POINTS = 2**28  # as in a file
 
 
 def resample(surface: HeightMap, shape: tuple[int, int]) -> HeightMap:
@@ -30,7 +32,8 @@ def resample(surface: HeightMap, shape: tuple[int, int]) -> HeightMap:
     Raises
     ------
     SettingsError
-        If the shape is not two whole numbers of at least 3.
+        If the shape is not two whole numbers of at least 3, or has more than 8 points for one of
+        the scan along an axis, or more than 2^28.
 
     Examples
     --------
@@ -42,6 +45,13 @@ def resample(surface: HeightMap, shape: tuple[int, int]) -> HeightMap:
     if len(shape) != 2 or any(n != int(n) or n < 3 for n in shape):
         raise SettingsError(
             f"conditioning.resample_to: got {shape!r}; expected two whole numbers of at least 3"
+        )
+    most = [MAX_FINER * n for n in surface.shape]
+    if shape[0] > most[0] or shape[1] > most[1] or shape[0] * shape[1] > MAX_POINTS:
+        raise SettingsError(
+            f"conditioning.resample_to: got {shape[0]} x {shape[1]} points for a scan of "
+            f"{surface.shape[0]} x {surface.shape[1]}; expected at most {most[0]} x {most[1]}, and "
+            f"{MAX_POINTS} in all; interpolation shows nothing that was not measured"
         )
     side_y_m, side_x_m = surface.side_m
     size_m = side_y_m / shape[0], side_x_m / shape[1]

@@ -1,12 +1,43 @@
 """Readers of scan files: one file a format, and the registry that chooses between them."""
 
 import hashlib
+import re
+from dataclasses import replace
 from pathlib import Path
 
-from capslip.errors import SettingsError, UnreadableFileError
+from capslip.errors import CapslipError, SettingsError, UnreadableFileError
 from capslip.surface.heightmap import HeightMap, Origin
-from capslip.surface.readers import gwyddion, hdf5, mat, npy, sdf, text, tiff, vendor, x3p, xyz
-from capslip.surface.readers.stored import Format, Request, calibrate, read_head
+from capslip.surface.readers import (
+    esri,
+    gwy,
+    gwyddion,
+    hdf5,
+    keyence,
+    mat,
+    mesh,
+    npy,
+    packed,
+    sdf,
+    sur,
+    surfer,
+    sxm,
+    text,
+    tiff,
+    vendor,
+    x3p,
+    xyz,
+    zygo,
+)
+from capslip.surface.readers.choice import printable
+from capslip.surface.readers.marks import without_marks
+from capslip.surface.readers.stored import (
+    Calibration,
+    Format,
+    Request,
+    Stored,
+    calibrate,
+    read_head,
+)
 
 FORMATS: tuple[Format, ...] = (  # asked in this order
     hdf5.FORMAT,
@@ -15,12 +46,21 @@ FORMATS: tuple[Format, ...] = (  # asked in this order
     sdf.FORMAT,
     mat.FORMAT,
     tiff.FORMAT,
+    gwy.FORMAT,
+    sur.FORMAT,
+    sxm.FORMAT,
+    zygo.FORMAT,
+    surfer.FORMAT,
+    esri.FORMAT,
+    mesh.FORMAT,
     gwyddion.FORMAT,
+    keyence.FORMAT,
     xyz.FORMAT,
     text.FORMAT,
     vendor.FORMAT,
 )
 HEAD_BYTES = 512
+GAPS = re.compile(r"gap|depth", re.IGNORECASE)
 
 
 def load_surface(
@@ -30,6 +70,9 @@ def load_surface(
     lateral_unit: str | None = None,
     pixel_size: tuple[float, float] | None = None,
     dataset: str | None = None,
+    scale: float | None = None,
+    top_row_first: bool | None = None,
+    invert: bool = False,
     lenient: bool = False,
 ) -> HeightMap:
     """Read a scan file as a height map in metres.
@@ -51,6 +94,13 @@ def load_surface(
     dataset : str, optional
         Name of the dataset (HDF5), array (NPZ), variable (MAT) or channel (vendor formats) that
         holds the heights.
+    scale : float, optional
+        Heights in `unit` a stored number, of a map whose file says no unit.
+    top_row_first : bool, optional
+        Whether y falls with the row, as in a picture; for formats that leave it open (HDF5, NPY,
+        MAT, text matrices), whose first row otherwise has the least y.
+    invert : bool, optional
+        The numbers grow into the material (gaps, depths): turn their sign.
     lenient : bool, optional
         Accept an X3P archive with its files in a subfolder, with entries that an archiver added,
         or with a wrong checksum. Each leniency used is said in `origin.notes`.
@@ -58,8 +108,8 @@ def load_surface(
     Returns
     -------
     HeightMap
-        float64, shape (ny, nx), NaN at non-measured points. `origin.notes` says what the reader
-        did beyond reading.
+        float64, shape (ny, nx), NaN at non-measured points; y grows with the row in every format.
+        `origin.notes` says what the reader did beyond reading.
 
     Raises
     ------
@@ -73,18 +123,55 @@ def load_surface(
         If a unit, pixel size or dataset that is given makes no sense.
     """
     path = Path(path)
-    head = _head(path)
-    file_format = next(f for f in FORMATS if f.recognises(head, path))
-    if dataset is not None and not file_format.named:
+    request = Request(dataset, pixel_size, lateral_unit, lenient, scale)
+    given = Calibration(unit, lateral_unit, pixel_size, scale, top_row_first, invert)
+    try:
+        if _head(path).startswith(packed.MAGIC):
+            with packed.unpacked(path) as copy:
+                return _of_copy(path, copy, request, given)
+        return _loaded(path, path, request, given)
+    except CapslipError as error:
+        if str(error).isprintable():
+            raise
+        raise type(error)(printable(str(error))) from error
+
+
+def _of_copy(path: Path, copy: Path, request: Request, given: Calibration) -> HeightMap:
+    try:
+        return _loaded(path, copy, request, given)
+    except CapslipError as error:
+        raise type(error)(str(error).replace(str(copy), str(path))) from error
+
+
+def _loaded(path: Path, copy: Path, request: Request, given: Calibration) -> HeightMap:
+    """Read a scan from where it lies, or from an unpacked copy."""
+    head = _head(copy)
+    file_format = next(f for f in FORMATS if f.recognises(head, copy))
+    if request.dataset is not None and not file_format.named:
         raise SettingsError(
-            f"{path}: --dataset {dataset} given, but a file of the format {file_format.name} "
-            "holds one height map; leave it out"
+            f"{path}: --dataset {request.dataset} given, but a file of the format "
+            f"{file_format.name} holds one height map; leave it out"
         )
-    stored = file_format.read(path, Request(dataset, pixel_size, lateral_unit, lenient))
+    stored = file_format.read(copy, request)
+    height, marks = without_marks(stored.height)
+    notes = (*stored.notes, *marks, *_gaps(stored, given))
     origin = Origin(
-        name=path.stem, path=str(path), sha256=sha256_of(path), file_format=file_format.name
+        name=printable(copy.stem),
+        path=str(path),
+        sha256=sha256_of(path),
+        file_format=file_format.name,
     )
-    return calibrate(stored, origin, unit, lateral_unit, pixel_size)
+    return calibrate(replace(stored, height=height, notes=notes), origin, given)
+
+
+def _gaps(stored: Stored, given: Calibration) -> tuple[str, ...]:
+    """Say that a map sounds like one of gaps, which grow into the material."""
+    if given.invert or not GAPS.search(stored.dataset or ""):
+        return ()
+    return (
+        f"{stored.dataset!r} sounds like gaps or depths, not heights, which grow out of the "
+        "material; reading.invert = true turns them",
+    )
 
 
 def _head(path: Path) -> bytes:

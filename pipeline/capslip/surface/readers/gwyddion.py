@@ -3,7 +3,7 @@
 Two headers exist. One says `h=... w=...`, `pixel size=... m`, `data unit=...` and
 `height conversion factor (-> m)=...`: the numbers are no lengths until multiplied by that factor.
 The other is a comment: `# Width: ... um`, `# Height: ... um`, `# Value units: m`, the sizes being
-those of the whole field.
+those of the whole field; its words are in the language of the program, their order is not.
 """
 
 import re
@@ -14,7 +14,13 @@ from capslip.surface.readers.stored import Format, Request, Stored, check_shape
 from capslip.surface.readers.table import decoded, parse_rows, read_text
 
 SIZES = re.compile(rb"[ \t]*h[ \t]*=[ \t]*(\d{1,9})[ \t]+w[ \t]*=[ \t]*(\d{1,9})[ \t]*[\r\n]")
-CHANNEL = re.compile(rb"#\s*Channel:.*[\r\n]+#\s*Width:", re.IGNORECASE)
+# Whatever the words: a name, two lengths and a unit, in this order
+CHANNEL = re.compile(
+    rb"#[^:\r\n]+:[^\r\n]*[\r\n]+"
+    + 2 * rb"#[^:\r\n]+:\s*[\d.,]+(?:[eE][-+]?\d+)?\s*[^\d\s][^\r\n]*[\r\n]+"
+    + rb"(?:#[^:\r\n]+:\s*\S{0,12}\s*[\r\n]+)?"
+)
+OF_PLACE = ("channel", "width", "height", "value units")
 MAX_HEADER_LINES = 50
 FACTOR = re.compile(r"height conversion factor\s*\(\s*->\s*(\S+?)\s*\)")
 
@@ -34,7 +40,10 @@ def _read(path: Path, request: Request) -> Stored:
         line = decoded(content[start : len(content) if end < 0 else end]).strip()
         if line and (not line.startswith("#") if commented else "=" not in line):
             break
-        fields.update(_fields(line.lstrip("# "), ":" if commented else "="))
+        found = _fields(line.lstrip("# "), ":" if commented else "=")
+        if commented and len(fields) < len(OF_PLACE):
+            found = {OF_PLACE[len(fields)]: value for value in found.values()}
+        fields.update(found)
         start = len(content) if end < 0 else end + 1
         lines += 1
     sizes = SIZES.match(content)
@@ -51,7 +60,12 @@ def _read(path: Path, request: Request) -> Stored:
                 f"{path}: width in {unit}, height in {unit_y}; expected one unit; export it again"
             )
         return Stored(
-            values, fields.get("value units"), (height / ny, width / nx), unit, notes=notes
+            values,
+            fields.get("value units"),
+            (height / ny, width / nx),
+            unit,
+            notes=notes,
+            top_row_first=True,
         )
     if (ny, nx) != expected:
         raise UnreadableFileError(
@@ -65,7 +79,7 @@ def _read(path: Path, request: Request) -> Stored:
         values *= _positive(fields[factor_name], factor_name, path)
         match = FACTOR.match(factor_name)
         unit = match.group(1) if match else None
-    return Stored(values, unit, (size, size), lateral_unit, notes=notes)
+    return Stored(values, unit, (size, size), lateral_unit, notes=notes, top_row_first=True)
 
 
 def _fields(line: str, sign: str) -> dict[str, str]:
@@ -78,8 +92,9 @@ def _length(fields: dict[str, str], name: str, path: Path) -> tuple[float, str |
         raise UnreadableFileError(
             f"{path}: the header does not say {name!r}; expected a length; export it again"
         )
-    number, _, unit = fields[name].partition(" ")
-    return _positive(number, name, path), unit.strip() or None
+    number, *words = fields[name].split(maxsplit=1) or [""]
+    unit = " ".join(words)
+    return _positive(number.replace(",", "."), name, path), unit.strip() or None
 
 
 def _positive(text: str, name: str, path: Path) -> float:

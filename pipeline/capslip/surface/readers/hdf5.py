@@ -9,6 +9,7 @@ import math
 import mmap
 import struct
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +17,9 @@ import numpy as np
 
 from capslip.errors import OutputError, SettingsError, UncalibratedError, UnreadableFileError
 from capslip.surface.heightmap import HeightMap
+from capslip.surface.readers.arrays import stored_array
+from capslip.surface.readers.choice import shown
+from capslip.surface.readers.hdf5_items import check_inside, item_of, names_of_maps
 from capslip.surface.readers.stored import (
     Format,
     Request,
@@ -95,7 +99,7 @@ def _read(path: Path, request: Request) -> Stored:
     _check_strings(path)
     try:
         with h5py.File(path, "r") as file:
-            return _stored(file, path, request.dataset)
+            return _stored(file, path, request)
     except (OSError, RuntimeError, KeyError, ValueError, TypeError) as error:
         # each of these is what h5py raises on one kind of damaged bytes
         raise UnreadableFileError(
@@ -158,29 +162,72 @@ def _damaged_strings(path: Path, offset: int) -> UnreadableFileError:
     )
 
 
-def _stored(file: Any, path: Path, name: str | None) -> Stored:
+def _stored(file: Any, path: Path, request: Request) -> Stored:
     import h5py
 
-    chosen = file.get(name or "height")
+    name = request.dataset
+    chosen = item_of(file, name or "height", str(path))
     if not isinstance(chosen, h5py.Dataset):
-        maps = _datasets(file)
         raise UnreadableFileError(
             f"{path}: no dataset {name or 'height'!r}; datasets with two axes: "
-            f"{', '.join(maps) or 'none'}; add --dataset NAME"
+            f"{shown(names_of_maps(file))}; add --dataset NAME"
         )
-    what = f"{path}:{chosen.name}"
+    what = f"{path}:{name or 'height'}"
     if chosen.shape is None:
         raise UnreadableFileError(f"{what}: empty dataset; expected two axes (ny, nx)")
+    check_inside(chosen, what)
     check_shape(chosen.shape, what)
     check_real(chosen.dtype, what)
     check_growth(chosen.id.get_storage_size(), chosen.nbytes, what)
     pixel_size = _attribute(chosen, "pixel_size", what)
-    return Stored(
-        height=chosen[()],
-        unit=_text(_attribute(chosen, "unit", what), f"{what}: attribute unit"),
-        pixel_size=None if pixel_size is None else _pair(pixel_size, what),
-        lateral_unit=_text(_attribute(chosen, "pixel_unit", what), f"{what}: attribute pixel_unit"),
+    height, notes = _unpacked(chosen, what)
+    word = "units" if "unit" not in chosen.attrs else "unit"
+    unit = _text(_attribute(chosen, word, what), f"{what}: attribute {word}")
+    lateral_unit = _text(_attribute(chosen, "pixel_unit", what), f"{what}: attribute pixel_unit")
+    stored = (
+        stored_array(height, what, request)
+        if pixel_size is None
+        else Stored(height, pixel_size=_pair(pixel_size, what))
     )
+    return replace(
+        stored, unit=unit, lateral_unit=lateral_unit, notes=stored.notes + notes, dataset=name
+    )
+
+
+def _unpacked(dataset: Any, what: str) -> tuple[np.ndarray, tuple[str, ...]]:
+    """Return the heights of packed counts, with notes: h = scale_factor counts + add_offset.
+
+    The attributes are those of the netCDF conventions (CF 1.11, sections 2.5.1 and 8.1).
+    """
+    raw = dataset[()]
+    notes: tuple[str, ...] = ()
+    marked = np.zeros(raw.shape, dtype=bool)
+    for name in ("_FillValue", "missing_value"):
+        code = _number(_attribute(dataset, name, what), f"{what}: attribute {name}")
+        if code is not None and not np.isnan(code):
+            here = raw == np.asarray(code).astype(raw.dtype)
+            notes += (f"{int(here.sum())} points with the {name} {code:g} are non-measured",)
+            marked |= here
+    scale, offset = (
+        _number(_attribute(dataset, name, what), f"{what}: attribute {name}")
+        for name in ("scale_factor", "add_offset")
+    )
+    if scale is not None or offset is not None:
+        scale, offset = 1.0 if scale is None else scale, offset or 0.0
+        raw = scale * raw.astype(np.float64) + offset
+        notes += (f"heights are {scale:g} times the stored numbers plus {offset:g}, as it says",)
+    if marked.any():
+        raw = np.where(marked, np.nan, raw)
+    return raw, notes
+
+
+def _number(value: Any, what: str) -> float | None:
+    if value is None:
+        return None
+    number = np.asarray(value)
+    if number.size != 1 or number.dtype.kind not in "fiu":
+        raise UncalibratedError(f"{what}: got {value!r}; expected one number; correct the file")
+    return float(number.reshape(()))
 
 
 def _attribute(dataset: Any, name: str, what: str) -> Any:
@@ -195,19 +242,6 @@ def _attribute(dataset: Any, name: str, what: str) -> Any:
             "pixel_size = two numbers [dy, dx] and units = a word; correct the file"
         )
     return dataset.attrs[name]
-
-
-def _datasets(file: Any) -> list[str]:
-    import h5py
-
-    found: list[str] = []
-
-    def visit(name: str, item: Any) -> None:
-        if isinstance(item, h5py.Dataset) and item.ndim == 2:
-            found.append(name)
-
-    file.visititems(visit)
-    return found
 
 
 def _text(value: Any, what: str) -> str | None:

@@ -8,12 +8,21 @@ import math
 import struct
 import zlib
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from itertools import islice
 from pathlib import Path
 
 import numpy as np
 
 from capslip.errors import UnreadableFileError
+from capslip.surface.readers.arrays import stored_array
+from capslip.surface.readers.choice import shown
+from capslip.surface.readers.hdf5_items import (
+    MAX_ITEMS,
+    check_inside,
+    item_of,
+    names_of_maps,
+)
 from capslip.surface.readers.stored import (
     Format,
     Request,
@@ -63,12 +72,11 @@ def _recognises(head: bytes, path: Path) -> bool:
 def _read(path: Path, request: Request) -> Stored:
     with path.open("rb") as file:
         in_hdf5 = file.read(len(MAGIC_HDF5)) == MAGIC_HDF5
-    if in_hdf5:
-        return Stored(_read_hdf5(path, request.dataset))
-    return Stored(_read_5(path, request.dataset))
+    name, array = (_read_hdf5 if in_hdf5 else _read_5)(path, request.dataset)
+    return replace(stored_array(array, f"{path}:{name}", request), dataset=name)
 
 
-def _read_5(path: Path, dataset: str | None) -> np.ndarray:
+def _read_5(path: Path, dataset: str | None) -> tuple[str, np.ndarray]:
     content = path.read_bytes()
     order = {b"IM": "<", b"MI": ">"}.get(content[126:128])
     if order is None:
@@ -77,7 +85,7 @@ def _read_5(path: Path, dataset: str | None) -> np.ndarray:
         )
     try:
         variables = {v.name: v for v in _variables(content, order)}
-        maps = [name for name, v in variables.items() if v.is_real and len(v.shape) == 2]
+        maps = [name for name, v in variables.items() if v.is_real and _is_map(v.shape)]
         chosen = variables[_choose(dataset, maps, list(variables), path)]
         what = f"{path}:{chosen.name}"
         if not chosen.is_real:
@@ -86,7 +94,7 @@ def _read_5(path: Path, dataset: str | None) -> np.ndarray:
                 "that holds the heights"
             )
         check_shape(chosen.shape, what)
-        return _values(chosen, order, what)
+        return chosen.name, _values(chosen, order, what)
     except (struct.error, zlib.error, ValueError) as error:
         raise UnreadableFileError(
             f"{path}: damaged or truncated MAT file ({' '.join(str(error).split())}); expected a "
@@ -149,19 +157,29 @@ def _values(variable: _Variable, order: str, what: str) -> np.ndarray:
     return values.reshape(variable.shape, order="F")
 
 
-def _read_hdf5(path: Path, dataset: str | None) -> np.ndarray:
+def _read_hdf5(path: Path, dataset: str | None) -> tuple[str, np.ndarray]:
     import h5py
 
     try:
         with h5py.File(path, "r") as file:
-            variables = {n: v for n, v in file.items() if isinstance(v, h5py.Dataset)}
-            maps = [n for n, v in variables.items() if v.ndim == 2 and v.dtype.kind in "fiu"]
-            chosen = variables[_choose(dataset, maps, list(variables), path)]
-            what = f"{path}:{chosen.name}"
+            maps = [
+                name
+                for name in names_of_maps(file)
+                if "/" not in name and file[name].dtype.kind in "fiu" and _is_map(file[name].shape)
+            ]
+            names = [*maps, *(n for n in islice(file, MAX_ITEMS) if n not in maps)]
+            name = _choose(dataset, maps, names, path)
+            chosen = item_of(file, name, str(path))
+            what = f"{path}:{name}"
+            if not isinstance(chosen, h5py.Dataset):
+                raise UnreadableFileError(
+                    f"{what}: no matrix; expected one; choose the variable that holds the heights"
+                )
+            check_inside(chosen, what)
             check_shape(chosen.shape or (), what)
             check_real(chosen.dtype, what)
             check_growth(chosen.id.get_storage_size(), chosen.nbytes, what)
-            return np.asarray(chosen[()]).T  # MATLAB stores columns
+            return name, np.asarray(chosen[()]).T  # MATLAB stores columns
     except (OSError, RuntimeError, KeyError, ValueError, TypeError) as error:
         # each of these is what h5py raises on one kind of damaged bytes
         raise UnreadableFileError(
@@ -170,13 +188,18 @@ def _read_hdf5(path: Path, dataset: str | None) -> np.ndarray:
         ) from error
 
 
+def _is_map(shape: tuple[int, ...]) -> bool:
+    """Say whether a matrix may be a map or points; numbers and vectors beside it are none."""
+    return len(shape) == 2 and min(shape) >= 3
+
+
 def _choose(dataset: str | None, maps: list[str], names: list[str], path: Path) -> str:
     if dataset is None and len(maps) == 1:
         return maps[0]
     if dataset is None or dataset not in names:
         raise UnreadableFileError(
             f"{path}: {'no variable ' + repr(dataset) if dataset else 'several matrices or none'}; "
-            f"matrices: {', '.join(maps) or 'none'}; add --dataset NAME"
+            f"matrices: {shown(maps)}; add --dataset NAME"
         )
     return dataset
 

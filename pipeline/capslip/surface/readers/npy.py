@@ -3,6 +3,7 @@
 import math
 import warnings
 import zipfile
+from dataclasses import replace
 from pathlib import Path
 from tokenize import TokenError
 from typing import IO
@@ -10,6 +11,8 @@ from typing import IO
 import numpy as np
 
 from capslip.errors import SettingsError, UnreadableFileError
+from capslip.surface.readers.arrays import stored_array
+from capslip.surface.readers.choice import shown
 from capslip.surface.readers.stored import (
     DAMAGED_ZIP,
     Format,
@@ -47,14 +50,17 @@ def _read(path: Path, request: Request) -> Stored:
                     "leave it out"
                 )
             file.seek(0)
-            return Stored(_array(file, path.stat().st_size, str(path)))
+            array = _array(file, path.stat().st_size, str(path))
+            return stored_array(array, str(path), request)
     try:
         with zipfile.ZipFile(path) as archive:
             member = _member(archive, path, request.dataset)
             what = f"{path}:{member.filename}"
             check_growth(member.compress_size, member.file_size, what)
             with archive.open(member) as file:
-                return Stored(_array(file, member.file_size, what))
+                array = _array(file, member.file_size, what)
+        name = member.filename.removesuffix(".npy")
+        return replace(stored_array(array, what, request), dataset=name)
     except DAMAGED_ZIP as error:
         raise UnreadableFileError(
             f"{path}: damaged NPZ archive ({' '.join(str(error).split())}); expected a whole one; "
@@ -73,7 +79,7 @@ def _member(archive: zipfile.ZipFile, path: Path, dataset: str | None) -> zipfil
     if dataset is None or dataset not in arrays:
         raise UnreadableFileError(
             f"{path}: {'no array ' + repr(dataset) if dataset else 'several arrays or none'}; "
-            f"arrays: {', '.join(arrays) or 'none'}; add --dataset NAME"
+            f"arrays: {shown(list(arrays))}; add --dataset NAME"
         )
     return arrays[dataset]
 

@@ -49,7 +49,7 @@ def _read(path: Path, request: Request) -> Stored:
     header, raw, notes = _binary(path) if magic.startswith(b"b") else _text(path)
     with np.errstate(invalid="ignore", over="ignore"):  # odd NaN; infinity is refused later
         heights_m = raw.reshape(header.shape) * header.z_scale_m
-    return Stored(heights_m, "m", header.pixel_size_m, "m", notes=notes)
+    return Stored(heights_m, "m", header.pixel_size_m, "m", notes=notes, top_row_first=False)
 
 
 def _binary(path: Path) -> tuple[_Header, np.ndarray, tuple[str, ...]]:

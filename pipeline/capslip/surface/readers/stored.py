@@ -12,6 +12,7 @@ import numpy as np
 
 from capslip.errors import SettingsError, UncalibratedError, UnreadableFileError
 from capslip.surface.heightmap import HeightMap, Origin
+from capslip.surface.readers.choice import printable
 from capslip.units import METRES, SPELLINGS
 
 MAX_POINTS = 2**28  # 2 GiB of float64
@@ -38,6 +39,11 @@ class Stored:
         Unit of the pixel size.
     notes : tuple of str
         What the reader did beyond reading: each a sentence for the user.
+    top_row_first : bool or None
+        Whether y falls with the row, as in a picture; None where the format leaves it open, and
+        the first row then has the least y.
+    dataset : str or None
+        The one of several maps of the file that this is.
     """
 
     height: np.ndarray
@@ -45,6 +51,35 @@ class Stored:
     pixel_size: tuple[float, float] | None = None
     lateral_unit: str | None = None
     notes: tuple[str, ...] = ()
+    top_row_first: bool | None = None
+    dataset: str | None = None
+
+
+@dataclass(frozen=True)
+class Calibration:
+    """What the user says where the file is silent; `reading` of the settings without `dataset`.
+
+    Attributes
+    ----------
+    unit, lateral_unit : str or None
+        `lateral_unit` belongs to `pixel_size` where that is given, and to the file's own pixel size
+        where it is not.
+    pixel_size : (float, float) or None
+        (dy, dx).
+    scale : float or None
+        Heights in `unit` a stored number; None means 1.
+    top_row_first : bool or None
+        Whether y falls with the row.
+    invert : bool
+        The numbers grow into the material: gaps or depths.
+    """
+
+    unit: str | None = None
+    lateral_unit: str | None = None
+    pixel_size: tuple[float, float] | None = None
+    scale: float | None = None
+    top_row_first: bool | None = None
+    invert: bool = False
 
 
 @dataclass(frozen=True)
@@ -61,12 +96,15 @@ class Request:
         Unit of `pixel_size`.
     lenient : bool
         Accept what a format names as its leniencies, each with a note.
+    scale : float or None
+        Heights a stored number, without which whole numbers are no heights in some formats.
     """
 
     dataset: str | None = None
     pixel_size: tuple[float, float] | None = None
     lateral_unit: str | None = None
     lenient: bool = False
+    scale: float | None = None
 
     def pixel_size_in(self, unit: str | None) -> tuple[float, float] | None:
         """Return the pixel size in a unit of the file; None for `unit` means the user's own."""
@@ -149,14 +187,8 @@ def check_growth(packed_bytes: int, unpacked_bytes: int, what: str) -> None:
         )
 
 
-def calibrate(
-    stored: Stored,
-    origin: Origin,
-    unit: str | None,
-    lateral_unit: str | None,
-    pixel_size: tuple[float, float] | None,
-) -> HeightMap:
-    """Bring a stored height map to metres, with what the user says where the file is silent.
+def calibrate(stored: Stored, origin: Origin, given: Calibration) -> HeightMap:
+    """Bring a stored height map to metres, with y growing from row to row.
 
     Parameters
     ----------
@@ -164,11 +196,8 @@ def calibrate(
         What the file says.
     origin : Origin
         Name and digest; the units and the reader's notes are added here.
-    unit, lateral_unit : str or None
-        Units given by the user. `lateral_unit` belongs to `pixel_size` where that is given, and to
-        the file's own pixel size where it is not.
-    pixel_size : (float, float) or None
-        (dy, dx) given by the user.
+    given : Calibration
+        What the user says.
 
     Raises
     ------
@@ -176,17 +205,53 @@ def calibrate(
         If a unit or the pixel size is neither stored nor given, or what is given contradicts the
         file.
     SettingsError
-        If a unit that is given is no unit of length, or the pixel size no pair of positive numbers.
+        If a unit that is given is no unit of length, the pixel size no pair of positive numbers,
+        or the scale no positive number.
     """
     where = origin.path or origin.name
-    height_unit = _height_unit(stored.unit, unit, where)
-    pixel_size_m, pixel_unit = _pixel_size_m(stored, lateral_unit, pixel_size, where)
-    height_m = np.asarray(stored.height, dtype=np.float64)
-    if height_unit != "m":
-        with np.errstate(invalid="ignore", over="ignore"):  # odd NaN; infinity is refused later
-            height_m = height_m * METRES[height_unit]
-    origin = replace(origin, height_unit=height_unit, lateral_unit=pixel_unit, notes=stored.notes)
+    height_unit = _height_unit(stored.unit, given.unit, where)
+    pixel_size_m, pixel_unit = _pixel_size_m(stored, given.lateral_unit, given.pixel_size, where)
+    factor = METRES[height_unit] * _scale(stored, given.scale, where)
+    factor = -factor if given.invert else factor
+    with np.errstate(invalid="ignore", over="ignore"):  # odd NaN; infinity is refused later
+        height_m = np.asarray(stored.height, dtype=np.float64)
+        if factor != 1.0:
+            height_m = height_m * factor
+    if _is_top_row_first(stored, given.top_row_first, where):
+        height_m = height_m[::-1]
+    origin = replace(
+        origin,
+        height_unit=height_unit,
+        lateral_unit=pixel_unit,
+        dataset=None if stored.dataset is None else printable(stored.dataset),
+        notes=tuple(map(printable, stored.notes)),
+    )
     return HeightMap(height_m, pixel_size_m, origin)
+
+
+def _scale(stored: Stored, given: float | None, where: str) -> float:
+    if given is None:
+        return 1.0
+    if not 0.0 < given < math.inf:
+        raise SettingsError(f"{where}: reading.scale: got {given:g}; expected a positive number")
+    if stored.unit is not None:
+        raise UncalibratedError(
+            f"{where}: heights are stored in {stored.unit}, but reading.scale says {given:g} a "
+            "stored number; a scale in the file is never overridden; leave reading.scale out"
+        )
+    return given
+
+
+def _is_top_row_first(stored: Stored, given: bool | None, where: str) -> bool:
+    if stored.top_row_first is None:
+        return bool(given)
+    if given is not None and given != stored.top_row_first:
+        first = "top" if stored.top_row_first else "bottom"
+        raise UncalibratedError(
+            f"{where}: the format has its {first} row first, but reading.top_row_first says "
+            f"{str(given).lower()}; what a file says is never overridden; leave it out"
+        )
+    return stored.top_row_first
 
 
 def _height_unit(stored: str | None, given: str | None, where: str) -> str:
@@ -261,6 +326,11 @@ def _word(text: str) -> str | None:
     text = text.strip()
     text = SPELLINGS.get(text, text)
     return text if text in METRES else None
+
+
+def is_length(text: str) -> bool:
+    """Say whether a word is a unit of length that is known."""
+    return _word(text) is not None
 
 
 def _stored_word(text: str, what: str) -> str:

@@ -13,6 +13,7 @@ from capslip.surface.readers.stored import check_shape, read_head
 COMMENT = (b"#", b"%")
 LOOK_BYTES = 2**16  # enough for the comments and the first numbers
 MAX_BYTES = 2**30
+MAX_LINE_BYTES = 2**21  # 80,000 numbers of 25 letters: more is no row of a map
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,10 +40,9 @@ def first_fields(path: Path, *, names: bool = False) -> int | None:
 
     The row may follow comments and, with `names`, one line of column names.
     """
-    head = read_head(path, LOOK_BYTES)
-    if b"\0" in head:
+    content = plain_lines(read_head(path, LOOK_BYTES))
+    if b"\0" in content:
         return None
-    content = _plain_lines(head)
     row = _line_at(content, _first_row(content, names))
     return len(_split(row)) if _is_row(row) else None
 
@@ -79,6 +79,7 @@ def parse_rows(
 ) -> tuple[np.ndarray, tuple[str, ...]]:
     """Turn lines into rows of numbers, with notes; errors as for `read_table`."""
     notes = []
+    _check_lines(body, where, lines_before)
     if not body.endswith(b"\n"):
         notes.append("the last line has no end: the text may be truncated")
     body = body.rstrip() + b"\n"
@@ -134,22 +135,20 @@ def read_text(path: Path) -> bytes:
     Raises
     ------
     UnreadableFileError
-        If the file is too large, in UTF-16, or holds a zero byte.
+        If the file is too large or holds a zero byte.
     """
     size = path.stat().st_size
     if size > MAX_BYTES:
         raise UnreadableFileError(
             f"{path}: {size} bytes of text; expected at most {MAX_BYTES}; convert it to HDF5"
         )
-    content = path.read_bytes()
-    if content.startswith((b"\xff\xfe", b"\xfe\xff")):
-        raise UnreadableFileError(f"{path}: text in UTF-16; expected UTF-8 or ASCII; save it again")
+    content = plain_lines(path.read_bytes())
     at = content.find(b"\0")
     if at >= 0:
         raise UnreadableFileError(
             f"{path}: a zero byte at offset {at} of a text; expected numbers; copy the file again"
         )
-    return _plain_lines(content)
+    return content
 
 
 def decoded(line: bytes) -> str:
@@ -160,11 +159,28 @@ def decoded(line: bytes) -> str:
         return line.decode("latin-1")
 
 
-def _plain_lines(content: bytes) -> bytes:
+def plain_lines(content: bytes) -> bytes:
+    """Return text in UTF-8 without its mark, lines ended by a line feed; UTF-16 by its mark."""
+    if content.startswith((b"\xff\xfe", b"\xfe\xff")):
+        content = content.decode("utf-16", "replace").encode()
     content = content.removeprefix(b"\xef\xbb\xbf")
     if b"\r" in content:
         content = content.replace(b"\r\n", b"\n").replace(b"\r", b"\n")
     return content
+
+
+def _check_lines(body: bytes, where: str, lines_before: int) -> None:
+    """Refuse, before memory is taken, a line that is longer than any row of a map."""
+    if len(body) <= MAX_LINE_BYTES:
+        return
+    ends = np.flatnonzero(np.frombuffer(body, np.uint8) == ord("\n"))
+    sizes = np.diff(ends, prepend=-1, append=len(body)) - 1
+    longest = int(np.argmax(sizes))
+    if sizes[longest] > MAX_LINE_BYTES:
+        raise UnreadableFileError(
+            f"{where}: line {lines_before + longest + 1} has {int(sizes[longest])} bytes; expected "
+            f"at most {MAX_LINE_BYTES}, a row of a map; write one row a line"
+        )
 
 
 def _line_at(content: bytes, start: int) -> bytes:

@@ -5,11 +5,11 @@ from pathlib import Path
 import numpy as np
 
 from capslip.errors import UnreadableFileError
+from capslip.surface.readers.arrays import is_list
 from capslip.surface.readers.stored import Format, Request, Stored
 from capslip.surface.readers.table import first_fields, read_table
 
 OWN_EXTENSIONS = (".csv", ".tsv")  # of no other text format: what is wrong in them is said here
-LIST_COLUMNS, LIST_ASPECT = 8, 50  # fewer columns and longer than this is a list, no matrix
 
 
 def _recognises(head: bytes, path: Path) -> bool:
@@ -19,7 +19,7 @@ def _recognises(head: bytes, path: Path) -> bool:
 def _read(path: Path, request: Request) -> Stored:
     table = read_table(path)
     rows, columns = table.values.shape
-    if columns < LIST_COLUMNS and rows > LIST_ASPECT * columns:
+    if is_list((rows, columns)):
         raise UnreadableFileError(
             f"{path}: {rows} rows of {columns} numbers are a list, not a map; expected a matrix, "
             "or three columns x y z; leave the other columns out"

@@ -3,12 +3,14 @@
 The resolution tags of other programs tell the size of a print, so they are left alone.
 """
 
+from itertools import islice
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from capslip.errors import UnreadableFileError
+from capslip.surface.readers.lengths import check_length
 from capslip.surface.readers.stored import (
     Format,
     Request,
@@ -20,11 +22,38 @@ from capslip.surface.readers.stored import (
 from capslip.units import METRES, SPELLINGS
 
 MAGICS = (b"II*\0", b"MM\0*", b"II+\0", b"MM\0+")
+IMAGE_DESCRIPTION = 270
+# Private tags of makers, whose own readers take the file: Park Systems (magic), JPK (version of its
+# format, name of a channel), and a word in the description of Olympus LEXT
+PARK_MAGIC, JPK_TAGS, LEXT_WORD = 50432, (0x8000, 0x8050), "TiffTagDescData"
+MAX_PAGES = 64  # looked at for them
 GDAL_NODATA = 42113
+ORIENTATION, TOP_LEFT, BOTTOM_LEFT = 274, 1, 4
 
 
 def _recognises(head: bytes, path: Path) -> bool:
-    return head.startswith(MAGICS)
+    return head.startswith(MAGICS) and not _is_instruments_own(path)
+
+
+def _is_instruments_own(path: Path) -> bool:
+    """Say whether an instrument wrote the file: its heights are then no plain picture."""
+    import logging
+
+    import tifffile
+
+    logging.getLogger("tifffile").setLevel(logging.CRITICAL + 1)
+    try:
+        check_length(path, lenient=True)
+        with tifffile.TiffFile(path) as file:
+            pages: list[Any] = list(islice(file.pages, MAX_PAGES))
+            for tags in (page.tags for page in pages):
+                if PARK_MAGIC in tags or any(tag in tags for tag in JPK_TAGS):
+                    return True
+                if LEXT_WORD in str(tags.valueof(IMAGE_DESCRIPTION, default="")):
+                    return True
+    except Exception:  # tifffile raises errors of every kind on damaged bytes
+        return False
+    return False
 
 
 def _read(path: Path, request: Request) -> Stored:
@@ -32,32 +61,34 @@ def _read(path: Path, request: Request) -> Stored:
 
     import tifffile
 
+    check_length(path, request.lenient)
     # What tifffile logs of a damaged file is said by the error below, or does not matter here.
     logging.getLogger("tifffile").setLevel(logging.CRITICAL + 1)
     try:
         with tifffile.TiffFile(path) as file:
-            return _stored(file, path)
+            return _stored(file, path, request.scale is not None)
     except UnreadableFileError:
         raise
     except Exception as error:  # tifffile raises errors of every kind on damaged bytes
         raise UnreadableFileError(
             f"{path}: damaged, truncated or unsupported TIFF file ({type(error).__name__}: "
-            f"{' '.join(str(error).split())[:200]}); expected plain float32 or float64; "
+            f"{' '.join(str(error).split())[:200]}); expected plain numbers; "
             "export it again"
         ) from error
 
 
-def _stored(file: Any, path: Path) -> Stored:
+def _stored(file: Any, path: Path, has_scale: bool) -> Stored:
     if len(file.pages) != 1:
         raise UnreadableFileError(
             f"{path}: {len(file.pages)} pages; expected one; export the height map alone"
         )
     page = file.pages[0]
     check_shape(page.shape, str(path))
-    if page.dtype is None or page.dtype.kind != "f":
+    if page.dtype is None or (page.dtype.kind != "f" and not has_scale):
         raise UnreadableFileError(
             f"{path}: data type {page.dtype}; expected float32 or float64: whole numbers hide a "
-            "scale factor; export the heights as float"
+            "scale factor; export the heights as float, or give reading.scale, the height in "
+            "--unit of one count"
         )
     check_real(page.dtype, str(path))
     check_growth(sum(page.databytecounts), page.nbytes, str(path))
@@ -71,7 +102,21 @@ def _stored(file: Any, path: Path) -> Stored:
     heights = np.array(page.asarray(), dtype=np.float64)
     notes = _mask_no_data(heights, page, path)
     pixel_size, unit = _imagej_pixel_size(file, page)
-    return Stored(heights, None, pixel_size, unit, notes)
+    return Stored(
+        heights, None, pixel_size, unit, notes, top_row_first=_is_top_row_first(page, path)
+    )
+
+
+def _is_top_row_first(page: Any, path: Path) -> bool:
+    """Judge by the tag Orientation (TIFF 6.0, section 8); without it the first row is the top."""
+    tag = page.tags.get(ORIENTATION)
+    place = 1 if tag is None else int(tag.value)
+    if place not in (TOP_LEFT, BOTTOM_LEFT):
+        raise UnreadableFileError(
+            f"{path}: tag Orientation is {place}; expected {TOP_LEFT} or {BOTTOM_LEFT}, the first "
+            "column on the left; export it without mirroring or turning"
+        )
+    return place == TOP_LEFT
 
 
 def _mask_no_data(heights: np.ndarray, page: Any, path: Path) -> tuple[str, ...]:

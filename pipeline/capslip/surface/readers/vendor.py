@@ -2,20 +2,32 @@
 
 import logging
 import warnings
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from capslip.errors import CapslipError, UnreadableFileError
-from capslip.surface.readers.stored import Format, Request, Stored, check_shape
+from capslip.errors import CapslipError, UncalibratedError, UnreadableFileError
+from capslip.surface.readers.choice import choose, note_of_choice, unique_names
+from capslip.surface.readers.hdf5_items import check_file
+from capslip.surface.readers.lengths import check_length
+from capslip.surface.readers.stored import (
+    Format,
+    Request,
+    Stored,
+    check_shape,
+    is_length,
+    read_head,
+)
 
+HDF5_MAGIC = b"\x89HDF\r\n\x1a\n"  # inside DATX and netCDF
 REFUSED = {
     "nms": "the library gets its lateral scale wrong; export it as X3P",
 }
 # hgt has no header: every file of a fitting size passes for it. The others are built in: what
 # their own readers did not recognise is damaged, and the library would read it less strictly.
-NO_FORMAT = ("hgt", "asc", "h5", "mat", "npy", "npz", "sdf", "x3p", "xyz")
+NO_FORMAT = ("hgt", "asc", "gwy", "h5", "mat", "npy", "npz", "sdf", "sur", "x3p", "xyz")
 
 
 def _recognises(head: bytes, path: Path) -> bool:
@@ -37,9 +49,13 @@ def _read(path: Path, request: Request) -> Stored:
                 "optional library; install capslip[vendor], or convert the file to X3P, SDF, XYZ "
                 "or HDF5"
             ) from error
+        lengths = check_length(path, request.lenient)
+        if read_head(path, len(HDF5_MAGIC)) == HDF5_MAGIC:
+            check_file(path)
         try:
             with open_topography(str(path)) as reader:
-                return _stored(reader, path, request.dataset)
+                stored = _stored(reader, path, request.dataset)
+            return replace(stored, notes=lengths + stored.notes)
         except CapslipError:
             raise
         except CannotDetectFileFormat as error:
@@ -65,10 +81,18 @@ def _stored(reader: Any, path: Path, dataset: str | None) -> Stored:
         raise _unknown(path)
     if kind in REFUSED:
         raise UnreadableFileError(f"{path}: {kind} files are refused: {REFUSED[kind]}")
-    channel = _channel(reader, path, dataset)
+    names = unique_names([channel.name for channel in reader.channels])
+    maps = _maps_of_heights(reader)
+    chosen = choose(dataset, names, maps, path)
+    channel = reader.channels[chosen]
     if channel.dim != 2:
         raise UnreadableFileError(
             f"{path}: {channel.dim} axis; expected a height map with two; export the whole scan"
+        )
+    if chosen not in maps:
+        raise UncalibratedError(
+            f"{path}: channel {names[chosen]!r} is in {_unit_of_values(channel)}; expected heights "
+            "in a unit of length; choose another one with --dataset"
         )
     nx, ny = channel.nb_grid_pts
     check_shape((ny, nx), str(path))
@@ -85,18 +109,28 @@ def _stored(reader: Any, path: Path, dataset: str | None) -> Stored:
         unit=unit,
         pixel_size=None if size is None else (size[1] / ny, size[0] / nx),
         lateral_unit=None if size is None else unit,
+        notes=note_of_choice(dataset, names, maps),
+        top_row_first=True,  # the library turns every map as it is drawn, from the top down
+        dataset=names[chosen] if len(names) > 1 else None,
     )
 
 
-def _channel(reader: Any, path: Path, dataset: str | None) -> Any:
-    if dataset is None:
-        return reader.default_channel
-    named = {channel.name: channel for channel in reader.channels}
-    if dataset not in named:
-        raise UnreadableFileError(
-            f"{path}: no channel {dataset!r}; expected one of {', '.join(named)}; correct --dataset"
-        )
-    return named[dataset]
+def _maps_of_heights(reader: Any) -> list[int]:
+    """Return the indices of the maps that are in a unit of length, or whose unit is not said."""
+    default = reader.default_channel.index if reader.channels else None
+    maps = [c.index for c in reader.channels if c.dim == 2 and _may_be_length(c)]
+    return sorted(maps, key=lambda index: (index != default, index))
+
+
+def _may_be_length(channel: Any) -> bool:
+    if isinstance(channel.unit, tuple):  # of x and y, then of the values, where these differ
+        return channel.unit[1] is not None and is_length(channel.unit[1])
+    return bool(channel.is_height_channel)
+
+
+def _unit_of_values(channel: Any) -> str:
+    unit = channel.unit[1] if isinstance(channel.unit, tuple) else channel.data_unit
+    return str(unit or "no unit of length")
 
 
 FORMAT = Format(
@@ -107,15 +141,15 @@ FORMAT = Format(
         ".datx",
         ".dat",
         ".frt",
-        ".gwy",
         ".lext",
         ".mnt",
         ".opd",
         ".opdx",
         ".plu",
         ".plux",
+        ".ibw",
+        ".jpk",
         ".spm",
-        ".sur",
         ".tmd",
         ".vk4",
         ".zon",

@@ -4,6 +4,8 @@ x3pio silently accepts files in a subfolder and what archivers add. Here those a
 accepted with a note in the lenient mode, which also accepts a wrong checksum.
 """
 
+import math
+import re
 import zipfile
 import zlib
 from pathlib import Path, PurePosixPath
@@ -24,7 +26,12 @@ from capslip.surface.readers.stored import (
 MAGIC = b"PK\x03\x04"
 MAIN = "main.xml"
 MAX_MAIN_BYTES = 2**26
-MAX_MAIN_TAGS = 10**7  # of the text form, which has two a point
+MAX_MAIN_TAGS = 2_200_000  # of the text form, which has two a point: about 6 s of the XML library
+HEAD_TAGS, TAGS_A_POINT = 4000, 2
+AXIS = re.compile(rb"<(?:\w+:)?(C[XYZ])\s*>(.*?)</(?:\w+:)?C[XYZ]\s*>", re.DOTALL)
+SIZE = re.compile(rb"<(?:\w+:)?Size[XY]\s*>\s*(\d{1,10})\s*<")
+INCREMENT = re.compile(rb"<(?:\w+:)?Increment\s*>\s*[^<\s]")
+WHOLE = re.compile(rb"<(?:\w+:)?DataType\s*>\s*[IL]\s*<")
 MAX_ENTRIES = 1000
 JUNK = ("__macosx", ".ds_store", "thumbs.db", "desktop.ini")
 
@@ -138,11 +145,25 @@ def _check_main(archive: zipfile.ZipFile, main: zipfile.ZipInfo, path: Path) -> 
             f"{path}: {MAIN} declares a document type or XML entities; expected plain XML; "
             "do not trust this file"
         )
-    if content.count(b"<") > MAX_MAIN_TAGS:
+    sizes = [int(size) for size in SIZE.findall(content)][:2]
+    most = min(MAX_MAIN_TAGS, HEAD_TAGS + TAGS_A_POINT * math.prod(sizes))
+    n_tags = content.count(b"<")
+    if n_tags > most:
         raise UnreadableFileError(
-            f"{path}: {MAIN} has more than {MAX_MAIN_TAGS} XML tags; store the heights in binary "
-            "form"
+            f"{path}: {MAIN} has {n_tags} XML tags; expected at most {most} for "
+            f"{' x '.join(map(str, sizes)) or 'no'} points; store the heights in binary form"
         )
+    _check_axes(content, path)
+
+
+def _check_axes(content: bytes, path: Path) -> None:
+    """Refuse axes without a step, which x3pio takes for 1 m."""
+    for axis, block in AXIS.findall(content):
+        if INCREMENT.search(block) is None and (axis != b"CZ" or WHOLE.search(block)):
+            raise UnreadableFileError(
+                f"{path}: {MAIN} says no Increment of the axis {axis.decode()}; expected the step "
+                "in metres; export it again"
+            )
 
 
 def _name(entry: zipfile.ZipInfo) -> str:
@@ -169,6 +190,7 @@ def _stored(path: Path, notes: tuple[str, ...], verify: bool) -> Stored:
         pixel_size=(header.y.increment, header.x.increment),
         lateral_unit="m",
         notes=notes,
+        top_row_first=False,
     )
 
 

@@ -3,13 +3,21 @@
 import re
 from pathlib import Path
 
+import numpy as np
+
 from capslip.errors import UnreadableFileError
 from capslip.surface.readers.points import grid_points
 from capslip.surface.readers.stored import Format, Request, Stored
-from capslip.surface.readers.table import first_fields, read_table
+from capslip.surface.readers.table import Table, first_fields, plain_lines, read_table
 
 OWN_EXTENSION = ".xyz"
 NUMBER = re.compile(rb"\s*[-+]?\.?\d")
+# A line of words with x, y and z among them
+NAMED = re.compile(
+    rb"^" + b"".join(rb"(?=[^\n\d]*\b%c\b)" % axis for axis in b"xyz") + rb"[^\n\d]*$",
+    re.IGNORECASE | re.MULTILINE,
+)
+COLUMN_NAME = re.compile(r"([A-Za-z]\w*)(?:\s*[\[(][^\])]*[\])])?")
 COLUMN_UNIT = re.compile(r"\b([xyz])\s*[\[(]\s*([^\])\s]+)\s*[\])]", re.IGNORECASE)
 
 
@@ -17,18 +25,36 @@ def _recognises(head: bytes, path: Path) -> bool:
     n_fields = first_fields(path, names=True)
     if path.suffix.lower() == OWN_EXTENSION:  # of a maker's format too, which begins with words
         return n_fields is not None or NUMBER.match(head) is not None
-    return n_fields == 3
+    return n_fields == 3 or (
+        n_fields is not None and n_fields > 3 and NAMED.search(plain_lines(head)) is not None
+    )
 
 
 def _read(path: Path, request: Request) -> Stored:
     table = read_table(path, names=True)
-    if table.values.shape[1] != 3:
-        raise UnreadableFileError(
-            f"{path}: {table.values.shape[1]} columns; expected three, x y z; leave the others out"
-        )
+    points, more = _points(table, path)
     unit, lateral_unit = _units(table.comments, path)
-    grid = grid_points(table.values, str(path), request.pixel_size_in(lateral_unit))
-    return Stored(grid.height, unit, grid.pixel_size, lateral_unit, table.notes + grid.notes)
+    grid = grid_points(points, str(path), request.pixel_size_in(lateral_unit))
+    notes = table.notes + more + grid.notes
+    return Stored(grid.height, unit, grid.pixel_size, lateral_unit, notes, top_row_first=False)
+
+
+def _points(table: Table, path: Path) -> tuple[np.ndarray, tuple[str, ...]]:
+    """Return the columns x y z: by their names where the line before the numbers has them."""
+    columns = table.values.shape[1]
+    names = COLUMN_NAME.findall(table.comments[-1]) if table.comments else []
+    names = [name.lower() for name in names]
+    by_name = len(names) == columns and all(names.count(axis) == 1 for axis in "xyz")
+    if columns < 3 or (columns > 3 and not by_name and path.suffix.lower() != OWN_EXTENSION):
+        raise UnreadableFileError(
+            f"{path}: {columns} columns; expected three, x y z, or a line with their names; leave "
+            "the others out"
+        )
+    places = [names.index(axis) for axis in "xyz"] if by_name else [0, 1, 2]
+    if columns == 3:
+        return table.values[:, places], ()
+    shown = ", ".join(str(place + 1) for place in places)
+    return table.values[:, places], (f"columns {shown} of {columns} were taken for x, y, z",)
 
 
 def _units(comments: tuple[str, ...], path: Path) -> tuple[str | None, str | None]:

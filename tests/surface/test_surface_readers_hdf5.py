@@ -1,0 +1,138 @@
+"""HDF5: nothing outside the file, no endless look, and the numbers that the attributes mean."""
+
+import time
+
+import h5py
+import numpy as np
+import pytest
+
+from capslip.errors import UncalibratedError, UnreadableFileError
+from capslip.surface.readers import load_surface
+
+MAP = np.random.default_rng(4).normal(size=(6, 8))
+GIVEN = {"unit": "um", "pixel_size": (2.0, 1.0), "lateral_unit": "um"}
+HEAD_7_3 = b"MATLAB 7.3 MAT-file".ljust(512)
+
+
+@pytest.fixture
+def elsewhere(tmp_path):
+    """Another file, which nobody asked to read."""
+    with h5py.File(tmp_path / "other.h5", "w") as file:
+        file["height"] = MAP
+    MAP.tofile(tmp_path / "raw.bin")
+    return tmp_path
+
+
+def external_link(file, folder):
+    file["height"] = h5py.ExternalLink(str(folder / "other.h5"), "/height")
+
+
+def linked_group(file, folder):
+    file["far"] = h5py.ExternalLink(str(folder / "other.h5"), "/")
+    file["height"] = h5py.SoftLink("/far/height")
+
+
+def external_storage(file, folder):
+    storage = [(str(folder / "raw.bin"), 0, MAP.nbytes)]
+    file.create_dataset("height", MAP.shape, "f8", external=storage)
+
+
+def virtual(file, folder):
+    layout = h5py.VirtualLayout(MAP.shape, "f8")
+    layout[:] = h5py.VirtualSource(str(folder / "other.h5"), "height", MAP.shape)
+    file.create_virtual_dataset("height", layout)
+
+
+@pytest.mark.parametrize("is_mat", [False, True])
+@pytest.mark.parametrize(
+    ("write", "words"),
+    [
+        (external_link, "link to another file"),
+        (linked_group, "link to another file"),
+        (external_storage, "in another file"),
+        (virtual, "virtual"),
+    ],
+)
+def test_numbers_of_other_files_are_refused(elsewhere, write, words, is_mat):
+    path = elsewhere / "face.h5"
+    with h5py.File(path, "w", userblock_size=512 if is_mat else 0) as file:
+        write(file, elsewhere)
+    if is_mat:
+        with path.open("r+b") as file:
+            file.write(HEAD_7_3)
+    with pytest.raises(UnreadableFileError, match=words):
+        load_surface(path, dataset="height", **GIVEN)
+
+
+@pytest.mark.parametrize("write", [external_link, linked_group, external_storage, virtual])
+@pytest.mark.parametrize("name", ["face.datx", "face.nc"])
+def test_makers_formats_inside_hdf5_stay_inside_too(elsewhere, write, name):
+    pytest.importorskip("SurfaceTopography", reason="extra `vendor`", exc_type=ImportError)
+    with h5py.File(elsewhere / name, "w") as file:
+        write(file, elsewhere)
+    with pytest.raises(UnreadableFileError, match=r"another file|virtual"):
+        load_surface(elsewhere / name)
+
+
+@pytest.mark.parametrize("word", ["unit", "units"])
+def test_a_dataset_in_volts_is_no_map_of_heights(tmp_path, word):
+    with h5py.File(tmp_path / "a.h5", "w") as file:
+        file["height"] = MAP
+        file["height"].attrs[word] = "V"
+    with pytest.raises(UncalibratedError, match="the file says 'V'; expected a unit of length"):
+        load_surface(tmp_path / "a.h5", pixel_size=(1, 1), lateral_unit="um")
+
+
+def test_links_inside_the_file_are_followed(tmp_path):
+    with h5py.File(tmp_path / "a.h5", "w") as file:
+        file["scan/z"] = MAP
+        file["scan/first"] = h5py.SoftLink("z")
+        file["height"] = h5py.SoftLink("/scan/first")
+    surface = load_surface(tmp_path / "a.h5", **GIVEN)
+    np.testing.assert_allclose(surface.height_m, 1e-6 * MAP, rtol=1e-15)
+
+
+def test_links_in_a_circle_end(tmp_path):
+    with h5py.File(tmp_path / "a.h5", "w") as file:
+        file["height"] = h5py.SoftLink("/other")
+        file["other"] = h5py.SoftLink("/height")
+    with pytest.raises(UnreadableFileError, match="more than 64 groups and links"):
+        load_surface(tmp_path / "a.h5", **GIVEN)
+
+
+@pytest.mark.parametrize("shape", ["deep", "wide"])
+def test_the_list_of_datasets_ends(tmp_path, shape):
+    with h5py.File(tmp_path / "a.h5", "w") as file:
+        group = file
+        for number in range(3000):
+            made = group.create_group(f"g{number}")
+            group = made if shape == "deep" else file
+        file["z"] = MAP
+    started = time.process_time()
+    with pytest.raises(UnreadableFileError, match=r"no dataset 'height'.*--dataset"):
+        load_surface(tmp_path / "a.h5", **GIVEN)
+    assert time.process_time() - started < 1.0
+
+
+def test_counts_are_scaled_as_the_attributes_say(tmp_path):
+    counts = np.round(100 * MAP).astype("i2")
+    counts[2, 3:5] = -32768
+    with h5py.File(tmp_path / "a.h5", "w") as file:
+        file["height"] = counts
+        attributes = {"scale_factor": 0.01, "add_offset": 7.0, "_FillValue": np.int16(-32768)}
+        file["height"].attrs.update(attributes)
+    surface = load_surface(tmp_path / "a.h5", **GIVEN)
+    expected = 1e-6 * (0.01 * counts + 7.0)
+    expected[2, 3:5] = np.nan
+    np.testing.assert_allclose(surface.height_m, expected, rtol=1e-12)
+    assert "2 points with the _FillValue -32768 are non-measured" in surface.origin.notes
+    assert any("0.01 times the stored numbers plus 7" in note for note in surface.origin.notes)
+
+
+@pytest.mark.parametrize("name", ["scale_factor", "add_offset", "_FillValue"])
+def test_odd_attributes_are_refused(tmp_path, name):
+    with h5py.File(tmp_path / "a.h5", "w") as file:
+        file["height"] = MAP
+        file["height"].attrs[name] = "two"
+    with pytest.raises(UncalibratedError, match=f"{name}.*expected one number"):
+        load_surface(tmp_path / "a.h5", **GIVEN)

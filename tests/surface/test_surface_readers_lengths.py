@@ -1,0 +1,120 @@
+"""Bytes lost or slipped in: refused wherever the header says how long the file is."""
+
+import struct
+import zlib
+from pathlib import Path
+
+import numpy as np
+import pytest
+from written import sur_header
+
+from capslip.errors import CapslipError, UnreadableFileError
+from capslip.surface.readers import load_surface
+
+SCANS = Path(__file__).parents[3] / "shared" / "scans"
+KNOWN = (
+    "channels/di-1.di",
+    "channels/spot_1-1000nm.ibw",
+    "channels/al3d-1.al3d",
+    "laser_textured_grooves_leica_dcm3d.plu",
+    "milled_like_arcs_1.opd",
+    "plate_30x60mm_missing27pct.frt",
+    "polished_disc_with_tracks.sur",
+    "conformance/zygo_metropro_phase_res1.dat",
+)
+MAP = np.random.default_rng(5).normal(size=(6, 8))
+
+
+@pytest.mark.scans
+@pytest.mark.skipif(not SCANS.is_dir(), reason="no folder shared/scans beside the project")
+@pytest.mark.parametrize("name", KNOWN)
+def test_no_byte_more_or_less_changes_a_map_in_silence(name, tmp_path):
+    pytest.importorskip("SurfaceTopography", reason="extra `vendor`", exc_type=ImportError)
+    content = (SCANS / name).read_bytes()
+    sound = load_surface(SCANS / name)
+    rng = np.random.default_rng(len(name))
+    path = tmp_path / Path(name).name
+    for number in range(40):
+        end = len(content) if number % 2 else min(2000, len(content))
+        at, size = int(rng.integers(end)), int(rng.integers(1, 17))
+        added = rng.bytes(size) if number % 4 < 2 else b""
+        path.write_bytes(content[:at] + added + content[at + (0 if added else size) :])
+        try:
+            surface = load_surface(path)
+        except CapslipError:
+            continue
+        np.testing.assert_array_equal(surface.height_m, sound.height_m)
+        assert surface.pixel_size_m == sound.pixel_size_m
+
+
+# --- SUR ---
+
+
+def compressed(counts, n_streams=3):
+    head = sur_header(counts, 2.0**-20).replace(b"DIGITAL SURF", b"DSCOMPRESSED")
+    parts = [part.tobytes() for part in np.array_split(counts.astype("<i4").ravel(), n_streams)]
+    streams = [zlib.compress(part) for part in parts]
+    sizes = [size for pair in zip(parts, streams, strict=True) for size in map(len, pair)]
+    return head + struct.pack(f"<{1 + len(sizes)}I", n_streams, *sizes) + b"".join(streams)
+
+
+def changed(content, at, packed):
+    return content[:at] + packed + content[at + len(packed) :]
+
+
+COUNTS = np.round(MAP * 2**20).astype(int)
+PLAIN = sur_header(COUNTS, 2.0**-20) + COUNTS.astype("<i4").tobytes()
+
+
+@pytest.mark.parametrize("n_streams", [1, 3])
+def test_compressed_sur_is_the_plain_one(tmp_path, n_streams):
+    (tmp_path / "plain.sur").write_bytes(PLAIN)
+    (tmp_path / "packed.sur").write_bytes(compressed(COUNTS, n_streams))
+    plain, packed = (load_surface(tmp_path / f"{name}.sur") for name in ("plain", "packed"))
+    np.testing.assert_array_equal(plain.height_m, packed.height_m)
+    np.testing.assert_allclose(plain.height_m[::-1], 1e-6 * COUNTS / 2**20, rtol=1e-6)
+    assert packed.origin.notes == ()
+
+
+@pytest.mark.parametrize("turned", range(4))
+@pytest.mark.parametrize("blanks", [False, True])
+def test_sur_agrees_with_another_reader(tmp_path, turned, blanks):
+    pytest.importorskip("SurfaceTopography", reason="extra `vendor`", exc_type=ImportError)
+    from SurfaceTopography import open_topography
+
+    content = changed(PLAIN, 290, struct.pack("<H", turned))
+    if blanks:
+        blank = struct.pack("<i", COUNTS.min() - 2)
+        content = changed(changed(content, 86, struct.pack("<H", 1)), 512 + 4 * 11, blank)
+    (tmp_path / "a.sur").write_bytes(content)
+    surface = load_surface(tmp_path / "a.sur")
+    with open_topography(str(tmp_path / "a.sur")) as reader:
+        other = reader.topography()
+    heights_um = np.ma.filled(np.ma.asarray(other.heights()), np.nan).T
+    np.testing.assert_allclose(1e6 * surface.height_m[::-1], heights_um, rtol=1e-6)
+    assert np.count_nonzero(~surface.measured) == blanks
+
+
+@pytest.mark.parametrize(
+    ("content", "words"),
+    [
+        (PLAIN[:300], "expected a header of 512"),
+        (PLAIN[:-1], "has 703 bytes, but its header describes 704: bytes were lost"),
+        (PLAIN + b"\0", "bytes were added.*reading.lenient"),
+        (changed(PLAIN, 98, b"\x08\0"), "8 bits a point"),
+        (changed(PLAIN, 108, b"\xff\xff\xff\x7f" * 2), "2147483647 x 2147483647 points"),
+        (changed(PLAIN, 18, b"\x01\0"), "object of kind 1"),
+        (compressed(COUNTS)[:-3], "damaged or truncated compressed"),
+        (compressed(COUNTS)[:520] + b"\0" + compressed(COUNTS)[520:], "compressed heights"),
+    ],
+)
+def test_odd_sur_is_refused(tmp_path, content, words):
+    (tmp_path / "a.sur").write_bytes(content)
+    with pytest.raises(UnreadableFileError, match=words):
+        load_surface(tmp_path / "a.sur")
+
+
+def test_bytes_behind_the_heights_can_be_tolerated(tmp_path):
+    (tmp_path / "a.sur").write_bytes(PLAIN + b"\0")
+    surface = load_surface(tmp_path / "a.sur", lenient=True)
+    assert "705 bytes, but its header describes 704; read anyway" in surface.origin.notes[0]
