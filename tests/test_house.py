@@ -11,7 +11,7 @@ PACKAGE = Path(__file__).parents[1] / "pipeline" / "capslip"
 
 # From the ground up: a module imports from deeper floors, or from its own room.
 FLOORS = (
-    {"errors", "materials", "registry", "units"},
+    {"errors", "materials", "provenance", "registry", "units"},
     {"problems", "settings"},
     {"surface"},
     {"caps"},
@@ -24,7 +24,7 @@ FLOORS = (
     {"analysis"},
     {"output"},
     {"batch", "compare", "studies", "workers"},
-    {"cli"},
+    {"cli", "console"},
 )
 # The package itself and its entry point only name what they open.
 DOORS = {"capslip", "capslip.__main__"}

@@ -17,8 +17,9 @@ from capslip.errors import NothingToDoError, OutputError, SettingsError, in_one_
 from capslip.output.folder import write
 from capslip.output.rows import QUANTITIES, Value, value
 from capslip.output.staging import read_summary
+from capslip.provenance import sha256_of
 from capslip.settings import Settings, load_settings
-from capslip.surface.readers import load_surface, sha256_of
+from capslip.surface.readers import load_surface
 from capslip.workers import outcomes
 
 RESULTS = (  # columns of numbers, by their names in the one table of quantities

@@ -1,10 +1,8 @@
-"""The command line: the only place that prints or exits."""
+"""The command line: its commands and their options."""
 
 import json
 import os
 import sys
-import time
-import traceback
 from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
@@ -12,7 +10,8 @@ from typing import TYPE_CHECKING, Any, Literal
 import click
 
 from capslip import __version__, registry
-from capslip.errors import CapslipError, ScanError, SettingsError, in_one_line
+from capslip.console import Group, Progress, print_result, say_result
+from capslip.errors import ScanError, SettingsError
 from capslip.materials import MATERIALS
 from capslip.units import WORDS, in_si
 
@@ -48,42 +47,6 @@ SETTING = {  # what an option of an analysis stands for
     "render": "run.render",
 }
 PATH = click.Path(path_type=Path)
-
-
-class _Failure(click.ClickException):
-    """One line on stderr and the exit code that the error stands for."""
-
-    def __init__(self, error: CapslipError, exit_code: int | None = None) -> None:
-        super().__init__(str(error))
-        self.exit_code = error.exit_code if exit_code is None else exit_code  # type: ignore[misc]
-
-    def show(self, file: Any = None) -> None:
-        click.echo(f"error: {self.message}", err=True)
-
-
-class _Command(click.Command):
-    """A command that turns the project's errors into one line; `-v` shows the traceback."""
-
-    def invoke(self, ctx: click.Context) -> Any:
-        try:
-            return super().invoke(ctx)
-        except CapslipError as error:
-            if ctx.params.get("verbose"):
-                traceback.print_exc()
-            raise _Failure(error) from error
-        except KeyboardInterrupt as error:
-            stopped = CapslipError("interrupted; of what was running no result was written")
-            raise _Failure(stopped, 130) from error  # 128 and the signal's number, as in shells
-        except (click.ClickException, click.exceptions.Exit, click.Abort):
-            raise
-        except Exception as error:
-            if ctx.params.get("verbose"):
-                traceback.print_exc()
-            raise _Failure(CapslipError(in_one_line(error))) from error
-
-
-class _Group(click.Group):
-    command_class = _Command
 
 
 def _options(*options: Any) -> Callable[[Any], Any]:
@@ -146,7 +109,7 @@ _analysis_options = _options(  # of every command that analyses scans
 )
 
 
-@click.group(cls=_Group, context_settings={"help_option_names": ["-h", "--help"]})
+@click.group(cls=Group, context_settings={"help_option_names": ["-h", "--help"]})
 @click.version_option(__version__, prog_name="capslip")
 def main() -> None:
     """From a scan of a joint face to its damping."""
@@ -190,9 +153,9 @@ def analyze(
             "whole; expected a model with caps; take one slider with the force at total slip"
         )
     folder = out if out is not None else Path("results") / surface.stem
-    if surface.is_file():  # otherwise the reader says what is wrong with it
+    if os.path.isfile(surface):  # otherwise the reader says what is wrong with it
         check_folder(folder, keep=(surface, mate))
-    say = _Progress(quiet, options["verbose"])
+    say = Progress(quiet, options["verbose"])
 
     def load(path: Path) -> "HeightMap":
         say(f"reading {path.name}")
@@ -203,7 +166,7 @@ def analyze(
     say("analysing")
     analysis = run(face, settings, other)
     if not as_json and not quiet:
-        click.echo(result_lines(analysis))
+        say_result(result_lines(analysis))
     summary = write(
         analysis,
         folder,
@@ -214,7 +177,7 @@ def analyze(
         missing=say.missing,
     )
     text = f"\nresults    {folder}\nreport     {folder / 'report.html'}"
-    _print(summary, text, as_json, quiet)
+    print_result(summary, text, as_json, quiet)
     errors = [p.message for p in analysis.problems if p.severity == "error"]
     if errors:
         raise ScanError(f"{surface}: {errors[0]}; what was found before is in {folder}")
@@ -239,7 +202,7 @@ def families(out: Path | None, as_json: bool, quiet: bool, **options: Any) -> No
     result = analyze_families(_settings(**options))
     command = _command_line()
     summary = write_families(result, out, command) if out else result.summary(command)
-    _print(summary, result_lines(result), as_json, quiet)
+    print_result(summary, result_lines(result), as_json, quiet)
     errors = [p.message for p in result.problems if p.severity == "error"]
     if errors:
         raise ScanError(errors[0])
@@ -255,13 +218,13 @@ def batch(
     from capslip.batch import run_batch
 
     settings = _settings(**options)
-    say = _Progress(quiet)
+    say = Progress(quiet)
     folder = out or Path("results") / "batch"
     rows = run_batch(scans, folder, settings, say, _command_line())
     failed = [row for row in rows if row["status"] == "failed"]
     incomplete = [row for row in rows if row["error"] and row not in failed]
     lines = [f"{row['status']:7} {row['scan']}  {row['error'] or ''}".rstrip() for row in rows]
-    _print(rows, "\n".join(lines), as_json, quiet)
+    print_result(rows, "\n".join(lines), as_json, quiet)
     if failed:
         say.warn(f"{len(failed)} of {len(rows)} scans failed; see batch.csv")
         sys.exit(3)
@@ -304,7 +267,7 @@ def compare(
     if out is not None:
         write_comparison(found, out)
         text = [*text, f"picture    {out / 'compare.png'}"]
-    _print(to_dict(found), "\n".join(text), as_json, quiet)
+    print_result(to_dict(found), "\n".join(text), as_json, quiet)
 
 
 @main.command()
@@ -320,7 +283,7 @@ def reproduce(out: Path | None, as_json: bool, quiet: bool, verbose: bool) -> No
         f"table 1    {len(numbers['table1'])} loads within {100 * worst:.2f} %\n"
         f"errata     {len(numbers['errata'])}\npage       {folder / 'reproduce.html'}"
     )
-    _print(numbers, text, as_json, quiet)
+    print_result(numbers, text, as_json, quiet)
 
 
 @main.command()
@@ -330,7 +293,7 @@ def bench(out: Path | None, as_json: bool, quiet: bool, verbose: bool) -> None:
     from capslip.studies.bench.study import bench_markdown, run_bench
 
     result = run_bench(out or Path("results") / "bench")
-    _print(result, bench_markdown(result), as_json, quiet)
+    print_result(result, bench_markdown(result), as_json, quiet)
 
 
 @main.command()
@@ -341,8 +304,8 @@ def chart(scans: Path | None, out: Path | None, as_json: bool, quiet: bool, verb
     from capslip.studies.chart.study import chart as run
 
     folder = out or Path("results") / "chart"
-    result = run(folder, scans, _Progress(quiet))
-    _print(result, f"chart      {folder / 'speed-accuracy.md'}", as_json, quiet)
+    result = run(folder, scans, Progress(quiet))
+    print_result(result, f"chart      {folder / 'speed-accuracy.md'}", as_json, quiet)
 
 
 @main.command()
@@ -352,8 +315,8 @@ def limits(out: Path | None, as_json: bool, quiet: bool, verbose: bool) -> None:
     from capslip.studies.limits.study import limits as run
 
     folder = out or Path("results") / "limits"
-    result = run(folder, _Progress(quiet))
-    _print(result, f"limits     {folder / 'limits.md'}", as_json, quiet)
+    result = run(folder, Progress(quiet))
+    print_result(result, f"limits     {folder / 'limits.md'}", as_json, quiet)
 
 
 @main.command("init-config")
@@ -373,7 +336,7 @@ def init_config(path: Path) -> None:
         ) from None
     except OSError as error:
         raise OutputError(f"{path}: {error.strerror}; give another name") from error
-    click.echo(path)
+    say_result(str(path))
 
 
 @main.command()
@@ -382,7 +345,7 @@ def formats() -> None:
     from capslip.surface.readers import FORMATS
 
     for row in FORMATS:
-        click.echo(f"{row.name:12} {' '.join(row.extensions):24} {row.note}")
+        say_result(f"{row.name:12} {' '.join(row.extensions):24} {row.note}")
 
 
 def _settings(
@@ -412,49 +375,3 @@ def _toml(value: Any) -> str:
 
 def _command_line() -> str:
     return " ".join(["capslip", *sys.argv[1:]])
-
-
-def _print(numbers: Any, text: str, as_json: bool, quiet: bool) -> None:
-    """Print a result: as JSON with `--json`, as text for people, or not at all."""
-    if as_json:
-        plain = json.dumps(numbers, indent=1, ensure_ascii=False, allow_nan=False, default=float)
-        click.echo(plain)
-    elif not quiet:
-        click.echo(text)
-
-
-class _Progress:
-    """Messages on stderr, each with the seconds since the start; silent with `-q`."""
-
-    def __init__(self, quiet: bool, verbose: bool = False) -> None:
-        self.quiet, self.verbose = quiet, verbose
-        self.started = time.perf_counter()
-        self.failures: list[tuple[str, Exception]] = []
-
-    def __call__(self, message: str) -> None:
-        if not self.quiet:
-            click.echo(f"[{self.elapsed_s():5.1f} s] {message}", err=True)
-
-    def elapsed_s(self) -> float:
-        """Return the seconds since the command began."""
-        return time.perf_counter() - self.started
-
-    def warn(self, message: str) -> None:
-        click.echo(f"warning: {message}", err=True)
-
-    def missing(self, message: str, error: Exception | None) -> None:
-        """Tell what could not be made; an exception ends the command once all is written."""
-        if error is not None:
-            self.failures.append((message, error))
-            if self.verbose:
-                traceback.print_exception(error)
-        self.warn(message)
-
-    def raise_failures(self, where: str) -> None:
-        """End with the first part that could not be made, if there is one."""
-        if not self.failures:
-            return
-        text = f"{self.failures[0][0]}; {where}"
-        if all(isinstance(error, CapslipError) for _, error in self.failures):
-            raise ScanError(text)
-        raise CapslipError(f"internal error: {text}; run again with -v and report it")

@@ -20,6 +20,7 @@ from capslip.contact.levelling import Level
 from capslip.contact.press import ContactState
 from capslip.contact.slip import SlipCurve
 from capslip.problems import Problem
+from capslip.provenance import code_sha256, libraries
 from capslip.sensitivity import Sensitivity
 from capslip.settings import Settings
 from capslip.structure.answer import Answer, asked
@@ -107,6 +108,8 @@ class JointResult:
             "timings_s": {**self.timings_s, **(timings_s or {})},
             "provenance": {
                 "version": capslip.__version__,
+                "code_sha256": code_sha256(),
+                "libraries": libraries(),
                 "python": platform.python_version(),
                 "platform": platform.platform(),
                 "command": command,

@@ -1,9 +1,9 @@
 """Readers of scan files: one file a format, and the registry that chooses between them."""
 
-import hashlib
 from pathlib import Path
 
 from capslip.errors import SettingsError, UnreadableFileError
+from capslip.provenance import sha256_of
 from capslip.surface.heightmap import HeightMap, Origin
 from capslip.surface.readers import gwyddion, hdf5, mat, npy, sdf, text, tiff, vendor, x3p, xyz
 from capslip.surface.readers.stored import Format, Request, calibrate, read_head
@@ -74,6 +74,7 @@ def load_surface(
     """
     path = Path(path)
     head = _head(path)
+    sha256 = sha256_of(path)
     file_format = next(f for f in FORMATS if f.recognises(head, path))
     if dataset is not None and not file_format.named:
         raise SettingsError(
@@ -81,16 +82,16 @@ def load_surface(
             "holds one height map; leave it out"
         )
     stored = file_format.read(path, Request(dataset, pixel_size, lateral_unit, lenient))
-    origin = Origin(
-        name=path.stem, path=str(path), sha256=sha256_of(path), file_format=file_format.name
-    )
+    if not path.is_file() or sha256_of(path) != sha256:  # the digest is that of the bytes read
+        raise UnreadableFileError(f"{path}: changed while it was read; analyse it when it is whole")
+    origin = Origin(name=path.stem, path=str(path), sha256=sha256, file_format=file_format.name)
     return calibrate(stored, origin, unit, lateral_unit, pixel_size)
 
 
 def _head(path: Path) -> bytes:
-    if path.is_dir():
-        raise UnreadableFileError(f"{path}: is a folder; expected a scan file; name one in it")
     try:
+        if path.is_dir():
+            raise UnreadableFileError(f"{path}: is a folder; expected a scan file; name one in it")
         head = read_head(path, HEAD_BYTES)
     except FileNotFoundError as error:
         raise UnreadableFileError(f"{path}: no such file; check the path") from error
@@ -99,9 +100,3 @@ def _head(path: Path) -> bytes:
     if not head:
         raise UnreadableFileError(f"{path}: zero bytes; expected a scan; copy the file again")
     return head
-
-
-def sha256_of(path: Path) -> str:
-    """Return the SHA-256 digest of a file, in hexadecimal."""
-    with path.open("rb") as file:
-        return hashlib.file_digest(file, "sha256").hexdigest()
