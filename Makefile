@@ -19,7 +19,7 @@ setup: $(READY) ## Build the environment in .venv (every target that needs it do
 $(READY): pyproject.toml constraints.txt
 	@echo "building the environment in $(VENV) (once; about a minute)" >&2
 	@test -x $(BIN)/python || $(PYTHON) -P -m venv $(VENV)
-	@$(BIN)/python -P -m pip install --quiet --disable-pip-version-check -c constraints.txt -e ".[vendor,test]"
+	@$(BIN)/python -P -m pip install --quiet --disable-pip-version-check -c constraints.txt -e ".[vendor,fleet,test]"
 	@touch $@
 
 analyze: $(READY) ## Analyse one scan: SURFACE=file [CONFIG=file.toml] [OUT=folder]
@@ -51,7 +51,7 @@ chart: $(READY) ## Speed against accuracy of every method, into docs/: [OUT=fold
 limits: $(READY) ## Where each method breaks and what the program says, into docs/: [OUT=folder]
 	@$(BIN)/capslip limits --out "$(or $(OUT),docs)" $(ARGS)
 
-soak: $(READY) ## Long checks: 10,000 random contact scenes, 20,000 damaged files a format
+soak: $(READY) ## Long checks: random contact scenes, damaged files, a fleet that is killed
 	@$(BIN)/python tests/soak.py
 
 mutants: $(READY) ## Break the code in one place at a time and see whether a test fails

@@ -23,7 +23,7 @@ FLOORS = (
     {"result"},
     {"analysis"},
     {"output"},
-    {"batch", "compare", "studies", "workers"},
+    {"batch", "compare", "sources", "studies", "workers"},
     {"cli", "console"},
 )
 # The package itself and its entry point only name what they open.

@@ -193,6 +193,7 @@ def _analyzed(
         damping=damping,
         answer=answer,
         sensitivity=None,
+        mate=None if mate is None else mate.origin,
         problems=tuple(problems),
         timings_s=clock.seconds,
         started=started,

@@ -45,6 +45,7 @@ SETTING = {  # what an option of an analysis stands for
     "sensitivity": "run.sensitivity",
     "figures": "run.figures",
     "render": "run.render",
+    "workers": "run.workers",
 }
 PATH = click.Path(path_type=Path)
 
@@ -209,24 +210,70 @@ def families(out: Path | None, as_json: bool, quiet: bool, **options: Any) -> No
 
 
 @main.command()
-@click.argument("scans", nargs=-1, required=True)
+@click.argument("scans", nargs=-1)
 @_analysis_options
+@click.option("--list", "list_file", type=PATH, help="Scans, one a line or CSV with their preload.")
+@click.option("--recursive", is_flag=True, help="Take the folders in a folder, too.")
+@click.option("--workers", type=int, help="Processes; 0: one a core.")
+@click.option("--timeout", "time_s", type=float, metavar="S", help="Longest time of a scan.")
+@click.option("--memory", "memory_GB", type=float, metavar="GB", help="Most memory of a scan.")
+@click.option("--scheduler", metavar="ADDRESS", help="Dask scheduler whose workers do it.")
+@click.option("--shard", metavar="I/N", help="Do the I-th of N parts, and no table.")
+@click.option("--collect", "look", flag_value="collect", help="Only make the table of all shards.")
+@click.option("--dry-run", "look", flag_value="dry_run", help="Only say what would be done.")
+@click.option("--retry-failed", is_flag=True, help="Analyse again what failed.")
+@click.option("--max-failures", type=click.IntRange(1), metavar="N", help="Stop after so many.")
 def batch(
-    scans: tuple[str, ...], out: Path | None, as_json: bool, quiet: bool, **options: Any
+    scans: tuple[str, ...],
+    out: Path | None,
+    as_json: bool,
+    quiet: bool,
+    list_file: Path | None,
+    recursive: bool,
+    time_s: float | None,
+    memory_GB: float | None,
+    scheduler: str | None,
+    shard: str | None,
+    look: str | None,
+    retry_failed: bool,
+    max_failures: int | None,
+    **options: Any,
 ) -> None:
-    """Analyse every scan of a folder or a glob; done work is kept."""
-    from capslip.batch import run_batch
+    """Analyse every scan of files, folders, globs or a list; done work is kept."""
+    from capslip.batch import TO_DO, Options, run_batch
+    from capslip.workers import Limits
 
     settings = _settings(**options)
     say = Progress(quiet)
-    folder = out or Path("results") / "batch"
-    rows = run_batch(scans, folder, settings, say, _command_line())
+    rows = run_batch(
+        scans,
+        out or Path("results") / "batch",
+        settings,
+        say,
+        _command_line(),
+        Options(
+            list_file=list_file,
+            recursive=recursive,
+            shard=None if shard is None else _shard(shard),
+            look=look,
+            retry_failed=retry_failed,
+            max_failures=max_failures,
+            limits=Limits(time_s, None if memory_GB is None else int(memory_GB * 1e9)),
+            scheduler=scheduler,
+        ),
+    )
     failed = [row for row in rows if row["status"] == "failed"]
-    incomplete = [row for row in rows if row["error"] and row not in failed]
+    incomplete = [row for row in rows if row["error"] and row["status"] != "failed"]
     lines = [f"{row['status']:7} {row['scan']}  {row['error'] or ''}".rstrip() for row in rows]
     print_result(rows, "\n".join(lines), as_json, quiet)
+    to_do = sum(row["status"] == TO_DO for row in rows)
+    if to_do:
+        say.warn(f"{to_do} of {len(rows)} scans are still to be done")
     if failed:
         say.warn(f"{len(failed)} of {len(rows)} scans failed; see batch.csv")
+    if look == "dry_run":
+        return
+    if failed or to_do:
         sys.exit(3)
     if incomplete:
         say.warn(f"{len(incomplete)} of {len(rows)} results lack a part; see batch.csv")
@@ -363,6 +410,13 @@ def _settings(
             raise SettingsError(f"{name}: got nan; expected a finite number")
     texts = tuple(f"{name}={_toml(value)}" for name, value in given.items())
     return load_settings(config, (*overrides, *texts))
+
+
+def _shard(text: str) -> tuple[int, int]:
+    part, _, parts = text.partition("/")
+    if not (part.isdecimal() and parts.isdecimal() and 1 <= int(part) <= int(parts)):
+        raise SettingsError(f"--shard: got {text}; expected I/N with I from 1 to N, such as 2/8")
+    return int(part), int(parts)
 
 
 def _toml(value: Any) -> str:

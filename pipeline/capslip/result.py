@@ -28,7 +28,7 @@ from capslip.structure.beam import BeamMode
 from capslip.structure.response import MOST_LOSS_FACTOR, Damping, lightly_damped
 from capslip.structure.stiffness import structure_name
 from capslip.surface.conditioning import Conditioned
-from capslip.surface.heightmap import HeightMap
+from capslip.surface.heightmap import HeightMap, Origin
 from capslip.verdict import assumptions, verdict
 
 SCHEMA = "capslip/summary/1"
@@ -135,6 +135,7 @@ class Analysis(JointResult):
     hills: Hills
     caps: CapTable
     sensitivity: Sensitivity | None  # None where it was not asked for
+    mate: Origin | None = None  # of the other face, where there is one
 
     @property
     def name(self) -> str:
@@ -203,10 +204,11 @@ def _answer(analysis: JointResult) -> dict[str, Any]:
 
 
 def _surface(analysis: Analysis) -> dict[str, Any]:
-    surface, conditioned = analysis.surface, analysis.conditioned
+    surface, conditioned, mate = analysis.surface, analysis.conditioned, analysis.mate
     return {
         "path": surface.origin.path,
         "sha256": surface.origin.sha256,
+        "mate": None if mate is None else {"path": mate.path, "sha256": mate.sha256},
         "shape": list(surface.shape),
         "pixel_size_m": list(surface.pixel_size_m),
         "non_measured_fraction": 1.0 - surface.measured.mean(),

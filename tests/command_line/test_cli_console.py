@@ -41,6 +41,8 @@ def test_no_module_beside_the_scans_is_run(tmp_path):
         (tmp_path / f"{name}.py").write_text("open('ran', 'a').write(__name__); raise SystemExit")
     ran = capslip("analyze", "a.h5", "-o", "out", "--no-figures", *LIGHT[2:], cwd=tmp_path)
     assert ran.returncode == 0, ran.stderr
+    ran = capslip("batch", "a.h5", "-o", "all", *LIGHT, cwd=tmp_path)
+    assert ran.returncode == 0, ran.stderr
     assert not (tmp_path / "ran").exists()
 
 

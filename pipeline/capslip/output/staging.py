@@ -212,11 +212,17 @@ def write_file(path: Path, data: bytes) -> None:
 
 def read_summary(folder: Path) -> dict[str, Any] | None:
     """Return the summary of a finished result, or None where there is none."""
+    summary = read_json(folder / SUMMARY)
+    return summary if summary is not None and summary.get("schema") == SCHEMA else None
+
+
+def read_json(path: Path) -> dict[str, Any] | None:
+    """Return the object in a JSON file, or None where there is none."""
     try:
-        summary = json.loads((folder / SUMMARY).read_text(encoding="utf-8"))
+        found = json.loads(path.read_text(encoding="utf-8"))
     except (OSError, ValueError):
         return None
-    return summary if isinstance(summary, dict) and summary.get("schema") == SCHEMA else None
+    return found if isinstance(found, dict) else None
 
 
 def summary_text(summary: dict[str, Any]) -> bytes:
