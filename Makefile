@@ -18,29 +18,29 @@ setup: $(READY) ## Build the environment in .venv (every target that needs it do
 
 $(READY): pyproject.toml constraints.txt
 	@echo "building the environment in $(VENV) (once; about a minute)" >&2
-	@test -x $(BIN)/python || $(PYTHON) -m venv $(VENV)
-	@$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e ".[vendor,test]"
+	@test -x $(BIN)/python || $(PYTHON) -P -m venv $(VENV)
+	@$(BIN)/python -P -m pip install --quiet --disable-pip-version-check -c constraints.txt -e ".[vendor,fleet,test]"
 	@touch $@
 
 analyze: $(READY) ## Analyse one scan: SURFACE=file [CONFIG=file.toml] [OUT=folder]
 	@test -n "$(SURFACE)" || { echo "make analyze: SURFACE=... is missing; for example SURFACE=sample_surfaces/paper_face_a.h5" >&2; exit 2; }
-	@$(BIN)/capslip analyze "$(SURFACE)" $(if $(CONFIG),--config "$(CONFIG)") $(if $(OUT),--out "$(OUT)") $(ARGS)
+	@$(BIN)/capslip analyze $(if $(CONFIG),--config "$(CONFIG)") $(if $(OUT),--out "$(OUT)") $(ARGS) -- "$(SURFACE)"
 
 batch: $(READY) ## Analyse many scans: SCANS=folder OUT=folder [CONFIG=file.toml]
 	@test -n "$(SCANS)" || { echo "make batch: SCANS=... is missing; for example SCANS=sample_surfaces OUT=results/samples" >&2; exit 2; }
-	@$(BIN)/capslip batch "$(SCANS)" $(if $(CONFIG),--config "$(CONFIG)") $(if $(OUT),--out "$(OUT)") $(ARGS)
+	@$(BIN)/capslip batch $(if $(CONFIG),--config "$(CONFIG)") $(if $(OUT),--out "$(OUT)") $(ARGS) -- "$(SCANS)"
 
 inspect: $(READY) ## Look at the fitted caps in PyVista: RESULT=folder
 	@test -n "$(RESULT)" || { echo "make inspect: RESULT=... is missing; for example RESULT=results/paper_face_a" >&2; exit 2; }
-	@$(BIN)/capslip inspect "$(RESULT)" $(ARGS)
+	@$(BIN)/capslip inspect $(ARGS) -- "$(RESULT)"
 
 compare: $(READY) ## A result against measured damping: RESULT=folder ASSEMBLY=csv [MONOLITHIC=csv] [OUT=folder]
 	@test -n "$(RESULT)" -a -n "$(ASSEMBLY)" || { echo "make compare: RESULT=... and ASSEMBLY=... are needed" >&2; exit 2; }
-	@$(BIN)/capslip compare "$(RESULT)" --assembly "$(ASSEMBLY)" $(if $(MONOLITHIC),--monolithic "$(MONOLITHIC)") $(if $(OUT),--out "$(OUT)") $(ARGS)
+	@$(BIN)/capslip compare --assembly "$(ASSEMBLY)" $(if $(MONOLITHIC),--monolithic "$(MONOLITHIC)") $(if $(OUT),--out "$(OUT)") $(ARGS) -- "$(RESULT)"
 
 reproduce: $(READY) ## The paper's tables, figures and errata: [OUT=folder]
 	@$(BIN)/capslip reproduce $(if $(OUT),--out "$(OUT)") $(ARGS)
-	@$(BIN)/python -m capslip.studies.paper.errata docs/errata.md
+	@$(BIN)/python -P -m capslip.studies.paper.errata docs/errata.md
 
 bench: $(READY) ## Timings of commands, stages and solvers beside their peers: [OUT=folder]
 	@$(BIN)/capslip bench $(if $(OUT),--out "$(OUT)") $(ARGS)
@@ -54,20 +54,20 @@ limits: $(READY) ## Where each method breaks and what the program says, into doc
 validation: $(READY) ## The law of a real lap joint beside published backbones: [JOINT=folder]
 	@$(BIN)/python -m capslip.studies.validation "$(or $(JOINT),../shared/joint)"
 
-soak: $(READY) ## Long checks: 10,000 random contact scenes, 20,000 damaged files a format, 1,000 a maker's
+soak: $(READY) ## Long checks: random contact scenes, damaged files, a fleet that is killed
 	@$(BIN)/python tests/soak.py
 
 mutants: $(READY) ## Break the code in one place at a time and see whether a test fails
 	@$(BIN)/python tests/mutants.py $(ARGS)
 
 warnings: $(READY) ## Write docs/warnings.md from the registry of problems
-	@$(BIN)/python -m capslip.problems > docs/warnings.md
+	@$(BIN)/python -P -m capslip.problems > docs/warnings.md
 
 samples: $(READY) ## Write the sample surfaces again
-	@$(BIN)/python -m capslip.studies.faces.samples sample_surfaces
+	@$(BIN)/python -P -m capslip.studies.faces.samples sample_surfaces
 
 test: $(READY) ## Run the tests
-	@$(BIN)/python -m pytest
+	@$(BIN)/python -P -m pytest
 
 lint: $(READY) ## Check style and types
 	@$(BIN)/ruff check .

@@ -43,7 +43,7 @@ def test_what_the_package_imports_is_declared_and_what_is_declared_is_imported()
         if not (name == PEER and all(file.startswith(BENCH) for file in files))
     }
     declared = modules(PROJECT_TABLE["dependencies"])
-    optional = modules(EXTRAS["vendor"])
+    optional = modules(EXTRAS["vendor"]) | modules(EXTRAS["fleet"])
     assert needed - optional == declared
     assert optional <= needed
 

@@ -11,7 +11,7 @@ PACKAGE = Path(__file__).parents[1] / "pipeline" / "capslip"
 
 # From the ground up: a module imports from deeper floors, or from its own room.
 FLOORS = (
-    {"errors", "materials", "registry", "units"},
+    {"errors", "materials", "provenance", "registry", "units"},
     {"problems", "settings"},
     {"surface"},
     {"caps"},
@@ -23,8 +23,8 @@ FLOORS = (
     {"result"},
     {"analysis"},
     {"output"},
-    {"batch", "compare", "studies", "workers"},
-    {"cli"},
+    {"batch", "compare", "sources", "studies", "workers"},
+    {"cli", "console"},
 )
 # The package itself and its entry point only name what they open.
 DOORS = {"capslip", "capslip.__main__"}

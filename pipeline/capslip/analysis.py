@@ -208,6 +208,7 @@ def _analyzed(
         answer=answer,
         band=None,
         sensitivity=None,
+        mate=None if mate is None else mate.origin,
         problems=tuple(problems),
         timings_s=clock.seconds,
         started=started,

@@ -1,102 +1,103 @@
-"""Many scans: worker processes, one folder and one row a scan, no scan the end of the rest."""
+"""Many scans: one folder and one row a scan, no scan the end of the rest, nothing done twice."""
 
-import csv
-import glob
+import json
 import os
 import time
-from collections.abc import Callable, Iterable
-from concurrent.futures import ThreadPoolExecutor
-from contextlib import closing
+import traceback
+from collections.abc import Callable, Iterable, Iterator
+from concurrent.futures import Executor, ThreadPoolExecutor
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import msgspec
 
-import capslip
-from capslip.errors import NothingToDoError, OutputError, SettingsError, in_one_line
+from capslip.analysis import analyze
+from capslip.errors import OutputError, SettingsError, in_one_line
 from capslip.output.folder import write
-from capslip.output.rows import QUANTITIES, Value, value
-from capslip.output.staging import read_summary
+from capslip.output.overview import COLUMNS, Row, row_of, write_overview, write_table
+from capslip.output.staging import (
+    FAILURE,
+    OURS,
+    is_whole,
+    locked,
+    read_json,
+    read_summary,
+    recover,
+    write_file,
+)
+from capslip.provenance import code_sha256, sha256_of
 from capslip.settings import Settings, load_settings
-from capslip.surface.readers import load_surface, sha256_of
-from capslip.workers import outcomes
+from capslip.sources import Scan, find_scans
+from capslip.surface.readers import load_surface
+from capslip.workers import NO_LIMITS, Limits, Lost, cluster, crew, outcomes
 
-RESULTS = (  # columns of numbers, by their names in the one table of quantities
-    "caps",
-    "m",
-    "n",
-    "h_m",
-    "radius_G_m",
-    "radius_P_m",
-    "model",
-    "preload_N",
-    "nominal_pressure_Pa",
-    "coverage",
-    "approach_m",
-    "contacts",
-    "tangential_stiffness_N_per_m",
-    "answer_force_N",
-    "answer_displacement_m",
-    "answer_stiffness_N_per_m",
-    "answer_stiffness_low_N_per_m",
-    "answer_stiffness_high_N_per_m",
-    "answer_energy_J",
-    "answer_energy_low_J",
-    "answer_energy_high_J",
-    "answer_joint_loss_factor",
-    "answer_joint_loss_factor_low",
-    "answer_joint_loss_factor_high",
-    "answer_loss_factor",
-    "answer_loss_factor_low",
-    "answer_loss_factor_high",
-    "structure",
-    "peak_loss_factor",
-    "amplitude_at_peak_m",
-    "gross_slip_amplitude_m",
-    "verdict",
-)
-COLUMNS = ("scan", "status", "error", "path", *RESULTS, "problems", "folder")
-INDEX = {  # what the page shows, and how it is written
-    "caps": "",
-    "m": "",
-    "n": "",
-    "h_m": ".4g µm",
-    "tangential_stiffness_N_per_m": ".4g MN/m",
-    "answer_joint_loss_factor": ".3g %",
-    "structure": "",
-    "peak_loss_factor": ".3g %",
-    "amplitude_at_peak_m": ".3g µm",
-}
-OWN = frozenset({"batch.csv", "index.html", "scans"})
-ENDED = (
-    "the process that analysed this scan was ended, also when it had the machine to itself (out "
-    "of memory, or a crash in a library)"
-)
-
-Found = tuple[dict[str, Any] | None, str | None]  # summary and error of one scan
+OWN = frozenset({"batch.csv", "batch.parquet", "index.html", "scans"})
+FAILURE_SCHEMA = "capslip/failure/1"
+TABLE_SHARE = 0.05  # of the time may go into the table of what is done so far
+LOOKING = 8  # threads that read what is there, which wait for the disk
+TO_DO = "to do"
 
 
-def analyse_scan(scan: Path, folder: Path, settings: Settings, command: str | None) -> Found:
-    """Read, analyse and write one scan; what goes wrong is returned, not raised."""
-    from capslip.analysis import analyze
+@dataclass(frozen=True)
+class Options:
+    """How a batch runs; none of it changes a number.
 
+    Attributes
+    ----------
+    list_file : Path or None
+        See `sources.py:find_scans`.
+    recursive : bool
+        Take the folders in a folder, too.
+    shard : (int, int) or None
+        Do the i-th of n parts, from 1, and leave the table to who collects. Several may run at
+        once in one folder.
+    look : {"dry_run", "collect"} or None
+        Analyse nothing: only say what would be done, or make the table of what is there.
+    retry_failed : bool
+        Analyse again what failed; else it keeps its error while scan, settings and code are the
+        same.
+    max_failures : int or None
+        Stop after so many.
+    limits : Limits
+        Of each scan.
+    scheduler : str or None
+        Address of a Dask scheduler whose workers do it.
+    """
+
+    list_file: Path | None = None
+    recursive: bool = False
+    shard: tuple[int, int] | None = None
+    look: str | None = None
+    retry_failed: bool = False
+    max_failures: int | None = None
+    limits: Limits = NO_LIMITS
+    scheduler: str | None = None
+
+
+AS_USUAL = Options()
+Work = Callable[[Scan, Path, str | None, bool], Row]
+
+
+def analyse_scan(scan: Scan, folder: Path, command: str | None, retry_failed: bool) -> Row:
+    """Read, analyse and write one scan; what goes wrong is written and returned, not raised."""
+    stage = "look"
     try:
-        started_s = time.perf_counter()
-        surface = load_surface(scan, **msgspec.structs.asdict(settings.reading))
-        read_s = time.perf_counter() - started_s
-        analysis = analyze(surface, settings)
-        summary = write(analysis, folder, command=command, timings_s={"read": read_s})
+        done = _done(scan, folder, retry_failed)
+        if done is not None:
+            return done
+        stage, started_s = "read", time.perf_counter()
+        reading = msgspec.structs.asdict(scan.settings.reading)
+        surface = load_surface(scan.path, **reading)
+        mate = None if scan.mate is None else load_surface(scan.mate, **reading)
+        timings_s = {"read": time.perf_counter() - started_s}
+        stage = "analyse"
+        analysis = analyze(surface, scan.settings, mate)
+        stage = "write"
+        return row_of(write(analysis, folder, command=command, timings_s=timings_s))
     except Exception as error:
-        return None, in_one_line(error)
-    return summary, _error(summary)
-
-
-def _error(summary: dict[str, Any]) -> str | None:
-    """Return the problem that makes a result failed, or incomplete."""
-    problems = summary["problems"]
-    errors = [one["message"] for one in problems if one["severity"] == "error"]
-    errors += [one["message"] for one in problems if one["code"] == "output_missing"]
-    return errors[0] if errors else None
+        return _fail(scan, folder, stage, in_one_line(error), traceback.format_exc())
 
 
 def run_batch(
@@ -105,106 +106,177 @@ def run_batch(
     settings: Settings,
     say: Callable[[str], None],
     command: str | None = None,
-    work: Callable[[Path, Path, Settings, str | None], Found] = analyse_scan,
-) -> list[dict[str, Any]]:
-    """Analyse every scan of the sources, in worker processes.
+    options: Options = Options(),
+    work: Work = analyse_scan,
+) -> list[Row]:
+    """Analyse every scan of the sources, in child processes here or on a cluster.
 
     Parameters
     ----------
     sources : iterable of str
         Files, folders (all files in them, hidden ones left out) and globs.
     folder : Path
-        Receives `batch.csv`, `index.html` and one folder a scan under `scans/`. A scan whose result
-        stands there already, from the same bytes, settings and version, with the pictures that
-        are wanted, is not done again.
+        Receives `batch.csv`, `index.html` and one folder a scan under `scans/`, with a result or
+        a `failure.json`. A scan whose result stands there already, from the same bytes, settings
+        and code, whole and with the pictures that are wanted, is not done again.
     settings : Settings
         For all scans.
     say : callable
-        Told each finished scan.
+        Told what is skipped and each finished scan.
     command : str, optional
         What was called, for the record.
+    options : Options, optional
+        How it runs.
     work : callable, optional
-        Called in a worker with scan, folder, settings and command.
+        Called in a child with scan, folder, command and whether to repeat what failed.
 
     Returns
     -------
     list of dict
         One row a scan, in the order of the names; a failed scan has status "failed" and its error;
-        one with an error and another status lacks a part that no number depends on.
+        one with an error and another status lacks a part that no number depends on; one that was
+        only looked for and is not there has status "to do".
 
     Raises
     ------
     NothingToDoError
         If the sources hold no file.
     OutputError
-        If the folder holds anything that no batch wrote.
+        If the folder holds anything that no batch wrote, or another batch writes there.
+    KeyboardInterrupt
+        With what is done so far as its text; the table holds that, too.
     """
-    scans = _find(sources)
+    scans, skipped = find_scans(sources, settings, options.list_file, options.recursive, folder)
+    if skipped:
+        say("skipped: " + ", ".join(f"{count} {what}" for what, count in skipped.items()))
+    if options.shard is not None:
+        part, parts = options.shard
+        scans = scans[part - 1 :: parts]
     _check_folder(folder)
+    if options.look == "dry_run":
+        rows = dict(_look(scans, folder, options.retry_failed))
+        return [rows[scan] or _row(scan, {"status": TO_DO}) for scan in scans]
+    with _place(folder, shared=options.shard is not None):
+        run = _Run(scans, folder, say, options)
+        try:
+            run.look()
+            if options.look != "collect":
+                run.analyse(work, command, settings.run.workers or os.cpu_count() or 1)
+        except BaseException as error:
+            run.write_table()
+            if isinstance(error, KeyboardInterrupt):
+                done = f"{len(run.rows)} of {len(scans)} scans are done"
+                error.args = (f"interrupted; {done}; the same command goes on from there",)
+            raise
+        return run.finish()
+
+
+class _Run:
+    """One run of a batch: the rows so far, and the table of them."""
+
+    def __init__(
+        self, scans: list[Scan], folder: Path, say: Callable[[str], None], options: Options
+    ) -> None:
+        self.scans, self.folder, self.say, self.options = scans, folder, say, options
+        self.rows: dict[Scan, Row] = {}
+        self.failures = 0
+        self.next_table_s = 0.0
+
+    def look(self) -> None:
+        """Note what is done already, before anything is written."""
+        for scan, row in _look(self.scans, self.folder, self.options.retry_failed, mend=True):
+            if row is not None:
+                self.note(scan, row)
+        self.write_table()
+
+    def analyse(self, work: Work, command: str | None, workers: int) -> None:
+        """Analyse the rest; where it ends early, leave nothing half written."""
+        started: set[Scan] = set()
+
+        def jobs() -> Iterator[tuple[Scan, Path, str | None, bool]]:
+            for scan in self.scans:
+                if scan not in self.rows:
+                    started.add(scan)
+                    yield scan, _home(scan, self.folder), command, self.options.retry_failed
+
+        options = self.options
+        try:
+            with _executor(options, workers) as (executor, at_once):
+                for (scan, home, *_), found in outcomes(
+                    executor, work, jobs(), at_once, options.limits
+                ):
+                    lost = isinstance(found, Lost)
+                    self.note(scan, _fail(scan, home, "process", found.reason) if lost else found)
+                    self.failures += self.rows[scan]["status"] == "failed"
+                    if options.max_failures is not None and self.failures >= options.max_failures:
+                        left = len(self.scans) - len(self.rows)
+                        self.say(f"stopped after {self.failures} failures; {left} scans are left")
+                        break
+                    self.write_table_sometimes()
+        finally:
+            if options.scheduler is None:  # others finish what they began
+                for scan in started - set(self.rows):
+                    _mend(_home(scan, self.folder))
+
+    def note(self, scan: Scan, row: Row) -> None:
+        """Keep the row of a scan and tell it."""
+        self.rows[scan] = row = _row(scan, row)
+        outcome = row["error"] or row["status"]
+        self.say(f"{len(self.rows)} of {len(self.scans)}: {scan.name}: {outcome}")
+
+    def write_table_sometimes(self) -> None:
+        """Write the table, as often as takes a small share of the time."""
+        if time.monotonic() >= self.next_table_s:
+            started_s = time.monotonic()
+            with suppress(OSError):  # a full disk; that is told at the end
+                self.write_table()
+            took_s = time.monotonic() - started_s
+            self.next_table_s = time.monotonic() + max(1.0, took_s / TABLE_SHARE)
+
+    def write_table(self) -> None:
+        """Write the table of what is done; shards leave it to who collects."""
+        if self.options.shard is None:
+            write_table(self._known(), self.folder)
+
+    def finish(self) -> list[Row]:
+        """Write table and page, and return the rows."""
+        if self.options.look == "collect":
+            for scan in self.scans:
+                self.rows.setdefault(scan, _row(scan, {"status": TO_DO}))
+        rows = self._known()
+        if self.options.shard is None:
+            write_overview(rows, self.folder)
+        return rows
+
+    def _known(self) -> list[Row]:
+        return [self.rows[scan] for scan in self.scans if scan in self.rows]
+
+
+@contextmanager
+def _executor(options: Options, workers: int) -> Iterator[tuple[Executor, int]]:
+    if options.scheduler is not None:
+        with cluster(options.scheduler) as found:
+            yield found
+    else:
+        with crew(workers) as executor:
+            yield executor, workers
+
+
+@contextmanager
+def _place(folder: Path, shared: bool) -> Iterator[None]:
+    """Keep other batches out of a folder; what an earlier one left half written goes."""
     (folder / "scans").mkdir(parents=True, exist_ok=True)
-    places = dict(zip(scans, _names(scans), strict=True))
-    workers = settings.run.workers or os.cpu_count() or 1
-    rows: dict[Path, dict[str, Any]] = {}
-
-    def note(scan: Path, found: Found) -> None:
-        rows[scan] = _row(scan, places[scan], *found)
-        _write_table([rows[one] for one in scans if one in rows], folder)
-        outcome = rows[scan]["error"] or rows[scan]["status"]
-        say(f"{len(rows)} of {len(scans)}: {places[scan]}: {outcome}")
-
-    with ThreadPoolExecutor(workers) as pool:  # reading and hashing, which wait for the disk
-        old = pool.map(lambda scan: _done(scan, folder / "scans" / places[scan], settings), scans)
-        jobs = []
-        for scan, summary in zip(scans, old, strict=True):
-            if summary is None:
-                jobs.append((scan, folder / "scans" / places[scan], settings, command))
-            else:
-                note(scan, (summary, _error(summary)))
-    lost: Found = (None, ENDED)
-    with closing(outcomes(work, jobs, workers, lost)) as found_later:
-        for (scan, *_), found in found_later:
-            note(scan, found)
-    table = [rows[scan] for scan in scans]
-    _write_index(table, folder)
-    return table
-
-
-def _find(sources: Iterable[str]) -> list[Path]:
-    found: set[Path] = set()
-    for source in sources:
-        path = Path(source)
-        if path.is_dir():
-            found.update(entry for entry in path.iterdir() if entry.is_file())
-        elif path.is_file():
-            found.add(path)
-        else:
-            found.update(Path(hit) for hit in glob.glob(source, recursive=True))
-    scans = sorted(path for path in found if path.is_file() and not path.name.startswith("."))
-    if not scans:
-        raise NothingToDoError(
-            f"no scan found in {', '.join(sources)}; expected files, a folder with files, or a glob"
-        )
-    return scans
-
-
-def _names(scans: list[Path]) -> list[str]:
-    """One name a scan: the stem, or as much of the path as it takes to tell the scans apart."""
-    names = [scan.stem for scan in scans]
-    for longer in (lambda p: p.name, lambda p: f"{p.parent.name}_{p.name}"):
-        names = [
-            name if names.count(name) == 1 else longer(scan)
-            for scan, name in zip(scans, names, strict=True)
-        ]
-    return [
-        name if names.count(name) == 1 else f"{index:04d}_{name}"
-        for index, name in enumerate(names, start=1)
-    ]
+    with locked(folder, shared, wait_s=0.0):
+        if not shared:
+            recover(folder)
+        yield
 
 
 def _check_folder(folder: Path) -> None:
     if folder.exists() and not folder.is_dir():
         raise OutputError(f"output folder {folder}: is a file; choose another with --out")
-    foreign = sorted({e.name for e in folder.iterdir()} - OWN) if folder.is_dir() else []
+    names = {entry.name for entry in folder.iterdir()} if folder.is_dir() else set()
+    foreign = sorted(name for name in names - OWN if not name.startswith(OURS))
     if foreign:
         raise OutputError(
             f"output folder {folder}: holds {foreign[0]}, which no batch wrote; nothing was "
@@ -212,68 +284,115 @@ def _check_folder(folder: Path) -> None:
         )
 
 
-def _done(scan: Path, folder: Path, settings: Settings) -> dict[str, Any] | None:
-    """Return the summary of a finished result that would come out the same again."""
-    summary = read_summary(folder)
-    return summary if summary and _same(summary, folder, scan, settings) else None
+def _home(scan: Scan, folder: Path) -> Path:
+    return folder.absolute() / "scans" / scan.name
 
 
-def _same(summary: dict[str, Any], folder: Path, scan: Path, settings: Settings) -> bool:
-    """Tell whether a result came from the same bytes, settings and version, with all pictures."""
-    provenance = summary["provenance"]
-    return (
-        provenance["version"] == capslip.__version__
-        and provenance["settings_sha256"] == settings.sha256()
-        and summary["surface"]["sha256"] == sha256_of(scan)
-        and not any(one["code"] == "output_missing" for one in summary["problems"])
-        and _has_pictures(folder, settings)
-    )
+def _look(
+    scans: list[Scan], folder: Path, retry_failed: bool, mend: bool = False
+) -> Iterator[tuple[Scan, Row | None]]:
+    """Give each scan with its row, None where there is something to do."""
+
+    def row_there(scan: Scan) -> Row | None:
+        home = _home(scan, folder)
+        try:
+            return _done(scan, home, retry_failed, mend) if home.is_dir() else None
+        except (OSError, OutputError):
+            return None  # who does it says what is wrong
+
+    with ThreadPoolExecutor(LOOKING) as pool:
+        yield from zip(scans, pool.map(row_there, scans), strict=True)
 
 
-def _has_pictures(folder: Path, settings: Settings) -> bool:
+def _done(scan: Scan, home: Path, retry_failed: bool, mend: bool = True) -> Row | None:
+    """Return the row of a result or a failure that would come out the same again."""
+    if mend:
+        _mend(home)
+    summary, failure = read_summary(home), read_json(home / FAILURE)
+    if summary is None and failure is None:
+        return None
+    key = _key(scan)
+    failed = {"status": "failed"}
+    if failure is not None and failure.get("key") == key and not retry_failed:
+        return failed | {"error": str(failure.get("message"))}
+    if summary is None or _key_of(summary) != key or not is_whole(summary, home):
+        return None
+    if any(one["code"] == "output_missing" for one in summary["problems"]):
+        return None
+    if not _has_pictures(home, scan.settings) or (retry_failed and summary["status"] == "failed"):
+        return None
+    return row_of(summary)
+
+
+def _key(scan: Scan) -> dict[str, str | None]:
+    """Return what a result depends on."""
+    return {
+        "code": code_sha256(),
+        "settings": scan.settings.sha256(),
+        "scan": _digest(scan.path),
+        "mate": None if scan.mate is None else _digest(scan.mate),
+    }
+
+
+def _digest(path: Path) -> str:
+    try:
+        return sha256_of(path)
+    except OSError as error:  # a failure that this explains is kept while it is the same
+        return str(error.strerror)
+
+
+def _key_of(summary: dict[str, Any]) -> dict[str, str | None]:
+    provenance, surface = summary["provenance"], summary["surface"] or {}
+    return {
+        "code": provenance.get("code_sha256"),
+        "settings": provenance["settings_sha256"],
+        "scan": surface.get("sha256"),
+        "mate": (surface.get("mate") or {}).get("sha256"),
+    }
+
+
+def _has_pictures(home: Path, wanted: Settings) -> bool:
     """Tell whether the pictures that are wanted now were wanted then, too."""
     try:
-        then = load_settings(folder / "settings.toml").run
+        then = load_settings(home / "settings.toml").run
     except SettingsError:
         return False
-    wanted = settings.run
-    return (then.figures or not wanted.figures) and (then.render or not wanted.render)
+    return (then.figures or not wanted.run.figures) and (then.render or not wanted.run.render)
 
 
-def _row(
-    scan: Path, place: str, summary: dict[str, Any] | None, error: str | None
-) -> dict[str, Any]:
-    row: dict[str, Any] = dict.fromkeys(COLUMNS)
-    row.update(scan=place, status="failed", error=error, path=str(scan))
-    if summary is not None:
-        row.update({name: value(summary, name) for name in RESULTS})
-        problems = " ".join(problem["code"] for problem in summary["problems"])
-        row.update(status=summary["status"], problems=problems, folder=f"scans/{place}")
+def _mend(home: Path) -> None:
+    """Finish or remove what a process that was ended left in the folder of a scan."""
+    if home.is_dir() and any(home.glob(f"{OURS}*")):
+        with locked(home):
+            recover(home)
+        with suppress(OSError):  # not empty
+            home.rmdir()
+
+
+def _fail(scan: Scan, home: Path, stage: str, message: str, trace: str | None = None) -> Row:
+    """Write `failure.json`, where that is possible, and return the row."""
+    record = {
+        "schema": FAILURE_SCHEMA,
+        "scan": scan.name,
+        "path": str(scan.path),
+        "stage": stage,
+        "message": message,
+        "traceback": trace,
+        "key": _key(scan),
+    }
+    text = json.dumps(record, indent=1, ensure_ascii=False) + "\n"
+    with suppress(OSError, OutputError):
+        home.mkdir(parents=True, exist_ok=True)
+        with locked(home):
+            recover(home)
+            write_file(home / FAILURE, text.encode("utf-8", "backslashreplace"))
+    return {"status": "failed", "error": message}
+
+
+def _row(scan: Scan, found: Row) -> Row:
+    row: Row = dict.fromkeys(COLUMNS)
+    row.update(found)
+    row.update(scan=scan.name, path=str(scan.path), group=scan.group)
+    if "verdict" in found:
+        row["folder"] = f"scans/{scan.name}"
     return row
-
-
-def _write_table(rows: list[dict[str, Any]], folder: Path) -> None:
-    partial = folder / ".batch.csv"
-    with partial.open("w", newline="", encoding="utf-8") as file:
-        writer = csv.DictWriter(file, COLUMNS)
-        writer.writeheader()
-        writer.writerows(rows)
-    os.replace(partial, folder / "batch.csv")
-
-
-def _write_index(rows: list[dict[str, Any]], folder: Path) -> None:
-    import jinja2
-
-    environment = jinja2.Environment(
-        loader=jinja2.PackageLoader("capslip", "output"), autoescape=True, trim_blocks=True
-    )
-    page = environment.get_template("index.html.j2").render(
-        rows=rows,
-        heads=[QUANTITIES[name].label for name in INDEX],
-        cells=[[_cell(row, name) for name in INDEX] for row in rows],
-    )
-    (folder / "index.html").write_text(page, encoding="utf-8")
-
-
-def _cell(row: dict[str, Any], name: str) -> str:
-    return format(Value(row[name], QUANTITIES[name].unit, absent=""), INDEX[name])

@@ -1,10 +1,8 @@
-"""The command line: the only place that prints or exits."""
+"""The command line: its commands and their options."""
 
 import json
 import os
 import sys
-import time
-import traceback
 from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
@@ -12,7 +10,8 @@ from typing import TYPE_CHECKING, Any, Literal
 import click
 
 from capslip import __version__, registry
-from capslip.errors import CapslipError, ScanError, SettingsError, in_one_line
+from capslip.console import Group, Progress, print_result, say_result
+from capslip.errors import ScanError, SettingsError
 from capslip.materials import MATERIALS
 from capslip.units import WORDS, in_si
 
@@ -46,44 +45,9 @@ SETTING = {  # what an option of an analysis stands for
     "sensitivity": "run.sensitivity",
     "figures": "run.figures",
     "render": "run.render",
+    "workers": "run.workers",
 }
 PATH = click.Path(path_type=Path)
-
-
-class _Failure(click.ClickException):
-    """One line on stderr and the exit code that the error stands for."""
-
-    def __init__(self, error: CapslipError, exit_code: int | None = None) -> None:
-        super().__init__(str(error))
-        self.exit_code = error.exit_code if exit_code is None else exit_code  # type: ignore[misc]
-
-    def show(self, file: Any = None) -> None:
-        click.echo(f"error: {self.message}", err=True)
-
-
-class _Command(click.Command):
-    """A command that turns the project's errors into one line; `-v` shows the traceback."""
-
-    def invoke(self, ctx: click.Context) -> Any:
-        try:
-            return super().invoke(ctx)
-        except CapslipError as error:
-            if ctx.params.get("verbose"):
-                traceback.print_exc()
-            raise _Failure(error) from error
-        except KeyboardInterrupt as error:
-            stopped = CapslipError("interrupted; of what was running no result was written")
-            raise _Failure(stopped, 130) from error  # 128 and the signal's number, as in shells
-        except (click.ClickException, click.exceptions.Exit, click.Abort):
-            raise
-        except Exception as error:
-            if ctx.params.get("verbose"):
-                traceback.print_exc()
-            raise _Failure(CapslipError(in_one_line(error))) from error
-
-
-class _Group(click.Group):
-    command_class = _Command
 
 
 def _options(*options: Any) -> Callable[[Any], Any]:
@@ -146,7 +110,7 @@ _analysis_options = _options(  # of every command that analyses scans
 )
 
 
-@click.group(cls=_Group, context_settings={"help_option_names": ["-h", "--help"]})
+@click.group(cls=Group, context_settings={"help_option_names": ["-h", "--help"]})
 @click.version_option(__version__, prog_name="capslip")
 def main() -> None:
     """From a scan of a joint face to its damping."""
@@ -190,9 +154,9 @@ def analyze(
             "whole; expected a model with caps; take one slider with the force at total slip"
         )
     folder = out if out is not None else Path("results") / surface.stem
-    if surface.is_file():  # otherwise the reader says what is wrong with it
+    if os.path.isfile(surface):  # otherwise the reader says what is wrong with it
         check_folder(folder, keep=(surface, mate))
-    say = _Progress(quiet, options["verbose"])
+    say = Progress(quiet, options["verbose"])
 
     def load(path: Path) -> "HeightMap":
         say(f"reading {path.name}")
@@ -203,7 +167,7 @@ def analyze(
     say("analysing")
     analysis = run(face, settings, other)
     if not as_json and not quiet:
-        click.echo(result_lines(analysis))
+        say_result(result_lines(analysis))
     summary = write(
         analysis,
         folder,
@@ -214,7 +178,7 @@ def analyze(
         missing=say.missing,
     )
     text = f"\nresults    {folder}\nreport     {folder / 'report.html'}"
-    _print(summary, text, as_json, quiet)
+    print_result(summary, text, as_json, quiet)
     errors = [p.message for p in analysis.problems if p.severity == "error"]
     if errors:
         raise ScanError(f"{surface}: {errors[0]}; what was found before is in {folder}")
@@ -239,31 +203,77 @@ def families(out: Path | None, as_json: bool, quiet: bool, **options: Any) -> No
     result = analyze_families(_settings(**options))
     command = _command_line()
     summary = write_families(result, out, command) if out else result.summary(command)
-    _print(summary, result_lines(result), as_json, quiet)
+    print_result(summary, result_lines(result), as_json, quiet)
     errors = [p.message for p in result.problems if p.severity == "error"]
     if errors:
         raise ScanError(errors[0])
 
 
 @main.command()
-@click.argument("scans", nargs=-1, required=True)
+@click.argument("scans", nargs=-1)
 @_analysis_options
+@click.option("--list", "list_file", type=PATH, help="Scans, one a line or CSV with their preload.")
+@click.option("--recursive", is_flag=True, help="Take the folders in a folder, too.")
+@click.option("--workers", type=int, help="Processes; 0: one a core.")
+@click.option("--timeout", "time_s", type=float, metavar="S", help="Longest time of a scan.")
+@click.option("--memory", "memory_GB", type=float, metavar="GB", help="Most memory of a scan.")
+@click.option("--scheduler", metavar="ADDRESS", help="Dask scheduler whose workers do it.")
+@click.option("--shard", metavar="I/N", help="Do the I-th of N parts, and no table.")
+@click.option("--collect", "look", flag_value="collect", help="Only make the table of all shards.")
+@click.option("--dry-run", "look", flag_value="dry_run", help="Only say what would be done.")
+@click.option("--retry-failed", is_flag=True, help="Analyse again what failed.")
+@click.option("--max-failures", type=click.IntRange(1), metavar="N", help="Stop after so many.")
 def batch(
-    scans: tuple[str, ...], out: Path | None, as_json: bool, quiet: bool, **options: Any
+    scans: tuple[str, ...],
+    out: Path | None,
+    as_json: bool,
+    quiet: bool,
+    list_file: Path | None,
+    recursive: bool,
+    time_s: float | None,
+    memory_GB: float | None,
+    scheduler: str | None,
+    shard: str | None,
+    look: str | None,
+    retry_failed: bool,
+    max_failures: int | None,
+    **options: Any,
 ) -> None:
-    """Analyse every scan of a folder or a glob; done work is kept."""
-    from capslip.batch import run_batch
+    """Analyse every scan of files, folders, globs or a list; done work is kept."""
+    from capslip.batch import TO_DO, Options, run_batch
+    from capslip.workers import Limits
 
     settings = _settings(**options)
-    say = _Progress(quiet)
-    folder = out or Path("results") / "batch"
-    rows = run_batch(scans, folder, settings, say, _command_line())
+    say = Progress(quiet)
+    rows = run_batch(
+        scans,
+        out or Path("results") / "batch",
+        settings,
+        say,
+        _command_line(),
+        Options(
+            list_file=list_file,
+            recursive=recursive,
+            shard=None if shard is None else _shard(shard),
+            look=look,
+            retry_failed=retry_failed,
+            max_failures=max_failures,
+            limits=Limits(time_s, None if memory_GB is None else int(memory_GB * 1e9)),
+            scheduler=scheduler,
+        ),
+    )
     failed = [row for row in rows if row["status"] == "failed"]
-    incomplete = [row for row in rows if row["error"] and row not in failed]
+    incomplete = [row for row in rows if row["error"] and row["status"] != "failed"]
     lines = [f"{row['status']:7} {row['scan']}  {row['error'] or ''}".rstrip() for row in rows]
-    _print(rows, "\n".join(lines), as_json, quiet)
+    print_result(rows, "\n".join(lines), as_json, quiet)
+    to_do = sum(row["status"] == TO_DO for row in rows)
+    if to_do:
+        say.warn(f"{to_do} of {len(rows)} scans are still to be done")
     if failed:
         say.warn(f"{len(failed)} of {len(rows)} scans failed; see batch.csv")
+    if look == "dry_run":
+        return
+    if failed or to_do:
         sys.exit(3)
     if incomplete:
         say.warn(f"{len(incomplete)} of {len(rows)} results lack a part; see batch.csv")
@@ -304,7 +314,7 @@ def compare(
     if out is not None:
         write_comparison(found, out)
         text = [*text, f"picture    {out / 'compare.png'}"]
-    _print(to_dict(found), "\n".join(text), as_json, quiet)
+    print_result(to_dict(found), "\n".join(text), as_json, quiet)
 
 
 @main.command()
@@ -320,7 +330,7 @@ def reproduce(out: Path | None, as_json: bool, quiet: bool, verbose: bool) -> No
         f"table 1    {len(numbers['table1'])} loads within {100 * worst:.2f} %\n"
         f"errata     {len(numbers['errata'])}\npage       {folder / 'reproduce.html'}"
     )
-    _print(numbers, text, as_json, quiet)
+    print_result(numbers, text, as_json, quiet)
 
 
 @main.command()
@@ -330,7 +340,7 @@ def bench(out: Path | None, as_json: bool, quiet: bool, verbose: bool) -> None:
     from capslip.studies.bench.study import bench_markdown, run_bench
 
     result = run_bench(out or Path("results") / "bench")
-    _print(result, bench_markdown(result), as_json, quiet)
+    print_result(result, bench_markdown(result), as_json, quiet)
 
 
 @main.command()
@@ -341,8 +351,8 @@ def chart(scans: Path | None, out: Path | None, as_json: bool, quiet: bool, verb
     from capslip.studies.chart.study import chart as run
 
     folder = out or Path("results") / "chart"
-    result = run(folder, scans, _Progress(quiet))
-    _print(result, f"chart      {folder / 'speed-accuracy.md'}", as_json, quiet)
+    result = run(folder, scans, Progress(quiet))
+    print_result(result, f"chart      {folder / 'speed-accuracy.md'}", as_json, quiet)
 
 
 @main.command()
@@ -352,8 +362,8 @@ def limits(out: Path | None, as_json: bool, quiet: bool, verbose: bool) -> None:
     from capslip.studies.limits.study import limits as run
 
     folder = out or Path("results") / "limits"
-    result = run(folder, _Progress(quiet))
-    _print(result, f"limits     {folder / 'limits.md'}", as_json, quiet)
+    result = run(folder, Progress(quiet))
+    print_result(result, f"limits     {folder / 'limits.md'}", as_json, quiet)
 
 
 @main.command("init-config")
@@ -373,7 +383,7 @@ def init_config(path: Path) -> None:
         ) from None
     except OSError as error:
         raise OutputError(f"{path}: {error.strerror}; give another name") from error
-    click.echo(path)
+    say_result(str(path))
 
 
 @main.command()
@@ -382,7 +392,7 @@ def formats() -> None:
     from capslip.surface.readers import FORMATS
 
     for row in FORMATS:
-        click.echo(f"{row.name:12} {' '.join(row.extensions):24} {row.note}")
+        say_result(f"{row.name:12} {' '.join(row.extensions):24} {row.note}")
 
 
 def _settings(
@@ -402,6 +412,13 @@ def _settings(
     return load_settings(config, (*overrides, *texts))
 
 
+def _shard(text: str) -> tuple[int, int]:
+    part, _, parts = text.partition("/")
+    if not (part.isdecimal() and parts.isdecimal() and 1 <= int(part) <= int(parts)):
+        raise SettingsError(f"--shard: got {text}; expected I/N with I from 1 to N, such as 2/8")
+    return int(part), int(parts)
+
+
 def _toml(value: Any) -> str:
     if isinstance(value, bool):
         return str(value).lower()
@@ -412,49 +429,3 @@ def _toml(value: Any) -> str:
 
 def _command_line() -> str:
     return " ".join(["capslip", *sys.argv[1:]])
-
-
-def _print(numbers: Any, text: str, as_json: bool, quiet: bool) -> None:
-    """Print a result: as JSON with `--json`, as text for people, or not at all."""
-    if as_json:
-        plain = json.dumps(numbers, indent=1, ensure_ascii=False, allow_nan=False, default=float)
-        click.echo(plain)
-    elif not quiet:
-        click.echo(text)
-
-
-class _Progress:
-    """Messages on stderr, each with the seconds since the start; silent with `-q`."""
-
-    def __init__(self, quiet: bool, verbose: bool = False) -> None:
-        self.quiet, self.verbose = quiet, verbose
-        self.started = time.perf_counter()
-        self.failures: list[tuple[str, Exception]] = []
-
-    def __call__(self, message: str) -> None:
-        if not self.quiet:
-            click.echo(f"[{self.elapsed_s():5.1f} s] {message}", err=True)
-
-    def elapsed_s(self) -> float:
-        """Return the seconds since the command began."""
-        return time.perf_counter() - self.started
-
-    def warn(self, message: str) -> None:
-        click.echo(f"warning: {message}", err=True)
-
-    def missing(self, message: str, error: Exception | None) -> None:
-        """Tell what could not be made; an exception ends the command once all is written."""
-        if error is not None:
-            self.failures.append((message, error))
-            if self.verbose:
-                traceback.print_exception(error)
-        self.warn(message)
-
-    def raise_failures(self, where: str) -> None:
-        """End with the first part that could not be made, if there is one."""
-        if not self.failures:
-            return
-        text = f"{self.failures[0][0]}; {where}"
-        if all(isinstance(error, CapslipError) for _, error in self.failures):
-            raise ScanError(text)
-        raise CapslipError(f"internal error: {text}; run again with -v and report it")

@@ -54,6 +54,21 @@ class TipsOverError(ContactError):
     """The line of action of the preload leaves the hull of what can touch."""
 
 
+def printable(text: str) -> str:
+    r"""Return a text on one line, with the escape of every character that does not print.
+
+    Examples
+    --------
+    >>> printable("a\x1b[2J\nb\udce9 µm")
+    'a\\x1b[2J\\nb\\udce9 µm'
+    """
+    if text.isprintable():
+        return text
+    return "".join(
+        one if one.isprintable() else one.encode("unicode_escape").decode() for one in text
+    )
+
+
 def in_one_line(error: BaseException) -> str:
     """Say what ended the work: a message of capslip as it stands, anything else as internal.
 
@@ -61,10 +76,15 @@ def in_one_line(error: BaseException) -> str:
     --------
     >>> in_one_line(OutputError("out: is a file")), in_one_line(KeyError("x"))
     ('out: is a file', "internal error: KeyError: 'x'; run again with -v and report it")
+    >>> in_one_line(OSError(28, "No space left on device", "out"))
+    'out: No space left on device'
     """
     if isinstance(error, MemoryError):
         return "not enough memory for this analysis"
     if isinstance(error, CapslipError):
-        return str(error)
+        return printable(str(error))
+    if isinstance(error, OSError) and error.strerror:  # a disk, not a defect of this program
+        where = "" if error.filename is None else f"{error.filename}: "
+        return printable(f"{where}{error.strerror}")
     text = f"internal error: {type(error).__name__}: {error}; run again with -v and report it"
-    return " ".join(text.split())
+    return printable(" ".join(text.split()))

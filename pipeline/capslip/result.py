@@ -20,6 +20,7 @@ from capslip.contact.levelling import Level
 from capslip.contact.press import ContactState
 from capslip.contact.slip import SlipCurve
 from capslip.problems import Problem
+from capslip.provenance import code_sha256, libraries
 from capslip.sensitivity import Sensitivity
 from capslip.settings import Settings
 from capslip.structure.answer import Answer, asked
@@ -28,7 +29,7 @@ from capslip.structure.beam import BeamMode
 from capslip.structure.response import MOST_LOSS_FACTOR, Damping, lightly_damped
 from capslip.structure.stiffness import structure_name
 from capslip.surface.conditioning import Conditioned
-from capslip.surface.heightmap import HeightMap
+from capslip.surface.heightmap import HeightMap, Origin
 from capslip.verdict import assumptions, verdict
 
 SCHEMA = "capslip/summary/1"
@@ -109,6 +110,8 @@ class JointResult:
             "timings_s": {**self.timings_s, **(timings_s or {})},
             "provenance": {
                 "version": capslip.__version__,
+                "code_sha256": code_sha256(),
+                "libraries": libraries(),
                 "python": platform.python_version(),
                 "platform": platform.platform(),
                 "command": command,
@@ -134,6 +137,7 @@ class Analysis(JointResult):
     hills: Hills
     caps: CapTable
     sensitivity: Sensitivity | None  # None where it was not asked for
+    mate: Origin | None = None  # of the other face, where there is one
 
     @property
     def name(self) -> str:
@@ -205,10 +209,11 @@ def _answer(analysis: JointResult) -> dict[str, Any]:
 
 
 def _surface(analysis: Analysis) -> dict[str, Any]:
-    surface, conditioned = analysis.surface, analysis.conditioned
+    surface, conditioned, mate = analysis.surface, analysis.conditioned, analysis.mate
     return {
         "path": surface.origin.path,
         "sha256": surface.origin.sha256,
+        "mate": None if mate is None else {"path": mate.path, "sha256": mate.sha256},
         "shape": list(surface.shape),
         "pixel_size_m": list(surface.pixel_size_m),
         "non_measured_fraction": 1.0 - surface.measured.mean(),

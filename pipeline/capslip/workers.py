@@ -1,86 +1,311 @@
-"""Jobs in worker processes: one that kills its worker is named, and costs no other job."""
+"""Calls in child processes: a scan that crashes, hangs or takes all memory costs no other scan.
 
-import multiprocessing
+Each thread of an executor, here or on another machine, has a child that stays warm from call to
+call. A child ends with what it started when its time is up, and when its parent ends, however that
+ends: its pipe closes then.
+"""
+
+import contextlib
+import logging
 import os
+import pickle
+import queue
 import signal
-from collections.abc import Callable, Generator, Iterator, Sequence
-from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
-from concurrent.futures.process import BrokenProcessPool
+import subprocess
+import sys
+import threading
+from collections.abc import Callable, Iterable, Iterator
+from concurrent.futures import FIRST_COMPLETED, Executor, Future, ThreadPoolExecutor, wait
 from contextlib import contextmanager
+from dataclasses import dataclass
+from itertools import islice
 from typing import Any, TypeVar
 
+from capslip.errors import CapslipError, SettingsError, in_one_line
+
 Job = TypeVar("Job", bound=tuple[Any, ...])
-Result = TypeVar("Result")
+STARTED = b"started\n"  # said by a child when it has loaded what a call needs
+MANY = 2  # calls under way for each core of a cluster, so that none waits for the next
+LEAST = 200  # also where most workers have yet to come
+_mine = threading.local()
+_children: set["_Child"] = set()
 
 
-def outcomes(
-    work: Callable[..., Result], jobs: Sequence[Job], workers: int, lost: Result
-) -> Generator[tuple[Job, Result], None, None]:
-    """Call `work(*job)` for every job in worker processes; give each as it ends.
+@dataclass(frozen=True)
+class Limits:
+    """What one call may take.
 
-    A worker that is killed or crashes takes its whole pool along. The jobs that were in work are
-    then repeated one by one, each in a pool of its own, and the rest goes on in a new pool.
-
-    Parameters
+    Attributes
     ----------
-    work : callable
-        A function of a module, so that a new process can import it.
-    jobs : sequence of tuple
-        Its arguments.
-    workers : int
-        How many processes.
-    lost : Result
-        What is given for a job that ends its worker again when it is alone.
+    time_s : float or None
+        After so long the child is ended.
+    memory_bytes : int or None
+        Memory that the child cannot go beyond.
     """
-    waiting = list(reversed(jobs))
-    while waiting:
-        running: dict[Future[Result], Job] = {}
-        with _pool(min(workers, len(waiting))) as pool:
-            try:
-                while waiting or running:
-                    while waiting and len(running) < workers:  # so that all of them are in work
-                        running[pool.submit(work, *waiting[-1])] = waiting[-1]
-                        waiting.pop()
-                    for future in wait(running, return_when=FIRST_COMPLETED).done:
-                        result = future.result()
-                        yield running.pop(future), result
-            except BrokenProcessPool:
-                pass
-        for job in running.values():
-            with _pool(1) as pool:
-                try:
-                    result = pool.submit(work, *job).result()
-                except BrokenProcessPool:
-                    result = lost
-            yield job, result
+
+    time_s: float | None = None
+    memory_bytes: int | None = None
+
+
+NO_LIMITS = Limits()
+
+
+@dataclass(frozen=True)
+class Lost:
+    """What is returned for a call that did not come back, with the reason in one line."""
+
+    reason: str
+    again: bool = False  # whether it may do better with the machine to itself
+
+
+ENDED = "the process that analysed this scan was ended (out of memory, or a crash in a library)"
 
 
 @contextmanager
-def _pool(workers: int) -> Iterator[ProcessPoolExecutor]:
-    """Give a pool of new processes; an interrupt ends what they do, and waits for them."""
-    others = set(multiprocessing.active_children())
-    pool = ProcessPoolExecutor(
-        workers, multiprocessing.get_context("spawn"), initializer=_begin_worker
-    )
+def crew(workers: int) -> Iterator[Executor]:
+    """Give threads whose calls by `outcomes` run in a child each; all end with the block."""
+    pool = ThreadPoolExecutor(workers)
     try:
         yield pool
-    except BaseException:
-        for process in set(multiprocessing.active_children()) - others:
-            process.terminate()
-        raise
     finally:
-        pool.shutdown(cancel_futures=True)
+        pool.shutdown(wait=False, cancel_futures=True)
+        end = threading.Thread(target=pool.shutdown)  # when all calls have ended
+        end.start()
+        while end.is_alive():
+            _end_children()
+            end.join(0.02)
+        _end_children()
 
 
-def _begin_worker() -> None:
-    """Leave the terminal to the parent; end by an exception, so that folders under way go."""
+@contextmanager
+def cluster(address: str) -> Iterator[tuple[Executor, int]]:
+    """Give the workers behind a Dask scheduler, and how many calls to keep under way.
+
+    Raises
+    ------
+    SettingsError
+        If Dask is not installed, or nothing answers there.
+    """
+    try:
+        from distributed import Client
+    except ImportError as error:
+        raise SettingsError(
+            "--scheduler: needs the package distributed; pip install 'capslip[fleet]'"
+        ) from error
+    for name in ("distributed", "distributed.client", "distributed.utils"):
+        logging.getLogger(name).setLevel(logging.CRITICAL)  # what goes wrong is said once, below
+    try:
+        client = Client(address, timeout="10s", set_as_default=False)
+    except (OSError, ValueError, TimeoutError) as error:
+        raise SettingsError(f"--scheduler {address}: nothing answers there: {error}") from error
+    try:
+        cores = sum(client.ncores().values())
+        yield client.get_executor(pure=False), max(LEAST, MANY * cores)
+    finally:
+        client.close(timeout=1)
+
+
+def outcomes(
+    executor: Executor,
+    work: Callable[..., Any],
+    jobs: Iterable[Job],
+    at_once: int,
+    limits: Limits = Limits(),
+) -> Iterator[tuple[Job, Any]]:
+    """Call `work(*job)` for every job, each in a child of a thread; give each as it ends.
+
+    A call that ends its child is repeated once, when it has the executor to itself.
+
+    Parameters
+    ----------
+    executor : Executor
+        Any: threads here, or those of a cluster.
+    work : callable
+        A function of a module, so that a new process can import it.
+    jobs : iterable of tuple
+        Its arguments; taken as they are needed.
+    at_once : int
+        How many calls are under way together.
+    limits : Limits, optional
+        Of each call.
+
+    Yields
+    ------
+    (job, result)
+        The result is `Lost` for a call that took too long, raised, or ended its child twice.
+
+    Raises
+    ------
+    CapslipError
+        If the executor gives up: the scheduler of a cluster ended.
+    """
+    alone: list[Job] = []
+    for job, result in _in_turn(executor, work, jobs, at_once, limits):
+        if isinstance(result, Lost) and result.again:
+            alone.append(job)
+        else:
+            yield job, result
+    for job, result in _in_turn(executor, work, alone, 1, limits):
+        if isinstance(result, Lost) and result.again:
+            result = Lost(f"{result.reason}, also when it had the machine to itself")
+        yield job, result
+
+
+def _in_turn(
+    executor: Executor,
+    work: Callable[..., Any],
+    jobs: Iterable[Job],
+    at_once: int,
+    limits: Limits,
+) -> Iterator[tuple[Job, Any]]:
+    waiting, running = iter(jobs), dict[Future[Any], Job]()
+    while True:
+        for job in islice(waiting, at_once - len(running)):
+            running[executor.submit(in_child, work, job, limits)] = job
+        if not running:
+            return
+        for future in wait(running, return_when=FIRST_COMPLETED).done:
+            if future.cancelled():
+                raise CapslipError(
+                    "the scheduler of the cluster ended; the same command goes on from what is done"
+                )
+            error = future.exception()
+            result = future.result() if error is None else Lost(in_one_line(error))
+            yield running.pop(future), result
+
+
+def in_child(work: Callable[..., Any], arguments: tuple[Any, ...], limits: Limits) -> Any:
+    """Call `work(*arguments)` in the child of this thread; `Lost` where the child ends."""
+    child: _Child | None = getattr(_mine, "child", None)
+    if child is None or child.memory_bytes != limits.memory_bytes or not child.is_alive():
+        if child is not None:
+            child.end()
+        child = _mine.child = _Child(limits.memory_bytes)
+    return child.call(work, arguments, limits.time_s)
+
+
+def _end_children() -> int:
+    """End all children; return how many there were."""
+    ended = 0
+    while _children:
+        with contextlib.suppress(KeyError):
+            _children.pop().end()
+            ended += 1
+    return ended
+
+
+class _Child:
+    """A process that waits for calls, in a group with what it starts."""
+
+    def __init__(self, memory_bytes: int | None) -> None:
+        self.memory_bytes = memory_bytes
+        path = os.pathsep.join(one for one in sys.path if one)
+        self.process = subprocess.Popen(
+            [sys.executable, "-P", "-m", "capslip.workers", str(memory_bytes or 0)],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.DEVNULL,
+            start_new_session=True,
+            env={"OPENBLAS_NUM_THREADS": "1", **os.environ, "PYTHONPATH": path},
+        )
+        _children.add(self)
+
+    def is_alive(self) -> bool:
+        """Tell whether the process still waits for calls."""
+        return self.process.poll() is None
+
+    def end(self) -> None:
+        """End the process and what it started."""
+        with contextlib.suppress(ProcessLookupError, PermissionError):
+            os.killpg(self.process.pid, signal.SIGKILL)
+        self.process.wait()
+        for pipe in (self.process.stdin, self.process.stdout):
+            with contextlib.suppress(OSError):
+                pipe.close()  # type: ignore[union-attr]
+        _children.discard(self)
+
+    def call(
+        self, work: Callable[..., Any], arguments: tuple[Any, ...], time_s: float | None
+    ) -> Any:
+        """Call a function there; `Lost` where the process ends before it returns."""
+        assert self.process.stdin is not None
+        assert self.process.stdout is not None
+        too_slow = threading.Event()
+
+        def stop() -> None:
+            too_slow.set()
+            self.end()
+
+        timer = None if time_s is None else threading.Timer(time_s, stop)
+        try:
+            pickle.dump(pickle.dumps((work, arguments)), self.process.stdin)
+            self.process.stdin.flush()
+            if self.process.stdout.readline() != STARTED:
+                raise EOFError
+            if timer is not None:
+                timer.daemon = True
+                timer.start()
+            returned, result = pickle.load(self.process.stdout)
+        except (EOFError, OSError, ValueError, pickle.UnpicklingError):
+            self.end()
+            if too_slow.is_set():
+                return Lost(f"took longer than {time_s:g} s, which --timeout allows")
+            return Lost(ENDED, again=True)
+        finally:
+            if timer is not None:
+                timer.cancel()
+        if not returned:
+            raise result
+        return result
+
+
+def main(memory_bytes: int) -> None:
+    """Take calls from stdin until it closes, and return their results on stdout."""
+    calls, results = os.fdopen(os.dup(0), "rb"), os.fdopen(os.dup(1), "wb")
     null = os.open(os.devnull, os.O_RDWR)
-    for stream in range(3):  # a library that writes to them would disturb the parent's output
+    for stream in range(3):  # a library that writes to them would disturb the results
         os.dup2(null, stream)
     os.close(null)
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-    signal.signal(signal.SIGTERM, _end)
+    if memory_bytes:
+        import resource
+
+        _, most = resource.getrlimit(resource.RLIMIT_DATA)
+        resource.setrlimit(resource.RLIMIT_DATA, (memory_bytes, most))
+    waiting: queue.SimpleQueue[bytes] = queue.SimpleQueue()
+    threading.Thread(target=_listen, args=(calls, waiting), daemon=True).start()
+    while True:
+        returned: tuple[bool, Any]
+        try:
+            work, arguments = _load(waiting.get())
+            results.write(STARTED)
+            results.flush()
+            returned = True, work(*arguments)
+        except Exception as error:
+            returned = False, error
+        pickle.dump(returned, results)
+        results.flush()
 
 
-def _end(*_: object) -> None:
-    raise SystemExit(1)
+def _load(call: bytes) -> tuple[Callable[..., Any], tuple[Any, ...]]:
+    """Return function and arguments of a call; where they cannot be loaded, one that says so."""
+    try:
+        work, arguments = pickle.loads(call)
+    except Exception as error:
+        return _raise, (error,)
+    return work, arguments
+
+
+def _raise(error: Exception) -> None:
+    raise error
+
+
+def _listen(calls: Any, waiting: "queue.SimpleQueue[bytes]") -> None:
+    """Pass calls on; where they end, the parent has ended, and so does all that was started."""
+    with contextlib.suppress(EOFError, OSError):
+        while True:
+            waiting.put(pickle.load(calls))
+    os.killpg(0, signal.SIGKILL)
+
+
+if __name__ == "__main__":
+    main(int(sys.argv[1]))

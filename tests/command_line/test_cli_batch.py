@@ -2,7 +2,6 @@
 
 import csv
 import json
-import multiprocessing
 import os
 import shutil
 import time
@@ -13,6 +12,7 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
+from capslip import workers
 from capslip.batch import analyse_scan, run_batch
 from capslip.cli import main
 from capslip.output import report
@@ -105,7 +105,7 @@ def test_pictures_that_were_left_out_are_made_when_wanted(batch, tmp_path):
 
 
 def again(*_):
-    return None, "done again"
+    return {"status": "failed", "error": "done again"}
 
 
 @pytest.mark.parametrize("picture", ["figures", "render"])
@@ -147,12 +147,12 @@ def call(arguments, work, monkeypatch):
     return CliRunner().invoke(main, arguments)
 
 
-def without_report(scan, folder, settings, command):
+def without_report(scan, folder, *others):
     def fail(*_):
         raise KeyError("no such colour")
 
     report.write_report = fail  # in the worker
-    return analyse_scan(scan, folder, settings, command)
+    return analyse_scan(scan, folder, *others)
 
 
 def test_a_result_that_lacks_a_part_keeps_its_row_and_is_told(batch, tmp_path, monkeypatch):
@@ -173,10 +173,10 @@ def test_a_result_that_lacks_a_part_keeps_its_row_and_is_told(batch, tmp_path, m
     assert (tmp_path / "out" / "scans" / "two" / "report.html").is_file()
 
 
-def ends_its_worker(scan, folder, settings, command):
-    if scan.stem == "two":
+def ends_its_worker(scan, folder, *others):
+    if scan.name == "two":
         os._exit(1)
-    return analyse_scan(scan, folder, settings, command)
+    return analyse_scan(scan, folder, *others)
 
 
 def test_a_scan_that_kills_its_worker_is_named_and_the_only_one(batch, tmp_path, monkeypatch):
@@ -195,16 +195,17 @@ def test_a_scan_that_kills_its_worker_is_named_and_the_only_one(batch, tmp_path,
     assert "was ended" in table["two"]["error"]
     assert {table[name]["status"] for name in ("one", "three", "four")} <= {"ok", "check"}
     before = (tmp_path / "out" / "scans" / "one" / "summary.json").stat().st_mtime_ns
-    assert call(arguments, analyse_scan, monkeypatch).exit_code == 0
+    assert call(arguments, analyse_scan, monkeypatch).exit_code == 3  # unless it is asked for
+    assert call([*arguments, "--retry-failed"], analyse_scan, monkeypatch).exit_code == 0
     assert (tmp_path / "out" / "scans" / "one" / "summary.json").stat().st_mtime_ns == before
 
 
-def dies_once(scan, folder, settings, command):
-    mark = folder.parent.parent.parent / f"{scan.stem}.died"
+def dies_once(scan, folder, *others):
+    mark = folder.parent.parent.parent / f"{scan.name}.died"
     if not mark.exists():
         mark.touch()
         os._exit(1)
-    return analyse_scan(scan, folder, settings, command)
+    return analyse_scan(scan, folder, *others)
 
 
 def test_a_scan_that_needs_the_machine_to_itself_gets_it(batch, tmp_path, monkeypatch):
@@ -218,16 +219,16 @@ def test_a_scan_that_needs_the_machine_to_itself_gets_it(batch, tmp_path, monkey
     assert rows(tmp_path)["two"]["error"] == ""
 
 
-def one_waits(scan, folder, settings, command):
+def one_waits(scan, folder, *_):
     os.write(1, b"noise")
     os.write(2, b"noise")
-    if scan.stem == "two":
+    if scan.name == "two":
         with new_folder(folder):
             (folder.parent / "under way").touch()
             time.sleep(120)
     while not (folder.parent / "under way").exists():
         time.sleep(0.01)
-    return None, "quick"
+    return {"status": "failed", "error": "quick"}
 
 
 def test_an_interrupt_ends_the_workers_and_leaves_no_folder(batch, tmp_path, capfd):
@@ -242,7 +243,7 @@ def test_an_interrupt_ends_the_workers_and_leaves_no_folder(batch, tmp_path, cap
     with pytest.raises(KeyboardInterrupt):
         run_batch(sources, tmp_path / "out", settings, interrupt, work=one_waits)
     assert time.monotonic() - started < 60
-    assert multiprocessing.active_children() == []
+    assert not workers._children
     assert [entry.name for entry in (tmp_path / "out" / "scans").iterdir()] == ["under way"]
     assert capfd.readouterr() == ("", "")
 
@@ -293,6 +294,7 @@ def test_a_row_holds_the_numbers_of_the_summary(batch):
         "status": summary["status"],
         "error": None,
         "path": str(folder / "scans in" / "two.h5"),
+        "group": None,
         "scan": "two",
     }
     assert row == {key: "" if one is None else str(one) for key, one in expected.items()}

@@ -1,8 +1,5 @@
 """Bad input: one clear line, the right exit code, nothing written."""
 
-import errno
-import os
-import shutil
 from pathlib import Path
 
 import h5py
@@ -11,9 +8,8 @@ import pytest
 from click.testing import CliRunner
 
 from capslip.cli import main
-from capslip.output import staging, tables
-from capslip.output.staging import FILES, new_folder
-from capslip.result import SCHEMA
+from capslip.output import tables
+from capslip.output.staging import FILES
 
 # The small face has one cap, which balances under no load beside it
 ONE_CAP = ("--preload", "0.1", "--set", "contact.alignment=as_levelled")
@@ -188,76 +184,6 @@ def test_the_current_folder_takes_a_result_and_the_next_one(run, tmp_path, monke
         assert {"summary.json", "result.h5", "caps.csv"} <= set(names)
     assert "friction_coefficient = 0.3" in Path("settings.toml").read_text()
     assert sorted(entry.name for entry in tmp_path.iterdir()) == ["a.h5", "out"]
-
-
-def test_a_mounted_folder_is_filled_in_its_place(tmp_path, monkeypatch):
-    (tmp_path / "out").mkdir()
-    before = (tmp_path / "out").stat().st_ino
-    with new_folder(tmp_path / "out") as work:  # empty
-        (work / "summary.json").write_text(f'{{"schema": "{SCHEMA}"}}')
-        (work / "figures").mkdir()
-    monkeypatch.setattr(os.path, "ismount", lambda path: Path(path).name == "out")
-    with new_folder(tmp_path / "out") as work:
-        assert work.parent == tmp_path / "out"
-        (work / "summary.json").write_text(f'{{"schema": "{SCHEMA}", "name": "second"}}')
-    assert (tmp_path / "out").stat().st_ino == before
-    assert [entry.name for entry in (tmp_path / "out").iterdir()] == ["summary.json"]
-    assert "second" in (tmp_path / "out" / "summary.json").read_text()
-
-
-def test_a_result_can_be_read_by_those_who_can_read_other_new_folders(tmp_path):
-    (tmp_path / "plain").mkdir()
-    with new_folder(tmp_path / "out"):
-        pass
-    assert (tmp_path / "out").stat().st_mode == (tmp_path / "plain").stat().st_mode
-
-
-def test_the_summary_moves_last_and_an_earlier_result_comes_back(tmp_path, monkeypatch):
-    out = tmp_path / "out"
-    out.mkdir()
-    monkeypatch.setattr(os.path, "ismount", lambda path: Path(path).name == "out")
-    names = ("summary.json", "caps.csv", "surface.vtu")  # on either side of it by name
-    result = dict.fromkeys(names, f'{{"schema": "{SCHEMA}"}}')
-    with new_folder(out) as work:
-        for name, text in result.items():
-            (work / name).write_text(text)
-    monkeypatch.setattr(staging.shutil, "move", fails_on_summary(shutil.move, out))
-    with pytest.raises(OSError, match="full"), new_folder(out) as work:
-        write_second(work, result)
-    assert {entry.name: entry.read_text() for entry in out.iterdir()} == result
-
-
-def write_second(work, names):
-    for name in names:
-        (work / name).write_text("second")
-
-
-def fails_on_summary(move, out):
-    def moving(source, target):
-        if Path(target) == out / "summary.json" and Path(source).read_text() == "second":
-            assert "second" in (out / "caps.csv").read_text()
-            assert "second" in (out / "surface.vtu").read_text()
-            raise OSError("disk full")
-        return move(source, target)
-
-    return moving
-
-
-def test_a_folder_that_cannot_be_renamed_is_filled_in_its_place(tmp_path, monkeypatch):
-    out = tmp_path / "out"
-    replace = os.replace
-
-    def refuse(source, target):
-        if Path(source) == out:
-            raise OSError(errno.EBUSY, "busy")
-        replace(source, target)
-
-    for turn in ("first", "second"):
-        with new_folder(out) as work:
-            (work / "summary.json").write_text(f'{{"schema": "{SCHEMA}", "turn": "{turn}"}}')
-        monkeypatch.setattr(os, "replace", refuse)
-    assert "second" in (out / "summary.json").read_text()
-    assert [entry.name for entry in tmp_path.iterdir()] == ["out"]
 
 
 def test_a_scan_inside_the_output_folder_is_kept(run, tmp_path):

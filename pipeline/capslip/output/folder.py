@@ -34,8 +34,8 @@ def write(
 ) -> dict[str, Any]:
     """Write the folder of a result, as the command line does.
 
-    Everything is written into a temporary folder beside it, `summary.json` last, which then takes
-    the folder's place. A figure, picture, mesh, report or export that fails takes no number along:
+    Everything is written into a temporary folder inside it, `summary.json` last, whose files then
+    take their places. A figure, picture, mesh, report or export that fails takes no number along:
     it becomes a problem `output_missing`, in the summary that is returned, too.
 
     Parameters
@@ -62,7 +62,7 @@ def write(
     Returns
     -------
     dict
-        The content of `summary.json`.
+        The content of `summary.json`, with the digests of all files.
 
     Raises
     ------
@@ -89,6 +89,7 @@ def write(
         parts.lap("report")
         total_s = sum((analysis.timings_s | parts.timings_s).values())
         summary = parts.analysis.summary(command, {**parts.timings_s, "total": total_s})
+        summary = staging.with_digests(summary, work)
         tables.write_summary(summary, work)
     return summary
 
@@ -98,6 +99,7 @@ def write_families(result: "JointResult", folder: Path, command: str | None) -> 
     summary = result.summary(command)
     with staging.new_folder(folder) as work:
         tables.write_settings(result.settings, work)
+        summary = staging.with_digests(summary, work)
         tables.write_summary(summary, work)
     return summary
 

@@ -74,7 +74,7 @@ def write_report(
         settings=tomli_w.dumps(analysis.settings.to_dict()),
     )
     path = folder / "report.html"
-    path.write_text(page, encoding="utf-8")
+    path.write_text(page, "utf-8", "backslashreplace")
     return path
 
 

@@ -19,7 +19,7 @@ from capslip.errors import OutputError
 from capslip.output.canvas import FAMILY_COLOUR, FAMILY_NAME, height_limits
 from capslip.output.mesh import cap_mesh, face_mesh
 
-RENDER = (sys.executable, "-m", "capslip.output.scene")
+RENDER = (sys.executable, "-P", "-m", "capslip.output.scene")  # -P: no module beside the scans
 REMEDY = (
     "3-D pictures need the package pyvista and an OpenGL library "
     "(Debian, Ubuntu: libgl1, libegl1 or libosmesa6; other systems: Mesa)"

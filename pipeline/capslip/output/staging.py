@@ -1,24 +1,37 @@
-"""A folder that is filled aside and then takes its place, so that a result is whole or not there.
+"""One way to write a result: whole or not there, and never over a file of someone else.
 
-`summary.json` moves last: it is the only sign of a finished result.
+A result is made in a folder of its own inside its place, under a lock. When every file is on the
+disk, that folder is renamed to `READY`: from then on the result is whole, and its files move to
+their names, `summary.json` last, which is the only sign of a finished result. What was interrupted
+before is thrown away, what was interrupted after is finished, by whoever writes there next.
 """
 
+import errno
+import hashlib
 import json
 import os
 import shutil
 import tempfile
+import time
 from collections.abc import Iterable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
-from typing import Any
+from typing import IO, Any
 
 from capslip.errors import OutputError
+from capslip.provenance import sha256_of
 from capslip.result import SCHEMA
 
-# Everything that an analysis leaves in its folder. A folder that holds more is not ours to replace.
+try:
+    import fcntl
+except ImportError:  # a system without these locks
+    fcntl = None  # type: ignore[assignment]
+
+SUMMARY, FAILURE = "summary.json", "failure.json"
+# Everything that an analysis leaves in its folder, for results that do not list it themselves
 FILES = frozenset(
     {
-        "summary.json",
+        SUMMARY,
         "result.h5",
         "caps.csv",
         "settings.toml",
@@ -36,145 +49,319 @@ FILES = frozenset(
         "law_jenkins.csv",
     }
 )
-OURS = ".capslip."  # begins the names of folders that hold a result under way
+OURS = ".capslip."  # begins every name that is there only while something is written
+READY = f"{OURS}ready"
+LOCK = f"{OURS}lock"
+GONE = "gone.json"  # in READY: files of the earlier result that the new one has not
+WAIT_S = 5.0  # for a lock
+NO_SYNC = {errno.EINVAL, errno.ENOTSUP}  # of folders, on some file systems
+NO_LOCKS = {errno.ENOSYS, errno.ENOTSUP, errno.EOPNOTSUPP, errno.ENOLCK}
 
 
 @contextmanager
 def new_folder(folder: Path) -> Iterator[Path]:
-    """Give a temporary folder that takes the place of `folder` when the block ends well.
+    """Give a temporary folder whose files take their place in `folder` when the block ends well.
+
+    The block writes `summary.json`. A link is followed; what else appears in the folder meanwhile
+    stays as it is.
 
     Raises
     ------
     OutputError
-        If `folder` is a file, cannot be written, or holds files that no analysis wrote.
+        If `folder` is a file, cannot be written, holds files that no analysis wrote, is being
+        written by another process, or if a file of a name that is needed appears meanwhile.
     """
-    check_folder(folder)
+    with _named(folder):
+        made = not folder.exists()
+        folder.mkdir(parents=True, exist_ok=True)
     try:
-        folder.parent.mkdir(parents=True, exist_ok=True)
-        stays = _stays(folder)
-        place = folder if stays else folder.parent
-        work = Path(tempfile.mkdtemp(prefix=OURS, dir=place))
-    except OSError as error:
-        raise OutputError(
-            f"output folder {folder}: {error.strerror}; choose another with --out"
-        ) from error
-    try:
-        work.chmod(0o777 & ~_umask())
-        yield work
-        if stays:
-            _move_into(work, folder)
-        else:
-            _move(work, folder)
-    except BaseException:
-        shutil.rmtree(work, ignore_errors=True)
-        raise
+        with locked(folder):
+            with _named(folder):
+                recover(folder)
+                check_folder(folder)
+                work = Path(tempfile.mkdtemp(prefix=OURS, dir=folder))
+            try:
+                yield work
+                _refuse_clash(work, folder)
+                gone = sorted(_owned(folder) - set(_files(work)))
+                (work / GONE).write_text(json.dumps(gone), encoding="utf-8")
+                for path in (*work.rglob("*"), work):
+                    _sync(path)
+                os.replace(work, folder / READY)
+            except BaseException:
+                shutil.rmtree(work, ignore_errors=True)
+                raise
+            with _named(folder):
+                _put_in_place(folder)
+    finally:
+        if made:
+            with suppress(OSError):  # not empty: there is a result in it
+                folder.rmdir()
 
 
 def check_folder(folder: Path, keep: Iterable[str | Path | None] = ()) -> None:
-    """Refuse a folder that cannot be replaced, or that holds a file to `keep`.
+    """Refuse a folder that cannot be written, is of someone else, or holds a file to `keep`.
 
     Raises
     ------
     OutputError
         See `new_folder`.
     """
-    if folder.exists() and not folder.is_dir():
-        raise OutputError(f"output folder {folder}: is a file; choose another with --out")
-    if not folder.is_dir():
-        return
-    for path in keep:
-        if path is not None and folder.resolve() in Path(path).resolve().parents:
+    with _named(folder):
+        if folder.exists() and not folder.is_dir():
+            raise OutputError(f"output folder {folder}: is a file; choose another with --out")
+        nearest = next(one for one in (folder, *folder.absolute().parents) if one.exists())
+        if not os.access(nearest, os.W_OK | os.X_OK):
             raise OutputError(
-                f"output folder {folder}: holds {path}, which is to be read and would be "
-                "replaced; nothing was written; choose another with --out"
+                f"output folder {folder}: {nearest} cannot be written; choose another with --out"
             )
-    names = {entry.name for entry in _entries(folder)}
-    if not names:
-        return
-    foreign = sorted(names - FILES)
-    if foreign or not _is_result(folder):
-        found = foreign[0] if foreign else sorted(names)[0]
+        if not folder.is_dir():
+            return
+        for path in keep:
+            if path is not None and folder.resolve() in Path(path).resolve().parents:
+                raise OutputError(
+                    f"output folder {folder}: holds {path}, which is to be read and would be "
+                    "replaced; nothing was written; choose another with --out"
+                )
+        foreign = _foreign(folder)
+    if foreign is not None:
         raise OutputError(
-            f"output folder {folder}: holds {found}, which is no earlier result of capslip; "
+            f"output folder {folder}: holds {foreign}, which is no earlier result of capslip; "
             "nothing was written; choose another with --out, or move that file away"
         )
 
 
-def _is_result(folder: Path) -> bool:
-    summary = read_summary(folder)
-    return summary is not None and str(summary.get("schema")).startswith("capslip/")
+def recover(folder: Path) -> None:
+    """Finish the result that was whole when its process ended, and remove what was not.
+
+    Called by who holds the lock of the folder.
+    """
+    if (folder / READY).is_dir():
+        _put_in_place(folder)
+    for entry in folder.glob(f"{OURS}*"):
+        if entry.is_dir():
+            shutil.rmtree(entry, ignore_errors=True)
+        elif entry.name != LOCK:
+            entry.unlink(missing_ok=True)
+
+
+@contextmanager
+def locked(folder: Path, shared: bool = False, wait_s: float = WAIT_S) -> Iterator[None]:
+    """Keep other processes from writing in a folder; `shared` ones keep out only those that do not.
+
+    Raises
+    ------
+    OutputError
+        If another process still writes there after `wait_s`, or no file can be made there.
+    """
+    path, end_s = folder / LOCK, time.monotonic() + wait_s
+    while (file := _take(path, shared)) is None:
+        if time.monotonic() > end_s:
+            raise OutputError(
+                f"output folder {folder}: another run of capslip writes there; wait for its end, "
+                "or choose another with --out"
+            )
+        time.sleep(0.05)
+    try:
+        yield
+    finally:
+        if not shared:
+            path.unlink(missing_ok=True)
+        file.close()
+
+
+def _take(path: Path, shared: bool) -> IO[str] | None:
+    """Open and lock a file; None where another process holds it."""
+    with _named(path.parent):
+        file = path.open("a")
+    try:
+        if fcntl is not None:
+            fcntl.flock(file, (fcntl.LOCK_SH if shared else fcntl.LOCK_EX) | fcntl.LOCK_NB)
+        if _is_at(file.fileno(), path):  # its last holder may just have removed it
+            return file
+    except OSError as error:
+        if error.errno in NO_LOCKS:  # of the file system; results are whole all the same
+            return file
+        if not isinstance(error, BlockingIOError):
+            file.close()
+            raise
+    file.close()
+    return None
+
+
+def _is_at(number: int, path: Path) -> bool:
+    try:
+        return os.path.samestat(os.fstat(number), path.stat())
+    except FileNotFoundError:
+        return False
+
+
+@contextmanager
+def _named(folder: Path) -> Iterator[None]:
+    """Name the folder where the system refuses something."""
+    try:
+        yield
+    except OSError as error:
+        raise OutputError(
+            f"output folder {folder}: {error.strerror}; choose another with --out"
+        ) from error
+
+
+def write_file(path: Path, data: bytes) -> None:
+    """Write one file, whole or not at all."""
+    part = path.with_name(OURS + path.name)
+    with part.open("wb") as file:
+        file.write(data)
+        file.flush()
+        os.fsync(file.fileno())
+    os.replace(part, path)
 
 
 def read_summary(folder: Path) -> dict[str, Any] | None:
     """Return the summary of a finished result, or None where there is none."""
+    summary = read_json(folder / SUMMARY)
+    return summary if summary is not None and summary.get("schema") == SCHEMA else None
+
+
+def read_json(path: Path) -> dict[str, Any] | None:
+    """Return the object in a JSON file, or None where there is none."""
     try:
-        summary = json.loads((folder / "summary.json").read_text(encoding="utf-8"))
+        found = json.loads(path.read_text(encoding="utf-8"))
     except (OSError, ValueError):
         return None
-    return summary if isinstance(summary, dict) and summary.get("schema") == SCHEMA else None
+    return found if isinstance(found, dict) else None
 
 
-def _move(work: Path, folder: Path) -> None:
-    old = work.with_name(work.name + ".old")
-    if folder.exists():
-        try:
-            os.replace(folder, old)
-        except OSError:  # mounted from the same disk, which does not show before
-            _move_into(work, folder)
-            return
-    try:
-        os.replace(work, folder)
-    except BaseException:
-        if old.exists():
-            os.replace(old, folder)
-        raise
-    shutil.rmtree(old, ignore_errors=True)
+def summary_text(summary: dict[str, Any]) -> bytes:
+    """Return the bytes of `summary.json`; what is no text in a path is escaped."""
+    text = json.dumps(summary, indent=1, ensure_ascii=False, allow_nan=False) + "\n"
+    return text.encode("utf-8", "backslashreplace")
 
 
-def _stays(folder: Path) -> bool:
-    """Tell whether a folder has to be filled in its place: new, in use, or mounted."""
-    if not folder.is_dir():
+def with_digests(summary: dict[str, Any], work: Path) -> dict[str, Any]:
+    """Return a summary that lists the SHA-256 digest of every file of its result.
+
+    That of `summary.json` itself is taken without its own line.
+    """
+    outputs = {name: sha256_of(work / name) for name in sorted(_files(work))}
+    listed = {**summary, "outputs": outputs}
+    own = hashlib.sha256(summary_text(listed)).hexdigest()
+    return {**summary, "outputs": {**outputs, SUMMARY: own}}
+
+
+def is_whole(summary: dict[str, Any], folder: Path) -> bool:
+    """Tell whether every file of a result is there as it was written."""
+    outputs = dict(summary.get("outputs") or {})
+    own = outputs.pop(SUMMARY, None)
+    if own != hashlib.sha256(summary_text({**summary, "outputs": outputs})).hexdigest():
         return False
-    here = Path.cwd()
-    return (
-        not _entries(folder)
-        or folder.resolve() in (here, *here.parents)
-        or os.path.ismount(folder)
-        or not os.access(folder.parent, os.W_OK)
-    )
+    try:
+        return all(sha256_of(folder / name) == digest for name, digest in outputs.items())
+    except OSError:
+        return False
+
+
+def _put_in_place(folder: Path) -> None:
+    """Move the files of READY to their names; called again, go on where it ended."""
+    ready = folder / READY
+    if (ready / SUMMARY).exists():
+        (folder / SUMMARY).unlink(missing_ok=True)
+        for entry in sorted(ready.rglob("*")):
+            name = entry.relative_to(ready).as_posix()
+            if entry.is_dir():
+                (folder / name).mkdir(exist_ok=True)
+            elif name not in (SUMMARY, GONE):
+                os.replace(entry, folder / name)
+        _remove(folder, json.loads((ready / GONE).read_text(encoding="utf-8")))
+        for entry in (*_entries(ready), folder):
+            if entry.is_dir():
+                _sync(folder / entry.name if entry != folder else folder)
+        os.replace(ready / SUMMARY, folder / SUMMARY)
+        _sync(folder)
+    shutil.rmtree(ready, ignore_errors=True)
+
+
+def _remove(folder: Path, names: list[str]) -> None:
+    """Remove files of the earlier result, and its folders that the new one has not."""
+    for name in names:
+        (folder / name).unlink(missing_ok=True)
+    for entry in _entries(folder):
+        if entry.name in FILES and entry.is_dir() and not (folder / READY / entry.name).is_dir():
+            with suppress(OSError):  # not empty
+                entry.rmdir()
+
+
+def _refuse_clash(work: Path, folder: Path) -> None:
+    """Refuse to put a file where one of someone else appeared since the folder was checked."""
+    owned = _owned(folder)
+    for entry in sorted(work.rglob("*")):
+        name = entry.relative_to(work).as_posix()
+        place = folder / name
+        fits = entry.is_dir() and place.is_dir() and not place.is_symlink()
+        if os.path.lexists(place) and not fits and name not in owned:
+            raise OutputError(
+                f"output folder {folder}: {name} appeared while the analysis ran and is not ours "
+                "to replace; nothing was written; move it away, or choose another with --out"
+            )
+
+
+def _owned(folder: Path) -> set[str]:
+    """Return the files of the result that stands in a folder, paths in it with slashes."""
+    own = {FAILURE} if str(_schema(folder / FAILURE)).startswith("capslip/") else set()
+    schema = _schema(folder / SUMMARY)
+    if schema == "" and (folder / "settings.toml").is_file():  # torn, beside what came before it
+        schema = SCHEMA
+    if not str(schema).startswith("capslip/"):
+        return own
+    listed = (read_summary(folder) or {}).get("outputs")
+    known = (name for name in _files(folder) if name.partition("/")[0] in FILES)
+    return own | set(listed or known)
+
+
+def _schema(path: Path) -> str | None:
+    """Return what a JSON file calls itself: nothing where it is torn, None where it is not ours."""
+    try:
+        found = json.loads(path.read_text(encoding="utf-8"))
+    except OSError:
+        return None
+    except ValueError:
+        return ""
+    return str(found.get("schema")) if isinstance(found, dict) else None
+
+
+def _foreign(folder: Path) -> str | None:
+    """Return the first entry that is no file of the result there."""
+    owned = _owned(folder)
+    for entry in sorted(_entries(folder)):
+        if entry.is_dir() and not entry.is_symlink():
+            for inner in sorted(entry.iterdir()):
+                if f"{entry.name}/{inner.name}" not in owned:
+                    return f"{entry.name}/{inner.name}"
+        elif entry.name not in owned:
+            return entry.name
+    return None
 
 
 def _entries(folder: Path) -> list[Path]:
-    """List a folder without what an analysis that was killed may have left in it."""
     return [entry for entry in folder.iterdir() if not entry.name.startswith(OURS)]
 
 
-def _move_into(work: Path, folder: Path) -> None:
-    """Put one result in the place of another, file by file: while they move, there is no summary.
+def _files(folder: Path) -> Iterator[str]:
+    """Yield the files of a folder and of those directly in it."""
+    for entry in _entries(folder):
+        if entry.is_dir() and not entry.is_symlink():
+            yield from (f"{entry.name}/{inner.name}" for inner in entry.iterdir())
+        else:
+            yield entry.name
 
-    An earlier result is put back if that fails.
-    """
-    old = Path(tempfile.mkdtemp(prefix=OURS, dir=folder))
-    new = sorted(work.iterdir(), key=lambda one: one.name == "summary.json")
-    moved = []
+
+def _sync(path: Path) -> None:
+    """Bring a file, or the names in a folder, to the disk."""
+    number = os.open(path, os.O_RDONLY)
     try:
-        for entry in sorted(_entries(folder), key=lambda one: one.name != "summary.json"):
-            shutil.move(entry, old / entry.name)
-        for entry in new:
-            moved.append(folder / entry.name)
-            shutil.move(entry, moved[-1])
-    except BaseException:
-        for entry in moved:
-            shutil.rmtree(entry) if entry.is_dir() else entry.unlink(missing_ok=True)
-        for entry in sorted(old.iterdir(), key=lambda one: one.name == "summary.json"):
-            shutil.move(entry, folder / entry.name)
-        old.rmdir()
-        raise
-    work.rmdir()
-    shutil.rmtree(old, ignore_errors=True)
-
-
-def _umask() -> int:
-    mask = os.umask(0)
-    os.umask(mask)
-    return mask
+        os.fsync(number)
+    except OSError as error:
+        if error.errno not in NO_SYNC:
+            raise
+    finally:
+        os.close(number)

@@ -1,7 +1,6 @@
 """The numbers of a result on disk: `result.h5`, `caps.csv`, `settings.toml`, `summary.json`."""
 
 import csv
-import json
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -9,6 +8,7 @@ import numpy as np
 import tomli_w
 
 from capslip.caps.table import UNITS
+from capslip.output.staging import SUMMARY, summary_text
 
 if TYPE_CHECKING:
     from capslip.contact.press import ContactState
@@ -36,8 +36,7 @@ def write_settings(settings: "Settings", folder: Path) -> None:
 
 def write_summary(summary: dict[str, Any], folder: Path) -> None:
     """Write `summary.json`: the last file of a result, and the sign that it is complete."""
-    text = json.dumps(summary, indent=1, ensure_ascii=False, allow_nan=False) + "\n"
-    (folder / "summary.json").write_text(text, encoding="utf-8")
+    (folder / SUMMARY).write_bytes(summary_text(summary))
 
 
 def _cells(column: np.ndarray) -> list[str]:

@@ -2,6 +2,7 @@
 
 import math
 
+from capslip.errors import printable
 from capslip.output.lead import answer_lines, assumed_lines, joint_line
 from capslip.output.rows import write_text
 from capslip.result import Analysis, JointResult
@@ -64,4 +65,4 @@ def result_lines(analysis: JointResult) -> str:
     lines += [write_text(text, summary, absent="-") for text in texts]
     lines.append(f"status     {summary['status']}")
     lines += [f"  {p.severity:8} {p.code}: {p.message}" for p in analysis.problems]
-    return "\n".join(lines)
+    return "\n".join(printable(line) for line in lines)

@@ -1,11 +1,11 @@
 """Readers of scan files: one file a format, and the registry that chooses between them."""
 
-import hashlib
 import re
 from dataclasses import replace
 from pathlib import Path
 
-from capslip.errors import CapslipError, SettingsError, UnreadableFileError
+from capslip.errors import CapslipError, SettingsError, UnreadableFileError, printable
+from capslip.provenance import sha256_of
 from capslip.surface.heightmap import HeightMap, Origin
 from capslip.surface.readers import (
     esri,
@@ -28,7 +28,6 @@ from capslip.surface.readers import (
     xyz,
     zygo,
 )
-from capslip.surface.readers.choice import printable
 from capslip.surface.readers.marks import without_marks
 from capslip.surface.readers.stored import (
     Calibration,
@@ -146,6 +145,7 @@ def _of_copy(path: Path, copy: Path, request: Request, given: Calibration) -> He
 def _loaded(path: Path, copy: Path, request: Request, given: Calibration) -> HeightMap:
     """Read a scan from where it lies, or from an unpacked copy."""
     head = _head(copy)
+    sha256 = sha256_of(path)
     file_format = next(f for f in FORMATS if f.recognises(head, copy))
     if request.dataset is not None and not file_format.named:
         raise SettingsError(
@@ -153,12 +153,14 @@ def _loaded(path: Path, copy: Path, request: Request, given: Calibration) -> Hei
             f"{file_format.name} holds one height map; leave it out"
         )
     stored = file_format.read(copy, request)
+    if not path.is_file() or sha256_of(path) != sha256:  # the digest is that of the bytes read
+        raise UnreadableFileError(f"{path}: changed while it was read; analyse it when it is whole")
     height, marks = without_marks(stored.height)
     notes = (*stored.notes, *marks, *_gaps(stored, given))
     origin = Origin(
         name=printable(copy.stem),
         path=str(path),
-        sha256=sha256_of(path),
+        sha256=sha256,
         file_format=file_format.name,
     )
     return calibrate(replace(stored, height=height, notes=notes), origin, given)
@@ -175,9 +177,9 @@ def _gaps(stored: Stored, given: Calibration) -> tuple[str, ...]:
 
 
 def _head(path: Path) -> bytes:
-    if path.is_dir():
-        raise UnreadableFileError(f"{path}: is a folder; expected a scan file; name one in it")
     try:
+        if path.is_dir():
+            raise UnreadableFileError(f"{path}: is a folder; expected a scan file; name one in it")
         head = read_head(path, HEAD_BYTES)
     except FileNotFoundError as error:
         raise UnreadableFileError(f"{path}: no such file; check the path") from error
@@ -186,9 +188,3 @@ def _head(path: Path) -> bytes:
     if not head:
         raise UnreadableFileError(f"{path}: zero bytes; expected a scan; copy the file again")
     return head
-
-
-def sha256_of(path: Path) -> str:
-    """Return the SHA-256 digest of a file, in hexadecimal."""
-    with path.open("rb") as file:
-        return hashlib.file_digest(file, "sha256").hexdigest()

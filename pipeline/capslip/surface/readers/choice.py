@@ -82,16 +82,3 @@ def shown(names: list[str]) -> str:
     """
     more = f" and {len(names) - SHOWN} more" if len(names) > SHOWN else ""
     return (", ".join(names[:SHOWN]) or "none") + more
-
-
-def printable(text: str) -> str:
-    r"""Escape what would move the cursor, end the line or hide letters in a terminal.
-
-    Examples
-    --------
-    >>> printable("scan \x1b[2Jone\n µm")
-    'scan \\x1b[2Jone\\n µm'
-    """
-    return "".join(
-        c if c.isprintable() else c.encode("unicode_escape").decode("ascii") for c in text
-    )

@@ -10,9 +10,8 @@ from zipfile import BadZipFile
 
 import numpy as np
 
-from capslip.errors import SettingsError, UncalibratedError, UnreadableFileError
+from capslip.errors import SettingsError, UncalibratedError, UnreadableFileError, printable
 from capslip.surface.heightmap import HeightMap, Origin
-from capslip.surface.readers.choice import printable
 from capslip.units import METRES, SPELLINGS
 
 MAX_POINTS = 2**28  # 2 GiB of float64

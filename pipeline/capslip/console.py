@@ -1,0 +1,149 @@
+"""What the commands say: results on stdout, progress and errors on stderr, exit codes.
+
+Names, units and notes come from files of others: what is no printable character is written as its
+escape, so that it cannot act on the terminal. Where nobody reads any more (`| head`), the work goes
+on in silence.
+"""
+
+import json
+import os
+import signal
+import sys
+import threading
+import time
+import traceback
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import Any
+
+import click
+
+from capslip.errors import CapslipError, ScanError, in_one_line, printable
+
+
+class Terminated(KeyboardInterrupt):
+    """Another process asked this one to end."""
+
+
+class _Failure(click.ClickException):
+    """One line on stderr and the exit code that the error stands for."""
+
+    def __init__(self, error: CapslipError, exit_code: int | None = None) -> None:
+        super().__init__(printable(str(error)))
+        self.exit_code = error.exit_code if exit_code is None else exit_code  # type: ignore[misc]
+
+    def show(self, file: Any = None) -> None:
+        _echo(f"error: {self.message}", err=True)
+
+
+class _Command(click.Command):
+    """A command that turns the project's errors into one line; `-v` shows the traceback."""
+
+    def invoke(self, ctx: click.Context) -> Any:
+        verbose = ctx.params.get("verbose")
+        try:
+            with _termination():
+                return super().invoke(ctx)
+        except CapslipError as error:
+            if verbose:
+                traceback.print_exc()
+            raise _Failure(error) from error
+        except KeyboardInterrupt as error:  # 128 and the signal's number, as in shells
+            code = 143 if isinstance(error, Terminated) else 130
+            said = str(error) or "interrupted; of what was running no result was written"
+            raise _Failure(CapslipError(said), code) from error
+        except (click.ClickException, click.exceptions.Exit, click.Abort):
+            raise
+        except Exception as error:
+            if verbose:
+                traceback.print_exc()
+            raise _Failure(CapslipError(in_one_line(error))) from error
+
+
+class Group(click.Group):
+    """A group of such commands."""
+
+    command_class = _Command
+
+
+@contextmanager
+def _termination() -> Iterator[None]:
+    """Let SIGTERM end the work as Ctrl-C does, so that folders under way and children go."""
+
+    def end(*_: object) -> None:
+        raise Terminated
+
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    before = signal.signal(signal.SIGTERM, end)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGTERM, before)
+
+
+def print_result(numbers: Any, text: str, as_json: bool, quiet: bool) -> None:
+    """Print a result: as JSON with `--json`, as text for people, or not at all."""
+    if as_json:
+        plain = json.dumps(numbers, indent=1, ensure_ascii=False, allow_nan=False, default=float)
+        _echo(plain)  # which escapes what is not printable by itself
+    elif not quiet:
+        say_result(text)
+
+
+def say_result(text: str) -> None:
+    """Print lines for people on stdout."""
+    _echo("\n".join(printable(line) for line in text.split("\n")))
+
+
+def _echo(text: str, err: bool = False) -> None:
+    """Print; characters that the stream cannot write are escaped, a closed stream is left alone."""
+    stream = sys.stderr if err else sys.stdout
+    encoding = getattr(stream, "encoding", None) or "utf-8"
+    text = text.encode(encoding, "backslashreplace").decode(encoding)
+    try:
+        click.echo(text, err=err)
+    except BrokenPipeError:
+        null = os.open(os.devnull, os.O_WRONLY)
+        os.dup2(null, stream.fileno())
+        os.close(null)
+
+
+class Progress:
+    """Messages on stderr, each with the seconds since the start; silent with `-q`."""
+
+    def __init__(self, quiet: bool, verbose: bool = False) -> None:
+        self.quiet, self.verbose = quiet, verbose
+        self.started = time.perf_counter()
+        self.failures: list[tuple[str, Exception]] = []
+
+    def __call__(self, message: str) -> None:
+        """Tell what is done next."""
+        if not self.quiet:
+            _echo(f"[{self.elapsed_s():5.1f} s] {printable(message)}", err=True)
+
+    def elapsed_s(self) -> float:
+        """Return the seconds since the command began."""
+        return time.perf_counter() - self.started
+
+    def warn(self, message: str) -> None:
+        """Tell what is wrong, even with `-q`."""
+        _echo(f"warning: {printable(message)}", err=True)
+
+    def missing(self, message: str, error: Exception | None) -> None:
+        """Tell what could not be made; an exception ends the command once all is written."""
+        if error is not None:
+            self.failures.append((message, error))
+            if self.verbose:
+                traceback.print_exception(error)
+        self.warn(message)
+
+    def raise_failures(self, where: str) -> None:
+        """End with the first part that could not be made, if there is one."""
+        if not self.failures:
+            return
+        text = f"{self.failures[0][0]}; {where}"
+        if all(isinstance(error, CapslipError) for _, error in self.failures):
+            raise ScanError(text)
+        raise CapslipError(f"internal error: {text}; run again with -v and report it")

@@ -1,0 +1,221 @@
+"""The scans of a batch: from files, folders, globs and lists, each with a name of its own."""
+
+import csv
+import glob
+import hashlib
+import os
+from collections import Counter
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+from capslip.errors import NothingToDoError, SettingsError
+from capslip.settings import Settings, settings_from
+
+MOST_BYTES = 120  # of a name; file systems take 255, and names of files in it follow
+SETTING = {"preload_N": "contact.preload_N", "unit": "reading.unit"}  # of one scan, in a list
+LIST = ("scan", "mate", "group", *SETTING)
+
+
+@dataclass(frozen=True)
+class Scan:
+    """One scan of a batch.
+
+    Attributes
+    ----------
+    path : Path
+        The file.
+    settings : Settings
+        Those of all scans, with what the list says of this one.
+    mate : Path or None
+        The other face.
+    group : str or None
+        A word for the table, such as the joint that the face belongs to.
+    name : str
+        Of its folder and its row.
+    """
+
+    path: Path
+    settings: Settings
+    mate: Path | None = None
+    group: str | None = None
+    name: str = ""
+
+    @property
+    def digest(self) -> str:
+        """Tells it from every other one."""
+        parts = (self.path, self.mate, self.group, self.settings.sha256())
+        return hashlib.sha256(os.fsencode("\n".join(map(str, parts)))).hexdigest()[:8]
+
+
+def find_scans(
+    sources: Iterable[str],
+    settings: Settings,
+    list_file: Path | None = None,
+    recursive: bool = False,
+    leave_out: Path | None = None,
+) -> tuple[list[Scan], Counter[str]]:
+    """Find the scans of a batch.
+
+    Parameters
+    ----------
+    sources : iterable of str
+        Files, folders and globs. Hidden files of a folder are left out. A file that is not there
+        is a scan that fails, if there is another one.
+    settings : Settings
+        Of all scans.
+    list_file : Path, optional
+        One path a line, or CSV with the column scan and any of mate, group, preload_N and unit;
+        an empty cell leaves the setting as it is. Paths are relative to the list.
+    recursive : bool, optional
+        Take the folders in a folder, too, but for hidden ones and results.
+    leave_out : Path, optional
+        A folder that is not searched: that of the results.
+
+    Returns
+    -------
+    list of Scan
+        In the order of their paths, each with a name that is a file name on any system.
+    Counter
+        What was skipped, and how often.
+
+    Raises
+    ------
+    NothingToDoError
+        If no file is found.
+    SettingsError
+        If the list cannot be read, or says what makes no sense.
+    """
+    skipped: Counter[str] = Counter()
+    found = dict.fromkeys(
+        Scan(path, settings) for path in _paths(sources, recursive, leave_out, skipped)
+    )
+    if list_file is not None:
+        found |= dict.fromkeys(_listed(list_file, settings))
+    if not any(os.path.isfile(scan.path) for scan in found):
+        told = ", ".join([*sources, *([str(list_file)] if list_file else [])])
+        raise NothingToDoError(
+            f"no scan found in {told}; expected files, a folder with files, a glob or a list"
+        )
+    keys = {one: one.sha256() for one in {scan.settings for scan in found}}
+    scans = sorted(found, key=lambda scan: (scan.path, str(scan.mate), keys[scan.settings]))
+    pairs = zip(scans, _names(scans), strict=True)
+    return [replace(one, path=one.path.absolute(), name=name) for one, name in pairs], skipped
+
+
+def _paths(
+    sources: Iterable[str], recursive: bool, leave_out: Path | None, skipped: Counter[str]
+) -> Iterator[Path]:
+    for source in sources:
+        if os.path.isdir(source):
+            yield from _in_folder(source, recursive, leave_out, skipped)
+        elif glob.has_magic(source) and not os.path.lexists(source):
+            for hit in glob.iglob(source, recursive=True):
+                if os.path.isfile(hit):
+                    yield Path(hit)
+                else:
+                    skipped["no file"] += 1
+        else:
+            yield Path(source)
+
+
+def _in_folder(
+    folder: str, recursive: bool, leave_out: Path | None, skipped: Counter[str]
+) -> Iterator[Path]:
+    with os.scandir(folder) as entries:
+        for entry in sorted(entries, key=lambda one: one.name):
+            if entry.name.startswith("."):
+                skipped["hidden"] += 1
+            elif entry.is_file():
+                yield Path(entry.path)
+            elif not entry.is_dir(follow_symlinks=False):
+                skipped["no file"] += 1
+            elif not recursive:
+                skipped["folder (see --recursive)"] += 1
+            elif os.path.isfile(os.path.join(entry.path, "summary.json")):
+                skipped["result"] += 1
+            elif leave_out is not None and Path(entry.path).resolve() == leave_out.resolve():
+                skipped["folder of this batch"] += 1
+            else:
+                yield from _in_folder(entry.path, recursive, leave_out, skipped)
+
+
+def _listed(list_file: Path, settings: Settings) -> Iterator[Scan]:
+    try:
+        text = list_file.read_bytes().decode("utf-8-sig", "surrogateescape")
+    except OSError as error:
+        raise SettingsError(f"{list_file}: {error.strerror}; give a list of scans") from error
+    lines = text.splitlines()
+    columns = [one.strip() for one in lines[0].split(",")] if lines else []
+    if "scan" not in columns:
+        for line in filter(None, map(str.strip, lines)):
+            yield Scan(list_file.parent / line, settings)
+        return
+    unknown = [name for name in columns if name not in LIST]
+    if unknown:
+        raise SettingsError(
+            f"{list_file}: unknown column {unknown[0]!r}; expected some of {', '.join(LIST)}"
+        )
+    known: dict[tuple[str | None, ...], Settings] = {}
+    for row in csv.DictReader(lines[1:], columns):
+        given = {name: (row.get(name) or "").strip() or None for name in LIST}
+        if given["scan"] is None:
+            continue
+        own = tuple(given[name] for name in SETTING)
+        if own not in known:
+            known[own] = _with(settings, given, f"{list_file}: {given['scan']}")
+        mate = list_file.parent / given["mate"] if given["mate"] else None
+        yield Scan(list_file.parent / given["scan"], known[own], mate, given["group"])
+
+
+def _with(settings: Settings, given: dict[str, str | None], where: str) -> Settings:
+    """Return settings with what a list says of one scan."""
+    tables: dict[str, Any] = settings.to_dict()
+    for column, setting in SETTING.items():
+        value: Any = given[column]
+        if value is None:
+            continue
+        table, key = setting.split(".")
+        if column == "preload_N":
+            try:
+                value = float(value)
+            except ValueError:
+                raise SettingsError(f"{where}: {column}: got {value!r}; expected a force") from None
+            tables["run"]["given"] = [*tables["run"]["given"], setting]
+        tables.setdefault(table, {})[key] = value
+    return settings_from(tables, where)
+
+
+def _names(scans: list[Scan]) -> list[str]:
+    """One name a scan: the stem, or as much of the path as it takes to tell the scans apart."""
+    names = [_plain(scan.path.stem) for scan in scans]
+    for longer in (_with_ending, _with_folder, _with_digest):
+        count = Counter(name.casefold() for name in names)
+        names = [
+            name if count[name.casefold()] == 1 else longer(scan)
+            for scan, name in zip(scans, names, strict=True)
+        ]
+    return names
+
+
+def _with_ending(scan: Scan) -> str:
+    return _plain(scan.path.name)
+
+
+def _with_folder(scan: Scan) -> str:
+    return _plain(f"{scan.path.parent.name}_{scan.path.name}")
+
+
+def _with_digest(scan: Scan) -> str:
+    return f"{_with_ending(scan)}_{scan.digest}"
+
+
+def _plain(text: str) -> str:
+    """Return a name that any system takes: printable, not hidden, not too long."""
+    name = "".join(one if one.isprintable() and one not in '<>:"/\\|?*' else "_" for one in text)
+    name = f"_{name[1:]}" if name.startswith(".") else name
+    if len(name.encode()) <= MOST_BYTES:
+        return name
+    digest = hashlib.sha256(os.fsencode(text)).hexdigest()[:8]
+    return f"{name.encode()[:MOST_BYTES].decode('utf-8', 'ignore')}_{digest}"

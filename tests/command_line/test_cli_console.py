@@ -1,0 +1,160 @@
+"""What reaches the terminal, and what may not reach the interpreter: names are of others."""
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import h5py
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+from capslip.cli import main
+from capslip.output import folder as output_folder
+from capslip.surface import readers
+
+LIGHT = ("--no-render", "--no-figures", "--preload", "0.1")
+LIGHT = (*LIGHT, "--set", "contact.alignment=as_levelled")  # one cap balances under no load
+
+
+def face(path):
+    y, x = np.mgrid[:40, :60]
+    with h5py.File(path, "w") as file:
+        file["height"] = -((x - 30.0) ** 2 + (y - 20.0) ** 2) * 1e-3
+        file["height"].attrs.update(unit="um", pixel_size=[50.0, 50.0], pixel_unit="um")
+    return path
+
+
+def capslip(*arguments, cwd, **options):
+    """Call the program in a process of its own, as from a shell in `cwd`."""
+    environment = {**os.environ, **options.pop("env", {})}
+    command = [sys.executable, *options.pop("flags", ()), "-m", "capslip", *map(str, arguments)]
+    return subprocess.run(
+        command, cwd=cwd, env=environment, capture_output=True, check=False, timeout=120, **options
+    )
+
+
+def test_no_module_beside_the_scans_is_run(tmp_path):
+    face(tmp_path / "a.h5")
+    for name in ("numpy", "pyvista", "msgspec", "random", "tempfile", "pickle", "selectors"):
+        (tmp_path / f"{name}.py").write_text("open('ran', 'a').write(__name__); raise SystemExit")
+    ran = capslip("analyze", "a.h5", "-o", "out", "--no-figures", *LIGHT[2:], cwd=tmp_path)
+    assert ran.returncode == 0, ran.stderr
+    ran = capslip("batch", "a.h5", "-o", "all", *LIGHT, cwd=tmp_path)
+    assert ran.returncode == 0, ran.stderr
+    assert not (tmp_path / "ran").exists()
+
+
+def test_every_module_that_the_makefile_runs_is_run_in_safety():
+    makefile = (Path(__file__).parents[2] / "Makefile").read_text()
+    assert "python -m" not in makefile
+    assert makefile.count("-P -m") > 4
+    for name in ("SURFACE", "SCANS", "RESULT"):
+        assert f'-- "$({name})"' in makefile
+
+
+def test_a_scan_that_is_called_like_an_option(tmp_path):
+    face(tmp_path / "--help")
+    ran = capslip("analyze", "-o", "out", *LIGHT, "--", "--help", cwd=tmp_path)
+    assert ran.returncode == 0, ran.stderr
+    ran = capslip("batch", "-o", "all", *LIGHT, "--", "--help", cwd=tmp_path)
+    assert ran.returncode == 0, ran.stderr
+    assert (tmp_path / "all" / "scans" / "--help" / "summary.json").is_file()
+
+
+def test_escapes_and_lines_in_names_do_not_reach_the_terminal(tmp_path):
+    name = "a\x1b]0;mine\x07\nerror: forged.h5"
+    face(tmp_path / name)
+    ran = capslip("analyze", name, "-o", "out", *LIGHT, cwd=tmp_path)
+    assert ran.returncode == 0, ran.stderr
+    assert b"\x1b" not in ran.stdout + ran.stderr
+    assert b"\x07" not in ran.stdout + ran.stderr
+    assert not [line for line in ran.stderr.splitlines() if line.startswith(b"error: forged")]
+    (tmp_path / name).write_bytes(b"torn")
+    ran = capslip("analyze", name, "-o", "out", *LIGHT, cwd=tmp_path)
+    assert ran.returncode == 3
+    assert b"\x1b" not in ran.stderr
+    assert len([line for line in ran.stderr.splitlines() if line.startswith(b"error")]) == 1
+
+
+@pytest.mark.parametrize("locale", ["C", "C.UTF-8", "latin"])
+def test_a_name_of_odd_bytes_in_any_locale(tmp_path, locale):
+    name = os.fsdecode(b"caf\xe9 \xc2\xb5.h5")
+    face(tmp_path / "plain.h5").rename(tmp_path / name)
+    env = {"LC_ALL": "C", "PYTHONUTF8": "0", "PYTHONIOENCODING": "ascii"}
+    env = env if locale == "latin" else {"LC_ALL": locale}
+    for flags in ((), ("--json",)):
+        ran = capslip("analyze", name, "-o", "out", *LIGHT, *flags, cwd=tmp_path, env=env)
+        assert ran.returncode == 0, ran.stderr
+    assert (tmp_path / "out" / "report.html").is_file()
+
+
+def test_a_path_that_is_too_long_is_named(tmp_path):
+    ran = capslip("analyze", "x" * 300, cwd=tmp_path)
+    assert ran.returncode == 3, ran.stderr
+    assert b"File name too long" in ran.stderr
+    assert b"internal" not in ran.stderr
+    ran = capslip("analyze", face(tmp_path / "a.h5"), "-o", "y" * 300, *LIGHT, cwd=tmp_path)
+    assert ran.returncode == 2
+    assert b"File name too long" in ran.stderr
+
+
+def test_a_disk_that_refuses_is_no_internal_error(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+
+    def full(*_):
+        raise OSError(28, "No space left on device", "out/result.h5")
+
+    monkeypatch.setattr(output_folder.tables, "write_result", full)
+    ran = CliRunner().invoke(main, ["analyze", str(face(tmp_path / "a.h5")), "-o", "out", *LIGHT])
+    assert ran.exit_code == 1
+    last = ran.stderr.splitlines()[-1]
+    assert last == "error: out/result.h5: No space left on device"
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_closed_pipe_loses_no_result(tmp_path):
+    face(tmp_path / "a.h5")
+    command = f"{sys.executable} -m capslip analyze a.h5 -o out {' '.join(LIGHT)}"
+    ran = subprocess.run(
+        ["bash", "-c", f"{command} 2>err | true; exit ${{PIPESTATUS[0]}}"],
+        cwd=tmp_path,
+        check=False,
+        timeout=120,
+    )
+    assert ran.returncode == 0, (tmp_path / "err").read_text()
+    assert "error" not in (tmp_path / "err").read_text()
+    assert (tmp_path / "out" / "summary.json").is_file()
+
+
+def test_a_scan_that_changes_while_it_is_read_is_refused(tmp_path, monkeypatch):
+    path, read = face(tmp_path / "a.h5"), readers.calibrate
+    row = next(one for one in readers.FORMATS if one.name == "hdf5")
+
+    def swapped(source, request):
+        found = row.read(source, request)
+        with path.open("ab") as file:
+            file.write(b"more")
+        return found
+
+    fake = type(row)(**{**vars(row), "read": swapped})
+    monkeypatch.setattr(readers, "FORMATS", (fake,))
+    with pytest.raises(readers.UnreadableFileError, match="changed while it was read"):
+        readers.load_surface(path)
+    assert read is readers.calibrate
+
+
+def test_sigterm_ends_an_analysis_and_leaves_nothing(tmp_path):
+    face(tmp_path / "a.h5")
+    code = (
+        "import os, signal, sys; from capslip.output import tables; from capslip.cli import main\n"
+        "tables.write_summary = lambda *_: os.kill(os.getpid(), signal.SIGTERM)\n"
+        f"sys.argv[1:] = ['analyze', 'a.h5', '-o', 'out', *{LIGHT!r}]; main()"
+    )
+    ran = subprocess.run(
+        [sys.executable, "-c", code], cwd=tmp_path, capture_output=True, check=False, timeout=60
+    )
+    assert ran.returncode == 143, ran.stderr
+    assert b"interrupted" in ran.stderr
+    assert [entry.name for entry in tmp_path.iterdir()] == ["a.h5"]

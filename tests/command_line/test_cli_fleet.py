@@ -1,0 +1,499 @@
+"""A fleet of scans: nothing lost, nothing done twice, nothing left over, however it ends."""
+
+import csv
+import json
+import os
+import random
+import shutil
+import signal
+import subprocess
+import time
+from pathlib import Path
+
+import pytest
+from click.testing import CliRunner
+from fleet_cases import (
+    LIGHT,
+    batch,
+    children_of,
+    command,
+    dask,
+    disturb,
+    fill,
+    gone,
+    left_over,
+    listed,
+    table,
+)
+from test_cli_batch import scan
+
+from capslip import sources
+from capslip.batch import Options, analyse_scan, run_batch
+from capslip.cli import main
+from capslip.output.staging import LOCK, OURS, read_summary, summary_text, with_digests
+from capslip.settings import load_settings
+from capslip.sources import find_scans
+from capslip.workers import Limits
+
+SETTINGS = load_settings(
+    overrides=("run.figures=false", "run.render=false", "run.workers=2", "contact.model=caps")
+)
+
+
+@pytest.fixture(scope="module")
+def scans(tmp_path_factory):
+    """Six good scans."""
+    folder = tmp_path_factory.mktemp("fleet") / "in"
+    fill(folder, 6, 0)
+    return folder
+
+
+@pytest.fixture(scope="module")
+def undisturbed(scans):
+    """Six scans, analysed by one worker."""
+    return made_by_one_worker(scans)
+
+
+@pytest.fixture(scope="module")
+def many(tmp_path_factory):
+    """Thirty good scans, to be disturbed in."""
+    folder = tmp_path_factory.mktemp("many") / "in"
+    fill(folder, 30, 0)
+    return folder
+
+
+@pytest.fixture(scope="module")
+def many_undisturbed(many):
+    """Thirty scans, analysed by one worker."""
+    return made_by_one_worker(many)
+
+
+def made_by_one_worker(scans):
+    out = scans.parent / "undisturbed"
+    ran = run(scans, "-o", out, "--workers", "1")
+    assert ran.exit_code == 0, ran.output
+    return out
+
+
+def run(*arguments):
+    return CliRunner().invoke(main, ["batch", *LIGHT, *map(str, arguments)])
+
+
+def rows(out):
+    with (out / "batch.csv").open(encoding="utf-8") as file:
+        return {row["scan"]: row for row in csv.DictReader(file)}
+
+
+def api(scans, out, work=analyse_scan, say=lambda _: None, **options):
+    return run_batch([str(scans)], out, SETTINGS, say, options=Options(**options), work=work)
+
+
+def summaries(out):
+    return {path: path.stat().st_mtime_ns for path in out.glob("scans/*/summary.json")}
+
+
+# --- the same table, however it is made
+
+
+def test_two_workers_make_the_same_table_to_the_bit(scans, undisturbed, tmp_path):
+    assert run(scans, "-o", tmp_path / "out", "--workers", "2").exit_code == 0
+    assert table(tmp_path / "out") == table(undisturbed)
+    assert not left_over(tmp_path / "out")
+
+
+def test_shards_collected_make_the_same_table(scans, undisturbed, tmp_path):
+    out = tmp_path / "out"
+    for part in (2, 1, 3):
+        assert run(scans, "-o", out, "--shard", f"{part}/3").exit_code == 0
+        assert not (out / "batch.csv").exists()
+    before = summaries(out)
+    assert run(scans, "-o", out, "--collect").exit_code == 0
+    assert table(out) == table(undisturbed)
+    assert summaries(out) == before
+    assert not left_over(out)
+
+
+def test_a_shard_that_is_missing_is_named(scans, tmp_path):
+    out = tmp_path / "out"
+    assert run(scans, "-o", out, "--shard", "1/2").exit_code == 0
+    ran = run(scans, "-o", out, "--collect")
+    assert ran.exit_code == 3
+    assert "3 of 6 scans are still to be done" in ran.stderr
+    assert [row["status"] for row in rows(out).values()].count("to do") == 3
+
+
+@pytest.mark.parametrize("text", ["0/2", "3/2", "2", "a/b"])
+def test_a_shard_that_is_none_is_refused(scans, text):
+    ran = run(scans, "--shard", text)
+    assert ran.exit_code == 2
+    assert "expected I/N" in ran.stderr
+
+
+def test_dask_makes_the_same_table_and_a_worker_that_is_killed_loses_nothing(
+    many, many_undisturbed, tmp_path
+):
+    pytest.importorskip("distributed")
+    with dask(tmp_path, workers=2) as (address, workers):
+        ran = batch(many, "-o", tmp_path / "out", "--scheduler", address)
+        assert ran.returncode == 0, ran.stderr
+        assert table(tmp_path / "out") == table(many_undisturbed)
+        process = subprocess.Popen(
+            command(many, "-o", tmp_path / "again", "--scheduler", address),
+            stderr=subprocess.PIPE,
+            text=True,
+        )
+        assert "1 of 30" in process.stderr.readline()
+        workers[1].kill()
+        _, told = process.communicate(timeout=120)
+        assert process.returncode == 0, told
+        assert table(tmp_path / "again") == table(many_undisturbed)
+        assert not left_over(tmp_path / "again")
+
+
+def test_a_scheduler_that_ends_is_named_and_what_is_done_stays(many, many_undisturbed, tmp_path):
+    pytest.importorskip("distributed")
+    out = tmp_path / "out"
+    with dask(tmp_path, workers=1) as (address, processes):
+        process = subprocess.Popen(
+            command(many, "-o", out, "--scheduler", address), stderr=subprocess.PIPE, text=True
+        )
+        assert "1 of 30" in process.stderr.readline()
+        processes[0].kill()
+        _, told = process.communicate(timeout=60)
+        assert process.returncode == 1
+        assert told.splitlines()[-1].startswith("error: the scheduler of the cluster ended")
+        assert "Traceback" not in told
+        assert 1 <= len(rows(out)) < 30
+    assert run(many, "-o", out).exit_code == 0
+    assert table(out) == table(many_undisturbed)
+    assert not left_over(out)
+
+
+def test_a_scheduler_that_does_not_answer_is_named(scans, tmp_path, monkeypatch):
+    distributed = pytest.importorskip("distributed")
+
+    def refuse(*_, **__):
+        raise OSError("timed out")
+
+    monkeypatch.setattr(distributed, "Client", refuse)
+    ran = run(scans, "-o", tmp_path / "out", "--scheduler", "tcp://127.0.0.1:1")
+    assert ran.exit_code == 2
+    assert "nothing answers" in ran.stderr
+
+
+# --- bad scans, in many ways
+
+
+def test_bad_scans_are_named_and_cost_no_other(tmp_path):
+    bad = fill(tmp_path / "in", 16, 6)
+    ran = run(*listed(tmp_path / "in"), "-o", tmp_path / "out", "--workers", "2")
+    assert ran.exit_code == 3, ran.output
+    found = rows(tmp_path / "out")
+    assert {name for name, row in found.items() if row["status"] == "failed"} == bad
+    assert len(summaries(tmp_path / "out")) == 10
+    errors = [found[name]["error"] for name in sorted(bad)]
+    for text, error in zip(
+        ("damaged", "zero bytes", "no such file", "Input/output", "--unit", "equal"),
+        errors,
+        strict=True,
+    ):
+        assert text in error or text == "damaged", error
+        assert "internal error" not in error
+    for name in bad:
+        record = json.loads((tmp_path / "out" / "scans" / name / "failure.json").read_text())
+        assert record["message"] == found[name]["error"]
+        assert record["stage"] in ("read", "analyse")
+        assert "Traceback" in record["traceback"]
+    assert not left_over(tmp_path / "out")
+
+
+def test_names_of_odd_bytes_lines_and_formulas(tmp_path):
+    folder = tmp_path / "in"
+    folder.mkdir()
+    names = [b"caf\xe9.h5", b"=cmd().h5", b"two\nlines\x1b[2J.h5", b"-x.h5", b"y" * 240 + b".h5"]
+    for seed, name in enumerate(names):
+        scan(folder / "plain.h5", seed)
+        (folder / "plain.h5").rename(os.fsdecode(bytes(folder) + b"/" + name))
+    ran = batch(folder, "-o", "out", cwd=tmp_path)
+    assert ran.returncode == 0, ran.stderr
+    assert "\x1b" not in ran.stdout + ran.stderr
+    found = rows(tmp_path / "out")
+    assert len(found) == len(names)
+    assert {"'=cmd()", "'-x", "caf_", "two_lines_[2J"} < set(found)
+    assert batch(folder, "-o", "out", cwd=tmp_path).returncode == 0
+    assert batch(folder, "-o", "out", "--json", cwd=tmp_path).returncode == 0
+
+
+def hangs(scan, folder, *others):
+    if scan.name == "scan0001":
+        subprocess.Popen(["sleep", "60"])  # as the renderer of a result
+        time.sleep(60)
+    return analyse_scan(scan, folder, *others)
+
+
+def test_a_scan_that_hangs_is_ended_with_what_it_started(scans, tmp_path, monkeypatch):
+    monkeypatch.setenv("FLEET_MARK", str(tmp_path))
+    found = api(scans, tmp_path / "out", work=hangs, limits=Limits(time_s=5.0))
+    errors = {row["scan"]: row["error"] for row in found if row["error"]}
+    assert errors == {"scan0001": "took longer than 5 s, which --timeout allows"}
+    assert not children_of(f"FLEET_MARK={tmp_path}")
+
+
+def takes_memory(scan, folder, *others):
+    if scan.name == "scan0001":
+        _ = bytearray(3_000_000_000)
+    return analyse_scan(scan, folder, *others)
+
+
+def test_a_scan_that_takes_too_much_memory_is_named(scans, tmp_path):
+    found = api(scans, tmp_path / "out", work=takes_memory, limits=Limits(memory_bytes=10**9))
+    errors = {row["scan"]: row["error"] for row in found if row["error"]}
+    assert list(errors) == ["scan0001"]
+    assert "memory" in errors["scan0001"].lower()
+
+
+def test_failures_are_kept_until_asked_for_or_changed(tmp_path):
+    scan(tmp_path / "a.h5", 1)
+    (tmp_path / "b.h5").write_bytes(b"torn")
+    paths = [str(tmp_path / name) for name in ("a.h5", "b.h5")]
+
+    def go(**options):
+        told = []
+        found = run_batch(
+            paths, tmp_path / "out", SETTINGS, told.append, options=Options(**options)
+        )
+        return [row["status"] for row in found], told
+
+    (first, second), _ = go()
+    assert second == "failed"
+    record = tmp_path / "out" / "scans" / "b" / "failure.json"
+    written = record.stat().st_mtime_ns
+    assert go()[0] == [first, "failed"]
+    assert record.stat().st_mtime_ns == written
+    assert go(retry_failed=True)[0] == [first, "failed"]
+    assert record.stat().st_mtime_ns > written
+    scan(tmp_path / "b.h5", 2)  # now whole
+    assert "failed" not in go()[0]
+    assert not record.exists()
+
+
+def test_it_stops_after_as_many_failures_as_wanted(tmp_path):
+    bad = fill(tmp_path / "in", 12, 6)
+    ran = run(
+        *listed(tmp_path / "in"), "-o", tmp_path / "out", "--workers", "1", "--max-failures", "2"
+    )
+    assert ran.exit_code == 3
+    assert "stopped after 2 failures; 10 scans are left" in ran.stderr
+    assert set(rows(tmp_path / "out")) <= bad
+    assert not left_over(tmp_path / "out")
+
+
+# --- what is there already
+
+
+@pytest.mark.parametrize("change", ["truncated", "empty", "edited", "removed", "code"])
+def test_a_result_that_is_not_whole_or_of_other_code_is_made_again(
+    scans, undisturbed, tmp_path, change
+):
+    out = shutil.copytree(undisturbed, tmp_path / "out")
+    home = out / "scans" / "scan0000"
+    whole = table(out)
+    summary = home / "summary.json"
+    if change == "truncated":
+        summary.write_bytes(summary.read_bytes()[:500])
+    elif change == "empty":
+        summary.write_bytes(b"")
+    elif change == "edited":
+        (home / "caps.csv").write_text("mine")
+    elif change == "removed":
+        (home / "report.html").unlink()
+    else:
+        found = read_summary(home)
+        found["provenance"]["code_sha256"] = "0" * 64
+        del found["outputs"]
+        summary.unlink()
+        summary.write_bytes(summary_text(with_digests(found, home)))
+    before = summaries(out)
+    ran = run(scans, "-o", out)
+    assert ran.exit_code == 0, ran.output
+    assert {path for path, time in summaries(out).items() if time != before[path]} == {summary}
+    assert table(out) == whole
+    assert (home / "report.html").is_file()
+    assert (home / "caps.csv").read_text() != "mine"
+
+
+def test_what_an_earlier_run_left_half_written_locks_nobody_out(scans, tmp_path):
+    out = tmp_path / "out"
+    (out / "scans" / "scan0000" / f"{OURS}old").mkdir(parents=True)
+    for name in (f"{OURS}batch.csv", LOCK):
+        (out / name).write_text("half")
+    assert run(scans, "-o", out).exit_code == 0
+    assert not left_over(out)
+
+
+def test_two_batches_do_not_share_a_folder(scans, tmp_path):
+    out, told = tmp_path / "out", []
+
+    def say(_):
+        if not told:
+            told.append(run(scans, "-o", out, "--preload", "300"))
+
+    api(scans, out, say=say)
+    assert told[0].exit_code == 2
+    assert "another run" in told[0].stderr
+    assert {row["preload_N"] for row in rows(out).values()} == {"460.0"}
+
+
+def test_the_table_never_shrinks_while_a_batch_goes_on(scans, undisturbed, tmp_path):
+    out, seen = shutil.copytree(undisturbed, tmp_path / "out"), []
+    shutil.rmtree(out / "scans" / "scan0003")
+    api(scans, out, say=lambda _: seen.append(len(rows(out))))
+    assert min(seen) >= 5
+
+
+def test_a_dry_run_writes_nothing_and_says_what_is_to_do(scans, undisturbed, tmp_path):
+    ran = run(scans, "-o", tmp_path / "out", "--dry-run")
+    assert ran.exit_code == 0
+    assert ran.stdout.count("to do") == 6
+    assert list(tmp_path.iterdir()) == []
+    before = table(undisturbed)
+    ran = run(scans, "-o", undisturbed, "--dry-run", "--preload", "300")
+    assert ran.stdout.count("to do") == 6
+    assert run(scans, "-o", undisturbed, "--dry-run").stdout.count("to do") == 0
+    assert table(undisturbed) == before
+
+
+def test_a_table_for_parquet_is_the_same(undisturbed):
+    parquet = pytest.importorskip("pyarrow.parquet")
+    found = parquet.read_table(undisturbed / "batch.parquet").to_pylist()
+    assert [row["scan"] for row in found] == list(rows(undisturbed))
+    for row, text in zip(found, rows(undisturbed).values(), strict=True):
+        assert row["preload_N"] == float(text["preload_N"])
+        assert row["answer_joint_loss_factor"] == float(text["answer_joint_loss_factor"])
+
+
+# --- where scans come from
+
+
+def test_what_is_skipped_is_said(scans, tmp_path):
+    (tmp_path / "in" / "deep" / "er").mkdir(parents=True)
+    (tmp_path / "in" / ".hidden.h5").write_bytes(b"x")
+    for seed, place in enumerate(("a.h5", "deep/a.h5", "deep/er/b.h5")):
+        scan(tmp_path / "in" / place, seed)
+    os.mkfifo(tmp_path / "in" / "pipe.h5")
+    flat, skipped = find_scans([str(tmp_path / "in")], SETTINGS)
+    assert [one.name for one in flat] == ["a"]
+    assert skipped == {"hidden": 1, "folder (see --recursive)": 1, "no file": 1}
+    deep, skipped = find_scans([str(tmp_path / "in")], SETTINGS, recursive=True)
+    assert [one.name for one in deep] == ["in_a.h5", "deep_a.h5", "b"]
+    ran = run(tmp_path / "in", "--recursive", "--dry-run", "-o", tmp_path / "in" / "out")
+    assert "skipped: 1 hidden, 1 no file" in ran.stderr
+
+
+def test_results_below_the_scans_are_no_scans(tmp_path):
+    (tmp_path / "in").mkdir()
+    scan(tmp_path / "in" / "a.h5", 1)
+    for _ in range(2):
+        ran = run(tmp_path / "in", "--recursive", "-o", tmp_path / "in" / "out")
+        assert ran.exit_code == 0, ran.output
+        assert list(rows(tmp_path / "in" / "out")) == ["a"]
+
+
+def test_a_list_gives_preload_mate_unit_and_group(tmp_path):
+    for seed, name in enumerate(("a.h5", "b.h5")):
+        scan(tmp_path / name, seed)
+    (tmp_path / "list.csv").write_text(
+        "scan,preload_N,group,mate\na.h5,300,left,\na.h5,100,left,\nb.h5,,right,a.h5\n"
+    )
+    ran = run("--list", tmp_path / "list.csv", "-o", tmp_path / "out")
+    assert ran.exit_code == 0, ran.output
+    found = list(rows(tmp_path / "out").values())
+    assert sorted(row["preload_N"] for row in found) == ["100.0", "300.0", "460.0"]
+    assert [row["group"] for row in found] == ["left", "left", "right"]
+    assert len({row["scan"] for row in found}) == 3
+    mated = read_summary(tmp_path / "out" / "scans" / "b")
+    assert mated["surface"]["mate"]["path"] == str(tmp_path / "a.h5")
+    # the mate is part of what a result depends on
+    before = summaries(tmp_path / "out")
+    assert run("--list", tmp_path / "list.csv", "-o", tmp_path / "out").exit_code == 0
+    assert summaries(tmp_path / "out") == before
+    scan(tmp_path / "a.h5", 7)
+    assert run("--list", tmp_path / "list.csv", "-o", tmp_path / "out").exit_code == 0
+    assert all(summaries(tmp_path / "out")[path] > time for path, time in before.items())
+
+
+@pytest.mark.parametrize(
+    ("text", "word"),
+    [
+        ("scan,preload\na.h5,3\n", "unknown column 'preload'"),
+        ("scan,preload_N\na.h5,much\n", "preload_N"),
+        ("scan,preload_N\na.h5,-3\n", "contact.preload_N"),
+        ("scan,unit\na.h5,furlong\n", "reading.unit"),
+    ],
+)
+def test_a_list_that_makes_no_sense_is_refused(tmp_path, text, word):
+    (tmp_path / "list.csv").write_text(text)
+    ran = run("--list", tmp_path / "list.csv", "-o", tmp_path / "out")
+    assert ran.exit_code == 2, ran.output
+    assert word in ran.stderr
+
+
+def test_a_plain_list_names_a_scan_a_line(tmp_path):
+    scan(tmp_path / "a b.h5", 1)
+    (tmp_path / "list.txt").write_text("a b.h5\n\ngone.h5\n")
+    ran = run("--list", tmp_path / "list.txt", "-o", tmp_path / "out")
+    assert ran.exit_code == 3
+    assert "no such file" in rows(tmp_path / "out")["gone"]["error"]
+
+
+def test_names_are_unlike_and_quick_to_find():
+    paths = [f"f{folder}/s{index % 2000}.h5" for folder in range(10) for index in range(2000)]
+    paths += ["A/x.h5", "a/X.h5", "b/a/x.h5"]
+    found = [sources.Scan(Path(path), SETTINGS) for path in paths]
+    started_s = time.process_time()
+    names = sources._names(found)
+    assert time.process_time() - started_s < 3.0
+    assert len({name.casefold() for name in names}) == len(paths)
+
+
+# --- ends of all kinds
+
+
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
+def test_a_signal_ends_it_in_two_seconds_and_nothing_stays(
+    many, many_undisturbed, tmp_path, number
+):
+    out, mark = tmp_path / "out", f"FLEET_MARK={tmp_path}"
+    process = subprocess.Popen(
+        command(many, "-o", out, "--workers", "2"),
+        stderr=subprocess.PIPE,
+        text=True,
+        env={**os.environ, "FLEET_MARK": str(tmp_path)},
+    )
+    assert "1 of 30" in process.stderr.readline()
+    process.send_signal(number)
+    started_s = time.monotonic()
+    _, told = process.communicate(timeout=30)
+    assert time.monotonic() - started_s < 2.0
+    assert process.returncode == 128 + number
+    assert gone(mark, 0.0)
+    done = len(summaries(out))
+    assert 0 < done < 30
+    assert len(rows(out)) <= done  # one may have ended just as it was told to
+    assert f"interrupted; {len(rows(out))} of 30 scans are done" in told
+    assert not left_over(out)
+    before = summaries(out)
+    assert run(many, "-o", out).exit_code == 0
+    assert table(out) == table(many_undisturbed)
+    assert before.items() <= summaries(out).items()
+
+
+def test_whatever_is_killed_the_table_is_that_of_an_undisturbed_run(
+    many, many_undisturbed, tmp_path
+):
+    out = tmp_path / "out"
+    disturb(out, [many], rounds=4, chance=random.Random(5), wait_s=(0.8, 2.5))
+    ran = batch(many, "-o", out, "--retry-failed")
+    assert ran.returncode == 0, ran.stderr
+    assert table(out) == table(many_undisturbed)
+    assert not left_over(out)

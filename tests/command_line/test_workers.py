@@ -1,0 +1,140 @@
+"""Calls in child processes: warm, apart from each other, and each with its outcome."""
+
+import operator
+import os
+import subprocess
+import sys
+import time
+
+from fleet_cases import children_of, gone
+
+from capslip import workers
+from capslip.workers import Limits, Lost, crew, outcomes
+
+
+def every(work, jobs, n_workers=1, **limits):
+    with crew(n_workers) as pool:
+        found = list(outcomes(pool, work, jobs, n_workers, Limits(**limits)))
+    assert not workers._children
+    return dict(found)
+
+
+def own_number(_):
+    os.write(1, b"noise")
+    return os.getpid()
+
+
+def test_a_child_stays_for_the_next_call_and_is_not_this_process():
+    found = every(own_number, [(i,) for i in range(5)])
+    assert len(set(found.values())) == 1
+    assert os.getpid() not in found.values()
+
+
+def meet(folder, mine, other):
+    """Wait for a call that runs at the same time."""
+    (folder / mine).touch()
+    end_s = time.monotonic() + 30
+    while not (folder / other).exists():
+        if time.monotonic() > end_s:
+            return False
+        time.sleep(0.01)
+    return True
+
+
+def test_as_many_run_at_once_as_there_are_workers(tmp_path):
+    found = every(meet, [(tmp_path, "a", "b"), (tmp_path, "b", "a")], n_workers=2)
+    assert all(found.values())
+
+
+def divide(value):
+    return 1 / value
+
+
+def test_what_raises_is_lost_and_the_rest_is_not():
+    found = every(divide, [(1,), (0,), (2,)])
+    assert (found[1,], found[2,]) == (1.0, 0.5)
+    assert "ZeroDivisionError" in found[0,].reason
+
+
+class Nowhere:
+    """Names a function that no module holds."""
+
+    def __reduce__(self):
+        return operator.attrgetter("no_such_function"), (None,)
+
+
+def test_what_cannot_be_loaded_there_is_lost():
+    (lost,) = every(divide, [(Nowhere(),)]).values()
+    assert "no_such_function" in lost.reason
+
+
+def die_first(folder, name):
+    mark = folder / name
+    if not mark.exists():
+        mark.touch()
+        os._exit(1)
+    return "second"
+
+
+def test_a_call_that_ends_its_child_is_repeated_once(tmp_path):
+    assert every(die_first, [(tmp_path, "a"), (tmp_path, "b")], n_workers=2) == {
+        (tmp_path, "a"): "second",
+        (tmp_path, "b"): "second",
+    }
+
+
+def always_die(_):
+    os._exit(1)
+
+
+def test_a_call_that_ends_its_child_twice_is_lost():
+    (lost,) = every(always_die, [(1,)]).values()
+    assert "was ended" in lost.reason
+    assert "machine to itself" in lost.reason
+
+
+def test_time_counts_from_the_call_not_from_the_start_of_the_child():
+    found = every(time.sleep, [(0.01,), (60,), (0.02,)], time_s=0.3)
+    assert [isinstance(one, Lost) for one in found.values()] == [False, True, False]
+    assert "--timeout" in found[60,].reason
+
+
+def test_jobs_are_taken_as_they_are_needed():
+    taken = []
+
+    def jobs():
+        for value in range(1, 100):
+            taken.append(value)
+            yield (value,)
+
+    with crew(2) as pool:
+        found = outcomes(pool, divide, jobs(), 2)
+        for _ in range(3):
+            next(found)
+        assert len(taken) <= 5
+
+
+def test_an_end_in_the_middle_ends_the_children():
+    started_s = time.monotonic()
+    with crew(2) as pool:
+        found = outcomes(pool, time.sleep, [(0.0,), (60,), (60,)], 2)
+        next(found)
+    assert time.monotonic() - started_s < 10
+    assert not workers._children
+
+
+def test_a_child_ends_with_its_parent_however_that_ends(tmp_path):
+    code = (
+        "import os; from capslip.workers import NO_LIMITS, in_child\n"
+        "in_child(os.system, ('touch begun; exec sleep 60',), NO_LIMITS)"
+    )
+    mark = f"FLEET_MARK={tmp_path}"
+    environment = {**os.environ, "FLEET_MARK": str(tmp_path)}
+    parent = subprocess.Popen([sys.executable, "-c", code], cwd=tmp_path, env=environment)
+    end_s = time.monotonic() + 30
+    while not (tmp_path / "begun").exists() and time.monotonic() < end_s:
+        time.sleep(0.05)
+    assert len(children_of(mark)) >= 3  # with what the child started
+    parent.kill()
+    parent.wait()
+    assert gone(mark, 5.0)

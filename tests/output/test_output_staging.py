@@ -1,0 +1,229 @@
+"""The way of a result into its folder: at every point where it may end, old or new, and whole."""
+
+import json
+import os
+import threading
+from contextlib import contextmanager
+from itertools import count
+from pathlib import Path
+
+import pytest
+
+from capslip.errors import OutputError
+from capslip.output import staging
+from capslip.output.staging import is_whole, locked, new_folder, read_summary, recover
+from capslip.result import SCHEMA
+
+OLD = {"caps.csv": "old", "jenkins.csv": "old", "settings.toml": "old", "figures/a.png": "old"}
+NEW = {"caps.csv": "new", "settings.toml": "new", "figures/b.png": "new", "surface.vtu": "new"}
+
+
+def fill(work, files):
+    for name, text in files.items():
+        (work / name).parent.mkdir(exist_ok=True)
+        (work / name).write_text(text)
+    summary = staging.with_digests({"schema": SCHEMA}, work)
+    (work / "summary.json").write_bytes(staging.summary_text(summary))
+
+
+def result(folder, files):
+    with new_folder(folder) as work:
+        fill(work, files)
+    return folder
+
+
+def contents(folder):
+    return {
+        path.relative_to(folder).as_posix(): path.read_text()
+        for path in folder.rglob("*")
+        if path.is_file() and path.name != "summary.json"
+    }
+
+
+@contextmanager
+def every_step(step):
+    """Call `step` before each call that changes the disk."""
+    calls = [(os, "replace"), (os, "fsync"), (os, "mkdir"), (os, "unlink"), (os, "rmdir")]
+    before = {name: getattr(place, name) for place, name in calls}
+
+    def counted(name):
+        def call(*arguments, **options):
+            step()
+            return before[name](*arguments, **options)
+
+        return call
+
+    for place, name in calls:
+        setattr(place, name, counted(name))
+    try:
+        yield
+    finally:
+        for place, name in calls:
+            setattr(place, name, before[name])
+
+
+def write_and_die(folder, at):
+    """Replace a result in a process that ends, as by a signal, at one of its steps."""
+    pid = os.fork()
+    if pid == 0:
+        steps = count()
+
+        def step():
+            if next(steps) == at:
+                os._exit(9)
+
+        try:
+            with every_step(step):
+                result(folder, NEW)
+        finally:
+            os._exit(0)
+    return os.waitstatus_to_exitcode(os.waitpid(pid, 0)[1]) == 9
+
+
+def test_wherever_a_process_ends_the_folder_is_old_or_new_and_whole(tmp_path):
+    seen = []
+    for at in count():
+        folder = result(tmp_path / str(at), OLD)
+        died = write_and_die(folder, at)
+        summary = read_summary(folder)
+        assert summary is None or is_whole(summary, folder), at
+        with locked(folder):
+            recover(folder)
+        assert is_whole(read_summary(folder), folder), at
+        assert contents(folder) in (OLD, NEW), at
+        seen.append(contents(folder) == NEW)
+        assert not list(folder.rglob(".capslip*")), at
+        if not died:
+            break
+    assert len(seen) > 20
+    assert seen == sorted(seen)  # once it is the new one, it stays so
+    assert {True, False} == set(seen)
+
+
+def test_the_next_result_finds_a_folder_that_was_left_in_between(tmp_path):
+    folder = result(tmp_path / "a", OLD)
+    assert write_and_die(folder, 15)
+    result(folder, OLD)
+    assert contents(folder) == OLD
+
+
+def write_beside(folder, happens):
+    """Write a result while something else happens."""
+    with new_folder(folder) as work:
+        fill(work, NEW)
+        happens()
+
+
+def fails():
+    raise ValueError("torn")
+
+
+def test_an_error_before_the_result_is_whole_leaves_the_earlier_one(tmp_path):
+    folder = result(tmp_path / "a", OLD)
+    with pytest.raises(ValueError, match="torn"):
+        write_beside(folder, fails)
+    assert contents(folder) == OLD
+    assert not list(folder.rglob(".capslip*"))
+
+
+def test_what_others_put_there_meanwhile_stays(tmp_path):
+    folder = tmp_path / "a"
+    with new_folder(folder) as work:
+        fill(work, NEW)
+        (folder / "thesis.tex").write_text("years")
+    assert contents(folder) == NEW | {"thesis.tex": "years"}
+    with pytest.raises(OutputError, match=r"thesis\.tex"):
+        result(folder, OLD)
+
+
+@pytest.mark.parametrize("name", ["caps.csv", "figures", "figures/b.png"])
+def test_a_file_of_a_name_that_is_needed_is_not_replaced(tmp_path, name):
+    folder = tmp_path / "a"
+
+    def appears():
+        (folder / name).parent.mkdir(exist_ok=True)
+        (folder / name).write_text("mine")
+
+    with pytest.raises(OutputError, match="appeared"):
+        write_beside(folder, appears)
+    assert contents(folder) == {name: "mine"}
+
+
+def test_a_picture_of_someone_else_among_ours_is_not_replaced(tmp_path):
+    folder = result(tmp_path / "a", OLD)
+    (folder / "figures" / "mine.png").write_text("mine")
+    with pytest.raises(OutputError, match=r"figures/mine\.png"):
+        result(folder, NEW)
+    assert contents(folder) == OLD | {"figures/mine.png": "mine"}
+
+
+def test_a_link_to_a_folder_is_followed_and_stays_one(tmp_path):
+    (tmp_path / "there").mkdir()
+    (tmp_path / "link").symlink_to(tmp_path / "there")
+    for files in (OLD, NEW):
+        result(tmp_path / "link", files)
+        assert (tmp_path / "link").is_symlink()
+        assert contents(tmp_path / "there") == files
+
+
+def test_a_folder_keeps_its_identity_and_gets_the_rights_of_others(tmp_path):
+    (tmp_path / "plain").mkdir()
+    result(tmp_path / "a", OLD)
+    before = (tmp_path / "a").stat()
+    assert before.st_mode == (tmp_path / "plain").stat().st_mode
+    result(tmp_path / "a", NEW)
+    assert (tmp_path / "a").stat().st_ino == before.st_ino
+
+
+def test_two_processes_do_not_write_one_folder(tmp_path, monkeypatch):
+    monkeypatch.setattr(staging, "WAIT_S", 0.1)
+    folder, inside, go_on = tmp_path / "a", threading.Event(), threading.Event()
+
+    def first():
+        with new_folder(folder) as work:
+            inside.set()
+            go_on.wait(10)
+            fill(work, OLD)
+
+    thread = threading.Thread(target=first)
+    thread.start()
+    inside.wait(10)
+    with pytest.raises(OutputError, match="another run"), locked(folder, wait_s=0.1):
+        pass
+    go_on.set()
+    result(folder, NEW)  # waits
+    thread.join()
+    assert contents(folder) in (OLD, NEW)
+    assert not list(folder.rglob(".capslip*"))
+
+
+def test_a_torn_summary_is_replaced_and_a_foreign_one_is_not(tmp_path):
+    folder = result(tmp_path / "a", OLD)
+    (folder / "summary.json").write_bytes(b"")
+    assert contents(result(folder, NEW)) == NEW
+    (tmp_path / "b").mkdir()
+    (tmp_path / "b" / "summary.json").write_text('{"of": "someone else"}')
+    with pytest.raises(OutputError, match="no earlier result"):
+        result(tmp_path / "b", NEW)
+
+
+@pytest.mark.parametrize("change", ["edited", "truncated", "removed", "summary"])
+def test_an_edited_result_is_not_whole(tmp_path, change):
+    folder = result(tmp_path / "a", OLD)
+    assert is_whole(read_summary(folder), folder)
+    if change == "summary":
+        summary = json.loads((folder / "summary.json").read_text())
+        (folder / "summary.json").write_text(json.dumps(summary | {"verdict": "fine"}))
+    elif change == "removed":
+        (folder / "figures" / "a.png").unlink()
+    else:
+        (folder / "caps.csv").write_text({"edited": "odd", "truncated": ""}[change])
+    assert not is_whole(read_summary(folder), folder)
+
+
+def test_a_folder_that_cannot_be_written_is_named_before_the_work(tmp_path, monkeypatch):
+    monkeypatch.setattr(os, "access", lambda path, mode: Path(path) != tmp_path)
+    with pytest.raises(OutputError, match="cannot be written"):
+        staging.check_folder(tmp_path / "new" / "deep")
+    with pytest.raises(OutputError, match="File name too long"):
+        staging.check_folder(tmp_path / ("x" * 300))
