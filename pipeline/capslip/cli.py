@@ -48,6 +48,7 @@ SETTING = {  # what an option of an analysis stands for
     "render": "run.render",
 }
 PATH = click.Path(path_type=Path)
+SHARE = click.FloatRange(0.0, 1.0)
 
 
 class _Failure(click.ClickException):
@@ -272,12 +273,30 @@ def batch(
 
 @main.command()
 @click.argument("result", type=PATH)
+@click.option("--screenshot", type=PATH, metavar="PNG", help="A picture, without a window.")
+@click.option("--turntable", type=PATH, metavar="GIF", help="One turn around it, without a window.")
+@click.option("--html", type=PATH, metavar="HTML", help="A page that turns, in one file, offline.")
+@click.option(
+    "--colour", metavar="NAME", default="family", help="family, load, radius, flag or loss."
+)
+@click.option("--load", type=SHARE, default=1.0, help="Normal load over the preload, 0 to 1.")
+@click.option("--force", type=SHARE, help="Tangential force over gross slip: shows what slips.")
 @_verbose
-def inspect(result: Path, verbose: bool) -> None:
-    """Look at the fitted caps of a result in a PyVista window."""
-    from capslip.output.scene import show
+def inspect(result: Path, html: Path | None, verbose: bool, **options: Any) -> None:
+    """Look at the fitted caps of a result: in a window, or in the files asked for."""
+    from capslip.output.scene import look_of, save_picture, show
+    from capslip.output.viewer import write_viewer
 
-    show(result)
+    pictures = [path for path in (options.pop("screenshot"), options.pop("turntable")) if path]
+    look = look_of(**options)
+    for picture in pictures:
+        save_picture(result, picture, look)
+    if html is not None:
+        write_viewer(result, html)
+    for path in (*pictures, *([html] if html else [])):
+        click.echo(path)
+    if not pictures and html is None:
+        show(result, look)
 
 
 @main.command()
