@@ -216,7 +216,7 @@ def analyze(
     )
     text = f"\nresults    {folder}\nreport     {folder / 'report.html'}"
     _print(summary, text, as_json, quiet)
-    errors = [p.message for p in analysis.problems if p.severity == "error"]
+    errors = [p.text for p in analysis.problems if p.severity == "error"]
     if errors:
         raise ScanError(f"{surface}: {errors[0]}; what was found before is in {folder}")
     say.raise_failures(f"all numbers are in {folder}")
@@ -241,7 +241,7 @@ def families(out: Path | None, as_json: bool, quiet: bool, **options: Any) -> No
     command = _command_line()
     summary = write_families(result, out, command) if out else result.summary(command)
     _print(summary, result_lines(result), as_json, quiet)
-    errors = [p.message for p in result.problems if p.severity == "error"]
+    errors = [p.text for p in result.problems if p.severity == "error"]
     if errors:
         raise ScanError(errors[0])
 

@@ -63,5 +63,5 @@ def result_lines(analysis: JointResult) -> str:
         lines.append(f"scan       {sanity_line(seen.surface, seen.sq_m, seen.sz_m)}")
     lines += [write_text(text, summary, absent="-") for text in texts]
     lines.append(f"status     {summary['status']}")
-    lines += [f"  {p.severity:8} {p.code}: {p.message}" for p in analysis.problems]
+    lines += [f"  {p.severity:8} {p.code}: {p.text}" for p in analysis.problems]
     return "\n".join(lines)

@@ -228,7 +228,9 @@ def cap_profiles(
             yield s_m, height_m, np.where(inside, sphere_m, np.nan)
 
 
-def read_view(result: str | Path, max_cells: int = FACE_CELLS) -> View:
+def read_view(
+    result: str | Path, max_cells: int = FACE_CELLS, summary: dict[str, Any] | None = None
+) -> View:
     """Read what there is to be seen of a result.
 
     Parameters
@@ -237,6 +239,8 @@ def read_view(result: str | Path, max_cells: int = FACE_CELLS) -> View:
         `result.h5`, or the folder that holds it.
     max_cells : int
         About how many cells the mesh of the face has at most.
+    summary : dict, optional
+        That of the result, where it is not yet in its folder.
 
     Raises
     ------
@@ -250,7 +254,7 @@ def read_view(result: str | Path, max_cells: int = FACE_CELLS) -> View:
         with h5py.File(path) as file:
             if "surface/height_m" not in file or "caps/radius_m" not in file:
                 raise OutputError(f"{path}: an HDF5 file, but no result of an analysis; {EXPECTED}")
-            return _read(path, file, max_cells)
+            return _read(path, file, max_cells, summary)
     except OSError as error:
         raise OutputError(f"{path}: no HDF5 file; {EXPECTED}") from error
 
@@ -269,7 +273,7 @@ def result_file(result: str | Path) -> Path:
     return path
 
 
-def _read(path: Path, file: Any, max_cells: int) -> View:
+def _read(path: Path, file: Any, max_cells: int, summary: dict[str, Any] | None) -> View:
     height = file["surface/height_m"]
     shape = (int(height.shape[0]), int(height.shape[1]))
     dy_m, dx_m = (float(size) for size in height.attrs["pixel_size_m"])
@@ -288,10 +292,12 @@ def _read(path: Path, file: Any, max_cells: int) -> View:
     text = ("family", "flags")
     columns = {n: (caps[n].asstr() if n in text else caps[n])[:][usable] for n in CAP_COLUMNS}
     columns["contact_radius_m"] = caps["contact_radius_m"][:][usable]
-    summary = path.with_name("summary.json")
+    told = path.with_name("summary.json")
+    if summary is None:
+        summary = json.loads(told.read_text("utf-8")) if told.is_file() else {}
     return View(
         path=path,
-        summary=json.loads(summary.read_text("utf-8")) if summary.is_file() else {},
+        summary=summary,
         shape=shape,
         pixel_size_m=(dy_m, dx_m),
         y_m=(rows + 0.5) * dy_m,
