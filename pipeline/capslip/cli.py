@@ -2,6 +2,7 @@
 
 import json
 import os
+import shutil
 import sys
 import time
 import traceback
@@ -106,7 +107,7 @@ _result_options = _options(  # of every command with a result
     _verbose,
 )
 _joint_options = _options(  # of every command that answers for a joint
-    click.option("--preload", type=float, metavar="N", help="Normal load of one joint, in N."),
+    click.option("--preload", metavar="10kN", help="Normal load of one joint; a number is in N."),
     click.option(
         "--material",
         type=click.Choice(tuple(MATERIALS)),
@@ -204,7 +205,7 @@ def analyze(
     say("analysing")
     analysis = run(face, settings, other)
     if not as_json and not quiet:
-        click.echo(result_lines(analysis))
+        click.echo(_to_width(result_lines(analysis)))
     summary = write(
         analysis,
         folder,
@@ -240,7 +241,7 @@ def families(out: Path | None, as_json: bool, quiet: bool, **options: Any) -> No
     result = analyze_families(_settings(**options))
     command = _command_line()
     summary = write_families(result, out, command) if out else result.summary(command)
-    _print(summary, result_lines(result), as_json, quiet)
+    _print(summary, _to_width(result_lines(result)), as_json, quiet)
     errors = [p.text for p in result.problems if p.severity == "error"]
     if errors:
         raise ScanError(errors[0])
@@ -413,6 +414,8 @@ def _settings(
     for name, unit in QUESTIONS.items():
         if options.get(name) is not None:
             options[name] = in_si(options[name], unit, f"--{name.replace('_', '-')}")
+    if options.get("preload") is not None:
+        options["preload"] = _preload_N(options["preload"])
     given = {SETTING[name]: value for name, value in options.items() if value is not None}
     for name, value in given.items():
         if isinstance(value, float) and value != value:
@@ -421,12 +424,27 @@ def _settings(
     return load_settings(config, (*overrides, *texts))
 
 
+def _preload_N(text: str) -> float:
+    """Return a preload with its unit in N; a number alone is in N, as it always was."""
+    try:
+        return float(text)
+    except ValueError:
+        return in_si(text, "N", "--preload")
+
+
 def _toml(value: Any) -> str:
     if isinstance(value, bool):
         return str(value).lower()
     if isinstance(value, tuple):
         return f"[{', '.join(_toml(inner) for inner in value)}]"
     return repr(float(value)) if isinstance(value, float) else json.dumps(value)
+
+
+def _to_width(text: str) -> str:
+    """Break lines for people; a pipe gets each line whole."""
+    from capslip.output.terminal import wrapped
+
+    return wrapped(text, shutil.get_terminal_size().columns) if sys.stdout.isatty() else text
 
 
 def _command_line() -> str:

@@ -84,7 +84,7 @@ def _readable(match: "re.Match[str]") -> str:
     number, _, second, unit = match.groups()
     values = [float(number)] + ([float(second)] if second else [])
     least = min(abs(value) for value in values)
-    if least == 0.0 or (0.1 <= least < 1e4 and not re.search("[eE]", number)):
+    if not 1e-12 <= least < 1e12 or (0.1 <= least < 1e4 and not re.search("[eE]", number)):
         return match[0]  # reads well as it is
     power = 2 if unit == "m2" else 1
     step = 3 * math.floor(math.log10(least) / 3 + 1e-9)
