@@ -24,6 +24,7 @@ REST = {
     "structure": "structure.beam.length_m=0.4",
     "joint area": "joint.area_m2=1e-3",
     "yield": "material.yield_stress_Pa=1e9",
+    "normal load": "slip.normal_amplitude_ratio=0.1",
 }
 EVERY = {**JOINT, **REST}
 
@@ -37,7 +38,8 @@ def load(*overrides, path=None):
 
 
 def test_what_is_given_is_not_assumed_though_it_be_the_default():
-    assert names(load()) == ["preload", "material", "friction", "structure", "joint area", "yield"]
+    of_joint = ["preload", "material", "friction", "structure", "joint area", "yield"]
+    assert names(load()) == [*of_joint, "normal load"]
     assert names(load(*EVERY.values())) == []
     for name in EVERY:
         rest = [override for other, override in EVERY.items() if other != name]
@@ -74,7 +76,7 @@ def test_what_an_analysis_wrote_down_gives_what_was_given(tmp_path):
     again = load(path=path)
     assert (names(again), again.sha256()) == (names(settings), settings.sha256())
     assert names(load(JOINT["material"], path=path)) == [
-        *("Poisson's ratio", "structure", "joint area", "yield")
+        *("Poisson's ratio", "structure", "joint area", "yield", "normal load")
     ]
 
 

@@ -16,6 +16,7 @@ from capslip.contact.press import ContactState
 from capslip.contact.relevance import as_read
 from capslip.contact.rung import rung
 from capslip.contact.slip import slip_curve
+from capslip.contact.varying_load import varying
 from capslip.errors import ContactError, SettingsError
 from capslip.problems import Problem
 from capslip.result import Analysis, JointResult
@@ -125,6 +126,7 @@ def analyze_families(settings: Settings) -> JointResult:
         joint, contact = press_families(families, settings)
     friction, kappa = settings.material.friction_coefficient, contact.composite.kappa
     slip = slip_curve(contact.curve, joint.preload_N, friction, kappa)
+    slip = varying(slip, settings.slip)
     beam, damping = damp(slip, settings, clock)
     answer, beyond = answer_to(settings.answer, slip, damping)
     problems = [

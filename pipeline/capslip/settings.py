@@ -161,6 +161,13 @@ class Structure(_Table, frozen=True):
     beam: Beam = Beam()
 
 
+class SlipSettings(_Table, frozen=True):
+    """How the normal load goes while the joint slips to and fro."""
+
+    normal_amplitude_ratio: Annotated[float, msgspec.Meta(ge=0, le=0.9)] = 0.0  # to the preload
+    normal_phase_rad: float = 0.0  # by which it lags the tangential force
+
+
 class Question(_Table, frozen=True):
     """What is asked: one of these, or none; then a quarter of the force at total slip."""
 
@@ -191,6 +198,7 @@ class Settings(_Table, frozen=True):
     material: Material = Material()
     contact: Contact = Contact()
     joint: JointSettings = JointSettings()
+    slip: SlipSettings = SlipSettings()
     structure: Structure = Structure()
     answer: Question = Question()
     run: Run = Run()

@@ -29,6 +29,7 @@ from capslip.contact.levelling import UNSETTLED, Level, coarse_map, find_level, 
 from capslip.contact.press import ContactState, press
 from capslip.contact.rung import Rung, rung
 from capslip.contact.slip import SlipCurve, slip_curve
+from capslip.contact.varying_load import varying
 from capslip.errors import ContactError, TipsOverError
 from capslip.problems import Problem, Severity
 from capslip.settings import Conditioning, Settings
@@ -137,12 +138,9 @@ def press_face(
     with clock("contact"):
         contact, caps = _pressed(face, settings)
     with clock("slip"):
-        slip = slip_curve(
-            face.joint.curve(contact),
-            face.joint.preload_N,
-            settings.material.friction_coefficient,
-            contact.composite.kappa,
-        )
+        friction, kappa = settings.material.friction_coefficient, contact.composite.kappa
+        slip = slip_curve(face.joint.curve(contact), face.joint.preload_N, friction, kappa)
+        slip = varying(slip, settings.slip)
     return contact, caps, slip
 
 

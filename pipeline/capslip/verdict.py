@@ -28,7 +28,7 @@ def assumptions(settings: Settings) -> tuple[Assumption, ...]:
     >>> from capslip.settings import load_settings
     >>> given = load_settings(overrides=("contact.preload_N=460", "structure.beam.length_m=0.4"))
     >>> [one.name for one in assumptions(given)]
-    ['material', 'friction', 'joint area', 'yield']
+    ['material', 'friction', 'joint area', 'yield', 'normal load']
     """
     contact, material, joint = settings.contact, settings.material, settings.joint
     mapped = joint.pressure_map is not None
@@ -64,6 +64,9 @@ def assumptions(settings: Settings) -> tuple[Assumption, ...]:
     if material.hardness_Pa is None and material.yield_stress_Pa is None:
         key, moves = "material.hardness_Pa", "pressures; stiffness and energy of rough faces"
         found.append(("yield", key, "none, elastic", moves, "--material steel", False))
+    if settings.slip.normal_amplitude_ratio == 0.0:
+        key, moves = "slip.normal_amplitude_ratio", "energy and loss, most at small amplitudes"
+        found.append(("normal load", key, "constant", moves, f"--set {key}=R", False))
     return tuple(Assumption(*one) for one in found)
 
 

@@ -77,19 +77,20 @@ def test_the_settings_of_a_result_repeat_it(result, tmp_path):
     assert second["provenance"]["settings_sha256"] == summary["provenance"]["settings_sha256"]
 
 
-def test_a_face_without_caps_is_a_result_to_check(tmp_path):
+def test_a_face_of_noise_is_a_result_without_an_answer(tmp_path):
     rng = np.random.default_rng(0)
     with h5py.File(tmp_path / "flat.h5", "w") as file:
         file["height"] = rng.normal(size=(60, 80))
         file["height"].attrs.update(unit="nm", pixel_size=[50.0, 50.0], pixel_unit="um")
     out = tmp_path / "out"
     ran = CliRunner().invoke(main, ["analyze", str(tmp_path / "flat.h5"), "-o", str(out), "--json"])
-    assert ran.exit_code == 0, ran.output
-    summary = json.loads(ran.stdout)
-    assert summary["status"] == "check"
-    assert "no_caps" in [problem["code"] for problem in summary["problems"]]
+    # no caps, and as a map it is pressed flat: whole, and no number that anyone can use
+    assert ran.exit_code == 3, ran.output
+    summary = json.loads((out / "summary.json").read_text())
+    assert summary["status"] == "failed"
+    assert {"no_caps", "contact_failed"} <= {problem["code"] for problem in summary["problems"]}
     assert summary["contact"]["approach_m"] is None
-    assert defects(out) == []
+    assert defects(out) == ["status failed"]
     assert (out / "caps.csv").read_text().splitlines() == [",".join(UNITS)]
 
 

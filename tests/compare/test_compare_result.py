@@ -10,7 +10,8 @@ from capslip.analysis import analyze
 from capslip.compare import compare_result, lines, to_dict, write_comparison
 from capslip.compare.comparison import Band
 from capslip.compare.measurement import load_measurement
-from capslip.compare.model import load_model
+from capslip.compare.model import JointModel, load_model
+from capslip.contact.press import press
 from capslip.errors import OutputError, UnreadableFileError
 from capslip.output import tables
 from capslip.settings import load_settings
@@ -26,6 +27,10 @@ def surface():
     return type(flat)(flat.height_m + rng.normal(0, 1e-10, flat.shape), flat.pixel_size_m)
 
 
+# Three caps that all but lie in a line balance only where the floor helps them
+CAPS_ALONE = ("contact.alignment=as_levelled", "contact.time_limit_s=1e-3")
+
+
 def result_of(surface, folder, *overrides):
     analysis = analyze(surface, load_settings(overrides=("conditioning.form='none'", *overrides)))
     folder.mkdir()
@@ -37,7 +42,7 @@ def result_of(surface, folder, *overrides):
 @pytest.fixture(scope="module")
 def result(surface, tmp_path_factory):
     folder = tmp_path_factory.mktemp("compare") / "result"
-    return folder, result_of(surface, folder)
+    return folder, result_of(surface, folder, *CAPS_ALONE)
 
 
 def write(path, text):
@@ -47,7 +52,6 @@ def write(path, text):
 
 @pytest.mark.parametrize("name", ["families", "caps", "mean_field", "interacting", "flat"])
 def test_model_of_a_result_is_that_of_its_analysis(surface, tmp_path, name):
-    # Three caps that all but lie in a line balance only where the floor helps them
     alignment = "as_levelled" if name in ("caps", "mean_field") else "balanced"
     chosen = (f"contact.model={name}", f"contact.alignment={alignment}")
     analysis = result_of(surface, tmp_path / "result", *chosen)
@@ -81,13 +85,12 @@ def test_families_are_those_of_the_analysis(tmp_path, feature, m):
 
 def test_contact_model_is_that_of_the_result_at_every_preload(surface, tmp_path):
     # at a tenth of the preload families are within this tolerance
-    analysis = result_of(surface, tmp_path / "result", "contact.tolerance=0.5")
+    chosen = ("contact.tolerance=0.5", *CAPS_ALONE)
+    analysis = result_of(surface, tmp_path / "result", *chosen)
     used = analysis.contact.model
     assert analysis.settings.contact.model == "auto"
     model, _ = load_model(tmp_path / "result")
-    light = result_of(
-        surface, tmp_path / "light", "contact.tolerance=0.5", "contact.preload_N=46.0"
-    )
+    light = result_of(surface, tmp_path / "light", *chosen, "contact.preload_N=46.0")
     assert light.contact.model != used
     assert [model.curve(preload_N).model for preload_N in (46.0, 460.0, 1500.0)] == 3 * [used]
     load_N = np.geomspace(1.0, 460.0, 30)
@@ -96,13 +99,28 @@ def test_contact_model_is_that_of_the_result_at_every_preload(surface, tmp_path)
 
 
 def test_caps_that_cannot_touch_are_no_rows_of_a_chosen_model(surface, tmp_path):
-    chosen = ("contact.tolerance=0.001", "contact.preload_N=1.0")
-    chosen += ("contact.alignment=as_levelled",)
+    chosen = ("contact.tolerance=0.001", "contact.preload_N=1.0", *CAPS_ALONE)
     contact = result_of(surface, tmp_path / "result", *chosen).contact
     assert contact.model == "interacting"
     assert contact.use.sum() == 2
     model, _ = load_model(tmp_path / "result")
     assert [len(model.curve(preload_N).radius_m) for preload_N in (1.0, 460.0)] == [2, 3]
+
+
+def test_a_map_is_solved_at_every_preload_once(surface, tmp_path, monkeypatch):
+    analysis = result_of(surface, tmp_path / "result", "contact.model=boundary_elements")
+    solved = []
+    monkeypatch.setattr(
+        "capslip.compare.model.press", lambda *given: solved.append(given) or press(*given)
+    )
+    model, _ = load_model(tmp_path / "result")
+    one, same = model.curve(460.0), model.curve(460.0)
+    assert one is same
+    assert len(solved) == 1
+    load_N = np.geomspace(1.0, 460.0, 30)
+    expected_m = analysis.contact.curve.approach_m(load_N)
+    np.testing.assert_allclose(one.approach_m(load_N), expected_m, rtol=1e-6)
+    assert model.trials < JointModel.trials
 
 
 def test_result_against_its_own_curve(result, tmp_path):

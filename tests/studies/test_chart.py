@@ -121,9 +121,10 @@ def test_the_automatic_choice_is_honest(results):
             assert {"boundary_elements_needed", "levelling_decides"} & set(row["problems"])
         if row["estimated"] is not None:
             assert row["true"] <= row["estimated"]
-    by_group = {row["group"]: row for row in found}
-    assert by_group["caps"]["estimated"] <= 0.05
-    assert by_group["waves"]["estimated"] is None or by_group["waves"]["estimated"] > 0.05
+    # caps or map: the choice goes on until the answer is within what was asked
+    for row in found:
+        assert row["estimated"] is not None
+        assert row["estimated"] <= row["requested"]
 
 
 def test_the_pareto_front_is_not_dominated(results):

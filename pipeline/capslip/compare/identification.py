@@ -154,7 +154,7 @@ def _starts(
     at the greatest preload that the caps carry.
     """
     middle, reach = math.log(preload_N), math.log(PRELOAD_RANGE)
-    logs = np.linspace(middle - reach, middle + reach, 122)[1:-1]
+    logs = np.linspace(middle - reach, middle + reach, model.trials + 2)[1:-1]
     excess = np.append(0.01, np.geomspace(0.03, 8, 40))
     share = amplitude_m / amplitude_m[-1] * np.exp(-excess[:, None])  # of v_gross
     least, best = np.empty(logs.size), np.empty(logs.size)

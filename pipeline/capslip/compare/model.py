@@ -1,7 +1,8 @@
 """The model of a stored result: the loss of its joints at any friction coefficient and preload."""
 
 from collections.abc import Callable
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, field, fields, replace
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -16,13 +17,17 @@ from capslip.contact.material import composite, yield_law
 from capslip.contact.models.flat import flat
 from capslip.contact.press import press
 from capslip.contact.reach import reachable
+from capslip.contact.rung import rung
 from capslip.contact.slip import slip_curve
+from capslip.contact.varying_load import varying
 from capslip.errors import UnreadableFileError
 from capslip.output.staging import read_summary
-from capslip.settings import Settings, load_settings
+from capslip.settings import Settings, SlipSettings, load_settings
 from capslip.structure.response import response
 from capslip.structure.stiffness import stiffnesses
 from capslip.surface.heightmap import HeightMap
+
+TRIALS_OF_A_MAP = 24
 
 
 @dataclass(frozen=True)
@@ -39,6 +44,8 @@ class JointModel:
     modal_stiffness_N_per_m: float
     joint_stiffness_N_per_m: float
     joints: int
+    normal_load: SlipSettings = field(default_factory=SlipSettings)
+    trials: int = 120  # preloads that an identification looks at first; a map takes seconds each
 
     def loss_factor(
         self, amplitude_m: np.ndarray, friction_coefficient: float, preload_N: float
@@ -57,6 +64,7 @@ class JointModel:
     def unit_curve(self, preload_N: float, points: int = 800) -> "UnitCurve":
         """Return the loss factor over v / mu, on a grid of so many points."""
         slip = slip_curve(self.curve(preload_N), preload_N, 1.0, self.kappa)
+        slip = varying(slip, self.normal_load)
         share = np.append(np.geomspace(1e-5, 0.97, points), 1 - np.geomspace(0.029, 1e-6, 60))
         damping = response(
             slip,
@@ -139,6 +147,7 @@ def load_model(result: str | Path) -> tuple[JointModel, Settings]:
     whole = joint_of(settings, surface)
     law = yield_law(material)
 
+    @cache
     def curve(preload_N: float) -> NormalCurve:
         pressed, joint = caps, whole.under(preload_N)
         if used != settings.contact.model:
@@ -154,7 +163,11 @@ def load_model(result: str | Path) -> tuple[JointModel, Settings]:
     _, modal, shear = stiffnesses(settings)
     contact = msgspec.structs.replace(settings.contact, preload_N=whole.preload_N)
     settings = msgspec.structs.replace(settings, contact=contact)
-    return JointModel(curve, composed.kappa, modal, shear, settings.structure.joints), settings
+    stiffness = (composed.kappa, modal, shear, settings.structure.joints)
+    model = JointModel(curve, *stiffness, normal_load=settings.slip)
+    if rung(used).made_from == "map":
+        model = replace(model, trials=TRIALS_OF_A_MAP)
+    return model, settings
 
 
 def _stored_families(table: dict[str, Any]) -> Families:

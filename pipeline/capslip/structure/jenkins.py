@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from capslip.contact.slip import SlipCurve
+from capslip.contact.varying_load import VaryingSlip
 from capslip.errors import OutputError, SettingsError
 
 
@@ -90,6 +91,11 @@ def jenkins(
     >>> print(f"{len(elements.slip_force_N)} elements, {elements.slip_force_N.sum():.2f} N")
     20 elements, 92.08 N
     """
+    if isinstance(slip, VaryingSlip):
+        raise SettingsError(
+            "jenkins: its elements slip at a constant force; expected a constant normal load "
+            "(slip.normal_amplitude_ratio = 0)"
+        )
     total_m = float(slip.total_slip_displacement_m)
     if not 0.005 <= tolerance <= 0.5:
         raise SettingsError(f"jenkins: tolerance: got {tolerance:g}; expected 0.005 to 0.5")

@@ -56,7 +56,8 @@ CUT = ("family_below_cut", "plateau_at_cut", "no_caps",
 UNITS = ("slope_suspect", "scale_suspect", "pressure_beyond_elastic",
          "contact_beyond_cap", "contact_reaches_below_cut", "contact_under_resolved",
          "contacts_merge", "one_contact", "contact_failed", "cut_too_high")
-SPIKES = ("outliers", "outliers_removed", "spikes", "highest_point_on_no_cap", "caps_outlier")
+SPIKES = ("outliers", "outliers_removed", "spikes", "highest_point_on_no_cap", "caps_outlier",
+          "detail_decides")
 DUST = (*SPIKES, "one_contact", "not_spherical", "load_on_doubtful_caps", "caps_plateau")
 LEVEL = ("levelling_decides", "tips_over", "not_balanced", "level_not_settled", "slope_suspect")
 
@@ -114,7 +115,7 @@ AXES = (
                   WAVE_LOADS_N, (60, 61)), WAVY, logarithmic=False),
     Axis("noise", "rms [m]", (0.5e-9, 2e-9, 5e-9, 1e-8, 2e-8, 5e-8, 1e-7, 2e-7),
          with_scene("noise {:g} m", lambda x: {"noise_rms_m": x}),
-         ("caps_noisy_apex", "load_on_doubtful_caps")),
+         ("caps_noisy_apex", "load_on_doubtful_caps", "detail_decides")),
     Axis("tilt left in", "slope", (1e-8, 1e-6, 1e-5, 1e-4, 1e-3, 1e-2, 0.1, 1.0),
          with_scene("slope {:g}", lambda x: {"tilt": (x, -0.5 * x)}, "conditioning.form=none"),
          FORM),
@@ -130,14 +131,14 @@ AXES = (
     Axis("scattered missing points", "share",
          (0.01, 0.05, 0.2, 0.5, 0.8, 0.9, 0.95, 0.98, 0.995),
          with_scene("{:.1%} missing", lambda x: {"non_measured_fraction": x}),
-         ("caps_non_measured", "load_on_doubtful_caps", "no_caps")),
+         ("caps_non_measured", "load_on_doubtful_caps", "no_caps", "detail_decides")),
     Axis("clipped sensor", "share of the highest cap",
          (0.001, 0.01, 0.03, 0.1, 0.2, 0.4, 0.7, 0.95),
          with_change("scan_change", "highest {:.1%} clipped", changes.clipped),
          ("caps_plateau", "clipped")),
     Axis("quantised heights", "step [m]", (0.1e-9, 1e-9, 5e-9, 1e-8, 2e-8, 5e-8, 1e-7, 3e-7),
          with_change("scan_change", "steps of {:g} m", changes.quantised),
-         ("caps_plateau", "plateau_at_cut")),
+         ("caps_plateau", "plateau_at_cut", "detail_decides")),
     Axis("few pixels", "points along the longer side",
          (1200.0, 300.0, 150.0, 75.0, 45.0, 30.0, 24.0, 18.0, 12.0),
          with_scene("{:g} points along the face", points_along), FEW_POINTS),

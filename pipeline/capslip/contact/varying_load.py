@@ -1,0 +1,199 @@
+"""Slip under a normal load that oscillates with the tangential force, from the normal curve.
+
+The traction of an uncoupled contact is a sum over the loads s at which the contact was as large as
+it was then: q = sum of tau(s) dp(s) with |tau| <= mu (Jaeger 1998; Barber, Davies and Hills 2011).
+So the state is one function tau(s), 0 < s < P, from which
+
+    Q = integral of tau ds,    U = kappa integral of tau (d approach / ds) ds
+
+With growing load new levels take the slope dQ/dP as long as it is below mu, and nothing slips;
+with falling load the uppermost levels leave. What is then missing in Q is made up by slip from the
+edge inwards, which turns the uppermost levels to +mu or -mu. At constant load this is the theorem
+of Cattaneo, Mindlin and Jaeger, and `slip_curve` its closed form. Losses of a Hertz contact of this
+kind: Putignano, Ciavarella and Barber, J. Mech. Phys. Solids 59 (2011) 2442.
+"""
+
+import math
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from capslip.contact.slip import SlipCurve
+from capslip.errors import SettingsError
+
+if TYPE_CHECKING:
+    from capslip.settings import SlipSettings
+
+STEPS = 240  # of one cycle: W to 2e-4 of itself
+NODES = 72  # forces at which cycles are followed; between them W^(1/3) is interpolated
+LEAST_SHARE = 1e-4  # of the force at gross slip: below it W is in proportion to T^3 or T^2
+
+
+def varying(slip: SlipCurve, settings: "SlipSettings") -> SlipCurve:
+    """Return the slip of a joint whose normal load oscillates as the settings say, if it does.
+
+    Parameters
+    ----------
+    slip : SlipCurve
+        At constant load.
+    settings : SlipSettings
+        `normal_amplitude_ratio` of the normal load's amplitude to its mean, at most 0.9, and
+        `normal_phase_rad` by which it lags the tangential force.
+    """
+    if settings.normal_amplitude_ratio == 0.0:
+        return slip
+    return VaryingSlip(
+        slip.curve,
+        slip.preload_N,
+        slip.approach_m,
+        slip.friction_coefficient,
+        slip.kappa,
+        settings.normal_amplitude_ratio,
+        settings.normal_phase_rad,
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class VaryingSlip(SlipCurve):
+    """Slip of a joint under N (1 + ratio cos(wt - phase)) and T cos(wt), in the steady cycle.
+
+    Displacements are half of what the joint moves to and fro, forces the amplitude T. The other
+    properties (stiffness before any slip, limits of each row) are those at the mean load.
+    """
+
+    normal_amplitude_ratio: float = 0.0
+    normal_phase_rad: float = 0.0
+
+    @property
+    def total_slip_force_N(self) -> Any:
+        """The greatest T at which |Q| stays below mu P all the time."""
+        r, c = self.normal_amplitude_ratio, abs(math.cos(self.normal_phase_rad))
+        share = math.sqrt(1.0 - r * r * (1.0 - c * c)) - r * c
+        return self.friction_coefficient * self.preload_N * share
+
+    @property
+    def total_slip_displacement_m(self) -> Any:
+        """Amplitude of the displacement at that force."""
+        return float(self._table[1, -1])
+
+    def displacement_m(self, force_N: ArrayLike) -> np.ndarray:
+        """delta(T): half of the way to and fro; infinite beyond gross slip."""
+        return self._at(force_N, 1)
+
+    def energy_at_force_J(self, force_N: ArrayLike) -> np.ndarray:
+        """W of one cycle of Q over U; infinite beyond gross slip."""
+        return self._at(force_N, 2) ** 3
+
+    def force_N(self, displacement_m: ArrayLike) -> np.ndarray:
+        """T(delta), the inverse of `displacement_m`."""
+        from scipy.interpolate import PchipInterpolator
+
+        force_N, delta_m, _ = self._table
+        wanted = np.asarray(displacement_m, dtype=float)
+        inside = np.clip(wanted, delta_m[0], delta_m[-1])
+        found = np.exp(PchipInterpolator(np.log(delta_m), np.log(force_N))(np.log(inside)))
+        return np.asarray(np.where(wanted < delta_m[0], wanted * force_N[0] / delta_m[0], found))
+
+    def energy_J(self, displacement_m: ArrayLike) -> np.ndarray:
+        """W of one cycle over delta."""
+        return self.energy_at_force_J(self.force_N(displacement_m))
+
+    def loop(self, amplitude_m: float, n_points: int = 201) -> tuple[np.ndarray, np.ndarray]:
+        """Return displacement and force once around the steady cycle of one amplitude."""
+        _, force_N, displacement_m = self._cycle(float(self.force_N(amplitude_m)), n_points - 1)
+        return displacement_m, force_N
+
+    @cached_property
+    def _table(self) -> np.ndarray:
+        """Force, displacement and root of the energy over the forces of the table, (3, n)."""
+        T = self.total_slip_force_N
+        share = np.append(np.geomspace(LEAST_SHARE, 0.9, NODES), 1.0 - np.geomspace(0.09, 1e-6, 16))
+        share = np.append(share, 1.0)
+        # in phase nothing slips below mu times the normal amplitude, and the loss grows from there
+        kink = self.friction_coefficient * self.preload_N * self.normal_amplitude_ratio / T
+        if LEAST_SHARE < kink < 1.0:
+            beyond = np.append(0.0, np.geomspace(1e-3, 0.5, 16))
+            share = np.union1d(share, kink + (1.0 - kink) * beyond)
+        rows = []
+        for force_N in share * T:
+            W, _, U = self._cycle(force_N)
+            rows.append((force_N, (U.max() - U.min()) / 2.0, max(W, 0.0) ** (1.0 / 3.0)))
+        return np.array(rows).T
+
+    def _at(self, force_N: ArrayLike, row: int) -> np.ndarray:
+        from scipy.interpolate import PchipInterpolator
+
+        T = np.asarray(force_N, dtype=float)
+        if not (T >= 0).all():
+            raise SettingsError(f"force_N: got {T.min():g}; expected amplitudes >= 0")
+        table = self._table
+        first, last = table[0, 0], table[0, -1]
+        inside = np.clip(T, first, last)
+        # over T the ratio to T bends least
+        value = inside * PchipInterpolator(np.log(table[0]), table[row] / table[0])(np.log(inside))
+        value = np.where(first > T, value * T / first, value)
+        return np.asarray(np.where(last * (1 + 1e-12) >= T, value, np.inf))
+
+    def _cycle(self, force_N: float, steps: int = STEPS) -> tuple[float, np.ndarray, np.ndarray]:
+        """Return the energy of the steady cycle, and force and displacement around it."""
+        angle = 2 * np.pi * np.arange(3 * steps + 1) / steps
+        Q = force_N * np.cos(angle)
+        wave = np.cos(angle - self.normal_phase_rad)
+        P = self.preload_N * (1.0 + self.normal_amplitude_ratio * wave)
+        step, low, high, change = _history(P, Q, self.friction_coefficient)
+        edges = np.unique(np.concatenate([low, high]))
+        approach_m = np.asarray(self.curve.approach_m(edges[edges > 0]))
+        if edges[0] == 0.0:
+            approach_m = np.append(self.curve.touch_m, approach_m)
+        rise = change * (
+            approach_m[np.searchsorted(edges, high)] - approach_m[np.searchsorted(edges, low)]
+        )
+        U = self.kappa * np.cumsum(np.bincount(step, rise, minlength=len(P)))
+        Q, U = Q[-steps - 1 :], U[-steps - 1 :]
+        return float(((Q[1:] + Q[:-1]) / 2 * np.diff(U)).sum()), Q, U
+
+
+def _history(
+    P: np.ndarray, Q: np.ndarray, mu: float
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """Follow tau(s): for each change its step, the levels between which, and by how much.
+
+    The levels are a stack of pieces (upper end, tau), the uppermost last.
+    """
+    pieces: list[tuple[float, float]] = [(P[0], Q[0] / P[0])]
+    changes: list[tuple[int, float, float, float]] = [(0, 0.0, P[0], Q[0] / P[0])]
+    load, force = float(P[0]), float(Q[0])
+    for k in range(1, len(P)):
+        wanted_N, wanted_Q = float(P[k]), float(Q[k])
+        if wanted_N > load:
+            tau = min(max((wanted_Q - force) / (wanted_N - load), -mu), mu)
+            pieces.append((wanted_N, tau))
+            changes.append((k, load, wanted_N, tau))
+            force += tau * (wanted_N - load)
+        while pieces[-1][0] > wanted_N:
+            high, tau = pieces.pop()
+            low = max(pieces[-1][0] if pieces else 0.0, wanted_N)
+            changes.append((k, low, high, -tau))
+            force -= tau * (high - low)
+            if low == wanted_N and not (pieces and pieces[-1][0] == low):
+                pieces.append((low, tau))
+        load = wanted_N
+        full = math.copysign(mu, wanted_Q - force)
+        edge = load
+        while pieces and abs(wanted_Q - force) > 1e-14 * mu * load:
+            high, tau = pieces.pop()
+            low = pieces[-1][0] if pieces else 0.0
+            if tau != full:
+                low = max(low, high - (wanted_Q - force) / (full - tau))
+                changes.append((k, low, high, full - tau))
+                force += (full - tau) * (high - low)
+                if low > (pieces[-1][0] if pieces else 0.0):
+                    pieces.append((low, tau))
+            edge = low
+        if edge < load:
+            pieces.append((load, full))
+    step, low_, high_, change = zip(*changes, strict=True)
+    return np.array(step), np.array(low_), np.array(high_), np.array(change)

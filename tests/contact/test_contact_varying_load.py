@@ -1,0 +1,127 @@
+"""Slip under an oscillating normal load: closed forms, and springs followed step by step."""
+
+import math
+
+import numpy as np
+import pytest
+
+from capslip.analysis import analyze_families
+from capslip.contact.models.families import families
+from capslip.contact.slip import slip_curve
+from capslip.contact.varying_load import VaryingSlip, varying
+from capslip.errors import SettingsError
+from capslip.settings import SlipSettings, load_settings
+from capslip.structure.jenkins import jenkins
+
+MU, KAPPA, PRELOAD_N = 0.2, 1.2143, 460.37
+TWO = families((5, 18), (23.8, 26.7), (0, 2.4e-7), 109.89e9)
+ONE = families(1, 1.0, 0, 109.89e9)
+CONSTANT = slip_curve(TWO, PRELOAD_N, MU, KAPPA)
+SHARES = np.array([0.1, 0.25, 0.5, 0.75])
+
+
+def under(ratio, phase_rad=0.0, constant=CONSTANT):
+    return varying(constant, SlipSettings(normal_amplitude_ratio=ratio, normal_phase_rad=phase_rad))
+
+
+def brush(approach_m, gap_m, stiffness_N_per_m, displacement_m):
+    """Return the force of springs that slip each by itself, over a history in small steps."""
+    q = np.zeros_like(gap_m)
+    force_N, last_m = [], displacement_m[0]
+    for d, u in zip(approach_m, displacement_m, strict=True):
+        p = stiffness_N_per_m * np.maximum(d - gap_m, 0.0)
+        q = np.clip(q + stiffness_N_per_m / KAPPA * (u - last_m), -MU * p, MU * p)
+        force_N.append(q.sum())
+        last_m = u
+    return np.array(force_N)
+
+
+def test_a_constant_load_is_the_closed_form():
+    steady = VaryingSlip(TWO, PRELOAD_N, CONSTANT.approach_m, MU, KAPPA, 0.0, 0.3)
+    T = np.append(SHARES, [1e-5, 0.01, 0.99, 1.0]) * CONSTANT.total_slip_force_N
+    np.testing.assert_allclose(steady.displacement_m(T), CONSTANT.displacement_m(T), rtol=2e-3)
+    expected_J = CONSTANT.energy_at_force_J(T)
+    np.testing.assert_allclose(steady.energy_at_force_J(T), expected_J, rtol=3e-3)
+    assert varying(CONSTANT, SlipSettings()) is CONSTANT
+
+
+@pytest.mark.parametrize("phase_rad", [0.0, math.pi])
+def test_in_phase_nothing_slips_below_mu_times_the_normal_amplitude(phase_rad):
+    slip = under(0.1, phase_rad)
+    T = CONSTANT.total_slip_force_N
+    assert slip.energy_at_force_J(0.0999 * T) < 1e-6 * CONSTANT.energy_at_force_J(0.0999 * T)
+    assert slip.energy_at_force_J(0.2 * T) > 0.3 * CONSTANT.energy_at_force_J(0.2 * T)
+    assert slip.total_slip_force_N == pytest.approx(0.9 * T, rel=1e-12)
+
+
+@pytest.mark.parametrize("phase_rad", [0.0, 0.7, math.pi / 2, 2.0, -1.0])
+def test_gross_slip_begins_where_the_ellipse_meets_the_limit_of_friction(phase_rad):
+    slip = under(0.3, phase_rad)
+    angle = np.linspace(0, 2 * np.pi, 100_001)
+    load_N = PRELOAD_N * (1 + 0.3 * np.cos(angle - phase_rad))
+    excess = np.abs(slip.total_slip_force_N * np.cos(angle)) - MU * load_N
+    assert excess.max() == pytest.approx(0.0, abs=1e-7 * MU * PRELOAD_N)
+
+
+def test_the_sense_of_the_phase_and_half_a_turn_change_nothing():
+    T = SHARES * 0.9 * CONSTANT.total_slip_force_N
+    one = under(0.2, 0.7).energy_at_force_J(T)
+    np.testing.assert_allclose(under(0.2, 0.7 + math.pi).energy_at_force_J(T), one, rtol=5e-3)
+
+
+@pytest.mark.parametrize(("ratio", "phase_rad"), [(0.1, math.pi / 2), (0.3, 0.7), (0.25, 0.0)])
+def test_against_springs_followed_step_by_step(ratio, phase_rad):
+    """Springs of their own gaps, each with Coulomb's law: what the theorem is exact for."""
+    # One Hertz contact, N = C d^1.5, as springs whose number up to the gap g is 1.5 C g^0.5
+    edges_m = 4e-7 * np.linspace(0, 1, 2001) ** 2
+    stiffness_N_per_m = 1.5 * float(ONE.load_N(1.0)) * np.diff(edges_m**0.5)
+    gap_m = (edges_m[1:] + edges_m[:-1]) / 2
+    constant = slip_curve(ONE, float(ONE.load_N(2e-7)), MU, KAPPA)
+    slip = under(ratio, phase_rad, constant)
+    T = 0.4 * float(constant.total_slip_force_N)
+    displacement_m, _ = slip.loop(float(slip.displacement_m(T)), 241)
+    steps = np.arange(0, 720, 0.05)  # three turns
+    turns = np.interp(
+        steps, np.arange(721), np.append(np.tile(displacement_m[:-1], 3), displacement_m[0])
+    )
+    wave = np.cos(2 * np.pi * steps / 240 - phase_rad)
+    approach_m = ONE.approach_m(constant.preload_N * (1 + ratio * wave))
+    force_N = brush(approach_m, gap_m, stiffness_N_per_m, turns)[-4801:]
+    assert np.ptp(force_N) / 2 == pytest.approx(T, rel=1e-2)
+    lost_J = np.sum((force_N[1:] + force_N[:-1]) / 2 * np.diff(turns[-4801:]))
+    assert lost_J == pytest.approx(float(slip.energy_at_force_J(T)), rel=1e-2)
+
+
+@pytest.mark.parametrize(
+    ("phase_rad", "times"),
+    [(0.0, (0.0, 0.69, 0.90, 0.96)), (math.pi / 2, (2.07, 1.21, 1.13, 1.075))],
+)
+def test_losses_of_a_tenth_more_and_less_load(phase_rad, times):
+    T = SHARES * CONSTANT.total_slip_force_N
+    got = under(0.1, phase_rad).energy_at_force_J(T) / CONSTANT.energy_at_force_J(T)
+    np.testing.assert_allclose(got, times, atol=0.01)
+
+
+def test_an_analysis_answers_for_the_oscillating_load():
+    given = {"m": 5, "n": 18, "radius_G_m": 23.8, "radius_P_m": 26.7, "h_m": 2.4e-7}
+    chosen = (*(f"families.{name}={value}" for name, value in given.items()),)
+    still, moved = (
+        analyze_families(load_settings(overrides=(*chosen, *more)))
+        for more in ((), ("slip.normal_amplitude_ratio=0.1", "slip.normal_phase_rad=1.5707963"))
+    )
+    assert moved.answer.energy_J / still.answer.energy_J == pytest.approx(1.21, abs=0.02)
+    assert moved.answer.slip_force_N == pytest.approx(
+        0.995**0.5 * still.answer.slip_force_N, rel=1e-2
+    )
+    names = [{one["name"] for one in each.summary()["assumed"]} for each in (still, moved)]
+    assert names[0] - names[1] == {"normal load"}
+    assert moved.damping.loss_factor[0] > still.damping.loss_factor[0]
+
+
+def test_bad_settings_are_named():
+    with pytest.raises(SettingsError, match="normal_amplitude_ratio"):
+        load_settings(overrides=("slip.normal_amplitude_ratio=1.0",))
+    with pytest.raises(SettingsError, match="constant normal load"):
+        jenkins(under(0.1))
+    with pytest.raises(SettingsError, match="force_N"):
+        under(0.1).energy_at_force_J(-1.0)
