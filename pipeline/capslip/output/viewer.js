@@ -266,7 +266,7 @@ function draw() {
   gl.uniform2fv(at.scale, fit());
   gl.uniform1f(at.factor, state.factor);
   gl.uniform1f(at.size, 4 * ratio);
-  const shown = [["face", state.face, 0, 1], ["caps", state.caps, 0.004, 1], ["zones", zones && state.zones, 0.006, 1], ["mate", zones && state.mate, 0, 0.35]];
+  const shown = [["face", state.face, 0, 1], ["caps", state.caps, 0.02, 1], ["zones", zones && state.zones, 0.025, 1], ["mate", zones && state.mate, 0, 0.35]];
   for (const [name, on, bias, alpha] of shown) {
     const one = parts[name];
     if (!on || !(one.count || one.points)) continue;
