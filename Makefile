@@ -9,7 +9,7 @@ OUT    ?=
 CONFIG ?=
 
 .DEFAULT_GOAL := help
-.PHONY: help setup analyze batch inspect compare reproduce bench chart limits soak mutants warnings samples test lint format clean
+.PHONY: help setup analyze batch inspect compare reproduce bench chart limits validation soak mutants warnings samples test lint format clean
 
 help: ## List the targets
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / {printf "  %-11s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
@@ -50,6 +50,9 @@ chart: $(READY) ## Speed against accuracy of every method, into docs/: [OUT=fold
 
 limits: $(READY) ## Where each method breaks and what the program says, into docs/: [OUT=folder]
 	@$(BIN)/capslip limits --out "$(or $(OUT),docs)" $(ARGS)
+
+validation: $(READY) ## The law of a real lap joint beside published backbones: [JOINT=folder]
+	@$(BIN)/python -m capslip.studies.validation "$(or $(JOINT),../shared/joint)"
 
 soak: $(READY) ## Long checks: 10,000 random contact scenes, 20,000 damaged files a format
 	@$(BIN)/python tests/soak.py

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from capslip import stages
+from capslip.analysis import analyze
 from capslip.caps.fit import fit_caps
 from capslip.caps.table import CapFlag, CapTable
 from capslip.contact.depth import press_for_depth
@@ -278,3 +279,11 @@ def test_a_map_whose_caps_find_no_level_is_pressed_itself_where_there_is_time(
     assert found.contact.model == model
     balanced_by_itself = model == "boundary_elements"
     assert found.contact.alignment == ("balanced" if balanced_by_itself else "as_levelled")
+
+
+def test_a_map_that_stands_in_for_caps_without_a_level_has_its_error_and_its_interval():
+    with mock.patch("capslip.stages.find_level", side_effect=ContactError("no level")):
+        found = analyze(face(), load_settings(overrides=(f"contact.preload_N={PRELOAD_N}",)))
+    assert "find no level" in found.contact.model_reason
+    assert 0.0 < found.contact.estimated_error < 0.2
+    assert found.band.left_out == ("noise of the map",)

@@ -27,6 +27,10 @@ REST = {
     "normal load": "slip.normal_amplitude_ratio=0.1",
 }
 EVERY = {**JOINT, **REST}
+SPREADS = tuple(
+    f"{name}_spread=0.1"
+    for name in ("material.friction", "contact.preload", "material.modulus", "material.hardness")
+)
 
 
 def names(settings):
@@ -39,11 +43,21 @@ def load(*overrides, path=None):
 
 def test_what_is_given_is_not_assumed_though_it_be_the_default():
     of_joint = ["preload", "material", "friction", "structure", "joint area", "yield"]
-    assert names(load()) == [*of_joint, "normal load"]
-    assert names(load(*EVERY.values())) == []
+    assert names(load()) == [*of_joint, "normal load", "spreads"]
+    assert names(load(*EVERY.values(), *SPREADS)) == []
     for name in EVERY:
         rest = [override for other, override in EVERY.items() if other != name]
-        assert names(load(*rest)) == [name]
+        assert names(load(*rest, *SPREADS)) == [name]
+
+
+def test_what_is_taken_as_known_exactly_is_said_by_name():
+    for i, name in enumerate(("friction", "preload", "modulus", "hardness")):
+        others = SPREADS[:i] + SPREADS[i + 1 :]
+        (said,) = assumptions(load(*EVERY.values(), *others))
+        assert (said.name, said.value) == ("spreads", f"{name} as if known exactly")
+        assert f"{said.setting}=0.1" == SPREADS[i]
+    elastic = [override for name, override in EVERY.items() if name != "yield"]
+    assert names(load(*elastic, *SPREADS[:3])) == ["yield"]  # no hardness to be uncertain of
 
 
 def test_every_stand_in_moves_the_list():
@@ -76,7 +90,7 @@ def test_what_an_analysis_wrote_down_gives_what_was_given(tmp_path):
     again = load(path=path)
     assert (names(again), again.sha256()) == (names(settings), settings.sha256())
     assert names(load(JOINT["material"], path=path)) == [
-        *("Poisson's ratio", "structure", "joint area", "yield", "normal load")
+        *("Poisson's ratio", "structure", "joint area", "yield", "normal load", "spreads")
     ]
 
 

@@ -24,6 +24,7 @@ from capslip.sensitivity import sensitivity
 from capslip.settings import Settings
 from capslip.stages import Clock, Face, can_be_pressed, damp, estimate, find_face, press_face
 from capslip.structure.answer import answer_to
+from capslip.structure.band import band_of
 from capslip.structure.doubts import problems_of_damping, problems_of_structure
 from capslip.structure.stiffness import is_given, structure_name
 from capslip.surface.doubts import problems_of_form, problems_of_scan, problems_of_tilt
@@ -67,12 +68,16 @@ def analyze(
         return analysis
     problems = analysis.problems
     contact = analysis.contact
-    if contact is not None and settings.contact.model != "auto":
-        error, doubts = estimate(face, contact, settings, clock)
-        contact = replace(contact, estimated_error=error)
+    if contact is not None and _lacks_error(contact, settings):
+        contact, doubts = estimate(face, contact, settings, clock)
         problems = (*problems, *doubts)
+    band = None
+    if contact is not None and analysis.damping is not None:
+        with clock("band"):
+            band = band_of(analysis.answer, face.joint, contact, analysis.damping, settings)
+    analysis = replace(analysis, contact=contact, band=band, problems=problems)
     if not settings.run.sensitivity:
-        return replace(analysis, contact=contact, problems=problems)
+        return analysis
     with clock("sensitivity"):
         swept = sensitivity(
             surface,
@@ -82,13 +87,17 @@ def analyze(
             face.hills.pruning_height_m,
             with_contact=contact is not None,
         )
-    return replace(
-        analysis, contact=contact, sensitivity=swept, problems=(*problems, *swept.problems)
-    )
+    return replace(analysis, sensitivity=swept, problems=(*problems, *swept.problems))
+
+
+def _lacks_error(contact: ContactState, settings: Settings) -> bool:
+    """Tell whether nobody has estimated the error of a model: one that was not chosen for it."""
+    of_the_map = contact.estimated_error is None and contact.rung.error is not None
+    return settings.contact.model != "auto" or of_the_map
 
 
 def analyze_once(surface: HeightMap, settings: Settings, mate: HeightMap | None = None) -> Analysis:
-    """Run every stage once: neither the error of a forced model nor the sensitivity.
+    """Run every stage once: neither the error of a forced model, nor the band or the sensitivity.
 
     Parameters and errors are those of `analyze`.
     """
@@ -129,6 +138,8 @@ def analyze_families(settings: Settings) -> JointResult:
     slip = varying(slip, settings.slip)
     beam, damping = damp(slip, settings, clock)
     answer, beyond = answer_to(settings.answer, slip, damping)
+    with clock("band"):
+        band = band_of(answer, joint, contact, damping, settings)
     problems = [
         *material_doubts(settings.material),
         *problems_of_structure(settings.structure),
@@ -145,6 +156,7 @@ def analyze_families(settings: Settings) -> JointResult:
         beam=beam,
         damping=damping,
         answer=answer,
+        band=band,
         problems=tuple(problems),
         timings_s=clock.seconds,
         started=started,
@@ -194,6 +206,7 @@ def _analyzed(
         beam=beam,
         damping=damping,
         answer=answer,
+        band=None,
         sensitivity=None,
         problems=tuple(problems),
         timings_s=clock.seconds,

@@ -162,8 +162,8 @@ def main() -> None:
 @click.option("--mate", type=PATH, help="Scan of the other face.")
 @click.option(
     "--export",
-    type=click.Choice(["jenkins"]),
-    help="Write the slip curve for another solver: jenkins.csv, parallel Jenkins elements.",
+    type=click.Choice(registry.names("output.exports")),
+    help="For another program: jenkins.csv, sliders of the joint; law.*, its face per area.",
 )
 def analyze(
     surface: Path,

@@ -23,6 +23,7 @@ from capslip.problems import Problem
 from capslip.sensitivity import Sensitivity
 from capslip.settings import Settings
 from capslip.structure.answer import Answer, asked
+from capslip.structure.band import Band
 from capslip.structure.beam import BeamMode
 from capslip.structure.response import MOST_LOSS_FACTOR, Damping, lightly_damped
 from capslip.structure.stiffness import structure_name
@@ -45,6 +46,7 @@ class JointResult:
     beam: BeamMode | None  # None where the settings give the two stiffnesses
     damping: Damping | None
     answer: Answer | None  # None: beyond gross slip, too
+    band: Band | None  # None: nothing is known to be uncertain, too
     problems: tuple[Problem, ...]
     timings_s: dict[str, float]
     started: str
@@ -191,11 +193,14 @@ def _answer(analysis: JointResult) -> dict[str, Any]:
     question = analysis.settings.answer
     quantity, value = asked(question, analysis.slip)
     by_default = all(getattr(question, name) is None for name in question.__struct_fields__)
-    names = Answer.__dataclass_fields__
+    names, band = Answer.__dataclass_fields__, analysis.band
     return {
         "asked": {"quantity": quantity, "value": value, "by_default": by_default},
         "structure": structure_name(analysis.settings),
         **{name: getattr(analysis.answer, name, None) for name in names},
+        "interval": {name: band.interval.get(name) for name in names} if band else None,
+        "contributions": band.contributions if band else None,
+        "not_in_interval": band.left_out if band else None,
     }
 
 

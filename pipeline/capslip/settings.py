@@ -34,6 +34,7 @@ STAND_INS = (
     "material.friction_coefficient",
     "structure.beam",
 )
+Spread = Annotated[float, msgspec.Meta(ge=0, lt=1)]  # relative, at 95 %; 0: not varied
 SolverTolerance = Annotated[float, msgspec.Meta(ge=SOLVER_TOLERANCE[0], le=SOLVER_TOLERANCE[1])]
 
 
@@ -117,6 +118,9 @@ class Material(_Table, frozen=True):
     friction_coefficient: Positive = 0.2
     hardness_Pa: Positive | None = None
     yield_stress_Pa: Positive | None = None  # gives the hardness where that is not given
+    modulus_spread: Spread = 0.0
+    friction_spread: Spread = 0.0
+    hardness_spread: Spread = 0.0
 
 
 class Contact(_Table, frozen=True):
@@ -125,6 +129,7 @@ class Contact(_Table, frozen=True):
     model: str = "auto"  # or the name of a rung: a file in contact/models
     preload_N: Positive = 460.0
     nominal_pressure_Pa: Positive | None = None  # of the joint, in place of the preload
+    preload_spread: Spread = 0.0
     alignment: Literal["balanced", "as_levelled"] = "balanced"
     load_point_m: Pair | None = None  # (x, y) of its line of action; default: the map's centre
     alignment_stiffness_Nm_per_rad: Annotated[float, msgspec.Meta(ge=0, le=GREATEST)] = 0.0

@@ -176,24 +176,21 @@ def _pressed(face: Face, settings: Settings) -> tuple[ContactState, CapTable]:
 
 def estimate(
     face: Face, contact: ContactState, settings: Settings, clock: Clock
-) -> tuple[float | None, tuple[Problem, ...]]:
-    """Return the estimated error of a model that the settings force, and whether it is too great.
+) -> tuple[ContactState, tuple[Problem, ...]]:
+    """Return a model that the settings force with its estimated error, and whether it is too great.
 
     It takes far longer than to press the face; the automatic choice has its estimate already.
     """
     settings = as_found(face, settings)
     if contact.rung.error is not None:
         with clock("accuracy"):
-            return contact.rung.error(contact.normal, contact.preload_N, settings.contact.tolerance)
+            given = (contact.normal, contact.preload_N, settings.contact.tolerance)
+            known, doubts = contact.rung.error(*given)
+        return replace(contact, estimated_error=known), doubts
     with clock("accuracy"):
-        return estimate_error(
-            face.caps,
-            face.families,
-            face.conditioned.surface,
-            face.label,
-            face.hills.noise_m,
-            settings,
-        )
+        caps = (face.caps, face.families, face.conditioned.surface, face.label, face.hills.noise_m)
+        error, moved, doubts = estimate_error(*caps, settings)
+    return replace(contact, estimated_error=error, moved=moved), doubts
 
 
 def can_be_pressed(face: Face, settings: Settings) -> bool:

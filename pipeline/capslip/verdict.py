@@ -28,7 +28,7 @@ def assumptions(settings: Settings) -> tuple[Assumption, ...]:
     >>> from capslip.settings import load_settings
     >>> given = load_settings(overrides=("contact.preload_N=460", "structure.beam.length_m=0.4"))
     >>> [one.name for one in assumptions(given)]
-    ['material', 'friction', 'joint area', 'yield', 'normal load']
+    ['material', 'friction', 'joint area', 'yield', 'normal load', 'spreads']
     """
     contact, material, joint = settings.contact, settings.material, settings.joint
     mapped = joint.pressure_map is not None
@@ -61,12 +61,25 @@ def assumptions(settings: Settings) -> tuple[Assumption, ...]:
     if joint.area_m2 is None and not mapped and settings.families.m is None:
         key, moves = "joint.area_m2", "nominal pressure, and with it forces, stiffness, energy"
         found.append(("joint area", key, "that of the scan", moves, f"--set {key}=A", False))
-    if material.hardness_Pa is None and material.yield_stress_Pa is None:
+    yields = material.hardness_Pa is not None or material.yield_stress_Pa is not None
+    if not yields:
         key, moves = "material.hardness_Pa", "pressures; stiffness and energy of rough faces"
         found.append(("yield", key, "none, elastic", moves, "--material steel", False))
     if settings.slip.normal_amplitude_ratio == 0.0:
         key, moves = "slip.normal_amplitude_ratio", "energy and loss, most at small amplitudes"
         found.append(("normal load", key, "constant", moves, f"--set {key}=R", False))
+    spreads = {
+        "friction": ("material.friction_spread", material.friction_spread),
+        "preload": ("contact.preload_spread", contact.preload_spread),
+        "modulus": ("material.modulus_spread", material.modulus_spread),
+    }
+    if yields:
+        spreads["hardness"] = ("material.hardness_spread", material.hardness_spread)
+    certain = [name for name, (_, spread) in spreads.items() if spread == 0.0]
+    if certain:
+        key, moves = spreads[certain[0]][0], "the intervals, which leave them out"
+        value = f"{', '.join(certain)} as if known exactly"
+        found.append(("spreads", key, value, moves, f"--set {key}=0.2", False))
     return tuple(Assumption(*one) for one in found)
 
 

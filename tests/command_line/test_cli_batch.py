@@ -273,6 +273,16 @@ def test_a_row_holds_the_numbers_of_the_summary(batch):
         "answer_energy_J": answer["energy_J"],
         "answer_joint_loss_factor": answer["joint_loss_factor"],
         "answer_loss_factor": answer["loss_factor"],
+        **{
+            f"answer_{stem}_{end}{unit}": (answer["interval"] or {}).get(name, (None, None))[i]
+            for name, stem, unit in (
+                ("tangential_stiffness_N_per_m", "stiffness", "_N_per_m"),
+                ("energy_J", "energy", "_J"),
+                ("joint_loss_factor", "joint_loss_factor", ""),
+                ("loss_factor", "loss_factor", ""),
+            )
+            for i, end in enumerate(("low", "high"))
+        },
         "structure": damping["structure"],
         "peak_loss_factor": damping["peak_loss_factor"],
         "amplitude_at_peak_m": damping["amplitude_at_peak_m"],

@@ -200,6 +200,26 @@ def test_every_rung_slips_along_the_unloading_of_its_flattened_caps(model, hardn
     )
 
 
+@pytest.mark.parametrize("model", RUNGS)
+@pytest.mark.parametrize("bulk", [False, True])
+def test_a_face_may_be_loaded_anew_to_any_load_at_any_hardness(model, bulk):
+    with_bulk = f"contact.bulk={str(bulk).lower()}"
+    state, _ = pressed(model, with_bulk, "material.hardness_Pa=1e9")
+    assert state.curve_after(100.0) is state.curve
+    for load_N, hardness in ((30.0, 1e9), (100.0, 5e8), (180.0, 2e9)):
+        other, _ = pressed(model, with_bulk, f"material.hardness_Pa={hardness}", preload_N=load_N)
+        found = state.curve_after(load_N, hardness / 1e9)
+        approach_m = found.approach_m(load_N)
+        opens_m = float(other.curve.approach_m(load_N))
+        assert float(approach_m - found.touch_m) == pytest.approx(opens_m, rel=1e-9)
+        assert found.touch_m > 0.0  # the peak as it was stood higher
+        assert found.stiffness_N_per_m(approach_m) == pytest.approx(
+            other.stiffness_N_per_m, rel=1e-9
+        )
+    elastic, _ = pressed(model, with_bulk)
+    assert elastic.curve_after(30.0) is elastic.curve
+
+
 def test_the_first_load_of_caps_that_share_one_approach_is_a_sum_of_their_loads():
     state, caps = pressed("caps", "material.hardness_Pa=1e9")
     law = yield_law(Material(hardness_Pa=1e9))

@@ -171,6 +171,13 @@ def test_an_analysis_slips_along_the_unloading_of_the_map(alignment):
     slip = slip_curve(contact.curve, load_N, 0.2, contact.composite.kappa)
     assert slip.total_slip_displacement_m == analysis.slip.total_slip_displacement_m
     assert "yielded" in {p.code for p in analysis.problems}
+    # Loaded anew it is held as it was balanced, so the same load gives the same curve
+    energy_J = [
+        float(slip_curve(curve, load_N, 0.2, contact.composite.kappa).energy_at_force_J(0.1))
+        for curve in (contact.curve, contact.curve_after(load_N, 1.0 + 1e-9))
+    ]
+    assert energy_J[1] == pytest.approx(energy_J[0], rel=1e-3)
+    assert contact.curve_after(0.5 * load_N).yielded_area_m2 < contact.yielded_area_m2
 
 
 @pytest.mark.parametrize(

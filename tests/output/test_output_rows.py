@@ -20,7 +20,7 @@ def test_every_quantity_has_a_place_in_every_summary(case):
 
 def test_the_unit_is_that_of_the_key():
     for name, quantity in QUANTITIES.items():
-        key = quantity.path.split(".")[-1]
+        key = [key for key in quantity.path.split(".") if not key.isdigit()][-1]
         units = [unit for unit, suffix in SUFFIX.items() if key.endswith(suffix)]
         if units and key not in ("m", "n"):
             assert quantity.unit == max(units, key=lambda unit: len(SUFFIX[unit])), name

@@ -32,6 +32,21 @@ DRAWS = 16
 MOST_WIDE = 3.0  # in the logarithm of a radius
 
 
+@dataclass(frozen=True, eq=False)
+class MovedCaps:
+    """Interacting caps, and what they could be as well, cause by cause, see `error_of_caps`.
+
+    Curves as slip uses them, with the bulk sinking or without.
+    """
+
+    found: NormalCurve
+    at_random: tuple[NormalCurve, ...]  # moved by one standard deviation
+    by_shape: NormalCurve  # on profiles as measured: half of an error at 95 %
+    by_pairs: NormalCurve  # with another law between two contacts: an error at 95 %
+    by_level: NormalCurve | None  # levelled by the floor: the same; None where the face balances
+    of_unloading: float = 0.0  # relative error at 95 % of the energy alone, of caps that yielded
+
+
 @dataclass(frozen=True)
 class CapsError:
     """The relative error of interacting caps at 95 %, by its causes; see `error_of_caps`."""
@@ -39,6 +54,7 @@ class CapsError:
     doubt: str | None  # why it is not known
     of_caps: float = math.inf  # that of the caps themselves, and of the law between them
     of_levelling: float = 0.0
+    moved: MovedCaps | None = None
 
     @property
     def total(self) -> float | None:
@@ -66,11 +82,22 @@ def answers(
     joint = composite(material.youngs_modulus_Pa, material.poisson_ratio)
     slip = slip_curve(curve, preload_N, material.friction_coefficient, joint.kappa)
     energy_J = slip.energy_at_force_J(np.array(FORCE_SHARES) * slip.total_slip_force_N)
-    if holds_bulk and not settings.contact.bulk:
-        bulk_m_per_N = bulk_compliance_m_per_N(side_m, joint.E_star_Pa)
-        curve, _ = without_bulk(curve, bulk_m_per_N, preload_N)
+    if holds_bulk:
+        curve = _as_slip_uses(curve, side_m, settings)
     stiffness = curve.stiffness_N_per_m(curve.approach_m(preload_N))
     return np.append(energy_J, stiffness)
+
+
+def _as_slip_uses(
+    curve: NormalCurve, side_m: tuple[float, float], settings: Settings
+) -> NormalCurve:
+    """Return a curve that holds the bulk sinking with it or without, as the settings say."""
+    if settings.contact.bulk:
+        return curve
+    material = settings.material
+    E_star_Pa = composite(material.youngs_modulus_Pa, material.poisson_ratio).E_star_Pa
+    bulk_m_per_N = bulk_compliance_m_per_N(side_m, E_star_Pa)
+    return without_bulk(curve, bulk_m_per_N, settings.contact.preload_N)[0]
 
 
 def error_of_caps(
@@ -131,14 +158,27 @@ def error_of_caps(
     if doubt is not None:
         return CapsError(doubt)
     try:
-        of_caps = math.hypot(
-            _random_error(scene, curve, found, noise_m, settings),
-            _shape_error(scene, curve, found, settings),
-            _pair_error(scene, found, settings),
-            _yield_error(scene, curve),
-            LEAST_ERROR,
+        at_random = _moved_at_random(scene, curve, noise_m, settings)
+        by_shape, by_pairs = _of_shape(scene, curve, settings), _of_pairs(scene)
+        by_level = _of_level(scene, settings)
+        random = np.array([_change(one, scene, found, settings) for one in at_random])
+        shape, pairs, level = (
+            0.0 if one is None else float(np.abs(_change(one, scene, found, settings)).max())
+            for one in (by_shape, by_pairs, by_level)
         )
-        return CapsError(None, of_caps, _levelling_error(scene, found, settings))
+        of_random = float(2.0 * np.sqrt(np.mean(random**2, axis=0)).max())
+        unloading = _of_unloading(scene, curve)
+        of_caps = math.hypot(of_random, 2.0 * shape, pairs, unloading, LEAST_ERROR)
+        side_m = scene.surface.side_m
+        moved = MovedCaps(
+            _as_slip_uses(curve, side_m, settings),
+            tuple(_as_slip_uses(one, side_m, settings) for one in at_random),
+            _as_slip_uses(by_shape, side_m, settings),
+            _as_slip_uses(by_pairs, side_m, settings),
+            None if by_level is None else _as_slip_uses(by_level, side_m, settings),
+            unloading,
+        )
+        return CapsError(None, of_caps, level, moved)
     except (ContactError, UnusableSurfaceError):
         return CapsError("caps that are moved within their errors have no solution")
 
@@ -164,10 +204,10 @@ def _doubt(
     return None
 
 
-def _random_error(
-    scene: Scene, curve: InteractingCurve, found: np.ndarray, noise_m: float, settings: Settings
-) -> float:
-    """Return twice the relative standard deviation of the answers that moved caps give."""
+def _moved_at_random(
+    scene: Scene, curve: InteractingCurve, noise_m: float, settings: Settings
+) -> list[InteractingCurve]:
+    """Return the curves of caps that were moved at random within their errors."""
     caps, use = scene.caps, scene.use
 
     def used(values: np.ndarray) -> np.ndarray:
@@ -183,17 +223,11 @@ def _random_error(
     )
     draws = max(4, min(DRAWS, DRAWS * 100 // int(np.count_nonzero(use))))
     sign = np.random.default_rng(0).choice((-1.0, 1.0), (draws, 2, len(caps)))
-    changes = [
-        _change(_moved(scene, curve, up * height_m, wide * ratio, settings), scene, found, settings)
-        for up, wide in sign
-    ]
-    return float(2.0 * np.sqrt(np.mean(np.square(changes), axis=0)).max())
+    return [_moved(scene, curve, up * height_m, wide * ratio, settings) for up, wide in sign]
 
 
-def _shape_error(
-    scene: Scene, curve: InteractingCurve, found: np.ndarray, settings: Settings
-) -> float:
-    """Return twice the change of the answers with caps that follow the hills' profiles."""
+def _of_shape(scene: Scene, curve: InteractingCurve, settings: Settings) -> InteractingCurve:
+    """Return the curve of caps that follow the hills' profiles."""
     caps, use = scene.caps, scene.use
     load_N = curve.asperity_loads_N(curve.approach_m(scene.preload_N))
     depth_m, quartic_m = caps.fit_depth_m[use], caps.quartic_m[use]
@@ -205,23 +239,20 @@ def _shape_error(
     # The first order would overflow far beyond the hill, which is doubted anyway
     first_order = (2 / 3 - 8 / 5 * share) * quartic_m / depth_m
     wide[use] = np.where(known, np.clip(first_order, -MOST_WIDE, MOST_WIDE), 0.0)
-    change = _change(_moved(scene, curve, up_m, wide, settings), scene, found, settings)
-    return float(2.0 * np.abs(change).max())
+    return _moved(scene, curve, up_m, wide, settings)
 
 
-def _pair_error(scene: Scene, found: np.ndarray, settings: Settings) -> float:
-    """Return the relative change of the answers with another law between two contacts.
+def _of_pairs(scene: Scene) -> InteractingCurve:
+    """Return the curve with another law between two contacts.
 
     The point load and Johnson's Eq. 3.42 err on either side, the latter further.
     """
     flat = flattened(RUNG, scene)
     places = scene.caps.x_m[scene.use], scene.caps.y_m[scene.use]
-    spheres = flat.radius_m, flat.depth_m
-    curve = interacting(*spheres, *places, scene.E_star_Pa, scene.preload_N)
-    return float(np.abs(_change(curve, scene, found, settings)).max())
+    return interacting(flat.radius_m, flat.depth_m, *places, scene.E_star_Pa, scene.preload_N)
 
 
-def _yield_error(scene: Scene, curve: InteractingCurve) -> float:
+def _of_unloading(scene: Scene, curve: InteractingCurve) -> float:
     """Return the relative error of the energies that the unloading of yielded caps leaves."""
     if scene.law is None:
         return 0.0
@@ -230,17 +261,16 @@ def _yield_error(scene: Scene, curve: InteractingCurve) -> float:
     return UNLOADING_ERROR * float(load_N[yielded].sum() / load_N.sum())
 
 
-def _levelling_error(scene: Scene, found: np.ndarray, settings: Settings) -> float:
-    """Return the relative change of the answers where the floor levels the face."""
+def _of_level(scene: Scene, settings: Settings) -> NormalCurve | None:
+    """Return the curve where the floor levels the face, None where its contacts do."""
     if settings.conditioning.form == "none" or settings.contact.alignment == "balanced":
-        return 0.0
+        return None
     slope_y, slope_x = floor_slopes(scene.surface)
     caps = scene.caps
     peak_m = caps.peak_height_m - slope_y * caps.y_m - slope_x * caps.x_m
     tilted = caps.with_columns(peak_height_m=peak_m)
     face = scene.surface.side_m, scene.E_star_Pa, scene.preload_N, scene.law
-    reach = reachable(tilted, *face)
-    return float(np.abs(_change(reach.curve, scene, found, settings)).max())
+    return reachable(tilted, *face).curve
 
 
 def _moved(

@@ -7,7 +7,7 @@ import numpy as np
 
 from capslip.caps.families import Families
 from capslip.caps.table import CapTable
-from capslip.contact.accuracy import CapsError, answers, error_of_caps
+from capslip.contact.accuracy import CapsError, MovedCaps, answers, error_of_caps
 from capslip.contact.flattening import flattened
 from capslip.contact.material import composite, yield_law
 from capslip.contact.models.interacting import RUNG as REFERENCE
@@ -35,6 +35,7 @@ class Choice:
     levelling: bool = False  # whether the levelling alone makes it doubtful
     why: str = ""  # what is wrong with the caps
     of_the_map: bool = False  # whether the map itself is pressed for that
+    moved: MovedCaps | None = None  # where the error of the caps is known
 
     @property
     def problem(self) -> Problem | None:
@@ -167,7 +168,8 @@ def _among_caps(
                 f"the cheapest model within {contact.tolerance:.2g}: its error is about "
                 f"{estimate:.2g}"
             )
-            return Choice(model, reason, estimate, estimates, reach.use, None)
+            given = (estimate, estimates, reach.use, None)
+            return Choice(model, reason, *given, moved=own.moved)
     return _beyond_tolerance(own, estimates, scene, settings)
 
 
@@ -178,7 +180,7 @@ def estimate_error(
     label: np.ndarray | None,
     noise_m: float,
     settings: Settings,
-) -> tuple[float | None, tuple[Problem, ...]]:
+) -> tuple[float | None, MovedCaps | None, tuple[Problem, ...]]:
     """Estimate the error of the model that the settings force; far longer work than to press it.
 
     Parameters
@@ -188,7 +190,7 @@ def estimate_error(
 
     Returns
     -------
-    float or None, tuple of Problem
+    float or None, MovedCaps or None, tuple of Problem
         None where it is not known: for a rung that the choice does not compare, and where
         interacting caps, against which the others are measured, cannot carry the load. A problem
         where it is not known to be within the tolerance, unless nothing doubts the rung itself.
@@ -196,15 +198,16 @@ def estimate_error(
     forced = rung(settings.contact.model)
     if not forced.automatic:
         doubt = forced.doubt
-        return None, () if doubt is None else (Problem("model_doubtful", "warning", doubt),)
+        doubts = () if doubt is None else (Problem("model_doubtful", "warning", doubt),)
+        return None, None, doubts
     try:
         choice = _among_caps(caps, families, surface, label, noise_m, settings)
-        estimate, why = choice.estimates.get(forced.name), ""
+        estimate, moved, why = choice.estimates.get(forced.name), choice.moved, ""
     except ContactError as failure:
-        estimate, why = None, f" ({failure})"
+        estimate, moved, why = None, None, f" ({failure})"
     tolerance = settings.contact.tolerance
     if estimate is not None and estimate <= tolerance:
-        return estimate, ()
+        return estimate, moved, ()
     off = (
         f"not known{why}"
         if estimate is None
@@ -214,7 +217,7 @@ def estimate_error(
         f"the error of {forced.name} is {off}; contact.model = auto takes the cheapest model that "
         f"is within {tolerance:.2g}"
     )
-    return estimate, (Problem("model_doubtful", "warning", message),)
+    return estimate, moved, (Problem("model_doubtful", "warning", message),)
 
 
 def boundary_elements_s(shape: tuple[int, int]) -> float:
@@ -240,11 +243,13 @@ def _beyond_tolerance(
             f"by {own.of_levelling:.2g}; where the caps lie tilts a least-squares plane, and "
             "conditioning.form_floor = true follows the floor between them, where there is one"
         )
-        return Choice(REFERENCE.name, reason, own.total, estimates, scene.use, None, levelling=True)
+        levelled = (REFERENCE.name, reason, own.total, estimates, scene.use, None)
+        return Choice(*levelled, levelling=True, moved=own.moved)
     needed_s = boundary_elements_s(scene.surface.shape)
     why = own.doubt or f"interacting caps may be off by {own.total:.2g}, more than {tolerance:.2g}"
     reason = f"{why}; boundary elements are needed and take about {needed_s:.2g} s"
-    return Choice(REFERENCE.name, reason, own.total, estimates, scene.use, needed_s, why=why)
+    given = (own.total, estimates, scene.use, needed_s)
+    return Choice(REFERENCE.name, reason, *given, why=why, moved=own.moved)
 
 
 def _too_many(scene: Scene, settings: Settings) -> Choice:

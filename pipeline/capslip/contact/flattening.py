@@ -1,12 +1,18 @@
 """The caps after their first loading: those that yielded are flatter and lower, all are elastic."""
 
+import math
 from dataclasses import replace
+from typing import Any, cast
 
 import numpy as np
 
 from capslip.caps.families import Families, Family
+from capslip.contact.bulk import bulk_compliance_m_per_N, without_bulk
+from capslip.contact.curve import NormalCurve
+from capslip.contact.levelling import turned
 from capslip.contact.rung import Rung, Scene
 from capslip.contact.solvers.yielding import YieldLaw, first_loading
+from capslip.errors import ContactError
 
 
 def flattened(model: Rung, scene: Scene) -> Scene:
@@ -34,6 +40,68 @@ def flattened(model: Rung, scene: Scene) -> Scene:
         return _of_caps(model, scene)
     face = scene.law, scene.E_star_Pa, scene.preload_N
     return replace(scene, families=flattened_families(scene.families, *face))
+
+
+def loaded_first(
+    model: Rung,
+    scene: Scene,
+    tilt_rad: tuple[float, float],
+    bulk: bool,
+    load_N: float,
+    hardness_factor: float = 1.0,
+) -> NormalCurve:
+    """Return the curve for slip of a face that yields, after another first loading than its own.
+
+    Its approach counts from the highest peak as it was before: the first touch is where flattening
+    left that peak, see `touch_m`.
+
+    Parameters
+    ----------
+    model : Rung
+        One that knows yielding.
+    scene : Scene
+        Before any load, with its law of yielding.
+    tilt_rad : (float, float)
+        Slopes (x, y) that the model added to the map under its own preload, and that are held.
+    bulk : bool
+        Whether the curve holds the bulk sinking, where the model has one.
+    load_N : float
+        Of the first loading.
+    hardness_factor : float
+        On the hardness.
+
+    Raises
+    ------
+    ContactError
+        If no equilibrium is found, or the bulk cannot be taken off.
+    """
+    assert scene.law is not None
+    law = replace(scene.law, hardness_Pa=scene.law.hardness_Pa * hardness_factor)
+    scene = replace(scene, preload_N=load_N, law=law)
+    if model.made_from == "map":
+        level = turned(scene.surface, tilt_rad, (0.0, 0.0))
+        scene = replace(scene, surface=level, turning_stiffness=math.inf)
+    after = flattened(model, scene)
+    curve: Any = model.build(after)
+    if model.made_from == "spheres":
+        curve = replace(curve, depth_m=curve.depth_m + _top_m(model, scene) - _top_m(model, after))
+    if bulk or not model.holds_bulk:
+        return cast(NormalCurve, curve)
+    bulk_m_per_N = bulk_compliance_m_per_N(scene.surface.side_m, scene.E_star_Pa)
+    curve, is_left = without_bulk(curve, bulk_m_per_N, load_N)
+    if is_left:
+        raise ContactError(
+            f"{model.name}: under {load_N:g} N the bulk sinking leaves nothing of the compliance, "
+            "as it does under the preload; keep the bulk term (contact.bulk)"
+        )
+    return cast(NormalCurve, curve)
+
+
+def _top_m(model: Rung, scene: Scene) -> float:
+    if model.knows_places:
+        return float(scene.caps.peak_height_m[scene.use].max())
+    members = (scene.families.G, scene.families.P)
+    return max(one.peak_height_m for one in members if one is not None)
 
 
 def _of_caps(model: Rung, scene: Scene) -> Scene:

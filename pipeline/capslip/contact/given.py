@@ -1,16 +1,20 @@
 """Families that are given, not counted on a scan: the paper's m, n, R and h under a preload."""
 
 import math
+from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
 from capslip.caps.families import Families, Family
+from capslip.contact.curve import NormalCurve
 from capslip.contact.flattening import flattened_families
 from capslip.contact.joint import Joint
 from capslip.contact.material import composite, yield_law
 from capslip.contact.models.families import RUNG, contacts_of_families, curve_of
 from capslip.contact.press import ContactState
 from capslip.contact.solvers.hertz import contact_radius_m
+from capslip.contact.solvers.yielding import YieldLaw
 from capslip.errors import SettingsError
 from capslip.settings import Settings
 
@@ -80,6 +84,7 @@ def press_families(families: Families, settings: Settings) -> tuple[Joint, Conta
         rung=RUNG,
         model_reason="the families were given",
         estimated_error=None,
+        moved=None,
         preload_N=preload_N,
         approach_m=approach_m,
         bulk_m=0.0,
@@ -100,9 +105,18 @@ def press_families(families: Families, settings: Settings) -> tuple[Joint, Conta
         problems=(),
         hardness_Pa=None if law is None else law.hardness_Pa,
         yielded_area_m2=yielded_m2,
+        first=None if law is None else partial(_loaded_first, families, law, joint.E_star_Pa),
     )
     whole = np.array([preload_N]), np.ones(1)
     return Joint(area_m2, None, preload_N, *whole, preload_N), state
+
+
+def _loaded_first(
+    families: Families, law: YieldLaw, E_star_Pa: float, load_N: float, hardness_factor: float
+) -> NormalCurve:
+    """Return the curve of families that were loaded to another load, see `flattening`."""
+    law = replace(law, hardness_Pa=law.hardness_Pa * hardness_factor)
+    return curve_of(flattened_families(families, law, E_star_Pa, load_N), E_star_Pa)
 
 
 def _family(count: int, radius_m: float, peak_height_m: float) -> Family:

@@ -1,15 +1,18 @@
 """The face under its preload: the normal curve that the settings ask for, and its state."""
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
 from capslip.caps.families import Families
 from capslip.caps.table import CapTable
+from capslip.contact.accuracy import MovedCaps
 from capslip.contact.bulk import bulk_compliance_m_per_N, without_bulk
 from capslip.contact.choice import choose_model
 from capslip.contact.curve import NormalCurve
-from capslip.contact.flattening import flattened
+from capslip.contact.flattening import flattened, loaded_first
 from capslip.contact.material import Composite, composite
 from capslip.contact.rung import Contacts, Rung, Scene, rung
 from capslip.contact.solvers.hertz import contact_radius_m
@@ -27,7 +30,8 @@ class ContactState:
 
     rung: Rung
     model_reason: str
-    estimated_error: float | None  # of energy and stiffness; None: not known
+    estimated_error: float | None  # of energy and stiffness, at 95 %; None: not known
+    moved: MovedCaps | None  # a part of it; None: not known, or the caps were not pressed
     preload_N: float
     approach_m: float  # from first touch, half-space bulk term included where the model has one
     bulk_m: float  # that term at the preload; 0 where the model has none
@@ -48,11 +52,25 @@ class ContactState:
     problems: tuple[Problem, ...]
     hardness_Pa: float | None = None  # of the softer face; None: all stays elastic
     yielded_area_m2: float | None = None  # of the contact area; None as well
+    # The curve for slip after a first loading to a load, at a hardness by a factor; None as well
+    first: Callable[[float, float], NormalCurve] | None = None
 
     @property
     def model(self) -> str:
         """Name of the contact model."""
         return self.rung.name
+
+    def curve_after(self, load_N: float, hardness_factor: float = 1.0) -> NormalCurve:
+        """Return the curve for slip after a first loading to a load; all the same where elastic.
+
+        Raises
+        ------
+        ContactError
+            If the face cannot carry the load.
+        """
+        if self.first is None or (load_N == self.preload_N and hardness_factor == 1.0):
+            return self.curve
+        return self.first(load_N, hardness_factor)
 
     @property
     def approach_without_bulk_m(self) -> float | None:
@@ -108,15 +126,16 @@ def press(
     """
     joint = composite(settings.material.youngs_modulus_Pa, settings.material.poisson_ratio)
     preload_N = settings.contact.preload_N
-    use, reason, error, problems = caps.usable, "chosen in the settings", None, []
+    use, reason, error, moved, problems = caps.usable, "chosen in the settings", None, None, []
     if settings.contact.model == "auto":
         choice = choose_model(caps, families, surface, label, noise_m, settings, map_failure)
-        use, reason, error = choice.use, choice.reason, choice.estimated_error
+        use, reason, error, moved = choice.use, choice.reason, choice.estimated_error, choice.moved
         model = rung(choice.model)
         problems += [] if choice.problem is None else [choice.problem]
     else:
         model = rung(settings.contact.model)
-    scene = flattened(model, Scene.of(caps, families, surface, settings, use))
+    before = Scene.of(caps, families, surface, settings, use)
+    scene = flattened(model, before)
     normal: NormalCurve = model.build(scene)
     approach_m = float(normal.approach_m(preload_N))
     curve, bulk_m, bulk = normal, 0.0, settings.contact.bulk
@@ -127,12 +146,6 @@ def press(
             curve, bulk = without_bulk(normal, bulk_m_per_N, preload_N)
             problems += [_bulk_kept(bulk_m, approach_m)] if bulk else []
     found, a_m = _contacts(scene, caps, normal, approach_m, model)
-    face_m2 = float(np.count_nonzero(surface.measured)) * surface.pixel_area_m2
-    if found.area_m2 is not None and found.area_m2 > FULL * face_m2:
-        raise ContactError(
-            f"{model.name}: {preload_N:g} N need a contact area of {found.area_m2:.3g} m2; "
-            f"expected less than the face's {face_m2:.3g} m2; check preload and units"
-        )
     if settings.contact.model == "auto" and model.error is not None:
         error, doubts = model.error(normal, preload_N, settings.contact.tolerance)
         problems += doubts
@@ -144,6 +157,7 @@ def press(
         rung=model,
         model_reason=reason,
         estimated_error=error,
+        moved=moved,
         preload_N=preload_N,
         approach_m=approach_m,
         bulk_m=bulk_m,
@@ -164,15 +178,33 @@ def press(
         problems=(*problems, *found.problems),
         hardness_Pa=None if scene.law is None else scene.law.hardness_Pa,
         yielded_area_m2=found.yielded_area_m2,
+        first=_first(model, before, found.tilt_rad, bulk),
     )
     return state, caps.with_columns(load_N=found.load_N, contact_radius_m=a_m)
+
+
+def _first(
+    model: Rung, scene: Scene, tilt_rad: tuple[float, float], bulk: bool
+) -> Callable[[float, float], NormalCurve] | None:
+    if scene.law is None or model.made_from == "nothing":
+        return None
+    return partial(loaded_first, model, scene, tilt_rad, bulk)
 
 
 def _contacts(
     scene: Scene, caps: CapTable, curve: NormalCurve, approach_m: float, model: Rung
 ) -> tuple[Contacts, np.ndarray]:
-    """Return the contacts under the preload and their radii, of `caps` as they were before it."""
+    """Return the contacts under the preload and their radii, of `caps` as they were before it.
+
+    Refuses contacts of more area than the face has.
+    """
     found, law, radius_m = model.contacts(scene, curve, approach_m), scene.law, caps.radius_m
+    face_m2 = float(np.count_nonzero(scene.surface.measured)) * scene.surface.pixel_area_m2
+    if found.area_m2 is not None and found.area_m2 > FULL * face_m2:
+        raise ContactError(
+            f"{model.name}: {scene.preload_N:g} N need a contact area of {found.area_m2:.3g} m2; "
+            f"expected less than the face's {face_m2:.3g} m2; check preload and units"
+        )
     yielded = np.zeros(len(caps), dtype=bool)
     if law is not None:
         yielded = law.yielded(found.load_N, radius_m)

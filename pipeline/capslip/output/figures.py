@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from capslip.output import figures_contact, figures_sensitivity, figures_surface
+from capslip.output import figures_band, figures_contact, figures_sensitivity, figures_surface
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -110,10 +110,23 @@ FIGURES = {
         "a slip curve and the structure's stiffnesses",
         "Loss factor of the mode from micro-slip in all joints, over the amplitude at mid-span. In "
         "the shaded range the joint slides as a whole and no steady cycle exists under a given "
-        "force, so no value is given.",
+        "force, so no value is given. The diamond is the answer, its bar the interval that holds "
+        "90 % of what may be.",
         "Good: a rise with slope 1, and the amplitudes of the structure left of gross slip.",
         "Loss factor over amplitude: at most {peak_loss_factor} at {amplitude_at_peak_m}, "
         "gross slip from {gross_slip_amplitude_m}.",
+    ),
+    "contributions": Entry(
+        figures_band.contributions,
+        "What the intervals are made of",
+        "an answer of which something is known to be uncertain, and no part beyond total slip",
+        "First-order Sobol indices of the numbers of the answer: which input makes how much of "
+        "their variance. Caps: heights and radii within their errors. Model: what else the "
+        "contact model may be off by. Friction, preload and modulus: the spreads that were given. "
+        "The form of the model is no input: dissipation of real joints is known to a factor of "
+        "two to three at best.",
+        "Good: short bars, the longest of an input that can be measured.",
+        "Shares of the inputs in the variance of stiffness, energy and loss factor.",
     ),
     "sensitivity": Entry(
         figures_sensitivity.sensitivity,

@@ -177,6 +177,7 @@ def loss_factor(analysis: "Analysis") -> "Figure | None":
             markersize=8,
             label=label,
         )
+    _mark_answer(axes, analysis, unit_m)
     colour = PHASES[2][1]
     gross = f"gross slip from {engineering(gross_m, 'm')}: no steady cycle"
     axes.axvspan(gross_m / unit_m, 3 * gross_m / unit_m, color=colour, label=gross, zorder=0)
@@ -202,6 +203,26 @@ def _smooth(x: np.ndarray, y: np.ndarray, points: int = 600) -> tuple[np.ndarray
     curve = PchipInterpolator(np.log(x[seen]), np.log(y[seen]))
     fine = np.geomspace(x[seen][0], x[seen][-1], points)
     return fine, np.exp(curve(np.log(fine)))
+
+
+def _mark_answer(axes: "Axes", analysis: "Analysis", unit_m: float) -> None:
+    """Mark the loss factor that was asked for, with its interval."""
+    answer, band = analysis.answer, analysis.band
+    if answer is None or not answer.loss_factor or band is None:
+        return
+    low, high = band.interval["loss_factor"]
+    down, up = answer.loss_factor - low, high - answer.loss_factor
+    axes.errorbar(
+        [answer.amplitude_m / unit_m],
+        [answer.loss_factor],
+        yerr=[[max(down, 0.0)], [max(up, 0.0)]] if np.isfinite(high) else None,
+        fmt="D",
+        color=LOOP_COLOURS[1],
+        capsize=4,
+        label=f"answer {answer.loss_factor:.3g}"
+        + (f", {low:.3g} to {high:.3g}" if np.isfinite(high) else f", at least {low:.3g}"),
+        zorder=3,
+    )
 
 
 def _caps_alone(analysis: "Analysis", contact: "ContactState") -> "NormalCurve":

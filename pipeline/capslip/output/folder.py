@@ -8,17 +8,16 @@ from typing import TYPE_CHECKING, Any
 
 import msgspec
 
-from capslip.errors import CapslipError, ContactError, SettingsError
+from capslip.errors import CapslipError
 from capslip.output import figures as all_figures
 from capslip.output import mesh, report, scene, staging, tables
+from capslip.output.export import Export, export_named
 from capslip.problems import Problem
-from capslip.structure.jenkins import jenkins, write_jenkins
 
 if TYPE_CHECKING:
     from capslip.result import Analysis, JointResult
 
 Missing = Callable[[str, Exception | None], None]
-EXPORTS = ("jenkins",)
 
 
 def write(
@@ -51,8 +50,9 @@ def write(
         Seconds of what was done before, such as reading.
     figures, render : bool, optional
         Whether to draw the figures and the three-dimensional picture; by default `settings.run`.
-    export : {"jenkins"}, optional
-        Write the slip curve for another solver, too: `jenkins.csv`, parallel Jenkins elements.
+    export : {"jenkins", "law"}, optional
+        Write the joint for another program, too: `jenkins.csv`, parallel Jenkins elements of its
+        slip curve; or `law.*`, the law of its face per area over pressure.
     progress : callable, optional
         Told what is done next, one line at a time.
     missing : callable, optional
@@ -72,8 +72,7 @@ def write(
     SettingsError
         If the export is none of those known.
     """
-    if export is not None and export not in EXPORTS:
-        raise SettingsError(f"export: got {export}; expected one of {', '.join(EXPORTS)}")
+    extra = None if export is None else export_named(export)
     folder, scan = Path(folder), analysis.surface.origin.path
     staging.check_folder(folder, keep=(scan,))
     wanted = {"figures": figures, "render": render}
@@ -82,7 +81,7 @@ def write(
     analysis = replace(analysis, settings=msgspec.structs.replace(analysis.settings, run=run))
     with staging.new_folder(folder) as work:
         parts = _Parts(analysis, work, timings_s or {}, progress, missing)
-        parts.write_numbers(export)
+        parts.write_numbers(extra)
         no_scene = parts.draw()
         progress("writing the report")
         summary = parts.analysis.summary(command, parts.timings_s)
@@ -141,11 +140,11 @@ class _Parts:
             self.analysis = replace(self.analysis, problems=(*self.analysis.problems, problem))
             return None
 
-    def write_numbers(self, export: str | None) -> None:
+    def write_numbers(self, export: Export | None) -> None:
         """Write tables and settings, and from them the export and the meshes."""
         tables.write_result(self.analysis, self.work)
         if export is not None:
-            self.make((f"{export}.csv",), _export_jenkins, self.analysis, self.work)
+            self.make(export.files, export.write, self.analysis, self.work)
         self.make(("surface.vtu", "caps.vtu"), mesh.write_meshes, self.analysis, self.work)
         self.lap("tables")
 
@@ -178,9 +177,3 @@ class _Parts:
             self.missing(f"no render: {reason}", None)
         self.lap("render")
         return reason
-
-
-def _export_jenkins(analysis: "Analysis", work: Path) -> None:
-    if analysis.slip is None:
-        raise ContactError("it needs a slip curve, which this analysis does not have")
-    write_jenkins(jenkins(analysis.slip), work / "jenkins.csv")

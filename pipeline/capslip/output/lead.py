@@ -25,6 +25,18 @@ NOT_DEFINED = (
     "{answer_structure}: loss factor not defined at amplitude {answer_amplitude_m}: the mode is no "
     "longer lightly damped"
 )
+INTERVAL = (
+    "90 % interval: stiffness {answer_stiffness_low_N_per_m:4} to "
+    "{answer_stiffness_high_N_per_m:4}, energy {answer_energy_low_J} to {answer_energy_high_J}, "
+    "loss factor of the joint {answer_joint_loss_factor_low} to {answer_joint_loss_factor_high}"
+)
+INTERVAL_OF_STRUCTURE = ", of the structure {answer_loss_factor_low} to {answer_loss_factor_high}"
+MODEL_FORM = "beside it, dissipation of real joints is known to a factor of two to three at best"
+NO_INTERVAL = (
+    "no interval: the error of the model is not known, it cannot carry each preload that may be, "
+    "or the normal load oscillates"
+)
+LEFT_OUT = "; not in it, as not known: {0}"
 JOINT = "preload {preload_N:4}"
 PRESSURE = " on {joint_area_m2}: {nominal_pressure_Pa} nominal"
 COVERAGE = "; scan {coverage} of it, resultant {off_m} off the load point"
@@ -50,9 +62,26 @@ def answer_lines(summary: dict[str, Any], absent: str) -> list[tuple[str, str]]:
     else:
         texts.append(f"displacement {{answer_displacement_m}}; {LIMITS}")
     texts.append(NOT_DEFINED if answer["loss_factor"] is None else STRUCTURE)
+    texts += _interval_texts(answer)
     labels = ["answer", *[""] * (len(texts) - 1)]
     written = [write_text(text, summary, absent) for text in texts]
     return list(zip(labels, written, strict=True))
+
+
+def _interval_texts(answer: dict[str, Any]) -> list[str]:
+    """Return the interval and which input makes how much of that of the energy."""
+    if answer["contributions"] is None:
+        return [] if answer["energy_J"] == 0.0 else [NO_INTERVAL]
+    of_structure = answer["loss_factor"] is not None
+    shares = answer["contributions"]["energy_J"].items()
+    parts = ", ".join(f"{name} {share:.0%}" for name, share in shares if share >= 0.005)
+    names = " and ".join(answer["not_in_interval"])
+    left_out = LEFT_OUT.format(names) if names else ""
+    return [
+        INTERVAL + (INTERVAL_OF_STRUCTURE if of_structure else ""),
+        (f"of the variance of the energy {parts}" if parts else "no upper bound")
+        + f"{left_out}; {MODEL_FORM}",
+    ]
 
 
 def joint_line(summary: dict[str, Any], absent: str) -> str:

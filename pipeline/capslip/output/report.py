@@ -141,7 +141,8 @@ def _limits(summary: dict[str, Any], analysis: "Analysis") -> list[str]:
         "The loss factor is for comparing faces, preloads and designs. Bureau, Caroli and "
         "Baumberger (2003) report that a model of many Mindlin contacts describes the elastic "
         "response of a real interface, but not its dissipation quantitatively. An absolute value "
-        "needs a measurement.",
+        "needs a measurement, and no interval of this report holds that: they hold what the caps, "
+        "the contact model and the given spreads leave open.",
         "Slip follows from the normal curve by the theorem of Ciavarella and Jaeger: constant "
         "preload, one direction of slip, no rotation, equal materials (or no coupling between "
         "normal and tangential deformation), Coulomb friction with one coefficient. Poisson's "

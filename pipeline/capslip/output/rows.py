@@ -41,6 +41,17 @@ class Quantity:
     path: str
 
 
+def _interval(place: str, name: str, label: str, unit: str) -> dict[str, Quantity]:
+    """Return both ends of the interval of a number of the answer."""
+    stem, _, of_unit = place.partition(":")
+    return {
+        f"{name}_{end}{of_unit}": Quantity(
+            f"{label}, {words}", unit, f"answer.interval.{stem}{of_unit}.{i}"
+        )
+        for i, (end, words) in enumerate((("low", "5 %"), ("high", "95 %")))
+    }
+
+
 def _of_family(name: str) -> dict[str, Quantity]:
     place = f"families.{name}"
     return {
@@ -117,6 +128,10 @@ QUANTITIES = {
     "answer_loss_factor": Quantity("loss factor of the structure", "", "answer.loss_factor"),
     "answer_damping_ratio": Quantity("damping ratio of the structure", "", "answer.damping_ratio"),
     "answer_frequency_shift": Quantity("frequency shift", "%", "answer.frequency_shift"),
+    **_interval("tangential_stiffness:_N_per_m", "answer_stiffness", "stiffness", "N/m"),
+    **_interval("energy:_J", "answer_energy", "energy", "J"),
+    **_interval("joint_loss_factor", "answer_joint_loss_factor", "loss factor of the joint", ""),
+    **_interval("loss_factor", "answer_loss_factor", "loss factor of the structure", ""),
     "structure": Quantity("structure", "", "damping.structure"),
     "peak_loss_factor": Quantity("greatest loss factor", "", "damping.peak_loss_factor"),
     "amplitude_at_peak_m": Quantity("amplitude there", "m", "damping.amplitude_at_peak_m"),
@@ -169,7 +184,8 @@ def value(summary: dict[str, Any], name: str) -> Any:
     """
     found: Any = summary
     for key in QUANTITIES[name].path.split("."):
-        found = None if found is None else found[key]
+        if found is not None:
+            found = found[int(key)] if isinstance(found, list) else found[key]
     return found
 
 

@@ -27,6 +27,13 @@ FILES = frozenset(
         "caps.vtu",
         "surface.vtu",
         "jenkins.csv",
+        "law.csv",
+        "law.h5",
+        "law.json",
+        "law.py",
+        "law_abaqus.inp",
+        "law_calculix.inp",
+        "law_jenkins.csv",
     }
 )
 OURS = ".capslip."  # begins the names of folders that hold a result under way

@@ -2,6 +2,9 @@
 
 import math
 from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
 
 from capslip.contact.slip import SlipCurve
 from capslip.problems import Problem
@@ -67,7 +70,7 @@ def answer_to(
     """
     name, value = asked(question, slip)
     assert value is not None  # a slip curve has a force at total slip
-    K_m, K_s = damping.modal_stiffness_N_per_m, damping.joint_stiffness_N_per_m
+    K_s = damping.joint_stiffness_N_per_m
     T_most, delta_most = float(slip.total_slip_force_N), float(slip.total_slip_displacement_m)
     most = {
         "amplitude_m": damping.gross_slip_amplitude_m,
@@ -86,18 +89,41 @@ def answer_to(
     else:
         T = min(K_s * value if name == "amplitude_m" else value, T_most)
         delta, W = float(slip.displacement_m(T)), float(slip.energy_at_force_J(T))
+    numbers: dict[str, Any] = {
+        name: float(number) for name, number in numbers_of_state(T, delta, W, damping).items()
+    }
+    if delta <= 0.0:
+        numbers |= dict.fromkeys(("tangential_stiffness_N_per_m", "joint_loss_factor"))
+    if lightly_damped(numbers["loss_factor"]) is None:
+        numbers |= dict.fromkeys(("loss_factor", "damping_ratio"))
+    return Answer(**numbers), ()
+
+
+def numbers_of_state(T: Any, delta: Any, W: Any, damping: Damping) -> dict[str, np.ndarray]:
+    """Return the numbers of an `Answer` in any states of a joint, defined there or not.
+
+    Parameters
+    ----------
+    T, delta, W : float or float64, shape (n,)
+        Slip force, displacement, and energy lost per cycle in one joint.
+    damping : Damping
+        Of the structure; its stiffnesses count.
+    """
+    K_m, K_s = damping.modal_stiffness_N_per_m, damping.joint_stiffness_N_per_m
+    T, delta, W = (np.asarray(one, dtype=float) for one in (T, delta, W))
     v, joints = T / K_s, damping.joints
     v_total = v + joints * K_s / K_m * delta
-    loss_factor = lightly_damped(joints * W / (math.pi * K_m * v * v))
-    return Answer(
-        slip_force_N=T,
-        displacement_m=delta,
-        tangential_stiffness_N_per_m=T / delta if delta > 0.0 else None,
-        energy_J=W,
-        joint_loss_factor=W / (math.pi * T * delta) if delta > 0.0 else None,
-        amplitude_m=v,
-        total_amplitude_m=v_total,
-        loss_factor=loss_factor,
-        damping_ratio=None if loss_factor is None else loss_factor / 2.0,
-        frequency_shift=math.sqrt(v / v_total) - 1.0,
-    ), ()
+    with np.errstate(divide="ignore", invalid="ignore"):
+        loss_factor = joints * W / (math.pi * K_m * v * v)
+        return {
+            "slip_force_N": T,
+            "displacement_m": delta,
+            "tangential_stiffness_N_per_m": T / delta,
+            "energy_J": W,
+            "joint_loss_factor": W / (math.pi * T * delta),
+            "amplitude_m": v,
+            "total_amplitude_m": v_total,
+            "loss_factor": loss_factor,
+            "damping_ratio": loss_factor / 2.0,
+            "frequency_shift": np.sqrt(v / v_total) - 1.0,
+        }

@@ -28,7 +28,7 @@ _APART = (1.0, 0.5, 0.25, 0.1)  # half sides between two patches; nearer ones be
 _MOST_NODES = 3000  # of all patches
 _MOST_POINTS = 300_000  # where refined
 _MOST_SHARE = 0.5  # of the points of the map in patches; with more, the map itself is quicker
-_POINT_COST = 400  # of a transform, in products between nodes
+POINT_COST = 400  # of a transform, in products between nodes
 _SPLINE_MARGIN = 8  # pixels beyond a patch that its refinement sees
 
 
@@ -298,7 +298,7 @@ def _cheapest(contact: np.ndarray, refinement: int) -> tuple[np.ndarray, list[_N
             continue
         nodes = [_Nodes.of(boxes * refinement, k) for k in range(len(boxes))]
         n_nodes = sum(each.count for each in nodes)
-        cost = n_nodes**2 + _POINT_COST * n_points * refinement**2
+        cost = n_nodes**2 + POINT_COST * n_points * refinement**2
         if n_nodes <= _MOST_NODES and cost < least:
             best, least = (boxes, nodes), cost
     return best

@@ -8,6 +8,7 @@ import numpy as np
 
 from capslip.contact.solvers.hertz import load_drop_of_asperity, loss_of_asperity
 from capslip.contact.solvers.patches import PatchedFace, patched
+from capslip.contact.solvers.pixels import pixels_alone
 from capslip.contact.solvers.polonsky_keer import (
     ElasticFace,
     Pressed,
@@ -195,6 +196,8 @@ class _Path:
         self.map, self.map_pressed, self.patches = face, pressed, None
         if on_patches:
             self.patches = patched(face, region > 0, refinement(face, pressed))
+            if self.patches is None:
+                self.patches = pixels_alone(face, region > 0)
         if self.patches is not None:
             face = self.patches
             pressed, region = _on_patches(self.patches, pressed, region)

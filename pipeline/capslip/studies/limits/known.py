@@ -8,11 +8,12 @@ import numpy as np
 from capslip.caps.table import CapTable
 from capslip.contact.bulk import bulk_compliance_m_per_N, without_bulk
 from capslip.contact.levelling import rebalanced, turned
-from capslip.contact.material import composite
-from capslip.contact.models.interacting import interacting
+from capslip.contact.material import composite, yield_law
+from capslip.contact.models.interacting import InteractingCurve, interacting
 from capslip.contact.rung import load_point_m
-from capslip.contact.slip import slip_curve
+from capslip.contact.slip import SlipCurve, slip_curve
 from capslip.contact.solvers.hertz import contact_radius_m
+from capslip.contact.solvers.yielding import first_loading
 from capslip.errors import TipsOverError
 from capslip.settings import Settings
 from capslip.studies.chart.reference import Reference, reference
@@ -93,28 +94,16 @@ def _known_of_caps(
     counts: tuple[int, int] | None,
 ) -> Known | None:
     """Return the answers of the true caps; None where they are not all that touches."""
-    material, preload_N = settings.material, case.preload_N
-    joint = composite(material.youngs_modulus_Pa, material.poisson_ratio)
-    peak_m = truth.peak_height_m
-    if settings.contact.alignment == "balanced":
-        found = _balanced_peaks_m(truth, face, settings)
-        if found is None:
-            return None
-        peak_m, floor_m = found
-    curve = interacting(
-        truth.radius_m, peak_m.max() - peak_m, truth.x_m, truth.y_m, joint.E_star_Pa
-    )
+    preload_N = case.preload_N
+    found = slip_of_true_caps(truth, face, settings, preload_N)
+    if found is None:
+        return None
+    curve, slip = found
     approach_m = float(curve.approach_m(preload_N))
-    if curve.overlapping_pairs(approach_m):
-        return None
-    if settings.contact.alignment == "balanced" and floor_m > peak_m.max() - approach_m:
-        return None
     load_N = curve.asperity_loads_N(approach_m)
-    a_m = contact_radius_m(load_N, curve.radius_m, joint.E_star_Pa)
+    a_m = contact_radius_m(load_N, curve.radius_m, curve.E_star_Pa)
     touching = load_N > 0.0
-    bulk_m_per_N = bulk_compliance_m_per_N(face.side_m, joint.E_star_Pa)
-    rest, _ = without_bulk(curve, bulk_m_per_N, preload_N)
-    slip = slip_curve(rest, preload_N, material.friction_coefficient, joint.kappa)
+    bulk_m_per_N = bulk_compliance_m_per_N(face.side_m, curve.E_star_Pa)
     # Far below total slip the cube law holds: an answer that does not hang on small differences.
     shares = np.array(case.shares)
     solved = np.maximum(shares, CUBIC_BELOW)
@@ -129,6 +118,39 @@ def _known_of_caps(
         counts=counts,
         pressure_Pa=float((1.5 * load_N[touching] / (np.pi * a_m[touching] ** 2)).max()),
     )
+
+
+def slip_of_true_caps(
+    truth: Truth, face: HeightMap, settings: Settings, preload_N: float
+) -> tuple[InteractingCurve, SlipCurve] | None:
+    """Return the true caps with interaction, balanced, and their slip without the bulk sinking.
+
+    None where they are not all that touches.
+    """
+    material = settings.material
+    joint = composite(material.youngs_modulus_Pa, material.poisson_ratio)
+    peak_m = truth.peak_height_m
+    if settings.contact.alignment == "balanced":
+        found = _balanced_peaks_m(truth, face, settings)
+        if found is None:
+            return None
+        peak_m, floor_m = found
+    spheres, places = (truth.radius_m, peak_m.max() - peak_m), (truth.x_m, truth.y_m)
+    curve = interacting(*spheres, *places, joint.E_star_Pa)
+    law = yield_law(material)
+    if law is not None:
+        between = curve.pair_compliance_m_per_N
+        given = (law, *spheres, joint.E_star_Pa, preload_N)
+        after = first_loading(*given, compliance_m_per_N=between)
+        curve = interacting(after.radius_m, after.depth_m, *places, joint.E_star_Pa)
+    approach_m = float(curve.approach_m(preload_N))
+    if curve.overlapping_pairs(approach_m):
+        return None
+    if settings.contact.alignment == "balanced" and floor_m > peak_m.max() - approach_m:
+        return None
+    bulk_m_per_N = bulk_compliance_m_per_N(face.side_m, joint.E_star_Pa)
+    rest, _ = without_bulk(curve, bulk_m_per_N, preload_N)
+    return curve, slip_curve(rest, preload_N, material.friction_coefficient, joint.kappa)
 
 
 def _balanced_peaks_m(

@@ -1,0 +1,273 @@
+"""The law of a joint face per area: tables, and what other programs read of it."""
+
+import csv
+import inspect
+import json
+import textwrap
+from collections.abc import Iterable, Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from capslip.errors import ContactError
+from capslip.output.export import Export
+from capslip.structure import interpolation
+from capslip.structure.law import JENKINS_TOLERANCE, Law, law
+
+if TYPE_CHECKING:
+    from capslip.contact.press import ContactState
+    from capslip.result import Analysis
+
+SCHEMA = "capslip/law/1"
+UNITS = {
+    "pressure_Pa": "Pa",
+    "closure_m": "m",
+    "normal_stiffness_Pa_per_m": "Pa/m",
+    "tangential_stiffness_Pa_per_m": "Pa/m",
+    "total_slip_displacement_m": "m",
+    "displacement_m": "m",
+    "shear_Pa": "Pa",
+    "loss_J_per_m2": "J/m^2",
+    "bed_closure_m": "m",
+    "bed_stiffness_Pa_per_m": "Pa/m",
+    "friction_coefficient": "1",
+    "kappa": "1",
+    "range_Pa": "Pa",
+    "slider_stiffness_Pa_per_m": "Pa/m",
+    "slider_shear_Pa": "Pa",
+}
+FILES = ("law.csv", "law.h5", "law.json", "law.py", "law_jenkins.csv")
+NOTES: dict[str, list[str]] = {
+    "calculix": [
+        "** With CONTACT PAIR, TYPE=NODE TO SURFACE: version 2.20 carries nothing by a table in",
+        "** face-to-face contact (measured on two blocks).",
+    ],
+    "abaqus": [],
+}
+BY_PRESSURE = (
+    "pressure_Pa",
+    "closure_m",
+    "normal_stiffness_Pa_per_m",
+    "tangential_stiffness_Pa_per_m",
+    "total_slip_displacement_m",
+)
+BY_BOTH = ("displacement_m", "shear_Pa", "loss_J_per_m2")
+DECKS = {"calculix": "law_calculix.inp", "abaqus": "law_abaqus.inp"}
+
+
+def write(analysis: "Analysis", folder: Path) -> None:
+    """Write the law as `law.csv`, `law.h5`, `law.json`, and for other programs.
+
+    Raises
+    ------
+    ContactError
+        If the analysis has no slip curve, see also `structure.law.law`.
+    """
+    if analysis.contact is None or analysis.slip is None:
+        raise ContactError("it needs a slip curve, which this analysis does not have")
+    if analysis.settings.slip.normal_amplitude_ratio > 0.0:
+        raise ContactError(
+            "it is a law under a constant pressure; expected slip.normal_amplitude_ratio = 0"
+        )
+    friction = analysis.settings.material.friction_coefficient
+    found = law(analysis.contact, analysis.joint, friction, _reach_m(analysis, analysis.contact))
+    doubts = [f"{p.code}: {p.message}" for p in analysis.problems if p.severity != "info"]
+    write_law(found, folder, analysis.name, analysis.status, doubts)
+
+
+def _reach_m(analysis: "Analysis", contact: "ContactState") -> float | None:
+    """Return how far below the highest peak the cut lies, or the highest cap that is left out."""
+    caps = analysis.caps
+    if not caps.usable.any():
+        return None
+    ends_m = [analysis.hills.cut_height_m]
+    if contact.rung.knows_places:  # families hold all caps
+        ends_m += caps.peak_height_m[caps.usable & ~contact.use].tolist()
+    return float(caps.peak_height_m[caps.usable].max() - max(ends_m))
+
+
+def write_law(found: Law, folder: Path, name: str, status: str, doubts: list[str]) -> None:
+    """Write a law into a folder; the doubts of the analysis go with it."""
+    page = about(found, name, status, doubts)
+    document = {"schema": SCHEMA, "about": page, "units": UNITS, "model": found.model}
+    columns = {name: getattr(found, name) for name in (*BY_PRESSURE, *BY_BOTH)} | found.tables()
+    document |= {name: np.asarray(values).tolist() for name, values in columns.items()}
+    text = json.dumps(document, indent=1, ensure_ascii=False, allow_nan=False) + "\n"
+    (folder / "law.json").write_text(text, encoding="utf-8")
+    (folder / "law.py").write_text(inspect.getsource(interpolation), encoding="utf-8")
+    for program, file in DECKS.items():
+        (folder / file).write_text(deck(found, program, page), encoding="utf-8")
+    _write_csv(folder / "law.csv", page, _rows(found))
+    _write_csv(folder / "law_jenkins.csv", [*page, "", *_how_to_slide(found)], _sliders(found))
+    _write_hdf5(found, page, folder / "law.h5")
+
+
+def about(found: Law, name: str, status: str, doubts: list[str]) -> list[str]:
+    """Return the page that goes with the numbers, in lines: what, how to use, how far it holds."""
+    p, mu, D = found.pressure_Pa, found.friction_coefficient, found.total_slip_displacement_m
+    error = "not known" if found.model_error is None else f"{found.model_error:.1%}"
+    bulk = (
+        "It HOLDS the sinking of a half-space of the size of the scan, which a finite-element body "
+        "has already: taken twice, the joint is too soft."
+        if found.holds_bulk
+        else "The sinking of the bodies below it is not in it: the structure has that."
+    )
+    yields = (
+        "elastic contacts. "
+        if found.hardness_Pa is None
+        else f"contacts that yielded at {found.hardness_Pa / 1e9:.3g} GPa when each pressure was "
+        "reached for the first time, and unload and slip elastically: the closure and its "
+        "stiffness are those of unloading, and a face that bore more before is stiffer. "
+    )
+    return [
+        f"Law of the joint face {name} per nominal area, by capslip (status: {status}).",
+        f"Contact model {found.model}, scan of {found.area_m2:.6g} m2 analysed under "
+        f"{found.scan_pressure_Pa:.6g} Pa, friction coefficient {mu:g}.",
+        "",
+        "What: under each nominal pressure p the approach of the faces from first touch (closure), "
+        "the stiffness dp/d closure, the shear stiffness before slip, the shear stress tau on "
+        "first loading over the relative displacement delta, and the energy w per area lost in a "
+        "cycle between -delta and delta. SI; every column names its unit.",
+        "How: times the area of a patch these are forces and energies. Unloading is twice the "
+        "first loading at half the displacement (Masing). From the total-slip displacement D on "
+        "tau = mu p and w grows by 4 mu p per metre.",
+        "law.csv and law.h5 hold these for some pressures and displacements; law.py (numpy alone) "
+        "reads law.json and gives them for any. law_jenkins.csv: sliders "
+        "for harmonic balance; law_calculix.inp, law_abaqus.inp: cards of a surface interaction.",
+        f"Holds: {p[0]:.4g} to {p[-1]:.4g} Pa, D from {D.min():.3g} to {D.max():.3g} m. It ends "
+        f"there: {found.ends}.",
+        "Constant pressure during a cycle, one direction of slip, no turning of the face, the tilt "
+        f"as under {found.scan_pressure_Pa:.4g} Pa, " + yields + bulk,
+        f"Error: of the model, estimated at {found.scan_pressure_Pa:.4g} Pa: {error}. Of law.py "
+        f"against the model, from a tenth of mu p on: up to {found.shear_error:.1%} of tau and "
+        f"{found.loss_error:.1%} of w, measured "
+        + (
+            "with every second pressure left out: contacts that touch between two of them are "
+            "smeared, so take the pressures of law.csv where this is too much"
+            if found.solved or found.hardness_Pa is not None
+            else "at the pressures of law.csv"
+        )
+        + ". The dissipation of real joints is known to a factor of two to three at best (Bureau, "
+        "Caroli and Baumberger 2003).",
+        *(["", "What makes it doubtful:"] if doubts else []),
+        *(f"- {doubt}" for doubt in doubts),
+    ]
+
+
+def deck(found: Law, program: str, page: Iterable[str]) -> str:
+    """Return the cards of one surface interaction, in SI: metres, newtons, pascals.
+
+    Both programs read pressure, overclosure and interpolate by straight lines. CalculiX takes a
+    stick slope after the friction coefficient, one for all pressures; Abaqus the slip
+    mu p / k_t up to which it is elastic, which makes the slope follow the pressure.
+    """
+    i = found.at_scan_pressure
+    p, mu = float(found.pressure_Pa[i]), found.friction_coefficient
+    stick = float(found.tangential_stiffness_Pa_per_m[i])
+    cards = {
+        "calculix": ("stick slope k_t in Pa/m", "*FRICTION", _card(mu, stick)),
+        "abaqus": (
+            "elastic slip mu p / k_t in m",
+            f"*FRICTION, ELASTIC SLIP={_card(mu * p / stick)}",
+            _card(mu),
+        ),
+    }
+    what, *friction = cards[program]
+    table = _overclosure(found)
+    lines = [
+        *(f"** {line}".rstrip() for text in page for line in textwrap.wrap(text, 90) or [""]),
+        "**",
+        "** Metres, newtons and pascals; in mm, N and MPa divide pressures by 1e6, multiply",
+        "** overclosures by 1e3 and divide the stick slope by 1e9.",
+        f"** Keep to less than {table[-1][0]:.6g} Pa, where the table ends.",
+        *NOTES[program],
+        "*SURFACE INTERACTION, NAME=CAPSLIP",
+        "*SURFACE BEHAVIOR, PRESSURE-OVERCLOSURE=TABULAR",
+        _card(0.0, 0.0),
+        *(_card(*row) for row in table),
+        f"** {what}, at {p:.6g} Pa; take k_t of law.csv at another pressure",
+        *friction,
+    ]
+    return "\n".join(lines) + "\n"
+
+
+def _overclosure(found: Law) -> list[tuple[float, float]]:
+    """Return pressures and closures: of a face that yields those below the pressure of the scan.
+
+    There it unloads, by p(d - e) = p - tau(mu kappa e) / mu.
+    """
+    if found.hardness_Pa is None:
+        return list(zip(found.pressure_Pa.tolist(), found.closure_m.tolist(), strict=True))
+    i, mu = found.at_scan_pressure, found.friction_coefficient
+    p = found.pressure_Pa[i] - found.shear_Pa[i, -2::-1] / mu
+    z = found.closure_m[i] - found.displacement_m[i, -2::-1] / (mu * found.kappa)
+    last = float(found.pressure_Pa[i]), float(found.closure_m[i])
+    return [*zip(p.tolist(), z.tolist(), strict=True), last]
+
+
+def _card(*values: float) -> str:
+    """Return a data line; a field of more than 20 characters is cut off by its reader."""
+    return ", ".join(f"{value:.12e}" for value in values)
+
+
+def _how_to_slide(found: Law) -> list[str]:
+    worst = max(elements.energy_error for elements in found.elements)
+    return [
+        "Each row is a spring in series with a Coulomb slider, all rows of one pressure in "
+        "parallel. Times the area of a patch: stiffness in N/m, slip force in N.",
+        "tmdsimpy: one JenkinsForce(Q, T, kt, Fs) a row, kt = area * stiffness, Fs = area * shear.",
+        f"pyHarm: one Jenkins a row, k = area * stiffness, mu = {found.friction_coefficient:g}, "
+        "N0 = area * shear / mu.",
+        f"The energy of a cycle is within {worst:.2g} (asked: {JENKINS_TOLERANCE:g}) from a "
+        "hundredth of the total-slip displacement on; below it too little is lost.",
+    ]
+
+
+def _rows(found: Law) -> tuple[list[str], Iterator[tuple[float, ...]]]:
+    """Return names and rows of the long form: one row for each pressure and displacement."""
+    shape = found.shear_Pa.shape
+    columns = [np.broadcast_to(getattr(found, name)[:, None], shape) for name in BY_PRESSURE]
+    columns += [getattr(found, name) for name in BY_BOTH]
+    rows = zip(*(column.ravel().tolist() for column in columns), strict=True)
+    return [*BY_PRESSURE, *BY_BOTH], rows
+
+
+def _sliders(found: Law) -> tuple[list[str], Iterator[tuple[float, ...]]]:
+    rows = (
+        (p, stiffness, shear)
+        for p, elements in zip(found.pressure_Pa.tolist(), found.elements, strict=True)
+        for stiffness, shear in zip(
+            elements.stiffness_N_per_m.tolist(), elements.slip_force_N.tolist(), strict=True
+        )
+    )
+    return ["pressure_Pa", "slider_stiffness_Pa_per_m", "slider_shear_Pa"], rows
+
+
+def _write_csv(
+    path: Path, page: Iterable[str], table: tuple[list[str], Iterator[tuple[float, ...]]]
+) -> None:
+    names, rows = table
+    with path.open("w", newline="", encoding="utf-8") as file:
+        file.writelines(f"# {line}".rstrip() + "\n" for line in page)
+        writer = csv.writer(file, lineterminator="\n")
+        writer.writerow(names)
+        writer.writerows([repr(value) for value in row] for row in rows)
+
+
+def _write_hdf5(found: Law, page: Iterable[str], path: Path) -> None:
+    import h5py
+
+    names, rows = _sliders(found)
+    columns = {name: getattr(found, name) for name in (*BY_PRESSURE, *BY_BOTH)} | found.tables()
+    with h5py.File(path, "w") as file:
+        file.attrs["schema"] = SCHEMA
+        file.attrs["about"] = "\n".join(page)
+        for name, values in columns.items():
+            file.create_dataset(name, data=values).attrs["unit"] = UNITS[name]
+        sliders = np.array(list(rows))
+        for name, column in zip(names, sliders.T, strict=True):
+            file.create_dataset(f"sliders/{name}", data=column).attrs["unit"] = UNITS[name]
+
+
+EXPORT = Export((*FILES, *DECKS.values()), write)

@@ -1,0 +1,212 @@
+"""The law of a joint face per area, from its table of stiffness over closure; needs numpy alone.
+
+`capslip analyze ... --export law` writes this file as `law.py` beside `law.json`. Anywhere else::
+
+    from law import LawTables
+
+    law = LawTables.read("law.json")
+    law.shear_Pa(displacement_m=[1e-8, 5e-8], pressure_Pa=2e6)
+    law.loss_J_per_m2(displacement_m=5e-8, pressure_Pa=2e6)
+
+Times the area of a patch these are forces and energies. Unloading and reloading follow from the
+first loading by Masing's rule: from a reversal on, twice the curve at half the displacement.
+"""
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+REACH = 1e-9  # relative, by which a pressure may lie outside of the range
+LEAST_SHARE = 1e-4  # of the withdrawal at total slip; below it the loss falls as its cube
+
+
+class LawTables:
+    """Stiffness, shear stress and loss per area over pressure and displacement.
+
+    The face is a bed of springs that touch one after the other: K(z) is the stiffness of those that
+    touch before the closure z, a straight line between the points of the table. Each is a spring
+    with a slider under shear, so that all follows from K, with e = delta / (mu kappa)::
+
+        p = P(d) = integral of K from 0 to d,  k_n = K(d),  k_t = K(d) / kappa
+        tau = mu [P(d) - P(d - e)],  w = 4 mu^2 kappa integral of s (e - s) K'(d - s) ds
+    """
+
+    def __init__(self, tables: dict[str, Any]) -> None:
+        """Take the tables of `law.json`."""
+        z, K = (np.asarray(tables[f"bed_{name}"], dtype=float) for name in COLUMNS)
+        self.friction_coefficient = float(tables["friction_coefficient"])
+        self.kappa = float(tables["kappa"])
+        self.range_Pa = tuple(float(value) for value in tables["range_Pa"])
+        self._z, self._K, self._slope = z, K, np.diff(K) / np.diff(z)
+        self._P = np.append(0.0, np.cumsum(0.5 * (K[1:] + K[:-1]) * np.diff(z)))
+        # Integrals of K' z and K' z^2; the springs of the first point touch at zero
+        self._first = np.append(0.0, np.cumsum(self._slope * np.diff(z**2) / 2.0))
+        self._second = np.append(0.0, np.cumsum(self._slope * np.diff(z**3) / 3.0))
+
+    @staticmethod
+    def read(path: str | Path) -> "LawTables":
+        """Read `law.json`."""
+        return tables_of(json.loads(Path(path).read_text(encoding="utf-8")))
+
+    def closure_m(self, pressure_Pa: ArrayLike) -> np.ndarray:
+        """Approach d of the two faces from their first touch."""
+        p = self._checked(pressure_Pa)
+        i = np.clip(np.searchsorted(self._P, p, side="right") - 1, 0, len(self._slope) - 1)
+        K, rest = self._K[i], p - self._P[i]
+        root = np.sqrt(np.maximum(K**2 + 2.0 * self._slope[i] * rest, 0.0))
+        return np.asarray(self._z[i] + 2.0 * rest / (K + root))
+
+    def normal_stiffness_Pa_per_m(self, pressure_Pa: ArrayLike) -> np.ndarray:
+        """Slope dp / dd."""
+        return np.asarray(np.interp(self.closure_m(pressure_Pa), self._z, self._K))
+
+    def tangential_stiffness_Pa_per_m(self, pressure_Pa: ArrayLike) -> np.ndarray:
+        """Slope d tau / d delta before any slip."""
+        return self.normal_stiffness_Pa_per_m(pressure_Pa) / self.kappa
+
+    def total_slip_displacement_m(self, pressure_Pa: ArrayLike) -> np.ndarray:
+        """Displacement from which on everything slips."""
+        return self.friction_coefficient * self.kappa * self.closure_m(pressure_Pa)
+
+    def shear_Pa(self, displacement_m: ArrayLike, pressure_Pa: ArrayLike) -> np.ndarray:
+        """tau(delta, p) on first loading, odd in delta; mu p from total slip on."""
+        d, e = self._pressed(displacement_m, pressure_Pa)
+        drop_Pa = self._pressure(d) - self._pressure(np.maximum(d - e, 0.0))
+        return np.asarray(np.sign(displacement_m) * self.friction_coefficient * drop_Pa)
+
+    def loss_J_per_m2(self, displacement_m: ArrayLike, pressure_Pa: ArrayLike) -> np.ndarray:
+        """w(delta, p), lost in one cycle between -delta and delta."""
+        d, wanted = self._pressed(displacement_m, pressure_Pa)
+        e = np.maximum(wanted, LEAST_SHARE * d)
+        low = np.maximum(d - e, 0.0)
+        touch = np.where(e >= d, self._K[0], 0.0)  # springs that touch at zero, if they slip
+        zeroth, first, second = (
+            high - below for high, below in zip(self._moments(d), self._moments(low), strict=True)
+        )
+        integral = d * (e - d) * (zeroth + touch) + (2.0 * d - e) * first - second
+        w = 4.0 * self.friction_coefficient**2 * self.kappa * integral
+        return np.asarray(w * np.minimum(wanted / e, 1.0) ** 3)
+
+    def _pressed(
+        self, displacement_m: ArrayLike, pressure_Pa: ArrayLike
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Return closure and withdrawal."""
+        delta, d = np.broadcast_arrays(
+            np.abs(np.asarray(displacement_m, dtype=float)), self.closure_m(pressure_Pa)
+        )
+        return d, delta / (self.friction_coefficient * self.kappa)
+
+    def _cell(self, z: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        i = np.clip(np.searchsorted(self._z, z, side="right") - 1, 0, len(self._slope) - 1)
+        return i, self._z[i]
+
+    def _pressure(self, z: np.ndarray) -> np.ndarray:
+        i, low = self._cell(z)
+        step = z - low
+        return np.asarray(self._P[i] + step * (self._K[i] + 0.5 * self._slope[i] * step))
+
+    def _moments(self, z: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Integrals of K', K' z and K' z^2 up to z."""
+        i, low = self._cell(z)
+        k = self._slope[i]
+        zeroth = self._K[i] - self._K[0] + k * (z - low)
+        first = self._first[i] + k * (z**2 - low**2) / 2.0
+        return zeroth, first, self._second[i] + k * (z**3 - low**3) / 3.0
+
+    def _checked(self, pressure_Pa: ArrayLike) -> np.ndarray:
+        p, (low, high) = np.asarray(pressure_Pa, dtype=float), self.range_Pa
+        if not np.all((p >= low * (1.0 - REACH)) & (p <= high * (1.0 + REACH))):
+            raise ValueError(
+                f"pressure_Pa: got {p.min():g} to {p.max():g}; expected {low:g} to {high:g} Pa, "
+                "which the law holds; analyse the scan at another pressure"
+            )
+        return p
+
+
+class YieldedTables(LawTables):
+    """The same of a face that yields: it was loaded once to the pressure that is asked for.
+
+    Each pressure has a bed of its own, so what is asked for is interpolated between those of the
+    table: as shares of total slip, straight in logarithms. The closure is what the face would open
+    by if it were unloaded, without what yielded.
+    """
+
+    def __init__(self, tables: dict[str, Any]) -> None:
+        """Take the tables of `law.json`."""
+        rows = {name: np.asarray(tables[name], dtype=float) for name in ROWS}
+        self.friction_coefficient = float(tables["friction_coefficient"])
+        self.kappa = float(tables["kappa"])
+        self.range_Pa = tuple(float(value) for value in tables["range_Pa"])
+        self._log_p = np.log(rows["pressure_Pa"])
+        self._closure = np.log(rows["closure_m"])
+        self._stiffness = np.log(rows["normal_stiffness_Pa_per_m"])
+        share = rows["displacement_m"] / rows["displacement_m"][:, -1:]
+        self._log_share = np.log(share[0])
+        # Over share and share^3 both are nearly even
+        self._shear = np.log(rows["shear_Pa"] / share)
+        self._loss = np.log(rows["loss_J_per_m2"] / share**3)
+
+    def closure_m(self, pressure_Pa: ArrayLike) -> np.ndarray:
+        """By how much the faces would open if they were unloaded."""
+        p = self._checked(pressure_Pa)
+        return np.asarray(np.exp(np.interp(np.log(p), self._log_p, self._closure)))
+
+    def normal_stiffness_Pa_per_m(self, pressure_Pa: ArrayLike) -> np.ndarray:
+        """Slope dp / dd where the pressure falls; where it first rises the face is softer."""
+        p = self._checked(pressure_Pa)
+        return np.asarray(np.exp(np.interp(np.log(p), self._log_p, self._stiffness)))
+
+    def shear_Pa(self, displacement_m: ArrayLike, pressure_Pa: ArrayLike) -> np.ndarray:
+        """tau(delta, p) on first loading, odd in delta; mu p from total slip on."""
+        share, log_p = self._shares(displacement_m, pressure_Pa)
+        held = np.minimum(share, 1.0)
+        return np.asarray(np.sign(displacement_m) * held * self._at(self._shear, held, log_p))
+
+    def loss_J_per_m2(self, displacement_m: ArrayLike, pressure_Pa: ArrayLike) -> np.ndarray:
+        """w(delta, p), lost in one cycle between -delta and delta."""
+        share, log_p = self._shares(displacement_m, pressure_Pa)
+        held = np.minimum(share, 1.0)
+        p, D = np.exp(log_p), self.total_slip_displacement_m(pressure_Pa)
+        sliding = 4.0 * self.friction_coefficient * p * D * (share - held)
+        return np.asarray(held**3 * self._at(self._loss, held, log_p) + sliding)
+
+    def _shares(
+        self, displacement_m: ArrayLike, pressure_Pa: ArrayLike
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Return displacements over those at total slip, and the logarithms of the pressures."""
+        D = self.total_slip_displacement_m(pressure_Pa)
+        log_p = np.log(np.asarray(pressure_Pa, dtype=float))
+        share = np.abs(np.asarray(displacement_m, dtype=float)) / D
+        pair = np.broadcast_arrays(share, log_p)
+        return pair[0], pair[1]
+
+    def _at(self, table: np.ndarray, share: np.ndarray, log_p: np.ndarray) -> np.ndarray:
+        """Interpolate a table (p, k) at shares and pressures of one shape."""
+        log_share = np.maximum(np.log(np.maximum(share, 1e-300)), self._log_share[0])
+        found = np.zeros(share.shape)
+        i, x = _cell(self._log_p, log_p)
+        j, y = _cell(self._log_share, log_share)
+        for row, of_row in ((i, 1.0 - x), (i + 1, x)):
+            found += of_row * ((1.0 - y) * table[row, j] + y * table[row, j + 1])
+        return np.asarray(np.exp(found))
+
+
+def tables_of(tables: dict[str, Any]) -> LawTables:
+    """Return the tables of `law.json`, with one bed for all pressures or one for each."""
+    return LawTables(tables) if "bed_closure_m" in tables else YieldedTables(tables)
+
+
+def _cell(known: np.ndarray, at: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return the interval of each value and the share of it that lies below."""
+    i = np.clip(np.searchsorted(known, at, side="right") - 1, 0, len(known) - 2)
+    return i, np.clip((at - known[i]) / (known[i + 1] - known[i]), 0.0, 1.0)
+
+
+COLUMNS = ("closure_m", "stiffness_Pa_per_m")
+ROWS = (
+    *("pressure_Pa", "closure_m", "normal_stiffness_Pa_per_m"),
+    *("displacement_m", "shear_Pa", "loss_J_per_m2"),
+)

@@ -1,0 +1,50 @@
+"""Pixels in contact alone, each with each: the same as the whole map."""
+
+import numpy as np
+import pytest
+
+from capslip.contact.solvers import unloading
+from capslip.contact.solvers.elastic_face import elastic_face
+from capslip.contact.solvers.pixels import pixels_alone
+from capslip.contact.solvers.polonsky_keer import press
+from capslip.contact.solvers.unloading import unload
+from capslip.surface.heightmap import HeightMap
+
+E_STAR_PA = 110e9
+
+
+@pytest.fixture(scope="module")
+def rough():
+    height_m = np.random.default_rng(3).normal(0, 1e-7, (90, 130))
+    return elastic_face(HeightMap(height_m, (2e-6, 3e-6)), E_STAR_PA)
+
+
+@pytest.fixture(scope="module")
+def pressed(rough):
+    return press(rough, load_N=5.0, tolerance=1e-10)
+
+
+def test_they_sink_as_on_the_map(rough, pressed):
+    few = pixels_alone(rough, pressed.pressure_Pa > 0)
+    assert few.shape == (np.count_nonzero(pressed.pressure_Pa),)
+    sinking_m = few.half_space.sinking_m(few.gathered(pressed.pressure_Pa))
+    expected_m = few.gathered(rough.half_space.sinking_m(pressed.pressure_Pa))
+    np.testing.assert_allclose(sinking_m, expected_m, rtol=1e-12)
+    assert np.array_equal(few.spread(few.gathered(pressed.pressure_Pa)), pressed.pressure_Pa)
+    x, y = few.places_m
+    i, j = np.nonzero(pressed.pressure_Pa)
+    np.testing.assert_allclose((x, y), ((j + 0.5) * 3e-6, (i + 0.5) * 2e-6), rtol=1e-12)
+
+
+def test_they_unload_as_the_map_does(rough, pressed, monkeypatch):
+    monkeypatch.setattr(unloading, "patched", lambda *given: None)
+    alone, whole = (unload(rough, pressed, 1e-8, on_patches=one) for one in (True, False))
+    assert alone.patch_error > 0.0  # the map was asked what it says of them
+    assert whole.patch_error == 0.0
+    assert alone.stiffness_N_per_m == pytest.approx(whole.stiffness_N_per_m, rel=1e-6)
+    loss_J = np.interp(alone.withdrawal_m, whole.withdrawal_m, whole.loss_J)
+    np.testing.assert_allclose(alone.loss_J[200:], loss_J[200:], rtol=1e-3)
+
+
+def test_too_many_are_no_less_work_than_the_map(rough):
+    assert pixels_alone(rough, np.ones(rough.shape, dtype=bool)) is None

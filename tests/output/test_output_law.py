@@ -1,0 +1,290 @@
+"""The law as files: each is read back, or run, to the numbers that the analysis gives."""
+
+import csv
+import json
+import re
+import shutil
+import subprocess
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import h5py
+import numpy as np
+import pytest
+
+import capslip
+from capslip.analysis import analyze_once
+from capslip.contact.joint import ScaledCurve
+from capslip.contact.slip import slip_curve
+from capslip.errors import ContactError
+from capslip.output.exports.law import DECKS, EXPORT, FILES, UNITS
+from capslip.problems import Problem
+from capslip.settings import Settings
+from capslip.structure.interpolation import tables_of
+
+FACE = Path(__file__).parents[2] / "sample_surfaces" / "paper_face_a.h5"
+DATA = re.compile(r"^[\d.e+-]+(?:, [\d.e+-]+)*$")
+
+
+@pytest.fixture(scope="module")
+def written(tmp_path_factory):
+    analysis = analyze_once(capslip.load_surface(FACE), Settings())
+    folder = tmp_path_factory.mktemp("law")
+    EXPORT.write(analysis, folder)
+    return analysis, folder
+
+
+def table(path):
+    """Read a CSV file; return its comment and its columns."""
+    lines = path.read_text(encoding="utf-8").splitlines()
+    rows = list(csv.reader(line for line in lines if not line.startswith("#")))
+    columns = dict(zip(rows[0], np.array(rows[1:], dtype=float).T, strict=True))
+    return "\n".join(line for line in lines if line.startswith("#")), columns
+
+
+def slip_at(analysis, p):
+    area_m2, mu = analysis.joint.scan_area_m2, analysis.settings.material.friction_coefficient
+    curve = ScaledCurve(analysis.contact.curve, 1 / area_m2)
+    return slip_curve(curve, p, mu, analysis.contact.composite.kappa)
+
+
+def test_every_file_is_there_and_no_other(written):
+    _, folder = written
+    assert {path.name for path in folder.iterdir()} == {*FILES, *DECKS.values()}
+    assert set(EXPORT.files) == {*FILES, *DECKS.values()}
+
+
+def test_at_the_pressure_of_the_scan_it_is_the_slip_curve_of_the_analysis(written):
+    analysis, folder = written
+    about, law = table(folder / "law.csv")
+    area_m2 = analysis.joint.scan_area_m2
+    p = analysis.joint.nominal_pressure_Pa
+    here = np.isclose(law["pressure_Pa"], p, rtol=1e-9)
+    delta = law["displacement_m"][here]
+    assert here.sum() > 40
+    slip = analysis.slip
+    np.testing.assert_allclose(law["shear_Pa"][here] * area_m2, slip.force_N(delta), rtol=1e-9)
+    loss = law["loss_J_per_m2"][here] * area_m2
+    np.testing.assert_allclose(loss, slip.energy_J(delta), rtol=1e-9)
+    k_t = law["tangential_stiffness_Pa_per_m"][here][0] * area_m2
+    assert k_t == pytest.approx(slip.tangential_stiffness_N_per_m, rel=1e-9)
+    for word in (analysis.contact.model, "Masing", "friction coefficient 0.2", "Holds:", "Error:"):
+        assert word in about
+
+
+def test_json_and_hdf5_hold_the_same(written):
+    _, folder = written
+    _, law = table(folder / "law.csv")
+    document = json.loads((folder / "law.json").read_text(encoding="utf-8"))
+    with h5py.File(folder / "law.h5") as file:
+        assert file.attrs["about"] == "\n".join(document["about"])
+        for name in ("displacement_m", "shear_Pa", "loss_J_per_m2"):
+            np.testing.assert_array_equal(np.ravel(document[name]), law[name])
+            np.testing.assert_array_equal(np.ravel(file[name]), law[name])
+            assert file[name].attrs["unit"] == document["units"][name] == UNITS[name]
+        np.testing.assert_array_equal(np.unique(law["pressure_Pa"]), file["pressure_Pa"])
+        _, sliders = table(folder / "law_jenkins.csv")
+        for name, column in sliders.items():
+            np.testing.assert_array_equal(column, file[f"sliders/{name}"])
+
+
+def test_the_python_file_runs_alone(written, tmp_path):
+    """In a process without this package: numpy and the two files are enough."""
+    analysis, folder = written
+    for name in ("law.py", "law.json"):
+        shutil.copy(folder / name, tmp_path)
+    p = analysis.joint.nominal_pressure_Pa * np.array([0.03, 0.4, 1.7])
+    slips = [slip_at(analysis, one) for one in p]
+    delta = np.array([0.4 * slip.total_slip_displacement_m for slip in slips])
+    code = (
+        "import json; from law import LawTables; law = LawTables.read('law.json');"
+        f"p, delta = {p.tolist()}, {delta.tolist()};"
+        "print(json.dumps([law.shear_Pa(delta, p).tolist(), law.loss_J_per_m2(delta, p).tolist()]))"
+    )
+    done = subprocess.run(
+        [sys.executable, "-I", "-c", f"import sys; sys.path.insert(0, '.'); {code}"],
+        cwd=tmp_path,
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    shear, loss = json.loads(done.stdout)
+    assert shear == pytest.approx([s.force_N(x) for s, x in zip(slips, delta, strict=True)], 2e-3)
+    assert loss == pytest.approx([s.energy_J(x) for s, x in zip(slips, delta, strict=True)], 0.02)
+
+
+def test_sliders_sum_to_the_backbone(written):
+    analysis, folder = written
+    about, sliders = table(folder / "law_jenkins.csv")
+    stated = float(re.search(r"cycle is within ([\d.]+)", about)[1])
+    assert stated <= 0.02
+    for p in np.unique(sliders["pressure_Pa"])[::4]:
+        here = sliders["pressure_Pa"] == p
+        k, limit = sliders["slider_stiffness_Pa_per_m"][here], sliders["slider_shear_Pa"][here]
+        slip = slip_at(analysis, p)
+        delta = np.geomspace(0.01, 2.0, 30) * slip.total_slip_displacement_m
+        force = np.minimum(k * delta[:, None], limit).sum(axis=1)
+        loss = (4 * limit * np.maximum(delta[:, None] - limit / k, 0)).sum(axis=1)
+        np.testing.assert_allclose(force, slip.force_N(delta), rtol=stated / 4)
+        np.testing.assert_allclose(loss, slip.energy_J(delta), rtol=1.1 * stated)
+
+
+@pytest.mark.parametrize("program", DECKS)
+def test_the_cards_hold_the_curve(written, program):
+    analysis, folder = written
+    lines = (folder / DECKS[program]).read_text(encoding="utf-8").splitlines()
+    assert max(map(len, lines)) <= 100
+    cards = [line for line in lines if not line.startswith("**")]
+    assert cards[:2] == [
+        "*SURFACE INTERACTION, NAME=CAPSLIP",
+        "*SURFACE BEHAVIOR, PRESSURE-OVERCLOSURE=TABULAR",
+    ]
+    i = next(i for i, line in enumerate(cards) if line.startswith("*FRICTION"))
+    assert all(DATA.match(line) for line in [*cards[2:i], *cards[i + 1 :]])
+    assert all(len(field.strip()) <= 20 for line in cards[2:i] for field in line.split(","))
+    p, d = np.array([line.split(",") for line in cards[2:i]], dtype=float).T
+    assert (p[0], d[0]) == (0.0, 0.0)
+    assert (np.diff(p) > 0).all()
+    assert (np.diff(d) > 0).all()
+    for pressure, closure in zip(p[1::5], d[1::5], strict=True):
+        slip = slip_at(analysis, pressure)
+        assert closure == pytest.approx(slip.approach_m - slip.curve.touch_m, rel=1e-9)
+    at = analysis.joint.nominal_pressure_Pa
+    k_t = slip_at(analysis, at).tangential_stiffness_N_per_m
+    mu, *stick = (float(field) for field in cards[i + 1].split(","))
+    assert mu == 0.2
+    if program == "calculix":
+        assert stick == pytest.approx([k_t], rel=1e-9)
+    else:
+        assert float(cards[i].split("=")[1]) == pytest.approx(mu * at / k_t, rel=1e-9)
+
+
+BLOCKS = """*NODE, NSET=ALL
+{nodes}
+*ELEMENT, TYPE=C3D8, ELSET=BOTH
+1,1,2,3,4,5,6,7,8
+2,11,12,13,14,15,16,17,18
+*MATERIAL, NAME=STIFF
+*ELASTIC
+1e14,0.
+*SOLID SECTION, ELSET=BOTH, MATERIAL=STIFF
+*SURFACE, NAME=BELOW
+1,S2
+*SURFACE, NAME=ABOVE
+2,S1
+*INCLUDE, INPUT=law_calculix.inp
+*CONTACT PAIR, INTERACTION=CAPSLIP, TYPE=NODE TO SURFACE
+ABOVE,BELOW
+*NSET, NSET=BASE
+1,2,3,4
+*NSET, NSET=TOP
+15,16,17,18
+*BOUNDARY
+BASE,1,3
+{steps}"""
+STEP = """*STEP
+*STATIC
+1.,1.
+*BOUNDARY
+TOP,1,1,{slip!r}
+TOP,2,2,0.
+TOP,3,3,{closure:.12e}
+*NODE PRINT, NSET=TOP, TOTALS=ONLY
+RF
+*END STEP
+"""
+
+
+def test_calculix_presses_and_shears_two_blocks(written, tmp_path):
+    """Two stiff blocks of 10 mm: the table by straight lines, then the stick slope."""
+    if shutil.which("ccx") is None:
+        pytest.skip("CalculiX (ccx) is not installed: the cards were parsed, not run")
+    analysis, folder = written
+    shutil.copy(folder / "law_calculix.inp", tmp_path)
+    side, corners = 0.01, ((0, 0), (1, 0), (1, 1), (0, 1))
+    heights = ((0, 0.0), (4, side), (10, side), (14, 2 * side))
+    nodes = [
+        f"{start + i},{x * side},{y * side},{z}"
+        for start, z in heights
+        for i, (x, y) in enumerate(corners, 1)
+    ]
+    lines = (tmp_path / "law_calculix.inp").read_text(encoding="utf-8").splitlines()
+    cards = [line for line in lines if DATA.match(line)]
+    p, d = np.array([line.split(",") for line in cards[:-1]], dtype=float).T
+    closure, slip = float(0.5 * (d[-9] + d[-8])), 1e-9
+    steps = STEP.format(slip=0.0, closure=-closure) + STEP.format(slip=slip, closure=-closure)
+    (tmp_path / "two.inp").write_text(BLOCKS.format(nodes="\n".join(nodes), steps=steps))
+    subprocess.run(["ccx", "two"], cwd=tmp_path, capture_output=True, check=True, timeout=60)
+    rows = re.findall(r"^ +(\S+) +(\S+) +(\S+)$", (tmp_path / "two.dat").read_text(), re.MULTILINE)
+    pressed, sheared = (np.array(row, dtype=float) / side**2 for row in rows)
+    assert -pressed[2] == pytest.approx(np.interp(closure, d, p), rel=1e-3)
+    k_t = slip_at(analysis, analysis.joint.nominal_pressure_Pa).tangential_stiffness_N_per_m
+    assert sheared[0] == pytest.approx(k_t * slip, rel=3e-3)
+    assert sheared[0] < 0.2 * -pressed[2]  # it sticks
+
+
+def test_doubts_go_with_the_law(written, tmp_path):
+    """What makes an analysis doubtful stands in every file of its law that holds a page."""
+    analysis, _ = written
+    doubt = Problem("contact_under_resolved", "warning", "the map is too coarse here")
+    EXPORT.write(replace(analysis, problems=(doubt,)), tmp_path)
+    for name in ("law.csv", "law.json", "law_jenkins.csv", *DECKS.values()):
+        assert "the map is too coarse here" in (tmp_path / name).read_text(encoding="utf-8")
+    assert "check" in (tmp_path / "law.json").read_text(encoding="utf-8")
+
+
+def test_a_folder_with_a_law_is_a_result_and_is_replaced(written, tmp_path):
+    analysis, _ = written
+    light = {"figures": False, "render": False}
+    capslip.write(analysis, tmp_path / "a", export="law", **light)
+    assert all((tmp_path / "a" / name).is_file() for name in EXPORT.files)
+    capslip.write(analysis, tmp_path / "a", **light)
+    assert not any((tmp_path / "a" / name).exists() for name in EXPORT.files)
+
+
+def test_without_slip_there_is_no_law(written, tmp_path):
+    analysis, _ = written
+    with pytest.raises(ContactError, match="needs a slip curve"):
+        EXPORT.write(replace(analysis, slip=None), tmp_path)
+    oscillates = capslip.load_settings(overrides=("slip.normal_amplitude_ratio=0.1",))
+    with pytest.raises(ContactError, match="constant pressure"):
+        EXPORT.write(replace(analysis, settings=oscillates), tmp_path)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_the_law_of_a_face_that_yields_has_a_curve_for_each_pressure(tmp_path):
+    """At the pressure of the scan that of the analysis, at others after another first loading."""
+    overrides = ("material.hardness_Pa=1e7", "contact.model=interacting")
+    analysis = analyze_once(capslip.load_surface(FACE), capslip.load_settings(overrides=overrides))
+    EXPORT.write(analysis, tmp_path)
+    about, law = table(tmp_path / "law.csv")
+    assert "yielded at 0.01 GPa" in about
+    stated = [float(one) / 100 for one in re.findall(r"([\d.]+)% of (?:tau|w)", about)]
+    assert len(stated) == 2
+    assert stated[0] < 0.1
+    assert stated[1] < 0.7  # where the lower caps touch first, between two pressures
+    tables = tables_of(json.loads((tmp_path / "law.json").read_text(encoding="utf-8")))
+    area_m2, p0 = analysis.joint.scan_area_m2, analysis.joint.nominal_pressure_Pa
+    mu, kappa = 0.2, analysis.contact.composite.kappa
+    for p in (p0, 0.03 * p0, 0.3 * p0):
+        after = ScaledCurve(analysis.contact.curve_after(float(p * area_m2)), 1 / area_m2)
+        slip = analysis.slip if p == p0 else slip_curve(after, p, mu, kappa)
+        size = area_m2 if p == p0 else 1.0
+        delta = np.array([0.1, 0.5, 0.9]) * slip.total_slip_displacement_m
+        shear, loss = tables.shear_Pa(delta, p) * size, tables.loss_J_per_m2(delta, p) * size
+        off = (1e-3, 5e-3) if p == p0 else stated
+        np.testing.assert_allclose(shear, slip.force_N(delta), rtol=off[0])
+        np.testing.assert_allclose(loss, slip.energy_J(delta), rtol=off[1])
+    one_bed = slip_at(analysis, p).energy_J(delta)  # of what the pressure of the scan flattened
+    assert abs(one_bed[0] / slip.energy_J(delta[0]) - 1.0) > 0.02
+    at_scan = np.isclose(law["pressure_Pa"], p0, rtol=1e-9)
+    k_n = law["normal_stiffness_Pa_per_m"][at_scan][0]
+    for file in DECKS.values():
+        rows = [line for line in (tmp_path / file).read_text().splitlines() if DATA.match(line)]
+        cards = np.array([line.split(", ") for line in rows[:-1]], dtype=float)
+        assert (np.diff(cards, axis=0) > 0.0).all()
+        assert cards[0].tolist() == [0.0, 0.0]
+        assert cards[-1, 0] == pytest.approx(p0, rel=1e-9)
+        slope = np.diff(cards[-2:], axis=0)[0]
+        assert slope[0] / slope[1] == pytest.approx(k_n, rel=2e-3)

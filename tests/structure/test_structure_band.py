@@ -1,0 +1,273 @@
+"""The intervals of an answer against closed forms of one sphere, input by input."""
+
+from dataclasses import replace
+
+import msgspec
+import numpy as np
+import pytest
+
+from capslip.contact.accuracy import LEAST_ERROR, MovedCaps
+from capslip.contact.given import given_families, press_families
+from capslip.contact.material import composite
+from capslip.contact.models.boundary_elements import RUNG as BOUNDARY_ELEMENTS
+from capslip.contact.models.boundary_elements import boundary_elements
+from capslip.contact.models.caps import caps
+from capslip.contact.slip import slip_curve
+from capslip.contact.solvers.yielding import YieldLaw
+from capslip.settings import load_settings
+from capslip.structure.answer import answer_to
+from capslip.structure.band import NORMAL_95, band_of
+from capslip.structure.response import response
+from scenes import caps_map
+
+STEEL = composite((200e9, 200e9), (0.3, 0.3))
+MU, N, R_M = 0.2, 100.0, 5.0
+Z_90 = 1.645  # standard deviations on either side that hold 90 %
+K_M, K_S, JOINTS = 2e8, 1e8, 2
+SPREADS = {
+    "friction": "material.friction_spread",
+    "preload": "contact.preload_spread",
+    "modulus": "material.modulus_spread",
+    "hardness": "material.hardness_spread",
+}
+NUMBERS = ("tangential_stiffness_N_per_m", "energy_J", "joint_loss_factor", "loss_factor")
+
+
+def sphere_states(T=None, delta=None, mu=MU, preload=N, E=1.0):
+    """Slip force, displacement and energy of one sphere, as Mindlin and Deresiewicz wrote it."""
+    d = (0.75 * preload / (E * STEEL.E_star_Pa * np.sqrt(R_M))) ** (2 / 3)
+    limit = mu * STEEL.kappa * d
+    if T is None:
+        T = mu * preload * (1.0 - (1.0 - delta / limit) ** 1.5)
+    q = (1.0 - T / (mu * preload)) ** (2 / 3)
+    delta = limit * (1.0 - q)
+    below = mu * preload * (delta - 0.4 * limit * (1.0 - q**2.5))
+    return T, delta, 8.0 * below - 4.0 * T * delta
+
+
+def numbers(T, delta, W):
+    loss = JOINTS * W / (np.pi * K_M * (T / K_S) ** 2)
+    return dict(zip(NUMBERS, (T / delta, W, W / (np.pi * T * delta), loss), strict=True))
+
+
+def settings_of(question, more=(), **spreads):
+    given = (f"contact.preload_N={N}", f"material.friction_coefficient={MU}", "families.m=1")
+    set_to = [f"{SPREADS[name]}={spread}" for name, spread in spreads.items()]
+    questions = [f"answer.{name}={float(value)!r}" for name, value in question.items()]
+    return load_settings(
+        overrides=(*given, f"families.radius_G_m={R_M}", *questions, *set_to, *more)
+    )
+
+
+def pressed(settings, change=lambda contact: contact):
+    joint, contact = press_families(given_families(settings), settings)
+    contact = change(contact)
+    slip = slip_curve(joint.curve(contact), joint.preload_N, MU, STEEL.kappa)
+    damping = response(slip, K_M, K_S, JOINTS)
+    answer, _ = answer_to(settings.answer, slip, damping)
+    return answer, joint, contact, damping, settings
+
+
+def band(question, change=lambda contact: contact, **spreads):
+    return band_of(*pressed(settings_of(question, **spreads), change))
+
+
+@pytest.mark.parametrize("share", [0.02, 0.25, 0.6])
+@pytest.mark.parametrize(
+    ("name", "spread"), [("friction", 0.2), ("preload", 0.3), ("modulus", 0.1)]
+)
+@pytest.mark.parametrize("asked", ["slip_force_N", "displacement_m"])
+def test_one_spread_of_one_sphere_moves_the_answer_as_in_closed_form(asked, name, spread, share):
+    """Every number is monotone in each input, so its interval is what the ends of that give."""
+    force, delta_m, _ = sphere_states(T=share * MU * N)
+    value, short = (force, "T") if asked == "slip_force_N" else (delta_m, "delta")
+    key = {"friction": "mu", "preload": "preload", "modulus": "E"}[name]
+    middle = {"mu": MU, "preload": N, "E": 1.0}[key]
+    found = band({asked: value}, **{name: spread})
+    ends = [
+        numbers(*sphere_states(**{short: value, key: middle * np.exp(z * spread / NORMAL_95)}))
+        for z in (-Z_90, Z_90)
+    ]
+    for one in NUMBERS:
+        low, high = sorted(end[one] for end in ends)
+        width = max(np.log(high / low), 1e-6)
+        assert abs(np.log(np.array(found.interval[one]) / (low, high))).max() < 0.02 * width, one
+        shares = found.contributions[one]
+        assert shares == {} or shares[name] == pytest.approx(1.0, abs=0.01)
+    assert found.left_out == ("error of the model",)
+
+
+def test_shares_of_the_variance_are_those_of_the_exponents_at_small_slip():
+    """W ~ T^3 mu^-1 N^(-4/3) E^(-2/3) and K ~ N^(1/3) E^(2/3) of one sphere for T << mu N."""
+    spread = {"friction": 0.1, "preload": 0.08, "modulus": 0.12}
+    found = band({"slip_force_N": 1e-3 * MU * N}, **spread)
+    for name, exponents in (
+        ("energy_J", (-1.0, -4 / 3, -2 / 3)),
+        ("tangential_stiffness_N_per_m", (0.0, 1 / 3, 2 / 3)),
+    ):
+        parts = (np.array(exponents) * list(spread.values())) ** 2
+        expected = dict(zip(spread, parts / parts.sum(), strict=True))
+        assert found.contributions[name] == pytest.approx(expected, abs=2e-3)
+        sd = np.sqrt(parts.sum()) / NORMAL_95
+        low, high = found.interval[name]
+        assert np.log(high / low) == pytest.approx(2.0 * Z_90 * sd, rel=0.04)
+
+
+def test_an_estimated_error_at_95_is_a_normal_one():
+    question = {"slip_force_N": 0.25 * MU * N}
+    found = band(question, lambda contact: replace(contact, estimated_error=0.1))
+    W = numbers(*sphere_states(T=0.25 * MU * N))
+    ends = np.exp(np.array([-1.0, 1.0]) * Z_90 * 0.1 / NORMAL_95)
+    for name in ("tangential_stiffness_N_per_m", "energy_J", "loss_factor"):
+        assert found.interval[name] == pytest.approx(W[name] * ends, rel=3e-3)
+        assert found.contributions[name] == pytest.approx({"model": 1.0}, abs=1e-9)
+    assert found.left_out == ()
+    both = np.diff(np.log(found.interval["joint_loss_factor"]))[0]
+    assert both == pytest.approx(np.sqrt(2.0) * 2.0 * Z_90 * 0.1 / NORMAL_95, rel=0.05)
+
+
+@pytest.mark.parametrize("asked", ["slip_force_N", "displacement_m"])
+def test_moved_radii_and_another_model_go_into_their_own_shares(asked):
+    """Under a small force a sphere has K ~ R^(1/3), W ~ R^(-1/3); at a displacement W ~ R^(2/3)."""
+    s, model = 0.06, 0.09
+
+    def moved(contact):
+        at = [caps([R_M * np.exp(by)], [0.0], STEEL.E_star_Pa) for by in (0.0, s, -s, model)]
+        return replace(
+            contact,
+            estimated_error=0.5,  # the worst of other states, not of this one
+            moved=MovedCaps(at[0], (at[1], at[2]), at[0], at[3], None),
+        )
+
+    T, delta_m, _ = sphere_states(T=1e-3 * MU * N)
+    value, of_energy = (T, -1 / 3) if asked == "slip_force_N" else (delta_m, 2 / 3)
+    found = band({asked: value}, moved)
+    for name, exponent in (("energy_J", of_energy), ("tangential_stiffness_N_per_m", 1 / 3)):
+        of_caps = abs(exponent) * s
+        of_model = np.hypot(exponent * model, LEAST_ERROR) / NORMAL_95
+        low, high = found.interval[name]
+        assert np.log(high / low) == pytest.approx(
+            2.0 * Z_90 * np.hypot(of_caps, of_model), rel=0.05
+        )
+        share = of_caps**2 / (of_caps**2 + of_model**2)
+        assert found.contributions[name] == pytest.approx(
+            {"caps": share, "model": 1.0 - share}, abs=0.02
+        )
+
+
+def test_what_may_be_beyond_total_slip_has_no_bound_and_no_shares():
+    found = band({"slip_force_N": 0.9 * MU * N}, friction=0.4)
+    low, high = found.interval["energy_J"]
+    assert (np.isfinite(low), np.isfinite(high)) == (True, False)
+    assert found.interval["tangential_stiffness_N_per_m"][0] == 0.0
+    assert found.contributions["energy_J"] == {}
+
+
+def test_a_displacement_beyond_total_slip_has_the_force_of_total_slip():
+    """A friction that is lower by 3 standard deviations slides: T = mu N, T and mu known."""
+    _, delta_m, _ = sphere_states(T=0.99 * MU * N)
+    low, high = band({"displacement_m": delta_m}, friction=0.3).interval["slip_force_N"]
+    assert low == pytest.approx(MU * N * np.exp(-Z_90 * 0.3 / NORMAL_95), rel=0.02)
+    assert np.isfinite(high)
+
+
+def test_nothing_uncertain_is_no_band():
+    assert band({"slip_force_N": 5.0}) is None
+    varies = ("slip.normal_amplitude_ratio=0.1",)  # an interval at constant load would be wrong
+    assert band_of(*pressed(settings_of({"slip_force_N": 5.0}, more=varies, friction=0.1))) is None
+    _, *rest = pressed(settings_of({"slip_force_N": 5.0}, friction=0.1))
+    assert band_of(None, *rest) is None
+
+
+def test_a_joint_of_three_areas_has_three_times_the_interval():
+    settings = settings_of({}, friction=0.2, preload=0.1)
+    answer, joint, contact, damping, _ = pressed(settings)
+    whole = replace(joint, preload_N=3.0 * N, weight=3.0 * joint.weight)
+    slip = slip_curve(whole.curve(contact), 3.0 * N, MU, STEEL.kappa)
+    question = msgspec.structs.replace(settings.answer, slip_force_N=3.0 * answer.slip_force_N)
+    three = msgspec.structs.replace(settings, answer=question)
+    tripled, _ = answer_to(question, slip, damping)
+    one = band_of(answer, joint, contact, damping, settings)
+    other = band_of(tripled, whole, contact, damping, three)
+    for name, factor in (("energy_J", 3.0), ("displacement_m", 1.0), ("joint_loss_factor", 1.0)):
+        expected = factor * np.array(one.interval[name])
+        assert other.interval[name] == pytest.approx(expected, rel=1e-9)
+
+
+def test_a_map_is_solved_once_more_for_its_preload():
+    """Pressed as a map, a sphere has the band of a sphere: the power law between two solutions."""
+    surface = caps_map([(5e-3, 5e-3, R_M, 0.0)], shape=(100, 100), floor_m=-1.0)
+    curve = boundary_elements(surface, STEEL.E_star_Pa)
+
+    def on_the_map(contact):
+        return replace(contact, rung=BOUNDARY_ELEMENTS, curve=curve, estimated_error=None)
+
+    share = 0.5
+    found = band({"slip_force_N": share * MU * N}, on_the_map, preload=0.2)
+    ends = [
+        sphere_states(T=share * MU * N, preload=N * np.exp(z * 0.2 / NORMAL_95))[2]
+        for z in (Z_90, -Z_90)
+    ]
+    assert np.diff(np.log(found.interval["energy_J"])) == pytest.approx(
+        np.diff(np.log(ends)), rel=0.05
+    )
+    assert len(curve.solutions.unloading) == 2
+    assert found.left_out == ("error of the model", "noise of the map")
+
+
+SMALL_M, H_PA = 0.01, 1e9  # a sphere that has yielded under N
+
+
+def yielded_states(T=None, delta=None, mu=MU, preload=N, E=1.0, H=1.0):
+    """Return the same of one sphere that its preload flattened, and that slips as Hertz's."""
+    law = YieldLaw(H * H_PA, E * STEEL.E_star_Pa, 0.3)
+    (flat_m,), _ = law.flattened(np.array([preload]), np.array([SMALL_M]))
+    scale = np.sqrt(flat_m / R_M)  # R and E* enter as E* sqrt(R)
+    return sphere_states(T, delta, mu, preload, E * scale)
+
+
+@pytest.mark.parametrize("name", ["friction", "preload", "modulus", "hardness"])
+@pytest.mark.parametrize("asked", ["slip_force_N", "displacement_m"])
+def test_a_sphere_that_yields_is_loaded_anew_for_what_moves_it(asked, name):
+    """The unloading curve of each preload, modulus and hardness is another one."""
+    spread, share = 0.2, 0.25
+    force, delta_m, _ = yielded_states(T=share * MU * N)
+    value, short = (force, "T") if asked == "slip_force_N" else (delta_m, "delta")
+    key = {"friction": "mu", "preload": "preload", "modulus": "E", "hardness": "H"}[name]
+    middle = {"mu": MU, "preload": N}.get(key, 1.0)
+    given = f"material.hardness_Pa={H_PA}", f"families.radius_G_m={SMALL_M}"
+    settings = settings_of({asked: value}, more=given, **{name: spread})
+    found = band_of(*pressed(settings))
+    ends = [
+        numbers(*yielded_states(**{short: value, key: middle * np.exp(z * spread / NORMAL_95)}))
+        for z in (-Z_90, Z_90)
+    ]
+    for one in NUMBERS:
+        low, high = sorted(end[one] for end in ends)
+        width = max(np.log(high / low), 1e-3)
+        assert abs(np.log(np.array(found.interval[one]) / (low, high))).max() < 0.03 * width, one
+        shares = found.contributions[one]
+        assert shares == {} or shares[name] == pytest.approx(1.0, abs=0.01)
+
+
+def test_yielding_moves_the_interval_of_a_preload():
+    """W ~ T^3 / (mu N E* a) under a small force, with a ~ N^(1/3) where elastic, else N^(1/2)."""
+    more = f"material.hardness_Pa={H_PA / 50.0}", f"families.radius_G_m={SMALL_M}"
+    question = {"slip_force_N": 1e-3 * MU * N}
+    yields = band_of(*pressed(settings_of(question, more=more, preload=0.1)))
+    elastic = band_of(*pressed(settings_of(question, preload=0.1)))
+    width = [float(np.diff(np.log(one.interval["energy_J"]))[0]) for one in (yields, elastic)]
+    assert width[1] == pytest.approx(4.0 / 3.0 * 2.0 * Z_90 * 0.1 / NORMAL_95, rel=0.04)
+    assert width[0] == pytest.approx(1.5 * 2.0 * Z_90 * 0.1 / NORMAL_95, rel=0.04)
+
+
+def test_what_the_unloading_of_yielded_caps_leaves_moves_the_energy_alone():
+    def moved(contact):
+        curve = contact.curve
+        return replace(contact, moved=MovedCaps(curve, (curve, curve), curve, curve, None, 0.3))
+
+    found = band({"slip_force_N": 0.25 * MU * N}, moved)
+    for name, of_unloading in (("energy_J", 0.3), ("displacement_m", 0.0)):
+        sd = np.hypot(of_unloading, LEAST_ERROR) / NORMAL_95
+        width = np.diff(np.log(found.interval[name]))[0]
+        assert width == pytest.approx(2.0 * Z_90 * sd, rel=0.05)

@@ -1,0 +1,237 @@
+"""The law per area is the theorem per area: closed forms of equal spheres, and slip curves."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from capslip.contact.joint import Joint, ScaledCurve
+from capslip.contact.material import composite
+from capslip.contact.models.caps import caps
+from capslip.contact.models.families import families
+from capslip.contact.rung import rung
+from capslip.contact.slip import slip_curve
+from capslip.contact.solvers.yielding import YieldLaw
+from capslip.errors import ContactError
+from capslip.structure.interpolation import LawTables, tables_of
+from capslip.structure.law import law
+
+AREA_M2, MU, LOAD_N = 2.4e-3, 0.2, 460.0
+STEEL = composite((200e9, 200e9), (0.3, 0.3))
+RADIUS_M, COUNT = 25.0, 7
+
+
+def law_of(curve, name="families", reach_m=None, joint=None, bulk=False, hardness=None, after=None):
+    state = SimpleNamespace(
+        curve=curve,
+        curve_after=after or (lambda load_N: curve),
+        hardness_Pa=hardness,
+        rung=rung(name),
+        composite=STEEL,
+        bulk=bulk,
+        model=curve.model,
+        estimated_error=0.03,
+    )
+    whole = np.array([LOAD_N]), np.ones(1)
+    joint = joint or Joint(AREA_M2, AREA_M2, LOAD_N, *whole, LOAD_N)
+    return law(state, joint, MU, reach_m)
+
+
+@pytest.fixture(scope="module")
+def of_spheres():
+    return law_of(families(COUNT, RADIUS_M, 0.0, STEEL.E_star_Pa))
+
+
+def mindlin(p, delta, radius_m=RADIUS_M):
+    """Return d, k_n, tau and w per area of equal spheres: Hertz, and Mindlin and Deresiewicz."""
+    N = p * AREA_M2 / COUNT
+    a = np.cbrt(3 * N * radius_m / (4 * STEEL.E_star_Pa))
+    d = a**2 / radius_m
+    T = MU * N * (1 - np.maximum(1 - delta / (MU * STEEL.kappa * d), 0) ** 1.5)
+    q = np.cbrt(1 - T / (MU * N)) ** 2  # 1 - delta / delta_lim
+    # Mindlin and Deresiewicz 1953, with k_t = 2 E* a / kappa
+    limit = MU * STEEL.kappa * d
+    share = T / (MU * N)
+    W = 4 * MU * N * limit * (0.6 * (1 - (1 - share) ** (5 / 3)) - 0.5 * share * (1 + q)) * 2
+    per_area = COUNT / AREA_M2
+    return d, 2 * STEEL.E_star_Pa * a * per_area, T * per_area, W * per_area
+
+
+def test_equal_spheres_have_closed_forms(of_spheres):
+    found = of_spheres
+    p = found.pressure_Pa[:, None]
+    d, k_n, tau, w = mindlin(p, found.displacement_m)
+    np.testing.assert_allclose(found.closure_m, d[:, 0], rtol=1e-12)
+    np.testing.assert_allclose(found.normal_stiffness_Pa_per_m, k_n[:, 0], rtol=1e-12)
+    np.testing.assert_allclose(
+        found.tangential_stiffness_Pa_per_m, k_n[:, 0] / STEEL.kappa, rtol=1e-12
+    )
+    np.testing.assert_allclose(found.shear_Pa, tau, rtol=1e-10)
+    # The closed form cancels at small slip
+    some = tau[0] > 0.1 * MU * p[0]
+    np.testing.assert_allclose(found.loss_J_per_m2[:, some], w[:, some], rtol=1e-9)
+    assert found.pressure_Pa[0] == pytest.approx(0.01 * LOAD_N / AREA_M2)
+    assert found.pressure_Pa[-1] == pytest.approx(np.sqrt(10.0) * LOAD_N / AREA_M2)
+    at = found.at_scan_pressure
+    assert found.pressure_Pa[at] == pytest.approx(LOAD_N / AREA_M2, rel=1e-12)
+
+
+CURVES = {
+    "spheres": families(COUNT, RADIUS_M, 0.0, STEEL.E_star_Pa),
+    "two families": families((5, 18), (23.8, 26.7), (0, 2.4e-7), STEEL.E_star_Pa),
+    "many heights": caps(
+        np.full(200, 5e-3),
+        -np.random.default_rng(3).exponential(1e-6, 200),
+        STEEL.E_star_Pa,
+    ),
+}
+
+
+@pytest.mark.parametrize("name", CURVES)
+def test_tables_give_any_pressure_and_displacement(name):
+    curve = CURVES[name]
+    found = law_of(curve)
+    tables = LawTables(found.tables())
+    pressures = np.exp(np.random.default_rng(100).uniform(*np.log(found.range_Pa), 40))
+    for p in pressures:
+        slip = slip_curve(ScaledCurve(curve, 1 / AREA_M2), p, MU, STEEL.kappa)
+        delta = np.geomspace(0.05, 3.0, 60) * slip.total_slip_displacement_m
+        np.testing.assert_allclose(tables.shear_Pa(delta, p), slip.force_N(delta), rtol=4e-3)
+        np.testing.assert_allclose(-tables.shear_Pa(-delta, p), slip.force_N(delta), rtol=4e-3)
+        np.testing.assert_allclose(tables.loss_J_per_m2(delta, p), slip.energy_J(delta), rtol=0.05)
+        touch_m = float(slip.curve.touch_m)
+        assert tables.closure_m(p) == pytest.approx(slip.approach_m - touch_m, rel=1e-4)
+        stiffness = float(slip.curve.stiffness_N_per_m(slip.approach_m))
+        assert tables.normal_stiffness_Pa_per_m(p) == pytest.approx(stiffness, rel=3e-3)
+    assert found.shear_error < 4e-3
+    assert found.loss_error < 0.05
+
+
+def test_one_kind_of_sphere_between_the_points(of_spheres):
+    tables = LawTables(of_spheres.tables())
+    p = np.geomspace(*of_spheres.range_Pa, 50)[:, None]
+    d = mindlin(p, 0.0)[0]
+    delta = np.linspace(0.1, 0.999, 40) * MU * STEEL.kappa * d
+    _, k_n, tau, w = mindlin(p, delta)
+    np.testing.assert_allclose(tables.shear_Pa(delta, p), tau, rtol=3e-4)
+    np.testing.assert_allclose(tables.loss_J_per_m2(delta, p), w, rtol=2e-3)
+    np.testing.assert_allclose(
+        tables.tangential_stiffness_Pa_per_m(p), k_n / STEEL.kappa, rtol=1e-3
+    )
+    small = tables.loss_J_per_m2(1e-6 * d, p) / tables.loss_J_per_m2(1e-7 * d, p)
+    np.testing.assert_allclose(small, 1e3, rtol=1e-3)
+    for outside in (0.9 * p.min(), 1.1 * p.max()):
+        with pytest.raises(ValueError, match="pressure_Pa: got"):
+            tables.shear_Pa(1e-9, outside)
+
+
+def test_elements_of_each_pressure_are_the_backbone(of_spheres):
+    found = of_spheres
+    for i, elements in enumerate(found.elements):
+        delta = found.displacement_m[i, found.displacement_m[i] >= elements.smallest_displacement_m]
+        k = slice(-len(delta), None)
+        force, energy = elements.force_N(delta), elements.energy_J(delta)
+        np.testing.assert_allclose(energy, found.loss_J_per_m2[i, k], rtol=0.02)
+        np.testing.assert_allclose(force, found.shear_Pa[i, k], rtol=0.005)
+        k_t = found.tangential_stiffness_Pa_per_m[i]
+        assert elements.stiffness_N_per_m.sum() == pytest.approx(k_t, rel=1e-9)
+        assert elements.slip_force_N.sum() == pytest.approx(MU * found.pressure_Pa[i], rel=1e-9)
+
+
+def test_pressures_end_at_the_cut():
+    curve = CURVES["two families"]
+    closure_m = law_of(curve).closure_m
+    found = law_of(curve, reach_m=float(closure_m[-2] * 1.0001))
+    np.testing.assert_array_equal(found.closure_m, closure_m[:-1])
+    assert "no cap of the curve" in found.ends
+    shallow = law_of(curve, reach_m=0.0)  # the pressure of the scan is answered for elsewhere
+    assert shallow.pressure_Pa[-1] == pytest.approx(LOAD_N / AREA_M2)
+
+
+def test_the_law_does_not_know_the_size_of_the_joint(of_spheres):
+    joint = Joint(1.0, AREA_M2, 5e5, np.array([LOAD_N]), np.array([1 / AREA_M2]), LOAD_N)
+    found = law_of(CURVES["spheres"], joint=joint)
+    np.testing.assert_allclose(found.loss_J_per_m2, of_spheres.loss_J_per_m2, rtol=1e-14)
+
+
+def test_without_an_area_there_is_no_law():
+    whole = np.array([LOAD_N]), np.ones(1)
+    with pytest.raises(ContactError, match="scanned area"):
+        law_of(CURVES["spheres"], joint=Joint(None, None, LOAD_N, *whole, LOAD_N))
+
+
+def test_a_map_is_solved_under_few_pressures():
+    """Spheres taken for solutions: the cubic between eight pressures is that of the curve."""
+    found = law_of(CURVES["spheres"], name="boundary_elements")
+    assert len(found.pressure_Pa) == 8
+    assert "8 pressures" in found.ends
+    tables = LawTables(found.tables())
+    p = np.geomspace(*found.range_Pa, 30)[:, None]
+    d = mindlin(p, 0.0)[0]
+    delta = np.linspace(0.1, 0.999, 30) * MU * STEEL.kappa * d
+    np.testing.assert_allclose(tables.shear_Pa(delta, p), mindlin(p, delta)[2], rtol=1e-3)
+    np.testing.assert_allclose(tables.loss_J_per_m2(delta, p), mindlin(p, delta)[3], rtol=5e-3)
+
+
+SHARP_M, YIELDS = 2e-3, YieldLaw(1e9, STEEL.E_star_Pa, 0.3)
+
+
+def flat_m(load_N):
+    """Radii to which equal sharp spheres are flattened under loads on them all."""
+    one_N = np.asarray(load_N) / COUNT
+    return YIELDS.flattened(one_N, np.full(one_N.shape, SHARP_M))[0]
+
+
+def after(load_N):
+    return families(COUNT, float(flat_m(load_N)), 0.0, STEEL.E_star_Pa)
+
+
+@pytest.mark.parametrize("name", ["families", "boundary_elements"])
+def test_each_pressure_of_a_face_that_yields_has_its_own_unloading(name):
+    found = law_of(after(LOAD_N), name, hardness=1e9, after=after)
+    p = found.pressure_Pa[:, None]
+    radius_m = flat_m(p * AREA_M2)
+    assert radius_m[-1] > 1.5 * radius_m[0] >= 1.5 * SHARP_M
+    d, k_n, tau, w = mindlin(p, found.displacement_m, radius_m)
+    np.testing.assert_allclose(found.closure_m, d[:, 0], rtol=1e-9)
+    np.testing.assert_allclose(found.normal_stiffness_Pa_per_m, k_n[:, 0], rtol=1e-9)
+    np.testing.assert_allclose(found.shear_Pa, tau, rtol=1e-9)
+    some = tau[0] > 0.1 * MU * p[0]
+    np.testing.assert_allclose(found.loss_J_per_m2[:, some], w[:, some], rtol=1e-8)
+
+    # Between the points, below all, and beyond total slip
+    tables = tables_of(found.tables())
+    p = np.exp(np.random.default_rng(101).uniform(*np.log(found.range_Pa), 50))[:, None]
+    radius_m = flat_m(p * AREA_M2)
+    limit_m = MU * STEEL.kappa * mindlin(p, 0.0, radius_m)[0]
+    np.testing.assert_allclose(tables.total_slip_displacement_m(p), limit_m, rtol=5e-3)
+    delta = np.linspace(0.05, 0.95, 40) * limit_m
+    _, k_n, tau, w = mindlin(p, delta, radius_m)
+    np.testing.assert_allclose(tables.normal_stiffness_Pa_per_m(p), k_n, rtol=5e-3)
+    np.testing.assert_allclose(tables.shear_Pa(delta, p), tau, rtol=5e-3)
+    np.testing.assert_allclose(tables.shear_Pa(-delta, p), -tau, rtol=5e-3)
+    np.testing.assert_allclose(tables.loss_J_per_m2(delta, p), w, rtol=0.02)
+    np.testing.assert_allclose(tables.shear_Pa(3.0 * limit_m, p), MU * p, rtol=1e-12)
+    more = tables.loss_J_per_m2(3.0 * limit_m, p) - tables.loss_J_per_m2(2.0 * limit_m, p)
+    np.testing.assert_allclose(more, 4 * MU * p * limit_m, rtol=1e-9)
+    small = [tables.loss_J_per_m2(share * limit_m, p) for share in (1e-5, 1e-6)]
+    np.testing.assert_allclose(small[0] / small[1], 1e3, rtol=1e-9)
+    assert (found.shear_error < 0.02, found.loss_error < 0.05) == (True, True)
+    with pytest.raises(ValueError, match="pressure_Pa: got"):
+        tables.loss_J_per_m2(1e-9, 1.1 * found.range_Pa[1])
+
+    # The curve that the pressure of the scan left would be far off at the ends
+    _, _, _, as_flat = mindlin(found.range_Pa[0], 1e-9, float(flat_m(LOAD_N)))
+    _, _, _, own = mindlin(found.range_Pa[0], 1e-9, float(flat_m(found.range_Pa[0] * AREA_M2)))
+    assert as_flat > 1.4 * own
+
+
+def test_pressures_that_a_face_cannot_bear_end_the_law():
+    def fails(load_N):
+        if load_N > 1.5 * LOAD_N:
+            raise ContactError("too much")
+        return after(load_N)
+
+    found = law_of(after(LOAD_N), hardness=1e9, after=fails)
+    assert found.pressure_Pa[-1] < 1.5 * LOAD_N / AREA_M2
+    assert "too much" in found.ends
