@@ -11,7 +11,10 @@ from scenes import PROJECT
 
 PROJECT_TABLE = tomllib.loads((PROJECT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
 EXTRAS = PROJECT_TABLE["optional-dependencies"]
-IMPORTED_AS = {"scikit-image": "skimage"}  # else the distribution's name, with _ for -
+IMPORTED_AS = {
+    "scikit-image": "skimage",
+    "pillow": "PIL",
+}  # else the distribution's name, with _ for -
 PEER, BENCH = "skimage", "studies/bench/"  # is timed where it is installed; no result needs it
 
 

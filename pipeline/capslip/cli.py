@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, Literal
 import click
 
 from capslip import __version__, registry
-from capslip.console import Group, Progress, print_result, say_result
+from capslip.console import Group, Progress, print_result, say_result, to_width
 from capslip.errors import ScanError, SettingsError
 from capslip.materials import MATERIALS
 from capslip.units import WORDS, in_si
@@ -48,6 +48,7 @@ SETTING = {  # what an option of an analysis stands for
     "workers": "run.workers",
 }
 PATH = click.Path(path_type=Path)
+SHARE = click.FloatRange(0.0, 1.0)
 
 
 def _options(*options: Any) -> Callable[[Any], Any]:
@@ -69,7 +70,7 @@ _result_options = _options(  # of every command with a result
     _verbose,
 )
 _joint_options = _options(  # of every command that answers for a joint
-    click.option("--preload", type=float, metavar="N", help="Normal load of one joint, in N."),
+    click.option("--preload", metavar="10kN", help="Normal load of one joint; a number is in N."),
     click.option(
         "--material",
         type=click.Choice(tuple(MATERIALS)),
@@ -167,7 +168,7 @@ def analyze(
     say("analysing")
     analysis = run(face, settings, other)
     if not as_json and not quiet:
-        say_result(result_lines(analysis))
+        say_result(to_width(result_lines(analysis)))
     summary = write(
         analysis,
         folder,
@@ -179,7 +180,7 @@ def analyze(
     )
     text = f"\nresults    {folder}\nreport     {folder / 'report.html'}"
     print_result(summary, text, as_json, quiet)
-    errors = [p.message for p in analysis.problems if p.severity == "error"]
+    errors = [p.text for p in analysis.problems if p.severity == "error"]
     if errors:
         raise ScanError(f"{surface}: {errors[0]}; what was found before is in {folder}")
     say.raise_failures(f"all numbers are in {folder}")
@@ -203,8 +204,8 @@ def families(out: Path | None, as_json: bool, quiet: bool, **options: Any) -> No
     result = analyze_families(_settings(**options))
     command = _command_line()
     summary = write_families(result, out, command) if out else result.summary(command)
-    print_result(summary, result_lines(result), as_json, quiet)
-    errors = [p.message for p in result.problems if p.severity == "error"]
+    print_result(summary, to_width(result_lines(result)), as_json, quiet)
+    errors = [p.text for p in result.problems if p.severity == "error"]
     if errors:
         raise ScanError(errors[0])
 
@@ -282,12 +283,30 @@ def batch(
 
 @main.command()
 @click.argument("result", type=PATH)
+@click.option("--screenshot", type=PATH, metavar="PNG", help="A picture, without a window.")
+@click.option("--turntable", type=PATH, metavar="GIF", help="One turn around it, without a window.")
+@click.option("--html", type=PATH, metavar="HTML", help="A page that turns, in one file, offline.")
+@click.option(
+    "--colour", metavar="NAME", default="family", help="family, load, radius, flag or loss."
+)
+@click.option("--load", type=SHARE, default=1.0, help="Normal load over the preload, 0 to 1.")
+@click.option("--force", type=SHARE, help="Tangential force over gross slip: shows what slips.")
 @_verbose
-def inspect(result: Path, verbose: bool) -> None:
-    """Look at the fitted caps of a result in a PyVista window."""
-    from capslip.output.scene import show
+def inspect(result: Path, html: Path | None, verbose: bool, **options: Any) -> None:
+    """Look at the fitted caps of a result: in a window, or in the files asked for."""
+    from capslip.output.scene import look_of, save_picture, show
+    from capslip.output.viewer import write_viewer
 
-    show(result)
+    pictures = [path for path in (options.pop("screenshot"), options.pop("turntable")) if path]
+    look = look_of(**options)
+    for picture in pictures:
+        save_picture(result, picture, look)
+    if html is not None:
+        write_viewer(result, html)
+    for path in (*pictures, *([html] if html else [])):
+        click.echo(path)
+    if not pictures and html is None:
+        show(result, look)
 
 
 @main.command()
@@ -404,6 +423,8 @@ def _settings(
     for name, unit in QUESTIONS.items():
         if options.get(name) is not None:
             options[name] = in_si(options[name], unit, f"--{name.replace('_', '-')}")
+    if options.get("preload") is not None:
+        options["preload"] = _preload_N(options["preload"])
     given = {SETTING[name]: value for name, value in options.items() if value is not None}
     for name, value in given.items():
         if isinstance(value, float) and value != value:
@@ -417,6 +438,14 @@ def _shard(text: str) -> tuple[int, int]:
     if not (part.isdecimal() and parts.isdecimal() and 1 <= int(part) <= int(parts)):
         raise SettingsError(f"--shard: got {text}; expected I/N with I from 1 to N, such as 2/8")
     return int(part), int(parts)
+
+
+def _preload_N(text: str) -> float:
+    """Return a preload with its unit in N; a number alone is in N, as it always was."""
+    try:
+        return float(text)
+    except ValueError:
+        return in_si(text, "N", "--preload")
 
 
 def _toml(value: Any) -> str:

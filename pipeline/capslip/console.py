@@ -7,6 +7,7 @@ on in silence.
 
 import json
 import os
+import shutil
 import signal
 import sys
 import threading
@@ -95,6 +96,13 @@ def print_result(numbers: Any, text: str, as_json: bool, quiet: bool) -> None:
 def say_result(text: str) -> None:
     """Print lines for people on stdout."""
     _echo("\n".join(printable(line) for line in text.split("\n")))
+
+
+def to_width(text: str) -> str:
+    """Break lines at the width of a terminal; a pipe gets each line whole."""
+    from capslip.output.terminal import wrapped
+
+    return wrapped(text, shutil.get_terminal_size().columns) if sys.stdout.isatty() else text
 
 
 def _echo(text: str, err: bool = False) -> None:

@@ -11,6 +11,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
+from capslip.units import readable
+
 Severity = Literal["info", "warning", "error"]
 
 
@@ -74,6 +76,11 @@ class Problem:
     def __post_init__(self) -> None:
         if self.severity not in self.kind.severities:
             raise ValueError(f"a problem {self.code} cannot be of severity {self.severity!r}")
+
+    @property
+    def text(self) -> str:
+        """The message, its quantities as people write them."""
+        return readable(self.message)
 
     @property
     def kind(self) -> Kind:

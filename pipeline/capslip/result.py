@@ -363,7 +363,7 @@ def _problem(problem: Problem) -> dict[str, Any]:
     return {
         "code": problem.code,
         "severity": problem.severity,
-        "message": problem.message,
+        "message": problem.text,
         "effect": None if problem.effect is None else asdict(problem.effect),
         "remedy": problem.kind.remedy,
     }

@@ -59,3 +59,38 @@ def in_si(text: str, si_unit: Literal["m", "N"], name: str) -> float:
         )
     # By division, so that 0.5um is 5e-07 and no digit more
     return value / round(1.0 / factor) if factor < 1e-2 else value * factor
+
+
+PREFIXES = {-12: "p", -9: "n", -6: "u", -3: "m", 0: "", 3: "k", 6: "M", 9: "G"}
+QUANTITY = re.compile(
+    r"(?<![\w.])(\d+(?:\.\d+)?(?:[eE][-+]?\d+)?) (x (\d\S*) )?(m|N|Pa|J|N/m|m2)(?![\w/^])"
+)
+
+
+def readable(text: str) -> str:
+    """Write the quantities of a message as people do: a number of three digits and a prefix.
+
+    Examples
+    --------
+    >>> readable("pixels of 1.90661e-06 x 1.63424e-06 m are not square")
+    'pixels of 1.907 x 1.634 um are not square'
+    >>> readable("2.82e-07 m at 3.12e+03 N, 0.00815 m and 5e-08 m2")
+    '282 nm at 3.12 kN, 8.15 mm and 0.05 mm2'
+    """
+    return QUANTITY.sub(_readable, text)
+
+
+def _readable(match: "re.Match[str]") -> str:
+    number, _, second, unit = match.groups()
+    values = [float(number)] + ([float(second)] if second else [])
+    least = min(abs(value) for value in values)
+    if not 1e-12 <= least < 1e12 or (0.1 <= least < 1e4 and not re.search("[eE]", number)):
+        return match[0]  # reads well as it is
+    power = 2 if unit == "m2" else 1
+    step = 3 * math.floor(math.log10(least) / 3 + 1e-9)
+    step = max(-12, min(9, step))
+    if power == 2:
+        step = -3 if least >= 1e-9 else -6
+    digits = 3 if not second else 4
+    written = " x ".join(f"{value / 10.0 ** (step * power):.{digits}g}" for value in values)
+    return f"{written} {PREFIXES[step]}{unit}"

@@ -106,7 +106,7 @@ def verdict(settings: Settings, problems: Iterable[Problem], estimated_error: fl
             more = f" (and {len(worst) - 1} more)" if len(worst) > 1 else ""
             remedy = worst[0].kind.remedy
             remedy = remedy if remedy.endswith("...") else remedy.removesuffix(".")
-            return f"{begin}{word}: {worst[0].message}{more}; next: {remedy}"
+            return f"{begin}{word}: {worst[0].text}{more}; next: {remedy}"
     accuracy = "to an accuracy that was not estimated"
     if estimated_error is not None:
         percent = max(100.0 * estimated_error, 0.1)

@@ -9,7 +9,7 @@ import pytest
 
 from capslip.output.figures import FIGURES
 from capslip.output.report import MAX_ROWS, write_report
-from capslip.problems import Problem
+from capslip.problems import Effect, Problem
 from capslip.settings import load_settings
 from capslip.surface.heightmap import Origin
 
@@ -25,10 +25,10 @@ class Page(HTMLParser):
 
     def handle_starttag(self, tag, attributes):
         self.tags.append((tag, dict(attributes)))
-        self.hidden += tag == "style"
+        self.hidden += tag in ("style", "script")
 
     def handle_endtag(self, tag):
-        self.hidden -= tag == "style"
+        self.hidden -= tag in ("style", "script")
 
     def handle_data(self, data):
         self.text += "" if self.hidden else data
@@ -45,22 +45,24 @@ def page(several, tmp_path):
 
 
 def test_report_needs_nothing_from_elsewhere(page):
-    assert not page.all("script")
     assert not page.all("link")
     addresses = [a[key] for _, a in page.tags for key in ("src", "href") if key in a]
     assert addresses
-    assert all(address.startswith("data:image/png;base64,") for address in addresses)
+    assert all(address.startswith(("data:image/png;base64,", "#")) for address in addresses)
     assert "url(" not in page.source
     assert "http" not in page.source
 
 
 def test_report_shows_every_figure_with_title_and_text(page):
     images = page.all("img")
-    assert [image["alt"] for image in images] == [entry.title for entry in FIGURES.values()]
+    assert len(images) == len(FIGURES)
+    said = {name: image["alt"] for name, image in zip(FIGURES, images, strict=True)}
+    assert "h = 2" in said["families"]  # the values, not the title
+    assert "GN/m" in said["normal_curve"] or "MN/m" in said["normal_curve"]
     assert page.all("html")[0]["lang"] == "en"
     assert "<title>" in page.source
     for entry in FIGURES.values():
-        assert entry.caption in page.text
+        assert f"{entry.caption} {entry.good}" in page.text
 
 
 def test_missing_picture_is_said(page):
@@ -116,7 +118,7 @@ def test_report_counts_contacts_only_where_there_are_some_to_count(several, tmp_
 def test_caps_without_load_follow_by_height(several, tmp_path):
     caps = several.caps.with_columns(load_N=np.full(len(several.caps), np.nan))
     page = Page(write_report(replace(several, caps=caps), several.summary(), tmp_path, None))
-    body = page.source.split("<tbody>")[1].split("</tbody>")[0]
+    body = page.source.split('class="sorts"')[1].split("<tbody>")[1].split("</tbody>")[0]
     shown = [int(row.split("</td>")[0]) - 1 for row in body.split("<tr><td>")[1:]]
     heights_m = several.caps.peak_height_m[shown]
     assert len(shown) == len(caps)
@@ -132,7 +134,7 @@ def test_what_a_file_says_cannot_break_the_page(several, tmp_path):
     )
     analysis = replace(several, surface=surface, problems=problems)
     page = Page(write_report(analysis, analysis.summary(), tmp_path, nasty))
-    assert not page.all("script")
+    assert "<script>alert" not in page.source
     assert page.text.count(nasty) >= 3
     assert page.text.index("contact_failed") < page.text.index("one_family")
 
@@ -146,6 +148,44 @@ def test_long_table_is_cut_and_says_so(several, tmp_path):
     page = Page(write_report(analysis, several.summary(), tmp_path, None))
     assert f"The first {MAX_ROWS} of {n} caps" in page.text
     assert "57 more are in caps.csv" in page.text
-    body = page.source.split("<tbody>")[1].split("</tbody>")[0]
+    body = page.source.split('class="sorts"')[1].split("<tbody>")[1].split("</tbody>")[0]
     assert body.count("<tr>") == MAX_ROWS
     assert body.startswith(f"\n<tr><td>{n}</td>")
+
+
+def test_at_most_three_causes_come_first_errors_before_what_moves_most(several, tmp_path):
+    def moving(code, message, energy):
+        return Problem(code, "warning", message, Effect(0.01, energy, None))
+
+    problems = (
+        Problem("one_family", "info", "only a note"),
+        moving("outliers", "moves little", 0.02),
+        moving("spikes", "moves most", 0.4),
+        moving("clipped", "moves some", 0.1),
+        Problem("contact_failed", "error", "nothing holds at 2.82e-07 m"),
+    )
+    analysis = replace(several, problems=problems)
+    page = Page(write_report(analysis, analysis.summary(), tmp_path, None))
+    body = page.source.split('<ol class="causes">')[1].split("</ol>")[0]
+    assert body.count("<li>") == 3
+    assert (
+        body.index("nothing holds at 282 nm") < body.index("moves most") < body.index("moves some")
+    )
+    assert "moves K by 1 %, W by 40 %" in body
+    assert body.count("Next: ") == 3
+    assert "moves little" not in body
+    assert page.text.index("moves some") < page.text.index("only a note")
+
+
+def test_answer_comes_before_everything_else(page, several):
+    order = ["Answer", "Assumed, not given", "What limits it", "Figures", "Caps", "Problems"]
+    places = [page.source.index("Verdict:")]
+    places += [page.source.index(f">{words}</h2>") for words in order]
+    assert places == sorted(places)
+    assert several.settings.sha256()[:12] in page.text.split("Methods, to paste")[1]
+
+
+def test_every_head_of_a_table_says_what_it_heads(page):
+    heads = page.all("th")
+    assert heads
+    assert all(head.get("scope") in ("row", "col") for head in heads)

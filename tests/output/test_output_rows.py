@@ -142,28 +142,33 @@ def test_the_lines_of_a_terminal():
     lines = lines[[line[:4] for line in lines].index("scan") :]
     families, slip, damping = analysis.families, analysis.slip, analysis.damping
     assert lines[0].startswith("scan       ")
-    assert f"cut {analysis.hills.cut_height_m * 1e6:.4g} um, " in lines[1]
-    assert lines[2] == f"families   m 2, n 3, h {families.h_m * 1e6:.4g} um"
+
+    def human(value, unit, digits=3):
+        return engineering(value, unit, digits).replace("µ", "u")
+
+    assert f"cut {human(analysis.hills.cut_height_m, 'm')}, " in lines[1]
+    assert lines[2] == f"families   m 2, n 3, h {human(families.h_m, 'm')}"
     for line, name, family in ((lines[3], "G", families.G), (lines[4], "P", families.P)):
         assert line == (
-            f"  {name}        R {family.radius_m:.4g} m, D {family.diameter_m * 1e3:.4g} mm, "
-            f"df {family.height_m * 1e6:.4g} um"
+            f"  {name}        R {human(family.radius_m, 'm', 4)}, "
+            f"D {human(family.diameter_m, 'm')}, "
+            f"df {human(family.height_m, 'm')}"
         )
     contact = analysis.contact
-    assert lines[5] == (
+    assert lines[5] == (  # the approach without bulk first, as in the report
         f"contact    caps: 150 N on {contact.contacts} caps in contact, approach "
-        f"{contact.approach_m * 1e6:.4g} um ({contact.approach_without_bulk_m * 1e6:.4g} um "
-        "without bulk)"
+        f"{human(contact.approach_without_bulk_m, 'm')} ({human(contact.approach_m, 'm')} "
+        "with bulk)"
     )
     assert lines[6] == (
-        f"slip       stiffness {slip.tangential_stiffness_N_per_m / 1e6:.4g} MN/m, total slip at "
-        f"{slip.total_slip_force_N:.4g} N, {slip.total_slip_displacement_m * 1e9:.4g} nm"
+        f"slip       stiffness {human(slip.tangential_stiffness_N_per_m, 'N/m')}, total slip at "
+        f"{human(slip.total_slip_force_N, 'N', 4)}, {human(slip.total_slip_displacement_m, 'm')}"
     )
     assert lines[7] == (
         "damping    demonstration beam 400 x 60 x 40 mm: peak loss factor "
         f"{damping.peak_loss_factor:.4g} at "
-        f"{damping.amplitude_at_peak_m * 1e6:.4g} um, gross slip at "
-        f"{damping.gross_slip_amplitude_m * 1e6:.4g} um"
+        f"{human(damping.amplitude_at_peak_m, 'm')}, gross slip at "
+        f"{human(damping.gross_slip_amplitude_m, 'm')}"
     )
     assert lines[8] == f"status     {analysis.status}"
 

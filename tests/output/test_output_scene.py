@@ -2,15 +2,17 @@
 
 import subprocess
 import sys
-from dataclasses import replace
 
 import numpy as np
 import output_cases
 import pytest
 
 from capslip.errors import OutputError
-from capslip.output.scene import read_scene, show, start_render
-from capslip.output.tables import write_result
+from capslip.output.picture import Look, caption, plotter_of
+from capslip.output.scene import look_of, save_picture, show, start_render
+from capslip.output.tables import write_result, write_summary
+from capslip.output.view import read_view
+from capslip.output.window import Window
 
 DRAW_A_SPHERE = (
     "import sys, pyvista\n"
@@ -28,6 +30,7 @@ def python(code):
 def result(tmp_path_factory):
     folder = tmp_path_factory.mktemp("result")
     write_result(output_cases.several(), folder)
+    write_summary(output_cases.several().summary(), folder)
     return folder
 
 
@@ -38,22 +41,6 @@ def opengl(tmp_path_factory):
     subprocess.run([*python(DRAW_A_SPHERE), str(png)], capture_output=True, check=False)
     if not png.is_file():
         pytest.skip("VTK finds no OpenGL here")
-
-
-def test_scene_holds_the_result(result, several):
-    scene, analysis = read_scene(result / "result.h5"), several
-    surface = analysis.conditioned.surface
-    np.testing.assert_allclose(scene.height_m, surface.height_m, rtol=1e-6, atol=1e-13)
-    assert scene.pixel_size_m == pytest.approx(surface.pixel_size_m)
-    assert list(scene.family) == list(analysis.caps.family)
-    np.testing.assert_array_equal(scene.diameter_m, analysis.caps.diameter_m)
-
-
-def test_cap_without_a_sphere_is_left_out(several, tmp_path):
-    radius_m = several.caps.radius_m.copy()
-    radius_m[1] = np.nan
-    write_result(replace(several, caps=several.caps.with_columns(radius_m=radius_m)), tmp_path)
-    assert len(read_scene(tmp_path / "result.h5").x_m) == len(several.caps) - 1
 
 
 @pytest.mark.parametrize("file", ["", "result.h5"])
@@ -108,10 +95,116 @@ def test_window_without_a_display_is_one_clear_line(result, monkeypatch):
     monkeypatch.setattr(sys, "platform", "linux")
     monkeypatch.delenv("DISPLAY", raising=False)
     monkeypatch.delenv("WAYLAND_DISPLAY", raising=False)
-    with pytest.raises(OutputError, match=r"no display.*scene\.png"):
+    with pytest.raises(OutputError, match=r"no display.*--screenshot.*--html"):
         show(result)
 
 
 def test_window_needs_a_result(tmp_path):
-    with pytest.raises(OutputError, match=r"expected the result\.h5"):
+    with pytest.raises(OutputError, match=r"or its result\.h5"):
         show(tmp_path)
+
+
+def pixels(plotter, colour):
+    """Share of a picture that has about a colour, and looks lit."""
+    picture = plotter.screenshot(return_img=True).astype(float) / 255.0
+    red, green, blue = (int(colour[i : i + 2], 16) / 255.0 for i in (1, 3, 5))
+    bright = picture.max(axis=-1) / max(red, green, blue)
+    bright = np.where(bright > 0.2, bright, np.nan)
+    away = np.abs(picture / bright[..., None] - (red, green, blue)).max(axis=-1)
+    return float((away < 0.12).mean())
+
+
+@pytest.fixture
+def window(opengl, result):
+    window = Window(read_view(result), Look(), off_screen=True)
+    window.plotter.show(auto_close=False)
+    yield window
+    window.plotter.close()
+
+
+def test_zones_follow_load_and_force(window):
+    green, red = "#009E73", "#CC3311"
+    assert pixels(window.plotter, green) < 1e-4
+    window.toggle("zones")
+    sticks = pixels(window.plotter, green)
+    assert sticks > 1e-3
+    window.change(force_share=0.7)
+    assert pixels(window.plotter, green) < 0.8 * sticks
+    assert pixels(window.plotter, red) > 1e-3
+    slips = pixels(window.plotter, red)
+    window.change(load_share=0.1)
+    assert pixels(window.plotter, red) < slips
+    assert "slip in part" in caption(window.view, window.look)
+
+
+def test_parts_come_and_go(window):
+    vermilion = pixels(window.plotter, "#D55E00")
+    window.toggle("caps")
+    assert pixels(window.plotter, "#D55E00") < 0.1 * vermilion
+    window.toggle("caps")
+    assert pixels(window.plotter, "#D55E00") == pytest.approx(vermilion, rel=0.01)
+    window.toggle("face")
+    assert "face" not in window.plotter.actors
+    window.toggle("mate")
+    assert "mate" in window.plotter.actors
+    window.toggle("labels")
+    for _ in range(5):
+        window.next_colour()
+    assert window.look.colour == "family"
+
+
+def test_click_on_a_cap_shows_its_profile_and_beside_it_nothing(window):
+    of = window.view.columns
+    window.select(of["x_m"][1], of["y_m"][1])
+    assert window.selected == 1
+    assert window.chart is not None
+    window.select(0.0, 0.0)
+    assert window.selected is None
+    assert window.chart is None
+
+
+def test_exaggeration_is_written_and_stretches_the_face(opengl, result):
+    view = read_view(result)
+    plotter = plotter_of(view, Look(factor=1234.0))
+    assert "heights x 1 234" in caption(view, Look(factor=1234.0))
+    high_m = float(np.nanmax(view.height_m)) - view.limits_m[0]
+    assert plotter.actors["face"].bounds.z_max == pytest.approx(1234.0 * high_m, rel=1e-4)
+    plotter.close()
+
+
+def test_spheres_are_not_spoiled_by_the_face_they_coincide_with(opengl, result):
+    """Seen from above, what should be a cap is one everywhere: no speckles."""
+    view = read_view(result)
+    plotter = plotter_of(view, Look())
+    plotter.view_xy()
+    picture = plotter.screenshot(return_img=True).astype(int)
+    caps = np.abs(picture[..., 2] - picture[..., 0]) > 60
+    from scipy.ndimage import binary_closing, binary_opening
+
+    body = binary_closing(binary_opening(caps, iterations=2), iterations=8)
+    assert (body & ~caps).sum() < 0.002 * body.sum()
+    plotter.close()
+
+
+def test_turntable_turns(opengl, result, tmp_path):
+    from PIL import Image
+
+    save_picture(result, tmp_path / "turn.gif", look_of("load", 1.0, 0.4))
+    with Image.open(tmp_path / "turn.gif") as picture:
+        assert picture.n_frames >= 24
+        first = np.asarray(picture.convert("RGB"), dtype=int)
+        picture.seek(picture.n_frames // 2)
+        assert np.abs(np.asarray(picture.convert("RGB"), dtype=int) - first).mean() > 2.0
+
+
+@pytest.mark.parametrize(
+    ("picture", "said"), [("a.jpg", r"expected \.png or \.gif"), ("no/a.png", "no such folder")]
+)
+def test_picture_that_cannot_be_written_is_one_clear_line(result, tmp_path, picture, said):
+    with pytest.raises(OutputError, match=said):
+        save_picture(result, tmp_path / picture, Look())
+
+
+def test_unknown_colour_is_one_clear_line():
+    with pytest.raises(OutputError, match="expected one of family, load"):
+        look_of("rainbow", 1.0, None)

@@ -21,6 +21,8 @@ class Entry:
     title: str
     needs: str  # what must exist for the figure to be drawn
     caption: str
+    good: str  # what it looks like where all is well
+    alt: str  # what it says, with the values of `output/rows.py`
 
 
 FIGURES = {
@@ -31,6 +33,9 @@ FIGURES = {
         "Heights after removal of the form, at equal scale in x and y. The line is the cut: the "
         "given share of the measured points lies above it. Grey: non-measured points. Pointed "
         "ends of the colour bar: lone spikes or pits lie beyond it.",
+        "Good: no tilt, no bow, no stripes; grey points scattered rather than in patches.",
+        "Map of the heights: Sq {sq_m}, Sz {sz_m}, {non_measured} non-measured, cut at "
+        "{cut_height_m}.",
     ),
     "hills_and_caps": Entry(
         figures_surface.hills_and_caps,
@@ -39,6 +44,8 @@ FIGURES = {
         "Hills above the cut in pale colours; the circle is the base of the fitted cap, with the "
         "equal-area diameter D of Eq. 18. Numbers are the rows of caps.csv, counted from 1 (left "
         "out where there are more than 60). Orange: G-caps; blue: P-caps; grey: no family.",
+        "Good: one circle a hill, about as large as it; no hill without one, none across two.",
+        "Map of {hills} hills with the base circles of {caps} caps: {m} G-caps, {n} P-caps.",
     ),
     "cap_profile": Entry(
         figures_surface.cap_profile,
@@ -48,6 +55,8 @@ FIGURES = {
         "that Eq. 18 takes: D, the diameter of the circle with the area of the hill at the cut, "
         "and df, the apex above the cut. Heights are enlarged by the factor printed; at true "
         "scale the cap would look flat.",
+        "Good: the points lie on the sphere down to the cut, or at least where they are pressed.",
+        "Section through the most loaded cap, or the highest, with its fitted sphere.",
     ),
     "families": Entry(
         figures_surface.family_scatter,
@@ -55,6 +64,10 @@ FIGURES = {
         "a cap",
         "Peak height and radius of every cap. Dashed: mean peak height of each family; h is the "
         "difference of the two means. Dotted: the cut.",
+        "Good: clouds apart from each other in height, narrower than the gap h between them; "
+        "or one.",
+        "Peak height over radius of {caps} caps: h = {h_m}, mean R {radius_G_m:4} and "
+        "{radius_P_m:4}.",
     ),
     "normal_curve": Entry(
         figures_contact.normal_curve,
@@ -63,6 +76,11 @@ FIGURES = {
         "Load of one joint over its normal approach from first touch; the point is the preload. "
         "The bulk term is the sinking of the half-space as a whole. Where the model has one, the "
         "dotted line shows the same caps without their elastic interaction.",
+        "Good: bent upwards, as more caps touch. A structural model of the parts holds the "
+        "bulk sinking itself, so slip uses the curve without it, which is stiffer: it is what "
+        "the contacts alone yield.",
+        "Load over approach up to {preload_N:4}: {approach_without_bulk_m} without bulk, "
+        "{approach_m} with it; stiffness {stiffness_N_per_m}.",
     ),
     "slip_loop": Entry(
         figures_contact.slip_loop,
@@ -72,6 +90,9 @@ FIGURES = {
         "and steady cycles up to three shares of the force at total slip. The area of a loop is "
         "the energy W lost per cycle. The bands are the phases of first loading; the "
         "first contact to slip as a whole ends GPS.",
+        "Good: slim loops that widen towards total slip.",
+        "Loops of force over displacement up to total slip at {total_slip_force_N:4}, "
+        "{total_slip_displacement_m}.",
     ),
     "energy": Entry(
         figures_contact.energy,
@@ -79,6 +100,9 @@ FIGURES = {
         "caps that carry the preload and give way (any model but flat)",
         "Energy lost per cycle in one joint over the amplitude of the slip displacement. It grows "
         "with the third power where the amplitude is small.",
+        "Good: slope 3, then a bend towards slope 1 at total slip.",
+        "Energy over displacement: {answer_energy_J} at {answer_displacement_m}; total slip "
+        "at {total_slip_displacement_m}.",
     ),
     "loss_factor": Entry(
         figures_contact.loss_factor,
@@ -88,6 +112,9 @@ FIGURES = {
         "the shaded range the joint slides as a whole and no steady cycle exists under a given "
         "force, so no value is given. The diamond is the answer, its bar the interval that holds "
         "90 % of what may be.",
+        "Good: a rise with slope 1, and the amplitudes of the structure left of gross slip.",
+        "Loss factor over amplitude: at most {peak_loss_factor} at {amplitude_at_peak_m}, "
+        "gross slip from {gross_slip_amplitude_m}.",
     ),
     "contributions": Entry(
         figures_band.contributions,
@@ -98,6 +125,8 @@ FIGURES = {
         "contact model may be off by. Friction, preload and modulus: the spreads that were given. "
         "The form of the model is no input: dissipation of real joints is known to a factor of "
         "two to three at best.",
+        "Good: short bars, the longest of an input that can be measured.",
+        "Shares of the inputs in the variance of stiffness, energy and loss factor.",
     ),
     "sensitivity": Entry(
         figures_sensitivity.sensitivity,
@@ -107,6 +136,8 @@ FIGURES = {
         "S-filter and the levelling. W is the energy lost per cycle at half the force at total "
         "slip. In the shaded range the answer stays within its error bar: two standard errors, or "
         "the requested tolerance.",
+        "Good: every line flat inside its band.",
+        "Answers over the choices of cut, pruning, filter and levelling.",
     ),
 }
 

@@ -162,7 +162,8 @@ def loss_factor(analysis: "Analysis") -> "Figure | None":
     unit_m, unit = _unit_of_length(gross_m)
     figure, axes = blank(f"Loss factor from micro-slip: {structure_name(analysis.settings)}")
     amplitude_m, eta = damping.amplitude_m[steady], damping.loss_factor[steady]
-    axes.semilogx(amplitude_m / unit_m, eta, color=INK, linewidth=1.8, label="_loss factor")
+    smooth_m, smooth = _smooth(amplitude_m, eta)
+    axes.semilogx(smooth_m / unit_m, smooth, color=INK, linewidth=1.8, label="_loss factor")
     if damping.amplitude_at_peak_m is not None:
         where = engineering(damping.amplitude_at_peak_m, "m")
         if damping.peak_at_gross_slip:
@@ -190,6 +191,18 @@ def loss_factor(analysis: "Analysis") -> "Figure | None":
         axes.set_ylim(bottom=0.0)
     axes.legend(loc="upper left", fontsize=9, framealpha=0.9, edgecolor="none")
     return figure
+
+
+def _smooth(x: np.ndarray, y: np.ndarray, points: int = 600) -> tuple[np.ndarray, np.ndarray]:
+    """Return a curve over logarithms that bends between its points, as the eye expects."""
+    from scipy.interpolate import PchipInterpolator
+
+    seen = y > 0.0
+    if seen.sum() < 4:
+        return x, y
+    curve = PchipInterpolator(np.log(x[seen]), np.log(y[seen]))
+    fine = np.geomspace(x[seen][0], x[seen][-1], points)
+    return fine, np.exp(curve(np.log(fine)))
 
 
 def _mark_answer(axes: "Axes", analysis: "Analysis", unit_m: float) -> None:

@@ -3,6 +3,7 @@
 from typing import Any
 
 from capslip.output.rows import write_text
+from capslip.problems import KINDS
 
 ASKED = {
     "amplitude_m": "amplitude {answer_amplitude_m:4} of the {answer_structure}",
@@ -94,3 +95,32 @@ def joint_line(summary: dict[str, Any], absent: str) -> str:
 def assumed_lines(summary: dict[str, Any]) -> list[tuple[str, str, str]]:
     """Return name, value and what it moves of all that nobody gave."""
     return [(one["name"], one["value"], one["moves"]) for one in summary["assumed"]]
+
+
+MOST_CAUSES = 3
+MOVED = {"tangential_stiffness": "K", "energy": "W", "loss_factor": "the loss factor"}
+
+
+def causes(summary: dict[str, Any]) -> list[dict[str, Any]]:
+    """Return the problems that a reader has to know first, at most three: errors, then warnings.
+
+    Each with what it does to the numbers: as measured, or else what all of its kind do. Those that
+    move most come first.
+    """
+    serious = [one for one in summary["problems"] if one["severity"] != "info"]
+    serious.sort(key=lambda one: (one["severity"] != "error", -_greatest(one)))
+    return [{**one, "does": effect_text(one)} for one in serious[:MOST_CAUSES]]
+
+
+def _greatest(problem: dict[str, Any]) -> float:
+    return max((value or 0.0 for value in (problem["effect"] or {}).values()), default=0.0)
+
+
+def effect_text(problem: dict[str, Any]) -> str:
+    """Return what a problem does to the numbers."""
+    moved = [
+        f"{MOVED[name]} by {100.0 * value:.2g} %"
+        for name, value in (problem["effect"] or {}).items()
+        if value is not None
+    ]
+    return f"moves {', '.join(moved)}" if moved else KINDS[problem["code"]].effect

@@ -42,16 +42,29 @@ def face_mesh(
     >>> points.shape, cells.shape
     ((12, 3), (6, 4))
     """
-    step = max(1, int(np.ceil(np.sqrt(height_m.size / max_cells))))
-    rows, cols = (_thinned(n, step) for n in height_m.shape)
-    z_m = height_m[np.ix_(rows, cols)]
+    rows, cols = thinned_lines(height_m.shape, max_cells)
+    dy_m, dx_m = pixel_size_m
+    return grid_mesh(height_m[np.ix_(rows, cols)], (rows + 0.5) * dy_m, (cols + 0.5) * dx_m)
+
+
+def thinned_lines(shape: tuple[int, ...], max_cells: int) -> tuple[np.ndarray, np.ndarray]:
+    """Return the numbers of the rows and columns of a map that a mesh of so many cells keeps."""
+    step = max(1, int(np.ceil(np.sqrt(shape[0] * shape[1] / max_cells))))
+    rows, cols = (_thinned(n, step) for n in shape)
+    return rows, cols
+
+
+def grid_mesh(z_m: np.ndarray, y_m: np.ndarray, x_m: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Join heights (ny, nx) over rows at y_m and columns at x_m to quadrilaterals.
+
+    Points and cells are those of `face_mesh`.
+    """
     number = np.arange(z_m.size).reshape(z_m.shape)
     corners = (number[:-1, :-1], number[:-1, 1:], number[1:, 1:], number[1:, :-1])
     cells = np.stack([corner.ravel() for corner in corners], axis=1)
     cells = cells[np.isfinite(z_m.ravel()[cells]).all(axis=1)]
     used, cells = np.unique(cells, return_inverse=True)
-    dy_m, dx_m = pixel_size_m
-    x_m, y_m = np.meshgrid((cols + 0.5) * dx_m, (rows + 0.5) * dy_m)
+    x_m, y_m = np.meshgrid(x_m, y_m)
     points = np.stack([x_m.ravel(), y_m.ravel(), z_m.ravel()], axis=1)[used]
     return points, cells.reshape(-1, 4)
 
@@ -111,6 +124,70 @@ def cap_mesh(
     one_cap = _disc_triangles(rings, sectors)
     cells = (one_cap + len(u) * np.arange(n)[:, None, None]).reshape(-1, 3)
     return points, cells, np.repeat(np.arange(n), len(u))
+
+
+def segment_mesh(
+    apex_m: np.ndarray,
+    radius_m: np.ndarray,
+    inner_m: np.ndarray,
+    outer_m: np.ndarray,
+    side_m: tuple[float, float],
+    max_cells: int = CAP_CELLS,
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Triangulate rings of spheres around their apex, as far as the face goes.
+
+    Parameters
+    ----------
+    apex_m : ndarray, shape (n, 3)
+        Apex of each sphere.
+    radius_m : ndarray, shape (n,)
+        Its radius.
+    inner_m, outer_m : ndarray, shape (n,)
+        Distances from the apex, along the face, between which the ring lies; at most the radius.
+    side_m : (float, float)
+        Sides (y, x) of the face; a ring ends at its edge.
+    max_cells : int
+        Rings get coarser to keep to this number.
+
+    Returns
+    -------
+    points, cells, ring
+        As of `cap_mesh`: places, corners of the triangles, and the ring each point belongs to.
+
+    Examples
+    --------
+    >>> one = np.ones(1)
+    >>> points, _, _ = segment_mesh(np.zeros((1, 3)), 2 * one, 0 * one, one, (4.0, 4.0))
+    >>> print(points.min(axis=0))  # the apex is a corner of the face
+    [ 0.          0.         -0.26794919]
+    """
+    n = len(radius_m)
+    sectors = int(np.clip(np.sqrt(2 * max_cells / max(n, 1)), 8, 48))
+    steps = max(1, sectors // 8)
+    around = np.linspace(0.0, 2 * np.pi, sectors, endpoint=False)
+    u, v = np.cos(around), np.sin(around)
+    x_m, y_m = (apex_m[:, i, None] for i in (0, 1))
+    with np.errstate(divide="ignore", invalid="ignore"):
+        to_x = np.where(u > 0, (side_m[1] - x_m) / u, np.where(u < 0, -x_m / u, np.inf))
+        to_y = np.where(v > 0, (side_m[0] - y_m) / v, np.where(v < 0, -y_m / v, np.inf))
+    edge_m = np.maximum(np.minimum(to_x, to_y), 0.0)[:, None, :]
+    share = np.linspace(0.0, 1.0, steps + 1)[:, None]
+    r_m = inner_m[:, None, None] + share * (outer_m - inner_m)[:, None, None]
+    r_m = np.minimum(np.broadcast_to(r_m, (n, steps + 1, sectors)), edge_m)
+    R = radius_m[:, None, None]
+    sag_m = r_m**2 / (R + np.sqrt(np.maximum(R**2 - r_m**2, 0.0)))
+    places = (x_m[:, None] + r_m * u, y_m[:, None] + r_m * v, apex_m[:, 2, None, None] - sag_m)
+    points = np.stack(places, axis=-1).reshape(-1, 3)
+    here = np.arange(sectors)
+    following = (here + 1) % sectors
+    one = []
+    for step in range(steps):
+        low, high = step * sectors, (step + 1) * sectors
+        one.append(np.stack([here + low, here + high, following + high], axis=1))
+        one.append(np.stack([here + low, following + high, following + low], axis=1))
+    of_ring = sectors * (steps + 1)
+    cells = (np.concatenate(one) + of_ring * np.arange(n)[:, None, None]).reshape(-1, 3)
+    return points, cells, np.repeat(np.arange(n), of_ring)
 
 
 def write_meshes(analysis: "Analysis", folder: str | Path) -> list[Path]:

@@ -1,16 +1,22 @@
 """The report: one HTML file that opens offline and holds all that an analysis found."""
 
 import base64
+import json
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from capslip.contact.rung import rung
+from capslip.output import figures_sensitivity
 from capslip.output.figures import FIGURES
-from capslip.output.lead import answer_lines, assumed_lines, joint_line
+from capslip.output.lead import answer_lines, assumed_lines, causes, effect_text, joint_line
+from capslip.output.methods import citation, methods_paragraph, references
 from capslip.output.quantity import engineering, scaled
 from capslip.output.rows import DASH, QUANTITIES, write_text
+from capslip.output.view import read_view
+from capslip.output.viewer import CELLS, viewer_block
+from capslip.output.whatif import whatif_data
 
 if TYPE_CHECKING:
     from capslip.caps.table import CapTable
@@ -45,32 +51,40 @@ def write_report(
     Returns
     -------
     Path
-        The file: pictures and styles inside, no script, nothing to load from elsewhere.
+        The file: pictures, data, styles and scripts inside, nothing to load from elsewhere. Where
+        `result.h5` is in the folder, the face turns on the page.
     """
     import tomli_w
     from jinja2 import Environment, StrictUndefined
 
     folder = Path(folder)
-    template = Path(__file__).with_name("report.html.j2").read_text(encoding="utf-8")
+    room = Path(__file__).parent
     environment = Environment(
         autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
     )
     problems = sorted(summary["problems"], key=lambda one: SEVERITIES.index(one["severity"]))
-    page = environment.from_string(template).render(
-        name=summary["name"],
-        status=summary["status"],
-        version=summary["provenance"]["version"],
-        started=summary["provenance"]["started"],
-        verdict=summary["verdict"],
+    result, panel = folder / "result.h5", whatif_data(analysis)
+    page = environment.from_string((room / "report.html.j2").read_text(encoding="utf-8")).render(
+        summary=summary,
+        style=(room / "report.css").read_text(encoding="utf-8"),
+        script=(room / "report.js").read_text(encoding="utf-8"),
         answer=[text for _, text in answer_lines(summary, DASH)],
         joint=joint_line(summary, DASH),
         assumed=assumed_lines(summary),
-        problems=problems,
+        causes=causes(summary),
+        problems=[{**one, "does": effect_text(one)} for one in problems],
         headlines=_headlines(summary),
         limits=_limits(summary, analysis),
-        figures=_figures(analysis, folder / "figures", render_message),
+        figures=_figures(analysis, summary, folder / "figures", render_message),
+        viewer=viewer_block(read_view(result, CELLS, summary)) if result.is_file() else "",
+        whatif=panel and json.dumps(panel, allow_nan=False),
+        whatif_script=(room / "whatif.js").read_text(encoding="utf-8"),
+        one_level=bool(panel and panel["one_level"]),
         caps=_cap_rows(analysis.caps),
         tables=_tables(summary),
+        methods=methods_paragraph(summary),
+        references=references(summary),
+        citation=citation(summary),
         settings=tomli_w.dumps(analysis.settings.to_dict()),
     )
     path = folder / "report.html"
@@ -165,32 +179,42 @@ def _limits(summary: dict[str, Any], analysis: "Analysis") -> list[str]:
 
 
 def _figures(
-    analysis: "Analysis", folder: Path, render_message: str | None
+    analysis: "Analysis", summary: dict[str, Any], folder: Path, render_message: str | None
 ) -> list[dict[str, str | None]]:
     """Collect pictures and captions; a picture that is missing carries the reason."""
     figures = []
     for name, entry in FIGURES.items():
         missing = f"It needs {entry.needs}, which this analysis does not have; see the problems."
+        if entry.draw is figures_sensitivity.sensitivity and not analysis.settings.run.sensitivity:
+            missing = "It was not asked for (--sensitivity)."
         if not analysis.settings.run.figures:
             missing = "Figures were switched off (run.figures)."
         failed = [p.message for p in analysis.problems if p.message.startswith(f"{name}.png")]
         missing = failed[0] if failed else missing
-        figures.append(_picture(folder, name, entry.title, entry.caption, missing))
-    caption = (
-        "The face with its fitted caps, slightly lifted. Holes are non-measured points. Heights "
-        "are enlarged by the factor printed in the picture."
-    )
-    missing = f"Reason: {render_message or 'the renderer left no picture'}."
-    scene = _picture(folder, "scene", "The face in three dimensions", caption, missing)
+        figures.append(
+            {
+                "name": name,
+                "title": entry.title,
+                "caption": f"{entry.caption} {entry.good}",
+                "alt": write_text(entry.alt, summary),
+                "missing": missing,
+                "data": _data(folder / f"{name}.png"),
+            }
+        )
+    scene: dict[str, str | None] = {
+        "name": "scene",
+        "title": "The face in three dimensions",
+        "caption": "Spheres as fitted, down to the cut, on the face; holes are non-measured "
+        "points. Heights are enlarged by the factor printed in the picture.",
+        "alt": write_text("The face with {caps} fitted caps, Sz {sz_m}.", summary),
+        "missing": f"Reason: {render_message or 'the renderer left no picture'}.",
+        "data": _data(folder / "scene.png"),
+    }
     return [*figures[:2], scene, *figures[2:]]
 
 
-def _picture(
-    folder: Path, name: str, title: str, caption: str, missing: str
-) -> dict[str, str | None]:
-    png = folder / f"{name}.png"
-    data = base64.b64encode(png.read_bytes()).decode("ascii") if png.is_file() else None
-    return {"name": name, "title": title, "caption": caption, "missing": missing, "data": data}
+def _data(png: Path) -> str | None:
+    return base64.b64encode(png.read_bytes()).decode("ascii") if png.is_file() else None
 
 
 def _cap_rows(caps: "CapTable") -> dict[str, Any]:

@@ -9,6 +9,7 @@ import tomli_w
 
 from capslip.caps.table import UNITS
 from capslip.output.staging import SUMMARY, summary_text
+from capslip.output.zones import write_zones, zones_of
 
 if TYPE_CHECKING:
     from capslip.contact.press import ContactState
@@ -77,8 +78,12 @@ def _write_hdf5(analysis: "Analysis", path: Path) -> None:
             write(f"caps/{name}", values, UNITS[name])
         if analysis.contact is not None:
             load_N = _loads_N(analysis.contact)
-            write("normal/approach_m", analysis.contact.normal.approach_m(load_N), "m")
+            approach_m = np.asarray(analysis.contact.normal.approach_m(load_N))
+            write("normal/approach_m", approach_m, "m")
             write("normal/load_N", load_N, "N")
+            zones = zones_of(analysis, load_N, approach_m)
+            if zones is not None:
+                write_zones(zones, file.create_group("zones"))
         slip = analysis.slip
         if slip is not None:
             force_N = np.geomspace(1e-3, 1.0, FORCES) * slip.total_slip_force_N

@@ -1,6 +1,7 @@
 """The results as one reads them on a terminal."""
 
 import math
+import textwrap
 
 from capslip.errors import printable
 from capslip.output.lead import answer_lines, assumed_lines, joint_line
@@ -9,30 +10,28 @@ from capslip.result import Analysis, JointResult
 from capslip.surface.doubts import sanity_line
 
 HILLS = (
-    "hills      cut {cut_height_m:um}, {regions} regions, {hills} hills, {caps} caps, largest "
+    "hills      cut {cut_height_m}, {regions} regions, {hills} hills, {caps} caps, largest "
     "region {largest_region_share:.0f %}"
 )
-FAMILIES = "families   m {m}, n {n}, h {h_m:um}"
-FAMILY = "  {0}        R {{radius_{0}_m:.4g m}}, D {{diameter_{0}_m:mm}}, df {{height_{0}_m:um}}"
-LEVEL = "level      turned by {tilt_across_face_m:nm} across the face until balanced{0}"
+FAMILIES = "families   m {m}, n {n}, h {h_m}"
+FAMILY = "  {0}        R {{radius_{0}_m:4}}, D {{diameter_{0}_m}}, df {{height_{0}_m}}"
+LEVEL = "level      turned by {tilt_across_face_m} across the face until balanced{0}"
 NOT_CERTIFIED = "; the cut does not hold all that touches"
-CONTACT = (
-    "contact    {{model}}: {{scan_load_N:g N}} on {{contacts}} {0}, approach {{approach_m:um}}"
-)
-WITHOUT_BULK = " ({approach_without_bulk_m:um} without bulk)"
+CONTACT = "contact    {{model}}: {{scan_load_N:4}} on {{contacts}} {0}, approach {1}"
+APPROACH = "{approach_without_bulk_m} ({approach_m} with bulk)"  # the first, as in the report
 SLIP = (
-    "slip       stiffness {0}, total slip at {{total_slip_force_N:.4g N}}, "
-    "{{total_slip_displacement_m:nm}}"
+    "slip       stiffness {0}, total slip at {{total_slip_force_N:4}}, "
+    "{{total_slip_displacement_m}}"
 )
-STIFFNESS = "{tangential_stiffness_N_per_m:MN/m}"  # null in the summary where it is infinite
-NO_LOSS = "damping    {structure}: no loss below gross slip at {gross_slip_amplitude_m:um}"
+STIFFNESS = "{tangential_stiffness_N_per_m}"  # null in the summary where it is infinite
+NO_LOSS = "damping    {structure}: no loss below gross slip at {gross_slip_amplitude_m}"
 NOT_DEFINED = (
     "damping    {structure}: no longer lightly damped at its peak, gross slip at "
-    "{gross_slip_amplitude_m:um}"
+    "{gross_slip_amplitude_m}"
 )
 DAMPING = (
-    "damping    {structure}: peak loss factor {peak_loss_factor:.4g} at {amplitude_at_peak_m:um}, "
-    "gross slip at {gross_slip_amplitude_m:um}"
+    "damping    {structure}: peak loss factor {peak_loss_factor:.4g} at {amplitude_at_peak_m}, "
+    "gross slip at {gross_slip_amplitude_m}"
 )
 
 
@@ -43,7 +42,7 @@ def result_lines(analysis: JointResult) -> str:
     lead.append(("joint", joint_line(summary, "-")))
     assumed = [f"{name} {value}: moves {moves}" for name, value, moves in assumed_lines(summary)]
     lead += zip(["assumed", *[""] * len(assumed)], assumed, strict=False)
-    lines = [f"{label:10} {text}".replace("µ", "u") for label, text in lead]
+    lines = [f"{label:10} {text}" for label, text in lead]
     contact, slip, damping = analysis.contact, analysis.slip, analysis.damping
     texts = [HILLS, FAMILIES] if isinstance(analysis, Analysis) else [FAMILIES]
     texts += [FAMILY.format(name) for name in "GP" if summary["families"][name] is not None]
@@ -51,11 +50,12 @@ def result_lines(analysis: JointResult) -> str:
         cut = NOT_CERTIFIED if summary["hills"]["cut_certified"] is False else ""
         texts.append(LEVEL.replace("{0}", cut))
     if contact is not None:
-        without = WITHOUT_BULK if contact.approach_without_bulk_m is not None else ""
-        texts.append(CONTACT.format(contact.rung.contact_name) + without)
+        without = contact.approach_without_bulk_m is not None
+        approach = APPROACH if without else "{approach_m}"
+        texts.append(CONTACT.format(contact.rung.contact_name, approach))
     if slip is not None:
         rigid = math.isinf(slip.tangential_stiffness_N_per_m)
-        texts.append(SLIP.format("inf MN/m" if rigid else STIFFNESS))
+        texts.append(SLIP.format("infinite" if rigid else STIFFNESS))
     if damping is not None:
         defined = DAMPING if summary["damping"]["peak_loss_factor"] is not None else NOT_DEFINED
         texts.append(NO_LOSS if damping.amplitude_at_peak_m is None else defined)
@@ -64,5 +64,28 @@ def result_lines(analysis: JointResult) -> str:
         lines.append(f"scan       {sanity_line(seen.surface, seen.sq_m, seen.sz_m)}")
     lines += [write_text(text, summary, absent="-") for text in texts]
     lines.append(f"status     {summary['status']}")
-    lines += [f"  {p.severity:8} {p.code}: {p.message}" for p in analysis.problems]
-    return "\n".join(printable(line) for line in lines)
+    lines += [f"  {p.severity:8} {p.code}: {p.text}" for p in analysis.problems]
+    return "\n".join(printable(line) for line in lines).replace("µ", "u")
+
+
+def wrapped(text: str, width: int) -> str:
+    """Break lines at the width of a terminal; what follows stands under the text of its line.
+
+    Examples
+    --------
+    >>> print(wrapped("verdict    usable with care: the last turn still moved", 34))
+    verdict    usable with care: the
+               last turn still moved
+    """
+    indent = " " * 11
+    lines = [
+        textwrap.wrap(
+            line,
+            max(width, 30),
+            subsequent_indent=indent,
+            break_long_words=False,
+            break_on_hyphens=False,
+        )
+        for line in text.split("\n")
+    ]
+    return "\n".join("\n".join(parts) for parts in lines)

@@ -1,0 +1,225 @@
+"""Where a pressed face touches, sticks and slips, at any load and tangential force.
+
+A contact that is sheared by T at the load N slips where it would not touch at N - T / mu: the
+theorem of Ciavarella and Jaeger. So one table, the load of every contact over the load of the face,
+tells touch, stick and slip alike. Of caps the table is that of their model, which is exact; of the
+contact regions of a map it is that of a Hertz contact that lifts off where the region does.
+"""
+
+from dataclasses import dataclass, fields
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from capslip.contact.solvers.hertz import loss_of_asperity
+
+if TYPE_CHECKING:
+    from capslip.contact.press import ContactState
+    from capslip.result import Analysis
+
+LOADS = 33  # of the table of a map
+MAX_CONTACTS = 20_000  # the most loaded
+
+
+@dataclass(frozen=True, eq=False)
+class Zones:
+    """The contacts of a face under its load; k loads, n contacts, p pixels.
+
+    Contacts of caps have a radius and no pixels; those of a map have pixels and no radius.
+    """
+
+    load_N: np.ndarray  # (k,), of the face, growing from zero to its share of the preload
+    withdrawal_m: np.ndarray  # (k,), of the face from the preload, without the bulk term
+    share: np.ndarray  # (k, n), load of each contact over that under the preload
+    contact_load_N: np.ndarray  # (n,), under the preload
+    closing_m: np.ndarray  # (n,), how far each is compressed there
+    cap: np.ndarray  # (n,), row in the table of caps, from 0, of the hill it is on; -1: on none
+    radius_m: np.ndarray  # (n,), of the contact; zero for a region
+    pixel: np.ndarray  # (p,), flat number of each point of the map in contact
+    pixel_contact: np.ndarray  # (p,), the contact it belongs to
+    pixel_reach: np.ndarray  # (p,), 0 in the middle of its contact, 1 at the rim
+
+    def __len__(self) -> int:
+        return len(self.contact_load_N)
+
+    @property
+    def of_map(self) -> bool:
+        """Whether the contacts are regions of the map."""
+        return bool(len(self.pixel))
+
+
+@dataclass(frozen=True, eq=False)
+class Zone:
+    """One state of every contact, shape (n,): over the radius that it has under the preload."""
+
+    contact: np.ndarray  # what touches lies within; 0: does not touch
+    stick: np.ndarray  # what sticks lies within; 0: slips as a whole
+
+    @property
+    def word(self) -> np.ndarray:
+        """One of "apart", "sticks", "slips in part", "slips"."""
+        whole = np.where(self.stick < self.contact, "slips in part", "sticks")
+        word = np.where(self.stick > 0.0, whole, "slips")
+        return np.where(self.contact > 0.0, word, "apart")
+
+
+def zone_at(zones: Zones, load_share: float, force_share: float) -> Zone:
+    """Return what touches, sticks and slips.
+
+    Parameters
+    ----------
+    zones : Zones
+        Of a face.
+    load_share : float
+        Normal load over the preload, 0 to 1.
+    force_share : float
+        Tangential force over that at gross slip under this load, 0 to 1.
+
+    Notes
+    -----
+    A Hertz contact has a^3 over its load, so radii go with the cube root of the share.
+    """
+    load = float(np.clip(load_share, 0.0, 1.0))
+    force = float(np.clip(force_share, 0.0, 1.0))
+    contact = np.sqrt(compression_at(zones, load))
+    stick = np.sqrt(compression_at(zones, load * (1.0 - force)))
+    return Zone(contact, np.minimum(stick, contact))
+
+
+def compression_at(zones: Zones, load_share: float) -> np.ndarray:
+    """Return the compression of each contact, shape (n,), over that under the preload.
+
+    In between it is linear in the load to the power 2/3, as that of a single Hertz contact.
+    """
+    known = (zones.load_N / zones.load_N[-1]) ** (2 / 3)
+    at = load_share ** (2 / 3)
+    i = int(np.clip(np.searchsorted(known, at) - 1, 0, len(known) - 2))
+    low, high = np.cbrt(zones.share[i : i + 2].astype(float)) ** 2
+    weight = (at - known[i]) / (known[i + 1] - known[i])
+    return np.asarray(np.clip(low + weight * (high - low), 0.0, None))
+
+
+def loss_shares(zones: Zones, force_share: float) -> np.ndarray:
+    """Return the share of each contact in the energy of a cycle, shape (n,), in all 1.
+
+    Parameters
+    ----------
+    zones : Zones
+        Of a face.
+    force_share : float
+        Tangential force over that at gross slip under the preload, 0 to 1.
+
+    Notes
+    -----
+    Each contact loses as a Hertz contact (Eq. 8) that is withdrawn by what its load says, and
+    slides with the face once it slips as a whole.
+    """
+    rest = np.minimum(compression_at(zones, 1.0 - force_share), 1.0)
+    at_N = (1.0 - force_share) * zones.load_N[-1]
+    slid_m = float(np.interp(at_N, zones.load_N, zones.withdrawal_m))
+    closing_m = zones.closing_m
+    x_m = np.where(rest > 0.0, closing_m * (1.0 - rest), np.maximum(closing_m, slid_m))
+    coefficient = zones.contact_load_N / np.where(closing_m > 0.0, closing_m, np.inf) ** 1.5
+    loss = loss_of_asperity(coefficient, closing_m, x_m)
+    total = float(loss.sum())
+    return loss / total if total > 0.0 else np.zeros(len(zones))
+
+
+def zones_of(analysis: "Analysis", load_N: np.ndarray, approach_m: np.ndarray) -> Zones | None:
+    """Return the zones of a pressed face; None where its model knows no single contacts.
+
+    Parameters
+    ----------
+    analysis : Analysis
+        A finished one.
+    load_N, approach_m : ndarray, shape (k,)
+        Growing loads from zero to the preload, and what the normal curve was just solved for there.
+    """
+    contact = analysis.contact
+    if contact is None:
+        return None
+    if contact.rung.made_from == "spheres":
+        return _of_caps(analysis, contact, load_N, approach_m)
+    return _of_map(analysis, contact) if contact.rung.made_from == "map" else None
+
+
+def _of_caps(
+    analysis: "Analysis", contact: "ContactState", load_N: np.ndarray, approach_m: np.ndarray
+) -> Zones:
+    """Return the zones of caps, or of the caps of pressed families."""
+    caps = analysis.caps
+    curve: Any = contact.normal  # of spheres
+    row_N = curve.asperity_loads_N(approach_m)
+    cap = np.flatnonzero(np.nan_to_num(caps.load_N) > 0.0)
+    cap = cap[np.argsort(-caps.load_N[cap], kind="stable")][:MAX_CONTACTS]
+    if contact.rung.knows_places:
+        row = np.cumsum(contact.use)[cap] - 1
+    else:
+        names = list(contact.row_family)
+        row = np.array([names.index(name) for name in caps.family[cap]], dtype=int)
+    below_m = approach_m - contact.bulk_m * load_N / contact.preload_N
+    one_N, radius_m = caps.load_N[cap], caps.contact_radius_m[cap]
+    return Zones(
+        load_N=load_N,
+        withdrawal_m=below_m[-1] - below_m,
+        share=row_N[:, row] / row_N[-1, row],
+        contact_load_N=one_N,
+        closing_m=0.75 * one_N / (contact.composite.E_star_Pa * radius_m),  # Hertz
+        cap=cap,
+        radius_m=radius_m,
+        pixel=np.zeros(0, dtype=np.int64),
+        pixel_contact=np.zeros(0, dtype=np.int32),
+        pixel_reach=np.zeros(0),
+    )
+
+
+def _of_map(analysis: "Analysis", contact: "ContactState") -> Zones:
+    """Return the zones of the regions of a map, each a Hertz contact with its lift-off."""
+    curve: Any = contact.normal
+    preload_N = contact.preload_N
+    pressed, lift_m = curve.pressed(preload_N), curve.lift_off_m(contact.approach_m)
+    region_N = pressed.region_loads_N
+    kept = np.argsort(-region_N, kind="stable")[:MAX_CONTACTS]
+    load_N = preload_N * np.linspace(0.0, 1.0, LOADS) ** 1.5
+    below_m = np.asarray(curve.withdrawal_m(contact.approach_m, preload_N - load_N))
+    lift_m = np.where(np.isfinite(lift_m), lift_m, below_m[0])[kept]
+    share = np.clip(1.0 - below_m[:, None] / lift_m, 0.0, 1.0) ** 1.5
+    share[0] = 0.0  # whatever rounding leaves
+    number = np.full(len(region_N) + 1, -1, dtype=np.int32)
+    number[1 + kept] = np.arange(len(kept))
+    pixel = np.flatnonzero(pressed.region)
+    of = number[pressed.region.ravel()[pixel]]
+    pixel, of = pixel[of >= 0], of[of >= 0]
+    pressure_Pa = pressed.pressure_Pa.ravel()[pixel]
+    growing = np.argsort(pressure_Pa, kind="stable")
+    top = np.zeros(len(kept), dtype=np.int64)
+    top[of[growing]] = growing  # the last written is the greatest
+    top_Pa = pressure_Pa[top]
+    return Zones(
+        load_N=load_N,
+        withdrawal_m=below_m - contact.bulk_m * (1.0 - load_N / preload_N),
+        share=share,
+        contact_load_N=region_N[kept],
+        closing_m=np.maximum(lift_m, 0.0),
+        cap=analysis.hills.label.ravel()[pixel[top]].astype(np.int64) - 1,
+        radius_m=np.zeros(len(kept)),
+        pixel=pixel,
+        pixel_contact=of,
+        pixel_reach=np.sqrt(1.0 - (pressure_Pa / top_Pa[of]) ** 2),  # of Hertz' ellipse
+    )
+
+
+def write_zones(zones: Zones, group: Any) -> None:
+    """Write the zones into a group of an HDF5 file."""
+    for field in fields(zones):
+        values = getattr(zones, field.name)
+        if values.dtype.kind == "f" and field.name in ("share", "pixel_reach"):
+            values = values.astype(np.float32)
+        packed = {"compression": "gzip", "compression_opts": 1} if values.size > 1000 else {}
+        data = group.create_dataset(field.name, data=values, **packed)
+        data.attrs["unit"] = {"N": "N", "m": "m"}.get(field.name.rpartition("_")[2], "")
+
+
+def read_zones(group: Any) -> Zones:
+    """Read what `write_zones` wrote."""
+    return Zones(**{field.name: group[field.name][:] for field in fields(Zones)})

@@ -1,0 +1,133 @@
+"""The page that shows a result in three dimensions, in a real browser."""
+
+import base64
+import re
+
+import numpy as np
+import output_cases
+import pytest
+
+from browser import ask, needs_chromium, picture
+from capslip.errors import OutputError
+from capslip.output.tables import write_result, write_summary
+from capslip.output.view import read_view
+from capslip.output.viewer import viewer_data, write_viewer
+from capslip.output.zones import zone_at
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("result")
+    analysis = output_cases.several()
+    write_result(analysis, folder)
+    write_summary(analysis.summary(), folder)
+    return folder
+
+
+@pytest.fixture(scope="module")
+def page(folder):
+    write_viewer(folder, folder / "view.html")
+    return folder / "view.html"
+
+
+def unpacked(text, kind):
+    return np.frombuffer(base64.b64decode(text), dtype=f"<{kind}")
+
+
+def test_page_holds_the_heights_to_a_sixteen_thousandth(folder):
+    view = read_view(folder)
+    data = viewer_data(view)
+    level = unpacked(data["z"], "u2").astype(float)
+    seen = level < 65535
+    height_m = data["low"] + (data["high"] - data["low"]) * level / 65534.0
+    np.testing.assert_array_equal(seen, np.isfinite(view.height_m.ravel()))
+    clipped_m = np.clip(view.height_m.ravel(), data["low"], data["high"])
+    np.testing.assert_allclose(
+        height_m[seen], clipped_m[seen], atol=(data["high"] - data["low"]) / 65534.0
+    )
+
+
+def test_page_is_one_file_that_loads_nothing(page):
+    text = page.read_text("utf-8")
+    assert not re.search(r'(src|href)="(?!data:|#)', text)
+    assert "http" not in text
+    assert len(text) < 3e6
+
+
+def test_page_into_a_folder_that_is_not_there_is_one_clear_line(folder, tmp_path):
+    with pytest.raises(OutputError, match="No such file"):
+        write_viewer(folder, tmp_path / "none" / "view.html")
+
+
+@needs_chromium
+def test_page_counts_what_touches_sticks_and_slips_as_python_does(folder, page, tmp_path):
+    zones = read_view(folder).zones
+    states = [(1.0, 0.0), (1.0, 0.4), (1.0, 0.93), (0.4, 0.6), (0.02, 0.1), (1.0, 1.0)]
+    found = ask(page, f"return {[list(s) for s in states]}.map((s) => "
+                "window.capslipViewer.counts(...s))", tmp_path)  # fmt: skip
+    for state, counts in zip(states, found, strict=True):
+        words = zone_at(zones, *state).word
+        assert counts == {word: int((words == word).sum()) for word in counts}
+
+
+@needs_chromium
+def test_page_shows_face_caps_and_zones_and_says_so(page, tmp_path):
+    """Neither a blank scene nor lost text."""
+    plain = picture(page, tmp_path)
+    red, green, blue = plain.transpose(2, 0, 1)
+    assert ((red > 150) & (green < 130) & (blue < 60)).sum() > 500  # vermilion
+    assert ((red < 60) & (green < 130) & (blue > 100)).sum() > 500  # blue
+    grey = (np.ptp(plain, axis=-1) < 12) & (red > 60) & (red < 230)
+    assert grey.sum() > 20_000
+    force = (
+        "const s = window.capslipViewer.sliders.force; s.value = 0.6;"
+        's.dispatchEvent(new Event("input"))'
+    )
+    red, green, blue = picture(page, tmp_path, force).transpose(2, 0, 1)
+    assert ((red < 60) & (green > 100) & (blue > 70) & (blue < 140)).sum() > 100  # sticks
+    assert ((red > 120) & (green < 70) & (blue < 40)).sum() > 100  # slips
+    said = ask(page, force + '; return document.querySelector(".viewer").innerText', tmp_path)
+    for words in ("60 % of gross slip", "slip in part", "Heights ×", "G-caps (2)", "flat mate"):
+        assert words in said
+
+
+@needs_chromium
+def test_click_on_a_cap_shows_its_row_and_profile(page, tmp_path):
+    said = ask(
+        page,
+        """const v = window.capslipViewer, canvas = document.querySelector("canvas.face");
+        const caps = JSON.parse(document.getElementById("viewer-data").textContent).caps;
+        const f4 = (t) => new Float32Array(Uint8Array.from(atob(t), (c) => c.charCodeAt(0)).buffer);
+        const data = JSON.parse(document.getElementById("viewer-data").textContent);
+        const [x, y] = v.seen(f4(caps.x)[1], f4(caps.y)[1], f4(caps.peak)[1] - data.low);
+        const box = canvas.getBoundingClientRect();
+        const at = { clientX: x + box.left, clientY: y + box.top, pointerId: 1, bubbles: true };
+        canvas.setPointerCapture = () => {};
+        canvas.dispatchEvent(new PointerEvent("pointerdown", at));
+        canvas.dispatchEvent(new PointerEvent("pointerup", at));
+        const hidden = document.querySelector("canvas.profile").hidden;
+        return [document.querySelector(".row").innerText, hidden];""",
+        tmp_path,
+    )
+    assert said[0].startswith("cap 2, family G")
+    assert "of the loss" in said[0]
+    assert said[1] is False
+
+
+@needs_chromium
+@pytest.mark.parametrize("size", [(420, 900), (1400, 900)])
+def test_page_fits_its_width(page, tmp_path, size):
+    wide = ask(page, "return document.documentElement.scrollWidth", tmp_path, size)
+    assert wide <= size[0]
+
+
+@needs_chromium
+def test_slider_answers_within_a_frame(page, tmp_path):
+    took_ms = ask(
+        page,
+        """const v = window.capslipViewer, from = performance.now();
+        for (let i = 0; i < 20; i++) { v.state.zones = true; v.state.force = i / 20; v.update(); }
+        return (performance.now() - from) / 20;""",
+        tmp_path,
+    )
+    assert took_ms < 16.0

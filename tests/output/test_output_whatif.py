@@ -1,0 +1,176 @@
+"""The report in a real browser: the what-if panel equals Python, and the page holds together."""
+
+import json
+import re
+
+import numpy as np
+import output_cases
+import pytest
+
+from browser import CHROMIUM, ask, needs_chromium, picture
+from capslip.analysis import analyze_once
+from capslip.contact.slip import slip_curve
+from capslip.output.report import write_report
+from capslip.output.tables import write_result
+from capslip.output.whatif import whatif_data
+from capslip.settings import Question, load_settings
+from capslip.structure.answer import answer_to
+from capslip.structure.response import response
+from scenes import caps_map
+
+
+def pressed_map():
+    surface = caps_map(
+        [(3e-3, 3e-3, 2.0, 0.0), (9e-3, 3e-3, 2.0, -2e-8)],
+        shape=(120, 240),
+        pixel_size_m=(5e-5, 5e-5),
+    )
+    given = ("contact.model=boundary_elements", "contact.preload_N=4", "conditioning.form=none")
+    joint = ("contact.alignment=as_levelled", "joint.area_m2=2e-4")
+    return analyze_once(surface, load_settings(overrides=(*given, *joint)))
+
+
+def interacting_caps():
+    settings = output_cases.SETTINGS
+    import msgspec
+
+    contact = msgspec.structs.replace(settings.contact, model="interacting")
+    return analyze_once(
+        output_cases.several().surface, msgspec.structs.replace(settings, contact=contact)
+    )
+
+
+CASES = {"caps": output_cases.several, "interacting": interacting_caps, "map": pressed_map}
+
+
+@pytest.fixture(scope="module", params=CASES)
+def case(request, tmp_path_factory):
+    analysis, folder = CASES[request.param](), tmp_path_factory.mktemp(request.param)
+    (folder / "figures").mkdir()
+    write_result(analysis, folder)
+    output_cases.write_figures(analysis, folder / "figures")
+    return analysis, write_report(analysis, analysis.summary(), folder, "not rendered")
+
+
+def states(analysis, tables, n=60):
+    rng = np.random.default_rng(102)
+    for _ in range(n):
+        table = int(rng.integers(len(tables)))
+        friction = float(rng.uniform(0.05, 0.8))
+        K_m, K_s = (float(10 ** rng.uniform(6, 9)) for _ in range(2))
+        share = float(10 ** rng.uniform(-4, 0))
+        gross_m = friction * tables[table]["preload_N"] / K_s
+        joints = int(rng.integers(1, 5))
+        yield {
+            "table": table,
+            "friction": friction,
+            "K_m": K_m,
+            "K_s": K_s,
+            "n": joints,
+            "amplitude": share * gross_m,
+        }
+
+
+@needs_chromium
+def test_panel_equals_python_to_a_millionth(case, tmp_path):
+    analysis, page = case
+    tables = whatif_data(analysis)["tables"]
+    asked = list(states(analysis, tables))
+    found = ask(page, f"return {json.dumps(asked)}.map(window.capslipWhatIf.answer)", tmp_path)
+    for state, one in zip(asked, found, strict=True):
+        preload_N = tables[state["table"]]["preload_N"]
+        kappa = analysis.slip.kappa
+        slip = slip_curve(analysis.slip.curve, preload_N, state["friction"], kappa)
+        damping = response(slip, state["K_m"], state["K_s"], state["n"])
+        exact, _ = answer_to(Question(amplitude_m=state["amplitude"]), slip, damping)
+        close = {"rel": 1e-6, "abs": 0.0}
+        assert one["force"] == pytest.approx(exact.slip_force_N, **close)
+        assert one["displacement"] == pytest.approx(exact.displacement_m, **close)
+        assert one["energy"] == pytest.approx(exact.energy_J, **close)
+        assert one["stiffness"] == pytest.approx(exact.tangential_stiffness_N_per_m, **close)
+        assert one["joint_loss"] == pytest.approx(exact.joint_loss_factor, **close)
+        assert one["shift"] == pytest.approx(exact.frequency_shift, rel=1e-6, abs=1e-9)
+        if exact.loss_factor is None:
+            assert one["loss"] is None
+        else:
+            assert one["loss"] == pytest.approx(exact.loss_factor, **close)
+
+
+@needs_chromium
+def test_loop_of_the_panel_is_that_of_the_slip_curve(case, tmp_path):
+    analysis, page = case
+    last = len(whatif_data(analysis)["tables"]) - 1
+    slip = analysis.slip
+    tip_m = 0.6 * float(slip.total_slip_displacement_m)
+    script = f"return window.capslipWhatIf.loop({last}, {slip.friction_coefficient}, {tip_m}, 41)"
+    found = np.array(ask(page, script, tmp_path))
+    delta_m, force_N = slip.loop(tip_m, 41)
+    np.testing.assert_allclose(found[:, 0], delta_m, atol=1e-12 * tip_m)
+    np.testing.assert_allclose(found[:, 1], force_N, atol=1e-6 * force_N.max())
+
+
+@needs_chromium
+def test_panel_answers_within_a_frame_and_follows_its_inputs(case, tmp_path):
+    _, page = case
+    took_ms, before, after, beyond = ask(
+        page,
+        """const field = window.capslipWhatIf.inputs.friction;
+        const text = () => document.querySelector("#whatif tbody").innerText;
+        const give = (mu) => { field.value = mu; field.dispatchEvent(new Event("input")); };
+        const before = text(), from = performance.now();
+        for (let i = 0; i < 20; i++) give(0.2 + 0.01 * i);
+        const took = (performance.now() - from) / 20, after = text();
+        give(0.001);
+        return [took, before, after, text()];""",
+        tmp_path,
+    )
+    assert took_ms < 16.0
+    assert before != after
+    assert "Energy W lost per cycle" in after
+    assert "beyond gross slip" in beyond
+
+
+@needs_chromium
+@pytest.mark.parametrize("wide", [420, 1400])
+def test_report_fits_its_width_and_has_no_fault(case, tmp_path, wide):
+    _, page = case
+    assert ask(page, "return document.documentElement.scrollWidth", tmp_path, (wide, 900)) <= wide
+
+
+@needs_chromium
+def test_columns_of_the_caps_sort(case, tmp_path):
+    analysis, page = case
+    column = ask(
+        page,
+        """const table = document.querySelector("table.sorts"), head = table.tHead.rows[0].cells[0];
+        head.querySelector("button").click(); head.querySelector("button").click();
+        const rows = [...table.tBodies[0].rows].map((row) => +row.cells[0].textContent);
+        return [head.getAttribute("aria-sort"), rows];""",
+        tmp_path,
+    )
+    assert column == ["ascending", list(range(1, len(analysis.caps) + 1))]
+
+
+@needs_chromium
+def test_report_is_dark_where_the_reader_wants_it(case, tmp_path):
+    _, page = case
+    dark = ("--blink-settings=preferredColorScheme=0",)
+    assert picture(page, tmp_path, flags=dark)[:, :20].mean() < 60.0
+    assert picture(page, tmp_path)[:, :20].mean() > 240.0
+
+
+@needs_chromium
+def test_print_holds_every_figure_and_leaves_no_page_half_empty(case, tmp_path):
+    import subprocess
+
+    _, page = case
+    pdf = tmp_path / "report.pdf"
+    flags = ("--no-sandbox", "--no-pdf-header-footer", f"--print-to-pdf={pdf}")
+    subprocess.run([CHROMIUM, *flags, page.as_uri()], capture_output=True, timeout=120, check=True)
+    pages = len(re.findall(rb"/Type\s*/Page\b", pdf.read_bytes()))
+    assert 2 <= pages <= 10
+
+
+def test_report_is_small(case):
+    _, page = case
+    assert page.stat().st_size < 4e6
