@@ -67,7 +67,7 @@ samples: $(READY) ## Write the sample surfaces again
 	@$(BIN)/python -P -m capslip.studies.faces.samples sample_surfaces
 
 test: $(READY) ## Run the tests
-	@$(BIN)/python -P -m pytest
+	@OPENBLAS_NUM_THREADS=1 $(BIN)/python -P -m pytest --numprocesses=2 --dist=loadfile $(ARGS)
 
 lint: $(READY) ## Check style and types
 	@$(BIN)/ruff check .
