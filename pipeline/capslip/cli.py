@@ -119,7 +119,7 @@ def main() -> None:
 
 
 @main.command()
-@click.argument("surface", type=PATH)
+@click.argument("surfaces", type=PATH, nargs=-1, required=True, metavar="SURFACE...")
 @_analysis_options
 @click.option("--mate", type=PATH, help="Scan of the other face.")
 @click.option(
@@ -128,7 +128,7 @@ def main() -> None:
     help="For another program: jenkins.csv, sliders of the joint; law.*, its face per area.",
 )
 def analyze(
-    surface: Path,
+    surfaces: tuple[Path, ...],
     out: Path | None,
     as_json: bool,
     quiet: bool,
@@ -136,17 +136,22 @@ def analyze(
     export: str | None,
     **options: Any,
 ) -> None:
-    """Analyse one scan: caps, families, contact, slip, damping, pictures and report."""
-    import msgspec
+    """Analyse one scan: caps, families, contact, slip, damping, pictures and report.
 
+    Several scans are patches of one joint of joint.area_m2: one answer for it, with their scatter.
+    """
     from capslip.analysis import analyze as run
     from capslip.contact.rung import rung
     from capslip.output.folder import write
     from capslip.output.staging import check_folder
     from capslip.output.terminal import result_lines
-    from capslip.surface.readers import load_surface
 
     settings = _settings(**options)
+    surface, *more = surfaces
+    if more:
+        alone: dict[str, object] = {"--mate": mate, "--export": export}
+        _analyze_scans(surfaces, settings, alone, out, as_json, quiet, options["verbose"])
+        return
     model = settings.contact.model
     if export is not None and model != "auto" and rung(model).made_from == "nothing":
         raise SettingsError(
@@ -157,12 +162,8 @@ def analyze(
     if os.path.isfile(surface):  # otherwise the reader says what is wrong with it
         check_folder(folder, keep=(surface, mate))
     say = Progress(quiet, options["verbose"])
-
-    def load(path: Path) -> "HeightMap":
-        say(f"reading {path.name}")
-        return load_surface(path, **msgspec.structs.asdict(settings.reading))
-
-    face, other = load(surface), load(mate) if mate is not None else None
+    face = _load(surface, settings, say)
+    other = _load(mate, settings, say) if mate is not None else None
     timings_s = {"read": say.elapsed_s()}
     say("analysing")
     analysis = run(face, settings, other)
@@ -185,6 +186,50 @@ def analyze(
     say.raise_failures(f"all numbers are in {folder}")
 
 
+def _analyze_scans(
+    surfaces: tuple[Path, ...],
+    settings: "Settings",
+    alone: dict[str, object],
+    out: Path | None,
+    as_json: bool,
+    quiet: bool,
+    verbose: bool,
+) -> None:
+    """Analyse several scans of one joint; `alone` are options that only one scan can have."""
+    from capslip.analysis import analyze_scans
+    from capslip.output.folder import write_joint
+    from capslip.output.staging import check_folder
+    from capslip.output.terminal import result_lines
+
+    for name, value in alone.items():
+        if value is not None:
+            raise SettingsError(f"{name}: got {len(surfaces)} scans; expected one with it")
+    name = f"{surfaces[0].stem}-and-{len(surfaces) - 1}-more"
+    folder = out if out is not None else Path("results") / name
+    check_folder(folder, keep=surfaces)
+    say = Progress(quiet, verbose)
+    faces = [_load(path, settings, say) for path in surfaces]
+    timings_s = {"read": say.elapsed_s()}
+    say(f"analysing {len(faces)} scans")
+    result = analyze_scans(faces, settings)
+    if not as_json and not quiet:
+        say_result(result_lines(result))
+    summary = write_joint(result, folder, _command_line(), timings_s)
+    print_result(summary, f"\nresults    {folder}", as_json, quiet)
+    errors = [p.message for p in result.problems if p.severity == "error"]
+    if errors:
+        raise ScanError(f"{errors[0]}; what was found before is in {folder}")
+
+
+def _load(path: Path, settings: "Settings", say: Progress) -> "HeightMap":
+    import msgspec
+
+    from capslip.surface.readers import load_surface
+
+    say(f"reading {path.name}")
+    return load_surface(path, **msgspec.structs.asdict(settings.reading))
+
+
 @main.command()
 @click.option("--m", type=int, help="Number of G-caps, the higher ones.")
 @click.option("--n", type=int, help="Number of P-caps.")
@@ -197,12 +242,12 @@ def analyze(
 def families(out: Path | None, as_json: bool, quiet: bool, **options: Any) -> None:
     """Answer for given families, m, n, R and h, without a scan; a folder only with -o."""
     from capslip.analysis import analyze_families
-    from capslip.output.folder import write_families
+    from capslip.output.folder import write_joint
     from capslip.output.terminal import result_lines
 
     result = analyze_families(_settings(**options))
     command = _command_line()
-    summary = write_families(result, out, command) if out else result.summary(command)
+    summary = write_joint(result, out, command) if out else result.summary(command)
     print_result(summary, result_lines(result), as_json, quiet)
     errors = [p.message for p in result.problems if p.severity == "error"]
     if errors:
