@@ -10,6 +10,7 @@ from capslip.contact.doubts import (
     material_doubts,
     problems_of_pressure,
     problems_of_share,
+    problems_of_waves,
 )
 from capslip.contact.given import given_families, press_families
 from capslip.contact.joint import Joint
@@ -294,6 +295,7 @@ def _analyzed(
             contact, caps, slip = press_face(face, settings, clock)
             problems = as_read(problems, contact, caps, settings.contact.tolerance)
             problems += [*contact.problems, *problems_of_share(face.joint, contact)]
+            problems += problems_of_waves(face.joint, contact, face.conditioned.surface)
             problems += _of_levelling(face, contact, settings)
             beam, damping = damp(slip, settings, clock)
             pixel_area_m2 = face.conditioned.surface.pixel_area_m2
