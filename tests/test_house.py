@@ -24,7 +24,7 @@ FLOORS = (
     {"analysis"},
     {"output"},
     {"batch", "compare", "sources", "studies", "workers"},
-    {"cli", "console"},
+    {"cli", "console", "options"},
 )
 # The package itself and its entry point only name what they open.
 DOORS = {"capslip", "capslip.__main__"}

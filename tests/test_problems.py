@@ -18,7 +18,8 @@ from click.testing import CliRunner
 from scipy.ndimage import gaussian_filter
 
 from capslip.analysis import analyze, analyze_once
-from capslip.cli import MODELS, main
+from capslip.cli import main
+from capslip.options import MODELS
 from capslip.problems import KINDS, Problem, warnings_page
 from capslip.settings import Settings, load_settings
 from capslip.surface.heightmap import HeightMap
@@ -351,6 +352,8 @@ ROWS = [
     Row("not_lightly_damped", "info", "of the demonstration beam 400 x 60 x 40 mm",
         "plain levelled N=0.01", "plain levelled"),
     Row("few_contacts_in_scan", "warning", "touches with 7 caps", "plain part", "plain"),
+    Row("waves_longer_than_scan", "warning", "m (rms) out of its spectrum, ", "bowed part",
+        "bowed quadratic part"),
     Row("beyond_gross_slip", "error", "got slip force 500 N", "plain pushed", "plain"),
     Row("peak_at_gross_slip", "info", "still grows", "plain", "plain flat"),
     Row("sensitive_to_cut", "warning", "from 8 to 12 %", "waved levelled", swept=True),

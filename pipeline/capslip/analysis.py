@@ -1,5 +1,6 @@
 """One analysis: the stages, what makes their numbers doubtful, and the result."""
 
+from collections.abc import Sequence
 from dataclasses import replace
 from datetime import UTC, datetime
 
@@ -9,28 +10,32 @@ from capslip.contact.doubts import (
     material_doubts,
     problems_of_pressure,
     problems_of_share,
+    problems_of_waves,
 )
 from capslip.contact.given import given_families, press_families
+from capslip.contact.joint import Joint
 from capslip.contact.levelling import coarse_map
 from capslip.contact.press import ContactState
 from capslip.contact.relevance import as_read
 from capslip.contact.rung import rung
+from capslip.contact.scans import curve_of_scans
 from capslip.contact.slip import slip_curve
 from capslip.contact.varying_load import varying
 from capslip.errors import ContactError, SettingsError
 from capslip.problems import Problem
-from capslip.result import Analysis, JointResult
+from capslip.result import Analysis, JointOfScans, JointResult
 from capslip.sensitivity import sensitivity
 from capslip.settings import Settings
 from capslip.stages import Clock, Face, can_be_pressed, damp, estimate, find_face, press_face
 from capslip.structure.answer import answer_to
-from capslip.structure.band import band_of
+from capslip.structure.band import Part, band_of, band_of_scans
 from capslip.structure.doubts import problems_of_damping, problems_of_structure
 from capslip.structure.stiffness import is_given, structure_name
 from capslip.surface.doubts import problems_of_form, problems_of_scan, problems_of_tilt
 from capslip.surface.heightmap import HeightMap
 
 GIVEN = ("m", "n", "radius_G_m", "radius_P_m", "h_m", "approach_m")  # of families, without a scan
+ASKED_OF_THE_JOINT = ("beyond_gross_slip", "not_lightly_damped", "peak_at_gross_slip")
 
 
 def analyze(
@@ -164,6 +169,119 @@ def analyze_families(settings: Settings) -> JointResult:
     )
 
 
+def analyze_scans(surfaces: Sequence[HeightMap], settings: Settings) -> JointOfScans:
+    """Run every stage on several scans of one joint, and answer for the joint of their patches.
+
+    Every scan bears the nominal pressure of the joint and stands for a share of it that is its
+    share of what was scanned; all have one tangential displacement.
+
+    Parameters
+    ----------
+    surfaces : sequence of HeightMap
+        The maps as measured, two at least.
+    settings : Settings
+        With the area of the joint, `joint.area_m2` or `joint.pressure_map`.
+
+    Returns
+    -------
+    JointOfScans
+        A scan that finds no slip curve leaves the joint to the others, and an error among the
+        problems.
+
+    Raises
+    ------
+    SettingsError
+        If there are fewer than two scans, the area of the joint is not given, or the contact model
+        takes nothing from a scan.
+    UnusableSurfaceError
+        As for `analyze`, of any scan.
+    """
+    _check_scans(surfaces, settings)
+    clock, started = Clock(), datetime.now(UTC).isoformat(timespec="seconds")
+    with clock("scans"):
+        scans = tuple(analyze(surface, settings) for surface in surfaces)
+    problems, slip, beam, damping, answer, band = _of_scans(scans), None, None, None, None, None
+    parts, joint = _parts(scans)
+    if parts:
+        curves = [part.joint.curve(part.contact) for part in parts]
+        friction, kappa = settings.material.friction_coefficient, parts[0].contact.composite.kappa
+        with clock("slip"):
+            curve = curve_of_scans(curves, joint.preload_N, [part.share for part in parts])
+            slip = varying(slip_curve(curve, joint.preload_N, friction, kappa), settings.slip)
+        beam, damping = damp(slip, settings, clock)
+        answer, beyond = answer_to(settings.answer, slip, damping)
+        problems += problems_of_damping(damping, structure_name(settings), is_given(settings))
+        problems += beyond
+        with clock("band"):
+            band = band_of_scans(answer, parts, damping, settings)
+    return JointOfScans(
+        settings=settings,
+        joint=joint,
+        families=None,
+        contact=None,
+        slip=slip,
+        beam=beam,
+        damping=damping,
+        answer=answer,
+        band=band,
+        problems=tuple(problems),
+        timings_s=clock.seconds,
+        started=started,
+        scans=scans,
+    )
+
+
+def _check_scans(surfaces: Sequence[HeightMap], settings: Settings) -> None:
+    if len(surfaces) < 2:
+        raise SettingsError(f"scans: got {len(surfaces)}; expected two scans of one joint, or more")
+    if settings.joint.area_m2 is None and settings.joint.pressure_map is None:
+        raise SettingsError(
+            f"joint.area_m2: got {len(surfaces)} scans of one joint, and not how large that is; "
+            "expected joint.area_m2 or joint.pressure_map; capslip batch analyses each alone"
+        )
+    model = settings.contact.model
+    if model != "auto" and rung(model).made_from == "nothing":
+        raise SettingsError(
+            f"contact.model: got {model} with {len(surfaces)} scans, of which it takes nothing; "
+            "expected a model of their caps or maps"
+        )
+
+
+def _parts(scans: Sequence[Analysis]) -> tuple[tuple[Part, ...], Joint]:
+    """Return what each scan with a slip curve says of the joint, and the joint with all of them."""
+    known = [(scan.joint, scan.contact) for scan in scans if scan.contact and scan.slip]
+    area_m2 = [joint.scan_area_m2 or 0.0 for joint, _ in known]
+    parts = tuple(
+        Part(joint, contact, one_m2 / sum(area_m2))
+        for (joint, contact), one_m2 in zip(known, area_m2, strict=True)
+    )
+    if not parts:
+        return (), replace(scans[0].joint, scan_area_m2=None)
+    joint, factor = parts[0].joint, 1.0 / parts[0].share
+    return parts, replace(
+        joint,
+        scan_area_m2=sum(area_m2),
+        load_N=joint.load_N * factor,
+        weight=joint.weight / factor,
+        scan_load_N=joint.scan_load_N * factor,
+    )
+
+
+def _of_scans(scans: Sequence[Analysis]) -> list[Problem]:
+    """Return the problems of several scans: those of all once, the others with their scan."""
+    found: list[Problem] = []
+    for scan in scans:
+        for problem in scan.problems:
+            if problem.code in ASKED_OF_THE_JOINT:
+                continue
+            if not all(problem in other.problems for other in scans):
+                message = f"{scan.name}: {problem.message}"
+                found.append(replace(problem, message=message))
+            elif problem not in found:
+                found.append(problem)
+    return found
+
+
 def _analyzed(
     surface: HeightMap, settings: Settings, mate: HeightMap | None, clock: Clock
 ) -> tuple[Face, Analysis]:
@@ -178,6 +296,7 @@ def _analyzed(
             contact, caps, slip = press_face(face, settings, clock)
             problems = as_read(problems, contact, caps, settings.contact.tolerance)
             problems += [*contact.problems, *problems_of_share(face.joint, contact)]
+            problems += problems_of_waves(face.joint, contact, face.conditioned.surface)
             problems += _of_levelling(face, contact, settings)
             beam, damping = damp(slip, settings, clock)
             pixel_area_m2 = face.conditioned.surface.pixel_area_m2

@@ -1,114 +1,29 @@
-"""The command line: its commands and their options."""
+"""The command line: its commands."""
 
-import json
 import os
 import sys
-from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any
 
 import click
 
 from capslip import __version__, registry
 from capslip.console import Group, Progress, print_result, say_result, to_width
 from capslip.errors import ScanError, SettingsError
-from capslip.materials import MATERIALS
-from capslip.units import WORDS, in_si
+from capslip.options import (
+    PATH,
+    SHARE,
+    analysis_options,
+    joint_options,
+    result_options,
+    settings_of,
+    shard_of,
+    verbose_option,
+)
 
 if TYPE_CHECKING:
     from capslip.settings import Settings
     from capslip.surface.heightmap import HeightMap
-
-MODELS = ("auto", *registry.names("contact.models"))
-QUESTIONS: dict[str, Literal["m", "N"]] = {
-    "amplitude": "m",
-    "slip_force": "N",
-    "displacement": "m",
-}  # and their units
-SETTING = {  # what an option of an analysis stands for
-    "preload": "contact.preload_N",
-    "material": "material.preset",
-    "model": "contact.model",
-    "amplitude": "answer.amplitude_m",
-    "slip_force": "answer.slip_force_N",
-    "displacement": "answer.displacement_m",
-    "m": "families.m",
-    "n": "families.n",
-    "radius_g": "families.radius_G_m",
-    "radius_p": "families.radius_P_m",
-    "h": "families.h_m",
-    "approach": "families.approach_m",
-    "dataset": "reading.dataset",
-    "unit": "reading.unit",
-    "lateral_unit": "reading.lateral_unit",
-    "pixel_size": "reading.pixel_size",
-    "sensitivity": "run.sensitivity",
-    "figures": "run.figures",
-    "render": "run.render",
-    "workers": "run.workers",
-}
-PATH = click.Path(path_type=Path)
-SHARE = click.FloatRange(0.0, 1.0)
-
-
-def _options(*options: Any) -> Callable[[Any], Any]:
-    """Join some options to one decorator."""
-
-    def add(command: Any) -> Any:
-        for option in reversed(options):
-            command = option(command)
-        return command
-
-    return add
-
-
-_verbose = click.option("-v", "--verbose", is_flag=True, help="Show tracebacks and details.")
-_result_options = _options(  # of every command with a result
-    click.option("-o", "--out", type=PATH, help="Output folder."),
-    click.option("--json", "as_json", is_flag=True, help="Only the numbers, as JSON, on stdout."),
-    click.option("-q", "--quiet", is_flag=True, help="Errors only on stderr."),
-    _verbose,
-)
-_joint_options = _options(  # of every command that answers for a joint
-    click.option("--preload", metavar="10kN", help="Normal load of one joint; a number is in N."),
-    click.option(
-        "--material",
-        type=click.Choice(tuple(MATERIALS)),
-        help="Moduli and yield stress of both faces.",
-    ),
-    click.option("--amplitude", metavar="0.5um", help="Answer at this amplitude of the structure."),
-    click.option("--slip-force", metavar="20N", help="Answer at this slip force of a joint."),
-    click.option("--displacement", metavar="10nm", help="Answer at this slip of a joint."),
-    click.option("-c", "--config", type=PATH, help="Settings (TOML)."),
-    click.option(
-        "--set",
-        "overrides",
-        multiple=True,
-        metavar="TABLE.KEY=VALUE",
-        help="Change one setting; repeatable.",
-    ),
-)
-_analysis_options = _options(  # of every command that analyses scans
-    _joint_options,
-    click.option("--model", type=click.Choice(MODELS), help="Contact model."),
-    click.option("--dataset", help="Dataset of an HDF5 file."),
-    click.option("--unit", type=click.Choice(WORDS), help="Unit of the heights."),
-    click.option("--lateral-unit", type=click.Choice(WORDS), help="Unit of the pixel size."),
-    click.option(
-        "--pixel-size",
-        type=(float, float),
-        metavar="DY DX",
-        help="Size of a pixel, where the file does not say; needs --lateral-unit.",
-    ),
-    click.option(
-        "--sensitivity/--no-sensitivity",
-        default=None,
-        help="Sweep cut, pruning, filter and level around what was chosen.",
-    ),
-    click.option("--figures/--no-figures", default=None, help="Pictures of every stage."),
-    click.option("--render/--no-render", default=None, help="The PyVista picture."),
-    _result_options,
-)
 
 
 @click.group(cls=Group, context_settings={"help_option_names": ["-h", "--help"]})
@@ -120,8 +35,8 @@ def main() -> None:
 
 
 @main.command()
-@click.argument("surface", type=PATH)
-@_analysis_options
+@click.argument("surfaces", type=PATH, nargs=-1, required=True, metavar="SURFACE...")
+@analysis_options
 @click.option("--mate", type=PATH, help="Scan of the other face.")
 @click.option(
     "--export",
@@ -129,7 +44,7 @@ def main() -> None:
     help="For another program: jenkins.csv, sliders of the joint; law.*, its face per area.",
 )
 def analyze(
-    surface: Path,
+    surfaces: tuple[Path, ...],
     out: Path | None,
     as_json: bool,
     quiet: bool,
@@ -137,17 +52,22 @@ def analyze(
     export: str | None,
     **options: Any,
 ) -> None:
-    """Analyse one scan: caps, families, contact, slip, damping, pictures and report."""
-    import msgspec
+    """Analyse one scan: caps, families, contact, slip, damping, pictures and report.
 
+    Several scans are patches of one joint of joint.area_m2: one answer for it, with their scatter.
+    """
     from capslip.analysis import analyze as run
     from capslip.contact.rung import rung
     from capslip.output.folder import write
     from capslip.output.staging import check_folder
     from capslip.output.terminal import result_lines
-    from capslip.surface.readers import load_surface
 
-    settings = _settings(**options)
+    settings = settings_of(**options)
+    surface, *more = surfaces
+    if more:
+        alone: dict[str, object] = {"--mate": mate, "--export": export}
+        _analyze_scans(surfaces, settings, alone, out, as_json, quiet, options["verbose"])
+        return
     model = settings.contact.model
     if export is not None and model != "auto" and rung(model).made_from == "nothing":
         raise SettingsError(
@@ -158,12 +78,8 @@ def analyze(
     if os.path.isfile(surface):  # otherwise the reader says what is wrong with it
         check_folder(folder, keep=(surface, mate))
     say = Progress(quiet, options["verbose"])
-
-    def load(path: Path) -> "HeightMap":
-        say(f"reading {path.name}")
-        return load_surface(path, **msgspec.structs.asdict(settings.reading))
-
-    face, other = load(surface), load(mate) if mate is not None else None
+    face = _load(surface, settings, say)
+    other = _load(mate, settings, say) if mate is not None else None
     timings_s = {"read": say.elapsed_s()}
     say("analysing")
     analysis = run(face, settings, other)
@@ -186,6 +102,50 @@ def analyze(
     say.raise_failures(f"all numbers are in {folder}")
 
 
+def _analyze_scans(
+    surfaces: tuple[Path, ...],
+    settings: "Settings",
+    alone: dict[str, object],
+    out: Path | None,
+    as_json: bool,
+    quiet: bool,
+    verbose: bool,
+) -> None:
+    """Analyse several scans of one joint; `alone` are options that only one scan can have."""
+    from capslip.analysis import analyze_scans
+    from capslip.output.folder import write_joint
+    from capslip.output.staging import check_folder
+    from capslip.output.terminal import result_lines
+
+    for name, value in alone.items():
+        if value is not None:
+            raise SettingsError(f"{name}: got {len(surfaces)} scans; expected one with it")
+    name = f"{surfaces[0].stem}-and-{len(surfaces) - 1}-more"
+    folder = out if out is not None else Path("results") / name
+    check_folder(folder, keep=surfaces)
+    say = Progress(quiet, verbose)
+    faces = [_load(path, settings, say) for path in surfaces]
+    timings_s = {"read": say.elapsed_s()}
+    say(f"analysing {len(faces)} scans")
+    result = analyze_scans(faces, settings)
+    if not as_json and not quiet:
+        say_result(to_width(result_lines(result)))
+    summary = write_joint(result, folder, _command_line(), timings_s)
+    print_result(summary, f"\nresults    {folder}", as_json, quiet)
+    errors = [p.text for p in result.problems if p.severity == "error"]
+    if errors:
+        raise ScanError(f"{errors[0]}; what was found before is in {folder}")
+
+
+def _load(path: Path, settings: "Settings", say: Progress) -> "HeightMap":
+    import msgspec
+
+    from capslip.surface.readers import load_surface
+
+    say(f"reading {path.name}")
+    return load_surface(path, **msgspec.structs.asdict(settings.reading))
+
+
 @main.command()
 @click.option("--m", type=int, help="Number of G-caps, the higher ones.")
 @click.option("--n", type=int, help="Number of P-caps.")
@@ -193,17 +153,17 @@ def analyze(
 @click.option("--radius-P", "radius_p", type=float, metavar="M", help="Radius of a P-cap, in m.")
 @click.option("--h", type=float, metavar="M", help="G-peaks above P-peaks, in m.")
 @click.option("--approach", type=float, metavar="M", help="In place of the preload, in m.")
-@_joint_options
-@_result_options
+@joint_options
+@result_options
 def families(out: Path | None, as_json: bool, quiet: bool, **options: Any) -> None:
     """Answer for given families, m, n, R and h, without a scan; a folder only with -o."""
     from capslip.analysis import analyze_families
-    from capslip.output.folder import write_families
+    from capslip.output.folder import write_joint
     from capslip.output.terminal import result_lines
 
-    result = analyze_families(_settings(**options))
+    result = analyze_families(settings_of(**options))
     command = _command_line()
-    summary = write_families(result, out, command) if out else result.summary(command)
+    summary = write_joint(result, out, command) if out else result.summary(command)
     print_result(summary, to_width(result_lines(result)), as_json, quiet)
     errors = [p.text for p in result.problems if p.severity == "error"]
     if errors:
@@ -212,7 +172,7 @@ def families(out: Path | None, as_json: bool, quiet: bool, **options: Any) -> No
 
 @main.command()
 @click.argument("scans", nargs=-1)
-@_analysis_options
+@analysis_options
 @click.option("--list", "list_file", type=PATH, help="Scans, one a line or CSV with their preload.")
 @click.option("--recursive", is_flag=True, help="Take the folders in a folder, too.")
 @click.option("--workers", type=int, help="Processes; 0: one a core.")
@@ -244,7 +204,7 @@ def batch(
     from capslip.batch import TO_DO, Options, run_batch
     from capslip.workers import Limits
 
-    settings = _settings(**options)
+    settings = settings_of(**options)
     say = Progress(quiet)
     rows = run_batch(
         scans,
@@ -255,7 +215,7 @@ def batch(
         Options(
             list_file=list_file,
             recursive=recursive,
-            shard=None if shard is None else _shard(shard),
+            shard=None if shard is None else shard_of(shard),
             look=look,
             retry_failed=retry_failed,
             max_failures=max_failures,
@@ -291,7 +251,7 @@ def batch(
 )
 @click.option("--load", type=SHARE, default=1.0, help="Normal load over the preload, 0 to 1.")
 @click.option("--force", type=SHARE, help="Tangential force over gross slip: shows what slips.")
-@_verbose
+@verbose_option
 def inspect(result: Path, html: Path | None, verbose: bool, **options: Any) -> None:
     """Look at the fitted caps of a result: in a window, or in the files asked for."""
     from capslip.output.scene import look_of, save_picture, show
@@ -314,7 +274,7 @@ def inspect(result: Path, html: Path | None, verbose: bool, **options: Any) -> N
 @click.option("--assembly", type=PATH, required=True, metavar="CSV", help="Measured damping.")
 @click.option("--monolithic", type=PATH, metavar="CSV", help="The same without joints, subtracted.")
 @click.option("--identify", is_flag=True, help="Fit friction coefficient and preload.")
-@_result_options
+@result_options
 def compare(
     result: Path,
     assembly: Path,
@@ -337,7 +297,7 @@ def compare(
 
 
 @main.command()
-@_result_options
+@result_options
 def reproduce(out: Path | None, as_json: bool, quiet: bool, verbose: bool) -> None:
     """Reproduce the paper's tables and figures, and show what is wrong in print."""
     from capslip.studies.paper.reproduce import reproduce as run
@@ -353,7 +313,7 @@ def reproduce(out: Path | None, as_json: bool, quiet: bool, verbose: bool) -> No
 
 
 @main.command()
-@_result_options
+@result_options
 def bench(out: Path | None, as_json: bool, quiet: bool, verbose: bool) -> None:
     """Time commands, stages and solvers beside their peers (minutes)."""
     from capslip.studies.bench.study import bench_markdown, run_bench
@@ -364,7 +324,7 @@ def bench(out: Path | None, as_json: bool, quiet: bool, verbose: bool) -> None:
 
 @main.command()
 @click.option("--scans", type=PATH, help="Folder of real scans to add.")
-@_result_options
+@result_options
 def chart(scans: Path | None, out: Path | None, as_json: bool, quiet: bool, verbose: bool) -> None:
     """Chart speed against accuracy of every method (many minutes)."""
     from capslip.studies.chart.study import chart as run
@@ -375,7 +335,7 @@ def chart(scans: Path | None, out: Path | None, as_json: bool, quiet: bool, verb
 
 
 @main.command()
-@_result_options
+@result_options
 def limits(out: Path | None, as_json: bool, quiet: bool, verbose: bool) -> None:
     """Drive each axis until the method breaks, and see what the program says (many minutes)."""
     from capslip.studies.limits.study import limits as run
@@ -412,48 +372,6 @@ def formats() -> None:
 
     for row in FORMATS:
         say_result(f"{row.name:12} {' '.join(row.extensions):24} {row.note}")
-
-
-def _settings(
-    config: Path | None, overrides: tuple[str, ...], verbose: bool, **options: Any
-) -> "Settings":
-    """Read the file, then `--set`, then the options of their own."""
-    from capslip.settings import load_settings
-
-    for name, unit in QUESTIONS.items():
-        if options.get(name) is not None:
-            options[name] = in_si(options[name], unit, f"--{name.replace('_', '-')}")
-    if options.get("preload") is not None:
-        options["preload"] = _preload_N(options["preload"])
-    given = {SETTING[name]: value for name, value in options.items() if value is not None}
-    for name, value in given.items():
-        if isinstance(value, float) and value != value:
-            raise SettingsError(f"{name}: got nan; expected a finite number")
-    texts = tuple(f"{name}={_toml(value)}" for name, value in given.items())
-    return load_settings(config, (*overrides, *texts))
-
-
-def _shard(text: str) -> tuple[int, int]:
-    part, _, parts = text.partition("/")
-    if not (part.isdecimal() and parts.isdecimal() and 1 <= int(part) <= int(parts)):
-        raise SettingsError(f"--shard: got {text}; expected I/N with I from 1 to N, such as 2/8")
-    return int(part), int(parts)
-
-
-def _preload_N(text: str) -> float:
-    """Return a preload with its unit in N; a number alone is in N, as it always was."""
-    try:
-        return float(text)
-    except ValueError:
-        return in_si(text, "N", "--preload")
-
-
-def _toml(value: Any) -> str:
-    if isinstance(value, bool):
-        return str(value).lower()
-    if isinstance(value, tuple):
-        return f"[{', '.join(_toml(inner) for inner in value)}]"
-    return repr(float(value)) if isinstance(value, float) else json.dumps(value)
 
 
 def _command_line() -> str:

@@ -41,7 +41,7 @@ class JointResult:
 
     settings: Settings
     joint: Joint
-    families: Families
+    families: Families | None  # None: those of each scan are its own
     contact: ContactState | None
     slip: SlipCurve | None
     beam: BeamMode | None  # None where the settings give the two stiffnesses
@@ -68,8 +68,12 @@ class JointResult:
     @property
     def verdict(self) -> str:
         """Return one sentence on what the result is usable for."""
-        error = self.contact.estimated_error if self.contact else None
-        return verdict(self.settings, self.problems, error)
+        return verdict(self.settings, self.problems, self.estimated_error)
+
+    @property
+    def estimated_error(self) -> float | None:
+        """Return that of the contact model, of energy at given force and of stiffness."""
+        return self.contact.estimated_error if self.contact else None
 
     def summary(
         self, command: str | None = None, timings_s: dict[str, float] | None = None
@@ -101,10 +105,11 @@ class JointResult:
             "damping": _damping(self),
             "accuracy": {
                 "requested": self.settings.contact.tolerance,
-                "estimated": self.contact.estimated_error if self.contact else None,
+                "estimated": self.estimated_error,
                 "model_reason": self.contact.model_reason if self.contact else None,
             },
             "sensitivity": None,
+            "scans": None,
             **self._of_the_scan(),
             "problems": [_problem(problem) for problem in self.problems],
             "timings_s": {**self.timings_s, **(timings_s or {})},
@@ -131,6 +136,7 @@ class JointResult:
 class Analysis(JointResult):
     """All that one analysis of a scan found; the stages that could not run are None."""
 
+    families: Families
     surface: HeightMap
     conditioned: Conditioned  # with the surface at the level at which it is pressed
     level: Level | None  # None: as levelled
@@ -184,6 +190,66 @@ class Analysis(JointResult):
             "hills": _hills(self),
             "sensitivity": self.sensitivity.to_dict() if self.sensitivity else None,
         }
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class JointOfScans(JointResult):
+    """A joint of which several scans are known, each of which was analysed as if it were alone."""
+
+    scans: tuple[Analysis, ...]
+
+    @property
+    def name(self) -> str:
+        """What the result is called."""
+        return "scans"
+
+    @property
+    def known(self) -> tuple[Analysis, ...]:
+        """The scans that have a slip curve, so of which the joint is made."""
+        return tuple(scan for scan in self.scans if scan.slip is not None)
+
+    @property
+    def verdict(self) -> str:
+        """Return one sentence on what the result is usable for, and on how many scans it rests."""
+        count = (len(self.known), len(self.scans))
+        return verdict(self.settings, self.problems, self.estimated_error, count)
+
+    @property
+    def estimated_error(self) -> float | None:
+        """Return the greatest of the scans; None where that of one is not known."""
+        errors = [scan.estimated_error for scan in self.known]
+        known = [error for error in errors if error is not None]
+        return max(known) if known and len(known) == len(errors) else None
+
+    def _of_the_scan(self) -> dict[str, Any]:
+        area_m2 = sum(scan.joint.scan_area_m2 or 0.0 for scan in self.known)
+        return {"scans": [_scan(scan, area_m2) for scan in self.scans]}
+
+
+def _scan(analysis: Analysis, area_m2: float) -> dict[str, Any]:
+    """Return the numbers of one of several scans: of the joint if all of its face were as here."""
+    contact, joint, origin = analysis.contact, analysis.joint, analysis.surface.origin
+    share = None if analysis.slip is None else (joint.scan_area_m2 or 0.0) / area_m2
+    return {
+        "name": analysis.name,
+        "path": origin.path,
+        "sha256": origin.sha256,
+        "status": analysis.status,
+        "scan_area_m2": joint.scan_area_m2,
+        "share": share,
+        "scan_load_N": joint.scan_load_N,
+        "sq_m": analysis.conditioned.sq_m,
+        "caps": int(analysis.caps.usable.sum()),
+        "model": contact.model if contact else None,
+        "contacts": contact.contacts if contact else None,
+        "approach_m": contact.approach_m if contact else None,
+        "max_pressure_Pa": contact.max_pressure_Pa if contact else None,
+        "estimated_error": analysis.estimated_error,
+        "answer": {
+            name: getattr(analysis.answer, name, None) for name in Answer.__dataclass_fields__
+        },
+        "problems": [_problem(problem) for problem in analysis.problems],
+    }
 
 
 def _cell(value: object) -> str:
@@ -253,7 +319,10 @@ def _hills(analysis: Analysis) -> dict[str, Any]:
     }
 
 
-def _families(families: Families) -> dict[str, Any]:
+def _families(families: Families | None) -> dict[str, Any]:
+    if families is None:
+        names = ("count", "m", "n", "h_m", "h_se_m", "count_se", "separation", "log_odds", "clear")
+        return {**dict.fromkeys((*names, "G", "P")), "levels": []}
     return {
         "count": families.count,
         "m": families.m,

@@ -83,7 +83,12 @@ def assumptions(settings: Settings) -> tuple[Assumption, ...]:
     return tuple(Assumption(*one) for one in found)
 
 
-def verdict(settings: Settings, problems: Iterable[Problem], estimated_error: float | None) -> str:
+def verdict(
+    settings: Settings,
+    problems: Iterable[Problem],
+    estimated_error: float | None,
+    scans: tuple[int, int] | None = None,
+) -> str:
     """Return one sentence: usable for what, how accurate, why not, and what to do next.
 
     Parameters
@@ -94,11 +99,14 @@ def verdict(settings: Settings, problems: Iterable[Problem], estimated_error: fl
         Of the whole result; the first of the worst is the reason.
     estimated_error : float or None
         Of energy at given force and of stiffness, against the elastic face pressed exactly.
+    scans : tuple of int, optional
+        On how many scans of how many the joint rests, where there are several.
     """
     assumed = assumptions(settings)
     shown = [one for one in assumed if one.demonstrates]
     named = ", ".join(one.name for one in shown)
     begin = f"for the demonstration values ({named}): " if shown else ""
+    begin += "" if scans is None else _from_scans(*scans)
     problems = tuple(problems)
     for severity, word in (("error", "not usable"), ("warning", "usable with care")):
         worst = [one for one in problems if one.severity == severity]
@@ -120,3 +128,12 @@ def verdict(settings: Settings, problems: Iterable[Problem], estimated_error: fl
         f"{begin}usable for {use}, {accuracy}; the loss of a real joint is known to a factor of "
         f"two to three; next: {' '.join(steps)}"
     )
+
+
+def _from_scans(known: int, given: int) -> str:
+    """Say on how many scans a joint rests, and its scatter."""
+    of = "" if known == given else f" of {given}"
+    if known < 2:
+        return f"from {known}{of} scans, so without their scatter: "
+    scatter = ", whose scatter rests on two" if known == 2 else ""
+    return f"from {known}{of} scans{scatter}: "

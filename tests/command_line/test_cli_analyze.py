@@ -103,3 +103,41 @@ def test_help_loads_nothing_heavy():
         [sys.executable, "-c", code], capture_output=True, text=True, check=True
     )
     assert loaded.stdout.strip() == "[]"
+
+
+def test_several_scans_give_one_joint_and_a_line_each(tmp_path):
+    faces = [str(PROJECT / "sample_surfaces" / f"paper_face_{name}.h5") for name in "ab"]
+    out = tmp_path / "joint"
+    options = ["--set", "joint.area_m2=0.02", "--model", "caps", "-o", str(out)]
+    ran = CliRunner().invoke(main, ["analyze", *faces, *options])
+    assert ran.exit_code == 0, ran.output
+    assert "from 2 scans, whose scatter rests on two: " in ran.stdout
+    assert "2 scans together" in ran.stdout
+    summary = json.loads((out / "summary.json").read_text())
+    assert {path.name for path in out.iterdir()} == {"summary.json", "settings.toml"}
+    for scan in summary["scans"]:
+        assert f"{scan['name']}: " in ran.stdout
+        assert scan["sha256"]
+        assert scan["answer"]["energy_J"] > 0.0
+    low, high = summary["answer"]["interval"]["energy_J"]
+    assert low < summary["answer"]["energy_J"] < high
+    assert summary["answer"]["contributions"]["energy_J"]["scans"] > 0.0
+    again = CliRunner().invoke(main, ["analyze", *faces, *options, "--json", "-q"])
+    assert json.loads(again.stdout)["scans"] == summary["scans"]
+
+
+@pytest.mark.parametrize(
+    ("options", "says"),
+    [
+        ([], "joint.area_m2: got 2 scans"),
+        (["--mate", str(FACE)], "--mate: got 2 scans"),
+        (["--export", "law"], "--export: got 2 scans"),
+    ],
+)
+def test_what_several_scans_cannot_have_is_refused(options, says, tmp_path):
+    ran = CliRunner().invoke(
+        main, ["analyze", str(FACE), str(FACE), "-o", str(tmp_path / "x"), *options]
+    )
+    assert ran.exit_code == 2
+    assert says in ran.stderr
+    assert not (tmp_path / "x").exists()

@@ -7,9 +7,10 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
-from capslip.cli import MODELS, main
+from capslip.cli import main
 from capslip.contact.models import boundary_elements
 from capslip.errors import ContactError
+from capslip.options import MODELS
 from capslip.output import figures_contact, mesh, report
 from check_result import defects
 from scenes import caps_map

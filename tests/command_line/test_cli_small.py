@@ -9,8 +9,9 @@ import pytest
 from click.testing import CliRunner
 
 import capslip
-from capslip.cli import _command_line, _preload_N, main
+from capslip.cli import _command_line, main
 from capslip.errors import SettingsError
+from capslip.options import preload_in_N
 from capslip.units import METRES
 from scenes import PROJECT
 
@@ -138,9 +139,9 @@ def test_the_recorded_command_is_the_one_that_was_called(monkeypatch):
 
 @pytest.mark.parametrize(("text", "force_N"), [("10kN", 1e4), ("460", 460.0), ("2.5 N", 2.5)])
 def test_a_preload_may_have_its_unit(text, force_N):
-    assert _preload_N(text) == force_N
+    assert preload_in_N(text) == force_N
 
 
 def test_a_preload_in_a_unit_that_is_none_is_said():
     with pytest.raises(SettingsError, match="--preload: got '3 bar'"):
-        _preload_N("3 bar")
+        preload_in_N("3 bar")

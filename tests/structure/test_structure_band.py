@@ -5,6 +5,7 @@ from dataclasses import replace
 import msgspec
 import numpy as np
 import pytest
+from scipy.special import ndtri
 
 from capslip.contact.accuracy import LEAST_ERROR, MovedCaps
 from capslip.contact.given import given_families, press_families
@@ -12,11 +13,12 @@ from capslip.contact.material import composite
 from capslip.contact.models.boundary_elements import RUNG as BOUNDARY_ELEMENTS
 from capslip.contact.models.boundary_elements import boundary_elements
 from capslip.contact.models.caps import caps
+from capslip.contact.scans import curve_of_scans
 from capslip.contact.slip import slip_curve
 from capslip.contact.solvers.yielding import YieldLaw
-from capslip.settings import load_settings
+from capslip.settings import Question, load_settings
 from capslip.structure.answer import answer_to
-from capslip.structure.band import NORMAL_95, band_of
+from capslip.structure.band import NORMAL_95, Part, band_of, band_of_scans
 from capslip.structure.response import response
 from scenes import caps_map
 
@@ -271,3 +273,84 @@ def test_what_the_unloading_of_yielded_caps_leaves_moves_the_energy_alone():
         sd = np.hypot(of_unloading, LEAST_ERROR) / NORMAL_95
         width = np.diff(np.log(found.interval[name]))[0]
         assert width == pytest.approx(2.0 * Z_90 * sd, rel=0.05)
+
+
+def parts_of(radii_m, shares=None, error=0.0):
+    """Joints of 100 N on one sphere each, without any error but their scatter."""
+    settings = settings_of({"slip_force_N": 0.25 * MU * N})
+    shares = shares or [1.0 / len(radii_m)] * len(radii_m)
+    parts = []
+    for radius_m, share in zip(radii_m, shares, strict=True):
+        one = msgspec.structs.replace(settings.families, radius_G_m=radius_m)
+        changed = msgspec.structs.replace(settings, families=one)
+        joint, contact = press_families(given_families(changed), changed)
+        parts.append(Part(joint, replace(contact, estimated_error=error), share))
+    return parts, settings
+
+
+def answer_of_parts(parts, settings):
+    curves = [part.joint.curve(part.contact) for part in parts]
+    curve = curve_of_scans(curves, N, [part.share for part in parts])
+    slip = slip_curve(curve, N, MU, STEEL.kappa)
+    damping = response(slip, K_M, K_S, JOINTS)
+    return answer_to(settings.answer, slip, damping)[0], damping
+
+
+def band_of_parts(radii_m, question=None, **more):
+    parts, settings = parts_of(radii_m, **more)
+    if question is not None:
+        settings = msgspec.structs.replace(settings, answer=Question(**question))
+    answer, damping = answer_of_parts(parts, settings)
+    return band_of_scans(answer, parts, damping, settings), answer
+
+
+@pytest.mark.parametrize("asked", ["slip_force_N", "displacement_m"])
+def test_two_scans_scatter_by_half_of_what_they_differ_with_one_degree_of_freedom(asked):
+    """Standard error of the mean of two: half of their difference; t(0.95, 1) = 6.314."""
+    T = 0.25 * MU * N
+    value = T if asked == "slip_force_N" else sphere_states(T=T)[1]
+    found, answer = band_of_parts([5.0, 5.1], {asked: value})
+    one, other = (band_of_parts([R, R], {asked: value})[1] for R in (5.0, 5.1))
+    assert found.contributions["energy_J"] == pytest.approx({"scans": 1.0}, abs=1e-6)
+    for name in ("energy_J", "tangential_stiffness_N_per_m"):
+        a, b, middle = (getattr(of, name) for of in (one, other, answer))
+        half = 6.314 * 0.5 * abs(np.log(a / b))
+        low, high = np.log(np.array(found.interval[name]) / middle)
+        assert (-low, high) == pytest.approx((half, half), rel=0.15), name
+
+
+@pytest.mark.parametrize(("count", "quantile"), [(3, 2.920), (5, 2.132), (9, 1.860)])
+def test_the_scatter_is_the_standard_error_of_the_mean_of_the_scans(count, quantile):
+    """Of W at a displacement, which is the mean of the scans' own, to first order."""
+    radii_m = 5.0 * np.exp(0.05 * np.random.default_rng(count).standard_normal(count))
+    delta_m = sphere_states(T=0.25 * MU * N)[1]
+    found, answer = band_of_parts(radii_m, {"displacement_m": delta_m})
+    W = [band_of_parts([R, R], {"displacement_m": delta_m})[1].energy_J for R in radii_m]
+    assert answer.energy_J == pytest.approx(np.mean(W), rel=1e-9)
+    error = np.std(W, ddof=1) / np.sqrt(count) / np.mean(W)
+    low, high = np.log(np.array(found.interval["energy_J"]) / answer.energy_J)
+    assert (-low, high) == pytest.approx((quantile * error, quantile * error), rel=0.1)
+
+
+def test_equal_scans_have_the_band_of_one_whose_model_errs():
+    one, _ = band_of_parts([5.0], error=0.1)
+    three, _ = band_of_parts([5.0] * 3, error=0.1)
+    assert three.contributions["energy_J"] == pytest.approx({"model": 1.0}, abs=1e-9)
+    for name in NUMBERS:
+        assert three.interval[name] == pytest.approx(one.interval[name], rel=2e-2), name
+
+
+@pytest.mark.parametrize("count", [2, 3, 5])
+def test_nine_intervals_in_ten_hold_the_mean_of_what_the_scans_were_drawn_from(count):
+    """Spheres of any radius, a joint of all of them: the truth is that of 400 of them."""
+    s = 0.3
+    quantiles = 5.0 * np.exp(s * ndtri((np.arange(400) + 0.5) / 400))
+    parts, settings = parts_of(quantiles)
+    truth, _ = answer_of_parts(parts, settings)
+    rng, holds = np.random.default_rng(7), []
+    for _ in range(100):
+        found, _ = band_of_parts(5.0 * np.exp(s * rng.standard_normal(count)))
+        for name in ("energy_J", "tangential_stiffness_N_per_m"):
+            low, high = found.interval[name]
+            holds.append(low <= getattr(truth, name) <= high)
+    assert 0.85 <= np.mean(holds) <= 0.95

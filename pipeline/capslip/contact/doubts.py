@@ -13,11 +13,14 @@ from capslip.contact.press import ContactState
 from capslip.materials import MATERIALS
 from capslip.problems import Problem
 from capslip.settings import Material
+from capslip.surface.heightmap import HeightMap
+from capslip.surface.waves import long_waves_m
 
 MIN_PIXELS_ACROSS = 4.0  # of the contacts that carry the lighter half of the load
 COUPLED = 0.25  # of the friction that pressure alone uses up: |beta| / mu
 LARGE_FRICTION = 1.5
 FEW_IN_SCAN = 25  # contacts of a scan that stands for a larger joint: W some 20 % too low
+LONG_WAVES = 0.1  # of the approach: rms of waves that leave the loss by patches over 10 % too low
 ELASTIC_STRAIN = 0.03  # of E*: the greatest pressure at which the hardest steels stay elastic
 FIRST_YIELD = 1.6  # greatest pressure of a Hertz contact over the yield stress, where it yields
 DOUBTFUL = CapFlag.edge | CapFlag.non_measured | CapFlag.apex_off_surface | CapFlag.noisy_apex
@@ -68,6 +71,27 @@ def problems_of_share(joint: Joint, contact: ContactState) -> list[Problem]:
         "of the same face in one piece; waves longer than the scan are not in it"
     )
     return [*found, Problem("few_contacts_in_scan", "warning", message)]
+
+
+def problems_of_waves(joint: Joint, contact: ContactState, surface: HeightMap) -> list[Problem]:
+    """Return whether a scan that stands for a larger joint shows waves that it does not hold.
+
+    Of a wave longer than itself a scan shows a bow; where that is as much as a tenth of the
+    approach, the crests of the face carry more than a joint of equal patches knows
+    (`docs/theory.md`, section 6).
+    """
+    approach_m = contact.approach_without_bulk_m or contact.approach_m
+    if joint.coverage is None or joint.coverage > 0.99 or approach_m <= 0.0:
+        return []
+    rms_m = long_waves_m(surface)
+    if rms_m <= LONG_WAVES * approach_m:
+        return []
+    message = (
+        f"the scan is {joint.coverage:.2g} of its joint, and waves of its length and longer stand "
+        f"{rms_m:.2g} m (rms) out of its spectrum, {rms_m / approach_m:.0%} of the approach: the "
+        "face seems to go on in longer and higher ones, which patches of equal pressure leave out"
+    )
+    return [Problem("waves_longer_than_scan", "warning", message)]
 
 
 def contact_doubts(

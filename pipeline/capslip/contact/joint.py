@@ -4,6 +4,7 @@ A scan under a pressure gives a law per area. The joint is the sum of patches of
 one tangential displacement: the one place where results of the scan become those of the joint.
 """
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -160,7 +161,7 @@ def curve_of_joint(curve: NormalCurve, load_N: np.ndarray, weight: np.ndarray) -
         return ScaledCurve(curve, float(weight[0]))
     # One by one, so that a curve that solves its loads interpolates none
     approach_m = np.array([float(curve.approach_m(N)) for N in load_N])
-    return PatchedCurve(curve, approach_m, weight)
+    return PatchedCurve((curve,) * len(weight), approach_m, weight)
 
 
 @dataclass(frozen=True, eq=False)
@@ -228,44 +229,43 @@ class ScaledCurve:
 
 @dataclass(frozen=True, eq=False)
 class PatchedCurve:
-    """Patches that are pressed unevenly and move together: N(D) = sum_k w_k N(d_k - (D_0 - D)).
+    """Patches that are pressed unevenly and move together: N(D) = sum_k w_k N_k(d_k - (D_0 - D)).
 
     A patch that carries less lies lower, so this is a normal curve as any other: the approach D
-    counts from the first touch of the patch that carries most, and is D_0 under the preload. Under
-    shear all patches share one withdrawal e, and T = mu sum_k w_k [N(d_k) - N(d_k - e)], which is
-    what the theorem gives for each patch under the common displacement mu kappa e.
+    counts as that of the patch that is pressed deepest, and is D_0 under the preload. Under
+    shear all patches share one withdrawal e, and T = mu sum_k w_k [N_k(d_k) - N_k(d_k - e)], which
+    is what the theorem gives for each patch under the common displacement mu kappa e.
 
     What happens below the preload is summed once, at some withdrawals, and interpolated in between
     (to 5e-4, where a contact lets go): so withdrawals from any other approach than D_0 are refused.
 
-    Made by `curve_of_joint`.
+    Made by `curve_of_joint`, of one curve for all patches.
     """
 
-    curve: NormalCurve
+    curves: tuple[NormalCurve, ...]  # (k,)
     patch_approach_m: np.ndarray  # (k,), under the preload
     weight: np.ndarray  # (k,)
     compliance_m_per_N: float = 0.0  # none in series with the whole
 
     @property
     def model(self) -> str:
-        """Name of the model."""
-        return self.curve.model
+        """Name of the model, of each where they differ."""
+        return ", ".join(dict.fromkeys(curve.model for curve in self.curves))
 
     @property
     def preload_approach_m(self) -> float:
-        """D_0, that of the patch that carries most."""
-        return float(self.patch_approach_m.max())
+        """D_0, that of the patch that is pressed deepest."""
+        return float(self.patch_approach_m[self._deepest])
 
     @property
     def touch_m(self) -> np.ndarray:
         """Approach of first touch."""
-        return np.asarray(self.curve.touch_m)
+        return np.asarray(self.curves[self._deepest].touch_m)
 
     def load_N(self, approach_m: ArrayLike) -> np.ndarray:
         """N(D)."""
         below_m = self.preload_approach_m - np.asarray(approach_m, dtype=float)
-        patches = zip(self.patch_approach_m, self.weight, strict=True)
-        return np.asarray(sum(w * self.curve.load_N(d - below_m) for d, w in patches))
+        return np.asarray(sum(w * one.load_N(d - below_m) for one, d, w in self._patches))
 
     def approach_m(self, load_N: ArrayLike) -> np.ndarray:
         """D(N) of loads up to the preload.
@@ -313,14 +313,25 @@ class PatchedCurve:
     def lift_off_m(self, approach_m: ArrayLike) -> np.ndarray:
         """Withdrawal at which each row of the scan loses its load, patch by patch."""
         self._check(approach_m)
-        rows = [self.curve.lift_off_m(d) for d in self.patch_approach_m]
+        rows = [one.lift_off_m(d) for one, d, _ in self._patches]
         return np.concatenate(rows, axis=-1)
 
     def lifted(self, approach_m: ArrayLike, withdrawal_m: ArrayLike) -> np.ndarray:
         """Whether each row of the scan had a load and has lost it, patch by patch."""
         self._check(approach_m)
-        rows = [self.curve.lifted(d, withdrawal_m) for d in self.patch_approach_m]
+        rows = [one.lifted(d, withdrawal_m) for one, d, _ in self._patches]
         return np.concatenate(rows, axis=-1)
+
+    @property
+    def _patches(self) -> Iterator[tuple[NormalCurve, float, float]]:
+        """Yield curve, approach under the preload, and weight of each patch."""
+        return zip(self.curves, self.patch_approach_m, self.weight, strict=True)
+
+    @cached_property
+    def _deepest(self) -> int:
+        """Return the patch that is the last to lose its load."""
+        touch_m = [float(curve.touch_m) for curve in self.curves]
+        return int(np.argmax(self.patch_approach_m - touch_m))
 
     @cached_property
     def _below(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -359,11 +370,11 @@ class PatchedCurve:
         return np.where(linear, drop_N * (known_m[0] / known_N[0]), 0.5 * (low + high))
 
     def _sum(self, method: str, approach_m: ArrayLike, withdrawal_m: ArrayLike) -> np.ndarray:
-        """Sum a method of the scan's curve over the patches under the preload."""
+        """Sum a method of the patches' curves under the preload."""
         self._check(approach_m)
-        one = getattr(self.curve, method)
-        patches = zip(self.patch_approach_m, self.weight, strict=True)
-        return np.asarray(sum(w * one(d, withdrawal_m) for d, w in patches))
+        return np.asarray(
+            sum(w * getattr(one, method)(d, withdrawal_m) for one, d, w in self._patches)
+        )
 
     def _check(self, approach_m: ArrayLike) -> None:
         if np.any(np.asarray(approach_m) != self.preload_approach_m):

@@ -94,9 +94,17 @@ def write(
     return summary
 
 
-def write_families(result: "JointResult", folder: Path, command: str | None) -> dict[str, Any]:
-    """Write `settings.toml` and `summary.json` of given families; return the summary."""
-    summary = result.summary(command)
+def write_joint(
+    result: "JointResult",
+    folder: Path,
+    command: str | None,
+    timings_s: dict[str, float] | None = None,
+) -> dict[str, Any]:
+    """Write `settings.toml` and `summary.json` of given families or of several scans.
+
+    Returns the summary; errors are those of `write`.
+    """
+    summary = result.summary(command, timings_s)
     with staging.new_folder(folder) as work:
         tables.write_settings(result.settings, work)
         summary = staging.with_digests(summary, work)

@@ -41,6 +41,8 @@ JOINT = "preload {preload_N:4}"
 PRESSURE = " on {joint_area_m2}: {nominal_pressure_Pa} nominal"
 COVERAGE = "; scan {coverage} of it, resultant {off_m} off the load point"
 
+SCANS = "; {0} scans together {{coverage}} of it"
+
 
 def answer_lines(summary: dict[str, Any], absent: str) -> list[tuple[str, str]]:
     """Return the answer, label and text of each line: the joint leads, then the structure.
@@ -88,7 +90,9 @@ def joint_line(summary: dict[str, Any], absent: str) -> str:
     """Return preload, area and pressure of the joint, and what of it was scanned."""
     contact = summary["contact"]
     text = JOINT + (PRESSURE if contact["joint_area_m2"] is not None else "")
-    text += COVERAGE if contact["coverage"] is not None else ""
+    scans = summary["scans"]
+    of_scan = COVERAGE if scans is None else SCANS.format(len(scans))
+    text += of_scan if contact["coverage"] is not None else ""
     return write_text(text, summary, absent)
 
 

@@ -2,11 +2,12 @@
 
 import math
 import textwrap
+from typing import Any
 
 from capslip.errors import printable
 from capslip.output.lead import answer_lines, assumed_lines, joint_line
-from capslip.output.rows import write_text
-from capslip.result import Analysis, JointResult
+from capslip.output.rows import Value, write_text
+from capslip.result import Analysis, JointOfScans, JointResult
 from capslip.surface.doubts import sanity_line
 
 HILLS = (
@@ -45,6 +46,8 @@ def result_lines(analysis: JointResult) -> str:
     lines = [f"{label:10} {text}" for label, text in lead]
     contact, slip, damping = analysis.contact, analysis.slip, analysis.damping
     texts = [HILLS, FAMILIES] if isinstance(analysis, Analysis) else [FAMILIES]
+    if isinstance(analysis, JointOfScans):
+        texts, lines = [], [*lines, *_lines_of_scans(summary["scans"])]
     texts += [FAMILY.format(name) for name in "GP" if summary["families"][name] is not None]
     if contact is not None and summary["contact"]["alignment"] == "balanced":
         cut = NOT_CERTIFIED if summary["hills"]["cut_certified"] is False else ""
@@ -89,3 +92,20 @@ def wrapped(text: str, width: int) -> str:
         for line in text.split("\n")
     ]
     return "\n".join("\n".join(parts) for parts in lines)
+
+
+def _lines_of_scans(scans: list[dict[str, Any]]) -> list[str]:
+    """Return a line for each scan: its share, and the answer of a joint of its face alone."""
+    lines = []
+    for label, scan in zip(["scans", *[""] * len(scans)], scans, strict=False):
+        answer = scan["answer"]
+        if scan["share"] is None or answer["energy_J"] is None:
+            text = "no answer: see the problems"
+        else:
+            stiffness = Value(answer["tangential_stiffness_N_per_m"], "N/m", "-")
+            text = (
+                f"{scan['share']:.0%} of the joint, {scan['contacts']} touch in {scan['model']}; "
+                f"alone {stiffness:3} (secant), {Value(answer['energy_J'], 'J'):3} lost per cycle"
+            )
+        lines.append(f"{label:10} {scan['name']}: {text}")
+    return lines

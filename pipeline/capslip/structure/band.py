@@ -1,6 +1,7 @@
 """How far an answer may be off: what is uncertain in it, propagated to every number of it."""
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -9,6 +10,7 @@ from capslip.contact.accuracy import LEAST_ERROR
 from capslip.contact.curve import NormalCurve
 from capslip.contact.joint import Joint
 from capslip.contact.press import ContactState
+from capslip.contact.scans import curve_of_scans
 from capslip.errors import ContactError
 from capslip.settings import Settings
 from capslip.structure.answer import Answer, numbers_of_state
@@ -22,9 +24,11 @@ NODES_OF_PATCHES = 3  # the same, of a joint that is pressed unevenly
 NODES_OF_HARDNESS = 3  # the same of the hardness, at the preload
 NODES_OF_A_MAP = 2  # of either, where each is a solution of the whole map
 COUNTED = ("tangential_stiffness_N_per_m", "energy_J", "joint_loss_factor", "loss_factor")
+OF_BOTH = ("caps", "model", "scans")  # inputs that move displacement and energy by factors
 OF_LIGHT_DAMPING = ("loss_factor", "damping_ratio")
 LEAST_SPREAD = 1e-9  # standard deviation of a logarithm that is more than rounding
 LEAST_J = 1e-300  # stands for an energy of zero in a logarithm
+WHOLE = 0.99  # coverage from which a scan is taken for its joint
 
 
 @dataclass(frozen=True)
@@ -34,6 +38,15 @@ class Band:
     interval: dict[str, tuple[float, float]]  # by the name of the number; infinite: no bound
     contributions: dict[str, dict[str, float]]  # share of each input in the variance of a number
     left_out: tuple[str, ...]  # what is uncertain by an amount that is not known
+
+
+@dataclass(frozen=True, eq=False)
+class Part:
+    """What one scan of a joint says of it."""
+
+    joint: Joint  # as it were if all of it were face as that of this scan
+    contact: ContactState  # of the scan
+    share: float  # of the joint, for which the scan stands
 
 
 def band_of(
@@ -84,11 +97,44 @@ def band_of(
     expansion in Hermite polynomials up to the second degree (Sudret, Reliab. Eng. Syst. Saf. 93
     (2008) 964); what is missing to 1 are interactions.
     """
+    return band_of_scans(answer, (Part(joint, contact, 1.0),), damping, settings)
+
+
+def band_of_scans(
+    answer: Answer | None, parts: Sequence[Part], damping: Damping, settings: Settings
+) -> Band | None:
+    """Return the band of a joint of which several scans are known; see `band_of`.
+
+    Parameters
+    ----------
+    answer : Answer or None
+        Of the joint, to the question of the settings.
+    parts : sequence of Part
+        One for each scan; their shares sum to 1.
+    damping : Damping
+        Of the structure; its stiffnesses count.
+    settings : Settings
+        As for `band_of`.
+
+    Notes
+    -----
+    Friction, preload, modulus and hardness are those of all scans, and so are the causes of the
+    error of the model. Those of the caps are each scan's own. To these comes the scatter between k
+    scans: the standard error of their mean, from the joint as it were without one of them, each in
+    turn (jackknife, Efron and Stein, Ann. Stat. 9 (1981) 586)::
+
+        C = (k - 1) / k sum_i (x_(-i) - mean)(x_(-i) - mean)^T,  x = (log delta or log T, log W)
+
+    In the intervals it is drawn from Student's distribution of k - 1 degrees of freedom, which two
+    scans make 3.8 times as wide as the normal one and three 1.8 times; in the shares from the
+    normal one, as the variance of the other has no bound for up to three scans. It holds the caps'
+    errors, too, so these count twice. That the scans are a part of a finite joint is not used.
+    """
     if answer is None or not answer.displacement_m > 0.0:
         return None
     if settings.slip.normal_amplitude_ratio > 0.0:
         return None
-    state = _State(answer, settings.answer.displacement_m is None, joint, contact, settings)
+    state = _State(answer, settings.answer.displacement_m is None, tuple(parts), settings)
     try:
         return _propagated(state, damping)
     except ContactError:
@@ -102,11 +148,12 @@ def _propagated(state: "_State", damping: Damping) -> Band | None:
     spreads = {
         "caps": caps,
         "model": model,
+        "scans": _of_scatter(state),
         "friction": np.array([[material.friction_spread / NORMAL_95]]),
         "preload": np.array([[contact.preload_spread / NORMAL_95]]),
         "modulus": np.array([[material.modulus_spread / NORMAL_95]]),
     }
-    if state.contact.first is not None:
+    if state.yields:
         spreads["hardness"] = np.array([[material.hardness_spread / NORMAL_95]])
     uncertain = [name for name, spread in spreads.items() if spread.any()]
     if not uncertain:
@@ -115,35 +162,64 @@ def _propagated(state: "_State", damping: Damping) -> Band | None:
     points = 2**LOG2_POINTS
     log = {name: np.zeros((points, len(spread))) for name, spread in spreads.items()}
     log |= {name: normal[name] @ spreads[name] for name in uncertain}
-    given = {name: of[:, 0] for name, of in log.items() if name not in ("caps", "model")}
+    given = {name: of[:, 0] for name, of in log.items() if name not in OF_BOTH}
     found, W = state.under(given)
-    moved = np.exp(log["caps"] + log["model"])
-    found, W = found * moved[:, 0], W * moved[:, 1]
-    stays = state.answer.slip_force_N if state.by_force else state.answer.displacement_m
-    T, delta = (stays, found) if state.by_force else (found, stays)
-    numbers = numbers_of_state(T, delta, W, damping)
-    kept = {name: one for name, one in numbers.items() if getattr(state.answer, name) is not None}
+
+    def numbers_with(scans: np.ndarray) -> dict[str, np.ndarray]:
+        with np.errstate(over="ignore"):
+            moved = np.exp(log["caps"] + log["model"] + scans)
+            other, energy_J = found * moved[:, 0], W * moved[:, 1]
+        stays = state.answer.slip_force_N if state.by_force else state.answer.displacement_m
+        T, delta = (stays, other) if state.by_force else (other, stays)
+        numbers = numbers_of_state(T, delta, energy_J, damping).items()
+        return {name: one for name, one in numbers if getattr(state.answer, name) is not None}
+
+    kept = numbers_with(log["scans"])
+    wide = kept
+    if "scans" in uncertain:
+        wide = numbers_with(_students(normal["scans"], len(state.parts)) @ spreads["scans"])
     return Band(
-        {name: _interval(name, np.broadcast_to(one, points)) for name, one in kept.items()},
+        {name: _interval(name, np.broadcast_to(one, points)) for name, one in wide.items()},
         {name: _contributions(kept[name], normal) for name in COUNTED if name in kept},
-        _left_out(state.contact),
+        _left_out(state.parts),
     )
 
 
-def _left_out(contact: ContactState) -> tuple[str, ...]:
-    unknown = ("error of the model",) if contact.estimated_error is None else ()
-    return (*unknown, "noise of the map") if contact.rung.made_from == "map" else unknown
+def _left_out(parts: Sequence[Part]) -> tuple[str, ...]:
+    unknown = []
+    if any(part.contact.estimated_error is None for part in parts):
+        unknown.append("error of the model")
+    if any(part.contact.rung.made_from == "map" for part in parts):
+        unknown.append("noise of the map")
+    coverage = parts[0].joint.coverage
+    if len(parts) == 1 and coverage is not None and coverage < WHOLE:
+        unknown.append("scatter between scans")
+    return tuple(unknown)
 
 
 @dataclass(frozen=True, eq=False)
 class _State:
-    """The state that was answered for, of the joint and of the scan in it."""
+    """The state that was answered for, of the joint and of the scans in it."""
 
     answer: Answer
     by_force: bool  # whether the slip force stays, or the displacement
-    joint: Joint
-    contact: ContactState
+    parts: tuple[Part, ...]
     settings: Settings
+
+    @property
+    def preload_N(self) -> float:
+        """Return that of the joint."""
+        return self.parts[0].joint.preload_N
+
+    @property
+    def kappa(self) -> float:
+        """Return that of the two materials."""
+        return self.parts[0].contact.composite.kappa
+
+    @property
+    def yields(self) -> bool:
+        """Tell whether a face has a first loading of its own."""
+        return any(part.contact.first is not None for part in self.parts)
 
     def under(self, log: dict[str, np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
         """Return what does not stay (displacement or force) and the energy, each (n,).
@@ -152,11 +228,11 @@ class _State:
         under a force above mu P.
         """
         friction = self.settings.material.friction_coefficient * np.exp(log["friction"])
-        kappa, c = self.contact.composite.kappa, np.exp(log["modulus"])
+        kappa, c = self.kappa, np.exp(log["modulus"])
         log_N = log["preload"] - log["modulus"]
         log_H = log.get("hardness", 0.0) - log["modulus"]
         nodes, weight = self._nodes(log_N, log_H)
-        node_N = self.joint.preload_N * np.exp(nodes[:, 0])
+        node_N = self.preload_N * np.exp(nodes[:, 0])
         curves = [
             self._curve(N, factor) for N, factor in zip(node_N, np.exp(nodes[:, 1]), strict=True)
         ]
@@ -164,7 +240,7 @@ class _State:
         if self.by_force:
             whole = node_N
             share = self.answer.slip_force_N / friction
-            share = share / (self.joint.preload_N * np.exp(log["preload"]))
+            share = share / (self.preload_N * np.exp(log["preload"]))
         else:
             pairs = zip(approach_m, curves, strict=True)
             whole = np.array([float(d - curve.touch_m) for d, curve in pairs])
@@ -194,20 +270,24 @@ class _State:
 
     def _curve(self, preload_N: float, hardness_factor: float) -> NormalCurve:
         """Return the curve along which the joint unloads from a preload."""
-        joint = self.joint.under(preload_N)
-        after = self.contact.curve_after(joint.scan_load_N, hardness_factor)
-        return joint.curve(replace(self.contact, curve=after))
+        curves = []
+        for part in self.parts:
+            joint = part.joint.under(preload_N)
+            after = part.contact.curve_after(joint.scan_load_N, hardness_factor)
+            curves.append(joint.curve(replace(part.contact, curve=after)))
+        return curve_of_scans(curves, preload_N, [part.share for part in self.parts])
 
     def _nodes(self, log_N: np.ndarray, log_H: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return logarithms of factors on preload and hardness at which the curve is asked.
 
         Shape (k, 2), and the weights of the nodes, (n, k). What the two do together is left out.
         """
-        count = NODES if self.joint.is_even else NODES_OF_PATCHES
+        even = all(part.joint.is_even for part in self.parts)
+        count = NODES if even else NODES_OF_PATCHES
         loads = self._axis(float(np.abs(log_N).max()), count)
         weight = _weights(loads, log_N)
         nodes = np.column_stack((loads, np.zeros(len(loads))))
-        if self.contact.first is None or not log_H.any():
+        if not self.yields or not log_H.any():
             return nodes, weight
         hard = self._axis(float(np.abs(log_H).max()), NODES_OF_HARDNESS)
         nodes = np.vstack((nodes, np.column_stack((np.zeros(len(hard)), hard)), np.zeros((1, 2))))
@@ -218,26 +298,39 @@ class _State:
     def _axis(self, widest: float, count: int) -> np.ndarray:
         if widest == 0.0:
             return np.zeros(1)
-        if self.contact.rung.solved_loads_N is not None:
+        if any(part.contact.rung.solved_loads_N is not None for part in self.parts):
             return np.linspace(-widest, 0.0, NODES_OF_A_MAP)
         return -widest * np.cos(np.pi * (np.arange(count) + 0.5) / count)
 
 
 def _of_caps_and_model(state: _State) -> tuple[np.ndarray, np.ndarray]:
-    """Return roots of the covariances of what is found and the energy, in their logarithms."""
-    moved, contact = state.contact.moved, state.contact
+    """Return roots of the covariances of what is found and the energy, in their logarithms.
+
+    Each scan at its own state: under the force or the displacement of a joint of its face alone.
+    Errors of the caps of two scans have nothing in common, those of the model all.
+    """
+    caps, model = zip(*(_of_one(state, part) for part in state.parts), strict=True)
+    if len(state.parts) == 1:
+        return caps[0], model[0]
+    share = np.array([part.share for part in state.parts])
+    of_caps = [s * root for s, root in zip(share, caps, strict=True)]
+    of_model = [math.sqrt(s) * root for s, root in zip(share, model, strict=True)]
+    return _root(np.vstack(of_caps)), _root(np.vstack(of_model))
+
+
+def _of_one(state: _State, part: Part) -> tuple[np.ndarray, np.ndarray]:
+    moved, contact = part.contact.moved, part.contact
     if moved is None:
         return np.zeros((2, 2)), (contact.estimated_error or 0.0) / NORMAL_95 * np.eye(2)
     friction = state.settings.material.friction_coefficient
     if state.by_force:
-        at = state.answer.slip_force_N / (friction * state.joint.preload_N) * contact.preload_N
+        at = state.answer.slip_force_N / (friction * state.preload_N) * contact.preload_N
     else:
         at = state.answer.displacement_m / (friction * contact.composite.kappa)
 
     def log_of(curve: NormalCurve) -> np.ndarray:
         approach_m = float(curve.approach_m(contact.preload_N))
-        found = state.response(curve, approach_m, np.asarray(at))
-        return np.log(np.maximum(found, LEAST_J))
+        return _log(state.response(curve, approach_m, np.asarray(at)))
 
     log = log_of(moved.found)
     random = np.array([log_of(curve) - log for curve in moved.at_random])
@@ -246,6 +339,39 @@ def _of_caps_and_model(state: _State) -> tuple[np.ndarray, np.ndarray]:
     others += [log_of(contact.curve) - log, np.array([0.0, moved.of_unloading])]
     others += [*(LEAST_ERROR * np.eye(2))]
     return _root(random / math.sqrt(len(random))), _root(np.array(others) / NORMAL_95)
+
+
+def _of_scatter(state: _State) -> np.ndarray:
+    """Return a root of the covariance that the scatter between scans gives their mean."""
+    parts, friction = state.parts, state.settings.material.friction_coefficient
+    if len(parts) == 1:
+        return np.zeros((2, 2))
+    curves = [part.joint.curve(part.contact) for part in parts]
+    share = np.array([part.share for part in parts])
+    if state.by_force:  # that of total slip at most, which rounding must not pass
+        at = min(state.answer.slip_force_N / friction, state.preload_N)
+    else:
+        at = state.answer.displacement_m / (friction * state.kappa)
+    log = []
+    for i in range(len(parts)):
+        rest = np.delete(share, i) / np.delete(share, i).sum()
+        curve = curve_of_scans([*curves[:i], *curves[i + 1 :]], state.preload_N, rest)
+        approach_m = float(curve.approach_m(state.preload_N))
+        log.append(_log(state.response(curve, approach_m, np.asarray(at))))
+    change = np.array(log) - np.mean(log, axis=0)
+    root = _root(math.sqrt((len(parts) - 1) / len(parts)) * change)
+    return np.where(np.abs(root).max() > LEAST_SPREAD, root, 0.0)
+
+
+def _students(normal: np.ndarray, scans: int) -> np.ndarray:
+    """Return normal numbers as those of Student's distribution with the same probability."""
+    from scipy.special import ndtr, stdtrit
+
+    return np.asarray(stdtrit(scans - 1, ndtr(normal)))
+
+
+def _log(found: tuple[np.ndarray, np.ndarray]) -> np.ndarray:
+    return np.log(np.maximum(found, LEAST_J))
 
 
 def _root(changes: np.ndarray) -> np.ndarray:

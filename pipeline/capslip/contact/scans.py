@@ -1,0 +1,92 @@
+"""Several scans of one joint: patches of equal pressure, each of which stands for its share."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from capslip.contact.curve import NormalCurve
+from capslip.contact.joint import PatchedCurve
+
+MAX_STEPS = 60  # of the search for a withdrawal: bisection alone needs no more
+CONVERGED = 1e-14  # of the withdrawal
+
+
+def curve_of_scans(
+    curves: Sequence[NormalCurve], preload_N: float, share: Sequence[float]
+) -> NormalCurve:
+    """Return the normal curve of a joint whose patches are those of several scans.
+
+    What two scans do not tell is how high one lies above the other, so none is pressed harder:
+    every scan bears the nominal pressure, and under shear all share one displacement::
+
+        T(delta) = sum_i s_i T_i(delta),  W(delta) = sum_i s_i W_i(delta)
+
+    with T_i and W_i of the joint as it were if all of it were face as that of scan i.
+
+    Parameters
+    ----------
+    curves : sequence of NormalCurve
+        Of the joint as it were if all of it were face as that of one scan.
+    preload_N : float
+        Of the joint.
+    share : sequence of float
+        Of the joint for which each scan stands; their sum is 1.
+
+    Raises
+    ------
+    ContactError
+        If a curve cannot carry the preload.
+
+    Examples
+    --------
+    >>> from capslip.contact.models.families import families
+    >>> one = families((5, 18), (23.8, 26.7), (0, 2.4e-7), 109.89e9)
+    >>> two = curve_of_scans([one, one], 460.0, [0.3, 0.7])
+    >>> d, e = one.approach_m(460.0), 5e-8
+    >>> [round(float(curve.load_drop_N(d, e)), 6) for curve in (one, two)]
+    [140.5234, 140.5234]
+    """
+    if len(curves) == 1:
+        return curves[0]
+    approach_m = np.array([float(curve.approach_m(preload_N)) for curve in curves])
+    return SummedCurve(tuple(curves), approach_m, np.asarray(share, dtype=float))
+
+
+@dataclass(frozen=True, eq=False)
+class SummedCurve(PatchedCurve):
+    """Few patches of curves of their own, summed wherever they are asked: no table in between.
+
+    Made by `curve_of_scans`.
+    """
+
+    def load_drop_N(self, approach_m: ArrayLike, withdrawal_m: ArrayLike) -> np.ndarray:
+        """N(D) - N(D - e)."""
+        return self._sum("load_drop_N", approach_m, withdrawal_m)
+
+    def loss_integral_J(self, approach_m: ArrayLike, withdrawal_m: ArrayLike) -> np.ndarray:
+        """4 * integral of s (e - s) N''(D - s)."""
+        return self._sum("loss_integral_J", approach_m, withdrawal_m)
+
+    def _withdrawal_m(self, drop_N: np.ndarray) -> np.ndarray:
+        """Return the inverse of the load drop: Newton's steps, halved where they leave a bracket.
+
+        Nothing is lost to the drop being flat where the last contact lets go: the bracket closes.
+        """
+        known_m, known_N = (np.concatenate([[0.0], one]) for one in self._below[:2])
+        last = np.clip(np.searchsorted(known_N, drop_N), 1, len(known_m) - 1)
+        low, high = known_m[last - 1], known_m[last]
+        e = low + (high - low) * (drop_N - known_N[last - 1]) / (known_N[last] - known_N[last - 1])
+        D = self.preload_approach_m
+        for _ in range(MAX_STEPS):
+            missing_N = drop_N - self.load_drop_N(D, e)
+            low, high = np.where(missing_N >= 0.0, e, low), np.where(missing_N <= 0.0, e, high)
+            with np.errstate(divide="ignore", invalid="ignore"):
+                newton = e + missing_N / self.stiffness_N_per_m(D, e)
+            inside = (newton >= low) & (newton <= high)
+            better = np.where(inside, newton, 0.5 * (low + high))
+            if (np.abs(better - e) <= CONVERGED * known_m[-1]).all():
+                return np.asarray(better)
+            e = better
+        return np.asarray(e)

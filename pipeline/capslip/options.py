@@ -1,0 +1,150 @@
+"""Options of the command line, and the settings that they stand for."""
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Literal
+
+import click
+
+from capslip import registry
+from capslip.errors import SettingsError
+from capslip.materials import MATERIALS
+from capslip.units import WORDS, in_si
+
+if TYPE_CHECKING:
+    from capslip.settings import Settings
+
+MODELS = ("auto", *registry.names("contact.models"))
+QUESTIONS: dict[str, Literal["m", "N"]] = {
+    "amplitude": "m",
+    "slip_force": "N",
+    "displacement": "m",
+}  # and their units
+SETTING = {  # what an option of an analysis stands for
+    "preload": "contact.preload_N",
+    "material": "material.preset",
+    "model": "contact.model",
+    "amplitude": "answer.amplitude_m",
+    "slip_force": "answer.slip_force_N",
+    "displacement": "answer.displacement_m",
+    "m": "families.m",
+    "n": "families.n",
+    "radius_g": "families.radius_G_m",
+    "radius_p": "families.radius_P_m",
+    "h": "families.h_m",
+    "approach": "families.approach_m",
+    "dataset": "reading.dataset",
+    "unit": "reading.unit",
+    "lateral_unit": "reading.lateral_unit",
+    "pixel_size": "reading.pixel_size",
+    "sensitivity": "run.sensitivity",
+    "figures": "run.figures",
+    "render": "run.render",
+    "workers": "run.workers",
+}
+PATH = click.Path(path_type=Path)
+SHARE = click.FloatRange(0.0, 1.0)
+
+
+def _options(*options: Any) -> Callable[[Any], Any]:
+    """Join some options to one decorator."""
+
+    def add(command: Any) -> Any:
+        for option in reversed(options):
+            command = option(command)
+        return command
+
+    return add
+
+
+verbose_option = click.option("-v", "--verbose", is_flag=True, help="Show tracebacks and details.")
+result_options = _options(  # of every command with a result
+    click.option("-o", "--out", type=PATH, help="Output folder."),
+    click.option("--json", "as_json", is_flag=True, help="Only the numbers, as JSON, on stdout."),
+    click.option("-q", "--quiet", is_flag=True, help="Errors only on stderr."),
+    verbose_option,
+)
+joint_options = _options(  # of every command that answers for a joint
+    click.option("--preload", metavar="10kN", help="Normal load of one joint; a number is in N."),
+    click.option(
+        "--material",
+        type=click.Choice(tuple(MATERIALS)),
+        help="Moduli and yield stress of both faces.",
+    ),
+    click.option("--amplitude", metavar="0.5um", help="Answer at this amplitude of the structure."),
+    click.option("--slip-force", metavar="20N", help="Answer at this slip force of a joint."),
+    click.option("--displacement", metavar="10nm", help="Answer at this slip of a joint."),
+    click.option("-c", "--config", type=PATH, help="Settings (TOML)."),
+    click.option(
+        "--set",
+        "overrides",
+        multiple=True,
+        metavar="TABLE.KEY=VALUE",
+        help="Change one setting; repeatable.",
+    ),
+)
+analysis_options = _options(  # of every command that analyses scans
+    joint_options,
+    click.option("--model", type=click.Choice(MODELS), help="Contact model."),
+    click.option("--dataset", help="Dataset of an HDF5 file."),
+    click.option("--unit", type=click.Choice(WORDS), help="Unit of the heights."),
+    click.option("--lateral-unit", type=click.Choice(WORDS), help="Unit of the pixel size."),
+    click.option(
+        "--pixel-size",
+        type=(float, float),
+        metavar="DY DX",
+        help="Size of a pixel, where the file does not say; needs --lateral-unit.",
+    ),
+    click.option(
+        "--sensitivity/--no-sensitivity",
+        default=None,
+        help="Sweep cut, pruning, filter and level around what was chosen.",
+    ),
+    click.option("--figures/--no-figures", default=None, help="Pictures of every stage."),
+    click.option("--render/--no-render", default=None, help="The PyVista picture."),
+    result_options,
+)
+
+
+def settings_of(
+    config: Path | None, overrides: tuple[str, ...], verbose: bool, **options: Any
+) -> "Settings":
+    """Read the file, then `--set`, then the options of their own."""
+    from capslip.settings import load_settings
+
+    for name, unit in QUESTIONS.items():
+        if options.get(name) is not None:
+            options[name] = in_si(options[name], unit, f"--{name.replace('_', '-')}")
+    if options.get("preload") is not None:
+        options["preload"] = preload_in_N(options["preload"])
+    given = {SETTING[name]: value for name, value in options.items() if value is not None}
+    for name, value in given.items():
+        if isinstance(value, float) and value != value:
+            raise SettingsError(f"{name}: got nan; expected a finite number")
+    texts = tuple(f"{name}={_toml(value)}" for name, value in given.items())
+    return load_settings(config, (*overrides, *texts))
+
+
+def shard_of(text: str) -> tuple[int, int]:
+    """Return part and parts of a batch, from 2/8."""
+    part, _, parts = text.partition("/")
+    if not (part.isdecimal() and parts.isdecimal() and 1 <= int(part) <= int(parts)):
+        raise SettingsError(f"--shard: got {text}; expected I/N with I from 1 to N, such as 2/8")
+    return int(part), int(parts)
+
+
+def preload_in_N(text: str) -> float:
+    """Return a preload with its unit in N; a number alone is in N, as it always was."""
+    try:
+        return float(text)
+    except ValueError:
+        return in_si(text, "N", "--preload")
+
+
+def _toml(value: Any) -> str:
+    if isinstance(value, bool):
+        return str(value).lower()
+    if isinstance(value, tuple):
+        return f"[{', '.join(_toml(inner) for inner in value)}]"
+    return repr(float(value)) if isinstance(value, float) else json.dumps(value)

@@ -1,0 +1,47 @@
+"""The longest waves that a scan shows: what its spectrum says of those that it does not hold."""
+
+import numpy as np
+
+from capslip.surface.form import remove_form
+from capslip.surface.heightmap import HeightMap
+
+LONG, NEXT = 2, 4  # half waves on a side: up to these
+
+
+def long_waves_m(surface: HeightMap) -> float:
+    """Return by how much waves of the scan's length and longer stand out of its spectrum, rms.
+
+    Over the mean plane the heights are a sum of cosines of p and q half waves along y and x,
+    which have no ends to meet as a Fourier series has. Those with 0 < p^2 + q^2 <= 4 are the bow
+    and the twist that a wave longer than the scan leaves in it, and one of just its length; those
+    up to 16, of half that length, say how high the others would be if the spectrum went on evenly,
+    as that of roughness does which is short against the scan. What they are more is returned.
+
+    Parameters
+    ----------
+    surface : HeightMap
+        At any level; points that were not measured count as in the plane.
+
+    Examples
+    --------
+    >>> x = (np.arange(200) + 0.5) / 200
+    >>> waves = (np.cos(2.0 * np.pi * x / n)[None, :] * np.ones((50, 1)) for n in (1, 0.5))
+    >>> [round(1e9 * long_waves_m(HeightMap(1e-6 * z, (4e-5, 1e-5)))) for z in waves]
+    [707, 0]
+    """
+    rest, _ = remove_form(surface, "plane")
+    height_m = np.where(rest.measured, rest.height_m, 0.0)
+    along_y, along_x = (_cosines(n) for n in height_m.shape)
+    square_m2 = (along_y @ height_m @ along_x.T / height_m.size) ** 2
+    p, q = np.indices(square_m2.shape)
+    order = p**2 + q**2
+    long, following = (order > 0) & (order <= LONG**2), (order > LONG**2) & (order <= NEXT**2)
+    even_m2 = np.count_nonzero(long) * float(square_m2[following].mean())
+    return float(np.sqrt(max(float(square_m2[long].sum()) - even_m2, 0.0)))
+
+
+def _cosines(n: int) -> np.ndarray:
+    """Return cosines of 0 to 4 half waves on n points, each with a mean square of one."""
+    order = np.arange(NEXT + 1)[:, None]
+    cosine = np.cos(np.pi * order * (np.arange(n) + 0.5) / n)
+    return np.asarray(np.where(order == 0, 1.0, np.sqrt(2.0)) * cosine)

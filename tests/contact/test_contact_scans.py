@@ -1,0 +1,171 @@
+"""Several scans of one joint: closed forms of spheres, equal scans, and a face cut in parts."""
+
+import numpy as np
+import pytest
+from scipy.ndimage import gaussian_filter
+
+import capslip
+from capslip.analysis import analyze_once, analyze_scans
+from capslip.contact.joint import curve_of_joint
+from capslip.contact.material import composite
+from capslip.contact.models.caps import caps
+from capslip.contact.scans import curve_of_scans
+from capslip.contact.slip import slip_curve
+from capslip.errors import SettingsError
+from scenes import caps_map
+
+STEEL = composite((200e9, 200e9), (0.3, 0.3))
+MU, N = 0.2, 460.0
+NUMBERS = ("slip_force_N", "displacement_m", "tangential_stiffness_N_per_m", "energy_J")
+CAPS = [
+    (4e-3 + 8e-3 * j, 4e-3 + 8e-3 * i, 4.0, -1e-8 * (i + j)) for i in range(3) for j in range(3)
+]
+
+
+def equal_spheres(count, radius_m, more=()):
+    radii = [radius_m] * count + [radius for radius, _ in more]
+    return caps(radii, [0.0] * count + [-below for _, below in more], STEEL.E_star_Pa)
+
+
+def sphere_states(delta_m, count, radius_m):
+    """Slip force and energy of equal spheres that share N, as Mindlin and Deresiewicz wrote it."""
+    d = (0.75 * N / count / (STEEL.E_star_Pa * np.sqrt(radius_m))) ** (2 / 3)
+    limit = MU * STEEL.kappa * d
+    q = np.maximum(1.0 - delta_m / limit, 0.0)
+    T = MU * N * (1.0 - q**1.5)
+    below = MU * N * (np.minimum(delta_m, limit) - 0.4 * limit * (1.0 - q**2.5))
+    below += MU * N * np.maximum(delta_m - limit, 0.0)
+    return T, 8.0 * below - 4.0 * T * delta_m
+
+
+def slip_of(curves, share):
+    return slip_curve(curve_of_scans(curves, N, share), N, MU, STEEL.kappa)
+
+
+def test_two_families_of_spheres_average_as_in_closed_form():
+    """Also where those of one scan slip as a whole and those of the other one stick."""
+    families, share = ((5, 4.0), (40, 0.5)), (0.3, 0.7)
+    slip = slip_of([equal_spheres(*one) for one in families], share)
+    delta_m = np.geomspace(1e-4, 1.5, 40) * slip.total_slip_displacement_m
+    states = [sphere_states(delta_m, *one) for one in families]
+    T, W = (sum(s * one[i] for s, one in zip(share, states, strict=True)) for i in (0, 1))
+    assert slip.force_N(delta_m) == pytest.approx(T, rel=1e-9)
+    assert slip.energy_J(delta_m) == pytest.approx(W, rel=1e-6)
+    held = delta_m < slip.total_slip_displacement_m
+    assert slip.displacement_m(T[held]) == pytest.approx(delta_m[held], rel=1e-9)
+    assert slip.energy_at_force_J(T[held]) == pytest.approx(W[held], rel=1e-6)
+    assert slip.total_slip_force_N == MU * N
+    whole = float(slip.displacement_m(MU * N))
+    assert whole == pytest.approx(slip.total_slip_displacement_m, rel=1e-6)
+
+
+def test_the_order_of_scans_and_one_that_is_cut_in_two_change_nothing():
+    one, two = equal_spheres(5, 4.0, [(3.0, 4e-8)]), equal_spheres(40, 0.5)
+    T = np.linspace(0.0, MU * N, 30)
+    expected = slip_of([one, two], (0.4, 0.6)).displacement_m(T)
+    for curves, share in (([two, one], (0.6, 0.4)), ([one, two, one], (0.1, 0.6, 0.3))):
+        assert slip_of(curves, share).displacement_m(T) == pytest.approx(expected, rel=1e-9)
+
+
+def test_scans_under_a_map_of_pressures_are_the_sum_of_their_uneven_joints():
+    load_N, weight = np.array([100.0, 180.0]), np.array([1.0, 2.0])
+    joints = [curve_of_joint(equal_spheres(*one), load_N, weight) for one in ((5, 4.0), (40, 0.5))]
+    slip = slip_of(joints, (0.5, 0.5))
+    parts = [slip_curve(joint, N, MU, STEEL.kappa) for joint in joints]
+    delta_m = np.geomspace(1e-3, 1.2, 20) * slip.total_slip_displacement_m
+    for name in ("force_N", "energy_J"):
+        expected = sum(0.5 * getattr(part, name)(delta_m) for part in parts)
+        assert getattr(slip, name)(delta_m) == pytest.approx(expected, rel=1e-12)
+    assert slip.force_N(slip.displacement_m(60.0)) == pytest.approx(60.0, rel=1e-12)
+
+
+def settings_of(*more):
+    return capslip.load_settings(overrides=("contact.model=caps", *more))
+
+
+@pytest.mark.parametrize("asked", ["slip_force_N=900", "displacement_m=2e-9"])
+def test_equal_scans_are_the_joint_of_one_of_them_and_do_not_scatter(asked):
+    face = caps_map(CAPS, (240, 240))
+    settings = settings_of("joint.area_m2=0.01", f"answer.{asked}", "contact.preload_N=1e4")
+    one = capslip.analyze(face, settings)
+    three = analyze_scans([face] * 3, settings)
+    for name in NUMBERS:
+        assert getattr(three.answer, name) == pytest.approx(getattr(one.answer, name), rel=1e-9)
+    assert three.slip.force_N(one.slip.displacement_m(1200.0)) == pytest.approx(1200.0, rel=1e-9)
+    assert three.damping.loss_factor == pytest.approx(one.damping.loss_factor, rel=1e-6)
+    assert "scans" not in three.band.contributions["energy_J"]
+    assert "scatter between scans" in one.band.left_out
+    assert "scatter between scans" not in three.band.left_out
+    summary = three.summary()
+    assert [scan["share"] for scan in summary["scans"]] == pytest.approx([1 / 3] * 3)
+    assert summary["contact"]["coverage"] == pytest.approx(3 * one.joint.coverage)
+    assert summary["contact"]["scan_load_N"] == pytest.approx(3 * one.joint.scan_load_N)
+    assert "from 3 scans: " in three.verdict
+    assert summary["scans"][1]["answer"]["energy_J"] == one.answer.energy_J
+
+
+def test_scans_stand_for_the_joint_by_their_areas():
+    faces = caps_map(CAPS, (240, 240)), caps_map(CAPS[:6], (160, 240))
+    settings = settings_of("joint.area_m2=0.01", "answer.displacement_m=2e-9")
+    found = analyze_scans(faces, settings)
+    alone = [analyze_once(face, settings).answer for face in faces]
+    for name in ("slip_force_N", "energy_J"):
+        expected = 0.6 * getattr(alone[0], name) + 0.4 * getattr(alone[1], name)
+        assert getattr(found.answer, name) == pytest.approx(expected, rel=1e-9)
+    assert "from 2 scans, whose scatter rests on two: " in found.verdict
+
+
+def test_a_scan_without_an_answer_leaves_the_joint_to_the_others_and_is_named():
+    good = caps_map(CAPS, (240, 240))
+    beside = caps_map([(4e-3, 4e-3, 4.0, 0.0)], (240, 240))
+    settings = settings_of("joint.area_m2=0.01")
+    found = analyze_scans([good, beside, good], settings)
+    alone = analyze_once(good, settings).answer
+    assert found.answer.energy_J == pytest.approx(alone.energy_J, rel=1e-9)
+    assert found.status == "failed"
+    assert "from 2 of 3 scans, whose scatter rests on two: " in found.verdict
+    assert [scan["share"] for scan in found.summary()["scans"]] == [0.5, None, 0.5]
+    nothing = analyze_scans([beside, beside], settings)
+    assert nothing.answer is None
+    assert nothing.band is None
+    assert nothing.summary()["status"] == "failed"
+
+
+@pytest.mark.parametrize(
+    ("overrides", "count", "says"),
+    [
+        ((), 2, "joint.area_m2: got 2 scans"),
+        (("joint.area_m2=1",), 1, "scans: got 1"),
+        (("joint.area_m2=1", "contact.model=flat"), 2, "contact.model: got flat"),
+    ],
+)
+def test_what_makes_no_joint_of_scans_is_refused(overrides, count, says):
+    settings = capslip.load_settings(overrides=overrides)
+    with pytest.raises(SettingsError, match=says):
+        analyze_scans([caps_map(CAPS, (240, 240))] * count, settings)
+
+
+def test_a_face_cut_in_four_is_the_sum_of_its_parts_and_the_whole_but_for_its_contacts():
+    rng = np.random.default_rng(1)
+    z = gaussian_filter(rng.standard_normal((300, 300)), 4, mode="wrap")
+    z *= 2e-4 * 5e-5 / np.sqrt(np.mean(np.gradient(z)[0] ** 2))
+    settings = capslip.load_settings(
+        overrides=(
+            "contact.nominal_pressure_Pa=1e6",
+            "contact.model=interacting",
+            "joint.area_m2=2.25e-4",
+        )
+    )
+    quarters = [half for rows in np.split(z, 2) for half in np.split(rows, 2, axis=1)]
+    faces = [capslip.HeightMap(part.copy(), (5e-5, 5e-5)) for part in (z, *quarters)]
+    whole = analyze_once(faces[0], settings)
+    found = analyze_scans(faces[1:], settings)
+    delta_m = found.answer.displacement_m
+    for name in ("force_N", "energy_J"):
+        parts = np.mean([float(getattr(scan.slip, name)(delta_m)) for scan in found.scans])
+        assert float(getattr(found.slip, name)(delta_m)) == pytest.approx(parts, rel=1e-9)
+    n = np.mean([scan.contact.contacts for scan in found.scans])
+    assert n > 25
+    assert found.answer.slip_force_N == pytest.approx(whole.answer.slip_force_N, rel=1e-12)
+    assert abs(1.0 - found.answer.energy_J / whole.answer.energy_J) < 1.5 / np.sqrt(n)
+    assert found.band.contributions["energy_J"]["scans"] > 0.0
