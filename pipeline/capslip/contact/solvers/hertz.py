@@ -141,7 +141,9 @@ class HertzCurve:
     def stiffness_N_per_m(self, approach_m: ArrayLike, withdrawal_m: ArrayLike = 0.0) -> np.ndarray:
         """N'(d - e)."""
         g = self._compression(approach_m)
-        stiffness = self._slope(g - np.abs(self._withdrawn(g, withdrawal_m)))
+        if np.ndim(withdrawal_m) > 0 or withdrawal_m != 0.0:
+            g = g - np.abs(self._withdrawn(g, withdrawal_m))
+        stiffness = self._slope(g)
         return stiffness / (1 + self.compliance_m_per_N * stiffness)
 
     def load_drop_N(self, approach_m: ArrayLike, withdrawal_m: ArrayLike) -> np.ndarray:
@@ -189,7 +191,7 @@ class HertzCurve:
         """Return y, the approach less the spring's share c N."""
         d = np.asarray(approach_m, dtype=float)
         c = self.compliance_m_per_N
-        if np.all(c == 0):
+        if not np.any(c):
             return d
 
         def newton_step(y: np.ndarray) -> np.ndarray:
@@ -224,7 +226,7 @@ class HertzCurve:
         """Return by how much the compressions fall, from x + c drop(x) = e; shape (..., 1)."""
         e = np.asarray(withdrawal_m, dtype=float)
         c = self.compliance_m_per_N
-        if np.all(c == 0):
+        if not np.any(c):
             return e[..., None]
 
         def newton_step(x: np.ndarray) -> np.ndarray:
@@ -268,6 +270,8 @@ class HertzCurve:
 
     def _total_slope(self, g: np.ndarray) -> np.ndarray:
         """Return dd/dy; it must stay positive for the curve to be one."""
+        if not np.any(self.compliance_m_per_N):
+            return np.ones(g.shape[:-1])
         stiffness = self._slope(g)
         slope = 1 + self.compliance_m_per_N * stiffness
         if np.any(slope <= 0):

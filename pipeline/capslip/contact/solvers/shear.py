@@ -161,8 +161,10 @@ def solve_coupled(S: np.ndarray, C: np.ndarray, right: np.ndarray) -> np.ndarray
     for first in range(0, len(S), step):
         part = slice(first, first + step)
         held = S[part].any(axis=0)
-        rest = S[part][:, held]
-        matrix = rest[:, :, None] * C[np.ix_(held, held)] * rest[:, None, :]
+        all_held = bool(held.all())
+        rest = S[part] if all_held else S[part][:, held]
+        between = C if all_held else C[np.ix_(held, held)]
+        matrix = rest[:, :, None] * between * rest[:, None, :]
         diagonal = np.arange(rest.shape[1])
         matrix[:, diagonal, diagonal] = 1
         try:
