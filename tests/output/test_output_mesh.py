@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from capslip.output.mesh import cap_mesh, face_mesh, write_meshes
+from capslip.output.vtu import write_vtu
 
 
 def triangle_vectors(points, cells):
@@ -114,6 +115,21 @@ def test_files_hold_the_caps_and_the_face(several, tmp_path):
     lowest = np.full(len(caps), np.inf)
     np.minimum.at(lowest, mesh.point_data["cap"] - 1, mesh.point_data["height_m"])
     np.testing.assert_allclose(lowest, several.hills.cut_height_m, atol=1e-15)
+
+
+def test_vtk_reads_what_was_written(tmp_path):
+    import pyvista
+
+    rng = np.random.default_rng(1)
+    points = rng.standard_normal((30_000, 3))
+    cells = rng.integers(len(points), size=(20_000, 4))
+    on_points, on_cells = rng.standard_normal(len(points)), rng.integers(9, size=len(cells))
+    write_vtu(tmp_path / "a.vtu", points, cells, {"height_m": on_points}, {"cap": on_cells})
+    found = pyvista.read(tmp_path / "a.vtu")
+    np.testing.assert_array_equal(found.points, points)
+    np.testing.assert_array_equal(found.cells_dict[9], cells)
+    np.testing.assert_array_equal(found.point_data["height_m"], on_points)
+    np.testing.assert_array_equal(found.cell_data["cap"], on_cells)
 
 
 def test_without_caps_only_the_face_is_written(none, tmp_path):

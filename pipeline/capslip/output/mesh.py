@@ -5,6 +5,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from capslip.output.vtu import write_vtu
+
 if TYPE_CHECKING:
     from capslip.result import Analysis
 
@@ -49,11 +51,14 @@ def face_mesh(
     corners = (number[:-1, :-1], number[:-1, 1:], number[1:, 1:], number[1:, :-1])
     cells = np.stack([corner.ravel() for corner in corners], axis=1)
     cells = cells[np.isfinite(z_m.ravel()[cells]).all(axis=1)]
-    used, cells = np.unique(cells, return_inverse=True)
+    is_used = np.zeros(z_m.size, dtype=bool)
+    is_used[cells] = True
+    used = np.flatnonzero(is_used)
+    cells = (np.cumsum(is_used) - 1)[cells]
     dy_m, dx_m = pixel_size_m
     x_m, y_m = np.meshgrid((cols + 0.5) * dx_m, (rows + 0.5) * dy_m)
     points = np.stack([x_m.ravel(), y_m.ravel(), z_m.ravel()], axis=1)[used]
-    return points, cells.reshape(-1, 4)
+    return points, cells
 
 
 def cap_mesh(
@@ -132,16 +137,13 @@ def write_meshes(analysis: "Analysis", folder: str | Path) -> list[Path]:
     list of Path
         The files written.
     """
-    import meshio
-
     folder = Path(folder)
     surface = analysis.conditioned.surface
     points, cells = face_mesh(surface.height_m, surface.pixel_size_m)
     paths = []
     if len(cells):
-        face = meshio.Mesh(points, {"quad": cells}, point_data={"height_m": points[:, 2].copy()})
         paths.append(folder / "surface.vtu")
-        face.write(paths[-1])
+        write_vtu(paths[-1], points, cells, {"height_m": points[:, 2]}, {})
 
     caps = analysis.caps
     usable = np.flatnonzero(caps.usable)
@@ -161,14 +163,9 @@ def write_meshes(analysis: "Analysis", folder: str | Path) -> list[Path]:
             "peak_height_m": caps.peak_height_m[usable],
         }
         on_points = {name: column[cap] for name, column in columns.items()}
-        mesh = meshio.Mesh(
-            points,
-            {"triangle": cells},
-            point_data=on_points | {"height_m": points[:, 2].copy()},
-            cell_data={name: [column[cap[cells[:, 0]]]] for name, column in columns.items()},
-        )
+        on_cells = {name: column[cap[cells[:, 0]]] for name, column in columns.items()}
         paths.append(folder / "caps.vtu")
-        mesh.write(paths[-1])
+        write_vtu(paths[-1], points, cells, on_points | {"height_m": points[:, 2]}, on_cells)
     return paths
 
 
