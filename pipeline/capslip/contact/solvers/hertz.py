@@ -10,6 +10,8 @@ from numpy.typing import ArrayLike
 from capslip.contact.material import check_modulus
 from capslip.errors import ContactError, SettingsError
 
+_AT_ONCE = 1_000_000  # pairs of rows
+
 
 def contact_radius_m(load_N: ArrayLike, radius_m: ArrayLike, E_star_Pa: float) -> np.ndarray:
     """Return the contact radius a = (3 N R / (4 E*))^(1/3) (Johnson 1987, Eq. 4.22).
@@ -171,7 +173,12 @@ class HertzCurve:
         """Withdrawal at which each row loses its load, shape (..., n); NaN where it has none."""
         g = self._compression(approach_m)
         loaded = (g > 0) & (self.count > 0)
-        drop = self._drop(g[..., None, :], np.maximum(g, 0)[..., None])
+        at = np.flatnonzero(loaded.reshape(-1, g.shape[-1]).any(axis=0))  # the others have none
+        count, k, drop = self.count[..., at], self.coefficient[..., at], np.zeros(g.shape)
+        for part in np.array_split(at, -(-g.size * at.size // _AT_ONCE)) if at.size else ():
+            x = np.maximum(g[..., part], 0)[..., None]
+            one = count * load_drop_of_asperity(k, g[..., None, at], x)
+            drop[..., part] = one.sum(axis=-1)
         spring = np.asarray(self.compliance_m_per_N)[..., None] * drop
         return np.where(loaded, g + spring, np.nan)
 
