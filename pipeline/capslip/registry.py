@@ -4,6 +4,7 @@ So adding a fit or a rung of the contact ladder touches one file, and settings, 
 figures and studies learn of it from the folder.
 """
 
+from functools import cache
 from importlib import import_module
 from pkgutil import iter_modules
 from types import ModuleType
@@ -11,7 +12,11 @@ from types import ModuleType
 
 def names(folder: str) -> tuple[str, ...]:
     """Return the names in a folder such as `caps.fits`, sorted, without loading what they name."""
-    path = import_module(f"capslip.{folder}").__path__
+    return _names(tuple(import_module(f"capslip.{folder}").__path__))
+
+
+@cache  # the disk is asked once, an analysis a hundred times
+def _names(path: tuple[str, ...]) -> tuple[str, ...]:
     return tuple(sorted(module.name for module in iter_modules(path)))
 
 

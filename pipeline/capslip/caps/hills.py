@@ -284,10 +284,8 @@ def _tree(
     for frame in (inner, inner.T):
         frame[:margin] = frame[-margin:] = False
     lost = np.flatnonzero(inner)
-    mean_m = _mean(above_m, point, side)
-    if lost.size:
-        point = np.concatenate((point, lost))
-        mean_m = np.concatenate((mean_m, _mean(above_m, lost, side)))
+    mean_m = np.concatenate(_means(above_m, (point, lost), side))
+    point = np.concatenate((point, lost))
     deep = np.isnan(mean_m)
     if deep.any():
         field_m = np.full(above_m.size, np.nan)
@@ -299,27 +297,29 @@ def _tree(
     return tree, flat_m[tree.point]
 
 
-def _mean(above_m: np.ndarray, point: np.ndarray, side: int) -> np.ndarray:
+def _means(above_m: np.ndarray, points: tuple[np.ndarray, ...], side: int) -> list[np.ndarray]:
     """Mean of the measured heights in a square about each point, NaN where there is none.
 
-    Points rise, and none is nearer to the frame than half a square. Some rows at a time: what is
-    computed stays in the cache.
+    Points rise in each of several sets, and none is nearer to the frame than half a square. Some
+    rows at a time: what is computed stays in the cache.
     """
     half, (rows, width) = side // 2, above_m.shape
-    mean_m = np.empty(len(point))
+    means_m = [np.empty(len(point)) for point in points]
     for first in range(half, rows - half, BLOCK_ROWS):
         last = min(first + BLOCK_ROWS, rows - half)
-        here = slice(*np.searchsorted(point, (first * width, last * width)))
-        if here.start == here.stop:
+        bounds = [np.searchsorted(point, (first * width, last * width)) for point in points]
+        if all(start == end for start, end in bounds):
             continue
         block_m = above_m[first - half : last + half]
         known = ~np.isnan(block_m)
-        at = point[here] - first * width
-        total = _sums(np.where(known, block_m, 0.0), side).reshape(-1)[at]
-        count = _sums(known.view(np.uint8), side).reshape(-1)[at].astype(np.float64)
-        count[count == 0.0] = np.nan
-        mean_m[here] = total / count
-    return mean_m
+        total = _sums(np.where(known, block_m, 0.0), side).reshape(-1)
+        count = _sums(known.view(np.uint8), side).reshape(-1)
+        for mean_m, point, (start, end) in zip(means_m, points, bounds, strict=True):
+            at = point[start:end] - first * width
+            known_points = count[at].astype(np.float64)
+            known_points[known_points == 0.0] = np.nan
+            mean_m[start:end] = total[at] / known_points
+    return means_m
 
 
 def _sums(values: np.ndarray, side: int) -> np.ndarray:

@@ -95,22 +95,21 @@ def _lost_points(
     lost = np.isnan(height_m)
     if not lost.any() or not label.any():
         return none, none, np.empty(0), none
-    patch = _over_squares(_over_squares(lost, np.logical_and), np.logical_or)
-    beside = none
-    if patch.any():
+    core, beside = _over_squares(lost, np.logical_and), none
+    if core.any():
+        patch = _over_squares(core, np.logical_or)
         beside = np.flatnonzero(_over_squares(patch, np.logical_or) & (label > 0))
+        lost &= ~patch
 
-    nx = height_m.shape[1]
-    index = np.flatnonzero(lost & ~patch)
+    (ny, nx), index = height_m.shape, np.flatnonzero(lost)
     row, col = np.divmod(index, nx)
-    padded_z = np.pad(height_m, 1, constant_values=np.nan).ravel()
-    padded_label = np.pad(label, 1).ravel()
-    centre = (row + 1) * (nx + 2) + col + 1
     greatest = np.zeros(index.size, dtype=label.dtype)
     known, on_hill = np.zeros((2, index.size), dtype=np.int8)
     sum_m = np.zeros(index.size)
-    for step in (a * (nx + 2) + b for a in (-1, 0, 1) for b in (-1, 0, 1) if a or b):
-        z_m, here = padded_z[centre + step], padded_label[centre + step]
+    for down, right in ((a, b) for a in (-1, 0, 1) for b in (-1, 0, 1) if a or b):
+        inside = (row + down >= 0) & (row + down < ny) & (col + right >= 0) & (col + right < nx)
+        at = np.where(inside, index + down * nx + right, index)  # the lost point itself outside
+        z_m, here = height_m.reshape(-1)[at], label.reshape(-1)[at]
         seen = ~np.isnan(z_m)
         known += seen
         on_hill += here > 0

@@ -51,7 +51,9 @@ def quartic_profile(given: FitInput, spheres: Spheres) -> tuple[np.ndarray, np.n
 
     count = np.bincount(hill, minlength=points.n_hills)
     basis = np.stack([np.ones_like(t), 2.0 * t - 1.0, 6.0 * t * (t - 1.0) + 1.0])
-    normal = np.array([[total(one * other) for other in basis] for one in basis]).transpose(2, 0, 1)
+    normal = np.empty((points.n_hills, 3, 3))
+    for i, j in ((0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2)):
+        normal[:, i, j] = normal[:, j, i] = total(basis[i] * basis[j])
     right = np.array([total(one * fall_m) for one in basis]).T
     known = (count >= MIN_POINTS) & (np.linalg.matrix_rank(normal) == len(basis))
     c = np.full((3, points.n_hills), np.nan)

@@ -79,14 +79,17 @@ def answers(
     settings : Settings
         `material` and `contact`.
     """
+    used = _as_slip_uses(curve, surface, settings) if holds_bulk else curve
+    return _answers_of(curve, used, settings)
+
+
+def _answers_of(curve: NormalCurve, used: NormalCurve, settings: Settings) -> np.ndarray:
+    """Return the `answers` of a curve, given the one that slip uses of it, too."""
     material, preload_N = settings.material, settings.contact.preload_N
     joint = composite(material.youngs_modulus_Pa, material.poisson_ratio)
     slip = slip_curve(curve, preload_N, material.friction_coefficient, joint.kappa)
     energy_J = slip.energy_at_force_J(np.array(FORCE_SHARES) * slip.total_slip_force_N)
-    if holds_bulk:
-        curve = _as_slip_uses(curve, surface, settings)
-    stiffness = curve.stiffness_N_per_m(curve.approach_m(preload_N))
-    return np.append(energy_J, stiffness)
+    return np.append(energy_J, used.stiffness_N_per_m(used.approach_m(preload_N)))
 
 
 def _as_slip_uses(curve: NormalCurve, surface: HeightMap, settings: Settings) -> NormalCurve:
@@ -158,25 +161,22 @@ def error_of_caps(
         return CapsError(doubt)
     try:
         at_random = _moved_at_random(scene, curve, noise_m, settings)
-        by_shape, by_pairs = _of_shape(scene, curve, settings), _of_pairs(scene)
-        by_level = _of_level(scene, settings)
-        random = np.array([_change(one, scene, found, settings) for one in at_random])
-        shape, pairs, level = (
-            0.0 if one is None else float(np.abs(_change(one, scene, found, settings)).max())
-            for one in (by_shape, by_pairs, by_level)
-        )
-        of_random = float(2.0 * np.sqrt(np.mean(random**2, axis=0)).max())
+        curves: list[NormalCurve] = [
+            *at_random,
+            _of_shape(scene, curve, settings),
+            _of_pairs(scene),
+        ]
+        tilted = _of_level(scene, settings)
+        curves += [] if tilted is None else [tilted]
+        used, change = _used_and_changes(curves, scene, found, settings)
+        n = len(at_random)
+        of_random = float(2.0 * np.sqrt(np.mean(change[:n] ** 2, axis=0)).max())
+        shape, pairs, level = (*np.abs(change[n:]).max(axis=1).tolist(), 0.0)[:3]
         unloading = _of_unloading(scene, curve)
         of_caps = math.hypot(of_random, 2.0 * shape, pairs, unloading, LEAST_ERROR)
-        surface = scene.surface
-        moved = MovedCaps(
-            _as_slip_uses(curve, surface, settings),
-            tuple(_as_slip_uses(one, surface, settings) for one in at_random),
-            _as_slip_uses(by_shape, surface, settings),
-            _as_slip_uses(by_pairs, surface, settings),
-            None if by_level is None else _as_slip_uses(by_level, surface, settings),
-            unloading,
-        )
+        as_found = _as_slip_uses(curve, scene.surface, settings)
+        by_level = None if tilted is None else used[-1]
+        moved = MovedCaps(as_found, used[:n], used[n], used[n + 1], by_level, unloading)
         return CapsError(None, of_caps, level, moved)
     except (ContactError, UnusableSurfaceError):
         return CapsError("caps that are moved within their errors have no solution")
@@ -292,6 +292,10 @@ def _moved(
     return RUNG.build(flattened(RUNG, replace(scene, caps=caps, start_m=start_m)))
 
 
-def _change(curve: NormalCurve, scene: Scene, found: np.ndarray, settings: Settings) -> np.ndarray:
-    """Return the relative change of the answers by another curve with interaction."""
-    return answers(curve, RUNG.holds_bulk, scene.surface, settings) / found - 1.0
+def _used_and_changes(
+    curves: list[NormalCurve], scene: Scene, found: np.ndarray, settings: Settings
+) -> tuple[tuple[NormalCurve, ...], np.ndarray]:
+    """Return what slip uses of curves with interaction, and their relative change of answers."""
+    used = tuple(_as_slip_uses(one, scene.surface, settings) for one in curves)
+    pairs = zip(curves, used, strict=True)
+    return used, np.array([_answers_of(*pair, settings) / found - 1.0 for pair in pairs])

@@ -1,6 +1,7 @@
 """The bulk sinking of the half-space under a face: how much it is, and a curve without it."""
 
 import math
+from weakref import WeakKeyDictionary
 
 import numpy as np
 
@@ -13,6 +14,8 @@ from capslip.surface.blocks import block_sums
 from capslip.surface.heightmap import HeightMap
 
 _BLOCKS = 64  # along the longer side of a face that is no rectangle
+# At a modulus of 1 Pa: an analysis asks dozens of times for the same face
+_known: WeakKeyDictionary[HeightMap | ElasticFace, float] = WeakKeyDictionary()
 
 
 def bulk_of_face_m_per_N(face: HeightMap | ElasticFace, E_star_Pa: float) -> float:
@@ -29,13 +32,21 @@ def bulk_of_face_m_per_N(face: HeightMap | ElasticFace, E_star_Pa: float) -> flo
     E_star_Pa : float
         Composite modulus.
     """
+    check_modulus(E_star_Pa)
+    if face not in _known:
+        _known[face] = _bulk_of_outline(face)
+    return _known[face] / E_star_Pa
+
+
+def _bulk_of_outline(face: HeightMap | ElasticFace) -> float:
+    """Return the same at a modulus of 1 Pa."""
     measured, (ny, nx), (dy_m, dx_m) = face.measured, face.shape, face.pixel_size_m
     if measured.all():
-        return bulk_compliance_m_per_N((ny * dy_m, nx * dx_m), E_star_Pa)
+        return bulk_compliance_m_per_N((ny * dy_m, nx * dx_m), 1.0)
     block = -(-max(ny, nx) // _BLOCKS)
     share = block_sums(np.pad(measured, ((0, -ny % block), (0, -nx % block))), block)
     share = share / share.sum()
-    half_space = HalfSpace(share.shape, (block * dy_m, block * dx_m), E_star_Pa)
+    half_space = HalfSpace(share.shape, (block * dy_m, block * dx_m), 1.0)
     return float((share * half_space.sinking_m(share)).sum() / (block**2 * dy_m * dx_m))
 
 

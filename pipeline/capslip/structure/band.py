@@ -15,6 +15,7 @@ from capslip.errors import ContactError
 from capslip.settings import Settings
 from capslip.structure.answer import Answer, numbers_of_state
 from capslip.structure.response import MOST_LOSS_FACTOR, Damping
+from capslip.structure.sobol import scrambled_sobol
 
 INSIDE = 0.90  # of what may be, in an interval
 LOG2_POINTS = 8
@@ -383,9 +384,8 @@ def _root(changes: np.ndarray) -> np.ndarray:
 def _drawn(columns: dict[str, int]) -> dict[str, np.ndarray]:
     """Return independent normal numbers for each input, (POINTS, columns)."""
     from scipy.special import ndtri
-    from scipy.stats import qmc
 
-    drawn = ndtri(qmc.Sobol(sum(columns.values()), rng=0).random_base2(LOG2_POINTS))
+    drawn = ndtri(scrambled_sobol(sum(columns.values()), LOG2_POINTS))
     ends = np.cumsum(list(columns.values()))
     return dict(zip(columns, np.split(drawn, ends[:-1], axis=1), strict=True))
 

@@ -1,6 +1,7 @@
 """First bending mode of a clamped-clamped beam: what it asks of a joint across its section."""
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Literal
 
@@ -190,8 +191,6 @@ class _Mode:
 
 
 def _first_mode(rotary: float, shear: float) -> _Mode:
-    from scipy.optimize import brentq
-
     def wave(alpha: float) -> tuple[float, float, float, float]:
         """Return b^2, beta, a and b for a wave number, from the lower branch of dispersion."""
         p = 1 + (rotary + shear) * alpha**2
@@ -205,13 +204,22 @@ def _first_mode(rotary: float, shear: float) -> _Mode:
 
     # a and b are positive, so the tangent of alpha / 2 is negative: the root lies between pi and
     # 2 pi. There beta is real as long as 1 / rotary > (2 pi)^2, hence for L >= 2 h.
-    alpha = brentq(clamped, math.pi, 2 * math.pi, xtol=1e-15)
+    alpha = _root(clamped, math.pi, 2 * math.pi)
     b2, beta, a, b = wave(alpha)
     ratio = -math.cos(alpha / 2) / math.cosh(beta / 2)
     return _Mode(rotary, b2, alpha, beta, a, b, 1 / (1 + ratio), ratio / (1 + ratio))
 
 
 def _zero_moment_position(shape: _Mode) -> float:
-    from scipy.optimize import brentq
+    return 0.5 - _root(shape.moment, 0.0, 0.5)
 
-    return 0.5 - float(brentq(shape.moment, 0.0, 0.5, xtol=1e-16))
+
+def _root(of: Callable[[float], float], low: float, high: float) -> float:
+    """Return where a function changes its sign, by halves down to the last digit."""
+    starts_above = of(low) > 0.0
+    while low < (middle := 0.5 * (low + high)) < high:
+        if (of(middle) > 0.0) == starts_above:
+            low = middle
+        else:
+            high = middle
+    return middle

@@ -182,7 +182,7 @@ def problems_of_holes(surface: HeightMap, hill_radius_m: float) -> tuple[Problem
         `hole_may_hide_hills` (warning) where the largest disc in a hole is not smaller.
     """
     measured = surface.measured
-    if measured.all():
+    if measured.all() or not _blocks(~measured, surface, hill_radius_m).any():
         return ()
     hole = ~measured & (_enclosed(measured, 0) | _enclosed(measured, 1))
     radius_m = _largest_disc_m(hole, surface, hill_radius_m)
@@ -200,23 +200,36 @@ def _largest_disc_m(hole: np.ndarray, surface: HeightMap, hill_radius_m: float) 
     """Return the radius of the largest disc in a mask, 0 where it holds no block."""
     from scipy.ndimage import distance_transform_edt
 
-    # Blocks of a tenth of the disc, lost as a whole: none holds a measured point
-    steps = [max(1, int(0.1 * hill_radius_m / size_m)) for size_m in surface.pixel_size_m]
-    for axis, step in enumerate(steps):
-        hole = np.logical_and.reduceat(hole, np.arange(0, hole.shape[axis], step), axis=axis)
-    if not hole.any():
+    blocks = _blocks(hole, surface, hill_radius_m)
+    if not blocks.any():
         return 0.0
+    steps = _block_steps(surface, hill_radius_m)
     block_m = [step * size_m for step, size_m in zip(steps, surface.pixel_size_m, strict=True)]
     # Between centres of blocks: half a block of that is measured
-    to_centre_m = distance_transform_edt(hole, sampling=block_m)
+    to_centre_m = distance_transform_edt(blocks, sampling=block_m)
     return float(to_centre_m.max()) - 0.5 * min(block_m)
 
 
+def _blocks(mask: np.ndarray, surface: HeightMap, hill_radius_m: float) -> np.ndarray:
+    """Tell which blocks of a tenth of the disc lie in a mask as a whole."""
+    blocks = mask.view(np.uint8)  # ten times as fast as the logical operation
+    for axis, step in enumerate(_block_steps(surface, hill_radius_m)):
+        blocks = np.minimum.reduceat(blocks, np.arange(0, blocks.shape[axis], step), axis=axis)
+    return blocks.view(bool)
+
+
+def _block_steps(surface: HeightMap, hill_radius_m: float) -> list[int]:
+    return [max(1, int(0.1 * hill_radius_m / size_m)) for size_m in surface.pixel_size_m]
+
+
 def _enclosed(measured: np.ndarray, axis: int) -> np.ndarray:
-    """Tell which points have measured ones on both sides along an axis."""
-    before = np.logical_or.accumulate(measured, axis=axis)
-    after = np.flip(np.logical_or.accumulate(np.flip(measured, axis), axis=axis), axis)
-    both: np.ndarray = before & after
+    """Tell which points have measured ones on both sides along an axis, or are measured."""
+    lines = np.ascontiguousarray(np.moveaxis(measured, axis, 1))
+    place = np.arange(lines.shape[1])
+    first, last = lines.argmax(axis=1), place[-1] - lines[:, ::-1].argmax(axis=1)
+    some = np.logical_or.reduce(lines, axis=1)
+    between = (place >= first[:, None]) & (place <= last[:, None]) & some[:, None]
+    both: np.ndarray = np.moveaxis(between, 1, axis)
     return both
 
 

@@ -38,6 +38,10 @@ class InteractingCurve(HertzCurve):
     )
     # Compressions at the approaches that `approach_m` returned last, for the methods asked next
     _solved: dict[float, np.ndarray] = field(default_factory=dict, init=False, repr=False)
+    # The last solution of `_sheared_from`: withdrawal and loss at the same drops share it
+    _slipped: dict[tuple[bytes, ...], tuple[np.ndarray, np.ndarray]] = field(
+        default_factory=dict, init=False, repr=False
+    )
 
     def overlapping_pairs(self, approach_m: float) -> int:
         """Count the pairs with a_i + a_j > r_ij: their contacts merge, and the model ends there.
@@ -146,11 +150,16 @@ class InteractingCurve(HertzCurve):
     def _sheared_from(
         self, g: np.ndarray, goal: np.ndarray, closing: tuple[float, float]
     ) -> tuple[np.ndarray, np.ndarray]:
-        touching = g > 0
-        C = self.pair_compliance_m_per_N[np.ix_(touching, touching)]
-        x = np.zeros((len(goal), len(g)))
-        e, x[:, touching] = shear(self.coefficient[touching], C, g[touching], goal, closing)
-        return e, x
+        key = g.tobytes(), goal.tobytes(), np.array(closing).tobytes()
+        if key not in self._slipped:
+            touching = g > 0
+            C = self.pair_compliance_m_per_N[np.ix_(touching, touching)]
+            x = np.zeros((len(goal), len(g)))
+            e, x[:, touching] = shear(self.coefficient[touching], C, g[touching], goal, closing)
+            self._slipped.clear()
+            self._slipped[key] = e, x
+        e, x = self._slipped[key]
+        return e.copy(), x.copy()
 
     def _lift_off(self, g: np.ndarray) -> np.ndarray:
         withdrawal = np.full(len(g), np.nan)

@@ -10,6 +10,8 @@ from numpy.typing import ArrayLike
 from capslip.contact.material import check_modulus
 from capslip.errors import ContactError, SettingsError
 
+_AT_ONCE = 1_000_000  # pairs of rows
+
 
 def contact_radius_m(load_N: ArrayLike, radius_m: ArrayLike, E_star_Pa: float) -> np.ndarray:
     """Return the contact radius a = (3 N R / (4 E*))^(1/3) (Johnson 1987, Eq. 4.22).
@@ -141,7 +143,9 @@ class HertzCurve:
     def stiffness_N_per_m(self, approach_m: ArrayLike, withdrawal_m: ArrayLike = 0.0) -> np.ndarray:
         """N'(d - e)."""
         g = self._compression(approach_m)
-        stiffness = self._slope(g - np.abs(self._withdrawn(g, withdrawal_m)))
+        if np.ndim(withdrawal_m) > 0 or withdrawal_m != 0.0:
+            g = g - np.abs(self._withdrawn(g, withdrawal_m))
+        stiffness = self._slope(g)
         return stiffness / (1 + self.compliance_m_per_N * stiffness)
 
     def load_drop_N(self, approach_m: ArrayLike, withdrawal_m: ArrayLike) -> np.ndarray:
@@ -169,7 +173,12 @@ class HertzCurve:
         """Withdrawal at which each row loses its load, shape (..., n); NaN where it has none."""
         g = self._compression(approach_m)
         loaded = (g > 0) & (self.count > 0)
-        drop = self._drop(g[..., None, :], np.maximum(g, 0)[..., None])
+        at = np.flatnonzero(loaded.reshape(-1, g.shape[-1]).any(axis=0))  # the others have none
+        count, k, drop = self.count[..., at], self.coefficient[..., at], np.zeros(g.shape)
+        for part in np.array_split(at, -(-g.size * at.size // _AT_ONCE)) if at.size else ():
+            x = np.maximum(g[..., part], 0)[..., None]
+            one = count * load_drop_of_asperity(k, g[..., None, at], x)
+            drop[..., part] = one.sum(axis=-1)
         spring = np.asarray(self.compliance_m_per_N)[..., None] * drop
         return np.where(loaded, g + spring, np.nan)
 
@@ -189,7 +198,7 @@ class HertzCurve:
         """Return y, the approach less the spring's share c N."""
         d = np.asarray(approach_m, dtype=float)
         c = self.compliance_m_per_N
-        if np.all(c == 0):
+        if not np.any(c):
             return d
 
         def newton_step(y: np.ndarray) -> np.ndarray:
@@ -224,7 +233,7 @@ class HertzCurve:
         """Return by how much the compressions fall, from x + c drop(x) = e; shape (..., 1)."""
         e = np.asarray(withdrawal_m, dtype=float)
         c = self.compliance_m_per_N
-        if np.all(c == 0):
+        if not np.any(c):
             return e[..., None]
 
         def newton_step(x: np.ndarray) -> np.ndarray:
@@ -268,6 +277,8 @@ class HertzCurve:
 
     def _total_slope(self, g: np.ndarray) -> np.ndarray:
         """Return dd/dy; it must stay positive for the curve to be one."""
+        if not np.any(self.compliance_m_per_N):
+            return np.ones(g.shape[:-1])
         stiffness = self._slope(g)
         slope = 1 + self.compliance_m_per_N * stiffness
         if np.any(slope <= 0):

@@ -48,12 +48,12 @@ def shear(
     a, b = closing
     e_total, spread = _extremes(k, C, g)
     e = goal / (a + b * spread.sum())
-    if a == 0:
-        e = np.minimum(e, 0.9 * e_total)
+    N = k * g * np.sqrt(g)
+    if a == 0:  # as of one contact that bears all
+        e = e_total * (1 - np.cbrt(1 - np.minimum(goal / N.sum(), 1)) ** 2)
     x = e[:, None] * (1 - C @ spread)
     todo = np.arange(len(goal))
     if a == 0:
-        N = k * g * np.sqrt(g)
         total = goal >= N.sum() * (1 - 4e-15)
         e[total], x[total] = e_total, e_total - C @ N
         todo = todo[~total]
@@ -161,8 +161,10 @@ def solve_coupled(S: np.ndarray, C: np.ndarray, right: np.ndarray) -> np.ndarray
     for first in range(0, len(S), step):
         part = slice(first, first + step)
         held = S[part].any(axis=0)
-        rest = S[part][:, held]
-        matrix = rest[:, :, None] * C[np.ix_(held, held)] * rest[:, None, :]
+        all_held = bool(held.all())
+        rest = S[part] if all_held else S[part][:, held]
+        between = C if all_held else C[np.ix_(held, held)]
+        matrix = rest[:, :, None] * between * rest[:, None, :]
         diagonal = np.arange(rest.shape[1])
         matrix[:, diagonal, diagonal] = 1
         try:
