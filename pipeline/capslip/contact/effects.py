@@ -161,13 +161,19 @@ class _Trials:
     def of(self, code: str) -> Iterator[CapTable]:
         """Return what to press instead, for the problems of one code."""
         if code == "bow_left":
-            yield without_bow(self.caps, coarse_map(self.face.surface), self.peaks)
+            yield self._unbowed()
         elif code == "hole_may_hide_hills":
             yield from self._with_hills()
         elif code == "outliers_removed":
             yield from self._with_points()
         else:
             yield self._without(LEFT_OUT[code])
+
+    def _unbowed(self) -> CapTable:
+        caps, span_m = without_bow(self.caps, coarse_map(self.face.surface), self.peaks)
+        if span_m > np.nanmax(self.caps.cap_height_m):
+            raise ContactError("the bow may hold hills below the cut, which are no caps yet")
+        return caps
 
     def _without(self, flag: CapFlag) -> CapTable:
         caps = self.caps
