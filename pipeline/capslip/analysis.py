@@ -12,6 +12,7 @@ from capslip.contact.doubts import (
     problems_of_share,
     problems_of_waves,
 )
+from capslip.contact.effects import with_effects
 from capslip.contact.given import given_families, press_families
 from capslip.contact.joint import Joint
 from capslip.contact.levelling import coarse_map
@@ -26,7 +27,16 @@ from capslip.problems import Problem
 from capslip.result import Analysis, JointOfScans, JointResult
 from capslip.sensitivity import sensitivity
 from capslip.settings import Settings
-from capslip.stages import Clock, Face, can_be_pressed, damp, estimate, find_face, press_face
+from capslip.stages import (
+    Clock,
+    Face,
+    as_found,
+    can_be_pressed,
+    damp,
+    estimate,
+    find_face,
+    press_face,
+)
 from capslip.structure.answer import answer_to
 from capslip.structure.band import Part, band_of, band_of_scans
 from capslip.structure.doubts import problems_of_damping, problems_of_structure
@@ -310,6 +320,10 @@ def _analyzed(
             problems += problems_of_damping(damping, structure_name(settings), is_given(settings))
             answer, beyond = answer_to(settings.answer, slip, damping)
             problems += beyond
+            problems = with_effects(
+                *(problems, face.caps, face.family_caps, face.conditioned),
+                as_found(face, settings),
+            )
     except ContactError as error:
         problems.append(Problem("contact_failed", "error", str(error)))
     return face, Analysis(

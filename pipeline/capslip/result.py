@@ -408,6 +408,8 @@ def _slip(analysis: JointResult) -> dict[str, Any]:
 def _damping(analysis: JointResult) -> dict[str, Any]:
     damping = analysis.damping
     peak = lightly_damped(damping.peak_loss_factor) if damping else None
+    first = damping.first_peak_loss_factor if damping else None
+    first = None if first is None else lightly_damped(first)
     return {
         "structure": structure_name(analysis.settings),
         "amplitude_m": damping.amplitude_m if damping else [],
@@ -416,6 +418,8 @@ def _damping(analysis: JointResult) -> dict[str, Any]:
         "frequency_ratio": damping.frequency_ratio if damping else [],
         "peak_loss_factor": peak,
         "amplitude_at_peak_m": damping.amplitude_at_peak_m if damping else None,
+        "first_peak_loss_factor": first,
+        "amplitude_at_first_peak_m": damping.amplitude_at_first_peak_m if damping else None,
         "gross_slip_amplitude_m": damping.gross_slip_amplitude_m if damping else None,
         "modal_stiffness_N_per_m": damping.modal_stiffness_N_per_m if damping else None,
         "joint_stiffness_N_per_m": damping.joint_stiffness_N_per_m if damping else None,

@@ -278,7 +278,7 @@ def _one_map(conditioned: Conditioned, settings: Settings, clock: Clock) -> Face
         hill_m = 0.5 * float(np.median(family_caps.diameter_m[family_caps.usable]))
         problems += problems_of_holes(plane, hill_m)
     step = {"step": "level", "tilt_rad": list(level.slope), "load_point_m": level.load_point_m}
-    conditioned = replace(conditioned, surface=level.surface, steps=(*conditioned.steps, step))
+    conditioned = conditioned.turned(level.surface, level.slope, level.load_point_m, step)
     found = (level.hills, caps, families, level.hills.label, family_caps)
     return Face(joint, conditioned, level, *found, tuple(problems))
 

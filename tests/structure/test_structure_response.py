@@ -119,6 +119,41 @@ def test_peak_between_grid_points(T0_N):
     assert (damping.amplitude_at_peak_m in damping.amplitude_m) == (v_m > lowest_m)
 
 
+class Humps(Hump):
+    """Two of them, far apart: the loss factor is the sum, and so has two maxima."""
+
+    def __init__(self, low_N, high_N, share):
+        self.low, self.high, self.share = Hump(low_N), Hump(high_N), share
+
+    def energy_at_force_J(self, force_N):
+        return self.share * self.low.energy_at_force_J(force_N) + self.high.energy_at_force_J(
+            force_N
+        )
+
+
+@pytest.mark.parametrize("share", [8.0, 16.0, 24.0])
+def test_the_first_maximum_stands_beside_the_greatest(share):
+    """The rise of the greater hump moves the first maximum up a little."""
+    damping = response(Humps(0.9, 30.0, share), K_M, K_S, 1)
+    alone = response(Hump(0.9), K_M, K_S, 1)
+    assert damping.amplitude_at_peak_m == pytest.approx(30.0 / 3**0.25 / K_S, rel=1e-3)
+    first_m = damping.amplitude_at_first_peak_m
+    assert first_m == pytest.approx(alone.amplitude_at_peak_m, rel=0.15)
+    near_m = first_m * np.array([0.98, 1.0, 1.02])
+    assert np.argmax(response(Humps(0.9, 30.0, share), K_M, K_S, 1, near_m).loss_factor) == 1
+    assert damping.first_peak_loss_factor < damping.peak_loss_factor
+    assert damping.first_peak_loss_factor > share * alone.peak_loss_factor
+
+
+@pytest.mark.parametrize("share", [0.2, 60.0])
+def test_one_maximum_or_the_greatest_first_is_no_other(share):
+    """A small hump is a shoulder of the greater one; a greater hump is the first itself."""
+    for curve in (Humps(0.9, 30.0, share), Hump(3.3), Hump(0.2), Hump(1e-5), Dry()):
+        damping = response(curve, K_M, K_S, 1)
+        assert damping.first_peak_loss_factor is None
+        assert damping.amplitude_at_first_peak_m is None
+
+
 class Dry:
     """Loss in proportion to the force: the loss factor rises to the smallest amplitude."""
 

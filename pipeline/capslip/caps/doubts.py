@@ -6,9 +6,11 @@ import numpy as np
 
 from capslip.caps.families import Families
 from capslip.caps.hills import NOISE_FACTOR, Hills
+from capslip.caps.levels import bow_terms
 from capslip.caps.table import CapFlag, CapTable
 from capslip.problems import Problem
 from capslip.surface.doubts import VISIBLE_FORM
+from capslip.surface.form import remove_form
 from capslip.surface.heightmap import HeightMap
 
 BOW_LEVEL = 0.01  # of the F-test that the peaks lie on a bow
@@ -104,20 +106,57 @@ def bow_of_peaks(caps: CapTable) -> tuple[float, float]:
     Heights within each family are explained by a plane, then by a second-degree surface; an F-test
     says whether the latter explains more than chance would. No bow, (0, 1), with too few peaks.
     """
+    bow_m, chance = _bow_and_chance(caps, caps.x_m, caps.y_m)
+    member = caps.usable & (caps.family != "")
+    return float(np.ptp(bow_m[member])) if member.any() else 0.0, chance
+
+
+def without_bow(caps: CapTable, surface: HeightMap, peaks: CapTable) -> tuple[CapTable, float]:
+    """Return caps less the bow on which peaks lie or, where they lie on none, that of the map.
+
+    The height of the greater of both across the map comes with them.
+    """
+    side_y_m, side_x_m = surface.side_m
+    grid_y, grid_x = (0.5 * one for one in np.mgrid[:3, :3].reshape(2, -1))
+    across_m, chance = _bow_and_chance(peaks, grid_x * side_x_m, grid_y * side_y_m)
+    over_plane, _ = remove_form(surface, "plane")
+    over_bow, _ = remove_form(surface, "quadratic")
+    form_m = over_plane.height_m - over_bow.height_m
+    span_m = float(np.nanmax(form_m) - np.nanmin(form_m))
+    if chance > BOW_LEVEL:
+        row, col = (
+            np.clip((at_m / size_m).astype(np.intp), 0, n - 1)
+            for at_m, size_m, n in zip(
+                (caps.y_m, caps.x_m), surface.pixel_size_m, surface.shape, strict=True
+            )
+        )
+        bow_m = np.nan_to_num(form_m[row, col], nan=float(np.nanmean(form_m)))
+    else:
+        bow_m, _ = _bow_and_chance(peaks, caps.x_m, caps.y_m)
+        span_m = max(span_m, float(np.ptp(across_m)))
+    return caps.with_columns(peak_height_m=caps.peak_height_m - bow_m), span_m
+
+
+def _bow_and_chance(
+    peaks: CapTable, at_x_m: np.ndarray, at_y_m: np.ndarray
+) -> tuple[np.ndarray, float]:
+    """Return the bow of peaks at some places, and the odds of one as clear by chance."""
     from scipy.special import fdtrc
 
-    member = np.flatnonzero(caps.usable & (caps.family != ""))
-    peak_m = caps.peak_height_m[member]
-    families = np.unique(caps.family[member])
+    member = np.flatnonzero(peaks.usable & (peaks.family != ""))
+    peak_m = peaks.peak_height_m[member]
+    families = np.unique(peaks.family[member])
     n_free = member.size - families.size - 5  # less two slopes and three curvatures
     if n_free < 1:
-        return 0.0, 1.0
-    place_m = np.stack((caps.x_m[member], caps.y_m[member]))
-    u, v = (place_m - place_m.mean(axis=1, keepdims=True)) / np.hypot(*np.ptp(place_m, axis=1))
-    plane = np.column_stack([*(caps.family[member] == name for name in families), u, v])
-    bowed = np.column_stack([plane, u * u, u * v, v * v])
+        return np.zeros(at_x_m.size), 1.0
+    x_m, y_m = peaks.x_m[member], peaks.y_m[member]
+    scale_m = float(np.hypot(np.ptp(x_m), np.ptp(y_m)))
+    u, v = (x_m - x_m.mean()) / scale_m, (y_m - y_m.mean()) / scale_m
+    plane = np.column_stack([*(peaks.family[member] == name for name in families), u, v])
+    bowed = np.column_stack([plane, bow_terms(u, v)])
     by_plane, by_bow = (np.linalg.lstsq(model, peak_m, rcond=None)[0] for model in (plane, bowed))
-    bow_m = float(np.ptp(bowed[:, -3:] @ by_bow[-3:]))
+    there = bow_terms((at_x_m - x_m.mean()) / scale_m, (at_y_m - y_m.mean()) / scale_m)
+    bow_m = there @ by_bow[-3:]
     rest_m2 = float(np.square(peak_m - bowed @ by_bow).sum())
     gain_m2 = float(np.square(peak_m - plane @ by_plane).sum()) - rest_m2
     if rest_m2 == 0.0:

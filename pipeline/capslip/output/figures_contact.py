@@ -177,6 +177,10 @@ def loss_factor(analysis: "Analysis") -> "Figure | None":
             markersize=8,
             label=label,
         )
+    if damping.amplitude_at_first_peak_m is not None and damping.first_peak_loss_factor is not None:
+        first_m, first = damping.amplitude_at_first_peak_m, damping.first_peak_loss_factor
+        label = f"first maximum {first:.3g} at {engineering(first_m, 'm')}"
+        axes.plot(first_m / unit_m, first, "o", color=INK, markersize=6, label=label)
     _mark_answer(axes, analysis, unit_m)
     colour = PHASES[2][1]
     gross = f"gross slip from {engineering(gross_m, 'm')}: no steady cycle"

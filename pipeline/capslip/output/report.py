@@ -107,6 +107,8 @@ def _headlines(summary: dict[str, Any]) -> list[tuple[str, str, str]]:
     damping, peak = summary["damping"], "{structure}, at an amplitude of {amplitude_at_peak_m}"
     if damping["peak_loss_factor"] is None and damping["amplitude_at_peak_m"] is not None:
         peak = "not defined: the {structure} is no longer lightly damped"
+    if damping["first_peak_loss_factor"] is not None:
+        peak += "; a first maximum of {first_peak_loss_factor} at {amplitude_at_first_peak_m}"
     numbers: tuple[tuple[Fact, str], ...] = (
         (("G-caps m, P-caps n", "{m}, {n}"), "families by peak height"),
         ("h_m", "G-peaks above P-peaks"),

@@ -135,6 +135,12 @@ QUANTITIES = {
     "structure": Quantity("structure", "", "damping.structure"),
     "peak_loss_factor": Quantity("greatest loss factor", "", "damping.peak_loss_factor"),
     "amplitude_at_peak_m": Quantity("amplitude there", "m", "damping.amplitude_at_peak_m"),
+    "first_peak_loss_factor": Quantity(
+        "first maximum of the loss factor", "", "damping.first_peak_loss_factor"
+    ),
+    "amplitude_at_first_peak_m": Quantity(
+        "amplitude there", "m", "damping.amplitude_at_first_peak_m"
+    ),
     "gross_slip_amplitude_m": Quantity("gross slip", "m", "damping.gross_slip_amplitude_m"),
     "modal_stiffness_N_per_m": Quantity(
         "modal stiffness", "N/m", "damping.modal_stiffness_N_per_m"

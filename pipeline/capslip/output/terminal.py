@@ -34,6 +34,7 @@ DAMPING = (
     "damping    {structure}: peak loss factor {peak_loss_factor:.4g} at {amplitude_at_peak_m}, "
     "gross slip at {gross_slip_amplitude_m}"
 )
+FIRST_PEAK = "; first maximum {first_peak_loss_factor:.4g} at {amplitude_at_first_peak_m:um}"
 
 
 def result_lines(analysis: JointResult) -> str:
@@ -61,6 +62,8 @@ def result_lines(analysis: JointResult) -> str:
         texts.append(SLIP.format("infinite" if rigid else STIFFNESS))
     if damping is not None:
         defined = DAMPING if summary["damping"]["peak_loss_factor"] is not None else NOT_DEFINED
+        if summary["damping"]["first_peak_loss_factor"] is not None:
+            defined += FIRST_PEAK
         texts.append(NO_LOSS if damping.amplitude_at_peak_m is None else defined)
     if isinstance(analysis, Analysis):
         seen = analysis.conditioned

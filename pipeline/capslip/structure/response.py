@@ -10,6 +10,7 @@ from capslip.contact.slip import SlipCurve
 from capslip.errors import SettingsError
 
 MOST_LOSS_FACTOR = 0.3  # of a mode that is lightly damped
+LEAST_DIP = 0.02  # of a maximum, by which the loss factor falls before it rises to a greater one
 
 
 def lightly_damped(loss_factor: float) -> float | None:
@@ -35,6 +36,8 @@ class Damping:
     frequency_ratio: np.ndarray  # to the frequency with rigid joints
     peak_loss_factor: float
     amplitude_at_peak_m: float | None  # None: no loss below gross slip
+    first_peak_loss_factor: float | None  # of a maximum before the greatest one; None: of no such
+    amplitude_at_first_peak_m: float | None
     peak_at_gross_slip: bool  # the loss factor still grows where gross slip begins
     gross_slip_amplitude_m: float
     modal_stiffness_N_per_m: float
@@ -132,7 +135,7 @@ def response(
                 f"structure: amplitude_m: got {bad_m[0]:g} ({bad_m.size} of {wanted_m.size} "
                 "values); expected positive finite numbers"
             )
-    return mode.damping(wanted_m, peak_m, gross_slip_m)
+    return mode.damping(wanted_m, peak_m, mode.find_first(grid_m, peak_m), gross_slip_m)
 
 
 @dataclass(frozen=True)
@@ -162,14 +165,33 @@ class _Mode:
         while loss[0] == loss.max() and grid_m[0] > least_m:
             grid_m = np.geomspace(grid_m[0] / 10, grid_m[1], 25)
             loss = self.loss_factor(grid_m)
+        return self._highest_m(grid_m, int(np.argmax(loss)))
+
+    def find_first(self, grid_m: np.ndarray, peak_m: float | None) -> float | None:
+        """Return the amplitude of the first maximum before the greatest; None where none is."""
+        if peak_m is None:
+            return None
+        loss = self.loss_factor(grid_m)
+        so_far = np.maximum.accumulate(loss)
+        fallen = np.flatnonzero((loss < (1.0 - LEAST_DIP) * so_far) & (grid_m < peak_m))
+        if not fallen.size:
+            return None
+        i = int(np.argmax(loss[: fallen[0]]))
+        return self._highest_m(grid_m, i) if i > 0 else None  # it may fall from below the grid on
+
+    def _highest_m(self, grid_m: np.ndarray, i: int) -> float:
+        """Return the amplitude of the highest loss factor beside a point of a grid."""
         for _ in range(6):  # each turn looks eight times closer
-            i = int(np.argmax(loss))
             grid_m = np.geomspace(grid_m[max(i - 1, 0)], grid_m[min(i + 1, len(grid_m) - 1)], 17)
-            loss = self.loss_factor(grid_m)
-        return float(grid_m[np.argmax(loss)])
+            i = int(np.argmax(self.loss_factor(grid_m)))
+        return float(grid_m[i])
 
     def damping(
-        self, amplitude_m: np.ndarray, peak_m: float | None, gross_slip_m: float
+        self,
+        amplitude_m: np.ndarray,
+        peak_m: float | None,
+        first_m: float | None,
+        gross_slip_m: float,
     ) -> Damping:
         steady = amplitude_m <= gross_slip_m
         v_m = amplitude_m[steady]
@@ -178,8 +200,9 @@ class _Mode:
         energy_J = self.energy_J(v_m)
         loss_factor = energy_J / (math.pi * self.K_m * v_m) / v_m
         v_total_m = v_m + self.n_j * self.K_s / self.K_m * delta_m
-        peak_loss_factor = (
-            float(self.loss_factor(np.array([peak_m]))[0]) if peak_m is not None else 0.0
+        peak, first = (
+            None if at_m is None else float(self.loss_factor(np.array([at_m]))[0])
+            for at_m in (peak_m, first_m)
         )
 
         def absent_beyond_gross_slip(value: np.ndarray) -> np.ndarray:
@@ -196,7 +219,9 @@ class _Mode:
             loss_factor=absent_beyond_gross_slip(loss_factor),
             damping_ratio=absent_beyond_gross_slip(loss_factor / 2),
             frequency_ratio=absent_beyond_gross_slip(np.sqrt(v_m / v_total_m)),
-            peak_loss_factor=peak_loss_factor,
+            peak_loss_factor=0.0 if peak is None else peak,
+            first_peak_loss_factor=first,
+            amplitude_at_first_peak_m=first_m,
             amplitude_at_peak_m=peak_m,
             peak_at_gross_slip=peak_m == gross_slip_m,
             gross_slip_amplitude_m=gross_slip_m,

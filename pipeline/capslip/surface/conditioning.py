@@ -1,7 +1,7 @@
 """From the map as measured to the one that is cut: every optional step, in its order."""
 
 import math
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass, field, replace
 from typing import Any, Literal, get_args
 
 import numpy as np
@@ -12,7 +12,7 @@ from capslip.surface.doubts import problems_of_map, problems_of_outliers, refuse
 from capslip.surface.filters import gaussian_l_filter, gaussian_s_filter
 from capslip.surface.form import FormKind, remove_form
 from capslip.surface.heightmap import HeightMap
-from capslip.surface.outliers import Outliers, find_outliers
+from capslip.surface.outliers import NEIGHBOURS, Outliers, find_outliers
 from capslip.surface.resampling import resample
 
 OutlierRule = Literal["isolated", "none"]
@@ -32,6 +32,8 @@ class Conditioned:
         What was done, in order: `step` names it, the other keys are its numbers.
     problems : tuple of Problem
         What makes the map doubtful.
+    removed_m : float64, shape (3, n)
+        Place (x, y) of each outlier that was removed, and its height above the fitted form.
     """
 
     surface: HeightMap
@@ -39,6 +41,23 @@ class Conditioned:
     sz_m: float
     steps: tuple[dict[str, Any], ...]
     problems: tuple[Problem, ...]
+    removed_m: np.ndarray = field(default_factory=lambda: np.empty((3, 0)))
+
+    def turned(
+        self,
+        surface: HeightMap,
+        slope: tuple[float, float],
+        at_m: tuple[float, float],
+        step: dict[str, Any],
+    ) -> "Conditioned":
+        """Return the same with a surface to which a plane of slopes (x, y) from a place was added.
+
+        The step says so.
+        """
+        x_m, y_m, height_m = self.removed_m
+        turned_m = height_m + slope[0] * (x_m - at_m[0]) + slope[1] * (y_m - at_m[1])
+        removed_m = np.stack((x_m, y_m, turned_m))
+        return replace(self, surface=surface, steps=(*self.steps, step), removed_m=removed_m)
 
 
 def condition(
@@ -105,11 +124,14 @@ def condition(
     surface, removed_form = remove_form(stored, form, **fit)
     found = find_outliers(surface, stored)
     step = {"step": "outliers", "rule": outliers, "removed": 0}
+    removed_m = np.empty((3, 0))
     if outliers == "isolated" and found.index.size:
         step["removed"] = found.index.size
         step["sq_before_m"], step["sz_before_m"] = sq_and_sz_m(surface)
-        stored = _without(stored, found)
+        with_them, stored = surface, _without(stored, found)
         surface, removed_form = remove_form(stored, form, **fit)
+        removed_m = _removed_m(with_them, surface, found)
+        del with_them
     sq_m, sz_m = sq_and_sz_m(surface)
     steps += [{"step": "form", **asdict(removed_form), "residual_sq_m": sq_m}, step]
     problems = problems_of_outliers(surface, sq_m, found, kept=outliers == "none")
@@ -127,7 +149,7 @@ def condition(
     if steps[-1] is not step:
         sq_m, sz_m = sq_and_sz_m(surface)
     problems += problems_of_map(surface, sq_m, sz_m)
-    return Conditioned(surface, sq_m, sz_m, tuple(steps), problems)
+    return Conditioned(surface, sq_m, sz_m, tuple(steps), problems, removed_m)
 
 
 def _trimmed(surface: HeightMap, edge_trim_m: float) -> tuple[HeightMap, dict[str, Any]]:
@@ -150,6 +172,23 @@ def _without(surface: HeightMap, outliers: Outliers) -> HeightMap:
     height_m = surface.height_m.copy()
     height_m.reshape(-1)[outliers.index] = np.nan
     return replace(surface, height_m=height_m)
+
+
+def _removed_m(before: HeightMap, after: HeightMap, outliers: Outliers) -> np.ndarray:
+    """Return place (x, y) and height of the outliers above the form that was fitted without them.
+
+    The two forms differ little from a point to its neighbours.
+    """
+    (ny, nx), (dy_m, dx_m) = after.shape, after.pixel_size_m
+    row, col = np.divmod(outliers.index, nx)
+    shift_m, known = np.zeros(row.size), np.zeros(row.size)
+    for down, right in NEIGHBOURS:
+        beside = np.clip(row + down, 0, ny - 1), np.clip(col + right, 0, nx - 1)
+        change_m = after.height_m[beside] - before.height_m[beside]
+        shift_m += np.nan_to_num(change_m)
+        known += ~np.isnan(change_m)
+    height_m = before.height_m[row, col] + shift_m / np.maximum(known, 1.0)
+    return np.stack(((col + 0.5) * dx_m, (row + 0.5) * dy_m, height_m))
 
 
 def sq_and_sz_m(surface: HeightMap) -> tuple[float, float]:

@@ -184,8 +184,7 @@ def problems_of_holes(surface: HeightMap, hill_radius_m: float) -> tuple[Problem
     measured = surface.measured
     if measured.all() or not _blocks(~measured, surface, hill_radius_m).any():
         return ()
-    hole = ~measured & (_enclosed(measured, 0) | _enclosed(measured, 1))
-    radius_m = _largest_disc_m(hole, surface, hill_radius_m)
+    radius_m = _largest_disc_m(holes(surface), surface, hill_radius_m)
     if radius_m < hill_radius_m:
         return ()
     message = (
@@ -194,6 +193,13 @@ def problems_of_holes(surface: HeightMap, hill_radius_m: float) -> tuple[Problem
         "what is missing, or scan a part of the face without such a hole"
     )
     return (Problem("hole_may_hide_hills", "warning", message),)
+
+
+def holes(surface: HeightMap) -> np.ndarray:
+    """Return which points are holes, shape (ny, nx): not measured, between two that are."""
+    measured = surface.measured
+    mask: np.ndarray = ~measured & (_enclosed(measured, 0) | _enclosed(measured, 1))
+    return mask
 
 
 def _largest_disc_m(hole: np.ndarray, surface: HeightMap, hill_radius_m: float) -> float:

@@ -1,0 +1,259 @@
+"""What doubts move: the caps are pressed again as they may be as well, and the answers compared."""
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass, fields, replace
+
+import numpy as np
+
+from capslip.caps.doubts import without_bow
+from capslip.caps.table import UNUSABLE, CapFlag, CapTable
+from capslip.contact.accuracy import answers
+from capslip.contact.doubts import DOUBTFUL, ELASTIC_STRAIN
+from capslip.contact.levelling import coarse_map, rebalanced
+from capslip.contact.material import composite, yield_law
+from capslip.contact.models.interacting import InteractingCurve
+from capslip.contact.reach import reachable
+from capslip.contact.rung import load_point_m, turning_stiffness
+from capslip.contact.solvers.hertz import contact_radius_m
+from capslip.errors import CapslipError, ContactError
+from capslip.problems import Effect, Problem
+from capslip.settings import Settings
+from capslip.surface.conditioning import Conditioned
+from capslip.surface.doubts import holes
+from capslip.surface.heightmap import HeightMap
+
+LEFT_OUT = {  # flags of the caps that may carry nothing
+    "load_on_doubtful_caps": DOUBTFUL,
+    "caps_edge": CapFlag.edge,
+    "caps_non_measured": CapFlag.non_measured,
+    "clipped": CapFlag.plateau,
+}
+MOST_CAPS = 500  # more take longer than the face itself
+MOST_POINTS = 100
+DRAWS = 8  # of the hills in a hole
+
+
+@dataclass(frozen=True, eq=False)
+class _Face:
+    """A face of caps, whose answers to changes are asked for."""
+
+    surface: HeightMap
+    settings: Settings
+
+    def pressed(self, caps: CapTable) -> tuple[CapTable, InteractingCurve]:
+        """Return the caps over the plane that balances them, and their curve with interaction."""
+        settings, n_usable = self.settings, int(caps.usable.sum())
+        if not 0 < n_usable <= MOST_CAPS:
+            raise ContactError(f"{n_usable} caps; expected 1 to {MOST_CAPS}")
+        if turning_stiffness(settings) == 0.0:
+            at_m = load_point_m(self.surface, settings)
+            caps, _ = rebalanced(caps, caps, caps.usable, at_m, settings)
+        elif not math.isinf(turning_stiffness(settings)):
+            raise ContactError("what holds the face upright was at ease with other caps")
+        material, preload_N = settings.material, settings.contact.preload_N
+        given = caps, self.surface, self.E_star_Pa, preload_N, yield_law(material)
+        pairs = reachable(*given).pairs
+        if pairs is None:
+            raise ContactError("too many caps to solve for every pair")
+        return caps, pairs
+
+    def answers(self, caps: CapTable) -> np.ndarray:
+        """Return energies and stiffness, see `accuracy.answers`."""
+        return answers(self.pressed(caps)[1], True, self.surface, self.settings)
+
+    @property
+    def E_star_Pa(self) -> float:
+        """Composite modulus."""
+        material = self.settings.material
+        return composite(material.youngs_modulus_Pa, material.poisson_ratio).E_star_Pa
+
+
+def with_effects(
+    problems: list[Problem],
+    caps: CapTable,
+    peaks: CapTable,
+    conditioned: Conditioned,
+    settings: Settings,
+) -> list[Problem]:
+    """Return the problems, those about single caps with their effects, and as severe as these.
+
+    Each is estimated by interacting caps, whatever model answers: flagged caps may carry nothing; a
+    bow may not be the face's own; a hole may hold as many hills as the rest; points that were
+    removed may have been there. Within `contact.tolerance` it is information, else a warning.
+
+    Parameters
+    ----------
+    problems : list of Problem
+        Of any kind; those of other kinds, and what is no warning, stay as they are. So does one
+        whose effect is not known: caps that cannot be pressed have none.
+    caps : CapTable
+        At their heights over the face as it was pressed.
+    peaks : CapTable
+        Those that tell a bow, with their families.
+    conditioned : Conditioned
+        The face, and the points that were removed from it.
+    settings : Settings
+        `material` and `contact`, with the load of this face.
+    """
+    face, tolerance = _Face(conditioned.surface, settings), settings.contact.tolerance
+    asked = {one.code for one in problems if _is_asked(one, conditioned)}
+    effects: dict[str, Effect | None] = {}
+    if asked:
+        try:
+            before = face.answers(caps)
+        except CapslipError:
+            return problems
+        trials = _Trials(face, caps, peaks, conditioned)
+        effects = {code: _effect(trials, code, before) for code in asked}
+    return [
+        _as_severe(one, effects.get(one.code), tolerance) if _is_asked(one, conditioned) else one
+        for one in problems
+    ]
+
+
+def _is_asked(problem: Problem, conditioned: Conditioned) -> bool:
+    """Tell whether a problem has an effect that caps tell."""
+    if problem.code == "outliers_removed":
+        return conditioned.removed_m.shape[1] > 0
+    others = problem.code in ("bow_left", "hole_may_hide_hills") or problem.code in LEFT_OUT
+    return others and problem.severity == "warning"
+
+
+def _as_severe(problem: Problem, effect: Effect | None, tolerance: float) -> Problem:
+    """Return a problem with its effect; what may be no information is a warning whatever it does.
+
+    So are too many outliers.
+    """
+    if effect is None:
+        return problem
+    moves = max(effect.tangential_stiffness or 0.0, effect.energy or 0.0) > tolerance
+    if "info" not in problem.kind.severities:
+        moves = True
+    if problem.code == "outliers_removed" and problem.severity == "warning":
+        moves = True
+    said = f"; that moves the stiffness by {effect.tangential_stiffness:.2g}, the energy by "
+    message = f"{problem.message}{said}{effect.energy:.2g} (estimated by caps)"
+    return replace(problem, severity="warning" if moves else "info", message=message, effect=effect)
+
+
+def _effect(trials: "_Trials", code: str, before: np.ndarray) -> Effect | None:
+    """Return the greatest changes by all trials of a doubt; None where one cannot be pressed."""
+    change = np.zeros(len(before))
+    try:
+        for caps in trials.of(code):
+            change = np.maximum(change, np.abs(trials.face.answers(caps) / before - 1.0))
+    except CapslipError:
+        return None
+    energy = float(change[:-1].max())
+    return Effect(float(change[-1]), energy, energy)
+
+
+@dataclass(frozen=True, eq=False)
+class _Trials:
+    """The caps of a face as they may be as well."""
+
+    face: _Face
+    caps: CapTable
+    peaks: CapTable
+    conditioned: Conditioned
+
+    def of(self, code: str) -> Iterator[CapTable]:
+        """Return what to press instead, for the problems of one code."""
+        if code == "bow_left":
+            yield self._unbowed()
+        elif code == "hole_may_hide_hills":
+            yield from self._with_hills()
+        elif code == "outliers_removed":
+            yield from self._with_points()
+        else:
+            yield self._without(LEFT_OUT[code])
+
+    def _unbowed(self) -> CapTable:
+        caps, span_m = without_bow(self.caps, coarse_map(self.face.surface), self.peaks)
+        if span_m > np.nanmax(self.caps.cap_height_m):
+            raise ContactError("the bow may hold hills below the cut, which are no caps yet")
+        return caps
+
+    def _without(self, flag: CapFlag) -> CapTable:
+        caps = self.caps
+        flagged = caps.usable & ((caps.flags & flag) != 0)
+        if not flagged.any():
+            raise ContactError("no cap has the flag that the problem is about")
+        return caps.with_columns(flags=np.where(flagged, caps.flags | UNUSABLE, caps.flags))
+
+    def _with_hills(self) -> Iterator[CapTable]:
+        """Return caps with those that the hole would hold if it were like the rest of the face."""
+        surface, caps = self.face.surface, self.caps
+        row, col = np.nonzero(holes(surface))
+        member = np.flatnonzero(caps.usable)
+        n_known = int(np.count_nonzero(surface.measured))
+        n_more = max(1, round(member.size * row.size / n_known))
+        dy_m, dx_m = surface.pixel_size_m
+        rng = np.random.default_rng(0)
+        for _ in range(DRAWS):
+            at = rng.choice(row.size, n_more, replace=False)
+            like = rng.choice(member, n_more)
+            place_m = (col[at] + 0.5) * dx_m, (row[at] + 0.5) * dy_m
+            yield _joined(caps, *place_m, caps.peak_height_m[like], caps.radius_m[like])
+
+    def _with_points(self) -> Iterator[CapTable]:
+        """Return caps with the removed points that would touch, if there are any.
+
+        A point is a flat punch of the area of a pixel, pressed in by what it stands above the
+        surface that the caps have sunk, at most until it yields: the load is 2 E* a e. Its cap has
+        that load at that compression e. Within a contact it counts as if it stood at its rim.
+        """
+        surface, E_star_Pa = self.face.surface, self.face.E_star_Pa
+        x_m, y_m, height_m = self.conditioned.removed_m
+        n = len(self.caps)
+        asleep = _joined(self.caps, x_m, y_m, height_m, np.full(x_m.size, np.nan))
+        caps, curve = self.face.pressed(asleep)
+        preload_N = self.face.settings.contact.preload_N
+        approach_m = float(curve.approach_m(preload_N))
+        load_N = curve.asperity_loads_N(approach_m)
+        x_m, y_m = _on_rims(x_m, y_m, curve, contact_radius_m(load_N, curve.radius_m, E_star_Pa))
+        plane_m = float(caps.peak_height_m[:n][caps.usable[:n]].max()) - approach_m
+        r_m = np.hypot(x_m[:, None] - curve.x_m, y_m[:, None] - curve.y_m)
+        sunk_m = (load_N / r_m).sum(axis=1) / (math.pi * E_star_Pa)
+        up_m = caps.peak_height_m[n:] - plane_m - sunk_m
+        touch = np.flatnonzero(up_m > 0.0)
+        if touch.size == 0:
+            return
+        if touch.size > MOST_POINTS:
+            raise ContactError(f"{touch.size} points; expected at most {MOST_POINTS}")
+        punch_m = math.sqrt(surface.pixel_area_m2 / math.pi)
+        law = yield_law(self.face.settings.material)
+        hardest_Pa = ELASTIC_STRAIN * E_star_Pa if law is None else law.hardness_Pa
+        pressed_m = np.minimum(up_m[touch], 0.5 * math.pi * punch_m * hardest_Pa / E_star_Pa)
+        top_m = height_m[touch] - up_m[touch] + pressed_m
+        yield _joined(self.caps, x_m[touch], y_m[touch], top_m, 2.25 * punch_m**2 / pressed_m)
+
+
+def _on_rims(
+    x_m: np.ndarray, y_m: np.ndarray, curve: InteractingCurve, a_m: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return places, those within a contact moved to its rim: point loads sink no deeper there."""
+    off_m = np.stack((x_m[:, None] - curve.x_m, y_m[:, None] - curve.y_m))
+    r_m = np.hypot(*off_m)
+    point = np.arange(x_m.size)
+    inmost = np.argmax(a_m - r_m, axis=1)
+    a_m, r_m, off_m = a_m[inmost], r_m[point, inmost], off_m[:, point, inmost]
+    out = np.where(r_m < a_m, a_m / np.maximum(r_m, 1e-300) - 1.0, 0.0)
+    at_peak = (r_m == 0.0) * a_m
+    return x_m + out * off_m[0] + at_peak, y_m + out * off_m[1]
+
+
+def _joined(
+    caps: CapTable, x_m: np.ndarray, y_m: np.ndarray, height_m: np.ndarray, radius_m: np.ndarray
+) -> CapTable:
+    """Return caps with more of them; one without a radius is not usable."""
+    more = {"x_m": x_m, "y_m": y_m, "peak_height_m": height_m, "radius_m": radius_m}
+    more["flags"] = np.where(np.isfinite(radius_m), 0, UNUSABLE).astype(caps.flags.dtype)
+    columns = {}
+    for one in fields(CapTable):
+        column = getattr(caps, one.name)
+        blank = "" if column.dtype.kind in "UO" else np.zeros(1, column.dtype)[0]
+        added = more.get(one.name, np.full(x_m.shape, blank, column.dtype))
+        columns[one.name] = np.concatenate((column, added))
+    return CapTable(**columns)

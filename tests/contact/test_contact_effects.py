@@ -1,0 +1,136 @@
+"""What a doubt moves: caps that are pressed again as they may be as well."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from capslip.analysis import analyze_once
+from capslip.caps.table import CapFlag
+from capslip.contact.effects import with_effects
+from capslip.problems import Problem
+from capslip.settings import load_settings
+from scenes import caps_map
+
+PIXEL_M = 2e-4
+SIDES = (0.012, 0.036)
+PEAKS = [(x, y, 20.0, 0.0) for x in SIDES for y in SIDES]
+MORE = [*PEAKS, (0.024, 0.02, 24.0, -2e-8), (0.02, 0.03, 16.0, -4e-8)]
+
+
+def face(peaks=PEAKS, burr_m=None, at=(120, 100)):
+    """Return a face of caps on a floor, 48 mm square, with one point changed by a height."""
+    surface = caps_map(peaks, (240, 240), (PIXEL_M, PIXEL_M), floor_m=-8e-7)
+    if burr_m is not None:
+        height_m = surface.height_m.copy()
+        height_m[at] += burr_m
+        surface = replace(surface, height_m=height_m)
+    return surface
+
+
+def found(surface, *words):
+    return analyze_once(surface, load_settings(overrides=("contact.preload_N=200", *words)))
+
+
+def effect_of(analysis, code, caps=None, peaks=None, tolerance=0.05):
+    settings = load_settings(
+        overrides=("contact.preload_N=200", f"contact.tolerance={tolerance!r}")
+    )
+    problems = [Problem(code, "warning", "")]
+    caps = analysis.caps if caps is None else caps
+    peaks = caps if peaks is None else peaks
+    return with_effects(problems, caps, peaks, analysis.conditioned, settings)[0]
+
+
+def flagged(caps, which, flag=CapFlag.edge):
+    """Flag the caps of some places."""
+    on = np.array([any(np.hypot(x - at[0], y - at[1]) < 2e-3 for at in which)
+                   for x, y in zip(caps.x_m, caps.y_m, strict=True)])  # fmt: skip
+    assert on.sum() == len(which)
+    return caps.with_columns(flags=np.where(on, caps.flags | flag, caps.flags))
+
+
+def test_half_of_equal_caps_left_out_is_hertz():
+    """N = n k d^1.5 of caps far apart: the stiffness is as n^(2/3), the energy as n^(-2/3)."""
+    analysis = found(face())
+    caps = flagged(analysis.caps, [(SIDES[0], SIDES[0]), (SIDES[1], SIDES[1])])
+    # The two that are left lie on one line, on which nothing may turn
+    settings = load_settings(overrides=("contact.preload_N=200", "contact.alignment=as_levelled"))
+    (problem,) = with_effects(
+        [Problem("caps_edge", "warning", "")], caps, caps, analysis.conditioned, settings
+    )
+    assert problem.effect.tangential_stiffness == pytest.approx(1.0 - 0.5 ** (2 / 3), rel=0.1)
+    assert problem.effect.energy == pytest.approx(2.0 ** (2 / 3) - 1.0, rel=0.1)
+    assert problem.effect.loss_factor == problem.effect.energy
+
+
+def test_a_doubt_within_the_tolerance_is_information():
+    analysis = found(face(MORE))
+    caps = flagged(analysis.caps, [MORE[-1][:2]])
+    effect = effect_of(analysis, "caps_edge", caps).effect
+    moved = max(effect.tangential_stiffness, effect.energy)
+    assert 0.0 < moved < 1.0
+    for tolerance, severity in ((0.99 * moved, "warning"), (1.01 * moved, "info")):
+        one = effect_of(analysis, "caps_edge", caps, tolerance=tolerance)
+        assert (one.severity, one.effect) == (severity, effect)
+
+
+def test_what_cannot_be_pressed_has_no_effect_and_stays_a_warning():
+    analysis = found(face())
+    every = flagged(analysis.caps, [peak[:2] for peak in PEAKS])
+    three = flagged(analysis.caps, [peak[:2] for peak in PEAKS[:3]])  # one cap alone: tips over
+    for code, caps in (("caps_edge", every), ("caps_edge", three), ("clipped", analysis.caps)):
+        problem = effect_of(analysis, code, caps, tolerance=0.9)
+        assert (problem.severity, problem.effect) == ("warning", None)
+
+
+def test_a_bow_of_the_peaks_is_taken_out_of_them():
+    """Peaks of one height on a bow: without it they are those of one height."""
+    rng = np.random.default_rng(4)
+    places = [(x, y) for x in np.linspace(5e-3, 43e-3, 4) for y in np.linspace(5e-3, 43e-3, 4)]
+    jitter_m = rng.uniform(-2e-9, 2e-9, 16)
+    equal = [(x, y, 15.0, z) for (x, y), z in zip(places, jitter_m, strict=True)]
+    bowed = [(x, y, R, z - 1e-7 * ((x - 24e-3) / 24e-3) ** 2) for x, y, R, z in equal]
+    one, other = found(face(equal)), found(face(bowed))
+    truth = one.contact.stiffness_N_per_m / other.contact.stiffness_N_per_m - 1.0
+    peaks = other.caps.with_columns(family=np.full(len(other.caps), "G"))
+    effect = effect_of(other, "bow_left", peaks=peaks).effect
+    assert effect.tangential_stiffness == pytest.approx(truth, rel=0.1)
+
+
+@pytest.mark.parametrize("load_N", [100.0, 400.0])
+@pytest.mark.parametrize("burr_m", [1e-6, 1.3e-6])
+def test_a_burr_moves_what_it_moves_on_the_map_itself(burr_m, load_N):
+    """Boundary elements with the burr and without it; less slip than these is not resolved."""
+    words = (f"contact.preload_N={load_N!r}", "contact.model=boundary_elements")
+    burred = face(MORE, burr_m)
+    without, there = (
+        found(burred, *words, f"conditioning.outliers={rule}") for rule in ("isolated", "none")
+    )
+    (said,) = [p for p in found(burred, words[0]).problems if p.code == "outliers_removed"]
+    share = np.array([0.25, 0.5, 0.75])
+    energy_J = [
+        one.slip.energy_at_force_J(share * one.slip.total_slip_force_N) for one in (without, there)
+    ]
+    more = float(np.abs(energy_J[1] / energy_J[0] - 1.0).max())
+    assert there.contact.approach_m > 1.05 * without.contact.approach_m
+    assert 0.7 < said.effect.energy / more < 1.5
+    assert (said.severity == "warning") == (said.effect.energy > 0.05)
+
+
+@pytest.mark.parametrize(("burr_m", "touches"), [(-1e-6, False), (4e-7, False), (1.2e-6, True)])
+def test_only_points_above_the_plane_of_contact_matter(burr_m, touches):
+    """The floor lies 0.8 um below the peaks: a point 0.4 um above it is not reached."""
+    (said,) = [p for p in found(face(MORE, burr_m)).problems if p.code == "outliers_removed"]
+    assert (said.effect.energy > 0.0) == touches
+    assert (said.severity == "warning") == (said.effect.energy > 0.05)
+
+
+def test_a_burr_is_the_same_under_a_mirror():
+    burred = face(MORE, 1.2e-6)
+    seen = []
+    for height_m in (burred.height_m, burred.height_m[:, ::-1], burred.height_m.T):
+        problems = found(replace(burred, height_m=np.ascontiguousarray(height_m))).problems
+        (said,) = [p for p in problems if p.code == "outliers_removed"]
+        seen.append((said.effect.tangential_stiffness, said.effect.energy))
+    assert np.ptp(seen, axis=0) == pytest.approx(0.0, abs=1e-3 * max(seen[0]))
