@@ -195,3 +195,19 @@ def test_refined_heights_go_on_to_the_edge_of_the_map():
     patches = patched(face, contact, 4)
     expected_m = (patches.places_m[0] ** 2 + patches.places_m[1] ** 2) / 40
     assert np.allclose(patches.depth_m, expected_m - expected_m.min(), rtol=0, atol=1e-15)
+
+
+@pytest.mark.parametrize(
+    ("pixels", "depth_m", "refined"), [(8, 1e-4, False), (30, 1e-4, True), (8, 1e-8, True)]
+)
+def test_no_spline_swings_into_a_contact_from_a_pit_beside_it(pixels, depth_m, refined):
+    y, x = np.mgrid[-48:48, -48:48] * 1e-4
+    height_m = -(x**2 + y**2) / (2 * 20.0)
+    plain = press(elastic_face(HeightMap(height_m, (1e-4, 1e-4)), 110e9), load_N=5.0)
+    edge = 48 + np.flatnonzero(plain.pressure_Pa[48, 48:]).max()
+    height_m[48, edge + pixels] -= depth_m
+    face = elastic_face(HeightMap(height_m, (1e-4, 1e-4)), 110e9)
+    pressed = press(face, load_N=5.0)
+    assert (refinement(face, pressed) > 1) == refined
+    stiffness = unload(face, pressed, 1e-8).stiffness_N_per_m
+    assert stiffness == pytest.approx(1.5 * 5.0 / pressed.approach_m, rel=0.03)

@@ -35,6 +35,7 @@ _MOST_REFINED = 6
 _SMOOTH = (
     0.01  # roughness between neighbouring pixels of a map that may be refined, of the approach
 )
+_RINGING = 0.27  # 2 - sqrt(3): how a cubic spline's swing falls from pixel to pixel
 # Relative error of the loss of a region times the square of the width, in pixels, of the ring that
 # left it; seen on spheres for rings of 0.3 to 2.7 pixels
 _RING_ERROR = 0.015
@@ -157,9 +158,25 @@ def refinement(face: ElasticFace, pressed: Pressed) -> int:
         near, far = (np.roll(depth_m, n, axis) + np.roll(depth_m, -n, axis) for n in (1, 3))
         off_m += np.square(depth_m - (9 * near - far) / 16)
     rough_m = np.sqrt(off_m[inside].mean()) if inside.any() else np.inf
-    if rough_m > _SMOOTH * pressed.approach_m:
+    if rough_m > _SMOOTH * pressed.approach_m or _rings(off_m, pressed):
         return 1
     return min(_MOST_REFINED, int(np.ceil(_WIDE / across)))
+
+
+def _rings(square_m2: np.ndarray, pressed: Pressed) -> bool:
+    """Tell whether a spline swings in a contact because of a pit or a step beside it.
+
+    What is off its neighbours at one pixel, squared, makes a cubic spline swing about it, by 0.27
+    of that less at each pixel further on.
+    """
+    from scipy.ndimage import distance_transform_edt
+
+    contact, most_m = pressed.pressure_Pa > 0, _SMOOTH * pressed.approach_m
+    rough = (np.sqrt(square_m2) > most_m) & ~contact
+    if not rough.any():
+        return False
+    pixels = distance_transform_edt(~contact)[rough]
+    return bool((np.sqrt(square_m2[rough]) * _RINGING**pixels > most_m).any())
 
 
 class _Interval(NamedTuple):
