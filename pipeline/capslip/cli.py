@@ -311,6 +311,21 @@ def inspect(result: Path, html: Path | None, verbose: bool, **options: Any) -> N
 
 @main.command()
 @click.argument("result", type=PATH)
+@click.option("--to", required=True, type=click.Choice(registry.names("output.formats")))
+@click.option("-o", "--out", type=PATH, metavar="FILE", help="By default RESULT.FORMAT, here.")
+@_verbose
+def export(result: Path, to: str, out: Path | None, verbose: bool) -> None:
+    """Write the measured face of a result as a file of another program, in metres."""
+    from capslip.output.convert import export_result
+
+    path, left_out = export_result(result, to, out)
+    if left_out is not None:
+        Progress(quiet=False).warn(left_out)
+    say_result(str(path))
+
+
+@main.command()
+@click.argument("result", type=PATH)
 @click.option("--assembly", type=PATH, required=True, metavar="CSV", help="Measured damping.")
 @click.option("--monolithic", type=PATH, metavar="CSV", help="The same without joints, subtracted.")
 @click.option("--identify", is_flag=True, help="Fit friction coefficient and preload.")
