@@ -1,5 +1,6 @@
 """One analysis: the stages, what makes their numbers doubtful, and the result."""
 
+from collections.abc import Callable
 from dataclasses import replace
 from datetime import UTC, datetime
 
@@ -34,7 +35,10 @@ GIVEN = ("m", "n", "radius_G_m", "radius_P_m", "h_m", "approach_m")  # of famili
 
 
 def analyze(
-    surface: HeightMap, settings: Settings | None = None, mate: HeightMap | None = None
+    surface: HeightMap,
+    settings: Settings | None = None,
+    mate: HeightMap | None = None,
+    progress: Callable[[str], None] = lambda _: None,
 ) -> Analysis:
     """Run every stage on one face, or on two that are mated.
 
@@ -46,6 +50,8 @@ def analyze(
         All defaults where absent.
     mate : HeightMap, optional
         The other face, as measured; `settings.mating` says how it is laid on the first.
+    progress : callable, optional
+        Told which stage begins, and about how long the map takes where it may be pressed.
 
     Returns
     -------
@@ -62,7 +68,7 @@ def analyze(
         caps are counted together.
     """
     settings = settings if settings is not None else Settings()
-    clock = Clock()
+    clock = Clock(progress)
     face, analysis = _analyzed(surface, settings, mate, clock)
     if not face.caps.usable.any():
         return analysis

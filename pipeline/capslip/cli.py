@@ -165,8 +165,7 @@ def analyze(
 
     face, other = load(surface), load(mate) if mate is not None else None
     timings_s = {"read": say.elapsed_s()}
-    say("analysing")
-    analysis = run(face, settings, other)
+    analysis = run(face, settings, other, progress=say)
     if not as_json and not quiet:
         say_result(to_width(result_lines(analysis)))
     summary = write(
