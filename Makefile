@@ -52,7 +52,7 @@ limits: $(READY) ## Where each method breaks and what the program says, into doc
 	@$(BIN)/capslip limits --out "$(or $(OUT),docs)" $(ARGS)
 
 validation: $(READY) ## The law of a real lap joint beside published backbones: [JOINT=folder]
-	@$(BIN)/python -m capslip.studies.validation "$(or $(JOINT),../shared/joint)"
+	@$(BIN)/python -P -m capslip.studies.validation "$(or $(JOINT),../shared/joint)"
 
 soak: $(READY) ## Long checks: random contact scenes, damaged files, a fleet that is killed
 	@$(BIN)/python tests/soak.py
@@ -67,7 +67,7 @@ samples: $(READY) ## Write the sample surfaces again
 	@$(BIN)/python -P -m capslip.studies.faces.samples sample_surfaces
 
 test: $(READY) ## Run the tests
-	@$(BIN)/python -P -m pytest
+	@OPENBLAS_NUM_THREADS=1 $(BIN)/python -P -m pytest --numprocesses=2 --dist=loadfile $(ARGS)
 
 lint: $(READY) ## Check style and types
 	@$(BIN)/ruff check .

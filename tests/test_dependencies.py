@@ -12,6 +12,7 @@ from scenes import PROJECT
 PROJECT_TABLE = tomllib.loads((PROJECT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
 EXTRAS = PROJECT_TABLE["optional-dependencies"]
 IMPORTED_AS = {
+    "pytest-xdist": "xdist",
     "scikit-image": "skimage",
     "pillow": "PIL",
 }  # else the distribution's name, with _ for -
@@ -54,7 +55,7 @@ def test_what_the_package_imports_is_declared_and_what_is_declared_is_imported()
 @pytest.mark.parametrize("extra", EXTRAS)
 def test_an_extra_holds_what_is_used_and_no_dependency_twice(extra):
     assert not modules(EXTRAS[extra]) & modules(PROJECT_TABLE["dependencies"])
-    by_tests = set(imported()) | {"mypy", "ruff"}  # of `make lint`
+    by_tests = set(imported()) | {"mypy", "ruff", "xdist"}  # of `make lint` and `make test`
     for path in (PROJECT / "tests").rglob("*.py"):
         by_tests |= set(re.findall(r"^\s*(?:import|from) (\w+)", path.read_text("utf-8"), re.M))
     assert modules(EXTRAS[extra]) <= by_tests

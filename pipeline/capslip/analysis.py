@@ -140,7 +140,8 @@ def analyze_families(settings: Settings) -> JointResult:
     with clock("contact"):
         joint, contact = press_families(families, settings)
     friction, kappa = settings.material.friction_coefficient, contact.composite.kappa
-    slip = slip_curve(contact.curve, joint.preload_N, friction, kappa)
+    greatest_N = joint.preload_N * (1.0 + settings.slip.normal_amplitude_ratio)
+    slip = slip_curve(contact.curve_after(greatest_N), joint.preload_N, friction, kappa)
     slip = varying(slip, settings.slip)
     beam, damping = damp(slip, settings, clock)
     answer, beyond = answer_to(settings.answer, slip, damping)

@@ -145,7 +145,8 @@ def press_face(
         contact, caps = _pressed(face, settings)
     with clock("slip"):
         friction, kappa = settings.material.friction_coefficient, contact.composite.kappa
-        slip = slip_curve(face.joint.curve(contact), face.joint.preload_N, friction, kappa)
+        curve = face.joint.curve(contact, 1.0 + settings.slip.normal_amplitude_ratio)
+        slip = slip_curve(curve, face.joint.preload_N, friction, kappa)
         slip = varying(slip, settings.slip)
     return contact, caps, slip
 

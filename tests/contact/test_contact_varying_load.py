@@ -118,6 +118,24 @@ def test_an_analysis_answers_for_the_oscillating_load():
     assert moved.damping.loss_factor[0] > still.damping.loss_factor[0]
 
 
+def test_a_face_that_yields_has_felt_the_greatest_load_of_the_cycle():
+    given = {"m": 5, "n": 18, "radius_G_m": 23.8, "radius_P_m": 26.7, "h_m": 2.4e-7}
+    chosen = (*(f"families.{name}={value}" for name, value in given.items()),)
+    chosen += ("material.hardness_Pa=5e6",)
+    varied, once, less = (
+        analyze_families(load_settings(overrides=(*chosen, *more)))
+        for more in (
+            ("contact.preload_N=460", "slip.normal_amplitude_ratio=0.5"),
+            ("contact.preload_N=690",),
+            ("contact.preload_N=460",),
+        )
+    )
+    approach_m = np.linspace(0.7, 1.0, 5) * varied.slip.approach_m
+    got, expected, other = (one.slip.curve.load_N(approach_m) for one in (varied, once, less))
+    np.testing.assert_allclose(got, expected, rtol=1e-9)
+    assert (np.abs(other / got - 1) > 0.01).any()
+
+
 def test_bad_settings_are_named():
     with pytest.raises(SettingsError, match="normal_amplitude_ratio"):
         load_settings(overrides=("slip.normal_amplitude_ratio=1.0",))

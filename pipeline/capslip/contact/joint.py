@@ -74,12 +74,16 @@ class Joint:
         )
         return msgspec.structs.replace(settings, contact=contact)
 
-    def curve(self, contact: ContactState) -> NormalCurve:
-        """Return the normal curve of the joint from that of its scan, for slip."""
+    def curve(self, contact: ContactState, greatest: float = 1.0) -> NormalCurve:
+        """Return the normal curve of the joint from that of its scan, for slip.
+
+        After a first loading to `greatest` times the preload, which counts where the face yields.
+        """
+        curve = contact.curve_after(greatest * contact.preload_N)
         if contact.rung.made_from == "nothing":  # it carries one load, however that is spread
             load_N, weight = [self.scan_load_N], [self.preload_N / self.scan_load_N]
-            return curve_of_joint(contact.curve, np.array(load_N), np.array(weight))
-        return curve_of_joint(contact.curve, self.load_N, self.weight)
+            return curve_of_joint(curve, np.array(load_N), np.array(weight))
+        return curve_of_joint(curve, self.load_N, self.weight)
 
 
 def joint_of(settings: Settings, surface: HeightMap) -> Joint:

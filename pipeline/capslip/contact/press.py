@@ -21,6 +21,7 @@ from capslip.problems import Problem
 from capslip.settings import Settings
 from capslip.surface.heightmap import HeightMap
 
+CLOSING = 0.25  # of the face in contact: metals carry their hardness long before
 FULL = 1.0 - 1e-6  # of the measured face in contact: no gap is left for a model of contact
 
 
@@ -146,6 +147,7 @@ def press(
             curve, bulk = without_bulk(normal, bulk_m_per_N, preload_N)
             problems += [_bulk_kept(bulk_m, approach_m)] if bulk else []
     found, a_m = _contacts(scene, caps, normal, approach_m, model)
+    problems += _closes(found, surface)
     if settings.contact.model == "auto" and model.error is not None:
         error, doubts = model.error(normal, preload_N, settings.contact.tolerance)
         problems += doubts
@@ -217,6 +219,18 @@ def _contacts(
         pressure_Pa = min(found.max_pressure_Pa, law.hardness_Pa)
         found = replace(found, yielded_area_m2=area_m2, max_pressure_Pa=pressure_Pa)
     return found, a_m
+
+
+def _closes(found: Contacts, surface: HeightMap) -> list[Problem]:
+    """Return whether more of the face touches than tops of its waviness would."""
+    share = 0.0 if found.area_m2 is None else found.area_m2 / surface.measured_area_m2
+    if share <= CLOSING:
+        return []
+    message = (
+        f"{share:.0%} of the face touches under {found.count} contacts: it closes rather than "
+        "rests on its tops, as under far too great a load or with heights or pixels in a wrong unit"
+    )
+    return [Problem("face_closes", "warning", message)]
 
 
 def _bulk_kept(bulk_m: float, approach_m: float) -> Problem:

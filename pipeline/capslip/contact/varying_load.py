@@ -107,6 +107,12 @@ class VaryingSlip(SlipCurve):
         return displacement_m, force_N
 
     @cached_property
+    def _top(self) -> tuple[float, float]:
+        """The greatest load of the cycle, and its approach: all else is counted down from there."""
+        greatest_N = self.preload_N * (1.0 + self.normal_amplitude_ratio)
+        return greatest_N, float(self.curve.approach_m(greatest_N))
+
+    @cached_property
     def _table(self) -> np.ndarray:
         """Force, displacement and root of the energy over the forces of the table, (3, n)."""
         T = self.total_slip_force_N
@@ -142,14 +148,14 @@ class VaryingSlip(SlipCurve):
         angle = 2 * np.pi * np.arange(3 * steps + 1) / steps
         Q = force_N * np.cos(angle)
         wave = np.cos(angle - self.normal_phase_rad)
-        P = self.preload_N * (1.0 + self.normal_amplitude_ratio * wave)
+        P = np.minimum(self.preload_N * (1.0 + self.normal_amplitude_ratio * wave), self._top[0])
         step, low, high, change = _history(P, Q, self.friction_coefficient)
         edges = np.unique(np.concatenate([low, high]))
-        approach_m = np.asarray(self.curve.approach_m(edges[edges > 0]))
-        if edges[0] == 0.0:
-            approach_m = np.append(self.curve.touch_m, approach_m)
+        greatest_N, top_m = self._top
+        drop_N = np.clip(greatest_N - edges, 0.0, greatest_N)
+        below_m = np.asarray(self.curve.withdrawal_m(top_m, drop_N))
         rise = change * (
-            approach_m[np.searchsorted(edges, high)] - approach_m[np.searchsorted(edges, low)]
+            below_m[np.searchsorted(edges, low)] - below_m[np.searchsorted(edges, high)]
         )
         U = self.kappa * np.cumsum(np.bincount(step, rise, minlength=len(P)))
         Q, U = Q[-steps - 1 :], U[-steps - 1 :]

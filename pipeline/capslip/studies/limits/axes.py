@@ -43,7 +43,7 @@ RATIOS = (1.2, 2.0, 1 / 2.0, 4.0, 1 / 4.0, 8.0, 1 / 8.0, 16.0, 1 / 16.0, 64.0)
 BUMPY = ("shallow_saddles", "not_spherical", "pruning_decides", "boundary_elements_needed")
 MERGED = ("connected_network", "shallow_saddles", "contacts_merge", "pruning_decides",
           "not_spherical")
-CRUSHED = ("contacts_merge", "contact_beyond_cap", "contact_failed", "bulk_kept",
+CRUSHED = ("face_closes", "contacts_merge", "contact_beyond_cap", "contact_failed", "bulk_kept",
            "boundary_elements_needed", "contact_reaches_below_cut", "pressure_beyond_elastic",
            "cut_too_high")
 WAVY = ("boundary_elements_needed", "not_spherical", "connected_network", "shallow_saddles",
@@ -53,7 +53,7 @@ FORM = ("tilt_left", "bow_left", "one_contact", "caps_edge", "connected_network"
 FEW_POINTS = ("contact_under_resolved", "no_caps", "caps_apex_off_surface")
 CUT = ("family_below_cut", "plateau_at_cut", "no_caps",
        "contact_reaches_below_cut", "cut_too_high")
-UNITS = ("slope_suspect", "scale_suspect", "pressure_beyond_elastic",
+UNITS = ("slope_suspect", "face_closes", "scale_suspect", "pressure_beyond_elastic",
          "contact_beyond_cap", "contact_reaches_below_cut", "contact_under_resolved",
          "contacts_merge", "one_contact", "contact_failed", "cut_too_high")
 SPIKES = ("outliers", "outliers_removed", "spikes", "highest_point_on_no_cap", "caps_outlier",
