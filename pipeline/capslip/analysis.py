@@ -1,6 +1,6 @@
 """One analysis: the stages, what makes their numbers doubtful, and the result."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from datetime import UTC, datetime
 
@@ -49,7 +49,10 @@ ASKED_OF_THE_JOINT = ("beyond_gross_slip", "not_lightly_damped", "peak_at_gross_
 
 
 def analyze(
-    surface: HeightMap, settings: Settings | None = None, mate: HeightMap | None = None
+    surface: HeightMap,
+    settings: Settings | None = None,
+    mate: HeightMap | None = None,
+    progress: Callable[[str], None] = lambda _: None,
 ) -> Analysis:
     """Run every stage on one face, or on two that are mated.
 
@@ -61,6 +64,8 @@ def analyze(
         All defaults where absent.
     mate : HeightMap, optional
         The other face, as measured; `settings.mating` says how it is laid on the first.
+    progress : callable, optional
+        Told which stage begins, and about how long the map takes where it may be pressed.
 
     Returns
     -------
@@ -77,7 +82,7 @@ def analyze(
         caps are counted together.
     """
     settings = settings if settings is not None else Settings()
-    clock = Clock()
+    clock = Clock(progress)
     face, analysis = _analyzed(surface, settings, mate, clock)
     if not face.caps.usable.any():
         return analysis

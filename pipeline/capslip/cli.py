@@ -81,8 +81,7 @@ def analyze(
     face = _load(surface, settings, say)
     other = _load(mate, settings, say) if mate is not None else None
     timings_s = {"read": say.elapsed_s()}
-    say("analysing")
-    analysis = run(face, settings, other)
+    analysis = run(face, settings, other, progress=say)
     if not as_json and not quiet:
         say_result(to_width(result_lines(analysis)))
     summary = write(
@@ -267,6 +266,21 @@ def inspect(result: Path, html: Path | None, verbose: bool, **options: Any) -> N
         click.echo(path)
     if not pictures and html is None:
         show(result, look)
+
+
+@main.command()
+@click.argument("result", type=PATH)
+@click.option("--to", required=True, type=click.Choice(registry.names("output.formats")))
+@click.option("-o", "--out", type=PATH, metavar="FILE", help="By default RESULT.FORMAT, here.")
+@verbose_option
+def export(result: Path, to: str, out: Path | None, verbose: bool) -> None:
+    """Write the measured face of a result as a file of another program, in metres."""
+    from capslip.output.convert import export_result
+
+    path, left_out = export_result(result, to, out)
+    if left_out is not None:
+        Progress(quiet=False).warn(left_out)
+    say_result(str(path))
 
 
 @main.command()

@@ -33,6 +33,7 @@ from capslip.surface.heightmap import HeightMap, Origin
 from capslip.verdict import assumptions, verdict
 
 SCHEMA = "capslip/summary/1"
+ROUNDING = 1e-9  # of the face; a resultant that is less off the load point is on it
 
 
 @dataclass(frozen=True, eq=False)
@@ -383,6 +384,8 @@ def _alignment(analysis: JointResult) -> dict[str, Any]:
     balanced = level is not None or any(contact.tilt_rad)
     ly_m, lx_m = analysis.surface.side_m
     off_m = None if contact.eccentricity_m is None else math.hypot(*contact.eccentricity_m)
+    if off_m is not None and off_m < ROUNDING * math.hypot(ly_m, lx_m):
+        off_m = 0.0
     return {
         "alignment": "balanced" if balanced else "as_levelled",
         "tilt_rad": tilt_rad,

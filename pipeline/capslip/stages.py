@@ -4,7 +4,7 @@ surface -> condition -> (mate) -> hills -> caps -> families -> contact -> slip -
 """
 
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 
@@ -22,7 +22,7 @@ from capslip.caps.levels import bow_terms
 from capslip.caps.noise import noise_at_rest
 from capslip.caps.points import points_of_hills
 from capslip.caps.table import CapTable
-from capslip.contact.choice import estimate_error, rung_of_the_map
+from capslip.contact.choice import boundary_elements_s, estimate_error, rung_of_the_map
 from capslip.contact.depth import press_for_depth
 from capslip.contact.joint import Joint, joint_of
 from capslip.contact.levelling import UNSETTLED, Level, coarse_map, find_level, turned
@@ -50,14 +50,18 @@ CONDITIONING = Conditioning.__struct_fields__
 
 
 class Clock:
-    """Seconds spent in each stage, summed by its name."""
+    """Seconds spent in each stage, summed by its name; each is told as it begins first."""
 
-    def __init__(self) -> None:
+    def __init__(self, progress: Callable[[str], None] = lambda _: None) -> None:
         self.seconds: dict[str, float] = {}
+        self.progress = progress
 
     @contextmanager
-    def __call__(self, stage: str) -> Iterator[None]:
+    def __call__(self, stage: str, expected_s: float | None = None) -> Iterator[None]:
         """Add the time inside the `with` block to a stage."""
+        if stage not in self.seconds:
+            about = f", up to about {expected_s:.2g} s" if expected_s and expected_s > 2.0 else ""
+            self.progress(f"analysing: {stage}{about}")
         begin = time.perf_counter()
         try:
             yield
@@ -135,7 +139,9 @@ def press_face(
     ContactError
         If the caps cannot carry the preload within the validity of the model.
     """
-    with clock("contact"):
+    shape = face.conditioned.surface.shape
+    needs_map = _map_for_auto(face.conditioned.surface, settings) or _made_from(settings) == "map"
+    with clock("contact", boundary_elements_s(shape) if needs_map else None):
         contact, caps = _pressed(face, settings)
     with clock("slip"):
         friction, kappa = settings.material.friction_coefficient, contact.composite.kappa

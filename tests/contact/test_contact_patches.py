@@ -205,6 +205,7 @@ def test_no_spline_swings_into_a_contact_from_a_pit_beside_it(pixels, depth_m, r
     height_m = -(x**2 + y**2) / (2 * 20.0)
     plain = press(elastic_face(HeightMap(height_m, (1e-4, 1e-4)), 110e9), load_N=5.0)
     edge = 48 + np.flatnonzero(plain.pressure_Pa[48, 48:]).max()
+    height_m = height_m.copy()
     height_m[48, edge + pixels] -= depth_m
     face = elastic_face(HeightMap(height_m, (1e-4, 1e-4)), 110e9)
     pressed = press(face, load_N=5.0)

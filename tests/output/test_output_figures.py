@@ -100,7 +100,8 @@ def test_profile_states_its_true_exaggeration(several):
     figure.canvas.draw()
     axes = figure.axes[0]
     (x0, y0), (x1, y1) = axes.transData.transform([(0.0, 0.0), (1.0, 1.0)])
-    true = ((y1 - y0) / 1e-6) / ((x1 - x0) / 1e-3)
+    unit = axes.get_ylabel().partition("[")[2].rstrip("]")
+    true = ((y1 - y0) / {"nm": 1e-9, "µm": 1e-6}[unit]) / ((x1 - x0) / 1e-3)
     note = next(text.get_text() for text in axes.texts if "heights drawn" in text.get_text())
     stated = float(note.removeprefix("heights drawn x").replace(" ", ""))
     assert stated == pytest.approx(true, rel=0.05)
@@ -110,12 +111,13 @@ def test_profile_shows_the_most_loaded_cap(several):
     i = int(np.nanargmax(several.caps.load_N))
     figure = FIGURES["cap_profile"].draw(several)
     assert f"Cap {i + 1}," in figure.axes[0].get_title(loc="left")
-    x_mm, z_um = curve(figure, "fitted sphere")
+    x_mm, z_nm = curve(figure, "fitted sphere")
+    assert figure.axes[0].get_ylabel() == "height [nm]"
     caps = several.caps
-    assert z_um.max() == pytest.approx(caps.peak_height_m[i] * 1e6)
-    sag_um = z_um.max() - np.interp(0.4 * caps.diameter_m[i] * 1e3, x_mm, z_um)
-    expected = (0.4 * caps.diameter_m[i]) ** 2 / (2 * caps.radius_m[i]) * 1e6
-    assert sag_um == pytest.approx(expected, rel=1e-3)
+    assert z_nm.max() == pytest.approx(caps.peak_height_m[i] * 1e9)
+    sag_nm = z_nm.max() - np.interp(0.4 * caps.diameter_m[i] * 1e3, x_mm, z_nm)
+    expected = (0.4 * caps.diameter_m[i]) ** 2 / (2 * caps.radius_m[i]) * 1e9
+    assert sag_nm == pytest.approx(expected, rel=1e-3)
 
 
 def test_loop_encloses_the_energy_it_states(several):
@@ -201,3 +203,29 @@ def test_a_face_that_yielded_is_drawn_as_it_unloads():
     for line in lines:
         assert max(line.get_ydata()) <= 150.0
         assert min(line.get_xdata()) >= 0.0
+
+
+def test_no_loss_factor_is_drawn_where_the_mode_is_not_lightly_damped(several):
+    damping = several.damping
+    heavy = replace(damping, loss_factor=100.0 * damping.loss_factor)
+    figure = FIGURES["loss_factor"].draw(replace(several, damping=heavy))
+    _, eta = curve(figure, "_loss factor")
+    assert np.nanmax(eta) <= 0.3
+    assert np.isnan(eta).any()
+    names = [text.get_text() for text in figure.axes[0].get_legend().get_texts()]
+    assert any("not lightly damped" in name for name in names)
+    assert not any("greatest value" in name for name in names)
+
+
+def test_numbers_of_caps_do_not_hide_each_other(several):
+    caps = several.caps
+    close = caps.with_columns(x_m=caps.x_m[0] + 1e-6 * np.arange(len(caps)), y_m=0.0 * caps.y_m)
+    for one, numbers in ((several, len(caps)), (replace(several, caps=close), 1)):
+        figure = FIGURES["hills_and_caps"].draw(one)
+        assert sum(text.get_text().isdecimal() for text in figure.axes[0].texts) == numbers
+
+
+def test_one_family_alone_is_not_called_the_higher(one, several):
+    for analysis, name in ((one, "caps (1)"), (several, "G-caps (2)")):
+        texts = FIGURES["hills_and_caps"].draw(analysis).legends[0].get_texts()
+        assert name in [text.get_text() for text in texts]

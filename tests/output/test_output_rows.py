@@ -120,6 +120,7 @@ def test_scales_are_those_of_their_prefix():
     assert {name: scale for name, scale in SCALES.items() if name != "µm"} == {
         "um": 1e-6,
         "nm": 1e-9,
+        "nJ": 1e-9,
         "mm": 1e-3,
         "mm²": 1e-6,
         "cm²": 1e-4,

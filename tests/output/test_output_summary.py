@@ -6,6 +6,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from capslip.analysis import analyze
 from capslip.caps.table import CapFlag
 from capslip.problems import Problem
 from capslip.result import _alignment, _cell, _limit, _plain
@@ -130,3 +131,18 @@ def test_stages_that_could_not_run_are_absent(several):
         assert {key for key, value in found[table].items() if value not in (None, [])} == kept
     assert "no contact" in repr(failed)
     assert "no loss factor" in repr(failed)
+
+
+def test_a_resultant_that_is_off_by_rounding_is_on_the_load_point(several):
+    for off_m, said_m in ((5e-18, 0.0), (1e-6, 1e-6)):
+        contact = replace(several.contact, eccentricity_m=(off_m, 0.0))
+        found = replace(several, contact=contact).summary()["contact"]
+        assert found["resultant_off_load_point_m"] == said_m
+
+
+def test_each_stage_is_told_once_as_it_begins(several):
+    told = []
+    found = analyze(several.surface, several.settings, progress=told.append)
+    stages = [line.removeprefix("analysing: ").partition(",")[0] for line in told]
+    assert stages[0] == "condition"
+    assert sorted(stages) == sorted(found.timings_s)

@@ -151,6 +151,9 @@ def test_little_overlap_is_said_and_none_is_refused():
     beside = place(face, face, offset_m=(0.0, 60 * D_M))
     problems = problems_of_mating(composite_surface(face, face, beside), beside)
     assert [p.code for p in problems] == ["mating_overlap"]
+    barely = place(face, face, offset_m=(0.0, 0.99 * face.side_m[1]))
+    with pytest.raises(UnusableSurfaceError, match=r"1.* % of the first face is measured"):
+        composite_surface(face, face, barely)
     with pytest.raises(UnusableSurfaceError, match="overlap"):
         composite_surface(face, face, place(face, face, offset_m=(0.0, 1.0)))
 

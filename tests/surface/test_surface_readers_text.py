@@ -374,3 +374,19 @@ def test_a_line_without_end_is_refused_before_memory_is_taken(tmp_path, line):
     peak = tracemalloc.get_traced_memory()[1]
     tracemalloc.stop()
     assert peak < 8 * 10_000_000
+
+
+@pytest.mark.parametrize(
+    ("text", "asked"),
+    [
+        ("0 1 2 5\n1 2 3 5\n2 3 5 5\n", "--unit UNIT --pixel-size DY DX --lateral-unit UNIT"),
+        (
+            "".join(f"{i % 3} {i // 3} {i * i}\n" for i in range(9)),
+            "--unit UNIT --lateral-unit UNIT",
+        ),
+    ],
+)
+def test_one_message_asks_for_all_that_a_file_does_not_say(text, asked, tmp_path):
+    (tmp_path / "a.csv").write_text(text, "utf-8")
+    with pytest.raises(UncalibratedError, match=asked):
+        load_surface(tmp_path / "a.csv")

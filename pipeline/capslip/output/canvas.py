@@ -66,6 +66,11 @@ def height_limits(height_m: np.ndarray, peak_height_m: np.ndarray) -> tuple[floa
     return float(low_m), float(high_m)
 
 
+def family_names(family: np.ndarray) -> dict[str, str]:
+    """Return what the families of some caps are called: one alone is not the higher one."""
+    return FAMILY_NAME if (family == "P").any() else {**FAMILY_NAME, "G": "caps"}
+
+
 def thinned(values: np.ndarray, points: int = 1100) -> np.ndarray:
     """Leave out rows and columns that a picture does not resolve."""
     step_y, step_x = (max(1, n // points) for n in values.shape)

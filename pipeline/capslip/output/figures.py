@@ -43,7 +43,9 @@ FIGURES = {
         "a height map",
         "Hills above the cut in pale colours; the circle is the base of the fitted cap, with the "
         "equal-area diameter D of Eq. 18. Numbers are the rows of caps.csv, counted from 1 (left "
-        "out where there are more than 60). Orange: G-caps; blue: P-caps; grey: no family.",
+        "out where they would hide each other). Orange: G-caps, or the one family; blue: P-caps; "
+        "grey: no family. A circle has the family of the hill that it stands on; m and n count "
+        "the caps on the families' own plane, which may be more or fewer.",
         "Good: one circle a hill, about as large as it; no hill without one, none across two.",
         "Map of {hills} hills with the base circles of {caps} caps: {m} G-caps, {n} P-caps.",
     ),
@@ -54,7 +56,7 @@ FIGURES = {
         "One row of the map through the apex of a cap, with the fitted sphere and the two lengths "
         "that Eq. 18 takes: D, the diameter of the circle with the area of the hill at the cut, "
         "and df, the apex above the cut. Heights are enlarged by the factor printed; at true "
-        "scale the cap would look flat.",
+        "scale the cap would look flat. The sphere is solid over D, and dashed beyond.",
         "Good: the points lie on the sphere down to the cut, or at least where they are pressed.",
         "Section through the most loaded cap, or the highest, with its fitted sphere.",
     ),
@@ -110,8 +112,9 @@ FIGURES = {
         "a slip curve and the structure's stiffnesses",
         "Loss factor of the mode from micro-slip in all joints, over the amplitude at mid-span. In "
         "the shaded range the joint slides as a whole and no steady cycle exists under a given "
-        "force, so no value is given. The diamond is the answer, its bar the interval that holds "
-        "90 % of what may be.",
+        "force, so no value is given; above 0.3 the mode is no longer lightly damped, the loss "
+        "factor is not defined, and none is drawn. The diamond is the answer, its bar the interval "
+        "that holds 90 % of what may be.",
         "Good: a rise with slope 1, and the amplitudes of the structure left of gross slip.",
         "Loss factor over amplitude: at most {peak_loss_factor} at {amplitude_at_peak_m}, "
         "gross slip from {gross_slip_amplitude_m}.",

@@ -24,6 +24,7 @@ COLOURS = {  # after Okabe and Ito
     "hardness": "#CC79A7",
 }
 INTERACTIONS = "#BDBDBD"
+LEAST_SHARE = 0.05  # %, of what can be seen
 
 
 def contributions(analysis: "Analysis") -> "Figure | None":
@@ -38,6 +39,8 @@ def contributions(analysis: "Analysis") -> "Figure | None":
     place, left = range(len(shares)), [0.0] * len(shares)
     for name in (*inputs, "interactions"):
         width = [100.0 * one.get(name, 1.0 - sum(one.values())) for one in shares.values()]
+        if max(width) < LEAST_SHARE:
+            continue
         colour = COLOURS.get(name, INTERACTIONS)
         axes.barh(place, width, left=left, color=colour, height=0.6, label=name)
         left = [a + b for a, b in zip(left, width, strict=True)]

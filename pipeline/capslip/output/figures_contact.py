@@ -9,6 +9,7 @@ import numpy as np
 from capslip.errors import ContactError
 from capslip.output.canvas import ACCENT, INK, blank
 from capslip.output.quantity import engineering, scaled
+from capslip.structure.response import MOST_LOSS_FACTOR
 from capslip.structure.stiffness import structure_name
 
 if TYPE_CHECKING:
@@ -157,14 +158,22 @@ def loss_factor(analysis: "Analysis") -> "Figure | None":
     damping = analysis.damping
     if damping is None:
         return None
-    steady = np.isfinite(damping.loss_factor)
+    defined = np.isfinite(damping.loss_factor) & (damping.loss_factor <= MOST_LOSS_FACTOR)
+    if not defined.any():
+        return None
     gross_m = damping.gross_slip_amplitude_m
     unit_m, unit = _unit_of_length(gross_m)
     figure, axes = blank(f"Loss factor from micro-slip: {structure_name(analysis.settings)}")
+    steady = np.isfinite(damping.loss_factor)
     amplitude_m, eta = damping.amplitude_m[steady], damping.loss_factor[steady]
     smooth_m, smooth = _smooth(amplitude_m, eta)
+    smooth = np.where(smooth <= MOST_LOSS_FACTOR, smooth, np.nan)
     axes.semilogx(smooth_m / unit_m, smooth, color=INK, linewidth=1.8, label="_loss factor")
-    if damping.amplitude_at_peak_m is not None:
+    beyond = eta > MOST_LOSS_FACTOR
+    if beyond.any():
+        label = f"above {MOST_LOSS_FACTOR:g}: not lightly damped, not defined"
+        axes.axhline(MOST_LOSS_FACTOR, color=ACCENT, linestyle="--", linewidth=1, label=label)
+    elif damping.amplitude_at_peak_m is not None:
         where = engineering(damping.amplitude_at_peak_m, "m")
         if damping.peak_at_gross_slip:
             where += ", still growing there"
@@ -188,7 +197,7 @@ def loss_factor(analysis: "Analysis") -> "Figure | None":
     axes.set_xlim(damping.amplitude_m.min() / unit_m, 3 * gross_m / unit_m)
     axes.set(xlabel=f"amplitude v at mid-span [{unit}]", ylabel="loss factor η")
     if (eta > 0.0).any():
-        greatest = max(float(eta.max()), damping.peak_loss_factor)
+        greatest = min(max(float(eta.max()), damping.peak_loss_factor), MOST_LOSS_FACTOR)
         axes.set_yscale("log")
         axes.set_ylim(max(eta[eta > 0.0].min(), LEAST_LOSS_FACTOR * greatest), 8.0 * greatest)
     else:

@@ -6,11 +6,11 @@ import numpy as np
 
 from capslip.output.canvas import (
     FAMILY_COLOUR,
-    FAMILY_NAME,
     INK,
     NON_MEASURED,
     blank,
     face_axes,
+    family_names,
     height_limits,
     thinned,
 )
@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from capslip.result import Analysis
 
 NUMBERED = 60  # more numbers than this hide the picture
+NUMBER_in = 0.16  # room of a number, inches
 
 
 def height_map(analysis: "Analysis") -> "Figure":
@@ -30,18 +31,19 @@ def height_map(analysis: "Analysis") -> "Figure":
     from matplotlib import colormaps
 
     surface, cut_m = analysis.conditioned.surface, analysis.hills.cut_height_m
-    heights_um = thinned(surface.height_m) * 1e6
     usable_peaks_m = analysis.caps.peak_height_m[analysis.caps.usable]
     low_m, high_m = height_limits(surface.height_m, usable_peaks_m)
-    low, high = low_m * 1e6, high_m * 1e6
-    beyond = np.array([np.nanmin(heights_um) < low, np.nanmax(heights_um) > high])
+    per_m, unit = height_unit(np.array([low_m, high_m]))
+    heights = thinned(surface.height_m) * per_m
+    low, high, cut = low_m * per_m, high_m * per_m, cut_m * per_m
+    beyond = np.array([np.nanmin(heights) < low, np.nanmax(heights) > high])
     extend = ("neither", "min", "max", "both")[int(beyond @ [1, 2])]
 
     over = "after removal of the form" if analysis.level is None else "over the balanced plane"
     figure, axes = face_axes(f"Heights {over}", surface.side_m)
     extent = (0, surface.side_m[1] * 1e3, 0, surface.side_m[0] * 1e3)
     image = axes.imshow(
-        np.ma.masked_invalid(heights_um),
+        np.ma.masked_invalid(heights),
         origin="lower",
         extent=extent,
         vmin=low,
@@ -50,14 +52,14 @@ def height_map(analysis: "Analysis") -> "Figure":
         cmap=colormaps["viridis"].with_extremes(bad=NON_MEASURED),
         aspect="equal",
     )
-    outline = np.ma.masked_invalid(thinned(surface.height_m, 550) * 1e6)
-    if outline.min() < cut_m * 1e6 < outline.max():
+    outline = np.ma.masked_invalid(thinned(surface.height_m, 550) * per_m)
+    if outline.min() < cut < outline.max():
         axes.contour(
-            outline, levels=[cut_m * 1e6], origin="lower", extent=extent, colors="k", linewidths=0.5
+            outline, levels=[cut], origin="lower", extent=extent, colors="k", linewidths=0.5
         )
-    bar = figure.colorbar(image, ax=axes, extend=extend, shrink=0.85, label="height [µm]")
-    bar.ax.axhline(cut_m * 1e6, color="k", linewidth=1.2)
-    _face_legend(figure, [("cut", "k")], bool(np.isnan(heights_um).any()))
+    bar = figure.colorbar(image, ax=axes, extend=extend, shrink=0.85, label=f"height [{unit}]")
+    bar.ax.axhline(cut, color="k", linewidth=1.2)
+    _face_legend(figure, [("cut", "k")], bool(np.isnan(heights).any()))
     return figure
 
 
@@ -81,7 +83,7 @@ def hills_and_caps(analysis: "Analysis") -> "Figure":
         cmap=ListedColormap([NON_MEASURED, "#F6F6F6", *pale]),
         aspect="equal",
     )
-    entries = []
+    entries, names = [], family_names(caps.family)
     for family in ("", "P", "G"):
         member = caps.usable & (caps.family == family)
         if not member.any():
@@ -100,7 +102,7 @@ def hills_and_caps(analysis: "Analysis") -> "Figure":
                 linewidths=1.6 if member.sum() < 200 else 0.9,
             )
         )
-        entries.append((f"{FAMILY_NAME[family]} ({member.sum()})", FAMILY_COLOUR[family]))
+        entries.append((f"{names[family]} ({member.sum()})", FAMILY_COLOUR[family]))
     if len(caps) <= NUMBERED:
         _number_caps(axes, analysis)
     _face_legend(figure, entries[::-1], bool((~surface.measured).any()))
@@ -122,49 +124,51 @@ def cap_profile(analysis: "Analysis") -> "Figure | None":
     half_m = caps.diameter_m[i] / 2
     x_m = (np.arange(surface.shape[1]) + 0.5) * dx_m - caps.x_m[i]
     near = np.abs(x_m) <= 1.7 * half_m
-    rim = 2.0 * np.arctan2(caps.cap_height_m[i], half_m)  # polar angle of the cap's edge
-    polar = np.linspace(-1.0, 1.0, 281) * min(1.4 * rim, np.pi)
-    s_m = caps.radius_m[i] * np.sin(polar)
-    sphere_m = caps.peak_height_m[i] - 2.0 * caps.radius_m[i] * np.sin(polar / 2) ** 2
+    R_m = caps.radius_m[i]
+    s_m = np.linspace(-1.0, 1.0, 281) * min(1.4 * half_m, R_m)  # the upper half alone touches
+    sphere_m = caps.peak_height_m[i] - s_m**2 / (R_m + np.sqrt(R_m**2 - s_m**2))
+    per_m, unit = height_unit(
+        np.array([caps.peak_height_m[i], analysis.hills.cut_height_m, caps.cap_height_m[i]])
+    )
 
     figure, axes = blank(f"Cap {i + 1}, the {what}: section along x through its apex")
     dots = ".-" if near.sum() < 120 else "-"
-    measured_um = surface.height_m[row, near] * 1e6
-    axes.plot(x_m[near] * 1e3, measured_um, dots, color="#8C8C8C", markersize=3, label="measured")
-    inside = np.abs(polar) <= rim * (1 + 1e-9)
+    measured = surface.height_m[row, near] * per_m
+    axes.plot(x_m[near] * 1e3, measured, dots, color="#8C8C8C", markersize=3, label="measured")
+    inside = np.abs(s_m) <= half_m * (1 + 1e-9)  # the base of the cap
     colour = FAMILY_COLOUR[str(caps.family[i])]
     name = f"fitted sphere, R = {engineering(caps.radius_m[i], 'm', 4)}"
-    axes.plot(s_m * 1e3, sphere_m * 1e6, "--", color=colour, linewidth=1)
-    axes.plot(s_m[inside] * 1e3, sphere_m[inside] * 1e6, color=colour, linewidth=2, label=name)
+    axes.plot(s_m * 1e3, sphere_m * per_m, "--", color=colour, linewidth=1)
+    axes.plot(s_m[inside] * 1e3, sphere_m[inside] * per_m, color=colour, linewidth=2, label=name)
 
-    cut_um, peak_um = analysis.hills.cut_height_m * 1e6, caps.peak_height_m[i] * 1e6
-    df_um, half_mm = caps.cap_height_m[i] * 1e6, half_m * 1e3
-    bottom, top = cut_um - 1.05 * df_um, peak_um + 0.55 * df_um
+    cut, peak = analysis.hills.cut_height_m * per_m, caps.peak_height_m[i] * per_m
+    df, half_mm = caps.cap_height_m[i] * per_m, half_m * 1e3
+    bottom, top = cut - 1.05 * df, peak + 0.55 * df
     axes.set(xlim=(-1.7 * half_mm, 1.7 * half_mm), ylim=(bottom, top))
-    axes.axhline(cut_um, color=INK, linewidth=0.8, linestyle=":", label="cut")
+    axes.axhline(cut, color=INK, linewidth=0.8, linestyle=":", label="cut")
     arrow = {"arrowstyle": "<->", "color": INK, "shrinkA": 0, "shrinkB": 0}
-    level = cut_um - 0.3 * df_um
+    level = cut - 0.3 * df
     axes.annotate("", (-half_mm, level), (half_mm, level), arrowprops=arrow)
-    axes.vlines([-half_mm, half_mm], level, cut_um, color=INK, linewidth=0.6)
-    axes.annotate("", (1.25 * half_mm, cut_um), (1.25 * half_mm, peak_um), arrowprops=arrow)
-    axes.hlines(peak_um, 0, 1.25 * half_mm, color=INK, linewidth=0.6)
+    axes.vlines([-half_mm, half_mm], level, cut, color=INK, linewidth=0.6)
+    axes.annotate("", (1.25 * half_mm, cut), (1.25 * half_mm, peak), arrowprops=arrow)
+    axes.hlines(peak, 0, 1.25 * half_mm, color=INK, linewidth=0.6)
     halo = {"facecolor": "white", "edgecolor": "none", "pad": 1.5}
     diameter = f"D = {engineering(2 * half_m, 'm', 4)}"
     axes.text(0, level, diameter, ha="center", va="center", bbox=halo)
-    middle = (cut_um + peak_um) / 2
-    df = f"df = {engineering(caps.cap_height_m[i], 'm', 4)}"
-    axes.text(1.25 * half_mm, middle, df, ha="center", va="center", bbox=halo)
+    middle = (cut + peak) / 2
+    height = f"df = {engineering(caps.cap_height_m[i], 'm', 4)}"
+    axes.text(1.25 * half_mm, middle, height, ha="center", va="center", bbox=halo)
 
     # Axes of a known size make the exaggeration exact.
     figure.set_layout_engine("none")
     axes.set_position((0.1, 0.12, 0.87, 0.8))
     width_in, height_in = figure.get_size_inches() * (0.87, 0.8)
-    factor = (height_in / ((top - bottom) * 1e-6)) / (width_in / (3.4 * half_m))
+    factor = (height_in / ((top - bottom) / per_m)) / (width_in / (3.4 * half_m))
     rounded = float(f"{factor:.2g}")
     factor_text = f"{rounded:,.0f}".replace(",", " ") if rounded >= 10 else f"{rounded:g}"
     note = f"heights drawn x {factor_text}"
     axes.text(0.01, 0.02, note, transform=axes.transAxes, bbox=halo)
-    axes.set(xlabel="distance from the apex [mm]", ylabel="height [µm]")
+    axes.set(xlabel="distance from the apex [mm]", ylabel=f"height [{unit}]")
     axes.legend(loc="upper left", fontsize=9, framealpha=1.0, edgecolor="none")
     return figure
 
@@ -176,45 +180,58 @@ def family_scatter(analysis: "Analysis") -> "Figure | None":
         return None
     figure, axes = blank("Peak height and radius of the caps")
     radius, unit = scaled(caps.radius_m, "m")
+    per_m, height = height_unit(caps.peak_height_m[caps.usable])
+    names = family_names(caps.family)
     for name in ("", "P", "G"):
         member = caps.usable & (caps.family == name)
         if member.any():
             axes.plot(
                 radius[member],
-                caps.peak_height_m[member] * 1e6,
+                caps.peak_height_m[member] * per_m,
                 {"G": "o", "P": "^", "": "x"}[name],
                 color=FAMILY_COLOUR[name],
                 markersize=6 if member.sum() < 200 else 3,
                 markeredgewidth=1.0 if name == "" else 0.0,
                 alpha=0.85,
-                label=f"{FAMILY_NAME[name]} ({member.sum()})",
+                label=f"{names[name]} ({member.sum()})",
             )
     if radius[caps.usable].max() > 10 * radius[caps.usable].min():
         axes.set_xscale("log")
     for name, family in (("G", families.G), ("P", families.P)):
         if family is not None:
-            mean_um = family.peak_height_m * 1e6
-            axes.axhline(mean_um, color=FAMILY_COLOUR[name], linewidth=1, linestyle="--")
+            mean = family.peak_height_m * per_m
+            axes.axhline(mean, color=FAMILY_COLOUR[name], linewidth=1, linestyle="--")
     axes.margins(x=0.12, y=0.12)
     if families.G is not None and families.P is not None and families.h_m is not None:
         across = axes.get_yaxis_transform()  # x as a share of the width, y as a height
-        high_um, low_um = families.G.peak_height_m * 1e6, families.P.peak_height_m * 1e6
+        high, low = families.G.peak_height_m * per_m, families.P.peak_height_m * per_m
         arrow = {"arrowstyle": "<->", "color": INK, "shrinkA": 0, "shrinkB": 0}
-        ends = ((0.965, low_um), (0.965, high_um))
+        ends = ((0.965, low), (0.965, high))
         axes.annotate("", *ends, xycoords=across, textcoords=across, arrowprops=arrow)
         axes.text(
             0.955,
-            (low_um + high_um) / 2,
+            (low + high) / 2,
             f"h = {engineering(families.h_m, 'm')}",
             transform=across,
             ha="right",
             va="center",
             bbox={"facecolor": "white", "edgecolor": "none", "pad": 1.5},
         )
-    axes.axhline(analysis.hills.cut_height_m * 1e6, color=INK, linestyle=":", label="cut")
-    axes.set(xlabel=f"radius of the fitted sphere R [{unit}]", ylabel="peak height [µm]")
+    axes.axhline(analysis.hills.cut_height_m * per_m, color=INK, linestyle=":", label="cut")
+    axes.set(xlabel=f"radius of the fitted sphere R [{unit}]", ylabel=f"peak height [{height}]")
     axes.legend(loc="upper left", bbox_to_anchor=(1.0, 1.0), fontsize=9, frameon=False)
     return figure
+
+
+def height_unit(heights_m: np.ndarray) -> tuple[float, str]:
+    """Return how many of the unit that suits some heights make a metre, and its name.
+
+    >>> height_unit(np.array([-25e-9, 3e-9]))
+    (1000000000.0, 'nm')
+    """
+    largest_m = float(np.abs(heights_m).max(initial=0.0)) or 1e-6
+    value, unit = scaled(np.array([largest_m]), "m")
+    return float(f"{value[0] / largest_m:.6g}"), unit
 
 
 def _face_legend(figure: "Figure", entries: list[tuple[str, str]], non_measured: bool) -> None:
@@ -237,7 +254,14 @@ def _number_caps(axes: "Axes", analysis: "Analysis") -> None:
     from matplotlib.patheffects import withStroke
 
     caps = analysis.caps
+    side_y_m, side_x_m = analysis.conditioned.surface.side_m
+    apart_m = NUMBER_in * max(side_x_m / 8.0, side_y_m / 7.5)  # on the page of `face_axes`
+    written = np.zeros((0, 2))
     for i in np.flatnonzero(caps.usable):
+        place_m = np.array([caps.x_m[i], caps.y_m[i]])
+        if (np.hypot(*(written - place_m).T) < apart_m).any():
+            continue
+        written = np.vstack([written, place_m])
         axes.annotate(
             str(i + 1),
             (caps.x_m[i] * 1e3, caps.y_m[i] * 1e3),

@@ -121,10 +121,15 @@ def _greatest(problem: dict[str, Any]) -> float:
 
 
 def effect_text(problem: dict[str, Any]) -> str:
-    """Return what a problem does to the numbers."""
+    """Return what a problem does to the numbers: as measured, or else what all of its kind do."""
+    return moved_by(problem) or KINDS[problem["code"]].effect
+
+
+def moved_by(problem: dict[str, Any]) -> str:
+    """Return by how much a problem moves the numbers; nothing where that was not measured."""
     moved = [
         f"{MOVED[name]} by {100.0 * value:.2g} %"
         for name, value in (problem["effect"] or {}).items()
         if value is not None
     ]
-    return f"moves {', '.join(moved)}" if moved else KINDS[problem["code"]].effect
+    return f"moves {', '.join(moved)}" if moved else ""

@@ -1,14 +1,22 @@
 """The results of many scans on one page and in one table."""
 
+import base64
 import csv
 import io
+import json
 from contextlib import suppress
+from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from capslip.errors import printable
-from capslip.output.rows import QUANTITIES, Value, value
+from capslip.output.lead import causes, moved_by
+from capslip.output.rows import QUANTITIES, SCALES, value
 from capslip.output.staging import write_file
+from capslip.problems import KINDS
+from capslip.structure.response import MOST_LOSS_FACTOR
 
 RESULTS = (  # columns of numbers, by their names in the one table of quantities
     "caps",
@@ -45,28 +53,49 @@ RESULTS = (  # columns of numbers, by their names in the one table of quantities
     "verdict",
 )
 COLUMNS = ("scan", "status", "error", "path", "group", *RESULTS, "problems", "folder")
-INDEX = {  # what the page shows, and how it is written
+INDEX = {  # what the page shows, and its unit there
     "caps": "",
     "m": "",
     "n": "",
-    "h_m": ".4g µm",
-    "tangential_stiffness_N_per_m": ".4g MN/m",
-    "answer_joint_loss_factor": ".3g %",
-    "structure": "",
-    "peak_loss_factor": ".3g %",
-    "amplitude_at_peak_m": ".3g µm",
+    "preload_N": "",
+    "tangential_stiffness_N_per_m": "MN/m",
+    "answer_energy_J": "nJ",
+    "answer_joint_loss_factor": "",
+    "answer_loss_factor": "",
+    "gross_slip_amplitude_m": "µm",
 }
+SPREAD = (  # whose distributions the page shows
+    "tangential_stiffness_N_per_m",
+    "answer_energy_J",
+    "answer_joint_loss_factor",
+    "caps",
+)
+CURVES = {  # x and y, the unit of either, what they are called, up to where y is defined
+    "damping": (
+        *("amplitude_m", "loss_factor", "m", "", "loss factor of the structure"),
+        *("the amplitude of the structure", MOST_LOSS_FACTOR),
+    ),
+    "slip": (
+        *("force_N", "energy_J", "N", "J", "energy lost per cycle"),
+        *("the tangential force on a joint", None),
+    ),
+}
+POINTS = 24  # of a curve
 FORMULA = tuple("=+-@\t\r")  # what a spreadsheet would compute begins with one of these
 
 Row = dict[str, Any]
 
 
 def row_of(summary: dict[str, Any]) -> Row:
-    """Return the row of a result; who knows the scan adds its name and place."""
+    """Return the row of a result; who knows the scan adds its name and place.
+
+    Beside the columns it has `causes`: severity, code and what is moved of at most three problems.
+    """
     row: Row = dict.fromkeys(COLUMNS)
     row.update({name: value(summary, name) for name in RESULTS})
     row.update(status=summary["status"], error=error_of(summary))
     row["problems"] = " ".join(problem["code"] for problem in summary["problems"])
+    row["causes"] = [[one["severity"], one["code"], moved_by(one)] for one in causes(summary)]
     return row
 
 
@@ -90,7 +119,7 @@ def write_table(rows: list[Row], folder: Path) -> None:
 def write_overview(rows: list[Row], folder: Path) -> None:
     """Write table and page, and `batch.parquet` where pyarrow is installed."""
     write_table(rows, folder)
-    write_file(folder / "index.html", _page(rows).encode())
+    write_file(folder / "index.html", _page(rows, folder).encode())
     with suppress(ImportError):
         import pyarrow
         from pyarrow import parquet
@@ -118,18 +147,74 @@ def _text(cell: Any) -> Any:
     return f"'{printable(cell)}" if cell.startswith(FORMULA) else printable(cell)
 
 
-def _page(rows: list[Row]) -> str:
+def _page(rows: list[Row], folder: Path) -> str:
+    """Return the page; a script of its own writes the rows that are looked at."""
     import jinja2
 
+    package = files("capslip.output")
+    style, of_reports, script = (
+        package.joinpath(name).read_text("utf-8")
+        for name in ("overview.css", "report.css", "overview.js")
+    )
+    codes = sorted({cause[1] for row in rows for cause in row.get("causes") or ()})
+    data = {
+        "columns": [
+            [QUANTITIES[name].label, _unit(name), SCALES.get(unit, 1.0), name in SPREAD]
+            for name, unit in INDEX.items()
+        ],
+        "curves": [told for _, _, *told in CURVES.values()],
+        "effects": {code: KINDS[code].effect for code in codes},
+        "rows": [_seen(row, folder) for row in rows],
+    }
     environment = jinja2.Environment(
         loader=jinja2.PackageLoader("capslip", "output"), autoescape=True, trim_blocks=True
     )
     return environment.get_template("index.html.j2").render(
-        rows=rows,
-        heads=[QUANTITIES[name].label for name in INDEX],
-        cells=[[_cell(row, name) for name in INDEX] for row in rows],
+        count=len(rows),
+        style=of_reports + style,
+        script=script,
+        data=json.dumps(data, separators=(",", ":"), allow_nan=False).replace("<", "\\u003c"),
     )
 
 
-def _cell(row: Row, name: str) -> str:
-    return format(Value(row[name], QUANTITIES[name].unit, absent=""), INDEX[name])
+def _unit(name: str) -> str:
+    return INDEX[name] or QUANTITIES[name].unit
+
+
+def _seen(row: Row, folder: Path) -> list[Any]:
+    """Return what the page knows of a scan, short: there are thousands of them."""
+    curves, stamp = _pictured(folder / row["folder"] / "result.h5") if row["folder"] else ([], "")
+    numbers = [None if row[name] is None else float(f"{row[name]:.4g}") for name in INDEX]
+    texts = [printable(str(row[name] or "")) for name in ("scan", "group", "error", "folder")]
+    return [row["status"], *texts, numbers, row.get("causes") or [], curves, stamp]
+
+
+def _pictured(path: Path) -> tuple[list[list[int]], str]:
+    """Return curves (thousandths of decades, x then y) and the stamp of a result; less if lost."""
+    import h5py
+
+    curves: list[list[int]] = [[] for _ in CURVES]
+    try:
+        with h5py.File(path) as file:
+            for at, (group, (x, y, *_)) in enumerate(CURVES.items()):
+                if group in file:
+                    curves[at] = _thousandths(file[f"{group}/{x}"][:], file[f"{group}/{y}"][:])
+            stamp = file["surface/thumbnail_png"][:].tobytes()
+    except (OSError, KeyError):
+        return curves, ""
+    return curves, base64.b64encode(stamp).decode()
+
+
+def _thousandths(x: np.ndarray, y: np.ndarray) -> list[int]:
+    """Return a curve as whole thousandths of decades, all x and then all y.
+
+    Examples
+    --------
+    >>> _thousandths(np.array([0.0, 1e-6, 1e-5]), np.array([0.0, 0.02, np.nan]))
+    [-6000, -1699]
+    """
+    known = np.isfinite(x) & np.isfinite(y) & (x > 0.0) & (y > 0.0)
+    x, y = x[known], y[known]
+    at = np.unique(np.linspace(0, len(x) - 1, min(POINTS, len(x))).round().astype(int))
+    both = np.rint(1000.0 * np.log10(np.concatenate([x[at], y[at]])))
+    return [int(value) for value in both]

@@ -9,6 +9,7 @@ import tomli_w
 
 from capslip.caps.table import UNITS
 from capslip.output.staging import SUMMARY, summary_text
+from capslip.output.thumbnail import thumbnail
 from capslip.output.zones import write_zones, zones_of
 
 if TYPE_CHECKING:
@@ -70,6 +71,8 @@ def _write_hdf5(analysis: "Analysis", path: Path) -> None:
         height.attrs["pixel_size_m"] = surface.pixel_size_m
         height.attrs["pixel_size"] = surface.pixel_size_m
         height.attrs["pixel_unit"] = "m"
+        stamp = np.frombuffer(thumbnail(surface.height_m), dtype=np.uint8)
+        write("surface/thumbnail_png", stamp, "")
         write("hills/labels", analysis.hills.label, "", **packed)
         for name, column in analysis.caps.columns().items():
             values = column

@@ -14,7 +14,7 @@ import numpy as np
 
 from capslip.caps.table import CapFlag
 from capslip.errors import OutputError
-from capslip.output.canvas import FAMILY_COLOUR, FAMILY_NAME, height_limits
+from capslip.output.canvas import FAMILY_COLOUR, family_names, height_limits
 from capslip.output.mesh import FACE_CELLS, thinned_lines
 from capslip.output.quantity import engineering, scaled
 from capslip.output.zones import Zones, loss_shares, read_zones, zone_at
@@ -150,7 +150,7 @@ def colouring(view: View, by: str) -> Colouring:
 def _by_family(family: np.ndarray) -> Colouring:
     present = [name for name in FAMILY_COLOUR if (family == name).any()]
     value = np.array([present.index(name) for name in family], dtype=float)
-    word = FAMILY_NAME if "P" in present else {**FAMILY_NAME, "G": "caps"}  # one is not high
+    word = family_names(family)
     names = tuple(
         (f"{word[name]} ({(family == name).sum()})", FAMILY_COLOUR[name]) for name in present
     )

@@ -18,6 +18,7 @@ Mirror = Literal["x", "y"]
 Align = Literal["given", "least_squares"]
 LEAST_MEASURED = 0.5
 LEAST_OVERLAP = 0.5
+LEAST_TO_PRESS = 0.05  # covered by less, a face says nothing of the joint
 LEAST_MATCH = 0.5
 FINER = 1.1  # pixels smaller by less need no smoothing first
 COARSE_POINTS = 128
@@ -154,7 +155,7 @@ def composite_surface(
     Raises
     ------
     UnusableSurfaceError
-        If the faces do not overlap.
+        If the faces overlap on less than a twentieth of the first.
 
     Examples
     --------
@@ -165,11 +166,13 @@ def composite_surface(
     True
     """
     height_m = first.height_m + _laid(first, second, placement)
-    if np.isnan(height_m).all():
+    covered = np.count_nonzero(np.isfinite(height_m)) / height_m.size
+    if covered < LEAST_TO_PRESS:
         raise UnusableSurfaceError(
-            f"{first.origin.name} and {second.origin.name}: no point is measured on both faces "
-            f"with offset {placement.offset_m} m; expected faces that overlap; check "
-            "mating.offset_m, mating.mirror and the units"
+            f"{first.origin.name} and {second.origin.name}: {100 * covered:.2g} % of the first "
+            f"face is measured on both with offset {placement.offset_m} m; expected faces that "
+            f"overlap by at least {100 * LEAST_TO_PRESS:.2g} %; check mating.offset_m, "
+            "mating.mirror and the units"
         )
     return remove_form(replace(first, height_m=height_m), robust=robust, floor=floor)[0]
 

@@ -208,6 +208,7 @@ def calibrate(stored: Stored, origin: Origin, given: Calibration) -> HeightMap:
         or the scale no positive number.
     """
     where = origin.path or origin.name
+    _check_complete(stored, given, where)
     height_unit = _height_unit(stored.unit, given.unit, where)
     pixel_size_m, pixel_unit = _pixel_size_m(stored, given.lateral_unit, given.pixel_size, where)
     factor = METRES[height_unit] * _scale(stored, given.scale, where)
@@ -226,6 +227,22 @@ def calibrate(stored: Stored, origin: Origin, given: Calibration) -> HeightMap:
         notes=tuple(map(printable, stored.notes)),
     )
     return HeightMap(height_m, pixel_size_m, origin)
+
+
+def _check_complete(stored: Stored, given: Calibration, where: str) -> None:
+    """Ask at once for all that nobody says, where that is more than the unit of the heights."""
+    if stored.unit is not None or given.unit is not None:
+        return
+    if stored.pixel_size is None and given.pixel_size is None:
+        lacks, option = "its pixel size", "--pixel-size DY DX --lateral-unit UNIT"
+    elif stored.lateral_unit is None and given.lateral_unit is None:
+        lacks, option = "that of its pixel size", "--lateral-unit UNIT"
+    else:
+        return
+    raise UncalibratedError(
+        f"{where}: the file says neither the unit of its heights nor {lacks}; expected m, mm, um "
+        f"or nm; add --unit UNIT {option}"
+    )
 
 
 def _scale(stored: Stored, given: float | None, where: str) -> float:

@@ -1,0 +1,1 @@
+"""Formats that the face of a result is written in; see `output/convert.py`."""

@@ -1,0 +1,10 @@
+"""PLY, binary, quadrilaterals with double coordinates: MeshLab, CloudCompare, Blender."""
+
+from pathlib import Path
+
+from capslip.output.convert import Face, mesh_of
+
+
+def write(face: Face, path: Path) -> None:
+    """Write the face."""
+    mesh_of(face).write(path, file_format="ply")

@@ -1,0 +1,54 @@
+"""A stamp of a face for a table of many: some thousand points in sixteen colours, 1 kB."""
+
+import io
+
+import numpy as np
+
+from capslip.output.canvas import NON_MEASURED
+
+MOST_ROWS, MOST_COLUMNS = 40, 60
+SAMPLES = 6  # of a block of the map, along either axis
+COLOURS = 15  # of heights; one more is for non-measured points
+
+
+def thumbnail(height_m: np.ndarray) -> bytes:
+    """Return a PNG of a height map, y upwards, from the 2 % to the 98 % height.
+
+    Parameters
+    ----------
+    height_m : ndarray, shape (ny, nx)
+        NaN marks a non-measured point; blocks of mostly such are grey.
+
+    Examples
+    --------
+    >>> stamp = thumbnail(np.arange(1e4).reshape(100, 100))
+    >>> stamp[1:4], len(stamp) < 2000
+    (b'PNG', True)
+    """
+    from matplotlib import colormaps
+    from PIL import Image
+
+    ny, nx = height_m.shape
+    step = max(1.0, ny / MOST_ROWS, nx / MOST_COLUMNS)
+    shape = [max(1, int(n / step)) for n in (ny, nx)]
+    taken = [
+        np.minimum(((np.arange(SAMPLES * m) + 0.5) * n / (SAMPLES * m)).astype(int), n - 1)
+        for m, n in zip(shape, (ny, nx), strict=True)
+    ]
+    z = height_m[np.ix_(*taken)].reshape(shape[0], SAMPLES, shape[1], SAMPLES)
+    known = np.isfinite(z)
+    count = known.sum(axis=(1, 3))
+    mean = np.where(known, z, 0.0).sum(axis=(1, 3)) / np.maximum(count, 1)
+    seen = 2 * count > SAMPLES**2
+    level = np.zeros(shape, dtype=np.uint8)
+    if seen.any():
+        low, high = np.quantile(mean[seen], [0.02, 0.98])
+        share = (mean - low) / (high - low) if high > low else np.full(shape, 0.5)
+        level[seen] = 1 + np.clip(share[seen] * COLOURS, 0, COLOURS - 1).astype(np.uint8)
+    grey = [int(NON_MEASURED[i : i + 2], 16) for i in (1, 3, 5)]
+    ramp = colormaps["viridis"](np.linspace(0.0, 1.0, COLOURS))[:, :3]
+    image = Image.fromarray(level[::-1])
+    image.putpalette([*grey, *(255 * ramp).astype(int).ravel().tolist()])
+    buffer = io.BytesIO()
+    image.save(buffer, "PNG", bits=4, optimize=True)
+    return buffer.getvalue()

@@ -1,0 +1,203 @@
+"""The page of many scans in a real browser: what it shows, finds and sorts.
+
+Without a browser on this machine the page itself is not looked at, and the tests say that they were
+left out.
+"""
+
+import base64
+import io
+import json
+import re
+from functools import cache
+
+import h5py
+import numpy as np
+import output_cases
+import pytest
+
+from browser import ask, needs_chromium, picture
+from capslip.output import overview
+from capslip.output.overview import COLUMNS, row_of, write_overview
+from capslip.output.tables import write_result
+from capslip.output.thumbnail import thumbnail
+
+MANY = 10_000
+NASTY = 'bad </script><img src=x onerror="boom()">'
+
+
+def failed(name, error="not a map; export it again"):
+    return dict.fromkeys(COLUMNS) | {"scan": name, "status": "failed", "error": error}
+
+
+@pytest.fixture(scope="module")
+def real(tmp_path_factory):
+    """Two results, one of them without families, and a scan that failed."""
+    folder = tmp_path_factory.mktemp("batch")
+    rows = []
+    for name, analysis in (("several", output_cases.several()), ("one", output_cases.one())):
+        home = folder / "scans" / name
+        home.mkdir(parents=True)
+        write_result(analysis, home)
+        rows.append(row_of(analysis.summary()) | {"scan": name, "folder": f"scans/{name}"})
+    rows.append(failed(NASTY))
+    write_overview(rows, folder)
+    return folder, rows
+
+
+def data_of(folder):
+    text = (folder / "index.html").read_text("utf-8")
+    return json.loads(re.search(r'id="data">(.*?)</script>', text, re.DOTALL)[1])
+
+
+@pytest.fixture(scope="module")
+def many(tmp_path_factory, real):
+    """Ten thousand rows, each with curves and a stamp, as the two results have them."""
+    folder = tmp_path_factory.mktemp("many")
+    source, rows = real
+    (folder / "scans").symlink_to(source / "scans")
+    rng = np.random.default_rng(1)
+    found = []
+    for i in range(MANY):
+        row = dict(rows[i % 2]) if i % 50 else failed("")
+        row["scan"] = f"scan {i:05d}"
+        if i % 50:
+            row["tangential_stiffness_N_per_m"] = float(rng.lognormal(16.0, 1.0))
+            row["status"] = "check" if i % 3 else "ok"
+        found.append(row)
+    with pytest.MonkeyPatch.context() as patch:  # two files are read, not ten thousand
+        patch.setattr(overview, "_pictured", cache(overview._pictured))
+        write_overview(found, folder)
+    return folder / "index.html", found
+
+
+def test_curves_and_stamps_are_those_of_the_results(real):
+    folder, _ = real
+    first = data_of(folder)["rows"][0]
+    with h5py.File(folder / "scans" / "several" / "result.h5") as file:
+        force_N, energy_J = file["slip/force_N"][:], file["slip/energy_J"][:]
+    curve = np.array(first[7][1], dtype=float).reshape(2, -1)
+    x, y = 10.0 ** (curve / 1000.0)
+    np.testing.assert_allclose(x[[0, -1]], force_N[[0, -1]], rtol=2e-3)
+    np.testing.assert_allclose(np.interp(x, force_N, energy_J), y, rtol=1e-2)
+    assert base64.b64decode(first[8])[1:4] == b"PNG"
+
+
+def test_causes_have_what_was_measured_first(real):
+    _, rows = real
+    summary = output_cases.several().summary()
+    effect = {"tangential_stiffness": 0.2, "energy": None, "loss_factor": 0.4}
+    problems = [
+        {"code": "bow_left", "severity": "warning", "message": "a", "effect": None},
+        {"code": "detail_decides", "severity": "warning", "message": "b", "effect": effect},
+        {"code": "yielded", "severity": "info", "message": "c", "effect": None},
+    ]
+    row = row_of(summary | {"problems": problems})
+    moved = "moves K by 20 %, the loss factor by 40 %"
+    assert row["causes"] == [["warning", "detail_decides", moved], ["warning", "bow_left", ""]]
+    assert set(rows[0]) - set(COLUMNS) == {"causes"}
+
+
+def test_a_lost_result_keeps_its_row(real, tmp_path):
+    _, rows = real
+    write_overview([rows[0]], tmp_path)  # whose folder is not there
+    row = data_of(tmp_path)["rows"][0]
+    assert row[7:] == [[[], []], ""]
+    assert row[5][0] == rows[0]["caps"]
+
+
+def test_a_stamp_shows_heights_upwards_and_what_is_not_measured():
+    from PIL import Image
+
+    height_m = np.broadcast_to(np.linspace(0.0, 1.0, 200)[:, None], (200, 300)).copy()
+    height_m[:100, :150] = np.nan  # low y, low x
+    with Image.open(io.BytesIO(thumbnail(height_m))) as image:
+        level = np.asarray(image)
+    assert level.shape == (40, 60)
+    assert (level[20:, :30] == 0).all()  # the lower left
+    assert (level[:, 30:] > 0).all()
+    assert (np.diff(level[:, 45].astype(int)) <= 0).all()  # it falls downwards
+    assert len(thumbnail(np.random.default_rng(0).normal(size=(900, 900)))) < 2000
+    assert thumbnail(np.full((5, 5), np.nan))[1:4] == b"PNG"
+
+
+@needs_chromium
+def test_page_shows_every_scan_with_what_it_says(real, tmp_path):
+    folder, rows = real
+    found = ask(
+        folder / "index.html",
+        "return [[...document.querySelectorAll('#rows tr')].map((row) =>"
+        "row.textContent.replace('</', '[')),"
+        "[...document.querySelectorAll('#strip button')].map((one) => one.textContent),"
+        "document.querySelectorAll('#rows img').length,"
+        "document.querySelector('#rows a').getAttribute('href')]",
+        tmp_path,
+    )
+    assert NASTY.replace("</", "[") in found[0][2]  # as text
+    assert "export it again" in found[0][2]
+    counted = dict.fromkeys(("ok", "check", "failed"), 0)
+    for row in rows:
+        counted[row["status"]] += 1
+    assert found[1] == [f"{n} {status}" for status, n in counted.items() if n]
+    assert found[2] == 2
+    assert found[3] == "scans/several/report.html"
+
+
+@needs_chromium
+@pytest.mark.parametrize("width", [420, 1400])
+def test_page_fits_and_draws(width, many, tmp_path):
+    page, _ = many
+    sides = ask(
+        page,
+        "return [document.documentElement.scrollWidth, innerWidth]",
+        tmp_path,
+        size=(width, 900),
+    )
+    assert sides[0] <= sides[1]
+    dark = ("--blink-settings=preferredColorScheme=0",)
+    light, night = (picture(page, tmp_path, size=(width, 900), flags=more) for more in ((), dark))
+    blue = (light[..., 2] - light[..., 0] > 60).mean()
+    assert blue > 0.01  # curves and bars
+    assert light.mean() > 180.0 > 100.0 > night.mean()
+
+
+@needs_chromium
+def test_ten_thousand_rows_are_filtered_and_sorted_and_few_are_made(many, tmp_path):
+    page, rows = many
+    assert page.stat().st_size < 20e6
+    script = """
+    const lines = () => [...document.querySelectorAll("#rows tr")];
+    const first = () => lines()[0].querySelector(".scan").firstChild.textContent;
+    const press = (text) => [...document.querySelectorAll("button")].find((one) =>
+        one.textContent.includes(text)).click();
+    const made = lines().length, said = [];
+    for (const text of ["tangential stiffness", "tangential stiffness", " failed", " failed"]) {
+        press(text);
+        said.push([first(), document.getElementById("shown").textContent]);
+    }
+    document.getElementById("more").click();
+    const grown = lines().length;
+    return { made, grown, said };"""
+    found = ask(page, script, tmp_path)
+    assert found["made"] <= 300  # of ten thousand; more as they are scrolled to
+    assert found["grown"] > 100
+    with_number = [row for row in rows if row["tangential_stiffness_N_per_m"] is not None]
+    by = sorted(with_number, key=lambda row: float(f"{row['tangential_stiffness_N_per_m']:.4g}"))
+    everything, failures = f"{MANY} of {MANY}", sum(row["status"] == "failed" for row in rows)
+    assert found["said"][0] == [by[-1]["scan"], everything]
+    assert found["said"][1] == [by[0]["scan"], everything]
+    assert found["said"][2][1] == f"{failures} of {MANY}"
+    assert found["said"][3][1] == everything
+
+
+@needs_chromium
+def test_words_that_are_looked_for_leave_the_scans_that_have_them(many, tmp_path):
+    page, rows = many
+    script = """
+    const find = document.getElementById("find");
+    find.value = "00042";
+    window.setTimeout = (what) => what();
+    find.dispatchEvent(new Event("input"));
+    const shown = [...document.querySelectorAll("#rows tr .scan")];
+    return shown.map((one) => one.firstChild.textContent);
+    """
+    assert ask(page, script, tmp_path) == [rows[42]["scan"]]
