@@ -17,6 +17,7 @@ from capslip.problems import Problem
 from check_result import defects
 
 DATASETS = {  # every dataset beside the caps, with its unit
+    "surface/thumbnail_png": "",
     "surface/height_m": "m",
     "hills/labels": "",
     "normal/approach_m": "m",

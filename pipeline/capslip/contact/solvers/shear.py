@@ -48,12 +48,12 @@ def shear(
     a, b = closing
     e_total, spread = _extremes(k, C, g)
     e = goal / (a + b * spread.sum())
-    N = k * g * np.sqrt(g)
-    if a == 0:  # as of one contact that bears all
-        e = e_total * (1 - np.cbrt(1 - np.minimum(goal / N.sum(), 1)) ** 2)
+    if a == 0:
+        e = np.minimum(e, 0.9 * e_total)
     x = e[:, None] * (1 - C @ spread)
     todo = np.arange(len(goal))
     if a == 0:
+        N = k * g * np.sqrt(g)
         total = goal >= N.sum() * (1 - 4e-15)
         e[total], x[total] = e_total, e_total - C @ N
         todo = todo[~total]
