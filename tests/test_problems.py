@@ -314,6 +314,7 @@ ROWS = [
         "deep-P levelled fifth"),
     Row("contact_failed", "error", "460 N need", "plain rubber"),
     Row("face_closes", "warning", "84% of the face", "plain in-time N=10000", "plain in-time"),
+    Row("bulk_dominates", "warning", "each 2% of it", "plain in-time N=2600", "plain in-time"),
     Row("bulk_kept", "warning", "approach of 7.29e-06", "plain levelled plastics",
         "plain levelled plastics with-bulk"),
     Row("model_doubtful", "warning", "about 0.25, more than 0.05", "plain alone", swept=True),

@@ -17,10 +17,11 @@ from capslip.contact.material import Composite, composite
 from capslip.contact.rung import Contacts, Rung, Scene, rung
 from capslip.contact.solvers.hertz import contact_radius_m
 from capslip.errors import ContactError
-from capslip.problems import Problem
+from capslip.problems import Effect, Problem
 from capslip.settings import Settings
 from capslip.surface.heightmap import HeightMap
 
+MOSTLY_BULK, BULK_ERROR = 0.9, 0.02  # share of the compliance; error that any bulk may have
 CLOSING = 0.25  # of the face in contact: metals carry their hardness long before
 FULL = 1.0 - 1e-6  # of the measured face in contact: no gap is left for a model of contact
 
@@ -145,7 +146,7 @@ def press(
         bulk_m = bulk_m_per_N * preload_N
         if not bulk:
             curve, bulk = without_bulk(normal, bulk_m_per_N, preload_N)
-            problems += [_bulk_kept(bulk_m, approach_m)] if bulk else []
+            problems += _of_bulk(bulk_m, approach_m, bulk_m_per_N, curve, preload_N, kept=bulk)
     found, a_m = _contacts(scene, caps, normal, approach_m, model)
     problems += _closes(found, surface)
     if settings.contact.model == "auto" and model.error is not None:
@@ -231,6 +232,29 @@ def _closes(found: Contacts, surface: HeightMap) -> list[Problem]:
         "rests on its tops, as under far too great a load or with heights or pixels in a wrong unit"
     )
     return [Problem("face_closes", "warning", message)]
+
+
+def _of_bulk(
+    bulk_m: float,
+    approach_m: float,
+    bulk_m_per_N: float,
+    curve: NormalCurve,
+    preload_N: float,
+    kept: bool,
+) -> list[Problem]:
+    """Return whether the bulk could not be taken off, or what is left is a small difference."""
+    if kept:
+        return [_bulk_kept(bulk_m, approach_m)]
+    rest_m_per_N = 1.0 / float(curve.stiffness_N_per_m(curve.approach_m(preload_N)))
+    share = bulk_m_per_N / (bulk_m_per_N + rest_m_per_N)
+    if share <= MOSTLY_BULK:
+        return []
+    moved = BULK_ERROR * share / (1.0 - share)
+    message = (
+        f"{share:.0%} of the compliance is the bulk's, which is taken off: what is left moves by "
+        f"{moved:.0%} with each {BULK_ERROR:.0%} of it, and no block is quite a half-space"
+    )
+    return [Problem("bulk_dominates", "warning", message, Effect(moved, None, moved))]
 
 
 def _bulk_kept(bulk_m: float, approach_m: float) -> Problem:

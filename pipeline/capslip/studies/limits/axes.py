@@ -43,8 +43,8 @@ RATIOS = (1.2, 2.0, 1 / 2.0, 4.0, 1 / 4.0, 8.0, 1 / 8.0, 16.0, 1 / 16.0, 64.0)
 BUMPY = ("shallow_saddles", "not_spherical", "pruning_decides", "boundary_elements_needed")
 MERGED = ("connected_network", "shallow_saddles", "contacts_merge", "pruning_decides",
           "not_spherical")
-CRUSHED = ("face_closes", "contacts_merge", "contact_beyond_cap", "contact_failed", "bulk_kept",
-           "boundary_elements_needed", "contact_reaches_below_cut", "pressure_beyond_elastic",
+CRUSHED = ("face_closes", "bulk_dominates", "contacts_merge", "contact_beyond_cap",
+           "contact_failed", "bulk_kept", "boundary_elements_needed", "contact_reaches_below_cut", "pressure_beyond_elastic",
            "cut_too_high")
 WAVY = ("boundary_elements_needed", "not_spherical", "connected_network", "shallow_saddles",
         "caps_edge", "not_balanced")
