@@ -44,8 +44,8 @@ BUMPY = ("shallow_saddles", "not_spherical", "pruning_decides", "boundary_elemen
 MERGED = ("connected_network", "shallow_saddles", "contacts_merge", "pruning_decides",
           "not_spherical")
 CRUSHED = ("face_closes", "bulk_dominates", "contacts_merge", "contact_beyond_cap",
-           "contact_failed", "bulk_kept", "boundary_elements_needed", "contact_reaches_below_cut", "pressure_beyond_elastic",
-           "cut_too_high")
+           "contact_failed", "bulk_kept", "boundary_elements_needed", "contact_reaches_below_cut",
+           "pressure_beyond_elastic", "cut_too_high")
 WAVY = ("boundary_elements_needed", "not_spherical", "connected_network", "shallow_saddles",
         "caps_edge", "not_balanced")
 FORM = ("tilt_left", "bow_left", "one_contact", "caps_edge", "connected_network", "tips_over",
