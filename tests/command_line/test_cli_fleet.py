@@ -477,6 +477,8 @@ def test_a_signal_ends_it_in_two_seconds_and_nothing_stays(
         stderr=subprocess.PIPE,
         text=True,
         env={**os.environ, "FLEET_MARK": str(tmp_path)},
+        # as from a terminal: what a shell starts behind itself ignores Ctrl-C
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.default_int_handler),
     )
     assert "1 of 30" in process.stderr.readline()
     process.send_signal(number)
