@@ -132,8 +132,8 @@ def _as_severe(problem: Problem, effect: Effect | None, tolerance: float) -> Pro
         moves = True
     if problem.code == "outliers_removed" and problem.severity == "warning":
         moves = True
-    said = f"; that moves the stiffness by {effect.tangential_stiffness:.2g}, the energy by "
-    message = f"{problem.message}{said}{effect.energy:.2g} (estimated by caps)"
+    said = f"; that moves the stiffness by {effect.tangential_stiffness:.1%}, the energy by "
+    message = f"{problem.message}{said}{effect.energy:.1%} (estimated by caps)"
     return replace(problem, severity="warning" if moves else "info", message=message, effect=effect)
 
 

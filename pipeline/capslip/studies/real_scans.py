@@ -1,0 +1,114 @@
+"""What the program says of real scans, one row each: the tables of `docs/real-scans.md`.
+
+`python -m capslip.studies.real_scans FOLDER [--set KEY=VALUE ...]` prints them. Nobody knows the
+right answer for these faces: the tables say what answered, what is doubted, and by how much.
+"""
+
+import argparse
+import sys
+import time
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import msgspec
+
+from capslip.analysis import analyze
+from capslip.errors import CapslipError
+from capslip.settings import load_settings
+from capslip.studies.page import Row, table
+from capslip.surface.readers import load_surface
+
+AS_A_JOINT = (
+    "contact.nominal_pressure_Pa=2e6",
+    "material.preset='steel'",
+    "material.friction_coefficient=0.2",
+)
+HEAD = (
+    *("scan", "points", "side [mm]", "caps", "answered by", "contacts", "greatest pressure [GPa]"),
+    *("stiffness [MN/m]", "energy at a quarter of mu N [J]", "loss factor of the joint"),
+    *("status", "warnings", "CPU [s]"),
+)
+
+
+def main() -> None:
+    """Print the tables of every scan of a folder that can be read."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("folder", type=Path)
+    parser.add_argument("--set", action="append", default=[], metavar="KEY=VALUE", dest="overrides")
+    given = parser.parse_args()
+    sys.stdout.write(f"{real_scans(given.folder, (*AS_A_JOINT, *given.overrides))}\n")
+
+
+def real_scans(folder: Path, overrides: Sequence[str] = AS_A_JOINT) -> str:
+    """Return in Markdown the answer, verdict and warnings of every scan of a folder.
+
+    Parameters
+    ----------
+    folder : Path
+        What cannot be read as a scan is left out; a scan without an answer is named.
+    overrides : sequence of str
+        Settings as `--set` takes them.
+    """
+    settings = load_settings(overrides=tuple(overrides))
+    rows, texts = [], []
+    for file in sorted(path for path in folder.iterdir() if path.is_file()):
+        started_s = time.process_time()
+        try:
+            surface = load_surface(file, **msgspec.structs.asdict(settings.reading))
+        except CapslipError:
+            continue
+        try:
+            summary = analyze(surface, settings).summary()
+        except CapslipError as error:
+            texts.append(f"`{file.name}`: no answer: {error}")
+            continue
+        rows.append((f"`{file.name}`", *_row(summary), f"{time.process_time() - started_s:.0f}"))
+        texts.append(f"`{file.name}`: {summary['verdict']}.\n{_doubts(summary)}")
+    return "\n\n".join([table(HEAD, rows), *texts])
+
+
+def _row(summary: Row) -> tuple[str, ...]:
+    surface, contact = summary["surface"], summary["contact"] or {}
+    answer, interval = summary["answer"] or {}, (summary["answer"] or {}).get("interval") or {}
+
+    def with_interval(name: str, scale: float = 1.0) -> str:
+        value, bounds = answer.get(name), interval.get(name)
+        if value is None:
+            return "none"
+        between = "" if bounds is None else f" ({bounds[0] * scale:.2g} to {bounds[1] * scale:.2g})"
+        return f"{value * scale:.3g}{between}"
+
+    pressure_Pa = contact.get("max_pressure_Pa")
+    shape, pixel_size_m = surface["shape"][::-1], surface["pixel_size_m"][::-1]  # along x, y
+    sides_m = [points * pixel for points, pixel in zip(shape, pixel_size_m, strict=True)]
+    return (
+        " x ".join(map(str, shape)),
+        " x ".join(f"{side * 1e3:.3g}" for side in sides_m),
+        str(summary["hills"]["caps"]),
+        str(contact.get("model", "nothing")),
+        str(contact.get("contacts", 0)),
+        "" if pressure_Pa is None else f"{pressure_Pa / 1e9:.2g}",
+        with_interval("tangential_stiffness_N_per_m", 1e-6),
+        with_interval("energy_J"),
+        with_interval("joint_loss_factor"),
+        summary["status"],
+        str(len(_warnings(summary))),
+    )
+
+
+def _warnings(summary: Row) -> list[Any]:
+    return [problem for problem in summary["problems"] if problem["severity"] != "info"]
+
+
+def _doubts(summary: Row) -> str:
+    """Return one line a warning, with what it moves where that was measured."""
+    lines = [
+        f"- `{problem['code']}` ({problem['severity']}): {problem['message']}"
+        for problem in _warnings(summary)
+    ]
+    return "\n".join(lines)
+
+
+if __name__ == "__main__":
+    main()
