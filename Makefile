@@ -46,7 +46,7 @@ bench: $(READY) ## Timings of commands, stages and solvers beside their peers: [
 	@$(BIN)/capslip bench $(if $(OUT),--out "$(OUT)") $(ARGS)
 
 chart: $(READY) ## Speed against accuracy of every method, into docs/: [OUT=folder] [SCANS=folder]
-	@$(BIN)/capslip chart --out "$(or $(OUT),docs)" $(if $(SCANS),--scans "$(SCANS)") $(ARGS)
+	@OPENBLAS_NUM_THREADS=1 $(BIN)/capslip chart --out "$(or $(OUT),docs)" $(if $(SCANS),--scans "$(SCANS)") $(ARGS)
 
 limits: $(READY) ## Where each method breaks and what the program says, into docs/: [OUT=folder]
 	@$(BIN)/capslip limits --out "$(or $(OUT),docs)" $(ARGS)

@@ -121,7 +121,7 @@ def _panel(axes: "Axes", results: dict[str, Any], quantity: str) -> None:
             label="Pareto front of all methods",
         )
         axes.set(xscale="log", yscale="log", ylim=(3e-4, 5.0))
-    axes.set_xlabel("seconds of one analysis")
+    axes.set_xlabel("processor seconds of one analysis")
     axes.set_ylabel(f"relative error of the {TITLES[quantity]}", fontsize=8.5)
     _plain(axes)
     uncertainty = _uncertainty(results, quantity)
@@ -203,7 +203,7 @@ def _fits(results: dict[str, Any]) -> "Figure":
             _plain(axes)
         row[0].set_ylabel(f"relative error of the {TITLES[quantity]}", fontsize=8.5)
     for axes in panels[-1]:
-        axes.set_xlabel("time of one analysis")
+        axes.set_xlabel("processor time of one analysis")
     handles, labels = panels[-1, -1].get_legend_handles_labels()
     figure.legend(handles=handles, labels=labels, loc="outside lower center", ncols=4)
     return figure

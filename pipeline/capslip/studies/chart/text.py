@@ -15,6 +15,7 @@ from capslip.studies.chart.methods import (
     COARSENINGS,
     FITS,
     FLAT,
+    GRID,
     MEAN,
     MODELS,
     PAPER,
@@ -41,7 +42,8 @@ HOW = (
     "on the whole map proves them. The methods see the map of an instrument with pixels four times "
     "as large (300 x 200 points), with noise or without, and do the whole of "
     "`capslip.analyze` but the sweeps and the judgement of a forced model. Seconds are "
-    "medians of three runs where one takes less than half a second. Errors are relative; "
+    "processor time, so that other work on the machine does not count, in the median of three "
+    "runs where one takes less than half a second. Errors are relative; "
     "where a method gives no answer, it counts as infinitely wrong. Rows give medians over "
     "all seeded faces; ranges are in the pictures and the files."
 )
@@ -96,11 +98,11 @@ def _advice(results: dict[str, Any]) -> list[str]:
     pixels = [case["reference"]["pixels_across"] for case in results["cases"] if _known(case)]
     across = statistics.median(pixels) / BLOCK
     auto = [row for row in results["honesty"]["same"] if row["setting"] == AUTO_DEFAULT]
-    needed = sum("boundary_elements_needed" in row["problems"] for row in auto)
+    on_the_map = sum(row["model"] == GRID.name for row in auto)
     return [
         f"Start with `--model auto` ({seconds(AUTO, AUTO_DEFAULT)} an analysis). It says how far "
-        f"its result can be trusted, and when boundary elements are needed ({needed} of these "
-        f"{len(auto)} faces).",
+        f"its result can be trusted, and takes boundary elements where caps are not enough "
+        f"({on_the_map} of these {len(auto)} faces).",
         f"On faces of clear caps interacting caps ({seconds(BEST)}) are enough: off by "
         f"{percent(BEST, 'energy_0.25', 'caps')} in the energy W at a quarter of the force of "
         f"total slip, by {percent(BEST, 'stiffness_without_bulk', 'caps')} in the stiffness.",
