@@ -75,7 +75,7 @@ def test_two_faces_on_the_same_axes_have_one_unit(several, plt):
 
 
 def test_what_cannot_be_drawn_is_an_error_that_says_why_and_leaves_no_window(plt):
-    with pytest.raises(OutputError, match="loop'; got .*; expected caps that carry"):
+    with pytest.raises(OutputError, match=r"loop'; got .*; expected caps that carry"):
         output_cases.none().plot.loop()
     assert plt.get_fignums() == []
 
