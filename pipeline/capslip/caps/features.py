@@ -25,7 +25,7 @@ class FeatureParameters:
 
     Attributes
     ----------
-    hills, closed_hills : int
+    hills_at_5_percent, closed_hills : int
         How many there are.
     Spd_per_m2 : float
         Closed hills over the measured area.
@@ -37,7 +37,7 @@ class FeatureParameters:
         Mean area of a closed hill.
     """
 
-    hills: int
+    hills_at_5_percent: int
     closed_hills: int
     Spd_per_m2: float
     Spc_per_m: float
@@ -64,7 +64,7 @@ def feature_parameters(surface: HeightMap) -> FeatureParameters:
     >>> y, x = np.mgrid[0:200, 0:300] * 1e-6
     >>> waves_m = 1e-6 * np.cos(2 * np.pi * x / 1e-4) * np.cos(2 * np.pi * y / 1e-4)
     >>> found = feature_parameters(HeightMap(waves_m, (1e-6, 1e-6)))
-    >>> found.hills, found.closed_hills, round(found.Spc_per_m)  # 4 pi^2 A / wavelength^2
+    >>> found.hills_at_5_percent, found.closed_hills, round(found.Spc_per_m)
     (18, 4, 3947)
     """
     # A frame spares the tree the edge of the map
@@ -95,7 +95,7 @@ def feature_parameters(surface: HeightMap) -> FeatureParameters:
     summit = np.empty(m, dtype=np.int64)
     summit[tree.hill[at_peak]] = point[at_peak]
     return FeatureParameters(
-        hills=found,
+        hills_at_5_percent=found,
         closed_hills=int(np.count_nonzero(closed)),
         Spd_per_m2=np.count_nonzero(closed) / (point.size * surface.pixel_area_m2),
         Spc_per_m=_mean(_curvature_per_m(flat_m, width, summit[closed], surface.pixel_size_m)),

@@ -158,7 +158,9 @@ def _direction(
     inside[0, 0] = False
     angle = np.arctan2(fy_per_m, fx_per_m)[inside]  # of half the plane: -90 to 90 degrees
     number = np.rint(angle * (DIRECTIONS / math.pi)).astype(np.int64) % DIRECTIONS
-    of_class = np.bincount(number, power[inside], minlength=DIRECTIONS)
+    halves = np.ones(len(fx_per_m[0]))
+    halves[0] = 0.5  # along y, both of each pair of mirrored waves are there, else one
+    of_class = np.bincount(number, (power * halves)[inside], minlength=DIRECTIONS)
     degrees = int(np.argmax(of_class))
     return math.pi / DIRECTIONS * (degrees if degrees <= 90 else degrees - DIRECTIONS)
 
