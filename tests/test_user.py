@@ -36,7 +36,7 @@ def test_the_tab_key_finds_the_public_names():
 
 
 def test_a_users_script_is_typed_throughout(tmp_path, monkeypatch):
-    """The flags of `mypy --strict` are written in it, so that it shares the cache of `make lint`."""
+    """The flags of `mypy --strict` stand in it, so that it shares the cache of `make lint`."""
     api = pytest.importorskip("mypy.api")
     monkeypatch.chdir(PROJECT)
     script = PROJECT / "tests" / "user" / "script.py"
