@@ -7,13 +7,14 @@ import math
 import platform
 from dataclasses import asdict, dataclass
 from html import escape
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 import capslip
 from capslip.caps.families import Families, Family
 from capslip.caps.hills import Hills
+from capslip.caps.iso25178 import Iso25178
 from capslip.caps.table import CapTable
 from capslip.contact.joint import Joint
 from capslip.contact.levelling import Level
@@ -30,7 +31,12 @@ from capslip.structure.response import MOST_LOSS_FACTOR, Damping, lightly_damped
 from capslip.structure.stiffness import structure_name
 from capslip.surface.conditioning import Conditioned
 from capslip.surface.heightmap import HeightMap, Origin
+from capslip.surface.spectrum import carried_waves_m
 from capslip.verdict import assumptions, verdict
+
+if TYPE_CHECKING:
+    from capslip.output.arrays import Tables
+    from capslip.output.plots import Plots
 
 SCHEMA = "capslip/summary/1"
 ROUNDING = 1e-9  # of the face; a resultant that is less off the load point is on it
@@ -144,6 +150,7 @@ class Analysis(JointResult):
     hills: Hills
     caps: CapTable
     sensitivity: Sensitivity | None  # None where it was not asked for
+    iso25178: Iso25178  # of the conditioned map, computed when they are asked for
     mate: Origin | None = None  # of the other face, where there is one
 
     @property
@@ -151,38 +158,45 @@ class Analysis(JointResult):
         """Name of the scan."""
         return self.surface.origin.name
 
+    @property
+    def plot(self) -> "Plots":
+        """The figures, each a method that returns Matplotlib axes: `analysis.plot.loop()`."""
+        return capslip.Plots(self)
+
+    @property
+    def tables(self) -> "Tables":
+        """The numbers as NumPy structured arrays: `analysis.tables.caps["radius_m"]`."""
+        return capslip.Tables(self)
+
     def __repr__(self) -> str:
-        table = self.summary()
-        contact, peak = table["contact"], table["damping"]["peak_loss_factor"]
+        contact, peak = _contact(self), _damping(self)["peak_loss_factor"]
         of = structure_name(self.settings)
         loss = "no loss factor" if peak is None else f"loss factor {peak:.3g} of the {of}"
         return (
-            f"<Analysis of {table['name']}: {table['status']}, {table['hills']['caps']} caps, "
+            f"<Analysis of {self.name}: {self.status}, {self.caps.usable.sum()} caps, "
             f"{contact['model'] or 'no contact'} at {contact['preload_N']:g} N, {loss}, "
-            f"{len(table['problems'])} problems>"
+            f"{len(self.problems)} problems>"
         )
 
     def _repr_html_(self) -> str:
         """Return a small table, for notebooks."""
-        table = self.summary()
+        slip, damping = _plain(_slip(self)), _plain(_damping(self))
         rows = {
-            "verdict": table["verdict"],
-            "caps": table["hills"]["caps"],
-            "G-caps, P-caps": f"{table['families']['m']}, {table['families']['n']}",
-            "contact model": table["contact"]["model"],
-            "preload [N]": table["contact"]["preload_N"],
-            "tangential stiffness [N/m]": table["slip"]["tangential_stiffness_N_per_m"],
-            f"greatest loss factor, {table['damping']['structure']}": table["damping"][
-                "peak_loss_factor"
-            ],
-            "gross slip amplitude [m]": table["damping"]["gross_slip_amplitude_m"],
-            **{problem["code"]: problem["message"] for problem in table["problems"]},
+            "verdict": self.verdict,
+            "caps": int(self.caps.usable.sum()),
+            "G-caps, P-caps": f"{self.families.m}, {self.families.n}",
+            "contact model": self.contact.model if self.contact else None,
+            "preload [N]": float(self.joint.preload_N),
+            "tangential stiffness [N/m]": slip["tangential_stiffness_N_per_m"],
+            f"greatest loss factor, {damping['structure']}": damping["peak_loss_factor"],
+            "gross slip amplitude [m]": damping["gross_slip_amplitude_m"],
+            **{problem.code: problem.text for problem in self.problems},
         }
         body = "".join(
             f"<tr><th>{escape(name)}</th><td>{_cell(value)}</td></tr>"
             for name, value in rows.items()
         )
-        caption = f"{escape(table['name'])}: {table['status']}"
+        caption = f"{escape(self.name)}: {self.status}"
         return f"<table><caption>{caption}</caption>{body}</table>"
 
     def _of_the_scan(self) -> dict[str, Any]:
@@ -292,6 +306,16 @@ def _surface(analysis: Analysis) -> dict[str, Any]:
         "dataset": surface.origin.dataset,
         "height_unit": surface.origin.height_unit,
         "lateral_unit": surface.origin.lateral_unit,
+        "iso25178": {
+            **analysis.iso25178.to_dict(),
+            "carried_waves_m": carried_waves_m(
+                conditioned.surface,
+                analysis.hills.noise_m,
+                analysis.settings.conditioning.s_filter_nesting_index_m,
+                analysis.settings.conditioning.l_filter_nesting_index_m,
+            ),
+            "contact_diameter_m": analysis.caps.contact_diameter_m,
+        },
     }
 
 
@@ -342,7 +366,7 @@ def _families(families: Families | None) -> dict[str, Any]:
 
 def _contact(analysis: JointResult) -> dict[str, Any]:
     """Return the contact: loads and stiffness of the joint, the rest of the scan in it."""
-    contact, joint = analysis.contact, analysis.joint
+    contact, joint, slip = analysis.contact, analysis.joint, analysis.slip
     area_m2 = contact.contact_area_m2 if contact and joint.is_even else None
     yielded_m2 = contact.yielded_area_m2 if contact and joint.is_even else None
     return {
@@ -357,7 +381,7 @@ def _contact(analysis: JointResult) -> dict[str, Any]:
         "approach_m": contact.approach_m if contact else None,
         "approach_without_bulk_m": contact.approach_without_bulk_m if contact else None,
         "contacts": contact.contacts if contact else None,
-        "stiffness_N_per_m": _normal_stiffness(analysis),
+        "stiffness_N_per_m": slip.curve.stiffness_N_per_m(slip.approach_m) if slip else None,
         "contact_area_m2": None if area_m2 is None else area_m2 * float(joint.weight[0]),
         "max_pressure_Pa": contact.max_pressure_Pa if contact else None,
         "hardness_Pa": contact.hardness_Pa if contact else None,
@@ -365,12 +389,6 @@ def _contact(analysis: JointResult) -> dict[str, Any]:
         "bulk": contact.bulk if contact else None,
         **_alignment(analysis),
     }
-
-
-def _normal_stiffness(analysis: JointResult) -> float | None:
-    """Return that of the joint under its preload."""
-    slip = analysis.slip
-    return None if slip is None else float(slip.curve.stiffness_N_per_m(slip.approach_m))
 
 
 def _alignment(analysis: JointResult) -> dict[str, Any]:
@@ -461,16 +479,8 @@ def _limit(analysis: JointResult, family: str) -> float | None:
 def _family(family: Family | None) -> dict[str, Any] | None:
     if family is None:
         return None
-    return {
-        "count": family.count,
-        "radius_m": family.radius_m,
-        "radius_se_m": family.radius_se_m,
-        "mean_radius_m": family.mean_radius_m,
-        "diameter_m": family.diameter_m,
-        "height_m": family.height_m,
-        "peak_height_m": family.peak_height_m,
-        "peak_height_se_m": family.peak_height_se_m,
-    }
+    names = ("count", "radius_m", "radius_se_m", "mean_radius_m", "diameter_m", "height_m")
+    return {name: getattr(family, name) for name in (*names, "peak_height_m", "peak_height_se_m")}
 
 
 def _plain(value: Any) -> Any:

@@ -26,6 +26,15 @@ MAX_ROWS = 200
 SEVERITIES = ("error", "warning", "info")
 
 Fact = str | tuple[str, str]  # a quantity of the one table, or a label and a text of several
+IN = {"Std_rad": ":°", "Spd_per_m2": ":1/mm²", "Spc_per_m": ":1/mm"}  # units without a prefix
+ISO25178: tuple[Fact, ...] = (
+    *(
+        (one.label, f"{{{name}{IN.get(name, '')}}}")
+        for name, one in QUANTITIES.items()
+        if one.path.startswith("surface.iso25178")
+    ),
+    ("of", "the map as levelled; hills of the whole map, not those above the cut"),
+)
 FAMILY = (
     "{{count_{0}}}: mean R {{radius_{0}_m:4}}, D {{diameter_{0}_m}}, df {{height_{0}_m}}, "
     "peak height {{peak_height_{0}_m}}"
@@ -268,6 +277,7 @@ def _tables(summary: dict[str, Any]) -> list[tuple[str, list[tuple[str, str]]]]:
             "sq_m",
             "sz_m",
         ),
+        "Surface parameters after ISO 25178-2": ISO25178,
         "Hills and families": (
             "alignment",
             "tilt_across_face_m",
