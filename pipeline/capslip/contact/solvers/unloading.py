@@ -6,7 +6,13 @@ from typing import NamedTuple
 
 import numpy as np
 
-from capslip.contact.solvers.hertz import load_drop_of_asperity, loss_of_asperity
+from capslip.contact.solvers.losses import (
+    Losses,
+    RegionLosses,
+    losses,
+    rates_per_m,
+    region_losses,
+)
 from capslip.contact.solvers.patches import PatchedFace, patched
 from capslip.contact.solvers.pixels import pixels_alone
 from capslip.contact.solvers.polonsky_keer import (
@@ -23,9 +29,8 @@ _FIRST = 9  # solutions before the first look at the accuracy
 _SMALLEST, _LARGEST = 0.007, 0.985  # their withdrawals, as shares of that of a single Hertz contact
 _UNSETTLED = 1e-3  # of the loss: the most that a solution may leave open
 _FINEST = 1e-11  # tolerance of a solution, above rounding
-_TABLE = 2000  # points of the table
-_REACH = 1e-5  # first withdrawal of the table, as a share of the last
-_ROWS = 50  # of the table at once
+_MOST_REGIONS = 300  # that are interpolated each by itself: more are no Hertz contacts
+_LEFT = 0.4  # of the error of a point left out, in the intervals beside it: in three of four less
 _PATCH_ERROR = 1e-5  # of what patches leave out, over the approach, see `Unloading`
 _ENOUGH_PIXELS, _ENOUGH_REFINED = 100, 50  # in contact, of a map as it is and of a refined one
 # Pixels across a contact, see `Pressed.pixels_across`: the map is refined where they are fewer than
@@ -84,10 +89,9 @@ def unload(
     For the same reason all of it is solved on patches around the contacts (`patched`), from the
     preload on, and refined by a cubic spline where the contacts are narrow (`refinement`).
 
-    Between solved loads each contact region i is a Hertz contact with a withdrawal t_i, as a share
-    of its compression, and a loss per load that both follow from its own N_i and L_i and are
-    interpolated over the withdrawal of the face. That puts the load at which a region lifts off,
-    where N(d) has a kink, in the right place.
+    Between solved loads the loss is interpolated: that of the face, whose slopes are known as well,
+    or that of each contact region as a Hertz contact (`losses`). A load that is left out tells what
+    the intervals beside it may be off: that decides between the two, and the worst one is halved.
 
     Parameters
     ----------
@@ -116,28 +120,17 @@ def unload(
         )
     path = _Path(face, pressed, tolerance, on_patches)
     first, last = (float(np.log(t / (1 - t))) for t in (_SMALLEST, _LARGEST))
-    odds = np.linspace(first, last, _FIRST).tolist()
-    for odd in odds:
+    for odd in np.linspace(first, last, _FIRST).tolist():
         path.solve(odd)
-    # The worst interval is halved; half of the error in its middle is expected in the halves.
-    intervals = [_Interval(np.inf, np.inf, low, high) for low, high in pairwise(odds)]
-    while max(intervals).excess > 1 and len(path.nodes) < MAX_SOLUTIONS:
-        worst = max(intervals)
-        interpolant = _Interpolant(path)
-        node = path.solve((worst.low + worst.high) / 2)
-        loss_J = float(interpolant.at(np.array([node.withdrawal_m]))[2][0])
-        exact_J = float(node.region_loss_J.sum())
-        error = abs(loss_J / exact_J - 1) / 2 if exact_J > 0 else 0.0
-        excess = error / max(TOLERANCE, node.pixel_error)
-        intervals.remove(worst)
-        intervals += [
-            _Interval(excess, error, worst.low, node.odd),
-            _Interval(excess, error, node.odd, worst.high),
-        ]
+    while len(path.nodes) < MAX_SOLUTIONS:
+        worst = max(_between(path)[1])
+        if worst.excess <= 1:
+            break
+        path.solve((worst.low + worst.high) / 2)
     error = path.patch_error()
     if error > _PATCH_ERROR:  # not seen yet
         return unload(face, pressed, tolerance, on_patches=False)
-    return replace(_tabulated(path, intervals), patch_error=error)
+    return replace(_tabulated(path), patch_error=error)
 
 
 def refinement(face: ElasticFace, pressed: Pressed) -> int:
@@ -256,6 +249,12 @@ class _Path:
         zero, depth_m = np.zeros(len(self.contact)), self.face.depth_m
         return self._seen(np.inf, 0.0, self.pressed.approach_m, zero, depth_m)
 
+    def rates_per_m(self, nodes: list[_Node]) -> np.ndarray:
+        """Return the withdrawals of the regions, see `losses.rates_per_m`."""
+        share = np.array([node.region_load_N for node in nodes]) / self.region_load_N
+        gap_m = np.array([node.region_least_gap_m for node in nodes])
+        return rates_per_m(np.array([node.withdrawal_m for node in nodes]), share, gap_m)
+
     def patch_error(self) -> float:
         """Return the worst gap, over the approach, that the whole map finds in the patches.
 
@@ -350,65 +349,68 @@ def _on_patches(
     return found, patches.gathered(region)
 
 
-class _Interpolant:
-    """Every region as a Hertz contact, between the solved loads."""
-
-    def __init__(self, path: _Path) -> None:
-        from scipy.interpolate import PchipInterpolator
-
-        self.load_N = path.region_load_N
-        trusted = [node for node in path.nodes if node.pixel_error <= _UNCERTAIN]
-        nodes = [*trusted, path.end()]
-        self.smallest_m = nodes[0].withdrawal_m
-        x = np.array([node.withdrawal_m for node in nodes])
-        share = np.array([node.region_load_N for node in nodes]) / self.load_N
-        loss_m = np.array([node.region_loss_J for node in nodes]) / self.load_N
-        gap_m = np.array([node.region_least_gap_m for node in nodes])
-        lifted = share <= 0
-        # t = 1 - (N_i1 / N_i)^(2/3) in contact; afterwards x over that at which the gap opened. A
-        # region of one pixel, or of even pressure, opens everywhere at once.
-        t = -np.expm1(2 / 3 * np.log(np.where(lifted, 1.0, np.minimum(share, 1.0))))
-        opened_m = np.maximum(x[:, None] - gap_m, 1e-6 * x[:, None])
-        t = np.where(lifted, x[:, None] / opened_m, t)
-        unit = loss_of_asperity(np.ones(()), np.ones(()), t)
-        length_m = loss_m / np.where(unit > 0, unit, 1.0)
-        rate = np.concatenate((path.slope_per_m[None], t / x[:, None]))
-        self._rate = PchipInterpolator(np.append(0.0, x), rate, axis=0)
-        self._length = PchipInterpolator(
-            np.append(0.0, x), np.concatenate((length_m[:1], length_m))
-        )
-
-    def at(self, withdrawal_m: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Return t of each region, shape (m, n), and load drop and loss, shape (m,)."""
-        x = withdrawal_m[:, None]
-        t = x * self._rate(withdrawal_m)
-        one = np.ones(())
-        drop_N = load_drop_of_asperity(self.load_N, one, t).sum(axis=-1)
-        length_m = self._length(withdrawal_m)
-        loss_J = (length_m * loss_of_asperity(self.load_N, one, t)).sum(axis=-1)
-        return t, drop_N, loss_J
+def _between(path: _Path) -> tuple[Losses | RegionLosses, list[_Interval], float]:
+    """Return the better one of two ways to interpolate, its errors, and where it begins."""
+    nodes = [*path.nodes, path.end()]
+    x_m = np.array([node.withdrawal_m for node in nodes])
+    drop_N = path.pressed.load_N - np.array([node.load_N for node in nodes])
+    loss_J = np.array([node.region_loss_J for node in nodes])
+    of_face, carries = losses(path.stiffness_N_per_m, drop_N, x_m, loss_J.sum(axis=1))
+    trusted = np.array([node.pixel_error <= _UNCERTAIN for node in nodes])
+    smallest_N = float(drop_N[trusted][0]) if trusted.any() else path.pressed.load_N
+    of_all = _intervals(path, of_face, carries)
+    resolved = smallest_N < _SMALL_SLIP * path.pressed.load_N
+    if not resolved or path.n_regions > _MOST_REGIONS:
+        return of_face, of_all, smallest_N
+    rates = path.rates_per_m(nodes)
+    known = (x_m[trusted], rates[trusted], loss_J[trusted])
+    of_regions = region_losses(path.region_load_N, path.slope_per_m, *known)
+    of_each = _intervals(path, of_regions, trusted)
+    if max(of_each) < max(of_all):
+        return of_regions, of_each, smallest_N
+    return of_face, of_all, smallest_N
 
 
-def _tabulated(path: _Path, intervals: list[_Interval]) -> Unloading:
-    """Sum over the regions once, so that whatever is asked later is found in one table."""
-    pressed, interpolant = path.pressed, _Interpolant(path)
-    x = pressed.approach_m * np.geomspace(_REACH, 1.0, _TABLE)
-    drop_N, loss_J = np.empty(_TABLE), np.empty(_TABLE)
-    lift_off_m = np.full(len(path.region_load_N), pressed.approach_m)
-    for first in range(0, _TABLE, _ROWS):
-        rows = slice(first, first + _ROWS)
-        t, drop_N[rows], loss_J[rows] = interpolant.at(x[rows])
-        crossed = (t >= 1).any(axis=0)
-        where = x[rows][np.argmax(t >= 1, axis=0)]
-        lift_off_m = np.where(crossed, np.minimum(lift_off_m, where), lift_off_m)
+def _intervals(path: _Path, found: Losses | RegionLosses, carries: np.ndarray) -> list[_Interval]:
+    """Return the intervals between solved loads with the errors to be expected in them."""
+    carrying = np.flatnonzero(carries)
+    off = np.zeros(len(carries))
+    off[carrying[1:-1]] = [found.off(k) for k in range(1, len(carrying) - 1)]
+    intervals = []
+    for k, (low, high) in enumerate(pairwise(path.nodes)):
+        error = _LEFT * float(off[k : k + 2].max())
+        excess = error / max(TOLERANCE, high.pixel_error)
+        intervals.append(_Interval(excess, error, low.odd, high.odd))
+    return intervals
+
+
+def _lift_offs_m(path: _Path) -> np.ndarray:
+    """Return at which withdrawal each region has lost its compression, t = 1."""
+    nodes = [*path.nodes, path.end()]
+    x = np.append(0.0, [node.withdrawal_m for node in nodes])
+    rate = np.concatenate((path.slope_per_m[None], path.rates_per_m(nodes)))
+    after = np.argmax(x[:, None] * rate >= 1, axis=0)  # at the end, all have
+    region = np.arange(path.n_regions)
+    (low, high), (x_low, x_high) = (rate[[after - 1, after], region], x[[after - 1, after]])
+    # x (low + slope (x - x_low)) = 1
+    slope = (high - low) / (x_high - x_low)
+    start = low - slope * x_low
+    root = np.sqrt(np.maximum(start**2 + 4 * slope, 0.0))
+    return np.asarray(np.clip(2 / (start + root), x_low, x_high))
+
+
+def _tabulated(path: _Path) -> Unloading:
+    """Return what was found in one table, so that whatever is asked later is found in it."""
+    pressed = path.pressed
+    found, intervals, smallest_N = _between(path)
+    x, drop_N, loss_J = found.table()
     of_all_m = np.zeros(len(path.map_pressed.region_pixels))
-    of_all_m[path.left] = lift_off_m
+    of_all_m[path.left] = _lift_offs_m(path)
     drop_of = {node.odd: pressed.load_N - node.load_N for node in path.nodes}
-    smallest_N = float(np.interp(interpolant.smallest_m, x, drop_N))
     doubtful_N = [drop_of[each.high] for each in intervals if each.error > _UNCERTAIN]
     smallest_N = max([smallest_N, *doubtful_N])
     least_N = max(smallest_N, _SMALL_SLIP * pressed.load_N)
-    trusted = [each.error for each in intervals if drop_of[each.high] > least_N]
+    errors = [each.error for each in intervals if drop_of[each.high] > least_N]
     # In the approach of the map, which the preload has as well
     left = [(node.load_N, 1 - node.withdrawal_m / pressed.approach_m) for node in path.nodes]
     solved = np.array(sorted([*left, (pressed.load_N, 1.0)])) * (1, path.map_pressed.approach_m)
@@ -422,7 +424,7 @@ def _tabulated(path: _Path, intervals: list[_Interval]) -> Unloading:
         region_lift_off_m=of_all_m,
         solved_load_N=solved[:, 0],
         solved_approach_m=solved[:, 1],
-        loss_error=max(trusted, default=0.0),
+        loss_error=max(errors, default=0.0),
         smallest_drop_N=smallest_N,
         refinement=1 if path.patches is None else path.patches.refinement,
     )
