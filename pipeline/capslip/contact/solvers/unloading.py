@@ -30,7 +30,8 @@ _SMALLEST, _LARGEST = 0.007, 0.985  # their withdrawals, as shares of that of a 
 _UNSETTLED = 1e-3  # of the loss: the most that a solution may leave open
 _FINEST = 1e-11  # tolerance of a solution, above rounding
 _MOST_REGIONS = 300  # that are interpolated each by itself: more are no Hertz contacts
-_LEFT = 0.4  # of the error of a point left out, in the intervals beside it: in three of four less
+_ORDER = 1.3  # of the error in the width of an interval: three of four points are better than that
+_RIGID = 1e-9  # of the compliance before any slip: less is rounding
 _PATCH_ERROR = 1e-5  # of what patches leave out, over the approach, see `Unloading`
 _ENOUGH_PIXELS, _ENOUGH_REFINED = 100, 50  # in contact, of a map as it is and of a refined one
 # Pixels across a contact, see `Pressed.pixels_across`: the map is refined where they are fewer than
@@ -358,30 +359,41 @@ def _between(path: _Path) -> tuple[Losses | RegionLosses, list[_Interval], float
     of_face, carries = losses(path.stiffness_N_per_m, drop_N, x_m, loss_J.sum(axis=1))
     trusted = np.array([node.pixel_error <= _UNCERTAIN for node in nodes])
     smallest_N = float(drop_N[trusted][0]) if trusted.any() else path.pressed.load_N
-    of_all = _intervals(path, of_face, carries)
+    # Places on a scale on which the loss is a power
+    more = np.maximum(x_m / drop_N * path.stiffness_N_per_m - 1, _RIGID)
+    at = np.maximum.accumulate(np.log(more)) + 1e-9 * np.arange(len(x_m))
+    of_all = _intervals(path, of_face, carries, at)
     resolved = smallest_N < _SMALL_SLIP * path.pressed.load_N
     if not resolved or path.n_regions > _MOST_REGIONS:
         return of_face, of_all, smallest_N
     rates = path.rates_per_m(nodes)
     known = (x_m[trusted], rates[trusted], loss_J[trusted])
     of_regions = region_losses(path.region_load_N, path.slope_per_m, *known)
-    of_each = _intervals(path, of_regions, trusted)
+    of_each = _intervals(path, of_regions, trusted, at)
     if max(of_each) < max(of_all):
         return of_regions, of_each, smallest_N
     return of_face, of_all, smallest_N
 
 
-def _intervals(path: _Path, found: Losses | RegionLosses, carries: np.ndarray) -> list[_Interval]:
-    """Return the intervals between solved loads with the errors to be expected in them."""
-    carrying = np.flatnonzero(carries)
-    off = np.zeros(len(carries))
-    off[carrying[1:-1]] = [found.off(k) for k in range(1, len(carrying) - 1)]
-    intervals = []
-    for k, (low, high) in enumerate(pairwise(path.nodes)):
-        error = _LEFT * float(off[k : k + 2].max())
-        excess = error / max(TOLERANCE, high.pixel_error)
-        intervals.append(_Interval(excess, error, low.odd, high.odd))
-    return intervals
+def _intervals(
+    path: _Path, found: Losses | RegionLosses, carries: np.ndarray, at: np.ndarray
+) -> list[_Interval]:
+    """Return the intervals between solved loads with the errors to be expected in them.
+
+    The error of a load that is left out belongs to an interval of both widths beside it.
+    """
+    error = np.zeros(len(at))  # of the interval that begins at each place
+    known = np.flatnonzero(carries)
+    for k, (low, middle, high) in enumerate(zip(known, known[1:], known[2:], strict=False)):
+        off, width = found.off(k + 1), at[high] - at[low]
+        for first, last in ((low, middle), (middle, high)):
+            share = (at[last] - at[first]) / width
+            error[first:last] = np.maximum(error[first:last], off * share**_ORDER)
+    pairs = zip(pairwise(path.nodes), error.tolist(), strict=False)
+    return [
+        _Interval(one / max(TOLERANCE, high.pixel_error), one, low.odd, high.odd)
+        for (low, high), one in pairs
+    ]
 
 
 def _lift_offs_m(path: _Path) -> np.ndarray:
