@@ -1,7 +1,9 @@
 """A pressed height map that is unloaded step by step: load, withdrawal and what a cycle loses."""
 
+import math
 from dataclasses import dataclass, replace
 from itertools import pairwise
+from time import perf_counter
 from typing import NamedTuple
 
 import numpy as np
@@ -25,7 +27,7 @@ from capslip.errors import ContactError
 
 TOLERANCE = 0.005  # aimed at for the loss between the solved loads
 MAX_SOLUTIONS = 40
-_FIRST = 9  # solutions before the first look at the accuracy
+_FIRST, _FEWEST = 9, 5  # solutions before the first look at the accuracy; where time is short
 _SMALLEST, _LARGEST = 0.007, 0.985  # their withdrawals, as shares of that of a single Hertz contact
 _UNSETTLED = 1e-3  # of the loss: the most that a solution may leave open
 _FINEST = 1e-11  # tolerance of a solution, above rounding
@@ -72,10 +74,16 @@ class Unloading:
     # Worst gap off the contact that patches leave out, over the approach, at preload and below it:
     # what the whole map says of their solutions; 0 where the map itself was solved or refined.
     patch_error: float = 0.0
+    cut_short: bool = False  # whether the time was over before the loss was settled
 
 
 def unload(
-    face: ElasticFace, pressed: Pressed, tolerance: float, *, on_patches: bool = True
+    face: ElasticFace,
+    pressed: Pressed,
+    tolerance: float,
+    *,
+    time_limit_s: float = math.inf,
+    on_patches: bool = True,
 ) -> Unloading:
     """Solve a pressed face at falling loads, as many as the loss between them needs.
 
@@ -102,6 +110,9 @@ def unload(
         Its state under the preload.
     tolerance : float
         Of each solution, see `press`.
+    time_limit_s : float
+        By the clock: where all the loads are expected to take longer, as many as there is time
+        for, at least `_FEWEST`; the error to be expected between them is that of so few.
     on_patches : bool
         Whether to leave out what does not touch; else every solution is one of the whole map.
 
@@ -119,19 +130,29 @@ def unload(
             f"at least {enough} to follow its slip; use a finer map or a contact model "
             "of caps"
         )
+    begin_s = perf_counter()
     path = _Path(face, pressed, tolerance, on_patches)
     first, last = (float(np.log(t / (1 - t))) for t in (_SMALLEST, _LARGEST))
-    for odd in np.linspace(first, last, _FIRST).tolist():
+    path.solve(first)
+    fit_in = time_limit_s / (perf_counter() - begin_s)
+    n_first = _FIRST if fit_in >= _FIRST else max(_FEWEST, int(fit_in))
+    for odd in np.linspace(first, last, n_first)[1:].tolist():
         path.solve(odd)
+    cut_short = n_first < _FIRST
     while len(path.nodes) < MAX_SOLUTIONS:
         worst = max(_between(path)[1])
         if worst.excess <= 1:
             break
+        used_s = perf_counter() - begin_s
+        if used_s * (1 + 1 / len(path.nodes)) > time_limit_s:
+            cut_short = True
+            break
         path.solve((worst.low + worst.high) / 2)
     error = path.patch_error()
     if error > _PATCH_ERROR:  # not seen yet
-        return unload(face, pressed, tolerance, on_patches=False)
-    return replace(_tabulated(path), patch_error=error)
+        left_s = max(time_limit_s - (perf_counter() - begin_s), 0.0)
+        return unload(face, pressed, tolerance, time_limit_s=left_s, on_patches=False)
+    return replace(_tabulated(path, cut_short), patch_error=error)
 
 
 def refinement(face: ElasticFace, pressed: Pressed) -> int:
@@ -357,8 +378,9 @@ def _between(path: _Path) -> tuple[Losses | RegionLosses, list[_Interval], float
     drop_N = path.pressed.load_N - np.array([node.load_N for node in nodes])
     loss_J = np.array([node.region_loss_J for node in nodes])
     of_face, carries = losses(path.stiffness_N_per_m, drop_N, x_m, loss_J.sum(axis=1))
-    trusted = np.array([node.pixel_error <= _UNCERTAIN for node in nodes])
-    smallest_N = float(drop_N[trusted][0]) if trusted.any() else path.pressed.load_N
+    pixel_error = np.array([node.pixel_error for node in nodes])
+    trusted = pixel_error <= _UNCERTAIN
+    smallest_N = _where_trusted(drop_N, pixel_error)
     # Places on a scale on which the loss is a power
     more = np.maximum(x_m / drop_N * path.stiffness_N_per_m - 1, _RIGID)
     at = np.maximum.accumulate(np.log(more)) + 1e-9 * np.arange(len(x_m))
@@ -373,6 +395,18 @@ def _between(path: _Path) -> tuple[Losses | RegionLosses, list[_Interval], float
     if max(of_each) < max(of_all):
         return of_regions, of_each, smallest_N
     return of_face, of_all, smallest_N
+
+
+def _where_trusted(drop_N: np.ndarray, pixel_error: np.ndarray) -> float:
+    """Return the load drop at which the error that pixels leave falls to `_UNCERTAIN`."""
+    trusted = pixel_error <= _UNCERTAIN
+    if not trusted.any():
+        return float(drop_N[-1])
+    k = int(np.argmax(trusted))
+    if k == 0 or not np.isfinite(pixel_error[k - 1]):
+        return float(drop_N[k])
+    errors = np.log(pixel_error[[k, k - 1]])
+    return float(np.exp(np.interp(math.log(_UNCERTAIN), errors, np.log(drop_N[[k, k - 1]]))))
 
 
 def _intervals(
@@ -411,8 +445,12 @@ def _lift_offs_m(path: _Path) -> np.ndarray:
     return np.asarray(np.clip(2 / (start + root), x_low, x_high))
 
 
-def _tabulated(path: _Path) -> Unloading:
-    """Return what was found in one table, so that whatever is asked later is found in it."""
+def _tabulated(path: _Path, cut_short: bool) -> Unloading:
+    """Return what was found in one table, so that whatever is asked later is found in it.
+
+    Intervals that are off by more than `_UNCERTAIN` are no error between the loads but the end of
+    what pixels resolve; unless there was no time to halve them.
+    """
     pressed = path.pressed
     found, intervals, smallest_N = _between(path)
     x, drop_N, loss_J = found.table()
@@ -420,8 +458,9 @@ def _tabulated(path: _Path) -> Unloading:
     of_all_m[path.left] = _lift_offs_m(path)
     drop_of = {node.odd: pressed.load_N - node.load_N for node in path.nodes}
     doubtful_N = [drop_of[each.high] for each in intervals if each.error > _UNCERTAIN]
-    smallest_N = max([smallest_N, *doubtful_N])
-    least_N = max(smallest_N, _SMALL_SLIP * pressed.load_N)
+    if not cut_short:
+        smallest_N = max([smallest_N, *doubtful_N])
+    least_N = 0.0 if cut_short else max(smallest_N, _SMALL_SLIP * pressed.load_N)
     errors = [each.error for each in intervals if drop_of[each.high] > least_N]
     # In the approach of the map, which the preload has as well
     left = [(node.load_N, 1 - node.withdrawal_m / pressed.approach_m) for node in path.nodes]
@@ -439,4 +478,5 @@ def _tabulated(path: _Path) -> Unloading:
         loss_error=max(errors, default=0.0),
         smallest_drop_N=smallest_N,
         refinement=1 if path.patches is None else path.patches.refinement,
+        cut_short=cut_short,
     )
