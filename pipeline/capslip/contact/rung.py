@@ -42,6 +42,7 @@ class Scene:
     turning_stiffness: float  # N m/rad against a tilt; inf: the face stays as levelled
     law: YieldLaw | None = None  # of caps that yield; None: all stays elastic
     start_m: np.ndarray | None = None  # compressions of the caps in use, where they are known
+    time_limit_s: float = math.inf  # of a rung that iterates on the map
 
     @classmethod
     def of(
@@ -63,6 +64,7 @@ class Scene:
             load_point_m(surface, settings),
             turning_stiffness(settings),
             yield_law(material),
+            time_limit_s=contact.time_limit_s,
         )
 
     @property
@@ -113,7 +115,7 @@ class Rung(Generic[C]):
     solved_loads_N: Callable[[C, float], np.ndarray] | None = None
     knows_places: bool = True  # whether a tilt moves its contacts; else it stays as levelled
     # The error to be expected at a load, and what takes it beyond a tolerance, where it knows both
-    error: Callable[[C, float, float], tuple[float, tuple[Problem, ...]]] | None = None
+    error: Callable[[C, float, float], tuple[float | None, tuple[Problem, ...]]] | None = None
     interacts: bool = False  # whether each contact sinks the others
 
 

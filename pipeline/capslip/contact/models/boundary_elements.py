@@ -2,8 +2,8 @@
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, field, replace
-from itertools import pairwise
+from dataclasses import dataclass, replace
+from time import perf_counter
 from typing import Any
 
 import numpy as np
@@ -13,15 +13,15 @@ from capslip.contact.bulk import bulk_of_face_m_per_N
 from capslip.contact.rung import Contacts, Rung, Scene
 from capslip.contact.solvers.detail import FirstLoading, effect_of_detail
 from capslip.contact.solvers.polonsky_keer import (
-    ElasticFace,
     Pressed,
     elastic_face,
     first_loading,
     press,
     stiffness_of_regions_N_per_m,
 )
+from capslip.contact.solvers.solutions import Solutions
 from capslip.contact.solvers.tilting import press_balanced
-from capslip.contact.solvers.unloading import Unloading, refinement, unload
+from capslip.contact.solvers.unloading import Unloading, refinement
 from capslip.errors import ContactError, SettingsError
 from capslip.problems import Effect, Problem
 from capslip.settings import SOLVER_TOLERANCE
@@ -31,71 +31,6 @@ MIN_PIXELS_ACROSS = 10.0  # of the contacts that carry half of the load
 MIN_REFINED_ACROSS = 6.0  # the same, where a spline knows what lies between the pixels
 SMALL_SLIP = 0.1  # of mu N: forces below are not what a joint is asked for
 LEAST_ERROR = 0.01  # of stiffness and energy, by the pixels of contacts that are resolved
-_SOLVED_ONE_BY_ONE = 8  # loads; more are interpolated
-_KEPT = 3  # pressure maps in memory
-
-
-@dataclass(eq=False)
-class _Solutions:
-    """What was solved already: curves that differ by a spring in series share it."""
-
-    face: ElasticFace
-    tolerance: float
-    approach_m: dict[float, float] = field(default_factory=dict)  # by load
-    pressed: dict[float, Pressed] = field(default_factory=dict)  # by load, the last few
-    unloading: dict[float, Unloading] = field(default_factory=dict)  # by preload
-
-    def press(self, load_N: float) -> Pressed:
-        """Return the state under a load, solved from a neighbouring one where there is one."""
-        if load_N not in self.pressed:
-            near = [N for N in self.pressed if 0.8 * load_N < N < 1.25 * load_N]
-            start_Pa = self.pressed[near[0]].pressure_Pa if near else None
-            self.keep(press(self.face, load_N=load_N, tolerance=self.tolerance, start_Pa=start_Pa))
-        return self.pressed[load_N]
-
-    def press_to(self, approach_m: float) -> Pressed:
-        """Return the state at an approach."""
-        return self.keep(press(self.face, approach_m=approach_m, tolerance=self.tolerance))
-
-    def unload(self, load_N: float) -> Unloading:
-        """Return what happens below a load."""
-        if load_N not in self.unloading:
-            found = unload(self.face, self.press(load_N), self.tolerance)
-            self.unloading[load_N] = found
-            pairs = zip(found.solved_load_N.tolist(), found.solved_approach_m.tolist(), strict=True)
-            self.approach_m.update(pairs)
-        return self.unloading[load_N]
-
-    def approach_under(self, load_N: np.ndarray) -> np.ndarray:
-        """Return the approach under loads > 0, solved or interpolated between solved ones."""
-        new = [N for N in np.unique(load_N).tolist() if N not in self.approach_m]
-        if len(new) <= _SOLVED_ONE_BY_ONE:
-            for N in new:
-                self.press(N)
-            solved = self.approach_m
-            return np.array([solved[N] for N in load_N.ravel().tolist()]).reshape(load_N.shape)
-        from scipy.interpolate import PchipInterpolator
-
-        # Both ends, and no two neighbours further apart than a quarter.
-        for end in (load_N.max(), load_N.min()):
-            if float(end) not in self.approach_m:
-                self.press(float(end))
-        nodes = np.array([N for N in sorted(self.approach_m) if load_N.min() <= N <= load_N.max()])
-        for low, high in pairwise(nodes):
-            n_between = int(np.ceil(np.log(high / low) / np.log(1.25) - 1e-9)) - 1
-            for N in np.geomspace(high, low, n_between + 2)[1:-1].tolist():
-                self.press(N)
-        table = np.array(sorted(self.approach_m.items())).T
-        curve = PchipInterpolator(*np.log(table))
-        return np.exp(np.asarray(curve(np.log(load_N))))
-
-    def keep(self, pressed: Pressed) -> Pressed:
-        """Remember a solution and its approach."""
-        self.approach_m[pressed.load_N] = pressed.approach_m
-        self.pressed[pressed.load_N] = pressed
-        while len(self.pressed) > _KEPT:
-            del self.pressed[next(iter(self.pressed))]
-        return pressed
 
 
 @dataclass(frozen=True, eq=False)
@@ -107,7 +42,7 @@ class BoundaryElementCurve:
     changes with it, and these take a single approach.
     """
 
-    solutions: _Solutions
+    solutions: Solutions
     compliance_m_per_N: float = 0.0
     model: str = "boundary_elements"
     tilt_rad: tuple[float, float] = (0.0, 0.0)  # slopes in x and y added to the map, and held
@@ -149,6 +84,14 @@ class BoundaryElementCurve:
             "the force in the end"
         )
         found.append(Problem("small_slip_extrapolated", "info", message))
+        if unloading.cut_short:
+            off = unloading.loss_error
+            message = (
+                f"contact.time_limit_s = {self.solutions.time_limit_s:g} s was over after "
+                f"{len(unloading.solved_load_N) - 1} loads below the preload: between them the "
+                f"energy per cycle may be off by {off:.1%}"
+            )
+            found.append(Problem("time_limit_reached", "warning", message, Effect(None, off, off)))
         return tuple(found)
 
     def load_N(self, approach_m: ArrayLike) -> np.ndarray:
@@ -320,6 +263,7 @@ def boundary_elements(
     balanced: bool = False,
     load_point_m: tuple[float, float] | None = None,
     rotational_stiffness_Nm_per_rad: float = 0.0,
+    time_limit_s: float = math.inf,
 ) -> BoundaryElementCurve:
     """Return the normal curve of the height map itself: the reference of the other models.
 
@@ -350,6 +294,9 @@ def boundary_elements(
         Whether the preload tilts it.
     load_point_m, rotational_stiffness_Nm_per_rad
         Of this preload, see `press_balanced`.
+    time_limit_s : float
+        By the clock, from now on: then the slip is followed at as few loads as there is time for,
+        with the error that this leaves. What is solved in time does not depend on it.
 
     Raises
     ------
@@ -370,9 +317,10 @@ def boundary_elements(
     yields = not math.isinf(hardness_Pa)
     if preload_N is None and (balanced or yields):
         raise SettingsError("boundary_elements: a map tilts and yields under preload_N; got none")
+    begun_s = perf_counter()
     face = elastic_face(surface, E_star_Pa)
     if preload_N is None or not (balanced or yields):
-        return BoundaryElementCurve(_Solutions(face, float(tolerance)))
+        return BoundaryElementCurve(Solutions(face, float(tolerance), time_limit_s, begun_s))
     face = replace(face, hardness_Pa=float(hardness_Pa))
     if balanced:
         pressed = press_balanced(
@@ -389,7 +337,7 @@ def boundary_elements(
     if yields:
         area_m2 = np.count_nonzero(pressed.pressure_Pa >= hardness_Pa) * face.pixel_area_m2
         face, pressed = first_loading(face, pressed)
-    solutions = _Solutions(face, float(tolerance))
+    solutions = Solutions(face, float(tolerance), time_limit_s, begun_s)
     solutions.keep(pressed)
     return BoundaryElementCurve(
         solutions, tilt_rad=pressed.tilt_rad, yielded_area_m2=area_m2, first=first
@@ -421,6 +369,7 @@ def _build(scene: Scene) -> BoundaryElementCurve:
         balanced=not math.isinf(scene.turning_stiffness),
         load_point_m=scene.load_point_m,
         rotational_stiffness_Nm_per_rad=scene.turning_stiffness,
+        time_limit_s=scene.time_limit_s,
     )
 
 
@@ -442,8 +391,8 @@ def _contacts(scene: Scene, curve: BoundaryElementCurve, approach_m: float) -> C
 
 def _error(
     curve: BoundaryElementCurve, load_N: float, tolerance: float
-) -> tuple[float, tuple[Problem, ...]]:
-    """Return the error of stiffness, and of energies from a tenth of mu N on."""
+) -> tuple[float | None, tuple[Problem, ...]]:
+    """Return the error of stiffness, and of energies from a tenth of mu N on; None: not known."""
     face, unloading, found = curve.solutions.face, curve.unloading(load_N), []
     first = curve.first or FirstLoading(face, curve.pressed(load_N).approach_m)
     between = unloading.loss_error
@@ -454,6 +403,8 @@ def _error(
         )
         effect = Effect(None, between, between)
         found.append(Problem("loss_between_loads", "warning", message, effect))
+    if unloading.cut_short:  # no time is left to look at what detail decides
+        return None, tuple(found)
     effect = effect_of_detail(
         first,
         unloading,
@@ -461,6 +412,7 @@ def _error(
         bulk_of_face_m_per_N(face, face.E_star_Pa),
         resolved=unloading.smallest_drop_N < SMALL_SLIP * load_N
         and all(problem.code != "under_resolved" for problem in curve.problems(load_N)),
+        time_limit_s=curve.solutions.left_s,
     )
     moved = max(effect.tangential_stiffness or 0.0, effect.energy or 0.0)
     if moved > tolerance:

@@ -32,6 +32,7 @@ def effect_of_detail(
     tolerance: float,
     bulk_m_per_N: float,
     resolved: bool,
+    time_limit_s: float = math.inf,
 ) -> Effect:
     """Return what the detail of one or two pixels does to stiffness and energy.
 
@@ -54,6 +55,8 @@ def effect_of_detail(
     resolved : bool
         Whether the pixels follow contacts and slip: then detail that hardly moves the approach
         moves nothing, and is not followed further.
+    time_limit_s : float
+        Of what is solved again, see `unload`.
 
     Returns
     -------
@@ -69,7 +72,7 @@ def effect_of_detail(
     again = press(smooth, load_N=load_N, tolerance=tolerance, start_Pa=again.pressure_Pa)
     if not math.isinf(smooth.hardness_Pa):
         smooth, again = first_loading(smooth, again)
-    after = unload(smooth, again, tolerance)
+    after = unload(smooth, again, tolerance, time_limit_s=time_limit_s)
     stiffness = (_alone(one.stiffness_N_per_m, bulk_m_per_N) for one in (unloading, after))
     energy_J = (_loss_J(one) for one in (unloading, after))
     stiffer, more = (float(_relative(*pair).max()) for pair in (stiffness, energy_J))

@@ -167,6 +167,10 @@ class PatchedHalfSpace:
                 sinking_m[first:last] += (nodes.y @ at @ nodes.x.T).ravel()
         return sinking_m
 
+    def sinking_roughly_m(self, pressure_Pa: np.ndarray) -> np.ndarray:
+        """Return the same: a single precision saves nothing here."""
+        return self.sinking_m(pressure_Pa)
+
     def pressure_Pa(self, sinking_m: np.ndarray) -> np.ndarray:
         """Return roughly the pressure that makes a displacement, patch by patch."""
         pressure_Pa = np.empty(len(sinking_m))

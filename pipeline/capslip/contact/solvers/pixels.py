@@ -56,6 +56,10 @@ class MatrixHalfSpace:
         """Return the displacement into the half-space, shape (n,)."""
         return np.asarray(self._matrix @ pressure_Pa)
 
+    def sinking_roughly_m(self, pressure_Pa: np.ndarray) -> np.ndarray:
+        """Return the same: a single precision saves nothing here."""
+        return self.sinking_m(pressure_Pa)
+
     def pressure_Pa(self, sinking_m: np.ndarray) -> np.ndarray:
         """Return roughly the pressure that makes a displacement: each pixel by itself."""
         return sinking_m / self._own_m_per_Pa

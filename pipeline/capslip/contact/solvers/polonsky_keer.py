@@ -290,8 +290,8 @@ def _iterate(
     """Run the iteration; return its last state and the number of steps.
 
     The pressures stay on the conditions of the closing, so residual and direction are projected on
-    them. A state that fulfils the tolerance is returned only with a sinking that was computed from
-    its pressures, not updated along the way.
+    them. The sinking is updated by that of the changes, in single precision; a state that fulfils
+    the tolerance is returned only with one that was computed from its pressures.
     """
     half_space = face.half_space
     hardness_Pa = face.hardness_Pa
@@ -335,11 +335,12 @@ def _iterate(
         direction.fill(0.0)
         direction.flat[c] = t
         slope = new_slope
-        du = half_space.sinking_m(direction)
+        du = half_space.sinking_roughly_m(direction)
         work = float(t @ du.flat[c])
         step = float(r @ t) / work if work > 0 else 0.0
-        p, fresh = _stepped(p, c, t, step, closing, hardness_Pa)
-        u = half_space.sinking_m(p) if fresh else u - step * du
+        stepped, cut = _stepped(p, c, t, step, closing, hardness_Pa)
+        u = u + half_space.sinking_roughly_m(stepped - p) if cut else u - step * du
+        p, fresh = stepped, False
     return _state(face, p, half_space.sinking_m(p), closing), most
 
 

@@ -3,7 +3,16 @@
 Contact i carries N_i = k_i (g_i)_+^1.5 at compression g_i, and the load N_j of another one sinks it
 by C_ij N_j; C is symmetric with zero diagonal. These are the solvers behind `interacting`, from the
 equilibrium that `balance.press` finds on.
+
+Every solution has a certificate. Shear t_i of a contact is a function of its slip x_i alone that
+ends at its load and has the sign of x_i: Coulomb's bound and the direction of slip hold by
+construction. What remains is that the face moves every contact by the same e, and that the closing
+equation holds: both are evaluated from the x that is returned. In t the problem is the minimum of
+a convex energy with the Hessian 1 / D + C, D = diag(1.5 k sqrt(g - |x|)), which only grows with
+slip: where it is positive definite at rest, and that is asked, there is one solution.
 """
+
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -11,6 +20,13 @@ from capslip.contact.solvers.hertz import load_drop_of_asperity
 from capslip.errors import ContactError
 
 _BATCH = 4_000_000  # numbers in the matrices that are solved at once: 32 MB
+_CERTIFIED = 1e-9  # most that the equations may be off, of the displacement and of the goal
+_ROUNDING = 4e-15  # of a sum of loads
+_TINY = 1e-300  # against division by zero
+_UNSTABLE = (
+    "interacting: contacts overlap so far that they are unstable; expected a_i + a_j <= r_ij; "
+    "lower the preload, or use mean_field"
+)
 
 
 def shear(
@@ -22,7 +38,7 @@ def shear(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Solve x_i + sum_j C_ij t_j = e, t the load drops of the contacts, for many goals at once.
 
-    Newton on x and e together. As long as no contacts overlap the problem is convex.
+    Newton on x and e together; where that misses, a search along e, which does not.
 
     Parameters
     ----------
@@ -43,25 +59,32 @@ def shear(
     Raises
     ------
     ContactError
-        If Newton does not converge.
+        If contacts overlap so far that there is more than one solution, or none fulfils the
+        equations to `_CERTIFIED`.
     """
     a, b = closing
-    e_total, spread = _extremes(k, C, g)
-    e = goal / (a + b * spread.sum())
+    net = _Network.of(k, C, g)
+    e = goal / (a + b * net.spread.sum())
     if a == 0:
-        e = np.minimum(e, 0.9 * e_total)
-    x = e[:, None] * (1 - C @ spread)
+        e = np.minimum(e, 0.9 * net.e_total)
+    x = e[:, None] * (1 - C @ net.spread)
     todo = np.arange(len(goal))
     if a == 0:
-        N = k * g * np.sqrt(g)
-        total = goal >= N.sum() * (1 - 4e-15)
-        e[total], x[total] = e_total, e_total - C @ N
+        total = goal >= net.total_N * (1 - _ROUNDING)
+        e[total], x[total] = net.e_total, net.e_total - C @ net.N
         todo = todo[~total]
-    todo = _slide(k, C, g, goal, (a, np.full((1, len(k)), b)), e, x, todo)
-    if todo.size:
+    _slide(net, goal, (a, np.full((1, len(k)), b)), e, x, todo)
+    missed = ~(net.misfit(goal, closing, e, x) <= _CERTIFIED)
+    if missed.any():
+        for row in np.flatnonzero(missed):
+            e[row], x[row] = _searched(net, float(goal[row]), closing)
+        off = net.misfit(goal, closing, e, x)
+        missed = ~(off <= _CERTIFIED)
+    if missed.any():
         raise ContactError(
-            f"interacting: the slip of {len(k)} contacts was not found at {todo.size} of "
-            f"{len(goal)} points; use mean_field"
+            f"interacting: the slip of {len(k)} contacts was not found at {missed.sum()} of "
+            f"{len(goal)} points: its equations are off by {off.max():.2g}, expected "
+            f"{_CERTIFIED:g}; use mean_field"
         )
     return e, x
 
@@ -81,48 +104,96 @@ def lift_off(k: np.ndarray, C: np.ndarray, g: np.ndarray) -> tuple[np.ndarray, n
     -------
     ndarray, ndarray
         e, shape (n,), and x, shape (n, n), one row a contact. NaN where other contacts are so wide
-        and near that this one grows at first, or does not lift off on the way to total slip.
+        and near that this one grows at first, or does not lift off on the way to total slip, and
+        where no solution fulfils the equations to `_CERTIFIED`.
+
+    Raises
+    ------
+    ContactError
+        If contacts overlap so far that there is more than one solution.
     """
-    e_total, spread = _extremes(k, C, g)
-    ahead = 1 - C @ spread  # dx / de before any slip
+    net = _Network.of(k, C, g)
+    ahead = 1 - C @ net.spread  # dx / de before any slip
     forward = ahead > 0
-    e = np.minimum(g / np.where(forward, ahead, 1), e_total)
+    e = np.minimum(g / np.where(forward, ahead, 1), net.e_total)
     x = e[:, None] * ahead
     # The smallest first: neighbours in the batch have then lost about the same contacts.
     order = np.argsort(g)
-    missed = _slide(k, C, g, g, (1.0, -C), e, x, order[forward[order]])
-    unknown = ~forward | (e <= 0) | (e > e_total * (1 + 1e-12))
-    unknown[missed] = True
+    _slide(net, g, (1.0, -C), e, x, order[forward[order]])
+    unknown = ~forward | ~((e > 0) & (e <= net.e_total * (1 + 1e-12)))
+    unknown |= ~(net.misfit(g, (1.0, -C), e, x) <= _CERTIFIED)
     e[unknown], x[unknown] = np.nan, np.nan
     return e, x
 
 
-def _extremes(k: np.ndarray, C: np.ndarray, g: np.ndarray) -> tuple[float, np.ndarray]:
-    """Return e at total slip, and the load drops for a unit of e before any slip."""
-    S = np.sqrt(1.5 * k * np.sqrt(g))
-    spread = S * solve_coupled(S[None], C, S[None, :, None])[0, :, 0]
-    return float((g + C @ (k * g * np.sqrt(g))).max()), spread
+@dataclass(frozen=True, eq=False)
+class _Network:
+    """Contacts before any slip."""
+
+    k: np.ndarray
+    C: np.ndarray
+    g: np.ndarray
+    N: np.ndarray  # their loads
+    total_N: float
+    e_total: float  # e at total slip
+    spread: np.ndarray  # the load drops for a unit of e
+
+    @classmethod
+    def of(cls, k: np.ndarray, C: np.ndarray, g: np.ndarray) -> "_Network":
+        """Return it, where it is stable: at rest the energy of the problem is least convex."""
+        root = np.sqrt(g)
+        S, N = np.sqrt(1.5 * k * root), k * g * root
+        try:
+            np.linalg.cholesky(_coupled(S[None], C))
+        except np.linalg.LinAlgError as error:
+            raise ContactError(_UNSTABLE) from error
+        spread = S * solve_coupled(S[None], C, S[None, :, None])[0, :, 0]
+        return cls(k, C, g, N, float(N.sum()), float((g + C @ N).max()), spread)
+
+    def drop_N(self, x: np.ndarray) -> np.ndarray:
+        """Return t at slips x, of their shape."""
+        return load_drop_of_asperity(self.k, self.g, x)
+
+    def misfit(
+        self,
+        goal: np.ndarray,
+        closing: tuple[float, float | np.ndarray],
+        e: np.ndarray,
+        x: np.ndarray,
+    ) -> np.ndarray:
+        """Return by how much each row misses its equations, shape (m,): the certificate.
+
+        Near total slip little force decides about much displacement, so a force is off by its
+        share of the rest, and a displacement beyond total slip by all.
+        """
+        a, weights = closing
+        t = self.drop_N(x)
+        off_m = np.abs(x + t @ self.C - e[:, None]).max(axis=1)
+        off, scale = np.abs(a * e + (weights * t).sum(axis=1) - goal), goal
+        if a == 0:
+            rest = np.maximum(self.total_N - goal, 0.0) + _ROUNDING / _CERTIFIED * self.total_N
+            scale = np.minimum(goal, rest)
+            off = np.where(e > self.e_total * (1 + 1e-12), np.inf, off)
+        return np.asarray(np.maximum(off_m / np.maximum(e, _TINY), off / np.maximum(scale, _TINY)))
 
 
 def _slide(
-    k: np.ndarray,
-    C: np.ndarray,
-    g: np.ndarray,
+    net: _Network,
     goal: np.ndarray,
     closing: tuple[float, np.ndarray],
     e: np.ndarray,
     x: np.ndarray,
     todo: np.ndarray,
-) -> np.ndarray:
-    """Improve the rows `todo` of e and x until a e + b . t = goal; return those that were not."""
+) -> None:
+    """Improve the rows `todo` of e and x until a e + b . t = goal, or steps lead nowhere."""
     a, weights = closing
-    e_total = (g + C @ (k * g * np.sqrt(g))).max()
+    k, C, g = net.k, net.C, net.g
     for _ in range(100):
         if todo.size == 0:
             break
         xt, et = x[todo], e[todo]
         b = weights[todo] if len(weights) > 1 else weights
-        t = load_drop_of_asperity(k, g, xt)
+        t = net.drop_N(xt)
         S = np.sqrt(1.5 * k * np.sqrt(np.maximum(g - np.abs(xt), 0)))
         misfit = xt + t @ C - et[:, None]
         missing = goal[todo] - a * et - (b * t).sum(axis=1)
@@ -131,22 +202,65 @@ def _slide(
         slope = a + stiffness
         de = np.where(slope > 0, missing + back, 0) / np.where(slope > 0, slope, 1)
         if a == 0:
-            rest = e_total - et
+            rest = np.maximum(net.e_total - et, _TINY)
             # Straight steps in (e_total - e)^1.5, in which the load has a slope up to total slip
             u = np.minimum(1.5 * de / rest, 0.999)
             w = np.cbrt(1 - u)
             de = rest * u * (1 + w) / (1 + w + w * w)
         dt = de[:, None] * z[..., 1] - z[..., 0]
         dx = de[:, None] - misfit - dt @ C
-        x[todo] += dx
-        e[todo] += de
-        size = np.abs(x[todo]).max(axis=1)
+        x[todo] = xt = xt + dx
+        e[todo] = et + de
+        size = np.abs(xt).max(axis=1)
         solved = np.abs(dx).max(axis=1) <= 1e-13 * size
         solved |= (np.abs(misfit).max(axis=1) <= 1e-15 * size) & (
             np.abs(missing) <= 1e-15 * goal[todo]
         )
         todo = todo[~solved]
-    return todo
+
+
+def _searched(net: _Network, goal: float, closing: tuple[float, float]) -> tuple[float, np.ndarray]:
+    """Return e and x of one goal, searched between rest and total slip.
+
+    a e + b sum t grows with e, and at given e damped steps end in the one solution.
+    """
+    from scipy.optimize import brentq
+
+    a, b = closing
+    x = np.zeros(len(net.k))
+
+    def excess(e: float) -> float:
+        nonlocal x
+        x = _at_rest(net, e, x)
+        return a * e + b * float(net.drop_N(x).sum()) - goal
+
+    most = max(net.e_total, a * (goal - b * net.total_N))
+    e = brentq(excess, 0.0, most, xtol=_TINY, rtol=1e-15, disp=False)
+    return e, _at_rest(net, e, x)
+
+
+def _at_rest(net: _Network, e: float, x: np.ndarray) -> np.ndarray:
+    """Return x of one displacement e, by steps that are halved until the misfit falls."""
+    k, C, g = net.k, net.C, net.g
+    misfit = x + C @ net.drop_N(x) - e
+    off = float(np.linalg.norm(misfit))
+    for _ in range(200):
+        if off <= 1e-15 * e:
+            break
+        S = np.sqrt(1.5 * k * np.sqrt(np.maximum(g - np.abs(x), 0)))
+        z = S * solve_coupled(S[None], C, (S * misfit)[None, :, None])[0, :, 0]
+        step = C @ z - misfit
+        share = 1.0
+        while share > 1e-9:
+            trial = x + share * step
+            misfit = trial + C @ net.drop_N(trial) - e
+            if float(np.linalg.norm(misfit)) < (1 - 0.1 * share) * off:
+                break
+            share /= 2
+        else:
+            break
+        x, off = trial, float(np.linalg.norm(misfit))
+    return x
 
 
 def solve_coupled(S: np.ndarray, C: np.ndarray, right: np.ndarray) -> np.ndarray:
@@ -156,22 +270,24 @@ def solve_coupled(S: np.ndarray, C: np.ndarray, right: np.ndarray) -> np.ndarray
     S = 0, are left out: their rows are those of the unit matrix.
     """
     n = S.shape[-1]
-    z = np.array(right)
     step = max(1, _BATCH // max(n * n, 1))
-    for first in range(0, len(S), step):
-        part = slice(first, first + step)
-        held = S[part].any(axis=0)
-        all_held = bool(held.all())
-        rest = S[part] if all_held else S[part][:, held]
-        between = C if all_held else C[np.ix_(held, held)]
-        matrix = rest[:, :, None] * between * rest[:, None, :]
-        diagonal = np.arange(rest.shape[1])
-        matrix[:, diagonal, diagonal] = 1
-        try:
+    try:
+        if len(S) <= step and S.all():
+            return np.asarray(np.linalg.solve(_coupled(S, C), right))
+        z = np.array(right)
+        for first in range(0, len(S), step):
+            part = slice(first, first + step)
+            held = S[part].any(axis=0)
+            matrix = _coupled(S[part][:, held], C[np.ix_(held, held)])
             z[part, held] = np.linalg.solve(matrix, z[part, held])
-        except np.linalg.LinAlgError as error:
-            raise ContactError(
-                "interacting: contacts overlap so far that they are unstable; expected a_i + a_j "
-                "<= r_ij; lower the preload, or use mean_field"
-            ) from error
+    except np.linalg.LinAlgError as error:
+        raise ContactError(_UNSTABLE) from error
     return z
+
+
+def _coupled(S: np.ndarray, C: np.ndarray) -> np.ndarray:
+    """Return 1 + S C S, shape (batch, n, n)."""
+    matrix = S[:, :, None] * C * S[:, None, :]
+    diagonal = np.arange(S.shape[1])
+    matrix[:, diagonal, diagonal] = 1
+    return matrix

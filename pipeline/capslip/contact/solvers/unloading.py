@@ -1,12 +1,20 @@
 """A pressed height map that is unloaded step by step: load, withdrawal and what a cycle loses."""
 
+import math
 from dataclasses import dataclass, replace
 from itertools import pairwise
+from time import perf_counter
 from typing import NamedTuple
 
 import numpy as np
 
-from capslip.contact.solvers.hertz import load_drop_of_asperity, loss_of_asperity
+from capslip.contact.solvers.losses import (
+    Losses,
+    RegionLosses,
+    losses,
+    rates_per_m,
+    region_losses,
+)
 from capslip.contact.solvers.patches import PatchedFace, patched
 from capslip.contact.solvers.pixels import pixels_alone
 from capslip.contact.solvers.polonsky_keer import (
@@ -19,13 +27,13 @@ from capslip.errors import ContactError
 
 TOLERANCE = 0.005  # aimed at for the loss between the solved loads
 MAX_SOLUTIONS = 40
-_FIRST = 9  # solutions before the first look at the accuracy
+_FIRST, _FEWEST = 9, 5  # solutions before the first look at the accuracy; where time is short
 _SMALLEST, _LARGEST = 0.007, 0.985  # their withdrawals, as shares of that of a single Hertz contact
 _UNSETTLED = 1e-3  # of the loss: the most that a solution may leave open
 _FINEST = 1e-11  # tolerance of a solution, above rounding
-_TABLE = 2000  # points of the table
-_REACH = 1e-5  # first withdrawal of the table, as a share of the last
-_ROWS = 50  # of the table at once
+_MOST_REGIONS = 300  # that are interpolated each by itself: more are no Hertz contacts
+_ORDER = 1.3  # of the error in the width of an interval: three of four points are better than that
+_RIGID = 1e-9  # of the compliance before any slip: less is rounding
 _PATCH_ERROR = 1e-5  # of what patches leave out, over the approach, see `Unloading`
 _ENOUGH_PIXELS, _ENOUGH_REFINED = 100, 50  # in contact, of a map as it is and of a refined one
 # Pixels across a contact, see `Pressed.pixels_across`: the map is refined where they are fewer than
@@ -66,10 +74,16 @@ class Unloading:
     # Worst gap off the contact that patches leave out, over the approach, at preload and below it:
     # what the whole map says of their solutions; 0 where the map itself was solved or refined.
     patch_error: float = 0.0
+    cut_short: bool = False  # whether the time was over before the loss was settled
 
 
 def unload(
-    face: ElasticFace, pressed: Pressed, tolerance: float, *, on_patches: bool = True
+    face: ElasticFace,
+    pressed: Pressed,
+    tolerance: float,
+    *,
+    time_limit_s: float = math.inf,
+    on_patches: bool = True,
 ) -> Unloading:
     """Solve a pressed face at falling loads, as many as the loss between them needs.
 
@@ -84,10 +98,9 @@ def unload(
     For the same reason all of it is solved on patches around the contacts (`patched`), from the
     preload on, and refined by a cubic spline where the contacts are narrow (`refinement`).
 
-    Between solved loads each contact region i is a Hertz contact with a withdrawal t_i, as a share
-    of its compression, and a loss per load that both follow from its own N_i and L_i and are
-    interpolated over the withdrawal of the face. That puts the load at which a region lifts off,
-    where N(d) has a kink, in the right place.
+    Between solved loads the loss is interpolated: that of the face, whose slopes are known as well,
+    or that of each contact region as a Hertz contact (`losses`). A load that is left out tells what
+    the intervals beside it may be off: that decides between the two, and the worst one is halved.
 
     Parameters
     ----------
@@ -97,6 +110,9 @@ def unload(
         Its state under the preload.
     tolerance : float
         Of each solution, see `press`.
+    time_limit_s : float
+        By the clock: where all the loads are expected to take longer, as many as there is time
+        for, at least `_FEWEST`; the error to be expected between them is that of so few.
     on_patches : bool
         Whether to leave out what does not touch; else every solution is one of the whole map.
 
@@ -114,30 +130,29 @@ def unload(
             f"at least {enough} to follow its slip; use a finer map or a contact model "
             "of caps"
         )
+    begin_s = perf_counter()
     path = _Path(face, pressed, tolerance, on_patches)
     first, last = (float(np.log(t / (1 - t))) for t in (_SMALLEST, _LARGEST))
-    odds = np.linspace(first, last, _FIRST).tolist()
-    for odd in odds:
+    path.solve(first)
+    fit_in = time_limit_s / (perf_counter() - begin_s)
+    n_first = _FIRST if fit_in >= _FIRST else max(_FEWEST, int(fit_in))
+    for odd in np.linspace(first, last, n_first)[1:].tolist():
         path.solve(odd)
-    # The worst interval is halved; half of the error in its middle is expected in the halves.
-    intervals = [_Interval(np.inf, np.inf, low, high) for low, high in pairwise(odds)]
-    while max(intervals).excess > 1 and len(path.nodes) < MAX_SOLUTIONS:
-        worst = max(intervals)
-        interpolant = _Interpolant(path)
-        node = path.solve((worst.low + worst.high) / 2)
-        loss_J = float(interpolant.at(np.array([node.withdrawal_m]))[2][0])
-        exact_J = float(node.region_loss_J.sum())
-        error = abs(loss_J / exact_J - 1) / 2 if exact_J > 0 else 0.0
-        excess = error / max(TOLERANCE, node.pixel_error)
-        intervals.remove(worst)
-        intervals += [
-            _Interval(excess, error, worst.low, node.odd),
-            _Interval(excess, error, node.odd, worst.high),
-        ]
+    cut_short = n_first < _FIRST
+    while len(path.nodes) < MAX_SOLUTIONS:
+        worst = max(_between(path)[1])
+        if worst.excess <= 1:
+            break
+        used_s = perf_counter() - begin_s
+        if used_s * (1 + 1 / len(path.nodes)) > time_limit_s:
+            cut_short = True
+            break
+        path.solve((worst.low + worst.high) / 2)
     error = path.patch_error()
     if error > _PATCH_ERROR:  # not seen yet
-        return unload(face, pressed, tolerance, on_patches=False)
-    return replace(_tabulated(path, intervals), patch_error=error)
+        left_s = max(time_limit_s - (perf_counter() - begin_s), 0.0)
+        return unload(face, pressed, tolerance, time_limit_s=left_s, on_patches=False)
+    return replace(_tabulated(path, cut_short), patch_error=error)
 
 
 def refinement(face: ElasticFace, pressed: Pressed) -> int:
@@ -256,6 +271,12 @@ class _Path:
         zero, depth_m = np.zeros(len(self.contact)), self.face.depth_m
         return self._seen(np.inf, 0.0, self.pressed.approach_m, zero, depth_m)
 
+    def rates_per_m(self, nodes: list[_Node]) -> np.ndarray:
+        """Return the withdrawals of the regions, see `losses.rates_per_m`."""
+        share = np.array([node.region_load_N for node in nodes]) / self.region_load_N
+        gap_m = np.array([node.region_least_gap_m for node in nodes])
+        return rates_per_m(np.array([node.withdrawal_m for node in nodes]), share, gap_m)
+
     def patch_error(self) -> float:
         """Return the worst gap, over the approach, that the whole map finds in the patches.
 
@@ -350,65 +371,97 @@ def _on_patches(
     return found, patches.gathered(region)
 
 
-class _Interpolant:
-    """Every region as a Hertz contact, between the solved loads."""
-
-    def __init__(self, path: _Path) -> None:
-        from scipy.interpolate import PchipInterpolator
-
-        self.load_N = path.region_load_N
-        trusted = [node for node in path.nodes if node.pixel_error <= _UNCERTAIN]
-        nodes = [*trusted, path.end()]
-        self.smallest_m = nodes[0].withdrawal_m
-        x = np.array([node.withdrawal_m for node in nodes])
-        share = np.array([node.region_load_N for node in nodes]) / self.load_N
-        loss_m = np.array([node.region_loss_J for node in nodes]) / self.load_N
-        gap_m = np.array([node.region_least_gap_m for node in nodes])
-        lifted = share <= 0
-        # t = 1 - (N_i1 / N_i)^(2/3) in contact; afterwards x over that at which the gap opened. A
-        # region of one pixel, or of even pressure, opens everywhere at once.
-        t = -np.expm1(2 / 3 * np.log(np.where(lifted, 1.0, np.minimum(share, 1.0))))
-        opened_m = np.maximum(x[:, None] - gap_m, 1e-6 * x[:, None])
-        t = np.where(lifted, x[:, None] / opened_m, t)
-        unit = loss_of_asperity(np.ones(()), np.ones(()), t)
-        length_m = loss_m / np.where(unit > 0, unit, 1.0)
-        rate = np.concatenate((path.slope_per_m[None], t / x[:, None]))
-        self._rate = PchipInterpolator(np.append(0.0, x), rate, axis=0)
-        self._length = PchipInterpolator(
-            np.append(0.0, x), np.concatenate((length_m[:1], length_m))
-        )
-
-    def at(self, withdrawal_m: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Return t of each region, shape (m, n), and load drop and loss, shape (m,)."""
-        x = withdrawal_m[:, None]
-        t = x * self._rate(withdrawal_m)
-        one = np.ones(())
-        drop_N = load_drop_of_asperity(self.load_N, one, t).sum(axis=-1)
-        length_m = self._length(withdrawal_m)
-        loss_J = (length_m * loss_of_asperity(self.load_N, one, t)).sum(axis=-1)
-        return t, drop_N, loss_J
+def _between(path: _Path) -> tuple[Losses | RegionLosses, list[_Interval], float]:
+    """Return the better one of two ways to interpolate, its errors, and where it begins."""
+    nodes = [*path.nodes, path.end()]
+    x_m = np.array([node.withdrawal_m for node in nodes])
+    drop_N = path.pressed.load_N - np.array([node.load_N for node in nodes])
+    loss_J = np.array([node.region_loss_J for node in nodes])
+    of_face, carries = losses(path.stiffness_N_per_m, drop_N, x_m, loss_J.sum(axis=1))
+    pixel_error = np.array([node.pixel_error for node in nodes])
+    trusted = pixel_error <= _UNCERTAIN
+    smallest_N = _where_trusted(drop_N, pixel_error)
+    # Places on a scale on which the loss is a power
+    more = np.maximum(x_m / drop_N * path.stiffness_N_per_m - 1, _RIGID)
+    at = np.maximum.accumulate(np.log(more)) + 1e-9 * np.arange(len(x_m))
+    of_all = _intervals(path, of_face, carries, at)
+    resolved = smallest_N < _SMALL_SLIP * path.pressed.load_N
+    if not resolved or path.n_regions > _MOST_REGIONS:
+        return of_face, of_all, smallest_N
+    rates = path.rates_per_m(nodes)
+    known = (x_m[trusted], rates[trusted], loss_J[trusted])
+    of_regions = region_losses(path.region_load_N, path.slope_per_m, *known)
+    of_each = _intervals(path, of_regions, trusted, at)
+    if max(of_each) < max(of_all):
+        return of_regions, of_each, smallest_N
+    return of_face, of_all, smallest_N
 
 
-def _tabulated(path: _Path, intervals: list[_Interval]) -> Unloading:
-    """Sum over the regions once, so that whatever is asked later is found in one table."""
-    pressed, interpolant = path.pressed, _Interpolant(path)
-    x = pressed.approach_m * np.geomspace(_REACH, 1.0, _TABLE)
-    drop_N, loss_J = np.empty(_TABLE), np.empty(_TABLE)
-    lift_off_m = np.full(len(path.region_load_N), pressed.approach_m)
-    for first in range(0, _TABLE, _ROWS):
-        rows = slice(first, first + _ROWS)
-        t, drop_N[rows], loss_J[rows] = interpolant.at(x[rows])
-        crossed = (t >= 1).any(axis=0)
-        where = x[rows][np.argmax(t >= 1, axis=0)]
-        lift_off_m = np.where(crossed, np.minimum(lift_off_m, where), lift_off_m)
+def _where_trusted(drop_N: np.ndarray, pixel_error: np.ndarray) -> float:
+    """Return the load drop at which the error that pixels leave falls to `_UNCERTAIN`."""
+    trusted = pixel_error <= _UNCERTAIN
+    if not trusted.any():
+        return float(drop_N[-1])
+    k = int(np.argmax(trusted))
+    if k == 0 or not np.isfinite(pixel_error[k - 1]):
+        return float(drop_N[k])
+    errors = np.log(pixel_error[[k, k - 1]])
+    return float(np.exp(np.interp(math.log(_UNCERTAIN), errors, np.log(drop_N[[k, k - 1]]))))
+
+
+def _intervals(
+    path: _Path, found: Losses | RegionLosses, carries: np.ndarray, at: np.ndarray
+) -> list[_Interval]:
+    """Return the intervals between solved loads with the errors to be expected in them.
+
+    The error of a load that is left out belongs to an interval of both widths beside it.
+    """
+    error = np.zeros(len(at))  # of the interval that begins at each place
+    known = np.flatnonzero(carries)
+    for k, (low, middle, high) in enumerate(zip(known, known[1:], known[2:], strict=False)):
+        off, width = found.off(k + 1), at[high] - at[low]
+        for first, last in ((low, middle), (middle, high)):
+            share = (at[last] - at[first]) / width
+            error[first:last] = np.maximum(error[first:last], off * share**_ORDER)
+    pairs = zip(pairwise(path.nodes), error.tolist(), strict=False)
+    return [
+        _Interval(one / max(TOLERANCE, high.pixel_error), one, low.odd, high.odd)
+        for (low, high), one in pairs
+    ]
+
+
+def _lift_offs_m(path: _Path) -> np.ndarray:
+    """Return at which withdrawal each region has lost its compression, t = 1."""
+    nodes = [*path.nodes, path.end()]
+    x = np.append(0.0, [node.withdrawal_m for node in nodes])
+    rate = np.concatenate((path.slope_per_m[None], path.rates_per_m(nodes)))
+    after = np.argmax(x[:, None] * rate >= 1, axis=0)  # at the end, all have
+    region = np.arange(path.n_regions)
+    (low, high), (x_low, x_high) = (rate[[after - 1, after], region], x[[after - 1, after]])
+    # x (low + slope (x - x_low)) = 1
+    slope = (high - low) / (x_high - x_low)
+    start = low - slope * x_low
+    root = np.sqrt(np.maximum(start**2 + 4 * slope, 0.0))
+    return np.asarray(np.clip(2 / (start + root), x_low, x_high))
+
+
+def _tabulated(path: _Path, cut_short: bool) -> Unloading:
+    """Return what was found in one table, so that whatever is asked later is found in it.
+
+    Intervals that are off by more than `_UNCERTAIN` are no error between the loads but the end of
+    what pixels resolve; unless there was no time to halve them.
+    """
+    pressed = path.pressed
+    found, intervals, smallest_N = _between(path)
+    x, drop_N, loss_J = found.table()
     of_all_m = np.zeros(len(path.map_pressed.region_pixels))
-    of_all_m[path.left] = lift_off_m
+    of_all_m[path.left] = _lift_offs_m(path)
     drop_of = {node.odd: pressed.load_N - node.load_N for node in path.nodes}
-    smallest_N = float(np.interp(interpolant.smallest_m, x, drop_N))
     doubtful_N = [drop_of[each.high] for each in intervals if each.error > _UNCERTAIN]
-    smallest_N = max([smallest_N, *doubtful_N])
-    least_N = max(smallest_N, _SMALL_SLIP * pressed.load_N)
-    trusted = [each.error for each in intervals if drop_of[each.high] > least_N]
+    if not cut_short:
+        smallest_N = max([smallest_N, *doubtful_N])
+    least_N = 0.0 if cut_short else max(smallest_N, _SMALL_SLIP * pressed.load_N)
+    errors = [each.error for each in intervals if drop_of[each.high] > least_N]
     # In the approach of the map, which the preload has as well
     left = [(node.load_N, 1 - node.withdrawal_m / pressed.approach_m) for node in path.nodes]
     solved = np.array(sorted([*left, (pressed.load_N, 1.0)])) * (1, path.map_pressed.approach_m)
@@ -422,7 +475,8 @@ def _tabulated(path: _Path, intervals: list[_Interval]) -> Unloading:
         region_lift_off_m=of_all_m,
         solved_load_N=solved[:, 0],
         solved_approach_m=solved[:, 1],
-        loss_error=max(trusted, default=0.0),
+        loss_error=max(errors, default=0.0),
         smallest_drop_N=smallest_N,
         refinement=1 if path.patches is None else path.patches.refinement,
+        cut_short=cut_short,
     )

@@ -1,0 +1,213 @@
+"""The loss of a cycle between the loads at which an unloading face was solved, in two ways."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from capslip.contact.solvers.hertz import load_drop_of_asperity, loss_of_asperity
+
+_POINTS = 60  # of the table in an interval
+_TABLE = 2000  # points of that of the regions
+_ROWS = 50  # of it at once
+_FAR = 1e-5  # first withdrawal of the table, as a share of the last
+_RIGID = 1e-9  # of the compliance before any slip: less is rounding
+
+
+@dataclass(frozen=True, eq=False)
+class Losses:
+    """Withdrawal x and loss L against the load drop s, made by `losses`.
+
+    L = 4 s x - 8 integral of x ds, so that over the secant compliance c = x / s it has the slope
+    dL/dc = 4 s^2: known wherever L is, and where L is known between, so is s. With c_0 before any
+    slip, log L is a cubic in z = log(c - c_0) through the values and the slopes
+    4 s^2 (c - c_0) / L. A power is met exactly, as that of 3 with which slip begins.
+    """
+
+    compliance_m_per_N: float  # c_0
+    log_more: np.ndarray  # z, shape (n,), growing
+    log_loss: np.ndarray  # (n,)
+    slope: np.ndarray  # (n,)
+    end: tuple[float, float]  # s and x where nothing touches any more
+
+    def table(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Return withdrawals, load drops and losses, shape (m,), growing up to the end.
+
+        Below the first point the slope goes to 3 on the way to a tenth of its z and stays.
+        """
+        end_N, end_m = self.end
+        if len(self.slope) < 2:  # all lets go at once, and nothing slips before
+            s_N = end_N * np.geomspace(_FAR, 1.0, _POINTS)
+            return self.compliance_m_per_N * s_N, s_N, np.full(_POINTS, 1e-300)
+        first, second = self.slope[0], np.log(10.0)
+        z = np.append(self.log_more[0] - second, self.log_more)
+        log_loss = np.append(self.log_loss[0] - 0.5 * (first + 3.0) * second, self.log_loss)
+        slope = np.append(3.0, self.slope)
+        rows = [_cubic(z, log_loss, slope, k) for k in range(len(slope) - 1)]
+        at, value, rate = (np.concatenate(part) for part in zip(*rows, strict=True))
+        more = np.exp(at)
+        s_N = 0.5 * np.sqrt(np.maximum(rate, 0.0) * np.exp(value - at))
+        x_m = (self.compliance_m_per_N + more) * s_N
+        loss_J = np.exp(value)
+        # Begins with slip that is all but none, L = a s^3
+        begin = np.geomspace(_FAR * end_m / x_m[0], 1.0, _POINTS, endpoint=False)
+        rest = more[0] * begin
+        s_N = np.concatenate((s_N[0] * begin, s_N, [end_N]))
+        x_m = np.concatenate((s_N[:_POINTS] * (self.compliance_m_per_N + rest), x_m, [end_m]))
+        loss_J = np.concatenate((loss_J[0] * begin**3, loss_J, np.exp(self.log_loss[-1:])))
+        grows = (np.diff(np.maximum.accumulate(x_m), prepend=-1.0) > 0) & (
+            np.diff(np.maximum.accumulate(s_N), prepend=-1.0) > 0
+        )
+        return x_m[grows], s_N[grows], loss_J[grows]
+
+    def off(self, k: int) -> float:
+        """Return by how much the loss at point k is off without it, relative."""
+        keep = np.r_[k - 1, k + 1]
+        z, log_loss, slope = self.log_more[keep], self.log_loss[keep], self.slope[keep]
+        at, value, rate = _cubic(z, log_loss, slope, 0)
+        log_s = np.maximum.accumulate(np.log(np.maximum(rate, 1e-300)) + value - at)
+        here = np.log(self.slope[k]) + self.log_loss[k] - self.log_more[k]
+        return float(abs(np.expm1(np.interp(here, log_s, value) - self.log_loss[k])))
+
+
+def losses(
+    stiffness_N_per_m: float, load_drop_N: np.ndarray, withdrawal_m: np.ndarray, loss_J: np.ndarray
+) -> tuple[Losses, np.ndarray]:
+    """Return the losses between solved loads, and which of these carry it, shape (n,).
+
+    Parameters
+    ----------
+    stiffness_N_per_m : float
+        At the preload, before any slip.
+    load_drop_N, withdrawal_m, loss_J : ndarray, shape (n,)
+        Of the solved loads, growing; at the last nothing touches any more. Those at which nothing
+        has slipped yet, so that their compliance is that before any slip but for rounding, are left
+        out.
+
+    Examples
+    --------
+    One Hertz contact of unit load and compression, at five loads:
+
+    >>> from capslip.contact.solvers.hertz import load_drop_of_asperity, loss_of_asperity
+    >>> one, x = np.ones(()), np.array([0.05, 0.2, 0.5, 0.8, 1.0])
+    >>> hertz = load_drop_of_asperity(one, one, x), x, loss_of_asperity(one, one, x)
+    >>> x, s, L = losses(1.5, *hertz)[0].table()
+    >>> bool(np.abs(L / loss_of_asperity(one, one, x) - 1).max() < 1e-2)
+    True
+    """
+    c_0 = 1 / stiffness_N_per_m
+    more = withdrawal_m / load_drop_N - c_0
+    least = np.minimum.accumulate(np.append(more[1:], np.inf)[::-1])[::-1]
+    grows = (more > _RIGID * c_0) & (more < least) & (loss_J > 0)
+    s, more, loss = load_drop_N[grows], more[grows], loss_J[grows]
+    slope = 4 * s**2 * more / loss
+    end = float(load_drop_N[-1]), float(withdrawal_m[-1])
+    return Losses(c_0, np.log(more), np.log(loss), slope, end), grows
+
+
+@dataclass(frozen=True, eq=False)
+class RegionLosses:
+    """Every contact region as a Hertz contact between the solved loads.
+
+    Its withdrawal t_i, as a share of its compression, and its loss per load follow from its own
+    N_i and L_i and are interpolated over the withdrawal of the face: a region that lifts off puts a
+    kink into N(d), and that comes into the right place. Where regions are of a few pixels or change
+    their shape, they are no Hertz contacts, and `Losses` is better.
+    """
+
+    load_N: np.ndarray  # of the regions at the preload, shape (n,)
+    withdrawal_m: np.ndarray  # of the face, shape (m,), growing to the end
+    rate_per_m: np.ndarray  # t / x, shape (m + 1, n), the first before any slip
+    length_m: np.ndarray  # of each region, (m, n): its loss over that of unit load and length
+    load_drop_N: np.ndarray  # of the face, (m,)
+    loss_J: np.ndarray  # (m,)
+
+    def table(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Return withdrawals, load drops and losses, as `Losses.table`."""
+        x = self.withdrawal_m[-1] * np.geomspace(_FAR, 1.0, _TABLE)
+        parts = [self._at(x[first : first + _ROWS]) for first in range(0, _TABLE, _ROWS)]
+        drop_N, loss_J = np.concatenate(parts, axis=1)
+        return x, drop_N, loss_J
+
+    def off(self, k: int) -> float:
+        """Return by how much the loss at point k is off without it at its load drop, relative."""
+        others = np.arange(len(self.withdrawal_m)) != k
+        rest = RegionLosses(
+            *(self.load_N, self.withdrawal_m[others]),
+            *(self.rate_per_m[np.append(True, others)], self.length_m[others]),
+            *(self.load_drop_N[others], self.loss_J[others]),
+        )
+        drop_N, loss_J = rest._at(self.withdrawal_m[k : k + 1])[:, 0]
+        return float(abs(loss_J / self.loss_J[k] * (self.load_drop_N[k] / drop_N) ** 3 - 1))
+
+    def _at(self, withdrawal_m: np.ndarray) -> np.ndarray:
+        """Return load drops and losses of the face, shape (2, m)."""
+        from scipy.interpolate import PchipInterpolator
+
+        x = np.append(0.0, self.withdrawal_m)
+        one, length_m = np.ones(()), np.concatenate((self.length_m[:1], self.length_m))
+        t = withdrawal_m[:, None] * PchipInterpolator(x, self.rate_per_m)(withdrawal_m)
+        drop_N = load_drop_of_asperity(self.load_N, one, t).sum(axis=-1)
+        length_m = PchipInterpolator(x, length_m)(withdrawal_m)
+        loss_J = (length_m * loss_of_asperity(self.load_N, one, t)).sum(axis=-1)
+        return np.array((drop_N, loss_J))
+
+
+def rates_per_m(withdrawal_m: np.ndarray, share: np.ndarray, gap_m: np.ndarray) -> np.ndarray:
+    """Return t / x of contact regions, shape (m, n).
+
+    t = 1 - (N_i1 / N_i)^(2/3) in contact; afterwards x over that at which the gap opened. A region
+    of one pixel, or of even pressure, opens everywhere at once.
+
+    Parameters
+    ----------
+    withdrawal_m : ndarray, shape (m,)
+        Of the face.
+    share : ndarray, shape (m, n)
+        Loads of the regions over those at the preload.
+    gap_m : ndarray, shape (m, n)
+        Their least gaps.
+    """
+    x, lifted = withdrawal_m[:, None], share <= 0
+    t = -np.expm1(2 / 3 * np.log(np.where(lifted, 1.0, np.minimum(share, 1.0))))
+    return np.asarray(np.where(lifted, 1 / np.maximum(x - gap_m, 1e-6 * x), t / x))
+
+
+def region_losses(
+    load_N: np.ndarray,
+    slope_per_m: np.ndarray,
+    withdrawal_m: np.ndarray,
+    rate_per_m: np.ndarray,
+    loss_J: np.ndarray,
+) -> RegionLosses:
+    """Return the losses between solved loads from those of the contact regions.
+
+    Parameters
+    ----------
+    load_N, slope_per_m : ndarray, shape (n,)
+        At the preload; t / x before any slip.
+    withdrawal_m : ndarray, shape (m,)
+        Of the face at the solved loads, growing; at the last nothing touches any more.
+    rate_per_m, loss_J : ndarray, shape (m, n)
+        From `rates_per_m`; losses of the regions.
+    """
+    one, t = np.ones(()), withdrawal_m[:, None] * rate_per_m
+    unit = loss_of_asperity(one, one, t)
+    length_m = loss_J / load_N / np.where(unit > 0, unit, 1.0)
+    return RegionLosses(
+        *(load_N, withdrawal_m, np.concatenate((slope_per_m[None], rate_per_m)), length_m),
+        load_drop_of_asperity(load_N, one, t).sum(axis=1),
+        loss_J.sum(axis=1),
+    )
+
+
+def _cubic(
+    z: np.ndarray, value: np.ndarray, slope: np.ndarray, k: int
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return places, values and slopes from point k to before the next one."""
+    t = np.arange(_POINTS) / _POINTS
+    h = z[k + 1] - z[k]
+    rise = value[k + 1] - value[k]
+    bend = 3 * rise - h * (2 * slope[k] + slope[k + 1])
+    twist = h * (slope[k] + slope[k + 1]) - 2 * rise
+    values = value[k] + t * (h * slope[k] + t * (bend + t * twist))
+    return z[k] + t * h, values, slope[k] + t * (2 * bend + 3 * t * twist) / h

@@ -1,0 +1,86 @@
+"""What was solved on one map already, for all that is asked of its normal curve."""
+
+from dataclasses import dataclass, field
+from itertools import pairwise
+from time import perf_counter
+
+import numpy as np
+
+from capslip.contact.solvers.polonsky_keer import ElasticFace, Pressed, press
+from capslip.contact.solvers.unloading import Unloading, unload
+
+_SOLVED_ONE_BY_ONE = 8  # loads; more are interpolated
+_KEPT = 3  # pressure maps in memory
+
+
+@dataclass(eq=False)
+class Solutions:
+    """What was solved already: curves that differ by a spring in series share it."""
+
+    face: ElasticFace
+    tolerance: float
+    time_limit_s: float
+    begun_s: float  # on the clock of `perf_counter`
+    approach_m: dict[float, float] = field(default_factory=dict)  # by load
+    pressed: dict[float, Pressed] = field(default_factory=dict)  # by load, the last few
+    unloading: dict[float, Unloading] = field(default_factory=dict)  # by preload
+
+    @property
+    def left_s(self) -> float:
+        """Seconds of the time limit that are left."""
+        return max(self.time_limit_s - (perf_counter() - self.begun_s), 0.0)
+
+    def press(self, load_N: float) -> Pressed:
+        """Return the state under a load, solved from a neighbouring one where there is one."""
+        if load_N not in self.pressed:
+            near = [N for N in self.pressed if 0.8 * load_N < N < 1.25 * load_N]
+            start_Pa = self.pressed[near[0]].pressure_Pa if near else None
+            self.keep(press(self.face, load_N=load_N, tolerance=self.tolerance, start_Pa=start_Pa))
+        return self.pressed[load_N]
+
+    def press_to(self, approach_m: float) -> Pressed:
+        """Return the state at an approach."""
+        return self.keep(press(self.face, approach_m=approach_m, tolerance=self.tolerance))
+
+    def unload(self, load_N: float) -> Unloading:
+        """Return what happens below a load."""
+        if load_N not in self.unloading:
+            pressed = self.press(load_N)
+            # The other half is for what detail decides, see `_error`
+            half_s = 0.5 * self.left_s
+            found = unload(self.face, pressed, self.tolerance, time_limit_s=half_s)
+            self.unloading[load_N] = found
+            pairs = zip(found.solved_load_N.tolist(), found.solved_approach_m.tolist(), strict=True)
+            self.approach_m.update(pairs)
+        return self.unloading[load_N]
+
+    def approach_under(self, load_N: np.ndarray) -> np.ndarray:
+        """Return the approach under loads > 0, solved or interpolated between solved ones."""
+        new = [N for N in np.unique(load_N).tolist() if N not in self.approach_m]
+        if len(new) <= _SOLVED_ONE_BY_ONE:
+            for N in new:
+                self.press(N)
+            solved = self.approach_m
+            return np.array([solved[N] for N in load_N.ravel().tolist()]).reshape(load_N.shape)
+        from scipy.interpolate import PchipInterpolator
+
+        # Both ends, and no two neighbours further apart than a quarter.
+        for end in (load_N.max(), load_N.min()):
+            if float(end) not in self.approach_m:
+                self.press(float(end))
+        nodes = np.array([N for N in sorted(self.approach_m) if load_N.min() <= N <= load_N.max()])
+        for low, high in pairwise(nodes):
+            n_between = int(np.ceil(np.log(high / low) / np.log(1.25) - 1e-9)) - 1
+            for N in np.geomspace(high, low, n_between + 2)[1:-1].tolist():
+                self.press(N)
+        table = np.array(sorted(self.approach_m.items())).T
+        curve = PchipInterpolator(*np.log(table))
+        return np.exp(np.asarray(curve(np.log(load_N))))
+
+    def keep(self, pressed: Pressed) -> Pressed:
+        """Remember a solution and its approach."""
+        self.approach_m[pressed.load_N] = pressed.approach_m
+        self.pressed[pressed.load_N] = pressed
+        while len(self.pressed) > _KEPT:
+            del self.pressed[next(iter(self.pressed))]
+        return pressed
