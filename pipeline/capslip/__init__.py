@@ -11,7 +11,9 @@ __version__ = "0.1.0"
 if TYPE_CHECKING:
     from capslip.analysis import analyze
     from capslip.errors import CapslipError
+    from capslip.output.arrays import Tables
     from capslip.output.folder import write
+    from capslip.output.plots import Plots
     from capslip.result import Analysis
     from capslip.settings import Settings, load_settings
     from capslip.surface.heightmap import HeightMap
@@ -21,7 +23,9 @@ __all__ = [
     "Analysis",
     "CapslipError",
     "HeightMap",
+    "Plots",
     "Settings",
+    "Tables",
     "analyze",
     "load_settings",
     "load_surface",
@@ -32,7 +36,9 @@ _HOME = {
     "Analysis": "capslip.result",
     "CapslipError": "capslip.errors",
     "HeightMap": "capslip.surface.heightmap",
+    "Plots": "capslip.output.plots",
     "Settings": "capslip.settings",
+    "Tables": "capslip.output.arrays",
     "analyze": "capslip.analysis",
     "load_settings": "capslip.settings",
     "load_surface": "capslip.surface.readers",

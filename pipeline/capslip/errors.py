@@ -17,7 +17,7 @@ class SettingsError(CapslipError):
 
 
 class OutputError(CapslipError):
-    """The output folder cannot be used."""
+    """The output folder cannot be used, or what is asked for cannot be drawn."""
 
     exit_code = 2
 

@@ -7,7 +7,7 @@ import math
 import platform
 from dataclasses import asdict, dataclass
 from html import escape
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -31,6 +31,10 @@ from capslip.structure.stiffness import structure_name
 from capslip.surface.conditioning import Conditioned
 from capslip.surface.heightmap import HeightMap, Origin
 from capslip.verdict import assumptions, verdict
+
+if TYPE_CHECKING:
+    from capslip.output.arrays import Tables
+    from capslip.output.plots import Plots
 
 SCHEMA = "capslip/summary/1"
 ROUNDING = 1e-9  # of the face; a resultant that is less off the load point is on it
@@ -150,6 +154,16 @@ class Analysis(JointResult):
     def name(self) -> str:
         """Name of the scan."""
         return self.surface.origin.name
+
+    @property
+    def plot(self) -> "Plots":
+        """The figures, each a method that returns Matplotlib axes: `analysis.plot.loop()`."""
+        return capslip.Plots(self)
+
+    @property
+    def tables(self) -> "Tables":
+        """The numbers as NumPy structured arrays: `analysis.tables.caps["radius_m"]`."""
+        return capslip.Tables(self)
 
     def __repr__(self) -> str:
         table = self.summary()
@@ -342,7 +356,7 @@ def _families(families: Families | None) -> dict[str, Any]:
 
 def _contact(analysis: JointResult) -> dict[str, Any]:
     """Return the contact: loads and stiffness of the joint, the rest of the scan in it."""
-    contact, joint = analysis.contact, analysis.joint
+    contact, joint, slip = analysis.contact, analysis.joint, analysis.slip
     area_m2 = contact.contact_area_m2 if contact and joint.is_even else None
     yielded_m2 = contact.yielded_area_m2 if contact and joint.is_even else None
     return {
@@ -357,7 +371,7 @@ def _contact(analysis: JointResult) -> dict[str, Any]:
         "approach_m": contact.approach_m if contact else None,
         "approach_without_bulk_m": contact.approach_without_bulk_m if contact else None,
         "contacts": contact.contacts if contact else None,
-        "stiffness_N_per_m": _normal_stiffness(analysis),
+        "stiffness_N_per_m": slip.curve.stiffness_N_per_m(slip.approach_m) if slip else None,
         "contact_area_m2": None if area_m2 is None else area_m2 * float(joint.weight[0]),
         "max_pressure_Pa": contact.max_pressure_Pa if contact else None,
         "hardness_Pa": contact.hardness_Pa if contact else None,
@@ -365,12 +379,6 @@ def _contact(analysis: JointResult) -> dict[str, Any]:
         "bulk": contact.bulk if contact else None,
         **_alignment(analysis),
     }
-
-
-def _normal_stiffness(analysis: JointResult) -> float | None:
-    """Return that of the joint under its preload."""
-    slip = analysis.slip
-    return None if slip is None else float(slip.curve.stiffness_N_per_m(slip.approach_m))
 
 
 def _alignment(analysis: JointResult) -> dict[str, Any]:
@@ -461,16 +469,8 @@ def _limit(analysis: JointResult, family: str) -> float | None:
 def _family(family: Family | None) -> dict[str, Any] | None:
     if family is None:
         return None
-    return {
-        "count": family.count,
-        "radius_m": family.radius_m,
-        "radius_se_m": family.radius_se_m,
-        "mean_radius_m": family.mean_radius_m,
-        "diameter_m": family.diameter_m,
-        "height_m": family.height_m,
-        "peak_height_m": family.peak_height_m,
-        "peak_height_se_m": family.peak_height_se_m,
-    }
+    names = ("count", "radius_m", "radius_se_m", "mean_radius_m", "diameter_m", "height_m")
+    return {name: getattr(family, name) for name in (*names, "peak_height_m", "peak_height_se_m")}
 
 
 def _plain(value: Any) -> Any:

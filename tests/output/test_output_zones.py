@@ -5,7 +5,7 @@ import output_cases
 import pytest
 
 from capslip.analysis import analyze_once
-from capslip.output.tables import _loads_N
+from capslip.output.arrays import _loads_N
 from capslip.output.zones import Zones, compression_at, loss_shares, zone_at, zones_of
 from capslip.settings import load_settings
 from scenes import caps_map

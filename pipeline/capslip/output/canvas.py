@@ -1,6 +1,6 @@
 """The common look of all figures: sizes, colours, units."""
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal, cast
 
 import numpy as np
 
@@ -15,30 +15,46 @@ INK = "#222222"
 ACCENT = "#009E73"
 NON_MEASURED = "#BDBDBD"
 DPI = 130
+FACE_LAYOUT: Literal["compressed"] = "compressed"  # the one made for axes of a fixed aspect
 
 
-def blank(title: str, width: float = 8.0, height: float = 5.0) -> "tuple[Figure, Axes]":
-    """Return an empty figure (inches) with one pair of axes, outside of any window system."""
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
+def blank(
+    title: str, width: float = 8.0, height: float = 5.0, axes: "Axes | None" = None
+) -> "tuple[Figure, Axes]":
+    """Return a figure (inches) with one pair of axes, outside of any window system.
 
-    figure = Figure(figsize=(width, height), dpi=DPI, layout="constrained")
-    FigureCanvasAgg(figure)
-    axes = figure.add_subplot()
+    Axes that are given, of another figure, are dressed alike.
+    """
+    if axes is None:
+        from matplotlib.backends.backend_agg import FigureCanvasAgg
+        from matplotlib.figure import Figure
+
+        figure = Figure(figsize=(width, height), dpi=DPI, layout="constrained")
+        FigureCanvasAgg(figure)
+        axes = figure.add_subplot()
     axes.set_title(title, loc="left", fontsize=11, color=INK)
     axes.spines[["top", "right"]].set_visible(False)
     axes.grid(color="#E3E3E3", linewidth=0.6)
     axes.set_axisbelow(True)
-    return figure, axes
+    return cast("Figure", axes.figure), axes
 
 
-def face_axes(title: str, side_m: tuple[float, float]) -> "tuple[Figure, Axes]":
-    """Return axes for a map of the face, in mm and at equal scale."""
+def face_size(side_m: tuple[float, float]) -> tuple[float, float]:
+    """Return width and height (inches) of a page that holds a map of the face and its legends."""
     side_y_m, side_x_m = side_m
     inch_per_m = min(8.0 / side_x_m, 7.5 / side_y_m)
-    width, height = (max(side * inch_per_m, 2.5) for side in (side_x_m, side_y_m))
-    figure, axes = blank(title, width + 1.7, height + 1.3)
-    figure.set_layout_engine("compressed")  # the one made for axes of a fixed aspect
+    return max(side_x_m * inch_per_m, 2.5) + 1.7, max(side_y_m * inch_per_m, 2.5) + 1.3
+
+
+def face_axes(
+    title: str, side_m: tuple[float, float], axes: "Axes | None" = None
+) -> "tuple[Figure, Axes]":
+    """Return axes for a map of the face, in mm and at equal scale; those given, if they are."""
+    side_y_m, side_x_m = side_m
+    figure, given = blank(title, *face_size(side_m), axes=axes)
+    if axes is None:
+        figure.set_layout_engine(FACE_LAYOUT)
+    axes = given
     axes.grid(False)
     axes.set(
         xlim=(0, side_x_m * 1e3),
@@ -48,6 +64,20 @@ def face_axes(title: str, side_m: tuple[float, float]) -> "tuple[Figure, Axes]":
         ylabel="y [mm]",
     )
     return figure, axes
+
+
+def has_page(axes: "Axes") -> bool:
+    """Tell whether axes have a page of their own, with room around them for a legend."""
+    figure = cast("Figure", axes.figure)
+    return len(figure.axes) == 1 and figure.get_layout_engine() is not None
+
+
+def legend_beside(axes: "Axes") -> None:
+    """Write the legend beside the axes, or inside where others stand there."""
+    if has_page(axes):
+        axes.legend(loc="upper left", bbox_to_anchor=(1.0, 1.0), fontsize=9, frameon=False)
+    else:
+        axes.legend(fontsize=8, framealpha=0.9, edgecolor="none")
 
 
 def height_limits(height_m: np.ndarray, peak_height_m: np.ndarray) -> tuple[float, float]:

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from capslip.errors import ContactError
-from capslip.output.canvas import ACCENT, INK, blank
-from capslip.output.quantity import engineering, scaled
+from capslip.output.canvas import ACCENT, INK, blank, legend_beside
+from capslip.output.quantity import engineering, unit_on
 from capslip.structure.response import MOST_LOSS_FACTOR
 from capslip.structure.stiffness import structure_name
 
@@ -33,7 +33,7 @@ PHASES = (  # of first loading, the paper's Sec. 2.3
 UNRESOLVED = ("GPS or PPS, not told apart", "#F1F1F1")
 
 
-def normal_curve(analysis: "Analysis") -> "Figure | None":
+def normal_curve(analysis: "Analysis", axes: "Axes | None" = None) -> "Figure | None":
     """Load over normal approach, with the preload; of a face that yielded, its unloading."""
     contact = analysis.contact
     if contact is None:
@@ -54,11 +54,11 @@ def normal_curve(analysis: "Analysis") -> "Figure | None":
         approach_m = np.asarray(contact.curve.approach_m(load_N))
     bulk_m = contact.bulk_m * load_N / preload_N
     other_m = approach_m - bulk_m if contact.bulk else approach_m + bulk_m
-    unit_m, unit = _unit_of_length(float(max(approach_m.max(), other_m.max())))
+    unit_m, unit = _unit_of_length(float(max(approach_m.max(), other_m.max())), axes)
     words = ("with", "without") if contact.bulk else ("without", "with")
     used, other = (f"{word} bulk term" for word in words)
 
-    figure, axes = blank(f"Normal curve N(d), model: {contact.model}")
+    figure, axes = blank(f"Normal curve N(d), model: {contact.model}", axes=axes)
     has_bulk = bool(bulk_m[-1] > 0.0)
     label = f"{used} (used for slip)" if has_bulk else "N(d)"
     x = approach_m[:-1] / unit_m
@@ -81,18 +81,18 @@ def normal_curve(analysis: "Analysis") -> "Figure | None":
     axes.set(xlabel=f"normal approach d from first touch [{unit}]", ylabel="normal load N [N]")
     axes.set_xlim(left=0.0)
     axes.set_ylim(bottom=0.0)
-    _legend_beside(axes)
+    legend_beside(axes)
     return figure
 
 
-def slip_loop(analysis: "Analysis") -> "Figure | None":
+def slip_loop(analysis: "Analysis", axes: "Axes | None" = None) -> "Figure | None":
     """First loading to total slip with its phases, and cycles of three amplitudes."""
     slip = analysis.slip
     if slip is None or not slip.total_slip_displacement_m > 0.0:
         return None
     end_m = 1.2 * float(slip.total_slip_displacement_m)
-    unit_m, unit = _unit_of_length(end_m)
-    figure, axes = blank("Tangential force over slip displacement, one joint")
+    unit_m, unit = _unit_of_length(end_m, axes)
+    figure, axes = blank("Tangential force over slip displacement, one joint", axes=axes)
     displacement_m = np.linspace(0.0, end_m, 201)
     axes.plot(
         displacement_m / unit_m,
@@ -119,11 +119,11 @@ def slip_loop(analysis: "Analysis") -> "Figure | None":
         xlabel=f"tangential displacement δ [{unit}]",
         ylabel="tangential force T [N]",
     )
-    _legend_beside(axes)
+    legend_beside(axes)
     return figure
 
 
-def energy(analysis: "Analysis") -> "Figure | None":
+def energy(analysis: "Analysis", axes: "Axes | None" = None) -> "Figure | None":
     """Energy lost in a cycle over its amplitude, both logarithmic."""
     slip = analysis.slip
     if slip is None or not slip.total_slip_displacement_m > 0.0:
@@ -134,8 +134,8 @@ def energy(analysis: "Analysis") -> "Figure | None":
     positive = energy_J > 0.0
     if not positive.any():
         return None
-    unit_m, unit = _unit_of_length(end_m)
-    figure, axes = blank("Energy lost per cycle, one joint")
+    unit_m, unit = _unit_of_length(end_m, axes)
+    figure, axes = blank("Energy lost per cycle, one joint", axes=axes)
     axes.loglog(
         displacement_m[positive] / unit_m, energy_J[positive], color=INK, linewidth=1.8, label="W"
     )
@@ -149,11 +149,11 @@ def energy(analysis: "Analysis") -> "Figure | None":
         xlabel=f"amplitude of the tangential displacement δ [{unit}]",
         ylabel="energy lost per cycle W [J]",
     )
-    _legend_beside(axes)
+    legend_beside(axes)
     return figure
 
 
-def loss_factor(analysis: "Analysis") -> "Figure | None":
+def loss_factor(analysis: "Analysis", axes: "Axes | None" = None) -> "Figure | None":
     """Loss factor of the mode over its amplitude, up to gross slip."""
     damping = analysis.damping
     if damping is None:
@@ -162,8 +162,9 @@ def loss_factor(analysis: "Analysis") -> "Figure | None":
     if not defined.any():
         return None
     gross_m = damping.gross_slip_amplitude_m
-    unit_m, unit = _unit_of_length(gross_m)
-    figure, axes = blank(f"Loss factor from micro-slip: {structure_name(analysis.settings)}")
+    unit_m, unit = _unit_of_length(gross_m, axes)
+    title = f"Loss factor from micro-slip: {structure_name(analysis.settings)}"
+    figure, axes = blank(title, axes=axes)
     steady = np.isfinite(damping.loss_factor)
     amplitude_m, eta = damping.amplitude_m[steady], damping.loss_factor[steady]
     smooth_m, smooth = _smooth(amplitude_m, eta)
@@ -254,10 +255,9 @@ def _caps_alone(analysis: "Analysis", contact: "ContactState") -> "NormalCurve":
     return curve_of(radius_m, depth_m, E_star_Pa)
 
 
-def _unit_of_length(largest_m: float) -> tuple[float, str]:
-    """Length of one unit that suits the largest value of an axis, and its name."""
-    number, unit = scaled(np.array([largest_m]), "m")
-    return (largest_m / float(number[0]) if number[0] else 1.0), unit
+def _unit_of_length(largest_m: float, axes: "Axes | None") -> tuple[float, str]:
+    """Length of one unit that suits the largest value, or stands on the axis, and its name."""
+    return unit_on(axes.get_xlabel() if axes else "", largest_m, "m")
 
 
 def _shade_phases(
@@ -273,7 +273,3 @@ def _shade_phases(
     for (label, colour), (left_m, right_m) in zip(phases, pairwise(edges_m), strict=True):
         if right_m > left_m:
             axes.axvspan(left_m / unit_m, right_m / unit_m, color=colour, label=label, zorder=0)
-
-
-def _legend_beside(axes: "Axes") -> None:
-    axes.legend(loc="upper left", bbox_to_anchor=(1.0, 1.0), fontsize=9, frameon=False)

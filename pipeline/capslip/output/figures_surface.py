@@ -11,6 +11,7 @@ from capslip.output.canvas import (
     blank,
     face_axes,
     family_names,
+    has_page,
     height_limits,
     thinned,
 )
@@ -26,7 +27,7 @@ NUMBERED = 60  # more numbers than this hide the picture
 NUMBER_in = 0.16  # room of a number, inches
 
 
-def height_map(analysis: "Analysis") -> "Figure":
+def height_map(analysis: "Analysis", axes: "Axes | None" = None) -> "Figure":
     """Heights after removal of the form, with the contour of the cut."""
     from matplotlib import colormaps
 
@@ -40,7 +41,8 @@ def height_map(analysis: "Analysis") -> "Figure":
     extend = ("neither", "min", "max", "both")[int(beyond @ [1, 2])]
 
     over = "after removal of the form" if analysis.level is None else "over the balanced plane"
-    figure, axes = face_axes(f"Heights {over}", surface.side_m)
+    figure, axes = face_axes(f"Heights {over}", surface.side_m, axes)
+    paged = has_page(axes)
     extent = (0, surface.side_m[1] * 1e3, 0, surface.side_m[0] * 1e3)
     image = axes.imshow(
         np.ma.masked_invalid(heights),
@@ -59,17 +61,18 @@ def height_map(analysis: "Analysis") -> "Figure":
         )
     bar = figure.colorbar(image, ax=axes, extend=extend, shrink=0.85, label=f"height [{unit}]")
     bar.ax.axhline(cut, color="k", linewidth=1.2)
-    _face_legend(figure, [("cut", "k")], bool(np.isnan(heights).any()))
+    _face_legend(figure if paged else axes, [("cut", "k")], bool(np.isnan(heights).any()))
     return figure
 
 
-def hills_and_caps(analysis: "Analysis") -> "Figure":
+def hills_and_caps(analysis: "Analysis", axes: "Axes | None" = None) -> "Figure":
     """Hills in pale colours, each with the base circle of its fitted cap."""
     from matplotlib.collections import EllipseCollection
     from matplotlib.colors import ListedColormap
 
     surface, caps = analysis.conditioned.surface, analysis.caps
-    figure, axes = face_axes("Hills and the base circles of their caps", surface.side_m)
+    figure, axes = face_axes("Hills and the base circles of their caps", surface.side_m, axes)
+    paged = has_page(axes)
     label = thinned(analysis.hills.label)
     shade = np.where(label > 0, 2 + label % 6, thinned(surface.measured).astype(int))
     pale = ["#D9EAD3", "#FFF2CC", "#E6DAF0", "#D5ECF2", "#F7DCE3", "#E4E8C8"]
@@ -105,7 +108,7 @@ def hills_and_caps(analysis: "Analysis") -> "Figure":
         entries.append((f"{names[family]} ({member.sum()})", FAMILY_COLOUR[family]))
     if len(caps) <= NUMBERED:
         _number_caps(axes, analysis)
-    _face_legend(figure, entries[::-1], bool((~surface.measured).any()))
+    _face_legend(figure if paged else axes, entries[::-1], bool((~surface.measured).any()))
     return figure
 
 
@@ -234,7 +237,11 @@ def height_unit(heights_m: np.ndarray) -> tuple[float, str]:
     return float(f"{value[0] / largest_m:.6g}"), unit
 
 
-def _face_legend(figure: "Figure", entries: list[tuple[str, str]], non_measured: bool) -> None:
+def _face_legend(
+    where: "Figure | Axes", entries: list[tuple[str, str]], non_measured: bool
+) -> None:
+    """Explain the colours below the map, or on axes that share their page."""
+    from matplotlib.axes import Axes
     from matplotlib.lines import Line2D
     from matplotlib.patches import Patch
 
@@ -243,11 +250,15 @@ def _face_legend(figure: "Figure", entries: list[tuple[str, str]], non_measured:
     ]
     if non_measured:
         handles.append(Patch(color=NON_MEASURED, label="non-measured"))
-    if handles:
-        columns = len(handles) if figure.get_figwidth() > 6 else 2
-        figure.legend(
-            handles=handles, loc="outside lower center", ncols=columns, frameon=False, fontsize=9
-        )
+    if not handles:
+        return
+    if isinstance(where, Axes):
+        where.legend(handles=handles, loc="upper right", fontsize=8, framealpha=0.9)
+        return
+    columns = len(handles) if where.get_figwidth() > 6 else 2
+    where.legend(
+        handles=handles, loc="outside lower center", ncols=columns, frameon=False, fontsize=9
+    )
 
 
 def _number_caps(axes: "Axes", analysis: "Analysis") -> None:

@@ -50,6 +50,21 @@ def scaled(values: np.ndarray, unit: str) -> tuple[np.ndarray, str]:
     return values / 10.0**power, f"{PREFIX[power]}{unit}"
 
 
+def unit_on(label: str, largest: float, unit: str) -> tuple[float, str]:
+    """Return one step of the unit that an axis has by its label already, else of one that suits.
+
+    So a second curve on the same axes has the unit of the first.
+
+    >>> unit_on("amplitude [µm]", 3e-9, "m"), unit_on("", 3e-9, "m")
+    ((1e-06, 'µm'), (1e-09, 'nm'))
+    """
+    steps = {f"{prefix}{unit}": 10.0**power for power, prefix in PREFIX.items()}
+    name = label.rpartition("[")[2].removesuffix("]")
+    if name not in steps:
+        name = scaled(np.array([largest]), unit)[1]
+    return steps[name], name
+
+
 def _power(largest: float) -> int:
     """Exponent of the prefix, a multiple of three."""
     if largest == 0.0:

@@ -7,17 +7,14 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import tomli_w
 
-from capslip.caps.table import UNITS
+from capslip.output.arrays import UNITS, Tables
 from capslip.output.staging import SUMMARY, summary_text
 from capslip.output.thumbnail import thumbnail
 from capslip.output.zones import write_zones, zones_of
 
 if TYPE_CHECKING:
-    from capslip.contact.press import ContactState
     from capslip.result import Analysis
     from capslip.settings import Settings
-
-LOADS, FORCES = 80, 96  # points of the normal curve and of the slip curve
 
 
 def write_result(analysis: "Analysis", folder: Path) -> None:
@@ -48,13 +45,6 @@ def _cells(column: np.ndarray) -> list[str]:
     return [str(value) for value in column]
 
 
-def _loads_N(contact: "ContactState") -> np.ndarray:
-    """Return the loads of the normal curve; where each costs a solution, those at hand."""
-    if contact.rung.solved_loads_N is not None:
-        return contact.rung.solved_loads_N(contact.normal, contact.preload_N)
-    return contact.preload_N * np.append(0.0, np.geomspace(1e-3, 1.0, LOADS))
-
-
 def _write_hdf5(analysis: "Analysis", path: Path) -> None:
     import h5py
 
@@ -74,29 +64,18 @@ def _write_hdf5(analysis: "Analysis", path: Path) -> None:
         stamp = np.frombuffer(thumbnail(surface.height_m), dtype=np.uint8)
         write("surface/thumbnail_png", stamp, "")
         write("hills/labels", analysis.hills.label, "", **packed)
-        for name, column in analysis.caps.columns().items():
-            values = column
-            if column.dtype.kind in "UO":
-                values = np.array([str(word) for word in column], dtype=h5py.string_dtype())
-            write(f"caps/{name}", values, UNITS[name])
+        found = Tables(analysis)
+        normal = found.normal_curve
+        stages = {"caps": found.caps, "normal": normal, "slip": found.slip}
+        for stage, table in {**stages, "damping": found.damping}.items():
+            if not len(table) and stage != "caps":
+                continue  # no such stage; no caps are a table with all columns
+            for name in table.dtype.names or ():
+                values = table[name]
+                if values.dtype.kind == "U":
+                    values = values.astype(h5py.string_dtype())
+                write(f"{stage}/{name}", values, UNITS[name])
         if analysis.contact is not None:
-            load_N = _loads_N(analysis.contact)
-            approach_m = np.asarray(analysis.contact.normal.approach_m(load_N))
-            write("normal/approach_m", approach_m, "m")
-            write("normal/load_N", load_N, "N")
-            zones = zones_of(analysis, load_N, approach_m)
+            zones = zones_of(analysis, normal["load_N"], normal["approach_m"])
             if zones is not None:
                 write_zones(zones, file.create_group("zones"))
-        slip = analysis.slip
-        if slip is not None:
-            force_N = np.geomspace(1e-3, 1.0, FORCES) * slip.total_slip_force_N
-            write("slip/force_N", force_N, "N")
-            write("slip/displacement_m", slip.displacement_m(force_N), "m")
-            write("slip/energy_J", slip.energy_at_force_J(force_N), "J")
-        damping = analysis.damping
-        if damping is not None:
-            write("damping/amplitude_m", damping.amplitude_m, "m")
-            write("damping/force_N", damping.force_N, "N")
-            write("damping/loss_factor", damping.loss_factor, "1")
-            write("damping/damping_ratio", damping.damping_ratio, "1")
-            write("damping/frequency_ratio", damping.frequency_ratio, "1")
