@@ -46,17 +46,17 @@ sphinx_gallery_conf = {
     "run_stale_examples": True,
     "abort_on_example_error": True,
     "download_all_examples": False,
+    "notebook_extensions": set(),
+    "capture_repr": (),
     "show_memory": False,
     "show_signature": False,
     "min_reported_time": 1e9,
     "write_computation_times": False,
-    "plot_gallery": True,
     "backreferences_dir": None,
     "reset_modules": ("matplotlib",),
     "within_subsection_order": "FileNameSortKey",
-    "default_thumb_file": None,
 }
-suppress_warnings = ["config.cache"]
+suppress_warnings = ["config.cache"]  # of functions in sphinx_gallery_conf
 
 html_theme = "pydata_sphinx_theme"
 html_title = "capslip"

@@ -1,4 +1,4 @@
-"""Names of pages that stand as code in a text become links to them: `docs/theory.md`, `limits.md`."""
+"""Names of pages that stand as code in a text become links to them, such as `docs/theory.md`."""
 
 from pathlib import PurePath
 
@@ -38,7 +38,7 @@ class LinkPages(SphinxTransform):
             link += literal
 
 
-def setup(app) -> dict[str, bool]:  # noqa: ANN001
+def setup(app) -> dict[str, bool]:
     """Add the transform."""
     app.add_transform(LinkPages)
     return {"parallel_read_safe": True, "parallel_write_safe": True}

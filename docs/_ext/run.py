@@ -20,6 +20,7 @@ import re
 import shutil
 import subprocess
 import sys
+import textwrap
 from pathlib import Path
 
 from docutils import nodes
@@ -32,7 +33,8 @@ PROJECT = Path(__file__).resolve().parents[2]
 RUNS = PROJECT / "build" / "runs"
 BLOCK = re.compile(r"^```\{run\}.*?^```$", re.MULTILINE | re.DOTALL)
 PROGRESS = re.compile(r"^\[ *\d+\.\d s\] .*\n?", re.MULTILINE)  # no two runs have the same seconds
-LONGEST_S = 300
+LONGEST_S, WIDTH = 300, 100
+LABEL = re.compile(r"^(?:[a-z]+ +| +)(?=\S)")  # of a line of the terminal, or the space below it
 log = logging.getLogger(__name__)
 
 
@@ -55,7 +57,7 @@ class Run(Directive):
         source = "\n".join(self.content)
         page = _Page.of(environment)
         output = page.output_of(language, source, self.options.get("exit", 0))
-        shown: list[nodes.Node] = [_code(source, "console" if language == "bash" else language)]
+        shown: list[nodes.Node] = [_code(source, language)]
         kept = _kept(output, self.options.get("keep"))
         if kept.strip():
             shown.append(_code(kept.rstrip(), "text", "output"))
@@ -86,7 +88,7 @@ class _Page:
             self._empty()
 
     @classmethod
-    def of(cls, environment) -> "_Page":  # noqa: ANN001
+    def of(cls, environment) -> "_Page":
         pages = environment.temp_data.setdefault("run_pages", {})
         name = environment.docname
         if name not in pages:
@@ -144,35 +146,39 @@ class _Page:
 
 def _kept(output: str, words: str | None) -> str:
     """Return the lines that begin with one of some words, with the lines that go on from them."""
-    if words is None:
-        return output
-    lines, keep = [], False
+    lines: list[str] = []
+    keep = words is None
     for line in output.splitlines():
-        if not line.startswith("  "):
+        if words is not None and not line.startswith("  "):
             keep = line.split(" ")[0] in words.split()
         if keep:
-            lines.append(line)
+            lines += _wrapped(line)
         elif lines and lines[-1] != "...":
             lines.append("...")
-    return "\n".join(lines)
+    return "\n".join(lines).removesuffix("...")
+
+
+def _wrapped(line: str) -> list[str]:
+    """Break a long line below the text that follows its label."""
+    if len(line) <= WIDTH or "  " not in line:
+        return [line]
+    label = LABEL.match(line)
+    indent = " " * (label.end() if label else 0)
+    return textwrap.wrap(
+        *(line, WIDTH), subsequent_indent=indent, break_on_hyphens=False, drop_whitespace=True
+    )
 
 
 def _code(text: str, language: str, kind: str = "typed") -> nodes.literal_block:
     """Return a block of code, or of what it printed."""
-    if language == "console":
-        text = "\n".join(
-            f"$ {line}" if not before.endswith("\\") and not line.startswith((" ", "done")) else line
-            for before, line in zip(["", *text.splitlines()], text.splitlines(), strict=False)
-        )
-    block = nodes.literal_block(text, text, language=language, classes=[kind])
-    return block
+    return nodes.literal_block(text, text, language=language, classes=[kind])
 
 
 def _html(text: str) -> nodes.raw:
     return nodes.raw("", text, format="html")
 
 
-def setup(app) -> dict[str, bool]:  # noqa: ANN001
+def setup(app) -> dict[str, bool]:
     """Add the directive."""
     app.add_directive("run", Run)
     return {"parallel_read_safe": False, "parallel_write_safe": True}

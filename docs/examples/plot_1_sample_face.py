@@ -15,8 +15,8 @@ analysis = capslip.analyze(surface, settings)
 print(analysis)
 
 # %%
-# The height map, levelled, and the caps that were found on it. The sample holds two high hills (G) and nine lower
-# ones (P); all eleven are there.
+# The height map, levelled, and the caps that were found on it. The sample holds two high hills
+# (G) and nine lower ones (P); all eleven are there.
 
 figure, axes = plt.subplots(1, 2, figsize=(10, 3.6), layout="constrained")
 analysis.plot.height_map(ax=axes[0])
@@ -29,9 +29,9 @@ families = analysis.summary()["families"]
 print(families["m"], families["n"], f"{families['h_m'] * 1e9:.0f} nm")
 
 # %%
-# What the joint does under a vibrating shear force: the cycle, and the loss factor of the structure.
+# What the joint does under a vibrating shear force: the cycle, and the loss factor of the
+# structure.
 
-figure, axes = plt.subplots(1, 2, figsize=(10, 3.6), layout="constrained")
-analysis.plot.loop(ax=axes[0])
-analysis.plot.loss_factor(ax=axes[1])
+analysis.plot.loop()
+analysis.plot.loss_factor()
 plt.show()

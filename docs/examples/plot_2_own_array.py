@@ -4,8 +4,8 @@ Your own array
 
 Heights that are in memory already: from a simulation, a database, another reader.
 
-A map is an array of heights in metres, rows along y and columns along x, with the size of a pixel. NaN is a point that was not
-measured.
+A map is an array of heights in metres, rows along y and columns along x, with the size of a
+pixel. NaN is a point that was not measured.
 """
 
 import matplotlib.pyplot as plt
@@ -31,7 +31,8 @@ settings = capslip.load_settings(
 analysis = capslip.analyze(surface, settings)
 
 # %%
-# What is doubtful about it comes with a code that :doc:`the list of warnings <../warnings>` explains.
+# What is doubtful about it comes with a code that :doc:`the list of warnings <../warnings>`
+# explains.
 
 for problem in analysis.problems:
     print(f"{problem.severity:8}{problem.code}: {problem.message}")

@@ -2,7 +2,8 @@
 Two mated faces
 ===============
 
-Both faces of a joint, added to one surface against a plane; and the paper's way, which counts the caps of both.
+Both faces of a joint, added to one surface against a plane; and the paper's way, which counts the
+caps of both.
 """
 
 import matplotlib.pyplot as plt

@@ -4,8 +4,8 @@ Boundary elements against caps
 
 Spheres, or the measured map itself? The ladder of contact models, on one face.
 
-Boundary elements press every pixel of the map. They need no caps and no fit, and more time. The cheaper models are held
-against them.
+Boundary elements press every pixel of the map. They need no caps and no fit, and more time. The
+cheaper models are held against them.
 """
 
 import matplotlib.pyplot as plt
@@ -31,8 +31,8 @@ for model in ("families", "caps", "mean_field", "interacting", "boundary_element
     print(f"{model:18}{slip.tangential_stiffness_N_per_m / 1e9:6.2f} GN/m")
 
 # %%
-# The energy lost per cycle, over that of boundary elements. Near total slip all must agree about the force, and they differ in how
-# the load is shared between the caps.
+# The energy lost per cycle, over that of boundary elements. Near total slip all must agree about
+# the force, and they differ in how the load is shared between the caps.
 
 figure, axes = plt.subplots(figsize=(7, 4), layout="constrained")
 for model, energy_J in curves.items():

@@ -4,8 +4,8 @@ A joint under a pressure map
 
 Two bolts press the middle more than the ends. What does that do to the damping?
 
-The pressures of a finite-element model come as a CSV, one line an element, with the columns ``pressure_Pa`` and ``area_m2``. The
-scan stands for the face of every element.
+The pressures of a finite-element model come as a CSV, one line an element, with the columns
+``pressure_Pa`` and ``area_m2``. The scan stands for the face of every element.
 """
 
 import tempfile
@@ -18,7 +18,9 @@ import capslip
 
 x_m = np.linspace(-0.06, 0.06, 24)
 area_m2 = np.full(x_m.shape, 0.12 / 24 * 0.04)
-bolted_Pa = 0.5e6 * (np.exp(-(((x_m - 0.03) / 0.015) ** 2)) + np.exp(-(((x_m + 0.03) / 0.015) ** 2)))
+bolted_Pa = 0.5e6 * (
+    np.exp(-(((x_m - 0.03) / 0.015) ** 2)) + np.exp(-(((x_m + 0.03) / 0.015) ** 2))
+)
 bolted_Pa += 0.02e6
 even_Pa = np.full(x_m.shape, bolted_Pa.mean())
 
@@ -40,8 +42,8 @@ with tempfile.TemporaryDirectory() as folder:
         found[name] = capslip.analyze(surface, settings)
 
 # %%
-# The load is the same, and so is the force of total slip. But where the pressure is small, slip begins early: the joint between
-# bolts loses more at small forces, and less suddenly.
+# The load is the same, and so is the force of total slip. But where the pressure is small, slip
+# begins early: the joint between bolts loses more at small forces, and less suddenly.
 
 figure, (left, right) = plt.subplots(1, 2, figsize=(10, 3.8), layout="constrained")
 for name, pressure_Pa in (("bolts", bolted_Pa), ("even", even_Pa)):

@@ -2,7 +2,8 @@
 A law for a harmonic-balance code
 =================================
 
-A mass on a joint, driven near resonance. The joint is a few sliders whose sum follows the slip curve; one harmonic is balanced.
+A mass on a joint, driven near resonance. The joint is a few sliders whose sum follows the slip
+curve; one harmonic is balanced.
 """
 
 import matplotlib.pyplot as plt
@@ -21,11 +22,14 @@ settings = capslip.load_settings(
 )
 analysis = capslip.analyze(capslip.load_surface("sample_surfaces/paper_face_a.h5"), settings)
 elements = jenkins(analysis.slip)
-print(f"{elements.stiffness_N_per_m.size} sliders, energy within {100 * elements.energy_error:.1f} %")
+print(
+    f"{elements.stiffness_N_per_m.size} sliders, energy within {100 * elements.energy_error:.1f} %"
+)
 
 # %%
-# Over one cycle of amplitude :math:`\delta` the first harmonic of the force is a stiffness and a damping. The secant T/delta stands
-# for the first, the energy W / (pi delta^2) for the second. A code with more harmonics follows each slider in time instead.
+# Over one cycle of amplitude delta the first harmonic of the force is a stiffness and a damping.
+# The secant T/delta stands for the first, the energy W / (pi delta^2) for the second. A code with
+# more harmonics follows each slider in time instead.
 
 mass_kg, outside_N = 20.0, np.array([0.02, 0.1, 0.3, 0.6])
 k_N_per_m = elements.stiffness_N_per_m.sum()
@@ -56,4 +60,5 @@ axes.legend(title="driving force")
 plt.show()
 
 # %%
-# For tmdsimpy and pyHarm, ``capslip analyze --export law`` writes these sliders ready to use: :doc:`../guides/finite-elements`.
+# For tmdsimpy and pyHarm, ``capslip analyze --export law`` writes these sliders ready to use:
+# :doc:`../guides/finite-elements`.

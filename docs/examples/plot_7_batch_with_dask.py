@@ -30,7 +30,7 @@ for i in range(6):
 settings = capslip.load_settings(
     overrides=("contact.model=interacting", "run.figures=false", "run.render=false")
 )
-with LocalCluster(n_workers=1, processes=False, host="127.0.0.1", dashboard_address=None) as here:
+with LocalCluster(1, processes=False, dashboard_address="127.0.0.1:0") as here:
     options = Options(scheduler=here.scheduler_address)
     run_batch([str(folder / "scans")], folder / "out", settings, print, options=options)
 
@@ -42,6 +42,6 @@ with (folder / "out" / "batch.csv").open() as file:
 stiffness = np.array([float(row["tangential_stiffness_N_per_m"]) for row in table])
 
 figure, axes = plt.subplots(figsize=(7, 3.5), layout="constrained")
-axes.bar([row["name"] for row in table], stiffness / 1e9)
+axes.bar([row["scan"] for row in table], stiffness / 1e9)
 axes.set(ylabel="stiffness [GN/m]")
 plt.show()

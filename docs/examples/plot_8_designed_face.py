@@ -2,7 +2,8 @@
 A face designed for damping
 ===========================
 
-Which hills give a joint the loss factor that you want? Sweep the families, make the face, analyse it back.
+Which hills give a joint the loss factor that you want? Sweep the families, make the face, analyse
+it back.
 """
 
 import matplotlib.pyplot as plt
@@ -22,8 +23,9 @@ GIVEN = (
 )
 
 # %%
-# Chosen is the step h between high and low hills. With a greater step the high ones bear more and the low ones less; these slip
-# sooner, so the loss grows with h. Given families are answered for in milliseconds, so that a solver can search.
+# Chosen is the step h between high and low hills. With a greater step the high ones bear more and
+# the low ones less; these slip sooner, so the loss grows with h. Given families are answered for
+# in milliseconds, so that a solver can search.
 
 
 def loss_of_families(h_m):
@@ -40,8 +42,9 @@ def step_for(loss_factor):
 
 
 # %%
-# The families do not feel each other; the hills of a face do. So make the face, analyse its map with the model that the program
-# itself chooses, and aim anew by what was missed. Two or three rounds are enough.
+# The families do not feel each other; the hills of a face do. So make the face, analyse its map
+# with the model that the program itself chooses, and aim anew by what was missed. Two or three
+# rounds are enough.
 
 
 def face_of(h_m, shape=(200, 300)):

@@ -71,6 +71,17 @@ def write(
         the scan itself.
     SettingsError
         If the export is none of those known.
+
+    Examples
+    --------
+    >>> import capslip, tempfile
+    >>> from capslip.studies.faces.synthetic import CapFamily, Scene, synthetic_surface
+    >>> scene = Scene((100, 150), (4e-4, 4e-4), families=(CapFamily("G", 6, 24.0),))
+    >>> analysis = capslip.analyze(synthetic_surface(scene)[0])
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     summary = write(analysis, Path(folder) / "face", figures=False, render=False)
+    >>> summary["hills"]["caps"], summary["status"]
+    (6, 'ok')
     """
     extra = None if export is None else export_named(export)
     folder, scan = Path(folder), analysis.surface.origin.path
