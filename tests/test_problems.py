@@ -336,6 +336,8 @@ ROWS = [
     Row("contact_beyond_cap", "warning", "12 contacts", "plain levelled plastics"),
     Row("contact_reaches_below_cut", "warning", "down to the cut", "plain levelled plastics"),
     Row("contact_under_resolved", "warning", "at most 1.8 pixels", "plain N=1"),
+    Row("contacts_outside_band", "info", "0.00411 m: shorter waves drown in",
+        "noisy levelled N=20", "plain levelled N=20"),
     Row("load_on_doubtful_caps", "warning", "25% of the preload", "three-at-the-edge levelled"),
     Row("load_on_doubtful_caps", "info", "25% of the preload",
         "three-at-the-edge levelled loosely"),

@@ -131,7 +131,9 @@ def test_a_plane_interface_has_no_caps_to_doubt():
 def test_an_analysis_shows_itself_in_a_line_and_in_a_notebook():
     analysis = capslip.analyze(caps_map(CAPS))
     summary = analysis.summary()
-    line = repr(analysis)
+    fresh = capslip.analyze(caps_map(CAPS))
+    line, _ = repr(fresh), fresh._repr_html_()
+    assert set(vars(fresh.iso25178)) == {"conditioned"}  # what takes longest is not asked for
     assert "\n" not in line
     assert f"{summary['hills']['caps']} caps, {summary['contact']['model']} at 460 N" in line
     assert f"loss factor {summary['damping']['peak_loss_factor']:.3g}" in line

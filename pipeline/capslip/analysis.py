@@ -5,9 +5,11 @@ from dataclasses import replace
 from datetime import UTC, datetime
 
 from capslip.caps.doubts import problems_of_bow, problems_of_families
+from capslip.caps.iso25178 import Iso25178
 from capslip.contact.doubts import (
     contact_doubts,
     material_doubts,
+    problems_of_band,
     problems_of_pressure,
     problems_of_share,
     problems_of_waves,
@@ -322,6 +324,9 @@ def _analyzed(
             problems += [*contact.problems, *problems_of_share(face.joint, contact)]
             problems += problems_of_waves(face.joint, contact, face.conditioned.surface)
             problems += _of_levelling(face, contact, settings)
+            problems += problems_of_band(
+                *(caps, face.conditioned.surface, face.hills.noise_m, settings.conditioning)
+            )
             beam, damping = damp(slip, settings, clock)
             pixel_area_m2 = face.conditioned.surface.pixel_area_m2
             problems += contact_doubts(
@@ -356,6 +361,7 @@ def _analyzed(
         answer=answer,
         band=None,
         sensitivity=None,
+        iso25178=Iso25178(face.conditioned),
         mate=None if mate is None else mate.origin,
         problems=tuple(problems),
         timings_s=clock.seconds,

@@ -14,6 +14,7 @@ import numpy as np
 import capslip
 from capslip.caps.families import Families, Family
 from capslip.caps.hills import Hills
+from capslip.caps.iso25178 import Iso25178
 from capslip.caps.table import CapTable
 from capslip.contact.joint import Joint
 from capslip.contact.levelling import Level
@@ -30,6 +31,7 @@ from capslip.structure.response import MOST_LOSS_FACTOR, Damping, lightly_damped
 from capslip.structure.stiffness import structure_name
 from capslip.surface.conditioning import Conditioned
 from capslip.surface.heightmap import HeightMap, Origin
+from capslip.surface.spectrum import carried_waves_m
 from capslip.verdict import assumptions, verdict
 
 if TYPE_CHECKING:
@@ -157,6 +159,7 @@ class Analysis(JointResult):
     hills: Hills
     caps: CapTable
     sensitivity: Sensitivity | None  # None where it was not asked for
+    iso25178: Iso25178  # of the conditioned map, computed when they are asked for
     mate: Origin | None = None  # of the other face, where there is one
 
     @property
@@ -175,37 +178,34 @@ class Analysis(JointResult):
         return capslip.Tables(self)
 
     def __repr__(self) -> str:
-        table = self.summary()
-        contact, peak = table["contact"], table["damping"]["peak_loss_factor"]
+        contact, peak = _contact(self), _damping(self)["peak_loss_factor"]
         of = structure_name(self.settings)
         loss = "no loss factor" if peak is None else f"loss factor {peak:.3g} of the {of}"
         return (
-            f"<Analysis of {table['name']}: {table['status']}, {table['hills']['caps']} caps, "
+            f"<Analysis of {self.name}: {self.status}, {self.caps.usable.sum()} caps, "
             f"{contact['model'] or 'no contact'} at {contact['preload_N']:g} N, {loss}, "
-            f"{len(table['problems'])} problems>"
+            f"{len(self.problems)} problems>"
         )
 
     def _repr_html_(self) -> str:
         """Return a small table, for notebooks."""
-        table = self.summary()
+        slip, damping = _plain(_slip(self)), _plain(_damping(self))
         rows = {
-            "verdict": table["verdict"],
-            "caps": table["hills"]["caps"],
-            "G-caps, P-caps": f"{table['families']['m']}, {table['families']['n']}",
-            "contact model": table["contact"]["model"],
-            "preload [N]": table["contact"]["preload_N"],
-            "tangential stiffness [N/m]": table["slip"]["tangential_stiffness_N_per_m"],
-            f"greatest loss factor, {table['damping']['structure']}": table["damping"][
-                "peak_loss_factor"
-            ],
-            "gross slip amplitude [m]": table["damping"]["gross_slip_amplitude_m"],
-            **{problem["code"]: problem["message"] for problem in table["problems"]},
+            "verdict": self.verdict,
+            "caps": int(self.caps.usable.sum()),
+            "G-caps, P-caps": f"{self.families.m}, {self.families.n}",
+            "contact model": self.contact.model if self.contact else None,
+            "preload [N]": float(self.joint.preload_N),
+            "tangential stiffness [N/m]": slip["tangential_stiffness_N_per_m"],
+            f"greatest loss factor, {damping['structure']}": damping["peak_loss_factor"],
+            "gross slip amplitude [m]": damping["gross_slip_amplitude_m"],
+            **{problem.code: problem.text for problem in self.problems},
         }
         body = "".join(
             f"<tr><th>{escape(name)}</th><td>{_cell(value)}</td></tr>"
             for name, value in rows.items()
         )
-        caption = f"{escape(table['name'])}: {table['status']}"
+        caption = f"{escape(self.name)}: {self.status}"
         return f"<table><caption>{caption}</caption>{body}</table>"
 
     def _of_the_scan(self) -> dict[str, Any]:
@@ -315,6 +315,16 @@ def _surface(analysis: Analysis) -> dict[str, Any]:
         "dataset": surface.origin.dataset,
         "height_unit": surface.origin.height_unit,
         "lateral_unit": surface.origin.lateral_unit,
+        "iso25178": {
+            **analysis.iso25178.to_dict(),
+            "carried_waves_m": carried_waves_m(
+                conditioned.surface,
+                analysis.hills.noise_m,
+                analysis.settings.conditioning.s_filter_nesting_index_m,
+                analysis.settings.conditioning.l_filter_nesting_index_m,
+            ),
+            "contact_diameter_m": analysis.caps.contact_diameter_m,
+        },
     }
 
 

@@ -16,7 +16,7 @@ from capslip.output.figures_contact import normal_curve
 from capslip.settings import settings_from
 from scenes import caps_map
 
-NEED_NO_CAP = {"height_map", "hills_and_caps"}
+NEED_NO_CAP = {"height_map", "hills_and_caps", "texture"}
 
 
 def curve(figure, label):

@@ -40,7 +40,7 @@ def test_a_plot_is_the_figure_of_the_report(method, name, several, plt):
     assert axes.get_xlim() == report.axes[0].get_xlim()
 
 
-@pytest.mark.parametrize("method", CURVES | NAMES)
+@pytest.mark.parametrize("method", [*CURVES, *NAMES, "abbott", "spectrum"])
 def test_axes_that_are_given_are_drawn_on_and_returned(method, several, plt):
     figure, (left, right) = plt.subplots(1, 2)
     assert getattr(several.plot, method)(ax=right) is right
@@ -49,6 +49,29 @@ def test_axes_that_are_given_are_drawn_on_and_returned(method, several, plt):
     assert right.get_legend() is not None
     assert not figure.legends  # the page is not ours
     figure.canvas.draw()
+
+
+def test_the_abbott_curve_goes_through_the_cut(several, plt):
+    axes = several.plot.abbott()
+    curve, cut, point = lines(axes)
+    cut_um = several.hills.cut_height_m * 1e6
+    assert axes.get_ylabel() == "height [µm]"
+    assert point[0] == pytest.approx([100.0 * several.hills.kept_fraction, cut_um])
+    assert np.interp(point[0, 0], *curve.T) == pytest.approx(cut_um, abs=1e-3)
+    assert list(cut[:, 0]) == [0.0, point[0, 0], point[0, 0]]
+
+
+def test_the_spectrum_says_where_the_contacts_are(several, plt):
+    axes = several.plot.spectrum()
+    width_m = several.caps.contact_diameter_m
+    marks = {line.get_label(): line for line in axes.get_lines()}
+    at = next(line for label, line in marks.items() if label.startswith("contacts"))
+    assert at.get_xdata()[0] == pytest.approx(1e-3 / width_m)
+    loaded = several.caps.load_N > 0
+    load_N, wide_m = several.caps.load_N[loaded], 2 * several.caps.contact_radius_m[loaded]
+    assert load_N[wide_m <= width_m].sum() >= 0.5 * load_N.sum()
+    assert load_N[wide_m < width_m].sum() < 0.5 * load_N.sum()
+    assert marks["along x"].get_xdata()[-1] == pytest.approx(5.0, rel=0.15)  # 1/mm, Nyquist
 
 
 def test_two_faces_on_the_same_axes_have_one_unit(several, plt):

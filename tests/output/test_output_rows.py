@@ -9,6 +9,7 @@ from capslip.output.rows import QUANTITIES, SCALES, Value, value, write_text
 from capslip.output.terminal import result_lines
 
 SUFFIX = {"m": "_m", "N": "_N", "N/m": "_N_per_m", "Pa": "_Pa", "J": "_J", "m^2": "_m2"}
+SUFFIX |= {"1/m^2": "_per_m2", "1/m": "_per_m", "rad": "_rad"}
 
 
 @pytest.mark.parametrize("case", [output_cases.none, output_cases.one, output_cases.several])
@@ -126,6 +127,9 @@ def test_scales_are_those_of_their_prefix():
         "cm²": 1e-4,
         "MN/m": 1e6,
         "%": 1e-2,
+        "°": np.pi / 180.0,
+        "1/mm": 1e3,
+        "1/mm²": 1e6,
     }
     assert SCALES["µm"] == SCALES["um"]
 

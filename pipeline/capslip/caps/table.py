@@ -112,6 +112,17 @@ class CapTable:
         """Mask of the caps that have a sphere, shape (n,)."""
         return (self.flags & UNUSABLE) == 0
 
+    @property
+    def contact_diameter_m(self) -> float | None:
+        """Contacts of at most this width carry half of the load; None where none is loaded."""
+        loaded = self.load_N > 0
+        if not loaded.any():
+            return None
+        radius_m = self.contact_radius_m[loaded]
+        order = np.argsort(radius_m)
+        carried_N = np.cumsum(self.load_N[loaded][order])
+        return 2.0 * float(radius_m[order][np.searchsorted(carried_N, 0.5 * carried_N[-1])])
+
     def with_columns(self, **columns: np.ndarray) -> "CapTable":
         """Return the table with some columns replaced."""
         return replace(self, **columns)

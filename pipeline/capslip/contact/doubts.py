@@ -12,8 +12,9 @@ from capslip.contact.material import dundurs_beta
 from capslip.contact.press import ContactState
 from capslip.materials import MATERIALS
 from capslip.problems import Problem
-from capslip.settings import Material
+from capslip.settings import Conditioning, Material
 from capslip.surface.heightmap import HeightMap
+from capslip.surface.spectrum import carried_waves_m
 from capslip.surface.waves import long_waves_m
 
 MIN_PIXELS_ACROSS = 4.0  # of the contacts that carry the lighter half of the load
@@ -170,15 +171,45 @@ def _beyond_the_caps(contact: ContactState, caps: CapTable, cut_certified: bool)
     return found
 
 
-def _under_resolved(caps: CapTable, pixel_area_m2: float) -> list[Problem]:
-    loaded = caps.load_N > 0
-    if not loaded.any():
+def problems_of_band(
+    caps: CapTable, surface: HeightMap, noise_m: float, filters: Conditioning
+) -> list[Problem]:
+    """Return whether half of the load rests on contacts narrower than any wave the map carries.
+
+    Where the pixel is what limits the waves, that is said of the contacts' pixels.
+
+    Parameters
+    ----------
+    caps : CapTable
+        With loads and contact radii.
+    surface : HeightMap
+        The conditioned map.
+    noise_m : float
+        Standard deviation of its point-to-point noise.
+    filters : Conditioning
+        What was filtered off.
+    """
+    diameter_m = caps.contact_diameter_m
+    nesting_m = filters.s_filter_nesting_index_m
+    shortest_m = carried_waves_m(surface, noise_m, nesting_m)[0]
+    pixel_limit_m = 2.0 * max(surface.pixel_size_m)
+    if diameter_m is None or diameter_m >= shortest_m or shortest_m <= pixel_limit_m:
         return []
-    radius_m = caps.contact_radius_m[loaded]
-    order = np.argsort(radius_m)
-    carried_N = np.cumsum(caps.load_N[loaded][order])
-    half_m = radius_m[order][np.searchsorted(carried_N, 0.5 * carried_N[-1])]
-    across = 2.0 * half_m / math.sqrt(pixel_area_m2)
+    why = f"shorter waves drown in its noise of {noise_m:.2g} m a point"
+    if nesting_m is not None and shortest_m == nesting_m:
+        why = "shorter ones were filtered off"
+    message = (
+        f"half of the load rests on contacts of at most {diameter_m:.3g} m across; the shortest "
+        f"wave that the map carries is {shortest_m:.3g} m: {why}"
+    )
+    return [Problem("contacts_outside_band", "info", message)]
+
+
+def _under_resolved(caps: CapTable, pixel_area_m2: float) -> list[Problem]:
+    diameter_m = caps.contact_diameter_m
+    if diameter_m is None:
+        return []
+    across = diameter_m / math.sqrt(pixel_area_m2)
     if across >= MIN_PIXELS_ACROSS:
         return []
     message = (

@@ -5,7 +5,13 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from capslip.output import figures_band, figures_contact, figures_sensitivity, figures_surface
+from capslip.output import (
+    figures_band,
+    figures_contact,
+    figures_sensitivity,
+    figures_surface,
+    figures_texture,
+)
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -17,7 +23,7 @@ if TYPE_CHECKING:
 class Entry:
     """One figure of the report."""
 
-    draw: "Callable[[Analysis], Figure | None]"  # None where the analysis lacks what it needs
+    draw: "Callable[..., Figure | None]"  # None where the analysis lacks what it needs
     title: str
     needs: str  # what must exist for the figure to be drawn
     caption: str
@@ -36,6 +42,18 @@ FIGURES = {
         "Good: no tilt, no bow, no stripes; grey points scattered rather than in patches.",
         "Map of the heights: Sq {sq_m}, Sz {sz_m}, {non_measured} non-measured, cut at "
         "{cut_height_m}.",
+    ),
+    "texture": Entry(
+        figures_texture.texture,
+        "Texture",
+        "a height map",
+        "Left: areal material ratio curve of the map that is cut, with the cut. Right: one-sided "
+        "power spectral density of its rows and columns; its integral over the frequency is their "
+        "mean square height. Shaded: waves that the map does not carry, as they are longer than "
+        "the face, shorter than two pixels, filtered off, or weaker than the noise of the map.",
+        "Good: the cut left of the steep rise of the pits, and contacts between the shaded bands.",
+        "Abbott curve with the cut at {cut_height_m}, and spectra: Sq {sq_m}, Ssk {Ssk}, waves "
+        "carried from {shortest_wave_m} on.",
     ),
     "hills_and_caps": Entry(
         figures_surface.hills_and_caps,

@@ -4,7 +4,7 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING, Literal
 
 from capslip.errors import OutputError
-from capslip.output import figures_contact, figures_surface
+from capslip.output import figures_contact, figures_surface, figures_texture
 from capslip.output.canvas import DPI, FACE_LAYOUT, face_size
 from capslip.output.figures import FIGURES
 
@@ -48,6 +48,14 @@ class Plots:
     def caps(self, ax: "Axes | None" = None) -> "Axes":
         """Hills above the cut, each with the base circle of its cap."""
         return self._drawn("hills_and_caps", figures_surface.hills_and_caps, ax, *self._page())
+
+    def abbott(self, ax: "Axes | None" = None) -> "Axes":
+        """Areal material ratio curve of the map that is cut, with the cut."""
+        return self._drawn("texture", figures_texture.abbott, ax)
+
+    def spectrum(self, ax: "Axes | None" = None) -> "Axes":
+        """Power spectra of rows and columns, with the waves that the map carries."""
+        return self._drawn("texture", figures_texture.spectrum, ax)
 
     def normal_curve(self, ax: "Axes | None" = None) -> "Axes":
         """Load of one joint over its normal approach, with the preload."""

@@ -25,6 +25,8 @@ if TYPE_CHECKING:
 MAX_ROWS = 200
 SEVERITIES = ("error", "warning", "info")
 
+IN = {"Std_rad": ":°", "Spd_per_m2": ":1/mm²", "Spc_per_m": ":1/mm"}  # units without a prefix
+
 Fact = str | tuple[str, str]  # a quantity of the one table, or a label and a text of several
 FAMILY = (
     "{{count_{0}}}: mean R {{radius_{0}_m:4}}, D {{diameter_{0}_m}}, df {{height_{0}_m}}, "
@@ -267,6 +269,14 @@ def _tables(summary: dict[str, Any]) -> list[tuple[str, list[tuple[str, str]]]]:
             "form",
             "sq_m",
             "sz_m",
+        ),
+        "Surface parameters after ISO 25178-2": (
+            *(
+                (one.label, f"{{{name}{IN.get(name, '')}}}")
+                for name, one in QUANTITIES.items()
+                if one.path.startswith("surface.iso25178")
+            ),
+            ("of", "the map as levelled; hills of the whole map, not those above the cut"),
         ),
         "Hills and families": (
             "alignment",

@@ -4,6 +4,7 @@ Report, terminal and batch take their numbers from here. A text names a quantity
 after a colon how it is written: `"cut {cut_height_m:um}"`.
 """
 
+import math
 from dataclasses import dataclass
 from typing import Any
 
@@ -20,6 +21,9 @@ SCALES = {
     "cm²": 1e-4,
     "MN/m": 1e6,
     "%": 1e-2,
+    "°": math.pi / 180.0,
+    "1/mm": 1e3,
+    "1/mm²": 1e6,
 }
 
 
@@ -64,6 +68,11 @@ def _of_family(name: str) -> dict[str, Quantity]:
     }
 
 
+def _iso(name: str, label: str, unit: str = "") -> dict[str, Quantity]:
+    """Return a parameter of ISO 25178-2."""
+    return {name: Quantity(label, unit, f"surface.iso25178.{name}")}
+
+
 QUANTITIES = {
     "verdict": Quantity("verdict", "", "verdict"),
     "path": Quantity("file", "", "surface.path"),
@@ -72,6 +81,25 @@ QUANTITIES = {
     "form": Quantity("form removed", "", "surface.form"),
     "sq_m": Quantity("Sq", "m", "surface.sq_m"),
     "sz_m": Quantity("Sz", "m", "surface.sz_m"),
+    **_iso("Sa_m", "Sa, mean absolute height", "m"),
+    **_iso("Sq_m", "Sq, root mean square height", "m"),
+    **_iso("Ssk", "Ssk, skewness"),
+    **_iso("Sku", "Sku, kurtosis"),
+    **_iso("Sp_m", "Sp, highest peak", "m"),
+    **_iso("Sv_m", "Sv, deepest pit", "m"),
+    **_iso("Sz_m", "Sz, height range", "m"),
+    **_iso("Sal_m", "Sal, autocorrelation length", "m"),
+    **_iso("Str", "Str, texture aspect ratio"),
+    **_iso("Std_rad", "Std, direction of the greatest power", "rad"),
+    **_iso("hills_at_5_percent", "hills after Wolf pruning at 5 % of Sz"),
+    **_iso("closed_hills", "of them closed"),
+    **_iso("Spd_per_m2", "Spd, density of closed hills", "1/m^2"),
+    **_iso("Spc_per_m", "Spc, mean curvature of their peaks", "1/m"),
+    **_iso("S5p_m", "S5p, mean height of the highest five", "m"),
+    **_iso("Sha_m2", "Sha, their mean area", "m^2"),
+    "shortest_wave_m": Quantity("shortest wave carried", "m", "surface.iso25178.carried_waves_m.0"),
+    "longest_wave_m": Quantity("longest wave carried", "m", "surface.iso25178.carried_waves_m.1"),
+    **_iso("contact_diameter_m", "width of contacts that carry half of the load", "m"),
     "material_ratio": Quantity("material ratio of the cut", "%", "hills.material_ratio"),
     "cut_height_m": Quantity("cut height", "m", "hills.cut_height_m"),
     "kept_fraction": Quantity("points kept", "%", "hills.kept_fraction"),

@@ -34,6 +34,8 @@ class Conditioned:
         What makes the map doubtful.
     removed_m : float64, shape (3, n)
         Place (x, y) of each outlier that was removed, and its height above the fitted form.
+    slope : (float, float)
+        Of all planes that were added since, along x and y; see `turned`.
     """
 
     surface: HeightMap
@@ -42,6 +44,7 @@ class Conditioned:
     steps: tuple[dict[str, Any], ...]
     problems: tuple[Problem, ...]
     removed_m: np.ndarray = field(default_factory=lambda: np.empty((3, 0)))
+    slope: tuple[float, float] = (0.0, 0.0)
 
     def turned(
         self,
@@ -57,7 +60,17 @@ class Conditioned:
         x_m, y_m, height_m = self.removed_m
         turned_m = height_m + slope[0] * (x_m - at_m[0]) + slope[1] * (y_m - at_m[1])
         removed_m = np.stack((x_m, y_m, turned_m))
-        return replace(self, surface=surface, steps=(*self.steps, step), removed_m=removed_m)
+        steps, added = (*self.steps, step), (self.slope[0] + slope[0], self.slope[1] + slope[1])
+        return replace(self, surface=surface, steps=steps, removed_m=removed_m, slope=added)
+
+    def as_fitted(self) -> HeightMap:
+        """Return the map before planes were added, but for a constant."""
+        if self.slope == (0.0, 0.0):
+            return self.surface
+        (ny, nx), (dy_m, dx_m) = self.surface.shape, self.surface.pixel_size_m
+        height_m = self.surface.height_m - self.slope[0] * dx_m * np.arange(nx)
+        height_m -= (self.slope[1] * dy_m * np.arange(ny))[:, None]
+        return replace(self.surface, height_m=height_m)
 
 
 def condition(

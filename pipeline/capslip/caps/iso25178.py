@@ -1,0 +1,54 @@
+"""What metrologists look at first, computed when it is first asked for."""
+
+from dataclasses import dataclass, fields
+from functools import cached_property
+from typing import Any
+
+from capslip.caps.features import FeatureParameters, feature_parameters
+from capslip.surface.conditioning import Conditioned
+from capslip.surface.heightmap import HeightMap
+from capslip.surface.parameters import SurfaceParameters, surface_parameters
+from capslip.surface.spectrum import Spectrum
+
+MOST_POINTS = 4_000_000  # of a map; the hills of a larger one take seconds and a gigabyte
+
+
+@dataclass(frozen=True, eq=False)
+class Iso25178:
+    """Parameters of a conditioned map, each group found once, when it is first asked for.
+
+    No other stage needs them, and they take as long as half of the stages: so an analysis goes
+    without, and its summary, report and figures have them.
+
+    Attributes
+    ----------
+    conditioned : Conditioned
+        The map; its parameters are those before it was turned to its level under load.
+    """
+
+    conditioned: Conditioned
+
+    @cached_property
+    def field(self) -> SurfaceParameters:
+        """Height parameters, texture and spectra."""
+        return surface_parameters(self.conditioned.as_fitted())
+
+    @cached_property
+    def hills(self) -> FeatureParameters:
+        """Feature parameters of the hills."""
+        return feature_parameters(self.conditioned.as_fitted())
+
+    @cached_property
+    def dales(self) -> FeatureParameters:
+        """Feature parameters of the dales: Spd is Svd, S5p is S5v, Sha is Sda, and so on."""
+        surface = self.conditioned.as_fitted()
+        return feature_parameters(HeightMap(-surface.height_m, surface.pixel_size_m))
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the numbers; those of hills are None on a map of more than 4 million points."""
+        numbers = [one.name for one in fields(SurfaceParameters) if one.type is not Spectrum]
+        found: dict[str, Any] = {name: getattr(self.field, name) for name in numbers}
+        few = self.conditioned.surface.height_m.size <= MOST_POINTS
+        for one in fields(FeatureParameters):
+            found[one.name] = getattr(self.hills, one.name) if few else None
+        return found
