@@ -1,5 +1,6 @@
 """How Sphinx makes the pages: `make docs`."""
 
+import inspect
 import os
 import sys
 from pathlib import Path
@@ -28,6 +29,7 @@ exclude_patterns = ["_ext", "_templates", "examples", "gallery/*.ipynb", "sg_exe
 templates_path = ["_templates"]
 nitpicky = True
 highlight_language = "text"
+default_role = "literal"  # as the docstrings mean it
 pygments_style = "sphinx"
 # Nothing is fetched: no inventories of other projects, no formulas drawn elsewhere.
 
@@ -75,3 +77,14 @@ html_theme_options = {
     "navigation_with_keys": False,
 }
 html_sidebars = {"index": [], "install": [], "words": []}
+
+
+def setup(app) -> None:
+    """Show the names alone where defaults would fill half a page."""
+    app.connect("autodoc-process-signature", _short)
+
+
+def _short(_app, what, _name, thing, _options, signature, annotation):
+    if what != "class" or len(signature or "") < 200:
+        return signature, annotation
+    return f"({', '.join(inspect.signature(thing).parameters)})", annotation
