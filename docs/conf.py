@@ -76,7 +76,7 @@ html_theme_options = {
     "footer_end": [],
     "navigation_with_keys": False,
 }
-html_sidebars = {"index": [], "install": [], "words": []}
+html_sidebars = {"index": [], "install": [], "words": [], "first-minutes": [], "warnings": []}
 
 
 def setup(app) -> None:

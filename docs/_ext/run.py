@@ -9,18 +9,18 @@
     ```
 
 The blocks of one page run one after the other in one folder, `build/runs/PAGE`, in which
-`sample_surfaces` and `configs` lie. Their output is kept until a block, the package or this file
-changes. A block that ends with another exit code is a warning, which ends the build.
+`sample_surfaces` and `configs` lie. Their output is kept until a block, the package or the
+way to run it changes. A block that ends with another exit code is a warning, which ends the build.
 """
 
 import hashlib
+import inspect
 import json
 import os
 import re
 import shutil
 import subprocess
 import sys
-import textwrap
 from pathlib import Path
 
 from docutils import nodes
@@ -33,8 +33,8 @@ PROJECT = Path(__file__).resolve().parents[2]
 RUNS = PROJECT / "build" / "runs"
 BLOCK = re.compile(r"^```\{run\}.*?^```$", re.MULTILINE | re.DOTALL)
 PROGRESS = re.compile(r"^\[ *\d+\.\d s\] .*\n?", re.MULTILINE)  # no two runs have the same seconds
-LONGEST_S, WIDTH = 300, 100
-LABEL = re.compile(r"^(?:[a-z]+ +| +)(?=\S)")  # of a line of the terminal, or the space below it
+LONGEST_S = 300
+LABEL = re.compile(r"[ a-z]{10} (?=\S)")  # of a line of the terminal, or the space below it
 log = logging.getLogger(__name__)
 
 
@@ -60,7 +60,7 @@ class Run(Directive):
         shown: list[nodes.Node] = [_code(source, language)]
         kept = _kept(output, self.options.get("keep"))
         if kept.strip():
-            shown.append(_code(kept.rstrip(), "text", "output"))
+            shown.append(_shown(kept))
         if picture := self.options.get("picture"):
             where = os.path.relpath(page.folder / picture, environment.srcdir)
             shown.append(nodes.image(uri=f"/{where}", alt=Path(picture).stem.replace("_", " ")))
@@ -75,8 +75,7 @@ class _Page:
 
     def __init__(self, name: str, text: str) -> None:
         self.folder, self.name = RUNS / name, name
-        here = Path(__file__).read_text(encoding="utf-8")
-        known = (code_sha256(), here, *BLOCK.findall(text))
+        known = (code_sha256(), inspect.getsource(_Page), *BLOCK.findall(text))
         self.digest = hashlib.sha256("\0".join(known).encode()).hexdigest()
         self.outputs: list[str] = []
         self.file = RUNS / f"{name}.json"
@@ -146,32 +145,32 @@ class _Page:
 
 def _kept(output: str, words: str | None) -> str:
     """Return the lines that begin with one of some words, with the lines that go on from them."""
+    if words is None:
+        return output
     lines: list[str] = []
-    keep = words is None
+    keep = False
     for line in output.splitlines():
-        if words is not None and not line.startswith("  "):
+        if not line.startswith("  "):
             keep = line.split(" ")[0] in words.split()
         if keep:
-            lines += _wrapped(line)
+            lines.append(line)
         elif lines and lines[-1] != "...":
             lines.append("...")
     return "\n".join(lines).removesuffix("...")
 
 
-def _wrapped(line: str) -> list[str]:
-    """Break a long line below the text that follows its label."""
-    if len(line) <= WIDTH or "  " not in line:
-        return [line]
-    label = LABEL.match(line)
-    indent = " " * (label.end() if label else 0)
-    return textwrap.wrap(
-        *(line, WIDTH), subsequent_indent=indent, break_on_hyphens=False, drop_whitespace=True
-    )
+def _shown(output: str) -> nodes.literal_block:
+    """Return what was printed; a line that is too long goes on below the text after its label."""
+    block = nodes.literal_block(classes=["output"])
+    for line in output.rstrip().splitlines():
+        labelled = LABEL.match(line)
+        block += nodes.inline("", f"{line}\n", classes=["labelled" if labelled else "whole"])
+    return block
 
 
-def _code(text: str, language: str, kind: str = "typed") -> nodes.literal_block:
-    """Return a block of code, or of what it printed."""
-    return nodes.literal_block(text, text, language=language, classes=[kind])
+def _code(text: str, language: str) -> nodes.literal_block:
+    """Return a block of code."""
+    return nodes.literal_block(text, text, language=language)
 
 
 def _html(text: str) -> nodes.raw:
