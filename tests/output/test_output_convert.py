@@ -84,7 +84,7 @@ READ = {
 
 
 def test_every_format_is_read_back_by_a_test():
-    assert set(registry.names(FOLDER)) == {*READ, "x3p", "csv"}
+    assert set(registry.names(FOLDER)) == {*READ, "x3p", "csv", "gwy"}
 
 
 @pytest.mark.parametrize("name", READ)
@@ -111,7 +111,7 @@ def test_a_mesh_reads_back_to_the_same_face(name, result, stored, tmp_path):
     assert normals.cell_data["Normals"][:, 2].min() > 0.9  # out of the material
 
 
-@pytest.mark.parametrize("name", ["x3p", "csv"])
+@pytest.mark.parametrize("name", ["x3p", "csv", "gwy"])
 def test_a_map_reads_back_to_the_same_map(name, result, stored, tmp_path):
     height_m, pixel_size_m = stored
     path, left_out = export_result(result, name, tmp_path / f"a.{name}", max_cells=10)
@@ -146,7 +146,7 @@ def test_nothing_is_written_over_and_nothing_is_left_behind(result, tmp_path):
     assert path.read_text("utf-8") == "mine"
     with pytest.raises(OutputError, match="no such folder"):
         export_result(result, "x3p", tmp_path / "none" / "a.x3p")
-    with pytest.raises(SettingsError, match="expected one of csv, obj"):
+    with pytest.raises(SettingsError, match="expected one of csv, gwy, obj"):
         export_result(result, "dxf", tmp_path / "a.dxf")
     assert [one.name for one in tmp_path.iterdir()] == ["a.x3p"]
 
@@ -174,3 +174,24 @@ def test_a_face_without_neighbouring_points_has_no_mesh(result, tmp_path):
         file["surface/height_m"][:, ::2] = np.nan
     with pytest.raises(OutputError, match="no four neighbouring points"):
         export_result(broken, "stl", tmp_path / "a.stl")
+
+
+@pytest.mark.filterwarnings("ignore")
+def test_gwyddion_gets_the_map_its_mask_and_the_hills(result, stored, tmp_path):
+    """Another library's reader: columns first, the top row last."""
+    topography = pytest.importorskip("SurfaceTopography")
+    height_m, (dy_m, dx_m) = stored
+    path, _ = export_result(result, "gwy", tmp_path / "a.gwy")
+    face = topography.read_topography(path)
+    again_m = np.ma.filled(face.heights(), np.nan).T[::-1]
+    np.testing.assert_array_equal(again_m, height_m)
+    ny, nx = height_m.shape
+    assert face.unit == "m"
+    assert face.physical_sizes == pytest.approx((nx * dx_m, ny * dy_m))
+    with h5py.File(result / "result.h5") as file:
+        label = file["hills/labels"][:]
+    content = path.read_bytes()
+    of_hills = content[content.index(b"/1/data\0") :]
+    at = of_hills.index(b"data\0D", 8) + 10
+    values = np.frombuffer(of_hills[at : at + 8 * label.size], "<f8").reshape(label.shape)
+    np.testing.assert_array_equal(values[::-1], label)

@@ -17,7 +17,7 @@ MOST_POINTS = 4_000_000  # of a map; the hills of a larger one take seconds and 
 class Iso25178:
     """Parameters of a conditioned map, each group found once, when it is first asked for.
 
-    No other stage needs them, and they take as long as half of the stages: so an analysis goes
+    No other stage needs them, and they take as long as all stages together: so an analysis goes
     without, and its summary, report and figures have them.
 
     Attributes

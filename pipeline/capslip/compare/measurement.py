@@ -117,7 +117,8 @@ def load_measurement(path: str | Path, distinct: bool = False) -> Measurement:
     path : path
         CSV, separated by commas. One column is `amplitude_m`, `amplitude_mm`, `amplitude_um` or
         `amplitude_nm`; the other `loss_factor`, `damping_ratio`, or one of them in per cent
-        (`loss_factor_percent`). The amplitude is that of the displacement at mid-span.
+        (`loss_factor_percent`). The amplitude is that of the displacement at mid-span. Lines that
+        begin with # are remarks.
     distinct : bool
         Refuse an amplitude that stands twice, as a curve to be interpolated must.
 
@@ -168,11 +169,11 @@ def load_measurement(path: str | Path, distinct: bool = False) -> Measurement:
 
 
 def _lines(path: Path) -> list[tuple[int, list[str]]]:
-    """Return number and cells of every line that is not blank, at least one."""
+    """Return number and cells of every line but blank ones and remarks (#), at least one."""
     try:
         with path.open(newline="", encoding="utf-8-sig") as file:
             reader = csv.reader(file, strict=True)
-            lines = [(reader.line_num, row) for row in reader if row]
+            lines = [(reader.line_num, row) for row in reader if row and row[0][:1] != "#"]
     except OSError as error:
         raise UnreadableFileError(f"{path}: {error.strerror}; give a CSV file") from error
     except (UnicodeDecodeError, csv.Error) as error:

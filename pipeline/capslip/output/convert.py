@@ -39,12 +39,15 @@ class Face:
         Middles of the columns.
     pixel_size_m : (float, float)
         (dy, dx) of the whole map.
+    label : ndarray, shape (ny, nx), optional
+        Numbers of the hills, 0 elsewhere; for formats of the whole map.
     """
 
     height_m: np.ndarray
     y_m: np.ndarray
     x_m: np.ndarray
     pixel_size_m: tuple[float, float]
+    label: np.ndarray | None = None
 
 
 def export_result(
@@ -85,7 +88,8 @@ def export_result(
     view = read_view(result, max_cells=np.iinfo(np.int64).max if whole else max_cells)
     path = path or Path(f"{view.path.absolute().parent.name}.{name}")
     _refuse(path)
-    face = Face(view.height_m, view.y_m, view.x_m, view.pixel_size_m)
+    label = _labels(view.path) if whole else None
+    face = Face(view.height_m, view.y_m, view.x_m, view.pixel_size_m, label)
     write = cast(Callable[[Face, Path], None], form.write)
     try:
         with tempfile.TemporaryDirectory(prefix=".capslip.", dir=path.absolute().parent) as work:
@@ -107,6 +111,14 @@ def mesh_of(face: Face, corners: int = 4) -> "meshio.Mesh":
     if corners == 4:
         return meshio.Mesh(points, {"quad": cells}, point_data={"height_m": points[:, 2].copy()})
     return meshio.Mesh(points, {"triangle": cells[:, [[0, 1, 2], [0, 2, 3]]].reshape(-1, 3)})
+
+
+def _labels(result: Path) -> np.ndarray:
+    import h5py
+
+    with h5py.File(result) as file:
+        label: np.ndarray = file["hills/labels"][:]
+    return label
 
 
 def _refuse(path: Path) -> None:

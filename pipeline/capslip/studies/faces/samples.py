@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from capslip.errors import OutputError
+from capslip.studies.faces.curve import write_curves
 from capslip.studies.faces.scenes import PAPER
 from capslip.studies.faces.synthetic import Cap, CapFamily, Scene, Truth, synthetic_surface
 from capslip.studies.page import table
@@ -30,7 +31,9 @@ class Sample:
 
 
 def write_samples(folder: str | Path) -> None:
-    """Write every sample surface (HDF5), its truth (JSON) and a README: the same bytes every time.
+    """Write every sample surface (HDF5), its truth (JSON), damping curves (CSV) and a README.
+
+    The same bytes every time.
 
     Parameters
     ----------
@@ -46,6 +49,7 @@ def write_samples(folder: str | Path) -> None:
     try:
         folder.mkdir(parents=True, exist_ok=True)
         sections = [_write(sample, folder) for sample in samples()]
+        sections.append(write_curves(folder))
         (folder / "README.md").write_text("\n".join([_head(), *sections]), encoding="utf-8")
     except OSError as error:
         raise OutputError(f"{folder}: cannot be written ({error}); choose another") from error

@@ -1,0 +1,56 @@
+"""A damping curve as a test rig would give it, but synthetic: to try `capslip compare` with."""
+
+from pathlib import Path
+
+import numpy as np
+
+from capslip.analysis import analyze_once
+from capslip.errors import ContactError
+from capslip.settings import load_settings
+from capslip.surface.readers import load_surface
+
+FACE, FRICTION, PRELOAD_N = "paper_face_a", 0.25, 400.0
+SCATTER = 0.03  # standard deviation of the logarithm of each value
+MATERIAL_LOSS = 4e-4  # loss factor of the beam without joints
+POINTS, SEED = 24, 100
+BEGIN = 0.02  # of the amplitude at gross slip; the end is just below it
+ASSEMBLY, MONOLITHIC = "measured_assembly.csv", "measured_monolithic.csv"
+
+
+def write_curves(folder: Path) -> str:
+    """Write the curve of a beam with joints and of one without; return what the README says.
+
+    The joints are those of the sample face in the folder, as the program sees them.
+    """
+    truth = (f"material.friction_coefficient={FRICTION}", f"contact.preload_N={PRELOAD_N}")
+    analysis = analyze_once(load_surface(folder / f"{FACE}.h5"), load_settings(overrides=truth))
+    damping = analysis.damping
+    if damping is None:
+        raise ContactError(f"{FACE}: carries no {PRELOAD_N:g} N; there is no damping curve")
+    last_m = 0.9 * damping.gross_slip_amplitude_m
+    amplitude_m = np.geomspace(BEGIN * last_m, last_m, POINTS)
+    defined = np.isfinite(damping.loss_factor)
+    joints = np.interp(
+        np.log(amplitude_m), np.log(damping.amplitude_m[defined]), damping.loss_factor[defined]
+    )
+    noise = np.random.default_rng(SEED).normal(0.0, SCATTER, (2, POINTS))
+    assembly, monolithic = np.exp(noise) * (joints + MATERIAL_LOSS, np.full(POINTS, MATERIAL_LOSS))
+    about = (
+        f"SYNTHETIC, not measured: computed from {FACE}.h5 with friction {FRICTION:g} at "
+        f"{PRELOAD_N:g} N and the demonstration beam, {100 * SCATTER:g} % scatter"
+    )
+    for name, loss_factor in ((ASSEMBLY, assembly), (MONOLITHIC, monolithic)):
+        of = "with" if name == ASSEMBLY else "without"
+        rows = (f"{v * 1e9:.4g},{eta:.3g}" for v, eta in zip(amplitude_m, loss_factor, strict=True))
+        text = "\n".join((f"# {about}; beam {of} joints", "amplitude_nm,loss_factor", *rows, ""))
+        (folder / name).write_text(text, encoding="utf-8")
+    return f"""## {ASSEMBLY}, {MONOLITHIC}
+
+Damping curves to try `capslip compare` with.
+{about}.
+The beam without joints has a loss factor of {MATERIAL_LOSS:g}.
+
+    capslip analyze sample_surfaces/{FACE}.h5 --out results/{FACE}
+    capslip compare results/{FACE} --assembly sample_surfaces/{ASSEMBLY} \\
+        --monolithic sample_surfaces/{MONOLITHIC} --identify
+"""
