@@ -112,8 +112,6 @@ class _Page:
         self.folder.mkdir(parents=True)
         for name in ("sample_surfaces", "configs"):
             (self.folder / name).symlink_to(PROJECT / name)
-        for data in (PROJECT / "docs" / self.name).parent.glob("*.csv"):
-            shutil.copy(data, self.folder)
 
     def _run(self, language: str, source: str, code: int) -> str:
         command = ["bash", "-euo", "pipefail", "-c"] if language == "bash" else [sys.executable]
