@@ -76,7 +76,7 @@ html_theme_options = {
     "footer_end": [],
     "navigation_with_keys": False,
 }
-html_sidebars = {"index": [], "install": [], "words": [], "first-minutes": [], "warnings": []}
+html_sidebars = {path.stem: [] for path in HERE.glob("*.md") if path.stem != "api"}
 
 
 def setup(app) -> None:

@@ -10,7 +10,7 @@ OF_THE_PROJECT = {"CONTRIBUTING.md": "contributing", "configs/default.toml": "se
 
 
 class LinkPages(SphinxTransform):
-    """Put a reference around the name of a page."""
+    """Put a reference, which takes the title of the page, in the place of its name."""
 
     default_priority = 400
 
@@ -30,7 +30,7 @@ class LinkPages(SphinxTransform):
                 refdomain="std",
                 reftype="doc",
                 reftarget=f"/{page}",
-                refexplicit=True,
+                refexplicit=False,
                 refwarn=True,
                 refdoc=self.env.docname,
             )
