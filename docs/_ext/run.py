@@ -21,6 +21,7 @@ import re
 import shutil
 import subprocess
 import sys
+from html import escape
 from pathlib import Path
 
 from docutils import nodes
@@ -157,13 +158,13 @@ def _kept(output: str, words: str | None) -> str:
     return "\n".join(lines).removesuffix("...")
 
 
-def _shown(output: str) -> nodes.literal_block:
+def _shown(output: str) -> nodes.raw:
     """Return what was printed; a line that is too long goes on below the text after its label."""
-    block = nodes.literal_block(classes=["output"])
+    spans = []
     for line in output.rstrip().splitlines():
-        labelled = LABEL.match(line)
-        block += nodes.inline("", f"{line}\n", classes=["labelled" if labelled else "whole"])
-    return block
+        kind = " class=labelled" if LABEL.match(line) else ""
+        spans.append(f"<span{kind}>{escape(line, quote=False)}\n</span>")
+    return _html(f'<pre class="output">{"".join(spans)}</pre>')
 
 
 def _code(text: str, language: str) -> nodes.literal_block:
