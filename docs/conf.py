@@ -28,6 +28,7 @@ extensions = [
 exclude_patterns = ["_ext", "_templates", "examples", "gallery/*.ipynb", "sg_execution_times.rst"]
 templates_path = ["_templates"]
 nitpicky = True
+smartquotes = False  # --unit is no dash
 highlight_language = "text"
 default_role = "literal"  # as the docstrings mean it
 pygments_style = "sphinx"

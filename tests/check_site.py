@@ -2,7 +2,7 @@
 
 Every link inside it leads to a page and a place that are there, nothing is loaded from elsewhere,
 the eight guides are two clicks from the front page at most, every public name has its page with an
-example, and every example of the gallery has its picture.
+example, every example of the gallery has its picture, and options keep both their hyphens.
 """
 
 import sys
@@ -95,6 +95,8 @@ def faults_of_content(site: Path, pages: dict[Path, Page]) -> list[str]:
         page = pages.get(site / "api" / f"capslip.{name}.html")
         if page is None or "Examples" not in page.text:
             faults.append(f"capslip.{name} has no page, or no example on it")
+    if "--unit" not in pages[site / "warnings.html"].text:
+        faults.append("warnings: options have lost their hyphens")
     examples = list((site / "gallery").glob("plot_*.html"))
     if len(examples) < EXAMPLES:
         faults.append(f"the gallery has {len(examples)} examples; expected {EXAMPLES}")
