@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from capslip.output import figures_band, figures_contact, figures_sensitivity, figures_surface
+from capslip.output.canvas import save
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -151,5 +152,5 @@ def write_figure(name: str, analysis: "Analysis", folder: str | Path) -> Path | 
     if figure is None:
         return None
     path = Path(folder) / f"{name}.png"
-    figure.savefig(path)
+    save(figure, path)
     return path
