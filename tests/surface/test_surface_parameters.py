@@ -9,7 +9,9 @@ import pytest
 from iso_maps import VALUES, maps
 
 from capslip.caps.features import feature_parameters
+from capslip.caps.iso25178 import Iso25178
 from capslip.errors import UnusableSurfaceError
+from capslip.surface.conditioning import condition
 from capslip.surface.heightmap import HeightMap
 from capslip.surface.parameters import material_ratio_curve, surface_parameters
 from capslip.surface.spectrum import carried_waves_m, line_spectrum
@@ -211,3 +213,23 @@ def test_noise_ends_the_waves_that_a_map_carries():
     assert spectrum.density_m3[below].mean() == pytest.approx(level_m3, rel=0.3)
     assert carried_waves_m(noisy, 0.0)[0] == pytest.approx(2e-4)  # the pixel alone
     assert carried_waves_m(noisy, 0.0, 3e-3, 5e-3) == pytest.approx((3e-3, 5e-3))
+
+
+def test_a_map_that_was_turned_has_the_parameters_of_the_map_as_levelled():
+    surface = of("lay")
+    levelled = condition(surface, outliers="none")
+    slope, at_m = (3e-3, -2e-3), (40e-6, 90e-6)
+    y_m, x_m = (
+        (np.arange(n) + 0.5) * d for n, d in zip(surface.shape, surface.pixel_size_m, strict=True)
+    )
+    plane_m = slope[0] * (x_m - at_m[0]) + (slope[1] * (y_m - at_m[1]))[:, None]
+    map_m = HeightMap(levelled.surface.height_m + plane_m, surface.pixel_size_m)
+    turned = levelled.turned(map_m, slope, at_m, {"step": "level"})
+    found = Iso25178(turned)
+    assert found.field.Sq_m == pytest.approx(levelled.sq_m, rel=1e-9)
+    assert found.field.Sz_m == pytest.approx(levelled.sz_m, rel=1e-9)
+    assert found.hills is found.hills  # found once
+    assert asdict(found.hills) == pytest.approx(asdict(feature_parameters(levelled.surface)))
+    upside_down = HeightMap(-levelled.surface.height_m, surface.pixel_size_m)
+    assert asdict(found.dales) == pytest.approx(asdict(feature_parameters(upside_down)))
+    assert found.to_dict()["Sq_m"] == found.field.Sq_m

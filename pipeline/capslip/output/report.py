@@ -1,6 +1,7 @@
 """The report: one HTML file that opens offline and holds all that an analysis found."""
 
 import base64
+import io
 import json
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -23,11 +24,20 @@ if TYPE_CHECKING:
     from capslip.result import Analysis
 
 MAX_ROWS = 200
+HEAVY_BYTES = 200_000  # of a picture
+JPEG_QUALITY = 90
 SEVERITIES = ("error", "warning", "info")
 
-IN = {"Std_rad": ":°", "Spd_per_m2": ":1/mm²", "Spc_per_m": ":1/mm"}  # units without a prefix
-
 Fact = str | tuple[str, str]  # a quantity of the one table, or a label and a text of several
+IN = {"Std_rad": ":°", "Spd_per_m2": ":1/mm²", "Spc_per_m": ":1/mm"}  # units without a prefix
+ISO25178: tuple[Fact, ...] = (
+    *(
+        (one.label, f"{{{name}{IN.get(name, '')}}}")
+        for name, one in QUANTITIES.items()
+        if one.path.startswith("surface.iso25178")
+    ),
+    ("of", "the map as levelled; hills of the whole map, not those above the cut"),
+)
 FAMILY = (
     "{{count_{0}}}: mean R {{radius_{0}_m:4}}, D {{diameter_{0}_m}}, df {{height_{0}_m}}, "
     "peak height {{peak_height_{0}_m}}"
@@ -218,7 +228,21 @@ def _figures(
 
 
 def _data(png: Path) -> str | None:
-    return base64.b64encode(png.read_bytes()).decode("ascii") if png.is_file() else None
+    """Return a picture as a data address; a heavy one, as of a rough map, as JPEG in full colour.
+
+    The file beside the page stays as it is.
+    """
+    from PIL import Image
+
+    if not png.is_file():
+        return None
+    data, kind = png.read_bytes(), "png"
+    if len(data) > HEAVY_BYTES:
+        packed = io.BytesIO()
+        with Image.open(png) as picture:
+            picture.convert("RGB").save(packed, "JPEG", quality=JPEG_QUALITY, subsampling=0)
+        data, kind = packed.getvalue(), "jpeg"
+    return f"data:image/{kind};base64,{base64.b64encode(data).decode('ascii')}"
 
 
 def _cap_rows(caps: "CapTable") -> dict[str, Any]:
@@ -270,14 +294,7 @@ def _tables(summary: dict[str, Any]) -> list[tuple[str, list[tuple[str, str]]]]:
             "sq_m",
             "sz_m",
         ),
-        "Surface parameters after ISO 25178-2": (
-            *(
-                (one.label, f"{{{name}{IN.get(name, '')}}}")
-                for name, one in QUANTITIES.items()
-                if one.path.startswith("surface.iso25178")
-            ),
-            ("of", "the map as levelled; hills of the whole map, not those above the cut"),
-        ),
+        "Surface parameters after ISO 25178-2": ISO25178,
         "Hills and families": (
             "alignment",
             "tilt_across_face_m",
