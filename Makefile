@@ -5,11 +5,12 @@ PYTHON ?= python3
 VENV   := .venv
 BIN    := $(VENV)/bin
 READY  := $(VENV)/.ready
+DOCS_READY := $(VENV)/.docs-ready
 OUT    ?=
 CONFIG ?=
 
 .DEFAULT_GOAL := help
-.PHONY: help setup analyze batch inspect compare reproduce bench chart limits validation soak mutants warnings samples test lint format clean
+.PHONY: help setup analyze batch inspect compare reproduce bench chart limits validation soak mutants warnings docs samples test lint format clean
 
 help: ## List the targets
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / {printf "  %-11s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
@@ -63,6 +64,15 @@ mutants: $(READY) ## Break the code in one place at a time and see whether a tes
 warnings: $(READY) ## Write docs/warnings.md from the registry of problems
 	@$(BIN)/python -P -m capslip.problems > docs/warnings.md
 
+docs: $(DOCS_READY) ## The pages of the site into build/site; every command and example on them runs
+	@rm -rf build/site
+	@OPENBLAS_NUM_THREADS=1 $(BIN)/python -P -m sphinx -E -W --keep-going -n -q -d build/doctrees docs build/site
+	@$(BIN)/python -P tests/check_site.py build/site
+
+$(DOCS_READY): $(READY) pyproject.toml constraints.txt
+	@$(BIN)/python -P -m pip install --quiet --disable-pip-version-check -c constraints.txt -e ".[docs]"
+	@touch $@
+
 samples: $(READY) ## Write the sample surfaces again
 	@$(BIN)/python -P -m capslip.studies.faces.samples sample_surfaces
 
@@ -79,5 +89,5 @@ format: $(READY) ## Format the code
 	@$(BIN)/ruff format .
 
 clean: ## Remove the environment, results and caches
-	rm -rf $(VENV) results build dist *.egg-info .pytest_cache .mypy_cache .ruff_cache .hypothesis
+	rm -rf $(VENV) results build docs/api docs/gallery dist *.egg-info .pytest_cache .mypy_cache .ruff_cache .hypothesis
 	find . -name __pycache__ -type d -prune -exec rm -rf {} +

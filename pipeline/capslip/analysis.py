@@ -82,6 +82,15 @@ def analyze(
     SettingsError
         If a setting makes no sense for this map, or boundary elements shall press two maps whose
         caps are counted together.
+
+    Examples
+    --------
+    >>> from capslip.studies.faces.synthetic import CapFamily, Scene, synthetic_surface
+    >>> families = (CapFamily("G", 3, 24.0), CapFamily("P", 6, 24.0, 1e-7))
+    >>> surface, _ = synthetic_surface(Scene((100, 150), (4e-4, 4e-4), families=families))
+    >>> found = analyze(surface)
+    >>> found.families.G.count, found.families.P.count
+    (3, 6)
     """
     settings = settings if settings is not None else Settings()
     clock = Clock(progress)

@@ -5,7 +5,17 @@ A message is one line: what is wrong, where, what was found, what was expected, 
 
 
 class CapslipError(Exception):
-    """Base of every error that capslip raises on purpose."""
+    """Base of every error that capslip raises on purpose.
+
+    Examples
+    --------
+    >>> from capslip import load_surface
+    >>> try:
+    ...     load_surface("nowhere.x3p")
+    ... except CapslipError as error:
+    ...     print(error)
+    nowhere.x3p: no such file; check the path
+    """
 
     exit_code = 1
 

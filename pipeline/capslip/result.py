@@ -141,7 +141,16 @@ class JointResult:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Analysis(JointResult):
-    """All that one analysis of a scan found; the stages that could not run are None."""
+    """All that one analysis of a scan found; the stages that could not run are None.
+
+    Examples
+    --------
+    >>> from capslip.studies.faces.synthetic import CapFamily, Scene, synthetic_surface
+    >>> scene = Scene((100, 150), (4e-4, 4e-4), families=(CapFamily("G", 6, 24.0),))
+    >>> analysis = capslip.analyze(synthetic_surface(scene)[0])
+    >>> len(analysis.tables.caps), f"{analysis.slip.total_slip_force_N:.1f} N"
+    (6, '92.0 N')
+    """
 
     families: Families
     surface: HeightMap

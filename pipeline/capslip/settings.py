@@ -195,7 +195,13 @@ class Run(_Table, frozen=True):
 
 
 class Settings(_Table, frozen=True):
-    """All settings of one analysis."""
+    """All settings of one analysis.
+
+    Examples
+    --------
+    >>> Settings(contact=Contact(preload_N=800.0)).contact.preload_N
+    800.0
+    """
 
     reading: Reading = Reading()
     conditioning: Conditioning = Conditioning()

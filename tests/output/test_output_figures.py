@@ -8,9 +8,10 @@ from itertools import combinations
 import numpy as np
 import output_cases
 import pytest
+from PIL import Image
 
 from capslip.analysis import analyze_once
-from capslip.output.canvas import height_limits
+from capslip.output.canvas import height_limits, save
 from capslip.output.figures import FIGURES
 from capslip.output.figures_contact import normal_curve
 from capslip.settings import settings_from
@@ -73,6 +74,25 @@ def test_no_text_lies_on_another(name, several):
     assert len(boxes) > 10
     for (one, box), (other, other_box) in combinations(boxes, 2):
         assert not box.overlaps(other_box), f"{one!r} lies on {other!r}"
+
+
+@pytest.mark.parametrize("name", FIGURES)
+def test_what_is_written_lies_on_the_page(name, several, tmp_path):
+    figure = FIGURES[name].draw(several)
+    save(figure, tmp_path / "a.png")
+    with Image.open(tmp_path / "a.png") as picture:
+        assert picture.size == tuple(figure.bbox.size.astype(int))
+    texts = [text for axes in figure.axes for text in visible_texts(axes)]
+    texts += [text for legend in figure.legends for text in legend.get_texts()]
+    for text in texts:
+        box = text.get_window_extent()
+        inside = (box.min >= 0.0).all() and (box.max <= figure.bbox.size).all()
+        assert inside, f"{text.get_text()!r} leaves the page"
+
+
+def test_a_cap_on_a_spike_does_not_set_the_colours():
+    height_m = np.random.default_rng(2).uniform(-1e-6, 1e-6, (100, 100))
+    assert 2.5e-6 < height_limits(height_m, np.array([2e-5]))[1] < 3.1e-6
 
 
 def test_map_has_equal_scale_and_one_grey_patch(several):

@@ -1,14 +1,17 @@
 """Report: complete, self-contained, honest about what is missing."""
 
+import base64
+import io
 from dataclasses import replace
 from html.parser import HTMLParser
 
 import numpy as np
 import output_cases
 import pytest
+from PIL import Image
 
 from capslip.output.figures import FIGURES
-from capslip.output.report import MAX_ROWS, write_report
+from capslip.output.report import MAX_ROWS, _data, write_report
 from capslip.problems import Effect, Problem
 from capslip.settings import load_settings
 from capslip.surface.heightmap import Origin
@@ -48,7 +51,8 @@ def test_report_needs_nothing_from_elsewhere(page):
     assert not page.all("link")
     addresses = [a[key] for _, a in page.tags for key in ("src", "href") if key in a]
     assert addresses
-    assert all(address.startswith(("data:image/png;base64,", "#")) for address in addresses)
+    within = ("data:image/png;base64,", "data:image/jpeg;base64,", "#")
+    assert all(address.startswith(within) for address in addresses)
     assert "url(" not in page.source
     assert "http" not in page.source
 
@@ -189,3 +193,16 @@ def test_every_head_of_a_table_says_what_it_heads(page):
     heads = page.all("th")
     assert heads
     assert all(head.get("scope") in ("row", "col") for head in heads)
+
+
+def test_a_heavy_picture_is_packed_and_still_the_same(tmp_path):
+    rough = np.random.default_rng(4).integers(0, 255, (25, 40, 3), dtype=np.uint8)
+    rough = rough.repeat(16, axis=0).repeat(16, axis=1)
+    for name, pixels in (("heavy", rough), ("light", rough[:5])):
+        Image.fromarray(pixels).save(tmp_path / f"{name}.png", compress_level=0)
+        kind, _, text = _data(tmp_path / f"{name}.png").partition(";base64,")
+        assert kind == f"data:image/{'jpeg' if name == 'heavy' else 'png'}"
+        with Image.open(io.BytesIO(base64.b64decode(text))) as picture:
+            seen = np.asarray(picture.convert("RGB"))
+        assert seen.shape == pixels.shape
+        assert np.abs(seen.astype(float) - pixels).mean() < (2.0 if name == "heavy" else 1e-9)

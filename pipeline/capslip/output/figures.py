@@ -12,6 +12,7 @@ from capslip.output import (
     figures_surface,
     figures_texture,
 )
+from capslip.output.canvas import save
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -169,5 +170,5 @@ def write_figure(name: str, analysis: "Analysis", folder: str | Path) -> Path | 
     if figure is None:
         return None
     path = Path(folder) / f"{name}.png"
-    figure.savefig(path)
+    save(figure, path)
     return path

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from capslip.errors import ContactError
-from capslip.output.canvas import ACCENT, INK, blank, legend_beside
+from capslip.output.canvas import ACCENT, INK, blank, legend_beside, write_decades
 from capslip.output.quantity import engineering, unit_on
 from capslip.structure.response import MOST_LOSS_FACTOR
 from capslip.structure.stiffness import structure_name
@@ -41,9 +41,7 @@ def normal_curve(analysis: "Analysis", axes: "Axes | None" = None) -> "Figure | 
     preload_N = contact.preload_N
     # Evenly spaced in the approach of a Hertz contact; the preload comes last.
     load_N = preload_N * np.append(1.5 * np.linspace(0.0, 1.0, 61) ** 1.5, 1.0)
-    marker = ""
     if contact.rung.solved_loads_N is not None:  # more loads would cost solutions
-        marker = "."
         load_N = np.append(contact.rung.solved_loads_N(contact.curve, preload_N), preload_N)
     elif contact.hardness_Pa or not np.array_equal(contact.use, analysis.caps.usable):
         load_N[:-1] /= 1.5  # the curve holds what can touch, and has yielded, up to the preload
@@ -61,14 +59,17 @@ def normal_curve(analysis: "Analysis", axes: "Axes | None" = None) -> "Figure | 
     figure, axes = blank(f"Normal curve N(d), model: {contact.model}", axes=axes)
     has_bulk = bool(bulk_m[-1] > 0.0)
     label = f"{used} (used for slip)" if has_bulk else "N(d)"
-    x = approach_m[:-1] / unit_m
-    axes.plot(x, load_N[:-1], color=INK, linewidth=1.8, marker=marker, label=label)
+    smooth_N, smooth_m = _between(load_N[:-1], approach_m[:-1])
+    axes.plot(smooth_m / unit_m, smooth_N, color=INK, linewidth=1.8, label=label)
+    if contact.rung.solved_loads_N is not None:
+        axes.plot(approach_m[:-1] / unit_m, load_N[:-1], ".", color=INK, label="_solved")
     if has_bulk:
-        axes.plot(other_m[:-1] / unit_m, load_N[:-1], "--", color=INK, linewidth=1.2, label=other)
+        smooth_N, smooth_m = _between(load_N[:-1], other_m[:-1])
+        axes.plot(smooth_m / unit_m, smooth_N, "--", color=INK, linewidth=1.2, label=other)
         with suppress(ContactError):  # a model of the map may carry what its caps do not
-            alone_m = _caps_alone(analysis, contact).approach_m(load_N[:-1])
+            alone_m = _caps_alone(analysis, contact).approach_m(smooth_N)
             label = "caps without interaction"
-            axes.plot(alone_m / unit_m, load_N[:-1], ":", color=INK, linewidth=1.2, label=label)
+            axes.plot(alone_m / unit_m, smooth_N, ":", color=INK, linewidth=1.2, label=label)
     touching = "whole face" if contact.rung.made_from == "nothing" else f"{contact.contacts}"
     state = (
         f"preload {preload_N:.4g} N: d = {engineering(approach_m[-1], 'm')}\n"
@@ -147,8 +148,10 @@ def energy(analysis: "Analysis", axes: "Axes | None" = None) -> "Figure | None":
     axes.set(
         xlim=(begin_m / unit_m, end_m / unit_m),
         xlabel=f"amplitude of the tangential displacement δ [{unit}]",
-        ylabel="energy lost per cycle W [J]",
+        ylabel="energy lost per cycle W",
     )
+    write_decades(axes.xaxis)
+    write_decades(axes.yaxis, lambda energy_J: engineering(energy_J, "J"))
     legend_beside(axes)
     return figure
 
@@ -187,8 +190,8 @@ def loss_factor(analysis: "Analysis", axes: "Axes | None" = None) -> "Figure | N
             markersize=8,
             label=label,
         )
-    if damping.amplitude_at_first_peak_m is not None and damping.first_peak_loss_factor is not None:
-        first_m, first = damping.amplitude_at_first_peak_m, damping.first_peak_loss_factor
+    first_m, first = damping.amplitude_at_first_peak_m, damping.first_peak_loss_factor
+    if first_m is not None and first is not None and first <= MOST_LOSS_FACTOR:
         label = f"first maximum {first:.3g} at {engineering(first_m, 'm')}"
         axes.plot(first_m / unit_m, first, "o", color=INK, markersize=6, label=label)
     _mark_answer(axes, analysis, unit_m)
@@ -196,11 +199,13 @@ def loss_factor(analysis: "Analysis", axes: "Axes | None" = None) -> "Figure | N
     gross = f"gross slip from {engineering(gross_m, 'm')}: no steady cycle"
     axes.axvspan(gross_m / unit_m, 3 * gross_m / unit_m, color=colour, label=gross, zorder=0)
     axes.set_xlim(damping.amplitude_m.min() / unit_m, 3 * gross_m / unit_m)
+    write_decades(axes.xaxis)
     axes.set(xlabel=f"amplitude v at mid-span [{unit}]", ylabel="loss factor η")
     if (eta > 0.0).any():
         greatest = min(max(float(eta.max()), damping.peak_loss_factor), MOST_LOSS_FACTOR)
         axes.set_yscale("log")
         axes.set_ylim(max(eta[eta > 0.0].min(), LEAST_LOSS_FACTOR * greatest), 8.0 * greatest)
+        write_decades(axes.yaxis)
     else:
         axes.set_ylim(bottom=0.0)
     axes.legend(loc="upper left", fontsize=9, framealpha=0.9, edgecolor="none")
@@ -217,6 +222,15 @@ def _smooth(x: np.ndarray, y: np.ndarray, points: int = 600) -> tuple[np.ndarray
     curve = PchipInterpolator(np.log(x[seen]), np.log(y[seen]))
     fine = np.geomspace(x[seen][0], x[seen][-1], points)
     return fine, np.exp(curve(np.log(fine)))
+
+
+def _between(load_N: np.ndarray, approach_m: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return loads and approaches between those of a normal curve, as if of Hertz contacts."""
+    from scipy.interpolate import PchipInterpolator
+
+    fine_N = load_N[-1] * np.linspace(0.0, 1.0, 201) ** 1.5
+    curve = PchipInterpolator(load_N ** (2 / 3), approach_m)
+    return fine_N, np.asarray(curve(fine_N ** (2 / 3)))
 
 
 def _mark_answer(axes: "Axes", analysis: "Analysis", unit_m: float) -> None:

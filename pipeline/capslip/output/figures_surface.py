@@ -14,6 +14,7 @@ from capslip.output.canvas import (
     has_page,
     height_limits,
     thinned,
+    write_decades,
 )
 from capslip.output.quantity import engineering, scaled
 
@@ -42,7 +43,6 @@ def height_map(analysis: "Analysis", axes: "Axes | None" = None) -> "Figure":
 
     over = "after removal of the form" if analysis.level is None else "over the balanced plane"
     figure, axes = face_axes(f"Heights {over}", surface.side_m, axes)
-    paged = has_page(axes)
     extent = (0, surface.side_m[1] * 1e3, 0, surface.side_m[0] * 1e3)
     image = axes.imshow(
         np.ma.masked_invalid(heights),
@@ -59,9 +59,10 @@ def height_map(analysis: "Analysis", axes: "Axes | None" = None) -> "Figure":
         axes.contour(
             outline, levels=[cut], origin="lower", extent=extent, colors="k", linewidths=0.5
         )
-    bar = figure.colorbar(image, ax=axes, extend=extend, shrink=0.85, label=f"height [{unit}]")
+    beside = _beside(figure, axes) if has_page(axes) else None
+    bar = figure.colorbar(image, cax=beside, ax=axes, extend=extend, label=f"height [{unit}]")
     bar.ax.axhline(cut, color="k", linewidth=1.2)
-    _face_legend(figure if paged else axes, [("cut", "k")], bool(np.isnan(heights).any()))
+    _face_legend(figure if has_page(axes) else axes, [("cut", "k")], bool(np.isnan(heights).any()))
     return figure
 
 
@@ -72,7 +73,6 @@ def hills_and_caps(analysis: "Analysis", axes: "Axes | None" = None) -> "Figure"
 
     surface, caps = analysis.conditioned.surface, analysis.caps
     figure, axes = face_axes("Hills and the base circles of their caps", surface.side_m, axes)
-    paged = has_page(axes)
     label = thinned(analysis.hills.label)
     shade = np.where(label > 0, 2 + label % 6, thinned(surface.measured).astype(int))
     pale = ["#D9EAD3", "#FFF2CC", "#E6DAF0", "#D5ECF2", "#F7DCE3", "#E4E8C8"]
@@ -108,7 +108,7 @@ def hills_and_caps(analysis: "Analysis", axes: "Axes | None" = None) -> "Figure"
         entries.append((f"{names[family]} ({member.sum()})", FAMILY_COLOUR[family]))
     if len(caps) <= NUMBERED:
         _number_caps(axes, analysis)
-    _face_legend(figure if paged else axes, entries[::-1], bool((~surface.measured).any()))
+    _face_legend(figure if has_page(axes) else axes, entries[::-1], bool((~surface.measured).any()))
     return figure
 
 
@@ -130,37 +130,36 @@ def cap_profile(analysis: "Analysis") -> "Figure | None":
     R_m = caps.radius_m[i]
     s_m = np.linspace(-1.0, 1.0, 281) * min(1.4 * half_m, R_m)  # the upper half alone touches
     sphere_m = caps.peak_height_m[i] - s_m**2 / (R_m + np.sqrt(R_m**2 - s_m**2))
-    per_m, unit = height_unit(
-        np.array([caps.peak_height_m[i], analysis.hills.cut_height_m, caps.cap_height_m[i]])
-    )
+    ends_m = (caps.peak_height_m[i], analysis.hills.cut_height_m, caps.cap_height_m[i])
+    (per_m, unit), (per_x, along) = height_unit(np.array(ends_m)), height_unit(2.0 * half_m)
 
     figure, axes = blank(f"Cap {i + 1}, the {what}: section along x through its apex")
     dots = ".-" if near.sum() < 120 else "-"
     measured = surface.height_m[row, near] * per_m
-    axes.plot(x_m[near] * 1e3, measured, dots, color="#8C8C8C", markersize=3, label="measured")
+    axes.plot(x_m[near] * per_x, measured, dots, color="#8C8C8C", markersize=3, label="measured")
     inside = np.abs(s_m) <= half_m * (1 + 1e-9)  # the base of the cap
     colour = FAMILY_COLOUR[str(caps.family[i])]
     name = f"fitted sphere, R = {engineering(caps.radius_m[i], 'm', 4)}"
-    axes.plot(s_m * 1e3, sphere_m * per_m, "--", color=colour, linewidth=1)
-    axes.plot(s_m[inside] * 1e3, sphere_m[inside] * per_m, color=colour, linewidth=2, label=name)
+    axes.plot(s_m * per_x, sphere_m * per_m, "--", color=colour, linewidth=1)
+    axes.plot(s_m[inside] * per_x, sphere_m[inside] * per_m, color=colour, linewidth=2, label=name)
 
     cut, peak = analysis.hills.cut_height_m * per_m, caps.peak_height_m[i] * per_m
-    df, half_mm = caps.cap_height_m[i] * per_m, half_m * 1e3
+    df, half = caps.cap_height_m[i] * per_m, half_m * per_x
     bottom, top = cut - 1.05 * df, peak + 0.55 * df
-    axes.set(xlim=(-1.7 * half_mm, 1.7 * half_mm), ylim=(bottom, top))
+    axes.set(xlim=(-1.7 * half, 1.7 * half), ylim=(bottom, top))
     axes.axhline(cut, color=INK, linewidth=0.8, linestyle=":", label="cut")
     arrow = {"arrowstyle": "<->", "color": INK, "shrinkA": 0, "shrinkB": 0}
     level = cut - 0.3 * df
-    axes.annotate("", (-half_mm, level), (half_mm, level), arrowprops=arrow)
-    axes.vlines([-half_mm, half_mm], level, cut, color=INK, linewidth=0.6)
-    axes.annotate("", (1.25 * half_mm, cut), (1.25 * half_mm, peak), arrowprops=arrow)
-    axes.hlines(peak, 0, 1.25 * half_mm, color=INK, linewidth=0.6)
+    axes.annotate("", (-half, level), (half, level), arrowprops=arrow)
+    axes.vlines([-half, half], level, cut, color=INK, linewidth=0.6)
+    axes.annotate("", (1.25 * half, cut), (1.25 * half, peak), arrowprops=arrow)
+    axes.hlines(peak, 0, 1.25 * half, color=INK, linewidth=0.6)
     halo = {"facecolor": "white", "edgecolor": "none", "pad": 1.5}
     diameter = f"D = {engineering(2 * half_m, 'm', 4)}"
     axes.text(0, level, diameter, ha="center", va="center", bbox=halo)
     middle = (cut + peak) / 2
     height = f"df = {engineering(caps.cap_height_m[i], 'm', 4)}"
-    axes.text(1.25 * half_mm, middle, height, ha="center", va="center", bbox=halo)
+    axes.text(1.25 * half, middle, height, ha="center", va="center", bbox=halo)
 
     # Axes of a known size make the exaggeration exact.
     figure.set_layout_engine("none")
@@ -171,7 +170,7 @@ def cap_profile(analysis: "Analysis") -> "Figure | None":
     factor_text = f"{rounded:,.0f}".replace(",", " ") if rounded >= 10 else f"{rounded:g}"
     note = f"heights drawn x {factor_text}"
     axes.text(0.01, 0.02, note, transform=axes.transAxes, bbox=halo)
-    axes.set(xlabel="distance from the apex [mm]", ylabel=f"height [{unit}]")
+    axes.set(xlabel=f"distance from the apex [{along}]", ylabel=f"height [{unit}]")
     axes.legend(loc="upper left", fontsize=9, framealpha=1.0, edgecolor="none")
     return figure
 
@@ -205,6 +204,8 @@ def family_scatter(analysis: "Analysis") -> "Figure | None":
             mean = family.peak_height_m * per_m
             axes.axhline(mean, color=FAMILY_COLOUR[name], linewidth=1, linestyle="--")
     axes.margins(x=0.12, y=0.12)
+    if axes.get_xscale() == "log":
+        write_decades(axes.xaxis)
     if families.G is not None and families.P is not None and families.h_m is not None:
         across = axes.get_yaxis_transform()  # x as a share of the width, y as a height
         high, low = families.G.peak_height_m * per_m, families.P.peak_height_m * per_m
@@ -226,7 +227,7 @@ def family_scatter(analysis: "Analysis") -> "Figure | None":
     return figure
 
 
-def height_unit(heights_m: np.ndarray) -> tuple[float, str]:
+def height_unit(heights_m: np.ndarray | float) -> tuple[float, str]:
     """Return how many of the unit that suits some heights make a metre, and its name.
 
     >>> height_unit(np.array([-25e-9, 3e-9]))
@@ -235,6 +236,13 @@ def height_unit(heights_m: np.ndarray) -> tuple[float, str]:
     largest_m = float(np.abs(heights_m).max(initial=0.0)) or 1e-6
     value, unit = scaled(np.array([largest_m]), "m")
     return float(f"{value[0] / largest_m:.6g}"), unit
+
+
+def _beside(figure: "Figure", axes: "Axes") -> "Axes":
+    """Return axes for a colour bar beside a map."""
+    box, width_in = axes.get_position(), figure.get_figwidth()
+    place = (box.x1 + 0.15 / width_in, box.y0 + 0.1 * box.height, 0.2 / width_in, 0.8 * box.height)
+    return figure.add_axes(place)
 
 
 def _face_legend(
@@ -256,9 +264,7 @@ def _face_legend(
         where.legend(handles=handles, loc="upper right", fontsize=8, framealpha=0.9)
         return
     columns = len(handles) if where.get_figwidth() > 6 else 2
-    where.legend(
-        handles=handles, loc="outside lower center", ncols=columns, frameon=False, fontsize=9
-    )
+    where.legend(handles=handles, loc="lower center", ncols=columns, frameon=False, fontsize=9)
 
 
 def _number_caps(axes: "Axes", analysis: "Analysis") -> None:

@@ -4,7 +4,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from capslip.output.canvas import ACCENT, INK, blank
+from capslip.output.canvas import ACCENT, INK, blank, write_decades
 from capslip.output.quantity import engineering, unit_on
 from capslip.surface.parameters import material_ratio_curve
 from capslip.surface.spectrum import carried_waves_m
@@ -81,5 +81,7 @@ def spectrum(analysis: "Analysis", axes: "Axes | None" = None) -> "Figure":
     if greatest_m3 > 0.0:  # waves along one axis alone leave digits along the other
         axes.set_ylim(bottom=max(axes.get_ylim()[0], SMALLEST * greatest_m3))
     axes.set(xlim=(low, high), xlabel="spatial frequency [1/mm]", ylabel="density W [m³]")
+    write_decades(axes.xaxis)
+    write_decades(axes.yaxis)
     axes.legend(loc="lower left", fontsize=9, framealpha=0.9, edgecolor="none")
     return figure

@@ -71,6 +71,17 @@ def write(
         the scan itself.
     SettingsError
         If the export is none of those known.
+
+    Examples
+    --------
+    >>> import capslip, tempfile
+    >>> from capslip.studies.faces.synthetic import CapFamily, Scene, synthetic_surface
+    >>> scene = Scene((100, 150), (4e-4, 4e-4), families=(CapFamily("G", 6, 24.0),))
+    >>> analysis = capslip.analyze(synthetic_surface(scene)[0])
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     summary = write(analysis, Path(folder) / "face", figures=False, render=False)
+    >>> summary["hills"]["caps"], summary["status"]
+    (6, 'ok')
     """
     extra = None if export is None else export_named(export)
     folder, scan = Path(folder), analysis.surface.origin.path
@@ -81,8 +92,8 @@ def write(
     analysis = replace(analysis, settings=msgspec.structs.replace(analysis.settings, run=run))
     with staging.new_folder(folder) as work:
         parts = _Parts(analysis, work, timings_s or {}, progress, missing)
-        parts.write_numbers(extra)
-        no_scene = parts.draw()
+        parts.write_numbers()
+        no_scene = parts.draw(extra)
         progress("writing the report")
         summary = parts.analysis.summary(command, parts.timings_s)
         parts.make(("report.html",), report.write_report, parts.analysis, summary, work, no_scene)
@@ -150,16 +161,13 @@ class _Parts:
             self.analysis = replace(self.analysis, problems=(*self.analysis.problems, problem))
             return None
 
-    def write_numbers(self, export: Export | None) -> None:
-        """Write tables and settings, and from them the export and the meshes."""
+    def write_numbers(self) -> None:
+        """Write tables and settings."""
         tables.write_result(self.analysis, self.work)
-        if export is not None:
-            self.make(export.files, export.write, self.analysis, self.work)
-        self.make(("surface.vtu", "caps.vtu"), mesh.write_meshes, self.analysis, self.work)
         self.lap("tables")
 
-    def draw(self) -> str | None:
-        """Draw the figures while the picture is rendered; return why there is no picture."""
+    def draw(self, export: Export | None) -> str | None:
+        """Make export, meshes and figures beside the picture; return why there is no picture."""
         run, rendering = self.analysis.settings.run, None
         pictures = self.work / "figures"
         pictures.mkdir()
@@ -168,6 +176,10 @@ class _Parts:
             name, png = "figures/scene.png", pictures / "scene.png"
             rendering = self.make((name,), scene.start_render, self.work / "result.h5", png)
         try:
+            if export is not None:
+                self.make(export.files, export.write, self.analysis, self.work)
+            self.make(("surface.vtu", "caps.vtu"), mesh.write_meshes, self.analysis, self.work)
+            self.lap("meshes")
             if run.figures:
                 self.progress("drawing")
                 for name in all_figures.FIGURES:

@@ -1,11 +1,11 @@
 """The figures of the report on Matplotlib axes, one call each: `analysis.plot.loss_factor()`."""
 
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING
 
 from capslip.errors import OutputError
 from capslip.output import figures_contact, figures_surface, figures_texture
-from capslip.output.canvas import DPI, FACE_LAYOUT, face_size
+from capslip.output.canvas import DPI, PAGE, face_size
 from capslip.output.figures import FIGURES
 
 if TYPE_CHECKING:
@@ -43,11 +43,11 @@ class Plots:
 
     def height_map(self, ax: "Axes | None" = None) -> "Axes":
         """Heights after removal of the form, with the contour of the cut."""
-        return self._drawn("height_map", figures_surface.height_map, ax, *self._page())
+        return self._drawn("height_map", figures_surface.height_map, ax, self._page_in())
 
     def caps(self, ax: "Axes | None" = None) -> "Axes":
         """Hills above the cut, each with the base circle of its cap."""
-        return self._drawn("hills_and_caps", figures_surface.hills_and_caps, ax, *self._page())
+        return self._drawn("hills_and_caps", figures_surface.hills_and_caps, ax, self._page_in())
 
     def abbott(self, ax: "Axes | None" = None) -> "Axes":
         """Areal material ratio curve of the map that is cut, with the cut."""
@@ -73,8 +73,8 @@ class Plots:
         """Loss factor of the structure over its amplitude."""
         return self._drawn("loss_factor", figures_contact.loss_factor, ax)
 
-    def _page(self) -> tuple[tuple[float, float], Literal["compressed"]]:
-        return face_size(self._analysis.conditioned.surface.side_m), FACE_LAYOUT
+    def _page_in(self) -> tuple[float, float]:
+        return face_size(self._analysis.conditioned.surface.side_m)
 
     def _drawn(
         self,
@@ -82,14 +82,14 @@ class Plots:
         draw: "Draw",
         ax: "Axes | None",
         size_in: tuple[float, float] = SIZE_in,
-        layout: Literal["constrained", "compressed"] = "constrained",
     ) -> "Axes":
         """Draw on the axes, or on new ones of that size; name is that of the report's figure."""
         new = None
         if ax is None:
             import matplotlib.pyplot as plt
 
-            new, ax = plt.subplots(figsize=size_in, dpi=DPI, layout=layout)
+            new, ax = plt.subplots(figsize=size_in, dpi=DPI, layout="constrained")
+            ax.set_gid(PAGE)
         seen = (ax.get_xlim(), ax.get_ylim()) if ax.has_data() else None
         if draw(self._analysis, ax) is None:
             if new is not None:

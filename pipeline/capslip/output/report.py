@@ -1,6 +1,7 @@
 """The report: one HTML file that opens offline and holds all that an analysis found."""
 
 import base64
+import io
 import json
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -23,6 +24,8 @@ if TYPE_CHECKING:
     from capslip.result import Analysis
 
 MAX_ROWS = 200
+HEAVY_BYTES = 200_000  # of a picture
+JPEG_QUALITY = 90
 SEVERITIES = ("error", "warning", "info")
 
 Fact = str | tuple[str, str]  # a quantity of the one table, or a label and a text of several
@@ -225,7 +228,21 @@ def _figures(
 
 
 def _data(png: Path) -> str | None:
-    return base64.b64encode(png.read_bytes()).decode("ascii") if png.is_file() else None
+    """Return a picture as a data address; a heavy one, as of a rough map, as JPEG in full colour.
+
+    The file beside the page stays as it is.
+    """
+    from PIL import Image
+
+    if not png.is_file():
+        return None
+    data, kind = png.read_bytes(), "png"
+    if len(data) > HEAVY_BYTES:
+        packed = io.BytesIO()
+        with Image.open(png) as picture:
+            picture.convert("RGB").save(packed, "JPEG", quality=JPEG_QUALITY, subsampling=0)
+        data, kind = packed.getvalue(), "jpeg"
+    return f"data:image/{kind};base64,{base64.b64encode(data).decode('ascii')}"
 
 
 def _cap_rows(caps: "CapTable") -> dict[str, Any]:

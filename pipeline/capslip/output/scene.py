@@ -24,6 +24,7 @@ REMEDY = (
     "(Debian, Ubuntu: libgl1, libegl1 or libosmesa6; other systems: Mesa)"
 )
 OFF_SCREEN = "--screenshot FILE.png, --turntable FILE.gif or --html FILE.html need none"
+PICTURE_CELLS = 120_000  # of the face: some nine pixels each
 FRAMES, FRAME_ms, FRAME_SIZE = 48, 80, (900, 570)
 
 
@@ -170,12 +171,12 @@ def _turntable(plotter: Any, picture: Path) -> None:
 def main(arguments: list[str]) -> None:
     """Render `RESULT.h5` to `PICTURE`, or open a window."""
     result, picture, look = arguments
-    view, shown = read_view(result), Look(**json.loads(look))
+    shown = Look(**json.loads(look))
     if not picture:
-        Window(view, shown).show()
+        Window(read_view(result), shown).show()
         return
     path = Path(picture)
-    plotter = plotter_of(view, shown)
+    plotter = plotter_of(read_view(result, PICTURE_CELLS), shown)
     unfinished = path.with_suffix(f".part{path.suffix}")
     if path.suffix.lower() == ".gif":
         _turntable(plotter, unfinished)

@@ -43,6 +43,12 @@ class HeightMap:
         infinite height.
     SettingsError
         If the pixel size is not two positive finite numbers.
+
+    Examples
+    --------
+    >>> surface = HeightMap(np.zeros((80, 120)), pixel_size_m=(2e-4, 5e-4))
+    >>> surface.shape, surface.side_m
+    ((80, 120), (0.016, 0.06))
     """
 
     height_m: np.ndarray

@@ -120,6 +120,16 @@ def load_surface(
         If the map has fewer than 3 points along an axis or holds an infinite height.
     SettingsError
         If a unit, pixel size or dataset that is given makes no sense.
+
+    Examples
+    --------
+    >>> import numpy as np, tempfile
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     file = Path(folder) / "heights.npy"
+    ...     np.save(file, np.zeros((4, 5)))
+    ...     surface = load_surface(file, unit="um", pixel_size=(0.5, 0.5), lateral_unit="m")
+    >>> surface.shape, surface.pixel_size_m
+    ((4, 5), (0.5, 0.5))
     """
     path = Path(path)
     request = Request(dataset, pixel_size, lateral_unit, lenient, scale)
