@@ -73,7 +73,7 @@ def write_report(
     Parameters
     ----------
     analysis : Analysis
-        A finished analysis.
+        A finished analysis; or a joint of several scans, of which the page has no single face.
     summary : dict
         Its `summary.json`.
     folder : path
