@@ -65,8 +65,9 @@ def analyze(
     settings = settings_of(**options)
     surface, *more = surfaces
     if more:
-        alone: dict[str, object] = {"--mate": mate, "--export": export}
-        _analyze_scans(surfaces, settings, alone, out, as_json, quiet, options["verbose"])
+        if mate is not None:
+            raise SettingsError(f"--mate: got {len(surfaces)} scans; expected one with it")
+        _analyze_scans(surfaces, settings, export, out, as_json, quiet, options["verbose"])
         return
     model = settings.contact.model
     if export is not None and model != "auto" and rung(model).made_from == "nothing":
@@ -104,21 +105,18 @@ def analyze(
 def _analyze_scans(
     surfaces: tuple[Path, ...],
     settings: "Settings",
-    alone: dict[str, object],
+    export: str | None,
     out: Path | None,
     as_json: bool,
     quiet: bool,
     verbose: bool,
 ) -> None:
-    """Analyse several scans of one joint; `alone` are options that only one scan can have."""
+    """Analyse several scans of one joint."""
     from capslip.analysis import analyze_scans
     from capslip.output.folder import write_joint
     from capslip.output.staging import check_folder
     from capslip.output.terminal import result_lines
 
-    for name, value in alone.items():
-        if value is not None:
-            raise SettingsError(f"{name}: got {len(surfaces)} scans; expected one with it")
     name = f"{surfaces[0].stem}-and-{len(surfaces) - 1}-more"
     folder = out if out is not None else Path("results") / name
     check_folder(folder, keep=surfaces)
@@ -129,11 +127,15 @@ def _analyze_scans(
     result = analyze_scans(faces, settings)
     if not as_json and not quiet:
         say_result(to_width(result_lines(result)))
-    summary = write_joint(result, folder, _command_line(), timings_s)
-    print_result(summary, f"\nresults    {folder}", as_json, quiet)
+    summary = write_joint(
+        result, folder, _command_line(), timings_s, export, progress=say, missing=say.missing
+    )
+    text = f"\nresults    {folder}\nreport     {folder / 'report.html'}"
+    print_result(summary, text, as_json, quiet)
     errors = [p.text for p in result.problems if p.severity == "error"]
     if errors:
         raise ScanError(f"{errors[0]}; what was found before is in {folder}")
+    say.raise_failures(f"all numbers are in {folder}")
 
 
 def _load(path: Path, settings: "Settings", say: Progress) -> "HeightMap":

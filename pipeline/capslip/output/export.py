@@ -23,6 +23,7 @@ class Export:
 
     files: tuple[str, ...]  # in the folder of the result
     write: Callable[["Analysis", Path], None]
+    of_slip: bool = False  # needs the slip curve alone, which a joint of several scans has, too
 
 
 def export_named(name: str) -> Export:

@@ -162,6 +162,7 @@ FIGURES = {
         "Answers over the choices of cut, pruning, filter and levelling.",
     ),
 }
+OF_JOINT = ("slip_loop", "energy", "loss_factor", "contributions")  # they need no single face
 
 
 def write_figure(name: str, analysis: "Analysis", folder: str | Path) -> Path | None:

@@ -22,6 +22,7 @@ COLOURS = {  # after Okabe and Ito
     "preload": "#E69F00",
     "modulus": "#56B4E9",
     "hardness": "#CC79A7",
+    "scans": "#F0E442",
 }
 INTERACTIONS = "#BDBDBD"
 LEAST_SHARE = 0.05  # %, of what can be seen

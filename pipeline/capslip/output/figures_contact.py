@@ -2,17 +2,20 @@
 
 from contextlib import suppress
 from itertools import pairwise
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from capslip.errors import ContactError
 from capslip.output.canvas import ACCENT, INK, blank, legend_beside, write_decades
 from capslip.output.quantity import engineering, unit_on
+from capslip.result import JointOfScans
 from capslip.structure.response import MOST_LOSS_FACTOR
 from capslip.structure.stiffness import structure_name
 
 if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
@@ -23,6 +26,7 @@ if TYPE_CHECKING:
 
 LOOP_SHARES = (0.3, 0.6, 0.9)  # of the force at total slip
 LEAST_LOSS_FACTOR = 1e-6  # of the greatest: what a figure still shows
+GREY, SCATTER = "#BDBDBD", "between the scans, each alone"
 LOOP_COLOURS = ("#56B4E9", "#0072B2", "#003D66")
 PHASES = (  # of first loading, the paper's Sec. 2.3
     ("GPS: no contact slips totally", "#E8F3EC"),
@@ -103,6 +107,7 @@ def slip_loop(analysis: "Analysis", axes: "Axes | None" = None) -> "Figure | Non
         linewidth=1.2,
         label="first loading",
     )
+    _shade_scatter(axes, analysis, displacement_m / unit_m, lambda one: one.force_N(displacement_m))
     for share, colour in zip(LOOP_SHARES, LOOP_COLOURS, strict=True):
         peak_N = share * slip.total_slip_force_N
         loop_m, loop_N = slip.loop(float(slip.displacement_m(peak_N)))
@@ -140,6 +145,9 @@ def energy(analysis: "Analysis", axes: "Axes | None" = None) -> "Figure | None":
     axes.loglog(
         displacement_m[positive] / unit_m, energy_J[positive], color=INK, linewidth=1.8, label="W"
     )
+    _shade_scatter(
+        axes, analysis, displacement_m / unit_m, lambda one: one.energy_J(displacement_m)
+    )
     first = int(np.argmax(positive))
     guide_m = displacement_m[first] * np.array([1.0, 10.0])
     guide_J = energy_J[first] * np.array([1.0, 1000.0])
@@ -173,6 +181,12 @@ def loss_factor(analysis: "Analysis", axes: "Axes | None" = None) -> "Figure | N
     smooth_m, smooth = _smooth(amplitude_m, eta)
     smooth = np.where(smooth <= MOST_LOSS_FACTOR, smooth, np.nan)
     axes.semilogx(smooth_m / unit_m, smooth, color=INK, linewidth=1.8, label="_loss factor")
+    for i, scan in enumerate(_scans_of(analysis)):
+        label = "_scan" if i else SCATTER
+        alone = np.where(
+            scan.damping.loss_factor <= MOST_LOSS_FACTOR, scan.damping.loss_factor, np.nan
+        )
+        axes.plot(scan.damping.amplitude_m / unit_m, alone, color=GREY, linewidth=1.0, label=label)
     beyond = eta > MOST_LOSS_FACTOR
     if beyond.any():
         label = f"above {MOST_LOSS_FACTOR:g}: not lightly damped, not defined"
@@ -287,3 +301,17 @@ def _shade_phases(
     for (label, colour), (left_m, right_m) in zip(phases, pairwise(edges_m), strict=True):
         if right_m > left_m:
             axes.axvspan(left_m / unit_m, right_m / unit_m, color=colour, label=label, zorder=0)
+
+
+def _scans_of(analysis: "Analysis") -> "Sequence[Any]":
+    """Return the scans of a joint of several, each with the result of a joint that is all alike."""
+    return analysis.known if isinstance(analysis, JointOfScans) else ()
+
+
+def _shade_scatter(
+    axes: "Axes", analysis: "Analysis", x: np.ndarray, curve: "Callable[[SlipCurve], Any]"
+) -> None:
+    """Shade what lies between the curves of several scans."""
+    each = np.array([curve(scan.slip) for scan in _scans_of(analysis)])
+    if len(each):
+        axes.fill_between(x, each.min(axis=0), each.max(axis=0), color=GREY, label=SCATTER)

@@ -1,7 +1,7 @@
 """The folder that an analysis leaves: numbers first, then what no number depends on."""
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -13,6 +13,7 @@ from capslip.output import figures as all_figures
 from capslip.output import mesh, report, scene, staging, tables
 from capslip.output.export import Export, export_named
 from capslip.problems import Problem
+from capslip.result import JointOfScans
 
 if TYPE_CHECKING:
     from capslip.result import Analysis, JointResult
@@ -110,14 +111,26 @@ def write_joint(
     folder: Path,
     command: str | None,
     timings_s: dict[str, float] | None = None,
+    export: str | None = None,
+    progress: Callable[[str], None] = lambda _: None,
+    missing: Missing = lambda _, __: None,
 ) -> dict[str, Any]:
     """Write `settings.toml` and `summary.json` of given families or of several scans.
 
-    Returns the summary; errors are those of `write`.
+    Of several scans there are figures, a report and what was to be exported, too; what is of a face
+    and not of the joint, such as its law, is in a folder for each scan, `scan-1` and so on. Returns
+    the summary; parameters and errors are those of `write`.
     """
-    summary = result.summary(command, timings_s)
+    extra = None if export is None else export_named(export)
     with staging.new_folder(folder) as work:
         tables.write_settings(result.settings, work)
+        parts = _Parts(result, work, timings_s or {}, progress, missing)
+        if isinstance(result, JointOfScans):
+            parts.draw_scans(result, extra)
+            summary = parts.analysis.summary(command, parts.timings_s)
+            parts.make(("report.html",), report.write_report, parts.analysis, summary, work, None)
+            parts.lap("report")
+        summary = parts.analysis.summary(command, parts.timings_s)
         summary = staging.with_digests(summary, work)
         tables.write_summary(summary, work)
     return summary
@@ -128,7 +141,7 @@ class _Parts:
 
     def __init__(
         self,
-        analysis: "Analysis",
+        analysis: Any,  # an Analysis, or a JointResult
         work: Path,
         timings_s: dict[str, float],
         progress: Callable[[str], None],
@@ -181,11 +194,7 @@ class _Parts:
             self.make(("surface.vtu", "caps.vtu"), mesh.write_meshes, self.analysis, self.work)
             self.lap("meshes")
             if run.figures:
-                self.progress("drawing")
-                for name in all_figures.FIGURES:
-                    file = (f"figures/{name}.png",)
-                    self.make(file, all_figures.write_figure, name, self.analysis, pictures)
-                self.lap("figures")
+                self.draw_figures(all_figures.FIGURES, pictures)
             if not run.render:
                 return "switched off (--no-render)"
             reason: str | None = "the renderer did not start"
@@ -199,3 +208,28 @@ class _Parts:
             self.missing(f"no render: {reason}", None)
         self.lap("render")
         return reason
+
+    def draw_figures(self, names: Iterable[str], pictures: Path) -> None:
+        """Draw the figures of those names."""
+        self.progress("drawing")
+        for name in names:
+            file = (f"figures/{name}.png",)
+            self.make(file, all_figures.write_figure, name, self.analysis, pictures)
+        self.lap("figures")
+
+    def draw_scans(self, joint: JointOfScans, export: Export | None) -> None:
+        """Make export and figures of a joint of several scans."""
+        if export is not None and export.of_slip:
+            self.make(export.files, export.write, joint, self.work)
+        elif export is not None:
+            for i, scan in enumerate(joint.scans, 1):
+                if scan.slip is None:  # whose problems say why
+                    continue
+                place = self.work / f"scan-{i}"
+                place.mkdir()
+                files = tuple(f"{place.name}/{name}" for name in export.files)
+                self.make(files, export.write, scan, place)
+        pictures = self.work / "figures"
+        pictures.mkdir()
+        if joint.settings.run.figures:
+            self.draw_figures(all_figures.OF_JOINT, pictures)

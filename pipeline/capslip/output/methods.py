@@ -23,8 +23,18 @@ OF_YIELD = (
 def methods_paragraph(summary: dict[str, Any]) -> str:
     """Return what was done, with the numbers that make it repeatable."""
     surface, contact, slip = (summary[name] for name in ("surface", "contact", "slip"))
-    (ny, nx), (dy_m, dx_m) = surface["shape"], surface["pixel_size_m"]
     version, sha = summary["provenance"]["version"], summary["provenance"]["settings_sha256"]
+    if surface is None:
+        return (
+            f"{len(summary['scans'])} scans of one joint were analysed with capslip {version} "
+            f"(settings {sha[:12]}), each as if all of the joint were face as it shows. Under a "
+            f"preload of {engineering(contact['preload_N'], 'N', 4)} every scan bears the nominal "
+            "pressure, and under shear all share one displacement: force and energy are their "
+            "sums by area. Slip under a friction coefficient of "
+            f"{slip['friction_coefficient']:g} follows from the normal curves by the theorem of "
+            "Ciavarella and Jaeger, cycles by Masing's rule."
+        )
+    (ny, nx), (dy_m, dx_m) = surface["shape"], surface["pixel_size_m"]
     found = [
         f"A scan of {nx} x {ny} points at {engineering(dx_m, 'm', 4)} x "
         f"{engineering(dy_m, 'm', 4)} was analysed with capslip {version} (settings {sha[:12]}); "

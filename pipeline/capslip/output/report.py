@@ -10,20 +10,27 @@ import numpy as np
 
 from capslip.contact.rung import rung
 from capslip.output import figures_sensitivity
-from capslip.output.figures import FIGURES
+from capslip.output.figures import FIGURES, OF_JOINT
 from capslip.output.lead import answer_lines, assumed_lines, causes, effect_text, joint_line
 from capslip.output.methods import citation, methods_paragraph, references
 from capslip.output.quantity import engineering, scaled
 from capslip.output.rows import DASH, QUANTITIES, write_text
+from capslip.output.thumbnail import thumbnail
 from capslip.output.view import read_view
 from capslip.output.viewer import CELLS, viewer_block
 from capslip.output.whatif import whatif_data
+from capslip.result import JointOfScans
 
 if TYPE_CHECKING:
     from capslip.caps.table import CapTable
     from capslip.result import Analysis
 
 MAX_ROWS = 200
+SCATTER = (
+    "Grey: what lies between the scans, each as if all of the joint were like it. Good: narrow, "
+    "which several scans of the same machining are."
+)
+OF_SCANS = dict.fromkeys(("slip_loop", "energy", "loss_factor"), SCATTER)  # figures
 HEAVY_BYTES = 200_000  # of a picture
 JPEG_QUALITY = 90
 SEVERITIES = ("error", "warning", "info")
@@ -43,6 +50,29 @@ FAMILY = (
     "peak height {{peak_height_{0}_m}}"
 )
 
+GROUPS_OF_JOINT: dict[str, tuple[Fact, ...]] = {
+    "Contact, slip and damping": (
+        "nominal_pressure_Pa",
+        "joint_area_m2",
+        "coverage",
+        "scan_load_N",
+        "off_m",
+        ("contact model", "{model}: {model_reason}"),
+        "contact_area_m2",
+        "max_pressure_Pa",
+        "hardness_Pa",
+        "yielded_area_m2",
+        ("friction coefficient", "{friction_coefficient:g}"),
+        ("total slip, one joint", "{total_slip_force_N} at {total_slip_displacement_m}"),
+        "limit_G_m",
+        "limit_P_m",
+        "structure",
+        "modal_stiffness_N_per_m",
+        "joint_stiffness_N_per_m",
+        "joints",
+    ),
+}
+
 
 def write_report(
     analysis: "Analysis", summary: dict[str, Any], folder: str | Path, render_message: str | None
@@ -52,7 +82,7 @@ def write_report(
     Parameters
     ----------
     analysis : Analysis
-        A finished analysis.
+        A finished analysis; or a joint of several scans, of which the page has no single face.
     summary : dict
         Its `summary.json`.
     folder : path
@@ -76,6 +106,7 @@ def write_report(
     )
     problems = sorted(summary["problems"], key=lambda one: SEVERITIES.index(one["severity"]))
     result, panel = folder / "result.h5", whatif_data(analysis)
+    scans = analysis.scans if isinstance(analysis, JointOfScans) else ()
     page = environment.from_string((room / "report.html.j2").read_text(encoding="utf-8")).render(
         summary=summary,
         style=(room / "report.css").read_text(encoding="utf-8"),
@@ -92,7 +123,8 @@ def write_report(
         whatif=panel and json.dumps(panel, allow_nan=False),
         whatif_script=(room / "whatif.js").read_text(encoding="utf-8"),
         one_level=bool(panel and panel["one_level"]),
-        caps=_cap_rows(analysis.caps),
+        caps=None if scans else _cap_rows(analysis.caps),
+        scans=_scan_rows(scans, summary),
         tables=_tables(summary),
         methods=methods_paragraph(summary),
         references=references(summary),
@@ -143,9 +175,10 @@ def _headlines(summary: dict[str, Any]) -> list[tuple[str, str, str]]:
     found = []
     for fact, note in numbers:
         label, text = _fact(fact, summary)
-        gone = text == DASH and not note.startswith("not defined")
+        gone = set(text) <= set(f"{DASH}, ") and not note.startswith("not defined")
         note = "not available; see above" if gone else write_text(note, summary)
-        found.append((label, text, note))
+        if not (gone and summary["scans"]):  # what is of a face, and not of a joint of several
+            found.append((label, text, note))
     return found
 
 
@@ -197,7 +230,10 @@ def _figures(
 ) -> list[dict[str, str | None]]:
     """Collect pictures and captions; a picture that is missing carries the reason."""
     figures = []
-    for name, entry in FIGURES.items():
+    of_scans = isinstance(analysis, JointOfScans)
+    for name in OF_JOINT if of_scans else FIGURES:
+        entry = FIGURES[name]
+        good = OF_SCANS.get(name, entry.good) if of_scans else entry.good
         missing = f"It needs {entry.needs}, which this analysis does not have; see the problems."
         if entry.draw is figures_sensitivity.sensitivity and not analysis.settings.run.sensitivity:
             missing = "It was not asked for (--sensitivity)."
@@ -209,12 +245,14 @@ def _figures(
             {
                 "name": name,
                 "title": entry.title,
-                "caption": f"{entry.caption} {entry.good}",
+                "caption": f"{entry.caption} {good}",
                 "alt": write_text(entry.alt, summary),
                 "missing": missing,
                 "data": _data(folder / f"{name}.png"),
             }
         )
+    if of_scans:
+        return figures
     scene: dict[str, str | None] = {
         "name": "scene",
         "title": "The face in three dimensions",
@@ -243,6 +281,28 @@ def _data(png: Path) -> str | None:
             picture.convert("RGB").save(packed, "JPEG", quality=JPEG_QUALITY, subsampling=0)
         data, kind = packed.getvalue(), "jpeg"
     return f"data:image/{kind};base64,{base64.b64encode(data).decode('ascii')}"
+
+
+def _scan_rows(scans: "tuple[Analysis, ...]", summary: dict[str, Any]) -> list[dict[str, Any]]:
+    """Rows of the table of several scans: a stamp of the face, its share, its answer alone."""
+    rows = []
+    for scan, of in zip(scans, summary["scans"] or (), strict=True):
+        stamp = base64.b64encode(thumbnail(scan.conditioned.surface.height_m)).decode("ascii")
+        alone, error = of["answer"], of["estimated_error"]
+        cells = (
+            DASH if of["share"] is None else f"{100.0 * of['share']:.0f} %",
+            engineering(of["sq_m"], "m"),
+            str(of["caps"]),
+            DASH if of["model"] is None else f"{of['contacts']} in {of['model'].replace('_', ' ')}",
+            engineering(of["max_pressure_Pa"], "Pa"),
+            engineering(alone["tangential_stiffness_N_per_m"], "N/m"),
+            engineering(alone["energy_J"], "J"),
+            DASH if error is None else f"{100.0 * error:.2g} %",
+        )
+        whole = [cell.replace(" ", "\u00a0", 1) for cell in cells]  # a number and its unit
+        row = {"name": of["name"], "status": of["status"], "cells": whole}
+        rows.append({**row, "stamp": f"data:image/png;base64,{stamp}"})
+    return rows
 
 
 def _cap_rows(caps: "CapTable") -> dict[str, Any]:
@@ -278,11 +338,25 @@ def _cap_rows(caps: "CapTable") -> dict[str, Any]:
 
 def _tables(summary: dict[str, Any]) -> list[tuple[str, list[tuple[str, str]]]]:
     """Return the remaining numbers of the summary, grouped, as label and text."""
+    groups = {**({} if summary["scans"] else _groups_of_face(summary)), **GROUPS_OF_JOINT}
+    tables = [(title, [_fact(fact, summary) for fact in facts]) for title, facts in groups.items()]
+    if summary["scans"]:
+        tables = [(title, [one for one in facts if one[1] != DASH]) for title, facts in tables]
+    provenance = summary["provenance"].items()
+    tables.append(
+        ("Provenance", [(key.replace("_", " "), text or DASH) for key, text in provenance])
+    )
+    timings_s = summary["timings_s"].items()
+    tables.append(("Time", [(stage, engineering(time_s, "s")) for stage, time_s in timings_s]))
+    return tables
+
+
+def _groups_of_face(summary: dict[str, Any]) -> dict[str, tuple[Fact, ...]]:
     surface, families = summary["surface"], summary["families"]
     (ny, nx), (dy_m, dx_m) = surface["shape"], surface["pixel_size_m"]
     rejected = ", ".join(f"{n} {reason}" for reason, n in summary["hills"]["rejected"].items())
     family = {name: FAMILY.format(name) if families[name] else "none" for name in "GP"}
-    groups: dict[str, tuple[Fact, ...]] = {
+    return {
         "Height map": (
             "path" if surface["path"] else ("file", "given as an array"),
             "sha256",
@@ -309,32 +383,4 @@ def _tables(summary: dict[str, Any]) -> list[tuple[str, list[tuple[str, str]]]]:
             ("G-caps", family["G"]),
             ("P-caps", family["P"]),
         ),
-        "Contact, slip and damping": (
-            "nominal_pressure_Pa",
-            "joint_area_m2",
-            "coverage",
-            "scan_load_N",
-            "off_m",
-            ("contact model", "{model}: {model_reason}"),
-            "contact_area_m2",
-            "max_pressure_Pa",
-            "hardness_Pa",
-            "yielded_area_m2",
-            ("friction coefficient", "{friction_coefficient:g}"),
-            ("total slip, one joint", "{total_slip_force_N} at {total_slip_displacement_m}"),
-            "limit_G_m",
-            "limit_P_m",
-            "structure",
-            "modal_stiffness_N_per_m",
-            "joint_stiffness_N_per_m",
-            "joints",
-        ),
     }
-    tables = [(title, [_fact(fact, summary) for fact in facts]) for title, facts in groups.items()]
-    provenance = summary["provenance"].items()
-    tables.append(
-        ("Provenance", [(key.replace("_", " "), text or DASH) for key, text in provenance])
-    )
-    timings_s = summary["timings_s"].items()
-    tables.append(("Time", [(stage, engineering(time_s, "s")) for stage, time_s in timings_s]))
-    return tables

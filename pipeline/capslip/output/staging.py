@@ -285,8 +285,9 @@ def _remove(folder: Path, names: list[str]) -> None:
     """Remove files of the earlier result, and its folders that the new one has not."""
     for name in names:
         (folder / name).unlink(missing_ok=True)
+    ours = FILES | {Path(name).parts[0] for name in names}
     for entry in _entries(folder):
-        if entry.name in FILES and entry.is_dir() and not (folder / READY / entry.name).is_dir():
+        if entry.name in ours and entry.is_dir() and not (folder / READY / entry.name).is_dir():
             with suppress(OSError):  # not empty
                 entry.rmdir()
 

@@ -45,14 +45,13 @@ def whatif_data(analysis: "Analysis") -> dict[str, Any] | None:
     slip, damping, answer = analysis.slip, analysis.damping, analysis.answer
     if slip is None or damping is None or not slip.total_slip_displacement_m > 0.0:
         return None
-    contact = analysis.contact
-    assert contact is not None  # a slip curve has one
-    other = contact.rung.solved_loads_N is None and contact.hardness_Pa is None
+    contact = analysis.contact  # None: that of a joint of several scans, which has no single one
+    other = contact and contact.rung.solved_loads_N is None and contact.hardness_Pa is None
     shares = PRELOADS if other and analysis.joint.is_even else PRELOADS[-1:]
     tables = []
     for share in shares:
         load_N = share * float(slip.preload_N)
-        if contact.rung.made_from == "map" and analysis.joint.is_even:
+        if contact and contact.rung.made_from == "map" and analysis.joint.is_even:
             columns, error = _columns_of_map(analysis, contact), 0.0
         else:
             columns, error = _columns(slip.curve, load_N, TIME_LIMIT_S / len(shares))
@@ -69,7 +68,7 @@ def whatif_data(analysis: "Analysis") -> dict[str, Any] | None:
         "joints": damping.joints,
         "amplitude_m": None if answer is None else answer.amplitude_m,
         "most_loss_factor": MOST_LOSS_FACTOR,
-        "one_level": analysis.level is not None and len(shares) > 1,
+        "one_level": len(shares) > 1 and analysis.level is not None,
     }
 
 

@@ -14,7 +14,7 @@ KEYS = (  # those that VTK leaves free
     ("g", "caps", "the caps"),
     ("n", "labels", "numbers of caps"),
     ("z", "zones", "what touches, sticks, slips"),
-    ("m", "mate", "flat mate, and the level before the balance"),
+    ("m", "mate", "flat mate, level unbalanced"),
 )
 HELP = "\n".join(
     [
@@ -25,6 +25,7 @@ HELP = "\n".join(
         "click on a cap: its row and profile",
     ]
 )
+BEAD = 0.012  # length of that of a slider, over the width of the window
 MOST_FACTOR = 4.0  # of the round exaggeration
 
 
@@ -100,7 +101,7 @@ class Window:
 
     def _add_sliders(self) -> None:
         def slider(name: str, title: str, most: float, value: float, x: float) -> None:
-            self.plotter.add_slider_widget(
+            widget = self.plotter.add_slider_widget(
                 lambda value: self.change(**{name: value}),
                 (1.0 if name == "factor" else 0.0, most),
                 value=value,
@@ -114,6 +115,7 @@ class Window:
                 fmt="%.0f" if name == "factor" else "%.2f",
                 interaction_event="always",
             )
+            widget.GetRepresentation().SetSliderLength(BEAD)
 
         round_factor = self.view.exaggeration
         slider("factor", "heights x", MOST_FACTOR * round_factor, round_factor, 0.36)

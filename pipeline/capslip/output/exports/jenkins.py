@@ -18,4 +18,4 @@ def write(analysis: "Analysis", folder: Path) -> None:
     write_jenkins(jenkins(analysis.slip), folder / "jenkins.csv")
 
 
-EXPORT = Export(("jenkins.csv",), write)
+EXPORT = Export(("jenkins.csv",), write, of_slip=True)

@@ -1,0 +1,71 @@
+"""Several scans of one joint on disk: the answer first, each scan, its curves and its exports."""
+
+import csv
+import json
+
+import numpy as np
+import pytest
+
+import capslip
+from capslip.analysis import analyze_scans
+from capslip.output.figures import FIGURES, OF_JOINT
+from capslip.output.folder import write_joint
+from capslip.structure.interpolation import LawTables
+from scenes import caps_map
+
+AS_IT_LIES = "contact.alignment=as_levelled"  # few caps carry no plane that turns
+HIGH = [(6e-3, 5e-3, 10.0, 0.0), (22e-3, 13e-3, 10.0, 1e-8)]
+LOW = [(14e-3, 6e-3, 4.0, 0.0), (24e-3, 5e-3, 4.0, 0.0)]
+
+
+@pytest.fixture(scope="module")
+def joint():
+    settings = capslip.load_settings(
+        overrides=("joint.area_m2=0.01", "contact.model=caps", "contact.preload_N=500", AS_IT_LIES)
+    )
+    return analyze_scans([caps_map(HIGH), caps_map([*HIGH, *LOW])], settings)
+
+
+def test_the_page_has_the_answer_each_scan_and_every_figure_of_the_joint(joint, tmp_path):
+    summary = write_joint(joint, tmp_path / "a", None)
+    page = (tmp_path / "a" / "report.html").read_text("utf-8")
+    assert [p["code"] for p in summary["problems"] if p["code"] == "output_missing"] == []
+    assert page.index('id="answer"') < page.index('id="scans"') < page.index('id="figures"')
+    assert page.count('alt="The heights of ') == 2
+    for name in FIGURES:
+        assert (f'<figure id="{name}">' in page) == (name in OF_JOINT)
+    assert 'id="whatif"' in page
+    assert "2 scans of one joint were analysed" in page
+    assert 'href="#caps"' not in page
+
+
+@pytest.mark.parametrize("name", ["slip_loop", "energy"])
+def test_grey_holds_the_joint_and_ends_at_its_scans(joint, name):
+    axes = FIGURES[name].draw(joint).axes[0]
+    grey = next(one for one in axes.collections if one.get_label().startswith("between"))
+    corners = grey.get_paths()[0].vertices
+    line = next(one for one in axes.lines if one.get_label() in ("first loading", "W"))
+    x, y = line.get_data()
+    for at in (30, 60, 100):
+        of_x = np.isclose(corners[:, 0], x[at], rtol=1e-12)
+        low, high = corners[of_x, 1].min(), corners[of_x, 1].max()
+        assert low < y[at] < high
+        # Each scan stands for half of the joint
+        assert y[at] == pytest.approx(0.5 * (low + high), rel=1e-9)
+
+
+def test_exports_are_of_the_joint_or_of_each_face_and_go_with_the_next_result(joint, tmp_path):
+    folder = tmp_path / "a"
+    write_joint(joint, folder, None, export="law")
+    for i, scan in enumerate(joint.scans, 1):
+        law = LawTables.read(folder / f"scan-{i}" / "law.json")
+        area_m2 = joint.settings.joint.area_m2
+        at = {"displacement_m": 2e-8, "pressure_Pa": 500.0 / area_m2}
+        expected = float(scan.slip.force_N(2e-8)) / area_m2
+        assert float(law.shear_Pa(**at)) == pytest.approx(expected, rel=0.02)
+    assert "scan-2/law.json" in json.loads((folder / "summary.json").read_text())["outputs"]
+    write_joint(joint, folder, None, export="jenkins")
+    assert not (folder / "scan-1").exists()
+    with (folder / "jenkins.csv").open(encoding="utf-8") as file:
+        rows = [row for row in csv.reader(file) if row and not row[0].startswith("#")]
+    assert len(rows) > 3
