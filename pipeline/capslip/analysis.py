@@ -101,7 +101,7 @@ def analyze(
     contact = analysis.contact
     if contact is not None and _lacks_error(contact, settings):
         contact, doubts = estimate(face, contact, settings, clock)
-        problems = (*problems, *doubts)
+        problems = (*problems, *(doubt for doubt in doubts if doubt not in problems))
     band = None
     if contact is not None and analysis.damping is not None:
         with clock("band"):
