@@ -139,6 +139,19 @@ def test_a_wrong_answer_without_a_word_is_called_silent():
     assert result["silent"][0]["name"] == case.name
 
 
+def test_rows_of_two_processes_are_those_of_one():
+    axis = next(axis for axis in axes() if axis.name == "gross slip")
+    few = [replace(axis, cases=axis.cases[:3])]
+    told = []
+    alone, shared = measure(few, ("default",)), measure(few, ("default",), told.append, workers=2)
+    assert [run["name"] for run in alone["runs"]] == [case.name for case in few[0].cases]
+    for one, other in zip(alone["runs"], shared["runs"], strict=True):
+        assert one.pop("seconds") > 0.0
+        assert other.pop("seconds") > 0.0
+        assert one == other
+    assert told[-1] == "3 of 3 cases, 0 silent"
+
+
 def stretched(surface, factor):
     return replace(surface, height_m=factor * surface.height_m)
 

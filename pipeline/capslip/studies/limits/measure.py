@@ -1,8 +1,9 @@
 """Run the methods on the cases, and see whether they are wrong and what is said then."""
 
 import math
+import time
 from collections import Counter
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -19,8 +20,10 @@ from capslip.studies.limits.case import Axis, Case
 from capslip.studies.limits.known import Known, energy_names, known_answers
 from capslip.studies.page import Row
 from capslip.surface.heightmap import HeightMap
+from capslip.workers import Lost, crew, outcomes
 
 SCHEMA = "capslip/limits/1"
+TELL_EVERY_S = 10.0  # how many cases are to come
 BREAKDOWN = 0.10  # relative error at which a method counts as broken
 PAPER_CONFIG = Path(__file__).parents[4] / "configs" / "peyret2016.toml"
 METHODS: dict[str, tuple[Path | None, tuple[str, ...]]] = {
@@ -46,8 +49,9 @@ def measure(
     what: Iterable[Axis],
     methods: Iterable[str] = tuple(METHODS),
     progress: Callable[[str], None] = lambda message: None,
+    workers: int = 1,
 ) -> dict[str, Any]:
-    """Run the methods on the cases of some axes.
+    """Run the methods on the cases of some axes, in so many processes, or in this one.
 
     An answer is wrong where its greatest relative error exceeds 10 % (approach, stiffness, energies
     at the forces of the case), or where m or n is not that of the face. The outcome of a case is
@@ -73,19 +77,15 @@ def measure(
         `totals`; and the names of the `silent` ones.
     """
     begin = clocks()
-    methods = tuple(methods)
-    solved: dict[Any, Reference] = {}
+    methods, what = tuple(methods), tuple(what)
+    jobs = [(i, axis, methods) for axis in what for i in range(len(axis.cases))]
+    rows_of = _rows_of(jobs, progress, workers)
     runs: list[Row] = []
     found_axes: list[Row] = []
     for axis in what:
-        started = clocks()
-        rows = [row for case in axis.cases for row in _run_case(axis, case, methods, solved)]
+        rows = [row for i in range(len(axis.cases)) for row in rows_of[axis.name, i]]
         runs += rows
         found_axes.append(_about(axis, rows, methods))
-        silent = [row["method"] for row in rows if row["outcome"] == "silent"]
-        said = ", ".join(f"{silent.count(method)} silent ({method})" for method in methods)
-        took_s = (clocks() - started)[0]
-        progress(f"{axis.name}: {len(axis.cases)} cases, {said}, {took_s:.0f} s")
     return {
         "schema": SCHEMA,
         "breakdown_error": BREAKDOWN,
@@ -97,6 +97,49 @@ def measure(
         ],
         "runs": runs,
     }
+
+
+def _rows_of(
+    jobs: list[tuple[int, Axis, tuple[str, ...]]], progress: Callable[[str], None], workers: int
+) -> dict[tuple[str, int], list[Row]]:
+    """Return the rows of each case, by its axis and place there; tell how many are to come."""
+    begin_s = told_s = time.monotonic()
+    rows_of: dict[tuple[str, int], list[Row]] = {}
+    for (axis_name, place), rows in _run_all(jobs, workers):
+        rows_of[axis_name, place] = rows
+        now_s = time.monotonic()
+        if now_s - told_s >= TELL_EVERY_S or len(rows_of) == len(jobs):
+            told_s, left = now_s, len(jobs) - len(rows_of)
+            left_s = (now_s - begin_s) / len(rows_of) * left
+            silent = sum(row["outcome"] == "silent" for found in rows_of.values() for row in found)
+            said = f"{len(rows_of)} of {len(jobs)} cases, {silent} silent"
+            progress(f"{said}, about {left_s:.0f} s left" if left else said)
+    return rows_of
+
+
+def _run_all(
+    jobs: list[tuple[int, Axis, tuple[str, ...]]], workers: int
+) -> Iterator[tuple[tuple[str, int], list[Row]]]:
+    """Give the rows of each case as it ends, with its axis and place there."""
+    if workers == 1:
+        solved: dict[Any, Reference] = {}
+        for i, axis, methods in jobs:
+            yield (axis.name, i), _run_case(axis, axis.cases[i], methods, solved)
+        return
+    by_place = ((axis.name, i, axis.codes, axis.cases[i], methods) for i, axis, methods in jobs)
+    with crew(workers) as executor:
+        for (name, i, *_), rows in outcomes(executor, _run_alone, by_place, workers):
+            if isinstance(rows, Lost):
+                raise CapslipError(f"limits: {name}, case {i}: {rows.reason}")
+            yield (name, i), rows
+
+
+def _run_alone(
+    name: str, place: int, codes: tuple[str, ...], case: Case, methods: tuple[str, ...]
+) -> list[Row]:
+    """Run one case in a process of its own: an axis holds functions that do not travel."""
+    axis = Axis(name, "", (), lambda seed, value: (), codes)
+    return _run_case(axis, case, methods, {})
 
 
 def _run_case(

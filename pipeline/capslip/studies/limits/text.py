@@ -59,6 +59,31 @@ def limits_markdown(results: Row) -> str:
     return "\n\n".join(parts) + "\n"
 
 
+def limits_lines(results: Row) -> str:
+    """Return the totals for a terminal, a line a method."""
+    known = {**results["totals"], "fresh faces": results["fresh"]["totals"]["default"]}
+    lines = [
+        f"{method:<16} {total['cases']} cases: " + ", ".join(_shares(total))
+        for method, total in known.items()
+    ]
+    return "\n".join(lines)
+
+
+def _shares(total: Row) -> list[str]:
+    counts, cases = total["outcomes"], max(total["cases"], 1)
+    kinds = {
+        "right": ("right",),
+        "right with a warning": ("warned",),
+        "wrong with a warning": ("told", "doubted"),
+        "refused": ("refused",),
+        "silent": ("silent",),
+    }
+    return [
+        f"{sum(counts.get(name, 0) for name in names) / cases:.1%} {kind}"
+        for kind, names in kinds.items()
+    ]
+
+
 def _how(results: Row) -> str:
     n_cases = max(total["cases"] for total in results["totals"].values())
     return (
