@@ -104,6 +104,7 @@ def test_every_case_has_a_truth_and_an_outcome(found):
     assert {run["outcome"] for run in found["runs"]} <= {
         "right",
         "warned",
+        "noted",
         "told",
         "doubted",
         "refused",
@@ -116,6 +117,13 @@ def test_harmless_faces_are_right_and_nothing_is_said():
     for run in measure([harmless], ("default",))["runs"]:
         assert run["outcome"] == "right", run
         assert run["error"] < 0.02
+
+
+def test_no_energy_beyond_gross_slip_is_right():
+    axis = next(axis for axis in axes() if axis.name == "gross slip")
+    beyond = next(case for case in axis.cases if case.shares[0] > 1.0)
+    assert [run["outcome"] for run in measure([replace(axis, cases=(beyond,))], ("default",))[
+        "runs"]] == ["right"]  # fmt: skip
 
 
 def test_the_truth_does_not_see_the_scan():

@@ -37,6 +37,7 @@ COUNT_CODES = (
     "family_below_cut",
     "caps_not_pressed",
 )
+FIRST_CODE = "first_touch_decides"  # where the approach alone is wrong
 SILENT_KEYS = ("method", "axis", "name", "error", "worst", "m", "n", "true_m", "true_n")
 
 
@@ -57,12 +58,15 @@ def measure(
     at the forces of the case), or where m or n is not that of the face. The outcome of a case is
 
     right
-        and nothing of at least a warning was said,
+        and nothing of at least a warning was said; an energy that has no bound, beyond gross slip,
+        is right where none is given,
     warned
         right, but a warning was given,
     told
-        wrong, and a warning names the cause; where m and n alone are wrong, also what is noted of
-        the families without being a warning,
+        wrong, and a warning names the cause,
+    noted
+        stiffness and energies are right, m, n or the approach alone is wrong, and what is noted of
+        the hills, the families or of first touch says so without being a warning,
     doubted
         wrong, and there is a warning, but none that names the cause,
     refused
@@ -191,10 +195,12 @@ def _run(
     problems = {p.code: p.severity for p in analysis.problems}
     m, n = analysis.families.m, analysis.families.n
     row = _row(axis, case, method, seconds=seconds, problems=problems, m=m, n=n)
+    row["estimate"] = None if analysis.contact is None else analysis.contact.estimated_error
     if known.counts is not None:
         row["true_m"], row["true_n"] = known.counts
     given = _numbers(analysis, case.shares)
-    if given is None or not all(math.isfinite(given[name]) for name in energy_names(case.shares)):
+    bounded = [name for name in energy_names(case.shares) if math.isfinite(known.values[name])]
+    if given is None or not all(math.isfinite(given[name]) for name in bounded):
         row["outcome"] = "refused"
         said = "; ".join(p.message for p in analysis.problems if p.severity != "info")
         row["reason"] = said or "the joint slides as a whole: the energy of a cycle has no bound"
@@ -207,11 +213,16 @@ def _run(
     right_counts = known.counts is None or known.counts == (m, n)
     wrong = greatest > BREAKDOWN or not right_counts
     named = any(code in axis.codes for code in _warnings(row))
-    if greatest <= BREAKDOWN:  # m and n alone are wrong: a model that reads neither only notes it
-        named = named or any(code in problems for code in COUNT_CODES)
+    noted = False
+    rest = max(abs(error) for name, error in errors.items() if name != "approach")
+    if rest <= BREAKDOWN:  # what no other answer reads is only noted: the approach, and m and n
+        counts_noted = right_counts or any(one in problems for one in (*axis.codes, *COUNT_CODES))
+        first_noted = greatest <= BREAKDOWN or FIRST_CODE in problems
+        noted = counts_noted and first_noted
     if wrong:
-        doubted = "doubted" if analysis.status != "ok" else "silent"
-        row["outcome"] = "told" if named else doubted
+        row["outcome"] = "noted" if noted else "silent"
+        if analysis.status != "ok":
+            row["outcome"] = "told" if named or noted else "doubted"
     else:
         row["outcome"] = "right" if analysis.status == "ok" else "warned"
     return row
@@ -219,8 +230,9 @@ def _run(
 
 def _row(axis: Axis, case: Case, method: str, **found: Any) -> Row:
     row: Row = dict.fromkeys(
-        ("outcome", "error", "worst", "errors", "m", "n", "true_m", "true_n", "reason", "seconds")
+        ("outcome", "error", "worst", "errors", "estimate", "m", "n", "true_m", "true_n", "reason")
     )
+    row["seconds"] = None
     row |= {"axis": axis.name, "name": case.name, "severity": case.severity, "method": method}
     return row | {"problems": {}} | found
 
@@ -286,7 +298,7 @@ def _warnings(row: Row) -> list[str]:
 
 
 def _broken(row: Row) -> bool:
-    return row["outcome"] in ("told", "doubted", "silent", "refused")
+    return row["outcome"] in ("told", "doubted", "noted", "silent", "refused")
 
 
 def _totals(runs: list[Row], method: str) -> Row:

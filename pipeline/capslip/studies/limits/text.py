@@ -3,10 +3,11 @@
 from capslip.studies.page import Row, table
 
 SPOKEN = ("told", "doubted", "warned")
-OUTCOMES = ("right", "warned", "told", "doubted", "refused", "silent")
+OUTCOMES = ("right", "warned", "noted", "told", "doubted", "refused", "silent")
 MEANING = (
     ("right", "right, and nothing of a warning said"),
     ("warned", "right, with a warning"),
+    ("noted", "stiffness and energies right, m, n or the approach not, and a note says so"),
     ("told", "wrong, and a warning names the cause"),
     ("doubted", "wrong, with a warning, but none that names the cause"),
     ("refused", "no number, but a reason"),
@@ -74,6 +75,7 @@ def _shares(total: Row) -> list[str]:
     kinds = {
         "right": ("right",),
         "right with a warning": ("warned",),
+        "wrong in m, n or approach alone with a note": ("noted",),
         "wrong with a warning": ("told", "doubted"),
         "refused": ("refused",),
         "silent": ("silent",),
