@@ -43,8 +43,8 @@ def as_read(
     A model of no surface at all reads nothing of hills, caps and families, and one of the map
     itself neither; what noise, steps and spikes do to it, it measures.
     One of spheres reads the caps that carry load, and families only where it takes these for the
-    caps. Where its estimated error, in which the shape of each of their hills is counted, is within
-    the tolerance, that shape is no doubt more.
+    caps. Where its estimated error, in which the shape of each hill is counted, and what families
+    differ from the caps, is within the tolerance, neither is a doubt more.
 
     Parameters
     ----------
@@ -66,7 +66,7 @@ def as_read(
         if code in SHAPE and known:
             return False
         if code in COUNTS:
-            return contact.rung.reads_families
+            return contact.rung.reads_families and not known
         if code not in FLAGS:
             return True
         return share[code] > (0.0 if FLAGS[code] is CapFlag.plateau else FLAGGED_SHARE)
