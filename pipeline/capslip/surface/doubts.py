@@ -26,6 +26,7 @@ VISIBLE_SHARE_OF_SQ = 0.01
 MAX_OUTLIER_SHARE = 0.02
 CLIPPED_POINTS = 9  # that share the greatest height
 MOSTLY_FORM = 0.8  # of the variance of the heights
+MOSTLY_BOWED = 0.95  # of that of the floor: a step between two floors looks 87 % like a bow
 VISIBLE_FORM = 0.1  # of the approach: form that moves the peaks by more decides what touches
 
 
@@ -149,11 +150,11 @@ def problems_of_tilt(surface: HeightMap, approach_m: float) -> list[Problem]:
 
 def problems_of_form(surface: HeightMap, approach_m: float) -> list[Problem]:
     """Return whether most of the relief is a bow that decides what touches."""
-    for what, (rest, bow_m) in (
-        ("the heights", _bow(surface)),
-        ("the floor between the hills", _bow_of_floor(surface)),
+    for what, (rest, bow_m), least in (
+        ("the heights", _bow(surface), MOSTLY_FORM),
+        ("the floor between the hills", _bow_of_floor(surface), MOSTLY_BOWED),
     ):
-        if rest > 1.0 - MOSTLY_FORM or bow_m <= VISIBLE_FORM * approach_m:
+        if rest > 1.0 - least or bow_m <= VISIBLE_FORM * approach_m:
             continue
         message = (
             f"{1.0 - rest:.0%} of the variance of {what} is a bow of {bow_m:.3g} m, the approach "
