@@ -19,7 +19,7 @@ FLOORS = (
     {"structure"},
     {"stages"},
     {"sensitivity"},
-    {"verdict"},
+    {"summary", "verdict"},
     {"result"},
     {"analysis"},
     {"output"},

@@ -10,6 +10,7 @@ from capslip.contact.doubts import (
     contact_doubts,
     material_doubts,
     problems_of_band,
+    problems_of_first_touch,
     problems_of_pressure,
     problems_of_share,
     problems_of_waves,
@@ -19,7 +20,7 @@ from capslip.contact.given import given_families, press_families
 from capslip.contact.joint import Joint
 from capslip.contact.levelling import coarse_map
 from capslip.contact.press import ContactState
-from capslip.contact.relevance import as_read
+from capslip.contact.relevance import as_read, still_doubtful
 from capslip.contact.rung import rung
 from capslip.contact.scans import curve_of_scans
 from capslip.contact.slip import slip_curve
@@ -320,27 +321,31 @@ def _analyzed(
     try:
         if can_be_pressed(face, settings):
             contact, caps, slip = press_face(face, settings, clock)
-            problems = as_read(problems, contact, caps, settings.contact.tolerance)
+            pressed, tolerance = face.conditioned.surface, settings.contact.tolerance
+            doubtful = still_doubtful(caps, contact, pressed, tolerance)
+            problems = as_read(problems, contact, doubtful, tolerance)
             problems += [*contact.problems, *problems_of_share(face.joint, contact)]
-            problems += problems_of_waves(face.joint, contact, face.conditioned.surface)
+            problems += problems_of_waves(face.joint, contact, pressed)
+            problems += problems_of_first_touch(contact)
             problems += _of_levelling(face, contact, settings)
             problems += problems_of_band(
                 *(caps, face.conditioned.surface, face.hills.noise_m, settings.conditioning)
             )
             beam, damping = damp(slip, settings, clock)
-            pixel_area_m2 = face.conditioned.surface.pixel_area_m2
-            problems += contact_doubts(
+            found = contact_doubts(
                 contact,
-                caps,
+                doubtful,
                 face.families,
-                pixel_area_m2,
+                pressed.pixel_area_m2,
                 cut_certified=face.level is not None and face.level.missed_area_m2 == 0.0,
             )
+            problems += as_read(found, contact, doubtful, tolerance)
             problems += problems_of_damping(damping, structure_name(settings), is_given(settings))
             answer, beyond = answer_to(settings.answer, slip, damping)
             problems += beyond
             problems = with_effects(
-                *(problems, face.caps, face.family_caps, face.conditioned),
+                *(problems, face.caps.with_columns(flags=doubtful.flags), face.family_caps),
+                face.conditioned,
                 as_found(face, settings),
             )
     except ContactError as error:

@@ -351,14 +351,17 @@ def chart(scans: Path | None, out: Path | None, as_json: bool, quiet: bool, verb
 
 
 @main.command()
+@click.option("--workers", type=click.IntRange(0), default=0, help="Processes; 0: one a core.")
 @result_options
-def limits(out: Path | None, as_json: bool, quiet: bool, verbose: bool) -> None:
+def limits(workers: int, out: Path | None, as_json: bool, quiet: bool, verbose: bool) -> None:
     """Drive each axis until the method breaks, and see what the program says (many minutes)."""
     from capslip.studies.limits.study import limits as run
+    from capslip.studies.limits.text import limits_lines
 
     folder = out or Path("results") / "limits"
-    result = run(folder, Progress(quiet))
-    print_result(result, f"limits     {folder / 'limits.md'}", as_json, quiet)
+    result = run(folder, Progress(quiet), workers)
+    text = f"{limits_lines(result)}\nlimits           {folder / 'limits.md'}"
+    print_result(result, text, as_json, quiet)
 
 
 @main.command("init-config")

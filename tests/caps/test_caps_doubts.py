@@ -17,7 +17,7 @@ from capslip.caps.doubts import (
 from capslip.caps.families import group_families
 from capslip.caps.fit import fit_caps
 from capslip.caps.hills import NOISE_FACTOR, find_hills
-from capslip.caps.table import CapFlag, CapTable
+from capslip.caps.table import DOUBTFUL, CapFlag, CapTable
 from capslip.surface.heightmap import HeightMap
 from scenes import caps_map
 
@@ -103,8 +103,9 @@ def flagged(n, flag):
 @pytest.mark.parametrize("flag", list(doubts.MEANING))
 def test_flags_of_more_than_a_fifth_of_the_caps_are_a_warning(flag):
     few = "warning" if flag is CapFlag.plateau else "info"
+    many = "info" if flag in DOUBTFUL else "warning"  # the load on those is asked, not their number
     assert codes(change_caps=flagged(1, flag)) == [(f"caps_{flag.name}", few)]
-    assert codes(change_caps=flagged(2, flag)) == [(f"caps_{flag.name}", "warning")]
+    assert codes(change_caps=flagged(2, flag)) == [(f"caps_{flag.name}", many)]
 
 
 @pytest.mark.parametrize(

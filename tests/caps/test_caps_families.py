@@ -507,3 +507,25 @@ def test_peaks_are_levels_on_their_own_plane_from_five_caps_on(n, turns):
     assert grouped.peak_height_m.tolist() == caps.peak_height_m.tolist()
     assert group_families(caps, 1)[1].G.peak_height_se_m > 1e-8
     assert group_families(caps, 1, "radius", own_plane=True)[1].G.peak_height_se_m > 1e-8
+
+
+@pytest.mark.parametrize(("gap", "clear"), [(0.2, True), (0.6, False)])
+def test_one_family_with_a_gap_as_wide_as_between_two_is_no_clear_one(gap, clear):
+    """Two halves of uniform heights; of a width w each and a gap g they split by (1 + g / w)."""
+    half = np.linspace(0.0, 1.0, 10)
+    spreads = (1.0 + gap) / half.std(ddof=1)
+    families = families_of(np.concatenate((half, 1.0 + gap + half)))
+    one = replace(families, G=families.levels[0], P=None, levels=families.levels[:1], log_odds=5.0)
+    assert families.separation == pytest.approx(spreads, rel=0.1)
+    assert one.clear == clear
+
+
+@pytest.mark.parametrize(("error_m", "clear"), [(1e-8, True), (1e-7, False)])
+def test_two_heights_within_the_errors_of_their_fits_are_not_clear(error_m, clear):
+    """Three peaks that hardly fit a sphere, and five that do, 0.1 um below, each level exact."""
+    heights = np.repeat((0.0, -1e-7), (3, 5))
+    errors = np.repeat((error_m, 1e-16), (3, 5))
+    families = families_of(heights, peak_height_se_m=errors)
+    assert (families.m, families.n) == (3, 5)
+    assert families.h_fit_se_m == pytest.approx(error_m / math.sqrt(3.0))
+    assert families.clear == clear

@@ -1,5 +1,6 @@
 """Doubts about the contact, from the state under the preload and the loads of the caps."""
 
+import re
 from dataclasses import fields, replace
 from types import SimpleNamespace
 
@@ -9,7 +10,7 @@ import pytest
 from capslip.caps.families import group_families
 from capslip.caps.table import CapFlag, CapTable
 from capslip.contact import doubts
-from capslip.contact.doubts import contact_doubts, material_doubts
+from capslip.contact.doubts import contact_doubts, material_doubts, problems_of_first_touch
 from capslip.settings import Material
 
 
@@ -40,6 +41,36 @@ def state(contacts=10, pairs=0, max_pressure_Pa=None, hardness_Pa=None, yielded_
         yielded_area_m2=yielded_area_m2,
         composite=steel,
     )
+
+
+def touching(first, solved=None, yielded_area_m2=None):
+    """Return a state whose approach is 1 at 10 N; a share of it is passed before any load."""
+
+    def approach_m(load_N):
+        return first + (1.0 - first) * (load_N / 10.0) ** (2 / 3)
+
+    return SimpleNamespace(
+        preload_N=10.0,
+        approach_m=1.5,
+        bulk_m=0.5,
+        normal=SimpleNamespace(approach_m=lambda load_N: approach_m(load_N) + 0.05 * load_N),
+        yielded_area_m2=yielded_area_m2,
+        rung=SimpleNamespace(
+            made_from="spheres" if solved is None else "map",
+            solved_loads_N=None if solved is None else lambda curve, most_N: np.array(solved),
+        ),
+    )
+
+
+@pytest.mark.parametrize("solved", [None, [0.0, 0.01, 0.05, 0.2, 1.0, 10.0]])
+def test_an_approach_that_is_passed_before_anything_carries_is_noted(solved):
+    assert problems_of_first_touch(touching(0.0, solved)) == []  # Hertz: 0.01^(2/3) = 0.046
+    assert problems_of_first_touch(touching(0.2, solved)) == []
+    (found,) = problems_of_first_touch(touching(0.25, solved))
+    assert (found.code, found.severity) == ("first_touch_decides", "info")
+    assert re.match("2[89]% of the approach of 1.5 m", found.message)
+    assert problems_of_first_touch(touching(0.25, solved, yielded_area_m2=1.0)) == []
+    assert problems_of_first_touch(touching(0.25, [0.0, 1.0, 10.0])) == []  # not known that low
 
 
 @pytest.mark.parametrize(("share", "severity"), [(0.04, "info"), (0.06, "warning")])

@@ -57,7 +57,11 @@ def test_half_of_equal_caps_left_out_is_hertz():
     # The two that are left lie on one line, on which nothing may turn
     settings = load_settings(overrides=("contact.preload_N=200", "contact.alignment=as_levelled"))
     (problem,) = with_effects(
-        [Problem("caps_edge", "warning", "")], caps, caps, analysis.conditioned, settings
+        [Problem("load_on_doubtful_caps", "warning", "")],
+        caps,
+        caps,
+        analysis.conditioned,
+        settings,
     )
     assert problem.effect.tangential_stiffness == pytest.approx(1.0 - 0.5 ** (2 / 3), rel=0.1)
     assert problem.effect.energy == pytest.approx(2.0 ** (2 / 3) - 1.0, rel=0.1)
@@ -67,11 +71,11 @@ def test_half_of_equal_caps_left_out_is_hertz():
 def test_a_doubt_within_the_tolerance_is_information():
     analysis = found(face(MORE))
     caps = flagged(analysis.caps, [MORE[-1][:2]])
-    effect = effect_of(analysis, "caps_edge", caps).effect
+    effect = effect_of(analysis, "load_on_doubtful_caps", caps).effect
     moved = max(effect.tangential_stiffness, effect.energy)
     assert 0.0 < moved < 1.0
     for tolerance, severity in ((0.99 * moved, "warning"), (1.01 * moved, "info")):
-        one = effect_of(analysis, "caps_edge", caps, tolerance=tolerance)
+        one = effect_of(analysis, "load_on_doubtful_caps", caps, tolerance=tolerance)
         assert (one.severity, one.effect) == (severity, effect)
 
 
@@ -79,7 +83,8 @@ def test_what_cannot_be_pressed_has_no_effect_and_stays_a_warning():
     analysis = found(face())
     every = flagged(analysis.caps, [peak[:2] for peak in PEAKS])
     three = flagged(analysis.caps, [peak[:2] for peak in PEAKS[:3]])  # one cap alone: tips over
-    for code, caps in (("caps_edge", every), ("caps_edge", three), ("clipped", analysis.caps)):
+    both = [("load_on_doubtful_caps", every), ("load_on_doubtful_caps", three)]
+    for code, caps in (*both, ("clipped", analysis.caps)):
         problem = effect_of(analysis, code, caps, tolerance=0.9)
         assert (problem.severity, problem.effect) == ("warning", None)
 

@@ -7,7 +7,7 @@ import pytest
 from contact_cases import E_STAR_PA, table
 
 from capslip import load_settings
-from capslip.analysis import analyze
+from capslip.analysis import analyze, analyze_once
 from capslip.caps.families import group_families
 from capslip.contact import choice as module
 from capslip.contact.press import press
@@ -156,3 +156,25 @@ def test_the_approach_without_bulk_is_absent_where_it_would_be_negative():
     assert rest[0.25].approach_without_bulk_m == 0.75 * state.approach_m
     assert rest[1.0].approach_without_bulk_m == 0.0
     assert rest[1.01].approach_without_bulk_m is None
+
+
+def test_caps_answer_where_noise_decides_on_the_map():
+    """Fits average over noise that the map's own contacts feel: they are nearer to the face."""
+    clean, noise = caps_map(CAPS, SHAPE, PIXEL_M), np.random.default_rng(2)
+    noisy = replace(clean, height_m=clean.height_m + noise.normal(0.0, 1.5e-7, SHAPE))
+    words = ("conditioning.form=none", "contact.preload_N=400")
+    truth, found, of_map = (
+        analyze_once(face, load_settings(overrides=(*words, f"contact.model={model}")))
+        for face, model in ((clean, "interacting"), (noisy, "auto"), (noisy, "boundary_elements"))
+    )
+    assert found.contact.rung.made_from == "spheres"
+    (doubt,) = (p for p in found.problems if p.code == "detail_decides")
+    assert doubt.severity == "warning"
+    assert doubt.effect.energy == found.contact.estimated_error > 0.05
+    errors = [
+        abs(one.slip.energy_at_force_J(0.25 * one.slip.total_slip_force_N)
+            / truth.slip.energy_at_force_J(0.25 * truth.slip.total_slip_force_N) - 1.0)
+        for one in (found, of_map)
+    ]  # fmt: skip
+    assert errors[0] < found.contact.estimated_error
+    assert errors[0] < 0.5 * errors[1]

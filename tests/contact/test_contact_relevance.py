@@ -7,11 +7,13 @@ import numpy as np
 import pytest
 
 from capslip.caps.table import CapFlag, CapTable
-from capslip.contact.relevance import as_read
+from capslip.contact.relevance import as_read, still_doubtful
 from capslip.problems import Problem
+from capslip.surface.heightmap import HeightMap
 
-SHAPE = ["connected_network", "shallow_saddles", "pruning_decides", "not_spherical", "caps_ridge"]
-COUNTS = ["families_doubtful", "more_than_two_families", "family_below_cut", "caps_noisy_apex"]
+SHAPE = ["connected_network", "shallow_saddles", "pruning_decides", "not_spherical"]
+SHAPE += ["contact_under_resolved", "caps_ridge"]
+COUNTS = ["families_doubtful", "more_than_two_families", "family_below_cut"]
 ELSE = ["highest_point_on_no_cap", "plateau_at_cut", "cut_too_high", "level_not_settled"]
 ELSE += ["no_caps", "fit_not_settled"]
 OTHERS = ["outliers", "spikes", "hole_may_hide_hills", "clipped"]
@@ -25,9 +27,14 @@ def caps(share, flag):
     return CapTable(**{**every, "load_N": load_N, "flags": flags})
 
 
-def warned(codes, made_from="spheres", error=0.01, share=0.0, flag=CapFlag.edge):
+def state(made_from="spheres", error=0.01, reads_families=False):
+    one = SimpleNamespace(made_from=made_from, reads_families=reads_families)
+    return SimpleNamespace(rung=one, estimated_error=error)
+
+
+def warned(codes, made_from="spheres", error=0.01, share=0.0, flag=CapFlag.edge, families=False):
     """Return the codes that stay warnings."""
-    contact = SimpleNamespace(rung=SimpleNamespace(made_from=made_from), estimated_error=error)
+    contact = state(made_from, error, families)
     problems = [Problem(code, "warning", "") for code in codes]
     found = as_read(problems, contact, caps(share, flag), 0.05)
     assert [problem.code for problem in found] == codes
@@ -36,9 +43,9 @@ def warned(codes, made_from="spheres", error=0.01, share=0.0, flag=CapFlag.edge)
 
 @pytest.mark.parametrize("made_from", ["map", "nothing"])
 def test_a_model_without_caps_reads_none(made_from):
-    flagged = [f"caps_{flag.name}" for flag in (CapFlag.edge, CapFlag.ridge, CapFlag.outlier)]
-    assert warned(SHAPE + COUNTS[:-1] + flagged, made_from, share=1.0) == []
-    assert warned(ELSE + COUNTS[-1:], made_from) == []
+    flagged = [f"caps_{flag.name}" for flag in (CapFlag.ridge, CapFlag.outlier)]
+    assert warned(SHAPE + COUNTS + flagged, made_from, share=1.0) == []
+    assert warned(ELSE, made_from) == []
     assert warned(OTHERS, made_from) == OTHERS
 
 
@@ -51,15 +58,21 @@ def test_the_estimated_error_counts_the_shape_of_the_hills():
     assert warned(hills, error=0.01) == []
     assert warned(hills, error=0.051) == hills
     assert warned(hills, error=None) == hills
-    assert warned(COUNTS + OTHERS, error=0.01) == COUNTS + OTHERS
+    assert warned(OTHERS, error=0.01) == OTHERS
+
+
+@pytest.mark.parametrize(("error", "known"), [(0.01, True), (0.06, False), (None, False)])
+def test_families_matter_to_a_model_that_takes_them_for_the_caps(error, known):
+    assert warned(COUNTS, error=error) == []
+    assert warned(COUNTS, error=error, families=True) == COUNTS * (not known)
 
 
 @pytest.mark.parametrize(("share", "read"), [(0.19, False), (0.21, True)])
 def test_flags_matter_by_the_load_on_their_caps(share, read):
-    for flag in (CapFlag.edge, CapFlag.non_measured, CapFlag.outlier):
+    for flag in (CapFlag.ridge, CapFlag.several_peaks, CapFlag.outlier):
         code = f"caps_{flag.name}"
-        assert warned([code], share=share, flag=flag) == [code] * read
-        assert warned([code], share=share, flag=CapFlag.few_points) == []
+        assert warned([code], share=share, flag=flag, error=None) == [code] * read
+        assert warned([code], share=share, flag=CapFlag.few_points, error=None) == []
     for error, known in ((None, False), (0.01, True)):
         found = warned(["caps_ridge"], share=share, flag=CapFlag.ridge, error=error)
         assert found == ["caps_ridge"] * (read and not known)
@@ -73,5 +86,47 @@ def test_a_flat_top_matters_as_soon_as_it_carries():
 
 def test_errors_and_information_stay():
     problems = [Problem("slope_suspect", "error", ""), Problem("caps_edge", "info", "")]
-    contact = SimpleNamespace(rung=SimpleNamespace(made_from="map"), estimated_error=None)
-    assert as_read(problems, contact, caps(1.0, CapFlag.edge), 0.05) == problems
+    found = as_read(problems, state("map", None), caps(1.0, CapFlag.edge), 0.05)
+    assert found == problems
+
+
+PIXEL_M, RADIUS_M = 1e-4, 1e-3  # of a face of 8 mm, and of a contact on it
+
+
+def flags_left(flag, x_m=4e-3, missing=None, error=0.01, made_from="spheres", radius_m=RADIUS_M):
+    """Return what is left of the flag of a cap whose contact is known."""
+    height_m = np.zeros((80, 80))
+    if missing is not None:
+        height_m[missing] = np.nan
+    one = {field.name: np.ones(1) for field in fields(CapTable)}
+    one |= {"x_m": np.array([x_m]), "y_m": np.array([4e-3]), "flags": np.uint16([flag])}
+    one |= {"contact_radius_m": np.array([radius_m]), "load_N": np.ones(1)}
+    surface = HeightMap(height_m, (PIXEL_M, PIXEL_M))
+    found = still_doubtful(CapTable(**one), state(made_from, error), surface, 0.05)
+    return CapFlag(int(found.flags[0]))
+
+
+@pytest.mark.parametrize(("protrudes", "doubtful"), [(-0.1, False), (0.15, False), (0.4, True)])
+def test_the_edge_matters_where_it_cuts_the_contact(protrudes, doubtful):
+    found = flags_left(CapFlag.edge, x_m=(1.0 - protrudes) * RADIUS_M)
+    assert found == (CapFlag.edge if doubtful else CapFlag(0))
+    assert flags_left(CapFlag.edge, RADIUS_M - protrudes, radius_m=0.0) == CapFlag(0)
+
+
+def test_a_hole_matters_where_it_hides_a_part_of_the_contact():
+    flag, rng = CapFlag.non_measured, np.random.default_rng(0)
+    assert flags_left(flag, missing=rng.uniform(size=(80, 80)) < 0.5) == CapFlag(0)
+    row, col = np.mgrid[:80, :80] - 39.5
+    away = np.hypot(row, col)
+    assert flags_left(flag, missing=away < 4.0) == flag  # in the middle of the contact
+    assert flags_left(flag, missing=away < 2.0) == CapFlag(0)  # among points on all sides
+    assert flags_left(flag, missing=away > 15.0) == CapFlag(0)
+    assert flags_left(flag, missing=away >= 0.0) == flag
+
+
+def test_a_known_error_counts_apexes_that_noise_or_pixels_hide():
+    for flag in (CapFlag.noisy_apex, CapFlag.apex_off_surface):
+        assert flags_left(flag) == CapFlag(0)
+        for unknown in ({"error": None}, {"error": 0.06}, {"made_from": "map"}):
+            assert flags_left(flag, **unknown) == flag
+    assert flags_left(CapFlag.plateau) == CapFlag.plateau

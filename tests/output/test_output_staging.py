@@ -12,7 +12,7 @@ import pytest
 from capslip.errors import OutputError
 from capslip.output import staging
 from capslip.output.staging import is_whole, locked, new_folder, read_summary, recover
-from capslip.result import SCHEMA
+from capslip.summary import SCHEMA
 
 OLD = {"caps.csv": "old", "jenkins.csv": "old", "settings.toml": "old", "figures/a.png": "old"}
 NEW = {"caps.csv": "new", "settings.toml": "new", "figures/b.png": "new", "surface.vtu": "new"}

@@ -9,7 +9,8 @@ import pytest
 from capslip.analysis import analyze
 from capslip.caps.table import CapFlag
 from capslip.problems import Problem
-from capslip.result import _alignment, _cell, _limit, _plain
+from capslip.result import _cell
+from capslip.summary import _alignment, _limit, plain
 
 
 @pytest.mark.parametrize(
@@ -67,7 +68,7 @@ def test_what_is_plain():
         "truth": np.bool_(True),
         "nested": ({"bad": -np.inf}, "word", None, 7),
     }
-    found = _plain(values)
+    found = plain(values)
     assert found == {
         "array": [[1.0, None], [None, 2.0]],
         "numpy": 0.5,

@@ -104,6 +104,7 @@ def test_every_case_has_a_truth_and_an_outcome(found):
     assert {run["outcome"] for run in found["runs"]} <= {
         "right",
         "warned",
+        "noted",
         "told",
         "doubted",
         "refused",
@@ -116,6 +117,13 @@ def test_harmless_faces_are_right_and_nothing_is_said():
     for run in measure([harmless], ("default",))["runs"]:
         assert run["outcome"] == "right", run
         assert run["error"] < 0.02
+
+
+def test_no_energy_beyond_gross_slip_is_right():
+    axis = next(axis for axis in axes() if axis.name == "gross slip")
+    beyond = next(case for case in axis.cases if case.shares[0] > 1.0)
+    assert [run["outcome"] for run in measure([replace(axis, cases=(beyond,))], ("default",))[
+        "runs"]] == ["right"]  # fmt: skip
 
 
 def test_the_truth_does_not_see_the_scan():
@@ -137,6 +145,19 @@ def test_a_wrong_answer_without_a_word_is_called_silent():
     assert run["outcome"] == "silent"
     assert result["totals"]["default"]["silent_share"] == 1.0
     assert result["silent"][0]["name"] == case.name
+
+
+def test_rows_of_two_processes_are_those_of_one():
+    axis = next(axis for axis in axes() if axis.name == "gross slip")
+    few = [replace(axis, cases=axis.cases[:3])]
+    told = []
+    alone, shared = measure(few, ("default",)), measure(few, ("default",), told.append, workers=2)
+    assert [run["name"] for run in alone["runs"]] == [case.name for case in few[0].cases]
+    for one, other in zip(alone["runs"], shared["runs"], strict=True):
+        assert one.pop("seconds") > 0.0
+        assert other.pop("seconds") > 0.0
+        assert one == other
+    assert told[-1] == "3 of 3 cases, 0 silent"
 
 
 def stretched(surface, factor):

@@ -1,11 +1,15 @@
 """Doubts about a height map, on both sides of each threshold."""
 
+import re
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from capslip.errors import UnusableSurfaceError
 from capslip.surface import doubts
 from capslip.surface.doubts import (
+    problems_of_form,
     problems_of_map,
     problems_of_outliers,
     problems_of_scan,
@@ -265,3 +269,34 @@ def test_the_line_for_a_glance():
 def test_slopes_of_one_are_not_yet_steep():
     stairs = np.add.outer(np.arange(20.0), np.arange(20.0))  # exactly 1 along both axes
     assert "slope_suspect" not in codes(problems_of_map(HeightMap(stairs, (1.0, 1.0)), 10.0, 19.0))
+
+
+def hills_on(floor_m):
+    """Return paraboloids that cover 40 % of a floor, and hide it in the variance of all."""
+    y, x = np.mgrid[:60, :90] + 0.5
+    tops = [20.0 - ((x - at_x) ** 2 + (y - at_y) ** 2) / 8.0
+            for at_x in (12.0, 40.0, 70.0) for at_y in (14.0, 44.0)]  # fmt: skip
+    return HeightMap(floor_m(x, y) + np.maximum(0.0, np.max(tops, axis=0)), (1.0, 1.0))
+
+
+@pytest.mark.parametrize(
+    ("floor_m", "bow_m"),
+    [
+        (lambda x, y: 0.0 * x, None),
+        (lambda x, y: 0.01 * x, None),
+        (lambda x, y: -5.0 * (x > 45.0), None),  # a step is no bow
+        (lambda x, y: 5.0 * (x / 45.0 - 1.0) ** 2, 5.0),
+        (lambda x, y: 0.01 * x - 5.0 * (y / 30.0 - 1.0) ** 2, 5.0),
+    ],
+)
+def test_a_bow_of_the_floor_is_said_where_hills_hide_it(floor_m, bow_m):
+    surface = hills_on(floor_m)
+    rough = replace(surface, height_m=surface.height_m + np.random.default_rng(0).normal(
+        0.0, 0.05, surface.shape))  # fmt: skip
+    for one in (surface, rough):
+        assert problems_of_form(one, 1e3) == []  # far less than the approach
+        found = problems_of_form(one, 1.0)
+        assert codes(found) == ({} if bow_m is None else {"bow_left": "warning"})
+        if bow_m is not None:
+            said_m = float(re.search(r"bow of (\S+) m", found[0].message)[1])
+            assert said_m == pytest.approx(bow_m, rel=0.05)

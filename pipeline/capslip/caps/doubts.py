@@ -7,7 +7,7 @@ import numpy as np
 from capslip.caps.families import Families
 from capslip.caps.hills import NOISE_FACTOR, Hills
 from capslip.caps.levels import bow_terms
-from capslip.caps.table import CapFlag, CapTable
+from capslip.caps.table import DOUBTFUL, CapFlag, CapTable
 from capslip.problems import Problem
 from capslip.surface.doubts import VISIBLE_FORM
 from capslip.surface.form import remove_form
@@ -222,6 +222,7 @@ def _flagged(caps: CapTable) -> list[Problem]:
         n_flagged = int((caps.usable & ((caps.flags & flag) != 0)).sum())
         if n_flagged:
             many = n_flagged / n_usable > 0.2 or flag is CapFlag.plateau
+            many &= flag not in DOUBTFUL  # of which the load on them is asked
             message = f"{n_flagged} of {n_usable} caps {meaning}"
             found.append(Problem(f"caps_{flag.name}", "warning" if many else "info", message))
     return found

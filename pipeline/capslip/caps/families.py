@@ -13,6 +13,7 @@ Feature = Literal["peak_height", "cap_height", "diameter", "radius"]
 MIN_SEPARATION = 4.0  # pooled spreads; nearer, one cap in forty is on the wrong side
 CLEAR_SEPARATION = 5.0
 CLEAR_LOG_ODDS = 3.0  # 20 to 1
+CLEAR_OVER_FIT = 3.0  # standard errors of h by the fits
 ALIKE_LEVEL = 0.01  # of the chi-square test that the peaks are equally high
 
 
@@ -57,6 +58,8 @@ class Families:
         quarter too low, because the split itself makes the families look narrow.
     alike : bool
         Whether all peaks are equally high as far as their standard errors let one see.
+    h_fit_se_m : float
+        Standard error of h that the fits of the peaks leave; 0 where it is not known.
     """
 
     G: Family | None
@@ -66,6 +69,7 @@ class Families:
     log_odds: float | None
     count_se: float
     alike: bool
+    h_fit_se_m: float = 0.0
 
     @property
     def count(self) -> int:
@@ -100,14 +104,19 @@ class Families:
     def clear(self) -> bool:
         """Whether the caps leave no doubt about the number of families that was taken.
 
-        It needs odds of 20 to 1 and, for two, families that are five spreads apart; or peaks that
-        are alike, and so one family, however few they are.
+        It needs odds of 20 to 1 and, for two, families that are five spreads apart, and more than
+        what the fits of the peaks leave open; for one, that no split in two is as wide as families
+        are: heights that are spread evenly split into halves of 3.5 spreads. Or peaks that are
+        alike, and so one family, however few they are.
         """
         if self.alike and self.count == len(self.levels) == 1:
             return True
         if self.log_odds is None:
             return self.count < 2
-        apart = self.count < 2 or (self.separation or 0.0) >= CLEAR_SEPARATION
+        width = self.separation or 0.0
+        apart = width < MIN_SEPARATION if self.count < 2 else width >= CLEAR_SEPARATION
+        if self.h_m is not None and self.h_m < CLEAR_OVER_FIT * self.h_fit_se_m:
+            return False
         return apart and self.log_odds >= CLEAR_LOG_ODDS and self.count == len(self.levels)
 
 
@@ -180,6 +189,7 @@ def group_families(
         log_odds=log_odds,
         count_se=_count_se(getattr(table, f"{feature}_m")[member], group),
         alike=alike,
+        h_fit_se_m=_error_of_fits_m(caps.peak_height_se_m[member], group),
     )
 
 
@@ -305,6 +315,13 @@ def _pooled_spread(values: np.ndarray, group: np.ndarray) -> float | None:
         return None
     deviation = values - (np.bincount(group, values) / size)[group]
     return float(np.sqrt(deviation @ deviation / freedom))
+
+
+def _error_of_fits_m(error_m: np.ndarray, group: np.ndarray) -> float:
+    """Return the standard error of the difference of two means, from those of their members."""
+    size = np.bincount(group, minlength=2)
+    square_m2 = np.bincount(group, np.nan_to_num(error_m) ** 2, minlength=2)
+    return float(np.sqrt((square_m2 / np.maximum(size, 1) ** 2).sum()))
 
 
 def _count_se(values: np.ndarray, group: np.ndarray) -> float:

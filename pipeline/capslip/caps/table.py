@@ -26,6 +26,7 @@ class CapFlag(IntFlag):
 
 
 UNUSABLE = CapFlag.not_convex
+DOUBTFUL = CapFlag.edge | CapFlag.non_measured | CapFlag.apex_off_surface | CapFlag.noisy_apex
 
 UNITS = {
     "x_m": "m",

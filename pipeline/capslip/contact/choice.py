@@ -36,6 +36,12 @@ class Choice:
     why: str = ""  # what is wrong with the caps
     of_the_map: bool = False  # whether the map itself is pressed for that
     moved: MovedCaps | None = None  # where the error of the caps is known
+    caps: "Choice | None" = None  # that among the caps, where the map is pressed instead
+
+    def caps_within(self, error: float) -> "Choice | None":
+        """Return the choice among the caps where its error is known and smaller than one."""
+        known = None if self.caps is None else self.caps.estimated_error
+        return self.caps if known is not None and known < error else None
 
     @property
     def problem(self) -> Problem | None:
@@ -92,7 +98,8 @@ def choose_model(
         Where no rung with caps is within the tolerance, or the caps cannot carry the preload:
         boundary elements, if they are expected to end within `contact.time_limit_s`; else the
         highest rung with caps, with the time that they would take. Where the levelling alone is
-        the cause, which they share, caps too.
+        the cause, which they share, caps too. Where the map is chosen, `caps` keeps what was best
+        among these: its detail may turn out to decide more than they are off.
 
     Raises
     ------
@@ -112,7 +119,8 @@ def choose_model(
         limit = f", more than contact.time_limit_s = {settings.contact.time_limit_s:g} s"
         why = f", but fail: {map_failure}" if map_failure else limit
         return replace(choice, reason=choice.reason + why)
-    return _of_the_map(one, choice.why, choice.estimates, len(caps))
+    chosen = _of_the_map(one, choice.why, choice.estimates, len(caps))
+    return replace(chosen, caps=choice)
 
 
 def rung_of_the_map(surface: HeightMap, settings: Settings) -> Rung | None:

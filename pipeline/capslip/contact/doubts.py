@@ -5,7 +5,7 @@ import math
 import numpy as np
 
 from capslip.caps.families import Families
-from capslip.caps.table import CapFlag, CapTable
+from capslip.caps.table import DOUBTFUL, CapTable
 from capslip.contact.accuracy import BEYOND_SHARE
 from capslip.contact.joint import Joint
 from capslip.contact.material import dundurs_beta
@@ -20,11 +20,11 @@ from capslip.surface.waves import long_waves_m
 MIN_PIXELS_ACROSS = 4.0  # of the contacts that carry the lighter half of the load
 COUPLED = 0.25  # of the friction that pressure alone uses up: |beta| / mu
 LARGE_FRICTION = 1.5
+FIRST_SHARE, FIRST_TOUCH = 0.01, 0.25  # of the load, and of the approach up to there
 FEW_IN_SCAN = 25  # contacts of a scan that stands for a larger joint: W some 20 % too low
 LONG_WAVES = 0.1  # of the approach: rms of waves that leave the loss by patches over 10 % too low
 ELASTIC_STRAIN = 0.03  # of E*: the greatest pressure at which the hardest steels stay elastic
 FIRST_YIELD = 1.6  # greatest pressure of a Hertz contact over the yield stress, where it yields
-DOUBTFUL = CapFlag.edge | CapFlag.non_measured | CapFlag.apex_off_surface | CapFlag.noisy_apex
 
 
 def material_doubts(material: Material) -> list[Problem]:
@@ -219,12 +219,43 @@ def _under_resolved(caps: CapTable, pixel_area_m2: float) -> list[Problem]:
     return [Problem("contact_under_resolved", "warning", message)]
 
 
+def problems_of_first_touch(contact: ContactState) -> list[Problem]:
+    """Return whether the approach is that of the highest points, which hardly carry.
+
+    A Hertz contact bears the first hundredth of its load within a twentieth of its approach.
+    """
+    if contact.yielded_area_m2 or contact.rung.made_from == "nothing":
+        return []  # unloading begins from contacts that were pressed flat
+    curve, load_N = contact.normal, FIRST_SHARE * contact.preload_N
+    bulk_m_per_N, approach_m = contact.bulk_m / contact.preload_N, contact.approach_m
+    solved = contact.rung.solved_loads_N
+    if solved is None:
+        first_m = float(curve.approach_m(load_N))
+    else:  # by the loads that are known, between which a power law holds
+        loads_N = solved(curve, contact.preload_N)[1:]
+        if loads_N.size == 0 or loads_N[0] > load_N:
+            return []
+        at_m = [float(curve.approach_m(one)) for one in loads_N]
+        first_m = float(np.exp(np.interp(math.log(load_N), np.log(loads_N), np.log(at_m))))
+    share = (first_m - bulk_m_per_N * load_N) / (approach_m - contact.bulk_m)
+    if not FIRST_TOUCH < share < 1.0:
+        return []
+    message = (
+        f"{share:.0%} of the approach of {approach_m:.3g} m is passed before {FIRST_SHARE:.0%} of "
+        "the preload is carried: it counts from the highest points, grains and spikes among them; "
+        "stiffness and energy do not"
+    )
+    return [Problem("first_touch_decides", "info", message)]
+
+
 def _on_flagged_caps(caps: CapTable) -> list[Problem]:
     load_N = _loads_N(caps)
     share = load_N[(caps.flags & DOUBTFUL) != 0].sum() / max(load_N.sum(), 1e-300)
     if share <= 0.2:
         return []
-    message = f"{share:.0%} of the preload rests on flagged caps"
+    which = {flag: load_N[(caps.flags & flag) != 0].sum() > 0.0 for flag in DOUBTFUL}
+    names = ", ".join(str(flag.name) for flag, loaded in which.items() if loaded)
+    message = f"{share:.0%} of the preload rests on flagged caps ({names})"
     return [Problem("load_on_doubtful_caps", "warning", message)]
 
 

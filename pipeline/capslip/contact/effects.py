@@ -7,9 +7,9 @@ from dataclasses import dataclass, fields, replace
 import numpy as np
 
 from capslip.caps.doubts import without_bow
-from capslip.caps.table import UNUSABLE, CapFlag, CapTable
+from capslip.caps.table import DOUBTFUL, UNUSABLE, CapFlag, CapTable
 from capslip.contact.accuracy import answers
-from capslip.contact.doubts import DOUBTFUL, ELASTIC_STRAIN
+from capslip.contact.doubts import ELASTIC_STRAIN
 from capslip.contact.levelling import coarse_map, rebalanced
 from capslip.contact.material import composite, yield_law
 from capslip.contact.models.interacting import InteractingCurve
@@ -25,8 +25,6 @@ from capslip.surface.heightmap import HeightMap
 
 LEFT_OUT = {  # flags of the caps that may carry nothing
     "load_on_doubtful_caps": DOUBTFUL,
-    "caps_edge": CapFlag.edge,
-    "caps_non_measured": CapFlag.non_measured,
     "clipped": CapFlag.plateau,
 }
 MOST_CAPS = 500  # more take longer than the face itself

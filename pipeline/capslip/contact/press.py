@@ -4,13 +4,14 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import partial
 
+import msgspec
 import numpy as np
 
 from capslip.caps.families import Families
 from capslip.caps.table import CapTable
 from capslip.contact.accuracy import MovedCaps
 from capslip.contact.bulk import bulk_of_face_m_per_N, without_bulk
-from capslip.contact.choice import choose_model
+from capslip.contact.choice import Choice, choose_model
 from capslip.contact.curve import NormalCurve
 from capslip.contact.flattening import flattened, loaded_first
 from capslip.contact.material import Composite, composite
@@ -129,13 +130,13 @@ def press(
     joint = composite(settings.material.youngs_modulus_Pa, settings.material.poisson_ratio)
     preload_N = settings.contact.preload_N
     use, reason, error, moved, problems = caps.usable, "chosen in the settings", None, None, []
-    if settings.contact.model == "auto":
+    choice, model_name = None, settings.contact.model
+    if model_name == "auto":
         choice = choose_model(caps, families, surface, label, noise_m, settings, map_failure)
         use, reason, error, moved = choice.use, choice.reason, choice.estimated_error, choice.moved
-        model = rung(choice.model)
+        model_name = choice.model
         problems += [] if choice.problem is None else [choice.problem]
-    else:
-        model = rung(settings.contact.model)
+    model = rung(model_name)
     before = Scene.of(caps, families, surface, settings, use)
     scene = flattened(model, before)
     normal: NormalCurve = model.build(scene)
@@ -149,8 +150,10 @@ def press(
             problems += _of_bulk(bulk_m, approach_m, bulk_m_per_N, curve, preload_N, kept=bulk)
     found, a_m = _contacts(scene, caps, normal, approach_m, model)
     problems += _closes(found, surface)
-    if settings.contact.model == "auto" and model.error is not None:
+    if choice is not None and model.error is not None:
         error, doubts = model.error(normal, preload_N, settings.contact.tolerance)
+        if error is not None and (better := choice.caps_within(error)) is not None:
+            return _by_caps(better, doubts, error, (caps, families, surface), settings)
         problems += doubts
     eccentricity_m = None
     if found.resultant_m is not None:
@@ -184,6 +187,28 @@ def press(
         first=_first(model, before, found.tilt_rad, bulk),
     )
     return state, caps.with_columns(load_N=found.load_N, contact_radius_m=a_m)
+
+
+def _by_caps(
+    choice: Choice,
+    doubts: tuple[Problem, ...],
+    error_of_map: float,
+    face: tuple[CapTable, Families, HeightMap],
+    settings: Settings,
+) -> tuple[ContactState, CapTable]:
+    """Return the face pressed by caps, whose fits average over what decides on the map itself."""
+    forced = msgspec.structs.replace(settings.contact, model=choice.model)
+    state, caps = press(*face, msgspec.structs.replace(settings, contact=forced))
+    error, moved = choice.estimated_error, choice.moved
+    said = f"; so caps answer, which average over it and may be off by {error:.2g}"
+    effect = Effect(error, error, error)
+    problems = [replace(one, message=one.message + said, effect=effect) for one in doubts]
+    reason = (
+        f"{choice.why}, but the map itself by {error_of_map:.2g}, as its finest detail decides: "
+        "caps average over it"
+    )
+    known = replace(state, model_reason=reason, estimated_error=error, moved=moved)
+    return replace(known, problems=(*problems, *state.problems)), caps
 
 
 def _first(

@@ -7,6 +7,7 @@ import numpy as np
 from capslip.caps.table import CapFlag, CapTable
 from capslip.contact.press import ContactState
 from capslip.problems import Problem
+from capslip.surface.heightmap import HeightMap
 
 FLAGS = {f"caps_{flag.name}": flag for flag in CapFlag}
 # What the estimated error of the model counts, hill by hill
@@ -17,8 +18,9 @@ SHAPE = {
     "not_spherical",
     "caps_ridge",
     "caps_several_peaks",
+    "contact_under_resolved",
 }
-COUNTS = {"families_doubtful", "more_than_two_families", "family_below_cut", "caps_noisy_apex"}
+COUNTS = {"families_doubtful", "more_than_two_families", "family_below_cut"}
 ELSE = {
     "highest_point_on_no_cap",
     "plateau_at_cut",
@@ -28,6 +30,9 @@ ELSE = {
     "fit_not_settled",
 }
 FLAGGED_SHARE = 0.2  # of the load, on caps of one flag
+APEX = CapFlag.apex_off_surface | CapFlag.noisy_apex  # whose heights have a standard error
+MISSING = CapFlag.edge | CapFlag.non_measured
+HIDDEN = 0.25  # of a contact's radius: what is farther from all measured points is not known
 
 
 def as_read(
@@ -37,8 +42,9 @@ def as_read(
 
     A model of no surface at all reads nothing of hills, caps and families, and one of the map
     itself neither; what noise, steps and spikes do to it, it measures.
-    One of spheres reads the caps that carry load; and where its estimated error, in which the
-    shape of each of their hills is counted, is within the tolerance, that shape is no doubt more.
+    One of spheres reads the caps that carry load, and families only where it takes these for the
+    caps. Where its estimated error, in which the shape of each hill is counted, and what families
+    differ from the caps, is within the tolerance, neither is a doubt more.
 
     Parameters
     ----------
@@ -51,8 +57,7 @@ def as_read(
     tolerance : float
         Of the error that was asked for.
     """
-    error = contact.estimated_error
-    known = error is not None and error <= tolerance
+    known = _is_known(contact, tolerance)
     share = {code: _share(caps, flag) for code, flag in FLAGS.items()}
 
     def is_read(code: str) -> bool:
@@ -60,7 +65,9 @@ def as_read(
             return False
         if code in SHAPE and known:
             return False
-        if code in COUNTS or code not in FLAGS:
+        if code in COUNTS:
+            return contact.rung.reads_families and not known
+        if code not in FLAGS:
             return True
         return share[code] > (0.0 if FLAGS[code] is CapFlag.plateau else FLAGGED_SHARE)
 
@@ -70,6 +77,65 @@ def as_read(
         else replace(problem, severity="info")
         for problem in problems
     ]
+
+
+def still_doubtful(
+    caps: CapTable, contact: ContactState, surface: HeightMap, tolerance: float
+) -> CapTable:
+    """Return the caps less those flags of which nothing is doubtful under this load.
+
+    An edge or a hole of the map matters where it takes a part of the contact: what lies farther
+    from all measured points than a quarter of its radius. Elsewhere the sphere is that of the
+    measured part, with its standard errors. These, and those of apexes that noise or pixels hide,
+    are counted in the estimated error of the model: within the tolerance they are no doubt more.
+
+    Parameters
+    ----------
+    caps : CapTable
+        With the loads and contact radii of that state; NaN for a model without caps.
+    contact, tolerance
+        As for `as_read`.
+    surface : HeightMap
+        The map that the caps were fitted to.
+    """
+    if contact.rung.made_from != "spheres" or not _is_known(contact, tolerance):
+        return caps
+    flags = caps.flags & ~np.uint16(APEX.value)
+    for i in np.flatnonzero(flags & np.uint16(MISSING.value)):
+        if not _is_hidden(caps, int(i), surface):
+            flags[i] &= ~np.uint16(MISSING.value)
+    return caps.with_columns(flags=flags)
+
+
+def _is_hidden(caps: CapTable, i: int, surface: HeightMap) -> bool:
+    """Tell whether a part of the contact of a cap lies far from all measured points."""
+    from scipy.ndimage import distance_transform_edt
+
+    radius_m = float(caps.contact_radius_m[i])
+    if not radius_m > 0.0:
+        return False
+    size_m, at_m = surface.pixel_size_m, (float(caps.y_m[i]), float(caps.x_m[i]))
+    reach = [int((1.0 + HIDDEN) * radius_m / one_m) + 2 for one_m in size_m]
+    first = [int(at / one_m) - n for at, one_m, n in zip(at_m, size_m, reach, strict=True)]
+    window = [np.arange(start, start + 2 * n + 1) for start, n in zip(first, reach, strict=True)]
+    inside = [(index >= 0) & (index < n) for index, n in zip(window, surface.shape, strict=True)]
+    measured = np.zeros([index.size for index in window], dtype=bool)
+    rows, cols = (index[one] for index, one in zip(window, inside, strict=True))
+    measured[np.ix_(*inside)] = surface.measured[np.ix_(rows, cols)]
+    if not measured.any():
+        return True
+    away_m = distance_transform_edt(~measured, sampling=size_m)
+    y_m, x_m = (
+        (index + 0.5) * one_m - at for index, one_m, at in zip(window, size_m, at_m, strict=True)
+    )
+    disc = np.square(y_m)[:, None] + np.square(x_m) <= radius_m**2
+    return bool((away_m[disc] > max(HIDDEN * radius_m, *size_m)).any())
+
+
+def _is_known(contact: ContactState, tolerance: float) -> bool:
+    """Tell whether the estimated error of the model is within the tolerance."""
+    error = contact.estimated_error
+    return error is not None and error <= tolerance
 
 
 def _share(caps: CapTable, flag: CapFlag) -> float:

@@ -113,6 +113,7 @@ class Rung(Generic[C]):
     contact_name: str = "caps in contact"  # what `Contacts.count` counts
     # Growing loads up to one whose approach costs no solution; None: any load is as good
     solved_loads_N: Callable[[C, float], np.ndarray] | None = None
+    reads_families: bool = False  # whether it takes m, n, R and h, not each cap for itself
     knows_places: bool = True  # whether a tilt moves its contacts; else it stays as levelled
     # The error to be expected at a load, and what takes it beyond a tolerance, where it knows both
     error: Callable[[C, float, float], tuple[float | None, tuple[Problem, ...]]] | None = None

@@ -20,7 +20,7 @@ from typing import IO, Any
 
 from capslip.errors import OutputError
 from capslip.provenance import sha256_of
-from capslip.result import SCHEMA
+from capslip.summary import SCHEMA
 
 try:
     import fcntl

@@ -1,10 +1,12 @@
 """What makes a height map doubtful before anything is computed from it."""
 
+from dataclasses import replace
+
 import numpy as np
 
 from capslip.errors import UnusableSurfaceError
 from capslip.problems import Problem, Severity
-from capslip.surface.form import remove_form
+from capslip.surface.form import FLOOR_SHARE, ROUNDING, remove_form
 from capslip.surface.heightmap import HeightMap
 from capslip.surface.outliers import Outliers
 
@@ -24,6 +26,7 @@ VISIBLE_SHARE_OF_SQ = 0.01
 MAX_OUTLIER_SHARE = 0.02
 CLIPPED_POINTS = 9  # that share the greatest height
 MOSTLY_FORM = 0.8  # of the variance of the heights
+MOSTLY_BOWED = 0.95  # of that of the floor: a step between two floors looks 87 % like a bow
 VISIBLE_FORM = 0.1  # of the approach: form that moves the peaks by more decides what touches
 
 
@@ -86,7 +89,8 @@ def problems_of_map(surface: HeightMap, sq_m: float, sz_m: float) -> tuple[Probl
     -------
     tuple of Problem
         `slope_suspect` (error) where the height range exceeds the shorter side of the face, or
-        (warning) where the rms slope or more than 5 % of all slopes exceed 1, and `scale_suspect`
+        (warning) where the rms slope or more than 5 % of all slopes exceed 1 (info where those of
+        the highest tenth do not: pits have walls, and are not touched), and `scale_suspect`
         (warning) where it is below the size of an atom or a side is longer than 1 m: a wrong unit
         until proven otherwise. `outliers` where Sz/Sq exceeds 30: a warning where peaks, info
         where pits do it. `non_square_pixels` (info; warning from a ratio of 10 on).
@@ -146,20 +150,49 @@ def problems_of_tilt(surface: HeightMap, approach_m: float) -> list[Problem]:
 
 def problems_of_form(surface: HeightMap, approach_m: float) -> list[Problem]:
     """Return whether most of the relief is a bow that decides what touches."""
-    over_plane, _ = remove_form(surface, "plane")
-    over_bow, _ = remove_form(surface, "quadratic")
-    rest = float(np.nanvar(over_bow.height_m) / np.nanvar(over_plane.height_m))
-    bow_m = float(np.nanmax(over_plane.height_m - over_bow.height_m)) - float(
-        np.nanmin(over_plane.height_m - over_bow.height_m)
-    )
-    if rest > 1.0 - MOSTLY_FORM or bow_m <= VISIBLE_FORM * approach_m:
-        return []
-    message = (
-        f"{1.0 - rest:.0%} of the variance of the heights is a bow of {bow_m:.3g} m, the approach "
-        f"is {approach_m:.3g} m: it decides what touches; conditioning.form = quadratic removes "
-        "it, if it is not the face's own"
-    )
-    return [Problem("bow_left", "warning", message)]
+    for what, (rest, bow_m), least in (
+        ("the heights", _bow(surface), MOSTLY_FORM),
+        ("the floor between the hills", _bow_of_floor(surface), MOSTLY_BOWED),
+    ):
+        if rest > 1.0 - least or bow_m <= VISIBLE_FORM * approach_m:
+            continue
+        message = (
+            f"{1.0 - rest:.0%} of the variance of {what} is a bow of {bow_m:.3g} m, the approach "
+            f"is {approach_m:.3g} m: it decides what touches; conditioning.form = quadratic "
+            "removes it, if it is not the face's own"
+        )
+        return [Problem("bow_left", "warning", message)]
+    return []
+
+
+def _bow(surface: HeightMap) -> tuple[float, float]:
+    """Return the share of the variance that a bow leaves, and its height."""
+    over_plane, over_bow = (remove_form(surface, one)[0].height_m for one in ("plane", "quadratic"))
+    bow_m = over_plane - over_bow
+    rest = float(np.nanvar(over_bow) / np.nanvar(over_plane))
+    return rest, float(np.nanmax(bow_m) - np.nanmin(bow_m))
+
+
+def _bow_of_floor(surface: HeightMap) -> tuple[float, float]:
+    """Return the same of the lowest third of the points, over a level floor and a bowed one.
+
+    Hills hide a bow in the variance of all heights, and it hides those that it lowers. No bow
+    where the floor is level: (1, 0).
+    """
+    try:
+        over = [remove_form(surface, one, floor=True)[0].height_m for one in ("plane", "quadratic")]
+    except UnusableSurfaceError:
+        return 1.0, 0.0
+    level_m2, bowed_m2 = (_variance_of_lowest_m2(one) for one in over)
+    if level_m2 <= (ROUNDING * float(np.nanmax(over[0]) - np.nanmin(over[0]))) ** 2:
+        return 1.0, 0.0
+    bow, _ = remove_form(replace(surface, height_m=over[0] - over[1]), "plane")
+    return bowed_m2 / level_m2, float(np.nanmax(bow.height_m) - np.nanmin(bow.height_m))
+
+
+def _variance_of_lowest_m2(height_m: np.ndarray) -> float:
+    known_m = np.sort(height_m[np.isfinite(height_m)])
+    return float(known_m[: max(1, int(FLOOR_SHARE * known_m.size))].var())
 
 
 def problems_of_holes(surface: HeightMap, hill_radius_m: float) -> tuple[Problem, ...]:
@@ -275,14 +308,16 @@ def _steep(surface: HeightMap, sz_m: float) -> Problem | None:
             "error",
             f"the heights range over {sz_m:.3g} m on a face only {side_m:.3g} m wide: {advice}",
         )
-    rms_slope, steep_share = _slopes(surface)
-    if rms_slope > 1.0 or steep_share > MAX_STEEP_SHARE:
-        return Problem(
-            "slope_suspect",
-            "warning",
-            f"rms slope {rms_slope:.2g}, {100 * steep_share:.1f} % of the slopes above 1: {advice}",
-        )
-    return None
+    rms_slope, steep_share = _slopes(surface.height_m, surface.pixel_size_m)
+    if not _is_steep(rms_slope, steep_share):
+        return None
+    message = f"rms slope {rms_slope:.2g}, {100 * steep_share:.1f} % of the slopes above 1"
+    least_m = np.nanquantile(surface.height_m, 1.0 - HIGHEST_SHARE)
+    highest_m = np.where(surface.height_m >= least_m, surface.height_m, np.nan)
+    if _is_steep(*_slopes(highest_m, surface.pixel_size_m)):
+        return Problem("slope_suspect", "warning", f"{message}: {advice}")
+    message += f"; not so where the face is touched, in its highest {HIGHEST_SHARE:.0%}: deep walls"
+    return Problem("slope_suspect", "info", message)
 
 
 def _scale(surface: HeightMap, sz_m: float) -> Problem | None:
@@ -361,12 +396,16 @@ def _pixel(surface: HeightMap) -> Problem | None:
     )
 
 
-def _slopes(surface: HeightMap) -> tuple[float, float]:
+def _is_steep(rms_slope: float, steep_share: float) -> bool:
+    return rms_slope > 1.0 or steep_share > MAX_STEEP_SHARE
+
+
+def _slopes(height_m: np.ndarray, pixel_size_m: tuple[float, float]) -> tuple[float, float]:
     """Return the rms slope and the share of slopes above 1, on lines along both axes."""
     square_sum, steep, n = 0.0, 0, 0
-    for axis, size_m in enumerate(surface.pixel_size_m):
-        every = max(1, surface.shape[1 - axis] // SAMPLED_LINES)
-        lines = surface.height_m[:, ::every] if axis == 0 else surface.height_m[::every]
+    for axis, size_m in enumerate(pixel_size_m):
+        every = max(1, height_m.shape[1 - axis] // SAMPLED_LINES)
+        lines = height_m[:, ::every] if axis == 0 else height_m[::every]
         slope = np.diff(lines, axis=axis).reshape(-1) / size_m
         slope = slope[~np.isnan(slope)]
         square_sum += float(slope @ slope)

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 
 from capslip.contact.bulk import bulk_of_face_m_per_N
 from capslip.contact.rung import Contacts, Rung, Scene
-from capslip.contact.solvers.detail import FirstLoading, effect_of_detail
+from capslip.contact.solvers.detail import WHITE_LEFT, FirstLoading, effect_of_detail
 from capslip.contact.solvers.polonsky_keer import (
     Pressed,
     elastic_face,
@@ -422,6 +422,7 @@ def _error(
             "roughness that the map hardly resolves"
         )
         found.append(Problem("detail_decides", "warning", message, effect))
+        moved /= 1.0 - WHITE_LEFT
     return max(between, moved, LEAST_ERROR), tuple(found)
 
 

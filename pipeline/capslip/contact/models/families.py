@@ -108,5 +108,6 @@ RUNG = Rung(
     colour="#E69F00",
     build=_build,
     contacts=_contacts,
+    reads_families=True,
     knows_places=False,
 )

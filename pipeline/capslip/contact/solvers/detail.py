@@ -11,6 +11,7 @@ from capslip.contact.solvers.unloading import Unloading, unload
 from capslip.problems import Effect
 
 FORCE_SHARES = (0.1, 0.25, 0.5, 0.75)  # T / (mu N) at which the energies are compared
+WHITE_LEFT = 0.37  # of the rms of white noise, by the filter: noise itself moves the more
 _KERNEL = np.array([1.0, 4.0, 6.0, 4.0, 1.0]) / 16.0  # binomial, a standard deviation of one pixel
 _FRAME = 4  # pixels that two passes of the filter reach
 _LEAST_WEIGHT = 0.1  # of the filter on measured points, from which a lost point is filled

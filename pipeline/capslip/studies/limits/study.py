@@ -1,6 +1,7 @@
 """Where the method breaks, and what it says there: every axis is driven until nothing is left."""
 
 import json
+import os
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -15,7 +16,9 @@ FRESH_SEED = 11  # of faces on which no threshold of the program was ever judged
 
 
 def limits(
-    folder: str | Path, progress: Callable[[str], None] = lambda message: None
+    folder: str | Path,
+    progress: Callable[[str], None] = lambda message: None,
+    workers: int = 1,
 ) -> dict[str, Any]:
     """Drive all axes until the method breaks; write `limits.json`, `limits.md` and `limits.png`.
 
@@ -27,7 +30,9 @@ def limits(
     folder : path
         Made where absent; files of the same names are replaced.
     progress : callable, optional
-        Called with one line for each axis.
+        Told how many cases are done, and about how long the others take.
+    workers : int
+        Processes; 0: one a core. The rows are those of one, in the same order.
 
     Returns
     -------
@@ -39,8 +44,11 @@ def limits(
     OutputError
         If the folder cannot be made or written.
     """
-    results = measure(axes(), progress=progress)
-    fresh = measure(axes(FRESH_SEED), ("default",), lambda line: progress(f"fresh faces, {line}"))
+    workers = workers or os.cpu_count() or 1
+    results = measure(axes(), progress=progress, workers=workers)
+    fresh = measure(
+        axes(FRESH_SEED), ("default",), lambda line: progress(f"fresh faces, {line}"), workers
+    )
     results["fresh"] = {"seed": FRESH_SEED, "totals": fresh["totals"], "silent": fresh["silent"]}
     results["seconds"] += fresh["seconds"]
     text = json.dumps(results, indent=1, ensure_ascii=False, allow_nan=False) + "\n"

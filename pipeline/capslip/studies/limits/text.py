@@ -3,10 +3,11 @@
 from capslip.studies.page import Row, table
 
 SPOKEN = ("told", "doubted", "warned")
-OUTCOMES = ("right", "warned", "told", "doubted", "refused", "silent")
+OUTCOMES = ("right", "warned", "noted", "told", "doubted", "refused", "silent")
 MEANING = (
     ("right", "right, and nothing of a warning said"),
     ("warned", "right, with a warning"),
+    ("noted", "stiffness and energies right, m, n or the approach not, and a note says so"),
     ("told", "wrong, and a warning names the cause"),
     ("doubted", "wrong, with a warning, but none that names the cause"),
     ("refused", "no number, but a reason"),
@@ -57,6 +58,32 @@ def limits_markdown(results: Row) -> str:
         table(WARNING_HEAD, _warning_rows(default)),
     ]
     return "\n\n".join(parts) + "\n"
+
+
+def limits_lines(results: Row) -> str:
+    """Return the totals for a terminal, a line a method."""
+    known = {**results["totals"], "fresh faces": results["fresh"]["totals"]["default"]}
+    lines = [
+        f"{method:<16} {total['cases']} cases: " + ", ".join(_shares(total))
+        for method, total in known.items()
+    ]
+    return "\n".join(lines)
+
+
+def _shares(total: Row) -> list[str]:
+    counts, cases = total["outcomes"], max(total["cases"], 1)
+    kinds = {
+        "right": ("right",),
+        "right with a warning": ("warned",),
+        "wrong in m, n or approach alone with a note": ("noted",),
+        "wrong with a warning": ("told", "doubted"),
+        "refused": ("refused",),
+        "silent": ("silent",),
+    }
+    return [
+        f"{sum(counts.get(name, 0) for name in names) / cases:.1%} {kind}"
+        for kind, names in kinds.items()
+    ]
 
 
 def _how(results: Row) -> str:
