@@ -220,14 +220,14 @@ def contact_table(analysis: "JointResult") -> dict[str, Any]:
 
 def _alignment(analysis: "JointResult") -> dict[str, Any]:
     """Return how the face lies under its preload; slopes and places along x and y."""
-    contact = analysis.contact
-    if contact is None or not isinstance(analysis, Analysis):
+    contact, surface = analysis.contact, getattr(analysis, "surface", None)
+    if contact is None or surface is None:  # none, or a joint without a scan of its own
         names = ("alignment", "tilt_rad", "tilt_across_face_m", "load_point_m", "eccentricity_m")
         return dict.fromkeys((*names, "resultant_off_load_point_m"))
-    level = analysis.level
+    level = getattr(analysis, "level", None)
     tilt_rad = np.add(contact.tilt_rad, (0.0, 0.0) if level is None else level.slope)
     balanced = level is not None or any(contact.tilt_rad)
-    ly_m, lx_m = analysis.surface.side_m
+    ly_m, lx_m = surface.side_m
     off_m = None if contact.eccentricity_m is None else math.hypot(*contact.eccentricity_m)
     if off_m is not None and off_m < ROUNDING * math.hypot(ly_m, lx_m):
         off_m = 0.0
