@@ -5,9 +5,12 @@ pruning joins hills in the order of their saddles; the tree keeps all of these s
 hills at any pruning height follow from it without a second look at the points.
 """
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
+
+BLOCK_POINTS = 40_000  # looked at together, which stay in the cache
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,30 +89,86 @@ def change_tree(point: np.ndarray, height_m: np.ndarray, shape: tuple[int, int])
     n = len(point)
     rank = np.empty(n, dtype=np.int32)  # 0 is the highest
     rank[order] = np.arange(n, dtype=np.int32)
-    map_of_ranks = np.full(shape[0] * shape[1], n, dtype=np.int32)
-    map_of_ranks[point] = rank
-
-    uphill = np.empty(n, dtype=np.int32)  # of each rank, the highest rank around it
-    uphill[rank] = _least_around(map_of_ranks.reshape(shape)).reshape(-1)[point]
+    by_place = np.argsort(point, kind="stable")
+    lattice = _Lattice(point[by_place], rank[by_place], shape)
+    uphill = lattice.uphill()
     summit = _ends(uphill)
     peak = np.flatnonzero(summit == np.arange(n))
     number = np.full(n, -1, dtype=np.int32)
     number[peak] = np.arange(len(peak))
-    hill = number[summit][rank]
-    saddle, across = _joined(len(peak), *_passes(point, hill, map_of_ranks, shape[1]))
+    hill_of_rank = number[summit]
+    saddle, across = _joined(len(peak), *lattice.passes(hill_of_rank))
     falling_m = np.append(height_m[order], -np.inf)
-    return ChangeTree(point, hill, falling_m[peak], falling_m[saddle], across)
+    return ChangeTree(point, hill_of_rank[rank], falling_m[peak], falling_m[saddle], across)
 
 
-def _least_around(values: np.ndarray) -> np.ndarray:
-    """Return the least of each value and its eight neighbours; on the frame, of fewer."""
-    rows = values.copy()
-    np.minimum(rows[:, :-1], values[:, 1:], out=rows[:, :-1])
-    np.minimum(rows[:, 1:], values[:, :-1], out=rows[:, 1:])
-    least = rows.copy()
-    np.minimum(least[:-1], rows[1:], out=least[:-1])
-    np.minimum(least[1:], rows[:-1], out=least[1:])
-    return least
+@dataclass(frozen=True, eq=False)
+class _Lattice:
+    """Points of a map by place, each with its rank by height: who is beside whom."""
+
+    point: np.ndarray  # (n,), rising
+    rank: np.ndarray  # (n,)
+    shape: tuple[int, int]
+
+    def _blocks(self) -> Iterator[tuple[slice, np.ndarray, np.ndarray]]:
+        """Yield some points, their places in a block of rows, and the ranks there, n elsewhere.
+
+        A block has one row more on both sides, and stays in the cache.
+        """
+        (height, width), n = self.shape, len(self.point)
+        n_rows = max(8, BLOCK_POINTS // width)
+        for first in range(1, height - 1, n_rows):
+            last = min(first + n_rows, height - 1)
+            before, start, end, after = np.searchsorted(
+                self.point, np.array((first - 1, first, last, last + 1)) * width
+            )
+            if start == end:
+                continue
+            origin = (first - 1) * width
+            ranks = np.full((last - first + 2) * width, n, dtype=np.int32)
+            ranks[self.point[before:after] - origin] = self.rank[before:after]
+            yield slice(start, end), self.point[start:end] - origin, ranks
+
+    def uphill(self) -> np.ndarray:
+        """Return the highest rank around each rank, its own included, shape (n,)."""
+        uphill, width = np.empty_like(self.rank), self.shape[1]
+        for some, at, ranks in self._blocks():
+            own = self.rank[some]
+            least = own.copy()
+            for step in (1, width - 1, width, width + 1):
+                np.minimum(least, ranks[at - step], out=least)
+                np.minimum(least, ranks[at + step], out=least)
+            uphill[own] = least
+        return uphill
+
+    def passes(self, hill_of_rank: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Return every two hills that touch and the rank of the pass between, highest pass first.
+
+        Of two neighbouring points on different hills the lower one makes a pass; the highest
+        counts.
+        """
+        n_hills = np.int64(hill_of_rank.max(initial=0)) + 1
+        hills, width = np.append(hill_of_rank, np.int32(-1)), self.shape[1]
+        pairs, passes = [np.empty(0, dtype=np.int64)], [np.empty(0, dtype=np.int32)]
+        for some, at, ranks in self._blocks():
+            own = self.rank[some]
+            hill = hill_of_rank[own]
+            for step in (1, width - 1, width, width + 1):
+                beside = ranks[at - step]
+                other = hills[beside]
+                meet = np.flatnonzero((other != hill) & (other >= 0))
+                here, there = hill[meet].astype(np.int64), other[meet]
+                pairs.append(np.minimum(here, there) * n_hills + np.maximum(here, there))
+                passes.append(np.maximum(own[meet], beside[meet]))
+        pair, rank = np.concatenate(pairs), np.concatenate(passes)
+        if pair.size == 0:
+            return pair, pair, rank
+        order = np.argsort(pair)
+        pair, rank = pair[order], rank[order]
+        first = np.flatnonzero(np.diff(pair, prepend=-1))
+        pair, rank = pair[first], np.minimum.reduceat(rank, first)
+        order = np.argsort(rank, kind="stable")
+        return pair[order] // n_hills, pair[order] % n_hills, rank[order]
 
 
 def _falling(height_m: np.ndarray) -> np.ndarray:
@@ -127,34 +186,6 @@ def _ends(pointer: np.ndarray) -> np.ndarray:
         if np.array_equal(further, pointer):
             return pointer
         pointer = further
-
-
-def _passes(
-    point: np.ndarray, hill: np.ndarray, map_of_ranks: np.ndarray, width: int
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return every two hills that touch and the rank of the pass between them, highest pass first.
-
-    Of two neighbouring points on different hills the lower one makes a pass; the highest counts.
-    """
-    n_hills = np.int64(hill.max(initial=0)) + 1
-    map_of_hills = np.full(map_of_ranks.size, -1, dtype=np.int32)
-    map_of_hills[point] = hill
-    pairs, passes = [], []
-    for step in (1, width - 1, width, width + 1):
-        other = map_of_hills[point - step]
-        at = np.flatnonzero((other != hill) & (other >= 0))
-        here, there = hill[at].astype(np.int64), other[at]
-        pairs.append(np.minimum(here, there) * n_hills + np.maximum(here, there))
-        passes.append(np.maximum(map_of_ranks[point[at]], map_of_ranks[point[at] - step]))
-    pair, rank = np.concatenate(pairs), np.concatenate(passes)
-    if pair.size == 0:
-        return pair, pair, rank
-    order = np.argsort(pair)
-    pair, rank = pair[order], rank[order]
-    first = np.flatnonzero(np.diff(pair, prepend=-1))
-    pair, rank = pair[first], np.minimum.reduceat(rank, first)
-    order = np.argsort(rank, kind="stable")
-    return pair[order] // n_hills, pair[order] % n_hills, rank[order]
 
 
 def _joined(
