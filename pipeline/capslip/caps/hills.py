@@ -14,13 +14,13 @@ import numpy as np
 from capslip.caps.pruning import MIN_POINTS, Basins, automatic_pruning_m, change_of_count
 from capslip.caps.separation import ChangeTree, change_tree
 from capslip.errors import SettingsError, UnusableSurfaceError
+from capslip.surface.blocks import BLOCK_POINTS
 from capslip.surface.heightmap import HeightMap
 from capslip.surface.noise import noise_of_map_m
 
 NOISE_FACTOR = 5.0  # noise alone lifts a point this many standard deviations once in 3.5 million
 SQUARES = (3, 5, 7, 9)  # points; wider ones fill the saddles of hills of usual size
 MARGIN = SQUARES[-1] // 2  # of the frame of non-measured points
-BLOCK_POINTS = 40_000  # looked at together, which stay in the cache
 SAMPLES = 20_000  # of the map, that tell about where the cut is
 TOLD_APART = 0.01  # of the relief that is given: saddles from which on hills are told apart
 QUIET = 0.02  # of the relief: what averaging should leave of NOISE_FACTOR times the noise

@@ -143,7 +143,6 @@ def _normal_equations(
     count: np.ndarray, u: np.ndarray, v: np.ndarray, w: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return matrices (n, 6, 6), right-hand sides (n, 6) and the sums of the squares of w."""
-    n = len(count)
     start = np.cumsum(count) - count
     empty = count == 0
 

@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from capslip.surface.blocks import BLOCK_POINTS
 from capslip.surface.heightmap import HeightMap
 
 STEP_QUANTILE = 0.90
@@ -15,7 +16,6 @@ MAX_SPIKE_POINTS = 2
 MIN_RING_POINTS = 5
 GAP_OVER_RING = 4.0
 SAMPLED_LINES = 100
-BLOCK_POINTS = 40_000  # looked at together, which stay in the cache
 NEIGHBOURS = ((-1, -1), (-1, 0), (-1, 1), (0, -1), (0, 1), (1, -1), (1, 0), (1, 1))
 
 
@@ -117,6 +117,8 @@ def _islands(z: np.ndarray, stored_m: np.ndarray, cliff_m: float) -> tuple[np.nd
         return none, none
     runs = _Runs.of(z.shape, np.union1d(shore, lost) if shore.size else lost)
     n_runs, height_m = runs.first.size, z.reshape(-1)
+    if n_runs + shore.size == 0:
+        return none, none
     size = np.append(runs.last - runs.first + 1, np.ones(shore.size, dtype=np.intp))
 
     member, beside = _neighbours(shore, z.shape)
