@@ -241,7 +241,10 @@ def _separate(
     square, noise_left_m = _square(noise_m, relief_m, n_measured / surface.height_m.size)
     tree, raw_m = _tree(surface, point, cut_m, square)
 
-    hill, m = tree.hill[:n_kept], len(tree.peak_m)  # the rest was not measured
+    hill, m = tree.hill, len(tree.peak_m)
+    if hill.size > n_kept:
+        measured = ~np.isnan(raw_m)
+        hill, raw_m = hill[measured], raw_m[measured]
     highest_m = np.full(m, -np.inf)
     np.maximum.at(highest_m, hill, raw_m)
     low = (highest_m < NOISE_FACTOR * noise_m) & (tree.peak_m < NOISE_FACTOR * noise_left_m)
@@ -300,9 +303,9 @@ def _lower_spikes(above_m: np.ndarray, point: np.ndarray) -> None:
 def _tree(
     surface: HeightMap, point: np.ndarray, cut_m: float, side: int
 ) -> tuple[ChangeTree, np.ndarray]:
-    """Build the tree of the averaged heights; return it and the heights of the given points.
+    """Build the tree of the averaged heights; return it and the heights at its points.
 
-    Non-measured points whose mean lies above the cut follow in it.
+    Non-measured points whose mean lies above the cut are in it too, with height NaN.
     """
     # A frame of non-measured points spares every later step the edge of the map.
     ny, nx = surface.shape
@@ -315,7 +318,10 @@ def _tree(
         around = (framed, mean_m), (lost[~deep], lost_m[~deep])
         lost_m[deep] = _across(around, lost[deep], width)
     above = lost_m >= 0.0
-    framed, mean_m = np.append(framed, lost[above]), np.append(mean_m, lost_m[above])
+    if above.any():
+        place = np.searchsorted(framed, lost[above])
+        framed = np.insert(framed, place, lost[above])
+        mean_m, raw_m = np.insert(mean_m, place, lost_m[above]), np.insert(raw_m, place, np.nan)
     return change_tree(framed, mean_m, (ny + 2 * MARGIN, width)), raw_m
 
 

@@ -61,13 +61,13 @@ class ChangeTree:
 def change_tree(point: np.ndarray, height_m: np.ndarray, shape: tuple[int, int]) -> ChangeTree:
     """Build the change tree of some points of a map, with eight neighbours each.
 
-    No two points count as equally high: the sorting decides. A plateau thus needs no rule of its
-    own; it may fall apart into hills, but these have no prominence.
+    No two points count as equally high: the first one is higher. A plateau thus needs no rule of
+    its own; it may fall apart into hills, but these have no prominence.
 
     Parameters
     ----------
     point : int64, shape (n,)
-        Flat indices of the points, none on the edge of the map.
+        Flat indices of the points, rising, none on the edge of the map.
     height_m : float64, shape (n,)
         Their heights.
     shape : (int, int)
@@ -85,21 +85,17 @@ def change_tree(point: np.ndarray, height_m: np.ndarray, shape: tuple[int, int])
     >>> tree.peak_m, tree.saddle_m, tree.neighbour
     (array([3., 2.]), array([-inf,   1.]), array([0, 0]))
     """
-    by_place = np.argsort(point, kind="stable")
-    lattice = _Lattice(point[by_place], height_m[by_place], shape)
-    uphill = lattice.uphill()
-    summit = _ends(uphill)
-    peak = np.flatnonzero(uphill == np.arange(len(point)))
-    peak = peak[np.argsort(-lattice.height_m[peak], kind="stable")]
+    lattice = _Lattice(point, height_m, shape)
+    summit = _ends(lattice.uphill())
+    peak = np.flatnonzero(summit == np.arange(len(point), dtype=np.int32))
+    peak = peak[np.argsort(-height_m[peak], kind="stable")]
     number = np.full(len(point), -1, dtype=np.int32)
     number[peak] = np.arange(len(peak))
     hill = number[summit]
+    del number, summit
     first, second, saddle_m = lattice.passes(hill)
     saddle, across = _joined(len(peak), first, second)
-    hill_as_given = np.empty_like(hill)
-    hill_as_given[by_place] = hill
-    saddle_m = np.append(saddle_m, -np.inf)[saddle]
-    return ChangeTree(point, hill_as_given, lattice.height_m[peak], saddle_m, across)
+    return ChangeTree(point, hill, height_m[peak], np.append(saddle_m, -np.inf)[saddle], across)
 
 
 @dataclass(frozen=True, eq=False)

@@ -201,17 +201,19 @@ def _excess(
 def _means(z: np.ndarray, side: int) -> np.ndarray:
     """Mean heights of squares, NaN where half of the points or more were not measured."""
     ny, nx = (n // side for n in z.shape)
-    inner = z[: ny * side, : nx * side]
+    starts = np.arange(0, nx * side, side)
 
-    def sums(array: np.ndarray) -> np.ndarray:
-        rows = array.reshape(ny, side, nx * side).sum(axis=1)
-        blocks: np.ndarray = np.add.reduceat(rows, np.arange(0, nx * side, side), axis=1)
-        return blocks
+    def sums(rows: np.ndarray) -> np.ndarray:
+        total: np.ndarray = np.add.reduceat(rows.sum(axis=0), starts)
+        return total
 
-    total = sums(inner)
-    if not np.isnan(total).any():
-        return total / side**2
-    measured = ~np.isnan(inner)
-    count = sums(measured.astype(float))
-    total = sums(np.where(measured, inner, 0.0))
-    return np.where(count > 0.5 * side**2, total / np.maximum(count, 1.0), np.nan)
+    mean_m = np.empty((ny, nx))
+    for block in range(ny):
+        rows = z[block * side : (block + 1) * side, : nx * side]
+        mean_m[block] = sums(rows) / side**2
+        if np.isnan(mean_m[block]).any():
+            measured = ~np.isnan(rows)
+            count = sums(measured.astype(float))
+            known_m = sums(np.where(measured, rows, 0.0)) / np.maximum(count, 1.0)
+            mean_m[block] = np.where(count > 0.5 * side**2, known_m, np.nan)
+    return mean_m

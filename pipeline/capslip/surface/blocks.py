@@ -12,8 +12,8 @@ def row_blocks(shape: tuple[int, ...]) -> Iterator[slice]:
 
     Examples
     --------
-    >>> list(row_blocks((10, 8000)))
-    [slice(0, 5, None), slice(5, 10, None)]
+    >>> list(row_blocks((15, 8000)))
+    [slice(0, 10, None), slice(10, 15, None)]
     """
     n_rows = max(1, BLOCK_POINTS // shape[1])
     for first in range(0, shape[0], n_rows):
