@@ -299,8 +299,7 @@ class _Search:
                     f"{int(fitted.usable.sum())} of {hills.n_hills} hills are left as caps, and "
                     "they do not surround the load; check preload and units"
                 ) from error
-            rest, load_N = pressed.rest, pressed.load_N
-            turn = np.array(rest.slope)
+            rest, load_N, turn = pressed.rest, pressed.load_N, np.array(pressed.rest.slope)
             all_N = np.zeros(hills.n_hills)
             all_N[use] = load_N
             moved = 1.0
@@ -310,9 +309,8 @@ class _Search:
             span_m = self._across_m(turn)
             approach_m = rest.level_m - float(depths_m.min())
             plane_m = float(fitted.spheres.apex_m[use].max()) - rest.level_m
-            at_cut = fitted.given.apexes.at_cut[use]
-            end = (load_N, plane_m, depth_m, slope, approach_m, 0.0)
-            found = _Rest(fitted.spheres, use, at_cut, *end)
+            loads = use, fitted.given.apexes.at_cut[use], load_N
+            found = _Rest(fitted.spheres, *loads, plane_m, depth_m, slope, approach_m, 0.0)
             if moved < SETTLED_LOAD and span_m < SETTLED_M:
                 return found, fitted
             history.append(moved)
