@@ -321,7 +321,8 @@ def _tree(
     if above.any():
         place = np.searchsorted(framed, lost[above])
         framed = np.insert(framed, place, lost[above])
-        mean_m, raw_m = np.insert(mean_m, place, lost_m[above]), np.insert(raw_m, place, np.nan)
+        below_m = np.nextafter(lost_m[above], -np.inf)  # what was measured counts as higher
+        mean_m, raw_m = np.insert(mean_m, place, below_m), np.insert(raw_m, place, np.nan)
     return change_tree(framed, mean_m, (ny + 2 * MARGIN, width)), raw_m
 
 
