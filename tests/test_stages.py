@@ -227,12 +227,14 @@ def test_families_are_those_of_their_own_plane_whatever_the_level(slope):
     tilted_m = surface.height_m + 2e-4 * (slope[0] * x_m + slope[1] * y_m)
     without_noise = SimpleNamespace(noise_m=0.0)
     level = SimpleNamespace(
-        rest_slope=(1e-6, 0.5e-6), load_point_m=(0.03, 0.018), hills=without_noise
+        surface=HeightMap(tilted_m, (2e-4, 2e-4)),
+        slope=(0.0, 0.0),
+        rest_slope=(1e-6, 0.5e-6),
+        load_point_m=(0.03, 0.018),
+        hills=without_noise,
     )
     plane, _, counted, families = stages._families(
-        HeightMap(tilted_m, (2e-4, 2e-4)),
-        level,
-        settings("hills.material_ratio=0.3", "hills.cut=fixed"),
+        level, settings("hills.material_ratio=0.3", "hills.cut=fixed")
     )
     assert (families.m, families.n) == (3, 9)
     assert families.h_m == pytest.approx(2e-7, rel=1e-3)

@@ -104,12 +104,10 @@ def find_face(
     clock : Clock
         Takes the time.
     """
-    with clock("condition"):
-        conditioned = _conditioned(surface, settings)
     if other is None:
-        return _one_map(conditioned, settings, clock)
-    with clock("condition"):
-        second = _conditioned(other, settings)
+        return _one_map(_conditioned(surface, settings, clock), settings, clock)
+    conditioned = _conditioned(surface, settings, clock)
+    second = _conditioned(other, settings, clock)
     with clock("mate"):
         placement = _placed(conditioned, second, settings)
     if settings.mating.way == "composite":
@@ -246,9 +244,10 @@ def damp(slip: SlipCurve, settings: Settings, clock: Clock) -> tuple[BeamMode | 
     return beam, damping
 
 
-def _conditioned(surface: HeightMap, settings: Settings) -> Conditioned:
+def _conditioned(surface: HeightMap, settings: Settings, clock: Clock) -> Conditioned:
     options = {name: getattr(settings.conditioning, name) for name in CONDITIONING}
-    return condition(surface, **options)
+    with clock("condition"):
+        return condition(surface, **options)
 
 
 def _placed(first: Conditioned, second: Conditioned, settings: Settings) -> Placement:
@@ -274,8 +273,11 @@ def _one_map(conditioned: Conditioned, settings: Settings, clock: Clock) -> Face
         problems += [*doubts, *_below_cut(conditioned.surface, families, ratio, settings)]
         found = (hills, caps, families, hills.label, caps)
         return Face(joint, conditioned, None, *found, tuple(problems))
+    step = {"step": "level", "tilt_rad": list(level.slope), "load_point_m": level.load_point_m}
+    # From here on one map does: nobody holds the other
+    conditioned = conditioned.turned(level.surface, level.slope, level.load_point_m, step)
     with clock("families"):
-        plane, hills, family_caps, families = _families(conditioned.surface, level, settings)
+        plane, hills, family_caps, families = _families(level, settings)
         caps = _named(level, hills, family_caps)
         ratio = _family_ratio(settings)
         problems += _below_cut(plane, families, ratio, settings, own_plane=True)
@@ -283,8 +285,6 @@ def _one_map(conditioned: Conditioned, settings: Settings, clock: Clock) -> Face
     if family_caps.usable.any():
         hill_m = 0.5 * float(np.median(family_caps.diameter_m[family_caps.usable]))
         problems += problems_of_holes(plane, hill_m)
-    step = {"step": "level", "tilt_rad": list(level.slope), "load_point_m": level.load_point_m}
-    conditioned = conditioned.turned(level.surface, level.slope, level.load_point_m, step)
     found = (level.hills, caps, families, level.hills.label, family_caps)
     return Face(joint, conditioned, level, *found, tuple(problems))
 
@@ -332,17 +332,16 @@ def _levelled(
     return level, problems
 
 
-def _families(
-    surface: HeightMap, level: Level, settings: Settings
-) -> tuple[HeightMap, Hills, CapTable, Families]:
+def _families(level: Level, settings: Settings) -> tuple[HeightMap, Hills, CapTable, Families]:
     """Find the families on their own plane: the cut follows that plane, and it the caps above it.
 
     So neither the level of the map nor that of the pressed face decides which caps are counted. The
     plane bends where the peaks leave no doubt; the caps that are returned keep that bow.
     """
-    slope, bow, at_m = np.array(level.rest_slope), np.zeros(3), level.load_point_m
+    surface, bow, at_m = level.surface, np.zeros(3), level.load_point_m
+    slope = np.array(level.rest_slope) + level.slope
     coarse = coarse_map(surface)
-    noise_m = noise_at_rest(coarse, level.rest_slope).neighbours_m
+    noise_m = noise_at_rest(coarse, (slope[0], slope[1])).neighbours_m
     ratio = _family_ratio(settings)
     for _ in range(FAMILY_TURNS):
         _, caps = _counted(turned(coarse, -slope, at_m, -bow), settings, noise_m, ratio)

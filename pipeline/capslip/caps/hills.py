@@ -14,12 +14,14 @@ import numpy as np
 from capslip.caps.pruning import MIN_POINTS, Basins, automatic_pruning_m, change_of_count
 from capslip.caps.separation import ChangeTree, change_tree
 from capslip.errors import SettingsError, UnusableSurfaceError
+from capslip.surface.blocks import BLOCK_POINTS
 from capslip.surface.heightmap import HeightMap
 from capslip.surface.noise import noise_of_map_m
 
 NOISE_FACTOR = 5.0  # noise alone lifts a point this many standard deviations once in 3.5 million
 SQUARES = (3, 5, 7, 9)  # points; wider ones fill the saddles of hills of usual size
-BLOCK_ROWS = 32
+MARGIN = SQUARES[-1] // 2  # of the frame of non-measured points
+SAMPLES = 20_000  # of the map, that tell about where the cut is
 TOLD_APART = 0.01  # of the relief that is given: saddles from which on hills are told apart
 QUIET = 0.02  # of the relief: what averaging should leave of NOISE_FACTOR times the noise
 
@@ -148,31 +150,31 @@ def find_hills(
     (1, 0.1)
     """
     _check(separation, pruning_height_m, pruning_percent_Sz)
-    heights_m = surface.height_m[surface.measured]
-    name = surface.origin.name
-    if heights_m.size == 0:
+    height_m = surface.height_m.reshape(-1)
+    name, n_measured = surface.origin.name, surface.n_measured
+    if n_measured == 0:
         raise UnusableSurfaceError(
-            f"{name}: all {surface.height_m.size} points are non-measured; expected heights; "
+            f"{name}: all {height_m.size} points are non-measured; expected heights; "
             "check the file's code for missing data"
         )
-    sz_m = float(heights_m.max() - heights_m.min())
+    highest_m = float(np.fmax.reduce(height_m))
+    sz_m = highest_m - float(np.fmin.reduce(height_m))
     if sz_m == 0.0:
         raise UnusableSurfaceError(
-            f"{name}: all {heights_m.size} measured heights equal {heights_m[0]:g} m; expected a "
+            f"{name}: all {n_measured} measured heights equal {highest_m:g} m; expected a "
             "surface with relief; check the dataset and the unit"
         )
     if separation == "regions":
         pruning_height_m = math.inf
     elif pruning_percent_Sz is not None:
         pruning_height_m = pruning_percent_Sz / 100.0 * sz_m
-    ratios = (1.0 - material_ratio, 1.0 - material_ratio / 2.0)
-    n_measured = heights_m.size
-    cut_m, middle_m = np.quantile(heights_m, ratios, overwrite_input=True).tolist()
+    point, (cut_m, middle_m) = _highest(surface.height_m, n_measured, material_ratio)
     least_m = None if relief_m is None else TOLD_APART * relief_m
     relief_m = relief_m or 2.0 * (middle_m - cut_m) or sz_m  # no relief: a plateau
     if noise_m is None:
         noise_m = noise_of_map_m(surface.height_m)
-    return _separate(surface, n_measured, cut_m, relief_m, pruning_height_m, least_m, noise_m)
+    kept = point, n_measured, cut_m
+    return _separate(surface, *kept, relief_m, pruning_height_m, least_m, noise_m)
 
 
 def _check(
@@ -191,8 +193,38 @@ def _check(
             raise SettingsError(f"hills.pruning_{name}: got {value}; expected a positive number")
 
 
+def _highest(
+    height_m: np.ndarray, n_measured: int, material_ratio: float
+) -> tuple[np.ndarray, list[float]]:
+    """Return the points at or above the cut, rising, and the quantiles of it and of half of it.
+
+    Some points tell about where the cut is, so that few are left to be sorted.
+    """
+    every = max(1, math.isqrt(height_m.size // SAMPLES))
+    some_m = height_m[every // 2 :: every, every // 2 :: every].reshape(-1)
+    some_m = some_m[~np.isnan(some_m)]
+    level_m = -math.inf
+    if some_m.size:
+        level_m = float(np.quantile(some_m, max(0.0, 0.98 - 1.05 * material_ratio)))
+    flat_m = height_m.reshape(-1)
+    ratios = np.array((1.0 - material_ratio, 1.0 - material_ratio / 2.0))
+    place = ratios * (n_measured - 1)
+    point = np.flatnonzero(flat_m >= level_m)
+    if n_measured - point.size > place[0]:  # they misled
+        point = np.flatnonzero(flat_m >= -math.inf)
+    highest_m = flat_m[point]
+    lower = place.astype(np.intp)
+    first = lower - (n_measured - point.size)
+    ranks = np.stack((first, np.minimum(first + 1, point.size - 1)))
+    below_m, above_m = np.partition(highest_m, np.unique(ranks))[ranks]
+    share, step_m = place - lower, above_m - below_m
+    quantile_m = np.where(share < 0.5, below_m + share * step_m, above_m - (1.0 - share) * step_m)
+    return point[highest_m >= quantile_m[0]], quantile_m.tolist()
+
+
 def _separate(
     surface: HeightMap,
+    point: np.ndarray,
     n_measured: int,
     cut_m: float,
     relief_m: float,
@@ -200,11 +232,6 @@ def _separate(
     least_m: float | None,
     noise_m: float,
 ) -> Hills:
-    # A frame of non-measured points spares every later step the edge of the map.
-    margin = SQUARES[-1] // 2
-    above_m = np.full([n + 2 * margin for n in surface.shape], np.nan)
-    np.subtract(surface.height_m, cut_m, out=above_m[margin:-margin, margin:-margin])
-    point = np.flatnonzero(above_m >= 0.0)
     n_kept = point.size
     if n_kept < MIN_POINTS:
         raise UnusableSurfaceError(
@@ -212,13 +239,14 @@ def _separate(
             f"at least {MIN_POINTS}; raise hills.material_ratio or use a finer scan"
         )
     square, noise_left_m = _square(noise_m, relief_m, n_measured / surface.height_m.size)
-    _lower_spikes(above_m, point)
-    tree, raw_m = _tree(above_m, point, margin, square)
+    tree, raw_m = _tree(surface, point, cut_m, square)
 
-    measured = ~np.isnan(raw_m)
-    hill, m = tree.hill[measured], len(tree.peak_m)
+    hill, m = tree.hill, len(tree.peak_m)
+    if hill.size > n_kept:
+        measured = ~np.isnan(raw_m)
+        hill, raw_m = hill[measured], raw_m[measured]
     highest_m = np.full(m, -np.inf)
-    np.maximum.at(highest_m, hill, raw_m[measured])
+    np.maximum.at(highest_m, hill, raw_m)
     low = (highest_m < NOISE_FACTOR * noise_m) & (tree.peak_m < NOISE_FACTOR * noise_left_m)
     basins = Basins(tree, np.bincount(hill, minlength=m), low)
     if pruning_m is None and least_m is not None:
@@ -228,13 +256,12 @@ def _separate(
 
     group, keep, rejected = basins.pruned(pruning_m)
     number = np.cumsum(keep, dtype=np.int32) * keep
-    label = np.zeros(above_m.size, dtype=np.int32)
-    label[tree.point[measured]] = number[group[hill]]
-    label = label.reshape(above_m.shape)[margin:-margin, margin:-margin]
+    label = np.zeros(surface.shape, dtype=np.int32)
+    label.reshape(-1)[point] = number[group][hill]
     region = tree.join(np.full(m, True))
     region_points = basins.points_of(region)
     return Hills(
-        label=np.ascontiguousarray(label),
+        label=label,
         parent_region=np.cumsum(region_points > 0, dtype=np.int32)[region[keep]],
         prominence_m=np.clip(tree.prominence_m, 0.0, np.maximum(tree.peak_m, 0.0))[keep],
         cut_height_m=cut_m,
@@ -274,52 +301,67 @@ def _lower_spikes(above_m: np.ndarray, point: np.ndarray) -> None:
 
 
 def _tree(
-    above_m: np.ndarray, point: np.ndarray, margin: int, side: int
+    surface: HeightMap, point: np.ndarray, cut_m: float, side: int
 ) -> tuple[ChangeTree, np.ndarray]:
     """Build the tree of the averaged heights; return it and the heights at its points.
 
     Non-measured points whose mean lies above the cut are in it too, with height NaN.
     """
-    inner = np.isnan(above_m)
-    for frame in (inner, inner.T):
-        frame[:margin] = frame[-margin:] = False
-    lost = np.flatnonzero(inner)
-    mean_m = np.concatenate(_means(above_m, (point, lost), side))
-    point = np.concatenate((point, lost))
-    deep = np.isnan(mean_m)
+    # A frame of non-measured points spares every later step the edge of the map.
+    ny, nx = surface.shape
+    width = nx + 2 * MARGIN
+    lost = np.flatnonzero(np.isnan(surface.height_m))
+    framed, lost = (at + 2 * MARGIN * (at // nx) + MARGIN * (width + 1) for at in (point, lost))
+    raw_m, mean_m, lost_m = _means(surface.height_m, cut_m, framed, lost, side)
+    deep = np.isnan(lost_m)
     if deep.any():
-        field_m = np.full(above_m.size, np.nan)
-        field_m[point] = mean_m
-        mean_m[deep] = _across(field_m, point[deep], above_m.shape[1])
-    flat_m = above_m.reshape(-1)
-    taken = (mean_m >= 0.0) | ~np.isnan(flat_m[point])
-    tree = change_tree(point[taken], mean_m[taken], above_m.shape)
-    return tree, flat_m[tree.point]
+        around = (framed, mean_m), (lost[~deep], lost_m[~deep])
+        lost_m[deep] = _across(around, lost[deep], width)
+    above = lost_m >= 0.0
+    if above.any():
+        place = np.searchsorted(framed, lost[above])
+        framed = np.insert(framed, place, lost[above])
+        below_m = np.nextafter(lost_m[above], -np.inf)  # what was measured counts as higher
+        mean_m, raw_m = np.insert(mean_m, place, below_m), np.insert(raw_m, place, np.nan)
+    return change_tree(framed, mean_m, (ny + 2 * MARGIN, width)), raw_m
 
 
-def _means(above_m: np.ndarray, points: tuple[np.ndarray, ...], side: int) -> list[np.ndarray]:
-    """Mean of the measured heights in a square about each point, NaN where there is none.
+def _means(
+    height_m: np.ndarray, cut_m: float, point: np.ndarray, lost: np.ndarray, side: int
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return heights over the cut of points, their means over a square, and means at lost ones.
 
-    Points rise in each of several sets, and none is nearer to the frame than half a square. Some
-    rows at a time: what is computed stays in the cache.
+    Single points are lowered first; a mean is NaN where nothing was measured. Points rise, and
+    count in the frame. Some rows at a time: what is computed stays in the cache.
     """
-    half, (rows, width) = side // 2, above_m.shape
-    means_m = [np.empty(len(point)) for point in points]
-    for first in range(half, rows - half, BLOCK_ROWS):
-        last = min(first + BLOCK_ROWS, rows - half)
-        bounds = [np.searchsorted(point, (first * width, last * width)) for point in points]
-        if all(start == end for start, end in bounds):
+    halo, (ny, nx) = side // 2 + 1, height_m.shape
+    width, n_rows = nx + 2 * MARGIN, max(8, BLOCK_POINTS // nx)
+    raw_m, means_m = np.empty(len(point)), (np.empty(len(point)), np.empty(len(lost)))
+    buffer_m = np.full((min(ny, n_rows) + 2 * halo, width), np.nan)
+    for first in range(0, ny, n_rows):
+        last = min(first + n_rows, ny)
+        bounds = (np.array((first, last)) + MARGIN) * width
+        of_point, of_lost = (slice(*np.searchsorted(at, bounds)) for at in (point, lost))
+        if of_point.start == of_point.stop and of_lost.start == of_lost.stop:
             continue
-        block_m = above_m[first - half : last + half]
-        known = ~np.isnan(block_m)
-        total = _sums(np.where(known, block_m, 0.0), side).reshape(-1)
+        above_m = buffer_m[: last - first + 2 * halo]
+        top, bottom = max(first - halo, 0), min(last + halo, ny)
+        above_m[: top - first + halo] = above_m[bottom - first + halo :] = np.nan
+        inner_m = above_m[top - first + halo : bottom - first + halo, MARGIN:-MARGIN]
+        np.subtract(height_m[top:bottom], cut_m, out=inner_m)
+        origin = (first - halo + MARGIN) * width
+        around = slice(*np.searchsorted(point, bounds + (halo - 1) * width * np.array((-1, 1))))
+        _lower_spikes(above_m, point[around] - origin)
+        raw_m[of_point] = above_m.reshape(-1)[point[of_point] - origin]
+        known = ~np.isnan(above_m[1:-1])
+        total = _sums(np.where(known, above_m[1:-1], 0.0), side).reshape(-1)
         count = _sums(known.view(np.uint8), side).reshape(-1)
-        for mean_m, point, (start, end) in zip(means_m, points, bounds, strict=True):
-            at = point[start:end] - first * width
-            known_points = count[at].astype(np.float64)
+        for mean_m, at, part in zip(means_m, (point, lost), (of_point, of_lost), strict=True):
+            place = at[part] - bounds[0]
+            known_points = count[place].astype(np.float64)
             known_points[known_points == 0.0] = np.nan
-            mean_m[start:end] = total[at] / known_points
-    return means_m
+            mean_m[part] = total[place] / known_points
+    return raw_m, *means_m
 
 
 def _sums(values: np.ndarray, side: int) -> np.ndarray:
@@ -335,18 +377,30 @@ def _sums(values: np.ndarray, side: int) -> np.ndarray:
     return sums
 
 
-def _across(field_m: np.ndarray, point: np.ndarray, width: int) -> np.ndarray:
+def _across(
+    around: tuple[tuple[np.ndarray, np.ndarray], ...], point: np.ndarray, width: int
+) -> np.ndarray:
     """Bridge the inside of non-measured patches, along rows or columns, whichever is higher.
 
     Heights run straight from one side of a patch to the other; NaN where one side is the edge.
+    What is around them are rising points with their heights.
     """
+
+    def height_m(at: np.ndarray) -> np.ndarray:
+        found_m = np.full(len(at), np.nan)
+        for known, known_m in around:
+            if known.size:
+                place = np.minimum(np.searchsorted(known, at), known.size - 1)
+                found_m = np.where(known[place] == at, known_m[place], found_m)
+        return found_m
+
     bridge_m = np.full(len(point), np.nan)
     for step, order in ((1, np.arange(len(point))), (width, np.lexsort((point, point % width)))):
         line = point[order]
         begins = np.append(True, np.diff(line) != step)
         run, start = np.cumsum(begins) - 1, line[begins]
         length = np.bincount(run)
-        before_m, after_m = field_m[start - step], field_m[start + step * length]
+        before_m, after_m = height_m(start - step), height_m(start + step * length)
         share = ((line - start[run]) // step + 1) / (length + 1)[run]
         along_m = before_m[run] + share * (after_m - before_m)[run]
         bridge_m[order] = np.fmax(bridge_m[order], along_m)

@@ -92,17 +92,29 @@ def _lost_points(
     and is filled where most of its measured neighbours belong to hills.
     """
     none = np.empty(0, dtype=np.intp)
-    lost = np.isnan(height_m)
-    if not lost.any() or not label.any():
+    (ny, nx), framed = height_m.shape, np.pad(np.isnan(height_m), 1)
+    width, lost = nx + 2, framed.reshape(-1)
+    index = np.flatnonzero(lost)
+    if not index.size or not label.any():
         return none, none, np.empty(0), none
-    core, beside = _over_squares(lost, np.logical_and), none
-    if core.any():
-        patch = _over_squares(core, np.logical_or)
-        beside = np.flatnonzero(_over_squares(patch, np.logical_or) & (label > 0))
-        lost &= ~patch
+    around = [down * width + right for down in (-1, 0, 1) for right in (-1, 0, 1)]
+    core, beside = index, none
+    for step in around:
+        core = core[lost[core + step]]
+    if core.size:
+        patch, rim = np.zeros((2, lost.size), dtype=bool)
+        for step in around:
+            patch[core + step] = True
+        lost[patch] = False
+        patch[core] = False  # the rest has all that is beside the patch around it
+        outline = np.flatnonzero(patch)
+        for step in around:
+            rim[outline + step] = True
+        beside = np.flatnonzero(rim.reshape(framed.shape)[1:-1, 1:-1] & (label > 0))
+        index = index[lost[index]]
 
-    (ny, nx), index = height_m.shape, np.flatnonzero(lost)
-    row, col = np.divmod(index, nx)
+    row, col = index // width - 1, index % width - 1
+    index = row * nx + col
     greatest = np.zeros(index.size, dtype=label.dtype)
     known, on_hill = np.zeros((2, index.size), dtype=np.int8)
     sum_m = np.zeros(index.size)
@@ -117,11 +129,3 @@ def _lost_points(
         np.maximum(greatest, here, out=greatest)
     fill = (known >= FILLED_NEIGHBOURS) & (2 * on_hill > known)
     return index[fill], greatest[fill], sum_m[fill] / known[fill], beside
-
-
-def _over_squares(mask: np.ndarray, operation: np.ufunc) -> np.ndarray:
-    """Combine each point with its eight neighbours; outside the map nothing is set."""
-    padded = np.pad(mask, 1)
-    rows = operation(operation(padded[:-2], padded[1:-1]), padded[2:])
-    combined: np.ndarray = operation(operation(rows[:, :-2], rows[:, 1:-1]), rows[:, 2:])
-    return combined

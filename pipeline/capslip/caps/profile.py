@@ -45,16 +45,23 @@ def quartic_profile(given: FitInput, spheres: Spheres) -> tuple[np.ndarray, np.n
     chosen = np.flatnonzero(points.measured & (t <= 1.0))
     hill, t = hill[chosen], t[chosen]
     fall_m = spheres.apex_m[hill] - points.z_m[chosen]
+    count = np.bincount(hill, minlength=points.n_hills)
+    start, empty = np.cumsum(count) - count, count == 0
 
     def total(values: np.ndarray) -> np.ndarray:
-        return np.bincount(hill, values, points.n_hills)
+        sums: np.ndarray = np.add.reduceat(np.append(values, 0.0), start)
+        sums[empty] = 0.0  # where reduceat gives the first element of the next hill
+        return sums
 
-    count = np.bincount(hill, minlength=points.n_hills)
     basis = np.stack([np.ones_like(t), 2.0 * t - 1.0, 6.0 * t * (t - 1.0) + 1.0])
+    _, first, second = basis
     normal = np.empty((points.n_hills, 3, 3))
-    for i, j in ((0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2)):
-        normal[:, i, j] = normal[:, j, i] = total(basis[i] * basis[j])
-    right = np.array([total(one * fall_m) for one in basis]).T
+    normal[:, 0, 0] = count
+    normal[:, 0, 1] = normal[:, 1, 0] = total(first)
+    normal[:, 0, 2] = normal[:, 2, 0] = total(second)
+    normal[:, 1, 1], normal[:, 2, 2] = total(first**2), total(second**2)
+    normal[:, 1, 2] = normal[:, 2, 1] = total(first * second)
+    right = np.stack([total(fall_m), total(first * fall_m), total(second * fall_m)], axis=1)
     known = (count >= MIN_POINTS) & (np.linalg.matrix_rank(normal) == len(basis))
     c = np.full((3, points.n_hills), np.nan)
     c[:, known] = np.linalg.solve(normal[known], right[known][..., None])[..., 0].T

@@ -9,6 +9,9 @@ from capslip.caps.points import HillPoints
 MIN_POINTS = 9  # three more than the unknowns
 MAX_INFLATION = 1e8  # of a coefficient's variance by the others: beyond, the points lie on a line
 _POWERS = ((0, 0), (1, 0), (0, 1), (2, 0), (1, 1), (0, 2))  # of u and v in z = sum c u^i v^j
+# Where the sum of u^i v^j is among those of degree 0 to 4, the powers of v rising within each
+_PLACE = np.array([[(i + j + k + m) * (i + j + k + m + 1) // 2 + j + m for k, m in _POWERS]
+                   for i, j in _POWERS])  # fmt: skip
 
 
 @dataclass(frozen=True, eq=False)
@@ -140,7 +143,6 @@ def _normal_equations(
     count: np.ndarray, u: np.ndarray, v: np.ndarray, w: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return matrices (n, 6, 6), right-hand sides (n, 6) and the sums of the squares of w."""
-    n = len(count)
     start = np.cumsum(count) - count
     empty = count == 0
 
@@ -150,15 +152,10 @@ def _normal_equations(
         return sums
 
     uu, uv, vv = u * u, u * v, v * v
-    sums = {(0, 0): count, (1, 0): total(u), (0, 1): total(v)}
-    sums |= {(2, 0): total(uu), (1, 1): total(uv), (0, 2): total(vv)}
-    sums |= {(3, 0): total(uu * u), (2, 1): total(uu * v), (1, 2): total(u * vv)}
-    sums |= {(0, 3): total(vv * v), (4, 0): total(uu * uu), (3, 1): total(uu * uv)}
-    sums |= {(2, 2): total(uu * vv), (1, 3): total(uv * vv), (0, 4): total(vv * vv)}
-    normal = np.empty((n, 6, 6))
-    for row, (i, j) in enumerate(_POWERS):
-        for column, (k, m) in enumerate(_POWERS):
-            normal[:, row, column] = sums[i + k, j + m]
+    sums = [count, total(u), total(v), total(uu), total(uv), total(vv), total(uu * u)]
+    sums += [total(uu * v), total(u * vv), total(vv * v), total(uu * uu), total(uu * uv)]
+    sums += [total(uu * vv), total(uv * vv), total(vv * vv)]
+    normal = np.stack(sums, axis=1)[:, _PLACE]
     right = np.stack([total(w), *(total(x * w) for x in (u, v, uu, uv, vv))], axis=1)
     return normal, right, total(w * w)
 
@@ -168,10 +165,12 @@ def _inverse(normal: np.ndarray, enough: np.ndarray) -> tuple[np.ndarray, np.nda
     matrix = normal.copy()
     # A trace of ridge keeps the inverse finite; where it matters the hill is dropped below.
     matrix[:, range(6), range(6)] += 1e-14 * matrix[:, :1, 0]
-    # Points in few rows or columns can still meet a pivot of exactly zero.
-    solvable = enough & (np.linalg.slogdet(matrix)[0] != 0.0)
-    inverse = np.zeros_like(normal)
-    inverse[solvable] = np.linalg.inv(matrix[solvable])
+    solvable, inverse = enough, np.zeros_like(normal)
+    try:
+        inverse[solvable] = np.linalg.inv(matrix[solvable])
+    except np.linalg.LinAlgError:  # points in few rows or columns meet a pivot of exactly zero
+        solvable = enough & (np.linalg.slogdet(matrix)[0] != 0.0)
+        inverse[solvable] = np.linalg.inv(matrix[solvable])
     inflation = np.einsum("nii,nii->ni", inverse, matrix)
     return solvable & (inflation < MAX_INFLATION).all(axis=1), inverse
 

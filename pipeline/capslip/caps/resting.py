@@ -135,7 +135,8 @@ def resting_plane(
 class _Squares:
     """Squares of points with points enough; places count from the load point."""
 
-    block_m: np.ndarray  # (rows, square, columns, square) heights
+    inner_m: np.ndarray  # (rows * square, columns * square) heights
+    square: int
     x_axis_m: np.ndarray  # (columns, square) places of the points
     y_axis_m: np.ndarray  # (rows, square)
     row: np.ndarray  # of each square
@@ -156,24 +157,24 @@ class _Squares:
         inner = surface.height_m[top : top + rows * square, left : left + cols * square]
         y_m = ((np.arange(rows * square) + top + 0.5) * dy_m - at_m[1]).reshape(rows, square)
         x_m = ((np.arange(cols * square) + left + 0.5) * dx_m - at_m[0]).reshape(cols, square)
-        block_m = inner.reshape(rows, square, cols, square)
         enough = np.ones((rows, cols), dtype=bool)
         complete = not np.isnan(inner.sum())
         if not complete:
-            measured = ~np.isnan(block_m)
-            count = sum(measured[:, i, :, j].astype(np.intp) for i, j in np.ndindex(square, square))
+            measured = (~np.isnan(inner)).view(np.uint8)
+            corners = np.ndindex(square, square)
+            count = sum(measured[i::square, j::square].astype(np.int32) for i, j in corners)
             enough = count > 0.5 * square**2
         row, col = np.nonzero(enough)
         middle_x, middle_y = x_m.mean(axis=1)[col], y_m.mean(axis=1)[row]
         width_m = (square * dx_m, square * dy_m)
-        return cls(block_m, x_m, y_m, row, col, middle_x, middle_y, width_m, complete)
+        return cls(inner, square, x_m, y_m, row, col, middle_x, middle_y, width_m, complete)
 
     def slope(self) -> np.ndarray:
         """Return the slopes of a plane through the middles of some squares, to start from."""
         every = max(1, self.row.size // 2000)
         row, col = self.row[::every], self.col[::every]
-        middle = self.block_m.shape[1] // 2
-        height_m = self.block_m[row, middle, col, middle]
+        middle = self.square // 2
+        height_m = self.inner_m[row * self.square + middle, col * self.square + middle]
         known = ~np.isnan(height_m)
         if np.count_nonzero(known) < 3:
             return np.zeros(2)
@@ -183,16 +184,17 @@ class _Squares:
 
     def heights_m(self, slope: np.ndarray, index: np.ndarray | None = None) -> np.ndarray:
         """Return mean heights above a plane through the load point, highest points left out."""
-        side = self.block_m.shape[1]
+        side = self.square
         down_m, across_m = slope[1] * self.y_axis_m, slope[0] * self.x_axis_m
         row, col = (self.row, self.col) if index is None else (self.row[index], self.col[index])
 
         def points_m(i: int, j: int) -> np.ndarray:
             if index is None:  # slices of the whole map, several times as fast
-                z = self.block_m[:, i, :, j] - across_m[:, j]
+                z = self.inner_m[i::side, j::side] - across_m[:, j]
                 z -= down_m[:, i, None]
                 return z
-            return self.block_m[row, i, col, j] - across_m[col, j] - down_m[row, i]
+            height_m = self.inner_m[row * side + i, col * side + j]
+            return height_m - across_m[col, j] - down_m[row, i]
 
         total = points_m(0, 0)
         highest, lost = total.copy(), np.isnan(total)

@@ -5,9 +5,12 @@ pruning joins hills in the order of their saddles; the tree keeps all of these s
 hills at any pruning height follow from it without a second look at the points.
 """
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
+
+from capslip.surface.blocks import BLOCK_POINTS
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,13 +61,13 @@ class ChangeTree:
 def change_tree(point: np.ndarray, height_m: np.ndarray, shape: tuple[int, int]) -> ChangeTree:
     """Build the change tree of some points of a map, with eight neighbours each.
 
-    No two points count as equally high: the sorting decides. A plateau thus needs no rule of its
-    own; it may fall apart into hills, but these have no prominence.
+    No two points count as equally high: the first one is higher. A plateau thus needs no rule of
+    its own; it may fall apart into hills, but these have no prominence.
 
     Parameters
     ----------
     point : int64, shape (n,)
-        Flat indices of the points, none on the edge of the map.
+        Flat indices of the points, rising, none on the edge of the map.
     height_m : float64, shape (n,)
         Their heights.
     shape : (int, int)
@@ -82,42 +85,102 @@ def change_tree(point: np.ndarray, height_m: np.ndarray, shape: tuple[int, int])
     >>> tree.peak_m, tree.saddle_m, tree.neighbour
     (array([3., 2.]), array([-inf,   1.]), array([0, 0]))
     """
-    order = _falling(height_m)
-    n = len(point)
-    rank = np.empty(n, dtype=np.int32)  # 0 is the highest
-    rank[order] = np.arange(n, dtype=np.int32)
-    map_of_ranks = np.full(shape[0] * shape[1], n, dtype=np.int32)
-    map_of_ranks[point] = rank
-
-    uphill = np.empty(n, dtype=np.int32)  # of each rank, the highest rank around it
-    uphill[rank] = _least_around(map_of_ranks.reshape(shape)).reshape(-1)[point]
-    summit = _ends(uphill)
-    peak = np.flatnonzero(summit == np.arange(n))
-    number = np.full(n, -1, dtype=np.int32)
+    lattice = _Lattice(point, height_m, shape)
+    summit = _ends(lattice.uphill())
+    peak = np.flatnonzero(summit == np.arange(len(point), dtype=np.int32))
+    peak = peak[np.argsort(-height_m[peak], kind="stable")]
+    number = np.full(len(point), -1, dtype=np.int32)
     number[peak] = np.arange(len(peak))
-    hill = number[summit][rank]
-    saddle, across = _joined(len(peak), *_passes(point, hill, map_of_ranks, shape[1]))
-    falling_m = np.append(height_m[order], -np.inf)
-    return ChangeTree(point, hill, falling_m[peak], falling_m[saddle], across)
+    hill = number[summit]
+    del number, summit
+    first, second, saddle_m = lattice.passes(hill)
+    saddle, across = _joined(len(peak), first, second)
+    return ChangeTree(point, hill, height_m[peak], np.append(saddle_m, -np.inf)[saddle], across)
 
 
-def _least_around(values: np.ndarray) -> np.ndarray:
-    """Return the least of each value and its eight neighbours; on the frame, of fewer."""
-    rows = values.copy()
-    np.minimum(rows[:, :-1], values[:, 1:], out=rows[:, :-1])
-    np.minimum(rows[:, 1:], values[:, :-1], out=rows[:, 1:])
-    least = rows.copy()
-    np.minimum(least[:-1], rows[1:], out=least[:-1])
-    np.minimum(least[1:], rows[:-1], out=least[1:])
-    return least
+@dataclass(frozen=True, eq=False)
+class _Lattice:
+    """Points of a map by place; of two equally high ones the first counts as higher."""
+
+    point: np.ndarray  # (n,), rising
+    height_m: np.ndarray  # (n,)
+    shape: tuple[int, int]
+
+    def _blocks(self) -> Iterator[tuple[slice, slice, int, int]]:
+        """Yield points, those and what is around them, and place and size of a block of both.
+
+        A block is of rows, one more on both sides, that stay in the cache.
+        """
+        (height, width) = self.shape
+        n_rows = max(8, BLOCK_POINTS // width)
+        for first in range(1, height - 1, n_rows):
+            last = min(first + n_rows, height - 1)
+            before, start, end, after = np.searchsorted(
+                self.point, np.array((first - 1, first, last, last + 1)) * width
+            )
+            if start < end:
+                some, around = slice(start, end), slice(before, after)
+                yield some, around, (first - 1) * width, (last - first + 2) * width
+
+    def uphill(self) -> np.ndarray:
+        """Return the highest of each point and those around it, as a number of a point, (n,)."""
+        uphill, width = np.empty(len(self.point), dtype=np.int32), self.shape[1]
+        for some, around, origin, size in self._blocks():
+            at, place = self.point[some] - origin, self.point[around] - origin
+            block_m = np.full(size, -np.inf)
+            block_m[place] = self.height_m[around]
+            number = np.empty(size, dtype=np.int32)
+            number[place] = np.arange(around.start, around.stop, dtype=np.int32)
+            before = -width - 1
+            highest_m, best = block_m[at + before], np.full(at.size, before)
+            for step in (-width, 1 - width, -1, 0, 1, width - 1, width, width + 1):
+                height_m = block_m[at + step]
+                np.copyto(best, step, where=height_m > highest_m)
+                np.maximum(highest_m, height_m, out=highest_m)
+            uphill[some] = number[at + best]
+        return uphill
+
+    def passes(self, hill: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Return every two hills that touch and the height of the pass between, highest first.
+
+        Of two neighbouring points on different hills the lower one makes a pass; the highest
+        counts.
+        """
+        n_hills, width = np.int64(hill.max(initial=0)) + 1, self.shape[1]
+        pairs, lower = [np.empty(0, dtype=np.int64)], [np.empty(0, dtype=np.int64)]
+        for some, around, origin, size in self._blocks():
+            at, place = self.point[some] - origin, self.point[around] - origin
+            hills = np.full(size, -1, dtype=np.int32)
+            hills[place] = hill[around]
+            own = hill[some]
+            for step in (1, width - 1, width, width + 1):
+                other = hills[at - step]
+                meet = np.flatnonzero(other != own)
+                meet = meet[other[meet] >= 0]
+                here, there = own[meet].astype(np.int64), other[meet]
+                pairs.append(np.minimum(here, there) * n_hills + np.maximum(here, there))
+                mine = meet + some.start
+                beside = np.searchsorted(self.point, self.point[mine] - step)
+                below = self.height_m[beside] < self.height_m[mine]
+                lower.append(np.where(below, beside, mine))
+        pair, (spot, rank) = np.concatenate(pairs), _by_height(np.concatenate(lower), self.height_m)
+        if pair.size == 0:
+            return pair, pair, np.empty(0)
+        order = np.argsort(pair)
+        pair, rank = pair[order], rank[order]
+        first = np.flatnonzero(np.diff(pair, prepend=-1))
+        pair, rank = pair[first], np.minimum.reduceat(rank, first)
+        order = np.argsort(rank, kind="stable")
+        return pair[order] // n_hills, pair[order] % n_hills, self.height_m[spot[rank[order]]]
 
 
-def _falling(height_m: np.ndarray) -> np.ndarray:
-    """Sort by falling height; equal heights stay in order, so that every machine does the same."""
-    order = np.argsort(-height_m)
-    if (np.diff(height_m[order]) == 0.0).any():
-        order = np.argsort(-height_m, kind="stable")  # several times as slow
-    return order
+def _by_height(point: np.ndarray, height_m: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return the different ones of some points by falling height, and the rank of each."""
+    spot, of = np.unique(point, return_inverse=True)
+    order = np.argsort(-height_m[spot], kind="stable")
+    rank = np.empty(spot.size, dtype=np.int64)
+    rank[order] = np.arange(spot.size)
+    return spot[order], rank[of]
 
 
 def _ends(pointer: np.ndarray) -> np.ndarray:
@@ -129,45 +192,16 @@ def _ends(pointer: np.ndarray) -> np.ndarray:
         pointer = further
 
 
-def _passes(
-    point: np.ndarray, hill: np.ndarray, map_of_ranks: np.ndarray, width: int
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return every two hills that touch and the rank of the pass between them, highest pass first.
-
-    Of two neighbouring points on different hills the lower one makes a pass; the highest counts.
-    """
-    n_hills = np.int64(hill.max(initial=0)) + 1
-    map_of_hills = np.full(map_of_ranks.size, -1, dtype=np.int32)
-    map_of_hills[point] = hill
-    pairs, passes = [], []
-    for step in (1, width - 1, width, width + 1):
-        other = map_of_hills[point - step]
-        at = np.flatnonzero((other != hill) & (other >= 0))
-        here, there = hill[at].astype(np.int64), other[at]
-        pairs.append(np.minimum(here, there) * n_hills + np.maximum(here, there))
-        passes.append(np.maximum(map_of_ranks[point[at]], map_of_ranks[point[at] - step]))
-    pair, rank = np.concatenate(pairs), np.concatenate(passes)
-    if pair.size == 0:
-        return pair, pair, rank
-    order = np.argsort(pair)
-    pair, rank = pair[order], rank[order]
-    first = np.flatnonzero(np.diff(pair, prepend=-1))
-    pair, rank = pair[first], np.minimum.reduceat(rank, first)
-    order = np.argsort(rank, kind="stable")
-    return pair[order] // n_hills, pair[order] % n_hills, rank[order]
-
-
-def _joined(
-    n_hills: int, first: np.ndarray, second: np.ndarray, rank: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
+def _joined(n_hills: int, first: np.ndarray, second: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Join hills over the passes in turn; of the two peaks the lower one ends at this saddle.
 
-    Each step needs the one before. Rounds of whole arrays need as many of them as hills wait for
-    one another in a row, all of them in the worst case; this loop takes a microsecond a pass.
+    Returns the pass of each, -1 where there is none, and the hill on its other side. Each step
+    needs the one before. Rounds of whole arrays need as many of them as hills wait for one another
+    in a row, all of them in the worst case; this loop takes a microsecond a pass.
     """
     parent = list(range(n_hills))
     saddle, across = [-1] * n_hills, list(range(n_hills))
-    for a, b, at in zip(first.tolist(), second.tolist(), rank.tolist(), strict=True):
+    for at, (a, b) in enumerate(zip(first.tolist(), second.tolist(), strict=True)):
         top_a, top_b = a, b
         while parent[top_a] != top_a:
             parent[top_a] = top_a = parent[parent[top_a]]

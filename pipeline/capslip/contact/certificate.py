@@ -11,6 +11,7 @@ import numpy as np
 
 from capslip.contact.models.interacting import InteractingCurve, hertz_over_point_load
 from capslip.contact.solvers.hertz import contact_radius_m
+from capslip.surface.blocks import BLOCK_POINTS
 from capslip.surface.heightmap import HeightMap
 
 BLOCKS = 100  # along the shorter side of the map, over which heights are averaged
@@ -201,17 +202,14 @@ def _excess(
 def _means(z: np.ndarray, side: int) -> np.ndarray:
     """Mean heights of squares, NaN where half of the points or more were not measured."""
     ny, nx = (n // side for n in z.shape)
-    inner = z[: ny * side, : nx * side]
-
-    def sums(array: np.ndarray) -> np.ndarray:
-        rows = array.reshape(ny, side, nx * side).sum(axis=1)
-        blocks: np.ndarray = np.add.reduceat(rows, np.arange(0, nx * side, side), axis=1)
-        return blocks
-
-    total = sums(inner)
-    if not np.isnan(total).any():
-        return total / side**2
-    measured = ~np.isnan(inner)
-    count = sums(measured.astype(float))
-    total = sums(np.where(measured, inner, 0.0))
-    return np.where(count > 0.5 * side**2, total / np.maximum(count, 1.0), np.nan)
+    rows = np.add.reduceat(z[: ny * side, : nx * side], np.arange(0, ny * side, side), axis=0)
+    mean_m = np.add.reduceat(rows, np.arange(0, nx * side, side), axis=1) / side**2
+    row, col = np.nonzero(np.isnan(mean_m))
+    squares = np.lib.stride_tricks.sliding_window_view(z, (side, side))[::side, ::side]
+    for some in np.array_split(np.arange(row.size), 1 + row.size * side**2 // BLOCK_POINTS):
+        points_m = squares[row[some], col[some]]
+        measured = ~np.isnan(points_m)
+        count = measured.sum(axis=(1, 2))
+        known_m = np.where(measured, points_m, 0.0).sum(axis=(1, 2)) / np.maximum(count, 1)
+        mean_m[row[some], col[some]] = np.where(count > 0.5 * side**2, known_m, np.nan)
+    return mean_m

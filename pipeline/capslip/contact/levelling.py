@@ -15,7 +15,7 @@ from functools import cached_property
 import numpy as np
 
 from capslip.caps.fit import Fitted, fit_spheres
-from capslip.caps.fitting import fit_named
+from capslip.caps.fitting import Spheres, fit_named
 from capslip.caps.hills import Hills, find_hills
 from capslip.caps.noise import Noise, noise_at_rest
 from capslip.caps.points import HillPoints, points_of_hills
@@ -177,8 +177,9 @@ class _Start:
 class _Rest:
     """The end of the turns on the hills of one cut."""
 
-    fitted: Fitted
+    spheres: Spheres
     use: np.ndarray  # (m,), the caps that were pressed
+    at_cut: np.ndarray  # (m,), whether the cut limits their fits
     load_N: np.ndarray  # (m,)
     plane_m: float  # height of the pressed plane at the load point, in the frame of `slope`
     depth_m: np.ndarray | None  # (n,), at which caps were fitted
@@ -242,18 +243,15 @@ class _Search:
 
     def _at_ratio(self, start: _Start, last: bool) -> tuple[Level, _Start]:
         for _ in range(MAX_CUTS):
-            surface, hills = self._cut(start)
-            rest = self._turns(surface, hills, start, last)
-            span_m = self._across_m(rest.slope - start.slope)
-            same = span_m < SAME_CUT * rest.approach_m
-            same = same and start.relief_m == _relief_m(rest.approach_m)
+            slope, relief_m = start.slope, start.relief_m
+            rest, hills, caps = self._on_one_cut(start, last)
             start = self._next(start, rest)
-            if same:
+            same = self._across_m(rest.slope - slope) < SAME_CUT * rest.approach_m
+            if same and relief_m == start.relief_m:
                 break
         surface = turned(self.surface, -rest.slope, self.at_m)
         certificate = self._certify(surface, hills, rest)
-        at_cut = rest.fitted.given.apexes.at_cut[rest.use]
-        shallow_N = float(rest.load_N[at_cut].sum())
+        shallow_N = float(rest.load_N[rest.at_cut].sum())
         shallow = shallow_N > SHALLOW_LOAD * self.settings.contact.preload_N and start.ratio < DEEP
         if (certificate.missed_area_m2 > 0.0 or shallow) and not last:
             raise _MissedError(rest.slope, rest.approach_m)
@@ -261,7 +259,7 @@ class _Search:
         level = Level(
             surface=surface,
             hills=hills,
-            caps=rest.fitted.table,
+            caps=caps,
             slope=(slope_x, slope_y),
             rest_slope=self.rest_slope,
             load_point_m=self.at_m,
@@ -271,20 +269,17 @@ class _Search:
         )
         return level, start
 
-    def _cut(self, start: _Start) -> tuple[HeightMap, Hills]:
-        surface = turned(self.surface, -start.slope, self.at_m)
-        chosen = self.settings.hills
-        return surface, find_hills(
-            surface,
-            start.ratio,
-            chosen.separation,
-            chosen.pruning_height_m,
-            chosen.pruning_percent_Sz,
-            relief_m=start.relief_m,
-            noise_m=self.noise.neighbours_m,
-        )
+    def _on_one_cut(self, start: _Start, last: bool) -> tuple[_Rest, Hills, CapTable]:
+        surface, chosen = turned(self.surface, -start.slope, self.at_m), self.settings.hills
+        pruning = (chosen.pruning_height_m, chosen.pruning_percent_Sz)
+        relief_m, noise_m = start.relief_m, self.noise.neighbours_m
+        hills = find_hills(surface, start.ratio, chosen.separation, *pruning, relief_m, noise_m)
+        rest, fitted = self._turns(surface, hills, start, last)
+        return rest, hills, fitted.table
 
-    def _turns(self, surface: HeightMap, hills: Hills, start: _Start, last: bool) -> _Rest:
+    def _turns(
+        self, surface: HeightMap, hills: Hills, start: _Start, last: bool
+    ) -> tuple[_Rest, Fitted]:
         """Fit and press the hills of one cut until the plane over them comes to rest."""
         fit = self.settings.caps.fit
         share = fit_named(fit).compression_share
@@ -304,8 +299,7 @@ class _Search:
                     f"{int(fitted.usable.sum())} of {hills.n_hills} hills are left as caps, and "
                     "they do not surround the load; check preload and units"
                 ) from error
-            rest, load_N = pressed.rest, pressed.load_N
-            turn = np.array(rest.slope)
+            rest, load_N, turn = pressed.rest, pressed.load_N, np.array(pressed.rest.slope)
             all_N = np.zeros(hills.n_hills)
             all_N[use] = load_N
             moved = 1.0
@@ -315,15 +309,16 @@ class _Search:
             span_m = self._across_m(turn)
             approach_m = rest.level_m - float(depths_m.min())
             plane_m = float(fitted.spheres.apex_m[use].max()) - rest.level_m
-            found = _Rest(fitted, use, load_N, plane_m, depth_m, slope, approach_m, 0.0)
+            loads = use, fitted.given.apexes.at_cut[use], load_N
+            found = _Rest(fitted.spheres, *loads, plane_m, depth_m, slope, approach_m, 0.0)
             if moved < SETTLED_LOAD and span_m < SETTLED_M:
-                return found
+                return found, fitted
             history.append(moved)
             if len(history) > 4 and moved > HELD_LOAD and moved > 0.5 * history[-3]:
                 if part == 1.0:
                     restless = float(max(history[-3:]))
                 elif min(history) > least and restless < UNSETTLED:
-                    return replace(found, moved=restless)  # no swing: pixels come and go
+                    return replace(found, moved=restless), fitted  # pixels come and go
                 if part < LEAST_PART or (moved > EARLY and not last):
                     break
                 # It swings to and fro: half of the way.
@@ -341,7 +336,7 @@ class _Search:
             slope = slope - part * turn
         if last or (moved < NEARLY_LOAD and span_m < NEARLY_M):
             nearly = moved < NEARLY_LOAD and span_m < NEARLY_M
-            return replace(found, moved=0.0 if nearly else moved)
+            return replace(found, moved=0.0 if nearly else moved), fitted
         raise ContactError(
             f"the face finds no level: after {MAX_TURNS} turns of fit and contact {moved:.1%} "
             "of the load still move; set contact.alignment to as_levelled"
@@ -380,7 +375,7 @@ class _Search:
         known = np.zeros(0, dtype=np.intp)
         if rest.depth_m is not None:
             known = np.flatnonzero(np.isfinite(rest.depth_m))
-        spheres = rest.fitted.spheres
+        spheres = rest.spheres
         place_m = np.stack((spheres.x_m[known], spheres.y_m[known]))
         depth_m = rest.depth_m[known] if rest.depth_m is not None else None
         return _Start(rest.slope, start.ratio, rest.approach_m, place_m, depth_m)
@@ -403,7 +398,7 @@ class _Search:
     def _certify(self, surface: HeightMap, hills: Hills, rest: _Rest) -> Certificate:
         on = rest.load_N > 0.0
         hill = rest.use[on]
-        material, spheres = self.settings.material, rest.fitted.spheres
+        material, spheres = self.settings.material, rest.spheres
         law, radius_m = yield_law(material), spheres.radius_m[hill]
         if law is not None:
             radius_m, _ = law.flattened(rest.load_N[on], radius_m)

@@ -8,6 +8,7 @@ import numpy as np
 
 from capslip.errors import SettingsError, UnusableSurfaceError
 from capslip.problems import Problem
+from capslip.surface.blocks import row_blocks
 from capslip.surface.doubts import problems_of_map, problems_of_outliers, refuse_absurd
 from capslip.surface.filters import gaussian_l_filter, gaussian_s_filter
 from capslip.surface.form import FormKind, remove_form
@@ -212,14 +213,25 @@ def sq_and_sz_m(surface: HeightMap) -> tuple[float, float]:
     UnusableSurfaceError
         If no point is measured.
     """
-    measured_m = surface.height_m.reshape(-1)
-    if np.isnan(measured_m.sum()):
-        measured_m = measured_m[~np.isnan(measured_m)]
-    if measured_m.size == 0:
+    z_m = surface.height_m
+    n, total_m = 0, 0.0
+    for rows in row_blocks(z_m.shape):
+        known_m = _known(z_m[rows])
+        n, total_m = n + known_m.size, total_m + float(known_m.sum())
+    if n == 0:
         raise UnusableSurfaceError(
-            f"{surface.origin.name}: all {surface.height_m.size} points are non-measured; expected "
+            f"{surface.origin.name}: all {z_m.size} points are non-measured; expected "
             "heights; check the file's code for missing data"
         )
-    deviation_m = measured_m - measured_m.mean()
-    sq_m = math.sqrt(deviation_m @ deviation_m / deviation_m.size)
-    return sq_m, float(measured_m.max() - measured_m.min())
+    mean_m, square_m2 = total_m / n, 0.0
+    for rows in row_blocks(z_m.shape):
+        deviation_m = _known(z_m[rows]) - mean_m
+        square_m2 += float(deviation_m @ deviation_m)
+    lowest_m, highest_m = np.fmin.reduce(z_m, axis=None), np.fmax.reduce(z_m, axis=None)
+    return math.sqrt(square_m2 / n), float(highest_m - lowest_m)
+
+
+def _known(height_m: np.ndarray) -> np.ndarray:
+    """Return the measured heights, shape (k,)."""
+    flat_m = height_m.reshape(-1)
+    return flat_m[~np.isnan(flat_m)] if np.isnan(flat_m.sum()) else flat_m

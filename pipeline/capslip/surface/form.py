@@ -9,6 +9,7 @@ from typing import Any, Literal, get_args
 import numpy as np
 
 from capslip.errors import SettingsError, UnusableSurfaceError
+from capslip.surface.blocks import row_blocks
 from capslip.surface.heightmap import HeightMap
 
 FormKind = Literal["plane", "quadratic", "polynomial", "cylinder", "sphere", "none"]
@@ -22,7 +23,7 @@ SLOPE_LINES = 100  # rows and columns, at least, that tell the slopes of the flo
 ROUNDING = 1e-12  # of the height range: a smaller spread has no meaning
 SETTLED = 1e-4  # relative change of the spread between two reweighted fits
 MAX_STEPS = 50
-BLOCK_POINTS = 16384
+FEW_POINTS = 16384  # of a block of which a sphere or cylinder needs ten arrays
 DIFFERENCE = 1e-5  # step of the central differences, in half diagonals and radians
 
 Model = Callable[[np.ndarray, np.ndarray], tuple[np.ndarray, list[np.ndarray]]]
@@ -271,17 +272,22 @@ def _without_polynomial(
     chebyshev_u = np.polynomial.chebyshev.chebvander(u, 2 * degree)
     few_v, few_u = chebyshev_v[:, : degree + 1], chebyshev_u[:, : degree + 1]
 
-    residual_m = z_m - level_m
-    known_m = residual_m if measured is None else np.where(measured, residual_m, 0.0)
-    if weight is not None:
-        known_m = known_m * weight
-    elif measured is not None:
-        weight = measured
-    if weight is None:
+    moment = np.zeros((2 * degree + 1, 2 * degree + 1))
+    if measured is None and weight is None:
         moment = np.outer(chebyshev_v.sum(axis=0), chebyshev_u.sum(axis=0))
-    else:
-        moment = chebyshev_v.T @ (weight @ chebyshev_u)
-    right = few_v.T @ (known_m @ few_u)
+    right = np.zeros((degree + 1, degree + 1))
+    residual_m = np.empty_like(z_m)
+    for rows in row_blocks(surface.shape):
+        known_m = np.subtract(z_m[rows], level_m, out=residual_m[rows])
+        counts = None if measured is None else measured[rows].astype(np.float64)
+        if measured is not None:
+            known_m = np.where(measured[rows], known_m, 0.0)
+        if weight is not None:
+            counts = weight[rows]
+            known_m = known_m * counts
+        if counts is not None:
+            moment += chebyshev_v[rows].T @ (counts @ chebyshev_u)
+        right += few_v[rows].T @ (known_m @ few_u)
 
     i, j = np.array([(i, j) for i in range(degree + 1) for j in range(degree + 1 - i)]).T
     plus_i, minus_i = i[:, None] + i, np.abs(i[:, None] - i)
@@ -296,7 +302,9 @@ def _without_polynomial(
         raise _loose(surface)
     coefficient_m = np.zeros((degree + 1, degree + 1))
     coefficient_m[i, j] = np.linalg.solve(normal, right[i, j])
-    residual_m -= (few_v @ coefficient_m) @ few_u.T
+    along_v = few_v @ coefficient_m
+    for rows in row_blocks(surface.shape):
+        residual_m[rows] -= along_v[rows] @ few_u.T
     return residual_m
 
 
@@ -357,7 +365,7 @@ def _blocks(
     (ny, nx), (dy_m, dx_m) = surface.shape, surface.pixel_size_m
     y = (np.arange(ny) - 0.5 * (ny - 1)) * (dy_m / unit_m)
     x = (np.arange(nx) - 0.5 * (nx - 1)) * (dx_m / unit_m)
-    n_rows = max(1, BLOCK_POINTS // nx)
+    n_rows = max(1, FEW_POINTS // nx)
     for first in range(0, ny, n_rows):
         rows = slice(first, first + n_rows)
         z = (surface.height_m[rows] - level_m) / unit_m

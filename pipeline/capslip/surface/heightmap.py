@@ -93,6 +93,11 @@ class HeightMap:
         return ~np.isnan(self.height_m)
 
     @property
+    def n_measured(self) -> int:
+        """Number of the measured points."""
+        return self.height_m.size - int(np.count_nonzero(np.isnan(self.height_m)))
+
+    @property
     def side_m(self) -> tuple[float, float]:
         """Lengths of the face along y and x."""
         return self.shape[0] * self.pixel_size_m[0], self.shape[1] * self.pixel_size_m[1]

@@ -51,12 +51,11 @@ def rms_of_noise_m(difference_m: np.ndarray) -> float:
 def noise_of_map_m(height_m: np.ndarray) -> float:
     """Return the standard deviation of the white noise of a map, shape (ny, nx), from a lattice."""
     every = max(1, math.isqrt(height_m.size // SAMPLES))
+    width, flat_m = height_m.shape[1], height_m.reshape(-1)
     row, col = (np.arange(1, n - 1) for n in height_m.shape)
-    row, col = (
-        row[on_lattice(row, len(height_m), every)],
-        col[on_lattice(col, height_m.shape[1], every)],
-    )
-    return rms_of_noise_m(mixed_difference(lambda i, j: height_m[np.ix_(row + i, col + j)]))
+    row = row[on_lattice(row, len(height_m), every)]
+    centre = row[:, None] * width + col[on_lattice(col, width, every)]
+    return rms_of_noise_m(mixed_difference(lambda i, j: flat_m[centre + (i * width + j)]))
 
 
 def on_lattice(place: np.ndarray, n: int, every: int) -> np.ndarray:

@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from capslip.surface.blocks import BLOCK_POINTS
 from capslip.surface.heightmap import HeightMap
 
 STEP_QUANTILE = 0.90
@@ -15,7 +16,6 @@ MAX_SPIKE_POINTS = 2
 MIN_RING_POINTS = 5
 GAP_OVER_RING = 4.0
 SAMPLED_LINES = 100
-BLOCK_ROWS = 32
 NEIGHBOURS = ((-1, -1), (-1, 0), (-1, 1), (0, -1), (0, 1), (1, -1), (1, 0), (1, 1))
 
 
@@ -104,65 +104,121 @@ def _usual_step(z: np.ndarray) -> float:
 def _islands(z: np.ndarray, stored_m: np.ndarray, cliff_m: float) -> tuple[np.ndarray, np.ndarray]:
     """Return place, ascending, and number of its island for every point of an island.
 
-    Points without a cliff to any neighbour are joined as an image; the few at a cliff are joined
-    to each other and to those parts as nodes of a graph.
+    Points without a cliff to any neighbour are joined along their rows, and these runs to those of
+    the next row; the few points at a cliff are joined to each other and to the runs.
     """
-    from scipy import ndimage
     from scipy.sparse import coo_array
     from scipy.sparse.csgraph import connected_components
 
-    at_cliff = _at_cliff(z, cliff_m)
-    inland = ~np.isnan(z)
-    if inland.all() and not at_cliff.any():
-        return np.empty(0, dtype=np.intp), np.empty(0, dtype=np.intp)
-    inland &= ~at_cliff
-    image = np.empty(z.shape, dtype=np.int32)
-    n_inland = ndimage.label(inland, structure=np.ones((3, 3)), output=image)
-    node, height_m = image.reshape(-1), z.reshape(-1)
-    shore = np.flatnonzero(at_cliff)
-    node[shore] = np.arange(n_inland + 1, n_inland + 1 + shore.size)
-    points = np.bincount(node, minlength=n_inland + 1 + shore.size)
-    points[0] = 0  # not measured
+    shore = _at_cliff(z, cliff_m)
+    lost = np.flatnonzero(np.isnan(z))
+    none = np.empty(0, dtype=np.intp)
+    if not shore.size and not lost.size:
+        return none, none
+    runs = _Runs.of(z.shape, np.union1d(shore, lost) if shore.size else lost)
+    n_runs, height_m = runs.first.size, z.reshape(-1)
+    if n_runs + shore.size == 0:
+        return none, none
+    size = np.append(runs.last - runs.first + 1, np.ones(shore.size, dtype=np.intp))
 
     member, beside = _neighbours(shore, z.shape)
     joined = np.abs(height_m[beside] - height_m[shore[member]]) <= cliff_m
-    ends = node[shore[member[joined]]], node[beside[joined]]
-    graph = coo_array((np.ones(ends[0].size), ends), shape=(points.size, points.size))
+    member, beside = member[joined], beside[joined]
+    place = np.minimum(np.searchsorted(shore, beside), shore.size - 1)
+    node = np.where(shore[place] == beside, n_runs + place, runs.holding(beside))
+    one, other = runs.pairs()
+    ends = np.append(one, n_runs + member), np.append(other, node)
+    graph = coo_array((np.ones(ends[0].size), ends), shape=(size.size, size.size))
     n_parts, part = connected_components(graph, directed=False)
-    size = np.bincount(part, points, minlength=n_parts)
-    aside = part != np.argmax(size)
-    aside[0] = False
-    if not aside.any():
-        return np.empty(0, dtype=np.intp), np.empty(0, dtype=np.intp)
-    index = np.flatnonzero(aside[node])
-    of_index = part[node[index]]
+    points = np.bincount(part, size, minlength=n_parts)
+    aside = np.flatnonzero(part != np.argmax(points))
+    if not aside.size:
+        return none, none
+    first = np.append(runs.places(runs.first), shore)[aside]
+    index = np.repeat(first - np.cumsum(size[aside]) + size[aside], size[aside])
+    index += np.arange(index.size)
+    of_index = np.repeat(part[aside], size[aside])
+    order = np.argsort(index)
+    index, of_index = index[order], of_index[order]
     lowest_m, highest_m = np.full(n_parts, np.inf), np.full(n_parts, -np.inf)
     np.minimum.at(lowest_m, of_index, stored_m[index])
     np.maximum.at(highest_m, of_index, stored_m[index])
-    one_height = (lowest_m == highest_m) & (size <= MAX_CODE_SHARE * size.sum())
-    island = ((size <= MAX_POINTS) | one_height)[of_index]
+    one_height = (lowest_m == highest_m) & (points <= MAX_CODE_SHARE * points.sum())
+    island = ((points <= MAX_POINTS) | one_height)[of_index]
     return index[island], np.unique(of_index[island], return_inverse=True)[1]
 
 
+@dataclass(frozen=True, eq=False)
+class _Runs:
+    """Runs of points along the rows of a map, between some that are left out.
+
+    Places count as if every row had one more point that is left out, so that no run goes on.
+    """
+
+    first: np.ndarray
+    last: np.ndarray
+    width: int  # of the map, with that point
+
+    @classmethod
+    def of(cls, shape: tuple[int, int], left_out: np.ndarray) -> "_Runs":
+        (ny, nx), width = shape, shape[1] + 1
+        ends = np.append(left_out + left_out // nx, np.arange(1, ny + 1) * width - 1)
+        ends.sort()
+        begin = np.append(-1, ends[:-1]) + 1
+        some = begin < ends
+        return cls(begin[some], ends[some] - 1, width)
+
+    def holding(self, index: np.ndarray) -> np.ndarray:
+        """Return the runs that hold some points, given by their places in the map."""
+        place = index + index // (self.width - 1)
+        return np.searchsorted(self.first, place, "right") - 1
+
+    def places(self, framed: np.ndarray) -> np.ndarray:
+        """Return places in the map."""
+        places: np.ndarray = framed - framed // self.width
+        return places
+
+    def pairs(self) -> tuple[np.ndarray, np.ndarray]:
+        """Return all pairs of runs that touch from row to row, diagonals included."""
+        start = np.searchsorted(self.last, self.first - self.width - 1)
+        stop = np.searchsorted(self.first, self.last - self.width + 1, "right")
+        count = np.maximum(stop - start, 0)
+        one = np.repeat(np.arange(count.size), count)
+        other = np.repeat(start - np.cumsum(count) + count, count) + np.arange(one.size)
+        return one, other
+
+
 def _at_cliff(z: np.ndarray, cliff_m: float) -> np.ndarray:
-    """Mask of the points that have a cliff to one of their eight neighbours."""
-    at_cliff = np.zeros(z.shape, dtype=bool)
+    """Return the places, rising, of the points that have a cliff to one of their eight neighbours.
+
+    A diagonal is no steeper than the two sides beside it together; so blocks of rows without a
+    cliff in sight, most of them, are left at once.
+    """
+    found = []
     low, every, high = slice(None, -1), slice(None), slice(1, None)
-    for first in range(0, len(z), BLOCK_ROWS):
+    n_rows = max(8, BLOCK_POINTS // z.shape[1])
+    for first in range(0, len(z), n_rows):
         # One row more than a block; what is computed stays in the cache.
-        block_m, at = z[first : first + BLOCK_ROWS + 1], at_cliff[first : first + BLOCK_ROWS + 1]
+        block_m = z[first : first + n_rows + 1]
+        across_m, down_m = block_m[:, high] - block_m[:, low], block_m[high] - block_m[low]
+        steepest_m = sum(
+            max(step_m.max(initial=0.0), -step_m.min(initial=0.0)) for step_m in (across_m, down_m)
+        )
+        if steepest_m <= cliff_m:  # False beside a non-measured point
+            continue
+        at_cliff = np.zeros(block_m.shape, dtype=bool)
         for one, other in (
             ((every, low), (every, high)),
             ((low, every), (high, every)),
             ((low, low), (high, high)),
             ((low, high), (high, low)),
         ):
-            step_m = block_m[other] - block_m[one]
-            cliff = np.abs(step_m, out=step_m) > cliff_m  # False beside a non-measured point
+            cliff = np.abs(block_m[other] - block_m[one]) > cliff_m
             if cliff.any():
-                at[one] |= cliff
-                at[other] |= cliff
-    return at_cliff
+                at_cliff[one] |= cliff
+                at_cliff[other] |= cliff
+        found.append(np.flatnonzero(at_cliff) + first * z.shape[1])
+    return np.unique(np.concatenate(found)) if found else np.empty(0, dtype=np.intp)
 
 
 def _neighbours(index: np.ndarray, shape: tuple[int, ...]) -> tuple[np.ndarray, np.ndarray]:

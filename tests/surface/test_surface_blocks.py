@@ -1,0 +1,117 @@
+"""Maps are worked on some rows at a time; how many changes neither a number nor a label."""
+
+import tracemalloc
+from dataclasses import fields
+
+import numpy as np
+import pytest
+from scipy import ndimage
+
+from capslip.caps import hills, separation
+from capslip.caps.hills import find_hills
+from capslip.surface import blocks, outliers
+from capslip.surface.conditioning import condition, sq_and_sz_m
+from capslip.surface.form import remove_form
+from capslip.surface.heightmap import HeightMap
+from capslip.surface.outliers import _Runs, find_outliers
+
+PIXEL_M = (2e-5, 3e-5)
+LOST = ("none", "single", "patches")
+
+
+def face(seed, lost, shape=(83, 121)):
+    rng = np.random.default_rng(seed)
+    height_m = 1e-6 * ndimage.gaussian_filter(rng.standard_normal(shape), 3.0)
+    height_m += 2e-9 * rng.standard_normal(shape)
+    spike = rng.random(shape) < 2e-3
+    height_m[spike] += 1e-5 * rng.choice([-1.0, 1.0], spike.sum())
+    if lost != "none":
+        height_m[rng.random(shape) < 0.03] = np.nan
+    if lost == "patches":
+        height_m[20:31, 40:55] = height_m[60:, :6] = height_m[:, 100] = np.nan
+    return HeightMap(height_m, PIXEL_M)
+
+
+def in_blocks_of(points, monkeypatch):
+    for module in (blocks, hills, separation, outliers):
+        monkeypatch.setattr(module, "BLOCK_POINTS", points)
+
+
+@pytest.mark.parametrize("lost", LOST)
+@pytest.mark.parametrize("way", ["watershed", "regions"])
+def test_hills_do_not_depend_on_the_size_of_the_blocks(way, lost, monkeypatch):
+    surface = face(100, lost)
+    whole = find_hills(surface, 0.25, way)
+    in_blocks_of(1, monkeypatch)
+    parts = find_hills(surface, 0.25, way)
+    for one in fields(whole):
+        np.testing.assert_array_equal(getattr(parts, one.name), getattr(whole, one.name))
+
+
+@pytest.mark.parametrize("lost", LOST)
+def test_outliers_do_not_depend_on_the_size_of_the_blocks(lost, monkeypatch):
+    surface = face(101, lost)
+    whole = find_outliers(surface)
+    in_blocks_of(1, monkeypatch)
+    parts = find_outliers(surface)
+    assert whole.index.size > 5
+    np.testing.assert_array_equal(parts.index, whole.index)
+    np.testing.assert_array_equal(parts.step_m, whole.step_m)
+
+
+@pytest.mark.parametrize("lost", LOST)
+def test_the_plane_and_sq_do_not_depend_on_the_size_of_the_blocks(lost, monkeypatch):
+    surface = face(102, lost)
+    whole = remove_form(surface, "plane")[0]
+    in_blocks_of(1, monkeypatch)
+    parts = remove_form(surface, "plane")[0]
+    np.testing.assert_allclose(parts.height_m, whole.height_m, rtol=0.0, atol=1e-18)
+    assert sq_and_sz_m(parts) == pytest.approx(
+        (np.nanstd(whole.height_m), np.nanmax(whole.height_m) - np.nanmin(whole.height_m)), rel=1e-9
+    )
+
+
+@pytest.mark.parametrize("share", [0.0, 0.02, 0.4, 0.7, 1.0])
+def test_runs_hang_together_as_their_points_do(share):
+    left_out = np.random.default_rng(103).random((37, 53)) < share
+    runs = _Runs.of(left_out.shape, np.flatnonzero(left_out))
+    label, n_parts = ndimage.label(~left_out, np.ones((3, 3)))
+    of_run = label.reshape(-1)[runs.places(runs.first)]
+    assert (runs.last - runs.first + 1).sum() == np.count_nonzero(~left_out)
+    point = np.flatnonzero(~left_out)
+    np.testing.assert_array_equal(of_run[runs.holding(point)], label.reshape(-1)[point])
+    one, other = runs.pairs()
+    np.testing.assert_array_equal(of_run[one], of_run[other])
+    # as many joints as it takes, and none too few
+    from scipy.sparse import coo_array
+    from scipy.sparse.csgraph import connected_components
+
+    graph = coo_array((np.ones(one.size), (one, other)), shape=(of_run.size, of_run.size))
+    if of_run.size:
+        assert connected_components(graph, directed=False)[0] == n_parts
+
+
+@pytest.mark.parametrize("ratio", [0.01, 0.1, 0.5, 0.97])
+@pytest.mark.parametrize("lost", LOST)
+def test_the_cut_is_the_quantile_of_all_measured_heights(lost, ratio):
+    height_m = face(104, lost, (61, 203)).height_m.copy()
+    height_m[::8, ::8] -= 1e-5  # what a few points tell of the rest may be wrong
+    found = find_hills(HeightMap(height_m, PIXEL_M), ratio)
+    assert found.cut_height_m == np.quantile(height_m[~np.isnan(height_m)], 1.0 - ratio)
+
+
+def test_conditioning_and_hills_hold_few_maps_at_a_time():
+    shape = (1500, 4000)
+    y, x = np.ogrid[: shape[0], : shape[1]]
+    surface = HeightMap(1e-7 * np.sin(y / 90.0) * np.cos(x / 130.0) + 1e-9 * x, PIXEL_M)
+    condition(face(105, "patches"))  # what is loaded stays out of it
+    tracemalloc.start()
+    try:
+        conditioned = condition(surface)
+        assert tracemalloc.get_traced_memory()[1] < 1.5 * surface.height_m.nbytes
+        before, _ = tracemalloc.get_traced_memory()
+        tracemalloc.reset_peak()
+        find_hills(conditioned.surface, 0.1)
+        assert tracemalloc.get_traced_memory()[1] - before < 1.5 * surface.height_m.nbytes
+    finally:
+        tracemalloc.stop()
