@@ -15,6 +15,8 @@ from capslip.settings import Settings, settings_from
 
 MOST_BYTES = 120  # of a name; file systems take 255, and names of files in it follow
 SETTING = {"preload_N": "contact.preload_N", "unit": "reading.unit"}  # of one scan, in a list
+# In a folder of scans no reader takes such a file; named for itself, it is refused with a word
+NO_SCANS = {".html", ".json", ".md", ".pdf", ".py", ".toml", ".yaml", ".yml"}
 LIST = ("scan", "mate", "group", *SETTING)
 
 
@@ -128,7 +130,10 @@ def _in_folder(
             if entry.name.startswith("."):
                 skipped["hidden"] += 1
             elif entry.is_file():
-                yield Path(entry.path)
+                if os.path.splitext(entry.name)[1].lower() in NO_SCANS:
+                    skipped["document"] += 1
+                else:
+                    yield Path(entry.path)
             elif not entry.is_dir(follow_symlinks=False):
                 skipped["no file"] += 1
             elif not recursive:

@@ -133,7 +133,7 @@ def surface_table(analysis: "Analysis") -> dict[str, Any]:
         "height_unit": surface.origin.height_unit,
         "lateral_unit": surface.origin.lateral_unit,
         "iso25178": {
-            **analysis.iso25178.to_dict(),
+            **analysis.iso25178.to_dict(with_hills=analysis.settings.run.figures),
             "carried_waves_m": carried_waves_m(
                 conditioned.surface,
                 analysis.hills.noise_m,

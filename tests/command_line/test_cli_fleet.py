@@ -378,16 +378,18 @@ def test_a_table_for_parquet_is_the_same(undisturbed):
 def test_what_is_skipped_is_said(scans, tmp_path):
     (tmp_path / "in" / "deep" / "er").mkdir(parents=True)
     (tmp_path / "in" / ".hidden.h5").write_bytes(b"x")
+    (tmp_path / "in" / "README.md").write_text("about these scans")
+    (tmp_path / "in" / "a.truth.JSON").write_text("{}")
     for seed, place in enumerate(("a.h5", "deep/a.h5", "deep/er/b.h5")):
         scan(tmp_path / "in" / place, seed)
     os.mkfifo(tmp_path / "in" / "pipe.h5")
     flat, skipped = find_scans([str(tmp_path / "in")], SETTINGS)
     assert [one.name for one in flat] == ["a"]
-    assert skipped == {"hidden": 1, "folder (see --recursive)": 1, "no file": 1}
+    assert skipped == {"hidden": 1, "folder (see --recursive)": 1, "no file": 1, "document": 2}
     deep, skipped = find_scans([str(tmp_path / "in")], SETTINGS, recursive=True)
     assert [one.name for one in deep] == ["in_a.h5", "deep_a.h5", "b"]
     ran = run(tmp_path / "in", "--recursive", "--dry-run", "-o", tmp_path / "in" / "out")
-    assert "skipped: 1 hidden, 1 no file" in ran.stderr
+    assert "skipped: 1 hidden, 2 document, 1 no file" in ran.stderr
 
 
 def test_results_below_the_scans_are_no_scans(tmp_path):

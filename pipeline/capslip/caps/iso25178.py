@@ -17,8 +17,8 @@ MOST_POINTS = 4_000_000  # of a map; the hills of a larger one take seconds and 
 class Iso25178:
     """Parameters of a conditioned map, each group found once, when it is first asked for.
 
-    No other stage needs them, and they take as long as all stages together: so an analysis goes
-    without, and its summary, report and figures have them.
+    No other stage needs them, and the hills take as long as all stages together: so an analysis
+    goes without, and a summary of a result without figures has no hills.
 
     Attributes
     ----------
@@ -44,11 +44,11 @@ class Iso25178:
         surface = self.conditioned.as_fitted()
         return feature_parameters(HeightMap(-surface.height_m, surface.pixel_size_m))
 
-    def to_dict(self) -> dict[str, Any]:
-        """Return the numbers; those of hills are None on a map of more than 4 million points."""
+    def to_dict(self, *, with_hills: bool) -> dict[str, Any]:
+        """Return the numbers; those of hills None where not asked for, or above 4 million points."""
         numbers = [one.name for one in fields(SurfaceParameters) if one.type is not Spectrum]
         found: dict[str, Any] = {name: getattr(self.field, name) for name in numbers}
-        few = self.conditioned.surface.height_m.size <= MOST_POINTS
+        with_hills &= self.conditioned.surface.height_m.size <= MOST_POINTS
         for one in fields(FeatureParameters):
-            found[one.name] = getattr(self.hills, one.name) if few else None
+            found[one.name] = getattr(self.hills, one.name) if with_hills else None
         return found

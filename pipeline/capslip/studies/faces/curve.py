@@ -14,7 +14,8 @@ SCATTER = 0.03  # standard deviation of the logarithm of each value
 MATERIAL_LOSS = 4e-4  # loss factor of the beam without joints
 POINTS, SEED = 24, 100
 BEGIN = 0.02  # of the amplitude at gross slip; the end is just below it
-ASSEMBLY, MONOLITHIC = "measured_assembly.csv", "measured_monolithic.csv"
+# Beside the scans, and not among them: a batch of the folder takes every table for a map
+ASSEMBLY, MONOLITHIC = "damping/measured_assembly.csv", "damping/measured_monolithic.csv"
 
 
 def write_curves(folder: Path) -> str:
@@ -39,6 +40,7 @@ def write_curves(folder: Path) -> str:
         f"SYNTHETIC, not measured: computed from {FACE}.h5 with friction {FRICTION:g} at "
         f"{PRELOAD_N:g} N and the demonstration beam, {100 * SCATTER:g} % scatter"
     )
+    (folder / ASSEMBLY).parent.mkdir(exist_ok=True)
     for name, loss_factor in ((ASSEMBLY, assembly), (MONOLITHIC, monolithic)):
         of = "with" if name == ASSEMBLY else "without"
         rows = (f"{v * 1e9:.4g},{eta:.3g}" for v, eta in zip(amplitude_m, loss_factor, strict=True))
