@@ -232,4 +232,8 @@ def test_a_map_that_was_turned_has_the_parameters_of_the_map_as_levelled():
     assert asdict(found.hills) == pytest.approx(asdict(feature_parameters(levelled.surface)))
     upside_down = HeightMap(-levelled.surface.height_m, surface.pixel_size_m)
     assert asdict(found.dales) == pytest.approx(asdict(feature_parameters(upside_down)))
-    assert found.to_dict()["Sq_m"] == found.field.Sq_m
+    numbers = found.to_dict(with_hills=True)
+    assert numbers["Sq_m"] == found.field.Sq_m
+    without = found.to_dict(with_hills=False)
+    assert numbers["closed_hills"] == found.hills.closed_hills
+    assert without == numbers | dict.fromkeys(asdict(found.hills))

@@ -45,7 +45,7 @@ class Iso25178:
         return feature_parameters(HeightMap(-surface.height_m, surface.pixel_size_m))
 
     def to_dict(self, *, with_hills: bool) -> dict[str, Any]:
-        """Return the numbers; those of hills None where not asked for, or above 4 million points."""
+        """Return the numbers; those of hills are None without, and above 4 million points."""
         numbers = [one.name for one in fields(SurfaceParameters) if one.type is not Spectrum]
         found: dict[str, Any] = {name: getattr(self.field, name) for name in numbers}
         with_hills &= self.conditioned.surface.height_m.size <= MOST_POINTS
