@@ -19,9 +19,10 @@ from capslip.contact.solvers.polonsky_keer import (
     press,
     stiffness_of_regions_N_per_m,
 )
+from capslip.contact.solvers.refinement import refinement
 from capslip.contact.solvers.solutions import Solutions
 from capslip.contact.solvers.tilting import press_balanced
-from capslip.contact.solvers.unloading import Unloading, refinement
+from capslip.contact.solvers.unloading import Unloading
 from capslip.errors import ContactError, SettingsError
 from capslip.problems import Effect, Problem
 from capslip.settings import SOLVER_TOLERANCE
