@@ -33,6 +33,7 @@ _SMALLEST, _LARGEST = 0.007, 0.985  # their withdrawals, as shares of that of a 
 _UNSETTLED = 1e-3  # of the loss: the most that a solution may leave open
 _FINEST = 1e-11  # tolerance of a solution, above rounding
 _MOST_REGIONS = 300  # that are interpolated each by itself: more are no Hertz contacts
+_LEAST_PIXELS = 10  # of a region on average: smaller ones are none either
 _ORDER = 1.3  # of the error in the width of an interval: three of four points are better than that
 _RIGID = 1e-9  # of the compliance before any slip: less is rounding
 _PATCH_ERROR = 1e-5  # of what patches leave out, over the approach, see `Unloading`
@@ -352,7 +353,8 @@ def _between(path: _Path) -> tuple[Losses | RegionLosses, list[_Interval], float
     of_all = _intervals(path, of_face, carries, at)
     # Regions follow from the loads that pixels resolve, and say nothing below the least of them.
     resolved_N = drop_N[trusted].min(initial=np.inf)
-    if resolved_N > _SMALL_SLIP * path.pressed.load_N or path.n_regions > _MOST_REGIONS:
+    unlike = path.n_regions > min(_MOST_REGIONS, len(path.contact) / _LEAST_PIXELS)
+    if unlike or resolved_N > _SMALL_SLIP * path.pressed.load_N:
         return of_face, _with_steps(path, of_all), smallest_N
     rates = path.rates_per_m(nodes)
     known = (x_m[trusted], rates[trusted], loss_J[trusted])
