@@ -25,6 +25,7 @@ from capslip.contact.solvers.polonsky_keer import (
 )
 from capslip.contact.solvers.refinement import refinement
 from capslip.errors import ContactError
+from capslip.waiting import Waiting
 
 TOLERANCE = 0.005  # aimed at for the loss between the solved loads
 MAX_SOLUTIONS = 40
@@ -126,7 +127,7 @@ def unload(
             f"at least {enough} to follow its slip; use a finer map or a contact model "
             "of caps"
         )
-    begin_s = perf_counter()
+    begin_s, waiting = perf_counter(), Waiting("boundary elements", "loads")
     path = _Path(face, pressed, tolerance, on_patches)
     first, last = (float(np.log(t / (1 - t))) for t in (_SMALLEST, _LARGEST))
     path.solve(first)
@@ -134,9 +135,12 @@ def unload(
     n_first = _FIRST if fit_in >= _FIRST else max(_FEWEST, int(fit_in))
     for odd in np.linspace(first, last, n_first)[1:].tolist():
         path.solve(odd)
+        waiting.tell(len(path.nodes), n_first)
     cut_short = n_first < _FIRST
     while len(path.nodes) < MAX_SOLUTIONS:
-        worst = max(_between(path)[1])
+        intervals = _between(path)[1]
+        worst, n_open = max(intervals), sum(each.excess > 1 for each in intervals)
+        waiting.tell(len(path.nodes), min(len(path.nodes) + n_open, MAX_SOLUTIONS))
         if worst.excess <= 1:
             break
         used_s = perf_counter() - begin_s
