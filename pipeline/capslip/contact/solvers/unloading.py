@@ -403,12 +403,16 @@ def _intervals(
 
 
 def _with_steps(path: _Path, intervals: list[_Interval]) -> list[_Interval]:
-    """Return the intervals with the errors that single pixels may make, from `_SMALL_SLIP` on."""
+    """Return the intervals with the errors that single pixels may make.
+
+    None is halved for them below `_SMALL_SLIP`: there they say what is not resolved.
+    """
     found = []
     for pair, each in zip(pairwise(path.nodes), intervals, strict=True):
         step = _steps(path, *pair)
-        excess, error = max(each.excess, step / _STEPS), max(each.error, step)
-        found.append(_Interval(excess, error, each.low, each.high))
+        asked = path.pressed.load_N - pair[1].load_N > _SMALL_SLIP * path.pressed.load_N
+        excess = max(each.excess, step / _STEPS) if asked else each.excess
+        found.append(_Interval(excess, max(each.error, step), each.low, each.high))
     return found
 
 
@@ -422,8 +426,6 @@ def _steps(path: _Path, low: _Node, high: _Node) -> float:
     """
     preload_N = path.pressed.load_N
     s_1, s_2 = preload_N - low.load_N, preload_N - high.load_N
-    if s_2 <= _SMALL_SLIP * preload_N:
-        return 0.0
     L_1, L_2 = low.region_loss_J.sum(), high.region_loss_J.sum()
     area = L_2 - L_1 - 4 * (s_1 * high.withdrawal_m - s_2 * low.withdrawal_m)  # 8 J
     if area <= _RIGID * preload_N * path.pressed.approach_m:
