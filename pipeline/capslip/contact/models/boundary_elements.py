@@ -426,6 +426,11 @@ def _error(
     return max(between, moved, LEAST_ERROR), tuple(found)
 
 
+def _least_share(curve: BoundaryElementCurve, load_N: float) -> float:
+    """Return the least resolved share of mu N; from a tenth on, `_error` holds all of it."""
+    return min(curve.unloading(load_N).smallest_drop_N / load_N, SMALL_SLIP)
+
+
 RUNG = Rung(
     name="boundary_elements",
     label="boundary elements",
@@ -438,6 +443,7 @@ RUNG = Rung(
     colour="#009E73",
     interacts=True,
     error=_error,
+    least_share=_least_share,
     build=_build,
     contacts=_contacts,
     contact_name="contact regions",
