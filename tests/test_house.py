@@ -11,7 +11,7 @@ PACKAGE = Path(__file__).parents[1] / "pipeline" / "capslip"
 
 # From the ground up: a module imports from deeper floors, or from its own room.
 FLOORS = (
-    {"errors", "materials", "provenance", "registry", "units"},
+    {"errors", "materials", "provenance", "registry", "units", "waiting"},
     {"problems", "settings"},
     {"surface"},
     {"caps"},

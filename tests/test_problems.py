@@ -230,6 +230,7 @@ WORDS = {
     "loosely": "contact.tolerance=0.9",
     "uneven": f"joint.pressure_map={UNEVEN}",
     "pushed": "answer.slip_force_N=500",
+    "barely-pushed": "answer.slip_force_N=0.1",
     "beam": "structure.beam.length_m=0.5",
 }
 
@@ -358,6 +359,7 @@ ROWS = [
     Row("no_caps", "info", "'too_few_points': ", "pimples levelled in-time"),
     Row("small_slip_extrapolated", "info", "below 0.04", "fine-sphere solved N=60",
         "fine-sphere N=60"),
+    Row("small_slip_extrapolated", "warning", "asked for is 0.0011 of", "plain solved barely-pushed"),
     Row("materials_coupled", "warning", "-0.28", "plain on-plastics"),
     Row("friction_suspect", "warning", "is 2;", "plain sticky"),
     Row("beam_ignored", "warning", "structure.beam is not used", "plain stiff-mode joint beam",

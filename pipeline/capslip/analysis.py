@@ -23,7 +23,7 @@ from capslip.contact.press import ContactState
 from capslip.contact.relevance import as_read, still_doubtful
 from capslip.contact.rung import rung
 from capslip.contact.scans import curve_of_scans
-from capslip.contact.slip import slip_curve
+from capslip.contact.slip import SlipCurve, slip_curve
 from capslip.contact.varying_load import varying
 from capslip.errors import ContactError, SettingsError
 from capslip.problems import Problem
@@ -40,7 +40,7 @@ from capslip.stages import (
     find_face,
     press_face,
 )
-from capslip.structure.answer import answer_to
+from capslip.structure.answer import Answer, answer_to
 from capslip.structure.band import Part, band_of, band_of_scans
 from capslip.structure.doubts import problems_of_damping, problems_of_structure
 from capslip.structure.stiffness import is_given, structure_name
@@ -120,6 +120,23 @@ def analyze(
             with_contact=contact is not None,
         )
     return replace(analysis, sensitivity=swept, problems=(*problems, *swept.problems))
+
+
+def _of_small_slip(
+    contact: ContactState, answer: Answer | None, slip: SlipCurve
+) -> tuple[Problem, ...]:
+    """Return a doubt where less slips under the force asked for than the model resolves."""
+    if answer is None or contact.rung.least_share is None:
+        return ()
+    share = answer.slip_force_N / float(slip.total_slip_force_N)
+    least = contact.rung.least_share(contact.normal, contact.preload_N)
+    if share >= least:
+        return ()
+    message = (
+        f"asked for is {share:.2g} of the force at total slip; below {least:.2g} less slips than "
+        "the pixels of the map resolve: the energy per cycle may be off by more than 5 %"
+    )
+    return (Problem("small_slip_extrapolated", "warning", message),)
 
 
 def _lacks_error(contact: ContactState, settings: Settings) -> bool:
@@ -342,7 +359,7 @@ def _analyzed(
             problems += as_read(found, contact, doubtful, tolerance)
             problems += problems_of_damping(damping, structure_name(settings), is_given(settings))
             answer, beyond = answer_to(settings.answer, slip, damping)
-            problems += beyond
+            problems += [*beyond, *_of_small_slip(contact, answer, slip)]
             problems = with_effects(
                 *(problems, face.caps.with_columns(flags=doubtful.flags), face.family_caps),
                 face.conditioned,

@@ -20,6 +20,7 @@ from typing import Any
 import click
 
 from capslip.errors import CapslipError, ScanError, in_one_line, printable
+from capslip.waiting import LISTENER
 
 
 class Terminated(KeyboardInterrupt):
@@ -119,12 +120,16 @@ def _echo(text: str, err: bool = False) -> None:
 
 
 class Progress:
-    """Messages on stderr, each with the seconds since the start; silent with `-q`."""
+    """Messages on stderr, each with the seconds since the start; silent with `-q`.
+
+    On a terminal it also tells how far long calculations are.
+    """
 
     def __init__(self, quiet: bool, verbose: bool = False) -> None:
         self.quiet, self.verbose = quiet, verbose
         self.started = time.perf_counter()
         self.failures: list[tuple[str, Exception]] = []
+        LISTENER.set(self if not quiet and sys.stderr.isatty() else None)
 
     def __call__(self, message: str) -> None:
         """Tell what is done next."""

@@ -1,5 +1,7 @@
 """The loss between solved loads against closed forms and loads that were solved for the test."""
 
+from itertools import pairwise
+
 import numpy as np
 import pytest
 
@@ -77,3 +79,74 @@ def test_a_rough_face_between_its_solved_loads(correlation_px):
         table = np.log(unloading.load_drop_N), np.log(unloading.loss_J)
         loss_J = np.exp(np.interp(np.log(drop_N), *table))
         assert loss_J == pytest.approx(node.region_loss_J.sum(), rel=0.02)
+
+
+def rough_face(seed, correlation_px):
+    from scipy.ndimage import gaussian_filter
+
+    height = np.random.default_rng(seed).standard_normal((64, 64))
+    if correlation_px > 0:
+        height = gaussian_filter(height, correlation_px, mode="wrap")
+    return elastic_face(HeightMap(1e-7 * height / height.std(), (1e-5, 1e-5)), 110e9)
+
+
+def solved_at(path, share):
+    node = path.solve(float(np.log((1 - share) ** (-2 / 3) - 1)))
+    return path.pressed.load_N - node.load_N, node.region_loss_J.sum()
+
+
+def test_the_error_holds_where_few_pixels_slip():
+    """Faces of 100 to 200 pixels in contact, most of which no force below 0.3 mu N resolves."""
+    beyond = []
+    for seed, correlation_px, load_N in [
+        *((seed, 0.0, 4.5) for seed in (1, 2, 3, 7)),
+        *((seed, 1.0, 4.5) for seed in (1, 2, 3)),
+        *((seed, 1.5, 4.0) for seed in (1, 2, 3)),
+        *((seed, 3.0, 1.5) for seed in (1, 2)),
+    ]:
+        face = rough_face(seed, correlation_px)
+        pressed = press(face, load_N=load_N)
+        unloading = module.unload(face, pressed, 1e-7)
+        assert unloading.smallest_drop_N > 0.1 * load_N
+        assert len(unloading.solved_load_N) - 1 < module.MAX_SOLUTIONS
+        path = module._Path(face, pressed, 1e-7, True)
+        drop_N, loss_J = np.array([solved_at(path, share) for share in np.linspace(0.1, 0.9, 17)]).T
+        table = np.log(unloading.load_drop_N), np.log(unloading.loss_J)
+        off = np.abs(np.exp(np.interp(np.log(drop_N), *table)) / loss_J - 1)
+        assert unloading.loss_error < 0.15
+        beyond.extend(off / unloading.loss_error)
+    assert np.quantile(beyond, 0.95) < 1
+    assert max(beyond) < 2
+
+
+def test_the_bend_between_two_loads_bounds_their_loss():
+    """However few pixels let go: the one whose two loads are halved may be off by no more."""
+    face = rough_face(3, 3.0)
+    path = module._Path(face, press(face, load_N=2.25), 1e-7, True)
+    shares = np.linspace(0.11, 0.9, 9)
+    drop_N, loss_J = np.array([solved_at(path, share) for share in shares]).T
+    found, _ = losses(
+        path.stiffness_N_per_m,
+        np.append(drop_N, path.pressed.load_N),
+        np.array([*(node.withdrawal_m for node in path.nodes), path.end().withdrawal_m]),
+        np.append(loss_J, path.end().region_loss_J.sum()),
+    )
+    _, s_N, table_J = found.table()
+    nodes = list(path.nodes)
+    for low, high in pairwise(nodes):
+        n_pixels = max(len(low.contact) - len(high.contact), 1)
+        most = module._steps(path, low, high) * np.sqrt(n_pixels)
+        share = 1 - np.sqrt(low.load_N * high.load_N) / path.pressed.load_N
+        at_N, between_J = solved_at(path, share)
+        off = np.exp(np.interp(np.log(at_N), np.log(s_N), np.log(table_J))) / between_J - 1
+        assert 0 < abs(off) < most
+
+
+def test_a_pixel_that_is_about_to_let_go_leaves_no_loss_out():
+    """At 0.15 mu N a solution to 1e-7 keeps two pixels, and would lose 7 % of the loss."""
+    face = rough_face(1, 1.5)
+    path = module._Path(face, press(face, load_N=4.0), 1e-7, True)
+    for share in (0.1406, 0.1593):
+        solved_at(path, share)
+    fine = module._Path(face, path.map_pressed, module._FINEST, True)
+    assert solved_at(path, 0.15)[1] == pytest.approx(solved_at(fine, 0.15)[1], rel=1e-3)

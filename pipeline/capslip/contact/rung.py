@@ -117,6 +117,8 @@ class Rung(Generic[C]):
     knows_places: bool = True  # whether a tilt moves its contacts; else it stays as levelled
     # The error to be expected at a load, and what takes it beyond a tolerance, where it knows both
     error: Callable[[C, float, float], tuple[float | None, tuple[Problem, ...]]] | None = None
+    # Share of the force at total slip below which the energy at a load is not resolved
+    least_share: Callable[[C, float], float] | None = None
     interacts: bool = False  # whether each contact sinks the others
 
 

@@ -19,9 +19,10 @@ from capslip.contact.solvers.polonsky_keer import (
     press,
     stiffness_of_regions_N_per_m,
 )
+from capslip.contact.solvers.refinement import refinement
 from capslip.contact.solvers.solutions import Solutions
 from capslip.contact.solvers.tilting import press_balanced
-from capslip.contact.solvers.unloading import Unloading, refinement
+from capslip.contact.solvers.unloading import Unloading
 from capslip.errors import ContactError, SettingsError
 from capslip.problems import Effect, Problem
 from capslip.settings import SOLVER_TOLERANCE
@@ -426,6 +427,11 @@ def _error(
     return max(between, moved, LEAST_ERROR), tuple(found)
 
 
+def _least_share(curve: BoundaryElementCurve, load_N: float) -> float:
+    """Return the least resolved share of mu N; from a tenth on, `_error` holds all of it."""
+    return min(curve.unloading(load_N).smallest_drop_N / load_N, SMALL_SLIP)
+
+
 RUNG = Rung(
     name="boundary_elements",
     label="boundary elements",
@@ -438,6 +444,7 @@ RUNG = Rung(
     colour="#009E73",
     interacts=True,
     error=_error,
+    least_share=_least_share,
     build=_build,
     contacts=_contacts,
     contact_name="contact regions",

@@ -48,6 +48,11 @@ class Losses:
         s_N = 0.5 * np.sqrt(np.maximum(rate, 0.0) * np.exp(value - at))
         x_m = (self.compliance_m_per_N + more) * s_N
         loss_J = np.exp(value)
+        # No cubic may rise above the point it leads to, which would then be lost.
+        most_N = 0.5 * np.sqrt(slope[1:] * np.exp(log_loss[1:] - z[1:]))
+        most_m = (self.compliance_m_per_N + np.exp(z[1:])) * most_N
+        below = (s_N < np.repeat(most_N, _POINTS)) & (x_m < np.repeat(most_m, _POINTS))
+        s_N, x_m, loss_J, more = (column[below] for column in (s_N, x_m, loss_J, more))
         # Begins with slip that is all but none, L = a s^3
         begin = np.geomspace(_FAR * end_m / x_m[0], 1.0, _POINTS, endpoint=False)
         rest = more[0] * begin

@@ -23,7 +23,9 @@ from capslip.contact.solvers.polonsky_keer import (
     press,
     punch_pressure_Pa_per_m,
 )
+from capslip.contact.solvers.refinement import refinement
 from capslip.errors import ContactError
+from capslip.waiting import Waiting
 
 TOLERANCE = 0.005  # aimed at for the loss between the solved loads
 MAX_SOLUTIONS = 40
@@ -32,22 +34,16 @@ _SMALLEST, _LARGEST = 0.007, 0.985  # their withdrawals, as shares of that of a 
 _UNSETTLED = 1e-3  # of the loss: the most that a solution may leave open
 _FINEST = 1e-11  # tolerance of a solution, above rounding
 _MOST_REGIONS = 300  # that are interpolated each by itself: more are no Hertz contacts
+_LEAST_PIXELS = 10  # of a region on average: smaller ones are none either
 _ORDER = 1.3  # of the error in the width of an interval: three of four points are better than that
 _RIGID = 1e-9  # of the compliance before any slip: less is rounding
 _PATCH_ERROR = 1e-5  # of what patches leave out, over the approach, see `Unloading`
 _ENOUGH_PIXELS, _ENOUGH_REFINED = 100, 50  # in contact, of a map as it is and of a refined one
-# Pixels across a contact, see `Pressed.pixels_across`: the map is refined where they are fewer than
-# the first, to the second; then the energy at a tenth of mu N is off by 1 %, and not by 2 to 9.
-_WIDE_ENOUGH, _WIDE = 35, 75
-_MOST_REFINED = 6
-_SMOOTH = (
-    0.01  # roughness between neighbouring pixels of a map that may be refined, of the approach
-)
-_RINGING = 0.27  # 2 - sqrt(3): how a cubic spline's swing falls from pixel to pixel
 # Relative error of the loss of a region times the square of the width, in pixels, of the ring that
 # left it; seen on spheres for rings of 0.3 to 2.7 pixels
 _RING_ERROR = 0.015
 _SMALL_SLIP = 0.1  # of the preload: below, the loss is as good as `smallest_drop_N` says
+_STEPS = 0.01  # aimed at for what single pixels that let go may do to the loss, see `_steps`
 _UNCERTAIN = 0.05  # relative error of the loss from which it is not to be trusted
 
 
@@ -100,7 +96,8 @@ def unload(
 
     Between solved loads the loss is interpolated: that of the face, whose slopes are known as well,
     or that of each contact region as a Hertz contact (`losses`). A load that is left out tells what
-    the intervals beside it may be off: that decides between the two, and the worst one is halved.
+    the intervals beside it may be off: that decides between the two. Where few pixels let go in an
+    interval, what they may do is more (`_steps`). The worst interval is halved.
 
     Parameters
     ----------
@@ -130,7 +127,7 @@ def unload(
             f"at least {enough} to follow its slip; use a finer map or a contact model "
             "of caps"
         )
-    begin_s = perf_counter()
+    begin_s, waiting = perf_counter(), Waiting("boundary elements", "loads")
     path = _Path(face, pressed, tolerance, on_patches)
     first, last = (float(np.log(t / (1 - t))) for t in (_SMALLEST, _LARGEST))
     path.solve(first)
@@ -138,9 +135,12 @@ def unload(
     n_first = _FIRST if fit_in >= _FIRST else max(_FEWEST, int(fit_in))
     for odd in np.linspace(first, last, n_first)[1:].tolist():
         path.solve(odd)
+        waiting.tell(len(path.nodes), n_first)
     cut_short = n_first < _FIRST
     while len(path.nodes) < MAX_SOLUTIONS:
-        worst = max(_between(path)[1])
+        intervals = _between(path)[1]
+        worst, n_open = max(intervals), sum(each.excess > 1 for each in intervals)
+        waiting.tell(len(path.nodes), min(len(path.nodes) + n_open, MAX_SOLUTIONS))
         if worst.excess <= 1:
             break
         used_s = perf_counter() - begin_s
@@ -153,47 +153,6 @@ def unload(
         left_s = max(time_limit_s - (perf_counter() - begin_s), 0.0)
         return unload(face, pressed, tolerance, time_limit_s=left_s, on_patches=False)
     return replace(_tabulated(path, cut_short), patch_error=error)
-
-
-def refinement(face: ElasticFace, pressed: Pressed) -> int:
-    """Return how many points along the side of a pixel follow the slip of a contact.
-
-    One where the contacts are wide enough, or the map is rough from pixel to pixel: then no spline
-    knows what lies between the pixels.
-    """
-    across = pressed.pixels_across
-    if across >= _WIDE_ENOUGH:
-        return 1
-    # What half of the pixels say of the others; a spline through all of them is far nearer.
-    depth_m = face.depth_m
-    inside = np.zeros(face.shape, dtype=bool)
-    inside[3:-3, 3:-3] = (pressed.pressure_Pa > 0)[3:-3, 3:-3]
-    off_m = np.zeros(face.shape)
-    for axis in (0, 1):
-        near, far = (np.roll(depth_m, n, axis) + np.roll(depth_m, -n, axis) for n in (1, 3))
-        off_m += np.square(depth_m - (9 * near - far) / 16)
-    rough_m = np.sqrt(off_m[inside].mean()) if inside.any() else np.inf
-    if rough_m > _SMOOTH * pressed.approach_m or _rings(off_m, pressed):
-        return 1
-    return min(_MOST_REFINED, int(np.ceil(_WIDE / across)))
-
-
-def _rings(square_m2: np.ndarray, pressed: Pressed) -> bool:
-    """Tell whether a spline swings in a contact because of a pit or a step beside it.
-
-    What is off its neighbours at one pixel, squared, makes a cubic spline swing about it, by 0.27
-    of that less at each pixel further on.
-    """
-    from scipy.ndimage import distance_transform_edt
-
-    contact, most_m = pressed.pressure_Pa > 0, _SMOOTH * pressed.approach_m
-    rough = (np.sqrt(square_m2) > most_m) & ~contact
-    for edge in (np.s_[:3], np.s_[-3:]):  # where the neighbours are those of the other side
-        rough[edge] = rough[:, edge] = False
-    if not rough.any():
-        return False
-    pixels = distance_transform_edt(~contact)[rough]
-    return bool((np.sqrt(square_m2[rough]) * _RINGING**pixels > most_m).any())
 
 
 class _Interval(NamedTuple):
@@ -263,6 +222,11 @@ class _Path:
         tolerance = min(self.tolerance, max(_UNSETTLED * t**3 / 8, _FINEST))
         state = press(self.face, load_N=load_N, tolerance=tolerance, start_Pa=self._start(load_N))
         node = self._node(odd, state)
+        # A pixel that is about to let go may keep a wide gap under next to no pressure.
+        if tolerance > _FINEST and self._open_J(state) > _UNSETTLED * node.region_loss_J.sum():
+            start_Pa = state.pressure_Pa
+            state = press(self.face, load_N=load_N, tolerance=_FINEST, start_Pa=start_Pa)
+            node = self._node(odd, state)
         self.nodes = sorted([*self.nodes, node], key=lambda each: each.withdrawal_m)
         return node
 
@@ -318,6 +282,12 @@ class _Path:
             start.flat[below.contact] += (1 - share) * below.pressure_Pa
         return start
 
+    def _open_J(self, state: Pressed) -> float:
+        """Return the loss of the gaps that a solution leaves under pressure."""
+        pressure_Pa, gap_m = state.pressure_Pa.flat[self.contact], state.gap_m.flat[self.contact]
+        gone_Pa = np.where(pressure_Pa > 0, self.pressure_Pa - pressure_Pa, 0.0)
+        return abs(float(4 * gone_Pa @ gap_m * self.face.pixel_area_m2))
+
     def _node(self, odd: float, state: Pressed) -> _Node:
         pressure_Pa = state.pressure_Pa.flat[self.contact]
         withdrawal_m = self.pressed.approach_m - state.approach_m
@@ -372,7 +342,7 @@ def _on_patches(
 
 
 def _between(path: _Path) -> tuple[Losses | RegionLosses, list[_Interval], float]:
-    """Return the better one of two ways to interpolate, its errors, and where it begins."""
+    """Return the better one of two ways to interpolate, its errors, and where pixels resolve it."""
     nodes = [*path.nodes, path.end()]
     x_m = np.array([node.withdrawal_m for node in nodes])
     drop_N = path.pressed.load_N - np.array([node.load_N for node in nodes])
@@ -385,16 +355,18 @@ def _between(path: _Path) -> tuple[Losses | RegionLosses, list[_Interval], float
     more = np.maximum(x_m / drop_N * path.stiffness_N_per_m - 1, _RIGID)
     at = np.maximum.accumulate(np.log(more)) + 1e-9 * np.arange(len(x_m))
     of_all = _intervals(path, of_face, carries, at)
-    resolved = smallest_N < _SMALL_SLIP * path.pressed.load_N
-    if not resolved or path.n_regions > _MOST_REGIONS:
-        return of_face, of_all, smallest_N
+    # Regions follow from the loads that pixels resolve, and say nothing below the least of them.
+    resolved_N = drop_N[trusted].min(initial=np.inf)
+    unlike = path.n_regions > min(_MOST_REGIONS, len(path.contact) / _LEAST_PIXELS)
+    if unlike or resolved_N > _SMALL_SLIP * path.pressed.load_N:
+        return of_face, _with_steps(path, of_all), smallest_N
     rates = path.rates_per_m(nodes)
     known = (x_m[trusted], rates[trusted], loss_J[trusted])
     of_regions = region_losses(path.region_load_N, path.slope_per_m, *known)
     of_each = _intervals(path, of_regions, trusted, at)
     if max(of_each) < max(of_all):
-        return of_regions, of_each, smallest_N
-    return of_face, of_all, smallest_N
+        return of_regions, _with_steps(path, of_each), smallest_N
+    return of_face, _with_steps(path, of_all), smallest_N
 
 
 def _where_trusted(drop_N: np.ndarray, pixel_error: np.ndarray) -> float:
@@ -430,6 +402,41 @@ def _intervals(
     ]
 
 
+def _with_steps(path: _Path, intervals: list[_Interval]) -> list[_Interval]:
+    """Return the intervals with the errors that single pixels may make.
+
+    None is halved for them below `_SMALL_SLIP`: there they say what is not resolved.
+    """
+    found = []
+    for pair, each in zip(pairwise(path.nodes), intervals, strict=True):
+        step = _steps(path, *pair)
+        asked = path.pressed.load_N - pair[1].load_N > _SMALL_SLIP * path.pressed.load_N
+        excess = max(each.excess, step / _STEPS) if asked else each.excess
+        found.append(_Interval(excess, max(each.error, step), each.low, each.high))
+    return found
+
+
+def _steps(path: _Path, low: _Node, high: _Node) -> float:
+    """Return by how much the loss between two loads may be off by pixels that let go, relative.
+
+    Fewer and fewer pixels hold, so x(s) is convex and lies below its chord, by an area J that is
+    known, 8 J = L_2 - L_1 - 4 s_1 s_2 (c_2 - c_1), with c = x / s. At a load between it lies below
+    by 0 to 2 J / (s_2 - s_1), as the one pixel lets go that bends it, and the loss follows, to
+    within 4 s J / (s_2 - s_1). Of n pixels that let go anywhere, the root of n is left of that.
+    """
+    preload_N = path.pressed.load_N
+    s_1, s_2 = preload_N - low.load_N, preload_N - high.load_N
+    L_1, L_2 = low.region_loss_J.sum(), high.region_loss_J.sum()
+    area = L_2 - L_1 - 4 * (s_1 * high.withdrawal_m - s_2 * low.withdrawal_m)  # 8 J
+    if area <= _RIGID * preload_N * path.pressed.approach_m:
+        return 0.0
+    refined = 1 if path.patches is None else path.patches.refinement
+    n_pixels = max((len(low.contact) - len(high.contact)) / refined, 1.0)
+    loss = np.sqrt(L_1 * L_2)
+    most = 0.5 * area * np.sqrt(s_1 * s_2) / (s_2 - s_1)
+    return float(min(most / max(loss * np.sqrt(n_pixels), most), 1.0))
+
+
 def _lift_offs_m(path: _Path) -> np.ndarray:
     """Return at which withdrawal each region has lost its compression, t = 1."""
     nodes = [*path.nodes, path.end()]
@@ -448,8 +455,8 @@ def _lift_offs_m(path: _Path) -> np.ndarray:
 def _tabulated(path: _Path, cut_short: bool) -> Unloading:
     """Return what was found in one table, so that whatever is asked later is found in it.
 
-    Intervals that are off by more than `_UNCERTAIN` are no error between the loads but the end of
-    what pixels resolve; unless there was no time to halve them.
+    Below the forces that joints are asked for, intervals that are off by more than `_UNCERTAIN` are
+    no error between the loads but the end of what pixels resolve.
     """
     pressed = path.pressed
     found, intervals, smallest_N = _between(path)
@@ -457,11 +464,11 @@ def _tabulated(path: _Path, cut_short: bool) -> Unloading:
     of_all_m = np.zeros(len(path.map_pressed.region_pixels))
     of_all_m[path.left] = _lift_offs_m(path)
     drop_of = {node.odd: pressed.load_N - node.load_N for node in path.nodes}
-    doubtful_N = [drop_of[each.high] for each in intervals if each.error > _UNCERTAIN]
-    if not cut_short:
-        smallest_N = max([smallest_N, *doubtful_N])
-    least_N = 0.0 if cut_short else max(smallest_N, _SMALL_SLIP * pressed.load_N)
-    errors = [each.error for each in intervals if drop_of[each.high] > least_N]
+    least_N = _SMALL_SLIP * pressed.load_N
+    asked = [drop_of[each.high] > least_N for each in intervals]
+    ends_N = [drop_of[each.high] for each in intervals if each.error > _UNCERTAIN]
+    smallest_N = max([smallest_N, *(end_N for end_N in ends_N if end_N <= least_N)])
+    errors = [each.error for each, used in zip(intervals, asked, strict=True) if used]
     # In the approach of the map, which the preload has as well
     left = [(node.load_N, 1 - node.withdrawal_m / pressed.approach_m) for node in path.nodes]
     solved = np.array(sorted([*left, (pressed.load_N, 1.0)])) * (1, path.map_pressed.approach_m)
