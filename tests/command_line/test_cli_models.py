@@ -8,7 +8,7 @@ import pytest
 from click.testing import CliRunner
 
 from capslip.cli import main
-from capslip.contact.models import boundary_elements
+from capslip.contact.solvers import solutions
 from capslip.errors import ContactError
 from capslip.options import MODELS
 from capslip.output import figures_contact, mesh, report
@@ -59,13 +59,13 @@ def test_the_normal_curve_of_boundary_elements_costs_no_solution(
 ):
     """Balanced, the one solution is that of the level."""
     loads_N = []
-    press = boundary_elements.press
+    press = solutions.press
 
     def counted(*arguments, load_N=None, **options):
         loads_N.append(load_N)
         return press(*arguments, load_N=load_N, **options)
 
-    monkeypatch.setattr(boundary_elements, "press", counted)
+    monkeypatch.setattr(solutions, "press", counted)
     way = ("--model", "boundary_elements", "--set", f"contact.alignment={alignment}")
     ran = run("analyze", face, *way, "--no-render", "-o", tmp_path / "x")
     assert ran.exit_code == 0, ran.output

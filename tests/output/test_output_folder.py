@@ -5,6 +5,7 @@ import json
 from dataclasses import replace
 
 import h5py
+import msgspec
 import numpy as np
 import output_cases
 import pytest
@@ -58,7 +59,9 @@ def written(tmp_path_factory):
 def test_the_summary_returned_is_the_one_on_disk(written):
     analysis, folder, summary = written
     assert json.loads((folder / "summary.json").read_text()) == summary
-    for key, one in analysis.summary().items():
+    run = msgspec.structs.replace(analysis.settings.run, figures=False, render=False)
+    as_written = replace(analysis, settings=msgspec.structs.replace(analysis.settings, run=run))
+    for key, one in as_written.summary().items():
         if key not in ("timings_s", "provenance"):
             assert summary[key] == one
     assert summary["provenance"]["command"] == "capslip by hand"

@@ -20,7 +20,7 @@ def page(tmp_path_factory):
     (folder / "README.md").write_text("no scan")
     (folder / "below").mkdir()
     (folder / "oracle.json").write_text(json.dumps({"no": "scan"}))
-    return real_scans(folder, (*AS_METRES, "contact.preload_N=50"))
+    return real_scans(folder, (*AS_METRES, "contact.model='families'", "contact.preload_N=50"))
 
 
 def test_one_row_a_scan_and_none_for_other_files(page):

@@ -22,6 +22,8 @@ LENGTHS_M = (
 )  # of heights and sides; beyond it powers of them leave the floating numbers
 SAMPLED_LINES = 100
 HIGHEST_SHARE = 0.10  # what the paper keeps: a spike up there is touched, or spoils a cap
+# Of the rms slope of all: in waves, noise and caps alike, in any unit, that of the top is a third
+WALLS = 0.25
 VISIBLE_SHARE_OF_SQ = 0.01
 MAX_OUTLIER_SHARE = 0.02
 CLIPPED_POINTS = 9  # that share the greatest height
@@ -90,10 +92,11 @@ def problems_of_map(surface: HeightMap, sq_m: float, sz_m: float) -> tuple[Probl
     tuple of Problem
         `slope_suspect` (error) where the height range exceeds the shorter side of the face, or
         (warning) where the rms slope or more than 5 % of all slopes exceed 1 (info where those of
-        the highest tenth do not: pits have walls, and are not touched), and `scale_suspect`
-        (warning) where it is below the size of an atom or a side is longer than 1 m: a wrong unit
-        until proven otherwise. `outliers` where Sz/Sq exceeds 30: a warning where peaks, info
-        where pits do it. `non_square_pixels` (info; warning from a ratio of 10 on).
+        the highest tenth are far smaller: pits have walls, and are not touched), and
+        `scale_suspect` (warning) where it is below the size of an atom or a side is longer than
+        1 m: a wrong unit until proven otherwise. `outliers` where Sz/Sq exceeds 30: a warning
+        where peaks, info where pits do it. `non_square_pixels` (info; warning from a ratio of 10
+        on).
     """
     found = (
         _steep(surface, sz_m),
@@ -326,7 +329,8 @@ def _steep(surface: HeightMap, sz_m: float) -> Problem | None:
     message = f"rms slope {rms_slope:.2g}, {100 * steep_share:.1f} % of the slopes above 1"
     least_m = np.nanquantile(surface.height_m, 1.0 - HIGHEST_SHARE)
     highest_m = np.where(surface.height_m >= least_m, surface.height_m, np.nan)
-    if _is_steep(*_slopes(highest_m, surface.pixel_size_m)):
+    at_top = _slopes(highest_m, surface.pixel_size_m)
+    if _is_steep(*at_top) or at_top[0] > WALLS * rms_slope:
         return Problem("slope_suspect", "warning", f"{message}: {advice}")
     message += f"; not so where the face is touched, in its highest {HIGHEST_SHARE:.0%}: deep walls"
     return Problem("slope_suspect", "info", message)
