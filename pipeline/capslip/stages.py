@@ -190,8 +190,9 @@ def estimate(
     if contact.rung.error is not None:
         with clock("accuracy"):
             given = (contact.normal, contact.preload_N, settings.contact.tolerance)
-            known, doubts = contact.rung.error(*given)
-        return replace(contact, estimated_error=known), doubts
+            errors, doubts = contact.rung.error(*given)
+        known = None if errors is None else errors.greatest
+        return replace(contact, estimated_error=known, errors=errors), doubts
     with clock("accuracy"):
         caps = (face.caps, face.families, face.conditioned.surface, face.label, face.hills.noise_m)
         error, moved, doubts = estimate_error(*caps, settings)

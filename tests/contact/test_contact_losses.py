@@ -5,6 +5,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
+from capslip.contact.solvers import detail
 from capslip.contact.solvers import unloading as module
 from capslip.contact.solvers.hertz import load_drop_of_asperity, loss_of_asperity
 from capslip.contact.solvers.losses import losses
@@ -150,3 +151,20 @@ def test_a_pixel_that_is_about_to_let_go_leaves_no_loss_out():
         solved_at(path, share)
     fine = module._Path(face, path.map_pressed, module._FINEST, True)
     assert solved_at(path, 0.15)[1] == pytest.approx(solved_at(fine, 0.15)[1], rel=1e-3)
+
+
+def test_the_stiffness_whose_change_detail_is_asked_for_is_that_at_first_and_of_the_secants():
+    """Of one sphere, T = 1 - (1 - x)^1.5 over the load and the approach; the bulk is taken off."""
+    size_m = (2e-6, 2e-6)
+    y, x = np.mgrid[-32:32, -32:32] * size_m[0]
+    sphere = elastic_face(HeightMap(-(x**2 + y**2) / 2e-3, size_m), 1e11)
+    pressed = press(sphere, load_N=0.2)
+    found = module.unload(sphere, pressed, 1e-7)
+    share = np.array(detail.FORCE_SHARES)
+    secant = share / (1.0 - (1.0 - share) ** (2 / 3))
+    expected = np.append(1.5, secant) * pressed.load_N / pressed.approach_m
+    got = detail._stiffness_N_per_m(found, 0.0)
+    np.testing.assert_allclose(got, expected, rtol=0.02)
+    bulk_m_per_N = 0.1 / expected[0]
+    less = detail._stiffness_N_per_m(found, bulk_m_per_N)
+    np.testing.assert_allclose(1.0 / got - 1.0 / less, bulk_m_per_N, rtol=1e-9)

@@ -13,6 +13,7 @@ from capslip.contact.material import composite
 from capslip.contact.models.boundary_elements import RUNG as BOUNDARY_ELEMENTS
 from capslip.contact.models.boundary_elements import boundary_elements
 from capslip.contact.models.caps import caps
+from capslip.contact.rung import ModelError
 from capslip.contact.scans import curve_of_scans
 from capslip.contact.slip import slip_curve
 from capslip.contact.solvers.yielding import YieldLaw
@@ -126,6 +127,16 @@ def test_an_estimated_error_at_95_is_a_normal_one():
     assert found.left_out == ()
     both = np.diff(np.log(found.interval["joint_loss_factor"]))[0]
     assert both == pytest.approx(np.sqrt(2.0) * 2.0 * Z_90 * 0.1 / NORMAL_95, rel=0.05)
+
+
+def test_a_model_that_knows_its_stiffness_better_than_its_energy_says_both():
+    question = {"slip_force_N": 0.25 * MU * N}
+    errors = {"tangential_stiffness_N_per_m": 0.01, "energy_J": 0.4}
+    known = ModelError(*errors.values())
+    found = band(question, lambda contact: replace(contact, estimated_error=0.4, errors=known))
+    for name, error in errors.items():
+        low, high = found.interval[name]
+        assert np.log(high / low) == pytest.approx(2.0 * Z_90 * error / NORMAL_95, rel=1e-2)
 
 
 @pytest.mark.parametrize("asked", ["slip_force_N", "displacement_m"])

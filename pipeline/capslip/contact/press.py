@@ -15,7 +15,7 @@ from capslip.contact.choice import Choice, choose_model
 from capslip.contact.curve import NormalCurve
 from capslip.contact.flattening import flattened, loaded_first
 from capslip.contact.material import Composite, composite
-from capslip.contact.rung import Contacts, Rung, Scene, rung
+from capslip.contact.rung import Contacts, ModelError, Rung, Scene, rung
 from capslip.contact.solvers.hertz import contact_radius_m
 from capslip.errors import ContactError
 from capslip.problems import Effect, Problem
@@ -57,6 +57,7 @@ class ContactState:
     yielded_area_m2: float | None = None  # of the contact area; None as well
     # The curve for slip after a first loading to a load, at a hardness by a factor; None as well
     first: Callable[[float, float], NormalCurve] | None = None
+    errors: ModelError | None = None  # of stiffness and energy apart, where the model knows them
 
     @property
     def model(self) -> str:
@@ -130,6 +131,7 @@ def press(
     joint = composite(settings.material.youngs_modulus_Pa, settings.material.poisson_ratio)
     preload_N = settings.contact.preload_N
     use, reason, error, moved, problems = caps.usable, "chosen in the settings", None, None, []
+    errors: ModelError | None = None
     choice, model_name = None, settings.contact.model
     if model_name == "auto":
         choice = choose_model(caps, families, surface, label, noise_m, settings, map_failure)
@@ -151,7 +153,8 @@ def press(
     found, a_m = _contacts(scene, caps, normal, approach_m, model)
     problems += _closes(found, surface)
     if choice is not None and model.error is not None:
-        error, doubts = model.error(normal, preload_N, settings.contact.tolerance)
+        errors, doubts = model.error(normal, preload_N, settings.contact.tolerance)
+        error = None if errors is None else errors.greatest
         if error is not None and (better := choice.caps_within(error)) is not None:
             return _by_caps(better, doubts, error, (caps, families, surface), settings)
         problems += doubts
@@ -185,6 +188,7 @@ def press(
         hardness_Pa=None if scene.law is None else scene.law.hardness_Pa,
         yielded_area_m2=found.yielded_area_m2,
         first=_first(model, before, found.tilt_rad, bulk),
+        errors=errors,
     )
     return state, caps.with_columns(load_N=found.load_N, contact_radius_m=a_m)
 

@@ -95,6 +95,19 @@ class Contacts:
     problems: tuple[Problem, ...] = ()
 
 
+@dataclass(frozen=True)
+class ModelError:
+    """Relative errors that a model expects of itself, at 95 %; forces from a tenth of mu N on."""
+
+    stiffness: float  # where slip begins, and of the secants
+    energy: float
+
+    @property
+    def greatest(self) -> float:
+        """The greater of both."""
+        return max(self.stiffness, self.energy)
+
+
 @dataclass(frozen=True, eq=False)
 class Rung(Generic[C]):
     """One contact model, C the kind of its curve."""
@@ -116,7 +129,7 @@ class Rung(Generic[C]):
     reads_families: bool = False  # whether it takes m, n, R and h, not each cap for itself
     knows_places: bool = True  # whether a tilt moves its contacts; else it stays as levelled
     # The error to be expected at a load, and what takes it beyond a tolerance, where it knows both
-    error: Callable[[C, float, float], tuple[float | None, tuple[Problem, ...]]] | None = None
+    error: Callable[[C, float, float], tuple[ModelError | None, tuple[Problem, ...]]] | None = None
     # Share of the force at total slip below which the energy at a load is not resolved
     least_share: Callable[[C, float], float] | None = None
     interacts: bool = False  # whether each contact sinks the others

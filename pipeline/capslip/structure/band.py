@@ -10,6 +10,7 @@ from capslip.contact.accuracy import LEAST_ERROR
 from capslip.contact.curve import NormalCurve
 from capslip.contact.joint import Joint
 from capslip.contact.press import ContactState
+from capslip.contact.rung import ModelError
 from capslip.contact.scans import curve_of_scans
 from capslip.errors import ContactError
 from capslip.settings import Settings
@@ -322,7 +323,9 @@ def _of_caps_and_model(state: _State) -> tuple[np.ndarray, np.ndarray]:
 def _of_one(state: _State, part: Part) -> tuple[np.ndarray, np.ndarray]:
     moved, contact = part.contact.moved, part.contact
     if moved is None:
-        return np.zeros((2, 2)), (contact.estimated_error or 0.0) / NORMAL_95 * np.eye(2)
+        either = contact.estimated_error or 0.0
+        errors = contact.errors or ModelError(either, either)
+        return np.zeros((2, 2)), np.diag((errors.stiffness, errors.energy)) / NORMAL_95
     friction = state.settings.material.friction_coefficient
     if state.by_force:
         at = state.answer.slip_force_N / (friction * state.preload_N) * contact.preload_N

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from capslip.contact.bulk import bulk_of_face_m_per_N
-from capslip.contact.rung import Contacts, Rung, Scene
+from capslip.contact.rung import Contacts, ModelError, Rung, Scene
 from capslip.contact.solvers.detail import WHITE_LEFT, FirstLoading, effect_of_detail
 from capslip.contact.solvers.polonsky_keer import (
     Pressed,
@@ -392,8 +392,8 @@ def _contacts(scene: Scene, curve: BoundaryElementCurve, approach_m: float) -> C
 
 def _error(
     curve: BoundaryElementCurve, load_N: float, tolerance: float
-) -> tuple[float | None, tuple[Problem, ...]]:
-    """Return the error of stiffness, and of energies from a tenth of mu N on; None: not known."""
+) -> tuple[ModelError | None, tuple[Problem, ...]]:
+    """Return the errors of stiffness and energy, and what takes them beyond the tolerance."""
     face, unloading, found = curve.solutions.face, curve.unloading(load_N), []
     first = curve.first or FirstLoading(face, curve.pressed(load_N).approach_m)
     between = unloading.loss_error
@@ -415,16 +415,18 @@ def _error(
         and all(problem.code != "under_resolved" for problem in curve.problems(load_N)),
         time_limit_s=curve.solutions.left_s,
     )
-    moved = max(effect.tangential_stiffness or 0.0, effect.energy or 0.0)
-    if moved > tolerance:
+    moved = ModelError(effect.tangential_stiffness or 0.0, effect.energy or 0.0)
+    if moved.greatest > tolerance:
         message = (
             f"detail of one or two pixels moves the stiffness by {effect.tangential_stiffness:.1%} "
             f"and the energy by up to {effect.energy:.1%}: noise, spikes, lost points or "
             "roughness that the map hardly resolves"
         )
         found.append(Problem("detail_decides", "warning", message, effect))
-        moved /= 1.0 - WHITE_LEFT
-    return max(between, moved, LEAST_ERROR), tuple(found)
+        left = 1.0 - WHITE_LEFT
+        moved = ModelError(moved.stiffness / left, moved.energy / left)
+    energy = max(between, moved.energy, LEAST_ERROR)
+    return ModelError(max(moved.stiffness, LEAST_ERROR), energy), tuple(found)
 
 
 def _least_share(curve: BoundaryElementCurve, load_N: float) -> float:

@@ -62,7 +62,8 @@ def effect_of_detail(
     Returns
     -------
     Effect
-        Changes over the greater of both values; of the energy the greatest of four forces.
+        Changes over the greater of both values; of the energy the greatest of four forces, of the
+        stiffness that where slip begins and of the secants at these.
     """
     load_N = unloading.load_N
     smooth = _smoothed(first.face)
@@ -74,7 +75,7 @@ def effect_of_detail(
     if not math.isinf(smooth.hardness_Pa):
         smooth, again = first_loading(smooth, again)
     after = unload(smooth, again, tolerance, time_limit_s=time_limit_s)
-    stiffness = (_alone(one.stiffness_N_per_m, bulk_m_per_N) for one in (unloading, after))
+    stiffness = (_stiffness_N_per_m(one, bulk_m_per_N) for one in (unloading, after))
     energy_J = (_loss_J(one) for one in (unloading, after))
     stiffer, more = (float(_relative(*pair).max()) for pair in (stiffness, energy_J))
     return Effect(stiffer, more, more)
@@ -106,6 +107,14 @@ def _binomial(array: np.ndarray) -> np.ndarray:
     for axis in (0, 1):
         array = correlate1d(array, _KERNEL, axis, mode="constant")
     return array
+
+
+def _stiffness_N_per_m(unloading: Unloading, bulk_m_per_N: float) -> np.ndarray:
+    """Return the stiffness of the contact alone, at first and as secants."""
+    drop_N = np.array(FORCE_SHARES) * unloading.load_N
+    secant = drop_N / np.interp(drop_N, unloading.load_drop_N, unloading.withdrawal_m)
+    every = (unloading.stiffness_N_per_m, *secant.tolist())
+    return np.array([_alone(one, bulk_m_per_N) for one in every])
 
 
 def _alone(stiffness_N_per_m: float, bulk_m_per_N: float) -> float:
