@@ -130,8 +130,8 @@ def press(
     """
     joint = composite(settings.material.youngs_modulus_Pa, settings.material.poisson_ratio)
     preload_N = settings.contact.preload_N
-    use, reason, error, moved, problems = caps.usable, "chosen in the settings", None, None, []
-    errors: ModelError | None = None
+    use, reason, moved, problems = caps.usable, "chosen in the settings", None, []
+    error, errors = None, None  # the greatest, and that of stiffness and energy apart
     choice, model_name = None, settings.contact.model
     if model_name == "auto":
         choice = choose_model(caps, families, surface, label, noise_m, settings, map_failure)
@@ -158,10 +158,6 @@ def press(
         if error is not None and (better := choice.caps_within(error)) is not None:
             return _by_caps(better, doubts, error, (caps, families, surface), settings)
         problems += doubts
-    eccentricity_m = None
-    if found.resultant_m is not None:
-        x_m, y_m = np.subtract(found.resultant_m, scene.load_point_m).tolist()
-        eccentricity_m = (x_m, y_m)
     state = ContactState(
         rung=model,
         model_reason=reason,
@@ -182,7 +178,7 @@ def press(
         curve=curve,
         composite=joint,
         load_point_m=scene.load_point_m,
-        eccentricity_m=eccentricity_m,
+        eccentricity_m=_eccentricity_m(found, scene),
         tilt_rad=found.tilt_rad,
         problems=(*problems, *found.problems),
         hardness_Pa=None if scene.law is None else scene.law.hardness_Pa,
@@ -191,6 +187,14 @@ def press(
         errors=errors,
     )
     return state, caps.with_columns(load_N=found.load_N, contact_radius_m=a_m)
+
+
+def _eccentricity_m(found: Contacts, scene: Scene) -> tuple[float, float] | None:
+    """Return the place (x, y) of the resultant of the contacts, from the load point."""
+    if found.resultant_m is None:
+        return None
+    x_m, y_m = np.subtract(found.resultant_m, scene.load_point_m).tolist()
+    return x_m, y_m
 
 
 def _by_caps(
