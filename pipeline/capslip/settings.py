@@ -137,7 +137,7 @@ class Contact(_Table, frozen=True):
     load_point_m: Pair | None = None  # (x, y) of its line of action; default: the map's centre
     alignment_stiffness_Nm_per_rad: Annotated[float, msgspec.Meta(ge=0, le=GREATEST)] = 0.0
     tolerance: Share = 0.05
-    time_limit_s: Positive = 60.0  # of boundary elements
+    time_limit_s: Positive = 60.0  # of the processor, for boundary elements
     solver_tolerance: SolverTolerance = 1e-7  # of boundary elements
     bulk: bool = False  # keep the half-space's bulk sinking in stiffness and displacement
 

@@ -3,7 +3,7 @@
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from time import perf_counter
+from time import process_time
 from typing import Any
 
 import numpy as np
@@ -296,8 +296,9 @@ def boundary_elements(
     load_point_m, rotational_stiffness_Nm_per_rad
         Of this preload, see `press_balanced`.
     time_limit_s : float
-        By the clock, from now on: then the slip is followed at as few loads as there is time for,
-        with the error that this leaves. What is solved in time does not depend on it.
+        Of the processor, from now on, so that other work on the machine changes no number: then the
+        slip is followed at as few loads as there is time for, with the error that this leaves. What
+        is solved in time does not depend on it.
 
     Raises
     ------
@@ -318,7 +319,7 @@ def boundary_elements(
     yields = not math.isinf(hardness_Pa)
     if preload_N is None and (balanced or yields):
         raise SettingsError("boundary_elements: a map tilts and yields under preload_N; got none")
-    begun_s = perf_counter()
+    begun_s = process_time()
     face = elastic_face(surface, E_star_Pa)
     if preload_N is None or not (balanced or yields):
         return BoundaryElementCurve(Solutions(face, float(tolerance), time_limit_s, begun_s))

@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass, field
 from itertools import pairwise
-from time import perf_counter
+from time import process_time
 
 import numpy as np
 
@@ -20,7 +20,7 @@ class Solutions:
     face: ElasticFace
     tolerance: float
     time_limit_s: float
-    begun_s: float  # on the clock of `perf_counter`
+    begun_s: float  # on the clock of `process_time`
     approach_m: dict[float, float] = field(default_factory=dict)  # by load
     pressed: dict[float, Pressed] = field(default_factory=dict)  # by load, the last few
     unloading: dict[float, Unloading] = field(default_factory=dict)  # by preload
@@ -28,7 +28,7 @@ class Solutions:
     @property
     def left_s(self) -> float:
         """Seconds of the time limit that are left."""
-        return max(self.time_limit_s - (perf_counter() - self.begun_s), 0.0)
+        return max(self.time_limit_s - (process_time() - self.begun_s), 0.0)
 
     def press(self, load_N: float) -> Pressed:
         """Return the state under a load, solved from a neighbouring one where there is one."""

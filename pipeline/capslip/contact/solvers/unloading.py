@@ -3,7 +3,7 @@
 import math
 from dataclasses import dataclass, replace
 from itertools import pairwise
-from time import perf_counter
+from time import process_time
 from typing import NamedTuple
 
 import numpy as np
@@ -127,11 +127,11 @@ def unload(
             f"at least {enough} to follow its slip; use a finer map or a contact model "
             "of caps"
         )
-    begin_s, waiting = perf_counter(), Waiting("boundary elements", "loads")
+    begin_s, waiting = process_time(), Waiting("boundary elements", "loads")
     path = _Path(face, pressed, tolerance, on_patches)
     first, last = (float(np.log(t / (1 - t))) for t in (_SMALLEST, _LARGEST))
     path.solve(first)
-    fit_in = time_limit_s / (perf_counter() - begin_s)
+    fit_in = time_limit_s / (process_time() - begin_s)
     n_first = _FIRST if fit_in >= _FIRST else max(_FEWEST, int(fit_in))
     for odd in np.linspace(first, last, n_first)[1:].tolist():
         path.solve(odd)
@@ -143,14 +143,14 @@ def unload(
         waiting.tell(len(path.nodes), min(len(path.nodes) + n_open, MAX_SOLUTIONS))
         if worst.excess <= 1:
             break
-        used_s = perf_counter() - begin_s
+        used_s = process_time() - begin_s
         if used_s * (1 + 1 / len(path.nodes)) > time_limit_s:
             cut_short = True
             break
         path.solve((worst.low + worst.high) / 2)
     error = path.patch_error()
     if error > _PATCH_ERROR:  # not seen yet
-        left_s = max(time_limit_s - (perf_counter() - begin_s), 0.0)
+        left_s = max(time_limit_s - (process_time() - begin_s), 0.0)
         return unload(face, pressed, tolerance, time_limit_s=left_s, on_patches=False)
     return replace(_tabulated(path, cut_short), patch_error=error)
 
