@@ -22,6 +22,7 @@ from capslip.options import (
 )
 
 if TYPE_CHECKING:
+    from capslip.result import JointResult
     from capslip.settings import Settings
     from capslip.surface.heightmap import HeightMap
 
@@ -94,12 +95,8 @@ def analyze(
         progress=say,
         missing=say.missing,
     )
-    text = f"\nresults    {folder}\nreport     {folder / 'report.html'}"
-    print_result(summary, text, as_json, quiet)
-    errors = [p.text for p in analysis.problems if p.severity == "error"]
-    if errors:
-        raise ScanError(f"{surface}: {errors[0]}; what was found before is in {folder}")
-    say.raise_failures(f"all numbers are in {folder}")
+    print_result(summary, _where(folder), as_json, quiet)
+    _raise_errors(analysis, folder, say, f"{surface}: ")
 
 
 def _analyze_scans(
@@ -130,11 +127,19 @@ def _analyze_scans(
     summary = write_joint(
         result, folder, _command_line(), timings_s, export, progress=say, missing=say.missing
     )
-    text = f"\nresults    {folder}\nreport     {folder / 'report.html'}"
-    print_result(summary, text, as_json, quiet)
-    errors = [p.text for p in result.problems if p.severity == "error"]
+    print_result(summary, _where(folder), as_json, quiet)
+    _raise_errors(result, folder, say)
+
+
+def _where(folder: Path) -> str:
+    return f"\nresults    {folder}\nreport     {folder / 'report.html'}"
+
+
+def _raise_errors(result: "JointResult", folder: Path, say: Progress, of: str = "") -> None:
+    """End as failed where a stage had no answer, or a part of what was written is missing."""
+    errors = [problem.text for problem in result.problems if problem.severity == "error"]
     if errors:
-        raise ScanError(f"{errors[0]}; what was found before is in {folder}")
+        raise ScanError(f"{of}{errors[0]}; what was found before is in {folder}")
     say.raise_failures(f"all numbers are in {folder}")
 
 

@@ -125,11 +125,11 @@ def _as_severe(problem: Problem, effect: Effect | None, tolerance: float) -> Pro
     """
     if effect is None:
         return problem
-    moves = max(effect.tangential_stiffness or 0.0, effect.energy or 0.0) > tolerance
-    if "info" not in problem.kind.severities:
-        moves = True
-    if problem.code == "outliers_removed" and problem.severity == "warning":
-        moves = True
+    moves = (
+        max(effect.tangential_stiffness or 0.0, effect.energy or 0.0) > tolerance
+        or "info" not in problem.kind.severities
+        or (problem.code == "outliers_removed" and problem.severity == "warning")
+    )
     said = f"; that moves the stiffness by {effect.tangential_stiffness:.1%}, the energy by "
     message = f"{problem.message}{said}{effect.energy:.1%} (estimated by caps)"
     return replace(problem, severity="warning" if moves else "info", message=message, effect=effect)

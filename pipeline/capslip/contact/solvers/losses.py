@@ -10,7 +10,7 @@ _POINTS = 60  # of the table in an interval
 _TABLE = 2000  # points of that of the regions
 _ROWS = 50  # of it at once
 _FAR = 1e-5  # first withdrawal of the table, as a share of the last
-_RIGID = 1e-9  # of the compliance before any slip: less is rounding
+RIGID = 1e-9  # of the compliance before any slip: less is rounding
 
 
 @dataclass(frozen=True, eq=False)
@@ -102,7 +102,7 @@ def losses(
     c_0 = 1 / stiffness_N_per_m
     more = withdrawal_m / load_drop_N - c_0
     least = np.minimum.accumulate(np.append(more[1:], np.inf)[::-1])[::-1]
-    grows = (more > _RIGID * c_0) & (more < least) & (loss_J > 0)
+    grows = (more > RIGID * c_0) & (more < least) & (loss_J > 0)
     s, more, loss = load_drop_N[grows], more[grows], loss_J[grows]
     slope = 4 * s**2 * more / loss
     end = float(load_drop_N[-1]), float(withdrawal_m[-1])

@@ -9,6 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from capslip.contact.solvers.losses import (
+    RIGID,
     Losses,
     RegionLosses,
     losses,
@@ -36,7 +37,6 @@ _FINEST = 1e-11  # tolerance of a solution, above rounding
 _MOST_REGIONS = 300  # that are interpolated each by itself: more are no Hertz contacts
 _LEAST_PIXELS = 10  # of a region on average: smaller ones are none either
 _ORDER = 1.3  # of the error in the width of an interval: three of four points are better than that
-_RIGID = 1e-9  # of the compliance before any slip: less is rounding
 _PATCH_ERROR = 1e-5  # of what patches leave out, over the approach, see `Unloading`
 _ENOUGH_PIXELS, _ENOUGH_REFINED = 100, 50  # in contact, of a map as it is and of a refined one
 # Relative error of the loss of a region times the square of the width, in pixels, of the ring that
@@ -108,7 +108,7 @@ def unload(
     tolerance : float
         Of each solution, see `press`.
     time_limit_s : float
-        By the clock: where all the loads are expected to take longer, as many as there is time
+        Of the processor: where all the loads are expected to take longer, as many as there is time
         for, at least `_FEWEST`; the error to be expected between them is that of so few.
     on_patches : bool
         Whether to leave out what does not touch; else every solution is one of the whole map.
@@ -352,7 +352,7 @@ def _between(path: _Path) -> tuple[Losses | RegionLosses, list[_Interval], float
     trusted = pixel_error <= _UNCERTAIN
     smallest_N = _where_trusted(drop_N, pixel_error)
     # Places on a scale on which the loss is a power
-    more = np.maximum(x_m / drop_N * path.stiffness_N_per_m - 1, _RIGID)
+    more = np.maximum(x_m / drop_N * path.stiffness_N_per_m - 1, RIGID)
     at = np.maximum.accumulate(np.log(more)) + 1e-9 * np.arange(len(x_m))
     of_all = _intervals(path, of_face, carries, at)
     # Regions follow from the loads that pixels resolve, and say nothing below the least of them.
@@ -428,7 +428,7 @@ def _steps(path: _Path, low: _Node, high: _Node) -> float:
     s_1, s_2 = preload_N - low.load_N, preload_N - high.load_N
     L_1, L_2 = low.region_loss_J.sum(), high.region_loss_J.sum()
     area = L_2 - L_1 - 4 * (s_1 * high.withdrawal_m - s_2 * low.withdrawal_m)  # 8 J
-    if area <= _RIGID * preload_N * path.pressed.approach_m:
+    if area <= RIGID * preload_N * path.pressed.approach_m:
         return 0.0
     refined = 1 if path.patches is None else path.patches.refinement
     n_pixels = max((len(low.contact) - len(high.contact)) / refined, 1.0)
