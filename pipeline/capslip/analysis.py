@@ -22,7 +22,7 @@ from capslip.contact.levelling import coarse_map
 from capslip.contact.press import ContactState
 from capslip.contact.relevance import as_read, still_doubtful
 from capslip.contact.rung import rung
-from capslip.contact.scans import curve_of_scans
+from capslip.contact.scans import curve_of_scans, kappa_of_scans
 from capslip.contact.slip import SlipCurve, slip_curve
 from capslip.contact.varying_load import varying
 from capslip.errors import ContactError, SettingsError
@@ -248,9 +248,10 @@ def analyze_scans(surfaces: Sequence[HeightMap], settings: Settings) -> JointOfS
     parts, joint = _parts(scans)
     if parts:
         curves = [part.joint.curve(part.contact) for part in parts]
-        friction, kappa = settings.material.friction_coefficient, parts[0].contact.composite.kappa
+        contacts, shares = [part.contact for part in parts], [part.share for part in parts]
+        friction, kappa = settings.material.friction_coefficient, kappa_of_scans(contacts, shares)
         with clock("slip"):
-            curve = curve_of_scans(curves, joint.preload_N, [part.share for part in parts])
+            curve = curve_of_scans(curves, joint.preload_N, shares)
             slip = varying(slip_curve(curve, joint.preload_N, friction, kappa), settings.slip)
         beam, damping = damp(slip, settings, clock)
         answer, beyond = answer_to(settings.answer, slip, damping)

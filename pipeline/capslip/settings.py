@@ -170,8 +170,9 @@ class Structure(_Table, frozen=True):
 
 
 class SlipSettings(_Table, frozen=True):
-    """How the normal load goes while the joint slips to and fro."""
+    """Where the joint slips to and fro, and how the normal load goes while it does."""
 
+    direction_rad: float | None = None  # from x towards y; None: the mean over all directions
     normal_amplitude_ratio: Annotated[float, msgspec.Meta(ge=0, le=0.9)] = 0.0  # to the preload
     normal_phase_rad: float = 0.0  # by which it lags the tangential force
 

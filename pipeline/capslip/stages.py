@@ -24,6 +24,7 @@ from capslip.caps.points import points_of_hills
 from capslip.caps.table import CapTable
 from capslip.contact.choice import boundary_elements_s, estimate_error, rung_of_the_map
 from capslip.contact.depth import press_for_depth
+from capslip.contact.direction import with_direction
 from capslip.contact.joint import Joint, joint_of
 from capslip.contact.levelling import UNSETTLED, Level, coarse_map, find_level, turned
 from capslip.contact.press import ContactState, press
@@ -142,10 +143,10 @@ def press_face(
     with clock("contact", boundary_elements_s(shape) if needs_map else None):
         contact, caps = _pressed(face, settings)
     with clock("slip"):
+        contact = with_direction(contact, caps, face.conditioned.surface, settings)
         friction, kappa = settings.material.friction_coefficient, contact.composite.kappa
         curve = face.joint.curve(contact, 1.0 + settings.slip.normal_amplitude_ratio)
-        slip = slip_curve(curve, face.joint.preload_N, friction, kappa)
-        slip = varying(slip, settings.slip)
+        slip = varying(slip_curve(curve, face.joint.preload_N, friction, kappa), settings.slip)
     return contact, caps, slip
 
 
@@ -414,8 +415,7 @@ def _named(level: Level, hills: Hills, family_caps: CapTable) -> CapTable:
             (caps.y_m, caps.x_m), surface.pixel_size_m, surface.shape, strict=True
         )
     )
-    label = hills.label[row, col]
-    names = np.append("", family_caps.family)[label]
+    names = np.append("", family_caps.family)[hills.label[row, col]]
     return caps.with_columns(family=np.where(caps.usable, names, ""))
 
 

@@ -243,9 +243,13 @@ def _alignment(analysis: "JointResult") -> dict[str, Any]:
 
 def slip_table(analysis: "JointResult") -> dict[str, Any]:
     """Return the tangential stiffness and where the joint slips as a whole."""
-    slip = analysis.slip
+    slip, lay = analysis.slip, analysis.contact.lay if analysis.contact else None
     return {
         "friction_coefficient": analysis.settings.material.friction_coefficient,
+        "direction_rad": analysis.settings.slip.direction_rad,
+        "kappa": slip.kappa if slip else None,
+        "kappa_range": lay.kappa_range if lay else None,
+        "softest_direction_rad": lay.softest_rad if lay else None,
         "total_slip_force_N": slip.total_slip_force_N if slip else None,
         "total_slip_displacement_m": slip.total_slip_displacement_m if slip else None,
         "limit_G_m": _limit(analysis, "G"),

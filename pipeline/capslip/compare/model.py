@@ -163,7 +163,8 @@ def load_model(result: str | Path) -> tuple[JointModel, Settings]:
     _, modal, shear = stiffnesses(settings)
     contact = msgspec.structs.replace(settings.contact, preload_N=whole.preload_N)
     settings = msgspec.structs.replace(settings, contact=contact)
-    stiffness = (composed.kappa, modal, shear, settings.structure.joints)
+    kappa = summary["slip"].get("kappa") or composed.kappa  # of the direction of slip
+    stiffness = (kappa, modal, shear, settings.structure.joints)
     model = JointModel(curve, *stiffness, normal_load=settings.slip)
     if rung(used).made_from == "map":
         model = replace(model, trials=TRIALS_OF_A_MAP)

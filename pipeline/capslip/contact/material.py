@@ -14,7 +14,7 @@ class Composite:
 
     E_star_Pa: float  # 1/E* = sum (1 - nu^2) / E
     G_star_m2_per_N: float  # G* = sum (2 - nu) / G: a compliance
-    kappa: float  # tangential over normal compliance of any contact, E* G* / 4
+    kappa: float  # tangential over normal compliance, E* G* / 4: of round contacts, see `lay`
 
 
 def dundurs_beta(

@@ -14,6 +14,7 @@ from capslip.contact.bulk import bulk_of_face_m_per_N, without_bulk
 from capslip.contact.choice import Choice, choose_model
 from capslip.contact.curve import NormalCurve
 from capslip.contact.flattening import flattened, loaded_first
+from capslip.contact.lay import Lay
 from capslip.contact.material import Composite, composite
 from capslip.contact.rung import Contacts, ModelError, Rung, Scene, rung
 from capslip.contact.solvers.hertz import contact_radius_m
@@ -58,6 +59,7 @@ class ContactState:
     # The curve for slip after a first loading to a load, at a hardness by a factor; None as well
     first: Callable[[float, float], NormalCurve] | None = None
     errors: ModelError | None = None  # of stiffness and energy apart, where the model knows them
+    lay: Lay | None = None  # what the direction of slip does, see `direction`; None: not looked at
 
     @property
     def model(self) -> str:

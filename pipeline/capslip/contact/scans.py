@@ -8,6 +8,7 @@ from numpy.typing import ArrayLike
 
 from capslip.contact.curve import NormalCurve
 from capslip.contact.joint import PatchedCurve
+from capslip.contact.press import ContactState
 
 MAX_STEPS = 60  # of the search for a withdrawal: bisection alone needs no more
 CONVERGED = 1e-14  # of the withdrawal
@@ -52,6 +53,18 @@ def curve_of_scans(
         return curves[0]
     approach_m = np.array([float(curve.approach_m(preload_N)) for curve in curves])
     return SummedCurve(tuple(curves), approach_m, np.asarray(share, dtype=float))
+
+
+def kappa_of_scans(contacts: Sequence[ContactState], share: Sequence[float]) -> float:
+    """Return kappa of a joint of several scans: by their stiffness, as they move together."""
+    known = [contact.composite.kappa for contact in contacts]
+    if len(set(known)) == 1:
+        return known[0]
+    stiffness = [
+        s * contact.stiffness_N_per_m / contact.preload_N
+        for s, contact in zip(share, contacts, strict=True)
+    ]
+    return float(np.average(known, weights=stiffness))
 
 
 @dataclass(frozen=True, eq=False)

@@ -23,6 +23,7 @@ COLOURS = {  # after Okabe and Ito
     "modulus": "#56B4E9",
     "hardness": "#CC79A7",
     "scans": "#F0E442",
+    "direction": "#000000",
 }
 INTERACTIONS = "#BDBDBD"
 LEAST_SHARE = 0.05  # %, of what can be seen

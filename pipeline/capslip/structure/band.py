@@ -3,6 +3,7 @@
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -11,7 +12,7 @@ from capslip.contact.curve import NormalCurve
 from capslip.contact.joint import Joint
 from capslip.contact.press import ContactState
 from capslip.contact.rung import ModelError
-from capslip.contact.scans import curve_of_scans
+from capslip.contact.scans import curve_of_scans, kappa_of_scans
 from capslip.errors import ContactError
 from capslip.settings import Settings
 from capslip.structure.answer import Answer, numbers_of_state
@@ -26,10 +27,11 @@ NODES_OF_PATCHES = 3  # the same, of a joint that is pressed unevenly
 NODES_OF_HARDNESS = 3  # the same of the hardness, at the preload
 NODES_OF_A_MAP = 2  # of either, where each is a solution of the whole map
 COUNTED = ("tangential_stiffness_N_per_m", "energy_J", "joint_loss_factor", "loss_factor")
-OF_BOTH = ("caps", "model", "scans")  # inputs that move displacement and energy by factors
+OF_BOTH = ("caps", "model", "scans", "direction")  # move displacement and energy by factors
 OF_LIGHT_DAMPING = ("loss_factor", "damping_ratio")
 LEAST_SPREAD = 1e-9  # standard deviation of a logarithm that is more than rounding
 LEAST_J = 1e-300  # stands for an energy of zero in a logarithm
+STEP = 0.01  # of a displacement, for a slope
 WHOLE = 0.99  # coverage from which a scan is taken for its joint
 
 
@@ -84,7 +86,8 @@ def band_of(
     Every factor on displacement and energy is log-normal. Caps: covariance of the two over the
     caps moved at random. Model: the other causes of `error_of_caps` and the difference to
     interacting caps, each as it changes this state; the estimated error of a model without caps
-    moves either of the two alone, as nothing tells how they go together. Friction mu, preload P,
+    moves either of the two alone, as nothing tells how they go together. Direction: what kappa is
+    in all directions of slip, where that is beyond the tolerance. Friction mu, preload P,
     modulus (a factor c on E*) and hardness H follow from the curve: nothing but H / E* and N / E*
     counts in the shape of N(d), so with the share t = T / (mu P) at the load N = P / c and the
     hardness H / c of the curve as it was solved::
@@ -151,6 +154,7 @@ def _propagated(state: "_State", damping: Damping) -> Band | None:
         "caps": caps,
         "model": model,
         "scans": _of_scatter(state),
+        "direction": _of_direction(state),
         "friction": np.array([[material.friction_spread / NORMAL_95]]),
         "preload": np.array([[contact.preload_spread / NORMAL_95]]),
         "modulus": np.array([[material.modulus_spread / NORMAL_95]]),
@@ -169,7 +173,7 @@ def _propagated(state: "_State", damping: Damping) -> Band | None:
 
     def numbers_with(scans: np.ndarray) -> dict[str, np.ndarray]:
         with np.errstate(over="ignore"):
-            moved = np.exp(log["caps"] + log["model"] + scans)
+            moved = np.exp(log["caps"] + log["model"] + log["direction"] + scans)
             other, energy_J = found * moved[:, 0], W * moved[:, 1]
         stays = state.answer.slip_force_N if state.by_force else state.answer.displacement_m
         T, delta = (stays, other) if state.by_force else (other, stays)
@@ -213,10 +217,11 @@ class _State:
         """Return that of the joint."""
         return self.parts[0].joint.preload_N
 
-    @property
+    @cached_property
     def kappa(self) -> float:
-        """Return that of the two materials."""
-        return self.parts[0].contact.composite.kappa
+        """Return that of the joint."""
+        contacts = [part.contact for part in self.parts]
+        return kappa_of_scans(contacts, [part.share for part in self.parts])
 
     @property
     def yields(self) -> bool:
@@ -236,7 +241,7 @@ class _State:
         nodes, weight = self._nodes(log_N, log_H)
         node_N = self.preload_N * np.exp(nodes[:, 0])
         curves = [
-            self._curve(N, factor) for N, factor in zip(node_N, np.exp(nodes[:, 1]), strict=True)
+            self.curve(N, factor) for N, factor in zip(node_N, np.exp(nodes[:, 1]), strict=True)
         ]
         approach_m = [curve.approach_m(N) for curve, N in zip(curves, node_N, strict=True)]
         if self.by_force:
@@ -270,7 +275,7 @@ class _State:
             return curve.withdrawal_m(approach_m, at), loss_J
         return curve.load_drop_N(approach_m, at), curve.loss_integral_J(approach_m, at)
 
-    def _curve(self, preload_N: float, hardness_factor: float) -> NormalCurve:
+    def curve(self, preload_N: float, hardness_factor: float) -> NormalCurve:
         """Return the curve along which the joint unloads from a preload."""
         curves = []
         for part in self.parts:
@@ -365,6 +370,28 @@ def _of_scatter(state: _State) -> np.ndarray:
     change = np.array(log) - np.mean(log, axis=0)
     root = _root(math.sqrt((len(parts) - 1) / len(parts)) * change)
     return np.where(np.abs(root).max() > LEAST_SPREAD, root, 0.0)
+
+
+def _of_direction(state: _State) -> np.ndarray:
+    """Return a root of the covariance that an unknown direction of slip leaves.
+
+    Of (a cos 2 phi, b cos 2 (phi - c)) over all phi; zero within the tolerance, as it is said.
+    """
+    slip, swings = state.settings.slip, np.zeros(2, dtype=complex)
+    for part in state.parts:
+        if part.contact.lay is not None:
+            swings += part.share * np.array(part.contact.lay.left_open(slip.direction_rad))
+    if np.abs(swings).max() <= state.settings.contact.tolerance:
+        return np.zeros((2, 2))
+    if not state.by_force:  # where the force goes with the displacement, and the energy with both
+        curve = state.curve(state.preload_N, 1.0)
+        e = state.answer.displacement_m
+        e /= state.settings.material.friction_coefficient * state.kappa
+        near = e * np.array([1.0 - STEP, 1.0 + STEP])
+        log = _log(state.response(curve, float(curve.approach_m(state.preload_N)), near))
+        slope = (log[:, 1] - log[:, 0]) / np.log(near[1] / near[0])
+        swings = np.array([0.0, swings[1]]) - slope * swings[0]
+    return np.array([swings.real, swings.imag]) / math.sqrt(2.0)
 
 
 def _students(normal: np.ndarray, scans: int) -> np.ndarray:

@@ -12,11 +12,13 @@ from numpy.typing import ArrayLike
 from capslip.contact.bulk import bulk_of_face_m_per_N
 from capslip.contact.rung import Contacts, ModelError, Rung, Scene
 from capslip.contact.solvers.detail import WHITE_LEFT, FirstLoading, effect_of_detail
+from capslip.contact.solvers.patches import patched
 from capslip.contact.solvers.polonsky_keer import (
     Pressed,
     elastic_face,
     first_loading,
     press,
+    punch_pressure_Pa_per_m,
     stiffness_of_regions_N_per_m,
 )
 from capslip.contact.solvers.refinement import refinement
@@ -63,6 +65,24 @@ class BoundaryElementCurve:
     def pressed(self, load_N: float) -> Pressed:
         """Return pressures, gaps, contact regions and certificate under a load."""
         return self.solutions.press(float(load_N))
+
+    def tractions(self, load_N: float, later: float) -> tuple[np.ndarray, np.ndarray]:
+        """Return how shear is shared before any slip, and when the stick zone bears that less.
+
+        Shape (ny, nx), in no unit: the pressures of a punch on the contact under the load, and
+        those that go when that falls to a share of itself; on patches around the contact.
+        """
+        face, pressed = self.solutions.face, self.pressed(load_N)
+        patches = patched(face, pressed.pressure_Pa > 0)
+        if patches is not None:
+            face, known = patches, (pressed.pressure_Pa, pressed.gap_m)
+            pressure_Pa, gap_m = (patches.gathered(one) for one in known)
+            pressed = replace(pressed, pressure_Pa=pressure_Pa, gap_m=gap_m)
+        start_Pa, tolerance = later * pressed.pressure_Pa, self.solutions.tolerance
+        left = press(face, load_N=later * load_N, tolerance=tolerance, start_Pa=start_Pa)
+        punch = punch_pressure_Pa_per_m(face, pressed)
+        gone = np.maximum(pressed.pressure_Pa - left.pressure_Pa, 0.0)
+        return (punch, gone) if patches is None else (patches.spread(punch), patches.spread(gone))
 
     def unloading(self, load_N: float) -> Unloading:
         """Return what happens below a preload, with the error to be expected of it."""

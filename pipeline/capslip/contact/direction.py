@@ -1,0 +1,126 @@
+"""Slip in one direction: kappa of a face whose contacts are long, or lie in rows."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+
+from capslip.caps.table import CapTable
+from capslip.contact.lay import (
+    LATER,
+    Energies,
+    Lay,
+    axis_ratio,
+    deviator_of_ellipse,
+    deviator_of_outline,
+    energies_of_contacts,
+    energies_of_map,
+)
+from capslip.contact.models.boundary_elements import BoundaryElementCurve
+from capslip.contact.models.interacting import InteractingCurve
+from capslip.contact.press import ContactState
+from capslip.problems import Effect, Problem
+from capslip.settings import Settings
+from capslip.surface.heightmap import HeightMap
+
+
+def with_direction(
+    contact: ContactState, caps: CapTable, surface: HeightMap, settings: Settings
+) -> ContactState:
+    """Return a pressed face with kappa of the direction of slip, and how that depends on it.
+
+    Parameters
+    ----------
+    contact : ContactState
+        Under its preload.
+    caps : CapTable
+        With the loads and contact radii of that state.
+    surface : HeightMap
+        That was pressed.
+    settings : Settings
+        `slip.direction_rad`, absent for the mean over all directions; `contact.tolerance`.
+
+    Returns
+    -------
+    ContactState
+        With `lay`, and kappa of the direction in its composite. Where the direction, or that the
+        energy has the same kappa, moves more than the tolerance, a problem says so.
+
+    Notes
+    -----
+    Caps are ellipses by their principal radii. The contact of boundary elements is taken as it is,
+    under the tractions of a punch and of partial slip. Either is exact for one ellipse, before any
+    slip and in partial slip (Mindlin, J. Appl. Mech. 16 (1949) 259; Vermeulen and Johnson, J. Appl.
+    Mech. 31 (1964) 338), and has an error of second order for others: `docs/theory.md`, section 2.
+    """
+    joint, direction_rad = contact.composite, settings.slip.direction_rad
+    lay = _lay(contact, caps, surface)
+    problem = _problem(lay, direction_rad, settings.contact.tolerance)
+    problems = contact.problems if problem is None else (*contact.problems, problem)
+    directed = replace(joint, kappa=lay.kappa(direction_rad))
+    return replace(contact, composite=directed, lay=lay, problems=problems)
+
+
+def _lay(contact: ContactState, caps: CapTable, surface: HeightMap) -> Lay:
+    joint, curve = contact.composite, contact.normal
+    none = Lay(joint.kappa, 0j, 0j)
+    if contact.rung.made_from == "nothing" or joint.kappa == 1.0:
+        return none
+    if isinstance(curve, BoundaryElementCurve):
+        size_m = curve.solutions.face.pixel_size_m
+        tractions = curve.tractions(contact.preload_N, LATER)
+        punch, later = (energies_of_map(one, size_m) for one in tractions)
+    else:
+        loaded = np.flatnonzero(caps.load_N > 0.0)
+        if not loaded.size:
+            return none
+        punch, later = _of_caps(contact, caps, loaded)
+    bulk = 0j
+    if contact.rung.holds_bulk and not contact.bulk:
+        bulk = deviator_of_outline(surface)
+    return punch.lay(later, joint.kappa, bulk, joint.E_star_Pa / contact.stiffness_N_per_m)
+
+
+def _of_caps(
+    contact: ContactState, caps: CapTable, loaded: np.ndarray
+) -> tuple[Energies, Energies]:
+    ratio = caps.radius_minor_m[loaded] / caps.radius_major_m[loaded]
+    known = (ratio > 0.0) & (ratio < 1.0)
+    own = deviator_of_ellipse(axis_ratio(np.where(known, ratio, 1.0)))
+    turn = np.exp(2j * np.where(known, caps.orientation_rad[loaded], 0.0))
+    later_N, places_m = None, None
+    if isinstance(contact.normal, InteractingCurve):
+        curve = replace(contact.normal, _equilibrium={})  # it keeps what it was asked last
+        later = np.zeros(len(caps))
+        half_m = curve.approach_m(LATER * contact.preload_N)
+        later[contact.use] = curve.asperity_loads_N(float(half_m))
+        later_N, places_m = later[loaded], np.stack((caps.x_m[loaded], caps.y_m[loaded]))
+    given = caps.contact_radius_m[loaded], caps.load_N[loaded], later_N
+    return energies_of_contacts(*given, own * turn, places_m, contact.composite.E_star_Pa)
+
+
+def _problem(lay: Lay, direction_rad: float | None, tolerance: float) -> Problem | None:
+    """Return what the direction does to stiffness and energy, where it is beyond the tolerance."""
+    _, open_energy = lay.left_open(direction_rad)
+    energy_off = abs(open_energy)
+    if direction_rad is not None:
+        if energy_off <= tolerance:
+            return None
+        message = (
+            f"kappa of slip at {math.degrees(direction_rad):.0f} degrees from x is "
+            f"{lay.kappa(direction_rad):.3f} before any slip; the energy would want another one, "
+            f"and is off by {energy_off:.1%}"
+        )
+        effect = Effect(None, energy_off, energy_off)
+        return Problem("slip_direction_matters", "info", message, effect)
+    if max(lay.swing, energy_off) <= tolerance:
+        return None
+    least, greatest = lay.kappa_range
+    message = (
+        f"contacts are long or lie in rows: kappa is {greatest:.3f} where slip is at "
+        f"{math.degrees(lay.softest_rad):.0f} degrees from x, {least:.3f} across that, and "
+        f"{lay.round_kappa:.3f} was taken, the mean over all directions: the stiffness is off by "
+        f"up to {lay.swing:.1%}, the energy by {energy_off:.1%}"
+    )
+    effect = Effect(lay.round_kappa / least - 1.0, energy_off, energy_off)
+    return Problem("slip_direction_matters", "info", message, effect)
