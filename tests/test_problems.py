@@ -94,6 +94,15 @@ def ridges(*which):
     return of(z)
 
 
+def long_caps():
+    """Twelve caps that are all nine times as flat along x as across."""
+    z = np.full(SHAPE, -4e-7)
+    for x, y, radius_m, peak_m in CAPS:
+        fall_m = ((X_M - x) ** 2 / 3.0 + (Y_M - y) ** 2 * 3.0) / (2.0 * radius_m)
+        z = np.maximum(z, peak_m - fall_m)
+    return of(z)
+
+
 def twins(apart_m, radius, *which):
     """Put two caps in the place of one."""
     old = [(*CAPS[i], d) for i in which for d in (-apart_m, apart_m)]
@@ -158,6 +167,7 @@ FACES = {
     "four-patches": lambda: patched(0, 1, 2, 3),
     "one-ridge": lambda: ridges(5),
     "three-ridges": lambda: ridges(1, 5, 9),
+    "long-caps": long_caps,
     "quantised": lambda: of(np.round(plain_m() / 2e-7) * 2e-7),
     "low-cap": lambda: caps((*GAP, 24.0, -1.9e-7)),
     "noisy-low-cap": lambda: of(FACES["low-cap"]().height_m + 6e-9 * white()),
@@ -229,6 +239,7 @@ WORDS = {
     "strictly": "contact.tolerance=0.01",
     "loosely": "contact.tolerance=0.9",
     "uneven": f"joint.pressure_map={UNEVEN}",
+    "along": "slip.direction_rad=0.0",
     "pushed": "answer.slip_force_N=500",
     "barely-pushed": "answer.slip_force_N=0.1",
     "beam": "structure.beam.length_m=0.5",
@@ -361,6 +372,8 @@ ROWS = [
         "fine-sphere N=60"),
     Row("small_slip_extrapolated", "warning", "asked for is 0.0011 of",
         "plain solved barely-pushed"),
+    Row("slip_direction_matters", "info", "where slip is at 0 degrees", "long-caps",
+        "long-caps along"),
     Row("materials_coupled", "warning", "-0.28", "plain on-plastics"),
     Row("friction_suspect", "warning", "is 2;", "plain sticky"),
     Row("beam_ignored", "warning", "structure.beam is not used", "plain stiff-mode joint beam",

@@ -107,7 +107,7 @@ def _problem(lay: Lay, direction_rad: float | None, tolerance: float) -> Problem
         if energy_off <= tolerance:
             return None
         message = (
-            f"kappa of slip at {math.degrees(direction_rad):.0f} degrees from x is "
+            f"kappa of slip at {round(math.degrees(direction_rad))} degrees from x is "
             f"{lay.kappa(direction_rad):.3f} before any slip; the energy would want another one, "
             f"and is off by {energy_off:.1%}"
         )
@@ -118,7 +118,7 @@ def _problem(lay: Lay, direction_rad: float | None, tolerance: float) -> Problem
     least, greatest = lay.kappa_range
     message = (
         f"contacts are long or lie in rows: kappa is {greatest:.3f} where slip is at "
-        f"{math.degrees(lay.softest_rad):.0f} degrees from x, {least:.3f} across that, and "
+        f"{round(math.degrees(lay.softest_rad))} degrees from x, {least:.3f} across that, and "
         f"{lay.round_kappa:.3f} was taken, the mean over all directions: the stiffness is off by "
         f"up to {lay.swing:.1%}, the energy by {energy_off:.1%}"
     )
