@@ -110,7 +110,7 @@ def test_any_traction_on_an_ellipse_has_its_deviator(power):
         rho = (along / 60) ** 2 + (across / 20) ** 2
         q = np.where(rho < 1, np.maximum(1 - rho, 1e-9) ** power, 0.0)
         q = np.minimum(q, 10.0)
-        energies = energies_of_map(q, (1.0, 1.0))
+        (energies,) = energies_of_map([q], (1.0, 1.0))
         sinking_m = HalfSpace(q.shape, (1.0, 1.0), 1.0).sinking_m(q)
         assert energies.mean == pytest.approx((q * sinking_m).sum() / q.sum() ** 2, rel=1e-9)
         exact = turn * deviator_of_ellipse(np.array([1 / 3]))[0]
@@ -132,7 +132,7 @@ def test_contacts_are_as_the_map_that_holds_them():
         elastic_face(HeightMap(height, (1.0, 1.0)), 1.0), depth_m=0 * height, measured=inside
     )
     pressure = press(face, approach_m=1.0, tolerance=1e-8).pressure_Pa
-    exact = energies_of_map(pressure, (1.0, 1.0))
+    (exact,) = energies_of_map([pressure], (1.0, 1.0))
     assert punch.mean == pytest.approx(exact.mean, rel=0.02)
     assert abs(punch.deviator - exact.deviator) < 0.02 * abs(exact.deviator)
 
@@ -227,7 +227,7 @@ def test_the_direct_solution_that_sticks(face, along):
     elastic = elastic_face(surface, STEEL.E_star_Pa)
     loaded = press(elastic, load_N=load_N, tolerance=1e-9)
     punch = punch_pressure_Pa_per_m(elastic, loaded)
-    energies = energies_of_map(punch, surface.pixel_size_m)
+    (energies,) = energies_of_map([punch], surface.pixel_size_m)
     normal_N_per_m = float(punch.sum()) * surface.pixel_area_m2
     deviator = energies.deviator * normal_N_per_m / STEEL.E_star_Pa
     kappa = STEEL.kappa + (STEEL.kappa - 1) * (deviator * np.conj(along**2)).real
@@ -237,8 +237,8 @@ def test_the_direct_solution_that_sticks(face, along):
     force_N = 0.01 * MU * load_N * along
     stuck = shear(held, STEEL, MU, force_N, tolerance=1e-9)
     direct = normal_N_per_m * (stuck.displacement_m / force_N).real
-    assert kappa == pytest.approx(direct, rel=3e-3)
-    assert abs(STEEL.kappa / direct - 1) > 0.01  # what the mean over all directions leaves
+    assert kappa == pytest.approx(direct, rel=2e-3)
+    assert abs(STEEL.kappa / direct - 1) > 0.02  # what the mean over all directions leaves
 
 
 @pytest.mark.parametrize("along", [1.0, 1j])

@@ -68,15 +68,14 @@ def _lay(contact: ContactState, caps: CapTable, surface: HeightMap) -> Lay:
         return none
     if isinstance(curve, BoundaryElementCurve):
         size_m = curve.solutions.face.pixel_size_m
-        tractions = curve.tractions(contact.preload_N, LATER)
-        punch, later = (energies_of_map(one, size_m) for one in tractions)
+        punch, later = energies_of_map(curve.tractions(contact.preload_N, LATER), size_m)
     else:
         loaded = np.flatnonzero(caps.load_N > 0.0)
         if not loaded.size:
             return none
         punch, later = _of_caps(contact, caps, loaded)
     bulk = 0j
-    if contact.rung.holds_bulk and not contact.bulk:
+    if contact.rung.interacts and not contact.bulk:
         bulk = deviator_of_outline(surface)
     return punch.lay(later, joint.kappa, bulk, joint.E_star_Pa / contact.stiffness_N_per_m)
 

@@ -8,6 +8,7 @@ whole contact, its deviator: the mean of exp(2 i theta) / (pi E* r) over all pai
 
 import cmath
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -272,7 +273,9 @@ def _blocks(n: int) -> list[slice]:
     return [slice(first, min(first + _ROWS, n)) for first in range(0, n, _ROWS)]
 
 
-def energies_of_map(traction: np.ndarray, pixel_size_m: tuple[float, float]) -> Energies:
+def energies_of_map(
+    tractions: Sequence[np.ndarray], pixel_size_m: tuple[float, float]
+) -> list[Energies]:
     """Return the energies of tractions on a map.
 
     sum of q_i K_ij q_j over (sum of q)^2 and the area of a pixel, with K the integrals of
@@ -282,36 +285,40 @@ def energies_of_map(traction: np.ndarray, pixel_size_m: tuple[float, float]) -> 
 
     Parameters
     ----------
-    traction : float64, shape (ny, nx)
-        Any unit.
+    tractions : sequence of float64, shape (ny, nx)
+        Any unit; the first is nowhere zero where another one is not.
     pixel_size_m : (float, float)
         (dy, dx).
 
     Examples
     --------
     >>> strip = np.ones((1, 20))
-    >>> found = [energies_of_map(q, (1.0, 1.0)) for q in (strip, strip.T, np.eye(9))]
+    >>> found = [energies_of_map([q], (1.0, 1.0))[0] for q in (strip, strip.T, np.eye(9))]
     >>> [complex(round(q.deviator.real, 4), round(q.deviator.imag, 4)) for q in found]
     [(0.077+0j), (-0.077+0j), 0.0886j]
     """
     from scipy import fft
 
-    rows, columns = (np.flatnonzero(traction.any(axis=axis)) for axis in (1, 0))
-    q = traction[rows[0] : rows[-1] + 1, columns[0] : columns[-1] + 1]
-    (ny, nx), (dy, dx) = q.shape, pixel_size_m
-    padded = padded_shape(q.shape)
-    pairs = fft.irfft2(np.square(np.abs(fft.rfft2(q, s=padded))), s=padded)
+    rows, columns = (np.flatnonzero(tractions[0].any(axis=axis)) for axis in (1, 0))
+    inside = np.s_[rows[0] : rows[-1] + 1, columns[0] : columns[-1] + 1]
+    (ny, nx), (dy, dx) = tractions[0][inside].shape, pixel_size_m
     # All distances in y, those in x that are not negative: the others are the same turned round
-    pairs = np.roll(pairs, ny - 1, axis=0)[: 2 * ny - 1, :nx]
     x = (np.arange(nx + 1) - 0.5)[None, :] * dx
     y = (np.arange(2 * ny) - ny + 0.5)[:, None] * dy
     along, across = y * np.arcsinh(x / np.abs(y)), x * np.arcsinh(y / np.abs(x))
-    sums = []
-    for primitive in (along + across, along - across, -2.0 * np.hypot(x, y)):
-        kernel = np.diff(np.diff(primitive, axis=0), axis=1)
-        sums.append(2.0 * float(np.vdot(pairs, kernel)) - float(pairs[:, 0] @ kernel[:, 0]))
-    unit = math.pi * dy * dx * float(q.sum()) ** 2
-    return Energies(sums[0] / unit, complex(sums[1], sums[2]) / unit)
+    primitives = along + across, along - across, -2.0 * np.hypot(x, y)
+    kernels = [np.diff(np.diff(one, axis=0), axis=1) for one in primitives]
+    for kernel in kernels:
+        kernel[:, 1:] *= 2.0
+    found, padded = [], padded_shape((ny, nx))
+    for traction in tractions:
+        q = traction[inside]
+        pairs = fft.irfft2(np.square(np.abs(fft.rfft2(q, s=padded))), s=padded)
+        pairs = np.concatenate((pairs[len(pairs) - ny + 1 :, :nx], pairs[:ny, :nx]))
+        unit = math.pi * dy * dx * float(q.sum()) ** 2
+        mean, real, imaginary = (float(np.vdot(pairs, kernel)) / unit for kernel in kernels)
+        found.append(Energies(mean, complex(real, imaginary)))
+    return found
 
 
 def deviator_of_outline(face: HeightMap) -> complex:
@@ -319,4 +326,5 @@ def deviator_of_outline(face: HeightMap) -> complex:
     measured, (ny, nx), (dy_m, dx_m) = face.measured, face.shape, face.pixel_size_m
     block = -(-max(ny, nx) // _BLOCKS)
     share = block_sums(np.pad(measured, ((0, -ny % block), (0, -nx % block))), block)
-    return energies_of_map(share.astype(float), (block * dy_m, block * dx_m)).deviator
+    (found,) = energies_of_map([share.astype(float)], (block * dy_m, block * dx_m))
+    return found.deviator

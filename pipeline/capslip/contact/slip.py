@@ -128,7 +128,8 @@ def slip_curve(
     Exact for uncoupled half-spaces (equal materials, or Dundurs' beta = 0) at constant normal load,
     without rotation, in one direction. Poisson's effect in three dimensions, at nu = 0.3, changes
     the displacement by 1 to 5 % and the energy by up to 4 % on round caps, 11 % on waves; which way
-    depends on the direction of the force (`capslip.studies.theorem.errors`).
+    depends on the direction of the force (`capslip.studies.theorem.errors`), of which kappa may be
+    (`contact.direction`).
     Multicontact models of this kind describe the elastic response of real interfaces, but not
     their dissipation quantitatively (Bureau, Caroli and Baumberger 2003).
 
@@ -142,7 +143,7 @@ def slip_curve(
     friction_coefficient : float
         mu.
     kappa : float
-        E* G* / 4, see `composite`.
+        E* G* / 4, see `composite`; or that of a direction of slip.
 
     Raises
     ------

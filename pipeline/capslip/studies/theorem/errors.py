@@ -9,8 +9,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from capslip.contact.lay import Lay, energies_of_map
 from capslip.contact.material import composite
-from capslip.contact.solvers.polonsky_keer import elastic_face, press, stiffness_of_regions_N_per_m
+from capslip.contact.solvers.polonsky_keer import elastic_face, press, punch_pressure_Pa_per_m
 from capslip.studies.faces.scenes import cases, make_face
 from capslip.studies.theorem.tangential import shear
 from capslip.surface.heightmap import HeightMap
@@ -32,6 +33,7 @@ class TheoremError:
     group: str
     poisson_ratio: float
     direction: str
+    given: bool  # whether kappa is that of the direction, or the mean over all
     stiffness: float  # before any slip
     displacement: np.ndarray  # (4,), at the shares of force
     energy: np.ndarray  # (4,), of a cycle, at given force
@@ -58,7 +60,10 @@ def theorem_errors(
     """
     face, held_N = elastic_face(surface, E_STAR_PA), FRICTION * preload_N
     loaded = press(face, load_N=preload_N, tolerance=TOLERANCE)
-    punch_N_per_m = float(stiffness_of_regions_N_per_m(face, loaded).sum())
+    punch_Pa_per_m = punch_pressure_Pa_per_m(face, loaded)
+    punch_N_per_m = float(punch_Pa_per_m.sum()) * face.pixel_area_m2
+    (energies,) = energies_of_map([punch_Pa_per_m], face.pixel_size_m)
+    deviator = energies.deviator * punch_N_per_m / E_STAR_PA
     touches = loaded.pressure_Pa > 0
     punch = replace(loaded, pressure_Pa=touches * loaded.pressure_Pa[touches].mean())
     withdrawn_m, loss_J = np.empty(len(FORCE_SHARES)), np.empty(len(FORCE_SHARES))
@@ -81,7 +86,13 @@ def theorem_errors(
             stiffness = punch_N_per_m / joint.kappa * (stuck.displacement_m / force_N).real - 1
             displacement = delta_m / [(one.displacement_m / along).real for one in slid] - 1
             energy = W_J / [4 * one.work_J for one in slid] - 1
-            yield TheoremError(name, group, nu, direction, stiffness, displacement, energy)
+            found = np.array([stiffness, *displacement, *energy])
+            kappa = Lay(joint.kappa, deviator, deviator).kappa(float(np.angle(along)))
+            power = np.array([-1.0] + 8 * [1.0])  # of kappa
+            for given, factor in ((False, 1.0), (True, (kappa / joint.kappa) ** power)):
+                errors = (1.0 + found) * factor - 1.0
+                of = errors[0], errors[1:5], errors[5:]
+                yield TheoremError(name, group, nu, direction, given, *of)
 
 
 def paraboloid(ratio: float, n_pixels: int = 96) -> HeightMap:
@@ -95,16 +106,23 @@ def paraboloid(ratio: float, n_pixels: int = 96) -> HeightMap:
 def table(found: list[TheoremError]) -> str:
     """Return all rows, and the median and worst sizes of each group, in per cent."""
     shares = "".join(f"{share:14g}" for share in FORCE_SHARES)
-    lines = [f"{'displacement / energy, %':34s}  nu  stiffness{shares}"]
+    lines = [f"{'displacement / energy, %':38s}  nu  stiffness{shares}"]
 
     def line(label: str, nu: float, errors: np.ndarray) -> str:
         first, *rest = 100 * errors
         pairs = "".join(f"{rest[i]:7.2f}/{rest[i + 4]:6.2f}" for i in range(4))
-        return f"{label:32s} {nu:5g} {first:10.2f}{pairs}"
+        return f"{label:36s} {nu:5g} {first:10.2f}{pairs}"
 
-    lines += [line(f"{one.face}, {one.direction}", one.poisson_ratio, one.all) for one in found]
-    for group, nu in dict.fromkeys((one.group, one.poisson_ratio) for one in found):
-        rows = np.array([o.all for o in found if (o.group, o.poisson_ratio) == (group, nu)])
+    said = {False: "", True: ", given"}
+    for one in found:
+        lines.append(
+            line(f"{one.face}, {one.direction}{said[one.given]}", one.poisson_ratio, one.all)
+        )
+    kinds = [(one.group, one.poisson_ratio, one.given) for one in found]
+    for kind in dict.fromkeys(kinds):
+        rows = np.array([one.all for one, of in zip(found, kinds, strict=True) if of == kind])
+        group, nu, given = kind
+        group += said[given]
         means = (rows[::2] + rows[1::2]) / 2
         lines += [
             line(f"{group}: median", nu, np.median(np.abs(rows), axis=0)),
