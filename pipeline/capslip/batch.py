@@ -76,7 +76,6 @@ class Options:
     scheduler: str | None = None
 
 
-AS_USUAL = Options()
 Work = Callable[[Scan, Path, str | None, bool], Row]
 
 
