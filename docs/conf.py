@@ -23,6 +23,7 @@ extensions = [
     "sphinx_design",
     "sphinx_gallery.gen_gallery",
     "run",
+    "shown",
     "pages",
 ]
 exclude_patterns = ["_ext", "_templates", "examples", "gallery/*.ipynb", "sg_execution_times.rst"]

@@ -9,7 +9,9 @@ KEYS = {
     "hills": "material_ratio cut_height_m kept_fraction regions largest_region_share hills caps "
     "rejected",
     "families": "count m n h_m G P",
-    "contact": "model preload_N approach_m approach_without_bulk_m contacts stiffness_N_per_m "
+    "answer": "asked tangential_stiffness_N_per_m energy_J loss_factor interval",
+    "contact": "alignment tilt_rad tilt_across_face_m load_point_m nominal_pressure_Pa coverage "
+    "model preload_N approach_m approach_without_bulk_m contacts stiffness_N_per_m "
     "contact_area_m2 max_pressure_Pa",
     "slip": "friction_coefficient total_slip_force_N total_slip_displacement_m limit_G_m limit_P_m "
     "tangential_stiffness_N_per_m",

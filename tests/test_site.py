@@ -2,6 +2,7 @@
 
 import re
 import shlex
+import sys
 from pathlib import Path
 
 import click
@@ -12,22 +13,19 @@ from capslip.cli import main
 
 PROJECT = Path(__file__).parents[1]
 DOCS = PROJECT / "docs"
-PAGES = sorted([*DOCS.glob("*.md"), *DOCS.glob("guides/*.md"), PROJECT / "README.md"])
-PAGES.append(PROJECT / "CONTRIBUTING.md")
-INDENTED = re.compile(r"^(?:    |\t)(capslip (?:[^\n]*\\\n)*[^\n]*)$", re.MULTILINE)
-INLINE = re.compile(r"`(capslip [a-z][^`\n]*)`")
-FENCED = re.compile(r"^```\{run\}\n((?::.*\n)*)(.*?)^```$", re.MULTILINE | re.DOTALL)
+sys.path.insert(0, str(DOCS / "_ext"))
+from shown import FENCED, PAGES, commands_in_text, to_run  # noqa: E402
+
 GUIDES = {"vendor-file", "csv", "mated-faces", "measured-curve"}
 GUIDES |= {"finite-elements", "cluster", "uncertainty", "design"}
 
 
 def commands(text):
     """Yield the words of every command of a page."""
-    plain = FENCED.sub("", text)
-    found = INDENTED.findall(plain) + INLINE.findall(plain)
+    found = commands_in_text(text)
     found += [line for _, body in FENCED.findall(text) for line in shell_lines(body)]
     for command in found:
-        words = shlex.split(command.replace("\\\n", " ").replace("\\ ", " "), comments=True)
+        words = shlex.split(command, comments=True)
         yield [word for word in words[1:] if word != "..."]
 
 
@@ -49,6 +47,19 @@ def test_every_command_of_a_page_is_one_that_the_command_line_takes(page):
         overrides = [one for one in options.get("overrides", ()) or () if "=" in one]
         if overrides:
             capslip.load_settings(overrides=tuple(overrides))
+
+
+def test_what_stands_in_a_text_runs_once_and_what_is_only_named_does_not(tmp_path):
+    page = tmp_path / "page.md"
+    page.write_text(
+        "`capslip batch` and `capslip formats`, `capslip formats`, `capslip bench -o b`\n\n"
+        "    capslip analyze face.x3p \\\n        --preload 5 ...\n\n"
+        "    capslip batch scans/ --scheduler tcp://head:1\n\n"
+        "```{run}\ncapslip --version\n```\n"
+    )
+    analyze = "capslip analyze face.x3p --preload 5 --no-figures --no-render"
+    assert to_run([page]) == [analyze, "capslip formats"]
+    assert len(to_run(PAGES)) > 10
 
 
 def test_there_are_eight_guides_and_the_front_page_has_a_card_for_each():

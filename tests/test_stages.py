@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from capslip import stages
-from capslip.analysis import analyze
+from capslip.analysis import analyze, analyze_once
 from capslip.caps.fit import fit_caps
 from capslip.caps.table import CapFlag, CapTable
 from capslip.contact.depth import press_for_depth
@@ -289,3 +289,15 @@ def test_a_map_that_stands_in_for_caps_without_a_level_has_its_error_and_its_int
     assert "find no level" in found.contact.model_reason
     assert 0.0 < found.contact.estimated_error < 0.2
     assert found.band.left_out == ("noise of the map",)
+
+
+@pytest.mark.parametrize("model", ["flat", "boundary_elements", "caps"])
+def test_only_a_model_of_caps_fails_on_a_face_without_any(model):
+    noise_m = 1e-6 * np.random.default_rng(1).standard_normal((60, 80))
+    overrides = (f"contact.model={model}", "contact.preload_N=3e4")
+    found = analyze_once(HeightMap(noise_m, (4e-4, 4e-4)), load_settings(overrides=overrides))
+    assert not found.caps.usable.any()
+    of_caps = model == "caps"
+    assert (found.status == "failed", found.answer is None) == (of_caps, of_caps)
+    severity = {problem.code: problem.severity for problem in found.problems}["no_caps"]
+    assert severity == ("error" if of_caps else "info")

@@ -76,7 +76,8 @@ class _Page:
 
     def __init__(self, name: str, text: str) -> None:
         self.folder, self.name = RUNS / name, name
-        known = (code_sha256(), inspect.getsource(_Page), *BLOCK.findall(text))
+        way = (inspect.getsource(_Page), inspect.getsource(_done))
+        known = (code_sha256(), *way, *BLOCK.findall(text))
         self.digest = hashlib.sha256("\0".join(known).encode()).hexdigest()
         self.outputs: list[str] = []
         self.file = RUNS / f"{name}.json"
@@ -115,31 +116,41 @@ class _Page:
             (self.folder / name).symlink_to(PROJECT / name)
 
     def _run(self, language: str, source: str, code: int) -> str:
-        command = ["bash", "-euo", "pipefail", "-c"] if language == "bash" else [sys.executable]
-        command += [source] if language == "bash" else ["-c", source]
-        binaries = Path(sys.executable).parent
-        environment = os.environ | {
-            "PATH": f"{binaries}:{os.environ['PATH']}",
-            "COLUMNS": "100",
-            "MPLBACKEND": "Agg",
-            "OPENBLAS_NUM_THREADS": "1",
-        }
-        done = subprocess.run(
-            command,
-            cwd=self.folder,
-            env=environment,
-            stdout=subprocess.PIPE,
-            stderr=subprocess.STDOUT,
-            stdin=subprocess.DEVNULL,
-            text=True,
-            timeout=LONGEST_S,
-        )
+        if language == "bash":
+            done = run_shell(source, self.folder)
+        else:
+            done = _done([sys.executable, "-c", source], self.folder)
         if done.returncode != code:
             log.warning(
                 "%s: %r ended with %s; expected %s\n%s",
                 *(self.name, source, done.returncode, code, done.stdout),
             )
         return PROGRESS.sub("", done.stdout).replace(str(self.folder), ".")
+
+
+def run_shell(source: str, folder: Path, **variables: str) -> subprocess.CompletedProcess[str]:
+    """Run shell commands in a folder; the first that fails ends them."""
+    return _done(["bash", "-euo", "pipefail", "-c", source], folder, **variables)
+
+
+def _done(command: list[str], folder: Path, **variables: str) -> subprocess.CompletedProcess[str]:
+    binaries = Path(sys.executable).parent
+    environment = {
+        "PATH": f"{binaries}:{os.environ['PATH']}",
+        "COLUMNS": "100",
+        "MPLBACKEND": "Agg",
+        "OPENBLAS_NUM_THREADS": "1",
+    }
+    return subprocess.run(
+        command,
+        cwd=folder,
+        env=os.environ | environment | variables,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        stdin=subprocess.DEVNULL,
+        text=True,
+        timeout=LONGEST_S,
+    )
 
 
 def _kept(output: str, words: str | None) -> str:

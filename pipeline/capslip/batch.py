@@ -76,7 +76,6 @@ class Options:
     scheduler: str | None = None
 
 
-AS_USUAL = Options()
 Work = Callable[[Scan, Path, str | None, bool], Row]
 
 
@@ -155,7 +154,7 @@ def run_batch(
     _check_folder(folder)
     if options.look == "dry_run":
         rows = dict(_look(scans, folder, options.retry_failed))
-        return [rows[scan] or _row(scan, {"status": TO_DO}) for scan in scans]
+        return [rows[scan] or _to_do(scan, folder) for scan in scans]
     with _place(folder, shared=options.shard is not None):
         run = _Run(scans, folder, say, options)
         try:
@@ -242,7 +241,8 @@ class _Run:
         """Write table and page, and return the rows."""
         if self.options.look == "collect":
             for scan in self.scans:
-                self.rows.setdefault(scan, _row(scan, {"status": TO_DO}))
+                if scan not in self.rows:
+                    self.rows[scan] = _to_do(scan, self.folder)
         rows = self._known()
         if self.options.shard is None:
             write_overview(rows, self.folder)
@@ -322,6 +322,40 @@ def _done(scan: Scan, home: Path, retry_failed: bool, mend: bool = True) -> Row 
     if not _has_pictures(home, scan.settings) or (retry_failed and summary["status"] == "failed"):
         return None
     return row_of(summary)
+
+
+def _to_do(scan: Scan, folder: Path) -> Row:
+    """Return the row of a scan without a result, and what differs where there is another one."""
+    home, error = _home(scan, folder), None
+    summary = read_summary(home)
+    if summary is not None:
+        key, there = _key(scan), _key_of(summary)
+        differs = [f"other {name}" for name in key if key[name] != there[name]]
+        if "other settings" in differs:
+            differs += _differences(home, scan.settings)
+        command = summary["provenance"].get("command")
+        if differs:
+            by = f"; it counts with the options of `{command}`" if command else ""
+            error = f"the result there is of {', '.join(differs)}{by}"
+        elif not _has_pictures(home, scan.settings):
+            error = "the result there lacks pictures (--no-figures, --no-render)"
+    return _row(scan, {"status": TO_DO, "error": error})
+
+
+def _differences(home: Path, wanted: Settings) -> list[str]:
+    """Return which settings of a result are others, with their value there and here."""
+    try:
+        there, here = load_settings(home / "settings.toml"), wanted
+    except SettingsError:
+        return []
+    found = []
+    for table, of in here.to_dict().items():
+        then = there.to_dict().get(table, {})
+        keys = [] if table == "run" else dict.fromkeys([*of, *then])
+        pairs = ((key, then.get(key), of.get(key)) for key in keys)
+        found += [f"{table}.{key} ({a} there, {b} here)" for key, a, b in pairs if a != b]
+    given = set(there.run.given) ^ set(here.run.given)
+    return found or [f"{name} (given or not)" for name in sorted(given)]
 
 
 def _key(scan: Scan) -> dict[str, str | None]:

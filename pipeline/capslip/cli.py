@@ -96,7 +96,8 @@ def analyze(
         missing=say.missing,
     )
     print_result(summary, _where(folder), as_json, quiet)
-    _raise_errors(analysis, folder, say, f"{surface}: ")
+    _raise_errors(analysis, folder, f"{surface}: ")
+    say.raise_failures(folder)
 
 
 def _analyze_scans(
@@ -128,19 +129,20 @@ def _analyze_scans(
         result, folder, _command_line(), timings_s, export, progress=say, missing=say.missing
     )
     print_result(summary, _where(folder), as_json, quiet)
-    _raise_errors(result, folder, say)
+    _raise_errors(result, folder)
+    say.raise_failures(folder)
 
 
 def _where(folder: Path) -> str:
     return f"\nresults    {folder}\nreport     {folder / 'report.html'}"
 
 
-def _raise_errors(result: "JointResult", folder: Path, say: Progress, of: str = "") -> None:
-    """End as failed where a stage had no answer, or a part of what was written is missing."""
+def _raise_errors(result: "JointResult", folder: Path | None, of: str = "") -> None:
+    """End as failed where a stage had no answer."""
     errors = [problem.text for problem in result.problems if problem.severity == "error"]
     if errors:
-        raise ScanError(f"{of}{errors[0]}; what was found before is in {folder}")
-    say.raise_failures(f"all numbers are in {folder}")
+        rest = f"; what was found before is in {folder}" if folder else ""
+        raise ScanError(f"{of}{errors[0]}{rest}")
 
 
 def _load(path: Path, settings: "Settings", say: Progress) -> "HeightMap":
@@ -171,9 +173,7 @@ def families(out: Path | None, as_json: bool, quiet: bool, **options: Any) -> No
     command = _command_line()
     summary = write_joint(result, out, command) if out else result.summary(command)
     print_result(summary, to_width(result_lines(result)), as_json, quiet)
-    errors = [p.text for p in result.problems if p.severity == "error"]
-    if errors:
-        raise ScanError(errors[0])
+    _raise_errors(result, out)
 
 
 @main.command()

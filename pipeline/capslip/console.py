@@ -15,6 +15,7 @@ import time
 import traceback
 from collections.abc import Iterator
 from contextlib import contextmanager
+from pathlib import Path
 from typing import Any
 
 import click
@@ -152,11 +153,11 @@ class Progress:
                 traceback.print_exception(error)
         self.warn(message)
 
-    def raise_failures(self, where: str) -> None:
-        """End with the first part that could not be made, if there is one."""
+    def raise_failures(self, folder: Path) -> None:
+        """End with the first part of what was written that could not be made, if there is one."""
         if not self.failures:
             return
-        text = f"{self.failures[0][0]}; {where}"
+        text = f"{self.failures[0][0]}; all numbers are in {folder}"
         if all(isinstance(error, CapslipError) for _, error in self.failures):
             raise ScanError(text)
         raise CapslipError(f"internal error: {text}; run again with -v and report it")

@@ -1,5 +1,7 @@
 """What makes the numbers of an analysis doubtful, collected in the order of the stages."""
 
+from dataclasses import replace
+
 from capslip.caps.doubts import problems_of_bow, problems_of_families
 from capslip.contact.doubts import (
     contact_doubts,
@@ -37,7 +39,10 @@ def problems_of(face: Face, found: Analysis, mate: HeightMap | None) -> tuple[Pr
         The other face, as measured.
     """
     before, contact = _before_contact(face, found, mate), found.contact
-    if contact is None:
+    if contact is None:  # without a single cap nothing was pressed: there is no answer
+        before = [
+            replace(one, severity="error") if one.code == "no_caps" else one for one in before
+        ]
         return (*before, *found.problems)
     settings, surface = found.settings, face.conditioned.surface
     tolerance = settings.contact.tolerance

@@ -135,10 +135,7 @@ class Sensitivity:
 
     @property
     def problems(self) -> tuple[Problem, ...]:
-        """One for each setting of which a single step moves an answer beyond its error bar.
-
-        And one for a second family that a deeper cut shows.
-        """
+        """One for each setting of which a single step moves an answer beyond its error bar."""
         found = []
         for sweep in self.sweeps:
             moved = [SYMBOL[ANSWERS[i]] for i in np.flatnonzero(~sweep.holds)]

@@ -203,8 +203,8 @@ def can_be_pressed(face: Face, settings: Settings) -> bool:
     """Tell whether a face has caps, or a model that needs none, and does not tip over."""
     if any(problem.severity == "error" for problem in face.problems):
         return False
-    model = settings.contact.model
-    return bool(face.caps.usable.any()) or (model == "auto" and face.label is not None)
+    needs_none = settings.contact.model == "auto" or _made_from(settings) != "spheres"
+    return bool(face.caps.usable.any()) or (needs_none and face.label is not None)
 
 
 def as_found(face: Face, settings: Settings, with_map: bool = True) -> Settings:

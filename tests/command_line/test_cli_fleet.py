@@ -120,6 +120,20 @@ def test_a_shard_that_is_missing_is_named(scans, tmp_path):
     assert ran.exit_code == 3
     assert "3 of 6 scans are still to be done" in ran.stderr
     assert [row["status"] for row in rows(out).values()].count("to do") == 3
+    assert not any(row["error"] for row in rows(out).values() if row["status"] == "to do")
+
+
+def test_results_of_other_options_are_said_to_be_so(scans, tmp_path):
+    out = tmp_path / "out"
+    shard = (scans, "-o", out, "--shard", "1/1", "--preload", "7")
+    assert run(*shard).exit_code == 0
+    assert run(scans, "-o", out, "--collect").exit_code == 3
+    for row in rows(out).values():
+        assert "contact.preload_N (7.0 there, " in row["error"]
+        assert "; it counts with the options of `capslip " in row["error"]
+    assert run(scans, "-o", out, "--collect", "--preload", "7").exit_code == 0
+    ran = run(scans, "-o", out, "--dry-run", "--preload", "7", "--figures")
+    assert ran.stdout.count("lacks pictures") == len(rows(out))
 
 
 @pytest.mark.parametrize("text", ["0/2", "3/2", "2", "a/b"])

@@ -9,9 +9,10 @@ from capslip.analysis import analyze_once, analyze_scans
 from capslip.contact.joint import curve_of_joint
 from capslip.contact.material import composite
 from capslip.contact.models.caps import caps
+from capslip.contact.models.families import families
 from capslip.contact.scans import curve_of_scans
 from capslip.contact.slip import slip_curve
-from capslip.errors import SettingsError
+from capslip.errors import ContactError, SettingsError
 from scenes import caps_map
 
 STEEL = composite((200e9, 200e9), (0.3, 0.3))
@@ -169,3 +170,28 @@ def test_a_face_cut_in_four_is_the_sum_of_its_parts_and_the_whole_but_for_its_co
     assert found.answer.slip_force_N == pytest.approx(whole.answer.slip_force_N, rel=1e-12)
     assert abs(1.0 - found.answer.energy_J / whole.answer.energy_J) < 1.5 / np.sqrt(n)
     assert found.band.contributions["energy_J"]["scans"] > 0.0
+
+
+class _LetsGoOfLess:
+    """A curve whose load drop up to lift-off is short of its load, as that of a map may be."""
+
+    def __init__(self, curve):
+        self.curve = curve
+
+    def __getattr__(self, name):
+        return getattr(self.curve, name)
+
+    def load_drop_N(self, approach_m, withdrawal_m):
+        return (1.0 - 1e-5) * self.curve.load_drop_N(approach_m, withdrawal_m)
+
+
+def test_a_joint_carries_its_preload_though_a_map_lets_go_of_a_little_less():
+    one = families((5, 18), (23.8, 26.7), (0, 2.4e-7), 109.89e9)
+    joint = curve_of_scans([one, _LetsGoOfLess(one)], 460.0, [0.5, 0.5])
+    assert joint.approach_m(460.0) == joint.preload_approach_m
+    slip = slip_curve(joint, 460.0, 0.3, 1.2)
+    T = np.array([0.01, 0.5, 0.999]) * slip.total_slip_force_N
+    alone = slip_curve(one, 460.0, 0.3, 1.2)
+    assert slip.displacement_m(T) == pytest.approx(alone.displacement_m(T), rel=1e-3)
+    with pytest.raises(ContactError, match="at most its preload"):
+        joint.approach_m(460.01)

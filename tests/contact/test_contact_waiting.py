@@ -50,6 +50,21 @@ def test_what_takes_less_than_two_seconds_says_nothing(monkeypatch, heard):
     assert heard == []
 
 
+def test_figures_say_how_many_are_left_once_they_take_longer(monkeypatch, heard, tmp_path):
+    from capslip.output import folder
+
+    monkeypatch.setattr(waiting, "perf_counter", iter(np.arange(0.0, 9.0, 0.75)).__next__)
+    monkeypatch.setattr(folder.all_figures, "write_figure", lambda *_: None)
+    said = []
+    parts = folder._Parts(None, tmp_path, {}, said.append, lambda *_: None)
+    parts.draw_figures(("a", "b", "c", "d", "e", "f"), tmp_path)
+    assert said == ["drawing"]
+    assert heard == [
+        "drawing: 3 of 6 figures, about 2 s left",
+        "drawing: 5 of 6 figures, about 1 s left",
+    ]
+
+
 @pytest.mark.parametrize(
     ("quiet", "terminal", "listens"),
     [(False, True, True), (True, True, False), (False, False, False)],

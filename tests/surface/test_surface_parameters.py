@@ -236,4 +236,19 @@ def test_a_map_that_was_turned_has_the_parameters_of_the_map_as_levelled():
     assert numbers["Sq_m"] == found.field.Sq_m
     without = found.to_dict(with_hills=False)
     assert numbers["closed_hills"] == found.hills.closed_hills
-    assert without == numbers | dict.fromkeys(asdict(found.hills))
+    assert without == numbers | dict.fromkeys((*asdict(found.hills), "S10z_m", "Sda_m2"))
+
+
+@pytest.mark.parametrize("name", MAPS)
+def test_ten_point_height_and_the_area_of_dales_are_those_of_the_map_and_of_it_upside_down(name):
+    surface, peer = of(name), PEER[name]
+    upside_down = HeightMap(-surface.height_m, surface.pixel_size_m)
+    as_it_is = {"form": "none", "outliers": "none"}
+    found, other = (
+        Iso25178(condition(one, **as_it_is)).to_dict(with_hills=True)
+        for one in (surface, upside_down)
+    )
+    if found["closed_hills"]:
+        assert found["S10z_m"] == pytest.approx((peer["S5p"] + peer["S5v"]) * 1e-6, rel=1e-6)
+    for one, its in (("S10z_m", "S10z_m"), ("Sda_m2", "Sha_m2"), ("Sha_m2", "Sda_m2")):
+        assert found[one] == pytest.approx(other[its], rel=1e-12, nan_ok=True)

@@ -45,10 +45,12 @@ class Iso25178:
         return feature_parameters(HeightMap(-surface.height_m, surface.pixel_size_m))
 
     def to_dict(self, *, with_hills: bool) -> dict[str, Any]:
-        """Return the numbers; those of hills are None without, and above 4 million points."""
+        """Return the numbers; those of hills and dales are None without, and on too large maps."""
         numbers = [one.name for one in fields(SurfaceParameters) if one.type is not Spectrum]
         found: dict[str, Any] = {name: getattr(self.field, name) for name in numbers}
         with_hills &= self.conditioned.surface.height_m.size <= MOST_POINTS
         for one in fields(FeatureParameters):
             found[one.name] = getattr(self.hills, one.name) if with_hills else None
+        found["S10z_m"] = self.hills.S5p_m + self.dales.S5p_m if with_hills else None
+        found["Sda_m2"] = self.dales.Sha_m2 if with_hills else None
         return found

@@ -275,7 +275,8 @@ class PatchedCurve:
         ContactError
             If a load exceeds it.
         """
-        preload_N = self._below[1][-1]
+        # What a map lets go until it lifts off is its load to one in a hundred thousand alone
+        preload_N = float(self.load_N(self.preload_approach_m))
         drop_N = preload_N - np.asarray(load_N, dtype=float)
         if (drop_N < -1e-9 * preload_N).any():
             raise ContactError(

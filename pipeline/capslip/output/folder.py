@@ -1,7 +1,7 @@
 """The folder that an analysis leaves: numbers first, then what no number depends on."""
 
 import time
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Collection
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -14,6 +14,7 @@ from capslip.output import mesh, report, scene, staging, tables
 from capslip.output.export import Export, export_named
 from capslip.problems import Problem
 from capslip.result import JointOfScans
+from capslip.waiting import Waiting
 
 if TYPE_CHECKING:
     from capslip.result import Analysis, JointResult
@@ -209,12 +210,14 @@ class _Parts:
         self.lap("render")
         return reason
 
-    def draw_figures(self, names: Iterable[str], pictures: Path) -> None:
+    def draw_figures(self, names: Collection[str], pictures: Path) -> None:
         """Draw the figures of those names."""
         self.progress("drawing")
-        for name in names:
+        waiting = Waiting("drawing", "figures")
+        for done, name in enumerate(names, 1):
             file = (f"figures/{name}.png",)
             self.make(file, all_figures.write_figure, name, self.analysis, pictures)
+            waiting.tell(done, len(names))
         self.lap("figures")
 
     def draw_scans(self, joint: JointOfScans, export: Export | None) -> None:

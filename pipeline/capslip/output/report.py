@@ -50,28 +50,26 @@ FAMILY = (
     "peak height {{peak_height_{0}_m}}"
 )
 
-GROUPS_OF_JOINT: dict[str, tuple[Fact, ...]] = {
-    "Contact, slip and damping": (
-        "nominal_pressure_Pa",
-        "joint_area_m2",
-        "coverage",
-        "scan_load_N",
-        "off_m",
-        ("contact model", "{model}: {model_reason}"),
-        "contact_area_m2",
-        "max_pressure_Pa",
-        "hardness_Pa",
-        "yielded_area_m2",
-        ("friction coefficient", "{friction_coefficient:g}"),
-        ("total slip, one joint", "{total_slip_force_N} at {total_slip_displacement_m}"),
-        "limit_G_m",
-        "limit_P_m",
-        "structure",
-        "modal_stiffness_N_per_m",
-        "joint_stiffness_N_per_m",
-        "joints",
-    ),
-}
+OF_THE_JOINT: tuple[Fact, ...] = (
+    "nominal_pressure_Pa",
+    "joint_area_m2",
+    "coverage",
+    "scan_load_N",
+    "off_m",
+    ("contact model", "{model}: {model_reason}"),
+    "contact_area_m2",
+    "max_pressure_Pa",
+    "hardness_Pa",
+    "yielded_area_m2",
+    ("friction coefficient", "{friction_coefficient:g}"),
+    ("total slip, one joint", "{total_slip_force_N} at {total_slip_displacement_m}"),
+    "limit_G_m",
+    "limit_P_m",
+    "structure",
+    "modal_stiffness_N_per_m",
+    "joint_stiffness_N_per_m",
+    "joints",
+)
 
 
 def write_report(
@@ -117,7 +115,7 @@ def write_report(
         causes=causes(summary),
         problems=[{**one, "does": effect_text(one)} for one in problems],
         headlines=_headlines(summary),
-        limits=_limits(summary, analysis),
+        limits=_limits(summary),
         figures=_figures(analysis, summary, folder / "figures", render_message),
         viewer=viewer_block(read_view(result, CELLS, summary)) if result.is_file() else "",
         whatif=panel and json.dumps(panel, allow_nan=False),
@@ -182,7 +180,7 @@ def _headlines(summary: dict[str, Any]) -> list[tuple[str, str, str]]:
     return found
 
 
-def _limits(summary: dict[str, Any], analysis: "Analysis") -> list[str]:
+def _limits(summary: dict[str, Any]) -> list[str]:
     """Say in plain words what the model leaves out."""
     limits = [
         "The loss factor is for comparing faces, preloads and designs. Bureau, Caroli and "
@@ -338,7 +336,8 @@ def _cap_rows(caps: "CapTable") -> dict[str, Any]:
 
 def _tables(summary: dict[str, Any]) -> list[tuple[str, list[tuple[str, str]]]]:
     """Return the remaining numbers of the summary, grouped, as label and text."""
-    groups = {**({} if summary["scans"] else _groups_of_face(summary)), **GROUPS_OF_JOINT}
+    groups = {} if summary["scans"] else _groups_of_face(summary)
+    groups["Contact, slip and damping"] = OF_THE_JOINT
     tables = [(title, [_fact(fact, summary) for fact in facts]) for title, facts in groups.items()]
     if summary["scans"]:
         tables = [(title, [one for one in facts if one[1] != DASH]) for title, facts in tables]

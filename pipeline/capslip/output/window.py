@@ -58,6 +58,7 @@ class Window:
         self.plotter.enable_surface_point_picking(
             callback=lambda point: self.select(float(point[0]), float(point[1])),
             left_clicking=True,
+            tolerance=1e-4,  # of the window; else a click takes what is nearer to the eye beside it
             show_message=False,
             show_point=False,
         )
