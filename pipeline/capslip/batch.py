@@ -7,7 +7,7 @@ import traceback
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import Executor, ThreadPoolExecutor
 from contextlib import contextmanager, suppress
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
@@ -38,6 +38,8 @@ FAILURE_SCHEMA = "capslip/failure/1"
 TABLE_SHARE = 0.05  # of the time may go into the table of what is done so far
 LOOKING = 8  # threads that read what is there, which wait for the disk
 TO_DO = "to do"
+PICTURES = ("figures", "render", "meshes")  # settings of [run]
+LOST = "process"  # the stage of what came back from no child
 
 
 @dataclass(frozen=True)
@@ -56,8 +58,8 @@ class Options:
     look : {"dry_run", "collect"} or None
         Analyse nothing: only say what would be done, or make the table of what is there.
     retry_failed : bool
-        Analyse again what failed; else it keeps its error while scan, settings and code are the
-        same.
+        Analyse again what failed; else it keeps its error while scan, settings, code and limits
+        are the same, unless it could not be written.
     max_failures : int or None
         Stop after so many.
     limits : Limits
@@ -96,6 +98,8 @@ def analyse_scan(scan: Scan, folder: Path, command: str | None, retry_failed: bo
         analysis = analyze(surface, scan.settings, mate)
         stage = "write"
         return row_of(write(analysis, folder, command=command, timings_s=timings_s))
+    except MemoryError:
+        raise  # whoever set the limit notes it
     except Exception as error:
         return _fail(scan, folder, stage, in_one_line(error), traceback.format_exc())
 
@@ -154,8 +158,8 @@ def run_batch(
         scans = scans[part - 1 :: parts]
     _check_folder(folder)
     if options.look == "dry_run":
-        rows = dict(_look(scans, folder, options.retry_failed))
-        return [rows[scan] or _row(scan, {"status": TO_DO}) for scan in scans]
+        rows = dict(_look(scans, folder, options))
+        return [_row(scan, rows[scan] or {"status": TO_DO}) for scan in scans]
     with _place(folder, shared=options.shard is not None):
         run = _Run(scans, folder, say, options)
         try:
@@ -184,7 +188,7 @@ class _Run:
 
     def look(self) -> None:
         """Note what is done already, before anything is written."""
-        for scan, row in _look(self.scans, self.folder, self.options.retry_failed, mend=True):
+        for scan, row in _look(self.scans, self.folder, self.options, mend=True):
             if row is not None:
                 self.note(scan, row)
         self.write_table()
@@ -197,7 +201,10 @@ class _Run:
             for scan in self.scans:
                 if scan not in self.rows:
                     started.add(scan)
-                    yield scan, _home(scan, self.folder), command, self.options.retry_failed
+                    home = _home(scan, self.folder)
+                    # a failure that is there was not taken for done
+                    again = options.retry_failed or (home / FAILURE).is_file()
+                    yield scan, home, command, again
 
         options = self.options
         try:
@@ -205,8 +212,9 @@ class _Run:
                 for (scan, home, *_), found in outcomes(
                     executor, work, jobs(), at_once, options.limits
                 ):
-                    lost = isinstance(found, Lost)
-                    self.note(scan, _fail(scan, home, "process", found.reason) if lost else found)
+                    if isinstance(found, Lost):
+                        found = _fail(scan, home, LOST, found.reason, limits=options.limits)
+                    self.note(scan, found)
                     self.failures += self.rows[scan]["status"] == "failed"
                     if options.max_failures is not None and self.failures >= options.max_failures:
                         left = len(self.scans) - len(self.rows)
@@ -289,14 +297,14 @@ def _home(scan: Scan, folder: Path) -> Path:
 
 
 def _look(
-    scans: list[Scan], folder: Path, retry_failed: bool, mend: bool = False
+    scans: list[Scan], folder: Path, options: Options, mend: bool = False
 ) -> Iterator[tuple[Scan, Row | None]]:
     """Give each scan with its row, None where there is something to do."""
 
     def row_there(scan: Scan) -> Row | None:
         home = _home(scan, folder)
         try:
-            return _done(scan, home, retry_failed, mend) if home.is_dir() else None
+            return _done(scan, home, options.retry_failed, mend, options.limits)
         except (OSError, OutputError):
             return None  # who does it says what is wrong
 
@@ -304,17 +312,20 @@ def _look(
         yield from zip(scans, pool.map(row_there, scans), strict=True)
 
 
-def _done(scan: Scan, home: Path, retry_failed: bool, mend: bool = True) -> Row | None:
+def _done(
+    scan: Scan, home: Path, retry_failed: bool, mend: bool = True, limits: Limits = NO_LIMITS
+) -> Row | None:
     """Return the row of a result or a failure that would come out the same again."""
+    if not home.is_dir():
+        return None
     if mend:
         _mend(home)
     summary, failure = read_summary(home), read_json(home / FAILURE)
     if summary is None and failure is None:
         return None
     key = _key(scan)
-    failed = {"status": "failed"}
-    if failure is not None and failure.get("key") == key and not retry_failed:
-        return failed | {"error": str(failure.get("message"))}
+    if failure is not None and not retry_failed and _stays(failure, key, limits):
+        return {"status": "failed", "error": str(failure.get("message"))}
     if summary is None or _key_of(summary) != key or not is_whole(summary, home):
         return None
     if any(one["code"] == "output_missing" for one in summary["problems"]):
@@ -322,6 +333,13 @@ def _done(scan: Scan, home: Path, retry_failed: bool, mend: bool = True) -> Row 
     if not _has_pictures(home, scan.settings) or (retry_failed and summary["status"] == "failed"):
         return None
     return row_of(summary)
+
+
+def _stays(failure: dict[str, Any], key: dict[str, str | None], limits: Limits) -> bool:
+    """Tell whether a failure is of the scan, or of limits that still hold; disks get room again."""
+    if failure.get("key") != key or failure.get("stage") == "write":
+        return False
+    return failure.get("stage") != LOST or failure.get("limits") == asdict(limits)
 
 
 def _key(scan: Scan) -> dict[str, str | None]:
@@ -357,7 +375,7 @@ def _has_pictures(home: Path, wanted: Settings) -> bool:
         then = load_settings(home / "settings.toml").run
     except SettingsError:
         return False
-    return (then.figures or not wanted.run.figures) and (then.render or not wanted.run.render)
+    return all(getattr(then, one) or not getattr(wanted.run, one) for one in PICTURES)
 
 
 def _mend(home: Path) -> None:
@@ -369,7 +387,14 @@ def _mend(home: Path) -> None:
             home.rmdir()
 
 
-def _fail(scan: Scan, home: Path, stage: str, message: str, trace: str | None = None) -> Row:
+def _fail(
+    scan: Scan,
+    home: Path,
+    stage: str,
+    message: str,
+    trace: str | None = None,
+    limits: Limits = NO_LIMITS,
+) -> Row:
     """Write `failure.json`, where that is possible, and return the row."""
     record = {
         "schema": FAILURE_SCHEMA,
@@ -378,6 +403,7 @@ def _fail(scan: Scan, home: Path, stage: str, message: str, trace: str | None = 
         "stage": stage,
         "message": message,
         "traceback": trace,
+        "limits": asdict(limits),
         "key": _key(scan),
     }
     text = json.dumps(record, indent=1, ensure_ascii=False) + "\n"

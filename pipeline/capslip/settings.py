@@ -191,6 +191,7 @@ class Run(_Table, frozen=True):
     sensitivity: bool = False  # sweep cut, pruning, filter and level around what was chosen
     figures: bool = True
     render: bool = True
+    meshes: bool = True  # `caps.vtu` and `surface.vtu`
     given: tuple[str, ...] = ()  # the STAND_INS that a file or an option gave
 
 

@@ -4,6 +4,7 @@ import csv
 import json
 import os
 import random
+import resource
 import shutil
 import signal
 import subprocess
@@ -277,6 +278,73 @@ def test_failures_are_kept_until_asked_for_or_changed(tmp_path):
     assert not record.exists()
 
 
+def test_a_failure_of_a_limit_is_tried_again_under_another(tmp_path):
+    scan(tmp_path / "a.h5", 1)
+
+    def go(time_s):
+        limits = Limits(time_s=time_s)
+        return run_batch(
+            [str(tmp_path / "a.h5")],
+            tmp_path / "out",
+            SETTINGS,
+            print,
+            options=Options(limits=limits),
+        )[0]["status"]
+
+    record = tmp_path / "out" / "scans" / "a" / "failure.json"
+    assert go(0.001) == "failed"
+    written = record.stat().st_mtime_ns
+    assert go(0.001) == "failed"
+    assert record.stat().st_mtime_ns == written
+    assert go(None) != "failed"
+    assert not record.exists()
+
+
+def test_a_full_disk_is_named_and_the_same_command_goes_on(scans, undisturbed, tmp_path):
+    most = 30_000  # bytes of a file, of which the result has more
+    out = tmp_path / "out"
+    ran = batch(
+        scans, "-o", out, preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (most, most))
+    )
+    assert ran.returncode == 3
+    errors = [row["error"] for row in rows(out).values()]
+    assert len(errors) == 6
+    assert all(one.endswith("File too large") for one in errors), errors
+    assert not left_over(out)
+    assert run(scans, "-o", out).exit_code == 0
+    assert table(out) == table(undisturbed)
+
+
+@pytest.mark.parametrize(
+    ("options", "word"),
+    [
+        (("--timeout", "-1"), "--timeout: got -1"),
+        (("--timeout", "nan"), "--timeout: got nan"),
+        (("--memory", "0"), "--memory: got 0"),
+        (("--memory", "inf"), "--memory: got inf"),
+        (("--collect", "--shard", "1/2"), "leave out --shard"),
+    ],
+)
+def test_limits_that_make_no_sense_are_refused(scans, tmp_path, options, word):
+    ran = run(scans, "-o", tmp_path / "out", *options)
+    assert ran.exit_code == 2
+    assert word in ran.stderr
+    assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "word"),
+    [((), "no scan given"), (("in",), "no scan found in in; skipped: 1 folder (see --recursive)")],
+)
+def test_no_scan_is_named_with_what_was_skipped(tmp_path, monkeypatch, arguments, word):
+    (tmp_path / "in" / "a.h5").mkdir(parents=True)  # a folder named like a scan
+    monkeypatch.chdir(tmp_path)
+    ran = run(*arguments, "-o", "out")
+    assert ran.exit_code == 4
+    assert word in ran.stderr
+    assert not (tmp_path / "out").exists()
+
+
 def test_it_stops_after_as_many_failures_as_wanted(tmp_path):
     bad = fill(tmp_path / "in", 12, 6)
     ran = run(
@@ -363,6 +431,14 @@ def test_a_dry_run_writes_nothing_and_says_what_is_to_do(scans, undisturbed, tmp
     assert table(undisturbed) == before
 
 
+def test_a_dry_run_over_what_failed_names_it(tmp_path):
+    (tmp_path / "b.h5").write_bytes(b"torn")
+    assert run(tmp_path / "b.h5", "-o", tmp_path / "out").exit_code == 3
+    ran = run(tmp_path / "b.h5", "-o", tmp_path / "out", "--dry-run")
+    assert ran.exit_code == 0
+    assert ran.stdout.startswith("failed  b  ")
+
+
 def test_a_table_for_parquet_is_the_same(undisturbed):
     parquet = pytest.importorskip("pyarrow.parquet")
     found = parquet.read_table(undisturbed / "batch.parquet").to_pylist()
@@ -431,6 +507,12 @@ def test_a_list_gives_preload_mate_unit_and_group(tmp_path):
         ("scan,preload_N\na.h5,much\n", "preload_N"),
         ("scan,preload_N\na.h5,-3\n", "contact.preload_N"),
         ("scan,unit\na.h5,furlong\n", "reading.unit"),
+        ("scan,preload_N,preload_N\na.h5,300,400\n", "more than one column 'preload_N'"),
+        ("scan,preload_N\na.h5,1,500\n", "got 3 cells; expected 2"),
+        ("scan,preload_N,group\na.h5,300\n", "got 2 cells; expected 3"),
+        ("scan,preload_N\n,300\n", "got no scan"),
+        ("scan;preload_N\na.h5;300\n", "with commas between them"),
+        ("Scan,Preload_N\na.h5,300\n", "in this spelling"),
     ],
 )
 def test_a_list_that_makes_no_sense_is_refused(tmp_path, text, word):

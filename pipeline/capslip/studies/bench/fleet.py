@@ -28,7 +28,8 @@ SIDES_M = (0.04, 0.06)
 SHAPES = {(100, 150): 40, (800, 1200): 6}  # and how many scans of each
 MANY = (1_000, 10_000)
 WAYS = {
-    "numbers, meshes and report": ("run.figures=false", "run.render=false"),
+    "numbers and report": ("run.figures=false", "run.render=false", "run.meshes=false"),
+    "and meshes": ("run.figures=false", "run.render=false"),
     "and figures": ("run.render=false",),
     "and render": (),
 }
