@@ -7,7 +7,7 @@ import traceback
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import Executor, ThreadPoolExecutor
 from contextlib import contextmanager, suppress
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -28,7 +28,7 @@ from capslip.output.staging import (
     write_file,
 )
 from capslip.provenance import code_sha256, sha256_of
-from capslip.settings import Settings, load_settings
+from capslip.settings import Cluster, Settings, load_settings
 from capslip.sources import Scan, find_scans
 from capslip.surface.readers import load_surface
 from capslip.workers import NO_LIMITS, Limits, Lost, cluster, crew, outcomes
@@ -64,8 +64,9 @@ class Options:
         Stop after so many.
     limits : Limits
         Of each scan.
-    scheduler : str or None
-        Address of a Dask scheduler whose workers do it.
+    scheduler : str, Cluster or None
+        Address of a Dask scheduler whose workers do it, or jobs that are to be started; by default
+        those of `settings.run.cluster`, if any.
     """
 
     list_file: Path | None = None
@@ -75,7 +76,7 @@ class Options:
     retry_failed: bool = False
     max_failures: int | None = None
     limits: Limits = NO_LIMITS
-    scheduler: str | None = None
+    scheduler: str | Cluster | None = None
 
 
 AS_USUAL = Options()
@@ -150,6 +151,8 @@ def run_batch(
     KeyboardInterrupt
         With what is done so far as its text; the table holds that, too.
     """
+    if options.scheduler is None and settings.run.cluster.system is not None:
+        options = replace(options, scheduler=settings.run.cluster)
     scans, skipped = find_scans(sources, settings, options.list_file, options.recursive, folder)
     if skipped:
         say("skipped: " + ", ".join(f"{count} {what}" for what, count in skipped.items()))

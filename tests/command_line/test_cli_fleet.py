@@ -8,7 +8,9 @@ import resource
 import shutil
 import signal
 import subprocess
+import sys
 import time
+from contextlib import closing
 from pathlib import Path
 
 import pytest
@@ -34,7 +36,7 @@ from capslip.cli import main
 from capslip.output.staging import LOCK, OURS, read_summary, summary_text, with_digests
 from capslip.settings import load_settings
 from capslip.sources import find_scans
-from capslip.workers import Limits
+from capslip.workers import Limits, jobs_of
 
 SETTINGS = load_settings(
     overrides=("run.figures=false", "run.render=false", "run.workers=2", "contact.model=caps")
@@ -149,6 +151,61 @@ def test_dask_makes_the_same_table_and_a_worker_that_is_killed_loses_nothing(
         assert process.returncode == 0, told
         assert table(tmp_path / "again") == table(many_undisturbed)
         assert not left_over(tmp_path / "again")
+
+
+JOBS = ("jobs=2", "processes=1", "memory_GB=4.294967296", "time_s=5400")
+
+
+@pytest.mark.parametrize(
+    ("system", "lines"),
+    [
+        ("slurm", ("#SBATCH --mem=4G", "#SBATCH -t 01:30:00", "#SBATCH -A p1")),
+        ("pbs", ("#PBS -l select=1:ncpus=1:mem=4096MB", "#PBS -l walltime=01:30:00", "#PBS -A p1")),
+    ],
+)
+def test_the_script_of_a_job_says_what_the_settings_say(system, lines):
+    pytest.importorskip("dask_jobqueue")
+    texts = (f"system={system}", *JOBS, 'directives=["-A p1"]')
+    settings = load_settings(overrides=tuple(f"run.cluster.{text}" for text in texts))
+    with closing(jobs_of(settings.run.cluster)) as jobs:
+        script = jobs.job_script()
+    assert set(lines) < set(script.splitlines())
+    assert " -P -m distributed.cli.dask_worker " in script
+    assert "--nthreads 1" in script
+
+
+@pytest.mark.parametrize(
+    ("system", "submit", "cancel", "told"),
+    [("slurm", "sbatch", "scancel", "Submitted batch job "), ("pbs", "qsub", "qdel", "")],
+)
+def test_jobs_of_a_batch_system_make_the_same_table_and_end_with_it(
+    scans, undisturbed, tmp_path, system, submit, cancel, told
+):
+    """The batch system is a stand-in that runs each job on this machine."""
+    pytest.importorskip("dask_jobqueue")
+    (tmp_path / "bin").mkdir()
+    start = f'cp "$1" {tmp_path}/job.$$\nFLEET_MARK={tmp_path} setsid sh {tmp_path}/job.$$ '
+    start += f'>/dev/null 2>&1 &\necho "{told}$!"\n'
+    for name, text in ((submit, start), (cancel, 'kill -- -"$1"\n')):
+        (tmp_path / "bin" / name).write_text("#!/bin/sh\n" + text)
+        (tmp_path / "bin" / name).chmod(0o755)
+    set_to = [f"--set=run.cluster.{text}" for text in (f"system={system}", *JOBS)]
+    path = f"{tmp_path / 'bin'}{os.pathsep}{os.environ['PATH']}"
+    ran = batch(scans, "-o", tmp_path / "out", *set_to, env={**os.environ, "PATH": path})
+    assert ran.returncode == 0, ran.stderr
+    assert len(list(tmp_path.glob("job.*"))) >= 2
+    assert table(tmp_path / "out") == table(undisturbed)
+    end_s = time.monotonic() + 5.0
+    while children_of(f"FLEET_MARK={tmp_path}") and time.monotonic() < end_s:
+        time.sleep(0.1)
+    assert not children_of(f"FLEET_MARK={tmp_path}")
+
+
+def test_a_cluster_without_its_library_is_named(scans, tmp_path, monkeypatch):
+    monkeypatch.setitem(sys.modules, "dask_jobqueue", None)
+    ran = run(scans, "-o", tmp_path / "out", "--set", "run.cluster.system=slurm")
+    assert ran.exit_code == 2
+    assert "needs the package dask-jobqueue" in ran.stderr
 
 
 def test_a_scheduler_that_ends_is_named_and_what_is_done_stays(many, many_undisturbed, tmp_path):

@@ -70,7 +70,7 @@ def test_a_setting_that_is_no_more_is_unknown(tmp_path):
     assert ran.exit_code == 2
     assert (
         "unknown setting run.log_level (known here: workers, sensitivity, figures, render, meshes, "
-        "given)"
+        "cluster, given)"
     ) in ran.stderr
 
 

@@ -25,7 +25,7 @@ from capslip.studies.page import table
 from capslip.surface.readers.hdf5 import write_hdf5
 
 SIDES_M = (0.04, 0.06)
-SHAPES = {(100, 150): 40, (800, 1200): 6}  # and how many scans of each
+SHAPES = {(100, 150): 12, (800, 1200): 6}  # and how many scans of each
 MANY = (1_000, 10_000)
 WAYS = {
     "numbers and report": ("run.figures=false", "run.render=false", "run.meshes=false"),
