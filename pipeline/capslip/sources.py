@@ -92,7 +92,7 @@ def find_scans(
     """
     skipped: Counter[str] = Counter()
     found = dict.fromkeys(
-        Scan(path, settings) for path in _paths(sources, recursive, leave_out, skipped)
+        Scan(path.absolute(), settings) for path in _paths(sources, recursive, leave_out, skipped)
     )
     if list_file is not None:
         found |= dict.fromkeys(_listed(list_file, settings))
@@ -106,7 +106,7 @@ def find_scans(
     keys = {one: one.sha256() for one in {scan.settings for scan in found}}
     scans = sorted(found, key=lambda scan: (scan.path, str(scan.mate), keys[scan.settings]))
     pairs = zip(scans, _names(scans), strict=True)
-    return [replace(one, path=one.path.absolute(), name=name) for one, name in pairs], skipped
+    return [replace(one, name=name) for one, name in pairs], skipped
 
 
 def _paths(
@@ -158,7 +158,7 @@ def _listed(list_file: Path, settings: Settings) -> Iterator[Scan]:
     columns = _columns(lines[0], list_file) if lines else []
     if not columns:
         for line in filter(None, map(str.strip, lines)):
-            yield Scan(list_file.parent / line, settings)
+            yield Scan((list_file.parent / line).absolute(), settings)
         return
     known: dict[tuple[str | None, ...], Settings] = {}
     for row in csv.reader(lines[1:]):
@@ -177,7 +177,8 @@ def _listed(list_file: Path, settings: Settings) -> Iterator[Scan]:
         if own not in known:
             known[own] = _with(settings, given, f"{list_file}: {given['scan']}")
         mate = list_file.parent / given["mate"] if given["mate"] else None
-        yield Scan(list_file.parent / given["scan"], known[own], mate, given["group"])
+        path = (list_file.parent / given["scan"]).absolute()
+        yield Scan(path, known[own], mate, given["group"])
 
 
 def _columns(head: str, list_file: Path) -> list[str]:

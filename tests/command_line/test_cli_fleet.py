@@ -525,6 +525,16 @@ def test_what_is_skipped_is_said(scans, tmp_path):
     assert "skipped: 1 hidden, 2 document, 1 no file" in ran.stderr
 
 
+def test_a_scan_that_is_named_twice_is_one(tmp_path, monkeypatch):
+    (tmp_path / "in").mkdir()
+    scan(tmp_path / "in" / "a.h5", 1)
+    (tmp_path / "list.txt").write_text("in/a.h5\n")
+    monkeypatch.chdir(tmp_path)
+    names = ["in", "./in/a.h5", "in/*.h5", str(tmp_path / "in" / "a.h5")]
+    found, _ = find_scans(names, SETTINGS, tmp_path / "list.txt")
+    assert [(one.path, one.name) for one in found] == [(tmp_path / "in" / "a.h5", "a")]
+
+
 def test_results_below_the_scans_are_no_scans(tmp_path):
     (tmp_path / "in").mkdir()
     scan(tmp_path / "in" / "a.h5", 1)
