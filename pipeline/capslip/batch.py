@@ -7,7 +7,7 @@ import traceback
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import Executor, ThreadPoolExecutor
 from contextlib import contextmanager, suppress
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -28,7 +28,7 @@ from capslip.output.staging import (
     write_file,
 )
 from capslip.provenance import code_sha256, sha256_of
-from capslip.settings import Settings, load_settings
+from capslip.settings import Cluster, Settings, load_settings
 from capslip.sources import Scan, find_scans
 from capslip.surface.readers import load_surface
 from capslip.workers import NO_LIMITS, Limits, Lost, cluster, crew, outcomes
@@ -38,6 +38,8 @@ FAILURE_SCHEMA = "capslip/failure/1"
 TABLE_SHARE = 0.05  # of the time may go into the table of what is done so far
 LOOKING = 8  # threads that read what is there, which wait for the disk
 TO_DO = "to do"
+PICTURES = ("figures", "render", "meshes")  # settings of [run]
+LOST = "process"  # the stage of what came back from no child
 
 
 @dataclass(frozen=True)
@@ -56,14 +58,15 @@ class Options:
     look : {"dry_run", "collect"} or None
         Analyse nothing: only say what would be done, or make the table of what is there.
     retry_failed : bool
-        Analyse again what failed; else it keeps its error while scan, settings and code are the
-        same.
+        Analyse again what failed; else it keeps its error while scan, settings, code and limits
+        are the same, unless it could not be written.
     max_failures : int or None
         Stop after so many.
     limits : Limits
         Of each scan.
-    scheduler : str or None
-        Address of a Dask scheduler whose workers do it.
+    scheduler : str, Cluster or None
+        Address of a Dask scheduler whose workers do it, or jobs that are to be started; by default
+        those of `settings.run.cluster`, if any.
     """
 
     list_file: Path | None = None
@@ -73,7 +76,7 @@ class Options:
     retry_failed: bool = False
     max_failures: int | None = None
     limits: Limits = NO_LIMITS
-    scheduler: str | None = None
+    scheduler: str | Cluster | None = None
 
 
 Work = Callable[[Scan, Path, str | None, bool], Row]
@@ -95,6 +98,8 @@ def analyse_scan(scan: Scan, folder: Path, command: str | None, retry_failed: bo
         analysis = analyze(surface, scan.settings, mate)
         stage = "write"
         return row_of(write(analysis, folder, command=command, timings_s=timings_s))
+    except MemoryError:
+        raise  # whoever set the limit notes it
     except Exception as error:
         return _fail(scan, folder, stage, in_one_line(error), traceback.format_exc())
 
@@ -145,6 +150,8 @@ def run_batch(
     KeyboardInterrupt
         With what is done so far as its text; the table holds that, too.
     """
+    if options.scheduler is None and settings.run.cluster.system is not None:
+        options = replace(options, scheduler=settings.run.cluster)
     scans, skipped = find_scans(sources, settings, options.list_file, options.recursive, folder)
     if skipped:
         say("skipped: " + ", ".join(f"{count} {what}" for what, count in skipped.items()))
@@ -153,7 +160,7 @@ def run_batch(
         scans = scans[part - 1 :: parts]
     _check_folder(folder)
     if options.look == "dry_run":
-        rows = dict(_look(scans, folder, options.retry_failed))
+        rows = dict(_look(scans, folder, options))
         return [rows[scan] or _to_do(scan, folder) for scan in scans]
     with _place(folder, shared=options.shard is not None):
         run = _Run(scans, folder, say, options)
@@ -183,7 +190,7 @@ class _Run:
 
     def look(self) -> None:
         """Note what is done already, before anything is written."""
-        for scan, row in _look(self.scans, self.folder, self.options.retry_failed, mend=True):
+        for scan, row in _look(self.scans, self.folder, self.options, mend=True):
             if row is not None:
                 self.note(scan, row)
         self.write_table()
@@ -196,7 +203,10 @@ class _Run:
             for scan in self.scans:
                 if scan not in self.rows:
                     started.add(scan)
-                    yield scan, _home(scan, self.folder), command, self.options.retry_failed
+                    home = _home(scan, self.folder)
+                    # a failure that is there was not taken for done
+                    again = options.retry_failed or (home / FAILURE).is_file()
+                    yield scan, home, command, again
 
         options = self.options
         try:
@@ -204,8 +214,9 @@ class _Run:
                 for (scan, home, *_), found in outcomes(
                     executor, work, jobs(), at_once, options.limits
                 ):
-                    lost = isinstance(found, Lost)
-                    self.note(scan, _fail(scan, home, "process", found.reason) if lost else found)
+                    if isinstance(found, Lost):
+                        found = _fail(scan, home, LOST, found.reason, limits=options.limits)
+                    self.note(scan, found)
                     self.failures += self.rows[scan]["status"] == "failed"
                     if options.max_failures is not None and self.failures >= options.max_failures:
                         left = len(self.scans) - len(self.rows)
@@ -289,14 +300,14 @@ def _home(scan: Scan, folder: Path) -> Path:
 
 
 def _look(
-    scans: list[Scan], folder: Path, retry_failed: bool, mend: bool = False
+    scans: list[Scan], folder: Path, options: Options, mend: bool = False
 ) -> Iterator[tuple[Scan, Row | None]]:
     """Give each scan with its row, None where there is something to do."""
 
     def row_there(scan: Scan) -> Row | None:
         home = _home(scan, folder)
         try:
-            return _done(scan, home, retry_failed, mend) if home.is_dir() else None
+            return _done(scan, home, options.retry_failed, mend, options.limits)
         except (OSError, OutputError):
             return None  # who does it says what is wrong
 
@@ -304,17 +315,20 @@ def _look(
         yield from zip(scans, pool.map(row_there, scans), strict=True)
 
 
-def _done(scan: Scan, home: Path, retry_failed: bool, mend: bool = True) -> Row | None:
+def _done(
+    scan: Scan, home: Path, retry_failed: bool, mend: bool = True, limits: Limits = NO_LIMITS
+) -> Row | None:
     """Return the row of a result or a failure that would come out the same again."""
+    if not home.is_dir():
+        return None
     if mend:
         _mend(home)
     summary, failure = read_summary(home), read_json(home / FAILURE)
     if summary is None and failure is None:
         return None
     key = _key(scan)
-    failed = {"status": "failed"}
-    if failure is not None and failure.get("key") == key and not retry_failed:
-        return failed | {"error": str(failure.get("message"))}
+    if failure is not None and not retry_failed and _stays(failure, key, limits):
+        return {"status": "failed", "error": str(failure.get("message"))}
     if summary is None or _key_of(summary) != key or not is_whole(summary, home):
         return None
     if any(one["code"] == "output_missing" for one in summary["problems"]):
@@ -358,6 +372,13 @@ def _differences(home: Path, wanted: Settings) -> list[str]:
     return found or [f"{name} (given or not)" for name in sorted(given)]
 
 
+def _stays(failure: dict[str, Any], key: dict[str, str | None], limits: Limits) -> bool:
+    """Tell whether a failure is of the scan, or of limits that still hold; disks get room again."""
+    if failure.get("key") != key or failure.get("stage") == "write":
+        return False
+    return failure.get("stage") != LOST or failure.get("limits") == asdict(limits)
+
+
 def _key(scan: Scan) -> dict[str, str | None]:
     """Return what a result depends on."""
     return {
@@ -391,7 +412,7 @@ def _has_pictures(home: Path, wanted: Settings) -> bool:
         then = load_settings(home / "settings.toml").run
     except SettingsError:
         return False
-    return (then.figures or not wanted.run.figures) and (then.render or not wanted.run.render)
+    return all(getattr(then, one) or not getattr(wanted.run, one) for one in PICTURES)
 
 
 def _mend(home: Path) -> None:
@@ -403,7 +424,14 @@ def _mend(home: Path) -> None:
             home.rmdir()
 
 
-def _fail(scan: Scan, home: Path, stage: str, message: str, trace: str | None = None) -> Row:
+def _fail(
+    scan: Scan,
+    home: Path,
+    stage: str,
+    message: str,
+    trace: str | None = None,
+    limits: Limits = NO_LIMITS,
+) -> Row:
     """Write `failure.json`, where that is possible, and return the row."""
     record = {
         "schema": FAILURE_SCHEMA,
@@ -412,6 +440,7 @@ def _fail(scan: Scan, home: Path, stage: str, message: str, trace: str | None = 
         "stage": stage,
         "message": message,
         "traceback": trace,
+        "limits": asdict(limits),
         "key": _key(scan),
     }
     text = json.dumps(record, indent=1, ensure_ascii=False) + "\n"

@@ -13,6 +13,7 @@ from capslip.errors import ScanError, SettingsError
 from capslip.options import (
     PATH,
     SHARE,
+    above_zero,
     analysis_options,
     joint_options,
     result_options,
@@ -211,6 +212,10 @@ def batch(
     from capslip.workers import Limits
 
     settings = settings_of(**options)
+    above_zero(time_s, "--timeout")
+    above_zero(memory_GB, "--memory")
+    if shard is not None and look == "collect":
+        raise SettingsError("--collect: makes the table of all shards; leave out --shard")
     say = Progress(quiet)
     rows = run_batch(
         scans,
@@ -225,7 +230,7 @@ def batch(
             look=look,
             retry_failed=retry_failed,
             max_failures=max_failures,
-            limits=Limits(time_s, None if memory_GB is None else int(memory_GB * 1e9)),
+            limits=Limits(time_s, None if memory_GB is None else int(min(memory_GB, 1e9) * 1e9)),
             scheduler=scheduler,
         ),
     )

@@ -41,6 +41,7 @@ SETTING = {  # what an option of an analysis stands for
     "sensitivity": "run.sensitivity",
     "figures": "run.figures",
     "render": "run.render",
+    "meshes": "run.meshes",
     "workers": "run.workers",
 }
 PATH = click.Path(path_type=Path)
@@ -103,6 +104,7 @@ analysis_options = _options(  # of every command that analyses scans
     ),
     click.option("--figures/--no-figures", default=None, help="Pictures of every stage."),
     click.option("--render/--no-render", default=None, help="The PyVista picture."),
+    click.option("--meshes/--no-meshes", default=None, help="Caps and face for ParaView."),
     result_options,
 )
 
@@ -132,6 +134,19 @@ def shard_of(text: str) -> tuple[int, int]:
     if not (part.isdecimal() and parts.isdecimal() and 1 <= int(part) <= int(parts)):
         raise SettingsError(f"--shard: got {text}; expected I/N with I from 1 to N, such as 2/8")
     return int(part), int(parts)
+
+
+def above_zero(value: float | None, option: str) -> float | None:
+    """Return a limit of an option, None where there is none.
+
+    Raises
+    ------
+    SettingsError
+        If it is not a finite number above 0.
+    """
+    if value is not None and not 0.0 < value < float("inf"):
+        raise SettingsError(f"{option}: got {value:g}; expected a finite number above 0")
+    return value
 
 
 def preload_in_N(text: str) -> float:

@@ -185,6 +185,17 @@ class Question(_Table, frozen=True):
     displacement_m: Positive | None = None  # tangential, of one joint
 
 
+class Cluster(_Table, frozen=True):
+    """Jobs of a batch system that do a batch, in place of processes of this machine."""
+
+    system: Literal["slurm", "pbs"] | None = None
+    jobs: Annotated[int, msgspec.Meta(ge=1)] = 1
+    processes: Annotated[int, msgspec.Meta(ge=1)] = 8  # of each job, one a core
+    memory_GB: Positive = 16.0  # of each job
+    time_s: Positive = 14400.0
+    directives: tuple[str, ...] = ()  # other lines of the job script, such as "-A project"
+
+
 class Run(_Table, frozen=True):
     """What changes no number."""
 
@@ -192,6 +203,8 @@ class Run(_Table, frozen=True):
     sensitivity: bool = False  # sweep cut, pruning, filter and level around what was chosen
     figures: bool = True
     render: bool = True
+    meshes: bool = True  # `caps.vtu` and `surface.vtu`
+    cluster: Cluster = Cluster()
     given: tuple[str, ...] = ()  # the STAND_INS that a file or an option gave
 
 

@@ -4,6 +4,7 @@ import csv
 import glob
 import hashlib
 import os
+import re
 from collections import Counter
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
@@ -91,19 +92,21 @@ def find_scans(
     """
     skipped: Counter[str] = Counter()
     found = dict.fromkeys(
-        Scan(path, settings) for path in _paths(sources, recursive, leave_out, skipped)
+        Scan(path.absolute(), settings) for path in _paths(sources, recursive, leave_out, skipped)
     )
     if list_file is not None:
         found |= dict.fromkeys(_listed(list_file, settings))
     if not any(os.path.isfile(scan.path) for scan in found):
         told = ", ".join([*sources, *([str(list_file)] if list_file else [])])
+        passed = "".join(f"; skipped: {count} {what}" for what, count in skipped.items())
         raise NothingToDoError(
-            f"no scan found in {told}; expected files, a folder with files, a glob or a list"
+            f"no scan {f'found in {told}{passed}' if told else 'given'}; expected files, a folder "
+            "with files, a glob or a list"
         )
     keys = {one: one.sha256() for one in {scan.settings for scan in found}}
     scans = sorted(found, key=lambda scan: (scan.path, str(scan.mate), keys[scan.settings]))
     pairs = zip(scans, _names(scans), strict=True)
-    return [replace(one, path=one.path.absolute(), name=name) for one, name in pairs], skipped
+    return [replace(one, name=name) for one, name in pairs], skipped
 
 
 def _paths(
@@ -152,26 +155,50 @@ def _listed(list_file: Path, settings: Settings) -> Iterator[Scan]:
     except OSError as error:
         raise SettingsError(f"{list_file}: {error.strerror}; give a list of scans") from error
     lines = text.splitlines()
-    columns = [one.strip() for one in lines[0].split(",")] if lines else []
-    if "scan" not in columns:
+    columns = _columns(lines[0], list_file) if lines else []
+    if not columns:
         for line in filter(None, map(str.strip, lines)):
-            yield Scan(list_file.parent / line, settings)
+            yield Scan((list_file.parent / line).absolute(), settings)
         return
-    unknown = [name for name in columns if name not in LIST]
-    if unknown:
-        raise SettingsError(
-            f"{list_file}: unknown column {unknown[0]!r}; expected some of {', '.join(LIST)}"
-        )
     known: dict[tuple[str | None, ...], Settings] = {}
-    for row in csv.DictReader(lines[1:], columns):
-        given = {name: (row.get(name) or "").strip() or None for name in LIST}
-        if given["scan"] is None:
+    for row in csv.reader(lines[1:]):
+        if not any(cell.strip() for cell in row):
             continue
+        if len(row) != len(columns):  # such as 1,500 for 1500
+            raise SettingsError(
+                f"{list_file}: {row[0]}: got {len(row)} cells; expected {len(columns)}, as many as "
+                "there are columns; put a cell with a comma in quotes"
+            )
+        cells = {name: cell.strip() or None for name, cell in zip(columns, row, strict=True)}
+        given = dict.fromkeys(LIST) | cells
+        if given["scan"] is None:
+            raise SettingsError(f"{list_file}: {','.join(row)}: got no scan; expected its path")
         own = tuple(given[name] for name in SETTING)
         if own not in known:
             known[own] = _with(settings, given, f"{list_file}: {given['scan']}")
         mate = list_file.parent / given["mate"] if given["mate"] else None
-        yield Scan(list_file.parent / given["scan"], known[own], mate, given["group"])
+        path = (list_file.parent / given["scan"]).absolute()
+        yield Scan(path, known[own], mate, given["group"])
+
+
+def _columns(head: str, list_file: Path) -> list[str]:
+    """Return the columns of a list, none where its first line is a scan."""
+    columns = [one.strip().strip('"') for one in head.split(",")]
+    if "scan" in columns:
+        for name in columns:
+            if name not in LIST or columns.count(name) > 1:
+                what = "unknown" if name not in LIST else "more than one"
+                raise SettingsError(
+                    f"{list_file}: {what} column {name!r}; expected some of {', '.join(LIST)}"
+                )
+        return columns
+    words = (one.strip(' "') for one in re.split("[,;\t]", head.casefold()))
+    if any(one in ("scan", "preload_n") for one in words):
+        raise SettingsError(
+            f"{list_file}: begins with {head!r}; expected a path a line, or columns named "
+            f"{', '.join(LIST)}, in this spelling, with commas between them"
+        )
+    return []
 
 
 def _with(settings: Settings, given: dict[str, str | None], where: str) -> Settings:

@@ -10,18 +10,20 @@ import logging
 import os
 import pickle
 import queue
+import shlex
 import signal
 import subprocess
 import sys
 import threading
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import FIRST_COMPLETED, Executor, Future, ThreadPoolExecutor, wait
-from contextlib import contextmanager
+from contextlib import closing, contextmanager
 from dataclasses import dataclass
 from itertools import islice
 from typing import Any, TypeVar
 
 from capslip.errors import CapslipError, SettingsError, in_one_line
+from capslip.settings import Cluster
 
 Job = TypeVar("Job", bound=tuple[Any, ...])
 STARTED = b"started\n"  # said by a child when it has loaded what a call needs
@@ -78,14 +80,27 @@ def crew(workers: int) -> Iterator[Executor]:
 
 
 @contextmanager
-def cluster(address: str) -> Iterator[tuple[Executor, int]]:
+def cluster(wanted: str | Cluster) -> Iterator[tuple[Executor, int]]:
     """Give the workers behind a Dask scheduler, and how many calls to keep under way.
+
+    Parameters
+    ----------
+    wanted : str or Cluster
+        Address of the scheduler; or the jobs whose scheduler and workers are started, and end with
+        the block.
 
     Raises
     ------
     SettingsError
         If Dask is not installed, or nothing answers there.
     """
+    if isinstance(wanted, Cluster):
+        with closing(jobs_of(wanted)) as jobs:
+            jobs.adapt(minimum_jobs=wanted.jobs, maximum_jobs=wanted.jobs)  # ended ones come again
+            with cluster(jobs.scheduler_address) as (executor, _):
+                yield executor, max(LEAST, MANY * wanted.jobs * wanted.processes)
+        return
+    address = wanted
     try:
         from distributed import Client
     except ImportError as error:
@@ -103,6 +118,36 @@ def cluster(address: str) -> Iterator[tuple[Executor, int]]:
         yield client.get_executor(pure=False), max(LEAST, MANY * cores)
     finally:
         client.close(timeout=1)
+
+
+def jobs_of(wanted: Cluster) -> Any:
+    """Return the dask-jobqueue cluster of some jobs; its `job_script()` is what is submitted.
+
+    What is not in `[run.cluster]` is taken from Dask's own `jobqueue.yaml`.
+
+    Raises
+    ------
+    SettingsError
+        If dask-jobqueue is not installed.
+    """
+    try:
+        import dask_jobqueue
+    except ImportError as error:
+        raise SettingsError(
+            "run.cluster: needs the package dask-jobqueue; pip install 'capslip[fleet]'"
+        ) from error
+    systems = {"slurm": dask_jobqueue.SLURMCluster, "pbs": dask_jobqueue.PBSCluster}
+    minutes, seconds = divmod(round(wanted.time_s), 60)
+    return systems[wanted.system or ""](
+        cores=wanted.processes,
+        processes=wanted.processes,  # one thread each, whose calls run in a child
+        memory=f"{round(1e9 * wanted.memory_GB)}B",
+        walltime=f"{minutes // 60:02d}:{minutes % 60:02d}:{seconds:02d}",
+        job_extra_directives=list(wanted.directives),
+        job_name="capslip",
+        python=f"{shlex.quote(sys.executable)} -P",  # runs no module of the folder it starts in
+        scheduler_options={"dashboard_address": ":0"},
+    )
 
 
 def outcomes(

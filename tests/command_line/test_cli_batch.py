@@ -108,18 +108,19 @@ def again(*_):
     return {"status": "failed", "error": "done again"}
 
 
-@pytest.mark.parametrize("picture", ["figures", "render"])
+@pytest.mark.parametrize("picture", ["figures", "render", "meshes"])
 def test_either_kind_of_picture_that_is_wanted_is_made(batch, tmp_path, picture):
     folder, arguments, _ = batch
     source = str(folder / "scans in" / "two.h5")
     arguments = ["batch", source, "-o", str(tmp_path / "out"), *arguments[4:]]
-    assert CliRunner().invoke(main, arguments).exit_code == 0
-    wanted = {"figures": "false", "render": "false", picture: "true"}
+    assert CliRunner().invoke(main, [*arguments, "--no-meshes"]).exit_code == 0
+    assert not list((tmp_path / "out").glob("scans/two/*.vtu"))
+    wanted = {"figures": "false", "render": "false", "meshes": "false", picture: "true"}
     texts = tuple(f"run.{name}={value}" for name, value in wanted.items())
     settings = load_settings(overrides=texts)
     (row,) = run_batch([source], tmp_path / "out", settings, lambda _: None, work=again)
     assert row["error"] == "done again"
-    settings = load_settings(overrides=("run.figures=false", "run.render=false"))
+    settings = load_settings(overrides=[f"run.{name}=false" for name in wanted])
     (row,) = run_batch([source], tmp_path / "out", settings, lambda _: None, work=again)
     assert row["error"] is None
 

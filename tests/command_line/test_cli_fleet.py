@@ -4,10 +4,13 @@ import csv
 import json
 import os
 import random
+import resource
 import shutil
 import signal
 import subprocess
+import sys
 import time
+from contextlib import closing
 from pathlib import Path
 
 import pytest
@@ -33,7 +36,7 @@ from capslip.cli import main
 from capslip.output.staging import LOCK, OURS, read_summary, summary_text, with_digests
 from capslip.settings import load_settings
 from capslip.sources import find_scans
-from capslip.workers import Limits
+from capslip.workers import Limits, jobs_of
 
 SETTINGS = load_settings(
     overrides=("run.figures=false", "run.render=false", "run.workers=2", "contact.model=caps")
@@ -164,6 +167,61 @@ def test_dask_makes_the_same_table_and_a_worker_that_is_killed_loses_nothing(
         assert not left_over(tmp_path / "again")
 
 
+JOBS = ("jobs=2", "processes=1", "memory_GB=4.294967296", "time_s=5400")
+
+
+@pytest.mark.parametrize(
+    ("system", "lines"),
+    [
+        ("slurm", ("#SBATCH --mem=4G", "#SBATCH -t 01:30:00", "#SBATCH -A p1")),
+        ("pbs", ("#PBS -l select=1:ncpus=1:mem=4096MB", "#PBS -l walltime=01:30:00", "#PBS -A p1")),
+    ],
+)
+def test_the_script_of_a_job_says_what_the_settings_say(system, lines):
+    pytest.importorskip("dask_jobqueue")
+    texts = (f"system={system}", *JOBS, 'directives=["-A p1"]')
+    settings = load_settings(overrides=tuple(f"run.cluster.{text}" for text in texts))
+    with closing(jobs_of(settings.run.cluster)) as jobs:
+        script = jobs.job_script()
+    assert set(lines) < set(script.splitlines())
+    assert " -P -m distributed.cli.dask_worker " in script
+    assert "--nthreads 1" in script
+
+
+@pytest.mark.parametrize(
+    ("system", "submit", "cancel", "told"),
+    [("slurm", "sbatch", "scancel", "Submitted batch job "), ("pbs", "qsub", "qdel", "")],
+)
+def test_jobs_of_a_batch_system_make_the_same_table_and_end_with_it(
+    scans, undisturbed, tmp_path, system, submit, cancel, told
+):
+    """The batch system is a stand-in that runs each job on this machine."""
+    pytest.importorskip("dask_jobqueue")
+    (tmp_path / "bin").mkdir()
+    start = f'cp "$1" {tmp_path}/job.$$\nFLEET_MARK={tmp_path} setsid sh {tmp_path}/job.$$ '
+    start += f'>/dev/null 2>&1 &\necho "{told}$!"\n'
+    for name, text in ((submit, start), (cancel, 'kill -- -"$1"\n')):
+        (tmp_path / "bin" / name).write_text("#!/bin/sh\n" + text)
+        (tmp_path / "bin" / name).chmod(0o755)
+    set_to = [f"--set=run.cluster.{text}" for text in (f"system={system}", *JOBS)]
+    path = f"{tmp_path / 'bin'}{os.pathsep}{os.environ['PATH']}"
+    ran = batch(scans, "-o", tmp_path / "out", *set_to, env={**os.environ, "PATH": path})
+    assert ran.returncode == 0, ran.stderr
+    assert len(list(tmp_path.glob("job.*"))) >= 2
+    assert table(tmp_path / "out") == table(undisturbed)
+    end_s = time.monotonic() + 5.0
+    while children_of(f"FLEET_MARK={tmp_path}") and time.monotonic() < end_s:
+        time.sleep(0.1)
+    assert not children_of(f"FLEET_MARK={tmp_path}")
+
+
+def test_a_cluster_without_its_library_is_named(scans, tmp_path, monkeypatch):
+    monkeypatch.setitem(sys.modules, "dask_jobqueue", None)
+    ran = run(scans, "-o", tmp_path / "out", "--set", "run.cluster.system=slurm")
+    assert ran.exit_code == 2
+    assert "needs the package dask-jobqueue" in ran.stderr
+
+
 def test_a_scheduler_that_ends_is_named_and_what_is_done_stays(many, many_undisturbed, tmp_path):
     pytest.importorskip("distributed")
     out = tmp_path / "out"
@@ -291,6 +349,73 @@ def test_failures_are_kept_until_asked_for_or_changed(tmp_path):
     assert not record.exists()
 
 
+def test_a_failure_of_a_limit_is_tried_again_under_another(tmp_path):
+    scan(tmp_path / "a.h5", 1)
+
+    def go(time_s):
+        limits = Limits(time_s=time_s)
+        return run_batch(
+            [str(tmp_path / "a.h5")],
+            tmp_path / "out",
+            SETTINGS,
+            print,
+            options=Options(limits=limits),
+        )[0]["status"]
+
+    record = tmp_path / "out" / "scans" / "a" / "failure.json"
+    assert go(0.001) == "failed"
+    written = record.stat().st_mtime_ns
+    assert go(0.001) == "failed"
+    assert record.stat().st_mtime_ns == written
+    assert go(None) != "failed"
+    assert not record.exists()
+
+
+def test_a_full_disk_is_named_and_the_same_command_goes_on(scans, undisturbed, tmp_path):
+    most = 30_000  # bytes of a file, of which the result has more
+    out = tmp_path / "out"
+    ran = batch(
+        scans, "-o", out, preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (most, most))
+    )
+    assert ran.returncode == 3
+    errors = [row["error"] for row in rows(out).values()]
+    assert len(errors) == 6
+    assert all(one.endswith("File too large") for one in errors), errors
+    assert not left_over(out)
+    assert run(scans, "-o", out).exit_code == 0
+    assert table(out) == table(undisturbed)
+
+
+@pytest.mark.parametrize(
+    ("options", "word"),
+    [
+        (("--timeout", "-1"), "--timeout: got -1"),
+        (("--timeout", "nan"), "--timeout: got nan"),
+        (("--memory", "0"), "--memory: got 0"),
+        (("--memory", "inf"), "--memory: got inf"),
+        (("--collect", "--shard", "1/2"), "leave out --shard"),
+    ],
+)
+def test_limits_that_make_no_sense_are_refused(scans, tmp_path, options, word):
+    ran = run(scans, "-o", tmp_path / "out", *options)
+    assert ran.exit_code == 2
+    assert word in ran.stderr
+    assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "word"),
+    [((), "no scan given"), (("in",), "no scan found in in; skipped: 1 folder (see --recursive)")],
+)
+def test_no_scan_is_named_with_what_was_skipped(tmp_path, monkeypatch, arguments, word):
+    (tmp_path / "in" / "a.h5").mkdir(parents=True)  # a folder named like a scan
+    monkeypatch.chdir(tmp_path)
+    ran = run(*arguments, "-o", "out")
+    assert ran.exit_code == 4
+    assert word in ran.stderr
+    assert not (tmp_path / "out").exists()
+
+
 def test_it_stops_after_as_many_failures_as_wanted(tmp_path):
     bad = fill(tmp_path / "in", 12, 6)
     ran = run(
@@ -377,6 +502,14 @@ def test_a_dry_run_writes_nothing_and_says_what_is_to_do(scans, undisturbed, tmp
     assert table(undisturbed) == before
 
 
+def test_a_dry_run_over_what_failed_names_it(tmp_path):
+    (tmp_path / "b.h5").write_bytes(b"torn")
+    assert run(tmp_path / "b.h5", "-o", tmp_path / "out").exit_code == 3
+    ran = run(tmp_path / "b.h5", "-o", tmp_path / "out", "--dry-run")
+    assert ran.exit_code == 0
+    assert ran.stdout.startswith("failed  b  ")
+
+
 def test_a_table_for_parquet_is_the_same(undisturbed):
     parquet = pytest.importorskip("pyarrow.parquet")
     found = parquet.read_table(undisturbed / "batch.parquet").to_pylist()
@@ -404,6 +537,16 @@ def test_what_is_skipped_is_said(scans, tmp_path):
     assert [one.name for one in deep] == ["in_a.h5", "deep_a.h5", "b"]
     ran = run(tmp_path / "in", "--recursive", "--dry-run", "-o", tmp_path / "in" / "out")
     assert "skipped: 1 hidden, 2 document, 1 no file" in ran.stderr
+
+
+def test_a_scan_that_is_named_twice_is_one(tmp_path, monkeypatch):
+    (tmp_path / "in").mkdir()
+    scan(tmp_path / "in" / "a.h5", 1)
+    (tmp_path / "list.txt").write_text("in/a.h5\n")
+    monkeypatch.chdir(tmp_path)
+    names = ["in", "./in/a.h5", "in/*.h5", str(tmp_path / "in" / "a.h5")]
+    found, _ = find_scans(names, SETTINGS, tmp_path / "list.txt")
+    assert [(one.path, one.name) for one in found] == [(tmp_path / "in" / "a.h5", "a")]
 
 
 def test_results_below_the_scans_are_no_scans(tmp_path):
@@ -445,6 +588,12 @@ def test_a_list_gives_preload_mate_unit_and_group(tmp_path):
         ("scan,preload_N\na.h5,much\n", "preload_N"),
         ("scan,preload_N\na.h5,-3\n", "contact.preload_N"),
         ("scan,unit\na.h5,furlong\n", "reading.unit"),
+        ("scan,preload_N,preload_N\na.h5,300,400\n", "more than one column 'preload_N'"),
+        ("scan,preload_N\na.h5,1,500\n", "got 3 cells; expected 2"),
+        ("scan,preload_N,group\na.h5,300\n", "got 2 cells; expected 3"),
+        ("scan,preload_N\n,300\n", "got no scan"),
+        ("scan;preload_N\na.h5;300\n", "with commas between them"),
+        ("Scan,Preload_N\na.h5,300\n", "in this spelling"),
     ],
 )
 def test_a_list_that_makes_no_sense_is_refused(tmp_path, text, word):

@@ -69,9 +69,9 @@ def test_a_setting_that_is_no_more_is_unknown(tmp_path):
     ran = run("analyze", FACE_A, "-c", tmp_path / "old.toml")
     assert ran.exit_code == 2
     assert (
-        "unknown setting run.log_level (known here: workers, sensitivity, figures, render, given)"
-        in ran.stderr
-    )
+        "unknown setting run.log_level (known here: workers, sensitivity, figures, render, meshes, "
+        "cluster, given)"
+    ) in ran.stderr
 
 
 def test_an_option_comes_before_set_and_set_before_the_file(tmp_path):

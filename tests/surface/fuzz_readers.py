@@ -43,6 +43,7 @@ CALIBRATED = (
     "sur",
     "sxm",
     "zygo",
+    "wyko",
     "keyence",
 )  # their files say their units
 TOKENS = (b"nan", b"-", b"1e999", b"Bad", b",", b";", b"\t", b"\n", b"#", b"999999999999", b"=")
@@ -159,6 +160,7 @@ def _of_others(folder: Path, matrix: np.ndarray) -> dict[str, list[bytes]]:
         "sur": ("a.sur",),
         "sxm": ("up.sxm", "down.sxm"),
         "zygo": ("zygo.txt",),
+        "wyko": ("wyko.asc",),
         "keyence": ("keyence.csv",),
         "esri": ("a.asc",),
         "surfer": ("a.grd",),

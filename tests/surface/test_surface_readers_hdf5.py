@@ -1,5 +1,6 @@
 """HDF5: nothing outside the file, no endless look, and the numbers that the attributes mean."""
 
+import mmap
 import time
 
 import h5py
@@ -7,7 +8,7 @@ import numpy as np
 import pytest
 
 from capslip.errors import UncalibratedError, UnreadableFileError
-from capslip.surface.readers import load_surface
+from capslip.surface.readers import hdf5, load_surface
 
 MAP = np.random.default_rng(4).normal(size=(6, 8))
 GIVEN = {"unit": "um", "pixel_size": (2.0, 1.0), "lateral_unit": "um"}
@@ -136,3 +137,12 @@ def test_odd_attributes_are_refused(tmp_path, name):
         file["height"].attrs[name] = "two"
     with pytest.raises(UncalibratedError, match=f"{name}.*expected one number"):
         load_surface(tmp_path / "a.h5", **GIVEN)
+
+
+@pytest.mark.parametrize("block", [1, 7, 64])
+def test_words_are_found_wherever_blocks_end(tmp_path, monkeypatch, block):
+    monkeypatch.setattr(hdf5, "BLOCK", block)
+    path = tmp_path / "a"
+    path.write_bytes(b"unit\0" + b"x" * 60 + b"unit\0uniunit\0")
+    with path.open("rb") as file, mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as content:
+        assert list(hdf5._places(content, b"unit\0")) == [0, 65, 73]

@@ -246,6 +246,48 @@ def test_zygo_text_is_the_binary_file(tmp_path):
     assert text.origin.file_format == "zygo"
 
 
+WYKO = (
+    "Wyko ASCII Data File Format 0\t{0}\t1\nX Size\t4\nY Size\t3\n"
+    "Block Name\tType\tLength\tValue\nPixel_size\t7\t4\t0.002\nWavelength\t7\t4\t632.8\n"
+    "Mult\t7\t4\t2\nRAW_DATA\t3\t48\t\n1\t2\t3\n4\tBad\t6\n7\t8\t9\n10\t11\t12\n"
+)
+
+
+@pytest.mark.parametrize(("flag", "unit_m"), [(0, 632.8e-9 / 2), (1, 1e-9)])
+def test_wyko_text_is_in_wavelengths_or_nm(tmp_path, flag, unit_m):
+    surface = load_surface(put(tmp_path / "a.asc", WYKO.format(flag)))
+    rows = np.array([[1, 4, 7, 10], [2, np.nan, 8, 11], [3, 6, 9, 12]])
+    np.testing.assert_allclose(surface.height_m, unit_m * rows)
+    np.testing.assert_allclose(surface.pixel_size_m, (2e-6, 2e-6))
+    assert surface.origin.file_format == "wyko"
+
+
+def test_wyko_text_is_as_another_reader_has_it(tmp_path):
+    text = pytest.importorskip("SurfaceTopography.IO.Text", exc_type=ImportError)
+    path = put(tmp_path / "a.asc", WYKO.format(0).replace("Bad", "5"))
+    other = text.AscReader(str(path)).topography()
+    surface = load_surface(path)
+    # theirs is [x, y] in nm, with the lines for y, which the header counts as X
+    np.testing.assert_allclose(surface.height_m, 1e-9 * other.heights())
+    np.testing.assert_allclose(surface.pixel_size_m, 1e-9 * np.array(other.pixel_size))
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "word"),
+    [
+        ("X Size\t4", "X Size\t5", "12 heights; expected 5 lines of 3"),
+        ("RAW_DATA", "Image", "no heights"),
+        ("Wavelength\t7\t4\t632.8\n", "", "damaged header"),
+        ("Format 0\t0\t1", "Format 0\t2\t1", "damaged header"),
+        ("Mult\t7\t4\t2", "Mult\t7\t4\t0", "Mult is 0"),
+        ("\t12\n", "\n", "11 heights"),
+    ],
+)
+def test_a_damaged_wyko_text_is_refused(tmp_path, old, new, word):
+    with pytest.raises(UnreadableFileError, match=word):
+        load_surface(put(tmp_path / "a.asc", WYKO.format(0).replace(old, new)))
+
+
 def test_a_short_zygo_text_is_refused(tmp_path):
     content = b"Zygo ASCII Data File - Format 2\n1 2\n"
     with pytest.raises(UnreadableFileError, match="damaged header"):

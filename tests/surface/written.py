@@ -42,6 +42,7 @@ def writers() -> dict[str, tuple[Callable[[Path, np.ndarray], Any], dict[str, An
         "up.sxm": (lambda path, z: _sxm(path, z, "up"), {}),
         "down.sxm": (lambda path, z: _sxm(path, z[::-1], "down"), {}),
         "zygo.txt": (_zygo, {}),
+        "wyko.asc": (_wyko, {}),
         "keyence.csv": (_keyence, {}),
         "a.gwy": (_gwy, {}),
         "a.sur": (_sur, {}),
@@ -150,6 +151,16 @@ def _zygo(path: Path, z: np.ndarray) -> None:
     ]
     phases = np.round(1e-6 * z / step_m).astype(int)
     path.write_text("\n".join(lines) + "\n" + rows_of(phases) + "#\n")
+
+
+def _wyko(path: Path, z: np.ndarray) -> None:
+    lines = [
+        "Wyko ASCII Data File Format 0\t0\t1",
+        *(f"X Size\t{z.shape[1]}", f"Y Size\t{len(z)}", "Block Name\tType\tLength\tValue"),
+        *(f"Pixel_size\t7\t4\t{1e-3 * DX_UM}", "Wavelength\t7\t4\t632.8", "Mult\t7\t4\t2"),
+        *(f"Aspect\t7\t4\t{DY_UM / DX_UM}", "Title\t5\t20\ta face", "RAW_DATA\t3\t48\t"),
+    ]
+    path.write_text("\n".join(lines) + "\n" + rows_of(1e3 * z.T / (632.8 / 2)))
 
 
 def _keyence(path: Path, z: np.ndarray) -> None:

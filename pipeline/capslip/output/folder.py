@@ -192,8 +192,10 @@ class _Parts:
         try:
             if export is not None:
                 self.make(export.files, export.write, self.analysis, self.work)
-            self.make(("surface.vtu", "caps.vtu"), mesh.write_meshes, self.analysis, self.work)
-            self.lap("meshes")
+            if run.meshes:
+                files = ("surface.vtu", "caps.vtu")
+                self.make(files, mesh.write_meshes, self.analysis, self.work)
+                self.lap("meshes")
             if run.figures:
                 self.draw_figures(all_figures.FIGURES, pictures)
             if not run.render:

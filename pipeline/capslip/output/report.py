@@ -3,6 +3,7 @@
 import base64
 import io
 import json
+from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -22,6 +23,8 @@ from capslip.output.whatif import whatif_data
 from capslip.result import JointOfScans
 
 if TYPE_CHECKING:
+    from jinja2 import Template
+
     from capslip.caps.table import CapTable
     from capslip.result import Analysis
 
@@ -95,20 +98,15 @@ def write_report(
         `result.h5` is in the folder, the face turns on the page.
     """
     import tomli_w
-    from jinja2 import Environment, StrictUndefined
 
     folder = Path(folder)
-    room = Path(__file__).parent
-    environment = Environment(
-        autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
-    )
     problems = sorted(summary["problems"], key=lambda one: SEVERITIES.index(one["severity"]))
     result, panel = folder / "result.h5", whatif_data(analysis)
     scans = analysis.scans if isinstance(analysis, JointOfScans) else ()
-    page = environment.from_string((room / "report.html.j2").read_text(encoding="utf-8")).render(
+    page = _template().render(
         summary=summary,
-        style=(room / "report.css").read_text(encoding="utf-8"),
-        script=(room / "report.js").read_text(encoding="utf-8"),
+        style=_part("report.css"),
+        script=_part("report.js"),
         answer=[text for _, text in answer_lines(summary, DASH)],
         joint=joint_line(summary, DASH),
         assumed=assumed_lines(summary),
@@ -119,7 +117,7 @@ def write_report(
         figures=_figures(analysis, summary, folder / "figures", render_message),
         viewer=viewer_block(read_view(result, CELLS, summary)) if result.is_file() else "",
         whatif=panel and json.dumps(panel, allow_nan=False),
-        whatif_script=(room / "whatif.js").read_text(encoding="utf-8"),
+        whatif_script=_part("whatif.js"),
         one_level=bool(panel and panel["one_level"]),
         caps=None if scans else _cap_rows(analysis.caps),
         scans=_scan_rows(scans, summary),
@@ -132,6 +130,22 @@ def write_report(
     path = folder / "report.html"
     path.write_text(page, "utf-8", "backslashreplace")
     return path
+
+
+@cache
+def _template() -> "Template":
+    """Return the page to be filled in; to compile it takes longer than all of a small one."""
+    from jinja2 import Environment, StrictUndefined
+
+    environment = Environment(
+        autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
+    )
+    return environment.from_string(_part("report.html.j2"))
+
+
+@cache
+def _part(name: str) -> str:
+    return (Path(__file__).parent / name).read_text(encoding="utf-8")
 
 
 def _fact(fact: Fact, summary: dict[str, Any]) -> tuple[str, str]:

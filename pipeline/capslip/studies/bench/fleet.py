@@ -25,10 +25,11 @@ from capslip.studies.page import table
 from capslip.surface.readers.hdf5 import write_hdf5
 
 SIDES_M = (0.04, 0.06)
-SHAPES = {(100, 150): 40, (800, 1200): 6}  # and how many scans of each
+SHAPES = {(100, 150): 12, (800, 1200): 6}  # and how many scans of each
 MANY = (1_000, 10_000)
 WAYS = {
-    "numbers, meshes and report": ("run.figures=false", "run.render=false"),
+    "numbers and report": ("run.figures=false", "run.render=false", "run.meshes=false"),
+    "and meshes": ("run.figures=false", "run.render=false"),
     "and figures": ("run.render=false",),
     "and render": (),
 }

