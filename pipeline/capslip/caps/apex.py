@@ -138,7 +138,8 @@ def _summit(points: HillPoints, quadric: Quadrics) -> np.ndarray:
     """Return x, y, z where each quadric is highest among the points it was fitted to."""
     hill = points.hill[quadric.chosen]
     x_m, y_m = points.x_m[quadric.chosen], points.y_m[quadric.chosen]
-    return _first_highest(points.n_hills, hill, x_m, y_m, quadric.height_m(hill, x_m, y_m))[0]
+    z_m = quadric.height_m(quadric.points, x_m, y_m)
+    return _first_highest(points.n_hills, hill, x_m, y_m, z_m)[0]
 
 
 def _first_highest(

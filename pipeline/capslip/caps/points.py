@@ -62,7 +62,8 @@ def points_of_hills(surface: HeightMap, hills: Hills) -> HillPoints:
     # 16-bit keys are sorted by radix, ten times faster
     order = np.argsort(hill.astype(np.uint16) if n < 2**16 else hill, kind="stable")
     index, hill, z_m = index[order], hill[order].astype(np.intp) - 1, z_m[order]
-    row, col = np.divmod(index, nx)
+    row = index // nx
+    col = index - nx * row  # several times as fast as divmod
     limit = np.zeros(index.size, dtype=np.uint8)
     limit[(row == 0) | (row == ny - 1) | (col == 0) | (col == nx - 1)] = LIMIT_EDGE
     if beside.size:

@@ -37,13 +37,19 @@ def quartic_profile(given: FitInput, spheres: Spheres) -> tuple[np.ndarray, np.n
     cos, sin = np.where(quadric.exists, (cos, sin), 0.5**0.5)
     with np.errstate(divide="ignore", invalid="ignore"):
         scale = np.sqrt(0.5 * curvature_per_m / given.body.depth_m)
-    hill = points.hill
-    along, across = points.x_m - spheres.x_m[hill], points.y_m - spheres.y_m[hill]
-    along, across = cos[hill] * along + sin[hill] * across, cos[hill] * across - sin[hill] * along
+        reach_m = (1.0 + 1e-9) / scale.min(axis=0)
+    x_m, y_m = (
+        place_m - np.repeat(apex_m, points.count)
+        for place_m, apex_m in ((points.x_m, spheres.x_m), (points.y_m, spheres.y_m))
+    )
+    near = x_m**2 + y_m**2 <= np.repeat(reach_m**2, points.count)
+    chosen = np.flatnonzero(points.measured & near)
+    hill, x_m, y_m = points.hill[chosen], x_m[chosen], y_m[chosen]
+    along, across = cos[hill] * x_m + sin[hill] * y_m, cos[hill] * y_m - sin[hill] * x_m
     with np.errstate(invalid="ignore"):  # a hill of no depth
         t = (scale[0][hill] * along) ** 2 + (scale[1][hill] * across) ** 2
-    chosen = np.flatnonzero(points.measured & (t <= 1.0))
-    hill, t = hill[chosen], t[chosen]
+    within = np.flatnonzero(t <= 1.0)
+    chosen, hill, t = chosen[within], hill[within], t[within]
     fall_m = spheres.apex_m[hill] - points.z_m[chosen]
     count = np.bincount(hill, minlength=points.n_hills)
     start, empty = np.cumsum(count) - count, count == 0

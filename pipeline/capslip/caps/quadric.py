@@ -43,14 +43,18 @@ class Quadrics:
         """Mask of the hills that have a vertex."""
         return np.isfinite(self.z_m)
 
-    def height_m(self, hill: np.ndarray, x_m: np.ndarray, y_m: np.ndarray) -> np.ndarray:
-        """Height of the surface of the given hills at given places."""
+    def height_m(self, count: np.ndarray, x_m: np.ndarray, y_m: np.ndarray) -> np.ndarray:
+        """Height of the surfaces at places that are sorted by hill, `count` of them on each."""
+
+        def each(values: np.ndarray) -> np.ndarray:
+            return np.repeat(values, count)
+
         c = self.coefficients
-        u = (x_m - self.origin_m[0][hill]) / self.scale_m[hill]
-        v = (y_m - self.origin_m[1][hill]) / self.scale_m[hill]
-        height = (c[3][hill] * u + c[4][hill] * v + c[1][hill]) * u
-        height += (c[5][hill] * v + c[2][hill]) * v
-        height += (c[0] + self.origin_m[2])[hill]
+        u = (x_m - each(self.origin_m[0])) / each(self.scale_m)
+        v = (y_m - each(self.origin_m[1])) / each(self.scale_m)
+        height = (each(c[3]) * u + each(c[4]) * v + each(c[1])) * u
+        height += (each(c[5]) * v + each(c[2])) * v
+        height += each(c[0] + self.origin_m[2])
         return height
 
     def height_gain(self, x_m: np.ndarray, y_m: np.ndarray) -> np.ndarray:
@@ -133,10 +137,10 @@ def _chosen(
     chosen = np.flatnonzero(points.measured & (points.z_m >= np.repeat(reach_m, points.count)))
     if guide is None:
         return chosen
-    hill = points.hill[chosen]
-    guide_m = guide.height_m(hill, points.x_m[chosen], points.y_m[chosen])
-    height_m = np.where(guide.exists[hill], guide_m, points.z_m[chosen])
-    return chosen[height_m >= level_m[hill]]
+    count = np.bincount(points.hill[chosen], minlength=points.n_hills)
+    guide_m = guide.height_m(count, points.x_m[chosen], points.y_m[chosen])
+    height_m = np.where(np.repeat(guide.exists, count), guide_m, points.z_m[chosen])
+    return chosen[height_m >= np.repeat(level_m, count)]
 
 
 def _normal_equations(

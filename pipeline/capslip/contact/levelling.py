@@ -244,7 +244,7 @@ class _Search:
     def _at_ratio(self, start: _Start, last: bool) -> tuple[Level, _Start]:
         for _ in range(MAX_CUTS):
             slope, relief_m = start.slope, start.relief_m
-            rest, hills, caps = self._on_one_cut(start, last)
+            rest, hills, fitted = self._on_one_cut(start, last)
             start = self._next(start, rest)
             same = self._across_m(rest.slope - slope) < SAME_CUT * rest.approach_m
             if same and relief_m == start.relief_m:
@@ -259,7 +259,7 @@ class _Search:
         level = Level(
             surface=surface,
             hills=hills,
-            caps=caps,
+            caps=fitted.table,
             slope=(slope_x, slope_y),
             rest_slope=self.rest_slope,
             load_point_m=self.at_m,
@@ -269,13 +269,13 @@ class _Search:
         )
         return level, start
 
-    def _on_one_cut(self, start: _Start, last: bool) -> tuple[_Rest, Hills, CapTable]:
+    def _on_one_cut(self, start: _Start, last: bool) -> tuple[_Rest, Hills, Fitted]:
         surface, chosen = turned(self.surface, -start.slope, self.at_m), self.settings.hills
         pruning = (chosen.pruning_height_m, chosen.pruning_percent_Sz)
         relief_m, noise_m = start.relief_m, self.noise.neighbours_m
         hills = find_hills(surface, start.ratio, chosen.separation, *pruning, relief_m, noise_m)
         rest, fitted = self._turns(surface, hills, start, last)
-        return rest, hills, fitted.table
+        return rest, hills, fitted
 
     def _turns(
         self, surface: HeightMap, hills: Hills, start: _Start, last: bool
