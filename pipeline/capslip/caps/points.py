@@ -1,10 +1,12 @@
 """The points of all hills as flat arrays, sorted by hill: gathered once, fitted many times."""
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
 
 from capslip.caps.hills import Hills
+from capslip.surface.blocks import BLOCK_POINTS
 from capslip.surface.heightmap import HeightMap
 
 LIMIT_EDGE, LIMIT_PATCH = 1, 2
@@ -34,6 +36,16 @@ class HillPoints:
     def n_hills(self) -> int:
         """Number of hills."""
         return len(self.count)
+
+    def groups(self) -> Iterator[tuple[slice, slice]]:
+        """Yield hills and their points, some at a time: what is computed of them stays small."""
+        ends = np.cumsum(self.count)
+        first = start = 0
+        while first < self.n_hills:
+            last = max(first + 1, int(np.searchsorted(ends, start + BLOCK_POINTS, "right")))
+            end = int(ends[last - 1])
+            yield slice(first, last), slice(start, end)
+            first, start = last, end
 
 
 def points_of_hills(surface: HeightMap, hills: Hills) -> HillPoints:

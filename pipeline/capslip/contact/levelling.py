@@ -232,23 +232,28 @@ class _Search:
                 )
                 start = _Start(missed.slope, ratio, missed.approach_m)
             except TipsOverError as error:
-                tipped, start = error, _Start(np.array(self.rest_slope), ratio)
+                tipped, start = error.with_traceback(None), _Start(np.array(self.rest_slope), ratio)
             except _LostCapsError as error:
-                lost, start = error, _Start(np.array(self.rest_slope), ratio)
+                lost, start = error.with_traceback(None), _Start(np.array(self.rest_slope), ratio)
             except ContactError as error:
-                trouble, start = trouble or error, _Start(np.array(self.rest_slope), ratio)
+                trouble = trouble or error.with_traceback(None)
+                start = _Start(np.array(self.rest_slope), ratio)
         # A face tips over where it does so on every cut on which its hills are caps; else it is the
         # search that failed.
         raise trouble or tipped or lost or ContactError("the face finds no level")
 
     def _at_ratio(self, start: _Start, last: bool) -> tuple[Level, _Start]:
+        found: tuple[_Rest, Hills, Fitted] | None = None
         for _ in range(MAX_CUTS):
             slope, relief_m = start.slope, start.relief_m
-            rest, hills, fitted = self._on_one_cut(start, last)
-            start = self._next(start, rest)
-            same = self._across_m(rest.slope - slope) < SAME_CUT * rest.approach_m
+            found = None  # as much memory as a map
+            found = self._on_one_cut(start, last)
+            start = self._next(start, found[0])
+            same = self._across_m(start.slope - slope) < SAME_CUT * found[0].approach_m
             if same and relief_m == start.relief_m:
                 break
+        assert found is not None
+        rest, hills, fitted = found
         surface = turned(self.surface, -rest.slope, self.at_m)
         certificate = self._certify(surface, hills, rest)
         shallow_N = float(rest.load_N[rest.at_cut].sum())
@@ -275,7 +280,8 @@ class _Search:
         relief_m, noise_m = start.relief_m, self.noise.neighbours_m
         hills = find_hills(surface, start.ratio, chosen.separation, *pruning, relief_m, noise_m)
         rest, fitted = self._turns(surface, hills, start, last)
-        return rest, hills, fitted
+        # A table asks for the grid alone: nobody holds the map that was cut
+        return rest, hills, replace(fitted, given=replace(fitted.given, surface=self.surface))
 
     def _turns(
         self, surface: HeightMap, hills: Hills, start: _Start, last: bool
