@@ -27,6 +27,9 @@ def given(off_m, measured=None):
         hill=hill,
         n_hills=2,
         count=np.bincount(hill),
+        groups=lambda: (
+            (slice(i, i + 1), slice(*np.searchsorted(hill, (i, i + 1)))) for i in (0, 1)
+        ),
         measured=np.ones(n, dtype=bool) if measured is None else measured,
         x_m=X_M[hill] + along,
         y_m=Y_M[hill] + across,

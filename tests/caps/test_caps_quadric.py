@@ -80,7 +80,7 @@ def test_a_quadric_is_that_of_least_squares(hill, level_m):
     assert found.height_gain(*at)[hill] == pytest.approx(
         np.sqrt(basis @ covariance @ basis), rel=1e-8
     )
-    height_m = found.height_m(np.array([hill]), at[0, [hill]], at[1, [hill]])
+    height_m = found.height_m(np.eye(3, dtype=int)[hill], at[0, [hill]], at[1, [hill]])
     assert height_m == pytest.approx(ORIGIN_M[2, hill] + basis @ c, rel=1e-9)
 
 
@@ -90,7 +90,7 @@ def test_a_hill_without_points_has_no_quadric():
     assert found.exists.tolist() == found.solved.tolist() == [False, True, True]
     assert found.spread_m2[0] == found.residual_m[0] == 0.0
     assert np.isnan([found.x_m[0], *found.curvature_per_m[:, 0], found.curvature_gain[0]]).all()
-    assert np.isfinite(found.height_m(np.array([0]), np.zeros(1), np.zeros(1)))
+    assert np.isfinite(found.height_m(np.array([1, 0, 0]), np.zeros(1), np.zeros(1)))
 
 
 @pytest.mark.parametrize(("count", "solved"), [(8, False), (9, True)])

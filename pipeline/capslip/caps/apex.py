@@ -111,16 +111,20 @@ def _fall_per_point_m(points: HillPoints, highest_m: np.ndarray, depth_m: np.nda
     That is t over the number of points within on a paraboloid, but hardly depends on where the
     lattice lies. The depth is doubled where it holds few points.
     """
-    for _ in range(MAX_DOUBLINGS):
-        rise_m = points.z_m - np.repeat(highest_m - depth_m, points.count)
-        above = np.flatnonzero(rise_m > 0.0)
-        hill = points.hill[above]
-        few = np.bincount(hill, minlength=points.n_hills) < np.minimum(FEW_POINTS, points.count)
-        few &= np.isfinite(depth_m)
-        if not few.any():
-            break
-        depth_m = np.where(few, 2.0 * depth_m, depth_m)
-    volume_m = np.bincount(hill, rise_m[above], points.n_hills)
+    depth_m, volume_m = depth_m.copy(), np.empty(points.n_hills)
+    for hills, some in points.groups():
+        z_m, count, n = points.z_m[some], points.count[hills], hills.stop - hills.start
+        all_hill = points.hill[some] - hills.start
+        for _ in range(MAX_DOUBLINGS):
+            rise_m = z_m - np.repeat(highest_m[hills] - depth_m[hills], count)
+            above = np.flatnonzero(rise_m > 0.0)
+            hill = all_hill[above]
+            few = np.bincount(hill, minlength=n) < np.minimum(FEW_POINTS, count)
+            few &= np.isfinite(depth_m[hills])
+            if not few.any():
+                break
+            depth_m[hills] = np.where(few, 2.0 * depth_m[hills], depth_m[hills])
+        volume_m[hills] = np.bincount(hill, rise_m[above], n)
     return depth_m**2 / (2.0 * np.where(volume_m > 0.0, volume_m, np.nan))
 
 
@@ -138,7 +142,8 @@ def _summit(points: HillPoints, quadric: Quadrics) -> np.ndarray:
     """Return x, y, z where each quadric is highest among the points it was fitted to."""
     hill = points.hill[quadric.chosen]
     x_m, y_m = points.x_m[quadric.chosen], points.y_m[quadric.chosen]
-    return _first_highest(points.n_hills, hill, x_m, y_m, quadric.height_m(hill, x_m, y_m))[0]
+    z_m = quadric.height_m(quadric.points, x_m, y_m)
+    return _first_highest(points.n_hills, hill, x_m, y_m, z_m)[0]
 
 
 def _first_highest(

@@ -53,35 +53,52 @@ def body_of_hills(
     depth_share : float
         Depth elsewhere, of the height of the cap; deeper where there is much noise.
     """
-    n, noise_m = points.n_hills, noise.rms_m
+    noise_m = noise.rms_m
     depth_m = _depth_m(cut_height_m, apexes, noise_m, depth_m, depth_share)
     level_m = apexes.apex_m[2] - depth_m
 
     seen_m = np.maximum(level_m, apexes.floor_m)
     quadric = fit_quadrics(points, seen_m, apexes.apex_m)
-    # points that stand in for lost ones count here
-    filled_m2 = points.pixel_area_m2 * np.bincount(
-        points.hill[points.z_m >= np.repeat(seen_m, points.count)], minlength=n
-    )
+    filled, rise_m, at_edge, at_patch = _contents(points, seen_m, level_m)
+    filled_m2 = points.pixel_area_m2 * filled
     scattered = filled_m2 < FILLED_ELLIPSE * 4.0 * np.pi * quadric.spread_m2
     if noise_m > NEGLIGIBLE_NOISE * np.max(depth_m, initial=0.0):
         quadric = fit_quadrics(points, seen_m, apexes.apex_m, quadric, noise_m)
 
-    rise_m = points.z_m - np.repeat(level_m, points.count)
-    above = np.flatnonzero(rise_m > 0.0)
-    hill, limit = points.hill[above], points.limit[above]
-    at_edge, at_patch = (
-        np.bincount(hill[(limit & bit) > 0], minlength=n) > 0 for bit in (LIMIT_EDGE, LIMIT_PATCH)
-    )
     return Body(
         depth_m=depth_m,
-        volume_m3=points.pixel_area_m2 * np.bincount(hill, rise_m[above], n),
+        volume_m3=points.pixel_area_m2 * rise_m,
         at_edge=at_edge,
         at_patch=at_patch,
         scattered=scattered,
         quadric=quadric,
         scatter_m=np.fmax(quadric.residual_m, noise_m) * noise.inflation,
     )
+
+
+def _contents(
+    points: HillPoints, seen_m: np.ndarray, level_m: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """Return what of each hill stands above levels, shape (n,).
+
+    The number of points above the first, those that stand in for lost ones too; above the second
+    the sum of their heights, and whether the edge of the map or non-measured points are among them.
+    """
+    filled, rise_m = np.zeros((2, points.n_hills))
+    at_edge, at_patch = np.zeros((2, points.n_hills), dtype=bool)
+    for hills, some in points.groups():
+        z_m, count, n = points.z_m[some], points.count[hills], hills.stop - hills.start
+        hill = points.hill[some] - hills.start
+        filled[hills] = np.bincount(hill[z_m >= np.repeat(seen_m[hills], count)], minlength=n)
+        up_m = z_m - np.repeat(level_m[hills], count)
+        above = np.flatnonzero(up_m > 0.0)
+        hill, limit = hill[above], points.limit[some][above]
+        rise_m[hills] = np.bincount(hill, up_m[above], n)
+        at_edge[hills], at_patch[hills] = (
+            np.bincount(hill[(limit & bit) > 0], minlength=n) > 0
+            for bit in (LIMIT_EDGE, LIMIT_PATCH)
+        )
+    return filled, rise_m, at_edge, at_patch
 
 
 def _depth_m(

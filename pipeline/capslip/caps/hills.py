@@ -354,26 +354,31 @@ def _means(
         _lower_spikes(above_m, point[around] - origin)
         raw_m[of_point] = above_m.reshape(-1)[point[of_point] - origin]
         known = ~np.isnan(above_m[1:-1])
-        total = _sums(np.where(known, above_m[1:-1], 0.0), side).reshape(-1)
-        count = _sums(known.view(np.uint8), side).reshape(-1)
+        total_m = _column_sums(np.where(known, above_m[1:-1], 0.0), side)
+        count = _column_sums(known.view(np.uint8), side)
         for mean_m, at, part in zip(means_m, (point, lost), (of_point, of_lost), strict=True):
             place = at[part] - bounds[0]
-            known_points = count[place].astype(np.float64)
+            known_points = _row_sums(count, place, side).astype(np.float64)
             known_points[known_points == 0.0] = np.nan
-            mean_m[part] = total[place] / known_points
+            mean_m[part] = _row_sums(total_m, place, side) / known_points
     return raw_m, *means_m
 
 
-def _sums(values: np.ndarray, side: int) -> np.ndarray:
-    """Return sums over squares; as many rows less, and columns at both ends without meaning."""
-    rows, width = len(values) - side + 1, values.shape[1]
+def _column_sums(values: np.ndarray, side: int) -> np.ndarray:
+    """Return the sums of so many points of each column, flattened; as many rows less."""
+    rows = len(values) - side + 1
     down = values[:rows].copy()
     for step in range(1, side):
         down += values[step : step + rows]
-    sums, half = np.zeros_like(down), side // 2
-    inner = sums[:, half : width - half]
-    for step in range(side):
-        inner += down[:, step : step + inner.shape[1]]
+    return down.reshape(-1)
+
+
+def _row_sums(values: np.ndarray, place: np.ndarray, side: int) -> np.ndarray:
+    """Return the sums of so many values around places that are half a side from either end."""
+    first = place - side // 2
+    sums: np.ndarray = values[first]
+    for step in range(1, side):
+        sums += values[first + step]
     return sums
 
 

@@ -9,19 +9,22 @@ from capslip.caps.quadric import MIN_POINTS
 def rms_from_sphere_m(given: FitInput, spheres: Spheres) -> np.ndarray:
     """Return the rms distance of the measured points within the depth from the sphere."""
     points, apex_m, radius_m = given.points, spheres.apex_m, spheres.radius_m
-    level_m = apex_m - given.body.depth_m
-    chosen = np.flatnonzero(points.measured & (points.z_m >= np.repeat(level_m, points.count)))
-    hill = points.hill[chosen]
-    along_x_m, along_y_m = (
-        points.x_m[chosen] - spheres.x_m[hill],
-        points.y_m[chosen] - spheres.y_m[hill],
-    )
-    square_m2 = along_x_m**2 + along_y_m**2
-    under_m = np.sqrt(np.maximum(radius_m[hill] ** 2 - square_m2, 0.0))
-    sphere_m = apex_m[hill] - square_m2 / (radius_m[hill] + under_m)
-    sums = np.bincount(hill, (points.z_m[chosen] - sphere_m) ** 2, points.n_hills)
-    count = np.bincount(hill, minlength=points.n_hills)
-    return np.sqrt(sums / np.maximum(count, 1))
+    level_m, rms_m = apex_m - given.body.depth_m, np.empty(points.n_hills)
+    for hills, some in points.groups():
+        high = points.z_m[some] >= np.repeat(level_m[hills], points.count[hills])
+        chosen = some.start + np.flatnonzero(points.measured[some] & high)
+        hill = points.hill[chosen]
+        along_x_m, along_y_m = (
+            points.x_m[chosen] - spheres.x_m[hill],
+            points.y_m[chosen] - spheres.y_m[hill],
+        )
+        square_m2 = along_x_m**2 + along_y_m**2
+        under_m = np.sqrt(np.maximum(radius_m[hill] ** 2 - square_m2, 0.0))
+        sphere_m = apex_m[hill] - square_m2 / (radius_m[hill] + under_m)
+        own, n = hill - hills.start, hills.stop - hills.start
+        sums = np.bincount(own, (points.z_m[chosen] - sphere_m) ** 2, n)
+        rms_m[hills] = np.sqrt(sums / np.maximum(np.bincount(own, minlength=n), 1))
+    return rms_m
 
 
 def quartic_profile(given: FitInput, spheres: Spheres) -> tuple[np.ndarray, np.ndarray]:
@@ -33,19 +36,37 @@ def quartic_profile(given: FitInput, spheres: Spheres) -> tuple[np.ndarray, np.n
     """
     points, quadric = given.points, given.body.quadric
     curvature_per_m = np.where(quadric.exists, quadric.curvature_per_m, 1.0 / spheres.radius_m)
-    cos, sin = np.cos(quadric.orientation_rad), np.sin(quadric.orientation_rad)
-    cos, sin = np.where(quadric.exists, (cos, sin), 0.5**0.5)
-    with np.errstate(divide="ignore", invalid="ignore"):
+    axis = np.stack((np.cos(quadric.orientation_rad), np.sin(quadric.orientation_rad)))
+    axis = np.where(quadric.exists, axis, 0.5**0.5)
+    with np.errstate(divide="ignore", invalid="ignore"):  # a hill of no depth
         scale = np.sqrt(0.5 * curvature_per_m / given.body.depth_m)
-    hill = points.hill
-    along, across = points.x_m - spheres.x_m[hill], points.y_m - spheres.y_m[hill]
-    along, across = cos[hill] * along + sin[hill] * across, cos[hill] * across - sin[hill] * along
-    with np.errstate(invalid="ignore"):  # a hill of no depth
-        t = (scale[0][hill] * along) ** 2 + (scale[1][hill] * across) ** 2
-    chosen = np.flatnonzero(points.measured & (t <= 1.0))
-    hill, t = hill[chosen], t[chosen]
-    fall_m = spheres.apex_m[hill] - points.z_m[chosen]
-    count = np.bincount(hill, minlength=points.n_hills)
+    quartic_m, residual_m = np.empty((2, points.n_hills))
+    for hills, some in points.groups():
+        hill = points.hill[some] - hills.start
+        along, across = (
+            place_m[some] - apex_m[hills][hill]
+            for place_m, apex_m in ((points.x_m, spheres.x_m), (points.y_m, spheres.y_m))
+        )
+        cos, sin = axis[:, hills]
+        along, across = (
+            cos[hill] * along + sin[hill] * across,
+            cos[hill] * across - sin[hill] * along,
+        )
+        with np.errstate(invalid="ignore"):
+            t = (scale[0, hills][hill] * along) ** 2 + (scale[1, hills][hill] * across) ** 2
+        chosen = np.flatnonzero(points.measured[some] & (t <= 1.0))
+        hill, t = hill[chosen], t[chosen]
+        fall_m = spheres.apex_m[hills][hill] - points.z_m[some][chosen]
+        quartic_m[hills], residual_m[hills] = _through_falls(
+            np.bincount(hill, minlength=hills.stop - hills.start), t, fall_m
+        )
+    return quartic_m, residual_m
+
+
+def _through_falls(
+    count: np.ndarray, t: np.ndarray, fall_m: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return the quartic terms of profiles, and the rms distances of their points."""
     start, empty = np.cumsum(count) - count, count == 0
 
     def total(values: np.ndarray) -> np.ndarray:
@@ -53,17 +74,17 @@ def quartic_profile(given: FitInput, spheres: Spheres) -> tuple[np.ndarray, np.n
         sums[empty] = 0.0  # where reduceat gives the first element of the next hill
         return sums
 
-    basis = np.stack([np.ones_like(t), 2.0 * t - 1.0, 6.0 * t * (t - 1.0) + 1.0])
-    _, first, second = basis
-    normal = np.empty((points.n_hills, 3, 3))
+    first, second = 2.0 * t - 1.0, 6.0 * t * (t - 1.0) + 1.0
+    normal = np.empty((len(count), 3, 3))
     normal[:, 0, 0] = count
     normal[:, 0, 1] = normal[:, 1, 0] = total(first)
     normal[:, 0, 2] = normal[:, 2, 0] = total(second)
     normal[:, 1, 1], normal[:, 2, 2] = total(first**2), total(second**2)
     normal[:, 1, 2] = normal[:, 2, 1] = total(first * second)
     right = np.stack([total(fall_m), total(first * fall_m), total(second * fall_m)], axis=1)
-    known = (count >= MIN_POINTS) & (np.linalg.matrix_rank(normal) == len(basis))
-    c = np.full((3, points.n_hills), np.nan)
+    known = (count >= MIN_POINTS) & (np.linalg.matrix_rank(normal) == 3)
+    c = np.full((3, len(count)), np.nan)
     c[:, known] = np.linalg.solve(normal[known], right[known][..., None])[..., 0].T
-    square_m2 = total((fall_m - (c[:, hill] * basis).sum(axis=0)) ** 2)
+    constant, linear, square = (np.repeat(of_hill, count) for of_hill in c)
+    square_m2 = total((fall_m - (constant + linear * first + square * second)) ** 2)
     return 6.0 * c[2], np.sqrt(square_m2 / np.maximum(count, 1))

@@ -43,14 +43,18 @@ class Quadrics:
         """Mask of the hills that have a vertex."""
         return np.isfinite(self.z_m)
 
-    def height_m(self, hill: np.ndarray, x_m: np.ndarray, y_m: np.ndarray) -> np.ndarray:
-        """Height of the surface of the given hills at given places."""
+    def height_m(self, count: np.ndarray, x_m: np.ndarray, y_m: np.ndarray) -> np.ndarray:
+        """Height of the surfaces at places that are sorted by hill, `count` of them on each."""
+
+        def each(values: np.ndarray) -> np.ndarray:
+            return np.repeat(values, count)
+
         c = self.coefficients
-        u = (x_m - self.origin_m[0][hill]) / self.scale_m[hill]
-        v = (y_m - self.origin_m[1][hill]) / self.scale_m[hill]
-        height = (c[3][hill] * u + c[4][hill] * v + c[1][hill]) * u
-        height += (c[5][hill] * v + c[2][hill]) * v
-        height += (c[0] + self.origin_m[2])[hill]
+        u = (x_m - each(self.origin_m[0])) / each(self.scale_m)
+        v = (y_m - each(self.origin_m[1])) / each(self.scale_m)
+        height = (each(c[3]) * u + each(c[4]) * v + each(c[1])) * u
+        height += (each(c[5]) * v + each(c[2])) * v
+        height += each(c[0] + self.origin_m[2])
         return height
 
     def height_gain(self, x_m: np.ndarray, y_m: np.ndarray) -> np.ndarray:
@@ -89,20 +93,27 @@ def fit_quadrics(
     their standard errors follow from the coefficients by first-order propagation.
     """
     n = points.n_hills
-    chosen = _chosen(points, level_m, guide, noise_m)
-    count = np.bincount(points.hill[chosen], minlength=n)
-    # Coordinates of order one keep the normal equations well conditioned.
-    scale_m = np.sqrt(points.pixel_area_m2 * np.maximum(count, 1) / np.pi)
-    # One more point, of no weight: reduceat needs an element at every start.
-    u, v, w = (
-        np.append((place_m[chosen] - np.repeat(from_m, count)) / np.repeat(unit_m, count), 0.0)
-        for place_m, from_m, unit_m in (
-            (points.x_m, origin_m[0], scale_m),
-            (points.y_m, origin_m[1], scale_m),
-            (points.z_m, origin_m[2], np.ones(n)),
+    count, scale_m = np.zeros(n, dtype=np.intp), np.empty(n)
+    normal, right, square = np.empty((n, 6, 6)), np.empty((n, 6)), np.empty(n)
+    found = [np.zeros(0, dtype=np.intp)]
+    for hills, some in points.groups():
+        at = _chosen(points, hills, some, level_m, guide, noise_m)
+        found.append(at)
+        of = np.bincount(points.hill[at] - hills.start, minlength=hills.stop - hills.start)
+        # Coordinates of order one keep the normal equations well conditioned.
+        unit_m = np.sqrt(points.pixel_area_m2 * np.maximum(of, 1) / np.pi)
+        # One more point, of no weight: reduceat needs an element at every start.
+        u, v, w = (
+            np.append((place_m[at] - np.repeat(from_m[hills], of)) / np.repeat(over_m, of), 0.0)
+            for place_m, from_m, over_m in (
+                (points.x_m, origin_m[0], unit_m),
+                (points.y_m, origin_m[1], unit_m),
+                (points.z_m, origin_m[2], np.ones(len(of))),
+            )
         )
-    )
-    normal, right, square = _normal_equations(count, u, v, w)
+        count[hills], scale_m[hills] = of, unit_m
+        normal[hills], right[hills], square[hills] = _normal_equations(of, u, v, w)
+    chosen = np.concatenate(found)
     many = np.maximum(count, 1)
     mean_u, mean_v = normal[:, 0, 1] / many, normal[:, 0, 2] / many
     spread = (normal[:, 0, 3] / many - mean_u**2) * (normal[:, 0, 5] / many - mean_v**2)
@@ -126,17 +137,26 @@ def fit_quadrics(
 
 
 def _chosen(
-    points: HillPoints, level_m: np.ndarray, guide: Quadrics | None, noise_m: float
+    points: HillPoints,
+    hills: slice,
+    some: slice,
+    level_m: np.ndarray,
+    guide: Quadrics | None,
+    noise_m: float,
 ) -> np.ndarray:
-    """Return the indices of the measured points above the level, by themselves or by the guide."""
+    """Return the indices of the measured points above the level, by themselves or by the guide.
+
+    Of some hills and their points.
+    """
     reach_m = level_m if guide is None else level_m - 5.0 * noise_m
-    chosen = np.flatnonzero(points.measured & (points.z_m >= np.repeat(reach_m, points.count)))
+    high = points.z_m[some] >= np.repeat(reach_m[hills], points.count[hills])
+    chosen = some.start + np.flatnonzero(points.measured[some] & high)
     if guide is None:
         return chosen
-    hill = points.hill[chosen]
-    guide_m = guide.height_m(hill, points.x_m[chosen], points.y_m[chosen])
-    height_m = np.where(guide.exists[hill], guide_m, points.z_m[chosen])
-    return chosen[height_m >= level_m[hill]]
+    count = np.bincount(points.hill[chosen], minlength=points.n_hills)
+    guide_m = guide.height_m(count, points.x_m[chosen], points.y_m[chosen])
+    height_m = np.where(np.repeat(guide.exists, count), guide_m, points.z_m[chosen])
+    return chosen[height_m >= np.repeat(level_m, count)]
 
 
 def _normal_equations(

@@ -147,11 +147,13 @@ class _Lattice:
         counts.
         """
         n_hills, width = np.int64(hill.max(initial=0)) + 1, self.shape[1]
-        pairs, lower = [np.empty(0, dtype=np.int64)], [np.empty(0, dtype=np.int64)]
+        pairs, lower = [np.empty(0, dtype=np.int64)], [np.empty(0, dtype=np.int32)]
         for some, around, origin, size in self._blocks():
             at, place = self.point[some] - origin, self.point[around] - origin
             hills = np.full(size, -1, dtype=np.int32)
             hills[place] = hill[around]
+            number = np.empty(size, dtype=np.int32)
+            number[place] = np.arange(around.start, around.stop, dtype=np.int32)
             own = hill[some]
             for step in (1, width - 1, width, width + 1):
                 other = hills[at - step]
@@ -159,28 +161,23 @@ class _Lattice:
                 meet = meet[other[meet] >= 0]
                 here, there = own[meet].astype(np.int64), other[meet]
                 pairs.append(np.minimum(here, there) * n_hills + np.maximum(here, there))
-                mine = meet + some.start
-                beside = np.searchsorted(self.point, self.point[mine] - step)
+                mine, beside = number[at[meet]], number[at[meet] - step]
                 below = self.height_m[beside] < self.height_m[mine]
                 lower.append(np.where(below, beside, mine))
-        pair, (spot, rank) = np.concatenate(pairs), _by_height(np.concatenate(lower), self.height_m)
+        pair, spot = np.concatenate(pairs), np.concatenate(lower)
         if pair.size == 0:
             return pair, pair, np.empty(0)
         order = np.argsort(pair)
-        pair, rank = pair[order], rank[order]
+        pair, spot = pair[order], spot[order]
         first = np.flatnonzero(np.diff(pair, prepend=-1))
-        pair, rank = pair[first], np.minimum.reduceat(rank, first)
-        order = np.argsort(rank, kind="stable")
-        return pair[order] // n_hills, pair[order] % n_hills, self.height_m[spot[rank[order]]]
-
-
-def _by_height(point: np.ndarray, height_m: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return the different ones of some points by falling height, and the rank of each."""
-    spot, of = np.unique(point, return_inverse=True)
-    order = np.argsort(-height_m[spot], kind="stable")
-    rank = np.empty(spot.size, dtype=np.int64)
-    rank[order] = np.arange(spot.size)
-    return spot[order], rank[of]
+        height_m = self.height_m[spot]
+        pass_m = np.maximum.reduceat(height_m, first)
+        # Of equally high passes that over the first point counts as higher
+        many = np.diff(first, append=pair.size)
+        there = np.where(height_m == np.repeat(pass_m, many), spot, len(self.point))
+        order = np.lexsort((np.minimum.reduceat(there, first), -pass_m))
+        pair = pair[first[order]]
+        return pair // n_hills, pair % n_hills, pass_m[order]
 
 
 def _ends(pointer: np.ndarray) -> np.ndarray:

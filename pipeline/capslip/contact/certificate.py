@@ -202,7 +202,7 @@ def _excess(
 def _means(z: np.ndarray, side: int) -> np.ndarray:
     """Mean heights of squares, NaN where half of the points or more were not measured."""
     ny, nx = (n // side for n in z.shape)
-    rows = np.add.reduceat(z[: ny * side, : nx * side], np.arange(0, ny * side, side), axis=0)
+    rows = z[: ny * side].reshape(ny, side, -1).sum(axis=1)[:, : nx * side]
     mean_m = np.add.reduceat(rows, np.arange(0, nx * side, side), axis=1) / side**2
     row, col = np.nonzero(np.isnan(mean_m))
     squares = np.lib.stride_tricks.sliding_window_view(z, (side, side))[::side, ::side]

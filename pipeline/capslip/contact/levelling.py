@@ -232,23 +232,28 @@ class _Search:
                 )
                 start = _Start(missed.slope, ratio, missed.approach_m)
             except TipsOverError as error:
-                tipped, start = error, _Start(np.array(self.rest_slope), ratio)
+                tipped, start = error.with_traceback(None), _Start(np.array(self.rest_slope), ratio)
             except _LostCapsError as error:
-                lost, start = error, _Start(np.array(self.rest_slope), ratio)
+                lost, start = error.with_traceback(None), _Start(np.array(self.rest_slope), ratio)
             except ContactError as error:
-                trouble, start = trouble or error, _Start(np.array(self.rest_slope), ratio)
+                trouble = trouble or error.with_traceback(None)
+                start = _Start(np.array(self.rest_slope), ratio)
         # A face tips over where it does so on every cut on which its hills are caps; else it is the
         # search that failed.
         raise trouble or tipped or lost or ContactError("the face finds no level")
 
     def _at_ratio(self, start: _Start, last: bool) -> tuple[Level, _Start]:
+        found: tuple[_Rest, Hills, Fitted] | None = None
         for _ in range(MAX_CUTS):
             slope, relief_m = start.slope, start.relief_m
-            rest, hills, caps = self._on_one_cut(start, last)
-            start = self._next(start, rest)
-            same = self._across_m(rest.slope - slope) < SAME_CUT * rest.approach_m
+            found = None  # as much memory as a map
+            found = self._on_one_cut(start, last)
+            start = self._next(start, found[0])
+            same = self._across_m(start.slope - slope) < SAME_CUT * found[0].approach_m
             if same and relief_m == start.relief_m:
                 break
+        assert found is not None
+        rest, hills, fitted = found
         surface = turned(self.surface, -rest.slope, self.at_m)
         certificate = self._certify(surface, hills, rest)
         shallow_N = float(rest.load_N[rest.at_cut].sum())
@@ -259,7 +264,7 @@ class _Search:
         level = Level(
             surface=surface,
             hills=hills,
-            caps=caps,
+            caps=fitted.table,
             slope=(slope_x, slope_y),
             rest_slope=self.rest_slope,
             load_point_m=self.at_m,
@@ -269,13 +274,14 @@ class _Search:
         )
         return level, start
 
-    def _on_one_cut(self, start: _Start, last: bool) -> tuple[_Rest, Hills, CapTable]:
+    def _on_one_cut(self, start: _Start, last: bool) -> tuple[_Rest, Hills, Fitted]:
         surface, chosen = turned(self.surface, -start.slope, self.at_m), self.settings.hills
         pruning = (chosen.pruning_height_m, chosen.pruning_percent_Sz)
         relief_m, noise_m = start.relief_m, self.noise.neighbours_m
         hills = find_hills(surface, start.ratio, chosen.separation, *pruning, relief_m, noise_m)
         rest, fitted = self._turns(surface, hills, start, last)
-        return rest, hills, fitted.table
+        # A table asks for the grid alone: nobody holds the map that was cut
+        return rest, hills, replace(fitted, given=replace(fitted.given, surface=self.surface))
 
     def _turns(
         self, surface: HeightMap, hills: Hills, start: _Start, last: bool

@@ -214,21 +214,21 @@ def sq_and_sz_m(surface: HeightMap) -> tuple[float, float]:
         If no point is measured.
     """
     z_m = surface.height_m
-    n, total_m = 0, 0.0
-    for rows in row_blocks(z_m.shape):
-        known_m = _known(z_m[rows])
-        n, total_m = n + known_m.size, total_m + float(known_m.sum())
-    if n == 0:
+    lowest_m, highest_m = np.fmin.reduce(z_m, axis=None), np.fmax.reduce(z_m, axis=None)
+    if np.isnan(lowest_m):
         raise UnusableSurfaceError(
             f"{surface.origin.name}: all {z_m.size} points are non-measured; expected "
             "heights; check the file's code for missing data"
         )
-    mean_m, square_m2 = total_m / n, 0.0
+    n, total_m, square_m2, some_m = 0, 0.0, 0.0, math.nan
     for rows in row_blocks(z_m.shape):
-        deviation_m = _known(z_m[rows]) - mean_m
-        square_m2 += float(deviation_m @ deviation_m)
-    lowest_m, highest_m = np.fmin.reduce(z_m, axis=None), np.fmax.reduce(z_m, axis=None)
-    return math.sqrt(square_m2 / n), float(highest_m - lowest_m)
+        known_m = _known(z_m[rows])
+        if n == 0 and known_m.size:
+            some_m = float(known_m.mean())  # from which heights count: their level costs no digits
+        above_m = known_m - some_m
+        n, total_m = n + above_m.size, total_m + float(above_m.sum())
+        square_m2 += float(above_m @ above_m)
+    return math.sqrt(max(square_m2 / n - (total_m / n) ** 2, 0.0)), float(highest_m - lowest_m)
 
 
 def _known(height_m: np.ndarray) -> np.ndarray:

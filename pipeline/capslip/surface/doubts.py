@@ -29,6 +29,7 @@ MAX_OUTLIER_SHARE = 0.02
 CLIPPED_POINTS = 9  # that share the greatest height
 MOSTLY_FORM = 0.8  # of the variance of the heights
 MOSTLY_BOWED = 0.95  # of that of the floor: a step between two floors looks 87 % like a bow
+BLOCK_OVER_DISC = 0.1  # sides of the squares that a hole is looked at in, over a hill's radius
 VISIBLE_FORM = 0.1  # of the approach: form that moves the peaks by more decides what touches
 
 
@@ -194,8 +195,9 @@ def _bow_of_floor(surface: HeightMap) -> tuple[float, float]:
 
 
 def _variance_of_lowest_m2(height_m: np.ndarray) -> float:
-    known_m = np.sort(height_m[np.isfinite(height_m)])
-    return float(known_m[: max(1, int(FLOOR_SHARE * known_m.size))].var())
+    known_m = height_m[np.isfinite(height_m)]
+    lowest = max(1, int(FLOOR_SHARE * known_m.size))
+    return float(np.partition(known_m, lowest - 1)[:lowest].var())
 
 
 def problems_of_holes(surface: HeightMap, hill_radius_m: float) -> tuple[Problem, ...]:
@@ -217,8 +219,9 @@ def problems_of_holes(surface: HeightMap, hill_radius_m: float) -> tuple[Problem
     tuple of Problem
         `hole_may_hide_hills` (warning) where the largest disc in a hole is not smaller.
     """
-    measured = surface.measured
-    if measured.all() or not _blocks(~measured, surface, hill_radius_m).any():
+    lost = ~surface.measured
+    # Such a disc holds a square of half its radius as a whole, wherever the squares begin
+    if not lost.any() or not _blocks(lost, surface, 0.5 * hill_radius_m).any():
         return ()
     radius_m = _largest_disc_m(holes(surface), surface, hill_radius_m)
     if radius_m < hill_radius_m:
@@ -239,22 +242,24 @@ def holes(surface: HeightMap) -> np.ndarray:
 
 
 def _largest_disc_m(hole: np.ndarray, surface: HeightMap, hill_radius_m: float) -> float:
-    """Return the radius of the largest disc in a mask, 0 where it holds no block."""
+    """Return the radius of the largest disc in a mask, 0 where none is as large as a hill."""
     from scipy.ndimage import distance_transform_edt
 
-    blocks = _blocks(hole, surface, hill_radius_m)
+    if not _blocks(hole, surface, 0.5 * hill_radius_m).any():
+        return 0.0
+    side_m = BLOCK_OVER_DISC * hill_radius_m
+    blocks, steps = _blocks(hole, surface, side_m), _block_steps(surface, side_m)
     if not blocks.any():
         return 0.0
-    steps = _block_steps(surface, hill_radius_m)
     block_m = [step * size_m for step, size_m in zip(steps, surface.pixel_size_m, strict=True)]
     # Between centres of blocks: half a block of that is measured
     to_centre_m = distance_transform_edt(blocks, sampling=block_m)
     return float(to_centre_m.max()) - 0.5 * min(block_m)
 
 
-def _blocks(mask: np.ndarray, surface: HeightMap, hill_radius_m: float) -> np.ndarray:
-    """Tell which blocks of a tenth of the disc lie in a mask as a whole."""
-    step_y, step_x = _block_steps(surface, hill_radius_m)
+def _blocks(mask: np.ndarray, surface: HeightMap, side_m: float) -> np.ndarray:
+    """Tell which blocks of a length of side lie in a mask as a whole."""
+    step_y, step_x = _block_steps(surface, side_m)
     blocks = mask[::step_y, ::step_x].copy()
     rows = np.flatnonzero(blocks.any(axis=1))  # the others need no second look
     for first in rows * step_y:
@@ -264,8 +269,8 @@ def _blocks(mask: np.ndarray, surface: HeightMap, hill_radius_m: float) -> np.nd
     return blocks
 
 
-def _block_steps(surface: HeightMap, hill_radius_m: float) -> list[int]:
-    return [max(1, int(0.1 * hill_radius_m / size_m)) for size_m in surface.pixel_size_m]
+def _block_steps(surface: HeightMap, side_m: float) -> list[int]:
+    return [max(1, int(side_m / size_m)) for size_m in surface.pixel_size_m]
 
 
 def _enclosed(measured: np.ndarray, axis: int) -> np.ndarray:

@@ -234,7 +234,8 @@ def _through_lowest(
         residual_m, radius_m, axis_rad = _fit(surface, measured, weight, kind, degree)
         known_m = residual_m if measured is None else residual_m[measured]
         # Where many points are equally low, as on a clean floor, all of them count
-        limit_m = np.quantile(known_m, FLOOR_SHARE, method="higher")
+        last = math.ceil(FLOOR_SHARE * (known_m.size - 1))
+        limit_m = np.partition(known_m.reshape(-1), last)[last]
         low = residual_m <= limit_m  # False where non-measured
         if weight is not None and np.mean(low != (weight > 0.0)) <= SETTLED:
             break

@@ -191,8 +191,7 @@ class _Runs:
 def _at_cliff(z: np.ndarray, cliff_m: float) -> np.ndarray:
     """Return the places, rising, of the points that have a cliff to one of their eight neighbours.
 
-    A diagonal is no steeper than the two sides beside it together; so blocks of rows without a
-    cliff in sight, most of them, are left at once.
+    Most blocks of rows have no cliff and are left at once.
     """
     found = []
     low, every, high = slice(None, -1), slice(None), slice(1, None)
@@ -200,24 +199,25 @@ def _at_cliff(z: np.ndarray, cliff_m: float) -> np.ndarray:
     for first in range(0, len(z), n_rows):
         # One row more than a block; what is computed stays in the cache.
         block_m = z[first : first + n_rows + 1]
-        across_m, down_m = block_m[:, high] - block_m[:, low], block_m[high] - block_m[low]
-        steepest_m = sum(
-            max(step_m.max(initial=0.0), -step_m.min(initial=0.0)) for step_m in (across_m, down_m)
-        )
-        if steepest_m <= cliff_m:  # False beside a non-measured point
-            continue
         at_cliff = np.zeros(block_m.shape, dtype=bool)
+        steep = False
         for one, other in (
             ((every, low), (every, high)),
             ((low, every), (high, every)),
             ((low, low), (high, high)),
             ((low, high), (high, low)),
         ):
-            cliff = np.abs(block_m[other] - block_m[one]) > cliff_m
-            if cliff.any():
-                at_cliff[one] |= cliff
-                at_cliff[other] |= cliff
-        found.append(np.flatnonzero(at_cliff) + first * z.shape[1])
+            step_m = block_m[other] - block_m[one]
+            up_m = np.fmax.reduce(step_m, axis=None, initial=0.0)
+            down_m = np.fmin.reduce(step_m, axis=None, initial=0.0)
+            if max(up_m, -down_m) <= cliff_m:
+                continue
+            cliff = np.abs(step_m) > cliff_m
+            at_cliff[one] |= cliff
+            at_cliff[other] |= cliff
+            steep = True
+        if steep:
+            found.append(np.flatnonzero(at_cliff) + first * z.shape[1])
     return np.unique(np.concatenate(found)) if found else np.empty(0, dtype=np.intp)
 
 
