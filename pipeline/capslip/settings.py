@@ -361,11 +361,12 @@ def _with_preset(tables: dict[str, Any], where: str = "settings") -> dict[str, A
 
 
 def _check_meaning(settings: Settings, where: str) -> None:
-    fits = registry.names("caps.fits")
-    if settings.caps.fit not in fits:
-        raise SettingsError(
-            f"{where}: caps.fit: got {settings.caps.fit!r}; {_one_of(fits, settings.caps.fit)}"
-        )
+    for name, got, known in (
+        ("caps.fit", settings.caps.fit, registry.names("caps.fits")),
+        ("contact.model", settings.contact.model, ("auto", *registry.names("contact.models"))),
+    ):
+        if got not in known:
+            raise SettingsError(f"{where}: {name}: got {got!r}; {_one_of(known, got)}")
     for value in settings.material.youngs_modulus_Pa:
         if not LEAST <= value <= GREATEST:
             raise SettingsError(
@@ -377,12 +378,6 @@ def _check_meaning(settings: Settings, where: str) -> None:
             raise SettingsError(
                 f"{where}: material.poisson_ratio: got {value:g}; expected -1 < nu < 0.5"
             )
-    models = ("auto", *registry.names("contact.models"))
-    if settings.contact.model not in models:
-        raise SettingsError(
-            f"{where}: contact.model: got {settings.contact.model!r}; "
-            f"{_one_of(models, settings.contact.model)}"
-        )
     reading = settings.reading
     if reading.pixel_size is not None and min(reading.pixel_size) <= 0:
         raise SettingsError(
