@@ -419,6 +419,40 @@ def test_numbers_around_zero_and_of_any_size_are_split_alike(factor):
     assert there.separation[1:] == pytest.approx(here.separation[1:], rel=1e-6)
 
 
+STRAYS = (5.0, 5.6, 6.1)  # spread twice as far as two families below them are apart
+
+
+def test_two_families_below_spread_peaks_are_told_apart_by_their_own_width():
+    rng = np.random.default_rng(3)
+    low = np.sort(rng.normal(0.0, 0.005, 10)), np.sort(rng.normal(0.24, 0.005, 5))
+    found = cluster(np.concatenate((*low, STRAYS)))
+    assert found.sizes[1].tolist() == [15, 3]
+    assert found.sizes[2].tolist() == [10, 5, 3]
+    inside = cluster(np.concatenate(low))
+    gain = inside.log_evidence[1] - inside.log_evidence[0] - math.log(2.0)
+    assert found.log_evidence[2] - found.log_evidence[1] == pytest.approx(gain)
+    assert found.separation[2] == pytest.approx(min(found.separation[1], inside.separation[1]))
+    assert _supported(found, False)[0] == 3
+    upside_down = cluster(-np.concatenate((*low, STRAYS))[::-1])
+    assert upside_down.sizes[2].tolist() == [3, 5, 10]
+    assert upside_down.log_evidence == pytest.approx(found.log_evidence)
+
+
+@pytest.mark.parametrize("scatter", [0.1, 1e-2, 1e-5])
+def test_one_family_below_spread_peaks_is_hardly_ever_two(scatter):
+    """Odds of 20 to 1 are wrong once in twenty at most."""
+    rng = np.random.default_rng(3)
+    low = [np.sort(rng.normal(0.0, scatter, 15)) for _ in range(100)]
+    splits = [cluster(np.append(one, STRAYS)).sizes[2] for one in low]
+    assert sum(sizes[-1] == 3 for sizes in splits) <= 5
+
+
+@pytest.mark.parametrize(("step", "low"), [(1e-12, [15]), (0.24, [10, 5])])
+def test_what_rounding_tells_apart_is_no_family(step, low):
+    found = cluster(np.array([0.0] * 10 + [step] * 4 + [1.01 * step, *STRAYS]))
+    assert [*found.sizes[2]][: len(low)] == low
+
+
 @pytest.mark.parametrize("values", [[], [1.0], [2.0, 2.0, 2.0]])
 def test_equal_numbers_are_one_cluster_of_no_evidence(values):
     found = cluster(np.array(values))
@@ -493,6 +527,23 @@ def test_the_slope_of_families_is_that_of_their_plane(h_m):
     flags = np.where(np.arange(9) < 4, 0, CapFlag.not_convex).astype(np.uint16)
     slope, bow, count = surface_of_families(caps.with_columns(flags=flags), (0.03, 0.02))
     assert (slope.tolist(), bow.tolist(), count) == ([0.0, 0.0], [0.0, 0.0, 0.0], 1)
+
+
+def test_the_slope_of_families_is_not_that_of_caps_without_apex():
+    """Three of twelve caps, at the edges, are ridges whose heights are up to 1 um off."""
+    rng = np.random.default_rng(4)
+    x_m, y_m = rng.uniform(0.0, 0.06, 12), rng.uniform(0.0, 0.04, 12)
+    x_m[:3], y_m[:3] = (0.0, 0.06, 0.06), (0.0, 0.0, 0.04)
+    peak_m = -2.4e-7 * (np.arange(12) % 2) + 1e-10 * rng.standard_normal(12)
+    peak_m[:3] += (-1e-6, 7e-7, 3e-7)
+    flags = np.zeros(12, dtype=np.uint16)
+    columns = {"x_m": x_m, "y_m": y_m, "peak_height_se_m": np.full(12, 1e-10)}
+    tilted, _, _ = surface_of_families(table(peak_m, flags=flags, **columns), (0.0, 0.0))
+    flags[:3] = CapFlag.edge | CapFlag.ridge
+    slope, _, count = surface_of_families(table(peak_m, flags=flags, **columns), (0.0, 0.0))
+    assert np.abs(slope).max() < 2e-8
+    assert count == 2
+    assert np.abs(tilted).max() > 1e-6
 
 
 @pytest.mark.parametrize(("n", "turns"), [(4, False), (5, True), (12, True)])

@@ -1,13 +1,19 @@
 """Families on a common plane that is found with them."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.optimize import linprog
 
+from capslip.analysis import analyze_once
 from capslip.caps.levels import _Scaled, find_levels
 from capslip.caps.simplex import minimum
+from capslip.settings import load_settings
+from capslip.studies.faces.scenes import PAPER
+from capslip.studies.faces.synthetic import Scene, synthetic_surface
 
 H_M = 2.4e-7
 
@@ -43,6 +49,55 @@ def test_two_families_are_found_under_a_tilt_much_larger_than_h(m, n):
     error = 0.05 * H_M / np.sqrt(m + n) / (0.04 / np.sqrt(12))  # of the slope along y
     assert levels.slope[1] == pytest.approx(slope, abs=4 * error)
     assert h_of(levels) == pytest.approx(H_M, rel=0.1)
+
+
+@pytest.mark.parametrize("stray_m", [1e-6, 5e-6])
+@pytest.mark.parametrize("seed", range(4))
+def test_families_below_a_few_spread_peaks_keep_their_plane(seed, stray_m):
+    """Three peaks that differ by a tenth of their height take the plane of two families along."""
+    x_m, y_m, height_m = peaks(seed, 8, 18, 0.01 * H_M)
+    height_m[:3] += stray_m * np.array([1.0, 1.1, 1.2])
+    slope = np.array([3e-6, -2e-6])
+    levels = find_levels(x_m, y_m, height_m + slope[0] * x_m + slope[1] * y_m)
+    assert levels.clusters.sizes[2].tolist() == [18, 5, 3]
+    odds = levels.clusters.log_evidence[2] - levels.clusters.log_evidence[:2].max()
+    assert odds > 3.0
+    assert levels.clusters.separation[2] > 5.0
+    error = 0.01 * H_M / np.sqrt(23) / (0.04 / np.sqrt(12))  # of the slope along y
+    assert levels.slope[2] == pytest.approx(slope, abs=4 * error)
+    family = np.argsort(-levels.heights_m(3), kind="stable")
+    assert set(family[:3]) == {0, 1, 2}
+    assert set(family[3:8]) == {3, 4, 5, 6, 7}
+
+
+@pytest.mark.parametrize("stray_m", [1e-6, 5e-6])
+@pytest.mark.parametrize("seed", [3, 4, 10])
+def test_stray_hills_are_said_to_be_a_level_of_their_own(seed, stray_m):
+    """On a face of 5 G- and 18 P-caps; up to two may lie under a stray hill."""
+    scene = Scene(
+        shape=(200, 300),
+        pixel_size_m=(2e-4, 2e-4),
+        seed=seed,
+        families=PAPER,
+        gap_m=5e-4,
+        noise_rms_m=2e-9,
+    )
+    scan, _ = synthetic_surface(scene)
+    rng, height_m = np.random.default_rng(seed + 5), scan.height_m
+    y, x = np.mgrid[:200, :300]
+    top_m = height_m.max()
+    for k in range(3):
+        row, col = rng.integers(15, 185), rng.integers(15, 285)
+        fall_m = ((y - row) ** 2 + (x - col) ** 2) / 16.0 * stray_m
+        height_m = np.maximum(height_m, top_m + stray_m * (1.0 + 0.1 * k) - fall_m)
+    face = analyze_once(
+        replace(scan, height_m=height_m), load_settings(overrides=("contact.model=caps",))
+    )
+    assert "more_than_two_families" in {problem.code for problem in face.problems}
+    strays, G, P = face.families.levels
+    assert (strays.count, G.count) == (3, 5)
+    assert P.count in (16, 17, 18)
+    assert G.peak_height_m - P.peak_height_m == pytest.approx(H_M, rel=0.02)
 
 
 @settings(deadline=None)  # of another load on the machine

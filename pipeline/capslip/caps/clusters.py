@@ -1,6 +1,7 @@
 """Clusters of numbers on a line: the best split into one, two or more, and the odds of each."""
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -8,6 +9,10 @@ import numpy as np
 # Variance of the means over that within, before the numbers are seen, and its odds
 WIDTH_RATIOS2 = ((50.0, 4 / 7), (5e3, 2 / 7), (5e5, 1 / 7))
 MAX_CLUSTERS = 4
+CLEAR = 5.0  # spreads between clusters that leave no doubt
+LOG_ODDS = 3.0  # 20 to 1
+LEAST_RANGE = 1e-3  # of that of all numbers: less in a cluster is rounding
+LEAST_INSIDE = 5  # numbers of a cluster that may be two: fewer fix no width of their own
 MAX_EDGES = 400  # places to cut that three clusters and more are searched over
 
 
@@ -23,7 +28,8 @@ class Clusters:
         Natural log of the probability of the numbers, given K clusters. Differences are log odds.
     separation : float64, shape (n_splits,)
         Least distance of neighbouring means over the pooled standard deviation; NaN for one
-        cluster and for clusters of one number each, infinite where those of each are equal.
+        cluster and for clusters of one number each, infinite where those of each are equal. For
+        three of which two have a width of their own, see `split_inside`, over that width.
     """
 
     sizes: tuple[np.ndarray, ...]
@@ -53,7 +59,7 @@ def cluster(values: np.ndarray) -> Clusters:
     to either side, at equal odds, because the tail of a skewed shape is no cluster of its own. K
     clusters are normal, of one width w, their means scattered with one of `WIDTH_RATIOS2` w^2 as
     variance, their sizes any at equal odds, a given number in any of them. All integrals have
-    closed forms.
+    closed forms. Three may also be two of which one is two of another width, see `split_inside`.
 
     Examples
     --------
@@ -61,9 +67,63 @@ def cluster(values: np.ndarray) -> Clusters:
     >>> two.sizes[1], bool(two.log_evidence[1] - two.log_evidence[0] > 3.0)
     (array([6, 3]), True)
     """
+    found = _of_one_width(values)
+    if len(found.sizes) < 3:
+        return found
+    least = LEAST_RANGE * (values[-1] - values[0])
+    inside = [
+        _of_one_width(part) if part[-1] - part[0] >= least else one_cluster(len(part))
+        for part in np.split(values, found.sizes[1][:1])
+    ]
+    return split_inside(found, inside)[0]
+
+
+def one_cluster(n: int) -> Clusters:
+    """Return what n numbers are that nothing tells apart."""
+    return Clusters((np.array([n]),), np.zeros(1), np.full(1, np.nan))
+
+
+def split_inside(found: Clusters, inside: Sequence[Clusters]) -> tuple[Clusters, int | None]:
+    """Take as three clusters two of which one is two again, where that is far likelier.
+
+    Clusters of one width are blind to two that lie close beside a third that is widely spread. So
+    the split in two of the numbers in one of the two, with a width of its own, is asked as well:
+    with e the evidence, e(3) = e(2) e(2 inside) / e(1 inside) / 2, as either of both may be two.
+
+    Parameters
+    ----------
+    found : Clusters
+        Of all numbers.
+    inside : sequence of two Clusters
+        Of the numbers in the lower and in the upper of the best two.
+
+    Returns
+    -------
+    Clusters, int or None
+        The splits, and which of the two is split in them again: 0 the lower, None for neither.
+    """
+    evidence, separation, best = found.log_evidence.copy(), found.separation.copy(), None
+    sizes = list(found.sizes)
+    for i, part in enumerate(inside):
+        if len(part.sizes) < 2 or part.sizes[0][0] < LEAST_INSIDE:
+            continue
+        gain = float(part.log_evidence[1] - part.log_evidence[0]) - math.log(2.0)
+        apart = min(float(found.separation[1]), float(part.separation[1]))
+        if gain < LOG_ODDS or apart < min(separation[2], CLEAR):
+            continue
+        if evidence[2] >= found.log_evidence[1] + gain:
+            continue
+        best, evidence[2], separation[2] = i, found.log_evidence[1] + gain, apart
+        other = found.sizes[1][1 - i]
+        sizes[2] = np.array([*part.sizes[1], other] if i == 0 else [other, *part.sizes[1]])
+    return Clusters(tuple(sizes), evidence, separation), best
+
+
+def _of_one_width(values: np.ndarray) -> Clusters:
+    """Split sorted numbers into clusters of one width."""
     n = len(values)
     if n < 2 or values[0] == values[-1]:
-        return Clusters((np.array([n]),), np.zeros(1), np.full(1, np.nan))
+        return one_cluster(n)
     z = (values - values[0]) / (values[-1] - values[0])
     z -= z.mean()
     log_factorial = np.append(0.0, np.cumsum(np.log(np.arange(1.0, n + 1.0))))

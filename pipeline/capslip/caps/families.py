@@ -15,6 +15,7 @@ CLEAR_SEPARATION = 5.0
 CLEAR_LOG_ODDS = 3.0  # 20 to 1
 CLEAR_OVER_FIT = 3.0  # standard errors of h by the fits
 ALIKE_LEVEL = 0.01  # of the chi-square test that the peaks are equally high
+ODD = CapFlag.outlier | CapFlag.ridge | CapFlag.apex_off_surface  # their heights fix no plane
 
 
 @dataclass(frozen=True)
@@ -198,7 +199,9 @@ def surface_of_families(
 ) -> tuple[np.ndarray, np.ndarray, int]:
     """Return slopes (x, y) and bow (x^2, x y, y^2) of the surface on which families are levels.
 
-    And their number. Slopes and bow are zero for fewer than five usable caps.
+    And their number. Odd caps are left out where five others are there: one at an edge whose apex
+    was not found tilts the plane, and the cut along it. Slopes and bow are zero for fewer than five
+    usable caps.
 
     Parameters
     ----------
@@ -207,13 +210,15 @@ def surface_of_families(
     at_m : (float, float)
         Place (x, y) of these slopes, from which coordinates count.
     """
-    usable = np.flatnonzero(caps.usable)
+    usable = np.flatnonzero(caps.usable & ((caps.flags & ODD) == 0))
+    if usable.size < LEAST_CAPS:
+        usable = np.flatnonzero(caps.usable)
     if usable.size < LEAST_CAPS:
         return np.zeros(2), np.zeros(3), 1
     levels = _levels_of(caps, usable, at_m)
     alike = _alike(_on_plane(caps, usable, levels, 1), usable, free=3)
     count = _supported(levels.clusters, alike)[0]
-    return levels.slope[min(count, 2) - 1], levels.bow, count
+    return levels.slope[count - 1], levels.bow, count
 
 
 def _levels_of(

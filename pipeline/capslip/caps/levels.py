@@ -14,18 +14,21 @@ from itertools import combinations
 import numpy as np
 
 from capslip.caps.clusters import (
+    CLEAR,
+    LEAST_RANGE,
+    LOG_ODDS,
     MAX_CLUSTERS,
     WIDTH_RATIOS2,
     Clusters,
+    one_cluster,
     separation_of,
+    split_inside,
     splits,
     within_of,
 )
 from capslip.caps.simplex import Vertex, minimum
 
 LEAST_BOWED = 12  # caps: fewer fix a bow and two levels, and say little else
-CLEAR = 5.0  # pooled spreads between families that leave no doubt
-LOG_ODDS = 3.0  # 20 to 1, of families
 BOW_ODDS = 5.0  # 150 to 1: planes come first
 LEAST_CAPS = 5  # fewer fix a plane and two levels, and say nothing else
 TRIPLETS = 400  # of caps through which planes are laid to start from
@@ -110,8 +113,7 @@ def find_levels(x_m: np.ndarray, y_m: np.ndarray, height_m: np.ndarray) -> Level
     scaled = _Scaled.of(place_m[order], height_m[order])
     if scaled is None:
         slope = _plane_slope(place_m, height_m)
-        one = Clusters((np.array([len(x_m)]),), np.zeros(1), np.full(1, np.nan))
-        return Levels(one, slope[None], np.zeros(3), place_m, height_m)
+        return Levels(one_cluster(len(x_m)), slope[None], np.zeros(3), place_m, height_m)
     clusters, slopes = _on_planes(scaled)
     terms = bow_terms(*place_m[order].T)
     bow = _bow(scaled, terms, clusters, slopes)
@@ -119,6 +121,7 @@ def find_levels(x_m: np.ndarray, y_m: np.ndarray, height_m: np.ndarray) -> Level
     if bent is not None:
         scaled = bent
         clusters, slopes = _on_planes(scaled)
+    clusters, slopes = _split_again(scaled, clusters, slopes)
     return Levels(clusters, scaled.in_metres(slopes), bow, place_m, height_m)
 
 
@@ -196,6 +199,35 @@ def _on_planes(scaled: "_Scaled") -> tuple[Clusters, np.ndarray]:
         if n > len(split) + 2:
             separation[i] *= math.sqrt((n - len(split) - 2) / (n - len(split)))
     return Clusters(tuple(sizes), np.array(evidence), np.array(separation)), np.array(slopes)
+
+
+def _split_again(
+    scaled: "_Scaled", clusters: Clusters, slopes: np.ndarray
+) -> tuple[Clusters, np.ndarray]:
+    """Return the splits and slopes, three families where one of two is two on its own plane.
+
+    A few high peaks that are spread widely take the plane with them, and what lies below them does
+    not look like levels on it. Planes on which the families would change places are left out.
+    """
+    if len(clusters.sizes) < 3:
+        return clusters, slopes
+    rank = np.argsort(scaled.z - scaled.place @ slopes[1], kind="stable")
+    parts = np.split(rank, clusters.sizes[1][:1])
+    inside, planes = [], []
+    for own, other in (parts, parts[::-1]):
+        split, plane = one_cluster(len(own)), np.zeros(2)
+        alone = _Scaled.of(scaled.place[own], scaled.z[own])
+        if alone is not None and alone.height >= LEAST_RANGE:
+            found, own_slopes = _on_planes(alone)
+            plane = alone.in_metres(own_slopes)[min(1, len(own_slopes) - 1)]
+            above = (scaled.z - scaled.place @ plane) * (1.0 if own is parts[1] else -1.0)
+            split = found if above[own].min() > above[other].max() else split
+        inside.append(split)
+        planes.append(plane)
+    clusters, split_part = split_inside(clusters, inside)
+    if split_part is not None:
+        slopes = np.concatenate((slopes[:2], planes[split_part][None], slopes[3:]))
+    return clusters, slopes
 
 
 def _plane_slope(place: np.ndarray, z: np.ndarray) -> np.ndarray:
