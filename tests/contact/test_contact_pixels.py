@@ -25,7 +25,7 @@ def pressed(rough):
 
 
 def test_they_sink_as_on_the_map(rough, pressed):
-    few = pixels_alone(rough, pressed.pressure_Pa > 0)
+    few = pixels_alone(rough, pressed.pressure_Pa > 0, None)
     assert few.shape == (np.count_nonzero(pressed.pressure_Pa),)
     sinking_m = few.half_space.sinking_m(few.gathered(pressed.pressure_Pa))
     expected_m = few.gathered(rough.half_space.sinking_m(pressed.pressure_Pa))
@@ -47,4 +47,4 @@ def test_they_unload_as_the_map_does(rough, pressed, monkeypatch):
 
 
 def test_too_many_are_no_less_work_than_the_map(rough):
-    assert pixels_alone(rough, np.ones(rough.shape, dtype=bool)) is None
+    assert pixels_alone(rough, np.ones(rough.shape, dtype=bool), None) is None
