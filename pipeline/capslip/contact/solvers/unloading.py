@@ -12,6 +12,7 @@ from capslip.contact.solvers.losses import (
     RIGID,
     Losses,
     RegionLosses,
+    apart,
     losses,
     rates_per_m,
     region_losses,
@@ -343,6 +344,13 @@ def _on_patches(
 
 def _between(path: _Path) -> tuple[Losses | RegionLosses, list[_Interval], float]:
     """Return the better one of two ways to interpolate, its errors, and where pixels resolve it."""
+    ways, smallest_N = _ways(path)
+    found, intervals = min(ways, key=lambda way: max(way[1]))
+    return found, _with_steps(path, intervals), smallest_N
+
+
+def _ways(path: _Path) -> tuple[list[tuple[Losses | RegionLosses, list[_Interval]]], float]:
+    """Return the ways to interpolate, one or two, and from which load drop pixels resolve it."""
     nodes = [*path.nodes, path.end()]
     x_m = np.array([node.withdrawal_m for node in nodes])
     drop_N = path.pressed.load_N - np.array([node.load_N for node in nodes])
@@ -354,19 +362,17 @@ def _between(path: _Path) -> tuple[Losses | RegionLosses, list[_Interval], float
     # Places on a scale on which the loss is a power
     more = np.maximum(x_m / drop_N * path.stiffness_N_per_m - 1, RIGID)
     at = np.maximum.accumulate(np.log(more)) + 1e-9 * np.arange(len(x_m))
-    of_all = _intervals(path, of_face, carries, at)
+    ways: list[tuple[Losses | RegionLosses, list[_Interval]]]
+    ways = [(of_face, _intervals(path, of_face, carries, at))]
     # Regions follow from the loads that pixels resolve, and say nothing below the least of them.
     resolved_N = drop_N[trusted].min(initial=np.inf)
     unlike = path.n_regions > min(_MOST_REGIONS, path.n_points / _LEAST_PIXELS)
-    if unlike or resolved_N > _SMALL_SLIP * path.pressed.load_N:
-        return of_face, _with_steps(path, of_all), smallest_N
-    rates = path.rates_per_m(nodes)
-    known = (x_m[trusted], rates[trusted], loss_J[trusted])
-    of_regions = region_losses(path.region_load_N, path.slope_per_m, *known)
-    of_each = _intervals(path, of_regions, trusted, at)
-    if max(of_each) < max(of_all):
-        return of_regions, _with_steps(path, of_each), smallest_N
-    return of_face, _with_steps(path, of_all), smallest_N
+    if not unlike and resolved_N <= _SMALL_SLIP * path.pressed.load_N:
+        rates = path.rates_per_m(nodes)
+        known = (x_m[trusted], rates[trusted], loss_J[trusted])
+        of_regions = region_losses(path.region_load_N, path.slope_per_m, *known)
+        ways.append((of_regions, _intervals(path, of_regions, trusted, at)))
+    return ways, smallest_N
 
 
 def _where_trusted(drop_N: np.ndarray, pixel_error: np.ndarray) -> float:
@@ -471,6 +477,9 @@ def _tabulated(path: _Path, cut_short: bool) -> Unloading:
     ends_N = [drop_of[each.high] for each in intervals if each.error > _UNCERTAIN]
     smallest_N = max([smallest_N, *(end_N for end_N in ends_N if end_N <= least_N)])
     errors = [each.error for each, used in zip(intervals, asked, strict=True) if used]
+    if cut_short:  # what each way expects of itself is too little where loads are few
+        tables = [way.table() for way, _ in _ways(path)[0]]
+        errors.append(apart(tables[0], tables[-1], least_N))
     # In the approach of the map, which the preload has as well
     left = [(node.load_N, 1 - node.withdrawal_m / pressed.approach_m) for node in path.nodes]
     solved = np.array(sorted([*left, (pressed.load_N, 1.0)])) * (1, path.map_pressed.approach_m)
