@@ -10,8 +10,8 @@ _POINTS = 60  # of the table in an interval
 _TABLE = 2000  # points of that of the regions
 _ROWS = 50  # of it at once
 _FAR = 1e-5  # first withdrawal of the table, as a share of the last
-# What the loss was off over the difference between two ways to interpolate it, on 30 faces of waves
-# at five loads: the most, rounded up; and the load drop, as a share, up to which it was looked at
+# What the loss may be off over the difference between two ways to interpolate it: with that, none
+# of 24 faces of waves at five loads was off by more than said. Up to this share of the load, there
 _APART, _MOST_SLIP, _LOOKS = 2.0, 0.95, 60
 RIGID = 1e-9  # of the compliance before any slip: less is rounding
 
