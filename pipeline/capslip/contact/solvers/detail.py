@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import dataclass, replace
+from time import process_time
 
 import numpy as np
 
@@ -57,7 +58,7 @@ def effect_of_detail(
         Whether the pixels follow contacts and slip: then detail that hardly moves the approach
         moves nothing, and is not followed further.
     time_limit_s : float
-        Of what is solved again, see `unload`.
+        Of what is solved again, see `press` and `unload`.
 
     Returns
     -------
@@ -67,14 +68,23 @@ def effect_of_detail(
     """
     load_N = unloading.load_N
     smooth = _smoothed(first.face)
-    again = press(smooth, load_N=load_N, tolerance=_TOLERANCE)
+    begun_s = process_time()
+    again = press(smooth, load_N=load_N, tolerance=_TOLERANCE, time_limit_s=time_limit_s)
     moved_m = abs(again.approach_m - first.approach_m)
     if resolved and moved_m < _NO_EFFECT * first.approach_m:
         return Effect(0.0, 0.0, 0.0)
-    again = press(smooth, load_N=load_N, tolerance=tolerance, start_Pa=again.pressure_Pa)
+    left_s = max(time_limit_s - (process_time() - begun_s), 0.0)
+    again = press(
+        smooth,
+        load_N=load_N,
+        tolerance=tolerance,
+        start_Pa=again.pressure_Pa,
+        time_limit_s=left_s,
+    )
     if not math.isinf(smooth.hardness_Pa):
         smooth, again = first_loading(smooth, again)
-    after = unload(smooth, again, tolerance, time_limit_s=time_limit_s)
+    left_s = max(time_limit_s - (process_time() - begun_s), 0.0)
+    after = unload(smooth, again, tolerance, time_limit_s=left_s)
     stiffness = (_stiffness_N_per_m(one, bulk_m_per_N) for one in (unloading, after))
     energy_J = (_loss_J(one) for one in (unloading, after))
     stiffer, more = (float(_relative(*pair).max()) for pair in (stiffness, energy_J))
