@@ -12,7 +12,7 @@ from capslip.problems import Problem
 from capslip.surface.heightmap import HeightMap
 
 SHAPE = ["connected_network", "shallow_saddles", "pruning_decides", "not_spherical"]
-SHAPE += ["contact_under_resolved"]
+SHAPE += ["contact_under_resolved", "caps_ridge"]
 COUNTS = ["families_doubtful", "more_than_two_families", "family_below_cut"]
 ELSE = ["highest_point_on_no_cap", "plateau_at_cut", "cut_too_high", "level_not_settled"]
 ELSE += ["no_caps", "fit_not_settled"]
@@ -74,10 +74,11 @@ def test_flags_matter_by_the_load_on_their_caps(share, read):
         assert warned([code], share=share, flag=flag, error=None) == [code] * read
         assert warned([code], share=share, flag=CapFlag.few_points, error=None) == []
     for error, known in ((None, False), (0.01, True)):
-        peaks = warned(["caps_several_peaks"], share=share, flag=CapFlag.several_peaks, error=error)
-        assert peaks == ["caps_several_peaks"] * (read and not known)
-        ridges = warned(["caps_ridge"], share=share, flag=CapFlag.ridge, error=error)
-        assert ridges == ["caps_ridge"] * read  # which the estimate of the error misses
+        for flag in (CapFlag.several_peaks, CapFlag.ridge):
+            code = f"caps_{flag.name}"
+            assert warned([code], share=share, flag=flag, error=error) == [code] * (
+                read and not known
+            )
 
 
 def test_a_flat_top_matters_as_soon_as_it_carries():

@@ -10,12 +10,13 @@ from capslip.problems import Problem
 from capslip.surface.heightmap import HeightMap
 
 FLAGS = {f"caps_{flag.name}": flag for flag in CapFlag}
-# What the estimated error of the model counts, hill by hill; long ridges it misses
+# What the estimated error of the model counts, hill by hill
 SHAPE = {
     "connected_network",
     "shallow_saddles",
     "pruning_decides",
     "not_spherical",
+    "caps_ridge",
     "caps_several_peaks",
     "contact_under_resolved",
 }
