@@ -49,6 +49,21 @@ def test_a_model_without_caps_reads_none(made_from):
     assert warned(OTHERS, made_from) == OTHERS
 
 
+@pytest.mark.parametrize(
+    ("made_from", "tilt_rad", "read"),
+    [("map", 0.4e-3, False), ("map", 0.6e-3, True), ("spheres", 0.0, True)],
+)
+def test_hills_that_tip_over_matter_where_the_map_turns_by_half_their_height(
+    made_from, tilt_rad, read
+):
+    """Ten caps of 1 m height, 1000 m from the load point along y."""
+    contact = state(made_from)
+    contact.tilt_rad, contact.load_point_m = (0.0, tilt_rad), (1.0, -999.0)
+    given = [Problem("tips_over", "warning", "")]
+    (problem,) = as_read(given, contact, caps(0.0, CapFlag.edge), 0.05)
+    assert problem.severity == ("warning" if read else "info")
+
+
 def test_what_the_cut_left_out_matters_to_a_model_of_caps():
     assert warned(ELSE) == ELSE
 
