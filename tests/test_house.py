@@ -21,6 +21,7 @@ FLOORS = (
     {"sensitivity"},
     {"summary", "verdict"},
     {"result"},
+    {"doubts"},
     {"analysis"},
     {"output"},
     {"batch", "compare", "sources", "studies", "workers"},

@@ -3,49 +3,32 @@
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from datetime import UTC, datetime
+from typing import TypeVar
 
-from capslip.caps.doubts import problems_of_bow, problems_of_families
 from capslip.caps.iso25178 import Iso25178
-from capslip.contact.doubts import (
-    contact_doubts,
-    material_doubts,
-    problems_of_band,
-    problems_of_first_touch,
-    problems_of_pressure,
-    problems_of_share,
-    problems_of_waves,
-)
-from capslip.contact.effects import with_effects
+from capslip.contact.curve import NormalCurve
+from capslip.contact.doubts import material_doubts, problems_of_pressure
 from capslip.contact.given import given_families, press_families
 from capslip.contact.joint import Joint
-from capslip.contact.levelling import coarse_map
 from capslip.contact.press import ContactState
-from capslip.contact.relevance import as_read, still_doubtful
 from capslip.contact.rung import rung
 from capslip.contact.scans import curve_of_scans
 from capslip.contact.slip import SlipCurve, slip_curve
 from capslip.contact.varying_load import varying
+from capslip.doubts import problems_of
 from capslip.errors import ContactError, SettingsError
 from capslip.problems import Problem
 from capslip.result import Analysis, JointOfScans, JointResult
 from capslip.sensitivity import sensitivity
 from capslip.settings import Settings
-from capslip.stages import (
-    Clock,
-    Face,
-    as_found,
-    can_be_pressed,
-    damp,
-    estimate,
-    find_face,
-    press_face,
-)
-from capslip.structure.answer import Answer, answer_to
-from capslip.structure.band import Part, band_of, band_of_scans
+from capslip.stages import Clock, Face, can_be_pressed, damp, estimate, find_face, press_face
+from capslip.structure.answer import answer_to
+from capslip.structure.band import Part, band_of
 from capslip.structure.doubts import problems_of_damping, problems_of_structure
 from capslip.structure.stiffness import is_given, structure_name
-from capslip.surface.doubts import problems_of_form, problems_of_scan, problems_of_tilt
 from capslip.surface.heightmap import HeightMap
+
+R = TypeVar("R", bound=JointResult)
 
 GIVEN = ("m", "n", "radius_G_m", "radius_P_m", "h_m", "approach_m")  # of families, without a scan
 ASKED_OF_THE_JOINT = ("beyond_gross_slip", "not_lightly_damped", "peak_at_gross_slip")
@@ -95,21 +78,14 @@ def analyze(
     """
     settings = settings if settings is not None else Settings()
     clock = Clock(progress)
-    face, analysis = _analyzed(surface, settings, mate, clock)
-    if not face.caps.usable.any():
-        return analysis
-    problems = analysis.problems
-    contact = analysis.contact
-    if contact is not None and _lacks_error(contact, settings):
-        contact, doubts = estimate(face, contact, settings, clock)
-        problems = (*problems, *(doubt for doubt in doubts if doubt not in problems))
-    band = None
-    if contact is not None and analysis.damping is not None:
-        with clock("band"):
-            band = band_of(analysis.answer, face.joint, contact, analysis.damping, settings)
-    analysis = replace(analysis, contact=contact, band=band, problems=problems)
-    if not settings.run.sensitivity:
-        return analysis
+    face, found = _analyzed(surface, settings, mate, clock)
+    if found.contact is not None and _lacks_error(found.contact, settings):
+        contact, doubts = estimate(face, found.contact, settings, clock)
+        more = tuple(doubt for doubt in doubts if doubt not in found.problems)
+        found = replace(found, contact=contact, problems=(*found.problems, *more))
+    found = _with_band(found, clock)
+    if not settings.run.sensitivity or not face.caps.usable.any():
+        return found
     with clock("sensitivity"):
         swept = sensitivity(
             surface,
@@ -117,31 +93,14 @@ def analyze(
             mate,
             int(face.caps.usable.sum()),
             face.hills.pruning_height_m,
-            with_contact=contact is not None,
+            with_contact=found.contact is not None,
         )
-    return replace(analysis, sensitivity=swept, problems=(*problems, *swept.problems))
-
-
-def _of_small_slip(
-    contact: ContactState, answer: Answer | None, slip: SlipCurve
-) -> tuple[Problem, ...]:
-    """Return a doubt where less slips under the force asked for than the model resolves."""
-    if answer is None or contact.rung.least_share is None:
-        return ()
-    share = answer.slip_force_N / float(slip.total_slip_force_N)
-    least = contact.rung.least_share(contact.normal, contact.preload_N)
-    if share >= least:
-        return ()
-    message = (
-        f"asked for is {share:.2g} of the force at total slip; below {least:.2g} less slips than "
-        "the pixels of the map resolve: the energy per cycle may be off by more than 5 %"
-    )
-    return (Problem("small_slip_extrapolated", "warning", message),)
+    return replace(found, sensitivity=swept, problems=(*found.problems, *swept.problems))
 
 
 def _lacks_error(contact: ContactState, settings: Settings) -> bool:
     """Tell whether nobody has estimated the error of a model: one that was not chosen for it."""
-    of_the_map = contact.estimated_error is None and contact.rung.error is not None
+    of_the_map = contact.errors is None and contact.rung.error is not None
     return settings.contact.model != "auto" or of_the_map
 
 
@@ -178,39 +137,23 @@ def analyze_families(settings: Settings) -> JointResult:
     >>> print(f"{found.joint.preload_N:.1f} N")
     460.4 N
     """
-    clock, started = Clock(), datetime.now(UTC).isoformat(timespec="seconds")
+    clock, started = Clock(), _now()
     families = given_families(settings)
     with clock("contact"):
         joint, contact = press_families(families, settings)
-    friction, kappa = settings.material.friction_coefficient, contact.composite.kappa
-    greatest_N = joint.preload_N * (1.0 + settings.slip.normal_amplitude_ratio)
-    slip = slip_curve(contact.curve_after(greatest_N), joint.preload_N, friction, kappa)
-    slip = varying(slip, settings.slip)
-    beam, damping = damp(slip, settings, clock)
-    answer, beyond = answer_to(settings.answer, slip, damping)
-    with clock("band"):
-        band = band_of(answer, joint, contact, damping, settings)
-    problems = [
-        *material_doubts(settings.material),
-        *problems_of_structure(settings.structure),
-        *problems_of_pressure(contact),
-        *problems_of_damping(damping, structure_name(settings), is_given(settings)),
-        *beyond,
-    ]
-    return JointResult(
+    curve = contact.curve_after(joint.preload_N * (1.0 + settings.slip.normal_amplitude_ratio))
+    problems = [*material_doubts(settings.material), *problems_of_structure(settings.structure)]
+    pressed = JointResult(
         settings=settings,
         joint=joint,
         families=families,
         contact=contact,
-        slip=slip,
-        beam=beam,
-        damping=damping,
-        answer=answer,
-        band=band,
-        problems=tuple(problems),
+        slip=_sheared(curve, joint, contact, settings, clock),
+        problems=(*problems, *problems_of_pressure(contact)),
         timings_s=clock.seconds,
         started=started,
     )
+    return _with_band(_answered(pressed, clock), clock)
 
 
 def analyze_scans(surfaces: Sequence[HeightMap], settings: Settings) -> JointOfScans:
@@ -241,38 +184,58 @@ def analyze_scans(surfaces: Sequence[HeightMap], settings: Settings) -> JointOfS
         As for `analyze`, of any scan.
     """
     _check_scans(surfaces, settings)
-    clock, started = Clock(), datetime.now(UTC).isoformat(timespec="seconds")
+    clock, started = Clock(), _now()
     with clock("scans"):
         scans = tuple(analyze(surface, settings) for surface in surfaces)
-    problems, slip, beam, damping, answer, band = _of_scans(scans), None, None, None, None, None
-    parts, joint = _parts(scans)
-    if parts:
-        curves = [part.joint.curve(part.contact) for part in parts]
-        friction, kappa = settings.material.friction_coefficient, parts[0].contact.composite.kappa
-        with clock("slip"):
-            curve = curve_of_scans(curves, joint.preload_N, [part.share for part in parts])
-            slip = varying(slip_curve(curve, joint.preload_N, friction, kappa), settings.slip)
-        beam, damping = damp(slip, settings, clock)
-        answer, beyond = answer_to(settings.answer, slip, damping)
-        problems += problems_of_damping(damping, structure_name(settings), is_given(settings))
-        problems += beyond
-        with clock("band"):
-            band = band_of_scans(answer, parts, damping, settings)
-    return JointOfScans(
+    found = JointOfScans(
         settings=settings,
-        joint=joint,
-        families=None,
-        contact=None,
-        slip=slip,
-        beam=beam,
-        damping=damping,
-        answer=answer,
-        band=band,
-        problems=tuple(problems),
+        joint=replace(scans[0].joint, scan_area_m2=None),
+        problems=tuple(_of_scans(scans)),
         timings_s=clock.seconds,
         started=started,
         scans=scans,
     )
+    parts = found.parts
+    if not parts:
+        return found
+    joint = _joint(parts)
+    curves = [part.joint.curve(part.contact) for part in parts]
+    curve = curve_of_scans(curves, joint.preload_N, [part.share for part in parts])
+    slip = _sheared(curve, joint, parts[0].contact, settings, clock)
+    return _with_band(_answered(replace(found, joint=joint, slip=slip), clock), clock)
+
+
+def _sheared(
+    curve: NormalCurve, joint: Joint, contact: ContactState, settings: Settings, clock: Clock
+) -> SlipCurve:
+    friction, kappa = settings.material.friction_coefficient, contact.composite.kappa
+    with clock("slip"):
+        return varying(slip_curve(curve, joint.preload_N, friction, kappa), settings.slip)
+
+
+def _answered(found: R, clock: Clock) -> R:
+    """Return a result that has slip with damping and answer, and what makes these doubtful."""
+    settings, slip = found.settings, found.slip
+    assert slip is not None
+    beam, damping = damp(slip, settings, clock)
+    doubts = problems_of_damping(damping, structure_name(settings), is_given(settings))
+    answer, beyond = answer_to(settings.answer, slip, damping)
+    problems = (*found.problems, *doubts, *beyond)
+    return replace(found, beam=beam, damping=damping, answer=answer, problems=problems)
+
+
+def _with_band(found: R, clock: Clock) -> R:
+    """Return a result with the intervals of its answer, which need the errors of its models."""
+    if found.damping is None:
+        return found
+    with clock("band"):
+        return replace(
+            found, band=band_of(found.answer, found.parts, found.damping, found.settings)
+        )
+
+
+def _now() -> str:
+    return datetime.now(UTC).isoformat(timespec="seconds")
 
 
 def _check_scans(surfaces: Sequence[HeightMap], settings: Settings) -> None:
@@ -291,20 +254,12 @@ def _check_scans(surfaces: Sequence[HeightMap], settings: Settings) -> None:
         )
 
 
-def _parts(scans: Sequence[Analysis]) -> tuple[tuple[Part, ...], Joint]:
-    """Return what each scan with a slip curve says of the joint, and the joint with all of them."""
-    known = [(scan.joint, scan.contact) for scan in scans if scan.contact and scan.slip]
-    area_m2 = [joint.scan_area_m2 or 0.0 for joint, _ in known]
-    parts = tuple(
-        Part(joint, contact, one_m2 / sum(area_m2))
-        for (joint, contact), one_m2 in zip(known, area_m2, strict=True)
-    )
-    if not parts:
-        return (), replace(scans[0].joint, scan_area_m2=None)
+def _joint(parts: Sequence[Part]) -> Joint:
+    """Return the joint with all that was scanned of it."""
     joint, factor = parts[0].joint, 1.0 / parts[0].share
-    return parts, replace(
+    return replace(
         joint,
-        scan_area_m2=sum(area_m2),
+        scan_area_m2=sum(part.joint.scan_area_m2 or 0.0 for part in parts),
         load_N=joint.load_N * factor,
         weight=joint.weight / factor,
         scan_load_N=joint.scan_load_N * factor,
@@ -330,65 +285,32 @@ def _analyzed(
     surface: HeightMap, settings: Settings, mate: HeightMap | None, clock: Clock
 ) -> tuple[Face, Analysis]:
     _check(settings, mate)
-    started = datetime.now(UTC).isoformat(timespec="seconds")
+    started = _now()
     face = find_face(surface, settings, mate, clock)
-    problems = _before_contact(surface, mate, face, settings)
-    caps = face.caps
-    contact = slip = beam = damping = answer = None
-    try:
-        if can_be_pressed(face, settings):
-            contact, caps, slip = press_face(face, settings, clock)
-            pressed, tolerance = face.conditioned.surface, settings.contact.tolerance
-            doubtful = still_doubtful(caps, contact, pressed, tolerance)
-            problems = as_read(problems, contact, doubtful, tolerance)
-            problems += [*contact.problems, *problems_of_share(face.joint, contact)]
-            problems += problems_of_waves(face.joint, contact, pressed)
-            problems += problems_of_first_touch(contact)
-            problems += _of_levelling(face, contact, settings)
-            problems += problems_of_band(
-                *(caps, face.conditioned.surface, face.hills.noise_m, settings.conditioning)
-            )
-            beam, damping = damp(slip, settings, clock)
-            found = contact_doubts(
-                contact,
-                doubtful,
-                face.families,
-                pressed.pixel_area_m2,
-                cut_certified=face.level is not None and face.level.missed_area_m2 == 0.0,
-            )
-            problems += as_read(found, contact, doubtful, tolerance)
-            problems += problems_of_damping(damping, structure_name(settings), is_given(settings))
-            answer, beyond = answer_to(settings.answer, slip, damping)
-            problems += [*beyond, *_of_small_slip(contact, answer, slip)]
-            problems = with_effects(
-                *(problems, face.caps.with_columns(flags=doubtful.flags), face.family_caps),
-                face.conditioned,
-                as_found(face, settings),
-            )
-    except ContactError as error:
-        problems.append(Problem("contact_failed", "error", str(error)))
-    return face, Analysis(
+    found = Analysis(
         surface=surface,
         settings=settings,
         joint=face.joint,
         conditioned=face.conditioned,
         level=face.level,
         hills=face.hills,
-        caps=caps,
+        caps=face.caps,
         families=face.families,
-        contact=contact,
-        slip=slip,
-        beam=beam,
-        damping=damping,
-        answer=answer,
-        band=None,
-        sensitivity=None,
         iso25178=Iso25178(face.conditioned),
         mate=None if mate is None else mate.origin,
-        problems=tuple(problems),
+        problems=(),
         timings_s=clock.seconds,
         started=started,
     )
+    try:
+        if can_be_pressed(face, settings):
+            contact, caps, slip = press_face(face, settings, clock)
+            found = replace(found, contact=contact, caps=caps, slip=slip)
+            found = _answered(found, clock)
+    except ContactError as error:
+        failed = Problem("contact_failed", "error", str(error))
+        found = replace(found, problems=(*found.problems, failed))
+    return face, replace(found, problems=problems_of(face, found, mate))
 
 
 def _check(settings: Settings, mate: HeightMap | None) -> None:
@@ -405,33 +327,3 @@ def _check(settings: Settings, mate: HeightMap | None) -> None:
             f"contact.model: got {model} with mating.way = together, which counts the caps of two "
             "maps; expected one map to press; set mating.way to composite"
         )
-
-
-def _before_contact(
-    surface: HeightMap, mate: HeightMap | None, face: Face, settings: Settings
-) -> list[Problem]:
-    """Return what makes scans, settings, hills, caps and families doubtful."""
-    problems = []
-    for scan in (surface, mate):
-        if scan is not None:
-            problems += [Problem("reader_note", "warning", note) for note in scan.origin.notes]
-            problems += problems_of_scan(scan)
-    problems += material_doubts(settings.material)
-    problems += problems_of_structure(settings.structure)
-    problems += [*face.conditioned.problems, *face.problems]
-    return problems + problems_of_families(face.family_caps, face.families)
-
-
-def _of_levelling(face: Face, contact: ContactState, settings: Settings) -> list[Problem]:
-    """Return whether a tilt or a bow that was left in decides what touches."""
-    form = settings.conditioning.form
-    if contact.approach_m <= 0.0:
-        return []  # a flat interface: nothing decides
-    problems = []
-    if form == "none" and face.level is None:
-        problems += problems_of_tilt(face.conditioned.surface, contact.approach_m)
-    if form in ("plane", "none"):
-        bow = problems_of_bow(face.family_caps, contact.approach_m)
-        coarse = coarse_map(face.conditioned.surface)
-        problems += bow or problems_of_form(coarse, contact.approach_m)
-    return problems

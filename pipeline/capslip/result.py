@@ -1,6 +1,6 @@
 """The result of one analysis: all that the stages found. Its numbers: `capslip.summary`."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from html import escape
 from typing import TYPE_CHECKING, Any
 
@@ -17,11 +17,12 @@ from capslip.problems import Problem
 from capslip.sensitivity import Sensitivity
 from capslip.settings import Settings
 from capslip.structure.answer import Answer
-from capslip.structure.band import Band
+from capslip.structure.band import Band, Part
 from capslip.structure.beam import BeamMode
 from capslip.structure.response import Damping
 from capslip.structure.stiffness import structure_name
 from capslip.summary import (
+    alignment_table,
     contact_table,
     damping_table,
     hills_table,
@@ -40,19 +41,19 @@ if TYPE_CHECKING:
     from capslip.output.plots import Plots
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class JointResult:
     """What is known of a joint, from a scan or not; the stages that could not run are None."""
 
     settings: Settings
     joint: Joint
-    families: Families | None  # None: those of each scan are its own
-    contact: ContactState | None
-    slip: SlipCurve | None
-    beam: BeamMode | None  # None where the settings give the two stiffnesses
-    damping: Damping | None
-    answer: Answer | None  # None: beyond gross slip, too
-    band: Band | None  # None: nothing is known to be uncertain, too
+    families: Families | None = None  # None: those of each scan are its own
+    contact: ContactState | None = None
+    slip: SlipCurve | None = None
+    beam: BeamMode | None = None  # None where the settings give the two stiffnesses
+    damping: Damping | None = None
+    answer: Answer | None = None  # None: beyond gross slip, too
+    band: Band | None = None  # None: nothing is known to be uncertain, too
     problems: tuple[Problem, ...]
     timings_s: dict[str, float]
     started: str
@@ -80,6 +81,13 @@ class JointResult:
         """Return that of the contact model, of energy at given force and of stiffness."""
         return self.contact.estimated_error if self.contact else None
 
+    @property
+    def parts(self) -> tuple[Part, ...]:
+        """What is known of how the joint is pressed; nothing where it has no slip curve."""
+        if self.contact is None or self.slip is None:
+            return ()
+        return (Part(self.joint, self.contact, 1.0),)
+
     def summary(
         self, command: str | None = None, timings_s: dict[str, float] | None = None
     ) -> dict[str, Any]:
@@ -99,7 +107,7 @@ class JointResult:
         return {}
 
 
-@dataclass(frozen=True, eq=False, repr=False)
+@dataclass(frozen=True, eq=False, repr=False, kw_only=True)
 class Analysis(JointResult):
     """All that one analysis of a scan found; the stages that could not run are None.
 
@@ -118,9 +126,9 @@ class Analysis(JointResult):
     level: Level | None  # None: as levelled
     hills: Hills
     caps: CapTable
-    sensitivity: Sensitivity | None  # None where it was not asked for
+    sensitivity: Sensitivity | None = None  # None where it was not asked for
     iso25178: Iso25178  # of the conditioned map, computed when they are asked for
-    mate: Origin | None = None  # of the other face, where there is one
+    mate: Origin | None  # of the other face, where there is one
 
     @property
     def name(self) -> str:
@@ -169,15 +177,16 @@ class Analysis(JointResult):
         return f"<table><caption>{caption}</caption>{body}</table>"
 
     def of_the_scan(self) -> dict[str, Any]:
-        """Return the tables of the scan, its hills and the sweeps."""
+        """Return the tables of the scan, its hills, how it lies in the contact, and the sweeps."""
         return {
             "surface": surface_table(self),
             "hills": hills_table(self),
+            "contact": {**contact_table(self), **alignment_table(self)},
             "sensitivity": self.sensitivity.to_dict() if self.sensitivity else None,
         }
 
 
-@dataclass(frozen=True, eq=False, repr=False)
+@dataclass(frozen=True, eq=False, repr=False, kw_only=True)
 class JointOfScans(JointResult):
     """A joint of which several scans are known, each of which was analysed as if it were alone."""
 
@@ -192,6 +201,14 @@ class JointOfScans(JointResult):
     def known(self) -> tuple[Analysis, ...]:
         """The scans that have a slip curve, so of which the joint is made."""
         return tuple(scan for scan in self.scans if scan.slip is not None)
+
+    @property
+    def parts(self) -> tuple[Part, ...]:
+        """Each of these as a part of the joint, which it stands for by its share of their area."""
+        parts = [part for scan in self.scans for part in scan.parts]
+        area_m2 = [part.joint.scan_area_m2 or 0.0 for part in parts]
+        shares = [one_m2 / sum(area_m2) for one_m2 in area_m2]
+        return tuple(replace(part, share=share) for part, share in zip(parts, shares, strict=True))
 
     @property
     def verdict(self) -> str:

@@ -27,7 +27,7 @@ from capslip.contact.depth import press_for_depth
 from capslip.contact.joint import Joint, joint_of
 from capslip.contact.levelling import UNSETTLED, Level, coarse_map, find_level, turned
 from capslip.contact.press import ContactState, press
-from capslip.contact.rung import Rung, rung
+from capslip.contact.rung import ModelError, Rung, rung
 from capslip.contact.slip import SlipCurve, slip_curve
 from capslip.contact.varying_load import varying
 from capslip.errors import ContactError, TipsOverError
@@ -191,12 +191,11 @@ def estimate(
         with clock("accuracy"):
             given = (contact.normal, contact.preload_N, settings.contact.tolerance)
             errors, doubts = contact.rung.error(*given)
-        known = None if errors is None else errors.greatest
-        return replace(contact, estimated_error=known, errors=errors), doubts
+        return replace(contact, errors=errors), doubts
     with clock("accuracy"):
         caps = (face.caps, face.families, face.conditioned.surface, face.label, face.hills.noise_m)
         error, moved, doubts = estimate_error(*caps, settings)
-    return replace(contact, estimated_error=error, moved=moved), doubts
+    return replace(contact, errors=ModelError.of_either(error), moved=moved), doubts
 
 
 def can_be_pressed(face: Face, settings: Settings) -> bool:

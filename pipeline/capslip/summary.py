@@ -24,6 +24,14 @@ if TYPE_CHECKING:
     from capslip.result import Analysis, JointResult
 
 SCHEMA = "capslip/summary/1"
+ALIGNMENT = (
+    "alignment",
+    "tilt_rad",
+    "tilt_across_face_m",
+    "load_point_m",
+    "eccentricity_m",
+    "resultant_off_load_point_m",
+)
 ROUNDING = 1e-9  # of the face; a resultant that is less off the load point is on it
 
 
@@ -192,7 +200,10 @@ def _families(families: Families | None) -> dict[str, Any]:
 
 
 def contact_table(analysis: "JointResult") -> dict[str, Any]:
-    """Return the contact: loads and stiffness of the joint, the rest of the scan in it."""
+    """Return the contact: loads and stiffness of the joint, the rest of the scan in it.
+
+    How a scan lies under its load is in `alignment_table`.
+    """
     contact, joint, slip = analysis.contact, analysis.joint, analysis.slip
     area_m2 = contact.contact_area_m2 if contact and joint.is_even else None
     yielded_m2 = contact.yielded_area_m2 if contact and joint.is_even else None
@@ -214,31 +225,25 @@ def contact_table(analysis: "JointResult") -> dict[str, Any]:
         "hardness_Pa": contact.hardness_Pa if contact else None,
         "yielded_area_m2": None if yielded_m2 is None else yielded_m2 * float(joint.weight[0]),
         "bulk": contact.bulk if contact else None,
-        **_alignment(analysis),
+        **dict.fromkeys(ALIGNMENT),
     }
 
 
-def _alignment(analysis: "JointResult") -> dict[str, Any]:
-    """Return how the face lies under its preload; slopes and places along x and y."""
-    contact, surface = analysis.contact, getattr(analysis, "surface", None)
-    if contact is None or surface is None:  # none, or a joint without a scan of its own
-        names = ("alignment", "tilt_rad", "tilt_across_face_m", "load_point_m", "eccentricity_m")
-        return dict.fromkeys((*names, "resultant_off_load_point_m"))
-    level = getattr(analysis, "level", None)
+def alignment_table(analysis: "Analysis") -> dict[str, Any]:
+    """Return how a scanned face lies under its preload; slopes and places along x and y."""
+    contact, level = analysis.contact, analysis.level
+    if contact is None:
+        return dict.fromkeys(ALIGNMENT)
     tilt_rad = np.add(contact.tilt_rad, (0.0, 0.0) if level is None else level.slope)
     balanced = level is not None or any(contact.tilt_rad)
-    ly_m, lx_m = surface.side_m
+    ly_m, lx_m = analysis.surface.side_m
     off_m = None if contact.eccentricity_m is None else math.hypot(*contact.eccentricity_m)
     if off_m is not None and off_m < ROUNDING * math.hypot(ly_m, lx_m):
         off_m = 0.0
-    return {
-        "alignment": "balanced" if balanced else "as_levelled",
-        "tilt_rad": tilt_rad,
-        "tilt_across_face_m": float(np.abs(tilt_rad) @ (lx_m, ly_m)),
-        "load_point_m": contact.load_point_m,
-        "eccentricity_m": contact.eccentricity_m,
-        "resultant_off_load_point_m": off_m,
-    }
+    across_m = float(np.abs(tilt_rad) @ (lx_m, ly_m))
+    lies = ("balanced" if balanced else "as_levelled", tilt_rad, across_m)
+    values = (*lies, contact.load_point_m, contact.eccentricity_m, off_m)
+    return dict(zip(ALIGNMENT, values, strict=True))
 
 
 def slip_table(analysis: "JointResult") -> dict[str, Any]:

@@ -10,7 +10,7 @@ from capslip.analysis import analyze
 from capslip.caps.table import CapFlag
 from capslip.problems import Problem
 from capslip.result import _cell
-from capslip.summary import _alignment, _limit, plain
+from capslip.summary import _limit, alignment_table, plain
 
 
 @pytest.mark.parametrize(
@@ -101,7 +101,7 @@ def test_the_tilt_is_that_of_level_and_contact_together(
     """The face is 30 mm along x and 20 mm along y."""
     level = None if level_slope is None else SimpleNamespace(slope=level_slope)
     contact = replace(several.contact, tilt_rad=tilt_rad)
-    found = _alignment(replace(several, contact=contact, level=level))
+    found = alignment_table(replace(several, contact=contact, level=level))
     assert found["tilt_rad"] == pytest.approx(expected)
     across_m = 0.03 * abs(expected[0]) + 0.02 * abs(expected[1])
     assert found["tilt_across_face_m"] == pytest.approx(across_m)

@@ -19,7 +19,7 @@ from capslip.contact.slip import slip_curve
 from capslip.contact.solvers.yielding import YieldLaw
 from capslip.settings import Question, load_settings
 from capslip.structure.answer import answer_to
-from capslip.structure.band import NORMAL_95, Part, band_of, band_of_scans
+from capslip.structure.band import NORMAL_95, Part, band_of
 from capslip.structure.response import response
 from scenes import caps_map
 
@@ -68,7 +68,7 @@ def pressed(settings, change=lambda contact: contact):
     slip = slip_curve(joint.curve(contact), joint.preload_N, MU, STEEL.kappa)
     damping = response(slip, K_M, K_S, JOINTS)
     answer, _ = answer_to(settings.answer, slip, damping)
-    return answer, joint, contact, damping, settings
+    return answer, (Part(joint, contact, 1.0),), damping, settings
 
 
 def band(question, change=lambda contact: contact, **spreads):
@@ -118,7 +118,7 @@ def test_shares_of_the_variance_are_those_of_the_exponents_at_small_slip():
 
 def test_an_estimated_error_at_95_is_a_normal_one():
     question = {"slip_force_N": 0.25 * MU * N}
-    found = band(question, lambda contact: replace(contact, estimated_error=0.1))
+    found = band(question, lambda contact: replace(contact, errors=ModelError(0.1, 0.1)))
     W = numbers(*sphere_states(T=0.25 * MU * N))
     ends = np.exp(np.array([-1.0, 1.0]) * Z_90 * 0.1 / NORMAL_95)
     for name in ("tangential_stiffness_N_per_m", "energy_J", "loss_factor"):
@@ -133,7 +133,7 @@ def test_a_model_that_knows_its_stiffness_better_than_its_energy_says_both():
     question = {"slip_force_N": 0.25 * MU * N}
     errors = {"tangential_stiffness_N_per_m": 0.01, "energy_J": 0.4}
     known = ModelError(*errors.values())
-    found = band(question, lambda contact: replace(contact, estimated_error=0.4, errors=known))
+    found = band(question, lambda contact: replace(contact, errors=known))
     for name, error in errors.items():
         low, high = found.interval[name]
         assert np.log(high / low) == pytest.approx(2.0 * Z_90 * error / NORMAL_95, rel=1e-2)
@@ -148,7 +148,7 @@ def test_moved_radii_and_another_model_go_into_their_own_shares(asked):
         at = [caps([R_M * np.exp(by)], [0.0], STEEL.E_star_Pa) for by in (0.0, s, -s, model)]
         return replace(
             contact,
-            estimated_error=0.5,  # the worst of other states, not of this one
+            errors=ModelError(0.5, 0.5),  # the worst of other states, not of this one
             moved=MovedCaps(at[0], (at[1], at[2]), at[0], at[3], None),
         )
 
@@ -194,14 +194,15 @@ def test_nothing_uncertain_is_no_band():
 
 def test_a_joint_of_three_areas_has_three_times_the_interval():
     settings = settings_of({}, friction=0.2, preload=0.1)
-    answer, joint, contact, damping, _ = pressed(settings)
+    answer, (part,), damping, _ = pressed(settings)
+    joint, contact = part.joint, part.contact
     whole = replace(joint, preload_N=3.0 * N, weight=3.0 * joint.weight)
     slip = slip_curve(whole.curve(contact), 3.0 * N, MU, STEEL.kappa)
     question = msgspec.structs.replace(settings.answer, slip_force_N=3.0 * answer.slip_force_N)
     three = msgspec.structs.replace(settings, answer=question)
     tripled, _ = answer_to(question, slip, damping)
-    one = band_of(answer, joint, contact, damping, settings)
-    other = band_of(tripled, whole, contact, damping, three)
+    one = band_of(answer, (part,), damping, settings)
+    other = band_of(tripled, (replace(part, joint=whole),), damping, three)
     for name, factor in (("energy_J", 3.0), ("displacement_m", 1.0), ("joint_loss_factor", 1.0)):
         expected = factor * np.array(one.interval[name])
         assert other.interval[name] == pytest.approx(expected, rel=1e-9)
@@ -213,7 +214,7 @@ def test_a_map_is_solved_once_more_for_its_preload():
     curve = boundary_elements(surface, STEEL.E_star_Pa)
 
     def on_the_map(contact):
-        return replace(contact, rung=BOUNDARY_ELEMENTS, curve=curve, estimated_error=None)
+        return replace(contact, rung=BOUNDARY_ELEMENTS, curve=curve, errors=None)
 
     share = 0.5
     found = band({"slip_force_N": share * MU * N}, on_the_map, preload=0.2)
@@ -295,7 +296,7 @@ def parts_of(radii_m, shares=None, error=0.0):
         one = msgspec.structs.replace(settings.families, radius_G_m=radius_m)
         changed = msgspec.structs.replace(settings, families=one)
         joint, contact = press_families(given_families(changed), changed)
-        parts.append(Part(joint, replace(contact, estimated_error=error), share))
+        parts.append(Part(joint, replace(contact, errors=ModelError.of_either(error)), share))
     return parts, settings
 
 
@@ -312,7 +313,7 @@ def band_of_parts(radii_m, question=None, **more):
     if question is not None:
         settings = msgspec.structs.replace(settings, answer=Question(**question))
     answer, damping = answer_of_parts(parts, settings)
-    return band_of_scans(answer, parts, damping, settings), answer
+    return band_of(answer, parts, damping, settings), answer
 
 
 @pytest.mark.parametrize("asked", ["slip_force_N", "displacement_m"])

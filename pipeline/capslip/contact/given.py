@@ -83,7 +83,7 @@ def press_families(families: Families, settings: Settings) -> tuple[Joint, Conta
     state = ContactState(
         rung=RUNG,
         model_reason="the families were given",
-        estimated_error=None,
+        errors=None,
         moved=None,
         preload_N=preload_N,
         approach_m=approach_m,

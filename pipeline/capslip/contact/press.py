@@ -33,7 +33,7 @@ class ContactState:
 
     rung: Rung
     model_reason: str
-    estimated_error: float | None  # of energy and stiffness, at 95 %; None: not known
+    errors: ModelError | None  # None: not known
     moved: MovedCaps | None  # a part of it; None: not known, or the caps were not pressed
     preload_N: float
     approach_m: float  # from first touch, half-space bulk term included where the model has one
@@ -57,12 +57,16 @@ class ContactState:
     yielded_area_m2: float | None = None  # of the contact area; None as well
     # The curve for slip after a first loading to a load, at a hardness by a factor; None as well
     first: Callable[[float, float], NormalCurve] | None = None
-    errors: ModelError | None = None  # of stiffness and energy apart, where the model knows them
 
     @property
     def model(self) -> str:
         """Name of the contact model."""
         return self.rung.name
+
+    @property
+    def estimated_error(self) -> float | None:
+        """Greater of the errors of stiffness and energy, at 95 %; None: not known."""
+        return None if self.errors is None else self.errors.greatest
 
     def curve_after(self, load_N: float, hardness_factor: float = 1.0) -> NormalCurve:
         """Return the curve for slip after a first loading to a load; all the same where elastic.
@@ -131,12 +135,11 @@ def press(
     joint = composite(settings.material.youngs_modulus_Pa, settings.material.poisson_ratio)
     preload_N = settings.contact.preload_N
     use, reason, moved, problems = caps.usable, "chosen in the settings", None, []
-    error, errors = None, None  # the greatest, and that of stiffness and energy apart
-    choice, model_name = None, settings.contact.model
+    errors, choice, model_name = None, None, settings.contact.model
     if model_name == "auto":
         choice = choose_model(caps, families, surface, label, noise_m, settings, map_failure)
-        use, reason, error, moved = choice.use, choice.reason, choice.estimated_error, choice.moved
-        model_name = choice.model
+        use, reason, moved, model_name = choice.use, choice.reason, choice.moved, choice.model
+        errors = ModelError.of_either(choice.estimated_error)
         problems += [] if choice.problem is None else [choice.problem]
     model = rung(model_name)
     before = Scene.of(caps, families, surface, settings, use)
@@ -154,14 +157,13 @@ def press(
     problems += _closes(found, surface)
     if choice is not None and model.error is not None:
         errors, doubts = model.error(normal, preload_N, settings.contact.tolerance)
-        error = None if errors is None else errors.greatest
-        if error is not None and (better := choice.caps_within(error)) is not None:
-            return _by_caps(better, doubts, error, (caps, families, surface), settings)
+        if errors is not None and (better := choice.caps_within(errors.greatest)) is not None:
+            return _by_caps(better, doubts, errors.greatest, (caps, families, surface), settings)
         problems += doubts
     state = ContactState(
         rung=model,
         model_reason=reason,
-        estimated_error=error,
+        errors=errors,
         moved=moved,
         preload_N=preload_N,
         approach_m=approach_m,
@@ -184,7 +186,6 @@ def press(
         hardness_Pa=None if scene.law is None else scene.law.hardness_Pa,
         yielded_area_m2=found.yielded_area_m2,
         first=_first(model, before, found.tilt_rad, bulk),
-        errors=errors,
     )
     return state, caps.with_columns(load_N=found.load_N, contact_radius_m=a_m)
 
@@ -207,7 +208,7 @@ def _by_caps(
     """Return the face pressed by caps, whose fits average over what decides on the map itself."""
     forced = msgspec.structs.replace(settings.contact, model=choice.model)
     state, caps = press(*face, msgspec.structs.replace(settings, contact=forced))
-    error, moved = choice.estimated_error, choice.moved
+    error = choice.estimated_error
     said = f"; so caps answer, which average over it and may be off by {error:.2g}"
     effect = Effect(error, error, error)
     problems = [replace(one, message=one.message + said, effect=effect) for one in doubts]
@@ -215,8 +216,8 @@ def _by_caps(
         f"{choice.why}, but the map itself by {error_of_map:.2g}, as its finest detail decides: "
         "caps average over it"
     )
-    known = replace(state, model_reason=reason, estimated_error=error, moved=moved)
-    return replace(known, problems=(*problems, *state.problems)), caps
+    known = replace(state, errors=ModelError.of_either(error), moved=choice.moved)
+    return replace(known, model_reason=reason, problems=(*problems, *state.problems)), caps
 
 
 def _first(

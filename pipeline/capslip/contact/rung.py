@@ -102,6 +102,11 @@ class ModelError:
     stiffness: float  # where slip begins, and of the secants
     energy: float
 
+    @classmethod
+    def of_either(cls, error: float | None) -> "ModelError | None":
+        """Return one error that holds for both; None where it is not known."""
+        return None if error is None else cls(error, error)
+
     @property
     def greatest(self) -> float:
         """The greater of both."""

@@ -52,11 +52,7 @@ class Part:
 
 
 def band_of(
-    answer: Answer | None,
-    joint: Joint,
-    contact: ContactState,
-    damping: Damping,
-    settings: Settings,
+    answer: Answer | None, parts: Sequence[Part], damping: Damping, settings: Settings
 ) -> Band | None:
     """Return the 90 % intervals of an answer, and which input contributes how much to them.
 
@@ -64,10 +60,9 @@ def band_of(
     ----------
     answer : Answer or None
         To the question of the settings.
-    joint : Joint
-        Of which the face is a part.
-    contact : ContactState
-        Of the face, with its estimated error and its caps moved within their errors.
+    parts : sequence of Part
+        One for each scan, with the estimated error of its model and its caps moved within their
+        errors; their shares sum to 1.
     damping : Damping
         Of the structure; its stiffnesses count.
     settings : Settings
@@ -98,28 +93,7 @@ def band_of(
     share of an input is its first-order Sobol index for the logarithm of the number, from an
     expansion in Hermite polynomials up to the second degree (Sudret, Reliab. Eng. Syst. Saf. 93
     (2008) 964); what is missing to 1 are interactions.
-    """
-    return band_of_scans(answer, (Part(joint, contact, 1.0),), damping, settings)
 
-
-def band_of_scans(
-    answer: Answer | None, parts: Sequence[Part], damping: Damping, settings: Settings
-) -> Band | None:
-    """Return the band of a joint of which several scans are known; see `band_of`.
-
-    Parameters
-    ----------
-    answer : Answer or None
-        Of the joint, to the question of the settings.
-    parts : sequence of Part
-        One for each scan; their shares sum to 1.
-    damping : Damping
-        Of the structure; its stiffnesses count.
-    settings : Settings
-        As for `band_of`.
-
-    Notes
-    -----
     Friction, preload, modulus and hardness are those of all scans, and so are the causes of the
     error of the model. Those of the caps are each scan's own. To these comes the scatter between k
     scans: the standard error of their mean, from the joint as it were without one of them, each in
@@ -323,8 +297,7 @@ def _of_caps_and_model(state: _State) -> tuple[np.ndarray, np.ndarray]:
 def _of_one(state: _State, part: Part) -> tuple[np.ndarray, np.ndarray]:
     moved, contact = part.contact.moved, part.contact
     if moved is None:
-        either = contact.estimated_error or 0.0
-        errors = contact.errors or ModelError(either, either)
+        errors = contact.errors or ModelError(0.0, 0.0)
         return np.zeros((2, 2)), np.diag((errors.stiffness, errors.energy)) / NORMAL_95
     friction = state.settings.material.friction_coefficient
     if state.by_force:

@@ -1,0 +1,107 @@
+"""What makes the numbers of an analysis doubtful, collected in the order of the stages."""
+
+from capslip.caps.doubts import problems_of_bow, problems_of_families
+from capslip.contact.doubts import (
+    contact_doubts,
+    material_doubts,
+    problems_of_band,
+    problems_of_first_touch,
+    problems_of_share,
+    problems_of_waves,
+)
+from capslip.contact.effects import with_effects
+from capslip.contact.levelling import coarse_map
+from capslip.contact.press import ContactState
+from capslip.contact.relevance import as_read, still_doubtful
+from capslip.contact.slip import SlipCurve
+from capslip.problems import Problem
+from capslip.result import Analysis
+from capslip.settings import Settings
+from capslip.stages import Face, as_found
+from capslip.structure.answer import Answer
+from capslip.structure.doubts import problems_of_structure
+from capslip.surface.doubts import problems_of_form, problems_of_scan, problems_of_tilt
+from capslip.surface.heightmap import HeightMap
+
+
+def problems_of(face: Face, found: Analysis, mate: HeightMap | None) -> tuple[Problem, ...]:
+    """Return what makes scans, settings, face, contact and answer doubtful, in this order.
+
+    Parameters
+    ----------
+    face : Face
+        The face that was analysed.
+    found : Analysis
+        What its stages found, with the problems of damping and answer alone.
+    mate : HeightMap or None
+        The other face, as measured.
+    """
+    before, contact = _before_contact(face, found, mate), found.contact
+    if contact is None:
+        return (*before, *found.problems)
+    settings, surface = found.settings, face.conditioned.surface
+    tolerance = settings.contact.tolerance
+    doubtful = still_doubtful(found.caps, contact, surface, tolerance)
+    certified = face.level is not None and face.level.missed_area_m2 == 0.0
+    given = (contact, doubtful, face.families, surface.pixel_area_m2)
+    under_load = contact_doubts(*given, cut_certified=certified)
+    problems = [
+        *as_read(before, contact, doubtful, tolerance),
+        *contact.problems,
+        *problems_of_share(face.joint, contact),
+        *problems_of_waves(face.joint, contact, surface),
+        *problems_of_first_touch(contact),
+        *_of_levelling(face, contact, settings),
+        *problems_of_band(found.caps, surface, face.hills.noise_m, settings.conditioning),
+        *as_read(under_load, contact, doubtful, tolerance),
+        *found.problems,
+        *_of_small_slip(contact, found.answer, found.slip),
+    ]
+    caps = face.caps.with_columns(flags=doubtful.flags)
+    pressed = (caps, face.family_caps, face.conditioned, as_found(face, settings))
+    return tuple(with_effects(problems, *pressed))
+
+
+def _before_contact(face: Face, found: Analysis, mate: HeightMap | None) -> list[Problem]:
+    """Return what makes scans, settings, hills, caps and families doubtful."""
+    problems = []
+    for scan in (found.surface, mate):
+        if scan is not None:
+            problems += [Problem("reader_note", "warning", note) for note in scan.origin.notes]
+            problems += problems_of_scan(scan)
+    problems += material_doubts(found.settings.material)
+    problems += problems_of_structure(found.settings.structure)
+    problems += [*face.conditioned.problems, *face.problems]
+    return problems + problems_of_families(face.family_caps, face.families)
+
+
+def _of_levelling(face: Face, contact: ContactState, settings: Settings) -> list[Problem]:
+    """Return whether a tilt or a bow that was left in decides what touches."""
+    form = settings.conditioning.form
+    if contact.approach_m <= 0.0:
+        return []  # a flat interface: nothing decides
+    problems = []
+    if form == "none" and face.level is None:
+        problems += problems_of_tilt(face.conditioned.surface, contact.approach_m)
+    if form in ("plane", "none"):
+        bow = problems_of_bow(face.family_caps, contact.approach_m)
+        coarse = coarse_map(face.conditioned.surface)
+        problems += bow or problems_of_form(coarse, contact.approach_m)
+    return problems
+
+
+def _of_small_slip(
+    contact: ContactState, answer: Answer | None, slip: SlipCurve | None
+) -> list[Problem]:
+    """Return a doubt where less slips under the force asked for than the model resolves."""
+    if answer is None or slip is None or contact.rung.least_share is None:
+        return []
+    share = answer.slip_force_N / float(slip.total_slip_force_N)
+    least = contact.rung.least_share(contact.normal, contact.preload_N)
+    if share >= least:
+        return []
+    message = (
+        f"asked for is {share:.2g} of the force at total slip; below {least:.2g} less slips than "
+        "the pixels of the map resolve: the energy per cycle may be off by more than 5 %"
+    )
+    return [Problem("small_slip_extrapolated", "warning", message)]
