@@ -68,6 +68,8 @@ def effect_of_detail(
     """
     load_N = unloading.load_N
     smooth = _smoothed(first.face)
+    if resolved and _hardly_moves(first, smooth):
+        return Effect(0.0, 0.0, 0.0)
     begun_s = process_time()
     again = press(smooth, load_N=load_N, tolerance=_TOLERANCE, time_limit_s=time_limit_s)
     moved_m = abs(again.approach_m - first.approach_m)
@@ -89,6 +91,15 @@ def effect_of_detail(
     energy_J = (_loss_J(one) for one in (unloading, after))
     stiffer, more = (float(_relative(*pair).max()) for pair in (stiffness, energy_J))
     return Effect(stiffer, more, more)
+
+
+def _hardly_moves(first: FirstLoading, smooth: ElasticFace) -> bool:
+    """Tell whether no point that could touch has moved against the others, or was filled."""
+    depth_m, reach_m = first.face.depth_m, first.approach_m
+    near = (np.minimum(depth_m, smooth.depth_m) < reach_m) & smooth.measured
+    if not first.face.measured[near].all():
+        return False
+    return bool(np.ptp(smooth.depth_m[near] - depth_m[near]) < _NO_EFFECT * reach_m)
 
 
 def _smoothed(face: ElasticFace) -> ElasticFace:
