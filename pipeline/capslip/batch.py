@@ -160,8 +160,8 @@ def run_batch(
         scans = scans[part - 1 :: parts]
     _check_folder(folder)
     if options.look == "dry_run":
-        rows = dict(_look(scans, folder, options))
-        return [rows[scan] or _to_do(scan, folder) for scan in scans]
+        looked = _look(scans, folder, options)
+        return [_row(scan, row) if row else _to_do(scan, folder) for scan, row in looked]
     with _place(folder, shared=options.shard is not None):
         run = _Run(scans, folder, say, options)
         try:

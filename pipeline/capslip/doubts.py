@@ -64,7 +64,7 @@ def problems_of(face: Face, found: Analysis, mate: HeightMap | None) -> tuple[Pr
     ]
     caps = face.caps.with_columns(flags=doubtful.flags)
     pressed = (caps, face.family_caps, face.conditioned, as_found(face, settings))
-    return tuple(with_effects(problems, *pressed))
+    return tuple(with_effects(problems, *pressed, contact.rung))
 
 
 def _before_contact(face: Face, found: Analysis, mate: HeightMap | None) -> list[Problem]:

@@ -60,6 +60,10 @@ class ContactError(ScanError):
     """The caps cannot carry the preload within the validity of the contact model."""
 
 
+class OutOfTimeError(ContactError):
+    """A solution was not found within its time limit."""
+
+
 class TipsOverError(ContactError):
     """The line of action of the preload leaves the hull of what can touch."""
 

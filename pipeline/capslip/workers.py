@@ -131,12 +131,13 @@ def jobs_of(wanted: Cluster) -> Any:
         If dask-jobqueue is not installed.
     """
     try:
-        import dask_jobqueue
+        from dask_jobqueue.pbs import PBSCluster
+        from dask_jobqueue.slurm import SLURMCluster
     except ImportError as error:
         raise SettingsError(
             "run.cluster: needs the package dask-jobqueue; pip install 'capslip[fleet]'"
         ) from error
-    systems = {"slurm": dask_jobqueue.SLURMCluster, "pbs": dask_jobqueue.PBSCluster}
+    systems = {"slurm": SLURMCluster, "pbs": PBSCluster}
     minutes, seconds = divmod(round(wanted.time_s), 60)
     return systems[wanted.system or ""](
         cores=wanted.processes,

@@ -152,7 +152,8 @@ def test_a_sphere_has_the_volume_of_its_hill():
         (R - t / 3.0) * t**2 / (t**2 + 0.04) + t / 3.0
     )
     assert sphere(volume_m3, t, ratio=4.0)[0] == pytest.approx(R * elliptic_factor(4.0))
-    assert sphere(volume_m3, t, ratio=40.0)[0] == pytest.approx(R * elliptic_factor(10.0))
+    assert sphere(volume_m3, t, ratio=40.0)[0] == pytest.approx(R * elliptic_factor(40.0))
+    assert sphere(volume_m3, t, ratio=400.0)[0] == pytest.approx(R * elliptic_factor(100.0))
     assert sphere(volume_m3, t, ratio=4.0, edge=True, quadric=False)[0] == pytest.approx(R)
     assert np.isnan(sphere(volume_m3, 0.0)[0])
 

@@ -36,12 +36,12 @@ def exact_elliptic_factor(axis_ratio):
     return A / B, F2**-3
 
 
-@pytest.mark.parametrize("axis_ratio", [0.99, 0.9, 0.7, 0.5, 0.3, 0.2, 0.15])
+@pytest.mark.parametrize("axis_ratio", [0.99, 0.9, 0.7, 0.5, 0.3, 0.15, 0.05, 0.02])
 def test_elliptic_factor_is_that_of_the_elliptic_integrals(axis_ratio):
     radius_ratio, factor = exact_elliptic_factor(axis_ratio)
-    assert radius_ratio < 20
-    assert elliptic_factor(radius_ratio) == pytest.approx(factor, rel=1e-3)
-    assert elliptic_factor(1 / radius_ratio) == pytest.approx(factor, rel=1e-3)
+    assert radius_ratio < 1000
+    assert elliptic_factor(radius_ratio) == pytest.approx(factor, rel=4e-4)
+    assert elliptic_factor(1 / radius_ratio) == pytest.approx(factor, rel=4e-4)
 
 
 @pytest.mark.parametrize("pixel_size_m", [(1e-4, 1e-4), (0.7e-4, 1.3e-4)])

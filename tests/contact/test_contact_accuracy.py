@@ -6,6 +6,8 @@ import numpy as np
 import pytest
 from contact_cases import E_STAR_PA, scene_of, table
 
+from capslip.caps.spheres import elliptic_factor
+from capslip.caps.table import CapFlag
 from capslip.contact import accuracy
 from capslip.contact.accuracy import answers, error_of_caps
 from capslip.contact.bulk import bulk_compliance_m_per_N
@@ -251,3 +253,45 @@ def test_moved_caps_are_balanced_anew_where_the_face_turns(alignment, monkeypatc
     chosen = settings(f"contact.alignment={alignment}")
     accuracy._moved(scene, RUNG.build(scene), np.array([3e-8, 1e-8]), np.zeros(2), chosen)
     assert asked == ([[3e-8, 1e-8]] if alignment == "balanced" else [])
+
+
+@pytest.mark.parametrize("ratio", [1.0, 8.0, 40.0])
+def test_a_hill_at_the_edge_may_miss_the_factor_of_its_ellipse(ratio):
+    """One cap alone: energy at a share of mu N and stiffness follow R^(-1/3) and R^(1/3)."""
+    radii = {"radius_major_m": 20.0 * np.sqrt(ratio), "radius_minor_m": 20.0 / np.sqrt(ratio)}
+    inside = estimate(one_cap(**radii))
+    assert inside.of_caps == pytest.approx(0.01, rel=1e-9)
+    cut = beside_the_least(estimate(one_cap(flags=np.uint16(CapFlag.edge), **radii)))
+    factor = elliptic_factor(ratio)
+    both = np.array([factor, 1.0 / factor]) ** (1 / 3) - 1.0
+    greatest, least = 2.0 * np.abs(both).max(), 2.0 * np.abs(both).min()
+    assert least - 1e-9 <= cut <= greatest + 1e-9
+
+
+def test_a_ridge_without_end_has_no_radius():
+    ridge = np.uint16(CapFlag.ridge)
+    endless = estimate(one_cap(flags=ridge, radius_major_m=np.nan, radius_minor_m=np.nan))
+    assert endless.of_caps > 0.3
+    seen = estimate(one_cap(flags=ridge, radius_major_m=80.0, radius_minor_m=5.0))
+    assert seen.of_caps == pytest.approx(0.01, rel=1e-9)
+
+
+def test_a_contact_that_ends_at_the_edge_of_the_map_is_none_of_a_cap():
+    label = np.ones(FACE.shape, dtype=int)
+    assert estimate(one_cap(), label=label).doubt is None
+    a_m = np.sqrt(20.0 * APPROACH_M)
+    at_edge = table([0.5 * a_m], [0.02], [20.0], [0.0])
+    assert "edge of the map" in estimate(at_edge, label=label).doubt
+    assert estimate(at_edge).doubt is None  # of caps without a map nobody knows its edge
+
+
+def test_long_contacts_that_cross_run_together():
+    caps = table([0.028, 0.032], [0.02, 0.02], [20.0, 20.0], [0.0, 0.0])
+    assert estimate(caps).doubt is None
+    long = caps.with_columns(
+        radius_major_m=np.full(2, 200.0),
+        radius_minor_m=np.full(2, 5.0),
+    )
+    assert estimate(long).doubt == "long contacts run together"
+    side_by_side = long.with_columns(orientation_rad=np.full(2, np.pi / 2))
+    assert estimate(side_by_side).doubt is None

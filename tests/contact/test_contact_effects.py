@@ -10,6 +10,7 @@ from capslip.caps.table import CapFlag
 from capslip.contact.effects import with_effects
 from capslip.problems import Problem
 from capslip.settings import load_settings
+from capslip.studies.faces.synthetic import Scene, synthetic_surface
 from scenes import caps_map
 
 PIXEL_M = 2e-4
@@ -139,3 +140,32 @@ def test_a_burr_is_the_same_under_a_mirror():
         (said,) = [p for p in problems if p.code == "outliers_removed"]
         seen.append((said.effect.tangential_stiffness, said.effect.energy))
     assert np.ptp(seen, axis=0) == pytest.approx(0.0, abs=1e-3 * max(seen[0]))
+
+
+def test_a_bow_of_the_map_moves_what_its_removal_moves():
+    """The map answers, and is small enough not to be coarsened: both see the same two maps."""
+    waves = Scene(
+        (64, 90), (2e-4, 2e-4), seed=2, waviness_rms_m=1e-7, waviness_length_m=3e-3,
+        bow_m=(3e-8, 6e-8),
+    )  # fmt: skip
+    bowed = synthetic_surface(waves)[0]
+    words = ("contact.preload_N=60", "contact.model=boundary_elements")
+    left, off = (
+        found(bowed, *words, f"conditioning.form={form}") for form in ("plane", "quadratic")
+    )
+    share = np.array([0.1, 0.25, 0.5, 0.75])
+    energy_J = [
+        one.slip.energy_at_force_J(share * one.slip.total_slip_force_N) for one in (left, off)
+    ]
+    more = float(np.abs(energy_J[1] / energy_J[0] - 1.0).max())
+
+    def said(tolerance):
+        settings = load_settings(overrides=(*words, f"contact.tolerance={tolerance!r}"))
+        given = left.caps, left.caps, left.conditioned, settings, left.contact.rung
+        return with_effects([Problem("bow_left", "warning", "")], *given)[0]
+
+    one = said(0.9 * more)
+    assert one.severity == "warning"
+    assert "on the map" in one.message
+    assert one.effect.energy == pytest.approx(more, rel=0.05)
+    assert said(min(1.1 * more, 0.99)).severity == "info"

@@ -1,6 +1,7 @@
 """The level that a pressed face finds: the whole answer owes nothing to how the map lay."""
 
 import json
+from dataclasses import replace
 from functools import cache
 from unittest.mock import patch
 
@@ -9,8 +10,9 @@ import pytest
 from scipy.ndimage import gaussian_filter
 
 import capslip
-from capslip.contact.levelling import UNSETTLED, _Search, block_means, find_level, turned
+from capslip.contact.levelling import UNSETTLED, _Search, find_level, turned
 from capslip.settings import load_settings
+from capslip.surface.blocks import block_means
 from capslip.surface.heightmap import HeightMap
 from capslip.surface.readers import load_surface
 from scenes import REFERENCE, caps_map
@@ -264,7 +266,7 @@ def test_what_lies_below_all_that_touches_does_not_decide_the_noise():
 
 def test_a_search_that_only_pixels_keep_awake_ends_and_says_what_still_moves():
     # A thousand hills of few pixels: in every turn some pixel crosses the depth of its fit
-    z = gaussian_filter(np.random.default_rng(8).standard_normal((300, 400)), 2.0)
+    z = gaussian_filter(np.random.default_rng(8).standard_normal((300, 400)), 2.5)
     surface = HeightMap(2e-7 * z / z.std(), (2e-5, 2e-5))
     turns, press = [], _Search._press
 
@@ -287,6 +289,17 @@ def test_block_means_keep_planes_and_mirrors():
     level = block_means(waves(), 4)
     again = turned(level, (1e-4, -2e-4), (0.03, 0.02))
     assert coarse.height_m == pytest.approx(again.height_m, abs=1e-18)
+
+
+def test_block_means_of_a_map_that_lacks_points_everywhere():
+    surface = turned(waves(), (1e-4, -2e-4), (0.03, 0.02))
+    lost = np.random.default_rng(0).random(surface.shape) < 0.1
+    lost[:20, :20] = True
+    lacking = replace(surface, height_m=np.where(lost, np.nan, surface.height_m))
+    whole, coarse = block_means(surface, 20), block_means(lacking, 20)
+    assert np.argwhere(~coarse.measured).tolist() == [[0, 0]]
+    rest_m = (coarse.height_m - whole.height_m)[coarse.measured]
+    assert np.abs(rest_m).max() < 0.1 * np.ptp(surface.height_m[20:40, 20:40])
 
 
 @pytest.mark.skipif(not REFERENCE.is_dir(), reason="the reference faces are not at hand")

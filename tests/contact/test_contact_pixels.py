@@ -5,7 +5,8 @@ import pytest
 
 from capslip.contact.solvers import unloading
 from capslip.contact.solvers.elastic_face import elastic_face
-from capslip.contact.solvers.pixels import pixels_alone
+from capslip.contact.solvers.patches import patched
+from capslip.contact.solvers.pixels import in_contact_alone, pixels_alone
 from capslip.contact.solvers.polonsky_keer import press
 from capslip.contact.solvers.unloading import unload
 from capslip.surface.heightmap import HeightMap
@@ -25,7 +26,7 @@ def pressed(rough):
 
 
 def test_they_sink_as_on_the_map(rough, pressed):
-    few = pixels_alone(rough, pressed.pressure_Pa > 0)
+    few = pixels_alone(rough, pressed.pressure_Pa > 0, None)
     assert few.shape == (np.count_nonzero(pressed.pressure_Pa),)
     sinking_m = few.half_space.sinking_m(few.gathered(pressed.pressure_Pa))
     expected_m = few.gathered(rough.half_space.sinking_m(pressed.pressure_Pa))
@@ -47,4 +48,30 @@ def test_they_unload_as_the_map_does(rough, pressed, monkeypatch):
 
 
 def test_too_many_are_no_less_work_than_the_map(rough):
-    assert pixels_alone(rough, np.ones(rough.shape, dtype=bool)) is None
+    assert pixels_alone(rough, np.ones(rough.shape, dtype=bool), None) is None
+
+
+def test_a_tile_is_inverted_exactly(rough):
+    """All pixels in one tile: what sinks them follows from how they sink."""
+    contact = np.zeros(rough.shape, dtype=bool)
+    contact[33:47, 18:31] = np.random.default_rng(5).random((14, 13)) < 0.4
+    few = pixels_alone(rough, contact, None)
+    pressure_Pa = np.random.default_rng(6).random(few.shape)
+    sinking_m = few.half_space.sinking_m(pressure_Pa)
+    np.testing.assert_allclose(few.half_space.pressure_Pa(sinking_m), pressure_Pa, rtol=1e-8)
+
+
+@pytest.mark.parametrize("refined", [1, 2])
+def test_points_in_contact_alone_sink_as_on_the_patches_they_are_of(rough, refined):
+    contact = np.zeros(rough.shape, dtype=bool)
+    contact[20:26, 30:41] = contact[70:75, 100:104] = True
+    patches = patched(rough, contact, refined)
+    rng = np.random.default_rng(7)
+    pressure_Pa = np.where(rng.random(patches.shape) < 0.3, rng.random(patches.shape), 0.0)
+    few, at = in_contact_alone(patches, pressure_Pa), np.flatnonzero(pressure_Pa)
+    expected_m = patches.half_space.sinking_m(pressure_Pa)[at]
+    for _ in range(2):  # nothing is left over from the first time
+        assert np.array_equal(few.half_space.sinking_m(pressure_Pa[at]), expected_m)
+    assert np.array_equal(few.spread(pressure_Pa[at]), patches.spread(pressure_Pa))
+    assert np.array_equal(few.depth_m, patches.depth_m[at])
+    assert in_contact_alone(few, np.ones(few.shape)) is few

@@ -12,7 +12,7 @@ from capslip.problems import Problem
 from capslip.surface.heightmap import HeightMap
 
 SHAPE = ["connected_network", "shallow_saddles", "pruning_decides", "not_spherical"]
-SHAPE += ["contact_under_resolved"]
+SHAPE += ["contact_under_resolved", "caps_ridge"]
 COUNTS = ["families_doubtful", "more_than_two_families", "family_below_cut"]
 ELSE = ["highest_point_on_no_cap", "plateau_at_cut", "cut_too_high", "level_not_settled"]
 ELSE += ["no_caps", "fit_not_settled"]
@@ -49,6 +49,21 @@ def test_a_model_without_caps_reads_none(made_from):
     assert warned(OTHERS, made_from) == OTHERS
 
 
+@pytest.mark.parametrize(
+    ("made_from", "tilt_rad", "read"),
+    [("map", 0.4e-3, False), ("map", 0.6e-3, True), ("spheres", 0.0, True)],
+)
+def test_hills_that_tip_over_matter_where_the_map_turns_by_half_their_height(
+    made_from, tilt_rad, read
+):
+    """Ten caps of 1 m height, 1000 m from the load point along y."""
+    contact = state(made_from)
+    contact.tilt_rad, contact.load_point_m = (0.0, tilt_rad), (1.0, -999.0)
+    given = [Problem("tips_over", "warning", "")]
+    (problem,) = as_read(given, contact, caps(0.0, CapFlag.edge), 0.05)
+    assert problem.severity == ("warning" if read else "info")
+
+
 def test_what_the_cut_left_out_matters_to_a_model_of_caps():
     assert warned(ELSE) == ELSE
 
@@ -74,10 +89,11 @@ def test_flags_matter_by_the_load_on_their_caps(share, read):
         assert warned([code], share=share, flag=flag, error=None) == [code] * read
         assert warned([code], share=share, flag=CapFlag.few_points, error=None) == []
     for error, known in ((None, False), (0.01, True)):
-        peaks = warned(["caps_several_peaks"], share=share, flag=CapFlag.several_peaks, error=error)
-        assert peaks == ["caps_several_peaks"] * (read and not known)
-        ridges = warned(["caps_ridge"], share=share, flag=CapFlag.ridge, error=error)
-        assert ridges == ["caps_ridge"] * read  # which the estimate of the error misses
+        for flag in (CapFlag.several_peaks, CapFlag.ridge):
+            code = f"caps_{flag.name}"
+            assert warned([code], share=share, flag=flag, error=error) == [code] * (
+                read and not known
+            )
 
 
 def test_a_flat_top_matters_as_soon_as_it_carries():

@@ -11,9 +11,11 @@ import pytest
 
 import capslip
 from capslip.caps.table import CapFlag
+from capslip.settings import load_settings
 from capslip.studies.faces.synthetic import synthetic_surface
 from capslip.studies.limits.axes import axes
 from capslip.studies.limits.case import clean
+from capslip.studies.limits.known import slip_of_true_caps
 from capslip.studies.limits.measure import BREAKDOWN, measure
 from capslip.studies.limits.study import FRESH_SEED, limits
 from capslip.studies.limits.tries import harmless_faces
@@ -199,3 +201,21 @@ def test_committed_numbers():
     for run in committed["silent"] + fresh["silent"]:
         assert run["name"] in page
     assert math.isfinite(committed["seconds"])
+
+
+def test_the_true_answer_is_that_of_the_spheres_wherever_the_face_is_turned_to():
+    """A slope s moves the top of a sphere by R s along and by R s^2 / 2 up: the same spheres."""
+    case = next(case for axis in axes() if axis.name == "small force" for case in axis.cases)
+    face, truth = synthetic_surface(clean(case.scene), case.name)
+    settings = load_settings(overrides=("contact.preload_N=460",))
+    slope = 4e-6
+    turned = replace(
+        truth,
+        x_m=truth.x_m + truth.radius_m * slope,
+        peak_height_m=truth.peak_height_m + slope * truth.x_m + 0.5 * truth.radius_m * slope**2,
+    )
+    energy_J = []
+    for one in (truth, turned):
+        _, slip = slip_of_true_caps(one, face, settings, 460.0)
+        energy_J.append(slip.energy_at_force_J(np.array([0.1, 0.5]) * slip.total_slip_force_N))
+    assert energy_J[1] == pytest.approx(energy_J[0], rel=1e-5)

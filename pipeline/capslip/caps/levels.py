@@ -36,6 +36,7 @@ STARTS = 5  # of them, the best, that are followed
 SAMPLE = 200  # caps that judge them
 MAX_TURNS = 20  # of plane and split
 FEW_TURNS = 3  # of them for more than two families
+ROUNDING = 1e-12  # of planes through points whose heights range over one
 
 
 @dataclass(frozen=True, eq=False)
@@ -376,14 +377,18 @@ class _Scaled:
         rows = np.concatenate((places, corners))
         for z in (self.z, -self.z):
             height = np.append(z, np.full(3, -1e6))
-            edge = minimum(rows, height, mean, np.arange(n, n + 3), 1e-12)
+            edge = minimum(rows, height, mean, np.arange(n, n + 3), ROUNDING)
             rest = float((places @ edge.unknowns - z).sum())
+            if rest <= ROUNDING:  # heights range over one: on regular lattices no plane was found
+                continue
             shapes.append(
                 log_factorial[n - 4] - (n - 3) * math.log(rest) - self._log_cone(rows, edge, n)
             )
         between = np.concatenate((np.insert(places, 3, 0.0, 1), np.insert(-places, 3, 1.0, 1)))
         height = np.append(self.z, -self.z)
-        slab = minimum(between, height, np.array([0.0, 0.0, 0.0, 1.0]), self._radon(places), 1e-12)
+        slab = minimum(
+            between, height, np.array([0.0, 0.0, 0.0, 1.0]), self._radon(places), ROUNDING
+        )
         log_range = math.log(slab.unknowns[3])
         shapes.append(
             (log_factorial[n - 4] - log_factorial[n])

@@ -6,6 +6,7 @@ from capslip.caps.body import Body
 from capslip.caps.fitting import FitInput, Spheres
 
 RIDGE_RATIO = 10.0  # of the principal radii
+LONGEST = 100.0  # such ratio that the summit of a hill is taken to keep up over its whole contact
 
 
 def spheres_by_volume(given: FitInput) -> Spheres:
@@ -54,7 +55,8 @@ def elliptic_factor(radius_ratio: np.ndarray) -> np.ndarray:
 
     Notes
     -----
-    1 + y^2/24 + y^4/3000 with y = ln(R1/R2) replaces the integrals to 0.1 % up to R1/R2 = 20.
+    1 + y^2/24.1 + y^4/3040 + y^6/307700 with y = ln(R1/R2) replaces the integrals to 0.03 % up to
+    R1/R2 = 1000.
 
     Examples
     --------
@@ -62,7 +64,7 @@ def elliptic_factor(radius_ratio: np.ndarray) -> np.ndarray:
     array([1.  , 1.02, 1.23])
     """
     square = np.log(radius_ratio) ** 2
-    return 1.0 + square / 24.0 + square**2 / 3000.0
+    return 1.0 + square / 24.085 + square**2 / 3041.0 + square**3 / 307700.0
 
 
 def edge_factor(inside: np.ndarray, outside: np.ndarray) -> np.ndarray:
@@ -112,7 +114,7 @@ def _radius_by_volume(given: FitInput) -> tuple[np.ndarray, np.ndarray]:
 def _elliptic_factor(body: Body) -> np.ndarray:
     """Return the factor where the whole ellipse was seen, 1 elsewhere."""
     whole = ~body.at_edge & body.quadric.exists
-    ratio = np.where(whole, np.minimum(body.radius_ratio, RIDGE_RATIO), 1.0)
+    ratio = np.where(whole, np.minimum(body.radius_ratio, LONGEST), 1.0)
     return elliptic_factor(ratio)
 
 

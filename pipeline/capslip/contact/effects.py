@@ -1,12 +1,15 @@
-"""What doubts move: the caps are pressed again as they may be as well, and the answers compared."""
+"""What doubts move: the face is pressed again as it may be as well, and the answers compared."""
 
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass, fields, replace
+from typing import Any
 
+import msgspec
 import numpy as np
 
 from capslip.caps.doubts import without_bow
+from capslip.caps.families import Families
 from capslip.caps.table import DOUBTFUL, UNUSABLE, CapFlag, CapTable
 from capslip.contact.accuracy import answers
 from capslip.contact.doubts import ELASTIC_STRAIN
@@ -14,13 +17,14 @@ from capslip.contact.levelling import coarse_map, rebalanced
 from capslip.contact.material import composite, yield_law
 from capslip.contact.models.interacting import InteractingCurve
 from capslip.contact.reach import reachable
-from capslip.contact.rung import load_point_m, turning_stiffness
+from capslip.contact.rung import Rung, Scene, load_point_m, turning_stiffness
 from capslip.contact.solvers.hertz import contact_radius_m
 from capslip.errors import CapslipError, ContactError
 from capslip.problems import Effect, Problem
 from capslip.settings import Settings
 from capslip.surface.conditioning import Conditioned
 from capslip.surface.doubts import holes
+from capslip.surface.form import remove_form
 from capslip.surface.heightmap import HeightMap
 
 LEFT_OUT = {  # flags of the caps that may carry nothing
@@ -30,6 +34,7 @@ LEFT_OUT = {  # flags of the caps that may carry nothing
 MOST_CAPS = 500  # more take longer than the face itself
 MOST_POINTS = 100  # the highest of those that were removed: more do no less
 DRAWS = 8  # of the hills in a hole
+LOOSE = 1e-5  # tolerance of a solution that is only compared with another
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,12 +78,14 @@ def with_effects(
     peaks: CapTable,
     conditioned: Conditioned,
     settings: Settings,
+    model: Rung[Any] | None = None,
 ) -> list[Problem]:
     """Return the problems, those about single caps with their effects, and as severe as these.
 
     Each is estimated by interacting caps, whatever model answers: flagged caps may carry nothing; a
     bow may not be the face's own; a hole may hold as many hills as the rest; points that were
-    removed may have been there. Within `contact.tolerance` it is information, else a warning.
+    removed may have been there. Where the map itself answers, a bow is taken off it, on points so
+    far apart that this costs little. Within `contact.tolerance` it is information, else a warning.
 
     Parameters
     ----------
@@ -93,21 +100,64 @@ def with_effects(
         The face, and the points that were removed from it.
     settings : Settings
         `material` and `contact`, with the load of this face.
+    model : Rung, optional
+        Which answers.
     """
     face, tolerance = _Face(conditioned.surface, settings), settings.contact.tolerance
     asked = {one.code for one in problems if _is_asked(one, conditioned)}
     effects: dict[str, Effect | None] = {}
+    by_map = None
+    if "bow_left" in asked and model is not None and model.made_from == "map":
+        by_map = _effect_of_bow(model, peaks, face)
+    if by_map is not None:
+        asked.remove("bow_left")
     if asked:
         try:
             before = face.answers(caps)
+            trials = _Trials(face, caps, peaks, conditioned)
+            effects = {code: _effect(trials, code, before) for code in asked}
         except CapslipError:
-            return problems
-        trials = _Trials(face, caps, peaks, conditioned)
-        effects = {code: _effect(trials, code, before) for code in asked}
-    return [
-        _as_severe(one, effects.get(one.code), tolerance) if _is_asked(one, conditioned) else one
-        for one in problems
-    ]
+            pass  # what cannot be pressed has no effect, and stays as it is
+    found = []
+    for one in problems:
+        if by_map is not None and one.code == "bow_left" and _is_asked(one, conditioned):
+            one = _as_severe(one, by_map, tolerance, "on the map, coarsened")
+        elif _is_asked(one, conditioned):
+            one = _as_severe(one, effects.get(one.code), tolerance, "estimated by caps")
+        found.append(one)
+    return found
+
+
+def _effect_of_bow(model: Rung[Any], peaks: CapTable, face: _Face) -> Effect | None:
+    """Return what `conditioning.form` = quadratic changes of the map, None where it has no answer.
+
+    Pixels lower the tops of hills alike on both maps.
+    """
+    settings = face.settings
+    contact = settings.contact
+    loose = max(contact.solver_tolerance, LOOSE)
+    quick = msgspec.structs.replace(
+        settings, contact=msgspec.structs.replace(contact, solver_tolerance=loose)
+    )
+    coarse = coarse_map(face.surface)
+    level_m, straight_m = (remove_form(coarse, form)[0].height_m for form in ("plane", "quadratic"))
+    straight = replace(coarse, height_m=coarse.height_m - (level_m - straight_m))
+    none = Families(None, None, (), None, None, 0.0, alike=False)
+    try:
+        before, after = (
+            answers(
+                model.build(Scene.of(peaks, none, one, quick, peaks.usable)),
+                model.holds_bulk,
+                one,
+                quick,
+            )
+            for one in (coarse, straight)
+        )
+    except CapslipError:
+        return None
+    change = np.abs(after / before - 1.0)
+    energy = float(change[:-1].max())
+    return Effect(float(change[-1]), energy, energy)
 
 
 def _is_asked(problem: Problem, conditioned: Conditioned) -> bool:
@@ -118,7 +168,7 @@ def _is_asked(problem: Problem, conditioned: Conditioned) -> bool:
     return others and problem.severity == "warning"
 
 
-def _as_severe(problem: Problem, effect: Effect | None, tolerance: float) -> Problem:
+def _as_severe(problem: Problem, effect: Effect | None, tolerance: float, how: str) -> Problem:
     """Return a problem with its effect; what may be no information is a warning whatever it does.
 
     So are too many outliers.
@@ -131,7 +181,7 @@ def _as_severe(problem: Problem, effect: Effect | None, tolerance: float) -> Pro
         or (problem.code == "outliers_removed" and problem.severity == "warning")
     )
     said = f"; that moves the stiffness by {effect.tangential_stiffness:.1%}, the energy by "
-    message = f"{problem.message}{said}{effect.energy:.1%} (estimated by caps)"
+    message = f"{problem.message}{said}{effect.energy:.1%} ({how})"
     return replace(problem, severity="warning" if moves else "info", message=message, effect=effect)
 
 

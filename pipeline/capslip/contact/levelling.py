@@ -27,6 +27,7 @@ from capslip.contact.rung import load_point_m, rung, turning_stiffness
 from capslip.contact.solvers.yielding import FirstLoading, first_loading
 from capslip.errors import ContactError, TipsOverError, UnusableSurfaceError
 from capslip.settings import Settings
+from capslip.surface.blocks import block_means
 from capslip.surface.heightmap import HeightMap
 
 RATIOS = (0.10, 0.15, 0.20, 0.25, 0.30, 0.40, 0.55)  # cuts to try, where one is not deep enough
@@ -143,18 +144,6 @@ def coarse_map(surface: HeightMap) -> HeightMap:
     """Return the map on which a level is found first: itself, where it is small."""
     step = round(min(surface.shape) / COARSE_POINTS)
     return block_means(surface, step) if step > 1 else surface
-
-
-def block_means(surface: HeightMap, step: int) -> HeightMap:
-    """Return the means of square blocks of points; what is left over falls away on both sides."""
-    ny, nx = (n // step for n in surface.shape)
-    top, left = ((n % step) // 2 for n in surface.shape)
-    inner = surface.height_m[top : top + ny * step, left : left + nx * step]
-    dy_m, dx_m = surface.pixel_size_m
-    total = np.add.reduceat(
-        inner.reshape(ny, step, nx * step).sum(axis=1), np.arange(0, nx * step, step), axis=1
-    )
-    return replace(surface, height_m=total / step**2, pixel_size_m=(step * dy_m, step * dx_m))
 
 
 @dataclass(frozen=True, eq=False)

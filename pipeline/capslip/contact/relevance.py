@@ -10,12 +10,13 @@ from capslip.problems import Problem
 from capslip.surface.heightmap import HeightMap
 
 FLAGS = {f"caps_{flag.name}": flag for flag in CapFlag}
-# What the estimated error of the model counts, hill by hill; long ridges it misses
+# What the estimated error of the model counts, hill by hill
 SHAPE = {
     "connected_network",
     "shallow_saddles",
     "pruning_decides",
     "not_spherical",
+    "caps_ridge",
     "caps_several_peaks",
     "contact_under_resolved",
 }
@@ -29,6 +30,7 @@ ELSE = {
     "fit_not_settled",
 }
 FLAGGED_SHARE = 0.2  # of the load, on caps of one flag
+TIPPED = 0.5  # of the height of the caps: a face that turns so much comes down on its floor
 APEX = CapFlag.apex_off_surface | CapFlag.noisy_apex  # whose heights have a standard error
 MISSING = CapFlag.edge | CapFlag.non_measured
 HIDDEN = 0.25  # of a contact's radius: what is farther from all measured points is not known
@@ -40,7 +42,8 @@ def as_read(
     """Return the problems, with what the model in use does not read as information.
 
     A model of no surface at all reads nothing of hills, caps and families, and one of the map
-    itself neither; what noise, steps and spikes do to it, it measures.
+    itself neither; what noise, steps and spikes do to it, it measures. It finds its own balance,
+    too, where hills alone would tip over: no doubt as long as it hardly turns for that.
     One of spheres reads the caps that carry load, and families only where it takes these for the
     caps. Where its estimated error, in which the shape of each hill is counted, and what families
     differ from the caps, is within the tolerance, neither is a doubt more.
@@ -62,6 +65,8 @@ def as_read(
     def is_read(code: str) -> bool:
         if code in COUNTS | ELSE | SHAPE | FLAGS.keys() and contact.rung.made_from != "spheres":
             return False
+        if code == "tips_over":
+            return contact.rung.made_from != "map" or _tips(contact, caps)
         if code in SHAPE and known:
             return False
         if code in COUNTS:
@@ -129,6 +134,15 @@ def _is_hidden(caps: CapTable, i: int, surface: HeightMap) -> bool:
     )
     disc = np.square(y_m)[:, None] + np.square(x_m) <= radius_m**2
     return bool((away_m[disc] > max(HIDDEN * radius_m, *size_m)).any())
+
+
+def _tips(contact: ContactState, caps: CapTable) -> bool:
+    """Tell whether the face turned until its peaks no longer stood as they had."""
+    at_m = np.stack((caps.x_m, caps.y_m), axis=1)[caps.usable] - contact.load_point_m
+    if at_m.size == 0:
+        return True
+    rise_m = float(np.abs(at_m @ np.array(contact.tilt_rad)).max())
+    return not rise_m <= TIPPED * float(np.nanmax(caps.cap_height_m[caps.usable]))
 
 
 def _is_known(contact: ContactState, tolerance: float) -> bool:

@@ -1,8 +1,11 @@
-"""Blocks of points: rows that stay in the cache, and sums over squares."""
+"""Blocks of points: rows that stay in the cache, sums and means over squares."""
 
 from collections.abc import Iterator
+from dataclasses import replace
 
 import numpy as np
+
+from capslip.surface.heightmap import HeightMap
 
 BLOCK_POINTS = 80_000  # looked at together: what is computed of them stays in the cache
 
@@ -33,3 +36,24 @@ def block_sums(values: np.ndarray, side: int) -> np.ndarray:
     inner = values[: ny * side, : nx * side]
     sums: np.ndarray = inner.reshape(ny, side, nx, side).sum(axis=(1, 3))
     return sums
+
+
+def block_means(surface: HeightMap, step: int) -> HeightMap:
+    """Return the means of square blocks; what is left over falls away on both sides.
+
+    A block is measured where half of its points are: of large blocks nearly all lack some.
+    """
+    ny, nx = (n // step for n in surface.shape)
+    top, left = ((n % step) // 2 for n in surface.shape)
+    inner = surface.height_m[top : top + ny * step, left : left + nx * step]
+    sums, first = np.empty((2, ny, nx)), np.arange(0, nx * step, step)
+    bands, at_once = inner.reshape(ny, step, nx * step), max(1, BLOCK_POINTS // (nx * step**2))
+    for begin in range(0, ny, at_once):
+        rows = slice(begin, begin + at_once)
+        known = ~np.isnan(bands[rows])
+        for total, values in zip(sums, (np.where(known, bands[rows], 0.0), known), strict=True):
+            total[rows] = np.add.reduceat(values.sum(axis=1), first, axis=1)
+    total_m, count = sums
+    height_m = total_m / np.where(count < 0.5 * step**2, np.nan, count)
+    dy_m, dx_m = surface.pixel_size_m
+    return replace(surface, height_m=height_m, pixel_size_m=(step * dy_m, step * dx_m))

@@ -25,7 +25,7 @@ from capslip.contact.solvers.refinement import refinement
 from capslip.contact.solvers.solutions import Solutions
 from capslip.contact.solvers.tilting import press_balanced
 from capslip.contact.solvers.unloading import Unloading
-from capslip.errors import ContactError, SettingsError
+from capslip.errors import ContactError, OutOfTimeError, SettingsError
 from capslip.problems import Effect, Problem
 from capslip.settings import SOLVER_TOLERANCE
 from capslip.surface.heightmap import HeightMap
@@ -316,14 +316,15 @@ def boundary_elements(
     load_point_m, rotational_stiffness_Nm_per_rad
         Of this preload, see `press_balanced`.
     time_limit_s : float
-        Of the processor, from now on, so that other work on the machine changes no number: then the
-        slip is followed at as few loads as there is time for, with the error that this leaves. What
-        is solved in time does not depend on it.
+        Of the processor, so that other work on the machine changes no number, and for each preload
+        asked for. A solution under it that takes longer is given up, and its slip is followed at as
+        few loads as there is time for, with the error that this leaves. What is solved in time does
+        not depend on it.
 
     Raises
     ------
     SettingsError, UnusableSurfaceError, ContactError
-        As `polonsky_keer.elastic_face`; the methods as `press`, if no solution is found.
+        As `polonsky_keer.elastic_face`; the methods as `press`, if no solution is found in time.
 
     Examples
     --------
@@ -342,7 +343,7 @@ def boundary_elements(
     begun_s = process_time()
     face = elastic_face(surface, E_star_Pa)
     if preload_N is None or not (balanced or yields):
-        return BoundaryElementCurve(Solutions(face, float(tolerance), time_limit_s, begun_s))
+        return BoundaryElementCurve(Solutions(face, float(tolerance), time_limit_s))
     face = replace(face, hardness_Pa=float(hardness_Pa))
     if balanced:
         pressed = press_balanced(
@@ -351,15 +352,17 @@ def boundary_elements(
             load_point_m,
             rotational_stiffness_Nm_per_rad=rotational_stiffness_Nm_per_rad,
             tolerance=tolerance,
+            time_limit_s=time_limit_s,
         )
         face = face.tilted(pressed.tilt_rad)
     else:
-        pressed = press(face, load_N=preload_N, tolerance=tolerance)
+        pressed = press(face, load_N=preload_N, tolerance=tolerance, time_limit_s=time_limit_s)
     area_m2, first = None, FirstLoading(face, pressed.approach_m)
     if yields:
         area_m2 = np.count_nonzero(pressed.pressure_Pa >= hardness_Pa) * face.pixel_area_m2
         face, pressed = first_loading(face, pressed)
-    solutions = Solutions(face, float(tolerance), time_limit_s, begun_s)
+    spent_s = {preload_N: process_time() - begun_s}
+    solutions = Solutions(face, float(tolerance), time_limit_s, spent_s)
     solutions.keep(pressed)
     return BoundaryElementCurve(
         solutions, tilt_rad=pressed.tilt_rad, yielded_area_m2=area_m2, first=first
@@ -425,17 +428,29 @@ def _error(
         )
         effect = Effect(None, between, between)
         found.append(Problem("loss_between_loads", "warning", message, effect))
+    least = max(between, LEAST_ERROR)
     if unloading.cut_short:  # no time is left to look at what detail decides
-        return None, tuple(found)
-    effect = effect_of_detail(
-        first,
-        unloading,
-        curve.solutions.tolerance,
-        bulk_of_face_m_per_N(face, face.E_star_Pa),
-        resolved=unloading.smallest_drop_N < SMALL_SLIP * load_N
-        and all(problem.code != "under_resolved" for problem in curve.problems(load_N)),
-        time_limit_s=curve.solutions.left_s,
+        return ModelError(least, least), tuple(found)
+    resolved = unloading.smallest_drop_N < SMALL_SLIP * load_N and all(
+        problem.code != "under_resolved" for problem in curve.problems(load_N)
     )
+    try:
+        with curve.solutions.counted(load_N):
+            effect = effect_of_detail(
+                first,
+                unloading,
+                curve.solutions.tolerance,
+                bulk_of_face_m_per_N(face, face.E_star_Pa),
+                resolved=resolved,
+                time_limit_s=curve.solutions.left_s(load_N),
+            )
+    except OutOfTimeError:
+        message = (
+            f"contact.time_limit_s = {curve.solutions.time_limit_s:g} s was over before the map "
+            "was pressed without its finest detail: what that decides is not known"
+        )
+        found.append(Problem("time_limit_reached", "warning", message))
+        return ModelError(least, least), tuple(found)
     moved = ModelError(effect.tangential_stiffness or 0.0, effect.energy or 0.0)
     if moved.greatest > tolerance:
         message = (
@@ -446,8 +461,7 @@ def _error(
         found.append(Problem("detail_decides", "warning", message, effect))
         left = 1.0 - WHITE_LEFT
         moved = ModelError(moved.stiffness / left, moved.energy / left)
-    energy = max(between, moved.energy, LEAST_ERROR)
-    return ModelError(max(moved.stiffness, LEAST_ERROR), energy), tuple(found)
+    return ModelError(max(moved.stiffness, LEAST_ERROR), max(moved.energy, least)), tuple(found)
 
 
 def _least_share(curve: BoundaryElementCurve, load_N: float) -> float:

@@ -212,4 +212,6 @@ class GivenResultant:
 
 def _solved(matrix: np.ndarray, right: np.ndarray) -> np.ndarray:
     """Solve a small symmetric system, whose solution need not be unique."""
-    return np.asarray(np.linalg.pinv(matrix, rcond=1e-13, hermitian=True) @ right)
+    value, vector = np.linalg.eigh(matrix)
+    known = value > 1e-13 * value[-1]
+    return np.asarray(vector @ np.where(known, vector.T @ right / np.where(known, value, 1.0), 0.0))

@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import dataclass, replace
+from time import process_time
 
 import numpy as np
 
@@ -57,7 +58,7 @@ def effect_of_detail(
         Whether the pixels follow contacts and slip: then detail that hardly moves the approach
         moves nothing, and is not followed further.
     time_limit_s : float
-        Of what is solved again, see `unload`.
+        Of what is solved again, see `press` and `unload`.
 
     Returns
     -------
@@ -67,18 +68,38 @@ def effect_of_detail(
     """
     load_N = unloading.load_N
     smooth = _smoothed(first.face)
-    again = press(smooth, load_N=load_N, tolerance=_TOLERANCE)
+    if resolved and _hardly_moves(first, smooth):
+        return Effect(0.0, 0.0, 0.0)
+    begun_s = process_time()
+    again = press(smooth, load_N=load_N, tolerance=_TOLERANCE, time_limit_s=time_limit_s)
     moved_m = abs(again.approach_m - first.approach_m)
     if resolved and moved_m < _NO_EFFECT * first.approach_m:
         return Effect(0.0, 0.0, 0.0)
-    again = press(smooth, load_N=load_N, tolerance=tolerance, start_Pa=again.pressure_Pa)
+    left_s = max(time_limit_s - (process_time() - begun_s), 0.0)
+    again = press(
+        smooth,
+        load_N=load_N,
+        tolerance=tolerance,
+        start_Pa=again.pressure_Pa,
+        time_limit_s=left_s,
+    )
     if not math.isinf(smooth.hardness_Pa):
         smooth, again = first_loading(smooth, again)
-    after = unload(smooth, again, tolerance, time_limit_s=time_limit_s)
+    left_s = max(time_limit_s - (process_time() - begun_s), 0.0)
+    after = unload(smooth, again, tolerance, time_limit_s=left_s)
     stiffness = (_stiffness_N_per_m(one, bulk_m_per_N) for one in (unloading, after))
     energy_J = (_loss_J(one) for one in (unloading, after))
     stiffer, more = (float(_relative(*pair).max()) for pair in (stiffness, energy_J))
     return Effect(stiffer, more, more)
+
+
+def _hardly_moves(first: FirstLoading, smooth: ElasticFace) -> bool:
+    """Tell whether no point that could touch has moved against the others, or was filled."""
+    depth_m, reach_m = first.face.depth_m, first.approach_m
+    near = (np.minimum(depth_m, smooth.depth_m) < reach_m) & smooth.measured
+    if not first.face.measured[near].all():
+        return False
+    return bool(np.ptp(smooth.depth_m[near] - depth_m[near]) < _NO_EFFECT * reach_m)
 
 
 def _smoothed(face: ElasticFace) -> ElasticFace:

@@ -5,7 +5,7 @@ from typing import Literal
 
 import numpy as np
 
-_WORKERS = 2  # threads of a transform; more gain little
+_WORKERS = 1
 _FAR = 60  # pixels
 _COLUMNS = 64  # transformed at once along y: what fits into the cache
 
@@ -34,7 +34,8 @@ class HalfSpace:
         self.pixel_compliance_m_per_Pa = float(quadrant[0, 0])
         self._padded = padded_shape(shape)
         self._spectrum = even_spectrum(quadrant, self._padded)
-        inverse = wave_numbers_per_m(shape, pixel_size_m) * (E_star_Pa / 2)
+        self._quick = quick_shape(shape)
+        inverse = wave_numbers_per_m(self._quick, pixel_size_m) * (E_star_Pa / 2)
         self._rough_spectrum = self._spectrum.astype(np.float32)
         self._inverse = inverse.astype(np.float32)
 
@@ -66,15 +67,16 @@ class HalfSpace:
     def pressure_Pa(self, sinking_m: np.ndarray) -> np.ndarray:
         """Return roughly the pressure that makes a displacement: E* |q| / 2 at wave number q.
 
-        The map is taken as periodic, which is wrong at its edges and quick: only for use as a
-        preconditioner.
+        The map, with at most a few lines more, is taken as periodic, which is wrong at its edges
+        and quick: only for use as a preconditioner.
         """
         from scipy import fft
 
-        waves = fft.rfft2(sinking_m.astype(np.float32), workers=_WORKERS)
+        ny, nx = self.shape
+        waves = fft.rfft2(sinking_m.astype(np.float32), s=self._quick, workers=_WORKERS)
         waves *= self._inverse
-        pressure_Pa = fft.irfft2(waves, s=self.shape, workers=_WORKERS, overwrite_x=True)
-        return np.asarray(pressure_Pa, dtype=float)
+        pressure_Pa = fft.irfft2(waves, s=self._quick, workers=_WORKERS, overwrite_x=True)
+        return np.asarray(pressure_Pa[:ny, :nx], dtype=float)
 
 
 def love_kernel(
@@ -144,6 +146,14 @@ def love_kernel_at(
             corner += sign_y * sign_x * part
     kernel[near] = corner
     return np.asarray(kernel / (math.pi * E_star_Pa))
+
+
+def quick_shape(shape: tuple[int, int]) -> tuple[int, int]:
+    """Return the next shape whose transform is quick: sides of large prime factors are not."""
+    from scipy import fft
+
+    qy, qx = (int(fft.next_fast_len(n, real=True)) for n in shape)
+    return qy, qx
 
 
 def padded_shape(shape: tuple[int, int]) -> tuple[int, int]:

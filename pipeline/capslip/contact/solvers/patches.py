@@ -56,6 +56,12 @@ class PatchedFace(ElasticFace):
         """Coordinates x and y of the points in the map, shape (n,) each."""
         return self.at_m
 
+    @property
+    def cost(self) -> int:
+        """Work of one sinking, in products between nodes."""
+        n_nodes = getattr(self.half_space, "n_nodes", 0)
+        return int(n_nodes**2 + POINT_COST * self.depth_m.size)
+
     def gathered(self, values: np.ndarray) -> np.ndarray:
         """Return the values of a map (ny, nx) at the points of the patches, shape (n,)."""
         return np.asarray(values.reshape(-1)[self.parent])

@@ -1,20 +1,29 @@
-"""The pixels of a pressed face that touch, each with each: what rough faces unload on.
+"""The pixels of a pressed face that touch, alone: below a load the contact only shrinks.
 
-Below a load the contact only shrinks. Where it is a few thousand pixels all over the map, patches
-around them hold most of it, and a matrix between the pixels alone is far less work.
+A face that is pressed anew at lower and lower loads needs no other points. Where these are some
+hundreds, or a few thousand all over the map, a matrix between them is far less work than the
+transforms of patches around them or of the map.
 """
+
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from capslip.contact.solvers.elastic_face import ElasticFace
-from capslip.contact.solvers.half_space import love_kernel
-from capslip.contact.solvers.patches import POINT_COST, PatchedFace
+from capslip.contact.solvers.half_space import HalfSpace, love_kernel
+from capslip.contact.solvers.patches import POINT_COST, PatchedFace, PatchedHalfSpace
 
-_MOST_PIXELS = 6000  # 300 MB
+if TYPE_CHECKING:
+    from scipy.sparse import csr_array
+
+_MOST_PIXELS = 6000  # 450 MB
+_TILE = 16  # pixels along the side of a tile, whose pixels are inverted with each other
 
 
-def pixels_alone(face: ElasticFace, contact: np.ndarray) -> PatchedFace | None:
-    """Return a face of the pixels in contact alone, None where the whole map is no more work.
+def pixels_alone(
+    face: ElasticFace, contact: np.ndarray, patches: PatchedFace | None
+) -> PatchedFace | None:
+    """Return a face of the pixels in contact with a matrix between them, None where that is slow.
 
     Parameters
     ----------
@@ -22,25 +31,80 @@ def pixels_alone(face: ElasticFace, contact: np.ndarray) -> PatchedFace | None:
         The whole map.
     contact : bool, shape (ny, nx)
         Where it touches.
+    patches : PatchedFace, optional
+        Around the same contacts: what else would be solved on; the map where None.
     """
     parent = np.flatnonzero(contact)
-    if len(parent) > _MOST_PIXELS or len(parent) ** 2 > POINT_COST * contact.size:
+    else_on = POINT_COST * contact.size if patches is None else patches.cost
+    if len(parent) > _MOST_PIXELS or len(parent) ** 2 > else_on:
         return None
     row, column = np.unravel_index(parent, face.shape)
-    dy_m, dx_m = face.pixel_size_m
+    return _alone(face, parent, MatrixHalfSpace(row, column, face))
+
+
+def in_contact_alone(face: ElasticFace, pressure_Pa: np.ndarray) -> PatchedFace:
+    """Return a face of the points under pressure alone, which sink as those of the whole one do.
+
+    Parameters
+    ----------
+    face : ElasticFace
+        A map, or patches of it.
+    pressure_Pa : ndarray
+        On it.
+    """
+    points = np.flatnonzero(pressure_Pa)
+    if len(points) == face.depth_m.size and isinstance(face, PatchedFace):
+        return face
+    return _alone(face, points, GatheredHalfSpace(points, face))
+
+
+def _alone(
+    face: ElasticFace, points: np.ndarray, half_space: "MatrixHalfSpace | GatheredHalfSpace"
+) -> PatchedFace:
+    """Return some points of a face."""
+    x_m, y_m = (np.broadcast_to(place, face.shape).reshape(-1)[points] for place in face.places_m)
+    patches = face if isinstance(face, PatchedFace) else None
     return PatchedFace(
         face.name,
-        face.depth_m.reshape(-1)[parent],
-        face.measured.reshape(-1)[parent],
+        face.depth_m.reshape(-1)[points],
+        face.measured.reshape(-1)[points],
         face.pixel_size_m,
         face.E_star_Pa,
-        MatrixHalfSpace(row, column, face),  # type: ignore[arg-type]
-        parent,
-        face.shape,
-        1,
-        ((column + 0.5) * dx_m, (row + 0.5) * dy_m),
+        half_space,  # type: ignore[arg-type]
+        points if patches is None else patches.parent[points],
+        face.shape if patches is None else patches.map_shape,
+        1 if patches is None else patches.refinement,
+        (x_m, y_m),
         hardness_Pa=face.hardness_Pa,
     )
+
+
+class GatheredHalfSpace:
+    """Sinking of some points of a face under pressures on them, with the transforms of the face."""
+
+    def __init__(self, points: np.ndarray, face: ElasticFace) -> None:
+        self._half_space: HalfSpace | PatchedHalfSpace = face.half_space
+        self._points = points
+        self._everywhere = np.zeros(face.shape)  # zero but at the points
+
+    def sinking_m(self, pressure_Pa: np.ndarray) -> np.ndarray:
+        """Return the displacement into the half-space, shape (n,)."""
+        return self._gathered(self._half_space.sinking_m(self._spread(pressure_Pa)))
+
+    def sinking_roughly_m(self, pressure_Pa: np.ndarray) -> np.ndarray:
+        """Return the same as the face does it roughly."""
+        return self._gathered(self._half_space.sinking_roughly_m(self._spread(pressure_Pa)))
+
+    def pressure_Pa(self, sinking_m: np.ndarray) -> np.ndarray:
+        """Return roughly the pressure that makes a displacement."""
+        return self._gathered(self._half_space.pressure_Pa(self._spread(sinking_m)))
+
+    def _spread(self, values: np.ndarray) -> np.ndarray:
+        self._everywhere.reshape(-1)[self._points] = values
+        return self._everywhere
+
+    def _gathered(self, values: np.ndarray) -> np.ndarray:
+        return np.asarray(values.reshape(-1)[self._points])
 
 
 class MatrixHalfSpace:
@@ -50,16 +114,27 @@ class MatrixHalfSpace:
         quadrant = love_kernel(face.shape, face.pixel_size_m, face.E_star_Pa)
         offset = np.abs(row[:, None] - row) * face.shape[1] + np.abs(column[:, None] - column)
         self._matrix = quadrant.reshape(-1)[offset]  # m a pascal
-        self._own_m_per_Pa = float(quadrant[0, 0])
+        self._rough_matrix = self._matrix.astype(np.float32)
+        self._tiles = self._inverted(row // _TILE * face.shape[1] + column // _TILE)
 
     def sinking_m(self, pressure_Pa: np.ndarray) -> np.ndarray:
         """Return the displacement into the half-space, shape (n,)."""
         return np.asarray(self._matrix @ pressure_Pa)
 
     def sinking_roughly_m(self, pressure_Pa: np.ndarray) -> np.ndarray:
-        """Return the same: a single precision saves nothing here."""
-        return self.sinking_m(pressure_Pa)
+        """Return the same in single precision and half of the time: for small changes."""
+        return np.asarray(self._rough_matrix @ pressure_Pa.astype(np.float32), dtype=float)
 
     def pressure_Pa(self, sinking_m: np.ndarray) -> np.ndarray:
-        """Return roughly the pressure that makes a displacement: each pixel by itself."""
-        return sinking_m / self._own_m_per_Pa
+        """Return roughly the pressure that makes a displacement: each tile by itself."""
+        return np.asarray(self._tiles @ sinking_m)
+
+    def _inverted(self, tile: np.ndarray) -> "csr_array":
+        """Return the inverse of the matrix between the pixels of each tile, shape (n, n)."""
+        from scipy.sparse import block_diag, csr_array
+
+        order = np.argsort(tile, kind="stable")
+        members = np.split(order, np.flatnonzero(np.diff(tile[order])) + 1)
+        blocks = block_diag([np.linalg.inv(self._matrix[np.ix_(at, at)]) for at in members], "coo")
+        at = order[blocks.row], order[blocks.col]
+        return csr_array((blocks.data, at), shape=self._matrix.shape)

@@ -2,13 +2,14 @@
 
 from dataclasses import dataclass, replace
 from functools import cached_property
+from time import process_time
 
 import numpy as np
 
 from capslip.contact.solvers.closing import Closing, GivenApproach, GivenLoad
 from capslip.contact.solvers.elastic_face import ElasticFace, elastic_face
 from capslip.contact.solvers.patches import patched
-from capslip.errors import ContactError, SettingsError
+from capslip.errors import ContactError, OutOfTimeError, SettingsError
 
 __all__ = [
     "Certificate",
@@ -24,6 +25,7 @@ __all__ = [
 _WORTH_PATCHES = 50_000  # points of a map from which a first solution is sought on patches
 _COARSE_TOLERANCE = 1e-3  # of the solutions that only start the next finer one
 _MAX_ITERATIONS = 300
+_LEAST_S = 5.0  # that a solution has in any case: less is a lost result for next to no time
 _MAX_YIELDING = 2000  # iterations where points yield: each step finds a few more of them
 
 
@@ -133,6 +135,7 @@ def press(
     approach_m: float | None = None,
     tolerance: float = 1e-7,
     start_Pa: np.ndarray | None = None,
+    time_limit_s: float = np.inf,
 ) -> Pressed:
     """Press a face against a rigid plane, to a given load or a given approach.
 
@@ -151,13 +154,16 @@ def press(
         Largest complementarity and penetration, see `Certificate`.
     start_Pa : ndarray, shape (ny, nx), optional
         Pressures near the solution, as those at a neighbouring load.
+    time_limit_s : float
+        Of the processor; `_LEAST_S` where it is less.
 
     Raises
     ------
     SettingsError
         If not exactly one of load and approach is given, or a number is not positive and finite.
     ContactError
-        If no solution is found that fulfils the conditions of contact.
+        If no solution is found that fulfils the conditions of contact; `OutOfTimeError` if that
+        takes too long.
 
     Examples
     --------
@@ -179,8 +185,13 @@ def press(
     if load_N is not None:
         refuse_to_crush(face, load_N)
         closing = GivenLoad(load_N / face.pixel_area_m2)
-    state, iterations = solve(face, closing, tolerance, start_Pa)
+    state, iterations = solve(face, closing, tolerance, start_Pa, end_s(time_limit_s))
     return certified(face, state, load_N, iterations)
+
+
+def end_s(time_limit_s: float) -> float:
+    """Return when a solution that begins now is given up, on the clock of `process_time`."""
+    return process_time() + max(time_limit_s, _LEAST_S)
 
 
 def refuse_to_crush(face: ElasticFace, load_N: float) -> None:
@@ -235,21 +246,25 @@ def punch_pressure_Pa_per_m(face: ElasticFace, pressed: Pressed) -> np.ndarray:
 
 
 def solve(
-    face: ElasticFace, closing: Closing, tolerance: float, start_Pa: np.ndarray | None
+    face: ElasticFace,
+    closing: Closing,
+    tolerance: float,
+    start_Pa: np.ndarray | None,
+    until_s: float = np.inf,
 ) -> tuple[State, int]:
     """Return the state that fulfils the tolerance, and the number of steps on the finest grid.
 
     Raises
     ------
     ContactError
-        If it is not found.
+        If it is not found; `OutOfTimeError` if it is not by `until_s`, see `end_s`.
     """
     if start_Pa is not None:
         start_Pa = np.where(face.measured, np.maximum(start_Pa, 0.0), 0.0)
     if start_Pa is None or not start_Pa.any():
-        state, iterations = _nested(face, closing, tolerance)
+        state, iterations = _nested(face, closing, tolerance, until_s)
     else:
-        state, iterations = _iterate(face, start_Pa, closing, tolerance)
+        state, iterations = _iterate(face, start_Pa, closing, tolerance, until_s)
     if not state.fulfils(tolerance):
         raise ContactError(
             f"{face.name}: boundary elements did not converge in {iterations} iterations: "
@@ -259,7 +274,9 @@ def solve(
     return state, iterations
 
 
-def _nested(face: ElasticFace, closing: Closing, tolerance: float) -> tuple[State, int]:
+def _nested(
+    face: ElasticFace, closing: Closing, tolerance: float, until_s: float
+) -> tuple[State, int]:
     """Solve from the solution on the next coarser grid, or from something to begin with.
 
     Between the two, on patches around what touches on the coarser grid: what they leave out, and
@@ -271,21 +288,21 @@ def _nested(face: ElasticFace, closing: Closing, tolerance: float) -> tuple[Stat
         start_Pa = np.zeros(face.shape) if given else face.measured.astype(float)
     else:
         on_coarser = closing.on_grid(coarser.places_m, face.pixel_area_m2 / coarser.pixel_area_m2)
-        start_Pa = _finer(_nested(coarser, on_coarser, _COARSE_TOLERANCE)[0].pressure_Pa)
+        start_Pa = _finer(_nested(coarser, on_coarser, _COARSE_TOLERANCE, until_s)[0].pressure_Pa)
         start_Pa = np.where(face.measured, start_Pa[: face.shape[0], : face.shape[1]], 0.0)
     if face.depth_m.size >= _WORTH_PATCHES and start_Pa.any():
         patches = patched(face, start_Pa > 0)
         if patches is not None:
             on_patches = closing.on_grid(patches.places_m, 1.0)
             start = patches.gathered(start_Pa)
-            state, iterations = _iterate(patches, start, on_patches, tolerance / 2)
+            state, iterations = _iterate(patches, start, on_patches, tolerance / 2, until_s)
             start_Pa = patches.spread(state.pressure_Pa)
-    state, more = _iterate(face, start_Pa, closing, tolerance)
+    state, more = _iterate(face, start_Pa, closing, tolerance, until_s)
     return state, iterations + more
 
 
 def _iterate(
-    face: ElasticFace, start_Pa: np.ndarray, closing: Closing, tolerance: float
+    face: ElasticFace, start_Pa: np.ndarray, closing: Closing, tolerance: float, until_s: float
 ) -> tuple[State, int]:
     """Run the iteration; return its last state and the number of steps.
 
@@ -309,6 +326,12 @@ def _iterate(
     residual, direction = np.zeros(face.shape), np.zeros(face.shape)
     slope = 0.0  # r z of the last step; zero begins anew
     for iteration in range(most):
+        if process_time() > until_s:
+            raise OutOfTimeError(
+                f"{face.name}: boundary elements on {face.depth_m.size} points had found no "
+                f"solution after {iteration} iterations when contact.time_limit_s was over; allow "
+                "more, or coarsen the map"
+            )
         state = _state(face, p, u, closing)
         if state.fulfils(tolerance):
             if fresh:

@@ -1,5 +1,7 @@
 """What was solved on one map already, for all that is asked of its normal curve."""
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from itertools import pairwise
 from time import process_time
@@ -19,36 +21,56 @@ class Solutions:
 
     face: ElasticFace
     tolerance: float
-    time_limit_s: float
-    begun_s: float  # on the clock of `process_time`
+    time_limit_s: float  # of the processor, for each preload
+    spent_s: dict[float, float] = field(default_factory=dict)  # of that, by preload
     approach_m: dict[float, float] = field(default_factory=dict)  # by load
     pressed: dict[float, Pressed] = field(default_factory=dict)  # by load, the last few
     unloading: dict[float, Unloading] = field(default_factory=dict)  # by preload
 
-    @property
-    def left_s(self) -> float:
-        """Seconds of the time limit that are left."""
-        return max(self.time_limit_s - (process_time() - self.begun_s), 0.0)
+    def left_s(self, load_N: float) -> float:
+        """Return the seconds of the time limit that are left for a preload."""
+        return max(self.time_limit_s - self.spent_s.get(load_N, 0.0), 0.0)
+
+    @contextmanager
+    def counted(self, load_N: float) -> Iterator[None]:
+        """Count what is done inside as done for a preload."""
+        begun_s = process_time()
+        try:
+            yield
+        finally:
+            self.spent_s[load_N] = self.spent_s.get(load_N, 0.0) + process_time() - begun_s
 
     def press(self, load_N: float) -> Pressed:
         """Return the state under a load, solved from a neighbouring one where there is one."""
         if load_N not in self.pressed:
             near = [N for N in self.pressed if 0.8 * load_N < N < 1.25 * load_N]
             start_Pa = self.pressed[near[0]].pressure_Pa if near else None
-            self.keep(press(self.face, load_N=load_N, tolerance=self.tolerance, start_Pa=start_Pa))
+            with self.counted(load_N):
+                pressed = press(
+                    self.face,
+                    load_N=load_N,
+                    tolerance=self.tolerance,
+                    start_Pa=start_Pa,
+                    time_limit_s=self.left_s(load_N),
+                )
+            self.keep(pressed)
         return self.pressed[load_N]
 
     def press_to(self, approach_m: float) -> Pressed:
         """Return the state at an approach."""
-        return self.keep(press(self.face, approach_m=approach_m, tolerance=self.tolerance))
+        limit_s, tolerance = self.time_limit_s, self.tolerance
+        return self.keep(
+            press(self.face, approach_m=approach_m, tolerance=tolerance, time_limit_s=limit_s)
+        )
 
     def unload(self, load_N: float) -> Unloading:
         """Return what happens below a load."""
         if load_N not in self.unloading:
             pressed = self.press(load_N)
             # The other half is for what detail decides, see `_error`
-            half_s = 0.5 * self.left_s
-            found = unload(self.face, pressed, self.tolerance, time_limit_s=half_s)
+            half_s = 0.5 * self.left_s(load_N)
+            with self.counted(load_N):
+                found = unload(self.face, pressed, self.tolerance, time_limit_s=half_s)
             self.unloading[load_N] = found
             pairs = zip(found.solved_load_N.tolist(), found.solved_approach_m.tolist(), strict=True)
             self.approach_m.update(pairs)

@@ -10,6 +10,7 @@ from capslip.contact.solvers.polonsky_keer import (
     Pressed,
     State,
     certified,
+    end_s,
     press,
     refuse_to_crush,
     solve,
@@ -30,6 +31,7 @@ def press_balanced(
     tolerance: float = 1e-7,
     start_tilt_rad: tuple[float, float] | None = None,
     start_Pa: np.ndarray | None = None,
+    time_limit_s: float = np.inf,
 ) -> Pressed:
     """Press a face with a load along a line of action, about which it turns into balance.
 
@@ -55,6 +57,8 @@ def press_balanced(
         change the way and not the answer.
     start_Pa : ndarray, shape (ny, nx), optional
         Pressures near the solution.
+    time_limit_s : float
+        Of the processor, for all of it, as in `press`.
 
     Returns
     -------
@@ -93,9 +97,10 @@ def press_balanced(
     refuse_to_crush(face, load_N)
     _refuse_to_tip_over(face, point_m)
     if stiffness == np.inf:
-        return press(face, load_N=load_N, tolerance=tolerance, start_Pa=start_Pa)
+        limits = {"tolerance": tolerance, "time_limit_s": time_limit_s}
+        return press(face, load_N=load_N, start_Pa=start_Pa, **limits)
     base_rad = start_tilt_rad or _level(face)
-    turned = _Turned(face.tilted(base_rad), load_N, tolerance, base_rad)
+    turned = _Turned(face.tilted(base_rad), load_N, tolerance, base_rad, end_s(time_limit_s))
     if stiffness == 0:
         state, iterations = turned.at(np.array(point_m), start_Pa)
         place_m = np.array(point_m)
@@ -119,13 +124,14 @@ class _Turned:
     load_N: float
     tolerance: float
     base_rad: tuple[float, float]
+    until_s: float  # on the clock of `process_time`
 
     def at(self, resultant_m: np.ndarray, start_Pa: np.ndarray | None) -> tuple[State, int]:
         """Return the state whose resultant acts at a place (x, y), and the steps to it."""
         total_Pa = self.load_N / self.face.pixel_area_m2
         place = float(resultant_m[0]), float(resultant_m[1])
         closing = GivenResultant(total_Pa, self.face.places_m, place)
-        return solve(self.face, closing, self.tolerance, start_Pa)
+        return solve(self.face, closing, self.tolerance, start_Pa, self.until_s)
 
     def tilt_rad(self, state: State) -> np.ndarray:
         """Return the slopes added to the map as it was given, shape (2,)."""

@@ -12,12 +12,13 @@ from capslip.contact.solvers.losses import (
     RIGID,
     Losses,
     RegionLosses,
+    apart,
     losses,
     rates_per_m,
     region_losses,
 )
 from capslip.contact.solvers.patches import PatchedFace, patched
-from capslip.contact.solvers.pixels import pixels_alone
+from capslip.contact.solvers.pixels import in_contact_alone, pixels_alone
 from capslip.contact.solvers.polonsky_keer import (
     ElasticFace,
     Pressed,
@@ -25,11 +26,12 @@ from capslip.contact.solvers.polonsky_keer import (
     punch_pressure_Pa_per_m,
 )
 from capslip.contact.solvers.refinement import refinement
+from capslip.contact.solvers.starts import Known, start_Pa
 from capslip.errors import ContactError
 from capslip.waiting import Waiting
 
 TOLERANCE = 0.003  # aimed at for the loss between the solved loads, of which 0.005 is asked
-MAX_SOLUTIONS = 40
+MAX_SOLUTIONS = 50
 _FIRST, _FEWEST = 9, 5  # solutions before the first look at the accuracy; where time is short
 _SMALLEST, _LARGEST = 0.007, 0.985  # their withdrawals, as shares of that of a single Hertz contact
 _UNSETTLED = 1e-3  # of the loss: the most that a solution may leave open
@@ -188,29 +190,31 @@ class _Path:
         region = pressed.region
         self.map, self.map_pressed, self.patches = face, pressed, None
         if on_patches:
-            self.patches = patched(face, region > 0, refinement(face, pressed))
-            if self.patches is None:
-                self.patches = pixels_alone(face, region > 0)
+            finer = refinement(face, pressed)
+            self.patches = patched(face, region > 0, finer)
+            if finer == 1:
+                self.patches = pixels_alone(face, region > 0, self.patches) or self.patches
         if self.patches is not None:
             face = self.patches
             pressed, region = _on_patches(self.patches, pressed, region)
-        self.face, self.pressed, self.tolerance = face, pressed, tolerance
-        self.contact = np.flatnonzero(pressed.pressure_Pa)
+        self.face, self.tolerance = in_contact_alone(face, pressed.pressure_Pa), tolerance
+        at = np.flatnonzero(pressed.pressure_Pa)
+        pressure_Pa, gap_m = pressed.pressure_Pa.reshape(-1)[at], pressed.gap_m.reshape(-1)[at]
+        self.pressed = pressed = replace(pressed, pressure_Pa=pressure_Pa, gap_m=gap_m)
         # A region may be gone where the solution is finer than that of the preload.
-        self.left, self.region = np.unique(region.flat[self.contact] - 1, return_inverse=True)
-        self.n_regions = len(self.left)
-        self.n_pixels = self._sums(np.ones(len(self.contact)))
-        self.pressure_Pa = pressed.pressure_Pa.flat[self.contact]
-        self.region_load_N = self._sums(self.pressure_Pa) * face.pixel_area_m2
+        self.left, self.region = np.unique(region.reshape(-1)[at] - 1, return_inverse=True)
+        self.n_regions, self.n_points = len(self.left), len(at)
+        self.n_pixels = self._sums(np.ones(self.n_points))
+        self.region_load_N = self._sums(pressure_Pa) * face.pixel_area_m2
         # Slopes of the withdrawals t_i, which the first solved load would give less well.
-        punch = punch_pressure_Pa_per_m(face, pressed).flat[self.contact]
-        stiffness = self._sums(punch) * face.pixel_area_m2
+        self.punch_Pa_per_m = punch_pressure_Pa_per_m(self.face, pressed)
+        stiffness = self._sums(self.punch_Pa_per_m) * face.pixel_area_m2
         self.stiffness_N_per_m = float(stiffness.sum())
         self.slope_per_m = stiffness / self.region_load_N / 1.5
         self.nodes: list[_Node] = []
 
     def _sums(self, values: np.ndarray) -> np.ndarray:
-        """Sum values at the pixels in contact over the regions."""
+        """Sum values at the points over the regions."""
         return np.bincount(self.region, weights=values, minlength=self.n_regions)
 
     def solve(self, odd: float) -> _Node:
@@ -218,21 +222,28 @@ class _Path:
         load_N = self.pressed.load_N * (1 + np.exp(odd)) ** -1.5
         # The loss is about t^3 / 8 of load times approach, to which the tolerance refers: a
         # solution that only fulfils the tolerance may not have moved the edges of the contacts.
-        t = 1 / (1 + np.exp(-odd))
-        tolerance = min(self.tolerance, max(_UNSETTLED * t**3 / 8, _FINEST))
+        # Nor from those of its neighbour, where that is near.
+        t, *others = 1 / (1 + np.exp(-np.array([odd, *(node.odd for node in self.nodes)])))
+        apart = min([t, *np.abs(np.subtract(others, t)).tolist()])
+        tolerance = min(self.tolerance, max(_UNSETTLED * apart**3 / 8, _FINEST))
         state = press(self.face, load_N=load_N, tolerance=tolerance, start_Pa=self._start(load_N))
         node = self._node(odd, state)
-        # A pixel that is about to let go may keep a wide gap under next to no pressure.
-        if tolerance > _FINEST and self._open_J(state) > _UNSETTLED * node.region_loss_J.sum():
-            start_Pa = state.pressure_Pa
-            state = press(self.face, load_N=load_N, tolerance=_FINEST, start_Pa=start_Pa)
+        # A pixel that is about to let go may keep a wide gap under next to no pressure, and a start
+        # that is good enough at once tells no more than the loads beside it.
+        open_J = self._open_J(state)
+        unsolved = (
+            state.certificate.iterations == 0 or open_J > _UNSETTLED * node.region_loss_J.sum()
+        )
+        if tolerance > _FINEST and unsolved:
+            near_Pa = state.pressure_Pa
+            state = press(self.face, load_N=load_N, tolerance=_FINEST, start_Pa=near_Pa)
             node = self._node(odd, state)
         self.nodes = sorted([*self.nodes, node], key=lambda each: each.withdrawal_m)
         return node
 
     def end(self) -> _Node:
         """Return the state without load, which needs no solution: the gaps are the depths."""
-        zero, depth_m = np.zeros(len(self.contact)), self.face.depth_m
+        zero, depth_m = np.zeros(self.n_points), self.face.depth_m
         return self._seen(np.inf, 0.0, self.pressed.approach_m, zero, depth_m)
 
     def rates_per_m(self, nodes: list[_Node]) -> np.ndarray:
@@ -254,44 +265,35 @@ class _Path:
         gap_m = sinking_m + patches.depth_m - preload.approach_m
         error = float(np.abs(gap_m - patches.gathered(preload.gap_m))[patches.measured].max())
         below = min(self.nodes, key=lambda node: abs(node.load_N / preload.load_N - 0.75))
-        pressure_Pa = np.zeros(patches.shape)
-        pressure_Pa[below.contact] = below.pressure_Pa
-        gap_m = self.map.half_space.sinking_m(patches.spread(pressure_Pa)) + self.map.depth_m
+        pressure_Pa = self.face.spread(self._known(below).pressure_Pa)
+        gap_m = self.map.half_space.sinking_m(pressure_Pa) + self.map.depth_m
         gap_m -= self.pressed.approach_m - below.withdrawal_m
         error = max(error, -float(np.min(gap_m, where=self.map.measured, initial=np.inf)))
         return error / preload.approach_m
 
     def _start(self, load_N: float) -> np.ndarray:
-        """Interpolate linearly between the solved loads around one."""
-        start = np.zeros(self.face.shape)
-        above_N, below_N = self.pressed.load_N, 0.0
-        above: _Node | None = None
-        below: _Node | None = None
-        for node in self.nodes:  # from the highest load down
-            if node.load_N >= load_N:
-                above, above_N = node, node.load_N
-            else:
-                below, below_N = node, node.load_N
-                break
-        share = (load_N - below_N) / (above_N - below_N)
-        if above is None:
-            start.flat[self.contact] = share * self.pressure_Pa
-        else:
-            start.flat[above.contact] = share * above.pressure_Pa
-        if below is not None:
-            start.flat[below.contact] += (1 - share) * below.pressure_Pa
-        return start
+        """Return pressures near those under a load, from the solved loads around it."""
+        k = sum(node.load_N >= load_N for node in self.nodes)
+        below = self._known(self.nodes[k] if k < len(self.nodes) else self.end())
+        preload = Known(0.0, self.pressed.pressure_Pa)
+        above = self._known(self.nodes[k - 1]) if k > 0 else preload
+        before = self._known(self.nodes[k - 2]) if k > 1 else preload
+        total_Pa = load_N / self.face.pixel_area_m2
+        return start_Pa(total_Pa, before if k > 0 else self.punch_Pa_per_m, above, below)
+
+    def _known(self, node: _Node) -> Known:
+        pressure_Pa = np.zeros(self.n_points)
+        pressure_Pa[node.contact] = node.pressure_Pa
+        return Known(node.withdrawal_m, pressure_Pa)
 
     def _open_J(self, state: Pressed) -> float:
         """Return the loss of the gaps that a solution leaves under pressure."""
-        pressure_Pa, gap_m = state.pressure_Pa.flat[self.contact], state.gap_m.flat[self.contact]
-        gone_Pa = np.where(pressure_Pa > 0, self.pressure_Pa - pressure_Pa, 0.0)
-        return abs(float(4 * gone_Pa @ gap_m * self.face.pixel_area_m2))
+        gone_Pa = np.where(state.pressure_Pa > 0, self.pressed.pressure_Pa - state.pressure_Pa, 0.0)
+        return abs(float(4 * gone_Pa @ state.gap_m * self.face.pixel_area_m2))
 
     def _node(self, odd: float, state: Pressed) -> _Node:
-        pressure_Pa = state.pressure_Pa.flat[self.contact]
         withdrawal_m = self.pressed.approach_m - state.approach_m
-        return self._seen(odd, state.load_N, withdrawal_m, pressure_Pa, state.gap_m, state)
+        return self._seen(odd, state.load_N, withdrawal_m, state.pressure_Pa, state.gap_m)
 
     def _seen(
         self,
@@ -300,20 +302,19 @@ class _Path:
         withdrawal_m: float,
         pressure_Pa: np.ndarray,
         gap_m: np.ndarray,
-        state: Pressed | None = None,
     ) -> _Node:
         """Integrate loads, losses and least gaps over the regions of the preload."""
         area_m2 = self.face.pixel_area_m2
-        gap_here_m = gap_m.flat[self.contact]
         # Complementarity makes the residual gaps in contact zero.
-        lost = self.pressure_Pa * np.where(pressure_Pa > 0, 0.0, np.maximum(gap_here_m, 0.0))
+        open_m = np.where(pressure_Pa > 0, 0.0, np.maximum(gap_m, 0.0))
+        lost = self.pressed.pressure_Pa * open_m
         loss_J = 4 * self._sums(lost) * area_m2
         left = self._sums(pressure_Pa == 0)
         perimeter = 2 * np.sqrt(np.pi * self.n_pixels)
         error_J = loss_J * _RING_ERROR * np.square(perimeter / np.maximum(left, 1))
         least_gap_m = np.full(len(loss_J), np.inf)
-        np.minimum.at(least_gap_m, self.region, gap_here_m)
-        contact = np.flatnonzero(state.pressure_Pa) if state is not None else self.contact[:0]
+        np.minimum.at(least_gap_m, self.region, gap_m)
+        contact = np.flatnonzero(pressure_Pa)
         return _Node(
             odd,
             load_N,
@@ -323,7 +324,7 @@ class _Path:
             np.maximum(least_gap_m, 0.0),
             float(np.linalg.norm(error_J) / loss_J.sum()) if loss_J.any() else np.inf,
             contact,
-            state.pressure_Pa.flat[contact] if state is not None else pressure_Pa[:0],
+            pressure_Pa[contact],
         )
 
 
@@ -343,6 +344,13 @@ def _on_patches(
 
 def _between(path: _Path) -> tuple[Losses | RegionLosses, list[_Interval], float]:
     """Return the better one of two ways to interpolate, its errors, and where pixels resolve it."""
+    ways, smallest_N = _ways(path)
+    found, intervals = min(ways, key=lambda way: max(way[1]))
+    return found, _with_steps(path, intervals), smallest_N
+
+
+def _ways(path: _Path) -> tuple[list[tuple[Losses | RegionLosses, list[_Interval]]], float]:
+    """Return the ways to interpolate, one or two, and from which load drop pixels resolve it."""
     nodes = [*path.nodes, path.end()]
     x_m = np.array([node.withdrawal_m for node in nodes])
     drop_N = path.pressed.load_N - np.array([node.load_N for node in nodes])
@@ -354,19 +362,17 @@ def _between(path: _Path) -> tuple[Losses | RegionLosses, list[_Interval], float
     # Places on a scale on which the loss is a power
     more = np.maximum(x_m / drop_N * path.stiffness_N_per_m - 1, RIGID)
     at = np.maximum.accumulate(np.log(more)) + 1e-9 * np.arange(len(x_m))
-    of_all = _intervals(path, of_face, carries, at)
+    ways: list[tuple[Losses | RegionLosses, list[_Interval]]]
+    ways = [(of_face, _intervals(path, of_face, carries, at))]
     # Regions follow from the loads that pixels resolve, and say nothing below the least of them.
     resolved_N = drop_N[trusted].min(initial=np.inf)
-    unlike = path.n_regions > min(_MOST_REGIONS, len(path.contact) / _LEAST_PIXELS)
-    if unlike or resolved_N > _SMALL_SLIP * path.pressed.load_N:
-        return of_face, _with_steps(path, of_all), smallest_N
-    rates = path.rates_per_m(nodes)
-    known = (x_m[trusted], rates[trusted], loss_J[trusted])
-    of_regions = region_losses(path.region_load_N, path.slope_per_m, *known)
-    of_each = _intervals(path, of_regions, trusted, at)
-    if max(of_each) < max(of_all):
-        return of_regions, _with_steps(path, of_each), smallest_N
-    return of_face, _with_steps(path, of_all), smallest_N
+    unlike = path.n_regions > min(_MOST_REGIONS, path.n_points / _LEAST_PIXELS)
+    if not unlike and resolved_N <= _SMALL_SLIP * path.pressed.load_N:
+        rates = path.rates_per_m(nodes)
+        known = (x_m[trusted], rates[trusted], loss_J[trusted])
+        of_regions = region_losses(path.region_load_N, path.slope_per_m, *known)
+        ways.append((of_regions, _intervals(path, of_regions, trusted, at)))
+    return ways, smallest_N
 
 
 def _where_trusted(drop_N: np.ndarray, pixel_error: np.ndarray) -> float:
@@ -471,6 +477,9 @@ def _tabulated(path: _Path, cut_short: bool) -> Unloading:
     ends_N = [drop_of[each.high] for each in intervals if each.error > _UNCERTAIN]
     smallest_N = max([smallest_N, *(end_N for end_N in ends_N if end_N <= least_N)])
     errors = [each.error for each, used in zip(intervals, asked, strict=True) if used]
+    if cut_short:  # what each way expects of itself is too little where loads are few
+        tables = [way.table() for way, _ in _ways(path)[0]]
+        errors.append(apart(tables[0], tables[-1], least_N))
     # In the approach of the map, which the preload has as well
     left = [(node.load_N, 1 - node.withdrawal_m / pressed.approach_m) for node in path.nodes]
     solved = np.array(sorted([*left, (pressed.load_N, 1.0)])) * (1, path.map_pressed.approach_m)

@@ -1,0 +1,115 @@
+"""Where the outlines of elliptic contacts lie: over one another, and over the edge of the map."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from capslip.caps.spheres import LONGEST
+from capslip.caps.table import CapTable
+from capslip.surface.heightmap import HeightMap
+
+POINTS = 128  # of an outline: closer than the width of the longest contact
+RINGS = np.sqrt((np.arange(4) + 0.5) / 4.0)  # of equal area, over the outline
+MEAN_STEPS = 6  # of the arithmetic-geometric mean, to rounding
+
+
+@dataclass(frozen=True)
+class Outlines:
+    """What the outlines of contacts say of them.
+
+    Attributes
+    ----------
+    crossing_pairs : int
+        Pairs of contacts that cross, and peaks without load inside a contact.
+    beyond_share : float
+        Share of the load whose part of the contact lies beyond the edge of the map.
+    """
+
+    crossing_pairs: int
+    beyond_share: float
+
+
+def outlines(
+    caps: CapTable, use: np.ndarray, load_N: np.ndarray, a_m: np.ndarray, surface: HeightMap
+) -> Outlines:
+    """Lay the ellipses of contacts on the map.
+
+    Parameters
+    ----------
+    caps : CapTable
+        Where no fit told the principal radii, contacts are circles.
+    use : bool, shape (n,)
+        Those of them that may carry.
+    load_N, a_m : float64, shape (m,)
+        Their loads, and the radii of the circles with which the caps carry them.
+    surface : HeightMap
+        The face.
+
+    Notes
+    -----
+    A cap of principal radii R1 >= R2 that carries N at the compression d has the table's radius
+    a^2 / d; its contact has the half-axes a / M and k a / M, where M is the arithmetic-geometric
+    mean of 1 and k, their ratio (Johnson 1985, Eqs. 4.24 and 4.30, with K = pi / 2 M). By
+    Eq. 4.28 k = (R2 / R1)^(2/3), too small by 5 % at R1 / R2 = 16.
+    """
+    carry = load_N > 0.0
+    at = np.flatnonzero(use)[carry]
+    known = np.isfinite(caps.radius_major_m * caps.radius_minor_m) & (caps.radius_minor_m > 0.0)
+    flat_m, steep_m = (
+        np.where(known, one_m, 1.0)[at] for one_m in (caps.radius_major_m, caps.radius_minor_m)
+    )
+    k = np.clip(flat_m / steep_m, 1.0, LONGEST) ** (-2.0 / 3.0)
+    long_m = a_m[carry] / _mean_with_one(k)
+    turn = np.where(known, caps.orientation_rad, 0.0)[at]
+    ellipses = np.stack((caps.x_m[at], caps.y_m[at], long_m, k * long_m, turn))
+    idle = np.flatnonzero(use)[~carry]
+    peaks_m = np.stack((caps.x_m[idle], caps.y_m[idle]))
+    among = sum(
+        _crosses(ellipses[:, i], ellipses[:, j]) for i, j in zip(*_near(ellipses), strict=True)
+    )
+    inside = sum(int(_is_inside(one, peaks_m).sum()) for one in ellipses.T)
+    share = np.array([_share_beyond(one, surface) for one in ellipses.T])
+    return Outlines(among + inside, float(share @ load_N[carry] / load_N[carry].sum()))
+
+
+def _mean_with_one(k: np.ndarray) -> np.ndarray:
+    """Return the arithmetic-geometric mean of 1 and k."""
+    one = np.ones_like(k)
+    for _ in range(MEAN_STEPS):
+        one, k = 0.5 * (one + k), np.sqrt(one * k)
+    return one
+
+
+def _near(ellipses: np.ndarray) -> tuple[np.ndarray, ...]:
+    """Return the pairs (i, j), i < j, of ellipses whose circles around them meet."""
+    x_m, y_m, long_m = ellipses[:3]
+    away_m = np.hypot(x_m[:, None] - x_m, y_m[:, None] - y_m)
+    return np.nonzero(np.triu(away_m < long_m[:, None] + long_m, 1))
+
+
+def _outline(ellipse: np.ndarray, part: float = 1.0) -> np.ndarray:
+    """Return places on an outline, shape (2, POINTS), or at a part of it from the middle."""
+    x_m, y_m, long_m, short_m, turn = ellipse
+    around = 2.0 * np.pi * np.arange(POINTS) / POINTS
+    u_m, v_m = part * long_m * np.cos(around), part * short_m * np.sin(around)
+    cos, sin = np.cos(turn), np.sin(turn)
+    return np.stack((x_m + cos * u_m - sin * v_m, y_m + sin * u_m + cos * v_m))
+
+
+def _is_inside(ellipse: np.ndarray, place_m: np.ndarray) -> np.ndarray:
+    x_m, y_m, long_m, short_m, turn = ellipse
+    dx_m, dy_m = place_m[0] - x_m, place_m[1] - y_m
+    cos, sin = np.cos(turn), np.sin(turn)
+    along, across = (cos * dx_m + sin * dy_m) / long_m, (cos * dy_m - sin * dx_m) / short_m
+    return np.asarray(along**2 + across**2 < 1.0)
+
+
+def _crosses(one: np.ndarray, other: np.ndarray) -> bool:
+    return bool(_is_inside(one, _outline(other)).any() or _is_inside(other, _outline(one)).any())
+
+
+def _share_beyond(ellipse: np.ndarray, surface: HeightMap) -> float:
+    """Return the share of an ellipse's area beyond the edge of the map."""
+    side_y_m, side_x_m = surface.side_m
+    x_m, y_m = np.concatenate([_outline(ellipse, part) for part in RINGS], axis=1)
+    return float(((x_m < 0.0) | (x_m > side_x_m) | (y_m < 0.0) | (y_m > side_y_m)).mean())

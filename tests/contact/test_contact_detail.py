@@ -1,0 +1,57 @@
+"""What the finest detail decides: nothing on smooth caps, and then the map is not pressed again."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from capslip.contact.models import boundary_elements as bem
+from capslip.contact.solvers import detail
+from capslip.studies.faces.synthetic import Cap, Scene, synthetic_surface
+
+E_STAR_PA, LOAD_N, TOLERANCE = 110e9, 200.0, 0.05
+CAPS = Scene(
+    (120, 180), (2e-4, 2e-4),
+    caps=(
+        Cap(6e-3, 6e-3, 20.0, 3e-7), Cap(30e-3, 6e-3, 22.0, 2.8e-7), Cap(18e-3, 18e-3, 24.0, 3e-7)
+    ),
+)  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def surface():
+    return synthetic_surface(CAPS)[0]
+
+
+def solved(surface):
+    curve = bem.boundary_elements(surface, E_STAR_PA, preload_N=LOAD_N, balanced=True)
+    curve.unloading(LOAD_N)
+    return curve
+
+
+def test_smooth_caps_are_not_pressed_again(surface, monkeypatch):
+    curve = solved(surface)
+    monkeypatch.setattr(detail, "press", None)
+    stated, problems = bem._error(curve, LOAD_N, TOLERANCE)
+    assert problems == ()
+    assert stated.stiffness == bem.LEAST_ERROR
+    assert stated.energy < TOLERANCE
+
+
+def test_noise_on_them_is_warned_and_its_error_stated(surface):
+    noise_m = np.random.default_rng(4).normal(0.0, 4e-8, surface.shape)
+    clean, noisy = solved(surface), solved(replace(surface, height_m=surface.height_m + noise_m))
+    stated, problems = bem._error(noisy, LOAD_N, TOLERANCE)
+    assert [one.code for one in problems] == ["detail_decides"]
+    was, now = (detail._loss_J(one.unloading(LOAD_N)) for one in (clean, noisy))
+    off = detail._relative(was, now).max()
+    assert TOLERANCE < off <= stated.energy
+
+
+def test_a_lost_point_on_a_contact_is_filled_and_looked_at(surface):
+    height_m = surface.height_m.copy()
+    height_m[30, 30] = np.nan
+    curve = solved(replace(surface, height_m=height_m))
+    first = curve.first
+    assert detail._smoothed(first.face).measured.all()
+    assert not detail._hardly_moves(first, detail._smoothed(first.face))

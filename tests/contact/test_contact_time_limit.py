@@ -1,0 +1,129 @@
+"""contact.time_limit_s: it bounds every solution, counts for each preload, and leaves an error."""
+
+import numpy as np
+import pytest
+from scipy.ndimage import gaussian_filter
+
+from capslip import analyze, load_settings
+from capslip.contact.models import boundary_elements as model
+from capslip.contact.solvers import polonsky_keer, solutions
+from capslip.contact.solvers.polonsky_keer import elastic_face, press
+from capslip.contact.solvers.tilting import press_balanced
+from capslip.errors import OutOfTimeError
+from capslip.surface.heightmap import HeightMap
+
+E = 110e9
+LOAD_N = 200.0
+LATE = "contact.time_limit_s=12"  # by the clock below
+SHARES = np.array([0.1, 0.25, 0.5, 0.75])
+
+
+def wavy(seed=1, shape=(64, 72)):
+    height_m = gaussian_filter(np.random.default_rng(seed).standard_normal(shape), 5.0)
+    return HeightMap(4e-7 * height_m / height_m.std(), (1e-4, 1e-4))
+
+
+class Ticking:
+    """A clock on which every look takes the same time."""
+
+    def __init__(self, step_s):
+        self.step_s, self.looks = step_s, 0
+
+    def __call__(self):
+        self.looks += 1
+        return self.step_s * self.looks
+
+
+@pytest.fixture
+def slow(monkeypatch):
+    """Let every iteration take two seconds of the processor."""
+    clock = Ticking(2.0)
+    monkeypatch.setattr(polonsky_keer, "process_time", clock)
+    return clock
+
+
+@pytest.mark.parametrize("solve", [press, press_balanced])
+@pytest.mark.parametrize(("limit_s", "most"), [(1e-3, 5.0), (12.0, 12.0)])
+def test_a_solution_is_given_up_when_its_time_is_over(solve, limit_s, most, slow):
+    with pytest.raises(OutOfTimeError, match=r"contact\.time_limit_s was over; allow more"):
+        solve(elastic_face(wavy(), E), load_N=LOAD_N, time_limit_s=limit_s)
+    assert slow.looks * slow.step_s == pytest.approx(most, abs=2 * slow.step_s)
+
+
+def test_a_limit_that_is_not_reached_changes_nothing(slow):
+    found = press(elastic_face(wavy(), E), load_N=LOAD_N, time_limit_s=1e4)
+    free = press(elastic_face(wavy(), E), load_N=LOAD_N)
+    assert np.array_equal(found.pressure_Pa, free.pressure_Pa)
+
+
+def test_caps_stand_in_for_a_map_that_takes_too_long_and_say_so(slow):
+    given = (f"contact.preload_N={LOAD_N}", "run.sensitivity=false", LATE)
+    found = analyze(wavy(), load_settings(overrides=given))
+    assert found.contact.rung.made_from == "spheres"
+    said = {p.code: p for p in found.problems if p.severity == "warning"}
+    assert "when contact.time_limit_s was over" in said["boundary_elements_needed"].message
+
+
+def test_boundary_elements_that_are_asked_for_fail_when_their_time_is_over(slow):
+    given = (f"contact.preload_N={LOAD_N}", "contact.model=boundary_elements", LATE)
+    found = analyze(wavy(), load_settings(overrides=given))
+    assert found.summary()["status"] == "failed"
+    said = {p.code: p for p in found.problems if p.severity == "error"}
+    assert "when contact.time_limit_s was over" in said["contact_failed"].message
+
+
+def test_the_limit_counts_for_each_preload(monkeypatch):
+    """What the first one took is gone for it, whatever happens in between, and for it alone."""
+    clock = Ticking(1.0)
+    monkeypatch.setattr(solutions, "process_time", clock)
+    monkeypatch.setattr(model, "process_time", clock)
+    limit = {"time_limit_s": 60.0}
+    curve = model.boundary_elements(wavy(), E, preload_N=LOAD_N, balanced=True, **limit)
+    found = curve.solutions
+    assert found.left_s(LOAD_N) == 59.0
+    curve.unloading(LOAD_N)
+    assert found.left_s(LOAD_N) == 58.0
+    clock.looks += 1000
+    assert found.left_s(LOAD_N) == 58.0
+    assert found.left_s(0.9 * LOAD_N) == 60.0
+    curve.pressed(0.9 * LOAD_N)
+    assert (found.left_s(0.9 * LOAD_N), found.left_s(LOAD_N)) == (59.0, 58.0)
+
+
+@pytest.mark.parametrize("seed", [1, 2, 3])
+def test_a_curve_that_is_cut_short_has_an_error_that_holds(seed):
+    full, short = (
+        model.boundary_elements(wavy(seed), E, time_limit_s=limit_s) for limit_s in (np.inf, 1e-9)
+    )
+    assert short.unloading(LOAD_N).cut_short
+    assert not full.unloading(LOAD_N).cut_short
+    errors, said = model.RUNG.error(short, LOAD_N, 0.05)
+    assert errors.energy == max(short.unloading(LOAD_N).loss_error, model.LEAST_ERROR)
+    truth_J, found_J = (
+        one.loss_integral_at_drop_J(float(one.approach_m(LOAD_N)), SHARES * LOAD_N)
+        for one in (full, short)
+    )
+    assert (np.abs(found_J / truth_J - 1) < errors.energy).all()
+    assert {p.code for p in said} <= {"loss_between_loads"}
+    assert "time_limit_reached" in {p.code for p in short.problems(LOAD_N)}
+
+
+def test_detail_that_is_out_of_time_is_a_warning_and_leaves_the_error_between_loads(monkeypatch):
+    def late(*given, **more):
+        raise OutOfTimeError("late")
+
+    monkeypatch.setattr(model, "effect_of_detail", late)
+    curve = model.boundary_elements(wavy(), E, time_limit_s=60.0)
+    errors, said = model.RUNG.error(curve, LOAD_N, 0.05)
+    assert errors.energy == max(curve.unloading(LOAD_N).loss_error, model.LEAST_ERROR)
+    assert [p.code for p in said] == ["time_limit_reached"]
+    assert "60 s was over before" in said[0].message
+
+
+def test_an_analysis_that_is_cut_short_has_an_interval():
+    given = ("contact.model=boundary_elements", "contact.time_limit_s=1e-3")
+    settings = load_settings(overrides=(f"contact.preload_N={LOAD_N}", *given))
+    summary = analyze(wavy(), settings).summary()
+    assert "time_limit_reached" in {p["code"] for p in summary["problems"]}
+    assert summary["accuracy"]["estimated"] > 0.0
+    assert summary["answer"]["interval"]["energy_J"][1] > summary["answer"]["energy_J"] > 0.0
