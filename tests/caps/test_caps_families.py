@@ -546,6 +546,16 @@ def test_the_slope_of_families_is_not_that_of_caps_without_apex():
     assert np.abs(tilted).max() > 1e-6
 
 
+def test_the_slope_of_families_is_not_that_of_a_few_spread_peaks():
+    rng = np.random.default_rng(4)
+    x_m, y_m = rng.uniform(0.0, 0.06, 26), rng.uniform(0.0, 0.04, 26)
+    peak_m = 3e-6 * x_m - 7e-6 * y_m + 1e-9 * rng.standard_normal(26)
+    peak_m += np.repeat((1e-6, 1.1e-6, 1.2e-6, 2.4e-7, 0.0), (1, 1, 1, 5, 18))
+    slope, _, count = surface_of_families(table(peak_m, x_m=x_m, y_m=y_m), (0.0, 0.0))
+    assert slope == pytest.approx([3e-6, -7e-6], abs=1e-7)  # 1 nm over 23 caps: 2e-8
+    assert count == 3
+
+
 @pytest.mark.parametrize(("n", "turns"), [(4, False), (5, True), (12, True)])
 def test_peaks_are_levels_on_their_own_plane_from_five_caps_on(n, turns):
     rng = np.random.default_rng(8)

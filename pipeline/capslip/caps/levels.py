@@ -174,14 +174,14 @@ def _bow(
     return bow if evidence - clusters.log_evidence.max() >= BOW_ODDS else none
 
 
-def _on_planes(scaled: "_Scaled") -> tuple[Clusters, np.ndarray]:
-    """Return the splits into families on parallel planes, and the slopes of these."""
+def _on_planes(scaled: "_Scaled", most: int = MAX_CLUSTERS) -> tuple[Clusters, np.ndarray]:
+    """Return the splits into families on parallel planes, `most` of them, and their slopes."""
     n = len(scaled.z)
     log_factorial = np.append(0.0, np.cumsum(np.log(np.arange(1.0, n + 1.0))))
     planes = scaled.starts()
     slopes, sizes, evidence = [np.zeros(2)], [np.array([n])], []
     evidence.append(scaled.log_evidence_of_one(log_factorial))
-    for count in range(2, min(MAX_CLUSTERS, n - 3) + 1):
+    for count in range(2, min(most, n - 3) + 1):
         slope, split = scaled.best(planes, count)
         rank = np.argsort(scaled.z - scaled.place @ slope, kind="stable")
         low = np.arange(1, n)
@@ -219,7 +219,7 @@ def _split_again(
         split, plane = one_cluster(len(own)), np.zeros(2)
         alone = _Scaled.of(scaled.place[own], scaled.z[own])
         if alone is not None and alone.height >= LEAST_RANGE:
-            found, own_slopes = _on_planes(alone)
+            found, own_slopes = _on_planes(alone, most=2)
             plane = alone.in_metres(own_slopes)[min(1, len(own_slopes) - 1)]
             above = (scaled.z - scaled.place @ plane) * (1.0 if own is parts[1] else -1.0)
             split = found if above[own].min() > above[other].max() else split
