@@ -11,6 +11,7 @@ import os
 import pickle
 import queue
 import shlex
+import shutil
 import signal
 import subprocess
 import sys
@@ -128,7 +129,7 @@ def jobs_of(wanted: Cluster) -> Any:
     Raises
     ------
     SettingsError
-        If dask-jobqueue is not installed.
+        If dask-jobqueue is not installed, or the command that submits jobs is not there.
     """
     try:
         from dask_jobqueue.pbs import PBSCluster
@@ -137,9 +138,16 @@ def jobs_of(wanted: Cluster) -> Any:
         raise SettingsError(
             "run.cluster: needs the package dask-jobqueue; pip install 'capslip[fleet]'"
         ) from error
-    systems = {"slurm": SLURMCluster, "pbs": PBSCluster}
+    system, submit = {"slurm": (SLURMCluster, "sbatch"), "pbs": (PBSCluster, "qsub")}[
+        wanted.system or ""
+    ]
+    if shutil.which(submit) is None:  # else it would wait for jobs for ever
+        raise SettingsError(
+            f"run.cluster.system: got {wanted.system!r}; {submit} is not on the path; start the "
+            "batch where jobs are submitted"
+        )
     minutes, seconds = divmod(round(wanted.time_s), 60)
-    return systems[wanted.system or ""](
+    return system(
         cores=wanted.processes,
         processes=wanted.processes,  # one thread each, whose calls run in a child
         memory=f"{round(1e9 * wanted.memory_GB)}B",

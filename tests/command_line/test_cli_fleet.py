@@ -177,8 +177,9 @@ JOBS = ("jobs=2", "processes=1", "memory_GB=4.294967296", "time_s=5400")
         ("pbs", ("#PBS -l select=1:ncpus=1:mem=4096MB", "#PBS -l walltime=01:30:00", "#PBS -A p1")),
     ],
 )
-def test_the_script_of_a_job_says_what_the_settings_say(system, lines):
+def test_the_script_of_a_job_says_what_the_settings_say(system, lines, monkeypatch):
     pytest.importorskip("dask_jobqueue")
+    monkeypatch.setattr(shutil, "which", lambda name: f"/bin/{name}")
     texts = (f"system={system}", *JOBS, 'directives=["-A p1"]')
     settings = load_settings(overrides=tuple(f"run.cluster.{text}" for text in texts))
     with closing(jobs_of(settings.run.cluster)) as jobs:
@@ -216,10 +217,19 @@ def test_jobs_of_a_batch_system_make_the_same_table_and_end_with_it(
 
 
 def test_a_cluster_without_its_library_is_named(scans, tmp_path, monkeypatch):
-    monkeypatch.setitem(sys.modules, "dask_jobqueue", None)
+    for name in ("dask_jobqueue", "dask_jobqueue.pbs"):
+        monkeypatch.setitem(sys.modules, name, None)
     ran = run(scans, "-o", tmp_path / "out", "--set", "run.cluster.system=slurm")
     assert ran.exit_code == 2
     assert "needs the package dask-jobqueue" in ran.stderr
+
+
+def test_a_machine_that_submits_no_jobs_is_named(scans, tmp_path, monkeypatch):
+    pytest.importorskip("dask_jobqueue")
+    monkeypatch.setenv("PATH", str(tmp_path))
+    ran = run(scans, "-o", tmp_path / "out", "--set", "run.cluster.system=slurm")
+    assert ran.exit_code == 2
+    assert "sbatch is not on the path" in ran.stderr
 
 
 def test_a_scheduler_that_ends_is_named_and_what_is_done_stays(many, many_undisturbed, tmp_path):
