@@ -17,11 +17,12 @@ import pytest
 from click.testing import CliRunner
 from scipy.ndimage import gaussian_filter
 
-from capslip.analysis import analyze, analyze_once
+from capslip.analysis import _with_band, analyze, analyze_once
 from capslip.cli import main
 from capslip.options import MODELS
 from capslip.problems import KINDS, Problem, warnings_page
 from capslip.settings import Settings, load_settings
+from capslip.stages import Clock
 from capslip.surface.heightmap import HeightMap
 from capslip.surface.readers import load_surface
 from scenes import PROJECT, caps_map
@@ -432,6 +433,18 @@ def test_a_problem_is_said_where_its_cause_is(row):
 def test_a_problem_is_not_said_where_its_cause_is_taken_away(row):
     found = analysis(row.silent, row.swept)
     assert row.code not in {problem.code for problem in found.problems}
+
+
+def test_the_interval_names_the_warnings_that_it_does_not_hold():
+    """A bow that decides would be another face; what detail decides is in the error of the map."""
+
+    def left_out(scene):
+        return _with_band(analysis(scene, False), Clock()).band.left_out
+
+    assert "what bow_left moves" in left_out("bowed levelled")
+    assert left_out("bowed levelled loosely") == ()
+    assert "detail_decides" in {one.code for one in analysis("noisy in-time", False).problems}
+    assert not any("detail" in one for one in left_out("noisy in-time"))
 
 
 def test_no_tilt_or_bow_decides_what_touches_on_a_flat_interface():

@@ -31,6 +31,8 @@ from capslip.surface.heightmap import HeightMap
 R = TypeVar("R", bound=JointResult)
 
 GIVEN = ("m", "n", "radius_G_m", "radius_P_m", "h_m", "approach_m")  # of families, without a scan
+# Warnings whose effect is in the error of the model
+OF_THE_MODEL = ("detail_decides", "loss_between_loads", "time_limit_reached")
 ASKED_OF_THE_JOINT = ("beyond_gross_slip", "not_lightly_damped", "peak_at_gross_slip")
 
 
@@ -231,9 +233,16 @@ def _with_band(found: R, clock: Clock) -> R:
     if found.damping is None:
         return found
     with clock("band"):
-        return replace(
-            found, band=band_of(found.answer, found.parts, found.damping, found.settings)
-        )
+        band = band_of(found.answer, found.parts, found.damping, found.settings)
+    if band is not None:
+        band = replace(band, left_out=(*band.left_out, *_open(found.problems)))
+    return replace(found, band=band)
+
+
+def _open(problems: Sequence[Problem]) -> tuple[str, ...]:
+    """Name the warnings whose effect no input of the interval holds: another face may be meant."""
+    warned = (one for one in problems if one.severity == "warning" and one.effect is not None)
+    return tuple(f"what {one.code} moves" for one in warned if one.code not in OF_THE_MODEL)
 
 
 def _now() -> str:

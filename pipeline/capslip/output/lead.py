@@ -36,7 +36,7 @@ NO_INTERVAL = (
     "no interval: the error of the model is not known, it cannot carry each preload that may be, "
     "or the normal load oscillates"
 )
-LEFT_OUT = "; not in it, as not known: {0}"
+LEFT_OUT = "; not in it: {0}"
 JOINT = "preload {preload_N:4}"
 PRESSURE = " on {joint_area_m2}: {nominal_pressure_Pa} nominal"
 COVERAGE = "; scan {coverage} of it, resultant {off_m} off the load point"
@@ -128,8 +128,12 @@ def effect_text(problem: dict[str, Any]) -> str:
 def moved_by(problem: dict[str, Any]) -> str:
     """Return by how much a problem moves the numbers; nothing where that was not measured."""
     moved = [
-        f"{MOVED[name]} by {100.0 * value:.2g} %"
+        f"{MOVED[name]} by {_two_digits(100.0 * value)} %"
         for name, value in (problem["effect"] or {}).items()
         if value is not None
     ]
     return f"moves {', '.join(moved)}" if moved else ""
+
+
+def _two_digits(value: float) -> str:
+    return f"{value:.0f}" if value >= 99.5 else f"{value:.2g}"
