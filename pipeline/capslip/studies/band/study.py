@@ -56,7 +56,7 @@ def held(
     for repeat in range(repeats):
         noise = np.random.default_rng([seed, repeat]).normal(0.0, noise_m, face.shape)
         analysis = analyze(replace(face, height_m=face.height_m + noise), settings)
-        if analysis.band is None or analysis.band.left_out:
+        if analysis.band is None or analysis.contact is None or analysis.contact.errors is None:
             continue
         found = np.array([getattr(analysis.answer, name) for name in NUMBERS])
         low, high = np.array([analysis.band.interval[name] for name in NUMBERS]).T
