@@ -9,8 +9,8 @@ import numpy as np
 # Variance of the means over that within, before the numbers are seen, and its odds
 WIDTH_RATIOS2 = ((50.0, 4 / 7), (5e3, 2 / 7), (5e5, 1 / 7))
 MAX_CLUSTERS = 4
-CLEAR = 5.0  # spreads between clusters that leave no doubt
-LOG_ODDS = 3.0  # 20 to 1
+CLEAR_SEPARATION = 5.0  # spreads between clusters that leave no doubt
+CLEAR_LOG_ODDS = 3.0  # 20 to 1
 LEAST_RANGE = 1e-3  # of that of all numbers: less in a cluster is rounding
 LEAST_INSIDE = 5  # numbers of a cluster that may be two: fewer fix no width of their own
 MAX_EDGES = 400  # places to cut that three clusters and more are searched over
@@ -109,7 +109,7 @@ def split_inside(found: Clusters, inside: Sequence[Clusters]) -> tuple[Clusters,
             continue
         gain = float(part.log_evidence[1] - part.log_evidence[0]) - math.log(2.0)
         apart = min(float(found.separation[1]), float(part.separation[1]))
-        if gain < LOG_ODDS or apart < min(separation[2], CLEAR):
+        if gain < CLEAR_LOG_ODDS or apart < min(separation[2], CLEAR_SEPARATION):
             continue
         if evidence[2] >= found.log_evidence[1] + gain:
             continue

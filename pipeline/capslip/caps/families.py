@@ -5,14 +5,12 @@ from typing import Literal
 
 import numpy as np
 
-from capslip.caps.clusters import Clusters, cluster
+from capslip.caps.clusters import CLEAR_LOG_ODDS, CLEAR_SEPARATION, Clusters, cluster
 from capslip.caps.levels import LEAST_CAPS, Levels, find_levels
 from capslip.caps.table import CapFlag, CapTable
 
 Feature = Literal["peak_height", "cap_height", "diameter", "radius"]
 MIN_SEPARATION = 4.0  # pooled spreads; nearer, one cap in forty is on the wrong side
-CLEAR_SEPARATION = 5.0
-CLEAR_LOG_ODDS = 3.0  # 20 to 1
 CLEAR_OVER_FIT = 3.0  # standard errors of h by the fits
 ALIKE_LEVEL = 0.01  # of the chi-square test that the peaks are equally high
 ODD = CapFlag.outlier | CapFlag.ridge | CapFlag.apex_off_surface  # their heights fix no plane

@@ -14,9 +14,9 @@ from itertools import combinations
 import numpy as np
 
 from capslip.caps.clusters import (
-    CLEAR,
+    CLEAR_LOG_ODDS,
+    CLEAR_SEPARATION,
     LEAST_RANGE,
-    LOG_ODDS,
     MAX_CLUSTERS,
     WIDTH_RATIOS2,
     Clusters,
@@ -135,7 +135,9 @@ def _clear(clusters: Clusters) -> bool:
     """Tell whether planes show two families or more without doubt."""
     evidence, separation = clusters.log_evidence, clusters.separation
     best = int(np.argmax(evidence))
-    return best > 0 and bool(separation[best] >= CLEAR and evidence[best] > evidence[0] + LOG_ODDS)
+    return best > 0 and bool(
+        separation[best] >= CLEAR_SEPARATION and evidence[best] > evidence[0] + CLEAR_LOG_ODDS
+    )
 
 
 def _bow(
