@@ -106,26 +106,25 @@ def with_effects(
     face, tolerance = _Face(conditioned.surface, settings), settings.contact.tolerance
     asked = {one.code for one in problems if _is_asked(one, conditioned)}
     effects: dict[str, Effect | None] = {}
-    by_map = None
+    how = dict.fromkeys(asked, "estimated by caps")
     if "bow_left" in asked and model is not None and model.made_from == "map":
         by_map = _effect_of_bow(model, peaks, face)
-    if by_map is not None:
-        asked.remove("bow_left")
+        if by_map is not None:
+            asked.remove("bow_left")
+            effects["bow_left"], how["bow_left"] = by_map, "on the map, coarsened"
     if asked:
         try:
             before = face.answers(caps)
             trials = _Trials(face, caps, peaks, conditioned)
-            effects = {code: _effect(trials, code, before) for code in asked}
+            effects |= {code: _effect(trials, code, before) for code in asked}
         except CapslipError:
             pass  # what cannot be pressed has no effect, and stays as it is
-    found = []
-    for one in problems:
-        if by_map is not None and one.code == "bow_left" and _is_asked(one, conditioned):
-            one = _as_severe(one, by_map, tolerance, "on the map, coarsened")
-        elif _is_asked(one, conditioned):
-            one = _as_severe(one, effects.get(one.code), tolerance, "estimated by caps")
-        found.append(one)
-    return found
+    return [
+        _as_severe(one, effects.get(one.code), tolerance, how[one.code])
+        if _is_asked(one, conditioned)
+        else one
+        for one in problems
+    ]
 
 
 def _effect_of_bow(model: Rung[Any], peaks: CapTable, face: _Face) -> Effect | None:
