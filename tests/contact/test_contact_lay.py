@@ -152,7 +152,7 @@ def test_caps_along_x_have_the_kappa_of_their_ellipse(ratio):
     normal_N_per_m = none.slip.tangential_stiffness_N_per_m * STEEL.kappa
     tangential_N_per_m = along.slip.tangential_stiffness_N_per_m
     assert tangential_N_per_m * along.slip.kappa == pytest.approx(normal_N_per_m, rel=1e-12)
-    assert law(along.contact, along.joint, MU).kappa == along.slip.kappa
+    assert law(along.parts, MU).kappa == along.slip.kappa
     # W at given force goes with kappa
     force_N = 0.25 * none.slip.total_slip_force_N
     energies = [one.slip.energy_at_force_J(force_N) for one in (none, along)]

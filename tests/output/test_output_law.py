@@ -14,16 +14,23 @@ import numpy as np
 import pytest
 
 import capslip
-from capslip.analysis import analyze_once
+from capslip.analysis import analyze_once, analyze_scans
 from capslip.contact.joint import ScaledCurve
 from capslip.contact.slip import slip_curve
 from capslip.errors import ContactError
+from capslip.output.export import export_named
 from capslip.output.exports.law import DECKS, EXPORT, FILES, UNITS
 from capslip.problems import Problem
 from capslip.settings import Settings
 from capslip.structure.interpolation import tables_of
+from scenes import caps_map
 
 FACE = Path(__file__).parents[2] / "sample_surfaces" / "paper_face_a.h5"
+CAPS = [
+    (4e-3 + 8e-3 * j, 4e-3 + 8e-3 * i, 4.0, -1e-8 * (i + j)) for i in range(3) for j in range(3)
+]
+FLATTER = [(x, y, 9.0, 3.0 * peak) for x, y, _, peak in CAPS[:6]]
+AND = ("", "_scatter")  # of a name, the column of its mean and that of its scatter
 DATA = re.compile(r"^[\d.e+-]+(?:, [\d.e+-]+)*$")
 
 
@@ -130,6 +137,106 @@ def test_sliders_sum_to_the_backbone(written):
         np.testing.assert_allclose(loss, slip.energy_J(delta), rtol=1.1 * stated)
 
 
+@pytest.fixture(scope="module")
+def of_two(tmp_path_factory):
+    """Two scans of one joint, the second of which is smaller, and their law."""
+    faces = caps_map(CAPS, (240, 240)), caps_map(FLATTER, (160, 240))
+    overrides = ("contact.model=caps", "joint.area_m2=0.01", "contact.preload_N=1e4")
+    joint = analyze_scans(faces, capslip.load_settings(overrides=overrides))
+    folder = tmp_path_factory.mktemp("two")
+    EXPORT.write(joint, folder)
+    return joint, folder
+
+
+def test_the_law_of_two_scans_is_the_mean_of_their_own_made_by_hand(of_two):
+    joint, folder = of_two
+    about, law = table(folder / "law.csv")
+    assert "mean of 2 scans by their areas" in about
+    assert "scatter" in about
+    names = ("normal_stiffness", "tangential_stiffness", "shear", "loss")
+    for p in np.unique(law["pressure_Pa"])[::8]:
+        here = law["pressure_Pa"] == p
+        delta = law["displacement_m"][here]
+        found = []
+        for scan in joint.scans:
+            slip = slip_at(scan, p)
+            k_n = float(slip.curve.stiffness_N_per_m(slip.approach_m))
+            found.append((k_n, k_n / slip.kappa, slip.force_N(delta), slip.energy_J(delta)))
+        for name, one, two in zip(names, *found, strict=True):
+            column, scatter = (next(of for of in law if of.startswith(name + more)) for more in AND)
+            np.testing.assert_allclose(law[column][here], 0.6 * one + 0.4 * two, rtol=1e-7)
+            off = np.abs(one - two) / np.sqrt(2.0)
+            np.testing.assert_allclose(law[scatter][here], off, rtol=1e-5, atol=1e-9 * np.max(one))
+    at = np.isclose(law["pressure_Pa"], 1e6, rtol=1e-9)
+    delta = law["displacement_m"][at]
+    np.testing.assert_allclose(law["shear_Pa"][at] * 0.01, joint.slip.force_N(delta), rtol=1e-7)
+    loss = law["loss_J_per_m2"][at] * 0.01
+    np.testing.assert_allclose(loss, joint.slip.energy_J(delta), rtol=1e-7)
+
+
+def test_the_law_of_two_scans_reads_back_from_every_file(of_two):
+    joint, folder = of_two
+    _, law = table(folder / "law.csv")
+    document = json.loads((folder / "law.json").read_text(encoding="utf-8"))
+    with h5py.File(folder / "law.h5") as file:
+        assert document["scans"] == file.attrs["scans"] == 2
+        for name in ("shear_Pa", "shear_scatter_Pa", "loss_J_per_m2", "loss_scatter_J_per_m2"):
+            np.testing.assert_array_equal(np.ravel(document[name]), law[name])
+            np.testing.assert_array_equal(np.ravel(file[name]), law[name])
+            assert file[name].attrs["unit"] == document["units"][name]
+        of_p = "normal_stiffness_scatter_Pa_per_m"
+        np.testing.assert_array_equal(document[of_p], file[of_p])
+    stated = [
+        float(one) / 100
+        for one in re.findall(r"([\d.]+)% of (?:tau|w)", " ".join(document["about"]))
+    ]
+    tables = tables_of(document)
+    p = joint.joint.nominal_pressure_Pa
+    for other in (p, 0.37 * p, 0.013 * p):
+        slips = [slip_at(scan, other) for scan in joint.scans]
+        delta = np.linspace(0.05, 1.2, 30) * slips[0].total_slip_displacement_m
+        tau, w = (
+            sum(s * getattr(slip, of)(delta) for s, slip in zip((0.6, 0.4), slips, strict=True))
+            for of in ("force_N", "energy_J")
+        )
+        asked = tau >= 0.1 * 0.2 * other
+        np.testing.assert_allclose(tables.shear_Pa(delta, other)[asked], tau[asked], rtol=stated[0])
+        loss = tables.loss_J_per_m2(delta, other)[asked]
+        np.testing.assert_allclose(loss, w[asked], rtol=stated[1])
+
+
+def test_the_sliders_of_two_scans_read_back(of_two, tmp_path):
+    """Those of the law at a pressure, and those of the joint, which are these times its area."""
+    joint, folder = of_two
+    export_named("jenkins").write(joint, tmp_path)
+    _, sliders = table(folder / "law_jenkins.csv")
+    _, whole = table(tmp_path / "jenkins.csv")
+    at = np.isclose(sliders["pressure_Pa"], 1e6, rtol=1e-9)
+    per_area = sliders["slider_stiffness_Pa_per_m"][at], sliders["slider_shear_Pa"][at]
+    of_joint = whole["stiffness_N_per_m"], whole["slip_force_N"]
+    delta = np.geomspace(0.01, 2.0, 40) * joint.slip.total_slip_displacement_m
+    for (k, limit), area_m2, error in ((per_area, 0.01, 0.02), (of_joint, 1.0, 0.01)):
+        force = area_m2 * np.minimum(k * delta[:, None], limit).sum(axis=1)
+        loss = area_m2 * (4 * limit * np.maximum(delta[:, None] - limit / k, 0)).sum(axis=1)
+        np.testing.assert_allclose(force, joint.slip.force_N(delta), rtol=error / 4)
+        np.testing.assert_allclose(loss, joint.slip.energy_J(delta), rtol=1.1 * error)
+
+
+@pytest.mark.parametrize("program", DECKS)
+def test_the_cards_of_two_scans_are_the_joint_below_its_pressure(of_two, program):
+    joint, folder = of_two
+    lines = (folder / DECKS[program]).read_text(encoding="utf-8").splitlines()
+    rows = [line.split(",") for line in lines if DATA.match(line)]
+    p, d = np.array(rows[:-1], dtype=float).T
+    assert (p[0], d[0]) == (0.0, 0.0)
+    assert p[-1] == pytest.approx(1e6, rel=1e-9)
+    assert (np.diff(p) > 0).all()
+    assert (np.diff(d) > 0).all()
+    curve, at = joint.slip.curve, joint.slip.approach_m
+    drop_N = curve.load_drop_N(at, d[-1] - d)
+    np.testing.assert_allclose(p[-1] - p, drop_N / 0.01, rtol=1e-6, atol=1.0)
+
+
 @pytest.mark.parametrize("program", DECKS)
 def test_the_cards_hold_the_curve(written, program):
     analysis, folder = written
@@ -167,7 +274,7 @@ BLOCKS = """*NODE, NSET=ALL
 2,11,12,13,14,15,16,17,18
 *MATERIAL, NAME=STIFF
 *ELASTIC
-1e14,0.
+1e15,0.
 *SOLID SECTION, ELSET=BOTH, MATERIAL=STIFF
 *SURFACE, NAME=BELOW
 1,S2
@@ -196,11 +303,12 @@ RF
 """
 
 
-def test_calculix_presses_and_shears_two_blocks(written, tmp_path):
+@pytest.mark.parametrize("of", ["written", "of_two"])
+def test_calculix_presses_and_shears_two_blocks(of, request, tmp_path):
     """Two stiff blocks of 10 mm: the table by straight lines, then the stick slope."""
     if shutil.which("ccx") is None:
         pytest.skip("CalculiX (ccx) is not installed: the cards were parsed, not run")
-    analysis, folder = written
+    result, folder = request.getfixturevalue(of)
     shutil.copy(folder / "law_calculix.inp", tmp_path)
     side, corners = 0.01, ((0, 0), (1, 0), (1, 1), (0, 1))
     heights = ((0, 0.0), (4, side), (10, side), (14, 2 * side))
@@ -219,7 +327,7 @@ def test_calculix_presses_and_shears_two_blocks(written, tmp_path):
     rows = re.findall(r"^ +(\S+) +(\S+) +(\S+)$", (tmp_path / "two.dat").read_text(), re.MULTILINE)
     pressed, sheared = (np.array(row, dtype=float) / side**2 for row in rows)
     assert -pressed[2] == pytest.approx(np.interp(closure, d, p), rel=1e-3)
-    k_t = slip_at(analysis, analysis.joint.nominal_pressure_Pa).tangential_stiffness_N_per_m
+    k_t = result.slip.tangential_stiffness_N_per_m / result.joint.area_m2
     assert sheared[0] == pytest.approx(k_t * slip, rel=3e-3)
     assert sheared[0] < 0.2 * -pressed[2]  # it sticks
 

@@ -54,18 +54,16 @@ def test_grey_holds_the_joint_and_ends_at_its_scans(joint, name):
         assert y[at] == pytest.approx(0.5 * (low + high), rel=1e-9)
 
 
-def test_exports_are_of_the_joint_or_of_each_face_and_go_with_the_next_result(joint, tmp_path):
+def test_exports_are_of_the_joint_and_go_with_the_next_result(joint, tmp_path):
     folder = tmp_path / "a"
     write_joint(joint, folder, None, export="law")
-    for i, scan in enumerate(joint.scans, 1):
-        law = LawTables.read(folder / f"scan-{i}" / "law.json")
-        area_m2 = joint.settings.joint.area_m2
-        at = {"displacement_m": 2e-8, "pressure_Pa": 500.0 / area_m2}
-        expected = float(scan.slip.force_N(2e-8)) / area_m2
-        assert float(law.shear_Pa(**at)) == pytest.approx(expected, rel=0.02)
-    assert "scan-2/law.json" in json.loads((folder / "summary.json").read_text())["outputs"]
+    law, area_m2 = LawTables.read(folder / "law.json"), joint.settings.joint.area_m2
+    at = {"displacement_m": 2e-8, "pressure_Pa": 500.0 / area_m2}
+    expected = float(joint.slip.force_N(2e-8)) / area_m2
+    assert float(law.shear_Pa(**at)) == pytest.approx(expected, rel=0.02)
+    assert "law.json" in json.loads((folder / "summary.json").read_text())["outputs"]
     write_joint(joint, folder, None, export="jenkins")
-    assert not (folder / "scan-1").exists()
+    assert not (folder / "law.json").exists()
     with (folder / "jenkins.csv").open(encoding="utf-8") as file:
         rows = [row for row in csv.reader(file) if row and not row[0].startswith("#")]
     assert len(rows) > 3

@@ -13,28 +13,33 @@ from capslip.contact.rung import rung
 from capslip.contact.slip import slip_curve
 from capslip.contact.solvers.yielding import YieldLaw
 from capslip.errors import ContactError
+from capslip.structure.band import Part
 from capslip.structure.interpolation import LawTables, tables_of
-from capslip.structure.law import law
+from capslip.structure.law import SCATTERS, SHARES, SHARES_OF_SCANS, law
 
 AREA_M2, MU, LOAD_N = 2.4e-3, 0.2, 460.0
 STEEL = composite((200e9, 200e9), (0.3, 0.3))
 RADIUS_M, COUNT = 25.0, 7
 
 
-def law_of(curve, name="families", reach_m=None, joint=None, bulk=False, hardness=None, after=None):
+def part_of(curve, name="families", joint=None, hardness=None, after=None, share=1.0):
     state = SimpleNamespace(
         curve=curve,
         curve_after=after or (lambda load_N: curve),
         hardness_Pa=hardness,
         rung=rung(name),
         composite=STEEL,
-        bulk=bulk,
+        bulk=False,
         model=curve.model,
         estimated_error=0.03,
     )
     whole = np.array([LOAD_N]), np.ones(1)
     joint = joint or Joint(AREA_M2, AREA_M2, LOAD_N, *whole, LOAD_N)
-    return law(state, joint, MU, reach_m)
+    return Part(joint, state, share)
+
+
+def law_of(curve, *about, reach_m=None, **more):
+    return law([part_of(curve, *about, **more)], MU, [reach_m])
 
 
 @pytest.fixture(scope="module")
@@ -171,6 +176,77 @@ def test_a_map_is_solved_under_few_pressures():
     delta = np.linspace(0.1, 0.999, 30) * MU * STEEL.kappa * d
     np.testing.assert_allclose(tables.shear_Pa(delta, p), mindlin(p, delta)[2], rtol=1e-3)
     np.testing.assert_allclose(tables.loss_J_per_m2(delta, p), mindlin(p, delta)[3], rtol=5e-3)
+
+
+def sliding(p, delta, radius_m):
+    """Return what `mindlin` does, beyond total slip as well."""
+    d, k_n, tau, w = mindlin(p, delta, radius_m)
+    beyond = np.maximum(delta - MU * STEEL.kappa * d, 0.0)
+    return d, k_n, tau, w + 4 * MU * p * beyond
+
+
+@pytest.mark.parametrize("share", [(0.5, 0.5), (0.3, 0.7)])
+def test_the_law_of_two_scans_is_their_mean_in_closed_form(share):
+    """Also where the spheres of one scan slip as a whole and those of the other one stick."""
+    radii = (25.0, 4.0)
+    pair = [families(COUNT, one, 0.0, STEEL.E_star_Pa) for one in radii]
+    found = law([part_of(one, share=s) for one, s in zip(pair, share, strict=True)], MU)
+    p, delta = found.pressure_Pa[:, None], found.displacement_m
+    one, two = (sliding(p, delta, radius_m) for radius_m in radii)
+    _, k_n, tau, w = (share[0] * a + share[1] * b for a, b in zip(one, two, strict=True))
+    off = [np.abs(a - b) / np.sqrt(2.0) for a, b in zip(one, two, strict=True)]
+    some = delta[0] > 0.05 * delta[0, -1]  # the closed form cancels at small slip
+    assert (delta[0] > MU * STEEL.kappa * one[0][0]).any()
+    for name, expected, scatter in (
+        ("normal_stiffness_Pa_per_m", k_n[:, 0], off[1][:, 0]),
+        ("tangential_stiffness_Pa_per_m", k_n[:, 0] / STEEL.kappa, off[1][:, 0] / STEEL.kappa),
+        ("shear_Pa", tau, off[2]),
+    ):
+        np.testing.assert_allclose(getattr(found, name), expected, rtol=1e-9)
+        np.testing.assert_allclose(found.scatter[SCATTERS[name]], scatter, rtol=1e-6, atol=1e-3)
+    np.testing.assert_allclose(found.loss_J_per_m2[:, some], w[:, some], rtol=1e-8)
+    scatter = found.scatter["loss_scatter_J_per_m2"][:, some]
+    np.testing.assert_allclose(scatter, off[3][:, some], rtol=1e-6)
+    np.testing.assert_allclose(found.closure_m, np.maximum(one[0], two[0])[:, 0], rtol=1e-12)
+    assert found.pressure_Pa[found.at_scan_pressure] == pytest.approx(LOAD_N / AREA_M2)
+    assert (found.scans, found.area_m2) == (2, 2 * AREA_M2)
+
+    tables = tables_of(found.tables())
+    p = np.exp(np.random.default_rng(102).uniform(*np.log(found.range_Pa), 30))[:, None]
+    limit_m = MU * STEEL.kappa * sliding(p, 0.0, min(radii))[0]
+    delta = np.linspace(0.05, 1.5, 40) * limit_m
+    each = [sliding(p, delta, radius_m) for radius_m in radii]
+    tau, w = (sum(s * one[i] for s, one in zip(share, each, strict=True)) for i in (2, 3))
+    np.testing.assert_allclose(tables.shear_Pa(delta, p), tau, rtol=5e-3)
+    np.testing.assert_allclose(tables.loss_J_per_m2(delta, p), w, rtol=0.02)
+    assert (found.shear_error < 0.01, found.loss_error < 0.02) == (True, True)
+
+
+@pytest.mark.parametrize("hardness", [None, 1e9])
+def test_equal_scans_have_the_law_of_one_and_no_scatter(hardness):
+    make = after if hardness else (lambda _: CURVES["two families"])
+    alone = law_of(make(LOAD_N), hardness=hardness, after=make)
+    parts = [part_of(make(LOAD_N), hardness=hardness, after=make, share=1 / 3)] * 3
+    found = law(parts, MU)
+    of_one = np.isin(SHARES_OF_SCANS, SHARES)
+    same = np.isin(np.round(np.log(found.pressure_Pa), 9), np.round(np.log(alone.pressure_Pa), 9))
+    assert same.sum() == len(alone.pressure_Pa)
+    for name in (*SCATTERS, "displacement_m", "closure_m", "total_slip_displacement_m"):
+        values = getattr(found, name)[same]
+        values = values if values.ndim == 1 else values[:, of_one]
+        np.testing.assert_allclose(values, getattr(alone, name), rtol=1e-7)
+    for name, column in SCATTERS.items():
+        assert (found.scatter[column] <= 1e-7 * getattr(found, name)).all()
+    assert alone.scatter == {}
+
+
+def test_the_scan_that_ends_first_ends_the_law():
+    one, two = CURVES["two families"], CURVES["spheres"]
+    closure_m = law_of(one).closure_m
+    parts = [part_of(one, share=0.5), part_of(two, share=0.5)]
+    found = law(parts, MU, [float(closure_m[-2] * 1.0001), None])
+    assert found.pressure_Pa[-1] == pytest.approx(law_of(one).pressure_Pa[-2])
+    assert "no cap of the curve" in found.ends
 
 
 SHARP_M, YIELDS = 2e-3, YieldLaw(1e9, STEEL.E_star_Pa, 0.3)

@@ -12,7 +12,7 @@ from capslip import registry
 from capslip.errors import SettingsError
 
 if TYPE_CHECKING:
-    from capslip.result import Analysis
+    from capslip.result import JointResult
 
 FOLDER = "output.exports"
 
@@ -22,8 +22,7 @@ class Export:
     """One way to write the joint for another program."""
 
     files: tuple[str, ...]  # in the folder of the result
-    write: Callable[["Analysis", Path], None]
-    of_slip: bool = False  # needs the slip curve alone, which a joint of several scans has, too
+    write: Callable[["JointResult", Path], None]  # of one scan or of several
 
 
 def export_named(name: str) -> Export:

@@ -118,9 +118,8 @@ def write_joint(
 ) -> dict[str, Any]:
     """Write `settings.toml` and `summary.json` of given families or of several scans.
 
-    Of several scans there are figures, a report and what was to be exported, too; what is of a face
-    and not of the joint, such as its law, is in a folder for each scan, `scan-1` and so on. Returns
-    the summary; parameters and errors are those of `write`.
+    Of several scans there are figures, a report and what was to be exported, too. Returns the
+    summary; parameters and errors are those of `write`.
     """
     extra = None if export is None else export_named(export)
     with staging.new_folder(folder) as work:
@@ -224,16 +223,8 @@ class _Parts:
 
     def draw_scans(self, joint: JointOfScans, export: Export | None) -> None:
         """Make export and figures of a joint of several scans."""
-        if export is not None and export.of_slip:
+        if export is not None:
             self.make(export.files, export.write, joint, self.work)
-        elif export is not None:
-            for i, scan in enumerate(joint.scans, 1):
-                if scan.slip is None:  # whose problems say why
-                    continue
-                place = self.work / f"scan-{i}"
-                place.mkdir()
-                files = tuple(f"{place.name}/{name}" for name in export.files)
-                self.make(files, export.write, scan, place)
         pictures = self.work / "figures"
         pictures.mkdir()
         if joint.settings.run.figures:

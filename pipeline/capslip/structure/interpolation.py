@@ -126,12 +126,13 @@ class LawTables:
         return p
 
 
-class YieldedTables(LawTables):
-    """The same of a face that yields: it was loaded once to the pressure that is asked for.
+class TablesByPressure(LawTables):
+    """The same where each pressure has a bed of its own.
 
-    Each pressure has a bed of its own, so what is asked for is interpolated between those of the
-    table: as shares of total slip, straight in logarithms. The closure is what the face would open
-    by if it were unloaded, without what yielded.
+    So of a face that yields, which was loaded once to the pressure that is asked for, and of a mean
+    of scans, of which one closes by more than another. What is asked for is interpolated between
+    the pressures of the table: as shares of total slip, straight in logarithms. The closure is what
+    the face would open by if it were unloaded, without what yielded.
     """
 
     def __init__(self, tables: dict[str, Any]) -> None:
@@ -196,7 +197,7 @@ class YieldedTables(LawTables):
 
 def tables_of(tables: dict[str, Any]) -> LawTables:
     """Return the tables of `law.json`, with one bed for all pressures or one for each."""
-    return LawTables(tables) if "bed_closure_m" in tables else YieldedTables(tables)
+    return LawTables(tables) if "bed_closure_m" in tables else TablesByPressure(tables)
 
 
 def _cell(known: np.ndarray, at: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

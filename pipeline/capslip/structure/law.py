@@ -1,14 +1,16 @@
 """The law of a joint face for a structure: stiffness, shear and loss per area, over pressure."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from capslip.contact.joint import MAX_SOLVED, Joint, curve_of_joint
-from capslip.contact.press import ContactState
+from capslip.contact.scans import curve_of_scans, kappa_of_scans
 from capslip.contact.slip import SlipCurve, slip_curve
 from capslip.errors import ContactError
+from capslip.structure.band import Part
 from capslip.structure.interpolation import ROWS, tables_of
 from capslip.structure.jenkins import JenkinsElements, jenkins
 
@@ -16,12 +18,21 @@ from capslip.structure.jenkins import JenkinsElements, jenkins
 RATIO, BELOW, ABOVE = 10 ** (1 / 8), 16, 4  # p0 / 100 to 3.2 p0
 RATIO_SOLVED, BELOW_SOLVED = 10 ** (1 / 5), 5  # p0 / 10 to 2.5 p0, each solved on the map
 ABOVE_SOLVED = MAX_SOLVED - 1 - BELOW_SOLVED
-# Of a face that yields each pressure has a curve of its own, and caps touch in between
-RATIO_YIELDED, BELOW_YIELDED, ABOVE_YIELDED = 10 ** (1 / 16), 32, 8
+# Where each pressure has a curve of its own, contacts touch in between
+RATIO_OF_OWN, BELOW_OF_OWN, ABOVE_OF_OWN = 10 ** (1 / 16), 32, 8
 SHARES = np.union1d(np.geomspace(1e-3, 0.5, 36), 1.0 - np.append(np.geomspace(0.46, 1e-2, 12), 0.0))
+# Each of several scans slips as a whole at a share of its own
+SHARES_OF_SCANS = np.union1d(SHARES, np.geomspace(0.05, 1.0, 80))
 POINTS, LEAST_LOAD = 800, 1e-4  # of the bed of springs; of the load of the scan
 BED = ("friction_coefficient", "kappa", "range_Pa", "bed_closure_m", "bed_stiffness_Pa_per_m")
 JENKINS_TOLERANCE = 0.02
+# Columns that hold how much the scans of a joint differ
+SCATTERS = {
+    "normal_stiffness_Pa_per_m": "normal_stiffness_scatter_Pa_per_m",
+    "tangential_stiffness_Pa_per_m": "tangential_stiffness_scatter_Pa_per_m",
+    "shear_Pa": "shear_scatter_Pa",
+    "loss_J_per_m2": "loss_scatter_J_per_m2",
+}
 ASKED_SHARE = 0.1  # of mu p: what a joint is asked for
 
 
@@ -34,26 +45,28 @@ class Law:
     """
 
     pressure_Pa: np.ndarray  # (p,), growing
-    closure_m: np.ndarray  # (p,), approach from first touch, without what yielded
+    closure_m: np.ndarray  # (p,), from first touch (of all scans), without what yielded
     normal_stiffness_Pa_per_m: np.ndarray  # (p,)
     tangential_stiffness_Pa_per_m: np.ndarray  # (p,), before slip
     total_slip_displacement_m: np.ndarray  # (p,)
     displacement_m: np.ndarray  # (p, k), to total slip
     shear_Pa: np.ndarray  # (p, k), tau on first loading
     loss_J_per_m2: np.ndarray  # (p, k), w of a cycle
-    bed_closure_m: np.ndarray | None  # (q,), from 0: see `LawTables`; None where the face yields
+    scatter: dict[str, np.ndarray]  # standard deviation between scans, by `SCATTERS`; {}: one scan
+    bed_closure_m: np.ndarray | None  # (q,), from 0: see `LawTables`; None: no bed serves all
     bed_stiffness_Pa_per_m: np.ndarray | None  # (q,)
     elements: tuple[JenkinsElements, ...]  # p, per area: N is N/m^2 in them
     friction_coefficient: float
     kappa: float
-    scan_pressure_Pa: float  # under which the scan was analysed
-    area_m2: float  # of the scan
+    scan_pressure_Pa: float  # under which the scans were analysed
+    scans: int
+    area_m2: float  # of all scans
     ends: str  # why the pressures end where they do
     holds_bulk: bool  # whether the sinking of a half-space of the scan's size is in it
-    solved: bool  # whether the model solves the map for each pressure
-    hardness_Pa: float | None  # None: all is elastic, and one bed serves all pressures
+    hardness_Pa: float | None  # None: all is elastic
     model: str
     model_error: float | None  # of energy and stiffness at the pressure of the scan
+    left_out: bool  # whether the next two are measured with every second pressure left out
     shear_error: float  # of `LawTables`, from a tenth of mu p on, see `law`
     loss_error: float
 
@@ -64,22 +77,21 @@ class Law:
 
     def tables(self) -> dict[str, Any]:
         """Return what `LawTables` reads."""
-        names = BED if self.hardness_Pa is None else (*BED[:3], *ROWS)
+        names = (*BED[:3], *ROWS) if self.bed_closure_m is None else BED
         return {name: getattr(self, name) for name in names}
 
     @property
     def at_scan_pressure(self) -> int:
-        """Index of the pressure under which the scan was analysed."""
+        """Index of the pressure under which the scans were analysed."""
         return int(np.argmin(np.abs(np.log(self.pressure_Pa / self.scan_pressure_Pa))))
 
 
 def law(
-    contact: ContactState,
-    joint: Joint,
+    parts: Sequence[Part],
     friction_coefficient: float,
-    reach_m: float | None = None,
+    reach_m: Sequence[float | None] | None = None,
 ) -> Law:
-    """Return the law per nominal area around the pressure under which a scan was analysed.
+    """Return the law per nominal area around the pressure under which scans were analysed.
 
     A patch under another pressure is the same normal curve at another load, so with the area A of
     the scan and its curve N(d)::
@@ -91,17 +103,19 @@ def law(
     from there: each pressure has its own. A model that solves the map anew for each load gets at
     most `MAX_SOLVED` pressures.
 
+    Of several scans it is that of their joint, in which each bears p and all move by one delta:
+    k_n, tau and w are the means over the scans by their areas, and the scatter is their standard
+    deviation. As one scan closes by more than another, each pressure has a curve of its own.
+
     Parameters
     ----------
-    contact : ContactState
-        The scan under its share of the load.
-    joint : Joint
-        What the scan is a part of.
+    parts : sequence of Part
+        What each scan of the joint says of it, under its share of the load.
     friction_coefficient : float
         mu.
-    reach_m : float, optional
-        How far below the highest peak all that may touch is a cap of the curve. Pressures above
-        that of the scan end where the approach gets there.
+    reach_m : sequence of float, optional
+        Of each scan how far below the highest peak all that may touch is a cap of the curve.
+        Pressures above that of the scan end where the approach gets there.
 
     Raises
     ------
@@ -117,96 +131,148 @@ def law(
     Slip: Eqs. 3-16 of Peyret, Chevallier and Dion, Int. J. Appl. Mech. 8 (2016) 1650097, see
     `contact.slip`. The tilt of the face is that under the pressure of the scan.
     """
-    area_m2 = joint.scan_area_m2
-    if area_m2 is None:
-        raise ContactError("it is a law per area, which needs a scanned area")
-    slips, ends = _slip_curves(contact, joint, area_m2, friction_coefficient, reach_m)
-    solved = contact.rung.solved_loads_N is not None
+    contacts, area_m2 = [part.contact for part in parts], [_area_m2(part.joint) for part in parts]
+    patches, ends = _patches(parts, friction_coefficient, reach_m or [None] * len(parts))
+    slips = [_together(parts, patch) for patch in patches]
     D = np.array([float(slip.total_slip_displacement_m) for slip in slips])
-    delta = D[:, None] * SHARES
-    k_n = [float(slip.curve.stiffness_N_per_m(slip.approach_m)) for slip in slips]
+    delta = D[:, None] * (SHARES if len(parts) == 1 else SHARES_OF_SCANS)
     rows: dict[str, Any] = {
         "pressure_Pa": np.array([float(slip.preload_N) for slip in slips]),
         "closure_m": np.array([float(slip.approach_m - slip.curve.touch_m) for slip in slips]),
-        "normal_stiffness_Pa_per_m": np.array(k_n),
         "displacement_m": delta,
-        "shear_Pa": np.array([slip.force_N(x) for slip, x in zip(slips, delta, strict=True)]),
-        "loss_J_per_m2": np.array([slip.energy_J(x) for slip, x in zip(slips, delta, strict=True)]),
+        **_sheared(slips, delta),
     }
-    kappa = contact.composite.kappa
-    of_law = (friction_coefficient, kappa, rows["pressure_Pa"][[0, -1]])
+    of_law = (friction_coefficient, slips[0].kappa, rows["pressure_Pa"][[0, -1]])
     tables = dict(zip(BED, of_law, strict=False))
+    bed: tuple[np.ndarray | None, np.ndarray | None] = (None, None)
     # What lies between the pressures is measured at those that are left out
     some = np.union1d(np.arange(0, len(slips), 2), len(slips) - 1)
-    bed: tuple[np.ndarray | None, np.ndarray | None] = (None, None)
-    if contact.hardness_Pa is not None:
+    solved = any(contact.rung.solved_loads_N is not None for contact in contacts)
+    if _has_own_curves(parts):
         tables |= {name: rows[name][some] for name in ROWS}
     elif solved:
         bed = _bed_of_solutions(rows, np.arange(len(slips)))
         tables |= dict(zip(BED[3:], _bed_of_solutions(rows, some), strict=True))
     else:
-        bed = _bed_of_curve(slips[-1], joint, area_m2)
+        bed = _bed_of_curve(slips[-1], parts[0].joint, area_m2[0])
         tables |= dict(zip(BED[3:], bed, strict=True))
-    shear_error, loss_error = _error_of_tables(tables, rows, friction_coefficient)
+    shear_error, loss_error = _error_of_tables(tables, slips, delta)
+    errors = [contact.estimated_error for contact in contacts]
     return Law(
         **rows,
-        tangential_stiffness_Pa_per_m=rows["normal_stiffness_Pa_per_m"] / kappa,
         total_slip_displacement_m=D,
+        scatter=_scatter(parts, patches, delta),
         bed_closure_m=bed[0],
         bed_stiffness_Pa_per_m=bed[1],
         elements=tuple(jenkins(slip, JENKINS_TOLERANCE) for slip in slips),
         friction_coefficient=friction_coefficient,
-        kappa=kappa,
-        scan_pressure_Pa=joint.scan_load_N / area_m2,
-        area_m2=area_m2,
+        kappa=slips[0].kappa,
+        scan_pressure_Pa=parts[0].joint.scan_load_N / area_m2[0],
+        scans=len(parts),
+        area_m2=sum(area_m2),
         ends=ends,
-        holds_bulk=contact.bulk,
-        solved=solved,
-        hardness_Pa=contact.hardness_Pa,
-        model=contact.model,
-        model_error=contact.estimated_error,
+        holds_bulk=any(contact.bulk for contact in contacts),
+        hardness_Pa=contacts[0].hardness_Pa,
+        model=slips[0].curve.model,
+        model_error=None if None in errors else max(error for error in errors if error is not None),
+        left_out=solved or _has_own_curves(parts),
         shear_error=shear_error,
         loss_error=loss_error,
     )
 
 
-def _slip_curves(
-    contact: ContactState,
-    joint: Joint,
-    area_m2: float,
-    friction_coefficient: float,
-    reach_m: float | None,
-) -> tuple[list[SlipCurve], str]:
-    """Return slip curves per area under growing pressures, and why they end."""
-    solves = contact.rung.solved_loads_N is not None
+def _area_m2(joint: Joint) -> float:
+    if joint.scan_area_m2 is None:
+        raise ContactError("it is a law per area, which needs a scanned area")
+    return joint.scan_area_m2
+
+
+def _has_own_curves(parts: Sequence[Part]) -> bool:
+    """Tell whether each pressure has a curve of its own, so that no bed of springs serves all."""
+    return len(parts) > 1 or parts[0].contact.hardness_Pa is not None
+
+
+def _sheared(slips: Sequence[SlipCurve], delta: np.ndarray) -> dict[str, np.ndarray]:
+    """Return stiffnesses, and shear and loss at displacements (p, k), of slip curves per area."""
+    pairs = list(zip(slips, delta, strict=True))
+    k_n = [float(slip.curve.stiffness_N_per_m(slip.approach_m)) for slip in slips]
+    return {
+        "normal_stiffness_Pa_per_m": np.array(k_n),
+        "tangential_stiffness_Pa_per_m": np.array(k_n) / slips[0].kappa,
+        "shear_Pa": np.array([slip.force_N(x) for slip, x in pairs]),
+        "loss_J_per_m2": np.array([slip.energy_J(x) for slip, x in pairs]),
+    }
+
+
+def _scatter(
+    parts: Sequence[Part], patches: Sequence[Sequence[SlipCurve]], delta: np.ndarray
+) -> dict[str, np.ndarray]:
+    """Return the standard deviation between scans, weighed by area; {} for one of them.
+
+    sqrt(sum s (x - mean)^2 / (1 - sum s^2)) with the shares s: over n - 1 where they are equal.
+    """
+    if len(parts) == 1:
+        return {}
+    share = np.array([part.share for part in parts])
+    scans = [_sheared(slips, delta) for slips in zip(*patches, strict=True)]
+    found = {}
+    for name, column in SCATTERS.items():
+        values = np.array([scan[name] for scan in scans])
+        off = values - np.tensordot(share, values, 1)
+        found[column] = np.sqrt(np.tensordot(share, off**2, 1) / (1.0 - share @ share))
+    return found
+
+
+def _together(parts: Sequence[Part], patch: Sequence[SlipCurve]) -> SlipCurve:
+    """Return the slip curve of patches that bear one pressure and move together."""
+    if len(patch) == 1:
+        return patch[0]
+    share = [part.share for part in parts]
+    kappa = kappa_of_scans([part.contact for part in parts], share)
+    p = patch[0].preload_N
+    curve = curve_of_scans([slip.curve for slip in patch], p, share)
+    return slip_curve(curve, p, patch[0].friction_coefficient, kappa)
+
+
+def _patches(
+    parts: Sequence[Part], friction_coefficient: float, reach_m: Sequence[float | None]
+) -> tuple[list[list[SlipCurve]], str]:
+    """Return the slip curve per area of each scan under growing pressures, and why they end."""
+    solves = any(part.contact.rung.solved_loads_N is not None for part in parts)
     ratio, below, above = RATIO, BELOW, ABOVE
-    if contact.hardness_Pa is not None:
-        ratio, below, above = RATIO_YIELDED, BELOW_YIELDED, ABOVE_YIELDED
+    if _has_own_curves(parts):
+        ratio, below, above = RATIO_OF_OWN, BELOW_OF_OWN, ABOVE_OF_OWN
     if solves:
         ratio, below, above = RATIO_SOLVED, BELOW_SOLVED, ABOVE_SOLVED
-    caps_end_m = reach_m if contact.rung.made_from == "spheres" else None
-    slips: list[SlipCurve] = []
+    patches: list[list[SlipCurve]] = []
     for i in range(-below, above + 1):
-        load_N = joint.scan_load_N * ratio**i
         try:
-            curve = contact.curve if i == 0 else contact.curve_after(load_N)
-            per_area = curve_of_joint(curve, np.array([load_N]), np.array([1.0 / area_m2]))
-            slip = slip_curve(
-                per_area, load_N / area_m2, friction_coefficient, contact.composite.kappa
-            )
+            patch = [_patch(part, ratio**i, friction_coefficient) for part in parts]
         except ContactError as error:
             if i <= 0:
                 raise
-            return slips, f"the model carries no more: {error}"
-        if i > 0 and caps_end_m is not None and float(slip.approach_m) > caps_end_m:
-            return slips, (
-                f"under more than this the face closes by more than {caps_end_m:.3g} m, below "
-                "which no cap of the curve stands for what may touch; analyse the scan at a higher "
-                "pressure for more"
-            )
-        slips.append(slip)
+            return patches, f"the model carries no more: {error}"
+        for part, slip, end_m in zip(parts, patch, reach_m, strict=True):
+            if i <= 0 or end_m is None or part.contact.rung.made_from != "spheres":
+                continue
+            if float(slip.approach_m) > end_m:
+                return patches, (
+                    f"under more than this the face closes by more than {end_m:.3g} m, below "
+                    "which no cap of the curve stands for what may touch; analyse the scan at a "
+                    "higher pressure for more"
+                )
+        patches.append(patch)
     few = f"{MAX_SOLVED} pressures, as each is solved on the whole map, " if solves else ""
-    return slips, f"{few}{ratio**above:.2g} times the pressure of the scan"
+    return patches, f"{few}{ratio**above:.2g} times the pressure of the analysis"
+
+
+def _patch(part: Part, factor: float, friction_coefficient: float) -> SlipCurve:
+    """Return the slip curve per area of a scan under its load times a factor."""
+    contact, area_m2 = part.contact, _area_m2(part.joint)
+    load_N = part.joint.scan_load_N * factor
+    curve = contact.curve if factor == 1.0 else contact.curve_after(load_N)
+    per_area = curve_of_joint(curve, np.array([load_N]), np.array([1.0 / area_m2]))
+    return slip_curve(per_area, load_N / area_m2, friction_coefficient, contact.composite.kappa)
 
 
 def _bed_of_curve(
@@ -246,12 +312,18 @@ def _from_touch(p: np.ndarray, z: np.ndarray, K: np.ndarray) -> tuple[np.ndarray
 
 
 def _error_of_tables(
-    of: dict[str, Any], rows: dict[str, Any], friction_coefficient: float
+    of: dict[str, Any], slips: Sequence[SlipCurve], delta: np.ndarray
 ) -> tuple[float, float]:
-    """Return the largest errors of shear and loss against the slip curves they stand for."""
+    """Return the largest errors of shear and loss against the slip curves they stand for.
+
+    At the displacements (p, k) of the law and halfway between them.
+    """
     tables = tables_of(of)
-    p, delta = rows["pressure_Pa"][:, None], rows["displacement_m"]
-    asked = rows["shear_Pa"] >= ASKED_SHARE * friction_coefficient * p
-    shear = np.abs(tables.shear_Pa(delta, p) / rows["shear_Pa"] - 1.0)
-    loss = np.abs(tables.loss_J_per_m2(delta, p) / rows["loss_J_per_m2"] - 1.0)
+    between = 0.5 * (delta[:, 1:] + delta[:, :-1])
+    delta = np.sort(np.hstack((delta, between)), axis=1)
+    p = np.array([float(slip.preload_N) for slip in slips])[:, None]
+    exact = _sheared(slips, delta)
+    asked = exact["shear_Pa"] >= ASKED_SHARE * slips[0].friction_coefficient * p
+    shear = np.abs(tables.shear_Pa(delta, p) / exact["shear_Pa"] - 1.0)
+    loss = np.abs(tables.loss_J_per_m2(delta, p) / exact["loss_J_per_m2"] - 1.0)
     return float(shear[asked].max()), float(loss[asked].max())

@@ -8,14 +8,14 @@ from capslip.output.export import Export
 from capslip.structure.jenkins import jenkins, write_jenkins
 
 if TYPE_CHECKING:
-    from capslip.result import Analysis
+    from capslip.result import JointResult
 
 
-def write(analysis: "Analysis", folder: Path) -> None:
+def write(result: "JointResult", folder: Path) -> None:
     """Write `jenkins.csv`."""
-    if analysis.slip is None:
+    if result.slip is None:
         raise ContactError("it needs a slip curve, which this analysis does not have")
-    write_jenkins(jenkins(analysis.slip), folder / "jenkins.csv")
+    write_jenkins(jenkins(result.slip), folder / "jenkins.csv")
 
 
-EXPORT = Export(("jenkins.csv",), write, of_slip=True)
+EXPORT = Export(("jenkins.csv",), write)

@@ -12,12 +12,12 @@ import numpy as np
 
 from capslip.errors import ContactError
 from capslip.output.export import Export
+from capslip.result import Analysis, JointOfScans
 from capslip.structure import interpolation
-from capslip.structure.law import JENKINS_TOLERANCE, Law, law
+from capslip.structure.law import JENKINS_TOLERANCE, SCATTERS, Law, law
 
 if TYPE_CHECKING:
-    from capslip.contact.press import ContactState
-    from capslip.result import Analysis
+    from capslip.result import JointResult
 
 SCHEMA = "capslip/law/1"
 UNITS = {
@@ -37,6 +37,7 @@ UNITS = {
     "slider_stiffness_Pa_per_m": "Pa/m",
     "slider_shear_Pa": "Pa",
 }
+UNITS |= {column: UNITS[name] for name, column in SCATTERS.items()}
 FILES = ("law.csv", "law.h5", "law.json", "law.py", "law_jenkins.csv")
 NOTES: dict[str, list[str]] = {
     "calculix": [
@@ -52,36 +53,48 @@ BY_PRESSURE = (
     "tangential_stiffness_Pa_per_m",
     "total_slip_displacement_m",
 )
+OF_SCANS = (
+    "Every scan bears the pressure p and all move by the same delta: stiffness, tau and w are the "
+    "means over the scans, the columns of scatter their standard deviation. Scans close by unlike "
+    "amounts: the closure and the total-slip displacement are those of the one that lets go last."
+)
 BY_BOTH = ("displacement_m", "shear_Pa", "loss_J_per_m2")
 DECKS = {"calculix": "law_calculix.inp", "abaqus": "law_abaqus.inp"}
 
 
-def write(analysis: "Analysis", folder: Path) -> None:
+def write(result: "JointResult", folder: Path) -> None:
     """Write the law as `law.csv`, `law.h5`, `law.json`, and for other programs.
 
     Raises
     ------
     ContactError
-        If the analysis has no slip curve, see also `structure.law.law`.
+        If there is no slip curve, see also `structure.law.law`.
     """
-    if analysis.contact is None or analysis.slip is None:
+    if not result.parts:
         raise ContactError("it needs a slip curve, which this analysis does not have")
-    if analysis.settings.slip.normal_amplitude_ratio > 0.0:
+    if result.settings.slip.normal_amplitude_ratio > 0.0:
         raise ContactError(
             "it is a law under a constant pressure; expected slip.normal_amplitude_ratio = 0"
         )
-    friction = analysis.settings.material.friction_coefficient
-    found = law(analysis.contact, analysis.joint, friction, _reach_m(analysis, analysis.contact))
-    doubts = [f"{p.code}: {p.message}" for p in analysis.problems if p.severity != "info"]
-    write_law(found, folder, analysis.name, analysis.status, doubts)
+    reach_m = [_reach_m(scan) for scan in _scans(result)]
+    found = law(result.parts, result.settings.material.friction_coefficient, reach_m)
+    doubts = [f"{p.code}: {p.message}" for p in result.problems if p.severity != "info"]
+    write_law(found, folder, result.name, result.status, doubts)
 
 
-def _reach_m(analysis: "Analysis", contact: "ContactState") -> float | None:
+def _scans(result: "JointResult") -> tuple[Analysis, ...]:
+    """Return the scans of the parts."""
+    if isinstance(result, JointOfScans):
+        return result.known
+    return (result,) if isinstance(result, Analysis) else ()
+
+
+def _reach_m(scan: Analysis) -> float | None:
     """Return how far below the highest peak the cut lies, or the highest cap that is left out."""
-    caps = analysis.caps
-    if not caps.usable.any():
+    caps, contact = scan.caps, scan.contact
+    if contact is None or not caps.usable.any():
         return None
-    ends_m = [analysis.hills.cut_height_m]
+    ends_m = [scan.hills.cut_height_m]
     if contact.rung.knows_places:  # families hold all caps
         ends_m += caps.peak_height_m[caps.usable & ~contact.use].tolist()
     return float(caps.peak_height_m[caps.usable].max() - max(ends_m))
@@ -91,8 +104,8 @@ def write_law(found: Law, folder: Path, name: str, status: str, doubts: list[str
     """Write a law into a folder; the doubts of the analysis go with it."""
     page = about(found, name, status, doubts)
     document = {"schema": SCHEMA, "about": page, "units": UNITS, "model": found.model}
-    columns = {name: getattr(found, name) for name in (*BY_PRESSURE, *BY_BOTH)} | found.tables()
-    document |= {name: np.asarray(values).tolist() for name, values in columns.items()}
+    numbers = {"scans": found.scans, **_columns(found)}
+    document |= {name: np.asarray(values).tolist() for name, values in numbers.items()}
     text = json.dumps(document, indent=1, ensure_ascii=False, allow_nan=False) + "\n"
     (folder / "law.json").write_text(text, encoding="utf-8")
     (folder / "law.py").write_text(inspect.getsource(interpolation), encoding="utf-8")
@@ -101,6 +114,12 @@ def write_law(found: Law, folder: Path, name: str, status: str, doubts: list[str
     _write_csv(folder / "law.csv", page, _rows(found))
     _write_csv(folder / "law_jenkins.csv", [*page, "", *_how_to_slide(found)], _sliders(found))
     _write_hdf5(found, page, folder / "law.h5")
+
+
+def _columns(found: Law) -> dict[str, np.ndarray]:
+    """Return all columns by name."""
+    columns = {name: getattr(found, name) for name in (*BY_PRESSURE, *BY_BOTH)}
+    return columns | found.scatter | found.tables()
 
 
 def about(found: Law, name: str, status: str, doubts: list[str]) -> list[str]:
@@ -120,10 +139,16 @@ def about(found: Law, name: str, status: str, doubts: list[str]) -> list[str]:
         "reached for the first time, and unload and slip elastically: the closure and its "
         "stiffness are those of unloading, and a face that bore more before is stiffer. "
     )
+    scanned = (
+        f"scan of {found.area_m2:.6g} m2"
+        if found.scans == 1
+        else f"mean of {found.scans} scans by their areas ({found.area_m2:.6g} m2 in all)"
+    )
     return [
         f"Law of the joint face {name} per nominal area, by capslip (status: {status}).",
-        f"Contact model {found.model}, scan of {found.area_m2:.6g} m2 analysed under "
+        f"Contact model {found.model}, {scanned}, analysed under "
         f"{found.scan_pressure_Pa:.6g} Pa, friction coefficient {mu:g}.",
+        *([] if found.scans == 1 else [OF_SCANS]),
         "",
         "What: under each nominal pressure p the approach of the faces from first touch (closure), "
         "the stiffness dp/d closure, the shear stiffness before slip, the shear stress tau on "
@@ -145,7 +170,7 @@ def about(found: Law, name: str, status: str, doubts: list[str]) -> list[str]:
         + (
             "with every second pressure left out: contacts that touch between two of them are "
             "smeared, so take the pressures of law.csv where this is too much"
-            if found.solved or found.hardness_Pa is not None
+            if found.left_out
             else "at the pressures of law.csv"
         )
         + ". The dissipation of real joints is known to a factor of two to three at best (Bureau, "
@@ -193,11 +218,11 @@ def deck(found: Law, program: str, page: Iterable[str]) -> str:
 
 
 def _overclosure(found: Law) -> list[tuple[float, float]]:
-    """Return pressures and closures: of a face that yields those below the pressure of the scan.
+    """Return pressures and closures: below the pressure of the scan alone, where each has its own.
 
     There it unloads, by p(d - e) = p - tau(mu kappa e) / mu.
     """
-    if found.hardness_Pa is None:
+    if found.bed_closure_m is not None:
         return list(zip(found.pressure_Pa.tolist(), found.closure_m.tolist(), strict=True))
     i, mu = found.at_scan_pressure, found.friction_coefficient
     p = found.pressure_Pa[i] - found.shear_Pa[i, -2::-1] / mu
@@ -226,11 +251,12 @@ def _how_to_slide(found: Law) -> list[str]:
 
 def _rows(found: Law) -> tuple[list[str], Iterator[tuple[float, ...]]]:
     """Return names and rows of the long form: one row for each pressure and displacement."""
+    columns = {name: getattr(found, name) for name in (*BY_PRESSURE, *BY_BOTH)} | found.scatter
     shape = found.shear_Pa.shape
-    columns = [np.broadcast_to(getattr(found, name)[:, None], shape) for name in BY_PRESSURE]
-    columns += [getattr(found, name) for name in BY_BOTH]
-    rows = zip(*(column.ravel().tolist() for column in columns), strict=True)
-    return [*BY_PRESSURE, *BY_BOTH], rows
+    wide = (
+        np.broadcast_to(one if one.ndim == 2 else one[:, None], shape) for one in columns.values()
+    )
+    return list(columns), zip(*(one.ravel().tolist() for one in wide), strict=True)
 
 
 def _sliders(found: Law) -> tuple[list[str], Iterator[tuple[float, ...]]]:
@@ -259,11 +285,11 @@ def _write_hdf5(found: Law, page: Iterable[str], path: Path) -> None:
     import h5py
 
     names, rows = _sliders(found)
-    columns = {name: getattr(found, name) for name in (*BY_PRESSURE, *BY_BOTH)} | found.tables()
     with h5py.File(path, "w") as file:
         file.attrs["schema"] = SCHEMA
         file.attrs["about"] = "\n".join(page)
-        for name, values in columns.items():
+        file.attrs["scans"] = found.scans
+        for name, values in _columns(found).items():
             file.create_dataset(name, data=values).attrs["unit"] = UNITS[name]
         sliders = np.array(list(rows))
         for name, column in zip(names, sliders.T, strict=True):
