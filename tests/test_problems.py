@@ -557,4 +557,5 @@ def test_a_kind_says_what_it_means_what_it_does_and_what_to_do(kind):
     for text in (kind.meaning, kind.effect, kind.remedy):
         assert len(text.split()) >= 2
     assert kind.severities
+    assert isinstance(kind.in_interval, bool)
     assert set(kind.severities) <= {"info", "warning", "error"}

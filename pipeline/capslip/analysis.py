@@ -31,8 +31,6 @@ from capslip.surface.heightmap import HeightMap
 R = TypeVar("R", bound=JointResult)
 
 GIVEN = ("m", "n", "radius_G_m", "radius_P_m", "h_m", "approach_m")  # of families, without a scan
-# Warnings whose effect is in the error of the model
-OF_THE_MODEL = ("detail_decides", "loss_between_loads", "time_limit_reached")
 ASKED_OF_THE_JOINT = ("beyond_gross_slip", "not_lightly_damped", "peak_at_gross_slip")
 
 
@@ -242,7 +240,7 @@ def _with_band(found: R, clock: Clock) -> R:
 def _open(problems: Sequence[Problem]) -> tuple[str, ...]:
     """Name the warnings whose effect no input of the interval holds: another face may be meant."""
     warned = (one for one in problems if one.severity == "warning" and one.effect is not None)
-    return tuple(f"what {one.code} moves" for one in warned if one.code not in OF_THE_MODEL)
+    return tuple(f"what {one.code} moves" for one in warned if not one.kind.in_interval)
 
 
 def _now() -> str:

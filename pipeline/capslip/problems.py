@@ -29,6 +29,9 @@ class Kind:
     meaning, effect, remedy : str
         What was seen; what it does to the stiffness K and the energy W, or to the counts; what to
         run or to change next.
+    in_interval : bool
+        Whether the estimated error of the model holds that effect, and so the interval of the
+        answer.
     """
 
     code: str
@@ -36,6 +39,7 @@ class Kind:
     meaning: str
     effect: str
     remedy: str
+    in_interval: bool = False
 
 
 def _read_kinds() -> dict[str, Kind]:
@@ -107,7 +111,9 @@ def warnings_page() -> str:
             f"*{' or '.join(kind.severities)}*. {kind.meaning}",
             "",
         ]
-        lines += [f"- Effect: {kind.effect}", f"- Next: {kind.remedy}"]
+        lines += [f"- Effect: {kind.effect}"]
+        lines += ["- Interval: holds what the message names."] if kind.in_interval else []
+        lines += [f"- Next: {kind.remedy}"]
     return "\n".join(lines) + "\n"
 
 
