@@ -20,6 +20,7 @@ from capslip.output.overview import COLUMNS, Row, row_of, write_overview, write_
 from capslip.output.staging import (
     FAILURE,
     OURS,
+    SUMMARY,
     is_whole,
     locked,
     read_json,
@@ -86,7 +87,7 @@ def analyse_scan(scan: Scan, folder: Path, command: str | None, retry_failed: bo
     """Read, analyse and write one scan; what goes wrong is written and returned, not raised."""
     stage = "look"
     try:
-        done = _done(scan, folder, retry_failed)
+        done = _look_at(scan, folder, retry_failed).row
         if done is not None:
             return done
         stage, started_s = "read", time.perf_counter()
@@ -161,7 +162,7 @@ def run_batch(
     _check_folder(folder)
     if options.look == "dry_run":
         looked = _look(scans, folder, options)
-        return [_row(scan, row) if row else _to_do(scan, folder) for scan, row in looked]
+        return [_row(scan, there.row or _to_do(scan, folder, there)) for scan, there in looked]
     with _place(folder, shared=options.shard is not None):
         run = _Run(scans, folder, say, options)
         try:
@@ -190,9 +191,11 @@ class _Run:
 
     def look(self) -> None:
         """Note what is done already, before anything is written."""
-        for scan, row in _look(self.scans, self.folder, self.options, mend=True):
-            if row is not None:
-                self.note(scan, row)
+        for scan, there in _look(self.scans, self.folder, self.options, mend=True):
+            if there.row is not None:
+                self.note(scan, there.row)
+            elif self.options.look == "collect":
+                self.rows[scan] = _row(scan, _to_do(scan, self.folder, there))
         self.write_table()
 
     def analyse(self, work: Work, command: str | None, workers: int) -> None:
@@ -250,10 +253,6 @@ class _Run:
 
     def finish(self) -> list[Row]:
         """Write table and page, and return the rows."""
-        if self.options.look == "collect":
-            for scan in self.scans:
-                if scan not in self.rows:
-                    self.rows[scan] = _to_do(scan, self.folder)
         rows = self._known()
         if self.options.shard is None:
             write_overview(rows, self.folder)
@@ -299,61 +298,78 @@ def _home(scan: Scan, folder: Path) -> Path:
     return folder.absolute() / "scans" / scan.name
 
 
+@dataclass(frozen=True)
+class _Found:
+    """What is there of a scan."""
+
+    row: Row | None = None  # of what would come out the same again; None: there is something to do
+    differs: tuple[str, ...] = ()  # of what a result depends on, which is other now
+    command: str | None = None  # by which it was made
+
+
 def _look(
     scans: list[Scan], folder: Path, options: Options, mend: bool = False
-) -> Iterator[tuple[Scan, Row | None]]:
-    """Give each scan with its row, None where there is something to do."""
+) -> Iterator[tuple[Scan, _Found]]:
+    """Give each scan with what is there of it."""
 
-    def row_there(scan: Scan) -> Row | None:
+    def found(scan: Scan) -> _Found:
         home = _home(scan, folder)
         try:
-            return _done(scan, home, options.retry_failed, mend, options.limits)
+            return _look_at(scan, home, options.retry_failed, mend, options.limits)
         except (OSError, OutputError):
-            return None  # who does it says what is wrong
+            return _Found()  # who does it says what is wrong
 
     with ThreadPoolExecutor(LOOKING) as pool:
-        yield from zip(scans, pool.map(row_there, scans), strict=True)
+        yield from zip(scans, pool.map(found, scans), strict=True)
 
 
-def _done(
+def _look_at(
     scan: Scan, home: Path, retry_failed: bool, mend: bool = True, limits: Limits = NO_LIMITS
-) -> Row | None:
-    """Return the row of a result or a failure that would come out the same again."""
+) -> _Found:
+    """Return what is there, with its row where that is a result or failure that stays the same."""
     if not home.is_dir():
-        return None
+        return _Found()
     if mend:
         _mend(home)
     summary, failure = read_summary(home), read_json(home / FAILURE)
     if summary is None and failure is None:
-        return None
+        return _Found()
     key = _key(scan)
     if failure is not None and not retry_failed and _stays(failure, key, limits):
-        return {"status": "failed", "error": str(failure.get("message"))}
-    if summary is None or _key_of(summary) != key or not is_whole(summary, home):
+        return _Found({"status": "failed", "error": str(failure.get("message"))})
+    row = None if summary is None else _row_there(summary, key, home, scan.settings)
+    if row is not None and retry_failed and row["status"] == "failed":
+        row = None
+    if row is not None or summary is None:
+        return _Found(row)
+    known = _key_of(summary)
+    differs = tuple(name for name, of in key.items() if of != known[name])
+    return _Found(None, differs, summary["provenance"].get("command"))
+
+
+def _row_there(
+    summary: dict[str, Any], key: dict[str, str | None], home: Path, wanted: Settings
+) -> Row | None:
+    """Return the row of a result that is whole, of the same key and has all that is wanted."""
+    if _key_of(summary) != key or not is_whole(summary, home):
         return None
     if any(one["code"] == "output_missing" for one in summary["problems"]):
         return None
-    if not _has_pictures(home, scan.settings) or (retry_failed and summary["status"] == "failed"):
-        return None
-    return row_of(summary)
+    return None if _lacking(home, wanted) else row_of(summary)
 
 
-def _to_do(scan: Scan, folder: Path) -> Row:
+def _to_do(scan: Scan, folder: Path, there: _Found) -> Row:
     """Return the row of a scan without a result, and what differs where there is another one."""
     home, error = _home(scan, folder), None
-    summary = read_summary(home)
-    if summary is not None:
-        key, there = _key(scan), _key_of(summary)
-        differs = [f"other {name}" for name in key if key[name] != there[name]]
-        if "other settings" in differs:
+    if there.differs:
+        differs = [f"other {name}" for name in there.differs]
+        if "settings" in there.differs:
             differs += _differences(home, scan.settings)
-        command = summary["provenance"].get("command")
-        if differs:
-            by = f"; it counts with the options of `{command}`" if command else ""
-            error = f"the result there is of {', '.join(differs)}{by}"
-        elif not _has_pictures(home, scan.settings):
-            error = "the result there lacks pictures (--no-figures, --no-render)"
-    return _row(scan, {"status": TO_DO, "error": error})
+        by = f"; it counts with the options of `{there.command}`" if there.command else ""
+        error = f"the result there is of {', '.join(differs)}{by}"
+    elif (home / SUMMARY).is_file() and (lacking := _lacking(home, scan.settings)):
+        error = f"the result there lacks pictures (made with {', '.join(lacking)})"
+    return {"status": TO_DO, "error": error}
 
 
 def _differences(home: Path, wanted: Settings) -> list[str]:
@@ -406,13 +422,14 @@ def _key_of(summary: dict[str, Any]) -> dict[str, str | None]:
     }
 
 
-def _has_pictures(home: Path, wanted: Settings) -> bool:
-    """Tell whether the pictures that are wanted now were wanted then, too."""
+def _lacking(home: Path, wanted: Settings) -> list[str]:
+    """Return the options by which a result has no pictures that are wanted now."""
     try:
         then = load_settings(home / "settings.toml").run
     except SettingsError:
-        return False
-    return all(getattr(then, one) or not getattr(wanted.run, one) for one in PICTURES)
+        return ["settings that cannot be read"]
+    lacks = (one for one in PICTURES if getattr(wanted.run, one) and not getattr(then, one))
+    return [f"--no-{one}" for one in lacks]
 
 
 def _mend(home: Path) -> None:

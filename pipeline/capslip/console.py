@@ -20,7 +20,7 @@ from typing import Any
 
 import click
 
-from capslip.errors import CapslipError, ScanError, in_one_line, printable
+from capslip.errors import CapslipError, ScanError, SettingsError, in_one_line, printable
 from capslip.waiting import LISTENER
 
 
@@ -39,8 +39,23 @@ class _Failure(click.ClickException):
         _echo(f"error: {self.message}", err=True)
 
 
+@contextmanager
+def _in_one_line(ctx: click.Context) -> Iterator[None]:
+    """Say what is wrong with a command line as any other error, without the lines of usage."""
+    try:
+        yield
+    except click.UsageError as error:
+        said = " ".join(error.format_message().split()).rstrip(".")
+        raise _Failure(SettingsError(f"{said} (see {ctx.command_path} --help)")) from error
+
+
 class _Command(click.Command):
     """A command that turns the project's errors into one line; `-v` shows the traceback."""
+
+    def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
+        """Take the words of the command."""
+        with _in_one_line(ctx):
+            return super().parse_args(ctx, args)
 
     def invoke(self, ctx: click.Context) -> Any:
         verbose = ctx.params.get("verbose")
@@ -67,6 +82,18 @@ class Group(click.Group):
     """A group of such commands."""
 
     command_class = _Command
+
+    def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
+        """Take the words before the command."""
+        if not args:  # which shows the help
+            return super().parse_args(ctx, args)
+        with _in_one_line(ctx):
+            return super().parse_args(ctx, args)
+
+    def resolve_command(self, ctx: click.Context, args: list[str]) -> Any:
+        """Find the command."""
+        with _in_one_line(ctx):
+            return super().resolve_command(ctx, args)
 
 
 @contextmanager

@@ -3,6 +3,9 @@
 A message is one line: what is wrong, where, what was found, what was expected, what to do.
 """
 
+import difflib
+from collections.abc import Iterable
+
 
 class CapslipError(Exception):
     """Base of every error that capslip raises on purpose.
@@ -66,6 +69,20 @@ class OutOfTimeError(ContactError):
 
 class TipsOverError(ContactError):
     """The line of action of the preload leaves the hull of what can touch."""
+
+
+def one_of(words: Iterable[str], got: str) -> str:
+    """Say what was expected, and which word was probably meant.
+
+    Examples
+    --------
+    >>> one_of(("regions", "watershed"), "region")
+    'expected one of regions, watershed; did you mean regions?'
+    """
+    words = tuple(words)
+    close = difflib.get_close_matches(got, words, n=1)
+    mean = f"; did you mean {close[0]}?" if close else ""
+    return f"expected one of {', '.join(words)}{mean}"
 
 
 def printable(text: str) -> str:

@@ -9,14 +9,13 @@ import difflib
 import hashlib
 import math
 import tomllib
-from collections.abc import Iterable
 from pathlib import Path
 from typing import Annotated, Any, Literal, get_args
 
 import msgspec
 
 from capslip import registry
-from capslip.errors import SettingsError
+from capslip.errors import SettingsError, one_of
 from capslip.materials import MATERIALS
 from capslip.units import LengthUnit
 
@@ -26,6 +25,14 @@ Share = Annotated[float, msgspec.Meta(gt=0, lt=1)]
 Pair = tuple[float, float]
 Size = Annotated[int, msgspec.Meta(ge=3)]
 SOLVER_TOLERANCE = (1e-10, 1e-3)  # least and greatest, of boundary elements
+# What msgspec calls types, in words; null is a key that is left out
+IN_WORDS = {
+    "float": "a number",
+    "int": "a whole number",
+    "bool": "true or false",
+    "str": "a text",
+    "array": "a list",
+}
 # What nobody may have given: a default that stands in for it is no fact of this joint
 STAND_INS = (
     "contact.preload_N",
@@ -281,9 +288,8 @@ def load_settings(path: str | Path | None = None, overrides: tuple[str, ...] = (
         try:
             tables = tomllib.loads(Path(path).read_text(encoding="utf-8"))
         except OSError as error:
-            raise SettingsError(
-                f"settings file {path}: {error.strerror}; give a TOML file"
-            ) from error
+            what = f"{error.strerror}; give a TOML file"
+            raise SettingsError(f"settings file {path}: {what}") from error
         except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
             raise SettingsError(f"settings file {path}: not valid TOML: {error}") from error
     alone = [_apply(tables, override) for override in overrides]
@@ -348,7 +354,7 @@ def _with_preset(tables: dict[str, Any], where: str = "settings") -> dict[str, A
     for name in names:
         if name not in MATERIALS:
             raise SettingsError(
-                f"{where}: material.preset: got {name!r}; {_one_of(MATERIALS, str(name))}"
+                f"{where}: material.preset: got {name!r}; {one_of(MATERIALS, str(name))}"
             )
     bodies = [MATERIALS[name] for name in names]
     known: dict[str, Any] = {
@@ -366,7 +372,7 @@ def _check_meaning(settings: Settings, where: str) -> None:
         ("contact.model", settings.contact.model, ("auto", *registry.names("contact.models"))),
     ):
         if got not in known:
-            raise SettingsError(f"{where}: {name}: got {got!r}; {_one_of(known, got)}")
+            raise SettingsError(f"{where}: {name}: got {got!r}; {one_of(known, got)}")
     for value in settings.material.youngs_modulus_Pa:
         if not LEAST <= value <= GREATEST:
             raise SettingsError(
@@ -395,7 +401,7 @@ def _check_meaning(settings: Settings, where: str) -> None:
     hills = settings.hills
     if hills.pruning_height_m is not None and hills.pruning_percent_Sz is not None:
         raise SettingsError(
-            f"{where}: hills: got both pruning_height_m and pruning_percent_Sz; give one or none"
+            f"{where}: hills: got pruning_height_m and pruning_percent_Sz; expected one or none"
         )
     question = _without_none(msgspec.to_builtins(settings.answer))
     if len(question) > 1:
@@ -406,7 +412,7 @@ def _check_meaning(settings: Settings, where: str) -> None:
     if (structure.modal_stiffness_N_per_m is None) != (structure.joint_stiffness_N_per_m is None):
         raise SettingsError(
             f"{where}: structure: modal_stiffness_N_per_m and joint_stiffness_N_per_m go together; "
-            "got one of them; give both, or neither and a [structure.beam]"
+            "got one of them; expected both, or neither and a [structure.beam]"
         )
 
 
@@ -453,18 +459,14 @@ def _explain(message: str, tables: dict[str, Any]) -> str:
             kind = next(field.type for field in msgspec.structs.fields(kind) if field.name == name)
         if index and isinstance(value, list):
             value = value[int(index.rstrip("]"))] if index[0].isdigit() else value
-    if expected.startswith("Invalid enum value"):
-        words = [arg for part in (kind, *get_args(kind)) for arg in get_args(part)]
-        words = [str(word) for word in dict.fromkeys(words) if isinstance(word, str | int)]
-        expected = _one_of(words, str(value))
-    return f"{'.'.join(keys)}: got {value!r}; {expected[0].lower()}{expected[1:].replace('`', '')}"
-
-
-def _one_of(words: Iterable[str], got: str) -> str:
-    words = tuple(words)
-    close = difflib.get_close_matches(got, words, n=1)
-    mean = f"; did you mean {close[0]}?" if close else ""
-    return f"expected one of {', '.join(words)}{mean}"
+    literals = [arg for part in (kind, *get_args(kind)) for arg in get_args(part)]
+    choices = [str(one) for one in dict.fromkeys(literals) if isinstance(one, str | int)]
+    types, _, bounds = expected.removeprefix("Expected `").partition("`")
+    plain = " or ".join(IN_WORDS[one] for one in types.split(" | ") if one in IN_WORDS)
+    expected = f"expected {plain}{bounds.partition(', got')[0]}"
+    return (
+        f"{'.'.join(keys)}: got {value!r}; {one_of(choices, str(value)) if choices else expected}"
+    )
 
 
 def _apply(tables: dict[str, Any], override: str) -> dict[str, Any]:

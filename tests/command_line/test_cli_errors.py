@@ -110,6 +110,31 @@ def test_settings(run, tmp_path, override, words):
     assert [entry.name for entry in tmp_path.iterdir()] == ["a.h5"]
 
 
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (("analyze",), ["SURFACE"]),
+        (("analyze", "a.h5", "--modle", "caps"), ["--modle", "'--model'"]),
+        (("analyze", "a.h5", "--model", "hertz"), ["--model", "hertz", "interacting"]),
+        (("analyze", "a.h5", "--pixel-size", "1"), ["--pixel-size"]),
+        (("analyse", "a.h5"), ["analyse", "capslip --help"]),
+        (("--fast", "analyze", "a.h5"), ["--fast"]),
+        (("limits", "--workers", "-1"), ["--workers", "-1"]),
+    ],
+)
+def test_words_that_no_command_takes(run, tmp_path, arguments, words):
+    """As any other error: one line and nothing else."""
+    ran = CliRunner().invoke(main, arguments, prog_name="capslip")
+    one_line(ran, 2, *words, " --help)")
+    assert ran.output.count("\n") == 1
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_without_a_command_there_is_the_help(run):
+    assert run().output.startswith("Usage: ")
+    assert run("analyze", "--help").exit_code == 0
+
+
 def test_filters_that_leave_nothing(run, tmp_path):
     native(tmp_path / "a.h5", hill(), **KNOWN)
     filters = ("s_filter_nesting_index_m=1e-3", "l_filter_nesting_index_m=5e-4")

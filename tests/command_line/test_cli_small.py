@@ -93,6 +93,26 @@ def test_an_option_comes_before_set_and_set_before_the_file(tmp_path):
     assert (ran.stdout, ran.stderr) == ("", "")
 
 
+WRONG = ("[[1]]", "'x y'", "1.5", "-3", "true", "[1,2,3]", "1979-05-27")
+OF_THE_PROGRAM = re.compile(r"[`|]|\b(null|float|int|bool|str|array|object|tuple|None)\b")
+
+
+@pytest.mark.parametrize("key", [".".join(key) for key in keys_of(capslip.Settings)])
+def test_a_wrong_value_of_any_setting_is_told_in_plain_words(key):
+    refused = 0
+    for value in WRONG:
+        try:
+            capslip.load_settings(overrides=(f"{key}={value}",))
+        except SettingsError as error:
+            said = str(error)
+            assert key.split(".")[0] in said
+            assert "\n" not in said
+            assert "expected" in said
+            assert not OF_THE_PROGRAM.search(said.partition("expected")[2]), said
+            refused += 1
+    assert refused > 0
+
+
 @pytest.mark.parametrize("unit", METRES)
 def test_every_unit_of_a_reader_is_an_option_and_a_setting(unit, tmp_path):
     np.save(tmp_path / "a.npy", np.full((4, 4), 2.0))

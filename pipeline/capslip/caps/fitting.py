@@ -11,7 +11,7 @@ from capslip.caps.body import Body
 from capslip.caps.hills import Hills
 from capslip.caps.noise import Noise
 from capslip.caps.points import HillPoints
-from capslip.errors import SettingsError
+from capslip.errors import SettingsError, one_of
 from capslip.surface.heightmap import HeightMap
 
 
@@ -98,6 +98,6 @@ def fit_named(name: str) -> Fit:
     """
     known = registry.names("caps.fits")
     if name not in known:
-        raise SettingsError(f"caps.fit: got {name!r}; expected one of {', '.join(known)}")
+        raise SettingsError(f"caps.fit: got {name!r}; {one_of(known, name)}")
     fit: Fit = registry.entry("caps.fits", name).FIT
     return fit

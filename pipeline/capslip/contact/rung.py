@@ -18,7 +18,7 @@ from capslip.contact.curve import AsperityCurve, NormalCurve
 from capslip.contact.material import composite, yield_law
 from capslip.contact.solvers.hertz import contact_radius_m
 from capslip.contact.solvers.yielding import YieldLaw
-from capslip.errors import SettingsError
+from capslip.errors import SettingsError, one_of
 from capslip.problems import Problem
 from capslip.settings import Settings
 from capslip.surface.heightmap import HeightMap
@@ -159,7 +159,7 @@ def rung(name: str) -> Rung[Any]:
     """Return the rung of that name; SettingsError where there is none."""
     names = registry.names(FOLDER)
     if name not in names:
-        raise SettingsError(f"contact.model: got {name!r}; expected one of {', '.join(names)}")
+        raise SettingsError(f"contact.model: got {name!r}; {one_of(names, name)}")
     return cast(Rung[Any], registry.entry(FOLDER, name).RUNG)
 
 

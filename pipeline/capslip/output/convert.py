@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, cast
 import numpy as np
 
 from capslip import registry
-from capslip.errors import OutputError, SettingsError
+from capslip.errors import OutputError, SettingsError, one_of
 from capslip.output.mesh import grid_mesh
 from capslip.output.view import View, read_view
 
@@ -82,7 +82,7 @@ def export_result(
     """
     known = registry.names(FOLDER)
     if name not in known:
-        raise SettingsError(f"--to: got {name}; expected one of {', '.join(known)}")
+        raise SettingsError(f"--to: got {name}; {one_of(known, name)}")
     form = registry.entry(FOLDER, name)
     whole = getattr(form, "WHOLE", False)  # a format that has no meaning with lines left out
     view = read_view(result, max_cells=np.iinfo(np.int64).max if whole else max_cells)

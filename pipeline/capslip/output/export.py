@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, cast
 
 from capslip import registry
-from capslip.errors import SettingsError
+from capslip.errors import SettingsError, one_of
 
 if TYPE_CHECKING:
     from capslip.result import JointResult
@@ -29,5 +29,5 @@ def export_named(name: str) -> Export:
     """Return the export of that name; SettingsError where there is none."""
     known = registry.names(FOLDER)
     if name not in known:
-        raise SettingsError(f"export: got {name}; expected one of {', '.join(known)}")
+        raise SettingsError(f"export: got {name}; {one_of(known, name)}")
     return cast(Export, registry.entry(FOLDER, name).EXPORT)

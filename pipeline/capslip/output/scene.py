@@ -13,7 +13,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
-from capslip.errors import OutputError
+from capslip.errors import OutputError, one_of
 from capslip.output.picture import Look, plotter_of
 from capslip.output.view import COLOURS, read_view, result_file
 from capslip.output.window import Window
@@ -104,7 +104,7 @@ def look_of(colour: str, load: float, force: float | None) -> Look:
         If the caps cannot be coloured so.
     """
     if colour not in COLOURS:
-        raise OutputError(f"--colour: got {colour}; expected one of {', '.join(COLOURS)}")
+        raise OutputError(f"--colour: got {colour}; {one_of(COLOURS, colour)}")
     state = force is not None or load < 1.0
     return Look(colour=colour, load_share=load, force_share=force or 0.0, zones=state)
 
