@@ -178,8 +178,8 @@ def analyze_scans(surfaces: Sequence[HeightMap], settings: Settings) -> JointOfS
     Raises
     ------
     SettingsError
-        If there are fewer than two scans, the area of the joint is not given, or the contact model
-        takes nothing from a scan.
+        If there are fewer than two scans, the area of the joint is not given, the normal load
+        oscillates, or the contact model takes nothing from a scan.
     UnusableSurfaceError
         As for `analyze`, of any scan.
     """
@@ -254,6 +254,12 @@ def _check_scans(surfaces: Sequence[HeightMap], settings: Settings) -> None:
         raise SettingsError(
             f"joint.area_m2: got {len(surfaces)} scans of one joint, and not how large that is; "
             "expected joint.area_m2 or joint.pressure_map; capslip batch analyses each alone"
+        )
+    ratio = settings.slip.normal_amplitude_ratio
+    if ratio > 0.0:
+        raise SettingsError(
+            f"slip.normal_amplitude_ratio: got {ratio:g} with {len(surfaces)} scans, which bear "
+            "one pressure under the mean load alone; expected 0, or one scan"
         )
     model = settings.contact.model
     if model != "auto" and rung(model).made_from == "nothing":

@@ -189,6 +189,21 @@ def test_a_bad_pressure_map_is_one_line_that_says_where(tmp_path, header, row, s
     assert "\n" not in str(error.value)
 
 
+def test_unlike_pressures_under_a_load_that_oscillates_are_refused(tmp_path):
+    """How the joint spreads more than its mean load is not known."""
+    varies = "slip.normal_amplitude_ratio=0.1"
+    face = capslip.HeightMap(np.eye(20), (1e-4, 1e-4))
+    unlike, even = (("1e-4,1e5", "1e-4,3e5"), ("1e-4,2e5", "1e-4,2e5"))
+    for rows in (unlike, even):
+        path = pressure_file(tmp_path, *rows, header="area_m2,pressure_Pa")
+        settings = capslip.load_settings(overrides=(f"joint.pressure_map={path}", varies))
+        if rows == even:
+            assert joint_of(settings, face).is_even
+        else:
+            with pytest.raises(SettingsError, match=r"ratio: got 0\.1 with a joint\.pressure"):
+                joint_of(settings, face)
+
+
 def test_a_missing_pressure_map_is_named():
     with pytest.raises(SettingsError, match=r"no\.csv: No such file"):
         read_pressure_map("no.csv")

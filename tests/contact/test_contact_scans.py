@@ -138,6 +138,7 @@ def test_a_scan_without_an_answer_leaves_the_joint_to_the_others_and_is_named():
         ((), 2, "joint.area_m2: got 2 scans"),
         (("joint.area_m2=1",), 1, "scans: got 1"),
         (("joint.area_m2=1", "contact.model=flat"), 2, "contact.model: got flat"),
+        (("joint.area_m2=1", "slip.normal_amplitude_ratio=0.1"), 2, "ratio: got 0.1 with 2 scans"),
     ],
 )
 def test_what_makes_no_joint_of_scans_is_refused(overrides, count, says):

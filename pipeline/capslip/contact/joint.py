@@ -103,7 +103,8 @@ def joint_of(settings: Settings, surface: HeightMap) -> Joint:
     Raises
     ------
     SettingsError
-        If the pressure map cannot be used, or the bulk term shall stay, which is that of the scan.
+        If the pressure map cannot be used, the normal load oscillates on one of unlike pressures,
+        or the bulk term shall stay, which is that of the scan.
     """
     contact, joint = settings.contact, settings.joint
     scan_m2 = surface.measured_area_m2
@@ -116,6 +117,13 @@ def joint_of(settings: Settings, surface: HeightMap) -> Joint:
                 f"joint.pressure_map: got {len(class_Pa)} different pressures with contact.model = "
                 f"{contact.model}, which solves the whole map for each; expected at most "
                 f"{MAX_SOLVED}; take contact.model = auto, or fewer pressures"
+            )
+        ratio = settings.slip.normal_amplitude_ratio
+        if ratio > 0.0 and len(class_Pa) > 1:
+            raise SettingsError(
+                f"slip.normal_amplitude_ratio: got {ratio:g} with a joint.pressure_map of unlike "
+                "pressures, whose spread is known under the mean load alone; expected 0, or one "
+                "pressure"
             )
         area_m2, preload_N = float(patch_m2.sum()), float(pressure_Pa @ patch_m2)
         load_N, weight = class_Pa * scan_m2, class_m2 / scan_m2
