@@ -1,4 +1,4 @@
-"""The units of length that a file or a user can name: the one table of them."""
+"""The units of length and force that a file or a user can name: the one table of them."""
 
 import math
 import re

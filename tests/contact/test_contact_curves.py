@@ -338,6 +338,11 @@ def test_bad_preloads_are_named(preload_N):
         mean_field([1.0], [0.0], E, BULK_M_PER_N, preload_N)
 
 
+def test_a_load_that_is_lost_beside_the_depths_is_named():
+    with pytest.raises(ContactError, match="no cap bears 1e-30 N"):
+        mean_field([1.0], [1e-8], E, BULK_M_PER_N, 1e-30)
+
+
 def test_bad_faces_are_named():
     with pytest.raises(SettingsError, match="side_m"):
         bulk_compliance_m_per_N((0.0, 1.0), E)

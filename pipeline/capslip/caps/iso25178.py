@@ -1,4 +1,4 @@
-"""What metrologists look at first, computed when it is first asked for."""
+"""The parameters of ISO 25178-2, which metrologists look at first, each computed when asked for."""
 
 from dataclasses import dataclass, fields
 from functools import cached_property

@@ -9,7 +9,7 @@ from capslip.contact.bulk import bulk_of_face_m_per_N
 from capslip.contact.models.caps import caps
 from capslip.contact.rung import Rung, Scene, contacts_of_caps
 from capslip.contact.solvers.hertz import HertzCurve
-from capslip.errors import SettingsError
+from capslip.errors import ContactError, SettingsError
 
 
 def mean_field(
@@ -35,11 +35,21 @@ def mean_field(
         Of the face, see `bulk_of_face_m_per_N`.
     preload_N : float
         Load at which the caps in contact are counted.
+
+    Raises
+    ------
+    ContactError
+        If none is in contact at the resolution of floating-point numbers.
     """
     if not 0 < preload_N < np.inf:
         raise SettingsError(f"preload_N: got {preload_N:g}; expected a finite number > 0")
     curve = caps(radius_m, depth_m, E_star_Pa)
     in_contact = np.count_nonzero(curve.asperity_loads_N(curve.approach_m(preload_N)), axis=-1)
+    if not np.all(in_contact):  # so little, or so soft, that it is lost beside the depths
+        raise ContactError(
+            f"mean_field: no cap bears {np.min(preload_N):g} N at E* = {E_star_Pa:g} Pa; expected a "
+            "load that presses the caps together; check preload, hardness and units"
+        )
     share = 1 - 1 / np.sqrt(in_contact)
     sinking = share * bulk_m_per_N
     return replace(curve, model="mean_field", compliance_m_per_N=sinking)
