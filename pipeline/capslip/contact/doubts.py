@@ -21,6 +21,7 @@ MIN_PIXELS_ACROSS = 4.0  # of the contacts that carry the lighter half of the lo
 COUPLED = 0.25  # of the friction that pressure alone uses up: |beta| / mu
 LARGE_FRICTION = 1.5
 FIRST_SHARE, FIRST_TOUCH = 0.01, 0.25  # of the load, and of the approach up to there
+LARGER = 1.01  # coverage from which a scan is larger than its joint: more than rounding
 FEW_IN_SCAN = 25  # contacts of a scan that stands for a larger joint: W some 20 % too low
 LONG_WAVES = 0.1  # of the approach: rms of waves that leave the loss by patches over 10 % too low
 ELASTIC_STRAIN = 0.03  # of E*: the greatest pressure at which the hardest steels stay elastic
@@ -49,7 +50,7 @@ def material_doubts(material: Material) -> list[Problem]:
 
 
 def problems_of_share(joint: Joint, contact: ContactState) -> list[Problem]:
-    """Return whether a scan that stands for a larger joint holds enough contacts to do so.
+    """Return whether a scan is as large as its joint at most, and holds enough contacts for it.
 
     Cut in nine, a face of n contacts in each part lost about 1 / sqrt(n) less than as a whole,
     because each part touches with its own highest hills (`docs/theory.md`, section 6).
@@ -62,6 +63,12 @@ def problems_of_share(joint: Joint, contact: ContactState) -> list[Problem]:
             "slips as if all of it had yielded under that one: parts under less are taken too flat"
         )
         found.append(Problem("uneven_yield", "warning", message))
+    if joint.coverage is not None and joint.coverage > LARGER:
+        message = (
+            f"the scan is {joint.coverage:.3g} times as large as its joint, which is a part of it "
+            "then: the unit of the area, or the pixel size, may be wrong"
+        )
+        found.append(Problem("scan_larger_than_joint", "warning", message))
     enough = contact.contacts >= FEW_IN_SCAN or contact.rung.made_from == "nothing"
     if joint.coverage is None or joint.coverage > 0.99 or enough:
         return found

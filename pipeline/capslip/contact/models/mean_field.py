@@ -47,8 +47,8 @@ def mean_field(
     in_contact = np.count_nonzero(curve.asperity_loads_N(curve.approach_m(preload_N)), axis=-1)
     if not np.all(in_contact):  # so little, or so soft, that it is lost beside the depths
         raise ContactError(
-            f"mean_field: no cap bears {np.min(preload_N):g} N at E* = {E_star_Pa:g} Pa; expected a "
-            "load that presses the caps together; check preload, hardness and units"
+            f"mean_field: no cap bears {np.min(preload_N):g} N at E* = {E_star_Pa:g} Pa; expected "
+            "a load that presses the caps together; check preload, hardness and units"
         )
     share = 1 - 1 / np.sqrt(in_contact)
     sinking = share * bulk_m_per_N
