@@ -29,10 +29,10 @@ from capslip.surface.heightmap import HeightMap
 
 LEFT_OUT = {  # flags of the caps that may carry nothing
     "load_on_doubtful_caps": DOUBTFUL,
-    "clipped": CapFlag.plateau,
 }
 MOST_CAPS = 500  # more take longer than the face itself
 MOST_POINTS = 100  # the highest of those that were removed: more do no less
+NORMAL_95 = 1.96  # standard deviations on either side that hold 95 %
 DRAWS = 8  # of the hills in a hole
 LOOSE = 1e-5  # tolerance of a solution that is only compared with another
 
@@ -163,7 +163,7 @@ def _is_asked(problem: Problem, conditioned: Conditioned) -> bool:
     """Tell whether a problem has an effect that caps tell."""
     if problem.code == "outliers_removed":
         return conditioned.removed_m.shape[1] > 0
-    others = problem.code in ("bow_left", "hole_may_hide_hills") or problem.code in LEFT_OUT
+    others = problem.code in ("bow_left", "hole_may_hide_hills", "clipped", *LEFT_OUT)
     return others and problem.severity == "warning"
 
 
@@ -213,6 +213,8 @@ class _Trials:
             yield from self._with_hills()
         elif code == "outliers_removed":
             yield from self._with_points()
+        elif code == "clipped":
+            yield from self._with_other_tops()
         else:
             yield self._without(LEFT_OUT[code])
 
@@ -228,6 +230,24 @@ class _Trials:
         if not flagged.any():
             raise ContactError("no cap has the flag that the problem is about")
         return caps.with_columns(flags=np.where(flagged, caps.flags | UNUSABLE, caps.flags))
+
+    def _with_other_tops(self) -> Iterator[CapTable]:
+        """Return caps whose tops, where they were put back, are off by two standard errors.
+
+        What the flanks hold makes the top of a flatter cap lower. Those that stayed flat may carry
+        nothing, or anything: their caps are left out.
+        """
+        tops, caps = self.face.surface.tops, self.caps
+        if tops is None or tops.left > 0:
+            yield self._without(CapFlag.plateau)
+        if tops is None or tops.x_m.size == 0:
+            return
+        height_se_m, log_radius_se, _ = tops.errors_at(caps.x_m, caps.y_m)
+        for sign in (-NORMAL_95, NORMAL_95):
+            yield caps.with_columns(
+                peak_height_m=caps.peak_height_m + sign * height_se_m,
+                radius_m=caps.radius_m * np.exp(-sign * log_radius_se),
+            )
 
     def _with_hills(self) -> Iterator[CapTable]:
         """Return caps with those that the hole would hold if it were like the rest of the face."""
