@@ -75,11 +75,13 @@ def test_standard_errors_hold_on_hills_that_are_no_paraboloids():
                       waviness_length_m=3e-3)  # fmt: skip
         whole = synthetic_surface(scene)[0]
         found = restore_tops(clipped(whole, np.quantile(whole.height_m, 0.97)))
-        row, col = (found.tops.y_m / 2e-4).astype(int), (found.tops.x_m / 2e-4).astype(int)
+        tops, back = found.tops, found.tops.up_m > 0.0
+        row, col = (tops.y_m[back] / 2e-4).astype(int), (tops.x_m[back] / 2e-4).astype(int)
         error_m = found.height_m[row, col] - whole.height_m[row, col]
-        z += list(error_m / found.tops.height_se_m)
-        left += found.tops.left
-        assert (found.tops.height_se_m <= 0.5 * found.tops.up_m).all()
+        z += list(error_m / tops.height_se_m[back])
+        left += tops.left
+        assert (tops.height_se_m[back] <= 0.5 * tops.up_m[back]).all()
+        assert (tops.height_se_m[~back] > 0.0).all()
     assert len(z) > 5
     assert left > 5
     assert np.sqrt(np.mean(np.square(z))) < 1.5
@@ -121,7 +123,7 @@ def test_a_grain_without_flanks_stays_flat():
     height_m[60:75, 135:165] = 5e-7
     found = restore_tops(HeightMap(height_m, PIXEL_M))
     np.testing.assert_array_equal(found.height_m, height_m)
-    assert (found.tops.x_m.size, found.tops.left) == (0, 1)
+    assert (found.tops.x_m.size, found.tops.left) == (1, 1)
 
 
 def test_a_map_without_clipped_points_is_the_same_object():
@@ -148,3 +150,25 @@ def test_the_errors_of_tops_are_those_of_their_caps():
     at_least_m, _, _ = tops.errors_at(found.caps.x_m, found.caps.y_m)
     assert (at_least_m > 0.0).all()
     assert (found.caps.peak_height_se_m >= at_least_m).all()
+
+
+def test_a_code_for_missing_data_is_no_top():
+    height_m = face(1e-9).height_m.copy()
+    height_m[40:44, 60:64] = 1e-5
+    height_m[39, 60:64] = np.nan
+    tops = condition(HeightMap(height_m, PIXEL_M)).surface.tops
+    assert tops.points == 16
+    assert tops.x_m.size == 0
+
+
+def test_a_place_that_stays_flat_is_a_warning_with_its_effect():
+    """Two peaks under one plateau: no cap carries on."""
+    whole = caps_map([*PEAKS, (16e-3, 6e-3, 21.0, 0.0)], SHAPE, PIXEL_M, -0.4e-6)
+    steps_m = 4e-9 * np.round(clipped(whole).height_m / 4e-9)
+    found = analyze_once(
+        HeightMap(steps_m, PIXEL_M), load_settings(overrides=("contact.preload_N=60",))
+    )
+    (said,) = [one for one in found.problems if one.code == "clipped"]
+    assert found.conditioned.surface.tops.left > 0
+    assert said.severity == "warning"
+    assert said.effect.energy > 0.05

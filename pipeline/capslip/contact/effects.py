@@ -32,8 +32,8 @@ LEFT_OUT = {  # flags of the caps that may carry nothing
 }
 MOST_CAPS = 500  # more take longer than the face itself
 MOST_POINTS = 100  # the highest of those that were removed: more do no less
-NORMAL_95 = 1.96  # standard deviations on either side that hold 95 %
 DRAWS = 8  # of the hills in a hole
+DRAWS_OF_TOPS = 16
 LOOSE = 1e-5  # tolerance of a solution that is only compared with another
 
 
@@ -120,7 +120,7 @@ def with_effects(
         except CapslipError:
             pass  # what cannot be pressed has no effect, and stays as it is
     return [
-        _as_severe(one, effects.get(one.code), tolerance, how[one.code])
+        _as_severe(one, effects.get(one.code), tolerance, how[one.code], _is_firm(one, conditioned))
         if _is_asked(one, conditioned)
         else one
         for one in problems
@@ -167,18 +167,28 @@ def _is_asked(problem: Problem, conditioned: Conditioned) -> bool:
     return others and problem.severity == "warning"
 
 
-def _as_severe(problem: Problem, effect: Effect | None, tolerance: float, how: str) -> Problem:
-    """Return a problem with its effect; what may be no information is a warning whatever it does.
+def _is_firm(problem: Problem, conditioned: Conditioned) -> bool:
+    """Tell whether a warning stays one whatever it does.
 
-    So are too many outliers.
+    One that may be no information; too many outliers; tops that stay flat, over which anything may
+    have stood.
     """
+    tops = conditioned.surface.tops
+    return (
+        "info" not in problem.kind.severities
+        or (problem.code == "outliers_removed" and problem.severity == "warning")
+        or (problem.code == "clipped" and tops is not None and tops.left > 0)
+    )
+
+
+def _as_severe(
+    problem: Problem, effect: Effect | None, tolerance: float, how: str, firm: bool
+) -> Problem:
+    """Return a problem with its effect, and as severe as that unless it is a firm warning."""
     if effect is None:
         return problem
-    moves = (
-        max(effect.tangential_stiffness or 0.0, effect.energy or 0.0) > tolerance
-        or "info" not in problem.kind.severities
-        or (problem.code == "outliers_removed" and problem.severity == "warning")
-    )
+    greatest = max(effect.tangential_stiffness or 0.0, effect.energy or 0.0)
+    moves = firm or greatest > tolerance
     said = f"; that moves the stiffness by {effect.tangential_stiffness:.1%}, the energy by "
     message = f"{problem.message}{said}{effect.energy:.1%} ({how})"
     return replace(problem, severity="warning" if moves else "info", message=message, effect=effect)
@@ -232,18 +242,17 @@ class _Trials:
         return caps.with_columns(flags=np.where(flagged, caps.flags | UNUSABLE, caps.flags))
 
     def _with_other_tops(self) -> Iterator[CapTable]:
-        """Return caps whose tops, where they were put back, are off by two standard errors.
+        """Return caps whose tops were cut off, moved by their standard errors.
 
-        What the flanks hold makes the top of a flatter cap lower. Those that stayed flat may carry
-        nothing, or anything: their caps are left out.
+        The greatest of 16 changes is about that at 95 %. A top that is higher is sharper, too: the
+        flanks hold its rim.
         """
         tops, caps = self.face.surface.tops, self.caps
-        if tops is None or tops.left > 0:
-            yield self._without(CapFlag.plateau)
         if tops is None or tops.x_m.size == 0:
-            return
+            raise ContactError("nobody knows which tops were cut off")
         height_se_m, log_radius_se, _ = tops.errors_at(caps.x_m, caps.y_m)
-        for sign in (-NORMAL_95, NORMAL_95):
+        rng = np.random.default_rng(0)
+        for sign in rng.choice((-1.0, 1.0), (DRAWS_OF_TOPS, len(caps))):
             yield caps.with_columns(
                 peak_height_m=caps.peak_height_m + sign * height_se_m,
                 radius_m=caps.radius_m * np.exp(-sign * log_radius_se),

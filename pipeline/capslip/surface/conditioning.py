@@ -15,7 +15,7 @@ from capslip.surface.form import FormKind, remove_form
 from capslip.surface.heightmap import HeightMap
 from capslip.surface.outliers import NEIGHBOURS, Outliers, find_outliers
 from capslip.surface.resampling import resample
-from capslip.surface.tops import restore_tops
+from capslip.surface.tops import restore_tops, without_lost_tops
 
 OutlierRule = Literal["isolated", "none"]
 
@@ -150,6 +150,7 @@ def condition(
         surface, removed_form = remove_form(stored, form, **fit)
         removed_m = _removed_m(with_them, surface, found)
         del with_them
+        surface = without_lost_tops(surface)  # a code for missing data is no limit of a sensor
     sq_m, sz_m = sq_and_sz_m(surface)
     steps += [{"step": "form", **asdict(removed_form), "residual_sq_m": sq_m}, step]
     problems = problems_of_outliers(surface, sq_m, found, kept=outliers == "none")

@@ -78,13 +78,13 @@ def problems_of_scan(surface: HeightMap, tops: Tops | None) -> list[Problem]:
     if clipped is None:
         return []
     message = f"{clipped.size} points share the greatest height: the sensor cut the peaks off"
-    if tops is None or tops.x_m.size == 0:
+    if tops is None or tops.counts["restored"] == 0:
         message += ", and the caps are higher than they look"
     else:
-        back = int(tops.up_m.argmax())
+        top = int(tops.up_m.argmax())
         message += (
-            f"; {tops.x_m.size} tops were put back as their flanks carry on, the highest by "
-            f"{tops.up_m[back]:.3g} m with a standard error of {tops.height_se_m[back]:.2g} m"
+            f"; {tops.counts['restored']} tops were put back as their flanks carry on, the highest "
+            f"by {tops.up_m[top]:.3g} m with a standard error of {tops.height_se_m[top]:.2g} m"
         )
         message += f"; {tops.left} stay flat: their flanks do not tell" if tops.left else ""
     return [Problem("clipped", "warning", message)]

@@ -23,26 +23,31 @@ class Origin:
 
 @dataclass(frozen=True, eq=False)
 class Tops:
-    """Tops of hills that were not measured and put back, shape (n,): see `restore_tops`."""
+    """Tops of hills that were cut off, and put back or not, shape (n,): see `restore_tops`."""
 
     x_m: np.ndarray  # where they are highest
     y_m: np.ndarray
     radius_m: np.ndarray  # of the disc that has the area of what was put back
-    up_m: np.ndarray  # by how much they stand above what was measured
+    up_m: np.ndarray  # by how much they stand above what was measured; 0 where they stay flat
     height_se_m: np.ndarray  # standard errors
     log_radius_se: np.ndarray  # of the logarithm of the radius of curvature
     points: int  # that were clipped
-    left: int  # clipped places that stay flat
+
+    @property
+    def left(self) -> int:
+        """Number of those that stay flat."""
+        return int(np.count_nonzero(self.up_m == 0.0))
 
     @property
     def counts(self) -> dict[str, int]:
         """How many points were clipped, and how many tops were put back or stay flat."""
-        return {"points": self.points, "restored": self.x_m.size, "left": self.left}
+        n = self.x_m.size
+        return {"points": self.points, "restored": n - self.left, "left": self.left}
 
     def errors_at(
         self, x_m: np.ndarray, y_m: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Return height_se_m, log_radius_se and the area of the top at places, zero elsewhere."""
+        """Return height_se_m, log_radius_se and the area of tops at places, zero elsewhere."""
         height_se_m, log_radius_se, area_m2 = np.zeros((3, *np.shape(x_m)))
         for i in range(self.x_m.size):
             away_m = np.hypot(x_m - self.x_m[i], y_m - self.y_m[i])

@@ -1,7 +1,7 @@
 """Tops of hills that a sensor cut off, put back as their flanks carry on."""
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 
 import numpy as np
 
@@ -9,6 +9,7 @@ from capslip.surface.heightmap import HeightMap, Tops
 from capslip.surface.noise import SAMPLES, noise_of_map_m
 
 CLIPPED_POINTS = 9  # that share the greatest height
+LEAST_FLAT = 4  # points of a place: fewer are a pixel that noise lifted
 FINEST_STEP = 1e-4  # of the height of a flank: heights that are stored more coarsely hide its noise
 FIRST_RING, WIDER, WIDEST = 0.1, 1.25, 3.0  # widths of a flank, over the radius of what it holds
 LEAST_POINTS = 24  # of a flank
@@ -114,31 +115,75 @@ def restore_tops(surface: HeightMap) -> HeightMap:
     places = np.where(mask, label(binary_dilation(mask, around), around)[0], 0)
     height_m, noise_m = surface.height_m.copy(), noise_of_map_m(surface.height_m)
     step_m = _step_m(surface.height_m)
-    rows, left = [], 0
+    rows = []
     for number, box in enumerate(find_objects(places), start=1):
-        row = _restored(surface, places, number, box, (noise_m, step_m), height_m)
-        if row is not None:
-            rows.append(row)
-        else:
-            left += int(np.count_nonzero(places[box] == number) >= CLIPPED_POINTS)
+        place = _place(surface, places, number, box)
+        coarse = step_m > max(noise_m, FINEST_STEP * float(np.ptp(place.z_m[place.flank])))
+        top = None if coarse else _top(place, noise_m)
+        if top is not None:
+            height_m[place.wide][place.own] = place.bound_m + np.maximum(top.up_m, 0.0)
+            rows.append(top.row)
+        elif place.x_m.size >= LEAST_FLAT:
+            rows.append(place.as_it_was)
     x_m, y_m, radius_m, up_m, height_se_m, log_radius_se = np.array(rows).reshape(-1, 6).T
-    flat = left if rows else max(left, 1)
-    tops = Tops(x_m, y_m, radius_m, up_m, height_se_m, log_radius_se, index.size, flat)
+    tops = Tops(x_m, y_m, radius_m, up_m, height_se_m, log_radius_se, index.size)
     return replace(surface, height_m=height_m, tops=tops)
 
 
-def _restored(
-    surface: HeightMap,
-    places: np.ndarray,
-    number: int,
-    box: tuple[slice, slice],
-    noise_and_step_m: tuple[float, float],
-    height_m: np.ndarray,
-) -> tuple[float, ...] | None:
-    """Put one place back into the heights; return its row of `Tops`, None where it is left."""
+def without_lost_tops(surface: HeightMap) -> HeightMap:
+    """Return the map less those tops whose points are not measured any more."""
+    tops = surface.tops
+    if tops is None:
+        return surface
+    row, col = (
+        np.clip((at_m / size_m).astype(np.intp), 0, n - 1)
+        for at_m, size_m, n in zip(
+            (tops.y_m, tops.x_m), surface.pixel_size_m, surface.shape, strict=True
+        )
+    )
+    there = surface.measured[row, col]
+    columns = {one.name: getattr(tops, one.name) for one in fields(Tops)}
+    kept = {name: of[there] for name, of in columns.items() if isinstance(of, np.ndarray)}
+    return replace(surface, tops=replace(tops, **kept))
+
+
+@dataclass(frozen=True, eq=False)
+class _Place:
+    """A place that was clipped, and what is around it; heights of shape (ny, nx) in a window."""
+
+    wide: tuple[slice, slice]  # the window
+    z_m: np.ndarray
+    own: np.ndarray  # which points are the place
+    flank: np.ndarray  # which are measured and nearer to it than to another
+    away_m: np.ndarray  # their distance from it
+    x_m: np.ndarray  # of the points of the place
+    y_m: np.ndarray
+    radius_m: float  # of the disc of its area
+    reach_m: float  # how far the window goes beyond
+    pixel_size_m: tuple[float, float]
+
+    @property
+    def bound_m(self) -> float:
+        """The height at which it was clipped."""
+        return float(self.z_m[self.own][0])
+
+    @property
+    def as_it_was(self) -> tuple[float, ...]:
+        """Row of `Tops` of a place that stays flat.
+
+        A paraboloid with the slope s of the flank at the rim of a place of radius r is s r / 2
+        higher: that the true top is as uncertain as twice that says nothing of what it is.
+        """
+        rim = self.flank & (self.away_m <= 2.0 * max(self.pixel_size_m))
+        slope = np.mean((self.bound_m - self.z_m[rim]) / self.away_m[rim]) if rim.any() else 0.0
+        at = float(self.x_m.mean()), float(self.y_m.mean())
+        return (*at, self.radius_m, 0.0, float(slope) * self.radius_m, 1.0)
+
+
+def _place(surface: HeightMap, places: np.ndarray, number: int, box: tuple[slice, slice]) -> _Place:
     from scipy.ndimage import distance_transform_edt
 
-    (dy_m, dx_m), (noise_m, step_m) = surface.pixel_size_m, noise_and_step_m
+    dy_m, dx_m = surface.pixel_size_m
     n = int(np.count_nonzero(places[box] == number))
     radius_m = math.sqrt(n * surface.pixel_area_m2 / math.pi)
     reach_m = WIDEST * radius_m + 4.0 * max(dy_m, dx_m)
@@ -155,55 +200,51 @@ def _restored(
     if others.any():
         flank &= away_m < distance_transform_edt(~others, sampling=(dy_m, dx_m))
     row, col = np.nonzero(own)
-    y_m, x_m = (wide[0].start + row + 0.5) * dy_m, (wide[1].start + col + 0.5) * dx_m
-    bound_m = float(z_m[row[0], col[0]])
+    x_m, y_m = (wide[1].start + col + 0.5) * dx_m, (wide[0].start + row + 0.5) * dy_m
+    size = surface.pixel_size_m
+    return _Place(wide, z_m, own, flank, away_m, x_m, y_m, radius_m, reach_m, size)
+
+
+@dataclass(frozen=True, eq=False)
+class _Top:
+    """What stands over the points of a place, and its row of `Tops`."""
+
+    up_m: np.ndarray
+    row: tuple[float, ...]
+
+
+def _top(place: _Place, noise_m: float) -> _Top | None:
+    """Return what the flanks of a place carry on to, None where they do not tell."""
     best, least_m, before_m = None, math.inf, math.nan
-    width_m = max(FIRST_RING * radius_m, 2.0 * max(dy_m, dx_m))
-    while width_m <= reach_m:
-        near_by = flank & (away_m <= width_m)
+    width_m = max(FIRST_RING * place.radius_m, 2.0 * max(place.pixel_size_m))
+    while width_m <= place.reach_m:
+        near_by = place.flank & (place.away_m <= width_m)
         width_m *= WIDER
-        found, freer = (
-            _through(surface, wide, near_by, bound_m, k, noise_m) for k in (QUADRIC, QUARTIC)
-        )
+        found, freer = (_through(place, near_by, k, noise_m) for k in (QUADRIC, QUARTIC))
         if found is None or freer is None or found.determinant == 0.0:
             continue
-        up_m = found.c @ found.terms(x_m, y_m)
+        up_m = found.c @ found.terms(place.x_m, place.y_m)
         top = int(np.argmax(up_m))
         moved_m = 0.0 if math.isnan(before_m) else up_m[top] - before_m
         before_m = float(up_m[top])
-        at = x_m[top], y_m[top]
+        at = place.x_m[top], place.y_m[top]
         own_se_m, freer_se_m = (one.spread(one.terms(*at)) for one in (found, freer))
         shape_m2 = float(freer.c @ freer.terms(*at) - up_m[top]) ** 2 - freer_se_m**2
-        se_m2 = own_se_m**2 + found.common_m2 + moved_m**2 + max(shape_m2, 0.0)
-        se_m = math.sqrt(se_m2)
+        se_m = math.sqrt(own_se_m**2 + found.common_m2 + moved_m**2 + max(shape_m2, 0.0))
         if se_m < least_m:
             best, least_m = (found, up_m, top), se_m
     if best is None:
         return None
     found, up_m, top = best
-    if not least_m <= UNCERTAIN * up_m[top] or np.mean(up_m < -2.0 * least_m) > BELOW:
+    highest_m = float(up_m[top])
+    if not least_m <= UNCERTAIN * highest_m or np.mean(up_m < -2.0 * least_m) > BELOW:
         return None
-    if step_m > max(noise_m, FINEST_STEP * float(np.ptp(z_m[flank]))):
-        return None
-    height_m[wide][row, col] = bound_m + np.maximum(up_m, 0.0)
-    return (
-        float(x_m[top]),
-        float(y_m[top]),
-        radius_m,
-        float(up_m[top]),
-        least_m,
-        max(found.log_radius_se, least_m / float(up_m[top])),
-    )
+    at = float(place.x_m[top]), float(place.y_m[top])
+    log_radius_se = max(found.log_radius_se, least_m / highest_m)
+    return _Top(up_m, (*at, place.radius_m, highest_m, least_m, log_radius_se))
 
 
-def _through(
-    surface: HeightMap,
-    wide: tuple[slice, slice],
-    flank: np.ndarray,
-    bound_m: float,
-    n_terms: int,
-    noise_m: float,
-) -> _Surface | None:
+def _through(place: _Place, flank: np.ndarray, n_terms: int, noise_m: float) -> _Surface | None:
     """Return the surface through a flank, heights from the bound; None of too few points.
 
     Points that noise could have lifted to the bound are left out, by where the surface is: those
@@ -213,14 +254,14 @@ def _through(
     every = max(1, math.isqrt(row.size // MOST_POINTS))
     some = (row % every == 0) & (col % every == 0)
     row, col = row[some], col[some]
-    up_m = surface.height_m[wide][row, col] - bound_m
-    dy_m, dx_m = surface.pixel_size_m
-    place_m = (wide[1].start + col + 0.5) * dx_m, (wide[0].start + row + 0.5) * dy_m
-    found = _least_squares(*place_m, up_m, (row, col), every, n_terms)
+    up_m = place.z_m[row, col] - place.bound_m
+    dy_m, dx_m = place.pixel_size_m
+    at_m = (place.wide[1].start + col + 0.5) * dx_m, (place.wide[0].start + row + 0.5) * dy_m
+    found = _least_squares(*at_m, up_m, (row, col), every, n_terms)
     if found is None or noise_m == 0.0:
         return found
-    below = found.c @ found.terms(*place_m) < -FRAYED * noise_m
-    x_m, y_m = (one[below] for one in place_m)
+    below = found.c @ found.terms(*at_m) < -FRAYED * noise_m
+    x_m, y_m = (one[below] for one in at_m)
     return _least_squares(x_m, y_m, up_m[below], (row[below], col[below]), every, n_terms)
 
 
