@@ -11,9 +11,9 @@ from capslip.surface.noise import SAMPLES, noise_of_map_m
 CLIPPED_POINTS = 9  # that share the greatest height
 LEAST_FLAT = 4  # points of a place: fewer are a pixel that noise lifted
 FINEST_STEP = 1e-4  # of the height of a flank: heights that are stored more coarsely hide its noise
-FIRST_RING, WIDER, WIDEST = 0.1, 1.25, 3.0  # widths of a flank, over the radius of what it holds
+FIRST_RING, WIDER, WIDEST = 0.1, 1.4, 3.0  # widths of a flank, over the radius of what it holds
 LEAST_POINTS = 24  # of a flank
-MOST_POINTS = 10_000  # of them that are fitted
+MOST_POINTS = 2_500  # of them that are fitted
 CELLS = 6  # of a flank that deviate by themselves where its points go together
 POWERS = [(d - j, j) for d in range(5) for j in range(d + 1)]  # of u and v, up to the fourth degree
 QUADRIC, QUARTIC = 6, 15  # of them
@@ -220,14 +220,19 @@ def _top(place: _Place, noise_m: float) -> _Top | None:
     while width_m <= place.reach_m:
         near_by = place.flank & (place.away_m <= width_m)
         width_m *= WIDER
-        found, freer = (_through(place, near_by, k, noise_m) for k in (QUADRIC, QUARTIC))
-        if found is None or freer is None or found.determinant == 0.0:
+        found = _through(place, near_by, QUADRIC, noise_m)
+        if found is None or found.determinant == 0.0:
             continue
         up_m = found.c @ found.terms(place.x_m, place.y_m)
         top = int(np.argmax(up_m))
         moved_m = 0.0 if math.isnan(before_m) else up_m[top] - before_m
         before_m = float(up_m[top])
         at = place.x_m[top], place.y_m[top]
+        if found.spread(found.terms(*at)) > least_m:
+            continue
+        freer = _through(place, near_by, QUARTIC, noise_m)
+        if freer is None:
+            continue
         own_se_m, freer_se_m = (one.spread(one.terms(*at)) for one in (found, freer))
         shape_m2 = float(freer.c @ freer.terms(*at) - up_m[top]) ** 2 - freer_se_m**2
         se_m = math.sqrt(own_se_m**2 + found.common_m2 + moved_m**2 + max(shape_m2, 0.0))
