@@ -251,6 +251,8 @@ class _Trials:
         if tops is None or tops.x_m.size == 0:
             raise ContactError("nobody knows which tops were cut off")
         height_se_m, log_radius_se, _ = tops.errors_at(caps.x_m, caps.y_m)
+        if not height_se_m[caps.usable].any():
+            raise ContactError("no cap stands where tops were cut off")
         rng = np.random.default_rng(0)
         for sign in rng.choice((-1.0, 1.0), (DRAWS_OF_TOPS, len(caps))):
             yield caps.with_columns(

@@ -27,7 +27,9 @@ class Tops:
 
     x_m: np.ndarray  # where they are highest
     y_m: np.ndarray
-    radius_m: np.ndarray  # of the disc that has the area of what was put back
+    radius_m: (
+        np.ndarray
+    )  # of the disc that has the area of what was put back, or holds what is flat
     up_m: np.ndarray  # by how much they stand above what was measured; 0 where they stay flat
     height_se_m: np.ndarray  # standard errors
     log_radius_se: np.ndarray  # of the logarithm of the radius of curvature

@@ -177,7 +177,8 @@ class _Place:
         rim = self.flank & (self.away_m <= 2.0 * max(self.pixel_size_m))
         slope = np.mean((self.bound_m - self.z_m[rim]) / self.away_m[rim]) if rim.any() else 0.0
         at = float(self.x_m.mean()), float(self.y_m.mean())
-        return (*at, self.radius_m, 0.0, float(slope) * self.radius_m, 1.0)
+        around_m = float(np.hypot(self.x_m - at[0], self.y_m - at[1]).max())
+        return (*at, around_m, 0.0, float(slope) * self.radius_m, 1.0)
 
 
 def _place(surface: HeightMap, places: np.ndarray, number: int, box: tuple[slice, slice]) -> _Place:
