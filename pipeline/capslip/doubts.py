@@ -73,7 +73,8 @@ def _before_contact(face: Face, found: Analysis, mate: HeightMap | None) -> list
     for scan in (found.surface, mate):
         if scan is not None:
             problems += [Problem("reader_note", "warning", note) for note in scan.origin.notes]
-            problems += problems_of_scan(scan)
+            tops = face.conditioned.surface.tops if scan is found.surface else None
+            problems += problems_of_scan(scan, tops)
     problems += material_doubts(found.settings.material)
     problems += problems_of_structure(found.settings.structure)
     problems += [*face.conditioned.problems, *face.problems]

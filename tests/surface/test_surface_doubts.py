@@ -66,13 +66,13 @@ def test_nine_points_at_the_top_and_four_times_the_next_level_are_clipped(n_top,
     height_m = np.zeros(100)
     height_m[:n_top], height_m[n_top : n_top + n_next] = 2.0, 1.0
     height_m[-1] = np.nan
-    found = problems_of_scan(HeightMap(height_m.reshape(10, 10), (1.0, 1.0)))
+    found = problems_of_scan(HeightMap(height_m.reshape(10, 10), (1.0, 1.0)), None)
     assert codes(found) == ({"clipped": "warning"} if clipped else {})
 
 
 @pytest.mark.parametrize("height_m", [np.zeros((4, 4)), np.full((4, 4), np.nan)])
 def test_a_flat_or_an_empty_map_is_not_clipped(height_m):
-    assert problems_of_scan(HeightMap(height_m, (1.0, 1.0))) == []
+    assert problems_of_scan(HeightMap(height_m, (1.0, 1.0)), None) == []
 
 
 def ramp(slope_y, slope_x, pixel_m, shape=(40, 30)):

@@ -127,6 +127,7 @@ def _table(fit: Fit, given: FitInput, spheres: Spheres) -> CapTable:
         whole_m = np.sqrt(np.maximum(cap_height_m * (2.0 * radius_m - cap_height_m), 0.0))
         diameter_m = np.where(part & np.isfinite(radius_m), 2.0 * whole_m, diameter_m)
     quartic_m, profile_residual_m = quartic_profile(given, spheres)
+    apex_se_m, radius_se_m = _errors_with_tops(given, spheres)
     n, quadric = len(radius_m), given.body.quadric
     return CapTable(
         x_m=spheres.x_m,
@@ -141,8 +142,8 @@ def _table(fit: Fit, given: FitInput, spheres: Spheres) -> CapTable:
         load_N=np.full(n, np.nan),
         contact_radius_m=np.full(n, np.nan),
         flags=flags,
-        radius_se_m=spheres.radius_se_m,
-        peak_height_se_m=spheres.apex_se_m,
+        radius_se_m=radius_se_m,
+        peak_height_se_m=apex_se_m,
         radius_major_m=1.0 / quadric.curvature_per_m[0],
         radius_minor_m=1.0 / quadric.curvature_per_m[1],
         orientation_rad=quadric.orientation_rad,
@@ -151,3 +152,18 @@ def _table(fit: Fit, given: FitInput, spheres: Spheres) -> CapTable:
         profile_residual_m=profile_residual_m,
         parent_region=given.hills.parent_region,
     )
+
+
+def _errors_with_tops(given: FitInput, spheres: Spheres) -> tuple[np.ndarray, np.ndarray]:
+    """Return the standard errors of apex and radius, with those of tops that were put back.
+
+    The error of a top counts in the radius for its share of what was fitted.
+    """
+    tops, radius_m = given.surface.tops, spheres.radius_m
+    if tops is None:
+        return spheres.apex_se_m, spheres.radius_se_m
+    height_se_m, log_radius_se, area_m2 = tops.errors_at(spheres.x_m, spheres.y_m)
+    with np.errstate(divide="ignore", invalid="ignore"):  # a hill without sphere or depth
+        share = np.fmin(area_m2 / (2.0 * np.pi * radius_m * given.body.depth_m), 1.0)
+    of_top_m = radius_m * log_radius_se * np.nan_to_num(share)
+    return np.hypot(spheres.apex_se_m, height_se_m), np.hypot(spheres.radius_se_m, of_top_m)

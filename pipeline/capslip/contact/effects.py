@@ -29,11 +29,11 @@ from capslip.surface.heightmap import HeightMap
 
 LEFT_OUT = {  # flags of the caps that may carry nothing
     "load_on_doubtful_caps": DOUBTFUL,
-    "clipped": CapFlag.plateau,
 }
 MOST_CAPS = 500  # more take longer than the face itself
 MOST_POINTS = 100  # the highest of those that were removed: more do no less
 DRAWS = 8  # of the hills in a hole
+DRAWS_OF_TOPS = 16
 LOOSE = 1e-5  # tolerance of a solution that is only compared with another
 
 
@@ -120,7 +120,7 @@ def with_effects(
         except CapslipError:
             pass  # what cannot be pressed has no effect, and stays as it is
     return [
-        _as_severe(one, effects.get(one.code), tolerance, how[one.code])
+        _as_severe(one, effects.get(one.code), tolerance, how[one.code], _is_firm(one, conditioned))
         if _is_asked(one, conditioned)
         else one
         for one in problems
@@ -163,22 +163,32 @@ def _is_asked(problem: Problem, conditioned: Conditioned) -> bool:
     """Tell whether a problem has an effect that caps tell."""
     if problem.code == "outliers_removed":
         return conditioned.removed_m.shape[1] > 0
-    others = problem.code in ("bow_left", "hole_may_hide_hills") or problem.code in LEFT_OUT
+    others = problem.code in ("bow_left", "hole_may_hide_hills", "clipped", *LEFT_OUT)
     return others and problem.severity == "warning"
 
 
-def _as_severe(problem: Problem, effect: Effect | None, tolerance: float, how: str) -> Problem:
-    """Return a problem with its effect; what may be no information is a warning whatever it does.
+def _is_firm(problem: Problem, conditioned: Conditioned) -> bool:
+    """Tell whether a warning stays one whatever it does.
 
-    So are too many outliers.
+    One that may be no information; too many outliers; tops that stay flat, over which anything may
+    have stood.
     """
+    tops = conditioned.surface.tops
+    return (
+        "info" not in problem.kind.severities
+        or (problem.code == "outliers_removed" and problem.severity == "warning")
+        or (problem.code == "clipped" and tops is not None and tops.left > 0)
+    )
+
+
+def _as_severe(
+    problem: Problem, effect: Effect | None, tolerance: float, how: str, firm: bool
+) -> Problem:
+    """Return a problem with its effect, and as severe as that unless it is a firm warning."""
     if effect is None:
         return problem
-    moves = (
-        max(effect.tangential_stiffness or 0.0, effect.energy or 0.0) > tolerance
-        or "info" not in problem.kind.severities
-        or (problem.code == "outliers_removed" and problem.severity == "warning")
-    )
+    greatest = max(effect.tangential_stiffness or 0.0, effect.energy or 0.0)
+    moves = firm or greatest > tolerance
     said = f"; that moves the stiffness by {effect.tangential_stiffness:.1%}, the energy by "
     message = f"{problem.message}{said}{effect.energy:.1%} ({how})"
     return replace(problem, severity="warning" if moves else "info", message=message, effect=effect)
@@ -213,6 +223,8 @@ class _Trials:
             yield from self._with_hills()
         elif code == "outliers_removed":
             yield from self._with_points()
+        elif code == "clipped":
+            yield from self._with_other_tops()
         else:
             yield self._without(LEFT_OUT[code])
 
@@ -228,6 +240,25 @@ class _Trials:
         if not flagged.any():
             raise ContactError("no cap has the flag that the problem is about")
         return caps.with_columns(flags=np.where(flagged, caps.flags | UNUSABLE, caps.flags))
+
+    def _with_other_tops(self) -> Iterator[CapTable]:
+        """Return caps whose tops were cut off, moved by their standard errors.
+
+        The greatest of 16 changes is about that at 95 %. A top that is higher is sharper, too: the
+        flanks hold its rim.
+        """
+        tops, caps = self.face.surface.tops, self.caps
+        if tops is None or tops.x_m.size == 0:
+            raise ContactError("nobody knows which tops were cut off")
+        height_se_m, log_radius_se, _ = tops.errors_at(caps.x_m, caps.y_m)
+        if not height_se_m[caps.usable].any():
+            raise ContactError("no cap stands where tops were cut off")
+        rng = np.random.default_rng(0)
+        for sign in rng.choice((-1.0, 1.0), (DRAWS_OF_TOPS, len(caps))):
+            yield caps.with_columns(
+                peak_height_m=caps.peak_height_m + sign * height_se_m,
+                radius_m=caps.radius_m * np.exp(-sign * log_radius_se),
+            )
 
     def _with_hills(self) -> Iterator[CapTable]:
         """Return caps with those that the hole would hold if it were like the rest of the face."""

@@ -15,6 +15,7 @@ from capslip.surface.form import FormKind, remove_form
 from capslip.surface.heightmap import HeightMap
 from capslip.surface.outliers import NEIGHBOURS, Outliers, find_outliers
 from capslip.surface.resampling import resample
+from capslip.surface.tops import restore_tops, without_lost_tops
 
 OutlierRule = Literal["isolated", "none"]
 
@@ -92,7 +93,8 @@ def condition(
     Parameters
     ----------
     surface : HeightMap
-        The map as measured. No step fills a non-measured point.
+        The map as measured. No step fills a non-measured point; tops that the range of the sensor
+        cut off are put back first, see `restore_tops`.
     form, form_degree, form_robust, form_floor
         See `remove_form`.
     outliers : {"isolated", "none"}
@@ -133,7 +135,9 @@ def condition(
         surface, step = _trimmed(surface, edge_trim_m)
         steps.append(step)
 
-    stored = surface
+    stored = restore_tops(surface)
+    if stored.tops is not None:
+        steps.append({"step": "tops", **stored.tops.counts})
     fit: dict[str, Any] = {"degree": form_degree, "robust": form_robust, "floor": form_floor}
     surface, removed_form = remove_form(stored, form, **fit)
     found = find_outliers(surface, stored)
@@ -146,6 +150,7 @@ def condition(
         surface, removed_form = remove_form(stored, form, **fit)
         removed_m = _removed_m(with_them, surface, found)
         del with_them
+        surface = without_lost_tops(surface)  # a code for missing data is no limit of a sensor
     sq_m, sz_m = sq_and_sz_m(surface)
     steps += [{"step": "form", **asdict(removed_form), "residual_sq_m": sq_m}, step]
     problems = problems_of_outliers(surface, sq_m, found, kept=outliers == "none")

@@ -7,8 +7,9 @@ import numpy as np
 from capslip.errors import UnusableSurfaceError
 from capslip.problems import Problem, Severity
 from capslip.surface.form import FLOOR_SHARE, ROUNDING, remove_form
-from capslip.surface.heightmap import HeightMap
+from capslip.surface.heightmap import HeightMap, Tops
 from capslip.surface.outliers import Outliers
+from capslip.surface.tops import clipped_points
 
 MAX_STEEP_SHARE = 0.05
 MAX_SZ_OVER_SQ = 30.0
@@ -27,7 +28,6 @@ HIGHEST_SHARE = 0.10  # what the paper keeps: a spike up there is touched, or sp
 WALLS = 0.25
 VISIBLE_SHARE_OF_SQ = 0.01
 MAX_OUTLIER_SHARE = 0.02
-CLIPPED_POINTS = 9  # that share the greatest height
 MOSTLY_FORM = 0.8  # of the variance of the heights
 MOSTLY_BOWED = 0.95  # of that of the floor: a step between two floors looks 87 % like a bow
 BLOCK_OVER_DISC = 0.1  # sides of the squares that a hole is looked at in, over a hill's radius
@@ -60,22 +60,34 @@ def refuse_absurd(surface: HeightMap) -> None:
             )
 
 
-def problems_of_scan(surface: HeightMap) -> list[Problem]:
-    """Return what makes the map as measured doubtful; levelling would hide a flat top."""
-    height_m = surface.height_m
-    top_m = np.fmax.reduce(height_m, axis=None)
-    n_top = int(np.count_nonzero(height_m == top_m))  # 0 where nothing was measured
-    if n_top < CLIPPED_POINTS:
+def problems_of_scan(surface: HeightMap, tops: Tops | None) -> list[Problem]:
+    """Return what makes the map as measured doubtful; levelling would hide a flat top.
+
+    Parameters
+    ----------
+    surface : HeightMap
+        As measured.
+    tops : Tops or None
+        What was put back of it, where that is known.
+
+    Returns
+    -------
+    list of Problem
+        `clipped` (warning) where points share the greatest height that are no step of many.
+    """
+    clipped = clipped_points(surface)
+    if clipped is None:
         return []
-    below_m = height_m[height_m < top_m]
-    if below_m.size == 0:
-        return []
-    if n_top <= 4 * np.count_nonzero(below_m == below_m.max()):
-        return []  # quantised: the next level holds as many
-    message = (
-        f"{n_top} points share the greatest height: the sensor cut the peaks off, and the caps are "
-        "higher than they look"
-    )
+    message = f"{clipped.size} points share the greatest height: the sensor cut the peaks off"
+    if tops is None or tops.counts["restored"] == 0:
+        message += ", and the caps are higher than they look"
+    else:
+        top = int(tops.up_m.argmax())
+        message += (
+            f"; {tops.counts['restored']} tops were put back as their flanks carry on, the highest "
+            f"by {tops.up_m[top]:.3g} m with a standard error of {tops.height_se_m[top]:.2g} m"
+        )
+        message += f"; {tops.left} stay flat: their flanks do not tell" if tops.left else ""
     return [Problem("clipped", "warning", message)]
 
 

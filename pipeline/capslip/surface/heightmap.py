@@ -22,6 +22,44 @@ class Origin:
 
 
 @dataclass(frozen=True, eq=False)
+class Tops:
+    """Tops of hills that were cut off, and put back or not, shape (n,): see `restore_tops`."""
+
+    x_m: np.ndarray  # where they are highest
+    y_m: np.ndarray
+    radius_m: (
+        np.ndarray
+    )  # of the disc that has the area of what was put back, or holds what is flat
+    up_m: np.ndarray  # by how much they stand above what was measured; 0 where they stay flat
+    height_se_m: np.ndarray  # standard errors
+    log_radius_se: np.ndarray  # of the logarithm of the radius of curvature
+    points: int  # that were clipped
+
+    @property
+    def left(self) -> int:
+        """Number of those that stay flat."""
+        return int(np.count_nonzero(self.up_m == 0.0))
+
+    @property
+    def counts(self) -> dict[str, int]:
+        """How many points were clipped, and how many tops were put back or stay flat."""
+        n = self.x_m.size
+        return {"points": self.points, "restored": n - self.left, "left": self.left}
+
+    def errors_at(
+        self, x_m: np.ndarray, y_m: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Return height_se_m, log_radius_se and the area of tops at places, zero elsewhere."""
+        height_se_m, log_radius_se, area_m2 = np.zeros((3, *np.shape(x_m)))
+        for i in range(self.x_m.size):
+            away_m = np.hypot(x_m - self.x_m[i], y_m - self.y_m[i])
+            here = away_m <= self.radius_m[i]
+            height_se_m[here], log_radius_se[here] = self.height_se_m[i], self.log_radius_se[i]
+            area_m2[here] = np.pi * self.radius_m[i] ** 2
+        return height_se_m, log_radius_se, area_m2
+
+
+@dataclass(frozen=True, eq=False)
 class HeightMap:
     """Heights on a rectangular grid of pixels, in metres.
 
@@ -35,6 +73,8 @@ class HeightMap:
         (dy, dx), both positive.
     origin : Origin, optional
         File, digest and units; only for the record.
+    tops : Tops, optional
+        What of the heights was put back, where that is known.
 
     Raises
     ------
@@ -54,6 +94,7 @@ class HeightMap:
     height_m: np.ndarray
     pixel_size_m: tuple[float, float]
     origin: Origin = field(default_factory=Origin)
+    tops: Tops | None = None
 
     def __post_init__(self) -> None:
         height_m = np.ascontiguousarray(self.height_m, dtype=np.float64)

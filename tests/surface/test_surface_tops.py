@@ -1,0 +1,174 @@
+"""Tops that a sensor cut off: put back where the flanks tell them, left where nothing does."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from capslip.analysis import analyze_once
+from capslip.settings import load_settings
+from capslip.studies.faces.synthetic import Scene, synthetic_surface
+from capslip.surface.conditioning import condition
+from capslip.surface.heightmap import HeightMap
+from capslip.surface.tops import clipped_points, restore_tops
+from scenes import caps_map
+
+PIXEL_M = (2e-4, 1e-4)
+SHAPE = (150, 300)
+PEAKS = [
+    (6e-3 + 9e-3 * i, 6e-3 + 9e-3 * j, 20.0 + i, -1e-8 * j) for i in range(3) for j in range(3)
+]
+TILT_M = 3e-5 * PIXEL_M[0] * np.arange(SHAPE[0])[:, None]  # 0.9 um, three caps high
+
+
+def face(noise_m=0.0, seed=1):
+    whole = caps_map(PEAKS, SHAPE, PIXEL_M, -0.4e-6)
+    noise = noise_m * np.random.default_rng(seed).standard_normal(SHAPE)
+    return replace(whole, height_m=whole.height_m + noise)
+
+
+def clipped(surface, limit_m=-1.2e-7):
+    return replace(surface, height_m=np.minimum(surface.height_m, limit_m))
+
+
+@pytest.mark.parametrize("limit_m", [-3e-8, -1.2e-7, -2.4e-7])
+@pytest.mark.parametrize("tilt", [0.0, 1e-6])
+def test_paraboloids_come_back_as_they_were(limit_m, tilt):
+    whole = face()
+    tilted = replace(whole, height_m=whole.height_m + tilt * TILT_M / 3e-5)
+    found = restore_tops(clipped(tilted, limit_m))
+    np.testing.assert_allclose(found.height_m, tilted.height_m, rtol=0.0, atol=1e-14)
+    assert found.tops.left == 0
+    assert (found.tops.height_se_m < 1e-14).all()
+
+
+def test_what_was_not_clipped_stays_to_the_bit():
+    cut = clipped(face(2e-9))
+    found = restore_tops(cut)
+    kept = cut.height_m < -1.2e-7
+    np.testing.assert_array_equal(found.height_m[kept], cut.height_m[kept])
+    assert (found.height_m >= cut.height_m).all()
+    assert found.tops.points == np.count_nonzero(~kept) == clipped_points(cut).size
+
+
+@pytest.mark.parametrize("noise_m", [1e-9, 4e-9])
+def test_standard_errors_are_those_of_the_noise(noise_m):
+    """Nine caps on eight faces: their tops stand at the places of the table."""
+    z = []
+    for seed in range(8):
+        tops = restore_tops(clipped(face(noise_m, seed))).tops
+        assert tops.x_m.size == 9
+        for x_m, y_m, radius_m, peak_m in PEAKS:
+            i = np.argmin(np.hypot(tops.x_m - x_m, tops.y_m - y_m))
+            off_m2 = (tops.x_m[i] - x_m) ** 2 + (tops.y_m[i] - y_m) ** 2
+            true_m = peak_m - off_m2 / (2.0 * radius_m) + 1.2e-7
+            z.append((tops.up_m[i] - true_m) / tops.height_se_m[i])
+    assert 0.5 < np.sqrt(np.mean(np.square(z))) < 1.5
+    assert np.mean(np.abs(z) > 1.96) < 0.1
+
+
+def test_standard_errors_hold_on_hills_that_are_no_paraboloids():
+    """Tops of waves, of which some hide several peaks: what is put back is as good as it says."""
+    z, left = [], 0
+    for seed in range(150, 154):
+        scene = Scene((200, 300), (2e-4, 2e-4), seed=seed, waviness_rms_m=0.4e-6,
+                      waviness_length_m=3e-3)  # fmt: skip
+        whole = synthetic_surface(scene)[0]
+        found = restore_tops(clipped(whole, np.quantile(whole.height_m, 0.97)))
+        tops, back = found.tops, found.tops.up_m > 0.0
+        row, col = (tops.y_m[back] / 2e-4).astype(int), (tops.x_m[back] / 2e-4).astype(int)
+        error_m = found.height_m[row, col] - whole.height_m[row, col]
+        z += list(error_m / tops.height_se_m[back])
+        left += tops.left
+        assert (tops.height_se_m[back] <= 0.5 * tops.up_m[back]).all()
+        assert (tops.height_se_m[~back] > 0.0).all()
+    assert len(z) > 5
+    assert left > 5
+    assert np.sqrt(np.mean(np.square(z))) < 1.5
+
+
+@pytest.mark.parametrize("how", ["noise", "tilt", "steps", "steps and noise"])
+def test_a_worn_plateau_is_not_put_back(how):
+    """Hills worn to one plane: the instrument adds its noise, its steps and how the face lay."""
+    worn_m = np.minimum(face().height_m, -1.2e-7)
+    noise_m = 1e-9 * np.random.default_rng(2).standard_normal(SHAPE)
+    step_m = 5e-9
+    measured_m = {
+        "noise": worn_m + noise_m,
+        "tilt": worn_m + TILT_M,
+        "steps": np.round(worn_m / step_m) * step_m,
+        "steps and noise": np.round((worn_m + noise_m) / step_m) * step_m,
+    }[how]
+    surface = HeightMap(measured_m, PIXEL_M)
+    np.testing.assert_array_equal(restore_tops(surface).height_m, measured_m)
+
+
+@pytest.mark.parametrize("step_m", [1e-10, 1e-9, 1e-8, 5e-8])
+@pytest.mark.parametrize("noise_m", [0.0, 1e-9])
+def test_heights_in_steps_are_not_put_back(step_m, noise_m):
+    height_m = np.round(face(noise_m).height_m / step_m) * step_m
+    np.testing.assert_array_equal(restore_tops(HeightMap(height_m, PIXEL_M)).height_m, height_m)
+
+
+def test_steps_that_noise_is_seen_through_are_no_obstacle():
+    """As most instruments store heights: finer than their noise."""
+    cut = clipped(face(2e-9))
+    stored = replace(cut, height_m=np.round(cut.height_m / 5e-10) * 5e-10)
+    tops = restore_tops(stored).tops
+    assert (tops.x_m.size, tops.left) == (9, 0)
+
+
+def test_a_grain_without_flanks_stays_flat():
+    height_m = face().height_m.copy()
+    height_m[60:75, 135:165] = 5e-7
+    found = restore_tops(HeightMap(height_m, PIXEL_M))
+    np.testing.assert_array_equal(found.height_m, height_m)
+    assert (found.tops.x_m.size, found.tops.left) == (1, 1)
+
+
+def test_a_map_without_clipped_points_is_the_same_object():
+    for whole in (face(), face(1e-9), HeightMap(np.zeros((9, 9)), PIXEL_M)):
+        assert restore_tops(whole) is whole
+
+
+@pytest.mark.parametrize("model", ["interacting", "boundary_elements"])
+def test_a_clipped_face_answers_as_the_whole(model):
+    settings = load_settings(overrides=("contact.preload_N=60", f"contact.model={model}"))
+    whole, cut = (analyze_once(one, settings) for one in (face(), clipped(face())))
+    assert cut.contact.stiffness_N_per_m == pytest.approx(whole.contact.stiffness_N_per_m, rel=1e-3)
+    (said,) = [one for one in cut.problems if one.code == "clipped"]
+    assert said.severity == "info"
+    assert said.effect.energy < 1e-3
+    step = next(one for one in cut.conditioned.steps if one["step"] == "tops")
+    assert (step["restored"], step["left"]) == (9, 0)
+
+
+def test_the_errors_of_tops_are_those_of_their_caps():
+    cut = clipped(face(4e-9))
+    tops = condition(cut).surface.tops
+    found = analyze_once(cut, load_settings(overrides=("contact.preload_N=60",)))
+    at_least_m, _, _ = tops.errors_at(found.caps.x_m, found.caps.y_m)
+    assert (at_least_m > 0.0).all()
+    assert (found.caps.peak_height_se_m >= at_least_m).all()
+
+
+def test_a_code_for_missing_data_is_no_top():
+    height_m = face(1e-9).height_m.copy()
+    height_m[40:44, 60:64] = 1e-5
+    height_m[39, 60:64] = np.nan
+    tops = condition(HeightMap(height_m, PIXEL_M)).surface.tops
+    assert tops.points == 16
+    assert tops.x_m.size == 0
+
+
+def test_a_place_that_stays_flat_is_a_warning_with_its_effect():
+    """Two peaks under one plateau: no cap carries on."""
+    whole = caps_map([*PEAKS, (16e-3, 6e-3, 21.0, 0.0)], SHAPE, PIXEL_M, -0.4e-6)
+    steps_m = 4e-9 * np.round(clipped(whole).height_m / 4e-9)
+    found = analyze_once(
+        HeightMap(steps_m, PIXEL_M), load_settings(overrides=("contact.preload_N=60",))
+    )
+    (said,) = [one for one in found.problems if one.code == "clipped"]
+    assert found.conditioned.surface.tops.left > 0
+    assert said.severity == "warning"
+    assert said.effect.energy > 0.05
