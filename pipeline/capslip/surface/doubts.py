@@ -6,7 +6,8 @@ import numpy as np
 
 from capslip.errors import UnusableSurfaceError
 from capslip.problems import Problem, Severity
-from capslip.surface.form import FLOOR_SHARE, ROUNDING, remove_form
+from capslip.surface.blocks import few_lines
+from capslip.surface.form import FLOOR_LINES, FLOOR_SHARE, ROUNDING, remove_form
 from capslip.surface.heightmap import HeightMap
 from capslip.surface.outliers import Outliers
 
@@ -181,8 +182,9 @@ def _bow_of_floor(surface: HeightMap) -> tuple[float, float]:
     """Return the same of the lowest third of the points, over a level floor and a bowed one.
 
     Hills hide a bow in the variance of all heights, and it hides those that it lowers. No bow
-    where the floor is level: (1, 0).
+    where the floor is level: (1, 0). Some of the rows and columns tell it.
     """
+    surface = few_lines(surface, FLOOR_LINES)
     try:
         over = [remove_form(surface, one, floor=True)[0].height_m for one in ("plane", "quadratic")]
     except UnusableSurfaceError:
