@@ -92,14 +92,14 @@ def without_bulk(
     Returns
     -------
     NormalCurve, bool
-        The curve, and whether it still holds the bulk term.
+        The curve, and whether it still holds the bulk term; of many sets of parameters all or none.
     """
     rest = in_series(curve, -bulk_m_per_N)
     try:
         # The compliance falls with the load: what holds at the preload holds below it.
         approach_m = rest.approach_m(preload_N)
         stiffness_N_per_m = rest.stiffness_N_per_m(approach_m)
-        left = bool(approach_m > rest.touch_m and stiffness_N_per_m > 0.0)
+        left = bool(np.all((approach_m > rest.touch_m) & (stiffness_N_per_m > 0.0)))
     except ContactError:
         left = False
     return (rest, False) if left else (curve, True)
