@@ -10,9 +10,8 @@ from capslip.caps.table import CapFlag, CapTable
 from capslip.contact.bulk import bulk_of_face_m_per_N, without_bulk
 from capslip.contact.certificate import unmodelled_area_m2
 from capslip.contact.curve import NormalCurve
-from capslip.contact.flattening import flattened
 from capslip.contact.material import composite
-from capslip.contact.models.interacting import RUNG, InteractingCurve, interacting
+from capslip.contact.models.interacting import InteractingCurve, around_hertz
 from capslip.contact.moved import moved_caps
 from capslip.contact.outlines import outlines
 from capslip.contact.reach import reachable
@@ -159,7 +158,8 @@ def error_of_caps(
     lowest third of the points, which peaks that are not balanced over the face do not pull. A
     balanced face has no such doubt: moved caps are balanced anew.
 
-    Then there is the change under another law between two contacts. Where caps have yielded they
+    Then there is the change under another law between two contacts: the point load and Johnson's
+    Eq. 3.42 err on either side, the latter further. Where caps have yielded they
     unload as Hertz contacts, and the map less evenly: half of the energies, times the share of the
     load on such caps. None of these causes has to do with another, so their squares add. The error
     is not known where something else than the caps carries: if contacts overlap, are wider than
@@ -171,7 +171,10 @@ def error_of_caps(
     try:
         (up_m, wide), of_shape = _at_random(scene, noise_m), _of_shape(scene, curve)
         more = np.vstack((up_m, of_shape[0])), np.vstack((wide, of_shape[1]))
-        curves: list[NormalCurve] = [moved_caps(scene, curve, *more, settings), _of_pairs(scene)]
+        curves: list[NormalCurve] = [
+            moved_caps(scene, curve, *more, settings),
+            around_hertz(curve, scene.preload_N),
+        ]
         tilted = _of_level(scene, settings)
         curves += [] if tilted is None else [tilted]
         used, change = _used_and_changes(curves, scene, found, settings)
@@ -266,16 +269,6 @@ def _of_shape(scene: Scene, curve: InteractingCurve) -> tuple[np.ndarray, np.nda
     # The first order would overflow far beyond the hill, which is doubted anyway
     first_order = (2 / 3 - 8 / 5 * share) * quartic_m / depth_m
     return up_m, np.where(known, np.clip(first_order, -MOST_WIDE, MOST_WIDE), 0.0)
-
-
-def _of_pairs(scene: Scene) -> InteractingCurve:
-    """Return the curve with another law between two contacts.
-
-    The point load and Johnson's Eq. 3.42 err on either side, the latter further.
-    """
-    flat = flattened(RUNG, scene)
-    places = scene.caps.x_m[scene.use], scene.caps.y_m[scene.use]
-    return interacting(flat.radius_m, flat.depth_m, *places, scene.E_star_Pa, scene.preload_N)
 
 
 def _of_unloading(scene: Scene, curve: InteractingCurve) -> float:

@@ -155,8 +155,11 @@ def unmodelled_area_m2(
     at = load_N > 0.0
     a_m = contact_radius_m(load_N[at], curve.radius_m[at], curve.E_star_Pa)
     contacts = np.vstack((curve.x_m[at], curve.y_m[at], a_m, load_N[at]))
-    free_m = np.where(label == 0, surface.height_m, np.nan)
     plane_m = peak_height_m - approach_m
+    high = surface.height_m > plane_m - NOISE_SPREADS * noise_m / side
+    if not (label[high] == 0).any():
+        return 0.0  # nor is the mean of any such points as high
+    free_m = np.where(label == 0, surface.height_m, np.nan)
     *_, excess_m = _excess(
         surface, free_m, plane_m, contacts, curve.E_star_Pa, noise_m, proven=False
     )

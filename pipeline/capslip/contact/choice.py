@@ -1,6 +1,7 @@
 """The cheapest contact model whose estimated error a scene allows."""
 
 import math
+from contextlib import suppress
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -158,13 +159,11 @@ def _among_caps(
         return _too_many(scene, settings)
     found = {}
     for one in ladder():
-        if one.automatic:
-            try:
+        if one.automatic and one is not REFERENCE:
+            with suppress(ContactError):
                 found[one.name] = _answers(one, scene, settings)
-            except ContactError:
-                if one is REFERENCE:
-                    raise
-    at = found[REFERENCE.name]
+    at = answers(reach.pairs, REFERENCE.holds_bulk, surface, settings)
+    found[REFERENCE.name] = at
     own = error_of_caps(scene, reach.pairs, at, label, noise_m, settings)
     estimates: dict[str, float | None] = {}
     for model, numbers in found.items():

@@ -252,15 +252,20 @@ def interacting(
         y_m=y_m,
         pair_compliance_m_per_N=1 / (np.pi * E_star_Pa * r),
     )
-    if preload_N is None:
-        return curve
+    return curve if preload_N is None else around_hertz(curve, preload_N)
+
+
+def around_hertz(curve: InteractingCurve, preload_N: float) -> InteractingCurve:
+    """Return the curve with the displacement outside Hertz contacts, see `interacting`."""
+    r_m = np.hypot(curve.x_m[:, None] - curve.x_m, curve.y_m[:, None] - curve.y_m)
+    np.fill_diagonal(r_m, np.inf)
     # The radii depend on the compliances but weakly: after two rounds nothing changes
     for _ in range(2):
-        N = curve.asperity_loads_N(curve.approach_m(preload_N))
-        a = contact_radius_m(N, curve.radius_m, E_star_Pa)
-        factor = hertz_over_point_load(a / r)
-        C = (factor + factor.T) / (2 * np.pi * E_star_Pa * r)
-        curve = replace(curve, pair_compliance_m_per_N=C, _equilibrium={})
+        approach_m = curve.approach_m(preload_N)
+        N, start_m = curve.asperity_loads_N(approach_m), curve._compression(approach_m)
+        factor = hertz_over_point_load(contact_radius_m(N, curve.radius_m, curve.E_star_Pa) / r_m)
+        C = (factor + factor.T) / (2 * np.pi * curve.E_star_Pa * r_m)
+        curve = replace(curve, pair_compliance_m_per_N=C, start_m=start_m, _equilibrium={})
     return curve
 
 

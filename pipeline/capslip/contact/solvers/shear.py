@@ -24,6 +24,7 @@ _BATCH = 4_000_000  # numbers in the matrices that are solved at once: 32 MB
 _CERTIFIED = 1e-9  # most that the equations may be off, of the displacement and of the goal
 _ROUNDING = 4e-15  # of a sum of loads
 _TINY = 1e-300  # against division by zero
+_NEARLY = 0.999  # of total slip: a first guess goes no further
 _UNSTABLE = (
     "interacting: contacts overlap so far that they are unstable; expected a_i + a_j <= r_ij; "
     "lower the preload, or use mean_field"
@@ -67,10 +68,7 @@ def shear(
     """
     a, b = closing
     net = _Network.of(k, C, g)
-    e = goal / (a + b * net.spread.sum(axis=-1))
-    if a == 0:
-        e = np.minimum(e, 0.9 * net.e_total)
-    x = e[:, None] * (1 - net.spread @ C)
+    e, x = _first_guess(net, goal, closing)
     todo = np.arange(len(goal))
     if a == 0:
         total = goal >= net.total_N * (1 - _ROUNDING)
@@ -197,6 +195,26 @@ class _Network:
             scale = np.minimum(goal, rest)
             off = np.where(e > self.e_total * (1 + 1e-12), np.inf, off)
         return np.asarray(np.maximum(off_m / np.maximum(e, _TINY), off / np.maximum(scale, _TINY)))
+
+
+def _first_guess(
+    net: _Network, goal: np.ndarray, closing: tuple[float, float]
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return e and x to start from, right where slip begins and where all slips.
+
+    Between them the rest of a load falls as a power of the rest of e, by its slope before any slip:
+    1.5 for one contact alone.
+    """
+    a, b = closing
+    stiffness, e_total = net.spread.sum(axis=-1), net.e_total
+    e = goal / (a + b * stiffness)
+    if a == 0:
+        rest = np.log1p(-np.minimum(goal / net.total_N, _NEARLY))
+        e = -e_total * np.expm1(net.total_N / (stiffness * e_total) * rest)
+    rest = np.log1p(-np.minimum(e / e_total, _NEARLY))
+    power = net.spread * np.expand_dims(e_total, -1) / np.maximum(net.N, _TINY)
+    t = -net.N * np.expm1(np.minimum(power * rest[:, None], _NEARLY))  # not all advance
+    return e, e[:, None] - t @ net.C
 
 
 def _slide(
