@@ -47,10 +47,17 @@ TABLE = [
         ),
     ),
     (
-        ("contact/choice.py", "contact/accuracy.py", "contact/reach.py", "contact/certificate.py"),
+        (
+            "contact/choice.py",
+            "contact/accuracy.py",
+            "contact/moved.py",
+            "contact/reach.py",
+            "contact/certificate.py",
+        ),
         (
             "tests/contact/test_*reach*.py",
             "tests/contact/test_*accuracy*.py",
+            "tests/contact/test_*moved*.py",
             "tests/contact/test_*choice*.py",
             "tests/contact/test_*press*.py",
         ),

@@ -222,37 +222,12 @@ def test_causes_add_as_squares():
 
 
 @pytest.mark.parametrize(("caps", "draws"), [(2, 16), (100, 16), (200, 8), (600, 4)])
-def test_many_caps_are_moved_less_often(caps, draws, monkeypatch):
+def test_many_caps_are_moved_less_often(caps, draws):
     """Sixteen faces of up to a hundred caps, as many caps of more, and four faces at least."""
-    moved = []
-    monkeypatch.setattr(accuracy, "_moved", lambda *_: moved.append(1))
     places = np.linspace(0.001, 0.039, caps)
     scene = scene_of(table(places, places, np.ones(caps), np.zeros(caps)), PRELOAD_N, SIDE_M)
-    accuracy._moved_at_random(scene, None, 0.0, WITH_BULK)
-    assert len(moved) == draws
-
-
-def test_moved_caps_are_higher_and_by_a_logarithm_wider():
-    scene = scene_of(table([0.01, 0.05], [0.02, 0.03], [20.0, 5.0], [0.0, 0.0]), PRELOAD_N, SIDE_M)
-    up_m, wide = np.array([3e-8, 1e-8]), np.array([-0.1, 0.3])
-    moved = accuracy._moved(scene, RUNG.build(scene), up_m, wide, WITH_BULK)
-    assert moved.radius_m == pytest.approx(np.array([20.0, 5.0]) * np.exp(wide))
-    assert moved.depth_m == pytest.approx(up_m.max() - up_m, abs=1e-20)
-
-
-@pytest.mark.parametrize("alignment", ["balanced", "as_levelled"])
-def test_moved_caps_are_balanced_anew_where_the_face_turns(alignment, monkeypatch):
-    asked = []
-
-    def rebalanced(caps, before, use, at_m, chosen, start_m):
-        asked.append(caps.peak_height_m.tolist())
-        return caps, start_m
-
-    monkeypatch.setattr(accuracy, "rebalanced", rebalanced)
-    scene = scene_of(table([0.01, 0.05], [0.02, 0.03], [20.0, 5.0], [0.0, 0.0]), PRELOAD_N, SIDE_M)
-    chosen = settings(f"contact.alignment={alignment}")
-    accuracy._moved(scene, RUNG.build(scene), np.array([3e-8, 1e-8]), np.zeros(2), chosen)
-    assert asked == ([[3e-8, 1e-8]] if alignment == "balanced" else [])
+    up_m, wide = accuracy._at_random(scene, 0.0)
+    assert up_m.shape == wide.shape == (draws, caps)
 
 
 @pytest.mark.parametrize("ratio", [1.0, 8.0, 40.0])

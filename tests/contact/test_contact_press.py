@@ -69,7 +69,7 @@ def test_where_interacting_caps_fail_the_error_of_a_lower_rung_is_not_known(monk
     def fails(*_):
         raise ContactError("no equilibrium")
 
-    monkeypatch.setattr(module, "_among_caps", fails)
+    monkeypatch.setattr(module, "reachable", fails)
     analysis = run("contact.model=caps", "contact.preload_N=100")
     assert analysis.contact.estimated_error is None
     assert "not known (no equilibrium)" in messages(analysis)["model_doubtful"]

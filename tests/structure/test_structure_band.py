@@ -145,11 +145,15 @@ def test_moved_radii_and_another_model_go_into_their_own_shares(asked):
     s, model = 0.06, 0.09
 
     def moved(contact):
-        at = [caps([R_M * np.exp(by)], [0.0], STEEL.E_star_Pa) for by in (0.0, s, -s, model)]
+        radius_m = R_M * np.exp([[0.0], [s], [-s], [model]])
+        found, at_random, other = (
+            caps(radius_m[at], np.zeros_like(radius_m[at]), STEEL.E_star_Pa)
+            for at in (0, [1, 2, 0], 3)
+        )
         return replace(
             contact,
             errors=ModelError(0.5, 0.5),  # the worst of other states, not of this one
-            moved=MovedCaps(at[0], (at[1], at[2]), at[0], at[3], None),
+            moved=MovedCaps(found, at_random, other, None),
         )
 
     T, delta_m, _ = sphere_states(T=1e-3 * MU * N)
@@ -278,7 +282,9 @@ def test_yielding_moves_the_interval_of_a_preload():
 def test_what_the_unloading_of_yielded_caps_leaves_moves_the_energy_alone():
     def moved(contact):
         curve = contact.curve
-        return replace(contact, moved=MovedCaps(curve, (curve, curve), curve, curve, None, 0.3))
+        radius_m = np.repeat(curve.radius_m[None], 3, axis=0)
+        same = caps(radius_m, 0.0 * radius_m, STEEL.E_star_Pa)
+        return replace(contact, moved=MovedCaps(curve, same, curve, None, 0.3))
 
     found = band({"slip_force_N": 0.25 * MU * N}, moved)
     for name, of_unloading in (("energy_J", 0.3), ("displacement_m", 0.0)):

@@ -1,7 +1,7 @@
 """How far interacting caps may be from the face that they stand for."""
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -10,10 +10,9 @@ from capslip.caps.table import CapFlag, CapTable
 from capslip.contact.bulk import bulk_of_face_m_per_N, without_bulk
 from capslip.contact.certificate import unmodelled_area_m2
 from capslip.contact.curve import NormalCurve
-from capslip.contact.flattening import flattened
-from capslip.contact.levelling import rebalanced
 from capslip.contact.material import composite
-from capslip.contact.models.interacting import RUNG, InteractingCurve, interacting
+from capslip.contact.models.interacting import InteractingCurve, around_hertz
+from capslip.contact.moved import moved_caps
 from capslip.contact.outlines import outlines
 from capslip.contact.reach import reachable
 from capslip.contact.rung import Scene
@@ -44,8 +43,9 @@ class MovedCaps:
     """
 
     found: NormalCurve
-    at_random: tuple[NormalCurve, ...]  # moved by one standard deviation
-    by_shape: NormalCurve  # on profiles as measured: half of an error at 95 %
+    # Sets of caps: moved at random by one standard deviation; the last one as they are on profiles
+    # as measured, which is half of an error at 95 %
+    moved: NormalCurve
     by_pairs: NormalCurve  # with another law between two contacts: an error at 95 %
     by_level: NormalCurve | None  # levelled by the floor: the same; None where the face balances
     of_unloading: float = 0.0  # relative error at 95 % of the energy alone, of caps that yielded
@@ -87,12 +87,17 @@ def answers(
 
 
 def _answers_of(curve: NormalCurve, used: NormalCurve, settings: Settings) -> np.ndarray:
-    """Return the `answers` of a curve, given the one that slip uses of it, too."""
+    """Return the `answers` of a curve, given the one that slip uses of it, too.
+
+    Shape (5, ...), with the sets of the curve behind.
+    """
     material, preload_N = settings.material, settings.contact.preload_N
     joint = composite(material.youngs_modulus_Pa, material.poisson_ratio)
     slip = slip_curve(curve, preload_N, material.friction_coefficient, joint.kappa)
-    energy_J = slip.energy_at_force_J(np.array(FORCE_SHARES) * slip.total_slip_force_N)
-    return np.append(energy_J, used.stiffness_N_per_m(used.approach_m(preload_N)))
+    force_N = np.array(FORCE_SHARES) * slip.total_slip_force_N
+    stiffness = used.stiffness_N_per_m(used.approach_m(preload_N))
+    energy_J = slip.energy_at_force_J(force_N.reshape(-1, *np.ones(stiffness.ndim, dtype=int)))
+    return np.concatenate((energy_J, stiffness[None]))
 
 
 def _as_slip_uses(curve: NormalCurve, surface: HeightMap, settings: Settings) -> NormalCurve:
@@ -153,7 +158,8 @@ def error_of_caps(
     lowest third of the points, which peaks that are not balanced over the face do not pull. A
     balanced face has no such doubt: moved caps are balanced anew.
 
-    Then there is the change under another law between two contacts. Where caps have yielded they
+    Then there is the change under another law between two contacts: the point load and Johnson's
+    Eq. 3.42 err on either side, the latter further. Where caps have yielded they
     unload as Hertz contacts, and the map less evenly: half of the energies, times the share of the
     load on such caps. None of these causes has to do with another, so their squares add. The error
     is not known where something else than the caps carries: if contacts overlap, are wider than
@@ -163,23 +169,24 @@ def error_of_caps(
     if doubt is not None:
         return CapsError(doubt)
     try:
-        at_random = _moved_at_random(scene, curve, noise_m, settings)
+        (up_m, wide), of_shape = _at_random(scene, noise_m), _of_shape(scene, curve)
+        more = np.vstack((up_m, of_shape[0])), np.vstack((wide, of_shape[1]))
         curves: list[NormalCurve] = [
-            *at_random,
-            _of_shape(scene, curve, settings),
-            _of_pairs(scene),
+            moved_caps(scene, curve, *more, settings),
+            around_hertz(curve, scene.preload_N),
         ]
         tilted = _of_level(scene, settings)
         curves += [] if tilted is None else [tilted]
         used, change = _used_and_changes(curves, scene, found, settings)
-        n = len(at_random)
-        of_random = float(2.0 * np.sqrt(np.mean(change[:n] ** 2, axis=0)).max())
-        shape, pairs, level = (*np.abs(change[n:]).max(axis=1).tolist(), 0.0)[:3]
+        *at_random, by_shape = change[0]
+        of_random = float(2.0 * np.sqrt(np.mean(np.square(at_random), axis=0)).max())
+        each = (by_shape, *change[1:], np.zeros(1))
+        shape, pairs, level = (float(np.abs(one).max()) for one in each[:3])
         unloading = _of_unloading(scene, curve)
         of_caps = math.hypot(of_random, 2.0 * shape, pairs, unloading, LEAST_ERROR)
         as_found = _as_slip_uses(curve, scene.surface, settings)
         by_level = None if tilted is None else used[-1]
-        moved = MovedCaps(as_found, used[:n], used[n], used[n + 1], by_level, unloading)
+        moved = MovedCaps(as_found, used[0], used[1], by_level, unloading)
         return CapsError(None, of_caps, level, moved)
     except (ContactError, UnusableSurfaceError):
         return CapsError("caps that are moved within their errors have no solution")
@@ -211,10 +218,11 @@ def _doubt(
     return None
 
 
-def _moved_at_random(
-    scene: Scene, curve: InteractingCurve, noise_m: float, settings: Settings
-) -> list[InteractingCurve]:
-    """Return the curves of caps that were moved at random within their errors."""
+def _at_random(scene: Scene, noise_m: float) -> tuple[np.ndarray, np.ndarray]:
+    """Return by how much caps are higher and, in logarithms, wider at random within their errors.
+
+    Shape (draws, n) each, over the caps in use.
+    """
     caps, use = scene.caps, scene.use
 
     def used(values: np.ndarray) -> np.ndarray:
@@ -223,15 +231,14 @@ def _moved_at_random(
     residual_m = np.sqrt(np.maximum(used(caps.profile_residual_m) ** 2 - noise_m**2, 0.0))
     shape_m = SHAPE_SHARE * residual_m
     depth_m = np.where(used(caps.fit_depth_m) > 0.0, caps.fit_depth_m[use], caps.cap_height_m[use])
-    height_m, ratio = np.zeros((2, len(caps)))
-    height_m[use] = np.hypot(shape_m, used(caps.peak_height_se_m))
-    ratio[use] = np.hypot(
+    height_m = np.hypot(shape_m, used(caps.peak_height_se_m))
+    ratio = np.hypot(
         used(caps.radius_se_m) / caps.radius_m[use], shape_m / np.maximum(depth_m, shape_m)
     )
-    ratio[use] = np.hypot(ratio[use], _unseen_ellipse(caps)[use])
+    ratio = np.hypot(ratio, _unseen_ellipse(caps)[use])
     draws = max(4, min(DRAWS, DRAWS * 100 // int(np.count_nonzero(use))))
-    sign = np.random.default_rng(0).choice((-1.0, 1.0), (draws, 2, len(caps)))
-    return [_moved(scene, curve, up * height_m, wide * ratio, settings) for up, wide in sign]
+    sign = np.random.default_rng(0).choice((-1.0, 1.0), (draws, 2, len(caps)))[..., use]
+    return sign[:, 0] * height_m, sign[:, 1] * ratio
 
 
 def _unseen_ellipse(caps: CapTable) -> np.ndarray:
@@ -250,30 +257,18 @@ def _unseen_ellipse(caps: CapTable) -> np.ndarray:
     return np.where((known & ((caps.flags & CapFlag.edge) != 0)) | ridge, missed, 0.0)
 
 
-def _of_shape(scene: Scene, curve: InteractingCurve, settings: Settings) -> InteractingCurve:
-    """Return the curve of caps that follow the hills' profiles."""
+def _of_shape(scene: Scene, curve: InteractingCurve) -> tuple[np.ndarray, np.ndarray]:
+    """Return the same, shape (n,), for caps that follow the hills' profiles."""
     caps, use = scene.caps, scene.use
     load_N = curve.asperity_loads_N(curve.approach_m(scene.preload_N))
     depth_m, quartic_m = caps.fit_depth_m[use], caps.quartic_m[use]
     a_m = contact_radius_m(load_N, curve.radius_m, scene.E_star_Pa)
     share = a_m**2 / scene.radius_m / (2.0 * depth_m)
     known = np.isfinite(quartic_m * share)  # a table that no fit made has no profiles
-    up_m, wide = np.zeros((2, len(caps)))
-    up_m[use] = np.where(known, 8 / 15 * quartic_m * share**2, 0.0)
+    up_m = np.where(known, 8 / 15 * quartic_m * share**2, 0.0)
     # The first order would overflow far beyond the hill, which is doubted anyway
     first_order = (2 / 3 - 8 / 5 * share) * quartic_m / depth_m
-    wide[use] = np.where(known, np.clip(first_order, -MOST_WIDE, MOST_WIDE), 0.0)
-    return _moved(scene, curve, up_m, wide, settings)
-
-
-def _of_pairs(scene: Scene) -> InteractingCurve:
-    """Return the curve with another law between two contacts.
-
-    The point load and Johnson's Eq. 3.42 err on either side, the latter further.
-    """
-    flat = flattened(RUNG, scene)
-    places = scene.caps.x_m[scene.use], scene.caps.y_m[scene.use]
-    return interacting(flat.radius_m, flat.depth_m, *places, scene.E_star_Pa, scene.preload_N)
+    return up_m, np.where(known, np.clip(first_order, -MOST_WIDE, MOST_WIDE), 0.0)
 
 
 def _of_unloading(scene: Scene, curve: InteractingCurve) -> float:
@@ -297,30 +292,13 @@ def _of_level(scene: Scene, settings: Settings) -> NormalCurve | None:
     return reachable(tilted, *face).curve
 
 
-def _moved(
-    scene: Scene,
-    curve: InteractingCurve,
-    up_m: np.ndarray,
-    log_radius: np.ndarray,
-    settings: Settings,
-) -> InteractingCurve:
-    """Return the curve of caps that are higher and, by a logarithm, wider than those of another."""
-    load_N = curve.asperity_loads_N(curve.approach_m(scene.preload_N))
-    start_m = (load_N / curve.coefficient) ** (2 / 3)
-    caps: CapTable = scene.caps.with_columns(
-        peak_height_m=scene.caps.peak_height_m + up_m,
-        radius_m=scene.caps.radius_m * np.exp(log_radius),
-    )
-    if settings.contact.alignment == "balanced":
-        at_m = scene.load_point_m
-        caps, start_m = rebalanced(caps, scene.caps, scene.use, at_m, settings, start_m)
-    return RUNG.build(flattened(RUNG, replace(scene, caps=caps, start_m=start_m)))
-
-
 def _used_and_changes(
     curves: list[NormalCurve], scene: Scene, found: np.ndarray, settings: Settings
-) -> tuple[tuple[NormalCurve, ...], np.ndarray]:
-    """Return what slip uses of curves with interaction, and their relative change of answers."""
-    used = tuple(_as_slip_uses(one, scene.surface, settings) for one in curves)
+) -> tuple[list[NormalCurve], list[np.ndarray]]:
+    """Return what slip uses of curves with interaction, and their relative change of answers.
+
+    Shape (5,), or (s, 5) of sets.
+    """
+    used = [_as_slip_uses(one, scene.surface, settings) for one in curves]
     pairs = zip(curves, used, strict=True)
-    return used, np.array([_answers_of(*pair, settings) / found - 1.0 for pair in pairs])
+    return used, [_answers_of(*pair, settings).T / found - 1.0 for pair in pairs]

@@ -1,29 +1,29 @@
 """The bulk sinking of the half-space under a face: how much it is, and a curve without it."""
 
 import math
+from dataclasses import replace
 from weakref import WeakKeyDictionary
 
 import numpy as np
 
 from capslip.contact.curve import NormalCurve, in_series
+from capslip.contact.lay import Energies, energies_of_map
 from capslip.contact.material import check_modulus
 from capslip.contact.solvers.elastic_face import ElasticFace
-from capslip.contact.solvers.half_space import HalfSpace
 from capslip.errors import ContactError, SettingsError
-from capslip.surface.blocks import block_sums
 from capslip.surface.heightmap import HeightMap
 
-_BLOCKS = 64  # along the longer side of a face that is no rectangle
-# At a modulus of 1 Pa: an analysis asks dozens of times for the same face
-_known: WeakKeyDictionary[HeightMap | ElasticFace, float] = WeakKeyDictionary()
+_BLOCKS = 64  # along the longer side of an outline
+# An analysis asks dozens of times for the same face
+_known: WeakKeyDictionary[HeightMap | ElasticFace, Energies] = WeakKeyDictionary()
 
 
 def bulk_of_face_m_per_N(face: HeightMap | ElasticFace, E_star_Pa: float) -> float:
     """Return the mean sinking of what was measured of a face, under even pressure, a unit of load.
 
     That of the rectangle, where all of it was measured. Else by the same integral over all pairs of
-    blocks, about 64 along the longer side, each with its measured share of the pressure: so a disc
-    or a washer on its map is one, and points lost here and there change nothing.
+    blocks, see `energies_of_outline`: so a disc or a washer on its map is one, and points lost here
+    and there change nothing.
 
     Parameters
     ----------
@@ -33,21 +33,31 @@ def bulk_of_face_m_per_N(face: HeightMap | ElasticFace, E_star_Pa: float) -> flo
         Composite modulus.
     """
     check_modulus(E_star_Pa)
+    return energies_of_outline(face).mean / E_star_Pa
+
+
+def energies_of_outline(face: HeightMap | ElasticFace) -> Energies:
+    """Return twice the energy of an even pressure on what was measured of a face, times E*, in 1/m.
+
+    Of blocks, about 64 along the longer side, each with its measured share of the pressure; the
+    mean of a face that was measured as a whole is that of the rectangle.
+    """
     if face not in _known:
-        _known[face] = _bulk_of_outline(face)
-    return _known[face] / E_star_Pa
+        _known[face] = _of_outline(face)
+    return _known[face]
 
 
-def _bulk_of_outline(face: HeightMap | ElasticFace) -> float:
-    """Return the same at a modulus of 1 Pa."""
-    measured, (ny, nx), (dy_m, dx_m) = face.measured, face.shape, face.pixel_size_m
-    if measured.all():
-        return bulk_compliance_m_per_N((ny * dy_m, nx * dx_m), 1.0)
+def _of_outline(face: HeightMap | ElasticFace) -> Energies:
+    lost, (ny, nx), (dy_m, dx_m) = np.flatnonzero(~face.measured), face.shape, face.pixel_size_m
     block = -(-max(ny, nx) // _BLOCKS)
-    share = block_sums(np.pad(measured, ((0, -ny % block), (0, -nx % block))), block)
-    share = share / share.sum()
-    half_space = HalfSpace(share.shape, (block * dy_m, block * dx_m), 1.0)
-    return float((share * half_space.sinking_m(share)).sum() / (block**2 * dy_m * dx_m))
+    rows, columns = (np.diff(np.arange(0, n, block), append=n) for n in (ny, nx))
+    at = lost // nx // block * columns.size + lost % nx // block
+    missing = np.bincount(at, minlength=rows.size * columns.size).reshape(rows.size, -1)
+    share = (np.outer(rows, columns) - missing).astype(float)
+    (found,) = energies_of_map([share], (block * dy_m, block * dx_m))
+    if lost.size:
+        return found
+    return replace(found, mean=bulk_compliance_m_per_N((ny * dy_m, nx * dx_m), 1.0))
 
 
 def bulk_compliance_m_per_N(side_m: tuple[float, float], E_star_Pa: float) -> float:
@@ -92,14 +102,14 @@ def without_bulk(
     Returns
     -------
     NormalCurve, bool
-        The curve, and whether it still holds the bulk term.
+        The curve, and whether it still holds the bulk term; of many sets of parameters all or none.
     """
     rest = in_series(curve, -bulk_m_per_N)
     try:
         # The compliance falls with the load: what holds at the preload holds below it.
         approach_m = rest.approach_m(preload_N)
         stiffness_N_per_m = rest.stiffness_N_per_m(approach_m)
-        left = bool(approach_m > rest.touch_m and stiffness_N_per_m > 0.0)
+        left = bool(np.all((approach_m > rest.touch_m) & (stiffness_N_per_m > 0.0)))
     except ContactError:
         left = False
     return (rest, False) if left else (curve, True)

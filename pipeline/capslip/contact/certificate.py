@@ -100,7 +100,7 @@ def certify_cut(
     dy_m, dx_m = surface.pixel_size_m
     contacts = np.vstack((caps_m[:2], np.cbrt(0.75 * load_N * caps_m[2] / E_star_Pa), load_N))
     row, col, place_m, excess_m = _excess(
-        surface, surface.height_m, plane_m, contacts, E_star_Pa, noise_m, proven=True
+        surface, _means(surface.height_m, side), plane_m, contacts, E_star_Pa, noise_m, proven=True
     )
     owner = label[row * side + side // 2, col * side + side // 2]
     compression_m = np.zeros(int(label.max(initial=0)) + 1)
@@ -151,21 +151,24 @@ def unmodelled_area_m2(
         Zero where only caps touch, as far as noise lets one see.
     """
     side = max(1, min(surface.shape) // BLOCKS)
+    plane_m = peak_height_m - approach_m
+    high = surface.height_m > plane_m - NOISE_SPREADS * noise_m / side
+    mean_m = _means_beside(surface.height_m, label > 0, high, side)
+    if np.isnan(mean_m).all():
+        return 0.0
     load_N = curve.asperity_loads_N(approach_m)
     at = load_N > 0.0
     a_m = contact_radius_m(load_N[at], curve.radius_m[at], curve.E_star_Pa)
     contacts = np.vstack((curve.x_m[at], curve.y_m[at], a_m, load_N[at]))
-    free_m = np.where(label == 0, surface.height_m, np.nan)
-    plane_m = peak_height_m - approach_m
     *_, excess_m = _excess(
-        surface, free_m, plane_m, contacts, curve.E_star_Pa, noise_m, proven=False
+        surface, mean_m, plane_m, contacts, curve.E_star_Pa, noise_m, proven=False
     )
     return float(np.count_nonzero(excess_m > 0.0) * side**2 * surface.pixel_area_m2)
 
 
 def _excess(
     surface: HeightMap,
-    height_m: np.ndarray,
+    mean_m: np.ndarray,
     plane_m: float,
     contacts: np.ndarray,
     E_star_Pa: float,
@@ -174,13 +177,14 @@ def _excess(
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """Return blocks above the plane (row, column), their places, and their heights above it, sunk.
 
-    The contacts, shape (4, m), are x, y, radius and load. What is to be proven lies beyond noise,
-    the error of the model and the neighbourhood of every contact; else noise counts against.
+    Of the mean heights of all blocks. The contacts, shape (4, m), are x, y, radius and load. What
+    is to be proven lies beyond noise, the error of the model and the neighbourhood of every
+    contact; else noise counts against.
     """
     side = max(1, min(surface.shape) // BLOCKS)
     dy_m, dx_m = surface.pixel_size_m
     sign, near, error = (1.0, NEAR, MODEL_ERROR) if proven else (-1.0, 0.0, 0.0)
-    reach_m = _means(height_m, side) - (plane_m + sign * NOISE_SPREADS * noise_m / side)
+    reach_m = mean_m - (plane_m + sign * NOISE_SPREADS * noise_m / side)
     row, col = np.nonzero(reach_m > 0.0)  # False where nothing was measured
     reach_m = reach_m[row, col]
     place_m = np.stack([(col + 0.5) * side * dx_m, (row + 0.5) * side * dy_m])
@@ -205,11 +209,37 @@ def _means(z: np.ndarray, side: int) -> np.ndarray:
     rows = z[: ny * side].reshape(ny, side, -1).sum(axis=1)[:, : nx * side]
     mean_m = np.add.reduceat(rows, np.arange(0, nx * side, side), axis=1) / side**2
     row, col = np.nonzero(np.isnan(mean_m))
-    squares = np.lib.stride_tricks.sliding_window_view(z, (side, side))[::side, ::side]
+    squares = _squares(z, side)
     for some in np.array_split(np.arange(row.size), 1 + row.size * side**2 // BLOCK_POINTS):
-        points_m = squares[row[some], col[some]]
-        measured = ~np.isnan(points_m)
-        count = measured.sum(axis=(1, 2))
-        known_m = np.where(measured, points_m, 0.0).sum(axis=(1, 2)) / np.maximum(count, 1)
-        mean_m[row[some], col[some]] = np.where(count > 0.5 * side**2, known_m, np.nan)
+        mean_m[row[some], col[some]] = _known_means(squares[row[some], col[some]])
     return mean_m
+
+
+def _means_beside(z: np.ndarray, hills: np.ndarray, high: np.ndarray, side: int) -> np.ndarray:
+    """Mean heights of what lies outside hills, NaN where that has no high point.
+
+    Without a high point the mean is not high either.
+    """
+    mean_m = np.full([n // side for n in z.shape], np.nan)
+    row, col = (at // side for at in divmod(np.flatnonzero(high & ~hills), z.shape[1]))
+    beside = np.zeros([-(-n // side) for n in z.shape], dtype=bool)
+    beside[row, col] = True
+    row, col = np.nonzero(beside[: mean_m.shape[0], : mean_m.shape[1]])
+    heights_m, covered = _squares(z, side), _squares(hills, side)
+    for some in np.array_split(np.arange(row.size), 1 + row.size * side**2 // BLOCK_POINTS):
+        at = row[some], col[some]
+        mean_m[at] = _known_means(np.where(covered[at], np.nan, heights_m[at]))
+    return mean_m
+
+
+def _squares(values: np.ndarray, side: int) -> np.ndarray:
+    view: np.ndarray = np.lib.stride_tricks.sliding_window_view(values, (side, side))
+    return view[::side, ::side]
+
+
+def _known_means(points_m: np.ndarray) -> np.ndarray:
+    """Mean heights of squares of points, NaN where half of them or more are not known."""
+    known = ~np.isnan(points_m)
+    count = known.sum(axis=(1, 2))
+    mean_m = np.where(known, points_m, 0.0).sum(axis=(1, 2)) / np.maximum(count, 1)
+    return np.asarray(np.where(count > 0.5 * np.prod(points_m.shape[1:]), mean_m, np.nan))

@@ -1,6 +1,8 @@
 """The cheapest contact model whose estimated error a scene allows."""
 
 import math
+from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -147,38 +149,53 @@ def _among_caps(
     settings: Settings,
 ) -> Choice:
     """Choose among the rungs with caps; parameters and errors as for `choose_model`."""
-    if not caps.usable.any():
-        raise ContactError("no cap stands above the cut")
-    material, contact = settings.material, settings.contact
-    E_star_Pa = composite(material.youngs_modulus_Pa, material.poisson_ratio).E_star_Pa
-    law = yield_law(material)
-    reach = reachable(caps, surface, E_star_Pa, contact.preload_N, law)
-    scene = Scene.of(caps, families, surface, settings, reach.use)
-    if reach.pairs is None:
+    every = tuple(one for one in ladder() if one.automatic)
+    scene, own, estimates = _compared(every, caps, families, surface, label, noise_m, settings)
+    if own is None:
         return _too_many(scene, settings)
-    found = {}
-    for one in ladder():
-        if one.automatic:
-            try:
-                found[one.name] = _answers(one, scene, settings)
-            except ContactError:
-                if one is REFERENCE:
-                    raise
-    at = found[REFERENCE.name]
-    own = error_of_caps(scene, reach.pairs, at, label, noise_m, settings)
-    estimates: dict[str, float | None] = {}
-    for model, numbers in found.items():
-        difference = np.abs(numbers / at - 1.0).max()
-        estimates[model] = None if own.total is None else float(difference) + own.total
+    contact = settings.contact
     for model, estimate in estimates.items():
         if estimate is not None and estimate <= contact.tolerance:
             reason = (
                 f"the cheapest model within {contact.tolerance:.2g}: its error is about "
                 f"{estimate:.2g}"
             )
-            given = (estimate, estimates, reach.use, None)
+            given = (estimate, estimates, scene.use, None)
             return Choice(model, reason, *given, moved=own.moved)
     return _beyond_tolerance(own, estimates, scene, settings)
+
+
+def _compared(
+    rungs: Sequence[Rung],
+    caps: CapTable,
+    families: Families,
+    surface: HeightMap,
+    label: np.ndarray | None,
+    noise_m: float,
+    settings: Settings,
+) -> tuple[Scene, CapsError | None, dict[str, float | None]]:
+    """Return the scene of the caps that can touch, their own error, and the estimates of rungs.
+
+    No error where there are too many for every pair. Other parameters and errors as for
+    `choose_model`.
+    """
+    if not caps.usable.any():
+        raise ContactError("no cap stands above the cut")
+    material, contact = settings.material, settings.contact
+    E_star_Pa = composite(material.youngs_modulus_Pa, material.poisson_ratio).E_star_Pa
+    reach = reachable(caps, surface, E_star_Pa, contact.preload_N, yield_law(material))
+    scene = Scene.of(caps, families, surface, settings, reach.use)
+    if reach.pairs is None:
+        return scene, None, {}
+    at = answers(reach.pairs, REFERENCE.holds_bulk, surface, settings)
+    own = error_of_caps(scene, reach.pairs, at, label, noise_m, settings)
+    estimates: dict[str, float | None] = {}
+    for one in rungs:
+        with suppress(ContactError):  # a rung that cannot carry the load is none
+            numbers = at if one is REFERENCE else _answers(one, scene, settings)
+            difference = float(np.abs(numbers / at - 1.0).max())
+            estimates[one.name] = None if own.total is None else difference + own.total
+    return scene, own, estimates
 
 
 def estimate_error(
@@ -209,8 +226,12 @@ def estimate_error(
         doubts = () if doubt is None else (Problem("model_doubtful", "warning", doubt),)
         return None, None, doubts
     try:
-        choice = _among_caps(caps, families, surface, label, noise_m, settings)
-        estimate, moved, why = choice.estimates.get(forced.name), choice.moved, ""
+        given = (caps, families, surface, label, noise_m, settings)
+        scene, own, estimates = _compared((forced,), *given)
+        if own is None:
+            _answers(FALLBACK, scene, settings)  # raises where they cannot carry the load
+        estimate, why = estimates.get(forced.name), ""
+        moved = None if own is None else own.moved
     except ContactError as failure:
         estimate, moved, why = None, None, f" ({failure})"
     tolerance = settings.contact.tolerance

@@ -6,13 +6,13 @@ from dataclasses import replace
 import numpy as np
 
 from capslip.caps.table import CapTable
+from capslip.contact.bulk import energies_of_outline
 from capslip.contact.lay import (
     LATER,
     Energies,
     Lay,
     axis_ratio,
     deviator_of_ellipse,
-    deviator_of_outline,
     energies_of_contacts,
     energies_of_map,
 )
@@ -76,7 +76,7 @@ def _lay(contact: ContactState, caps: CapTable, surface: HeightMap) -> Lay:
         punch, later = _of_caps(contact, caps, loaded)
     bulk = 0j
     if contact.rung.interacts and not contact.bulk:
-        bulk = deviator_of_outline(surface)
+        bulk = energies_of_outline(surface).deviator
     return punch.lay(later, joint.kappa, bulk, joint.E_star_Pa / contact.stiffness_N_per_m)
 
 

@@ -14,15 +14,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from capslip.contact.solvers.half_space import padded_shape
-from capslip.surface.blocks import block_sums
-from capslip.surface.heightmap import HeightMap
 
 _TURNS = 25  # of the search for an axis ratio: each leaves a quarter of the error at most
 _MEANS = 8  # steps of the arithmetic-geometric mean: axis ratios down to 1e-9
 _MOST_PAIRED = 4000  # contacts whose pairs are summed; beyond, rows of them are left out
 _ROWS = 500  # of pairs at once
 _SOLVED = 1e-4  # residual of the shares of the contacts, whose error counts squared
-_BLOCKS = 64  # along the longer side of an outline
 _LEAST_SLIP = 1e-6  # of the energy of a punch, below which partial slip adds none of its own
 LATER = 0.5  # of the preload, to which it goes down for the energy of partial slip
 
@@ -319,12 +316,3 @@ def energies_of_map(
         mean, real, imaginary = (float(np.vdot(pairs, kernel)) / unit for kernel in kernels)
         found.append(Energies(mean, complex(real, imaginary)))
     return found
-
-
-def deviator_of_outline(face: HeightMap) -> complex:
-    """Return the deviator of even tractions on what was measured of a face, times E*, in 1/m."""
-    measured, (ny, nx), (dy_m, dx_m) = face.measured, face.shape, face.pixel_size_m
-    block = -(-max(ny, nx) // _BLOCKS)
-    share = block_sums(np.pad(measured, ((0, -ny % block), (0, -nx % block))), block)
-    (found,) = energies_of_map([share.astype(float)], (block * dy_m, block * dx_m))
-    return found.deviator

@@ -23,7 +23,7 @@ from capslip.caps.resting import resting_plane
 from capslip.caps.table import CapTable
 from capslip.contact.certificate import Certificate, certify_cut
 from capslip.contact.material import composite, yield_law
-from capslip.contact.rung import load_point_m, rung, turning_stiffness
+from capslip.contact.rung import load_point_m, pairs_in_balance, turning_stiffness
 from capslip.contact.solvers.yielding import FirstLoading, first_loading
 from capslip.errors import ContactError, TipsOverError, UnusableSurfaceError
 from capslip.settings import Settings
@@ -45,7 +45,6 @@ SHALLOW_LOAD = 1e-3  # of the preload, on hills whose fit the cut may limit
 EARLY = 0.05  # of load and approach: by then the cut can be tried
 SAME_CUT = 0.1  # of the approach: a face that turned less since it was cut is cut well
 RELIEFS = 4  # a factor of two, to which approaches are rounded before they tell hills apart
-MAX_PAIRS = 2000  # caps; more are pressed without interaction to find the level
 
 
 @dataclass(frozen=True, eq=False)
@@ -472,15 +471,9 @@ def _pressed(
     """Press caps under a plane that may turn."""
     material, contact = settings.material, settings.contact
     E_star_Pa = composite(material.youngs_modulus_Pa, material.poisson_ratio).E_star_Pa
-    C = None
-    if len(radius_m) <= MAX_PAIRS and (contact.model == "auto" or rung(contact.model).interacts):
-        x_m, y_m = arm_m.T
-        r_m = np.hypot(x_m[:, None] - x_m, y_m[:, None] - y_m)
-        np.fill_diagonal(r_m, np.inf)
-        C = 1.0 / (math.pi * E_star_Pa * r_m)
     return first_loading(
         *(yield_law(material), radius_m, peak_m.max() - peak_m, E_star_Pa, contact.preload_N),
-        compliance_m_per_N=C,
+        compliance_m_per_N=pairs_in_balance(arm_m, E_star_Pa, settings),
         start_m=start_m,
         arm=arm_m,
         turning_stiffness=held[0],

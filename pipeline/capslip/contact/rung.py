@@ -25,6 +25,7 @@ from capslip.surface.heightmap import HeightMap
 
 FOLDER = "contact.models"
 C = TypeVar("C", bound=NormalCurve)
+MAX_PAIRS = 2000  # caps; more are pressed without interaction to find the level
 
 
 @dataclass(frozen=True, eq=False)
@@ -153,6 +154,29 @@ def turning_stiffness(settings: Settings) -> float:
     contact = settings.contact
     balanced = contact.alignment == "balanced"
     return contact.alignment_stiffness_Nm_per_rad if balanced else math.inf
+
+
+def pairs_in_balance(arm_m: np.ndarray, E_star_Pa: float, settings: Settings) -> np.ndarray | None:
+    """Return the compliances between caps as they are balanced, in m/N.
+
+    None where the model has none between them, and where there are too many pairs.
+
+    Parameters
+    ----------
+    arm_m : float64, shape (n, 2)
+        Places (x, y).
+    E_star_Pa : float
+        Composite modulus.
+    settings : Settings
+        `contact`, with the model.
+    """
+    model = settings.contact.model
+    if len(arm_m) > MAX_PAIRS or not (model == "auto" or rung(model).interacts):
+        return None
+    x_m, y_m = arm_m.T
+    r_m = np.hypot(x_m[:, None] - x_m, y_m[:, None] - y_m)
+    np.fill_diagonal(r_m, np.inf)
+    return np.asarray(1.0 / (math.pi * E_star_Pa * r_m))
 
 
 def rung(name: str) -> Rung[Any]:

@@ -4,6 +4,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 
@@ -241,7 +242,7 @@ class _State:
         return np.where(held, other, np.inf), np.where(held, energy_J, np.inf)
 
     def response(
-        self, curve: NormalCurve, approach_m: float, at: np.ndarray
+        self, curve: NormalCurve, approach_m: Any, at: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray]:
         """Return withdrawal and loss integral at load drops, or load drop and it at withdrawals."""
         if self.by_force:
@@ -311,16 +312,17 @@ def _of_one(state: _State, part: Part) -> tuple[np.ndarray, np.ndarray]:
         at = state.answer.displacement_m / (friction * contact.composite.kappa)
 
     def log_of(curve: NormalCurve) -> np.ndarray:
-        approach_m = float(curve.approach_m(contact.preload_N))
-        return _log(state.response(curve, approach_m, np.asarray(at)))
+        """Return both logarithms, shape (2,), or (s, 2) of sets."""
+        approach_m = curve.approach_m(contact.preload_N)
+        return _log(state.response(curve, approach_m, np.asarray(at))).T
 
     log = log_of(moved.found)
-    random = np.array([log_of(curve) - log for curve in moved.at_random])
-    others = [2.0 * (log_of(moved.by_shape) - log), log_of(moved.by_pairs) - log]
+    *random, by_shape = log_of(moved.moved) - log
+    others = [2.0 * by_shape, log_of(moved.by_pairs) - log]
     others += [] if moved.by_level is None else [log_of(moved.by_level) - log]
     others += [log_of(contact.curve) - log, np.array([0.0, moved.of_unloading])]
     others += [*(LEAST_ERROR * np.eye(2))]
-    return _root(random / math.sqrt(len(random))), _root(np.array(others) / NORMAL_95)
+    return _root(np.array(random) / math.sqrt(len(random))), _root(np.array(others) / NORMAL_95)
 
 
 def _of_scatter(state: _State) -> np.ndarray:

@@ -11,6 +11,7 @@ from capslip.errors import SettingsError
 
 MOST_LOSS_FACTOR = 0.3  # of a mode that is lightly damped
 LEAST_DIP = 0.02  # of a maximum, by which the loss factor falls before it rises to a greater one
+Peak = tuple[float, float]  # amplitude and loss factor
 
 
 def lightly_damped(loss_factor: float) -> float | None:
@@ -117,12 +118,15 @@ def response(
     mode = _Mode(slip, float(modal_stiffness_N_per_m), float(joint_stiffness_N_per_m), int(joints))
     gross_slip_m = float(slip.total_slip_force_N / joint_stiffness_N_per_m)
     grid_m = np.geomspace(1e-3 * gross_slip_m, gross_slip_m, 73)
-    peak_m = mode.find_peak(grid_m)
+    over_grid = mode.states(grid_m)
+    peak, first = mode.find_peaks(over_grid)
     if amplitude_m is None:
-        wanted_m = grid_m
-        if peak_m is not None and peak_m >= grid_m[0]:
-            near_m = np.geomspace(peak_m / 1.2, min(1.2 * peak_m, gross_slip_m), 16)
-            wanted_m = np.union1d(grid_m, np.append(near_m[near_m >= grid_m[0]], peak_m))
+        states = over_grid
+        if peak is not None and peak[0] >= grid_m[0]:
+            near_m = np.geomspace(peak[0] / 1.2, min(1.2 * peak[0], gross_slip_m), 16)
+            near_m = np.append(near_m[near_m >= grid_m[0]], peak[0])
+            states = np.hstack((over_grid, mode.states(near_m)))
+            states = states[:, np.unique(states[0], return_index=True)[1]]
     else:
         wanted_m = np.atleast_1d(np.asarray(amplitude_m, dtype=float))
         if wanted_m.ndim != 1:
@@ -135,7 +139,10 @@ def response(
                 f"structure: amplitude_m: got {bad_m[0]:g} ({bad_m.size} of {wanted_m.size} "
                 "values); expected positive finite numbers"
             )
-    return mode.damping(wanted_m, peak_m, mode.find_first(grid_m, peak_m), gross_slip_m)
+        states = np.full((3, wanted_m.size), np.nan)
+        states[0], steady = wanted_m, wanted_m <= gross_slip_m
+        states[:, steady] = mode.states(wanted_m[steady])
+    return mode.damping(states, peak, first, gross_slip_m)
 
 
 @dataclass(frozen=True)
@@ -149,78 +156,69 @@ class _Mode:
         # The product may exceed mu N0 by rounding where gross slip begins.
         return np.minimum(self.K_s * amplitude_m, self.slip.total_slip_force_N)
 
-    def energy_J(self, amplitude_m: np.ndarray) -> np.ndarray:
-        return np.asarray(self.n_j * self.slip.energy_at_force_J(self.force_N(amplitude_m)))
+    def states(self, amplitude_m: np.ndarray) -> np.ndarray:
+        """Return amplitude, displacement of one joint, and energy lost in all, shape (3, n)."""
+        T_N = self.force_N(amplitude_m)
+        delta_m, energy_J = self.slip.displacement_m(T_N), self.slip.energy_at_force_J(T_N)
+        return np.stack((amplitude_m, delta_m, self.n_j * energy_J))
 
-    def loss_factor(self, amplitude_m: np.ndarray) -> np.ndarray:
-        return self.energy_J(amplitude_m) / (math.pi * self.K_m * amplitude_m) / amplitude_m
+    def loss_factor(self, amplitude_m: np.ndarray, energy_J: np.ndarray) -> np.ndarray:
+        return np.asarray(energy_J / (math.pi * self.K_m * amplitude_m) / amplitude_m)
 
-    def find_peak(self, grid_m: np.ndarray) -> float | None:
-        """Return the amplitude of the highest loss factor, looking between the grid points too."""
-        loss = self.loss_factor(grid_m)
+    def _loss_factor(self, amplitude_m: np.ndarray) -> np.ndarray:
+        energy_J = self.n_j * self.slip.energy_at_force_J(self.force_N(amplitude_m))
+        return self.loss_factor(amplitude_m, energy_J)
+
+    def find_peaks(self, over_grid: np.ndarray) -> tuple[Peak | None, Peak | None]:
+        """Return the highest loss factor, looking between the grid points too, and the first.
+
+        That is the first maximum before the greatest. None where none is.
+        """
+        grid_m, loss = over_grid[0], self.loss_factor(*over_grid[[0, 2]])
         if not loss.max() > 0:
-            return None
+            return None, None
+        first, fine_m, fine = None, grid_m, loss
         least_m = 1e-9 * grid_m[-1]
         # Families that barely touch may peak below the grid.
-        while loss[0] == loss.max() and grid_m[0] > least_m:
-            grid_m = np.geomspace(grid_m[0] / 10, grid_m[1], 25)
-            loss = self.loss_factor(grid_m)
-        return self._highest_m(grid_m, int(np.argmax(loss)))
-
-    def find_first(self, grid_m: np.ndarray, peak_m: float | None) -> float | None:
-        """Return the amplitude of the first maximum before the greatest; None where none is."""
-        if peak_m is None:
-            return None
-        loss = self.loss_factor(grid_m)
+        while fine[0] == fine.max() and fine_m[0] > least_m:
+            fine_m = np.geomspace(fine_m[0] / 10, fine_m[1], 25)
+            fine = self._loss_factor(fine_m)
+        peak = self._highest(fine_m, int(np.argmax(fine)))
         so_far = np.maximum.accumulate(loss)
-        fallen = np.flatnonzero((loss < (1.0 - LEAST_DIP) * so_far) & (grid_m < peak_m))
-        if not fallen.size:
-            return None
-        i = int(np.argmax(loss[: fallen[0]]))
-        return self._highest_m(grid_m, i) if i > 0 else None  # it may fall from below the grid on
+        fallen = np.flatnonzero((loss < (1.0 - LEAST_DIP) * so_far) & (grid_m < peak[0]))
+        if fallen.size and (i := int(np.argmax(loss[: fallen[0]]))) > 0:
+            first = self._highest(grid_m, i)  # else it may fall from below the grid on
+        return peak, first
 
-    def _highest_m(self, grid_m: np.ndarray, i: int) -> float:
-        """Return the amplitude of the highest loss factor beside a point of a grid."""
+    def _highest(self, grid_m: np.ndarray, i: int) -> Peak:
+        """Return amplitude and value of the highest loss factor beside a point of a grid."""
         for _ in range(6):  # each turn looks eight times closer
             grid_m = np.geomspace(grid_m[max(i - 1, 0)], grid_m[min(i + 1, len(grid_m) - 1)], 17)
-            i = int(np.argmax(self.loss_factor(grid_m)))
-        return float(grid_m[i])
+            loss = self._loss_factor(grid_m)
+            i = int(np.argmax(loss))
+        return float(grid_m[i]), float(loss[i])
 
     def damping(
-        self,
-        amplitude_m: np.ndarray,
-        peak_m: float | None,
-        first_m: float | None,
-        gross_slip_m: float,
+        self, states: np.ndarray, peak: Peak | None, first: Peak | None, gross_slip_m: float
     ) -> Damping:
-        steady = amplitude_m <= gross_slip_m
-        v_m = amplitude_m[steady]
-        T_N = self.force_N(v_m)
-        delta_m = np.asarray(self.slip.displacement_m(T_N))
-        energy_J = self.energy_J(v_m)
-        loss_factor = energy_J / (math.pi * self.K_m * v_m) / v_m
+        """Return the damping over states as `states` gives them; NaN where there is none."""
+        v_m, delta_m, energy_J = states
+        steady = np.where(v_m <= gross_slip_m, 1.0, np.nan)
+        loss_factor = self.loss_factor(v_m, energy_J)
         v_total_m = v_m + self.n_j * self.K_s / self.K_m * delta_m
-        peak, first = (
-            None if at_m is None else float(self.loss_factor(np.array([at_m]))[0])
-            for at_m in (peak_m, first_m)
-        )
-
-        def absent_beyond_gross_slip(value: np.ndarray) -> np.ndarray:
-            full = np.full(amplitude_m.shape, np.nan)
-            full[steady] = value
-            return full
-
+        peak_m, peak_loss = peak or (None, 0.0)
+        first_m, first_loss = first or (None, None)
         return Damping(
-            amplitude_m=amplitude_m,
-            total_amplitude_m=absent_beyond_gross_slip(v_total_m),
-            force_N=absent_beyond_gross_slip(T_N),
-            displacement_m=absent_beyond_gross_slip(delta_m),
-            energy_J=absent_beyond_gross_slip(energy_J),
-            loss_factor=absent_beyond_gross_slip(loss_factor),
-            damping_ratio=absent_beyond_gross_slip(loss_factor / 2),
-            frequency_ratio=absent_beyond_gross_slip(np.sqrt(v_m / v_total_m)),
-            peak_loss_factor=0.0 if peak is None else peak,
-            first_peak_loss_factor=first,
+            amplitude_m=v_m,
+            total_amplitude_m=v_total_m,
+            force_N=self.force_N(v_m) * steady,
+            displacement_m=delta_m,
+            energy_J=energy_J,
+            loss_factor=loss_factor,
+            damping_ratio=loss_factor / 2,
+            frequency_ratio=np.sqrt(v_m / v_total_m),
+            peak_loss_factor=peak_loss,
+            first_peak_loss_factor=first_loss,
             amplitude_at_first_peak_m=first_m,
             amplitude_at_peak_m=peak_m,
             peak_at_gross_slip=peak_m == gross_slip_m,

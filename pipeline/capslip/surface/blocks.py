@@ -57,3 +57,17 @@ def block_means(surface: HeightMap, step: int) -> HeightMap:
     height_m = total_m / np.where(count < 0.5 * step**2, np.nan, count)
     dy_m, dx_m = surface.pixel_size_m
     return replace(surface, height_m=height_m, pixel_size_m=(step * dy_m, step * dx_m))
+
+
+def few_lines(surface: HeightMap, lines: int) -> HeightMap:
+    """Return rows and columns of a map at even distances, at least so many where it has them.
+
+    Examples
+    --------
+    >>> few_lines(HeightMap(np.zeros((7, 10)), (1e-3, 1e-3)), 3).shape
+    (4, 4)
+    """
+    step_y, step_x = (max(1, n // lines) for n in surface.shape)
+    dy_m, dx_m = surface.pixel_size_m
+    few_m = surface.height_m[::step_y, ::step_x]
+    return replace(surface, height_m=few_m, pixel_size_m=(step_y * dy_m, step_x * dx_m))

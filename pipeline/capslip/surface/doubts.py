@@ -6,7 +6,8 @@ import numpy as np
 
 from capslip.errors import UnusableSurfaceError
 from capslip.problems import Problem, Severity
-from capslip.surface.form import FLOOR_SHARE, ROUNDING, remove_form
+from capslip.surface.blocks import few_lines
+from capslip.surface.form import FLOOR_LINES, FLOOR_SHARE, ROUNDING, remove_form
 from capslip.surface.heightmap import HeightMap, Tops
 from capslip.surface.outliers import Outliers
 from capslip.surface.tops import clipped_points
@@ -30,6 +31,7 @@ VISIBLE_SHARE_OF_SQ = 0.01
 MAX_OUTLIER_SHARE = 0.02
 MOSTLY_FORM = 0.8  # of the variance of the heights
 MOSTLY_BOWED = 0.95  # of that of the floor: a step between two floors looks 87 % like a bow
+CLEARLY_NO_BOW = 0.25  # of the same, that a bow leaves on some of the points: five times the most
 BLOCK_OVER_DISC = 0.1  # sides of the squares that a hole is looked at in, over a hill's radius
 VISIBLE_FORM = 0.1  # of the approach: form that moves the peaks by more decides what touches
 
@@ -194,8 +196,13 @@ def _bow_of_floor(surface: HeightMap) -> tuple[float, float]:
     """Return the same of the lowest third of the points, over a level floor and a bowed one.
 
     Hills hide a bow in the variance of all heights, and it hides those that it lowers. No bow
-    where the floor is level: (1, 0).
+    where the floor is level: (1, 0). Some of the rows and columns tell where there is clearly none.
     """
+    found = _over_floor(few_lines(surface, FLOOR_LINES))
+    return found if found[0] > CLEARLY_NO_BOW else _over_floor(surface)
+
+
+def _over_floor(surface: HeightMap) -> tuple[float, float]:
     try:
         over = [remove_form(surface, one, floor=True)[0].height_m for one in ("plane", "quadratic")]
     except UnusableSurfaceError:

@@ -9,7 +9,7 @@ from typing import Any, Literal, get_args
 import numpy as np
 
 from capslip.errors import SettingsError, UnusableSurfaceError
-from capslip.surface.blocks import row_blocks
+from capslip.surface.blocks import few_lines, row_blocks
 from capslip.surface.heightmap import HeightMap
 
 FormKind = Literal["plane", "quadratic", "polynomial", "cylinder", "sphere", "none"]
@@ -19,7 +19,7 @@ MAX_CONDITION = 1e10  # of the normal equations; a map measured everywhere has b
 BIWEIGHT_OVER_MEDIAN = 4.4478  # ISO 16610-71: 3 standard deviations of a normal distribution
 MAX_REWEIGHTS = 50
 FLOOR_SHARE = 1.0 / 3.0  # of the points, the lowest, that a floor is fitted to
-SLOPE_LINES = 100  # rows and columns, at least, that tell the slopes of the floor
+FLOOR_LINES = 100  # rows and columns, at least, that tell slopes and bow of the floor
 ROUNDING = 1e-12  # of the height range: a smaller spread has no meaning
 SETTLED = 1e-4  # relative change of the spread between two reweighted fits
 MAX_STEPS = 50
@@ -145,13 +145,12 @@ def floor_slopes(surface: HeightMap) -> tuple[float, float]:
     >>> round(slope_x, 6)
     0.01
     """
-    step_y, step_x = (max(1, n // SLOPE_LINES) for n in surface.shape)
-    dy_m, dx_m = surface.pixel_size_m
-    few = HeightMap(surface.height_m[::step_y, ::step_x], (step_y * dy_m, step_x * dx_m))
+    few = few_lines(surface, FLOOR_LINES)
+    dy_m, dx_m = few.pixel_size_m
     level, _ = remove_form(few, "plane", floor=True)
     row, col = np.nonzero(few.measured)
     plane_m = (few.height_m - level.height_m)[row, col]
-    columns = np.stack([row * step_y * dy_m, col * step_x * dx_m, np.ones(len(row))], axis=1)
+    columns = np.stack([row * dy_m, col * dx_m, np.ones(len(row))], axis=1)
     slope_y, slope_x, _ = np.linalg.lstsq(columns, plane_m)[0]
     return float(slope_y), float(slope_x)
 

@@ -1,6 +1,7 @@
 """Caps that push each other apart: each contact sinks the surface under its neighbours."""
 
 from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -38,8 +39,8 @@ class InteractingCurve(HertzCurve):
     )
     # Compressions at the approaches that `approach_m` returned last, for the methods asked next
     _solved: dict[float, np.ndarray] = field(default_factory=dict, init=False, repr=False)
-    # The last solution of `_sheared_from`: withdrawal and loss at the same drops share it
-    _slipped: dict[tuple[bytes, ...], tuple[np.ndarray, np.ndarray]] = field(
+    # The last solution of `_sheared`: withdrawal and loss at the same drops share it
+    _slipped: dict[tuple[Any, ...], tuple[np.ndarray, np.ndarray]] = field(
         default_factory=dict, init=False, repr=False
     )
 
@@ -133,31 +134,20 @@ class InteractingCurve(HertzCurve):
         self, g: np.ndarray, goal: np.ndarray, closing: tuple[float, float]
     ) -> tuple[np.ndarray, np.ndarray]:
         """Return the level's withdrawal, shape (...), and that of each cap, shape (..., n)."""
-        shape = np.broadcast_shapes(g.shape[:-1], goal.shape)
-        if g.ndim == 1:
-            e, x = self._sheared_from(g, goal.ravel(), closing)
-            return e.reshape(shape), x.reshape(*shape, -1)
-        n = g.shape[-1]
-        pairs = zip(
-            np.broadcast_to(g, (*shape, n)).reshape(-1, n),
-            np.broadcast_to(goal, shape).reshape(-1, 1),
-            strict=True,
-        )
-        solved = [self._sheared_from(one, goals, closing) for one, goals in pairs]
-        e = np.array([e for e, _ in solved]).reshape(shape)
-        return e, np.array([x for _, x in solved]).reshape(*shape, n)
-
-    def _sheared_from(
-        self, g: np.ndarray, goal: np.ndarray, closing: tuple[float, float]
-    ) -> tuple[np.ndarray, np.ndarray]:
-        key = g.tobytes(), goal.tobytes(), np.array(closing).tobytes()
+        shape, n = np.broadcast_shapes(g.shape[:-1], goal.shape), g.shape[-1]
+        key = g.tobytes(), goal.tobytes(), goal.shape, closing
         if key not in self._slipped:
-            touching = g > 0
-            C = self.pair_compliance_m_per_N[np.ix_(touching, touching)]
-            x = np.zeros((len(goal), len(g)))
-            e, x[:, touching] = shear(self.coefficient[touching], C, g[touching], goal, closing)
+            on = np.flatnonzero((g > 0).reshape(-1, n).any(axis=0))
+            k, g, goals = self.coefficient[..., on], g[..., on], np.broadcast_to(goal, shape)
+            if g.ndim > 1:
+                k, g = (
+                    np.broadcast_to(one, (*shape, on.size)).reshape(-1, on.size) for one in (k, g)
+                )
+            x = np.zeros((goals.size, n))
+            C = self.pair_compliance_m_per_N[np.ix_(on, on)]
+            e, x[:, on] = shear(k, C, g, goals.ravel(), closing)
             self._slipped.clear()
-            self._slipped[key] = e, x
+            self._slipped[key] = e.reshape(shape), x.reshape(*shape, n)
         e, x = self._slipped[key]
         return e.copy(), x.copy()
 
@@ -177,7 +167,7 @@ class InteractingCurve(HertzCurve):
         touching = (g > 0).reshape(-1, g.shape[-1]).any(axis=0)
         if not touching.any():
             return np.zeros(g.shape[:-1])
-        D = 1.5 * self.coefficient[touching] * np.sqrt(np.maximum(g[..., touching], 0))
+        D = 1.5 * self.coefficient[..., touching] * np.sqrt(np.maximum(g[..., touching], 0))
         S = np.sqrt(D).reshape(-1, D.shape[-1])
         C = self.pair_compliance_m_per_N[np.ix_(touching, touching)]
         z = solve_coupled(S, C, S[..., None])[..., 0]
@@ -262,15 +252,20 @@ def interacting(
         y_m=y_m,
         pair_compliance_m_per_N=1 / (np.pi * E_star_Pa * r),
     )
-    if preload_N is None:
-        return curve
+    return curve if preload_N is None else around_hertz(curve, preload_N)
+
+
+def around_hertz(curve: InteractingCurve, preload_N: float) -> InteractingCurve:
+    """Return the curve with the displacement outside Hertz contacts, see `interacting`."""
+    r_m = np.hypot(curve.x_m[:, None] - curve.x_m, curve.y_m[:, None] - curve.y_m)
+    np.fill_diagonal(r_m, np.inf)
     # The radii depend on the compliances but weakly: after two rounds nothing changes
     for _ in range(2):
-        N = curve.asperity_loads_N(curve.approach_m(preload_N))
-        a = contact_radius_m(N, curve.radius_m, E_star_Pa)
-        factor = hertz_over_point_load(a / r)
-        C = (factor + factor.T) / (2 * np.pi * E_star_Pa * r)
-        curve = replace(curve, pair_compliance_m_per_N=C, _equilibrium={})
+        approach_m = curve.approach_m(preload_N)
+        N, start_m = curve.asperity_loads_N(approach_m), curve._compression(approach_m)
+        factor = hertz_over_point_load(contact_radius_m(N, curve.radius_m, curve.E_star_Pa) / r_m)
+        C = (factor + factor.T) / (2 * np.pi * curve.E_star_Pa * r_m)
+        curve = replace(curve, pair_compliance_m_per_N=C, start_m=start_m, _equilibrium={})
     return curve
 
 

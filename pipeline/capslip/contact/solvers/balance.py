@@ -17,6 +17,8 @@ from capslip.errors import ContactError, TipsOverError
 
 _TOLERANCE = 1e-14  # of the heights: misfit at which a state is an equilibrium
 _ACCEPTED = 1e-12  # of the heights: misfit that rounding may leave
+_MOST_STEPS = 30  # of Newton's method without damping
+_MOST_TOGETHER = 200  # contacts of sets that are solved at once; more are as fast alone
 
 
 @dataclass(frozen=True, eq=False)
@@ -116,6 +118,66 @@ def press(
             f"at most {_ACCEPTED * state.scale:g} m; use mean_field"
         )
     return plane.at_rest(state)
+
+
+def press_sets(
+    k: np.ndarray,
+    h: np.ndarray,
+    C: np.ndarray | None,
+    g: np.ndarray,
+    load: float,
+    arm: np.ndarray | None = None,
+    turning_stiffness: float = math.inf,
+    moment_Nm: np.ndarray | tuple[float, float] = (0.0, 0.0),
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Find the equilibria of many sets of contacts at the same places, near a known one.
+
+    Newton's steps of `press` for all sets at once, undamped; a set that they do not settle is left
+    to `press`.
+
+    Parameters
+    ----------
+    k, h : ndarray, shape (s, n)
+        Hertz coefficients in N/m^1.5 and depths in m of each set.
+    g : ndarray, shape (s, n)
+        Compressions to start from.
+    C, load, arm, turning_stiffness, moment_Nm
+        As for `press`, of all sets.
+
+    Returns
+    -------
+    ndarray, ndarray, ndarray
+        Levels, shape (s,), slopes, shape (s, 2), and compressions, shape (s, n); negative for a
+        gap.
+
+    Raises
+    ------
+    ContactError
+        As for `press`.
+    """
+    turning = (arm, turning_stiffness, moment_Nm)
+    plane = _Plane.of(k[0], h[0], load, None, *turning)
+    start, g = g, g.copy()
+    free = np.zeros((len(k), plane.columns.shape[1]))
+    last, todo = np.full(len(k), np.inf), np.arange(len(k))
+    for _ in range(_MOST_STEPS):
+        with np.errstate(over="ignore", invalid="ignore"):  # steps may lead anywhere
+            off, gap, steps = _newton_steps(plane, (k[todo], h[todo], C), g[todo], free[todo])
+        settled = (off <= _TOLERANCE) | ((off <= _ACCEPTED) & (off > 0.5 * last[todo]))
+        last[todo] = off
+        rest = todo[settled]
+        g[rest] = np.where(g[rest] > 0, g[rest], -gap[settled])
+        todo = todo[~settled]
+        if not todo.size or steps is None:
+            break
+        g[todo] += steps[0][~settled]
+        free[todo] += steps[1][~settled]
+    level, slope = free[:, 0], np.zeros((len(k), 2))
+    slope[:, : free.shape[1] - 1] = free[:, 1:] / plane.reach_m
+    for i in todo.tolist():
+        alone = press(k[i], h[i], C, start[i], load, None, *turning)
+        level[i], slope[i], g[i] = alone.level_m, alone.slope, alone.compression_m
+    return level, slope, g
 
 
 @dataclass(frozen=True, eq=False)
@@ -326,3 +388,53 @@ def _solved(matrix: np.ndarray, right: np.ndarray) -> np.ndarray:
         raise np.linalg.LinAlgError("not positive definite")
     solution: np.ndarray = x
     return solution
+
+
+def _newton_steps(
+    plane: "_Plane",
+    sets: tuple[np.ndarray, np.ndarray, np.ndarray | None],
+    g: np.ndarray,
+    free: np.ndarray,
+) -> tuple[np.ndarray, np.ndarray, tuple[np.ndarray, np.ndarray] | None]:
+    """Return how far sets are from equilibrium, their gaps, and Newton's steps of g and unknowns.
+
+    How far is the greater of what the heights misfit and the loads miss, as shares of them. No
+    steps where one of the matrices is singular, or large.
+    """
+    k, h, C = sets
+    B = plane.columns
+    held = np.maximum(g, 0)
+    N = k * held * np.sqrt(held)
+    height = held + h + (0.0 if C is None else N @ C)
+    moved = free @ B.T
+    gap = height - moved
+    active = (g > 0) | (gap < 0)
+    scale = np.where(active, np.abs(height) + np.abs(moved), 0.0).max(axis=1)
+    missing = plane.goal - N @ B - plane.spring * free
+    off = np.maximum(
+        np.where(active, np.abs(gap), 0.0).max(axis=1) / np.maximum(scale, 1e-300),
+        np.abs(missing).max(axis=1) / plane.goal[0],
+    )
+    on = np.flatnonzero(active.any(axis=0))
+    if on.size > _MOST_TOGETHER:
+        return off, gap, None
+    active, B = active[:, on], B[on]
+    depth = np.where(g > 0, g, np.maximum(-gap, 0))[:, on]
+    S = np.where(active, np.sqrt(1.5 * k[:, on] * np.sqrt(depth)), 0.0)
+    beside = np.broadcast_to(B, (*S.shape, B.shape[1]))
+    right = S[..., None] * np.concatenate((gap[:, on, None], beside), axis=2)
+    try:
+        z = right
+        if C is not None:
+            matrix = S[:, :, None] * C[np.ix_(on, on)] * S[:, None, :]
+            diagonal = np.arange(on.size)
+            matrix[:, diagonal, diagonal] = 1.0
+            z = np.linalg.solve(matrix, right)
+        weighted = right[..., 1:].transpose(0, 2, 1)
+        H = weighted @ z[..., 1:] + np.diag(plane.spring)
+        turn = np.linalg.solve(H, missing[..., None] + weighted @ z[..., :1])
+    except np.linalg.LinAlgError:
+        return off, gap, None
+    step = np.zeros_like(g)
+    step[:, on] = ((z[..., 1:] @ turn)[..., 0] - z[..., 0]) / np.where(S > 0, S, np.inf)
+    return off, gap, (step, turn[..., 0])

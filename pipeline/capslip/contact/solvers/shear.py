@@ -13,6 +13,7 @@ slip: where it is positive definite at rest, and that is asked, there is one sol
 """
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -23,6 +24,7 @@ _BATCH = 4_000_000  # numbers in the matrices that are solved at once: 32 MB
 _CERTIFIED = 1e-9  # most that the equations may be off, of the displacement and of the goal
 _ROUNDING = 4e-15  # of a sum of loads
 _TINY = 1e-300  # against division by zero
+_NEARLY = 0.999  # of total slip: a first guess goes no further
 _UNSTABLE = (
     "interacting: contacts overlap so far that they are unstable; expected a_i + a_j <= r_ij; "
     "lower the preload, or use mean_field"
@@ -42,10 +44,12 @@ def shear(
 
     Parameters
     ----------
-    k, C
-        As for `balance.press`, of the contacts alone.
-    g : ndarray, shape (n,)
-        Their compressions, all positive.
+    k : ndarray, shape (n,) or (m, n)
+        Hertz coefficients in N/m^1.5, of all goals or of each.
+    C : ndarray, shape (n, n)
+        As for `balance.press`.
+    g : ndarray, shape (n,) or (m, n)
+        Compressions, the same; what does not touch, g <= 0, takes no part and has x = 0.
     goal : ndarray, shape (m,)
         What closes the system: a e + b sum t = goal.
     closing : (float, float)
@@ -64,29 +68,29 @@ def shear(
     """
     a, b = closing
     net = _Network.of(k, C, g)
-    e = goal / (a + b * net.spread.sum())
-    if a == 0:
-        e = np.minimum(e, 0.9 * net.e_total)
-    x = e[:, None] * (1 - C @ net.spread)
+    e, x = _first_guess(net, goal, closing)
     todo = np.arange(len(goal))
     if a == 0:
         total = goal >= net.total_N * (1 - _ROUNDING)
-        e[total], x[total] = net.e_total, net.e_total - C @ net.N
+        e = np.where(total, net.e_total, e)
+        x = np.where(total[:, None], np.expand_dims(net.e_total, -1) - net.N @ C, x)
         todo = todo[~total]
-    _slide(net, goal, (a, np.full((1, len(k)), b)), e, x, todo)
+    _slide(net, goal, (a, np.full((1, k.shape[-1]), b)), e, x, todo)
     missed = ~(net.misfit(goal, closing, e, x) <= _CERTIFIED)
     if missed.any():
-        for row in np.flatnonzero(missed):
-            e[row], x[row] = _searched(net, float(goal[row]), closing)
+        for row in np.flatnonzero(missed).tolist():
+            one, on = net.alone(row)
+            e[row], x[row, on] = _searched(one, float(goal[row]), closing)
+            x[row, ~on] = e[row] - one.drop_N(x[row, on]) @ C[np.ix_(on, ~on)]
         off = net.misfit(goal, closing, e, x)
         missed = ~(off <= _CERTIFIED)
     if missed.any():
         raise ContactError(
-            f"interacting: the slip of {len(k)} contacts was not found at {missed.sum()} of "
+            f"interacting: the slip of {k.shape[-1]} contacts was not found at {missed.sum()} of "
             f"{len(goal)} points: its equations are off by {off.max():.2g}, expected "
             f"{_CERTIFIED:g}; use mean_field"
         )
-    return e, x
+    return e, np.where(g > 0, x, 0.0)
 
 
 def lift_off(k: np.ndarray, C: np.ndarray, g: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -128,27 +132,43 @@ def lift_off(k: np.ndarray, C: np.ndarray, g: np.ndarray) -> tuple[np.ndarray, n
 
 @dataclass(frozen=True, eq=False)
 class _Network:
-    """Contacts before any slip."""
+    """Contacts before any slip, of all goals or, with a leading axis of rows, of each."""
 
     k: np.ndarray
     C: np.ndarray
     g: np.ndarray
     N: np.ndarray  # their loads
-    total_N: float
-    e_total: float  # e at total slip
+    total_N: np.ndarray
+    e_total: np.ndarray  # e at total slip
     spread: np.ndarray  # the load drops for a unit of e
 
     @classmethod
     def of(cls, k: np.ndarray, C: np.ndarray, g: np.ndarray) -> "_Network":
         """Return it, where it is stable: at rest the energy of the problem is least convex."""
-        root = np.sqrt(g)
-        S, N = np.sqrt(1.5 * k * root), k * g * root
+        held = np.maximum(g, 0)
+        root = np.sqrt(held)
+        S, N = np.sqrt(1.5 * k * root), k * held * root
+        rows = S.reshape(-1, S.shape[-1])
         try:
-            np.linalg.cholesky(_coupled(S[None], C))
+            for part in _parts(*rows.shape):
+                np.linalg.cholesky(_coupled(rows[part], C))
         except np.linalg.LinAlgError as error:
             raise ContactError(_UNSTABLE) from error
-        spread = S * solve_coupled(S[None], C, S[None, :, None])[0, :, 0]
-        return cls(k, C, g, N, float(N.sum()), float((g + C @ N).max()), spread)
+        spread = (rows * solve_coupled(rows, C, rows[..., None])[..., 0]).reshape(S.shape)
+        e_total = np.where(g > 0, g + N @ C, -np.inf).max(axis=-1)
+        return cls(k, C, g, N, N.sum(axis=-1), e_total, spread)
+
+    def of_rows(self, rows: Any) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Return k, g and e at total slip of some goals."""
+        if self.g.ndim == 1:
+            return self.k, self.g, self.e_total
+        return self.k[rows], self.g[rows], self.e_total[rows]
+
+    def alone(self, row: int) -> tuple["_Network", np.ndarray]:
+        """Return the network of what touches at one goal, and what that is."""
+        k, g, _ = self.of_rows(row)
+        on = g > 0
+        return _Network.of(k[on], self.C[np.ix_(on, on)], g[on]), on
 
     def drop_N(self, x: np.ndarray) -> np.ndarray:
         """Return t at slips x, of their shape."""
@@ -177,6 +197,26 @@ class _Network:
         return np.asarray(np.maximum(off_m / np.maximum(e, _TINY), off / np.maximum(scale, _TINY)))
 
 
+def _first_guess(
+    net: _Network, goal: np.ndarray, closing: tuple[float, float]
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return e and x to start from, right where slip begins and where all slips.
+
+    Between them the rest of a load falls as a power of the rest of e, by its slope before any slip:
+    1.5 for one contact alone.
+    """
+    a, b = closing
+    stiffness, e_total = net.spread.sum(axis=-1), net.e_total
+    e = goal / (a + b * stiffness)
+    if a == 0:
+        rest = np.log1p(-np.minimum(goal / net.total_N, _NEARLY))
+        e = -e_total * np.expm1(net.total_N / (stiffness * e_total) * rest)
+    rest = np.log1p(-np.minimum(e / e_total, _NEARLY))
+    power = net.spread * np.expand_dims(e_total, -1) / np.maximum(net.N, _TINY)
+    t = -net.N * np.expm1(np.minimum(power * rest[:, None], _NEARLY))  # not all advance
+    return e, e[:, None] - t @ net.C
+
+
 def _slide(
     net: _Network,
     goal: np.ndarray,
@@ -187,13 +227,14 @@ def _slide(
 ) -> None:
     """Improve the rows `todo` of e and x until a e + b . t = goal, or steps lead nowhere."""
     a, weights = closing
-    k, C, g = net.k, net.C, net.g
+    C = net.C
     for _ in range(100):
         if todo.size == 0:
             break
         xt, et = x[todo], e[todo]
+        k, g, e_total = net.of_rows(todo)
         b = weights[todo] if len(weights) > 1 else weights
-        t = net.drop_N(xt)
+        t = load_drop_of_asperity(k, g, xt)
         S = np.sqrt(1.5 * k * np.sqrt(np.maximum(g - np.abs(xt), 0)))
         misfit = xt + t @ C - et[:, None]
         missing = goal[todo] - a * et - (b * t).sum(axis=1)
@@ -202,7 +243,7 @@ def _slide(
         slope = a + stiffness
         de = np.where(slope > 0, missing + back, 0) / np.where(slope > 0, slope, 1)
         if a == 0:
-            rest = np.maximum(net.e_total - et, _TINY)
+            rest = np.maximum(e_total - et, _TINY)
             # Straight steps in (e_total - e)^1.5, in which the load has a slope up to total slip
             u = np.minimum(1.5 * de / rest, 0.999)
             w = np.cbrt(1 - u)
@@ -269,20 +310,24 @@ def solve_coupled(S: np.ndarray, C: np.ndarray, right: np.ndarray) -> np.ndarray
     The matrix is positive definite as long as no contacts overlap. Contacts without stiffness,
     S = 0, are left out: their rows are those of the unit matrix.
     """
-    n = S.shape[-1]
-    step = max(1, _BATCH // max(n * n, 1))
+    parts = _parts(*S.shape)
     try:
-        if len(S) <= step and S.all():
+        if len(parts) == 1 and S.all():
             return np.asarray(np.linalg.solve(_coupled(S, C), right))
         z = np.array(right)
-        for first in range(0, len(S), step):
-            part = slice(first, first + step)
+        for part in parts:
             held = S[part].any(axis=0)
             matrix = _coupled(S[part][:, held], C[np.ix_(held, held)])
             z[part, held] = np.linalg.solve(matrix, z[part, held])
     except np.linalg.LinAlgError as error:
         raise ContactError(_UNSTABLE) from error
     return z
+
+
+def _parts(rows: int, n: int) -> list[slice]:
+    """Return the rows in parts whose matrices are solved at once."""
+    step = max(1, _BATCH // max(n * n, 1))
+    return [slice(first, first + step) for first in range(0, rows, step)]
 
 
 def _coupled(S: np.ndarray, C: np.ndarray) -> np.ndarray:
