@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -37,15 +38,33 @@ class HillPoints:
         """Number of hills."""
         return len(self.count)
 
+    def count_of(self, chosen: np.ndarray) -> np.ndarray:
+        """Return how many of some points, by rising index, are on each hill, shape (n_hills,)."""
+        at = chosen.searchsorted(self._bounds)
+        counts: np.ndarray = at[1:] - at[:-1]
+        return counts
+
+    @cached_property
+    def _bounds(self) -> np.ndarray:
+        return np.append(0, np.cumsum(self.count))
+
     def groups(self) -> Iterator[tuple[slice, slice]]:
         """Yield hills and their points, some at a time: what is computed of them stays small."""
-        ends = np.cumsum(self.count)
+        ends = self._bounds[1:]
         first = start = 0
         while first < self.n_hills:
             last = max(first + 1, int(np.searchsorted(ends, start + BLOCK_POINTS, "right")))
             end = int(ends[last - 1])
             yield slice(first, last), slice(start, end)
             first, start = last, end
+
+
+def sums_by_hill(values: np.ndarray, count: np.ndarray) -> np.ndarray:
+    """Return the sums of values that are sorted by hill, `count` of them on each."""
+    sums, some = np.zeros(len(count)), count > 0
+    if values.size:
+        sums[some] = np.add.reduceat(values, (np.cumsum(count) - count)[some])
+    return sums
 
 
 def points_of_hills(surface: HeightMap, hills: Hills) -> HillPoints:
