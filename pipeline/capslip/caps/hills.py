@@ -168,7 +168,7 @@ def find_hills(
         pruning_height_m = math.inf
     elif pruning_percent_Sz is not None:
         pruning_height_m = pruning_percent_Sz / 100.0 * sz_m
-    point, (cut_m, middle_m) = _highest(surface.height_m, n_measured, material_ratio)
+    point, (cut_m, middle_m) = highest_points(surface.height_m, n_measured, material_ratio)
     least_m = None if relief_m is None else TOLD_APART * relief_m
     relief_m = relief_m or 2.0 * (middle_m - cut_m) or sz_m  # no relief: a plateau
     if noise_m is None:
@@ -193,11 +193,21 @@ def _check(
             raise SettingsError(f"hills.pruning_{name}: got {value}; expected a positive number")
 
 
-def _highest(
+def highest_points(
     height_m: np.ndarray, n_measured: int, material_ratio: float
 ) -> tuple[np.ndarray, list[float]]:
     """Return the points at or above the cut, rising, and the quantiles of it and of half of it.
 
+    Parameters
+    ----------
+    height_m : float64, shape (ny, nx)
+        Of which `n_measured` are known, one at least.
+    n_measured : int
+    material_ratio : float
+        Share of them to keep, in (0, 1).
+
+    Notes
+    -----
     Some points tell about where the cut is, so that few are left to be sorted.
     """
     every = max(1, math.isqrt(height_m.size // SAMPLES))
