@@ -284,8 +284,7 @@ class _Search:
     ) -> tuple[_Rest, Fitted]:
         """Fit and press the hills of one cut until the plane over them comes to rest."""
         fit = self.settings.caps.fit
-        share = fit_named(fit).compression_share
-        points = points_of_hills(surface, hills)
+        share, points = fit_named(fit).compression_share, points_of_hills(surface, hills)
         slope, depth_m = start.slope, self._carried(start, hills, surface)
         before_N: np.ndarray | None = None
         compression_m = np.full(hills.n_hills, np.nan)
