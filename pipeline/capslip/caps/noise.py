@@ -59,8 +59,8 @@ def noise_on_hills(surface: HeightMap, points: HillPoints) -> Noise:
     at which it vanishes; the inflation is the sum 1 + 2 r(1) + 2 r(2) + ...
     """
     every = math.ceil(math.sqrt(max(1.0, points.hill.size / SAMPLES)))
-    some = on_lattice(points.row, surface.shape[0], every)
-    some &= on_lattice(points.col, surface.shape[1], every)
+    rows, cols = (on_lattice(np.arange(n), n, every) for n in surface.shape)
+    some = np.flatnonzero(rows[points.row] & cols[points.col])
     return noise_at(surface, points.row[some], points.col[some])
 
 
