@@ -8,7 +8,6 @@ the face rests on three points under a load of no size.
 """
 
 import math
-from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -120,7 +119,7 @@ def find_level(surface: HeightMap, settings: Settings) -> Level:
     if coarse is not surface:
         with suppress(ContactError, UnusableSurfaceError):  # small contacts need the whole map
             start = _Search(coarse, settings, at_m, rest.slope).run(start, DEEP)[1]
-    return _Search(surface, settings, at_m, rest.slope).run(start)[0]()
+    return _Search(surface, settings, at_m, rest.slope).run(start)[0]
 
 
 def turned(
@@ -190,9 +189,6 @@ class _MissedError(Exception):
         self.slope, self.approach_m = slope, approach_m
 
 
-_MakeLevel = Callable[[], Level]
-
-
 @dataclass(frozen=True, eq=False)
 class _Search:
     """The search for the level of one map."""
@@ -207,8 +203,8 @@ class _Search:
         """Noise of what can touch."""
         return noise_at_rest(self.surface, self.rest_slope)
 
-    def run(self, start: _Start, deepest: float = RATIOS[-1]) -> tuple[_MakeLevel, _Start]:
-        """Return what makes the level, and what a search on a finer map can start from."""
+    def run(self, start: _Start, deepest: float = RATIOS[-1]) -> tuple[Level, _Start]:
+        """Return the level, and what a search on a finer map can start from."""
         tipped: TipsOverError | None = None
         lost: ContactError | None = None
         trouble: ContactError | None = None
@@ -235,7 +231,7 @@ class _Search:
         # search that failed.
         raise trouble or tipped or lost or ContactError("the face finds no level")
 
-    def _at_ratio(self, start: _Start, last: bool) -> tuple[_MakeLevel, _Start]:
+    def _at_ratio(self, start: _Start, last: bool) -> tuple[Level, _Start]:
         found: tuple[_Rest, Hills, Fitted] | None = None
         for _ in range(MAX_CUTS):
             slope, relief_m = start.slope, start.relief_m
@@ -254,20 +250,17 @@ class _Search:
         if (certificate.missed_area_m2 > 0.0 or shallow) and not last:
             raise _MissedError(rest.slope, rest.approach_m)
         slope_x, slope_y = (-rest.slope).tolist()
-
-        def level() -> Level:
-            return Level(
-                surface=surface,
-                hills=hills,
-                caps=fitted.table,
-                slope=(slope_x, slope_y),
-                rest_slope=self.rest_slope,
-                load_point_m=self.at_m,
-                material_ratio=start.ratio,
-                missed_area_m2=certificate.missed_area_m2,
-                moved=rest.moved,
-            )
-
+        level = Level(
+            surface=surface,
+            hills=hills,
+            caps=fitted.table,
+            slope=(slope_x, slope_y),
+            rest_slope=self.rest_slope,
+            load_point_m=self.at_m,
+            material_ratio=start.ratio,
+            missed_area_m2=certificate.missed_area_m2,
+            moved=rest.moved,
+        )
         return level, start
 
     def _on_one_cut(self, start: _Start, last: bool) -> tuple[_Rest, Hills, Fitted]:
@@ -284,15 +277,15 @@ class _Search:
     ) -> tuple[_Rest, Fitted]:
         """Fit and press the hills of one cut until the plane over them comes to rest."""
         fit = self.settings.caps.fit
-        share, points = fit_named(fit).compression_share, points_of_hills(surface, hills)
+        share = fit_named(fit).compression_share
+        points = points_of_hills(surface, hills)
         slope, depth_m = start.slope, self._carried(start, hills, surface)
         before_N: np.ndarray | None = None
-        compression_m = np.full(hills.n_hills, np.nan)
         tried, history, part, least, restless = last, list[float](), 1.0, math.inf, math.inf
         for _ in range(MAX_TURNS):
             fitted = fit_spheres(surface, hills, fit, depth_m, points, self.noise)
             try:
-                use, pressed, depths_m = self._press(fitted, slope, compression_m)
+                use, pressed, depths_m = self._press(fitted, slope)
             except TipsOverError as error:
                 if before_N is None or fitted.usable.all():
                     raise
@@ -307,7 +300,7 @@ class _Search:
             moved = 1.0
             if before_N is not None:
                 moved = float(np.abs(all_N - before_N).sum()) / (2.0 * sum(load_N)) / part
-            before_N, compression_m[use] = all_N, pressed.compression_m
+            before_N = all_N
             span_m = self._across_m(turn)
             approach_m = rest.level_m - float(depths_m.min())
             plane_m = float(fitted.spheres.apex_m[use].max()) - rest.level_m
@@ -345,12 +338,11 @@ class _Search:
         )
 
     def _press(
-        self, fitted: Fitted, slope: np.ndarray, start_m: np.ndarray
+        self, fitted: Fitted, slope: np.ndarray
     ) -> tuple[np.ndarray, FirstLoading, np.ndarray]:
         """Return the caps that were pressed, how, and their depths below the plane.
 
-        Compressions to start from are NaN where none is known. The plane is that of the highest
-        peak, turned with the face. What holds the parts upright is
+        The plane is that of the highest peak, turned with the face. What holds the parts upright is
         at ease where no slope is taken off the map.
         """
         use, spheres = np.flatnonzero(fitted.usable), fitted.spheres
@@ -360,8 +352,7 @@ class _Search:
         peak_m = spheres.apex_m[use]
         stiffness = turning_stiffness(self.settings)
         held = (stiffness, stiffness * slope)
-        near = None if np.isnan(start_m[use]).any() else start_m[use]
-        pressed = _pressed(arm_m, peak_m, spheres.radius_m[use], self.settings, held, near)
+        pressed = _pressed(arm_m, peak_m, spheres.radius_m[use], self.settings, held)
         area_m2 = float(math.pi * (spheres.radius_m[use] * pressed.width_m).sum())
         if area_m2 > math.prod(self.surface.side_m):
             raise ContactError(
