@@ -6,7 +6,7 @@ import numpy as np
 
 from capslip.caps.hills import Hills
 from capslip.caps.noise import Noise
-from capslip.caps.points import HillPoints
+from capslip.caps.points import HillPoints, sums_by_hill
 from capslip.caps.quadric import Quadrics, fit_quadrics
 from capslip.surface.heightmap import HeightMap
 
@@ -62,9 +62,7 @@ def find_apexes(
     """
     count = points.count
     many = np.maximum(count, 1)
-    highest_m, ties = _first_highest(
-        points.n_hills, points.hill, points.x_m, points.y_m, points.z_m
-    )
+    highest_m, ties = _first_highest(points.count, points.hill, points.x_m, points.y_m, points.z_m)
     height_m = np.fmax(highest_m[2] - hills.cut_height_m, 0.0)
     floor_m = hills.cut_height_m + np.minimum(3.0 * noise.rms_m, 0.3 * height_m)
     # On a sphere the height falls by equal amounts from point to point.
@@ -113,18 +111,17 @@ def _fall_per_point_m(points: HillPoints, highest_m: np.ndarray, depth_m: np.nda
     """
     depth_m, volume_m = depth_m.copy(), np.empty(points.n_hills)
     for hills, some in points.groups():
-        z_m, count, n = points.z_m[some], points.count[hills], hills.stop - hills.start
-        all_hill = points.hill[some] - hills.start
+        z_m, count = points.z_m[some], points.count[hills]
         for _ in range(MAX_DOUBLINGS):
             rise_m = z_m - np.repeat(highest_m[hills] - depth_m[hills], count)
             above = np.flatnonzero(rise_m > 0.0)
-            hill = all_hill[above]
-            few = np.bincount(hill, minlength=n) < np.minimum(FEW_POINTS, count)
+            within = points.count_of(some.start + above)[hills]
+            few = within < np.minimum(FEW_POINTS, count)
             few &= np.isfinite(depth_m[hills])
             if not few.any():
                 break
             depth_m[hills] = np.where(few, 2.0 * depth_m[hills], depth_m[hills])
-        volume_m[hills] = np.bincount(hill, rise_m[above], n)
+        volume_m[hills] = sums_by_hill(rise_m[above], within)
     return depth_m**2 / (2.0 * np.where(volume_m > 0.0, volume_m, np.nan))
 
 
@@ -143,15 +140,14 @@ def _summit(points: HillPoints, quadric: Quadrics) -> np.ndarray:
     hill = points.hill[quadric.chosen]
     x_m, y_m = points.x_m[quadric.chosen], points.y_m[quadric.chosen]
     z_m = quadric.height_m(quadric.points, x_m, y_m)
-    return _first_highest(points.n_hills, hill, x_m, y_m, z_m)[0]
+    return _first_highest(quadric.points, hill, x_m, y_m, z_m)[0]
 
 
 def _first_highest(
-    n: int, hill: np.ndarray, x_m: np.ndarray, y_m: np.ndarray, z_m: np.ndarray
+    count: np.ndarray, hill: np.ndarray, x_m: np.ndarray, y_m: np.ndarray, z_m: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return x, y, z of the first highest point of each hill, and how many are as high."""
-    count = np.bincount(hill, minlength=n)
-    some = count > 0
+    n, some = len(count), count > 0
     highest_m = np.full((3, n), np.nan)
     if some.any():
         highest_m[2, some] = np.maximum.reduceat(z_m, (np.cumsum(count) - count)[some])

@@ -6,7 +6,7 @@ import numpy as np
 
 from capslip.caps.apex import Apexes
 from capslip.caps.noise import Noise
-from capslip.caps.points import LIMIT_EDGE, LIMIT_PATCH, HillPoints
+from capslip.caps.points import LIMIT_EDGE, LIMIT_PATCH, HillPoints, sums_by_hill
 from capslip.caps.quadric import Quadrics, fit_quadrics
 
 NEGLIGIBLE_NOISE = 1e-3  # of the depth of the fit
@@ -87,15 +87,15 @@ def _contents(
     filled, rise_m = np.zeros((2, points.n_hills))
     at_edge, at_patch = np.zeros((2, points.n_hills), dtype=bool)
     for hills, some in points.groups():
-        z_m, count, n = points.z_m[some], points.count[hills], hills.stop - hills.start
-        hill = points.hill[some] - hills.start
-        filled[hills] = np.bincount(hill[z_m >= np.repeat(seen_m[hills], count)], minlength=n)
+        z_m, count = points.z_m[some], points.count[hills]
+        seen = np.flatnonzero(z_m >= np.repeat(seen_m[hills], count))
+        filled[hills] = points.count_of(some.start + seen)[hills]
         up_m = z_m - np.repeat(level_m[hills], count)
         above = np.flatnonzero(up_m > 0.0)
-        hill, limit = hill[above], points.limit[some][above]
-        rise_m[hills] = np.bincount(hill, up_m[above], n)
+        limit, index = points.limit[some][above], some.start + above
+        rise_m[hills] = sums_by_hill(up_m[above], points.count_of(index)[hills])
         at_edge[hills], at_patch[hills] = (
-            np.bincount(hill[(limit & bit) > 0], minlength=n) > 0
+            points.count_of(index[(limit & bit) > 0])[hills] > 0
             for bit in (LIMIT_EDGE, LIMIT_PATCH)
         )
     return filled, rise_m, at_edge, at_patch

@@ -21,7 +21,7 @@ from capslip.surface.noise import noise_of_map_m
 NOISE_FACTOR = 5.0  # noise alone lifts a point this many standard deviations once in 3.5 million
 SQUARES = (3, 5, 7, 9)  # points; wider ones fill the saddles of hills of usual size
 MARGIN = SQUARES[-1] // 2  # of the frame of non-measured points
-SAMPLES = 20_000  # of the map, that tell about where the cut is
+SAMPLES = 5000  # of the map, that tell about where the cut is
 TOLD_APART = 0.01  # of the relief that is given: saddles from which on hills are told apart
 QUIET = 0.02  # of the relief: what averaging should leave of NOISE_FACTOR times the noise
 
@@ -168,7 +168,7 @@ def find_hills(
         pruning_height_m = math.inf
     elif pruning_percent_Sz is not None:
         pruning_height_m = pruning_percent_Sz / 100.0 * sz_m
-    point, (cut_m, middle_m) = _highest(surface.height_m, n_measured, material_ratio)
+    point, (cut_m, middle_m) = highest_points(surface.height_m, n_measured, material_ratio)
     least_m = None if relief_m is None else TOLD_APART * relief_m
     relief_m = relief_m or 2.0 * (middle_m - cut_m) or sz_m  # no relief: a plateau
     if noise_m is None:
@@ -193,11 +193,21 @@ def _check(
             raise SettingsError(f"hills.pruning_{name}: got {value}; expected a positive number")
 
 
-def _highest(
+def highest_points(
     height_m: np.ndarray, n_measured: int, material_ratio: float
 ) -> tuple[np.ndarray, list[float]]:
     """Return the points at or above the cut, rising, and the quantiles of it and of half of it.
 
+    Parameters
+    ----------
+    height_m : float64, shape (ny, nx)
+        Of which `n_measured` are known, one at least.
+    n_measured : int
+    material_ratio : float
+        Share of them to keep, in (0, 1).
+
+    Notes
+    -----
     Some points tell about where the cut is, so that few are left to be sorted.
     """
     every = max(1, math.isqrt(height_m.size // SAMPLES))
@@ -205,7 +215,8 @@ def _highest(
     some_m = some_m[~np.isnan(some_m)]
     level_m = -math.inf
     if some_m.size:
-        level_m = float(np.quantile(some_m, max(0.0, 0.98 - 1.05 * material_ratio)))
+        nth = int(max(0.0, 0.98 - 1.05 * material_ratio) * (some_m.size - 1))
+        level_m = float(np.partition(some_m, nth)[nth])
     flat_m = height_m.reshape(-1)
     ratios = np.array((1.0 - material_ratio, 1.0 - material_ratio / 2.0))
     place = ratios * (n_measured - 1)
@@ -292,12 +303,14 @@ def _lower_spikes(above_m: np.ndarray, point: np.ndarray) -> None:
     """Lower single points that exceed all eight neighbours to the highest of these, in place."""
     width, flat_m = above_m.shape[1], above_m.reshape(-1)
     around = (1, -1, width, -width, width + 1, -width - 1, width - 1, -width + 1)
+    own_m = flat_m.take(point)
     for step in around:
-        point = point[~(flat_m[point + step] >= flat_m[point])]  # True beside a non-measured one
-    around_m = flat_m[point - 1]
+        left = np.flatnonzero(~(flat_m.take(point + step) >= own_m))  # also beside a lost one
+        point, own_m = point.take(left), own_m.take(left)
+    around_m = flat_m.take(point - 1)
     for step in around:
-        np.fmax(around_m, flat_m[point + step], out=around_m)
-    flat_m[point] = np.fmin(flat_m[point], around_m)
+        np.fmax(around_m, flat_m.take(point + step), out=around_m)
+    flat_m[point] = np.fmin(own_m, around_m)
 
 
 def _tree(
@@ -338,6 +351,7 @@ def _means(
     width, n_rows = nx + 2 * MARGIN, max(8, BLOCK_POINTS // nx)
     raw_m, means_m = np.empty(len(point)), (np.empty(len(point)), np.empty(len(lost)))
     buffer_m = np.full((min(ny, n_rows) + 2 * halo, width), np.nan)
+    known_points = np.append(np.nan, np.arange(1.0, side**2 + 1.0))  # by their number
     for first in range(0, ny, n_rows):
         last = min(first + n_rows, ny)
         bounds = (np.array((first, last)) + MARGIN) * width
@@ -353,14 +367,15 @@ def _means(
         around = slice(*np.searchsorted(point, bounds + (halo - 1) * width * np.array((-1, 1))))
         _lower_spikes(above_m, point[around] - origin)
         raw_m[of_point] = above_m.reshape(-1)[point[of_point] - origin]
-        known = ~np.isnan(above_m[1:-1])
-        total_m = _column_sums(np.where(known, above_m[1:-1], 0.0), side)
-        count = _column_sums(known.view(np.uint8), side)
+        unknown, inner_m = np.isnan(above_m[1:-1]), above_m[1:-1].copy()
+        np.putmask(inner_m, unknown, 0.0)
+        total_m, count = _column_sums(inner_m, side), _square_sums(~unknown, side)
         for mean_m, at, part in zip(means_m, (point, lost), (of_point, of_lost), strict=True):
-            place = at[part] - bounds[0]
-            known_points = _row_sums(count, place, side).astype(np.float64)
-            known_points[known_points == 0.0] = np.nan
-            mean_m[part] = _row_sums(total_m, place, side) / known_points
+            first = at[part] - (bounds[0] + side // 2)
+            sum_m = total_m.take(first)
+            for step in range(1, side):
+                sum_m += total_m.take(first + step)
+            mean_m[part] = sum_m / known_points.take(count.take(first))
     return raw_m, *means_m
 
 
@@ -373,13 +388,13 @@ def _column_sums(values: np.ndarray, side: int) -> np.ndarray:
     return down.reshape(-1)
 
 
-def _row_sums(values: np.ndarray, place: np.ndarray, side: int) -> np.ndarray:
-    """Return the sums of so many values around places that are half a side from either end."""
-    first = place - side // 2
-    sums: np.ndarray = values[first]
+def _square_sums(known: np.ndarray, side: int) -> np.ndarray:
+    """Return the numbers of known points in squares, at their first column, flattened."""
+    down = _column_sums(known.view(np.uint8), side)
+    count = down[: down.size - side + 1].copy()
     for step in range(1, side):
-        sums += values[first + step]
-    return sums
+        count += down[step : step + count.size]
+    return count
 
 
 def _across(

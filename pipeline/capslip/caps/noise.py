@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from capslip.caps.hills import highest_points
 from capslip.caps.points import HillPoints
 from capslip.surface.heightmap import HeightMap
 from capslip.surface.noise import mixed_difference, on_lattice, rms_of_noise_m
@@ -58,8 +59,8 @@ def noise_on_hills(surface: HeightMap, points: HillPoints) -> Noise:
     at which it vanishes; the inflation is the sum 1 + 2 r(1) + 2 r(2) + ...
     """
     every = math.ceil(math.sqrt(max(1.0, points.hill.size / SAMPLES)))
-    some = on_lattice(points.row, surface.shape[0], every)
-    some &= on_lattice(points.col, surface.shape[1], every)
+    rows, cols = (on_lattice(np.arange(n), n, every) for n in surface.shape)
+    some = np.flatnonzero(rows[points.row] & cols[points.col])
     return noise_at(surface, points.row[some], points.col[some])
 
 
@@ -74,8 +75,11 @@ def noise_at_rest(surface: HeightMap, rest_slope: tuple[float, float]) -> Noise:
     (dy_m, dx_m), (slope_x, slope_y) = surface.pixel_size_m, rest_slope
     height_m = surface.height_m[np.ix_(row, col)] - slope_x * dx_m * col
     height_m -= (slope_y * dy_m * row)[:, None]
-    i, j = np.nonzero(height_m >= np.nanquantile(height_m, 1.0 - share))
-    return noise_at(surface, row[i], col[j])
+    known = height_m.size - int(np.count_nonzero(np.isnan(height_m)))
+    point = np.zeros(0, dtype=np.intp)
+    if known:
+        point, _ = highest_points(height_m, known, share)
+    return noise_at(surface, row[point // col.size], col[point % col.size])
 
 
 def noise_at(surface: HeightMap, row: np.ndarray, col: np.ndarray) -> Noise:

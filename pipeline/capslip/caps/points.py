@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -37,15 +38,33 @@ class HillPoints:
         """Number of hills."""
         return len(self.count)
 
+    def count_of(self, chosen: np.ndarray) -> np.ndarray:
+        """Return how many of some points, by rising index, are on each hill, shape (n_hills,)."""
+        at = chosen.searchsorted(self._bounds)
+        counts: np.ndarray = at[1:] - at[:-1]
+        return counts
+
+    @cached_property
+    def _bounds(self) -> np.ndarray:
+        return np.append(0, np.cumsum(self.count))
+
     def groups(self) -> Iterator[tuple[slice, slice]]:
         """Yield hills and their points, some at a time: what is computed of them stays small."""
-        ends = np.cumsum(self.count)
+        ends = self._bounds[1:]
         first = start = 0
         while first < self.n_hills:
             last = max(first + 1, int(np.searchsorted(ends, start + BLOCK_POINTS, "right")))
             end = int(ends[last - 1])
             yield slice(first, last), slice(start, end)
             first, start = last, end
+
+
+def sums_by_hill(values: np.ndarray, count: np.ndarray) -> np.ndarray:
+    """Return the sums of values that are sorted by hill, `count` of them on each."""
+    sums, some = np.zeros(len(count)), count > 0
+    if values.size:
+        sums[some] = np.add.reduceat(values, (np.cumsum(count) - count)[some])
+    return sums
 
 
 def points_of_hills(surface: HeightMap, hills: Hills) -> HillPoints:
@@ -63,7 +82,8 @@ def points_of_hills(surface: HeightMap, hills: Hills) -> HillPoints:
     index = np.flatnonzero(label > 0)
     hill = label[index]
     z_m = surface.height_m.ravel()[index]
-    filled, filled_hill, filled_z_m, beside = _lost_points(surface.height_m, hills.label)
+    lost = np.flatnonzero(np.isnan(surface.height_m)) if index.size else index
+    filled, filled_hill, filled_z_m, beside = _lost_points(surface.height_m, hills.label, lost)
     measured = np.ones(index.size + filled.size, dtype=bool)
     if filled.size:
         measured[index.size :] = False
@@ -97,7 +117,7 @@ def points_of_hills(surface: HeightMap, hills: Hills) -> HillPoints:
 
 
 def _lost_points(
-    height_m: np.ndarray, label: np.ndarray
+    height_m: np.ndarray, label: np.ndarray, lost_at: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """Return index, label and height of the points to fill, and the index of points beside a patch.
 
@@ -105,11 +125,13 @@ def _lost_points(
     and is filled where most of its measured neighbours belong to hills.
     """
     none = np.empty(0, dtype=np.intp)
-    (ny, nx), framed = height_m.shape, np.pad(np.isnan(height_m), 1)
-    width, lost = nx + 2, framed.reshape(-1)
-    index = np.flatnonzero(lost)
-    if not index.size or not label.any():
+    if not lost_at.size:
         return none, none, np.empty(0), none
+    (ny, nx), label_of = height_m.shape, label.reshape(-1)
+    width = nx + 2
+    lost = np.zeros((ny + 2) * width, dtype=bool)
+    index = lost_at + 2 * (lost_at // nx) + width + 1  # in the map with a frame
+    lost[index] = True
     around = [down * width + right for down in (-1, 0, 1) for right in (-1, 0, 1)]
     core, beside = index, none
     for step in around:
@@ -123,7 +145,8 @@ def _lost_points(
         outline = np.flatnonzero(patch)
         for step in around:
             rim[outline + step] = True
-        beside = np.flatnonzero(rim.reshape(framed.shape)[1:-1, 1:-1] & (label > 0))
+        beside = np.flatnonzero(rim.reshape(ny + 2, width)[1:-1, 1:-1])
+        beside = beside[label_of[beside] > 0]
         index = index[lost[index]]
 
     row, col = index // width - 1, index % width - 1
@@ -134,7 +157,7 @@ def _lost_points(
     for down, right in ((a, b) for a in (-1, 0, 1) for b in (-1, 0, 1) if a or b):
         inside = (row + down >= 0) & (row + down < ny) & (col + right >= 0) & (col + right < nx)
         at = np.where(inside, index + down * nx + right, index)  # the lost point itself outside
-        z_m, here = height_m.reshape(-1)[at], label.reshape(-1)[at]
+        z_m, here = height_m.reshape(-1)[at], label_of[at]
         seen = ~np.isnan(z_m)
         known += seen
         on_hill += here > 0

@@ -1,6 +1,7 @@
 """Quadric surfaces by least squares, one a hill, all hills at once."""
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -25,9 +26,6 @@ class Quadrics:
     x_m: np.ndarray  # vertex
     y_m: np.ndarray
     z_m: np.ndarray
-    curvature_per_m: np.ndarray  # (2, n): the smaller and the larger principal curvature
-    orientation_rad: np.ndarray  # of the direction of the smaller curvature, from x towards y
-    curvature_gain: np.ndarray  # relative standard error of sqrt(k1 k2), see `height_gain`, 1/m
     points: np.ndarray  # number of points
     chosen: np.ndarray  # their indices among the points of all hills
     spread_m2: np.ndarray  # square root of the determinant of their covariance
@@ -42,6 +40,30 @@ class Quadrics:
     def exists(self) -> np.ndarray:
         """Mask of the hills that have a vertex."""
         return np.isfinite(self.z_m)
+
+    @cached_property
+    def curvature_per_m(self) -> np.ndarray:
+        """Principal curvatures, the smaller and the larger, shape (2, n)."""
+        xx, xy, yy = _hessian(self.coefficients)
+        mean, half = 0.5 * (xx + yy), np.hypot(0.5 * (xx - yy), xy)
+        large = np.where(self.exists, mean + half, 1.0)
+        curvature = np.stack([(xx * yy - xy**2) / large, large]) / self.scale_m**2
+        return np.where(self.exists, curvature, np.nan)
+
+    @property
+    def orientation_rad(self) -> np.ndarray:
+        """Directions of the smaller curvature, from x towards y, shape (n,)."""
+        xx, xy, yy = _hessian(self.coefficients)
+        return np.where(self.exists, 0.5 * np.arctan2(-2.0 * xy, yy - xx), np.nan)
+
+    @property
+    def curvature_gain(self) -> np.ndarray:
+        """Relative standard error of sqrt(k1 k2), see `height_gain`, 1/m, shape (n,)."""
+        xx, xy, yy = _hessian(self.coefficients)
+        safe = np.where(self.exists, xx * yy - xy**2, 1.0)
+        zero = np.zeros_like(safe)
+        slope = np.stack([zero, zero, zero, -yy / safe, xy / safe, -xx / safe])
+        return np.where(self.exists, _error(slope, self.covariance), np.nan)
 
     def height_m(self, count: np.ndarray, x_m: np.ndarray, y_m: np.ndarray) -> np.ndarray:
         """Height of the surfaces at places that are sorted by hill, `count` of them on each."""
@@ -99,20 +121,18 @@ def fit_quadrics(
     for hills, some in points.groups():
         at = _chosen(points, hills, some, level_m, guide, noise_m)
         found.append(at)
-        of = np.bincount(points.hill[at] - hills.start, minlength=hills.stop - hills.start)
+        of = points.count_of(at)[hills]
         # Coordinates of order one keep the normal equations well conditioned.
         unit_m = np.sqrt(points.pixel_area_m2 * np.maximum(of, 1) / np.pi)
         # One more point, of no weight: reduceat needs an element at every start.
-        u, v, w = (
-            np.append((place_m[at] - np.repeat(from_m[hills], of)) / np.repeat(over_m, of), 0.0)
-            for place_m, from_m, over_m in (
-                (points.x_m, origin_m[0], unit_m),
-                (points.y_m, origin_m[1], unit_m),
-                (points.z_m, origin_m[2], np.ones(len(of))),
-            )
-        )
+        places = np.zeros((3, at.size + 1))
+        for place, place_m, from_m in zip(
+            places[:, :-1], (points.x_m, points.y_m, points.z_m), origin_m, strict=True
+        ):
+            np.subtract(place_m[at], np.repeat(from_m[hills], of), out=place)
+        places[:2, :-1] /= np.repeat(unit_m, of)
         count[hills], scale_m[hills] = of, unit_m
-        normal[hills], right[hills], square[hills] = _normal_equations(of, u, v, w)
+        normal[hills], right[hills], square[hills] = _normal_equations(of, *places)
     chosen = np.concatenate(found)
     many = np.maximum(count, 1)
     mean_u, mean_v = normal[:, 0, 1] / many, normal[:, 0, 2] / many
@@ -121,7 +141,11 @@ def fit_quadrics(
     solvable, inverse = _inverse(normal, count >= MIN_POINTS)
     c = np.einsum("nij,nj->in", inverse, right)
     misfit = np.maximum(square - np.einsum("in,ni->n", c, right), 0.0)
+    vertex_m = _vertex(solvable, c, origin_m, scale_m)
     return Quadrics(
+        x_m=vertex_m[0],
+        y_m=vertex_m[1],
+        z_m=vertex_m[2],
         points=count,
         chosen=chosen,
         spread_m2=np.sqrt(np.maximum(spread, 0.0)) * scale_m**2,
@@ -132,7 +156,6 @@ def fit_quadrics(
         covariance=inverse,
         origin_m=origin_m,
         scale_m=scale_m,
-        **_vertex(solvable, c, inverse, origin_m, scale_m),
     )
 
 
@@ -153,7 +176,7 @@ def _chosen(
     chosen = some.start + np.flatnonzero(points.measured[some] & high)
     if guide is None:
         return chosen
-    count = np.bincount(points.hill[chosen], minlength=points.n_hills)
+    count = points.count_of(chosen)
     guide_m = guide.height_m(count, points.x_m[chosen], points.y_m[chosen])
     height_m = np.where(np.repeat(guide.exists, count), guide_m, points.z_m[chosen])
     return chosen[height_m >= np.repeat(level_m, count)]
@@ -163,28 +186,24 @@ def _normal_equations(
     count: np.ndarray, u: np.ndarray, v: np.ndarray, w: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return matrices (n, 6, 6), right-hand sides (n, 6) and the sums of the squares of w."""
-    start = np.cumsum(count) - count
-    empty = count == 0
-
-    def total(values: np.ndarray) -> np.ndarray:
-        sums = np.add.reduceat(values, start)
-        sums[empty] = 0.0  # where reduceat gives the first element of the next hill
-        return sums
-
-    uu, uv, vv = u * u, u * v, v * v
-    sums = [count, total(u), total(v), total(uu), total(uv), total(vv), total(uu * u)]
-    sums += [total(uu * v), total(u * vv), total(vv * v), total(uu * uu), total(uu * uv)]
-    sums += [total(uu * vv), total(uv * vv), total(vv * vv)]
-    normal = np.stack(sums, axis=1)[:, _PLACE]
-    right = np.stack([total(w), *(total(x * w) for x in (u, v, uu, uv, vv))], axis=1)
-    return normal, right, total(w * w)
+    terms = np.empty((21, len(u)))
+    terms[0], terms[1], terms[14] = u, v, w
+    uu, uv, vv = terms[2:5]
+    moments = [(u, u), (u, v), (v, v), (uu, u), (uu, v), (u, vv), (vv, v)]
+    moments += [(uu, uu), (uu, uv), (uu, vv), (uv, vv), (vv, vv)]
+    with_w = [(u, w), (v, w), (uu, w), (uv, w), (vv, w), (w, w)]
+    for out, (one, other) in zip((*terms[2:14], *terms[15:]), moments + with_w, strict=True):
+        np.multiply(one, other, out=out)
+    sums = np.add.reduceat(terms, np.cumsum(count) - count, axis=1)
+    sums[:, count == 0] = 0.0  # where reduceat gives the first element of the next hill
+    normal = np.concatenate((count[None], sums[:14]))[_PLACE].transpose(2, 0, 1)
+    return normal, sums[14:20].T, sums[20]
 
 
 def _inverse(normal: np.ndarray, enough: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return which hills can be solved, and the inverse of their matrices, zero elsewhere."""
-    matrix = normal.copy()
     # A trace of ridge keeps the inverse finite; where it matters the hill is dropped below.
-    matrix[:, range(6), range(6)] += 1e-14 * matrix[:, :1, 0]
+    matrix = normal + 1e-14 * normal[:, :1, :1] * np.eye(6)
     solvable, inverse = enough, np.zeros_like(normal)
     try:
         inverse[solvable] = np.linalg.inv(matrix[solvable])
@@ -195,33 +214,22 @@ def _inverse(normal: np.ndarray, enough: np.ndarray) -> tuple[np.ndarray, np.nda
     return solvable & (inflation < MAX_INFLATION).all(axis=1), inverse
 
 
+def _hessian(c: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return the second derivatives downwards, u u, u v and v v."""
+    return -2.0 * c[3], -c[4], -2.0 * c[5]
+
+
 def _vertex(
-    enough: np.ndarray,
-    c: np.ndarray,
-    inverse: np.ndarray,
-    origin_m: np.ndarray,
-    scale_m: np.ndarray,
-) -> dict[str, np.ndarray]:
-    """Return vertex, curvatures and their standard errors, NaN where there is no vertex."""
-    xx, xy, yy = -2.0 * c[3], -c[4], -2.0 * c[5]
-    mean, half = 0.5 * (xx + yy), np.hypot(0.5 * (xx - yy), xy)
-    determinant = xx * yy - xy**2
+    enough: np.ndarray, c: np.ndarray, origin_m: np.ndarray, scale_m: np.ndarray
+) -> np.ndarray:
+    """Return x, y and z of the vertices, NaN where there is none."""
+    xx, xy, yy = _hessian(c)
+    mean, determinant = 0.5 * (xx + yy), xx * yy - xy**2
     exists = enough & (mean > 0.0) & (determinant > 1e-12 * mean**2)
-    safe = np.where(exists, determinant, 1.0)
-    u = np.where(exists, (yy * c[1] - xy * c[2]) / safe, np.nan)
-    v = np.where(exists, (xx * c[2] - xy * c[1]) / safe, np.nan)
-    zero = np.zeros_like(u)
-    slope = np.stack([zero, zero, zero, -yy / safe, xy / safe, -xx / safe])
-    large = np.where(exists, mean + half, 1.0)
-    curvature = np.stack([safe / large, large]) / scale_m**2
-    return {
-        "x_m": origin_m[0] + scale_m * u,
-        "y_m": origin_m[1] + scale_m * v,
-        "z_m": origin_m[2] + c[0] + 0.5 * (c[1] * u + c[2] * v),
-        "curvature_per_m": np.where(exists, curvature, np.nan),
-        "orientation_rad": np.where(exists, 0.5 * np.arctan2(-2.0 * xy, yy - xx), np.nan),
-        "curvature_gain": np.where(exists, _error(slope, inverse), np.nan),
-    }
+    determinant = np.where(exists, determinant, np.nan)
+    u, v = (yy * c[1] - xy * c[2]) / determinant, (xx * c[2] - xy * c[1]) / determinant
+    z_m = origin_m[2] + c[0] + 0.5 * (c[1] * u + c[2] * v)
+    return np.stack((origin_m[0] + scale_m * u, origin_m[1] + scale_m * v, z_m))
 
 
 def _error(vector: np.ndarray, inverse: np.ndarray) -> np.ndarray:

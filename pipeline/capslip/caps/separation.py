@@ -132,12 +132,12 @@ class _Lattice:
             number = np.empty(size, dtype=np.int32)
             number[place] = np.arange(around.start, around.stop, dtype=np.int32)
             before = -width - 1
-            highest_m, best = block_m[at + before], np.full(at.size, before)
+            highest_m, best = block_m.take(at + before), np.full(at.size, before)
             for step in (-width, 1 - width, -1, 0, 1, width - 1, width, width + 1):
-                height_m = block_m[at + step]
-                np.copyto(best, step, where=height_m > highest_m)
+                height_m = block_m.take(at + step)
+                np.putmask(best, height_m > highest_m, step)
                 np.maximum(highest_m, height_m, out=highest_m)
-            uphill[some] = number[at + best]
+            uphill[some] = number.take(at + best)
         return uphill
 
     def passes(self, hill: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -156,7 +156,7 @@ class _Lattice:
             number[place] = np.arange(around.start, around.stop, dtype=np.int32)
             own = hill[some]
             for step in (1, width - 1, width, width + 1):
-                other = hills[at - step]
+                other = hills.take(at - step)
                 meet = np.flatnonzero(other != own)
                 meet = meet[other[meet] >= 0]
                 here, there = own[meet].astype(np.int64), other[meet]
@@ -183,7 +183,7 @@ class _Lattice:
 def _ends(pointer: np.ndarray) -> np.ndarray:
     """Follow every pointer to where it ends, doubling the stride each time."""
     while True:
-        further = pointer[pointer]
+        further = pointer.take(pointer)
         if np.array_equal(further, pointer):
             return pointer
         pointer = further

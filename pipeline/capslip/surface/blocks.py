@@ -46,14 +46,19 @@ def block_means(surface: HeightMap, step: int) -> HeightMap:
     ny, nx = (n // step for n in surface.shape)
     top, left = ((n % step) // 2 for n in surface.shape)
     inner = surface.height_m[top : top + ny * step, left : left + nx * step]
-    sums, first = np.empty((2, ny, nx)), np.arange(0, nx * step, step)
-    bands, at_once = inner.reshape(ny, step, nx * step), max(1, BLOCK_POINTS // (nx * step**2))
+    total_m, points = np.empty((ny, nx)), np.full(ny * nx, float(step**2))
+    bands, first = inner.reshape(ny, step, nx * step), np.arange(0, nx * step, step)
+    at_once = max(1, BLOCK_POINTS // (nx * step**2))
     for begin in range(0, ny, at_once):
-        rows = slice(begin, begin + at_once)
-        known = ~np.isnan(bands[rows])
-        for total, values in zip(sums, (np.where(known, bands[rows], 0.0), known), strict=True):
-            total[rows] = np.add.reduceat(values.sum(axis=1), first, axis=1)
-    total_m, count = sums
+        band_m = bands[begin : begin + at_once]
+        lost = np.flatnonzero(np.isnan(band_m))
+        if lost.size:
+            band_m = band_m.copy()
+            band_m.reshape(-1)[lost] = 0.0
+            block = lost // (nx * step**2) * nx + lost % (nx * step) // step + begin * nx
+            np.subtract.at(points, block, 1.0)
+        np.add.reduceat(band_m.sum(axis=1), first, axis=1, out=total_m[begin : begin + at_once])
+    count = points.reshape(ny, nx)
     height_m = total_m / np.where(count < 0.5 * step**2, np.nan, count)
     dy_m, dx_m = surface.pixel_size_m
     return replace(surface, height_m=height_m, pixel_size_m=(step * dy_m, step * dx_m))
