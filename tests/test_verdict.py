@@ -1,6 +1,7 @@
 """What was given and what was not, and the sentence that says what a result is usable for."""
 
 import json
+from dataclasses import asdict
 
 import msgspec
 import pytest
@@ -8,7 +9,8 @@ from click.testing import CliRunner
 
 import capslip
 from capslip.cli import main
-from capslip.problems import KINDS, Problem
+from capslip.output.lead import causes
+from capslip.problems import KINDS, Effect, Problem
 from capslip.settings import STAND_INS, Contact, Settings, settings_from
 from capslip.verdict import assumptions, verdict
 from scenes import PROJECT
@@ -163,12 +165,43 @@ def test_verdict_answer_and_assumptions_come_first_everywhere(tmp_path):
 def test_a_question_beyond_gross_slip_fails_with_its_name(tmp_path):
     ran = run(tmp_path, "--slip-force", "95N")
     assert ran.exit_code == 3
-    assert "got slip force 95 N; the joint slips as a whole from 92 on" in ran.stderr
+    assert "got slip force 95 N; the joint slips as a whole from 92 N on" in ran.stderr
     summary = json.loads((tmp_path / "out" / "summary.json").read_text())
     assert summary["status"] == "failed"
     numbers = {**summary["answer"], "asked": None, "structure": None}
     assert set(numbers.values()) == {None}
     assert summary["slip"]["total_slip_force_N"] == pytest.approx(92.0)
+
+
+def test_the_next_step_of_an_amplitude_beyond_gross_slip_runs_as_printed(tmp_path):
+    ran = run(tmp_path, "--amplitude", "0.5mm", "--preload", "460")
+    assert ran.exit_code == 3
+    summary = json.loads((tmp_path / "out" / "summary.json").read_text())
+    step = summary["verdict"].rpartition("next: ")[2].partition(";")[0]
+    assert step.startswith("--amplitude ")
+    again = run(tmp_path, *step.split(), "--preload", "460")
+    assert again.exit_code == 0, again.output
+    answer = json.loads((tmp_path / "out" / "summary.json").read_text())["answer"]
+    gross_m = summary["damping"]["gross_slip_amplitude_m"]
+    assert answer["amplitude_m"] == pytest.approx(gross_m / 2, rel=0.05)
+
+
+def test_the_verdict_names_the_cause_that_the_page_lists_first():
+    slight, great = Effect(0.01, 0.02, None), Effect(None, 0.3, None)
+    problems = [
+        Problem("spikes", "warning", "not measured"),
+        Problem("bow_left", "warning", "slight", slight),
+        Problem("detail_decides", "warning", "great", great, step="--set a.b=1.5"),
+    ]
+    listed = [
+        {"code": p.code, "severity": p.severity, "message": p.text, "remedy": p.remedy}
+        | {"effect": None if p.effect is None else asdict(p.effect)}
+        for p in problems
+    ]
+    assert causes({"problems": listed})[0]["message"] == "great"
+    assert verdict(load(*JOINT.values()), problems, None) == (
+        "usable with care: great (and 2 more); next: --set a.b=1.5"
+    )
 
 
 def test_a_number_without_a_unit_is_a_usage_error(tmp_path):
