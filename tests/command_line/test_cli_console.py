@@ -11,6 +11,8 @@ import pytest
 from click.testing import CliRunner
 
 from capslip.cli import main
+from capslip.console import EXAMPLES
+from capslip.errors import CapslipError
 from capslip.output import folder as output_folder
 from capslip.surface import readers
 
@@ -33,6 +35,19 @@ def capslip(*arguments, cwd, **options):
     return subprocess.run(
         command, cwd=cwd, env=environment, capture_output=True, check=False, timeout=120, **options
     )
+
+
+@pytest.mark.parametrize("name", sorted(main.commands))
+def test_help_shows_commands_that_parse_and_every_exit_code(name):
+    said = CliRunner().invoke(main, [name, "--help"], terminal_width=60).output
+    assert {line[2:] for line in said.splitlines()} >= set(EXAMPLES[name])
+    for line in EXAMPLES[name]:
+        program, command, *arguments = line.split()
+        assert (program, command) == ("capslip", name)
+        main.commands[name].make_context(name, arguments)
+    errors = [CapslipError, *CapslipError.__subclasses__()]
+    for code in {error.exit_code for error in errors}:
+        assert f"\n  {code}  " in said
 
 
 def test_no_module_beside_the_scans_is_run(tmp_path):

@@ -75,8 +75,9 @@ FIGURES = {
         "Profile of a cap",
         "a cap",
         "One row of the map through the apex of the most loaded cap, with the fitted sphere and "
-        "the two lengths that Eq. 18 takes: D, the diameter of the circle with the area of the hill "
-        "at the cut, and df, the apex above the cut. Heights are enlarged by the factor printed; at true "
+        "the two lengths that Eq. 18 takes: D, the diameter of the circle with the area of the "
+        "hill at the cut, and df, the apex above the cut. Heights are enlarged by the factor "
+        "printed; at true "
         "scale the cap would look flat. The sphere is solid over D, and dashed beyond.",
         "Good: the points lie on the sphere down to the cut, or at least where they are pressed.",
         "Section through the most loaded cap, or the highest, with its fitted sphere.",

@@ -145,11 +145,14 @@ def energy(analysis: "Analysis", axes: "Axes | None" = None) -> "Figure | None":
         return None
     begin_m, end_m = np.array([1e-3, 3.0]) * slip.total_slip_displacement_m
     displacement_m = np.geomspace(begin_m, end_m, 121)
-    energy_J = np.asarray(slip.energy_J(displacement_m))
-    positive = energy_J > LEAST_ENERGY * float(slip.energy_at_force_J(slip.total_slip_force_N))
-    if not positive.any():
+    least_J = LEAST_ENERGY * float(slip.energy_at_force_J(slip.total_slip_force_N))
+    shown = np.asarray(slip.energy_J(displacement_m)) > least_J
+    if not shown.any():
         return None
-    begin_m = float(displacement_m[positive][0])
+    begin_m = float(displacement_m[shown][0])
+    displacement_m = np.geomspace(begin_m, end_m, 121)
+    energy_J = np.asarray(slip.energy_J(displacement_m))
+    positive = energy_J > 0.0
     unit_m, unit = _unit_of_length(end_m, axes)
     figure, axes = blank("Energy lost per cycle, one joint", axes=axes)
     axes.loglog(

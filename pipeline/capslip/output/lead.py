@@ -16,6 +16,7 @@ LOSS = (
     "tangential stiffness {answer_stiffness_N_per_m} (secant), {answer_energy_J} lost per cycle, "
     "loss factor of the joint {answer_joint_loss_factor}"
 )
+NONE = "none: see the problems"
 LIMITS = "total slip at {total_slip_force_N:4}, {total_slip_displacement_m}"
 STRUCTURE = (
     "{answer_structure}: loss factor {answer_loss_factor}, damping ratio {answer_damping_ratio}, "
@@ -56,7 +57,8 @@ def answer_lines(summary: dict[str, Any], absent: str) -> list[tuple[str, str]]:
     """
     answer = summary["answer"]
     if answer["energy_J"] is None:
-        return [("answer", "none: see the problems")]
+        slips = summary["slip"]["total_slip_force_N"] is not None
+        return [("answer", write_text(f"none; {LIMITS}" if slips else NONE, summary, absent))]
     at = ASKED[answer["asked"]["quantity"]]
     texts = [f"at {at}{BY_DEFAULT if answer['asked']['by_default'] else ''}", LOSS]
     if answer["asked"]["quantity"] != "slip_force_N":
