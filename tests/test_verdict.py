@@ -173,6 +173,29 @@ def test_a_question_beyond_gross_slip_fails_with_its_name(tmp_path):
     assert summary["slip"]["total_slip_force_N"] == pytest.approx(92.0)
 
 
+def test_a_question_beyond_gross_slip_is_told_how_far_the_joint_holds(tmp_path):
+    ran = run(tmp_path, "--slip-force", "95N")
+    line = next(line for line in ran.stdout.splitlines() if line.startswith("answer"))
+    assert line.startswith("answer     none; total slip at 92 N, ")
+
+
+def test_the_terminal_names_notes_and_one_family_alone(tmp_path):
+    two = run(tmp_path, "--preload", "460").stdout
+    summary = json.loads((tmp_path / "out" / "summary.json").read_text())
+    assert "families   m 2, n 9, h " in two
+    assert "  G        R " in two
+    notes = [p for p in summary["problems"] if p["severity"] == "info"]
+    assert notes
+    assert not any(one["message"] in two for one in notes)
+    assert all(one["code"] in two for one in notes)
+    one = run(tmp_path, "--preload", "460", "--set", "families.count=1").stdout
+    assert "families   one, of 11 caps" in one
+    assert "  G " not in one
+    page = (tmp_path / "out" / "report.html").read_text()
+    assert "caps of the one family" in page
+    assert "G-caps m, P-caps n" not in page
+
+
 def test_the_next_step_of_an_amplitude_beyond_gross_slip_runs_as_printed(tmp_path):
     ran = run(tmp_path, "--amplitude", "0.5mm", "--preload", "460")
     assert ran.exit_code == 3

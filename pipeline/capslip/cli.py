@@ -237,6 +237,9 @@ def batch(
     failed = [row for row in rows if row["status"] == "failed"]
     incomplete = [row for row in rows if row["error"] and row["status"] != "failed"]
     lines = [f"{row['status']:7} {row['scan']}  {row['error'] or ''}".rstrip() for row in rows]
+    page = (out or Path("results") / "batch") / "index.html"
+    if page.is_file():
+        lines += ["", f"page       {page}"]
     print_result(rows, "\n".join(lines), as_json, quiet)
     to_do = sum(row["status"] == TO_DO for row in rows)
     if to_do:
