@@ -77,7 +77,7 @@ def result_lines(analysis: JointResult) -> str:
     lines += [f"  {p.severity:8} {p.code}: {p.text}" for p in serious]
     if len(serious) < len(analysis.problems):
         codes = ", ".join(p.code for p in analysis.problems if p.severity == "info")
-        lines.append(f"  info     {codes}: each in the report")
+        lines.append(f"  info     {codes}: see the report")
     return "\n".join(printable(line) for line in lines).replace("µ", "u")
 
 
