@@ -1,6 +1,7 @@
 """What was given and what was not, and the sentence that says what a result is usable for."""
 
 import json
+import re
 from dataclasses import asdict
 
 import msgspec
@@ -177,6 +178,13 @@ def test_a_question_beyond_gross_slip_is_told_how_far_the_joint_holds(tmp_path):
     ran = run(tmp_path, "--slip-force", "95N")
     line = next(line for line in ran.stdout.splitlines() if line.startswith("answer"))
     assert line.startswith("answer     none; total slip at 92 N, ")
+
+
+def test_a_resultant_that_no_model_knows_is_left_out(tmp_path):
+    line = next(one for one in run(tmp_path).stdout.splitlines() if one.startswith("joint "))
+    assert line.endswith("scan 100 % of it")
+    known = run(tmp_path, "--model", "caps").stdout
+    assert re.search(r"(?m)^joint .*scan 100 % of it, resultant .* off the load point$", known)
 
 
 def test_the_terminal_names_notes_and_one_family_alone(tmp_path):

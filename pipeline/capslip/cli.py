@@ -173,7 +173,7 @@ def families(out: Path | None, as_json: bool, quiet: bool, **options: Any) -> No
     result = analyze_families(settings_of(**options))
     command = _command_line()
     summary = write_joint(result, out, command) if out else result.summary(command)
-    print_result(summary, to_width(result_lines(result)), as_json, quiet)
+    print_result(summary, result_lines(result), as_json, quiet)
     _raise_errors(result, out)
 
 

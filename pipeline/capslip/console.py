@@ -134,7 +134,7 @@ def print_result(numbers: Any, text: str, as_json: bool, quiet: bool) -> None:
         plain = json.dumps(numbers, indent=1, ensure_ascii=False, allow_nan=False, default=float)
         _echo(plain)  # which escapes what is not printable by itself
     elif not quiet:
-        say_result(text)
+        say_result(to_width(text))
 
 
 def say_result(text: str) -> None:

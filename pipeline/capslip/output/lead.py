@@ -40,8 +40,8 @@ NO_INTERVAL = (
 LEFT_OUT = "; not in it: {0}"
 JOINT = "preload {preload_N:4}"
 PRESSURE = " on {joint_area_m2}: {nominal_pressure_Pa} nominal"
-COVERAGE = "; scan {coverage} of it, resultant {off_m} off the load point"
-
+COVERAGE = "; scan {coverage} of it"
+RESULTANT = ", resultant {off_m} off the load point"
 SCANS = "; {0} scans together {{coverage}} of it"
 
 
@@ -95,6 +95,8 @@ def joint_line(summary: dict[str, Any], absent: str) -> str:
     scans = summary["scans"]
     of_scan = COVERAGE if scans is None else SCANS.format(len(scans))
     text += of_scan if contact["coverage"] is not None else ""
+    if scans is None and contact["resultant_off_load_point_m"] is not None:
+        text += RESULTANT
     return write_text(text, summary, absent)
 
 
