@@ -1,6 +1,8 @@
 """What was given and what was not, and the sentence that says what a result is usable for."""
 
 import json
+import re
+from dataclasses import asdict
 
 import msgspec
 import pytest
@@ -8,7 +10,8 @@ from click.testing import CliRunner
 
 import capslip
 from capslip.cli import main
-from capslip.problems import KINDS, Problem
+from capslip.output.lead import causes
+from capslip.problems import KINDS, Effect, Problem
 from capslip.settings import STAND_INS, Contact, Settings, settings_from
 from capslip.verdict import assumptions, verdict
 from scenes import PROJECT
@@ -163,12 +166,73 @@ def test_verdict_answer_and_assumptions_come_first_everywhere(tmp_path):
 def test_a_question_beyond_gross_slip_fails_with_its_name(tmp_path):
     ran = run(tmp_path, "--slip-force", "95N")
     assert ran.exit_code == 3
-    assert "got slip force 95 N; the joint slips as a whole from 92 on" in ran.stderr
+    assert "got slip force 95 N; the joint slips as a whole from 92 N on" in ran.stderr
     summary = json.loads((tmp_path / "out" / "summary.json").read_text())
     assert summary["status"] == "failed"
     numbers = {**summary["answer"], "asked": None, "structure": None}
     assert set(numbers.values()) == {None}
     assert summary["slip"]["total_slip_force_N"] == pytest.approx(92.0)
+
+
+def test_a_question_beyond_gross_slip_is_told_how_far_the_joint_holds(tmp_path):
+    ran = run(tmp_path, "--slip-force", "95N")
+    line = next(line for line in ran.stdout.splitlines() if line.startswith("answer"))
+    assert line.startswith("answer     none; total slip at 92 N, ")
+
+
+def test_a_resultant_that_no_model_knows_is_left_out(tmp_path):
+    line = next(one for one in run(tmp_path).stdout.splitlines() if one.startswith("joint "))
+    assert line.endswith("scan 100 % of it")
+    known = run(tmp_path, "--model", "caps").stdout
+    assert re.search(r"(?m)^joint .*scan 100 % of it, resultant .* off the load point$", known)
+
+
+def test_the_terminal_names_notes_and_one_family_alone(tmp_path):
+    two = run(tmp_path, "--preload", "460").stdout
+    summary = json.loads((tmp_path / "out" / "summary.json").read_text())
+    assert "families   m 2, n 9, h " in two
+    assert "  G        R " in two
+    notes = [p for p in summary["problems"] if p["severity"] == "info"]
+    assert notes
+    assert not any(one["message"] in two for one in notes)
+    assert all(one["code"] in two for one in notes)
+    one = run(tmp_path, "--preload", "460", "--set", "families.count=1").stdout
+    assert "families   one, of 11 caps" in one
+    assert "  G " not in one
+    page = (tmp_path / "out" / "report.html").read_text()
+    assert "caps of the one family" in page
+    assert "G-caps m, P-caps n" not in page
+
+
+def test_the_next_step_of_an_amplitude_beyond_gross_slip_runs_as_printed(tmp_path):
+    ran = run(tmp_path, "--amplitude", "0.5mm", "--preload", "460")
+    assert ran.exit_code == 3
+    summary = json.loads((tmp_path / "out" / "summary.json").read_text())
+    step = summary["verdict"].rpartition("next: ")[2].partition(";")[0]
+    assert step.startswith("--amplitude ")
+    again = run(tmp_path, *step.split(), "--preload", "460")
+    assert again.exit_code == 0, again.output
+    answer = json.loads((tmp_path / "out" / "summary.json").read_text())["answer"]
+    gross_m = summary["damping"]["gross_slip_amplitude_m"]
+    assert answer["amplitude_m"] == pytest.approx(gross_m / 2, rel=0.05)
+
+
+def test_the_verdict_names_the_cause_that_the_page_lists_first():
+    slight, great = Effect(0.01, 0.02, None), Effect(None, 0.3, None)
+    problems = [
+        Problem("spikes", "warning", "not measured"),
+        Problem("bow_left", "warning", "slight", slight),
+        Problem("detail_decides", "warning", "great", great, step="--set a.b=1.5"),
+    ]
+    listed = [
+        {"code": p.code, "severity": p.severity, "message": p.text, "remedy": p.remedy}
+        | {"effect": None if p.effect is None else asdict(p.effect)}
+        for p in problems
+    ]
+    assert causes({"problems": listed})[0]["message"] == "great"
+    assert verdict(load(*JOINT.values()), problems, None) == (
+        "usable with care: great (and 2 more); next: --set a.b=1.5"
+    )
 
 
 def test_a_number_without_a_unit_is_a_usage_error(tmp_path):

@@ -173,7 +173,7 @@ def families(out: Path | None, as_json: bool, quiet: bool, **options: Any) -> No
     result = analyze_families(settings_of(**options))
     command = _command_line()
     summary = write_joint(result, out, command) if out else result.summary(command)
-    print_result(summary, to_width(result_lines(result)), as_json, quiet)
+    print_result(summary, result_lines(result), as_json, quiet)
     _raise_errors(result, out)
 
 
@@ -237,6 +237,9 @@ def batch(
     failed = [row for row in rows if row["status"] == "failed"]
     incomplete = [row for row in rows if row["error"] and row["status"] != "failed"]
     lines = [f"{row['status']:7} {row['scan']}  {row['error'] or ''}".rstrip() for row in rows]
+    page = (out or Path("results") / "batch") / "index.html"
+    if page.is_file():
+        lines += ["", f"page       {page}"]
     print_result(rows, "\n".join(lines), as_json, quiet)
     to_do = sum(row["status"] == TO_DO for row in rows)
     if to_do:

@@ -23,6 +23,40 @@ import click
 from capslip.errors import CapslipError, ScanError, SettingsError, in_one_line, printable
 from capslip.waiting import LISTENER
 
+EXAMPLES = {  # of every command, as its --help shows them
+    "analyze": (
+        "capslip analyze face.x3p --preload 10kN --material steel --amplitude 0.5um",
+        "capslip analyze a.x3p b.x3p --set joint.area_m2=1.2e-3 --preload 10kN",
+    ),
+    "batch": (
+        "capslip batch folder_of_scans -o results/all --workers 2",
+        "capslip batch --list scans.csv --timeout 600 --retry-failed",
+    ),
+    "families": (
+        "capslip families --m 5 --n 18 --radius-G 23.8 --radius-P 26.7 --h 2.4e-7 --preload 460",
+    ),
+    "inspect": (
+        "capslip inspect results/face",
+        "capslip inspect results/face --colour load --force 0.4 --screenshot face.png",
+    ),
+    "export": ("capslip export results/face --to ply",),
+    "compare": ("capslip compare results/face --assembly measured.csv --identify",),
+    "reproduce": ("capslip reproduce -o results/paper",),
+    "bench": ("capslip bench -o results/bench",),
+    "chart": ("capslip chart -o results/chart",),
+    "limits": ("capslip limits --workers 2 -o results/limits",),
+    "init-config": ("capslip init-config my.toml",),
+    "formats": ("capslip formats",),
+}
+EXIT_CODES = (
+    ("0", "done; warnings are in the result"),
+    ("1", "a picture or a table is missing, or an internal error"),
+    ("2", "an option, a setting or the output folder is wrong"),
+    ("3", "a scan cannot be read or used, or has no answer"),
+    ("4", "nothing to do"),
+    ("130", "interrupted"),
+)
+
 
 class Terminated(KeyboardInterrupt):
     """Another process asked this one to end."""
@@ -77,6 +111,14 @@ class _Command(click.Command):
                 traceback.print_exc()
             raise _Failure(CapslipError(in_one_line(error))) from error
 
+    def format_epilog(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        """Write examples and exit codes below the options."""
+        with formatter.section("Examples"):
+            for line in EXAMPLES[str(self.name)]:
+                formatter.write(f"{'':{formatter.current_indent}}{line}\n")  # unbroken, to copy
+        with formatter.section("Exit codes"):
+            formatter.write_dl(EXIT_CODES)
+
 
 class Group(click.Group):
     """A group of such commands."""
@@ -119,7 +161,7 @@ def print_result(numbers: Any, text: str, as_json: bool, quiet: bool) -> None:
         plain = json.dumps(numbers, indent=1, ensure_ascii=False, allow_nan=False, default=float)
         _echo(plain)  # which escapes what is not printable by itself
     elif not quiet:
-        say_result(text)
+        say_result(to_width(text))
 
 
 def say_result(text: str) -> None:

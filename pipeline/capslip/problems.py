@@ -7,7 +7,7 @@ written, too.
 
 import sys
 import tomllib
-from dataclasses import dataclass
+from dataclasses import astuple, dataclass
 from pathlib import Path
 from typing import Literal
 
@@ -76,6 +76,7 @@ class Problem:
     severity: Severity
     message: str
     effect: Effect | None = None
+    step: str | None = None  # the remedy with this case's number in it
 
     def __post_init__(self) -> None:
         if self.severity not in self.kind.severities:
@@ -85,6 +86,17 @@ class Problem:
     def text(self) -> str:
         """The message, its quantities as people write them."""
         return readable(self.message)
+
+    @property
+    def greatest_effect(self) -> float:
+        """The greatest change that was measured; 0 where none was."""
+        known = () if self.effect is None else astuple(self.effect)
+        return max((one for one in known if one is not None), default=0.0)
+
+    @property
+    def remedy(self) -> str:
+        """What to do next: of this case where it knows, else of all of its kind."""
+        return self.step or self.kind.remedy
 
     @property
     def kind(self) -> Kind:

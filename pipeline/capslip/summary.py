@@ -297,7 +297,7 @@ def _problem(problem: Problem) -> dict[str, Any]:
         "severity": problem.severity,
         "message": problem.text,
         "effect": None if problem.effect is None else asdict(problem.effect),
-        "remedy": problem.kind.remedy,
+        "remedy": problem.remedy,
     }
 
 

@@ -96,7 +96,7 @@ def verdict(
     settings : Settings
         What was given, and what was not.
     problems : iterable of Problem
-        Of the whole result; the first of the worst is the reason.
+        Of the whole result; that of the worst that moves most is the reason.
     estimated_error : float or None
         Of energy at given force and of stiffness, against the elastic face pressed exactly.
     scans : tuple of int, optional
@@ -111,10 +111,11 @@ def verdict(
     for severity, word in (("error", "not usable"), ("warning", "usable with care")):
         worst = [one for one in problems if one.severity == severity]
         if worst:
+            first = max(worst, key=lambda one: one.greatest_effect)  # the first of the greatest
             more = f" (and {len(worst) - 1} more)" if len(worst) > 1 else ""
-            remedy = worst[0].kind.remedy
+            remedy = first.remedy
             remedy = remedy if remedy.endswith("...") else remedy.removesuffix(".")
-            return f"{begin}{word}: {worst[0].text}{more}; next: {remedy}"
+            return f"{begin}{word}: {first.text}{more}; next: {remedy}"
     accuracy = "to an accuracy that was not estimated"
     if estimated_error is not None:
         percent = max(100.0 * estimated_error, 0.1)

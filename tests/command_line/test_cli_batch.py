@@ -62,6 +62,7 @@ def test_every_scan_has_a_row(batch):
     assert table["two"]["status"] in ("ok", "check")
     assert float(table["two"]["answer_joint_loss_factor"]) > 0
     assert "bad.x3p" in (folder / "out" / "index.html").read_text()
+    assert first.stdout.splitlines()[-1] == f"page       {folder / 'out' / 'index.html'}"
 
 
 def test_done_work_is_kept_and_the_rest_done_again(batch):

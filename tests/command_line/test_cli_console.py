@@ -10,8 +10,12 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
+from capslip import console
 from capslip.cli import main
+from capslip.console import EXAMPLES
+from capslip.errors import CapslipError
 from capslip.output import folder as output_folder
+from capslip.output.terminal import wrapped
 from capslip.surface import readers
 
 LIGHT = ("--no-render", "--no-figures", "--preload", "0.1")
@@ -33,6 +37,26 @@ def capslip(*arguments, cwd, **options):
     return subprocess.run(
         command, cwd=cwd, env=environment, capture_output=True, check=False, timeout=120, **options
     )
+
+
+@pytest.mark.parametrize("name", sorted(main.commands))
+def test_help_shows_commands_that_parse_and_every_exit_code(name):
+    said = CliRunner().invoke(main, [name, "--help"], terminal_width=60).output
+    assert {line[2:] for line in said.splitlines()} >= set(EXAMPLES[name])
+    for line in EXAMPLES[name]:
+        program, command, *arguments = line.split()
+        assert (program, command) == ("capslip", name)
+        main.commands[name].make_context(name, arguments)
+    errors = [CapslipError, *CapslipError.__subclasses__()]
+    for code in {error.exit_code for error in errors}:
+        assert f"\n  {code}  " in said
+
+
+def test_every_result_is_broken_at_the_width_of_a_terminal(monkeypatch, capsys):
+    monkeypatch.setattr(console, "to_width", lambda text: wrapped(text, 40))
+    console.print_result({}, "compared   24 amplitudes of 0.018 to 0.91 um, model", False, False)
+    lines = capsys.readouterr().out.splitlines()
+    assert lines == ["compared   24 amplitudes of 0.018 to", "           0.91 um, model"]
 
 
 def test_no_module_beside_the_scans_is_run(tmp_path):

@@ -13,7 +13,8 @@ from PIL import Image
 from capslip.analysis import analyze_once
 from capslip.output.canvas import height_limits, save
 from capslip.output.figures import FIGURES
-from capslip.output.figures_contact import normal_curve
+from capslip.output.figures_contact import _between, normal_curve
+from capslip.output.quantity import engineering
 from capslip.settings import settings_from
 from scenes import caps_map
 
@@ -93,6 +94,61 @@ def test_what_is_written_lies_on_the_page(name, several, tmp_path):
 def test_a_cap_on_a_spike_does_not_set_the_colours():
     height_m = np.random.default_rng(2).uniform(-1e-6, 1e-6, (100, 100))
     assert 2.5e-6 < height_limits(height_m, np.array([2e-5]))[1] < 3.1e-6
+    assert height_limits(height_m, np.array([2e-5]), 0.1)[1] < 1.5e-6
+
+
+def test_loads_that_differ_by_rounding_alone_are_drawn_as_one():
+    load_N = np.array([0.0, 1.0, 2.0, np.nextafter(2.0, 3.0), 3.0])
+    fine_N, fine_m = _between(load_N, load_N ** (2 / 3))
+    np.testing.assert_allclose(fine_m, fine_N ** (2 / 3), rtol=1e-9)
+
+
+def test_one_point_in_a_thousand_leaves_the_map_its_colours(several):
+    surface = several.conditioned.surface
+    height_m = surface.height_m.copy()
+    height_m[0, :3] = 5.0 * np.nanmax(height_m)
+    spiked = replace(several.conditioned, surface=replace(surface, height_m=height_m))
+    with_spike, without = (
+        FIGURES["height_map"].draw(one).axes[0].get_images()[0].get_clim()
+        for one in (replace(several, conditioned=spiked), several)
+    )
+    assert np.ptp(with_spike) < 1.25 * np.ptp(without)
+
+
+def test_the_map_shows_what_touches_with_areas_as_its_loads(several):
+    (circles,) = FIGURES["height_map"].draw(several).axes[0].collections[-1:]
+    caps = several.caps
+    loaded = np.nan_to_num(caps.load_N) > 0.0
+    places_m = np.column_stack([caps.x_m, caps.y_m])[loaded]
+    np.testing.assert_allclose(circles.get_offsets(), places_m * 1e3)
+    size, load_N = circles.get_sizes(), caps.load_N[loaded]
+    large = size > size.min()
+    np.testing.assert_allclose(size[large] / size.max(), load_N[large] / load_N.max())
+
+
+def test_dashed_means_are_those_of_the_points_drawn(several):
+    up = several.caps.with_columns(peak_height_m=several.caps.peak_height_m + 5e-7)
+    axes = FIGURES["families"].draw(replace(several, caps=up)).axes[0]
+    lines = {line.get_label(): line.get_ydata() for line in axes.get_lines()}
+    dashed = [line.get_ydata()[0] for line in axes.get_lines() if line.get_linestyle() == "--"]
+    for name, mean in zip(("G-caps", "P-caps"), dashed, strict=True):
+        (peaks,) = (y for label, y in lines.items() if label.startswith(name))
+        assert mean == pytest.approx(np.mean(peaks))
+
+
+def test_an_extrapolated_loss_is_drawn_pale():
+    analysis = output_cases.pressed_map()
+    least = analysis.contact.rung.least_share(analysis.contact.normal, analysis.contact.preload_N)
+    force_N = least * float(analysis.slip.total_slip_force_N)
+    axes = FIGURES["energy"].draw(analysis).axes[0]
+    (end,) = (line.get_xdata()[0] for line in axes.get_lines() if "pixels" in line.get_label())
+    (axes_of_loss,) = FIGURES["loss_factor"].draw(analysis).axes
+    (veil,) = (p for p in axes_of_loss.patches if p.get_label() == "_veil")
+    assert end * 1e-9 == pytest.approx(float(analysis.slip.displacement_m(force_N)))
+    unit_m = {"nm": 1e-9, "µm": 1e-6}[axes_of_loss.get_xlabel().partition("[")[2].rstrip("]")]
+    stiffness = analysis.damping.joint_stiffness_N_per_m
+    assert veil.get_extents().width > 0.0
+    assert veil.get_x() + veil.get_width() == pytest.approx(force_N / stiffness / unit_m)
 
 
 def test_map_has_equal_scale_and_one_grey_patch(several):
@@ -138,6 +194,19 @@ def test_profile_shows_the_most_loaded_cap(several):
     sag_nm = z_nm.max() - np.interp(0.4 * caps.diameter_m[i] * 1e3, x_mm, z_nm)
     expected = (0.4 * caps.diameter_m[i]) ** 2 / (2 * caps.radius_m[i]) * 1e9
     assert sag_nm == pytest.approx(expected, rel=1e-3)
+
+
+def test_profile_of_a_pressed_map_shows_the_cap_whose_hill_carries_most():
+    analysis = output_cases.pressed_map()
+    contact, caps = analysis.contact, analysis.caps
+    assert not (np.nan_to_num(caps.load_N) > 0.0).any()
+    pressed = contact.normal.pressed(contact.preload_N)
+    carried = [pressed.pressure_Pa[analysis.hills.label == i + 1].sum() for i in range(len(caps))]
+    title = FIGURES["cap_profile"].draw(analysis).axes[0].get_title(loc="left")
+    assert title.startswith(f"Cap {int(np.argmax(carried)) + 1}, the most loaded")
+    highest = analysis.caps.with_columns(peak_height_m=-caps.peak_height_m)
+    again = FIGURES["cap_profile"].draw(replace(analysis, caps=highest)).axes[0]
+    assert again.get_title(loc="left") == title
 
 
 def test_loop_encloses_the_energy_it_states(several):
@@ -223,6 +292,20 @@ def test_a_face_that_yielded_is_drawn_as_it_unloads():
     for line in lines:
         assert max(line.get_ydata()) <= 150.0
         assert min(line.get_xdata()) >= 0.0
+
+
+def test_the_normal_curve_of_a_part_says_whose_load_and_stiffness_it_shows():
+    surface = caps_map([(8e-3, 10e-3, 10.0, 0.0), (22e-3, 10e-3, 10.0, -1e-7)])
+    tables = output_cases.SETTINGS.to_dict()
+    tables["joint"] |= {"area_m2": float(4.0 * np.prod(surface.side_m))}
+    analysis = analyze_once(surface, settings_from(tables))
+    axes = normal_curve(analysis).axes[0]
+    assert axes.get_ylabel() == "normal load N on the scan [N]"
+    (state,) = (t.get_text() for t in axes.get_legend().get_texts() if "stiffness" in t.get_text())
+    assert state.startswith("load on the scan 37.5 N")
+    stiffness = analysis.summary()["contact"]["stiffness_N_per_m"]
+    assert stiffness == pytest.approx(4.0 * analysis.contact.stiffness_N_per_m)
+    assert state.endswith(f"of the joint: {engineering(stiffness, 'N/m')}")
 
 
 def test_no_loss_factor_is_drawn_where_the_mode_is_not_lightly_damped(several):

@@ -85,7 +85,10 @@ def test_every_colour_has_a_value_a_cap(view, by):
 def test_single_family_is_not_called_high_or_low(view):
     columns = {**view.columns, "family": np.array(["G"] * 4 + [""], dtype=object)}
     names = [name for name, _ in colouring(replace(view, columns=columns), "family").names]
-    assert names == ["caps (4)", "no family (1)"]
+    assert names == ["one family (4)", "no family (1)"]
+    columns["family"] = np.array(["G"] * 5, dtype=object)
+    names = [name for name, _ in colouring(replace(view, columns=columns), "family").names]
+    assert names == ["caps (5)"]
 
 
 def test_spikes_do_not_eat_the_range_and_its_ends_are_round():

@@ -92,6 +92,17 @@ def test_page_shows_face_caps_and_zones_and_says_so(page, tmp_path):
 
 
 @needs_chromium
+def test_page_of_a_pressed_map_begins_with_what_touches(page, tmp_path):
+    ask_first = "const v = window.capslipViewer; return [v.state.zones, v.sliders.zones.checked]"
+    analysis = output_cases.pressed_map()
+    write_result(analysis, tmp_path)
+    write_summary(analysis.summary(), tmp_path)
+    write_viewer(tmp_path, tmp_path / "view.html")
+    assert ask(tmp_path / "view.html", ask_first, tmp_path) == [True, True]
+    assert ask(page, ask_first, tmp_path) == [False, False]
+
+
+@needs_chromium
 def test_click_on_a_cap_shows_its_row_and_profile(page, tmp_path):
     said = ask(
         page,

@@ -20,7 +20,7 @@ NON_MEASURED = "#BDBDBD"
 DPI = 130
 PAD_in = 0.04  # around everything that is drawn
 COMPRESSION = 3  # of zlib: twice as fast as its own choice, and an eighth larger
-BESIDE_in = (0.75, 0.95, 1.2, 0.35)  # left, below, right and above a map: labels, bar, legend
+BESIDE_in = (0.75, 0.95, 1.2, 0.5)  # left, below, right and above a map: labels, bar, legend
 PAGE = "page"  # the name of axes that have a page of their own
 
 
@@ -91,16 +91,18 @@ def legend_beside(axes: "Axes") -> None:
         axes.legend(fontsize=8, framealpha=0.9, edgecolor="none")
 
 
-def height_limits(height_m: np.ndarray, peak_height_m: np.ndarray) -> tuple[float, float]:
+def height_limits(
+    height_m: np.ndarray, peak_height_m: np.ndarray, beyond: float = 0.5
+) -> tuple[float, float]:
     """Choose the heights that a picture spans: the bulk of the points and the caps.
 
-    Lone spikes and pits, at most one point in a hundred on either side, count only as far as half
-    the range of the bulk beyond it, and caps as far as the whole; without that, a single wrong
+    Lone spikes and pits, at most one point in a hundred on either side, count only as far as a
+    share of the range of the bulk beyond it, and caps twice as far; without that, a single wrong
     point, or the cap fitted to it, hides the surface.
     """
     measured_m = height_m[np.isfinite(height_m)]
     low_m, high_m = np.quantile(measured_m, [0.01, 0.99])
-    margin_m = 0.5 * (high_m - low_m)
+    margin_m = beyond * (high_m - low_m)
     low_m = max(measured_m.min(), low_m - margin_m)
     top_m = min(peak_height_m.max(initial=-np.inf), high_m + 2.0 * margin_m)
     high_m = max(min(measured_m.max(), high_m + margin_m), top_m)
@@ -111,7 +113,9 @@ def height_limits(height_m: np.ndarray, peak_height_m: np.ndarray) -> tuple[floa
 
 def family_names(family: np.ndarray) -> dict[str, str]:
     """Return what the families of some caps are called: one alone is not the higher one."""
-    return FAMILY_NAME if (family == "P").any() else {**FAMILY_NAME, "G": "caps"}
+    if (family == "P").any():
+        return FAMILY_NAME
+    return {**FAMILY_NAME, "G": "one family" if (family == "").any() else "caps"}
 
 
 def thinned(values: np.ndarray, points: int = 1100) -> np.ndarray:

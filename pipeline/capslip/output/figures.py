@@ -39,8 +39,10 @@ FIGURES = {
         "a height map",
         "Heights after removal of the form, at equal scale in x and y. The line is the cut: the "
         "given share of the measured points lies above it. Grey: non-measured points. Pointed "
-        "ends of the colour bar: lone spikes or pits lie beyond it.",
-        "Good: no tilt, no bow, no stripes; grey points scattered rather than in patches.",
+        "ends of the colour bar: lone spikes or pits lie beyond it. Circles: what touches under "
+        "the preload, their areas as their loads.",
+        "Good: no tilt, no bow, no stripes; grey points scattered rather than in patches; contacts "
+        "spread over the face, on hills that the part has too.",
         "Map of the heights: Sq {sq_m}, Sz {sz_m}, {non_measured} non-measured, cut at "
         "{cut_height_m}.",
     ),
@@ -72,9 +74,10 @@ FIGURES = {
         figures_surface.cap_profile,
         "Profile of a cap",
         "a cap",
-        "One row of the map through the apex of a cap, with the fitted sphere and the two lengths "
-        "that Eq. 18 takes: D, the diameter of the circle with the area of the hill at the cut, "
-        "and df, the apex above the cut. Heights are enlarged by the factor printed; at true "
+        "One row of the map through the apex of the most loaded cap, with the fitted sphere and "
+        "the two lengths that Eq. 18 takes: D, the diameter of the circle with the area of the "
+        "hill at the cut, and df, the apex above the cut. Heights are enlarged by the factor "
+        "printed; at true "
         "scale the cap would look flat. The sphere is solid over D, and dashed beyond.",
         "Good: the points lie on the sphere down to the cut, or at least where they are pressed.",
         "Section through the most loaded cap, or the highest, with its fitted sphere.",
@@ -84,7 +87,8 @@ FIGURES = {
         "Families of caps",
         "a cap",
         "Peak height and radius of every cap. Dashed: mean peak height of each family; h is the "
-        "difference of the two means. Dotted: the cut.",
+        "difference of the two means, on the plane on which the families are counted. Dotted: "
+        "the cut.",
         "Good: clouds apart from each other in height, narrower than the gap h between them; "
         "or one.",
         "Peak height over radius of {caps} caps: h = {h_m}, mean R {radius_G_m:4} and "
@@ -94,13 +98,14 @@ FIGURES = {
         figures_contact.normal_curve,
         "Normal curve",
         "caps that carry the preload",
-        "Load of one joint over its normal approach from first touch; the point is the preload. "
+        "Load of one joint, or of the scan where that is a part of it, over the normal approach "
+        "from first touch; the point is the preload. "
         "The bulk term is the sinking of the half-space as a whole. Where the model has one, the "
-        "dotted line shows the same caps without their elastic interaction.",
+        "dotted line shows the caps without their elastic interaction.",
         "Good: bent upwards, as more caps touch. A structural model of the parts holds the "
         "bulk sinking itself, so slip uses the curve without it, which is stiffer: it is what "
         "the contacts alone yield.",
-        "Load over approach up to {preload_N:4}: {approach_without_bulk_m} without bulk, "
+        "Load over approach up to {scan_load_N:4}: {approach_without_bulk_m} without bulk, "
         "{approach_m} with it; stiffness {stiffness_N_per_m}.",
     ),
     "slip_loop": Entry(
@@ -120,8 +125,10 @@ FIGURES = {
         "Energy lost per cycle",
         "caps that carry the preload and give way (any model but flat)",
         "Energy lost per cycle in one joint over the amplitude of the slip displacement. It grows "
-        "with the third power where the amplitude is small.",
-        "Good: slope 3, then a bend towards slope 1 at total slip.",
+        "with the third power where the amplitude is small. Pale: less slips than the pixels of "
+        "the map resolve; single pixels make steps there.",
+        "Good: slope 3, then a bend towards slope 1 at total slip; your amplitude right of what is "
+        "pale.",
         "Energy over displacement: {answer_energy_J} at {answer_displacement_m}; total slip "
         "at {total_slip_displacement_m}.",
     ),
@@ -145,6 +152,7 @@ FIGURES = {
         "First-order Sobol indices of the numbers of the answer: which input makes how much of "
         "their variance. Caps: heights and radii within their errors. Model: what else the "
         "contact model may be off by. Friction, preload and modulus: the spreads that were given. "
+        "Direction: of slip, where a lay makes it count and none was given. Scans: their scatter. "
         "The form of the model is no input: dissipation of real joints is known to a factor of "
         "two to three at best.",
         "Good: short bars, the longest of an input that can be measured.",

@@ -26,6 +26,8 @@ if TYPE_CHECKING:
 
 LOOP_SHARES = (0.3, 0.6, 0.9)  # of the force at total slip
 LEAST_LOSS_FACTOR = 1e-6  # of the greatest: what a figure still shows
+LEAST_ENERGY = 1e-7  # of that at total slip: the same
+UNRESOLVED_SLIP = "left of it not resolved by pixels"
 GREY, SCATTER = "#BDBDBD", "between the scans, each alone"
 LOOP_COLOURS = ("#56B4E9", "#0072B2", "#003D66")
 PHASES = (  # of first loading, the paper's Sec. 2.3
@@ -72,18 +74,25 @@ def normal_curve(analysis: "Analysis", axes: "Axes | None" = None) -> "Figure | 
         axes.plot(smooth_m / unit_m, smooth_N, "--", color=INK, linewidth=1.2, label=other)
         with suppress(ContactError):  # a model of the map may carry what its caps do not
             alone_m = _caps_alone(analysis, contact).approach_m(smooth_N)
-            label = "caps without interaction"
+            of_map = contact.rung.made_from == "map"
+            label = "caps alone, not the map" if of_map else "caps without interaction"
             axes.plot(alone_m / unit_m, smooth_N, ":", color=INK, linewidth=1.2, label=label)
     touching = "whole face" if contact.rung.made_from == "nothing" else f"{contact.contacts}"
+    part = analysis.slip is not None and not np.isclose(preload_N, analysis.joint.preload_N)
+    of, on = (" of the scan", " on the scan") if part else ("", "")
     state = (
-        f"preload {preload_N:.4g} N: d = {engineering(approach_m[-1], 'm')}\n"
+        f"{'load on the scan' if part else 'preload'} {preload_N:.4g} N: "
+        f"d = {engineering(approach_m[-1], 'm')}\n"
         f"{contact.rung.contact_name}: {touching}\n"
-        f"normal stiffness: {engineering(contact.stiffness_N_per_m, 'N/m')}"
+        f"normal stiffness{of}: {engineering(contact.stiffness_N_per_m, 'N/m')}"
     )
+    if part and analysis.slip is not None:
+        stiffness = analysis.slip.curve.stiffness_N_per_m(analysis.slip.approach_m)
+        state += f"\nof the joint: {engineering(float(stiffness), 'N/m')}"
     axes.plot(
         approach_m[-1] / unit_m, preload_N, "o", color=ACCENT, markersize=8, label=state, zorder=3
     )
-    axes.set(xlabel=f"normal approach d from first touch [{unit}]", ylabel="normal load N [N]")
+    axes.set(xlabel=f"normal approach d from first touch [{unit}]", ylabel=f"normal load N{on} [N]")
     axes.set_xlim(left=0.0)
     axes.set_ylim(bottom=0.0)
     legend_beside(axes)
@@ -136,15 +145,20 @@ def energy(analysis: "Analysis", axes: "Axes | None" = None) -> "Figure | None":
         return None
     begin_m, end_m = np.array([1e-3, 3.0]) * slip.total_slip_displacement_m
     displacement_m = np.geomspace(begin_m, end_m, 121)
+    least_J = LEAST_ENERGY * float(slip.energy_at_force_J(slip.total_slip_force_N))
+    shown = np.asarray(slip.energy_J(displacement_m)) > least_J
+    if not shown.any():
+        return None
+    begin_m = float(displacement_m[shown][0])
+    displacement_m = np.geomspace(begin_m, end_m, 121)
     energy_J = np.asarray(slip.energy_J(displacement_m))
     positive = energy_J > 0.0
-    if not positive.any():
-        return None
     unit_m, unit = _unit_of_length(end_m, axes)
     figure, axes = blank("Energy lost per cycle, one joint", axes=axes)
     axes.loglog(
         displacement_m[positive] / unit_m, energy_J[positive], color=INK, linewidth=1.8, label="W"
     )
+    _veil_unresolved(axes, analysis, lambda force_N: float(slip.displacement_m(force_N)) / unit_m)
     _shade_scatter(
         axes, analysis, displacement_m / unit_m, lambda one: one.energy_J(displacement_m)
     )
@@ -209,6 +223,8 @@ def loss_factor(analysis: "Analysis", axes: "Axes | None" = None) -> "Figure | N
         label = f"first maximum {first:.3g} at {engineering(first_m, 'm')}"
         axes.plot(first_m / unit_m, first, "o", color=INK, markersize=6, label=label)
     _mark_answer(axes, analysis, unit_m)
+    per_N = 1.0 / (damping.joint_stiffness_N_per_m * unit_m)
+    _veil_unresolved(axes, analysis, lambda force_N: force_N * per_N)
     colour = PHASES[2][1]
     gross = f"gross slip from {engineering(gross_m, 'm')}: no steady cycle"
     axes.axvspan(gross_m / unit_m, 3 * gross_m / unit_m, color=colour, label=gross, zorder=0)
@@ -224,6 +240,21 @@ def loss_factor(analysis: "Analysis", axes: "Axes | None" = None) -> "Figure | N
         axes.set_ylim(bottom=0.0)
     axes.legend(loc="upper left", fontsize=9, framealpha=0.9, edgecolor="none")
     return figure
+
+
+def _veil_unresolved(axes: "Axes", analysis: "Analysis", place: "Callable[[float], float]") -> None:
+    """Whiten the curve where less slips than the pixels of the map resolve."""
+    contact, slip = analysis.contact, analysis.slip
+    if contact is None or slip is None or contact.rung.least_share is None:
+        return
+    share = contact.rung.least_share(contact.normal, contact.preload_N)
+    end = place(share * float(slip.total_slip_force_N))
+    if end > 0.0:
+        begin = min(axes.get_xlim()[0], end) / 10.0
+        axes.axvspan(
+            begin, end, color="white", alpha=0.65, linewidth=0.0, label="_veil", zorder=2.5
+        )
+        axes.axvline(end, color=INK, linewidth=0.8, linestyle=":", label=UNRESOLVED_SLIP)
 
 
 def _smooth(x: np.ndarray, y: np.ndarray, points: int = 600) -> tuple[np.ndarray, np.ndarray]:
@@ -243,7 +274,8 @@ def _between(load_N: np.ndarray, approach_m: np.ndarray) -> tuple[np.ndarray, np
     from scipy.interpolate import PchipInterpolator
 
     fine_N = load_N[-1] * np.linspace(0.0, 1.0, 201) ** 1.5
-    curve = PchipInterpolator(load_N ** (2 / 3), approach_m)
+    apart = np.diff(load_N, prepend=-1.0) > 1e-12 * load_N  # the share of a joint rounds loads
+    curve = PchipInterpolator(load_N[apart] ** (2 / 3), approach_m[apart])
     return fine_N, np.asarray(curve(fine_N ** (2 / 3)))
 
 

@@ -1,9 +1,10 @@
 """Figures of the face: heights, hills and their caps, one cap, the families."""
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from capslip.caps.table import CapFlag
 from capslip.output.canvas import (
     FAMILY_COLOUR,
     INK,
@@ -17,6 +18,7 @@ from capslip.output.canvas import (
     write_decades,
 )
 from capslip.output.quantity import engineering, scaled
+from capslip.summary import alignment_table
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -24,7 +26,11 @@ if TYPE_CHECKING:
 
     from capslip.result import Analysis
 
+COLOURED_BEYOND = 0.1  # of the range of nearly all heights, that spikes and pits stand out of
+CONTACT_pt2 = (5.0, 70.0)  # areas of the least and the most loaded contact on a map
+CONTACT_COLOUR = "#E6007E"
 NUMBERED = 60  # more numbers than this hide the picture
+DF_AT = 1.45  # half diameters beside the apex: clear of the sphere
 NUMBER_in = 0.16  # room of a number, inches
 
 
@@ -34,15 +40,14 @@ def height_map(analysis: "Analysis", axes: "Axes | None" = None) -> "Figure":
 
     surface, cut_m = analysis.conditioned.surface, analysis.hills.cut_height_m
     usable_peaks_m = analysis.caps.peak_height_m[analysis.caps.usable]
-    low_m, high_m = height_limits(surface.height_m, usable_peaks_m)
+    low_m, high_m = height_limits(surface.height_m, usable_peaks_m, COLOURED_BEYOND)
     per_m, unit = height_unit(np.array([low_m, high_m]))
     heights = thinned(surface.height_m) * per_m
     low, high, cut = low_m * per_m, high_m * per_m, cut_m * per_m
     beyond = np.array([np.nanmin(heights) < low, np.nanmax(heights) > high])
     extend = ("neither", "min", "max", "both")[int(beyond @ [1, 2])]
 
-    over = "after removal of the form" if analysis.level is None else "over the balanced plane"
-    figure, axes = face_axes(f"Heights {over}", surface.side_m, axes)
+    figure, axes = face_axes(_heights_over(analysis), surface.side_m, axes)
     extent = (0, surface.side_m[1] * 1e3, 0, surface.side_m[0] * 1e3)
     image = axes.imshow(
         np.ma.masked_invalid(heights),
@@ -62,8 +67,76 @@ def height_map(analysis: "Analysis", axes: "Axes | None" = None) -> "Figure":
     beside = _beside(figure, axes) if has_page(axes) else None
     bar = figure.colorbar(image, cax=beside, ax=axes, extend=extend, label=f"height [{unit}]")
     bar.ax.axhline(cut, color="k", linewidth=1.2)
-    _face_legend(figure if has_page(axes) else axes, [("cut", "k")], bool(np.isnan(heights).any()))
+    x_m, y_m, load_N = _contacts(analysis)
+    if len(load_N):
+        least, most = CONTACT_pt2
+        size = np.maximum(most * load_N / load_N.max(), least)
+        axes.scatter(
+            x_m * 1e3,
+            y_m * 1e3,
+            s=size,
+            facecolors="none",
+            edgecolors=CONTACT_COLOUR,
+            linewidths=1.0 if len(load_N) < 200 else 0.5,
+        )
+    entries = [("cut", "k")] + [("contacts, area as their load", CONTACT_COLOUR)] * bool(len(x_m))
+    _face_legend(figure if has_page(axes) else axes, entries, bool(np.isnan(heights).any()))
     return figure
+
+
+def _heights_over(analysis: "Analysis") -> str:
+    """Say from what the heights of a map count."""
+    if analysis.level is not None:
+        return "Heights over the balanced plane"
+    form = analysis.settings.conditioning.form
+    title = (
+        "Heights as measured" if form == "none" else f"Heights after removal of the form: {form}"
+    )
+    contact = analysis.contact
+    if contact is not None and any(contact.tilt_rad):
+        across_m = alignment_table(analysis)["tilt_across_face_m"]
+        title += f"\npressed turned by {engineering(across_m, 'm')} across"
+    return title
+
+
+def _cap_to_show(analysis: "Analysis") -> tuple[int, str]:
+    """Return the most loaded cap, or the highest where none is, and a title with its flags."""
+    caps, load_N = analysis.caps, _cap_loads_N(analysis)
+    loaded = (load_N > 0) & caps.usable
+    merit = np.where(loaded, load_N, -np.inf) if loaded.any() else caps.peak_height_m
+    i = int(np.argmax(np.where(caps.usable, merit, -np.inf)))
+    what = "most loaded" if loaded.any() else "highest"
+    title = f"Cap {i + 1}, the {what}: section along x through its apex"
+    flags = CapFlag(int(caps.flags[i])).words().replace(" ", ", ").replace("_", " ")
+    return i, title + (f"\ndoubtful: {flags}" if flags else "")
+
+
+def _cap_loads_N(analysis: "Analysis") -> np.ndarray:
+    """Return the load of each cap; of a map that was pressed, what its hill carries."""
+    contact, caps = analysis.contact, analysis.caps
+    if contact is None or contact.rung.made_from != "map":
+        return np.nan_to_num(caps.load_N)
+    curve: Any = contact.normal
+    pressed, label = curve.pressed(contact.preload_N), analysis.hills.label
+    pixel_N = pressed.pressure_Pa.ravel() * np.prod(pressed.pixel_size_m)
+    return np.bincount(label.ravel(), pixel_N, minlength=len(caps) + 1)[1 : len(caps) + 1]
+
+
+def _contacts(analysis: "Analysis") -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return places and loads of what touches: caps, or regions of the map that was pressed."""
+    contact, caps = analysis.contact, analysis.caps
+    if contact is None or contact.rung.made_from != "map":
+        loaded = np.nan_to_num(caps.load_N) > 0.0
+        return caps.x_m[loaded], caps.y_m[loaded], caps.load_N[loaded]
+    curve: Any = contact.normal
+    pressed = curve.pressed(contact.preload_N)
+    row, col = np.nonzero(pressed.region)
+    number, weight = pressed.region[row, col] - 1, pressed.pressure_Pa[row, col]
+    dy_m, dx_m = pressed.pixel_size_m
+    total = np.bincount(number, weight)
+    x_m = np.bincount(number, weight * (col + 0.5) * dx_m) / total
+    y_m = np.bincount(number, weight * (row + 0.5) * dy_m) / total
+    return x_m, y_m, pressed.region_loads_N
 
 
 def hills_and_caps(analysis: "Analysis", axes: "Axes | None" = None) -> "Figure":
@@ -117,10 +190,7 @@ def cap_profile(analysis: "Analysis") -> "Figure | None":
     caps, surface = analysis.caps, analysis.conditioned.surface
     if not caps.usable.any():
         return None
-    loaded = np.isfinite(caps.load_N) & (caps.load_N > 0) & caps.usable
-    merit = np.where(loaded, caps.load_N, -np.inf) if loaded.any() else caps.peak_height_m
-    i = int(np.argmax(np.where(caps.usable, merit, -np.inf)))
-    what = "most loaded" if loaded.any() else "highest"
+    i, title = _cap_to_show(analysis)
 
     dy_m, dx_m = surface.pixel_size_m
     row = int(np.clip(caps.y_m[i] // dy_m, 0, surface.shape[0] - 1))
@@ -133,7 +203,7 @@ def cap_profile(analysis: "Analysis") -> "Figure | None":
     ends_m = (caps.peak_height_m[i], analysis.hills.cut_height_m, caps.cap_height_m[i])
     (per_m, unit), (per_x, along) = height_unit(np.array(ends_m)), height_unit(2.0 * half_m)
 
-    figure, axes = blank(f"Cap {i + 1}, the {what}: section along x through its apex")
+    figure, axes = blank(title)
     dots = ".-" if near.sum() < 120 else "-"
     measured = surface.height_m[row, near] * per_m
     axes.plot(x_m[near] * per_x, measured, dots, color="#8C8C8C", markersize=3, label="measured")
@@ -152,14 +222,14 @@ def cap_profile(analysis: "Analysis") -> "Figure | None":
     level = cut - 0.3 * df
     axes.annotate("", (-half, level), (half, level), arrowprops=arrow)
     axes.vlines([-half, half], level, cut, color=INK, linewidth=0.6)
-    axes.annotate("", (1.25 * half, cut), (1.25 * half, peak), arrowprops=arrow)
-    axes.hlines(peak, 0, 1.25 * half, color=INK, linewidth=0.6)
+    axes.annotate("", (DF_AT * half, cut), (DF_AT * half, peak), arrowprops=arrow)
+    axes.hlines(peak, 0, DF_AT * half, color=INK, linewidth=0.6)
     halo = {"facecolor": "white", "edgecolor": "none", "pad": 1.5}
     diameter = f"D = {engineering(2 * half_m, 'm', 4)}"
     axes.text(0, level, diameter, ha="center", va="center", bbox=halo)
     middle = (cut + peak) / 2
     height = f"df = {engineering(caps.cap_height_m[i], 'm', 4)}"
-    axes.text(1.25 * half, middle, height, ha="center", va="center", bbox=halo)
+    axes.text(DF_AT * half, middle, height, ha="center", va="center", bbox=halo)
 
     # Axes of a known size make the exaggeration exact.
     figure.set_layout_engine("none")
@@ -199,30 +269,39 @@ def family_scatter(analysis: "Analysis") -> "Figure | None":
             )
     if radius[caps.usable].max() > 10 * radius[caps.usable].min():
         axes.set_xscale("log")
-    for name, family in (("G", families.G), ("P", families.P)):
-        if family is not None:
-            mean = family.peak_height_m * per_m
-            axes.axhline(mean, color=FAMILY_COLOUR[name], linewidth=1, linestyle="--")
+    mean = {}
+    for name in "GP":
+        member = caps.usable & (caps.family == name)
+        if member.any():
+            mean[name] = float(caps.peak_height_m[member].mean()) * per_m
+            axes.axhline(mean[name], color=FAMILY_COLOUR[name], linewidth=1, linestyle="--")
     axes.margins(x=0.12, y=0.12)
     if axes.get_xscale() == "log":
-        write_decades(axes.xaxis)
-    if families.G is not None and families.P is not None and families.h_m is not None:
+        unit_m = 1.0 / height_unit(caps.radius_m)[0]
+        write_decades(axes.xaxis, lambda value: engineering(value * unit_m, "m"))
+        unit = ""
+    high, low = mean.get("G"), mean.get("P")
+    if high is not None and low is not None and families.h_m is not None:
         across = axes.get_yaxis_transform()  # x as a share of the width, y as a height
-        high, low = families.G.peak_height_m * per_m, families.P.peak_height_m * per_m
-        arrow = {"arrowstyle": "<->", "color": INK, "shrinkA": 0, "shrinkB": 0}
-        ends = ((0.965, low), (0.965, high))
-        axes.annotate("", *ends, xycoords=across, textcoords=across, arrowprops=arrow)
+        text = f"h = {engineering(families.h_m, 'm')}"
+        if abs(high - low - families.h_m * per_m) > 0.02 * families.h_m * per_m:
+            text += " on their own plane"  # where they are counted, as the map was turned
+        else:
+            arrow = {"arrowstyle": "<->", "color": INK, "shrinkA": 0, "shrinkB": 0}
+            ends = ((0.965, low), (0.965, high))
+            axes.annotate("", *ends, xycoords=across, textcoords=across, arrowprops=arrow)
         axes.text(
             0.955,
             (low + high) / 2,
-            f"h = {engineering(families.h_m, 'm')}",
+            text,
             transform=across,
             ha="right",
             va="center",
             bbox={"facecolor": "white", "edgecolor": "none", "pad": 1.5},
         )
     axes.axhline(analysis.hills.cut_height_m * per_m, color=INK, linestyle=":", label="cut")
-    axes.set(xlabel=f"radius of the fitted sphere R [{unit}]", ylabel=f"peak height [{height}]")
+    of = f" [{unit}]" if unit else ""
+    axes.set(xlabel=f"radius of the fitted sphere R{of}", ylabel=f"peak height [{height}]")
     axes.legend(loc="upper left", bbox_to_anchor=(1.0, 1.0), fontsize=9, frameon=False)
     return figure
 
@@ -276,12 +355,15 @@ def _number_caps(axes: "Axes", analysis: "Analysis") -> None:
     written = np.zeros((0, 2))
     for i in np.flatnonzero(caps.usable):
         place_m = np.array([caps.x_m[i], caps.y_m[i]])
+        if caps.diameter_m[i] < apart_m:  # a number as large as its circle stands beside it
+            beside_m = 0.5 * caps.diameter_m[i] + 0.5 * apart_m
+            place_m += np.where(place_m + beside_m < (side_x_m, side_y_m), beside_m, -beside_m)
         if (np.hypot(*(written - place_m).T) < apart_m).any():
             continue
         written = np.vstack([written, place_m])
         axes.annotate(
             str(i + 1),
-            (caps.x_m[i] * 1e3, caps.y_m[i] * 1e3),
+            tuple(place_m * 1e3),
             ha="center",
             va="center",
             fontsize=8,

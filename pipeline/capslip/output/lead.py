@@ -16,6 +16,7 @@ LOSS = (
     "tangential stiffness {answer_stiffness_N_per_m} (secant), {answer_energy_J} lost per cycle, "
     "loss factor of the joint {answer_joint_loss_factor}"
 )
+NONE = "none: see the problems"
 LIMITS = "total slip at {total_slip_force_N:4}, {total_slip_displacement_m}"
 STRUCTURE = (
     "{answer_structure}: loss factor {answer_loss_factor}, damping ratio {answer_damping_ratio}, "
@@ -39,8 +40,8 @@ NO_INTERVAL = (
 LEFT_OUT = "; not in it: {0}"
 JOINT = "preload {preload_N:4}"
 PRESSURE = " on {joint_area_m2}: {nominal_pressure_Pa} nominal"
-COVERAGE = "; scan {coverage} of it, resultant {off_m} off the load point"
-
+COVERAGE = "; scan {coverage} of it"
+RESULTANT = ", resultant {off_m} off the load point"
 SCANS = "; {0} scans together {{coverage}} of it"
 
 
@@ -56,7 +57,8 @@ def answer_lines(summary: dict[str, Any], absent: str) -> list[tuple[str, str]]:
     """
     answer = summary["answer"]
     if answer["energy_J"] is None:
-        return [("answer", "none: see the problems")]
+        slips = summary["slip"]["total_slip_force_N"] is not None
+        return [("answer", write_text(f"none; {LIMITS}" if slips else NONE, summary, absent))]
     at = ASKED[answer["asked"]["quantity"]]
     texts = [f"at {at}{BY_DEFAULT if answer['asked']['by_default'] else ''}", LOSS]
     if answer["asked"]["quantity"] != "slip_force_N":
@@ -93,6 +95,8 @@ def joint_line(summary: dict[str, Any], absent: str) -> str:
     scans = summary["scans"]
     of_scan = COVERAGE if scans is None else SCANS.format(len(scans))
     text += of_scan if contact["coverage"] is not None else ""
+    if scans is None and contact["resultant_off_load_point_m"] is not None:
+        text += RESULTANT
     return write_text(text, summary, absent)
 
 

@@ -54,7 +54,8 @@ def plotter_of(view: View, look: Look, off_screen: bool = True) -> Any:
     draw(plotter, view, look)
     wide = view.side_m[1] >= view.side_m[0]
     plotter.view_vector((-0.45, -1.0, 0.75) if wide else (1.0, -0.45, 0.75), viewup=(0, 0, 1))
-    plotter.camera.zoom(1.35)
+    plotter.camera.zoom(1.3)
+    plotter.camera.SetWindowCenter(0.0, -0.07)  # room below for what is said
     plotter.add_axes(color="black", viewport=(0.0, 0.1, 0.12, 0.28))
     return plotter
 

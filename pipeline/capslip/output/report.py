@@ -165,9 +165,14 @@ def _headlines(summary: dict[str, Any]) -> list[tuple[str, str, str]]:
         peak = "not defined: the {structure} is no longer lightly damped"
     if damping["first_peak_loss_factor"] is not None:
         peak += "; a first maximum of {first_peak_loss_factor} at {amplitude_at_first_peak_m}"
-    numbers: tuple[tuple[Fact, str], ...] = (
+    families: tuple[tuple[Fact, str], ...] = (
         (("G-caps m, P-caps n", "{m}, {n}"), "families by peak height"),
         ("h_m", "G-peaks above P-peaks"),
+    )
+    if summary["families"]["n"] == 0 and summary["families"]["m"]:
+        families = ((("caps of the one family", "{m}"), "no gap h between their peak heights"),)
+    numbers: tuple[tuple[Fact, str], ...] = (
+        *families,
         ("approach_without_bulk_m", "without bulk; {approach_m} with it"),
         (
             (name, "whole face" if whole else "{contacts}"),

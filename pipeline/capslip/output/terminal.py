@@ -15,7 +15,8 @@ HILLS = (
     "region {largest_region_share:.0f %}"
 )
 FAMILIES = "families   m {m}, n {n}, h {h_m}"
-FAMILY = "  {0}        R {{radius_{0}_m:4}}, D {{diameter_{0}_m}}, df {{height_{0}_m}}"
+ONE_FAMILY = "families   one, of {m} caps"  # neither the higher nor the lower
+FAMILY = "  {1:9}R {{radius_{0}_m:4}}, D {{diameter_{0}_m}}, df {{height_{0}_m}}"
 LEVEL = "level      turned by {tilt_across_face_m} across the face until balanced{0}"
 NOT_CERTIFIED = "; the cut does not hold all that touches"
 CONTACT = "contact    {{model}}: {{scan_load_N:4}} on {{contacts}} {0}, approach {1}"
@@ -46,10 +47,12 @@ def result_lines(analysis: JointResult) -> str:
     lead += zip(["assumed", *[""] * len(assumed)], assumed, strict=False)
     lines = [f"{label:10} {text}" for label, text in lead]
     contact, slip, damping = analysis.contact, analysis.slip, analysis.damping
-    texts = [HILLS, FAMILIES] if isinstance(analysis, Analysis) else [FAMILIES]
+    of = summary["families"]
+    one = of["G"] is not None and of["P"] is None
+    texts = [*([HILLS] if isinstance(analysis, Analysis) else []), ONE_FAMILY if one else FAMILIES]
     if isinstance(analysis, JointOfScans):
         texts, lines = [], [*lines, *_lines_of_scans(summary["scans"])]
-    texts += [FAMILY.format(name) for name in "GP" if summary["families"][name] is not None]
+    texts += [FAMILY.format(name, "" if one else name) for name in "GP" if of[name] is not None]
     if contact is not None and summary["contact"]["alignment"] == "balanced":
         cut = NOT_CERTIFIED if summary["hills"]["cut_certified"] is False else ""
         texts.append(LEVEL.replace("{0}", cut))
@@ -70,7 +73,11 @@ def result_lines(analysis: JointResult) -> str:
         lines.append(f"scan       {sanity_line(seen.surface, seen.sq_m, seen.sz_m)}")
     lines += [write_text(text, summary, absent="-") for text in texts]
     lines.append(f"status     {summary['status']}")
-    lines += [f"  {p.severity:8} {p.code}: {p.text}" for p in analysis.problems]
+    serious = [problem for problem in analysis.problems if problem.severity != "info"]
+    lines += [f"  {p.severity:8} {p.code}: {p.text}" for p in serious]
+    if len(serious) < len(analysis.problems):
+        codes = ", ".join(p.code for p in analysis.problems if p.severity == "info")
+        lines.append(f"  info     {codes}: see the report")
     return "\n".join(printable(line) for line in lines).replace("µ", "u")
 
 

@@ -83,6 +83,7 @@ const canvas = place.querySelector("canvas.face"), chart = place.querySelector("
 const row = place.querySelector(".row"), stateLine = place.querySelector(".state");
 const MOST = 4 * data.factor;
 const sliders = Object.fromEntries([...place.querySelectorAll("[data-name]")].map((e) => [e.dataset.name, e]));
+if (zones && zones.of_map) state.zones = sliders.zones.checked = true;  // caps do not answer then
 if (!zones) for (const element of place.querySelectorAll(".of-zones")) element.hidden = true;
 for (const by of Object.keys(data.colours)) sliders.colour.add(new Option(by === "loss" ? "share of the loss" : by, by));
 // The slider is logarithmic from 1 to four times the round factor.

@@ -10,8 +10,10 @@ from capslip.contact.slip import SlipCurve
 from capslip.problems import Problem
 from capslip.settings import Question
 from capslip.structure.response import Damping, lightly_damped
+from capslip.units import readable
 
 DEFAULT_SHARE = 0.25  # of the force at total slip, where nothing was asked
+LARGER = "--set joint.area_m2=..., where the joint is larger than the scan"
 
 
 @dataclass(frozen=True)
@@ -78,12 +80,16 @@ def answer_to(
         "displacement_m": delta_most,
     }[name]
     if value > most * (1.0 + 1e-12):
+        quantity, _, unit = name.rpartition("_")
         message = (
-            f"got {name.rpartition('_')[0].replace('_', ' ')} {value:.4g} {name.rpartition('_')[2]}"
-            f"; the joint slips as a whole from {most:.4g} on and nothing holds it there, so no "
-            "stiffness and no loss can be given"
+            f"got {quantity.replace('_', ' ')} {value:.4g} {unit}; the joint slips as a whole from "
+            f"{most:.4g} {unit} on and nothing holds it there, so no stiffness and no loss can be "
+            "given"
         )
-        return None, (Problem("beyond_gross_slip", "error", message),)
+        less = readable(f"{0.5 * most:.2g} {unit}").replace(" ", "")
+        option = quantity.replace("_", "-")
+        step = f"--{option} {less}; or {LARGER}"
+        return None, (Problem("beyond_gross_slip", "error", message, step=step),)
     if name == "displacement_m":
         delta, T, W = value, float(slip.force_N(value)), float(slip.energy_J(value))
     else:

@@ -33,6 +33,7 @@ from capslip.surface.heightmap import HeightMap
 MIN_PIXELS_ACROSS = 10.0  # of the contacts that carry half of the load
 MIN_REFINED_ACROSS = 6.0  # the same, where a spline knows what lies between the pixels
 SMALL_SLIP = 0.1  # of mu N: forces below are not what a joint is asked for
+S_FILTER, NOISE_PIXELS = "conditioning.s_filter_nesting_index_m", 5.0  # what takes noise off
 LEAST_ERROR = 0.01  # of stiffness and energy, by the pixels of contacts that are resolved
 
 
@@ -458,7 +459,9 @@ def _error(
             f"and the energy by up to {effect.energy:.1%}: noise, spikes, lost points or "
             "roughness that the map hardly resolves"
         )
-        found.append(Problem("detail_decides", "warning", message, effect))
+        nesting_m = NOISE_PIXELS * max(curve.pressed(load_N).pixel_size_m)
+        step = f"--set {S_FILTER}={nesting_m:.2g}, if the detail is noise; else a finer scan"
+        found.append(Problem("detail_decides", "warning", message, effect, step))
         left = 1.0 - WHITE_LEFT
         moved = ModelError(moved.stiffness / left, moved.energy / left)
     return ModelError(max(moved.stiffness, LEAST_ERROR), max(moved.energy, least)), tuple(found)
