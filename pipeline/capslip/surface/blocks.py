@@ -38,22 +38,42 @@ def block_sums(values: np.ndarray, side: int) -> np.ndarray:
     return sums
 
 
+def means_of_blocks(values: np.ndarray, side: int, least: float) -> np.ndarray:
+    """Return the means over blocks of `side` x `side` points; what is left over falls away.
+
+    Parameters
+    ----------
+    values : float64, shape (ny, nx)
+        NaN where nothing is known, which does not count.
+    side : int
+        Points along a block.
+    least : float
+        Known points of a block, above 0; of fewer the mean is NaN.
+
+    Examples
+    --------
+    >>> means_of_blocks(np.array([[1.0, 2.0, 7.0], [np.nan, 3.0, 7.0]]), 2, 1)
+    array([[2.]])
+    """
+    ny, nx = (n // side for n in values.shape)
+    sums, first = np.empty((2, ny, nx)), np.arange(0, nx * side, side)
+    bands = values[: ny * side, : nx * side].reshape(ny, side, nx * side)
+    at_once = max(1, BLOCK_POINTS // (nx * side**2))
+    for begin in range(0, ny, at_once):
+        rows = slice(begin, begin + at_once)
+        known = ~np.isnan(bands[rows])
+        for total, part in zip(sums, (np.where(known, bands[rows], 0.0), known), strict=True):
+            total[rows] = np.add.reduceat(part.sum(axis=1), first, axis=1)
+    total, count = sums
+    return np.asarray(total / np.where(count < least, np.nan, count))
+
+
 def block_means(surface: HeightMap, step: int) -> HeightMap:
     """Return the means of square blocks; what is left over falls away on both sides.
 
     A block is measured where half of its points are: of large blocks nearly all lack some.
     """
-    ny, nx = (n // step for n in surface.shape)
     top, left = ((n % step) // 2 for n in surface.shape)
-    inner = surface.height_m[top : top + ny * step, left : left + nx * step]
-    sums, first = np.empty((2, ny, nx)), np.arange(0, nx * step, step)
-    bands, at_once = inner.reshape(ny, step, nx * step), max(1, BLOCK_POINTS // (nx * step**2))
-    for begin in range(0, ny, at_once):
-        rows = slice(begin, begin + at_once)
-        known = ~np.isnan(bands[rows])
-        for total, values in zip(sums, (np.where(known, bands[rows], 0.0), known), strict=True):
-            total[rows] = np.add.reduceat(values.sum(axis=1), first, axis=1)
-    total_m, count = sums
-    height_m = total_m / np.where(count < 0.5 * step**2, np.nan, count)
+    height_m = means_of_blocks(surface.height_m[top:, left:], step, 0.5 * step**2)
     dy_m, dx_m = surface.pixel_size_m
     return replace(surface, height_m=height_m, pixel_size_m=(step * dy_m, step * dx_m))
