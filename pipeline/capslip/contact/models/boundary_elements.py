@@ -474,4 +474,5 @@ RUNG = Rung(
     contacts=_contacts,
     contact_name="contact regions",
     solved_loads_N=BoundaryElementCurve.solved_loads_N,
+    tractions=BoundaryElementCurve.tractions,
 )
