@@ -18,11 +18,10 @@ from capslip.contact.solvers.patches import (
     half_space_around,
     patched,
 )
+from capslip.contact.solvers.pressed import Pressed
 
 if TYPE_CHECKING:
     from scipy.sparse import csr_array
-
-    from capslip.contact.solvers.polonsky_keer import Pressed
 
 _MOST_PIXELS = 6000  # 450 MB
 _FEW = 3000  # pixels of a matrix between what is left of a contact: 110 MB
@@ -51,7 +50,7 @@ def around_contact(face: ElasticFace, contact: np.ndarray, finest: int = 1) -> P
     return pixels_alone(face, contact, patches) or patches
 
 
-def on_contact(face: ElasticFace, pressed: "Pressed") -> tuple[PatchedFace, "Pressed"]:
+def on_contact(face: ElasticFace, pressed: Pressed) -> tuple[PatchedFace, Pressed]:
     """Return the points of a map that touch, alone, and their state."""
     around = around_contact(face, pressed.pressure_Pa > 0)
     given_Pa = pressed.pressure_Pa

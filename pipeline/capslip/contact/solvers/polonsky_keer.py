@@ -1,7 +1,6 @@
 """A height map pressed against a rigid plane: pressures and gaps, with their certificate."""
 
-from dataclasses import dataclass, replace
-from functools import cached_property
+from dataclasses import replace
 from time import process_time
 
 import numpy as np
@@ -9,6 +8,7 @@ import numpy as np
 from capslip.contact.solvers.closing import Closing, GivenApproach, GivenLoad
 from capslip.contact.solvers.elastic_face import ElasticFace, elastic_face, finer
 from capslip.contact.solvers.patches import patched
+from capslip.contact.solvers.pressed import Certificate, Pressed, State
 from capslip.errors import ContactError, OutOfTimeError, SettingsError
 
 __all__ = [
@@ -23,108 +23,10 @@ __all__ = [
 
 _WORTH_PATCHES = 50_000  # points of a map from which a first solution is sought on patches
 _COARSE_TOLERANCE = 1e-3  # of the solutions that only start the next finer one
+_MOST_LOOKS = 4  # at what penetrates beside patches
 _MAX_ITERATIONS = 300
 _LEAST_S = 5.0  # that a solution has in any case: less is a lost result for next to no time
 _MAX_YIELDING = 2000  # iterations where points yield: each step finds a few more of them
-
-
-@dataclass(frozen=True)
-class Certificate:
-    """How well a solution fulfils the conditions of contact, from its pressures alone.
-
-    Lengths are relative to the approach, pressures to the mean pressure in the contact.
-    """
-
-    load_balance: float  # |sum of p dA - N| / N; zero for a given approach
-    least_gap: float  # over all points without pressure: below zero is penetration
-    least_pressure: float  # below zero is tension
-    complementarity: float  # sum of p |gap| / sum of p; where it yields, of a gap above zero
-    iterations: int  # on the finest grid
-    moments: tuple[float, float] = (0.0, 0.0)  # left over in x and y, over load times side
-
-
-@dataclass(frozen=True, eq=False)
-class Pressed:
-    """A face under load, as `press` found it; arrays of shape (ny, nx)."""
-
-    load_N: float
-    approach_m: float
-    pressure_Pa: np.ndarray  # zero where there is no contact
-    gap_m: np.ndarray  # up to rounding and tolerance zero in contact; 0 at non-measured points
-    pixel_size_m: tuple[float, float]
-    certificate: Certificate
-    tilt_rad: tuple[float, float] = (0.0, 0.0)  # slopes in x and y that balance added to the map
-
-    @property
-    def resultant_m(self) -> tuple[float, float]:
-        """Where the resultant of the pressures acts, (x, y) in the map."""
-        dy_m, dx_m = self.pixel_size_m
-        ny, nx = self.pressure_Pa.shape
-        over_x, over_y = self.pressure_Pa.sum(axis=0), self.pressure_Pa.sum(axis=1)
-        x_m = float(over_x @ (np.arange(nx) + 0.5)) * dx_m / float(over_x.sum())
-        y_m = float(over_y @ (np.arange(ny) + 0.5)) * dy_m / float(over_y.sum())
-        return x_m, y_m
-
-    @property
-    def contact_area_m2(self) -> float:
-        """Area of the pixels in contact."""
-        dy_m, dx_m = self.pixel_size_m
-        return float(np.count_nonzero(self.pressure_Pa) * dy_m * dx_m)
-
-    @property
-    def max_pressure_Pa(self) -> float:
-        """Greatest pressure of any pixel."""
-        return float(self.pressure_Pa.max())
-
-    @cached_property
-    def region(self) -> np.ndarray:
-        """Number of the contact region of each pixel (8-connected), 0 without contact."""
-        from scipy.ndimage import label
-
-        return np.asarray(label(self.pressure_Pa > 0, structure=np.ones((3, 3)))[0])
-
-    @property
-    def region_loads_N(self) -> np.ndarray:
-        """Load of each contact region, shape (n,)."""
-        return self.sum_over_regions(self.pressure_Pa)
-
-    @cached_property
-    def region_pixels(self) -> np.ndarray:
-        """Pixels of each contact region, shape (n,)."""
-        return np.bincount(self.region.ravel())[1:]
-
-    @property
-    def pixels_across(self) -> float:
-        """Pixels across the median unit of load: the diameter of the circle of its region's area.
-
-        Half of the load rests on regions that are smaller than this.
-        """
-        order = np.argsort(self.region_pixels)
-        share = np.cumsum(self.region_loads_N[order])
-        middle = min(int(np.searchsorted(share, 0.5 * share[-1])), len(order) - 1)
-        return float(np.sqrt(4 / np.pi * self.region_pixels[order[middle]]))
-
-    def sum_over_regions(self, density: np.ndarray) -> np.ndarray:
-        """Integrate an array (ny, nx) over each contact region, shape (n,)."""
-        dy_m, dx_m = self.pixel_size_m
-        return np.bincount(self.region.ravel(), weights=density.ravel())[1:] * (dy_m * dx_m)
-
-
-@dataclass(frozen=True, eq=False)
-class State:
-    """Pressures, gaps and approach, and how far they are from contact."""
-
-    pressure_Pa: np.ndarray
-    gap_m: np.ndarray
-    approach_m: float  # from first touch under the tilt
-    tilt_rad: tuple[float, float]  # slopes in x and y added to the map
-    contact: np.ndarray  # flat indices of the pixels under pressure
-    least_gap: float
-    complementarity: float
-
-    def fulfils(self, tolerance: float) -> bool:
-        """Whether gaps under pressure and penetration are within the tolerance."""
-        return self.complementarity <= tolerance and self.least_gap >= -tolerance
 
 
 def press(
@@ -276,8 +178,9 @@ def _nested(
 ) -> tuple[State, int]:
     """Solve from the solution on the next coarser grid, or from something to begin with.
 
-    Between the two, on patches around what touches on the coarser grid: what they leave out, and
-    what is left of the kernel between them, is a step or two on the whole map.
+    Between the two, on patches around what touches on the coarser grid, and around what the whole
+    map finds to penetrate beside them; what is left of the kernel between them, is a step or two on
+    the whole map.
     """
     coarser, iterations = face.coarser, 0
     if coarser is None:
@@ -288,14 +191,37 @@ def _nested(
         start_Pa = finer(_nested(coarser, on_coarser, _COARSE_TOLERANCE, until_s)[0].pressure_Pa)
         start_Pa = np.where(face.measured, start_Pa[: face.shape[0], : face.shape[1]], 0.0)
     if face.depth_m.size >= _WORTH_PATCHES and start_Pa.any():
-        patches = patched(face, start_Pa > 0)
-        if patches is not None:
-            on_patches = closing.on_grid(patches.places_m, 1.0)
-            start = patches.gathered(start_Pa)
-            state, iterations = _iterate(patches, start, on_patches, tolerance / 2, until_s)
-            start_Pa = patches.spread(state.pressure_Pa)
+        start_Pa, state, iterations = _patched(face, start_Pa, closing, tolerance, until_s)
+        if state is not None and state.fulfils(tolerance):
+            return state, iterations
     state, more = _iterate(face, start_Pa, closing, tolerance, until_s)
     return state, iterations + more
+
+
+def _patched(
+    face: ElasticFace, start_Pa: np.ndarray, closing: Closing, tolerance: float, until_s: float
+) -> tuple[np.ndarray, State | None, int]:
+    """Return pressures solved on patches, the state of the whole map under them, and the steps.
+
+    What the map finds to penetrate beside the patches gets some, too. No state where the contact
+    needs no patches.
+    """
+    around, state, iterations = start_Pa > 0, None, 0
+    for _ in range(_MOST_LOOKS):
+        patches = patched(face, around)
+        if patches is None:
+            break
+        on_patches = closing.on_grid(patches.places_m, 1.0)
+        start = patches.gathered(start_Pa)
+        solved, more = _iterate(patches, start, on_patches, tolerance / 2, until_s)
+        start_Pa, iterations = patches.spread(solved.pressure_Pa), iterations + more
+        state = _state(face, start_Pa, face.half_space.sinking_m(start_Pa), closing)
+        joins = (state.gap_m < -tolerance * state.approach_m) & face.measured
+        joins.reshape(-1)[patches.parent] = False
+        if not joins.any():
+            break
+        around = joins | (start_Pa > 0)
+    return start_Pa, state, iterations
 
 
 def _iterate(
