@@ -95,6 +95,38 @@ def test_sur_agrees_with_another_reader(tmp_path, turned, blanks):
     assert np.count_nonzero(~surface.measured) == blanks
 
 
+def test_sur_may_give_the_sides_in_two_units(tmp_path):
+    (tmp_path / "a.sur").write_bytes(PLAIN)
+    one_unit = load_surface(tmp_path / "a.sur").pixel_size_m
+    at = 132 + 16 * 4  # behind the words of the axes and the unit of steps along x
+    assert PLAIN[at : at + 2] == b"um"
+    (tmp_path / "a.sur").write_bytes(changed(PLAIN, at, b"mm"))
+    two_units = load_surface(tmp_path / "a.sur").pixel_size_m
+    np.testing.assert_allclose(two_units, (1e3 * one_unit[0], one_unit[1]), rtol=1e-12)
+
+
+@pytest.mark.scans
+@pytest.mark.skipif(not SCANS.is_dir(), reason="no folder shared/scans beside the project")
+def test_plu_whose_range_was_never_set_is_read(tmp_path):
+    pytest.importorskip("SurfaceTopography", reason="extra `vendor`", exc_type=ImportError)
+    name = "laser_textured_grooves_leica_dcm3d.plu"
+    content = (SCANS / name).read_bytes()
+    end = 508 + 4 * int(np.prod(struct.unpack_from("<II", content, 500)))
+    unset = changed(content, end, struct.pack("<2f", -1000001.0, 1000001.0))
+    (tmp_path / name).write_bytes(unset)
+    np.testing.assert_array_equal(
+        load_surface(tmp_path / name).height_m, load_surface(SCANS / name).height_m
+    )
+
+
+def test_a_profile_is_refused_as_one(tmp_path):
+    library = pytest.importorskip("SurfaceTopography", reason="extra `vendor`")
+    profile = library.UniformLineScan(MAP[0], 8.0, unit="um")
+    profile.to_netcdf(str(tmp_path / "a.nc"))
+    with pytest.raises(UnreadableFileError, match="a profile along one axis"):
+        load_surface(tmp_path / "a.nc")
+
+
 @pytest.mark.parametrize(
     ("content", "words"),
     [

@@ -152,6 +152,14 @@ def test_commented_header_gives_the_field(tmp_path, encoding):
     np.testing.assert_allclose(surface.pixel_size_m, (2e-6, 1e-6), rtol=1e-15)
 
 
+def test_a_commented_header_may_name_two_units(tmp_path):
+    head = "# Channel: z\n# Width: 8 µm\n# Height: 12000 nm\n# Value units: m\n"
+    surface = load_surface(put(tmp_path / "g.txt", head + rows()))
+    np.testing.assert_allclose(surface.pixel_size_m, (2e-6, 1e-6), rtol=1e-15)
+    with pytest.raises(UncalibratedError, match="'parsec'"):
+        load_surface(put(tmp_path / "g.txt", head.replace("nm", "parsec") + rows()))
+
+
 @pytest.mark.parametrize(
     ("old", "new", "error", "words"),
     [

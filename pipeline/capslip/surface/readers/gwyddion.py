@@ -10,7 +10,7 @@ import re
 from pathlib import Path
 
 from capslip.errors import UnreadableFileError
-from capslip.surface.readers.stored import Format, Request, Stored, check_shape
+from capslip.surface.readers.stored import Format, Request, Stored, check_shape, in_one_unit
 from capslip.surface.readers.table import decoded, parse_rows, read_text
 
 SIZES = re.compile(rb"[ \t]*h[ \t]*=[ \t]*(\d{1,9})[ \t]+w[ \t]*=[ \t]*(\d{1,9})[ \t]*[\r\n]")
@@ -55,18 +55,8 @@ def _read(path: Path, request: Request) -> Stored:
     if not sizes:
         width, unit = _length(fields, "width", path)
         height, unit_y = _length(fields, "height", path)
-        if unit != unit_y:
-            raise UnreadableFileError(
-                f"{path}: width in {unit}, height in {unit_y}; expected one unit; export it again"
-            )
-        return Stored(
-            values,
-            fields.get("value units"),
-            (height / ny, width / nx),
-            unit,
-            notes=notes,
-            top_row_first=True,
-        )
+        pixel = in_one_unit((height / ny, width / nx), (unit_y, unit), str(path))
+        return Stored(values, fields.get("value units"), *pixel, notes=notes, top_row_first=True)
     if (ny, nx) != expected:
         raise UnreadableFileError(
             f"{path}: {ny} rows of {nx} numbers; expected {expected[0]} rows of {expected[1]} as "

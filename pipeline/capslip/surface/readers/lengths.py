@@ -130,7 +130,7 @@ def _plu(head: bytes, path: Path, size: int) -> int | None:
                 return int(at + 16 + 4 * rows * columns)
             z = z[z != PLU_UNDEFINED]
             ends = np.array([z.min(), z.max()]) if z.size else said
-            if not (said == PLU_UNDEFINED).all() and not np.allclose(said, ends, rtol=1e-4):
+            if not (abs(said) == PLU_UNDEFINED).all() and not np.allclose(said, ends, rtol=1e-4):
                 raise ValueError(f"no range of the heights at offset {at + 8 + 4 * rows * columns}")
             at += 16 + rows * columns * (4 + 3 * n_images)
     return None

@@ -359,6 +359,25 @@ def _stored_word(text: str, what: str) -> str:
     return word
 
 
+def in_one_unit(
+    pair: tuple[float, float], units: tuple[str | None, str | None], where: str
+) -> tuple[tuple[float, float], str | None]:
+    """Return (dy, dx) in one unit, and that unit; both in m where the file says two.
+
+    Raises
+    ------
+    UncalibratedError
+        If the file says two, and one of them is no unit of length.
+    """
+    if units[0] == units[1]:
+        return pair, units[0]
+    dy_m, dx_m = (
+        float(length) * METRES[_stored_word(str(unit), f"{where}: pixel unit")]
+        for length, unit in zip(pair, units, strict=True)
+    )
+    return (dy_m, dx_m), "m"
+
+
 def _given_word(text: str, option: str) -> str:
     word = _word(text)
     if word is None:

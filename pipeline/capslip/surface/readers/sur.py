@@ -14,7 +14,14 @@ import numpy as np
 
 from capslip.errors import UnreadableFileError
 from capslip.surface.readers.lengths import compared_length
-from capslip.surface.readers.stored import Format, Request, Stored, check_growth, check_shape
+from capslip.surface.readers.stored import (
+    Format,
+    Request,
+    Stored,
+    check_growth,
+    check_shape,
+    in_one_unit,
+)
 
 PLAIN, COMPRESSED = b"DIGITAL SURF", b"DSCOMPRESSED"
 HEADER_BYTES = 512
@@ -76,11 +83,8 @@ def _read(path: Path, request: Request) -> Stored:
         z = -z
     z = {TURNED_X: z[:, ::-1], TURNED_Y: z[::-1]}.get(header.turned, z)
     unit_z, unit_y, unit_x = header.units
-    if unit_y != unit_x:
-        raise UnreadableFileError(
-            f"{path}: x in {unit_x}, y in {unit_y}; expected one unit; export it again"
-        )
-    return Stored(z, unit_z, header.step[1:], unit_x, notes, top_row_first=True)
+    pixel = in_one_unit(header.step[1:], (unit_y, unit_x), str(path))
+    return Stored(z, unit_z, *pixel, notes, top_row_first=True)
 
 
 def _header(content: bytes, path: Path) -> _Header:

@@ -83,11 +83,13 @@ def _stored(reader: Any, path: Path, dataset: str | None) -> Stored:
         raise UnreadableFileError(f"{path}: {kind} files are refused: {REFUSED[kind]}")
     names = unique_names([channel.name for channel in reader.channels])
     maps = _maps_of_heights(reader)
-    chosen = choose(dataset, names, maps, path)
+    profiles = reader.channels and all(channel.dim != 2 for channel in reader.channels)
+    chosen = 0 if profiles and dataset is None else choose(dataset, names, maps, path)
     channel = reader.channels[chosen]
     if channel.dim != 2:
         raise UnreadableFileError(
-            f"{path}: {channel.dim} axis; expected a height map with two; export the whole scan"
+            f"{path}: {names[chosen]!r} is a profile along one axis; expected a height map with "
+            "two; export the whole scan"
         )
     if chosen not in maps:
         raise UncalibratedError(
