@@ -13,7 +13,6 @@ from capslip.contact.models.caps import caps
 from capslip.contact.slip import slip_curve
 from capslip.contact.solvers import elastic_face as elastic_faces
 from capslip.contact.solvers import polonsky_keer
-from capslip.contact.solvers.elastic_face import _block_means
 from capslip.contact.solvers.half_space import HalfSpace, love_kernel
 from capslip.contact.solvers.polonsky_keer import elastic_face, press
 from capslip.errors import ContactError, SettingsError, UnusableSurfaceError
@@ -331,11 +330,16 @@ def test_coarse_contacts_are_reported():
     assert "under_resolved" not in fine
 
 
-def test_block_means_are_those_of_the_known_points():
+def test_a_coarser_face_has_the_means_of_the_known_points(monkeypatch):
     values = np.arange(42.0).reshape(6, 7)
     known = np.ones((6, 7), dtype=bool)
     known[:2, :2] = known[2, 2] = False
-    mean, some = _block_means(values, known, 2)
+    size_m = (1e-5, 1e-5)
+    face = replace(
+        elastic_face(HeightMap(np.zeros((6, 7)), size_m), E), depth_m=values, measured=known
+    )
+    monkeypatch.setattr(elastic_faces, "_COARSEST", 3)
+    mean, some = face.coarser.depth_m, face.coarser.measured
     assert mean.shape == some.shape == (3, 4)
     assert not some[0, 0]
     assert np.count_nonzero(some) == 11

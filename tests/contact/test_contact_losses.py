@@ -9,6 +9,7 @@ from capslip.contact.solvers import detail
 from capslip.contact.solvers import unloading as module
 from capslip.contact.solvers.hertz import load_drop_of_asperity, loss_of_asperity
 from capslip.contact.solvers.losses import losses
+from capslip.contact.solvers.path import FINEST, Path
 from capslip.contact.solvers.polonsky_keer import elastic_face, press
 from capslip.surface.heightmap import HeightMap
 
@@ -72,7 +73,7 @@ def test_a_rough_face_between_its_solved_loads(correlation_px):
     pressed = press(face, load_N=30.0 / correlation_px)
     unloading = module.unload(face, pressed, 1e-7)
     assert len(unloading.solved_load_N) - 1 < module.MAX_SOLUTIONS
-    path = module._Path(face, pressed, 1e-7, True)
+    path = Path(face, pressed, 1e-7, True)
     least = max(unloading.smallest_drop_N / unloading.load_N, 0.1)
     for share in np.linspace(least, 0.9, 6):
         node = path.solve(float(np.log((1 - share) ** (-2 / 3) - 1)))
@@ -110,7 +111,7 @@ def test_the_error_holds_where_few_pixels_slip():
         unloading = module.unload(face, pressed, 1e-7)
         assert unloading.smallest_drop_N > 0.1 * load_N
         assert len(unloading.solved_load_N) - 1 < module.MAX_SOLUTIONS
-        path = module._Path(face, pressed, 1e-7, True)
+        path = Path(face, pressed, 1e-7, True)
         drop_N, loss_J = np.array([solved_at(path, share) for share in np.linspace(0.1, 0.9, 17)]).T
         table = np.log(unloading.load_drop_N), np.log(unloading.loss_J)
         off = np.abs(np.exp(np.interp(np.log(drop_N), *table)) / loss_J - 1)
@@ -123,7 +124,7 @@ def test_the_error_holds_where_few_pixels_slip():
 def test_the_bend_between_two_loads_bounds_their_loss():
     """However few pixels let go: the one whose two loads are halved may be off by no more."""
     face = rough_face(3, 3.0)
-    path = module._Path(face, press(face, load_N=2.25), 1e-7, True)
+    path = Path(face, press(face, load_N=2.25), 1e-7, True)
     shares = np.linspace(0.11, 0.9, 9)
     drop_N, loss_J = np.array([solved_at(path, share) for share in shares]).T
     found, _ = losses(
@@ -146,10 +147,10 @@ def test_the_bend_between_two_loads_bounds_their_loss():
 def test_a_pixel_that_is_about_to_let_go_leaves_no_loss_out():
     """At 0.15 mu N a solution to 1e-7 keeps two pixels, and would lose 7 % of the loss."""
     face = rough_face(1, 1.5)
-    path = module._Path(face, press(face, load_N=4.0), 1e-7, True)
+    path = Path(face, press(face, load_N=4.0), 1e-7, True)
     for share in (0.1406, 0.1593):
         solved_at(path, share)
-    fine = module._Path(face, path.map_pressed, module._FINEST, True)
+    fine = Path(face, path.map_pressed, FINEST, True)
     assert solved_at(path, 0.15)[1] == pytest.approx(solved_at(fine, 0.15)[1], rel=1e-3)
 
 
@@ -163,8 +164,9 @@ def test_the_stiffness_whose_change_detail_is_asked_for_is_that_at_first_and_of_
     share = np.array(detail.FORCE_SHARES)
     secant = share / (1.0 - (1.0 - share) ** (2 / 3))
     expected = np.append(1.5, secant) * pressed.load_N / pressed.approach_m
-    got = detail._stiffness_N_per_m(found, 0.0)
+    before = detail._stiffnesses_N_per_m(found)
+    got = detail._alone_N_per_m(before, 0.0)
     np.testing.assert_allclose(got, expected, rtol=0.02)
     bulk_m_per_N = 0.1 / expected[0]
-    less = detail._stiffness_N_per_m(found, bulk_m_per_N)
+    less = detail._alone_N_per_m(before, bulk_m_per_N)
     np.testing.assert_allclose(1.0 / got - 1.0 / less, bulk_m_per_N, rtol=1e-9)

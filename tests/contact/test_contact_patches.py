@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from capslip.contact.solvers import patches as patching
 from capslip.contact.solvers import refinement as refining
 from capslip.contact.solvers import unloading
 from capslip.contact.solvers.closing import GivenLoad
@@ -113,7 +114,7 @@ def test_patches_that_leave_out_too_much_are_noticed(monkeypatch):
     face = elastic_face(waves((100, 100), 8.0), E)
     pressed = press(face, load_N=LOAD_N)
     monkeypatch.setattr(refining, "_WIDE_ENOUGH", 0.0)
-    monkeypatch.setattr(unloading, "_PATCH_ERROR", 0.0)
+    monkeypatch.setattr(unloading, "PATCH_ERROR", 0.0)
     found = unload(face, pressed, 1e-7)
     assert found.patch_error == 0.0  # the map itself was solved
     expected = unload(face, pressed, 1e-7, on_patches=False)
@@ -214,3 +215,14 @@ def test_no_spline_swings_into_a_contact_from_a_pit_beside_it(pixels, depth_m, r
     assert (refinement(face, pressed) > 1) == refined
     stiffness = unload(face, pressed, 1e-8).stiffness_N_per_m
     assert stiffness == pytest.approx(1.5 * 5.0 / pressed.approach_m, rel=0.03)
+
+
+def test_contacts_too_wide_for_the_finest_spline_are_refined_as_far_as_there_is_room(monkeypatch):
+    face = elastic_face(waves((100, 100), 8.0), E)
+    pressed = press(face, load_N=LOAD_N)
+    finest = refining.refinement(face, pressed)
+    assert finest > 2
+    n_points = patched(face, pressed.pressure_Pa > 0).depth_m.size
+    monkeypatch.setattr(patching, "_MOST_POINTS", 5 * n_points)
+    found = unload(face, pressed, 1e-7)
+    assert 1 < found.refinement < finest

@@ -1,12 +1,16 @@
 """Pixels in contact alone, each with each: the same as the whole map."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
-from capslip.contact.solvers import unloading
+from capslip.contact.solvers import path as paths
+from capslip.contact.solvers import pixels
 from capslip.contact.solvers.elastic_face import elastic_face
 from capslip.contact.solvers.patches import patched
-from capslip.contact.solvers.pixels import in_contact_alone, pixels_alone
+from capslip.contact.solvers.path import Path
+from capslip.contact.solvers.pixels import fewer, in_contact_alone, pixels_alone
 from capslip.contact.solvers.polonsky_keer import press
 from capslip.contact.solvers.unloading import unload
 from capslip.surface.heightmap import HeightMap
@@ -38,7 +42,7 @@ def test_they_sink_as_on_the_map(rough, pressed):
 
 
 def test_they_unload_as_the_map_does(rough, pressed, monkeypatch):
-    monkeypatch.setattr(unloading, "patched", lambda *given: None)
+    monkeypatch.setattr(pixels, "patched", lambda *given: None)
     alone, whole = (unload(rough, pressed, 1e-8, on_patches=one) for one in (True, False))
     assert alone.patch_error > 0.0  # the map was asked what it says of them
     assert whole.patch_error == 0.0
@@ -75,3 +79,61 @@ def test_points_in_contact_alone_sink_as_on_the_patches_they_are_of(rough, refin
     assert np.array_equal(few.spread(pressure_Pa[at]), patches.spread(pressure_Pa))
     assert np.array_equal(few.depth_m, patches.depth_m[at])
     assert in_contact_alone(few, np.ones(few.shape)) is few
+
+
+@pytest.mark.parametrize("kind", ["matrix", "patches", "refined patches", "map"])
+def test_fewer_points_sink_as_all_of_them(rough, kind, monkeypatch):
+    """What is left of contacts, at their own places, whatever the half-space of them all was."""
+    contact = np.zeros(rough.shape, dtype=bool)
+    contact[3:20, 5:30] = contact[60:85, 90:125] = contact[10:14, 100:103] = True
+    if kind == "matrix":
+        whole = pixels_alone(rough, contact, None)
+    elif kind == "map":
+        whole = in_contact_alone(rough, contact.astype(float))
+    else:
+        patches = patched(rough, contact, 2 if "refined" in kind else 1)
+        whole = in_contact_alone(patches, patches.gathered(contact.astype(float)))
+        monkeypatch.setattr(pixels, "_FEW", 0)
+    x_m, y_m = whole.places_m
+    left = np.flatnonzero(np.hypot(x_m - 320e-6, y_m - 145e-6) + 1e-6 * np.sin(1e9 * x_m) < 25e-6)
+    few = fewer(whole, left)
+    assert few.half_space.cost < 0.7 * whole.half_space.cost
+    pressure_Pa = np.zeros(whole.shape)
+    pressure_Pa[left] = np.random.default_rng(4).random(len(left))
+    expected_m = whole.half_space.sinking_m(pressure_Pa)[left]
+    np.testing.assert_allclose(few.half_space.sinking_m(pressure_Pa[left]), expected_m, rtol=1e-6)
+    roughly_m = few.half_space.sinking_roughly_m(pressure_Pa[left])
+    np.testing.assert_allclose(roughly_m, expected_m, rtol=1e-5)
+    for found, given in zip(few.places_m, whole.places_m, strict=True):
+        assert np.array_equal(found, given[left])
+
+
+def test_loads_that_fewer_points_carry_are_those_of_all(rough, pressed, monkeypatch):
+    shares = (0.3, 0.6, 0.9, 0.97, 0.8)
+    alone = Path(rough, pressed, 1e-8, True)
+    nodes = [alone.at(share) for share in shares]
+    sizes = [len(points) for points, _ in alone._faces]
+    assert len(sizes) > 2
+    assert sizes[-1] < 0.4 * sizes[0]
+    monkeypatch.setattr(paths, "_SHRUNK", 0.0)
+    whole = Path(rough, pressed, 1e-8, True)
+    for share, node in zip(shares, nodes, strict=True):
+        expected = whole.at(share)
+        assert node.withdrawal_m == pytest.approx(expected.withdrawal_m, rel=1e-6)
+        loss_J = expected.region_loss_J.sum()
+        assert node.region_loss_J.sum() == pytest.approx(loss_J, rel=1e-4)
+        assert np.array_equal(node.contact, expected.contact)
+
+
+def test_a_point_that_was_left_out_wrongly_is_noticed(rough, pressed):
+    """All are solved then; so a face of too few points costs time and no accuracy."""
+    path, expected = (Path(rough, pressed, 1e-8, True) for _ in range(2))
+    path.at(0.3)
+    contact, pressure_Pa = (
+        each[::2] for each in (path.nodes[0].contact, path.nodes[0].pressure_Pa)
+    )
+    path.nodes[0] = replace(path.nodes[0], contact=contact, pressure_Pa=pressure_Pa)
+    expected.at(0.3)
+    one, other = path.at(0.6), expected.at(0.6)
+    assert np.array_equal(one.contact, other.contact)
+    assert one.withdrawal_m == pytest.approx(other.withdrawal_m, rel=1e-6)

@@ -16,8 +16,6 @@ from capslip.contact.lay import (
     energies_of_contacts,
     energies_of_map,
 )
-from capslip.contact.models.boundary_elements import BoundaryElementCurve
-from capslip.contact.models.interacting import InteractingCurve
 from capslip.contact.press import ContactState
 from capslip.problems import Effect, Problem
 from capslip.settings import Settings
@@ -62,20 +60,20 @@ def with_direction(
 
 
 def _lay(contact: ContactState, caps: CapTable, surface: HeightMap) -> Lay:
-    joint, curve = contact.composite, contact.normal
+    joint, model = contact.composite, contact.rung
     none = Lay(joint.kappa, 0j, 0j)
-    if contact.rung.made_from == "nothing" or joint.kappa == 1.0:
+    if model.made_from == "nothing" or joint.kappa == 1.0:
         return none
-    if isinstance(curve, BoundaryElementCurve):
-        size_m = curve.solutions.face.pixel_size_m
-        punch, later = energies_of_map(curve.tractions(contact.preload_N, LATER), size_m)
+    if model.tractions is not None:
+        tractions = model.tractions(contact.normal, contact.preload_N, LATER)
+        punch, later = energies_of_map(tractions, surface.pixel_size_m)
     else:
         loaded = np.flatnonzero(caps.load_N > 0.0)
         if not loaded.size:
             return none
         punch, later = _of_caps(contact, caps, loaded)
     bulk = 0j
-    if contact.rung.interacts and not contact.bulk:
+    if model.interacts and not contact.bulk:
         bulk = energies_of_outline(surface).deviator
     return punch.lay(later, joint.kappa, bulk, joint.E_star_Pa / contact.stiffness_N_per_m)
 
@@ -88,11 +86,9 @@ def _of_caps(
     own = deviator_of_ellipse(axis_ratio(np.where(known, ratio, 1.0)))
     turn = np.exp(2j * np.where(known, caps.orientation_rad[loaded], 0.0))
     later_N, places_m = None, None
-    if isinstance(contact.normal, InteractingCurve):
-        curve = replace(contact.normal, _equilibrium={})  # it keeps what it was asked last
+    if contact.rung.coupled_loads_N is not None:
         later = np.zeros(len(caps))
-        half_m = curve.approach_m(LATER * contact.preload_N)
-        later[contact.use] = curve.asperity_loads_N(float(half_m))
+        later[contact.use] = contact.rung.coupled_loads_N(contact.normal, LATER * contact.preload_N)
         later_N, places_m = later[loaded], np.stack((caps.x_m[loaded], caps.y_m[loaded]))
     given = caps.contact_radius_m[loaded], caps.load_N[loaded], later_N
     return energies_of_contacts(*given, own * turn, places_m, contact.composite.E_star_Pa)

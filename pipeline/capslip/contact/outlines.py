@@ -6,11 +6,11 @@ import numpy as np
 
 from capslip.caps.spheres import LONGEST
 from capslip.caps.table import CapTable
+from capslip.contact.lay import axis_ratio
 from capslip.surface.heightmap import HeightMap
 
 POINTS = 128  # of an outline: closer than the width of the longest contact
 RINGS = np.sqrt((np.arange(4) + 0.5) / 4.0)  # of equal area, over the outline
-MEAN_STEPS = 6  # of the arithmetic-geometric mean, to rounding
 
 
 @dataclass(frozen=True)
@@ -49,17 +49,19 @@ def outlines(
     -----
     A cap of principal radii R1 >= R2 that carries N at the compression d has the table's radius
     a^2 / d; its contact has the half-axes a / M and k a / M, where M is the arithmetic-geometric
-    mean of 1 and k, their ratio (Johnson 1985, Eqs. 4.24 and 4.30, with K = pi / 2 M). By
-    Eq. 4.28 k = (R2 / R1)^(2/3), too small by 5 % at R1 / R2 = 16.
+    mean of 1 and k, their ratio (Johnson 1985, Eqs. 4.24 and 4.30): M = pi / 2 K, with the complete
+    elliptic integral K of 1 - k^2.
     """
+    from scipy.special import ellipkm1
+
     carry = load_N > 0.0
     at = np.flatnonzero(use)[carry]
     known = np.isfinite(caps.radius_major_m * caps.radius_minor_m) & (caps.radius_minor_m > 0.0)
     flat_m, steep_m = (
         np.where(known, one_m, 1.0)[at] for one_m in (caps.radius_major_m, caps.radius_minor_m)
     )
-    k = np.clip(flat_m / steep_m, 1.0, LONGEST) ** (-2.0 / 3.0)
-    long_m = a_m[carry] / _mean_with_one(k)
+    k = axis_ratio(1.0 / np.clip(flat_m / steep_m, 1.0, LONGEST))
+    long_m = a_m[carry] * ellipkm1(k**2) * (2.0 / np.pi)
     turn = np.where(known, caps.orientation_rad, 0.0)[at]
     ellipses = np.stack((caps.x_m[at], caps.y_m[at], long_m, k * long_m, turn))
     idle = np.flatnonzero(use)[~carry]
@@ -70,14 +72,6 @@ def outlines(
     inside = sum(int(_is_inside(one, peaks_m).sum()) for one in ellipses.T)
     share = np.array([_share_beyond(one, surface) for one in ellipses.T])
     return Outlines(among + inside, float(share @ load_N[carry] / load_N[carry].sum()))
-
-
-def _mean_with_one(k: np.ndarray) -> np.ndarray:
-    """Return the arithmetic-geometric mean of 1 and k."""
-    one = np.ones_like(k)
-    for _ in range(MEAN_STEPS):
-        one, k = 0.5 * (one + k), np.sqrt(one * k)
-    return one
 
 
 def _near(ellipses: np.ndarray) -> tuple[np.ndarray, ...]:

@@ -139,6 +139,11 @@ class Rung(Generic[C]):
     # Share of the force at total slip below which the energy at a load is not resolved
     least_share: Callable[[C, float], float] | None = None
     interacts: bool = False  # whether each contact sinks the others
+    # How shear is shared before any slip at a load, and what partial slip adds until only a share
+    # of the load sticks, as maps of any unit; None: its contacts are caps
+    tractions: Callable[[C, float, float], tuple[np.ndarray, np.ndarray]] | None = None
+    # Loads of its rows under a load, of caps that sink each other; None: each goes down alone
+    coupled_loads_N: Callable[[C, float], np.ndarray] | None = None
 
 
 def load_point_m(surface: HeightMap, settings: Settings) -> tuple[float, float]:

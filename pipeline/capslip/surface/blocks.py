@@ -38,28 +38,48 @@ def block_sums(values: np.ndarray, side: int) -> np.ndarray:
     return sums
 
 
+def means_of_blocks(values: np.ndarray, side: int, least: float) -> np.ndarray:
+    """Return the means over blocks of `side` x `side` points; what is left over falls away.
+
+    Parameters
+    ----------
+    values : float64, shape (ny, nx)
+        NaN where nothing is known, which does not count.
+    side : int
+        Points along a block.
+    least : float
+        Known points of a block, above 0; of fewer the mean is NaN.
+
+    Examples
+    --------
+    >>> means_of_blocks(np.array([[1.0, 2.0, 7.0], [np.nan, 3.0, 7.0]]), 2, 1)
+    array([[2.]])
+    """
+    ny, nx = (n // side for n in values.shape)
+    total, known = np.empty((ny, nx)), np.full(ny * nx, float(side**2))
+    bands, first = values[: ny * side, : nx * side], np.arange(0, nx * side, side)
+    bands = bands.reshape(ny, side, nx * side)
+    at_once = max(1, BLOCK_POINTS // (nx * side**2))
+    for begin in range(0, ny, at_once):
+        band = bands[begin : begin + at_once]
+        lost = np.flatnonzero(np.isnan(band))
+        if lost.size:
+            band = band.copy()
+            band.reshape(-1)[lost] = 0.0
+            block = lost // (nx * side**2) * nx + lost % (nx * side) // side + begin * nx
+            np.subtract.at(known, block, 1.0)
+        np.add.reduceat(band.sum(axis=1), first, axis=1, out=total[begin : begin + at_once])
+    count = known.reshape(ny, nx)
+    return np.asarray(total / np.where(count < least, np.nan, count))
+
+
 def block_means(surface: HeightMap, step: int) -> HeightMap:
     """Return the means of square blocks; what is left over falls away on both sides.
 
     A block is measured where half of its points are: of large blocks nearly all lack some.
     """
-    ny, nx = (n // step for n in surface.shape)
     top, left = ((n % step) // 2 for n in surface.shape)
-    inner = surface.height_m[top : top + ny * step, left : left + nx * step]
-    total_m, points = np.empty((ny, nx)), np.full(ny * nx, float(step**2))
-    bands, first = inner.reshape(ny, step, nx * step), np.arange(0, nx * step, step)
-    at_once = max(1, BLOCK_POINTS // (nx * step**2))
-    for begin in range(0, ny, at_once):
-        band_m = bands[begin : begin + at_once]
-        lost = np.flatnonzero(np.isnan(band_m))
-        if lost.size:
-            band_m = band_m.copy()
-            band_m.reshape(-1)[lost] = 0.0
-            block = lost // (nx * step**2) * nx + lost % (nx * step) // step + begin * nx
-            np.subtract.at(points, block, 1.0)
-        np.add.reduceat(band_m.sum(axis=1), first, axis=1, out=total_m[begin : begin + at_once])
-    count = points.reshape(ny, nx)
-    height_m = total_m / np.where(count < 0.5 * step**2, np.nan, count)
+    height_m = means_of_blocks(surface.height_m[top:, left:], step, 0.5 * step**2)
     dy_m, dx_m = surface.pixel_size_m
     return replace(surface, height_m=height_m, pixel_size_m=(step * dy_m, step * dx_m))
 

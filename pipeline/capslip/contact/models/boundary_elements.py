@@ -12,14 +12,11 @@ from numpy.typing import ArrayLike
 from capslip.contact.bulk import bulk_of_face_m_per_N
 from capslip.contact.rung import Contacts, ModelError, Rung, Scene
 from capslip.contact.solvers.detail import WHITE_LEFT, FirstLoading, effect_of_detail
-from capslip.contact.solvers.patches import patched
 from capslip.contact.solvers.polonsky_keer import (
     Pressed,
     elastic_face,
     first_loading,
     press,
-    punch_pressure_Pa_per_m,
-    stiffness_of_regions_N_per_m,
 )
 from capslip.contact.solvers.refinement import refinement
 from capslip.contact.solvers.solutions import Solutions
@@ -73,17 +70,7 @@ class BoundaryElementCurve:
         Shape (ny, nx), in no unit: the pressures of a punch on the contact under the load, and
         those that go when that falls to a share of itself; on patches around the contact.
         """
-        face, pressed = self.solutions.face, self.pressed(load_N)
-        patches = patched(face, pressed.pressure_Pa > 0)
-        if patches is not None:
-            face, known = patches, (pressed.pressure_Pa, pressed.gap_m)
-            pressure_Pa, gap_m = (patches.gathered(one) for one in known)
-            pressed = replace(pressed, pressure_Pa=pressure_Pa, gap_m=gap_m)
-        start_Pa, tolerance = later * pressed.pressure_Pa, self.solutions.tolerance
-        left = press(face, load_N=later * load_N, tolerance=tolerance, start_Pa=start_Pa)
-        punch = punch_pressure_Pa_per_m(face, pressed)
-        gone = np.maximum(pressed.pressure_Pa - left.pressure_Pa, 0.0)
-        return (punch, gone) if patches is None else (patches.spread(punch), patches.spread(gone))
+        return self.solutions.tractions(float(load_N), later)
 
     def unloading(self, load_N: float) -> Unloading:
         """Return what happens below a preload, with the error to be expected of it."""
@@ -238,7 +225,7 @@ class BoundaryElementCurve:
         pressed = self.pressed(load_N)
         if refinement(self.solutions.face, pressed) > 1:
             return self.unloading(load_N).stiffness_N_per_m
-        return float(stiffness_of_regions_N_per_m(self.solutions.face, pressed).sum())
+        return float(self.solutions.punch(load_N).sum()) * self.solutions.face.pixel_area_m2
 
     def _with_spring(self, stiffness_N_per_m: Any) -> Any:
         """Return the stiffness with the spring in series, which must leave it positive."""
@@ -444,6 +431,7 @@ def _error(
                 bulk_of_face_m_per_N(face, face.E_star_Pa),
                 resolved=resolved,
                 time_limit_s=curve.solutions.left_s(load_N),
+                start_Pa=curve.pressed(load_N).pressure_Pa,
             )
     except OutOfTimeError:
         message = (
@@ -489,4 +477,5 @@ RUNG = Rung(
     contacts=_contacts,
     contact_name="contact regions",
     solved_loads_N=BoundaryElementCurve.solved_loads_N,
+    tractions=BoundaryElementCurve.tractions,
 )

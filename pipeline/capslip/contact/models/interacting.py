@@ -294,6 +294,11 @@ def _contacts(scene: Scene, curve: InteractingCurve, approach_m: float) -> Conta
     return contacts_of_caps(scene, curve, approach_m, curve.overlapping_pairs(approach_m))
 
 
+def _loads_N(curve: InteractingCurve, load_N: float) -> np.ndarray:
+    apart = replace(curve, _equilibrium={})  # the curve keeps what it was asked last
+    return apart.asperity_loads_N(float(apart.approach_m(load_N)))
+
+
 RUNG = Rung(
     name="interacting",
     label="interacting",
@@ -307,4 +312,5 @@ RUNG = Rung(
     build=_build,
     contacts=_contacts,
     interacts=True,
+    coupled_loads_N=_loads_N,
 )

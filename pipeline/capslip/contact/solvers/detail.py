@@ -7,8 +7,9 @@ from time import process_time
 import numpy as np
 
 from capslip.contact.solvers.elastic_face import ElasticFace
-from capslip.contact.solvers.polonsky_keer import first_loading, press
-from capslip.contact.solvers.unloading import Unloading, unload
+from capslip.contact.solvers.path import Path
+from capslip.contact.solvers.polonsky_keer import Pressed, first_loading, press
+from capslip.contact.solvers.unloading import PATCH_ERROR, Unloading
 from capslip.problems import Effect
 
 FORCE_SHARES = (0.1, 0.25, 0.5, 0.75)  # T / (mu N) at which the energies are compared
@@ -35,6 +36,7 @@ def effect_of_detail(
     bulk_m_per_N: float,
     resolved: bool,
     time_limit_s: float = math.inf,
+    start_Pa: np.ndarray | None = None,
 ) -> Effect:
     """Return what the detail of one or two pixels does to stiffness and energy.
 
@@ -58,7 +60,9 @@ def effect_of_detail(
         Whether the pixels follow contacts and slip: then detail that hardly moves the approach
         moves nothing, and is not followed further.
     time_limit_s : float
-        Of what is solved again, see `press` and `unload`.
+        Of the preload that is solved again, see `press`.
+    start_Pa : float64, shape (ny, nx), optional
+        Pressures of the face under the preload.
 
     Returns
     -------
@@ -71,7 +75,13 @@ def effect_of_detail(
     if resolved and _hardly_moves(first, smooth):
         return Effect(0.0, 0.0, 0.0)
     begun_s = process_time()
-    again = press(smooth, load_N=load_N, tolerance=_TOLERANCE, time_limit_s=time_limit_s)
+    again = press(
+        smooth,
+        load_N=load_N,
+        tolerance=_TOLERANCE,
+        start_Pa=start_Pa,
+        time_limit_s=time_limit_s,
+    )
     moved_m = abs(again.approach_m - first.approach_m)
     if resolved and moved_m < _NO_EFFECT * first.approach_m:
         return Effect(0.0, 0.0, 0.0)
@@ -85,12 +95,27 @@ def effect_of_detail(
     )
     if not math.isinf(smooth.hardness_Pa):
         smooth, again = first_loading(smooth, again)
-    left_s = max(time_limit_s - (process_time() - begun_s), 0.0)
-    after = unload(smooth, again, tolerance, time_limit_s=left_s)
-    stiffness = (_stiffness_N_per_m(one, bulk_m_per_N) for one in (unloading, after))
-    energy_J = (_loss_J(one) for one in (unloading, after))
-    stiffer, more = (float(_relative(*pair).max()) for pair in (stiffness, energy_J))
+    stiffness_N_per_m, loss_J = _below(smooth, again, tolerance)
+    before = _stiffnesses_N_per_m(unloading)
+    stiffness = (_alone_N_per_m(one, bulk_m_per_N) for one in (before, stiffness_N_per_m))
+    stiffer = float(_relative(*stiffness).max())
+    more = float(_relative(_loss_J(unloading), loss_J).max())
     return Effect(stiffer, more, more)
+
+
+def _below(face: ElasticFace, pressed: Pressed, tolerance: float) -> tuple[np.ndarray, np.ndarray]:
+    """Return what is compared of a pressed face, from the loads that it takes alone."""
+    for on_patches in (True, False):
+        path = Path(face, pressed, tolerance, on_patches)
+        nodes = [path.at(share) for share in FORCE_SHARES]
+        if path.patch_error() <= PATCH_ERROR:
+            break
+    secant = [
+        share * pressed.load_N / node.withdrawal_m
+        for share, node in zip(FORCE_SHARES, nodes, strict=True)
+    ]
+    loss_J = [float(node.region_loss_J.sum()) for node in nodes]
+    return np.array([path.stiffness_N_per_m, *secant]), np.array(loss_J)
 
 
 def _hardly_moves(first: FirstLoading, smooth: ElasticFace) -> bool:
@@ -130,18 +155,17 @@ def _binomial(array: np.ndarray) -> np.ndarray:
     return array
 
 
-def _stiffness_N_per_m(unloading: Unloading, bulk_m_per_N: float) -> np.ndarray:
-    """Return the stiffness of the contact alone, at first and as secants."""
+def _stiffnesses_N_per_m(unloading: Unloading) -> np.ndarray:
+    """Return the stiffness at first, and the secants."""
     drop_N = np.array(FORCE_SHARES) * unloading.load_N
     secant = drop_N / np.interp(drop_N, unloading.load_drop_N, unloading.withdrawal_m)
-    every = (unloading.stiffness_N_per_m, *secant.tolist())
-    return np.array([_alone(one, bulk_m_per_N) for one in every])
+    return np.append(unloading.stiffness_N_per_m, secant)
 
 
-def _alone(stiffness_N_per_m: float, bulk_m_per_N: float) -> float:
+def _alone_N_per_m(stiffness_N_per_m: np.ndarray, bulk_m_per_N: float) -> np.ndarray:
     """Return the stiffness of the contact alone, where that is positive."""
     rest = 1.0 / stiffness_N_per_m - bulk_m_per_N
-    return 1.0 / rest if rest > 0.0 else stiffness_N_per_m
+    return np.where(rest > 0.0, 1.0 / np.where(rest > 0.0, rest, 1.0), stiffness_N_per_m)
 
 
 def _loss_J(unloading: Unloading) -> np.ndarray:

@@ -5,6 +5,7 @@ from typing import Literal
 
 import numpy as np
 
+POINT_COST = 400  # of a transform, in products of two numbers
 _WORKERS = 1
 _FAR = 60  # pixels
 _COLUMNS = 64  # transformed at once along y: what fits into the cache
@@ -38,6 +39,11 @@ class HalfSpace:
         inverse = wave_numbers_per_m(self._quick, pixel_size_m) * (E_star_Pa / 2)
         self._rough_spectrum = self._spectrum.astype(np.float32)
         self._inverse = inverse.astype(np.float32)
+
+    @property
+    def cost(self) -> int:
+        """Work of one sinking, in products of two numbers."""
+        return POINT_COST * self.shape[0] * self.shape[1]
 
     def sinking_m(self, pressure_Pa: np.ndarray) -> np.ndarray:
         """Return the displacement into the half-space, shape (ny, nx)."""

@@ -15,6 +15,7 @@ import numpy as np
 
 from capslip.contact.solvers.elastic_face import ElasticFace
 from capslip.contact.solvers.half_space import (
+    POINT_COST,
     even_spectrum,
     love_kernel,
     love_kernel_at,
@@ -28,7 +29,7 @@ _APART = (1.0, 0.5, 0.25, 0.1)  # half sides between two patches; nearer ones be
 _MOST_NODES = 3000  # of all patches
 _MOST_POINTS = 300_000  # where refined
 _MOST_SHARE = 0.5  # of the points of the map in patches; with more, the map itself is quicker
-POINT_COST = 400  # of a transform, in products between nodes
+_AT_ONCE = 25_000  # points transformed together: what stays in the cache
 _SPLINE_MARGIN = 8  # pixels beyond a patch that its refinement sees
 
 
@@ -58,9 +59,8 @@ class PatchedFace(ElasticFace):
 
     @property
     def cost(self) -> int:
-        """Work of one sinking, in products between nodes."""
-        n_nodes = getattr(self.half_space, "n_nodes", 0)
-        return int(n_nodes**2 + POINT_COST * self.depth_m.size)
+        """Work of one sinking, in products of two numbers."""
+        return self.half_space.cost
 
     def gathered(self, values: np.ndarray) -> np.ndarray:
         """Return the values of a map (ny, nx) at the points of the patches, shape (n,)."""
@@ -123,6 +123,40 @@ def patched(face: ElasticFace, contact: np.ndarray, refinement: int = 1) -> Patc
     )
 
 
+def half_space_around(
+    face: PatchedFace, points: np.ndarray
+) -> tuple["PatchedHalfSpace", np.ndarray] | None:
+    """Return the half-space on patches around some points of a face, and their places there.
+
+    None where the whole map is no more work.
+
+    Parameters
+    ----------
+    face : PatchedFace
+        With their places in the map.
+    points : int, shape (n,)
+        Those that are in contact, as indices into the face.
+    """
+    contact = np.zeros(face.map_shape, dtype=bool)
+    contact.reshape(-1)[face.parent[points]] = True
+    cheapest = _cheapest(contact, face.refinement)
+    if cheapest is None:
+        return None
+    boxes, nodes = cheapest
+    boxes = boxes * face.refinement
+    half_space = PatchedHalfSpace(boxes, nodes, face.pixel_size_m, face.E_star_Pa)
+    column, row = (
+        np.rint(at_m[points] / size_m - 0.5).astype(np.intp)
+        for at_m, size_m in zip(face.at_m, face.pixel_size_m[::-1], strict=True)
+    )
+    place, first = np.full(len(points), -1), 0
+    for y0, x0, y1, x1 in boxes.tolist():
+        inside = (row >= y0) & (row < y1) & (column >= x0) & (column < x1)
+        place[inside] = first + (row[inside] - y0) * (x1 - x0) + column[inside] - x0
+        first += (y1 - y0) * (x1 - x0)
+    return half_space, place
+
+
 class PatchedHalfSpace:
     """Sinking of a half-space under pressures on patches, as `HalfSpace` on a map.
 
@@ -156,41 +190,64 @@ class PatchedHalfSpace:
 
     def sinking_m(self, pressure_Pa: np.ndarray) -> np.ndarray:
         """Return the displacement into the half-space, shape (n,)."""
-        sinking_m = np.empty(len(pressure_Pa))
-        for group in self._groups:
-            group.sinking_m(pressure_Pa, sinking_m)
-        if len(self._nodes) > 1:
-            moments = np.concatenate(
-                [
-                    (nodes.y.T @ pressure_Pa[first:last].reshape(nodes.shape) @ nodes.x).ravel()
-                    for nodes, first, last in self._each()
-                ]
-            )
-            far = self._between @ moments
-            for k, (nodes, first, last) in enumerate(self._each()):
-                at = far[self._node_ends[k] : self._node_ends[k + 1]]
-                at = at.reshape(nodes.y.shape[1], nodes.x.shape[1])
-                sinking_m[first:last] += (nodes.y @ at @ nodes.x.T).ravel()
-        return sinking_m
+        return self._sinking_m(np.asarray(pressure_Pa, dtype=float), rough=False)
 
     def sinking_roughly_m(self, pressure_Pa: np.ndarray) -> np.ndarray:
-        """Return the same: a single precision saves nothing here."""
-        return self.sinking_m(pressure_Pa)
+        """Return the same in single precision and half of the time: for small changes."""
+        return self._sinking_m(pressure_Pa.astype(np.float32), rough=True).astype(float)
+
+    def _sinking_m(self, pressure_Pa: np.ndarray, rough: bool) -> np.ndarray:
+        sinking_m = np.empty_like(pressure_Pa)
+        for group in self._groups:
+            group.convolved(
+                *(pressure_Pa, sinking_m, group.padded),
+                group.rough_spectrum if rough else group.spectrum,
+            )
+        if len(self._nodes) > 1:
+            nodes, between = self._rough if rough else (self._nodes, self._between)
+            moments = np.concatenate(
+                [
+                    (one.y.T @ pressure_Pa[first:last].reshape(one.shape) @ one.x).ravel()
+                    for one, first, last in self._each(nodes)
+                ]
+            )
+            far = between @ moments
+            for k, (one, first, last) in enumerate(self._each(nodes)):
+                at = far[self._node_ends[k] : self._node_ends[k + 1]]
+                at = at.reshape(one.y.shape[1], one.x.shape[1])
+                sinking_m[first:last] += (one.y @ at @ one.x.T).ravel()
+        return sinking_m
 
     def pressure_Pa(self, sinking_m: np.ndarray) -> np.ndarray:
         """Return roughly the pressure that makes a displacement, patch by patch."""
-        pressure_Pa = np.empty(len(sinking_m))
+        sinking_m = sinking_m.astype(np.float32)
+        pressure_Pa = np.empty_like(sinking_m)
         for group in self._groups:
-            group.pressure_Pa(sinking_m, pressure_Pa)
-        return pressure_Pa
+            group.convolved(sinking_m, pressure_Pa, group.shape, group.inverse)
+        return pressure_Pa.astype(float)
+
+    @cached_property
+    def _rough(self) -> tuple[list["_Nodes"], np.ndarray]:
+        """The nodes and the kernel between them in single precision."""
+        return [nodes.roughly() for nodes in self._nodes], self._between.astype(np.float32)
+
+    @property
+    def n_points(self) -> int:
+        """Number of points of all patches."""
+        return int(self._ends[-1])
+
+    @property
+    def cost(self) -> int:
+        """Work of one sinking, in products of two numbers."""
+        return self.n_nodes**2 + POINT_COST * self.n_points
 
     @property
     def count(self) -> int:
         """Number of patches."""
         return len(self._nodes)
 
-    def _each(self) -> "Iterator[tuple[_Nodes, int, int]]":
-        return zip(self._nodes, self._ends[:-1].tolist(), self._ends[1:].tolist(), strict=True)
+    def _each(self, nodes: list["_Nodes"]) -> "Iterator[tuple[_Nodes, int, int]]":
+        return zip(nodes, self._ends[:-1].tolist(), self._ends[1:].tolist(), strict=True)
 
     def _kernel(self, pixel_size_m: tuple[float, float], E_star_Pa: float) -> np.ndarray:
         """Return the sinking at each node under unit pressure in a pixel around each other one."""
@@ -209,35 +266,34 @@ class PatchedHalfSpace:
 
 @dataclass(frozen=True, eq=False)
 class _Group:
-    """Patches that fit into arrays of one shape, transformed at once."""
+    """Patches that fit into arrays of one shape, transformed some at once."""
 
-    count: int
     shape: tuple[int, int]
     padded: tuple[int, int]
     spectrum: np.ndarray
+    rough_spectrum: np.ndarray  # in single precision, as the inverse
     inverse: np.ndarray
-    points: np.ndarray  # of the patches, as indices into the whole
-    slots: np.ndarray  # their places in the array (count, *shape), flat
+    members: list[tuple[slice, int, int]]  # points of each patch, rows and columns
 
-    def sinking_m(self, pressure_Pa: np.ndarray, out_m: np.ndarray) -> None:
-        self._convolved(pressure_Pa, out_m, self.padded, self.spectrum)
-
-    def pressure_Pa(self, sinking_m: np.ndarray, out_Pa: np.ndarray) -> None:
-        self._convolved(sinking_m, out_Pa, self.shape, self.inverse)
-
-    def _convolved(
+    def convolved(
         self, values: np.ndarray, out: np.ndarray, size: tuple[int, int], spectrum: np.ndarray
     ) -> None:
+        """Write what the members have of a convolution into `out`, both shape (n,)."""
         from scipy import fft
 
-        array = np.zeros((self.count, *self.shape))
-        array.reshape(-1)[self.slots] = values[self.points]
-        rows = fft.rfft(array, n=size[1], axis=2)
-        waves = fft.fft(rows, n=size[0], axis=1)
-        waves *= spectrum
-        rows = fft.ifft(waves, axis=1, overwrite_x=True)[:, : self.shape[0]]
-        array = fft.irfft(rows, n=size[1], axis=2)[:, :, : self.shape[1]]
-        out[self.points] = np.ascontiguousarray(array).reshape(-1)[self.slots]
+        at_once = max(1, _AT_ONCE // math.prod(self.shape))
+        for begin in range(0, len(self.members), at_once):
+            members = self.members[begin : begin + at_once]
+            array = np.zeros((len(members), *self.shape), dtype=values.dtype)
+            for part, (points, ny, nx) in zip(array, members, strict=True):
+                part[:ny, :nx] = values[points].reshape(ny, nx)
+            rows = fft.rfft(array, n=size[1], axis=2)
+            waves = fft.fft(rows, n=size[0], axis=1)
+            waves *= spectrum
+            rows = fft.ifft(waves, axis=1, overwrite_x=True)[:, : self.shape[0]]
+            array = fft.irfft(rows, n=size[1], axis=2)
+            for part, (points, ny, nx) in zip(array, members, strict=True):
+                out[points] = part[:ny, :nx].reshape(-1)
 
 
 @dataclass(frozen=True, eq=False)
@@ -255,6 +311,10 @@ class _Nodes:
     @property
     def shape(self) -> tuple[int, int]:
         return len(self.y), len(self.x)
+
+    def roughly(self) -> "_Nodes":
+        """Return the values in single precision."""
+        return _Nodes(self.y.astype(np.float32), self.x.astype(np.float32), self.places)
 
     @classmethod
     def of(cls, boxes: np.ndarray, k: int) -> "_Nodes":
@@ -352,24 +412,12 @@ def _grouped(
         shapes.setdefault((shape[0], shape[1]), []).append(k)
     groups = []
     for shape, members in shapes.items():
-        points, slots = [], []
-        for place, k in enumerate(members):
-            ny, nx = sides[k].tolist()
-            points.append(np.arange(ends[k], ends[k + 1]))
-            i, j = np.arange(ny)[:, None], np.arange(nx)
-            slots.append(((place * shape[0] + i) * shape[1] + j).ravel())
         padded = padded_shape(shape)
-        groups.append(
-            _Group(
-                len(members),
-                shape,
-                padded,
-                even_spectrum(love_kernel(shape, pixel_size_m, E_star_Pa), padded),
-                wave_numbers_per_m(shape, pixel_size_m) * (E_star_Pa / 2),
-                np.concatenate(points),
-                np.concatenate(slots),
-            )
-        )
+        spectrum = even_spectrum(love_kernel(shape, pixel_size_m, E_star_Pa), padded)
+        inverse = wave_numbers_per_m(shape, pixel_size_m) * (E_star_Pa / 2)
+        found = [(slice(ends[k], ends[k + 1]), *sides[k].tolist()) for k in members]
+        rough = spectrum.astype(np.float32), inverse.astype(np.float32)
+        groups.append(_Group(shape, padded, spectrum, *rough, found))
     return groups
 
 

@@ -5,19 +5,60 @@ hundreds, or a few thousand all over the map, a matrix between them is far less 
 transforms of patches around them or of the map.
 """
 
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from capslip.contact.solvers.elastic_face import ElasticFace
 from capslip.contact.solvers.half_space import HalfSpace, love_kernel
-from capslip.contact.solvers.patches import POINT_COST, PatchedFace, PatchedHalfSpace
+from capslip.contact.solvers.patches import (
+    PatchedFace,
+    PatchedHalfSpace,
+    half_space_around,
+    patched,
+)
+from capslip.contact.solvers.pressed import Pressed
 
 if TYPE_CHECKING:
     from scipy.sparse import csr_array
 
 _MOST_PIXELS = 6000  # 450 MB
+_FEW = 3000  # pixels of a matrix between what is left of a contact: 110 MB
+_LESS = 4  # times the work of a matrix, of what it takes the place of: to build it takes time, too
+_WORTH = 0.7  # of the work, that patches around what is left may be
 _TILE = 16  # pixels along the side of a tile, whose pixels are inverted with each other
+
+
+def around_contact(face: ElasticFace, contact: np.ndarray, finest: int = 1) -> PatchedFace | None:
+    """Return the face of least work that holds a contact, None for the map itself.
+
+    Parameters
+    ----------
+    face : ElasticFace
+        The whole map.
+    contact : bool, shape (ny, nx)
+        Where it touches.
+    finest : int
+        Points along the side of a pixel, as many of them as patches have room for.
+    """
+    for refinement in range(finest, 1, -1):
+        patches = patched(face, contact, refinement)
+        if patches is not None:
+            return patches
+    patches = patched(face, contact)
+    return pixels_alone(face, contact, patches) or patches
+
+
+def on_contact(face: ElasticFace, pressed: Pressed) -> tuple[PatchedFace, Pressed]:
+    """Return the points of a map that touch, alone, and their state."""
+    around = around_contact(face, pressed.pressure_Pa > 0)
+    given_Pa = pressed.pressure_Pa
+    alone = in_contact_alone(
+        *((face, given_Pa) if around is None else (around, around.gathered(given_Pa)))
+    )
+    pressure_Pa, gap_m = alone.gathered(given_Pa), alone.gathered(pressed.gap_m)
+    return alone, replace(pressed, pressure_Pa=pressure_Pa, gap_m=gap_m)
 
 
 def pixels_alone(
@@ -35,11 +76,10 @@ def pixels_alone(
         Around the same contacts: what else would be solved on; the map where None.
     """
     parent = np.flatnonzero(contact)
-    else_on = POINT_COST * contact.size if patches is None else patches.cost
+    else_on = face.half_space.cost if patches is None else patches.cost
     if len(parent) > _MOST_PIXELS or len(parent) ** 2 > else_on:
         return None
-    row, column = np.unravel_index(parent, face.shape)
-    return _alone(face, parent, MatrixHalfSpace(row, column, face))
+    return _alone(face, parent, _matrix_of(face, parent, face.shape))
 
 
 def in_contact_alone(face: ElasticFace, pressure_Pa: np.ndarray) -> PatchedFace:
@@ -55,7 +95,45 @@ def in_contact_alone(face: ElasticFace, pressure_Pa: np.ndarray) -> PatchedFace:
     points = np.flatnonzero(pressure_Pa)
     if len(points) == face.depth_m.size and isinstance(face, PatchedFace):
         return face
-    return _alone(face, points, GatheredHalfSpace(points, face))
+    return _alone(face, points, GatheredHalfSpace(points, face.half_space, face.shape))
+
+
+def fewer(face: PatchedFace, contact: np.ndarray) -> PatchedFace | None:
+    """Return a face of some of the points of another, None where it would be hardly less work.
+
+    Parameters
+    ----------
+    face : PatchedFace
+        From `pixels_alone`, `in_contact_alone` or this.
+    contact : int, shape (n,)
+        The points that are left, growing.
+    """
+    half_space: MatrixHalfSpace | GatheredHalfSpace
+    if isinstance(face.half_space, MatrixHalfSpace):
+        half_space = face.half_space.part(contact)
+    elif (
+        face.refinement == 1
+        and len(contact) <= _FEW
+        and _LESS * len(contact) ** 2 <= face.half_space.cost
+    ):
+        half_space = _matrix_of(face, face.parent[contact], face.map_shape)
+    else:
+        around = half_space_around(face, contact)
+        if around is None or around[0].cost > _WORTH * face.half_space.cost:
+            return None
+        half_space = GatheredHalfSpace(around[1], around[0], (around[0].n_points,))
+    return _alone(face, contact, half_space)
+
+
+def _matrix_of(
+    face: ElasticFace, parent: np.ndarray, map_shape: tuple[int, ...]
+) -> "MatrixHalfSpace":
+    row, column = np.unravel_index(parent, map_shape)
+    shape = int(np.ptp(row)) + 1, int(np.ptp(column)) + 1
+    quadrant = love_kernel(shape, face.pixel_size_m, face.E_star_Pa)
+    offset = np.abs(row[:, None] - row) * shape[1] + np.abs(column[:, None] - column)
+    tile = row // _TILE * map_shape[1] + column // _TILE
+    return MatrixHalfSpace(quadrant.reshape(-1)[offset], tile)
 
 
 def _alone(
@@ -82,10 +160,17 @@ def _alone(
 class GatheredHalfSpace:
     """Sinking of some points of a face under pressures on them, with the transforms of the face."""
 
-    def __init__(self, points: np.ndarray, face: ElasticFace) -> None:
-        self._half_space: HalfSpace | PatchedHalfSpace = face.half_space
+    def __init__(
+        self, points: np.ndarray, half_space: HalfSpace | PatchedHalfSpace, shape: tuple[int, ...]
+    ) -> None:
+        self._half_space = half_space
         self._points = points
-        self._everywhere = np.zeros(face.shape)  # zero but at the points
+        self._everywhere = np.zeros(shape)  # zero but at the points
+
+    @property
+    def cost(self) -> int:
+        """Work of one sinking, in products of two numbers."""
+        return self._half_space.cost
 
     def sinking_m(self, pressure_Pa: np.ndarray) -> np.ndarray:
         """Return the displacement into the half-space, shape (n,)."""
@@ -110,12 +195,19 @@ class GatheredHalfSpace:
 class MatrixHalfSpace:
     """Sinking of a half-space under pressures on single pixels, as `HalfSpace` on a map."""
 
-    def __init__(self, row: np.ndarray, column: np.ndarray, face: ElasticFace) -> None:
-        quadrant = love_kernel(face.shape, face.pixel_size_m, face.E_star_Pa)
-        offset = np.abs(row[:, None] - row) * face.shape[1] + np.abs(column[:, None] - column)
-        self._matrix = quadrant.reshape(-1)[offset]  # m a pascal
+    def __init__(self, matrix_m_per_Pa: np.ndarray, tile: np.ndarray) -> None:
+        self._matrix, self._tile = matrix_m_per_Pa, tile  # of each pixel, the tile in which it lies
         self._rough_matrix = self._matrix.astype(np.float32)
-        self._tiles = self._inverted(row // _TILE * face.shape[1] + column // _TILE)
+        self._tiles = self._inverted(tile)
+
+    @property
+    def cost(self) -> int:
+        """Work of one sinking, in products of two numbers."""
+        return self._matrix.size
+
+    def part(self, points: np.ndarray) -> "MatrixHalfSpace":
+        """Return that of some of the pixels."""
+        return MatrixHalfSpace(self._matrix[np.ix_(points, points)], self._tile[points])
 
     def sinking_m(self, pressure_Pa: np.ndarray) -> np.ndarray:
         """Return the displacement into the half-space, shape (n,)."""

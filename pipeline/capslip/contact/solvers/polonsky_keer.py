@@ -1,14 +1,14 @@
 """A height map pressed against a rigid plane: pressures and gaps, with their certificate."""
 
-from dataclasses import dataclass, replace
-from functools import cached_property
+from dataclasses import replace
 from time import process_time
 
 import numpy as np
 
 from capslip.contact.solvers.closing import Closing, GivenApproach, GivenLoad
-from capslip.contact.solvers.elastic_face import ElasticFace, elastic_face
+from capslip.contact.solvers.elastic_face import ElasticFace, elastic_face, finer
 from capslip.contact.solvers.patches import patched
+from capslip.contact.solvers.pressed import Certificate, Pressed, State
 from capslip.errors import ContactError, OutOfTimeError, SettingsError
 
 __all__ = [
@@ -19,113 +19,14 @@ __all__ = [
     "first_loading",
     "press",
     "punch_pressure_Pa_per_m",
-    "stiffness_of_regions_N_per_m",
 ]
 
 _WORTH_PATCHES = 50_000  # points of a map from which a first solution is sought on patches
 _COARSE_TOLERANCE = 1e-3  # of the solutions that only start the next finer one
+_MOST_LOOKS = 4  # at what penetrates beside patches
 _MAX_ITERATIONS = 300
 _LEAST_S = 5.0  # that a solution has in any case: less is a lost result for next to no time
 _MAX_YIELDING = 2000  # iterations where points yield: each step finds a few more of them
-
-
-@dataclass(frozen=True)
-class Certificate:
-    """How well a solution fulfils the conditions of contact, from its pressures alone.
-
-    Lengths are relative to the approach, pressures to the mean pressure in the contact.
-    """
-
-    load_balance: float  # |sum of p dA - N| / N; zero for a given approach
-    least_gap: float  # over all points without pressure: below zero is penetration
-    least_pressure: float  # below zero is tension
-    complementarity: float  # sum of p |gap| / sum of p; where it yields, of a gap above zero
-    iterations: int  # on the finest grid
-    moments: tuple[float, float] = (0.0, 0.0)  # left over in x and y, over load times side
-
-
-@dataclass(frozen=True, eq=False)
-class Pressed:
-    """A face under load, as `press` found it; arrays of shape (ny, nx)."""
-
-    load_N: float
-    approach_m: float
-    pressure_Pa: np.ndarray  # zero where there is no contact
-    gap_m: np.ndarray  # up to rounding and tolerance zero in contact; 0 at non-measured points
-    pixel_size_m: tuple[float, float]
-    certificate: Certificate
-    tilt_rad: tuple[float, float] = (0.0, 0.0)  # slopes in x and y that balance added to the map
-
-    @property
-    def resultant_m(self) -> tuple[float, float]:
-        """Where the resultant of the pressures acts, (x, y) in the map."""
-        dy_m, dx_m = self.pixel_size_m
-        ny, nx = self.pressure_Pa.shape
-        over_x, over_y = self.pressure_Pa.sum(axis=0), self.pressure_Pa.sum(axis=1)
-        x_m = float(over_x @ (np.arange(nx) + 0.5)) * dx_m / float(over_x.sum())
-        y_m = float(over_y @ (np.arange(ny) + 0.5)) * dy_m / float(over_y.sum())
-        return x_m, y_m
-
-    @property
-    def contact_area_m2(self) -> float:
-        """Area of the pixels in contact."""
-        dy_m, dx_m = self.pixel_size_m
-        return float(np.count_nonzero(self.pressure_Pa) * dy_m * dx_m)
-
-    @property
-    def max_pressure_Pa(self) -> float:
-        """Greatest pressure of any pixel."""
-        return float(self.pressure_Pa.max())
-
-    @cached_property
-    def region(self) -> np.ndarray:
-        """Number of the contact region of each pixel (8-connected), 0 without contact."""
-        from scipy.ndimage import label
-
-        return np.asarray(label(self.pressure_Pa > 0, structure=np.ones((3, 3)))[0])
-
-    @property
-    def region_loads_N(self) -> np.ndarray:
-        """Load of each contact region, shape (n,)."""
-        return self.sum_over_regions(self.pressure_Pa)
-
-    @cached_property
-    def region_pixels(self) -> np.ndarray:
-        """Pixels of each contact region, shape (n,)."""
-        return np.bincount(self.region.ravel())[1:]
-
-    @property
-    def pixels_across(self) -> float:
-        """Pixels across the median unit of load: the diameter of the circle of its region's area.
-
-        Half of the load rests on regions that are smaller than this.
-        """
-        order = np.argsort(self.region_pixels)
-        share = np.cumsum(self.region_loads_N[order])
-        middle = min(int(np.searchsorted(share, 0.5 * share[-1])), len(order) - 1)
-        return float(np.sqrt(4 / np.pi * self.region_pixels[order[middle]]))
-
-    def sum_over_regions(self, density: np.ndarray) -> np.ndarray:
-        """Integrate an array (ny, nx) over each contact region, shape (n,)."""
-        dy_m, dx_m = self.pixel_size_m
-        return np.bincount(self.region.ravel(), weights=density.ravel())[1:] * (dy_m * dx_m)
-
-
-@dataclass(frozen=True, eq=False)
-class State:
-    """Pressures, gaps and approach, and how far they are from contact."""
-
-    pressure_Pa: np.ndarray
-    gap_m: np.ndarray
-    approach_m: float  # from first touch under the tilt
-    tilt_rad: tuple[float, float]  # slopes in x and y added to the map
-    contact: np.ndarray  # flat indices of the pixels under pressure
-    least_gap: float
-    complementarity: float
-
-    def fulfils(self, tolerance: float) -> bool:
-        """Whether gaps under pressure and penetration are within the tolerance."""
-        return self.complementarity <= tolerance and self.least_gap >= -tolerance
 
 
 def press(
@@ -230,19 +131,17 @@ def first_loading(face: ElasticFace, pressed: Pressed) -> tuple[ElasticFace, Pre
     return face.flattened(sunk_m), replace(pressed, gap_m=gap_m, approach_m=approach_m)
 
 
-def stiffness_of_regions_N_per_m(face: ElasticFace, pressed: Pressed) -> np.ndarray:
-    """Return dN_i/dd of each contact region, shape (n,); their sum is the stiffness dN/dd."""
-    return pressed.sum_over_regions(punch_pressure_Pa_per_m(face, pressed))
-
-
-def punch_pressure_Pa_per_m(face: ElasticFace, pressed: Pressed) -> np.ndarray:
-    """Return dp/dd, shape (ny, nx).
+def punch_pressure_Pa_per_m(
+    face: ElasticFace, pressed: Pressed, start_Pa_per_m: np.ndarray | None = None
+) -> np.ndarray:
+    """Return dp/dd, in the shape of the face.
 
     As long as no pixel enters or leaves, more load is that of a flat punch on the same pixels.
     """
     contact = pressed.pressure_Pa > 0
     punch = replace(face, depth_m=np.zeros(face.shape), measured=contact)
-    return press(punch, approach_m=1.0, start_Pa=pressed.pressure_Pa, tolerance=1e-6).pressure_Pa
+    start_Pa = pressed.pressure_Pa if start_Pa_per_m is None else start_Pa_per_m
+    return press(punch, approach_m=1.0, start_Pa=start_Pa, tolerance=1e-6).pressure_Pa
 
 
 def solve(
@@ -279,8 +178,9 @@ def _nested(
 ) -> tuple[State, int]:
     """Solve from the solution on the next coarser grid, or from something to begin with.
 
-    Between the two, on patches around what touches on the coarser grid: what they leave out, and
-    what is left of the kernel between them, is a step or two on the whole map.
+    Between the two, on patches around what touches on the coarser grid, and around what the whole
+    map finds to penetrate beside them; what is left of the kernel between them, is a step or two on
+    the whole map.
     """
     coarser, iterations = face.coarser, 0
     if coarser is None:
@@ -288,17 +188,40 @@ def _nested(
         start_Pa = np.zeros(face.shape) if given else face.measured.astype(float)
     else:
         on_coarser = closing.on_grid(coarser.places_m, face.pixel_area_m2 / coarser.pixel_area_m2)
-        start_Pa = _finer(_nested(coarser, on_coarser, _COARSE_TOLERANCE, until_s)[0].pressure_Pa)
+        start_Pa = finer(_nested(coarser, on_coarser, _COARSE_TOLERANCE, until_s)[0].pressure_Pa)
         start_Pa = np.where(face.measured, start_Pa[: face.shape[0], : face.shape[1]], 0.0)
     if face.depth_m.size >= _WORTH_PATCHES and start_Pa.any():
-        patches = patched(face, start_Pa > 0)
-        if patches is not None:
-            on_patches = closing.on_grid(patches.places_m, 1.0)
-            start = patches.gathered(start_Pa)
-            state, iterations = _iterate(patches, start, on_patches, tolerance / 2, until_s)
-            start_Pa = patches.spread(state.pressure_Pa)
+        start_Pa, state, iterations = _patched(face, start_Pa, closing, tolerance, until_s)
+        if state is not None and state.fulfils(tolerance):
+            return state, iterations
     state, more = _iterate(face, start_Pa, closing, tolerance, until_s)
     return state, iterations + more
+
+
+def _patched(
+    face: ElasticFace, start_Pa: np.ndarray, closing: Closing, tolerance: float, until_s: float
+) -> tuple[np.ndarray, State | None, int]:
+    """Return pressures solved on patches, the state of the whole map under them, and the steps.
+
+    What the map finds to penetrate beside the patches gets some, too. No state where the contact
+    needs no patches.
+    """
+    around, state, iterations = start_Pa > 0, None, 0
+    for _ in range(_MOST_LOOKS):
+        patches = patched(face, around)
+        if patches is None:
+            break
+        on_patches = closing.on_grid(patches.places_m, 1.0)
+        start = patches.gathered(start_Pa)
+        solved, more = _iterate(patches, start, on_patches, tolerance / 2, until_s)
+        start_Pa, iterations = patches.spread(solved.pressure_Pa), iterations + more
+        state = _state(face, start_Pa, face.half_space.sinking_m(start_Pa), closing)
+        joins = (state.gap_m < -tolerance * state.approach_m) & face.measured
+        joins.reshape(-1)[patches.parent] = False
+        if not joins.any():
+            break
+        around = joins | (start_Pa > 0)
+    return start_Pa, state, iterations
 
 
 def _iterate(
@@ -314,14 +237,15 @@ def _iterate(
     hardness_Pa = face.hardness_Pa
     most = _MAX_ITERATIONS if np.isinf(hardness_Pa) else _MAX_YIELDING
     p = start_Pa.copy()
-    restored = _bounded(p.flat[np.flatnonzero(p)], np.flatnonzero(p), closing, hardness_Pa)
+    at = np.flatnonzero(p)
+    restored = _bounded(p.reshape(-1)[at], at, closing, hardness_Pa)
     if restored is None:  # the start lies to one side of the resultant, or bears too little
         p = face.measured.astype(float)
         at = np.flatnonzero(p)
         if not np.isinf(hardness_Pa):
             p *= 1e-3 * hardness_Pa
-        restored = _bounded(p.flat[at], at, closing, hardness_Pa)
-    p.flat[np.flatnonzero(p)] = restored
+        restored = _bounded(p.reshape(-1)[at], at, closing, hardness_Pa)
+    p.reshape(-1)[at] = restored
     u, fresh = half_space.sinking_m(p), True
     residual, direction = np.zeros(face.shape), np.zeros(face.shape)
     slope = 0.0  # r z of the last step; zero begins anew
@@ -340,31 +264,51 @@ def _iterate(
             continue
         if state.contact.size == 0 and state.least_gap >= 0:
             return state, iteration  # too coarse a grid, on which nothing touches
-        # Pixels that penetrate join those under pressure; the step itself gives them theirs. Those
-        # at the hardness rest until a gap opens.
         off_m = tolerance * state.approach_m
-        moving = (p > 0) & ((p < hardness_Pa) | (state.gap_m > off_m))
-        c = np.flatnonzero(moving | ((p == 0) & face.measured & (state.gap_m < -off_m)))
+        c = _moving(face, state, off_m)
         project = closing.projector(c)
-        old_r, old_t = residual.flat[c], direction.flat[c]
-        r = project(state.gap_m.flat[c])
+        old_r, old_t = residual.reshape(-1)[c], direction.reshape(-1)[c]
+        r = project(state.gap_m.reshape(-1)[c])
         residual.fill(0.0)
-        residual.flat[c] = r
-        z = project(half_space.pressure_Pa(residual).flat[c])
+        residual.reshape(-1)[c] = r
+        z = project(half_space.pressure_Pa(residual).reshape(-1)[c])
         new_slope = float(r @ z)
         t = z
         if slope > 0:
             t = project(z + max(0.0, (new_slope - float(old_r @ z)) / slope) * old_t)
         direction.fill(0.0)
-        direction.flat[c] = t
+        direction.reshape(-1)[c] = t
         slope = new_slope
         du = half_space.sinking_roughly_m(direction)
-        work = float(t @ du.flat[c])
+        work = float(t @ du.reshape(-1)[c])
         step = float(r @ t) / work if work > 0 else 0.0
         stepped, cut = _stepped(p, c, t, step, closing, hardness_Pa)
-        u = u + half_space.sinking_roughly_m(stepped - p) if cut else u - step * du
-        p, fresh = stepped, False
+        if cut:
+            du = half_space.sinking_roughly_m(stepped - p)
+        else:
+            du *= -step
+        du += u
+        u, p, fresh = du, stepped, False
     return _state(face, p, half_space.sinking_m(p), closing), most
+
+
+def _moving(face: ElasticFace, state: State, off_m: float) -> np.ndarray:
+    """Return the points whose pressure changes, as indices.
+
+    Those that penetrate join those under pressure; the step itself gives them theirs. Those at the
+    hardness rest until a gap opens.
+    """
+    moving = state.contact
+    if not np.isinf(face.hardness_Pa):
+        at_most = state.pressure_Pa.reshape(-1)[moving] >= face.hardness_Pa
+        moving = moving[~at_most | (state.gap_m.reshape(-1)[moving] > off_m)]
+    if state.least_gap * state.approach_m >= -off_m:
+        return moving
+    joins = (state.gap_m < -off_m) & face.measured
+    flat = joins.reshape(-1)
+    flat[state.contact] = False
+    flat[moving] = True
+    return np.flatnonzero(flat)
 
 
 def _stepped(
@@ -376,16 +320,16 @@ def _stepped(
     be brought back onto them is halved.
     """
     while True:
-        p_c = p.flat[c] - step * t
-        fresh = bool((p_c < 0).any() or (p_c > hardness_Pa).any())
+        p_c = p.reshape(-1)[c] - step * t
+        fresh = bool(p_c.min() < 0 or p_c.max() > hardness_Pa)
         stepped = p.copy()
-        stepped.flat[c] = np.maximum(p_c, 0.0)
+        stepped.reshape(-1)[c] = np.maximum(p_c, 0.0)
         if not fresh:
             return stepped, False
         under = np.flatnonzero(stepped)
-        restored = _bounded(stepped.flat[under], under, closing, hardness_Pa)
+        restored = _bounded(stepped.reshape(-1)[under], under, closing, hardness_Pa)
         if restored is not None:
-            stepped.flat[under] = restored
+            stepped.reshape(-1)[under] = restored
             return stepped, True
         step /= 2
 
@@ -418,11 +362,12 @@ def _bounded(
 def _state(face: ElasticFace, p: np.ndarray, u: np.ndarray, closing: Closing) -> State:
     """Return gaps and certificate of pressures and their sinking."""
     contact = np.flatnonzero(p)
-    p_c = p.flat[contact]
+    p_c = p.reshape(-1)[contact]
     gap_m = u + face.depth_m
+    gaps_m = gap_m.reshape(-1)
     free = p_c < face.hardness_Pa  # the others have sunk as far as the plane wants
     on = free if free.any() else np.ones_like(free)
-    plane = closing.plane(p_c[on], gap_m.flat[contact[on]], contact[on])
+    plane = closing.plane(p_c[on], gaps_m[contact[on]], contact[on])
     if contact.size and not free.any() and not isinstance(closing, GivenApproach):
         plane[0] += _between(face, gap_m - closing.over(plane), contact)
     plane_m = closing.over(plane)
@@ -430,8 +375,13 @@ def _state(face: ElasticFace, p: np.ndarray, u: np.ndarray, closing: Closing) ->
     d = float(plane[0])
     if np.ndim(plane_m):
         d = float(np.max(plane_m - face.depth_m, where=face.measured, initial=-np.inf))
-    least_gap = float(np.min(gap_m, where=face.measured & (p == 0), initial=np.inf)) / d
-    off_m = gap_m.flat[contact]
+    off_m = gaps_m[contact]
+    # Set aside for the moment, which is faster than a mask
+    aside = np.concatenate((contact, face.unmeasured))
+    kept_m = gaps_m[aside]
+    gaps_m[aside] = np.inf
+    least_gap = float(gaps_m.min()) / d
+    gaps_m[aside] = kept_m
     off_m = np.where(free, np.abs(off_m), np.maximum(off_m, 0.0))
     off = float(p_c @ off_m / p_c.sum()) / d if contact.size else np.inf
     return State(p, gap_m, d, (float(plane[1]), float(plane[2])), contact, least_gap, off)
@@ -443,8 +393,8 @@ def _between(face: ElasticFace, gap_m: np.ndarray, contact: np.ndarray) -> float
     It lies above the highest of them and below the lowest of the others, where both can be.
     """
     others = face.measured.copy()
-    others.flat[contact] = False
-    highest_m = float(gap_m.flat[contact].max())
+    others.reshape(-1)[contact] = False
+    highest_m = float(gap_m.reshape(-1)[contact].max())
     return 0.5 * (highest_m + float(np.min(gap_m, where=others, initial=np.inf)))
 
 
@@ -461,7 +411,7 @@ def certified(
     certificate = Certificate(
         load_balance=0.0 if load_N is None else abs(N / load_N - 1),
         least_gap=state.least_gap,
-        least_pressure=float(p.min() / p.flat[state.contact].mean()),
+        least_pressure=float(p.min() / p.reshape(-1)[state.contact].mean()),
         complementarity=state.complementarity,
         iterations=iterations,
         moments=moments,
@@ -472,13 +422,3 @@ def certified(
     gap_m = np.where(face.measured, state.gap_m, 0.0)
     approach_m = state.approach_m
     return Pressed(load_N or N, approach_m, p, gap_m, face.pixel_size_m, certificate)
-
-
-def _finer(values: np.ndarray) -> np.ndarray:
-    """Interpolate linearly to pixels half as large, shape (2 ny, 2 nx)."""
-    for _ in range(2):
-        edged = np.pad(values, ((1, 1), (0, 0)), mode="edge")
-        near = 0.75 * values
-        pairs = np.stack((near + 0.25 * edged[:-2], near + 0.25 * edged[2:]), axis=1)
-        values = pairs.reshape(-1, values.shape[1]).T
-    return values

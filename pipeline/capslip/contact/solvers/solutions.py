@@ -8,10 +8,18 @@ from time import process_time
 
 import numpy as np
 
-from capslip.contact.solvers.polonsky_keer import ElasticFace, Pressed, press
+from capslip.contact.solvers.pixels import on_contact
+from capslip.contact.solvers.polonsky_keer import (
+    ElasticFace,
+    Pressed,
+    press,
+    punch_pressure_Pa_per_m,
+)
+from capslip.contact.solvers.starts import Known, start_Pa
 from capslip.contact.solvers.unloading import Unloading, unload
 
 _SOLVED_ONE_BY_ONE = 8  # loads; more are interpolated
+_ROUGHLY = 1e-4  # tolerance of tractions
 _KEPT = 3  # pressure maps in memory
 
 
@@ -26,6 +34,7 @@ class Solutions:
     approach_m: dict[float, float] = field(default_factory=dict)  # by load
     pressed: dict[float, Pressed] = field(default_factory=dict)  # by load, the last few
     unloading: dict[float, Unloading] = field(default_factory=dict)  # by preload
+    punch_Pa_per_m: dict[float, np.ndarray] = field(default_factory=dict)  # by load, the last
 
     def left_s(self, load_N: float) -> float:
         """Return the seconds of the time limit that are left for a preload."""
@@ -56,6 +65,31 @@ class Solutions:
             self.keep(pressed)
         return self.pressed[load_N]
 
+    def punch(self, load_N: float) -> np.ndarray:
+        """Return dp/dd under a load, shape (ny, nx), see `punch_pressure_Pa_per_m`."""
+        if load_N not in self.punch_Pa_per_m:
+            pressed = self.press(load_N)
+            with self.counted(load_N):
+                face, on_face = on_contact(self.face, pressed)
+                found = face.spread(punch_pressure_Pa_per_m(face, on_face))
+            self.punch_Pa_per_m = {load_N: found}
+        return self.punch_Pa_per_m[load_N]
+
+    def tractions(self, load_N: float, later: float) -> tuple[np.ndarray, np.ndarray]:
+        """Return the pressures of a punch and those that go with a part of the load, as maps.
+
+        The second to a thousandth: they are asked for where slip goes to, not for its energy.
+        """
+        pressed, punch = self.press(load_N), self.punch(load_N)
+        with self.counted(load_N):
+            face, on_face = on_contact(self.face, pressed)
+            above = Known(0.0, on_face.pressure_Pa)
+            end = Known(pressed.approach_m, np.zeros(face.shape))
+            total_Pa = later * load_N / face.pixel_area_m2
+            begin_Pa = start_Pa(total_Pa, face.gathered(punch), above, end)
+            left = press(face, load_N=later * load_N, tolerance=_ROUGHLY, start_Pa=begin_Pa)
+        return punch, np.maximum(pressed.pressure_Pa - face.spread(left.pressure_Pa), 0.0)
+
     def press_to(self, approach_m: float) -> Pressed:
         """Return the state at an approach."""
         limit_s, tolerance = self.time_limit_s, self.tolerance
@@ -70,7 +104,13 @@ class Solutions:
             # The other half is for what detail decides, see `_error`
             half_s = 0.5 * self.left_s(load_N)
             with self.counted(load_N):
-                found = unload(self.face, pressed, self.tolerance, time_limit_s=half_s)
+                found = unload(
+                    self.face,
+                    pressed,
+                    self.tolerance,
+                    time_limit_s=half_s,
+                    punch_Pa_per_m=self.punch_Pa_per_m.get(load_N),
+                )
             self.unloading[load_N] = found
             pairs = zip(found.solved_load_N.tolist(), found.solved_approach_m.tolist(), strict=True)
             self.approach_m.update(pairs)

@@ -8,13 +8,13 @@ from capslip.contact.solvers.closing import GivenResultant
 from capslip.contact.solvers.polonsky_keer import (
     ElasticFace,
     Pressed,
-    State,
     certified,
     end_s,
     press,
     refuse_to_crush,
     solve,
 )
+from capslip.contact.solvers.pressed import State
 from capslip.errors import ContactError, SettingsError
 
 _MAX_TURNS = 30  # solutions that settle the moments against a rotational stiffness

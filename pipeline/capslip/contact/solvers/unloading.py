@@ -14,19 +14,11 @@ from capslip.contact.solvers.losses import (
     RegionLosses,
     apart,
     losses,
-    rates_per_m,
     region_losses,
 )
-from capslip.contact.solvers.patches import PatchedFace, patched
-from capslip.contact.solvers.pixels import in_contact_alone, pixels_alone
-from capslip.contact.solvers.polonsky_keer import (
-    ElasticFace,
-    Pressed,
-    press,
-    punch_pressure_Pa_per_m,
-)
+from capslip.contact.solvers.path import Node, Path
+from capslip.contact.solvers.polonsky_keer import ElasticFace, Pressed
 from capslip.contact.solvers.refinement import refinement
-from capslip.contact.solvers.starts import Known, start_Pa
 from capslip.errors import ContactError
 from capslip.waiting import Waiting
 
@@ -34,16 +26,11 @@ TOLERANCE = 0.003  # aimed at for the loss between the solved loads, of which 0.
 MAX_SOLUTIONS = 50
 _FIRST, _FEWEST = 9, 5  # solutions before the first look at the accuracy; where time is short
 _SMALLEST, _LARGEST = 0.007, 0.985  # their withdrawals, as shares of that of a single Hertz contact
-_UNSETTLED = 1e-3  # of the loss: the most that a solution may leave open
-_FINEST = 1e-11  # tolerance of a solution, above rounding
 _MOST_REGIONS = 300  # that are interpolated each by itself: more are no Hertz contacts
 _LEAST_PIXELS = 10  # of a region on average: smaller ones are none either
 _ORDER = 1.3  # of the error in the width of an interval: three of four points are better than that
-_PATCH_ERROR = 1e-5  # of what patches leave out, over the approach, see `Unloading`
+PATCH_ERROR = 1e-5  # of what patches leave out, over the approach, see `Unloading`
 _ENOUGH_PIXELS, _ENOUGH_REFINED = 100, 50  # in contact, of a map as it is and of a refined one
-# Relative error of the loss of a region times the square of the width, in pixels, of the ring that
-# left it; seen on spheres for rings of 0.3 to 2.7 pixels
-_RING_ERROR = 0.015
 _SMALL_SLIP = 0.1  # of the preload: below, the loss is as good as `smallest_drop_N` says
 _STEPS = 0.01  # aimed at for what single pixels that let go may do to the loss, see `_steps`
 _UNCERTAIN = 0.05  # relative error of the loss from which it is not to be trusted
@@ -82,6 +69,7 @@ def unload(
     *,
     time_limit_s: float = math.inf,
     on_patches: bool = True,
+    punch_Pa_per_m: np.ndarray | None = None,
 ) -> Unloading:
     """Solve a pressed face at falling loads, as many as the loss between them needs.
 
@@ -114,6 +102,8 @@ def unload(
         for, at least `_FEWEST`; the error to be expected between them is that of so few.
     on_patches : bool
         Whether to leave out what does not touch; else every solution is one of the whole map.
+    punch_Pa_per_m : float64, shape (ny, nx), optional
+        dp/dd under the preload, where it is known.
 
     Raises
     ------
@@ -130,7 +120,7 @@ def unload(
             "of caps"
         )
     begin_s, waiting = process_time(), Waiting("boundary elements", "loads")
-    path = _Path(face, pressed, tolerance, on_patches)
+    path = Path(face, pressed, tolerance, on_patches, punch_Pa_per_m)
     first, last = (float(np.log(t / (1 - t))) for t in (_SMALLEST, _LARGEST))
     path.solve(first)
     fit_in = time_limit_s / (process_time() - begin_s)
@@ -151,7 +141,7 @@ def unload(
             break
         path.solve((worst.low + worst.high) / 2)
     error = path.patch_error()
-    if error > _PATCH_ERROR:  # not seen yet
+    if error > PATCH_ERROR:  # not seen yet
         left_s = max(time_limit_s - (process_time() - begin_s), 0.0)
         return unload(face, pressed, tolerance, time_limit_s=left_s, on_patches=False)
     return replace(_tabulated(path, cut_short), patch_error=error)
@@ -166,190 +156,14 @@ class _Interval(NamedTuple):
     high: float
 
 
-@dataclass(frozen=True, eq=False)
-class _Node:
-    """One solved load, seen from the preload."""
-
-    odd: float
-    load_N: float
-    withdrawal_m: float
-    region_load_N: np.ndarray
-    region_loss_J: np.ndarray
-    region_least_gap_m: np.ndarray
-    pixel_error: float  # relative, that pixels leave in the loss of the face
-    contact: np.ndarray
-    pressure_Pa: np.ndarray  # of the pixels in contact
-
-
-class _Path:
-    """Solutions below a preload, each started from its neighbours."""
-
-    def __init__(
-        self, face: ElasticFace, pressed: Pressed, tolerance: float, on_patches: bool
-    ) -> None:
-        region = pressed.region
-        self.map, self.map_pressed, self.patches = face, pressed, None
-        if on_patches:
-            finer = refinement(face, pressed)
-            self.patches = patched(face, region > 0, finer)
-            if finer == 1:
-                self.patches = pixels_alone(face, region > 0, self.patches) or self.patches
-        if self.patches is not None:
-            face = self.patches
-            pressed, region = _on_patches(self.patches, pressed, region)
-        self.face, self.tolerance = in_contact_alone(face, pressed.pressure_Pa), tolerance
-        at = np.flatnonzero(pressed.pressure_Pa)
-        pressure_Pa, gap_m = pressed.pressure_Pa.reshape(-1)[at], pressed.gap_m.reshape(-1)[at]
-        self.pressed = pressed = replace(pressed, pressure_Pa=pressure_Pa, gap_m=gap_m)
-        # A region may be gone where the solution is finer than that of the preload.
-        self.left, self.region = np.unique(region.reshape(-1)[at] - 1, return_inverse=True)
-        self.n_regions, self.n_points = len(self.left), len(at)
-        self.n_pixels = self._sums(np.ones(self.n_points))
-        self.region_load_N = self._sums(pressure_Pa) * face.pixel_area_m2
-        # Slopes of the withdrawals t_i, which the first solved load would give less well.
-        self.punch_Pa_per_m = punch_pressure_Pa_per_m(self.face, pressed)
-        stiffness = self._sums(self.punch_Pa_per_m) * face.pixel_area_m2
-        self.stiffness_N_per_m = float(stiffness.sum())
-        self.slope_per_m = stiffness / self.region_load_N / 1.5
-        self.nodes: list[_Node] = []
-
-    def _sums(self, values: np.ndarray) -> np.ndarray:
-        """Sum values at the points over the regions."""
-        return np.bincount(self.region, weights=values, minlength=self.n_regions)
-
-    def solve(self, odd: float) -> _Node:
-        """Solve at a withdrawal t with log(t / (1 - t)) = odd of a single Hertz contact."""
-        load_N = self.pressed.load_N * (1 + np.exp(odd)) ** -1.5
-        # The loss is about t^3 / 8 of load times approach, to which the tolerance refers: a
-        # solution that only fulfils the tolerance may not have moved the edges of the contacts.
-        # Nor from those of its neighbour, where that is near.
-        t, *others = 1 / (1 + np.exp(-np.array([odd, *(node.odd for node in self.nodes)])))
-        apart = min([t, *np.abs(np.subtract(others, t)).tolist()])
-        tolerance = min(self.tolerance, max(_UNSETTLED * apart**3 / 8, _FINEST))
-        state = press(self.face, load_N=load_N, tolerance=tolerance, start_Pa=self._start(load_N))
-        node = self._node(odd, state)
-        # A pixel that is about to let go may keep a wide gap under next to no pressure, and a start
-        # that is good enough at once tells no more than the loads beside it.
-        open_J = self._open_J(state)
-        unsolved = (
-            state.certificate.iterations == 0 or open_J > _UNSETTLED * node.region_loss_J.sum()
-        )
-        if tolerance > _FINEST and unsolved:
-            near_Pa = state.pressure_Pa
-            state = press(self.face, load_N=load_N, tolerance=_FINEST, start_Pa=near_Pa)
-            node = self._node(odd, state)
-        self.nodes = sorted([*self.nodes, node], key=lambda each: each.withdrawal_m)
-        return node
-
-    def end(self) -> _Node:
-        """Return the state without load, which needs no solution: the gaps are the depths."""
-        zero, depth_m = np.zeros(self.n_points), self.face.depth_m
-        return self._seen(np.inf, 0.0, self.pressed.approach_m, zero, depth_m)
-
-    def rates_per_m(self, nodes: list[_Node]) -> np.ndarray:
-        """Return the withdrawals of the regions, see `losses.rates_per_m`."""
-        share = np.array([node.region_load_N for node in nodes]) / self.region_load_N
-        gap_m = np.array([node.region_least_gap_m for node in nodes])
-        return rates_per_m(np.array([node.withdrawal_m for node in nodes]), share, gap_m)
-
-    def patch_error(self) -> float:
-        """Return the worst gap, over the approach, that the whole map finds in the patches.
-
-        Of the preload's own pressures, and of penetration anywhere at a quarter less.
-        """
-        patches = self.patches
-        if patches is None or patches.refinement > 1:
-            return 0.0
-        preload = self.map_pressed
-        sinking_m = patches.half_space.sinking_m(patches.gathered(preload.pressure_Pa))
-        gap_m = sinking_m + patches.depth_m - preload.approach_m
-        error = float(np.abs(gap_m - patches.gathered(preload.gap_m))[patches.measured].max())
-        below = min(self.nodes, key=lambda node: abs(node.load_N / preload.load_N - 0.75))
-        pressure_Pa = self.face.spread(self._known(below).pressure_Pa)
-        gap_m = self.map.half_space.sinking_m(pressure_Pa) + self.map.depth_m
-        gap_m -= self.pressed.approach_m - below.withdrawal_m
-        error = max(error, -float(np.min(gap_m, where=self.map.measured, initial=np.inf)))
-        return error / preload.approach_m
-
-    def _start(self, load_N: float) -> np.ndarray:
-        """Return pressures near those under a load, from the solved loads around it."""
-        k = sum(node.load_N >= load_N for node in self.nodes)
-        below = self._known(self.nodes[k] if k < len(self.nodes) else self.end())
-        preload = Known(0.0, self.pressed.pressure_Pa)
-        above = self._known(self.nodes[k - 1]) if k > 0 else preload
-        before = self._known(self.nodes[k - 2]) if k > 1 else preload
-        total_Pa = load_N / self.face.pixel_area_m2
-        return start_Pa(total_Pa, before if k > 0 else self.punch_Pa_per_m, above, below)
-
-    def _known(self, node: _Node) -> Known:
-        pressure_Pa = np.zeros(self.n_points)
-        pressure_Pa[node.contact] = node.pressure_Pa
-        return Known(node.withdrawal_m, pressure_Pa)
-
-    def _open_J(self, state: Pressed) -> float:
-        """Return the loss of the gaps that a solution leaves under pressure."""
-        gone_Pa = np.where(state.pressure_Pa > 0, self.pressed.pressure_Pa - state.pressure_Pa, 0.0)
-        return abs(float(4 * gone_Pa @ state.gap_m * self.face.pixel_area_m2))
-
-    def _node(self, odd: float, state: Pressed) -> _Node:
-        withdrawal_m = self.pressed.approach_m - state.approach_m
-        return self._seen(odd, state.load_N, withdrawal_m, state.pressure_Pa, state.gap_m)
-
-    def _seen(
-        self,
-        odd: float,
-        load_N: float,
-        withdrawal_m: float,
-        pressure_Pa: np.ndarray,
-        gap_m: np.ndarray,
-    ) -> _Node:
-        """Integrate loads, losses and least gaps over the regions of the preload."""
-        area_m2 = self.face.pixel_area_m2
-        # Complementarity makes the residual gaps in contact zero.
-        open_m = np.where(pressure_Pa > 0, 0.0, np.maximum(gap_m, 0.0))
-        lost = self.pressed.pressure_Pa * open_m
-        loss_J = 4 * self._sums(lost) * area_m2
-        left = self._sums(pressure_Pa == 0)
-        perimeter = 2 * np.sqrt(np.pi * self.n_pixels)
-        error_J = loss_J * _RING_ERROR * np.square(perimeter / np.maximum(left, 1))
-        least_gap_m = np.full(len(loss_J), np.inf)
-        np.minimum.at(least_gap_m, self.region, gap_m)
-        contact = np.flatnonzero(pressure_Pa)
-        return _Node(
-            odd,
-            load_N,
-            withdrawal_m,
-            self._sums(pressure_Pa) * area_m2,
-            loss_J,
-            np.maximum(least_gap_m, 0.0),
-            float(np.linalg.norm(error_J) / loss_J.sum()) if loss_J.any() else np.inf,
-            contact,
-            pressure_Pa[contact],
-        )
-
-
-def _on_patches(
-    patches: PatchedFace, pressed: Pressed, region: np.ndarray
-) -> tuple[Pressed, np.ndarray]:
-    """Return the state under the preload as the patches have it, and its regions."""
-    start_Pa = patches.gathered(pressed.pressure_Pa)
-    found = press(patches, load_N=pressed.load_N, tolerance=_FINEST, start_Pa=start_Pa)
-    if patches.refinement > 1:
-        from scipy.ndimage import distance_transform_edt
-
-        nearest = distance_transform_edt(region == 0, return_distances=False, return_indices=True)
-        region = region[tuple(nearest)]
-    return found, patches.gathered(region)
-
-
-def _between(path: _Path) -> tuple[Losses | RegionLosses, list[_Interval], float]:
+def _between(path: Path) -> tuple[Losses | RegionLosses, list[_Interval], float]:
     """Return the better one of two ways to interpolate, its errors, and where pixels resolve it."""
     ways, smallest_N = _ways(path)
     found, intervals = min(ways, key=lambda way: max(way[1]))
     return found, _with_steps(path, intervals), smallest_N
 
 
-def _ways(path: _Path) -> tuple[list[tuple[Losses | RegionLosses, list[_Interval]]], float]:
+def _ways(path: Path) -> tuple[list[tuple[Losses | RegionLosses, list[_Interval]]], float]:
     """Return the ways to interpolate, one or two, and from which load drop pixels resolve it."""
     nodes = [*path.nodes, path.end()]
     x_m = np.array([node.withdrawal_m for node in nodes])
@@ -388,7 +202,7 @@ def _where_trusted(drop_N: np.ndarray, pixel_error: np.ndarray) -> float:
 
 
 def _intervals(
-    path: _Path, found: Losses | RegionLosses, carries: np.ndarray, at: np.ndarray
+    path: Path, found: Losses | RegionLosses, carries: np.ndarray, at: np.ndarray
 ) -> list[_Interval]:
     """Return the intervals between solved loads with the errors to be expected in them.
 
@@ -408,7 +222,7 @@ def _intervals(
     ]
 
 
-def _with_steps(path: _Path, intervals: list[_Interval]) -> list[_Interval]:
+def _with_steps(path: Path, intervals: list[_Interval]) -> list[_Interval]:
     """Return the intervals with the errors that single pixels may make.
 
     None is halved for them below `_SMALL_SLIP`: there they say what is not resolved.
@@ -422,7 +236,7 @@ def _with_steps(path: _Path, intervals: list[_Interval]) -> list[_Interval]:
     return found
 
 
-def _steps(path: _Path, low: _Node, high: _Node) -> float:
+def _steps(path: Path, low: Node, high: Node) -> float:
     """Return by how much the loss between two loads may be off by pixels that let go, relative.
 
     Fewer and fewer pixels hold, so x(s) is convex and lies below its chord, by an area J that is
@@ -443,7 +257,7 @@ def _steps(path: _Path, low: _Node, high: _Node) -> float:
     return float(min(most / max(loss * np.sqrt(n_pixels), most), 1.0))
 
 
-def _lift_offs_m(path: _Path) -> np.ndarray:
+def _lift_offs_m(path: Path) -> np.ndarray:
     """Return at which withdrawal each region has lost its compression, t = 1."""
     nodes = [*path.nodes, path.end()]
     x = np.append(0.0, [node.withdrawal_m for node in nodes])
@@ -460,7 +274,7 @@ def _lift_offs_m(path: _Path) -> np.ndarray:
     return np.asarray(np.clip(2 / (start + root), x_low, x_high))
 
 
-def _tabulated(path: _Path, cut_short: bool) -> Unloading:
+def _tabulated(path: Path, cut_short: bool) -> Unloading:
     """Return what was found in one table, so that whatever is asked later is found in it.
 
     Below the forces that joints are asked for, intervals that are off by more than `_UNCERTAIN` are

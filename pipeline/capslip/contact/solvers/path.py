@@ -1,0 +1,247 @@
+"""A pressed height map at falling loads, each solved from its neighbours."""
+
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from capslip.contact.solvers.losses import rates_per_m
+from capslip.contact.solvers.patches import PatchedFace
+from capslip.contact.solvers.pixels import around_contact, fewer, in_contact_alone
+from capslip.contact.solvers.polonsky_keer import (
+    ElasticFace,
+    Pressed,
+    press,
+    punch_pressure_Pa_per_m,
+)
+from capslip.contact.solvers.refinement import refinement
+from capslip.contact.solvers.starts import Known, start_Pa
+
+FINEST = 1e-11  # tolerance of a solution, above rounding
+_SHRUNK = 0.6  # of the points of a face, that are left where one of fewer points is sought
+_LEFT, _LOOSEST = 1e-2, 1e-6  # of the loss, that gaps may be; tolerance that is enough for any
+_UNSETTLED = 1e-3  # of the loss: the most that a solution may leave open
+# Relative error of the loss of a region times the square of the width, in pixels, of the ring that
+# left it; seen on spheres for rings of 0.3 to 2.7 pixels
+_RING_ERROR = 0.015
+
+
+@dataclass(frozen=True, eq=False)
+class Node:
+    """One solved load, seen from the preload."""
+
+    odd: float
+    load_N: float
+    withdrawal_m: float
+    region_load_N: np.ndarray
+    region_loss_J: np.ndarray
+    region_least_gap_m: np.ndarray
+    pixel_error: float  # relative, that pixels leave in the loss of the face
+    contact: np.ndarray
+    pressure_Pa: np.ndarray  # of the pixels in contact
+
+
+class Path:
+    """Solutions below a preload, each started from its neighbours."""
+
+    def __init__(
+        self,
+        face: ElasticFace,
+        pressed: Pressed,
+        tolerance: float,
+        on_patches: bool,
+        punch_Pa_per_m: np.ndarray | None = None,  # of the map, where it is known
+    ) -> None:
+        region = pressed.region
+        self.map, self.map_pressed, self.patches = face, pressed, None
+        if on_patches:
+            finest = refinement(face, pressed)
+            self.patches = around_contact(face, region > 0, finest)
+        if self.patches is not None:
+            face = self.patches
+            pressed, region = _on_patches(self.patches, pressed, region)
+        self.face, self.tolerance = in_contact_alone(face, pressed.pressure_Pa), tolerance
+        at = np.flatnonzero(pressed.pressure_Pa)
+        pressure_Pa, gap_m = pressed.pressure_Pa.reshape(-1)[at], pressed.gap_m.reshape(-1)[at]
+        self.pressed = pressed = replace(pressed, pressure_Pa=pressure_Pa, gap_m=gap_m)
+        # A region may be gone where the solution is finer than that of the preload.
+        self.left, self.region = np.unique(region.reshape(-1)[at] - 1, return_inverse=True)
+        self.n_regions, self.n_points = len(self.left), len(at)
+        self.n_pixels = self._sums(np.ones(self.n_points))
+        self.region_load_N = self._sums(pressure_Pa) * face.pixel_area_m2
+        # Slopes of the withdrawals t_i, which the first solved load would give less well.
+        known = None if punch_Pa_per_m is None else self.face.gathered(punch_Pa_per_m)
+        self.punch_Pa_per_m = punch_pressure_Pa_per_m(self.face, pressed, known)
+        stiffness = self._sums(self.punch_Pa_per_m) * face.pixel_area_m2
+        self.stiffness_N_per_m = float(stiffness.sum())
+        self.slope_per_m = stiffness / self.region_load_N / 1.5
+        self.nodes: list[Node] = []
+        self._faces = [(np.arange(self.n_points), self.face)]  # fewer and fewer points
+
+    def _sums(self, values: np.ndarray) -> np.ndarray:
+        """Sum values at the points over the regions."""
+        return np.bincount(self.region, weights=values, minlength=self.n_regions)
+
+    def solve(self, odd: float) -> Node:
+        """Solve at a withdrawal t with log(t / (1 - t)) = odd of a single Hertz contact."""
+        load_N = self.pressed.load_N * (1 + np.exp(odd)) ** -1.5
+        # The loss is about t^3 / 8 of load times approach, to which the tolerance refers: a
+        # solution that only fulfils the tolerance may not have moved the edges of the contacts.
+        # Nor from those of its neighbour, where that is near. Gaps that it leaves count times the
+        # pressure that is gone alone: a tenth of a thousandth of the loss at most was seen.
+        t, *others = 1 / (1 + np.exp(-np.array([odd, *(node.odd for node in self.nodes)])))
+        apart = min([t, *np.abs(np.subtract(others, t)).tolist()])
+        tolerance = min(max(self.tolerance, _LOOSEST), max(_LEFT * apart**3 / 8, FINEST))
+        state = self._press(load_N, tolerance, self._start(load_N))
+        node = self._node(odd, state)
+        # A pixel that is about to let go may keep a wide gap under next to no pressure, and a start
+        # that is good enough at once tells no more than the loads beside it.
+        open_J = self._open_J(state)
+        unsolved = (
+            state.certificate.iterations == 0 or open_J > _UNSETTLED * node.region_loss_J.sum()
+        )
+        if tolerance > FINEST and unsolved:
+            near_Pa = state.pressure_Pa
+            state = self._press(load_N, FINEST, near_Pa)
+            node = self._node(odd, state)
+        self.nodes = sorted([*self.nodes, node], key=lambda each: each.withdrawal_m)
+        return node
+
+    def _press(self, load_N: float, tolerance: float, start_Pa: np.ndarray) -> Pressed:
+        """Return the state under a load, solved on the points that touched under a larger one.
+
+        All points that touch under the preload have their gap from its pressures in the end, and
+        where one of them was left out wrongly, all of them are solved.
+        """
+        points, face = self._fewer(load_N)
+        if face is not self.face:
+            state = press(face, load_N=load_N, tolerance=tolerance, start_Pa=start_Pa[points])
+            start_Pa = np.zeros(self.n_points)
+            start_Pa[points] = state.pressure_Pa
+            gap_m = self.face.half_space.sinking_m(start_Pa) + self.face.depth_m
+            gap_m -= state.approach_m
+            out = np.ones(self.n_points, dtype=bool)
+            out[points] = False
+            if np.min(gap_m, where=out, initial=np.inf) > -tolerance * state.approach_m:
+                return replace(state, pressure_Pa=start_Pa, gap_m=gap_m)
+        return press(self.face, load_N=load_N, tolerance=tolerance, start_Pa=start_Pa)
+
+    def _fewer(self, load_N: float) -> tuple[np.ndarray, PatchedFace]:
+        """Return the points to solve on, and their face."""
+        above = [node for node in self.nodes if node.load_N >= load_N]
+        if not above:
+            return self._faces[0]
+        contact = above[-1].contact
+        holding = [one for one in self._faces if np.isin(contact, one[0]).all()]
+        points, face = min(holding, key=lambda one: len(one[0]))
+        if len(contact) < _SHRUNK * len(points):
+            found = fewer(face, np.searchsorted(points, contact))
+            if found is not None:
+                points, face = contact, found
+                self._faces.append((points, face))
+        return points, face
+
+    def at(self, share: float) -> Node:
+        """Solve where a share of the load is gone."""
+        return self.solve(math.log((1 - share) ** (-2 / 3) - 1))
+
+    def end(self) -> Node:
+        """Return the state without load, which needs no solution: the gaps are the depths."""
+        zero, depth_m = np.zeros(self.n_points), self.face.depth_m
+        return self._seen(np.inf, 0.0, self.pressed.approach_m, zero, depth_m)
+
+    def rates_per_m(self, nodes: list[Node]) -> np.ndarray:
+        """Return the withdrawals of the regions, see `losses.rates_per_m`."""
+        share = np.array([node.region_load_N for node in nodes]) / self.region_load_N
+        gap_m = np.array([node.region_least_gap_m for node in nodes])
+        return rates_per_m(np.array([node.withdrawal_m for node in nodes]), share, gap_m)
+
+    def patch_error(self) -> float:
+        """Return the worst gap, over the approach, that the whole map finds in the patches.
+
+        Of the preload's own pressures, and of penetration anywhere at a quarter less.
+        """
+        patches = self.patches
+        if patches is None or patches.refinement > 1:
+            return 0.0
+        preload = self.map_pressed
+        sinking_m = patches.half_space.sinking_m(patches.gathered(preload.pressure_Pa))
+        gap_m = sinking_m + patches.depth_m - preload.approach_m
+        error = float(np.abs(gap_m - patches.gathered(preload.gap_m))[patches.measured].max())
+        below = min(self.nodes, key=lambda node: abs(node.load_N / preload.load_N - 0.75))
+        pressure_Pa = self.face.spread(self._known(below).pressure_Pa)
+        gap_m = self.map.half_space.sinking_m(pressure_Pa) + self.map.depth_m
+        gap_m -= self.pressed.approach_m - below.withdrawal_m
+        out = self.map.measured & (pressure_Pa == 0)
+        error = max(error, -float(np.min(gap_m, where=out, initial=np.inf)))
+        return error / preload.approach_m
+
+    def _start(self, load_N: float) -> np.ndarray:
+        """Return pressures near those under a load, from the solved loads around it."""
+        k = sum(node.load_N >= load_N for node in self.nodes)
+        below = self._known(self.nodes[k] if k < len(self.nodes) else self.end())
+        preload = Known(0.0, self.pressed.pressure_Pa)
+        above = self._known(self.nodes[k - 1]) if k > 0 else preload
+        before = self._known(self.nodes[k - 2]) if k > 1 else preload
+        total_Pa = load_N / self.face.pixel_area_m2
+        return start_Pa(total_Pa, before if k > 0 else self.punch_Pa_per_m, above, below)
+
+    def _known(self, node: Node) -> Known:
+        pressure_Pa = np.zeros(self.n_points)
+        pressure_Pa[node.contact] = node.pressure_Pa
+        return Known(node.withdrawal_m, pressure_Pa)
+
+    def _open_J(self, state: Pressed) -> float:
+        """Return the loss of the gaps that a solution leaves under pressure."""
+        gone_Pa = np.where(state.pressure_Pa > 0, self.pressed.pressure_Pa - state.pressure_Pa, 0.0)
+        return abs(float(4 * gone_Pa @ state.gap_m * self.face.pixel_area_m2))
+
+    def _node(self, odd: float, state: Pressed) -> Node:
+        withdrawal_m = self.pressed.approach_m - state.approach_m
+        return self._seen(odd, state.load_N, withdrawal_m, state.pressure_Pa, state.gap_m)
+
+    def _seen(
+        self,
+        odd: float,
+        load_N: float,
+        withdrawal_m: float,
+        pressure_Pa: np.ndarray,
+        gap_m: np.ndarray,
+    ) -> Node:
+        """Integrate loads, losses and least gaps over the regions of the preload."""
+        area_m2 = self.face.pixel_area_m2
+        # Complementarity makes the residual gaps in contact zero.
+        open_m = np.where(pressure_Pa > 0, 0.0, np.maximum(gap_m, 0.0))
+        lost = self.pressed.pressure_Pa * open_m
+        loss_J = 4 * self._sums(lost) * area_m2
+        left = self._sums(pressure_Pa == 0)
+        perimeter = 2 * np.sqrt(np.pi * self.n_pixels)
+        error_J = loss_J * _RING_ERROR * np.square(perimeter / np.maximum(left, 1))
+        least_gap_m = np.full(len(loss_J), np.inf)
+        np.minimum.at(least_gap_m, self.region, gap_m)
+        contact = np.flatnonzero(pressure_Pa)
+        return Node(
+            odd,
+            load_N,
+            withdrawal_m,
+            self._sums(pressure_Pa) * area_m2,
+            loss_J,
+            np.maximum(least_gap_m, 0.0),
+            float(np.linalg.norm(error_J) / loss_J.sum()) if loss_J.any() else np.inf,
+            contact,
+            pressure_Pa[contact],
+        )
+
+
+def _on_patches(
+    patches: PatchedFace, pressed: Pressed, region: np.ndarray
+) -> tuple[Pressed, np.ndarray]:
+    """Return the state under the preload as the patches have it, and its regions."""
+    start_Pa = patches.gathered(pressed.pressure_Pa)
+    found = press(patches, load_N=pressed.load_N, tolerance=FINEST, start_Pa=start_Pa)
+    if patches.refinement > 1:
+        from scipy.ndimage import distance_transform_edt
+
+        nearest = distance_transform_edt(region == 0, return_distances=False, return_indices=True)
+        region = region[tuple(nearest)]
+    return found, patches.gathered(region)
