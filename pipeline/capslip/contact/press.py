@@ -159,7 +159,8 @@ def press(
     problems += _closes(found, surface)
     if choice is not None and model.error is not None:
         errors, doubts = model.error(normal, preload_N, settings.contact.tolerance)
-        if errors is not None and (better := choice.caps_within(errors.greatest)) is not None:
+        better = choice.caps_within(errors.greatest) if doubts and errors is not None else None
+        if better is not None and errors is not None:
             return _by_caps(better, doubts, errors.greatest, (caps, families, surface), settings)
         problems += doubts
     state = ContactState(

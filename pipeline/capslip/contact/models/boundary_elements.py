@@ -31,6 +31,7 @@ MIN_PIXELS_ACROSS = 10.0  # of the contacts that carry half of the load
 MIN_REFINED_ACROSS = 6.0  # the same, where a spline knows what lies between the pixels
 SMALL_SLIP = 0.1  # of mu N: forces below are not what a joint is asked for
 S_FILTER, NOISE_PIXELS = "conditioning.s_filter_nesting_index_m", 5.0  # what takes noise off
+PIXELS_95 = 3.0  # over what pixels leave in the energy of spheres, so that nearly all are within
 LEAST_ERROR = 0.01  # of stiffness and energy, by the pixels of contacts that are resolved
 
 
@@ -416,7 +417,8 @@ def _error(
         )
         effect = Effect(None, between, between)
         found.append(Problem("loss_between_loads", "warning", message, effect))
-    least = max(between, LEAST_ERROR)
+    of_pixels = PIXELS_95 * unloading.pixel_error
+    least = max(between, of_pixels, LEAST_ERROR)
     if unloading.cut_short:  # no time is left to look at what detail decides
         return ModelError(least, least), tuple(found)
     resolved = unloading.smallest_drop_N < SMALL_SLIP * load_N and all(
@@ -452,7 +454,15 @@ def _error(
         found.append(Problem("detail_decides", "warning", message, effect, step))
         left = 1.0 - WHITE_LEFT
         moved = ModelError(moved.stiffness / left, moved.energy / left)
+    elif of_pixels > tolerance:
+        found.append(_at_small_slip(of_pixels))
     return ModelError(max(moved.stiffness, LEAST_ERROR), max(moved.energy, least)), tuple(found)
+
+
+def _at_small_slip(error: float) -> Problem:
+    force = f"{SMALL_SLIP:g} of the force at total slip"
+    message = f"at {force} the pixels of the map leave up to {error:.1%} in the energy per cycle"
+    return Problem("small_slip_extrapolated", "warning", message, Effect(None, error, error))
 
 
 def _least_share(curve: BoundaryElementCurve, load_N: float) -> float:

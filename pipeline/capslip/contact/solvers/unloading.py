@@ -60,6 +60,7 @@ class Unloading:
     # what the whole map says of their solutions; 0 where the map itself was solved or refined.
     patch_error: float = 0.0
     cut_short: bool = False  # whether the time was over before the loss was settled
+    pixel_error: float = 0.0  # that pixels leave in the loss at a tenth of the preload, relative
 
 
 def unload(
@@ -274,6 +275,17 @@ def _lift_offs_m(path: Path) -> np.ndarray:
     return np.asarray(np.clip(2 / (start + root), x_low, x_high))
 
 
+def _pixel_error(path: Path, load_drop_N: float) -> float:
+    """Return the error that pixels leave in the loss at a load drop, between those solved."""
+    errors = np.array([node.pixel_error for node in path.nodes])
+    drops_N = path.pressed.load_N - np.array([node.load_N for node in path.nodes])
+    known = (errors > 0.0) & np.isfinite(errors)
+    if not known.any():
+        return 1.0
+    pairs = np.log(drops_N[known]), np.log(errors[known])
+    return math.exp(float(np.interp(math.log(load_drop_N), *pairs)))
+
+
 def _tabulated(path: Path, cut_short: bool) -> Unloading:
     """Return what was found in one table, so that whatever is asked later is found in it.
 
@@ -311,4 +323,5 @@ def _tabulated(path: Path, cut_short: bool) -> Unloading:
         smallest_drop_N=smallest_N,
         refinement=1 if path.patches is None else path.patches.refinement,
         cut_short=cut_short,
+        pixel_error=_pixel_error(path, least_N),
     )
