@@ -136,7 +136,7 @@ EVERY = range(12)
 FACES = {
     "plain": caps,
     # Caps on the lattice have few heights: without noise they look stored in steps
-    "clipped": lambda: of(np.minimum(plain_m() + 1e-11 * white(), -2e-8)),
+    "clipped": lambda: of(np.minimum(plain_m() + 1e-10 * white(), -2e-8)),
     "clipped-in-steps": lambda: of(np.minimum(np.round(plain_m() / 4e-9), -5.0) * 4e-9),
     "mm-as-m": lambda: of(2e6 * plain_m()),
     "steep": lambda: of(1e5 * plain_m()),

@@ -10,7 +10,7 @@ from capslip.surface.noise import SAMPLES, noise_of_map_m
 
 CLIPPED_POINTS = 9  # that share the greatest height
 LEAST_FLAT = 4  # points of a place: fewer are a pixel that noise lifted
-FINEST_STEP = 1e-4  # of the height of a flank: heights that are stored more coarsely hide its noise
+LEAST_NOISE = 1e-4  # of the height of a flank: a map of less was computed, not measured
 FIRST_RING, WIDER, WIDEST = 0.1, 1.4, 3.0  # widths of a flank, over the radius of what it holds
 LEAST_POINTS = 24  # of a flank
 MOST_POINTS = 2_500  # of them that are fitted
@@ -95,8 +95,8 @@ def restore_tops(surface: HeightMap) -> HeightMap:
     -------
     HeightMap
         The same where nothing was clipped. Else with `tops`: what was put back, the standard errors
-        of it, and how many clipped places are left. All are left where heights are stored in
-        steps that hide the noise: there a worn plateau, too, lies at one height.
+        of it, and how many clipped places are left. All are left where no noise is seen, for want
+        of it or as heights are stored in steps: there a worn plateau, too, lies at one height.
 
     Notes
     -----
@@ -118,8 +118,8 @@ def restore_tops(surface: HeightMap) -> HeightMap:
     rows = []
     for number, box in enumerate(find_objects(places), start=1):
         place = _place(surface, places, number, box)
-        coarse = step_m > max(noise_m, FINEST_STEP * float(np.ptp(place.z_m[place.flank])))
-        top = None if coarse else _top(place, noise_m)
+        seen = noise_m > max(step_m, LEAST_NOISE * float(np.ptp(place.z_m[place.flank])))
+        top = _top(place, noise_m) if seen else None
         if top is not None:
             height_m[place.wide][place.own] = place.bound_m + np.maximum(top.up_m, 0.0)
             rows.append(top.row)

@@ -43,10 +43,11 @@ def lowered(surface: HeightMap, truth: Truth, x: float, seed: int) -> HeightMap:
 
 
 def clipped(surface: HeightMap, truth: Truth, x: float, seed: int) -> HeightMap:
-    """Clip that share of the highest cap."""
+    """Clip that share of the highest cap, as a sensor does: with noise of half a nanometre."""
+    noise_m = np.random.default_rng(seed + 12).normal(0.0, 0.5e-9, surface.shape)
     top_m = truth.peak_height_m.max()
     limit_m = top_m - x * (top_m - truth.cut_height_m)
-    return replace(surface, height_m=np.minimum(surface.height_m, limit_m))
+    return replace(surface, height_m=np.minimum(surface.height_m + noise_m, limit_m))
 
 
 def quantised(surface: HeightMap, truth: Truth, x: float, seed: int) -> HeightMap:
