@@ -346,3 +346,19 @@ def test_a_coarser_face_has_the_means_of_the_known_points(monkeypatch):
     assert mean[0, 0] == 0.0
     assert mean[1, 1] == pytest.approx(values[2:4, 2:4][known[2:4, 2:4]].mean())
     assert mean[2, 3] == pytest.approx(values[4:6, 6].mean())
+
+
+def test_between_rows_far_apart_nothing_leaves_them():
+    """Where the last of the load goes over a long way, a force above mu N was read off once."""
+    from capslip.contact.models.boundary_elements import _proportional
+
+    withdrawal_m = np.array([1e-9, 2e-9, 2.3e-8, 2.8e-8, 4.1e-8])
+    drop_N = np.array([1.0, 1.9, 6.6145, 6.6147, 6.6151])
+    x = np.geomspace(1e-11, 4.1e-8, 400)
+    y = _proportional(x, withdrawal_m, drop_N)
+    assert (np.diff(y) > 0.0).all()
+    assert y[-1] == pytest.approx(drop_N[-1], rel=1e-15)
+    small = x < withdrawal_m[0]
+    np.testing.assert_allclose(y[small], 1e9 * x[small], rtol=1e-12)
+    cubic = _proportional(x, withdrawal_m, withdrawal_m**3, power=3)
+    np.testing.assert_allclose(cubic, x**3, rtol=1e-12)

@@ -359,9 +359,10 @@ def boundary_elements(
 
 
 def _proportional(x: np.ndarray, xs: np.ndarray, ys: np.ndarray, power: int = 1) -> np.ndarray:
-    """Interpolate y(x) by its ratio to x^power, which is constant below the first x."""
-    ratio = np.interp(np.log(np.maximum(x, 1e-300)), np.log(xs), ys / xs**power)
-    return np.asarray(ratio * x**power)
+    """Interpolate y(x) between growing rows, which it never leaves; below the first as x^power."""
+    within = np.maximum(x, xs[0])
+    y = np.exp(np.interp(np.log(within), np.log(xs), np.log(ys)))
+    return np.asarray(y * (x / within) ** power)
 
 
 def _single(approach_m: ArrayLike) -> float:
