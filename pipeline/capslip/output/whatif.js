@@ -29,19 +29,19 @@ function cubic(us, ys, slopes, u, i = find(us, u)) {
   const h = us[i + 1] - us[i], t = (u - us[i]) / h, s = 1 - t;
   return s * s * (1 + 2 * t) * ys[i] + t * t * (3 - 2 * t) * ys[i + 1] + h * t * s * (s * slopes[i] - t * slopes[i + 1]);
 }
-// y over x where y / x^power is linear in log x, and constant outside.
-function ratio(xs, ys, x, power = 1) {
+// y over x between growing rows, which it never leaves; as x^power outside.
+function between(xs, ys, x, power = 1) {
   const n = xs.length;
   if (x <= xs[0]) return ys[0] * (x / xs[0]) ** power;
-  if (x >= xs[n - 1]) return ys[n - 1] * (x / xs[n - 1]) ** power;
+  if (x >= xs[n - 1]) return ys[n - 1];
   const i = find(xs, x), t = Math.log(x / xs[i]) / Math.log(xs[i + 1] / xs[i]);
-  return x ** power * ((1 - t) * ys[i] / xs[i] ** power + t * ys[i + 1] / xs[i + 1] ** power);
+  return Math.exp((1 - t) * Math.log(ys[i]) + t * Math.log(ys[i + 1]));
 }
 const joints = tables.map((one) => {
   const P = one.preload, last = one.n - 1;
   if (!data.cubic) {
     const [e, D, L] = one.columns;
-    return { P, drop: (x) => x >= e[last] ? P : ratio(e, D, x), withdrawal: (drop) => ratio(D, e, drop), loss: (drop) => ratio(D, L, drop, 3) };
+    return { P, drop: (x) => x >= e[last] ? P : between(e, D, x), withdrawal: (drop) => between(D, e, drop), loss: (drop) => between(D, L, drop, 3) };
   }
   const [u, D, dD, L, dL] = one.columns;
   const least = u[0];
