@@ -432,6 +432,8 @@ def test_a_problem_is_said_where_its_cause_is(row):
     listed = [p for p in found.summary()["problems"] if p["code"] == row.code]
     assert {p.text for p in said} <= {p["message"] for p in listed}
     assert {p["remedy"] for p in listed} == {p.remedy for p in said}
+    assert all(p.step is None or re.search(r"--[a-z].*\d", p.step) for p in said)
+    assert all(p.step or p.remedy == KINDS[row.code].remedy for p in said)
 
 
 @pytest.mark.parametrize("row", ROWS, ids=label)
