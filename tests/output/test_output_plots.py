@@ -61,6 +61,17 @@ def test_the_abbott_curve_goes_through_the_cut(several, plt):
     assert list(cut[:, 0]) == [0.0, point[0, 0], point[0, 0]]
 
 
+def test_one_deep_pit_does_not_flatten_the_abbott_curve(several, plt):
+    surface = several.conditioned.surface
+    height_m = surface.height_m.copy()
+    height_m[3, 3] -= 1e-3
+    pitted = replace(surface, height_m=height_m)
+    conditioned = replace(several.conditioned, surface=pitted)
+    low, high = replace(several, conditioned=conditioned).plot.abbott().get_ylim()
+    assert 1e-6 * (high - low) < 2.0 * np.ptp(surface.height_m[surface.measured])
+    assert "to -1 mm" in plt.gca().get_legend_handles_labels()[0][0].get_label()
+
+
 def test_the_spectrum_says_where_the_contacts_are(several, plt):
     axes = several.plot.spectrum()
     width_m = several.caps.contact_diameter_m

@@ -19,6 +19,7 @@ AXES = (("x", "#0072B2"), ("y", "#E69F00"))
 NOT_CARRIED = "#EFEFEF"
 PLACES = ((0.075, 0.12, 0.405, 0.8), (0.575, 0.12, 0.41, 0.8))  # on the page
 UM3 = 1e18  # in a cubic metre
+FEW = 4e-3  # of the points, that may lie beyond the heights drawn
 SMALLEST = 1e-12  # of the greatest density that is drawn
 
 
@@ -37,9 +38,17 @@ def abbott(analysis: "Analysis", axes: "Axes | None" = None) -> "Figure":
     """Areal material ratio curve (Abbott) of the map that is cut, with the cut."""
     ratio, height_m = material_ratio_curve(analysis.conditioned.surface)
     cut_m, kept = analysis.hills.cut_height_m, 100.0 * analysis.hills.kept_fraction
-    unit_m, unit = unit_on(axes.get_ylabel() if axes else "", float(np.abs(height_m).max()), "m")
+    high_m, low_m = np.interp((FEW, 1.0 - FEW), ratio, height_m)
+    most_m = float(max(abs(high_m), abs(low_m), abs(cut_m)))
+    unit_m, unit = unit_on(axes.get_ylabel() if axes else "", most_m, "m")
     figure, axes = blank("Areal material ratio curve (Abbott)", axes=axes)
-    axes.plot(100.0 * ratio, height_m / unit_m, color=INK, linewidth=1.8, label="Smc(mr)")
+    named = "Smc(mr)"
+    if np.ptp(height_m) > 2.0 * (high_m - low_m) > 0.0:  # a few points would leave a flat line
+        ends = (engineering(one, "m") for one in (height_m.max(), height_m.min()))
+        named += f", from {' to '.join(ends)}"
+        margin_m = 0.1 * (high_m - low_m)
+        axes.set_ylim((low_m - margin_m) / unit_m, (high_m + margin_m) / unit_m)
+    axes.plot(100.0 * ratio, height_m / unit_m, color=INK, linewidth=1.8, label=named)
     label = f"cut: {kept:.3g} % above {engineering(cut_m, 'm')}"
     corner = [0.0, kept, kept], [cut_m / unit_m, cut_m / unit_m, height_m[-1] / unit_m]
     axes.plot(*corner, "--", color=ACCENT, linewidth=1.2, label=label)
