@@ -159,8 +159,8 @@ def press(
     problems += _closes(found, surface)
     if choice is not None and model.error is not None:
         errors, doubts = model.error(normal, preload_N, settings.contact.tolerance)
-        # Small forces are no reason: caps that yield know less of them than pixels do.
-        asks = any(doubt.code != "small_slip_extrapolated" for doubt in doubts)
+        # Notes, as of small forces, are no reason: caps that yield know less of them than pixels.
+        asks = any(doubt.severity != "info" for doubt in doubts)
         better = choice.caps_within(errors.greatest) if asks and errors is not None else None
         if better is not None and errors is not None:
             return _by_caps(better, doubts, errors.greatest, (caps, families, surface), settings)

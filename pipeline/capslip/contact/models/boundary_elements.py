@@ -463,12 +463,12 @@ def _error(
 def _at_small_slip(error: float) -> Problem:
     force = f"{SMALL_SLIP:g} of the force at total slip"
     message = f"at {force} the pixels of the map leave up to {error:.1%} in the energy per cycle"
-    return Problem("small_slip_extrapolated", "warning", message, Effect(None, error, error))
+    return Problem("small_slip_extrapolated", "info", message, Effect(None, error, error))
 
 
 def _least_share(curve: BoundaryElementCurve, load_N: float) -> float:
-    """Return the least resolved share of mu N; from a tenth on, `_error` holds all of it."""
-    return min(curve.unloading(load_N).smallest_drop_N / load_N, SMALL_SLIP)
+    """Return the least share of mu N that pixels resolve: asked below it, a warning says so."""
+    return curve.unloading(load_N).smallest_drop_N / load_N
 
 
 RUNG = Rung(
