@@ -176,16 +176,6 @@ def test_a_doubt_about_units_is_raised_just_beyond_its_threshold(pixel_m, sz_m, 
     assert codes(problems_of_map(HeightMap(FLAT, pixel_m), sz_m, sz_m)) == expected
 
 
-@pytest.mark.parametrize(("said_m", "severity"), [(1.6e-3, "info"), (1.6e-2, "warning")])
-def test_round_hills_vouch_for_both_sides_of_long_pixels(said_m, severity):
-    """Round hills, 16 times coarser along y; then that side is said in a wrong unit."""
-    y_m, x_m = np.mgrid[0:64, 0:1024] * np.array([1.6e-3, 1e-4])[:, None, None]
-    height_m = 1e-6 * np.sin(2 * np.pi * y_m / 0.025) * np.sin(2 * np.pi * x_m / 0.025)
-    surface = HeightMap(height_m, (said_m, 1e-4))
-    (found,) = (one for one in problems_of_map(surface, 1e-6, 1e-6) if "pixels" in one.code)
-    assert found.severity == severity
-
-
 @pytest.mark.parametrize(
     ("highest_m", "sz_m", "expected"),
     [

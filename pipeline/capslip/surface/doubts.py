@@ -16,7 +16,6 @@ MAX_STEEP_SHARE = 0.05
 MAX_SZ_OVER_SQ = 30.0
 SQUARE_WITHIN = 1e-3
 MAX_PIXEL_RATIO = 10.0  # cm taken for mm; below, no unit explains it, and pixels are what they are
-ALIKE_ALONG_BOTH = 2.0  # of steps along the axes: a wrong unit of one side stretches all hills more
 SMALLEST_SZ_M = 1e-10  # an atom
 LARGEST_SIDE_M = 1.0
 LENGTHS_M = (
@@ -112,7 +111,7 @@ def problems_of_map(surface: HeightMap, sq_m: float, sz_m: float) -> tuple[Probl
         `scale_suspect` (warning) where it is below the size of an atom or a side is longer than
         1 m: a wrong unit until proven otherwise. `outliers` where Sz/Sq exceeds 30: a warning
         where peaks, info where pits do it. `non_square_pixels` (info; warning from a ratio of 10
-        on, unless heights change alike along both axes).
+        on).
     """
     found = (
         _steep(surface, sz_m),
@@ -429,32 +428,12 @@ def _pixel(surface: HeightMap) -> Problem | None:
     if abs(dy_m / dx_m - 1.0) <= SQUARE_WITHIN:
         return None
     odd = max(dy_m / dx_m, dx_m / dy_m) > MAX_PIXEL_RATIO * (1.0 - SQUARE_WITHIN)
-    odd = odd and not _changes_alike(surface)
     return Problem(
         "non_square_pixels",
         "warning" if odd else "info",
         f"pixels of {dy_m:.6g} x {dx_m:.6g} m (dy x dx) are not square; this is accounted for"
-        + ("; the heights change faster along one axis; check both sizes" if odd else ""),
+        + ("; check both sizes" if odd else ""),
     )
-
-
-def _changes_alike(surface: HeightMap) -> bool:
-    """Tell whether heights change alike along both axes over the longer side of a pixel.
-
-    Hills that are as long as wide in metres show that both sizes of a pixel are right; the same
-    distance along both axes, so that noise of narrow pixels does not count as slope. Heights that
-    change by their own spread over that distance, as noise does, show nothing.
-    """
-    step_m = max(surface.pixel_size_m)
-    rms_m = []
-    for axis, size_m in enumerate(surface.pixel_size_m):
-        every = max(1, surface.height_m.shape[1 - axis] // SAMPLED_LINES)
-        lines = surface.height_m[:, ::every].T if axis == 0 else surface.height_m[::every]
-        lag = round(step_m / size_m)
-        change_m = lines[:, lag:] - lines[:, :-lag]
-        change_m = change_m[~np.isnan(change_m)]
-        rms_m.append(float(change_m.std()) if change_m.size else 0.0)
-    return max(rms_m) < min(ALIKE_ALONG_BOTH * min(rms_m), float(np.nanstd(surface.height_m)))
 
 
 def _is_steep(rms_slope: float, steep_share: float) -> bool:
