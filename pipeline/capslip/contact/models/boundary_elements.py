@@ -21,7 +21,7 @@ from capslip.contact.solvers.polonsky_keer import (
 from capslip.contact.solvers.refinement import refinement
 from capslip.contact.solvers.solutions import Solutions
 from capslip.contact.solvers.tilting import press_balanced
-from capslip.contact.solvers.unloading import Unloading
+from capslip.contact.solvers.unloading import SMALL_SLIP, Unloading
 from capslip.errors import ContactError, OutOfTimeError, SettingsError
 from capslip.problems import Effect, Problem
 from capslip.settings import SOLVER_TOLERANCE
@@ -29,7 +29,6 @@ from capslip.surface.heightmap import HeightMap
 
 MIN_PIXELS_ACROSS = 10.0  # of the contacts that carry half of the load
 MIN_REFINED_ACROSS = 6.0  # the same, where a spline knows what lies between the pixels
-SMALL_SLIP = 0.1  # of mu N: forces below are not what a joint is asked for
 S_FILTER, NOISE_PIXELS = "conditioning.s_filter_nesting_index_m", 5.0  # what takes noise off
 PIXELS_95 = 3.0  # over what pixels leave in the energy of spheres, so that nearly all are within
 LEAST_ERROR = 0.01  # of stiffness and energy, by the pixels of contacts that are resolved

@@ -22,6 +22,9 @@ from capslip.contact.solvers.refinement import refinement
 from capslip.errors import ContactError
 from capslip.waiting import Waiting
 
+# Of the preload, and so of mu N: forces below are not what a joint is asked for, and the loss there
+# is as good as `smallest_drop_N` says
+SMALL_SLIP = 0.1
 TOLERANCE = 0.003  # aimed at for the loss between the solved loads, of which 0.005 is asked
 MAX_SOLUTIONS = 50
 _FIRST, _FEWEST = 9, 5  # solutions before the first look at the accuracy; where time is short
@@ -31,7 +34,6 @@ _LEAST_PIXELS = 10  # of a region on average: smaller ones are none either
 _ORDER = 1.3  # of the error in the width of an interval: three of four points are better than that
 PATCH_ERROR = 1e-5  # of what patches leave out, over the approach, see `Unloading`
 _ENOUGH_PIXELS, _ENOUGH_REFINED = 100, 50  # in contact, of a map as it is and of a refined one
-_SMALL_SLIP = 0.1  # of the preload: below, the loss is as good as `smallest_drop_N` says
 _STEPS = 0.01  # aimed at for what single pixels that let go may do to the loss, see `_steps`
 _UNCERTAIN = 0.05  # relative error of the loss from which it is not to be trusted
 
@@ -182,7 +184,7 @@ def _ways(path: Path) -> tuple[list[tuple[Losses | RegionLosses, list[_Interval]
     # Regions follow from the loads that pixels resolve, and say nothing below the least of them.
     resolved_N = drop_N[trusted].min(initial=np.inf)
     unlike = path.n_regions > min(_MOST_REGIONS, path.n_points / _LEAST_PIXELS)
-    if not unlike and resolved_N <= _SMALL_SLIP * path.pressed.load_N:
+    if not unlike and resolved_N <= SMALL_SLIP * path.pressed.load_N:
         rates = path.rates_per_m(nodes)
         known = (x_m[trusted], rates[trusted], loss_J[trusted])
         of_regions = region_losses(path.region_load_N, path.slope_per_m, *known)
@@ -226,12 +228,12 @@ def _intervals(
 def _with_steps(path: Path, intervals: list[_Interval]) -> list[_Interval]:
     """Return the intervals with the errors that single pixels may make.
 
-    None is halved for them below `_SMALL_SLIP`: there they say what is not resolved.
+    None is halved for them below `SMALL_SLIP`: there they say what is not resolved.
     """
     found = []
     for pair, each in zip(pairwise(path.nodes), intervals, strict=True):
         step = _steps(path, *pair)
-        asked = path.pressed.load_N - pair[1].load_N > _SMALL_SLIP * path.pressed.load_N
+        asked = path.pressed.load_N - pair[1].load_N > SMALL_SLIP * path.pressed.load_N
         excess = max(each.excess, step / _STEPS) if asked else each.excess
         found.append(_Interval(excess, max(each.error, step), each.low, each.high))
     return found
@@ -298,7 +300,7 @@ def _tabulated(path: Path, cut_short: bool) -> Unloading:
     of_all_m = np.zeros(len(path.map_pressed.region_pixels))
     of_all_m[path.left] = _lift_offs_m(path)
     drop_of = {node.odd: pressed.load_N - node.load_N for node in path.nodes}
-    least_N = _SMALL_SLIP * pressed.load_N
+    least_N = SMALL_SLIP * pressed.load_N
     asked = [drop_of[each.high] > least_N for each in intervals]
     ends_N = [drop_of[each.high] for each in intervals if each.error > _UNCERTAIN]
     smallest_N = max([smallest_N, *(end_N for end_N in ends_N if end_N <= least_N)])
