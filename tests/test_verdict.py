@@ -235,6 +235,23 @@ def test_the_verdict_names_the_cause_that_the_page_lists_first():
     )
 
 
+@pytest.mark.parametrize("code", ["scale_suspect", "tips_over", "pressure_beyond_elastic"])
+def test_what_spoils_every_number_leads_the_verdict_before_what_moves_some(code):
+    moves = Problem("bow_left", "warning", "moves much", Effect(0.5, 3.0, None))
+    problems = [moves, Problem(code, "warning", "another face")]
+    said = verdict(load(*JOINT.values()), problems, None)
+    assert said.startswith("usable with care: another face (and 1 more); next: ")
+    listed = [
+        {"code": p.code, "severity": p.severity, "effect": p.effect and asdict(p.effect)}
+        for p in problems
+    ]
+    assert [one["code"] for one in causes({"problems": listed})] == [code, "bow_left"]
+    failed = Problem("no_caps", "error", "nothing")
+    assert verdict(load(*JOINT.values()), [*problems, failed], None).startswith(
+        "not usable: nothing"
+    )
+
+
 def test_a_number_without_a_unit_is_a_usage_error(tmp_path):
     ran = run(tmp_path, "--amplitude", "0.5")
     assert (ran.exit_code, ran.stdout) == (2, "")

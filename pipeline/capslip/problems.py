@@ -32,6 +32,8 @@ class Kind:
     in_interval : bool
         Whether the estimated error of the model holds that effect, and so the interval of the
         answer.
+    spoils_all : bool
+        Whether every number may be that of another face or joint, so that it leads the verdict.
     """
 
     code: str
@@ -40,6 +42,7 @@ class Kind:
     effect: str
     remedy: str
     in_interval: bool = False
+    spoils_all: bool = False
 
 
 def _read_kinds() -> dict[str, Kind]:
@@ -125,6 +128,7 @@ def warnings_page() -> str:
         ]
         lines += [f"- Effect: {kind.effect}"]
         lines += ["- Interval: holds what the message names."] if kind.in_interval else []
+        lines += ["- Verdict: leads it, whatever others move."] if kind.spoils_all else []
         lines += [f"- Next: {kind.remedy}"]
     return "\n".join(lines) + "\n"
 

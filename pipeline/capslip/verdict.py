@@ -96,7 +96,8 @@ def verdict(
     settings : Settings
         What was given, and what was not.
     problems : iterable of Problem
-        Of the whole result; that of the worst that moves most is the reason.
+        Of the whole result. The reason is, of the worst, one that spoils every number, else the
+        one that moves most.
     estimated_error : float or None
         Of energy at given force and of stiffness, against the elastic face pressed exactly.
     scans : tuple of int, optional
@@ -111,7 +112,8 @@ def verdict(
     for severity, word in (("error", "not usable"), ("warning", "usable with care")):
         worst = [one for one in problems if one.severity == severity]
         if worst:
-            first = max(worst, key=lambda one: one.greatest_effect)  # the first of the greatest
+            # The first of the greatest; what spoils every number leads what moves some
+            first = max(worst, key=lambda one: (one.kind.spoils_all, one.greatest_effect))
             more = f" (and {len(worst) - 1} more)" if len(worst) > 1 else ""
             remedy = first.remedy
             remedy = remedy if remedy.endswith("...") else remedy.removesuffix(".")

@@ -113,15 +113,16 @@ def causes(summary: dict[str, Any]) -> list[dict[str, Any]]:
     """Return the problems that a reader has to know first, at most three: errors, then warnings.
 
     Each with what it does to the numbers: as measured, or else what all of its kind do. Those that
-    move most come first.
+    spoil every number come first, then those that move most.
     """
     serious = [one for one in summary["problems"] if one["severity"] != "info"]
-    serious.sort(key=lambda one: (one["severity"] != "error", -_greatest(one)))
+    serious.sort(key=_rank)
     return [{**one, "does": effect_text(one)} for one in serious[:MOST_CAUSES]]
 
 
-def _greatest(problem: dict[str, Any]) -> float:
-    return max((value or 0.0 for value in (problem["effect"] or {}).values()), default=0.0)
+def _rank(problem: dict[str, Any]) -> tuple[bool, bool, float]:
+    greatest = max((value or 0.0 for value in (problem["effect"] or {}).values()), default=0.0)
+    return problem["severity"] != "error", not KINDS[problem["code"]].spoils_all, -greatest
 
 
 def effect_text(problem: dict[str, Any]) -> str:

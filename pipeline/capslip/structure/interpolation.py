@@ -129,10 +129,10 @@ class LawTables:
 class TablesByPressure(LawTables):
     """The same where each pressure has a bed of its own.
 
-    So of a face that yields, which was loaded once to the pressure that is asked for, and of a mean
-    of scans, of which one closes by more than another. What is asked for is interpolated between
-    the pressures of the table: as shares of total slip, straight in logarithms. The closure is what
-    the face would open by if it were unloaded, without what yielded.
+    So of a face that yields, which was loaded once to the pressure that is asked for. What is asked
+    for is interpolated between the pressures of the table: as shares of total slip, straight in
+    logarithms. The closure is what the face would open by if it were unloaded, without what
+    yielded.
     """
 
     def __init__(self, tables: dict[str, Any]) -> None:
@@ -195,8 +195,45 @@ class TablesByPressure(LawTables):
         return np.asarray(np.exp(found))
 
 
+class MeanOfScans(LawTables):
+    """The mean over the scans of a joint, each of which bears p and moves by delta.
+
+    The closure, and with it the displacement at total slip, is that of the scan that lets go last.
+    """
+
+    def __init__(self, tables: dict[str, Any]) -> None:
+        """Take the tables of `law.json`."""
+        self.friction_coefficient = float(tables["friction_coefficient"])
+        self.kappa = float(tables["kappa"])
+        self.range_Pa = tuple(float(value) for value in tables["range_Pa"])
+        of_joint = {name: tables[name] for name in OF_JOINT}
+        self._scans = [tables_of(of_joint | one) for one in tables["of_scans"]]
+        self._share = np.array([one["share"] for one in tables["of_scans"]], dtype=float)
+
+    def closure_m(self, pressure_Pa: ArrayLike) -> np.ndarray:
+        """Approach of the two faces where the scan that lets go last first touches."""
+        return np.asarray(np.max([one.closure_m(pressure_Pa) for one in self._scans], axis=0))
+
+    def normal_stiffness_Pa_per_m(self, pressure_Pa: ArrayLike) -> np.ndarray:
+        """Slope dp / dd."""
+        return self._mean([one.normal_stiffness_Pa_per_m(pressure_Pa) for one in self._scans])
+
+    def shear_Pa(self, displacement_m: ArrayLike, pressure_Pa: ArrayLike) -> np.ndarray:
+        """tau(delta, p) on first loading, odd in delta; mu p from total slip on."""
+        return self._mean([one.shear_Pa(displacement_m, pressure_Pa) for one in self._scans])
+
+    def loss_J_per_m2(self, displacement_m: ArrayLike, pressure_Pa: ArrayLike) -> np.ndarray:
+        """w(delta, p), lost in one cycle between -delta and delta."""
+        return self._mean([one.loss_J_per_m2(displacement_m, pressure_Pa) for one in self._scans])
+
+    def _mean(self, values: list[np.ndarray]) -> np.ndarray:
+        return np.asarray(np.tensordot(self._share, values, 1))
+
+
 def tables_of(tables: dict[str, Any]) -> LawTables:
-    """Return the tables of `law.json`, with one bed for all pressures or one for each."""
+    """Return the tables of `law.json`: of several scans, of one, or of one that yields."""
+    if "of_scans" in tables:
+        return MeanOfScans(tables)
     return LawTables(tables) if "bed_closure_m" in tables else TablesByPressure(tables)
 
 
@@ -206,6 +243,7 @@ def _cell(known: np.ndarray, at: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return i, np.clip((at - known[i]) / (known[i + 1] - known[i]), 0.0, 1.0)
 
 
+OF_JOINT = ("friction_coefficient", "kappa", "range_Pa")
 COLUMNS = ("closure_m", "stiffness_Pa_per_m")
 ROWS = (
     *("pressure_Pa", "closure_m", "normal_stiffness_Pa_per_m"),

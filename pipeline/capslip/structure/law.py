@@ -11,20 +11,20 @@ from capslip.contact.scans import curve_of_scans, kappa_of_scans
 from capslip.contact.slip import SlipCurve, slip_curve
 from capslip.errors import ContactError
 from capslip.structure.band import Part
-from capslip.structure.interpolation import ROWS, tables_of
+from capslip.structure.interpolation import OF_JOINT, ROWS, tables_of
 from capslip.structure.jenkins import JenkinsElements, jenkins
 
 # Pressures lie at p0 times ratio^i, so that the pressure of the scan is one of them.
 RATIO, BELOW, ABOVE = 10 ** (1 / 8), 16, 4  # p0 / 100 to 3.2 p0
 RATIO_SOLVED, BELOW_SOLVED = 10 ** (1 / 5), 5  # p0 / 10 to 2.5 p0, each solved on the map
 ABOVE_SOLVED = MAX_SOLVED - 1 - BELOW_SOLVED
-# Where each pressure has a curve of its own, contacts touch in between
-RATIO_OF_OWN, BELOW_OF_OWN, ABOVE_OF_OWN = 10 ** (1 / 16), 32, 8
+# Of a face that yields each pressure has a curve of its own; contacts touch in between
+RATIO_OF_YIELDED, BELOW_OF_YIELDED, ABOVE_OF_YIELDED = 10 ** (1 / 16), 32, 8
 SHARES = np.union1d(np.geomspace(1e-3, 0.5, 36), 1.0 - np.append(np.geomspace(0.46, 1e-2, 12), 0.0))
 # Each of several scans slips as a whole at a share of its own
 SHARES_OF_SCANS = np.union1d(SHARES, np.geomspace(0.05, 1.0, 80))
 POINTS, LEAST_LOAD = 800, 1e-4  # of the bed of springs; of the load of the scan
-BED = ("friction_coefficient", "kappa", "range_Pa", "bed_closure_m", "bed_stiffness_Pa_per_m")
+BED = ("bed_closure_m", "bed_stiffness_Pa_per_m")
 JENKINS_TOLERANCE = 0.02
 # Columns that hold how much the scans of a joint differ
 SCATTERS = {
@@ -38,7 +38,7 @@ ASKED_SHARE = 0.1  # of mu p: what a joint is asked for
 
 @dataclass(frozen=True, eq=False)
 class Law:
-    """A joint face per nominal area; p pressures, k displacements, q closures.
+    """A joint face per nominal area; p pressures, k displacements.
 
     What is not in it: turning, normal load that varies in the cycle, slip in two directions, memory
     of a higher pressure.
@@ -53,8 +53,7 @@ class Law:
     shear_Pa: np.ndarray  # (p, k), tau on first loading
     loss_J_per_m2: np.ndarray  # (p, k), w of a cycle
     scatter: dict[str, np.ndarray]  # standard deviation between scans, by `SCATTERS`; {}: one scan
-    bed_closure_m: np.ndarray | None  # (q,), from 0: see `LawTables`; None: no bed serves all
-    bed_stiffness_Pa_per_m: np.ndarray | None  # (q,)
+    of_scans: tuple[dict[str, Any], ...]  # what `tables_of` takes of each scan, and its share
     elements: tuple[JenkinsElements, ...]  # p, per area: N is N/m^2 in them
     friction_coefficient: float
     kappa: float
@@ -76,9 +75,13 @@ class Law:
         return float(self.pressure_Pa[0]), float(self.pressure_Pa[-1])
 
     def tables(self) -> dict[str, Any]:
-        """Return what `LawTables` reads."""
-        names = (*BED[:3], *ROWS) if self.bed_closure_m is None else BED
-        return {name: getattr(self, name) for name in names}
+        """Return what `tables_of` takes."""
+        return _tables({name: getattr(self, name) for name in OF_JOINT}, self.of_scans)
+
+    @property
+    def has_one_curve(self) -> bool:
+        """Whether one normal curve serves every pressure."""
+        return self.scans == 1 and self.hardness_Pa is None
 
     @property
     def at_scan_pressure(self) -> int:
@@ -105,7 +108,7 @@ def law(
 
     Of several scans it is that of their joint, in which each bears p and all move by one delta:
     k_n, tau and w are the means over the scans by their areas, and the scatter is their standard
-    deviation. As one scan closes by more than another, each pressure has a curve of its own.
+    deviation.
 
     Parameters
     ----------
@@ -134,36 +137,19 @@ def law(
     contacts, area_m2 = [part.contact for part in parts], [_area_m2(part.joint) for part in parts]
     patches, ends = _patches(parts, friction_coefficient, reach_m or [None] * len(parts))
     slips = [_together(parts, patch) for patch in patches]
-    D = np.array([float(slip.total_slip_displacement_m) for slip in slips])
-    delta = D[:, None] * (SHARES if len(parts) == 1 else SHARES_OF_SCANS)
-    rows: dict[str, Any] = {
-        "pressure_Pa": np.array([float(slip.preload_N) for slip in slips]),
-        "closure_m": np.array([float(slip.approach_m - slip.curve.touch_m) for slip in slips]),
-        "displacement_m": delta,
-        **_sheared(slips, delta),
-    }
-    of_law = (friction_coefficient, slips[0].kappa, rows["pressure_Pa"][[0, -1]])
-    tables = dict(zip(BED, of_law, strict=False))
-    bed: tuple[np.ndarray | None, np.ndarray | None] = (None, None)
+    rows = _rows(slips, SHARES if len(parts) == 1 else SHARES_OF_SCANS)
+    delta, range_Pa = rows["displacement_m"], rows["pressure_Pa"][[0, -1]]
+    of_joint = dict(zip(OF_JOINT, (friction_coefficient, slips[0].kappa, range_Pa), strict=True))
     # What lies between the pressures is measured at those that are left out
-    some = np.union1d(np.arange(0, len(slips), 2), len(slips) - 1)
-    solved = any(contact.rung.solved_loads_N is not None for contact in contacts)
-    if _has_own_curves(parts):
-        tables |= {name: rows[name][some] for name in ROWS}
-    elif solved:
-        bed = _bed_of_solutions(rows, np.arange(len(slips)))
-        tables |= dict(zip(BED[3:], _bed_of_solutions(rows, some), strict=True))
-    else:
-        bed = _bed_of_curve(slips[-1], parts[0].joint, area_m2[0])
-        tables |= dict(zip(BED[3:], bed, strict=True))
+    some = [*patches[:-1:2], patches[-1]]
+    tables = _tables(of_joint, _of_scans(parts, some))
     shear_error, loss_error = _error_of_tables(tables, slips, delta)
     errors = [contact.estimated_error for contact in contacts]
     return Law(
         **rows,
-        total_slip_displacement_m=D,
+        total_slip_displacement_m=delta[:, -1],
         scatter=_scatter(parts, patches, delta),
-        bed_closure_m=bed[0],
-        bed_stiffness_Pa_per_m=bed[1],
+        of_scans=_of_scans(parts, patches),
         elements=tuple(jenkins(slip, JENKINS_TOLERANCE) for slip in slips),
         friction_coefficient=friction_coefficient,
         kappa=slips[0].kappa,
@@ -175,7 +161,7 @@ def law(
         hardness_Pa=contacts[0].hardness_Pa,
         model=slips[0].curve.model,
         model_error=None if None in errors else max(error for error in errors if error is not None),
-        left_out=solved or _has_own_curves(parts),
+        left_out=_is_solved(parts) or contacts[0].hardness_Pa is not None,
         shear_error=shear_error,
         loss_error=loss_error,
     )
@@ -187,9 +173,44 @@ def _area_m2(joint: Joint) -> float:
     return joint.scan_area_m2
 
 
-def _has_own_curves(parts: Sequence[Part]) -> bool:
-    """Tell whether each pressure has a curve of its own, so that no bed of springs serves all."""
-    return len(parts) > 1 or parts[0].contact.hardness_Pa is not None
+def _is_solved(parts: Sequence[Part]) -> bool:
+    """Tell whether a model solves the map anew for each pressure."""
+    return any(part.contact.rung.solved_loads_N is not None for part in parts)
+
+
+def _tables(of_joint: dict[str, Any], of_scans: Sequence[dict[str, Any]]) -> dict[str, Any]:
+    """Return what `tables_of` takes of all scans."""
+    return of_joint | (of_scans[0] if len(of_scans) == 1 else {"of_scans": list(of_scans)})
+
+
+def _of_scans(
+    parts: Sequence[Part], patches: Sequence[Sequence[SlipCurve]]
+) -> tuple[dict[str, Any], ...]:
+    """Return what `tables_of` takes of each scan under growing pressures."""
+    found = []
+    for part, slips in zip(parts, zip(*patches, strict=True), strict=True):
+        if part.contact.hardness_Pa is not None:
+            rows = _rows(slips, SHARES)
+            tables = {name: rows[name] for name in ROWS}
+        elif part.contact.rung.solved_loads_N is not None:
+            tables = dict(zip(BED, _bed_of_solutions(_rows(slips, SHARES)), strict=True))
+        else:
+            bed = _bed_of_curve(slips[-1], part.joint, _area_m2(part.joint))
+            tables = dict(zip(BED, bed, strict=True))
+        found.append(tables if len(parts) == 1 else {"share": part.share, **tables})
+    return tuple(found)
+
+
+def _rows(slips: Sequence[SlipCurve], shares: np.ndarray) -> dict[str, np.ndarray]:
+    """Return the columns of slip curves per area, at shares of the displacement at total slip."""
+    D = np.array([float(slip.total_slip_displacement_m) for slip in slips])
+    delta = D[:, None] * shares
+    return {
+        "pressure_Pa": np.array([float(slip.preload_N) for slip in slips]),
+        "closure_m": np.array([float(slip.approach_m - slip.curve.touch_m) for slip in slips]),
+        "displacement_m": delta,
+        **_sheared(slips, delta),
+    }
 
 
 def _sheared(slips: Sequence[SlipCurve], delta: np.ndarray) -> dict[str, np.ndarray]:
@@ -238,10 +259,9 @@ def _patches(
     parts: Sequence[Part], friction_coefficient: float, reach_m: Sequence[float | None]
 ) -> tuple[list[list[SlipCurve]], str]:
     """Return the slip curve per area of each scan under growing pressures, and why they end."""
-    solves = any(part.contact.rung.solved_loads_N is not None for part in parts)
-    ratio, below, above = RATIO, BELOW, ABOVE
-    if _has_own_curves(parts):
-        ratio, below, above = RATIO_OF_OWN, BELOW_OF_OWN, ABOVE_OF_OWN
+    solves, ratio, below, above = _is_solved(parts), RATIO, BELOW, ABOVE
+    if parts[0].contact.hardness_Pa is not None:
+        ratio, below, above = RATIO_OF_YIELDED, BELOW_OF_YIELDED, ABOVE_OF_YIELDED
     if solves:
         ratio, below, above = RATIO_SOLVED, BELOW_SOLVED, ABOVE_SOLVED
     patches: list[list[SlipCurve]] = []
@@ -287,12 +307,11 @@ def _bed_of_curve(
     return _from_touch(p, approach_m - float(curve.touch_m), K)
 
 
-def _bed_of_solutions(rows: dict[str, Any], of: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _bed_of_solutions(rows: dict[str, np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
     """Return them between solved pressures: a cubic in log-log with their closures and slopes."""
     from scipy.interpolate import CubicHermiteSpline
 
-    names = ("pressure_Pa", "closure_m", "normal_stiffness_Pa_per_m")
-    p, d, K = (rows[name][of] for name in names)
+    p, d, K = (rows[name] for name in ROWS[:3])
     curve = CubicHermiteSpline(np.log(p), np.log(d), p / (K * d))
     fine = np.linspace(np.log(p[0]), np.log(p[-1]), POINTS)
     z = np.exp(curve(fine))

@@ -6,7 +6,7 @@ import json
 import textwrap
 from collections.abc import Iterable, Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -33,6 +33,7 @@ UNITS = {
     "bed_stiffness_Pa_per_m": "Pa/m",
     "friction_coefficient": "1",
     "kappa": "1",
+    "share": "1",
     "range_Pa": "Pa",
     "slider_stiffness_Pa_per_m": "Pa/m",
     "slider_shear_Pa": "Pa",
@@ -103,11 +104,12 @@ def _reach_m(scan: Analysis) -> float | None:
 def write_law(found: Law, folder: Path, name: str, status: str, doubts: list[str]) -> None:
     """Write a law into a folder; the doubts of the analysis go with it."""
     page = about(found, name, status, doubts)
-    document = {"schema": SCHEMA, "about": page, "units": UNITS, "model": found.model}
-    numbers = {"scans": found.scans, **_columns(found)}
-    document |= {name: np.asarray(values).tolist() for name, values in numbers.items()}
-    text = json.dumps(document, indent=1, ensure_ascii=False, allow_nan=False) + "\n"
-    (folder / "law.json").write_text(text, encoding="utf-8")
+    head = {"schema": SCHEMA, "about": page, "units": UNITS, "model": found.model}
+    document: dict[str, Any] = {**head, "scans": found.scans, **_columns(found), **found.tables()}
+    text = json.dumps(
+        document, indent=1, ensure_ascii=False, allow_nan=False, default=np.ndarray.tolist
+    )
+    (folder / "law.json").write_text(f"{text}\n", encoding="utf-8")
     (folder / "law.py").write_text(inspect.getsource(interpolation), encoding="utf-8")
     for program, file in DECKS.items():
         (folder / file).write_text(deck(found, program, page), encoding="utf-8")
@@ -119,7 +121,7 @@ def write_law(found: Law, folder: Path, name: str, status: str, doubts: list[str
 def _columns(found: Law) -> dict[str, np.ndarray]:
     """Return all columns by name."""
     columns = {name: getattr(found, name) for name in (*BY_PRESSURE, *BY_BOTH)}
-    return columns | found.scatter | found.tables()
+    return columns | found.scatter
 
 
 def about(found: Law, name: str, status: str, doubts: list[str]) -> list[str]:
@@ -222,7 +224,7 @@ def _overclosure(found: Law) -> list[tuple[float, float]]:
 
     There it unloads, by p(d - e) = p - tau(mu kappa e) / mu.
     """
-    if found.bed_closure_m is not None:
+    if found.has_one_curve:
         return list(zip(found.pressure_Pa.tolist(), found.closure_m.tolist(), strict=True))
     i, mu = found.at_scan_pressure, found.friction_coefficient
     p = found.pressure_Pa[i] - found.shear_Pa[i, -2::-1] / mu
@@ -251,7 +253,7 @@ def _how_to_slide(found: Law) -> list[str]:
 
 def _rows(found: Law) -> tuple[list[str], Iterator[tuple[float, ...]]]:
     """Return names and rows of the long form: one row for each pressure and displacement."""
-    columns = {name: getattr(found, name) for name in (*BY_PRESSURE, *BY_BOTH)} | found.scatter
+    columns = _columns(found)
     shape = found.shear_Pa.shape
     wide = (
         np.broadcast_to(one if one.ndim == 2 else one[:, None], shape) for one in columns.values()
@@ -289,8 +291,11 @@ def _write_hdf5(found: Law, page: Iterable[str], path: Path) -> None:
         file.attrs["schema"] = SCHEMA
         file.attrs["about"] = "\n".join(page)
         file.attrs["scans"] = found.scans
-        for name, values in _columns(found).items():
-            file.create_dataset(name, data=values).attrs["unit"] = UNITS[name]
+        columns = _columns(found) | found.tables()
+        for i, scan in enumerate(columns.pop("of_scans", ())):
+            columns |= {f"of_scans/{i}/{name}": values for name, values in scan.items()}
+        for name, values in columns.items():
+            file.create_dataset(name, data=values).attrs["unit"] = UNITS[name.rpartition("/")[2]]
         sliders = np.array(list(rows))
         for name, column in zip(names, sliders.T, strict=True):
             file.create_dataset(f"sliders/{name}", data=column).attrs["unit"] = UNITS[name]
