@@ -11,6 +11,8 @@ from capslip.caps.families import group_families
 from capslip.caps.table import CapFlag, CapTable
 from capslip.contact import doubts
 from capslip.contact.doubts import contact_doubts, material_doubts, problems_of_first_touch
+from capslip.doubts import _of_small_slip
+from capslip.problems import Problem
 from capslip.settings import Material
 
 
@@ -220,3 +222,27 @@ def test_materials_are_doubted_just_beyond_their_thresholds(modulus_Pa, friction
 def test_materials_are_coupled_beyond_a_quarter_of_their_friction(beta, coupled, monkeypatch):
     monkeypatch.setattr(doubts, "dundurs_beta", lambda *_: beta)
     assert bool(material_doubts(Material())) == coupled
+
+
+@pytest.mark.parametrize(
+    ("share", "codes", "doubted"),
+    [
+        (0.25, (), True),
+        (0.25, ("detail_decides",), False),
+        (0.05, ("detail_decides",), True),
+        (0.45, (), False),
+    ],
+)
+def test_pixels_that_hardly_slip_are_no_second_doubt_where_their_detail_was_measured(
+    share, codes, doubted
+):
+    """The pixels resolve what slips from 0.4 mu N on; detail is measured from 0.1 mu N on."""
+    contact = SimpleNamespace(
+        rung=SimpleNamespace(least_share=lambda curve, load_N: 0.4),
+        normal=None,
+        preload_N=100.0,
+        problems=tuple(Problem(code, "warning", "so") for code in codes),
+    )
+    asked = SimpleNamespace(slip_force_N=20.0 * share), SimpleNamespace(total_slip_force_N=20.0)
+    found = _of_small_slip(contact, *asked)
+    assert [one.severity for one in found] == ["warning"] * doubted
