@@ -348,8 +348,11 @@ class PatchedCurve:
         share = np.geomspace(LEAST_SHARE, 0.5, 140)
         share = np.concatenate([share, 1.0 - np.geomspace(0.49, 1e-6, 60), [1.0]])
         e = share * (self.preload_approach_m - float(self.touch_m))
-        D = self.preload_approach_m
-        return e, self._sum("load_drop_N", D, e), self._sum("loss_integral_J", D, e)
+        drop_N, loss_J = np.zeros(e.shape), np.zeros(e.shape)
+        for one, d, w in self._patches:  # both of one patch share what its curve solves
+            drop_N += w * one.load_drop_N(d, e)
+            loss_J += w * one.loss_integral_J(d, e)
+        return e, drop_N, loss_J
 
     @cached_property
     def _ratios(self) -> Any:

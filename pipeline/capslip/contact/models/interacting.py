@@ -14,6 +14,7 @@ from capslip.contact.solvers.shear import lift_off, shear, solve_coupled
 from capslip.errors import ContactError, SettingsError
 
 MAX_LIFT_OFFS = 300  # contacts
+KEPT = 512  # approaches whose compressions stay known: a joint has some hundred patches
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,7 +38,7 @@ class InteractingCurve(HertzCurve):
     _equilibrium: dict[float, tuple[float, np.ndarray]] = field(
         default_factory=dict, kw_only=True, repr=False
     )
-    # Compressions at the approaches that `approach_m` returned last, for the methods asked next
+    # Compressions at the approaches that `approach_m` returned, for the methods asked next
     _solved: dict[float, np.ndarray] = field(default_factory=dict, init=False, repr=False)
     # The last solution of `_sheared`: withdrawal and loss at the same drops share it
     _slipped: dict[tuple[Any, ...], tuple[np.ndarray, np.ndarray]] = field(
@@ -115,7 +116,8 @@ class InteractingCurve(HertzCurve):
             self._equilibrium.clear()
             self._equilibrium[float(load)] = float(level), g
         approach = level + self.compliance_m_per_N * load
-        self._solved.clear()
+        if len(self._solved) > KEPT:
+            self._solved.clear()
         self._solved.update(zip(approach.ravel().tolist(), g.reshape(-1, g.shape[-1]), strict=True))
         return level, g
 
