@@ -222,6 +222,35 @@ def test_the_law_of_two_scans_is_their_mean_in_closed_form(share):
     assert (found.shear_error < 0.01, found.loss_error < 0.02) == (True, True)
 
 
+def test_the_mean_of_scans_is_as_good_between_two_pressures_as_one_of_them():
+    """Lower caps touch somewhere between: an interpolation over pressure would smear that."""
+    pair, share = (CURVES["two families"], CURVES["many heights"]), (0.4, 0.6)
+    found = law([part_of(one, share=s) for one, s in zip(pair, share, strict=True)], MU)
+    assert (found.shear_error < 4e-3, found.loss_error < 0.05) == (True, True)
+    tables = tables_of(found.tables())
+    for p in np.exp(np.random.default_rng(103).uniform(*np.log(found.range_Pa), 20)):
+        slips = [slip_curve(ScaledCurve(one, 1 / AREA_M2), p, MU, STEEL.kappa) for one in pair]
+        delta = np.geomspace(0.05, 1.5, 30) * slips[0].total_slip_displacement_m
+        tau, w = (
+            sum(s * getattr(slip, of)(delta) for s, slip in zip(share, slips, strict=True))
+            for of in ("force_N", "energy_J")
+        )
+        np.testing.assert_allclose(tables.shear_Pa(delta, p), tau, rtol=4e-3)
+        np.testing.assert_allclose(tables.loss_J_per_m2(delta, p), w, rtol=0.05)
+
+
+def test_a_hardness_that_nothing_reaches_leaves_one_curve_for_all_pressures():
+    curve = CURVES["two families"]
+    found = law_of(curve, hardness=1e12)
+    assert found.has_one_curve
+    assert (found.loss_error < 0.05, found.left_out) == (True, False)
+    elastic, hard = (tables_of(one.tables()) for one in (law_of(curve), found))
+    p = np.geomspace(*found.range_Pa, 30)[:, None]
+    delta = np.linspace(0.05, 1.5, 30) * elastic.total_slip_displacement_m(p)
+    np.testing.assert_allclose(hard.loss_J_per_m2(delta, p), elastic.loss_J_per_m2(delta, p), 1e-9)
+    assert not law_of(after(LOAD_N), hardness=1e9, after=after).has_one_curve
+
+
 @pytest.mark.parametrize("hardness", [None, 1e9])
 def test_equal_scans_have_the_law_of_one_and_no_scatter(hardness):
     make = after if hardness else (lambda _: CURVES["two families"])

@@ -23,6 +23,7 @@ RATIO_OF_YIELDED, BELOW_OF_YIELDED, ABOVE_OF_YIELDED = 10 ** (1 / 16), 32, 8
 SHARES = np.union1d(np.geomspace(1e-3, 0.5, 36), 1.0 - np.append(np.geomspace(0.46, 1e-2, 12), 0.0))
 # Each of several scans slips as a whole at a share of its own
 SHARES_OF_SCANS = np.union1d(SHARES, np.geomspace(0.05, 1.0, 80))
+SAME_CURVE = 1e-6  # of a closure, by which a curve is another
 POINTS, LEAST_LOAD = 800, 1e-4  # of the bed of springs; of the load of the scan
 BED = ("bed_closure_m", "bed_stiffness_Pa_per_m")
 JENKINS_TOLERANCE = 0.02
@@ -81,7 +82,7 @@ class Law:
     @property
     def has_one_curve(self) -> bool:
         """Whether one normal curve serves every pressure."""
-        return self.scans == 1 and self.hardness_Pa is None
+        return self.scans == 1 and BED[0] in self.of_scans[0]
 
     @property
     def at_scan_pressure(self) -> int:
@@ -144,12 +145,13 @@ def law(
     some = [*patches[:-1:2], patches[-1]]
     tables = _tables(of_joint, _of_scans(parts, some))
     shear_error, loss_error = _error_of_tables(tables, slips, delta)
+    of_scans = _of_scans(parts, patches)
     errors = [contact.estimated_error for contact in contacts]
     return Law(
         **rows,
         total_slip_displacement_m=delta[:, -1],
         scatter=_scatter(parts, patches, delta),
-        of_scans=_of_scans(parts, patches),
+        of_scans=of_scans,
         elements=tuple(jenkins(slip, JENKINS_TOLERANCE) for slip in slips),
         friction_coefficient=friction_coefficient,
         kappa=slips[0].kappa,
@@ -161,7 +163,7 @@ def law(
         hardness_Pa=contacts[0].hardness_Pa,
         model=slips[0].curve.model,
         model_error=None if None in errors else max(error for error in errors if error is not None),
-        left_out=_is_solved(parts) or contacts[0].hardness_Pa is not None,
+        left_out=_is_solved(parts) or any(BED[0] not in scan for scan in of_scans),
         shear_error=shear_error,
         loss_error=loss_error,
     )
@@ -189,16 +191,23 @@ def _of_scans(
     """Return what `tables_of` takes of each scan under growing pressures."""
     found = []
     for part, slips in zip(parts, zip(*patches, strict=True), strict=True):
-        if part.contact.hardness_Pa is not None:
-            rows = _rows(slips, SHARES)
+        rows, is_solved = _rows(slips, SHARES), part.contact.rung.solved_loads_N is not None
+        if part.contact.hardness_Pa is not None and (is_solved or _has_yielded(slips, rows)):
             tables = {name: rows[name] for name in ROWS}
-        elif part.contact.rung.solved_loads_N is not None:
-            tables = dict(zip(BED, _bed_of_solutions(_rows(slips, SHARES)), strict=True))
+        elif is_solved:
+            tables = dict(zip(BED, _bed_of_solutions(rows), strict=True))
         else:
             bed = _bed_of_curve(slips[-1], part.joint, _area_m2(part.joint))
             tables = dict(zip(BED, bed, strict=True))
         found.append(tables if len(parts) == 1 else {"share": part.share, **tables})
     return tuple(found)
+
+
+def _has_yielded(slips: Sequence[SlipCurve], rows: dict[str, np.ndarray]) -> bool:
+    """Tell whether the greatest pressure leaves another curve than the lower ones did."""
+    curve = slips[-1].curve
+    closure_m = np.asarray(curve.approach_m(rows["pressure_Pa"])) - float(curve.touch_m)
+    return bool((np.abs(closure_m / rows["closure_m"] - 1.0) > SAME_CURVE).any())
 
 
 def _rows(slips: Sequence[SlipCurve], shares: np.ndarray) -> dict[str, np.ndarray]:
