@@ -626,6 +626,21 @@ def test_a_plain_list_names_a_scan_a_line(tmp_path):
     assert "no such file" in rows(tmp_path / "out")["gone"]["error"]
 
 
+def test_a_list_may_be_utf16_and_may_name_a_pipe(tmp_path):
+    scan(tmp_path / "a.h5", 1)
+    os.mkfifo(tmp_path / "pipe.h5")
+    (tmp_path / "list.csv").write_text("scan,preload_N\na.h5,300\npipe.h5,300\n", "utf-16")
+    for _ in range(2):  # what failed is looked at again
+        ran = run("--list", tmp_path / "list.csv", "-o", tmp_path / "out", "--workers", "1")
+        assert ran.exit_code == 3, ran.output
+        assert rows(tmp_path / "out")["a"]["preload_N"] == "300.0"
+        assert "is a pipe or a device" in rows(tmp_path / "out")["pipe"]["error"]
+    (tmp_path / "list.csv").write_bytes(b"a.h5\n\0.h5\n")
+    ran = run("--list", tmp_path / "list.csv", "-o", tmp_path / "out")
+    assert ran.exit_code == 2
+    assert "holds zero bytes" in ran.stderr
+
+
 def test_names_are_unlike_and_quick_to_find():
     paths = [f"f{folder}/s{index % 2000}.h5" for folder in range(10) for index in range(2000)]
     paths += ["A/x.h5", "a/X.h5", "b/a/x.h5"]

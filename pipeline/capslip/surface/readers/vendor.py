@@ -27,6 +27,20 @@ REFUSED = {
 }
 # hgt has no header: every file of a fitting size passes for it. The others are built in: what
 # their own readers did not recognise is damaged, and the library would read it less strictly.
+PICTURE = "a picture, whose grey values are no heights"
+ARCHIVE = "an archive or a sheet of an office program; unpack it, or save the sheet as CSV"
+KNOWN = {  # what is no map in any format, by its first bytes
+    b"\x89PNG": PICTURE,
+    b"\xff\xd8\xff": PICTURE,
+    b"GIF8": PICTURE,
+    b"BM": PICTURE,
+    b"PK": ARCHIVE,
+    b"BZh": ARCHIVE,
+    b"7z\xbc\xaf": ARCHIVE,
+    b"\xfd7zXZ": ARCHIVE,
+    b"\xd0\xcf\x11\xe0": ARCHIVE,
+    b"version https://git-lfs": "a pointer of Git LFS, not the file; fetch it with `git lfs pull`",
+}
 NO_FORMAT = ("hgt", "asc", "gwy", "h5", "mat", "npy", "npz", "sdf", "sur", "x3p", "xyz")
 
 
@@ -69,9 +83,11 @@ def _read(path: Path, request: Request) -> Stored:
 
 
 def _unknown(path: Path) -> UnreadableFileError:
+    head = read_head(path, 64)
+    known = next((f" ({what})" for magic, what in KNOWN.items() if head.startswith(magic)), "")
     return UnreadableFileError(
-        f"{path}: not a height map in a format that is known; expected one of `capslip formats`; "
-        "export it as X3P or HDF5"
+        f"{path}: not a height map in a format that is known{known}; expected one of "
+        "`capslip formats`; export it as X3P or HDF5"
     )
 
 
