@@ -298,7 +298,7 @@ def test_writing_refuses_unknown_units_and_folders(tmp_path):
 
 def test_formats_names_every_reader():
     assert " ".join(row.name for row in FORMATS) == (
-        "hdf5 npy x3p sdf mat tiff gwy sur sxm zygo wyko surfer esri mesh gwyddion keyence xyz "
+        "hdf5 npy x3p sdf mat tiff gwy sur sxm nms zygo wyko surfer esri mesh gwyddion keyence xyz "
         "text vendor"
     )
     assert all(row.extensions and row.note for row in FORMATS)

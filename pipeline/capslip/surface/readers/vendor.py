@@ -22,9 +22,6 @@ from capslip.surface.readers.stored import (
 )
 
 HDF5_MAGIC = b"\x89HDF\r\n\x1a\n"  # inside DATX and netCDF
-REFUSED = {
-    "nms": "the library gets its lateral scale wrong; export it as X3P",
-}
 # hgt has no header: every file of a fitting size passes for it. The others are built in: what
 # their own readers did not recognise is damaged, and the library would read it less strictly.
 PICTURE = "a picture, whose grey values are no heights"
@@ -41,7 +38,7 @@ KNOWN = {  # what is no map in any format, by its first bytes
     b"\xd0\xcf\x11\xe0": ARCHIVE,
     b"version https://git-lfs": "a pointer of Git LFS, not the file; fetch it with `git lfs pull`",
 }
-NO_FORMAT = ("hgt", "asc", "gwy", "h5", "mat", "npy", "npz", "sdf", "sur", "x3p", "xyz")
+NO_FORMAT = ("hgt", "asc", "gwy", "h5", "mat", "nms", "npy", "npz", "sdf", "sur", "x3p", "xyz")
 
 
 def _recognises(head: bytes, path: Path) -> bool:
@@ -95,8 +92,6 @@ def _stored(reader: Any, path: Path, dataset: str | None) -> Stored:
     kind = reader.format()
     if kind in NO_FORMAT:
         raise _unknown(path)
-    if kind in REFUSED:
-        raise UnreadableFileError(f"{path}: {kind} files are refused: {REFUSED[kind]}")
     names = unique_names([channel.name for channel in reader.channels])
     maps = _maps_of_heights(reader)
     profiles = reader.channels and all(channel.dim != 2 for channel in reader.channels)
