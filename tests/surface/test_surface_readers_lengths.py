@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from written import sur_header
+from written import sur_header, writers
 
 from capslip.errors import CapslipError, UnreadableFileError
 from capslip.surface.readers import load_surface
@@ -45,6 +45,44 @@ def test_no_byte_more_or_less_changes_a_map_in_silence(name, tmp_path):
             continue
         np.testing.assert_array_equal(surface.height_m, sound.height_m)
         assert surface.pixel_size_m == sound.pixel_size_m
+
+
+BUILT_IN = ("a.h5", "a.npy", "a.npz", "five.mat", "seven.mat", "a.x3p", "a.tif", "binary.sdf")
+
+
+@pytest.mark.parametrize("name", [*BUILT_IN, "a.gwy", "a.sur", "a.nms"])
+def test_no_byte_more_or_less_changes_a_built_in_format_in_silence(name, tmp_path):
+    """What a text says of its length is the count of its numbers, not of their digits."""
+    write, given = writers()[name]
+    path = tmp_path / name
+    write(path, MAP)
+    content, sound = path.read_bytes(), load_surface(path, **given)
+    rng = np.random.default_rng(len(name))
+    for number in range(60):
+        at, size = int(rng.integers(len(content) + 1)), int(rng.integers(1, 17))
+        added = rng.bytes(size) if number % 2 else b""
+        path.write_bytes(content[:at] + added + content[at + (0 if added else size) :])
+        try:
+            surface = load_surface(path, **given)
+        except CapslipError:
+            continue
+        if not any("belong to no tag" in note for note in surface.origin.notes):
+            np.testing.assert_array_equal(surface.height_m, sound.height_m)
+            assert surface.pixel_size_m == sound.pixel_size_m
+
+
+@pytest.mark.parametrize("name", ["a.h5", "a.npy", "seven.mat", "binary.sdf", "a.nms"])
+def test_bytes_behind_the_end_are_read_over_when_asked_to(name, tmp_path):
+    write, given = writers()[name]
+    write(tmp_path / name, MAP)
+    sound = load_surface(tmp_path / name, **given)
+    with (tmp_path / name).open("ab") as file:
+        file.write(b"more")
+    with pytest.raises(UnreadableFileError, match=r"bytes were added.*reading\.lenient"):
+        load_surface(tmp_path / name, **given)
+    surface = load_surface(tmp_path / name, **given, lenient=True)
+    np.testing.assert_array_equal(surface.height_m, sound.height_m)
+    assert "read anyway" in " ".join(surface.origin.notes)
 
 
 # --- SUR ---
