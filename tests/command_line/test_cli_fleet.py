@@ -10,6 +10,7 @@ import signal
 import subprocess
 import sys
 import time
+import tracemalloc
 from contextlib import closing
 from pathlib import Path
 
@@ -36,6 +37,7 @@ from capslip.cli import main
 from capslip.output.staging import LOCK, OURS, read_summary, summary_text, with_digests
 from capslip.settings import load_settings
 from capslip.sources import find_scans
+from capslip.studies.bench.fleet import nothing
 from capslip.workers import Limits, jobs_of
 
 SETTINGS = load_settings(
@@ -649,6 +651,21 @@ def test_names_are_unlike_and_quick_to_find():
     names = sources._names(found)
     assert time.process_time() - started_s < 3.0
     assert len({name.casefold() for name in names}) == len(paths)
+
+
+def test_the_parent_keeps_little_of_each_scan(tmp_path):
+    """So that a million of them fit: 10,000 are timed by the benchmark of batches."""
+    peaks = []
+    for count in (10, 1010):
+        for index in range(count):
+            (tmp_path / f"{index:04d}.h5").touch()
+        tracemalloc.start()
+        paths = sorted(map(str, tmp_path.glob("*.h5")))
+        found = run_batch(paths, tmp_path / f"out{count}", SETTINGS, lambda _: None, work=nothing)
+        peaks.append(tracemalloc.get_traced_memory()[1])
+        tracemalloc.stop()
+        assert [row["status"] for row in found] == ["ok"] * count
+    assert (peaks[1] - peaks[0]) / 1000 < 10_000
 
 
 # --- ends of all kinds
