@@ -407,7 +407,8 @@ def _key(scan: Scan) -> dict[str, str | None]:
 
 def _digest(path: Path) -> str:
     try:
-        return sha256_of(path)
+        # a pipe would be waited for
+        return sha256_of(path) if path.is_file() or not path.exists() else "no file"
     except OSError as error:  # a failure that this explains is kept while it is the same
         return str(error.strerror)
 

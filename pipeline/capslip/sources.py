@@ -1,5 +1,6 @@
 """The scans of a batch: from files, folders, globs and lists, each with a name of its own."""
 
+import codecs
 import csv
 import glob
 import hashlib
@@ -151,10 +152,15 @@ def _in_folder(
 
 def _listed(list_file: Path, settings: Settings) -> Iterator[Scan]:
     try:
-        text = list_file.read_bytes().decode("utf-8-sig", "surrogateescape")
+        content = list_file.read_bytes()
     except OSError as error:
         raise SettingsError(f"{list_file}: {error.strerror}; give a list of scans") from error
-    lines = text.splitlines()
+    if content.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
+        lines = content.decode("utf-16", "replace").splitlines()
+    else:
+        lines = content.decode("utf-8-sig", "surrogateescape").splitlines()
+    if any("\0" in line for line in lines):
+        raise SettingsError(f"{list_file}: holds zero bytes; expected text; save it as UTF-8")
     columns = _columns(lines[0], list_file) if lines else []
     if not columns:
         for line in filter(None, map(str.strip, lines)):

@@ -6,12 +6,15 @@ import shutil
 import signal
 import subprocess
 import sys
+import tempfile
 import time
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
 import numpy as np
 from test_cli_batch import scan
+
+from capslip.output.staging import is_whole, read_summary
 
 LIGHT = ("--no-figures", "--no-render", "--model", "caps")
 KINDS = 6  # of bad scans
@@ -105,12 +108,13 @@ def gone(text, within_s):
 
 
 @contextmanager
-def dask(folder, workers=2):
-    """Run a scheduler and workers on loopback; give the address and the workers' processes."""
+def dask(folder, workers=2, mark=""):
+    """Run a scheduler and workers on loopback; give the address and the processes of all."""
     from distributed import Client
 
     python = [sys.executable, "-P", "-m"]
     quiet = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL, "cwd": folder}
+    quiet["env"] = {**os.environ, "FLEET_MARK": str(mark)}
     file = str(folder / "scheduler.json")
     host, known = ["--host", "127.0.0.1", "--no-dashboard"], ["--scheduler-file", file]
     alone = ["--nthreads", "1", "--no-nanny", "--local-directory", str(folder)]
@@ -144,25 +148,52 @@ def with_kill(process):
     process.wait()
 
 
-def disturb(out, sources, rounds, chance, wait_s):
-    """Run a batch again and again while it, or a process that it started, is killed."""
-    mark = f"FLEET_MARK={out}"
-    environment = {**os.environ, "FLEET_MARK": str(out)}
-    quiet = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
-    for _ in range(rounds):
-        process = subprocess.Popen(
-            command(*sources, "-o", out, "--workers", "2"), env=environment, **quiet
-        )
+def done(out):
+    """Return the whole results of a batch, each with the time at which it was written."""
+    found = {}
+    for path in Path(out).glob("scans/*/summary.json"):
+        summary = read_summary(path.parent)
+        if summary is not None and is_whole(summary, path.parent):
+            found[path] = path.stat().st_mtime_ns
+    return found
+
+
+def disturb(out, sources, rounds, chance, wait_s, n_on_dask=0):
+    """Run a batch again and again while it, or a process that it needs, is killed.
+
+    In the last rounds a Dask scheduler and two workers on loopback do the work, and one of them, or
+    what they started, may be the one that is killed. What was done before has to stay as it is.
+    """
+    for number in range(rounds):
+        before = done(out)
+        if number < rounds - n_on_dask:
+            _kill_one(out, [*sources, "--workers", "2"], [], chance, wait_s)
+        else:
+            with tempfile.TemporaryDirectory() as name, dask(Path(name), mark=out) as cluster:
+                address, processes = cluster
+                _kill_one(out, [*sources, "--scheduler", address], processes, chance, wait_s)
+        assert gone(f"FLEET_MARK={out}", 2.0), "a process outlives the batch"
+        assert before.items() <= done(out).items(), "a result was lost, or made twice"
+
+
+def _kill_one(out, arguments, servers, chance, wait_s):
+    """Kill a batch, or one of the processes it needs and then the batch."""
+    process = subprocess.Popen(
+        command(*arguments, "-o", out),
+        env={**os.environ, "FLEET_MARK": str(out)},
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.DEVNULL,
+    )
+    time.sleep(chance.uniform(*wait_s))
+    victims = [one for one in children_of(f"FLEET_MARK={out}") if one != process.pid]
+    kill_batch = chance.random() < (0.3 if servers else 0.5) or not victims
+    victim = process.pid if kill_batch else chance.choice(victims)
+    with suppress(ProcessLookupError):
+        os.kill(victim, signal.SIGKILL)
+    if not kill_batch:
         time.sleep(chance.uniform(*wait_s))
-        victims = [one for one in children_of(mark) if one != process.pid]
-        kill_batch = chance.random() < 0.5 or not victims
-        with suppress(ProcessLookupError):
-            os.kill(process.pid if kill_batch else chance.choice(victims), signal.SIGKILL)
-        if not kill_batch:
-            time.sleep(chance.uniform(*wait_s))
-            process.kill()
-        process.wait(30)
-        assert gone(mark, 2.0), "a process outlives the batch"
+        process.kill()
+    process.wait(30)
 
 
 def soak_fleet(folder, n_scans=500, n_bad=38, rounds=50):
@@ -175,7 +206,7 @@ def soak_fleet(folder, n_scans=500, n_bad=38, rounds=50):
     found = len(results), len(failures), ran.returncode
     if found != (n_scans - n_bad, n_bad, 3) or failures != bad:
         wrong.append(f"results, failures and exit code {found}")
-    disturb(folder / "out", sources, rounds, random.Random(1), wait_s=(0.5, 6.0))
+    disturb(folder / "out", sources, rounds, random.Random(1), (0.5, 6.0), n_on_dask=rounds // 2)
     batch(*sources, "-o", folder / "out", "--retry-failed")
     if table(folder / "out") != table(folder / "undisturbed"):
         wrong.append(f"another table after {rounds} kills")

@@ -10,6 +10,7 @@ import signal
 import subprocess
 import sys
 import time
+import tracemalloc
 from contextlib import closing
 from pathlib import Path
 
@@ -36,6 +37,7 @@ from capslip.cli import main
 from capslip.output.staging import LOCK, OURS, read_summary, summary_text, with_digests
 from capslip.settings import load_settings
 from capslip.sources import find_scans
+from capslip.studies.bench.fleet import nothing
 from capslip.workers import Limits, jobs_of
 
 SETTINGS = load_settings(
@@ -626,6 +628,21 @@ def test_a_plain_list_names_a_scan_a_line(tmp_path):
     assert "no such file" in rows(tmp_path / "out")["gone"]["error"]
 
 
+def test_a_list_may_be_utf16_and_may_name_a_pipe(tmp_path):
+    scan(tmp_path / "a.h5", 1)
+    os.mkfifo(tmp_path / "pipe.h5")
+    (tmp_path / "list.csv").write_text("scan,preload_N\na.h5,300\npipe.h5,300\n", "utf-16")
+    for _ in range(2):  # what failed is looked at again
+        ran = run("--list", tmp_path / "list.csv", "-o", tmp_path / "out", "--workers", "1")
+        assert ran.exit_code == 3, ran.output
+        assert rows(tmp_path / "out")["a"]["preload_N"] == "300.0"
+        assert "is a pipe or a device" in rows(tmp_path / "out")["pipe"]["error"]
+    (tmp_path / "list.csv").write_bytes(b"a.h5\n\0.h5\n")
+    ran = run("--list", tmp_path / "list.csv", "-o", tmp_path / "out")
+    assert ran.exit_code == 2
+    assert "holds zero bytes" in ran.stderr
+
+
 def test_names_are_unlike_and_quick_to_find():
     paths = [f"f{folder}/s{index % 2000}.h5" for folder in range(10) for index in range(2000)]
     paths += ["A/x.h5", "a/X.h5", "b/a/x.h5"]
@@ -634,6 +651,21 @@ def test_names_are_unlike_and_quick_to_find():
     names = sources._names(found)
     assert time.process_time() - started_s < 3.0
     assert len({name.casefold() for name in names}) == len(paths)
+
+
+def test_the_parent_keeps_little_of_each_scan(tmp_path):
+    """So that a million of them fit: 10,000 are timed by the benchmark of batches."""
+    peaks = []
+    for count in (10, 1010):
+        for index in range(count):
+            (tmp_path / f"{index:04d}.h5").touch()
+        tracemalloc.start()
+        paths = sorted(map(str, tmp_path.glob("*.h5")))
+        found = run_batch(paths, tmp_path / f"out{count}", SETTINGS, lambda _: None, work=nothing)
+        peaks.append(tracemalloc.get_traced_memory()[1])
+        tracemalloc.stop()
+        assert [row["status"] for row in found] == ["ok"] * count
+    assert (peaks[1] - peaks[0]) / 1000 < 10_000
 
 
 # --- ends of all kinds

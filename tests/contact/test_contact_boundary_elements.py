@@ -15,6 +15,7 @@ from capslip.contact.solvers import elastic_face as elastic_faces
 from capslip.contact.solvers import polonsky_keer
 from capslip.contact.solvers.half_space import HalfSpace, love_kernel
 from capslip.contact.solvers.polonsky_keer import elastic_face, press
+from capslip.contact.solvers.tilting import press_balanced
 from capslip.errors import ContactError, SettingsError, UnusableSurfaceError
 from capslip.surface.heightmap import HeightMap
 
@@ -319,6 +320,14 @@ def test_refusals(monkeypatch):
     monkeypatch.setattr(elastic_faces, "MAX_POINTS", 1000)
     with pytest.raises(ContactError, match="coarsen the map 2 times"):
         elastic_face(surface, E)
+
+
+@pytest.mark.parametrize("tilting", [False, True])
+@pytest.mark.parametrize("load_N", [1e15, 1e29, 1e30])
+def test_a_load_beyond_any_modulus_is_refused_before_it_overflows(load_N, tilting):
+    face = elastic_face(rough(), E)
+    with pytest.raises(ContactError, match="more than all of the face bears at 1000 times its mod"):
+        press_balanced(face, load_N) if tilting else press(face, load_N=load_N)
 
 
 def test_coarse_contacts_are_reported():

@@ -33,6 +33,10 @@ VENDOR_FILES = (
     "plate_30x60mm_missing27pct.frt",
     "conformance/zygo_metropro_phase_res1.dat",
 )
+OF_KNOWN_LENGTH = (  # text says how many numbers there are, not how many digits they have
+    *("a.h5", "a.npy", "a.npz", "five.mat", "seven.mat", "a.x3p"),
+    *("a.tif", "binary.sdf", "a.gwy", "a.sur", "a.nms"),
+)
 SHAPE = (9, 11)
 CALIBRATED = (
     "hdf5",
@@ -42,6 +46,7 @@ CALIBRATED = (
     "gwy",
     "sur",
     "sxm",
+    "nms",
     "zygo",
     "wyko",
     "keyence",
@@ -122,6 +127,60 @@ def fuzz_vendor(n_mutants: int, scans: Path, seed: int = 0) -> tuple[FuzzResult,
         )
 
 
+def changed_in_silence(
+    path: Path, content: bytes, n_mutants: int, seed: int, given: dict[str, Any]
+) -> list[str]:
+    """Insert or remove bytes of a file; return each that changed the map without a word.
+
+    Parameters
+    ----------
+    path : path
+        Where the mutants are written, under the name that the format needs.
+    content : bytes
+        A file whose length is known from its header.
+    n_mutants, seed : int
+        Their number, half of them near the header, and the seed of the damage.
+    given : dict
+        Keywords of `load_surface`.
+    """
+    path.write_bytes(content)
+    sound = load_surface(path, **given)
+    rng = np.random.default_rng([seed, *path.name.encode()])
+    changed = []
+    for number in range(n_mutants):
+        end = len(content) if number % 2 else min(2000, len(content))
+        at, size = int(rng.integers(end + 1)), int(rng.integers(1, 17))
+        added = rng.bytes(size) if number % 4 < 2 else b""
+        path.write_bytes(content[:at] + added + content[at + (0 if added else size) :])
+        try:
+            surface = load_surface(path, **given)
+        except CapslipError:
+            continue
+        same = np.array_equal(surface.height_m, sound.height_m, equal_nan=True)
+        told = any("belong to no tag" in note for note in surface.origin.notes)
+        if not told and not (same and surface.pixel_size_m == sound.pixel_size_m):
+            changed.append(f"{path.name}: {len(added) - size * (not added)} bytes at {at}")
+    return changed
+
+
+def fuzz_lengths(n_mutants: int, scans: Path, seed: int = 0) -> list[str]:
+    """Return what `changed_in_silence` finds in makers' files and in built-in binary formats."""
+    with tempfile.TemporaryDirectory() as name:
+        files: dict[Path, tuple[bytes, dict[str, Any]]] = {}
+        for file, (write, given) in writers().items():
+            if file in OF_KNOWN_LENGTH:
+                write(Path(name) / file, np.random.default_rng(5).normal(size=(6, 8)))
+                files[Path(name) / file] = (Path(name) / file).read_bytes(), given
+        for file in (*VENDOR_FILES, "polished_disc_with_tracks.sur"):
+            if (scans / file).is_file():
+                files[Path(name) / Path(file).name] = (scans / file).read_bytes(), {}
+        return [
+            one
+            for path, (content, given) in files.items()
+            for one in changed_in_silence(path, content, n_mutants, seed, given)
+        ]
+
+
 def calibration(name: str) -> dict[str, Any]:
     """Return what the valid files of a format do not say, as keywords of `load_surface`."""
     if name in CALIBRATED:
@@ -159,6 +218,7 @@ def _of_others(folder: Path, matrix: np.ndarray) -> dict[str, list[bytes]]:
         "gwy": ("a.gwy",),
         "sur": ("a.sur",),
         "sxm": ("up.sxm", "down.sxm"),
+        "nms": ("a.nms",),
         "zygo": ("zygo.txt",),
         "wyko": ("wyko.asc",),
         "keyence": ("keyence.csv",),

@@ -2,6 +2,7 @@
 
 import contextlib
 import hashlib
+import os
 import subprocess
 import sys
 import time
@@ -213,6 +214,12 @@ def test_no_file_folder_and_zero_bytes(tmp_path):
         load_surface(tmp_path / "absent.h5")
     with pytest.raises(UnreadableFileError, match="folder"):
         load_surface(tmp_path)
+    with pytest.raises(UnreadableFileError, match="no such file"):
+        load_surface("zero\0byte.h5")
+    os.mkfifo(tmp_path / "pipe.h5")  # opening it would wait for ever, as reading /dev/zero would
+    for path in (tmp_path / "pipe.h5", "/dev/zero"):
+        with pytest.raises(UnreadableFileError, match="is a pipe or a device"):
+            load_surface(path)
     (tmp_path / "empty.h5").touch()
     with pytest.raises(UnreadableFileError, match="zero bytes"):
         load_surface(tmp_path / "empty.h5")
@@ -291,7 +298,7 @@ def test_writing_refuses_unknown_units_and_folders(tmp_path):
 
 def test_formats_names_every_reader():
     assert " ".join(row.name for row in FORMATS) == (
-        "hdf5 npy x3p sdf mat tiff gwy sur sxm zygo wyko surfer esri mesh gwyddion keyence xyz "
+        "hdf5 npy x3p sdf mat tiff gwy sur sxm nms zygo wyko surfer esri mesh gwyddion keyence xyz "
         "text vendor"
     )
     assert all(row.extensions and row.note for row in FORMATS)
@@ -315,11 +322,23 @@ def test_without_the_extra_the_error_names_it(tmp_path, monkeypatch):
         load_surface(tmp_path / "scan.opd")
 
 
-@pytest.mark.parametrize("content", [b"hello\nno map here\n", bytes(2 * 100 * 100), b"\x89PNG\r\n"])
-def test_what_is_no_height_map_is_refused(tmp_path, content):
+@pytest.mark.parametrize(
+    ("content", "words"),
+    [
+        (b"hello\nno map here\n", "not a height map"),
+        (bytes(2 * 100 * 100), "not a height map|damaged"),
+        (b"\x89PNG\r\n\x1a\n", "a picture, whose grey values"),
+        (b"BM" + bytes(100), "a picture, whose grey values"),
+        (b"\xff\xd8\xff\xe0" + bytes(100), "a picture, whose grey values"),
+        (b"PK\x03\x04" + bytes(100), "a sheet of an office program; unpack it"),
+        (b"\xd0\xcf\x11\xe0" + bytes(600), "a sheet of an office program"),
+        (b"version https://git-lfs.github.com/spec/v1\noid sha256:4d7a\nsize 1\n", "git lfs pull"),
+    ],
+)
+def test_what_is_no_height_map_is_refused(tmp_path, content, words):
     pytest.importorskip(
         "SurfaceTopography", reason="needs the extra `vendor`", exc_type=ImportError
     )
     (tmp_path / "thing.dat").write_bytes(content)
-    with pytest.raises(UnreadableFileError, match=r"not a height map|damaged"):
+    with pytest.raises(UnreadableFileError, match=words):
         load_surface(tmp_path / "thing.dat")

@@ -6,9 +6,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from written import sur_header
+from fuzz_readers import OF_KNOWN_LENGTH, changed_in_silence
+from written import sur_header, writers
 
-from capslip.errors import CapslipError, UnreadableFileError
+from capslip.errors import UnreadableFileError
 from capslip.surface.readers import load_surface
 
 SCANS = Path(__file__).parents[3] / "shared" / "scans"
@@ -30,21 +31,30 @@ MAP = np.random.default_rng(5).normal(size=(6, 8))
 @pytest.mark.parametrize("name", KNOWN)
 def test_no_byte_more_or_less_changes_a_map_in_silence(name, tmp_path):
     pytest.importorskip("SurfaceTopography", reason="extra `vendor`", exc_type=ImportError)
-    content = (SCANS / name).read_bytes()
-    sound = load_surface(SCANS / name)
-    rng = np.random.default_rng(len(name))
     path = tmp_path / Path(name).name
-    for number in range(40):
-        end = len(content) if number % 2 else min(2000, len(content))
-        at, size = int(rng.integers(end)), int(rng.integers(1, 17))
-        added = rng.bytes(size) if number % 4 < 2 else b""
-        path.write_bytes(content[:at] + added + content[at + (0 if added else size) :])
-        try:
-            surface = load_surface(path)
-        except CapslipError:
-            continue
-        np.testing.assert_array_equal(surface.height_m, sound.height_m)
-        assert surface.pixel_size_m == sound.pixel_size_m
+    assert changed_in_silence(path, (SCANS / name).read_bytes(), 40, len(name), {}) == []
+
+
+@pytest.mark.parametrize("name", OF_KNOWN_LENGTH)
+def test_no_byte_more_or_less_changes_a_built_in_format_in_silence(name, tmp_path):
+    write, given = writers()[name]
+    write(tmp_path / name, MAP)
+    content = (tmp_path / name).read_bytes()
+    assert changed_in_silence(tmp_path / name, content, 60, len(name), given) == []
+
+
+@pytest.mark.parametrize("name", ["a.h5", "a.npy", "seven.mat", "binary.sdf", "a.nms"])
+def test_bytes_behind_the_end_are_read_over_when_asked_to(name, tmp_path):
+    write, given = writers()[name]
+    write(tmp_path / name, MAP)
+    sound = load_surface(tmp_path / name, **given)
+    with (tmp_path / name).open("ab") as file:
+        file.write(b"more")
+    with pytest.raises(UnreadableFileError, match=r"bytes were added.*reading\.lenient"):
+        load_surface(tmp_path / name, **given)
+    surface = load_surface(tmp_path / name, **given, lenient=True)
+    np.testing.assert_array_equal(surface.height_m, sound.height_m)
+    assert "read anyway" in " ".join(surface.origin.notes)
 
 
 # --- SUR ---

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import tifffile
-from written import BARE, DX_UM, DY_UM, rows_of
+from written import BARE, DX_UM, DY_UM, rows_of, writers
 
 from capslip.errors import CapslipError, UncalibratedError, UnreadableFileError
 from capslip.surface.readers import load_surface
@@ -343,6 +343,53 @@ def test_nanonis_channels(tmp_path):
         load_surface(put(tmp_path / "b.sxm", sxm(MAP)[:-1]))
     with pytest.raises(CapslipError, match="damaged header"):
         load_surface(put(tmp_path / "b.sxm", sxm(MAP).replace(b":SCAN_DIR:", b":SCAN_DOR:")))
+
+
+# --- NMS ---
+
+
+def nms(tmp_path, z=MAP):
+    writers()["a.nms"][0](tmp_path / "a.nms", z)
+    return tmp_path / "a.nms"
+
+
+def test_nms_agrees_with_another_reader(tmp_path):
+    """But for the unit of its step, and for one count in 65,535 of the range."""
+    library = pytest.importorskip("SurfaceTopography.IO.NMS", exc_type=ImportError)
+    surface = load_surface(nms(tmp_path))
+    other = library.NMSReader(str(tmp_path / "a.nms")).topography()
+    assert other.unit == "µm"
+    np.testing.assert_allclose(1e6 * surface.height_m, other.heights().T, rtol=0, atol=3e-4)
+    np.testing.assert_allclose(surface.side_m[::-1], 1e-12 * np.array(other.physical_sizes))
+    assert surface.origin.file_format == "nms"
+    assert "which row is the top" in surface.origin.notes[-1]
+
+
+def test_ends_of_the_range_of_nms_are_heights_once_and_no_more(tmp_path):
+    z = MAP.copy()
+    z[1, 1:4] = z.min() - 1.0
+    surface = load_surface(nms(tmp_path, z))
+    assert np.isnan(surface.height_m[1, 1:4]).all()
+    assert np.isnan(surface.height_m).sum() == 3
+    assert "3 points with the count 0" in surface.origin.notes[0]
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        (lambda content: content[:-1], "bytes were lost"),
+        (lambda content: content + b"x", "bytes were added"),
+        (lambda content: content[:1380], "truncated NMS"),
+        (lambda content: content[:1368] + bytes(100) + content[1368:], "bytes were added"),
+        (lambda content: content[:8] + bytes(8) + content[16:], "two rising ranges"),
+        (lambda content: content[:24] + b"\xff" * 8 + content[32:], "two rising ranges"),
+    ],
+)
+def test_a_damaged_nms_is_refused(tmp_path, change, words):
+    path = nms(tmp_path)
+    path.write_bytes(change(path.read_bytes()))
+    with pytest.raises(UnreadableFileError, match=words):
+        load_surface(path)
 
 
 # --- TIFF of counts ---

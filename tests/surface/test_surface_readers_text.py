@@ -81,6 +81,31 @@ def test_last_field_of_a_row_may_be_empty(tmp_path):
     assert np.isnan(surface.height_m).sum() == 1
 
 
+@pytest.mark.parametrize("separator", ["\t", ";", ","])
+@pytest.mark.parametrize("end", ["\n", ""])
+def test_a_separator_behind_every_row_ends_no_field(tmp_path, separator, end):
+    text = rows(separator=separator).replace("\n", f"{separator}\n").removesuffix("\n") + end
+    surface = load_surface(put(tmp_path / "m.txt", text), **CALIBRATION)
+    np.testing.assert_allclose(surface.height_m, 1e-6 * MAP, rtol=1e-15)
+
+
+@pytest.mark.parametrize("turned", [False, True])
+@pytest.mark.parametrize("step", [0.5, -0.25])
+def test_positions_beside_the_heights_are_no_heights(tmp_path, turned, step):
+    """A column of y or a row of x alone; of a plane every column is as even, and is read."""
+    heights = np.random.default_rng(1).normal(size=(9, 9))
+    ramp = step * np.arange(9.0)
+    labelled = np.column_stack([ramp, heights])
+    text = rows(labelled.T if turned else labelled)
+    with pytest.raises(UnreadableFileError, match="looks like positions, not heights"):
+        load_surface(put(tmp_path / "m.txt", text), **CALIBRATION)
+    plane = np.add.outer(ramp, [0.5, 7.0, 3.0, 1.0])
+    surface = load_surface(
+        put(tmp_path / "m.txt", rows(plane.T if turned else plane)), **CALIBRATION
+    )
+    assert surface.shape == (plane.T if turned else plane).shape
+
+
 def test_text_without_an_end_is_noted(tmp_path):
     surface = load_surface(put(tmp_path / "m.txt", rows().rstrip("\n")), **CALIBRATION)
     assert any("truncated" in note for note in surface.origin.notes)
@@ -96,6 +121,10 @@ def test_text_without_an_end_is_noted(tmp_path):
         ("1,05,2,07,3,01\n" * 3, "one number or two"),
         ("1,5,2 2,5,7 3,1 4\n" * 3, "commas and blanks"),
         ("height,of,my,map\n1,2,3,4\n", "line 1, column 1: 'height'"),
+        ("Part 12\nof 3.5, 2 mm\n1,2,3,4\n", "line 1, column 1: 'Part 12'.*put # before"),
+        ("# c\n\nx step: 1 um\n1,2,3,4\n5,6,7,8\n", "line 3, column 1: 'x step: 1 um'"),
+        ("N/A,2.5,3,4\n1,2,3,4\n", "line 1, column 1: 'N/A'; expected a number"),
+        ("1 2\n3 4\n".encode("utf-16-le"), "UTF-16 without its mark"),
         ("", "zero bytes"),
         ("# nothing\n", "no numbers"),
         ("0 1 2 3 4\n" + "5 6.5 7 9 8\n" * 4, "labels"),

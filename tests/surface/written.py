@@ -41,6 +41,7 @@ def writers() -> dict[str, tuple[Callable[[Path, np.ndarray], Any], dict[str, An
         "a.ply": (_ply, {**heights, "lateral_unit": "um"}),
         "up.sxm": (lambda path, z: _sxm(path, z, "up"), {}),
         "down.sxm": (lambda path, z: _sxm(path, z[::-1], "down"), {}),
+        "a.nms": (_nms, {}),
         "zygo.txt": (_zygo, {}),
         "wyko.asc": (_wyko, {}),
         "keyence.csv": (_keyence, {}),
@@ -136,6 +137,17 @@ def _sxm(path: Path, z: np.ndarray, way: str) -> None:
         "\tChannel\tName\tUnit\tDirection\n\t14\tZ\tm\tforward\n:SCANIT_END:\n\n\n"
     )
     path.write_bytes(head.encode() + b"\x1a\x04" + (1e-6 * z).astype(">f4").tobytes())
+
+
+def _nms(path: Path, z: np.ndarray) -> None:
+    low = float(z.min())
+    step = 2.0 ** np.ceil(np.log2(np.ptp(z) / 65535))  # so that heights in such steps are exact
+    counts = np.rint((z - low) / step)
+    head = bytearray(3468)
+    struct.pack_into("<4I2d9s", head, 0, 2, 1, 0, 65535, low, low + 65535 * step, b"OM_MS_2.0")
+    struct.pack_into("<2I", head, 1352, len(head), 2)
+    struct.pack_into("<2I2d", head, 1368, z.shape[1], z.shape[0], 1e3 * DX_UM, 1e3 * DY_UM)
+    path.write_bytes(bytes(head) + counts.astype("<u2").tobytes() + bytes(z.size))
 
 
 def _zygo(path: Path, z: np.ndarray) -> None:

@@ -27,6 +27,7 @@ _MOST_LOOKS = 4  # at what penetrates beside patches
 _MAX_ITERATIONS = 300
 _LEAST_S = 5.0  # that a solution has in any case: less is a lost result for next to no time
 _MAX_YIELDING = 2000  # iterations where points yield: each step finds a few more of them
+_CRUSHED = 1e3  # mean pressure in moduli; long before, all of a face touches
 
 
 def press(
@@ -96,13 +97,20 @@ def end_s(time_limit_s: float) -> float:
 
 
 def refuse_to_crush(face: ElasticFace, load_N: float) -> None:
-    """Raise a ContactError where all points at the hardness together do not carry the load."""
-    bears_N = face.hardness_Pa * face.pixel_area_m2 * np.count_nonzero(face.measured)
+    """Raise a ContactError where all points together do not carry the load.
+
+    Each carries its hardness, or, where it has none, a pressure of `_CRUSHED` moduli: no face is
+    half-space then, and much greater ones overflow.
+    """
+    most_Pa, what = min(
+        (face.hardness_Pa, "its hardness of"),
+        (_CRUSHED * face.E_star_Pa, f"{_CRUSHED:g} times its modulus,"),
+    )
+    bears_N = most_Pa * face.pixel_area_m2 * np.count_nonzero(face.measured)
     if load_N >= bears_N:
         raise ContactError(
-            f"{face.name}: {load_N:g} N are more than all of the face bears at its hardness of "
-            f"{face.hardness_Pa:.3g} Pa; expected less than {bears_N:.3g} N; check preload and "
-            "units"
+            f"{face.name}: {load_N:g} N are more than all of the face bears at {what} "
+            f"{most_Pa:.3g} Pa; expected less than {bears_N:.3g} N; check preload and units"
         )
 
 

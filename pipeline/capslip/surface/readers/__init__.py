@@ -15,6 +15,7 @@ from capslip.surface.readers import (
     keyence,
     mat,
     mesh,
+    nms,
     npy,
     packed,
     sdf,
@@ -49,6 +50,7 @@ FORMATS: tuple[Format, ...] = (  # asked in this order
     gwy.FORMAT,
     sur.FORMAT,
     sxm.FORMAT,
+    nms.FORMAT,
     zygo.FORMAT,
     wyko.FORMAT,
     surfer.FORMAT,
@@ -192,8 +194,13 @@ def _head(path: Path) -> bytes:
     try:
         if path.is_dir():
             raise UnreadableFileError(f"{path}: is a folder; expected a scan file; name one in it")
+        if path.exists() and not path.is_file():  # opening a pipe waits for whoever writes
+            raise UnreadableFileError(
+                f"{path}: is a pipe or a device, which is read once; expected a file; write the "
+                "scan to one first"
+            )
         head = read_head(path, HEAD_BYTES)
-    except FileNotFoundError as error:
+    except (FileNotFoundError, ValueError) as error:  # the latter of a zero byte in its name
         raise UnreadableFileError(f"{path}: no such file; check the path") from error
     except OSError as error:
         raise UnreadableFileError(f"{path}: cannot be read ({error.strerror})") from error

@@ -20,6 +20,7 @@ from capslip.surface.heightmap import HeightMap
 from capslip.surface.readers.arrays import stored_array
 from capslip.surface.readers.choice import shown
 from capslip.surface.readers.hdf5_items import check_inside, item_of, names_of_maps
+from capslip.surface.readers.lengths import check_length
 from capslip.surface.readers.stored import (
     Format,
     Request,
@@ -98,9 +99,11 @@ def _read(path: Path, request: Request) -> Stored:
     import h5py
 
     _check_strings(path)
+    lengths = check_length(path, request.lenient)
     try:
         with h5py.File(path, "r") as file:
-            return _stored(file, path, request)
+            stored = _stored(file, path, request)
+            return replace(stored, notes=lengths + stored.notes)
     except (OSError, RuntimeError, KeyError, ValueError, TypeError) as error:
         # each of these is what h5py raises on one kind of damaged bytes
         raise UnreadableFileError(

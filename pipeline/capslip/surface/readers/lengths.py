@@ -19,6 +19,7 @@ from capslip.surface.readers.stored import check_shape
 
 LOOK_BYTES = 2**17  # the header of the longest kind
 DI_DATA = re.compile(rb"\\Data offset: (\d{1,12})\s+\\Data length: (\d{1,12})")
+HDF5_MAGIC, HDF5_PLACES = b"\x89HDF\r\n\x1a\n", (0, 512, 1024, 2048, 4096)
 AL3D_TAG, AL3D_FIRST = 52, 17
 IBW_LABEL = 32
 MAX_DIRECTORIES, MAX_TAGS = 1000, 4000
@@ -49,7 +50,9 @@ def check_length(path: Path, lenient: bool) -> tuple[str, ...]:
     return ()
 
 
-def compared_length(path: Path, size: int, expected: int | None, lenient: bool) -> tuple[str, ...]:
+def compared_length(
+    path: Path | str, size: int, expected: int | None, lenient: bool
+) -> tuple[str, ...]:
     """Refuse a file shorter or longer than its header says; longer and `lenient`: a note."""
     if expected is None or size == expected:
         return ()
@@ -61,6 +64,18 @@ def compared_length(path: Path, size: int, expected: int | None, lenient: bool) 
         f"{path}: {said}: bytes were {'lost' if size < expected else 'added'}; copy or export it "
         f"again{instead}"
     )
+
+
+def _hdf5(head: bytes, path: Path, size: int) -> int | None:
+    """Return the end of the file by its superblock (HDF5 file format, section II.A)."""
+    at = next((at for at in HDF5_PLACES if head[at:].startswith(HDF5_MAGIC)), None)
+    if at is None:
+        return None
+    version = head[at + 8]
+    place, sizes = {0: (40, 13), 1: (44, 13), 2: (28, 9), 3: (28, 9)}[version]
+    if head[at + sizes] != 8:  # bytes of an offset; others are hardly written
+        return None
+    return int(struct.unpack_from("<Q", head, at + place)[0])
 
 
 def _nanoscope(head: bytes, path: Path, size: int) -> int | None:
@@ -188,6 +203,8 @@ _KINDS: dict[bytes | tuple[str, ...], Callable[[bytes, Path, int], int | None]] 
     b"MM\0*": _tiff,
     b"II+\0": _tiff,
     b"MM\0+": _tiff,
+    HDF5_MAGIC: _hdf5,
+    b"MATLAB 7.3 MAT": _hdf5,
     b"\\*": _nanoscope,
     b"\x01\x00Directory": _opd,
     b"FRTM_GLIDERV1": _frt,

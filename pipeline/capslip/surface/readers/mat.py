@@ -23,6 +23,7 @@ from capslip.surface.readers.hdf5_items import (
     item_of,
     names_of_maps,
 )
+from capslip.surface.readers.lengths import check_length
 from capslip.surface.readers.stored import (
     Format,
     Request,
@@ -72,8 +73,10 @@ def _recognises(head: bytes, path: Path) -> bool:
 def _read(path: Path, request: Request) -> Stored:
     with path.open("rb") as file:
         in_hdf5 = file.read(len(MAGIC_HDF5)) == MAGIC_HDF5
+    lengths = check_length(path, request.lenient) if in_hdf5 else ()
     name, array = (_read_hdf5 if in_hdf5 else _read_5)(path, request.dataset)
-    return replace(stored_array(array, f"{path}:{name}", request), dataset=name)
+    stored = stored_array(array, f"{path}:{name}", request)
+    return replace(stored, dataset=name, notes=lengths + stored.notes)
 
 
 def _read_5(path: Path, dataset: str | None) -> tuple[str, np.ndarray]:

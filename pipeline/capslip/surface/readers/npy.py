@@ -13,6 +13,7 @@ import numpy as np
 from capslip.errors import SettingsError, UnreadableFileError
 from capslip.surface.readers.arrays import stored_array
 from capslip.surface.readers.choice import shown
+from capslip.surface.readers.lengths import compared_length
 from capslip.surface.readers.stored import (
     DAMAGED_ZIP,
     Format,
@@ -50,15 +51,16 @@ def _read(path: Path, request: Request) -> Stored:
                     "leave it out"
                 )
             file.seek(0)
-            array = _array(file, path.stat().st_size, str(path))
-            return stored_array(array, str(path), request)
+            array, notes = _array(file, path.stat().st_size, str(path), request.lenient)
+            stored = stored_array(array, str(path), request)
+            return replace(stored, notes=(*notes, *stored.notes))
     try:
         with zipfile.ZipFile(path) as archive:
             member = _member(archive, path, request.dataset)
             what = f"{path}:{member.filename}"
             check_growth(member.compress_size, member.file_size, what)
             with archive.open(member) as file:
-                array = _array(file, member.file_size, what)
+                array, _ = _array(file, member.file_size, what, request.lenient)
         name = member.filename.removesuffix(".npy")
         return replace(stored_array(array, what, request), dataset=name)
     except DAMAGED_ZIP as error:
@@ -84,8 +86,10 @@ def _member(archive: zipfile.ZipFile, path: Path, dataset: str | None) -> zipfil
     return arrays[dataset]
 
 
-def _array(file: IO[bytes], size: int, what: str) -> np.ndarray:
-    """Return the array of an open NPY file of `size` bytes."""
+def _array(
+    file: IO[bytes], size: int, what: str, lenient: bool
+) -> tuple[np.ndarray, tuple[str, ...]]:
+    """Return the array of an open NPY file of `size` bytes, with notes."""
     try:
         version = np.lib.format.read_magic(file)
         read_header = {
@@ -109,8 +113,9 @@ def _array(file: IO[bytes], size: int, what: str) -> np.ndarray:
             f"{what}: truncated: {got} bytes of data; expected {expected} for "
             f"{shape[0]} x {shape[1]} points; copy the file again"
         )
+    notes = compared_length(what, size, file.tell() + expected, lenient)
     flat = np.frombuffer(file.read(expected), dtype=dtype)
-    return flat.reshape(shape, order="F" if in_columns else "C")
+    return flat.reshape(shape, order="F" if in_columns else "C"), notes
 
 
 FORMAT = Format(

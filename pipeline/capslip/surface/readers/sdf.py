@@ -13,6 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from capslip.errors import UnreadableFileError
+from capslip.surface.readers.lengths import compared_length
 from capslip.surface.readers.stored import Format, Request, Stored, check_shape
 from capslip.surface.readers.table import decoded, parse_numbers, read_text
 
@@ -46,13 +47,13 @@ def _read(path: Path, request: Request) -> Stored:
             f"{path}: SDF version {decoded(magic)}; expected one of {', '.join(VERSIONS)}; "
             "export it in version 1.0"
         )
-    header, raw, notes = _binary(path) if magic.startswith(b"b") else _text(path)
+    header, raw, notes = _binary(path, request.lenient) if magic.startswith(b"b") else _text(path)
     with np.errstate(invalid="ignore", over="ignore"):  # odd NaN; infinity is refused later
         heights_m = raw.reshape(header.shape) * header.z_scale_m
     return Stored(heights_m, "m", header.pixel_size_m, "m", notes=notes, top_row_first=False)
 
 
-def _binary(path: Path) -> tuple[_Header, np.ndarray, tuple[str, ...]]:
+def _binary(path: Path, lenient: bool) -> tuple[_Header, np.ndarray, tuple[str, ...]]:
     size = path.stat().st_size
     with path.open("rb") as file:
         head = file.read(128)
@@ -79,6 +80,7 @@ def _binary(path: Path) -> tuple[_Header, np.ndarray, tuple[str, ...]]:
                 f"{path}: truncated: {size} bytes; expected {expected} for {header.shape[0]} x "
                 f"{header.shape[1]} points; copy the file again"
             )
+        notes += compared_length(path, size, expected, lenient)
         file.seek(start)
         raw = np.frombuffer(file.read(n_points * dtype.itemsize), dtype)
     with np.errstate(invalid="ignore"):  # odd NaN

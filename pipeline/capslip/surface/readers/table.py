@@ -82,10 +82,12 @@ def parse_rows(
     _check_lines(body, where, lines_before)
     if not body.endswith(b"\n"):
         notes.append("the last line has no end: the text may be truncated")
-    body = body.rstrip() + b"\n"
+    end = len(body.rstrip())
+    body = body[:end] + body[end:].partition(b"\n")[0] + b"\n"  # a tab there ends the last row
     first = _line_at(body, _first_row(body, names=False))
     if not first:
         raise UnreadableFileError(f"{where}: no numbers; expected rows of numbers; export it again")
+    _check_first_row(first, where, lines_before + body[: body.find(first)].count(b"\n") + 1)
     separator, decimal_comma = _separator(body, first, where)
     if decimal_comma:
         notes.append("decimal commas were read as decimal points")
@@ -146,7 +148,8 @@ def read_text(path: Path) -> bytes:
     at = content.find(b"\0")
     if at >= 0:
         raise UnreadableFileError(
-            f"{path}: a zero byte at offset {at} of a text; expected numbers; copy the file again"
+            f"{path}: a zero byte at offset {at} of a text (UTF-16 without its mark?); expected "
+            "numbers; save it as UTF-8, or copy the file again"
         )
     return content
 
@@ -222,6 +225,17 @@ def _split(line: bytes) -> list[bytes]:
     if len(words) > 1 and not any(w.startswith(b",") or w.endswith(b",") for w in words[:-1]):
         return words
     return line.rstrip(b",").split(b",") if b"," in line else words
+
+
+def _check_first_row(line: bytes, where: str, number: int) -> None:
+    """Refuse words before the numbers: what they say, such as a unit, would be lost."""
+    words = _fields(line)
+    if 2 * sum(map(_is_number, words)) <= len(words):
+        first = re.split(rb"[;,\t]", line, maxsplit=1)[0]
+        raise UnreadableFileError(
+            f"{where}: line {number}, column 1: {_shown(first)}; expected rows of numbers alone; "
+            "put # before lines that are no heights, and give as options what they say"
+        )
 
 
 def _separator(body: bytes, first: bytes, where: str) -> tuple[bytes | None, bool]:

@@ -10,6 +10,7 @@ from capslip.surface.readers.stored import Format, Request, Stored
 from capslip.surface.readers.table import first_fields, read_table
 
 OWN_EXTENSIONS = (".csv", ".tsv")  # of no other text format: what is wrong in them is said here
+LABELS = 8  # measured heights do not rise in as many equal steps
 
 
 def _recognises(head: bytes, path: Path) -> bool:
@@ -32,6 +33,18 @@ def _refuse_labels(values: np.ndarray, path: Path) -> None:
     """Refuse row and column labels (indices, positions), which would pass for heights."""
     if min(values.shape) < 4:
         return
+    for axis, lines in enumerate(("column", "row")):  # of positions, without any across it
+        first, *others = values.T if axis == 0 else values
+        if (
+            len(first) >= LABELS
+            and _evenly_stepped(first)
+            and not any(map(_evenly_stepped, others))
+        ):
+            shown = ", ".join(f"{value:g}" for value in first[:4])
+            raise UnreadableFileError(
+                f"{path}: the first {lines} ({shown}, ...) looks like positions, not heights; "
+                "expected heights alone; save the matrix without labels"
+            )
     across, down = values[0, 1:], values[1:, 0]
     whole = np.arange(values.shape[1])
     if (
@@ -44,6 +57,10 @@ def _refuse_labels(values: np.ndarray, path: Path) -> None:
             "labels of the columns, not heights; expected heights alone; save the matrix without "
             "labels"
         )
+
+
+def _evenly_stepped(values: np.ndarray) -> bool:
+    return _evenly_rising(values) or _evenly_rising(-values)
 
 
 def _evenly_rising(values: np.ndarray) -> bool:

@@ -26,6 +26,7 @@ IMAGE_DESCRIPTION = 270
 # Private tags of makers, whose own readers take the file: Park Systems (magic), JPK (version of its
 # format, name of a channel), and a word in the description of Olympus LEXT
 PARK_MAGIC, JPK_TAGS, LEXT_WORD = 50432, (0x8000, 0x8050), "TiffTagDescData"
+TAG_BYTES = {False: 12 + 4, True: 20 + 8}  # with the place of the next directory
 MAX_PAGES = 64  # looked at for them
 GDAL_NODATA = 42113
 ORIENTATION, TOP_LEFT, BOTTOM_LEFT = 274, 1, 4
@@ -100,11 +101,21 @@ def _stored(file: Any, path: Path, has_scale: bool) -> Stored:
                 "copy the file again"
             )
     heights = np.array(page.asarray(), dtype=np.float64)
-    notes = _mask_no_data(heights, page, path)
+    notes = (*_bytes_behind(page, size), *_mask_no_data(heights, page, path))
     pixel_size, unit = _imagej_pixel_size(file, page)
     return Stored(
         heights, None, pixel_size, unit, notes, top_row_first=_is_top_row_first(page, path)
     )
+
+
+def _bytes_behind(page: Any, size: int) -> tuple[str, ...]:
+    """Say that bytes follow all that the directory names: they may have slipped in before it."""
+    pairs = zip(page.dataoffsets, page.databytecounts, strict=True)
+    ends = [offset + count for offset, count in pairs]
+    ends += [tag.valueoffset + tag.valuebytecount for tag in page.tags]
+    ends += [tag.offset + TAG_BYTES[page.parent.is_bigtiff] for tag in page.tags]
+    left = size - max(ends)
+    return (f"{left} bytes of the file belong to no tag: it may be damaged",) if left > 0 else ()
 
 
 def _is_top_row_first(page: Any, path: Path) -> bool:

@@ -22,12 +22,23 @@ from capslip.surface.readers.stored import (
 )
 
 HDF5_MAGIC = b"\x89HDF\r\n\x1a\n"  # inside DATX and netCDF
-REFUSED = {
-    "nms": "the library gets its lateral scale wrong; export it as X3P",
-}
 # hgt has no header: every file of a fitting size passes for it. The others are built in: what
 # their own readers did not recognise is damaged, and the library would read it less strictly.
-NO_FORMAT = ("hgt", "asc", "gwy", "h5", "mat", "npy", "npz", "sdf", "sur", "x3p", "xyz")
+PICTURE = "a picture, whose grey values are no heights"
+ARCHIVE = "an archive or a sheet of an office program; unpack it, or save the sheet as CSV"
+KNOWN = {  # what is no map in any format, by its first bytes
+    b"\x89PNG": PICTURE,
+    b"\xff\xd8\xff": PICTURE,
+    b"GIF8": PICTURE,
+    b"BM": PICTURE,
+    b"PK": ARCHIVE,
+    b"BZh": ARCHIVE,
+    b"7z\xbc\xaf": ARCHIVE,
+    b"\xfd7zXZ": ARCHIVE,
+    b"\xd0\xcf\x11\xe0": ARCHIVE,
+    b"version https://git-lfs": "a pointer of Git LFS, not the file; fetch it with `git lfs pull`",
+}
+NO_FORMAT = ("hgt", "asc", "gwy", "h5", "mat", "nms", "npy", "npz", "sdf", "sur", "x3p", "xyz")
 
 
 def _recognises(head: bytes, path: Path) -> bool:
@@ -69,9 +80,11 @@ def _read(path: Path, request: Request) -> Stored:
 
 
 def _unknown(path: Path) -> UnreadableFileError:
+    head = read_head(path, 64)
+    known = next((f" ({what})" for magic, what in KNOWN.items() if head.startswith(magic)), "")
     return UnreadableFileError(
-        f"{path}: not a height map in a format that is known; expected one of `capslip formats`; "
-        "export it as X3P or HDF5"
+        f"{path}: not a height map in a format that is known{known}; expected one of "
+        "`capslip formats`; export it as X3P or HDF5"
     )
 
 
@@ -79,8 +92,6 @@ def _stored(reader: Any, path: Path, dataset: str | None) -> Stored:
     kind = reader.format()
     if kind in NO_FORMAT:
         raise _unknown(path)
-    if kind in REFUSED:
-        raise UnreadableFileError(f"{path}: {kind} files are refused: {REFUSED[kind]}")
     names = unique_names([channel.name for channel in reader.channels])
     maps = _maps_of_heights(reader)
     profiles = reader.channels and all(channel.dim != 2 for channel in reader.channels)
