@@ -21,6 +21,7 @@ $(READY): pyproject.toml constraints.txt
 	@echo "building the environment in $(VENV) (once; about a minute)" >&2
 	@test -x $(BIN)/python || $(PYTHON) -P -m venv $(VENV)
 	@$(BIN)/python -P -m pip install --quiet --disable-pip-version-check -c constraints.txt -e ".[vendor,fleet,test]"
+	@$(BIN)/python -P -m compileall -q pipeline  # pip leaves it to each start, which may not write
 	@touch $@
 
 analyze: $(READY) ## Analyse one scan: SURFACE=file [CONFIG=file.toml] [OUT=folder]

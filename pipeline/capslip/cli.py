@@ -60,7 +60,6 @@ def analyze(
     """
     from capslip.analysis import analyze as run
     from capslip.contact.rung import rung
-    from capslip.output.folder import write
     from capslip.output.staging import check_folder
     from capslip.output.terminal import result_lines
 
@@ -87,6 +86,8 @@ def analyze(
     analysis = run(face, settings, other, progress=say)
     if not as_json and not quiet:
         say_result(to_width(result_lines(analysis)))
+    from capslip.output.folder import write  # loads while the numbers are read
+
     summary = write(
         analysis,
         folder,

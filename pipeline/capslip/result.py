@@ -102,8 +102,8 @@ class JointResult:
         """
         return summary_of(self, command, timings_s)
 
-    def of_the_scan(self) -> dict[str, Any]:
-        """Return the tables of what a scan shows."""
+    def of_the_scan(self, texture: bool) -> dict[str, Any]:
+        """Return the tables of what a scan shows; `surface` is null without its texture."""
         return {}
 
 
@@ -176,10 +176,10 @@ class Analysis(JointResult):
         caption = f"{escape(self.name)}: {self.status}"
         return f"<table><caption>{caption}</caption>{body}</table>"
 
-    def of_the_scan(self) -> dict[str, Any]:
+    def of_the_scan(self, texture: bool) -> dict[str, Any]:
         """Return the tables of the scan, its hills, how it lies in the contact, and the sweeps."""
         return {
-            "surface": surface_table(self),
+            "surface": surface_table(self) if texture else None,
             "hills": hills_table(self),
             "contact": {**contact_table(self), **alignment_table(self)},
             "sensitivity": self.sensitivity.to_dict() if self.sensitivity else None,
@@ -223,7 +223,7 @@ class JointOfScans(JointResult):
         known = [error for error in errors if error is not None]
         return max(known) if known and len(known) == len(errors) else None
 
-    def of_the_scan(self) -> dict[str, Any]:
+    def of_the_scan(self, texture: bool) -> dict[str, Any]:
         """Return a table for each scan."""
         area_m2 = sum(scan.joint.scan_area_m2 or 0.0 for scan in self.known)
         return {"scans": [scan_table(scan, area_m2) for scan in self.scans]}

@@ -36,9 +36,16 @@ ROUNDING = 1e-9  # of the face; a resultant that is less off the load point is o
 
 
 def summary_of(
-    result: "JointResult", command: str | None = None, timings_s: dict[str, float] | None = None
+    result: "JointResult",
+    command: str | None = None,
+    timings_s: dict[str, float] | None = None,
+    texture: bool = True,
 ) -> dict[str, Any]:
-    """Return the dictionary of `summary.json`: see `JointResult.summary`."""
+    """Return the dictionary of `summary.json`: see `JointResult.summary`.
+
+    Without the parameters of its texture a scan lacks its table `surface`; they take as long as
+    all stages together, and the numbers on a terminal hold none of them.
+    """
     tables = {
         "schema": SCHEMA,
         "name": result.name,
@@ -62,7 +69,7 @@ def summary_of(
         },
         "sensitivity": None,
         "scans": None,
-        **result.of_the_scan(),
+        **result.of_the_scan(texture),
         "problems": [_problem(problem) for problem in result.problems],
         "timings_s": {**result.timings_s, **(timings_s or {})},
         "provenance": {

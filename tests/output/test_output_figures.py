@@ -16,6 +16,7 @@ from capslip.output.figures import FIGURES
 from capslip.output.figures_contact import _between, normal_curve
 from capslip.output.quantity import engineering
 from capslip.settings import settings_from
+from capslip.surface.readers.hdf5 import write_hdf5
 from scenes import caps_map
 
 NEED_NO_CAP = {"height_map", "hills_and_caps", "texture"}
@@ -270,14 +271,26 @@ def test_loss_factor_shows_small_amplitudes_and_kinks(several):
     assert y.max() / y.min() > 100  # what a linear axis would show as zero
 
 
-def test_matplotlib_is_imported_only_to_draw():
+def test_matplotlib_is_imported_only_to_draw(tmp_path):
     code = (
-        "import sys, capslip.output.figures, capslip.output.mesh, capslip.output.scene\n"
+        "import sys, capslip.output.figures, capslip.output.scene\n"
+        "from capslip.cli import main\n"
+        "main(sys.argv[1:], standalone_mode=False)\n"
         "heavy = {'matplotlib', 'pyvista', 'meshio', 'vtkmodules'} & set(sys.modules)\n"
         "sys.exit(f'imported: {heavy}' if heavy else 0)"
     )
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+    write_hdf5(caps_map([(8e-3, 10e-3, 10.0, 0.0)]), tmp_path / "face.h5")
+    words = ["analyze", tmp_path / "face.h5", "-o", tmp_path / "out", "--no-figures", "--no-render"]
+    command = [sys.executable, "-c", code, *map(str, words)]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
+    assert (tmp_path / "out" / "report.html").is_file()
+
+
+def test_curves_of_figures_need_no_scipy_interpolation(several, monkeypatch):
+    monkeypatch.setitem(sys.modules, "scipy.interpolate", None)  # takes as long as two figures
+    for name in ("normal_curve", "loss_factor"):
+        assert FIGURES[name].draw(several) is not None
 
 
 def test_a_face_that_yielded_is_drawn_as_it_unloads():

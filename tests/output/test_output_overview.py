@@ -19,7 +19,7 @@ from browser import ask, needs_chromium, picture
 from capslip.output import overview
 from capslip.output.overview import COLUMNS, row_of, write_overview
 from capslip.output.tables import write_result
-from capslip.output.thumbnail import thumbnail
+from capslip.output.thumbnail import COLOURS, RAMP, thumbnail
 
 MANY = 10_000
 NASTY = 'bad </script><img src=x onerror="boom()">'
@@ -106,6 +106,7 @@ def test_a_lost_result_keeps_its_row(real, tmp_path):
 
 
 def test_a_stamp_shows_heights_upwards_and_what_is_not_measured():
+    from matplotlib import colormaps
     from PIL import Image
 
     height_m = np.broadcast_to(np.linspace(0.0, 1.0, 200)[:, None], (200, 300)).copy()
@@ -118,6 +119,8 @@ def test_a_stamp_shows_heights_upwards_and_what_is_not_measured():
     assert (np.diff(level[:, 45].astype(int)) <= 0).all()  # it falls downwards
     assert len(thumbnail(np.random.default_rng(0).normal(size=(900, 900)))) < 2000
     assert thumbnail(np.full((5, 5), np.nan))[1:4] == b"PNG"
+    shades = 255 * colormaps["viridis"](np.linspace(0.0, 1.0, COLOURS))[:, :3]
+    assert shades.astype(np.uint8).tobytes() == RAMP
 
 
 @needs_chromium

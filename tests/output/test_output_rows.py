@@ -1,9 +1,12 @@
 """The one table of quantities: every place exists, and every way of writing is right."""
 
+from dataclasses import replace
+
 import numpy as np
 import output_cases
 import pytest
 
+from capslip.caps.iso25178 import Iso25178
 from capslip.output.quantity import engineering, scaled
 from capslip.output.rows import QUANTITIES, SCALES, Value, value, write_text
 from capslip.output.terminal import result_lines
@@ -141,7 +144,9 @@ def test_an_unknown_quantity_is_an_error_of_the_program():
 
 def test_the_lines_of_a_terminal():
     analysis = output_cases.several()
-    lines = result_lines(analysis).splitlines()
+    fresh = replace(analysis, iso25178=Iso25178(analysis.conditioned))
+    lines = result_lines(fresh).splitlines()
+    assert set(vars(fresh.iso25178)) == {"conditioned"}  # no line shows what takes longest
     assert lines[0] == f"verdict    {analysis.verdict}"
     assert lines[1].startswith("answer     at slip force 7.5 N (a quarter of total slip")
     lines = lines[[line[:4] for line in lines].index("scan") :]

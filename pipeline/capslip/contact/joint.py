@@ -14,14 +14,16 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from capslip.contact.curve import NormalCurve
+from capslip.contact.material import composite
 from capslip.contact.press import ContactState
 from capslip.contact.pressure_map import classes_of_pressure, read_pressure_map
 from capslip.contact.rung import rung
 from capslip.errors import ContactError, SettingsError
-from capslip.settings import Settings
+from capslip.settings import Material, Settings
 from capslip.surface.heightmap import HeightMap
 
 MAX_SOLVED = 8  # pressures, of a model that solves each of them on the map
+MOST_PRESSURE = 1e3  # mean over the modulus E*: far beyond any solid, far before numbers overflow
 LEAST_SHARE = 1e-5  # of the withdrawal at total slip that the table of uneven patches resolves
 
 
@@ -104,7 +106,8 @@ def joint_of(settings: Settings, surface: HeightMap) -> Joint:
     ------
     SettingsError
         If the pressure map cannot be used, the normal load oscillates on one of unlike pressures,
-        or the bulk term shall stay, which is that of the scan.
+        the bulk term shall stay, which is that of the scan, or load, area and modulus do not
+        belong together.
     """
     contact, joint = settings.contact, settings.joint
     scan_m2 = surface.measured_area_m2
@@ -140,7 +143,19 @@ def joint_of(settings: Settings, surface: HeightMap) -> Joint:
             "contact.bulk: got true with a joint that is larger than its scan; the bulk sinking of "
             "the scan is not that of the joint; leave it to the structure (contact.bulk = false)"
         )
+    _check_pressure(scan_load_N / scan_m2, settings.material)
     return Joint(area_m2, scan_m2, preload_N, load_N, weight, scan_load_N)
+
+
+def _check_pressure(pressure_Pa: float, material: Material) -> None:
+    """Refuse a mean pressure on the scan that no solid of such a modulus can be under."""
+    E_star_Pa = composite(material.youngs_modulus_Pa, material.poisson_ratio).E_star_Pa
+    if not pressure_Pa <= MOST_PRESSURE * E_star_Pa:
+        raise SettingsError(
+            f"load out of range: got {pressure_Pa:.3g} Pa on the scan with a modulus E* "
+            f"of {E_star_Pa:.3g} Pa; expected a pressure far below the modulus; look at the units "
+            "of load, joint.area_m2 and material.youngs_modulus_Pa"
+        )
 
 
 def curve_of_joint(curve: NormalCurve, load_N: np.ndarray, weight: np.ndarray) -> NormalCurve:

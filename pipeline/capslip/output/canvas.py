@@ -39,7 +39,8 @@ def blank(
         FigureCanvasAgg(figure)
         axes = figure.add_subplot()
         axes.set_gid(PAGE)
-    axes.set_title(title, loc="left", fontsize=11, color=INK)
+    # At a given height: else every layout and drawing looks anew for room above the ticks
+    axes.set_title(title, loc="left", y=1.0, fontsize=11, color=INK)
     axes.spines[["top", "right"]].set_visible(False)
     axes.grid(color="#E3E3E3", linewidth=0.6)
     axes.set_axisbelow(True)
@@ -142,8 +143,6 @@ def write_decades(axis: "Axis", write: Callable[[float], str] = "{:g}".format) -
 
 def save(figure: "Figure", path: Path) -> None:
     """Write a figure as PNG, laid out and drawn once (`savefig` goes through it three times)."""
-    from PIL import Image
-
     engine = figure.get_layout_engine()
     if engine is not None:
         if len(figure.axes) == 1 and not figure.legends:
@@ -153,6 +152,13 @@ def save(figure: "Figure", path: Path) -> None:
         figure.set_layout_engine("none")
     figure.canvas.draw()
     pixels = np.asarray(figure.canvas.buffer_rgba())[..., :3]  # type: ignore[attr-defined]
+    write_png(pixels, path)
+
+
+def write_png(pixels: np.ndarray, path: Path) -> None:
+    """Write pixels, shape (rows, columns, 3), as PNG."""
+    from PIL import Image
+
     Image.fromarray(np.ascontiguousarray(pixels)).save(path, "PNG", compress_level=COMPRESSION)
 
 

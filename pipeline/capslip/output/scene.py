@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from capslip.errors import OutputError, one_of
+from capslip.output.canvas import write_png
 from capslip.output.picture import Look, plotter_of
 from capslip.output.view import COLOURS, read_view, result_file
 from capslip.output.window import Window
@@ -181,7 +182,7 @@ def main(arguments: list[str]) -> None:
     if path.suffix.lower() == ".gif":
         _turntable(plotter, unfinished)
     else:
-        plotter.screenshot(unfinished)
+        write_png(plotter.screenshot(return_img=True), unfinished)
     os.replace(unfinished, path)
 
 

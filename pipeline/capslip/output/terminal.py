@@ -8,6 +8,7 @@ from capslip.errors import printable
 from capslip.output.lead import answer_lines, assumed_lines, joint_line
 from capslip.output.rows import Value, write_text
 from capslip.result import Analysis, JointOfScans, JointResult
+from capslip.summary import summary_of
 from capslip.surface.doubts import sanity_line
 
 HILLS = (
@@ -40,7 +41,7 @@ FIRST_PEAK = "; first maximum {first_peak_loss_factor:.4g} at {amplitude_at_firs
 
 def result_lines(analysis: JointResult) -> str:
     """Return the results as one screen: the verdict, the answer, what was assumed, the rest."""
-    summary = analysis.summary()
+    summary = summary_of(analysis, texture=False)
     lead = [("verdict", summary["verdict"]), *answer_lines(summary, "-")]
     lead.append(("joint", joint_line(summary, "-")))
     assumed = [f"{name} {value}: moves {moves}" for name, value, moves in assumed_lines(summary)]

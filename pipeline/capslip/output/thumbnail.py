@@ -8,7 +8,10 @@ from capslip.output.canvas import NON_MEASURED
 
 MOST_ROWS, MOST_COLUMNS = 40, 60
 SAMPLES = 6  # of a block of the map, along either axis
-COLOURS = 15  # of heights; one more is for non-measured points
+RAMP = bytes.fromhex(  # fifteen of viridis, as Matplotlib takes longer to load than all tables
+    "440154481a6c46317e3f4788365b8c2e6d8e277e8e20908c1fa1872cb17d49c16d72cf559fd938cfe11cfde724"
+)
+COLOURS = len(RAMP) // 3  # of heights; one more is for non-measured points
 
 
 def thumbnail(height_m: np.ndarray) -> bytes:
@@ -25,7 +28,6 @@ def thumbnail(height_m: np.ndarray) -> bytes:
     >>> stamp[1:4], len(stamp) < 2000
     (b'PNG', True)
     """
-    from matplotlib import colormaps
     from PIL import Image
 
     ny, nx = height_m.shape
@@ -45,10 +47,8 @@ def thumbnail(height_m: np.ndarray) -> bytes:
         low, high = np.quantile(mean[seen], [0.02, 0.98])
         share = (mean - low) / (high - low) if high > low else np.full(shape, 0.5)
         level[seen] = 1 + np.clip(share[seen] * COLOURS, 0, COLOURS - 1).astype(np.uint8)
-    grey = [int(NON_MEASURED[i : i + 2], 16) for i in (1, 3, 5)]
-    ramp = colormaps["viridis"](np.linspace(0.0, 1.0, COLOURS))[:, :3]
     image = Image.fromarray(level[::-1])
-    image.putpalette([*grey, *(255 * ramp).astype(int).ravel().tolist()])
+    image.putpalette(bytes.fromhex(NON_MEASURED[1:]) + RAMP)
     buffer = io.BytesIO()
     image.save(buffer, "PNG", bits=4, optimize=True)
     return buffer.getvalue()
