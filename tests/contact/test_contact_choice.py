@@ -11,9 +11,9 @@ from capslip.caps.families import group_families
 from capslip.caps.fit import fit_caps
 from capslip.caps.hills import find_hills
 from capslip.caps.table import CapFlag
+from capslip.contact.accuracy import LEAST_ERROR
 from capslip.contact.bulk import without_bulk
 from capslip.contact.certificate import unmodelled_area_m2
-from capslip.contact.accuracy import LEAST_ERROR
 from capslip.contact.choice import boundary_elements_s, choose_model
 from capslip.contact.material import composite
 from capslip.contact.models.caps import caps as caps_curve

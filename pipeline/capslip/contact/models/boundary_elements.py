@@ -31,7 +31,7 @@ MIN_PIXELS_ACROSS = 10.0  # of the contacts that carry half of the load
 MIN_REFINED_ACROSS = 6.0  # the same, where a spline knows what lies between the pixels
 S_FILTER, NOISE_PIXELS = "conditioning.s_filter_nesting_index_m", 5.0  # what takes noise off
 PIXELS_95 = 3.0  # over what pixels leave in the energy of spheres, so that nearly all are within
-RESOLVED = 0.05  # of what the filter takes, that noise may be: smooth faces have 0.01, noise 0.3 to 1
+RESOLVED = 0.1  # of what the filter takes, that noise may be: 0.01 on smooth faces, noise 0.3 to 1
 LEAST_ERROR = 0.01  # of stiffness and energy, by the pixels of contacts that are resolved
 
 
@@ -454,9 +454,7 @@ def _error(
         found.append(Problem("detail_decides", "info", message, effect))
         moved = moved.times(detail.white_share)
     elif moved.greatest > tolerance:
-        message = (
-            f"{said}: noise, spikes, lost points or roughness that the map hardly resolves"
-        )
+        message = f"{said}: noise, spikes, lost points or roughness that the map hardly resolves"
         nesting_m = NOISE_PIXELS * max(curve.pressed(load_N).pixel_size_m)
         step = f"--set {S_FILTER}={nesting_m:.2g}, if the detail is noise; else a finer scan"
         found.append(Problem("detail_decides", "warning", message, effect, step))
