@@ -196,6 +196,8 @@ FACES = {
     "deep-P": lambda: caps_map(
         [(x / 2, y / 2, R, 2 * z) for x, y, R, z in CAPS], SHAPE, (2e-4, 2e-4), floor_m=-8e-7
     ),
+    "short-waves": lambda: of(2e-7 * waves(2.5)),
+    "longer-waves": lambda: of(2e-7 * waves(3.5)),
     "pimples": pimples,
     "coarse-pair": lambda: pair(1),
     "fine-pair": lambda: pair(2),
@@ -371,6 +373,8 @@ ROWS = [
     Row("time_limit_reached", "warning", "after 5 loads", "fine-pair solved levelled hurried N=40",
         "fine-pair solved levelled N=40"),
     Row("detail_decides", "warning", "the energy by up to ", "noisy in-time", "plain in-time"),
+    Row("detail_decides", "info", "smooth from pixel to pixel", "short-waves in-time N=300",
+        "longer-waves in-time N=300"),
     Row("caps_not_pressed", "info", "interacting caps may be off by 0.08", "three-ridges in-time"),
     Row("no_caps", "info", "'too_few_points': ", "pimples levelled in-time"),
     Row("small_slip_extrapolated", "info", "below 0.04", "fine-sphere solved N=60",

@@ -9,7 +9,7 @@ from contact_cases import E_STAR_PA, scene_of, table
 from capslip.caps.spheres import elliptic_factor
 from capslip.caps.table import CapFlag
 from capslip.contact import accuracy
-from capslip.contact.accuracy import answers, error_of_caps
+from capslip.contact.accuracy import LEAST_ERROR, answers, error_of_caps
 from capslip.contact.bulk import bulk_compliance_m_per_N
 from capslip.contact.curve import in_series
 from capslip.contact.material import composite
@@ -40,10 +40,10 @@ def estimate(caps, noise_m=0.0, label=None, chosen=WITH_BULK):
 
 
 def beside_the_least(error):
-    """Return the error without the hundredth that spheres always have."""
+    """Return the error without the part that spheres always have."""
     assert error.doubt is None
-    assert error.of_caps >= 0.01
-    return np.sqrt(error.of_caps**2 - 0.01**2)
+    assert error.of_caps >= LEAST_ERROR
+    return np.sqrt(error.of_caps**2 - LEAST_ERROR**2)
 
 
 def one_cap(**columns):
@@ -75,8 +75,8 @@ def test_the_stiffness_is_that_of_slip_without_the_bulk_term_or_with_it():
 
 def test_a_perfect_sphere_has_the_error_of_spheres():
     error = estimate(one_cap())
-    assert (error.of_caps, error.of_levelling) == (pytest.approx(0.01, rel=1e-9), 0.0)
-    assert error.total == pytest.approx(0.01, rel=1e-9)
+    assert (error.of_caps, error.of_levelling) == (pytest.approx(LEAST_ERROR, rel=1e-9), 0.0)
+    assert error.total == pytest.approx(LEAST_ERROR, rel=1e-9)
 
 
 @pytest.mark.parametrize("quartic_share", [0.1, -0.1])
@@ -235,7 +235,7 @@ def test_a_hill_at_the_edge_may_miss_the_factor_of_its_ellipse(ratio):
     """One cap alone: energy at a share of mu N and stiffness follow R^(-1/3) and R^(1/3)."""
     radii = {"radius_major_m": 20.0 * np.sqrt(ratio), "radius_minor_m": 20.0 / np.sqrt(ratio)}
     inside = estimate(one_cap(**radii))
-    assert inside.of_caps == pytest.approx(0.01, rel=1e-9)
+    assert inside.of_caps == pytest.approx(LEAST_ERROR, rel=1e-9)
     cut = beside_the_least(estimate(one_cap(flags=np.uint16(CapFlag.edge), **radii)))
     factor = elliptic_factor(ratio)
     both = np.array([factor, 1.0 / factor]) ** (1 / 3) - 1.0
@@ -248,7 +248,7 @@ def test_a_ridge_without_end_has_no_radius():
     endless = estimate(one_cap(flags=ridge, radius_major_m=np.nan, radius_minor_m=np.nan))
     assert endless.of_caps > 0.3
     seen = estimate(one_cap(flags=ridge, radius_major_m=80.0, radius_minor_m=5.0))
-    assert seen.of_caps == pytest.approx(0.01, rel=1e-9)
+    assert seen.of_caps == pytest.approx(LEAST_ERROR, rel=1e-9)
 
 
 def test_a_contact_that_ends_at_the_edge_of_the_map_is_none_of_a_cap():

@@ -11,6 +11,7 @@ from capslip.caps.families import group_families
 from capslip.caps.fit import fit_caps
 from capslip.caps.hills import find_hills
 from capslip.caps.table import CapFlag
+from capslip.contact.accuracy import LEAST_ERROR
 from capslip.contact.bulk import without_bulk
 from capslip.contact.certificate import unmodelled_area_m2
 from capslip.contact.choice import boundary_elements_s, choose_model
@@ -155,6 +156,11 @@ def estimate_and_error(surface):
 def test_a_shape_that_all_hills_share_is_part_of_the_error(power):
     estimate, error = estimate_and_error(hills_of_power(power))
     assert 0.05 < error <= estimate
+
+
+def test_spheres_are_within_their_least_error_of_the_map_pressed():
+    estimate, error = estimate_and_error(hills_of_power(2.0))
+    assert error <= estimate < 1.1 * LEAST_ERROR
 
 
 @pytest.mark.parametrize("stretch", [1.2, 1.3])  # principal radii of 2.1 and 2.9 to one

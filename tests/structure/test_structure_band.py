@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from scipy.special import ndtri
 
-from capslip.contact.accuracy import LEAST_ERROR, MovedCaps
+from capslip.contact.accuracy import MovedCaps
 from capslip.contact.given import given_families, press_families
 from capslip.contact.material import composite
 from capslip.contact.models.boundary_elements import RUNG as BOUNDARY_ELEMENTS
@@ -19,7 +19,7 @@ from capslip.contact.slip import slip_curve
 from capslip.contact.solvers.yielding import YieldLaw
 from capslip.settings import Question, load_settings
 from capslip.structure.answer import answer_to
-from capslip.structure.band import NORMAL_95, Part, band_of
+from capslip.structure.band import LEAST_ERROR, NORMAL_95, Part, band_of
 from capslip.structure.response import response
 from scenes import caps_map
 

@@ -113,6 +113,10 @@ class ModelError:
         """The greater of both."""
         return max(self.stiffness, self.energy)
 
+    def times(self, factor: float) -> "ModelError":
+        """Return both times a factor."""
+        return ModelError(factor * self.stiffness, factor * self.energy)
+
 
 @dataclass(frozen=True, eq=False)
 class Rung(Generic[C]):

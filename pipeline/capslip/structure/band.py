@@ -8,7 +8,6 @@ from typing import Any
 
 import numpy as np
 
-from capslip.contact.accuracy import LEAST_ERROR
 from capslip.contact.curve import NormalCurve
 from capslip.contact.joint import Joint
 from capslip.contact.press import ContactState
@@ -30,6 +29,8 @@ NODES_OF_A_MAP = 2  # of either, where each is a solution of the whole map
 COUNTED = ("tangential_stiffness_N_per_m", "energy_J", "joint_loss_factor", "loss_factor")
 OF_BOTH = ("caps", "model", "scans", "direction")  # move displacement and energy by factors
 OF_LIGHT_DAMPING = ("loss_factor", "damping_ratio")
+# Of a scan's caps beyond their standard errors, at 95 %: their pixels stay from noise to noise
+LEAST_ERROR = 0.01
 LEAST_SPREAD = 1e-9  # standard deviation of a logarithm that is more than rounding
 LEAST_J = 1e-300  # stands for an energy of zero in a logarithm
 STEP = 0.01  # of a displacement, for a slope

@@ -31,6 +31,7 @@ MIN_PIXELS_ACROSS = 10.0  # of the contacts that carry half of the load
 MIN_REFINED_ACROSS = 6.0  # the same, where a spline knows what lies between the pixels
 S_FILTER, NOISE_PIXELS = "conditioning.s_filter_nesting_index_m", 5.0  # what takes noise off
 PIXELS_95 = 3.0  # over what pixels leave in the energy of spheres, so that nearly all are within
+RESOLVED = 0.1  # of what the filter takes, that noise may be: 0.01 on smooth faces, noise 0.3 to 1
 LEAST_ERROR = 0.01  # of stiffness and energy, by the pixels of contacts that are resolved
 
 
@@ -426,7 +427,7 @@ def _error(
     )
     try:
         with curve.solutions.counted(load_N):
-            effect = effect_of_detail(
+            detail = effect_of_detail(
                 first,
                 unloading,
                 curve.solutions.tolerance,
@@ -442,18 +443,22 @@ def _error(
         )
         found.append(Problem("time_limit_reached", "warning", message))
         return ModelError(least, least), tuple(found)
+    effect = detail.effect
     moved = ModelError(effect.tangential_stiffness or 0.0, effect.energy or 0.0)
-    if moved.greatest > tolerance:
-        message = (
-            f"detail of one or two pixels moves the stiffness by {effect.tangential_stiffness:.1%} "
-            f"and the energy by up to {effect.energy:.1%}: noise, spikes, lost points or "
-            "roughness that the map hardly resolves"
-        )
+    said = (
+        f"detail of a few pixels moves the stiffness by {effect.tangential_stiffness:.1%} and the "
+        f"energy by up to {effect.energy:.1%}"
+    )
+    if moved.greatest > tolerance >= of_pixels and detail.white_share < RESOLVED:
+        message = f"{said}, and is smooth from pixel to pixel: it is taken for the face's own"
+        found.append(Problem("detail_decides", "info", message, effect))
+        moved = moved.times(detail.white_share)
+    elif moved.greatest > tolerance:
+        message = f"{said}: noise, spikes, lost points or roughness that the map hardly resolves"
         nesting_m = NOISE_PIXELS * max(curve.pressed(load_N).pixel_size_m)
         step = f"--set {S_FILTER}={nesting_m:.2g}, if the detail is noise; else a finer scan"
         found.append(Problem("detail_decides", "warning", message, effect, step))
-        left = 1.0 - WHITE_LEFT
-        moved = ModelError(moved.stiffness / left, moved.energy / left)
+        moved = moved.times(1.0 / (1.0 - WHITE_LEFT))
     elif of_pixels > tolerance:
         found.append(_at_small_slip(of_pixels))
     return ModelError(max(moved.stiffness, LEAST_ERROR), max(moved.energy, least)), tuple(found)

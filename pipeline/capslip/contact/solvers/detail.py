@@ -19,6 +19,8 @@ _FRAME = 4  # pixels that two passes of the filter reach
 _LEAST_WEIGHT = 0.1  # of the filter on measured points, from which a lost point is filled
 _TOLERANCE = 1e-4  # of the first look
 _NO_EFFECT = 2e-3  # of the approach
+_ORDER = 10  # of the differences that know noise: what is 5 pixels long gives them 1e-4 of itself
+_ENOUGH = 20  # of these differences, of which a root mean square says something
 
 
 @dataclass(frozen=True, eq=False)
@@ -29,6 +31,14 @@ class FirstLoading:
     approach_m: float
 
 
+@dataclass(frozen=True)
+class Detail:
+    """What the filter of `effect_of_detail` takes off a map: what it does, and what it is."""
+
+    effect: Effect
+    white_share: float = 0.0  # of its rms, that noise from pixel to pixel could be, see `_white_m`
+
+
 def effect_of_detail(
     first: FirstLoading,
     unloading: Unloading,
@@ -37,7 +47,7 @@ def effect_of_detail(
     resolved: bool,
     time_limit_s: float = math.inf,
     start_Pa: np.ndarray | None = None,
-) -> Effect:
+) -> Detail:
     """Return what the detail of one or two pixels does to stiffness and energy.
 
     Noise, spikes of single pixels, lost points and roughness that the map hardly resolves look
@@ -45,6 +55,10 @@ def effect_of_detail(
     map after a filter that fills single lost points: B + B (1 - B), where B is binomial with a
     standard deviation of one pixel. It leaves every shape of the third degree as it is, so what is
     much wider than a pixel does not feel it; B alone would lower sharp summits more than others.
+
+    It takes a part of what is 4 to 8 pixels long as well, which the map resolves. Differences of
+    the tenth order hold next to nothing of that, and all of what changes from pixel to pixel: they
+    tell which of both was taken.
 
     Parameters
     ----------
@@ -66,14 +80,14 @@ def effect_of_detail(
 
     Returns
     -------
-    Effect
-        Changes over the greater of both values; of the energy the greatest of four forces, of the
-        stiffness that where slip begins and of the secants at these.
+    Detail
+        With changes over the greater of both values; of the energy the greatest of four forces, of
+        the stiffness that where slip begins and of the secants at these.
     """
     load_N = unloading.load_N
-    smooth = _smoothed(first.face)
+    smooth = smoothed = _smoothed(first.face)
     if resolved and _hardly_moves(first, smooth):
-        return Effect(0.0, 0.0, 0.0)
+        return Detail(Effect(0.0, 0.0, 0.0))
     begun_s = process_time()
     again = press(
         smooth,
@@ -84,7 +98,7 @@ def effect_of_detail(
     )
     moved_m = abs(again.approach_m - first.approach_m)
     if resolved and moved_m < _NO_EFFECT * first.approach_m:
-        return Effect(0.0, 0.0, 0.0)
+        return Detail(Effect(0.0, 0.0, 0.0))
     left_s = max(time_limit_s - (process_time() - begun_s), 0.0)
     again = press(
         smooth,
@@ -100,7 +114,7 @@ def effect_of_detail(
     stiffness = (_alone_N_per_m(one, bulk_m_per_N) for one in (before, stiffness_N_per_m))
     stiffer = float(_relative(*stiffness).max())
     more = float(_relative(_loss_J(unloading), loss_J).max())
-    return Effect(stiffer, more, more)
+    return Detail(Effect(stiffer, more, more), _white_share(first, smoothed))
 
 
 def _below(face: ElasticFace, pressed: Pressed, tolerance: float) -> tuple[np.ndarray, np.ndarray]:
@@ -125,6 +139,27 @@ def _hardly_moves(first: FirstLoading, smooth: ElasticFace) -> bool:
     if not first.face.measured[near].all():
         return False
     return bool(np.ptp(smooth.depth_m[near] - depth_m[near]) < _NO_EFFECT * reach_m)
+
+
+def _white_share(first: FirstLoading, smoothed: ElasticFace) -> float:
+    """Return how much of what a filter took, where the face could touch, may be white noise.
+
+    Noise of standard deviation s has differences of order k of s sqrt((2 k)! / (k!)^2), along rows
+    and columns; 1 where too few of them lie between measured points to say so.
+    """
+    face = first.face
+    near = (np.minimum(face.depth_m, smoothed.depth_m) < first.approach_m) & face.measured
+    taken_m = np.std((smoothed.depth_m - face.depth_m)[near])
+    depth_m = np.where(face.measured, face.depth_m, np.nan)
+    most, half = 0.0, _ORDER // 2
+    for heights_m, there in ((depth_m, near), (depth_m.T, near.T)):
+        difference_m = np.diff(heights_m, _ORDER, axis=0)[there[half:-half]]
+        difference_m = difference_m[np.isfinite(difference_m)]
+        if difference_m.size < _ENOUGH:
+            return 1.0
+        most = max(most, float(np.mean(np.square(difference_m))))
+    white_m = math.sqrt(most / math.comb(2 * _ORDER, _ORDER))
+    return min(white_m / max(taken_m, white_m), 1.0) if white_m > 0.0 else 0.0
 
 
 def _smoothed(face: ElasticFace) -> ElasticFace:
