@@ -23,7 +23,12 @@ from capslip.settings import Settings
 from capslip.stages import Face, as_found
 from capslip.structure.answer import Answer
 from capslip.structure.doubts import problems_of_structure
-from capslip.surface.doubts import problems_of_form, problems_of_scan, problems_of_tilt
+from capslip.surface.doubts import (
+    problems_of_form,
+    problems_of_scan,
+    problems_of_seams,
+    problems_of_tilt,
+)
 from capslip.surface.heightmap import HeightMap
 
 
@@ -83,11 +88,11 @@ def _before_contact(face: Face, found: Analysis, mate: HeightMap | None) -> list
 
 
 def _of_levelling(face: Face, contact: ContactState, settings: Settings) -> list[Problem]:
-    """Return whether a tilt or a bow that was left in decides what touches."""
+    """Return whether a tilt, a bow or seams that were left in decide what touches."""
     form = settings.conditioning.form
     if contact.approach_m <= 0.0:
         return []  # a flat interface: nothing decides
-    problems = []
+    problems = problems_of_seams(face.conditioned.surface, contact.approach_m)
     if form == "none" and face.level is None:
         problems += problems_of_tilt(face.conditioned.surface, contact.approach_m)
     if form in ("plane", "none"):

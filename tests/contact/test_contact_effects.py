@@ -104,6 +104,28 @@ def test_a_bow_of_the_peaks_is_taken_out_of_them():
     assert effect.tangential_stiffness == pytest.approx(truth, rel=0.1)
 
 
+@pytest.mark.parametrize(("model", "points"), [("interacting", 240), ("boundary_elements", 96)])
+def test_seams_move_what_one_level_moves(model, points):
+    """The answers of the same face in one field; its caps are of unlike heights."""
+    rng = np.random.default_rng(4)
+    places = [(x, y) for x in np.linspace(5e-3, 43e-3, 4) for y in np.linspace(5e-3, 43e-3, 4)]
+    peaks = [(x, y, 15.0, z) for (x, y), z in zip(places, rng.uniform(-1e-7, 0, 16), strict=True)]
+    level = caps_map(peaks, (points, points), (0.048 / points,) * 2, floor_m=-8e-7)
+    step_m = 6e-8 * (np.arange(points) >= points // 2)
+    stitched = replace(level, height_m=level.height_m + step_m)
+    words = (f"contact.model={model}",)
+    one, other = found(level, *words), found(stitched, *words)
+    truth = one.contact.stiffness_N_per_m / other.contact.stiffness_N_per_m - 1.0
+    share = np.array([0.1, 0.25, 0.5, 0.75])
+    energy_J = [a.slip.energy_at_force_J(share * a.slip.total_slip_force_N) for a in (one, other)]
+    given = other.caps, other.caps, other.conditioned, other.settings, other.contact.rung
+    effect = with_effects([Problem("seams", "warning", "")], *given)[0].effect
+    assert effect.tangential_stiffness == pytest.approx(abs(truth), rel=0.1, abs=0.003)
+    more = float(np.abs(energy_J[0] / energy_J[1] - 1.0).max())
+    assert more > 0.1
+    assert effect.energy == pytest.approx(more, rel=0.1)
+
+
 @pytest.mark.parametrize("load_N", [100.0, 400.0])
 @pytest.mark.parametrize("burr_m", [1e-6, 1.3e-6])
 def test_a_burr_moves_what_it_moves_on_the_map_itself(burr_m, load_N):

@@ -26,6 +26,7 @@ from capslip.surface.conditioning import Conditioned
 from capslip.surface.doubts import holes
 from capslip.surface.form import remove_form
 from capslip.surface.heightmap import HeightMap
+from capslip.surface.seams import find_seams, without_seams
 
 LEFT_OUT = {  # flags of the caps that may carry nothing
     "load_on_doubtful_caps": DOUBTFUL,
@@ -83,9 +84,10 @@ def with_effects(
     """Return the problems, those about single caps with their effects, and as severe as these.
 
     Each is estimated by interacting caps, whatever model answers: flagged caps may carry nothing; a
-    bow may not be the face's own; a hole may hold as many hills as the rest; points that were
-    removed may have been there. Where the map itself answers, a bow is taken off it, on points so
-    far apart that this costs little. Within `contact.tolerance` it is information, else a warning.
+    bow or the levels of stitched fields may not be the face's own; a hole may hold as many hills as
+    the rest; points that were removed may have been there. Where the map itself answers, bow and
+    levels are taken off it, on points so far apart that this costs little. Within
+    `contact.tolerance` it is information, else a warning.
 
     Parameters
     ----------
@@ -107,11 +109,12 @@ def with_effects(
     asked = {one.code for one in problems if _is_asked(one, conditioned)}
     effects: dict[str, Effect | None] = {}
     how = dict.fromkeys(asked, "estimated by caps")
-    if "bow_left" in asked and model is not None and model.made_from == "map":
-        by_map = _effect_of_bow(model, peaks, face)
-        if by_map is not None:
-            asked.remove("bow_left")
-            effects["bow_left"], how["bow_left"] = by_map, "on the map, coarsened"
+    for code in sorted(asked & OF_THE_MAP.keys()):
+        if model is not None and model.made_from == "map":
+            by_map = _effect_on_map(model, peaks, face, OF_THE_MAP[code](face.surface))
+            if by_map is not None:
+                asked.remove(code)
+                effects[code], how[code] = by_map, "on the map, coarsened"
     if asked:
         try:
             before = face.answers(caps)
@@ -127,8 +130,27 @@ def with_effects(
     ]
 
 
-def _effect_of_bow(model: Rung[Any], peaks: CapTable, face: _Face) -> Effect | None:
-    """Return what `conditioning.form` = quadratic changes of the map, None where it has no answer.
+def _bow_or_not(surface: HeightMap) -> tuple[HeightMap, HeightMap]:
+    """Return a coarse map, and what `conditioning.form` = quadratic makes of it."""
+    coarse = coarse_map(surface)
+    level_m, straight_m = (remove_form(coarse, form)[0].height_m for form in ("plane", "quadratic"))
+    return coarse, replace(coarse, height_m=coarse.height_m - (level_m - straight_m))
+
+
+def _seams_or_not(surface: HeightMap) -> tuple[HeightMap, HeightMap]:
+    """Return a coarse map, and that of the fields on one level; seams are lines of fine pixels."""
+    seams = find_seams(surface)
+    level = surface if seams is None else without_seams(surface, seams)
+    return coarse_map(surface), coarse_map(level)
+
+
+OF_THE_MAP = {"bow_left": _bow_or_not, "seams": _seams_or_not}
+
+
+def _effect_on_map(
+    model: Rung[Any], peaks: CapTable, face: _Face, maps: tuple[HeightMap, HeightMap]
+) -> Effect | None:
+    """Return what another map changes, None where it has no answer.
 
     Pixels lower the tops of hills alike on both maps.
     """
@@ -138,9 +160,6 @@ def _effect_of_bow(model: Rung[Any], peaks: CapTable, face: _Face) -> Effect | N
     quick = msgspec.structs.replace(
         settings, contact=msgspec.structs.replace(contact, solver_tolerance=loose)
     )
-    coarse = coarse_map(face.surface)
-    level_m, straight_m = (remove_form(coarse, form)[0].height_m for form in ("plane", "quadratic"))
-    straight = replace(coarse, height_m=coarse.height_m - (level_m - straight_m))
     none = Families(None, None, (), None, None, 0.0, alike=False)
     try:
         before, after = (
@@ -150,7 +169,7 @@ def _effect_of_bow(model: Rung[Any], peaks: CapTable, face: _Face) -> Effect | N
                 one,
                 quick,
             )
-            for one in (coarse, straight)
+            for one in maps
         )
     except CapslipError:
         return None
@@ -163,7 +182,7 @@ def _is_asked(problem: Problem, conditioned: Conditioned) -> bool:
     """Tell whether a problem has an effect that caps tell."""
     if problem.code == "outliers_removed":
         return conditioned.removed_m.shape[1] > 0
-    others = problem.code in ("bow_left", "hole_may_hide_hills", "clipped", *LEFT_OUT)
+    others = problem.code in ("hole_may_hide_hills", "clipped", *OF_THE_MAP, *LEFT_OUT)
     return others and problem.severity == "warning"
 
 
@@ -219,6 +238,8 @@ class _Trials:
         """Return what to press instead, for the problems of one code."""
         if code == "bow_left":
             yield self._unbowed()
+        elif code == "seams":
+            yield self._on_one_level()
         elif code == "hole_may_hide_hills":
             yield from self._with_hills()
         elif code == "outliers_removed":
@@ -233,6 +254,14 @@ class _Trials:
         if span_m > np.nanmax(self.caps.cap_height_m):
             raise ContactError("the bow may hold hills below the cut, which are no caps yet")
         return caps
+
+    def _on_one_level(self) -> CapTable:
+        surface, caps = self.face.surface, self.caps
+        seams, (dy_m, dx_m) = find_seams(surface), surface.pixel_size_m
+        if seams is None:
+            raise ContactError("there are no seams in the map that was pressed")
+        offset_m = seams.offset_at_m(caps.y_m / dy_m, caps.x_m / dx_m)
+        return caps.with_columns(peak_height_m=caps.peak_height_m - offset_m)
 
     def _without(self, flag: CapFlag) -> CapTable:
         caps = self.caps

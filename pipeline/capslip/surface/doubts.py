@@ -10,6 +10,7 @@ from capslip.surface.blocks import few_lines
 from capslip.surface.form import FLOOR_LINES, FLOOR_SHARE, ROUNDING, remove_form
 from capslip.surface.heightmap import HeightMap, Tops
 from capslip.surface.outliers import Outliers
+from capslip.surface.seams import find_seams
 from capslip.surface.tops import clipped_points
 
 MAX_STEEP_SHARE = 0.05
@@ -181,6 +182,20 @@ def problems_of_form(surface: HeightMap, approach_m: float) -> list[Problem]:
         )
         return [Problem("bow_left", "warning", message)]
     return []
+
+
+def problems_of_seams(surface: HeightMap, approach_m: float) -> list[Problem]:
+    """Return whether fields with straight seams lie on levels so unlike that it decides."""
+    seams = find_seams(surface)
+    if seams is None or seams.span_m <= VISIBLE_FORM * approach_m:
+        return []
+    message = (
+        f"straight seams along rows or columns cut the map into {seams.offset_m.size} fields, on "
+        f"levels up to {seams.span_m:.3g} m apart; the approach is {approach_m:.3g} m. Where "
+        "fields of view were stitched, their overlaps have to be matched again; where the steps "
+        "are the face's own, leave them"
+    )
+    return [Problem("seams", "warning", message)]
 
 
 def _bow(surface: HeightMap) -> tuple[float, float]:

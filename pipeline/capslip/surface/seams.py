@@ -1,0 +1,129 @@
+"""Seams: straight lines along which the heights jump, as where fields of view were stitched."""
+
+from dataclasses import dataclass, replace
+from itertools import pairwise
+
+import numpy as np
+
+from capslip.surface.heightmap import HeightMap
+
+PARTS = 4  # of a line: fields above and below one another jump by different heights
+CLEAR = 4.0  # times what 95 % of all lines jump by: 6 standard deviations of normal jumps
+LEAST_LINES = 32  # along an axis, and from one seam to the next: closer ones are a lay
+LEAST_POINTS = 8  # of a part of a line, that tell its jump
+ALONE = 0.5  # of a jump, that others so close may have: rims of hills jump by a little
+NEIGHBOUR = 0.8  # of a jump, that those beside it may have: half of it, and noise
+ROUNDING = 1e-6  # of the height range: what lines of a plane floor jump by
+
+
+@dataclass(frozen=True, eq=False)
+class Seams:
+    """Fields that seams bound, and by how much each lies above the mean of all."""
+
+    rows: np.ndarray  # (r + 2,), the first row of each field, with 0 and ny
+    columns: np.ndarray  # (c + 2,)
+    offset_m: np.ndarray  # (r + 1, c + 1)
+
+    @property
+    def span_m(self) -> float:
+        """Height of the highest field over the lowest one."""
+        return float(np.ptp(self.offset_m))
+
+    def offset_at_m(self, row: np.ndarray, column: np.ndarray) -> np.ndarray:
+        """Return the offsets of the fields that hold points, counted in pixels from the corner."""
+        i = np.searchsorted(self.rows[1:-1], row, side="right")
+        j = np.searchsorted(self.columns[1:-1], column, side="right")
+        return np.asarray(self.offset_m[i, j])
+
+
+def find_seams(surface: HeightMap) -> Seams | None:
+    """Find straight seams along rows and columns, None where there are none.
+
+    A smooth surface goes on from two lines to the next two: what it jumps by between two lines is
+    the difference of their heights less the mean of those before and behind. The median of that
+    over a part of a line takes noise and hills off, and is compared with all other lines: a lay
+    along an axis jumps everywhere, a seam stands off, alone.
+
+    Parameters
+    ----------
+    surface : HeightMap
+        Any form.
+
+    Returns
+    -------
+    Seams or None
+        Offsets of the fields by least squares over all seams between two of them.
+    """
+    least_m = ROUNDING * float(np.nanmax(surface.height_m) - np.nanmin(surface.height_m))
+    columns = _seams_along(surface.height_m, least_m)
+    rows = _seams_along(surface.height_m.T, least_m)
+    if not rows.size and not columns.size:
+        return None
+    ny, nx = surface.shape
+    rows, columns = np.array([0, *rows, ny]), np.array([0, *columns, nx])
+    return Seams(rows, columns, _offsets_m(surface.height_m, rows, columns))
+
+
+def without_seams(surface: HeightMap, seams: Seams) -> HeightMap:
+    """Return the map with all fields on one level."""
+    sizes = np.diff(seams.rows), np.diff(seams.columns)
+    offset_m = np.repeat(np.repeat(seams.offset_m, sizes[0], axis=0), sizes[1], axis=1)
+    return replace(surface, height_m=surface.height_m - offset_m)
+
+
+def _jumps_m(height_m: np.ndarray, first: int, last: int) -> np.ndarray:
+    """Return the jumps from columns `first` to `last` - 1 to the next ones, a row each."""
+    step_m = np.diff(height_m[:, first - 1 : last + 2], axis=1)
+    return np.asarray(step_m[:, 1:-1] - 0.5 * (step_m[:, :-2] + step_m[:, 2:]))
+
+
+def _median_m(jump_m: np.ndarray) -> np.ndarray:
+    """Return the medians of the columns, NaN where too few points are known."""
+    known = np.isfinite(jump_m)
+    found = np.full(jump_m.shape[1], np.nan)
+    enough = known.sum(axis=0) >= LEAST_POINTS
+    if enough.any():
+        found[enough] = np.nanmedian(jump_m[:, enough], axis=0)
+    return found
+
+
+def _seams_along(height_m: np.ndarray, least_m: float) -> np.ndarray:
+    """Return the columns that begin a field."""
+    n_rows, n = height_m.shape
+    if n < LEAST_LINES or n_rows < PARTS * LEAST_POINTS:
+        return np.zeros(0, dtype=int)
+    ends = np.linspace(0, n_rows, PARTS + 1).astype(int)
+    parts = [_median_m(_jumps_m(height_m[a:b], 1, n - 2)) for a, b in pairwise(ends)]
+    square = np.array(parts) ** 2
+    known = np.isfinite(square)
+    counts = np.maximum(known.sum(axis=0), 1)
+    jump_m = np.sqrt(np.where(known, square, 0.0).sum(axis=0) / counts)
+    usual_m = max(float(np.quantile(jump_m, 0.95)), least_m)
+    beside_m = np.maximum(np.append(0.0, jump_m[:-1]), np.append(jump_m[1:], 0.0))
+    clear = (jump_m > CLEAR * usual_m) & (beside_m < NEIGHBOUR * jump_m)
+    at, height_m = np.flatnonzero(clear) + 2, jump_m[clear]  # the first jump is into the third
+    near = np.abs(at[:, None] - at) < LEAST_LINES
+    alone = (near & (height_m > ALONE * height_m[:, None])).sum(axis=1) == 1
+    inside = (at >= LEAST_LINES // 2) & (at <= n - LEAST_LINES // 2)
+    return np.asarray(at[alone & inside])
+
+
+def _offsets_m(height_m: np.ndarray, rows: np.ndarray, columns: np.ndarray) -> np.ndarray:
+    """Return the offsets of fields from the jumps over all seams, with a mean of zero."""
+    shape = len(rows) - 1, len(columns) - 1
+    field = np.arange(shape[0] * shape[1]).reshape(shape)
+    pairs, jump_m = [np.ones(field.size)], [0.0]
+    for z, fields, lines, others in (
+        (height_m, field, rows, columns),
+        (height_m.T, field.T, columns, rows),
+    ):
+        for i, (first, last) in enumerate(pairwise(lines)):
+            for j, seam in enumerate(others[1:-1]):
+                (jump,) = _median_m(_jumps_m(z[first:last], seam - 1, seam))
+                if np.isfinite(jump):
+                    pairs.append(np.zeros(field.size))
+                    pairs[-1][[fields[i, j], fields[i, j + 1]]] = -1.0, 1.0
+                    jump_m.append(float(jump))
+    return np.asarray(np.linalg.lstsq(np.array(pairs), np.array(jump_m), rcond=None)[0]).reshape(
+        shape
+    )

@@ -1,0 +1,80 @@
+"""Seams between fields of view: found where they were put, and not in what smooth or ground is."""
+
+import numpy as np
+import pytest
+from scipy.ndimage import gaussian_filter
+
+from capslip.surface.heightmap import HeightMap
+from capslip.surface.seams import find_seams, without_seams
+
+SHAPE, PIXEL_M = (120, 200), (1e-4, 1e-4)
+ROW, COLUMN = np.mgrid[: SHAPE[0], : SHAPE[1]]
+
+
+def waves_m(seed=3, width=6.0, rms_m=3e-7):
+    z = gaussian_filter(np.random.default_rng(seed).standard_normal(SHAPE), width)
+    return rms_m * z / z.std()
+
+
+def of(height_m):
+    return HeightMap(height_m, PIXEL_M)
+
+
+def noise_m(rms_m, shape=SHAPE):
+    return np.random.default_rng(8).normal(0.0, rms_m, shape)
+
+
+@pytest.mark.parametrize("rms_m", [0.0, 4e-9])
+@pytest.mark.parametrize("lost", [0.0, 0.1])
+def test_fields_of_view_are_found_with_their_levels(rms_m, lost):
+    """The offsets are exact but for what noise and the surface leave in the medians."""
+    true_m = np.array([[0.0, 9e-8, -6e-8], [5e-8, 2e-8, -1e-7]])
+    level_m = true_m[ROW // 60, np.searchsorted([70, 150], COLUMN, side="right")]
+    height_m = waves_m() + noise_m(rms_m) + level_m
+    height_m[np.random.default_rng(1).random(SHAPE) < lost] = np.nan
+    seams = find_seams(of(height_m))
+    assert seams.rows.tolist() == [0, 60, 120]
+    assert seams.columns.tolist() == [0, 70, 150, 200]
+    assert seams.offset_m == pytest.approx(true_m - true_m.mean(), abs=3e-9 + 0.6 * rms_m)
+    at = seams.offset_at_m(np.array([59.9, 60.1]), np.array([0.0, 150.1]))
+    assert at.tolist() == [seams.offset_m[0, 0], seams.offset_m[1, 2]]
+    left_m = without_seams(of(height_m), seams).height_m - height_m + level_m
+    assert np.nanstd(left_m) < 3e-9 + 0.6 * rms_m
+
+
+def test_rows_and_columns_are_alike():
+    height_m = waves_m() + 5e-8 * (COLUMN >= 110)
+    one, other = find_seams(of(height_m)), find_seams(of(height_m.T.copy()))
+    assert one.columns.tolist() == other.rows.tolist() == [0, 110, 200]
+    assert np.abs(one.offset_m.T - other.offset_m).max() < 1e-19
+
+
+@pytest.mark.parametrize(
+    "height_m",
+    [
+        waves_m(),
+        waves_m(width=2.0),
+        noise_m(1e-8),
+        waves_m() + noise_m(2e-8, (1, SHAPE[1])),  # each line of its own
+        waves_m() + np.cumsum(noise_m(5e-9, (SHAPE[0], 1)), axis=0),  # a drift
+        waves_m() - 1e-6 * ((COLUMN >= 80) & (COLUMN < 90)),  # a groove
+        waves_m() + 1e-6 * (COLUMN == 80),  # a line
+        2e-7 * np.sin(COLUMN * 0.1) + 0.0 * ROW,  # ridges
+        1e-7 * np.floor(waves_m() / 1e-7),  # terraces
+        waves_m() + 2e-7 * (COLUMN > ROW),  # a step that runs along no axis
+        1e-9 * COLUMN + 2e-9 * ROW,
+        np.zeros(SHAPE),
+        waves_m()[:20, :20] + 1e-6 * (COLUMN[:20, :20] > 10),  # too small to tell
+    ],
+)
+def test_what_is_no_seam_is_none(height_m):
+    assert find_seams(of(height_m)) is None
+
+
+def test_a_form_changes_nothing():
+    """A plane has no jumps, a bow only those of its curvature, which all lines share."""
+    height_m = waves_m() + 4e-8 * (ROW >= 50)
+    form_m = 1e-6 * COLUMN + 2e-5 * (ROW / 120) ** 2
+    one, other = find_seams(of(height_m)), find_seams(of(height_m + form_m))
+    assert one.rows.tolist() == other.rows.tolist()
+    assert one.offset_m == pytest.approx(other.offset_m, abs=1e-10)
