@@ -371,7 +371,7 @@ ROWS = [
     Row("time_limit_reached", "warning", "after 5 loads", "fine-pair solved levelled hurried N=40",
         "fine-pair solved levelled N=40"),
     Row("detail_decides", "warning", "the energy by up to ", "noisy in-time", "plain in-time"),
-    Row("caps_not_pressed", "info", "interacting caps may be off by 0.08", "three-ridges in-time"),
+    Row("caps_not_pressed", "info", "interacting caps may be off by 8", "three-ridges in-time"),
     Row("no_caps", "info", "'too_few_points': ", "pimples levelled in-time"),
     Row("small_slip_extrapolated", "info", "below 0.04", "fine-sphere solved N=60",
         "fine-sphere N=60"),

@@ -177,7 +177,7 @@ def test_a_question_beyond_gross_slip_fails_with_its_name(tmp_path):
 def test_a_question_beyond_gross_slip_is_told_how_far_the_joint_holds(tmp_path):
     ran = run(tmp_path, "--slip-force", "95N")
     line = next(line for line in ran.stdout.splitlines() if line.startswith("answer"))
-    assert line.startswith("answer     none; total slip at 92 N, ")
+    assert line.startswith("answer     none; gross slip at 92 N, ")
 
 
 def test_a_resultant_that_no_model_knows_is_left_out(tmp_path):

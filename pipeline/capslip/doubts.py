@@ -107,7 +107,7 @@ def _of_small_slip(
     if share >= least:
         return []
     message = (
-        f"asked for is {share:.2g} of the force at total slip; below {least:.2g} less slips than "
-        "the pixels of the map resolve: the energy per cycle may be off by more than 5 %"
+        f"asked for is {share:.0%} of the force at gross slip; below {least:.0%} of it less "
+        "slips than the pixels of the map resolve: the energy per cycle may be off by more than 5 %"
     )
     return [Problem("small_slip_extrapolated", "warning", message)]

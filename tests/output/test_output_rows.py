@@ -143,7 +143,7 @@ def test_the_lines_of_a_terminal():
     analysis = output_cases.several()
     lines = result_lines(analysis).splitlines()
     assert lines[0] == f"verdict    {analysis.verdict}"
-    assert lines[1].startswith("answer     at slip force 7.5 N (a quarter of total slip")
+    assert lines[1].startswith("answer     at slip force 7.5 N (a quarter of gross slip")
     lines = lines[[line[:4] for line in lines].index("scan") :]
     families, slip, damping = analysis.families, analysis.slip, analysis.damping
     assert lines[0].startswith("scan       ")
@@ -166,7 +166,7 @@ def test_the_lines_of_a_terminal():
         "with bulk)"
     )
     assert lines[6] == (
-        f"slip       stiffness {human(slip.tangential_stiffness_N_per_m, 'N/m')}, total slip at "
+        f"slip       stiffness {human(slip.tangential_stiffness_N_per_m, 'N/m')}, gross slip at "
         f"{human(slip.total_slip_force_N, 'N', 4)}, {human(slip.total_slip_displacement_m, 'm')}"
     )
     assert lines[7] == (

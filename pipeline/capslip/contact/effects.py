@@ -106,12 +106,12 @@ def with_effects(
     face, tolerance = _Face(conditioned.surface, settings), settings.contact.tolerance
     asked = {one.code for one in problems if _is_asked(one, conditioned)}
     effects: dict[str, Effect | None] = {}
-    how = dict.fromkeys(asked, "estimated by caps")
+    how = dict.fromkeys(asked, "estimated with the caps")
     if "bow_left" in asked and model is not None and model.made_from == "map":
         by_map = _effect_of_bow(model, peaks, face)
         if by_map is not None:
             asked.remove("bow_left")
-            effects["bow_left"], how["bow_left"] = by_map, "on the map, coarsened"
+            effects["bow_left"], how["bow_left"] = by_map, "found on a coarser map"
     if asked:
         try:
             before = face.answers(caps)

@@ -3,6 +3,7 @@
 import base64
 import io
 import json
+import re
 from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -37,6 +38,7 @@ OF_SCANS = dict.fromkeys(("slip_loop", "energy", "loss_factor"), SCATTER)  # fig
 HEAVY_BYTES = 200_000  # of a picture
 JPEG_QUALITY = 90
 SEVERITIES = ("error", "warning", "info")
+OPTION = re.compile(r"(?<!\S)(--[a-z][\w-]*)")
 
 Fact = str | tuple[str, str]  # a quantity of the one table, or a label and a text of several
 IN = {"Std_rad": ":°", "Spd_per_m2": ":1/mm²", "Spc_per_m": ":1/mm"}  # units without a prefix
@@ -65,7 +67,7 @@ OF_THE_JOINT: tuple[Fact, ...] = (
     "hardness_Pa",
     "yielded_area_m2",
     ("friction coefficient", "{friction_coefficient:g}"),
-    ("total slip, one joint", "{total_slip_force_N} at {total_slip_displacement_m}"),
+    ("gross slip, one joint", "{total_slip_force_N} at {total_slip_displacement_m}"),
     "limit_G_m",
     "limit_P_m",
     "structure",
@@ -140,7 +142,13 @@ def _template() -> "Template":
     environment = Environment(
         autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
     )
+    environment.filters["options"] = _options
     return environment.from_string(_part("report.html.j2"))
+
+
+def _options(text: str) -> list[tuple[str, bool]]:
+    """Split a text at the options in it, which no line may break, and say which parts are such."""
+    return [(part, i % 2 == 1) for i, part in enumerate(OPTION.split(text))]
 
 
 @cache
@@ -176,7 +184,7 @@ def _headlines(summary: dict[str, Any]) -> list[tuple[str, str, str]]:
         ("approach_without_bulk_m", "without bulk; {approach_m} with it"),
         (
             (name, "whole face" if whole else "{contacts}"),
-            "the scan at {scan_load_N:.4g N}, model {model}",
+            "the scan at {scan_load_N:4}, model {model}",
         ),
         ("stiffness_N_per_m", f"one joint, {'with' if contact['bulk'] else 'without'} bulk"),
         ("tangential_stiffness_N_per_m", "first loading, one joint"),

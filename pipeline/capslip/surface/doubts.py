@@ -176,8 +176,8 @@ def problems_of_form(surface: HeightMap, approach_m: float) -> list[Problem]:
             continue
         message = (
             f"{1.0 - rest:.0%} of the variance of {what} is a bow of {bow_m:.3g} m, the approach "
-            f"is {approach_m:.3g} m: it decides what touches; conditioning.form = quadratic "
-            "removes it, if it is not the face's own"
+            f"is {approach_m:.3g} m: it decides what touches, and may be of the instrument rather "
+            "than of the face"
         )
         return [Problem("bow_left", "warning", message)]
     return []
@@ -247,8 +247,7 @@ def problems_of_holes(surface: HeightMap, hill_radius_m: float) -> tuple[Problem
         return ()
     message = (
         f"a hole in the map holds a disc of {radius_m:.3g} m radius, a usual hill covers one of "
-        f"{hill_radius_m:.3g} m: hills that carry load may lie in it, and are not counted; measure "
-        "what is missing, or scan a part of the face without such a hole"
+        f"{hill_radius_m:.3g} m: hills that carry load may lie in it, and are not counted"
     )
     return (Problem("hole_may_hide_hills", "warning", message),)
 

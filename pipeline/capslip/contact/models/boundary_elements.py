@@ -88,7 +88,7 @@ class BoundaryElementCurve:
             found.append(Problem("under_resolved", "info", message))
         share = unloading.smallest_drop_N / unloading.load_N
         message = (
-            f"below {share:.2g} of the force at total slip, less slips than the pixels of the map "
+            f"below {share:.0%} of the force at gross slip, less slips than the pixels of the map "
             "resolve: the energy per cycle may be off by more than 5 %, and follows the cube of "
             "the force in the end"
         )
@@ -460,7 +460,7 @@ def _error(
 
 
 def _at_small_slip(error: float) -> Problem:
-    force = f"{SMALL_SLIP:g} of the force at total slip"
+    force = f"{SMALL_SLIP:.0%} of the force at gross slip"
     message = f"at {force} the pixels of the map leave up to {error:.1%} in the energy per cycle"
     return Problem("small_slip_extrapolated", "info", message, Effect(None, error, error))
 
