@@ -197,7 +197,7 @@ def test_the_terminal_names_notes_and_one_family_alone(tmp_path):
     assert not any(one["message"] in two for one in notes)
     assert all(one["code"] in two for one in notes)
     one = run(tmp_path, "--preload", "460", "--set", "families.count=1").stdout
-    assert "families   one, of 11 caps" in one
+    assert "families   one, of 11 caps on its own plane" in one
     assert "  G " not in one
     page = (tmp_path / "out" / "report.html").read_text()
     assert "caps of the one family" in page

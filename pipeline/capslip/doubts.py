@@ -24,6 +24,7 @@ from capslip.structure.answer import Answer
 from capslip.structure.doubts import problems_of_structure
 from capslip.surface.doubts import problems_of_form, problems_of_scan, problems_of_tilt
 from capslip.surface.heightmap import HeightMap
+from capslip.units import percent
 
 
 def problems_of(face: Face, found: Analysis, mate: HeightMap | None) -> tuple[Problem, ...]:
@@ -107,7 +108,8 @@ def _of_small_slip(
     if share >= least:
         return []
     message = (
-        f"asked for is {share:.0%} of the force at gross slip; below {least:.0%} of it less "
-        "slips than the pixels of the map resolve: the energy per cycle may be off by more than 5 %"
+        f"asked for is {percent(share)} of the force at gross slip; below {percent(least)} of it "
+        "less slips than the pixels of the map resolve: the energy per cycle may be off by more "
+        "than 5 %"
     )
     return [Problem("small_slip_extrapolated", "warning", message)]

@@ -87,8 +87,8 @@ FIGURES = {
         "Families of caps",
         "a cap",
         "Peak height and radius of every cap. Dashed: mean peak height of each family; h is the "
-        "difference of the two means, on the plane on which the families are counted. Dotted: "
-        "the cut.",
+        "difference of the two means, on the plane on which the families are counted; m and n "
+        "count the caps there, which may be more or fewer than here. Dotted: the cut.",
         "Good: clouds apart from each other in height, narrower than the gap h between them; "
         "or one.",
         "Peak height over radius of {caps} caps: h = {h_m}, mean R {radius_G_m:4} and "
@@ -155,7 +155,7 @@ FIGURES = {
         "Direction: of slip, where a lay makes it count and none was given. Scans: their scatter. "
         "The form of the model is no input: dissipation of real joints is known to a factor of "
         "two to three at best.",
-        "Good: short bars, the longest of an input that can be measured.",
+        "Good: the longest bars of an input that can be measured. One colour: all of it is of one.",
         "Shares of the inputs in the variance of stiffness, energy and loss factor.",
     ),
     "sensitivity": Entry(

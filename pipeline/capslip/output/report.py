@@ -35,6 +35,7 @@ SCATTER = (
     "which several scans of the same machining are."
 )
 OF_SCANS = dict.fromkeys(("slip_loop", "energy", "loss_factor"), SCATTER)  # figures
+OF_CAPS = ("hills_and_caps", "cap_profile", "families", "scene")  # figures
 HEAVY_BYTES = 200_000  # of a picture
 JPEG_QUALITY = 90
 SEVERITIES = ("error", "warning", "info")
@@ -270,7 +271,7 @@ def _figures(
             {
                 "name": name,
                 "title": entry.title,
-                "caption": f"{entry.caption} {good}",
+                "caption": f"{entry.caption} {good}{_of_caps_alone(name, summary)}",
                 "alt": write_text(entry.alt, summary),
                 "missing": missing,
                 "data": _data(folder / f"{name}.png"),
@@ -282,12 +283,21 @@ def _figures(
         "name": "scene",
         "title": "The face in three dimensions",
         "caption": "Spheres as fitted, down to the cut, on the face; holes are non-measured "
-        "points. Heights are enlarged by the factor printed in the picture.",
+        "points. Heights are enlarged by the factor printed in the picture. Good: the spheres "
+        "cover the tops of the hills, and no top is bare." + _of_caps_alone("scene", summary),
         "alt": write_text("The face with {caps} fitted caps, Sz {sz_m}.", summary),
         "missing": f"Reason: {render_message or 'the renderer left no picture'}.",
         "data": _data(folder / "scene.png"),
     }
     return [*figures[:2], scene, *figures[2:]]
+
+
+def _of_caps_alone(name: str, summary: dict[str, Any]) -> str:
+    """Say of a picture of caps that these do not answer, where the map itself was pressed."""
+    model = summary["contact"]["model"]
+    if name not in OF_CAPS or model is None or rung(model).made_from != "map":
+        return ""
+    return " Here the map itself was pressed: the caps describe the face, and no answer is theirs."
 
 
 def _data(png: Path) -> str | None:

@@ -15,7 +15,7 @@ HILLS = (
     "region {largest_region_share:.0f %}"
 )
 FAMILIES = "families   m {m}, n {n}, h {h_m}"
-ONE_FAMILY = "families   one, of {m} caps"  # neither the higher nor the lower
+ONE_FAMILY = "families   one, of {m} caps on its own plane"  # neither the higher nor the lower
 FAMILY = "  {1:9}R {{radius_{0}_m:4}}, D {{diameter_{0}_m}}, df {{height_{0}_m}}"
 LEVEL = "level      turned by {tilt_across_face_m} across the face until balanced{0}"
 NOT_CERTIFIED = "; the cut does not hold all that touches"

@@ -11,6 +11,7 @@ from capslip.surface.form import FLOOR_LINES, FLOOR_SHARE, ROUNDING, remove_form
 from capslip.surface.heightmap import HeightMap, Tops
 from capslip.surface.outliers import Outliers
 from capslip.surface.tops import clipped_points
+from capslip.units import readable
 
 MAX_STEEP_SHARE = 0.05
 MAX_SZ_OVER_SQ = 30.0
@@ -330,10 +331,11 @@ def sanity_line(surface: HeightMap, sq_m: float, sz_m: float) -> str:
     ratio = f"{sz_m / sq_m:.3g}" if sq_m > 0.0 else "-"
     which = "" if surface.origin.dataset is None else f" of {surface.origin.dataset!r}"
     return (
-        f"{nx} x {ny} points of {dx_m * 1e6:.4g} x {dy_m * 1e6:.4g} um{square}, "
-        f"{side_x_m * 1e3:.4g} x {side_y_m * 1e3:.4g} mm; heights{which} stored in "
-        f"{surface.origin.height_unit or 'an unnamed unit'}; {missing:.2f} % non-measured; "
-        f"Sq {sq_m * 1e6:.4g} um, Sz {sz_m * 1e6:.4g} um, Sz/Sq {ratio}"
+        readable(f"{nx} x {ny} points of {dx_m:.4g} x {dy_m:.4g} m{square}, ")
+        + readable(f"{side_x_m:.4g} x {side_y_m:.4g} m")
+        + f"; heights{which} stored in {surface.origin.height_unit or 'an unnamed unit'}; "
+        + readable(f"{missing:.3g} % non-measured; Sq {sq_m:.3g} m, Sz {sz_m:.3g} m")
+        + f", Sz/Sq {ratio}"
     )
 
 
