@@ -90,8 +90,8 @@ class BoundaryElementCurve:
         share = unloading.smallest_drop_N / unloading.load_N
         message = (
             f"below {percent(share)} of the force at gross slip, less slips than the pixels of the "
-            "map resolve: the energy per cycle may be off by more than 5 %, and follows the cube of "
-            "the force in the end"
+            "map resolve: the energy per cycle may be off by more than 5 %, and follows the cube "
+            "of the force in the end"
         )
         found.append(Problem("small_slip_extrapolated", "info", message))
         if unloading.cut_short:
