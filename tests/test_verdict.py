@@ -177,7 +177,7 @@ def test_a_question_beyond_gross_slip_fails_with_its_name(tmp_path):
 def test_a_question_beyond_gross_slip_is_told_how_far_the_joint_holds(tmp_path):
     ran = run(tmp_path, "--slip-force", "95N")
     line = next(line for line in ran.stdout.splitlines() if line.startswith("answer"))
-    assert line.startswith("answer     none; total slip at 92 N, ")
+    assert line.startswith("answer     none; gross slip at 92 N, ")
 
 
 def test_a_resultant_that_no_model_knows_is_left_out(tmp_path):
@@ -197,7 +197,7 @@ def test_the_terminal_names_notes_and_one_family_alone(tmp_path):
     assert not any(one["message"] in two for one in notes)
     assert all(one["code"] in two for one in notes)
     one = run(tmp_path, "--preload", "460", "--set", "families.count=1").stdout
-    assert "families   one, of 11 caps" in one
+    assert "families   one, of 11 caps on its own plane" in one
     assert "  G " not in one
     page = (tmp_path / "out" / "report.html").read_text()
     assert "caps of the one family" in page

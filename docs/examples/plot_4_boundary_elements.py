@@ -31,13 +31,13 @@ for model in ("families", "caps", "mean_field", "interacting", "boundary_element
     print(f"{model:18}{slip.tangential_stiffness_N_per_m / 1e9:6.2f} GN/m")
 
 # %%
-# The energy lost per cycle, over that of boundary elements. Near total slip all must agree about
+# The energy lost per cycle, over that of boundary elements. Near gross slip all must agree about
 # the force, and they differ in how the load is shared between the caps.
 
 figure, axes = plt.subplots(figsize=(7, 4), layout="constrained")
 for model, energy_J in curves.items():
     axes.plot(shares, energy_J / curves["boundary_elements"], label=model.replace("_", " "))
-axes.set(xlabel="force over that of total slip", ylabel="energy over boundary elements")
+axes.set(xlabel="force over that of gross slip", ylabel="energy over boundary elements")
 axes.legend()
 plt.show()
 

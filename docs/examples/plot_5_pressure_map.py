@@ -42,7 +42,7 @@ with tempfile.TemporaryDirectory() as folder:
         found[name] = capslip.analyze(surface, settings)
 
 # %%
-# The load is the same, and so is the force of total slip. But where the pressure is small, slip
+# The load is the same, and so is the force of gross slip. But where the pressure is small, slip
 # begins early: the joint under bolts loses more, at all but the greatest forces.
 
 figure, (left, right) = plt.subplots(1, 2, figsize=(10, 3.8), layout="constrained")
@@ -55,5 +55,5 @@ bolts_J, even_J = (
     one.slip.energy_at_force_J(shares * one.slip.total_slip_force_N) for one in found.values()
 )
 right.semilogx(shares, bolts_J / even_J)
-right.set(xlabel="force over that of total slip", ylabel="energy lost, bolts over even")
+right.set(xlabel="force over that of gross slip", ylabel="energy lost, bolts over even")
 plt.show()

@@ -74,7 +74,7 @@ def analyze(
     if export is not None and model != "auto" and rung(model).made_from == "nothing":
         raise SettingsError(
             f"--export {export}: contact.model is {settings.contact.model}, which slips only as a "
-            "whole; expected a model with caps; take one slider with the force at total slip"
+            "whole; expected a model with caps; take one slider with the force at gross slip"
         )
     folder = out if out is not None else Path("results") / surface.stem
     if os.path.isfile(surface):  # otherwise the reader says what is wrong with it

@@ -30,6 +30,7 @@ from capslip.surface.doubts import (
     problems_of_tilt,
 )
 from capslip.surface.heightmap import HeightMap
+from capslip.units import percent
 
 
 def problems_of(face: Face, found: Analysis, mate: HeightMap | None) -> tuple[Problem, ...]:
@@ -117,7 +118,8 @@ def _of_small_slip(
     if share >= least or (measured and share >= SMALL_SLIP):
         return []
     message = (
-        f"asked for is {share:.2g} of the force at total slip; below {least:.2g} less slips than "
-        "the pixels of the map resolve: the energy per cycle may be off by more than 5 %"
+        f"asked for is {percent(share)} of the force at gross slip; below {percent(least)} of it "
+        "less slips than the pixels of the map resolve: the energy per cycle may be off by more "
+        "than 5 %"
     )
     return [Problem("small_slip_extrapolated", "warning", message)]

@@ -67,6 +67,21 @@ QUANTITY = re.compile(
 )
 
 
+SHARE = re.compile(r"(?<![\w.])(\d+(?:\.\d+)?)%")
+
+
+def percent(share: float) -> str:
+    """Write a share in percent, as people do: two digits, and a space before the sign.
+
+    Examples
+    --------
+    >>> percent(0.2407), percent(0.006), percent(3.087), percent(0.0)
+    ('24 %', '0.6 %', '309 %', '0 %')
+    """
+    value = 100.0 * share
+    return f"{value:.0f} %" if value >= 99.5 else f"{value:.2g} %"
+
+
 def readable(text: str) -> str:
     """Write the quantities of a message as people do: a number of three digits and a prefix.
 
@@ -76,8 +91,11 @@ def readable(text: str) -> str:
     'pixels of 1.907 x 1.634 um are not square'
     >>> readable("2.82e-07 m at 3.12e+03 N, 0.00815 m and 5e-08 m2")
     '282 nm at 3.12 kN, 8.15 mm and 0.05 mm2'
+    >>> readable("moves the energy by 308.7%")
+    'moves the energy by 309 %'
     """
-    return QUANTITY.sub(_readable, text)
+    text = QUANTITY.sub(_readable, text)
+    return SHARE.sub(lambda match: percent(float(match[1]) / 100.0), text)
 
 
 def _readable(match: "re.Match[str]") -> str:

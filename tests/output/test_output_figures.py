@@ -14,7 +14,7 @@ from capslip.analysis import analyze_once
 from capslip.output.canvas import height_limits, save
 from capslip.output.figures import FIGURES
 from capslip.output.figures_contact import _between, normal_curve
-from capslip.output.quantity import engineering
+from capslip.output.quantity import engineering, unit_on
 from capslip.settings import settings_from
 from capslip.surface.readers.hdf5 import write_hdf5
 from scenes import caps_map
@@ -212,8 +212,11 @@ def test_profile_of_a_pressed_map_shows_the_cap_whose_hill_carries_most():
 
 def test_loop_encloses_the_energy_it_states(several):
     slip = several.slip
-    x, y = curve(FIGURES["slip_loop"].draw(several), "0.6")
+    figure = FIGURES["slip_loop"].draw(several)
+    x, y = curve(figure, "60 %")
     peak_N = 0.6 * slip.total_slip_force_N
+    unit_N = unit_on(figure.axes[0].get_ylabel(), 0.0, "N")[0]
+    y = y * unit_N
     assert y.max() == pytest.approx(peak_N)
     unit_m = slip.displacement_m(peak_N) / x.max()
     area_J = abs(np.sum(x * np.roll(y, -1) - y * np.roll(x, -1))) / 2 * unit_m
@@ -242,7 +245,7 @@ def test_unknown_limits_are_not_called_gps(several):
 
     figure = FIGURES["slip_loop"].draw(replace(several, slip=Curve()))
     labels = [patch.get_label() for patch in figure.axes[0].patches]
-    assert labels == ["GPS or PPS, not told apart", "TS: all contacts slip totally"]
+    assert labels == ["GPS or PPS, not told apart", "TS: all contacts slide (gross slip)"]
 
 
 def test_energy_starts_with_slope_three(one):

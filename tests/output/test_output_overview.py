@@ -92,7 +92,7 @@ def test_causes_have_what_was_measured_first(real):
         {"code": "yielded", "severity": "info", "message": "c", "effect": None},
     ]
     row = row_of(summary | {"problems": problems})
-    moved = "moves K by 20 %, the loss factor by 40 %"
+    moved = "moves the stiffness by 20 %, the loss factor by 40 %"
     assert row["causes"] == [["warning", "detail_decides", moved], ["warning", "bow_left", ""]]
     assert set(rows[0]) - set(COLUMNS) == {"causes"}
 

@@ -175,7 +175,7 @@ def test_at_most_three_causes_come_first_errors_before_what_moves_most(several, 
     assert (
         body.index("nothing holds at 282 nm") < body.index("moves most") < body.index("moves some")
     )
-    assert "moves K by 1 %, W by 300 %" in body
+    assert "moves the stiffness by 1 %, the energy by 300 %" in body
     assert body.count("Next: ") == 3
     assert "moves little" not in body
     assert page.text.index("moves some") < page.text.index("only a note")

@@ -148,7 +148,7 @@ def test_the_lines_of_a_terminal():
     lines = result_lines(fresh).splitlines()
     assert set(vars(fresh.iso25178)) == {"conditioned"}  # no line shows what takes longest
     assert lines[0] == f"verdict    {analysis.verdict}"
-    assert lines[1].startswith("answer     at slip force 7.5 N (a quarter of total slip")
+    assert lines[1].startswith("answer     at slip force 7.5 N (a quarter of gross slip")
     lines = lines[[line[:4] for line in lines].index("scan") :]
     families, slip, damping = analysis.families, analysis.slip, analysis.damping
     assert lines[0].startswith("scan       ")
@@ -171,7 +171,7 @@ def test_the_lines_of_a_terminal():
         "with bulk)"
     )
     assert lines[6] == (
-        f"slip       stiffness {human(slip.tangential_stiffness_N_per_m, 'N/m')}, total slip at "
+        f"slip       stiffness {human(slip.tangential_stiffness_N_per_m, 'N/m')}, gross slip at "
         f"{human(slip.total_slip_force_N, 'N', 4)}, {human(slip.total_slip_displacement_m, 'm')}"
     )
     assert lines[7] == (

@@ -104,6 +104,15 @@ def test_window_needs_a_result(tmp_path):
         show(tmp_path)
 
 
+def test_a_wrong_file_is_named_before_a_display_is_missed(tmp_path, monkeypatch):
+    monkeypatch.setattr(sys, "platform", "linux")
+    monkeypatch.delenv("DISPLAY", raising=False)
+    monkeypatch.delenv("WAYLAND_DISPLAY", raising=False)
+    (tmp_path / "scan.txt").write_text("1 2 3")
+    with pytest.raises(OutputError, match=r"scan\.txt: no HDF5 file; expected the folder"):
+        show(tmp_path / "scan.txt")
+
+
 def pixels(plotter, colour):
     """Share of a picture that has about a colour, and looks lit."""
     picture = plotter.screenshot(return_img=True).astype(float) / 255.0

@@ -139,6 +139,17 @@ def test_a_model_that_knows_its_stiffness_better_than_its_energy_says_both():
         assert np.log(high / low) == pytest.approx(2.0 * Z_90 * error / NORMAL_95, rel=1e-2)
 
 
+@pytest.mark.parametrize("question", [{"slip_force_N": 5.0}, {"displacement_m": 1e-8}])
+def test_no_energy_is_larger_than_the_rectangle_of_its_cycle(question):
+    """W <= 4 T delta, whatever a model may be off by: W / (2 pi U) is 4 / pi at most."""
+    unsure = ModelError(0.1, 20.0)
+    found = band(question, lambda contact: replace(contact, errors=unsure)).interval
+    assert found["joint_loss_factor"][1] == pytest.approx(4.0 / np.pi)
+    other = "displacement_m" if "slip_force_N" in question else "slip_force_N"
+    kept, moved = *question.values(), found[other][1]
+    assert 0.0 < found["energy_J"][1] <= 4.0 * kept * moved * (1.0 + 1e-12)
+
+
 @pytest.mark.parametrize("asked", ["slip_force_N", "displacement_m"])
 def test_moved_radii_and_another_model_go_into_their_own_shares(asked):
     """Under a small force a sphere has K ~ R^(1/3), W ~ R^(-1/3); at a displacement W ~ R^(2/3)."""

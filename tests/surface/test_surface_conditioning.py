@@ -211,7 +211,7 @@ def test_the_sanity_line_says_what_was_read():
     line = sanity_line(surface, 1e-7, 8.6e-6)
     assert line == (
         "170 x 120 points of 50 x 60 um (not square), 8.5 x 7.2 mm; heights stored in um; "
-        "10.00 % non-measured; Sq 0.1 um, Sz 8.6 um, Sz/Sq 86"
+        "10 % non-measured; Sq 100 nm, Sz 8.6 um, Sz/Sq 86"
     )
 
 

@@ -256,13 +256,13 @@ def test_the_line_for_a_glance():
     height_m[0, 0] = np.nan
     surface = HeightMap(height_m, (2e-6, 1e-6), Origin(height_unit="nm"))
     assert sanity_line(surface, 2e-6, 9e-6) == (
-        "20 x 10 points of 1 x 2 um (not square), 0.02 x 0.02 mm; heights stored in nm; "
-        "0.50 % non-measured; Sq 2 um, Sz 9 um, Sz/Sq 4.5"
+        "20 x 10 points of 1 x 2 um (not square), 20 x 20 um; heights stored in nm; "
+        "0.5 % non-measured; Sq 2 um, Sz 9 um, Sz/Sq 4.5"
     )
     square = HeightMap(height_m, (1e-6, 1.0005e-6))
     line = sanity_line(square, 0.0, 0.0)
     assert "(not square)" not in line
-    assert "0.02001 x 0.01 mm; heights stored in an unnamed unit" in line
+    assert "20.01 x 10 um; heights stored in an unnamed unit" in line
     assert line.endswith("Sz/Sq -")
 
 

@@ -95,7 +95,7 @@ def problems_of_bow(caps: CapTable, approach_m: float) -> list[Problem]:
         return []
     message = (
         f"the peaks lie on a bow of {bow_m:.3g} m, the approach is {approach_m:.3g} m: it decides "
-        "what touches; conditioning.form = quadratic removes it, if it is not the face's own"
+        "what touches, and may be of the instrument rather than of the face"
     )
     return [Problem("bow_left", "warning", message)]
 

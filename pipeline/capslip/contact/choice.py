@@ -20,6 +20,7 @@ from capslip.errors import ContactError
 from capslip.problems import Problem
 from capslip.settings import Settings
 from capslip.surface.heightmap import HeightMap
+from capslip.units import percent
 
 BOUNDARY_ELEMENTS_S = 2.2e-7  # a point and binary digit of their number, on one core
 
@@ -157,8 +158,8 @@ def _among_caps(
     for model, estimate in estimates.items():
         if estimate is not None and estimate <= contact.tolerance:
             reason = (
-                f"the cheapest model within {contact.tolerance:.2g}: its error is about "
-                f"{estimate:.2g}"
+                f"the cheapest model within {percent(contact.tolerance)}: its error is about "
+                f"{percent(estimate)}"
             )
             given = (estimate, estimates, scene.use, None)
             return Choice(model, reason, *given, moved=own.moved)
@@ -240,11 +241,11 @@ def estimate_error(
     off = (
         f"not known{why}"
         if estimate is None
-        else f"about {estimate:.2g}, more than {tolerance:.2g}"
+        else f"about {percent(estimate)}, more than {percent(tolerance)}"
     )
     message = (
         f"the error of {forced.name} is {off}; contact.model = auto takes the cheapest model that "
-        f"is within {tolerance:.2g}"
+        f"is within {percent(tolerance)}"
     )
     return estimate, moved, (Problem("model_doubtful", "warning", message),)
 
@@ -265,17 +266,18 @@ def _beyond_tolerance(
 ) -> Choice:
     """Return the reference, and why it is not enough."""
     tolerance = settings.contact.tolerance
+    off = "" if own.total is None else f"{percent(own.total)}, more than {percent(tolerance)}"
     if own.total is not None and own.of_caps <= tolerance:
         reason = (
-            f"interacting caps may be off by {own.total:.2g}, more than {tolerance:.2g}: the plane "
+            f"interacting caps may be off by {off}: the plane "
             "of the lowest third of the points instead of what was taken off changes the answers "
-            f"by {own.of_levelling:.2g}; where the caps lie tilts a least-squares plane, and "
+            f"by {percent(own.of_levelling)}; where the caps lie tilts a least-squares plane, and "
             "conditioning.form_floor = true follows the floor between them, where there is one"
         )
         levelled = (REFERENCE.name, reason, own.total, estimates, scene.use, None)
         return Choice(*levelled, levelling=True, moved=own.moved)
     needed_s = boundary_elements_s(scene.surface.shape)
-    why = own.doubt or f"interacting caps may be off by {own.total:.2g}, more than {tolerance:.2g}"
+    why = own.doubt or f"interacting caps may be off by {off}"
     reason = f"{why}; boundary elements are needed and take about {needed_s:.2g} s"
     given = (own.total, estimates, scene.use, needed_s)
     return Choice(REFERENCE.name, reason, *given, why=why, moved=own.moved)

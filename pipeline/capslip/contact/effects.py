@@ -108,13 +108,13 @@ def with_effects(
     face, tolerance = _Face(conditioned.surface, settings), settings.contact.tolerance
     asked = {one.code for one in problems if _is_asked(one, conditioned)}
     effects: dict[str, Effect | None] = {}
-    how = dict.fromkeys(asked, "estimated by caps")
+    how = dict.fromkeys(asked, "estimated with the caps")
     for code in sorted(asked & OF_THE_MAP.keys()):
         if model is not None and model.made_from == "map":
             by_map = _effect_on_map(model, peaks, face, OF_THE_MAP[code](face.surface))
             if by_map is not None:
                 asked.remove(code)
-                effects[code], how[code] = by_map, "on the map, coarsened"
+                effects[code], how[code] = by_map, "found on a coarser map"
     if asked:
         try:
             before = face.answers(caps)

@@ -22,6 +22,7 @@ from capslip.errors import ContactError
 from capslip.problems import Effect, Problem
 from capslip.settings import Settings
 from capslip.surface.heightmap import HeightMap
+from capslip.units import percent
 
 MOSTLY_BULK, BULK_ERROR = 0.9, 0.02  # share of the compliance; error that any bulk may have
 CLOSING = 0.25  # of the face in contact: metals carry their hardness long before
@@ -218,8 +219,8 @@ def _by_caps(
     effect = Effect(error, error, error)
     problems = [replace(one, message=one.message + said, effect=effect) for one in doubts]
     reason = (
-        f"{choice.why}, but the map itself by {error_of_map:.2g}, as its finest detail decides: "
-        "caps average over it"
+        f"{choice.why}, but the map itself by {percent(error_of_map)}, as its finest detail "
+        "decides: caps average over it"
     )
     known = replace(state, errors=ModelError.of_either(error), moved=choice.moved)
     return replace(known, model_reason=reason, problems=(*problems, *state.problems)), caps

@@ -87,8 +87,8 @@ FIGURES = {
         "Families of caps",
         "a cap",
         "Peak height and radius of every cap. Dashed: mean peak height of each family; h is the "
-        "difference of the two means, on the plane on which the families are counted. Dotted: "
-        "the cut.",
+        "difference of the two means, on the plane on which the families are counted; m and n "
+        "count the caps there, which may be more or fewer than here. Dotted: the cut.",
         "Good: clouds apart from each other in height, narrower than the gap h between them; "
         "or one.",
         "Peak height over radius of {caps} caps: h = {h_m}, mean R {radius_G_m:4} and "
@@ -113,11 +113,11 @@ FIGURES = {
         "Slip loop",
         "caps that carry the preload and give way (any model but flat)",
         "Tangential force over tangential displacement at constant preload: first loading (dashed) "
-        "and steady cycles up to three shares of the force at total slip. The area of a loop is "
+        "and steady cycles up to three shares of the force at gross slip. The area of a loop is "
         "the energy W lost per cycle. The bands are the phases of first loading; the "
         "first contact to slip as a whole ends GPS.",
-        "Good: slim loops that widen towards total slip.",
-        "Loops of force over displacement up to total slip at {total_slip_force_N:4}, "
+        "Good: slim loops that widen towards gross slip.",
+        "Loops of force over displacement up to gross slip at {total_slip_force_N:4}, "
         "{total_slip_displacement_m}.",
     ),
     "energy": Entry(
@@ -127,9 +127,9 @@ FIGURES = {
         "Energy lost per cycle in one joint over the amplitude of the slip displacement. It grows "
         "with the third power where the amplitude is small. Pale: less slips than the pixels of "
         "the map resolve; single pixels make steps there.",
-        "Good: slope 3, then a bend towards slope 1 at total slip; your amplitude right of what is "
+        "Good: slope 3, then a bend towards slope 1 at gross slip; your amplitude right of what is "
         "pale.",
-        "Energy over displacement: {answer_energy_J} at {answer_displacement_m}; total slip "
+        "Energy over displacement: {answer_energy_J} at {answer_displacement_m}; gross slip "
         "at {total_slip_displacement_m}.",
     ),
     "loss_factor": Entry(
@@ -148,14 +148,14 @@ FIGURES = {
     "contributions": Entry(
         figures_band.contributions,
         "What the intervals are made of",
-        "an answer of which something is known to be uncertain, and no part beyond total slip",
+        "an answer of which something is known to be uncertain, and no part beyond gross slip",
         "First-order Sobol indices of the numbers of the answer: which input makes how much of "
         "their variance. Caps: heights and radii within their errors. Model: what else the "
         "contact model may be off by. Friction, preload and modulus: the spreads that were given. "
         "Direction: of slip, where a lay makes it count and none was given. Scans: their scatter. "
         "The form of the model is no input: dissipation of real joints is known to a factor of "
         "two to three at best.",
-        "Good: short bars, the longest of an input that can be measured.",
+        "Good: the longest bars of an input that can be measured. One colour: all of it is of one.",
         "Shares of the inputs in the variance of stiffness, energy and loss factor.",
     ),
     "sensitivity": Entry(

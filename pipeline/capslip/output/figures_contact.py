@@ -25,16 +25,16 @@ if TYPE_CHECKING:
     from capslip.contact.slip import SlipCurve
     from capslip.result import Analysis
 
-LOOP_SHARES = (0.3, 0.6, 0.9)  # of the force at total slip
+LOOP_SHARES = (0.3, 0.6, 0.9)  # of the force at gross slip
 LEAST_LOSS_FACTOR = 1e-6  # of the greatest: what a figure still shows
-LEAST_ENERGY = 1e-7  # of that at total slip: the same
-UNRESOLVED_SLIP = "left of it not resolved by pixels"
+LEAST_ENERGY = 1e-7  # of that at gross slip: the same
+UNRESOLVED_SLIP = "left of it: finer than the pixels resolve"
 GREY, SCATTER = "#BDBDBD", "between the scans, each alone"
 LOOP_COLOURS = ("#56B4E9", "#0072B2", "#003D66")
 PHASES = (  # of first loading, the paper's Sec. 2.3
-    ("GPS: no contact slips totally", "#E8F3EC"),
-    ("PPS: some contacts slip totally", "#FFF4D6"),
-    ("TS: all contacts slip totally", "#F6DEDA"),
+    ("GPS: no contact slides as a whole", "#E8F3EC"),
+    ("PPS: some contacts slide", "#FFF4D6"),
+    ("TS: all contacts slide (gross slip)", "#F6DEDA"),
 )
 
 UNRESOLVED = ("GPS or PPS, not told apart", "#F1F1F1")
@@ -60,6 +60,7 @@ def normal_curve(analysis: "Analysis", axes: "Axes | None" = None) -> "Figure | 
     bulk_m = contact.bulk_m * load_N / preload_N
     other_m = approach_m - bulk_m if contact.bulk else approach_m + bulk_m
     unit_m, unit = _unit_of_length(float(max(approach_m.max(), other_m.max())), axes)
+    unit_N, of_force = _unit_of_force(float(load_N.max()), axes)
     words = ("with", "without") if contact.bulk else ("without", "with")
     used, other = (f"{word} bulk term" for word in words)
 
@@ -67,22 +68,23 @@ def normal_curve(analysis: "Analysis", axes: "Axes | None" = None) -> "Figure | 
     has_bulk = bool(bulk_m[-1] > 0.0)
     label = f"{used} (used for slip)" if has_bulk else "N(d)"
     smooth_N, smooth_m = _between(load_N[:-1], approach_m[:-1])
-    axes.plot(smooth_m / unit_m, smooth_N, color=INK, linewidth=1.8, label=label)
+    axes.plot(smooth_m / unit_m, smooth_N / unit_N, color=INK, linewidth=1.8, label=label)
     if contact.rung.solved_loads_N is not None:
-        axes.plot(approach_m[:-1] / unit_m, load_N[:-1], ".", color=INK, label="_solved")
+        axes.plot(approach_m[:-1] / unit_m, load_N[:-1] / unit_N, ".", color=INK, label="_solved")
     if has_bulk:
         smooth_N, smooth_m = _between(load_N[:-1], other_m[:-1])
-        axes.plot(smooth_m / unit_m, smooth_N, "--", color=INK, linewidth=1.2, label=other)
+        axes.plot(smooth_m / unit_m, smooth_N / unit_N, "--", color=INK, linewidth=1.2, label=other)
         with suppress(ContactError):  # a model of the map may carry what its caps do not
             alone_m = _caps_alone(analysis, contact).approach_m(smooth_N)
             of_map = contact.rung.made_from == "map"
             label = "caps alone, not the map" if of_map else "caps without interaction"
-            axes.plot(alone_m / unit_m, smooth_N, ":", color=INK, linewidth=1.2, label=label)
+            alone = alone_m / unit_m, smooth_N / unit_N
+            axes.plot(*alone, ":", color=INK, linewidth=1.2, label=label)
     touching = "whole face" if contact.rung.made_from == "nothing" else f"{contact.contacts}"
     part = analysis.slip is not None and not np.isclose(preload_N, analysis.joint.preload_N)
     of, on = (" of the scan", " on the scan") if part else ("", "")
     state = (
-        f"{'load on the scan' if part else 'preload'} {preload_N:.4g} N: "
+        f"{'load on the scan' if part else 'preload'} {engineering(preload_N, 'N', 4)}: "
         f"d = {engineering(approach_m[-1], 'm')}\n"
         f"{contact.rung.contact_name}: {touching}\n"
         f"normal stiffness{of}: {engineering(contact.stiffness_N_per_m, 'N/m')}"
@@ -90,10 +92,12 @@ def normal_curve(analysis: "Analysis", axes: "Axes | None" = None) -> "Figure | 
     if part and analysis.slip is not None:
         stiffness = analysis.slip.curve.stiffness_N_per_m(analysis.slip.approach_m)
         state += f"\nof the joint: {engineering(float(stiffness), 'N/m')}"
-    axes.plot(
-        approach_m[-1] / unit_m, preload_N, "o", color=ACCENT, markersize=8, label=state, zorder=3
+    point = approach_m[-1] / unit_m, preload_N / unit_N
+    axes.plot(*point, "o", color=ACCENT, markersize=8, label=state, zorder=3)
+    axes.set(
+        xlabel=f"normal approach d from first touch [{unit}]",
+        ylabel=f"normal load N{on} [{of_force}]",
     )
-    axes.set(xlabel=f"normal approach d from first touch [{unit}]", ylabel=f"normal load N{on} [N]")
     axes.set_xlim(left=0.0)
     axes.set_ylim(bottom=0.0)
     legend_beside(axes)
@@ -101,39 +105,45 @@ def normal_curve(analysis: "Analysis", axes: "Axes | None" = None) -> "Figure | 
 
 
 def slip_loop(analysis: "Analysis", axes: "Axes | None" = None) -> "Figure | None":
-    """First loading to total slip with its phases, and cycles of three amplitudes."""
+    """First loading to gross slip with its phases, and cycles of three amplitudes."""
     slip = analysis.slip
     if slip is None or not slip.total_slip_displacement_m > 0.0:
         return None
     end_m = 1.2 * float(slip.total_slip_displacement_m)
     unit_m, unit = _unit_of_length(end_m, axes)
+    unit_N, of_force = _unit_of_force(float(slip.total_slip_force_N), axes)
     figure, axes = blank("Tangential force over slip displacement, one joint", axes=axes)
     displacement_m = np.linspace(0.0, end_m, 201)
     axes.plot(
         displacement_m / unit_m,
-        slip.force_N(displacement_m),
+        slip.force_N(displacement_m) / unit_N,
         "--",
         color=INK,
         linewidth=1.2,
         label="first loading",
     )
-    _shade_scatter(axes, analysis, displacement_m / unit_m, lambda one: one.force_N(displacement_m))
+    _shade_scatter(
+        axes,
+        analysis,
+        displacement_m / unit_m,
+        lambda one: one.force_N(displacement_m) / unit_N,
+    )
     for share, colour in zip(LOOP_SHARES, LOOP_COLOURS, strict=True):
         peak_N = share * slip.total_slip_force_N
         loop_m, loop_N = slip.loop(float(slip.displacement_m(peak_N)))
         axes.plot(
             loop_m / unit_m,
-            loop_N,
+            loop_N / unit_N,
             color=colour,
             linewidth=1.6,
-            label=f"{share:g} of total slip: "
+            label=f"{100.0 * share:.0f} % of gross slip: "
             f"W = {engineering(float(slip.energy_at_force_J(peak_N)), 'J')}",
         )
     _shade_phases(axes, slip, 0.0, end_m, unit_m)
     axes.set(
         xlim=(-end_m / unit_m, end_m / unit_m),
         xlabel=f"tangential displacement δ [{unit}]",
-        ylabel="tangential force T [N]",
+        ylabel=f"tangential force T [{of_force}]",
     )
     legend_beside(axes)
     return figure
@@ -313,6 +323,11 @@ def _caps_alone(analysis: "Analysis", contact: "ContactState") -> "NormalCurve":
 def _unit_of_length(largest_m: float, axes: "Axes | None") -> tuple[float, str]:
     """Length of one unit that suits the largest value, or stands on the axis, and its name."""
     return unit_on(axes.get_xlabel() if axes else "", largest_m, "m")
+
+
+def _unit_of_force(largest_N: float, axes: "Axes | None") -> tuple[float, str]:
+    """Return the unit of force, as `_unit_of_length` does that of length."""
+    return unit_on(axes.get_ylabel() if axes else "", largest_N, "N")
 
 
 def _shade_phases(

@@ -4,20 +4,21 @@ from typing import Any
 
 from capslip.output.rows import write_text
 from capslip.problems import KINDS
+from capslip.units import percent
 
 ASKED = {
     "amplitude_m": "amplitude {answer_amplitude_m:4} of the {answer_structure}",
     "slip_force_N": "slip force {answer_force_N:4}",
     "displacement_m": "displacement {answer_displacement_m:4} of the joint",
 }
-BY_DEFAULT = " (a quarter of total slip: nothing was asked)"
+BY_DEFAULT = " (a quarter of gross slip: nothing was asked)"
 STATE = "slip force {answer_force_N:4}, displacement {answer_displacement_m}"
 LOSS = (
     "tangential stiffness {answer_stiffness_N_per_m} (secant), {answer_energy_J} lost per cycle, "
     "loss factor of the joint {answer_joint_loss_factor}"
 )
 NONE = "none: see the problems"
-LIMITS = "total slip at {total_slip_force_N:4}, {total_slip_displacement_m}"
+LIMITS = "gross slip at {total_slip_force_N:4}, {total_slip_displacement_m}"
 STRUCTURE = (
     "{answer_structure}: loss factor {answer_loss_factor}, damping ratio {answer_damping_ratio}, "
     "frequency {answer_frequency_shift}, at amplitude {answer_amplitude_m}"
@@ -26,18 +27,18 @@ NOT_DEFINED = (
     "{answer_structure}: loss factor not defined at amplitude {answer_amplitude_m}: the mode is no "
     "longer lightly damped"
 )
-INTERVAL = (
-    "90 % interval: stiffness {answer_stiffness_low_N_per_m:4} to "
-    "{answer_stiffness_high_N_per_m:4}, energy {answer_energy_low_J} to {answer_energy_high_J}, "
-    "loss factor of the joint {answer_joint_loss_factor_low} to {answer_joint_loss_factor_high}"
-)
-INTERVAL_OF_STRUCTURE = ", of the structure {answer_loss_factor_low} to {answer_loss_factor_high}"
+INTERVALS = {  # what a number is called, by its name; {0} is an end
+    "tangential_stiffness_N_per_m": ("stiffness", "{{answer_stiffness_{0}_N_per_m:4}}"),
+    "energy_J": ("energy", "{{answer_energy_{0}_J}}"),
+    "joint_loss_factor": ("loss factor of the joint", "{{answer_joint_loss_factor_{0}}}"),
+    "loss_factor": ("of the structure", "{{answer_loss_factor_{0}}}"),
+}
 MODEL_FORM = "beside it, dissipation of real joints is known to a factor of two to three at best"
 NO_INTERVAL = (
     "no interval: the error of the model is not known, it cannot carry each preload that may be, "
     "or the normal load oscillates"
 )
-LEFT_OUT = "; not in it: {0}"
+LEFT_OUT = "; it leaves out {0}"
 JOINT = "preload {preload_N:4}"
 PRESSURE = " on {joint_area_m2}: {nominal_pressure_Pa} nominal"
 COVERAGE = "; scan {coverage} of it"
@@ -76,16 +77,29 @@ def _interval_texts(answer: dict[str, Any]) -> list[str]:
     """Return the interval and which input makes how much of that of the energy."""
     if answer["contributions"] is None:
         return [] if answer["energy_J"] == 0.0 else [NO_INTERVAL]
-    of_structure = answer["loss_factor"] is not None
+    ranges = [
+        f"{label} {_range(end, *(answer['interval'][name] or (None, None)))}"
+        for name, (label, end) in INTERVALS.items()
+        if answer[name] is not None
+    ]
     shares = answer["contributions"]["energy_J"].items()
-    parts = ", ".join(f"{name} {share:.0%}" for name, share in shares if share >= 0.005)
+    shares = sorted(shares, key=lambda one: -one[1])
+    parts = ", ".join(f"{name} {100.0 * share:.0f} %" for name, share in shares if share >= 0.005)
     names = " and ".join(answer["not_in_interval"])
     left_out = LEFT_OUT.format(names) if names else ""
     return [
-        INTERVAL + (INTERVAL_OF_STRUCTURE if of_structure else ""),
-        (f"of the variance of the energy {parts}" if parts else "no upper bound")
+        f"90 % interval: {', '.join(ranges)}",
+        (f"what makes that of the energy: {parts}" if parts else "no upper bound")
         + f"{left_out}; {MODEL_FORM}",
     ]
+
+
+def _range(end: str, low: float | None, high: float | None) -> str:
+    """Return both ends of an interval as they are named; an absent one has no bound."""
+    if low is None:
+        return "without a bound"
+    text = end.format("low")
+    return f"above {text}, no upper bound" if high is None else f"{text} to {end.format('high')}"
 
 
 def joint_line(summary: dict[str, Any], absent: str) -> str:
@@ -106,7 +120,12 @@ def assumed_lines(summary: dict[str, Any]) -> list[tuple[str, str, str]]:
 
 
 MOST_CAUSES = 3
-MOVED = {"tangential_stiffness": "K", "energy": "W", "loss_factor": "the loss factor"}
+MOVED = {
+    "tangential_stiffness": "the stiffness",
+    "energy": "the energy",
+    "loss_factor": "the loss factor",
+}
+IN_NUMBERS = "moves the stiffness by"  # a message that says it itself
 
 
 def causes(summary: dict[str, Any]) -> list[dict[str, Any]]:
@@ -126,19 +145,20 @@ def _rank(problem: dict[str, Any]) -> tuple[bool, bool, float]:
 
 
 def effect_text(problem: dict[str, Any]) -> str:
-    """Return what a problem does to the numbers: as measured, or else what all of its kind do."""
+    """Return what a problem does to the numbers: as measured, or else what all of its kind do.
+
+    Nothing where its message has said it already.
+    """
+    if IN_NUMBERS in problem["message"]:
+        return ""
     return moved_by(problem) or KINDS[problem["code"]].effect
 
 
 def moved_by(problem: dict[str, Any]) -> str:
     """Return by how much a problem moves the numbers; nothing where that was not measured."""
     moved = [
-        f"{MOVED[name]} by {_two_digits(100.0 * value)} %"
+        f"{MOVED[name]} by {percent(value)}"
         for name, value in (problem["effect"] or {}).items()
         if value is not None
     ]
     return f"moves {', '.join(moved)}" if moved else ""
-
-
-def _two_digits(value: float) -> str:
-    return f"{value:.0f}" if value >= 99.5 else f"{value:.2g}"

@@ -96,8 +96,8 @@ def caption(view: View, look: Look) -> str:
     measured_m = view.height_m[np.isfinite(view.height_m)]
     low_m, high_m = view.limits_m
     thousands = f"{look.factor_of(view):,.0f}".replace(",", " ")
-    sz = engineering(float(np.ptp(measured_m)), "m")
-    lines = [f"heights x {thousands}; true scale: {side_x} x {side_y} mm, {sz} high"]
+    sz = engineering(float(f"{np.ptp(measured_m):.1e}"), "m")  # of a thinned mesh, so about
+    lines = [f"heights x {thousands}; true scale: {side_x} x {side_y} mm, about {sz} high"]
     clipped = float(((measured_m < low_m) | (measured_m > high_m)).mean())
     if clipped > 0.0:
         lines.append(f"{100.0 * clipped:.2g} % of the points lie beyond and are drawn at the limit")

@@ -62,7 +62,7 @@ class Plots:
         return self._drawn("normal_curve", figures_contact.normal_curve, ax)
 
     def loop(self, ax: "Axes | None" = None) -> "Axes":
-        """First loading to total slip, and steady cycles of three amplitudes, of one joint."""
+        """First loading to gross slip, and steady cycles of three amplitudes, of one joint."""
         return self._drawn("slip_loop", figures_contact.slip_loop, ax)
 
     def energy(self, ax: "Axes | None" = None) -> "Axes":

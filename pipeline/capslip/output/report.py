@@ -3,6 +3,7 @@
 import base64
 import io
 import json
+import re
 from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -34,9 +35,11 @@ SCATTER = (
     "which several scans of the same machining are."
 )
 OF_SCANS = dict.fromkeys(("slip_loop", "energy", "loss_factor"), SCATTER)  # figures
+OF_CAPS = ("hills_and_caps", "cap_profile", "families", "scene")  # figures
 HEAVY_BYTES = 200_000  # of a picture
 JPEG_QUALITY = 90
 SEVERITIES = ("error", "warning", "info")
+OPTION = re.compile(r"(?<!\S)(--[a-z][\w-]*)")
 
 Fact = str | tuple[str, str]  # a quantity of the one table, or a label and a text of several
 IN = {"Std_rad": ":°", "Spd_per_m2": ":1/mm²", "Spc_per_m": ":1/mm"}  # units without a prefix
@@ -65,7 +68,7 @@ OF_THE_JOINT: tuple[Fact, ...] = (
     "hardness_Pa",
     "yielded_area_m2",
     ("friction coefficient", "{friction_coefficient:g}"),
-    ("total slip, one joint", "{total_slip_force_N} at {total_slip_displacement_m}"),
+    ("gross slip, one joint", "{total_slip_force_N} at {total_slip_displacement_m}"),
     "limit_G_m",
     "limit_P_m",
     "structure",
@@ -140,7 +143,13 @@ def _template() -> "Template":
     environment = Environment(
         autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
     )
+    environment.filters["options"] = _options
     return environment.from_string(_part("report.html.j2"))
+
+
+def _options(text: str) -> list[tuple[str, bool]]:
+    """Split a text at the options in it, which no line may break, and say which parts are such."""
+    return [(part, i % 2 == 1) for i, part in enumerate(OPTION.split(text))]
 
 
 @cache
@@ -176,7 +185,7 @@ def _headlines(summary: dict[str, Any]) -> list[tuple[str, str, str]]:
         ("approach_without_bulk_m", "without bulk; {approach_m} with it"),
         (
             (name, "whole face" if whole else "{contacts}"),
-            "the scan at {scan_load_N:.4g N}, model {model}",
+            "the scan at {scan_load_N:4}, model {model}",
         ),
         ("stiffness_N_per_m", f"one joint, {'with' if contact['bulk'] else 'without'} bulk"),
         ("tangential_stiffness_N_per_m", "first loading, one joint"),
@@ -262,7 +271,7 @@ def _figures(
             {
                 "name": name,
                 "title": entry.title,
-                "caption": f"{entry.caption} {good}",
+                "caption": f"{entry.caption} {good}{_of_caps_alone(name, summary)}",
                 "alt": write_text(entry.alt, summary),
                 "missing": missing,
                 "data": _data(folder / f"{name}.png"),
@@ -274,12 +283,21 @@ def _figures(
         "name": "scene",
         "title": "The face in three dimensions",
         "caption": "Spheres as fitted, down to the cut, on the face; holes are non-measured "
-        "points. Heights are enlarged by the factor printed in the picture.",
+        "points. Heights are enlarged by the factor printed in the picture. Good: the spheres "
+        "cover the tops of the hills, and no top is bare." + _of_caps_alone("scene", summary),
         "alt": write_text("The face with {caps} fitted caps, Sz {sz_m}.", summary),
         "missing": f"Reason: {render_message or 'the renderer left no picture'}.",
         "data": _data(folder / "scene.png"),
     }
     return [*figures[:2], scene, *figures[2:]]
+
+
+def _of_caps_alone(name: str, summary: dict[str, Any]) -> str:
+    """Say of a picture of caps that these do not answer, where the map itself was pressed."""
+    model = summary["contact"]["model"]
+    if name not in OF_CAPS or model is None or rung(model).made_from != "map":
+        return ""
+    return " Here the map itself was pressed: the caps describe the face, and no answer is theirs."
 
 
 def _data(png: Path) -> str | None:

@@ -136,12 +136,12 @@ QUANTITIES = {
     "yielded_area_m2": Quantity("yielded area", "m^2", "contact.yielded_area_m2"),
     "model_reason": Quantity("reason for the model", "", "accuracy.model_reason"),
     "friction_coefficient": Quantity("friction coefficient", "", "slip.friction_coefficient"),
-    "total_slip_force_N": Quantity("force at total slip", "N", "slip.total_slip_force_N"),
+    "total_slip_force_N": Quantity("force at gross slip", "N", "slip.total_slip_force_N"),
     "total_slip_displacement_m": Quantity(
-        "displacement at total slip", "m", "slip.total_slip_displacement_m"
+        "displacement at gross slip", "m", "slip.total_slip_displacement_m"
     ),
-    "limit_G_m": Quantity("limit of the G-caps", "m", "slip.limit_G_m"),
-    "limit_P_m": Quantity("limit of the P-caps", "m", "slip.limit_P_m"),
+    "limit_G_m": Quantity("all G-caps slide from", "m", "slip.limit_G_m"),
+    "limit_P_m": Quantity("all P-caps slide from", "m", "slip.limit_P_m"),
     "tangential_stiffness_N_per_m": Quantity(
         "tangential stiffness", "N/m", "slip.tangential_stiffness_N_per_m"
     ),
@@ -195,6 +195,8 @@ class Value:
         """Write the value; an absent one is `absent`, whatever the specification."""
         if self.value is None:
             return self.absent
+        if isinstance(self.value, bool):
+            return "yes" if self.value else "no"
         shape, _, unit = spec.rpartition(" ")
         if unit in SCALES or shape:
             return f"{self.value / SCALES.get(unit, 1.0):{shape or '.4g'}} {unit}"

@@ -16,7 +16,7 @@ from typing import Any
 from capslip.errors import OutputError, one_of
 from capslip.output.canvas import write_png
 from capslip.output.picture import Look, plotter_of
-from capslip.output.view import COLOURS, read_view, result_file
+from capslip.output.view import COLOURS, check_result, read_view, result_file
 from capslip.output.window import Window
 
 RENDER = (sys.executable, "-P", "-m", "capslip.output.scene")  # -P: no module beside the scans
@@ -143,6 +143,7 @@ def show(result: str | Path, look: Look | None = None) -> None:
     OutputError
         If there is no result, no display, or no OpenGL.
     """
+    check_result(result)
     result = result_file(result)
     on_x11 = sys.platform not in ("darwin", "win32")
     if on_x11 and not (os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")):

@@ -16,14 +16,14 @@ HILLS = (
     "region {largest_region_share:.0f %}"
 )
 FAMILIES = "families   m {m}, n {n}, h {h_m}"
-ONE_FAMILY = "families   one, of {m} caps"  # neither the higher nor the lower
+ONE_FAMILY = "families   one, of {m} caps on its own plane"  # neither the higher nor the lower
 FAMILY = "  {1:9}R {{radius_{0}_m:4}}, D {{diameter_{0}_m}}, df {{height_{0}_m}}"
 LEVEL = "level      turned by {tilt_across_face_m} across the face until balanced{0}"
 NOT_CERTIFIED = "; the cut does not hold all that touches"
 CONTACT = "contact    {{model}}: {{scan_load_N:4}} on {{contacts}} {0}, approach {1}"
 APPROACH = "{approach_without_bulk_m} ({approach_m} with bulk)"  # the first, as in the report
 SLIP = (
-    "slip       stiffness {0}, total slip at {{total_slip_force_N:4}}, "
+    "slip       stiffness {0}, gross slip at {{total_slip_force_N:4}}, "
     "{{total_slip_displacement_m}}"
 )
 STIFFNESS = "{tangential_stiffness_N_per_m}"  # null in the summary where it is infinite
@@ -36,7 +36,7 @@ DAMPING = (
     "damping    {structure}: peak loss factor {peak_loss_factor:.4g} at {amplitude_at_peak_m}, "
     "gross slip at {gross_slip_amplitude_m}"
 )
-FIRST_PEAK = "; first maximum {first_peak_loss_factor:.4g} at {amplitude_at_first_peak_m:um}"
+FIRST_PEAK = "; first maximum {first_peak_loss_factor:.4g} at {amplitude_at_first_peak_m}"
 
 
 def result_lines(analysis: JointResult) -> str:

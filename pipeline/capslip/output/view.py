@@ -6,6 +6,7 @@ more memory than its mesh. Everything here is without a window: pictures only dr
 
 import json
 from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -247,16 +248,9 @@ def read_view(
     OutputError
         If that is no result.
     """
-    import h5py
-
     path = result_file(result)
-    try:
-        with h5py.File(path) as file:
-            if "surface/height_m" not in file or "caps/radius_m" not in file:
-                raise OutputError(f"{path}: an HDF5 file, but no result of an analysis; {EXPECTED}")
-            return _read(path, file, max_cells, summary)
-    except OSError as error:
-        raise OutputError(f"{path}: no HDF5 file; {EXPECTED}") from error
+    with _opened(path) as file:
+        return _read(path, file, max_cells, summary)
 
 
 EXPECTED = "expected the folder that `capslip analyze SCAN --out FOLDER` wrote, or its result.h5"
@@ -271,6 +265,31 @@ def result_file(result: str | Path) -> Path:
     if not path.is_file():
         raise OutputError(f"{path}: no such file; {EXPECTED}")
     return path
+
+
+def check_result(result: str | Path) -> None:
+    """Raise where there is no result of an analysis, before anything else is asked for.
+
+    Raises
+    ------
+    OutputError
+        As `read_view`.
+    """
+    with _opened(result_file(result)):
+        pass
+
+
+@contextmanager
+def _opened(path: Path) -> Iterator[Any]:
+    import h5py
+
+    try:
+        with h5py.File(path) as file:
+            if "surface/height_m" not in file or "caps/radius_m" not in file:
+                raise OutputError(f"{path}: an HDF5 file, but no result of an analysis; {EXPECTED}")
+            yield file
+    except OSError as error:
+        raise OutputError(f"{path}: no HDF5 file; {EXPECTED}") from error
 
 
 def _read(path: Path, file: Any, max_cells: int, summary: dict[str, Any] | None) -> View:
@@ -338,10 +357,10 @@ def round_limits(values: np.ndarray) -> tuple[float, float]:
 
 
 def round_factor(factor: float) -> float:
-    """Round down to two digits, at least to 1.
+    """Round down to half a digit, at least to 1: the same for every mesh of a face.
 
-    >>> round_factor(12_834.0)
-    12000.0
+    >>> round_factor(6_834.0), round_factor(6_910.0), round_factor(0.3)
+    (6500.0, 6500.0, 1.0)
     """
-    digit = 10.0 ** (np.floor(np.log10(factor)) - 1)
+    digit = 0.5 * 10.0 ** np.floor(np.log10(factor))
     return max(1.0, float(np.floor(factor / digit) * digit))

@@ -281,7 +281,7 @@ function draw() {
 }
 function say() {
   place.querySelector('[data-of="factor"]').textContent = Number(state.factor.toPrecision(2)).toLocaleString("en").replaceAll(",", " ");
-  let text = `Heights × ${place.querySelector('[data-of="factor"]').textContent}; true scale ${engineering(LX, "m")} × ${engineering(LY, "m")}, ${engineering(data.high - data.low, "m")} shown.`;
+  let text = `Heights × ${place.querySelector('[data-of="factor"]').textContent}; true scale ${engineering(LX, "m")} × ${engineering(LY, "m")}, about ${engineering(Number((data.high - data.low).toPrecision(2)), "m")} shown.`;
   if (zones) {
     const load = engineering(state.load * data.preload_N, "N"), n = counts(state.load, state.force);
     place.querySelector('[data-of="load"]').textContent = `${load} on the scan`;

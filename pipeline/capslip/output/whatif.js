@@ -102,7 +102,7 @@ place.innerHTML = `<div class="inputs">
 <button type="button">as analysed</button></div>
 <table class="facts"><caption class="hidden">What the joint does</caption><tbody></tbody></table>
 <div class="curves"><figure><canvas class="loop" role="img"></canvas><figcaption>Loop: force over slip displacement</figcaption></figure>
-<figure><canvas class="eta" role="img"></canvas><figcaption>Loss factor over amplitude, both logarithmic</figcaption></figure></div>`;
+<figure><canvas class="eta" role="img"></canvas><figcaption>Loss factor over amplitude, both logarithmic, to gross slip${data.unresolved > 0 ? "; pale: finer than the pixels resolve" : ""}</figcaption></figure></div>`;
 const inputs = Object.fromEntries([...place.querySelectorAll("[data-name]")].map((e) => [e.dataset.name, e]));
 tables.forEach((one, i) => inputs.table.add(new Option(engineering(one.preload, "N"), i)));
 function gross() { return state.friction * joints[state.table].P / state.K_s; }
@@ -158,15 +158,17 @@ function drawEta(found) {
   const ys = points.map((p) => p[1]), low = Math.min(...ys), top = Math.max(...ys) + 0.1;
   const px = (v) => edge + (v + 3) / 3 * (wide - 2 * edge), py = (v) => high - edge - (v - low) / (top - low || 1) * (high - 2.5 * edge);
   at.strokeStyle = "#0072B2";
-  line(at, points, px, py);
+  const border = Math.log10(data.unresolved), pale = points.filter((p) => p[0] <= border);
+  if (pale.length) { at.globalAlpha = 0.3; line(at, points.slice(0, pale.length + 1), px, py); at.globalAlpha = 1; }
+  line(at, points.slice(pale.length), px, py);
   if (found && found.loss > 0) { at.beginPath(); at.arc(px(Math.log10(state.amplitude / most)), py(Math.log10(found.loss)), 0.3 * edge, 0, 7); at.fillStyle = "#D55E00"; at.fill(); }
   at.fillStyle = getComputedStyle(place).color;
   at.fillText(`${engineering(1e-3 * most, "m", 3)}`, edge, high - 3);
   const end = engineering(most, "m", 3);
   at.fillText(end, wide - edge - at.measureText(end).width, high - 3);
-  const peak = `up to ${Number((10 ** (top - 0.1)).toPrecision(3))}`;
+  const peak = `from ${Number((10 ** low).toPrecision(2))} to ${Number((10 ** (top - 0.1)).toPrecision(3))}`;
   at.fillText(peak, edge, edge * 0.8);
-  canvas.setAttribute("aria-label", `Loss factor, ${peak}, from ${engineering(1e-3 * most, "m", 3)} to gross slip at ${end}.`);
+  canvas.setAttribute("aria-label", `Loss factor, ${peak}, amplitudes from ${engineering(1e-3 * most, "m", 3)} to gross slip at ${end}.`);
 }
 function update() {
   const found = answer(state);

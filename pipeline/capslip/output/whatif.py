@@ -68,8 +68,16 @@ def whatif_data(analysis: "Analysis") -> dict[str, Any] | None:
         "joints": damping.joints,
         "amplitude_m": None if answer is None else answer.amplitude_m,
         "most_loss_factor": MOST_LOSS_FACTOR,
+        "unresolved": _unresolved(contact),
         "one_level": len(shares) > 1 and analysis.level is not None,
     }
+
+
+def _unresolved(contact: "ContactState | None") -> float:
+    """Return the share of gross slip below which less slips than the pixels of a map resolve."""
+    if contact is None or contact.rung.least_share is None:
+        return 0.0
+    return float(contact.rung.least_share(contact.normal, contact.preload_N))
 
 
 def _columns_of_map(analysis: "Analysis", contact: "ContactState") -> np.ndarray:

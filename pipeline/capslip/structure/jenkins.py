@@ -101,15 +101,15 @@ def jenkins(
         raise SettingsError(f"jenkins: tolerance: got {tolerance:g}; expected 0.005 to 0.5")
     if not total_m > 0:
         raise SettingsError(
-            f"jenkins: the {slip.curve.model} contact model has no displacement before total "
-            "slip; expected one with caps; use one slider with the force at total slip instead"
+            f"jenkins: the {slip.curve.model} contact model has no displacement before gross "
+            "slip; expected one with caps; use one slider with the force at gross slip instead"
         )
     if smallest_displacement_m is None:
         smallest_displacement_m = 0.01 * total_m
     if not 0 < smallest_displacement_m < total_m:
         raise SettingsError(
             f"jenkins: smallest_displacement_m: got {smallest_displacement_m:g}; expected above 0 "
-            f"and below {total_m:g} m, the displacement at total slip"
+            f"and below {total_m:g} m, the displacement at gross slip"
         )
     delta_m = _borders(smallest_displacement_m, total_m, tolerance)
     stiffness_N_per_m, slip_m = _sliders(slip, delta_m, tolerance)
@@ -148,7 +148,7 @@ def write_jenkins(elements: JenkinsElements, path: str | Path) -> None:
 #   The force of the joint is the sum of f.
 # Harmonic balance: the same over two periods of u; the second one is the steady cycle.
 # The energy lost per cycle is within {accuracy:.2g} (relative) at amplitudes of u from
-# {smallest_m:.6g} m to total slip and beyond; at smaller ones too little is lost.
+# {smallest_m:.6g} m to gross slip and beyond; at smaller ones too little is lost.
 # The stiffnesses add up to the initial stiffness, the slip forces to friction times preload.
 """
     rows = zip(elements.stiffness_N_per_m.tolist(), elements.slip_force_N.tolist(), strict=True)

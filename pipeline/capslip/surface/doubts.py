@@ -12,6 +12,7 @@ from capslip.surface.heightmap import HeightMap, Tops
 from capslip.surface.outliers import Outliers
 from capslip.surface.seams import find_seams
 from capslip.surface.tops import clipped_points
+from capslip.units import readable
 
 MAX_STEEP_SHARE = 0.05
 MAX_SZ_OVER_SQ = 30.0
@@ -177,8 +178,8 @@ def problems_of_form(surface: HeightMap, approach_m: float) -> list[Problem]:
             continue
         message = (
             f"{1.0 - rest:.0%} of the variance of {what} is a bow of {bow_m:.3g} m, the approach "
-            f"is {approach_m:.3g} m: it decides what touches; conditioning.form = quadratic "
-            "removes it, if it is not the face's own"
+            f"is {approach_m:.3g} m: it decides what touches, and may be of the instrument rather "
+            "than of the face"
         )
         return [Problem("bow_left", "warning", message)]
     return []
@@ -262,8 +263,7 @@ def problems_of_holes(surface: HeightMap, hill_radius_m: float) -> tuple[Problem
         return ()
     message = (
         f"a hole in the map holds a disc of {radius_m:.3g} m radius, a usual hill covers one of "
-        f"{hill_radius_m:.3g} m: hills that carry load may lie in it, and are not counted; measure "
-        "what is missing, or scan a part of the face without such a hole"
+        f"{hill_radius_m:.3g} m: hills that carry load may lie in it, and are not counted"
     )
     return (Problem("hole_may_hide_hills", "warning", message),)
 
@@ -346,10 +346,11 @@ def sanity_line(surface: HeightMap, sq_m: float, sz_m: float) -> str:
     ratio = f"{sz_m / sq_m:.3g}" if sq_m > 0.0 else "-"
     which = "" if surface.origin.dataset is None else f" of {surface.origin.dataset!r}"
     return (
-        f"{nx} x {ny} points of {dx_m * 1e6:.4g} x {dy_m * 1e6:.4g} um{square}, "
-        f"{side_x_m * 1e3:.4g} x {side_y_m * 1e3:.4g} mm; heights{which} stored in "
-        f"{surface.origin.height_unit or 'an unnamed unit'}; {missing:.2f} % non-measured; "
-        f"Sq {sq_m * 1e6:.4g} um, Sz {sz_m * 1e6:.4g} um, Sz/Sq {ratio}"
+        readable(f"{nx} x {ny} points of {dx_m:.4g} x {dy_m:.4g} m{square}, ")
+        + readable(f"{side_x_m:.4g} x {side_y_m:.4g} m")
+        + f"; heights{which} stored in {surface.origin.height_unit or 'an unnamed unit'}; "
+        + readable(f"{missing:.3g} % non-measured; Sq {sq_m:.3g} m, Sz {sz_m:.3g} m")
+        + f", Sz/Sq {ratio}"
     )
 
 

@@ -26,6 +26,7 @@ from capslip.errors import ContactError, OutOfTimeError, SettingsError
 from capslip.problems import Effect, Problem
 from capslip.settings import SOLVER_TOLERANCE
 from capslip.surface.heightmap import HeightMap
+from capslip.units import percent
 
 MIN_PIXELS_ACROSS = 10.0  # of the contacts that carry half of the load
 MIN_REFINED_ACROSS = 6.0  # the same, where a spline knows what lies between the pixels
@@ -89,9 +90,9 @@ class BoundaryElementCurve:
             found.append(Problem("under_resolved", "info", message))
         share = unloading.smallest_drop_N / unloading.load_N
         message = (
-            f"below {share:.2g} of the force at total slip, less slips than the pixels of the map "
-            "resolve: the energy per cycle may be off by more than 5 %, and follows the cube of "
-            "the force in the end"
+            f"below {percent(share)} of the force at gross slip, less slips than the pixels of the "
+            "map resolve: the energy per cycle may be off by more than 5 %, and follows the cube "
+            "of the force in the end"
         )
         found.append(Problem("small_slip_extrapolated", "info", message))
         if unloading.cut_short:
@@ -465,7 +466,7 @@ def _error(
 
 
 def _at_small_slip(error: float) -> Problem:
-    force = f"{SMALL_SLIP:g} of the force at total slip"
+    force = f"{percent(SMALL_SLIP)} of the force at gross slip"
     message = f"at {force} the pixels of the map leave up to {error:.1%} in the energy per cycle"
     return Problem("small_slip_extrapolated", "info", message, Effect(None, error, error))
 

@@ -123,11 +123,11 @@ RUNG = Rung(
     made_from="nothing",
     automatic=False,
     holds_bulk=False,
-    leaves_out="The interface is taken as perfectly plane: no energy is lost below total slip.",
+    leaves_out="The interface is taken as perfectly plane: no energy is lost below gross slip.",
     colour="#999999",
     build=_build,
     contacts=_contacts,
     knows_places=False,
-    doubt="a flat interface loses nothing below total slip: its damping is none of the face, and "
+    doubt="a flat interface loses nothing below gross slip: its damping is none of the face, and "
     "its error is not known; contact.model = auto presses the caps",
 )

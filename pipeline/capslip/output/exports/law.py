@@ -57,7 +57,7 @@ BY_PRESSURE = (
 OF_SCANS = (
     "Every scan bears the pressure p and all move by the same delta: stiffness, tau and w are the "
     "means over the scans, the columns of scatter their standard deviation. Scans close by unlike "
-    "amounts: the closure and the total-slip displacement are those of the one that lets go last."
+    "amounts: the closure and the displacement at gross slip are those of the one that goes last."
 )
 BY_BOTH = ("displacement_m", "shear_Pa", "loss_J_per_m2")
 DECKS = {"calculix": "law_calculix.inp", "abaqus": "law_abaqus.inp"}
@@ -157,7 +157,7 @@ def about(found: Law, name: str, status: str, doubts: list[str]) -> list[str]:
         "first loading over the relative displacement delta, and the energy w per area lost in a "
         "cycle between -delta and delta. SI; every column names its unit.",
         "How: times the area of a patch these are forces and energies. Unloading is twice the "
-        "first loading at half the displacement (Masing). From the total-slip displacement D on "
+        "first loading at half the displacement (Masing). From the displacement D at gross slip on "
         "tau = mu p and w grows by 4 mu p per metre.",
         "law.csv and law.h5 hold these for some pressures and displacements; law.py (numpy alone) "
         "reads law.json and gives them for any. law_jenkins.csv: sliders "
@@ -247,7 +247,7 @@ def _how_to_slide(found: Law) -> list[str]:
         f"pyHarm: one Jenkins a row, k = area * stiffness, mu = {found.friction_coefficient:g}, "
         "N0 = area * shear / mu.",
         f"The energy of a cycle is within {worst:.2g} (asked: {JENKINS_TOLERANCE:g}) from a "
-        "hundredth of the total-slip displacement on; below it too little is lost.",
+        "hundredth of the displacement at gross slip on; below it too little is lost.",
     ]
 
 

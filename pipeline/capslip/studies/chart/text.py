@@ -105,7 +105,7 @@ def _advice(results: dict[str, Any]) -> list[str]:
         f"({on_the_map} of these {len(auto)} faces).",
         f"On faces of clear caps interacting caps ({seconds(BEST)}) are enough: off by "
         f"{percent(BEST, 'energy_0.25', 'caps')} in the energy W at a quarter of the force of "
-        f"total slip, by {percent(BEST, 'stiffness_without_bulk', 'caps')} in the stiffness.",
+        f"gross slip, by {percent(BEST, 'stiffness_without_bulk', 'caps')} in the stiffness.",
         f"On wavy, ground or rough faces interacting caps are off by "
         f"{percent(BEST, 'energy_0.25', 'waves')} at a quarter and "
         f"{percent(BEST, 'energy_0.1', 'waves')} at a tenth of that force in the median and by far "

@@ -34,7 +34,7 @@ def limits_markdown(results: Row) -> str:
         _totals(results["totals"]),
         "Thresholds and warnings of the program were mended on these faces. The next table is of\n"
         f"fresh ones (seed {results['fresh']['seed']}): other places of the caps, other noise,\n"
-        "waves, grooves and spikes of the same kinds, on which no mend was judged.",
+        "waves, grooves and spikes of the same kinds, which nobody looked at before this run.",
         _totals(results["fresh"]["totals"]),
         "![error over severity](limits.png)",
         "## Breakdown points",
