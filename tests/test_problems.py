@@ -124,6 +124,11 @@ def pair(finer):
     return caps_map(both, (40 * finer, 80 * finer), (2e-4 / finer, 2e-4 / finer))
 
 
+def sieve(share):
+    """Lose points here and there."""
+    return at(np.random.default_rng(4).random(SHAPE) < share, np.nan)
+
+
 def pimples():
     """Spheres a few pixels apart, no two alike: each has a few points above the cut."""
     x_m, y_m = ((np.arange(n) * 5 + 2.5) * 2e-4 for n in (30, 20))
@@ -151,6 +156,8 @@ FACES = {
     "oblong": lambda: of(plain_m(), (PIXEL_M, 1.5 * PIXEL_M)),
     "very-oblong": lambda: of(plain_m(), (0.3 * PIXEL_M, 3.0 * PIXEL_M)),
     "hole": lambda: at(np.hypot(X_M - GAP[0], Y_M - 24e-3) < 6e-3, np.nan),
+    "sieve": lambda: sieve(0.8),
+    "coarse-sieve": lambda: sieve(0.99),
     "tilted": lambda: of(plain_m() + 1e-6 * X_M),
     "bowed": lambda: of(plain_m() + 1e-7 * (X_M / 36e-3 - 1.0) ** 2),
     "stitched": lambda: of(plain_m() + 8e-8 * (X_M > 36e-3) + 1e-9 * waves(2)),
@@ -285,6 +292,8 @@ ROWS = [
     Row("non_square_pixels", "warning", "0.00012 x 0.0012 m", "very-oblong"),
     Row("hole_may_hide_hills", "warning", "a disc of 0.00557 m radius", "hole"),
     Row("hole_may_hide_hills", "info", "moves the stiffness by", "hole loosely"),
+    Row("points_filled", "info", "80.1% of the points", "sieve"),
+    Row("points_filled", "warning", "99.0% of the points", "coarse-sieve"),
     Row("mating_unrelated", "warning", "match by 0", "pattern+another-pattern by-place",
         "pattern+its-counterpart by-place"),
     Row("mating_overlap", "warning", "on 31 % of the first", "plain+plain aside", "plain+plain"),

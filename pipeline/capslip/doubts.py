@@ -24,6 +24,7 @@ from capslip.stages import Face, as_found
 from capslip.structure.answer import Answer
 from capslip.structure.doubts import problems_of_structure
 from capslip.surface.doubts import (
+    problems_of_filling,
     problems_of_form,
     problems_of_scan,
     problems_of_seams,
@@ -63,6 +64,7 @@ def problems_of(face: Face, found: Analysis, mate: HeightMap | None) -> tuple[Pr
         *problems_of_share(face.joint, contact),
         *problems_of_waves(face.joint, contact, surface),
         *problems_of_first_touch(contact),
+        *problems_of_filling(surface, contact.approach_m),
         *_of_levelling(face, contact, settings),
         *problems_of_band(found.caps, surface, face.hills.noise_m, settings.conditioning),
         *as_read(under_load, contact, doubtful, tolerance),

@@ -293,6 +293,8 @@ class _Trials:
         """Return caps with those that the hole would hold if it were like the rest of the face."""
         surface, caps = self.face.surface, self.caps
         row, col = np.nonzero(holes(surface))
+        if surface.filling is not None or not row.size:
+            raise ContactError("nobody knows where points that were filled hide hills")
         member = np.flatnonzero(caps.usable)
         n_known = int(np.count_nonzero(surface.measured))
         n_more = max(1, round(member.size * row.size / n_known))

@@ -10,6 +10,7 @@ from capslip.errors import SettingsError, UnusableSurfaceError
 from capslip.problems import Problem
 from capslip.surface.blocks import row_blocks
 from capslip.surface.doubts import problems_of_map, problems_of_outliers, refuse_absurd
+from capslip.surface.filling import fill_scattered
 from capslip.surface.filters import gaussian_l_filter, gaussian_s_filter
 from capslip.surface.form import FormKind, remove_form
 from capslip.surface.heightmap import HeightMap
@@ -93,8 +94,9 @@ def condition(
     Parameters
     ----------
     surface : HeightMap
-        The map as measured. No step fills a non-measured point; tops that the range of the sensor
-        cut off are put back first, see `restore_tops`.
+        The map as measured. Tops that the range of the sensor cut off are put back first, see
+        `restore_tops`. A non-measured point is only filled where those measured stand alone, see
+        `fill_scattered`.
     form, form_degree, form_robust, form_floor
         See `remove_form`.
     outliers : {"isolated", "none"}
@@ -155,6 +157,9 @@ def condition(
     steps += [{"step": "form", **asdict(removed_form), "residual_sq_m": sq_m}, step]
     problems = problems_of_outliers(surface, sq_m, found, kept=outliers == "none")
     del stored  # a map's worth of memory
+    surface = fill_scattered(surface)
+    if surface.filling is not None:
+        steps.append({"step": "filling", **asdict(surface.filling)})
 
     if s_filter_nesting_index_m is not None:
         surface = gaussian_s_filter(surface, s_filter_nesting_index_m)

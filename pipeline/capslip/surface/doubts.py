@@ -34,6 +34,7 @@ MOSTLY_FORM = 0.8  # of the variance of the heights
 MOSTLY_BOWED = 0.95  # of that of the floor: a step between two floors looks 87 % like a bow
 CLEARLY_NO_BOW = 0.25  # of the same, that a bow leaves on some of the points: five times the most
 BLOCK_OVER_DISC = 0.1  # sides of the squares that a hole is looked at in, over a hill's radius
+MISSED = 0.01  # of the hills of usual size, where points are measured here and there
 VISIBLE_FORM = 0.1  # of the approach: form that moves the peaks by more decides what touches
 
 
@@ -252,8 +253,18 @@ def problems_of_holes(surface: HeightMap, hill_radius_m: float) -> tuple[Problem
     Returns
     -------
     tuple of Problem
-        `hole_may_hide_hills` (warning) where the largest disc in a hole is not smaller.
+        `hole_may_hide_hills` (warning) where the largest disc in a hole is not smaller, or where
+        points that stand alone miss one of such discs in a hundred.
     """
+    filling = surface.filling
+    if filling is not None and filling.chance_to_miss(hill_radius_m) > MISSED:
+        message = (
+            f"the measured points stand alone, {filling.density_m2 * 1e-6:.3g} of them a mm2: they "
+            f"miss {filling.chance_to_miss(hill_radius_m):.1%} of hills with a disc of "
+            f"{hill_radius_m:.3g} m radius, as a usual one has it; hills that carry load may lie "
+            "between them, and are not counted; measure what is missing"
+        )
+        return (Problem("hole_may_hide_hills", "warning", message),)
     lost = ~surface.measured
     # Such a disc holds a square of half its radius as a whole, wherever the squares begin
     if not lost.any() or not _blocks(lost, surface, 0.5 * hill_radius_m).any():
@@ -266,6 +277,35 @@ def problems_of_holes(surface: HeightMap, hill_radius_m: float) -> tuple[Problem
         f"{hill_radius_m:.3g} m: hills that carry load may lie in it, and are not counted"
     )
     return (Problem("hole_may_hide_hills", "warning", message),)
+
+
+def problems_of_filling(surface: HeightMap, approach_m: float) -> list[Problem]:
+    """Return that a map was filled between points that stand alone, and how well that is known.
+
+    Parameters
+    ----------
+    surface : HeightMap
+        The face, with its `filling`.
+    approach_m : float
+        Of the contact.
+
+    Returns
+    -------
+    list of Problem
+        `points_filled`: info, or a warning where the error of what was filled is more than a tenth
+        of the approach.
+    """
+    filling = surface.filling
+    if filling is None:
+        return []
+    message = (
+        f"{filling.missing:.1%} of the points were missing here and there, and were filled by "
+        f"{filling.way} interpolation between those measured; measured points that are left out "
+        f"are filled with an rms error of {filling.error_m:.2g} m in the highest "
+        f"{HIGHEST_SHARE:.0%}, and the approach is {approach_m:.3g} m"
+    )
+    decides = 0.0 < VISIBLE_FORM * approach_m < filling.error_m
+    return [Problem("points_filled", "warning" if decides else "info", message)]
 
 
 def holes(surface: HeightMap) -> np.ndarray:

@@ -1,5 +1,6 @@
 """The height map: what every reader returns and every later stage takes."""
 
+import math
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -59,6 +60,21 @@ class Tops:
         return height_se_m, log_radius_se, area_m2
 
 
+@dataclass(frozen=True)
+class Filling:
+    """What was filled of a map whose measured points stood alone: see `fill_scattered`."""
+
+    points: int  # that were filled
+    missing: float  # share that they were of the points measured or filled
+    way: str  # between measured points: "cubic", or "linear"
+    error_m: float  # rms, where measured points are filled from others; their noise is part of it
+    density_m2: float  # of the measured points, outside of holes
+
+    def chance_to_miss(self, radius_m: float) -> float:
+        """Return the chance that no measured point lies on a disc, where they are at random."""
+        return math.exp(-math.pi * radius_m**2 * self.density_m2)
+
+
 @dataclass(frozen=True, eq=False)
 class HeightMap:
     """Heights on a rectangular grid of pixels, in metres.
@@ -75,6 +91,8 @@ class HeightMap:
         File, digest and units; only for the record.
     tops : Tops, optional
         What of the heights was put back, where that is known.
+    filling : Filling, optional
+        What of the heights was filled.
 
     Raises
     ------
@@ -95,6 +113,7 @@ class HeightMap:
     pixel_size_m: tuple[float, float]
     origin: Origin = field(default_factory=Origin)
     tops: Tops | None = None
+    filling: Filling | None = None
 
     def __post_init__(self) -> None:
         height_m = np.ascontiguousarray(self.height_m, dtype=np.float64)

@@ -17,6 +17,8 @@ MAX_SPIKE_POINTS = 2
 MIN_RING_POINTS = 5
 GAP_OVER_RING = 4.0
 SAMPLED_LINES = 100
+LEAST_WHOLE = 0.02  # of the measured points inside: those with eight measured neighbours
+NEAREST = 8  # measured points around one that stands alone
 NEIGHBOURS = ((-1, -1), (-1, 0), (-1, 1), (0, -1), (0, 1), (1, -1), (1, 0), (1, 1))
 
 
@@ -37,6 +39,38 @@ class Outliers:
     index: np.ndarray
     step_m: np.ndarray
     cliff_m: float
+
+
+def stand_alone(height_m: np.ndarray) -> bool:
+    """Tell whether the measured points of a map stand alone.
+
+    Of those inside, fewer than one in fifty has its eight neighbours: where points are missing at
+    random, that is from 40 % on. Most measured points around a hole have them all.
+
+    Parameters
+    ----------
+    height_m : float64, shape (ny, nx)
+        NaN where nothing was measured.
+
+    Examples
+    --------
+    >>> z = np.zeros((50, 50))
+    >>> z[:, ::2] = np.nan
+    >>> stand_alone(z), stand_alone(z[:, 1::2])
+    (True, False)
+    """
+    some_m = height_m[:: max(1, len(height_m) // SAMPLED_LINES)]
+    n_lost = int(np.count_nonzero(np.isnan(some_m)))
+    # A missing point has eight neighbours: fewer cannot touch that many of the measured ones
+    if 8 * n_lost < (1.0 - LEAST_WHOLE) * (some_m.size - n_lost):
+        return False
+    lost = np.isnan(height_m)
+    (ny, nx), beside = (n - 2 for n in lost.shape), lost[1:-1, 1:-1].copy()
+    n_inside = beside.size - np.count_nonzero(beside)
+    for down, right in NEIGHBOURS:
+        beside |= lost[1 + down : 1 + down + ny, 1 + right : 1 + right + nx]
+    n_whole = beside.size - np.count_nonzero(beside)
+    return bool(n_whole < LEAST_WHOLE * n_inside)
 
 
 def find_outliers(surface: HeightMap, stored: HeightMap | None = None) -> Outliers:
@@ -68,6 +102,10 @@ def find_outliers(surface: HeightMap, stored: HeightMap | None = None) -> Outlie
     the corner of a step and a rough patch stay: each has a neighbour of about its own height, or
     neighbours that differ among themselves as it does from them.
 
+    Where the measured points stand alone (`stand_alone`), no part is: the eight measured points
+    that are nearest are the neighbours there, each point is an island, and a bad code has to be the
+    least or the greatest height.
+
     Examples
     --------
     >>> z = 1e-9 * np.random.default_rng(0).standard_normal((50, 60))
@@ -77,6 +115,8 @@ def find_outliers(surface: HeightMap, stored: HeightMap | None = None) -> Outlie
     """
     z = surface.height_m
     stored_m = z if stored is None else stored.height_m
+    if stand_alone(z):
+        return _of_lone_points(surface, stored_m.reshape(-1))
     largest_m = max(float(np.fmax.reduce(z, axis=None)), -float(np.fmin.reduce(z, axis=None)))
     cliff_m = CLIFF_OVER_STEP * _usual_step(z)
     rough = cliff_m > ROUNDING * largest_m
@@ -86,6 +126,52 @@ def find_outliers(surface: HeightMap, stored: HeightMap | None = None) -> Outlie
         return Outliers(index, np.empty(0), cliff_m)
     outlier, off_m = _judge(z.reshape(-1), z.shape, index, island, rough)
     return Outliers(index[outlier], off_m[outlier], cliff_m)
+
+
+def _of_lone_points(surface: HeightMap, stored_m: np.ndarray) -> Outliers:
+    """Return the outliers of points that stand alone."""
+    from scipy.spatial import KDTree
+
+    z_m, (dy_m, dx_m), nx = surface.height_m.reshape(-1), surface.pixel_size_m, surface.shape[1]
+    found, off_m, cliff_m = _codes_of_lone_points(z_m, stored_m)
+    while True:
+        index = np.flatnonzero(~np.isnan(z_m))
+        index = index[~np.isin(index, found)]
+        if index.size <= NEAREST:
+            break
+        at_m = np.stack((index // nx * dy_m, index % nx * dx_m), axis=1)
+        _, near = KDTree(at_m).query(at_m, NEAREST + 1)
+        own_m, ring_m = z_m[index], np.sort(z_m[index[near[:, 1:]]], axis=1)
+        step_m = np.abs(ring_m - own_m[:, None]).reshape(-1)
+        nth = int(STEP_QUANTILE * (step_m.size - 1))
+        cliff_m = CLIFF_OVER_STEP * float(np.partition(step_m, nth)[nth])
+        cliff_m = max(cliff_m, ROUNDING * float(np.abs(own_m).max()))
+        beyond_m = np.maximum(own_m - ring_m[:, -1], ring_m[:, 0] - own_m)
+        first_m, last_m = ring_m[:, 1], ring_m[:, -2]
+        new = beyond_m > np.maximum(cliff_m, GAP_OVER_RING * (last_m - first_m))
+        if not new.any():
+            break
+        found = np.append(found, index[new])
+        off_m = np.append(off_m, (own_m - 0.5 * (first_m + last_m))[new])
+    order = np.argsort(found)
+    return Outliers(found[order], off_m[order], cliff_m)
+
+
+def _codes_of_lone_points(
+    z_m: np.ndarray, stored_m: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, float]:
+    """Return bad codes among points that stand alone, their step, and no cliff yet."""
+    found, off_m = np.empty(0, dtype=np.intp), np.empty(0)
+    for extreme in (np.fmin, np.fmax):
+        code = stored_m == extreme.reduce(stored_m)
+        rest_m = z_m[~code & ~np.isnan(z_m)]
+        if not rest_m.size or np.count_nonzero(code) > MAX_CODE_SHARE * rest_m.size:
+            continue
+        lowest_m, highest_m = rest_m.min(), rest_m.max()
+        beyond_m = z_m[code] - np.clip(z_m[code], lowest_m, highest_m)
+        if np.abs(beyond_m).min() > highest_m - lowest_m:
+            found, off_m = np.append(found, np.flatnonzero(code)), np.append(off_m, beyond_m)
+    return found, off_m, 0.0
 
 
 def _usual_step(z: np.ndarray) -> float:

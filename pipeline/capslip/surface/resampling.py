@@ -66,7 +66,7 @@ def resample(surface: HeightMap, shape: tuple[int, int]) -> HeightMap:
         z, weight = _along(z, axis, n), _along(weight, axis, n)
     known = weight >= LEAST_MEASURED
     z = np.divide(z, weight, out=np.full(weight.shape, np.nan), where=known)
-    return HeightMap(z, size_m, surface.origin, surface.tops)
+    return HeightMap(z, size_m, surface.origin, surface.tops, surface.filling)
 
 
 def _along(z: np.ndarray, axis: int, n: int) -> np.ndarray:
