@@ -15,7 +15,7 @@ from typing import get_type_hints
 import numpy as np
 import pytest
 from click.testing import CliRunner
-from scipy.ndimage import gaussian_filter
+from scipy.ndimage import gaussian_filter, zoom
 
 from capslip.analysis import _with_band, analyze, analyze_once
 from capslip.cli import main
@@ -160,6 +160,9 @@ FACES = {
     "coarse-sieve": lambda: sieve(0.99),
     "tilted": lambda: of(plain_m() + 1e-6 * X_M),
     "bowed": lambda: of(plain_m() + 1e-7 * (X_M / 36e-3 - 1.0) ** 2),
+    "interpolated": lambda: of(
+        zoom(FACES["in-one-field"]().height_m[::3, ::3], 3, order=1, grid_mode=True, mode="nearest")
+    ),
     "stitched": lambda: of(plain_m() + 8e-8 * (X_M > 36e-3) + 1e-9 * waves(2)),
     "in-one-field": lambda: of(plain_m() + 1e-9 * waves(2)),
     "twins-that-touch": lambda: twins(0.7e-3, 1.0, *EVERY),
@@ -302,6 +305,10 @@ ROWS = [
     Row("bow_left", "warning", "a bow of 5.", "bowed levelled", "bowed levelled quadratic"),
     Row("bow_left", "info", "moves the stiffness by", "bowed levelled loosely",
         "bowed levelled quadratic"),
+    Row("interpolated", "warning", "every 3. row and every 3. column", "interpolated",
+        "in-one-field"),
+    Row("interpolated", "info", "resolves no more than one of pixels of 0.0012 x 0.0012 m",
+        "interpolated solved loosely", "plain"),
     Row("seams", "warning", "2 fields, on levels up to 8", "stitched", "in-one-field"),
     Row("seams", "info", "(estimated by caps)", "stitched loosely", "in-one-field loosely"),
     Row("pruning_decides", "warning", "1e-07 m gives 2", "sharp-twins very-coarsely",

@@ -26,6 +26,7 @@ from capslip.structure.doubts import problems_of_structure
 from capslip.surface.doubts import (
     problems_of_filling,
     problems_of_form,
+    problems_of_points,
     problems_of_scan,
     problems_of_seams,
     problems_of_tilt,
@@ -83,7 +84,7 @@ def _before_contact(face: Face, found: Analysis, mate: HeightMap | None) -> list
         if scan is not None:
             problems += [Problem("reader_note", "warning", note) for note in scan.origin.notes]
             tops = face.conditioned.surface.tops if scan is found.surface else None
-            problems += problems_of_scan(scan, tops)
+            problems += [*problems_of_scan(scan, tops), *problems_of_points(scan)]
     problems += material_doubts(found.settings.material)
     problems += problems_of_structure(found.settings.structure)
     problems += [*face.conditioned.problems, *face.problems]

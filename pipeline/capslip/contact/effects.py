@@ -26,6 +26,7 @@ from capslip.surface.conditioning import Conditioned
 from capslip.surface.doubts import holes
 from capslip.surface.form import remove_form
 from capslip.surface.heightmap import HeightMap
+from capslip.surface.interpolated import pixels_apart
 from capslip.surface.seams import find_seams, without_seams
 
 LEFT_OUT = {  # flags of the caps that may carry nothing
@@ -86,8 +87,9 @@ def with_effects(
     Each is estimated by interacting caps, whatever model answers: flagged caps may carry nothing; a
     bow or the levels of stitched fields may not be the face's own; a hole may hold as many hills as
     the rest; points that were removed may have been there. Where the map itself answers, bow and
-    levels are taken off it, on points so far apart that this costs little. Within
-    `contact.tolerance` it is information, else a warning.
+    levels are taken off it, on points so far apart that this costs little; of one that was
+    interpolated, the measured points alone are pressed. Within `contact.tolerance` it is
+    information, else a warning.
 
     Parameters
     ----------
@@ -144,7 +146,19 @@ def _seams_or_not(surface: HeightMap) -> tuple[HeightMap, HeightMap]:
     return coarse_map(surface), coarse_map(level)
 
 
-OF_THE_MAP = {"bow_left": _bow_or_not, "seams": _seams_or_not}
+def _interpolated_or_not(surface: HeightMap) -> tuple[HeightMap, HeightMap]:
+    """Return a map, and that of its measured points alone."""
+    apart = pixels_apart(surface)
+    (dy_m, dx_m), (every_y, every_x) = surface.pixel_size_m, apart
+    height_m = surface.height_m[every_y // 2 :: every_y, every_x // 2 :: every_x]
+    return surface, HeightMap(height_m, (every_y * dy_m, every_x * dx_m), surface.origin)
+
+
+OF_THE_MAP = {
+    "bow_left": _bow_or_not,
+    "seams": _seams_or_not,
+    "interpolated": _interpolated_or_not,
+}
 
 
 def _effect_on_map(
@@ -240,6 +254,8 @@ class _Trials:
             yield self._unbowed()
         elif code == "seams":
             yield self._on_one_level()
+        elif code in OF_THE_MAP:
+            raise ContactError(f"{code}: caps do not tell")
         elif code == "hole_may_hide_hills":
             yield from self._with_hills()
         elif code == "outliers_removed":

@@ -9,6 +9,7 @@ from capslip.problems import Problem, Severity
 from capslip.surface.blocks import few_lines
 from capslip.surface.form import FLOOR_LINES, FLOOR_SHARE, ROUNDING, remove_form
 from capslip.surface.heightmap import HeightMap, Tops
+from capslip.surface.interpolated import pixels_apart
 from capslip.surface.outliers import Outliers
 from capslip.surface.seams import find_seams
 from capslip.surface.tops import clipped_points
@@ -93,6 +94,20 @@ def problems_of_scan(surface: HeightMap, tops: Tops | None) -> list[Problem]:
         )
         message += f"; {tops.left} stay flat: their flanks do not tell" if tops.left else ""
     return [Problem("clipped", "warning", message)]
+
+
+def problems_of_points(surface: HeightMap) -> list[Problem]:
+    """Return whether most points of the map as measured were interpolated between the others."""
+    apart = pixels_apart(surface)
+    if max(apart) == 1:
+        return []
+    dy_m, dx_m = (n * size_m for n, size_m in zip(apart, surface.pixel_size_m, strict=True))
+    message = (
+        f"every {apart[0]}. row and every {apart[1]}. column was measured, and what lies between "
+        f"was interpolated: the map resolves no more than one of pixels of {dy_m:.3g} x {dx_m:.3g} "
+        "m (dy x dx)"
+    )
+    return [Problem("interpolated", "warning", message)]
 
 
 def problems_of_map(surface: HeightMap, sq_m: float, sz_m: float) -> tuple[Problem, ...]:

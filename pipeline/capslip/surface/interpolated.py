@@ -1,0 +1,71 @@
+"""Maps of more points than were measured: what lies between those was interpolated."""
+
+import numpy as np
+
+from capslip.surface.heightmap import HeightMap
+
+MOST_APART = 8  # measured points, in pixels
+ORDERS = range(1, 6)  # of differences: copies vanish in the first, cubic splines in the fifth
+QUIET = 5e-3  # mean squares where only interpolated points are met, over those elsewhere
+LOUD, LOUD_SHARE = 10.0, 0.3  # rms of the quiet places, that this share of the loud ones exceeds
+MOSTLY = 0.8  # of the greatest share of quiet places: as good as that
+OUTERMOST = 0.99  # quantile at which differences are cut: spikes say nothing of it
+LEAST_LINES = 8 * MOST_APART
+SAMPLED_LINES = 64
+LEAST_KNOWN = 300  # differences at one place of the cells: of fewer, chance makes quiet ones
+
+
+def pixels_apart(surface: HeightMap) -> tuple[int, int]:
+    """Return how many pixels the measured points lie apart along (y, x): 1 where all are measured.
+
+    Between measured points an interpolated map is a polynomial of low degree, and its differences
+    of a higher order vanish there, at the same places in each cell. Those of a measured map are
+    alike everywhere, for noise and roughness know nothing of cells. What lines of a lay share is
+    taken off first: it is as periodic, and measured.
+
+    Parameters
+    ----------
+    surface : HeightMap
+        As measured, or with its form off.
+    """
+    along_y, along_x = (_apart(z) for z in (surface.height_m, surface.height_m.T))
+    return along_y, along_x
+
+
+def _apart(height_m: np.ndarray) -> int:
+    """Return the distance of measured points along the first axis."""
+    if min(height_m.shape) < LEAST_LINES:
+        return 1
+    difference_m = height_m[:, :: max(1, height_m.shape[1] // SAMPLED_LINES)]
+    for _ in ORDERS:
+        difference_m = np.diff(difference_m, axis=0)
+        own_m = _own(difference_m)
+        quiet = np.array([_quiet_share(own_m, apart) for apart in range(1, MOST_APART + 1)])
+        if quiet.any():  # a multiple of the distance meets the same points
+            return int(np.argmax(quiet > MOSTLY * quiet.max())) + 1
+    return 1
+
+
+def _own(difference_m: np.ndarray) -> np.ndarray:
+    """Return differences without their greatest ones, and without what their lines share."""
+    size_m = np.abs(difference_m)
+    known = np.isfinite(size_m)
+    if not known.any():
+        return np.zeros_like(difference_m)
+    most_m = float(np.quantile(size_m[known], OUTERMOST))
+    cut_m = np.clip(difference_m, -most_m, most_m)
+    shared_m = np.where(known, cut_m, 0.0).sum(axis=1) / np.maximum(known.sum(axis=1), 1)
+    return np.asarray(cut_m - shared_m[:, None])
+
+
+def _quiet_share(own_m: np.ndarray, apart: int) -> float:
+    """Return at which share of the places of a cell the differences are quiet; 0: at none."""
+    places = [own_m[first::apart] for first in range(apart)]
+    known = [one[np.isfinite(one)] for one in places]
+    if min(one.size for one in known) < LEAST_KNOWN:
+        return 0.0
+    square = np.array([np.mean(one**2) for one in known])
+    loud = known[int(square.argmax())]
+    if square.max() == 0.0 or np.mean(loud**2 > LOUD**2 * square.min()) < LOUD_SHARE:
+        return 0.0
+    return float(np.mean(square <= QUIET * square.max()))

@@ -1,0 +1,73 @@
+"""Interpolated maps tell their points; measured ones, however smooth, are not taken for them."""
+
+import numpy as np
+import pytest
+from scipy.ndimage import gaussian_filter, zoom
+
+from capslip.surface.heightmap import HeightMap
+from capslip.surface.interpolated import pixels_apart
+
+SHAPE = (120, 192)
+ROW, COLUMN = np.mgrid[: SHAPE[0], : SHAPE[1]]
+
+
+def waves_m(width=6.0, seed=3, noise_m=0.0):
+    rng = np.random.default_rng(seed)
+    z = gaussian_filter(rng.standard_normal(SHAPE), width)
+    return 3e-7 * z / z.std() + rng.normal(0.0, noise_m, SHAPE)
+
+
+def found(height_m):
+    return pixels_apart(HeightMap(height_m, (1e-4, 1e-4)))
+
+
+def finer(height_m, times, order):
+    """Interpolate in cells, so that places are at the same distances from the points."""
+    return zoom(height_m, times, order=order, grid_mode=True, mode="nearest")
+
+
+@pytest.mark.parametrize(
+    ("order", "every"), [(0, 2), (0, 5), (1, 2), (1, 3), (1, 7), (3, 4), (3, 6)]
+)
+@pytest.mark.parametrize("noise_m", [0.0, 5e-9])
+def test_interpolated_maps_tell_their_points(order, every, noise_m):
+    """Copies, straight lines and cubic splines between points that bear noise of their own."""
+    points_m = waves_m(noise_m=noise_m)[::every, ::every]
+    assert found(finer(points_m, every, order)) == (every, every)
+
+
+@pytest.mark.parametrize("noise_m", [0.0, 5e-9])
+def test_one_axis_alone_may_be_interpolated(noise_m):
+    points_m = waves_m(noise_m=noise_m)[:, ::2]
+    rows_m = [np.interp(np.arange(192), np.arange(0, 192, 2), row) for row in points_m]
+    assert found(np.array(rows_m)) == (1, 2)
+    assert found(np.array(rows_m).T.copy()) == (2, 1)
+
+
+def test_lost_points_a_tilt_and_the_digits_of_a_file_change_nothing():
+    z = finer(waves_m()[::4, ::4], 4, 1)
+    tilted_m = (z + 1e-8 * COLUMN - 3e-8 * ROW).astype(np.float32).astype(float)
+    tilted_m[np.random.default_rng(5).random(SHAPE) < 0.2] = np.nan
+    assert found(tilted_m) == (4, 4)
+
+
+@pytest.mark.parametrize(
+    "height_m",
+    [
+        waves_m(),
+        waves_m(width=2.0),
+        waves_m(noise_m=1e-8),
+        np.random.default_rng(1).normal(0.0, 1e-8, SHAPE),
+        np.round(waves_m() / 1e-9) * 1e-9,
+        np.round(waves_m() / 1e-7) * 1e-7,
+        waves_m() + 5e-9 * (COLUMN % 4 == 0),  # a pattern of the sensor
+        waves_m() + 1e-6 * (np.random.default_rng(2).random(SHAPE) < 1e-3),  # spikes
+        np.maximum(-1e-7, 2e-7 - ((ROW - 60) ** 2 + (COLUMN - 90) ** 2) * 1e-10),  # a sphere
+        1e-9 * COLUMN + 2e-9 * ROW,
+        np.zeros(SHAPE),
+        np.full(SHAPE, np.nan),
+        finer(waves_m()[:8, :8], 3, 1),  # too small to tell
+    ],
+)
+def test_measured_points_are_all_points(height_m):
+    assert found(height_m) == (1, 1)
