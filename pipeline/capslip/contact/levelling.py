@@ -279,14 +279,15 @@ class _Search:
         share = fit_named(fit).compression_share
         points = points_of_hills(surface, hills)
         slope, depth_m = start.slope, self._carried(start, hills, surface)
-        before_N: np.ndarray | None = None
+        before: tuple[np.ndarray, FirstLoading] | None = None
+        before_N = np.zeros(hills.n_hills)
         tried, history, part, least, restless = last, list[float](), 1.0, math.inf, math.inf
         for _ in range(MAX_TURNS):
             fitted = fit_spheres(surface, hills, fit, depth_m, points, self.noise)
             try:
-                use, pressed, depths_m = self._press(fitted, slope)
+                use, pressed, depths_m = self._press(fitted, slope, before)
             except TipsOverError as error:
-                if before_N is None or fitted.usable.all():
+                if before is None or fitted.usable.all():
                     raise
                 raise _LostCapsError(
                     f"the face finds no level: fitted as deep as they are compressed, "
@@ -296,10 +297,9 @@ class _Search:
             rest, load_N, turn = pressed.rest, pressed.load_N, np.array(pressed.rest.slope)
             all_N = np.zeros(hills.n_hills)
             all_N[use] = load_N
-            moved = 1.0
-            if before_N is not None:
-                moved = float(np.abs(all_N - before_N).sum()) / (2.0 * sum(load_N)) / part
-            before_N = all_N
+            moved = float(np.abs(all_N - before_N).sum()) / (2.0 * sum(load_N)) / part
+            moved = 1.0 if before is None else moved
+            before, before_N = (use, pressed), all_N
             span_m = self._across_m(turn)
             approach_m = rest.level_m - float(depths_m.min())
             plane_m = float(fitted.spheres.apex_m[use].max()) - rest.level_m
@@ -337,9 +337,14 @@ class _Search:
         )
 
     def _press(
-        self, fitted: Fitted, slope: np.ndarray
+        self,
+        fitted: Fitted,
+        slope: np.ndarray,
+        before: tuple[np.ndarray, FirstLoading] | None,
     ) -> tuple[np.ndarray, FirstLoading, np.ndarray]:
         """Return the caps that were pressed, how, and their depths below the plane.
+
+        They start as they were pressed before, where these were the same caps.
 
         The plane is that of the highest peak, turned with the face. What holds the parts upright is
         at ease where no slope is taken off the map.
@@ -351,7 +356,10 @@ class _Search:
         peak_m = spheres.apex_m[use]
         stiffness = turning_stiffness(self.settings)
         held = (stiffness, stiffness * slope)
-        pressed = _pressed(arm_m, peak_m, spheres.radius_m[use], self.settings, held)
+        start = None
+        if before is not None and np.array_equal(before[0], use):
+            start = before[1].compression_m, before[1].load_N
+        pressed = _pressed(arm_m, peak_m, spheres.radius_m[use], self.settings, held, start)
         area_m2 = float(math.pi * (spheres.radius_m[use] * pressed.width_m).sum())
         if area_m2 > math.prod(self.surface.side_m):
             raise ContactError(
@@ -455,7 +463,8 @@ def rebalanced(
         level = _pressed(arms_m, peak_m, radius_m, settings, (math.inf, np.zeros(2)))
         held = (held[0], level.load_N @ arms_m)
     peak_m, radius_m = caps.peak_height_m[chosen], caps.radius_m[chosen]
-    rest = _pressed(arms_m, peak_m, radius_m, settings, held, start_m).rest
+    start = None if start_m is None else (start_m, None)
+    rest = _pressed(arms_m, peak_m, radius_m, settings, held, start).rest
     up_m = arm_m @ np.array(rest.slope)
     return caps.with_columns(peak_height_m=caps.peak_height_m + up_m), rest.compression_m
 
@@ -466,15 +475,16 @@ def _pressed(
     radius_m: np.ndarray,
     settings: Settings,
     held: tuple[float, np.ndarray],
-    start_m: np.ndarray | None = None,
+    start: tuple[np.ndarray, np.ndarray | None] | None = None,
 ) -> FirstLoading:
-    """Press caps under a plane that may turn."""
+    """Press caps under a plane that may turn, from compressions and loads where these are known."""
     material, contact = settings.material, settings.contact
     E_star_Pa = composite(material.youngs_modulus_Pa, material.poisson_ratio).E_star_Pa
     return first_loading(
         *(yield_law(material), radius_m, peak_m.max() - peak_m, E_star_Pa, contact.preload_N),
         compliance_m_per_N=pairs_in_balance(arm_m, E_star_Pa, settings),
-        start_m=start_m,
+        start_m=None if start is None else start[0],
+        start_N=None if start is None else start[1],
         arm=arm_m,
         turning_stiffness=held[0],
         moment_Nm=held[1],

@@ -179,9 +179,11 @@ def pairs_in_balance(arm_m: np.ndarray, E_star_Pa: float, settings: Settings) ->
     if len(arm_m) > MAX_PAIRS or not (model == "auto" or rung(model).interacts):
         return None
     x_m, y_m = arm_m.T
-    r_m = np.hypot(x_m[:, None] - x_m, y_m[:, None] - y_m)
-    np.fill_diagonal(r_m, np.inf)
-    return np.asarray(1.0 / (math.pi * E_star_Pa * r_m))
+    between = np.square(x_m[:, None] - x_m)  # r^2, and all else in its place: pairs are many
+    between += np.square(y_m[:, None] - y_m)
+    np.fill_diagonal(between, np.inf)
+    np.sqrt(between, out=between)
+    return np.divide(1.0 / (math.pi * E_star_Pa), between, out=between)
 
 
 def rung(name: str) -> Rung[Any]:

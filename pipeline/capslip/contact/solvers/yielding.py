@@ -216,6 +216,7 @@ def first_loading(
     compliance_m_per_N: np.ndarray | None = None,
     count: np.ndarray | float = 1.0,
     start_m: np.ndarray | None = None,
+    start_N: np.ndarray | None = None,
     **turning: Any,
 ) -> FirstLoading:
     """Press caps for the first time, to a load.
@@ -237,8 +238,8 @@ def first_loading(
         Between the caps, as for `balance.press`.
     count : float64, shape (n,)
         Equal caps in each row, only of caps that do not interact.
-    start_m : float64, shape (n,), optional
-        Compressions to start from.
+    start_m, start_N : float64, shape (n,), optional
+        Compressions to start from; with loads, too, caps that yielded under these start there.
     turning
         `arm`, `turning_stiffness` and `moment_Nm` of `balance.press`.
 
@@ -262,32 +263,37 @@ def first_loading(
         rows = k * count
         if start_m is None:
             start_m = (load_N / len(k) / rows) ** (2 / 3)
+            if compliance_m_per_N is not None:  # most caps of many touch nothing, which costs least
+                start_m = press(rows, depth_m, None, start_m, load=load_N, **turning).compression_m
         rest = press(rows, depth_m, compliance_m_per_N, start_m, load=load_N, **turning)
         return rest, k * np.maximum(rest.compression_m, 0.0) ** 1.5
 
-    try:
-        rest, one_N = pressed(radius_m, depth_m, start_m)
-    except ContactError:
-        if law is None:
-            raise
-        rest, one_N = None, np.full(len(radius_m), load_N / np.sum(count * np.ones(len(radius_m))))
+    rest, one_N, gap_m, moved, part = None, start_N, start_m, 0.0, 1.0
+    if law is None or one_N is None or not law.yielded(one_N, radius_m).any():
+        moved = math.inf
+        try:
+            rest, one_N = pressed(radius_m, depth_m, start_m)
+        except ContactError:
+            if law is None:
+                raise
+            one_N = np.full(len(radius_m), load_N / np.sum(count * np.ones(len(radius_m))))
     if rest is not None and (law is None or not law.yielded(one_N, radius_m).any()):
         g = rest.compression_m
         return FirstLoading(rest, one_N, radius_m, depth_m, np.maximum(g, 0.0), g)
     assert law is not None
-    moved, part = math.inf, 1.0
     for _ in range(_MAX_TURNS):
         near_m, lower_m = law.like_hertz(one_N, radius_m, tangent=moved < _NEAR)
-        start_m = None
-        if rest is not None and moved < _NEAR:
+        near_start_m = None
+        if gap_m is not None and moved < _NEAR:
             near = (0.75 * one_N / (E_star_Pa * np.sqrt(near_m))) ** (2 / 3)
-            start_m = np.where(one_N > 0.0, near, rest.compression_m)
-        rest, new_N = pressed(near_m, depth_m + lower_m, start_m)
+            near_start_m = np.where(one_N > 0.0, near, gap_m)
+        rest, new_N = pressed(near_m, depth_m + lower_m, near_start_m)
+        gap_m = rest.compression_m
         last, moved = moved, float(np.abs(count * (new_N - one_N)).sum()) / load_N
         if moved < _SETTLED:
             one_N = new_N
             break
-        if moved > 0.8 * last:
+        if 0.0 < 0.8 * last < moved:
             part = max(0.5 * part, _LEAST_PART)  # it swings to and fro: half of the way
         one_N = one_N + part * (new_N - one_N)
     if rest is None or moved > _ACCEPTED:
