@@ -3,7 +3,7 @@
 import math
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
-from functools import partial
+from functools import cache, partial
 from typing import Any, Literal, get_args
 
 import numpy as np
@@ -26,6 +26,7 @@ MAX_STEPS = 50
 FEW_POINTS = 16384  # of a block of which a sphere or cylinder needs ten arrays
 DIFFERENCE = 1e-5  # step of the central differences, in half diagonals and radians
 
+Fit = Callable[[np.ndarray | None], tuple[np.ndarray, float | None, float | None]]
 Model = Callable[[np.ndarray, np.ndarray], tuple[np.ndarray, list[np.ndarray]]]
 
 
@@ -111,12 +112,13 @@ def remove_form(
         return surface, Form("none")
     degree = DEGREE.get(kind, degree)
     measured = _measured(surface)
+    fit = _fit_of(surface, measured, kind, degree)
     if floor:
-        residual_m, radius_m, axis_rad = _through_lowest(surface, measured, kind, degree)
+        residual_m, radius_m, axis_rad = _through_lowest(fit, measured)
     elif robust:
-        residual_m, radius_m, axis_rad = _reweighted(surface, measured, kind, degree)
+        residual_m, radius_m, axis_rad = _reweighted(fit, surface, measured)
     else:
-        residual_m, radius_m, axis_rad = _fit(surface, measured, None, kind, degree)
+        residual_m, radius_m, axis_rad = fit(None)
     form = Form(kind, degree, robust and not floor, radius_m, axis_rad, floor)
     return replace(surface, height_m=residual_m), form
 
@@ -186,24 +188,21 @@ def _measured(surface: HeightMap) -> np.ndarray | None:
     return measured
 
 
-def _fit(
-    surface: HeightMap,
-    measured: np.ndarray | None,
-    weight: np.ndarray | None,
-    kind: FormKind,
-    degree: int | None,
-) -> tuple[np.ndarray, float | None, float | None]:
-    """Return the residual map, and radius and direction where the form has them.
+def _fit_of(
+    surface: HeightMap, measured: np.ndarray | None, kind: FormKind, degree: int | None
+) -> Fit:
+    """Return what fits a map with weights: residual map, and radius and direction if it has them.
 
     Without weights all measured points count alike.
     """
-    if degree is not None:
-        return _without_polynomial(surface, measured, weight, degree), None, None
-    return _without_quadric(surface, weight, kind == "cylinder")
+    if degree is None:
+        return lambda weight: _without_quadric(surface, weight, kind == "cylinder")
+    polynomial = _Polynomial.of(surface, measured, degree)
+    return lambda weight: (polynomial.residual_m(weight), None, None)
 
 
 def _reweighted(
-    surface: HeightMap, measured: np.ndarray | None, kind: FormKind, degree: int | None
+    fit: Fit, surface: HeightMap, measured: np.ndarray | None
 ) -> tuple[np.ndarray, float | None, float | None]:
     """Fit again with the weights that follow from the residuals, until their spread settles."""
     weight = None
@@ -211,7 +210,7 @@ def _reweighted(
     z_m = surface.height_m
     rounding_m = ROUNDING * (np.fmax.reduce(z_m, axis=None) - np.fmin.reduce(z_m, axis=None))
     for step in range(MAX_REWEIGHTS + 1):
-        residual_m, radius_m, axis_rad = _fit(surface, measured, weight, kind, degree)
+        residual_m, radius_m, axis_rad = fit(weight)
         off_m = np.abs(residual_m if measured is None else residual_m[measured])
         spread_m = float(np.median(off_m, overwrite_input=True))
         settled = abs(last_m - spread_m) <= SETTLED * spread_m
@@ -225,12 +224,12 @@ def _reweighted(
 
 
 def _through_lowest(
-    surface: HeightMap, measured: np.ndarray | None, kind: FormKind, degree: int | None
+    fit: Fit, measured: np.ndarray | None
 ) -> tuple[np.ndarray, float | None, float | None]:
     """Fit again to the lowest third of the residuals, until nearly the same points are lowest."""
     weight = None
     for _ in range(MAX_REWEIGHTS + 1):
-        residual_m, radius_m, axis_rad = _fit(surface, measured, weight, kind, degree)
+        residual_m, radius_m, axis_rad = fit(weight)
         known_m = residual_m if measured is None else residual_m[measured]
         # Where many points are equally low, as on a clean floor, all of them count
         last = math.ceil(FLOOR_SHARE * (known_m.size - 1))
@@ -250,10 +249,9 @@ def _biweight(residual_m: np.ndarray, reach_m: float) -> np.ndarray:
     return np.square(np.subtract(1.0, residual_m, out=residual_m), out=residual_m)
 
 
-def _without_polynomial(
-    surface: HeightMap, measured: np.ndarray | None, weight: np.ndarray | None, degree: int
-) -> np.ndarray:
-    """Subtract the least-squares polynomial of total degree `degree`.
+@dataclass(frozen=True, eq=False)
+class _Polynomial:
+    """Least-squares polynomials of one total degree over one map, whatever the weights.
 
     The sums of the normal equations factorise into rows and columns: with V and U the Chebyshev
     polynomials of the scaled coordinates, sum(w T_i(v) T_j(u)) is one matrix product V^T W U, and
@@ -261,51 +259,72 @@ def _without_polynomial(
     2 T_i T_k = T_(i+k) + T_|i-k|. Coordinates run from -1 to 1 over the measured part and heights
     count from a measured one, so that neither the place nor the level of the face costs digits.
     """
-    z_m = surface.height_m
-    if measured is None:
-        v, u = (np.linspace(-1.0, 1.0, n) for n in surface.shape)
-        level_m = z_m[0, 0]
-    else:
-        v, u = _scaled(measured.any(axis=1)), _scaled(measured.any(axis=0))
-        level_m = z_m.reshape(-1)[np.argmax(measured)]
-    chebyshev_v = np.polynomial.chebyshev.chebvander(v, 2 * degree)
-    chebyshev_u = np.polynomial.chebyshev.chebvander(u, 2 * degree)
-    few_v, few_u = chebyshev_v[:, : degree + 1], chebyshev_u[:, : degree + 1]
 
-    moment = np.zeros((2 * degree + 1, 2 * degree + 1))
-    if measured is None and weight is None:
-        moment = np.outer(chebyshev_v.sum(axis=0), chebyshev_u.sum(axis=0))
-    right = np.zeros((degree + 1, degree + 1))
-    residual_m = np.empty_like(z_m)
-    for rows in row_blocks(surface.shape):
-        known_m = np.subtract(z_m[rows], level_m, out=residual_m[rows])
-        counts = None if measured is None else measured[rows].astype(np.float64)
-        if measured is not None:
-            known_m = np.where(measured[rows], known_m, 0.0)
-        if weight is not None:
-            counts = weight[rows]
-            known_m = known_m * counts
-        if counts is not None:
-            moment += chebyshev_v[rows].T @ (counts @ chebyshev_u)
-        right += few_v[rows].T @ (known_m @ few_u)
+    surface: HeightMap
+    measured: np.ndarray | None
+    degree: int
+    level_m: float
+    chebyshev_v: np.ndarray  # V, shape (ny, 2 degree + 1)
+    chebyshev_u: np.ndarray  # U, shape (nx, 2 degree + 1)
 
-    i, j = np.array([(i, j) for i in range(degree + 1) for j in range(degree + 1 - i)]).T
-    plus_i, minus_i = i[:, None] + i, np.abs(i[:, None] - i)
-    plus_j, minus_j = j[:, None] + j, np.abs(j[:, None] - j)
-    normal = 0.25 * (
-        moment[plus_i, plus_j]
-        + moment[plus_i, minus_j]
-        + moment[minus_i, plus_j]
-        + moment[minus_i, minus_j]
-    )
-    if not np.linalg.cond(normal) < MAX_CONDITION:
-        raise _loose(surface)
-    coefficient_m = np.zeros((degree + 1, degree + 1))
-    coefficient_m[i, j] = np.linalg.solve(normal, right[i, j])
-    along_v = few_v @ coefficient_m
-    for rows in row_blocks(surface.shape):
-        residual_m[rows] -= along_v[rows] @ few_u.T
-    return residual_m
+    @classmethod
+    def of(cls, surface: HeightMap, measured: np.ndarray | None, degree: int) -> "_Polynomial":
+        z_m = surface.height_m
+        if measured is None:
+            v, u = (np.linspace(-1.0, 1.0, n) for n in surface.shape)
+            level_m = z_m[0, 0]
+        else:
+            v, u = _scaled(measured.any(axis=1)), _scaled(measured.any(axis=0))
+            level_m = z_m.reshape(-1)[np.argmax(measured)]
+        of_v, of_u = (np.polynomial.chebyshev.chebvander(at, 2 * degree) for at in (v, u))
+        return cls(surface, measured, degree, level_m, of_v, of_u)
+
+    def residual_m(self, weight: np.ndarray | None) -> np.ndarray:
+        """Return the map less the polynomial that fits it best with these weights."""
+        z_m, measured, terms = self.surface.height_m, self.measured, self.degree + 1
+        few_v, few_u = self.chebyshev_v[:, :terms], self.chebyshev_u[:, :terms]
+        moment = np.zeros((2 * self.degree + 1, 2 * self.degree + 1))
+        if measured is None and weight is None:
+            moment = np.outer(self.chebyshev_v.sum(axis=0), self.chebyshev_u.sum(axis=0))
+        right = np.zeros((terms, terms))
+        residual_m = np.empty_like(z_m)
+        for rows in row_blocks(z_m.shape):
+            known_m = np.subtract(z_m[rows], self.level_m, out=residual_m[rows])
+            counts = None if measured is None else measured[rows].astype(np.float64)
+            if measured is not None:
+                known_m = np.where(measured[rows], known_m, 0.0)
+            if weight is not None:
+                counts = weight[rows]
+                known_m = known_m * counts
+            if counts is not None:
+                moment += self.chebyshev_v[rows].T @ (counts @ self.chebyshev_u)
+            right += few_v[rows].T @ (known_m @ few_u)
+        along_v = few_v @ self._coefficients_m(moment, right)
+        for rows in row_blocks(z_m.shape):
+            residual_m[rows] -= along_v[rows] @ few_u.T
+        return residual_m
+
+    def _coefficients_m(self, moment: np.ndarray, right: np.ndarray) -> np.ndarray:
+        i, j = _terms(self.degree)
+        plus_i, minus_i = i[:, None] + i, np.abs(i[:, None] - i)
+        plus_j, minus_j = j[:, None] + j, np.abs(j[:, None] - j)
+        normal = 0.25 * (
+            moment[plus_i, plus_j]
+            + moment[plus_i, minus_j]
+            + moment[minus_i, plus_j]
+            + moment[minus_i, minus_j]
+        )
+        if not np.linalg.cond(normal) < MAX_CONDITION:
+            raise _loose(self.surface)
+        coefficient_m = np.zeros_like(right)
+        coefficient_m[i, j] = np.linalg.solve(normal, right[i, j])
+        return coefficient_m
+
+
+@cache
+def _terms(degree: int) -> np.ndarray:
+    """Return the powers of v and u in a polynomial of total degree `degree`, shape (2, terms)."""
+    return np.array([(i, j) for i in range(degree + 1) for j in range(degree + 1 - i)]).T
 
 
 def _scaled(holds: Any) -> np.ndarray:
