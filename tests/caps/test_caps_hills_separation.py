@@ -11,7 +11,7 @@ from hypothesis.extra.numpy import arrays
 from scipy import ndimage
 
 from capslip.caps.hills import find_hills
-from capslip.caps.separation import change_tree
+from capslip.caps.separation import change_tree, region_tree
 from capslip.errors import SettingsError
 from capslip.studies.faces.synthetic import Cap, CapFamily, Scene, synthetic_surface
 from capslip.surface.conditioning import condition
@@ -39,10 +39,10 @@ def pair(depth, cap_height_m=0.25e-6, radius_m=24.0):
     return surface, float((surface.height_m >= -cap_height_m).mean())
 
 
-def tree_of(height_m, above):
+def tree_of(height_m, above, build=change_tree):
     framed = np.pad(np.where(above, height_m, 0.0), 1)
     point = np.flatnonzero(np.pad(above, 1))
-    return change_tree(point, framed.ravel()[point], framed.shape)
+    return build(point, framed.ravel()[point], framed.shape)
 
 
 def assert_every_cap_is_one_hill(hills, surface, truth):
@@ -57,6 +57,19 @@ def assert_every_cap_is_one_hill(hills, surface, truth):
 
 
 # The tree ---------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("share", [0.05, 0.3, 0.6, 1.0])
+def test_regions_are_the_hills_with_all_of_a_region_joined(share):
+    rng = np.random.default_rng(104)
+    height_m = rng.integers(40, size=(37, 53)).astype(float)  # with peaks that are equally high
+    above = rng.random(height_m.shape) < share
+    tree, regions = tree_of(height_m, above), tree_of(height_m, above, region_tree)
+    joined = tree.join(np.full(len(tree.peak_m), True))
+    highest, of_hill = np.unique(joined, return_inverse=True)
+    np.testing.assert_array_equal(regions.hill, of_hill[tree.hill])
+    np.testing.assert_array_equal(regions.peak_m, tree.peak_m[highest])
+    assert (regions.prominence_m == np.inf).all()
 
 
 @given(

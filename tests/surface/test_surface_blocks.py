@@ -6,14 +6,17 @@ from dataclasses import fields
 import numpy as np
 import pytest
 from scipy import ndimage
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
 
 from capslip.caps import hills, separation
 from capslip.caps.hills import find_hills
 from capslip.surface import blocks, outliers
 from capslip.surface.conditioning import condition, sq_and_sz_m
 from capslip.surface.form import remove_form
+from capslip.surface.graph import connected_parts
 from capslip.surface.heightmap import HeightMap
-from capslip.surface.outliers import _Runs, find_outliers
+from capslip.surface.outliers import _runs_between, find_outliers
 
 PIXEL_M = (2e-5, 3e-5)
 LOST = ("none", "single", "patches")
@@ -74,21 +77,22 @@ def test_the_plane_and_sq_do_not_depend_on_the_size_of_the_blocks(lost, monkeypa
 @pytest.mark.parametrize("share", [0.0, 0.02, 0.4, 0.7, 1.0])
 def test_runs_hang_together_as_their_points_do(share):
     left_out = np.random.default_rng(103).random((37, 53)) < share
-    runs = _Runs.of(left_out.shape, np.flatnonzero(left_out))
+    runs = _runs_between(left_out.shape, np.flatnonzero(left_out))
     label, n_parts = ndimage.label(~left_out, np.ones((3, 3)))
-    of_run = label.reshape(-1)[runs.places(runs.first)]
+    of_run = label.reshape(-1)[runs.first - runs.first // runs.width]
     assert (runs.last - runs.first + 1).sum() == np.count_nonzero(~left_out)
     point = np.flatnonzero(~left_out)
-    np.testing.assert_array_equal(of_run[runs.holding(point)], label.reshape(-1)[point])
+    np.testing.assert_array_equal(
+        of_run[runs.holding(point + point // 53)], label.reshape(-1)[point]
+    )
     one, other = runs.pairs()
     np.testing.assert_array_equal(of_run[one], of_run[other])
     # as many joints as it takes, and none too few
-    from scipy.sparse import coo_array
-    from scipy.sparse.csgraph import connected_components
-
+    part = connected_parts(of_run.size, one, other)
+    assert np.unique(part).size == n_parts
     graph = coo_array((np.ones(one.size), (one, other)), shape=(of_run.size, of_run.size))
     if of_run.size:
-        assert connected_components(graph, directed=False)[0] == n_parts
+        np.testing.assert_array_equal(part, connected_components(graph, directed=False)[1])
 
 
 @pytest.mark.parametrize("ratio", [0.01, 0.1, 0.5, 0.97])

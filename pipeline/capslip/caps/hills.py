@@ -7,12 +7,13 @@ by watershed, and Wolf's pruning joins again what no distinct saddle divides.
 """
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 
 from capslip.caps.pruning import MIN_POINTS, Basins, automatic_pruning_m, change_of_count
-from capslip.caps.separation import ChangeTree, change_tree
+from capslip.caps.separation import ChangeTree, change_tree, region_tree
 from capslip.errors import SettingsError, UnusableSurfaceError
 from capslip.surface.blocks import BLOCK_POINTS
 from capslip.surface.heightmap import HeightMap
@@ -250,7 +251,8 @@ def _separate(
             f"at least {MIN_POINTS}; raise hills.material_ratio or use a finer scan"
         )
     square, noise_left_m = _square(noise_m, relief_m, n_measured / surface.height_m.size)
-    tree, raw_m = _tree(surface, point, cut_m, square)
+    build = region_tree if pruning_m == math.inf else change_tree
+    tree, raw_m = _tree(surface, point, cut_m, square, build)
 
     hill, m = tree.hill, len(tree.peak_m)
     if hill.size > n_kept:
@@ -314,7 +316,11 @@ def _lower_spikes(above_m: np.ndarray, point: np.ndarray) -> None:
 
 
 def _tree(
-    surface: HeightMap, point: np.ndarray, cut_m: float, side: int
+    surface: HeightMap,
+    point: np.ndarray,
+    cut_m: float,
+    side: int,
+    build: Callable[[np.ndarray, np.ndarray, tuple[int, int]], ChangeTree],
 ) -> tuple[ChangeTree, np.ndarray]:
     """Build the tree of the averaged heights; return it and the heights at its points.
 
@@ -336,7 +342,7 @@ def _tree(
         framed = np.insert(framed, place, lost[above])
         below_m = np.nextafter(lost_m[above], -np.inf)  # what was measured counts as higher
         mean_m, raw_m = np.insert(mean_m, place, below_m), np.insert(raw_m, place, np.nan)
-    return change_tree(framed, mean_m, (ny + 2 * MARGIN, width)), raw_m
+    return build(framed, mean_m, (ny + 2 * MARGIN, width)), raw_m
 
 
 def _means(

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from capslip.surface.blocks import BLOCK_POINTS
+from capslip.surface.graph import Runs, connected_parts, ends
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,7 +56,7 @@ class ChangeTree:
         int64, shape (m,)
             The hill that each hill then belongs to.
         """
-        return _ends(np.where(chosen, self.neighbour, np.arange(len(self.neighbour))))
+        return ends(np.where(chosen, self.neighbour, np.arange(len(self.neighbour))))
 
 
 def change_tree(point: np.ndarray, height_m: np.ndarray, shape: tuple[int, int]) -> ChangeTree:
@@ -86,7 +87,7 @@ def change_tree(point: np.ndarray, height_m: np.ndarray, shape: tuple[int, int])
     (array([3., 2.]), array([-inf,   1.]), array([0, 0]))
     """
     lattice = _Lattice(point, height_m, shape)
-    summit = _ends(lattice.uphill())
+    summit = ends(lattice.uphill())
     peak = np.flatnonzero(summit == np.arange(len(point), dtype=np.int32))
     peak = peak[np.argsort(-height_m[peak], kind="stable")]
     number = np.full(len(point), -1, dtype=np.int32)
@@ -96,6 +97,34 @@ def change_tree(point: np.ndarray, height_m: np.ndarray, shape: tuple[int, int])
     first, second, saddle_m = lattice.passes(hill)
     saddle, across = _joined(len(peak), first, second)
     return ChangeTree(point, hill, height_m[peak], np.append(saddle_m, -np.inf)[saddle], across)
+
+
+def region_tree(point: np.ndarray, height_m: np.ndarray, shape: tuple[int, int]) -> ChangeTree:
+    """Return the tree of connected regions, each of them one hill.
+
+    It is that of `change_tree` with all hills of a region joined; the parameters are the same.
+
+    Examples
+    --------
+    >>> z = np.zeros((3, 6))
+    >>> z[1] = 0.0, 2.0, 1.0, 0.0, 3.0, 0.0
+    >>> tree = region_tree(np.flatnonzero(z), z[z > 0], z.shape)
+    >>> tree.hill, tree.peak_m
+    (array([1, 1, 0], dtype=int32), array([3., 2.]))
+    """
+    begin = np.flatnonzero(np.diff(point, prepend=-2) != 1)
+    size = np.diff(begin, append=len(point))
+    runs = Runs(point[begin], point[begin + size - 1], shape[1])
+    region = np.repeat(connected_parts(begin.size, *runs.pairs()), size)
+    n = int(region.max(initial=-1)) + 1
+    peak_m, at = np.full(n, -np.inf), np.full(n, len(point))
+    np.maximum.at(peak_m, region, height_m)
+    highest = np.flatnonzero(height_m == peak_m[region])
+    np.minimum.at(at, region[highest], highest)
+    order = np.lexsort((at, -peak_m))
+    number = np.empty(n, dtype=np.int32)
+    number[order] = np.arange(n)
+    return ChangeTree(point, number[region], peak_m[order], np.full(n, -np.inf), np.arange(n))
 
 
 @dataclass(frozen=True, eq=False)
@@ -178,15 +207,6 @@ class _Lattice:
         order = np.lexsort((np.minimum.reduceat(there, first), -pass_m))
         pair = pair[first[order]]
         return pair // n_hills, pair % n_hills, pass_m[order]
-
-
-def _ends(pointer: np.ndarray) -> np.ndarray:
-    """Follow every pointer to where it ends, doubling the stride each time."""
-    while True:
-        further = pointer.take(pointer)
-        if np.array_equal(further, pointer):
-            return pointer
-        pointer = further
 
 
 def _joined(n_hills: int, first: np.ndarray, second: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

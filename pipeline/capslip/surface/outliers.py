@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from capslip.surface.blocks import BLOCK_POINTS
+from capslip.surface.graph import Runs, connected_parts
 from capslip.surface.heightmap import HeightMap
 
 STEP_QUANTILE = 0.90
@@ -107,15 +108,12 @@ def _islands(z: np.ndarray, stored_m: np.ndarray, cliff_m: float) -> tuple[np.nd
     Points without a cliff to any neighbour are joined along their rows, and these runs to those of
     the next row; the few points at a cliff are joined to each other and to the runs.
     """
-    from scipy.sparse import coo_array
-    from scipy.sparse.csgraph import connected_components
-
     shore = _at_cliff(z, cliff_m)
     lost = np.flatnonzero(np.isnan(z))
     none = np.empty(0, dtype=np.intp)
     if not shore.size and not lost.size:
         return none, none
-    runs = _Runs.of(z.shape, np.union1d(shore, lost) if shore.size else lost)
+    runs = _runs_between(z.shape, np.union1d(shore, lost) if shore.size else lost)
     n_runs, height_m = runs.first.size, z.reshape(-1)
     if n_runs + shore.size == 0:
         return none, none
@@ -125,16 +123,17 @@ def _islands(z: np.ndarray, stored_m: np.ndarray, cliff_m: float) -> tuple[np.nd
     joined = np.abs(height_m[beside] - height_m[shore[member]]) <= cliff_m
     member, beside = member[joined], beside[joined]
     place = np.minimum(np.searchsorted(shore, beside), shore.size - 1)
-    node = np.where(shore[place] == beside, n_runs + place, runs.holding(beside))
+    holding = runs.holding(beside + beside // z.shape[1])
+    node = np.where(shore[place] == beside, n_runs + place, holding)
     one, other = runs.pairs()
-    ends = np.append(one, n_runs + member), np.append(other, node)
-    graph = coo_array((np.ones(ends[0].size), ends), shape=(size.size, size.size))
-    n_parts, part = connected_components(graph, directed=False)
-    points = np.bincount(part, size, minlength=n_parts)
+    pairs = np.append(one, n_runs + member), np.append(other, node)
+    part = connected_parts(size.size, *pairs)
+    points = np.bincount(part, size)
+    n_parts = points.size
     aside = np.flatnonzero(part != np.argmax(points))
     if not aside.size:
         return none, none
-    first = np.append(runs.places(runs.first), shore)[aside]
+    first = np.append(runs.first - runs.first // runs.width, shore)[aside]
     index = np.repeat(first - np.cumsum(size[aside]) + size[aside], size[aside])
     index += np.arange(index.size)
     of_index = np.repeat(part[aside], size[aside])
@@ -148,44 +147,14 @@ def _islands(z: np.ndarray, stored_m: np.ndarray, cliff_m: float) -> tuple[np.nd
     return index[island], np.unique(of_index[island], return_inverse=True)[1]
 
 
-@dataclass(frozen=True, eq=False)
-class _Runs:
-    """Runs of points along the rows of a map, between some that are left out.
-
-    Places count as if every row had one more point that is left out, so that no run goes on.
-    """
-
-    first: np.ndarray
-    last: np.ndarray
-    width: int  # of the map, with that point
-
-    @classmethod
-    def of(cls, shape: tuple[int, int], left_out: np.ndarray) -> "_Runs":
-        (ny, nx), width = shape, shape[1] + 1
-        ends = np.append(left_out + left_out // nx, np.arange(1, ny + 1) * width - 1)
-        ends.sort()
-        begin = np.append(-1, ends[:-1]) + 1
-        some = begin < ends
-        return cls(begin[some], ends[some] - 1, width)
-
-    def holding(self, index: np.ndarray) -> np.ndarray:
-        """Return the runs that hold some points, given by their places in the map."""
-        place = index + index // (self.width - 1)
-        return np.searchsorted(self.first, place, "right") - 1
-
-    def places(self, framed: np.ndarray) -> np.ndarray:
-        """Return places in the map."""
-        places: np.ndarray = framed - framed // self.width
-        return places
-
-    def pairs(self) -> tuple[np.ndarray, np.ndarray]:
-        """Return all pairs of runs that touch from row to row, diagonals included."""
-        start = np.searchsorted(self.last, self.first - self.width - 1)
-        stop = np.searchsorted(self.first, self.last - self.width + 1, "right")
-        count = np.maximum(stop - start, 0)
-        one = np.repeat(np.arange(count.size), count)
-        other = np.repeat(start - np.cumsum(count) + count, count) + np.arange(one.size)
-        return one, other
+def _runs_between(shape: tuple[int, int], left_out: np.ndarray) -> Runs:
+    """Return the runs between some points that are left out, as if every row had one more such."""
+    (ny, nx), width = shape, shape[1] + 1
+    ends = np.append(left_out + left_out // nx, np.arange(1, ny + 1) * width - 1)
+    ends.sort()
+    begin = np.append(-1, ends[:-1]) + 1
+    some = begin < ends
+    return Runs(begin[some], ends[some] - 1, width)
 
 
 def _at_cliff(z: np.ndarray, cliff_m: float) -> np.ndarray:

@@ -104,11 +104,11 @@ def restore_tops(surface: HeightMap) -> HeightMap:
     nothing in common, and for the share that they have in common as those of 16 cells. To the error
     of the top comes by how much the next narrower flank moves it.
     """
-    from scipy.ndimage import binary_dilation, find_objects, label
-
     index = clipped_points(surface)
     if index is None:
         return surface
+    from scipy.ndimage import binary_dilation, find_objects, label  # takes as long as all else
+
     mask = np.zeros(surface.shape, dtype=bool)
     mask.reshape(-1)[index] = True
     around = np.ones((3, 3))  # noise frays the rim of a place: what is that near is part of it
