@@ -186,15 +186,16 @@ def _normal_equations(
     count: np.ndarray, u: np.ndarray, v: np.ndarray, w: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return matrices (n, 6, 6), right-hand sides (n, 6) and the sums of the squares of w."""
-    terms = np.empty((21, len(u)))
-    terms[0], terms[1], terms[14] = u, v, w
-    uu, uv, vv = terms[2:5]
-    moments = [(u, u), (u, v), (v, v), (uu, u), (uu, v), (u, vv), (vv, v)]
+    sums, start = np.empty((21, len(count))), np.cumsum(count) - count
+    uu, uv, vv = u * u, u * v, v * v
+    for out, one in zip((*sums[:5], sums[14]), (u, v, uu, uv, vv, w), strict=True):
+        np.add.reduceat(one, start, out=out)
+    moments = [(uu, u), (uu, v), (u, vv), (vv, v)]
     moments += [(uu, uu), (uu, uv), (uu, vv), (uv, vv), (vv, vv)]
     with_w = [(u, w), (v, w), (uu, w), (uv, w), (vv, w), (w, w)]
-    for out, (one, other) in zip((*terms[2:14], *terms[15:]), moments + with_w, strict=True):
-        np.multiply(one, other, out=out)
-    sums = np.add.reduceat(terms, np.cumsum(count) - count, axis=1)
+    product = np.empty_like(u)  # stays in the cache, which all of them would not
+    for out, (one, other) in zip((*sums[5:14], *sums[15:]), moments + with_w, strict=True):
+        np.add.reduceat(np.multiply(one, other, out=product), start, out=out)
     sums[:, count == 0] = 0.0  # where reduceat gives the first element of the next hill
     normal = np.concatenate((count[None], sums[:14]))[_PLACE].transpose(2, 0, 1)
     return normal, sums[14:20].T, sums[20]

@@ -305,26 +305,26 @@ class _Polynomial:
         return residual_m
 
     def _coefficients_m(self, moment: np.ndarray, right: np.ndarray) -> np.ndarray:
-        i, j = _terms(self.degree)
-        plus_i, minus_i = i[:, None] + i, np.abs(i[:, None] - i)
-        plus_j, minus_j = j[:, None] + j, np.abs(j[:, None] - j)
-        normal = 0.25 * (
-            moment[plus_i, plus_j]
-            + moment[plus_i, minus_j]
-            + moment[minus_i, plus_j]
-            + moment[minus_i, minus_j]
-        )
-        if not np.linalg.cond(normal) < MAX_CONDITION:
+        term, products = _terms(self.degree)
+        normal = 0.25 * moment.take(products).sum(axis=0)
+        size = np.linalg.svd(normal, compute_uv=False)
+        if not size[0] < MAX_CONDITION * size[-1]:
             raise _loose(self.surface)
         coefficient_m = np.zeros_like(right)
-        coefficient_m[i, j] = np.linalg.solve(normal, right[i, j])
+        coefficient_m.flat[term] = np.linalg.solve(normal, right.take(term))
         return coefficient_m
 
 
 @cache
-def _terms(degree: int) -> np.ndarray:
-    """Return the powers of v and u in a polynomial of total degree `degree`, shape (2, terms)."""
-    return np.array([(i, j) for i in range(degree + 1) for j in range(degree + 1 - i)]).T
+def _terms(degree: int) -> tuple[np.ndarray, np.ndarray]:
+    """Return the terms of total degree `degree` at most, and the four that products of two make.
+
+    Places in flat tables of T_i(v) T_j(u), shapes (t,) and (4, t, t).
+    """
+    i, j = np.array([(i, j) for i in range(degree + 1) for j in range(degree + 1 - i)]).T
+    of_i, of_j = ((one[:, None] + one, np.abs(one[:, None] - one)) for one in (i, j))
+    products = [(2 * degree + 1) * in_v + in_u for in_v in of_i for in_u in of_j]
+    return (degree + 1) * i + j, np.array(products)
 
 
 def _scaled(holds: Any) -> np.ndarray:
