@@ -139,6 +139,24 @@ def test_the_first_loading_is_an_equilibrium_of_caps_that_yield(seed, preload_N,
     assert flat_N == pytest.approx(N, rel=1e-7, abs=1e-12 * preload_N)
 
 
+@pytest.mark.parametrize("law", [None, STEEL])
+@pytest.mark.parametrize("preload_N", [1e-3, 0.3])
+def test_where_a_first_loading_starts_changes_nothing(law, preload_N):
+    # More than a hundred caps begin with the balance without interaction; others where they were
+    radius_m, depth_m, arm_m, C = random_caps(150, 105)
+    given = {"compliance_m_per_N": C, "arm": arm_m, "turning_stiffness": 0.0}
+    found = first_loading(law, radius_m, depth_m, E, preload_N, **given)
+    even_m = (preload_N / 150 / (4 / 3 * E * np.sqrt(radius_m))) ** (2 / 3)
+    evenly = first_loading(law, radius_m, depth_m, E, preload_N, start_m=even_m, **given)
+    before = first_loading(law, radius_m, 0.9 * depth_m, E, 1.2 * preload_N, **given)
+    start = {"start_m": before.compression_m, "start_N": before.load_N}
+    again = first_loading(law, radius_m, depth_m, E, preload_N, **start, **given)
+    for other in (evenly, again):
+        assert other.load_N == pytest.approx(found.load_N, rel=1e-9, abs=1e-12 * preload_N)
+        assert other.rest.slope == pytest.approx(found.rest.slope, rel=1e-9)
+    assert law is None or law.yielded(before.load_N, radius_m).any()
+
+
 RUNGS = ("families", "caps", "mean_field", "interacting")
 
 

@@ -418,8 +418,12 @@ class _Search:
 
 def _turned_points(points: HillPoints, slope: np.ndarray, at_m: tuple[float, float]) -> HillPoints:
     """Return the points with a plane of slopes (x, y) added that vanishes at a place (x, y)."""
-    rise_m = slope[0] * (points.x_m - at_m[0]) + slope[1] * (points.y_m - at_m[1])
-    return replace(points, z_m=points.z_m + rise_m)
+    z_m = points.z_m.copy()
+    for _, some in points.groups():  # some at a time: what is computed stays small
+        z_m[some] += slope[0] * (points.x_m[some] - at_m[0]) + slope[1] * (
+            points.y_m[some] - at_m[1]
+        )
+    return replace(points, z_m=z_m)
 
 
 def _relief_m(approach_m: float) -> float:

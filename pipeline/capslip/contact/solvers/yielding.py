@@ -26,6 +26,7 @@ HARDNESS_PER_YIELD = 2.8  # Tabor 1951; Jackson and Green have 2.84 for small co
 _MOST_STRAIN = 0.02  # yield stress over E*, to which the exponent of the area was fitted, roughly
 _MOST_W = 1e4  # of the yield compression: far beyond the greatest mean pressure of the fit
 _MAX_TURNS = 100
+_MANY = 100  # caps, of which most touch nothing: they start from the balance without interaction
 _NEAR = 0.05  # of the load, that the last turn may move before Newton's
 _LEAST_PART = 0.1  # of the way that a turn goes at least
 _SETTLED = 1e-12  # of the load, that the last turn may move
@@ -261,11 +262,17 @@ def first_loading(
     ) -> tuple[Equilibrium, np.ndarray]:
         k = 4.0 / 3.0 * E_star_Pa * np.sqrt(radius_m)
         rows = k * count
-        if start_m is None:
-            start_m = (load_N / len(k) / rows) ** (2 / 3)
-            if compliance_m_per_N is not None:  # most caps of many touch nothing, which costs least
-                start_m = press(rows, depth_m, None, start_m, load=load_N, **turning).compression_m
-        rest = press(rows, depth_m, compliance_m_per_N, start_m, load=load_N, **turning)
+        even_m = (load_N / len(k) / rows) ** (2 / 3)
+        goal = {"load": load_N, **turning}
+        try:
+            if start_m is None and compliance_m_per_N is not None and len(k) > _MANY:
+                start_m = press(rows, depth_m, None, even_m, **goal).compression_m
+            near_m = even_m if start_m is None else start_m
+            rest = press(rows, depth_m, compliance_m_per_N, near_m, **goal)
+        except ContactError:
+            if start_m is None:
+                raise
+            rest = press(rows, depth_m, compliance_m_per_N, even_m, **goal)
         return rest, k * np.maximum(rest.compression_m, 0.0) ** 1.5
 
     rest, one_N, gap_m, moved, part = None, start_N, start_m, 0.0, 1.0
