@@ -40,7 +40,10 @@ def _apart(height_m: np.ndarray) -> int:
     for _ in ORDERS:
         difference_m = np.diff(difference_m, axis=0)
         own_m = _own(difference_m)
-        quiet = np.array([_quiet_share(own_m, apart) for apart in range(1, MOST_APART + 1)])
+        known = np.isfinite(own_m)
+        square, count = np.where(known, own_m**2, 0.0).sum(axis=1), known.sum(axis=1)
+        every = range(1, MOST_APART + 1)
+        quiet = np.array([_quiet_share(own_m, square, count, apart) for apart in every])
         if quiet.any():  # a multiple of the distance meets the same points
             return int(np.argmax(quiet > MOSTLY * quiet.max())) + 1
     return 1
@@ -58,14 +61,18 @@ def _own(difference_m: np.ndarray) -> np.ndarray:
     return np.asarray(cut_m - shared_m[:, None])
 
 
-def _quiet_share(own_m: np.ndarray, apart: int) -> float:
-    """Return at which share of the places of a cell the differences are quiet; 0: at none."""
-    places = [own_m[first::apart] for first in range(apart)]
-    known = [one[np.isfinite(one)] for one in places]
-    if min(one.size for one in known) < LEAST_KNOWN:
+def _quiet_share(own_m: np.ndarray, square: np.ndarray, count: np.ndarray, apart: int) -> float:
+    """Return at which share of the places of a cell the differences are quiet; 0: at none.
+
+    `square` and `count` are sums over the lines of differences.
+    """
+    n = np.array([count[first::apart].sum() for first in range(apart)])
+    if n.min() < LEAST_KNOWN:
         return 0.0
-    square = np.array([np.mean(one**2) for one in known])
-    loud = known[int(square.argmax())]
-    if square.max() == 0.0 or np.mean(loud**2 > LOUD**2 * square.min()) < LOUD_SHARE:
+    mean = np.array([square[first::apart].sum() for first in range(apart)]) / n
+    share = float(np.mean(mean <= QUIET * mean.max()))
+    if share == 0.0 or mean.max() == 0.0:
         return 0.0
-    return float(np.mean(square <= QUIET * square.max()))
+    loud = own_m[int(mean.argmax()) :: apart]
+    stands_out = np.mean(loud[np.isfinite(loud)] ** 2 > LOUD**2 * mean.min())
+    return share if stands_out >= LOUD_SHARE else 0.0

@@ -11,6 +11,7 @@ PARTS = 4  # of a line: fields above and below one another jump by different hei
 CLEAR = 4.0  # times what 95 % of all lines jump by: 6 standard deviations of normal jumps
 LEAST_LINES = 32  # along an axis, and from one seam to the next: closer ones are a lay
 LEAST_POINTS = 8  # of a part of a line, that tell its jump
+MOST_POINTS = 80  # of these that are looked at: a median of so many scatters by a seventh of them
 ALONE = 0.5  # of a jump, that others so close may have: rims of hills jump by a little
 NEIGHBOUR = 0.8  # of a jump, that those beside it may have: half of it, and noise
 ROUNDING = 1e-6  # of the height range: what lines of a plane floor jump by
@@ -55,8 +56,7 @@ def find_seams(surface: HeightMap) -> Seams | None:
         Offsets of the fields by least squares over all seams between two of them.
     """
     least_m = ROUNDING * float(np.nanmax(surface.height_m) - np.nanmin(surface.height_m))
-    columns = _seams_along(surface.height_m, least_m)
-    rows = _seams_along(surface.height_m.T, least_m)
+    columns, rows = (_seams_along(z, least_m) for z in (surface.height_m, surface.height_m.T))
     if not rows.size and not columns.size:
         return None
     ny, nx = surface.shape
@@ -79,16 +79,17 @@ def _jumps_m(height_m: np.ndarray, first: int, last: int) -> np.ndarray:
 
 def _median_m(jump_m: np.ndarray) -> np.ndarray:
     """Return the medians of the columns, NaN where too few points are known."""
-    known = np.isfinite(jump_m)
-    found = np.full(jump_m.shape[1], np.nan)
-    enough = known.sum(axis=0) >= LEAST_POINTS
-    if enough.any():
-        found[enough] = np.nanmedian(jump_m[:, enough], axis=0)
-    return found
+    of_line_m = np.ascontiguousarray(jump_m.T)
+    n_known = np.count_nonzero(np.isfinite(of_line_m), axis=1)
+    of_line_m.sort(axis=1)  # unknown ones last
+    line = np.arange(len(of_line_m))
+    low_m, high_m = of_line_m[line, (n_known - 1) // 2], of_line_m[line, n_known // 2]
+    return np.where(n_known >= LEAST_POINTS, 0.5 * (low_m + high_m), np.nan)
 
 
 def _seams_along(height_m: np.ndarray, least_m: float) -> np.ndarray:
     """Return the columns that begin a field."""
+    height_m = height_m[:: max(1, len(height_m) // (PARTS * MOST_POINTS))]
     n_rows, n = height_m.shape
     if n < LEAST_LINES or n_rows < PARTS * LEAST_POINTS:
         return np.zeros(0, dtype=int)
