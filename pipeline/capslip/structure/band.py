@@ -152,6 +152,7 @@ def _propagated(state: "_State", damping: Damping) -> Band | None:
             other, energy_J = found * moved[:, 0], W * moved[:, 1]
         stays = state.answer.slip_force_N if state.by_force else state.answer.displacement_m
         T, delta = (stays, other) if state.by_force else (other, stays)
+        energy_J = np.minimum(energy_J, 4.0 * T * delta)  # what encloses every loop between them
         numbers = numbers_of_state(T, delta, energy_J, damping).items()
         return {name: one for name, one in numbers if getattr(state.answer, name) is not None}
 
