@@ -252,6 +252,20 @@ def test_what_spoils_every_number_leads_the_verdict_before_what_moves_some(code)
     )
 
 
+def test_an_error_that_was_estimated_has_its_place_among_the_effects():
+    """A joint of patches that touch with few contacts each, and a rung that is forced."""
+    face = capslip.load_surface(FACE)
+    small = (JOINT["material"], "joint.area_m2=0.05", "contact.model=caps")
+    found = capslip.analyze(face, load(*small, "contact.preload_N=1000"))
+    known = {one.code: one.effect for one in found.problems}
+    off = found.contact.contacts**-0.5
+    assert known["few_contacts_in_scan"].energy == pytest.approx(off)
+    estimate = found.contact.estimated_error
+    assert known["model_doubtful"] == Effect(estimate, estimate, estimate)
+    assert "what few_contacts_in_scan moves" in found.band.left_out
+    assert "what model_doubtful moves" not in found.band.left_out
+
+
 def test_a_number_without_a_unit_is_a_usage_error(tmp_path):
     ran = run(tmp_path, "--amplitude", "0.5")
     assert (ran.exit_code, ran.stdout) == (2, "")

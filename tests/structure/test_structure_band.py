@@ -129,6 +129,17 @@ def test_an_estimated_error_at_95_is_a_normal_one():
     assert both == pytest.approx(np.sqrt(2.0) * 2.0 * Z_90 * 0.1 / NORMAL_95, rel=0.05)
 
 
+def test_no_interval_holds_more_energy_than_any_loop_encloses():
+    """Between T and delta a loop loses 4 T delta at most: a loss factor of 4 / pi."""
+    question = {"slip_force_N": 0.25 * MU * N}
+    found = band(question, lambda contact: replace(contact, errors=ModelError(1e-6, 8.0)))
+    T, delta, W = sphere_states(T=0.25 * MU * N)
+    low, high = found.interval["energy_J"]
+    assert high == pytest.approx(4.0 * T * delta, rel=1e-4)
+    assert low == pytest.approx(W * np.exp(-Z_90 * 8.0 / NORMAL_95), rel=0.2)
+    assert found.interval["joint_loss_factor"][1] == pytest.approx(4.0 / np.pi, rel=1e-4)
+
+
 def test_a_model_that_knows_its_stiffness_better_than_its_energy_says_both():
     question = {"slip_force_N": 0.25 * MU * N}
     errors = {"tangential_stiffness_N_per_m": 0.01, "energy_J": 0.4}

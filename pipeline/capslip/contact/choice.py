@@ -17,7 +17,7 @@ from capslip.contact.models.mean_field import RUNG as FALLBACK
 from capslip.contact.reach import reachable
 from capslip.contact.rung import Rung, Scene, ladder, rung
 from capslip.errors import ContactError
-from capslip.problems import Problem
+from capslip.problems import Effect, Problem
 from capslip.settings import Settings
 from capslip.surface.heightmap import HeightMap
 from capslip.units import percent
@@ -55,11 +55,12 @@ class Choice:
                 "nor what was pressed"
             )
             return Problem("caps_not_pressed", "info", message)
+        effect = _effect(self.estimated_error)
         if self.levelling:
-            return Problem("levelling_decides", "warning", self.reason)
+            return Problem("levelling_decides", "warning", self.reason, effect)
         if self.boundary_elements_s is None:
             return None
-        return Problem("boundary_elements_needed", "warning", self.reason)
+        return Problem("boundary_elements_needed", "warning", self.reason, effect)
 
 
 def choose_model(
@@ -247,7 +248,12 @@ def estimate_error(
         f"the error of {forced.name} is {off}; contact.model = auto takes the cheapest model that "
         f"is within {percent(tolerance)}"
     )
-    return estimate, moved, (Problem("model_doubtful", "warning", message),)
+    return estimate, moved, (Problem("model_doubtful", "warning", message, _effect(estimate)),)
+
+
+def _effect(estimate: float | None) -> Effect | None:
+    """Return what an estimated error moves: any of the answers, by at most that."""
+    return None if estimate is None else Effect(estimate, estimate, estimate)
 
 
 def boundary_elements_s(shape: tuple[int, int]) -> float:

@@ -11,7 +11,7 @@ from capslip.contact.joint import Joint
 from capslip.contact.material import dundurs_beta
 from capslip.contact.press import ContactState
 from capslip.materials import MATERIALS
-from capslip.problems import Problem
+from capslip.problems import Effect, Problem
 from capslip.settings import Conditioning, Material
 from capslip.surface.heightmap import HeightMap
 from capslip.surface.spectrum import carried_waves_m
@@ -78,7 +78,7 @@ def problems_of_share(joint: Joint, contact: ContactState) -> list[Problem]:
         f"{contact.rung.contact_name}: a joint of such patches loses about {off:.0%} less than one "
         "of the same face in one piece; waves longer than the scan are not in it"
     )
-    return [*found, Problem("few_contacts_in_scan", "warning", message)]
+    return [*found, Problem("few_contacts_in_scan", "warning", message, Effect(None, off, off))]
 
 
 def problems_of_waves(joint: Joint, contact: ContactState, surface: HeightMap) -> list[Problem]:
