@@ -10,6 +10,7 @@ import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
+from importlib import import_module
 from pathlib import Path
 from unittest import mock
 
@@ -179,6 +180,5 @@ def _resumed(folder: Path) -> tuple[str, str, str]:
 
 
 if __name__ == "__main__":
-    from capslip.studies.bench import fleet  # children know it by this name alone
-
-    sys.stdout.write(fleet.bench_fleet() + "\n")
+    this = import_module("capslip.studies.bench.fleet")  # the name by which children know it
+    sys.stdout.write(this.bench_fleet() + "\n")
