@@ -23,7 +23,7 @@ from capslip.settings import Material, Settings
 from capslip.surface.heightmap import HeightMap
 
 MAX_SOLVED = 8  # pressures, of a model that solves each of them on the map
-MOST_PRESSURE = 1e3  # mean over the modulus E*: far beyond any solid, far before numbers overflow
+MOST_PRESSURE = 1e6  # mean over the modulus E*: far beyond any solid, far before numbers overflow
 LEAST_SHARE = 1e-5  # of the withdrawal at total slip that the table of uneven patches resolves
 
 

@@ -19,7 +19,7 @@ ACCENT = "#009E73"
 NON_MEASURED = "#BDBDBD"
 DPI = 130
 PAD_in = 0.04  # around everything that is drawn
-COMPRESSION = 3  # of zlib: twice as fast as its own choice, and an eighth larger
+RUNS = 3  # the strategy of zlib that looks for runs alone: a noisy map in two thirds of the time
 BESIDE_in = (0.75, 0.95, 1.2, 0.5)  # left, below, right and above a map: labels, bar, legend
 PAGE = "page"  # the name of axes that have a page of their own
 
@@ -159,7 +159,7 @@ def write_png(pixels: np.ndarray, path: Path) -> None:
     """Write pixels, shape (rows, columns, 3), as PNG."""
     from PIL import Image
 
-    Image.fromarray(np.ascontiguousarray(pixels)).save(path, "PNG", compress_level=COMPRESSION)
+    Image.fromarray(np.ascontiguousarray(pixels)).save(path, "PNG", compress_type=RUNS)
 
 
 def _fit(figure: "Figure") -> None:
