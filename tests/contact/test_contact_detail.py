@@ -38,6 +38,23 @@ def test_smooth_caps_are_not_pressed_again(surface, monkeypatch):
     assert stated.energy < TOLERANCE
 
 
+def test_roughness_that_the_map_resolves_is_followed_and_taken_for_the_face_s_own():
+    """Against half the pixels. Solved on its pixels alone the map is 19 % off."""
+    scene = Scene((200, 300), (2e-4, 2e-4), seed=4, roughness_rms_m=2e-7, roughness_length_m=2e-3)
+    fine, _ = synthetic_surface(scene)
+    coarse = replace(fine, height_m=fine.height_m[::2, ::2], pixel_size_m=(4e-4, 4e-4))
+    rough, truth = (
+        bem.boundary_elements(one, E_STAR_PA, preload_N=300.0) for one in (coarse, fine)
+    )
+    for read in (detail._stiffnesses_N_per_m, detail._loss_J):
+        assert (
+            detail._relative(*(read(one.unloading(300.0)) for one in (rough, truth))).max() < 0.02
+        )
+    stated, (said,) = bem._error(rough, 300.0, TOLERANCE)
+    assert (said.code, said.severity) == ("detail_decides", "info")
+    assert stated.greatest < TOLERANCE < said.effect.energy
+
+
 def test_noise_on_them_is_warned_and_its_error_stated(surface):
     noise_m = np.random.default_rng(4).normal(0.0, 4e-8, surface.shape)
     clean, noisy = solved(surface), solved(replace(surface, height_m=surface.height_m + noise_m))

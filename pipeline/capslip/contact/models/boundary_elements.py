@@ -450,7 +450,7 @@ def _error(
         f"detail of a few pixels moves the stiffness by {effect.tangential_stiffness:.1%} and the "
         f"energy by up to {effect.energy:.1%}"
     )
-    if moved.greatest > tolerance >= of_pixels and detail.white_share < RESOLVED:
+    if moved.greatest > tolerance >= 2.0 * of_pixels and detail.white_share < RESOLVED:
         message = f"{said}, and is smooth from pixel to pixel: it is taken for the face's own"
         found.append(Problem("detail_decides", "info", message, effect))
         moved = moved.times(detail.white_share)
