@@ -28,6 +28,7 @@ from capslip.surface.form import remove_form
 from capslip.surface.heightmap import HeightMap
 from capslip.surface.interpolated import pixels_apart
 from capslip.surface.seams import find_seams, without_seams
+from capslip.surface.rounding import few_steps
 
 LEFT_OUT = {  # flags of the caps that may carry nothing
     "load_on_doubtful_caps": DOUBTFUL,
@@ -35,7 +36,8 @@ LEFT_OUT = {  # flags of the caps that may carry nothing
 MOST_CAPS = 500  # more take longer than the face itself
 MOST_POINTS = 100  # the highest of those that were removed: more do no less
 DRAWS = 8  # of the hills in a hole
-DRAWS_OF_TOPS = 16
+DRAWS_OF_HEIGHTS = 16
+OF_THE_HEIGHTS = ("hole_may_hide_hills", "clipped", "heights_in_steps")
 LOOSE = 1e-5  # tolerance of a solution that is only compared with another
 
 
@@ -196,7 +198,7 @@ def _is_asked(problem: Problem, conditioned: Conditioned) -> bool:
     """Tell whether a problem has an effect that caps tell."""
     if problem.code == "outliers_removed":
         return conditioned.removed_m.shape[1] > 0
-    others = problem.code in ("hole_may_hide_hills", "clipped", *OF_THE_MAP, *LEFT_OUT)
+    others = problem.code in (*OF_THE_HEIGHTS, *OF_THE_MAP, *LEFT_OUT)
     return others and problem.severity == "warning"
 
 
@@ -204,13 +206,14 @@ def _is_firm(problem: Problem, conditioned: Conditioned) -> bool:
     """Tell whether a warning stays one whatever it does.
 
     One that may be no information; too many outliers; tops that stay flat, over which anything may
-    have stood.
+    have stood; steps of which a hill shows too few.
     """
     tops = conditioned.surface.tops
     return (
         "info" not in problem.kind.severities
         or (problem.code == "outliers_removed" and problem.severity == "warning")
         or (problem.code == "clipped" and tops is not None and tops.left > 0)
+        or (problem.code == "heights_in_steps" and few_steps(conditioned.surface))
     )
 
 
@@ -262,6 +265,8 @@ class _Trials:
             yield from self._with_points()
         elif code == "clipped":
             yield from self._with_other_tops()
+        elif code == "heights_in_steps":
+            yield from self._with_rounding()
         else:
             yield self._without(LEFT_OUT[code])
 
@@ -299,10 +304,25 @@ class _Trials:
         if not height_se_m[caps.usable].any():
             raise ContactError("no cap stands where tops were cut off")
         rng = np.random.default_rng(0)
-        for sign in rng.choice((-1.0, 1.0), (DRAWS_OF_TOPS, len(caps))):
+        for sign in rng.choice((-1.0, 1.0), (DRAWS_OF_HEIGHTS, len(caps))):
             yield caps.with_columns(
                 peak_height_m=caps.peak_height_m + sign * height_se_m,
                 radius_m=caps.radius_m * np.exp(-sign * log_radius_se),
+            )
+
+    def _with_rounding(self) -> Iterator[CapTable]:
+        """Return caps whose heights are moved by the error of rounding, each for itself.
+
+        What lifts a top and leaves the rim of its fit makes it sharper.
+        """
+        rounding, caps = self.face.surface.rounding, self.caps
+        error_m = 0.0 if rounding is None else rounding.error_m
+        sharper = np.nan_to_num(error_m / caps.fit_depth_m)
+        rng = np.random.default_rng(0)
+        for sign in rng.choice((-1.0, 1.0), (DRAWS_OF_HEIGHTS, len(caps))):
+            yield caps.with_columns(
+                peak_height_m=caps.peak_height_m + sign * error_m,
+                radius_m=caps.radius_m * np.exp(-sign * sharper),
             )
 
     def _with_hills(self) -> Iterator[CapTable]:

@@ -16,6 +16,7 @@ from capslip.surface.form import FormKind, remove_form
 from capslip.surface.heightmap import HeightMap
 from capslip.surface.outliers import NEIGHBOURS, Outliers, find_outliers
 from capslip.surface.resampling import resample
+from capslip.surface.rounding import problems_of_rounding, smooth_steps
 from capslip.surface.tops import restore_tops, without_lost_tops
 
 OutlierRule = Literal["isolated", "none"]
@@ -140,23 +141,27 @@ def condition(
     stored = restore_tops(surface)
     if stored.tops is not None:
         steps.append({"step": "tops", **stored.tops.counts})
+    smooth = smooth_steps(stored)
+    if smooth.rounding is not None:
+        steps.append({"step": "rounding", **asdict(smooth.rounding)})
     fit: dict[str, Any] = {"degree": form_degree, "robust": form_robust, "floor": form_floor}
-    surface, removed_form = remove_form(stored, form, **fit)
+    surface, removed_form = remove_form(smooth, form, **fit)
     found = find_outliers(surface, stored)
     step = {"step": "outliers", "rule": outliers, "removed": 0}
     removed_m = np.empty((3, 0))
     if outliers == "isolated" and found.index.size:
         step["removed"] = found.index.size
         step["sq_before_m"], step["sz_before_m"] = sq_and_sz_m(surface)
-        with_them, stored = surface, _without(stored, found)
-        surface, removed_form = remove_form(stored, form, **fit)
+        with_them, smooth = surface, _without(smooth, found)
+        surface, removed_form = remove_form(smooth, form, **fit)
         removed_m = _removed_m(with_them, surface, found)
         del with_them
         surface = without_lost_tops(surface)  # a code for missing data is no limit of a sensor
     sq_m, sz_m = sq_and_sz_m(surface)
     steps += [{"step": "form", **asdict(removed_form), "residual_sq_m": sq_m}, step]
-    problems = problems_of_outliers(surface, sq_m, found, kept=outliers == "none")
-    del stored  # a map's worth of memory
+    problems = problems_of_rounding(smooth)
+    problems += problems_of_outliers(surface, sq_m, found, kept=outliers == "none")
+    del stored, smooth  # a map's worth of memory
     surface = fill_scattered(surface)
     if surface.filling is not None:
         steps.append({"step": "filling", **asdict(surface.filling)})

@@ -75,6 +75,14 @@ class Filling:
         return math.exp(-math.pi * radius_m**2 * self.density_m2)
 
 
+@dataclass(frozen=True)
+class Rounding:
+    """How the heights were stored, and what is left of it: see `smooth_steps`."""
+
+    step_m: float  # of which the stored heights are multiples
+    error_m: float  # of tops of hills, rms, after smoothing within half a step
+
+
 @dataclass(frozen=True, eq=False)
 class HeightMap:
     """Heights on a rectangular grid of pixels, in metres.
@@ -93,6 +101,8 @@ class HeightMap:
         What of the heights was put back, where that is known.
     filling : Filling, optional
         What of the heights was filled.
+    rounding : Rounding, optional
+        The steps in which heights were stored, where that was smoothed.
 
     Raises
     ------
@@ -114,6 +124,7 @@ class HeightMap:
     origin: Origin = field(default_factory=Origin)
     tops: Tops | None = None
     filling: Filling | None = None
+    rounding: Rounding | None = None
 
     def __post_init__(self) -> None:
         height_m = np.ascontiguousarray(self.height_m, dtype=np.float64)

@@ -174,7 +174,13 @@ def composite_surface(
             f"overlap by at least {100 * LEAST_TO_PRESS:.2g} %; check mating.offset_m, "
             "mating.mirror and the units"
         )
-    return remove_form(replace(first, height_m=height_m), robust=robust, floor=floor)[0]
+    both = replace(
+        first,
+        height_m=height_m,
+        filling=first.filling or second.filling,  # one says that the sum is doubtful
+        rounding=first.rounding or second.rounding,
+    )
+    return remove_form(both, robust=robust, floor=floor)[0]
 
 
 def mate(

@@ -1,5 +1,7 @@
 """To another grid over the same face, without aliasing."""
 
+from dataclasses import replace
+
 import numpy as np
 
 from capslip.errors import SettingsError
@@ -66,7 +68,7 @@ def resample(surface: HeightMap, shape: tuple[int, int]) -> HeightMap:
         z, weight = _along(z, axis, n), _along(weight, axis, n)
     known = weight >= LEAST_MEASURED
     z = np.divide(z, weight, out=np.full(weight.shape, np.nan), where=known)
-    return HeightMap(z, size_m, surface.origin, surface.tops, surface.filling)
+    return replace(surface, height_m=z, pixel_size_m=size_m)
 
 
 def _along(z: np.ndarray, axis: int, n: int) -> np.ndarray:

@@ -139,7 +139,7 @@ AXES = (
          ("caps_plateau", "clipped")),
     Axis("quantised heights", "step [m]", (0.1e-9, 1e-9, 5e-9, 1e-8, 2e-8, 5e-8, 1e-7, 3e-7),
          with_change("scan_change", "steps of {:g} m", changes.quantised),
-         ("caps_plateau", "plateau_at_cut", "detail_decides")),
+         ("caps_plateau", "plateau_at_cut", "detail_decides", "heights_in_steps")),
     Axis("few pixels", "points along the longer side",
          (1200.0, 300.0, 150.0, 75.0, 45.0, 30.0, 24.0, 18.0, 12.0),
          with_scene("{:g} points along the face", points_along), FEW_POINTS),

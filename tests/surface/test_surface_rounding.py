@@ -1,0 +1,110 @@
+"""Heights in steps: what was rounded comes back within its error, and what was not stays."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.ndimage import gaussian_filter
+
+from capslip import load_settings
+from capslip.analysis import analyze_once
+from capslip.surface.heightmap import HeightMap
+from capslip.surface.rounding import few_steps, problems_of_rounding, smooth_steps
+
+SHAPE, PIXEL_M = (120, 150), (1e-4, 1e-4)
+Y_M, X_M = ((np.indices(SHAPE)[k] + 0.5) * 1e-4 for k in (0, 1))
+CENTRES_M = [(0.3e-2 + dy, 0.3e-2 + dx) for dy in (0.0, 6e-3) for dx in (0.0, 4.5e-3, 9e-3)]
+FLOOR_M = -5e-7
+
+
+def caps_m(seed=0):
+    """Return six spheres of 5 m on a floor, each of its own height."""
+    z = np.full(SHAPE, FLOOR_M)
+    for (y, x), top_m in zip(
+        CENTRES_M, np.random.default_rng(seed).uniform(0, 6e-8, 6), strict=True
+    ):
+        z = np.maximum(z, top_m - ((X_M - x) ** 2 + (Y_M - y) ** 2) / 10.0)
+    return z
+
+
+def rounded(z, step_m):
+    return HeightMap(np.round(z / step_m) * step_m, PIXEL_M)
+
+
+@pytest.mark.parametrize("step_m", [5e-9, 1e-8, 3e-8, 6e-8])
+def test_no_height_moves_by_more_than_half_a_step_and_tops_come_back(step_m):
+    surface, true_m = rounded(caps_m(), step_m), caps_m()
+    found = smooth_steps(surface)
+    assert np.abs(found.height_m - surface.height_m).max() <= 0.5 * step_m * (1 + 1e-6)
+    top = true_m > -5e-8
+    before, after = (np.std((one.height_m - true_m)[top]) for one in (surface, found))
+    assert after < 0.4 * before
+
+
+@pytest.mark.parametrize("step_m", [1e-8, 3e-8, 6e-8])
+def test_the_stated_error_is_that_of_tops(step_m):
+    off_m, stated_m = [], []
+    for seed in range(4):
+        true_m = caps_m(seed)
+        found = smooth_steps(rounded(true_m, step_m))
+        stated_m.append(found.rounding.error_m)
+        for y, x in CENTRES_M:
+            top = np.hypot(X_M - x, Y_M - y) < 5e-4
+            off_m.append(np.mean((found.height_m - true_m)[top]))
+    assert found.rounding.step_m == pytest.approx(step_m)
+    true_error_m = np.sqrt(np.mean(np.square(off_m)))
+    assert 0.5 < np.sqrt(np.mean(np.square(stated_m))) / true_error_m < 2.5
+
+
+def test_what_is_in_no_steps_stays_as_it_is():
+    rng = np.random.default_rng(1)
+    rough_m = gaussian_filter(rng.standard_normal(SHAPE), 2.0)
+    pillars_m = 1e-6 * (rng.random(SHAPE) < 0.3)
+    for surface in (
+        HeightMap(caps_m(), PIXEL_M),  # a floor of one height is no step
+        HeightMap(rough_m, PIXEL_M),
+        HeightMap(pillars_m, PIXEL_M),  # two levels
+        HeightMap(np.zeros(SHAPE), PIXEL_M),
+        HeightMap(np.full(SHAPE, np.nan), PIXEL_M),
+        rounded(caps_m(), 2e-7),  # too few
+    ):
+        assert smooth_steps(surface) is surface
+        assert problems_of_rounding(surface) == ()
+
+
+@pytest.mark.parametrize("noise", [0.5, 1.0, 3.0])
+def test_noise_beside_the_rounding_stays(noise):
+    step_m = 1e-8
+    noise_m = noise * step_m * np.random.default_rng(2).standard_normal(SHAPE)
+    surface = rounded(caps_m() + noise_m, step_m)
+    assert smooth_steps(surface) is surface
+
+
+def test_lost_points_stay_lost_and_cost_nothing_around_them():
+    step_m, true_m = 1e-8, caps_m()
+    surface = rounded(np.where(np.hypot(X_M - 5e-3, Y_M - 6e-3) < 1e-3, np.nan, true_m), step_m)
+    found = smooth_steps(surface)
+    assert np.array_equal(found.measured, surface.measured)
+    top = true_m > -5e-8
+    assert np.std((found.height_m - true_m)[top]) < 0.1 * step_m
+
+
+def test_a_mirrored_face_is_smoothed_alike():
+    surface = rounded(caps_m(), 1e-8)
+    mirrored = replace(surface, height_m=surface.height_m[::-1, ::-1])
+    there, back = smooth_steps(surface).height_m, smooth_steps(mirrored).height_m[::-1, ::-1]
+    assert np.abs(there - back).max() < 1e-9 * np.ptp(there)
+
+
+def test_few_steps_are_fewer_than_four_above_the_cut():
+    for step_m, few in ((1e-8, False), (6e-8, True)):
+        assert few_steps(smooth_steps(rounded(caps_m(), step_m))) is few
+
+
+def test_steps_do_not_change_the_answer():
+    settings = load_settings(overrides=("contact.preload_N=30",))
+    stiffness = [
+        analyze_once(surface, settings).slip.tangential_stiffness_N_per_m
+        for surface in (HeightMap(caps_m(), PIXEL_M), rounded(caps_m(), 1e-8))
+    ]
+    assert stiffness[1] == pytest.approx(stiffness[0], rel=0.03)
