@@ -90,7 +90,7 @@ def _row(summary: Row) -> tuple[str, ...]:
         str(contact.get("model", "nothing")),
         str(contact.get("contacts", 0)),
         "" if pressure_Pa is None else f"{pressure_Pa / 1e9:.2g}",
-        with_interval("tangential_stiffness_N_per_m", lambda one: f"{one / 1e6:.3g}"),
+        with_interval("tangential_stiffness_N_per_m", lambda one: f"{float(f'{one / 1e6:.3g}'):g}"),
         with_interval("energy_J", lambda one: engineering(one, "J")),
         with_interval("joint_loss_factor"),
         summary["status"],
