@@ -111,7 +111,7 @@ def with_effects(
         by_map = _effect_of_bow(model, peaks, face)
         if by_map is not None:
             asked.remove("bow_left")
-            effects["bow_left"], how["bow_left"] = by_map, "found on a coarser map"
+            effects["bow_left"], how["bow_left"] = by_map, "found on the map with fewer points"
     if asked:
         try:
             before = face.answers(caps)
