@@ -121,6 +121,21 @@ def test_a_map_reads_back_to_the_same_map(name, result, stored, tmp_path):
     np.testing.assert_allclose(again.pixel_size_m, pixel_size_m, rtol=1e-12)
 
 
+@pytest.mark.filterwarnings("ignore")
+@pytest.mark.parametrize("name", ["x3p", "gwy"])
+def test_another_library_reads_the_same_map(name, result, stored, tmp_path):
+    """SurfaceTopography has readers of its own for both."""
+    topography = pytest.importorskip("SurfaceTopography")
+    height_m, (dy_m, dx_m) = stored
+    path, _ = export_result(result, name, tmp_path / f"a.{name}")
+    found = topography.open_topography(str(path)).topography()
+    assert found.unit == "m"
+    ny, nx = height_m.shape
+    assert found.physical_sizes == pytest.approx((nx * dx_m, ny * dy_m))
+    again_m = np.ma.filled(np.ma.masked_invalid(found.heights()), np.nan).T  # x first
+    np.testing.assert_array_equal(again_m[:: -1 if name == "gwy" else 1], height_m)
+
+
 def test_a_larger_face_is_thinned_and_that_is_said(result, stored, tmp_path):
     height_m, (dy_m, dx_m) = stored
     path, left_out = export_result(result, "vtu", tmp_path / "a.vtu", max_cells=500)

@@ -27,8 +27,8 @@ from capslip.surface.doubts import holes
 from capslip.surface.form import remove_form
 from capslip.surface.heightmap import HeightMap
 from capslip.surface.interpolated import pixels_apart
-from capslip.surface.seams import find_seams, without_seams
 from capslip.surface.rounding import few_steps
+from capslip.surface.seams import find_seams, without_seams
 
 LEFT_OUT = {  # flags of the caps that may carry nothing
     "load_on_doubtful_caps": DOUBTFUL,
@@ -118,7 +118,7 @@ def with_effects(
             by_map = _effect_on_map(model, peaks, face, OF_THE_MAP[code](face.surface))
             if by_map is not None:
                 asked.remove(code)
-                effects[code], how[code] = by_map, "found on a coarser map"
+                effects[code], how[code] = by_map, "found on the map with fewer points"
     if asked:
         try:
             before = face.answers(caps)

@@ -195,7 +195,7 @@ def _headlines(summary: dict[str, Any]) -> list[tuple[str, str, str]]:
         ),
         (
             "gross_slip_amplitude_m",
-            "amplitude of the {structure}; {total_slip_force_N} in one joint",
+            "of the {structure}; {total_slip_force_N} in one joint",
         ),
     )
     found = []

@@ -172,7 +172,9 @@ QUANTITIES = {
     "amplitude_at_first_peak_m": Quantity(
         "amplitude there", "m", "damping.amplitude_at_first_peak_m"
     ),
-    "gross_slip_amplitude_m": Quantity("gross slip", "m", "damping.gross_slip_amplitude_m"),
+    "gross_slip_amplitude_m": Quantity(
+        "amplitude at gross slip", "m", "damping.gross_slip_amplitude_m"
+    ),
     "modal_stiffness_N_per_m": Quantity(
         "modal stiffness", "N/m", "damping.modal_stiffness_N_per_m"
     ),

@@ -7,7 +7,7 @@ right answer for these faces: the tables say what answered, what is doubted, and
 import argparse
 import sys
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +15,7 @@ import msgspec
 
 from capslip.analysis import analyze
 from capslip.errors import CapslipError
+from capslip.output.quantity import engineering
 from capslip.settings import load_settings
 from capslip.studies.page import Row, table
 from capslip.surface.readers import load_surface
@@ -26,7 +27,7 @@ AS_A_JOINT = (
 )
 HEAD = (
     *("scan", "points", "side [mm]", "caps", "answered by", "contacts", "greatest pressure [GPa]"),
-    *("stiffness [MN/m]", "energy at a quarter of mu N [J]", "loss factor of the joint"),
+    *("stiffness [MN/m]", "energy at a quarter of mu N", "loss factor of the joint"),
     *("status", "warnings", "CPU [s]"),
 )
 
@@ -72,12 +73,12 @@ def _row(summary: Row) -> tuple[str, ...]:
     surface, contact = summary["surface"], summary["contact"] or {}
     answer, interval = summary["answer"] or {}, (summary["answer"] or {}).get("interval") or {}
 
-    def with_interval(name: str, scale: float = 1.0) -> str:
+    def with_interval(name: str, written: Callable[[float], str] = "{:.3g}".format) -> str:
         value, bounds = answer.get(name), interval.get(name)
         if value is None:
             return "none"
-        between = "" if bounds is None else f" ({bounds[0] * scale:.2g} to {bounds[1] * scale:.2g})"
-        return f"{value * scale:.3g}{between}"
+        between = "" if bounds is None else f" ({written(bounds[0])} to {written(bounds[1])})"
+        return f"{written(value)}{between}"
 
     pressure_Pa = contact.get("max_pressure_Pa")
     shape, pixel_size_m = surface["shape"][::-1], surface["pixel_size_m"][::-1]  # along x, y
@@ -89,8 +90,8 @@ def _row(summary: Row) -> tuple[str, ...]:
         str(contact.get("model", "nothing")),
         str(contact.get("contacts", 0)),
         "" if pressure_Pa is None else f"{pressure_Pa / 1e9:.2g}",
-        with_interval("tangential_stiffness_N_per_m", 1e-6),
-        with_interval("energy_J"),
+        with_interval("tangential_stiffness_N_per_m", lambda one: f"{float(f'{one / 1e6:.3g}'):g}"),
+        with_interval("energy_J", lambda one: engineering(one, "J")),
         with_interval("joint_loss_factor"),
         summary["status"],
         str(len(_warnings(summary))),
