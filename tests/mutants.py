@@ -64,7 +64,7 @@ TABLE = [
     ),
     (("contact/doubts.py",), ("tests/contact/test_*doubts*.py",)),
     (
-        ("surface/doubts.py",),
+        ("surface/doubts.py", "surface/holes.py"),
         (
             "tests/surface/test_*doubts*.py",
             "tests/surface/test_*holes*.py",

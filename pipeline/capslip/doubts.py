@@ -24,7 +24,6 @@ from capslip.stages import Face, as_found
 from capslip.structure.answer import Answer
 from capslip.structure.doubts import problems_of_structure
 from capslip.surface.doubts import (
-    problems_of_filling,
     problems_of_form,
     problems_of_points,
     problems_of_scan,
@@ -32,6 +31,7 @@ from capslip.surface.doubts import (
     problems_of_tilt,
 )
 from capslip.surface.heightmap import HeightMap
+from capslip.surface.holes import problems_of_filling
 from capslip.units import percent
 
 

@@ -38,8 +38,8 @@ from capslip.structure.beam import BeamMode
 from capslip.structure.response import Damping, response
 from capslip.structure.stiffness import stiffnesses
 from capslip.surface.conditioning import Conditioned, condition
-from capslip.surface.doubts import problems_of_holes
 from capslip.surface.heightmap import HeightMap
+from capslip.surface.holes import problems_of_holes
 from capslip.surface.mating import Placement, mate, place
 
 MAX_TURNS = 10  # of fit and contact

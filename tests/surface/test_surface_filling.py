@@ -5,9 +5,9 @@ import pytest
 
 from capslip import load_settings
 from capslip.analysis import analyze_once
-from capslip.surface.doubts import problems_of_filling, problems_of_holes
 from capslip.surface.filling import fill_scattered
 from capslip.surface.heightmap import Filling, HeightMap
+from capslip.surface.holes import problems_of_filling, problems_of_holes
 from capslip.surface.outliers import find_outliers, stand_alone
 
 SHAPE, PIXEL_M = (120, 160), (1e-4, 1.5e-4)

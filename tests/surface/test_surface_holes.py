@@ -5,8 +5,8 @@ import pytest
 
 from capslip import load_settings
 from capslip.analysis import analyze_once as analyze
-from capslip.surface.doubts import problems_of_holes
 from capslip.surface.heightmap import HeightMap
+from capslip.surface.holes import problems_of_holes
 from scenes import caps_map
 
 PIXEL_M = (2e-4, 1e-4)

@@ -7,8 +7,8 @@ import numpy as np
 
 from capslip.caps.separation import change_tree
 from capslip.errors import UnusableSurfaceError
-from capslip.surface.doubts import holes
 from capslip.surface.heightmap import HeightMap
+from capslip.surface.holes import holes
 
 PRUNING_OF_SZ = 0.05  # ISO 25178-3
 HIGHEST = 5  # peaks of S5p

@@ -23,9 +23,9 @@ from capslip.errors import CapslipError, ContactError
 from capslip.problems import Effect, Problem
 from capslip.settings import Settings
 from capslip.surface.conditioning import Conditioned
-from capslip.surface.doubts import holes
 from capslip.surface.form import remove_form
 from capslip.surface.heightmap import HeightMap
+from capslip.surface.holes import holes
 from capslip.surface.interpolated import pixels_apart
 from capslip.surface.rounding import few_steps
 from capslip.surface.seams import find_seams, without_seams

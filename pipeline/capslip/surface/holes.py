@@ -1,0 +1,140 @@
+"""Holes of a map: what may stand where nothing was measured, or was filled."""
+
+import numpy as np
+
+from capslip.problems import Problem
+from capslip.surface.doubts import HIGHEST_SHARE, VISIBLE_FORM
+from capslip.surface.heightmap import HeightMap
+
+BLOCK_OVER_DISC = 0.1  # sides of the squares that a hole is looked at in, over a hill's radius
+MISSED = 0.01  # of the hills of usual size, where points are measured here and there
+
+
+def problems_of_holes(surface: HeightMap, hill_radius_m: float) -> tuple[Problem, ...]:
+    """Say where a hole of the map may hide a hill that carries load.
+
+    A hill of which no point was measured leaves no trace. It fits into a hole that holds a disc of
+    its size. What lies beyond the measured points along both its row and its column is no hole, but
+    outside of a face that is not rectangular.
+
+    Parameters
+    ----------
+    surface : HeightMap
+        The map whose hills were found.
+    hill_radius_m : float
+        Radius of the disc that a usual hill covers above the cut.
+
+    Returns
+    -------
+    tuple of Problem
+        `hole_may_hide_hills` (warning) where the largest disc in a hole is not smaller, or where
+        points that stand alone miss one of such discs in a hundred.
+    """
+    filling = surface.filling
+    if filling is not None and filling.chance_to_miss(hill_radius_m) > MISSED:
+        message = (
+            f"the measured points stand alone, {filling.density_m2 * 1e-6:.3g} of them a mm2: they "
+            f"miss {filling.chance_to_miss(hill_radius_m):.1%} of hills with a disc of "
+            f"{hill_radius_m:.3g} m radius, as a usual one has it; hills that carry load may lie "
+            "between them, and are not counted; measure what is missing"
+        )
+        return (Problem("hole_may_hide_hills", "warning", message),)
+    lost = ~surface.measured
+    # Such a disc holds a square of half its radius as a whole, wherever the squares begin
+    if not lost.any() or not _blocks(lost, surface, 0.5 * hill_radius_m).any():
+        return ()
+    radius_m = _largest_disc_m(holes(surface), surface, hill_radius_m)
+    if radius_m < hill_radius_m:
+        return ()
+    message = (
+        f"a hole in the map holds a disc of {radius_m:.3g} m radius, a usual hill covers one of "
+        f"{hill_radius_m:.3g} m: hills that carry load may lie in it, and are not counted"
+    )
+    return (Problem("hole_may_hide_hills", "warning", message),)
+
+
+def problems_of_filling(surface: HeightMap, approach_m: float) -> list[Problem]:
+    """Return that a map was filled between points that stand alone, and how well that is known.
+
+    Parameters
+    ----------
+    surface : HeightMap
+        The face, with its `filling`.
+    approach_m : float
+        Of the contact.
+
+    Returns
+    -------
+    list of Problem
+        `points_filled`: info, or a warning where the error of what was filled is more than a tenth
+        of the approach.
+    """
+    filling = surface.filling
+    if filling is None:
+        return []
+    message = (
+        f"{filling.missing:.1%} of the points were missing here and there, and were filled by "
+        f"{filling.way} interpolation between those measured; measured points that are left out "
+        f"are filled with an rms error of {filling.error_m:.2g} m in the highest "
+        f"{HIGHEST_SHARE:.0%}, and the approach is {approach_m:.3g} m"
+    )
+    decides = 0.0 < VISIBLE_FORM * approach_m < filling.error_m
+    return [Problem("points_filled", "warning" if decides else "info", message)]
+
+
+def holes(surface: HeightMap) -> np.ndarray:
+    """Return which points are holes, shape (ny, nx): not measured, between two that are."""
+    measured = surface.measured
+    mask: np.ndarray = ~measured & (_enclosed(measured, 0) | _enclosed(measured, 1))
+    return mask
+
+
+def _largest_disc_m(hole: np.ndarray, surface: HeightMap, hill_radius_m: float) -> float:
+    """Return the radius of the largest disc in a mask, 0 where none is as large as a hill."""
+    from scipy.ndimage import distance_transform_edt
+
+    if not _blocks(hole, surface, 0.5 * hill_radius_m).any():
+        return 0.0
+    side_m = BLOCK_OVER_DISC * hill_radius_m
+    blocks, steps = _blocks(hole, surface, side_m), _block_steps(surface, side_m)
+    if not blocks.any():
+        return 0.0
+    block_m = [step * size_m for step, size_m in zip(steps, surface.pixel_size_m, strict=True)]
+    # Between centres of blocks: half a block of that is measured
+    to_centre_m = distance_transform_edt(blocks, sampling=block_m)
+    return float(to_centre_m.max()) - 0.5 * min(block_m)
+
+
+def _blocks(mask: np.ndarray, surface: HeightMap, side_m: float) -> np.ndarray:
+    """Tell which blocks of a length of side lie in a mask as a whole."""
+    step_y, step_x = _block_steps(surface, side_m)
+    blocks = mask[::step_y, ::step_x].copy()
+    rows = np.flatnonzero(blocks.any(axis=1))  # the others need no second look
+    for first in rows * step_y:
+        lines = mask[first : first + step_y].all(axis=0)
+        starts = np.arange(0, lines.size, step_x)
+        blocks[first // step_y] = np.minimum.reduceat(lines.view(np.uint8), starts).view(bool)
+    return blocks
+
+
+def _block_steps(surface: HeightMap, side_m: float) -> list[int]:
+    return [max(1, int(side_m / size_m)) for size_m in surface.pixel_size_m]
+
+
+def _enclosed(measured: np.ndarray, axis: int) -> np.ndarray:
+    """Tell which points have measured ones on both sides along an axis, or are measured."""
+    lines = np.moveaxis(measured, axis, 1)
+    n_lines, length = lines.shape
+    first, last = (np.full((n_lines, 1), end, dtype=np.int32) for end in (0, length - 1))
+    if not lines[:, 0].all():
+        open_ = np.flatnonzero(~lines[:, 0])
+        some = lines[open_].any(axis=1)
+        first[open_, 0] = np.where(some, lines[open_].argmax(axis=1), length)
+    if not lines[:, -1].all():
+        open_ = np.flatnonzero(~lines[:, -1])
+        last[open_, 0] -= lines[open_, ::-1].argmax(axis=1).astype(np.int32)
+    place = np.arange(length, dtype=np.int32)
+    if axis == 0:
+        first, last, place = first.T, last.T, place[:, None]
+    both: np.ndarray = (place >= first) & (place <= last)
+    return both
