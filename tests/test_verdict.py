@@ -242,7 +242,8 @@ def test_what_spoils_every_number_leads_the_verdict_before_what_moves_some(code)
     said = verdict(load(*JOINT.values()), problems, None)
     assert said.startswith("usable with care: another face (and 1 more); next: ")
     listed = [
-        {"code": p.code, "severity": p.severity, "effect": p.effect and asdict(p.effect)}
+        {"code": p.code, "severity": p.severity, "message": p.text}
+        | {"effect": p.effect and asdict(p.effect)}
         for p in problems
     ]
     assert [one["code"] for one in causes({"problems": listed})] == [code, "bow_left"]

@@ -122,7 +122,7 @@ def test_every_unit_of_a_reader_is_an_option_and_a_setting(unit, tmp_path):
     assert surface.height_m[0, 0] == pytest.approx(2 * METRES[unit])
     assert surface.pixel_size_m == pytest.approx((METRES[unit], 2 * METRES[unit]))
     options = ("--unit", unit, "--lateral-unit", unit, "--pixel-size", "1", "2")
-    ran = run("analyze", tmp_path / "a.npy", *options)
+    ran = run("analyze", tmp_path / "a.npy", "--preload", "1e-20", *options)
     assert ran.exit_code == 3  # read, and found to be of no use
     assert "Invalid value" not in ran.stderr
 

@@ -154,7 +154,7 @@ def _check_pressure(pressure_Pa: float, material: Material) -> None:
         raise SettingsError(
             f"load out of range: got {pressure_Pa:.3g} Pa on the scan with a modulus E* "
             f"of {E_star_Pa:.3g} Pa; expected a pressure far below the modulus; look at the units "
-            "of load, joint.area_m2 and material.youngs_modulus_Pa"
+            "of the scan, the load, joint.area_m2 and material.youngs_modulus_Pa"
         )
 
 
