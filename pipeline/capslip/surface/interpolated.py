@@ -11,7 +11,7 @@ LOUD, LOUD_SHARE = 10.0, 0.3  # rms of the quiet places, that this share of the 
 MOSTLY = 0.8  # of the greatest share of quiet places: as good as that
 OUTERMOST = 0.99  # quantile at which differences are cut: spikes say nothing of it
 LEAST_LINES = 8 * MOST_APART
-SAMPLED_LINES = 64
+SAMPLED = 20_000  # points that are looked at, on lines across the whole map
 LEAST_KNOWN = 300  # differences at one place of the cells: of fewer, chance makes quiet ones
 
 
@@ -36,7 +36,7 @@ def _apart(height_m: np.ndarray) -> int:
     """Return the distance of measured points along the first axis."""
     if min(height_m.shape) < LEAST_LINES:
         return 1
-    difference_m = height_m[:, :: max(1, height_m.shape[1] // SAMPLED_LINES)]
+    difference_m = height_m[:, :: max(1, height_m.size // SAMPLED)]
     for _ in ORDERS:
         difference_m = np.diff(difference_m, axis=0)
         own_m = _own(difference_m)
