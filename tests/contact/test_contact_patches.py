@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from capslip.contact.models.boundary_elements import PIXELS_95
+from capslip.contact.map_accuracy import PIXELS_95
 from capslip.contact.solvers import patches as patching
 from capslip.contact.solvers import refinement as refining
 from capslip.contact.solvers import unloading
@@ -158,18 +158,20 @@ def test_what_pixels_leave_at_small_slip_is_stated(most, largest, monkeypatch):
     dx = contact_m / pixels
     load_N = 4 / 3 * E * contact_m**3 / radius_m
     hertz = caps([radius_m], [0.0], E)
-    expected_J = hertz.loss_integral_at_drop_J(contact_m**2 / radius_m, 0.1 * load_N)
-    within = 0
+    shares = np.array([0.1, 0.25, 0.5])
+    expected_J = hertz.loss_integral_at_drop_J(contact_m**2 / radius_m, shares * load_N)
+    within = np.zeros(3)
     for y0, x0 in np.random.default_rng(3).uniform(-0.5, 0.5, (8, 2)):
         at = np.arange(-pixels - 3, pixels + 4)
         y, x = (at + y0)[:, None] * dx, (at + x0) * dx
         face = elastic_face(HeightMap(-(x**2 + y**2) / (2 * radius_m), (dx, dx)), E)
         found = unload(face, press(face, load_N=load_N), 1e-7)
-        off = abs(loss_J(found, [0.1])[0] / expected_J - 1)
-        stated = max(PIXELS_95 * found.pixel_error, found.loss_error)
-        within += off <= stated
-        assert stated < largest
-    assert within >= 7
+        off = np.abs(loss_J(found, shares) / expected_J - 1)
+        left = [PIXELS_95[share] * found.pixel_error(share * load_N) for share in shares.tolist()]
+        within += off <= np.maximum(left, found.loss_error)
+        assert left[0] < largest
+        assert np.all(np.diff(left) < 0.0)
+    assert np.all(within >= 7)
 
 
 @pytest.mark.parametrize("seed", [1, 2])

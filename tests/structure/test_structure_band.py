@@ -129,6 +129,16 @@ def test_an_estimated_error_at_95_is_a_normal_one():
     assert both == pytest.approx(np.sqrt(2.0) * 2.0 * Z_90 * 0.1 / NORMAL_95, rel=0.05)
 
 
+def test_the_energy_has_the_error_of_the_force_that_was_asked_for():
+    """A power between the forces at which it is known, and the first of these below them."""
+    known = ModelError(0.01, 0.4, ((0.1, 0.4), (0.4, 0.1), (1.0, 0.05)))
+    for share, error in ((0.05, 0.4), (0.1, 0.4), (0.2, 0.2), (0.4, 0.1)):
+        question = {"slip_force_N": share * MU * N}
+        found = band(question, lambda contact: replace(contact, errors=known))
+        low, high = found.interval["energy_J"]
+        assert np.log(high / low) == pytest.approx(2.0 * Z_90 * error / NORMAL_95, rel=1e-2)
+
+
 def test_no_interval_holds_more_energy_than_any_loop_encloses():
     """Between T and delta a loop loses 4 T delta at most: a loss factor of 4 / pi."""
     question = {"slip_force_N": 0.25 * MU * N}

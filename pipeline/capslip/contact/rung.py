@@ -101,7 +101,9 @@ class ModelError:
     """Relative errors that a model expects of itself, at 95 %; forces from a tenth of mu N on."""
 
     stiffness: float  # where slip begins, and of the secants
-    energy: float
+    energy: float  # the greatest
+    # Shares of mu N, growing, and the error of the energy at each, where it falls with the force
+    energy_by_share: tuple[tuple[float, float], ...] = ()
 
     @classmethod
     def of_either(cls, error: float | None) -> "ModelError | None":
@@ -113,9 +115,12 @@ class ModelError:
         """The greater of both."""
         return max(self.stiffness, self.energy)
 
-    def times(self, factor: float) -> "ModelError":
-        """Return both times a factor."""
-        return ModelError(factor * self.stiffness, factor * self.energy)
+    def energy_at(self, share: float) -> float:
+        """Return the error of the energy at a share of mu N, a power between those known."""
+        if not self.energy_by_share:
+            return self.energy
+        known = np.log(np.array(self.energy_by_share).T)
+        return math.exp(float(np.interp(math.log(share), *known)))
 
 
 @dataclass(frozen=True, eq=False)

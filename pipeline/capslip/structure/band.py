@@ -304,10 +304,12 @@ def _of_caps_and_model(state: _State) -> tuple[np.ndarray, np.ndarray]:
 
 def _of_one(state: _State, part: Part) -> tuple[np.ndarray, np.ndarray]:
     moved, contact = part.contact.moved, part.contact
+    friction = state.settings.material.friction_coefficient
     if moved is None:
         errors = contact.errors or ModelError(0.0, 0.0)
-        return np.zeros((2, 2)), np.diag((errors.stiffness, errors.energy)) / NORMAL_95
-    friction = state.settings.material.friction_coefficient
+        share = min(state.answer.slip_force_N / (friction * state.preload_N), 1.0)
+        energy = errors.energy_at(share)
+        return np.zeros((2, 2)), np.diag((errors.stiffness, energy)) / NORMAL_95
     if state.by_force:
         at = state.answer.slip_force_N / (friction * state.preload_N) * contact.preload_N
     else:

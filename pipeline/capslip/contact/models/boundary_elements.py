@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from capslip.contact.bulk import bulk_of_face_m_per_N
-from capslip.contact.rung import Contacts, ModelError, Rung, Scene
-from capslip.contact.solvers.detail import WHITE_LEFT, FirstLoading, effect_of_detail
+from capslip.contact.map_accuracy import error_of_map
+from capslip.contact.rung import Contacts, Rung, Scene
+from capslip.contact.solvers.detail import FirstLoading
 from capslip.contact.solvers.polonsky_keer import (
     Pressed,
     elastic_face,
@@ -21,8 +21,8 @@ from capslip.contact.solvers.polonsky_keer import (
 from capslip.contact.solvers.refinement import refinement
 from capslip.contact.solvers.solutions import Solutions
 from capslip.contact.solvers.tilting import press_balanced
-from capslip.contact.solvers.unloading import SMALL_SLIP, Unloading
-from capslip.errors import ContactError, OutOfTimeError, SettingsError
+from capslip.contact.solvers.unloading import Unloading
+from capslip.errors import ContactError, SettingsError
 from capslip.problems import Effect, Problem
 from capslip.settings import SOLVER_TOLERANCE
 from capslip.surface.heightmap import HeightMap
@@ -30,10 +30,6 @@ from capslip.units import percent
 
 MIN_PIXELS_ACROSS = 10.0  # of the contacts that carry half of the load
 MIN_REFINED_ACROSS = 6.0  # the same, where a spline knows what lies between the pixels
-S_FILTER, NOISE_PIXELS = "conditioning.s_filter_nesting_index_m", 5.0  # what takes noise off
-PIXELS_95 = 3.0  # over what pixels leave in the energy of spheres, so that nearly all are within
-RESOLVED = 0.1  # of what the filter takes, that noise may be: 0.01 on smooth faces, noise 0.3 to 1
-LEAST_ERROR = 0.01  # of stiffness and energy, by the pixels of contacts that are resolved
 
 
 @dataclass(frozen=True, eq=False)
@@ -405,72 +401,6 @@ def _contacts(scene: Scene, curve: BoundaryElementCurve, approach_m: float) -> C
     )
 
 
-def _error(
-    curve: BoundaryElementCurve, load_N: float, tolerance: float
-) -> tuple[ModelError | None, tuple[Problem, ...]]:
-    """Return the errors of stiffness and energy, and what takes them beyond the tolerance."""
-    face, unloading, found = curve.solutions.face, curve.unloading(load_N), []
-    first = curve.first or FirstLoading(face, curve.pressed(load_N).approach_m)
-    between = unloading.loss_error
-    if between > tolerance:
-        message = (
-            f"from a tenth of mu N on the energy per cycle may be off by {between:.1%} between "
-            f"the {len(unloading.solved_load_N)} loads that were solved"
-        )
-        effect = Effect(None, between, between)
-        found.append(Problem("loss_between_loads", "warning", message, effect))
-    of_pixels = PIXELS_95 * unloading.pixel_error
-    least = max(between, of_pixels, LEAST_ERROR)
-    if unloading.cut_short:  # no time is left to look at what detail decides
-        return ModelError(least, least), tuple(found)
-    resolved = unloading.smallest_drop_N < SMALL_SLIP * load_N and all(
-        problem.code != "under_resolved" for problem in curve.problems(load_N)
-    )
-    try:
-        with curve.solutions.counted(load_N):
-            detail = effect_of_detail(
-                first,
-                unloading,
-                curve.solutions.tolerance,
-                bulk_of_face_m_per_N(face, face.E_star_Pa),
-                resolved=resolved,
-                time_limit_s=curve.solutions.left_s(load_N),
-                start_Pa=curve.pressed(load_N).pressure_Pa,
-            )
-    except OutOfTimeError:
-        message = (
-            f"contact.time_limit_s = {curve.solutions.time_limit_s:g} s was over before the map "
-            "was pressed without its finest detail: what that decides is not known"
-        )
-        found.append(Problem("time_limit_reached", "warning", message))
-        return ModelError(least, least), tuple(found)
-    effect = detail.effect
-    moved = ModelError(effect.tangential_stiffness or 0.0, effect.energy or 0.0)
-    said = (
-        f"detail of a few pixels moves the stiffness by {effect.tangential_stiffness:.1%} and the "
-        f"energy by up to {effect.energy:.1%}"
-    )
-    if moved.greatest > tolerance >= 2.0 * of_pixels and detail.white_share < RESOLVED:
-        message = f"{said}, and is smooth from pixel to pixel: it is taken for the face's own"
-        found.append(Problem("detail_decides", "info", message, effect))
-        moved = moved.times(detail.white_share)
-    elif moved.greatest > tolerance:
-        message = f"{said}: noise, spikes, lost points or roughness that the map hardly resolves"
-        nesting_m = NOISE_PIXELS * max(curve.pressed(load_N).pixel_size_m)
-        step = f"--set {S_FILTER}={nesting_m:.2g}, if the detail is noise; else a finer scan"
-        found.append(Problem("detail_decides", "warning", message, effect, step))
-        moved = moved.times(1.0 / (1.0 - WHITE_LEFT))
-    elif of_pixels > tolerance:
-        found.append(_at_small_slip(of_pixels))
-    return ModelError(max(moved.stiffness, LEAST_ERROR), max(moved.energy, least)), tuple(found)
-
-
-def _at_small_slip(error: float) -> Problem:
-    force = f"{percent(SMALL_SLIP)} of the force at gross slip"
-    message = f"at {force} the pixels of the map leave up to {error:.1%} in the energy per cycle"
-    return Problem("small_slip_extrapolated", "info", message, Effect(None, error, error))
-
-
 def _least_share(curve: BoundaryElementCurve, load_N: float) -> float:
     """Return the least share of mu N that pixels resolve: asked below it, a warning says so."""
     return curve.unloading(load_N).smallest_drop_N / load_N
@@ -487,7 +417,7 @@ RUNG = Rung(
     "is left out, and the face sinks as part of a half-space that ends nowhere.",
     colour="#009E73",
     interacts=True,
-    error=_error,
+    error=error_of_map,
     least_share=_least_share,
     build=_build,
     contacts=_contacts,

@@ -1,7 +1,7 @@
 """A pressed height map that is unloaded step by step: load, withdrawal and what a cycle loses."""
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from itertools import pairwise
 from time import process_time
 from typing import NamedTuple
@@ -62,7 +62,12 @@ class Unloading:
     # what the whole map says of their solutions; 0 where the map itself was solved or refined.
     patch_error: float = 0.0
     cut_short: bool = False  # whether the time was over before the loss was settled
-    pixel_error: float = 0.0  # that pixels leave in the loss at a tenth of the preload, relative
+    # Load drops, growing, and what pixels leave in the loss at each, relative, shape (2, k)
+    of_pixels: np.ndarray = field(default_factory=lambda: np.ones((2, 1)))
+
+    def pixel_error(self, load_drop_N: float) -> float:
+        """Return what pixels leave in the loss at a load drop, a power between those solved."""
+        return math.exp(float(np.interp(math.log(load_drop_N), *np.log(self.of_pixels))))
 
 
 def unload(
@@ -277,15 +282,12 @@ def _lift_offs_m(path: Path) -> np.ndarray:
     return np.asarray(np.clip(2 / (start + root), x_low, x_high))
 
 
-def _pixel_error(path: Path, load_drop_N: float) -> float:
-    """Return the error that pixels leave in the loss at a load drop, between those solved."""
+def _of_pixels(path: Path) -> np.ndarray:
+    """Return the solved load drops, growing, and the errors that pixels leave in the loss there."""
     errors = np.array([node.pixel_error for node in path.nodes])
     drops_N = path.pressed.load_N - np.array([node.load_N for node in path.nodes])
     known = (errors > 0.0) & np.isfinite(errors)
-    if not known.any():
-        return 1.0
-    pairs = np.log(drops_N[known]), np.log(errors[known])
-    return math.exp(float(np.interp(math.log(load_drop_N), *pairs)))
+    return np.stack((drops_N[known], errors[known])) if known.any() else np.ones((2, 1))
 
 
 def _tabulated(path: Path, cut_short: bool) -> Unloading:
@@ -325,5 +327,5 @@ def _tabulated(path: Path, cut_short: bool) -> Unloading:
         smallest_drop_N=smallest_N,
         refinement=1 if path.patches is None else path.patches.refinement,
         cut_short=cut_short,
-        pixel_error=_pixel_error(path, least_N),
+        of_pixels=_of_pixels(path),
     )

@@ -1,0 +1,109 @@
+"""What a map that is pressed itself is unsure of: `error_of_map` of its curve."""
+
+from typing import TYPE_CHECKING
+
+from capslip.contact.bulk import bulk_of_face_m_per_N
+from capslip.contact.rung import ModelError
+from capslip.contact.solvers.detail import WHITE_LEFT, FirstLoading, effect_of_detail
+from capslip.contact.solvers.unloading import SMALL_SLIP, Unloading
+from capslip.errors import OutOfTimeError
+from capslip.problems import Effect, Problem
+from capslip.units import percent
+
+if TYPE_CHECKING:
+    from capslip.contact.models.boundary_elements import BoundaryElementCurve
+
+S_FILTER, NOISE_PIXELS = "conditioning.s_filter_nesting_index_m", 5.0  # what takes noise off
+# Over what pixels leave in the energy of spheres, by shares of mu N, so that nearly all are within
+PIXELS_95 = {0.1: 3.0, 0.25: 6.0, 0.5: 6.0, 0.75: 6.0, 1.0: 6.0}
+RESOLVED = 0.1  # of what the filter takes, that noise may be: 0.01 on smooth faces, noise 0.3 to 1
+LEAST_ERROR = 0.01  # of stiffness and energy, by the pixels of contacts that are resolved
+
+
+def error_of_map(
+    curve: "BoundaryElementCurve", load_N: float, tolerance: float
+) -> tuple[ModelError | None, tuple[Problem, ...]]:
+    """Return the errors of stiffness and energy, and what takes them beyond the tolerance.
+
+    What is left between the solved loads, what pixels leave, and what the finest detail of the map
+    decides.
+
+    Parameters
+    ----------
+    curve : BoundaryElementCurve
+    load_N : float
+        Under which it is.
+    tolerance : float
+        Relative, beyond which an error is a problem.
+    """
+    face, unloading, found = curve.solutions.face, curve.unloading(load_N), []
+    first = curve.first or FirstLoading(face, curve.pressed(load_N).approach_m)
+    between = unloading.loss_error
+    if between > tolerance:
+        message = (
+            f"from a tenth of mu N on the energy per cycle may be off by {between:.1%} between "
+            f"the {len(unloading.solved_load_N)} loads that were solved"
+        )
+        effect = Effect(None, between, between)
+        found.append(Problem("loss_between_loads", "warning", message, effect))
+    of_pixels = PIXELS_95[SMALL_SLIP] * unloading.pixel_error(SMALL_SLIP * load_N)
+    least = max(between, LEAST_ERROR)
+    if unloading.cut_short:  # no time is left to look at what detail decides
+        return _with_pixels(unloading, max(least, of_pixels), least), tuple(found)
+    resolved = unloading.smallest_drop_N < SMALL_SLIP * load_N and all(
+        problem.code != "under_resolved" for problem in curve.problems(load_N)
+    )
+    try:
+        with curve.solutions.counted(load_N):
+            detail = effect_of_detail(
+                first,
+                unloading,
+                curve.solutions.tolerance,
+                bulk_of_face_m_per_N(face, face.E_star_Pa),
+                resolved=resolved,
+                time_limit_s=curve.solutions.left_s(load_N),
+                start_Pa=curve.pressed(load_N).pressure_Pa,
+            )
+    except OutOfTimeError:
+        message = (
+            f"contact.time_limit_s = {curve.solutions.time_limit_s:g} s was over before the map "
+            "was pressed without its finest detail: what that decides is not known"
+        )
+        found.append(Problem("time_limit_reached", "warning", message))
+        return _with_pixels(unloading, max(least, of_pixels), least), tuple(found)
+    effect = detail.effect
+    stiffness, energy, factor = effect.tangential_stiffness or 0.0, effect.energy or 0.0, 1.0
+    greatest = max(stiffness, energy)
+    said = (
+        f"detail of a few pixels moves the stiffness by {effect.tangential_stiffness:.1%} and the "
+        f"energy by up to {effect.energy:.1%}"
+    )
+    if greatest > tolerance >= 2.0 * of_pixels and detail.white_share < RESOLVED:
+        message = f"{said}, and is smooth from pixel to pixel: it is taken for the face's own"
+        found.append(Problem("detail_decides", "info", message, effect))
+        factor = detail.white_share
+    elif greatest > tolerance:
+        message = f"{said}: noise, spikes, lost points or roughness that the map hardly resolves"
+        nesting_m = NOISE_PIXELS * max(curve.pressed(load_N).pixel_size_m)
+        step = f"--set {S_FILTER}={nesting_m:.2g}, if the detail is noise; else a finer scan"
+        found.append(Problem("detail_decides", "warning", message, effect, step))
+        factor = 1.0 / (1.0 - WHITE_LEFT)
+    elif of_pixels > tolerance:
+        found.append(_at_small_slip(of_pixels))
+    errors = max(factor * stiffness, LEAST_ERROR), max(factor * energy, least)
+    return _with_pixels(unloading, *errors), tuple(found)
+
+
+def _with_pixels(unloading: Unloading, stiffness: float, energy: float) -> ModelError:
+    """Return errors, with what pixels leave in the energy, which falls with the force."""
+    by_share = tuple(
+        (share, max(factor * unloading.pixel_error(share * unloading.load_N), energy))
+        for share, factor in PIXELS_95.items()
+    )
+    return ModelError(stiffness, max(error for _, error in by_share), by_share)
+
+
+def _at_small_slip(error: float) -> Problem:
+    force = f"{percent(SMALL_SLIP)} of the force at gross slip"
+    message = f"at {force} the pixels of the map leave up to {error:.1%} in the energy per cycle"
+    return Problem("small_slip_extrapolated", "info", message, Effect(None, error, error))
