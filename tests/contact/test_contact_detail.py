@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from capslip.contact.map_accuracy import error_of_map
 from capslip.contact.models import boundary_elements as bem
 from capslip.contact.solvers import detail
 from capslip.studies.faces.synthetic import Cap, Scene, synthetic_surface
@@ -32,7 +33,7 @@ def solved(surface):
 def test_smooth_caps_are_not_pressed_again(surface, monkeypatch):
     curve = solved(surface)
     monkeypatch.setattr(detail, "press", None)
-    stated, problems = bem._error(curve, LOAD_N, TOLERANCE)
+    stated, problems = error_of_map(curve, LOAD_N, TOLERANCE)
     assert problems == ()
     assert stated.stiffness == bem.LEAST_ERROR
     assert stated.energy < TOLERANCE
@@ -50,7 +51,7 @@ def test_roughness_that_the_map_resolves_is_followed_and_taken_for_the_face_s_ow
         assert (
             detail._relative(*(read(one.unloading(300.0)) for one in (rough, truth))).max() < 0.02
         )
-    stated, (said,) = bem._error(rough, 300.0, TOLERANCE)
+    stated, (said,) = error_of_map(rough, 300.0, TOLERANCE)
     assert (said.code, said.severity) == ("detail_decides", "info")
     assert stated.greatest < TOLERANCE < said.effect.energy
 
@@ -58,7 +59,7 @@ def test_roughness_that_the_map_resolves_is_followed_and_taken_for_the_face_s_ow
 def test_noise_on_them_is_warned_and_its_error_stated(surface):
     noise_m = np.random.default_rng(4).normal(0.0, 4e-8, surface.shape)
     clean, noisy = solved(surface), solved(replace(surface, height_m=surface.height_m + noise_m))
-    stated, problems = bem._error(noisy, LOAD_N, TOLERANCE)
+    stated, problems = error_of_map(noisy, LOAD_N, TOLERANCE)
     assert [one.code for one in problems] == ["detail_decides"]
     was, now = (detail._loss_J(one.unloading(LOAD_N)) for one in (clean, noisy))
     off = detail._relative(was, now).max()

@@ -5,6 +5,7 @@ import pytest
 from scipy.ndimage import gaussian_filter
 
 from capslip import analyze, load_settings
+from capslip.contact import map_accuracy
 from capslip.contact.models import boundary_elements as model
 from capslip.contact.solvers import polonsky_keer, solutions
 from capslip.contact.solvers.polonsky_keer import elastic_face, press
@@ -98,7 +99,7 @@ def test_a_curve_that_is_cut_short_has_an_error_that_holds(seed):
     assert short.unloading(LOAD_N).cut_short
     assert not full.unloading(LOAD_N).cut_short
     errors, said = model.RUNG.error(short, LOAD_N, 0.05)
-    assert errors.energy == max(short.unloading(LOAD_N).loss_error, model.LEAST_ERROR)
+    assert errors.energy == max(short.unloading(LOAD_N).loss_error, map_accuracy.LEAST_ERROR)
     truth_J, found_J = (
         one.loss_integral_at_drop_J(float(one.approach_m(LOAD_N)), SHARES * LOAD_N)
         for one in (full, short)
@@ -112,10 +113,10 @@ def test_detail_that_is_out_of_time_is_a_warning_and_leaves_the_error_between_lo
     def late(*given, **more):
         raise OutOfTimeError("late")
 
-    monkeypatch.setattr(model, "effect_of_detail", late)
+    monkeypatch.setattr(map_accuracy, "effect_of_detail", late)
     curve = model.boundary_elements(wavy(), E, time_limit_s=60.0)
     errors, said = model.RUNG.error(curve, LOAD_N, 0.05)
-    assert errors.energy == max(curve.unloading(LOAD_N).loss_error, model.LEAST_ERROR)
+    assert errors.energy == max(curve.unloading(LOAD_N).loss_error, map_accuracy.LEAST_ERROR)
     assert [p.code for p in said] == ["time_limit_reached"]
     assert "60 s was over before" in said[0].message
 
