@@ -5,7 +5,7 @@ import pytest
 from scipy.ndimage import gaussian_filter
 
 from capslip.surface.heightmap import HeightMap
-from capslip.surface.seams import find_seams, without_seams
+from capslip.surface.seams import find_seams, leaves_tops, without_seams
 
 SHAPE, PIXEL_M = (120, 200), (1e-4, 1e-4)
 ROW, COLUMN = np.mgrid[: SHAPE[0], : SHAPE[1]]
@@ -40,6 +40,20 @@ def test_fields_of_view_are_found_with_their_levels(rms_m, lost):
     assert at.tolist() == [seams.offset_m[0, 0], seams.offset_m[1, 2]]
     left_m = without_seams(of(height_m), seams).height_m - height_m + level_m
     assert np.nanstd(left_m) < 3e-9 + 0.6 * rms_m
+
+
+@pytest.mark.parametrize("step_m", [1e-7, 1e-5])
+def test_a_floor_that_is_stepped_between_equal_tops_is_no_stitched_map(step_m):
+    """Caps of one height on both sides: fields took no tops along."""
+    at = (ROW % 30 - 15) ** 2
+    caps_m = np.maximum(2e-6 - 4e-8 * (at + (COLUMN % 40 - 20) ** 2), 0.0)
+    stepped, stitched = COLUMN >= 110, step_m * (COLUMN >= 110)
+    floor = of(np.where(caps_m > 0.0, caps_m, -step_m * stepped) + noise_m(1e-9))
+    whole = of(caps_m + stitched + noise_m(1e-9))
+    for surface, expected in ((floor, True), (whole, False)):
+        seams = find_seams(surface)
+        assert seams.columns.tolist() == [0, 110, 200]
+        assert leaves_tops(surface, seams) == expected
 
 
 def test_rows_and_columns_are_alike():

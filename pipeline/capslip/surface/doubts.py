@@ -11,7 +11,7 @@ from capslip.surface.form import FLOOR_LINES, FLOOR_SHARE, ROUNDING, remove_form
 from capslip.surface.heightmap import HeightMap, Tops
 from capslip.surface.interpolated import pixels_apart
 from capslip.surface.outliers import Outliers
-from capslip.surface.seams import find_seams
+from capslip.surface.seams import find_seams, leaves_tops
 from capslip.surface.tops import clipped_points
 from capslip.units import readable
 
@@ -202,7 +202,7 @@ def problems_of_form(surface: HeightMap, approach_m: float) -> list[Problem]:
 def problems_of_seams(surface: HeightMap, approach_m: float) -> list[Problem]:
     """Return whether fields with straight seams lie on levels so unlike that it decides."""
     seams = find_seams(surface)
-    if seams is None or seams.span_m <= VISIBLE_FORM * approach_m:
+    if seams is None or seams.span_m <= VISIBLE_FORM * approach_m or leaves_tops(surface, seams):
         return []
     message = (
         f"straight seams along rows or columns cut the map into {seams.offset_m.size} fields, on "

@@ -14,6 +14,7 @@ LEAST_POINTS = 8  # of a part of a line, that tell its jump
 MOST_POINTS = 80  # of these that are looked at: a median of so many scatters by a seventh of them
 ALONE = 0.5  # of a jump, that others so close may have: rims of hills jump by a little
 NEIGHBOUR = 0.8  # of a jump, that those beside it may have: half of it, and noise
+LEVEL_TOPS = 0.1  # of what the tops of fields differ by once these are on one level
 ROUNDING = 1e-6  # of the height range: what lines of a plane floor jump by
 
 
@@ -62,6 +63,18 @@ def find_seams(surface: HeightMap) -> Seams | None:
     ny, nx = surface.shape
     rows, columns = np.array([0, *rows, ny]), np.array([0, *columns, nx])
     return Seams(rows, columns, _offsets_m(surface.height_m, rows, columns))
+
+
+def leaves_tops(surface: HeightMap, seams: Seams) -> bool:
+    """Tell whether the tops of all fields are on one level as they are.
+
+    Fields that were stitched wrongly took their tops along. Where it is the floor that is stepped,
+    as beside a recess, the fields on one level would have their tops apart.
+    """
+    height_m = np.where(surface.measured, surface.height_m, -np.inf)
+    of_rows_m = np.maximum.reduceat(height_m, seams.rows[:-1], axis=0)
+    top_m = np.maximum.reduceat(of_rows_m, seams.columns[:-1], axis=1)
+    return bool(np.ptp(top_m) < LEVEL_TOPS * np.ptp(top_m - seams.offset_m))
 
 
 def without_seams(surface: HeightMap, seams: Seams) -> HeightMap:
