@@ -105,6 +105,43 @@ def test_a_bow_of_the_peaks_is_taken_out_of_them():
 
 
 @pytest.mark.parametrize(("model", "points"), [("interacting", 240), ("boundary_elements", 96)])
+def test_a_bow_of_the_instrument_moves_what_it_moves_on_the_map(model, points):
+    """The greatest change by a cylinder or a sphere of that height over the map, up or down."""
+    rng = np.random.default_rng(6)
+    places = [(x, y) for x in np.linspace(5e-3, 43e-3, 4) for y in np.linspace(5e-3, 43e-3, 4)]
+    peaks = [(x, y, 15.0, z) for (x, y), z in zip(places, rng.uniform(-1e-7, 0, 16), strict=True)]
+    face_m = caps_map(peaks, (points, points), (0.048 / points,) * 2, floor_m=-8e-7)
+    x = (np.arange(points) + 0.5) / points - 0.5
+    rise = {
+        "x": 4.0 * x**2 + 0.0 * x[:, None],
+        "y": 4.0 * x[:, None] ** 2 + 0.0 * x,
+        "sphere": 2.0 * (x**2 + x[:, None] ** 2),
+    }
+    flatness_m = 4e-8
+    words = (f"contact.model={model}", "conditioning.form=none")
+    plain = found(face_m, *words)
+    given = load_settings(
+        overrides=(
+            "contact.preload_N=200",
+            *words,
+            f"instrument.flatness_deviation_m={flatness_m}",
+        )
+    )
+    moved = [
+        found(replace(face_m, height_m=face_m.height_m + sign * flatness_m * one), *words)
+        for one in rise.values()
+        for sign in (1.0, -1.0)
+    ]
+    stiffness = [one.slip.tangential_stiffness_N_per_m / plain.slip.tangential_stiffness_N_per_m
+                 for one in moved]  # fmt: skip
+    truth = np.abs(np.array(stiffness) - 1.0).max()
+    known = plain.caps, plain.caps, plain.conditioned, given, plain.contact.rung
+    effect = with_effects([Problem("bow_left", "warning", "")], *known)[0].effect
+    assert truth > 0.01
+    assert effect.tangential_stiffness == pytest.approx(truth, rel=0.15, abs=0.003)
+
+
+@pytest.mark.parametrize(("model", "points"), [("interacting", 240), ("boundary_elements", 96)])
 def test_seams_move_what_one_level_moves(model, points):
     """The answers of the same face in one field; its caps are of unlike heights."""
     rng = np.random.default_rng(4)
