@@ -11,6 +11,7 @@ from capslip.contact.effects import with_effects
 from capslip.problems import Problem
 from capslip.settings import load_settings
 from capslip.studies.faces.synthetic import Scene, synthetic_surface
+from capslip.surface.heightmap import HeightMap
 from scenes import caps_map
 
 PIXEL_M = 2e-4
@@ -228,3 +229,26 @@ def test_a_bow_of_the_map_moves_what_its_removal_moves():
     assert "on the map" in one.message
     assert one.effect.energy == pytest.approx(more, rel=0.05)
     assert said(min(1.1 * more, 0.99)).severity == "info"
+
+
+def test_an_interpolated_map_is_pressed_on_its_measured_points_alone():
+    """On pixels that are longer than wide, two and three of which hold one measured point."""
+    from scipy.ndimage import zoom
+
+    waves = Scene((60, 40), (2e-4, 4.5e-4), seed=3, waviness_rms_m=1e-7, waviness_length_m=3e-3)
+    measured = synthetic_surface(waves)[0]
+    fine_m = zoom(measured.height_m, (2, 3), order=1, grid_mode=True, mode="nearest")
+    words = ("contact.preload_N=60", "contact.model=boundary_elements")
+    fine = found(HeightMap(fine_m, (1e-4, 1.5e-4)), *words)
+    alone = found(HeightMap(fine_m[1::2, 1::3], (2e-4, 4.5e-4)), *words)
+    given = fine.caps, fine.caps, fine.conditioned, fine.settings, fine.contact.rung
+    effect = with_effects([Problem("interpolated", "warning", "")], *given)[0].effect
+    stiffness = [one.slip.tangential_stiffness_N_per_m for one in (fine, alone)]
+    assert effect.tangential_stiffness == pytest.approx(
+        abs(stiffness[1] / stiffness[0] - 1), rel=0.1, abs=2e-3
+    )
+    share = np.array([0.1, 0.25, 0.5, 0.75])
+    energy_J = [
+        one.slip.energy_at_force_J(share * one.slip.total_slip_force_N) for one in (fine, alone)
+    ]
+    assert effect.energy == pytest.approx(np.abs(energy_J[1] / energy_J[0] - 1.0).max(), rel=0.1)
