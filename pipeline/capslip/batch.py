@@ -98,7 +98,9 @@ def analyse_scan(scan: Scan, folder: Path, command: str | None, retry_failed: bo
         stage = "analyse"
         analysis = analyze(surface, scan.settings, mate)
         stage = "write"
-        return row_of(write(analysis, folder, command=command, timings_s=timings_s))
+        # Nobody opens the pages of thousands of scans of which the numbers alone were wanted
+        page = any(getattr(scan.settings.run, name) for name in PICTURES)
+        return row_of(write(analysis, folder, command=command, timings_s=timings_s, page=page))
     except MemoryError:
         raise  # whoever set the limit notes it
     except Exception as error:

@@ -16,7 +16,7 @@ from capslip import workers
 from capslip.batch import analyse_scan, run_batch
 from capslip.cli import main
 from capslip.output import report
-from capslip.output.staging import new_folder
+from capslip.output.staging import new_folder, read_summary
 from capslip.settings import load_settings
 
 
@@ -103,6 +103,23 @@ def test_pictures_that_were_left_out_are_made_when_wanted(batch, tmp_path):
     written = summary.stat().st_mtime_ns
     assert CliRunner().invoke(main, [*source, "--no-figures"]).exit_code == 0
     assert summary.stat().st_mtime_ns == written
+
+
+def test_a_batch_of_numbers_alone_has_the_same_numbers_and_no_pages(batch, tmp_path):
+    folder, arguments, _ = batch
+    source, light = str(folder / "scans in" / "two.h5"), arguments[4:]
+    found, files = [], []
+    for name, options in (("with", ()), ("without", ("--no-meshes",))):
+        out = tmp_path / name
+        ran = CliRunner().invoke(main, ["batch", source, "-o", str(out), *light, *options])
+        assert ran.exit_code == 0, ran.output
+        files.append({one.name for one in (out / "scans" / "two").iterdir() if one.is_file()})
+        found.append(read_summary(out / "scans" / "two"))
+        for key in ("timings_s", "provenance", "outputs"):
+            del found[-1][key]
+    assert files[1] == {"summary.json", "result.h5", "caps.csv", "settings.toml"}
+    assert files[0] - files[1] == {"report.html", "surface.vtu", "caps.vtu"}
+    assert found[0] == found[1]
 
 
 def again(*_):

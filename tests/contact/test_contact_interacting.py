@@ -311,6 +311,17 @@ def test_a_whole_curve_is_solved_like_its_points():
         assert curve.load_drop_N(d, 1e-9) == pytest.approx(drop, rel=1e-12)
 
 
+@pytest.mark.parametrize("seed", range(12))
+def test_many_loads_are_solved_together_like_each_alone(seed):
+    """Up to loads at which contacts overlap, where there may be more than one equilibrium."""
+    rng = np.random.default_rng(seed)
+    caps_of_face = random_caps(rng, 80)
+    load = 10 ** rng.uniform(-3, 4) * np.geomspace(1e-3, 1.0, 12)
+    approach = interacting(*caps_of_face, E).approach_m(load)
+    one_by_one = [float(interacting(*caps_of_face, E).approach_m(N)) for N in load]
+    np.testing.assert_allclose(approach, one_by_one, rtol=1e-12)
+
+
 def test_a_heavy_neighbour_pushes_a_cap_out_of_contact():
     # The small cap touches first; then the blunt one beside it takes over and sinks the surface.
     # While their contacts overlap the small one would grow as the load falls: it is sheared

@@ -10,7 +10,7 @@ from capslip.contact.solvers import pixels
 from capslip.contact.solvers.elastic_face import elastic_face
 from capslip.contact.solvers.patches import patched
 from capslip.contact.solvers.path import Path
-from capslip.contact.solvers.pixels import fewer, in_contact_alone, pixels_alone
+from capslip.contact.solvers.pixels import around_contact, fewer, in_contact_alone, pixels_alone
 from capslip.contact.solvers.polonsky_keer import press
 from capslip.contact.solvers.unloading import unload
 from capslip.surface.heightmap import HeightMap
@@ -53,6 +53,23 @@ def test_they_unload_as_the_map_does(rough, pressed, monkeypatch):
 
 def test_too_many_are_no_less_work_than_the_map(rough):
     assert pixels_alone(rough, np.ones(rough.shape, dtype=bool), None) is None
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_patches_that_are_not_looked_at_would_not_have_been_taken(rough, seed, monkeypatch):
+    """What is within the margin of a contact is in patches, however they are cut."""
+    rng = np.random.default_rng(seed)
+    contact = rng.random(rough.shape) < 10 ** rng.uniform(-3.0, -0.5)
+    contact &= np.hypot(*np.indices(rough.shape)) < rng.uniform(30.0, 200.0)  # up to two edges
+    contact[3, 4] = True
+    quick = around_contact(rough, contact)
+    monkeypatch.setattr(pixels, "_least_points", lambda _: 0)
+    careful = around_contact(rough, contact)
+    if quick is None or careful is None:
+        assert quick is careful
+    else:
+        assert quick.half_space.cost == careful.half_space.cost
+        assert np.array_equal(quick.parent, careful.parent)
 
 
 def test_a_tile_is_inverted_exactly(rough):

@@ -39,6 +39,7 @@ def real(tmp_path_factory):
         home.mkdir(parents=True)
         write_result(analysis, home)
         rows.append(row_of(analysis.summary()) | {"scan": name, "folder": f"scans/{name}"})
+    (folder / "scans" / "several" / "report.html").touch()
     rows.append(failed(NASTY))
     write_overview(rows, folder)
     return folder, rows
@@ -80,6 +81,12 @@ def test_curves_and_stamps_are_those_of_the_results(real):
     np.testing.assert_allclose(x[[0, -1]], force_N[[0, -1]], rtol=2e-3)
     np.testing.assert_allclose(np.interp(x, force_N, energy_J), y, rtol=1e-2)
     assert base64.b64decode(first[8])[1:4] == b"PNG"
+
+
+def test_a_row_leads_to_the_report_or_to_the_folder_that_has_none(real):
+    folder, _ = real
+    links = [row[4] for row in data_of(folder)["rows"]]
+    assert links == ["scans/several/report.html", "scans/one", ""]
 
 
 def test_causes_have_what_was_measured_first(real):

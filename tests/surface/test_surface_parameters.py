@@ -11,6 +11,7 @@ from iso_maps import VALUES, maps
 from capslip.caps.features import feature_parameters
 from capslip.caps.iso25178 import Iso25178
 from capslip.errors import UnusableSurfaceError
+from capslip.surface import parameters
 from capslip.surface.conditioning import condition
 from capslip.surface.heightmap import HeightMap
 from capslip.surface.parameters import material_ratio_curve, surface_parameters
@@ -152,7 +153,8 @@ def test_turning_scaling_and_lifting_the_map_change_what_they_should():
     other = surface_parameters(turned)
     assert other.Std_rad == pytest.approx(math.pi / 2 - plain.Std_rad, abs=0.02)
     assert (other.Sal_m, other.Str) == pytest.approx((plain.Sal_m, plain.Str), rel=1e-9)
-    np.testing.assert_allclose(other.along_x.density_m3, plain.along_y.density_m3, 1e-9, 1e-27)
+    there, here = (Iso25178(condition(one, "none", outliers="none")) for one in (of("lay"), turned))
+    np.testing.assert_allclose(here.along_x.density_m3, there.along_y.density_m3, 1e-9, 1e-27)
     lifted = HeightMap(3e-6 * height_um + 1.0, of("lay").pixel_size_m)
     assert surface_parameters(lifted).Sq_m == pytest.approx(3 * plain.Sq_m, rel=1e-8)
     assert surface_parameters(lifted).Sku == pytest.approx(plain.Sku, rel=1e-8)
@@ -160,6 +162,50 @@ def test_turning_scaling_and_lifting_the_map_change_what_they_should():
     assert (flat.Sq_m, flat.Sz_m) == (0.0, 0.0)
     assert math.isnan(flat.Ssk)
     assert math.isnan(flat.Sal_m)
+
+
+def falls_to_a_fifth(correlation, pixel_um):
+    """Distances at which the lobe around lag (0, 0) falls to 0.2, by walking over its points."""
+    middle = tuple(n // 2 for n in correlation.shape)
+    found, seen, todo = [], {middle}, [middle]
+    while todo:
+        at = todo.pop()
+        for step in ((0, 1), (0, -1), (1, 0), (-1, 0)):
+            to = at[0] + step[0], at[1] + step[1]
+            assert all(0 <= i < n for i, n in zip(to, correlation.shape, strict=True))
+            if correlation[to] > 0.2:
+                todo += [] if to in seen else [to]
+                seen.add(to)
+                continue
+            share = (correlation[at] - 0.2) / (correlation[at] - correlation[to])
+            lag = (np.array(at) + share * np.array(step) - middle) * pixel_um
+            found.append(np.hypot(*lag))
+    return np.array(found)
+
+
+@pytest.mark.parametrize("shape", [(24, 31), (31, 24), (30, 32)])
+@pytest.mark.parametrize("gaps", [0.0, 0.1])
+@pytest.mark.parametrize("first_lags", [2, 32])
+def test_sal_and_str_are_those_of_sums_over_shifted_maps(shape, gaps, first_lags, monkeypatch):
+    """However far around the middle the lobe is looked for first."""
+    monkeypatch.setattr(parameters, "FIRST_LAGS", first_lags)
+    rng = np.random.default_rng(7)
+    fy, fx = np.fft.fftfreq(shape[0])[:, None], np.fft.rfftfreq(shape[1])
+    waves = np.fft.rfft2(rng.normal(size=shape)) * np.exp(-((8.0 * fy) ** 2) - (6.0 * fx) ** 2)
+    z = np.fft.irfft2(waves, s=shape)
+    z[rng.random(shape) < gaps] = np.nan
+    z -= np.nanmean(z)
+    found = surface_parameters(HeightMap(1e-6 * z, (2e-6, 1e-6)))
+    correlation = np.array(
+        [
+            [np.nanmean(z * np.roll(z, (i - shape[0] // 2, j - shape[1] // 2), (0, 1)))
+             for j in range(shape[1])]
+            for i in range(shape[0])
+        ]
+    )  # fmt: skip
+    distance_um = falls_to_a_fifth(correlation / correlation.max(), (2.0, 1.0))
+    assert found.Sal_m == pytest.approx(1e-6 * distance_um.min(), rel=1e-9)
+    assert found.Str == pytest.approx(distance_um.min() / distance_um.max(), rel=1e-9)
 
 
 def test_the_abbott_curve_holds_its_share_of_points_above_every_height():

@@ -1,6 +1,6 @@
 """The parameters of ISO 25178-2, which metrologists look at first, each computed when asked for."""
 
-from dataclasses import dataclass, fields
+from dataclasses import asdict, dataclass, fields
 from functools import cached_property
 from typing import Any
 
@@ -8,7 +8,7 @@ from capslip.caps.features import FeatureParameters, feature_parameters
 from capslip.surface.conditioning import Conditioned
 from capslip.surface.heightmap import HeightMap
 from capslip.surface.parameters import SurfaceParameters, surface_parameters
-from capslip.surface.spectrum import Spectrum
+from capslip.surface.spectrum import Spectrum, line_spectrum
 
 MOST_POINTS = 4_000_000  # of a map; the hills of a larger one take seconds and a gigabyte
 
@@ -30,8 +30,20 @@ class Iso25178:
 
     @cached_property
     def field(self) -> SurfaceParameters:
-        """Height parameters, texture and spectra."""
+        """Height parameters and texture."""
         return surface_parameters(self.conditioned.as_fitted())
+
+    @cached_property
+    def along_x(self) -> Spectrum:
+        """Power spectrum of the rows."""
+        surface = self.conditioned.as_fitted()
+        return line_spectrum(surface.height_m, surface.pixel_size_m[1])
+
+    @cached_property
+    def along_y(self) -> Spectrum:
+        """Power spectrum of the columns."""
+        surface = self.conditioned.as_fitted()
+        return line_spectrum(surface.height_m.T, surface.pixel_size_m[0])
 
     @cached_property
     def hills(self) -> FeatureParameters:
@@ -46,8 +58,7 @@ class Iso25178:
 
     def to_dict(self, *, with_hills: bool) -> dict[str, Any]:
         """Return the numbers; those of hills and dales are None without, and on too large maps."""
-        numbers = [one.name for one in fields(SurfaceParameters) if one.type is not Spectrum]
-        found: dict[str, Any] = {name: getattr(self.field, name) for name in numbers}
+        found: dict[str, Any] = asdict(self.field)
         with_hills &= self.conditioned.surface.height_m.size <= MOST_POINTS
         for one in fields(FeatureParameters):
             found[one.name] = getattr(self.hills, one.name) if with_hills else None

@@ -117,7 +117,7 @@ def _labels(result: Path) -> np.ndarray:
     import h5py
 
     with h5py.File(result) as file:
-        label: np.ndarray = file["hills/labels"][:]
+        label: np.ndarray = file["hills/labels"][:].astype(np.int32)
     return label
 
 

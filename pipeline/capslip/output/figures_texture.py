@@ -60,7 +60,7 @@ def abbott(analysis: "Analysis", axes: "Axes | None" = None) -> "Figure":
 
 def spectrum(analysis: "Analysis", axes: "Axes | None" = None) -> "Figure":
     """Power spectra of rows and columns, with the waves that the map carries and its contacts."""
-    found, surface = analysis.iso25178.field, analysis.conditioned.surface
+    found, surface = analysis.iso25178, analysis.conditioned.surface
     filters, noise_m = analysis.settings.conditioning, analysis.hills.noise_m
     shortest_m, longest_m = carried_waves_m(
         surface, noise_m, filters.s_filter_nesting_index_m, filters.l_filter_nesting_index_m

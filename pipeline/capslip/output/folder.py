@@ -30,6 +30,7 @@ def write(
     timings_s: dict[str, float] | None = None,
     figures: bool | None = None,
     render: bool | None = None,
+    page: bool = True,
     export: str | None = None,
     progress: Callable[[str], None] = lambda _: None,
     missing: Missing = lambda _, __: None,
@@ -52,6 +53,8 @@ def write(
         Seconds of what was done before, such as reading.
     figures, render : bool, optional
         Whether to draw the figures and the three-dimensional picture; by default `settings.run`.
+    page : bool, optional
+        Whether to write `report.html`, whose tables for other preloads take as long as the rest.
     export : {"jenkins", "law"}, optional
         Write the joint for another program, too: `jenkins.csv`, parallel Jenkins elements of its
         slip curve; or `law.*`, the law of its face per area over pressure.
@@ -96,10 +99,8 @@ def write(
         parts = _Parts(analysis, work, timings_s or {}, progress, missing)
         parts.write_numbers()
         no_scene = parts.draw(extra)
-        progress("writing the report")
-        summary = parts.analysis.summary(command, parts.timings_s)
-        parts.make(("report.html",), report.write_report, parts.analysis, summary, work, no_scene)
-        parts.lap("report")
+        if page:
+            parts.write_page(command, no_scene)
         total_s = sum((analysis.timings_s | parts.timings_s).values())
         summary = parts.analysis.summary(command, {**parts.timings_s, "total": total_s})
         summary = staging.with_digests(summary, work)
@@ -127,9 +128,7 @@ def write_joint(
         parts = _Parts(result, work, timings_s or {}, progress, missing)
         if isinstance(result, JointOfScans):
             parts.draw_scans(result, extra)
-            summary = parts.analysis.summary(command, parts.timings_s)
-            parts.make(("report.html",), report.write_report, parts.analysis, summary, work, None)
-            parts.lap("report")
+            parts.write_page(command, None)
         summary = parts.analysis.summary(command, parts.timings_s)
         summary = staging.with_digests(summary, work)
         tables.write_summary(summary, work)
@@ -178,6 +177,15 @@ class _Parts:
         """Write tables and settings."""
         tables.write_result(self.analysis, self.work)
         self.lap("tables")
+
+    def write_page(self, command: str | None, no_scene: str | None) -> None:
+        """Write the report, which says why there is no picture."""
+        self.progress("writing the report")
+        summary = self.analysis.summary(command, self.timings_s)
+        self.make(
+            ("report.html",), report.write_report, self.analysis, summary, self.work, no_scene
+        )
+        self.lap("report")
 
     def draw(self, export: Export | None) -> str | None:
         """Make export, meshes and figures beside the picture; return why there is no picture."""

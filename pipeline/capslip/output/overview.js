@@ -3,7 +3,7 @@
 (() => {
   const data = JSON.parse(document.getElementById("data").textContent);
   const STATUSES = ["ok", "check", "failed", "to do"], STEP = 100;
-  const [STATUS, SCAN, GROUP, ERROR, FOLDER, NUMBERS, CAUSES, CURVES, STAMP] = Array(9).keys();
+  const [STATUS, SCAN, GROUP, ERROR, LINK, NUMBERS, CAUSES, CURVES, STAMP] = Array(9).keys();
   const at = (id) => document.getElementById(id);
   const make = (tag, text, kind) => {
     const one = document.createElement(tag);
@@ -63,9 +63,9 @@
       face.append(image);
     }
     const scan = make("td", "", "scan");
-    if (row[FOLDER]) {
+    if (row[LINK]) {
       const link = make("a", row[SCAN]);
-      link.href = `${row[FOLDER].split("/").map(encodeURIComponent).join("/")}/report.html`;
+      link.href = row[LINK].split("/").map(encodeURIComponent).join("/");
       scan.append(link);
     } else scan.append(make("b", row[SCAN]));
     scan.append(make("span", row[STATUS] + (row[GROUP] ? `, ${row[GROUP]}` : ""), `is-${row[STATUS].replace(" ", "")}`));

@@ -185,8 +185,23 @@ def _seen(row: Row, folder: Path) -> list[Any]:
     """Return what the page knows of a scan, short: there are thousands of them."""
     curves, stamp = _pictured(folder / row["folder"] / "result.h5") if row["folder"] else ([], "")
     numbers = [None if row[name] is None else float(f"{row[name]:.4g}") for name in INDEX]
-    texts = [printable(str(row[name] or "")) for name in ("scan", "group", "error", "folder")]
-    return [row["status"], *texts, numbers, row.get("causes") or [], curves, stamp]
+    texts = [printable(str(row[name] or "")) for name in ("scan", "group", "error")]
+    return [
+        row["status"],
+        *texts,
+        _link(row, folder),
+        numbers,
+        row.get("causes") or [],
+        curves,
+        stamp,
+    ]
+
+
+def _link(row: Row, folder: Path) -> str:
+    """Return where a row leads: to the report of its scan, or to the folder that has none."""
+    home = row["folder"] or ""
+    page = f"{home}/report.html"
+    return printable(page if home and (folder / page).is_file() else home)
 
 
 def _pictured(path: Path) -> tuple[list[list[int]], str]:

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from capslip.contact.solvers.hertz import loss_of_asperity
+from capslip.output.datasets import write_dataset
 
 if TYPE_CHECKING:
     from capslip.contact.press import ContactState
@@ -216,8 +217,8 @@ def write_zones(zones: Zones, group: Any) -> None:
         if values.dtype.kind == "f" and field.name in ("share", "pixel_reach"):
             values = values.astype(np.float32)
         packed = {"compression": "gzip", "compression_opts": 1} if values.size > 1000 else {}
-        data = group.create_dataset(field.name, data=values, **packed)
-        data.attrs["unit"] = {"N": "N", "m": "m"}.get(field.name.rpartition("_")[2], "")
+        unit = {"N": "N", "m": "m"}.get(field.name.rpartition("_")[2], "")
+        write_dataset(group, field.name, values, unit, **packed)
 
 
 def read_zones(group: Any) -> Zones:

@@ -7,10 +7,10 @@ import numpy as np
 
 from capslip.errors import UnusableSurfaceError
 from capslip.surface.heightmap import HeightMap
-from capslip.surface.spectrum import Spectrum, line_spectrum
 
 DECAY = 0.2  # of the autocorrelation: the value to which Sal and Str follow it (ISO 25178-3)
 DIRECTIONS = 180  # classes of one degree
+FIRST_LAGS = 32  # pixels around the middle in which the lobe of the autocorrelation is looked for
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,8 +33,6 @@ class SurfaceParameters:
         Direction of the greatest angular power, from x towards y, in (-pi/2, pi/2]: in it the
         heights change most, and the lay is across. Steps of one degree; no meaning where Str is
         near 1.
-    along_x, along_y : Spectrum
-        Power spectra of the rows and of the columns.
     """
 
     Sa_m: float
@@ -47,12 +45,10 @@ class SurfaceParameters:
     Sal_m: float
     Str: float
     Std_rad: float
-    along_x: Spectrum
-    along_y: Spectrum
 
 
 def surface_parameters(surface: HeightMap) -> SurfaceParameters:
-    """Compute height parameters, texture and spectra of the measured points.
+    """Compute height parameters and texture of the measured points.
 
     Parameters
     ----------
@@ -67,8 +63,7 @@ def surface_parameters(surface: HeightMap) -> SurfaceParameters:
     Notes
     -----
     Heights: sums over the measured points alone. The autocorrelation is that of the map continued
-    periodically, each lag over the pairs that were both measured. Spectra: see
-    `line_spectrum`.
+    periodically, each lag over the pairs that were both measured.
 
     Examples
     --------
@@ -83,11 +78,13 @@ def surface_parameters(surface: HeightMap) -> SurfaceParameters:
         raise UnusableSurfaceError(
             f"{surface.origin.name}: all {measured.size} points are non-measured; expected heights"
         )
-    height_m = surface.height_m - surface.height_m[measured].mean()
-    sa_m, sq_m, ssk, sku = _moments(height_m[measured])
-    sp_m, sv_m = float(np.nanmax(height_m)), -float(np.nanmin(height_m))
-    dy_m, dx_m = surface.pixel_size_m
-    sal_m, aspect, std_rad = _texture(height_m, measured, (dy_m, dx_m))
+    whole = bool(measured.all())
+    of_all_m = surface.height_m.reshape(-1) if whole else surface.height_m[measured]
+    mean_m = of_all_m.mean()
+    sp_m, sv_m = float(of_all_m.max() - mean_m), float(mean_m - of_all_m.min())
+    sa_m, sq_m, ssk, sku = _moments(of_all_m - mean_m, max(sp_m, sv_m))
+    height_m = surface.height_m - mean_m
+    sal_m, aspect, std_rad = _texture(height_m, None if whole else measured, surface.pixel_size_m)
     return SurfaceParameters(
         Sa_m=sa_m,
         Sq_m=sq_m,
@@ -99,8 +96,6 @@ def surface_parameters(surface: HeightMap) -> SurfaceParameters:
         Sal_m=sal_m,
         Str=aspect,
         Std_rad=std_rad,
-        along_x=line_spectrum(height_m, dx_m),
-        along_y=line_spectrum(height_m.T, dy_m),
     )
 
 
@@ -114,35 +109,63 @@ def material_ratio_curve(surface: HeightMap, points: int = 501) -> tuple[np.ndar
     return ratio, height_m
 
 
-def _moments(height_m: np.ndarray) -> tuple[float, float, float, float]:
-    """Return Sa, Sq, Ssk and Sku of heights about their mean."""
-    largest_m = float(np.abs(height_m).max()) or 1.0
-    z = height_m / largest_m  # fourth powers of nanometres would lose digits
+def _moments(height_m: np.ndarray, largest_m: float) -> tuple[float, float, float, float]:
+    """Return Sa, Sq, Ssk and Sku of heights about their mean, whose array is used up."""
+    largest_m = largest_m or 1.0
+    z = np.divide(height_m, largest_m, out=height_m)  # fourth powers of nanometres lose digits
     square = z * z
     n, variance = z.size, float(square.mean())
     ssk = sku = math.nan
     if variance > 0.0:
         ssk = float(square @ z) / n / variance**1.5
         sku = float(square @ square) / n / variance**2
-    return float(np.abs(z).mean()) * largest_m, math.sqrt(variance) * largest_m, ssk, sku
+    sa_m = float(np.abs(z, out=z).mean()) * largest_m
+    return sa_m, math.sqrt(variance) * largest_m, ssk, sku
 
 
 def _texture(
-    height_m: np.ndarray, measured: np.ndarray, pixel_size_m: tuple[float, float]
+    height_m: np.ndarray, measured: np.ndarray | None, pixel_size_m: tuple[float, float]
 ) -> tuple[float, float, float]:
-    """Return Sal, Str and Std of heights about their mean."""
-    shape, whole = height_m.shape, bool(measured.all())
-    power = np.abs(np.fft.rfft2(height_m if whole else np.where(measured, height_m, 0.0))) ** 2
+    """Return Sal, Str and Std of heights about their mean; `measured` is None where all points are.
+
+    Wiener and Khinchin: the autocorrelation is the transform of the power spectrum.
+    """
+    shape = height_m.shape
+    if measured is not None:
+        height_m = np.where(measured, height_m, 0.0)
+    power = _power(height_m)
     if not power.any():
         return math.nan, math.nan, math.nan
     std_rad = _direction(power, shape, pixel_size_m)
-    correlation = np.fft.irfft2(power, s=shape)
-    if not whole:
-        pairs = np.fft.irfft2(np.abs(np.fft.rfft2(measured)) ** 2, s=shape)
+    correlation = _half_of_sums(power, shape[1])
+    if measured is not None:
+        pairs = _half_of_sums(_power(measured.astype(float)), shape[1]) / len(measured)
         correlation /= np.maximum(pairs, 1.0)
-    correlation /= correlation[0, 0]
-    sal_m, longest_m = _decay(np.fft.fftshift(correlation), pixel_size_m)
+    sal_m, longest_m = _decay(correlation, shape, pixel_size_m)
     return sal_m, sal_m / longest_m, std_rad
+
+
+def _power(z: np.ndarray) -> np.ndarray:
+    """Return the squares of the amplitudes of the waves of a map, as of `rfft2`."""
+    from scipy.fft import rfft2
+
+    wave = rfft2(z)
+    power: np.ndarray = wave.real**2
+    power += wave.imag**2
+    return power
+
+
+def _half_of_sums(power: np.ndarray, nx: int) -> np.ndarray:
+    """Return the sums of products at all lags of no negative y, times the number of rows.
+
+    Power is real and, through the middle, its own mirror: lags (-y, -x) have the sums of (y, x).
+    """
+    from scipy.fft import irfft, rfft
+
+    lines = rfft(power, axis=0)
+    np.conjugate(lines, out=lines)
+    sums: np.ndarray = irfft(lines, n=nx, axis=1, overwrite_x=True)
+    return sums
 
 
 def _direction(
@@ -150,37 +173,48 @@ def _direction(
 ) -> float:
     """Return the direction of the greatest power, classes of one degree.
 
-    Only waves within a circle, so that every direction has waves of the same lengths.
+    Only waves within a circle, so that every direction has waves of the same lengths. Waves of
+    rising and of falling phase lie mirrored, and so do their classes.
     """
-    fy_per_m = np.fft.fftfreq(shape[0], pixel_size_m[0])[:, None]
+    rows, pairs = shape[0] // 2 + 1, (shape[0] - 1) // 2
+    fy_per_m = np.arange(rows)[:, None] / (shape[0] * pixel_size_m[0])
     fx_per_m = np.fft.rfftfreq(shape[1], pixel_size_m[1])[None, :]
-    inside = np.hypot(fy_per_m, fx_per_m) <= 0.5 / max(pixel_size_m)
-    inside[0, 0] = False
-    angle = np.arctan2(fy_per_m, fx_per_m)[inside]  # of half the plane: -90 to 90 degrees
-    number = np.rint(angle * (DIRECTIONS / math.pi)).astype(np.int64) % DIRECTIONS
-    halves = np.ones(len(fx_per_m[0]))
-    halves[0] = 0.5  # along y, both of each pair of mirrored waves are there, else one
-    of_class = np.bincount(number, (power * halves)[inside], minlength=DIRECTIONS)
-    degrees = int(np.argmax(of_class))
-    return math.pi / DIRECTIONS * (degrees if degrees <= 90 else degrees - DIRECTIONS)
+    weight = (np.hypot(fy_per_m, fx_per_m) <= 0.5 / max(pixel_size_m)).astype(float)
+    weight[0, 0] = 0.0
+    weight[:, 0] *= 0.5  # along y, both of each pair of mirrored waves are there, else one
+    degrees = np.rint(np.arctan2(fy_per_m, fx_per_m) * (DIRECTIONS / math.pi)).astype(np.int64)
+    of_class = np.bincount(degrees.reshape(-1), (power[:rows] * weight).reshape(-1), DIRECTIONS)
+    falling = np.s_[1 : 1 + pairs]
+    mirrored = power[: -pairs - 1 : -1] * weight[falling]
+    there = np.bincount(degrees[falling].reshape(-1), mirrored.reshape(-1), DIRECTIONS)
+    of_class += np.roll(there[::-1], 1)
+    greatest = int(np.argmax(of_class))
+    return math.pi / DIRECTIONS * (greatest if greatest <= 90 else greatest - DIRECTIONS)
 
 
-def _decay(correlation: np.ndarray, pixel_size_m: tuple[float, float]) -> tuple[float, float]:
+def _decay(
+    half: np.ndarray, shape: tuple[int, int], pixel_size_m: tuple[float, float]
+) -> tuple[float, float]:
     """Return the least and the greatest distance at which the lobe in the middle falls to 0.2.
 
-    Straight between neighbouring points. NaN where it never does, or not within the map.
+    Straight between neighbouring points. NaN where it never does, or not within the map. The lobe
+    is mostly small, and looked for in a frame around the middle that grows until it holds it.
     """
     from scipy.ndimage import label
 
-    middle = [n // 2 for n in correlation.shape]
-    lobes = label(correlation > DECAY)[0]
-    lobe = lobes == lobes[middle[0], middle[1]]
+    reach, whole = FIRST_LAGS, False
+    while not whole:
+        lags = [np.arange(max(-(n // 2), -reach), min((n + 1) // 2, reach + 1)) for n in shape]
+        whole = all(len(one) == n for one, n in zip(lags, shape, strict=True))
+        correlation = _lags(half, *lags)
+        lobes = label(correlation > DECAY)[0]
+        lobe = lobes == lobes[int(-lags[0][0]), int(-lags[1][0])]
+        ends = not any(line.any() for line in (lobe[0], lobe[-1], lobe[:, 0], lobe[:, -1]))
+        if ends:
+            break
+        reach *= 2
     y_m, x_m = np.meshgrid(
-        *(
-            (np.arange(n) - n // 2) * size_m
-            for n, size_m in zip(lobe.shape, pixel_size_m, strict=True)
-        ),
-        indexing="ij",
+        *(lag * size_m for lag, size_m in zip(lags, pixel_size_m, strict=True)), indexing="ij"
     )
     found = []
     for here, there in ((np.s_[:-1, :], np.s_[1:, :]), (np.s_[:, :-1], np.s_[:, 1:])):
@@ -192,6 +226,13 @@ def _decay(correlation: np.ndarray, pixel_size_m: tuple[float, float]) -> tuple[
     distance_m = np.concatenate(found)
     if distance_m.size == 0:
         return math.nan, math.nan
-    frame = (lobe[0], lobe[-1], lobe[:, 0], lobe[:, -1])
-    ends = not any(line.any() for line in frame)
     return float(distance_m.min()), float(distance_m.max()) if ends else math.nan
+
+
+def _lags(half: np.ndarray, down: np.ndarray, right: np.ndarray) -> np.ndarray:
+    """Return the autocorrelation at rows and columns of lags, from its half of no negative y."""
+    nx, above = half.shape[1], down < 0
+    found = np.concatenate(
+        [half[np.ix_(-down[above], -right % nx)], half[np.ix_(down[~above], right % nx)]]
+    )
+    return found / half[0, 0]

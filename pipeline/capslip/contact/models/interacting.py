@@ -8,12 +8,13 @@ from numpy.typing import ArrayLike
 
 from capslip.contact.models.caps import caps
 from capslip.contact.rung import Contacts, Rung, Scene, contacts_of_caps
-from capslip.contact.solvers.balance import press
+from capslip.contact.solvers.balance import press, press_sets
 from capslip.contact.solvers.hertz import HertzCurve, contact_radius_m, load_drop_of_asperity
 from capslip.contact.solvers.shear import lift_off, shear, solve_coupled
 from capslip.errors import ContactError, SettingsError
 
 MAX_LIFT_OFFS = 300  # contacts
+MANY_LOADS, MOST_TOGETHER = 8, 64  # loads that are worth solving together, and of how many contacts
 KEPT = 512  # approaches whose compressions stay known: a joint has some hundred patches
 
 
@@ -97,13 +98,13 @@ class InteractingCurve(HertzCurve):
     def _pressed(self, load: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         level = np.full(load.shape, self.touch_m)
         g = level[..., None] - self.depth_m
-        start = None
+        start, many = None, self._pressed_together(load[load > 0.0])
         for index in np.ndindex(load.shape):
             N = float(load[index])
             if N == 0:
                 continue
-            if N in self._equilibrium:
-                level[index], g[index] = self._equilibrium[N]
+            if N in self._equilibrium or N in many:
+                level[index], g[index] = self._equilibrium.get(N) or many[N]
                 continue
             if start is None:
                 start = self.start_m
@@ -120,6 +121,29 @@ class InteractingCurve(HertzCurve):
             self._solved.clear()
         self._solved.update(zip(approach.ravel().tolist(), g.reshape(-1, g.shape[-1]), strict=True))
         return level, g
+
+    def _pressed_together(self, load: np.ndarray) -> dict[float, tuple[float, np.ndarray]]:
+        """Return level and compressions under many loads; none where contacts are many or overlap.
+
+        Under s N all heights are s times those of caps of h / s and k sqrt(s) under N. Without
+        overlap there is one equilibrium, so it is no matter from where it is found.
+        """
+        if load.size < MANY_LOADS:
+            return {}
+        share = load / load.max()
+        k, h, C = self._system
+        start = HertzCurve._pressed(self, load)[1] / share[:, None]
+        if np.count_nonzero((start > 0.0).any(axis=0)) > MOST_TOGETHER:
+            return {}
+        scaled = k * np.sqrt(share)[:, None], h / share[:, None]
+        level, _, g = press_sets(*scaled, C, start, float(load.max()))
+        level, g = level * share, g * share[:, None]
+        a = np.sqrt(self.radius_m * np.maximum(g, 0.0).max(axis=0))
+        apart = np.hypot(self.x_m[:, None] - self.x_m, self.y_m[:, None] - self.y_m)
+        np.fill_diagonal(apart, np.inf)
+        if (a[:, None] + a > apart).any():
+            return {}
+        return dict(zip(load.tolist(), zip(level.tolist(), g, strict=True), strict=True))
 
     @property
     def _system(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

@@ -24,7 +24,7 @@ from capslip.contact.solvers.half_space import (
 )
 
 KERNEL_ERROR = 1e-6  # aimed at between patches, relative
-_MARGIN = 2  # pixels around the contacts
+MARGIN = 2  # pixels around the contacts
 _APART = (1.0, 0.5, 0.25, 0.1)  # half sides between two patches; nearer ones become one
 _MOST_NODES = 3000  # of all patches
 _MOST_POINTS = 300_000  # where refined
@@ -356,7 +356,7 @@ def _cheapest(contact: np.ndarray, refinement: int) -> tuple[np.ndarray, list[_N
     """
     from scipy.ndimage import binary_dilation, find_objects, label
 
-    grown = binary_dilation(contact, np.ones((3, 3)), iterations=_MARGIN)
+    grown = binary_dilation(contact, np.ones((3, 3)), iterations=MARGIN)
     found = find_objects(label(grown, np.ones((3, 3)))[0])
     single = np.array([(y.start, x.start, y.stop, x.stop) for y, x in found])
     best, least = None, np.inf

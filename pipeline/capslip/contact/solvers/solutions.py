@@ -8,6 +8,7 @@ from time import process_time
 
 import numpy as np
 
+from capslip.contact.solvers.patches import PatchedFace
 from capslip.contact.solvers.pixels import on_contact
 from capslip.contact.solvers.polonsky_keer import (
     ElasticFace,
@@ -21,6 +22,7 @@ from capslip.contact.solvers.unloading import Unloading, unload
 _SOLVED_ONE_BY_ONE = 8  # loads; more are interpolated
 _ROUGHLY = 1e-4  # tolerance of tractions
 _KEPT = 3  # pressure maps in memory
+_SMALL = 4_000_000  # numbers, of what is kept of a contact
 
 
 @dataclass(eq=False)
@@ -35,6 +37,7 @@ class Solutions:
     pressed: dict[float, Pressed] = field(default_factory=dict)  # by load, the last few
     unloading: dict[float, Unloading] = field(default_factory=dict)  # by preload
     punch_Pa_per_m: dict[float, np.ndarray] = field(default_factory=dict)  # by load, the last
+    alone: tuple[Pressed, PatchedFace, Pressed] | None = None  # a state, and what touches in it
 
     def left_s(self, load_N: float) -> float:
         """Return the seconds of the time limit that are left for a preload."""
@@ -70,7 +73,7 @@ class Solutions:
         if load_N not in self.punch_Pa_per_m:
             pressed = self.press(load_N)
             with self.counted(load_N):
-                face, on_face = on_contact(self.face, pressed)
+                face, on_face = self._on_contact(pressed)
                 found = face.spread(punch_pressure_Pa_per_m(face, on_face))
             self.punch_Pa_per_m = {load_N: found}
         return self.punch_Pa_per_m[load_N]
@@ -82,13 +85,21 @@ class Solutions:
         """
         pressed, punch = self.press(load_N), self.punch(load_N)
         with self.counted(load_N):
-            face, on_face = on_contact(self.face, pressed)
+            face, on_face = self._on_contact(pressed)
             above = Known(0.0, on_face.pressure_Pa)
             end = Known(pressed.approach_m, np.zeros(face.shape))
             total_Pa = later * load_N / face.pixel_area_m2
             begin_Pa = start_Pa(total_Pa, face.gathered(punch), above, end)
             left = press(face, load_N=later * load_N, tolerance=_ROUGHLY, start_Pa=begin_Pa)
         return punch, np.maximum(pressed.pressure_Pa - face.spread(left.pressure_Pa), 0.0)
+
+    def _on_contact(self, pressed: Pressed) -> tuple[PatchedFace, Pressed]:
+        """Return the points that touch, alone, and their state; small ones are kept."""
+        if self.alone is not None and self.alone[0] is pressed:
+            return self.alone[1:]
+        face, on_face = on_contact(self.face, pressed)
+        self.alone = (pressed, face, on_face) if face.cost <= _SMALL else None
+        return face, on_face
 
     def press_to(self, approach_m: float) -> Pressed:
         """Return the state at an approach."""

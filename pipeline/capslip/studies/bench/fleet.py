@@ -30,8 +30,8 @@ SHAPES = {(100, 150): 12, (800, 1200): 6}  # and how many scans of each
 FEW = 4  # scans with pictures, which take seconds
 MANY = (1_000, 10_000)
 WAYS = {
-    "numbers and report": ("run.figures=false", "run.render=false", "run.meshes=false"),
-    "and meshes": ("run.figures=false", "run.render=false"),
+    "numbers": ("run.figures=false", "run.render=false", "run.meshes=false"),
+    "and meshes, report": ("run.figures=false", "run.render=false"),
     "and figures": ("run.render=false",),
     "and render": (),
 }

@@ -33,6 +33,7 @@ from capslip.units import METRES
 
 MAGIC = b"\x89HDF\r\n\x1a\n"
 BLOCK = 1 << 24  # bytes that are searched at a time
+UNIT_WORDS = (b"unit\0", b"pixel_unit\0")  # names of attributes; each ends as the first one
 HEAP = b"GCOL\x01\0\0\0"  # where HDF5 keeps strings of free length
 VARIABLE_LENGTH = 9  # class of a data type
 MAX_WORD_BYTES = 1024
@@ -122,10 +123,12 @@ def _check_strings(path: Path) -> None:
         path.open("rb") as file,
         mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as content,
     ):
-        for name in (b"unit\0", b"pixel_unit\0"):
-            for at in _places(content, name):
-                if _is_endless(content, at, len(name)):
-                    raise _damaged_strings(path, at)
+        for at in _places(content, UNIT_WORDS[0]):
+            for name in UNIT_WORDS:
+                start = at + len(UNIT_WORDS[0]) - len(name)
+                here = start >= 0 and content[start : start + len(name)] == name
+                if here and _is_endless(content, start, len(name)):
+                    raise _damaged_strings(path, start)
         for at in _places(content, HEAP):
             place, end = at + 16, at + int.from_bytes(content[at + 8 : at + 16], "little")
             while place + 16 <= min(end, len(content)):
