@@ -1,6 +1,6 @@
 """The face under its preload: the normal curve that the settings ask for, and its state."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 
@@ -82,6 +82,27 @@ class ContactState:
         if self.first is None or (load_N == self.preload_N and hardness_factor == 1.0):
             return self.curve
         return self.first(load_N, hardness_factor)
+
+    def curves_near(
+        self, changes: Sequence[tuple[float, float]], share: float
+    ) -> list[NormalCurve]:
+        """Return the curves for slip after first loadings near the preload.
+
+        Parameters
+        ----------
+        changes : sequence of (float, float)
+            Factors <= 1 on the preload and, of a map, >= 1 on the hardness.
+        share : float
+            Of the preload, at whose withdrawal they are to be good.
+
+        Raises
+        ------
+        ContactError
+            If the face cannot carry a load.
+        """
+        if self.rung.near is not None:
+            return self.rung.near(self.curve, self.preload_N, changes, share)
+        return [self.curve_after(self.preload_N * N, hardness) for N, hardness in changes]
 
     @property
     def approach_without_bulk_m(self) -> float | None:

@@ -5,7 +5,7 @@ No other module asks for the name of a rung; whatever sets one apart is an attri
 """
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Generic, Literal, TypeVar, cast
 
@@ -151,6 +151,11 @@ class Rung(Generic[C]):
     # How shear is shared before any slip at a load, and what partial slip adds until only a share
     # of the load sticks, as maps of any unit; None: its contacts are caps
     tractions: Callable[[C, float, float], tuple[np.ndarray, np.ndarray]] | None = None
+    # Curves after other first loadings than that to a load, by factors <= 1 on it and >= 1 on the
+    # hardness, good about the withdrawal of a share of the load; None: each is built anew
+    near: Callable[[C, float, Sequence[tuple[float, float]], float], list[NormalCurve]] | None = (
+        None
+    )
     # Loads of its rows under a load, of caps that sink each other; None: each goes down alone
     coupled_loads_N: Callable[[C, float], np.ndarray] | None = None
 
