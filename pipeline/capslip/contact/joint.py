@@ -19,12 +19,12 @@ from capslip.contact.press import ContactState
 from capslip.contact.pressure_map import classes_of_pressure, read_pressure_map
 from capslip.contact.rung import rung
 from capslip.contact.scaled import ScaledCurve
+from capslip.contact.solvers.elastic_face import MOST_PRESSURE
 from capslip.errors import ContactError, SettingsError
 from capslip.settings import Material, Settings
 from capslip.surface.heightmap import HeightMap
 
 MAX_SOLVED = 8  # pressures, of a model that solves each of them on the map
-MOST_PRESSURE = 1e6  # mean over the modulus E*: far beyond any solid, far before numbers overflow
 LEAST_SHARE = 1e-5  # of the withdrawal at total slip that the table of uneven patches resolves
 
 

@@ -93,7 +93,6 @@ class Contacts:
     overlapping_pairs: int = 0  # where there are any, the caps do not hold
     resultant_m: tuple[float, float] | None = None  # place (x, y) of the resultant
     tilt_rad: tuple[float, float] = (0.0, 0.0)  # that the rung itself added to the map
-    problems: tuple[Problem, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -145,6 +144,8 @@ class Rung(Generic[C]):
     knows_places: bool = True  # whether a tilt moves its contacts; else it stays as levelled
     # The error to be expected at a load, and what takes it beyond a tolerance, where it knows both
     error: Callable[[C, float, float], tuple[ModelError | None, tuple[Problem, ...]]] | None = None
+    # What is doubtful of slip below a load, where the rung looks at that
+    problems: Callable[[C, float], tuple[Problem, ...]] | None = None
     # Share of the force at total slip below which the energy at a load is not resolved
     least_share: Callable[[C, float], float] | None = None
     interacts: bool = False  # whether each contact sinks the others

@@ -437,7 +437,6 @@ def _contacts(scene: Scene, curve: BoundaryElementCurve, approach_m: float) -> C
         max_pressure_Pa=pressed.max_pressure_Pa,
         resultant_m=pressed.resultant_m,
         tilt_rad=curve.tilt_rad,
-        problems=curve.problems(scene.preload_N),
     )
 
 
@@ -458,6 +457,7 @@ RUNG = Rung(
     colour="#009E73",
     interacts=True,
     error=error_of_map,
+    problems=BoundaryElementCurve.problems,
     least_share=_least_share,
     build=_build,
     contacts=_contacts,
