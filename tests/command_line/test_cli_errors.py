@@ -100,6 +100,7 @@ def test_fewer_than_nine_points_above_the_cut(run, tmp_path):
         ("nonsense", ["nonsense", "table.key=value"]),
         ("contact.preload_N=1e300", ["contact.preload_N", "1e+300", "1e+30"]),
         ("contact.preload_N=1e30", ["out of range", "Pa on the scan", "units"]),
+        ("contact.preload_N=2e14", ["out of range", "Pa on the scan", "units"]),
         ("contact.nominal_pressure_Pa=1e20", ["out of range", "1e+20 Pa"]),
         ("joint.area_m2=1e-30", ["out of range", "joint.area_m2"]),
         ("material.youngs_modulus_Pa=[1e-20,1e-20]", ["out of range", "5.49e-21 Pa"]),

@@ -97,6 +97,33 @@ def test_the_error_of_shape_is_bounded_and_unknown_profiles_have_none():
     assert beside_the_least(unknown) == pytest.approx(0.0, abs=1e-6)
 
 
+def fitted(fall_m, noise_m, n=40, side=30):
+    """Return the quartic terms of hills of one fall over t, each of `side`^2 noisy points."""
+    t = (np.arange(side**2) + 0.5) / side**2
+    noise = np.random.default_rng(0).normal(0.0, noise_m, (n, len(t)))
+    return np.polyfit(t, (fall_m(t) + noise).T, 2)[0]
+
+
+@pytest.mark.parametrize(("of_own", "least", "most"), [(0.0, 0.0, 0.3), (2.0, 0.6, 1.0)])
+def test_of_a_quartic_term_counts_what_noise_does_not_make(of_own, least, most):
+    """Of paraboloids next to nothing, of hills that share twice the standard error nearly all."""
+    n, points, noise_m, z_m = 40, 900, 5e-9, 3e-7
+    of_noise_m = 6.0 * np.sqrt(5.0 / points) * noise_m
+    own_m = of_own * of_noise_m
+    quartic_m = fitted(lambda t: z_m * t + own_m * (t**2 - t), noise_m)
+    assert np.sqrt(np.mean((quartic_m - own_m) ** 2)) == pytest.approx(of_noise_m, rel=0.2)
+    radius_m = points * FACE.pixel_area_m2 / (2.0 * np.pi * z_m)
+    at = np.linspace(0.0, 0.05, n)
+    columns = {"fit_depth_m": np.full(n, z_m), "quartic_m": quartic_m}
+    hills = table(at, at, np.full(n, radius_m), np.zeros(n), **columns)
+    scene = scene_of(hills, PRELOAD_N, SIDE_M)
+    scene = replace(scene, surface=FACE)
+    share = accuracy._own_share(scene, quartic_m / z_m, noise_m)
+    assert (share >= least).all()
+    assert (share <= most).all()
+    assert (accuracy._own_share(scene, quartic_m / z_m, 0.0) == 1.0).all()
+
+
 @pytest.mark.parametrize("quartic_share", [0.5, -0.5])
 def test_a_higher_apex_of_one_of_two_caps_changes_what_both_carry(quartic_share):
     """Far from each other, one cap raised by 8/15 q s^2, at the share where no radius changes."""

@@ -135,6 +135,18 @@ def test_the_greatest_pressure_is_that_of_the_hardest_pressed_contact():
     assert state.overlapping_pairs == 0
 
 
+def test_a_map_that_closes_is_refused_before_its_slip_is_followed(monkeypatch):
+    def followed(*given, **more):
+        raise AssertionError("unloaded")
+
+    monkeypatch.setattr("capslip.contact.solvers.solutions.unload", followed)
+    small = caps_map([(4e-3, 4e-3, 20.0, 0.0)], (40, 40), PIXEL_M)
+    given = "contact.model=boundary_elements", "contact.preload_N=1e7", "conditioning.form=none"
+    found = analyze(small, load_settings(overrides=given))
+    (said,) = (p for p in found.problems if p.code == "contact_failed")
+    assert "need a contact area of" in said.message
+
+
 def test_a_contact_area_beyond_the_face_is_an_error():
     caps, families = group_families(table([0.0, 1.0], [0.0, 0.0], [20.0, 20.0], [0.0, 0.0]))
     settings = load_settings(overrides=("contact.model=caps", "contact.preload_N=100"))

@@ -15,7 +15,7 @@ import pytest
 
 import capslip
 from capslip.analysis import analyze_once, analyze_scans
-from capslip.contact.joint import ScaledCurve
+from capslip.contact.scaled import ScaledCurve
 from capslip.contact.slip import slip_curve
 from capslip.errors import ContactError
 from capslip.output.export import export_named

@@ -5,11 +5,12 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from capslip.contact.joint import Joint, ScaledCurve
+from capslip.contact.joint import Joint
 from capslip.contact.material import composite
 from capslip.contact.models.caps import caps
 from capslip.contact.models.families import families
 from capslip.contact.rung import rung
+from capslip.contact.scaled import ScaledCurve
 from capslip.contact.slip import slip_curve
 from capslip.contact.solvers.yielding import YieldLaw
 from capslip.errors import ContactError

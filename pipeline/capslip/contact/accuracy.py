@@ -25,6 +25,7 @@ from capslip.surface.heightmap import HeightMap
 
 FORCE_SHARES = (0.1, 0.25, 0.5, 0.75)  # T / (mu N) at which the energies are compared
 SHAPE_SHARE = 0.38  # of the rest of a profile that acts like an error of height, see Notes
+QUARTIC_SE = 6.0 * math.sqrt(5.0)  # of q, over that of the mean of as many points
 LEAST_ERROR = 0.0015  # of interacting spheres against boundary elements: 0.1 % on faces of 60 caps
 BEYOND_SHARE = 0.05  # of the load, on contacts wider than their hills
 CUT_SHARE = 0.02  # of the load, beyond the edge of the map; at 4 % energies are 6 % off
@@ -147,7 +148,10 @@ def error_of_caps(
     the contact reaches, load and stiffness of that hill are those of a sphere whose apex is higher
     by 8/15 q s^2 and the logarithm of whose radius is greater by (2/3 - 8/5 s) q / z. The change
     that all hills make together so is the error of shape. It is the first order alone, and counts
-    twice: on hills of r^1.6 to r^4 the true error was 0.4 to 1 times that.
+    twice: on hills of r^1.6 to r^4 the true error was 0.4 to 1 times that. Noise makes a q as well,
+    on the n points of a paraboloid, evenly spread over t, with a standard error of 6 sqrt(5 / n)
+    times its own, as q / 6 is the coefficient of Legendre's second polynomial on 0 <= t <= 1. What
+    it does to the fit is in the standard errors of the cap, so its square is taken off q^2.
 
     Random errors are twice the standard deviation over faces whose caps were moved at random:
     heights and radii by their standard errors, and by what is left of the profile. The lowest such
@@ -169,7 +173,7 @@ def error_of_caps(
     if doubt is not None:
         return CapsError(doubt)
     try:
-        (up_m, wide), of_shape = _at_random(scene, noise_m), _of_shape(scene, curve)
+        (up_m, wide), of_shape = _at_random(scene, noise_m), _of_shape(scene, curve, noise_m)
         more = np.vstack((up_m, of_shape[0])), np.vstack((wide, of_shape[1]))
         curves: list[NormalCurve] = [
             moved_caps(scene, curve, *more, settings),
@@ -257,18 +261,32 @@ def _unseen_ellipse(caps: CapTable) -> np.ndarray:
     return np.where((known & ((caps.flags & CapFlag.edge) != 0)) | ridge, missed, 0.0)
 
 
-def _of_shape(scene: Scene, curve: InteractingCurve) -> tuple[np.ndarray, np.ndarray]:
+def _of_shape(
+    scene: Scene, curve: InteractingCurve, noise_m: float
+) -> tuple[np.ndarray, np.ndarray]:
     """Return the same, shape (n,), for caps that follow the hills' profiles."""
     caps, use = scene.caps, scene.use
     load_N = curve.asperity_loads_N(curve.approach_m(scene.preload_N))
     depth_m, quartic_m = caps.fit_depth_m[use], caps.quartic_m[use]
     a_m = contact_radius_m(load_N, curve.radius_m, scene.E_star_Pa)
     share = a_m**2 / scene.radius_m / (2.0 * depth_m)
+    quartic_m = quartic_m * _own_share(scene, quartic_m / depth_m, noise_m)
     known = np.isfinite(quartic_m * share)  # a table that no fit made has no profiles
     up_m = np.where(known, 8 / 15 * quartic_m * share**2, 0.0)
     # The first order would overflow far beyond the hill, which is doubted anyway
     first_order = (2 / 3 - 8 / 5 * share) * quartic_m / depth_m
     return up_m, np.where(known, np.clip(first_order, -MOST_WIDE, MOST_WIDE), 0.0)
+
+
+def _own_share(scene: Scene, quartic: np.ndarray, noise_m: float) -> np.ndarray:
+    """Return what of the quartic terms, over the fitted depths, is the hills' own; shape (n,)."""
+    depth_m = scene.caps.fit_depth_m[scene.use]
+    points = 2.0 * np.pi * scene.radius_m * depth_m / scene.surface.pixel_area_m2
+    with np.errstate(divide="ignore", invalid="ignore"):
+        variance = np.square(QUARTIC_SE * noise_m / depth_m) / points
+        known = np.isfinite(quartic) & (variance > 0.0) & np.isfinite(variance)
+        more = (np.square(quartic) / variance - 1.0)[known].sum() / (1.0 / variance[known]).sum()
+        return np.where(known, max(more, 0.0) / (max(more, 0.0) + variance), 1.0)
 
 
 def _of_unloading(scene: Scene, curve: InteractingCurve) -> float:

@@ -18,12 +18,13 @@ from capslip.contact.material import composite
 from capslip.contact.press import ContactState
 from capslip.contact.pressure_map import classes_of_pressure, read_pressure_map
 from capslip.contact.rung import rung
+from capslip.contact.scaled import ScaledCurve
+from capslip.contact.solvers.elastic_face import MOST_PRESSURE
 from capslip.errors import ContactError, SettingsError
 from capslip.settings import Material, Settings
 from capslip.surface.heightmap import HeightMap
 
 MAX_SOLVED = 8  # pressures, of a model that solves each of them on the map
-MOST_PRESSURE = 1e6  # mean over the modulus E*: far beyond any solid, far before numbers overflow
 LEAST_SHARE = 1e-5  # of the withdrawal at total slip that the table of uneven patches resolves
 
 
@@ -185,69 +186,6 @@ def curve_of_joint(curve: NormalCurve, load_N: np.ndarray, weight: np.ndarray) -
     # One by one, so that a curve that solves its loads interpolates none
     approach_m = np.array([float(curve.approach_m(N)) for N in load_N])
     return PatchedCurve((curve,) * len(weight), approach_m, weight)
-
-
-@dataclass(frozen=True, eq=False)
-class ScaledCurve:
-    """Many equal scans side by side: every load of one, `factor` times."""
-
-    curve: NormalCurve
-    factor: float
-
-    @property
-    def model(self) -> str:
-        """Name of the model."""
-        return self.curve.model
-
-    @property
-    def touch_m(self) -> np.ndarray:
-        """Approach of first touch."""
-        return self.curve.touch_m
-
-    @property
-    def compliance_m_per_N(self) -> Any:
-        """Compliance of the springs in series."""
-        return self.curve.compliance_m_per_N / self.factor
-
-    def load_N(self, approach_m: ArrayLike) -> np.ndarray:
-        """N(d)."""
-        return self.factor * self.curve.load_N(approach_m)
-
-    def approach_m(self, load_N: ArrayLike) -> np.ndarray:
-        """d(N)."""
-        return self.curve.approach_m(self._of_scan(load_N))
-
-    def stiffness_N_per_m(self, approach_m: ArrayLike, withdrawal_m: ArrayLike = 0.0) -> np.ndarray:
-        """N'(d - e)."""
-        return self.factor * self.curve.stiffness_N_per_m(approach_m, withdrawal_m)
-
-    def load_drop_N(self, approach_m: ArrayLike, withdrawal_m: ArrayLike) -> np.ndarray:
-        """N(d) - N(d - e)."""
-        return self.factor * self.curve.load_drop_N(approach_m, withdrawal_m)
-
-    def withdrawal_m(self, approach_m: ArrayLike, load_drop_N: ArrayLike) -> np.ndarray:
-        """Withdrawal for a load drop."""
-        return self.curve.withdrawal_m(approach_m, self._of_scan(load_drop_N))
-
-    def loss_integral_J(self, approach_m: ArrayLike, withdrawal_m: ArrayLike) -> np.ndarray:
-        """4 * integral of s (e - s) N''(d - s)."""
-        return self.factor * self.curve.loss_integral_J(approach_m, withdrawal_m)
-
-    def loss_integral_at_drop_J(self, approach_m: ArrayLike, load_drop_N: ArrayLike) -> np.ndarray:
-        """Return the same at given load drop."""
-        drop_N = self._of_scan(load_drop_N)
-        return self.factor * self.curve.loss_integral_at_drop_J(approach_m, drop_N)
-
-    def lift_off_m(self, approach_m: ArrayLike) -> np.ndarray:
-        """Withdrawal at which each row of the scan loses its load."""
-        return self.curve.lift_off_m(approach_m)
-
-    def lifted(self, approach_m: ArrayLike, withdrawal_m: ArrayLike) -> np.ndarray:
-        """Whether each row of the scan had a load and has lost it."""
-        return self.curve.lifted(approach_m, withdrawal_m)
-
-    def _of_scan(self, load_N: ArrayLike) -> np.ndarray:
-        return np.asarray(load_N, dtype=float) / self.factor
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,6 +1,6 @@
 """The face under its preload: the normal curve that the settings ask for, and its state."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 
@@ -83,6 +83,27 @@ class ContactState:
             return self.curve
         return self.first(load_N, hardness_factor)
 
+    def curves_near(
+        self, changes: Sequence[tuple[float, float]], share: float
+    ) -> list[NormalCurve]:
+        """Return the curves for slip after first loadings near the preload.
+
+        Parameters
+        ----------
+        changes : sequence of (float, float)
+            Factors <= 1 on the preload and, of a map, >= 1 on the hardness.
+        share : float
+            Of the preload, at whose withdrawal they are to be good.
+
+        Raises
+        ------
+        ContactError
+            If the face cannot carry a load.
+        """
+        if self.rung.near is not None:
+            return self.rung.near(self.curve, self.preload_N, changes, share)
+        return [self.curve_after(self.preload_N * N, hardness) for N, hardness in changes]
+
     @property
     def approach_without_bulk_m(self) -> float | None:
         """Approach less the bulk term; None where that would be negative."""
@@ -149,6 +170,7 @@ def press(
     scene = flattened(model, before)
     normal: NormalCurve = model.build(scene)
     approach_m = float(normal.approach_m(preload_N))
+    found, a_m = _contacts(scene, caps, normal, approach_m, model)
     curve, bulk_m, bulk = normal, 0.0, settings.contact.bulk
     if model.holds_bulk:
         bulk_m_per_N = bulk_of_face_m_per_N(surface, joint.E_star_Pa)
@@ -156,8 +178,8 @@ def press(
         if not bulk:
             curve, bulk = without_bulk(normal, bulk_m_per_N, preload_N)
             problems += _of_bulk(bulk_m, approach_m, bulk_m_per_N, curve, preload_N, kept=bulk)
-    found, a_m = _contacts(scene, caps, normal, approach_m, model)
     problems += _closes(found, surface)
+    of_slip = () if model.problems is None else model.problems(normal, preload_N)
     if choice is not None and model.error is not None:
         errors, doubts = model.error(normal, preload_N, settings.contact.tolerance)
         # Notes, as of small forces, are no reason: caps that yield know less of them than pixels.
@@ -188,7 +210,7 @@ def press(
         load_point_m=scene.load_point_m,
         eccentricity_m=_eccentricity_m(found, scene),
         tilt_rad=found.tilt_rad,
-        problems=(*problems, *found.problems),
+        problems=(*problems, *of_slip),
         hardness_Pa=None if scene.law is None else scene.law.hardness_Pa,
         yielded_area_m2=found.yielded_area_m2,
         first=_first(model, before, found.tilt_rad, bulk),

@@ -5,7 +5,7 @@ No other module asks for the name of a rung; whatever sets one apart is an attri
 """
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Generic, Literal, TypeVar, cast
 
@@ -93,7 +93,6 @@ class Contacts:
     overlapping_pairs: int = 0  # where there are any, the caps do not hold
     resultant_m: tuple[float, float] | None = None  # place (x, y) of the resultant
     tilt_rad: tuple[float, float] = (0.0, 0.0)  # that the rung itself added to the map
-    problems: tuple[Problem, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -145,12 +144,19 @@ class Rung(Generic[C]):
     knows_places: bool = True  # whether a tilt moves its contacts; else it stays as levelled
     # The error to be expected at a load, and what takes it beyond a tolerance, where it knows both
     error: Callable[[C, float, float], tuple[ModelError | None, tuple[Problem, ...]]] | None = None
+    # What is doubtful of slip below a load, where the rung looks at that
+    problems: Callable[[C, float], tuple[Problem, ...]] | None = None
     # Share of the force at total slip below which the energy at a load is not resolved
     least_share: Callable[[C, float], float] | None = None
     interacts: bool = False  # whether each contact sinks the others
     # How shear is shared before any slip at a load, and what partial slip adds until only a share
     # of the load sticks, as maps of any unit; None: its contacts are caps
     tractions: Callable[[C, float, float], tuple[np.ndarray, np.ndarray]] | None = None
+    # Curves after other first loadings than that to a load, by factors <= 1 on it and >= 1 on the
+    # hardness, good about the withdrawal of a share of the load; None: each is built anew
+    near: Callable[[C, float, Sequence[tuple[float, float]], float], list[NormalCurve]] | None = (
+        None
+    )
     # Loads of its rows under a load, of caps that sink each other; None: each goes down alone
     coupled_loads_N: Callable[[C, float], np.ndarray] | None = None
 

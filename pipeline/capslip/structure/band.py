@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from capslip.contact.accuracy import LEAST_ERROR
 from capslip.contact.curve import NormalCurve
 from capslip.contact.joint import Joint
 from capslip.contact.press import ContactState
@@ -25,12 +26,10 @@ NORMAL_95 = 1.96  # standard deviations on either side that hold 95 %
 NODES = 5  # preloads that are solved where the preload is not certain
 NODES_OF_PATCHES = 3  # the same, of a joint that is pressed unevenly
 NODES_OF_HARDNESS = 3  # the same of the hardness, at the preload
-NODES_OF_A_MAP = 2  # of either, where each is a solution of the whole map
+NODES_OF_A_MAP = 2  # of either, where each is a solution of the map
 COUNTED = ("tangential_stiffness_N_per_m", "energy_J", "joint_loss_factor", "loss_factor")
 OF_BOTH = ("caps", "model", "scans", "direction")  # move displacement and energy by factors
 OF_LIGHT_DAMPING = ("loss_factor", "damping_ratio")
-# Of a scan's caps beyond their standard errors, at 95 %: their pixels stay from noise to noise
-LEAST_ERROR = 0.01
 LEAST_SPREAD = 1e-9  # standard deviation of a logarithm that is more than rounding
 LEAST_J = 1e-300  # stands for an energy of zero in a logarithm
 STEP = 0.01  # of a displacement, for a slope
@@ -217,9 +216,7 @@ class _State:
         log_H = log.get("hardness", 0.0) - log["modulus"]
         nodes, weight = self._nodes(log_N, log_H)
         node_N = self.preload_N * np.exp(nodes[:, 0])
-        curves = [
-            self.curve(N, factor) for N, factor in zip(node_N, np.exp(nodes[:, 1]), strict=True)
-        ]
+        curves = self.curves(np.exp(nodes))
         approach_m = [curve.approach_m(N) for curve, N in zip(curves, node_N, strict=True)]
         if self.by_force:
             whole = node_N
@@ -252,14 +249,30 @@ class _State:
             return curve.withdrawal_m(approach_m, at), loss_J
         return curve.load_drop_N(approach_m, at), curve.loss_integral_J(approach_m, at)
 
-    def curve(self, preload_N: float, hardness_factor: float) -> NormalCurve:
-        """Return the curve along which the joint unloads from a preload."""
-        curves = []
+    def curves(self, factors: np.ndarray) -> list[NormalCurve]:
+        """Return the curves along which the joint unloads.
+
+        Parameters
+        ----------
+        factors : float64, shape (k, 2)
+            On the preload and on the hardness.
+        """
+        found: dict[int, list[NormalCurve]] = {i: [] for i in range(len(factors))}
+        as_found = [i for i, one in enumerate(factors) if (one == 1.0).all()]
+        others = [i for i in found if i not in as_found]
+        share = self.answer.slip_force_N / self.settings.material.friction_coefficient
+        changes = [(float(N), float(hardness)) for N, hardness in factors[others]]
         for part in self.parts:
-            joint = part.joint.under(preload_N)
-            after = part.contact.curve_after(joint.scan_load_N, hardness_factor)
-            curves.append(joint.curve(replace(part.contact, curve=after)))
-        return curve_of_scans(curves, preload_N, [part.share for part in self.parts])
+            after = dict.fromkeys(as_found, part.contact.curve)
+            if changes:
+                near = part.contact.curves_near(changes, share / self.preload_N)
+                after |= dict(zip(others, near, strict=True))
+            for i, curve in after.items():
+                joint = part.joint.under(self.preload_N * float(factors[i, 0]))
+                found[i].append(joint.curve(replace(part.contact, curve=curve)))
+        shares = [part.share for part in self.parts]
+        loads_N = self.preload_N * factors[:, 0]
+        return [curve_of_scans(found[i], float(N), shares) for i, N in enumerate(loads_N)]
 
     def _nodes(self, log_N: np.ndarray, log_H: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return logarithms of factors on preload and hardness at which the curve is asked.
@@ -273,17 +286,18 @@ class _State:
         nodes = np.column_stack((loads, np.zeros(len(loads))))
         if not self.yields or not log_H.any():
             return nodes, weight
-        hard = self._axis(float(np.abs(log_H).max()), NODES_OF_HARDNESS)
+        hard = self._axis(float(np.abs(log_H).max()), NODES_OF_HARDNESS, side=1.0)
         nodes = np.vstack((nodes, np.column_stack((np.zeros(len(hard)), hard)), np.zeros((1, 2))))
         weight = np.hstack((weight, _weights(hard, log_H), np.full((len(log_N), 1), -1.0)))
         nodes, place = np.unique(np.round(nodes, 12), axis=0, return_inverse=True)
         return nodes, weight @ np.eye(len(nodes))[place]
 
-    def _axis(self, widest: float, count: int) -> np.ndarray:
+    def _axis(self, widest: float, count: int, side: float = -1.0) -> np.ndarray:
+        """Return places up to the widest; of a map on the one side where it touches nowhere new."""
         if widest == 0.0:
             return np.zeros(1)
-        if any(part.contact.rung.solved_loads_N is not None for part in self.parts):
-            return np.linspace(-widest, 0.0, NODES_OF_A_MAP)
+        if any(part.contact.rung.near is not None for part in self.parts):
+            return np.linspace(0.0, side * widest, NODES_OF_A_MAP)
         return -widest * np.cos(np.pi * (np.arange(count) + 0.5) / count)
 
 
@@ -363,7 +377,7 @@ def _of_direction(state: _State) -> np.ndarray:
     if np.abs(swings).max() <= state.settings.contact.tolerance:
         return np.zeros((2, 2))
     if not state.by_force:  # where the force goes with the displacement, and the energy with both
-        curve = state.curve(state.preload_N, 1.0)
+        curve = state.curves(np.ones((1, 2)))[0]
         e = state.answer.displacement_m
         e /= state.settings.material.friction_coefficient * state.kappa
         near = e * np.array([1.0 - STEP, 1.0 + STEP])

@@ -1,7 +1,7 @@
 """The normal curve of the height map itself, pressed on an elastic half-space."""
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from time import process_time
 from typing import Any
@@ -9,9 +9,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from capslip.contact.curve import NormalCurve
 from capslip.contact.map_accuracy import error_of_map
 from capslip.contact.rung import Contacts, Rung, Scene
+from capslip.contact.scaled import ScaledCurve
 from capslip.contact.solvers.detail import FirstLoading
+from capslip.contact.solvers.nearby import nearby
 from capslip.contact.solvers.polonsky_keer import (
     Pressed,
     elastic_face,
@@ -21,7 +24,7 @@ from capslip.contact.solvers.polonsky_keer import (
 from capslip.contact.solvers.refinement import refinement
 from capslip.contact.solvers.solutions import Solutions
 from capslip.contact.solvers.tilting import press_balanced
-from capslip.contact.solvers.unloading import Unloading
+from capslip.contact.solvers.unloading import SMALL_SLIP, Unloading
 from capslip.errors import ContactError, SettingsError
 from capslip.problems import Effect, Problem
 from capslip.settings import SOLVER_TOLERANCE
@@ -30,6 +33,7 @@ from capslip.units import percent
 
 MIN_PIXELS_ACROSS = 10.0  # of the contacts that carry half of the load
 MIN_REFINED_ACROSS = 6.0  # the same, where a spline knows what lies between the pixels
+NEARLY_ALL = 0.95  # of a load: beyond that share contacts let go one by one
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,6 +77,42 @@ class BoundaryElementCurve:
     def unloading(self, load_N: float) -> Unloading:
         """Return what happens below a preload, with the error to be expected of it."""
         return self.solutions.unload(float(load_N))
+
+    def near(
+        self, load_N: float, changes: Sequence[tuple[float, float]], share: float
+    ) -> list[NormalCurve]:
+        """Return the curves after other first loadings, each as this one by factors.
+
+        The factors of approach, withdrawal and loss are those where a share of the load is gone: of
+        one sphere they are so at any share, as its curve keeps its form. Each costs two solutions
+        on the contact alone. They are ratios to the same at the load as it is, so what the pixels
+        do to both is not in them.
+
+        Parameters
+        ----------
+        load_N : float
+            That is known.
+        changes : sequence of (float, float)
+            Factors <= 1 on that load, and >= 1 on the hardness.
+        share : float
+            Of the load.
+
+        Raises
+        ------
+        ContactError
+            If a solution fails, or the spring in series leaves nothing of a withdrawal.
+        """
+        unloading, c = self.unloading(load_N), self.compliance_m_per_N
+        share = min(max(share, SMALL_SLIP, unloading.smallest_drop_N / load_N), NEARLY_ALL)
+        face = self.solutions.face if self.first is None else self.first.face
+        states = nearby(face, self.pressed(load_N), [(1.0, 1.0), *changes], share)
+        factors = np.array([1.0, *(of_load for of_load, _ in changes)])
+        found = np.array([[one.approach_m, one.withdrawal_m, one.loss_J] for one in states])
+        found[:, :2] += c * load_N * factors[:, None] * (1.0, share)
+        if not (found > 0.0).all():
+            raise ContactError(f"{self.model}: nothing is left of a withdrawal without the bulk")
+        ratios = zip(factors[1:], *(found[1:] / found[0]).T, strict=True)
+        return [ScaledCurve(self, *map(float, each)) for each in ratios]
 
     def problems(self, load_N: float) -> tuple[Problem, ...]:
         """Return where the pixels end: notes, as `_error` measures what that does."""
@@ -397,7 +437,6 @@ def _contacts(scene: Scene, curve: BoundaryElementCurve, approach_m: float) -> C
         max_pressure_Pa=pressed.max_pressure_Pa,
         resultant_m=pressed.resultant_m,
         tilt_rad=curve.tilt_rad,
-        problems=curve.problems(scene.preload_N),
     )
 
 
@@ -418,10 +457,12 @@ RUNG = Rung(
     colour="#009E73",
     interacts=True,
     error=error_of_map,
+    problems=BoundaryElementCurve.problems,
     least_share=_least_share,
     build=_build,
     contacts=_contacts,
     contact_name="contact regions",
     solved_loads_N=BoundaryElementCurve.solved_loads_N,
     tractions=BoundaryElementCurve.tractions,
+    near=BoundaryElementCurve.near,
 )

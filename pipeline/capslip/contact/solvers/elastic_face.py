@@ -12,6 +12,7 @@ from capslip.surface.heightmap import HeightMap
 
 MAX_POINTS = 16_000_000  # of a map
 BYTES_PER_POINT = 200  # of memory that a solution takes at its peak
+MOST_PRESSURE = 1e3  # mean over the modulus E*; long before, all of a face touches
 _COARSEST = 48  # points along the shorter side at which nesting ends
 
 

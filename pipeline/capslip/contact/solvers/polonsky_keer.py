@@ -6,7 +6,7 @@ from time import process_time
 import numpy as np
 
 from capslip.contact.solvers.closing import Closing, GivenApproach, GivenLoad
-from capslip.contact.solvers.elastic_face import ElasticFace, elastic_face, finer
+from capslip.contact.solvers.elastic_face import MOST_PRESSURE, ElasticFace, elastic_face, finer
 from capslip.contact.solvers.patches import patched
 from capslip.contact.solvers.pressed import Certificate, Pressed, State
 from capslip.errors import ContactError, OutOfTimeError, SettingsError
@@ -27,7 +27,6 @@ _MOST_LOOKS = 4  # at what penetrates beside patches
 _MAX_ITERATIONS = 300
 _LEAST_S = 5.0  # that a solution has in any case: less is a lost result for next to no time
 _MAX_YIELDING = 2000  # iterations where points yield: each step finds a few more of them
-_CRUSHED = 1e3  # mean pressure in moduli; long before, all of a face touches
 
 
 def press(
@@ -99,12 +98,12 @@ def end_s(time_limit_s: float) -> float:
 def refuse_to_crush(face: ElasticFace, load_N: float) -> None:
     """Raise a ContactError where all points together do not carry the load.
 
-    Each carries its hardness, or, where it has none, a pressure of `_CRUSHED` moduli: no face is
-    half-space then, and much greater ones overflow.
+    Each carries its hardness, or, where it has none, a pressure of `MOST_PRESSURE` moduli: no face
+    is half-space then, and much greater ones overflow.
     """
     most_Pa, what = min(
         (face.hardness_Pa, "its hardness of"),
-        (_CRUSHED * face.E_star_Pa, f"{_CRUSHED:g} times its modulus,"),
+        (MOST_PRESSURE * face.E_star_Pa, f"{MOST_PRESSURE:g} times its modulus,"),
     )
     bears_N = most_Pa * face.pixel_area_m2 * np.count_nonzero(face.measured)
     if load_N >= bears_N:

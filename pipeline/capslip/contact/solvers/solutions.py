@@ -23,6 +23,7 @@ _SOLVED_ONE_BY_ONE = 8  # loads; more are interpolated
 _ROUGHLY = 1e-4  # tolerance of tractions
 _KEPT = 3  # pressure maps in memory
 _SMALL = 4_000_000  # numbers, of what is kept of a contact
+_ROUNDING = 1e-13  # of a load
 
 
 @dataclass(eq=False)
@@ -129,6 +130,7 @@ class Solutions:
 
     def approach_under(self, load_N: np.ndarray) -> np.ndarray:
         """Return the approach under loads > 0, solved or interpolated between solved ones."""
+        load_N = self._as_solved(load_N)
         new = [N for N in np.unique(load_N).tolist() if N not in self.approach_m]
         if len(new) <= _SOLVED_ONE_BY_ONE:
             for N in new:
@@ -149,6 +151,15 @@ class Solutions:
         table = np.array(sorted(self.approach_m.items())).T
         curve = PchipInterpolator(*np.log(table))
         return np.exp(np.asarray(curve(np.log(load_N))))
+
+    def _as_solved(self, load_N: np.ndarray) -> np.ndarray:
+        """Return loads with those that differ from a solved one by rounding alone as that."""
+        if not self.approach_m:
+            return load_N
+        solved_N = np.array(sorted(self.approach_m))
+        place = np.searchsorted(solved_N, load_N * (1.0 - _ROUNDING)).clip(max=len(solved_N) - 1)
+        near_N = solved_N[place]
+        return np.where(np.abs(near_N - load_N) <= _ROUNDING * load_N, near_N, load_N)
 
     def keep(self, pressed: Pressed) -> Pressed:
         """Remember a solution and its approach."""

@@ -1,0 +1,57 @@
+"""A map near its preload: closed forms of a sphere, and the map that is loaded anew."""
+
+import numpy as np
+import pytest
+
+from capslip.contact.models.boundary_elements import boundary_elements
+from capslip.surface.heightmap import HeightMap
+
+E, N, SHARE, PIXEL_M = 110e9, 40.0, 0.25, 2e-5
+
+
+def hills(summits, shape=(140, 180)):
+    """Paraboloids of 0.5 to 1 m on one face: (row, column, radius, depth) of each."""
+    y, x = (np.arange(n) * PIXEL_M for n in shape)
+    rise = [
+        -depth_m - ((y[:, None] - row * PIXEL_M) ** 2 + (x - column * PIXEL_M) ** 2) / (2 * R)
+        for row, column, R, depth_m in summits
+    ]
+    return HeightMap(np.max(rise, axis=0), (PIXEL_M, PIXEL_M))
+
+
+ONE = hills([(70.4, 89.3, 1.0, 0.0)])
+FOUR = hills(
+    [(36, 40, 1.0, 0.0), (101, 50, 0.6, 4e-8), (44, 132, 0.5, 1e-7), (104, 136, 0.8, 3e-8)]
+)
+
+
+def asked(curve, load_N):
+    """Approach, withdrawal and loss where a share of a load is gone."""
+    d = float(curve.approach_m(load_N))
+    e = float(curve.withdrawal_m(d, SHARE * load_N))
+    return np.array([d, e, float(curve.loss_integral_at_drop_J(d, SHARE * load_N))])
+
+
+def test_a_sphere_keeps_the_form_of_its_curve():
+    """Approach and withdrawal go as N^(2/3), the loss as N^(5/3)."""
+    curve = boundary_elements(ONE, E)
+    (less,) = curve.near(N, [(0.7, 1.0)], SHARE)
+    powers = np.log([less.approach, less.withdrawal, less.loss]) / np.log(0.7)
+    assert powers == pytest.approx([2 / 3, 2 / 3, 5 / 3], abs=0.02)
+    assert asked(less, 0.7 * N) == pytest.approx(
+        asked(curve, N) * (less.approach, less.withdrawal, less.loss), rel=1e-9
+    )
+    assert list(curve.solutions.unloading) == [N]  # nothing else was followed down
+
+
+@pytest.mark.parametrize("hardness_Pa", [np.inf, 3e7])
+@pytest.mark.parametrize(("of_load", "of_hardness"), [(0.75, 1.0), (1.0, 1.3)])
+def test_near_is_what_the_map_says_that_is_loaded_anew(hardness_Pa, of_load, of_hardness):
+    first, anew = (
+        boundary_elements(FOUR, E, preload_N=load_N, hardness_Pa=H, balanced=False)
+        for load_N, H in ((N, hardness_Pa), (of_load * N, of_hardness * hardness_Pa))
+    )
+    assert (first.yielded_area_m2 is None) == np.isinf(hardness_Pa)
+    assert first.yielded_area_m2 != 0.0
+    (found,) = first.near(N, [(of_load, of_hardness)], SHARE)
+    assert asked(found, of_load * N) == pytest.approx(asked(anew, of_load * N), rel=0.02)
