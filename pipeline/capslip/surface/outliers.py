@@ -7,6 +7,7 @@ import numpy as np
 from capslip.surface.blocks import BLOCK_POINTS
 from capslip.surface.graph import Runs, connected_parts
 from capslip.surface.heightmap import HeightMap
+from capslip.surface.small_spikes import find_small_spikes
 
 STEP_QUANTILE = 0.90
 CLIFF_OVER_STEP = 8.0  # white noise: 13 standard deviations of a step
@@ -106,6 +107,9 @@ def find_outliers(surface: HeightMap, stored: HeightMap | None = None) -> Outlie
     that are nearest are the neighbours there, each point is an island, and a bad code has to be the
     least or the greatest height.
 
+    On slopes the steps between neighbours are large, and spikes below a cliff are looked for in
+    what a plane leaves; see `find_small_spikes`.
+
     Examples
     --------
     >>> z = 1e-9 * np.random.default_rng(0).standard_normal((50, 60))
@@ -122,10 +126,16 @@ def find_outliers(surface: HeightMap, stored: HeightMap | None = None) -> Outlie
     rough = cliff_m > ROUNDING * largest_m
     cliff_m = max(cliff_m, ROUNDING * largest_m)
     index, island = _islands(z, stored_m.reshape(-1), cliff_m)
-    if index.size == 0:
-        return Outliers(index, np.empty(0), cliff_m)
-    outlier, off_m = _judge(z.reshape(-1), z.shape, index, island, rough)
-    return Outliers(index[outlier], off_m[outlier], cliff_m)
+    off_m = np.empty(0)
+    if index.size:
+        outlier, off_m = _judge(z.reshape(-1), z.shape, index, island, rough)
+        index, off_m = index[outlier], off_m[outlier]
+    if rough:
+        small, small_off_m = find_small_spikes(z, index)
+        index, off_m = np.append(index, small), np.append(off_m, small_off_m)
+        order = np.argsort(index)
+        index, off_m = index[order], off_m[order]
+    return Outliers(index, off_m, cliff_m)
 
 
 def _of_lone_points(surface: HeightMap, stored_m: np.ndarray) -> Outliers:
