@@ -91,7 +91,7 @@ def with_effects(
     the rest; points that were removed may have been there. Where the map itself answers, bow and
     levels are taken off it, on points so far apart that this costs little; of one that was
     interpolated, the measured points alone are pressed. Within `contact.tolerance` it is
-    information, else a warning.
+    information, and so are removed points that stand off both ways, as errors do; else a warning.
 
     Parameters
     ----------
@@ -126,8 +126,12 @@ def with_effects(
             effects |= {code: _effect(trials, code, before) for code in asked}
         except CapslipError:
             pass  # what cannot be pressed has no effect, and stays as it is
+    errors = {"outliers_removed"} if conditioned.removed_both_ways else set()
+    limits = {code: math.inf if code in errors else tolerance for code in how}
     return [
-        _as_severe(one, effects.get(one.code), tolerance, how[one.code], _is_firm(one, conditioned))
+        _as_severe(
+            one, effects.get(one.code), limits[one.code], how[one.code], _is_firm(one, conditioned)
+        )
         if _is_asked(one, conditioned)
         else one
         for one in problems

@@ -324,6 +324,7 @@ def _removed(surface: HeightMap, outliers: Outliers) -> Problem:
         f"{n} points ({100 * share:.2g} %) stand off all that is around them, "
         f"{np.count_nonzero(outliers.step_m > 0.0)} of them upwards, and were marked as "
         "non-measured"
+        + ("; as many stand off downwards, as far: errors, no burrs" if outliers.both_ways else "")
         + (": too many for spikes; look at the map or the scan" if many else "")
         + "; conditioning.outliers = none keeps them",
     )

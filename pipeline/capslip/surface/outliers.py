@@ -1,5 +1,6 @@
 """Outliers: points that stand off their neighbours, not points that stand off the mean."""
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -17,6 +18,7 @@ MAX_CODE_SHARE = 0.01  # of the points, for an island of one stored height
 MAX_SPIKE_POINTS = 2
 MIN_RING_POINTS = 5
 GAP_OVER_RING = 4.0
+FEWEST_DOWN = 5  # of errors that point both ways: fewer may be pits
 SAMPLED_LINES = 100
 LEAST_WHOLE = 0.02  # of the measured points inside: those with eight measured neighbours
 NEAREST = 8  # measured points around one that stands alone
@@ -40,6 +42,18 @@ class Outliers:
     index: np.ndarray
     step_m: np.ndarray
     cliff_m: float
+
+    @property
+    def both_ways(self) -> bool:
+        """Whether as many stand off downwards as upwards, and as far.
+
+        Errors of the measurement do, burrs only stand up: five at least point down, no more than by
+        two standard deviations of a fair coin point up, and none twice as far as the deepest.
+        """
+        n, n_down = self.step_m.size, int(np.count_nonzero(self.step_m < 0.0))
+        if n_down < FEWEST_DOWN or n - 2 * n_down > 2.0 * math.sqrt(n):
+            return False
+        return bool(self.step_m.max() <= -2.0 * self.step_m.min())
 
 
 def stand_alone(height_m: np.ndarray) -> bool:
