@@ -40,6 +40,7 @@ PATCH = 3  # removed points that touch each other, from which they are one punch
 DRAWS = 8  # of the hills in a hole
 DRAWS_OF_HEIGHTS = 16
 OF_THE_HEIGHTS = ("hole_may_hide_hills", "clipped", "heights_in_steps")
+ASK_MAP = 0.2  # of the tolerance: removed points that may move more are pressed on the map, too
 LOOSE = 1e-5  # tolerance of a solution that is only compared with another
 
 
@@ -91,9 +92,10 @@ def with_effects(
     Each is estimated by interacting caps, whatever model answers: flagged caps may carry nothing; a
     bow or the levels of stitched fields may not be the face's own; a hole may hold as many hills as
     the rest; points that were removed may have been there. Where the map itself answers, bow and
-    levels are taken off it, on points so far apart that this costs little; of one that was
-    interpolated, the measured points alone are pressed. Within `contact.tolerance` it is
-    information, and so are removed points that stand off both ways, as errors do; else a warning.
+    levels are taken off it, on points so far apart that this costs little; removed points that may
+    matter are put back; of one that was interpolated, the measured points alone are pressed. Within
+    `contact.tolerance` it is information, and so are removed points that stand off both ways, as
+    errors do; else a warning.
 
     Parameters
     ----------
@@ -128,6 +130,12 @@ def with_effects(
             effects |= {code: _effect(trials, code, before) for code in asked}
         except CapslipError:
             pass  # what cannot be pressed has no effect, and stays as it is
+    removed = effects.get("outliers_removed")
+    if model is not None and model.made_from == "map" and _may_matter(removed, tolerance):
+        by_map = _effect_on_map(model, peaks, face, _removed_or_not(conditioned))
+        if by_map is not None:
+            effects["outliers_removed"] = by_map
+            how["outliers_removed"] = "found on the map with them"
     errors = {"outliers_removed"} if conditioned.removed.both_ways else set()
     limits = {code: math.inf if code in errors else tolerance for code in how}
     return [
@@ -158,6 +166,22 @@ def _interpolated_or_not(surface: HeightMap) -> tuple[HeightMap, HeightMap]:
     (dy_m, dx_m), (every_y, every_x) = surface.pixel_size_m, apart
     height_m = surface.height_m[every_y // 2 :: every_y, every_x // 2 :: every_x]
     return surface, HeightMap(height_m, (every_y * dy_m, every_x * dx_m), surface.origin)
+
+
+def _may_matter(effect: Effect | None, tolerance: float) -> bool:
+    """Tell whether what caps estimate is not far below the tolerance."""
+    if effect is None:
+        return False
+    return max(effect.tangential_stiffness or 0.0, effect.energy or 0.0) > ASK_MAP * tolerance
+
+
+def _removed_or_not(conditioned: Conditioned) -> tuple[HeightMap, HeightMap]:
+    """Return a map, and the same with the points that were removed from it."""
+    surface, (x_m, y_m, height_m) = conditioned.surface, conditioned.removed_m
+    dy_m, dx_m = surface.pixel_size_m
+    with_them_m = surface.height_m.copy()
+    with_them_m[(y_m / dy_m).astype(int), (x_m / dx_m).astype(int)] = height_m
+    return surface, replace(surface, height_m=with_them_m)
 
 
 OF_THE_MAP = {
