@@ -248,6 +248,43 @@ def test_a_bow_of_the_map_moves_what_its_removal_moves():
     assert said(min(1.1 * more, 0.99)).severity == "info"
 
 
+@pytest.mark.parametrize("width", [3, 5])
+def test_a_grain_that_was_taken_off_moves_what_it_moves_on_the_map_itself(width):
+    """A punch stands for a grain whose rim follows the face: within a factor of two and a half."""
+    surface = face(MORE)
+    height_m = surface.height_m.copy()
+    height_m[118 : 118 + width, 94 : 94 + width] += 9e-7
+    dusty = replace(surface, height_m=height_m)
+    words = ("contact.preload_N=200", "contact.model=boundary_elements")
+    without, there = (
+        found(dusty, *words, f"conditioning.outliers={rule}") for rule in ("isolated", "none")
+    )
+    (said,) = [p for p in found(dusty).problems if p.code == "outliers_removed"]
+    share = np.array([0.25, 0.5, 0.75])
+    energy_J = [
+        one.slip.energy_at_force_J(share * one.slip.total_slip_force_N) for one in (without, there)
+    ]
+    more = float(np.abs(energy_J[1] / energy_J[0] - 1.0).max())
+    assert more > 0.1
+    assert said.severity == "warning"
+    assert f"{width**2} of them lie on patches" in said.message
+    assert 0.4 < said.effect.energy / more < 2.5
+
+
+def test_points_that_stand_off_both_ways_are_errors_and_no_burrs():
+    surface = face(MORE)
+    rng = np.random.default_rng(4)
+    at = tuple(rng.integers(5, 235, (2, 40)))
+    for signs, severity in ((np.ones(40), "warning"), (rng.permutation([-1.0, 1.0] * 20), "info")):
+        height_m = surface.height_m.copy()
+        height_m[at] += 2e-6 * signs
+        problems = found(replace(surface, height_m=height_m)).problems
+        (said,) = [p for p in problems if p.code == "outliers_removed"]
+        assert said.severity == severity
+        assert said.effect.energy > 0.05
+        assert ("no burrs" in said.message) == (severity == "info")
+
+
 def test_an_interpolated_map_is_pressed_on_its_measured_points_alone():
     """On pixels that are longer than wide, two and three of which hold one measured point."""
     from scipy.ndimage import zoom

@@ -25,6 +25,7 @@ from capslip.settings import Settings
 from capslip.surface.conditioning import Conditioned
 from capslip.surface.flatness import bows_m
 from capslip.surface.form import remove_form
+from capslip.surface.graph import connected_parts
 from capslip.surface.heightmap import HeightMap
 from capslip.surface.holes import holes
 from capslip.surface.interpolated import pixels_apart
@@ -36,9 +37,11 @@ LEFT_OUT = {  # flags of the caps that may carry nothing
 }
 MOST_CAPS = 500  # more take longer than the face itself
 MOST_POINTS = 100  # the highest of those that were removed: more do no less
+PATCH = 3  # removed points that touch each other, from which they are one punch
 DRAWS = 8  # of the hills in a hole
 DRAWS_OF_HEIGHTS = 16
 OF_THE_HEIGHTS = ("hole_may_hide_hills", "clipped", "heights_in_steps")
+ASK_MAP = 0.2  # of the tolerance: removed points that may move more are pressed on the map, too
 LOOSE = 1e-5  # tolerance of a solution that is only compared with another
 
 
@@ -90,9 +93,10 @@ def with_effects(
     Each is estimated by interacting caps, whatever model answers: flagged caps may carry nothing; a
     bow or the levels of stitched fields may not be the face's own; a hole may hold as many hills as
     the rest; points that were removed may have been there. Where the map itself answers, bow and
-    levels are taken off it, on points so far apart that this costs little; of one that was
-    interpolated, the measured points alone are pressed. Within `contact.tolerance` it is
-    information, else a warning.
+    levels are taken off it, on points so far apart that this costs little; removed points that may
+    matter are put back; of one that was interpolated, the measured points alone are pressed. Within
+    `contact.tolerance` it is information, and so are removed points that stand off both ways, as
+    errors do; else a warning.
 
     Parameters
     ----------
@@ -127,8 +131,16 @@ def with_effects(
             effects |= {code: _effect(trials, code, before) for code in asked}
         except CapslipError:
             pass  # what cannot be pressed has no effect, and stays as it is
+    removed = effects.get("outliers_removed")
+    if model is not None and model.made_from == "map" and _may_matter(removed, tolerance):
+        by_map = _effect_on_map(model, peaks, face, _removed_or_not(conditioned))
+        if by_map is not None:
+            effects["outliers_removed"] = by_map
+            how["outliers_removed"] = "found on the map with them"
+    errors = {"outliers_removed"} if conditioned.removed.both_ways else set()
+    limits = {code: math.inf if code in errors else tolerance for code in how}
     return [
-        _as_severe(one, effects.get(one.code), tolerance, how[one.code], _is_firm(one, conditioned))
+        _as_severe(one, effects.get(one.code), limits[one.code], how[one.code], conditioned)
         if _is_asked(one, conditioned)
         else one
         for one in problems
@@ -167,6 +179,22 @@ def _interpolated_or_not(face: _Face) -> tuple[HeightMap, ...]:
     (dy_m, dx_m), (every_y, every_x) = surface.pixel_size_m, apart
     height_m = surface.height_m[every_y // 2 :: every_y, every_x // 2 :: every_x]
     return surface, HeightMap(height_m, (every_y * dy_m, every_x * dx_m), surface.origin)
+
+
+def _may_matter(effect: Effect | None, tolerance: float) -> bool:
+    """Tell whether what caps estimate is not far below the tolerance."""
+    if effect is None:
+        return False
+    return max(effect.tangential_stiffness or 0.0, effect.energy or 0.0) > ASK_MAP * tolerance
+
+
+def _removed_or_not(conditioned: Conditioned) -> tuple[HeightMap, HeightMap]:
+    """Return a map, and the same with the points that were removed from it."""
+    surface, (x_m, y_m, height_m) = conditioned.surface, conditioned.removed_m
+    dy_m, dx_m = surface.pixel_size_m
+    with_them_m = surface.height_m.copy()
+    with_them_m[(y_m / dy_m).astype(int), (x_m / dx_m).astype(int)] = height_m
+    return surface, replace(surface, height_m=with_them_m)
 
 
 OF_THE_MAP = {
@@ -231,11 +259,16 @@ def _is_firm(problem: Problem, conditioned: Conditioned) -> bool:
 
 
 def _as_severe(
-    problem: Problem, effect: Effect | None, tolerance: float, how: str, firm: bool
+    problem: Problem, effect: Effect | None, tolerance: float, how: str, conditioned: Conditioned
 ) -> Problem:
-    """Return a problem with its effect, and as severe as that unless it is a firm warning."""
+    """Return a problem with its effect, and as severe as that unless it is a firm warning.
+
+    Patches that were lifted are a warning where nobody knows what they move, too.
+    """
+    firm = _is_firm(problem, conditioned)
+    unknown_matters = problem.code == "outliers_removed" and conditioned.removed.n_lifted > 0
     if effect is None:
-        return problem
+        return replace(problem, severity="warning") if unknown_matters else problem
     greatest = max(effect.tangential_stiffness or 0.0, effect.energy or 0.0)
     moves = firm or greatest > tolerance
     said = f"; that moves the stiffness by {effect.tangential_stiffness:.1%}, the energy by "
@@ -250,6 +283,8 @@ def _effect(trials: "_Trials", code: str, before: np.ndarray) -> Effect | None:
         for caps in trials.of(code):
             change = np.maximum(change, np.abs(trials.face.answers(caps) / before - 1.0))
     except CapslipError:
+        return None
+    if not np.isfinite(change).all():
         return None
     energy = float(change[:-1].max())
     return Effect(float(change[-1]), energy, energy)
@@ -356,9 +391,11 @@ class _Trials:
         A point is a flat punch of the area of a pixel, pressed in by what it stands above the
         surface that the caps have sunk, at most until it yields: the load is 2 E* a e. Its cap has
         that load at that compression e. Within a contact it counts as if it stood at its rim.
+        Three points and more that touch each other are one punch, and so are punches that overlap.
         """
         surface, E_star_Pa = self.face.surface, self.face.E_star_Pa
-        x_m, y_m, height_m = self.conditioned.removed_m
+        (x_m, y_m, height_m), n_points = _punches(self.conditioned.removed_m, surface)
+        punch_m = np.sqrt(n_points * surface.pixel_area_m2 / math.pi)
         n = len(self.caps)
         asleep = _joined(self.caps, x_m, y_m, height_m, np.full(x_m.size, np.nan))
         caps, curve = self.face.pressed(asleep)
@@ -373,12 +410,33 @@ class _Trials:
         touch = np.argsort(-up_m, kind="stable")[: min(MOST_POINTS, int((up_m > 0.0).sum()))]
         if touch.size == 0:
             return
-        punch_m = math.sqrt(surface.pixel_area_m2 / math.pi)
+        apart_m = np.hypot(x_m[touch, None] - x_m[touch], y_m[touch, None] - y_m[touch])
+        wider_m = np.maximum(punch_m[touch, None], punch_m[touch])
+        over = np.tril(apart_m < wider_m, -1)  # a higher one stands there
+        touch = touch[~over.any(axis=1)]
+        punch_m = punch_m[touch]
         law = yield_law(self.face.settings.material)
         hardest_Pa = ELASTIC_STRAIN * E_star_Pa if law is None else law.hardness_Pa
         pressed_m = np.minimum(up_m[touch], 0.5 * math.pi * punch_m * hardest_Pa / E_star_Pa)
         top_m = height_m[touch] - up_m[touch] + pressed_m
         yield _joined(self.caps, x_m[touch], y_m[touch], top_m, 2.25 * punch_m**2 / pressed_m)
+
+
+def _punches(points_m: np.ndarray, surface: HeightMap) -> tuple[np.ndarray, np.ndarray]:
+    """Return places (x, y) and mean heights of removed points, and how many there are in each.
+
+    Three and more that touch each other are one.
+    """
+    (dy_m, dx_m), n, width = surface.pixel_size_m, points_m.shape[1], surface.shape[1] + 2
+    place = (points_m[1] / dy_m).astype(int) * width + (points_m[0] / dx_m).astype(int)
+    order = np.argsort(place)
+    beside = place[:, None] + np.array((1, width - 1, width, width + 1))
+    at = np.minimum(np.searchsorted(place, beside, sorter=order), n - 1)
+    one, neighbour = np.nonzero(place[order[at]] == beside)
+    part = connected_parts(n, one, order[at[one, neighbour]])
+    part = np.where(np.bincount(part)[part] >= PATCH, part, n + np.arange(n))
+    _, part, n_points = np.unique(part, return_inverse=True, return_counts=True)
+    return np.stack([np.bincount(part, one_m) / n_points for one_m in points_m]), n_points
 
 
 def _moved(

@@ -38,6 +38,8 @@ class Conditioned:
         What makes the map doubtful.
     removed_m : float64, shape (3, n)
         Place (x, y) of each outlier that was removed, and its height above the fitted form.
+    removed : Outliers
+        The same, by how far each stands off what is around it.
     slope : (float, float)
         Of all planes that were added since, along x and y; see `turned`.
     """
@@ -49,6 +51,7 @@ class Conditioned:
     problems: tuple[Problem, ...]
     removed_m: np.ndarray = field(default_factory=lambda: np.empty((3, 0)))
     slope: tuple[float, float] = (0.0, 0.0)
+    removed: Outliers = field(default_factory=Outliers)
 
     def turned(
         self,
@@ -178,7 +181,8 @@ def condition(
     if steps[-1] is not step:
         sq_m, sz_m = sq_and_sz_m(surface)
     problems += problems_of_map(surface, sq_m, sz_m)
-    return Conditioned(surface, sq_m, sz_m, tuple(steps), problems, removed_m)
+    known = surface, sq_m, sz_m, tuple(steps), problems, removed_m
+    return Conditioned(*known, removed=found if removed_m.size else Outliers())
 
 
 def _trimmed(surface: HeightMap, edge_trim_m: float) -> tuple[HeightMap, dict[str, Any]]:

@@ -34,6 +34,7 @@ MAX_OUTLIER_SHARE = 0.02
 MOSTLY_FORM = 0.8  # of the variance of the heights
 MOSTLY_BOWED = 0.95  # of that of the floor: a step between two floors looks 87 % like a bow
 CLEARLY_NO_BOW = 0.25  # of the same, that a bow leaves on some of the points: five times the most
+LIFTED = "lie on patches that are lifted as a whole: grains, chips or fringes miscounted"
 VISIBLE_FORM = 0.1  # of the approach: form that moves the peaks by more decides what touches
 
 
@@ -333,6 +334,8 @@ def _removed(surface: HeightMap, outliers: Outliers) -> Problem:
         f"{n} points ({100 * share:.2g} %) stand off all that is around them, "
         f"{np.count_nonzero(outliers.step_m > 0.0)} of them upwards, and were marked as "
         "non-measured"
+        + (f"; {outliers.n_lifted} of them {LIFTED}" if outliers.n_lifted else "")
+        + ("; as many stand off downwards, as far: errors, no burrs" if outliers.both_ways else "")
         + (": too many for spikes; look at the map or the scan" if many else "")
         + "; conditioning.outliers = none keeps them",
     )

@@ -1,12 +1,15 @@
 """Outliers: points that stand off their neighbours, not points that stand off the mean."""
 
-from dataclasses import dataclass
+import math
+from dataclasses import dataclass, field
 
 import numpy as np
 
 from capslip.surface.blocks import BLOCK_POINTS
 from capslip.surface.graph import Runs, connected_parts
 from capslip.surface.heightmap import HeightMap
+from capslip.surface.lifted import lifted_patches
+from capslip.surface.small_spikes import find_small_spikes
 
 STEP_QUANTILE = 0.90
 CLIFF_OVER_STEP = 8.0  # white noise: 13 standard deviations of a step
@@ -16,6 +19,7 @@ MAX_CODE_SHARE = 0.01  # of the points, for an island of one stored height
 MAX_SPIKE_POINTS = 2
 MIN_RING_POINTS = 5
 GAP_OVER_RING = 4.0
+FEWEST_DOWN = 5  # of errors that point both ways: fewer may be pits
 SAMPLED_LINES = 100
 LEAST_WHOLE = 0.02  # of the measured points inside: those with eight measured neighbours
 NEAREST = 8  # measured points around one that stands alone
@@ -34,11 +38,26 @@ class Outliers:
         Height of each above what lies around it; negative for pits.
     cliff_m : float
         The height difference of neighbours that counts as a cliff.
+    n_lifted : int
+        How many of them lie on patches that are lifted, see `lifted_patches`.
     """
 
-    index: np.ndarray
-    step_m: np.ndarray
-    cliff_m: float
+    index: np.ndarray = field(default_factory=lambda: np.empty(0, dtype=np.intp))
+    step_m: np.ndarray = field(default_factory=lambda: np.empty(0))
+    cliff_m: float = 0.0
+    n_lifted: int = 0
+
+    @property
+    def both_ways(self) -> bool:
+        """Whether as many stand off downwards as upwards, and as far.
+
+        Errors of the measurement do, burrs only stand up: five at least point down, no more than by
+        two standard deviations of a fair coin point up, and none twice as far as the deepest.
+        """
+        n, n_down = self.step_m.size, int(np.count_nonzero(self.step_m < 0.0))
+        if n_down < FEWEST_DOWN or n - 2 * n_down > 2.0 * math.sqrt(n):
+            return False
+        return bool(self.step_m.max() <= -2.0 * self.step_m.min())
 
 
 def stand_alone(height_m: np.ndarray) -> bool:
@@ -106,6 +125,11 @@ def find_outliers(surface: HeightMap, stored: HeightMap | None = None) -> Outlie
     that are nearest are the neighbours there, each point is an island, and a bad code has to be the
     least or the greatest height.
 
+    A few larger parts that are lifted as a whole are outliers, too; see `lifted_patches`.
+
+    On slopes the steps between neighbours are large, and spikes below a cliff are looked for in
+    what a plane leaves; see `find_small_spikes`.
+
     Examples
     --------
     >>> z = 1e-9 * np.random.default_rng(0).standard_normal((50, 60))
@@ -121,11 +145,25 @@ def find_outliers(surface: HeightMap, stored: HeightMap | None = None) -> Outlie
     cliff_m = CLIFF_OVER_STEP * _usual_step(z)
     rough = cliff_m > ROUNDING * largest_m
     cliff_m = max(cliff_m, ROUNDING * largest_m)
-    index, island = _islands(z, stored_m.reshape(-1), cliff_m)
-    if index.size == 0:
-        return Outliers(index, np.empty(0), cliff_m)
-    outlier, off_m = _judge(z.reshape(-1), z.shape, index, island, rough)
-    return Outliers(index[outlier], off_m[outlier], cliff_m)
+    index, island = _islands(z, cliff_m)
+    off_m, n_lifted = np.empty(0), 0
+    if index.size:
+        part, part_of = index, island
+        few = _few_or_of_one_height(island, stored_m.reshape(-1)[index])
+        index, island = index[few], np.unique(island[few], return_inverse=True)[1]
+        if index.size:
+            outlier, off_m = _judge(z.reshape(-1), z.shape, index, island, rough)
+            index, off_m = index[outlier], off_m[outlier]
+        if rough:
+            left = ~np.isin(part, index)
+            patch, step_m = lifted_patches(z, part[left], part_of[left], cliff_m)
+            index, off_m, n_lifted = np.append(index, patch), np.append(off_m, step_m), patch.size
+    if rough:
+        small, small_off_m = find_small_spikes(z, index)
+        index, off_m = np.append(index, small), np.append(off_m, small_off_m)
+        order = np.argsort(index)
+        index, off_m = index[order], off_m[order]
+    return Outliers(index, off_m, cliff_m, n_lifted)
 
 
 def _of_lone_points(surface: HeightMap, stored_m: np.ndarray) -> Outliers:
@@ -188,7 +226,7 @@ def _usual_step(z: np.ndarray) -> float:
     return usual_m
 
 
-def _islands(z: np.ndarray, stored_m: np.ndarray, cliff_m: float) -> tuple[np.ndarray, np.ndarray]:
+def _islands(z: np.ndarray, cliff_m: float) -> tuple[np.ndarray, np.ndarray]:
     """Return place, ascending, and number of its island for every point of an island.
 
     Points without a cliff to any neighbour are joined along their rows, and these runs to those of
@@ -215,7 +253,6 @@ def _islands(z: np.ndarray, stored_m: np.ndarray, cliff_m: float) -> tuple[np.nd
     pairs = np.append(one, n_runs + member), np.append(other, node)
     part = connected_parts(size.size, *pairs)
     points = np.bincount(part, size)
-    n_parts = points.size
     aside = np.flatnonzero(part != np.argmax(points))
     if not aside.size:
         return none, none
@@ -225,12 +262,18 @@ def _islands(z: np.ndarray, stored_m: np.ndarray, cliff_m: float) -> tuple[np.nd
     of_index = np.repeat(part[aside], size[aside])
     order = np.argsort(index)
     index, of_index = index[order], of_index[order]
-    lowest_m, highest_m = np.full(n_parts, np.inf), np.full(n_parts, -np.inf)
-    np.minimum.at(lowest_m, of_index, stored_m[index])
-    np.maximum.at(highest_m, of_index, stored_m[index])
-    one_height = (lowest_m == highest_m) & (points <= MAX_CODE_SHARE * points.sum())
-    island = ((points <= MAX_POINTS) | one_height)[of_index]
+    island = (points <= max(MAX_POINTS, MAX_CODE_SHARE * points.sum()))[of_index]
     return index[island], np.unique(of_index[island], return_inverse=True)[1]
+
+
+def _few_or_of_one_height(island: np.ndarray, stored_m: np.ndarray) -> np.ndarray:
+    """Tell for each point whether its island has few points or one stored height throughout."""
+    points = np.bincount(island)
+    lowest_m, highest_m = np.full(points.size, np.inf), np.full(points.size, -np.inf)
+    np.minimum.at(lowest_m, island, stored_m)
+    np.maximum.at(highest_m, island, stored_m)
+    few: np.ndarray = ((points <= MAX_POINTS) | (lowest_m == highest_m))[island]
+    return few
 
 
 def _runs_between(shape: tuple[int, int], left_out: np.ndarray) -> Runs:
