@@ -90,6 +90,25 @@ def test_what_cannot_be_pressed_has_no_effect_and_stays_a_warning():
         assert (problem.severity, problem.effect) == ("warning", None)
 
 
+@pytest.mark.parametrize(
+    ("at_m", "radius_m", "hides"),
+    [
+        ((24e-3, 20e-3), 4.1e-3, True),  # the top of a hill was lost: the rim is as high all round
+        ((24e-3, 6e-3), 4.1e-3, False),  # as wide, on the floor: few places in 2300 mm2
+        ((24e-3, 6e-3), 8e-3, True),  # much wider than the hills, whose discs are of 3.8 mm
+    ],
+)
+def test_a_hole_hides_what_its_places_and_its_rim_make_likely(at_m, radius_m, hides):
+    peaks = [(x, y, 5.0, z) for x, y, _, z in MORE]
+    lost = caps_map(peaks, (240, 240), (PIXEL_M, PIXEL_M), floor_m=-4e-6)
+    x_m = (np.arange(240) + 0.5) * PIXEL_M
+    height_m = lost.height_m.copy()
+    height_m[np.hypot(x_m - at_m[0], x_m[:, None] - at_m[1]) < radius_m] = np.nan
+    effect = effect_of(found(replace(lost, height_m=height_m)), "hole_may_hide_hills").effect
+    assert (effect.tangential_stiffness > 0.01) == hides
+    assert hides or effect.energy == 0.0
+
+
 def test_a_bow_of_the_peaks_is_taken_out_of_them():
     """Peaks of one height on a bow: without it they are those of one height."""
     rng = np.random.default_rng(4)

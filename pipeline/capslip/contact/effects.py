@@ -1,7 +1,7 @@
 """What doubts move: the face is pressed again as it may be as well, and the answers compared."""
 
 import math
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, fields, replace
 from typing import Any
 
@@ -25,7 +25,7 @@ from capslip.settings import Settings
 from capslip.surface.conditioning import Conditioned
 from capslip.surface.form import remove_form
 from capslip.surface.heightmap import HeightMap
-from capslip.surface.holes import holes
+from capslip.surface.holes import depth_of_holes
 from capslip.surface.interpolated import pixels_apart
 from capslip.surface.rounding import few_steps
 from capslip.surface.seams import find_seams, without_seams
@@ -36,6 +36,7 @@ LEFT_OUT = {  # flags of the caps that may carry nothing
 MOST_CAPS = 500  # more take longer than the face itself
 MOST_POINTS = 100  # the highest of those that were removed: more do no less
 DRAWS = 8  # of the hills in a hole
+UNLIKELY = 0.1  # chance that any hill was not seen at all
 DRAWS_OF_HEIGHTS = 16
 OF_THE_HEIGHTS = ("hole_may_hide_hills", "clipped", "heights_in_steps")
 LOOSE = 1e-5  # tolerance of a solution that is only compared with another
@@ -326,21 +327,34 @@ class _Trials:
             )
 
     def _with_hills(self) -> Iterator[CapTable]:
-        """Return caps with those that the hole would hold if it were like the rest of the face."""
-        surface, caps = self.face.surface, self.caps
-        row, col = np.nonzero(holes(surface))
-        if surface.filling is not None or not row.size:
-            raise ContactError("nobody knows where points that were filled hide hills")
+        """Return caps with hills that were not seen; none where there hardly is one.
+
+        Hills like those that were seen stand anywhere. One of them is not seen where all of its
+        disc above the cut lies in a hole, or between points that stand alone; so for each that was
+        seen there are as many that were not as the odds for its disc, and the greater hide less.
+        Where the rim of a hole is half as high as the cut, it is taken for that of a lost hill.
+        """
+        caps = self.caps
         member = np.flatnonzero(caps.usable)
-        n_known = int(np.count_nonzero(surface.measured))
-        n_more = max(1, round(member.size * row.size / n_known))
-        dy_m, dx_m = surface.pixel_size_m
+        disc_m = 0.5 * caps.diameter_m[member]
+        cut_m = float((caps.peak_height_m - caps.cap_height_m)[member].min())
+        hidden, lost, places = _chance_to_hide(self.face.surface, disc_m, cut_m)
+        odds = hidden / np.maximum(1.0 - hidden, 1e-3)
+        total = float(odds.sum())
+        expected = max(total, lost) if total > 0.0 else 0.0
+        if not expected > -math.log1p(-UNLIKELY):
+            return
         rng = np.random.default_rng(0)
+        seen_m = list(zip(caps.x_m[member], caps.y_m[member], strict=True))
         for _ in range(DRAWS):
-            at = rng.choice(row.size, n_more, replace=False)
-            like = rng.choice(member, n_more)
-            place_m = (col[at] + 0.5) * dx_m, (row[at] + 0.5) * dy_m
-            yield _joined(caps, *place_m, caps.peak_height_m[like], caps.radius_m[like])
+            stand_m, like = seen_m.copy(), []
+            for one in rng.choice(member.size, max(1, rng.poisson(expected)), p=odds / total):
+                place_m = places(rng, disc_m[one])
+                if min(math.dist(place_m, other_m) for other_m in stand_m) > disc_m[one]:
+                    stand_m.append(place_m)
+                    like.append(member[one])
+            x_m, y_m = np.array(stand_m[len(seen_m) :]).reshape(-1, 2).T
+            yield _joined(caps, x_m, y_m, caps.peak_height_m[like], caps.radius_m[like])
 
     def _with_points(self) -> Iterator[CapTable]:
         """Return caps with the removed points that would touch, if there are any.
@@ -371,6 +385,30 @@ class _Trials:
         pressed_m = np.minimum(up_m[touch], 0.5 * math.pi * punch_m * hardest_Pa / E_star_Pa)
         top_m = height_m[touch] - up_m[touch] + pressed_m
         yield _joined(self.caps, x_m[touch], y_m[touch], top_m, 2.25 * punch_m**2 / pressed_m)
+
+
+def _chance_to_hide(
+    surface: HeightMap, disc_m: np.ndarray, cut_m: float
+) -> tuple[np.ndarray, float, Callable[[np.random.Generator, float], tuple[float, float]]]:
+    """Return the chances that nothing of discs was measured, and where such a disc may lie.
+
+    And 1 where a hole seems to be a hill of which the top was lost, else 0.
+    """
+    filling, (side_y_m, side_x_m) = surface.filling, surface.side_m
+    if filling is not None:
+        chance = np.array([filling.chance_to_miss(one_m) for one_m in disc_m])
+        return chance, 0.0, lambda rng, _: (rng.uniform(0.0, side_x_m), rng.uniform(0.0, side_y_m))
+    x_m, y_m, depth_m, rim_m, area_m2 = depth_of_holes(surface, float(np.median(disc_m)))
+    n_deep = np.array([np.count_nonzero(depth_m >= one_m) for one_m in disc_m])
+    face_m2 = surface.measured_area_m2 + area_m2 * depth_m.size
+    half_way_m = 0.5 * (cut_m + float(np.nanmedian(surface.height_m)))
+    lost = (rim_m > half_way_m) & (depth_m >= disc_m.min())
+
+    def place(rng: np.random.Generator, radius_m: float) -> tuple[float, float]:
+        at = rng.choice(np.flatnonzero(depth_m >= radius_m))
+        return float(x_m[at]), float(y_m[at])
+
+    return area_m2 * n_deep / face_m2, float(lost.any()), place
 
 
 def _on_rims(

@@ -19,6 +19,7 @@ MAX_STEEP_SHARE = 0.05
 MAX_SZ_OVER_SQ = 30.0
 SQUARE_WITHIN = 1e-3
 MAX_PIXEL_RATIO = 10.0  # cm taken for mm; below, no unit explains it, and pixels are what they are
+UNLIKE = 3.0  # of lengths along both axes: half way to the ten of another unit
 SMALLEST_SZ_M = 1e-10  # an atom
 LARGEST_SIDE_M = 1.0
 LENGTHS_M = (
@@ -127,7 +128,7 @@ def problems_of_map(surface: HeightMap, sq_m: float, sz_m: float) -> tuple[Probl
         `scale_suspect` (warning) where it is below the size of an atom or a side is longer than
         1 m: a wrong unit until proven otherwise. `outliers` where Sz/Sq exceeds 30: a warning
         where peaks, info where pits do it. `non_square_pixels` (info; warning from a ratio of 10
-        on).
+        on, unless the texture is about as long along both axes).
     """
     found = (
         _steep(surface, sz_m),
@@ -366,13 +367,37 @@ def _pixel(surface: HeightMap) -> Problem | None:
     dy_m, dx_m = surface.pixel_size_m
     if abs(dy_m / dx_m - 1.0) <= SQUARE_WITHIN:
         return None
-    odd = max(dy_m / dx_m, dx_m / dy_m) > MAX_PIXEL_RATIO * (1.0 - SQUARE_WITHIN)
-    return Problem(
-        "non_square_pixels",
-        "warning" if odd else "info",
-        f"pixels of {dy_m:.6g} x {dx_m:.6g} m (dy x dx) are not square; this is accounted for"
-        + ("; check both sizes" if odd else ""),
-    )
+    message = f"pixels of {dy_m:.6g} x {dx_m:.6g} m (dy x dx) are not square; this is accounted for"
+    if max(dy_m / dx_m, dx_m / dy_m) <= MAX_PIXEL_RATIO * (1.0 - SQUARE_WITHIN):
+        return Problem("non_square_pixels", "info", message)
+    across_y_m, across_x_m = _half_lengths_m(surface)
+    lengths = f"heights lose half of what they share over {across_y_m:.3g} x {across_x_m:.3g} m"
+    if 1.0 / UNLIKE < across_y_m / across_x_m < UNLIKE:  # never with NaN
+        return Problem("non_square_pixels", "info", f"{message}; {lengths}, so both sizes fit")
+    return Problem("non_square_pixels", "warning", f"{message}; check both sizes")
+
+
+def _half_lengths_m(surface: HeightMap) -> tuple[float, float]:
+    """Return over which lengths along y and x the correlation of heights falls to a half.
+
+    There the mean square difference of heights is their variance. NaN along an axis on which that
+    is less than a pixel, or more than half the map: then its size has no part in it.
+    """
+    height_m, found = surface.height_m, []
+    variance_m2 = float(np.nanvar(height_m)) or 1.0  # a flat map has no length
+    for axis, size_m in enumerate(surface.pixel_size_m):
+        every = max(1, height_m.shape[1 - axis] // SAMPLED_LINES)
+        lines = height_m[:, ::every] if axis == 0 else height_m[::every].T
+        lags, shares = [0], [0.0]
+        while shares[-1] < 1.0 and (lag := max(lags[-1] + 1, lags[-1] * 5 // 4)) <= len(lines) // 2:
+            square_m2 = np.square(lines[lag:] - lines[:-lag])
+            known_m2 = square_m2[np.isfinite(square_m2)]
+            lags.append(lag)
+            shares.append(float(known_m2.mean()) / variance_m2 if known_m2.size else 0.0)
+        is_seen = len(lags) > 2 and shares[-1] >= 1.0
+        half = np.interp(1.0, shares[-2:], lags[-2:]) if is_seen else np.nan
+        found.append(float(half) * size_m)
+    return found[0], found[1]
 
 
 def _is_steep(rms_slope: float, steep_share: float) -> bool:
