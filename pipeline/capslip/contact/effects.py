@@ -12,6 +12,7 @@ from capslip.caps.doubts import without_bow
 from capslip.caps.families import Families
 from capslip.caps.table import DOUBTFUL, UNUSABLE, CapFlag, CapTable
 from capslip.contact.accuracy import answers
+from capslip.contact.bulk import bulk_of_face_m_per_N
 from capslip.contact.doubts import ELASTIC_STRAIN
 from capslip.contact.levelling import coarse_map, rebalanced
 from capslip.contact.material import composite, yield_law
@@ -23,6 +24,7 @@ from capslip.errors import CapslipError, ContactError
 from capslip.problems import Effect, Problem
 from capslip.settings import Settings
 from capslip.surface.conditioning import Conditioned
+from capslip.surface.doubts import VISIBLE_FORM
 from capslip.surface.form import remove_form
 from capslip.surface.heightmap import HeightMap
 from capslip.surface.holes import depth_of_holes
@@ -39,6 +41,7 @@ DRAWS = 8  # of the hills in a hole
 UNLIKELY = 0.1  # chance that any hill was not seen at all
 DRAWS_OF_HEIGHTS = 16
 OF_THE_HEIGHTS = ("hole_may_hide_hills", "clipped", "heights_in_steps")
+UNKNOWN: tuple[Effect | None, float] = (None, 0.0)  # changes of the answers, and of the approach
 LOOSE = 1e-5  # tolerance of a solution that is only compared with another
 
 
@@ -65,6 +68,33 @@ class _Face:
         if pairs is None:
             raise ContactError("too many caps to solve for every pair")
         return caps, pairs
+
+    def stands_up_m(
+        self, caps: CapTable, x_m: np.ndarray, y_m: np.ndarray, height_m: np.ndarray
+    ) -> np.ndarray:
+        """Return how far points of a face stand above the plane that presses its caps, else -inf.
+
+        Above that plane and what the loads of the caps have sunk it there.
+        """
+        turned, curve = self.pressed(caps)
+        approach_m = float(curve.approach_m(self.settings.contact.preload_N))
+        load_N = curve.asperity_loads_N(approach_m)
+        places = np.column_stack((np.ones(len(caps)), caps.x_m, caps.y_m))[caps.usable]
+        turned_m = (turned.peak_height_m - caps.peak_height_m)[caps.usable]
+        level_m, slope_x, slope_y = np.linalg.lstsq(places, turned_m, rcond=None)[0]
+        up_m = height_m + level_m + slope_x * x_m + slope_y * y_m
+        up_m -= float(turned.peak_height_m[caps.usable].max()) - approach_m
+        near = np.flatnonzero(up_m > 0.0)
+        for at in np.array_split(near, 1 + near.size // MOST_CAPS):
+            r_m = np.hypot(x_m[at, None] - curve.x_m, y_m[at, None] - curve.y_m)
+            up_m[at] -= (load_N / r_m).sum(axis=1) / (math.pi * self.E_star_Pa)
+        return np.where(up_m > 0.0, up_m, -np.inf)
+
+    def approach_m(self, caps: CapTable) -> float:
+        """Return the approach of the caps under the preload, less the bulk sinking."""
+        preload_N = self.settings.contact.preload_N
+        bulk_m = bulk_of_face_m_per_N(self.surface, self.E_star_Pa) * preload_N
+        return float(self.pressed(caps)[1].approach_m(preload_N)) - bulk_m
 
     def answers(self, caps: CapTable) -> np.ndarray:
         """Return energies and stiffness, see `accuracy.answers`."""
@@ -112,14 +142,14 @@ def with_effects(
     """
     face, tolerance = _Face(conditioned.surface, settings), settings.contact.tolerance
     asked = {one.code for one in problems if _is_asked(one, conditioned)}
-    effects: dict[str, Effect | None] = {}
+    effects: dict[str, tuple[Effect | None, float]] = {}
     how = dict.fromkeys(asked, "estimated with the caps")
     for code in sorted(asked & OF_THE_MAP.keys()):
         if model is not None and model.made_from == "map":
             by_map = _effect_on_map(model, peaks, face, OF_THE_MAP[code](face.surface))
             if by_map is not None:
                 asked.remove(code)
-                effects[code], how[code] = by_map, "found on the map with fewer points"
+                effects[code], how[code] = (by_map, 0.0), "found on the map with fewer points"
     if asked:
         try:
             before = face.answers(caps)
@@ -128,7 +158,10 @@ def with_effects(
         except CapslipError:
             pass  # what cannot be pressed has no effect, and stays as it is
     return [
-        _as_severe(one, effects.get(one.code), tolerance, how[one.code], _is_firm(one, conditioned))
+        _as_severe(
+            *(one, *effects.get(one.code, UNKNOWN)),
+            *(tolerance, how[one.code], _is_firm(one, conditioned)),
+        )
         if _is_asked(one, conditioned)
         else one
         for one in problems
@@ -219,28 +252,34 @@ def _is_firm(problem: Problem, conditioned: Conditioned) -> bool:
 
 
 def _as_severe(
-    problem: Problem, effect: Effect | None, tolerance: float, how: str, firm: bool
+    problem: Problem, effect: Effect | None, lifted: float, tolerance: float, how: str, firm: bool
 ) -> Problem:
     """Return a problem with its effect, and as severe as that unless it is a firm warning."""
     if effect is None:
         return problem
     greatest = max(effect.tangential_stiffness or 0.0, effect.energy or 0.0)
-    moves = firm or greatest > tolerance
-    said = f"; that moves the stiffness by {effect.tangential_stiffness:.1%}, the energy by "
-    message = f"{problem.message}{said}{effect.energy:.1%} ({how})"
+    moves = firm or greatest > tolerance or lifted > VISIBLE_FORM
+    said = f"the stiffness by {effect.tangential_stiffness:.1%}, the energy by {effect.energy:.1%}"
+    said += f", the approach by {lifted:.1%}" if lifted else ""
+    message = f"{problem.message}; that moves {said} ({how})"
     return replace(problem, severity="warning" if moves else "info", message=message, effect=effect)
 
 
-def _effect(trials: "_Trials", code: str, before: np.ndarray) -> Effect | None:
-    """Return the greatest changes by all trials of a doubt; None where one cannot be pressed."""
-    change = np.zeros(len(before))
+def _effect(trials: "_Trials", code: str, before: np.ndarray) -> tuple[Effect | None, float]:
+    """Return the greatest changes by all trials of a doubt; unknown where one cannot be pressed.
+
+    And that of the approach, which a bow moves before all else: it counts from the highest peaks.
+    """
+    change, lifted, face = np.zeros(len(before)), 0.0, trials.face
     try:
         for caps in trials.of(code):
-            change = np.maximum(change, np.abs(trials.face.answers(caps) / before - 1.0))
+            change = np.maximum(change, np.abs(face.answers(caps) / before - 1.0))
+            if code == "bow_left":
+                lifted = abs(face.approach_m(caps) / face.approach_m(trials.caps) - 1.0)
     except CapslipError:
-        return None
+        return UNKNOWN
     energy = float(change[:-1].max())
-    return Effect(float(change[-1]), energy, energy)
+    return Effect(float(change[-1]), energy, energy), lifted
 
 
 @dataclass(frozen=True, eq=False)
@@ -272,9 +311,15 @@ class _Trials:
             yield self._without(LEFT_OUT[code])
 
     def _unbowed(self) -> CapTable:
-        caps, span_m = without_bow(self.caps, coarse_map(self.face.surface), self.peaks)
-        if span_m > np.nanmax(self.caps.cap_height_m):
-            raise ContactError("the bow may hold hills below the cut, which are no caps yet")
+        """Return caps without a bow, where no hill below the cut would touch as well then."""
+        level = coarse_map(self.face.surface)
+        caps, straight = without_bow(self.caps, level, self.peaks)
+        cut_m = float((self.caps.peak_height_m - self.caps.cap_height_m)[caps.usable].min())
+        row, col = np.nonzero(level.height_m < cut_m)
+        dy_m, dx_m = level.pixel_size_m
+        below_m = (col + 0.5) * dx_m, (row + 0.5) * dy_m, straight.height_m[row, col]
+        if (self.face.stands_up_m(caps, *below_m) > 0.0).any():
+            raise ContactError("without the bow hills below the cut touch, which are no caps yet")
         return caps
 
     def _on_one_level(self) -> CapTable:

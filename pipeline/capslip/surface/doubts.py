@@ -200,6 +200,27 @@ def problems_of_form(surface: HeightMap, approach_m: float) -> list[Problem]:
     return []
 
 
+def bow_of_form_m(surface: HeightMap) -> np.ndarray:
+    """Return the bow of which `problems_of_form` speaks: that of most of the relief, or the floor.
+
+    Parameters
+    ----------
+    surface : HeightMap
+        As there.
+
+    Returns
+    -------
+    float64, shape (ny, nx)
+        What a quadratic takes off beyond a plane; NaN where nothing was measured.
+    """
+    floor = _bow(surface)[0] > 1.0 - MOSTLY_FORM
+    level_m, straight_m = (
+        remove_form(surface, form, floor=floor)[0].height_m for form in ("plane", "quadratic")
+    )
+    bow_m: np.ndarray = level_m - straight_m
+    return bow_m
+
+
 def problems_of_seams(surface: HeightMap, approach_m: float) -> list[Problem]:
     """Return whether fields with straight seams lie on levels so unlike that it decides."""
     seams = find_seams(surface)
