@@ -128,7 +128,7 @@ def problems_of_map(surface: HeightMap, sq_m: float, sz_m: float) -> tuple[Probl
         `scale_suspect` (warning) where it is below the size of an atom or a side is longer than
         1 m: a wrong unit until proven otherwise. `outliers` where Sz/Sq exceeds 30: a warning
         where peaks, info where pits do it. `non_square_pixels` (info; warning from a ratio of 10
-        on, unless the texture is about as long along both axes).
+        on).
     """
     found = (
         _steep(surface, sz_m),
@@ -391,11 +391,19 @@ def _pixel(surface: HeightMap) -> Problem | None:
     message = f"pixels of {dy_m:.6g} x {dx_m:.6g} m (dy x dx) are not square; this is accounted for"
     if max(dy_m / dx_m, dx_m / dy_m) <= MAX_PIXEL_RATIO * (1.0 - SQUARE_WITHIN):
         return Problem("non_square_pixels", "info", message)
-    across_y_m, across_x_m = _half_lengths_m(surface)
-    lengths = f"heights lose half of what they share over {across_y_m:.3g} x {across_x_m:.3g} m"
-    if 1.0 / UNLIKE < across_y_m / across_x_m < UNLIKE:  # never with NaN
-        return Problem("non_square_pixels", "info", f"{message}; {lengths}, so both sizes fit")
     return Problem("non_square_pixels", "warning", f"{message}; check both sizes")
+
+
+def sizes_fit(surface: HeightMap) -> bool:
+    """Tell whether the texture is about as long along both axes, as pixels of true sizes show it.
+
+    Parameters
+    ----------
+    surface : HeightMap
+        Heights after conditioning.
+    """
+    along_y_m, along_x_m = _half_lengths_m(surface)
+    return 1.0 / UNLIKE < along_y_m / along_x_m < UNLIKE  # never with NaN
 
 
 def _half_lengths_m(surface: HeightMap) -> tuple[float, float]:
