@@ -77,7 +77,7 @@ TABLE = [
         for name in ("filling", "interpolated", "rounding", "seams", "tops", "waves")
     ),
     (
-        ("contact/effects.py", "contact/map_accuracy.py"),
+        ("contact/effects.py", "contact/trials.py", "contact/map_accuracy.py"),
         ("tests/contact/test_*effects*.py", "tests/contact/test_*detail*.py"),
     ),
     (("caps/doubts.py",), ("tests/caps/test_*doubts*.py",)),

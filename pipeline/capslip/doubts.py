@@ -61,7 +61,7 @@ def problems_of(face: Face, found: Analysis, mate: HeightMap | None) -> tuple[Pr
     given = (contact, doubtful, face.families, surface.pixel_area_m2)
     under_load = contact_doubts(*given, cut_certified=certified)
     problems = [
-        *as_read(before, contact, doubtful, tolerance),
+        *as_read(before, contact, doubtful, tolerance, surface),
         *contact.problems,
         *problems_of_share(face.joint, contact),
         *problems_of_waves(face.joint, contact, surface),
@@ -69,7 +69,7 @@ def problems_of(face: Face, found: Analysis, mate: HeightMap | None) -> tuple[Pr
         *problems_of_filling(surface, contact.approach_m),
         *_of_levelling(face, contact, settings),
         *problems_of_band(found.caps, surface, face.hills.noise_m, settings.conditioning),
-        *as_read(under_load, contact, doubtful, tolerance),
+        *as_read(under_load, contact, doubtful, tolerance, surface),
         *found.problems,
         *_of_small_slip(contact, found.answer, found.slip),
     ]

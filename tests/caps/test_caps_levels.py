@@ -132,6 +132,18 @@ def test_the_order_of_the_caps_and_the_axes_play_no_part():
         assert other.clusters.log_evidence[1] == pytest.approx(one.clusters.log_evidence[1])
 
 
+def test_a_row_of_caps_along_an_edge_is_no_worse_than_the_same_face_turned():
+    """The four caps that lie farthest out stand on one line, and hold no plane."""
+    rng = np.random.default_rng(0)
+    x_m = np.concatenate((np.linspace(0.0, 0.06, 8), rng.uniform(0.02, 0.04, 20)))
+    y_m = np.concatenate((np.full(8, 0.04), rng.uniform(0.01, 0.03, 20)))
+    height_m = 1e-7 * rng.standard_normal(28)
+    along = find_levels(x_m, y_m, height_m).clusters.log_evidence
+    cos, sin = np.cos(0.5), np.sin(0.5)
+    turned = find_levels(cos * x_m - sin * y_m, sin * x_m + cos * y_m, height_m)
+    assert along[0] == pytest.approx(turned.clusters.log_evidence[0])
+
+
 def test_the_evidence_is_the_integral_that_it_says():
     """One family of five caps: the integral over level, slopes and width by quadrature."""
     x_m, y_m, height_m = peaks(5, 0, 5, 1.0)

@@ -91,6 +91,25 @@ def test_what_cannot_be_pressed_has_no_effect_and_stays_a_warning():
         assert (problem.severity, problem.effect) == ("warning", None)
 
 
+@pytest.mark.parametrize(
+    ("at_m", "radius_m", "hides"),
+    [
+        ((24e-3, 20e-3), 4.1e-3, True),  # the top of a hill was lost: the rim is as high all round
+        ((24e-3, 6e-3), 4.1e-3, False),  # as wide, on the floor: few places in 2300 mm2
+        ((24e-3, 6e-3), 8e-3, True),  # much wider than the hills, whose discs are of 3.8 mm
+    ],
+)
+def test_a_hole_hides_what_its_places_and_its_rim_make_likely(at_m, radius_m, hides):
+    peaks = [(x, y, 5.0, z) for x, y, _, z in MORE]
+    lost = caps_map(peaks, (240, 240), (PIXEL_M, PIXEL_M), floor_m=-4e-6)
+    x_m = (np.arange(240) + 0.5) * PIXEL_M
+    height_m = lost.height_m.copy()
+    height_m[np.hypot(x_m - at_m[0], x_m[:, None] - at_m[1]) < radius_m] = np.nan
+    effect = effect_of(found(replace(lost, height_m=height_m)), "hole_may_hide_hills").effect
+    assert (effect.tangential_stiffness > 0.01) == hides
+    assert hides or effect.energy == 0.0
+
+
 def test_a_bow_of_the_peaks_is_taken_out_of_them():
     """Peaks of one height on a bow: without it they are those of one height."""
     rng = np.random.default_rng(4)
@@ -103,6 +122,33 @@ def test_a_bow_of_the_peaks_is_taken_out_of_them():
     peaks = other.caps.with_columns(family=np.full(len(other.caps), "G"))
     effect = effect_of(other, "bow_left", peaks=peaks).effect
     assert effect.tangential_stiffness == pytest.approx(truth, rel=0.1)
+
+
+def with_bow(surface, rise_m):
+    x_m = (np.arange(surface.shape[1]) + 0.5) * PIXEL_M
+    return replace(surface, height_m=surface.height_m - rise_m * ((x_m - 24e-3) / 24e-3) ** 2)
+
+
+def test_a_bow_of_the_floor_is_taken_out_of_peaks_that_are_too_few_to_tell_it():
+    one, other = found(face(MORE)), found(with_bow(face(MORE), 1e-7))
+    lifted = one.contact.approach_without_bulk_m / other.contact.approach_without_bulk_m - 1.0
+    share = np.array([0.1, 0.25, 0.5, 0.75])
+    energy_J = [a.slip.energy_at_force_J(share * a.slip.total_slip_force_N) for a in (one, other)]
+    problem = effect_of(other, "bow_left")
+    more = float(np.abs(energy_J[0] / energy_J[1] - 1.0).max())
+    assert more > 0.02
+    assert problem.effect.energy == pytest.approx(more, rel=0.15)
+    said = float(problem.message.partition("the approach by ")[2].partition("%")[0])
+    assert said == pytest.approx(100.0 * lifted, abs=0.5)
+
+
+def test_a_bow_that_hides_hills_below_the_cut_has_no_effect_that_caps_tell():
+    """Four hills at the corners that a bow of 3 um lowers below all others, and the cut."""
+    corners = [(x, y, 8.0, 0.0) for x in (5e-3, 43e-3) for y in (5e-3, 43e-3)]
+    row = [(24e-3, y, 8.0, 0.0) for y in (6e-3, 18e-3, 30e-3, 42e-3)]
+    hidden = found(with_bow(face([*corners, *row]), 2e-6), "contact.alignment=as_levelled")
+    assert len(hidden.caps) == 4
+    assert effect_of(hidden, "bow_left").effect is None
 
 
 @pytest.mark.parametrize(("model", "points"), [("interacting", 240), ("boundary_elements", 96)])

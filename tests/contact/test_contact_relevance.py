@@ -19,6 +19,18 @@ ELSE += ["no_caps", "fit_not_settled"]
 OTHERS = ["outliers", "spikes", "hole_may_hide_hills", "clipped"]
 
 
+def waves(y_m, x_m):
+    """Return a map of 64 x 64 points with a wave of such lengths along each axis."""
+    at = np.arange(64)
+    height_m = np.cos(2.0 * np.pi * at / (y_m / 4e-5))[:, None] + np.cos(
+        2.0 * np.pi * at / (x_m / 2e-6)
+    )
+    return HeightMap(1e-7 * height_m, (4e-5, 2e-6))
+
+
+FLAT = HeightMap(np.zeros((9, 9)), (1e-6, 1e-6))
+
+
 def caps(share, flag):
     """Return ten caps, of which the flagged first one carries that share of the load."""
     every = {field.name: np.ones(10) for field in fields(CapTable)}
@@ -36,7 +48,7 @@ def warned(codes, made_from="spheres", error=0.01, share=0.0, flag=CapFlag.edge,
     """Return the codes that stay warnings."""
     contact = state(made_from, error, families)
     problems = [Problem(code, "warning", "") for code in codes]
-    found = as_read(problems, contact, caps(share, flag), 0.05)
+    found = as_read(problems, contact, caps(share, flag), 0.05, FLAT)
     assert [problem.code for problem in found] == codes
     return [problem.code for problem in found if problem.severity == "warning"]
 
@@ -60,7 +72,7 @@ def test_hills_that_tip_over_matter_where_the_map_turns_by_half_their_height(
     contact = state(made_from)
     contact.tilt_rad, contact.load_point_m = (0.0, tilt_rad), (1.0, -999.0)
     given = [Problem("tips_over", "warning", "")]
-    (problem,) = as_read(given, contact, caps(0.0, CapFlag.edge), 0.05)
+    (problem,) = as_read(given, contact, caps(0.0, CapFlag.edge), 0.05, FLAT)
     assert problem.severity == ("warning" if read else "info")
 
 
@@ -74,6 +86,24 @@ def test_the_estimated_error_counts_the_shape_of_the_hills():
     assert warned(hills, error=0.051) == hills
     assert warned(hills, error=None) == hills
     assert warned(OTHERS, error=0.01) == OTHERS
+
+
+@pytest.mark.parametrize(
+    ("error", "surface", "doubted"),
+    [
+        (0.01, waves(4e-4, 5e-5), True),  # eight times as long along y, as with one size too great
+        (0.01, FLAT, True),
+        (0.01, waves(4e-4, 4e-4), True),  # not a whole wave on the map along x
+        (0.01, waves(2.4e-4, 1.2e-4), False),
+        (0.06, waves(2.4e-4, 1.2e-4), True),
+    ],
+)
+def test_odd_pixels_matter_unless_texture_fits_them_and_the_answers_are_known(
+    error, surface, doubted
+):
+    given = [Problem("non_square_pixels", "warning", "")]
+    (found,) = as_read(given, state(error=error), caps(0.0, CapFlag.edge), 0.05, surface)
+    assert (found.severity == "warning") == doubted
 
 
 @pytest.mark.parametrize(("error", "known"), [(0.01, True), (0.06, False), (None, False)])
@@ -104,7 +134,7 @@ def test_a_flat_top_matters_as_soon_as_it_carries():
 
 def test_errors_and_information_stay():
     problems = [Problem("slope_suspect", "error", ""), Problem("caps_edge", "info", "")]
-    found = as_read(problems, state("map", None), caps(1.0, CapFlag.edge), 0.05)
+    found = as_read(problems, state("map", None), caps(1.0, CapFlag.edge), 0.05, FLAT)
     assert found == problems
 
 

@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.ndimage import gaussian_filter
 
 from capslip.errors import UnusableSurfaceError
 from capslip.surface import doubts
@@ -16,6 +17,7 @@ from capslip.surface.doubts import (
     problems_of_tilt,
     refuse_absurd,
     sanity_line,
+    sizes_fit,
 )
 from capslip.surface.heightmap import HeightMap, Origin
 from capslip.surface.outliers import Outliers
@@ -174,6 +176,27 @@ FLAT = np.zeros((10, 20))
 )
 def test_a_doubt_about_units_is_raised_just_beyond_its_threshold(pixel_m, sz_m, expected):
     assert codes(problems_of_map(HeightMap(FLAT, pixel_m), sz_m, sz_m)) == expected
+
+
+@pytest.mark.parametrize(
+    ("stated_m", "length_m", "fit"),
+    [
+        ((1.6e-3, 1e-4), (5e-3, 5e-3), True),
+        ((1.6e-3, 1e-4), (8e-3, 4e-3), True),
+        ((1.6e-3, 1e-4), (0.5e-3, 0.5e-3), False),  # less than a pixel along y: not seen there
+        ((1.6e-3, 1e-5), (5e-3, 5e-3), False),  # one of both ten times too small
+        ((1.6e-2, 1e-4), (5e-3, 5e-3), False),
+    ],
+)
+def test_texture_as_long_along_both_axes_says_that_odd_pixels_are_true(stated_m, length_m, fit):
+    """White noise under a Gauss of deviation s has half of its correlation left at 2 s ln(2)^.5."""
+    true_m = np.array([1.6e-3, 1e-4])
+    deviation = np.array(length_m) / (2.0 * np.sqrt(np.log(2.0))) / true_m
+    white = np.random.default_rng(0).standard_normal((200, 1600))
+    surface = HeightMap(1e-7 * gaussian_filter(white, deviation), stated_m)
+    assert sizes_fit(surface) == fit
+    if fit:
+        assert doubts._half_lengths_m(surface) == pytest.approx(length_m, rel=0.15)
 
 
 @pytest.mark.parametrize(

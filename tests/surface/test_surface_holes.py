@@ -6,7 +6,7 @@ import pytest
 from capslip import load_settings
 from capslip.analysis import analyze_once as analyze
 from capslip.surface.heightmap import HeightMap
-from capslip.surface.holes import problems_of_holes
+from capslip.surface.holes import depth_of_holes, problems_of_holes
 from scenes import caps_map
 
 PIXEL_M = (2e-4, 1e-4)
@@ -37,6 +37,18 @@ def test_a_hole_is_seen_point_by_point_where_hills_are_small(hill_m, hides):
     height_m[7:12, 3:8] = np.nan
     found = problems_of_holes(HeightMap(height_m, (1e-3, 1e-3)), hill_m)
     assert bool(found) == hides
+
+
+@pytest.mark.parametrize("hill_m", [1e-3, 2e-3, 3e-3])
+def test_a_smaller_disc_of_places_is_left_to_a_larger_hill(hill_m):
+    """Centres of discs of radius r within one of radius D fill one of D - r; the rim is as high."""
+    map_with_hole = without(disc(0.02, 0.015, 5e-3))
+    height_m = map_with_hole.height_m + 1e-6 * (X_M > 0.021)
+    x_m, y_m, depth_m, rim_m, area_m2 = depth_of_holes(HeightMap(height_m, PIXEL_M), 2e-3)
+    there = depth_m >= hill_m
+    assert area_m2 * there.sum() == pytest.approx(np.pi * (5e-3 - hill_m) ** 2, rel=0.1)
+    assert np.hypot(x_m - 0.02, y_m - 0.015)[there].max() == pytest.approx(5e-3 - hill_m, abs=2e-4)
+    assert rim_m[there] == pytest.approx(0.0)  # more than a quarter of it is low
 
 
 def test_a_narrow_hole_hides_no_hill_however_long():

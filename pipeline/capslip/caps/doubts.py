@@ -1,6 +1,7 @@
 """What makes hills, caps and families doubtful."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 
@@ -9,8 +10,7 @@ from capslip.caps.hills import NOISE_FACTOR, Hills
 from capslip.caps.levels import bow_terms
 from capslip.caps.table import DOUBTFUL, CapFlag, CapTable
 from capslip.problems import Problem
-from capslip.surface.doubts import VISIBLE_FORM
-from capslip.surface.form import remove_form
+from capslip.surface.doubts import VISIBLE_FORM, bow_of_form_m
 from capslip.surface.heightmap import HeightMap
 
 BOW_LEVEL = 0.01  # of the F-test that the peaks lie on a bow
@@ -111,19 +111,20 @@ def bow_of_peaks(caps: CapTable) -> tuple[float, float]:
     return float(np.ptp(bow_m[member])) if member.any() else 0.0, chance
 
 
-def without_bow(caps: CapTable, surface: HeightMap, peaks: CapTable) -> tuple[CapTable, float]:
-    """Return caps less the bow on which peaks lie or, where they lie on none, that of the map.
+def without_bow(caps: CapTable, surface: HeightMap, peaks: CapTable) -> tuple[CapTable, HeightMap]:
+    """Return caps and their map less the bow on which peaks lie, or that of the map.
 
-    The height of the greater of both across the map comes with them.
+    That of the map where the peaks lie on none: of most of its relief or, else, of its floor.
     """
-    side_y_m, side_x_m = surface.side_m
-    grid_y, grid_x = (0.5 * one for one in np.mgrid[:3, :3].reshape(2, -1))
-    across_m, chance = _bow_and_chance(peaks, grid_x * side_x_m, grid_y * side_y_m)
-    over_plane, _ = remove_form(surface, "plane")
-    over_bow, _ = remove_form(surface, "quadratic")
-    form_m = over_plane.height_m - over_bow.height_m
-    span_m = float(np.nanmax(form_m) - np.nanmin(form_m))
-    if chance > BOW_LEVEL:
+    (ny, nx), (dy_m, dx_m) = surface.shape, surface.pixel_size_m
+    at_y_m, at_x_m = (np.arange(ny) + 0.5) * dy_m, (np.arange(nx) + 0.5) * dx_m
+    grid_m = np.tile(at_x_m, ny), np.repeat(at_y_m, nx)
+    form_m, chance = _bow_and_chance(peaks, *grid_m)
+    if chance <= BOW_LEVEL:
+        bow_m, _ = _bow_and_chance(peaks, caps.x_m, caps.y_m)
+        form_m = form_m.reshape(surface.shape)
+    else:
+        form_m = bow_of_form_m(surface)
         row, col = (
             np.clip((at_m / size_m).astype(np.intp), 0, n - 1)
             for at_m, size_m, n in zip(
@@ -131,10 +132,8 @@ def without_bow(caps: CapTable, surface: HeightMap, peaks: CapTable) -> tuple[Ca
             )
         )
         bow_m = np.nan_to_num(form_m[row, col], nan=float(np.nanmean(form_m)))
-    else:
-        bow_m, _ = _bow_and_chance(peaks, caps.x_m, caps.y_m)
-        span_m = max(span_m, float(np.ptp(across_m)))
-    return caps.with_columns(peak_height_m=caps.peak_height_m - bow_m), span_m
+    straight = replace(surface, height_m=surface.height_m - form_m)
+    return caps.with_columns(peak_height_m=caps.peak_height_m - bow_m), straight
 
 
 def _bow_and_chance(

@@ -411,10 +411,19 @@ class _Scaled:
         x, y = self.place.T
         four = [int(np.argmax(x)), int(np.argmin(x)), int(np.argmax(y)), int(np.argmin(y))]
         if len(set(four)) < 4 or np.linalg.matrix_rank(places[four]) < 3:
-            distance = np.abs(x) + np.abs(y)
-            four = np.argsort(-distance, kind="stable")[:4].tolist()
+            four = self._apart(places)
         dependency = np.linalg.svd(places[four].T)[2][-1]
         return np.array(four) + np.where(dependency > 0, 0, n)
+
+    def _apart(self, places: np.ndarray) -> list[int]:
+        """Return four caps that do not lie on one line, unless all do: a row of them may."""
+        distance, four = np.abs(self.place).sum(axis=1), [int(np.argmin(self.place[:, 0]))]
+        for _ in range(2):
+            base = np.linalg.qr(places[four].T)[0]
+            rest = places - (places @ base) @ base.T
+            four.append(int(np.argmax(np.square(rest).sum(axis=1))))
+        distance[four] = -1.0
+        return [*four, int(np.argmax(distance))]
 
 
 def _explained(M: np.ndarray, unknowns: int) -> np.ndarray:

@@ -7,6 +7,7 @@ import numpy as np
 from capslip.caps.table import CapFlag, CapTable
 from capslip.contact.press import ContactState
 from capslip.problems import Problem
+from capslip.surface.doubts import sizes_fit
 from capslip.surface.heightmap import HeightMap
 
 FLAGS = {f"caps_{flag.name}": flag for flag in CapFlag}
@@ -37,7 +38,11 @@ HIDDEN = 0.25  # of a contact's radius: what is farther from all measured points
 
 
 def as_read(
-    problems: list[Problem], contact: ContactState, caps: CapTable, tolerance: float
+    problems: list[Problem],
+    contact: ContactState,
+    caps: CapTable,
+    tolerance: float,
+    surface: HeightMap,
 ) -> list[Problem]:
     """Return the problems, with what the model in use does not read as information.
 
@@ -46,7 +51,8 @@ def as_read(
     too, where hills alone would tip over: no doubt as long as it hardly turns for that.
     One of spheres reads the caps that carry load, and families only where it takes these for the
     caps. Where its estimated error, in which the shape of each hill is counted, and what families
-    differ from the caps, is within the tolerance, neither is a doubt more.
+    differ from the caps, is within the tolerance, neither is a doubt more. Nor are pixels that are
+    many times as long as wide, where the texture of the map says that both sizes are true.
 
     Parameters
     ----------
@@ -58,6 +64,8 @@ def as_read(
         With the loads of that state.
     tolerance : float
         Of the error that was asked for.
+    surface : HeightMap
+        The map that was pressed.
     """
     known = _is_known(contact, tolerance)
     share = {code: _share(caps, flag) for code, flag in FLAGS.items()}
@@ -69,6 +77,8 @@ def as_read(
             return contact.rung.made_from != "map" or _tips(contact, caps)
         if code in SHAPE and known:
             return False
+        if code == "non_square_pixels":
+            return not (known and sizes_fit(surface))
         if code in COUNTS:
             return contact.rung.reads_families and not known
         if code not in FLAGS:

@@ -19,6 +19,7 @@ MAX_STEEP_SHARE = 0.05
 MAX_SZ_OVER_SQ = 30.0
 SQUARE_WITHIN = 1e-3
 MAX_PIXEL_RATIO = 10.0  # cm taken for mm; below, no unit explains it, and pixels are what they are
+UNLIKE = 3.0  # of lengths along both axes: half way to the ten of another unit
 SMALLEST_SZ_M = 1e-10  # an atom
 LARGEST_SIDE_M = 1.0
 LENGTHS_M = (
@@ -209,6 +210,27 @@ def problems_of_flatness(flatness_m: float, approach_m: float) -> list[Problem]:
     return [Problem("bow_left", "warning", message)]
 
 
+def bow_of_form_m(surface: HeightMap) -> np.ndarray:
+    """Return the bow of which `problems_of_form` speaks: that of most of the relief, or the floor.
+
+    Parameters
+    ----------
+    surface : HeightMap
+        As there.
+
+    Returns
+    -------
+    float64, shape (ny, nx)
+        What a quadratic takes off beyond a plane; NaN where nothing was measured.
+    """
+    floor = _bow(surface)[0] > 1.0 - MOSTLY_FORM
+    level_m, straight_m = (
+        remove_form(surface, form, floor=floor)[0].height_m for form in ("plane", "quadratic")
+    )
+    bow_m: np.ndarray = level_m - straight_m
+    return bow_m
+
+
 def problems_of_seams(surface: HeightMap, approach_m: float) -> list[Problem]:
     """Return whether fields with straight seams lie on levels so unlike that it decides."""
     seams = find_seams(surface)
@@ -378,13 +400,45 @@ def _pixel(surface: HeightMap) -> Problem | None:
     dy_m, dx_m = surface.pixel_size_m
     if abs(dy_m / dx_m - 1.0) <= SQUARE_WITHIN:
         return None
-    odd = max(dy_m / dx_m, dx_m / dy_m) > MAX_PIXEL_RATIO * (1.0 - SQUARE_WITHIN)
-    return Problem(
-        "non_square_pixels",
-        "warning" if odd else "info",
-        f"pixels of {dy_m:.6g} x {dx_m:.6g} m (dy x dx) are not square; this is accounted for"
-        + ("; check both sizes" if odd else ""),
-    )
+    message = f"pixels of {dy_m:.6g} x {dx_m:.6g} m (dy x dx) are not square; this is accounted for"
+    if max(dy_m / dx_m, dx_m / dy_m) <= MAX_PIXEL_RATIO * (1.0 - SQUARE_WITHIN):
+        return Problem("non_square_pixels", "info", message)
+    return Problem("non_square_pixels", "warning", f"{message}; check both sizes")
+
+
+def sizes_fit(surface: HeightMap) -> bool:
+    """Tell whether the texture is about as long along both axes, as pixels of true sizes show it.
+
+    Parameters
+    ----------
+    surface : HeightMap
+        Heights after conditioning.
+    """
+    along_y_m, along_x_m = _half_lengths_m(surface)
+    return 1.0 / UNLIKE < along_y_m / along_x_m < UNLIKE  # never with NaN
+
+
+def _half_lengths_m(surface: HeightMap) -> tuple[float, float]:
+    """Return over which lengths along y and x the correlation of heights falls to a half.
+
+    There the mean square difference of heights is their variance. NaN along an axis on which that
+    is less than a pixel, or more than half the map: then its size has no part in it.
+    """
+    height_m, found = surface.height_m, []
+    variance_m2 = float(np.nanvar(height_m)) or 1.0  # a flat map has no length
+    for axis, size_m in enumerate(surface.pixel_size_m):
+        every = max(1, height_m.shape[1 - axis] // SAMPLED_LINES)
+        lines = height_m[:, ::every] if axis == 0 else height_m[::every].T
+        lags, shares = [0], [0.0]
+        while shares[-1] < 1.0 and (lag := max(lags[-1] + 1, lags[-1] * 5 // 4)) <= len(lines) // 2:
+            square_m2 = np.square(lines[lag:] - lines[:-lag])
+            known_m2 = square_m2[np.isfinite(square_m2)]
+            lags.append(lag)
+            shares.append(float(known_m2.mean()) / variance_m2 if known_m2.size else 0.0)
+        is_seen = len(lags) > 2 and shares[-1] >= 1.0
+        half = np.interp(1.0, shares[-2:], lags[-2:]) if is_seen else np.nan
+        found.append(float(half) * size_m)
+    return found[0], found[1]
 
 
 def _is_steep(rms_slope: float, steep_share: float) -> bool:

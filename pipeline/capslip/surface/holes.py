@@ -43,7 +43,7 @@ def problems_of_holes(surface: HeightMap, hill_radius_m: float) -> tuple[Problem
     # Such a disc holds a square of half its radius as a whole, wherever the squares begin
     if not lost.any() or not _blocks(lost, surface, 0.5 * hill_radius_m).any():
         return ()
-    radius_m = _largest_disc_m(holes(surface), surface, hill_radius_m)
+    radius_m = float(depth_of_holes(surface, hill_radius_m)[2].max(initial=0.0))
     if radius_m < hill_radius_m:
         return ()
     message = (
@@ -89,20 +89,61 @@ def holes(surface: HeightMap) -> np.ndarray:
     return mask
 
 
-def _largest_disc_m(hole: np.ndarray, surface: HeightMap, hill_radius_m: float) -> float:
-    """Return the radius of the largest disc in a mask, 0 where none is as large as a hill."""
+def depth_of_holes(
+    surface: HeightMap, hill_radius_m: float
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, float]:
+    """Return where something may stand in the holes of a map, and how far from what was measured.
+
+    Parameters
+    ----------
+    surface : HeightMap
+        With holes, or none.
+    hill_radius_m : float
+        Of the disc of a usual hill, by which the squares are chosen that are looked at.
+
+    Returns
+    -------
+    x_m, y_m : float64, shape (n,)
+        Centres of squares that lie in a hole as a whole.
+    depth_m : float64, shape (n,)
+        Of a disc about each of them, of which nothing was measured.
+    rim_m : float64, shape (n,)
+        Which three quarters of what was measured around the hole of each exceed; NaN where nothing.
+    area_m2 : float
+        Of one square.
+    """
     from scipy.ndimage import distance_transform_edt
 
-    if not _blocks(hole, surface, 0.5 * hill_radius_m).any():
-        return 0.0
-    side_m = BLOCK_OVER_DISC * hill_radius_m
+    hole, side_m = holes(surface), BLOCK_OVER_DISC * hill_radius_m
     blocks, steps = _blocks(hole, surface, side_m), _block_steps(surface, side_m)
-    if not blocks.any():
-        return 0.0
-    block_m = [step * size_m for step, size_m in zip(steps, surface.pixel_size_m, strict=True)]
+    block_y_m, block_x_m = (
+        step * size_m for step, size_m in zip(steps, surface.pixel_size_m, strict=True)
+    )
+    row, col = np.nonzero(blocks)
     # Between centres of blocks: half a block of that is measured
-    to_centre_m = distance_transform_edt(blocks, sampling=block_m)
-    return float(to_centre_m.max()) - 0.5 * min(block_m)
+    to_centre_m = distance_transform_edt(blocks, sampling=(block_y_m, block_x_m))[row, col]
+    depth_m = to_centre_m - 0.5 * min(block_y_m, block_x_m)
+    place_m = (col + 0.5) * block_x_m, (row + 0.5) * block_y_m
+    rim_m = _rims_m(blocks, surface.height_m[:: steps[0], :: steps[1]])[row, col]
+    return *place_m, depth_m, rim_m, block_y_m * block_x_m
+
+
+def _rims_m(blocks: np.ndarray, height_m: np.ndarray) -> np.ndarray:
+    """Return the height that three quarters of what lies around the hole of each square exceed."""
+    from scipy.ndimage import label, labeled_comprehension, maximum_filter
+
+    names, count = label(blocks, np.ones((3, 3)))
+    around = np.where(np.isfinite(height_m), maximum_filter(names, 5), 0)
+    rims_m = np.full(count + 1, np.nan)
+    if count:
+        every = np.arange(1, count + 1)
+        rims_m[1:] = labeled_comprehension(height_m, around, every, _low_quarter, float, np.nan)
+    rim_m: np.ndarray = rims_m[names]
+    return rim_m
+
+
+def _low_quarter(height_m: np.ndarray) -> float:
+    return float(np.nanquantile(height_m, 0.25))
 
 
 def _blocks(mask: np.ndarray, surface: HeightMap, side_m: float) -> np.ndarray:
