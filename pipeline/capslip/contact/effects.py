@@ -12,8 +12,9 @@ from capslip.caps.doubts import without_bow
 from capslip.caps.families import Families
 from capslip.caps.table import DOUBTFUL, UNUSABLE, CapFlag, CapTable
 from capslip.contact.accuracy import answers
+from capslip.contact.balanced import rebalanced
 from capslip.contact.doubts import ELASTIC_STRAIN
-from capslip.contact.levelling import coarse_map, rebalanced
+from capslip.contact.levelling import coarse_map
 from capslip.contact.material import composite, yield_law
 from capslip.contact.models.interacting import InteractingCurve
 from capslip.contact.reach import reachable
