@@ -101,7 +101,8 @@ def _of_levelling(face: Face, contact: ContactState, settings: Settings) -> list
         problems += problems_of_tilt(face.conditioned.surface, contact.approach_m)
     if form in ("plane", "none"):
         bow = problems_of_bow(face.family_caps, contact.approach_m)
-        coarse = coarse_map(face.conditioned.surface)
+        level, surface = face.level, face.conditioned.surface
+        coarse = coarse_map(surface) if level is None else level.coarse
         problems += bow or problems_of_form(coarse, contact.approach_m)
     return problems
 

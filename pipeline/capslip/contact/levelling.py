@@ -19,7 +19,7 @@ from capslip.caps.fitting import Spheres, fit_named
 from capslip.caps.hills import Hills, find_hills
 from capslip.caps.noise import Noise, noise_at_rest
 from capslip.caps.points import HillPoints, points_of_hills
-from capslip.caps.resting import resting_plane
+from capslip.caps.resting import RestingPlane, resting_plane
 from capslip.caps.table import CapTable
 from capslip.contact.balanced import press_balanced
 from capslip.contact.certificate import Certificate, certify_cut
@@ -59,6 +59,8 @@ class Level:
     ----------
     surface : HeightMap
         Heights over the plane of the balanced face.
+    coarse : HeightMap
+        The same on fewer points, see `coarse_map`.
     hills, caps : Hills, CapTable
         What stands above the cut on this surface; caps without loads.
     slope : (float, float)
@@ -76,6 +78,7 @@ class Level:
     """
 
     surface: HeightMap
+    coarse: HeightMap
     hills: Hills
     caps: CapTable
     slope: tuple[float, float]
@@ -123,7 +126,7 @@ def find_level(surface: HeightMap, settings: Settings) -> Level:
         with suppress(ContactError, UnusableSurfaceError):  # small contacts need the whole map
             search = _Search(coarse, settings, at_m, rest.slope, NEARLY_SETTLED)
             start = search.run(start, DEEP).next
-    return _Search(surface, settings, at_m, rest.slope, SETTLED).run(start).level(at_m, rest.slope)
+    return _Search(surface, settings, at_m, rest.slope, SETTLED).run(start).level(coarse, rest)
 
 
 def turned(
@@ -193,18 +196,20 @@ class _Found:
     missed_area_m2: float
     next: _Start
 
-    def level(self, at_m: tuple[float, float], rest_slope: tuple[float, float]) -> Level:
-        """Return it as a level."""
-        rest, caps = self.rest, self.fitted.table
+    def level(self, coarse: HeightMap, resting: RestingPlane) -> Level:
+        """Return it as a level, given the map with fewer points as it lay."""
+        rest, caps, at_m = self.rest, self.fitted.table, resting.load_point_m
+        small = coarse.shape == self.surface.shape
         arm_m = np.column_stack((caps.x_m, caps.y_m)) - at_m
         slope_x, slope_y = (-rest.slope).tolist()
         return Level(
             surface=self.surface,
+            coarse=self.surface if small else turned(coarse, -rest.slope, at_m),
             hills=self.hills,
             # A sphere stays one when it is turned; its apex moves by far less than a pixel
             caps=caps.with_columns(peak_height_m=caps.peak_height_m + arm_m @ rest.turn),
             slope=(slope_x, slope_y),
-            rest_slope=rest_slope,
+            rest_slope=resting.slope,
             load_point_m=at_m,
             material_ratio=self.next.ratio,
             missed_area_m2=self.missed_area_m2,
