@@ -14,7 +14,7 @@ import numpy as np
 from capslip.caps.below import family_below_cut
 from capslip.caps.doubts import problems_of_caps
 from capslip.caps.families import Families, group_families, surface_of_families
-from capslip.caps.fit import fit_caps
+from capslip.caps.fit import fit_caps, fit_spheres
 from capslip.caps.fitting import fit_named
 from capslip.caps.hills import Hills, find_hills
 from capslip.caps.joining import join_faces
@@ -395,7 +395,7 @@ def _counted(
         chosen.pruning_percent_Sz,
         noise_m=noise_m,
     )
-    return hills, fit_caps(surface, hills, settings.caps.fit)
+    return hills, fit_spheres(surface, hills, settings.caps.fit).counted
 
 
 def _family_ratio(settings: Settings) -> float:
