@@ -115,13 +115,12 @@ def find_level(surface: HeightMap, settings: Settings) -> Level:
     told apart by saddles of one hundredth of the approach: two peaks that stand in one contact are
     better as two caps than as one.
     """
-    at_m = load_point_m(surface, settings)
+    at_m, coarse = load_point_m(surface, settings), coarse_map(surface)
     try:
-        rest = resting_plane(surface, at_m)
+        rest = _resting(surface, coarse, at_m)
     except UnusableSurfaceError as error:
         raise TipsOverError(f"tips_over: {error}") from error
     start = _Start(np.array(rest.slope), settings.hills.material_ratio)
-    coarse = coarse_map(surface)
     if coarse is not surface:
         with suppress(ContactError, UnusableSurfaceError):  # small contacts need the whole map
             search = _Search(coarse, settings, at_m, rest.slope, NEARLY_SETTLED)
@@ -151,6 +150,13 @@ def coarse_map(surface: HeightMap) -> HeightMap:
     """Return the map on which a level is found first: itself, where it is small."""
     step = round(min(surface.shape) / COARSE_POINTS)
     return block_means(surface, step) if step > 1 else surface
+
+
+def _resting(surface: HeightMap, coarse: HeightMap, at_m: tuple[float, float]) -> RestingPlane:
+    """Return the plane on which the coarse map rests; it leaves a margin of the face out."""
+    with suppress(UnusableSurfaceError):
+        return resting_plane(coarse, at_m)
+    return resting_plane(surface, at_m)
 
 
 @dataclass(frozen=True, eq=False)
