@@ -24,6 +24,7 @@ from capslip.stages import Face, as_found
 from capslip.structure.answer import Answer
 from capslip.structure.doubts import problems_of_structure
 from capslip.surface.doubts import (
+    problems_of_flatness,
     problems_of_form,
     problems_of_points,
     problems_of_scan,
@@ -100,11 +101,17 @@ def _of_levelling(face: Face, contact: ContactState, settings: Settings) -> list
     if form == "none" and face.level is None:
         problems += problems_of_tilt(face.conditioned.surface, contact.approach_m)
     if form in ("plane", "none"):
-        bow = problems_of_bow(face.family_caps, contact.approach_m)
-        level, surface = face.level, face.conditioned.surface
-        coarse = coarse_map(surface) if level is None else level.coarse
-        problems += bow or problems_of_form(coarse, contact.approach_m)
+        problems += _of_bow(face, contact.approach_m, settings.instrument.flatness_deviation_m)
     return problems
+
+
+def _of_bow(face: Face, approach_m: float, flatness_m: float | None) -> list[Problem]:
+    """Return whether a bow decides that may be of the instrument, as far as its own is known."""
+    if flatness_m is not None:
+        return problems_of_flatness(flatness_m, approach_m)
+    level, surface = face.level, face.conditioned.surface
+    coarse = coarse_map(surface) if level is None else level.coarse
+    return problems_of_bow(face.family_caps, approach_m) or problems_of_form(coarse, approach_m)
 
 
 def _of_small_slip(

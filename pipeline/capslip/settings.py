@@ -23,6 +23,7 @@ LEAST, GREATEST = 1e-30, 1e30  # of any positive setting, in SI: beyond it power
 Positive = Annotated[float, msgspec.Meta(ge=LEAST, le=GREATEST)]
 Share = Annotated[float, msgspec.Meta(gt=0, lt=1)]
 Pair = tuple[float, float]
+PoissonRatio = Annotated[float, msgspec.Meta(gt=-1, lt=0.5)]
 Size = Annotated[int, msgspec.Meta(ge=3)]
 SOLVER_TOLERANCE = (1e-10, 1e-3)  # least and greatest, of boundary elements
 # What msgspec calls types, in words; null is a key that is left out
@@ -54,12 +55,18 @@ class Reading(_Table, frozen=True):
 
     unit: LengthUnit | None = None
     lateral_unit: LengthUnit | None = None
-    pixel_size: Pair | None = None  # (dy, dx) in lateral_unit
+    pixel_size: tuple[Positive, Positive] | None = None  # (dy, dx) in lateral_unit
     dataset: str | None = None
     scale: Positive | None = None  # heights in `unit` a stored number
     top_row_first: bool | None = None  # y falls with the row, as in a picture
     invert: bool = False  # gaps or depths in place of heights
     lenient: bool = False  # accept odd X3P archives, each with a note
+
+
+class Instrument(_Table, frozen=True):
+    """What is known of the instrument, in the words of ISO 25178-600."""
+
+    flatness_deviation_m: Positive | None = None  # z_FLT, of the map of a flat
 
 
 class Conditioning(_Table, frozen=True):
@@ -123,8 +130,8 @@ class Material(_Table, frozen=True):
     """
 
     preset: str | tuple[str, str] | None = None  # of capslip.materials; fills in what is not given
-    youngs_modulus_Pa: Pair = (200e9, 200e9)
-    poisson_ratio: Pair = (0.3, 0.3)
+    youngs_modulus_Pa: tuple[Positive, Positive] = (200e9, 200e9)
+    poisson_ratio: tuple[PoissonRatio, PoissonRatio] = (0.3, 0.3)
     friction_coefficient: Positive = 0.2
     hardness_Pa: Positive | None = None
     yield_stress_Pa: Positive | None = None  # gives the hardness where that is not given
@@ -225,6 +232,7 @@ class Settings(_Table, frozen=True):
     """
 
     reading: Reading = Reading()
+    instrument: Instrument = Instrument()
     conditioning: Conditioning = Conditioning()
     mating: Mating = Mating()
     hills: HillSettings = HillSettings()
@@ -373,22 +381,6 @@ def _check_meaning(settings: Settings, where: str) -> None:
     ):
         if got not in known:
             raise SettingsError(f"{where}: {name}: got {got!r}; {one_of(known, got)}")
-    for value in settings.material.youngs_modulus_Pa:
-        if not LEAST <= value <= GREATEST:
-            raise SettingsError(
-                f"{where}: material.youngs_modulus_Pa: got {value:g}; expected {LEAST:g} to "
-                f"{GREATEST:g}"
-            )
-    for value in settings.material.poisson_ratio:
-        if not -1 < value < 0.5:
-            raise SettingsError(
-                f"{where}: material.poisson_ratio: got {value:g}; expected -1 < nu < 0.5"
-            )
-    reading = settings.reading
-    if reading.pixel_size is not None and min(reading.pixel_size) <= 0:
-        raise SettingsError(
-            f"{where}: reading.pixel_size: got {reading.pixel_size}; expected two positive numbers"
-        )
     conditioning = settings.conditioning
     short_m = conditioning.s_filter_nesting_index_m
     long_m = conditioning.l_filter_nesting_index_m

@@ -11,6 +11,7 @@ from capslip.contact.effects import with_effects
 from capslip.problems import Problem
 from capslip.settings import load_settings
 from capslip.studies.faces.synthetic import Scene, synthetic_surface
+from capslip.surface.heightmap import HeightMap
 from scenes import caps_map
 
 PIXEL_M = 2e-4
@@ -105,6 +106,43 @@ def test_a_bow_of_the_peaks_is_taken_out_of_them():
 
 
 @pytest.mark.parametrize(("model", "points"), [("interacting", 240), ("boundary_elements", 96)])
+def test_a_bow_of_the_instrument_moves_what_it_moves_on_the_map(model, points):
+    """The greatest change by a cylinder or a sphere of that height over the map, up or down."""
+    rng = np.random.default_rng(6)
+    places = [(x, y) for x in np.linspace(5e-3, 43e-3, 4) for y in np.linspace(5e-3, 43e-3, 4)]
+    peaks = [(x, y, 15.0, z) for (x, y), z in zip(places, rng.uniform(-1e-7, 0, 16), strict=True)]
+    face_m = caps_map(peaks, (points, points), (0.048 / points,) * 2, floor_m=-8e-7)
+    x = (np.arange(points) + 0.5) / points - 0.5
+    rise = {
+        "x": 4.0 * x**2 + 0.0 * x[:, None],
+        "y": 4.0 * x[:, None] ** 2 + 0.0 * x,
+        "sphere": 2.0 * (x**2 + x[:, None] ** 2),
+    }
+    flatness_m = 4e-8
+    words = (f"contact.model={model}", "conditioning.form=none")
+    plain = found(face_m, *words)
+    given = load_settings(
+        overrides=(
+            "contact.preload_N=200",
+            *words,
+            f"instrument.flatness_deviation_m={flatness_m}",
+        )
+    )
+    moved = [
+        found(replace(face_m, height_m=face_m.height_m + sign * flatness_m * one), *words)
+        for one in rise.values()
+        for sign in (1.0, -1.0)
+    ]
+    stiffness = [one.slip.tangential_stiffness_N_per_m / plain.slip.tangential_stiffness_N_per_m
+                 for one in moved]  # fmt: skip
+    truth = np.abs(np.array(stiffness) - 1.0).max()
+    known = plain.caps, plain.caps, plain.conditioned, given, plain.contact.rung
+    effect = with_effects([Problem("bow_left", "warning", "")], *known)[0].effect
+    assert truth > 0.01
+    assert effect.tangential_stiffness == pytest.approx(truth, rel=0.15, abs=0.003)
+
+
+@pytest.mark.parametrize(("model", "points"), [("interacting", 240), ("boundary_elements", 96)])
 def test_seams_move_what_one_level_moves(model, points):
     """The answers of the same face in one field; its caps are of unlike heights."""
     rng = np.random.default_rng(4)
@@ -191,3 +229,26 @@ def test_a_bow_of_the_map_moves_what_its_removal_moves():
     assert "on the map" in one.message
     assert one.effect.energy == pytest.approx(more, rel=0.05)
     assert said(min(1.1 * more, 0.99)).severity == "info"
+
+
+def test_an_interpolated_map_is_pressed_on_its_measured_points_alone():
+    """On pixels that are longer than wide, two and three of which hold one measured point."""
+    from scipy.ndimage import zoom
+
+    waves = Scene((60, 40), (2e-4, 4.5e-4), seed=3, waviness_rms_m=1e-7, waviness_length_m=3e-3)
+    measured = synthetic_surface(waves)[0]
+    fine_m = zoom(measured.height_m, (2, 3), order=1, grid_mode=True, mode="nearest")
+    words = ("contact.preload_N=60", "contact.model=boundary_elements")
+    fine = found(HeightMap(fine_m, (1e-4, 1.5e-4)), *words)
+    alone = found(HeightMap(fine_m[1::2, 1::3], (2e-4, 4.5e-4)), *words)
+    given = fine.caps, fine.caps, fine.conditioned, fine.settings, fine.contact.rung
+    effect = with_effects([Problem("interpolated", "warning", "")], *given)[0].effect
+    stiffness = [one.slip.tangential_stiffness_N_per_m for one in (fine, alone)]
+    assert effect.tangential_stiffness == pytest.approx(
+        abs(stiffness[1] / stiffness[0] - 1), rel=0.1, abs=2e-3
+    )
+    share = np.array([0.1, 0.25, 0.5, 0.75])
+    energy_J = [
+        one.slip.energy_at_force_J(share * one.slip.total_slip_force_N) for one in (fine, alone)
+    ]
+    assert effect.energy == pytest.approx(np.abs(energy_J[1] / energy_J[0] - 1.0).max(), rel=0.1)

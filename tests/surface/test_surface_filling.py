@@ -66,6 +66,21 @@ def test_the_stated_error_is_that_of_what_was_filled(share, noise_m):
     assert filled.filling.way == ("cubic" if noise_m == 0.0 else filled.filling.way)
 
 
+def test_neighbours_are_near_in_metres_not_in_pixels():
+    """On pixels eight times as long as wide, as on the same ones taken for square."""
+    long_m = (8e-4, 1e-4)
+    y_m, x_m = ((np.indices((60, 480))[k] + 0.5) * long_m[k] for k in (0, 1))
+    waves_m = np.sin(2.0 * np.pi * x_m / 6e-3) * np.sin(2.0 * np.pi * y_m / 6e-3)
+    mask = np.random.default_rng(0).random(waves_m.shape) < 0.6
+    error_m = []
+    for pixel_m in (long_m, (1e-4, 1e-4)):
+        filled = fill_scattered(HeightMap(np.where(mask, np.nan, waves_m), pixel_m))
+        off_m = (filled.height_m - waves_m)[mask]
+        error_m.append(np.sqrt(np.nanmean(off_m**2)))
+        assert filled.filling.error_m < 3.0 * error_m[-1]
+    assert error_m[0] < 0.7 * error_m[1]
+
+
 def test_steps_are_filled_by_planes_that_reach_no_further_than_the_points():
     steps_m = 1e-6 * np.round(np.random.default_rng(2).standard_normal((12, 16)))
     z_m = np.kron(steps_m, np.ones((10, 10)))

@@ -42,15 +42,17 @@ def test_fields_of_view_are_found_with_their_levels(rms_m, lost):
     assert np.nanstd(left_m) < 3e-9 + 0.6 * rms_m
 
 
+@pytest.mark.parametrize("lost", [0.0, 0.05])
 @pytest.mark.parametrize("step_m", [1e-7, 1e-5])
-def test_a_floor_that_is_stepped_between_equal_tops_is_no_stitched_map(step_m):
+def test_a_floor_that_is_stepped_between_equal_tops_is_no_stitched_map(step_m, lost):
     """Caps of one height on both sides: fields took no tops along."""
     at = (ROW % 30 - 15) ** 2
     caps_m = np.maximum(2e-6 - 4e-8 * (at + (COLUMN % 40 - 20) ** 2), 0.0)
     stepped, stitched = COLUMN >= 110, step_m * (COLUMN >= 110)
-    floor = of(np.where(caps_m > 0.0, caps_m, -step_m * stepped) + noise_m(1e-9))
-    whole = of(caps_m + stitched + noise_m(1e-9))
-    for surface, expected in ((floor, True), (whole, False)):
+    floor_m = np.where(caps_m > 0.0, caps_m, -step_m * stepped)
+    missing = np.random.default_rng(5).random(SHAPE) < lost
+    for height_m, expected in ((floor_m, True), (caps_m + stitched, False)):
+        surface = of(np.where(missing, np.nan, height_m + noise_m(1e-9)))
         seams = find_seams(surface)
         assert seams.columns.tolist() == [0, 110, 200]
         assert leaves_tops(surface, seams) == expected

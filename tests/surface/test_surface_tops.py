@@ -50,6 +50,18 @@ def test_flat_tops_of_a_computed_map_are_meant():
     assert (found.tops.left, found.tops.counts["restored"]) == (9, 0)
 
 
+def test_a_flat_top_is_as_uncertain_as_a_paraboloid_on_its_rim_is_high():
+    """Up to twice that, with its place and half width, on pixels twice as long as wide."""
+    tops = restore_tops(clipped(face())).tops
+    for x_m, y_m, radius_m, peak_m in PEAKS:
+        i = np.argmin(np.hypot(tops.x_m - x_m, tops.y_m - y_m))
+        assert np.hypot(tops.x_m[i] - x_m, tops.y_m[i] - y_m) < 1e-4
+        rim_m = np.sqrt(2.0 * radius_m * (peak_m + 1.2e-7))
+        assert tops.radius_m[i] == pytest.approx(rim_m, rel=0.05)
+        assert 1.0 < tops.height_se_m[i] / (peak_m + 1.2e-7) < 2.0
+    assert (tops.up_m == 0.0).all()
+
+
 def test_what_was_not_clipped_stays_to_the_bit():
     cut = clipped(face(2e-9))
     found = restore_tops(cut)

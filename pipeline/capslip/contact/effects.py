@@ -24,6 +24,7 @@ from capslip.errors import CapslipError, ContactError
 from capslip.problems import Effect, Problem
 from capslip.settings import Settings
 from capslip.surface.conditioning import Conditioned
+from capslip.surface.flatness import bows_m
 from capslip.surface.form import remove_form
 from capslip.surface.heightmap import HeightMap
 from capslip.surface.holes import holes
@@ -116,7 +117,7 @@ def with_effects(
     how = dict.fromkeys(asked, "estimated with the caps")
     for code in sorted(asked & OF_THE_MAP.keys()):
         if model is not None and model.made_from == "map":
-            by_map = _effect_on_map(model, peaks, face, OF_THE_MAP[code](face.surface))
+            by_map = _effect_on_map(model, peaks, face, OF_THE_MAP[code](face))
             if by_map is not None:
                 asked.remove(code)
                 effects[code], how[code] = by_map, "found on the map with fewer points"
@@ -135,22 +136,34 @@ def with_effects(
     ]
 
 
-def _bow_or_not(surface: HeightMap) -> tuple[HeightMap, HeightMap]:
-    """Return a coarse map, and what `conditioning.form` = quadratic makes of it."""
-    coarse = coarse_map(surface)
-    level_m, straight_m = (remove_form(coarse, form)[0].height_m for form in ("plane", "quadratic"))
-    return coarse, replace(coarse, height_m=coarse.height_m - (level_m - straight_m))
+def _bow_or_not(face: _Face) -> tuple[HeightMap, ...]:
+    """Return a coarse map, and what `conditioning.form` = quadratic makes of it.
+
+    Where the flatness deviation of the instrument is known, what bows of that height make of it.
+    """
+    coarse = coarse_map(face.surface)
+    flatness_m = face.settings.instrument.flatness_deviation_m
+    if flatness_m is not None:
+        row, col = np.indices(coarse.shape)
+        dy_m, dx_m = coarse.pixel_size_m
+        bows = bows_m(coarse, flatness_m, (col + 0.5) * dx_m, (row + 0.5) * dy_m)
+    else:
+        level, straight = (remove_form(coarse, form)[0] for form in ("plane", "quadratic"))
+        bows = (straight.height_m - level.height_m,)
+    return coarse, *(replace(coarse, height_m=coarse.height_m + bow_m) for bow_m in bows)
 
 
-def _seams_or_not(surface: HeightMap) -> tuple[HeightMap, HeightMap]:
+def _seams_or_not(face: _Face) -> tuple[HeightMap, ...]:
     """Return a coarse map, and that of the fields on one level; seams are lines of fine pixels."""
+    surface = face.surface
     seams = find_seams(surface)
     level = surface if seams is None else without_seams(surface, seams)
     return coarse_map(surface), coarse_map(level)
 
 
-def _interpolated_or_not(surface: HeightMap) -> tuple[HeightMap, HeightMap]:
+def _interpolated_or_not(face: _Face) -> tuple[HeightMap, ...]:
     """Return a map, and that of its measured points alone."""
+    surface = face.surface
     apart = pixels_apart(surface)
     (dy_m, dx_m), (every_y, every_x) = surface.pixel_size_m, apart
     height_m = surface.height_m[every_y // 2 :: every_y, every_x // 2 :: every_x]
@@ -165,11 +178,11 @@ OF_THE_MAP = {
 
 
 def _effect_on_map(
-    model: Rung[Any], peaks: CapTable, face: _Face, maps: tuple[HeightMap, HeightMap]
+    model: Rung[Any], peaks: CapTable, face: _Face, maps: tuple[HeightMap, ...]
 ) -> Effect | None:
-    """Return what another map changes, None where it has no answer.
+    """Return the most that other maps change of the first, None where one has no answer.
 
-    Pixels lower the tops of hills alike on both maps.
+    Pixels lower the tops of hills alike on all of them.
     """
     settings = face.settings
     contact = settings.contact
@@ -179,7 +192,7 @@ def _effect_on_map(
     )
     none = Families(None, None, (), None, None, 0.0, alike=False)
     try:
-        before, after = (
+        before, *after = (
             answers(
                 model.build(Scene.of(peaks, none, one, quick, peaks.usable)),
                 model.holds_bulk,
@@ -190,7 +203,7 @@ def _effect_on_map(
         )
     except CapslipError:
         return None
-    change = np.abs(after / before - 1.0)
+    change = np.abs(np.array(after) / before - 1.0).max(axis=0)
     energy = float(change[:-1].max())
     return Effect(float(change[-1]), energy, energy)
 
@@ -255,7 +268,7 @@ class _Trials:
     def of(self, code: str) -> Iterator[CapTable]:
         """Return what to press instead, for the problems of one code."""
         if code == "bow_left":
-            yield self._unbowed()
+            yield from self._bowed()
         elif code == "seams":
             yield self._on_one_level()
         elif code in OF_THE_MAP:
@@ -271,11 +284,18 @@ class _Trials:
         else:
             yield self._without(LEFT_OUT[code])
 
-    def _unbowed(self) -> CapTable:
-        caps, span_m = without_bow(self.caps, coarse_map(self.face.surface), self.peaks)
-        if span_m > np.nanmax(self.caps.cap_height_m):
+    def _bowed(self) -> Iterator[CapTable]:
+        """Return caps without the bow, or with those that the instrument may have made."""
+        surface, caps = self.face.surface, self.caps
+        flatness_m = self.face.settings.instrument.flatness_deviation_m
+        if flatness_m is not None:
+            for bow_m in bows_m(surface, flatness_m, caps.x_m, caps.y_m):
+                yield caps.with_columns(peak_height_m=caps.peak_height_m + bow_m)
+            return
+        unbowed, span_m = without_bow(caps, coarse_map(surface), self.peaks)
+        if span_m > np.nanmax(caps.cap_height_m):
             raise ContactError("the bow may hold hills below the cut, which are no caps yet")
-        return caps
+        yield unbowed
 
     def _on_one_level(self) -> CapTable:
         surface, caps = self.face.surface, self.caps
@@ -295,8 +315,7 @@ class _Trials:
     def _with_other_tops(self) -> Iterator[CapTable]:
         """Return caps whose tops were cut off, moved by their standard errors.
 
-        The greatest of 16 changes is about that at 95 %. A top that is higher is sharper, too: the
-        flanks hold its rim.
+        A top that is higher is sharper, too: the flanks hold its rim.
         """
         tops, caps = self.face.surface.tops, self.caps
         if tops is None or tops.x_m.size == 0:
@@ -304,12 +323,7 @@ class _Trials:
         height_se_m, log_radius_se, _ = tops.errors_at(caps.x_m, caps.y_m)
         if not height_se_m[caps.usable].any():
             raise ContactError("no cap stands where tops were cut off")
-        rng = np.random.default_rng(0)
-        for sign in rng.choice((-1.0, 1.0), (DRAWS_OF_HEIGHTS, len(caps))):
-            yield caps.with_columns(
-                peak_height_m=caps.peak_height_m + sign * height_se_m,
-                radius_m=caps.radius_m * np.exp(-sign * log_radius_se),
-            )
+        yield from _moved(caps, height_se_m, log_radius_se)
 
     def _with_rounding(self) -> Iterator[CapTable]:
         """Return caps whose heights are moved by the error of rounding, each for itself.
@@ -318,13 +332,7 @@ class _Trials:
         """
         rounding, caps = self.face.surface.rounding, self.caps
         error_m = 0.0 if rounding is None else rounding.error_m
-        sharper = np.nan_to_num(error_m / caps.fit_depth_m)
-        rng = np.random.default_rng(0)
-        for sign in rng.choice((-1.0, 1.0), (DRAWS_OF_HEIGHTS, len(caps))):
-            yield caps.with_columns(
-                peak_height_m=caps.peak_height_m + sign * error_m,
-                radius_m=caps.radius_m * np.exp(-sign * sharper),
-            )
+        yield from _moved(caps, error_m, np.nan_to_num(error_m / caps.fit_depth_m))
 
     def _with_hills(self) -> Iterator[CapTable]:
         """Return caps with those that the hole would hold if it were like the rest of the face."""
@@ -372,6 +380,21 @@ class _Trials:
         pressed_m = np.minimum(up_m[touch], 0.5 * math.pi * punch_m * hardest_Pa / E_star_Pa)
         top_m = height_m[touch] - up_m[touch] + pressed_m
         yield _joined(self.caps, x_m[touch], y_m[touch], top_m, 2.25 * punch_m**2 / pressed_m)
+
+
+def _moved(
+    caps: CapTable, height_m: float | np.ndarray, log_radius: np.ndarray
+) -> Iterator[CapTable]:
+    """Return caps moved up or down, each for itself; those that are higher are sharper.
+
+    The greatest of 16 changes is about that at 95 %.
+    """
+    rng = np.random.default_rng(0)
+    for sign in rng.choice((-1.0, 1.0), (DRAWS_OF_HEIGHTS, len(caps))):
+        yield caps.with_columns(
+            peak_height_m=caps.peak_height_m + sign * height_m,
+            radius_m=caps.radius_m * np.exp(-sign * log_radius),
+        )
 
 
 def _on_rims(

@@ -203,6 +203,15 @@ def problems_of_form(surface: HeightMap, approach_m: float) -> list[Problem]:
     return []
 
 
+def problems_of_flatness(flatness_m: float, approach_m: float) -> list[Problem]:
+    """Return that the map may hold what the instrument makes of a flat: its effect decides."""
+    message = (
+        f"the instrument bows a flat by {flatness_m:.3g} m, which may be in the map; the approach "
+        f"is {approach_m:.3g} m"
+    )
+    return [Problem("bow_left", "warning", message)]
+
+
 def problems_of_seams(surface: HeightMap, approach_m: float) -> list[Problem]:
     """Return whether fields with straight seams lie on levels so unlike that it decides."""
     seams = find_seams(surface)
