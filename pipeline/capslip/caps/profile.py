@@ -72,11 +72,13 @@ def _through_falls(
     start, empty = np.cumsum(count) - count, count == 0
 
     def total(values: np.ndarray) -> np.ndarray:
-        sums: np.ndarray = np.add.reduceat(np.append(values, 0.0), start)
+        sums: np.ndarray = np.add.reduceat(values, start)
         sums[empty] = 0.0  # where reduceat gives the first element of the next hill
         return sums
 
-    first, second = 2.0 * t - 1.0, 6.0 * t * (t - 1.0) + 1.0
+    # One more point, of no weight: reduceat needs an element at every start
+    columns = 2.0 * t - 1.0, 6.0 * t * (t - 1.0) + 1.0, fall_m
+    first, second, fall_m = (np.append(one, 0.0) for one in columns)
     normal = np.empty((len(count), 3, 3))
     normal[:, 0, 0] = count
     normal[:, 0, 1] = normal[:, 1, 0] = total(first)
@@ -87,6 +89,6 @@ def _through_falls(
     known = (count >= MIN_POINTS) & (np.linalg.matrix_rank(normal) == 3)
     c = np.full((3, len(count)), np.nan)
     c[:, known] = np.linalg.solve(normal[known], right[known][..., None])[..., 0].T
-    constant, linear, square = (np.repeat(of_hill, count) for of_hill in c)
+    constant, linear, square = (np.append(np.repeat(of_hill, count), 0.0) for of_hill in c)
     square_m2 = total((fall_m - (constant + linear * first + square * second)) ** 2)
     return 6.0 * c[2], np.sqrt(square_m2 / np.maximum(count, 1))
