@@ -19,7 +19,7 @@ from capslip.caps.fitting import fit_named
 from capslip.caps.hills import Hills, find_hills
 from capslip.caps.joining import join_faces
 from capslip.caps.levels import bow_terms
-from capslip.caps.noise import Noise, noise_at_rest
+from capslip.caps.noise import noise_at_rest
 from capslip.caps.points import points_of_hills
 from capslip.caps.table import CapTable
 from capslip.contact.choice import boundary_elements_s, estimate_error, rung_of_the_map
@@ -341,22 +341,22 @@ def _families(level: Level, settings: Settings) -> tuple[HeightMap, Hills, CapTa
     """
     coarse, bow, at_m = level.coarse, np.zeros(3), level.load_point_m
     slope = np.array(level.rest_slope) + level.slope
-    noise = noise_at_rest(coarse, (slope[0], slope[1]))
+    noise_m = noise_at_rest(coarse, (slope[0], slope[1])).neighbours_m
     ratio = _family_ratio(settings)
     for _ in range(FAMILY_TURNS):
-        _, caps = _counted(turned(coarse, -slope, at_m, -bow), settings, noise, ratio)
+        _, caps = _counted(turned(coarse, -slope, at_m, -bow), settings, noise_m, ratio)
         turn, bend, count = surface_of_families(caps, at_m)
         if count == 1 and not bow.any() and not bend.any() and 2.0 * ratio < 1.0:
             # A bow may keep the lower caps below the cut, and what is left looks like one family.
             bent = turned(coarse, -slope, at_m)
-            _, caps = _counted(bent, settings, noise, 2.0 * ratio)
+            _, caps = _counted(bent, settings, noise_m, 2.0 * ratio)
             deeper, bend, _ = surface_of_families(caps, at_m)
             turn = deeper if bend.any() else turn
         slope, bow = slope + turn, bow + bend
         if not bend.any() and np.abs(turn * coarse.side_m[::-1]).max() < FAMILY_SETTLED_M:
             break
     plane = turned(level.surface, -slope, at_m, -bow)
-    hills, caps = _counted(plane, settings, None, None, level.hills.noise_m)
+    hills, caps = _counted(plane, settings, level.hills.noise_m)
     grouping = settings.families
     caps, families = group_families(caps, grouping.count, grouping.feature, own_plane=True)
     up_m = bow_terms(caps.x_m - at_m[0], caps.y_m - at_m[1]) @ bow
@@ -383,9 +383,8 @@ def _below_cut(
 def _counted(
     surface: HeightMap,
     settings: Settings,
-    noise: Noise | None,
+    noise_m: float | None,
     material_ratio: float | None = None,
-    noise_m: float | None = None,
 ) -> tuple[Hills, CapTable]:
     chosen = settings.hills
     hills = find_hills(
@@ -394,9 +393,9 @@ def _counted(
         chosen.separation,
         chosen.pruning_height_m,
         chosen.pruning_percent_Sz,
-        noise_m=noise_m if noise is None else noise.neighbours_m,
+        noise_m=noise_m,
     )
-    return hills, fit_spheres(surface, hills, settings.caps.fit, noise=noise).counted
+    return hills, fit_spheres(surface, hills, settings.caps.fit).counted
 
 
 def _family_ratio(settings: Settings) -> float:

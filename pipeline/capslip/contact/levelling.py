@@ -117,7 +117,7 @@ def find_level(surface: HeightMap, settings: Settings) -> Level:
     """
     at_m, coarse = load_point_m(surface, settings), coarse_map(surface)
     try:
-        rest = _resting(surface, coarse, at_m)
+        rest = resting_plane(surface, at_m)
     except UnusableSurfaceError as error:
         raise TipsOverError(f"tips_over: {error}") from error
     start = _Start(np.array(rest.slope), settings.hills.material_ratio)
@@ -150,13 +150,6 @@ def coarse_map(surface: HeightMap) -> HeightMap:
     """Return the map on which a level is found first: itself, where it is small."""
     step = round(min(surface.shape) / COARSE_POINTS)
     return block_means(surface, step) if step > 1 else surface
-
-
-def _resting(surface: HeightMap, coarse: HeightMap, at_m: tuple[float, float]) -> RestingPlane:
-    """Return the plane on which the coarse map rests; it leaves a margin of the face out."""
-    with suppress(UnusableSurfaceError):
-        return resting_plane(coarse, at_m)
-    return resting_plane(surface, at_m)
 
 
 @dataclass(frozen=True, eq=False)
