@@ -41,6 +41,8 @@ MAX_TURNS = 25  # of fit and contact on the hills of one cut
 SETTLED = 2e-3
 NEARLY_SETTLED = 1e-2  # the same on a map that only tells the next one where to start
 SETTLED_LOAD = 1e-4  # of the preload, that pixels may move in it
+AWAKE = 0.25  # of what a turn left, in load: where the next one moves more, it is pixels that do
+SETTLED_M = 1e-11  # tilt across the face that the last turn may leave then
 HELD_LOAD = 3e-4  # of the preload: below, depths are held, else a pixel may flip for ever
 LEAST_PART = 0.2  # of a turn: a face that swings to and fro goes only so far each time
 NEARLY_LOAD, NEARLY_M = 1e-3, 1e-9  # what turns that do not settle may leave all the same
@@ -314,7 +316,7 @@ class _Search:
         before: tuple[np.ndarray, FirstLoading] | None = None
         before_N = np.zeros(hills.n_hills)
         tried, history, part = last, list[float](), 1.0
-        least = restless = left = math.inf
+        least, restless, left, awake = math.inf, math.inf, math.inf, False
         for _ in range(MAX_TURNS):
             fitted = fit_spheres(surface, hills, fit, depth_m, points, self.noise)
             use, pressed, depths_m = self._press(fitted, slope, before)
@@ -335,7 +337,10 @@ class _Search:
                 *(fitted.spheres, *loads, plane_m, deeper_m, slope - turn, turn, approach_m, 0.0)
             )
             left, left_before = max(span_m / approach_m, deeper), left
-            if left < self.settled and moved <= max(left_before, SETTLED_LOAD):
+            awake |= moved > max(AWAKE * left_before, SETTLED_LOAD)
+            if moved <= max(EARLY * left_before, SETTLED_LOAD) and (
+                span_m < SETTLED_M or (left < self.settled and not awake)
+            ):
                 return found, fitted
             history.append(moved)
             if len(history) > 4 and moved > HELD_LOAD and moved > 0.5 * history[-3]:
