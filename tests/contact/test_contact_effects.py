@@ -184,6 +184,23 @@ def test_a_burr_moves_what_it_moves_on_the_map_itself(burr_m, load_N):
     assert (said.severity == "warning") == (said.effect.energy > 0.05)
 
 
+@pytest.mark.parametrize("at", [(62, 63), (60, 66), (70, 60)])
+def test_a_burr_within_a_contact_moves_what_it_moves_at_its_rim(at):
+    """Boundary elements again; the first is near the middle of a contact, the last at its rim."""
+    burred, words = face(MORE, 4e-7, at), ("contact.model=boundary_elements",)
+    without, there = (
+        found(burred, *words, f"conditioning.outliers={rule}") for rule in ("isolated", "none")
+    )
+    (said,) = [p for p in found(burred).problems if p.code == "outliers_removed"]
+    share = np.array([0.25, 0.5, 0.75])
+    energy_J = [
+        one.slip.energy_at_force_J(share * one.slip.total_slip_force_N) for one in (without, there)
+    ]
+    more = float(np.abs(energy_J[1] / energy_J[0] - 1.0).max())
+    assert more > 0.05
+    assert said.effect.energy == pytest.approx(more, rel=0.2)
+
+
 @pytest.mark.parametrize(("burr_m", "touches"), [(-1e-6, False), (4e-7, False), (1.2e-6, True)])
 def test_only_points_above_the_plane_of_contact_matter(burr_m, touches):
     """The floor lies 0.8 um below the peaks: a point 0.4 um above it is not reached."""
