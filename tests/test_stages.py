@@ -226,8 +226,10 @@ def test_families_are_those_of_their_own_plane_whatever_the_level(slope):
     y_m, x_m = np.ogrid[0.5:180, 0.5:300]
     tilted_m = surface.height_m + 2e-4 * (slope[0] * x_m + slope[1] * y_m)
     without_noise = SimpleNamespace(noise_m=0.0)
+    tilted = HeightMap(tilted_m, (2e-4, 2e-4))
     level = SimpleNamespace(
-        surface=HeightMap(tilted_m, (2e-4, 2e-4)),
+        surface=tilted,
+        coarse=stages.coarse_map(tilted),
         slope=(0.0, 0.0),
         rest_slope=(1e-6, 0.5e-6),
         load_point_m=(0.03, 0.018),

@@ -109,8 +109,9 @@ def _of_bow(face: Face, approach_m: float, flatness_m: float | None) -> list[Pro
     """Return whether a bow decides that may be of the instrument, as far as its own is known."""
     if flatness_m is not None:
         return problems_of_flatness(flatness_m, approach_m)
-    bow = problems_of_bow(face.family_caps, approach_m)
-    return bow or problems_of_form(coarse_map(face.conditioned.surface), approach_m)
+    level, surface = face.level, face.conditioned.surface
+    coarse = coarse_map(surface) if level is None else level.coarse
+    return problems_of_bow(face.family_caps, approach_m) or problems_of_form(coarse, approach_m)
 
 
 def _of_small_slip(

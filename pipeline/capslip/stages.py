@@ -14,7 +14,7 @@ import numpy as np
 from capslip.caps.below import family_below_cut
 from capslip.caps.doubts import problems_of_caps
 from capslip.caps.families import Families, group_families, surface_of_families
-from capslip.caps.fit import fit_caps
+from capslip.caps.fit import fit_caps, fit_spheres
 from capslip.caps.fitting import fit_named
 from capslip.caps.hills import Hills, find_hills
 from capslip.caps.joining import join_faces
@@ -339,9 +339,8 @@ def _families(level: Level, settings: Settings) -> tuple[HeightMap, Hills, CapTa
     So neither the level of the map nor that of the pressed face decides which caps are counted. The
     plane bends where the peaks leave no doubt; the caps that are returned keep that bow.
     """
-    surface, bow, at_m = level.surface, np.zeros(3), level.load_point_m
+    coarse, bow, at_m = level.coarse, np.zeros(3), level.load_point_m
     slope = np.array(level.rest_slope) + level.slope
-    coarse = coarse_map(surface)
     noise_m = noise_at_rest(coarse, (slope[0], slope[1])).neighbours_m
     ratio = _family_ratio(settings)
     for _ in range(FAMILY_TURNS):
@@ -354,9 +353,9 @@ def _families(level: Level, settings: Settings) -> tuple[HeightMap, Hills, CapTa
             deeper, bend, _ = surface_of_families(caps, at_m)
             turn = deeper if bend.any() else turn
         slope, bow = slope + turn, bow + bend
-        if not bend.any() and np.abs(turn * surface.side_m[::-1]).max() < FAMILY_SETTLED_M:
+        if not bend.any() and np.abs(turn * coarse.side_m[::-1]).max() < FAMILY_SETTLED_M:
             break
-    plane = turned(surface, -slope, at_m, -bow)
+    plane = turned(level.surface, -slope, at_m, -bow)
     hills, caps = _counted(plane, settings, level.hills.noise_m)
     grouping = settings.families
     caps, families = group_families(caps, grouping.count, grouping.feature, own_plane=True)
@@ -372,11 +371,10 @@ def _below_cut(
     own_plane: bool = False,
 ) -> list[Problem]:
     """Return whether a deeper cut shows a second family; a coarse map tells."""
-    coarse = coarse_map(plane)
     grouping = settings.families
 
     def counted(deeper: float) -> Families:
-        _, caps = _counted(coarse, settings, None, deeper)
+        _, caps = _counted(coarse_map(plane), settings, None, deeper)
         return group_families(caps, grouping.count, grouping.feature, own_plane)[1]
 
     return family_below_cut(families, ratio, counted)
@@ -397,7 +395,7 @@ def _counted(
         chosen.pruning_percent_Sz,
         noise_m=noise_m,
     )
-    return hills, fit_caps(surface, hills, settings.caps.fit)
+    return hills, fit_spheres(surface, hills, settings.caps.fit).counted
 
 
 def _family_ratio(settings: Settings) -> float:

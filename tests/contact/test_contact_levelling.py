@@ -10,6 +10,8 @@ import pytest
 from scipy.ndimage import gaussian_filter
 
 import capslip
+from capslip.caps.fit import fit_caps
+from capslip.contact.balanced import rebalanced
 from capslip.contact.levelling import UNSETTLED, _Search, find_level, turned
 from capslip.settings import load_settings
 from capslip.surface.blocks import block_means
@@ -279,6 +281,41 @@ def test_a_search_that_only_pixels_keep_awake_ends_and_says_what_still_moves():
     assert 0.0 < level.moved < UNSETTLED
     assert level.hills.n_hills > 500
     assert sum(turns) < 50
+
+
+@cache
+def fine():
+    """Return the same caps on a map that is levelled on a coarser one first."""
+    return caps_map(caps(), (320, 480), (1.25e-4, 1.25e-4), floor_m=-8e-7)
+
+
+@pytest.mark.parametrize("of", [face, fine, waves])
+def test_turns_without_end_lead_to_the_same_loads_and_tilt(of):
+    settings, at_m = load_settings(), (0.03, 0.02)
+    level = find_level(of(), settings)
+    surface, hills, caps = level.surface, level.hills, level.caps
+    arm_m, use = np.column_stack((caps.x_m, caps.y_m)) - at_m, caps.usable
+
+    def pressed_N(table):
+        level_caps, pressed_m = rebalanced(table, table, use, at_m, settings)
+        rise_m = level_caps.peak_height_m - table.peak_height_m
+        turn = np.linalg.lstsq(arm_m[use], rise_m[use], rcond=None)[0]
+        pressed_m = np.maximum(pressed_m, 0.0)
+        return np.sqrt(table.radius_m[use]) * pressed_m**1.5, 0.5 * pressed_m, turn
+
+    found_N, depth_m, turn = pressed_N(caps)
+    assert np.abs(turn * (0.06, 0.04)).max() < 1e-15
+    tilt = np.array(level.slope)
+    for _ in range(10):
+        all_m = np.full(len(caps), np.nan)
+        all_m[use] = np.where(depth_m > 0.0, depth_m, np.nan)
+        refitted = fit_caps(surface, hills, settings.caps.fit, all_m)
+        load_N, depth_m, turn = pressed_N(refitted)
+        surface, tilt = turned(surface, turn, at_m), tilt + turn
+    assert np.abs(turn * (0.06, 0.04)).max() < 1e-13
+    share, found = load_N / load_N.sum(), found_N / found_N.sum()
+    assert 0.5 * np.abs(share - found).sum() < 1e-4
+    assert np.abs((tilt - level.slope) * (0.06, 0.04)).max() < 1e-11
 
 
 def test_block_means_keep_planes_and_mirrors():

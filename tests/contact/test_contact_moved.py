@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from contact_cases import E_STAR_PA, scene_of, table
 
+from capslip.contact.balanced import rebalanced
 from capslip.contact.flattening import flattened
-from capslip.contact.levelling import rebalanced
 from capslip.contact.material import yield_law
 from capslip.contact.models.interacting import RUNG, interacting
 from capslip.contact.moved import moved_caps

@@ -79,6 +79,13 @@ class Fitted:
     @property
     def table(self) -> CapTable:
         """The caps."""
+        quartic_m, profile_residual_m = quartic_profile(self.given, self.spheres)
+        profile = {"quartic_m": quartic_m, "profile_residual_m": profile_residual_m}
+        return self.counted.with_columns(**profile)
+
+    @property
+    def counted(self) -> CapTable:
+        """The caps without the profiles of their hills, which only contact asks for."""
         return _table(self.fit, self.given, self.spheres)
 
 
@@ -126,7 +133,6 @@ def _table(fit: Fit, given: FitInput, spheres: Spheres) -> CapTable:
         part = (flags & (CapFlag.edge | CapFlag.non_measured).value) > 0
         whole_m = np.sqrt(np.maximum(cap_height_m * (2.0 * radius_m - cap_height_m), 0.0))
         diameter_m = np.where(part & np.isfinite(radius_m), 2.0 * whole_m, diameter_m)
-    quartic_m, profile_residual_m = quartic_profile(given, spheres)
     apex_se_m, radius_se_m = _errors_with_tops(given, spheres)
     n, quadric = len(radius_m), given.body.quadric
     return CapTable(
@@ -148,8 +154,6 @@ def _table(fit: Fit, given: FitInput, spheres: Spheres) -> CapTable:
         radius_minor_m=1.0 / quadric.curvature_per_m[1],
         orientation_rad=quadric.orientation_rad,
         fit_depth_m=given.body.depth_m,
-        quartic_m=quartic_m,
-        profile_residual_m=profile_residual_m,
         parent_region=given.hills.parent_region,
     )
 

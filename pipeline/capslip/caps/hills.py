@@ -252,7 +252,7 @@ def _separate(
         )
     square, noise_left_m = _square(noise_m, relief_m, n_measured / surface.height_m.size)
     build = region_tree if pruning_m == math.inf else change_tree
-    tree, raw_m = _tree(surface, point, cut_m, square, build)
+    tree, raw_m = _tree(surface, point, cut_m, square, build, n_measured)
 
     hill, m = tree.hill, len(tree.peak_m)
     if hill.size > n_kept:
@@ -321,6 +321,7 @@ def _tree(
     cut_m: float,
     side: int,
     build: Callable[[np.ndarray, np.ndarray, tuple[int, int]], ChangeTree],
+    n_measured: int,
 ) -> tuple[ChangeTree, np.ndarray]:
     """Build the tree of the averaged heights; return it and the heights at its points.
 
@@ -329,7 +330,8 @@ def _tree(
     # A frame of non-measured points spares every later step the edge of the map.
     ny, nx = surface.shape
     width = nx + 2 * MARGIN
-    lost = np.flatnonzero(np.isnan(surface.height_m))
+    unknown = np.isnan(surface.height_m) if n_measured < surface.height_m.size else np.zeros(0)
+    lost = np.flatnonzero(unknown)
     framed, lost = (at + 2 * MARGIN * (at // nx) + MARGIN * (width + 1) for at in (point, lost))
     raw_m, mean_m, lost_m = _means(surface.height_m, cut_m, framed, lost, side)
     deep = np.isnan(lost_m)

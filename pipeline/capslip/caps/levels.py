@@ -16,6 +16,7 @@ import numpy as np
 from capslip.caps.clusters import (
     CLEAR_LOG_ODDS,
     CLEAR_SEPARATION,
+    LEAST_INSIDE,
     LEAST_RANGE,
     MAX_CLUSTERS,
     WIDTH_RATIOS2,
@@ -24,7 +25,6 @@ from capslip.caps.clusters import (
     separation_of,
     split_inside,
     splits,
-    within_of,
 )
 from capslip.caps.simplex import Vertex, minimum
 
@@ -194,13 +194,8 @@ def _on_planes(scaled: "_Scaled", most: int = MAX_CLUSTERS) -> tuple[Clusters, n
         sizes.append(split)
         planes = np.stack((slope, np.zeros(2)))
     separation = [
-        separation_of(_centred(np.sort(scaled.z - scaled.place @ slope)), split)
-        for slope, split in zip(slopes, sizes, strict=True)
+        scaled.separation(slope, split) for slope, split in zip(slopes, sizes, strict=True)
     ]
-    # Two degrees of freedom more are lost to the slopes.
-    for i, split in enumerate(sizes):
-        if n > len(split) + 2:
-            separation[i] *= math.sqrt((n - len(split) - 2) / (n - len(split)))
     return Clusters(tuple(sizes), np.array(evidence), np.array(separation)), np.array(slopes)
 
 
@@ -217,10 +212,13 @@ def _split_again(
     rank = np.argsort(scaled.z - scaled.place @ slopes[1], kind="stable")
     parts = np.split(rank, clusters.sizes[1][:1])
     inside, planes = [], []
+    least = min(float(clusters.separation[2]), CLEAR_SEPARATION)
     for own, other in (parts, parts[::-1]):
         split, plane = one_cluster(len(own)), np.zeros(2)
-        alone = _Scaled.of(scaled.place[own], scaled.z[own])
-        if alone is not None and alone.height >= LEAST_RANGE:
+        alone = None
+        if len(own) >= LEAST_INSIDE and not clusters.separation[1] < least:
+            alone = _Scaled.of(scaled.place[own], scaled.z[own])
+        if alone is not None and alone.height >= LEAST_RANGE and not alone.apart() < least:
             found, own_slopes = _on_planes(alone, most=2)
             plane = alone.in_metres(own_slopes)[min(1, len(own_slopes) - 1)]
             above = (scaled.z - scaled.place @ plane) * (1.0 if own is parts[1] else -1.0)
@@ -297,38 +295,64 @@ class _Scaled:
             every = max(1, len(self.z) // SAMPLE)
             rest = np.sort(self.z[::every] - planes @ self.place[::every].T, axis=1)
             planes = planes[np.argsort(_least_within(rest), kind="stable")[:STARTS]]
-        turns = MAX_TURNS if count == 2 else FEW_TURNS
-        found: tuple[float, np.ndarray, np.ndarray] | None = None
-        for start in planes:
-            slope, within = start, math.inf
-            for _ in range(turns):
-                rest = self.z - self.place @ slope
-                rank = np.argsort(rest, kind="stable")
-                sorted_rest = _centred(rest[rank])
-                split = _best_split(sorted_rest, count)
-                group = np.empty(len(rest), dtype=np.intp)
-                group[rank] = np.repeat(np.arange(count), split)
-                slope = self._slope_of(group, split)
-                rest = self.z - self.place @ slope
-                last, within = within, _sum_within(rest, group, split)
-                if not within < last * (1.0 - 1e-9):
-                    break
-            if found is None or within < found[0] * (1.0 - 1e-9):
-                found = within, slope, split
-        assert found is not None
-        return found[1], found[2]
+        n, each = self.place.shape[0], np.arange(len(planes))
+        slope, within = planes.copy(), np.full(len(planes), np.inf)
+        split, todo = np.empty((len(planes), count), dtype=np.intp), each
+        for _ in range(MAX_TURNS if count == 2 else FEW_TURNS):
+            rest = self.z - slope[todo] @ self.place.T
+            rank = np.argsort(rest, axis=1, kind="stable")
+            row = np.arange(todo.size)[:, None]
+            split[todo] = _best_splits(rest[row, rank], count)
+            group = np.empty(rank.shape, dtype=np.intp)
+            ends = np.cumsum(split[todo], axis=1)
+            group[row, rank] = (np.arange(n) >= ends[:, :-1, None]).sum(axis=1)
+            member = (group[:, None] == np.arange(count)[:, None]).astype(float)
+            slope[todo], last = self._slopes_of(member, split[todo]), within[todo]
+            within[todo] = self._within(slope[todo], member, split[todo])
+            todo = todo[within[todo] < last * (1.0 - 1e-9)]
+            if not todo.size:
+                break
+        best = 0
+        for i in each[1:]:
+            best = i if within[i] < within[best] * (1.0 - 1e-9) else best
+        return slope[best], split[best]
 
-    def _slope_of(self, group: np.ndarray, size: np.ndarray) -> np.ndarray:
-        """Return the slopes of the parallel planes that fit the groups best."""
+    def _slopes_of(self, member: np.ndarray, size: np.ndarray) -> np.ndarray:
+        """Return the slopes of the parallel planes that fit groups best, shape (s, free).
+
+        Of s splits: members of each of k groups, shape (s, k, n), and their sizes.
+        """
         columns = np.column_stack((self.place, self.z))
-        for i in range(columns.shape[1]):
-            columns[:, i] -= (np.bincount(group, columns[:, i], len(size)) / size)[group]
-        place, z = columns[:, :-1], columns[:, -1]
-        normal = place.T @ place
-        if np.linalg.det(normal) <= 1e-9 * np.prod(np.diag(normal)):
-            return np.zeros(len(normal))
-        slope: np.ndarray = np.linalg.solve(normal, place.T @ z)
-        return slope
+        mean = member @ columns / size[..., None]
+        centred = columns - member.transpose(0, 2, 1) @ mean
+        place, z = centred[..., :-1], centred[..., -1:]
+        normal = place.transpose(0, 2, 1) @ place
+        diagonal = np.diagonal(normal, axis1=1, axis2=2)
+        fixed = np.linalg.det(normal) > 1e-9 * diagonal.prod(axis=1)
+        slopes = np.zeros(diagonal.shape)
+        right = place.transpose(0, 2, 1) @ z
+        slopes[fixed] = np.linalg.solve(normal[fixed], right[fixed])[..., 0]
+        return slopes
+
+    def _within(self, slopes: np.ndarray, member: np.ndarray, size: np.ndarray) -> np.ndarray:
+        """Return the sums of squares within the groups over their planes, shape (s,)."""
+        rest = self.z - slopes @ self.place.T
+        mean = (member @ rest[..., None])[..., 0] / size
+        rest = rest - (mean[:, None] @ member)[:, 0]
+        within: np.ndarray = (rest**2).sum(axis=1)
+        return within
+
+    def separation(self, slope: np.ndarray, split: np.ndarray) -> float:
+        """Return that of families on parallel planes."""
+        n, count = len(self.z), len(split)
+        separation = separation_of(_centred(np.sort(self.z - self.place @ slope)), split)
+        # Two degrees of freedom more are lost to the slopes
+        lost = math.sqrt((n - count - 2) / (n - count)) if n > count + 2 else 1.0
+        return separation * lost
+
+    def apart(self) -> float:
+        """Return the separation of two families."""
+        return self.separation(*self.best(self.starts(), 2))
 
     def log_evidence(
         self, rank: np.ndarray, sizes: np.ndarray, log_factorial: np.ndarray
@@ -434,27 +458,25 @@ def _explained(M: np.ndarray, unknowns: int) -> np.ndarray:
     return explained
 
 
-def _best_split(z: np.ndarray, count: int) -> np.ndarray:
-    n = len(z)
-    if count == 2:
-        low = np.arange(1, n)
-        sizes = np.column_stack((low, n - low))
-        best: np.ndarray = sizes[int(np.argmin(within_of(z, sizes)))]
-        return best
-    return splits(z, count)[-1]
+def _best_splits(z: np.ndarray, count: int) -> np.ndarray:
+    """Return the sizes of the clusters of each row of sorted numbers, shape (s, count)."""
+    if count > 2:
+        return np.array([splits(_centred(row), count)[-1] for row in z])
+    low = 1 + np.argmax(_between(z), axis=1)
+    return np.column_stack((low, z.shape[1] - low))
 
 
 def _least_within(z: np.ndarray) -> np.ndarray:
     """Least sum of squares of two clusters of each row of sorted numbers."""
-    n = z.shape[1]
     z = z - z.mean(axis=1, keepdims=True)
-    low = np.cumsum(z, axis=1)[:, :-1]
-    size = np.arange(1.0, n)
-    between = low**2 * (1.0 / size + 1.0 / (n - size))  # the sums of both parts cancel
-    least: np.ndarray = (z**2).sum(axis=1) - between.max(axis=1)
+    least: np.ndarray = (z**2).sum(axis=1) - _between(z).max(axis=1)
     return least
 
 
-def _sum_within(z: np.ndarray, group: np.ndarray, size: np.ndarray) -> float:
-    rest = z - (np.bincount(group, z, len(size)) / size)[group]
-    return float(rest @ rest)
+def _between(z: np.ndarray) -> np.ndarray:
+    """Return the sums of squares between the two clusters of each split of rows, (s, n - 1)."""
+    n = z.shape[1]
+    low = np.cumsum(z - z.mean(axis=1, keepdims=True), axis=1)[:, :-1]
+    size = np.arange(1.0, n)
+    between: np.ndarray = low**2 * (1.0 / size + 1.0 / (n - size))  # both sums cancel
+    return between

@@ -41,12 +41,14 @@ def quartic_profile(given: FitInput, spheres: Spheres) -> tuple[np.ndarray, np.n
     with np.errstate(divide="ignore", invalid="ignore"):  # a hill of no depth
         scale = np.sqrt(0.5 * curvature_per_m / given.body.depth_m)
     quartic_m, residual_m = np.empty((2, points.n_hills))
+    with np.errstate(divide="ignore"):
+        reach_m = 1.0 / scale.min(axis=0)
     for hills, some in points.groups():
-        hill = points.hill[some] - hills.start
-        along, across = (
-            place_m[some] - apex_m[hills][hill]
-            for place_m, apex_m in ((points.x_m, spheres.x_m), (points.y_m, spheres.y_m))
-        )
+        # Most points lie farther off than any of an ellipse
+        off_m = points.x_m[some] - np.repeat(spheres.x_m[hills], points.count[hills])
+        near = np.flatnonzero(np.abs(off_m) <= np.repeat(reach_m[hills], points.count[hills]))
+        hill = points.hill[some][near] - hills.start
+        along, across = off_m[near], points.y_m[some][near] - spheres.y_m[hills][hill]
         cos, sin = axis[:, hills]
         along, across = (
             cos[hill] * along + sin[hill] * across,
@@ -54,9 +56,9 @@ def quartic_profile(given: FitInput, spheres: Spheres) -> tuple[np.ndarray, np.n
         )
         with np.errstate(invalid="ignore"):
             t = (scale[0, hills][hill] * along) ** 2 + (scale[1, hills][hill] * across) ** 2
-        chosen = np.flatnonzero(points.measured[some] & (t <= 1.0))
+        chosen = np.flatnonzero(points.measured[some][near] & (t <= 1.0))
         hill, t = hill[chosen], t[chosen]
-        fall_m = spheres.apex_m[hills][hill] - points.z_m[some][chosen]
+        fall_m = spheres.apex_m[hills][hill] - points.z_m[some][near[chosen]]
         quartic_m[hills], residual_m[hills] = _through_falls(
             np.bincount(hill, minlength=hills.stop - hills.start), t, fall_m
         )
@@ -70,11 +72,13 @@ def _through_falls(
     start, empty = np.cumsum(count) - count, count == 0
 
     def total(values: np.ndarray) -> np.ndarray:
-        sums: np.ndarray = np.add.reduceat(np.append(values, 0.0), start)
+        sums: np.ndarray = np.add.reduceat(values, start)
         sums[empty] = 0.0  # where reduceat gives the first element of the next hill
         return sums
 
-    first, second = 2.0 * t - 1.0, 6.0 * t * (t - 1.0) + 1.0
+    # One more point, of no weight: reduceat needs an element at every start
+    columns = 2.0 * t - 1.0, 6.0 * t * (t - 1.0) + 1.0, fall_m
+    first, second, fall_m = (np.append(one, 0.0) for one in columns)
     normal = np.empty((len(count), 3, 3))
     normal[:, 0, 0] = count
     normal[:, 0, 1] = normal[:, 1, 0] = total(first)
@@ -85,6 +89,6 @@ def _through_falls(
     known = (count >= MIN_POINTS) & (np.linalg.matrix_rank(normal) == 3)
     c = np.full((3, len(count)), np.nan)
     c[:, known] = np.linalg.solve(normal[known], right[known][..., None])[..., 0].T
-    constant, linear, square = (np.repeat(of_hill, count) for of_hill in c)
+    constant, linear, square = (np.append(np.repeat(of_hill, count), 0.0) for of_hill in c)
     square_m2 = total((fall_m - (constant + linear * first + square * second)) ** 2)
     return 6.0 * c[2], np.sqrt(square_m2 / np.maximum(count, 1))

@@ -55,18 +55,16 @@ def minimum(
     """
     basis = basis.copy()
     for _ in range(MAX_PIVOTS):
-        rows = A[basis]
-        unknowns = np.linalg.solve(rows, b[basis])
+        inverse = np.linalg.inv(A[basis])
+        unknowns, weight = inverse @ b[basis], c @ inverse
         violated = b - A @ unknowns
-        enters = int(np.argmax(violated))
+        enters = int(violated.argmax())
         if violated[enters] <= rounding or enters in basis:
             break
-        share = np.linalg.solve(rows.T, np.column_stack((c, A[enters])))
-        falls = share[:, 1] > 1e-12
+        share = A[enters] @ inverse
+        falls = share > 1e-12
         if not falls.any():
             break
-        ratio = np.full(len(basis), np.inf)
-        ratio[falls] = np.maximum(share[falls, 0], 0.0) / share[falls, 1]
-        basis[int(np.argmin(ratio))] = enters
-    weight = np.linalg.solve(A[basis].T, c)
+        ratio = np.maximum(weight, 0.0) / np.where(falls, share, 1.0)
+        basis[int(np.where(falls, ratio, np.inf).argmin())] = enters
     return Vertex(basis, unknowns, weight)

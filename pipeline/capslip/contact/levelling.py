@@ -19,12 +19,13 @@ from capslip.caps.fitting import Spheres, fit_named
 from capslip.caps.hills import Hills, find_hills
 from capslip.caps.noise import Noise, noise_at_rest
 from capslip.caps.points import HillPoints, points_of_hills
-from capslip.caps.resting import resting_plane
+from capslip.caps.resting import RestingPlane, resting_plane
 from capslip.caps.table import CapTable
+from capslip.contact.balanced import press_balanced
 from capslip.contact.certificate import Certificate, certify_cut
 from capslip.contact.material import composite, yield_law
-from capslip.contact.rung import load_point_m, pairs_in_balance, turning_stiffness
-from capslip.contact.solvers.yielding import FirstLoading, first_loading
+from capslip.contact.rung import load_point_m, turning_stiffness
+from capslip.contact.solvers.yielding import FirstLoading
 from capslip.errors import ContactError, TipsOverError, UnusableSurfaceError
 from capslip.settings import Settings
 from capslip.surface.blocks import block_means
@@ -35,8 +36,13 @@ DEEP = 0.40  # cut from which on fits that it limits are taken: a deeper one see
 COARSE_POINTS = 200  # along the shorter side of the map on which the level is found first
 MAX_CUTS = 4  # at one material ratio
 MAX_TURNS = 25  # of fit and contact on the hills of one cut
-SETTLED_M = 1e-11  # tilt across the face that the last turn may leave
-SETTLED_LOAD = 1e-4  # of the preload, that the last turn may move
+# Of tilt over approach and of depths, that the last turn may leave: fitted anew, caps then move
+# less than a twentieth of it of the load
+SETTLED = 2e-3
+NEARLY_SETTLED = 1e-2  # the same on a map that only tells the next one where to start
+SETTLED_LOAD = 1e-4  # of the preload, that pixels may move in it
+AWAKE = 0.25  # of what a turn left, in load: where the next one moves more, it is pixels that do
+SETTLED_M = 1e-11  # tilt across the face that the last turn may leave then
 HELD_LOAD = 3e-4  # of the preload: below, depths are held, else a pixel may flip for ever
 LEAST_PART = 0.2  # of a turn: a face that swings to and fro goes only so far each time
 NEARLY_LOAD, NEARLY_M = 1e-3, 1e-9  # what turns that do not settle may leave all the same
@@ -55,6 +61,8 @@ class Level:
     ----------
     surface : HeightMap
         Heights over the plane of the balanced face.
+    coarse : HeightMap
+        The same on fewer points, see `coarse_map`.
     hills, caps : Hills, CapTable
         What stands above the cut on this surface; caps without loads.
     slope : (float, float)
@@ -72,6 +80,7 @@ class Level:
     """
 
     surface: HeightMap
+    coarse: HeightMap
     hills: Hills
     caps: CapTable
     slope: tuple[float, float]
@@ -108,17 +117,17 @@ def find_level(surface: HeightMap, settings: Settings) -> Level:
     told apart by saddles of one hundredth of the approach: two peaks that stand in one contact are
     better as two caps than as one.
     """
-    at_m = load_point_m(surface, settings)
+    at_m, coarse = load_point_m(surface, settings), coarse_map(surface)
     try:
         rest = resting_plane(surface, at_m)
     except UnusableSurfaceError as error:
         raise TipsOverError(f"tips_over: {error}") from error
     start = _Start(np.array(rest.slope), settings.hills.material_ratio)
-    coarse = coarse_map(surface)
     if coarse is not surface:
         with suppress(ContactError, UnusableSurfaceError):  # small contacts need the whole map
-            start = _Search(coarse, settings, at_m, rest.slope).run(start, DEEP)[1]
-    return _Search(surface, settings, at_m, rest.slope).run(start)[0]
+            search = _Search(coarse, settings, at_m, rest.slope, NEARLY_SETTLED)
+            start = search.run(start, DEEP).next
+    return _Search(surface, settings, at_m, rest.slope, SETTLED).run(start).level(coarse, rest)
 
 
 def turned(
@@ -163,17 +172,50 @@ class _Start:
 
 @dataclass(frozen=True, eq=False)
 class _Rest:
-    """The end of the turns on the hills of one cut."""
+    """The end of the turns on the hills of one cut: where the last one leads."""
 
     spheres: Spheres
     use: np.ndarray  # (m,), the caps that were pressed
     at_cut: np.ndarray  # (m,), whether the cut limits their fits
     load_N: np.ndarray  # (m,)
     plane_m: float  # height of the pressed plane at the load point, in the frame of `slope`
-    depth_m: np.ndarray | None  # (n,), at which caps were fitted
+    depth_m: np.ndarray | None  # (n,), at which to fit the caps
     slope: np.ndarray
+    turn: np.ndarray  # (2,), slope of it that the caps were not fitted at, but turned by
     approach_m: float
     moved: float  # share of the load; 0 where the turns came to rest
+
+
+@dataclass(frozen=True, eq=False)
+class _Found:
+    """What a search found, and what one on a finer map can start from."""
+
+    rest: _Rest
+    hills: Hills
+    fitted: Fitted
+    surface: HeightMap  # over the plane of the balanced face
+    missed_area_m2: float
+    next: _Start
+
+    def level(self, coarse: HeightMap, resting: RestingPlane) -> Level:
+        """Return it as a level, given the map with fewer points as it lay."""
+        rest, caps, at_m = self.rest, self.fitted.table, resting.load_point_m
+        small = coarse.shape == self.surface.shape
+        arm_m = np.column_stack((caps.x_m, caps.y_m)) - at_m
+        slope_x, slope_y = (-rest.slope).tolist()
+        return Level(
+            surface=self.surface,
+            coarse=self.surface if small else turned(coarse, -rest.slope, at_m),
+            hills=self.hills,
+            # A sphere stays one when it is turned; its apex moves by far less than a pixel
+            caps=caps.with_columns(peak_height_m=caps.peak_height_m + arm_m @ rest.turn),
+            slope=(slope_x, slope_y),
+            rest_slope=resting.slope,
+            load_point_m=at_m,
+            material_ratio=self.next.ratio,
+            missed_area_m2=self.missed_area_m2,
+            moved=rest.moved,
+        )
 
 
 class _LostCapsError(ContactError):
@@ -196,14 +238,15 @@ class _Search:
     settings: Settings
     at_m: tuple[float, float]
     rest_slope: tuple[float, float]
+    settled: float
 
     @cached_property
     def noise(self) -> Noise:
         """Noise of what can touch."""
         return noise_at_rest(self.surface, self.rest_slope)
 
-    def run(self, start: _Start, deepest: float = RATIOS[-1]) -> tuple[Level, _Start]:
-        """Return the level, and what a search on a finer map can start from."""
+    def run(self, start: _Start, deepest: float = RATIOS[-1]) -> _Found:
+        """Search from cuts at the ratio of the start on, down to the deepest."""
         tipped: TipsOverError | None = None
         lost: ContactError | None = None
         trouble: ContactError | None = None
@@ -230,46 +273,37 @@ class _Search:
         # search that failed.
         raise trouble or tipped or lost or ContactError("the face finds no level")
 
-    def _at_ratio(self, start: _Start, last: bool) -> tuple[Level, _Start]:
-        found: tuple[_Rest, Hills, Fitted] | None = None
+    def _at_ratio(self, start: _Start, last: bool) -> _Found:
+        found: _Found | None = None
         for _ in range(MAX_CUTS):
             slope, relief_m = start.slope, start.relief_m
             found = None  # as much memory as a map
             found = self._on_one_cut(start, last)
-            start = self._next(start, found[0])
-            same = self._across_m(start.slope - slope) < SAME_CUT * found[0].approach_m
+            start = found.next
+            same = self._across_m(start.slope - slope) < SAME_CUT * found.rest.approach_m
+            # A finer map is cut anew anyway
+            same = same or (self.settled > SETTLED and found.missed_area_m2 == 0.0)
             if same and relief_m == start.relief_m:
                 break
         assert found is not None
-        rest, hills, fitted = found
-        surface = turned(self.surface, -rest.slope, self.at_m)
-        certificate = self._certify(surface, hills, rest)
+        rest = found.rest
         shallow_N = float(rest.load_N[rest.at_cut].sum())
         shallow = shallow_N > SHALLOW_LOAD * self.settings.contact.preload_N and start.ratio < DEEP
-        if (certificate.missed_area_m2 > 0.0 or shallow) and not last:
+        if (found.missed_area_m2 > 0.0 or shallow) and not last:
             raise _MissedError(rest.slope, rest.approach_m)
-        slope_x, slope_y = (-rest.slope).tolist()
-        level = Level(
-            surface=surface,
-            hills=hills,
-            caps=fitted.table,
-            slope=(slope_x, slope_y),
-            rest_slope=self.rest_slope,
-            load_point_m=self.at_m,
-            material_ratio=start.ratio,
-            missed_area_m2=certificate.missed_area_m2,
-            moved=rest.moved,
-        )
-        return level, start
+        return found
 
-    def _on_one_cut(self, start: _Start, last: bool) -> tuple[_Rest, Hills, Fitted]:
+    def _on_one_cut(self, start: _Start, last: bool) -> _Found:
         surface, chosen = turned(self.surface, -start.slope, self.at_m), self.settings.hills
         pruning = (chosen.pruning_height_m, chosen.pruning_percent_Sz)
         relief_m, noise_m = start.relief_m, self.noise.neighbours_m
         hills = find_hills(surface, start.ratio, chosen.separation, *pruning, relief_m, noise_m)
         rest, fitted = self._turns(surface, hills, start, last)
         # A table asks for the grid alone: nobody holds the map that was cut
-        return rest, hills, replace(fitted, given=replace(fitted.given, surface=self.surface))
+        fitted = replace(fitted, given=replace(fitted.given, surface=self.surface))
+        surface = turned(self.surface, -rest.slope, self.at_m)
+        missed_area_m2 = self._certify(surface, hills, rest).missed_area_m2
+        return _Found(rest, hills, fitted, surface, missed_area_m2, self._next(start, rest))
 
     def _turns(
         self, surface: HeightMap, hills: Hills, start: _Start, last: bool
@@ -281,19 +315,11 @@ class _Search:
         slope, depth_m = start.slope, self._carried(start, hills, surface)
         before: tuple[np.ndarray, FirstLoading] | None = None
         before_N = np.zeros(hills.n_hills)
-        tried, history, part, least, restless = last, list[float](), 1.0, math.inf, math.inf
+        tried, history, part = last, list[float](), 1.0
+        least, restless, left, awake = math.inf, math.inf, math.inf, False
         for _ in range(MAX_TURNS):
             fitted = fit_spheres(surface, hills, fit, depth_m, points, self.noise)
-            try:
-                use, pressed, depths_m = self._press(fitted, slope, before)
-            except TipsOverError as error:
-                if before is None or fitted.usable.all():
-                    raise
-                raise _LostCapsError(
-                    f"the face finds no level: fitted as deep as they are compressed, "
-                    f"{int(fitted.usable.sum())} of {hills.n_hills} hills are left as caps, and "
-                    "they do not surround the load; check preload and units"
-                ) from error
+            use, pressed, depths_m = self._press(fitted, slope, before)
             rest, load_N, turn = pressed.rest, pressed.load_N, np.array(pressed.rest.slope)
             all_N = np.zeros(hills.n_hills)
             all_N[use] = load_N
@@ -304,8 +330,17 @@ class _Search:
             approach_m = rest.level_m - float(depths_m.min())
             plane_m = float(fitted.spheres.apex_m[use].max()) - rest.level_m
             loads = use, fitted.given.apexes.at_cut[use], load_N
-            found = _Rest(fitted.spheres, *loads, plane_m, depth_m, slope, approach_m, 0.0)
-            if moved < SETTLED_LOAD and span_m < SETTLED_M:
+            deeper_m, deeper = depth_m, 0.0
+            if share is not None and (moved > HELD_LOAD or depth_m is None):
+                deeper_m, deeper = _deeper(depth_m, use, share * pressed.width_m, all_N, part)
+            found = _Rest(
+                *(fitted.spheres, *loads, plane_m, deeper_m, slope - turn, turn, approach_m, 0.0)
+            )
+            left, left_before = max(span_m / approach_m, deeper), left
+            awake |= moved > max(AWAKE * left_before, SETTLED_LOAD)
+            if moved <= max(EARLY * left_before, SETTLED_LOAD) and (
+                span_m < SETTLED_M or (left < self.settled and not awake)
+            ):
                 return found, fitted
             history.append(moved)
             if len(history) > 4 and moved > HELD_LOAD and moved > 0.5 * history[-3]:
@@ -321,11 +356,7 @@ class _Search:
                 tried = True
                 if self._certify(surface, hills, found).missed_area_m2 > 0.0:
                     raise _MissedError(slope, approach_m)
-            if share is not None and (moved > HELD_LOAD or depth_m is None):
-                new_m = np.full(hills.n_hills, np.nan)
-                new_m[use] = np.where(load_N > 0.0, share * pressed.width_m, np.nan)
-                old_m = new_m if depth_m is None else np.where(np.isnan(depth_m), new_m, depth_m)
-                depth_m = old_m + part * (new_m - old_m)
+            depth_m = deeper_m
             points = _turned_points(points, part * turn, self.at_m)
             slope = slope - part * turn
         if last or (moved < NEARLY_LOAD and span_m < NEARLY_M):
@@ -359,8 +390,18 @@ class _Search:
         start = None
         if before is not None and np.array_equal(before[0], use):
             start = before[1].compression_m, before[1].load_N
-        pressed = _pressed(arm_m, peak_m, spheres.radius_m[use], self.settings, held, start)
-        area_m2 = float(math.pi * (spheres.radius_m[use] * pressed.width_m).sum())
+        radius_m = spheres.radius_m[use]
+        try:
+            pressed = press_balanced(arm_m, peak_m, radius_m, self.settings, held, start)
+        except TipsOverError as error:
+            if before is None or fitted.usable.all():
+                raise
+            raise _LostCapsError(
+                f"the face finds no level: fitted as deep as they are compressed, {use.size} of "
+                f"{len(fitted.usable)} hills are left as caps, and they do not surround the load; "
+                "check preload and units"
+            ) from error
+        area_m2 = float(math.pi * (radius_m * pressed.width_m).sum())
         if area_m2 > math.prod(self.surface.side_m):
             raise ContactError(
                 f"the face finds no level: its caps need a contact area of {area_m2:.3g} m2; "
@@ -426,70 +467,23 @@ def _turned_points(points: HillPoints, slope: np.ndarray, at_m: tuple[float, flo
     return replace(points, z_m=z_m)
 
 
+def _deeper(
+    depth_m: np.ndarray | None, use: np.ndarray, own_m: np.ndarray, load_N: np.ndarray, part: float
+) -> tuple[np.ndarray, float]:
+    """Return the depths of the next fit, and their mean relative change by load.
+
+    A cap that carries nothing has none; those without any so far change as a whole.
+    """
+    new_m = np.full(len(load_N), np.nan)
+    new_m[use] = np.where(load_N[use] > 0.0, own_m, np.nan)
+    if depth_m is None:
+        return new_m, 1.0
+    known, loaded = ~np.isnan(depth_m), load_N > 0.0
+    change = np.abs(np.where(known, new_m / depth_m - 1.0, 1.0))[loaded]
+    old_m = np.where(known, depth_m, new_m)
+    return old_m + part * (new_m - old_m), float(np.average(change, weights=load_N[loaded]))
+
+
 def _relief_m(approach_m: float) -> float:
     """Return an approach in steps, so that hills do not depend on how it was found."""
     return float(2.0 ** (round(RELIEFS * math.log2(approach_m)) / RELIEFS))
-
-
-def rebalanced(
-    caps: CapTable,
-    before: CapTable,
-    use: np.ndarray,
-    at_m: tuple[float, float],
-    settings: Settings,
-    start_m: np.ndarray | None = None,
-) -> tuple[CapTable, np.ndarray]:
-    """Return caps that changed at their heights over the plane that balances them.
-
-    The compressions of those in use come with them.
-
-    Parameters
-    ----------
-    caps : CapTable
-        At their heights over the plane that balanced them before.
-    before : CapTable
-        The same caps before.
-    use : bool, shape (n,)
-        Those that may carry.
-    at_m : (float, float)
-        Load point (x, y).
-    settings : Settings
-        `material` and `contact`.
-    start_m : float64, shape (m,), optional
-        Compressions of those in use to start from.
-    """
-    chosen = np.flatnonzero(use)
-    arm_m = np.column_stack((caps.x_m, caps.y_m)) - at_m
-    arms_m = arm_m[chosen]
-    held = (turning_stiffness(settings), np.zeros(2))
-    if held[0] > 0.0:
-        peak_m, radius_m = before.peak_height_m[chosen], before.radius_m[chosen]
-        level = _pressed(arms_m, peak_m, radius_m, settings, (math.inf, np.zeros(2)))
-        held = (held[0], level.load_N @ arms_m)
-    peak_m, radius_m = caps.peak_height_m[chosen], caps.radius_m[chosen]
-    start = None if start_m is None else (start_m, None)
-    rest = _pressed(arms_m, peak_m, radius_m, settings, held, start).rest
-    up_m = arm_m @ np.array(rest.slope)
-    return caps.with_columns(peak_height_m=caps.peak_height_m + up_m), rest.compression_m
-
-
-def _pressed(
-    arm_m: np.ndarray,
-    peak_m: np.ndarray,
-    radius_m: np.ndarray,
-    settings: Settings,
-    held: tuple[float, np.ndarray],
-    start: tuple[np.ndarray, np.ndarray | None] | None = None,
-) -> FirstLoading:
-    """Press caps under a plane that may turn, from compressions and loads where these are known."""
-    material, contact = settings.material, settings.contact
-    E_star_Pa = composite(material.youngs_modulus_Pa, material.poisson_ratio).E_star_Pa
-    return first_loading(
-        *(yield_law(material), radius_m, peak_m.max() - peak_m, E_star_Pa, contact.preload_N),
-        compliance_m_per_N=pairs_in_balance(arm_m, E_star_Pa, settings),
-        start_m=None if start is None else start[0],
-        start_N=None if start is None else start[1],
-        arm=arm_m,
-        turning_stiffness=held[0],
-        moment_Nm=held[1],
-    )

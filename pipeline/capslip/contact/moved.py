@@ -6,8 +6,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from capslip.caps.table import CapTable
+from capslip.contact.balanced import rebalanced
 from capslip.contact.flattening import flattened
-from capslip.contact.levelling import rebalanced
 from capslip.contact.models.interacting import RUNG, InteractingCurve
 from capslip.contact.rung import Scene, pairs_in_balance
 from capslip.contact.solvers.balance import press, press_sets

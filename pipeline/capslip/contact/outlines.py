@@ -69,8 +69,10 @@ def outlines(
     among = sum(
         _crosses(ellipses[:, i], ellipses[:, j]) for i, j in zip(*_near(ellipses), strict=True)
     )
-    inside = sum(int(_is_inside(one, peaks_m).sum()) for one in ellipses.T)
-    share = np.array([_share_beyond(one, surface) for one in ellipses.T])
+    inside = int(_is_inside(ellipses[..., None], peaks_m[:, None]).sum())
+    share = np.zeros(at.size)
+    for i in np.flatnonzero(_is_near_edge(ellipses, surface)):
+        share[i] = _share_beyond(ellipses[:, i], surface)
     return Outlines(among + inside, float(share @ load_N[carry] / load_N[carry].sum()))
 
 
@@ -100,6 +102,14 @@ def _is_inside(ellipse: np.ndarray, place_m: np.ndarray) -> np.ndarray:
 
 def _crosses(one: np.ndarray, other: np.ndarray) -> bool:
     return bool(_is_inside(one, _outline(other)).any() or _is_inside(other, _outline(one)).any())
+
+
+def _is_near_edge(ellipses: np.ndarray, surface: HeightMap) -> np.ndarray:
+    """Tell which ellipses reach beyond the edge of the map, were they circles."""
+    side_y_m, side_x_m = surface.side_m
+    x_m, y_m, long_m = ellipses[:3]
+    to_edge_m = np.minimum(np.minimum(x_m, side_x_m - x_m), np.minimum(y_m, side_y_m - y_m))
+    return np.asarray(to_edge_m < long_m)
 
 
 def _share_beyond(ellipse: np.ndarray, surface: HeightMap) -> float:

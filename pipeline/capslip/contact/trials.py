@@ -9,9 +9,10 @@ import numpy as np
 from capslip.caps.doubts import without_bow
 from capslip.caps.table import DOUBTFUL, UNUSABLE, CapFlag, CapTable
 from capslip.contact.accuracy import answers
+from capslip.contact.balanced import rebalanced
 from capslip.contact.bulk import bulk_of_face_m_per_N
 from capslip.contact.doubts import ELASTIC_STRAIN
-from capslip.contact.levelling import coarse_map, rebalanced
+from capslip.contact.levelling import coarse_map
 from capslip.contact.material import composite, yield_law
 from capslip.contact.models.interacting import InteractingCurve
 from capslip.contact.reach import reachable

@@ -186,10 +186,14 @@ def problems_of_tilt(surface: HeightMap, approach_m: float) -> list[Problem]:
 
 def problems_of_form(surface: HeightMap, approach_m: float) -> list[Problem]:
     """Return whether most of the relief is a bow that decides what touches."""
-    for what, (rest, bow_m), least in (
-        ("the heights", _bow(surface), MOSTLY_FORM),
-        ("the floor between the hills", _bow_of_floor(surface), MOSTLY_BOWED),
+    few = few_lines(surface, FLOOR_LINES)  # they tell where there is clearly none
+    for what, bow_of, least in (
+        ("the heights", _bow, MOSTLY_FORM),
+        ("the floor between the hills", _bow_of_floor, MOSTLY_BOWED),
     ):
+        rest, bow_m = bow_of(few)
+        if rest <= CLEARLY_NO_BOW:
+            rest, bow_m = bow_of(surface)
         if rest > 1.0 - least or bow_m <= VISIBLE_FORM * approach_m:
             continue
         message = (
@@ -257,13 +261,8 @@ def _bow_of_floor(surface: HeightMap) -> tuple[float, float]:
     """Return the same of the lowest third of the points, over a level floor and a bowed one.
 
     Hills hide a bow in the variance of all heights, and it hides those that it lowers. No bow
-    where the floor is level: (1, 0). Some of the rows and columns tell where there is clearly none.
+    where the floor is level: (1, 0).
     """
-    found = _over_floor(few_lines(surface, FLOOR_LINES))
-    return found if found[0] > CLEARLY_NO_BOW else _over_floor(surface)
-
-
-def _over_floor(surface: HeightMap) -> tuple[float, float]:
     try:
         over = [remove_form(surface, one, floor=True)[0].height_m for one in ("plane", "quadratic")]
     except UnusableSurfaceError:

@@ -66,10 +66,11 @@ def _quiet_share(own_m: np.ndarray, square: np.ndarray, count: np.ndarray, apart
 
     `square` and `count` are sums over the lines of differences.
     """
-    n = np.array([count[first::apart].sum() for first in range(apart)])
+    place = np.arange(len(count)) % apart
+    n = np.bincount(place, count)
     if n.min() < LEAST_KNOWN:
         return 0.0
-    mean = np.array([square[first::apart].sum() for first in range(apart)]) / n
+    mean = np.bincount(place, square) / n
     share = float(np.mean(mean <= QUIET * mean.max()))
     if share == 0.0 or mean.max() == 0.0:
         return 0.0

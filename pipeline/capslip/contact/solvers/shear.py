@@ -253,7 +253,8 @@ def _slide(
         x[todo] = xt = xt + dx
         e[todo] = et + de
         size = np.abs(xt).max(axis=1)
-        solved = np.abs(dx).max(axis=1) <= 1e-13 * size
+        # Each step squares what the last one left
+        solved = np.abs(dx).max(axis=1) <= 1e-8 * size
         solved |= (np.abs(misfit).max(axis=1) <= 1e-15 * size) & (
             np.abs(missing) <= 1e-15 * goal[todo]
         )

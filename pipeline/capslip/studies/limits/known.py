@@ -6,8 +6,9 @@ from typing import Any
 import numpy as np
 
 from capslip.caps.table import CapTable
+from capslip.contact.balanced import rebalanced
 from capslip.contact.bulk import bulk_of_face_m_per_N, without_bulk
-from capslip.contact.levelling import rebalanced, turned
+from capslip.contact.levelling import turned
 from capslip.contact.material import composite, yield_law
 from capslip.contact.models.interacting import InteractingCurve, interacting
 from capslip.contact.rung import load_point_m

@@ -1,0 +1,96 @@
+"""Caps pressed under a plane that may turn, and their heights over it."""
+
+import math
+
+import numpy as np
+
+from capslip.caps.table import CapTable
+from capslip.contact.material import composite, yield_law
+from capslip.contact.rung import pairs_in_balance, turning_stiffness
+from capslip.contact.solvers.yielding import FirstLoading, first_loading
+from capslip.settings import Settings
+
+
+def rebalanced(
+    caps: CapTable,
+    before: CapTable,
+    use: np.ndarray,
+    at_m: tuple[float, float],
+    settings: Settings,
+    start_m: np.ndarray | None = None,
+) -> tuple[CapTable, np.ndarray]:
+    """Return caps that changed at their heights over the plane that balances them.
+
+    The compressions of those in use come with them.
+
+    Parameters
+    ----------
+    caps : CapTable
+        At their heights over the plane that balanced them before.
+    before : CapTable
+        The same caps before.
+    use : bool, shape (n,)
+        Those that may carry.
+    at_m : (float, float)
+        Load point (x, y).
+    settings : Settings
+        `material` and `contact`.
+    start_m : float64, shape (m,), optional
+        Compressions of those in use to start from.
+    """
+    chosen = np.flatnonzero(use)
+    arm_m = np.column_stack((caps.x_m, caps.y_m)) - at_m
+    arms_m = arm_m[chosen]
+    held = (turning_stiffness(settings), np.zeros(2))
+    if held[0] > 0.0:
+        peak_m, radius_m = before.peak_height_m[chosen], before.radius_m[chosen]
+        level = press_balanced(arms_m, peak_m, radius_m, settings, (math.inf, np.zeros(2)))
+        held = (held[0], level.load_N @ arms_m)
+    peak_m, radius_m = caps.peak_height_m[chosen], caps.radius_m[chosen]
+    start = None if start_m is None else (start_m, None)
+    rest = press_balanced(arms_m, peak_m, radius_m, settings, held, start).rest
+    up_m = arm_m @ np.array(rest.slope)
+    return caps.with_columns(peak_height_m=caps.peak_height_m + up_m), rest.compression_m
+
+
+def press_balanced(
+    arm_m: np.ndarray,
+    peak_m: np.ndarray,
+    radius_m: np.ndarray,
+    settings: Settings,
+    held: tuple[float, np.ndarray],
+    start: tuple[np.ndarray, np.ndarray | None] | None = None,
+) -> FirstLoading:
+    """Press caps under a plane that may turn.
+
+    Parameters
+    ----------
+    arm_m : float64, shape (n, 2)
+        Places (x, y) from the load point.
+    peak_m, radius_m : float64, shape (n,)
+        Heights of the peaks, and radii.
+    settings : Settings
+        `material` and `contact`.
+    held : (float, float64 of shape (2,))
+        Stiffness in N m/rad of what holds the plane upright, and with which moment it already does.
+    start : (float64, float64 or None), optional
+        Compressions and loads to start from, shape (n,) each.
+
+    Raises
+    ------
+    ContactError
+        If the caps cannot carry the preload.
+    TipsOverError
+        If the load point lies outside the hull of the places.
+    """
+    material, contact = settings.material, settings.contact
+    E_star_Pa = composite(material.youngs_modulus_Pa, material.poisson_ratio).E_star_Pa
+    return first_loading(
+        *(yield_law(material), radius_m, peak_m.max() - peak_m, E_star_Pa, contact.preload_N),
+        compliance_m_per_N=pairs_in_balance(arm_m, E_star_Pa, settings),
+        start_m=None if start is None else start[0],
+        start_N=None if start is None else start[1],
+        arm=arm_m,
+        turning_stiffness=held[0],
+        moment_Nm=held[1],
+    )
