@@ -344,7 +344,7 @@ ROWS = [
     Row("highest_point_on_no_cap", "warning", "9.59e-06 m above", "spike kept levelled", "spike"),
     Row("caps_edge", "info", "1 of 12 caps", "one-at-the-edge"),
     Row("caps_non_measured", "info", "1 of 12 caps", "one-patch"),
-    Row("caps_plateau", "warning", "12 of 12 caps", "quantised"),
+    Row("caps_plateau", "warning", "12 of 12 caps", "quantised levelled"),
     Row("caps_noisy_apex", "info", "1 of 13 caps", "noisy-low-cap", "low-cap"),
     Row("caps_apex_off_surface", "info", "1 of 12 caps", "one-ridge"),
     Row("caps_ridge", "info", "1 of 12 caps", "one-ridge"),
