@@ -87,8 +87,8 @@ def test_every_model_gives_a_whole_summary(model):
 
 
 def test_a_preload_that_no_face_can_carry_is_an_error_in_the_result():
-    settings = capslip.load_settings(overrides=("contact.preload_N=1e12",))
-    analysis = capslip.analyze(caps_map(CAPS), settings)
+    words = ("contact.preload_N=1e9", "material.hardness_Pa=1e9")  # 1.7e12 Pa on the face
+    analysis = capslip.analyze(caps_map(CAPS), capslip.load_settings(overrides=words))
     failed = {p.code: p for p in analysis.problems}["contact_failed"]
     assert failed.severity == "error"
     assert analysis.status == "failed"
