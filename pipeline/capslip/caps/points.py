@@ -7,8 +7,8 @@ from functools import cached_property
 import numpy as np
 
 from capslip.caps.hills import Hills
-from capslip.surface.blocks import BLOCK_POINTS
 from capslip.surface.heightmap import HeightMap
+from capslip.surface.rows import BLOCK_POINTS
 
 LIMIT_EDGE, LIMIT_PATCH = 1, 2
 FILLED_NEIGHBOURS = 3  # measured neighbours that a single lost point needs to be filled
@@ -81,9 +81,9 @@ def points_of_hills(surface: HeightMap, hills: Hills) -> HillPoints:
     label = hills.label.ravel()
     index = np.flatnonzero(label > 0)
     hill = label[index]
-    z_m = surface.height_m.ravel()[index]
-    lost = np.flatnonzero(np.isnan(surface.height_m)) if index.size else index
-    filled, filled_hill, filled_z_m, beside = _lost_points(surface.height_m, hills.label, lost)
+    z_m = surface.at(index)
+    lost = surface.lost if index.size else index
+    filled, filled_hill, filled_z_m, beside = _lost_points(surface, hills.label, lost)
     measured = np.ones(index.size + filled.size, dtype=bool)
     if filled.size:
         measured[index.size :] = False
@@ -117,7 +117,7 @@ def points_of_hills(surface: HeightMap, hills: Hills) -> HillPoints:
 
 
 def _lost_points(
-    height_m: np.ndarray, label: np.ndarray, lost_at: np.ndarray
+    surface: HeightMap, label: np.ndarray, lost_at: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """Return index, label and height of the points to fill, and the index of points beside a patch.
 
@@ -127,7 +127,7 @@ def _lost_points(
     none = np.empty(0, dtype=np.intp)
     if not lost_at.size:
         return none, none, np.empty(0), none
-    (ny, nx), label_of = height_m.shape, label.reshape(-1)
+    (ny, nx), label_of = surface.shape, label.reshape(-1)
     width = nx + 2
     lost = np.zeros((ny + 2) * width, dtype=bool)
     index = lost_at + 2 * (lost_at // nx) + width + 1  # in the map with a frame
@@ -157,7 +157,7 @@ def _lost_points(
     for down, right in ((a, b) for a in (-1, 0, 1) for b in (-1, 0, 1) if a or b):
         inside = (row + down >= 0) & (row + down < ny) & (col + right >= 0) & (col + right < nx)
         at = np.where(inside, index + down * nx + right, index)  # the lost point itself outside
-        z_m, here = height_m.reshape(-1)[at], label_of[at]
+        z_m, here = surface.at(at), label_of[at]
         seen = ~np.isnan(z_m)
         known += seen
         on_hill += here > 0

@@ -10,8 +10,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from capslip.surface.blocks import BLOCK_POINTS
 from capslip.surface.graph import Runs, connected_parts, ends
+from capslip.surface.rows import BLOCK_POINTS
 
 
 @dataclass(frozen=True, eq=False)

@@ -152,7 +152,7 @@ def _interpolated_or_not(surface: HeightMap) -> tuple[HeightMap, HeightMap]:
     """Return a map, and that of its measured points alone."""
     apart = pixels_apart(surface)
     (dy_m, dx_m), (every_y, every_x) = surface.pixel_size_m, apart
-    height_m = surface.height_m[every_y // 2 :: every_y, every_x // 2 :: every_x]
+    height_m = surface[every_y // 2 :: every_y, every_x // 2 :: every_x]
     return surface, HeightMap(height_m, (every_y * dy_m, every_x * dx_m), surface.origin)
 
 
@@ -332,7 +332,7 @@ class _Trials:
         if surface.filling is not None or not row.size:
             raise ContactError("nobody knows where points that were filled hide hills")
         member = np.flatnonzero(caps.usable)
-        n_known = int(np.count_nonzero(surface.measured))
+        n_known = surface.n_measured
         n_more = max(1, round(member.size * row.size / n_known))
         dy_m, dx_m = surface.pixel_size_m
         rng = np.random.default_rng(0)

@@ -134,9 +134,8 @@ def turned(
     (ny, nx), (dy_m, dx_m) = surface.shape, surface.pixel_size_m
     x_m, y_m = (np.arange(nx) + 0.5) * dx_m - at_m[0], (np.arange(ny) + 0.5) * dy_m - at_m[1]
     xx, xy, yy = (0.0, 0.0, 0.0) if bow is None else bow
-    height_m = surface.height_m + (slope[0] + xx * x_m) * x_m
-    height_m += ((slope[1] + yy * y_m) * y_m)[:, None]
-    return replace(surface, height_m=height_m + xy * np.outer(y_m, x_m) if xy else height_m)
+    twist = ((xy * y_m, x_m),) if xy else ()
+    return surface.plus((slope[0] + xx * x_m) * x_m, (slope[1] + yy * y_m) * y_m, twist)
 
 
 def coarse_map(surface: HeightMap) -> HeightMap:
