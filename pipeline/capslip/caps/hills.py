@@ -22,6 +22,7 @@ from capslip.surface.rows import BLOCK_POINTS, row_blocks
 NOISE_FACTOR = 5.0  # noise alone lifts a point this many standard deviations once in 3.5 million
 SQUARES = (3, 5, 7, 9)  # points; wider ones fill the saddles of hills of usual size
 MARGIN = SQUARES[-1] // 2  # of the frame of non-measured points
+MOST_OF_FEW_BYTES = 2**30  # points of a map, with a frame around it too
 SAMPLES = 5000  # of the map, that tell about where the cut is
 TOLD_APART = 0.01  # of the relief that is given: saddles from which on hills are told apart
 QUIET = 0.02  # of the relief: what averaging should leave of NOISE_FACTOR times the noise
@@ -33,7 +34,7 @@ class Hills:
 
     Attributes
     ----------
-    label : int32, shape (ny, nx)
+    label : int16 or int32, shape (ny, nx)
         1 ... n on the hills, 0 elsewhere and at non-measured points.
     parent_region : int32, shape (n,)
         Connected region that holds each hill, 1 ... n_regions.
@@ -232,12 +233,16 @@ def highest_points(
 def _at_or_above(height_m: Heights, level_m: float) -> tuple[np.ndarray, np.ndarray]:
     """Return the points at or above a level, rising, and their heights."""
     points, heights_m = [], []
+    few_bytes = np.int32 if height_m.size < MOST_OF_FEW_BYTES else np.intp
     for rows in row_blocks(height_m.shape):
         some_m = height_m[rows].reshape(-1)
         point = np.flatnonzero(some_m >= level_m)
-        points.append(point + rows.start * height_m.shape[1])
         heights_m.append(some_m[point])
-    return np.concatenate(points), np.concatenate(heights_m)
+        point += rows.start * height_m.shape[1]
+        points.append(point.astype(few_bytes))
+    highest_m = np.concatenate(heights_m)
+    del heights_m
+    return np.concatenate(points), highest_m
 
 
 def _separate(
@@ -274,8 +279,9 @@ def _separate(
         pruning_m = automatic_pruning_m(basins, NOISE_FACTOR * noise_left_m, relief_m)
 
     group, keep, rejected = basins.pruned(pruning_m)
-    number = np.cumsum(keep, dtype=np.int32) * keep
-    label = np.zeros(surface.shape, dtype=np.int32)
+    few_bytes = np.int16 if np.count_nonzero(keep) < 2**15 else np.int32
+    number = np.cumsum(keep, dtype=few_bytes) * keep
+    label = np.zeros(surface.shape, dtype=few_bytes)
     label.reshape(-1)[point] = number[group][hill]
     region = tree.join(np.full(m, True))
     region_points = basins.points_of(region)
@@ -367,7 +373,7 @@ def _means(
     for first in range(0, ny, n_rows):
         last = min(first + n_rows, ny)
         bounds = (np.array((first, last)) + MARGIN) * width
-        of_point, of_lost = (slice(*np.searchsorted(at, bounds)) for at in (point, lost))
+        of_point, of_lost = (slice(*_places_in(at, bounds)) for at in (point, lost))
         if of_point.start == of_point.stop and of_lost.start == of_lost.stop:
             continue
         above_m = buffer_m[: last - first + 2 * halo]
@@ -376,19 +382,24 @@ def _means(
         inner_m = above_m[top - first + halo : bottom - first + halo, MARGIN:-MARGIN]
         np.subtract(height_m[top:bottom], cut_m, out=inner_m)
         origin = (first - halo + MARGIN) * width
-        around = slice(*np.searchsorted(point, bounds + (halo - 1) * width * np.array((-1, 1))))
-        _lower_spikes(above_m, point[around] - origin)
+        around = slice(*_places_in(point, bounds + (halo - 1) * width * np.array((-1, 1))))
+        _lower_spikes(above_m, point[around].astype(np.intp) - origin)
         raw_m[of_point] = above_m.reshape(-1)[point[of_point] - origin]
         unknown, inner_m = np.isnan(above_m[1:-1]), above_m[1:-1].copy()
         np.putmask(inner_m, unknown, 0.0)
         total_m, count = _column_sums(inner_m, side), _square_sums(~unknown, side)
         for mean_m, at, part in zip(means_m, (point, lost), (of_point, of_lost), strict=True):
-            first = at[part] - (bounds[0] + side // 2)
+            first = at[part].astype(np.intp) - (bounds[0] + side // 2)
             sum_m = total_m.take(first)
             for step in range(1, side):
                 sum_m += total_m.take(first + step)
             mean_m[part] = sum_m / known_points.take(count.take(first))
     return raw_m, *means_m
+
+
+def _places_in(rising: np.ndarray, bounds: np.ndarray) -> np.ndarray:
+    """Return where bounds would stand among rising numbers, which are not copied for it."""
+    return np.searchsorted(rising, bounds.astype(rising.dtype))
 
 
 def _column_sums(values: np.ndarray, side: int) -> np.ndarray:

@@ -61,7 +61,7 @@ def noise_on_hills(surface: HeightMap, points: HillPoints) -> Noise:
     every = math.ceil(math.sqrt(max(1.0, points.hill.size / SAMPLES)))
     rows, cols = (on_lattice(np.arange(n), n, every) for n in surface.shape)
     some = np.flatnonzero(rows[points.row] & cols[points.col])
-    return noise_at(surface, points.row[some], points.col[some])
+    return noise_at(surface, *(at[some].astype(np.intp) for at in (points.row, points.col)))
 
 
 def noise_at_rest(surface: HeightMap, rest_slope: tuple[float, float]) -> Noise:

@@ -13,11 +13,9 @@ def rms_from_sphere_m(given: FitInput, spheres: Spheres) -> np.ndarray:
     for hills, some in points.groups():
         high = points.z_m[some] >= np.repeat(level_m[hills], points.count[hills])
         chosen = some.start + np.flatnonzero(points.measured[some] & high)
-        hill = points.hill[chosen]
-        along_x_m, along_y_m = (
-            points.x_m[chosen] - spheres.x_m[hill],
-            points.y_m[chosen] - spheres.y_m[hill],
-        )
+        hill = points.hill[chosen].astype(np.intp)
+        x_m, y_m = points.places_m(chosen)
+        along_x_m, along_y_m = x_m - spheres.x_m[hill], y_m - spheres.y_m[hill]
         square_m2 = along_x_m**2 + along_y_m**2
         under_m = np.sqrt(np.maximum(radius_m[hill] ** 2 - square_m2, 0.0))
         sphere_m = apex_m[hill] - square_m2 / (radius_m[hill] + under_m)
@@ -42,10 +40,12 @@ def quartic_profile(given: FitInput, spheres: Spheres) -> tuple[np.ndarray, np.n
         scale = np.sqrt(0.5 * curvature_per_m / given.body.depth_m)
     quartic_m, residual_m = np.empty((2, points.n_hills))
     for hills, some in points.groups():
-        hill = points.hill[some] - hills.start
+        hill = points.hill[some].astype(np.intp) - hills.start
         along, across = (
-            place_m[some] - apex_m[hills][hill]
-            for place_m, apex_m in ((points.x_m, spheres.x_m), (points.y_m, spheres.y_m))
+            place_m - apex_m[hills][hill]
+            for place_m, apex_m in zip(
+                points.places_m(some), (spheres.x_m, spheres.y_m), strict=True
+            )
         )
         cos, sin = axis[:, hills]
         along, across = (

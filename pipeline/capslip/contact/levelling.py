@@ -419,9 +419,8 @@ def _turned_points(points: HillPoints, slope: np.ndarray, at_m: tuple[float, flo
     """Return the points with a plane of slopes (x, y) added that vanishes at a place (x, y)."""
     z_m = points.z_m.copy()
     for _, some in points.groups():  # some at a time: what is computed stays small
-        z_m[some] += slope[0] * (points.x_m[some] - at_m[0]) + slope[1] * (
-            points.y_m[some] - at_m[1]
-        )
+        x_m, y_m = points.places_m(some)
+        z_m[some] += slope[0] * (x_m - at_m[0]) + slope[1] * (y_m - at_m[1])
     return replace(points, z_m=z_m)
 
 

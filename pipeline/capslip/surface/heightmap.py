@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from capslip.errors import SettingsError, UnusableSurfaceError
-from capslip.surface.rows import row_blocks
+from capslip.surface.rows import BLOCK_POINTS, row_blocks
 
 SMALL = 2**21  # points of a map whose heights are computed once and kept
 
@@ -207,8 +207,14 @@ class HeightMap:
         """Return the heights of points that are counted row by row."""
         if "height_m" in self.__dict__ or self.size <= SMALL:
             return self.height_m.reshape(-1)[index]
-        row = index // self.shape[1]
-        return self._computed_m(row, index - self.shape[1] * row)
+        index = np.asarray(index)
+        height_m, every = np.empty(index.shape), index.reshape(-1)
+        for first in range(0, every.size, BLOCK_POINTS):
+            some = every[first : first + BLOCK_POINTS].astype(np.intp)
+            row = some // self.shape[1]
+            at = row, some - self.shape[1] * row
+            height_m.reshape(-1)[first : first + some.size] = self._computed_m(*at)
+        return height_m
 
     def _computed_m(self, row: Any, col: Any) -> np.ndarray:
         # In one order, whatever is asked for: a point has one height
