@@ -72,6 +72,14 @@ TABLE = [
             "tests/surface/test_*outliers*.py",
         ),
     ),
+    *(
+        ((f"surface/{name}.py",), (f"tests/surface/test_*_{name}.py",))
+        for name in ("filling", "interpolated", "rounding", "seams", "tops", "waves")
+    ),
+    (
+        ("contact/effects.py", "contact/map_accuracy.py"),
+        ("tests/contact/test_*effects*.py", "tests/contact/test_*detail*.py"),
+    ),
     (("caps/doubts.py",), ("tests/caps/test_*doubts*.py",)),
     (("structure/doubts.py",), ("tests/structure/test_*doubts*.py",)),
     (

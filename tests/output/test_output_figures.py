@@ -290,12 +290,6 @@ def test_matplotlib_is_imported_only_to_draw(tmp_path):
     assert (tmp_path / "out" / "report.html").is_file()
 
 
-def test_curves_of_figures_need_no_scipy_interpolation(several, monkeypatch):
-    monkeypatch.setitem(sys.modules, "scipy.interpolate", None)  # takes as long as two figures
-    for name in ("normal_curve", "loss_factor"):
-        assert FIGURES[name].draw(several) is not None
-
-
 def test_a_face_that_yielded_is_drawn_as_it_unloads():
     caps = [(8e-3, 10e-3, 10.0, 0.0), (22e-3, 10e-3, 10.0, -1e-7)]
     tables = output_cases.SETTINGS.to_dict()

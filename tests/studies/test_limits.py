@@ -147,6 +147,16 @@ def test_a_wrong_answer_without_a_word_is_called_silent():
     assert run["outcome"] == "silent"
     assert result["totals"]["default"]["silent_share"] == 1.0
     assert result["silent"][0]["name"] == case.name
+    assert result["estimates"]["default"]["cases"] == 0  # no model can know the unit
+
+    result = measure([replace(axis, cases=(case,), misread=False)], ("default",))
+    run, held = result["runs"][0], result["estimates"]["default"]
+    worst = max(abs(error) for name, error in run["errors"].items() if name != "approach")
+    assert held == {
+        "cases": 1,
+        "too_low_share": 1.0,
+        "median_ratio": pytest.approx(run["estimate"] / worst),
+    }
 
 
 def test_rows_of_two_processes_are_those_of_one():
@@ -185,6 +195,9 @@ def test_the_files(tmp_path, monkeypatch):
     n_cases = sum(len(axis.cases) for axis in few)
     assert results["fresh"]["totals"]["default"]["cases"] == n_cases
     assert "fresh faces" in page
+    held = results["fresh"]["estimates"]["default"]
+    row = f"| fresh faces | {held['cases']} | {held['too_low_share']:.1%} |"
+    assert row in page
 
 
 def test_committed_numbers():

@@ -280,6 +280,7 @@ def test_wyko_text_is_as_another_reader_has_it(tmp_path):
         ("Wavelength\t7\t4\t632.8\n", "", "damaged header"),
         ("Format 0\t0\t1", "Format 0\t2\t1", "damaged header"),
         ("Mult\t7\t4\t2", "Mult\t7\t4\t0", "Mult is 0"),
+        ("632.8", "1e999", "Wavelength is inf"),
         ("\t12\n", "\n", "11 heights"),
     ],
 )

@@ -294,8 +294,7 @@ class _Trials:
     def _with_other_tops(self) -> Iterator[CapTable]:
         """Return caps whose tops were cut off, moved by their standard errors.
 
-        The greatest of 16 changes is about that at 95 %. A top that is higher is sharper, too: the
-        flanks hold its rim.
+        A top that is higher is sharper, too: the flanks hold its rim.
         """
         tops, caps = self.face.surface.tops, self.caps
         if tops is None or tops.x_m.size == 0:
@@ -303,12 +302,7 @@ class _Trials:
         height_se_m, log_radius_se, _ = tops.errors_at(caps.x_m, caps.y_m)
         if not height_se_m[caps.usable].any():
             raise ContactError("no cap stands where tops were cut off")
-        rng = np.random.default_rng(0)
-        for sign in rng.choice((-1.0, 1.0), (DRAWS_OF_HEIGHTS, len(caps))):
-            yield caps.with_columns(
-                peak_height_m=caps.peak_height_m + sign * height_se_m,
-                radius_m=caps.radius_m * np.exp(-sign * log_radius_se),
-            )
+        yield from _moved(caps, height_se_m, log_radius_se)
 
     def _with_rounding(self) -> Iterator[CapTable]:
         """Return caps whose heights are moved by the error of rounding, each for itself.
@@ -317,13 +311,7 @@ class _Trials:
         """
         rounding, caps = self.face.surface.rounding, self.caps
         error_m = 0.0 if rounding is None else rounding.error_m
-        sharper = np.nan_to_num(error_m / caps.fit_depth_m)
-        rng = np.random.default_rng(0)
-        for sign in rng.choice((-1.0, 1.0), (DRAWS_OF_HEIGHTS, len(caps))):
-            yield caps.with_columns(
-                peak_height_m=caps.peak_height_m + sign * error_m,
-                radius_m=caps.radius_m * np.exp(-sign * sharper),
-            )
+        yield from _moved(caps, error_m, np.nan_to_num(error_m / caps.fit_depth_m))
 
     def _with_hills(self) -> Iterator[CapTable]:
         """Return caps with those that the hole would hold if it were like the rest of the face."""
@@ -371,6 +359,21 @@ class _Trials:
         pressed_m = np.minimum(up_m[touch], 0.5 * math.pi * punch_m * hardest_Pa / E_star_Pa)
         top_m = height_m[touch] - up_m[touch] + pressed_m
         yield _joined(self.caps, x_m[touch], y_m[touch], top_m, 2.25 * punch_m**2 / pressed_m)
+
+
+def _moved(
+    caps: CapTable, height_m: float | np.ndarray, log_radius: np.ndarray
+) -> Iterator[CapTable]:
+    """Return caps moved up or down, each for itself; those that are higher are sharper.
+
+    The greatest of 16 changes is about that at 95 %.
+    """
+    rng = np.random.default_rng(0)
+    for sign in rng.choice((-1.0, 1.0), (DRAWS_OF_HEIGHTS, len(caps))):
+        yield caps.with_columns(
+            peak_height_m=caps.peak_height_m + sign * height_m,
+            radius_m=caps.radius_m * np.exp(-sign * log_radius),
+        )
 
 
 def _on_rims(

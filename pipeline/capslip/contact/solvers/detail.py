@@ -10,6 +10,7 @@ from capslip.contact.solvers.elastic_face import ElasticFace
 from capslip.contact.solvers.path import Path
 from capslip.contact.solvers.polonsky_keer import Pressed, first_loading, press
 from capslip.contact.solvers.unloading import PATCH_ERROR, Unloading
+from capslip.contact.solvers.whiteness import white_m2
 from capslip.problems import Effect
 
 FORCE_SHARES = (0.1, 0.25, 0.5, 0.75)  # T / (mu N) at which the energies are compared
@@ -36,7 +37,9 @@ class Detail:
     """What the filter of `effect_of_detail` takes off a map: what it does, and what it is."""
 
     effect: Effect
-    white_share: float = 0.0  # of its rms, that noise from pixel to pixel could be, see `_white_m`
+    white_share: float = (
+        0.0  # of its rms, that noise from pixel to pixel could be, see `_white_share`
+    )
 
 
 def effect_of_detail(
@@ -144,21 +147,20 @@ def _hardly_moves(first: FirstLoading, smooth: ElasticFace) -> bool:
 def _white_share(first: FirstLoading, smoothed: ElasticFace) -> float:
     """Return how much of what a filter took, where the face could touch, may be white noise.
 
-    Noise of standard deviation s has differences of order k of s sqrt((2 k)! / (k!)^2), along rows
-    and columns; 1 where too few of them lie between measured points to say so.
+    The greater of rows and columns; 1 where too few differences lie between measured points.
     """
     face = first.face
     near = (np.minimum(face.depth_m, smoothed.depth_m) < first.approach_m) & face.measured
     taken_m = np.std((smoothed.depth_m - face.depth_m)[near])
     depth_m = np.where(face.measured, face.depth_m, np.nan)
-    most, half = 0.0, _ORDER // 2
-    for heights_m, there in ((depth_m, near), (depth_m.T, near.T)):
-        difference_m = np.diff(heights_m, _ORDER, axis=0)[there[half:-half]]
-        difference_m = difference_m[np.isfinite(difference_m)]
-        if difference_m.size < _ENOUGH:
+    most_m2 = 0.0
+    for axis in (0, 1):
+        noise_m2 = white_m2(depth_m, _ORDER, axis)[near]
+        noise_m2 = noise_m2[np.isfinite(noise_m2)]
+        if noise_m2.size < _ENOUGH:
             return 1.0
-        most = max(most, float(np.mean(np.square(difference_m))))
-    white_m = math.sqrt(most / math.comb(2 * _ORDER, _ORDER))
+        most_m2 = max(most_m2, float(noise_m2.mean()))
+    white_m = math.sqrt(most_m2)
     return min(white_m / max(taken_m, white_m), 1.0) if white_m > 0.0 else 0.0
 
 

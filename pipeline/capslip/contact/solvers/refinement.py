@@ -1,11 +1,10 @@
 """How fine a spline of a map must be to follow the slip of its contacts."""
 
-import math
-
 import numpy as np
 
 from capslip.contact.solvers.elastic_face import ElasticFace
 from capslip.contact.solvers.polonsky_keer import Pressed
+from capslip.contact.solvers.whiteness import white_m2
 
 # Pixels across a contact, see `Pressed.pixels_across`: the map is refined where they are fewer than
 # the first, to the second; then the energy at a tenth of mu N is off by 1 %, and not by 2 to 9.
@@ -26,30 +25,12 @@ def refinement(face: ElasticFace, pressed: Pressed) -> int:
     across = pressed.pixels_across
     if across >= _WIDE_ENOUGH:
         return 1
-    half = _ORDER // 2
-    middle = (slice(half, -half),) * 2  # beyond it the neighbours are those of the other side
-    inside = np.zeros(face.shape, dtype=bool)
-    inside[middle] = (pressed.pressure_Pa > 0)[middle]
-    white_m2 = _white_m2(face.depth_m)
-    rough_m = np.sqrt(white_m2[inside].mean()) if inside.any() else np.inf
-    if rough_m > _SMOOTH * pressed.approach_m or _rings(white_m2, pressed):
+    noise_m2 = 0.5 * (white_m2(face.depth_m, _ORDER, 0) + white_m2(face.depth_m, _ORDER, 1))
+    inside = (pressed.pressure_Pa > 0) & np.isfinite(noise_m2)
+    rough_m = np.sqrt(noise_m2[inside].mean()) if inside.any() else np.inf
+    if rough_m > _SMOOTH * pressed.approach_m or _rings(noise_m2, pressed):
         return 1
     return min(_MOST_REFINED, int(np.ceil(_WIDE / across)))
-
-
-def _white_m2(depth_m: np.ndarray) -> np.ndarray:
-    """Return the variance that white noise would need to change so much from pixel to pixel.
-
-    The mean of rows and columns, whose differences of order k it gives (2 k)! / (k!)^2 times that.
-    """
-    white_m2 = np.zeros(depth_m.shape)
-    for axis in (0, 1):
-        difference_m = depth_m
-        for _ in range(_ORDER // 2):
-            up_m, down_m = np.roll(difference_m, 1, axis), np.roll(difference_m, -1, axis)
-            difference_m = up_m + down_m - 2.0 * difference_m
-        white_m2 += np.square(difference_m)
-    return white_m2 / (2.0 * math.comb(2 * _ORDER, _ORDER))
 
 
 def _rings(square_m2: np.ndarray, pressed: Pressed) -> bool:
@@ -62,9 +43,6 @@ def _rings(square_m2: np.ndarray, pressed: Pressed) -> bool:
 
     contact, most_m = pressed.pressure_Pa > 0, _SMOOTH * pressed.approach_m
     rough = (np.sqrt(square_m2) > most_m) & ~contact
-    half = _ORDER // 2
-    for edge in (np.s_[:half], np.s_[-half:]):  # where the neighbours are those of the other side
-        rough[edge] = rough[:, edge] = False
     if not rough.any():
         return False
     pixels = distance_transform_edt(~contact)[rough]

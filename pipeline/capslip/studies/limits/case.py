@@ -35,7 +35,8 @@ class Axis:
     """One way to go wrong; its cases run from harmless to hopeless.
 
     Each of `values` is a severity, unless the cases that `tries` makes there have one of their own.
-    `codes` are the warnings that name the cause.
+    `codes` are the warnings that name the cause. `misread` says that the scan shows another face,
+    as good as the true one, so that no estimate of a model's error can know of it.
     """
 
     name: str
@@ -44,6 +45,7 @@ class Axis:
     tries: Tries
     codes: tuple[str, ...]
     logarithmic: bool = True
+    misread: bool = False
     cases: tuple[Case, ...] = ()
 
     def on_faces_of(self, seed: int) -> "Axis":

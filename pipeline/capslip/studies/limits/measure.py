@@ -38,6 +38,7 @@ COUNT_CODES = (
     "caps_not_pressed",
 )
 FIRST_CODE = "first_touch_decides"  # where the approach alone is wrong
+LEAST_ERROR = 1e-3  # what is smaller counts as much: nobody asks how far off an estimate of it is
 SILENT_KEYS = ("method", "axis", "name", "error", "worst", "m", "n", "true_m", "true_n")
 
 
@@ -78,7 +79,7 @@ def measure(
     -------
     dict
         `runs`, one for each case and method; `axes` with the breakdown point of each method;
-        `totals`; and the names of the `silent` ones.
+        `totals`; how the `estimates` of the model's error held; and the names of the `silent` ones.
     """
     begin = clocks()
     methods, what = tuple(methods), tuple(what)
@@ -95,6 +96,7 @@ def measure(
         "breakdown_error": BREAKDOWN,
         "seconds": float((clocks() - begin)[0]),
         "totals": {method: _totals(runs, method) for method in methods},
+        "estimates": {method: _estimates(runs, method, what) for method in methods},
         "axes": found_axes,
         "silent": [
             {key: row[key] for key in SILENT_KEYS} for row in runs if row["outcome"] == "silent"
@@ -312,6 +314,28 @@ def _totals(runs: list[Row], method: str) -> Row:
         "seconds_a_case": float(
             np.median([row["seconds"] for row in mine if row["seconds"]] or [0])
         ),
+    }
+
+
+def _estimates(runs: list[Row], method: str, what: Iterable[Axis]) -> Row:
+    """Return how often a model's estimate is less than its error in stiffness or energy.
+
+    And the median of their ratio.
+    """
+    known = {axis.name for axis in what if not axis.misread}
+    ratios = []
+    for row in runs:
+        mine = row["method"] == method and row["axis"] in known
+        if mine and row["estimate"] is not None and row["errors"]:
+            errors = [error for name, error in row["errors"].items() if name != "approach"]
+            if None not in errors:
+                ratios.append(row["estimate"] / max(LEAST_ERROR, *map(abs, errors)))
+    if not ratios:
+        return {"cases": 0, "too_low_share": None, "median_ratio": None}
+    return {
+        "cases": len(ratios),
+        "too_low_share": float(np.mean(np.array(ratios) < 1.0)),
+        "median_ratio": float(np.median(ratios)),
     }
 
 

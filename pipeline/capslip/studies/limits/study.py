@@ -49,7 +49,8 @@ def limits(
     fresh = measure(
         axes(FRESH_SEED), ("default",), lambda line: progress(f"fresh faces, {line}"), workers
     )
-    results["fresh"] = {"seed": FRESH_SEED, "totals": fresh["totals"], "silent": fresh["silent"]}
+    kept = ("totals", "estimates", "silent")
+    results["fresh"] = {"seed": FRESH_SEED, **{key: fresh[key] for key in kept}}
     results["seconds"] += fresh["seconds"]
     text = json.dumps(results, indent=1, ensure_ascii=False, allow_nan=False) + "\n"
     picture = png(limits_figure(results))

@@ -22,6 +22,7 @@ from capslip.surface.readers.stored import (
     check_growth,
     check_real,
     check_shape,
+    zip_holds,
 )
 
 MAGIC = b"\x93NUMPY"
@@ -33,13 +34,7 @@ def _recognises(head: bytes, path: Path) -> bool:
         return True
     if not head.startswith(ZIP_MAGIC):
         return False
-    if path.suffix.lower() == ".npz":
-        return True
-    try:
-        with zipfile.ZipFile(path) as archive:
-            return any(name.endswith(".npy") for name in archive.namelist())
-    except (zipfile.BadZipFile, NotImplementedError, ValueError, OSError):
-        return False
+    return path.suffix.lower() == ".npz" or zip_holds(path, lambda name: name.endswith(".npy"))
 
 
 def _read(path: Path, request: Request) -> Stored:

@@ -6,7 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
-from zipfile import BadZipFile
+from zipfile import BadZipFile, ZipFile
 
 import numpy as np
 
@@ -133,6 +133,15 @@ class Format:
     recognises: Callable[[bytes, Path], bool]
     read: Callable[[Path, Request], Stored]
     named: bool = False
+
+
+def zip_holds(path: Path, is_wanted: Callable[[str], bool]) -> bool:
+    """Tell whether a ZIP archive that is whole enough to say so holds an entry of such a name."""
+    try:
+        with ZipFile(path) as archive:
+            return any(map(is_wanted, archive.namelist()))
+    except DAMAGED_ZIP:
+        return False
 
 
 def read_head(path: Path, size: int) -> bytes:

@@ -7,6 +7,7 @@ is what Gwyddion 2 makes of it. SurfaceTopography 1.27 has the same numbers and 
 knows of heights in nm; it takes the lines for y, against the header, which counts them as X.
 """
 
+import math
 from pathlib import Path
 
 import numpy as np
@@ -42,9 +43,10 @@ def _read(path: Path, request: Request) -> Stored:
     try:
         nx, ny = int(given["X Size"]), int(given["Y Size"])
         in_nm = IN_NM[decoded(title).split("\t")[1].strip()]
-        unit_m = 1e-9 * (1.0 if in_nm else float(given["Wavelength"]) / _positive(given, "Mult"))
+        mult, aspect = (_positive(given.get(name, "1"), name) for name in ("Mult", "Aspect"))
+        unit_m = 1e-9 * (1.0 if in_nm else _positive(given["Wavelength"], "Wavelength") / mult)
         dx_m = 1e-3 * float(given["Pixel_size"])
-        dy_m = dx_m * _positive(given, "Aspect")
+        dy_m = dx_m * aspect
     except (IndexError, KeyError, ValueError) as error:
         raise UnreadableFileError(
             f"{path}: damaged header ({type(error).__name__}: {error}); expected X Size, Y Size, "
@@ -69,10 +71,9 @@ def _block(rest: bytes, nx: int, path: Path) -> tuple[np.ndarray, bool]:
     return parse_numbers(content, str(path)), any(line.strip() for line in lines[nx:])
 
 
-def _positive(given: dict[str, str], name: str) -> float:
-    """Return a factor of the header, 1 where it is absent."""
-    value = float(given.get(name, 1.0))
-    if not value > 0.0:
+def _positive(word: str, name: str) -> float:
+    value = float(word)
+    if not 0.0 < value < math.inf:
         raise ValueError(f"{name} is {value:g}")
     return value
 

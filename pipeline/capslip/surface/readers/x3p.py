@@ -21,6 +21,7 @@ from capslip.surface.readers.stored import (
     Stored,
     check_growth,
     check_shape,
+    zip_holds,
 )
 
 MAGIC = b"PK\x03\x04"
@@ -39,13 +40,9 @@ JUNK = ("__macosx", ".ds_store", "thumbs.db", "desktop.ini")
 def _recognises(head: bytes, path: Path) -> bool:
     if not head.startswith(MAGIC):
         return False
-    if path.suffix.lower() == ".x3p":
-        return True
-    try:
-        with zipfile.ZipFile(path) as archive:
-            return any(PurePosixPath(name).name == MAIN for name in archive.namelist())
-    except (zipfile.BadZipFile, NotImplementedError, ValueError, OSError):
-        return False
+    return path.suffix.lower() == ".x3p" or zip_holds(
+        path, lambda name: PurePosixPath(name).name == MAIN
+    )
 
 
 def _read(path: Path, request: Request) -> Stored:

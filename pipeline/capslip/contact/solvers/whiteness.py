@@ -1,0 +1,32 @@
+"""How much white noise would change a map as it changes from pixel to pixel."""
+
+import math
+
+import numpy as np
+
+
+def white_m2(heights_m: np.ndarray, order: int, axis: int) -> np.ndarray:
+    """Return the variance of the noise that differences of an even order would come from.
+
+    White noise of variance v has differences of order k of variance v (2 k)! / (k!)^2; a shape
+    that is smooth from pixel to pixel has next to none of a high order.
+
+    Parameters
+    ----------
+    heights_m : float64, shape (ny, nx)
+        Heights or depths, m.
+    order : int
+        Even.
+    axis : int
+        Along which the differences are taken.
+
+    Returns
+    -------
+    float64, shape (ny, nx)
+        m^2 at the middle of each difference; NaN where it leaves the map or meets a NaN.
+    """
+    half = order // 2
+    differences_m = np.diff(heights_m, order, axis)
+    around = [(half, half) if one == axis else (0, 0) for one in (0, 1)]
+    variance_m2 = np.square(differences_m) / math.comb(2 * order, order)
+    return np.pad(variance_m2, around, constant_values=np.nan)
