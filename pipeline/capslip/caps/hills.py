@@ -15,7 +15,7 @@ import numpy as np
 from capslip.caps.pruning import MIN_POINTS, Basins, automatic_pruning_m, change_of_count
 from capslip.caps.separation import ChangeTree, change_tree, region_tree
 from capslip.errors import SettingsError, UnusableSurfaceError
-from capslip.surface.heightmap import HeightMap, Heights
+from capslip.surface.heightmap import SMALL, HeightMap, Heights
 from capslip.surface.noise import noise_of_map_m
 from capslip.surface.rows import BLOCK_POINTS, row_blocks
 
@@ -233,7 +233,7 @@ def highest_points(
 def _at_or_above(height_m: Heights, level_m: float) -> tuple[np.ndarray, np.ndarray]:
     """Return the points at or above a level, rising, and their heights."""
     points, heights_m = [], []
-    few_bytes = np.int32 if height_m.size < MOST_OF_FEW_BYTES else np.intp
+    few_bytes = np.int32 if SMALL < height_m.size < MOST_OF_FEW_BYTES else np.intp
     for rows in row_blocks(height_m.shape):
         some_m = height_m[rows].reshape(-1)
         point = np.flatnonzero(some_m >= level_m)

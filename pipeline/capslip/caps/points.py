@@ -39,8 +39,10 @@ class HillPoints:
 
     def places_m(self, some: Any) -> tuple[np.ndarray, np.ndarray]:
         """Return the places x, y of some points."""
-        dy_m, dx_m = self.pixel_size_m
-        return (self.col[some] + 0.5) * dx_m, (self.row[some] + 0.5) * dy_m
+        x_m, y_m = self.col[some] + 0.5, self.row[some] + 0.5
+        x_m *= self.pixel_size_m[1]
+        y_m *= self.pixel_size_m[0]
+        return x_m, y_m
 
     @property
     def n_hills(self) -> int:

@@ -186,7 +186,7 @@ class HeightMap:
                 raise AttributeError(name)
             height_m = np.empty(self.shape)
             for rows in row_blocks(self.shape):
-                height_m[rows] = self._computed_m(rows, slice(None))
+                self._computed_m(rows, slice(None), height_m[rows])
             height_m.flags.writeable = False
             if self.size <= SMALL:  # from here on instead of what was stored
                 self.__dict__.update(height_m=height_m, _stored_m=height_m, _added=None)
@@ -216,9 +216,10 @@ class HeightMap:
             height_m.reshape(-1)[first : first + some.size] = self._computed_m(*at)
         return height_m
 
-    def _computed_m(self, row: Any, col: Any) -> np.ndarray:
+    def _computed_m(self, row: Any, col: Any, out: np.ndarray | None = None) -> np.ndarray:
         # In one order, whatever is asked for: a point has one height
-        height_m = self._stored_m[row, col].astype(np.float64)
+        level_m = 0.0 if self._added is None else self._added.level_m
+        height_m = np.subtract(self._stored_m[row, col], level_m, out=out, dtype=np.float64)
         if self._added is None:
             return height_m
         down = isinstance(col, slice) or (isinstance(row, slice) and np.ndim(col) > 0)
@@ -227,7 +228,6 @@ class HeightMap:
             some = values[row]
             return some[:, None] if down and some.ndim == 1 else some
 
-        height_m -= self._added.level_m
         height_m += self._added.x_m[col]
         height_m += of_rows(self._added.y_m)
         for of_y, of_x in self._added.products:
