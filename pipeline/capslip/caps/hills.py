@@ -15,14 +15,13 @@ import numpy as np
 from capslip.caps.pruning import MIN_POINTS, Basins, automatic_pruning_m, change_of_count
 from capslip.caps.separation import ChangeTree, change_tree, region_tree
 from capslip.errors import SettingsError, UnusableSurfaceError
-from capslip.surface.heightmap import SMALL, HeightMap, Heights
+from capslip.surface.heightmap import MOST_OF_FEW_BYTES, SMALL, HeightMap, Heights
 from capslip.surface.noise import noise_of_map_m
 from capslip.surface.rows import BLOCK_POINTS, row_blocks
 
 NOISE_FACTOR = 5.0  # noise alone lifts a point this many standard deviations once in 3.5 million
 SQUARES = (3, 5, 7, 9)  # points; wider ones fill the saddles of hills of usual size
 MARGIN = SQUARES[-1] // 2  # of the frame of non-measured points
-MOST_OF_FEW_BYTES = 2**30  # points of a map, with a frame around it too
 SAMPLES = 5000  # of the map, that tell about where the cut is
 TOLD_APART = 0.01  # of the relief that is given: saddles from which on hills are told apart
 QUIET = 0.02  # of the relief: what averaging should leave of NOISE_FACTOR times the noise

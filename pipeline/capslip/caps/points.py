@@ -89,7 +89,7 @@ def points_of_hills(surface: HeightMap, hills: Hills) -> HillPoints:
         Labelled hills of the same map.
     """
     ny, nx = surface.shape
-    label, few_bytes = hills.label.reshape(-1), np.int32 if surface.size < 2**31 else np.intp
+    label, few_bytes = hills.label.reshape(-1), surface.lost.dtype
     found = [
         (np.flatnonzero(hills.label[rows]) + rows.start * nx).astype(few_bytes)
         for rows in row_blocks(surface.shape)

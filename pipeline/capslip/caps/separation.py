@@ -183,7 +183,8 @@ class _Lattice:
         counts.
         """
         n_hills, width = np.int64(hill.max(initial=0)) + 1, self.shape[1]
-        found = [(np.empty(0, dtype=np.int64), np.empty(0, dtype=np.int32))]
+        each = [(np.empty(0, dtype=np.int64), np.empty(0, dtype=np.int32))]
+        found = each[:]
         for some, around, origin, size in self._blocks():
             at, place = (self.point[part].astype(np.intp) - origin for part in (some, around))
             hills = np.full(size, -1, dtype=np.int32)
@@ -201,8 +202,9 @@ class _Lattice:
                 below = self.height_m[beside] < self.height_m[mine]
                 found.append((pair, np.where(below, beside, mine)))
             if sum(pair.size for pair, _ in found) > BLOCK_POINTS:
-                found = [self._highest(found)]
-        pair, spot = self._highest(found)
+                each.append(self._highest(found))
+                found = each[:1]
+        pair, spot = self._highest(each + found)
         pass_m = self.height_m[spot]
         order = np.lexsort((spot, -pass_m))  # of equally high ones the first counts as higher
         return pair[order] // n_hills, pair[order] % n_hills, pass_m[order]

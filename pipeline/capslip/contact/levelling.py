@@ -281,7 +281,9 @@ class _Search:
         before: tuple[np.ndarray, FirstLoading] | None = None
         before_N = np.zeros(hills.n_hills)
         tried, history, part, least, restless = last, list[float](), 1.0, math.inf, math.inf
+        ahead = np.zeros(2)
         for _ in range(MAX_TURNS):
+            _turn(points, ahead, self.at_m)
             fitted = fit_spheres(surface, hills, fit, depth_m, points, self.noise)
             try:
                 use, pressed, depths_m = self._press(fitted, slope, before)
@@ -325,8 +327,8 @@ class _Search:
                 new_m[use] = np.where(load_N > 0.0, share * pressed.width_m, np.nan)
                 old_m = new_m if depth_m is None else np.where(np.isnan(depth_m), new_m, depth_m)
                 depth_m = old_m + part * (new_m - old_m)
-            points = _turned_points(points, part * turn, self.at_m)
-            slope = slope - part * turn
+            ahead = part * turn
+            slope = slope - ahead
         if last or (moved < NEARLY_LOAD and span_m < NEARLY_M):
             nearly = moved < NEARLY_LOAD and span_m < NEARLY_M
             return replace(found, moved=0.0 if nearly else moved), fitted
@@ -415,13 +417,11 @@ class _Search:
         )
 
 
-def _turned_points(points: HillPoints, slope: np.ndarray, at_m: tuple[float, float]) -> HillPoints:
-    """Return the points with a plane of slopes (x, y) added that vanishes at a place (x, y)."""
-    z_m = points.z_m.copy()
+def _turn(points: HillPoints, slope: np.ndarray, at_m: tuple[float, float]) -> None:
+    """Add a plane of slopes (x, y) that vanishes at a place (x, y), in place: they fill memory."""
     for _, some in points.groups():  # some at a time: what is computed stays small
         x_m, y_m = points.places_m(some)
-        z_m[some] += slope[0] * (x_m - at_m[0]) + slope[1] * (y_m - at_m[1])
-    return replace(points, z_m=z_m)
+        points.z_m[some] += slope[0] * (x_m - at_m[0]) + slope[1] * (y_m - at_m[1])
 
 
 def _relief_m(approach_m: float) -> float:

@@ -11,6 +11,7 @@ import numpy as np
 from capslip.errors import SettingsError, UnusableSurfaceError
 from capslip.surface.rows import BLOCK_POINTS, row_blocks
 
+MOST_OF_FEW_BYTES = 2**30  # points of a map, with a frame around it too
 SMALL = 2**21  # points of a map whose heights are computed once and kept
 
 
@@ -140,7 +141,7 @@ class HeightMap:
     filling: Filling | None = None
     rounding: Rounding | None = None
     _stored_m: np.ndarray = field(init=False, repr=False)  # float32 or float64
-    _measured: np.ndarray | None = field(init=False, repr=False)  # None: all points are
+    lost: np.ndarray = field(init=False, repr=False)  # points not measured, counted row by row
     _added: "_Added | None" = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
@@ -163,17 +164,15 @@ class HeightMap:
                 f"{name}: pixel size ({dy_m:g}, {dx_m:g}) m; expected two positive numbers (dy, dx)"
             )
         stored_m.flags.writeable = False
-        self._hold(stored_m, _mask_of(stored_m, name), None)
+        self._hold(stored_m, _lost_of(stored_m, name), None)
         self.__dict__["pixel_size_m"] = (dy_m, dx_m)
 
-    def _hold(
-        self, stored_m: np.ndarray, measured: np.ndarray | None, added: "_Added | None"
-    ) -> None:
-        """Keep heights as they are stored, the mask where points lack, and what is added to them.
+    def _hold(self, stored_m: np.ndarray, lost: np.ndarray, added: "_Added | None") -> None:
+        """Keep heights as they are stored, which points lack, and what is added to them.
 
         Heights of a small map are computed once, those of a large one where they are asked for.
         """
-        self.__dict__.update(_stored_m=stored_m, _measured=measured, _added=added)
+        self.__dict__.update(_stored_m=stored_m, lost=lost, _added=added)
         for name in ("height_m", "bounds_m"):
             self.__dict__.pop(name, None)
         if added is None and stored_m.dtype == np.float64:
@@ -263,16 +262,16 @@ class HeightMap:
             y_m = before.y_m + (y_m - level_m)
             added = _Added(before.level_m, before.x_m + x_m, y_m, (*before.products, *products))
         found = copy(self)
-        found._hold(self._stored_m, self._measured, added)
+        found._hold(self._stored_m, self.lost, added)
         return found
 
     def without(self, index: np.ndarray) -> "HeightMap":
         """Return the map with points, counted row by row, that were not measured."""
-        stored_m, measured = self._stored_m.copy(), self.measured.copy()
-        stored_m.reshape(-1)[index], measured.reshape(-1)[index] = np.nan, False
-        stored_m.flags.writeable = measured.flags.writeable = False
+        stored_m = self._stored_m.copy()
+        stored_m.reshape(-1)[index] = np.nan
+        stored_m.flags.writeable = False
         found = copy(self)
-        found._hold(stored_m, measured, self._added)
+        found._hold(stored_m, np.union1d(self.lost, index).astype(self.lost.dtype), self._added)
         return found
 
     @property
@@ -288,19 +287,16 @@ class HeightMap:
     @property
     def measured(self) -> np.ndarray:
         """Mask of the measured points, bool, shape (ny, nx)."""
-        return np.broadcast_to(True, self.shape) if self._measured is None else self._measured
-
-    @property
-    def lost(self) -> np.ndarray:
-        """Index of the points that were not measured, counted row by row."""
-        if self._measured is None:
-            return np.empty(0, dtype=np.intp)
-        return np.flatnonzero(~self._measured)
+        if self.complete:
+            return np.broadcast_to(True, self.shape)
+        measured = np.ones(self.shape, dtype=bool)
+        measured.reshape(-1)[self.lost] = False
+        return measured
 
     @property
     def complete(self) -> bool:
         """Whether all points were measured."""
-        return self._measured is None
+        return self.lost.size == 0
 
     @cached_property
     def bounds_m(self) -> tuple[float, float]:
@@ -311,7 +307,7 @@ class HeightMap:
     @property
     def n_measured(self) -> int:
         """Number of the measured points."""
-        return self.size if self._measured is None else int(np.count_nonzero(self._measured))
+        return self.size - self.lost.size
 
     @property
     def side_m(self) -> tuple[float, float]:
@@ -350,20 +346,21 @@ def _ends_m(height_m: np.ndarray) -> tuple[float, float]:
     return low_m, high_m
 
 
-def _mask_of(stored_m: np.ndarray, name: str) -> np.ndarray | None:
-    """Return the mask of the measured points, None where all are; refuse infinite ones."""
-    blocks = [stored_m[rows] for rows in row_blocks(stored_m.shape)]
-    if all(np.isfinite(block).all() for block in blocks):
-        return None
-    infinite = sum(int(np.count_nonzero(np.isinf(block))) for block in blocks)
+def _lost_of(stored_m: np.ndarray, name: str) -> np.ndarray:
+    """Return the points that were not measured; refuse infinite ones."""
+    found, infinite, nx = [], 0, stored_m.shape[1]
+    for rows in row_blocks(stored_m.shape):
+        finite = np.isfinite(stored_m[rows])
+        if not finite.all():
+            infinite += int(np.count_nonzero(np.isinf(stored_m[rows])))
+            found.append(np.flatnonzero(~finite) + rows.start * nx)
     if infinite:
         raise UnusableSurfaceError(
             f"{name}: {infinite} infinite heights; expected finite "
             "heights or NaN for non-measured points; mark them as non-measured"
         )
-    measured = ~np.isnan(stored_m)
-    measured.flags.writeable = False
-    return measured
+    few_bytes = np.int32 if SMALL < stored_m.size < MOST_OF_FEW_BYTES else np.intp
+    return np.concatenate([np.empty(0, dtype=np.intp), *found]).astype(few_bytes)
 
 
 Heights = np.ndarray | HeightMap  # what gives some of its heights when it is asked for them
