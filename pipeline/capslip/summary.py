@@ -138,7 +138,7 @@ def surface_table(analysis: "Analysis") -> dict[str, Any]:
         "mate": None if mate is None else {"path": mate.path, "sha256": mate.sha256},
         "shape": list(surface.shape),
         "pixel_size_m": list(surface.pixel_size_m),
-        "non_measured_fraction": 1.0 - surface.measured.mean(),
+        "non_measured_fraction": 1.0 - surface.n_measured / surface.size,
         "sq_m": conditioned.sq_m,
         "sz_m": conditioned.sz_m,
         "form": analysis.settings.conditioning.form,

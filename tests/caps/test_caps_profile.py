@@ -23,6 +23,7 @@ def given(off_m, measured=None):
     along, across = rng.uniform(-0.3, 0.3, (2, n))
     square = along**2 + across**2
     sphere_m = APEX_M[hill] - RADIUS_M[hill] + np.sqrt(RADIUS_M[hill] ** 2 - square)
+    x_m, y_m = X_M[hill] + along, Y_M[hill] + across
     points = SimpleNamespace(
         hill=hill,
         n_hills=2,
@@ -31,8 +32,7 @@ def given(off_m, measured=None):
             (slice(i, i + 1), slice(*np.searchsorted(hill, (i, i + 1)))) for i in (0, 1)
         ),
         measured=np.ones(n, dtype=bool) if measured is None else measured,
-        x_m=X_M[hill] + along,
-        y_m=Y_M[hill] + across,
+        places_m=lambda some: (x_m[some], y_m[some]),
         z_m=sphere_m + off_m,
     )
     quadric = SimpleNamespace(
@@ -65,7 +65,8 @@ def test_a_point_at_the_depth_of_the_fit_counts():
     points, off_m = known.points, 0.125
     known.body.depth_m, spheres.apex_m = np.full(2, off_m), np.zeros(2)
     points.z_m = np.where(np.arange(40) % 20 == 0, -off_m, -1.0)
-    points.x_m, points.y_m = X_M[points.hill], Y_M[points.hill]
+    x_m, y_m = X_M[points.hill], Y_M[points.hill]
+    points.places_m = lambda some: (x_m[some], y_m[some])
     assert rms_from_sphere_m(known, spheres) == pytest.approx(off_m, rel=1e-12)
 
 

@@ -34,7 +34,7 @@ def by_library(points, hill, level_m):
     here = (points.hill == hill) & points.measured & (points.z_m >= level_m)
     u, v, w = (
         place[here] - ORIGIN_M[i, hill]
-        for i, place in enumerate((points.x_m, points.y_m, points.z_m))
+        for i, place in enumerate((*points.places_m(slice(None)), points.z_m))
     )
     basis = np.stack([np.ones_like(u), u, v, u**2, u * v, v**2], axis=1)
     c, (square,), *_ = np.linalg.lstsq(basis, w, rcond=None)

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from scipy import ndimage
 
+from capslip.surface.heightmap import HeightMap
 from capslip.surface.small_spikes import find_small_spikes
 
 NY, NX = 200, 300
@@ -22,7 +23,7 @@ def hills(seed=0):
 
 
 def found(z, known=NONE):
-    return np.sort(find_small_spikes(z, np.asarray(known))[0])
+    return np.sort(find_small_spikes(HeightMap(z, (1e-4, 1e-4)), np.asarray(known))[0])
 
 
 def spiked(z, share, seed=1, height_m=SPIKE_M):
@@ -45,7 +46,7 @@ def test_a_spike_as_high_as_two_steps_of_the_slope_is_found(seed):
     for place in inside:
         one = z.copy()
         one.reshape(-1)[place] += SPIKE_M
-        index, off_m = find_small_spikes(one, NONE)
+        index, off_m = find_small_spikes(HeightMap(one, (1e-4, 1e-4)), NONE)
         if index.size == 0:
             # Only a kink hides one: its own neighbours are no plane there
             assert np.abs(ndimage.laplace(z)).reshape(-1)[place] > 5e-9

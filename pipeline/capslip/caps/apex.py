@@ -1,6 +1,8 @@
 """The apex of each hill, which noise does not lift."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
@@ -9,6 +11,7 @@ from capslip.caps.noise import Noise
 from capslip.caps.points import HillPoints, sums_by_hill
 from capslip.caps.quadric import Quadrics, fit_quadrics
 from capslip.surface.heightmap import HeightMap
+from capslip.surface.rows import BLOCK_POINTS
 
 CROWN_POINTS = 25  # highest points from which the apex is taken where there is no noise
 FEW_POINTS = 2 * CROWN_POINTS  # within a depth that says how the height falls
@@ -62,7 +65,7 @@ def find_apexes(
     """
     count = points.count
     many = np.maximum(count, 1)
-    highest_m, ties = _first_highest(points.count, points.hill, points.x_m, points.y_m, points.z_m)
+    highest_m, ties = _first_highest(points.count, points.hill, points.places_m, points.z_m)
     height_m = np.fmax(highest_m[2] - hills.cut_height_m, 0.0)
     floor_m = hills.cut_height_m + np.minimum(3.0 * noise.rms_m, 0.3 * height_m)
     # On a sphere the height falls by equal amounts from point to point.
@@ -132,26 +135,41 @@ def on_hill(surface: HeightMap, hills: Hills, quadric: Quadrics) -> np.ndarray:
     inside = (row >= 0.0) & (row < ny) & (col >= 0.0) & (col < nx)
     at = tuple(np.where(inside, place, 0.0).astype(np.intp) for place in (row, col))
     own = hills.label[at] == np.arange(1, len(row) + 1)
-    return inside & (own | np.isnan(surface.height_m[at]))
+    return inside & (own | np.isnan(surface[at]))
 
 
 def _summit(points: HillPoints, quadric: Quadrics) -> np.ndarray:
     """Return x, y, z where each quadric is highest among the points it was fitted to."""
-    hill = points.hill[quadric.chosen]
-    x_m, y_m = points.x_m[quadric.chosen], points.y_m[quadric.chosen]
-    z_m = quadric.height_m(quadric.points, x_m, y_m)
-    return _first_highest(quadric.points, hill, x_m, y_m, z_m)[0]
+    summit_m = np.full((3, points.n_hills), np.nan)
+    for hills, some in points.groups():
+        chosen = some.start + np.flatnonzero(quadric.chosen[some])
+        count, hill = points.count_of(chosen), points.hill[chosen].astype(np.intp) - hills.start
+        x_m, y_m = points.places_m(chosen)
+        places_m = partial(_taken, x_m, y_m)
+        z_m = quadric.height_m(count, x_m, y_m)
+        summit_m[:, hills] = _first_highest(count[hills], hill, places_m, z_m)[0]
+    return summit_m
+
+
+def _taken(x_m: np.ndarray, y_m: np.ndarray, at: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    return x_m[at], y_m[at]
 
 
 def _first_highest(
-    count: np.ndarray, hill: np.ndarray, x_m: np.ndarray, y_m: np.ndarray, z_m: np.ndarray
+    count: np.ndarray,
+    hill: np.ndarray,
+    places_m: Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]],
+    z_m: np.ndarray,
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return x, y, z of the first highest point of each hill, and how many are as high."""
     n, some = len(count), count > 0
     highest_m = np.full((3, n), np.nan)
     if some.any():
         highest_m[2, some] = np.maximum.reduceat(z_m, (np.cumsum(count) - count)[some])
-    at = np.flatnonzero(z_m == np.repeat(highest_m[2], count))[::-1]
-    highest_m[0, hill[at]] = x_m[at]
-    highest_m[1, hill[at]] = y_m[at]
+    found = [np.empty(0, dtype=np.intp)]
+    for first in range(0, z_m.size, BLOCK_POINTS):
+        part = slice(first, first + BLOCK_POINTS)
+        found.append(first + np.flatnonzero(z_m[part] == highest_m[2].take(hill[part])))
+    at = np.concatenate(found)[::-1]
+    highest_m[0, hill[at]], highest_m[1, hill[at]] = places_m(at)
     return highest_m, np.bincount(hill[at], minlength=n)

@@ -205,7 +205,7 @@ def _cut(surface: HeightMap, hills: Hills, caps: CapTable, material_ratio: float
     if hills.kept_fraction > 1.5 * material_ratio:
         message = f"{hills.kept_fraction:.0%} of the points lie at or above the cut"
         found.append(Problem("plateau_at_cut", "warning", message))
-    above_m = float(np.nanmax(surface.height_m)) - float(caps.peak_height_m[caps.usable].max())
+    above_m = surface.bounds_m[1] - float(caps.peak_height_m[caps.usable].max())
     if above_m > NOISE_FACTOR * hills.noise_m + 0.05 * np.nanmax(caps.cap_height_m):
         message = (
             f"the highest measured point stands {above_m:.3g} m above the highest cap: "

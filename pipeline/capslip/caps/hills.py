@@ -15,9 +15,9 @@ import numpy as np
 from capslip.caps.pruning import MIN_POINTS, Basins, automatic_pruning_m, change_of_count
 from capslip.caps.separation import ChangeTree, change_tree, region_tree
 from capslip.errors import SettingsError, UnusableSurfaceError
-from capslip.surface.blocks import BLOCK_POINTS
-from capslip.surface.heightmap import HeightMap
+from capslip.surface.heightmap import MOST_OF_FEW_BYTES, SMALL, HeightMap, Heights
 from capslip.surface.noise import noise_of_map_m
+from capslip.surface.rows import BLOCK_POINTS, row_blocks
 
 NOISE_FACTOR = 5.0  # noise alone lifts a point this many standard deviations once in 3.5 million
 SQUARES = (3, 5, 7, 9)  # points; wider ones fill the saddles of hills of usual size
@@ -33,7 +33,7 @@ class Hills:
 
     Attributes
     ----------
-    label : int32, shape (ny, nx)
+    label : int16 or int32, shape (ny, nx)
         1 ... n on the hills, 0 elsewhere and at non-measured points.
     parent_region : int32, shape (n,)
         Connected region that holds each hill, 1 ... n_regions.
@@ -151,29 +151,26 @@ def find_hills(
     (1, 0.1)
     """
     _check(separation, pruning_height_m, pruning_percent_Sz)
-    height_m = surface.height_m.reshape(-1)
     name, n_measured = surface.origin.name, surface.n_measured
     if n_measured == 0:
         raise UnusableSurfaceError(
-            f"{name}: all {height_m.size} points are non-measured; expected heights; "
+            f"{name}: all {surface.size} points are non-measured; expected heights; "
             "check the file's code for missing data"
         )
-    highest_m = float(np.fmax.reduce(height_m))
-    sz_m = highest_m - float(np.fmin.reduce(height_m))
-    if sz_m == 0.0:
+    point, (cut_m, middle_m) = highest_points(surface, n_measured, material_ratio)
+    if point.size == n_measured and np.ptp(surface.bounds_m) == 0.0:
         raise UnusableSurfaceError(
-            f"{name}: all {n_measured} measured heights equal {highest_m:g} m; expected a "
+            f"{name}: all {n_measured} measured heights equal {cut_m:g} m; expected a "
             "surface with relief; check the dataset and the unit"
         )
     if separation == "regions":
         pruning_height_m = math.inf
     elif pruning_percent_Sz is not None:
-        pruning_height_m = pruning_percent_Sz / 100.0 * sz_m
-    point, (cut_m, middle_m) = highest_points(surface.height_m, n_measured, material_ratio)
+        pruning_height_m = pruning_percent_Sz / 100.0 * float(np.ptp(surface.bounds_m))
     least_m = None if relief_m is None else TOLD_APART * relief_m
-    relief_m = relief_m or 2.0 * (middle_m - cut_m) or sz_m  # no relief: a plateau
+    relief_m = relief_m or 2.0 * (middle_m - cut_m) or float(np.ptp(surface.bounds_m))  # a plateau
     if noise_m is None:
-        noise_m = noise_of_map_m(surface.height_m)
+        noise_m = noise_of_map_m(surface)
     kept = point, n_measured, cut_m
     return _separate(surface, *kept, relief_m, pruning_height_m, least_m, noise_m)
 
@@ -195,13 +192,13 @@ def _check(
 
 
 def highest_points(
-    height_m: np.ndarray, n_measured: int, material_ratio: float
+    height_m: Heights, n_measured: int, material_ratio: float
 ) -> tuple[np.ndarray, list[float]]:
     """Return the points at or above the cut, rising, and the quantiles of it and of half of it.
 
     Parameters
     ----------
-    height_m : float64, shape (ny, nx)
+    height_m : float64, shape (ny, nx), or HeightMap
         Of which `n_measured` are known, one at least.
     n_measured : int
     material_ratio : float
@@ -218,13 +215,11 @@ def highest_points(
     if some_m.size:
         nth = int(max(0.0, 0.98 - 1.05 * material_ratio) * (some_m.size - 1))
         level_m = float(np.partition(some_m, nth)[nth])
-    flat_m = height_m.reshape(-1)
     ratios = np.array((1.0 - material_ratio, 1.0 - material_ratio / 2.0))
     place = ratios * (n_measured - 1)
-    point = np.flatnonzero(flat_m >= level_m)
+    point, highest_m = _at_or_above(height_m, level_m)
     if n_measured - point.size > place[0]:  # they misled
-        point = np.flatnonzero(flat_m >= -math.inf)
-    highest_m = flat_m[point]
+        point, highest_m = _at_or_above(height_m, -math.inf)
     lower = place.astype(np.intp)
     first = lower - (n_measured - point.size)
     ranks = np.stack((first, np.minimum(first + 1, point.size - 1)))
@@ -232,6 +227,21 @@ def highest_points(
     share, step_m = place - lower, above_m - below_m
     quantile_m = np.where(share < 0.5, below_m + share * step_m, above_m - (1.0 - share) * step_m)
     return point[highest_m >= quantile_m[0]], quantile_m.tolist()
+
+
+def _at_or_above(height_m: Heights, level_m: float) -> tuple[np.ndarray, np.ndarray]:
+    """Return the points at or above a level, rising, and their heights."""
+    points, heights_m = [], []
+    few_bytes = np.int32 if SMALL < height_m.size < MOST_OF_FEW_BYTES else np.intp
+    for rows in row_blocks(height_m.shape):
+        some_m = height_m[rows].reshape(-1)
+        point = np.flatnonzero(some_m >= level_m)
+        heights_m.append(some_m[point])
+        point += rows.start * height_m.shape[1]
+        points.append(point.astype(few_bytes))
+    highest_m = np.concatenate(heights_m)
+    del heights_m
+    return np.concatenate(points), highest_m
 
 
 def _separate(
@@ -250,9 +260,9 @@ def _separate(
             f"{surface.origin.name}: {n_kept} points lie above the cut at {cut_m:.3g} m; expected "
             f"at least {MIN_POINTS}; raise hills.material_ratio or use a finer scan"
         )
-    square, noise_left_m = _square(noise_m, relief_m, n_measured / surface.height_m.size)
+    square, noise_left_m = _square(noise_m, relief_m, n_measured / surface.size)
     build = region_tree if pruning_m == math.inf else change_tree
-    tree, raw_m = _tree(surface, point, cut_m, square, build, n_measured)
+    tree, raw_m = _tree(surface, point, cut_m, square, build)
 
     hill, m = tree.hill, len(tree.peak_m)
     if hill.size > n_kept:
@@ -268,8 +278,9 @@ def _separate(
         pruning_m = automatic_pruning_m(basins, NOISE_FACTOR * noise_left_m, relief_m)
 
     group, keep, rejected = basins.pruned(pruning_m)
-    number = np.cumsum(keep, dtype=np.int32) * keep
-    label = np.zeros(surface.shape, dtype=np.int32)
+    few_bytes = np.int16 if np.count_nonzero(keep) < 2**15 else np.int32
+    number = np.cumsum(keep, dtype=few_bytes) * keep
+    label = np.zeros(surface.shape, dtype=few_bytes)
     label.reshape(-1)[point] = number[group][hill]
     region = tree.join(np.full(m, True))
     region_points = basins.points_of(region)
@@ -321,7 +332,6 @@ def _tree(
     cut_m: float,
     side: int,
     build: Callable[[np.ndarray, np.ndarray, tuple[int, int]], ChangeTree],
-    n_measured: int,
 ) -> tuple[ChangeTree, np.ndarray]:
     """Build the tree of the averaged heights; return it and the heights at its points.
 
@@ -330,10 +340,9 @@ def _tree(
     # A frame of non-measured points spares every later step the edge of the map.
     ny, nx = surface.shape
     width = nx + 2 * MARGIN
-    unknown = np.isnan(surface.height_m) if n_measured < surface.height_m.size else np.zeros(0)
-    lost = np.flatnonzero(unknown)
+    lost = surface.lost
     framed, lost = (at + 2 * MARGIN * (at // nx) + MARGIN * (width + 1) for at in (point, lost))
-    raw_m, mean_m, lost_m = _means(surface.height_m, cut_m, framed, lost, side)
+    raw_m, mean_m, lost_m = _means(surface, cut_m, framed, lost, side)
     deep = np.isnan(lost_m)
     if deep.any():
         around = (framed, mean_m), (lost[~deep], lost_m[~deep])
@@ -348,7 +357,7 @@ def _tree(
 
 
 def _means(
-    height_m: np.ndarray, cut_m: float, point: np.ndarray, lost: np.ndarray, side: int
+    height_m: HeightMap, cut_m: float, point: np.ndarray, lost: np.ndarray, side: int
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return heights over the cut of points, their means over a square, and means at lost ones.
 
@@ -363,7 +372,7 @@ def _means(
     for first in range(0, ny, n_rows):
         last = min(first + n_rows, ny)
         bounds = (np.array((first, last)) + MARGIN) * width
-        of_point, of_lost = (slice(*np.searchsorted(at, bounds)) for at in (point, lost))
+        of_point, of_lost = (slice(*_places_in(at, bounds)) for at in (point, lost))
         if of_point.start == of_point.stop and of_lost.start == of_lost.stop:
             continue
         above_m = buffer_m[: last - first + 2 * halo]
@@ -372,19 +381,24 @@ def _means(
         inner_m = above_m[top - first + halo : bottom - first + halo, MARGIN:-MARGIN]
         np.subtract(height_m[top:bottom], cut_m, out=inner_m)
         origin = (first - halo + MARGIN) * width
-        around = slice(*np.searchsorted(point, bounds + (halo - 1) * width * np.array((-1, 1))))
-        _lower_spikes(above_m, point[around] - origin)
+        around = slice(*_places_in(point, bounds + (halo - 1) * width * np.array((-1, 1))))
+        _lower_spikes(above_m, point[around].astype(np.intp) - origin)
         raw_m[of_point] = above_m.reshape(-1)[point[of_point] - origin]
         unknown, inner_m = np.isnan(above_m[1:-1]), above_m[1:-1].copy()
         np.putmask(inner_m, unknown, 0.0)
         total_m, count = _column_sums(inner_m, side), _square_sums(~unknown, side)
         for mean_m, at, part in zip(means_m, (point, lost), (of_point, of_lost), strict=True):
-            first = at[part] - (bounds[0] + side // 2)
+            first = at[part].astype(np.intp) - (bounds[0] + side // 2)
             sum_m = total_m.take(first)
             for step in range(1, side):
                 sum_m += total_m.take(first + step)
             mean_m[part] = sum_m / known_points.take(count.take(first))
     return raw_m, *means_m
+
+
+def _places_in(rising: np.ndarray, bounds: np.ndarray) -> np.ndarray:
+    """Return where bounds would stand among rising numbers, which are not copied for it."""
+    return np.searchsorted(rising, bounds.astype(rising.dtype))
 
 
 def _column_sums(values: np.ndarray, side: int) -> np.ndarray:

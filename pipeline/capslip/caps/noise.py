@@ -61,7 +61,7 @@ def noise_on_hills(surface: HeightMap, points: HillPoints) -> Noise:
     every = math.ceil(math.sqrt(max(1.0, points.hill.size / SAMPLES)))
     rows, cols = (on_lattice(np.arange(n), n, every) for n in surface.shape)
     some = np.flatnonzero(rows[points.row] & cols[points.col])
-    return noise_at(surface, points.row[some], points.col[some])
+    return noise_at(surface, *(at[some].astype(np.intp) for at in (points.row, points.col)))
 
 
 def noise_at_rest(surface: HeightMap, rest_slope: tuple[float, float]) -> Noise:
@@ -73,7 +73,7 @@ def noise_at_rest(surface: HeightMap, rest_slope: tuple[float, float]) -> Noise:
     every = max(1, math.isqrt(int(math.prod(shape) * share / SAMPLES)))
     row, col = (np.flatnonzero(on_lattice(np.arange(n), n, every)) for n in shape)
     (dy_m, dx_m), (slope_x, slope_y) = surface.pixel_size_m, rest_slope
-    height_m = surface.height_m[np.ix_(row, col)] - slope_x * dx_m * col
+    height_m = surface[np.ix_(row, col)] - slope_x * dx_m * col
     height_m -= (slope_y * dy_m * row)[:, None]
     known = height_m.size - int(np.count_nonzero(np.isnan(height_m)))
     point = np.zeros(0, dtype=np.intp)
@@ -86,7 +86,7 @@ def noise_at(surface: HeightMap, row: np.ndarray, col: np.ndarray) -> Noise:
     """Measure the noise about some points of a map, given by row and column."""
     seen_m: list[float] = []
     for spacing in SPACINGS:
-        seen_m.append(_seen_m(surface.height_m, row, col, spacing))
+        seen_m.append(_seen_m(surface, row, col, spacing))
         if len(seen_m) > 1 and seen_m[-1] <= LEVELLED * seen_m[-2]:
             return Noise(max(seen_m[-2:]), _inflation(seen_m), seen_m[0])
     return Noise(seen_m[0], 1.0, seen_m[0])
@@ -102,10 +102,9 @@ def _inflation(seen_m: list[float]) -> float:
     return float(1.0 + 2.0 * between.sum())
 
 
-def _seen_m(height_m: np.ndarray, row: np.ndarray, col: np.ndarray, spacing: int) -> float:
-    ny, nx = height_m.shape
+def _seen_m(surface: HeightMap, row: np.ndarray, col: np.ndarray, spacing: int) -> float:
+    ny, nx = surface.shape
     inside = (row >= spacing) & (row < ny - spacing) & (col >= spacing) & (col < nx - spacing)
     centre = row[inside] * nx + col[inside]
-    z_m = height_m.ravel()
-    difference_m = mixed_difference(lambda i, j: z_m[centre + spacing * (i * nx + j)])
+    difference_m = mixed_difference(lambda i, j: surface.at(centre + spacing * (i * nx + j)))
     return rms_of_noise_m(difference_m)

@@ -3,12 +3,13 @@
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 
 from capslip.caps.hills import Hills
-from capslip.surface.blocks import BLOCK_POINTS
 from capslip.surface.heightmap import HeightMap
+from capslip.surface.rows import BLOCK_POINTS, row_blocks
 
 LIMIT_EDGE, LIMIT_PATCH = 1, 2
 FILLED_NEIGHBOURS = 3  # measured neighbours that a single lost point needs to be filled
@@ -22,16 +23,26 @@ class HillPoints:
     areas and volumes stay whole; `measured` tells them apart.
     """
 
-    hill: np.ndarray  # 0 ... n_hills - 1
+    hill: np.ndarray  # 0 ... n_hills - 1; as few bytes as do, like the two below
     row: np.ndarray
     col: np.ndarray
-    x_m: np.ndarray
-    y_m: np.ndarray
     z_m: np.ndarray
     measured: np.ndarray  # bool
     limit: np.ndarray  # uint8: on the edge of the map (1), beside a non-measured patch (2)
     count: np.ndarray  # (n_hills,)
-    pixel_area_m2: float
+    pixel_size_m: tuple[float, float]
+
+    @property
+    def pixel_area_m2(self) -> float:
+        """Area of one pixel."""
+        return self.pixel_size_m[0] * self.pixel_size_m[1]
+
+    def places_m(self, some: Any) -> tuple[np.ndarray, np.ndarray]:
+        """Return the places x, y of some points."""
+        x_m, y_m = self.col[some] + 0.5, self.row[some] + 0.5
+        x_m *= self.pixel_size_m[1]
+        y_m *= self.pixel_size_m[0]
+        return x_m, y_m
 
     @property
     def n_hills(self) -> int:
@@ -77,25 +88,34 @@ def points_of_hills(surface: HeightMap, hills: Hills) -> HillPoints:
     hills : Hills
         Labelled hills of the same map.
     """
-    (ny, nx), (dy_m, dx_m) = surface.shape, surface.pixel_size_m
-    label = hills.label.ravel()
-    index = np.flatnonzero(label > 0)
+    ny, nx = surface.shape
+    label, few_bytes = hills.label.reshape(-1), surface.lost.dtype
+    found = [
+        (np.flatnonzero(hills.label[rows]) + rows.start * nx).astype(few_bytes)
+        for rows in row_blocks(surface.shape)
+    ]
+    index = np.concatenate(found)
+    lost = surface.lost if index.size else index
+    filled, filled_hill, filled_z_m, beside = _lost_points(surface, hills.label, lost)
+    n, n_own = hills.n_hills, index.size
     hill = label[index]
-    z_m = surface.height_m.ravel()[index]
-    lost = np.flatnonzero(np.isnan(surface.height_m)) if index.size else index
-    filled, filled_hill, filled_z_m, beside = _lost_points(surface.height_m, hills.label, lost)
-    measured = np.ones(index.size + filled.size, dtype=bool)
     if filled.size:
-        measured[index.size :] = False
-        index = np.concatenate((index, filled))
+        index = np.concatenate((index, filled.astype(few_bytes)))
         hill = np.concatenate((hill, filled_hill))
-        z_m = np.concatenate((z_m, filled_z_m))
-    n = hills.n_hills
     # 16-bit keys are sorted by radix, ten times faster
-    order = np.argsort(hill.astype(np.uint16) if n < 2**16 else hill, kind="stable")
-    index, hill, z_m = index[order], hill[order].astype(np.intp) - 1, z_m[order]
+    hill = hill.astype(np.uint16 if n < 2**16 else np.int32)
+    hill -= hill.dtype.type(1)
+    count, order = np.bincount(hill, minlength=n), np.argsort(hill, kind="stable")
+    measured = order < n_own
+    stands_in = filled_z_m[order[~measured] - n_own]
+    index, hill = index[order], hill[order]
+    del order
+    z_m = surface.at(index)
+    z_m[~measured] = stands_in
+    of_lines = np.uint16 if max(ny, nx) < 2**16 else np.int32
     row = index // nx
-    col = index - nx * row  # several times as fast as divmod
+    col = (index - nx * row).astype(of_lines)  # several times as fast as divmod
+    row = row.astype(of_lines)
     limit = np.zeros(index.size, dtype=np.uint8)
     limit[(row == 0) | (row == ny - 1) | (col == 0) | (col == nx - 1)] = LIMIT_EDGE
     if beside.size:
@@ -106,18 +126,16 @@ def points_of_hills(surface: HeightMap, hills: Hills) -> HillPoints:
         hill=hill,
         row=row,
         col=col,
-        x_m=(col + 0.5) * dx_m,
-        y_m=(row + 0.5) * dy_m,
         z_m=z_m,
-        measured=measured[order],
+        measured=measured,
         limit=limit,
-        count=np.bincount(hill, minlength=n),
-        pixel_area_m2=surface.pixel_area_m2,
+        count=count,
+        pixel_size_m=surface.pixel_size_m,
     )
 
 
 def _lost_points(
-    height_m: np.ndarray, label: np.ndarray, lost_at: np.ndarray
+    surface: HeightMap, label: np.ndarray, lost_at: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """Return index, label and height of the points to fill, and the index of points beside a patch.
 
@@ -127,7 +145,7 @@ def _lost_points(
     none = np.empty(0, dtype=np.intp)
     if not lost_at.size:
         return none, none, np.empty(0), none
-    (ny, nx), label_of = height_m.shape, label.reshape(-1)
+    (ny, nx), label_of = surface.shape, label.reshape(-1)
     width = nx + 2
     lost = np.zeros((ny + 2) * width, dtype=bool)
     index = lost_at + 2 * (lost_at // nx) + width + 1  # in the map with a frame
@@ -157,7 +175,7 @@ def _lost_points(
     for down, right in ((a, b) for a in (-1, 0, 1) for b in (-1, 0, 1) if a or b):
         inside = (row + down >= 0) & (row + down < ny) & (col + right >= 0) & (col + right < nx)
         at = np.where(inside, index + down * nx + right, index)  # the lost point itself outside
-        z_m, here = height_m.reshape(-1)[at], label_of[at]
+        z_m, here = surface.at(at), label_of[at]
         seen = ~np.isnan(z_m)
         known += seen
         on_hill += here > 0

@@ -13,11 +13,9 @@ def rms_from_sphere_m(given: FitInput, spheres: Spheres) -> np.ndarray:
     for hills, some in points.groups():
         high = points.z_m[some] >= np.repeat(level_m[hills], points.count[hills])
         chosen = some.start + np.flatnonzero(points.measured[some] & high)
-        hill = points.hill[chosen]
-        along_x_m, along_y_m = (
-            points.x_m[chosen] - spheres.x_m[hill],
-            points.y_m[chosen] - spheres.y_m[hill],
-        )
+        hill = points.hill[chosen].astype(np.intp)
+        x_m, y_m = points.places_m(chosen)
+        along_x_m, along_y_m = x_m - spheres.x_m[hill], y_m - spheres.y_m[hill]
         square_m2 = along_x_m**2 + along_y_m**2
         under_m = np.sqrt(np.maximum(radius_m[hill] ** 2 - square_m2, 0.0))
         sphere_m = apex_m[hill] - square_m2 / (radius_m[hill] + under_m)
@@ -45,10 +43,11 @@ def quartic_profile(given: FitInput, spheres: Spheres) -> tuple[np.ndarray, np.n
         reach_m = 1.0 / scale.min(axis=0)
     for hills, some in points.groups():
         # Most points lie farther off than any of an ellipse
-        off_m = points.x_m[some] - np.repeat(spheres.x_m[hills], points.count[hills])
+        x_m, y_m = points.places_m(some)
+        off_m = x_m - np.repeat(spheres.x_m[hills], points.count[hills])
         near = np.flatnonzero(np.abs(off_m) <= np.repeat(reach_m[hills], points.count[hills]))
-        hill = points.hill[some][near] - hills.start
-        along, across = off_m[near], points.y_m[some][near] - spheres.y_m[hills][hill]
+        hill = points.hill[some][near].astype(np.intp) - hills.start
+        along, across = off_m[near], y_m[near] - spheres.y_m[hills][hill]
         cos, sin = axis[:, hills]
         along, across = (
             cos[hill] * along + sin[hill] * across,

@@ -27,7 +27,7 @@ class Quadrics:
     y_m: np.ndarray
     z_m: np.ndarray
     points: np.ndarray  # number of points
-    chosen: np.ndarray  # their indices among the points of all hills
+    chosen: np.ndarray  # bool, shape (k,): which of the points of all hills they are
     spread_m2: np.ndarray  # square root of the determinant of their covariance
     residual_m: np.ndarray  # their standard deviation, six unknowns counted
     solved: np.ndarray  # whether there is a surface, with a vertex or without
@@ -117,23 +117,22 @@ def fit_quadrics(
     n = points.n_hills
     count, scale_m = np.zeros(n, dtype=np.intp), np.empty(n)
     normal, right, square = np.empty((n, 6, 6)), np.empty((n, 6)), np.empty(n)
-    found = [np.zeros(0, dtype=np.intp)]
+    chosen = np.zeros(points.z_m.size, dtype=bool)
     for hills, some in points.groups():
         at = _chosen(points, hills, some, level_m, guide, noise_m)
-        found.append(at)
+        chosen[at] = True
         of = points.count_of(at)[hills]
         # Coordinates of order one keep the normal equations well conditioned.
         unit_m = np.sqrt(points.pixel_area_m2 * np.maximum(of, 1) / np.pi)
         # One more point, of no weight: reduceat needs an element at every start.
         places = np.zeros((3, at.size + 1))
         for place, place_m, from_m in zip(
-            places[:, :-1], (points.x_m, points.y_m, points.z_m), origin_m, strict=True
+            places[:, :-1], (*points.places_m(at), points.z_m[at]), origin_m, strict=True
         ):
-            np.subtract(place_m[at], np.repeat(from_m[hills], of), out=place)
+            np.subtract(place_m, np.repeat(from_m[hills], of), out=place)
         places[:2, :-1] /= np.repeat(unit_m, of)
         count[hills], scale_m[hills] = of, unit_m
         normal[hills], right[hills], square[hills] = _normal_equations(of, *places)
-    chosen = np.concatenate(found)
     many = np.maximum(count, 1)
     mean_u, mean_v = normal[:, 0, 1] / many, normal[:, 0, 2] / many
     spread = (normal[:, 0, 3] / many - mean_u**2) * (normal[:, 0, 5] / many - mean_v**2)
@@ -177,7 +176,7 @@ def _chosen(
     if guide is None:
         return chosen
     count = points.count_of(chosen)
-    guide_m = guide.height_m(count, points.x_m[chosen], points.y_m[chosen])
+    guide_m = guide.height_m(count, *points.places_m(chosen))
     height_m = np.where(np.repeat(guide.exists, count), guide_m, points.z_m[chosen])
     return chosen[height_m >= np.repeat(level_m, count)]
 

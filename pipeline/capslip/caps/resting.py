@@ -6,6 +6,7 @@ passes through. It is a property of the face and not of the frame it was measure
 that is added to the map is added to it.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -13,6 +14,7 @@ import numpy as np
 from capslip.caps.simplex import minimum
 from capslip.errors import SettingsError, UnusableSurfaceError
 from capslip.surface.heightmap import HeightMap
+from capslip.surface.rows import BLOCK_POINTS, row_blocks
 
 SQUARE = 3  # points, over which heights are averaged
 FEW = 2000  # squares that are looked at first
@@ -96,14 +98,14 @@ def resting_plane(
     ly_m, lx_m = surface.side_m
     at_m = (0.5 * lx_m, 0.5 * ly_m) if load_point_m is None else load_point_m
     squares = _Squares.of(surface, at_m, square)
-    if squares.row.size < 3:  # hardly any square has points enough
+    if squares.index.size < 3:  # hardly any square has points enough
         squares = _Squares.of(surface, at_m, 1)
     slope = squares.slope()
-    height_m = squares.heights_m(slope)
+    height_m = squares.all_heights_m(slope)
     found, some = None, np.arange(0, height_m.size, max(1, height_m.size // FEW))
     for _ in range(MAX_FRAMES):
         range_m = float(np.ptp(height_m))
-        found = _facet(squares.x_m[some], squares.y_m[some], height_m[some], range_m)
+        found = _facet(*squares.places_m(some), height_m[some], range_m)
         if found is None and some.size < height_m.size:
             some = np.arange(height_m.size)
             continue
@@ -112,7 +114,9 @@ def resting_plane(
         corner, (level_m, turn_x, turn_y) = found
         corner = some[corner]
         slope = slope + np.array([turn_x, turn_y])
-        height_m = height_m - (turn_x * squares.x_m + turn_y * squares.y_m)
+        for part in np.array_split(np.arange(height_m.size), 1 + height_m.size // BLOCK_POINTS):
+            x_m, y_m = squares.places_m(part)
+            height_m[part] -= turn_x * x_m + turn_y * y_m
         # The mean without the highest point can have risen by no more than this.
         lift_m = 2.0 * (abs(turn_x) * squares.width_m[0] + abs(turn_y) * squares.width_m[1])
         near = np.flatnonzero(height_m >= level_m - lift_m)
@@ -127,7 +131,7 @@ def resting_plane(
             "outside the measured points, and the face tips over; expected points on all sides of "
             "it; move contact.load_point_m"
         )
-    corners_m = np.column_stack((squares.x_m[corner], squares.y_m[corner])) + at_m
+    corners_m = np.column_stack(squares.places_m(corner)) + at_m
     return RestingPlane(float(level_m), (float(slope[0]), float(slope[1])), corners_m, at_m)
 
 
@@ -135,16 +139,13 @@ def resting_plane(
 class _Squares:
     """Squares of points with points enough; places count from the load point."""
 
-    inner_m: np.ndarray  # (rows * square, columns * square) heights
+    surface: HeightMap
     square: int
+    corner: tuple[int, int]  # row and column of the first point
     x_axis_m: np.ndarray  # (columns, square) places of the points
     y_axis_m: np.ndarray  # (rows, square)
-    row: np.ndarray  # of each square
-    col: np.ndarray
-    x_m: np.ndarray  # their middles
-    y_m: np.ndarray
+    index: np.ndarray  # of each square, counted row by row
     width_m: tuple[float, float]  # along x and y
-    complete: bool  # whether all points were measured
 
     @classmethod
     def of(cls, surface: HeightMap, at_m: tuple[float, float], square: int) -> "_Squares":
@@ -154,48 +155,68 @@ class _Squares:
         if min(rows, cols) < 1:
             square, rows, cols = 1, ny, nx
         top, left = (ny - rows * square) // 2, (nx - cols * square) // 2
-        inner = surface.height_m[top : top + rows * square, left : left + cols * square]
         y_m = ((np.arange(rows * square) + top + 0.5) * dy_m - at_m[1]).reshape(rows, square)
         x_m = ((np.arange(cols * square) + left + 0.5) * dx_m - at_m[0]).reshape(cols, square)
-        enough = np.ones((rows, cols), dtype=bool)
-        complete = not np.isnan(inner.sum())
-        if not complete:
-            measured = (~np.isnan(inner)).view(np.uint8)
+        index = np.arange(rows * cols)
+        if not surface.complete:
+            measured = surface.measured.view(np.uint8)
+            inner = measured[top : top + rows * square, left : left + cols * square]
             corners = np.ndindex(square, square)
-            count = sum(measured[i::square, j::square].astype(np.int32) for i, j in corners)
-            enough = count > 0.5 * square**2
-        row, col = np.nonzero(enough)
-        middle_x, middle_y = x_m.mean(axis=1)[col], y_m.mean(axis=1)[row]
-        width_m = (square * dx_m, square * dy_m)
-        return cls(inner, square, x_m, y_m, row, col, middle_x, middle_y, width_m, complete)
+            count = sum(inner[i::square, j::square].astype(np.int32) for i, j in corners)
+            index = np.flatnonzero(count > 0.5 * square**2)
+        return cls(surface, square, (top, left), x_m, y_m, index, (square * dx_m, square * dy_m))
+
+    def places_m(self, some: np.ndarray | slice) -> tuple[np.ndarray, np.ndarray]:
+        """Return the middles (x, y) of some squares."""
+        row, col = np.divmod(self.index[some], len(self.x_axis_m))
+        return self.x_axis_m.mean(axis=1)[col], self.y_axis_m.mean(axis=1)[row]
 
     def slope(self) -> np.ndarray:
         """Return the slopes of a plane through the middles of some squares, to start from."""
-        every = max(1, self.row.size // 2000)
-        row, col = self.row[::every], self.col[::every]
-        middle = self.square // 2
-        height_m = self.inner_m[row * self.square + middle, col * self.square + middle]
+        some = slice(None, None, max(1, self.index.size // 2000))
+        row, col = np.divmod(self.index[some], len(self.x_axis_m))
+        middle, (top, left) = self.square // 2, self.corner
+        height_m = self.surface[top + row * self.square + middle, left + col * self.square + middle]
         known = ~np.isnan(height_m)
         if np.count_nonzero(known) < 3:
             return np.zeros(2)
-        places = np.column_stack((self.x_m[::every], self.y_m[::every], np.ones(row.size)))
+        places = np.column_stack((*self.places_m(some), np.ones(row.size)))
         fitted: np.ndarray = np.linalg.lstsq(places[known], height_m[known], rcond=None)[0]
         return fitted[:2]
 
-    def heights_m(self, slope: np.ndarray, index: np.ndarray | None = None) -> np.ndarray:
+    def all_heights_m(self, slope: np.ndarray) -> np.ndarray:
         """Return mean heights above a plane through the load point, highest points left out."""
-        side = self.square
+        side, (top, left) = self.square, self.corner
+        (rows, cols), found = (len(self.y_axis_m), len(self.x_axis_m)), []
         down_m, across_m = slope[1] * self.y_axis_m, slope[0] * self.x_axis_m
-        row, col = (self.row, self.col) if index is None else (self.row[index], self.col[index])
+        for some in row_blocks((rows, cols * side**2)):
+            z = self.surface[
+                top + some.start * side : top + some.stop * side, left : left + cols * side
+            ]
+
+            def points_m(i: int, j: int, z: np.ndarray = z, some: slice = some) -> np.ndarray:
+                point_m = z[i::side, j::side] - across_m[:, j]
+                point_m -= down_m[some, i, None]
+                return point_m
+
+            found.append(self._means(points_m).reshape(-1))
+        height_m = np.concatenate(found)
+        return height_m if height_m.size == self.index.size else height_m[self.index]
+
+    def heights_m(self, slope: np.ndarray, some: np.ndarray) -> np.ndarray:
+        """Return the same of some squares."""
+        side, (top, left) = self.square, self.corner
+        row, col = np.divmod(self.index[some], len(self.x_axis_m))
+        down_m, across_m = slope[1] * self.y_axis_m, slope[0] * self.x_axis_m
 
         def points_m(i: int, j: int) -> np.ndarray:
-            if index is None:  # slices of the whole map, several times as fast
-                z = self.inner_m[i::side, j::side] - across_m[:, j]
-                z -= down_m[:, i, None]
-                return z
-            height_m = self.inner_m[row * side + i, col * side + j]
+            height_m = self.surface[top + row * side + i, left + col * side + j]
             return height_m - across_m[col, j] - down_m[row, i]
 
+        return self._means(points_m)
+
+    def _means(self, points_m: Callable[[int, int], np.ndarray]) -> np.ndarray:
+        side, complete = self.square, self.surface.complete
         total = points_m(0, 0)
         highest, lost = total.copy(), np.isnan(total)
         total[lost] = 0.0
@@ -203,17 +224,17 @@ class _Squares:
         for i, j in list(np.ndindex(side, side))[1:]:
             z = points_m(i, j)
             np.fmax(highest, z, out=highest)
-            if self.complete:
+            if complete:
                 total += z
                 continue
             measured = ~np.isnan(z)
             known += measured
             np.add(total, z, out=total, where=measured)
-        if self.complete:
+        if complete:
             known.fill(side**2)
         if side > 1:
             total = (total - highest) / np.maximum(known - 1.0, 1.0)
-        return total[row, col] if index is None else total
+        return total
 
 
 def _facet(

@@ -10,8 +10,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from capslip.surface.blocks import BLOCK_POINTS
 from capslip.surface.graph import Runs, connected_parts, ends
+from capslip.surface.rows import BLOCK_POINTS
 
 
 @dataclass(frozen=True, eq=False)
@@ -92,7 +92,10 @@ def change_tree(point: np.ndarray, height_m: np.ndarray, shape: tuple[int, int])
     peak = peak[np.argsort(-height_m[peak], kind="stable")]
     number = np.full(len(point), -1, dtype=np.int32)
     number[peak] = np.arange(len(peak))
-    hill = number[summit]
+    hill = summit
+    for start in range(0, hill.size, BLOCK_POINTS):  # each makes a long index of its own
+        part = slice(start, start + BLOCK_POINTS)
+        hill[part] = number.take(summit[part])
     del number, summit
     first, second, saddle_m = lattice.passes(hill)
     saddle, across = _joined(len(peak), first, second)
@@ -145,7 +148,11 @@ class _Lattice:
         for first in range(1, height - 1, n_rows):
             last = min(first + n_rows, height - 1)
             before, start, end, after = np.searchsorted(
-                self.point, np.array((first - 1, first, last, last + 1)) * width
+                self.point,
+                np.array(
+                    [row * width for row in (first - 1, first, last, last + 1)],
+                    dtype=self.point.dtype,
+                ),
             )
             if start < end:
                 some, around = slice(start, end), slice(before, after)
@@ -155,7 +162,7 @@ class _Lattice:
         """Return the highest of each point and those around it, as a number of a point, (n,)."""
         uphill, width = np.empty(len(self.point), dtype=np.int32), self.shape[1]
         for some, around, origin, size in self._blocks():
-            at, place = self.point[some] - origin, self.point[around] - origin
+            at, place = (self.point[part].astype(np.intp) - origin for part in (some, around))
             block_m = np.full(size, -np.inf)
             block_m[place] = self.height_m[around]
             number = np.empty(size, dtype=np.int32)
@@ -176,9 +183,10 @@ class _Lattice:
         counts.
         """
         n_hills, width = np.int64(hill.max(initial=0)) + 1, self.shape[1]
-        pairs, lower = [np.empty(0, dtype=np.int64)], [np.empty(0, dtype=np.int32)]
+        each = [(np.empty(0, dtype=np.int64), np.empty(0, dtype=np.int32))]
+        found = each[:]
         for some, around, origin, size in self._blocks():
-            at, place = self.point[some] - origin, self.point[around] - origin
+            at, place = (self.point[part].astype(np.intp) - origin for part in (some, around))
             hills = np.full(size, -1, dtype=np.int32)
             hills[place] = hill[around]
             number = np.empty(size, dtype=np.int32)
@@ -189,24 +197,30 @@ class _Lattice:
                 meet = np.flatnonzero(other != own)
                 meet = meet[other[meet] >= 0]
                 here, there = own[meet].astype(np.int64), other[meet]
-                pairs.append(np.minimum(here, there) * n_hills + np.maximum(here, there))
+                pair = np.minimum(here, there) * n_hills + np.maximum(here, there)
                 mine, beside = number[at[meet]], number[at[meet] - step]
                 below = self.height_m[beside] < self.height_m[mine]
-                lower.append(np.where(below, beside, mine))
-        pair, spot = np.concatenate(pairs), np.concatenate(lower)
-        if pair.size == 0:
-            return pair, pair, np.empty(0)
+                found.append((pair, np.where(below, beside, mine)))
+            if sum(pair.size for pair, _ in found) > BLOCK_POINTS:
+                each.append(self._highest(found))
+                found = each[:1]
+        pair, spot = self._highest(each + found)
+        pass_m = self.height_m[spot]
+        order = np.lexsort((spot, -pass_m))  # of equally high ones the first counts as higher
+        return pair[order] // n_hills, pair[order] % n_hills, pass_m[order]
+
+    def _highest(self, found: list[tuple[np.ndarray, np.ndarray]]) -> tuple[np.ndarray, np.ndarray]:
+        """Return each pair once, rising, with its highest point; the first of equal ones."""
+        pair, spot = (np.concatenate(one) for one in zip(*found, strict=True))
+        if not pair.size:
+            return pair, spot
         order = np.argsort(pair)
         pair, spot = pair[order], spot[order]
         first = np.flatnonzero(np.diff(pair, prepend=-1))
-        height_m = self.height_m[spot]
-        pass_m = np.maximum.reduceat(height_m, first)
-        # Of equally high passes that over the first point counts as higher
-        many = np.diff(first, append=pair.size)
-        there = np.where(height_m == np.repeat(pass_m, many), spot, len(self.point))
-        order = np.lexsort((np.minimum.reduceat(there, first), -pass_m))
-        pair = pair[first[order]]
-        return pair // n_hills, pair % n_hills, pass_m[order]
+        height_m, many = self.height_m[spot], np.diff(first, append=pair.size)
+        highest_m = np.repeat(np.maximum.reduceat(height_m, first), many)
+        there = np.where(height_m == highest_m, spot, len(self.point))
+        return pair[first], np.minimum.reduceat(there, first)
 
 
 def _joined(n_hills: int, first: np.ndarray, second: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -48,7 +48,8 @@ def energies_of_outline(face: HeightMap | ElasticFace) -> Energies:
 
 
 def _of_outline(face: HeightMap | ElasticFace) -> Energies:
-    lost, (ny, nx), (dy_m, dx_m) = np.flatnonzero(~face.measured), face.shape, face.pixel_size_m
+    lost = face.lost if isinstance(face, HeightMap) else face.unmeasured
+    (ny, nx), (dy_m, dx_m) = face.shape, face.pixel_size_m
     block = -(-max(ny, nx) // _BLOCKS)
     rows, columns = (np.diff(np.arange(0, n, block), append=n) for n in (ny, nx))
     at = lost // nx // block * columns.size + lost % nx // block

@@ -11,8 +11,9 @@ import numpy as np
 
 from capslip.contact.models.interacting import InteractingCurve, hertz_over_point_load
 from capslip.contact.solvers.hertz import contact_radius_m
-from capslip.surface.blocks import BLOCK_POINTS
+from capslip.surface.blocks import means_of_blocks
 from capslip.surface.heightmap import HeightMap
+from capslip.surface.rows import BLOCK_POINTS, row_blocks
 
 BLOCKS = 100  # along the shorter side of the map, over which heights are averaged
 NOISE_SPREADS = 2.0  # standard deviations of a mean height that may hide a contact
@@ -99,8 +100,9 @@ def certify_cut(
     side = max(1, min(surface.shape) // BLOCKS)
     dy_m, dx_m = surface.pixel_size_m
     contacts = np.vstack((caps_m[:2], np.cbrt(0.75 * load_N * caps_m[2] / E_star_Pa), load_N))
+    mean_m = means_of_blocks(surface, side, side**2 // 2 + 1)
     row, col, place_m, excess_m = _excess(
-        surface, _means(surface.height_m, side), plane_m, contacts, E_star_Pa, noise_m, proven=True
+        surface, mean_m, plane_m, contacts, E_star_Pa, noise_m, proven=True
     )
     owner = label[row * side + side // 2, col * side + side // 2]
     compression_m = np.zeros(int(label.max(initial=0)) + 1)
@@ -152,8 +154,7 @@ def unmodelled_area_m2(
     """
     side = max(1, min(surface.shape) // BLOCKS)
     plane_m = peak_height_m - approach_m
-    high = surface.height_m > plane_m - NOISE_SPREADS * noise_m / side
-    mean_m = _means_beside(surface.height_m, label > 0, high, side)
+    mean_m = _means_beside(surface, label, plane_m - NOISE_SPREADS * noise_m / side, side)
     if np.isnan(mean_m).all():
         return 0.0
     load_N = curve.asperity_loads_N(approach_m)
@@ -203,38 +204,25 @@ def _excess(
     return row, col, place_m, excess_m
 
 
-def _means(z: np.ndarray, side: int) -> np.ndarray:
-    """Mean heights of squares, NaN where half of the points or more were not measured."""
-    ny, nx = (n // side for n in z.shape)
-    rows = z[: ny * side].reshape(ny, side, -1).sum(axis=1)[:, : nx * side]
-    mean_m = np.add.reduceat(rows, np.arange(0, nx * side, side), axis=1) / side**2
-    row, col = np.nonzero(np.isnan(mean_m))
-    squares = _squares(z, side)
-    for some in np.array_split(np.arange(row.size), 1 + row.size * side**2 // BLOCK_POINTS):
-        mean_m[row[some], col[some]] = _known_means(squares[row[some], col[some]])
-    return mean_m
+def _means_beside(surface: HeightMap, label: np.ndarray, least_m: float, side: int) -> np.ndarray:
+    """Mean heights of what lies outside hills, NaN where that has no point above a height.
 
-
-def _means_beside(z: np.ndarray, hills: np.ndarray, high: np.ndarray, side: int) -> np.ndarray:
-    """Mean heights of what lies outside hills, NaN where that has no high point.
-
-    Without a high point the mean is not high either.
+    Without such a point the mean is not high either.
     """
-    mean_m = np.full([n // side for n in z.shape], np.nan)
-    row, col = (at // side for at in divmod(np.flatnonzero(high & ~hills), z.shape[1]))
-    beside = np.zeros([-(-n // side) for n in z.shape], dtype=bool)
-    beside[row, col] = True
+    mean_m, inside = np.full([n // side for n in surface.shape], np.nan), np.arange(side)
+    beside = np.zeros([-(-n // side) for n in surface.shape], dtype=bool)
+    for block in row_blocks(surface.shape):
+        row, col = np.nonzero((surface[block] > least_m) & (label[block] == 0))
+        beside[(row + block.start) // side, col // side] = True
     row, col = np.nonzero(beside[: mean_m.shape[0], : mean_m.shape[1]])
-    heights_m, covered = _squares(z, side), _squares(hills, side)
     for some in np.array_split(np.arange(row.size), 1 + row.size * side**2 // BLOCK_POINTS):
-        at = row[some], col[some]
-        mean_m[at] = _known_means(np.where(covered[at], np.nan, heights_m[at]))
+        points = (
+            row[some, None, None] * side + inside[:, None],
+            col[some, None, None] * side + inside,
+        )
+        heights_m = np.where(label[points] > 0, np.nan, surface[points])
+        mean_m[row[some], col[some]] = _known_means(heights_m)
     return mean_m
-
-
-def _squares(values: np.ndarray, side: int) -> np.ndarray:
-    view: np.ndarray = np.lib.stride_tricks.sliding_window_view(values, (side, side))
-    return view[::side, ::side]
 
 
 def _known_means(points_m: np.ndarray) -> np.ndarray:

@@ -131,7 +131,7 @@ def _interpolated_or_not(face: FaceOfCaps) -> tuple[HeightMap, ...]:
     surface = face.surface
     apart = pixels_apart(surface)
     (dy_m, dx_m), (every_y, every_x) = surface.pixel_size_m, apart
-    height_m = surface.height_m[every_y // 2 :: every_y, every_x // 2 :: every_x]
+    height_m = surface[every_y // 2 :: every_y, every_x // 2 :: every_x]
     return surface, HeightMap(height_m, (every_y * dy_m, every_x * dx_m), surface.origin)
 
 

@@ -143,9 +143,8 @@ def turned(
     (ny, nx), (dy_m, dx_m) = surface.shape, surface.pixel_size_m
     x_m, y_m = (np.arange(nx) + 0.5) * dx_m - at_m[0], (np.arange(ny) + 0.5) * dy_m - at_m[1]
     xx, xy, yy = (0.0, 0.0, 0.0) if bow is None else bow
-    height_m = surface.height_m + (slope[0] + xx * x_m) * x_m
-    height_m += ((slope[1] + yy * y_m) * y_m)[:, None]
-    return replace(surface, height_m=height_m + xy * np.outer(y_m, x_m) if xy else height_m)
+    twist = ((xy * y_m, x_m),) if xy else ()
+    return surface.plus((slope[0] + xx * x_m) * x_m, (slope[1] + yy * y_m) * y_m, twist)
 
 
 def coarse_map(surface: HeightMap) -> HeightMap:
@@ -316,8 +315,9 @@ class _Search:
         before: tuple[np.ndarray, FirstLoading] | None = None
         before_N = np.zeros(hills.n_hills)
         tried, history, part = last, list[float](), 1.0
-        least, restless, left, awake = math.inf, math.inf, math.inf, False
+        least, restless, left, awake, ahead = math.inf, math.inf, math.inf, False, np.zeros(2)
         for _ in range(MAX_TURNS):
+            _turn(points, ahead, self.at_m)
             fitted = fit_spheres(surface, hills, fit, depth_m, points, self.noise)
             use, pressed, depths_m = self._press(fitted, slope, before)
             rest, load_N, turn = pressed.rest, pressed.load_N, np.array(pressed.rest.slope)
@@ -356,9 +356,8 @@ class _Search:
                 tried = True
                 if self._certify(surface, hills, found).missed_area_m2 > 0.0:
                     raise _MissedError(slope, approach_m)
-            depth_m = deeper_m
-            points = _turned_points(points, part * turn, self.at_m)
-            slope = slope - part * turn
+            depth_m, ahead = deeper_m, part * turn
+            slope = slope - ahead
         if last or (moved < NEARLY_LOAD and span_m < NEARLY_M):
             nearly = moved < NEARLY_LOAD and span_m < NEARLY_M
             return replace(found, moved=0.0 if nearly else moved), fitted
@@ -457,14 +456,11 @@ class _Search:
         )
 
 
-def _turned_points(points: HillPoints, slope: np.ndarray, at_m: tuple[float, float]) -> HillPoints:
-    """Return the points with a plane of slopes (x, y) added that vanishes at a place (x, y)."""
-    z_m = points.z_m.copy()
+def _turn(points: HillPoints, slope: np.ndarray, at_m: tuple[float, float]) -> None:
+    """Add a plane of slopes (x, y) that vanishes at a place (x, y), in place: they fill memory."""
     for _, some in points.groups():  # some at a time: what is computed stays small
-        z_m[some] += slope[0] * (points.x_m[some] - at_m[0]) + slope[1] * (
-            points.y_m[some] - at_m[1]
-        )
-    return replace(points, z_m=z_m)
+        x_m, y_m = points.places_m(some)
+        points.z_m[some] += slope[0] * (x_m - at_m[0]) + slope[1] * (y_m - at_m[1])
 
 
 def _deeper(

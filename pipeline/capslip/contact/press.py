@@ -264,7 +264,7 @@ def _contacts(
     Refuses contacts of more area than the face has.
     """
     found, law, radius_m = model.contacts(scene, curve, approach_m), scene.law, caps.radius_m
-    face_m2 = float(np.count_nonzero(scene.surface.measured)) * scene.surface.pixel_area_m2
+    face_m2 = float(scene.surface.n_measured) * scene.surface.pixel_area_m2
     if found.area_m2 is not None and found.area_m2 > FULL * face_m2:
         raise ContactError(
             f"{model.name}: {scene.preload_N:g} N need a contact area of {found.area_m2:.3g} m2; "

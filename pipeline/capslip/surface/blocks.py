@@ -1,26 +1,11 @@
-"""Blocks of points: rows that stay in the cache, sums and means over squares."""
+"""Sums and means over squares of points, and maps of fewer."""
 
-from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
 
-from capslip.surface.heightmap import HeightMap
-
-BLOCK_POINTS = 80_000  # looked at together: what is computed of them stays in the cache
-
-
-def row_blocks(shape: tuple[int, ...]) -> Iterator[slice]:
-    """Yield the rows of a map, some at a time.
-
-    Examples
-    --------
-    >>> list(row_blocks((15, 8000)))
-    [slice(0, 10, None), slice(10, 15, None)]
-    """
-    n_rows = max(1, BLOCK_POINTS // shape[1])
-    for first in range(0, shape[0], n_rows):
-        yield slice(first, min(first + n_rows, shape[0]))
+from capslip.surface.heightmap import HeightMap, Heights
+from capslip.surface.rows import BLOCK_POINTS
 
 
 def block_sums(values: np.ndarray, side: int) -> np.ndarray:
@@ -38,30 +23,35 @@ def block_sums(values: np.ndarray, side: int) -> np.ndarray:
     return sums
 
 
-def means_of_blocks(values: np.ndarray, side: int, least: float) -> np.ndarray:
+def means_of_blocks(
+    values: Heights, side: int, least: float, corner: tuple[int, int] = (0, 0)
+) -> np.ndarray:
     """Return the means over blocks of `side` x `side` points; what is left over falls away.
 
     Parameters
     ----------
-    values : float64, shape (ny, nx)
+    values : float64, shape (ny, nx), or HeightMap
         NaN where nothing is known, which does not count.
     side : int
         Points along a block.
     least : float
         Known points of a block, above 0; of fewer the mean is NaN.
+    corner : (int, int)
+        Row and column where the first block begins.
 
     Examples
     --------
     >>> means_of_blocks(np.array([[1.0, 2.0, 7.0], [np.nan, 3.0, 7.0]]), 2, 1)
     array([[2.]])
     """
-    ny, nx = (n // side for n in values.shape)
+    top, left = corner
+    ny, nx = ((n - begin) // side for n, begin in zip(values.shape, corner, strict=True))
     total, known = np.empty((ny, nx)), np.full(ny * nx, float(side**2))
-    bands, first = values[: ny * side, : nx * side], np.arange(0, nx * side, side)
-    bands = bands.reshape(ny, side, nx * side)
+    first, columns = np.arange(0, nx * side, side), slice(left, left + nx * side)
     at_once = max(1, BLOCK_POINTS // (nx * side**2))
     for begin in range(0, ny, at_once):
-        band = bands[begin : begin + at_once]
+        rows = slice(top + begin * side, top + min(begin + at_once, ny) * side)
+        band = values[rows, columns].reshape(-1, side, nx * side)
         lost = np.flatnonzero(np.isnan(band))
         if lost.size:
             band = band.copy()
@@ -79,7 +69,7 @@ def block_means(surface: HeightMap, step: int) -> HeightMap:
     A block is measured where half of its points are: of large blocks nearly all lack some.
     """
     top, left = ((n % step) // 2 for n in surface.shape)
-    height_m = means_of_blocks(surface.height_m[top:, left:], step, 0.5 * step**2)
+    height_m = means_of_blocks(surface, step, 0.5 * step**2, (top, left))
     dy_m, dx_m = surface.pixel_size_m
     return replace(surface, height_m=height_m, pixel_size_m=(step * dy_m, step * dx_m))
 
@@ -94,5 +84,5 @@ def few_lines(surface: HeightMap, lines: int) -> HeightMap:
     """
     step_y, step_x = (max(1, n // lines) for n in surface.shape)
     dy_m, dx_m = surface.pixel_size_m
-    few_m = surface.height_m[::step_y, ::step_x]
+    few_m = surface[::step_y, ::step_x]
     return replace(surface, height_m=few_m, pixel_size_m=(step_y * dy_m, step_x * dx_m))

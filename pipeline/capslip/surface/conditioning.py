@@ -8,7 +8,6 @@ import numpy as np
 
 from capslip.errors import SettingsError, UnusableSurfaceError
 from capslip.problems import Problem
-from capslip.surface.blocks import row_blocks
 from capslip.surface.doubts import problems_of_map, problems_of_outliers, refuse_absurd
 from capslip.surface.filling import fill_scattered
 from capslip.surface.filters import gaussian_l_filter, gaussian_s_filter
@@ -17,6 +16,7 @@ from capslip.surface.heightmap import HeightMap
 from capslip.surface.outliers import NEIGHBOURS, Outliers, find_outliers
 from capslip.surface.resampling import resample
 from capslip.surface.rounding import problems_of_rounding, smooth_steps
+from capslip.surface.rows import row_blocks
 from capslip.surface.tops import restore_tops, without_lost_tops
 
 OutlierRule = Literal["isolated", "none"]
@@ -75,9 +75,9 @@ class Conditioned:
         if self.slope == (0.0, 0.0):
             return self.surface
         (ny, nx), (dy_m, dx_m) = self.surface.shape, self.surface.pixel_size_m
-        height_m = self.surface.height_m - self.slope[0] * dx_m * np.arange(nx)
-        height_m -= (self.slope[1] * dy_m * np.arange(ny))[:, None]
-        return replace(self.surface, height_m=height_m)
+        slope_x, slope_y = self.slope
+        less_m = -slope_x * dx_m * np.arange(nx), -slope_y * dy_m * np.arange(ny)
+        return self.surface.plus(*less_m)
 
 
 def condition(
@@ -155,7 +155,7 @@ def condition(
     if outliers == "isolated" and found.index.size:
         step["removed"] = found.index.size
         step["sq_before_m"], step["sz_before_m"] = sq_and_sz_m(surface)
-        with_them, smooth = surface, _without(smooth, found)
+        with_them, smooth = surface, smooth.without(found.index)
         surface, removed_form = remove_form(smooth, form, **fit)
         removed_m = _removed_m(with_them, surface, found)
         del with_them
@@ -201,12 +201,6 @@ def _trimmed(surface: HeightMap, edge_trim_m: float) -> tuple[HeightMap, dict[st
     return replace(surface, height_m=inner), {"step": "edge_trim", "points": [trim_y, trim_x]}
 
 
-def _without(surface: HeightMap, outliers: Outliers) -> HeightMap:
-    height_m = surface.height_m.copy()
-    height_m.reshape(-1)[outliers.index] = np.nan
-    return replace(surface, height_m=height_m)
-
-
 def _removed_m(before: HeightMap, after: HeightMap, outliers: Outliers) -> np.ndarray:
     """Return place (x, y) and height of the outliers above the form that was fitted without them.
 
@@ -217,10 +211,10 @@ def _removed_m(before: HeightMap, after: HeightMap, outliers: Outliers) -> np.nd
     shift_m, known = np.zeros(row.size), np.zeros(row.size)
     for down, right in NEIGHBOURS:
         beside = np.clip(row + down, 0, ny - 1), np.clip(col + right, 0, nx - 1)
-        change_m = after.height_m[beside] - before.height_m[beside]
+        change_m = after[beside] - before[beside]
         shift_m += np.nan_to_num(change_m)
         known += ~np.isnan(change_m)
-    height_m = before.height_m[row, col] + shift_m / np.maximum(known, 1.0)
+    height_m = before[row, col] + shift_m / np.maximum(known, 1.0)
     return np.stack(((col + 0.5) * dx_m, (row + 0.5) * dy_m, height_m))
 
 
@@ -232,22 +226,21 @@ def sq_and_sz_m(surface: HeightMap) -> tuple[float, float]:
     UnusableSurfaceError
         If no point is measured.
     """
-    z_m = surface.height_m
-    lowest_m, highest_m = np.fmin.reduce(z_m, axis=None), np.fmax.reduce(z_m, axis=None)
-    if np.isnan(lowest_m):
+    n, total_m, square_m2, some_m = 0, 0.0, 0.0, math.nan
+    if surface.n_measured == 0:
         raise UnusableSurfaceError(
-            f"{surface.origin.name}: all {z_m.size} points are non-measured; expected "
+            f"{surface.origin.name}: all {surface.size} points are non-measured; expected "
             "heights; check the file's code for missing data"
         )
-    n, total_m, square_m2, some_m = 0, 0.0, 0.0, math.nan
-    for rows in row_blocks(z_m.shape):
-        known_m = _known(z_m[rows])
+    lowest_m, highest_m = surface.bounds_m
+    for rows in row_blocks(surface.shape):
+        known_m = _known(surface[rows])
         if n == 0 and known_m.size:
             some_m = float(known_m.mean())  # from which heights count: their level costs no digits
         above_m = known_m - some_m
         n, total_m = n + above_m.size, total_m + float(above_m.sum())
         square_m2 += float(above_m @ above_m)
-    return math.sqrt(max(square_m2 / n - (total_m / n) ** 2, 0.0)), float(highest_m - lowest_m)
+    return math.sqrt(max(square_m2 / n - (total_m / n) ** 2, 0.0)), highest_m - lowest_m
 
 
 def _known(height_m: np.ndarray) -> np.ndarray:

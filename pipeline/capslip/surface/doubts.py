@@ -8,9 +8,10 @@ from capslip.errors import UnusableSurfaceError
 from capslip.problems import Problem, Severity
 from capslip.surface.blocks import few_lines
 from capslip.surface.form import FLOOR_LINES, FLOOR_SHARE, ROUNDING, remove_form
-from capslip.surface.heightmap import HeightMap, Tops
+from capslip.surface.heightmap import HeightMap, Heights, Tops
 from capslip.surface.interpolated import pixels_apart
 from capslip.surface.outliers import Outliers
+from capslip.surface.rows import row_blocks
 from capslip.surface.seams import find_seams, leaves_tops
 from capslip.surface.tops import clipped_points
 from capslip.units import readable
@@ -49,8 +50,7 @@ def refuse_absurd(surface: HeightMap) -> None:
         have a range of zero and are left to others.
     """
     low_m, high_m = LENGTHS_M
-    lowest_m = float(np.fmin.reduce(surface.height_m, axis=None))  # NaN without measured points
-    highest_m = float(np.fmax.reduce(surface.height_m, axis=None))
+    lowest_m, highest_m = surface.bounds_m  # NaN without measured points
     for what, length_m in (
         ("heights of up to", max(abs(lowest_m), abs(highest_m))),
         ("a height range of", highest_m - lowest_m),
@@ -296,7 +296,7 @@ def sanity_line(surface: HeightMap, sq_m: float, sz_m: float) -> str:
         surface.side_m,
     )
     square = "" if abs(dy_m / dx_m - 1.0) <= SQUARE_WITHIN else " (not square)"
-    missing = 100.0 * (1.0 - np.count_nonzero(surface.measured) / surface.height_m.size)
+    missing = 100.0 * (1.0 - surface.n_measured / surface.size)
     ratio = f"{sz_m / sq_m:.3g}" if sq_m > 0.0 else "-"
     which = "" if surface.origin.dataset is None else f" of {surface.origin.dataset!r}"
     return (
@@ -317,7 +317,7 @@ def _steep(surface: HeightMap, sz_m: float) -> Problem | None:
             "error",
             f"the heights range over {sz_m:.3g} m on a face only {side_m:.3g} m wide: {advice}",
         )
-    rms_slope, steep_share = _slopes(surface.height_m, surface.pixel_size_m)
+    rms_slope, steep_share = _slopes(surface, surface.pixel_size_m)
     if not _is_steep(rms_slope, steep_share):
         return None
     message = f"rms slope {rms_slope:.2g}, {100 * steep_share:.1f} % of the slopes above 1"
@@ -347,7 +347,7 @@ def _scale(surface: HeightMap, sz_m: float) -> Problem | None:
 
 def _removed(surface: HeightMap, outliers: Outliers) -> Problem:
     n = outliers.index.size
-    share = n / (n + np.count_nonzero(surface.measured))
+    share = n / (n + surface.n_measured)
     many = share > MAX_OUTLIER_SHARE
     return Problem(
         "outliers_removed",
@@ -382,8 +382,8 @@ def _kept(surface: HeightMap, sq_m: float, outliers: Outliers) -> Problem:
 def _range(surface: HeightMap, sq_m: float, sz_m: float) -> Problem | None:
     if sz_m <= MAX_SZ_OVER_SQ * sq_m:
         return None
-    highest_m = float(np.fmax.reduce(surface.height_m, axis=None))
-    peak_m = highest_m - float(np.nanmean(surface.height_m))
+    sum_m = sum(float(np.nansum(surface[rows])) for rows in row_blocks(surface.shape))
+    peak_m = surface.bounds_m[1] - sum_m / surface.n_measured
     if peak_m > 0.5 * MAX_SZ_OVER_SQ * sq_m:
         severity: Severity = "warning"
         what = f"peaks stand {peak_m:.3g} m above the mean; they are touched first; look at the map"
@@ -444,7 +444,7 @@ def _is_steep(rms_slope: float, steep_share: float) -> bool:
     return rms_slope > 1.0 or steep_share > MAX_STEEP_SHARE
 
 
-def _slopes(height_m: np.ndarray, pixel_size_m: tuple[float, float]) -> tuple[float, float]:
+def _slopes(height_m: Heights, pixel_size_m: tuple[float, float]) -> tuple[float, float]:
     """Return the rms slope and the share of slopes above 1, on lines along both axes."""
     square_sum, steep, n = 0.0, 0, 0
     for axis, size_m in enumerate(pixel_size_m):

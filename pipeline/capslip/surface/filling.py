@@ -54,7 +54,7 @@ def fill_scattered(surface: HeightMap) -> HeightMap:
     >>> bool(np.nanmax(np.abs(off[5:-5, 5:-5])) < 0.01 * np.ptp(z)), filled.filling.way
     (True, 'cubic')
     """
-    if not stand_alone(surface.height_m):
+    if not stand_alone(surface.measured):
         return surface
     from scipy.spatial import Delaunay, QhullError
 

@@ -9,8 +9,9 @@ from typing import Any, Literal, get_args
 import numpy as np
 
 from capslip.errors import SettingsError, UnusableSurfaceError
-from capslip.surface.blocks import few_lines, row_blocks
+from capslip.surface.blocks import few_lines
 from capslip.surface.heightmap import HeightMap
+from capslip.surface.rows import row_blocks
 
 FormKind = Literal["plane", "quadratic", "polynomial", "cylinder", "sphere", "none"]
 DEGREE = {"plane": 1, "quadratic": 2}
@@ -26,7 +27,8 @@ MAX_STEPS = 50
 FEW_POINTS = 16384  # of a block of which a sphere or cylinder needs ten arrays
 DIFFERENCE = 1e-5  # step of the central differences, in half diagonals and radians
 
-Fit = Callable[[np.ndarray | None], tuple[np.ndarray, float | None, float | None]]
+Fitted = tuple[HeightMap, float | None, float | None]  # what is left, radius and direction
+Fit = Callable[[np.ndarray | None], Fitted]
 Model = Callable[[np.ndarray, np.ndarray], tuple[np.ndarray, list[np.ndarray]]]
 
 
@@ -114,13 +116,12 @@ def remove_form(
     measured = _measured(surface)
     fit = _fit_of(surface, measured, kind, degree)
     if floor:
-        residual_m, radius_m, axis_rad = _through_lowest(fit, measured)
+        rest, radius_m, axis_rad = _through_lowest(fit, measured)
     elif robust:
-        residual_m, radius_m, axis_rad = _reweighted(fit, surface, measured)
+        rest, radius_m, axis_rad = _reweighted(fit, surface, measured)
     else:
-        residual_m, radius_m, axis_rad = fit(None)
-    form = Form(kind, degree, robust and not floor, radius_m, axis_rad, floor)
-    return replace(surface, height_m=residual_m), form
+        rest, radius_m, axis_rad = fit(None)
+    return rest, Form(kind, degree, robust and not floor, radius_m, axis_rad, floor)
 
 
 def floor_slopes(surface: HeightMap) -> tuple[float, float]:
@@ -177,40 +178,36 @@ def _check(kind: FormKind, degree: int | None) -> None:
 
 def _measured(surface: HeightMap) -> np.ndarray | None:
     """Return the mask of the measured points, or None where all are."""
-    if not np.isnan(surface.height_m.sum()):
-        return None
-    measured = surface.measured
-    if not measured.any():
+    if surface.n_measured == 0:
         raise UnusableSurfaceError(
-            f"{surface.origin.name}: all {measured.size} points are non-measured; expected "
+            f"{surface.origin.name}: all {surface.size} points are non-measured; expected "
             "heights; check the file's code for missing data"
         )
-    return measured
+    return None if surface.complete else surface.measured
 
 
 def _fit_of(
     surface: HeightMap, measured: np.ndarray | None, kind: FormKind, degree: int | None
 ) -> Fit:
-    """Return what fits a map with weights: residual map, and radius and direction if it has them.
+    """Return what fits a map with weights: what is left of it, and radius and direction if it has.
 
     Without weights all measured points count alike.
     """
     if degree is None:
         return lambda weight: _without_quadric(surface, weight, kind == "cylinder")
     polynomial = _Polynomial.of(surface, measured, degree)
-    return lambda weight: (polynomial.residual_m(weight), None, None)
+    return lambda weight: (polynomial.taken_off(weight), None, None)
 
 
-def _reweighted(
-    fit: Fit, surface: HeightMap, measured: np.ndarray | None
-) -> tuple[np.ndarray, float | None, float | None]:
+def _reweighted(fit: Fit, surface: HeightMap, measured: np.ndarray | None) -> Fitted:
     """Fit again with the weights that follow from the residuals, until their spread settles."""
     weight = None
     last_m = math.inf
-    z_m = surface.height_m
-    rounding_m = ROUNDING * (np.fmax.reduce(z_m, axis=None) - np.fmin.reduce(z_m, axis=None))
+    lowest_m, highest_m = surface.bounds_m
+    rounding_m = ROUNDING * (highest_m - lowest_m)
     for step in range(MAX_REWEIGHTS + 1):
-        residual_m, radius_m, axis_rad = fit(weight)
+        rest, radius_m, axis_rad = fit(weight)
+        residual_m = rest.height_m
         off_m = np.abs(residual_m if measured is None else residual_m[measured])
         spread_m = float(np.median(off_m, overwrite_input=True))
         settled = abs(last_m - spread_m) <= SETTLED * spread_m
@@ -220,16 +217,15 @@ def _reweighted(
         weight = _biweight(residual_m, BIWEIGHT_OVER_MEDIAN * spread_m)
         if measured is not None:
             weight[~measured] = 0.0
-    return residual_m, radius_m, axis_rad
+    return rest, radius_m, axis_rad
 
 
-def _through_lowest(
-    fit: Fit, measured: np.ndarray | None
-) -> tuple[np.ndarray, float | None, float | None]:
+def _through_lowest(fit: Fit, measured: np.ndarray | None) -> Fitted:
     """Fit again to the lowest third of the residuals, until nearly the same points are lowest."""
     weight = None
     for _ in range(MAX_REWEIGHTS + 1):
-        residual_m, radius_m, axis_rad = fit(weight)
+        rest, radius_m, axis_rad = fit(weight)
+        residual_m = rest.height_m
         known_m = residual_m if measured is None else residual_m[measured]
         # Where many points are equally low, as on a clean floor, all of them count
         last = math.ceil(FLOOR_SHARE * (known_m.size - 1))
@@ -238,15 +234,15 @@ def _through_lowest(
         if weight is not None and np.mean(low != (weight > 0.0)) <= SETTLED:
             break
         weight = low.astype(np.float64)
-    return residual_m, radius_m, axis_rad
+    return rest, radius_m, axis_rad
 
 
 def _biweight(residual_m: np.ndarray, reach_m: float) -> np.ndarray:
-    """Turn residuals into (1 - (r / reach)^2)^2, 0 beyond the reach, in place."""
-    residual_m /= reach_m
-    np.square(residual_m, out=residual_m)
-    np.minimum(residual_m, 1.0, out=residual_m)
-    return np.square(np.subtract(1.0, residual_m, out=residual_m), out=residual_m)
+    """Return (1 - (r / reach)^2)^2 of residuals r, 0 beyond the reach."""
+    weight = residual_m / reach_m
+    np.square(weight, out=weight)
+    np.minimum(weight, 1.0, out=weight)
+    return np.square(np.subtract(1.0, weight, out=weight), out=weight)
 
 
 @dataclass(frozen=True, eq=False)
@@ -269,27 +265,24 @@ class _Polynomial:
 
     @classmethod
     def of(cls, surface: HeightMap, measured: np.ndarray | None, degree: int) -> "_Polynomial":
-        z_m = surface.height_m
+        level_m = _some_m(surface)
         if measured is None:
             v, u = (np.linspace(-1.0, 1.0, n) for n in surface.shape)
-            level_m = z_m[0, 0]
         else:
             v, u = _scaled(measured.any(axis=1)), _scaled(measured.any(axis=0))
-            level_m = z_m.reshape(-1)[np.argmax(measured)]
         of_v, of_u = (np.polynomial.chebyshev.chebvander(at, 2 * degree) for at in (v, u))
         return cls(surface, measured, degree, level_m, of_v, of_u)
 
-    def residual_m(self, weight: np.ndarray | None) -> np.ndarray:
+    def taken_off(self, weight: np.ndarray | None) -> HeightMap:
         """Return the map less the polynomial that fits it best with these weights."""
-        z_m, measured, terms = self.surface.height_m, self.measured, self.degree + 1
+        surface, measured, terms = self.surface, self.measured, self.degree + 1
         few_v, few_u = self.chebyshev_v[:, :terms], self.chebyshev_u[:, :terms]
         moment = np.zeros((2 * self.degree + 1, 2 * self.degree + 1))
         if measured is None and weight is None:
             moment = np.outer(self.chebyshev_v.sum(axis=0), self.chebyshev_u.sum(axis=0))
         right = np.zeros((terms, terms))
-        residual_m = np.empty_like(z_m)
-        for rows in row_blocks(z_m.shape):
-            known_m = np.subtract(z_m[rows], self.level_m, out=residual_m[rows])
+        for rows in row_blocks(surface.shape):
+            known_m = surface[rows] - self.level_m
             counts = None if measured is None else measured[rows].astype(np.float64)
             if measured is not None:
                 known_m = np.where(measured[rows], known_m, 0.0)
@@ -299,10 +292,10 @@ class _Polynomial:
             if counts is not None:
                 moment += self.chebyshev_v[rows].T @ (counts @ self.chebyshev_u)
             right += few_v[rows].T @ (known_m @ few_u)
-        along_v = few_v @ self._coefficients_m(moment, right)
-        for rows in row_blocks(z_m.shape):
-            residual_m[rows] -= along_v[rows] @ few_u.T
-        return residual_m
+        less_m = -self._coefficients_m(moment, right)
+        along_v = few_v[:, 1:] @ less_m[1:]  # a plane has no other terms than those of v or u alone
+        products = [(along_v[:, i], few_u[:, i]) for i in range(1, self.degree)]
+        return surface.plus(few_u @ less_m[0], along_v[:, 0], tuple(products), self.level_m)
 
     def _coefficients_m(self, moment: np.ndarray, right: np.ndarray) -> np.ndarray:
         term, products = _terms(self.degree)
@@ -342,16 +335,19 @@ def _loose(surface: HeightMap) -> UnusableSurfaceError:
     )
 
 
-def _without_quadric(
-    surface: HeightMap, weight: np.ndarray | None, cylinder: bool
-) -> tuple[np.ndarray, float | None, float | None]:
+def _some_m(surface: HeightMap) -> float:
+    """Return a measured height, from which heights count."""
+    return float(surface.at(0 if surface.complete else np.argmax(surface.measured)))
+
+
+def _without_quadric(surface: HeightMap, weight: np.ndarray | None, cylinder: bool) -> Fitted:
     """Subtract the least-squares sphere or cylinder, by Gauss-Newton steps.
 
     Lengths count in half diagonals of the face, from its middle. The start is the curvature of the
     least-squares polynomial of degree 2.
     """
     unit_m = 0.5 * math.hypot(*surface.side_m)
-    level_m = float(surface.height_m.reshape(-1)[np.argmax(surface.measured)])
+    level_m = _some_m(surface)
 
     def sums(model: Model) -> tuple[np.ndarray, np.ndarray, float, float]:
         return _sums(surface, weight, unit_m, level_m, model)
@@ -374,7 +370,7 @@ def _without_quadric(
         residual_m[rows] = unit_m * (z - _quadric(parameter, x, y))
     radius_m = float(unit_m / parameter[3]) if parameter[3] else None
     axis_rad = float(parameter[4] % math.pi) if cylinder else None
-    return residual_m, radius_m, axis_rad
+    return replace(surface, height_m=residual_m), radius_m, axis_rad
 
 
 def _blocks(
@@ -387,7 +383,7 @@ def _blocks(
     n_rows = max(1, FEW_POINTS // nx)
     for first in range(0, ny, n_rows):
         rows = slice(first, first + n_rows)
-        z = (surface.height_m[rows] - level_m) / unit_m
+        z = (surface[rows] - level_m) / unit_m
         yield rows, z, np.broadcast_to(x, z.shape), np.broadcast_to(y[rows, None], z.shape)
 
 

@@ -4,6 +4,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from capslip.surface.rows import BLOCK_POINTS
+
 
 @dataclass(frozen=True, eq=False)
 class Runs:
@@ -72,7 +74,10 @@ def ends(pointer: np.ndarray) -> np.ndarray:
     array([0, 0, 0, 3])
     """
     while True:
-        further = pointer.take(pointer)
+        further = np.empty_like(pointer)
+        for first in range(0, pointer.size, BLOCK_POINTS):  # each makes a long index of its own
+            part = slice(first, first + BLOCK_POINTS)
+            further[part] = pointer.take(pointer[part])
         if np.array_equal(further, pointer):
             return pointer
         pointer = further

@@ -1,11 +1,18 @@
 """The height map: what every reader returns and every later stage takes."""
 
 import math
+from copy import copy
 from dataclasses import dataclass, field
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from capslip.errors import SettingsError, UnusableSurfaceError
+from capslip.surface.rows import BLOCK_POINTS, row_blocks
+
+MOST_OF_FEW_BYTES = 2**30  # points of a map, with a frame around it too
+SMALL = 2**21  # points of a map whose heights are computed once and kept
 
 
 @dataclass(frozen=True)
@@ -92,7 +99,8 @@ class HeightMap:
     height_m : array_like, shape (ny, nx)
         Heights, growing out of the material; NaN marks a non-measured point. Pixel (i, j) has
         its centre at x = (j + 0.5) dx, y = (i + 0.5) dy; x, y and the height are right-handed: with
-        x to the right and the height towards the eye, y points up, and row 0 is the lowest.
+        x to the right and the height towards the eye, y points up, and row 0 is the lowest. Given
+        as float32 they are kept so, and come out as float64 where they are asked for.
     pixel_size_m : (float, float)
         (dy, dx), both positive.
     origin : Origin, optional
@@ -103,6 +111,13 @@ class HeightMap:
         What of the heights was filled.
     rounding : Rounding, optional
         The steps in which heights were stored, where that was smoothed.
+
+    Notes
+    -----
+    One array holds what was stored; what is added to it, as a plane, is part of the map and costs
+    no other array (`plus`). A large map computes heights where they are asked for:
+    `surface[rows]`, `surface[row, column]`, `surface.at(index)`. `surface.height_m` are all of
+    them, which few need; of a small map they are computed once.
 
     Raises
     ------
@@ -125,19 +140,18 @@ class HeightMap:
     tops: Tops | None = None
     filling: Filling | None = None
     rounding: Rounding | None = None
+    _stored_m: np.ndarray = field(init=False, repr=False)  # float32 or float64
+    lost: np.ndarray = field(init=False, repr=False)  # points not measured, counted row by row
+    _added: "_Added | None" = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
-        height_m = np.ascontiguousarray(self.height_m, dtype=np.float64)
-        name = self.origin.name
-        if height_m.ndim != 2 or min(height_m.shape) < 3:
+        given = self.__dict__.pop("height_m")
+        kept = np.float32 if getattr(given, "dtype", None) == np.float32 else np.float64
+        stored_m, name = np.ascontiguousarray(given, dtype=kept), self.origin.name
+        if stored_m.ndim != 2 or min(stored_m.shape) < 3:
             raise UnusableSurfaceError(
-                f"{name}: heights have shape {height_m.shape}; expected two axes of at least 3 "
+                f"{name}: heights have shape {stored_m.shape}; expected two axes of at least 3 "
                 "points; choose the dataset that holds the height map"
-            )
-        if np.isinf(height_m).any():
-            raise UnusableSurfaceError(
-                f"{name}: {int(np.isinf(height_m).sum())} infinite heights; expected finite "
-                "heights or NaN for non-measured points; mark them as non-measured"
             )
         try:
             dy_m, dx_m = (float(v) for v in self.pixel_size_m)
@@ -149,24 +163,151 @@ class HeightMap:
             raise SettingsError(
                 f"{name}: pixel size ({dy_m:g}, {dx_m:g}) m; expected two positive numbers (dy, dx)"
             )
-        height_m.flags.writeable = False
-        object.__setattr__(self, "height_m", height_m)
-        object.__setattr__(self, "pixel_size_m", (dy_m, dx_m))
+        stored_m.flags.writeable = False
+        self._hold(stored_m, _lost_of(stored_m, name), None)
+        self.__dict__["pixel_size_m"] = (dy_m, dx_m)
+
+    def _hold(self, stored_m: np.ndarray, lost: np.ndarray, added: "_Added | None") -> None:
+        """Keep heights as they are stored, which points lack, and what is added to them.
+
+        Heights of a small map are computed once, those of a large one where they are asked for.
+        """
+        self.__dict__.update(_stored_m=stored_m, lost=lost, _added=added)
+        for name in ("height_m", "bounds_m"):
+            self.__dict__.pop(name, None)
+        if added is None and stored_m.dtype == np.float64:
+            self.__dict__["height_m"] = stored_m
+
+    if not TYPE_CHECKING:
+
+        def __getattr__(self, name: str) -> np.ndarray:
+            if name != "height_m":
+                raise AttributeError(name)
+            height_m = np.empty(self.shape)
+            for rows in row_blocks(self.shape):
+                self._computed_m(rows, slice(None), height_m[rows])
+            height_m.flags.writeable = False
+            if self.size <= SMALL:  # from here on instead of what was stored
+                self.__dict__.update(height_m=height_m, _stored_m=height_m, _added=None)
+            return height_m
+
+    def __getitem__(self, at: Any) -> np.ndarray:
+        """Return the heights of some points, float64: rows, or rows and columns of an array."""
+        if "height_m" in self.__dict__ or self.size <= SMALL:
+            some_m: np.ndarray = self.height_m[at]
+            return some_m
+        row, col = at if isinstance(at, tuple) else (at, slice(None))
+        return self._computed_m(row, col)
+
+    def __len__(self) -> int:
+        return self.shape[0]
+
+    def at(self, index: Any) -> np.ndarray:
+        """Return the heights of points that are counted row by row."""
+        if "height_m" in self.__dict__ or self.size <= SMALL:
+            return self.height_m.reshape(-1)[index]
+        index = np.asarray(index)
+        height_m, every = np.empty(index.shape), index.reshape(-1)
+        for first in range(0, every.size, BLOCK_POINTS):
+            some = every[first : first + BLOCK_POINTS].astype(np.intp)
+            row = some // self.shape[1]
+            at = row, some - self.shape[1] * row
+            height_m.reshape(-1)[first : first + some.size] = self._computed_m(*at)
+        return height_m
+
+    def _computed_m(self, row: Any, col: Any, out: np.ndarray | None = None) -> np.ndarray:
+        # In one order, whatever is asked for: a point has one height
+        level_m = 0.0 if self._added is None else self._added.level_m
+        height_m = np.subtract(self._stored_m[row, col], level_m, out=out, dtype=np.float64)
+        if self._added is None:
+            return height_m
+        down = isinstance(col, slice) or (isinstance(row, slice) and np.ndim(col) > 0)
+
+        def of_rows(values: np.ndarray) -> np.ndarray:
+            some = values[row]
+            return some[:, None] if down and some.ndim == 1 else some
+
+        height_m += self._added.x_m[col]
+        height_m += of_rows(self._added.y_m)
+        for of_y, of_x in self._added.products:
+            height_m += of_rows(of_y) * of_x[col]
+        return height_m
+
+    def plus(
+        self,
+        x_m: np.ndarray,
+        y_m: np.ndarray,
+        products: tuple[tuple[np.ndarray, np.ndarray], ...] = (),
+        level_m: float = 0.0,
+    ) -> "HeightMap":
+        """Return the map with a surface added: x_m + y_m + products - level_m.
+
+        What is stored stays as it is, and one.
+
+        Parameters
+        ----------
+        x_m : float64, shape (nx,)
+            What is added to columns.
+        y_m : float64, shape (ny,)
+            What is added to rows.
+        products : tuple of (float64, float64)
+            Of what is along y, shape (ny,), and along x, shape (nx,).
+        level_m : float
+            Taken off first, so that it costs no digits.
+        """
+        before = self._added
+        if before is None:
+            added = _Added(level_m, x_m, y_m, products)
+        else:
+            y_m = before.y_m + (y_m - level_m)
+            added = _Added(before.level_m, before.x_m + x_m, y_m, (*before.products, *products))
+        found = copy(self)
+        found._hold(self._stored_m, self.lost, added)
+        return found
+
+    def without(self, index: np.ndarray) -> "HeightMap":
+        """Return the map with points, counted row by row, that were not measured."""
+        stored_m = self._stored_m.copy()
+        stored_m.reshape(-1)[index] = np.nan
+        stored_m.flags.writeable = False
+        found = copy(self)
+        found._hold(stored_m, np.union1d(self.lost, index).astype(self.lost.dtype), self._added)
+        return found
 
     @property
     def shape(self) -> tuple[int, int]:
         """(ny, nx)."""
-        return self.height_m.shape[0], self.height_m.shape[1]
+        return self._stored_m.shape[0], self._stored_m.shape[1]
+
+    @property
+    def size(self) -> int:
+        """Number of points."""
+        return self._stored_m.size
 
     @property
     def measured(self) -> np.ndarray:
         """Mask of the measured points, bool, shape (ny, nx)."""
-        return ~np.isnan(self.height_m)
+        if self.complete:
+            return np.broadcast_to(True, self.shape)
+        measured = np.ones(self.shape, dtype=bool)
+        measured.reshape(-1)[self.lost] = False
+        return measured
+
+    @property
+    def complete(self) -> bool:
+        """Whether all points were measured."""
+        return self.lost.size == 0
+
+    @cached_property
+    def bounds_m(self) -> tuple[float, float]:
+        """Least and greatest height; NaN where nothing was measured."""
+        ends_m = np.array([_ends_m(self[rows]) for rows in row_blocks(self.shape)])
+        return float(np.fmin.reduce(ends_m[:, 0])), float(np.fmax.reduce(ends_m[:, 1]))
 
     @property
     def n_measured(self) -> int:
         """Number of the measured points."""
-        return self.height_m.size - int(np.count_nonzero(np.isnan(self.height_m)))
+        return self.size - self.lost.size
 
     @property
     def side_m(self) -> tuple[float, float]:
@@ -186,3 +327,40 @@ class HeightMap:
             lines = np.flatnonzero(self.measured.any(axis=1 - axis))
             sides_m *= pixel_m * (int(lines[-1]) - int(lines[0]) + 1 if lines.size else 0)
         return sides_m
+
+
+@dataclass(frozen=True, eq=False)
+class _Added:
+    """What is added to stored heights wherever they are read."""
+
+    level_m: float  # taken off first
+    x_m: np.ndarray  # (nx,)
+    y_m: np.ndarray  # (ny,)
+    products: tuple[tuple[np.ndarray, np.ndarray], ...]  # of (ny,) and (nx,)
+
+
+def _ends_m(height_m: np.ndarray) -> tuple[float, float]:
+    low_m, high_m = height_m.min(), height_m.max()  # several times as fast as those without NaN
+    if np.isnan(low_m):
+        low_m, high_m = np.fmin.reduce(height_m, axis=None), np.fmax.reduce(height_m, axis=None)
+    return low_m, high_m
+
+
+def _lost_of(stored_m: np.ndarray, name: str) -> np.ndarray:
+    """Return the points that were not measured; refuse infinite ones."""
+    found, infinite, nx = [], 0, stored_m.shape[1]
+    for rows in row_blocks(stored_m.shape):
+        finite = np.isfinite(stored_m[rows])
+        if not finite.all():
+            infinite += int(np.count_nonzero(np.isinf(stored_m[rows])))
+            found.append(np.flatnonzero(~finite) + rows.start * nx)
+    if infinite:
+        raise UnusableSurfaceError(
+            f"{name}: {infinite} infinite heights; expected finite "
+            "heights or NaN for non-measured points; mark them as non-measured"
+        )
+    few_bytes = np.int32 if SMALL < stored_m.size < MOST_OF_FEW_BYTES else np.intp
+    return np.concatenate([np.empty(0, dtype=np.intp), *found]).astype(few_bytes)
+
+
+Heights = np.ndarray | HeightMap  # what gives some of its heights when it is asked for them

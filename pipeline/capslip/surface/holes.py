@@ -39,9 +39,8 @@ def problems_of_holes(surface: HeightMap, hill_radius_m: float) -> tuple[Problem
             "between them, and are not counted; measure what is missing"
         )
         return (Problem("hole_may_hide_hills", "warning", message),)
-    lost = ~surface.measured
     # Such a disc holds a square of half its radius as a whole, wherever the squares begin
-    if not lost.any() or not _blocks(lost, surface, 0.5 * hill_radius_m).any():
+    if surface.complete or not _blocks(~surface.measured, surface, 0.5 * hill_radius_m).any():
         return ()
     radius_m = float(depth_of_holes(surface, hill_radius_m)[2].max(initial=0.0))
     if radius_m < hill_radius_m:

@@ -28,15 +28,15 @@ def pixels_apart(surface: HeightMap) -> tuple[int, int]:
     surface : HeightMap
         As measured, or with its form off.
     """
-    along_y, along_x = (_apart(z) for z in (surface.height_m, surface.height_m.T))
-    return along_y, along_x
+    if min(surface.shape) < LEAST_LINES:
+        return 1, 1
+    every = max(1, surface.size // SAMPLED)
+    return _apart(surface[:, ::every]), _apart(surface[::every].T)
 
 
 def _apart(height_m: np.ndarray) -> int:
     """Return the distance of measured points along the first axis."""
-    if min(height_m.shape) < LEAST_LINES:
-        return 1
-    difference_m = height_m[:, :: max(1, height_m.size // SAMPLED)]
+    difference_m = height_m
     for _ in ORDERS:
         difference_m = np.diff(difference_m, axis=0)
         own_m = _own(difference_m)

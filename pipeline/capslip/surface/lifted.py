@@ -2,6 +2,8 @@
 
 import numpy as np
 
+from capslip.surface.heightmap import HeightMap
+
 FEWEST_POINTS = 3  # fewer are judged as spikes
 MOST_ISLANDS = 5  # more are a texture
 LONGEST = 3.0  # times the root of its points: a longer one is a ridge or a scratch
@@ -11,14 +13,13 @@ POINTS_OVER_TERMS = 2.0  # least
 
 
 def lifted_patches(
-    z: np.ndarray, index: np.ndarray, island: np.ndarray, cliff_m: float
+    surface: HeightMap, index: np.ndarray, island: np.ndarray, cliff_m: float
 ) -> tuple[np.ndarray, np.ndarray]:
     """Find the few patches that stand above their surroundings by one step.
 
     Parameters
     ----------
-    z : float64, shape (ny, nx)
-        Heights, NaN where nothing was measured.
+    surface : HeightMap
     index, island : int64, shape (n,)
         Places of the points of islands, and the number of the island of each: what hangs together
         without a cliff, and not with the rest.
@@ -48,7 +49,7 @@ def lifted_patches(
     >>> z = -1e-10 * (x**2 + y**2)
     >>> z[10:14, 20:25] += 1e-6
     >>> at = np.flatnonzero(z > 1e-7)
-    >>> index, step_m = lifted_patches(z, at, np.zeros(at.size, dtype=int), 1e-7)
+    >>> index, step_m = lifted_patches(HeightMap(z, (1e-4, 1e-4)), at, 0 * at, 1e-7)
     >>> index.size, bool(np.allclose(step_m, 1e-6))
     (20, True)
     """
@@ -56,33 +57,33 @@ def lifted_patches(
     numbers, points = np.unique(island, return_counts=True)
     for number in numbers[points >= FEWEST_POINTS] if numbers.size <= MOST_ISLANDS else []:
         inside = index[island == number]
-        longest = max(np.ptp(inside // z.shape[1]), np.ptp(inside % z.shape[1])) + 1
+        longest = max(np.ptp(inside // surface.shape[1]), np.ptp(inside % surface.shape[1])) + 1
         if longest > LONGEST * np.sqrt(inside.size):
             continue
-        step_m = _step_m(z, inside, index)
+        step_m = _step_m(surface, inside, index)
         if step_m > cliff_m:
             found.append(inside)
             steps_m.append(np.full(inside.size, step_m))
     return np.concatenate(found), np.concatenate(steps_m)
 
 
-def _step_m(z: np.ndarray, inside: np.ndarray, islands: np.ndarray) -> float:
+def _step_m(surface: HeightMap, inside: np.ndarray, islands: np.ndarray) -> float:
     """Return the step of an island, 0 where it has a shape of its own."""
-    ny, nx = z.shape
+    ny, nx = surface.shape
     row, col = np.divmod(inside, nx)
     away = np.arange(-REACH, REACH + 1)
     near_row = row[:, None, None] + away[:, None] + 0 * away
     near_col = col[:, None, None] + 0 * away[:, None] + away
     on_map = (near_row >= 0) & (near_row < ny) & (near_col >= 0) & (near_col < nx)
     near = np.unique((near_row * nx + near_col)[on_map])
-    outside = near[~np.isnan(z.reshape(-1)[near]) & ~np.isin(near, islands)]
+    outside = near[~np.isnan(surface.at(near)) & ~np.isin(near, islands)]
     at = np.append(inside, outside)
     y, x = (place - place.mean() for place in np.divmod(at, nx))
     lifted = np.arange(at.size) < inside.size
     terms = np.stack((np.ones(at.size), y, x, y * y, x * y, x * x, lifted), axis=1)
     if at.size < POINTS_OVER_TERMS * terms.shape[1]:
         return 0.0
-    height_m = z.reshape(-1)[at] - z.reshape(-1)[at].mean()
+    height_m = surface.at(at) - surface.at(at).mean()
     fitted, _, rank, _ = np.linalg.lstsq(terms, height_m, rcond=None)
     rest_m = np.abs(height_m - terms @ fitted).max()
     step_m = float(fitted[-1])

@@ -11,6 +11,8 @@ from collections.abc import Callable
 
 import numpy as np
 
+from capslip.surface.heightmap import Heights
+
 MEDIAN_OF_NORMAL = 0.6744897501960817  # of |x| for a standard normal x
 SAMPLES = 60_000  # of the whole map: enough for the median
 
@@ -48,14 +50,14 @@ def rms_of_noise_m(difference_m: np.ndarray) -> float:
     return float(np.median(difference_m)) / (6.0 * MEDIAN_OF_NORMAL)
 
 
-def noise_of_map_m(height_m: np.ndarray) -> float:
+def noise_of_map_m(height_m: Heights) -> float:
     """Return the standard deviation of the white noise of a map, shape (ny, nx), from a lattice."""
     every = max(1, math.isqrt(height_m.size // SAMPLES))
-    width, flat_m = height_m.shape[1], height_m.reshape(-1)
     row, col = (np.arange(1, n - 1) for n in height_m.shape)
-    row = row[on_lattice(row, len(height_m), every)]
-    centre = row[:, None] * width + col[on_lattice(col, width, every)]
-    return rms_of_noise_m(mixed_difference(lambda i, j: flat_m[centre + (i * width + j)]))
+    row, col = (
+        at[on_lattice(at, n, every)] for at, n in zip((row, col), height_m.shape, strict=True)
+    )
+    return rms_of_noise_m(mixed_difference(lambda i, j: height_m[row[:, None] + i, col + j]))
 
 
 def on_lattice(place: np.ndarray, n: int, every: int) -> np.ndarray:

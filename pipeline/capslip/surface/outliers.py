@@ -5,10 +5,10 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from capslip.surface.blocks import BLOCK_POINTS
 from capslip.surface.graph import Runs, connected_parts
 from capslip.surface.heightmap import HeightMap
 from capslip.surface.lifted import lifted_patches
+from capslip.surface.rows import BLOCK_POINTS
 from capslip.surface.small_spikes import find_small_spikes
 
 STEP_QUANTILE = 0.90
@@ -60,7 +60,7 @@ class Outliers:
         return bool(self.step_m.max() <= -2.0 * self.step_m.min())
 
 
-def stand_alone(height_m: np.ndarray) -> bool:
+def stand_alone(measured: np.ndarray) -> bool:
     """Tell whether the measured points of a map stand alone.
 
     Of those inside, fewer than one in fifty has its eight neighbours: where points are missing at
@@ -68,22 +68,21 @@ def stand_alone(height_m: np.ndarray) -> bool:
 
     Parameters
     ----------
-    height_m : float64, shape (ny, nx)
-        NaN where nothing was measured.
+    measured : bool, shape (ny, nx)
 
     Examples
     --------
-    >>> z = np.zeros((50, 50))
-    >>> z[:, ::2] = np.nan
-    >>> stand_alone(z), stand_alone(z[:, 1::2])
+    >>> measured = np.ones((50, 50), dtype=bool)
+    >>> measured[:, ::2] = False
+    >>> stand_alone(measured), stand_alone(measured[:, 1::2])
     (True, False)
     """
-    some_m = height_m[:: max(1, len(height_m) // SAMPLED_LINES)]
-    n_lost = int(np.count_nonzero(np.isnan(some_m)))
+    some = measured[:: max(1, len(measured) // SAMPLED_LINES)]
+    n_lost = some.size - int(np.count_nonzero(some))
     # A missing point has eight neighbours: fewer cannot touch that many of the measured ones
-    if 8 * n_lost < (1.0 - LEAST_WHOLE) * (some_m.size - n_lost):
+    if 8 * n_lost < (1.0 - LEAST_WHOLE) * (some.size - n_lost):
         return False
-    lost = np.isnan(height_m)
+    lost = ~measured
     (ny, nx), beside = (n - 2 for n in lost.shape), lost[1:-1, 1:-1].copy()
     n_inside = beside.size - np.count_nonzero(beside)
     for down, right in NEIGHBOURS:
@@ -137,29 +136,28 @@ def find_outliers(surface: HeightMap, stored: HeightMap | None = None) -> Outlie
     >>> find_outliers(HeightMap(z, (1e-4, 1e-4))).index
     array([1230, 2410, 2411])
     """
-    z = surface.height_m
-    stored_m = z if stored is None else stored.height_m
-    if stand_alone(z):
-        return _of_lone_points(surface, stored_m.reshape(-1))
-    largest_m = max(float(np.fmax.reduce(z, axis=None)), -float(np.fmin.reduce(z, axis=None)))
-    cliff_m = CLIFF_OVER_STEP * _usual_step(z)
-    rough = cliff_m > ROUNDING * largest_m
-    cliff_m = max(cliff_m, ROUNDING * largest_m)
-    index, island = _islands(z, cliff_m)
+    stored = stored or surface
+    if stand_alone(surface.measured):
+        return _of_lone_points(surface, stored.height_m.reshape(-1))
+    lowest_m, highest_m = surface.bounds_m
+    cliff_m = CLIFF_OVER_STEP * _usual_step(surface)
+    rough = cliff_m > ROUNDING * max(highest_m, -lowest_m)
+    cliff_m = max(cliff_m, ROUNDING * max(highest_m, -lowest_m))
+    index, island = _islands(surface, cliff_m)
     off_m, n_lifted = np.empty(0), 0
     if index.size:
         part, part_of = index, island
-        few = _few_or_of_one_height(island, stored_m.reshape(-1)[index])
+        few = _few_or_of_one_height(island, stored.at(index))
         index, island = index[few], np.unique(island[few], return_inverse=True)[1]
         if index.size:
-            outlier, off_m = _judge(z.reshape(-1), z.shape, index, island, rough)
+            outlier, off_m = _judge(surface, index, island, rough)
             index, off_m = index[outlier], off_m[outlier]
         if rough:
             left = ~np.isin(part, index)
-            patch, step_m = lifted_patches(z, part[left], part_of[left], cliff_m)
+            patch, step_m = lifted_patches(surface, part[left], part_of[left], cliff_m)
             index, off_m, n_lifted = np.append(index, patch), np.append(off_m, step_m), patch.size
     if rough:
-        small, small_off_m = find_small_spikes(z, index)
+        small, small_off_m = find_small_spikes(surface, index)
         index, off_m = np.append(index, small), np.append(off_m, small_off_m)
         order = np.argsort(index)
         index, off_m = index[order], off_m[order]
@@ -171,7 +169,8 @@ def _of_lone_points(surface: HeightMap, stored_m: np.ndarray) -> Outliers:
     from scipy.spatial import KDTree
 
     z_m, (dy_m, dx_m), nx = surface.height_m.reshape(-1), surface.pixel_size_m, surface.shape[1]
-    found, off_m, cliff_m = _codes_of_lone_points(z_m, stored_m)
+    found, off_m = _codes_of_lone_points(z_m, stored_m)
+    cliff_m = 0.0
     while True:
         index = np.flatnonzero(~np.isnan(z_m))
         index = index[~np.isin(index, found)]
@@ -195,10 +194,8 @@ def _of_lone_points(surface: HeightMap, stored_m: np.ndarray) -> Outliers:
     return Outliers(found[order], off_m[order], cliff_m)
 
 
-def _codes_of_lone_points(
-    z_m: np.ndarray, stored_m: np.ndarray
-) -> tuple[np.ndarray, np.ndarray, float]:
-    """Return bad codes among points that stand alone, their step, and no cliff yet."""
+def _codes_of_lone_points(z_m: np.ndarray, stored_m: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return bad codes among points that stand alone, and their step."""
     found, off_m = np.empty(0, dtype=np.intp), np.empty(0)
     for extreme in (np.fmin, np.fmax):
         code = stored_m == extreme.reduce(stored_m)
@@ -209,10 +206,10 @@ def _codes_of_lone_points(
         beyond_m = z_m[code] - np.clip(z_m[code], lowest_m, highest_m)
         if np.abs(beyond_m).min() > highest_m - lowest_m:
             found, off_m = np.append(found, np.flatnonzero(code)), np.append(off_m, beyond_m)
-    return found, off_m, 0.0
+    return found, off_m
 
 
-def _usual_step(z: np.ndarray) -> float:
+def _usual_step(z: HeightMap) -> float:
     """Height difference that 90 % of the neighbours stay below, along the rougher axis."""
     usual_m = 0.0
     for axis in (0, 1):
@@ -226,25 +223,25 @@ def _usual_step(z: np.ndarray) -> float:
     return usual_m
 
 
-def _islands(z: np.ndarray, cliff_m: float) -> tuple[np.ndarray, np.ndarray]:
+def _islands(z: HeightMap, cliff_m: float) -> tuple[np.ndarray, np.ndarray]:
     """Return place, ascending, and number of its island for every point of an island.
 
     Points without a cliff to any neighbour are joined along their rows, and these runs to those of
     the next row; the few points at a cliff are joined to each other and to the runs.
     """
     shore = _at_cliff(z, cliff_m)
-    lost = np.flatnonzero(np.isnan(z))
+    lost = z.lost
     none = np.empty(0, dtype=np.intp)
     if not shore.size and not lost.size:
         return none, none
     runs = _runs_between(z.shape, np.union1d(shore, lost) if shore.size else lost)
-    n_runs, height_m = runs.first.size, z.reshape(-1)
+    n_runs = runs.first.size
     if n_runs + shore.size == 0:
         return none, none
     size = np.append(runs.last - runs.first + 1, np.ones(shore.size, dtype=np.intp))
 
     member, beside = _neighbours(shore, z.shape)
-    joined = np.abs(height_m[beside] - height_m[shore[member]]) <= cliff_m
+    joined = np.abs(z.at(beside) - z.at(shore)[member]) <= cliff_m
     member, beside = member[joined], beside[joined]
     place = np.minimum(np.searchsorted(shore, beside), shore.size - 1)
     holding = runs.holding(beside + beside // z.shape[1])
@@ -286,7 +283,7 @@ def _runs_between(shape: tuple[int, int], left_out: np.ndarray) -> Runs:
     return Runs(begin[some], ends[some] - 1, width)
 
 
-def _at_cliff(z: np.ndarray, cliff_m: float) -> np.ndarray:
+def _at_cliff(z: HeightMap, cliff_m: float) -> np.ndarray:
     """Return the places, rising, of the points that have a cliff to one of their eight neighbours.
 
     Most blocks of rows have no cliff and are left at once.
@@ -328,7 +325,7 @@ def _neighbours(index: np.ndarray, shape: tuple[int, ...]) -> tuple[np.ndarray, 
 
 
 def _judge(
-    z: np.ndarray, shape: tuple[int, ...], index: np.ndarray, island: np.ndarray, rough: bool
+    surface: HeightMap, index: np.ndarray, island: np.ndarray, rough: bool
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return which points of islands are outliers, and how far each stands off what is around it.
 
@@ -337,51 +334,52 @@ def _judge(
     """
     n = int(island.max()) + 1
     n_points = np.bincount(island, minlength=n)
-    centre_m = np.bincount(island, z[index], minlength=n) / n_points
-    ring, beside, open_ = _rings(z, shape, index, island)
+    own_m = surface.at(index)
+    centre_m = np.bincount(island, own_m, minlength=n) / n_points
+    ring, beside, open_ = _rings(surface, index, island)
+    beside_m = surface.at(beside)
     outlier, middle_m = np.zeros(n, dtype=bool), np.zeros(n)
     while True:
         n_ring = np.bincount(ring, minlength=n)
         spike = ~outlier & (n_ring >= MIN_RING_POINTS) & (n_points <= MAX_SPIKE_POINTS)
         end = np.cumsum(n_ring)[spike]
         start = end - n_ring[spike]
-        first, last = z[beside[start + 1]], z[beside[end - 2]]
+        first, last = beside_m[start + 1], beside_m[end - 2]
         middle_m[spike] = 0.5 * (first + last)
-        above_m, below_m = centre_m[spike] - z[beside[end - 1]], z[beside[start]] - centre_m[spike]
+        above_m, below_m = centre_m[spike] - beside_m[end - 1], beside_m[start] - centre_m[spike]
         spike[spike] = np.maximum(above_m, below_m) > GAP_OVER_RING * (last - first)
 
         code = open_ & ~outlier & ~spike & rough
         if code.any():
-            rest_m = z.copy()
-            rest_m[index[(outlier | spike | code)[island]]] = np.nan
-            lowest_m, highest_m = np.fmin.reduce(rest_m), np.fmax.reduce(rest_m)
+            aside = (outlier | spike | code)[island]
+            lowest_m, highest_m = surface.without(index[aside]).bounds_m
             off_m = centre_m - np.clip(centre_m, lowest_m, highest_m)
             code &= np.abs(off_m) > highest_m - lowest_m
             middle_m[code] = centre_m[code] - off_m[code]
         new = spike | code
         if not new.any():
-            return outlier[island], z[index] - middle_m[island]
+            return outlier[island], own_m - middle_m[island]
         outlier |= new
         place = np.minimum(np.searchsorted(index, beside), index.size - 1)
         gone = (index[place] == beside) & outlier[island[place]]
-        ring, beside = ring[~gone], beside[~gone]
+        ring, beside, beside_m = ring[~gone], beside[~gone], beside_m[~gone]
 
 
 def _rings(
-    z: np.ndarray, shape: tuple[int, ...], index: np.ndarray, island: np.ndarray
+    surface: HeightMap, index: np.ndarray, island: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return what is around the islands.
 
     Pairs of island and measured point beside it, by island and then by height, and which islands
     have a non-measured point beside them.
     """
-    member, beside = _neighbours(index, shape)
+    member, beside = _neighbours(index, surface.shape)
     around = island[member]
-    missing = np.isnan(z[beside])
+    missing = np.isnan(surface.at(beside))
     open_ = np.bincount(around[missing], minlength=int(island.max()) + 1) > 0
     place = np.minimum(np.searchsorted(index, beside), index.size - 1)
     keep = ~missing & ~((index[place] == beside) & (island[place] == around))
     # A point beside two of an island counts once.
     ring, beside = np.unique(np.stack((around[keep], beside[keep])), axis=1)
-    order = np.lexsort((z[beside], ring))
+    order = np.lexsort((surface.at(beside), ring))
     return ring[order], beside[order], open_

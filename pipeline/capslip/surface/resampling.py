@@ -62,8 +62,8 @@ def resample(surface: HeightMap, shape: tuple[int, int]) -> HeightMap:
         for new_m, n, n_old in zip(size_m, shape, surface.shape, strict=True)
     ]
     z = smooth(surface, *index_m) if any(index_m) else surface.height_m
-    weight = (~np.isnan(z)).astype(np.float64)
-    z = np.where(weight > 0.0, z, 0.0)
+    weight = surface.measured.astype(np.float64)
+    z = np.where(surface.measured, z, 0.0)
     for axis, n in enumerate(shape):
         z, weight = _along(z, axis, n), _along(weight, axis, n)
     known = weight >= LEAST_MEASURED
@@ -79,4 +79,7 @@ def _along(z: np.ndarray, axis: int, n: int) -> np.ndarray:
     share = (place - lower)[:, None] if axis == 0 else place - lower
     below = np.take(z, lower, axis)
     below *= 1.0 - share
-    return below + share * np.take(z, lower + 1, axis)
+    above = np.take(z, lower + 1, axis)
+    above *= share
+    below += above
+    return below

@@ -6,7 +6,7 @@ import numpy as np
 
 from capslip.problems import Problem
 from capslip.surface.form import remove_form
-from capslip.surface.heightmap import HeightMap, Rounding
+from capslip.surface.heightmap import HeightMap, Heights, Rounding
 from capslip.surface.noise import mixed_difference, rms_of_noise_m
 
 SAMPLED_LINES = 50
@@ -56,7 +56,7 @@ def smooth_steps(surface: HeightMap) -> HeightMap:
     >>> round(found.rounding.step_m * 1e9), bool(np.std(found.height_m - z) < 1e-8)
     (100, True)
     """
-    step_m = _step_m(surface.height_m)
+    step_m = _step_m(surface)
     if step_m is None or _left_m(surface.height_m, surface.height_m) > ROUNDED * step_m:
         return surface
     height_m = _within(surface.height_m, step_m)
@@ -105,7 +105,7 @@ def few_steps(surface: HeightMap) -> bool:
     return bool(high_m - cut_m < FEWEST_STEPS * surface.rounding.step_m)
 
 
-def _step_m(height_m: np.ndarray) -> float | None:
+def _step_m(height_m: Heights) -> float | None:
     """Return the step of which the heights are multiples, None where it is none that shows."""
     some_m = height_m[:: max(1, len(height_m) // SAMPLED_LINES)]
     beside_m = np.abs(np.diff(some_m, axis=1)).reshape(-1)

@@ -56,8 +56,12 @@ def find_seams(surface: HeightMap) -> Seams | None:
     Seams or None
         Offsets of the fields by least squares over all seams between two of them.
     """
-    least_m = ROUNDING * float(np.nanmax(surface.height_m) - np.nanmin(surface.height_m))
-    columns, rows = (_seams_along(z, least_m) for z in (surface.height_m, surface.height_m.T))
+    lowest_m, highest_m = surface.bounds_m
+    least_m = ROUNDING * (highest_m - lowest_m)
+    every_y, every_x = (max(1, n // (PARTS * MOST_POINTS)) for n in surface.shape)
+    columns, rows = (
+        _seams_along(z, least_m) for z in (surface[::every_y], surface[:, ::every_x].T)
+    )
     if not rows.size and not columns.size:
         return None
     ny, nx = surface.shape
@@ -105,7 +109,6 @@ def _median_m(jump_m: np.ndarray) -> np.ndarray:
 
 def _seams_along(height_m: np.ndarray, least_m: float) -> np.ndarray:
     """Return the columns that begin a field."""
-    height_m = height_m[:: max(1, len(height_m) // (PARTS * MOST_POINTS))]
     n_rows, n = height_m.shape
     if n < LEAST_LINES or n_rows < PARTS * LEAST_POINTS:
         return np.zeros(0, dtype=int)

@@ -4,9 +4,10 @@ import math
 
 import numpy as np
 
-from capslip.surface.blocks import BLOCK_POINTS
 from capslip.surface.graph import connected_parts
+from capslip.surface.heightmap import HeightMap, Heights
 from capslip.surface.noise import on_lattice
+from capslip.surface.rows import BLOCK_POINTS
 
 LINES = ((0, 1), (1, 0), (1, 1), (1, -1))
 X, Y = LINES[:1], LINES[1:2]
@@ -33,13 +34,12 @@ UNLIKELY = 0.01  # groups of a size on a map, below which chance put none of the
 ROUNDING = 1e-9
 
 
-def find_small_spikes(z: np.ndarray, known: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def find_small_spikes(surface: HeightMap, known: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Find the spikes that are lower than the usual steps of a slope are times eight.
 
     Parameters
     ----------
-    z : float64, shape (ny, nx)
-        Heights, NaN where nothing was measured.
+    surface : HeightMap
     known : int64, shape (k,)
         Places of the outliers that were found before.
 
@@ -68,18 +68,15 @@ def find_small_spikes(z: np.ndarray, known: np.ndarray) -> tuple[np.ndarray, np.
     eight points.
     """
     none = np.empty(0, dtype=np.intp), np.empty(0)
-    if min(z.shape) < 3:
-        return none
-    usual_m, step_m = _usual(z)
-    largest_m = max(float(np.fmax.reduce(z, axis=None)), -float(np.fmin.reduce(z, axis=None)))
-    if not usual_m > ROUNDING * largest_m:
+    usual_m, step_m = _usual(surface)
+    if not usual_m > ROUNDING * max(map(abs, surface.bounds_m)):
         return none
     gate_m = max(OVER_USUAL * usual_m, OVER_STEP * step_m)
-    if not known.size and not _may_hold_some(z, gate_m):
+    if not known.size and not _may_hold_some(surface, gate_m):
         return none
-    left_m = np.pad(z, FRAME, constant_values=np.nan)
+    left_m, width = np.pad(surface.height_m, FRAME, constant_values=np.nan), surface.shape[1]
     nx = left_m.shape[1]
-    left_m[known // z.shape[1] + FRAME, known % z.shape[1] + FRAME] = np.nan
+    left_m[known // width + FRAME, known % width + FRAME] = np.nan
     n, most = int(np.count_nonzero(~np.isnan(left_m))), ALWAYS
     found, off_m = none
     while True:
@@ -90,22 +87,23 @@ def find_small_spikes(z: np.ndarray, known: np.ndarray) -> tuple[np.ndarray, np.
         likely = number <= expected + 3.0 * np.sqrt(expected) + 1.0
         taken = (size <= ALWAYS) | ((size <= most) & likely[size - 1])
         if not taken.any():
-            index = (found // nx - FRAME) * z.shape[1] + found % nx - FRAME
+            index = (found // nx - FRAME) * width + found % nx - FRAME
             return index, off_m
         found, off_m = np.append(found, new[taken]), np.append(off_m, new_off_m[taken])
         left_m.reshape(-1)[new[taken]] -= new_off_m[taken]
 
 
-def _may_hold_some(z: np.ndarray, gate_m: float) -> bool:
+def _may_hold_some(surface: HeightMap, gate_m: float) -> bool:
     """Tell whether a map may hold a spike: not one whose points are all inside, and stand off less.
 
     Rims and ridges stand off along some lines only.
     """
-    if np.isnan(z.sum()) or _at_gate(z[:, :: z.shape[1] - 1], gate_m, Y).size:
+    (ny, nx), every = surface.shape, slice(None)
+    if not surface.complete or _at_gate(surface[every, :: nx - 1], gate_m, Y).size:
         return True
-    index, (ny, nx) = _at_gate(z, gate_m, X), z.shape
+    index = _at_gate(surface, gate_m, X)
     inside = (index >= nx) & (index < (ny - 1) * nx)
-    off_m = np.abs(_least(_stand_off(z, index[inside])))
+    off_m = np.abs(_least(_stand_off(surface, index[inside])))
     return bool(not inside.all() or (off_m > LEAST_OFF * gate_m).any())
 
 
@@ -114,12 +112,15 @@ def _by_chance(n: int, share: float) -> np.ndarray:
     return np.array([n * shapes * share ** (k + 1) for k, shapes in enumerate(SHAPES)])
 
 
-def _stand_off(z: np.ndarray, index: np.ndarray) -> np.ndarray:
+def _at(z: Heights, index: np.ndarray) -> np.ndarray:
+    """Return the heights of points that are counted row by row."""
+    return z.at(index) if isinstance(z, HeightMap) else z.reshape(-1)[index]
+
+
+def _stand_off(z: Heights, index: np.ndarray) -> np.ndarray:
     """Return heights of inner points above the middle of two neighbours, along lines, (4, k)."""
-    flat_m, along = z.reshape(-1), [i * z.shape[1] + j for i, j in LINES]
-    return np.stack(
-        [flat_m[index] - 0.5 * (flat_m[index + step] + flat_m[index - step]) for step in along]
-    )
+    own_m, along = _at(z, index), [i * z.shape[1] + j for i, j in LINES]
+    return np.stack([own_m - 0.5 * (_at(z, index + step) + _at(z, index - step)) for step in along])
 
 
 def _least(off_m: np.ndarray) -> np.ndarray:
@@ -128,7 +129,7 @@ def _least(off_m: np.ndarray) -> np.ndarray:
     return np.where(low_m > 0.0, low_m, np.where(high_m < 0.0, high_m, 0.0))
 
 
-def _usual(z: np.ndarray) -> tuple[float, float]:
+def _usual(z: HeightMap) -> tuple[float, float]:
     """Return the least that 90 % of some points stand off by, and the step from one to the next.
 
     Of the slopes along four lines the second greatest counts: a spike spoils the greatest.
@@ -137,14 +138,14 @@ def _usual(z: np.ndarray) -> tuple[float, float]:
     row, col = (np.arange(1, n - 1) for n in z.shape)
     row = row[on_lattice(row, z.shape[0], every)]
     col = col[on_lattice(col, z.shape[1], every)]
-    index, flat_m = (row[:, None] * z.shape[1] + col).reshape(-1), z.reshape(-1)
+    index = (row[:, None] * z.shape[1] + col).reshape(-1)
     off_m = _stand_off(z, index)
     whole = ~np.isnan(off_m).any(axis=0)
     if not whole.any():
         return 0.0, 0.0
     index = index[whole]
     along = [i * z.shape[1] + j for i, j in LINES]
-    slope_m = np.abs(np.stack([flat_m[index + step] - flat_m[index - step] for step in along]))
+    slope_m = np.abs(np.stack([z.at(index + step) - z.at(index - step) for step in along]))
     slope_m = 0.5 * np.partition(slope_m, -2, axis=0)[-2]
     usual_m, step_m = (
         float(np.partition(one_m, nth)[nth])
@@ -154,7 +155,7 @@ def _usual(z: np.ndarray) -> tuple[float, float]:
     return usual_m, step_m
 
 
-def _at_gate(z: np.ndarray, gate_m: float, lines: tuple[tuple[int, int], ...]) -> np.ndarray:
+def _at_gate(z: Heights, gate_m: float, lines: tuple[tuple[int, int], ...]) -> np.ndarray:
     """Return places, rising, of points that stand off by half a gate along one of some lines.
 
     One of two spikes side by side stands off by half its height along the line of both.
@@ -253,9 +254,9 @@ def _off_ring(
     plane = _planes(z, at, of)
     end = np.cumsum(np.bincount(of))
     begin = np.append(0, end[:-1])
-    rest_m, ring_m = flat_m[at] - _at(plane, at, of, nx), flat_m[at]
+    rest_m, ring_m = flat_m[at] - _on_plane(plane, at, of, nx), flat_m[at]
     rest_m, ring_m = rest_m[np.lexsort((rest_m, of))], ring_m[np.lexsort((ring_m, of))]
-    off_m = flat_m[index] - _at(plane, index, group, nx)
+    off_m = flat_m[index] - _on_plane(plane, index, group, nx)
     range_m = (rest_m[end - 2] - rest_m[begin + 1])[group]
     beyond_m = np.maximum(off_m - rest_m[end - 1][group], rest_m[begin][group] - off_m)
     # On a cliff the plane is as steep: what is no part of one is beyond the heights, too
@@ -284,7 +285,7 @@ def _planes(z: np.ndarray, at: np.ndarray, of: np.ndarray) -> np.ndarray:
     return plane
 
 
-def _at(plane: np.ndarray, at: np.ndarray, of: np.ndarray, nx: int) -> np.ndarray:
+def _on_plane(plane: np.ndarray, at: np.ndarray, of: np.ndarray, nx: int) -> np.ndarray:
     """Return the heights of planes at places."""
     level_m, down, right, row, col = plane[:, of]
     height_m: np.ndarray = level_m + down * (at // nx - row) + right * (at % nx - col)

@@ -115,11 +115,11 @@ def carried_waves_m(
     shortest_m = max(2.0 * max(surface.pixel_size_m), s_filter_nesting_index_m or 0.0)
     if noise_m > 0.0:
         drowned_m = []
+        every_y, every_x = (max(1, n // SAMPLED_LINES) for n in surface.shape)
         for lines_m, pixel_m in zip(
-            (surface.height_m.T, surface.height_m), surface.pixel_size_m, strict=True
+            (surface[:, ::every_x].T, surface[::every_y]), surface.pixel_size_m, strict=True
         ):
-            every = max(1, len(lines_m) // SAMPLED_LINES)
-            seen = line_spectrum(lines_m[::every], pixel_m).smoothed()
+            seen = line_spectrum(lines_m, pixel_m).smoothed()
             above = seen.density_m3 >= ABOVE_NOISE * 2.0 * noise_m**2 * pixel_m
             if above.any():
                 last = int(np.flatnonzero(above)[-1])

@@ -5,8 +5,9 @@ from dataclasses import dataclass, fields, replace
 
 import numpy as np
 
-from capslip.surface.heightmap import HeightMap, Tops
+from capslip.surface.heightmap import HeightMap, Heights, Tops
 from capslip.surface.noise import SAMPLES, noise_of_map_m
+from capslip.surface.rows import row_blocks
 
 CLIPPED_POINTS = 9  # that share the greatest height
 LEAST_FLAT = 4  # points of a place: fewer are a pixel that noise lifted
@@ -67,11 +68,15 @@ def clipped_points(surface: HeightMap) -> np.ndarray | None:
     surface : HeightMap
         As measured: levelling hides a flat top.
     """
-    height_m = surface.height_m.reshape(-1)
-    top_m = np.fmax.reduce(height_m, axis=None)
-    index = np.flatnonzero(height_m == top_m)  # none where nothing was measured
+    top_m, nx = surface.bounds_m[1], surface.shape[1]
+    found = [
+        np.flatnonzero(surface[rows] == top_m) + rows.start * nx
+        for rows in row_blocks(surface.shape)
+    ]
+    index = np.concatenate(found)  # none where nothing was measured
     if index.size < CLIPPED_POINTS:
         return None
+    height_m = surface.height_m.reshape(-1)
     below_m = np.fmax.reduce(height_m, where=height_m < top_m, initial=-np.inf)
     if index.size <= 4 * np.count_nonzero(height_m == below_m):
         return None
@@ -114,7 +119,7 @@ def restore_tops(surface: HeightMap) -> HeightMap:
     around = np.ones((3, 3))  # noise frays the rim of a place: what is that near is part of it
     places = np.where(mask, label(binary_dilation(mask, around), around)[0], 0)
     height_m, noise_m = surface.height_m.copy(), noise_of_map_m(surface.height_m)
-    step_m = _step_m(surface.height_m)
+    step_m = _step_m(surface)
     rows = []
     for number, box in enumerate(find_objects(places), start=1):
         place = _place(surface, places, number, box)
@@ -304,7 +309,7 @@ def _least_squares(
     return replace(blank, c=c, covariance=inverse * each_m2, common_m2=common_m2)
 
 
-def _step_m(height_m: np.ndarray) -> float:
+def _step_m(height_m: Heights) -> float:
     """Return the least step between heights that differ by more than rounding, on a lattice."""
     every = max(1, math.isqrt(height_m.size // SAMPLES))
     known_m = np.unique(height_m[::every, ::every])

@@ -4,6 +4,7 @@ import numpy as np
 
 from capslip.surface.form import remove_form
 from capslip.surface.heightmap import HeightMap
+from capslip.surface.rows import row_blocks
 
 LONG, NEXT = 2, 4  # half waves on a side: up to these
 
@@ -30,9 +31,11 @@ def long_waves_m(surface: HeightMap) -> float:
     [707, 0]
     """
     rest, _ = remove_form(surface, "plane")
-    height_m = np.where(rest.measured, rest.height_m, 0.0)
-    along_y, along_x = (_cosines(n) for n in height_m.shape)
-    square_m2 = (along_y @ height_m @ along_x.T / height_m.size) ** 2
+    along_y, along_x = (_cosines(n) for n in rest.shape)
+    sum_m = np.zeros((NEXT + 1, NEXT + 1))
+    for rows in row_blocks(rest.shape):
+        sum_m += along_y[:, rows] @ (np.nan_to_num(rest[rows]) @ along_x.T)
+    square_m2 = (sum_m / rest.size) ** 2
     p, q = np.indices(square_m2.shape)
     order = p**2 + q**2
     long, following = (order > 0) & (order <= LONG**2), (order > LONG**2) & (order <= NEXT**2)
