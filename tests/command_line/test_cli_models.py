@@ -156,7 +156,8 @@ def test_an_export_that_cannot_be_is_refused_before_the_work(face, tmp_path):
 
 def test_a_failed_analysis_is_written_and_ends_with_code_3(face, tmp_path):
     out = tmp_path / "out"
-    ran = run("analyze", face, "--preload", "1e12", "--no-render", "--json", "-o", out)
+    more = ("--preload", "1e9", "--set", "material.hardness_Pa=1e9")  # more than all of it bears
+    ran = run("analyze", face, *more, "--no-render", "--json", "-o", out)
     assert ran.exit_code == 3, ran.output
     assert "error: " in ran.stderr
     assert "Traceback" not in ran.stderr
