@@ -7,7 +7,7 @@ import numpy as np
 from capslip.surface.graph import connected_parts
 from capslip.surface.heightmap import HeightMap, Heights
 from capslip.surface.noise import on_lattice
-from capslip.surface.rows import BLOCK_POINTS
+from capslip.surface.rows import BLOCK_POINTS, row_blocks
 
 LINES = ((0, 1), (1, 0), (1, 1), (1, -1))
 X, Y = LINES[:1], LINES[1:2]
@@ -74,8 +74,10 @@ def find_small_spikes(surface: HeightMap, known: np.ndarray) -> tuple[np.ndarray
     gate_m = max(OVER_USUAL * usual_m, OVER_STEP * step_m)
     if not known.size and not _may_hold_some(surface, gate_m):
         return none
-    left_m, width = np.pad(surface.height_m, FRAME, constant_values=np.nan), surface.shape[1]
-    nx = left_m.shape[1]
+    width, nx = surface.shape[1], surface.shape[1] + 2 * FRAME
+    left_m = np.full((surface.shape[0] + 2 * FRAME, nx), np.nan)
+    for rows in row_blocks(surface.shape):  # one copy of a large map, not two
+        left_m[rows.start + FRAME : rows.stop + FRAME, FRAME:-FRAME] = surface[rows]
     left_m[known // width + FRAME, known % width + FRAME] = np.nan
     n, most = int(np.count_nonzero(~np.isnan(left_m))), ALWAYS
     found, off_m = none
