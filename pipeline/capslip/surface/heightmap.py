@@ -35,9 +35,7 @@ class Tops:
 
     x_m: np.ndarray  # where they are highest
     y_m: np.ndarray
-    radius_m: (
-        np.ndarray
-    )  # of the disc that has the area of what was put back, or holds what is flat
+    radius_m: np.ndarray  # of the disc of the area that was put back, or about what is flat
     up_m: np.ndarray  # by how much they stand above what was measured; 0 where they stay flat
     height_se_m: np.ndarray  # standard errors
     log_radius_se: np.ndarray  # of the logarithm of the radius of curvature
@@ -179,7 +177,7 @@ class HeightMap:
             self.__dict__["height_m"] = stored_m
 
     if not TYPE_CHECKING:
-
+        # Asked for an attribute that the map does not have: its heights, unless they are kept
         def __getattr__(self, name: str) -> np.ndarray:
             if name != "height_m":
                 raise AttributeError(name)
