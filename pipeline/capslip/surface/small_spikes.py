@@ -1,13 +1,14 @@
 """Spikes that the slopes of a smooth face hide: points that stand off what a plane leaves."""
 
 import math
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from capslip.surface.graph import connected_parts
 from capslip.surface.heightmap import HeightMap, Heights
 from capslip.surface.noise import on_lattice
-from capslip.surface.rows import BLOCK_POINTS, row_blocks
+from capslip.surface.rows import BLOCK_POINTS
 
 LINES = ((0, 1), (1, 0), (1, 1), (1, -1))
 X, Y = LINES[:1], LINES[1:2]
@@ -74,25 +75,80 @@ def find_small_spikes(surface: HeightMap, known: np.ndarray) -> tuple[np.ndarray
     gate_m = max(OVER_USUAL * usual_m, OVER_STEP * step_m)
     if not known.size and not _may_hold_some(surface, gate_m):
         return none
-    width, nx = surface.shape[1], surface.shape[1] + 2 * FRAME
-    left_m = np.full((surface.shape[0] + 2 * FRAME, nx), np.nan)
-    for rows in row_blocks(surface.shape):  # one copy of a large map, not two
-        left_m[rows.start + FRAME : rows.stop + FRAME, FRAME:-FRAME] = surface[rows]
-    left_m[known // width + FRAME, known % width + FRAME] = np.nan
-    n, most = int(np.count_nonzero(~np.isnan(left_m))), ALWAYS
+    left, n = _Left.of(surface, known), surface.n_measured - known.size
+    most = ALWAYS
     found, off_m = none
     while True:
-        new, new_off_m, size = _groups(left_m, gate_m, most > ALWAYS)
+        new, new_off_m, size = _groups(left, gate_m, most > ALWAYS)
         expected = _by_chance(n, (known.size + found.size) / n)
         most = int(np.max(np.flatnonzero(expected >= UNLIKELY), initial=ALWAYS - 1)) + 1
         number = np.bincount(size, minlength=len(SHAPES) + 1)[1:] / np.arange(1, len(SHAPES) + 1)
         likely = number <= expected + 3.0 * np.sqrt(expected) + 1.0
         taken = (size <= ALWAYS) | ((size <= most) & likely[size - 1])
         if not taken.any():
-            index = (found // nx - FRAME) * width + found % nx - FRAME
-            return index, off_m
-        found, off_m = np.append(found, new[taken]), np.append(off_m, new_off_m[taken])
-        left_m.reshape(-1)[new[taken]] -= new_off_m[taken]
+            return found, off_m
+        new, new_off_m = new[taken], new_off_m[taken]
+        found, off_m = np.append(found, left.on_map(new)), np.append(off_m, new_off_m)
+        left = left.put(new, left.at(new) - new_off_m)
+
+
+@dataclass(frozen=True, eq=False)
+class _Left:
+    """A map in a frame of non-measured points, of which some have other heights.
+
+    A copy of a large map would be the most that its analysis holds.
+    """
+
+    surface: HeightMap
+    index: np.ndarray  # rising, of the points with other heights, counted in the frame
+    height_m: np.ndarray
+
+    @classmethod
+    def of(cls, surface: HeightMap, lost: np.ndarray) -> "_Left":
+        """Return a map less some points, in any order."""
+        left = cls(surface, np.empty(0, dtype=np.intp), np.empty(0))
+        row, col = np.divmod(lost, surface.shape[1])
+        index = (row + FRAME) * left.shape[1] + col + FRAME
+        return left.put(index, np.full(lost.size, np.nan))
+
+    def put(self, index: np.ndarray, height_m: np.ndarray) -> "_Left":
+        """Return it with other heights at some points."""
+        index, first = np.unique(np.append(index, self.index), return_index=True)
+        return replace(self, index=index, height_m=np.append(height_m, self.height_m)[first])
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        ny, nx = self.surface.shape
+        return ny + 2 * FRAME, nx + 2 * FRAME
+
+    def on_map(self, index: np.ndarray) -> np.ndarray:
+        """Return the places on the map of points inside the frame."""
+        row, col = np.divmod(index, self.shape[1])
+        return (row - FRAME) * self.surface.shape[1] + col - FRAME
+
+    def __getitem__(self, rows: slice) -> np.ndarray:
+        """Return the heights of some rows."""
+        (ny, _), nx = self.surface.shape, self.shape[1]
+        block_m = np.full((rows.stop - rows.start, nx), np.nan)
+        first, last = max(rows.start, FRAME), min(rows.stop, ny + FRAME)
+        inner_m = self.surface[first - FRAME : last - FRAME]
+        block_m[first - rows.start : last - rows.start, FRAME:-FRAME] = inner_m
+        some = slice(*np.searchsorted(self.index, (rows.start * nx, rows.stop * nx)))
+        block_m.reshape(-1)[self.index[some] - rows.start * nx] = self.height_m[some]
+        return block_m
+
+    def at(self, index: np.ndarray) -> np.ndarray:
+        """Return the heights of some points, counted in the frame."""
+        (ny, nx), width = self.surface.shape, self.shape[1]
+        row, col = index // width - FRAME, index % width - FRAME
+        inside = (row >= 0) & (row < ny) & (col >= 0) & (col < nx)
+        height_m = np.full(index.shape, np.nan)
+        height_m[inside] = self.surface.at(row[inside] * nx + col[inside])
+        if self.index.size:
+            place = np.minimum(np.searchsorted(self.index, index), self.index.size - 1)
+            other = self.index[place] == index
+            height_m[other] = self.height_m[place[other]]
+        return height_m
 
 
 def _may_hold_some(surface: HeightMap, gate_m: float) -> bool:
@@ -114,15 +170,10 @@ def _by_chance(n: int, share: float) -> np.ndarray:
     return np.array([n * shapes * share ** (k + 1) for k, shapes in enumerate(SHAPES)])
 
 
-def _at(z: Heights, index: np.ndarray) -> np.ndarray:
-    """Return the heights of points that are counted row by row."""
-    return z.at(index) if isinstance(z, HeightMap) else z.reshape(-1)[index]
-
-
-def _stand_off(z: Heights, index: np.ndarray) -> np.ndarray:
+def _stand_off(z: HeightMap | _Left, index: np.ndarray) -> np.ndarray:
     """Return heights of inner points above the middle of two neighbours, along lines, (4, k)."""
-    own_m, along = _at(z, index), [i * z.shape[1] + j for i, j in LINES]
-    return np.stack([own_m - 0.5 * (_at(z, index + step) + _at(z, index - step)) for step in along])
+    own_m, along = z.at(index), [i * z.shape[1] + j for i, j in LINES]
+    return np.stack([own_m - 0.5 * (z.at(index + step) + z.at(index - step)) for step in along])
 
 
 def _least(off_m: np.ndarray) -> np.ndarray:
@@ -157,7 +208,7 @@ def _usual(z: HeightMap) -> tuple[float, float]:
     return usual_m, step_m
 
 
-def _at_gate(z: Heights, gate_m: float, lines: tuple[tuple[int, int], ...]) -> np.ndarray:
+def _at_gate(z: Heights | _Left, gate_m: float, lines: tuple[tuple[int, int], ...]) -> np.ndarray:
     """Return places, rising, of points that stand off by half a gate along one of some lines.
 
     One of two spikes side by side stands off by half its height along the line of both.
@@ -168,11 +219,9 @@ def _at_gate(z: Heights, gate_m: float, lines: tuple[tuple[int, int], ...]) -> n
         left, right = abs(j), nx - abs(j)
         for first in range(i, ny - i, n_rows):
             last = min(first + n_rows, ny - i)
-            twice_m = (
-                z[first - i : last - i, left - j : right - j]
-                + (z[first + i : last + i, left + j : right + j])
-            )
-            twice_m -= 2.0 * z[first:last, left:right]
+            block_m, n = z[first - i : last + i], last - first
+            twice_m = block_m[:n, left - j : right - j] + block_m[2 * i :, left + j : right + j]
+            twice_m -= 2.0 * block_m[i : i + n, left:right]
             high_m = np.fmax.reduce(twice_m, axis=None)
             if max(high_m, -np.fmin.reduce(twice_m, axis=None)) <= gate_m:
                 continue
@@ -181,15 +230,13 @@ def _at_gate(z: Heights, gate_m: float, lines: tuple[tuple[int, int], ...]) -> n
     return np.unique(np.concatenate(found)) if found else np.empty(0, dtype=np.intp)
 
 
-def _groups(
-    z: np.ndarray, gate_m: float, crowded: bool
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def _groups(z: _Left, gate_m: float, crowded: bool) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return places of points in groups that stand off, by how much, and the groups' sizes.
 
     Crowded spikes stand in each other's rings, and are left out of them.
     """
     index = _at_gate(z, gate_m, LINES if crowded else LINES[:2])
-    nx, flat_m = z.shape[1], z.reshape(-1)
+    nx = z.shape[1]
     off_m = _stand_off(z, index)
     alone = index[np.abs(_least(off_m)) > gate_m]  # stand off in every direction: in no ring
     off_m = np.where(np.isnan(off_m), 0.0, off_m)
@@ -209,7 +256,7 @@ def _groups(
     mate = known & (up[place] == up[:, None]) & ~flank[place] & ~flank[:, None]
     one, neighbour = np.nonzero(mate[:, :NEXT])
     group = connected_parts(index.size, one, place[one, neighbour])
-    ring = ~np.isnan(flat_m[beside]) & ~np.isin(beside, alone)
+    ring = ~np.isnan(z.at(beside)) & ~np.isin(beside, alone)
     ring &= ~(known & (group[place] == group[:, None]))
     if crowded:
         ring &= ~known | (far_m[place] < LIKE * far_m[:, None])
@@ -243,7 +290,7 @@ def _rings(
 
 
 def _off_ring(
-    z: np.ndarray,
+    z: _Left,
     gate_m: float,
     points: tuple[np.ndarray, np.ndarray],
     ring: tuple[np.ndarray, np.ndarray],
@@ -252,35 +299,36 @@ def _off_ring(
 
     `points` and `ring` are places, and the number of the group of each.
     """
-    (index, group), (at, of), nx, flat_m = points, ring, z.shape[1], z.reshape(-1)
+    (index, group), (at, of), nx = points, ring, z.shape[1]
+    own_m, ring_m = z.at(index), z.at(at)
     plane = _planes(z, at, of)
     end = np.cumsum(np.bincount(of))
     begin = np.append(0, end[:-1])
-    rest_m, ring_m = flat_m[at] - _on_plane(plane, at, of, nx), flat_m[at]
+    rest_m = ring_m - _on_plane(plane, at, of, nx)
     rest_m, ring_m = rest_m[np.lexsort((rest_m, of))], ring_m[np.lexsort((ring_m, of))]
-    off_m = flat_m[index] - _on_plane(plane, index, group, nx)
+    off_m = own_m - _on_plane(plane, index, group, nx)
     range_m = (rest_m[end - 2] - rest_m[begin + 1])[group]
     beyond_m = np.maximum(off_m - rest_m[end - 1][group], rest_m[begin][group] - off_m)
     # On a cliff the plane is as steep: what is no part of one is beyond the heights, too
-    up_m, down_m = flat_m[index] - ring_m[end - 1][group], ring_m[begin][group] - flat_m[index]
+    up_m, down_m = own_m - ring_m[end - 1][group], ring_m[begin][group] - own_m
     clear = np.where(off_m > 0.0, up_m, down_m) > CLEAR * np.abs(off_m)
     fine = (beyond_m > GAP_OVER_RING * range_m) & (np.abs(off_m) > gate_m) & clear
     return np.where(fine, off_m, np.nan)
 
 
-def _planes(z: np.ndarray, at: np.ndarray, of: np.ndarray) -> np.ndarray:
+def _planes(z: _Left, at: np.ndarray, of: np.ndarray) -> np.ndarray:
     """Return level, slopes along y and x, and the place (y, x) they count from, of some planes.
 
     Each goes through the points of a ring by least squares; NaN where these lie on a line.
     """
-    row, col = np.divmod(at, z.shape[1])
+    (row, col), height_m = np.divmod(at, z.shape[1]), z.at(at)
     n_ring = np.bincount(of)
     plane = np.full((5, n_ring.size), np.nan)
     plane[3], plane[4] = (np.bincount(of, place) / n_ring for place in (row, col))
     y, x = row - plane[3][of], col - plane[4][of]
     terms = np.ones_like(y), y, x
     matrix = np.array([[np.bincount(of, one * other) for one in terms] for other in terms])
-    right_m = np.array([np.bincount(of, one * z.reshape(-1)[at]) for one in terms])
+    right_m = np.array([np.bincount(of, one * height_m) for one in terms])
     enough = matrix[1, 1] * matrix[2, 2] - matrix[1, 2] ** 2 > ON_A_LINE
     matrix, right_m = np.moveaxis(matrix, -1, 0)[enough], right_m.T[enough]
     plane[:3, enough] = np.linalg.solve(matrix, right_m[..., None])[..., 0].T
