@@ -223,7 +223,8 @@ def calibrate(stored: Stored, origin: Origin, given: Calibration) -> HeightMap:
     factor = METRES[height_unit] * _scale(stored, given.scale, where)
     factor = -factor if given.invert else factor
     with np.errstate(invalid="ignore", over="ignore"):  # odd NaN; infinity is refused later
-        height_m = np.asarray(stored.height, dtype=np.float64)
+        as_stored = factor == 1.0 and stored.height.dtype == np.float32  # half of the memory
+        height_m = np.asarray(stored.height, dtype=None if as_stored else np.float64)
         if factor != 1.0:
             height_m = height_m * factor
     if _is_top_row_first(stored, given.top_row_first, where):
