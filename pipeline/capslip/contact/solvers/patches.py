@@ -24,7 +24,7 @@ from capslip.contact.solvers.half_space import (
 )
 
 KERNEL_ERROR = 1e-6  # aimed at between patches, relative
-MARGIN = 2  # pixels around the contacts
+_MARGIN = 2  # pixels around the contacts
 _APART = (1.0, 0.5, 0.25, 0.1)  # half sides between two patches; nearer ones become one
 _MOST_NODES = 3000  # of all patches
 _MOST_POINTS = 300_000  # where refined
@@ -349,15 +349,25 @@ class _Nodes:
         return cls(bases[0], bases[1], (y, x))
 
 
+def with_margin(contact: np.ndarray) -> np.ndarray:
+    """Return the points of a map that lie within the margin of patches around a contact."""
+    (ny, nx), m = contact.shape, _MARGIN
+    near = np.zeros((ny + 2 * m, nx + 2 * m), dtype=bool)
+    row, column = np.nonzero(contact)
+    for down in range(2 * m + 1):
+        for right in range(2 * m + 1):
+            near[row + down, column + right] = True
+    return near[m:-m, m:-m]
+
+
 def _cheapest(contact: np.ndarray, refinement: int) -> tuple[np.ndarray, list[_Nodes]] | None:
     """Return the cheapest boxes around contacts, with their nodes; None if the map is cheaper.
 
     Patches that stay apart are small, and need many nodes.
     """
-    from scipy.ndimage import binary_dilation, find_objects, label
+    from scipy.ndimage import find_objects, label
 
-    grown = binary_dilation(contact, np.ones((3, 3)), iterations=MARGIN)
-    found = find_objects(label(grown, np.ones((3, 3)))[0])
+    found = find_objects(label(with_margin(contact), np.ones((3, 3)))[0])
     single = np.array([(y.start, x.start, y.stop, x.stop) for y, x in found])
     best, least = None, np.inf
     for apart in _APART:

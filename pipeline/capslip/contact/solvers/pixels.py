@@ -13,11 +13,11 @@ import numpy as np
 from capslip.contact.solvers.elastic_face import ElasticFace
 from capslip.contact.solvers.half_space import POINT_COST, HalfSpace, love_kernel
 from capslip.contact.solvers.patches import (
-    MARGIN,
     PatchedFace,
     PatchedHalfSpace,
     half_space_around,
     patched,
+    with_margin,
 )
 from capslip.contact.solvers.pressed import Pressed
 
@@ -48,21 +48,12 @@ def around_contact(face: ElasticFace, contact: np.ndarray, finest: int = 1) -> P
         if patches is not None:
             return patches
     n_pixels = np.count_nonzero(contact)
-    if n_pixels <= _MOST_PIXELS and n_pixels**2 <= POINT_COST * _least_points(contact):
-        return pixels_alone(face, contact, None)  # whatever patches there are
+    if n_pixels <= _MOST_PIXELS:
+        n_points = np.count_nonzero(with_margin(contact))  # patches have no fewer
+        if n_pixels**2 <= POINT_COST * n_points:
+            return pixels_alone(face, contact, None)
     patches = patched(face, contact)
     return pixels_alone(face, contact, patches) or patches
-
-
-def _least_points(contact: np.ndarray) -> int:
-    """Return the points of a map within the margin of patches around a contact: no more work."""
-    (ny, nx), m = contact.shape, MARGIN
-    seen = np.zeros((ny + 2 * m, nx + 2 * m), dtype=bool)
-    row, column = np.nonzero(contact)
-    for down in range(2 * m + 1):
-        for right in range(2 * m + 1):
-            seen[row + down, column + right] = True
-    return int(np.count_nonzero(seen[m:-m, m:-m]))
 
 
 def on_contact(face: ElasticFace, pressed: Pressed) -> tuple[PatchedFace, Pressed]:
