@@ -73,8 +73,7 @@ def feature_parameters(surface: HeightMap) -> FeatureParameters:
     point = np.flatnonzero(~np.isnan(flat_m))
     if point.size == 0:
         raise UnusableSurfaceError(
-            f"{surface.origin.name}: all {surface.height_m.size} points are non-measured; expected "
-            "heights"
+            f"{surface.origin.name}: all {surface.size} points are non-measured; expected heights"
         )
     height_m = flat_m[point]
     tree = change_tree(point, height_m, framed_m.shape)

@@ -15,7 +15,7 @@ import numpy as np
 from capslip.caps.pruning import MIN_POINTS, Basins, automatic_pruning_m, change_of_count
 from capslip.caps.separation import ChangeTree, change_tree, region_tree
 from capslip.errors import SettingsError, UnusableSurfaceError
-from capslip.surface.heightmap import MOST_OF_FEW_BYTES, SMALL, HeightMap, Heights
+from capslip.surface.heightmap import HeightMap, Heights, index_type
 from capslip.surface.noise import noise_of_map_m
 from capslip.surface.rows import BLOCK_POINTS, row_blocks
 
@@ -231,14 +231,14 @@ def highest_points(
 
 def _at_or_above(height_m: Heights, level_m: float) -> tuple[np.ndarray, np.ndarray]:
     """Return the points at or above a level, rising, and their heights."""
-    points, heights_m = [], []
-    few_bytes = np.int32 if SMALL < height_m.size < MOST_OF_FEW_BYTES else np.intp
+    points: list[np.ndarray] = []
+    heights_m: list[np.ndarray] = []
     for rows in row_blocks(height_m.shape):
         some_m = height_m[rows].reshape(-1)
         point = np.flatnonzero(some_m >= level_m)
         heights_m.append(some_m[point])
         point += rows.start * height_m.shape[1]
-        points.append(point.astype(few_bytes))
+        points.append(point.astype(index_type(height_m.size)))
     highest_m = np.concatenate(heights_m)
     del heights_m
     return np.concatenate(points), highest_m

@@ -59,7 +59,7 @@ class Iso25178:
     def to_dict(self, *, with_hills: bool) -> dict[str, Any]:
         """Return the numbers; those of hills and dales are None without, and on too large maps."""
         found: dict[str, Any] = asdict(self.field)
-        with_hills &= self.conditioned.surface.height_m.size <= MOST_POINTS
+        with_hills &= self.conditioned.surface.size <= MOST_POINTS
         for one in fields(FeatureParameters):
             found[one.name] = getattr(self.hills, one.name) if with_hills else None
         found["S10z_m"] = self.hills.S5p_m + self.dales.S5p_m if with_hills else None

@@ -58,12 +58,12 @@ def _write_hdf5(analysis: "Analysis", path: Path) -> None:
         packed = {"chunks": True, "compression": "gzip", "compression_opts": 1, "shuffle": True}
         groups = {name: file.create_group(name) for name in ("surface", "hills")}
         # Not packed: noise hardly gets smaller, in fifteen times the time
-        height_m = surface.height_m.astype(np.float32)
-        height = write_dataset(groups["surface"], "height_m", height_m, "m")
+        height_m = surface.height_m
+        height = write_dataset(groups["surface"], "height_m", height_m.astype(np.float32), "m")
         height.attrs["pixel_size_m"] = surface.pixel_size_m
         height.attrs["pixel_size"] = surface.pixel_size_m
         height.attrs["pixel_unit"] = "m"
-        stamp = np.frombuffer(thumbnail(surface.height_m), dtype=np.uint8)
+        stamp = np.frombuffer(thumbnail(height_m), dtype=np.uint8)
         write_dataset(groups["surface"], "thumbnail_png", stamp, "")
         label = analysis.hills.label
         narrow = np.min_scalar_type(-int(label.max(initial=1)))  # packed in a third of the time

@@ -357,8 +357,12 @@ def _lost_of(stored_m: np.ndarray, name: str) -> np.ndarray:
             f"{name}: {infinite} infinite heights; expected finite "
             "heights or NaN for non-measured points; mark them as non-measured"
         )
-    few_bytes = np.int32 if SMALL < stored_m.size < MOST_OF_FEW_BYTES else np.intp
-    return np.concatenate([np.empty(0, dtype=np.intp), *found]).astype(few_bytes)
+    return np.concatenate([np.empty(0, dtype=np.intp), *found]).astype(index_type(stored_m.size))
+
+
+def index_type(n_points: int) -> type:
+    """Return the numbers that count the points of a map: of large ones those of fewer bytes."""
+    return np.int32 if SMALL < n_points < MOST_OF_FEW_BYTES else np.intp
 
 
 Heights = np.ndarray | HeightMap  # what gives some of its heights when it is asked for them

@@ -264,7 +264,7 @@ def problems_of_mating(composite: HeightMap, placement: Placement) -> tuple[Prob
                 "nothing to do with each other); the place is one of many; give mating.offset_m",
             )
         )
-    covered = np.count_nonzero(composite.measured) / composite.height_m.size
+    covered = np.count_nonzero(composite.measured) / composite.size
     if covered < LEAST_OVERLAP:
         found.append(
             Problem(

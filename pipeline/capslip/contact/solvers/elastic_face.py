@@ -106,7 +106,7 @@ def elastic_face(surface: HeightMap, E_star_Pa: float) -> ElasticFace:
     """
     if not 0 < E_star_Pa < np.inf:
         raise SettingsError(f"E_star_Pa: got {E_star_Pa:g}; expected a finite number > 0")
-    name, n_points = surface.origin.name, surface.height_m.size
+    name, n_points = surface.origin.name, surface.size
     if n_points > MAX_POINTS:
         factor = int(np.ceil(np.sqrt(n_points / MAX_POINTS)))
         raise ContactError(
@@ -117,7 +117,7 @@ def elastic_face(surface: HeightMap, E_star_Pa: float) -> ElasticFace:
     measured = surface.measured
     if not measured.any():
         raise UnusableSurfaceError(f"{name}: all points are non-measured; expected heights")
-    depth_m = np.where(measured, np.nanmax(surface.height_m) - surface.height_m, 0.0)
+    depth_m = np.where(measured, surface.bounds_m[1] - surface.height_m, 0.0)
     half_space = HalfSpace(surface.shape, surface.pixel_size_m, E_star_Pa)
     return ElasticFace(name, depth_m, measured, surface.pixel_size_m, E_star_Pa, half_space)
 
