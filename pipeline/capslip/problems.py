@@ -64,6 +64,11 @@ class Effect:
     energy: float | None  # at given forces
     loss_factor: float | None
 
+    @property
+    def greatest(self) -> float:
+        """The greatest of those that are known, 0 where none is."""
+        return max((one for one in astuple(self) if one is not None), default=0.0)
+
 
 @dataclass(frozen=True)
 class Problem:
@@ -93,8 +98,7 @@ class Problem:
     @property
     def greatest_effect(self) -> float:
         """The greatest change that was measured; 0 where none was."""
-        known = () if self.effect is None else astuple(self.effect)
-        return max((one for one in known if one is not None), default=0.0)
+        return 0.0 if self.effect is None else self.effect.greatest
 
     @property
     def remedy(self) -> str:

@@ -19,7 +19,7 @@ from capslip.settings import Settings
 from capslip.surface.conditioning import Conditioned
 from capslip.surface.doubts import VISIBLE_FORM
 from capslip.surface.flatness import bows_m
-from capslip.surface.form import remove_form
+from capslip.surface.form import level_and_straight
 from capslip.surface.heightmap import HeightMap
 from capslip.surface.interpolated import pixels_apart
 from capslip.surface.rounding import few_steps
@@ -83,7 +83,8 @@ def with_effects(
         except CapslipError:
             pass  # what cannot be pressed has no effect, and stays as it is
     removed, _ = effects.get("outliers_removed", UNKNOWN)
-    if model is not None and model.made_from == "map" and _may_matter(removed, tolerance):
+    matters = removed is not None and removed.greatest > ASK_MAP * tolerance
+    if model is not None and model.made_from == "map" and matters:
         by_map = _effect_on_map(model, peaks, face, _removed_or_not(conditioned))
         if by_map is not None:
             effects["outliers_removed"] = by_map, 0.0
@@ -113,7 +114,7 @@ def _bow_or_not(face: FaceOfCaps) -> tuple[HeightMap, ...]:
         dy_m, dx_m = coarse.pixel_size_m
         bows = bows_m(coarse, flatness_m, (col + 0.5) * dx_m, (row + 0.5) * dy_m)
     else:
-        level, straight = (remove_form(coarse, form)[0] for form in ("plane", "quadratic"))
+        level, straight = level_and_straight(coarse)
         bows = (straight.height_m - level.height_m,)
     return coarse, *(replace(coarse, height_m=coarse.height_m + bow_m) for bow_m in bows)
 
@@ -133,13 +134,6 @@ def _interpolated_or_not(face: FaceOfCaps) -> tuple[HeightMap, ...]:
     (dy_m, dx_m), (every_y, every_x) = surface.pixel_size_m, apart
     height_m = surface[every_y // 2 :: every_y, every_x // 2 :: every_x]
     return surface, HeightMap(height_m, (every_y * dy_m, every_x * dx_m), surface.origin)
-
-
-def _may_matter(effect: Effect | None, tolerance: float) -> bool:
-    """Tell whether what caps estimate is not far below the tolerance."""
-    if effect is None:
-        return False
-    return max(effect.tangential_stiffness or 0.0, effect.energy or 0.0) > ASK_MAP * tolerance
 
 
 def _removed_or_not(conditioned: Conditioned) -> tuple[HeightMap, HeightMap]:
@@ -215,7 +209,7 @@ def _is_firm(problem: Problem, conditioned: Conditioned) -> bool:
 def _as_severe(
     problem: Problem,
     effect: Effect | None,
-    lifted: float,
+    approach: float,
     tolerance: float,
     how: str,
     conditioned: Conditioned,
@@ -228,10 +222,9 @@ def _as_severe(
     unknown_matters = problem.code == "outliers_removed" and conditioned.removed.n_lifted > 0
     if effect is None:
         return replace(problem, severity="warning") if unknown_matters else problem
-    greatest = max(effect.tangential_stiffness or 0.0, effect.energy or 0.0)
-    moves = firm or greatest > tolerance or lifted > VISIBLE_FORM
+    moves = firm or effect.greatest > tolerance or approach > VISIBLE_FORM
     said = f"the stiffness by {effect.tangential_stiffness:.1%}, the energy by {effect.energy:.1%}"
-    said += f", the approach by {lifted:.1%}" if lifted else ""
+    said += f", the approach by {approach:.1%}" if approach else ""
     message = f"{problem.message}; that moves {said} ({how})"
     return replace(problem, severity="warning" if moves else "info", message=message, effect=effect)
 
@@ -241,16 +234,16 @@ def _effect(trials: Trials, code: str, before: np.ndarray) -> tuple[Effect | Non
 
     And that of the approach, which a bow moves before all else: it counts from the highest peaks.
     """
-    change, lifted, face = np.zeros(len(before)), 0.0, trials.face
+    change, approach, face = np.zeros(len(before)), 0.0, trials.face
     try:
+        before_m = face.approach_m(trials.caps) if code == "bow_left" else math.nan
         for caps in trials.of(code):
             change = np.maximum(change, np.abs(face.answers(caps) / before - 1.0))
             if code == "bow_left":
-                approach_m = face.approach_m(caps)
-                lifted = max(lifted, abs(approach_m / face.approach_m(trials.caps) - 1.0))
+                approach = max(approach, abs(face.approach_m(caps) / before_m - 1.0))
     except CapslipError:
         return UNKNOWN
     if not np.isfinite(change).all():
         return UNKNOWN
     energy = float(change[:-1].max())
-    return Effect(float(change[-1]), energy, energy), lifted
+    return Effect(float(change[-1]), energy, energy), approach

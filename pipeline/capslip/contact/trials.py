@@ -79,9 +79,16 @@ class FaceOfCaps:
         up_m -= float(turned.peak_height_m[caps.usable].max()) - approach_m
         near = np.flatnonzero(up_m > 0.0)
         for at in np.array_split(near, 1 + near.size // MOST_CAPS):
-            r_m = np.hypot(x_m[at, None] - curve.x_m, y_m[at, None] - curve.y_m)
-            up_m[at] -= (load_N / r_m).sum(axis=1) / (math.pi * self.E_star_Pa)
+            up_m[at] -= self.sunk_m(curve, load_N, x_m[at], y_m[at])
         return np.where(up_m > 0.0, up_m, -np.inf)
+
+    def sunk_m(
+        self, curve: InteractingCurve, load_N: np.ndarray, x_m: np.ndarray, y_m: np.ndarray
+    ) -> np.ndarray:
+        """Return how deep the loads of caps have sunk the surface at places outside of them."""
+        r_m = np.hypot(x_m[:, None] - curve.x_m, y_m[:, None] - curve.y_m)
+        sunk_m: np.ndarray = (load_N / r_m).sum(axis=1) / (math.pi * self.E_star_Pa)
+        return sunk_m
 
     def approach_m(self, caps: CapTable) -> float:
         """Return the approach of the caps under the preload, less the bulk sinking."""
@@ -235,9 +242,7 @@ class Trials:
         load_N = curve.asperity_loads_N(approach_m)
         x_m, y_m = _on_rims(x_m, y_m, curve, contact_radius_m(load_N, curve.radius_m, E_star_Pa))
         plane_m = float(caps.peak_height_m[:n][caps.usable[:n]].max()) - approach_m
-        r_m = np.hypot(x_m[:, None] - curve.x_m, y_m[:, None] - curve.y_m)
-        sunk_m = (load_N / r_m).sum(axis=1) / (math.pi * E_star_Pa)
-        up_m = caps.peak_height_m[n:] - plane_m - sunk_m
+        up_m = caps.peak_height_m[n:] - plane_m - self.face.sunk_m(curve, load_N, x_m, y_m)
         touch = np.argsort(-up_m, kind="stable")[: min(MOST_POINTS, int((up_m > 0.0).sum()))]
         if touch.size == 0:
             return

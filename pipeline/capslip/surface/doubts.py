@@ -7,7 +7,13 @@ import numpy as np
 from capslip.errors import UnusableSurfaceError
 from capslip.problems import Problem, Severity
 from capslip.surface.blocks import few_lines
-from capslip.surface.form import FLOOR_LINES, FLOOR_SHARE, ROUNDING, remove_form
+from capslip.surface.form import (
+    FLOOR_LINES,
+    FLOOR_SHARE,
+    ROUNDING,
+    level_and_straight,
+    remove_form,
+)
 from capslip.surface.heightmap import HeightMap, Heights, Tops
 from capslip.surface.interpolated import pixels_apart
 from capslip.surface.outliers import Outliers
@@ -228,11 +234,8 @@ def bow_of_form_m(surface: HeightMap) -> np.ndarray:
         What a quadratic takes off beyond a plane; NaN where nothing was measured.
     """
     floor = _bow(surface)[0] > 1.0 - MOSTLY_FORM
-    level_m, straight_m = (
-        remove_form(surface, form, floor=floor)[0].height_m for form in ("plane", "quadratic")
-    )
-    bow_m: np.ndarray = level_m - straight_m
-    return bow_m
+    level, straight = level_and_straight(surface, floor)
+    return np.asarray(level.height_m - straight.height_m)
 
 
 def problems_of_seams(surface: HeightMap, approach_m: float) -> list[Problem]:
@@ -251,7 +254,7 @@ def problems_of_seams(surface: HeightMap, approach_m: float) -> list[Problem]:
 
 def _bow(surface: HeightMap) -> tuple[float, float]:
     """Return the share of the variance that a bow leaves, and its height."""
-    over_plane, over_bow = (remove_form(surface, one)[0].height_m for one in ("plane", "quadratic"))
+    over_plane, over_bow = (one.height_m for one in level_and_straight(surface))
     bow_m = over_plane - over_bow
     rest = float(np.nanvar(over_bow) / np.nanvar(over_plane))
     return rest, float(np.nanmax(bow_m) - np.nanmin(bow_m))
@@ -264,7 +267,7 @@ def _bow_of_floor(surface: HeightMap) -> tuple[float, float]:
     where the floor is level: (1, 0).
     """
     try:
-        over = [remove_form(surface, one, floor=True)[0].height_m for one in ("plane", "quadratic")]
+        over = [one.height_m for one in level_and_straight(surface, floor=True)]
     except UnusableSurfaceError:
         return 1.0, 0.0
     level_m2, bowed_m2 = (_variance_of_lowest_m2(one) for one in over)

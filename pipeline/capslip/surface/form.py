@@ -124,6 +124,20 @@ def remove_form(
     return rest, Form(kind, degree, robust and not floor, radius_m, axis_rad, floor)
 
 
+def level_and_straight(surface: HeightMap, floor: bool = False) -> tuple[HeightMap, HeightMap]:
+    """Return a map less its plane, and less its quadratic: between them lies its bow.
+
+    Parameters
+    ----------
+    surface : HeightMap
+        In which something was measured.
+    floor : bool
+        Whether both are fitted to the lowest third, see `remove_form`.
+    """
+    level, straight = (remove_form(surface, one, floor=floor)[0] for one in ("plane", "quadratic"))
+    return level, straight
+
+
 def floor_slopes(surface: HeightMap) -> tuple[float, float]:
     """Return the slopes along y and x of the floor of a map, from some of its points.
 

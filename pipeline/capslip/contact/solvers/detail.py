@@ -37,9 +37,7 @@ class Detail:
     """What the filter of `effect_of_detail` takes off a map: what it does, and what it is."""
 
     effect: Effect
-    white_share: float = (
-        0.0  # of its rms, that noise from pixel to pixel could be, see `_white_share`
-    )
+    white_share: float = 0.0  # of its rms, that white noise could be, see `_white_share`
 
 
 def effect_of_detail(
