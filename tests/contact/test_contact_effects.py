@@ -15,6 +15,7 @@ from capslip.surface.heightmap import HeightMap
 from scenes import caps_map
 
 PIXEL_M = 2e-4
+LARGE = (0.25, 0.5, 0.75)  # of the force at gross slip: less slip than that is not resolved
 SIDES = (0.012, 0.036)
 PEAKS = [(x, y, 20.0, 0.0) for x in SIDES for y in SIDES]
 MORE = [*PEAKS, (0.024, 0.02, 24.0, -2e-8), (0.02, 0.03, 16.0, -4e-8)]
@@ -50,6 +51,15 @@ def flagged(caps, which, flag=CapFlag.edge):
                    for x, y in zip(caps.x_m, caps.y_m, strict=True)])  # fmt: skip
     assert on.sum() == len(which)
     return caps.with_columns(flags=np.where(on, caps.flags | flag, caps.flags))
+
+
+def moved_energy(before, after, shares=(0.1, *LARGE)):
+    """Return the greatest change of the energy at shares of the force at gross slip."""
+    one_J, other_J = (
+        one.slip.energy_at_force_J(np.array(shares) * one.slip.total_slip_force_N)
+        for one in (before, after)
+    )
+    return float(np.abs(other_J / one_J - 1.0).max())
 
 
 def test_half_of_equal_caps_left_out_is_hertz():
@@ -132,10 +142,8 @@ def with_bow(surface, rise_m):
 def test_a_bow_of_the_floor_is_taken_out_of_peaks_that_are_too_few_to_tell_it():
     one, other = found(face(MORE)), found(with_bow(face(MORE), 1e-7))
     lifted = one.contact.approach_without_bulk_m / other.contact.approach_without_bulk_m - 1.0
-    share = np.array([0.1, 0.25, 0.5, 0.75])
-    energy_J = [a.slip.energy_at_force_J(share * a.slip.total_slip_force_N) for a in (one, other)]
     problem = effect_of(other, "bow_left")
-    more = float(np.abs(energy_J[0] / energy_J[1] - 1.0).max())
+    more = moved_energy(other, one)
     assert more > 0.02
     assert problem.effect.energy == pytest.approx(more, rel=0.15)
     said = float(problem.message.partition("the approach by ")[2].partition("%")[0])
@@ -200,12 +208,10 @@ def test_seams_move_what_one_level_moves(model, points):
     words = (f"contact.model={model}",)
     one, other = found(level, *words), found(stitched, *words)
     truth = one.contact.stiffness_N_per_m / other.contact.stiffness_N_per_m - 1.0
-    share = np.array([0.1, 0.25, 0.5, 0.75])
-    energy_J = [a.slip.energy_at_force_J(share * a.slip.total_slip_force_N) for a in (one, other)]
     given = other.caps, other.caps, other.conditioned, other.settings, other.contact.rung
     effect = with_effects([Problem("seams", "warning", "")], *given)[0].effect
     assert effect.tangential_stiffness == pytest.approx(abs(truth), rel=0.1, abs=0.003)
-    more = float(np.abs(energy_J[0] / energy_J[1] - 1.0).max())
+    more = moved_energy(other, one)
     assert more > 0.1
     assert effect.energy == pytest.approx(more, rel=0.1)
 
@@ -220,11 +226,7 @@ def test_a_burr_moves_what_it_moves_on_the_map_itself(burr_m, load_N):
         found(burred, *words, f"conditioning.outliers={rule}") for rule in ("isolated", "none")
     )
     (said,) = [p for p in found(burred, words[0]).problems if p.code == "outliers_removed"]
-    share = np.array([0.25, 0.5, 0.75])
-    energy_J = [
-        one.slip.energy_at_force_J(share * one.slip.total_slip_force_N) for one in (without, there)
-    ]
-    more = float(np.abs(energy_J[1] / energy_J[0] - 1.0).max())
+    more = moved_energy(without, there, LARGE)
     assert there.contact.approach_m > 1.05 * without.contact.approach_m
     assert 0.7 < said.effect.energy / more < 1.5
     assert (said.severity == "warning") == (said.effect.energy > 0.05)
@@ -238,11 +240,7 @@ def test_a_burr_within_a_contact_moves_what_it_moves_at_its_rim(at):
         found(burred, *words, f"conditioning.outliers={rule}") for rule in ("isolated", "none")
     )
     (said,) = [p for p in found(burred).problems if p.code == "outliers_removed"]
-    share = np.array([0.25, 0.5, 0.75])
-    energy_J = [
-        one.slip.energy_at_force_J(share * one.slip.total_slip_force_N) for one in (without, there)
-    ]
-    more = float(np.abs(energy_J[1] / energy_J[0] - 1.0).max())
+    more = moved_energy(without, there, LARGE)
     assert more > 0.05
     assert said.effect.energy == pytest.approx(more, rel=0.2)
 
@@ -276,11 +274,7 @@ def test_a_bow_of_the_map_moves_what_its_removal_moves():
     left, off = (
         found(bowed, *words, f"conditioning.form={form}") for form in ("plane", "quadratic")
     )
-    share = np.array([0.1, 0.25, 0.5, 0.75])
-    energy_J = [
-        one.slip.energy_at_force_J(share * one.slip.total_slip_force_N) for one in (left, off)
-    ]
-    more = float(np.abs(energy_J[1] / energy_J[0] - 1.0).max())
+    more = moved_energy(left, off)
 
     def said(tolerance):
         settings = load_settings(overrides=(*words, f"contact.tolerance={tolerance!r}"))
@@ -306,11 +300,7 @@ def test_a_grain_that_was_taken_off_moves_what_it_moves_on_the_map_itself(width)
         found(dusty, *words, f"conditioning.outliers={rule}") for rule in ("isolated", "none")
     )
     (said,) = [p for p in found(dusty).problems if p.code == "outliers_removed"]
-    share = np.array([0.25, 0.5, 0.75])
-    energy_J = [
-        one.slip.energy_at_force_J(share * one.slip.total_slip_force_N) for one in (without, there)
-    ]
-    more = float(np.abs(energy_J[1] / energy_J[0] - 1.0).max())
+    more = moved_energy(without, there, LARGE)
     assert more > 0.1
     assert said.severity == "warning"
     assert f"{width**2} of them lie on patches" in said.message
@@ -347,8 +337,4 @@ def test_an_interpolated_map_is_pressed_on_its_measured_points_alone():
     assert effect.tangential_stiffness == pytest.approx(
         abs(stiffness[1] / stiffness[0] - 1), rel=0.1, abs=2e-3
     )
-    share = np.array([0.1, 0.25, 0.5, 0.75])
-    energy_J = [
-        one.slip.energy_at_force_J(share * one.slip.total_slip_force_N) for one in (fine, alone)
-    ]
-    assert effect.energy == pytest.approx(np.abs(energy_J[1] / energy_J[0] - 1.0).max(), rel=0.1)
+    assert effect.energy == pytest.approx(moved_energy(fine, alone), rel=0.1)
