@@ -7,6 +7,7 @@ from typing import Literal
 import numpy as np
 
 from capslip.errors import SettingsError
+from capslip.studies.faces.finer import finer_waves
 from capslip.studies.faces.placing import balanced_places, free_places
 from capslip.surface.heightmap import HeightMap, Origin
 
@@ -136,7 +137,9 @@ class Truth:
     cut_height_m: float
 
 
-def synthetic_surface(scene: Scene, name: str = "synthetic") -> tuple[HeightMap, Truth]:
+def synthetic_surface(
+    scene: Scene, name: str = "synthetic", finer: int = 1
+) -> tuple[HeightMap, Truth]:
     """Make the height map of a scene and the truth about it.
 
     Parameters
@@ -145,6 +148,9 @@ def synthetic_surface(scene: Scene, name: str = "synthetic") -> tuple[HeightMap,
         What the face holds.
     name : str
         Name of the map.
+    finer : int
+        Points along the side of a pixel: the same face on so much smaller pixels, for scenes
+        without noise, spikes and non-measured points, which are of the points of the map.
 
     Returns
     -------
@@ -155,10 +161,14 @@ def synthetic_surface(scene: Scene, name: str = "synthetic") -> tuple[HeightMap,
     ------
     SettingsError
         If the caps of the families do not fit on the face, or not in balance, or a number is out
-        of bounds.
+        of bounds, or what is asked on finer pixels is not defined there.
 
     Notes
     -----
+    A face is a function of place, and its map that at the centres of the pixels. Caps and form are
+    their formulas, waves and roughness the sum of the sinusoids that the transform of the map
+    holds: nothing is shorter than two pixels, on finer pixels too.
+
     The slope of the least-squares plane is as the sum of V x, with the volume V of each cap above
     the floor and its place x from the middle. In a balanced scene the places are such that it
     vanishes: removing the plane then leaves the peak heights as they are in the truth. Caps at
@@ -172,10 +182,12 @@ def synthetic_surface(scene: Scene, name: str = "synthetic") -> tuple[HeightMap,
     >>> bool(abs(surface.height_m.max() - truth.peak_height_m.max()) < 1e-9)
     True
     """
-    _check(scene)
+    _check(scene, finer)
     rng = np.random.default_rng(scene.seed)
-    y_m, x_m = _axes(scene)
+    fine = _on_finer(scene, finer)
+    y_m, x_m = _axes(fine)
     floor_m = np.full(scene.shape, -float(scene.floor_m))
+    fine_floor_m = np.full(fine.shape, -float(scene.floor_m))
     if scene.waviness_rms_m:
         waves_m = _waves(
             scene,
@@ -184,7 +196,9 @@ def synthetic_surface(scene: Scene, name: str = "synthetic") -> tuple[HeightMap,
             scene.waviness_length_m,
             scene.waviness_spectrum,
         )
-        floor_m += _level(waves_m)
+        rise_m = _rise_m(waves_m)
+        floor_m += _level(waves_m, rise_m)
+        fine_floor_m += _level(finer_waves(waves_m, finer), rise_m, finer)
     caps = (*_placed(scene, rng, floor_m), *scene.caps)
     height_m = _joined(scene, caps, floor_m)
     level_m = float(height_m.mean())
@@ -197,14 +211,29 @@ def synthetic_surface(scene: Scene, name: str = "synthetic") -> tuple[HeightMap,
         family=np.array([cap.family for cap in caps], dtype="<U8"),
         cut_height_m=float(np.quantile(height_m, 1.0 - scene.material_ratio)),
     )
+    if finer > 1:
+        height_m = _joined(fine, caps, fine_floor_m) - level_m
     if scene.roughness_rms_m:
-        height_m += _waves(scene, rng, scene.roughness_rms_m, scene.roughness_length_m, "gaussian")
+        rough_m = _waves(scene, rng, scene.roughness_rms_m, scene.roughness_length_m, "gaussian")
+        height_m += finer_waves(rough_m, finer)
     height_m += _form(scene, y_m, x_m)
     _add_defects(scene, rng, height_m, y_m, x_m)
-    return HeightMap(height_m, scene.pixel_size_m, Origin(name=name)), truth
+    return HeightMap(height_m, fine.pixel_size_m, Origin(name=name)), truth
 
 
-def _check(scene: Scene) -> None:
+def _on_finer(scene: Scene, finer: int) -> Scene:
+    """Return the scene on a grid of smaller pixels."""
+    (ny, nx), (dy_m, dx_m) = scene.shape, scene.pixel_size_m
+    return replace(scene, shape=(finer * ny, finer * nx), pixel_size_m=(dy_m / finer, dx_m / finer))
+
+
+def _check(scene: Scene, finer: int) -> None:
+    of_points = (scene.noise_rms_m, scene.n_spikes, scene.non_measured_fraction)
+    if finer < 1 or (finer > 1 and any(of_points)):
+        raise SettingsError(
+            f"scene: got {finer} points along a pixel; expected 1 or more, and 1 with noise, "
+            "spikes or non-measured points, which are not defined between the points of the map"
+        )
     for key, value in asdict(scene).items():
         if key.endswith("_rms_m") or key in ("n_spikes", "n_patches", "non_measured_fraction"):
             if not 0 <= value < math.inf:
@@ -368,13 +397,14 @@ def _rise_m(height_m: np.ndarray) -> np.ndarray:
     return np.array([along_y / (nx * (v @ v)), along_x / (ny * (u @ u))])
 
 
-def _level(height_m: np.ndarray) -> np.ndarray:
-    """Subtract the slopes of the least-squares plane, not its height."""
-    ny, nx = height_m.shape
-    rise_y, rise_x = _rise_m(height_m)
-    level_m: np.ndarray = height_m - rise_y * np.linspace(-1.0, 1.0, ny)[:, None]
-    level_m -= rise_x * np.linspace(-1.0, 1.0, nx)
-    return level_m
+def _level(height_m: np.ndarray, rise_m: np.ndarray, finer: int = 1) -> np.ndarray:
+    """Subtract the slopes of a plane, not its height; it rises to the last point of the map."""
+    for axis, rise in enumerate(rise_m.tolist()):
+        n = height_m.shape[axis] // finer
+        last = (n - 1.0 / finer) / (n - 1.0) if n > 1 else 1.0  # of the finer pixels
+        ramp = rise * np.linspace(-last, last, n * finer)
+        height_m = height_m - (ramp[:, None] if axis == 0 else ramp)
+    return height_m
 
 
 def _waves(

@@ -12,6 +12,7 @@ PRELOAD_N = 460.0  # of the paper
 SHARES = (0.25, 0.5, 0.75)  # T / (mu N) at which energies are compared
 
 Change = Callable[[HeightMap, Truth], HeightMap]
+FaceChange = Callable[[HeightMap, Truth, int], HeightMap]  # the last: points along a pixel's side
 Tries = Callable[[int, Any], Iterable[Row]]  # seed and value: what each case there has
 
 
@@ -26,7 +27,7 @@ class Case:
     preload_N: float = PRELOAD_N
     overrides: tuple[str, ...] = ()
     shares: tuple[float, ...] = SHARES
-    face_change: Change | None = None  # of the face itself, so of the truth too
+    face_change: FaceChange | None = None  # of the face itself, so of the truth too
     scan_change: Change | None = None  # of what the instrument makes of it
 
 

@@ -5,21 +5,32 @@ from dataclasses import replace
 
 import numpy as np
 
+from capslip.studies.faces.finer import finer_places, finer_profile
 from capslip.studies.faces.synthetic import Truth
 from capslip.surface.heightmap import HeightMap
 
 
-def with_lay(surface: HeightMap, truth: Truth, x: float, seed: int) -> HeightMap:
-    """Add grooves of 2 mm along y of that rms height, with some randomness along x."""
-    rng = np.random.default_rng(seed + 11)
+def with_lay(surface: HeightMap, truth: Truth, finer: int = 1, *, x: float, seed: int) -> HeightMap:
+    """Add grooves of 2 mm along y of that rms height, with some randomness along x.
+
+    The randomness is of the columns of the map, and has no wave shorter than two of them: `finer`
+    tells how many points of the surface lie along the side of a pixel of that map.
+    """
     (ny, nx), (dy_m, dx_m) = surface.shape, surface.pixel_size_m
-    phase = 2.0 * np.pi * np.arange(nx) * dx_m / 2e-3 + np.cumsum(rng.normal(0.0, 0.15, nx))
-    swing = 1.0 + 0.3 * np.sin(np.arange(ny)[:, None] * dy_m / 7e-3)
-    lay = swing * np.sin(phase)
-    return replace(surface, height_m=surface.height_m + x * lay / lay.std())
+    (ny, nx), (dy_m, dx_m) = (ny // finer, nx // finer), (finer * dy_m, finer * dx_m)
+    drift = np.cumsum(np.random.default_rng(seed + 11).normal(0.0, 0.15, nx))
+
+    def lay(times: int) -> np.ndarray:
+        column, row = finer_places(nx, times), finer_places(ny, times)[:, None]
+        phase = 2.0 * np.pi * column * dx_m / 2e-3 + finer_profile(drift, times)
+        return np.asarray((1.0 + 0.3 * np.sin(row * dy_m / 7e-3)) * np.sin(phase))
+
+    return replace(surface, height_m=surface.height_m + x * lay(finer) / lay(1).std())
 
 
-def elongated(surface: HeightMap, truth: Truth, x: float, seed: int) -> HeightMap:
+def elongated(
+    surface: HeightMap, truth: Truth, finer: int = 1, *, x: float, seed: int
+) -> HeightMap:
     """Put ellipsoids of that ratio and of equal Gaussian curvature in place of the spheres."""
     (ny, nx), (dy_m, dx_m) = surface.shape, surface.pixel_size_m
     y_m, x_m = ((np.arange(ny) + 0.5) * dy_m)[:, None], (np.arange(nx) + 0.5) * dx_m

@@ -17,10 +17,9 @@ from capslip.contact.solvers.hertz import contact_radius_m
 from capslip.contact.solvers.yielding import first_loading
 from capslip.errors import TipsOverError
 from capslip.settings import Settings
-from capslip.studies.chart.reference import Reference, reference
 from capslip.studies.faces.synthetic import Truth, synthetic_surface
 from capslip.studies.limits.case import Case, clean
-from capslip.surface.form import remove_form
+from capslip.studies.limits.of_face import OfFace, answers_of_face
 from capslip.surface.heightmap import HeightMap
 
 CUBIC_BELOW = 1e-3  # share of total slip below which the energy follows the cube of the force
@@ -37,7 +36,7 @@ class Known:
     pressure_Pa: float | None = None  # greatest true pressure, where the truth is caps
 
 
-def known_answers(case: Case, settings: Settings, solved: dict[Any, Reference]) -> Known:
+def known_answers(case: Case, settings: Settings, solved: dict[Any, OfFace]) -> Known:
     """Return the truth: that of the true caps where the face has nothing else, or of the face.
 
     Parameters
@@ -62,23 +61,15 @@ def known_answers(case: Case, settings: Settings, solved: dict[Any, Reference]) 
         known = _known_of_caps(case, truth, face, settings, counts)
         if known is not None:
             return known
-    key = (scene, case.face_change, case.preload_N, settings.contact.alignment)
+    key = (scene, case.face_change, case.preload_N, case.shares, settings.contact.alignment)
     if key not in solved:
-        if case.face_change is not None:
-            face = case.face_change(face, truth)
-        level, _ = remove_form(face, "plane")
-        solved[key] = reference(level, settings, with_peak=False)
+        solved[key] = answers_of_face(case, settings)
     found = solved[key]
-    names = {"approach": "approach_without_bulk", "stiffness": "stiffness_without_bulk"}
-    if found.numbers["stiffness_without_bulk"] is None:
-        names = {"approach": "approach_without_bulk", "stiffness": "stiffness"}
-    names |= {
-        ours: f"energy_{share:g}"
-        for ours, share in zip(energy_names(case.shares), case.shares, strict=True)
-    }
+    names = ("approach", "stiffness", *energy_names(case.shares))
+    answers = (found.approach_m, found.stiffness_N_per_m, *found.energy_J)
     return Known(
-        values={ours: found.numbers[theirs] or 0.0 for ours, theirs in names.items()},
-        uncertainty={ours: found.uncertainty.get(theirs, 0.0) for ours, theirs in names.items()},
+        values=dict(zip(names, answers, strict=True)),
+        uncertainty=dict(zip(names, found.uncertainty, strict=True)),
         counts=counts,
     )
 

@@ -13,11 +13,11 @@ from capslip.analysis import analyze
 from capslip.errors import CapslipError, ContactError
 from capslip.result import Analysis
 from capslip.settings import Settings, load_settings
-from capslip.studies.chart.reference import Reference
 from capslip.studies.clock import clocks
 from capslip.studies.faces.synthetic import synthetic_surface
 from capslip.studies.limits.case import Axis, Case
 from capslip.studies.limits.known import Known, energy_names, known_answers
+from capslip.studies.limits.of_face import OfFace
 from capslip.studies.page import Row
 from capslip.surface.heightmap import HeightMap
 from capslip.workers import Lost, crew, outcomes
@@ -79,7 +79,8 @@ def measure(
     -------
     dict
         `runs`, one for each case and method; `axes` with the breakdown point of each method;
-        `totals`; how the `estimates` of the model's error held; and the names of the `silent` ones.
+        `totals`; how the `estimates` of the model's error held; how `unsure` the truths of faces
+        are that are pressed, growing; and the names of the `silent` ones.
     """
     begin = clocks()
     methods, what = tuple(methods), tuple(what)
@@ -98,6 +99,7 @@ def measure(
         "totals": {method: _totals(runs, method) for method in methods},
         "estimates": {method: _estimates(runs, method, what) for method in methods},
         "axes": found_axes,
+        "unsure": sorted(row["unsure"] for row in runs if row["unsure"] is not None),
         "silent": [
             {key: row[key] for key in SILENT_KEYS} for row in runs if row["outcome"] == "silent"
         ],
@@ -128,7 +130,7 @@ def _run_all(
 ) -> Iterator[tuple[tuple[str, int], list[Row]]]:
     """Give the rows of each case as it ends, with its axis and place there."""
     if workers == 1:
-        solved: dict[Any, Reference] = {}
+        solved: dict[Any, OfFace] = {}
         for i, axis, methods in jobs:
             yield (axis.name, i), _run_case(axis, axis.cases[i], methods, solved)
         return
@@ -149,11 +151,11 @@ def _run_alone(
 
 
 def _run_case(
-    axis: Axis, case: Case, methods: tuple[str, ...], solved: dict[Any, Reference]
+    axis: Axis, case: Case, methods: tuple[str, ...], solved: dict[Any, OfFace]
 ) -> list[Row]:
     scan, truth = synthetic_surface(case.scene, case.name)
     if case.face_change is not None:
-        scan = case.face_change(scan, truth)
+        scan = case.face_change(scan, truth, 1)
     if case.scan_change is not None:
         scan = case.scan_change(scan, truth)
     known: dict[str, Known | str] = {}
@@ -170,7 +172,7 @@ def _run_case(
     return rows
 
 
-def _known(case: Case, alignment: str, solved: dict[Any, Reference]) -> Known | str:
+def _known(case: Case, alignment: str, solved: dict[Any, OfFace]) -> Known | str:
     """Return the truth, or why there is none."""
     overrides = (f"contact.preload_N={case.preload_N!r}", f"contact.alignment={alignment}")
     try:
@@ -208,6 +210,7 @@ def _run(
         row["reason"] = said or "the joint slides as a whole: the energy of a cycle has no bound"
         return row
     errors = _errors(given, known)
+    row["unsure"] = max(known.uncertainty.values(), default=None)
     row["errors"] = {name: _plain(error) for name, error in errors.items()}
     row["worst"] = max(errors, key=lambda name: abs(errors[name]))
     greatest = abs(errors[row["worst"]])
@@ -232,8 +235,9 @@ def _run(
 
 def _row(axis: Axis, case: Case, method: str, **found: Any) -> Row:
     row: Row = dict.fromkeys(
-        ("outcome", "error", "worst", "errors", "estimate", "m", "n", "true_m", "true_n", "reason")
-    )
+            (*("outcome", "error", "worst", "errors", "unsure", "estimate"),
+         *("m", "n", "true_m", "true_n", "reason"))
+    )  # fmt: skip
     row["seconds"] = None
     row |= {"axis": axis.name, "name": case.name, "severity": case.severity, "method": method}
     return row | {"problems": {}} | found

@@ -100,13 +100,30 @@ def _how(results: Row) -> str:
     return (
         f"{len(results['axes'])} axes, {n_cases} cases. Each face is known: the true\n"
         "answer is that of its true caps with elastic interaction or, where a face is more than\n"
-        "separate caps, that of boundary elements on the clean map. The error is the greatest\n"
+        "separate caps, that of boundary elements on the face itself. The error is the greatest\n"
         "relative one of the approach without bulk sinking, the tangential stiffness, and the\n"
         "energy per cycle at T = 0.25, 0.5 and 0.75 mu N; on the axes `small force` and\n"
         "`gross slip` at the force named. An answer is wrong where the error exceeds "
         f"{results['breakdown_error']:.0%},\n"
-        "or where m or n is not that of the face. What boundary elements are themselves unsure of\n"
-        "is taken off first: pixels leave 4 to 16 % in W(0.25) of wavy and rough faces."
+        "or where m or n is not that of the face.\n\n"
+        "A face is a function of place, and a scan its values at the centres of the pixels, with\n"
+        "what the instrument makes of them. Caps, ellipsoids and the floor are their formulas;\n"
+        "waves, roughness and the phase of a lay are the sums of sinusoids that their transforms\n"
+        "hold, and end at waves of two pixels: what a spectrum has beyond its pixels shows in no\n"
+        "scan, and a face with more of it is another face. Noise, spikes, grains, steps and lost\n"
+        "points are of the instrument, not of the face. Boundary elements take the function on\n"
+        "half and on a quarter of the pixel. What an answer still changes between the two is taken\n"
+        f"off the error first{_unsure(results['unsure'])}."
+    )
+
+
+def _unsure(found: list[float]) -> str:
+    """Return how unsure the truths are of which the greatest doubts are given, growing."""
+    if not found:
+        return ""
+    return (
+        f": at most {found[len(found) // 2]:.1%} on half of these faces, {found[-1]:.1%} on the\n"
+        "worst"
     )
 
 
