@@ -31,7 +31,7 @@ class Known:
     """The true answers of a case; NaN where there is none."""
 
     values: dict[str, float]
-    uncertainty: dict[str, float]  # relative, of each
+    uncertainty: float  # relative, of each
     counts: tuple[int, int] | None  # m and n, None where the face has no families
     pressure_Pa: float | None = None  # greatest true pressure, where the truth is caps
 
@@ -69,7 +69,7 @@ def known_answers(case: Case, settings: Settings, solved: dict[Any, OfFace]) -> 
     answers = (found.approach_m, found.stiffness_N_per_m, *found.energy_J)
     return Known(
         values=dict(zip(names, answers, strict=True)),
-        uncertainty=dict(zip(names, found.uncertainty, strict=True)),
+        uncertainty=found.uncertainty,
         counts=counts,
     )
 
@@ -107,7 +107,7 @@ def _known_of_caps(
             "stiffness": float(slip.tangential_stiffness_N_per_m),
             **dict(zip(energy_names(case.shares), energies_J.tolist(), strict=True)),
         },
-        uncertainty={},
+        uncertainty=0.0,
         counts=counts,
         pressure_Pa=float((1.5 * load_N[touching] / (np.pi * a_m[touching] ** 2)).max()),
     )

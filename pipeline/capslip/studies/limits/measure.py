@@ -210,7 +210,7 @@ def _run(
         row["reason"] = said or "the joint slides as a whole: the energy of a cycle has no bound"
         return row
     errors = _errors(given, known)
-    row["unsure"] = max(known.uncertainty.values(), default=None)
+    row["unsure"] = known.uncertainty or None
     row["errors"] = {name: _plain(error) for name, error in errors.items()}
     row["worst"] = max(errors, key=lambda name: abs(errors[name]))
     greatest = abs(errors[row["worst"]])
@@ -251,7 +251,7 @@ def _errors(given: dict[str, float], known: Known) -> dict[str, float]:
             errors[name] = math.inf if math.isfinite(given[name]) else 0.0
             continue
         error = given[name] / true - 1.0 if true else math.inf  # full contact loses nothing
-        rest = max(0.0, abs(error) - known.uncertainty.get(name, 0.0))
+        rest = max(0.0, abs(error) - known.uncertainty)
         errors[name] = math.copysign(rest, error)
     return errors
 

@@ -1,5 +1,6 @@
 """The page of the limits study."""
 
+from capslip.studies.limits.of_face import LEFT
 from capslip.studies.page import Row, table
 
 SPOKEN = ("told", "doubted", "warned")
@@ -112,19 +113,15 @@ def _how(results: Row) -> str:
         "hold, and end at waves of two pixels: what a spectrum has beyond its pixels shows in no\n"
         "scan, and a face with more of it is another face. Noise, spikes, grains, steps and lost\n"
         "points are of the instrument, not of the face. Boundary elements take the function on\n"
-        "half and on a quarter of the pixel. What an answer still changes between the two is taken\n"
-        f"off the error first{_unsure(results['unsure'])}."
+        f"half of the pixel or, where it leaves over {LEFT:.0%} in an energy, on a quarter. What\n"
+        f"pixels leave is taken off the error first: {LEFT:.0%}{_most(results['unsure'])}."
     )
 
 
-def _unsure(found: list[float]) -> str:
-    """Return how unsure the truths are of which the greatest doubts are given, growing."""
-    if not found:
-        return ""
-    return (
-        f": at most {found[len(found) // 2]:.1%} on half of these faces, {found[-1]:.1%} on the\n"
-        "worst"
-    )
+def _most(unsure: list[float]) -> str:
+    """Return on how many of the faces that are pressed it is more, and how much at most."""
+    more = sum(one > LEFT for one in unsure)
+    return f", or up to {unsure[-1]:.1%} on {more / len(unsure):.0%} of these faces" if more else ""
 
 
 def _capital(text: str) -> str:
