@@ -18,6 +18,8 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import IO, Any
 
+import msgspec
+
 from capslip.errors import OutputError
 from capslip.provenance import sha256_of
 from capslip.summary import SCHEMA
@@ -82,10 +84,11 @@ def new_folder(folder: Path) -> Iterator[Path]:
                 work = Path(tempfile.mkdtemp(prefix=OURS, dir=folder))
             try:
                 yield work
-                _refuse_clash(work, folder)
-                gone = sorted(_owned(folder) - set(_files(work)))
-                (work / GONE).write_text(json.dumps(gone), encoding="utf-8")
-                for path in (*work.rglob("*"), work):
+                owned, files = _owned(folder), set(_files(work))
+                _refuse_clash(work, folder, owned)
+                if gone := sorted(owned - files):
+                    (work / GONE).write_text(json.dumps(gone), encoding="utf-8")
+                for path in (*_below(work), work):
                     _sync(path)
                 os.replace(work, folder / READY)
             except BaseException:
@@ -234,8 +237,12 @@ def read_json(path: Path) -> dict[str, Any] | None:
 
 def summary_text(summary: dict[str, Any]) -> bytes:
     """Return the bytes of `summary.json`; what is no text in a path is escaped."""
-    text = json.dumps(summary, indent=1, ensure_ascii=False, allow_nan=False) + "\n"
-    return text.encode("utf-8", "backslashreplace")
+    text = json.dumps(summary, ensure_ascii=False, allow_nan=False)  # indented, json is twice as slow
+    try:
+        return msgspec.json.format(text.encode(), indent=1) + b"\n"
+    except UnicodeEncodeError:
+        text = json.dumps(summary, indent=1, ensure_ascii=False) + "\n"
+        return text.encode("utf-8", "backslashreplace")
 
 
 def with_digests(summary: dict[str, Any], work: Path) -> dict[str, Any]:
@@ -266,16 +273,18 @@ def _put_in_place(folder: Path) -> None:
     ready = folder / READY
     if (ready / SUMMARY).exists():
         (folder / SUMMARY).unlink(missing_ok=True)
-        for entry in sorted(ready.rglob("*")):
-            name = entry.relative_to(ready).as_posix()
+        folders = [folder]
+        for entry in _below(ready):
+            name = os.path.relpath(entry, ready)
             if entry.is_dir():
-                (folder / name).mkdir(exist_ok=True)
+                folders.insert(0, folder / name)
+                folders[0].mkdir(exist_ok=True)
             elif name not in (SUMMARY, GONE):
                 os.replace(entry, folder / name)
-        _remove(folder, json.loads((ready / GONE).read_text(encoding="utf-8")))
-        for entry in (*_entries(ready), folder):
-            if entry.is_dir():
-                _sync(folder / entry.name if entry != folder else folder)
+        if (ready / GONE).exists():
+            _remove(folder, json.loads((ready / GONE).read_text(encoding="utf-8")))
+        for path in folders:
+            _sync(path)
         os.replace(ready / SUMMARY, folder / SUMMARY)
         _sync(folder)
     shutil.rmtree(ready, ignore_errors=True)
@@ -292,10 +301,11 @@ def _remove(folder: Path, names: list[str]) -> None:
                 entry.rmdir()
 
 
-def _refuse_clash(work: Path, folder: Path) -> None:
+def _refuse_clash(work: Path, folder: Path, owned: set[str]) -> None:
     """Refuse to put a file where one of someone else appeared since the folder was checked."""
-    owned = _owned(folder)
-    for entry in sorted(work.rglob("*")):
+    if not _entries(folder):
+        return
+    for entry in _below(work):
         name = entry.relative_to(work).as_posix()
         place = folder / name
         fits = entry.is_dir() and place.is_dir() and not place.is_symlink()
@@ -344,7 +354,16 @@ def _foreign(folder: Path) -> str | None:
 
 
 def _entries(folder: Path) -> list[Path]:
-    return [entry for entry in folder.iterdir() if not entry.name.startswith(OURS)]
+    return [folder / name for name in os.listdir(folder) if not name.startswith(OURS)]
+
+
+def _below(folder: Path) -> Iterator[Path]:
+    """Yield folders and files below a folder, each folder before what is in it."""
+    for name in sorted(os.listdir(folder)):
+        path = folder / name
+        yield path
+        if path.is_dir() and not path.is_symlink():
+            yield from _below(path)
 
 
 def _files(folder: Path) -> Iterator[str]:
