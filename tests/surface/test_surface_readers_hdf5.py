@@ -145,4 +145,4 @@ def test_words_are_found_wherever_blocks_end(tmp_path, monkeypatch, block):
     path = tmp_path / "a"
     path.write_bytes(b"unit\0" + b"x" * 60 + b"unit\0uniunit\0")
     with path.open("rb") as file, mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as content:
-        assert list(hdf5._places(content, b"unit\0")) == [0, 65, 73]
+        assert list(hdf5._places(content, b"unit\0", [(0, len(content))])) == [0, 65, 73]

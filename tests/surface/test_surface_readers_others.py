@@ -77,6 +77,15 @@ def test_surfer_grids_begin_with_the_lowest_row(tmp_path, kind):
     check(surface, rtol=1e-6 if kind == "6" else 1e-12, file_format="surfer")
 
 
+@pytest.mark.parametrize(("version", "lost"), [(1, MAP >= MAP[2, 3]), (2, MAP == MAP[2, 3])])
+def test_a_surfer_7_grid_says_by_its_version_what_is_blank(tmp_path, version, lost):
+    content = b"DSRB" + struct.pack("<2i", 4, version) + b"GRID"
+    content += struct.pack("<3i8d", 72, NY, NX, 0, 0, DX_UM, DY_UM, -3, 3, 0, MAP[2, 3])
+    content += b"DATA" + struct.pack("<i", 8 * MAP.size) + MAP.astype("<f8").tobytes()
+    surface = load_surface(put(tmp_path / "a.grd", content), **LENGTHS)
+    check(surface, np.where(lost, np.nan, MAP))
+
+
 @pytest.mark.parametrize("kind", SURFER)
 @pytest.mark.parametrize(
     "change", [lambda c: c[:-41], lambda c: c[:60] + c[101:], lambda c: c[:10]]
@@ -181,6 +190,15 @@ def test_keyence_csv(tmp_path, encoding):
     surface = load_surface(path)
     np.testing.assert_allclose(1e6 * surface.height_m, HOLED, rtol=1e-9)
     np.testing.assert_allclose(surface.pixel_size_m, (1e-6, 1e-6))
+    assert surface.origin.file_format == "keyence"
+
+
+@pytest.mark.parametrize("encoding", ["utf-8", "utf-16"])
+def test_keyence_csv_with_a_long_header(tmp_path, encoding):
+    long = '"Measurement data name","' + 40 * "top face of the joint " + '"\n"Scan mode","Fine"\n'
+    path = put(tmp_path / "a.csv", (long + keyence(HOLED)).encode(encoding))
+    surface = load_surface(path)
+    np.testing.assert_allclose(1e6 * surface.height_m, HOLED, rtol=1e-9)
     assert surface.origin.file_format == "keyence"
 
 

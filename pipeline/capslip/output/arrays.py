@@ -52,8 +52,7 @@ class Tables:
     @property
     def caps(self) -> np.ndarray:
         """One row a cap, with the columns of `caps.csv`."""
-        columns = self._analysis.caps.columns()
-        return _table({name: _plain(column) for name, column in columns.items()})
+        return table_of(self._analysis.caps.columns())
 
     @property
     def families(self) -> np.ndarray:
@@ -64,7 +63,7 @@ class Tables:
         for column in OF_FAMILIES:
             values = [getattr(family, column) for family in found.values()]
             columns[column] = np.array(values, dtype=int if column == "count" else float)
-        return _table(columns)
+        return table_of(columns)
 
     @property
     def normal_curve(self) -> np.ndarray:
@@ -73,7 +72,7 @@ class Tables:
         if self._analysis.contact is not None:
             load_N = _loads_N(self._analysis.contact)
             approach_m = np.asarray(self._analysis.contact.normal.approach_m(load_N))
-        return _table({"approach_m": approach_m, "load_N": load_N})
+        return table_of({"approach_m": approach_m, "load_N": load_N})
 
     @property
     def slip(self) -> np.ndarray:
@@ -84,25 +83,26 @@ class Tables:
             force_N = np.geomspace(1e-3, 1.0, FORCES) * slip.total_slip_force_N
             displacement_m = np.asarray(slip.displacement_m(force_N))
             energy_J = np.asarray(slip.energy_at_force_J(force_N))
-        return _table({"force_N": force_N, "displacement_m": displacement_m, "energy_J": energy_J})
+        return table_of({"force_N": force_N, "displacement_m": displacement_m, "energy_J": energy_J})
 
     @property
     def damping(self) -> np.ndarray:
         """Loss factor of the structure over its amplitude; NaN from gross slip on."""
         damping = self._analysis.damping
         none = np.empty(0)
-        return _table({name: getattr(damping, name, none) for name in OF_DAMPING})
+        return table_of({name: getattr(damping, name, none) for name in OF_DAMPING})
 
     @property
     def problems(self) -> np.ndarray:
         """One row a problem: code, severity, message."""
         rows = [(p.code, p.severity, p.text) for p in self._analysis.problems]
         words = np.array(rows, dtype=str).reshape(-1, 3).T
-        return _table(dict(zip(("code", "severity", "message"), words, strict=True)))
+        return table_of(dict(zip(("code", "severity", "message"), words, strict=True)))
 
 
-def _table(columns: dict[str, np.ndarray]) -> np.ndarray:
-    """Put columns of one length into one array."""
+def table_of(columns: dict[str, np.ndarray]) -> np.ndarray:
+    """Put columns of one length into one structured array, words as text of a fixed width."""
+    columns = {name: _plain(column) for name, column in columns.items()}
     n_rows = len(next(iter(columns.values())))
     table = np.empty(n_rows, dtype=[(name, column.dtype) for name, column in columns.items()])
     for name, column in columns.items():
@@ -111,7 +111,7 @@ def _table(columns: dict[str, np.ndarray]) -> np.ndarray:
 
 
 def _plain(column: np.ndarray) -> np.ndarray:
-    """Words as text of a fixed width, which needs no Python object."""
+    """Words as text that needs no Python object."""
     return column.astype(str) if column.dtype.kind == "O" else column
 
 

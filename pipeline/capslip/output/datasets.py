@@ -1,5 +1,6 @@
 """Arrays in an HDF5 file, each with its unit."""
 
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -25,15 +26,25 @@ def write_dataset(group: Any, name: str, values: np.ndarray, unit: str, **option
     import h5py
     from h5py import h5a, h5d, h5s, h5t
 
-    word = h5py.string_dtype()
-    if options or values.dtype.kind in "UO":
-        values = values.astype(word) if values.dtype.kind == "U" else values
+    word, text, scalar = _types()
+    if values.dtype.kind in "UO":
+        values = values.astype(word)
+    if options:
         dataset = group.create_dataset(name, data=values, **options)
     else:
-        kind, space = h5t.py_create(values.dtype, logical=True), h5s.create_simple(values.shape)
-        held = h5d.create(group.id, name.encode(), kind, space)
+        kind = text if values.dtype == word else h5t.py_create(values.dtype, logical=True)
+        held = h5d.create(group.id, name.encode(), kind, h5s.create_simple(values.shape))
         held.write(h5s.ALL, h5s.ALL, np.ascontiguousarray(values))
         dataset = h5py.Dataset(held)
-    kind = h5t.py_create(word, logical=True)
-    h5a.create(dataset.id, b"unit", kind, h5s.create(h5s.SCALAR)).write(np.array(unit, dtype=word))
+    h5a.create(dataset.id, b"unit", text, scalar).write(np.array(unit, dtype=word))
     return dataset
+
+
+@cache
+def _types() -> tuple[np.dtype, Any, Any]:
+    """Return the type of words, the same as HDF5 has it, and the space of one."""
+    import h5py
+    from h5py import h5s, h5t
+
+    word = h5py.string_dtype()
+    return word, h5t.py_create(word, logical=True), h5s.create(h5s.SCALAR)

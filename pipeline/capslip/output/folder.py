@@ -98,6 +98,8 @@ def write(
     with staging.new_folder(folder) as work:
         parts = _Parts(analysis, work, timings_s or {}, progress, missing)
         parts.write_numbers()
+        if page or run.figures or run.render:
+            (work / "figures").mkdir()
         no_scene = parts.draw(extra)
         if page:
             parts.write_page(command, no_scene)
@@ -191,7 +193,6 @@ class _Parts:
         """Make export, meshes and figures beside the picture; return why there is no picture."""
         run, rendering = self.analysis.settings.run, None
         pictures = self.work / "figures"
-        pictures.mkdir()
         if run.render:
             self.progress("rendering")
             name, png = "figures/scene.png", pictures / "scene.png"

@@ -1,13 +1,15 @@
 """The numbers of a result on disk: `result.h5`, `caps.csv`, `settings.toml`, `summary.json`."""
 
 import csv
+import math
+from functools import lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import tomli_w
 
-from capslip.output.arrays import UNITS, Tables
+from capslip.output.arrays import UNITS, Tables, table_of
 from capslip.output.datasets import write_dataset
 from capslip.output.staging import SUMMARY, summary_text
 from capslip.output.thumbnail import thumbnail
@@ -23,8 +25,8 @@ BLOCK = 1 << 20  # bytes by which a file in memory grows
 
 def write_result(analysis: "Analysis", folder: Path) -> None:
     """Write `result.h5`, `caps.csv` and `settings.toml`."""
-    _write_hdf5(analysis, folder / "result.h5")
     columns = analysis.caps.columns()
+    _write_hdf5(analysis, table_of(columns), folder / "result.h5")
     with (folder / "caps.csv").open("w", newline="", encoding="utf-8") as file:
         writer = csv.writer(file)
         writer.writerow(columns)
@@ -34,7 +36,13 @@ def write_result(analysis: "Analysis", folder: Path) -> None:
 
 def write_settings(settings: "Settings", folder: Path) -> None:
     """Write `settings.toml`, every setting as used."""
-    (folder / "settings.toml").write_text(tomli_w.dumps(settings.to_dict()), "utf-8")
+    (folder / "settings.toml").write_text(_toml(settings), "utf-8")
+
+
+@lru_cache(4)
+def _toml(settings: "Settings") -> str:
+    """Settings as text; those of a batch are the same for many scans."""
+    return tomli_w.dumps(settings.to_dict())
 
 
 def write_summary(summary: dict[str, Any], folder: Path) -> None:
@@ -45,11 +53,11 @@ def write_summary(summary: dict[str, Any], folder: Path) -> None:
 def _cells(column: np.ndarray) -> list[str]:
     """Text that reads back to the same number; an absent number is an empty cell."""
     if column.dtype.kind == "f":
-        return ["" if np.isnan(value) else repr(float(value)) for value in column]
+        return ["" if math.isnan(value) else repr(value) for value in column.tolist()]
     return [str(value) for value in column]
 
 
-def _write_hdf5(analysis: "Analysis", path: Path) -> None:
+def _write_hdf5(analysis: "Analysis", caps: np.ndarray, path: Path) -> None:
     import h5py
 
     surface = analysis.conditioned.surface
@@ -70,7 +78,7 @@ def _write_hdf5(analysis: "Analysis", path: Path) -> None:
         write_dataset(groups["hills"], "labels", label.astype(narrow), "", **packed)
         found = Tables(analysis)
         normal = found.normal_curve
-        stages = {"caps": found.caps, "normal": normal, "slip": found.slip}
+        stages = {"caps": caps, "normal": normal, "slip": found.slip}
         for stage, table in {**stages, "damping": found.damping}.items():
             if not len(table) and stage != "caps":
                 continue  # no such stage; no caps are a table with all columns

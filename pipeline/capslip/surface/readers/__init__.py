@@ -1,6 +1,7 @@
 """Readers of scan files: one file a format, and the registry that chooses between them."""
 
 import re
+import time
 from dataclasses import replace
 from pathlib import Path
 
@@ -63,6 +64,7 @@ FORMATS: tuple[Format, ...] = (  # asked in this order
     vendor.FORMAT,
 )
 HEAD_BYTES = 512
+FRESH_S = 60.0  # since the last change of a file; the system brings changes to the disk in half
 GAPS = re.compile(r"gap|depth", re.IGNORECASE)
 
 
@@ -159,7 +161,7 @@ def _of_copy(path: Path, copy: Path, request: Request, given: Calibration) -> He
 def _loaded(path: Path, copy: Path, request: Request, given: Calibration) -> HeightMap:
     """Read a scan from where it lies, or from an unpacked copy."""
     head = _head(copy)
-    sha256 = sha256_of(path)
+    before, sha256 = _state(path), sha256_of(path)
     file_format = next(f for f in FORMATS if f.recognises(head, copy))
     if request.dataset is not None and not file_format.named:
         raise SettingsError(
@@ -167,7 +169,8 @@ def _loaded(path: Path, copy: Path, request: Request, given: Calibration) -> Hei
             f"{file_format.name} holds one height map; leave it out"
         )
     stored = file_format.read(copy, request)
-    if not path.is_file() or sha256_of(path) != sha256:  # the digest is that of the bytes read
+    if _state(path) != before or (_is_fresh(before) and sha256_of(path) != sha256):
+        # else the digest were that of other bytes than those read
         raise UnreadableFileError(f"{path}: changed while it was read; analyse it when it is whole")
     height, marks = without_marks(stored.height)
     notes = (*stored.notes, *marks, *_gaps(stored, given))
@@ -178,6 +181,23 @@ def _loaded(path: Path, copy: Path, request: Request, given: Calibration) -> Hei
         file_format=file_format.name,
     )
     return calibrate(replace(stored, height=height, notes=notes), origin, given)
+
+
+def _state(path: Path) -> tuple[int, ...]:
+    """Return what changes with a file; nothing where it is gone."""
+    try:
+        found = path.stat()
+    except OSError:
+        return ()
+    return found.st_ino, found.st_size, found.st_mtime_ns, found.st_ctime_ns
+
+
+def _is_fresh(state: tuple[int, ...]) -> bool:
+    """Tell whether a file may have changed without a trace in its times, which then are too coarse.
+
+    The system notes a change by way of mapped memory once until it wrote that to the disk.
+    """
+    return not state or abs(time.time() - 1e-9 * state[2]) < FRESH_S
 
 
 def _gaps(stored: Stored, given: Calibration) -> tuple[str, ...]:

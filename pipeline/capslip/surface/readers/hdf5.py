@@ -99,11 +99,12 @@ def _recognises(head: bytes, path: Path) -> bool:
 def _read(path: Path, request: Request) -> Stored:
     import h5py
 
-    _check_strings(path)
     lengths = check_length(path, request.lenient)
     try:
         with h5py.File(path, "r") as file:
-            stored = _stored(file, path, request)
+            chosen = _chosen(file, path, request.dataset)
+            _check_strings(path, _beside(chosen, path.stat().st_size))
+            stored = _stored(chosen, path, request)
             return replace(stored, notes=lengths + stored.notes)
     except (OSError, RuntimeError, KeyError, ValueError, TypeError) as error:
         # each of these is what h5py raises on one kind of damaged bytes
@@ -113,23 +114,38 @@ def _read(path: Path, request: Request) -> Stored:
         ) from error
 
 
-def _check_strings(path: Path) -> None:
+def _beside(dataset: Any, n_bytes: int) -> list[tuple[int, int]]:
+    """Return from where to where a file holds anything but the heights."""
+    spans: list[tuple[int, int]] = []
+    if dataset.chunks:
+        dataset.id.chunk_iter(lambda one: spans.append((one.byte_offset, one.size)))
+    elif (start := dataset.id.get_offset()) is not None:
+        spans.append((start, dataset.id.get_storage_size()))
+    beside, at = [], 0
+    for start, size in sorted(spans):
+        if start > at:
+            beside.append((at, start))
+        at = max(at, start + size)
+    return [*beside, (at, n_bytes)]
+
+
+def _check_strings(path: Path, beside: list[tuple[int, int]]) -> None:
     """Refuse damaged strings of free length: the HDF5 library loops or takes gigabytes over them.
 
-    The bytes are looked at as they lie in the file: the heaps that hold such strings, and the
-    attributes `unit` and `pixel_unit` (format specification 3.0, III.E and IV.A.2.m).
+    The bytes beside the heights, which are nearly all of them, are looked at as they lie in the
+    file: the heaps that hold such strings, and the attributes `unit` and `pixel_unit` (format specification 3.0, III.E and IV.A.2.m).
     """
     with (
         path.open("rb") as file,
         mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as content,
     ):
-        for at in _places(content, UNIT_WORDS[0]):
+        for at in _places(content, UNIT_WORDS[0], beside):
             for name in UNIT_WORDS:
                 start = at + len(UNIT_WORDS[0]) - len(name)
                 here = start >= 0 and content[start : start + len(name)] == name
                 if here and _is_endless(content, start, len(name)):
                     raise _damaged_strings(path, start)
-        for at in _places(content, HEAP):
+        for at in _places(content, HEAP, beside):
             place, end = at + 16, at + int.from_bytes(content[at + 8 : at + 16], "little")
             while place + 16 <= min(end, len(content)):
                 index, size = struct.unpack_from("<H6xQ", content, place)
@@ -140,13 +156,14 @@ def _check_strings(path: Path) -> None:
                 place += step
 
 
-def _places(content: mmap.mmap, word: bytes) -> Iterator[int]:
-    for first in range(0, len(content), BLOCK):  # bytes are searched ten times as fast as maps
-        block = content[first : first + BLOCK + len(word) - 1]
-        at = block.find(word)
-        while at >= 0:
-            yield first + at
-            at = block.find(word, at + 1)
+def _places(content: mmap.mmap, word: bytes, within: list[tuple[int, int]]) -> Iterator[int]:
+    for start, end in within:
+        for first in range(start, end, BLOCK):  # bytes are searched ten times as fast as maps
+            block = content[first : min(first + BLOCK + len(word) - 1, end)]
+            at = block.find(word)
+            while at >= 0:
+                yield first + at
+                at = block.find(word, at + 1)
 
 
 def _is_endless(content: mmap.mmap, at: int, name_size: int) -> bool:
@@ -171,10 +188,10 @@ def _damaged_strings(path: Path, offset: int) -> UnreadableFileError:
     )
 
 
-def _stored(file: Any, path: Path, request: Request) -> Stored:
+def _chosen(file: Any, path: Path, name: str | None) -> Any:
+    """Return the dataset that is asked for, none of whose numbers were read."""
     import h5py
 
-    name = request.dataset
     chosen = item_of(file, name or "height", str(path))
     if not isinstance(chosen, h5py.Dataset):
         raise UnreadableFileError(
@@ -188,6 +205,12 @@ def _stored(file: Any, path: Path, request: Request) -> Stored:
     check_shape(chosen.shape, what)
     check_real(chosen.dtype, what)
     check_growth(chosen.id.get_storage_size(), chosen.nbytes, what)
+    return chosen
+
+
+def _stored(chosen: Any, path: Path, request: Request) -> Stored:
+    name = request.dataset
+    what = f"{path}:{name or 'height'}"
     pixel_size = _attribute(chosen, "pixel_size", what)
     height, notes = _unpacked(chosen, what)
     word = "units" if "unit" not in chosen.attrs else "unit"

@@ -10,10 +10,18 @@ import re
 from pathlib import Path
 
 from capslip.errors import UnreadableFileError
-from capslip.surface.readers.stored import Format, Request, Stored, check_shape, is_length
+from capslip.surface.readers.stored import (
+    Format,
+    Request,
+    Stored,
+    check_shape,
+    is_length,
+    read_head,
+)
 from capslip.surface.readers.table import decoded, parse_rows, plain_lines, read_text
 
 MAX_HEADER_LINES = 100
+HEADER_BYTES = 4096
 WORDS = re.compile(
     rb'^"?(horizontal|vertical|xy.?calibration|measurement data|output image data)'
     rb'"?\s*[,;\t]',
@@ -25,6 +33,8 @@ UNIT = ("unit of height", "height unit", "unit")
 
 
 def _recognises(head: bytes, path: Path) -> bool:
+    if path.suffix.lower() == ".csv":  # long names of programs and parts come first
+        head = read_head(path, HEADER_BYTES)
     return len(WORDS.findall(plain_lines(head))) >= 2
 
 

@@ -71,7 +71,9 @@ def _binary_7(path: Path) -> tuple[np.ndarray, tuple[float, float]]:
     start, size = sections[DATA]
     _check_size(size, 8 * nx * ny)
     z = np.frombuffer(content, "<f8", nx * ny, start).reshape(ny, nx)
-    return np.where(z >= min(blank, BLANK), np.nan, z), (dy, dx)
+    (version,) = struct.unpack_from("<i", content, sections[BINARY_7][0])
+    blanked = z >= blank if version == 1 else z == blank  # and what lies above is a height in 2
+    return np.where(blanked | (z >= BLANK), np.nan, z), (dy, dx)
 
 
 def _grid(
