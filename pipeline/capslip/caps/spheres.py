@@ -12,8 +12,8 @@ LONGEST = 100.0  # such ratio that the summit of a hill is taken to keep up over
 def spheres_by_volume(given: FitInput) -> Spheres:
     """Return the spheres at the apexes of the crowns that have the volumes of the hills.
 
-    Where a patch of non-measured points cuts a cap within the depth, or the edge where it is not
-    that of the face, the radius comes from the quadric through what is there.
+    Where another hill or a patch of non-measured points cuts a cap within the depth, or the edge
+    where it is not that of the face, the radius comes from the quadric through what is there.
     """
     body, edge_of_face = given.body, given.edge_of_face
     x_m, y_m, apex_m = given.apexes.apex_m
@@ -21,7 +21,7 @@ def spheres_by_volume(given: FitInput) -> Spheres:
     radius_m, radius_se_m = _radius_by_volume(given)
     if edge_of_face:
         radius_m = radius_m * _edge_factor(given, radius_m)
-    cut = body.at_patch | (body.at_edge & (not edge_of_face))
+    cut = body.at_patch | body.at_hill | (body.at_edge & (not edge_of_face))
     cut &= body.quadric.exists
     surface_m, surface_se_m = radius_by_quadric(body)
     return Spheres(
