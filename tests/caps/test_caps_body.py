@@ -198,7 +198,7 @@ def test_one_point_on_an_edge_or_beside_a_patch_or_a_hill_cuts_a_hill(limit, dep
 
 
 def test_a_cap_that_is_cut_has_the_radius_of_its_quadric():
-    """Where a patch or a hill cuts it, or an edge that is not that of the face; without a quadric never."""
+    """By a patch, a hill, or an edge that is not that of the face; without a quadric never."""
     t, R = 0.7, 5.0
     whole = (np.pi * t**2 * (R - t / 3.0), t)
     by_quadric = (100.0, 100.0 * 0.5 * 0.25)

@@ -37,7 +37,7 @@ def one_cap(rng, across, noise=0.0, radius_m=RADIUS_M, pixel_m=PIXEL_M):
 
 
 def found(fit, across, n, **options):
-    """Relative errors of R, their standard errors, and the same of the apex: correlation, shape (5, n)."""
+    """Relative errors of R, their standard errors, the same of the apex, correlation: (5, n)."""
     rows = []
     for seed in range(n):
         surface, hills, _ = one_cap(np.random.default_rng(seed), across, **options)
