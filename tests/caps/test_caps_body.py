@@ -66,8 +66,8 @@ def test_the_body_of_a_paraboloid():
     assert body.volume_m3[0] == pytest.approx(np.pi * 9.0 * np.sqrt(60.0 * 120.0), rel=2e-3)
     assert body.radius_ratio[0] == pytest.approx(2.0)
     assert body.quadric.points[0] == np.count_nonzero(height_m >= -3.0)
-    assert not (body.at_edge | body.at_patch | body.scattered).any()
-    radius_m, error = radius_by_quadric(body)
+    assert not (body.at_edge | body.at_patch | body.at_hill | body.scattered).any()
+    radius_m, error, _ = radius_by_quadric(body, np.array([40.9]), np.array([30.3]))
     assert radius_m[0] == pytest.approx(elliptic_factor(2.0) * np.sqrt(60.0 * 120.0))
     assert error[0] == pytest.approx(
         radius_m[0] * body.quadric.curvature_gain[0] * body.scatter_m[0]
@@ -106,12 +106,13 @@ def test_the_scatter_is_that_of_the_points_or_of_the_noise():
 def given(volume_m3, depth_m, edge=False, patch=False, quadric=True, noise_m=0.0, **changed):
     """Return what a fit by volume asks for, of one hill in the middle of a map of 20 by 80."""
     known = {"apex_se_m": 0.0, "scatter_m": 0.0, "edge_of_face": False, "ratio": 1.0, "pixel_m2": 1}
-    known |= changed
+    known |= {"hill": False} | changed
     curvature = np.array([[0.01], [0.01 * known["ratio"]]]) if quadric else np.full((2, 1), np.nan)
     shape = SimpleNamespace(
         exists=np.array([quadric]),
         curvature_per_m=curvature,
         curvature_gain=np.array([0.5]),
+        height_and_curvature_gain=lambda x_m, y_m: np.array([0.3]),
         x_m=np.array([known.get("x_m", 40.0)]),
         y_m=np.array([known.get("y_m", 10.0)]),
     )
@@ -120,6 +121,7 @@ def given(volume_m3, depth_m, edge=False, patch=False, quadric=True, noise_m=0.0
         volume_m3=np.array([volume_m3]),
         at_edge=np.array([edge]),
         at_patch=np.array([patch]),
+        at_hill=np.array([known["hill"]]),
         quadric=shape,
         scatter_m=np.array([known["scatter_m"]]),
         radius_ratio=curvature[1] / curvature[0],
@@ -181,9 +183,9 @@ def test_the_edge_counts_for_spheres_of_any_size(R):
 
 @pytest.mark.parametrize(
     ("limit", "depth_m", "cut"),
-    [(1, 0.9, (True, False)), (2, 0.9, (False, True)), (3, 0.1, (False, False))],
+    [(1, 0.9, (1, 0, 0)), (2, 0.9, (0, 1, 0)), (4, 0.9, (0, 0, 1)), (7, 0.1, (0, 0, 0))],
 )
-def test_one_point_on_an_edge_or_beside_a_patch_cuts_a_hill(limit, depth_m, cut):
+def test_one_point_on_an_edge_or_beside_a_patch_or_a_hill_cuts_a_hill(limit, depth_m, cut):
     """If it lies within the depth; the point is half a unit below the apex."""
     height_m = bowl_m((120, 40), (30.3, 40.9), 60.0, PIXEL_M)
     surface, hills, points = hills_of(height_m, height_m >= -1.0, -1.0, PIXEL_M)
@@ -192,15 +194,16 @@ def test_one_point_on_an_edge_or_beside_a_patch_cuts_a_hill(limit, depth_m, cut)
     points = replace(points, limit=limits)
     apexes = find_apexes(surface, hills, points, SILENT)
     body = body_of_hills(-1.0, points, apexes, SILENT, np.array([depth_m]), 0.5)
-    assert (body.at_edge[0], body.at_patch[0]) == cut
+    assert (body.at_edge[0], body.at_patch[0], body.at_hill[0]) == cut
 
 
 def test_a_cap_that_is_cut_has_the_radius_of_its_quadric():
-    """Where a patch cuts it, or an edge that is not that of the face; without a quadric never."""
+    """By a patch, a hill, or an edge that is not that of the face; without a quadric never."""
     t, R = 0.7, 5.0
     whole = (np.pi * t**2 * (R - t / 3.0), t)
     by_quadric = (100.0, 100.0 * 0.5 * 0.25)
-    for cut in ({"patch": True}, {"edge": True}, {"patch": True, "edge_of_face": True}):
+    among = [{"patch": True}, {"edge": True}, {"patch": True, "edge_of_face": True}, {"hill": True}]
+    for cut in among:
         assert sphere(*whole, **cut, scatter_m=0.25) == pytest.approx(by_quadric)
         assert sphere(*whole, **cut, quadric=False)[0] == pytest.approx(R)
     assert sphere(*whole, edge=True, edge_of_face=True)[0] == pytest.approx(R)  # too far away

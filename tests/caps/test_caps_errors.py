@@ -37,7 +37,7 @@ def one_cap(rng, across, noise=0.0, radius_m=RADIUS_M, pixel_m=PIXEL_M):
 
 
 def found(fit, across, n, **options):
-    """Relative errors of R, their standard errors, and the same of the apex: shape (4, n)."""
+    """Relative errors of R, their standard errors, the same of the apex, correlation: (5, n)."""
     rows = []
     for seed in range(n):
         surface, hills, _ = one_cap(np.random.default_rng(seed), across, **options)
@@ -48,6 +48,7 @@ def found(fit, across, n, **options):
                 caps.radius_se_m[0] / RADIUS_M,
                 caps.peak_height_m[0],
                 caps.peak_height_se_m[0],
+                caps.peak_radius_correlation[0],
             )
         )
     return np.array(rows).T
@@ -60,20 +61,49 @@ def rms(values):
 @pytest.mark.parametrize("across", [6, 20, 60])
 def test_without_noise_the_error_is_that_of_the_pixels(across):
     # Lattice points in a circle: the relative error falls as its radius to the power -1.5
-    radius, radius_se, apex_m, apex_se_m = found("equation18", across, 40)
+    radius, radius_se, apex_m, apex_se_m, _ = found("equation18", across, 40)
     assert 0.8 < rms(radius) / rms(radius_se) < 1.5
     assert 0.4 < rms(apex_m) / rms(apex_se_m) < 1.0
     # Sums over a paraboloid: to the power -2.5
-    radius, radius_se, apex_m, _ = found("pinned", across, 40)
+    radius, radius_se, apex_m, _, _ = found("pinned", across, 40)
     assert 0.2 < rms(radius) / rms(radius_se) < 1.0
     assert rms(apex_m) < 1e-15
 
 
 def test_noise_lifts_the_highest_point_by_no_more_than_its_error():
-    radius, radius_se, apex_m, apex_se_m = found("equation18", 25, 40, noise=0.03)
+    radius, radius_se, apex_m, apex_se_m, correlation = found("equation18", 25, 40, noise=0.03)
     assert (apex_m > 0.0).all()
     assert 0.35 < rms(apex_m) / rms(apex_se_m) < 1.0
     assert 0.35 < rms(radius) / rms(radius_se) < 1.0
+    # df alone makes it, but for what the pixels do to D
+    assert (correlation < -0.99).all()
+
+
+@pytest.mark.parametrize("fit", ["pinned", "least_squares"])
+def test_noise_that_lifts_an_apex_makes_it_sharper(fit):
+    """A quadric through all of a disc: apex and fall err by -sqrt(3) / 2 together."""
+    radius, _, apex_m, _, correlation = found(fit, 25, 200, noise=0.08)
+    together = np.corrcoef(apex_m, np.log1p(radius))[0, 1]
+    assert correlation == pytest.approx(np.full(200, -np.sqrt(0.75)), abs=0.06)
+    # A coefficient from 200 pairs errs by (1 - r^2) / sqrt(200), three times that is asked for
+    assert together == pytest.approx(correlation.mean(), abs=3.0 * 0.25 / np.sqrt(200))
+
+
+@pytest.mark.parametrize("noise", [0.0, 0.05])
+def test_another_hill_within_the_depth_takes_nothing_from_a_radius(noise):
+    """Two spheres side by side: beyond the valley between them the volume of one ends."""
+    apart_m, depth_m = 2.6e-3, 1e-7  # the valley lies at a third of the depth
+    caps = [(5e-3, 5e-3, RADIUS_M, 0.0), (5e-3 + apart_m, 5e-3, RADIUS_M, 0.0)]
+    surface = caps_map(caps, shape=(100, 130))
+    noisy = np.random.default_rng(1).normal(0.0, noise * depth_m, surface.shape)
+    surface = HeightMap(surface.height_m + noisy, surface.pixel_size_m)
+    hills = find_hills(surface, 0.3, pruning_height_m=0.5 * apart_m**2 / 8.0 / RADIUS_M)
+    assert hills.n_hills == 2
+    found = fit_caps(surface, hills, "pinned", np.full(2, depth_m))
+    assert found.fit_depth_m == pytest.approx(np.full(2, depth_m))
+    off = found.radius_m / RADIUS_M - 1.0
+    assert np.abs(off).max() < 1e-3 + 3.0 * found.radius_se_m.max() / RADIUS_M
+    assert (found.radius_se_m < 0.03 * RADIUS_M).all()
 
 
 def test_a_deep_cap_is_a_sphere_and_no_paraboloid():

@@ -169,6 +169,37 @@ def test_what_is_left_of_a_profile_beyond_noise_is_an_error_of_the_radius(column
     assert beside_the_least(error) == pytest.approx(2.0 * ratio / 3.0, rel=0.02, abs=1e-6)
 
 
+@pytest.mark.parametrize(("of_own", "least", "most"), [(0.0, 0.0, 0.12), (0.5, 0.45, 0.55)])
+def test_of_the_rests_of_profiles_counts_what_noise_does_not_make(of_own, least, most):
+    """Of paraboloids next to nothing, though half of them have more than noise makes on average."""
+    n, points, noise_m, z_m = 40, 900, 5e-9, 3e-7
+    chance = np.random.default_rng(0).normal(0.0, np.sqrt(2.0 / points), n)
+    rest_m = noise_m * np.sqrt(1.0 + of_own**2 + (1.0 + of_own**2) * chance)
+    radius_m = points * FACE.pixel_area_m2 / (2.0 * np.pi * z_m)
+    at = np.linspace(0.0, 0.05, n)
+    columns = {"fit_depth_m": np.full(n, z_m), "profile_residual_m": rest_m}
+    hills = table(at, at, np.full(n, radius_m), np.zeros(n), **columns)
+    scene = replace(scene_of(hills, PRELOAD_N, SIDE_M), surface=FACE)
+    own = accuracy._own_residual_m(scene, noise_m) / noise_m
+    assert least <= own.min() <= own.max() <= most
+    assert accuracy._own_residual_m(scene, 0.0) == pytest.approx(rest_m)
+
+
+def test_what_heights_and_radii_err_by_together_is_drawn_together():
+    """Errors of n caps with the correlation of the table; shapes have nothing in common."""
+    n = 100
+    at = np.linspace(0.001, 0.039, n)
+    columns = {"peak_height_se_m": np.full(n, 2e-9), "radius_se_m": np.full(n, 0.06)}
+    columns |= {"peak_radius_correlation": np.full(n, -0.8), "fit_depth_m": np.full(n, 1e-7)}
+    for rest_m in (0.0, 4e-9):
+        of_shape_m = 0.38 * rest_m
+        caps = table(at, at, np.full(n, 2.0), np.zeros(n), **columns, profile_residual_m=rest_m)
+        up_m, wide = accuracy._at_random(scene_of(caps, PRELOAD_N, SIDE_M), 0.0)
+        assert up_m.std() == pytest.approx(np.hypot(2e-9, of_shape_m), rel=0.01)
+        assert wide.std() == pytest.approx(np.hypot(0.03, of_shape_m / 1e-7), rel=0.05)
+        assert np.mean(up_m * wide) == pytest.approx(-0.8 * 2e-9 * 0.03, rel=0.08)
+
+
 def test_a_profile_that_is_all_rest_changes_a_radius_by_no_more_than_e():
     error = estimate(one_cap(profile_residual_m=1e-3, fit_depth_m=1e-6))
     assert beside_the_least(error) <= 2.0 * (np.exp(1 / 3) - 1.0) * (1 + 1e-9)

@@ -6,7 +6,7 @@ import numpy as np
 
 from capslip.caps.apex import Apexes
 from capslip.caps.noise import Noise
-from capslip.caps.points import LIMIT_EDGE, LIMIT_PATCH, HillPoints, sums_by_hill
+from capslip.caps.points import LIMIT_EDGE, LIMIT_HILL, LIMIT_PATCH, HillPoints, sums_by_hill
 from capslip.caps.quadric import Quadrics, fit_quadrics
 
 NEGLIGIBLE_NOISE = 1e-3  # of the depth of the fit
@@ -22,6 +22,7 @@ class Body:
     volume_m3: np.ndarray
     at_edge: np.ndarray  # whether the edge of the map cuts it
     at_patch: np.ndarray  # whether non-measured points do
+    at_hill: np.ndarray  # whether another hill does
     scattered: np.ndarray  # whether its points lie in several places
     quadric: Quadrics
     scatter_m: np.ndarray  # standard deviation of its points that is fit for errors of means
@@ -59,7 +60,7 @@ def body_of_hills(
 
     seen_m = np.maximum(level_m, apexes.floor_m)
     quadric = fit_quadrics(points, seen_m, apexes.apex_m)
-    filled, rise_m, at_edge, at_patch = _contents(points, seen_m, level_m)
+    filled, rise_m, (at_edge, at_patch, at_hill) = _contents(points, seen_m, level_m)
     filled_m2 = points.pixel_area_m2 * filled
     scattered = filled_m2 < FILLED_ELLIPSE * 4.0 * np.pi * quadric.spread_m2
     if noise_m > NEGLIGIBLE_NOISE * np.max(depth_m, initial=0.0):
@@ -70,6 +71,7 @@ def body_of_hills(
         volume_m3=points.pixel_area_m2 * rise_m,
         at_edge=at_edge,
         at_patch=at_patch,
+        at_hill=at_hill,
         scattered=scattered,
         quadric=quadric,
         scatter_m=np.fmax(quadric.residual_m, noise_m) * noise.inflation,
@@ -78,14 +80,15 @@ def body_of_hills(
 
 def _contents(
     points: HillPoints, seen_m: np.ndarray, level_m: np.ndarray
-) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return what of each hill stands above levels, shape (n,).
 
     The number of points above the first, those that stand in for lost ones too; above the second
-    the sum of their heights, and whether the edge of the map or non-measured points are among them.
+    the sum of their heights, and whether the edge of the map, non-measured points or another hill
+    cut it there, shape (3, n).
     """
     filled, rise_m = np.zeros((2, points.n_hills))
-    at_edge, at_patch = np.zeros((2, points.n_hills), dtype=bool)
+    cut = np.zeros((3, points.n_hills), dtype=bool)
     for hills, some in points.groups():
         z_m, count = points.z_m[some], points.count[hills]
         seen = np.flatnonzero(z_m >= np.repeat(seen_m[hills], count))
@@ -94,11 +97,9 @@ def _contents(
         above = np.flatnonzero(up_m > 0.0)
         limit, index = points.limit[some][above], some.start + above
         rise_m[hills] = sums_by_hill(up_m[above], points.count_of(index)[hills])
-        at_edge[hills], at_patch[hills] = (
-            points.count_of(index[(limit & bit) > 0])[hills] > 0
-            for bit in (LIMIT_EDGE, LIMIT_PATCH)
-        )
-    return filled, rise_m, at_edge, at_patch
+        for row, bit in zip(cut, (LIMIT_EDGE, LIMIT_PATCH, LIMIT_HILL), strict=True):
+            row[hills] = points.count_of(index[(limit & bit) > 0])[hills] > 0
+    return filled, rise_m, cut
 
 
 def _depth_m(

@@ -133,7 +133,9 @@ def _table(fit: Fit, given: FitInput, spheres: Spheres) -> CapTable:
         part = (flags & (CapFlag.edge | CapFlag.non_measured).value) > 0
         whole_m = np.sqrt(np.maximum(cap_height_m * (2.0 * radius_m - cap_height_m), 0.0))
         diameter_m = np.where(part & np.isfinite(radius_m), 2.0 * whole_m, diameter_m)
-    apex_se_m, radius_se_m = _errors_with_tops(given, spheres)
+    apex_se_m, radius_se_m, covariance_m2 = _errors_with_tops(given, spheres)
+    with np.errstate(divide="ignore", invalid="ignore"):  # an error of zero has nothing in common
+        correlation = np.clip(covariance_m2 / (apex_se_m * radius_se_m), -1.0, 1.0)
     n, quadric = len(radius_m), given.body.quadric
     return CapTable(
         x_m=spheres.x_m,
@@ -150,6 +152,7 @@ def _table(fit: Fit, given: FitInput, spheres: Spheres) -> CapTable:
         flags=flags,
         radius_se_m=radius_se_m,
         peak_height_se_m=apex_se_m,
+        peak_radius_correlation=correlation,
         radius_major_m=1.0 / quadric.curvature_per_m[0],
         radius_minor_m=1.0 / quadric.curvature_per_m[1],
         orientation_rad=quadric.orientation_rad,
@@ -158,16 +161,21 @@ def _table(fit: Fit, given: FitInput, spheres: Spheres) -> CapTable:
     )
 
 
-def _errors_with_tops(given: FitInput, spheres: Spheres) -> tuple[np.ndarray, np.ndarray]:
-    """Return the standard errors of apex and radius, with those of tops that were put back.
+def _errors_with_tops(
+    given: FitInput, spheres: Spheres
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return the standard errors of apex and radius, and their covariance, with those of tops.
 
-    The error of a top counts in the radius for its share of what was fitted.
+    The error of a top that was put back counts in the radius for its share of what was fitted; a
+    top that is higher is sharper.
     """
     tops, radius_m = given.surface.tops, spheres.radius_m
     if tops is None:
-        return spheres.apex_se_m, spheres.radius_se_m
+        return spheres.apex_se_m, spheres.radius_se_m, spheres.covariance_m2
     height_se_m, log_radius_se, area_m2 = tops.errors_at(spheres.x_m, spheres.y_m)
     with np.errstate(divide="ignore", invalid="ignore"):  # a hill without sphere or depth
         share = np.fmin(area_m2 / (2.0 * np.pi * radius_m * given.body.depth_m), 1.0)
     of_top_m = radius_m * log_radius_se * np.nan_to_num(share)
-    return np.hypot(spheres.apex_se_m, height_se_m), np.hypot(spheres.radius_se_m, of_top_m)
+    apex_se_m, radius_se_m = spheres.apex_se_m, spheres.radius_se_m
+    covariance_m2 = spheres.covariance_m2 - height_se_m * of_top_m
+    return np.hypot(apex_se_m, height_se_m), np.hypot(radius_se_m, of_top_m), covariance_m2

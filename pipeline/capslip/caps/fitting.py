@@ -49,6 +49,7 @@ class Spheres:
     on_surface: np.ndarray  # False where another apex than the fit's own stands in
     radius_m: np.ndarray
     radius_se_m: np.ndarray
+    covariance_m2: np.ndarray  # of both errors: noise that lifts an apex makes it sharper
 
 
 @dataclass(frozen=True)

@@ -11,7 +11,7 @@ from capslip.caps.hills import Hills
 from capslip.surface.heightmap import HeightMap
 from capslip.surface.rows import BLOCK_POINTS, row_blocks
 
-LIMIT_EDGE, LIMIT_PATCH = 1, 2
+LIMIT_EDGE, LIMIT_PATCH, LIMIT_HILL = 1, 2, 4
 FILLED_NEIGHBOURS = 3  # measured neighbours that a single lost point needs to be filled
 
 
@@ -28,7 +28,7 @@ class HillPoints:
     col: np.ndarray
     z_m: np.ndarray
     measured: np.ndarray  # bool
-    limit: np.ndarray  # uint8: on the edge of the map (1), beside a non-measured patch (2)
+    limit: np.ndarray  # uint8: on the map's edge (1), beside a patch not measured (2), a hill (4)
     count: np.ndarray  # (n_hills,)
     pixel_size_m: tuple[float, float]
 
@@ -122,6 +122,7 @@ def points_of_hills(surface: HeightMap, hills: Hills) -> HillPoints:
         mask = np.zeros(label.size, dtype=bool)
         mask[beside] = True
         limit[mask[index]] |= LIMIT_PATCH
+    limit[_beside_hills(label, index, nx)] |= LIMIT_HILL
     return HillPoints(
         hill=hill,
         row=row,
@@ -132,6 +133,15 @@ def points_of_hills(surface: HeightMap, hills: Hills) -> HillPoints:
         count=count,
         pixel_size_m=surface.pixel_size_m,
     )
+
+
+def _beside_hills(label: np.ndarray, index: np.ndarray, nx: int) -> np.ndarray:
+    """Tell which points have a neighbour in their row or column that belongs to another hill."""
+    own, beside = label[index], np.zeros(index.size, dtype=bool)
+    for step in (-nx, -1, 1, nx):
+        other = label.take(index + step, mode="clip")
+        beside |= (other > 0) & (other != own)
+    return beside
 
 
 def _lost_points(

@@ -59,11 +59,14 @@ class Quadrics:
     @property
     def curvature_gain(self) -> np.ndarray:
         """Relative standard error of sqrt(k1 k2), see `height_gain`, 1/m, shape (n,)."""
-        xx, xy, yy = _hessian(self.coefficients)
-        safe = np.where(self.exists, xx * yy - xy**2, 1.0)
-        zero = np.zeros_like(safe)
-        slope = np.stack([zero, zero, zero, -yy / safe, xy / safe, -xx / safe])
-        return np.where(self.exists, _error(slope, self.covariance), np.nan)
+        error = _error(self._slope_of_curvature, self.covariance)
+        return np.where(self.exists, error, np.nan)
+
+    def height_and_curvature_gain(self, x_m: np.ndarray, y_m: np.ndarray) -> np.ndarray:
+        """Covariance of a height and the logarithm of sqrt(k1 k2), for points of unit one, 1/m."""
+        place, slope = self._powers_at(x_m, y_m), self._slope_of_curvature
+        both = np.einsum("in,nij,jn->n", place, self.covariance, slope)
+        return np.where(self.exists, both, np.nan)
 
     def height_m(self, count: np.ndarray, x_m: np.ndarray, y_m: np.ndarray) -> np.ndarray:
         """Height of the surfaces at places that are sorted by hill, `count` of them on each."""
@@ -81,8 +84,20 @@ class Quadrics:
 
     def height_gain(self, x_m: np.ndarray, y_m: np.ndarray) -> np.ndarray:
         """Return the standard error of the height at one place a hill, for points of unit one."""
+        return _error(self._powers_at(x_m, y_m), self.covariance)
+
+    def _powers_at(self, x_m: np.ndarray, y_m: np.ndarray) -> np.ndarray:
+        """Return by how much each coefficient counts in the height at a place a hill, (6, n)."""
         u, v = (x_m - self.origin_m[0]) / self.scale_m, (y_m - self.origin_m[1]) / self.scale_m
-        return _error(np.stack([np.ones_like(u), u, v, u * u, u * v, v * v]), self.covariance)
+        return np.stack([np.ones_like(u), u, v, u * u, u * v, v * v])
+
+    @property
+    def _slope_of_curvature(self) -> np.ndarray:
+        """Derivative of log sqrt(k1 k2) by the coefficients, (6, n); zero without a vertex."""
+        xx, xy, yy = np.where(self.exists, _hessian(self.coefficients), 0.0)
+        safe = np.where(self.exists, xx * yy - xy**2, 1.0)
+        zero = np.zeros_like(safe)
+        return np.stack([zero, zero, zero, -yy / safe, xy / safe, -xx / safe])
 
 
 def fit_quadrics(

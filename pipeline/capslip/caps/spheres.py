@@ -12,18 +12,18 @@ LONGEST = 100.0  # such ratio that the summit of a hill is taken to keep up over
 def spheres_by_volume(given: FitInput) -> Spheres:
     """Return the spheres at the apexes of the crowns that have the volumes of the hills.
 
-    Where a patch of non-measured points cuts a cap within the depth, or the edge where it is not
-    that of the face, the radius comes from the quadric through what is there.
+    Where another hill or a patch of non-measured points cuts a cap within the depth, or the edge
+    where it is not that of the face, the radius comes from the quadric through what is there.
     """
     body, edge_of_face = given.body, given.edge_of_face
     x_m, y_m, apex_m = given.apexes.apex_m
     apex_se_m = given.apexes.apex_se_m
-    radius_m, radius_se_m = _radius_by_volume(given)
+    radius_m, radius_se_m, covariance_m2 = _radius_by_volume(given)
     if edge_of_face:
         radius_m = radius_m * _edge_factor(given, radius_m)
-    cut = body.at_patch | (body.at_edge & (not edge_of_face))
+    cut = body.at_patch | body.at_hill | (body.at_edge & (not edge_of_face))
     cut &= body.quadric.exists
-    surface_m, surface_se_m = radius_by_quadric(body)
+    surface_m, surface_se_m, surface_m2 = radius_by_quadric(body, x_m, y_m)
     return Spheres(
         x_m=x_m,
         y_m=y_m,
@@ -32,14 +32,23 @@ def spheres_by_volume(given: FitInput) -> Spheres:
         on_surface=given.apexes.on_surface,
         radius_m=np.where(cut, surface_m, radius_m),
         radius_se_m=np.where(cut, surface_se_m, radius_se_m),
+        covariance_m2=np.where(cut, surface_m2, covariance_m2),
     )
 
 
-def radius_by_quadric(body: Body) -> tuple[np.ndarray, np.ndarray]:
-    """Return the radius that Hertz theory wants of each quadric, and its standard error."""
+def radius_by_quadric(
+    body: Body, x_m: np.ndarray, y_m: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return the radius that Hertz theory wants of each quadric, and its standard error.
+
+    And the covariance of that error with the error of an apex at (x, y), by a quadric through the
+    same points or some of them: as least squares have the least variance, what an estimate from
+    some of the points has in common with that from all is all that the latter errs by.
+    """
     quadric = body.quadric
     radius_m = _elliptic_factor(body) / np.sqrt(quadric.curvature_per_m.prod(axis=0))
-    return radius_m, radius_m * quadric.curvature_gain * body.scatter_m
+    common = -quadric.height_and_curvature_gain(x_m, y_m) * body.scatter_m**2
+    return radius_m, radius_m * quadric.curvature_gain * body.scatter_m, radius_m * common
 
 
 def elliptic_factor(radius_ratio: np.ndarray) -> np.ndarray:
@@ -93,22 +102,29 @@ def edge_factor(inside: np.ndarray, outside: np.ndarray) -> np.ndarray:
     return 1.0 + 0.2 * np.hypot(*lost)
 
 
-def _radius_by_volume(given: FitInput) -> tuple[np.ndarray, np.ndarray]:
+def _radius_by_volume(given: FitInput) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Radius of the sphere that has the volume V above the level: V = pi t^2 (R - t/3).
 
     Noise that crosses the level adds half of its variance times the growth of the area, pi R
-    sigma^2. An error of the apex moves the level with it and counts double; the mean error of the
-    points within the cap, which both share, does not count.
+    sigma^2. An error of the apex moves the level with it and counts double; the mean error m of
+    the points within the cap, which both share, does not count::
+
+        d log R = -2 (dz - m) / t,  <m dz> = <m^2> = sigma^2 / points
+
+    The latter as the apex is a weighted mean of some of these points. So the covariance of dz and
+    d log R is -t / 2 times the variance of d log R. Of a quadric through n points of a whole disc
+    the variances of dz, d log R are 4 sigma^2 / n, 12 sigma^2 / (n t^2), the correlation -0.87.
     """
     body, apex_se_m = given.body, given.apexes.apex_se_m
     t = np.where(body.depth_m > 0.0, body.depth_m, np.nan)
     radius_m = body.volume_m3 / (np.pi * (t**2 + given.noise.rms_m**2)) + t / 3.0
     points = np.maximum(np.pi * radius_m * 2.0 * t / given.surface.pixel_area_m2, 1.0)
     scatter_m = np.fmax(body.scatter_m, 0.0)
-    apex = 2.0 / t * np.sqrt(np.maximum(apex_se_m**2 - scatter_m**2 / points, 0.0))
+    own_m2 = np.maximum(apex_se_m**2 - scatter_m**2 / points, 0.0)  # of the apex alone
+    apex = 2.0 / t * np.sqrt(own_m2)
     pixels = 0.2 * (points / np.pi) ** -1.25  # rms error of a lattice sum over a paraboloid
-    factor = _elliptic_factor(body)
-    return factor * radius_m, factor * radius_m * np.hypot(apex, pixels)
+    radius_m = _elliptic_factor(body) * radius_m
+    return radius_m, radius_m * np.hypot(apex, pixels), -2.0 / t * radius_m * own_m2
 
 
 def _elliptic_factor(body: Body) -> np.ndarray:

@@ -43,6 +43,7 @@ UNITS = {
     "flags": "",
     "radius_se_m": "m",
     "peak_height_se_m": "m",
+    "peak_radius_correlation": "",
     "radius_major_m": "m",
     "radius_minor_m": "m",
     "orientation_rad": "rad",
@@ -85,6 +86,7 @@ class CapTable:
     flags: np.ndarray  # CapFlag bits, uint16
     radius_se_m: np.ndarray = field(default_factory=_unknown)  # standard errors
     peak_height_se_m: np.ndarray = field(default_factory=_unknown)
+    peak_radius_correlation: np.ndarray = field(default_factory=_unknown)  # of both errors
     radius_major_m: np.ndarray = field(
         default_factory=_unknown
     )  # principal radii of the fitted points

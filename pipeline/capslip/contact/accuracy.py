@@ -232,17 +232,46 @@ def _at_random(scene: Scene, noise_m: float) -> tuple[np.ndarray, np.ndarray]:
     def used(values: np.ndarray) -> np.ndarray:
         return np.nan_to_num(values[use])  # a table that no fit made has no standard errors
 
-    residual_m = np.sqrt(np.maximum(used(caps.profile_residual_m) ** 2 - noise_m**2, 0.0))
-    shape_m = SHAPE_SHARE * residual_m
+    shape_m = SHAPE_SHARE * _own_residual_m(scene, noise_m)
     depth_m = np.where(used(caps.fit_depth_m) > 0.0, caps.fit_depth_m[use], caps.cap_height_m[use])
-    height_m = np.hypot(shape_m, used(caps.peak_height_se_m))
-    ratio = np.hypot(
-        used(caps.radius_se_m) / caps.radius_m[use], shape_m / np.maximum(depth_m, shape_m)
+    height_se_m, radius_se = (
+        used(caps.peak_height_se_m),
+        used(caps.radius_se_m) / caps.radius_m[use],
     )
+    height_m = np.hypot(shape_m, height_se_m)
+    ratio = np.hypot(radius_se, shape_m / np.maximum(depth_m, shape_m))
     ratio = np.hypot(ratio, _unseen_ellipse(caps)[use])
+    both_m = used(caps.peak_radius_correlation) * height_se_m * radius_se
+    with_height = np.divide(both_m, height_m, out=np.zeros_like(height_m), where=height_m > 0.0)
+    alone = np.sqrt(np.maximum(ratio**2 - with_height**2, 0.0))
     draws = max(4, min(DRAWS, DRAWS * 100 // int(np.count_nonzero(use))))
     sign = np.random.default_rng(0).choice((-1.0, 1.0), (draws, 2, len(caps)))[..., use]
-    return sign[:, 0] * height_m, sign[:, 1] * ratio
+    return sign[:, 0] * height_m, sign[:, 0] * with_height + sign[:, 1] * alone
+
+
+def _own_residual_m(scene: Scene, noise_m: float) -> np.ndarray:
+    """Return what of the rms rests of the profiles is the hills' own, not noise; shape (n,).
+
+    The square of a rest of noise alone has the standard error sqrt(2 / n) of its own; what of it
+    lies above sigma^2 by chance is told from hills that differ by what all of them show.
+    """
+    rest_m2 = np.nan_to_num(scene.caps.profile_residual_m[scene.use]) ** 2 - noise_m**2
+    variance = 2.0 * noise_m**4 / _points(scene)
+    known = np.isfinite(variance) & (variance > 0.0) & (rest_m2 > -(noise_m**2))
+    if known.any():
+        weight, found = 1.0 / variance[known], rest_m2[known]
+        mean = float(weight @ found / weight.sum())
+        # Variance between hills, by moments (DerSimonian and Laird, Control. Clin. Trials 7 (1986))
+        excess = float(weight @ (found - mean) ** 2) - (found.size - 1.0)
+        between = max(excess, 0.0) / max(weight.sum() - (weight @ weight) / weight.sum(), 1e-300)
+        rest_m2[known] = mean + between / (between + variance[known]) * (found - mean)
+    return np.sqrt(np.maximum(rest_m2, 0.0))
+
+
+def _points(scene: Scene) -> np.ndarray:
+    """Return how many points the caps in use were fitted to, shape (n,)."""
+    area_m2 = 2.0 * np.pi * scene.radius_m * scene.caps.fit_depth_m[scene.use]
+    return np.asarray(area_m2 / scene.surface.pixel_area_m2)
 
 
 def _unseen_ellipse(caps: CapTable) -> np.ndarray:
@@ -281,9 +310,8 @@ def _of_shape(
 def _own_share(scene: Scene, quartic: np.ndarray, noise_m: float) -> np.ndarray:
     """Return what of the quartic terms, over the fitted depths, is the hills' own; shape (n,)."""
     depth_m = scene.caps.fit_depth_m[scene.use]
-    points = 2.0 * np.pi * scene.radius_m * depth_m / scene.surface.pixel_area_m2
     with np.errstate(divide="ignore", invalid="ignore"):
-        variance = np.square(QUARTIC_SE * noise_m / depth_m) / points
+        variance = np.square(QUARTIC_SE * noise_m / depth_m) / _points(scene)
         known = np.isfinite(quartic) & (variance > 0.0) & np.isfinite(variance)
         more = (np.square(quartic) / variance - 1.0)[known].sum() / (1.0 / variance[known]).sum()
         return np.where(known, max(more, 0.0) / (max(more, 0.0) + variance), 1.0)

@@ -46,6 +46,7 @@ def _spheres(given: FitInput) -> Spheres:
         on_surface=np.ones(len(x_m), dtype=bool),
         radius_m=radius_m,
         radius_se_m=radius_m * np.hypot(apexes.highest_se_m / height_m, pixels),
+        covariance_m2=-radius_m / height_m * apexes.highest_se_m**2,
     )
 
 

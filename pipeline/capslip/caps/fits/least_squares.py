@@ -20,7 +20,7 @@ def _spheres(given: FitInput) -> Spheres:
     stayed &= on_hill(given.surface, given.hills, quadric)
     x_m = np.where(stayed, quadric.x_m, crown.x_m)
     y_m = np.where(stayed, quadric.y_m, crown.y_m)
-    radius_m, radius_se_m = radius_by_quadric(body)
+    radius_m, radius_se_m, covariance_m2 = radius_by_quadric(body, x_m, y_m)
     return Spheres(
         x_m=x_m,
         y_m=y_m,
@@ -29,6 +29,7 @@ def _spheres(given: FitInput) -> Spheres:
         on_surface=stayed,
         radius_m=np.where(stayed, radius_m, crown.radius_m),
         radius_se_m=np.where(stayed, radius_se_m, crown.radius_se_m),
+        covariance_m2=np.where(stayed, covariance_m2, crown.covariance_m2),
     )
 
 
