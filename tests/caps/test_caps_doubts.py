@@ -63,9 +63,24 @@ def test_a_tilt_or_two_families_are_no_bow():
     assert sum(says_bow(peaks(rng, 1e-9, slope=1e-6)) for _ in range(100)) <= 5
 
 
-def test_a_bow_below_a_tenth_of_the_approach_decides_nothing():
+@pytest.mark.parametrize(("bow_m", "severity"), [(1e-8, "info"), (8e-8, "warning")])
+def test_a_bow_of_any_height_is_asked_about_where_the_peaks_tell_it(bow_m, severity):
+    """Below a tenth of the approach it is no warning unless the contact finds that it matters."""
     rng = np.random.default_rng(3)
-    assert not any(says_bow(peaks(rng, 1e-10, 1e-8)) for _ in range(20))
+    for _ in range(20):
+        (problem,) = problems_of_bow(peaks(rng, 1e-10, bow_m), APPROACH_M)
+        assert (problem.code, problem.severity) == ("bow_left", severity)
+
+
+def test_rounding_is_no_bow():
+    rng = np.random.default_rng(4)
+    one_family = group_families(caps_at(*rng.uniform(0.0, 60e-3, (2, 20)), np.full(20, 1e-6)))[0]
+    y, x = np.divmod(np.arange(20.0), 5.0)
+    bent = one_family.with_columns(
+        x_m=x, y_m=y, peak_height_m=1e-6 + 1e-20 * x**2, family=np.full(20, "G")
+    )
+    for caps in (one_family, bent):
+        assert problems_of_bow(caps, APPROACH_M) == []
 
 
 @pytest.mark.parametrize("n", [0, 1, 3, 6])

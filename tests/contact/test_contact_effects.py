@@ -150,6 +150,21 @@ def test_a_bow_of_the_floor_is_taken_out_of_peaks_that_are_too_few_to_tell_it():
     assert said == pytest.approx(100.0 * lifted, abs=0.5)
 
 
+def test_a_low_bow_is_a_warning_where_it_moves_the_energy_alone():
+    """Below a tenth of the approach: what it moves is known, and decides what is said."""
+    asked = {}
+    for rise_m in (4e-9, 1.2e-8):
+        other = found(with_bow(face(MORE), rise_m))
+        assert rise_m < 0.1 * other.contact.approach_m
+        (asked[rise_m],) = [one for one in other.problems if one.code == "bow_left"]
+        more = moved_energy(other, found(face(MORE)))
+        assert asked[rise_m].effect.energy == pytest.approx(more, rel=0.2)
+        moves = asked[rise_m].effect.greatest > 0.05
+        assert asked[rise_m].severity == ("warning" if moves else "info")
+    assert {one.severity for one in asked.values()} == {"info", "warning"}
+    assert "bow_left" not in {one.code for one in found(face(MORE)).problems}
+
+
 def test_a_bow_that_hides_hills_below_the_cut_has_no_effect_that_caps_tell():
     """Four hills at the corners that a bow of 3 um lowers below all others, and the cut."""
     corners = [(x, y, 8.0, 0.0) for x in (5e-3, 43e-3) for y in (5e-3, 43e-3)]

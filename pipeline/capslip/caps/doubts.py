@@ -10,7 +10,8 @@ from capslip.caps.hills import NOISE_FACTOR, Hills
 from capslip.caps.levels import bow_terms
 from capslip.caps.table import DOUBTFUL, CapFlag, CapTable
 from capslip.problems import Problem
-from capslip.surface.doubts import VISIBLE_FORM, bow_of_form_m
+from capslip.surface.doubts import bow_left, bow_of_form_m
+from capslip.surface.form import ROUNDING
 from capslip.surface.heightmap import HeightMap
 
 BOW_LEVEL = 0.01  # of the F-test that the peaks lie on a bow
@@ -89,15 +90,14 @@ def problems_of_families(caps: CapTable, families: Families) -> list[Problem]:
 
 
 def problems_of_bow(caps: CapTable, approach_m: float) -> list[Problem]:
-    """Return whether the peaks lie on a bow that decides what touches."""
+    """Return whether the peaks lie on a bow, of any height: what it moves is asked of the contact.
+
+    A warning from a tenth of the approach on, where nobody knows that.
+    """
     bow_m, chance = bow_of_peaks(caps)
-    if bow_m <= VISIBLE_FORM * approach_m or chance > BOW_LEVEL:
+    if chance > BOW_LEVEL or bow_m <= ROUNDING * float(np.abs(caps.peak_height_m).max()):
         return []
-    message = (
-        f"the peaks lie on a bow of {bow_m:.3g} m, the approach is {approach_m:.3g} m: it decides "
-        "what touches, and may be of the instrument rather than of the face"
-    )
-    return [Problem("bow_left", "warning", message)]
+    return [bow_left("the peaks lie on a bow", bow_m, approach_m)]
 
 
 def bow_of_peaks(caps: CapTable) -> tuple[float, float]:
@@ -192,8 +192,8 @@ def _hills_that_run_together(hills: Hills, caps: CapTable) -> list[Problem]:
     usual_m = float(np.median(caps.cap_height_m[usable]))
     if 0.1 * usual_m < hills.pruning_height_m < np.inf:
         message = (
-            f"dents up to {hills.pruning_height_m:.3g} m, {hills.pruning_height_m / usual_m:.0%} "
-            "of a usual cap, count as noise: caps that overlap more closely are one"
+            f"dents up to {hills.pruning_height_m:.3g} m count as noise, on caps usually "
+            f"{usual_m:.3g} m high: caps that overlap more closely are one"
         )
         found.append(Problem("coarse_pruning", "info", message))
     return found

@@ -188,7 +188,7 @@ def _is_asked(problem: Problem, conditioned: Conditioned) -> bool:
     if problem.code == "outliers_removed":
         return conditioned.removed_m.shape[1] > 0
     others = problem.code in (*OF_THE_HEIGHTS, *OF_THE_MAP, *LEFT_OUT)
-    return others and problem.severity == "warning"
+    return others and (problem.severity == "warning" or problem.code == "bow_left")
 
 
 def _is_firm(problem: Problem, conditioned: Conditioned) -> bool:

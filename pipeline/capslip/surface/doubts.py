@@ -191,7 +191,7 @@ def problems_of_tilt(surface: HeightMap, approach_m: float) -> list[Problem]:
 
 
 def problems_of_form(surface: HeightMap, approach_m: float) -> list[Problem]:
-    """Return whether most of the relief is a bow that decides what touches."""
+    """Return whether most of the relief is a bow, of any height, see `bow_left`."""
     few = few_lines(surface, FLOOR_LINES)  # they tell where there is clearly none
     for what, bow_of, least in (
         ("the heights", _bow, MOSTLY_FORM),
@@ -200,15 +200,21 @@ def problems_of_form(surface: HeightMap, approach_m: float) -> list[Problem]:
         rest, bow_m = bow_of(few)
         if rest <= CLEARLY_NO_BOW:
             rest, bow_m = bow_of(surface)
-        if rest > 1.0 - least or bow_m <= VISIBLE_FORM * approach_m:
-            continue
-        message = (
-            f"{1.0 - rest:.0%} of the variance of {what} is a bow of {bow_m:.3g} m, the approach "
-            f"is {approach_m:.3g} m: it decides what touches, and may be of the instrument rather "
-            "than of the face"
-        )
-        return [Problem("bow_left", "warning", message)]
+        if rest <= 1.0 - least:
+            lies = f"{1.0 - rest:.0%} of the variance of {what} is a bow"
+            return [bow_left(lies, bow_m, approach_m)]
     return []
+
+
+def bow_left(lies: str, bow_m: float, approach_m: float) -> Problem:
+    """Return the doubt about a bow: no warning where it is low, unless it is found to matter."""
+    decides = bow_m > VISIBLE_FORM * approach_m
+    message = (
+        f"{lies} of {bow_m:.3g} m, the approach is {approach_m:.3g} m: it "
+        f"{'decides' if decides else 'may decide'} what touches, and may be of the instrument "
+        "rather than of the face"
+    )
+    return Problem("bow_left", "warning" if decides else "info", message)
 
 
 def problems_of_flatness(flatness_m: float, approach_m: float) -> list[Problem]:
