@@ -8,7 +8,6 @@ from capslip.errors import UnusableSurfaceError
 from capslip.problems import Problem, Severity
 from capslip.surface.blocks import few_lines
 from capslip.surface.form import (
-    FLOOR_LINES,
     FLOOR_SHARE,
     ROUNDING,
     level_and_straight,
@@ -41,6 +40,7 @@ VISIBLE_SHARE_OF_SQ = 0.01
 MAX_OUTLIER_SHARE = 0.02
 MOSTLY_FORM = 0.8  # of the variance of the heights
 MOSTLY_BOWED = 0.95  # of that of the floor: a step between two floors looks 87 % like a bow
+FEW_LINES = 50  # each way, that tell a bow of 5 % of the variance from none
 CLEARLY_NO_BOW = 0.25  # of the same, that a bow leaves on some of the points: five times the most
 LIFTED = "lie on patches that are lifted as a whole: grains, chips or fringes miscounted"
 VISIBLE_FORM = 0.1  # of the approach: form that moves the peaks by more decides what touches
@@ -192,7 +192,7 @@ def problems_of_tilt(surface: HeightMap, approach_m: float) -> list[Problem]:
 
 def problems_of_form(surface: HeightMap, approach_m: float) -> list[Problem]:
     """Return whether most of the relief is a bow, of any height, see `bow_left`."""
-    few = few_lines(surface, FLOOR_LINES)  # they tell where there is clearly none
+    few = few_lines(surface, FEW_LINES)  # they tell where there is clearly none
     for what, bow_of, least in (
         ("the heights", _bow, MOSTLY_FORM),
         ("the floor between the hills", _bow_of_floor, MOSTLY_BOWED),

@@ -51,13 +51,15 @@ def _apart(height_m: np.ndarray) -> int:
 
 def _own(difference_m: np.ndarray) -> np.ndarray:
     """Return differences without their greatest ones, and without what their lines share."""
-    size_m = np.abs(difference_m)
-    known = np.isfinite(size_m)
-    if not known.any():
+    known = np.isfinite(difference_m)
+    n_known = known.sum(axis=1)
+    size_m = np.abs(difference_m[known])
+    if not size_m.size:
         return np.zeros_like(difference_m)
-    most_m = float(np.quantile(size_m[known], OUTERMOST))
+    most = int(OUTERMOST * (size_m.size - 1))
+    most_m = float(np.partition(size_m, most)[most])
     cut_m = np.clip(difference_m, -most_m, most_m)
-    shared_m = np.where(known, cut_m, 0.0).sum(axis=1) / np.maximum(known.sum(axis=1), 1)
+    shared_m = np.sum(cut_m, axis=1, where=known) / np.maximum(n_known, 1)
     return np.asarray(cut_m - shared_m[:, None])
 
 

@@ -96,13 +96,9 @@ def _jumps_m(height_m: np.ndarray, first: int, last: int) -> np.ndarray:
 
 def _median_m(jump_m: np.ndarray) -> np.ndarray:
     """Return the medians of the columns, NaN where too few points are known."""
-    of_line_m = np.ascontiguousarray(jump_m.T)
+    of_line_m = np.sort(jump_m.T, axis=1)  # unknown ones last
     n_known = np.count_nonzero(np.isfinite(of_line_m), axis=1)
-    line, n = np.arange(len(of_line_m)), of_line_m.shape[1]
-    if n_known.min(initial=n) == n:  # half the work of sorting
-        of_line_m.partition(((n - 1) // 2, n // 2), axis=1)
-    else:
-        of_line_m.sort(axis=1)  # unknown ones last
+    line = np.arange(len(of_line_m))
     low_m, high_m = of_line_m[line, (n_known - 1) // 2], of_line_m[line, n_known // 2]
     return np.where(n_known >= LEAST_POINTS, 0.5 * (low_m + high_m), np.nan)
 

@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from capslip.contact.solvers.elastic_face import ElasticFace
-from capslip.contact.solvers.pixels import in_contact_alone, on_contact
+from capslip.contact.solvers.pixels import around_contact, in_contact_alone, on_contact
 from capslip.contact.solvers.polonsky_keer import first_loading, press
 from capslip.contact.solvers.pressed import Pressed
 
@@ -51,7 +51,7 @@ def nearby(
     ContactError
         If a solution fails.
     """
-    alone, known = on_contact(face, pressed)
+    alone, known = on_contact(face, pressed, around_contact(face, pressed.pressure_Pa > 0))
     return [
         _loaded(
             replace(alone, hardness_Pa=face.hardness_Pa * of_hardness),

@@ -51,12 +51,14 @@ class Path:
         tolerance: float,
         on_patches: bool,
         punch_Pa_per_m: np.ndarray | None = None,  # of the map, where it is known
+        around: PatchedFace | None = None,  # from `around_contact`, where it is known
     ) -> None:
         region = pressed.region
         self.map, self.map_pressed, self.patches = face, pressed, None
         if on_patches:
             finest = refinement(face, pressed)
-            self.patches = around_contact(face, region > 0, finest)
+            known = around if finest == 1 else None
+            self.patches = known or around_contact(face, region > 0, finest)
         if self.patches is not None:
             face = self.patches
             pressed, region = _on_patches(self.patches, pressed, region)
@@ -70,8 +72,8 @@ class Path:
         self.n_pixels = self._sums(np.ones(self.n_points))
         self.region_load_N = self._sums(pressure_Pa) * face.pixel_area_m2
         # Slopes of the withdrawals t_i, which the first solved load would give less well.
-        known = None if punch_Pa_per_m is None else self.face.gathered(punch_Pa_per_m)
-        self.punch_Pa_per_m = punch_pressure_Pa_per_m(self.face, pressed, known)
+        start = None if punch_Pa_per_m is None else self.face.gathered(punch_Pa_per_m)
+        self.punch_Pa_per_m = punch_pressure_Pa_per_m(self.face, pressed, start)
         stiffness = self._sums(self.punch_Pa_per_m) * face.pixel_area_m2
         self.stiffness_N_per_m = float(stiffness.sum())
         self.slope_per_m = stiffness / self.region_load_N / 1.5

@@ -56,9 +56,10 @@ def around_contact(face: ElasticFace, contact: np.ndarray, finest: int = 1) -> P
     return pixels_alone(face, contact, patches) or patches
 
 
-def on_contact(face: ElasticFace, pressed: Pressed) -> tuple[PatchedFace, Pressed]:
-    """Return the points of a map that touch, alone, and their state."""
-    around = around_contact(face, pressed.pressure_Pa > 0)
+def on_contact(
+    face: ElasticFace, pressed: Pressed, around: PatchedFace | None
+) -> tuple[PatchedFace, Pressed]:
+    """Return the points of a map that touch, alone, and their state; from `around_contact`."""
     given_Pa = pressed.pressure_Pa
     alone = in_contact_alone(
         *((face, given_Pa) if around is None else (around, around.gathered(given_Pa)))

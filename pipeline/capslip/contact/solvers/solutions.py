@@ -9,7 +9,7 @@ from time import process_time
 import numpy as np
 
 from capslip.contact.solvers.patches import PatchedFace
-from capslip.contact.solvers.pixels import on_contact
+from capslip.contact.solvers.pixels import around_contact, on_contact
 from capslip.contact.solvers.polonsky_keer import (
     ElasticFace,
     Pressed,
@@ -38,6 +38,7 @@ class Solutions:
     pressed: dict[float, Pressed] = field(default_factory=dict)  # by load, the last few
     unloading: dict[float, Unloading] = field(default_factory=dict)  # by preload
     punch_Pa_per_m: dict[float, np.ndarray] = field(default_factory=dict)  # by load, the last
+    around: tuple[Pressed, PatchedFace | None] | None = None  # a state, and what holds its contact
     alone: tuple[Pressed, PatchedFace, Pressed] | None = None  # a state, and what touches in it
 
     def left_s(self, load_N: float) -> float:
@@ -98,7 +99,10 @@ class Solutions:
         """Return the points that touch, alone, and their state; small ones are kept."""
         if self.alone is not None and self.alone[0] is pressed:
             return self.alone[1:]
-        face, on_face = on_contact(self.face, pressed)
+        around = around_contact(self.face, pressed.pressure_Pa > 0)
+        if around is None or around.cost <= _SMALL:
+            self.around = (pressed, around)
+        face, on_face = on_contact(self.face, pressed, around)
         self.alone = (pressed, face, on_face) if face.cost <= _SMALL else None
         return face, on_face
 
@@ -115,6 +119,7 @@ class Solutions:
             pressed = self.press(load_N)
             # The other half is for what detail decides, see `_error`
             half_s = 0.5 * self.left_s(load_N)
+            known, around = self.around or (None, None)
             with self.counted(load_N):
                 found = unload(
                     self.face,
@@ -122,6 +127,7 @@ class Solutions:
                     self.tolerance,
                     time_limit_s=half_s,
                     punch_Pa_per_m=self.punch_Pa_per_m.get(load_N),
+                    around=around if known is pressed else None,
                 )
             self.unloading[load_N] = found
             pairs = zip(found.solved_load_N.tolist(), found.solved_approach_m.tolist(), strict=True)

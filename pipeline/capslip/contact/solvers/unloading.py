@@ -16,6 +16,7 @@ from capslip.contact.solvers.losses import (
     losses,
     region_losses,
 )
+from capslip.contact.solvers.patches import PatchedFace
 from capslip.contact.solvers.path import Node, Path
 from capslip.contact.solvers.polonsky_keer import ElasticFace, Pressed
 from capslip.contact.solvers.refinement import refinement
@@ -78,6 +79,7 @@ def unload(
     time_limit_s: float = math.inf,
     on_patches: bool = True,
     punch_Pa_per_m: np.ndarray | None = None,
+    around: PatchedFace | None = None,
 ) -> Unloading:
     """Solve a pressed face at falling loads, as many as the loss between them needs.
 
@@ -112,6 +114,8 @@ def unload(
         Whether to leave out what does not touch; else every solution is one of the whole map.
     punch_Pa_per_m : float64, shape (ny, nx), optional
         dp/dd under the preload, where it is known.
+    around : PatchedFace, optional
+        What `around_contact` finds around the contact under the preload, where it is known.
 
     Raises
     ------
@@ -128,7 +132,7 @@ def unload(
             "of caps"
         )
     begin_s, waiting = process_time(), Waiting("boundary elements", "loads")
-    path = Path(face, pressed, tolerance, on_patches, punch_Pa_per_m)
+    path = Path(face, pressed, tolerance, on_patches, punch_Pa_per_m, around)
     first, last = (float(np.log(t / (1 - t))) for t in (_SMALLEST, _LARGEST))
     path.solve(first)
     fit_in = time_limit_s / (process_time() - begin_s)
