@@ -6,7 +6,6 @@ passes through. It is a property of the face and not of the frame it was measure
 that is added to the map is added to it.
 """
 
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -14,10 +13,11 @@ import numpy as np
 from capslip.caps.simplex import minimum
 from capslip.errors import SettingsError, UnusableSurfaceError
 from capslip.surface.heightmap import HeightMap
-from capslip.surface.rows import BLOCK_POINTS, row_blocks
+from capslip.surface.rows import row_blocks
 
 SQUARE = 3  # points, over which heights are averaged
 FEW = 2000  # squares that are looked at first
+NEAR = 0.01  # of the height range: squares so little below the plane are looked at with those above
 MAX_FRAMES = 50  # levels that the heights are averaged in; two or three do
 BELOW = 1e7  # height ranges: depth of the corners to start from
 ROUNDING = 1e-12  # of the height range: a point so little above the plane lies on it
@@ -80,7 +80,8 @@ def resting_plane(
     until none does. Which point of a square is its highest depends on the level, so the
     squares are averaged again in the frame of the plane that was found, until it stays. That makes
     the answer covariant: a plane added to the map comes out added, to rounding.
-    Only squares that the change of level may have lifted above the plane are looked at again.
+    Few squares give a first plane; then only those are looked at of which a point stands above it,
+    or little below: until the plane has fallen by as much, these are all that can stop it.
 
     Examples
     --------
@@ -100,29 +101,24 @@ def resting_plane(
     squares = _Squares.of(surface, at_m, square)
     if squares.index.size < 3:  # hardly any square has points enough
         squares = _Squares.of(surface, at_m, 1)
-    slope = squares.slope()
-    height_m = squares.all_heights_m(slope)
-    found, some = None, np.arange(0, height_m.size, max(1, height_m.size // FEW))
+    slope, n, range_m = squares.slope(), squares.index.size, float(np.ptp(surface.bounds_m))
+    found, some, margin_m, scanned = None, np.arange(0, n, max(1, n // FEW)), NEAR * range_m, None
+    corners_m = squares.outline_m()
     for _ in range(MAX_FRAMES):
-        range_m = float(np.ptp(height_m))
-        found = _facet(*squares.places_m(some), height_m[some], range_m)
-        if found is None and some.size < height_m.size:
-            some = np.arange(height_m.size)
+        found = _facet(*squares.places_m(some), squares.heights_m(slope, some), range_m)
+        if found is None and some.size < n:
+            some = np.arange(n)
             continue
         if found is None:
             break
         corner, (level_m, turn_x, turn_y) = found
-        corner = some[corner]
-        slope = slope + np.array([turn_x, turn_y])
-        for part in np.array_split(np.arange(height_m.size), 1 + height_m.size // BLOCK_POINTS):
-            x_m, y_m = squares.places_m(part)
-            height_m[part] -= turn_x * x_m + turn_y * y_m
-        # The mean without the highest point can have risen by no more than this.
-        lift_m = 2.0 * (abs(turn_x) * squares.width_m[0] + abs(turn_y) * squares.width_m[1])
-        near = np.flatnonzero(height_m >= level_m - lift_m)
-        height_m[near] = squares.heights_m(slope, near)
+        corner, slope = some[corner], slope + np.array([turn_x, turn_y])
+        plane_m = level_m + corners_m @ slope
+        if scanned is None or (plane_m < scanned - margin_m).any():
+            near, scanned = squares.above(slope, level_m - margin_m), plane_m
+        highest_m = squares.heights_m(slope, near).max(initial=-np.inf)
         rounding_m = ROUNDING * max(range_m, abs(level_m))
-        if height_m[near].max() <= height_m[corner].min() + rounding_m:
+        if highest_m <= squares.heights_m(slope, corner).min() + rounding_m:
             break
         some = np.union1d(near, corner)  # whatever stands above the plane is among them
     if found is None:
@@ -145,7 +141,6 @@ class _Squares:
     x_axis_m: np.ndarray  # (columns, square) places of the points
     y_axis_m: np.ndarray  # (rows, square)
     index: np.ndarray  # of each square, counted row by row
-    width_m: tuple[float, float]  # along x and y
 
     @classmethod
     def of(cls, surface: HeightMap, at_m: tuple[float, float], square: int) -> "_Squares":
@@ -164,7 +159,7 @@ class _Squares:
             corners = np.ndindex(square, square)
             count = sum(inner[i::square, j::square].astype(np.int32) for i, j in corners)
             index = np.flatnonzero(count > 0.5 * square**2)
-        return cls(surface, square, (top, left), x_m, y_m, index, (square * dx_m, square * dy_m))
+        return cls(surface, square, (top, left), x_m, y_m, index)
 
     def places_m(self, some: np.ndarray | slice) -> tuple[np.ndarray, np.ndarray]:
         """Return the middles (x, y) of some squares."""
@@ -184,57 +179,40 @@ class _Squares:
         fitted: np.ndarray = np.linalg.lstsq(places[known], height_m[known], rcond=None)[0]
         return fitted[:2]
 
-    def all_heights_m(self, slope: np.ndarray) -> np.ndarray:
-        """Return mean heights above a plane through the load point, highest points left out."""
-        side, (top, left) = self.square, self.corner
-        (rows, cols), found = (len(self.y_axis_m), len(self.x_axis_m)), []
-        down_m, across_m = slope[1] * self.y_axis_m, slope[0] * self.x_axis_m
-        for some in row_blocks((rows, cols * side**2)):
-            z = self.surface[
-                top + some.start * side : top + some.stop * side, left : left + cols * side
-            ]
+    def outline_m(self) -> np.ndarray:
+        """Return the places (x, y) of the four corners."""
+        x_m, y_m = (axis_m.reshape(-1)[[0, -1]] for axis_m in (self.x_axis_m, self.y_axis_m))
+        return np.array([(x, y) for x in x_m for y in y_m])
 
-            def points_m(i: int, j: int, z: np.ndarray = z, some: slice = some) -> np.ndarray:
-                point_m = z[i::side, j::side] - across_m[:, j]
-                point_m -= down_m[some, i, None]
-                return point_m
-
-            found.append(self._means(points_m).reshape(-1))
-        height_m = np.concatenate(found)
-        return height_m if height_m.size == self.index.size else height_m[self.index]
+    def above(self, slope: np.ndarray, level_m: float) -> np.ndarray:
+        """Return the squares of which a point stands above a plane: at the load point, `level_m`."""
+        side, (top, left), n = self.square, self.corner, self.x_axis_m.size
+        down_m = level_m + slope[1] * self.y_axis_m.reshape(-1)
+        across_m, found = slope[0] * self.x_axis_m.reshape(-1), [np.empty(0, dtype=np.intp)]
+        for rows in row_blocks((down_m.size, n)):
+            points_m = self.surface[top + rows.start : top + rows.stop, left : left + n] - across_m
+            high = np.flatnonzero(np.fmax.reduce(points_m, axis=1) > down_m[rows])
+            row, col = np.nonzero(points_m[high] > down_m[rows][high, None])
+            found.append((high[row] + rows.start) // side * len(self.x_axis_m) + col // side)
+        square = np.unique(np.concatenate(found))
+        return np.flatnonzero(np.isin(self.index, square, assume_unique=True))
 
     def heights_m(self, slope: np.ndarray, some: np.ndarray) -> np.ndarray:
-        """Return the same of some squares."""
+        """Return mean heights above a plane through the load point, highest points left out."""
         side, (top, left) = self.square, self.corner
         row, col = np.divmod(self.index[some], len(self.x_axis_m))
         down_m, across_m = slope[1] * self.y_axis_m, slope[0] * self.x_axis_m
 
-        def points_m(i: int, j: int) -> np.ndarray:
+        total, known, highest = np.zeros((3, row.size))
+        highest.fill(-np.inf)
+        for i, j in np.ndindex(side, side):
             height_m = self.surface[top + row * side + i, left + col * side + j]
-            return height_m - across_m[col, j] - down_m[row, i]
-
-        return self._means(points_m)
-
-    def _means(self, points_m: Callable[[int, int], np.ndarray]) -> np.ndarray:
-        side, complete = self.square, self.surface.complete
-        total = points_m(0, 0)
-        highest, lost = total.copy(), np.isnan(total)
-        total[lost] = 0.0
-        known = np.where(lost, 0.0, 1.0)
-        for i, j in list(np.ndindex(side, side))[1:]:
-            z = points_m(i, j)
-            np.fmax(highest, z, out=highest)
-            if complete:
-                total += z
-                continue
-            measured = ~np.isnan(z)
+            height_m -= across_m[col, j] + down_m[row, i]
+            measured = ~np.isnan(height_m)
             known += measured
-            np.add(total, z, out=total, where=measured)
-        if complete:
-            known.fill(side**2)
-        if side > 1:
-            total = (total - highest) / np.maximum(known - 1.0, 1.0)
-        return total
+            np.add(total, height_m, out=total, where=measured)
+            np.fmax(highest, height_m, out=highest)
+        return (total - highest) / np.maximum(known - 1.0, 1.0) if side > 1 else total
 
 
 def _facet(

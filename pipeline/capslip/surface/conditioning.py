@@ -226,24 +226,17 @@ def sq_and_sz_m(surface: HeightMap) -> tuple[float, float]:
     UnusableSurfaceError
         If no point is measured.
     """
-    n, total_m, square_m2, some_m = 0, 0.0, 0.0, math.nan
-    if surface.n_measured == 0:
+    n, total_m, square_m2 = surface.n_measured, 0.0, 0.0
+    if n == 0:
         raise UnusableSurfaceError(
             f"{surface.origin.name}: all {surface.size} points are non-measured; expected "
             "heights; check the file's code for missing data"
         )
     lowest_m, highest_m = surface.bounds_m
+    middle_m = 0.5 * (lowest_m + highest_m)  # from which heights count: their level costs no digits
     for rows in row_blocks(surface.shape):
-        known_m = _known(surface[rows])
-        if n == 0 and known_m.size:
-            some_m = float(known_m.mean())  # from which heights count: their level costs no digits
-        above_m = known_m - some_m
-        n, total_m = n + above_m.size, total_m + float(above_m.sum())
+        above_m = (surface[rows] - middle_m).reshape(-1)
+        above_m[surface.lost_in(rows)] = 0.0
+        total_m += float(above_m.sum())
         square_m2 += float(above_m @ above_m)
     return math.sqrt(max(square_m2 / n - (total_m / n) ** 2, 0.0)), highest_m - lowest_m
-
-
-def _known(height_m: np.ndarray) -> np.ndarray:
-    """Return the measured heights, shape (k,)."""
-    flat_m = height_m.reshape(-1)
-    return flat_m[~np.isnan(flat_m)] if np.isnan(flat_m.sum()) else flat_m

@@ -290,24 +290,26 @@ class _Polynomial:
     def taken_off(self, weight: np.ndarray | None) -> HeightMap:
         """Return the map less the polynomial that fits it best with these weights."""
         surface, measured, terms = self.surface, self.measured, self.degree + 1
-        few_v, few_u = self.chebyshev_v[:, :terms], self.chebyshev_u[:, :terms]
-        moment = np.zeros((2 * self.degree + 1, 2 * self.degree + 1))
-        if measured is None and weight is None:
-            moment = np.outer(self.chebyshev_v.sum(axis=0), self.chebyshev_u.sum(axis=0))
-        right = np.zeros((terms, terms))
+        all_v, all_u = self.chebyshev_v, self.chebyshev_u
+        few_u, right = all_u[:, :terms], np.zeros((terms, terms))
+        moment = np.zeros((all_u.shape[1], all_u.shape[1]))
+        if weight is None and 2 * surface.lost.size < surface.size:
+            moment = np.outer(all_v.sum(axis=0), all_u.sum(axis=0))  # less those of the lost
+        else:
+            weight = measured if weight is None else weight
         for rows in row_blocks(surface.shape):
-            known_m = surface[rows] - self.level_m
-            counts = None if measured is None else measured[rows].astype(np.float64)
-            if measured is not None:
-                known_m = np.where(measured[rows], known_m, 0.0)
-            if weight is not None:
-                counts = weight[rows]
-                known_m = known_m * counts
-            if counts is not None:
-                moment += self.chebyshev_v[rows].T @ (counts @ self.chebyshev_u)
-            right += few_v[rows].T @ (known_m @ few_u)
+            known_m, lost = surface[rows] - self.level_m, surface.lost_in(rows)
+            known_m.reshape(-1)[lost] = 0.0
+            if weight is None:
+                row, col = np.divmod(lost, surface.shape[1])
+                moment -= all_v[rows][row].T @ all_u[col]
+            else:
+                known_m *= weight[rows]
+                moment += all_v[rows].T @ (weight[rows] @ all_u)
+            right += all_v[rows, :terms].T @ (known_m @ few_u)
         less_m = -self._coefficients_m(moment, right)
-        along_v = few_v[:, 1:] @ less_m[1:]  # a plane has no other terms than those of v or u alone
+        # A plane has no other terms than those of v or u alone
+        along_v = all_v[:, 1:terms] @ less_m[1:]
         products = [(along_v[:, i], few_u[:, i]) for i in range(1, self.degree)]
         return surface.plus(few_u @ less_m[0], along_v[:, 0], tuple(products), self.level_m)
 

@@ -213,6 +213,11 @@ class HeightMap:
             height_m.reshape(-1)[first : first + some.size] = self._computed_m(*at)
         return height_m
 
+    def lost_in(self, rows: slice) -> np.ndarray:
+        """Return the points of some rows that were not measured, counted from the first of them."""
+        first, last = rows.start * self.shape[1], rows.stop * self.shape[1]
+        return self.lost[slice(*np.searchsorted(self.lost, (first, last)))] - first
+
     def _computed_m(self, row: Any, col: Any, out: np.ndarray | None = None) -> np.ndarray:
         # In one order, whatever is asked for: a point has one height
         level_m = 0.0 if self._added is None else self._added.level_m

@@ -57,7 +57,8 @@ def noise_of_map_m(height_m: Heights) -> float:
     row, col = (
         at[on_lattice(at, n, every)] for at, n in zip((row, col), height_m.shape, strict=True)
     )
-    return rms_of_noise_m(mixed_difference(lambda i, j: height_m[row[:, None] + i, col + j]))
+    lines_m = [height_m[row + i] for i in (-1, 0, 1)]  # whole rows, which is faster than points
+    return rms_of_noise_m(mixed_difference(lambda i, j: lines_m[i + 1][:, col + j]))
 
 
 def on_lattice(place: np.ndarray, n: int, every: int) -> np.ndarray:

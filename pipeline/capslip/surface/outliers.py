@@ -8,8 +8,9 @@ import numpy as np
 from capslip.surface.graph import Runs, connected_parts
 from capslip.surface.heightmap import HeightMap
 from capslip.surface.lifted import lifted_patches
-from capslip.surface.rows import BLOCK_POINTS
+from capslip.surface.rows import row_blocks
 from capslip.surface.small_spikes import find_small_spikes
+from capslip.surface.steps import greatest_steps_m
 
 STEP_QUANTILE = 0.90
 CLIFF_OVER_STEP = 8.0  # white noise: 13 standard deviations of a step
@@ -143,7 +144,8 @@ def find_outliers(surface: HeightMap, stored: HeightMap | None = None) -> Outlie
     cliff_m = CLIFF_OVER_STEP * _usual_step(surface)
     rough = cliff_m > ROUNDING * max(highest_m, -lowest_m)
     cliff_m = max(cliff_m, ROUNDING * max(highest_m, -lowest_m))
-    index, island = _islands(surface, cliff_m)
+    step_m, bend_m = greatest_steps_m(surface)
+    index, island = _islands(surface, cliff_m, step_m)
     off_m, n_lifted = np.empty(0), 0
     if index.size:
         part, part_of = index, island
@@ -157,7 +159,7 @@ def find_outliers(surface: HeightMap, stored: HeightMap | None = None) -> Outlie
             patch, step_m = lifted_patches(surface, part[left], part_of[left], cliff_m)
             index, off_m, n_lifted = np.append(index, patch), np.append(off_m, step_m), patch.size
     if rough:
-        small, small_off_m = find_small_spikes(surface, index)
+        small, small_off_m = find_small_spikes(surface, index, float(bend_m.max()))
         index, off_m = np.append(index, small), np.append(off_m, small_off_m)
         order = np.argsort(index)
         index, off_m = index[order], off_m[order]
@@ -223,13 +225,13 @@ def _usual_step(z: HeightMap) -> float:
     return usual_m
 
 
-def _islands(z: HeightMap, cliff_m: float) -> tuple[np.ndarray, np.ndarray]:
+def _islands(z: HeightMap, cliff_m: float, step_m: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return place, ascending, and number of its island for every point of an island.
 
     Points without a cliff to any neighbour are joined along their rows, and these runs to those of
     the next row; the few points at a cliff are joined to each other and to the runs.
     """
-    shore = _at_cliff(z, cliff_m)
+    shore = _at_cliff(z, cliff_m, step_m)
     lost = z.lost
     none = np.empty(0, dtype=np.intp)
     if not shore.size and not lost.size:
@@ -283,36 +285,28 @@ def _runs_between(shape: tuple[int, int], left_out: np.ndarray) -> Runs:
     return Runs(begin[some], ends[some] - 1, width)
 
 
-def _at_cliff(z: HeightMap, cliff_m: float) -> np.ndarray:
+def _at_cliff(z: HeightMap, cliff_m: float, step_m: np.ndarray) -> np.ndarray:
     """Return the places, rising, of the points that have a cliff to one of their eight neighbours.
 
-    Most blocks of rows have no cliff and are left at once.
+    Most blocks of rows have no step as great, `step_m`, and are left at once.
     """
     found = []
     low, every, high = slice(None, -1), slice(None), slice(1, None)
-    n_rows = max(8, BLOCK_POINTS // z.shape[1])
-    for first in range(0, len(z), n_rows):
-        # One row more than a block; what is computed stays in the cache.
-        block_m = z[first : first + n_rows + 1]
+    for rows, greatest_m in zip(row_blocks(z.shape), step_m, strict=True):
+        if greatest_m <= cliff_m:
+            continue
+        block_m = z[rows.start : rows.stop + 1]  # one row more than a block
         at_cliff = np.zeros(block_m.shape, dtype=bool)
-        steep = False
         for one, other in (
             ((every, low), (every, high)),
             ((low, every), (high, every)),
             ((low, low), (high, high)),
             ((low, high), (high, low)),
         ):
-            step_m = block_m[other] - block_m[one]
-            up_m = np.fmax.reduce(step_m, axis=None, initial=0.0)
-            down_m = np.fmin.reduce(step_m, axis=None, initial=0.0)
-            if max(up_m, -down_m) <= cliff_m:
-                continue
-            cliff = np.abs(step_m) > cliff_m
+            cliff = np.abs(block_m[other] - block_m[one]) > cliff_m
             at_cliff[one] |= cliff
             at_cliff[other] |= cliff
-            steep = True
-        if steep:
-            found.append(np.flatnonzero(at_cliff) + first * z.shape[1])
+        found.append(np.flatnonzero(at_cliff) + rows.start * z.shape[1])
     return np.unique(np.concatenate(found)) if found else np.empty(0, dtype=np.intp)
 
 

@@ -35,7 +35,9 @@ UNLIKELY = 0.01  # groups of a size on a map, below which chance put none of the
 ROUNDING = 1e-9
 
 
-def find_small_spikes(surface: HeightMap, known: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def find_small_spikes(
+    surface: HeightMap, known: np.ndarray, bend_m: float = math.inf
+) -> tuple[np.ndarray, np.ndarray]:
     """Find the spikes that are lower than the usual steps of a slope are times eight.
 
     Parameters
@@ -43,6 +45,8 @@ def find_small_spikes(surface: HeightMap, known: np.ndarray) -> tuple[np.ndarray
     surface : HeightMap
     known : int64, shape (k,)
         Places of the outliers that were found before.
+    bend_m : float
+        None along a row or column is greater, see `greatest_steps_m`.
 
     Returns
     -------
@@ -73,7 +77,7 @@ def find_small_spikes(surface: HeightMap, known: np.ndarray) -> tuple[np.ndarray
     if not usual_m > ROUNDING * max(map(abs, surface.bounds_m)):
         return none
     gate_m = max(OVER_USUAL * usual_m, OVER_STEP * step_m)
-    if not known.size and not _may_hold_some(surface, gate_m):
+    if bend_m <= gate_m or (not known.size and not _may_hold_some(surface, gate_m)):
         return none
     left, n = _Left.of(surface, known), surface.n_measured - known.size
     most = ALWAYS
@@ -172,8 +176,14 @@ def _by_chance(n: int, share: float) -> np.ndarray:
 
 def _stand_off(z: HeightMap | _Left, index: np.ndarray) -> np.ndarray:
     """Return heights of inner points above the middle of two neighbours, along lines, (4, k)."""
-    own_m, along = z.at(index), [i * z.shape[1] + j for i, j in LINES]
-    return np.stack([own_m - 0.5 * (z.at(index + step) + z.at(index - step)) for step in along])
+    after_m, before_m = _beside(z, index)
+    return np.asarray(z.at(index) - 0.5 * (after_m + before_m))
+
+
+def _beside(z: HeightMap | _Left, index: np.ndarray) -> np.ndarray:
+    """Return heights of the neighbours after and before inner points, along lines, (2, 4, k)."""
+    along = [i * z.shape[1] + j for i, j in LINES]
+    return np.array([[z.at(index + sign * step) for step in along] for sign in (1, -1)])
 
 
 def _least(off_m: np.ndarray) -> np.ndarray:
@@ -192,17 +202,19 @@ def _usual(z: HeightMap) -> tuple[float, float]:
     row = row[on_lattice(row, z.shape[0], every)]
     col = col[on_lattice(col, z.shape[1], every)]
     index = (row[:, None] * z.shape[1] + col).reshape(-1)
-    off_m = _stand_off(z, index)
+    after_m, before_m = _beside(z, index)
+    off_m = z.at(index) - 0.5 * (after_m + before_m)
     whole = ~np.isnan(off_m).any(axis=0)
     if not whole.any():
         return 0.0, 0.0
-    index = index[whole]
-    along = [i * z.shape[1] + j for i, j in LINES]
-    slope_m = np.abs(np.stack([z.at(index + step) - z.at(index - step) for step in along]))
-    slope_m = 0.5 * np.partition(slope_m, -2, axis=0)[-2]
+    slope_m = np.abs(after_m - before_m)[:, whole]
+    high_m, low_m = (of(slope_m[:2], slope_m[2:]) for of in (np.maximum, np.minimum))
+    # The second greatest: the lesser of two that are the greater of a pair, or beside the greatest
+    second_m = np.minimum(*high_m), np.where(high_m[0] > high_m[1], *low_m)
+    slope_m = 0.5 * np.maximum(*second_m)
     usual_m, step_m = (
         float(np.partition(one_m, nth)[nth])
-        for nth in [int(USUAL_QUANTILE * (index.size - 1))]
+        for nth in [int(USUAL_QUANTILE * (np.count_nonzero(whole) - 1))]
         for one_m in (np.abs(_least(off_m[:, whole])), slope_m)
     )
     return usual_m, step_m
