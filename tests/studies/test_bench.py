@@ -3,11 +3,18 @@
 import json
 import sys
 import time
+from dataclasses import asdict
 
+import h5py
+import numpy as np
 import pytest
 
 from capslip.errors import CapslipError, OutputError
+from capslip.output.picture import Look
+from capslip.output.scene import save_picture
+from capslip.output.view import read_view
 from capslip.studies.bench import study, timings
+from capslip.surface.readers.hdf5 import write_hdf5
 
 
 @pytest.fixture
@@ -15,8 +22,10 @@ def small(monkeypatch):
     monkeypatch.setattr(study, "SHAPE", (160, 240))
     monkeypatch.setattr(study, "REPEATS", 2)
     monkeypatch.setattr(study, "N_SETS", 50)
+    monkeypatch.setattr(study, "FINER", 2)
     monkeypatch.setattr(study, "STUDIES", {"of one stage": lambda: "| scene | ms |\n"})
     monkeypatch.setattr(timings, "_run", lambda command, until="": (0.1, 0.4, 0.2))
+    monkeypatch.setattr(timings, "_peak_bytes", lambda command: 700_000_000)
 
 
 def test_files_and_rows(small, tmp_path):
@@ -33,8 +42,53 @@ def test_files_and_rows(small, tmp_path):
     own = next(row for row in rows if row["what"] == peer["what"])
     assert own["by"] == "capslip"
     assert peer["ratio"] == pytest.approx(peer["median_s"] / own["median_s"])
+    large = next(row for row in rows if row["what"].startswith("inspect"))
+    assert "480 x 320 points" in large["what"]
+    assert not large["missed"]
+    assert "| 0.2 s | 0.7 GB | < 5 s, < 2 GB |" in page
     assert "## of one stage\n\n| scene | ms |\n" in page
     assert result["machine"]["numpy"] in page
+
+
+def test_a_large_result_is_one_of_its_map_and_is_drawn(small, tmp_path):
+    scan, out = tmp_path / "face.h5", tmp_path / "large"
+    write_hdf5(study._face(), scan)
+    (row,) = timings.inspect_large(scan, out, 5, 1)
+    assert row.what == "inspect, 1200 x 800 points: a picture"
+    save_picture(out, tmp_path / "seen.png", Look())  # what is timed
+    view = read_view(out)
+    assert (view.shape, view.side_m) == ((800, 1200), pytest.approx((0.04, 0.06)))
+    apex = view.columns["y_m"] / view.pixel_size_m[0], view.columns["x_m"] / view.pixel_size_m[1]
+    with h5py.File(out / "result.h5") as file:
+        label = file["hills/labels"][:][tuple(np.array(apex, dtype=int))]
+    assert len(view.cap) > 3
+    assert (label == view.cap + 1).mean() > 0.8  # an apex may lie beside a hill with noise
+
+
+@pytest.mark.parametrize(
+    ("seconds", "held_bytes", "missed"),
+    [(4.9, 1.9e9, False), (5.1, 0.1e9, True), (0.1, 2.1e9, True)],
+)
+def test_a_goal_that_is_missed_is_marked(seconds, held_bytes, missed):
+    goals = {"goal_s": 5.0, "peak_bytes": int(held_bytes), "goal_bytes": 2e9}
+    row = timings.Timing("command", "", "capslip", seconds, seconds, seconds, None, 1.0, **goals)
+    assert row.missed is missed
+    assert ("(missed)" in study._goal(asdict(row) | {"missed": row.missed})) is missed
+
+
+def test_the_memory_is_that_of_the_command_not_of_who_asks():
+    mine = np.ones(60_000_000)  # 480 MB
+    few, many = (
+        timings._peak_bytes([sys.executable, "-c", f"held = b'1' * {n}"]) for n in (1, 200_000_000)
+    )
+    assert few < 60e6 < mine.nbytes
+    assert many - few == pytest.approx(200e6, rel=0.05)
+    # of a process that the command starts, too
+    starts = "import subprocess, sys; subprocess.run([sys.executable, '-c', sys.argv[1]])"
+    held = "held = b'1' * 200_000_000"
+    assert timings._peak_bytes([sys.executable, "-c", starts, held]) > 190e6
+    with pytest.raises(CapslipError, match="exit code 3"):
+        timings._peak_bytes([sys.executable, "-c", "raise SystemExit(3)"])
 
 
 def test_clock_of_a_command():

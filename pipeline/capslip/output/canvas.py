@@ -21,6 +21,8 @@ DPI = 130
 PAD_in = 0.04  # around everything that is drawn
 RUNS = 3  # the strategy of zlib that looks for runs alone: a noisy map in two thirds of the time
 BESIDE_in = (0.75, 0.95, 1.2, 0.5)  # left, below, right and above a map: labels, bar, legend
+SHORTEST, LONGEST = 0.9e-3, 1.1e4  # ticks between them are short as plain numbers
+RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 PAGE = "page"  # the name of axes that have a page of their own
 
 
@@ -125,20 +127,36 @@ def thinned(values: np.ndarray, points: int = 1100) -> np.ndarray:
     return values[::step_y, ::step_x]
 
 
-def write_decades(axis: "Axis", write: Callable[[float], str] = "{:g}".format) -> None:
+def write_decades(axis: "Axis", write: Callable[[float], str] | None = None) -> None:
     """Write the ticks of a logarithmic axis in plain text, 2 and 5 among them where it is short.
 
-    Over many decades what lies between them is left out: one tick costs a millisecond.
+    Over many decades what lies between them is left out: one tick costs a millisecond. All ticks
+    of an axis are written alike: as numbers where those are short, else as powers of ten.
     """
     from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter, NullLocator
 
     low, high = axis.get_view_interval()
+    if write is None:
+        write = "{:g}".format if low > SHORTEST and high < LONGEST else power_of_ten
     if high < 100.0 * low:
         axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
     if high > 1e4 * low:
         axis.set_minor_locator(NullLocator())
     axis.set_major_formatter(FuncFormatter(lambda value, _: write(value)))
     axis.set_minor_formatter(NullFormatter())
+
+
+def power_of_ten(value: float) -> str:
+    """Write a number by its power of ten, as text that any font of a figure has.
+
+    >>> power_of_ten(1e-5), power_of_ten(2e6), power_of_ten(1.0)
+    ('10⁻⁵', '2·10⁶', '1')
+    """
+    digit, exponent = f"{value:.0e}".split("e")
+    if not int(exponent):
+        return digit
+    power = str(int(exponent)).translate(RAISED)
+    return f"10{power}" if digit == "1" else f"{digit}·10{power}"
 
 
 def save(figure: "Figure", path: Path) -> None:

@@ -30,6 +30,7 @@ LEAST_ENERGY = 1e-7  # of that at gross slip: the same
 UNRESOLVED_SLIP = "left of it: finer than the pixels resolve"
 GREY, SCATTER = "#BDBDBD", "between the scans, each alone"
 LOOP_COLOURS = ("#56B4E9", "#0072B2", "#003D66")
+THINNEST = 0.004  # of what an axis shows: no eye finds a band as thin as this
 PHASES = (  # of first loading, the paper's Sec. 2.3
     ("GPS: no contact slides as a whole", "#E8F3EC"),
     ("PPS: some contacts slide", "#FFF4D6"),
@@ -177,6 +178,10 @@ def energy(analysis: "Analysis", axes: "Axes | None" = None) -> "Figure | None":
     guide_J = energy_J[first] * np.array([1.0, 1000.0])
     axes.loglog(guide_m / unit_m, guide_J, ":", color=ACCENT, linewidth=1.8, label="slope 3")
     _shade_phases(axes, slip, begin_m, end_m, unit_m)
+    answer = analysis.answer
+    if answer is not None and answer.energy_J and begin_m < answer.displacement_m < end_m:
+        place = answer.displacement_m / unit_m, answer.energy_J
+        _mark_answer(axes, analysis, "energy_J", place, lambda one: engineering(one, "J"))
     axes.set(
         xlim=(begin_m / unit_m, end_m / unit_m),
         xlabel=f"amplitude of the tangential displacement δ [{unit}]",
@@ -232,7 +237,15 @@ def loss_factor(analysis: "Analysis", axes: "Axes | None" = None) -> "Figure | N
     if first_m is not None and first is not None and first <= MOST_LOSS_FACTOR:
         label = f"first maximum {first:.3g} at {engineering(first_m, 'm')}"
         axes.plot(first_m / unit_m, first, "o", color=INK, markersize=6, label=label)
-    _mark_answer(axes, analysis, unit_m)
+    answer = analysis.answer
+    if answer is not None and answer.loss_factor:
+        place = answer.amplitude_m / unit_m, answer.loss_factor
+        _mark_answer(axes, analysis, "loss_factor", place, "{:.3g}".format)
+    elif answer is not None and answer.loss_factor is None:
+        label = f"asked: {engineering(answer.amplitude_m, 'm')}, where it is not defined"
+        axes.axvline(
+            answer.amplitude_m / unit_m, color=LOOP_COLOURS[1], linewidth=1.2, label=label
+        )
     per_N = 1.0 / (damping.joint_stiffness_N_per_m * unit_m)
     _veil_unresolved(axes, analysis, lambda force_N: force_N * per_N)
     colour = PHASES[2][1]
@@ -288,22 +301,32 @@ def _between(load_N: np.ndarray, approach_m: np.ndarray) -> tuple[np.ndarray, np
     return fine_N, curve(fine_N ** (2 / 3))
 
 
-def _mark_answer(axes: "Axes", analysis: "Analysis", unit_m: float) -> None:
-    """Mark the loss factor that was asked for, with its interval."""
-    answer, band = analysis.answer, analysis.band
-    if answer is None or not answer.loss_factor or band is None:
+def _mark_answer(
+    axes: "Axes",
+    analysis: "Analysis",
+    name: str,
+    place: tuple[float, float],
+    write: "Callable[[float], str]",
+) -> None:
+    """Mark a number of the answer, with its interval."""
+    band, (x, value) = analysis.band, place
+    if band is None:
         return
-    low, high = band.interval["loss_factor"]
-    down, up = answer.loss_factor - low, high - answer.loss_factor
+    low, high = band.interval[name]
+    down, up = value - low, high - value
     axes.errorbar(
-        [answer.amplitude_m / unit_m],
-        [answer.loss_factor],
+        [x],
+        [value],
         yerr=[[max(down, 0.0)], [max(up, 0.0)]] if np.isfinite(high) else None,
         fmt="D",
         color=LOOP_COLOURS[1],
         capsize=4,
-        label=f"answer {answer.loss_factor:.3g}"
-        + (f", {low:.3g} to {high:.3g}" if np.isfinite(high) else f", at least {low:.3g}"),
+        label=f"answer {write(value)}"
+        + (
+            f", {write(low)} to {write(high)}"
+            if np.isfinite(high)
+            else f", at least {write(low)}"
+        ),
         zorder=3,
     )
 
@@ -344,8 +367,13 @@ def _shade_phases(
     edges_m = [begin_m, max(begin_m, first_m), total_m, end_m]
     # A curve that does not know its limits has one band for both.
     phases = PHASES if limits_m.size else (UNRESOLVED, *PHASES[1:])
-    for (label, colour), (left_m, right_m) in zip(phases, pairwise(edges_m), strict=True):
-        if right_m > left_m:
+    at = np.log(edges_m) if begin_m > 0.0 else np.array(edges_m)  # as far as they are on the axis
+    width = at[-1] - (at[0] if begin_m > 0.0 else -at[-1])
+    thin = np.diff(at) < THINNEST * width
+    for (label, colour), (left_m, right_m), hidden in zip(
+        phases, pairwise(edges_m), thin, strict=True
+    ):
+        if not hidden:
             axes.axvspan(left_m / unit_m, right_m / unit_m, color=colour, label=label, zorder=0)
 
 

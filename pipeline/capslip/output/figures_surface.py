@@ -178,7 +178,8 @@ def hills_and_caps(analysis: "Analysis", axes: "Axes | None" = None) -> "Figure"
                 linewidths=1.6 if member.sum() < 200 else 0.9,
             )
         )
-        entries.append((f"{names[family]} ({member.sum()})", FAMILY_COLOUR[family]))
+        label = f"{names[family]} ({_counted(analysis, family, member)})"
+        entries.append((label, FAMILY_COLOUR[family]))
     if len(caps) <= NUMBERED:
         _number_caps(axes, analysis)
     _face_legend(figure if has_page(axes) else axes, entries[::-1], bool((~surface.measured).any()))
@@ -245,6 +246,15 @@ def cap_profile(analysis: "Analysis") -> "Figure | None":
     return figure
 
 
+def _counted(analysis: "Analysis", name: str, member: np.ndarray) -> str:
+    """Return how many caps of a family are drawn, and how many it has where those are others."""
+    family = {"G": analysis.families.G, "P": analysis.families.P}.get(name)
+    drawn = int(member.sum())
+    if family is None or family.count == drawn:
+        return f"{drawn}"
+    return f"{drawn}; on its own plane {family.count}"
+
+
 def family_scatter(analysis: "Analysis") -> "Figure | None":
     """Peak height against radius of every cap, with the means of the families."""
     caps, families = analysis.caps, analysis.families
@@ -265,7 +275,7 @@ def family_scatter(analysis: "Analysis") -> "Figure | None":
                 markersize=6 if member.sum() < 200 else 3,
                 markeredgewidth=1.0 if name == "" else 0.0,
                 alpha=0.85,
-                label=f"{names[name]} ({member.sum()})",
+                label=f"{names[name]} ({_counted(analysis, name, member)})",
             )
     if radius[caps.usable].max() > 10 * radius[caps.usable].min():
         axes.set_xscale("log")

@@ -43,6 +43,7 @@ JOINT = "preload {preload_N:4}"
 PRESSURE = " on {joint_area_m2}: {nominal_pressure_Pa} nominal"
 COVERAGE = "; scan {coverage} of it"
 RESULTANT = ", resultant {off_m} off the load point"
+ON_POINT = ", resultant through the load point"
 SCANS = "; {0} scans together {{coverage}} of it"
 
 
@@ -110,7 +111,7 @@ def joint_line(summary: dict[str, Any], absent: str) -> str:
     of_scan = COVERAGE if scans is None else SCANS.format(len(scans))
     text += of_scan if contact["coverage"] is not None else ""
     if scans is None and contact["resultant_off_load_point_m"] is not None:
-        text += RESULTANT
+        text += RESULTANT if contact["resultant_off_load_point_m"] else ON_POINT
     return write_text(text, summary, absent)
 
 

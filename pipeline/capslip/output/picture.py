@@ -16,6 +16,7 @@ STICK, SLIP, MATE = ACCENT, "#CC3311", "#56B4E9"
 FACE_COLOURS = ("#4a4f57", "#f2f1ee")  # greys, so that colour is that of the caps
 LABELLED = 40  # caps, the most loaded
 # How far towards the eye a part is drawn, so that parts that coincide do not speckle
+LINE_SPACING = 1.25  # of the caption: VTK's own lets lines touch
 CLOSER = {"caps": -2.0e4, "zones": -3.0e4}
 NORMALS = {  # of points, so that a surface looks smooth; triangles are in order as they are
     "cell_normals": False,
@@ -80,7 +81,7 @@ def draw(plotter: Any, view: View, look: Look, before: Look | None = None) -> No
     for actor in plotter.actors.values():
         if hasattr(actor, "SetScale"):
             actor.SetScale(1.0, 1.0, look.factor_of(view))
-    plotter.add_text(
+    text = plotter.add_text(
         caption(view, look),
         position="lower_left",
         font_size=11,
@@ -88,6 +89,7 @@ def draw(plotter: Any, view: View, look: Look, before: Look | None = None) -> No
         name="caption",
         render=False,
     )
+    text.prop.SetLineSpacing(LINE_SPACING)
 
 
 def caption(view: View, look: Look) -> str:
@@ -103,6 +105,7 @@ def caption(view: View, look: Look) -> str:
         lines.append(f"{100.0 * clipped:.2g} % of the points lie beyond and are drawn at the limit")
     if look.zones and view.zones is not None:
         lines.append(state_line(view, look))
+        lines += [view.enlarged_points] if view.enlarged_points else []
     tilt_m = (view.summary.get("contact") or {}).get("tilt_across_face_m")
     if look.mate and tilt_m:
         lines.append(f"balanced: turned by {engineering(tilt_m, 'm')} across the face")
@@ -235,8 +238,8 @@ def _draw_zones(plotter: Any, view: View, look: Look) -> None:
     for name, mesh in parts.items():
         if mesh.n_points:
             colour = {"stick": STICK, "slip": SLIP}[name]
-            size = {"point_size": 5.0, "lighting": False} if view.zones.of_map else {}
-            actor = plotter.add_mesh(mesh, name=name, color=colour, render=False, **size)
+            lit = not view.zones.of_map
+            actor = plotter.add_mesh(mesh, name=name, color=colour, lighting=lit, render=False)
             _closer(actor, "zones")
 
 
@@ -263,7 +266,7 @@ def _rings(view: View, look: Look) -> dict[str, Any]:
 
 
 def _pixels(view: View, look: Look) -> dict[str, Any]:
-    """Return the contact pixels of a map as points of a size that is seen."""
+    """Return the contact pixels of a map as squares of their size, or of one that is seen."""
     import pyvista
 
     zones, (low_m, high_m) = view.zones, view.limits_m
@@ -274,11 +277,15 @@ def _pixels(view: View, look: Look) -> dict[str, Any]:
     touch &= state.contact[zones.pixel_contact] > 0.0
     stick = touch & (reach <= state.stick[zones.pixel_contact])
     stick &= state.stick[zones.pixel_contact] > 0.0
-    points = _placed(view.pixel_m, low_m, high_m)
-    return {
-        name: pyvista.PolyData(points[at]) if at.any() else pyvista.PolyData()
-        for name, at in (("stick", stick), ("slip", touch & ~stick))
-    }
+    middle = _placed(view.pixel_m, low_m, high_m)
+    corner = 0.5 * view.point_side_m * np.array([(-1, -1, 0), (1, -1, 0), (1, 1, 0), (-1, 1, 0)])
+    found = {}
+    for name, at in (("stick", stick), ("slip", touch & ~stick)):
+        points = (middle[at, None] + corner).reshape(-1, 3)
+        cells = np.arange(len(points)).reshape(-1, 4)
+        mesh = pyvista.PolyData()
+        found[name] = pyvista.PolyData.from_regular_faces(points, cells) if at.any() else mesh
+    return found
 
 
 def _draw_mate(plotter: Any, view: View, look: Look) -> None:

@@ -39,7 +39,8 @@ OF_CAPS = ("hills_and_caps", "cap_profile", "families", "scene")  # figures
 HEAVY_BYTES = 200_000  # of a picture
 JPEG_QUALITY = 90
 SEVERITIES = ("error", "warning", "info")
-OPTION = re.compile(r"(?<!\S)(--[a-z][\w-]*)")
+OPTION = re.compile(r"((?<!\S)--[a-z][\w-]*|(?<==)[\d.]+(?:e[-+]?\d+)?)")  # and its number
+MICRO = re.compile(r"(?<=\d )u(?=[mNJ]\b)")  # as the terminal writes it
 
 Fact = str | tuple[str, str]  # a quantity of the one table, or a label and a text of several
 IN = {"Std_rad": ":°", "Spd_per_m2": ":1/mm²", "Spc_per_m": ":1/mm"}  # units without a prefix
@@ -143,13 +144,18 @@ def _template() -> "Template":
     environment = Environment(
         autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
     )
-    environment.filters["options"] = _options
+    environment.filters.update(options=_options, micro=_micro)
     return environment.from_string(_part("report.html.j2"))
 
 
 def _options(text: str) -> list[tuple[str, bool]]:
     """Split a text at the options in it, which no line may break, and say which parts are such."""
-    return [(part, i % 2 == 1) for i, part in enumerate(OPTION.split(text))]
+    return [(part, i % 2 == 1) for i, part in enumerate(OPTION.split(_micro(text)))]
+
+
+def _micro(text: str) -> str:
+    """Write the prefix of a quantity as all of the page does."""
+    return MICRO.sub("µ", text)
 
 
 @cache
@@ -179,7 +185,7 @@ def _headlines(summary: dict[str, Any]) -> list[tuple[str, str, str]]:
         ("h_m", "G-peaks above P-peaks"),
     )
     if summary["families"]["n"] == 0 and summary["families"]["m"]:
-        families = ((("caps of the one family", "{m}"), "no gap h between their peak heights"),)
+        families = ((("caps of the one family", "{m}"), "on its own plane; no gap h between their peaks"),)
     numbers: tuple[tuple[Fact, str], ...] = (
         *families,
         ("approach_without_bulk_m", "without bulk; {approach_m} with it"),

@@ -5,6 +5,7 @@ more memory than its mesh. Everything here is without a window: pictures only dr
 """
 
 import json
+import math
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -29,6 +30,9 @@ CAP_COLUMNS = (
 )
 BLOCK = 2**24  # points of the map in memory at once
 DEFAULT_FORCE = 0.25  # of gross slip, where the answer does not say
+SEEN_AREA = 0.02  # of the face: what contact points that are enlarged to be seen cover at most
+ENLARGED = 1.5  # in area: from there on it is said
+SEEN_SIDE = 1 / 200  # of the longer side of the face: that of such a point at most
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,6 +73,26 @@ class View:
         """A round factor that makes the heights a tenth of the longer side, at least 1."""
         low_m, high_m = self.limits_m
         return round_factor(0.1 * max(self.side_m) / (high_m - low_m)) if high_m > low_m else 1.0
+
+    @property
+    def point_side_m(self) -> float:
+        """Side of the square that is drawn for a contact pixel of a map.
+
+        It is that of the pixel, or larger where few touch: none would be seen. All together never
+        look like more of the face than they are, but for the little that shows them at all.
+        """
+        side_y_m, side_x_m = self.side_m
+        each_m2 = SEEN_AREA * side_y_m * side_x_m / max(len(self.pixel_m), 1)
+        seen_m = min(math.sqrt(each_m2), SEEN_SIDE * max(self.side_m))
+        return max(math.sqrt(math.prod(self.pixel_size_m)), seen_m)
+
+    @property
+    def enlarged_points(self) -> str:
+        """What a picture says of contact points that are drawn larger than they are; or nothing."""
+        times = self.point_side_m**2 / math.prod(self.pixel_size_m)
+        if self.zones is None or not self.zones.of_map or times < ENLARGED:
+            return ""
+        return f"contact points are drawn about {float(f'{times:.1g}'):.0f} times as large"
 
     @property
     def force_share(self) -> float:

@@ -266,7 +266,8 @@ function draw() {
   gl.uniform3fv(at.middle, middle());
   gl.uniform2fv(at.scale, fit());
   gl.uniform1f(at.factor, state.factor);
-  gl.uniform1f(at.size, 4 * ratio);
+  // The square of a contact point, as wide as its area on the screen has it
+  if (zones) gl.uniform1f(at.size, Math.max(1, zones.point_side * Math.sqrt(Math.sin(tip)) * fit()[0] * canvas.width / 2));
   const shown = [["face", state.face, 0, 1], ["caps", state.caps, 0.02, 1], ["zones", zones && state.zones, 0.025, 1], ["mate", zones && state.mate, 0, 0.35]];
   for (const [name, on, bias, alpha] of shown) {
     const one = parts[name];
@@ -288,6 +289,7 @@ function say() {
     place.querySelector('[data-of="force"]').textContent = `${Math.round(100 * state.force)} % of gross slip`;
     const touch = n.sticks + n["slips in part"] + n.slips, what = zones.of_map ? "contact regions" : "caps";
     if (state.zones) text += ` ${load}, force ${Math.round(100 * state.force)} % of gross slip: of ${touch} ${what} in contact ${n.sticks} stick, ${n["slips in part"]} slip in part, ${n.slips} slip (green sticks, red slips).`;
+    if (state.zones && zones.enlarged) text += ` C${zones.enlarged.slice(1)}.`;
     if (state.zones && zones.every > 1) text += ` One contact point of ${zones.every} is drawn.`;
   }
   stateLine.textContent = text;

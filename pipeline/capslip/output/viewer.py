@@ -6,6 +6,7 @@ the same as the window, from the same table of zones.
 
 import base64
 import json
+import math
 from importlib.resources import files
 from pathlib import Path
 from typing import Any
@@ -138,6 +139,8 @@ def _zones(view: View) -> dict[str, Any] | None:
         "cap": _packed(np.where(zones.cap >= 0, row[zones.cap], -1), "i4"),
         "radius": _packed(zones.radius_m, "f4"),
         "every": every,
+        "point_side": view.point_side_m * math.sqrt(every),  # all drawn cover as much as all
+        "enlarged": view.enlarged_points,
         "pixel_x": _levels(place_m[:, 0], 0.0, view.side_m[1]),
         "pixel_y": _levels(place_m[:, 1], 0.0, view.side_m[0]),
         "pixel_z": _levels(place_m[:, 2], low_m, high_m),

@@ -10,7 +10,7 @@ from typing import Any
 
 from capslip.studies.bench.boundary_elements import bench_boundary_elements
 from capslip.studies.bench.hills import bench_hills
-from capslip.studies.bench.timings import commands, contact, stages
+from capslip.studies.bench.timings import commands, contact, inspect_large, stages
 from capslip.studies.clock import machine
 from capslip.studies.faces.scenes import PAPER
 from capslip.studies.faces.synthetic import Scene, synthetic_surface
@@ -21,6 +21,7 @@ from capslip.surface.readers.hdf5 import write_hdf5
 SCHEMA = "capslip/bench/1"
 REPEATS = 5
 SHAPE = (800, 1200)
+FINER = 10  # the pixels of the large result, along either axis
 N_SETS = 100_000  # of parameters, of the families
 LIBRARIES = (
     *("capslip", "numpy", "scipy", "scikit-image"),
@@ -56,6 +57,7 @@ def run_bench(folder: str | Path) -> dict[str, Any]:
         write_hdf5(_face(), scan)
         timings = [
             *commands(scan, Path(name) / "result", REPEATS),
+            *inspect_large(scan, Path(name) / "large", FINER, REPEATS),
             *stages(scan, REPEATS),
             *contact(REPEATS, N_SETS),
         ]
@@ -68,7 +70,7 @@ def run_bench(folder: str | Path) -> dict[str, Any]:
             "threads": os.environ.get("OPENBLAS_NUM_THREADS", "as the library chooses"),
         },
         "repeats": REPEATS,
-        "timings": [asdict(timing) for timing in timings],
+        "timings": [asdict(timing) | {"missed": timing.missed} for timing in timings],
         "studies": {name: study() for name, study in STUDIES.items()},
     }
     text = json.dumps(result, indent=1, ensure_ascii=False, default=float) + "\n"
@@ -89,10 +91,11 @@ def bench_markdown(result: dict[str, Any]) -> str:
         "",
         f"Medians of {result['repeats']} turns, least and greatest in brackets. What is compared "
         "takes turns on the same data. A ratio above 1 means that capslip is the faster one. On a "
-        "machine with other work the processor time is the better measure.",
+        "machine with other work the processor time is the better measure. Memory is the most that "
+        "one process of a command held.",
     ]
     for group, rows in groupby(result["timings"], key=lambda row: row["group"]):
-        head = (group, "by", "median", "processor", "goal", "ratio")
+        head = (group, "by", "median", "processor", "memory", "goal", "ratio")
         lines += ["", table(head, map(_cells, rows))]
     for name, found in result["studies"].items():
         lines += ["", f"## {name}", "", found.rstrip()]
@@ -106,9 +109,17 @@ def _cells(row: Row) -> tuple[str, ...]:
         row["by"],
         f"{_text(row['median_s'])} ({span})",
         "" if row["processor_s"] is None else _text(row["processor_s"]),
-        "" if row["goal_s"] is None else f"< {_text(row['goal_s'])}",
+        "" if row["peak_bytes"] is None else f"{row['peak_bytes'] / 1e9:.2g} GB",
+        _goal(row),
         "" if row["by"] == "capslip" else f"{row['ratio']:.1f}",
     )
+
+
+def _goal(row: Row) -> str:
+    goals = [] if row["goal_s"] is None else [f"< {_text(row['goal_s'])}"]
+    if row["goal_bytes"] is not None:
+        goals.append(f"< {row['goal_bytes'] / 1e9:.2g} GB")
+    return ", ".join(goals) + (" (missed)" if row["missed"] else "")
 
 
 def _face() -> HeightMap:

@@ -9,12 +9,13 @@ import sys
 import tempfile
 import warnings
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from capslip.analysis import analyze
 from capslip.caps.families import group_families
 from capslip.caps.fit import fit_caps
 from capslip.caps.hills import find_hills
@@ -22,13 +23,23 @@ from capslip.contact.models.families import families
 from capslip.contact.models.interacting import InteractingCurve, interacting
 from capslip.contact.slip import SlipCurve, slip_curve
 from capslip.errors import CapslipError
-from capslip.settings import CapSettings
+from capslip.output.folder import write
+from capslip.settings import CapSettings, load_settings
 from capslip.studies.bench import peers
 from capslip.studies.clock import clocks, in_turns
 from capslip.surface.conditioning import condition
+from capslip.surface.heightmap import HeightMap
 from capslip.surface.readers import load_surface
 
 E_STAR_PA, KAPPA, FRICTION, PRELOAD_N = 109.89e9, 1.2143, 0.2, 460.0
+CAPSLIP = (sys.executable, "-m", "capslip")
+# What runs a command and tells the most that it held: a process that a large one starts counts the
+# memory of that one as its own, its children do not
+WEIGH = """import resource, subprocess, sys
+code = subprocess.call(sys.argv[1:], stdout=subprocess.DEVNULL)
+print(resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss)
+sys.exit(code)"""
+RSS_BYTES = 1 if sys.platform == "darwin" else 1024  # one of what getrusage counts
 Peers = dict[str, Callable[[], Callable[[], Any]]]  # what prepares a peer, and returns it
 
 
@@ -45,13 +56,21 @@ class Timing:
     processor_s: float | None  # median too, of all threads and child processes; None: not known
     ratio: float  # median over that of capslip
     goal_s: float | None = None  # none for what has no goal
+    peak_bytes: int | None = None  # the most that one of its processes held; None: not known
+    goal_bytes: float | None = None
+
+    @property
+    def missed(self) -> bool:
+        """Whether it took longer than its goal, or held more."""
+        late = self.goal_s is not None and self.median_s > self.goal_s
+        large = self.goal_bytes is not None and (self.peak_bytes or 0) > self.goal_bytes
+        return late or large
 
 
 def commands(scan: Path, out: Path, repeats: int) -> Iterator[Timing]:
     """Time whole processes, from their start."""
-    capslip = [sys.executable, "-m", "capslip"]
-    analyze = [*capslip, "analyze", str(scan), "-o", str(out)]
-    turns = [(_run([*capslip, "--help"]), _run(analyze, "status")) for _ in range(repeats)]
+    whole = [*CAPSLIP, "analyze", str(scan), "-o", str(out)]
+    turns = [(_run([*CAPSLIP, "--help"]), _run(whole, "status")) for _ in range(repeats)]
     # command, turn, (until the line, until the end, processor)
     help_s, analyze_s = np.array(turns).transpose(1, 0, 2)
     ny, nx = load_surface(scan).shape
@@ -79,11 +98,55 @@ def _run(command: list[str], until: str = "") -> tuple[float, float, float]:
         end_s, worked_s = clocks() - begin
         messages.seek(0)
         if process.returncode != 0 or np.isnan(seen_s):
-            raise CapslipError(
-                f"bench: {' '.join(command)}: exit code {process.returncode}, expected 0 and a "
-                f"line {until!r}: {messages.read().strip()[-300:]}"
-            )
+            raise _failed(command, process.returncode, messages.read(), f" and a line {until!r}")
     return seen_s, float(end_s), float(worked_s)
+
+
+def _failed(command: list[str], code: int, said: str, expected: str = "") -> CapslipError:
+    text = f"bench: {' '.join(command)}: exit code {code}, expected 0{expected}"
+    return CapslipError(f"{text}: {said.strip()[-300:]}")
+
+
+def inspect_large(scan: Path, out: Path, finer: int, repeats: int) -> Iterator[Timing]:
+    """Time and weigh the picture of a large result: that of a scan, each pixel `finer`^2 smaller.
+
+    The result is a real one, of the caps that carry, but for its map: that and the labels of its
+    hills are the analysed ones, repeated. What is read and drawn is as much as of any such map.
+    """
+    settings = load_settings(overrides=("contact.model='interacting'", "run.meshes=false"))
+    analysis = analyze(load_surface(scan), settings)
+    level = analysis.conditioned.surface
+    dy_m, dx_m = level.pixel_size_m
+    fine = HeightMap(
+        _repeated(level.height_m.astype(np.float32), finer), (dy_m / finer, dx_m / finer)
+    )
+    large = replace(
+        analysis,
+        conditioned=replace(analysis.conditioned, surface=fine),
+        hills=replace(analysis.hills, label=_repeated(analysis.hills.label, finer)),
+    )
+    write(large, out, figures=False, render=False, page=False)
+    picture = [*CAPSLIP, "inspect", str(out), "--screenshot", str(out.with_suffix(".png"))]
+    times_s = np.array([_run(picture) for _ in range(repeats)])
+    ny, nx = fine.shape
+    yield replace(
+        _timing("command", f"inspect, {nx} x {ny} points: a picture", times_s[:, 1:], goal_s=5.0),
+        peak_bytes=_peak_bytes(picture),
+        goal_bytes=2e9,
+    )
+
+
+def _repeated(values: np.ndarray, times: int) -> np.ndarray:
+    return values.repeat(times, axis=0).repeat(times, axis=1)
+
+
+def _peak_bytes(command: list[str]) -> int:
+    """Return the most memory that any one process of a command held at a time."""
+    weigh = [sys.executable, "-P", "-c", WEIGH, *command]
+    done = subprocess.run(weigh, capture_output=True, text=True, check=False)
+    if done.returncode != 0:
+        raise _failed(command, done.returncode, done.stderr)
+    return int(done.stdout) * RSS_BYTES
 
 
 def stages(scan: Path, repeats: int) -> Iterator[Timing]:
