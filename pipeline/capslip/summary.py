@@ -333,9 +333,9 @@ def plain(value: Any) -> Any:
     if isinstance(value, dict):
         return {key: plain(inner) for key, inner in value.items()}
     if isinstance(value, np.ndarray):
-        if value.dtype.kind == "f":
-            value = np.where(np.isfinite(value), value, None)
-        return value.tolist() if value.dtype.kind in "fiub" else plain(value.tolist())
+        if value.dtype.kind in "biuf" and np.isfinite(value).all():
+            return value.tolist()
+        return plain(value.tolist())
     if isinstance(value, list | tuple):
         return [plain(inner) for inner in value]
     if isinstance(value, np.generic):

@@ -3,6 +3,7 @@
 import os
 import subprocess
 import sys
+import time
 from pathlib import Path
 
 import h5py
@@ -167,6 +168,36 @@ def test_a_scan_that_changes_while_it_is_read_is_refused(tmp_path, monkeypatch):
     with pytest.raises(readers.UnreadableFileError, match="changed while it was read"):
         readers.load_surface(path)
     assert read is readers.calibrate
+
+
+def test_a_scan_at_rest_that_changes_is_refused_though_size_and_date_are_the_same(
+    tmp_path, monkeypatch
+):
+    path = face(tmp_path / "a.h5")
+    content, long_ago = path.read_bytes(), (1e9, 1e9)
+    os.utime(path, long_ago)
+    row = next(one for one in readers.FORMATS if one.name == "hdf5")
+
+    def swapped(source, request):
+        found = row.read(source, request)
+        path.write_bytes(content[::-1])
+        os.utime(path, long_ago)
+        return found
+
+    fake = type(row)(**{**vars(row), "read": swapped})
+    monkeypatch.setattr(readers, "FORMATS", (fake,))
+    with pytest.raises(readers.UnreadableFileError, match="changed while it was read"):
+        readers.load_surface(path)
+
+
+@pytest.mark.parametrize(("age_s", "times"), [(0.0, 2), (3600.0, 1)])
+def test_a_scan_that_was_just_written_is_hashed_again(tmp_path, monkeypatch, age_s, times):
+    path, calls = face(tmp_path / "a.h5"), []
+    os.utime(path, (time.time() - age_s,) * 2)
+    digest = readers.sha256_of
+    monkeypatch.setattr(readers, "sha256_of", lambda one: calls.append(one) or digest(one))
+    readers.load_surface(path)
+    assert calls == times * [path]
 
 
 def test_sigterm_ends_an_analysis_and_leaves_nothing(tmp_path):

@@ -107,6 +107,31 @@ def test_the_next_result_finds_a_folder_that_was_left_in_between(tmp_path):
     assert contents(folder) == OLD
 
 
+def test_all_of_a_result_is_on_the_disk_before_it_takes_its_place(tmp_path, monkeypatch):
+    sync, move, calls = os.fsync, os.replace, []
+
+    def synced(number):
+        calls.append(("sync", Path(os.readlink(f"/proc/self/fd/{number}")).name))
+        sync(number)
+
+    def moved(source, place):
+        calls.append(("move", Path(place).name))
+        move(source, place)
+
+    result(tmp_path / "a", OLD)
+    monkeypatch.setattr(os, "fsync", synced)
+    monkeypatch.setattr(os, "replace", moved)
+    result(tmp_path / "a", NEW)
+    ready = calls.index(("move", staging.READY))
+    names = {name for what, name in calls[:ready] if what == "sync"}
+    files = {"caps.csv", "settings.toml", "b.png", "surface.vtu", "figures", "summary.json"}
+    assert names > files | {staging.GONE}
+    assert any(name.startswith(staging.OURS) for name in names)  # the folder that was renamed
+    last = calls.index(("move", "summary.json"))
+    after = calls[last - 2 : last] + calls[last + 1 :]
+    assert after == [("sync", "figures"), ("sync", "a"), ("sync", "a")]
+
+
 def write_beside(folder, happens):
     """Write a result while something else happens."""
     with new_folder(folder) as work:

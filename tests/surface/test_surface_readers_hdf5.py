@@ -146,3 +146,19 @@ def test_words_are_found_wherever_blocks_end(tmp_path, monkeypatch, block):
     path.write_bytes(b"unit\0" + b"x" * 60 + b"unit\0uniunit\0")
     with path.open("rb") as file, mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as content:
         assert list(hdf5._places(content, b"unit\0", [(0, len(content))])) == [0, 65, 73]
+
+
+@pytest.mark.parametrize("options", [{}, {"chunks": (2, 2)}, {"chunks": (4, 4), "compression": 4}])
+def test_all_but_the_heights_is_searched(tmp_path, options):
+    heights = np.random.default_rng(1).normal(size=(8, 9))
+    with h5py.File(tmp_path / "a.h5", "w") as file:
+        file.create_dataset("height", data=heights, **options)
+    n_bytes = (tmp_path / "a.h5").stat().st_size
+    with h5py.File(tmp_path / "a.h5") as file:
+        height = file["height"]
+        beside = hdf5._beside(height, n_bytes)
+        assert sum(end - start for start, end in beside) == n_bytes - height.id.get_storage_size()
+    content = bytearray((tmp_path / "a.h5").read_bytes())
+    for start, end in beside:
+        content[start:end] = bytes(end - start)
+    assert (heights.tobytes() in bytes(content)) == (not options)

@@ -83,7 +83,9 @@ class Tables:
             force_N = np.geomspace(1e-3, 1.0, FORCES) * slip.total_slip_force_N
             displacement_m = np.asarray(slip.displacement_m(force_N))
             energy_J = np.asarray(slip.energy_at_force_J(force_N))
-        return table_of({"force_N": force_N, "displacement_m": displacement_m, "energy_J": energy_J})
+        return table_of(
+            {"force_N": force_N, "displacement_m": displacement_m, "energy_J": energy_J}
+        )
 
     @property
     def damping(self) -> np.ndarray:

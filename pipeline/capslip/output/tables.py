@@ -41,7 +41,7 @@ def write_settings(settings: "Settings", folder: Path) -> None:
 
 @lru_cache(4)
 def _toml(settings: "Settings") -> str:
-    """Settings as text; those of a batch are the same for many scans."""
+    """Return settings as text; those of a batch are the same for many scans."""
     return tomli_w.dumps(settings.to_dict())
 
 

@@ -3,9 +3,11 @@
 `python -m capslip.studies.bench.fleet` prints the tables of docs/scaling.md, in some minutes.
 """
 
+import os
 import resource
 import sys
 import tempfile
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
@@ -14,7 +16,9 @@ from pathlib import Path
 
 import numpy as np
 
+from capslip.analysis import analyze
 from capslip.batch import Options, analyse_scan, run_batch
+from capslip.output.folder import write
 from capslip.output.overview import Row, write_overview
 from capslip.output.staging import read_summary
 from capslip.settings import load_settings
@@ -23,10 +27,12 @@ from capslip.studies.clock import clocks
 from capslip.studies.faces.scenes import PAPER
 from capslip.studies.faces.synthetic import Scene, synthetic_surface
 from capslip.studies.page import table
+from capslip.surface.readers import load_surface
 from capslip.surface.readers.hdf5 import write_hdf5
 
 SIDES_M = (0.04, 0.06)
 SHAPES = {(100, 150): 12, (800, 1200): 6}  # and how many scans of each
+RATED = 40  # scans of which some a second are done
 FEW = 4  # scans with pictures, which take seconds
 MANY = (1_000, 10_000)
 WAYS = {
@@ -62,11 +68,12 @@ def bench_fleet() -> str:
     Returns
     -------
     str
-        Three tables: processor and clock time a scan by what is written; where it goes, stage by
-        stage; and what a scan costs beside its analysis, in batches of 1,000 and 10,000.
+        Tables: processor and clock time a scan by what is written; where it goes, stage by stage;
+        what reading and writing take of it; how many scans a second some workers do; and what a
+        scan costs beside its analysis, in batches of 1,000 and 10,000.
     """
     with tempfile.TemporaryDirectory() as name:
-        of_scans, of_stages = [], []
+        of_scans, of_stages, of_numbers, rates = [], [], [], []
         for shape, count in SHAPES.items():
             scans = Path(name) / f"{shape[1]} x {shape[0]}"
             _write_scans(scans, shape, count)
@@ -75,18 +82,22 @@ def bench_fleet() -> str:
                 out = Path(name) / "out" / scans.name / way
                 of_scans.append((scans.name, way, *_per_scan(scans, out, overrides, few)))
             of_stages += _stages(scans.name, Path(name) / "out" / scans.name / way)
+            of_numbers.append((scans.name, *_of_numbers(scans)))
+            rates.append((scans.name, *_rates(shape, Path(name) / f"of {scans.name}")))
         beside = _beside(Path(name))
     return "\n\n".join(
         (
             table(("map", "written", "processor ms", "clock ms", "first, processor ms"), of_scans),
             table(("map", "stage", "clock ms"), of_stages),
+            table(("map", "read ms", "analyse ms", "write ms"), of_numbers),
+            table(("map", "workers", "scans/s", "of as many times one"), rates),
             table(("scans", "what", "found"), beside),
         )
     )
 
 
 def _write_scans(folder: Path, shape: tuple[int, int], count: int) -> None:
-    folder.mkdir()
+    folder.mkdir(parents=True)
     pixel_size_m = (SIDES_M[0] / shape[0], SIDES_M[1] / shape[1])
     face = Scene(
         shape=shape, pixel_size_m=pixel_size_m, seed=1, families=PAPER, gap_m=5e-4, noise_rms_m=2e-9
@@ -109,6 +120,40 @@ def _per_scan(scans: Path, out: Path, overrides: tuple[str, ...], few: int) -> t
     clock_s, worked_s = (seconds[1] - seconds[0]) / (few - 1)
     first_s = seconds[0][1]
     return f"{1e3 * worked_s:.0f}", f"{1e3 * clock_s:.0f}", f"{1e3 * first_s:.0f}"
+
+
+def _of_numbers(scans: Path) -> tuple[str, ...]:
+    """Return processor times of reading, analysing and writing the numbers, in a warm process."""
+    settings = load_settings(overrides=WAYS["numbers"])
+    worked_s = []
+    with tempfile.TemporaryDirectory() as out:
+        for path in sorted(scans.iterdir()):
+            times_s = [time.process_time()]
+            surface = load_surface(path)
+            times_s.append(time.process_time())
+            analysis = analyze(surface, settings)
+            times_s.append(time.process_time())
+            write(analysis, Path(out) / path.stem, page=False)
+            worked_s.append(np.diff([*times_s, time.process_time()]))
+    return tuple(f"{1e3 * each:.1f}" for each in np.median(worked_s[1:], axis=0))
+
+
+def _rates(shape: tuple[int, int], folder: Path) -> tuple[str, ...]:
+    """Return scans a second of all cores once each has done one, and what share that is."""
+    scans, workers, per_s = folder / "rated", os.cpu_count() or 1, []
+    _write_scans(scans, shape, RATED)
+    for count in (1, workers):
+        done_s = _done_s(scans, folder / f"by {count}", count)
+        per_s.append((len(done_s) - count) / (done_s[-1] - done_s[count - 1]))
+    return str(workers), f"{per_s[1]:.1f}", f"{per_s[1] / per_s[0] / workers:.0%}"
+
+
+def _done_s(scans: Path, out: Path, workers: int) -> list[float]:
+    """Return when each scan of a folder was done."""
+    settings = load_settings(overrides=(f"run.workers={workers}", *WAYS["numbers"]))
+    done_s: list[float] = []
+    run_batch([str(scans)], out, settings, lambda _: done_s.append(time.perf_counter()))
+    return done_s
 
 
 def _stages(name: str, out: Path) -> list[tuple[str, str, str]]:

@@ -132,8 +132,9 @@ def _beside(dataset: Any, n_bytes: int) -> list[tuple[int, int]]:
 def _check_strings(path: Path, beside: list[tuple[int, int]]) -> None:
     """Refuse damaged strings of free length: the HDF5 library loops or takes gigabytes over them.
 
-    The bytes beside the heights, which are nearly all of them, are looked at as they lie in the
-    file: the heaps that hold such strings, and the attributes `unit` and `pixel_unit` (format specification 3.0, III.E and IV.A.2.m).
+    The bytes beside the heights are looked at as they lie in the file: the heaps that hold such
+    strings, and the attributes `unit` and `pixel_unit` (format specification 3.0, III.E and
+    IV.A.2.m).
     """
     with (
         path.open("rb") as file,
