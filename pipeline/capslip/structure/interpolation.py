@@ -20,6 +20,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 REACH = 1e-9  # relative, by which a pressure may lie outside of the range
+LEAST_STIFFNESS = 1e-300  # stands for none in a logarithm
 LEAST_SHARE = 1e-4  # of the withdrawal at total slip; below it the loss falls as its cube
 
 
@@ -36,7 +37,7 @@ class LawTables:
 
     def __init__(self, tables: dict[str, Any]) -> None:
         """Take the tables of `law.json`."""
-        z, K = (np.asarray(tables[f"bed_{name}"], dtype=float) for name in COLUMNS)
+        z, K = (np.asarray(tables[name], dtype=float) for name in BED)
         self.friction_coefficient = float(tables["friction_coefficient"])
         self.kappa = float(tables["kappa"])
         self.range_Pa = tuple(float(value) for value in tables["range_Pa"])
@@ -81,14 +82,17 @@ class LawTables:
         """w(delta, p), lost in one cycle between -delta and delta."""
         d, wanted = self._pressed(displacement_m, pressure_Pa)
         e = np.maximum(wanted, LEAST_SHARE * d)
+        w = 4.0 * self.friction_coefficient**2 * self.kappa * self._lost(d, e)
+        return np.asarray(w * np.minimum(wanted / e, 1.0) ** 3)
+
+    def _lost(self, d: np.ndarray, e: np.ndarray) -> np.ndarray:
+        """Integral of s (e - s) K'(d - s)."""
         low = np.maximum(d - e, 0.0)
         touch = np.where(e >= d, self._K[0], 0.0)  # springs that touch at zero, if they slip
         zeroth, first, second = (
             high - below for high, below in zip(self._moments(d), self._moments(low), strict=True)
         )
-        integral = d * (e - d) * (zeroth + touch) + (2.0 * d - e) * first - second
-        w = 4.0 * self.friction_coefficient**2 * self.kappa * integral
-        return np.asarray(w * np.minimum(wanted / e, 1.0) ** 3)
+        return np.asarray(d * (e - d) * (zeroth + touch) + (2.0 * d - e) * first - second)
 
     def _pressed(
         self, displacement_m: ArrayLike, pressure_Pa: ArrayLike
@@ -195,6 +199,57 @@ class TablesByPressure(LawTables):
         return np.asarray(np.exp(found))
 
 
+class BedsByPressure(LawTables):
+    """The same where the bed that each pressure leaves is known, up to the next pressure and on.
+
+    Between two pressures closure and stiffness are the means of theirs at equal loads, straight in
+    logarithms: a spring that touches there for the first time does so at one load in both.
+    """
+
+    def __init__(self, tables: dict[str, Any]) -> None:
+        """Take the tables of `law.json`."""
+        self._of_joint = {name: tables[name] for name in OF_JOINT}
+        self.friction_coefficient = float(tables["friction_coefficient"])
+        self.kappa = float(tables["kappa"])
+        self.range_Pa = tuple(float(value) for value in tables["range_Pa"])
+        self._log_p = np.log(np.asarray(tables["pressure_Pa"], dtype=float))
+        z, self._log_K = (np.asarray(tables[name], dtype=float) for name in BED)
+        self._log_z, self._log_K = (
+            np.log(z[:, 1:]),
+            np.log(np.maximum(self._log_K, LEAST_STIFFNESS)),
+        )
+
+    def closure_m(self, pressure_Pa: ArrayLike) -> np.ndarray:
+        """By how much the faces would open if they were unloaded."""
+        return self._each("closure_m", pressure_Pa)
+
+    def normal_stiffness_Pa_per_m(self, pressure_Pa: ArrayLike) -> np.ndarray:
+        """Slope dp / dd where the pressure falls; where it first rises the face is softer."""
+        return self._each("normal_stiffness_Pa_per_m", pressure_Pa)
+
+    def shear_Pa(self, displacement_m: ArrayLike, pressure_Pa: ArrayLike) -> np.ndarray:
+        """tau(delta, p) on first loading, odd in delta; mu p from total slip on."""
+        return self._each("shear_Pa", pressure_Pa, displacement_m)
+
+    def loss_J_per_m2(self, displacement_m: ArrayLike, pressure_Pa: ArrayLike) -> np.ndarray:
+        """w(delta, p), lost in one cycle between -delta and delta."""
+        return self._each("loss_J_per_m2", pressure_Pa, displacement_m)
+
+    def _each(self, what: str, pressure_Pa: ArrayLike, *displacement_m: ArrayLike) -> np.ndarray:
+        """Return what the bed of each pressure gives."""
+        p, *delta = np.broadcast_arrays(self._checked(pressure_Pa), *displacement_m)
+        found, (each, of) = np.empty(p.shape), np.unique(p, return_inverse=True)
+        for i, one in enumerate(each):
+            at = of.reshape(p.shape) == i
+            found[at] = getattr(self._bed(float(one)), what)(*(x[at] for x in delta), one)
+        return found
+
+    def _bed(self, pressure_Pa: float) -> LawTables:
+        i, x = _cell(self._log_p, np.log(pressure_Pa))
+        z, K = (np.exp((1.0 - x) * of[i] + x * of[i + 1]) for of in (self._log_z, self._log_K))
+        return LawTables(self._of_joint | {BED[0]: np.append(0.0, z), BED[1]: K})
+
+
 class MeanOfScans(LawTables):
     """The mean over the scans of a joint, each of which bears p and moves by delta.
 
@@ -234,7 +289,9 @@ def tables_of(tables: dict[str, Any]) -> LawTables:
     """Return the tables of `law.json`: of several scans, of one, or of one that yields."""
     if "of_scans" in tables:
         return MeanOfScans(tables)
-    return LawTables(tables) if "bed_closure_m" in tables else TablesByPressure(tables)
+    if BED[0] not in tables:
+        return TablesByPressure(tables)
+    return BedsByPressure(tables) if np.ndim(tables[BED[0]]) == 2 else LawTables(tables)
 
 
 def _cell(known: np.ndarray, at: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -244,7 +301,7 @@ def _cell(known: np.ndarray, at: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 OF_JOINT = ("friction_coefficient", "kappa", "range_Pa")
-COLUMNS = ("closure_m", "stiffness_Pa_per_m")
+BED = ("bed_closure_m", "bed_stiffness_Pa_per_m")
 ROWS = (
     *("pressure_Pa", "closure_m", "normal_stiffness_Pa_per_m"),
     *("displacement_m", "shear_Pa", "loss_J_per_m2"),

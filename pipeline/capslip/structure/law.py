@@ -6,12 +6,13 @@ from typing import Any
 
 import numpy as np
 
+from capslip.contact.curve import NormalCurve
 from capslip.contact.joint import MAX_SOLVED, Joint, curve_of_joint
 from capslip.contact.scans import curve_of_scans, kappa_of_scans
 from capslip.contact.slip import SlipCurve, slip_curve
 from capslip.errors import ContactError
 from capslip.structure.band import Part
-from capslip.structure.interpolation import OF_JOINT, ROWS, tables_of
+from capslip.structure.interpolation import BED, OF_JOINT, ROWS, tables_of
 from capslip.structure.jenkins import JenkinsElements, jenkins
 
 # Pressures lie at p0 times ratio^i, so that the pressure of the scan is one of them.
@@ -25,7 +26,7 @@ SHARES = np.union1d(np.geomspace(1e-3, 0.5, 36), 1.0 - np.append(np.geomspace(0.
 SHARES_OF_SCANS = np.union1d(SHARES, np.geomspace(0.05, 1.0, 80))
 SAME_CURVE = 1e-6  # of a closure, by which a curve is another
 POINTS, LEAST_LOAD = 800, 1e-4  # of the bed of springs; of the load of the scan
-BED = ("bed_closure_m", "bed_stiffness_Pa_per_m")
+POINTS_OF_YIELDED = 400  # of each of many beds
 JENKINS_TOLERANCE = 0.02
 # Columns that hold how much the scans of a joint differ
 SCATTERS = {
@@ -82,7 +83,7 @@ class Law:
     @property
     def has_one_curve(self) -> bool:
         """Whether one normal curve serves every pressure."""
-        return self.scans == 1 and BED[0] in self.of_scans[0]
+        return self.scans == 1 and _has_one_bed(self.of_scans[0])
 
     @property
     def at_scan_pressure(self) -> int:
@@ -129,8 +130,8 @@ def law(
     Notes
     -----
     The errors of what lies between the points of the tables are the largest at `pressure_Pa`, from
-    a tenth of mu p on; where each pressure has a solution or a curve of its own, with every second
-    one left out.
+    a tenth of mu p on; where each pressure has a curve of its own, halfway between them, too, and
+    where each has a solution of its own, with every second one left out.
 
     Slip: Eqs. 3-16 of Peyret, Chevallier and Dion, Int. J. Appl. Mech. 8 (2016) 1650097, see
     `contact.slip`. The tilt of the face is that under the pressure of the scan.
@@ -141,11 +142,13 @@ def law(
     rows = _rows(slips, SHARES if len(parts) == 1 else SHARES_OF_SCANS)
     delta, range_Pa = rows["displacement_m"], rows["pressure_Pa"][[0, -1]]
     of_joint = dict(zip(OF_JOINT, (friction_coefficient, slips[0].kappa, range_Pa), strict=True))
-    # What lies between the pressures is measured at those that are left out
-    some = [*patches[:-1:2], patches[-1]]
-    tables = _tables(of_joint, _of_scans(parts, some))
-    shear_error, loss_error = _error_of_tables(tables, slips, delta)
-    of_scans = _of_scans(parts, patches)
+    of_scans, left_out, tested = _of_scans(parts, patches), _is_solved(parts), slips
+    tables = _tables(of_joint, of_scans)
+    if left_out:  # what lies between the pressures is measured at those that are left out
+        tables = _tables(of_joint, _of_scans(parts, [*patches[:-1:2], patches[-1]]))
+    elif not all(map(_has_one_bed, of_scans)):  # or at others between them
+        tested = [*slips, *_between(parts, slips)]
+    shear_error, loss_error = _error_of_tables(tables, tested, delta[0] / delta[0, -1])
     errors = [contact.estimated_error for contact in contacts]
     return Law(
         **rows,
@@ -163,7 +166,7 @@ def law(
         hardness_Pa=contacts[0].hardness_Pa,
         model=slips[0].curve.model,
         model_error=None if None in errors else max(error for error in errors if error is not None),
-        left_out=_is_solved(parts) or any(BED[0] not in scan for scan in of_scans),
+        left_out=left_out,
         shear_error=shear_error,
         loss_error=loss_error,
     )
@@ -192,15 +195,23 @@ def _of_scans(
     found = []
     for part, slips in zip(parts, zip(*patches, strict=True), strict=True):
         rows, is_solved = _rows(slips, SHARES), part.contact.rung.solved_loads_N is not None
-        if part.contact.hardness_Pa is not None and (is_solved or _has_yielded(slips, rows)):
+        yields = part.contact.hardness_Pa is not None
+        if yields and is_solved:
             tables = {name: rows[name] for name in ROWS}
+        elif yields and _has_yielded(slips, rows):
+            tables = _beds(slips, part.joint, _area_m2(part.joint))
         elif is_solved:
             tables = dict(zip(BED, _bed_of_solutions(rows), strict=True))
         else:
-            bed = _bed_of_curve(slips[-1], part.joint, _area_m2(part.joint))
-            tables = dict(zip(BED, bed, strict=True))
+            least_Pa = LEAST_LOAD * part.joint.scan_load_N / _area_m2(part.joint)
+            p = np.geomspace(least_Pa, float(slips[-1].preload_N), POINTS)
+            tables = dict(zip(BED, _bed_of_curve(slips[-1].curve, p), strict=True))
         found.append(tables if len(parts) == 1 else {"share": part.share, **tables})
     return tuple(found)
+
+
+def _has_one_bed(scan: dict[str, Any]) -> bool:
+    return BED[0] in scan and np.ndim(scan[BED[0]]) == 1
 
 
 def _has_yielded(slips: Sequence[SlipCurve], rows: dict[str, np.ndarray]) -> bool:
@@ -295,6 +306,14 @@ def _patches(
     return patches, f"{few}{ratio**above:.2g} times the pressure of the analysis"
 
 
+def _between(parts: Sequence[Part], slips: Sequence[SlipCurve]) -> list[SlipCurve]:
+    """Return the slip curves of the joint halfway between its pressures."""
+    p = np.array([float(slip.preload_N) for slip in slips])
+    factors = np.sqrt(p[1:] * p[:-1]) * _area_m2(parts[0].joint) / parts[0].joint.scan_load_N
+    mu = slips[0].friction_coefficient
+    return [_together(parts, [_patch(part, one, mu) for part in parts]) for one in factors.tolist()]
+
+
 def _patch(part: Part, factor: float, friction_coefficient: float) -> SlipCurve:
     """Return the slip curve per area of a scan under its load times a factor."""
     contact, area_m2 = part.contact, _area_m2(part.joint)
@@ -304,13 +323,28 @@ def _patch(part: Part, factor: float, friction_coefficient: float) -> SlipCurve:
     return slip_curve(per_area, load_N / area_m2, friction_coefficient, contact.composite.kappa)
 
 
-def _bed_of_curve(
-    highest: SlipCurve, joint: Joint, area_m2: float
-) -> tuple[np.ndarray, np.ndarray]:
-    """Return closures and stiffnesses of the whole curve up to the highest pressure."""
-    curve = highest.curve
+def _beds(slips: Sequence[SlipCurve], joint: Joint, area_m2: float) -> dict[str, np.ndarray]:
+    """Return the bed that each pressure leaves, at the same loads of all.
+
+    Up to the next pressure it is that of the curve; beyond, where nobody asks, of one stiffness.
+    """
     least_Pa = LEAST_LOAD * joint.scan_load_N / area_m2
-    p = np.geomspace(least_Pa, float(highest.preload_N), POINTS)
+    pressure_Pa = np.array([float(slip.preload_N) for slip in slips])
+    p = np.union1d(np.geomspace(least_Pa, pressure_Pa[-1], POINTS_OF_YIELDED), pressure_Pa)
+    p = p[np.append(np.diff(p) > SAME_CURVE * p[:-1], True)]
+    beds = []
+    for slip, most_Pa in zip(slips, np.append(pressure_Pa[1:], pressure_Pa[-1]), strict=True):
+        asked = p <= most_Pa * (1.0 + SAME_CURVE)
+        z, K = _bed_of_curve(slip.curve, p[asked])
+        beyond = p[~asked] - p[asked][-1]
+        K = np.append(K, np.full(beyond.size, K[-1]))
+        beds.append((np.append(z, z[-1] + beyond / K[-1]), K))
+    columns = zip(BED, map(np.array, zip(*beds, strict=True)), strict=True)
+    return {ROWS[0]: pressure_Pa, **dict(columns)}
+
+
+def _bed_of_curve(curve: NormalCurve, p: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return closures and stiffnesses of a whole curve at growing pressures, and at its touch."""
     approach_m = np.asarray(curve.approach_m(p))
     K = np.asarray(curve.stiffness_N_per_m(approach_m))
     return _from_touch(p, approach_m - float(curve.touch_m), K)
@@ -340,15 +374,15 @@ def _from_touch(p: np.ndarray, z: np.ndarray, K: np.ndarray) -> tuple[np.ndarray
 
 
 def _error_of_tables(
-    of: dict[str, Any], slips: Sequence[SlipCurve], delta: np.ndarray
+    of: dict[str, Any], slips: Sequence[SlipCurve], shares: np.ndarray
 ) -> tuple[float, float]:
     """Return the largest errors of shear and loss against the slip curves they stand for.
 
-    At the displacements (p, k) of the law and halfway between them.
+    At shares of the displacements at total slip, and halfway between them.
     """
     tables = tables_of(of)
-    between = 0.5 * (delta[:, 1:] + delta[:, :-1])
-    delta = np.sort(np.hstack((delta, between)), axis=1)
+    shares = np.union1d(shares, 0.5 * (shares[1:] + shares[:-1]))
+    delta = np.array([float(slip.total_slip_displacement_m) for slip in slips])[:, None] * shares
     p = np.array([float(slip.preload_N) for slip in slips])[:, None]
     exact = _sheared(slips, delta)
     asked = exact["shear_Pa"] >= ASKED_SHARE * slips[0].friction_coefficient * p
