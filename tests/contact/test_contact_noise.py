@@ -5,14 +5,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from capslip.contact.map_accuracy import NORMAL_95, error_of_map
+from capslip.contact.map_accuracy import error_of_map
 from capslip.contact.models import boundary_elements as bem
 from capslip.contact.solvers.noise import white_noise_m
+from capslip.contact.solvers.path import Path
 from capslip.studies.faces.synthetic import Cap, Scene, synthetic_surface
 
-E_STAR_PA, LOAD_N, NOISE_M = 110e9, 300.0, 1e-9
+E_STAR_PA, LOAD_N = 110e9, 300.0
 SHARES = (0.1, 0.25, 0.5)
-BETWEEN = 0.005  # of the energy, that is left open between solved loads
 WAVES = Scene(
     (100, 150), (4e-4, 4e-4), seed=3, waviness_rms_m=4e-7, waviness_length_m=6e-3, floor_m=0.0
 )
@@ -36,16 +36,23 @@ def clean():
     return pressed(0.0)
 
 
-def test_the_energies_of_noisy_maps_scatter_as_the_first_order_says(clean):
-    """Of sixteen maps the standard deviation is good to 18 %, and that of neighbours to 30 %."""
+def solved_J(curve):
+    """Return the losses of these loads themselves, with nothing between solved ones."""
+    path = Path(curve.solutions.face, curve.pressed(LOAD_N), 1e-9, on_patches=True)
+    return np.array([path.at(share).region_loss_J.sum() for share in SHARES])
+
+
+@pytest.mark.parametrize("noise_m", [1e-10, 1e-9])
+def test_the_energies_of_noisy_maps_scatter_as_the_first_order_says(clean, noise_m):
+    """Within a factor of two: of ten maps it is good to 22 %, and neighbours tell it to 30 %."""
     rng = np.random.default_rng(5)
-    maps = [pressed(NOISE_M * rng.standard_normal(WAVES.shape)) for _ in range(16)]
-    off = np.array([losses_J(one) for one in maps]) / losses_J(clean) - 1.0
+    maps = [pressed(noise_m * rng.standard_normal(WAVES.shape)) for _ in range(10)]
+    off = np.array([solved_J(one) for one in maps]) / solved_J(clean) - 1.0
     unloading = clean.unloading(LOAD_N)
-    said = [NOISE_M * unloading.noise_per_m(share * LOAD_N) for share in SHARES]
-    found = np.sqrt(np.mean(off**2, axis=0))
-    assert found[:2].min() > 2.0 * BETWEEN
-    assert found == pytest.approx(np.hypot(said, BETWEEN), rel=0.5)
+    said = [noise_m * unloading.noise_per_m(share * LOAD_N) for share in SHARES]
+    ratio = np.sqrt(np.mean(off**2, axis=0)) / said
+    assert (0.5 < ratio).all()
+    assert (ratio < 2.0).all()
 
 
 def test_the_estimate_at_each_force_holds_what_noise_does_there(clean):
