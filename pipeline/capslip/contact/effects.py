@@ -19,7 +19,7 @@ from capslip.settings import Settings
 from capslip.surface.conditioning import Conditioned
 from capslip.surface.doubts import VISIBLE_FORM
 from capslip.surface.flatness import bows_m
-from capslip.surface.form import level_and_straight
+from capslip.surface.form import level_and_straight, remove_form
 from capslip.surface.heightmap import HeightMap
 from capslip.surface.interpolated import pixels_apart
 from capslip.surface.rounding import few_steps
@@ -119,6 +119,12 @@ def _bow_or_not(face: FaceOfCaps) -> tuple[HeightMap, ...]:
     return coarse, *(replace(coarse, height_m=coarse.height_m + bow_m) for bow_m in bows)
 
 
+def _tilt_or_not(face: FaceOfCaps) -> tuple[HeightMap, ...]:
+    """Return a coarse map, and the same without its least-squares plane."""
+    coarse = coarse_map(face.surface)
+    return coarse, remove_form(coarse, "plane")[0]
+
+
 def _seams_or_not(face: FaceOfCaps) -> tuple[HeightMap, ...]:
     """Return a coarse map, and that of the fields on one level; seams are lines of fine pixels."""
     surface = face.surface
@@ -146,6 +152,7 @@ def _removed_or_not(conditioned: Conditioned) -> tuple[HeightMap, HeightMap]:
 
 
 OF_THE_MAP = {
+    "tilt_left": _tilt_or_not,
     "bow_left": _bow_or_not,
     "seams": _seams_or_not,
     "interpolated": _interpolated_or_not,

@@ -1,10 +1,12 @@
 """What a map that is pressed itself is unsure of: `error_of_map` of its curve."""
 
+import math
 from typing import TYPE_CHECKING
 
 from capslip.contact.bulk import bulk_of_face_m_per_N
 from capslip.contact.rung import ModelError
 from capslip.contact.solvers.detail import WHITE_LEFT, FirstLoading, effect_of_detail
+from capslip.contact.solvers.noise import white_noise_m
 from capslip.contact.solvers.unloading import SMALL_SLIP, Unloading
 from capslip.errors import OutOfTimeError
 from capslip.problems import Effect, Problem
@@ -17,6 +19,8 @@ S_FILTER, NOISE_PIXELS = "conditioning.s_filter_nesting_index_m", 5.0  # what ta
 # Over what pixels leave in the energy of spheres, by shares of mu N, so that nearly all are within
 PIXELS_95 = {0.1: 3.0, 0.25: 6.0, 0.5: 6.0, 0.75: 6.0, 1.0: 6.0}
 RESOLVED = 0.1  # of what the filter takes, that noise may be: 0.01 on smooth faces, noise 0.3 to 1
+NORMAL_95 = 1.96  # standard deviations of noise that hold 95 %
+ASKED = 0.25  # of mu N, from which noise that moves the energy is a warning; below, a note
 LEAST_ERROR = 0.01  # of stiffness and energy, by the pixels of contacts that are resolved
 
 
@@ -25,8 +29,8 @@ def error_of_map(
 ) -> tuple[ModelError | None, tuple[Problem, ...]]:
     """Return the errors of stiffness and energy, and what takes them beyond the tolerance.
 
-    What is left between the solved loads, what pixels leave, and what the finest detail of the map
-    decides.
+    What is left between the solved loads, what pixels and white noise leave, and what the finest
+    detail of the map decides.
 
     Parameters
     ----------
@@ -48,8 +52,11 @@ def error_of_map(
         found.append(Problem("loss_between_loads", "warning", message, effect))
     of_pixels = PIXELS_95[SMALL_SLIP] * unloading.pixel_error(SMALL_SLIP * load_N)
     least = max(between, LEAST_ERROR)
+    noise_m = white_noise_m(first.face, first.approach_m)
+    of_noise = NORMAL_95 * noise_m * unloading.noise_per_m(SMALL_SLIP * load_N)
+    of_both = math.hypot(of_pixels, of_noise)
     if unloading.cut_short:  # no time is left to look at what detail decides
-        return _with_pixels(unloading, max(least, of_pixels), least), tuple(found)
+        return _with_pixels(unloading, noise_m, max(least, of_both), least), tuple(found)
     resolved = unloading.smallest_drop_N < SMALL_SLIP * load_N and all(
         problem.code != "under_resolved" for problem in curve.problems(load_N)
     )
@@ -70,7 +77,7 @@ def error_of_map(
             "was pressed without its finest detail: what that decides is not known"
         )
         found.append(Problem("time_limit_reached", "warning", message))
-        return _with_pixels(unloading, max(least, of_pixels), least), tuple(found)
+        return _with_pixels(unloading, noise_m, max(least, of_both), least), tuple(found)
     effect = detail.effect
     stiffness, energy, factor = effect.tangential_stiffness or 0.0, effect.energy or 0.0, 1.0
     greatest = max(stiffness, energy)
@@ -88,22 +95,40 @@ def error_of_map(
         step = f"--set {S_FILTER}={nesting_m:.2g}, if the detail is noise; else a finer scan"
         found.append(Problem("detail_decides", "warning", message, effect, step))
         factor = 1.0 / (1.0 - WHITE_LEFT)
-    elif of_pixels > tolerance:
-        found.append(_at_small_slip(of_pixels))
+    elif (at_force := NORMAL_95 * noise_m * unloading.noise_per_m(ASKED * load_N)) > tolerance:
+        found.append(_of_noise(noise_m, at_force, max(curve.pressed(load_N).pixel_size_m)))
+    elif of_both > tolerance:
+        found.append(_at_small_slip(of_both))
     errors = max(factor * stiffness, LEAST_ERROR), max(factor * energy, least)
-    return _with_pixels(unloading, *errors), tuple(found)
+    return _with_pixels(unloading, noise_m, *errors), tuple(found)
 
 
-def _with_pixels(unloading: Unloading, stiffness: float, energy: float) -> ModelError:
-    """Return errors, with what pixels leave in the energy, which falls with the force."""
-    by_share = tuple(
-        (share, max(factor * unloading.pixel_error(share * unloading.load_N), energy))
-        for share, factor in PIXELS_95.items()
-    )
-    return ModelError(stiffness, max(error for _, error in by_share), by_share)
+def _with_pixels(
+    unloading: Unloading, noise_m: float, stiffness: float, energy: float
+) -> ModelError:
+    """Return errors, with what pixels and noise leave in the energy, which falls with the force."""
+    by_share = []
+    for share, factor in PIXELS_95.items():
+        drop_N = share * unloading.load_N
+        noise = NORMAL_95 * noise_m * unloading.noise_per_m(drop_N)
+        by_share.append(
+            (share, max(math.hypot(factor * unloading.pixel_error(drop_N), noise), energy))
+        )
+    return ModelError(stiffness, max(error for _, error in by_share), tuple(by_share))
 
 
 def _at_small_slip(error: float) -> Problem:
     force = f"{percent(SMALL_SLIP)} of the force at gross slip"
-    message = f"at {force} the pixels of the map leave up to {error:.1%} in the energy per cycle"
+    message = (
+        f"at {force} pixels and noise of the map leave up to {error:.1%} in the energy per cycle"
+    )
     return Problem("small_slip_extrapolated", "info", message, Effect(None, error, error))
+
+
+def _of_noise(noise_m: float, error: float, pixel_m: float) -> Problem:
+    message = (
+        f"white noise of {noise_m:.2g} m a point leaves up to {error:.1%} in the energy per cycle "
+        f"at {percent(ASKED)} of the force at gross slip"
+    )
+    step = f"--set {S_FILTER}={NOISE_PIXELS * pixel_m:.2g}, or average several scans"
+    return Problem("detail_decides", "warning", message, Effect(None, error, error), step)

@@ -22,6 +22,7 @@ from capslip.errors import ContactError
 from capslip.settings import Settings
 from capslip.surface.conditioning import Conditioned
 from capslip.surface.flatness import bows_m
+from capslip.surface.form import remove_form
 from capslip.surface.graph import connected_parts
 from capslip.surface.heightmap import HeightMap
 from capslip.surface.holes import depth_of_holes
@@ -120,6 +121,8 @@ class Trials:
         """Return what to press instead, for the problems of one code."""
         if code == "bow_left":
             yield from self._bowed()
+        elif code == "tilt_left":
+            yield self._levelled()
         elif code == "seams":
             yield self._on_one_level()
         elif code == "interpolated":
@@ -155,6 +158,18 @@ class Trials:
         if (self.face.stands_up_m(unbowed, *below_m) > 0.0).any():
             raise ContactError("without the bow hills below the cut touch, which are no caps yet")
         yield unbowed
+
+    def _levelled(self) -> CapTable:
+        """Return caps without the tilt of the least-squares plane; their radii stay."""
+        caps, coarse = self.caps, coarse_map(self.face.surface)
+        tilt_m = coarse.height_m - remove_form(coarse, "plane")[0].height_m
+        nx, (dy_m, dx_m) = coarse.shape[1], coarse.pixel_size_m
+        known = np.flatnonzero(np.isfinite(tilt_m))
+        row, col = np.divmod(known, nx)
+        plane = np.column_stack(((col + 0.5) * dx_m, (row + 0.5) * dy_m, np.ones(known.size)))
+        slope_x, slope_y, up_m = np.linalg.lstsq(plane, tilt_m.reshape(-1)[known], rcond=None)[0]
+        at_caps_m = slope_x * caps.x_m + slope_y * caps.y_m + up_m
+        return caps.with_columns(peak_height_m=caps.peak_height_m - at_caps_m)
 
     def _on_one_level(self) -> CapTable:
         surface, caps = self.face.surface, self.caps

@@ -171,7 +171,7 @@ class Path:
         gap_m = sinking_m + patches.depth_m - preload.approach_m
         error = float(np.abs(gap_m - patches.gathered(preload.gap_m))[patches.measured].max())
         below = min(self.nodes, key=lambda node: abs(node.load_N / preload.load_N - 0.75))
-        pressure_Pa = self.face.spread(self._known(below).pressure_Pa)
+        pressure_Pa = self.face.spread(self.known(below).pressure_Pa)
         gap_m = self.map.half_space.sinking_m(pressure_Pa) + self.map.depth_m
         gap_m -= self.pressed.approach_m - below.withdrawal_m
         out = self.map.measured & (pressure_Pa == 0)
@@ -181,14 +181,15 @@ class Path:
     def _start(self, load_N: float) -> np.ndarray:
         """Return pressures near those under a load, from the solved loads around it."""
         k = sum(node.load_N >= load_N for node in self.nodes)
-        below = self._known(self.nodes[k] if k < len(self.nodes) else self.end())
+        below = self.known(self.nodes[k] if k < len(self.nodes) else self.end())
         preload = Known(0.0, self.pressed.pressure_Pa)
-        above = self._known(self.nodes[k - 1]) if k > 0 else preload
-        before = self._known(self.nodes[k - 2]) if k > 1 else preload
+        above = self.known(self.nodes[k - 1]) if k > 0 else preload
+        before = self.known(self.nodes[k - 2]) if k > 1 else preload
         total_Pa = load_N / self.face.pixel_area_m2
         return start_Pa(total_Pa, before if k > 0 else self.punch_Pa_per_m, above, below)
 
-    def _known(self, node: Node) -> Known:
+    def known(self, node: Node) -> Known:
+        """Return withdrawal and pressures of a node, at all points."""
         pressure_Pa = np.zeros(self.n_points)
         pressure_Pa[node.contact] = node.pressure_Pa
         return Known(node.withdrawal_m, pressure_Pa)

@@ -16,6 +16,7 @@ from capslip.contact.solvers.losses import (
     losses,
     region_losses,
 )
+from capslip.contact.solvers.noise import loss_noise_per_m
 from capslip.contact.solvers.patches import PatchedFace
 from capslip.contact.solvers.path import Node, Path
 from capslip.contact.solvers.polonsky_keer import ElasticFace, Pressed
@@ -65,10 +66,17 @@ class Unloading:
     cut_short: bool = False  # whether the time was over before the loss was settled
     # Load drops, growing, and what pixels leave in the loss at each, relative, shape (2, k)
     of_pixels: np.ndarray = field(default_factory=lambda: np.ones((2, 1)))
+    # The same of white noise of one metre, see `loss_noise_per_m`
+    of_noise: np.ndarray = field(default_factory=lambda: np.array([[1.0], [0.0]]))
 
     def pixel_error(self, load_drop_N: float) -> float:
         """Return what pixels leave in the loss at a load drop, a power between those solved."""
         return math.exp(float(np.interp(math.log(load_drop_N), *np.log(self.of_pixels))))
+
+    def noise_per_m(self, load_drop_N: float) -> float:
+        """Return what white noise of one metre does to the loss at a load drop, relative."""
+        drop_N, of_noise = self.of_noise
+        return float(np.interp(math.log(load_drop_N), np.log(drop_N), of_noise))
 
 
 def unload(
@@ -332,4 +340,5 @@ def _tabulated(path: Path, cut_short: bool) -> Unloading:
         refinement=1 if path.patches is None else path.patches.refinement,
         cut_short=cut_short,
         of_pixels=_of_pixels(path),
+        of_noise=loss_noise_per_m(path),
     )
