@@ -12,6 +12,7 @@ from capslip.caps.table import DOUBTFUL, CapFlag, CapTable
 from capslip.problems import Problem
 from capslip.surface.doubts import VISIBLE_FORM, bow_of_form_m
 from capslip.surface.heightmap import HeightMap
+from capslip.surface.holes import problems_of_holes
 
 BOW_LEVEL = 0.01  # of the F-test that the peaks lie on a bow
 MEANING = {  # of the flags of caps that hills can have
@@ -29,7 +30,7 @@ MEANING = {  # of the flags of caps that hills can have
 def problems_of_caps(
     surface: HeightMap, hills: Hills, caps: CapTable, material_ratio: float
 ) -> list[Problem]:
-    """Return what makes the hills of a face, or their caps, doubtful.
+    """Return what makes the hills of a face, or their caps, doubtful, and holes that may hide some.
 
     Parameters
     ----------
@@ -55,6 +56,7 @@ def problems_of_caps(
         *_cut(surface, hills, caps, material_ratio),
         *_flagged(caps),
         *_not_spherical(caps),
+        *problems_of_holes(surface, 0.5 * float(np.median(caps.diameter_m[caps.usable]))),
     ]
 
 

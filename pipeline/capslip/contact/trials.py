@@ -3,6 +3,7 @@
 import math
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, fields
+from functools import cached_property
 
 import numpy as np
 
@@ -115,6 +116,11 @@ class Trials:
     caps: CapTable
     peaks: CapTable
     conditioned: Conditioned
+
+    @cached_property
+    def before(self) -> np.ndarray:
+        """Energies and stiffness of the caps as they are."""
+        return self.face.answers(self.caps)
 
     def of(self, code: str) -> Iterator[CapTable]:
         """Return what to press instead, for the problems of one code."""
