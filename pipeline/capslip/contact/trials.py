@@ -216,6 +216,7 @@ class Trials:
         total = float(odds.sum())
         expected = max(total, lost) if total > 0.0 else 0.0
         if not expected > -math.log1p(-UNLIKELY):
+            self.face.answers(caps)  # raises: of caps that cannot be pressed nothing is known
             return
         rng = np.random.default_rng(0)
         seen_m = list(zip(caps.x_m[member], caps.y_m[member], strict=True))
