@@ -9,6 +9,7 @@ import pytest
 
 from capslip import stages
 from capslip.analysis import analyze, analyze_once
+from capslip.caps import doubts
 from capslip.caps.fit import fit_caps
 from capslip.caps.table import CapFlag, CapTable
 from capslip.contact.depth import press_for_depth
@@ -121,7 +122,7 @@ def test_a_fit_is_pressed_where_it_wants_to_be_and_something_presses(more, turns
 
 
 def test_a_hole_is_compared_with_half_the_usual_diameter():
-    with mock.patch.object(stages, "problems_of_holes", return_value=()) as asked:
+    with mock.patch.object(doubts, "problems_of_holes", return_value=()) as asked:
         found = find_face(face(), settings(), None, Clock())
     ((_, radius_m),) = (call.args for call in asked.call_args_list)
     assert radius_m == pytest.approx(0.5 * np.median(found.caps.diameter_m), rel=1e-12)

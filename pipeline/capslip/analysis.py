@@ -325,7 +325,8 @@ def _analyzed(
     except ContactError as error:
         failed = Problem("contact_failed", "error", str(error))
         found = replace(found, problems=(*found.problems, failed))
-    return face, replace(found, problems=problems_of(face, found, mate))
+    with clock("doubts"):
+        return face, replace(found, problems=problems_of(face, found, mate))
 
 
 def _check(settings: Settings, mate: HeightMap | None) -> None:

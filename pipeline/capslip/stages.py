@@ -39,7 +39,6 @@ from capslip.structure.response import Damping, response
 from capslip.structure.stiffness import stiffnesses
 from capslip.surface.conditioning import Conditioned, condition
 from capslip.surface.heightmap import HeightMap
-from capslip.surface.holes import problems_of_holes
 from capslip.surface.mating import Placement, mate, place
 
 MAX_TURNS = 10  # of fit and contact
@@ -271,7 +270,8 @@ def _one_map(conditioned: Conditioned, settings: Settings, clock: Clock) -> Face
         hills, caps, doubts = _hills_and_caps(conditioned.surface, settings, clock)
         caps, families = _grouped(caps, settings, clock)
         ratio = settings.hills.material_ratio
-        problems += [*doubts, *_below_cut(conditioned.surface, families, ratio, settings)]
+        with clock("doubts"):
+            problems += [*doubts, *_below_cut(conditioned.surface, families, ratio, settings)]
         found = (hills, caps, families, hills.label, caps)
         return Face(joint, conditioned, None, *found, tuple(problems))
     step = {"step": "level", "tilt_rad": list(level.slope), "load_point_m": level.load_point_m}
@@ -280,12 +280,10 @@ def _one_map(conditioned: Conditioned, settings: Settings, clock: Clock) -> Face
     with clock("families"):
         plane, hills, family_caps, families = _families(level, settings)
         caps = _named(level, hills, family_caps)
-        ratio = _family_ratio(settings)
+    ratio = _family_ratio(settings)
+    with clock("doubts"):
         problems += _below_cut(plane, families, ratio, settings, own_plane=True)
-    problems += problems_of_caps(plane, hills, family_caps, ratio)
-    if family_caps.usable.any():
-        hill_m = 0.5 * float(np.median(family_caps.diameter_m[family_caps.usable]))
-        problems += problems_of_holes(plane, hill_m)
+        problems += problems_of_caps(plane, hills, family_caps, ratio)
     found = (level.hills, caps, families, level.hills.label, family_caps)
     return Face(joint, conditioned, level, *found, tuple(problems))
 
@@ -451,10 +449,8 @@ def _hills_and_caps(
         )
     with clock("caps"):
         caps, moved = _fitted(surface, hills, settings)
-    problems = problems_of_caps(surface, hills, caps, chosen.material_ratio)
-    if caps.usable.any():
-        hill_m = 0.5 * float(np.median(caps.diameter_m[caps.usable]))
-        problems += problems_of_holes(surface, hill_m)
+    with clock("doubts"):
+        problems = problems_of_caps(surface, hills, caps, chosen.material_ratio)
     if moved > SETTLED:
         message = f"the last turn of fit and contact still moved {moved:.1%} of the load"
         problems.append(Problem("fit_not_settled", "warning", message))

@@ -13,6 +13,7 @@ from capslip.problems import Problem
 from capslip.surface.doubts import bow_left, bow_of_form_m
 from capslip.surface.form import ROUNDING
 from capslip.surface.heightmap import HeightMap
+from capslip.surface.holes import problems_of_holes
 
 BOW_LEVEL = 0.01  # of the F-test that the peaks lie on a bow
 MEANING = {  # of the flags of caps that hills can have
@@ -30,7 +31,7 @@ MEANING = {  # of the flags of caps that hills can have
 def problems_of_caps(
     surface: HeightMap, hills: Hills, caps: CapTable, material_ratio: float
 ) -> list[Problem]:
-    """Return what makes the hills of a face, or their caps, doubtful.
+    """Return what makes the hills of a face, or their caps, doubtful, and holes that may hide some.
 
     Parameters
     ----------
@@ -56,6 +57,7 @@ def problems_of_caps(
         *_cut(surface, hills, caps, material_ratio),
         *_flagged(caps),
         *_not_spherical(caps),
+        *problems_of_holes(surface, 0.5 * float(np.median(caps.diameter_m[caps.usable]))),
     ]
 
 

@@ -197,10 +197,11 @@ def problems_of_band(
         What was filtered off.
     """
     diameter_m = caps.contact_diameter_m
+    if diameter_m is None:
+        return []
     nesting_m = filters.s_filter_nesting_index_m
     shortest_m = carried_waves_m(surface, noise_m, nesting_m)[0]
-    pixel_limit_m = 2.0 * max(surface.pixel_size_m)
-    if diameter_m is None or diameter_m >= shortest_m or shortest_m <= pixel_limit_m:
+    if diameter_m >= shortest_m or shortest_m <= 2.0 * max(surface.pixel_size_m):
         return []
     why = f"shorter waves drown in its noise of {noise_m:.2g} m a point"
     if nesting_m is not None and shortest_m == nesting_m:

@@ -9,7 +9,7 @@ import numpy as np
 
 from capslip.caps.families import Families
 from capslip.caps.table import CapTable
-from capslip.contact.accuracy import answers
+from capslip.contact.accuracy import FORCE_SHARES, answers
 from capslip.contact.levelling import coarse_map
 from capslip.contact.rung import Rung, Scene
 from capslip.contact.trials import LEFT_OUT, FaceOfCaps, Trials
@@ -76,12 +76,8 @@ def with_effects(
                 asked.remove(code)
                 effects[code], how[code] = (by_map, 0.0), "found on the map with fewer points"
     if asked:
-        try:
-            before = face.answers(caps)
-            trials = Trials(face, caps, peaks, conditioned)
-            effects |= {code: _effect(trials, code, before) for code in asked}
-        except CapslipError:
-            pass  # what cannot be pressed has no effect, and stays as it is
+        trials = Trials(face, caps, peaks, conditioned)
+        effects |= {code: _effect(trials, code) for code in asked}
     removed, _ = effects.get("outliers_removed", UNKNOWN)
     matters = removed is not None and removed.greatest > ASK_MAP * tolerance
     if model is not None and model.made_from == "map" and matters:
@@ -236,16 +232,16 @@ def _as_severe(
     return replace(problem, severity="warning" if moves else "info", message=message, effect=effect)
 
 
-def _effect(trials: Trials, code: str, before: np.ndarray) -> tuple[Effect | None, float]:
+def _effect(trials: Trials, code: str) -> tuple[Effect | None, float]:
     """Return the greatest changes by all trials of a doubt; unknown where one cannot be pressed.
 
     And that of the approach, which a bow moves before all else: it counts from the highest peaks.
     """
-    change, approach, face = np.zeros(len(before)), 0.0, trials.face
+    change, approach, face = np.zeros(len(FORCE_SHARES) + 1), 0.0, trials.face
     try:
         before_m = face.approach_m(trials.caps) if code == "bow_left" else math.nan
         for caps in trials.of(code):
-            change = np.maximum(change, np.abs(face.answers(caps) / before - 1.0))
+            change = np.maximum(change, np.abs(face.answers(caps) / trials.before - 1.0))
             if code == "bow_left":
                 approach = max(approach, abs(face.approach_m(caps) / before_m - 1.0))
     except CapslipError:

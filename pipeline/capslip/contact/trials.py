@@ -3,6 +3,7 @@
 import math
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, fields
+from functools import cached_property
 
 import numpy as np
 
@@ -117,6 +118,11 @@ class Trials:
     peaks: CapTable
     conditioned: Conditioned
 
+    @cached_property
+    def before(self) -> np.ndarray:
+        """Energies and stiffness of the caps as they are."""
+        return self.face.answers(self.caps)
+
     def of(self, code: str) -> Iterator[CapTable]:
         """Return what to press instead, for the problems of one code."""
         if code == "bow_left":
@@ -225,6 +231,7 @@ class Trials:
         total = float(odds.sum())
         expected = max(total, lost) if total > 0.0 else 0.0
         if not expected > -math.log1p(-UNLIKELY):
+            self.face.answers(caps)  # raises: of caps that cannot be pressed nothing is known
             return
         rng = np.random.default_rng(0)
         seen_m = list(zip(caps.x_m[member], caps.y_m[member], strict=True))

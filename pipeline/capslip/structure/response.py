@@ -192,10 +192,13 @@ class _Mode:
 
     def _highest(self, grid_m: np.ndarray, i: int) -> Peak:
         """Return amplitude and value of the highest loss factor beside a point of a grid."""
+        is_last = i == len(grid_m) - 1
         for _ in range(6):  # each turn looks eight times closer
             grid_m = np.geomspace(grid_m[max(i - 1, 0)], grid_m[min(i + 1, len(grid_m) - 1)], 17)
             loss = self._loss_factor(grid_m)
             i = int(np.argmax(loss))
+            if is_last and (np.diff(loss) > 0.0).all() and np.diff(loss[-3:], 2)[0] > 0.0:
+                break  # it grows ever faster up to the end
         return float(grid_m[i]), float(loss[i])
 
     def damping(
