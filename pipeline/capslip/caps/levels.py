@@ -24,7 +24,7 @@ from capslip.caps.clusters import (
     one_cluster,
     separation_of,
     split_inside,
-    splits,
+    splits_of_rows,
 )
 from capslip.caps.simplex import Vertex, minimum
 
@@ -461,7 +461,7 @@ def _explained(M: np.ndarray, unknowns: int) -> np.ndarray:
 def _best_splits(z: np.ndarray, count: int) -> np.ndarray:
     """Return the sizes of the clusters of each row of sorted numbers, shape (s, count)."""
     if count > 2:
-        return np.array([splits(_centred(row), count)[-1] for row in z])
+        return splits_of_rows(z - z.mean(axis=1, keepdims=True), count)[-1]
     low = 1 + np.argmax(_between(z), axis=1)
     return np.column_stack((low, z.shape[1] - low))
 
