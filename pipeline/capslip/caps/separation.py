@@ -184,7 +184,7 @@ class _Lattice:
         """
         n_hills = np.int64(hill.max(initial=0)) + 1
         begin = np.flatnonzero((np.diff(self.point, prepend=-2) != 1) | (np.diff(hill, prepend=-1)))
-        end = np.append(begin[1:], len(hill)) - 1
+        end = begin + np.diff(begin, append=len(hill)) - 1
         runs = Runs(self.point[begin], self.point[end], self.shape[1])
         one, other = runs.pairs()
         apart = hill[begin[one]] != hill[begin[other]]
