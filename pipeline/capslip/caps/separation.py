@@ -189,7 +189,7 @@ class _Lattice:
         one, other = runs.pairs()
         apart = hill[begin[one]] != hill[begin[other]]
         one, other = one[apart], other[apart]
-        along = np.flatnonzero(runs.first[1:] == runs.last[:-1] + 1)  # the row goes on, not the hill
+        along = np.flatnonzero(runs.first[1:] == runs.last[:-1] + 1)  # the row goes on
         spots = [self._lower(begin[along + 1], end[along])]
         for first in range(0, one.size, BLOCK_POINTS // 8):
             some = slice(first, first + BLOCK_POINTS // 8)
