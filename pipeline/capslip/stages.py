@@ -19,7 +19,6 @@ from capslip.caps.fitting import fit_named
 from capslip.caps.hills import Hills, find_hills
 from capslip.caps.joining import join_faces
 from capslip.caps.levels import bow_terms
-from capslip.caps.noise import noise_at_rest
 from capslip.caps.points import points_of_hills
 from capslip.caps.table import CapTable
 from capslip.contact.choice import boundary_elements_s, estimate_error, rung_of_the_map
@@ -339,8 +338,7 @@ def _families(level: Level, settings: Settings) -> tuple[HeightMap, Hills, CapTa
     """
     coarse, bow, at_m = level.coarse, np.zeros(3), level.load_point_m
     slope = np.array(level.rest_slope) + level.slope
-    noise_m = noise_at_rest(coarse, (slope[0], slope[1])).neighbours_m
-    ratio = _family_ratio(settings)
+    noise_m, ratio = level.coarse_noise.neighbours_m, _family_ratio(settings)
     for _ in range(FAMILY_TURNS):
         _, caps = _counted(turned(coarse, -slope, at_m, -bow), settings, noise_m, ratio)
         turn, bend, count = surface_of_families(caps, at_m)

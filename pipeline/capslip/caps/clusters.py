@@ -3,6 +3,7 @@
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 
@@ -156,24 +157,37 @@ def within_of(z: np.ndarray, sizes: np.ndarray) -> np.ndarray:
 
 def splits(z: np.ndarray, most: int) -> list[np.ndarray]:
     """Sizes of the best split into 3, ... `most` clusters, by dynamic programming."""
-    edges = np.unique(np.linspace(0, len(z), min(len(z), MAX_EDGES) + 1).astype(int))
-    total, square = (np.append(0.0, np.cumsum(z**power))[edges] for power in (1, 2))
-    first, last = np.triu_indices(len(edges), 1)
-    cost = np.full((len(edges), len(edges)), np.inf)
-    mean_part = (total[last] - total[first]) ** 2 / (edges[last] - edges[first])
-    cost[first, last] = square[last] - square[first] - mean_part
-    least = cost[0]  # of the numbers up to each edge
+    return [split[0] for split in splits_of_rows(z[None], most)]
+
+
+def splits_of_rows(z: np.ndarray, most: int) -> list[np.ndarray]:
+    """Return the same of rows of sorted numbers: sizes of shape (n_rows, 3), ... (n_rows, most)."""
+    n_rows, n = z.shape
+    edges, first, last = _edges(n)
+    total, square = (np.cumsum(z**power, axis=1) for power in (1, 2))
+    total, square = (np.pad(sums, ((0, 0), (1, 0)))[:, edges] for sums in (total, square))
+    cost = np.full((n_rows, len(edges), len(edges)), np.inf)
+    mean_part = (total[:, last] - total[:, first]) ** 2 / (edges[last] - edges[first])
+    cost[:, first, last] = square[:, last] - square[:, first] - mean_part
+    least, each = cost[:, 0], np.arange(n_rows)  # of the numbers up to each edge
     origins, splits = [], []
     for count in range(2, most + 1):
-        through = least[:, None] + cost
-        origins.append(np.argmin(through, axis=0))
-        least = through.min(axis=0)
+        through = least[:, :, None] + cost
+        origins.append(np.argmin(through, axis=1))
+        least = through.min(axis=1)
         if count > 2:
-            cuts = [len(edges) - 1]
+            cuts = [np.full(n_rows, len(edges) - 1)]
             for origin in reversed(origins):
-                cuts.append(int(origin[cuts[-1]]))
-            splits.append(np.diff(edges[[0, *reversed(cuts)]]))
+                cuts.insert(0, origin[each, cuts[0]])
+            splits.append(np.diff(edges[np.stack(cuts, axis=1)], axis=1, prepend=0))
     return splits
+
+
+@lru_cache(maxsize=8)
+def _edges(n: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return places to cut n numbers, and all pairs of a lower one with a higher."""
+    edges = np.unique(np.linspace(0, n, min(n, MAX_EDGES) + 1).astype(int))
+    return (edges, *np.triu_indices(len(edges), 1))
 
 
 def _log_normal(z: np.ndarray, sizes: np.ndarray, log_factorial: np.ndarray) -> np.ndarray:

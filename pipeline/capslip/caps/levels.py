@@ -24,7 +24,7 @@ from capslip.caps.clusters import (
     one_cluster,
     separation_of,
     split_inside,
-    splits,
+    splits_of_rows,
 )
 from capslip.caps.simplex import Vertex, minimum
 
@@ -298,6 +298,7 @@ class _Scaled:
         n, each = self.place.shape[0], np.arange(len(planes))
         slope, within = planes.copy(), np.full(len(planes), np.inf)
         split, todo = np.empty((len(planes), count), dtype=np.intp), each
+        groups = np.full((len(planes), n), count)
         for _ in range(MAX_TURNS if count == 2 else FEW_TURNS):
             rest = self.z - slope[todo] @ self.place.T
             rank = np.argsort(rest, axis=1, kind="stable")
@@ -306,9 +307,13 @@ class _Scaled:
             group = np.empty(rank.shape, dtype=np.intp)
             ends = np.cumsum(split[todo], axis=1)
             group[row, rank] = (np.arange(n) >= ends[:, :-1, None]).sum(axis=1)
+            changed = (group != groups[todo]).any(axis=1)
+            todo, group = todo[changed], group[changed]
+            if not todo.size:
+                break
+            groups[todo], last = group, within[todo]
             member = (group[:, None] == np.arange(count)[:, None]).astype(float)
-            slope[todo], last = self._slopes_of(member, split[todo]), within[todo]
-            within[todo] = self._within(slope[todo], member, split[todo])
+            slope[todo], within[todo] = self._parallel(member, split[todo])
             todo = todo[within[todo] < last * (1.0 - 1e-9)]
             if not todo.size:
                 break
@@ -317,10 +322,11 @@ class _Scaled:
             best = i if within[i] < within[best] * (1.0 - 1e-9) else best
         return slope[best], split[best]
 
-    def _slopes_of(self, member: np.ndarray, size: np.ndarray) -> np.ndarray:
-        """Return the slopes of the parallel planes that fit groups best, shape (s, free).
+    def _parallel(self, member: np.ndarray, size: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return slopes of the parallel planes that fit groups best, and the sums of squares left.
 
-        Of s splits: members of each of k groups, shape (s, k, n), and their sizes.
+        Of s splits, shapes (s, free) and (s,): members of each of k groups, shape (s, k, n), and
+        their sizes.
         """
         columns = np.column_stack((self.place, self.z))
         mean = member @ columns / size[..., None]
@@ -332,15 +338,8 @@ class _Scaled:
         slopes = np.zeros(diagonal.shape)
         right = place.transpose(0, 2, 1) @ z
         slopes[fixed] = np.linalg.solve(normal[fixed], right[fixed])[..., 0]
-        return slopes
-
-    def _within(self, slopes: np.ndarray, member: np.ndarray, size: np.ndarray) -> np.ndarray:
-        """Return the sums of squares within the groups over their planes, shape (s,)."""
-        rest = self.z - slopes @ self.place.T
-        mean = (member @ rest[..., None])[..., 0] / size
-        rest = rest - (mean[:, None] @ member)[:, 0]
-        within: np.ndarray = (rest**2).sum(axis=1)
-        return within
+        rest = (z - place @ slopes[..., None])[..., 0]
+        return slopes, np.square(rest).sum(axis=1)
 
     def separation(self, slope: np.ndarray, split: np.ndarray) -> float:
         """Return that of families on parallel planes."""
@@ -461,7 +460,7 @@ def _explained(M: np.ndarray, unknowns: int) -> np.ndarray:
 def _best_splits(z: np.ndarray, count: int) -> np.ndarray:
     """Return the sizes of the clusters of each row of sorted numbers, shape (s, count)."""
     if count > 2:
-        return np.array([splits(_centred(row), count)[-1] for row in z])
+        return splits_of_rows(z - z.mean(axis=1, keepdims=True), count)[-1]
     low = 1 + np.argmax(_between(z), axis=1)
     return np.column_stack((low, z.shape[1] - low))
 

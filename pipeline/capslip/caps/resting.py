@@ -185,7 +185,7 @@ class _Squares:
         return np.array([(x, y) for x in x_m for y in y_m])
 
     def above(self, slope: np.ndarray, level_m: float) -> np.ndarray:
-        """Return the squares of which a point stands above a plane: at the load point, `level_m`."""
+        """Return squares of which a point stands above a plane, `level_m` at the load point."""
         side, (top, left), n = self.square, self.corner, self.x_axis_m.size
         down_m = level_m + slope[1] * self.y_axis_m.reshape(-1)
         across_m, found = slope[0] * self.x_axis_m.reshape(-1), [np.empty(0, dtype=np.intp)]

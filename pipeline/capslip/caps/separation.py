@@ -180,47 +180,58 @@ class _Lattice:
         """Return every two hills that touch and the height of the pass between, highest first.
 
         Of two neighbouring points on different hills the lower one makes a pass; the highest
-        counts.
+        counts. Runs of points on one hill tell where there are any.
         """
-        n_hills, width = np.int64(hill.max(initial=0)) + 1, self.shape[1]
-        each = [(np.empty(0, dtype=np.int64), np.empty(0, dtype=np.int32))]
-        found = each[:]
-        for some, around, origin, size in self._blocks():
-            at, place = (self.point[part].astype(np.intp) - origin for part in (some, around))
-            hills = np.full(size, -1, dtype=np.int32)
-            hills[place] = hill[around]
-            number = np.empty(size, dtype=np.int32)
-            number[place] = np.arange(around.start, around.stop, dtype=np.int32)
-            own = hill[some]
-            for step in (1, width - 1, width, width + 1):
-                other = hills.take(at - step)
-                meet = np.flatnonzero(other != own)
-                meet = meet[other[meet] >= 0]
-                here, there = own[meet].astype(np.int64), other[meet]
-                pair = np.minimum(here, there) * n_hills + np.maximum(here, there)
-                mine, beside = number[at[meet]], number[at[meet] - step]
-                below = self.height_m[beside] < self.height_m[mine]
-                found.append((pair, np.where(below, beside, mine)))
-            if sum(pair.size for pair, _ in found) > BLOCK_POINTS:
-                each.append(self._highest(found))
-                found = each[:1]
-        pair, spot = self._highest(each + found)
+        n_hills = np.int64(hill.max(initial=0)) + 1
+        begin = np.flatnonzero((np.diff(self.point, prepend=-2) != 1) | (np.diff(hill, prepend=-1)))
+        end = begin + np.diff(begin, append=len(hill)) - 1
+        runs = Runs(self.point[begin], self.point[end], self.shape[1])
+        one, other = runs.pairs()
+        apart = hill[begin[one]] != hill[begin[other]]
+        one, other = one[apart], other[apart]
+        along = np.flatnonzero(runs.first[1:] == runs.last[:-1] + 1)  # the row goes on
+        spots = [self._lower(begin[along + 1], end[along])]
+        for first in range(0, one.size, BLOCK_POINTS // 8):
+            some = slice(first, first + BLOCK_POINTS // 8)
+            spots.append(self._between(runs, begin, end, one[some], other[some]))
+        here, there = (
+            hill[begin[np.append(ends, run)]] for ends, run in ((along + 1, one), (along, other))
+        )
+        pair = np.minimum(here, there) * n_hills + np.maximum(here, there)
+        pair, spot = self._highest(pair, np.concatenate(spots))
         pass_m = self.height_m[spot]
         order = np.lexsort((spot, -pass_m))  # of equally high ones the first counts as higher
         return pair[order] // n_hills, pair[order] % n_hills, pass_m[order]
 
-    def _highest(self, found: list[tuple[np.ndarray, np.ndarray]]) -> tuple[np.ndarray, np.ndarray]:
+    def _lower(self, one: np.ndarray, other: np.ndarray) -> np.ndarray:
+        """Return of two points the lower one; the later of equal ones is the first here."""
+        return np.where(self.height_m[other] < self.height_m[one], other, one)
+
+    def _between(
+        self, runs: Runs, begin: np.ndarray, end: np.ndarray, one: np.ndarray, other: np.ndarray
+    ) -> np.ndarray:
+        """Return the passes of pairs of runs, the other in the row before: their places."""
+        shift = runs.first[other] + runs.width - runs.first[one]  # from one's first to the other's
+        start = np.maximum(shift - 1, 0)
+        stop = np.minimum(shift + end[other] - begin[other] + 1, end[one] - begin[one])
+        many = stop - start + 1
+        ends = np.cumsum(many)
+        mine = np.repeat(begin[one] + start - ends + many, many) + np.arange(ends[-1])
+        beside = mine + np.repeat(begin[other] - begin[one] - shift, many) + [[-1], [0], [1]]
+        known = (beside >= np.repeat(begin[other], many)) & (beside <= np.repeat(end[other], many))
+        spot = self._lower(mine, np.where(known, beside, mine))
+        height_m = np.where(known, self.height_m[spot], -np.inf)
+        highest_m = np.maximum.reduceat(height_m.max(axis=0), ends - many)
+        spot = np.where(height_m == np.repeat(highest_m, many), spot, len(self.point)).min(axis=0)
+        return np.minimum.reduceat(spot, ends - many)
+
+    def _highest(self, pair: np.ndarray, spot: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return each pair once, rising, with its highest point; the first of equal ones."""
-        pair, spot = (np.concatenate(one) for one in zip(*found, strict=True))
         if not pair.size:
             return pair, spot
-        order = np.argsort(pair)
-        pair, spot = pair[order], spot[order]
-        first = np.flatnonzero(np.diff(pair, prepend=-1))
-        height_m, many = self.height_m[spot], np.diff(first, append=pair.size)
-        highest_m = np.repeat(np.maximum.reduceat(height_m, first), many)
-        there = np.where(height_m == highest_m, spot, len(self.point))
-        return pair[first], np.minimum.reduceat(there, first)
+        order = np.lexsort((spot, -self.height_m[spot], pair))
+        first = np.flatnonzero(np.diff(pair[order], prepend=-1))
+        return pair[order[first]], spot[order[first]]
 
 
 def _joined(n_hills: int, first: np.ndarray, second: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

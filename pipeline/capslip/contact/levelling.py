@@ -63,6 +63,8 @@ class Level:
         Heights over the plane of the balanced face.
     coarse : HeightMap
         The same on fewer points, see `coarse_map`.
+    coarse_noise : Noise
+        Of what can touch of it.
     hills, caps : Hills, CapTable
         What stands above the cut on this surface; caps without loads.
     slope : (float, float)
@@ -81,6 +83,7 @@ class Level:
 
     surface: HeightMap
     coarse: HeightMap
+    coarse_noise: Noise
     hills: Hills
     caps: CapTable
     slope: tuple[float, float]
@@ -123,11 +126,12 @@ def find_level(surface: HeightMap, settings: Settings) -> Level:
     except UnusableSurfaceError as error:
         raise TipsOverError(f"tips_over: {error}") from error
     start = _Start(np.array(rest.slope), settings.hills.material_ratio)
+    first = whole = _Search(surface, settings, at_m, rest.slope, SETTLED)
     if coarse is not surface:
+        first = _Search(coarse, settings, at_m, rest.slope, NEARLY_SETTLED)
         with suppress(ContactError, UnusableSurfaceError):  # small contacts need the whole map
-            search = _Search(coarse, settings, at_m, rest.slope, NEARLY_SETTLED)
-            start = search.run(start, DEEP).next
-    return _Search(surface, settings, at_m, rest.slope, SETTLED).run(start).level(coarse, rest)
+            start = first.run(start, DEEP).next
+    return whole.run(start).level(rest, first)
 
 
 def turned(
@@ -196,15 +200,16 @@ class _Found:
     missed_area_m2: float
     next: _Start
 
-    def level(self, coarse: HeightMap, resting: RestingPlane) -> Level:
-        """Return it as a level, given the map with fewer points as it lay."""
+    def level(self, resting: RestingPlane, first: "_Search") -> Level:
+        """Return it as a level, given the search that was the first, on fewer points."""
         rest, caps, at_m = self.rest, self.fitted.table, resting.load_point_m
-        small = coarse.shape == self.surface.shape
+        small = first.surface.shape == self.surface.shape
         arm_m = np.column_stack((caps.x_m, caps.y_m)) - at_m
         slope_x, slope_y = (-rest.slope).tolist()
         return Level(
             surface=self.surface,
-            coarse=self.surface if small else turned(coarse, -rest.slope, at_m),
+            coarse=self.surface if small else turned(first.surface, -rest.slope, at_m),
+            coarse_noise=first.noise,
             hills=self.hills,
             # A sphere stays one when it is turned; its apex moves by far less than a pixel
             caps=caps.with_columns(peak_height_m=caps.peak_height_m + arm_m @ rest.turn),

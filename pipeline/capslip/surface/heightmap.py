@@ -215,6 +215,8 @@ class HeightMap:
 
     def lost_in(self, rows: slice) -> np.ndarray:
         """Return the points of some rows that were not measured, counted from the first of them."""
+        if self.complete:
+            return self.lost
         first, last = rows.start * self.shape[1], rows.stop * self.shape[1]
         return self.lost[slice(*np.searchsorted(self.lost, (first, last)))] - first
 
