@@ -9,6 +9,7 @@ import pytest
 
 from browser import ask, needs_chromium, picture
 from capslip.errors import OutputError
+from capslip.output import viewer
 from capslip.output.tables import write_result, write_summary
 from capslip.output.view import read_view
 from capslip.output.viewer import viewer_data, write_viewer
@@ -100,6 +101,28 @@ def test_page_of_a_pressed_map_begins_with_what_touches(page, tmp_path):
     write_viewer(tmp_path, tmp_path / "view.html")
     assert ask(tmp_path / "view.html", ask_first, tmp_path) == [True, True]
     assert ask(page, ask_first, tmp_path) == [False, False]
+
+
+@needs_chromium
+def test_a_pressed_map_looks_as_much_in_contact_as_it_is(tmp_path, monkeypatch):
+    analysis = output_cases.pressed_map()
+    write_result(analysis, tmp_path)
+    write_summary(analysis.summary(), tmp_path)
+    view = read_view(tmp_path)
+    from_above = (
+        'const face = document.querySelector("canvas.face");'
+        "for (let i = 0; i < 15; i++)"
+        '  face.dispatchEvent(new KeyboardEvent("keydown", { key: "ArrowUp" }));'
+    )
+    green = {}
+    for every in (1, 7):
+        seen = output_cases.touching(view, every)
+        monkeypatch.setattr(viewer, "read_view", lambda *_, seen=seen: seen)
+        write_viewer(tmp_path, tmp_path / "view.html")
+        r, g, b = picture(tmp_path / "view.html", tmp_path, from_above).transpose(2, 0, 1)
+        green[every] = int(((r < 60) & (g > 100) & (b > 70) & (b < 140)).sum())
+    assert green[1] > 10_000
+    assert green[7] / green[1] == pytest.approx(1 / 7, rel=0.15)
 
 
 @needs_chromium

@@ -121,7 +121,7 @@ def state_line(view: View, look: Look) -> str:
     what = "contact regions" if view.zones.of_map else "caps"
     return (
         f"{engineering(load_N, 'N')} on the scan, force {100.0 * look.force_share:.0f} % of gross "
-        f"slip: of {sum(n.values())} {what} in contact {n['sticks']} stick, "
+        f"slip:\nof {sum(n.values())} {what} in contact {n['sticks']} stick, "
         f"{n['slips in part']} slip in part, {n['slips']} slip (green sticks, red slips)"
     )
 
