@@ -282,7 +282,7 @@ def _pixels(view: View, look: Look) -> dict[str, Any]:
     found = {}
     for name, at in (("stick", stick), ("slip", touch & ~stick)):
         points = (middle[at, None] + corner).reshape(-1, 3)
-        cells = np.arange(len(points)).reshape(-1, 4)
+        cells: Any = np.arange(len(points)).reshape(-1, 4)
         mesh = pyvista.PolyData()
         found[name] = pyvista.PolyData.from_regular_faces(points, cells) if at.any() else mesh
     return found
