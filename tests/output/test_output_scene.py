@@ -178,7 +178,8 @@ def test_click_on_a_cap_shows_its_profile_and_beside_it_nothing(window):
 def test_exaggeration_is_written_and_stretches_the_face(opengl, result):
     view = read_view(result)
     plotter = plotter_of(view, Look(factor=1234.0))
-    assert "heights x 1 234" in caption(view, Look(factor=1234.0))
+    assert "heights x 1 234;" in caption(view, Look(factor=1234.0))
+    assert "heights x 6.5;" in caption(view, Look(factor=6.5))
     high_m = float(np.nanmax(view.height_m)) - view.limits_m[0]
     assert plotter.actors["face"].bounds.z_max == pytest.approx(1234.0 * high_m, rel=1e-4)
     plotter.close()

@@ -151,8 +151,15 @@ def test_click_on_a_cap_shows_its_row_and_profile(page, tmp_path):
 @needs_chromium
 @pytest.mark.parametrize("size", [(420, 900), (1400, 900)])
 def test_page_fits_its_width(page, tmp_path, size):
-    wide = ask(page, "return document.documentElement.scrollWidth", tmp_path, size)
+    wide, shape = ask(
+        page,
+        """const face = document.querySelector("canvas.face");
+        return [document.documentElement.scrollWidth, face.clientHeight / face.clientWidth];""",
+        tmp_path,
+        size,
+    )
     assert wide <= size[0]
+    assert 0.4 < shape < 1.3  # neither a slit nor a shaft with the face somewhere in it
 
 
 @needs_chromium
