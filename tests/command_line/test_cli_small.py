@@ -1,6 +1,7 @@
 """The small commands."""
 
 import json
+import os
 import re
 
 import msgspec
@@ -165,3 +166,29 @@ def test_a_preload_may_have_its_unit(text, force_N):
 def test_a_preload_in_a_unit_that_is_none_is_said():
     with pytest.raises(SettingsError, match="--preload: got '3 bar'"):
         preload_in_N("3 bar")
+
+
+@pytest.mark.parametrize("command", ["bench", "chart", "limits"])
+def test_a_study_says_that_its_folder_cannot_be_used_before_the_work(
+    tmp_path, monkeypatch, command
+):
+    def works(*_args, **_options):
+        raise AssertionError("the work has begun")
+
+    for name in ("bench.study.commands", "chart.study.measure", "limits.study.measure"):
+        monkeypatch.setattr(f"capslip.studies.{name}", works)
+    (tmp_path / "file").write_text("")
+    (tmp_path / "locked").mkdir()
+    known = os.access
+
+    def access(path, how, **options):
+        return known(path, how, **options) and not ("locked" in str(path) and how == os.W_OK)
+
+    monkeypatch.setattr(os, "access", access)
+    for folder in ("file", "file/in", "locked"):
+        told = run(command, "--out", tmp_path / folder)
+        assert told.exit_code == 2, told.output
+        assert told.stderr.count("\n") == 1
+        assert "choose another with --out" in told.stderr
+    told = run(command, "--out", tmp_path / "new")  # the other way about: a good folder goes on
+    assert "the work has begun" in told.stderr

@@ -1,5 +1,6 @@
 """Analyses that the tests of the output share, each computed once."""
 
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -66,3 +67,15 @@ def write_figures(analysis, folder):
     """Write every figure that the analysis has data for; return their files."""
     paths = [write_figure(name, analysis, folder) for name in FIGURES]
     return [path for path in paths if path is not None]
+
+
+def touching(view, every):
+    """Return a view of a face of which every n-th pixel touches, at one height."""
+    (ny, nx), (dy_m, dx_m) = view.shape, view.pixel_size_m
+    pixel = np.arange(0, ny * nx, every)
+    row, col = np.divmod(pixel, nx)
+    flat_m = np.full(len(pixel), view.limits_m[1])
+    place_m = np.stack([(col + 0.5) * dx_m, (row + 0.5) * dy_m, flat_m], axis=1)
+    none = np.zeros(len(pixel))
+    zones = replace(view.zones, pixel=pixel, pixel_contact=none.astype(int), pixel_reach=none)
+    return replace(view, zones=zones, pixel_m=place_m)

@@ -11,7 +11,7 @@ import pytest
 from PIL import Image
 
 from capslip.analysis import analyze_once
-from capslip.output.canvas import height_limits, save
+from capslip.output.canvas import blank, height_limits, save, write_decades
 from capslip.output.figures import FIGURES
 from capslip.output.figures_contact import _between, normal_curve
 from capslip.output.quantity import engineering, unit_on
@@ -342,3 +342,76 @@ def test_one_family_alone_is_not_called_the_higher(one, several):
     for analysis, name in ((one, "caps (1)"), (several, "G-caps (2)")):
         texts = FIGURES["hills_and_caps"].draw(analysis).legends[0].get_texts()
         assert name in [text.get_text() for text in texts]
+
+
+def marked(axes, word):
+    """Return place and interval of what a diamond marks."""
+    handles, labels = axes.get_legend_handles_labels()
+    at = next(i for i, label in enumerate(labels) if label.startswith(word))
+    x, y = handles[at].lines[0].get_data()
+    (bar,) = handles[at].lines[2][0].get_segments()
+    return float(x[0]), float(y[0]), bar[:, 1]
+
+
+def test_energy_and_loss_factor_mark_the_answer_on_their_curves(several):
+    found, band = several.answer, several.band.interval
+    for name, x_m, value, interval in (
+        ("energy", found.displacement_m, found.energy_J, band["energy_J"]),
+        ("loss_factor", found.amplitude_m, found.loss_factor, band["loss_factor"]),
+    ):
+        axes = FIGURES[name].draw(several).axes[0]
+        x, y, bar = marked(axes, "answer")
+        assert y == pytest.approx(value)
+        assert bar == pytest.approx(interval)
+        assert x * unit_on(axes.get_xlabel(), 0.0, "m")[0] == pytest.approx(x_m)
+        line = axes.get_lines()[0]
+        on_curve = np.exp(np.interp(np.log(x), *np.log(line.get_data())))
+        assert on_curve == pytest.approx(value, rel=0.01)
+
+
+def test_an_amplitude_without_a_loss_factor_is_shown_where_it_was_asked(several):
+    asked = replace(several, answer=replace(several.answer, loss_factor=None, amplitude_m=2e-7))
+    axes = FIGURES["loss_factor"].draw(asked).axes[0]
+    line = next(one for one in axes.get_lines() if str(one.get_label()).startswith("asked"))
+    assert line.get_label() == "asked: 200 nm, where it is not defined"
+    unit_m = unit_on(axes.get_xlabel(), 0.0, "m")[0]
+    assert line.get_xdata()[0] * unit_m == pytest.approx(2e-7)
+
+
+@pytest.mark.parametrize("name", ["slip_loop", "energy"])
+@pytest.mark.parametrize(("share", "seen"), [(1e-4, False), (0.1, True)])
+def test_a_band_too_thin_to_be_seen_has_no_name(name, share, seen, several):
+    class Curve:
+        def __getattr__(self, name):
+            return getattr(several.slip, name)
+
+        limits_m = share * several.slip.total_slip_displacement_m * np.array([1.0, 2.0])
+
+    figure = FIGURES[name].draw(replace(several, slip=Curve()))
+    labels = [patch.get_label()[:3] for patch in figure.axes[0].patches]
+    assert labels == (["GPS"] if seen else []) + ["PPS", "TS:"]
+
+
+@pytest.mark.parametrize(
+    ("low", "high", "expected"),
+    [(0.002, 20.0, ["0.01", "0.1", "1", "10"]), (2e-6, 2e-2, ["10⁻⁵", "10⁻⁴", "10⁻³", "10⁻²"])],
+)
+def test_ticks_of_an_axis_are_written_alike(low, high, expected):
+    figure, axes = blank("")
+    axes.loglog([low, high], [1.0, 1.0])
+    axes.set_xlim(low, high)
+    write_decades(axes.xaxis)
+    figure.canvas.draw()
+    texts = [text.get_text() for text in axes.get_xticklabels()]
+    assert [text for text in texts if text in expected] == expected
+    assert not any("e" in text for text in texts)
+
+
+def test_a_legend_says_where_a_family_has_other_caps_than_are_drawn(several):
+    other = replace(several.families, G=replace(several.families.G, count=7))
+    for name in ("families", "hills_and_caps"):
+        figure = FIGURES[name].draw(replace(several, families=other))
+        legend = (figure.legends or [figure.axes[0].get_legend()])[0]
+        words = [text.get_text() for text in legend.get_texts()]
+        assert "G-caps (2; on its own plane 7)" in words
+        assert "P-caps (3)" in words

@@ -10,6 +10,7 @@ import output_cases
 import pytest
 from PIL import Image
 
+from capslip.output import report
 from capslip.output.figures import FIGURES
 from capslip.output.report import MAX_ROWS, _data, write_report
 from capslip.problems import Effect, Problem
@@ -206,3 +207,14 @@ def test_a_heavy_picture_is_packed_and_still_the_same(tmp_path):
             seen = np.asarray(picture.convert("RGB"))
         assert seen.shape == pixels.shape
         assert np.abs(seen.astype(float) - pixels).mean() < (2.0 if name == "heavy" else 1e-9)
+
+
+def test_quantities_have_one_spelling_of_their_prefix_and_numbers_of_options_stay_whole():
+    text = "a bow of 1.2 um; next: --set conditioning.x_m=1.7e-05, or --amplitude 2nm"
+    assert report._options(text) == [
+        *[("a bow of 1.2 µm; next: ", False), ("--set", True), (" conditioning.x_m=", False)],
+        *[("1.7e-05", True), (", or ", False), ("--amplitude", True), (" 2nm", False)],
+    ]
+    assert report._micro("stored in um, 3 um and 4 uN/x of 2 umbrellas") == (
+        "stored in um, 3 µm and 4 µN/x of 2 umbrellas"
+    )

@@ -1,14 +1,17 @@
 """Three-dimensional picture: its content, and every way it can fail."""
 
+import os
 import subprocess
 import sys
+from dataclasses import replace
 
+import h5py
 import numpy as np
 import output_cases
 import pytest
 
 from capslip.errors import OutputError
-from capslip.output.picture import Look, caption, plotter_of
+from capslip.output.picture import STICK, Look, caption, plotter_of
 from capslip.output.scene import look_of, save_picture, show, start_render
 from capslip.output.tables import write_result, write_summary
 from capslip.output.view import read_view
@@ -175,7 +178,8 @@ def test_click_on_a_cap_shows_its_profile_and_beside_it_nothing(window):
 def test_exaggeration_is_written_and_stretches_the_face(opengl, result):
     view = read_view(result)
     plotter = plotter_of(view, Look(factor=1234.0))
-    assert "heights x 1 234" in caption(view, Look(factor=1234.0))
+    assert "heights x 1 234;" in caption(view, Look(factor=1234.0))
+    assert "heights x 6.5;" in caption(view, Look(factor=6.5))
     high_m = float(np.nanmax(view.height_m)) - view.limits_m[0]
     assert plotter.actors["face"].bounds.z_max == pytest.approx(1234.0 * high_m, rel=1e-4)
     plotter.close()
@@ -217,3 +221,56 @@ def test_picture_that_cannot_be_written_is_one_clear_line(result, tmp_path, pict
 def test_unknown_colour_is_one_clear_line():
     with pytest.raises(OutputError, match="expected one of family, load"):
         look_of("rainbow", 1.0, None)
+
+
+def test_a_pressed_map_looks_as_much_in_contact_as_it_is(opengl, tmp_path):
+    analysis = output_cases.pressed_map()
+    write_result(analysis, tmp_path)
+    write_summary(analysis.summary(), tmp_path)
+    green = {}
+    for every in (1, 7):
+        view = output_cases.touching(read_view(tmp_path), every)
+        plotter = plotter_of(view, Look(caps=False, zones=True))
+        plotter.view_xy()
+        green[every] = pixels(plotter, STICK)
+        plotter.close()
+    assert green[1] > 0.1
+    assert green[7] / green[1] == pytest.approx(1 / 7, rel=0.15)  # rims are half-tones
+
+
+def test_what_a_picture_says_does_not_reach_its_colour_bar(opengl, tmp_path):
+    analysis = output_cases.pressed_map()
+    write_result(analysis, tmp_path)
+    write_summary(analysis.summary(), tmp_path)
+    view = read_view(tmp_path)
+    zones = replace(view.zones, load_N=12345.0 * view.zones.load_N)
+    plotter = plotter_of(replace(view, zones=zones), Look(zones=True, mate=True, force_share=0.5))
+    plotter.remove_actor("face")
+    plotter.remove_scalar_bar("face")
+    seen = plotter.screenshot(return_img=True).min(axis=-1) < 128
+    plotter.close()
+    low = seen[int(0.85 * len(seen)) :]
+    assert low.any()
+    assert np.flatnonzero(low.any(axis=0)).max() < 0.53 * low.shape[1]  # the bar begins at 0.56
+
+
+def test_a_picture_of_what_is_no_result_does_not_speak_of_opengl(tmp_path):
+    with h5py.File(tmp_path / "scan.h5", "w") as file:
+        file["height"] = np.zeros((3, 3))
+    with pytest.raises(OutputError) as error:
+        save_picture(tmp_path / "scan.h5", tmp_path / "seen.png", Look())
+    assert "scan.h5: an HDF5 file, but no result of an analysis" in str(error.value)
+    assert "OpenGL" not in str(error.value)
+
+
+def test_what_may_not_be_read_or_written_is_said(result, tmp_path, monkeypatch):
+    def locked(*_args, **_options):
+        raise PermissionError(13, "Permission denied")
+
+    with monkeypatch.context() as patched:
+        patched.setattr(os, "access", lambda *_: False)
+        with pytest.raises(OutputError, match=r"seen\.png: its folder cannot be written"):
+            save_picture(result, tmp_path / "seen.png", Look())
+    monkeypatch.setattr(h5py, "File", locked)
+    with pytest.raises(OutputError, match=r"result\.h5: cannot be read \(Permission denied\)"):
+        read_view(result)

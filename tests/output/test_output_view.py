@@ -153,3 +153,20 @@ def test_report_beside_the_result_is_as_good(folder, view):
     (folder / "report.html").write_text("<html></html>")
     assert read_view(folder / "report.html").path == view.path
     assert json.loads((folder / "summary.json").read_text())["name"] == view.name
+
+
+def test_contact_points_are_drawn_as_large_as_they_are_unless_none_would_be_seen(tmp_path):
+    analysis = output_cases.pressed_map()
+    write_result(analysis, tmp_path)
+    write_summary(analysis.summary(), tmp_path)
+    view = read_view(tmp_path)
+    pixel_m2, face_m2 = np.prod(view.pixel_size_m), np.prod(view.side_m)
+    for n in (1, 30, 1000, int(0.3 * face_m2 / pixel_m2)):
+        several = replace(view, pixel_m=np.zeros((n, 3)))
+        drawn_m2 = several.point_side_m**2
+        assert drawn_m2 >= 0.999 * pixel_m2
+        assert n * drawn_m2 <= 1.001 * max(n * pixel_m2, 0.02 * face_m2)
+        assert several.point_side_m <= 1.001 * max(pixel_m2**0.5, max(view.side_m) / 200)
+        assert bool(several.enlarged_points) == (drawn_m2 >= 1.5 * pixel_m2)
+    assert several.enlarged_points == ""  # of a face of which much touches
+    assert replace(view, zones=None).enlarged_points == ""

@@ -9,6 +9,7 @@ import pytest
 
 from browser import ask, needs_chromium, picture
 from capslip.errors import OutputError
+from capslip.output import viewer
 from capslip.output.tables import write_result, write_summary
 from capslip.output.view import read_view
 from capslip.output.viewer import viewer_data, write_viewer
@@ -103,6 +104,28 @@ def test_page_of_a_pressed_map_begins_with_what_touches(page, tmp_path):
 
 
 @needs_chromium
+def test_a_pressed_map_looks_as_much_in_contact_as_it_is(tmp_path, monkeypatch):
+    analysis = output_cases.pressed_map()
+    write_result(analysis, tmp_path)
+    write_summary(analysis.summary(), tmp_path)
+    view = read_view(tmp_path)
+    from_above = (
+        'const face = document.querySelector("canvas.face");'
+        "for (let i = 0; i < 15; i++)"
+        '  face.dispatchEvent(new KeyboardEvent("keydown", { key: "ArrowUp" }));'
+    )
+    green = {}
+    for every in (1, 7):
+        seen = output_cases.touching(view, every)
+        monkeypatch.setattr(viewer, "read_view", lambda *_, seen=seen: seen)
+        write_viewer(tmp_path, tmp_path / "view.html")
+        r, g, b = picture(tmp_path / "view.html", tmp_path, from_above).transpose(2, 0, 1)
+        green[every] = int(((r < 60) & (g > 100) & (b > 70) & (b < 140)).sum())
+    assert green[1] > 10_000
+    assert green[7] / green[1] == pytest.approx(1 / 7, rel=0.15)
+
+
+@needs_chromium
 def test_click_on_a_cap_shows_its_row_and_profile(page, tmp_path):
     said = ask(
         page,
@@ -128,8 +151,15 @@ def test_click_on_a_cap_shows_its_row_and_profile(page, tmp_path):
 @needs_chromium
 @pytest.mark.parametrize("size", [(420, 900), (1400, 900)])
 def test_page_fits_its_width(page, tmp_path, size):
-    wide = ask(page, "return document.documentElement.scrollWidth", tmp_path, size)
+    wide, shape = ask(
+        page,
+        """const face = document.querySelector("canvas.face");
+        return [document.documentElement.scrollWidth, face.clientHeight / face.clientWidth];""",
+        tmp_path,
+        size,
+    )
     assert wide <= size[0]
+    assert 0.4 < shape < 1.3  # neither a slit nor a shaft with the face somewhere in it
 
 
 @needs_chromium

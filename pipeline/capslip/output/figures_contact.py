@@ -243,9 +243,7 @@ def loss_factor(analysis: "Analysis", axes: "Axes | None" = None) -> "Figure | N
         _mark_answer(axes, analysis, "loss_factor", place, "{:.3g}".format)
     elif answer is not None and answer.loss_factor is None:
         label = f"asked: {engineering(answer.amplitude_m, 'm')}, where it is not defined"
-        axes.axvline(
-            answer.amplitude_m / unit_m, color=LOOP_COLOURS[1], linewidth=1.2, label=label
-        )
+        axes.axvline(answer.amplitude_m / unit_m, color=LOOP_COLOURS[1], linewidth=1.2, label=label)
     per_N = 1.0 / (damping.joint_stiffness_N_per_m * unit_m)
     _veil_unresolved(axes, analysis, lambda force_N: force_N * per_N)
     colour = PHASES[2][1]
@@ -322,11 +320,7 @@ def _mark_answer(
         color=LOOP_COLOURS[1],
         capsize=4,
         label=f"answer {write(value)}"
-        + (
-            f", {write(low)} to {write(high)}"
-            if np.isfinite(high)
-            else f", at least {write(low)}"
-        ),
+        + (f", {write(low)} to {write(high)}" if np.isfinite(high) else f", at least {write(low)}"),
         zorder=3,
     )
 

@@ -178,8 +178,8 @@ def hills_and_caps(analysis: "Analysis", axes: "Axes | None" = None) -> "Figure"
                 linewidths=1.6 if member.sum() < 200 else 0.9,
             )
         )
-        label = f"{names[family]} ({_counted(analysis, family, member)})"
-        entries.append((label, FAMILY_COLOUR[family]))
+        text = f"{names[family]} ({_counted(analysis, family, member)})"
+        entries.append((text, FAMILY_COLOUR[family]))
     if len(caps) <= NUMBERED:
         _number_caps(axes, analysis)
     _face_legend(figure if has_page(axes) else axes, entries[::-1], bool((~surface.measured).any()))

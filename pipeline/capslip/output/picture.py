@@ -97,9 +97,10 @@ def caption(view: View, look: Look) -> str:
     side_y, side_x = (f"{side * 1e3:.3g}" for side in view.side_m)
     measured_m = view.height_m[np.isfinite(view.height_m)]
     low_m, high_m = view.limits_m
-    thousands = f"{look.factor_of(view):,.0f}".replace(",", " ")
+    factor = look.factor_of(view)
+    enlarged = f"{factor:,.0f}".replace(",", " ") if factor >= 10.0 else f"{factor:.2g}"
     sz = engineering(float(f"{np.ptp(measured_m):.1e}"), "m")  # of a thinned mesh, so about
-    lines = [f"heights x {thousands}; true scale: {side_x} x {side_y} mm, about {sz} high"]
+    lines = [f"heights x {enlarged}; true scale: {side_x} x {side_y} mm, about {sz} high"]
     clipped = float(((measured_m < low_m) | (measured_m > high_m)).mean())
     if clipped > 0.0:
         lines.append(f"{100.0 * clipped:.2g} % of the points lie beyond and are drawn at the limit")
@@ -121,7 +122,7 @@ def state_line(view: View, look: Look) -> str:
     what = "contact regions" if view.zones.of_map else "caps"
     return (
         f"{engineering(load_N, 'N')} on the scan, force {100.0 * look.force_share:.0f} % of gross "
-        f"slip: of {sum(n.values())} {what} in contact {n['sticks']} stick, "
+        f"slip:\nof {sum(n.values())} {what} in contact {n['sticks']} stick, "
         f"{n['slips in part']} slip in part, {n['slips']} slip (green sticks, red slips)"
     )
 
@@ -282,7 +283,7 @@ def _pixels(view: View, look: Look) -> dict[str, Any]:
     found = {}
     for name, at in (("stick", stick), ("slip", touch & ~stick)):
         points = (middle[at, None] + corner).reshape(-1, 3)
-        cells = np.arange(len(points)).reshape(-1, 4)
+        cells: Any = np.arange(len(points)).reshape(-1, 4)
         mesh = pyvista.PolyData()
         found[name] = pyvista.PolyData.from_regular_faces(points, cells) if at.any() else mesh
     return found

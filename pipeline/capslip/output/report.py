@@ -185,7 +185,9 @@ def _headlines(summary: dict[str, Any]) -> list[tuple[str, str, str]]:
         ("h_m", "G-peaks above P-peaks"),
     )
     if summary["families"]["n"] == 0 and summary["families"]["m"]:
-        families = ((("caps of the one family", "{m}"), "on its own plane; no gap h between their peaks"),)
+        families = (
+            (("caps of the one family", "{m}"), "on its own plane; no gap h between their peaks"),
+        )
     numbers: tuple[tuple[Fact, str], ...] = (
         *families,
         ("approach_without_bulk_m", "without bulk; {approach_m} with it"),

@@ -22,7 +22,8 @@ from capslip.output.quantity import engineering, scaled
 from capslip.output.zones import Zones, loss_shares, read_zones, zone_at
 
 COLOURS = ("family", "load", "radius", "flag", "loss")
-FLAG_COLOUR = ("#0072B2", "#E69F00", "#D55E00", "#CC79A7", "#009E73", "#56B4E9", "#F0E442")
+# Neither green nor red, which say what sticks and what slips
+FLAG_COLOUR = ("#0072B2", "#E69F00", "#882255", "#CC79A7", "#332288", "#56B4E9", "#F0E442")
 FLAGGED = 5  # kinds of flags that are told apart; the others are one
 CAP_COLUMNS = (
     *("x_m", "y_m", "peak_height_m", "cap_height_m", "diameter_m", "radius_m"),
@@ -312,6 +313,8 @@ def _opened(path: Path) -> Iterator[Any]:
             if "surface/height_m" not in file or "caps/radius_m" not in file:
                 raise OutputError(f"{path}: an HDF5 file, but no result of an analysis; {EXPECTED}")
             yield file
+    except PermissionError as error:
+        raise OutputError(f"{path}: cannot be read (Permission denied)") from error
     except OSError as error:
         raise OutputError(f"{path}: no HDF5 file; {EXPECTED}") from error
 

@@ -46,6 +46,7 @@ def chart(
     OutputError
         If the folder cannot be made or written.
     """
+    write(folder, {})  # a folder that cannot be used is said before the work, not after
     begin = clocks()
     everything = cases() + (scan_cases(scans) if scans is not None else ())
     results = measure(everything, methods(), progress)

@@ -44,6 +44,7 @@ def limits(
     OutputError
         If the folder cannot be made or written.
     """
+    write(folder, {})  # a folder that cannot be used is said before the work, not after
     workers = workers or os.cpu_count() or 1
     results = measure(axes(), progress=progress, workers=workers)
     fresh = measure(
