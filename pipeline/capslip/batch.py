@@ -38,6 +38,7 @@ OWN = frozenset({"batch.csv", "batch.parquet", "index.html", "scans"})
 FAILURE_SCHEMA = "capslip/failure/1"
 TABLE_SHARE = 0.05  # of the time may go into the table of what is done so far
 LOOKING = 8  # threads that read what is there, which wait for the disk
+AHEAD = 500  # scans that are looked for at a time, each of which takes some memory
 TO_DO = "to do"
 PICTURES = ("figures", "render", "meshes")  # settings of [run]
 LOST = "process"  # the stage of what came back from no child
@@ -322,7 +323,9 @@ def _look(
             return _Found()  # who does it says what is wrong
 
     with ThreadPoolExecutor(LOOKING) as pool:
-        yield from zip(scans, pool.map(found, scans), strict=True)
+        for first in range(0, len(scans), AHEAD):
+            some = scans[first : first + AHEAD]
+            yield from zip(some, pool.map(found, some), strict=True)
 
 
 def _look_at(
