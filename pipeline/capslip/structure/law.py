@@ -136,7 +136,7 @@ def law(
     Notes
     -----
     The errors of what lies between the points of the tables are the largest at `pressure_Pa`, from
-    a tenth of mu p on; where each pressure has a curve of its own, halfway between them, too, and
+    a tenth of mu p on; where each pressure has its own curve, at the quarters between, too, and
     where each has a solution of its own, with every second one left out.
 
     Slip: Eqs. 3-16 of Peyret, Chevallier and Dion, Int. J. Appl. Mech. 8 (2016) 1650097, see
@@ -317,8 +317,8 @@ def _refined(
 ) -> tuple[list[list[SlipCurve]], list[list[SlipCurve]]]:
     """Return patches under more pressures where the law between two needs them.
 
-    Where contacts touch and yield between two of them. And the patches halfway between all, where
-    each pressure has a bed of its own, against which these were judged.
+    Where contacts touch and yield between two of them. And patches at the quarters between all,
+    where each pressure has a bed of its own, to judge the law by.
     """
     mu, kappa = patches[0][0].friction_coefficient, _together(parts, patches[0]).kappa
     to_factor = _area_m2(parts[0].joint) / parts[0].joint.scan_load_N
@@ -339,7 +339,9 @@ def _refined(
         if not poor or turn == MOST_TURNS:
             break
         patches = sorted([*patches, *poor], key=lambda patch: float(patch[0].preload_N))
-    return patches, tested
+    quarters = np.append(p[1:] ** 0.25 * p[:-1] ** 0.75, p[1:] ** 0.75 * p[:-1] ** 0.25).tolist()
+    more = [[_patch(part, one * to_factor, mu) for part in parts] for one in quarters]
+    return patches, [*tested, *more]
 
 
 def _patch(part: Part, factor: float, friction_coefficient: float) -> SlipCurve:
