@@ -21,6 +21,7 @@ RATIO_SOLVED, BELOW_SOLVED = 10 ** (1 / 5), 5  # p0 / 10 to 2.5 p0, each solved 
 ABOVE_SOLVED = MAX_SOLVED - 1 - BELOW_SOLVED
 # Of a face that yields each pressure has a curve of its own; contacts touch in between
 RATIO_OF_YIELDED, BELOW_OF_YIELDED, ABOVE_OF_YIELDED = 10 ** (1 / 16), 32, 8
+MOST_TURNS, BETWEEN = 4, 0.05  # in which pressures are added, where more is missing than that
 SHARES = np.union1d(np.geomspace(1e-3, 0.5, 36), 1.0 - np.append(np.geomspace(0.46, 1e-2, 12), 0.0))
 # Each of several scans slips as a whole at a share of its own
 SHARES_OF_SCANS = np.union1d(SHARES, np.geomspace(0.05, 1.0, 80))
@@ -83,7 +84,12 @@ class Law:
     @property
     def has_one_curve(self) -> bool:
         """Whether one normal curve serves every pressure."""
-        return self.scans == 1 and _has_one_bed(self.of_scans[0])
+        return self.scans == 1 and self.has_beds_alone
+
+    @property
+    def has_beds_alone(self) -> bool:
+        """Whether one bed of springs of each scan serves every pressure."""
+        return all(map(_has_one_bed, self.of_scans))
 
     @property
     def at_scan_pressure(self) -> int:
@@ -130,7 +136,7 @@ def law(
     Notes
     -----
     The errors of what lies between the points of the tables are the largest at `pressure_Pa`, from
-    a tenth of mu p on; where each pressure has a curve of its own, halfway between them, too, and
+    a tenth of mu p on; where each pressure has its own curve, at the quarters between, too, and
     where each has a solution of its own, with every second one left out.
 
     Slip: Eqs. 3-16 of Peyret, Chevallier and Dion, Int. J. Appl. Mech. 8 (2016) 1650097, see
@@ -138,17 +144,17 @@ def law(
     """
     contacts, area_m2 = [part.contact for part in parts], [_area_m2(part.joint) for part in parts]
     patches, ends = _patches(parts, friction_coefficient, reach_m or [None] * len(parts))
+    patches, between = _refined(parts, patches)
     slips = [_together(parts, patch) for patch in patches]
     rows = _rows(slips, SHARES if len(parts) == 1 else SHARES_OF_SCANS)
     delta, range_Pa = rows["displacement_m"], rows["pressure_Pa"][[0, -1]]
     of_joint = dict(zip(OF_JOINT, (friction_coefficient, slips[0].kappa, range_Pa), strict=True))
-    of_scans, left_out, tested = _of_scans(parts, patches), _is_solved(parts), slips
-    tables = _tables(of_joint, of_scans)
-    if left_out:  # what lies between the pressures is measured at those that are left out
-        tables = _tables(of_joint, _of_scans(parts, [*patches[:-1:2], patches[-1]]))
-    elif not all(map(_has_one_bed, of_scans)):  # or at others between them
-        tested = [*slips, *_between(parts, slips)]
-    shear_error, loss_error = _error_of_tables(tables, tested, delta[0] / delta[0, -1])
+    of_scans, left_out = _of_scans(parts, patches), _is_solved(parts)
+    # What lies between the pressures is measured there, or at those that are left out
+    some = [*patches[:-1:2], patches[-1]] if left_out else patches
+    tables = _tables(of_joint, _of_scans(parts, some) if left_out else of_scans)
+    tested = [*slips, *(_together(parts, patch) for patch in between)]
+    errors_of_tables = _errors_of_tables(tables, tested, delta[0] / delta[0, -1])
     errors = [contact.estimated_error for contact in contacts]
     return Law(
         **rows,
@@ -167,8 +173,8 @@ def law(
         model=slips[0].curve.model,
         model_error=None if None in errors else max(error for error in errors if error is not None),
         left_out=left_out,
-        shear_error=shear_error,
-        loss_error=loss_error,
+        shear_error=float(errors_of_tables[0].max()),
+        loss_error=float(errors_of_tables[1].max()),
     )
 
 
@@ -306,12 +312,36 @@ def _patches(
     return patches, f"{few}{ratio**above:.2g} times the pressure of the analysis"
 
 
-def _between(parts: Sequence[Part], slips: Sequence[SlipCurve]) -> list[SlipCurve]:
-    """Return the slip curves of the joint halfway between its pressures."""
-    p = np.array([float(slip.preload_N) for slip in slips])
-    factors = np.sqrt(p[1:] * p[:-1]) * _area_m2(parts[0].joint) / parts[0].joint.scan_load_N
-    mu = slips[0].friction_coefficient
-    return [_together(parts, [_patch(part, one, mu) for part in parts]) for one in factors.tolist()]
+def _refined(
+    parts: Sequence[Part], patches: list[list[SlipCurve]]
+) -> tuple[list[list[SlipCurve]], list[list[SlipCurve]]]:
+    """Return patches under more pressures where the law between two needs them.
+
+    Where contacts touch and yield between two of them. And patches at the quarters between all,
+    where each pressure has a bed of its own, to judge the law by.
+    """
+    mu, kappa = patches[0][0].friction_coefficient, _together(parts, patches[0]).kappa
+    to_factor = _area_m2(parts[0].joint) / parts[0].joint.scan_load_N
+    halfway: dict[float, list[SlipCurve]] = {}
+    for turn in range(MOST_TURNS + 1):
+        of_scans = _of_scans(parts, patches)
+        if _is_solved(parts) or all(map(_has_one_bed, of_scans)):
+            return patches, []
+        p = np.array([float(patch[0].preload_N) for patch in patches])
+        middle = np.sqrt(p[1:] * p[:-1]).tolist()
+        for one in (one for one in middle if one not in halfway):
+            halfway[one] = [_patch(part, one * to_factor, mu) for part in parts]
+        tested = [halfway[one] for one in middle]
+        tables = _tables(dict(zip(OF_JOINT, (mu, kappa, p[[0, -1]]), strict=True)), of_scans)
+        slips = [_together(parts, patch) for patch in tested]
+        errors = np.max(_errors_of_tables(tables, slips, SHARES), axis=0)
+        poor = [patch for patch, error in zip(tested, errors, strict=True) if error > BETWEEN]
+        if not poor or turn == MOST_TURNS:
+            break
+        patches = sorted([*patches, *poor], key=lambda patch: float(patch[0].preload_N))
+    quarters = np.append(p[1:] ** 0.25 * p[:-1] ** 0.75, p[1:] ** 0.75 * p[:-1] ** 0.25).tolist()
+    more = [[_patch(part, one * to_factor, mu) for part in parts] for one in quarters]
+    return patches, [*tested, *more]
 
 
 def _patch(part: Part, factor: float, friction_coefficient: float) -> SlipCurve:
@@ -373,10 +403,10 @@ def _from_touch(p: np.ndarray, z: np.ndarray, K: np.ndarray) -> tuple[np.ndarray
     return np.append(0.0, z), np.append(at_touch, K)
 
 
-def _error_of_tables(
+def _errors_of_tables(
     of: dict[str, Any], slips: Sequence[SlipCurve], shares: np.ndarray
-) -> tuple[float, float]:
-    """Return the largest errors of shear and loss against the slip curves they stand for.
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return the largest errors of shear and loss against each of the curves they stand for.
 
     At shares of the displacements at total slip, and halfway between them.
     """
@@ -388,4 +418,4 @@ def _error_of_tables(
     asked = exact["shear_Pa"] >= ASKED_SHARE * slips[0].friction_coefficient * p
     shear = np.abs(tables.shear_Pa(delta, p) / exact["shear_Pa"] - 1.0)
     loss = np.abs(tables.loss_J_per_m2(delta, p) / exact["loss_J_per_m2"] - 1.0)
-    return float(shear[asked].max()), float(loss[asked].max())
+    return np.where(asked, shear, 0.0).max(axis=1), np.where(asked, loss, 0.0).max(axis=1)

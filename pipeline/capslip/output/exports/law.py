@@ -174,6 +174,7 @@ def about(found: Law, name: str, status: str, doubts: list[str]) -> list[str]:
             "smeared, so take the pressures of law.csv where this is too much"
             if found.left_out
             else "at the pressures of law.csv"
+            + ("" if found.has_beds_alone else " and at the quarters between them")
         )
         + ". The dissipation of real joints is known to a factor of two to three at best (Bureau, "
         "Caroli and Baumberger 2003).",
