@@ -309,6 +309,8 @@ ROWS = [
     Row("mating_overlap", "warning", "on 31 % of the first", "plain+plain aside", "plain+plain"),
     Row("tilt_left", "warning", "tilted by 7.67e-08 m", "tilted as-it-lay levelled",
         "tilted levelled"),
+    Row("tilt_left", "info", "moves the stiffness by", "tilted as-it-lay levelled loosely",
+        "tilted levelled"),
     Row("bow_left", "warning", "a bow of 5.", "bowed levelled", "bowed levelled quadratic"),
     Row("bow_left", "warning", "bows a flat by 1e-07 m", "plain of-a-known-bow"),
     Row("bow_left", "info", "bows a flat by 1e-10 m", "bowed levelled of-little-bow",

@@ -28,7 +28,9 @@ def pressed(height_m, scene=WAVES):
 def losses_J(curve):
     unloading = curve.unloading(LOAD_N)
     drop_N = np.array(SHARES) * LOAD_N
-    return np.exp(np.interp(np.log(drop_N), np.log(unloading.load_drop_N), np.log(unloading.loss_J)))
+    return np.exp(
+        np.interp(np.log(drop_N), np.log(unloading.load_drop_N), np.log(unloading.loss_J))
+    )
 
 
 @pytest.fixture(scope="module")
@@ -51,7 +53,7 @@ def test_the_energies_of_noisy_maps_scatter_as_the_first_order_says(clean, noise
     unloading = clean.unloading(LOAD_N)
     said = [noise_m * unloading.noise_per_m(share * LOAD_N) for share in SHARES]
     ratio = np.sqrt(np.mean(off**2, axis=0)) / said
-    assert (0.5 < ratio).all()
+    assert (ratio > 0.5).all()
     assert (ratio < 2.0).all()
 
 
@@ -85,6 +87,8 @@ def test_noise_is_found_and_what_is_smooth_or_rare_is_none(noise_m):
     clean, noise = pressed(0.0), noise_m * rng.standard_normal(WAVES.shape)
     spikes = np.where(rng.random(WAVES.shape) < 1e-3, 1e-7, 0.0)
     reach_m = clean.pressed(LOAD_N).approach_m
-    found = [white_noise_m(pressed(one).solutions.face, reach_m) for one in (0.0, noise, noise + spikes)]
+    found = [
+        white_noise_m(pressed(one).solutions.face, reach_m) for one in (0.0, noise, noise + spikes)
+    ]
     assert found[0] < 2e-11
     assert found[1:] == pytest.approx([noise_m, noise_m], rel=0.15)

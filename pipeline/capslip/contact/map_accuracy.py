@@ -44,12 +44,7 @@ def error_of_map(
     first = curve.first or FirstLoading(face, curve.pressed(load_N).approach_m)
     between = unloading.loss_error
     if between > tolerance:
-        message = (
-            f"from a tenth of mu N on the energy per cycle may be off by {between:.1%} between "
-            f"the {len(unloading.solved_load_N)} loads that were solved"
-        )
-        effect = Effect(None, between, between)
-        found.append(Problem("loss_between_loads", "warning", message, effect))
+        found.append(_between_loads(between, len(unloading.solved_load_N)))
     of_pixels = PIXELS_95[SMALL_SLIP] * unloading.pixel_error(SMALL_SLIP * load_N)
     least = max(between, LEAST_ERROR)
     noise_m = white_noise_m(first.face, first.approach_m)
@@ -72,11 +67,7 @@ def error_of_map(
                 start_Pa=curve.pressed(load_N).pressure_Pa,
             )
     except OutOfTimeError:
-        message = (
-            f"contact.time_limit_s = {curve.solutions.time_limit_s:g} s was over before the map "
-            "was pressed without its finest detail: what that decides is not known"
-        )
-        found.append(Problem("time_limit_reached", "warning", message))
+        found.append(_out_of_time(curve.solutions.time_limit_s))
         return _with_pixels(unloading, noise_m, max(least, of_both), least), tuple(found)
     effect = detail.effect
     stiffness, energy, factor = effect.tangential_stiffness or 0.0, effect.energy or 0.0, 1.0
@@ -115,6 +106,22 @@ def _with_pixels(
             (share, max(math.hypot(factor * unloading.pixel_error(drop_N), noise), energy))
         )
     return ModelError(stiffness, max(error for _, error in by_share), tuple(by_share))
+
+
+def _between_loads(error: float, n_solved: int) -> Problem:
+    message = (
+        f"from a tenth of mu N on the energy per cycle may be off by {error:.1%} between "
+        f"the {n_solved} loads that were solved"
+    )
+    return Problem("loss_between_loads", "warning", message, Effect(None, error, error))
+
+
+def _out_of_time(limit_s: float) -> Problem:
+    message = (
+        f"contact.time_limit_s = {limit_s:g} s was over before the map was pressed without its "
+        "finest detail: what that decides is not known"
+    )
+    return Problem("time_limit_reached", "warning", message)
 
 
 def _at_small_slip(error: float) -> Problem:

@@ -39,7 +39,7 @@ def loss_noise_per_m(path: Path) -> np.ndarray:
     float64, shape (2, k)
         Load drops, N, growing, and standard deviations of the loss over itself, 1/m.
     """
-    face, area_m2, load_N = path.face, path.face.pixel_area_m2, path.pressed.load_N
+    area_m2, load_N = path.face.pixel_area_m2, path.pressed.load_N
     pixel, part = _pixels_around(path)
     states = [(load_N, path.pressed.pressure_Pa)]
     states += [(node.load_N, path.known(node).pressure_Pa) for node in path.nodes]
