@@ -11,7 +11,7 @@ from scipy.sparse.csgraph import connected_components
 
 from capslip.caps import hills, separation
 from capslip.caps.hills import find_hills
-from capslip.surface import blocks, outliers
+from capslip.surface import blocks, rows
 from capslip.surface.conditioning import condition, sq_and_sz_m
 from capslip.surface.form import remove_form
 from capslip.surface.graph import connected_parts
@@ -36,7 +36,7 @@ def face(seed, lost, shape=(83, 121)):
 
 
 def in_blocks_of(points, monkeypatch):
-    for module in (blocks, hills, separation, outliers):
+    for module in (blocks, hills, separation, rows):
         monkeypatch.setattr(module, "BLOCK_POINTS", points)
 
 

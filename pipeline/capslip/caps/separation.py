@@ -191,8 +191,9 @@ class _Lattice:
         one, other = one[apart], other[apart]
         along = np.flatnonzero(runs.first[1:] == runs.last[:-1] + 1)  # the row goes on
         spots = [self._lower(begin[along + 1], end[along])]
-        for first in range(0, one.size, BLOCK_POINTS // 8):
-            some = slice(first, first + BLOCK_POINTS // 8)
+        at_once = max(1, BLOCK_POINTS // 8)
+        for first in range(0, one.size, at_once):
+            some = slice(first, first + at_once)
             spots.append(self._between(runs, begin, end, one[some], other[some]))
         here, there = (
             hill[begin[np.append(ends, run)]] for ends, run in ((along + 1, one), (along, other))
