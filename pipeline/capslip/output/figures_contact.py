@@ -237,13 +237,7 @@ def loss_factor(analysis: "Analysis", axes: "Axes | None" = None) -> "Figure | N
     if first_m is not None and first is not None and first <= MOST_LOSS_FACTOR:
         label = f"first maximum {first:.3g} at {engineering(first_m, 'm')}"
         axes.plot(first_m / unit_m, first, "o", color=INK, markersize=6, label=label)
-    answer = analysis.answer
-    if answer is not None and answer.loss_factor:
-        place = answer.amplitude_m / unit_m, answer.loss_factor
-        _mark_answer(axes, analysis, "loss_factor", place, "{:.3g}".format)
-    elif answer is not None and answer.loss_factor is None:
-        label = f"asked: {engineering(answer.amplitude_m, 'm')}, where it is not defined"
-        axes.axvline(answer.amplitude_m / unit_m, color=LOOP_COLOURS[1], linewidth=1.2, label=label)
+    _mark_loss_factor(axes, analysis, unit_m)
     per_N = 1.0 / (damping.joint_stiffness_N_per_m * unit_m)
     _veil_unresolved(axes, analysis, lambda force_N: force_N * per_N)
     colour = PHASES[2][1]
@@ -297,6 +291,17 @@ def _between(load_N: np.ndarray, approach_m: np.ndarray) -> tuple[np.ndarray, np
     apart = np.diff(load_N, prepend=-1.0) > 1e-12 * load_N  # the share of a joint rounds loads
     curve = PchipInterpolator(load_N[apart] ** (2 / 3), approach_m[apart])
     return fine_N, curve(fine_N ** (2 / 3))
+
+
+def _mark_loss_factor(axes: "Axes", analysis: "Analysis", unit_m: float) -> None:
+    """Mark the loss factor that was asked for, or where it is not defined."""
+    answer = analysis.answer
+    if answer is not None and answer.loss_factor:
+        place = answer.amplitude_m / unit_m, answer.loss_factor
+        _mark_answer(axes, analysis, "loss_factor", place, "{:.3g}".format)
+    elif answer is not None and answer.loss_factor is None:
+        label = f"asked: {engineering(answer.amplitude_m, 'm')}, where it is not defined"
+        axes.axvline(answer.amplitude_m / unit_m, color=LOOP_COLOURS[1], linewidth=1.2, label=label)
 
 
 def _mark_answer(
