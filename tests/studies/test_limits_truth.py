@@ -11,8 +11,10 @@ from capslip.settings import load_settings
 from capslip.studies.faces.finer import finer_places, finer_profile, finer_waves
 from capslip.studies.faces.synthetic import synthetic_surface
 from capslip.studies.limits import changes
+from capslip.studies.limits.axes import axes
 from capslip.studies.limits.case import Case
 from capslip.studies.limits.known import energy_names, known_answers
+from capslip.studies.limits.measure import measure
 from capslip.studies.limits.of_face import LEFT, answers_of_face
 from capslip.studies.limits.tries import (
     harmless_faces,
@@ -113,3 +115,12 @@ def test_the_truth_is_not_that_of_the_map():
     (scan, _), (fine, _) = synthetic_surface(case.scene), synthetic_surface(case.scene, finer=8)
     missed_m = fine.height_m.max() - scan.height_m.max()
     assert missed_m > 0.05 * found.approach_m
+
+
+def test_a_hill_that_touches_between_the_last_pixels_and_the_edge_is_found():
+    """On a map of 2 mm waves no pixel of it touches, and it takes 11 % of the energy at 0.25."""
+    axis = next(axis for axis in axes() if axis.name == "wavy faces")
+    case = next(case for case in axis.cases if case.name == "waves of 2 mm, 100 N, seed 50")
+    run = measure([replace(axis, cases=(case,))], ("default",))["runs"][0]
+    assert run["outcome"] == "right"
+    assert max(abs(error) for error in run["errors"].values()) < 0.03

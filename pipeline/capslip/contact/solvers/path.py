@@ -14,7 +14,7 @@ from capslip.contact.solvers.polonsky_keer import (
     press,
     punch_pressure_Pa_per_m,
 )
-from capslip.contact.solvers.refinement import refinement
+from capslip.contact.solvers.refinement import refinement, touches_between
 from capslip.contact.solvers.starts import Known, start_Pa
 
 FINEST = 1e-11  # tolerance of a solution, above rounding
@@ -56,9 +56,10 @@ class Path:
         region = pressed.region
         self.map, self.map_pressed, self.patches = face, pressed, None
         if on_patches:
-            finest = refinement(face, pressed)
-            known = around if finest == 1 else None
-            self.patches = known or around_contact(face, region > 0, finest)
+            finest, contact = refinement(face, pressed), region > 0
+            if finest > 1:  # its points may find a contact that no pixel of the map has
+                contact, around = contact | touches_between(face, pressed), None
+            self.patches = around or around_contact(face, contact, finest)
         if self.patches is not None:
             face = self.patches
             pressed, region = _on_patches(self.patches, pressed, region)

@@ -1,5 +1,7 @@
 """How fine a spline of a map must be to follow the slip of its contacts."""
 
+import math
+
 import numpy as np
 
 from capslip.contact.solvers.elastic_face import ElasticFace
@@ -31,6 +33,50 @@ def refinement(face: ElasticFace, pressed: Pressed) -> int:
     if rough_m > _SMOOTH * pressed.approach_m or _rings(noise_m2, pressed):
         return 1
     return min(_MOST_REFINED, int(np.ceil(_WIDE / across)))
+
+
+def touches_between(face: ElasticFace, pressed: Pressed) -> np.ndarray:
+    """Return the points off the contact in whose pixels a smooth face may touch nevertheless.
+
+    There the gap is less than about them and, along each axis, so little that the parabola through
+    three neighbours falls as much within the pixel; at an edge of the map, half a pixel of the way
+    to the one neighbour. Twice that counts, as both axes may go together and the points that a
+    refinement adds move the level: what is taken too many rests without pressure. Where a spline
+    swings because of a pit, a step or a spike, none counts.
+
+    Returns
+    -------
+    bool, shape (ny, nx)
+    """
+    gap_m, contact = pressed.gap_m, pressed.pressure_Pa > 0
+    falls_m, least = np.zeros(gap_m.shape), face.measured & ~contact & (gap_m > 0)
+    for axis in (0, 1):
+        step_m = np.diff(gap_m, axis=axis)
+        none = np.zeros_like(gap_m.take([0], axis=axis))
+        before_m = np.concatenate((none, -step_m), axis=axis)  # how much higher the neighbours are
+        after_m = np.concatenate((step_m, none), axis=axis)
+        least &= (before_m >= 0) & (after_m >= 0)
+        bend_m = np.maximum(before_m + after_m, np.finfo(float).tiny)
+        fall_m = np.square(before_m - after_m) / (8 * bend_m)
+        ends_m = np.moveaxis(fall_m, axis, 0)
+        ends_m[[0, -1]] = 0.5 * np.moveaxis(before_m + after_m, axis, 0)[[0, -1]]
+        falls_m += fall_m
+    found = least & (gap_m < 2 * falls_m)
+    return found & ~_swings(face, pressed) if found.any() else found
+
+
+def _swings(face: ElasticFace, pressed: Pressed) -> np.ndarray:
+    """Tell where a spline may swing because of what is off its neighbours, as `_rings` has it."""
+    from scipy.ndimage import distance_transform_edt
+
+    most_m = _SMOOTH * pressed.approach_m
+    # Along an edge of the map one axis knows it; in a corner of four pixels none does
+    off_m = np.sqrt(np.fmax(*(white_m2(face.depth_m, _ORDER, axis) for axis in (0, 1))))
+    rough = off_m > most_m
+    if not rough.any():
+        return rough
+    pixels = math.log(off_m[rough].max() / most_m) / -math.log(_RINGING)
+    return np.asarray(distance_transform_edt(~rough) <= pixels)
 
 
 def _rings(square_m2: np.ndarray, pressed: Pressed) -> bool:
