@@ -16,7 +16,7 @@ PIXEL_M, RADIUS_M = 2e-4, 1.0
 
 
 def pressed_beside(top_m, place):
-    """A sphere of 20 m is pressed; the top of a small one lies `top_m` over the plane beside it."""
+    """Press a sphere of 20 m, with the top of a small one `top_m` over the plane beside it."""
     row, col = np.mgrid[0:60, 0:60]
     wide_m = -(PIXEL_M**2) * ((row - 40) ** 2 + (col - 40) ** 2) / (2 * 20.0)
     face = elastic_face(HeightMap(wide_m, (PIXEL_M, PIXEL_M)), 110e9)
@@ -52,7 +52,7 @@ def test_none_is_taken_from_a_spline_that_swings_about_a_pit(pixels):
 
 
 def test_a_hill_that_no_pixel_touches_loses_its_energy():
-    """At a tenth and a quarter of mu N, against the same waves on half and a quarter of the pixel."""
+    """Against the waves on half and a quarter of the pixel, at a tenth and a quarter of mu N."""
     scene = Scene((100, 150), (4e-4, 4e-4), seed=7, roughness_rms_m=2e-7, roughness_length_m=2e-3)
     lost_J = []
     for finer in (1, 2, 4):
