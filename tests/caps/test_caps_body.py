@@ -66,7 +66,7 @@ def test_the_body_of_a_paraboloid():
     assert body.volume_m3[0] == pytest.approx(np.pi * 9.0 * np.sqrt(60.0 * 120.0), rel=2e-3)
     assert body.radius_ratio[0] == pytest.approx(2.0)
     assert body.quadric.points[0] == np.count_nonzero(height_m >= -3.0)
-    assert not (body.at_edge | body.at_patch | body.at_hill | body.scattered).any()
+    assert not (body.at_edge | body.at_patch | (body.beside_hills > 0) | body.scattered).any()
     radius_m, error, _ = radius_by_quadric(body, np.array([40.9]), np.array([30.3]))
     assert radius_m[0] == pytest.approx(elliptic_factor(2.0) * np.sqrt(60.0 * 120.0))
     assert error[0] == pytest.approx(
@@ -106,7 +106,7 @@ def test_the_scatter_is_that_of_the_points_or_of_the_noise():
 def given(volume_m3, depth_m, edge=False, patch=False, quadric=True, noise_m=0.0, **changed):
     """Return what a fit by volume asks for, of one hill in the middle of a map of 20 by 80."""
     known = {"apex_se_m": 0.0, "scatter_m": 0.0, "edge_of_face": False, "ratio": 1.0, "pixel_m2": 1}
-    known |= {"hill": False} | changed
+    known |= {"beside_hills": 0.0} | changed
     curvature = np.array([[0.01], [0.01 * known["ratio"]]]) if quadric else np.full((2, 1), np.nan)
     shape = SimpleNamespace(
         exists=np.array([quadric]),
@@ -121,7 +121,7 @@ def given(volume_m3, depth_m, edge=False, patch=False, quadric=True, noise_m=0.0
         volume_m3=np.array([volume_m3]),
         at_edge=np.array([edge]),
         at_patch=np.array([patch]),
-        at_hill=np.array([known["hill"]]),
+        beside_hills=np.array([known["beside_hills"]]),
         quadric=shape,
         scatter_m=np.array([known["scatter_m"]]),
         radius_ratio=curvature[1] / curvature[0],
@@ -185,7 +185,7 @@ def test_the_edge_counts_for_spheres_of_any_size(R):
     ("limit", "depth_m", "cut"),
     [(1, 0.9, (1, 0, 0)), (2, 0.9, (0, 1, 0)), (4, 0.9, (0, 0, 1)), (7, 0.1, (0, 0, 0))],
 )
-def test_one_point_on_an_edge_or_beside_a_patch_or_a_hill_cuts_a_hill(limit, depth_m, cut):
+def test_one_point_on_an_edge_or_beside_a_patch_or_a_hill_counts(limit, depth_m, cut):
     """If it lies within the depth; the point is half a unit below the apex."""
     height_m = bowl_m((120, 40), (30.3, 40.9), 60.0, PIXEL_M)
     surface, hills, points = hills_of(height_m, height_m >= -1.0, -1.0, PIXEL_M)
@@ -194,19 +194,46 @@ def test_one_point_on_an_edge_or_beside_a_patch_or_a_hill_cuts_a_hill(limit, dep
     points = replace(points, limit=limits)
     apexes = find_apexes(surface, hills, points, SILENT)
     body = body_of_hills(-1.0, points, apexes, SILENT, np.array([depth_m]), 0.5)
-    assert (body.at_edge[0], body.at_patch[0], body.at_hill[0]) == cut
+    assert (body.at_edge[0], body.at_patch[0], body.beside_hills[0] > 0) == cut
 
 
 def test_a_cap_that_is_cut_has_the_radius_of_its_quadric():
-    """By a patch, a hill, or an edge that is not that of the face; without a quadric never."""
+    """By a patch, or an edge that is not that of the face; without a quadric never."""
     t, R = 0.7, 5.0
     whole = (np.pi * t**2 * (R - t / 3.0), t)
     by_quadric = (100.0, 100.0 * 0.5 * 0.25)
-    among = [{"patch": True}, {"edge": True}, {"patch": True, "edge_of_face": True}, {"hill": True}]
-    for cut in among:
+    for cut in ({"patch": True}, {"edge": True}, {"patch": True, "edge_of_face": True}):
         assert sphere(*whole, **cut, scatter_m=0.25) == pytest.approx(by_quadric)
         assert sphere(*whole, **cut, quadric=False)[0] == pytest.approx(R)
     assert sphere(*whole, edge=True, edge_of_face=True)[0] == pytest.approx(R)  # too far away
+
+
+@pytest.mark.parametrize(
+    ("beside_hills", "part"), [(0.0, 0.0), (0.1, 0.0), (0.15, 0.5), (0.2, 1.0), (0.7, 1.0)]
+)
+def test_the_more_other_hills_cut_a_cap_the_more_its_quadric_counts(beside_hills, part):
+    """Which is that of a radius of 100; no more than twice that by volume is taken of it."""
+    t = 0.7
+    for R, most in ((80.0, 100.0), (5.0, 10.0)):
+        volume_m3 = np.pi * t**2 * (R - t / 3.0)
+        radius_m, _ = sphere(volume_m3, t, beside_hills=beside_hills)
+        assert radius_m == pytest.approx((1.0 - part) * R + part * most)
+        assert sphere(volume_m3, t, beside_hills=1.0, quadric=False)[0] == pytest.approx(R)
+
+
+def test_the_share_beside_hills_is_that_of_a_chord():
+    """Two equal paraboloids meet in a chord: of the outline it is sin(u) / pi at a cos(u)."""
+    y_m, x_m = np.mgrid[:300, :400] + 0.5
+    a, c = 80.0, 50.0
+    height_m = 1.0 - (np.minimum(abs(x_m - 150.0), abs(x_m - 150.0 - 2 * c)) ** 2) / a**2
+    height_m -= (y_m - 150.0) ** 2 / a**2
+    label = np.where(height_m > 0.0, np.where(x_m < 150.0 + c, 1, 2), 0)
+    surface, hills, points = hills_of(height_m, label)
+    apexes = find_apexes(surface, hills, points, SILENT)
+    body = body_of_hills(0.0, points, apexes, SILENT, np.full(2, 0.999), 0.5)
+    area_m2 = np.count_nonzero(label == 1)
+    expected = 2.0 * np.sqrt(a**2 - c**2) / (2.0 * np.sqrt(np.pi * area_m2))
+    assert body.beside_hills == pytest.approx([expected, expected], rel=0.02)
 
 
 @pytest.mark.parametrize(

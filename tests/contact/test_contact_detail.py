@@ -66,6 +66,23 @@ def test_roughness_that_the_map_resolves_is_followed_and_taken_for_the_face_s_ow
     assert stated.greatest < TOLERANCE < said.effect.energy
 
 
+def test_detail_that_is_smooth_from_pixel_to_pixel_is_a_note_where_the_force_asked_for_is_known():
+    """Pixels leave more than half the tolerance at a tenth of mu N, less than it at a quarter."""
+    scene = Scene((100, 150), (2e-4, 2e-4), seed=2, roughness_rms_m=2e-7, roughness_length_m=1e-3)
+    scan, truth = (
+        bem.boundary_elements(synthetic_surface(scene, finer=finer)[0], E_STAR_PA, preload_N=100.0)
+        for finer in (1, 2)
+    )
+    stated, said = error_of_map(scan, 100.0, TOLERANCE)
+    assert {(one.code, one.severity) for one in said} == {
+        ("detail_decides", "info"), ("small_slip_extrapolated", "info")
+    }  # fmt: skip
+    off = detail._relative(*(detail._loss_J(one.unloading(100.0)) for one in (scan, truth)))
+    errors = dict(stated.energy_by_share)
+    assert errors[0.1] > 0.5 * TOLERANCE
+    assert (off <= [errors[share] for share in detail.FORCE_SHARES]).all()
+
+
 def test_noise_on_them_is_warned_and_its_error_stated(surface):
     noise_m = np.random.default_rng(4).normal(0.0, 4e-8, surface.shape)
     clean, noisy = solved(surface), solved(replace(surface, height_m=surface.height_m + noise_m))

@@ -22,7 +22,7 @@ class Body:
     volume_m3: np.ndarray
     at_edge: np.ndarray  # whether the edge of the map cuts it
     at_patch: np.ndarray  # whether non-measured points do
-    at_hill: np.ndarray  # whether another hill does
+    beside_hills: np.ndarray  # share of its outline that lies along other hills
     scattered: np.ndarray  # whether its points lie in several places
     quadric: Quadrics
     scatter_m: np.ndarray  # standard deviation of its points that is fit for errors of means
@@ -60,7 +60,7 @@ def body_of_hills(
 
     seen_m = np.maximum(level_m, apexes.floor_m)
     quadric = fit_quadrics(points, seen_m, apexes.apex_m)
-    filled, rise_m, (at_edge, at_patch, at_hill) = _contents(points, seen_m, level_m)
+    filled, rise_m, at_edge, at_patch, beside_hills = _contents(points, seen_m, level_m)
     filled_m2 = points.pixel_area_m2 * filled
     scattered = filled_m2 < FILLED_ELLIPSE * 4.0 * np.pi * quadric.spread_m2
     if noise_m > NEGLIGIBLE_NOISE * np.max(depth_m, initial=0.0):
@@ -71,7 +71,7 @@ def body_of_hills(
         volume_m3=points.pixel_area_m2 * rise_m,
         at_edge=at_edge,
         at_patch=at_patch,
-        at_hill=at_hill,
+        beside_hills=beside_hills,
         scattered=scattered,
         quadric=quadric,
         scatter_m=np.fmax(quadric.residual_m, noise_m) * noise.inflation,
@@ -80,15 +80,15 @@ def body_of_hills(
 
 def _contents(
     points: HillPoints, seen_m: np.ndarray, level_m: np.ndarray
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+) -> tuple[np.ndarray, ...]:
     """Return what of each hill stands above levels, shape (n,).
 
     The number of points above the first, those that stand in for lost ones too; above the second
-    the sum of their heights, and whether the edge of the map, non-measured points or another hill
-    cut it there, shape (3, n).
+    the sum of their heights, whether the edge of the map or non-measured points are among them, and
+    which share of the outline of as large a disc lies along other hills.
     """
-    filled, rise_m = np.zeros((2, points.n_hills))
-    cut = np.zeros((3, points.n_hills), dtype=bool)
+    filled, rise_m, area = np.zeros((3, points.n_hills))
+    cut = np.zeros((3, points.n_hills))  # points there
     for hills, some in points.groups():
         z_m, count = points.z_m[some], points.count[hills]
         seen = np.flatnonzero(z_m >= np.repeat(seen_m[hills], count))
@@ -98,8 +98,10 @@ def _contents(
         limit, index = points.limit[some][above], some.start + above
         rise_m[hills] = sums_by_hill(up_m[above], points.count_of(index)[hills])
         for row, bit in zip(cut, (LIMIT_EDGE, LIMIT_PATCH, LIMIT_HILL), strict=True):
-            row[hills] = points.count_of(index[(limit & bit) > 0])[hills] > 0
-    return filled, rise_m, cut
+            row[hills] = points.count_of(index[(limit & bit) > 0])[hills]
+        area[hills] = points.count_of(index)[hills]
+    outline = 2.0 * np.sqrt(np.pi * np.maximum(area, 1.0))
+    return filled, rise_m, cut[0] > 0, cut[1] > 0, cut[2] / outline
 
 
 def _depth_m(

@@ -20,7 +20,7 @@ S_FILTER, NOISE_PIXELS = "conditioning.s_filter_nesting_index_m", 5.0  # what ta
 PIXELS_95 = {0.1: 3.0, 0.25: 6.0, 0.5: 6.0, 0.75: 6.0, 1.0: 6.0}
 RESOLVED = 0.1  # of what the filter takes, that noise may be: 0.01 on smooth faces, noise 0.3 to 1
 NORMAL_95 = 1.96  # standard deviations of noise that hold 95 %
-ASKED = 0.25  # of mu N, from which noise that moves the energy is a warning; below, a note
+ASKED = 0.25  # of mu N, from which pixels and noise that move the energy warn; below, a note
 LEAST_ERROR = 0.01  # of stiffness and energy, by the pixels of contacts that are resolved
 
 
@@ -76,7 +76,8 @@ def error_of_map(
         f"detail of a few pixels moves the stiffness by {effect.tangential_stiffness:.1%} and the "
         f"energy by up to {effect.energy:.1%}"
     )
-    if greatest > tolerance >= 2.0 * of_pixels and detail.white_share < RESOLVED:
+    at_asked = PIXELS_95[ASKED] * unloading.pixel_error(ASKED * load_N)
+    if greatest > tolerance >= at_asked and detail.white_share < RESOLVED:
         message = f"{said}, and is smooth from pixel to pixel: it is taken for the face's own"
         found.append(Problem("detail_decides", "info", message, effect))
         factor = detail.white_share
@@ -88,7 +89,8 @@ def error_of_map(
         factor = 1.0 / (1.0 - WHITE_LEFT)
     elif (at_force := NORMAL_95 * noise_m * unloading.noise_per_m(ASKED * load_N)) > tolerance:
         found.append(_of_noise(noise_m, at_force, max(curve.pressed(load_N).pixel_size_m)))
-    elif of_both > tolerance:
+    known = any(one.code == "detail_decides" and one.severity == "warning" for one in found)
+    if of_both > tolerance and not known:
         found.append(_at_small_slip(of_both))
     errors = max(factor * stiffness, LEAST_ERROR), max(factor * energy, least)
     return _with_pixels(unloading, noise_m, *errors), tuple(found)
