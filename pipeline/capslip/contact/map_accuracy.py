@@ -7,6 +7,7 @@ from capslip.contact.bulk import bulk_of_face_m_per_N
 from capslip.contact.rung import ModelError
 from capslip.contact.solvers.detail import WHITE_LEFT, FirstLoading, effect_of_detail
 from capslip.contact.solvers.noise import white_noise_m
+from capslip.contact.solvers.refinement import SMOOTH
 from capslip.contact.solvers.unloading import SMALL_SLIP, Unloading
 from capslip.errors import OutOfTimeError
 from capslip.problems import Effect, Problem
@@ -48,6 +49,8 @@ def error_of_map(
     of_pixels = PIXELS_95[SMALL_SLIP] * unloading.pixel_error(SMALL_SLIP * load_N)
     least = max(between, LEAST_ERROR)
     noise_m = white_noise_m(first.face, first.approach_m)
+    if noise_m > SMOOTH * first.approach_m:  # no small change: pressed without it, see below
+        noise_m = 0.0
     of_noise = NORMAL_95 * noise_m * unloading.noise_per_m(SMALL_SLIP * load_N)
     of_both = math.hypot(of_pixels, of_noise)
     if unloading.cut_short:  # no time is left to look at what detail decides

@@ -14,7 +14,7 @@ _WIDE_ENOUGH, _WIDE = 35, 75
 _MOST_REFINED = 6
 # What a map that may be refined has of white noise at most, of the approach, and the order of the
 # differences that know it: waves of 4 pixels, which a spline follows to 1 %, give them 0.14
-_SMOOTH, _ORDER = 0.0055, 8
+SMOOTH, _ORDER = 0.0055, 8
 _RINGING = 0.27  # 2 - sqrt(3): how a cubic spline's swing falls from pixel to pixel
 
 
@@ -30,7 +30,7 @@ def refinement(face: ElasticFace, pressed: Pressed) -> int:
     noise_m2 = 0.5 * (white_m2(face.depth_m, _ORDER, 0) + white_m2(face.depth_m, _ORDER, 1))
     inside = (pressed.pressure_Pa > 0) & np.isfinite(noise_m2)
     rough_m = np.sqrt(noise_m2[inside].mean()) if inside.any() else np.inf
-    if rough_m > _SMOOTH * pressed.approach_m or _rings(noise_m2, pressed):
+    if rough_m > SMOOTH * pressed.approach_m or _rings(noise_m2, pressed):
         return 1
     return min(_MOST_REFINED, int(np.ceil(_WIDE / across)))
 
@@ -69,7 +69,7 @@ def _swings(face: ElasticFace, pressed: Pressed) -> np.ndarray:
     """Tell where a spline may swing because of what is off its neighbours, as `_rings` has it."""
     from scipy.ndimage import distance_transform_edt
 
-    most_m = _SMOOTH * pressed.approach_m
+    most_m = SMOOTH * pressed.approach_m
     # Along an edge of the map one axis knows it; in a corner of four pixels none does
     off_m = np.sqrt(np.fmax(*(white_m2(face.depth_m, _ORDER, axis) for axis in (0, 1))))
     rough = off_m > most_m
@@ -87,7 +87,7 @@ def _rings(square_m2: np.ndarray, pressed: Pressed) -> bool:
     """
     from scipy.ndimage import distance_transform_edt
 
-    contact, most_m = pressed.pressure_Pa > 0, _SMOOTH * pressed.approach_m
+    contact, most_m = pressed.pressure_Pa > 0, SMOOTH * pressed.approach_m
     rough = (np.sqrt(square_m2) > most_m) & ~contact
     if not rough.any():
         return False
