@@ -90,7 +90,7 @@ def test_noise_on_them_is_warned_and_its_error_stated(surface):
     assert [one.code for one in problems] == ["detail_decides"]
     was, now = (detail._loss_J(one.unloading(LOAD_N)) for one in (clean, noisy))
     off = detail._relative(was, now).max()
-    assert TOLERANCE < off <= stated.energy
+    assert TOLERANCE < off <= stated.energy < 4.0 * off  # to first order noise would say 40 times
 
 
 def test_a_lost_point_on_a_contact_is_filled_and_looked_at(surface):
