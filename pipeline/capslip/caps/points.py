@@ -122,7 +122,7 @@ def points_of_hills(surface: HeightMap, hills: Hills) -> HillPoints:
         mask = np.zeros(label.size, dtype=bool)
         mask[beside] = True
         limit[mask[index]] |= LIMIT_PATCH
-    limit[_beside_hills(label, index, nx)] |= LIMIT_HILL
+    limit[_beside_hills(label, index, hill + np.int32(1), col, nx)] |= LIMIT_HILL
     return HillPoints(
         hill=hill,
         row=row,
@@ -135,12 +135,18 @@ def points_of_hills(surface: HeightMap, hills: Hills) -> HillPoints:
     )
 
 
-def _beside_hills(label: np.ndarray, index: np.ndarray, nx: int) -> np.ndarray:
-    """Tell which points have a neighbour in their row or column that belongs to another hill."""
-    own, beside = label[index], np.zeros(index.size, dtype=bool)
-    for step in (-nx, -1, 1, nx):
+def _beside_hills(
+    label: np.ndarray, index: np.ndarray, own: np.ndarray, col: np.ndarray, nx: int
+) -> np.ndarray:
+    """Tell which points have a neighbour in their row or column that belongs to another hill.
+
+    A point that stands in for a lost one has no label of its own, but a hill.
+    """
+    beside = np.zeros(index.size, dtype=bool)
+    for step, in_row in ((-nx, None), (nx, None), (-1, col > 0), (1, col < nx - 1)):
         other = label.take(index + step, mode="clip")
-        beside |= (other > 0) & (other != own)
+        there = (other > 0) & (other != own)
+        beside |= there if in_row is None else there & in_row
     return beside
 
 
