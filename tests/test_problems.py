@@ -112,7 +112,7 @@ def twins(apart_m, radius, *which):
 
 def unsettled():
     """Waves whose contact and fit go to and fro: no rule is known that makes one."""
-    rng = np.random.default_rng(1)
+    rng = np.random.default_rng(12)
     z = rng.standard_normal((60, 90))
     z = gaussian_filter(z, rng.uniform(1.0, 4.0))
     return of(z / z.std() * 1e-6 * 10.0 ** rng.uniform(-1.0, 0.5), (2e-4, 2e-4))
