@@ -46,13 +46,13 @@ def error_of_map(
     between = unloading.loss_error
     if between > tolerance:
         found.append(_between_loads(between, len(unloading.solved_load_N)))
-    of_pixels = PIXELS_95[SMALL_SLIP] * unloading.pixel_error(SMALL_SLIP * load_N)
     least = max(between, LEAST_ERROR)
     noise_m = white_noise_m(first.face, first.approach_m)
     if noise_m > SMOOTH * first.approach_m:  # no small change: pressed without it, see below
         noise_m = 0.0
-    of_noise = NORMAL_95 * noise_m * unloading.noise_per_m(SMALL_SLIP * load_N)
-    of_both = math.hypot(of_pixels, of_noise)
+    of_both = math.hypot(
+        _of_pixels(unloading, SMALL_SLIP), _of_noise(unloading, noise_m, SMALL_SLIP)
+    )
     if unloading.cut_short:  # no time is left to look at what detail decides
         return _with_pixels(unloading, noise_m, max(least, of_both), least), tuple(found)
     resolved = unloading.smallest_drop_N < SMALL_SLIP * load_N and all(
@@ -79,8 +79,7 @@ def error_of_map(
         f"detail of a few pixels moves the stiffness by {effect.tangential_stiffness:.1%} and the "
         f"energy by up to {effect.energy:.1%}"
     )
-    at_asked = PIXELS_95[ASKED] * unloading.pixel_error(ASKED * load_N)
-    if greatest > tolerance >= at_asked and detail.white_share < RESOLVED:
+    if greatest > tolerance >= _of_pixels(unloading, ASKED) and detail.white_share < RESOLVED:
         message = f"{said}, and is smooth from pixel to pixel: it is taken for the face's own"
         found.append(Problem("detail_decides", "info", message, effect))
         factor = detail.white_share
@@ -90,8 +89,8 @@ def error_of_map(
         step = f"--set {S_FILTER}={nesting_m:.2g}, if the detail is noise; else a finer scan"
         found.append(Problem("detail_decides", "warning", message, effect, step))
         factor = 1.0 / (1.0 - WHITE_LEFT)
-    elif (at_force := NORMAL_95 * noise_m * unloading.noise_per_m(ASKED * load_N)) > tolerance:
-        found.append(_of_noise(noise_m, at_force, max(curve.pressed(load_N).pixel_size_m)))
+    elif (at_force := _of_noise(unloading, noise_m, ASKED)) > tolerance:
+        found.append(_noisy(noise_m, at_force, max(curve.pressed(load_N).pixel_size_m)))
     known = any(one.code == "detail_decides" and one.severity == "warning" for one in found)
     if of_both > tolerance and not known:
         found.append(_at_small_slip(of_both))
@@ -99,17 +98,24 @@ def error_of_map(
     return _with_pixels(unloading, noise_m, *errors), tuple(found)
 
 
+def _of_pixels(unloading: Unloading, share: float) -> float:
+    """Return what pixels leave in the energy at a share of mu N, relative, at 95 %."""
+    return PIXELS_95[share] * unloading.pixel_error(share * unloading.load_N)
+
+
+def _of_noise(unloading: Unloading, noise_m: float, share: float) -> float:
+    """Return what white noise of a pixel does to it, relative, at 95 %."""
+    return NORMAL_95 * noise_m * unloading.noise_per_m(share * unloading.load_N)
+
+
 def _with_pixels(
     unloading: Unloading, noise_m: float, stiffness: float, energy: float
 ) -> ModelError:
     """Return errors, with what pixels and noise leave in the energy, which falls with the force."""
     by_share = []
-    for share, factor in PIXELS_95.items():
-        drop_N = share * unloading.load_N
-        noise = NORMAL_95 * noise_m * unloading.noise_per_m(drop_N)
-        by_share.append(
-            (share, max(math.hypot(factor * unloading.pixel_error(drop_N), noise), energy))
-        )
+    for share in PIXELS_95:
+        of_both = math.hypot(_of_pixels(unloading, share), _of_noise(unloading, noise_m, share))
+        by_share.append((share, max(of_both, energy)))
     return ModelError(stiffness, max(error for _, error in by_share), tuple(by_share))
 
 
@@ -137,7 +143,7 @@ def _at_small_slip(error: float) -> Problem:
     return Problem("small_slip_extrapolated", "info", message, Effect(None, error, error))
 
 
-def _of_noise(noise_m: float, error: float, pixel_m: float) -> Problem:
+def _noisy(noise_m: float, error: float, pixel_m: float) -> Problem:
     message = (
         f"white noise of {noise_m:.2g} m a point leaves up to {error:.1%} in the energy per cycle "
         f"at {percent(ASKED)} of the force at gross slip"
