@@ -166,7 +166,8 @@ def problems_of_outliers(
     -------
     tuple of Problem
         None where nothing was found. `outliers_removed` is info; a warning above 2 % of the
-        points, where the rule no longer speaks of exceptions. `spikes`, for points that were kept,
+        points, where the rule no longer speaks of exceptions, unless they are as errors of single
+        points are: up and down alike, and each for itself. `spikes`, for points that were kept,
         is a warning where one lies in the highest 10 % (it is touched, or spoils a cap) or where
         together they can move the form by more than 1 % of Sq; else info.
     """
@@ -357,7 +358,8 @@ def _scale(surface: HeightMap, sz_m: float) -> Problem | None:
 def _removed(surface: HeightMap, outliers: Outliers) -> Problem:
     n = outliers.index.size
     share = n / (n + surface.n_measured)
-    many = share > MAX_OUTLIER_SHARE
+    errors = outliers.both_ways and not outliers.know_of_each_other(surface.shape[1])
+    many = share > MAX_OUTLIER_SHARE and not errors
     return Problem(
         "outliers_removed",
         "warning" if many else "info",

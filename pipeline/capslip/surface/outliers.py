@@ -60,6 +60,20 @@ class Outliers:
             return False
         return bool(self.step_m.max() <= -2.0 * self.step_m.min())
 
+    def know_of_each_other(self, nx: int) -> bool:
+        """Whether more of those that touch stand off the same way than opposite ways, on rows of nx.
+
+        Errors of single points are as often alike as not, whatever their number: more of the same
+        way, by two standard deviations, are parts of things that are wider than a pixel.
+        """
+        width, up = nx + 1, self.step_m > 0.0  # an empty column: the ends of two rows do not touch
+        place = self.index + self.index // nx
+        beside = place[:, None] + np.array((1, width - 1, width, width + 1))
+        at = np.minimum(np.searchsorted(place, beside), place.size - 1)
+        one, neighbour = np.nonzero(place[at] == beside)
+        unlike = int(np.count_nonzero(up[one] != up[at[one, neighbour]]))
+        return one.size - 2 * unlike > 2.0 * math.sqrt(one.size)
+
 
 def stand_alone(measured: np.ndarray) -> bool:
     """Tell whether the measured points of a map stand alone.
