@@ -357,6 +357,29 @@ def test_points_that_stand_off_both_ways_are_errors_and_no_burrs():
         assert ("no burrs" in said.message) == (severity == "info")
 
 
+def test_thousands_of_errors_move_nothing_and_pillars_are_told():
+    """Spikes of single points, one in twenty; then as many points that are pairs, or all up."""
+    surface, rng = face(MORE), np.random.default_rng(4)
+    (ny, nx), plain = surface.shape, found(surface)
+    n = surface.size // 20
+    at, alone = rng.choice(surface.size, n, replace=False), rng.choice((-1.0, 1.0), n)
+    pairs = np.append(at[: n // 2], np.minimum(at[: n // 2] + 1, surface.size - 1))
+    alike = np.tile(alone[: n // 2], 2)
+    for index, signs, severity in (
+        (at, alone, "info"),
+        (at, np.ones(n), "warning"),
+        (pairs, alike, "warning"),
+    ):
+        height_m = surface.height_m.copy()
+        height_m.reshape(-1)[index] += 1e-6 * signs
+        spiky = found(replace(surface, height_m=height_m))
+        (said,) = [p for p in spiky.problems if p.code == "outliers_removed"]
+        assert said.severity == severity
+        if severity == "info":
+            assert abs(moved_energy(plain, spiky)) < 0.02
+            assert said.effect.energy > 0.05  # if they were burrs
+
+
 def test_an_interpolated_map_is_pressed_on_its_measured_points_alone():
     """On pixels that are longer than wide, two and three of which hold one measured point."""
     from scipy.ndimage import zoom

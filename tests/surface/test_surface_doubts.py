@@ -237,6 +237,27 @@ def test_removed_points_are_too_many_beyond_a_fiftieth(n, severity):
 
 
 @pytest.mark.parametrize(
+    ("wide", "signs", "severity"),
+    [(1, (-1.0, 1.0), "info"), (1, (1.0, 1.0), "warning"), (2, (-1.0, 1.0), "warning")],
+)
+def test_many_removed_points_are_errors_where_each_is_for_itself_and_up_is_like_down(
+    wide, signs, severity
+):
+    """Points and pairs of them at random places, 6 % of the map; pillars stand up or are wide."""
+    rng = np.random.default_rng(6)
+    step_m = np.zeros((100, 101))
+    row, col = np.divmod(rng.choice(99 * 100, 600 // wide, replace=False), 100)
+    step_m[row, col] = step_m[row + wide - 1, col] = rng.choice(signs, row.size)
+    index = np.flatnonzero(step_m)
+    height_m = np.where(step_m == 0.0, 0.0, np.nan)
+    surface = HeightMap(height_m, (1.0, 1.0))
+    removed = outliers(index, step_m.reshape(-1)[index])
+    (found,) = problems_of_outliers(surface, 1.0, removed, False)
+    assert found.severity == severity
+    assert ("too many" in found.message) == (severity == "warning")
+
+
+@pytest.mark.parametrize(
     ("index", "step_m", "severity"),
     [
         ([50], [0.1], "info"),
