@@ -360,7 +360,7 @@ def test_points_that_stand_off_both_ways_are_errors_and_no_burrs():
 def test_thousands_of_errors_move_nothing_and_pillars_are_told():
     """Spikes of single points, one in twenty; then as many points that are pairs, or all up."""
     surface, rng = face(MORE), np.random.default_rng(4)
-    (ny, nx), plain = surface.shape, found(surface)
+    plain = found(surface)
     n = surface.size // 20
     at, alone = rng.choice(surface.size, n, replace=False), rng.choice((-1.0, 1.0), n)
     pairs = np.append(at[: n // 2], np.minimum(at[: n // 2] + 1, surface.size - 1))

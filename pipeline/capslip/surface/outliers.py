@@ -61,7 +61,7 @@ class Outliers:
         return bool(self.step_m.max() <= -2.0 * self.step_m.min())
 
     def know_of_each_other(self, nx: int) -> bool:
-        """Whether more of those that touch stand off the same way than opposite ways, on rows of nx.
+        """Whether those that touch stand off the same way rather than opposite ways, in rows of nx.
 
         Errors of single points are as often alike as not, whatever their number: more of the same
         way, by two standard deviations, are parts of things that are wider than a pixel.
