@@ -103,8 +103,8 @@ def outside_as_made(surface: HeightMap) -> bool:
     turned over; a rectangle without one of its corners does not.
     """
     out = outside(surface)[_within(surface)]
-    unlike = min(np.count_nonzero(out ^ out[turn]) for turn in TURNS)
-    return unlike <= UNLIKE * np.count_nonzero(out)
+    unlike = min(int(np.count_nonzero(out ^ out[turn])) for turn in TURNS)
+    return unlike <= UNLIKE * int(np.count_nonzero(out))
 
 
 def disc_within_m(mask: np.ndarray, surface: HeightMap, hill_radius_m: float) -> float:
