@@ -2,7 +2,10 @@
 
 from dataclasses import replace
 
+import numpy as np
+
 from capslip.caps.doubts import problems_of_bow, problems_of_families
+from capslip.contact.bulk import problems_of_outline
 from capslip.contact.doubts import (
     contact_doubts,
     material_doubts,
@@ -67,6 +70,7 @@ def problems_of(face: Face, found: Analysis, mate: HeightMap | None) -> tuple[Pr
         *problems_of_waves(face.joint, contact, surface),
         *problems_of_first_touch(contact),
         *problems_of_filling(surface, contact.approach_m),
+        *_of_outline(face),
         *_of_levelling(face, contact, settings),
         *problems_of_band(found.caps, surface, face.hills.noise_m, settings.conditioning),
         *as_read(under_load, contact, doubtful, tolerance, surface),
@@ -90,6 +94,15 @@ def _before_contact(face: Face, found: Analysis, mate: HeightMap | None) -> list
     problems += problems_of_structure(found.settings.structure)
     problems += [*face.conditioned.problems, *face.problems]
     return problems + problems_of_families(face.family_caps, face.families)
+
+
+def _of_outline(face: Face) -> list[Problem]:
+    """Return what the outline of the face was taken to be, where a usual hill lies outside."""
+    hills = face.family_caps
+    if not hills.usable.any():
+        return []
+    radius_m = 0.5 * float(np.median(hills.diameter_m[hills.usable]))
+    return problems_of_outline(face.conditioned.surface, radius_m)
 
 
 def _of_levelling(face: Face, contact: ContactState, settings: Settings) -> list[Problem]:

@@ -11,7 +11,9 @@ from capslip.contact.lay import Energies, energies_of_map
 from capslip.contact.material import check_modulus
 from capslip.contact.solvers.elastic_face import ElasticFace
 from capslip.errors import ContactError, SettingsError
+from capslip.problems import Problem
 from capslip.surface.heightmap import HeightMap
+from capslip.surface.holes import disc_within_m, outside, outside_as_made
 
 _BLOCKS = 64  # along the longer side of an outline
 # An analysis asks dozens of times for the same face
@@ -45,6 +47,45 @@ def energies_of_outline(face: HeightMap | ElasticFace) -> Energies:
     if face not in _known:
         _known[face] = _of_outline(face)
     return _known[face]
+
+
+def filled_outside(surface: HeightMap) -> HeightMap:
+    """Return a face that goes on, at its lowest, where its map is open to the edge."""
+    height_m = np.where(outside(surface), surface.bounds_m[0], surface.height_m)
+    return replace(surface, height_m=height_m)
+
+
+def problems_of_outline(surface: HeightMap, hill_radius_m: float) -> list[Problem]:
+    """Say that what was measured was taken for the outline of the face.
+
+    Parameters
+    ----------
+    surface : HeightMap
+        The face.
+    hill_radius_m : float
+        Radius of the disc that a usual hill covers above the cut.
+
+    Returns
+    -------
+    list of Problem
+        `outline_assumed` where such a disc lies outside: info where the outside is on both sides
+        alike, as that of a disc or a washer; else a warning, whose effect decides.
+    """
+    if surface.complete:
+        return []
+    out = outside(surface)
+    if disc_within_m(out, surface, hill_radius_m) == 0.0:
+        return []
+    more = energies_of_outline(surface).mean / energies_of_outline(filled_outside(surface)).mean
+    message = (
+        f"{out.mean():.1%} of the map was not measured and is open to its edge: it is taken for "
+        f"outside of the face, whose even pressure sinks it {more - 1.0:.2%} deeper than that of "
+        "the whole map"
+    )
+    if outside_as_made(surface):
+        return [Problem("outline_assumed", "info", message)]
+    message += "; a part of the face that was lost would carry load and is not counted"
+    return [Problem("outline_assumed", "warning", message)]
 
 
 def _of_outline(face: HeightMap | ElasticFace) -> Energies:

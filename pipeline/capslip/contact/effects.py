@@ -25,7 +25,7 @@ from capslip.surface.interpolated import pixels_apart
 from capslip.surface.rounding import few_steps
 from capslip.surface.seams import find_seams, without_seams
 
-OF_THE_HEIGHTS = ("hole_may_hide_hills", "clipped", "heights_in_steps")
+OF_THE_HEIGHTS = ("hole_may_hide_hills", "outline_assumed", "clipped", "heights_in_steps")
 UNKNOWN: tuple[Effect | None, float] = (None, 0.0)  # changes of the answers, and of the approach
 ASK_MAP = 0.2  # of the tolerance: removed points that may move more are pressed on the map, too
 LOOSE = 1e-5  # tolerance of a solution that is only compared with another
@@ -43,11 +43,11 @@ def with_effects(
 
     Each is estimated by interacting caps, whatever model answers: flagged caps may carry nothing; a
     bow or the levels of stitched fields may not be the face's own; a hole may hold as many hills as
-    the rest; points that were removed may have been there. Where the map itself answers, bow and
-    levels are taken off it, on points so far apart that this costs little; removed points that may
-    matter are put back; of one that was interpolated, the measured points alone are pressed. Within
-    `contact.tolerance` it is information, and so are removed points that stand off both ways, as
-    errors do; else a warning.
+    the rest, and so may what is open to the edge of the map; points that were removed may have been
+    there. Where the map itself answers, bow and levels are taken off it, on points so far apart
+    that this costs little; removed points that may matter are put back; of one that was
+    interpolated, the measured points alone are pressed. Within `contact.tolerance` it is
+    information, and so are removed points that stand off both ways, as errors do; else a warning.
 
     Parameters
     ----------
@@ -238,10 +238,11 @@ def _effect(trials: Trials, code: str) -> tuple[Effect | None, float]:
     And that of the approach, which a bow moves before all else: it counts from the highest peaks.
     """
     change, approach, face = np.zeros(len(FORCE_SHARES) + 1), 0.0, trials.face
+    pressed = trials.face_of(code)
     try:
         before_m = face.approach_m(trials.caps) if code == "bow_left" else math.nan
         for caps in trials.of(code):
-            change = np.maximum(change, np.abs(face.answers(caps) / trials.before - 1.0))
+            change = np.maximum(change, np.abs(pressed.answers(caps) / trials.before - 1.0))
             if code == "bow_left":
                 approach = max(approach, abs(face.approach_m(caps) / before_m - 1.0))
     except CapslipError:

@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from functools import cached_property
 
 import numpy as np
@@ -11,7 +11,7 @@ from capslip.caps.doubts import without_bow
 from capslip.caps.table import DOUBTFUL, UNUSABLE, CapFlag, CapTable
 from capslip.contact.accuracy import answers
 from capslip.contact.balanced import rebalanced
-from capslip.contact.bulk import bulk_of_face_m_per_N
+from capslip.contact.bulk import bulk_of_face_m_per_N, filled_outside
 from capslip.contact.doubts import ELASTIC_STRAIN
 from capslip.contact.levelling import coarse_map
 from capslip.contact.material import composite, yield_law
@@ -26,7 +26,7 @@ from capslip.surface.flatness import bows_m
 from capslip.surface.form import remove_form
 from capslip.surface.graph import connected_parts
 from capslip.surface.heightmap import HeightMap
-from capslip.surface.holes import depth_of_holes
+from capslip.surface.holes import depth_of_holes, holes, outside
 from capslip.surface.seams import find_seams
 
 LEFT_OUT = {  # flags of the caps that may carry nothing
@@ -123,6 +123,12 @@ class Trials:
         """Energies and stiffness of the caps as they are."""
         return self.face.answers(self.caps)
 
+    def face_of(self, code: str) -> FaceOfCaps:
+        """Return the face that is pressed instead: as a whole, where its outline is in doubt."""
+        if code != "outline_assumed":
+            return self.face
+        return replace(self.face, surface=filled_outside(self.face.surface))
+
     def of(self, code: str) -> Iterator[CapTable]:
         """Return what to press instead, for the problems of one code."""
         if code == "bow_left":
@@ -134,7 +140,10 @@ class Trials:
         elif code == "interpolated":
             raise ContactError(f"{code}: caps do not tell")
         elif code == "hole_may_hide_hills":
-            yield from self._with_hills()
+            yield from self._with_hills(holes(self.face.surface))
+        elif code == "outline_assumed":
+            yield self.caps
+            yield from self._with_hills(outside(self.face.surface))
         elif code == "outliers_removed":
             yield from self._with_points()
         elif code == "clipped":
@@ -214,7 +223,7 @@ class Trials:
         error_m = 0.0 if rounding is None else rounding.error_m
         yield from _moved(caps, error_m, np.nan_to_num(error_m / caps.fit_depth_m))
 
-    def _with_hills(self) -> Iterator[CapTable]:
+    def _with_hills(self, hole: np.ndarray) -> Iterator[CapTable]:
         """Return caps with hills that were not seen; none where there hardly is one.
 
         Hills like those that were seen stand anywhere. One of them is not seen where all of its
@@ -226,7 +235,7 @@ class Trials:
         member = np.flatnonzero(caps.usable)
         disc_m = 0.5 * caps.diameter_m[member]
         cut_m = float((caps.peak_height_m - caps.cap_height_m)[member].min())
-        hidden, lost, places = _chance_to_hide(self.face.surface, disc_m, cut_m)
+        hidden, lost, places = _chance_to_hide(self.face.surface, hole, disc_m, cut_m)
         odds = hidden / np.maximum(1.0 - hidden, 1e-3)
         total = float(odds.sum())
         expected = max(total, lost) if total > 0.0 else 0.0
@@ -313,7 +322,7 @@ def _moved(
 
 
 def _chance_to_hide(
-    surface: HeightMap, disc_m: np.ndarray, cut_m: float
+    surface: HeightMap, hole: np.ndarray, disc_m: np.ndarray, cut_m: float
 ) -> tuple[np.ndarray, float, Callable[[np.random.Generator, float], tuple[float, float]]]:
     """Return the chances that nothing of discs was measured, and where such a disc may lie.
 
@@ -323,7 +332,8 @@ def _chance_to_hide(
     if filling is not None:
         chance = np.array([filling.chance_to_miss(one_m) for one_m in disc_m])
         return chance, 0.0, lambda rng, _: (rng.uniform(0.0, side_x_m), rng.uniform(0.0, side_y_m))
-    x_m, y_m, depth_m, rim_m, area_m2 = depth_of_holes(surface, float(np.median(disc_m)))
+    given = surface, float(np.median(disc_m)), hole
+    x_m, y_m, depth_m, rim_m, area_m2 = depth_of_holes(*given)
     n_deep = np.array([np.count_nonzero(depth_m >= one_m) for one_m in disc_m])
     face_m2 = surface.measured_area_m2 + area_m2 * depth_m.size
     half_way_m = 0.5 * (cut_m + float(np.nanmedian(surface.height_m)))

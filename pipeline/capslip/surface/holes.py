@@ -9,6 +9,9 @@ from capslip.surface.heightmap import HeightMap
 BLOCK_OVER_DISC = 0.1  # sides of the squares that a hole is looked at in, over a hill's radius
 MISSED = 0.01  # of the hills of usual size, where points are measured here and there
 
+TURNS = np.s_[::-1, ::-1], np.s_[::-1], np.s_[:, ::-1]  # half around, and turned over
+UNLIKE = 0.5  # of the outside: one corner alone is unlike by twice its own area
+
 
 def problems_of_holes(surface: HeightMap, hill_radius_m: float) -> tuple[Problem, ...]:
     """Say where a hole of the map may hide a hill that carries load.
@@ -39,11 +42,10 @@ def problems_of_holes(surface: HeightMap, hill_radius_m: float) -> tuple[Problem
             "between them, and are not counted; measure what is missing"
         )
         return (Problem("hole_may_hide_hills", "warning", message),)
-    # Such a disc holds a square of half its radius as a whole, wherever the squares begin
-    if surface.complete or not _blocks(~surface.measured, surface, 0.5 * hill_radius_m).any():
-        return ()
-    radius_m = float(depth_of_holes(surface, hill_radius_m)[2].max(initial=0.0))
-    if radius_m < hill_radius_m:
+    radius_m = 0.0
+    if not surface.complete:
+        radius_m = disc_within_m(holes(surface), surface, hill_radius_m)
+    if radius_m == 0.0:
         return ()
     message = (
         f"a hole in the map holds a disc of {radius_m:.3g} m radius, a usual hill covers one of "
@@ -88,8 +90,34 @@ def holes(surface: HeightMap) -> np.ndarray:
     return mask
 
 
+def outside(surface: HeightMap) -> np.ndarray:
+    """Return which points are taken for outside of the face, shape (ny, nx): lost, but no holes."""
+    mask: np.ndarray = ~surface.measured & ~holes(surface)
+    return mask
+
+
+def outside_as_made(surface: HeightMap) -> bool:
+    """Tell whether the outside of a face is that of a part as it is made: on both sides alike.
+
+    A disc, a washer or a rectangle that lies askew goes into itself when its map is turned or
+    turned over; a rectangle without one of its corners does not.
+    """
+    out = outside(surface)[_within(surface)]
+    unlike = min(int(np.count_nonzero(out ^ out[turn])) for turn in TURNS)
+    return unlike <= UNLIKE * int(np.count_nonzero(out))
+
+
+def disc_within_m(mask: np.ndarray, surface: HeightMap, hill_radius_m: float) -> float:
+    """Return the radius of the largest disc in a mask, its middle on the map; 0 below a hill's."""
+    # Such a disc holds a square of half its radius as a whole, wherever the squares begin
+    if not _blocks(mask, surface, 0.5 * hill_radius_m).any():
+        return 0.0
+    radius_m = float(depth_of_holes(surface, hill_radius_m, mask)[2].max(initial=0.0))
+    return radius_m if radius_m >= hill_radius_m else 0.0
+
+
 def depth_of_holes(
-    surface: HeightMap, hill_radius_m: float
+    surface: HeightMap, hill_radius_m: float, hole: np.ndarray | None = None
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, float]:
     """Return where something may stand in the holes of a map, and how far from what was measured.
 
@@ -99,6 +127,8 @@ def depth_of_holes(
         With holes, or none.
     hill_radius_m : float
         Of the disc of a usual hill, by which the squares are chosen that are looked at.
+    hole : bool, shape (ny, nx), optional
+        Default: the `holes`.
 
     Returns
     -------
@@ -113,7 +143,8 @@ def depth_of_holes(
     """
     from scipy.ndimage import distance_transform_edt
 
-    hole, side_m = holes(surface), BLOCK_OVER_DISC * hill_radius_m
+    hole = holes(surface) if hole is None else hole
+    side_m = BLOCK_OVER_DISC * hill_radius_m
     blocks, steps = _blocks(hole, surface, side_m), _block_steps(surface, side_m)
     block_y_m, block_x_m = (
         step * size_m for step, size_m in zip(steps, surface.pixel_size_m, strict=True)
@@ -125,6 +156,12 @@ def depth_of_holes(
     place_m = (col + 0.5) * block_x_m, (row + 0.5) * block_y_m
     rim_m = _rims_m(blocks, surface.height_m[:: steps[0], :: steps[1]])[row, col]
     return *place_m, depth_m, rim_m, block_y_m * block_x_m
+
+
+def _within(surface: HeightMap) -> tuple[slice, slice]:
+    """Return the least rectangle that holds all measured points."""
+    rows, columns = (np.flatnonzero(surface.measured.any(axis=axis)) for axis in (1, 0))
+    return slice(rows[0], rows[-1] + 1), slice(columns[0], columns[-1] + 1)
 
 
 def _rims_m(blocks: np.ndarray, height_m: np.ndarray) -> np.ndarray:
