@@ -359,7 +359,7 @@ def test_a_coarser_face_has_the_means_of_the_known_points(monkeypatch):
 
 def test_between_rows_far_apart_nothing_leaves_them():
     """Where the last of the load goes over a long way, a force above mu N was read off once."""
-    from capslip.contact.models.boundary_elements import _proportional
+    from capslip.contact.map_curve import _proportional
 
     withdrawal_m = np.array([1e-9, 2e-9, 2.3e-8, 2.8e-8, 4.1e-8])
     drop_N = np.array([1.0, 1.9, 6.6145, 6.6147, 6.6151])

@@ -1,9 +1,9 @@
 """What a map that is pressed itself is unsure of: `error_of_map` of its curve."""
 
 import math
-from typing import TYPE_CHECKING
 
 from capslip.contact.bulk import bulk_of_face_m_per_N
+from capslip.contact.map_curve import BoundaryElementCurve
 from capslip.contact.rung import ModelError
 from capslip.contact.solvers.detail import WHITE_LEFT, FirstLoading, effect_of_detail
 from capslip.contact.solvers.noise import white_noise_m
@@ -12,9 +12,6 @@ from capslip.contact.solvers.unloading import SMALL_SLIP, Unloading
 from capslip.errors import OutOfTimeError
 from capslip.problems import Effect, Problem
 from capslip.units import percent
-
-if TYPE_CHECKING:
-    from capslip.contact.models.boundary_elements import BoundaryElementCurve
 
 S_FILTER, NOISE_PIXELS = "conditioning.s_filter_nesting_index_m", 5.0  # what takes noise off
 # Over what pixels leave in the energy of spheres, by shares of mu N, so that nearly all are within
@@ -26,7 +23,7 @@ LEAST_ERROR = 0.01  # of stiffness and energy, by the pixels of contacts that ar
 
 
 def error_of_map(
-    curve: "BoundaryElementCurve", load_N: float, tolerance: float
+    curve: BoundaryElementCurve, load_N: float, tolerance: float
 ) -> tuple[ModelError | None, tuple[Problem, ...]]:
     """Return the errors of stiffness and energy, and what takes them beyond the tolerance.
 

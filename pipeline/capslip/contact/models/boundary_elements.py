@@ -1,303 +1,27 @@
 """The normal curve of the height map itself, pressed on an elastic half-space."""
 
 import math
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from time import process_time
-from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike
 
-from capslip.contact.curve import NormalCurve
 from capslip.contact.map_accuracy import error_of_map
+from capslip.contact.map_curve import BoundaryElementCurve
 from capslip.contact.rung import Contacts, Rung, Scene
-from capslip.contact.scaled import ScaledCurve
 from capslip.contact.solvers.detail import FirstLoading
-from capslip.contact.solvers.nearby import nearby
 from capslip.contact.solvers.polonsky_keer import (
-    Pressed,
     elastic_face,
     first_loading,
     press,
 )
-from capslip.contact.solvers.refinement import refinement
 from capslip.contact.solvers.solutions import Solutions
 from capslip.contact.solvers.tilting import press_balanced
-from capslip.contact.solvers.unloading import SMALL_SLIP, Unloading
-from capslip.errors import ContactError, SettingsError
-from capslip.problems import Effect, Problem
+from capslip.errors import SettingsError
 from capslip.settings import SOLVER_TOLERANCE
 from capslip.surface.heightmap import HeightMap
-from capslip.units import percent
 
-MIN_PIXELS_ACROSS = 10.0  # of the contacts that carry half of the load
-MIN_REFINED_ACROSS = 6.0  # the same, where a spline knows what lies between the pixels
-NEARLY_ALL = 0.95  # of a load: beyond that share contacts let go one by one
-
-
-@dataclass(frozen=True, eq=False)
-class BoundaryElementCurve:
-    """The normal curve of a height map, see `boundary_elements`.
-
-    Every load asked for is solved, and what happens below it (`Unloading`) when first needed. The
-    rows of `lift_off_m` and `lifted` are the contact regions at the given approach, so their number
-    changes with it, and these take a single approach.
-    """
-
-    solutions: Solutions
-    compliance_m_per_N: float = 0.0
-    model: str = "boundary_elements"
-    tilt_rad: tuple[float, float] = (0.0, 0.0)  # slopes in x and y added to the map, and held
-    yielded_area_m2: float | None = None  # of the contact on the first loading; None: all elastic
-    first: FirstLoading | None = None  # of a map that is pressed under one preload
-
-    @property
-    def touch_m(self) -> np.ndarray:
-        """Zero: the approach counts from first touch."""
-        return np.zeros(())
-
-    def solved_loads_N(self, most_N: float) -> np.ndarray:
-        """Zero and the loads up to `most_N` whose approach costs no solution any more, growing."""
-        solved = np.array(sorted(self.solutions.approach_m))
-        return np.append(0.0, solved[solved <= most_N])
-
-    def pressed(self, load_N: float) -> Pressed:
-        """Return pressures, gaps, contact regions and certificate under a load."""
-        return self.solutions.press(float(load_N))
-
-    def tractions(self, load_N: float, later: float) -> tuple[np.ndarray, np.ndarray]:
-        """Return how shear is shared before any slip, and when the stick zone bears that less.
-
-        Shape (ny, nx), in no unit: the pressures of a punch on the contact under the load, and
-        those that go when that falls to a share of itself; on patches around the contact.
-        """
-        return self.solutions.tractions(float(load_N), later)
-
-    def unloading(self, load_N: float) -> Unloading:
-        """Return what happens below a preload, with the error to be expected of it."""
-        return self.solutions.unload(float(load_N))
-
-    def near(
-        self, load_N: float, changes: Sequence[tuple[float, float]], share: float
-    ) -> list[NormalCurve]:
-        """Return the curves after other first loadings, each as this one by factors.
-
-        The factors of approach, withdrawal and loss are those where a share of the load is gone: of
-        one sphere they are so at any share, as its curve keeps its form. Each costs two solutions
-        on the contact alone. They are ratios to the same at the load as it is, so what the pixels
-        do to both is not in them.
-
-        Parameters
-        ----------
-        load_N : float
-            That is known.
-        changes : sequence of (float, float)
-            Factors <= 1 on that load, and >= 1 on the hardness.
-        share : float
-            Of the load.
-
-        Raises
-        ------
-        ContactError
-            If a solution fails, or the spring in series leaves nothing of a withdrawal.
-        """
-        unloading, c = self.unloading(load_N), self.compliance_m_per_N
-        share = min(max(share, SMALL_SLIP, unloading.smallest_drop_N / load_N), NEARLY_ALL)
-        face = self.solutions.face if self.first is None else self.first.face
-        states = nearby(face, self.pressed(load_N), [(1.0, 1.0), *changes], share)
-        factors = np.array([1.0, *(of_load for of_load, _ in changes)])
-        found = np.array([[one.approach_m, one.withdrawal_m, one.loss_J] for one in states])
-        found[:, :2] += c * load_N * factors[:, None] * (1.0, share)
-        if not (found > 0.0).all():
-            raise ContactError(f"{self.model}: nothing is left of a withdrawal without the bulk")
-        ratios = zip(factors[1:], *(found[1:] / found[0]).T, strict=True)
-        return [ScaledCurve(self, *map(float, each)) for each in ratios]
-
-    def problems(self, load_N: float) -> tuple[Problem, ...]:
-        """Return where the pixels end: notes, as `_error` measures what that does."""
-        pressed, unloading, found = self.pressed(load_N), self.unloading(load_N), []
-        least = MIN_PIXELS_ACROSS if unloading.refinement == 1 else MIN_REFINED_ACROSS
-        if pressed.pixels_across < least:
-            message = (
-                f"half of the load rests on contacts of at most {pressed.pixels_across:.1f} pixels "
-                f"across; {least:g} are enough for any shape"
-            )
-            found.append(Problem("under_resolved", "info", message))
-        share = unloading.smallest_drop_N / unloading.load_N
-        message = (
-            f"below {percent(share)} of the force at gross slip, less slips than the pixels of the "
-            "map resolve: the energy per cycle may be off by more than 5 %, and follows the cube "
-            "of the force in the end"
-        )
-        found.append(Problem("small_slip_extrapolated", "info", message))
-        if unloading.cut_short:
-            off = unloading.loss_error
-            message = (
-                f"contact.time_limit_s = {self.solutions.time_limit_s:g} s was over after "
-                f"{len(unloading.solved_load_N) - 1} loads below the preload: between them the "
-                f"energy per cycle may be off by {off:.1%}"
-            )
-            found.append(Problem("time_limit_reached", "warning", message, Effect(None, off, off)))
-        return tuple(found)
-
-    def load_N(self, approach_m: ArrayLike) -> np.ndarray:
-        """N(d); one solution for each approach that was not met before."""
-        d = np.asarray(approach_m, dtype=float)
-        levels, where = np.unique(d, return_inverse=True)
-        return np.array([self._load_at(level) for level in levels.tolist()])[where].reshape(d.shape)
-
-    def approach_m(self, load_N: ArrayLike) -> np.ndarray:
-        """d(N); more than a few loads at once are interpolated between solved ones (to 2e-4).
-
-        Raises
-        ------
-        ContactError
-            If a solution is not found.
-        """
-        load = np.asarray(load_N, dtype=float)
-        if not np.all((load >= 0) & (load < np.inf)):
-            raise SettingsError(
-                f"load_N: got {load.min():g} to {load.max():g}; expected loads >= 0"
-            )
-        approach = np.zeros(load.shape)
-        loaded = load > 0
-        if loaded.any():
-            approach[loaded] = self.solutions.approach_under(load[loaded])
-        return approach + self.compliance_m_per_N * load
-
-    def lift_off_m(self, approach_m: ArrayLike) -> np.ndarray:
-        """Withdrawal at which each contact region at one approach loses its load, shape (n,)."""
-        load_N = self._load_at(_single(approach_m))
-        if load_N == 0:
-            return np.zeros(0)
-        unloading = self.unloading(load_N)
-        lift_off_m = unloading.region_lift_off_m
-        drop_N = _proportional(lift_off_m, unloading.withdrawal_m, unloading.load_drop_N)
-        return lift_off_m + self.compliance_m_per_N * drop_N
-
-    def lifted(self, approach_m: ArrayLike, withdrawal_m: ArrayLike) -> np.ndarray:
-        """Whether each contact region at one approach has lost its load, shape (..., n)."""
-        e = np.asarray(withdrawal_m, dtype=float)
-        return np.asarray(np.abs(e)[..., None] >= self.lift_off_m(approach_m))
-
-    def stiffness_N_per_m(self, approach_m: ArrayLike, withdrawal_m: ArrayLike = 0.0) -> np.ndarray:
-        """N'(d - e); at e = 0 that of the pixels in contact, else of the unloading."""
-
-        def stiffness(load_N: float, e: np.ndarray) -> np.ndarray:
-            if not e.any():
-                return np.full(e.shape, self._with_spring(self._stiffness_at(load_N)))
-            unloading = self.unloading(load_N)
-            x, total = unloading.withdrawal_m, self._withdrawals(unloading)
-            slope = np.gradient(unloading.load_drop_N, x)
-            log_e = np.log(np.maximum(e, 1e-300))
-            at = np.interp(log_e, np.log(total), slope, left=unloading.stiffness_N_per_m)
-            return np.where(e < total[-1], self._with_spring(at), 0.0)
-
-        return self._each(approach_m, withdrawal_m, stiffness)
-
-    def load_drop_N(self, approach_m: ArrayLike, withdrawal_m: ArrayLike) -> np.ndarray:
-        """N(d) - N(d - e)."""
-
-        def drop(load_N: float, e: np.ndarray) -> np.ndarray:
-            unloading = self.unloading(load_N)
-            total = self._withdrawals(unloading)
-            part = _proportional(np.minimum(e, total[-1]), total, unloading.load_drop_N)
-            return np.where(e < total[-1], part, load_N)
-
-        return self._each(approach_m, withdrawal_m, drop)
-
-    def withdrawal_m(self, approach_m: ArrayLike, load_drop_N: ArrayLike) -> np.ndarray:
-        """Withdrawal for a load drop of at most N(d)."""
-
-        def withdrawal(load_N: float, drop_N: np.ndarray) -> np.ndarray:
-            unloading = self.unloading(load_N)
-            return _proportional(drop_N, unloading.load_drop_N, self._withdrawals(unloading))
-
-        return self._each(approach_m, load_drop_N, withdrawal)
-
-    def loss_integral_J(self, approach_m: ArrayLike, withdrawal_m: ArrayLike) -> np.ndarray:
-        """4 * integral of s (e - s) N''(d - s)."""
-
-        def beyond(load_N: float, e: np.ndarray) -> np.ndarray:
-            total_m = self._withdrawals(self.unloading(load_N))[-1]
-            return 4 * load_N * np.maximum(e - total_m, 0.0)
-
-        drop_N = self.load_drop_N(approach_m, withdrawal_m)
-        partial = self.loss_integral_at_drop_J(approach_m, drop_N)
-        return partial + self._each(approach_m, withdrawal_m, beyond)
-
-    def loss_integral_at_drop_J(self, approach_m: ArrayLike, load_drop_N: ArrayLike) -> np.ndarray:
-        """Return the same for a load drop of at most N(d)."""
-
-        def loss(load_N: float, drop_N: np.ndarray) -> np.ndarray:
-            unloading = self.unloading(load_N)
-            return _proportional(drop_N, unloading.load_drop_N, unloading.loss_J, power=3)
-
-        return self._each(approach_m, load_drop_N, loss)
-
-    def _load_at(self, approach_m: float) -> float:
-        """Return N(d), from y + c N(y) = d with the approach y of the face alone."""
-        c = self.compliance_m_per_N
-        if approach_m <= 0:
-            return 0.0
-        for load_N, level_m in self.solutions.approach_m.items():
-            if abs(level_m + c * load_N - approach_m) <= 1e-13 * approach_m:
-                return load_N
-        level_m = approach_m
-        for _ in range(50):
-            pressed = self.solutions.press_to(level_m)
-            excess_m = level_m + c * pressed.load_N - approach_m
-            if abs(excess_m) <= 1e-9 * approach_m:
-                return pressed.load_N
-            stiffness = self._stiffness_at(pressed.load_N)
-            level_m -= excess_m * self._with_spring(stiffness) / stiffness
-        raise ContactError(
-            f"{self.solutions.face.name}: no load found at an approach of {approach_m:g} m"
-        )
-
-    def _stiffness_at(self, load_N: float) -> float:
-        """Return the stiffness of the face alone."""
-        if load_N in self.solutions.unloading:
-            return self.solutions.unloading[load_N].stiffness_N_per_m
-        pressed = self.pressed(load_N)
-        if refinement(self.solutions.face, pressed) > 1:
-            return self.unloading(load_N).stiffness_N_per_m
-        return float(self.solutions.punch(load_N).sum()) * self.solutions.face.pixel_area_m2
-
-    def _with_spring(self, stiffness_N_per_m: Any) -> Any:
-        """Return the stiffness with the spring in series, which must leave it positive."""
-        slope = 1 + self.compliance_m_per_N * stiffness_N_per_m
-        if np.any(slope <= 0):
-            raise ContactError(
-                f"{self.model}: the compliance in series is {self.compliance_m_per_N:g} m/N; "
-                f"expected more than {-1 / np.max(stiffness_N_per_m):g} m/N, what the face itself "
-                "yields, or the approach would fall with growing load; keep the bulk term"
-            )
-        return stiffness_N_per_m / slope
-
-    def _withdrawals(self, unloading: Unloading) -> np.ndarray:
-        """Return the withdrawals of the table, with the spring in series."""
-        self._with_spring(unloading.stiffness_N_per_m)
-        return unloading.withdrawal_m + self.compliance_m_per_N * unloading.load_drop_N
-
-    def _each(
-        self,
-        approach_m: ArrayLike,
-        other: ArrayLike,
-        function: Callable[[float, np.ndarray], np.ndarray],
-    ) -> np.ndarray:
-        """Call a function of load and array once for each approach; zero without load."""
-        d, values = np.broadcast_arrays(
-            np.asarray(approach_m, dtype=float), np.asarray(other, dtype=float)
-        )
-        result = np.zeros(d.shape)
-        for level in np.unique(d).tolist():
-            load_N = self._load_at(level)
-            if load_N > 0:
-                here = d == level
-                result[here] = function(load_N, values[here])
-        return result
+NAME = "boundary_elements"
 
 
 def boundary_elements(
@@ -365,11 +89,11 @@ def boundary_elements(
         raise SettingsError(f"solver_tolerance: got {tolerance:g}; expected {low:g} to {high:g}")
     yields = not math.isinf(hardness_Pa)
     if preload_N is None and (balanced or yields):
-        raise SettingsError("boundary_elements: a map tilts and yields under preload_N; got none")
+        raise SettingsError(f"{NAME}: a map tilts and yields under preload_N; got none")
     begun_s = process_time()
     face = elastic_face(surface, E_star_Pa)
     if preload_N is None or not (balanced or yields):
-        return BoundaryElementCurve(Solutions(face, float(tolerance), time_limit_s))
+        return BoundaryElementCurve(Solutions(face, float(tolerance), time_limit_s), NAME)
     face = replace(face, hardness_Pa=float(hardness_Pa))
     if balanced:
         pressed = press_balanced(
@@ -391,24 +115,8 @@ def boundary_elements(
     solutions = Solutions(face, float(tolerance), time_limit_s, spent_s)
     solutions.keep(pressed)
     return BoundaryElementCurve(
-        solutions, tilt_rad=pressed.tilt_rad, yielded_area_m2=area_m2, first=first
+        solutions, NAME, tilt_rad=pressed.tilt_rad, yielded_area_m2=area_m2, first=first
     )
-
-
-def _proportional(x: np.ndarray, xs: np.ndarray, ys: np.ndarray, power: int = 1) -> np.ndarray:
-    """Interpolate y(x) between growing rows, which it never leaves; below the first as x^power."""
-    within = np.maximum(x, xs[0])
-    y = np.exp(np.interp(np.log(within), np.log(xs), np.log(ys)))
-    return np.asarray(y * (x / within) ** power)
-
-
-def _single(approach_m: ArrayLike) -> float:
-    if np.ndim(approach_m) != 0:
-        raise SettingsError(
-            f"approach_m: got an array of shape {np.shape(approach_m)}; expected one number: the "
-            "contact regions differ from approach to approach"
-        )
-    return float(np.asarray(approach_m))
 
 
 def _build(scene: Scene) -> BoundaryElementCurve:
@@ -440,13 +148,8 @@ def _contacts(scene: Scene, curve: BoundaryElementCurve, approach_m: float) -> C
     )
 
 
-def _least_share(curve: BoundaryElementCurve, load_N: float) -> float:
-    """Return the least share of mu N that pixels resolve: asked below it, a warning says so."""
-    return curve.unloading(load_N).smallest_drop_N / load_N
-
-
 RUNG = Rung(
-    name="boundary_elements",
+    name=NAME,
     label="boundary elements",
     cost=5,
     made_from="map",
@@ -458,7 +161,7 @@ RUNG = Rung(
     interacts=True,
     error=error_of_map,
     problems=BoundaryElementCurve.problems,
-    least_share=_least_share,
+    least_share=BoundaryElementCurve.least_share,
     build=_build,
     contacts=_contacts,
     contact_name="contact regions",

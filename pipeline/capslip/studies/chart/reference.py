@@ -6,8 +6,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from capslip.contact.bulk import bulk_of_face_m_per_N, without_bulk
+from capslip.contact.map_curve import BoundaryElementCurve
 from capslip.contact.material import composite
-from capslip.contact.models.boundary_elements import BoundaryElementCurve, boundary_elements
+from capslip.contact.models.boundary_elements import boundary_elements
 from capslip.contact.rung import load_point_m, turning_stiffness
 from capslip.contact.slip import slip_curve
 from capslip.contact.solvers.polonsky_keer import Certificate, Pressed, press
