@@ -55,3 +55,30 @@ def test_near_is_what_the_map_says_that_is_loaded_anew(hardness_Pa, of_load, of_
     assert first.yielded_area_m2 != 0.0
     (found,) = first.near(N, [(of_load, of_hardness)], SHARE)
     assert asked(found, of_load * N) == pytest.approx(asked(anew, of_load * N), rel=0.02)
+
+
+@pytest.mark.parametrize("hardness_Pa", [np.inf, 3e8])
+def test_what_did_not_yield_is_near_without_a_solution(hardness_Pa, monkeypatch):
+    """An elastic face unloads along the curve on which it was loaded, at any share."""
+    first, anew = (
+        boundary_elements(FOUR, E, preload_N=N_i, hardness_Pa=hardness_Pa) for N_i in (N, 0.8 * N)
+    )
+    first.unloading(N)
+    monkeypatch.setattr("capslip.contact.map_curve.nearby", None)
+    for share in (0.25, 0.5, 0.9):  # at a tenth pixels leave 3 % in what is loaded anew
+        less, harder = first.near(N, [(0.8, 1.0), (1.0, 1.3)], share)
+        assert (harder.approach, harder.withdrawal, harder.loss) == (1.0, 1.0, 1.0)
+        now, then = (
+            np.array([one.withdrawal_m(d, drop_N), one.loss_integral_at_drop_J(d, drop_N)])
+            for one, load_N in ((first, N), (anew, 0.8 * N))
+            for d, drop_N in [(one.approach_m(load_N), share * load_N)]
+        )
+        assert [less.withdrawal, less.loss] == pytest.approx(then / now, rel=0.01)
+
+
+@pytest.mark.parametrize("share", [0.1, 0.5, 0.9])
+def test_an_elastic_sphere_has_its_powers_at_any_share(share):
+    (less,) = boundary_elements(ONE, E).near(N, [(0.8, 1.0)], share)
+    powers = np.log([less.approach, less.withdrawal]) / np.log(0.8)
+    assert powers == pytest.approx(2 / 3, abs=1e-3)
+    assert less.loss == pytest.approx(0.8 ** (5 / 3), rel=0.03)

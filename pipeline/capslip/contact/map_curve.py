@@ -72,9 +72,11 @@ class BoundaryElementCurve:
         """Return the curves after other first loadings, each as this one by factors.
 
         The factors of approach, withdrawal and loss are those where a share of the load is gone: of
-        one sphere they are so at any share, as its curve keeps its form. Each costs two solutions
-        on the contact alone. They are ratios to the same at the load as it is, so what the pixels
-        do to both is not in them.
+        one sphere they are so at any share, as its curve keeps its form. They are ratios to the
+        same at the load as it is, so what the pixels do to both is not in them.
+
+        What did not yield under the load is elastic, and was loaded along the curve on which it
+        unloads: that costs no solution. Else each change costs two on the contact alone.
 
         Parameters
         ----------
@@ -92,15 +94,29 @@ class BoundaryElementCurve:
         """
         unloading, c = self.unloading(load_N), self.compliance_m_per_N
         share = min(max(share, SMALL_SLIP, unloading.smallest_drop_N / load_N), NEARLY_ALL)
-        face = self.solutions.face if self.first is None else self.first.face
-        states = nearby(face, self.pressed(load_N), [(1.0, 1.0), *changes], share)
         factors = np.array([1.0, *(of_load for of_load, _ in changes)])
-        found = np.array([[one.approach_m, one.withdrawal_m, one.loss_J] for one in states])
-        found[:, :2] += c * load_N * factors[:, None] * (1.0, share)
+        if self.yielded_area_m2:
+            face = self.solutions.face if self.first is None else self.first.face
+            states = nearby(face, self.pressed(load_N), [(1.0, 1.0), *changes], share)
+            found = np.array([[one.approach_m, one.withdrawal_m, one.loss_J] for one in states])
+            found[:, :2] += c * load_N * factors[:, None] * (1.0, share)
+        else:
+            found = np.array([self._below(load_N, one, share) for one in factors.tolist()])
         if not (found > 0.0).all():
             raise ContactError(f"{self.model}: nothing is left of a withdrawal without the bulk")
         ratios = zip(factors[1:], *(found[1:] / found[0]).T, strict=True)
         return [ScaledCurve(self, *map(float, each)) for each in ratios]
+
+    def _below(self, load_N: float, of_load: float, share: float) -> tuple[float, float, float]:
+        """Return approach, withdrawal and loss of an elastic face where a share of less load goes.
+
+        From drops s, withdrawals x and losses L of two places on its curve: L = 4 s x - 8 integral
+        of x ds, so that from one to the other it is L_2 - L_1 + 4 (s_2 x_1 - s_1 x_2).
+        """
+        d = float(self.approach_m(load_N))
+        s = load_N * np.array([1.0 - of_load, 1.0 - of_load * (1.0 - share)])
+        x, L = self.withdrawal_m(d, s), self.loss_integral_at_drop_J(d, s)
+        return d - x[0], x[1] - x[0], L[1] - L[0] + 4.0 * (s[1] * x[0] - s[0] * x[1])
 
     def problems(self, load_N: float) -> tuple[Problem, ...]:
         """Return where the pixels end: notes, as `error_of_map` measures what that does."""
