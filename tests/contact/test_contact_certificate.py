@@ -71,7 +71,6 @@ def test_another_peak_is_in_the_way_once_it_stands_above_the_sunk_surface(share,
         assert free.hills.size == 0
         assert labelled.missed_area_m2 == 0.0
         assert labelled.hills.tolist() == [2]
-        assert labelled.hill_area_m2.sum() == pytest.approx(free.missed_area_m2)
         assert free.place_m == pytest.approx(place_m, abs=1e-3)
         above_m = peak_m + COMPRESSION_M - 1.02 * sinking(0.025)
         assert free.highest_m == pytest.approx(above_m, rel=0.1)

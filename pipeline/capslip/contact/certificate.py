@@ -34,8 +34,6 @@ class Certificate:
     hills : int64, shape (m,)
         Labels of the hills in the way, rising: those without load, and those that stand up again
         beside their own contact.
-    hill_area_m2 : float64, shape (m,)
-        Their areas in the way.
     highest_m : float
         How far the worst point stands above the deformed surface; 0 where none does.
     place_m : (float, float) or None
@@ -44,7 +42,6 @@ class Certificate:
 
     missed_area_m2: float
     hills: np.ndarray
-    hill_area_m2: np.ndarray
     highest_m: float
     place_m: tuple[float, float] | None
 
@@ -109,14 +106,11 @@ def certify_cut(
     np.maximum.at(compression_m, hill, contacts[2] ** 2 / caps_m[2])
     excess_m -= SHAPE_ERROR * compression_m[owner]
     above = np.flatnonzero(excess_m > 0.0)
-    block_m2 = side**2 * dy_m * dx_m
     count = np.bincount(owner[above], minlength=1)
-    in_way = np.flatnonzero(count[1:]) + 1
     worst = int(above[np.argmax(excess_m[above])]) if above.size else None
     return Certificate(
-        missed_area_m2=float(count[0] * block_m2),
-        hills=in_way,
-        hill_area_m2=count[in_way] * block_m2,
+        missed_area_m2=float(count[0] * (side**2 * dy_m * dx_m)),
+        hills=np.flatnonzero(count[1:]) + 1,
         highest_m=0.0 if worst is None else float(excess_m[worst]),
         place_m=None if worst is None else (float(place_m[0, worst]), float(place_m[1, worst])),
     )
