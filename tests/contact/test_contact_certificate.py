@@ -30,8 +30,8 @@ def sphere(x_m, y_m, peak_m, radius_m=RADIUS_M):
 def certify(height_m, label, noise_m=0.0):
     caps_m = np.array([[CONTACT_M[0]], [CONTACT_M[1]], [RADIUS_M]])
     surface = HeightMap(height_m, PIXEL_M)
-    load_N, hill = np.array([LOAD_N]), np.array([1])
-    return certify_cut(surface, label, -COMPRESSION_M, caps_m, load_N, hill, E_STAR_PA, noise_m)
+    load_N = np.array([LOAD_N])
+    return certify_cut(surface, label, -COMPRESSION_M, caps_m, load_N, E_STAR_PA, noise_m)
 
 
 def one_cap(floor_m=-2e-6):
@@ -48,50 +48,30 @@ def sinking(r_m):
 
 
 def test_a_lone_sphere_certifies_itself():
-    found = certify(*one_cap())
-    assert found.holds
-    assert (found.missed_area_m2, found.hills.size, found.highest_m) == (0.0, 0, 0.0)
+    assert certify(*one_cap()) == 0.0
 
 
-@pytest.mark.parametrize(("share", "holds"), [(0.95, True), (1.5, False)])
+@pytest.mark.parametrize(("share", "holds"), [(1.0, True), (1.05, False)])
 def test_another_peak_is_in_the_way_once_it_stands_above_the_sunk_surface(share, holds):
+    """By more than the 2 % that point loads may be off; not where it is a hill of its own."""
     height_m, label = one_cap()
-    place_m = (0.04, 0.02)  # 25 mm away
-    peak_m = share * sinking(0.025) - COMPRESSION_M
-    hill_m = sphere(*place_m, peak_m, 60.0)
+    peak_m = share * sinking(0.025) - COMPRESSION_M  # 25 mm away
+    hill_m = sphere(0.04, 0.02, peak_m, 60.0)
     height_m = np.maximum(height_m, hill_m)
-    free = certify(height_m, label)
-    assert free.holds is holds
-    other = label.copy()
-    other[hill_m > -1e-6] = 2
-    labelled = certify(height_m, other)
-    assert labelled.holds is holds
-    if not holds:
-        assert free.missed_area_m2 > 0.0
-        assert free.hills.size == 0
-        assert labelled.missed_area_m2 == 0.0
-        assert labelled.hills.tolist() == [2]
-        assert labelled.hill_area_m2.sum() == pytest.approx(free.missed_area_m2)
-        assert free.place_m == pytest.approx(place_m, abs=1e-3)
-        above_m = peak_m + COMPRESSION_M - 1.02 * sinking(0.025)
-        assert free.highest_m == pytest.approx(above_m, rel=0.1)
-
-
-def test_a_second_peak_on_a_loaded_hill_is_in_the_way():
-    height_m, _ = one_cap()
-    height_m = np.maximum(height_m, sphere(0.028, 0.02, -0.1e-6))
-    label = (height_m > -1e-6).astype(np.int32)
-    found = certify(height_m, label)
-    assert found.hills.tolist() == [1]
-    assert found.missed_area_m2 == 0.0
+    excess_m = peak_m + COMPRESSION_M - 1.02 * sinking(0.025)
+    area_m2 = certify(height_m, label)
+    assert (area_m2 == 0.0) == holds
+    assert holds or area_m2 == pytest.approx(2.0 * math.pi * 60.0 * excess_m, rel=0.5)
+    label[hill_m > -1e-6] = 2
+    assert certify(height_m, label) == 0.0
 
 
 def test_noise_is_no_hill_and_lost_points_are_none_either():
     height_m, label = one_cap(floor_m=-COMPRESSION_M - 1e-9)
     rng = np.random.default_rng(0)
     noisy_m = height_m + 2e-8 * rng.standard_normal(SHAPE)
-    assert certify(noisy_m, label, noise_m=2e-8).holds
+    assert certify(noisy_m, label, noise_m=2e-8) == 0.0
     lost_m = np.where(rng.random(SHAPE) < 0.1, np.nan, noisy_m)
-    assert certify(lost_m, label, noise_m=2e-8).holds
+    assert certify(lost_m, label, noise_m=2e-8) == 0.0
     lost_m = np.where(np.arange(SHAPE[1]) < 300, lost_m, np.nan)
-    assert certify(lost_m, label, noise_m=2e-8).holds
+    assert certify(lost_m, label, noise_m=2e-8) == 0.0

@@ -221,7 +221,7 @@ def test_a_range_of_thirty_spreads_is_doubted_where_peaks_make_it(highest_m, sz_
 
 
 def outliers(index, step_m):
-    return Outliers(np.array(index, dtype=np.int64), np.array(step_m, dtype=float), 1.0)
+    return Outliers(np.array(index, dtype=np.int64), np.array(step_m, dtype=float))
 
 
 @pytest.mark.parametrize(("n", "severity"), [(2, "info"), (3, "warning")])

@@ -33,15 +33,12 @@ class RestingPlane:
         At the load point.
     slope : (float, float)
         Along x and y.
-    corners_m : float64, shape (3, 2)
-        Places (x, y) of the three points it rests on.
     load_point_m : (float, float)
         Place (x, y) of the load.
     """
 
     height_m: float
     slope: tuple[float, float]
-    corners_m: np.ndarray
     load_point_m: tuple[float, float]
 
 
@@ -127,8 +124,7 @@ def resting_plane(
             "outside the measured points, and the face tips over; expected points on all sides of "
             "it; move contact.load_point_m"
         )
-    corners_m = np.column_stack(squares.places_m(corner)) + at_m
-    return RestingPlane(float(level_m), (float(slope[0]), float(slope[1])), corners_m, at_m)
+    return RestingPlane(float(level_m), (float(slope[0]), float(slope[1])), at_m)
 
 
 @dataclass(frozen=True, eq=False)

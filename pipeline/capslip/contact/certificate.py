@@ -1,11 +1,10 @@
 """What stands in the pressed plane though no cap stands for it.
 
-Two stages ask. Whether a cut went deep enough: noise and the shape of a cap are then no proof that
-something stands in the way. And whether caps are all that touches: then any doubt counts.
+Two stages ask. Whether a cut went deep enough: noise is then no proof that something stands in the
+way. And whether caps are all that touches: then any doubt counts.
 """
 
 import math
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -19,39 +18,7 @@ BLOCKS = 100  # along the shorter side of the map, over which heights are averag
 NOISE_SPREADS = 2.0  # standard deviations of a mean height that may hide a contact
 MODEL_ERROR = 0.02  # of the sinking: what point loads may be off
 NEAR = 1.5  # contact radii within which the shape of a cap is the fit's matter, not the cut's
-SHAPE_ERROR = 0.1  # of its compression, that a loaded hill may stand above its cap beyond there
 AT_ONCE = 2_000_000  # pairs of a block and a contact
-
-
-@dataclass(frozen=True, eq=False)
-class Certificate:
-    """What stands above the deformed surface of contact though no contact carries it.
-
-    Attributes
-    ----------
-    missed_area_m2 : float
-        Area outside the hills: the cut was too high for it.
-    hills : int64, shape (m,)
-        Labels of the hills in the way, rising: those without load, and those that stand up again
-        beside their own contact.
-    hill_area_m2 : float64, shape (m,)
-        Their areas in the way.
-    highest_m : float
-        How far the worst point stands above the deformed surface; 0 where none does.
-    place_m : (float, float) or None
-        Its place (x, y).
-    """
-
-    missed_area_m2: float
-    hills: np.ndarray
-    hill_area_m2: np.ndarray
-    highest_m: float
-    place_m: tuple[float, float] | None
-
-    @property
-    def holds(self) -> bool:
-        """Whether nothing stands in the way."""
-        return self.place_m is None
 
 
 def certify_cut(
@@ -60,11 +27,12 @@ def certify_cut(
     plane_m: float,
     caps_m: np.ndarray,
     load_N: np.ndarray,
-    hill: np.ndarray,
     E_star_Pa: float,
     noise_m: float = 0.0,
-) -> Certificate:
-    """Compare every part of the map with the plane, sunk by the loads of all contacts.
+) -> float:
+    """Return the area outside the hills that stands above the deformed surface of contact.
+
+    Where there is any, the cut was too high for it.
 
     Parameters
     ----------
@@ -78,8 +46,6 @@ def certify_cut(
         x, y and radius of the caps that carry load.
     load_N : float64, shape (m,)
         Their loads, positive.
-    hill : int, shape (m,)
-        Their labels.
     E_star_Pa : float
         Composite modulus.
     noise_m : float
@@ -87,7 +53,8 @@ def certify_cut(
 
     Returns
     -------
-    Certificate
+    float
+        In m2; zero where the cut went deep enough.
 
     Notes
     -----
@@ -101,25 +68,10 @@ def certify_cut(
     dy_m, dx_m = surface.pixel_size_m
     contacts = np.vstack((caps_m[:2], np.cbrt(0.75 * load_N * caps_m[2] / E_star_Pa), load_N))
     mean_m = means_of_blocks(surface, side, side**2 // 2 + 1)
-    row, col, place_m, excess_m = _excess(
-        surface, mean_m, plane_m, contacts, E_star_Pa, noise_m, proven=True
-    )
-    owner = label[row * side + side // 2, col * side + side // 2]
-    compression_m = np.zeros(int(label.max(initial=0)) + 1)
-    np.maximum.at(compression_m, hill, contacts[2] ** 2 / caps_m[2])
-    excess_m -= SHAPE_ERROR * compression_m[owner]
-    above = np.flatnonzero(excess_m > 0.0)
-    block_m2 = side**2 * dy_m * dx_m
-    count = np.bincount(owner[above], minlength=1)
-    in_way = np.flatnonzero(count[1:]) + 1
-    worst = int(above[np.argmax(excess_m[above])]) if above.size else None
-    return Certificate(
-        missed_area_m2=float(count[0] * block_m2),
-        hills=in_way,
-        hill_area_m2=count[in_way] * block_m2,
-        highest_m=0.0 if worst is None else float(excess_m[worst]),
-        place_m=None if worst is None else (float(place_m[0, worst]), float(place_m[1, worst])),
-    )
+    n_rows, n_cols = mean_m.shape
+    mean_m[label[side // 2 :: side, side // 2 :: side][:n_rows, :n_cols] > 0] = np.nan
+    excess_m = _excess(surface, mean_m, plane_m, contacts, E_star_Pa, noise_m, proven=True)
+    return float(np.count_nonzero(excess_m > 0.0) * (side**2 * dy_m * dx_m))
 
 
 def unmodelled_area_m2(
@@ -161,9 +113,7 @@ def unmodelled_area_m2(
     at = load_N > 0.0
     a_m = contact_radius_m(load_N[at], curve.radius_m[at], curve.E_star_Pa)
     contacts = np.vstack((curve.x_m[at], curve.y_m[at], a_m, load_N[at]))
-    *_, excess_m = _excess(
-        surface, mean_m, plane_m, contacts, curve.E_star_Pa, noise_m, proven=False
-    )
+    excess_m = _excess(surface, mean_m, plane_m, contacts, curve.E_star_Pa, noise_m, proven=False)
     return float(np.count_nonzero(excess_m > 0.0) * side**2 * surface.pixel_area_m2)
 
 
@@ -175,8 +125,8 @@ def _excess(
     E_star_Pa: float,
     noise_m: float,
     proven: bool,
-) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """Return blocks above the plane (row, column), their places, and their heights above it, sunk.
+) -> np.ndarray:
+    """Return by how much the blocks that stand above the plane do so where it is sunk.
 
     Of the mean heights of all blocks. The contacts, shape (4, m), are x, y, radius and load. What
     is to be proven lies beyond noise, the error of the model and the neighbourhood of every
@@ -201,7 +151,7 @@ def _excess(
         share_N_per_m = load_N * hertz_over_point_load(a_m / r_m[left]) / r_m[left]
         sunk_m = share_N_per_m.sum(axis=1) * (1.0 + error) / (math.pi * E_star_Pa)
         excess_m[part[left]] = reach_m[part[left]] - sunk_m
-    return row, col, place_m, excess_m
+    return excess_m
 
 
 def _means_beside(surface: HeightMap, label: np.ndarray, least_m: float, side: int) -> np.ndarray:

@@ -22,7 +22,7 @@ from capslip.caps.points import HillPoints, points_of_hills
 from capslip.caps.resting import RestingPlane, resting_plane
 from capslip.caps.table import CapTable
 from capslip.contact.balanced import press_balanced
-from capslip.contact.certificate import Certificate, certify_cut
+from capslip.contact.certificate import certify_cut
 from capslip.contact.material import composite, yield_law
 from capslip.contact.rung import load_point_m, turning_stiffness
 from capslip.contact.solvers.yielding import FirstLoading
@@ -306,7 +306,7 @@ class _Search:
         # A table asks for the grid alone: nobody holds the map that was cut
         fitted = replace(fitted, given=replace(fitted.given, surface=self.surface))
         surface = turned(self.surface, -rest.slope, self.at_m)
-        missed_area_m2 = self._certify(surface, hills, rest).missed_area_m2
+        missed_area_m2 = self._missed_area_m2(surface, hills, rest)
         return _Found(rest, hills, fitted, surface, missed_area_m2, self._next(start, rest))
 
     def _turns(
@@ -359,7 +359,7 @@ class _Search:
                 least, part, history = min(history), 0.5 * part, []
             if not tried and moved < EARLY and span_m < EARLY * approach_m:
                 tried = True
-                if self._certify(surface, hills, found).missed_area_m2 > 0.0:
+                if self._missed_area_m2(surface, hills, found) > 0.0:
                     raise _MissedError(slope, approach_m)
             depth_m, ahead = deeper_m, part * turn
             slope = slope - ahead
@@ -442,7 +442,7 @@ class _Search:
         depth_m[label[label > 0] - 1] = start.depth_m[label > 0]
         return depth_m
 
-    def _certify(self, surface: HeightMap, hills: Hills, rest: _Rest) -> Certificate:
+    def _missed_area_m2(self, surface: HeightMap, hills: Hills, rest: _Rest) -> float:
         on = rest.load_N > 0.0
         hill = rest.use[on]
         material, spheres = self.settings.material, rest.spheres
@@ -455,7 +455,6 @@ class _Search:
             rest.plane_m,
             np.stack([spheres.x_m[hill], spheres.y_m[hill], radius_m]),
             rest.load_N[on],
-            hill + 1,
             composite(material.youngs_modulus_Pa, material.poisson_ratio).E_star_Pa,
             hills.noise_m,
         )

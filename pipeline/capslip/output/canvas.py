@@ -59,7 +59,7 @@ def face_size(side_m: tuple[float, float]) -> tuple[float, float]:
 
 
 def face_axes(
-    title: str, side_m: tuple[float, float], axes: "Axes | None" = None
+    title: str, side_m: tuple[float, float], axes: "Axes | None"
 ) -> "tuple[Figure, Axes]":
     """Return axes for a map of the face, in mm and at equal scale; those given, if they are."""
     side_y_m, side_x_m = side_m

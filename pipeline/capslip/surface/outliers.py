@@ -37,15 +37,12 @@ class Outliers:
         Places in the flattened map, ascending.
     step_m : float64, shape (n,)
         Height of each above what lies around it; negative for pits.
-    cliff_m : float
-        The height difference of neighbours that counts as a cliff.
     n_lifted : int
         How many of them lie on patches that are lifted, see `lifted_patches`.
     """
 
     index: np.ndarray = field(default_factory=lambda: np.empty(0, dtype=np.intp))
     step_m: np.ndarray = field(default_factory=lambda: np.empty(0))
-    cliff_m: float = 0.0
     n_lifted: int = 0
 
     @property
@@ -177,7 +174,7 @@ def find_outliers(surface: HeightMap, stored: HeightMap | None = None) -> Outlie
         index, off_m = np.append(index, small), np.append(off_m, small_off_m)
         order = np.argsort(index)
         index, off_m = index[order], off_m[order]
-    return Outliers(index, off_m, cliff_m, n_lifted)
+    return Outliers(index, off_m, n_lifted)
 
 
 def _of_lone_points(surface: HeightMap, stored_m: np.ndarray) -> Outliers:
@@ -186,7 +183,6 @@ def _of_lone_points(surface: HeightMap, stored_m: np.ndarray) -> Outliers:
 
     z_m, (dy_m, dx_m), nx = surface.height_m.reshape(-1), surface.pixel_size_m, surface.shape[1]
     found, off_m = _codes_of_lone_points(z_m, stored_m)
-    cliff_m = 0.0
     while True:
         index = np.flatnonzero(~np.isnan(z_m))
         index = index[~np.isin(index, found)]
@@ -207,7 +203,7 @@ def _of_lone_points(surface: HeightMap, stored_m: np.ndarray) -> Outliers:
         found = np.append(found, index[new])
         off_m = np.append(off_m, (own_m - 0.5 * (first_m + last_m))[new])
     order = np.argsort(found)
-    return Outliers(found[order], off_m[order], cliff_m)
+    return Outliers(found[order], off_m[order])
 
 
 def _codes_of_lone_points(z_m: np.ndarray, stored_m: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

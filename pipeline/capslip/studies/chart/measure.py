@@ -88,9 +88,7 @@ def measure(
     }
 
 
-def honesty(
-    seeds: Iterable[int], progress: Callable[[str], None] = lambda message: None
-) -> list[Row]:
+def honesty(seeds: Iterable[int], progress: Callable[[str], None]) -> list[Row]:
     """Run the automatic choice on other faces; return its estimates beside the true errors."""
     auto = Method(AUTO, "default", ())
     found = []

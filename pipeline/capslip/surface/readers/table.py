@@ -74,9 +74,7 @@ def read_table(path: Path, *, names: bool = False) -> Table:
     return Table(values, comments, notes)
 
 
-def parse_rows(
-    body: bytes, where: str, lines_before: int = 0
-) -> tuple[np.ndarray, tuple[str, ...]]:
+def parse_rows(body: bytes, where: str, lines_before: int) -> tuple[np.ndarray, tuple[str, ...]]:
     """Turn lines into rows of numbers, with notes; errors as for `read_table`."""
     notes = []
     _check_lines(body, where, lines_before)
