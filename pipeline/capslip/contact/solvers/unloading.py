@@ -230,8 +230,8 @@ def _intervals(
     """
     error = np.zeros(len(at))  # of the interval that begins at each place
     known = np.flatnonzero(carries)
-    for k, (low, middle, high) in enumerate(zip(known, known[1:], known[2:], strict=False)):
-        off, width = found.off(k + 1), at[high] - at[low]
+    for low, middle, high, off in zip(known, known[1:], known[2:], found.offs(), strict=False):
+        width = at[high] - at[low]
         for first, last in ((low, middle), (middle, high)):
             share = (at[last] - at[first]) / width
             error[first:last] = np.maximum(error[first:last], off * share**_ORDER)
