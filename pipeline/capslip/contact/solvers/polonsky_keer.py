@@ -21,6 +21,7 @@ __all__ = [
     "punch_pressure_Pa_per_m",
 ]
 
+PUNCH_TOLERANCE = 1e-6
 _WORTH_PATCHES = 50_000  # points of a map from which a first solution is sought on patches
 _COARSE_TOLERANCE = 1e-3  # of the solutions that only start the next finer one
 _MOST_LOOKS = 4  # at what penetrates beside patches
@@ -139,7 +140,10 @@ def first_loading(face: ElasticFace, pressed: Pressed) -> tuple[ElasticFace, Pre
 
 
 def punch_pressure_Pa_per_m(
-    face: ElasticFace, pressed: Pressed, start_Pa_per_m: np.ndarray | None = None
+    face: ElasticFace,
+    pressed: Pressed,
+    start_Pa_per_m: np.ndarray | None = None,
+    tolerance: float = PUNCH_TOLERANCE,
 ) -> np.ndarray:
     """Return dp/dd, in the shape of the face.
 
@@ -148,7 +152,7 @@ def punch_pressure_Pa_per_m(
     contact = pressed.pressure_Pa > 0
     punch = replace(face, depth_m=np.zeros(face.shape), measured=contact)
     start_Pa = pressed.pressure_Pa if start_Pa_per_m is None else start_Pa_per_m
-    return press(punch, approach_m=1.0, start_Pa=start_Pa, tolerance=1e-6).pressure_Pa
+    return press(punch, approach_m=1.0, start_Pa=start_Pa, tolerance=tolerance).pressure_Pa
 
 
 def solve(
