@@ -168,8 +168,8 @@ def test_the_bend_between_two_loads_bounds_their_loss():
     found, _ = losses(
         path.stiffness_N_per_m,
         np.append(drop_N, path.pressed.load_N),
-        np.array([*(node.withdrawal_m for node in path.nodes), path.end().withdrawal_m]),
-        np.append(loss_J, path.end().region_loss_J.sum()),
+        np.array([*(node.withdrawal_m for node in path.nodes), path.end.withdrawal_m]),
+        np.append(loss_J, path.end.region_loss_J.sum()),
     )
     _, s_N, table_J = found.table()
     nodes = list(path.nodes)

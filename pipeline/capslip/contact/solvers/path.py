@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -142,7 +143,10 @@ class Path:
         if not above:
             return self._faces[0]
         contact = above[-1].contact
-        holding = [one for one in self._faces if np.isin(contact, one[0]).all()]
+        left = np.zeros(self.n_points, dtype=bool)
+        left[contact] = True
+        n_left = len(contact)
+        holding = [one for one in self._faces if np.count_nonzero(left[one[0]]) == n_left]
         points, face = min(holding, key=lambda one: len(one[0]))
         if len(contact) < _SHRUNK * len(points):
             found = fewer(face, np.searchsorted(points, contact))
@@ -155,8 +159,9 @@ class Path:
         """Solve where a share of the load is gone."""
         return self.solve(math.log((1 - share) ** (-2 / 3) - 1))
 
+    @cached_property
     def end(self) -> Node:
-        """Return the state without load, which needs no solution: the gaps are the depths."""
+        """The state without load, which needs no solution: the gaps are the depths."""
         zero, depth_m = np.zeros(self.n_points), self.face.depth_m
         return self._seen(np.inf, 0.0, self.pressed.approach_m, zero, depth_m)
 
@@ -189,7 +194,7 @@ class Path:
     def _start(self, load_N: float) -> np.ndarray:
         """Return pressures near those under a load, from the solved loads around it."""
         k = sum(node.load_N >= load_N for node in self.nodes)
-        below = self.known(self.nodes[k] if k < len(self.nodes) else self.end())
+        below = self.known(self.nodes[k] if k < len(self.nodes) else self.end)
         preload = Known(0.0, self.pressed.pressure_Pa)
         above = self.known(self.nodes[k - 1]) if k > 0 else preload
         before = self.known(self.nodes[k - 2]) if k > 1 else preload
