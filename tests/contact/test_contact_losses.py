@@ -8,7 +8,7 @@ import pytest
 from capslip.contact.solvers import detail
 from capslip.contact.solvers import unloading as module
 from capslip.contact.solvers.hertz import load_drop_of_asperity, loss_of_asperity
-from capslip.contact.solvers.losses import losses
+from capslip.contact.solvers.losses import left_out, losses, region_losses
 from capslip.contact.solvers.path import FINEST, Path
 from capslip.contact.solvers.polonsky_keer import elastic_face, press
 from capslip.surface.heightmap import HeightMap
@@ -50,7 +50,41 @@ def test_a_point_that_is_left_out_tells_the_error():
     _, drop, loss = rest.table()
     at, exact = caps([0.0], X[3:4])
     off = np.interp(np.log(at), np.log(drop), np.log(loss)) - np.log(exact)
-    assert found.off(3) == pytest.approx(float(abs(np.expm1(off)[0])), rel=0.05)
+    assert found.offs()[2] == pytest.approx(float(abs(np.expm1(off)[0])), rel=0.05)
+
+
+@pytest.mark.parametrize("n_places", [2, 3, 4, 5, 12])
+def test_rows_left_out_are_as_scipy_interpolates_the_others(n_places):
+    from scipy.interpolate import PchipInterpolator
+
+    rng = np.random.default_rng(n_places)
+    for _ in range(20):
+        x = np.cumsum(rng.uniform(0.01, 1.0, n_places))
+        y = rng.normal(size=(n_places, 4)).cumsum(axis=0) * (1.0, 0.1, 5.0, 0.0)
+        found = left_out(x, y)
+        assert found.shape == (max(n_places - 3, 0), 4)
+        for row, k in zip(found, range(2, n_places - 1), strict=True):
+            others = np.arange(n_places) != k
+            exact = PchipInterpolator(x[others], y[others])(x[k])
+            np.testing.assert_allclose(row, exact, rtol=1e-12, atol=1e-13)
+
+
+def test_a_load_that_is_left_out_tells_the_error_of_regions():
+    """As the table that is made without it, at its load drop, where the loss is cubic at first."""
+    load_N, rate = np.array([1.0, 3.0]), np.array([[1.0, 0.7], [1.05, 0.72], [1.2, 0.8]])
+    rate = np.concatenate((rate, [[1.3, 0.9], [1.4, 1.0], [1.5, 1.0]]))
+    withdrawal_m = np.array([0.05, 0.2, 0.4, 0.6, 0.8, 1.0])
+    loss_J = load_N * loss_of_asperity(np.ones(()), np.ones(()), withdrawal_m[:, None] * rate)
+    loss_J *= np.linspace(1.0, 1.4, 6)[:, None]
+    given = load_N, rate[0], withdrawal_m, rate, loss_J
+    found = region_losses(*given)
+    for k, off in enumerate(found.offs(), start=1):
+        rest = region_losses(*given[:2], *(np.delete(each, k, axis=0) for each in given[2:]))
+        x, *columns = np.log(rest.table())
+        at = np.log(withdrawal_m[k])
+        drop_N, without_J = (np.exp(np.interp(at, x, column)) for column in columns)
+        expected = without_J / found.loss_J[k] * (found.load_drop_N[k] / drop_N) ** 3 - 1
+        assert off == pytest.approx(abs(expected), abs=3e-5)  # of the table
 
 
 def test_a_flat_punch_loses_nothing_before_it_slips_as_a_whole():
@@ -134,8 +168,8 @@ def test_the_bend_between_two_loads_bounds_their_loss():
     found, _ = losses(
         path.stiffness_N_per_m,
         np.append(drop_N, path.pressed.load_N),
-        np.array([*(node.withdrawal_m for node in path.nodes), path.end().withdrawal_m]),
-        np.append(loss_J, path.end().region_loss_J.sum()),
+        np.array([*(node.withdrawal_m for node in path.nodes), path.end.withdrawal_m]),
+        np.append(loss_J, path.end.region_loss_J.sum()),
     )
     _, s_N, table_J = found.table()
     nodes = list(path.nodes)

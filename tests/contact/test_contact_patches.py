@@ -10,6 +10,7 @@ from capslip.contact.solvers import unloading
 from capslip.contact.solvers.closing import GivenLoad
 from capslip.contact.solvers.half_space import HalfSpace, love_kernel, love_kernel_at
 from capslip.contact.solvers.patches import patched
+from capslip.contact.solvers.path import Path
 from capslip.contact.solvers.polonsky_keer import elastic_face, press
 from capslip.contact.solvers.refinement import refinement
 from capslip.contact.solvers.unloading import unload
@@ -146,6 +147,20 @@ def test_refined_hertz_contact_slips_as_the_closed_form():
     assert np.allclose(loss_J(found, shares), expected_J, rtol=0.02)
     coarse = unload(face, pressed, 1e-7, on_patches=False)
     assert abs(loss_J(coarse, [0.1])[0] / expected_J[0] - 1) > 0.02
+
+
+def test_what_is_asked_of_large_slip_alone_is_solved_as_loosely_as_that_needs():
+    face = elastic_face(waves((100, 120), 8.0), E)
+    pressed, shares = press(face, load_N=LOAD_N), (0.1, 0.25, 0.5, 0.75)
+    any_slip, large = (Path(face, pressed, 1e-7, True, least_share=one) for one in (0.0, shares[0]))
+    assert large.patches.refinement > 1
+    assert large.pressed.certificate.iterations < 0.8 * any_slip.pressed.certificate.iterations
+    assert large.stiffness_N_per_m == pytest.approx(any_slip.stiffness_N_per_m, rel=1e-4)
+    for share in shares:
+        one, other = any_slip.at(share), large.at(share)
+        assert other.withdrawal_m == pytest.approx(one.withdrawal_m, rel=1e-6)
+        within = 5e-4 if share == shares[0] else 1e-5  # as closely as such a load is solved
+        assert other.region_loss_J.sum() == pytest.approx(one.region_loss_J.sum(), rel=within)
 
 
 @pytest.mark.parametrize(("most", "largest"), [(1, 0.5), (6, 0.03)])

@@ -98,6 +98,22 @@ def test_points_in_contact_alone_sink_as_on_the_patches_they_are_of(rough, refin
     assert in_contact_alone(few, np.ones(few.shape)) is few
 
 
+@pytest.mark.parametrize("refined", [1, 3])
+def test_what_touches_alone_needs_no_margin_around_it(rough, refined):
+    """Boxes that end where the contact does are less work, and it sinks in them as in the wider."""
+    contact = np.zeros(rough.shape, dtype=bool)
+    contact[20:32, 30:41] = contact[60:75, 100:115] = True
+    patches = patched(rough, contact, refined)
+    points = np.flatnonzero(patches.gathered(contact))
+    few = in_contact_alone(patches, patches.gathered(contact.astype(float)))
+    assert few.half_space.cost < 0.7 * patches.half_space.cost
+    pressure_Pa = np.zeros(patches.shape)
+    pressure_Pa[points] = np.random.default_rng(8).random(len(points))
+    expected_m = patches.half_space.sinking_m(pressure_Pa)[points]
+    sinking_m = few.half_space.sinking_m(pressure_Pa[points])
+    np.testing.assert_allclose(sinking_m, expected_m, rtol=2e-6)
+
+
 @pytest.mark.parametrize("kind", ["matrix", "patches", "refined patches", "map"])
 def test_fewer_points_sink_as_all_of_them(rough, kind, monkeypatch):
     """What is left of contacts, at their own places, whatever the half-space of them all was."""

@@ -121,7 +121,7 @@ def effect_of_detail(
 def _below(face: ElasticFace, pressed: Pressed, tolerance: float) -> tuple[np.ndarray, np.ndarray]:
     """Return what is compared of a pressed face, from the loads that it takes alone."""
     for on_patches in (True, False):
-        path = Path(face, pressed, tolerance, on_patches)
+        path = Path(face, pressed, tolerance, on_patches, least_share=min(FORCE_SHARES))
         nodes = [path.at(share) for share in FORCE_SHARES]
         if path.patch_error() <= PATCH_ERROR:
             break

@@ -67,9 +67,13 @@ class Losses:
         )
         return x_m[grows], s_N[grows], loss_J[grows]
 
-    def off(self, k: int) -> float:
-        """Return by how much the loss at point k is off without it, relative."""
-        keep = np.r_[k - 1, k + 1]
+    def offs(self) -> np.ndarray:
+        """Return by how much the loss at each inner point is off without it, shape (n - 2,)."""
+        return np.array([self._off(k) for k in range(1, len(self.slope) - 1)])
+
+    def _off(self, k: int) -> float:
+        """Return that of one point, relative."""
+        keep = np.array((k - 1, k + 1))
         z, log_loss, slope = self.log_more[keep], self.log_loss[keep], self.slope[keep]
         at, value, rate = _cubic(z, log_loss, slope, 0)
         log_s = np.maximum.accumulate(np.log(np.maximum(rate, 1e-300)) + value - at)
@@ -131,32 +135,36 @@ class RegionLosses:
 
     def table(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Return withdrawals, load drops and losses, as `Losses.table`."""
+        from scipy.interpolate import PchipInterpolator
+
         x = self.withdrawal_m[-1] * np.geomspace(_FAR, 1.0, _TABLE)
-        parts = [self._at(x[first : first + _ROWS]) for first in range(0, _TABLE, _ROWS)]
+        of_regions = PchipInterpolator(*self._of_regions())
+        parts = [
+            self._sums(rows, of_regions(rows)) for rows in np.split(x, range(_ROWS, _TABLE, _ROWS))
+        ]
         drop_N, loss_J = np.concatenate(parts, axis=1)
         return x, drop_N, loss_J
 
-    def off(self, k: int) -> float:
-        """Return by how much the loss at point k is off without it at its load drop, relative."""
-        others = np.arange(len(self.withdrawal_m)) != k
-        rest = RegionLosses(
-            *(self.load_N, self.withdrawal_m[others]),
-            *(self.rate_per_m[np.append(True, others)], self.length_m[others]),
-            *(self.load_drop_N[others], self.loss_J[others]),
-        )
-        drop_N, loss_J = rest._at(self.withdrawal_m[k : k + 1])[:, 0]
-        return float(abs(loss_J / self.loss_J[k] * (self.load_drop_N[k] / drop_N) ** 3 - 1))
+    def offs(self) -> np.ndarray:
+        """Return by how much the loss at each inner point is off without it, shape (m - 2,).
 
-    def _at(self, withdrawal_m: np.ndarray) -> np.ndarray:
-        """Return load drops and losses of the face, shape (2, m)."""
-        from scipy.interpolate import PchipInterpolator
+        At its load drop, relative.
+        """
+        inner = np.s_[1:-1]
+        found = self._sums(self.withdrawal_m[inner], left_out(*self._of_regions()))
+        drop, loss = found / (self.load_drop_N[inner], self.loss_J[inner])
+        return np.abs(loss / drop**3 - 1)
 
-        x = np.append(0.0, self.withdrawal_m)
-        one, length_m = np.ones(()), np.concatenate((self.length_m[:1], self.length_m))
-        t = withdrawal_m[:, None] * PchipInterpolator(x, self.rate_per_m)(withdrawal_m)
+    def _of_regions(self) -> tuple[np.ndarray, np.ndarray]:
+        """Return withdrawals from zero on, (m + 1,), and what is interpolated, (m + 1, 2, n)."""
+        length_m = np.concatenate((self.length_m[:1], self.length_m))
+        return np.append(0.0, self.withdrawal_m), np.stack((self.rate_per_m, length_m), axis=1)
+
+    def _sums(self, withdrawal_m: np.ndarray, of_regions: np.ndarray) -> np.ndarray:
+        """Return load drops and losses of the face from rates and lengths, shape (2, m)."""
+        one, t = np.ones(()), withdrawal_m[:, None] * of_regions[:, 0]
         drop_N = load_drop_of_asperity(self.load_N, one, t).sum(axis=-1)
-        length_m = PchipInterpolator(x, length_m)(withdrawal_m)
-        loss_J = (length_m * loss_of_asperity(self.load_N, one, t)).sum(axis=-1)
+        loss_J = (of_regions[:, 1] * loss_of_asperity(self.load_N, one, t)).sum(axis=-1)
         return np.array((drop_N, loss_J))
 
 
@@ -225,6 +233,60 @@ def apart(
     log_N = np.log(np.geomspace(least_N, _MOST_SLIP * one[1][-1], _LOOKS))
     log_J = [np.interp(log_N, np.log(drop_N), np.log(J)) for _, drop_N, J in (one, other)]
     return _APART * float(np.abs(np.expm1(log_J[0] - log_J[1])).max())
+
+
+def left_out(x: np.ndarray, y: np.ndarray) -> np.ndarray:
+    """Return rows at inner places, each as a monotone cubic through all the others has it.
+
+    A `scipy.interpolate.PchipInterpolator` without the place itself, of which only the two
+    neighbours on either side count: all places at once.
+
+    Parameters
+    ----------
+    x : ndarray, shape (m,)
+        Growing.
+    y : ndarray, shape (m, ...)
+        Rows.
+
+    Returns
+    -------
+    ndarray, shape (m - 3, ...)
+        At all places but the first two and the last.
+
+    Examples
+    --------
+    >>> left_out(np.arange(6.0), 3.0 * np.arange(6.0))
+    array([ 6.,  9., 12.])
+    """
+    x = x.reshape(-1, *(1,) * (y.ndim - 1))
+    width, before, after = x[3:] - x[1:-2], x[1:-2] - x[:-3], x[4:] - x[3:-1]
+    chord, rise = (y[3:] - y[1:-2]) / width, (y[1:-2] - y[:-3]) / before
+    start = _monotone(before, width, rise, chord)
+    end = _monotone(width[:-1], after, chord[:-1], (y[4:] - y[3:-1]) / after)
+    last = _at_end(width[-1:], before[-1:], chord[-1:], rise[-1:])
+    end = np.concatenate((end, last))
+    t = (x[2:-1] - x[1:-2]) / width
+    bend = 3 * chord - 2 * start - end
+    return np.asarray(y[1:-2] + t * width * (start + t * (bend + t * (start + end - 2 * chord))))
+
+
+def _monotone(
+    before: np.ndarray, after: np.ndarray, rise: np.ndarray, next_rise: np.ndarray
+) -> np.ndarray:
+    """Return the slope between two intervals: a harmonic mean, none at a turn."""
+    turns = rise * next_rise <= 0
+    rise, next_rise = np.where(turns, 1.0, rise), np.where(turns, 1.0, next_rise)
+    far, near = 2 * after + before, after + 2 * before
+    return np.where(turns, 0.0, (far + near) / (far / rise + near / next_rise))
+
+
+def _at_end(
+    width: np.ndarray, before: np.ndarray, rise: np.ndarray, rise_before: np.ndarray
+) -> np.ndarray:
+    """Return the slope at the last place, of the parabola through three, kept monotone."""
+    slope = ((2 * width + before) * rise - width * rise_before) / (width + before)
+    most = np.where(rise * rise_before < 0, 3 * np.abs(rise), np.inf)
+    return np.where(slope * rise <= 0, 0.0, np.clip(slope, -most, most))
 
 
 def _cubic(

@@ -139,7 +139,7 @@ def half_space_around(
     """
     contact = np.zeros(face.map_shape, dtype=bool)
     contact.reshape(-1)[face.parent[points]] = True
-    cheapest = _cheapest(contact, face.refinement)
+    cheapest = _cheapest(contact, face.refinement, tight=True)
     if cheapest is None:
         return None
     boxes, nodes = cheapest
@@ -360,14 +360,17 @@ def with_margin(contact: np.ndarray) -> np.ndarray:
     return near[m:-m, m:-m]
 
 
-def _cheapest(contact: np.ndarray, refinement: int) -> tuple[np.ndarray, list[_Nodes]] | None:
+def _cheapest(
+    contact: np.ndarray, refinement: int, tight: bool = False
+) -> tuple[np.ndarray, list[_Nodes]] | None:
     """Return the cheapest boxes around contacts, with their nodes; None if the map is cheaper.
 
-    Patches that stay apart are small, and need many nodes.
+    Patches that stay apart are small, and need many nodes. Tight ones end where the contact does.
     """
     from scipy.ndimage import find_objects, label
 
-    found = find_objects(label(with_margin(contact), np.ones((3, 3)))[0])
+    part = label(with_margin(contact), np.ones((3, 3)))[0]
+    found = find_objects(part * contact if tight else part)
     single = np.array([(y.start, x.start, y.stop, x.stop) for y, x in found])
     best, least = None, np.inf
     for apart in _APART:

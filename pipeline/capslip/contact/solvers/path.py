@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -9,6 +10,7 @@ from capslip.contact.solvers.losses import rates_per_m
 from capslip.contact.solvers.patches import PatchedFace
 from capslip.contact.solvers.pixels import around_contact, fewer, in_contact_alone
 from capslip.contact.solvers.polonsky_keer import (
+    PUNCH_TOLERANCE,
     ElasticFace,
     Pressed,
     press,
@@ -20,6 +22,8 @@ from capslip.contact.solvers.starts import Known, start_Pa
 FINEST = 1e-11  # tolerance of a solution, above rounding
 _SHRUNK = 0.6  # of the points of a face, that are left where one of fewer points is sought
 _LEFT, _LOOSEST = 1e-2, 1e-6  # of the loss, that gaps may be; tolerance that is enough for any
+_PRELOAD_LEFT = 1e-4  # of the least loss asked for, that gaps under the preload may be
+_ROUGHLY = 1e-4  # tolerance of a punch that is a start and a stiffness to compare: 1e-5 of it
 _UNSETTLED = 1e-3  # of the loss: the most that a solution may leave open
 # Relative error of the loss of a region times the square of the width, in pixels, of the ring that
 # left it; seen on spheres for rings of 0.3 to 2.7 pixels
@@ -52,6 +56,7 @@ class Path:
         on_patches: bool,
         punch_Pa_per_m: np.ndarray | None = None,  # of the map, where it is known
         around: PatchedFace | None = None,  # from `around_contact`, where it is known
+        least_share: float = 0.0,  # of the load, that is solved for; 0: any, as well as can be
     ) -> None:
         region = pressed.region
         self.map, self.map_pressed, self.patches = face, pressed, None
@@ -62,7 +67,9 @@ class Path:
             self.patches = around or around_contact(face, contact, finest)
         if self.patches is not None:
             face = self.patches
-            pressed, region = _on_patches(self.patches, pressed, region)
+            t = -math.expm1(2 / 3 * math.log1p(-least_share))
+            off = max(_PRELOAD_LEFT * t**3 / 8, FINEST)
+            pressed, region = _on_patches(self.patches, pressed, region, off)
         self.face, self.tolerance = in_contact_alone(face, pressed.pressure_Pa), tolerance
         at = np.flatnonzero(pressed.pressure_Pa)
         pressure_Pa, gap_m = pressed.pressure_Pa.reshape(-1)[at], pressed.gap_m.reshape(-1)[at]
@@ -74,7 +81,8 @@ class Path:
         self.region_load_N = self._sums(pressure_Pa) * face.pixel_area_m2
         # Slopes of the withdrawals t_i, which the first solved load would give less well.
         start = None if punch_Pa_per_m is None else self.face.gathered(punch_Pa_per_m)
-        self.punch_Pa_per_m = punch_pressure_Pa_per_m(self.face, pressed, start)
+        off = PUNCH_TOLERANCE if least_share == 0.0 else _ROUGHLY
+        self.punch_Pa_per_m = punch_pressure_Pa_per_m(self.face, pressed, start, off)
         stiffness = self._sums(self.punch_Pa_per_m) * face.pixel_area_m2
         self.stiffness_N_per_m = float(stiffness.sum())
         self.slope_per_m = stiffness / self.region_load_N / 1.5
@@ -135,7 +143,10 @@ class Path:
         if not above:
             return self._faces[0]
         contact = above[-1].contact
-        holding = [one for one in self._faces if np.isin(contact, one[0]).all()]
+        left = np.zeros(self.n_points, dtype=bool)
+        left[contact] = True
+        n_left = len(contact)
+        holding = [one for one in self._faces if np.count_nonzero(left[one[0]]) == n_left]
         points, face = min(holding, key=lambda one: len(one[0]))
         if len(contact) < _SHRUNK * len(points):
             found = fewer(face, np.searchsorted(points, contact))
@@ -148,8 +159,9 @@ class Path:
         """Solve where a share of the load is gone."""
         return self.solve(math.log((1 - share) ** (-2 / 3) - 1))
 
+    @cached_property
     def end(self) -> Node:
-        """Return the state without load, which needs no solution: the gaps are the depths."""
+        """The state without load, which needs no solution: the gaps are the depths."""
         zero, depth_m = np.zeros(self.n_points), self.face.depth_m
         return self._seen(np.inf, 0.0, self.pressed.approach_m, zero, depth_m)
 
@@ -182,7 +194,7 @@ class Path:
     def _start(self, load_N: float) -> np.ndarray:
         """Return pressures near those under a load, from the solved loads around it."""
         k = sum(node.load_N >= load_N for node in self.nodes)
-        below = self.known(self.nodes[k] if k < len(self.nodes) else self.end())
+        below = self.known(self.nodes[k] if k < len(self.nodes) else self.end)
         preload = Known(0.0, self.pressed.pressure_Pa)
         above = self.known(self.nodes[k - 1]) if k > 0 else preload
         before = self.known(self.nodes[k - 2]) if k > 1 else preload
@@ -238,11 +250,11 @@ class Path:
 
 
 def _on_patches(
-    patches: PatchedFace, pressed: Pressed, region: np.ndarray
+    patches: PatchedFace, pressed: Pressed, region: np.ndarray, tolerance: float
 ) -> tuple[Pressed, np.ndarray]:
     """Return the state under the preload as the patches have it, and its regions."""
     start_Pa = patches.gathered(pressed.pressure_Pa)
-    found = press(patches, load_N=pressed.load_N, tolerance=FINEST, start_Pa=start_Pa)
+    found = press(patches, load_N=pressed.load_N, tolerance=tolerance, start_Pa=start_Pa)
     if patches.refinement > 1:
         from scipy.ndimage import distance_transform_edt
 

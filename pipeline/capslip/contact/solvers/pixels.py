@@ -102,7 +102,10 @@ def in_contact_alone(face: ElasticFace, pressure_Pa: np.ndarray) -> PatchedFace:
     points = np.flatnonzero(pressure_Pa)
     if len(points) == face.depth_m.size and isinstance(face, PatchedFace):
         return face
-    return _alone(face, points, GatheredHalfSpace(points, face.half_space, face.shape))
+    half_space = _around(face, points) if isinstance(face, PatchedFace) else None
+    if half_space is None:
+        half_space = GatheredHalfSpace(points, face.half_space, face.shape)
+    return _alone(face, points, half_space)
 
 
 def fewer(face: PatchedFace, contact: np.ndarray) -> PatchedFace | None:
@@ -115,7 +118,7 @@ def fewer(face: PatchedFace, contact: np.ndarray) -> PatchedFace | None:
     contact : int, shape (n,)
         The points that are left, growing.
     """
-    half_space: MatrixHalfSpace | GatheredHalfSpace
+    half_space: MatrixHalfSpace | GatheredHalfSpace | None
     if isinstance(face.half_space, MatrixHalfSpace):
         half_space = face.half_space.part(contact)
     elif (
@@ -125,11 +128,17 @@ def fewer(face: PatchedFace, contact: np.ndarray) -> PatchedFace | None:
     ):
         half_space = _matrix_of(face, face.parent[contact], face.map_shape)
     else:
-        around = half_space_around(face, contact)
-        if around is None or around[0].cost > _WORTH * face.half_space.cost:
-            return None
-        half_space = GatheredHalfSpace(around[1], around[0], (around[0].n_points,))
-    return _alone(face, contact, half_space)
+        half_space = _around(face, contact)
+    return None if half_space is None else _alone(face, contact, half_space)
+
+
+def _around(face: PatchedFace, points: np.ndarray) -> "GatheredHalfSpace | None":
+    """Return the half-space on patches around some points, None where it is hardly less work."""
+    found = half_space_around(face, points)
+    if found is None or found[0].cost > _WORTH * face.half_space.cost:
+        return None
+    half_space, place = found
+    return GatheredHalfSpace(place, half_space, (half_space.n_points,))
 
 
 def _matrix_of(

@@ -21,10 +21,12 @@ __all__ = [
     "punch_pressure_Pa_per_m",
 ]
 
+PUNCH_TOLERANCE = 1e-6
 _WORTH_PATCHES = 50_000  # points of a map from which a first solution is sought on patches
 _COARSE_TOLERANCE = 1e-3  # of the solutions that only start the next finer one
 _MOST_LOOKS = 4  # at what penetrates beside patches
 _MAX_ITERATIONS = 300
+_ROUGH_START = 1e-6  # tolerance from which single precision does for the sinking to begin with
 _LEAST_S = 5.0  # that a solution has in any case: less is a lost result for next to no time
 _MAX_YIELDING = 2000  # iterations where points yield: each step finds a few more of them
 
@@ -139,7 +141,10 @@ def first_loading(face: ElasticFace, pressed: Pressed) -> tuple[ElasticFace, Pre
 
 
 def punch_pressure_Pa_per_m(
-    face: ElasticFace, pressed: Pressed, start_Pa_per_m: np.ndarray | None = None
+    face: ElasticFace,
+    pressed: Pressed,
+    start_Pa_per_m: np.ndarray | None = None,
+    tolerance: float = PUNCH_TOLERANCE,
 ) -> np.ndarray:
     """Return dp/dd, in the shape of the face.
 
@@ -148,7 +153,7 @@ def punch_pressure_Pa_per_m(
     contact = pressed.pressure_Pa > 0
     punch = replace(face, depth_m=np.zeros(face.shape), measured=contact)
     start_Pa = pressed.pressure_Pa if start_Pa_per_m is None else start_Pa_per_m
-    return press(punch, approach_m=1.0, start_Pa=start_Pa, tolerance=1e-6).pressure_Pa
+    return press(punch, approach_m=1.0, start_Pa=start_Pa, tolerance=tolerance).pressure_Pa
 
 
 def solve(
@@ -253,24 +258,25 @@ def _iterate(
             p *= 1e-3 * hardness_Pa
         restored = _bounded(p.reshape(-1)[at], at, closing, hardness_Pa)
     p.reshape(-1)[at] = restored
-    u, fresh = half_space.sinking_m(p), True
+    fresh = tolerance < _ROUGH_START
+    u = half_space.sinking_m(p) if fresh else half_space.sinking_roughly_m(p)
     residual, direction = np.zeros(face.shape), np.zeros(face.shape)
-    slope = 0.0  # r z of the last step; zero begins anew
-    for iteration in range(most):
+    slope, steps = 0.0, 0  # r z of the last step; zero begins anew
+    for _ in range(most):
         if process_time() > until_s:
             raise OutOfTimeError(
                 f"{face.name}: boundary elements on {face.depth_m.size} points had found no "
-                f"solution after {iteration} iterations when contact.time_limit_s was over; allow "
+                f"solution after {steps} iterations when contact.time_limit_s was over; allow "
                 "more, or coarsen the map"
             )
         state = _state(face, p, u, closing)
         if state.fulfils(tolerance):
             if fresh:
-                return state, iteration
+                return state, steps
             u, fresh = half_space.sinking_m(p), True
             continue
         if state.contact.size == 0 and state.least_gap >= 0:
-            return state, iteration  # too coarse a grid, on which nothing touches
+            return state, steps  # too coarse a grid, on which nothing touches
         off_m = tolerance * state.approach_m
         c = _moving(face, state, off_m)
         project = closing.projector(c)
@@ -295,8 +301,8 @@ def _iterate(
         else:
             du *= -step
         du += u
-        u, p, fresh = du, stepped, False
-    return _state(face, p, half_space.sinking_m(p), closing), most
+        u, p, fresh, steps = du, stepped, False, steps + 1
+    return _state(face, p, half_space.sinking_m(p), closing), steps
 
 
 def _moving(face: ElasticFace, state: State, off_m: float) -> np.ndarray:

@@ -4,7 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-_HALVINGS = 24  # of the interval in which the withdrawal is sought
+_CLOSE, _MOST_CHORDS = 1e-6, 24  # of the sum; until the withdrawal with that sum is found
 
 
 class Known(NamedTuple):
@@ -45,9 +45,26 @@ def start_Pa(total_Pa: float, before: Known | np.ndarray, above: Known, below: K
     holds = q_below > 0
     rate = np.where(holds, chord, np.minimum(slope, chord))
     bend = np.where(holds, bend, 0.0)
-    near_m, far_m = 0.0, width_m
-    for _ in range(_HALVINGS):
-        x_m = 0.5 * (near_m + far_m)
-        found = np.sqrt(np.maximum(q + x_m * (rate + (x_m - width_m) * bend), 0.0))
-        near_m, far_m = (x_m, far_m) if found.sum() > total_Pa else (near_m, x_m)
-    return np.sqrt(np.maximum(q + near_m * (rate + (near_m - width_m) * bend), 0.0))
+
+    def found_Pa(x_m: float) -> np.ndarray:
+        return np.sqrt(np.maximum(q + x_m * (rate + (x_m - width_m) * bend), 0.0))
+
+    # Chords between a sum that is too large and one that is too small; an end that stays counts
+    # half (Dowell and Jarratt, BIT 11 (1971) 168)
+    near_m, far_m, before_last = 0.0, width_m, 0.0
+    more, less = (float(found_Pa(x_m).sum()) - total_Pa for x_m in (near_m, far_m))
+    for _ in range(_MOST_CHORDS):
+        if not less < 0.0 < more:
+            break
+        x_m = near_m + (far_m - near_m) * more / (more - less)
+        off = float(found_Pa(x_m).sum()) - total_Pa
+        if abs(off) < _CLOSE * total_Pa:
+            return found_Pa(x_m)
+        if off > 0.0:
+            near_m, more = x_m, off
+            less *= 0.5 if before_last > 0.0 else 1.0
+        else:
+            far_m, less = x_m, off
+            more *= 0.5 if before_last < 0.0 else 1.0
+        before_last = off
+    return found_Pa(near_m if more < -less else far_m)

@@ -185,7 +185,7 @@ def _between(path: Path) -> tuple[Losses | RegionLosses, list[_Interval], float]
 
 def _ways(path: Path) -> tuple[list[tuple[Losses | RegionLosses, list[_Interval]]], float]:
     """Return the ways to interpolate, one or two, and from which load drop pixels resolve it."""
-    nodes = [*path.nodes, path.end()]
+    nodes = [*path.nodes, path.end]
     x_m = np.array([node.withdrawal_m for node in nodes])
     drop_N = path.pressed.load_N - np.array([node.load_N for node in nodes])
     loss_J = np.array([node.region_loss_J for node in nodes])
@@ -230,8 +230,8 @@ def _intervals(
     """
     error = np.zeros(len(at))  # of the interval that begins at each place
     known = np.flatnonzero(carries)
-    for k, (low, middle, high) in enumerate(zip(known, known[1:], known[2:], strict=False)):
-        off, width = found.off(k + 1), at[high] - at[low]
+    for low, middle, high, off in zip(known, known[1:], known[2:], found.offs(), strict=False):
+        width = at[high] - at[low]
         for first, last in ((low, middle), (middle, high)):
             share = (at[last] - at[first]) / width
             error[first:last] = np.maximum(error[first:last], off * share**_ORDER)
@@ -279,7 +279,7 @@ def _steps(path: Path, low: Node, high: Node) -> float:
 
 def _lift_offs_m(path: Path) -> np.ndarray:
     """Return at which withdrawal each region has lost its compression, t = 1."""
-    nodes = [*path.nodes, path.end()]
+    nodes = [*path.nodes, path.end]
     x = np.append(0.0, [node.withdrawal_m for node in nodes])
     rate = np.concatenate((path.slope_per_m[None], path.rates_per_m(nodes)))
     lifted = x[:, None] * rate >= 1
