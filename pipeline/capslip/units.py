@@ -83,7 +83,7 @@ def percent(share: float) -> str:
 
 
 def readable(text: str) -> str:
-    """Write the quantities of a message as people do: a number of three digits and a prefix.
+    """Write the quantities of a message as people do: three or four digits and a prefix.
 
     Examples
     --------
@@ -91,6 +91,8 @@ def readable(text: str) -> str:
     'pixels of 1.907 x 1.634 um are not square'
     >>> readable("2.82e-07 m at 3.12e+03 N, 0.00815 m and 5e-08 m2")
     '282 nm at 3.12 kN, 8.15 mm and 0.05 mm2'
+    >>> readable("0.7769 N of 12000 N and 460 N")
+    '776.9 mN of 12 kN and 460 N'
     >>> readable("moves the energy by 308.7%")
     'moves the energy by 309 %'
     """
@@ -102,13 +104,15 @@ def _readable(match: "re.Match[str]") -> str:
     number, _, second, unit = match.groups()
     values = [float(number)] + ([float(second)] if second else [])
     least = min(abs(value) for value in values)
-    if not 1e-12 <= least < 1e12 or (0.1 <= least < 1e4 and not re.search("[eE]", number)):
+    plain = not re.search("[eE]", number)
+    if not 1e-12 <= least < 1e12 or (plain and 1.0 <= least < 1e3):
         return match[0]  # reads well as it is
     power = 2 if unit == "m2" else 1
     step = 3 * math.floor(math.log10(least) / 3 + 1e-9)
     step = max(-12, min(9, step))
     if power == 2:
         step = -3 if least >= 1e-9 else -6
-    digits = 3 if not second else 4
+    given = len(re.sub(r"[eE].*|\.", "", number).lstrip("0")) if plain else 0
+    digits = 4 if second or given > 3 else 3
     written = " x ".join(f"{value / 10.0 ** (step * power):.{digits}g}" for value in values)
     return f"{written} {PREFIXES[step]}{unit}"

@@ -56,10 +56,23 @@ class Iso25178:
         surface = self.conditioned.as_fitted()
         return feature_parameters(HeightMap(-surface.height_m, surface.pixel_size_m))
 
+    @property
+    def few_points(self) -> bool:
+        """Whether hills and dales are found: on a map that is not too large."""
+        return self.conditioned.surface.size <= MOST_POINTS
+
+    def features(self) -> tuple[FeatureParameters, FeatureParameters]:
+        """Return the parameters of hills and dales."""
+        return self.hills, self.dales
+
+    def take(self, found: tuple[FeatureParameters, FeatureParameters]) -> None:
+        """Keep the `features` that were found elsewhere."""
+        vars(self).update(zip(("hills", "dales"), found, strict=True))
+
     def to_dict(self, *, with_hills: bool) -> dict[str, Any]:
         """Return the numbers; those of hills and dales are None without, and on too large maps."""
         found: dict[str, Any] = asdict(self.field)
-        with_hills &= self.conditioned.surface.size <= MOST_POINTS
+        with_hills &= self.few_points
         for one in fields(FeatureParameters):
             found[one.name] = getattr(self.hills, one.name) if with_hills else None
         found["S10z_m"] = self.hills.S5p_m + self.dales.S5p_m if with_hills else None

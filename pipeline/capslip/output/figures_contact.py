@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from capslip.errors import ContactError
+from capslip.output.bend import bent
 from capslip.output.canvas import ACCENT, INK, blank, legend_beside, write_decades
 from capslip.output.quantity import engineering, unit_on
 from capslip.result import JointOfScans
@@ -173,7 +174,9 @@ def energy(analysis: "Analysis", axes: "Axes | None" = None) -> "Figure | None":
     _shade_scatter(
         axes, analysis, displacement_m / unit_m, lambda one: one.energy_J(displacement_m)
     )
-    first = int(np.argmax(positive))
+    least_m = float(slip.displacement_m(_resolved_from_N(analysis)))
+    resolved = positive & (displacement_m >= least_m)  # what the pixels draw has no slope
+    first = int(np.argmax(resolved if resolved.any() else positive))
     guide_m = displacement_m[first] * np.array([1.0, 10.0])
     guide_J = energy_J[first] * np.array([1.0, 1000.0])
     axes.loglog(guide_m / unit_m, guide_J, ":", color=ACCENT, linewidth=1.8, label="slope 3")
@@ -257,13 +260,18 @@ def loss_factor(analysis: "Analysis", axes: "Axes | None" = None) -> "Figure | N
     return figure
 
 
-def _veil_unresolved(axes: "Axes", analysis: "Analysis", place: "Callable[[float], float]") -> None:
-    """Whiten the curve where less slips than the pixels of the map resolve."""
+def _resolved_from_N(analysis: "Analysis") -> float:
+    """Return the force below which less slips than the pixels of the map resolve; or zero."""
     contact, slip = analysis.contact, analysis.slip
     if contact is None or slip is None or contact.rung.least_share is None:
-        return
+        return 0.0
     share = contact.rung.least_share(contact.normal, contact.preload_N)
-    end = place(share * float(slip.total_slip_force_N))
+    return share * float(slip.total_slip_force_N)
+
+
+def _veil_unresolved(axes: "Axes", analysis: "Analysis", place: "Callable[[float], float]") -> None:
+    """Whiten the curve where less slips than the pixels of the map resolve."""
+    end = place(_resolved_from_N(analysis))
     if end > 0.0:
         begin = min(axes.get_xlim()[0], end) / 10.0
         axes.axvspan(
@@ -274,23 +282,18 @@ def _veil_unresolved(axes: "Axes", analysis: "Analysis", place: "Callable[[float
 
 def _smooth(x: np.ndarray, y: np.ndarray, points: int = 600) -> tuple[np.ndarray, np.ndarray]:
     """Return a curve over logarithms that bends between its points, as the eye expects."""
-    from scipy.interpolate import PchipInterpolator
-
     seen = y > 0.0
     if seen.sum() < 4:
         return x, y
     fine = np.geomspace(x[seen][0], x[seen][-1], points)
-    return fine, np.exp(PchipInterpolator(np.log(x[seen]), np.log(y[seen]))(np.log(fine)))
+    return fine, np.exp(bent(np.log(x[seen]), np.log(y[seen]), np.log(fine)))
 
 
 def _between(load_N: np.ndarray, approach_m: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return loads and approaches between those of a normal curve, as if of Hertz contacts."""
-    from scipy.interpolate import PchipInterpolator
-
     fine_N = load_N[-1] * np.linspace(0.0, 1.0, 201) ** 1.5
     apart = np.diff(load_N, prepend=-1.0) > 1e-12 * load_N  # the share of a joint rounds loads
-    curve = PchipInterpolator(load_N[apart] ** (2 / 3), approach_m[apart])
-    return fine_N, curve(fine_N ** (2 / 3))
+    return fine_N, bent(load_N[apart] ** (2 / 3), approach_m[apart], fine_N ** (2 / 3))
 
 
 def _mark_loss_factor(axes: "Axes", analysis: "Analysis", unit_m: float) -> None:

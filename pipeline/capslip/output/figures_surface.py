@@ -229,8 +229,9 @@ def cap_profile(analysis: "Analysis") -> "Figure | None":
     diameter = f"D = {engineering(2 * half_m, 'm', 4)}"
     axes.text(0, level, diameter, ha="center", va="center", bbox=halo)
     middle = (cut + peak) / 2
+    axes.text(DF_AT * half, middle, "df", ha="center", va="center", bbox=halo)
     height = f"df = {engineering(caps.cap_height_m[i], 'm', 4)}"
-    axes.text(DF_AT * half, middle, height, ha="center", va="center", bbox=halo)
+    axes.plot([], [], " ", label=height)  # on the arrow it would hide the profile
 
     # Axes of a known size make the exaggeration exact.
     figure.set_layout_engine("none")
@@ -242,7 +243,7 @@ def cap_profile(analysis: "Analysis") -> "Figure | None":
     note = f"heights drawn x {factor_text}"
     axes.text(0.01, 0.02, note, transform=axes.transAxes, bbox=halo)
     axes.set(xlabel=f"distance from the apex [{along}]", ylabel=f"height [{unit}]")
-    axes.legend(loc="upper left", fontsize=9, framealpha=1.0, edgecolor="none")
+    axes.legend(loc="lower right", ncols=2, fontsize=9, framealpha=1.0, edgecolor="none")
     return figure
 
 

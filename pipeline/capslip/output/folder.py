@@ -11,6 +11,7 @@ import msgspec
 from capslip.errors import CapslipError
 from capslip.output import figures as all_figures
 from capslip.output import mesh, report, scene, staging, tables
+from capslip.output.aside import Aside
 from capslip.output.export import Export, export_named
 from capslip.problems import Problem
 from capslip.result import JointOfScans
@@ -192,7 +193,8 @@ class _Parts:
     def draw(self, export: Export | None) -> str | None:
         """Make export, meshes and figures beside the picture; return why there is no picture."""
         run, rendering = self.analysis.settings.run, None
-        pictures = self.work / "figures"
+        pictures, parameters = self.work / "figures", self.analysis.iso25178
+        features = Aside(parameters.features) if run.figures and parameters.few_points else None
         if run.render:
             self.progress("rendering")
             name, png = "figures/scene.png", pictures / "scene.png"
@@ -206,6 +208,8 @@ class _Parts:
                 self.lap("meshes")
             if run.figures:
                 self.draw_figures(all_figures.FIGURES, pictures)
+            if features is not None:
+                parameters.take(features.wait())
             if not run.render:
                 return "switched off (--no-render)"
             reason: str | None = "the renderer did not start"
@@ -215,6 +219,9 @@ class _Parts:
             if rendering is not None:
                 rendering.stop()
             raise
+        finally:
+            if features is not None:
+                features.stop()
         if reason is not None:
             self.missing(f"no render: {reason}", None)
         self.lap("render")

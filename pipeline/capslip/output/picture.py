@@ -99,7 +99,7 @@ def caption(view: View, look: Look) -> str:
     low_m, high_m = view.limits_m
     factor = look.factor_of(view)
     enlarged = f"{factor:,.0f}".replace(",", " ") if factor >= 10.0 else f"{factor:.2g}"
-    sz = engineering(float(f"{np.ptp(measured_m):.1e}"), "m")  # of a thinned mesh, so about
+    sz = engineering(float(f"{view.sz_m:.1e}"), "m")  # over the balanced plane, so about
     lines = [f"heights x {enlarged}; true scale: {side_x} x {side_y} mm, about {sz} high"]
     clipped = float(((measured_m < low_m) | (measured_m > high_m)).mean())
     if clipped > 0.0:

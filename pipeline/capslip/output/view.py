@@ -47,6 +47,7 @@ class View:
     y_m: np.ndarray  # (rows,)
     x_m: np.ndarray  # (columns,)
     height_m: np.ndarray  # (rows, columns)
+    sz_m: float  # from the lowest to the highest point of the whole map
     cap: np.ndarray  # (n,), row in caps.csv, from 0
     columns: dict[str, np.ndarray]  # of the caps, each of shape (n,)
     zones: Zones | None
@@ -327,12 +328,15 @@ def _read(path: Path, file: Any, max_cells: int, summary: dict[str, Any] | None)
     zones = read_zones(file["zones"]) if "zones" in file else None
     pixel = np.zeros(0, dtype=np.int64) if zones is None else zones.pixel
     z_m, pixel_z_m = np.empty((len(rows), len(cols))), np.empty(len(pixel))
+    lowest_m, highest_m = np.inf, -np.inf
     row, col = np.divmod(pixel, shape[1])
     for first, block_m in _blocks(height):
         here = (rows >= first) & (rows < first + len(block_m))
         z_m[here] = block_m[rows[here] - first][:, cols]
         at = (row >= first) & (row < first + len(block_m))
         pixel_z_m[at] = block_m[row[at] - first, col[at]]
+        lowest_m = min(lowest_m, float(np.fmin.reduce(block_m, axis=None)))
+        highest_m = max(highest_m, float(np.fmax.reduce(block_m, axis=None)))
     caps = file["caps"]
     usable = np.flatnonzero(np.isfinite(caps["radius_m"][:]))
     text = ("family", "flags")
@@ -349,6 +353,7 @@ def _read(path: Path, file: Any, max_cells: int, summary: dict[str, Any] | None)
         y_m=(rows + 0.5) * dy_m,
         x_m=(cols + 0.5) * dx_m,
         height_m=z_m,
+        sz_m=highest_m - lowest_m,
         cap=usable,
         columns=columns,
         zones=zones,
