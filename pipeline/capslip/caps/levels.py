@@ -9,6 +9,7 @@ families. Adding any plane to the map then moves nothing but the slopes.
 
 import math
 from dataclasses import dataclass, replace
+from functools import cached_property
 from itertools import combinations
 
 import numpy as np
@@ -180,11 +181,10 @@ def _on_planes(scaled: "_Scaled", most: int = MAX_CLUSTERS) -> tuple[Clusters, n
     """Return the splits into families on parallel planes, `most` of them, and their slopes."""
     n = len(scaled.z)
     log_factorial = np.append(0.0, np.cumsum(np.log(np.arange(1.0, n + 1.0))))
-    planes = scaled.starts()
     slopes, sizes, evidence = [np.zeros(2)], [np.array([n])], []
     evidence.append(scaled.log_evidence_of_one(log_factorial))
     for count in range(2, min(most, n - 3) + 1):
-        slope, split = scaled.best(planes, count)
+        slope, split = scaled.best_two if count == 2 else scaled.best(planes, count)
         rank = np.argsort(scaled.z - scaled.place @ slope, kind="stable")
         low = np.arange(1, n)
         splits = np.column_stack((low, n - low)) if count == 2 else split[None]
@@ -349,9 +349,14 @@ class _Scaled:
         lost = math.sqrt((n - count - 2) / (n - count)) if n > count + 2 else 1.0
         return separation * lost
 
+    @cached_property
+    def best_two(self) -> tuple[np.ndarray, np.ndarray]:
+        """Slopes and sizes of the best two families."""
+        return self.best(self.starts(), 2)
+
     def apart(self) -> float:
         """Return the separation of two families."""
-        return self.separation(*self.best(self.starts(), 2))
+        return self.separation(*self.best_two)
 
     def log_evidence(
         self, rank: np.ndarray, sizes: np.ndarray, log_factorial: np.ndarray

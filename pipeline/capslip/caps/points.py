@@ -91,7 +91,7 @@ def points_of_hills(surface: HeightMap, hills: Hills) -> HillPoints:
     ny, nx = surface.shape
     label, few_bytes = hills.label.reshape(-1), surface.lost.dtype
     found = [
-        (np.flatnonzero(hills.label[rows]) + rows.start * nx).astype(few_bytes)
+        (np.flatnonzero(hills.label[rows] > 0) + rows.start * nx).astype(few_bytes)
         for rows in row_blocks(surface.shape)
     ]
     index = np.concatenate(found)

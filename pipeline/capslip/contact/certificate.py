@@ -162,8 +162,8 @@ def _means_beside(surface: HeightMap, label: np.ndarray, least_m: float, side: i
     mean_m, inside = np.full([n // side for n in surface.shape], np.nan), np.arange(side)
     beside = np.zeros([-(-n // side) for n in surface.shape], dtype=bool)
     for block in row_blocks(surface.shape):
-        above = np.flatnonzero(surface[block] > least_m)
-        row, col = np.divmod(above[label[block].reshape(-1)[above] == 0], surface.shape[1])
+        above = np.flatnonzero((surface[block] > least_m) & (label[block] == 0))
+        row, col = np.divmod(above, surface.shape[1])
         beside[(row + block.start) // side, col // side] = True
     row, col = np.nonzero(beside[: mean_m.shape[0], : mean_m.shape[1]])
     for some in np.array_split(np.arange(row.size), 1 + row.size * side**2 // BLOCK_POINTS):

@@ -200,7 +200,7 @@ def problems_of_band(
     if diameter_m is None:
         return []
     nesting_m = filters.s_filter_nesting_index_m
-    shortest_m = carried_waves_m(surface, noise_m, nesting_m)[0]
+    shortest_m = carried_waves_m(surface, noise_m, nesting_m, enough_m=diameter_m)[0]
     if diameter_m >= shortest_m or shortest_m <= 2.0 * max(surface.pixel_size_m):
         return []
     why = f"shorter waves drown in its noise of {noise_m:.2g} m a point"

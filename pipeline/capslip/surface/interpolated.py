@@ -39,31 +39,35 @@ def _apart(height_m: np.ndarray) -> int:
     difference_m = height_m
     for _ in ORDERS:
         difference_m = np.diff(difference_m, axis=0)
-        own_m = _own(difference_m)
-        known = np.isfinite(own_m)
-        square, count = np.where(known, own_m**2, 0.0).sum(axis=1), known.sum(axis=1)
+        own_m, known = _own(difference_m)
+        square, count = np.einsum("ij,ij->i", own_m, own_m), known.sum(axis=1)
         every = range(1, MOST_APART + 1)
-        quiet = np.array([_quiet_share(own_m, square, count, apart) for apart in every])
+        quiet = np.array([_quiet_share(own_m, known, square, count, apart) for apart in every])
         if quiet.any():  # a multiple of the distance meets the same points
             return int(np.argmax(quiet > MOSTLY * quiet.max())) + 1
     return 1
 
 
-def _own(difference_m: np.ndarray) -> np.ndarray:
-    """Return differences without their greatest ones, and without what their lines share."""
-    known = np.isfinite(difference_m)
+def _own(difference_m: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return differences without their greatest ones, and without what their lines share.
+
+    And which of them are known; the others are zero.
+    """
+    known = ~np.isnan(difference_m)
     n_known = known.sum(axis=1)
-    size_m = np.abs(difference_m[known])
-    if not size_m.size:
-        return np.zeros_like(difference_m)
-    most = int(OUTERMOST * (size_m.size - 1))
-    most_m = float(np.partition(size_m, most)[most])
-    cut_m = np.clip(difference_m, -most_m, most_m)
-    shared_m = np.sum(cut_m, axis=1, where=known) / np.maximum(n_known, 1)
-    return np.asarray(cut_m - shared_m[:, None])
+    size_m = np.abs(difference_m).reshape(-1)
+    most = max(0, int(OUTERMOST * (n_known.sum() - 1)))
+    most_m = float(np.partition(size_m, most)[most])  # unknown ones are last
+    own_m = np.clip(difference_m, -most_m, most_m)
+    own_m[~known] = 0.0
+    own_m -= (own_m.sum(axis=1) / np.maximum(n_known, 1))[:, None]
+    own_m[~known] = 0.0
+    return own_m, known
 
 
-def _quiet_share(own_m: np.ndarray, square: np.ndarray, count: np.ndarray, apart: int) -> float:
+def _quiet_share(
+    own_m: np.ndarray, known: np.ndarray, square: np.ndarray, count: np.ndarray, apart: int
+) -> float:
     """Return at which share of the places of a cell the differences are quiet; 0: at none.
 
     `square` and `count` are sums over the lines of differences.
@@ -76,6 +80,6 @@ def _quiet_share(own_m: np.ndarray, square: np.ndarray, count: np.ndarray, apart
     share = float(np.mean(mean <= QUIET * mean.max()))
     if share == 0.0 or mean.max() == 0.0:
         return 0.0
-    loud = own_m[int(mean.argmax()) :: apart]
-    stands_out = np.mean(loud[np.isfinite(loud)] ** 2 > LOUD**2 * mean.min())
+    at = slice(int(mean.argmax()), None, apart)
+    stands_out = np.mean(own_m[at][known[at]] ** 2 > LOUD**2 * mean.min())
     return share if stands_out >= LOUD_SHARE else 0.0

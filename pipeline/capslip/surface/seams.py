@@ -56,11 +56,10 @@ def find_seams(surface: HeightMap) -> Seams | None:
     Seams or None
         Offsets of the fields by least squares over all seams between two of them.
     """
-    lowest_m, highest_m = surface.bounds_m
-    least_m = ROUNDING * (highest_m - lowest_m)
     every_y, every_x = (max(1, n // (PARTS * MOST_POINTS)) for n in surface.shape)
     columns, rows = (
-        _seams_along(z, least_m) for z in (surface[::every_y], surface[:, ::every_x].T)
+        _seams_along(lines_m, surface.bounds_m)
+        for lines_m in (surface[::every_y].T, surface[:, ::every_x])
     )
     if not rows.size and not columns.size:
         return None
@@ -88,30 +87,34 @@ def without_seams(surface: HeightMap, seams: Seams) -> HeightMap:
     return replace(surface, height_m=surface.height_m - offset_m)
 
 
-def _jumps_m(height_m: np.ndarray, first: int, last: int) -> np.ndarray:
-    """Return the jumps from columns `first` to `last` - 1 to the next ones, a row each."""
-    step_m = np.diff(height_m[:, first - 1 : last + 2], axis=1)
-    return np.asarray(step_m[:, 1:-1] - 0.5 * (step_m[:, :-2] + step_m[:, 2:]))
+def _jumps_m(lines_m: np.ndarray) -> np.ndarray:
+    """Return the medians of the jumps from lines to the next, from the second on, shape (n - 3,).
 
-
-def _median_m(jump_m: np.ndarray) -> np.ndarray:
-    """Return the medians of the columns, NaN where too few points are known."""
-    of_line_m = np.ascontiguousarray(jump_m.T)
-    of_line_m.sort(axis=1)  # unknown ones last; far quicker than to part them at two places
-    n_known = np.count_nonzero(np.isfinite(of_line_m), axis=1)
-    line = np.arange(len(of_line_m))
-    low_m, high_m = of_line_m[line, (n_known - 1) // 2], of_line_m[line, n_known // 2]
+    NaN where too few points of a line, shape (n, points), are known.
+    """
+    step_m = lines_m[1:] - lines_m[:-1]
+    jump_m = step_m[:-2] + step_m[2:]
+    jump_m *= -0.5
+    jump_m += step_m[1:-1]
+    jump_m.sort(axis=1)  # unknown ones last; far quicker than to part them at two places
+    n_known = np.count_nonzero(np.isfinite(jump_m), axis=1)
+    line = np.arange(len(jump_m))
+    low_m, high_m = jump_m[line, (n_known - 1) // 2], jump_m[line, n_known // 2]
     return np.where(n_known >= LEAST_POINTS, 0.5 * (low_m + high_m), np.nan)
 
 
-def _seams_along(height_m: np.ndarray, least_m: float) -> np.ndarray:
-    """Return the columns that begin a field."""
-    n_rows, n = height_m.shape
-    if n < LEAST_LINES or n_rows < PARTS * LEAST_POINTS:
+def _seams_along(lines_m: np.ndarray, bounds_m: tuple[float, float]) -> np.ndarray:
+    """Return the lines, shape (n, points), that begin a field."""
+    n, n_points = lines_m.shape
+    if n < LEAST_LINES or n_points < PARTS * LEAST_POINTS:
         return np.zeros(0, dtype=int)
-    ends = np.linspace(0, n_rows, PARTS + 1).astype(int)
-    parts = [_median_m(_jumps_m(height_m[a:b], 1, n - 2)) for a, b in pairwise(ends)]
-    square = np.array(parts) ** 2
+    lowest_m, highest_m = bounds_m
+    least_m, parts = ROUNDING * (highest_m - lowest_m), []
+    for a, b in pairwise(np.linspace(0, n_points, PARTS + 1).astype(int)):
+        # From the middle of all heights: what float32 rounds off is a tenth of the least jump
+        part_m = np.subtract(lines_m[:, a:b], 0.5 * (lowest_m + highest_m), order="C")
+        parts.append(_jumps_m(part_m.astype(np.float32)))
+    square = np.array(parts, dtype=float) ** 2
     known = np.isfinite(square)
     counts = np.maximum(known.sum(axis=0), 1)
     jump_m = np.sqrt(np.where(known, square, 0.0).sum(axis=0) / counts)
@@ -131,12 +134,12 @@ def _offsets_m(height_m: np.ndarray, rows: np.ndarray, columns: np.ndarray) -> n
     field = np.arange(shape[0] * shape[1]).reshape(shape)
     pairs, jump_m = [np.ones(field.size)], [0.0]
     for z, fields, lines, others in (
-        (height_m, field, rows, columns),
-        (height_m.T, field.T, columns, rows),
+        (height_m.T, field, rows, columns),
+        (height_m, field.T, columns, rows),
     ):
         for i, (first, last) in enumerate(pairwise(lines)):
             for j, seam in enumerate(others[1:-1]):
-                (jump,) = _median_m(_jumps_m(z[first:last], seam - 1, seam))
+                (jump,) = _jumps_m(z[seam - 2 : seam + 2, first:last])
                 if np.isfinite(jump):
                     pairs.append(np.zeros(field.size))
                     pairs[-1][[fields[i, j], fields[i, j + 1]]] = -1.0, 1.0

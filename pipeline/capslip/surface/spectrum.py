@@ -92,6 +92,7 @@ def carried_waves_m(
     noise_m: float,
     s_filter_nesting_index_m: float | None = None,
     l_filter_nesting_index_m: float | None = None,
+    enough_m: float = 0.0,
 ) -> tuple[float, float]:
     """Return the shortest and the longest wave that a map carries.
 
@@ -103,6 +104,8 @@ def carried_waves_m(
         Standard deviation of the point-to-point noise, white: a density of 2 noise^2 dx.
     s_filter_nesting_index_m, l_filter_nesting_index_m : float, optional
         Of the filters that took waves off.
+    enough_m : float
+        A wave as short is short enough: one axis that carries it answers for both.
 
     Returns
     -------
@@ -117,7 +120,7 @@ def carried_waves_m(
         drowned_m = []
         every_y, every_x = (max(1, n // SAMPLED_LINES) for n in surface.shape)
         for lines_m, pixel_m in zip(
-            (surface[:, ::every_x].T, surface[::every_y]), surface.pixel_size_m, strict=True
+            (surface[::every_y], surface[:, ::every_x].T), surface.pixel_size_m[::-1], strict=True
         ):
             seen = line_spectrum(lines_m, pixel_m).smoothed()
             above = seen.density_m3 >= ABOVE_NOISE * 2.0 * noise_m**2 * pixel_m
@@ -125,6 +128,8 @@ def carried_waves_m(
                 last = int(np.flatnonzero(above)[-1])
                 if last < len(above) - 1:
                     drowned_m.append(1.0 / float(seen.frequency_per_m[last]))
+            if not drowned_m or drowned_m[0] <= enough_m:
+                break
         if len(drowned_m) == 2:
             shortest_m = max(shortest_m, min(drowned_m))
     return shortest_m, min(*surface.side_m, l_filter_nesting_index_m or np.inf)
