@@ -8,7 +8,13 @@ from capslip.contact.solvers import patches as patching
 from capslip.contact.solvers import refinement as refining
 from capslip.contact.solvers import unloading
 from capslip.contact.solvers.closing import GivenLoad
-from capslip.contact.solvers.half_space import HalfSpace, love_kernel, love_kernel_at
+from capslip.contact.solvers.half_space import (
+    HalfSpace,
+    even_spectrum,
+    love_kernel,
+    love_kernel_at,
+    padded_shape,
+)
 from capslip.contact.solvers.patches import patched
 from capslip.contact.solvers.path import Path
 from capslip.contact.solvers.polonsky_keer import elastic_face, press
@@ -50,6 +56,15 @@ def test_kernel_at_any_distance_is_that_of_pixels_and_of_their_mean():
         mean = float((weight[:, None] * weight / 4 / np.hypot(y, x)).sum()) * 2.0
         found = love_kernel_at((np.array([di]), np.array([dj])), sizes, E)[0]
         assert found == pytest.approx(mean / (np.pi * E), rel=1e-8)
+
+
+@pytest.mark.parametrize("shape", [(1, 1), (2, 1), (1, 3), (3, 4)])
+def test_a_spectrum_is_that_of_its_kernel_however_narrow_the_box(shape):
+    quadrant, padded = np.random.default_rng(1).random(shape), padded_shape(shape)
+    kernel = np.fft.irfft2(even_spectrum(quadrant, padded), padded)
+    for i in range(1 - shape[0], shape[0]):
+        for j in range(1 - shape[1], shape[1]):
+            assert kernel[i, j] == pytest.approx(quadrant[abs(i), abs(j)], rel=1e-12)
 
 
 @pytest.mark.parametrize("seed", [1, 2, 3])

@@ -190,8 +190,8 @@ def even_spectrum(
     ny, nx = quadrant.shape
     kernel = np.zeros(padded)
     kernel[:ny, :nx] = quadrant
-    kernel[1 - ny :, :nx] = mirrored * quadrant[:0:-1]
-    kernel[:, 1 - nx :] = mirrored * kernel[:, nx - 1 : 0 : -1]
+    kernel[padded[0] - ny + 1 :, :nx] = mirrored * quadrant[:0:-1]
+    kernel[:, padded[1] - nx + 1 :] = mirrored * kernel[:, nx - 1 : 0 : -1]
     return np.asarray(fft.rfft2(kernel, workers=_WORKERS).real.copy())
 
 
@@ -202,5 +202,5 @@ def wave_numbers_per_m(shape: tuple[int, int], pixel_size_m: tuple[float, float]
     (ny, nx), (dy_m, dx_m) = shape, pixel_size_m
     k_y, k_x = fft.fftfreq(ny, dy_m)[:, None], fft.rfftfreq(nx, dx_m)
     waves = 2 * np.pi * np.hypot(k_y, k_x)
-    waves[0, 0] = min(waves[0, 1], waves[1, 0]) / 2
+    waves[0, 0] = np.pi / max(ny * dy_m, nx * dx_m)
     return np.asarray(waves)

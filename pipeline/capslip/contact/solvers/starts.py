@@ -4,7 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-_CLOSE, _MOST_CHORDS = 1e-6, 24  # of the sum; until the withdrawal with that sum is found
+_CLOSE = 1e-6  # of the withdrawal between the loads: where the sum is sought
 
 
 class Known(NamedTuple):
@@ -30,6 +30,8 @@ def start_Pa(total_Pa: float, before: Known | np.ndarray, above: Known, below: K
     above, below : Known
         The neighbours; at the load below nothing may touch.
     """
+    from scipy.optimize import brentq
+
     q, q_below = np.square(above.pressure_Pa), np.square(below.pressure_Pa)
     # What lets go at once does so over no withdrawal
     least_m = 1e-9 * below.withdrawal_m
@@ -49,22 +51,11 @@ def start_Pa(total_Pa: float, before: Known | np.ndarray, above: Known, below: K
     def found_Pa(x_m: float) -> np.ndarray:
         return np.sqrt(np.maximum(q + x_m * (rate + (x_m - width_m) * bend), 0.0))
 
-    # Chords between a sum that is too large and one that is too small; an end that stays counts
-    # half (Dowell and Jarratt, BIT 11 (1971) 168)
-    near_m, far_m, before_last = 0.0, width_m, 0.0
-    more, less = (float(found_Pa(x_m).sum()) - total_Pa for x_m in (near_m, far_m))
-    for _ in range(_MOST_CHORDS):
-        if not less < 0.0 < more:
-            break
-        x_m = near_m + (far_m - near_m) * more / (more - less)
-        off = float(found_Pa(x_m).sum()) - total_Pa
-        if abs(off) < _CLOSE * total_Pa:
-            return found_Pa(x_m)
-        if off > 0.0:
-            near_m, more = x_m, off
-            less *= 0.5 if before_last > 0.0 else 1.0
-        else:
-            far_m, less = x_m, off
-            more *= 0.5 if before_last < 0.0 else 1.0
-        before_last = off
-    return found_Pa(near_m if more < -less else far_m)
+    def off_Pa(x_m: float) -> float:
+        return float(found_Pa(x_m).sum()) - total_Pa
+
+    if off_Pa(0.0) <= 0.0:
+        return found_Pa(0.0)
+    if off_Pa(width_m) >= 0.0:
+        return found_Pa(width_m)
+    return found_Pa(brentq(off_Pa, 0.0, width_m, xtol=_CLOSE * width_m))
