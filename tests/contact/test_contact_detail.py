@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from capslip.contact.map_accuracy import LEAST_ERROR, error_of_map
+from capslip.contact.map_accuracy import ASKED, LEAST_ERROR, PIXELS_95, error_of_map
 from capslip.contact.models import boundary_elements as bem
 from capslip.contact.solvers import detail
 from capslip.studies.faces.finer import finer_waves
@@ -81,6 +81,18 @@ def test_detail_that_is_smooth_from_pixel_to_pixel_is_a_note_where_the_force_ask
     errors = dict(stated.energy_by_share)
     assert errors[0.1] > 0.5 * TOLERANCE
     assert (off <= [errors[share] for share in detail.FORCE_SHARES]).all()
+
+
+def test_pixels_that_leave_more_than_the_tolerance_at_a_quarter_of_mu_N_are_warned_of(surface):
+    """No filter moves smooth caps: what is said is what their pixels leave."""
+    curve = solved(surface)
+    left = PIXELS_95[ASKED] * curve.unloading(LOAD_N).pixel_error(ASKED * LOAD_N)
+    assert left > 0.0
+    for tolerance, warned in ((0.9 * left, True), (1.1 * left, False)):
+        _, problems = error_of_map(curve, LOAD_N, tolerance)
+        said = [one for one in problems if one.code == "detail_decides"]
+        assert [one.severity for one in said] == ["warning"] * warned
+        assert all(one.effect.energy == pytest.approx(left) for one in said)
 
 
 def test_noise_on_them_is_warned_and_its_error_stated(surface):

@@ -47,9 +47,7 @@ def error_of_map(
     noise_m = white_noise_m(first.face, first.approach_m)
     if noise_m > SMOOTH * first.approach_m:  # no small change: pressed without it, see below
         noise_m = 0.0
-    of_both = math.hypot(
-        _of_pixels(unloading, SMALL_SLIP), _of_noise(unloading, noise_m, SMALL_SLIP)
-    )
+    of_both = math.hypot(*_at_force(unloading, noise_m, SMALL_SLIP))
     if unloading.cut_short:  # no time is left to look at what detail decides
         return _with_pixels(unloading, noise_m, max(least, of_both), least), tuple(found)
     resolved = unloading.smallest_drop_N < SMALL_SLIP * load_N and all(
@@ -86,8 +84,8 @@ def error_of_map(
         step = f"--set {S_FILTER}={nesting_m:.2g}, if the detail is noise; else a finer scan"
         found.append(Problem("detail_decides", "warning", message, effect, step))
         factor = 1.0 / (1.0 - WHITE_LEFT)
-    elif (at_force := _of_noise(unloading, noise_m, ASKED)) > tolerance:
-        found.append(_noisy(noise_m, at_force, max(curve.pressed(load_N).pixel_size_m)))
+    elif math.hypot(*(at_force := _at_force(unloading, noise_m, ASKED))) > tolerance:
+        found.append(_unresolved(*at_force, max(curve.pressed(load_N).pixel_size_m)))
     known = any(one.code == "detail_decides" and one.severity == "warning" for one in found)
     if of_both > tolerance and not known:
         found.append(_at_small_slip(of_both))
@@ -100,9 +98,10 @@ def _of_pixels(unloading: Unloading, share: float) -> float:
     return PIXELS_95[share] * unloading.pixel_error(share * unloading.load_N)
 
 
-def _of_noise(unloading: Unloading, noise_m: float, share: float) -> float:
-    """Return what white noise of a pixel does to it, relative, at 95 %."""
-    return NORMAL_95 * noise_m * unloading.noise_per_m(share * unloading.load_N)
+def _at_force(unloading: Unloading, noise_m: float, share: float) -> tuple[float, float]:
+    """Return the same, and what white noise of a pixel does to that energy."""
+    of_noise = NORMAL_95 * noise_m * unloading.noise_per_m(share * unloading.load_N)
+    return _of_pixels(unloading, share), of_noise
 
 
 def _with_pixels(
@@ -111,7 +110,7 @@ def _with_pixels(
     """Return errors, with what pixels and noise leave in the energy, which falls with the force."""
     by_share = []
     for share in PIXELS_95:
-        of_both = math.hypot(_of_pixels(unloading, share), _of_noise(unloading, noise_m, share))
+        of_both = math.hypot(*_at_force(unloading, noise_m, share))
         by_share.append((share, max(of_both, energy)))
     return ModelError(stiffness, max(error for _, error in by_share), tuple(by_share))
 
@@ -140,10 +139,14 @@ def _at_small_slip(error: float) -> Problem:
     return Problem("small_slip_extrapolated", "info", message, Effect(None, error, error))
 
 
-def _noisy(noise_m: float, error: float, pixel_m: float) -> Problem:
+def _unresolved(of_pixels: float, of_noise: float, pixel_m: float) -> Problem:
+    """Return that pixels and noise decide the energy at the force that is asked for by default."""
+    error = math.hypot(of_pixels, of_noise)
     message = (
-        f"white noise of {noise_m:.2g} m a point leaves up to {error:.1%} in the energy per cycle "
-        f"at {percent(ASKED)} of the force at gross slip"
+        f"at {percent(ASKED)} of the force at gross slip pixels of the map leave up to "
+        f"{of_pixels:.1%} in the energy per cycle, its white noise {of_noise:.1%}"
     )
-    step = f"--set {S_FILTER}={NOISE_PIXELS * pixel_m:.2g}, or average several scans"
+    step = "scan with smaller pixels"
+    if of_noise > of_pixels:
+        step = f"--set {S_FILTER}={NOISE_PIXELS * pixel_m:.2g}, or average several scans"
     return Problem("detail_decides", "warning", message, Effect(None, error, error), step)
