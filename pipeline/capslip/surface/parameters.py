@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 
@@ -177,12 +178,7 @@ def _direction(
     rising and of falling phase lie mirrored, and so do their classes.
     """
     rows, pairs = shape[0] // 2 + 1, (shape[0] - 1) // 2
-    fy_per_m = np.arange(rows)[:, None] / (shape[0] * pixel_size_m[0])
-    fx_per_m = np.fft.rfftfreq(shape[1], pixel_size_m[1])[None, :]
-    weight = (np.hypot(fy_per_m, fx_per_m) <= 0.5 / max(pixel_size_m)).astype(float)
-    weight[0, 0] = 0.0
-    weight[:, 0] *= 0.5  # along y, both of each pair of mirrored waves are there, else one
-    degrees = np.rint(np.arctan2(fy_per_m, fx_per_m) * (DIRECTIONS / math.pi)).astype(np.int64)
+    degrees, weight = _classes(shape, pixel_size_m)
     of_class = np.bincount(degrees.reshape(-1), (power[:rows] * weight).reshape(-1), DIRECTIONS)
     falling = np.s_[1 : 1 + pairs]
     mirrored = power[: -pairs - 1 : -1] * weight[falling]
@@ -190,6 +186,25 @@ def _direction(
     of_class += np.roll(there[::-1], 1)
     greatest = int(np.argmax(of_class))
     return math.pi / DIRECTIONS * (greatest if greatest <= 90 else greatest - DIRECTIONS)
+
+
+@lru_cache(maxsize=1)
+def _classes(
+    shape: tuple[int, ...], pixel_size_m: tuple[float, float]
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return the degree of each wave of no negative y, and how much it counts.
+
+    The same for all maps of one size, of which a batch has many.
+    """
+    fy_per_m = np.arange(shape[0] // 2 + 1)[:, None] / (shape[0] * pixel_size_m[0])
+    fx_per_m = np.fft.rfftfreq(shape[1], pixel_size_m[1])[None, :]
+    weight = (np.hypot(fy_per_m, fx_per_m) <= 0.5 / max(pixel_size_m)).astype(np.float32)
+    weight[0, 0] = 0.0
+    weight[:, 0] *= 0.5  # along y, both of each pair of mirrored waves are there, else one
+    degrees = np.rint(np.arctan2(fy_per_m, fx_per_m) * (DIRECTIONS / math.pi)).astype(np.uint8)
+    for one in (degrees, weight):
+        one.setflags(write=False)
+    return degrees, weight
 
 
 def _decay(
