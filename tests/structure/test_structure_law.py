@@ -341,3 +341,18 @@ def test_pressures_that_a_face_cannot_bear_end_the_law():
     found = law_of(after(LOAD_N), hardness=1e9, after=fails)
     assert found.pressure_Pa[-1] < 1.5 * LOAD_N / AREA_M2
     assert "too much" in found.ends
+
+
+def test_caps_that_touch_between_two_pressures_of_a_map_stay_at_their_load():
+    """Each pressure has a bed of its own, here the same one; its second family touches at 149 N."""
+    curve = families((5, 18), (23.8, 26.7), (0.0, 1.2e-7), STEEL.E_star_Pa)
+    found = law_of(curve, "boundary_elements", hardness=1e9, after=lambda load_N: curve)
+    assert (found.left_out, found.shear_error < 5e-3, found.loss_error < 0.05) == (True, True, True)
+    tables = tables_of(found.tables())
+    for p in np.sqrt(found.pressure_Pa[1:] * found.pressure_Pa[:-1]):
+        slip = slip_curve(ScaledCurve(curve, 1 / AREA_M2), float(p), MU, STEEL.kappa)
+        delta = np.linspace(0.1, 0.95, 30) * slip.total_slip_displacement_m
+        np.testing.assert_allclose(tables.shear_Pa(delta, p), slip.force_N(delta), rtol=5e-3)
+        some = slip.force_N(delta) > 0.1 * MU * p
+        w = slip.energy_J(delta)
+        np.testing.assert_allclose(tables.loss_J_per_m2(delta, p)[some], w[some], rtol=0.05)

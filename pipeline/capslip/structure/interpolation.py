@@ -130,77 +130,11 @@ class LawTables:
         return p
 
 
-class TablesByPressure(LawTables):
-    """The same where each pressure has a bed of its own.
-
-    So of a face that yields, which was loaded once to the pressure that is asked for. What is asked
-    for is interpolated between the pressures of the table: as shares of total slip, straight in
-    logarithms. The closure is what the face would open by if it were unloaded, without what
-    yielded.
-    """
-
-    def __init__(self, tables: dict[str, Any]) -> None:
-        """Take the tables of `law.json`."""
-        rows = {name: np.asarray(tables[name], dtype=float) for name in ROWS}
-        self.friction_coefficient = float(tables["friction_coefficient"])
-        self.kappa = float(tables["kappa"])
-        self.range_Pa = tuple(float(value) for value in tables["range_Pa"])
-        self._log_p = np.log(rows["pressure_Pa"])
-        self._closure = np.log(rows["closure_m"])
-        self._stiffness = np.log(rows["normal_stiffness_Pa_per_m"])
-        share = rows["displacement_m"] / rows["displacement_m"][:, -1:]
-        self._log_share = np.log(share[0])
-        # Over share and share^3 both are nearly even
-        self._shear = np.log(rows["shear_Pa"] / share)
-        self._loss = np.log(rows["loss_J_per_m2"] / share**3)
-
-    def closure_m(self, pressure_Pa: ArrayLike) -> np.ndarray:
-        """By how much the faces would open if they were unloaded."""
-        p = self._checked(pressure_Pa)
-        return np.asarray(np.exp(np.interp(np.log(p), self._log_p, self._closure)))
-
-    def normal_stiffness_Pa_per_m(self, pressure_Pa: ArrayLike) -> np.ndarray:
-        """Slope dp / dd where the pressure falls; where it first rises the face is softer."""
-        p = self._checked(pressure_Pa)
-        return np.asarray(np.exp(np.interp(np.log(p), self._log_p, self._stiffness)))
-
-    def shear_Pa(self, displacement_m: ArrayLike, pressure_Pa: ArrayLike) -> np.ndarray:
-        """tau(delta, p) on first loading, odd in delta; mu p from total slip on."""
-        share, log_p = self._shares(displacement_m, pressure_Pa)
-        held = np.minimum(share, 1.0)
-        return np.asarray(np.sign(displacement_m) * held * self._at(self._shear, held, log_p))
-
-    def loss_J_per_m2(self, displacement_m: ArrayLike, pressure_Pa: ArrayLike) -> np.ndarray:
-        """w(delta, p), lost in one cycle between -delta and delta."""
-        share, log_p = self._shares(displacement_m, pressure_Pa)
-        held = np.minimum(share, 1.0)
-        p, D = np.exp(log_p), self.total_slip_displacement_m(pressure_Pa)
-        sliding = 4.0 * self.friction_coefficient * p * D * (share - held)
-        return np.asarray(held**3 * self._at(self._loss, held, log_p) + sliding)
-
-    def _shares(
-        self, displacement_m: ArrayLike, pressure_Pa: ArrayLike
-    ) -> tuple[np.ndarray, np.ndarray]:
-        """Return displacements over those at total slip, and the logarithms of the pressures."""
-        D = self.total_slip_displacement_m(pressure_Pa)
-        log_p = np.log(np.asarray(pressure_Pa, dtype=float))
-        share = np.abs(np.asarray(displacement_m, dtype=float)) / D
-        pair = np.broadcast_arrays(share, log_p)
-        return pair[0], pair[1]
-
-    def _at(self, table: np.ndarray, share: np.ndarray, log_p: np.ndarray) -> np.ndarray:
-        """Interpolate a table (p, k) at shares and pressures of one shape."""
-        log_share = np.maximum(np.log(np.maximum(share, 1e-300)), self._log_share[0])
-        found = np.zeros(share.shape)
-        i, x = _cell(self._log_p, log_p)
-        j, y = _cell(self._log_share, log_share)
-        for row, of_row in ((i, 1.0 - x), (i + 1, x)):
-            found += of_row * ((1.0 - y) * table[row, j] + y * table[row, j + 1])
-        return np.asarray(np.exp(found))
-
-
 class BedsByPressure(LawTables):
-    """The same where the bed that each pressure leaves is known, up to the next pressure and on.
+    """The same where each pressure leaves a bed of its own, known up to the next pressure and on.
+
+    So of a face that yields, which was loaded once to the pressure that is asked for. The closure
+    is what the face would open by if it were unloaded, without what yielded.
 
     Between two pressures closure and stiffness are the means of theirs at equal loads, straight in
     logarithms: a spring that touches there for the first time does so at one load in both.
@@ -289,8 +223,6 @@ def tables_of(tables: dict[str, Any]) -> LawTables:
     """Return the tables of `law.json`: of several scans, of one, or of one that yields."""
     if "of_scans" in tables:
         return MeanOfScans(tables)
-    if BED[0] not in tables:
-        return TablesByPressure(tables)
     return BedsByPressure(tables) if np.ndim(tables[BED[0]]) == 2 else LawTables(tables)
 
 

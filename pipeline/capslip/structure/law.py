@@ -6,7 +6,6 @@ from typing import Any
 
 import numpy as np
 
-from capslip.contact.curve import NormalCurve
 from capslip.contact.joint import MAX_SOLVED, Joint, curve_of_joint
 from capslip.contact.scans import curve_of_scans, kappa_of_scans
 from capslip.contact.slip import SlipCurve, slip_curve
@@ -202,16 +201,14 @@ def _of_scans(
     for part, slips in zip(parts, zip(*patches, strict=True), strict=True):
         rows, is_solved = _rows(slips, SHARES), part.contact.rung.solved_loads_N is not None
         yields = part.contact.hardness_Pa is not None
-        if yields and is_solved:
-            tables = {name: rows[name] for name in ROWS}
-        elif yields and _has_yielded(slips, rows):
-            tables = _beds(slips, part.joint, _area_m2(part.joint))
+        if yields and (is_solved or _has_yielded(slips, rows)):
+            tables = _beds(slips, part.joint, _area_m2(part.joint), is_solved)
         elif is_solved:
             tables = dict(zip(BED, _bed_of_solutions(rows), strict=True))
         else:
             least_Pa = LEAST_LOAD * part.joint.scan_load_N / _area_m2(part.joint)
             p = np.geomspace(least_Pa, float(slips[-1].preload_N), POINTS)
-            tables = dict(zip(BED, _bed_of_curve(slips[-1].curve, p), strict=True))
+            tables = dict(zip(BED, _bed_of_curve(slips[-1], p), strict=True))
         found.append(tables if len(parts) == 1 else {"share": part.share, **tables})
     return tuple(found)
 
@@ -353,28 +350,49 @@ def _patch(part: Part, factor: float, friction_coefficient: float) -> SlipCurve:
     return slip_curve(per_area, load_N / area_m2, friction_coefficient, contact.composite.kappa)
 
 
-def _beds(slips: Sequence[SlipCurve], joint: Joint, area_m2: float) -> dict[str, np.ndarray]:
+def _beds(
+    slips: Sequence[SlipCurve], joint: Joint, area_m2: float, is_solved: bool
+) -> dict[str, np.ndarray]:
     """Return the bed that each pressure leaves, at the same loads of all.
 
-    Up to the next pressure it is that of the curve; beyond, where nobody asks, of one stiffness.
+    A map is known up to the pressure itself, caps up to the next one. Beyond, the bed goes on in
+    the form of the next one: what touches there first, touches at one load in both.
     """
     least_Pa = LEAST_LOAD * joint.scan_load_N / area_m2
     pressure_Pa = np.array([float(slip.preload_N) for slip in slips])
-    p = np.union1d(np.geomspace(least_Pa, pressure_Pa[-1], POINTS_OF_YIELDED), pressure_Pa)
+    n_points = POINTS if is_solved else POINTS_OF_YIELDED
+    p = np.union1d(np.geomspace(least_Pa, pressure_Pa[-1], n_points), pressure_Pa)
     p = p[np.append(np.diff(p) > SAME_CURVE * p[:-1], True)]
-    beds = []
-    for slip, most_Pa in zip(slips, np.append(pressure_Pa[1:], pressure_Pa[-1]), strict=True):
-        asked = p <= most_Pa * (1.0 + SAME_CURVE)
-        z, K = _bed_of_curve(slip.curve, p[asked])
-        beyond = p[~asked] - p[asked][-1]
-        K = np.append(K, np.full(beyond.size, K[-1]))
-        beds.append((np.append(z, z[-1] + beyond / K[-1]), K))
-    columns = zip(BED, map(np.array, zip(*beds, strict=True)), strict=True)
+    most_Pa = pressure_Pa if is_solved else np.append(pressure_Pa[1:], pressure_Pa[-1])
+    bed_of = _bed_of_unloading if is_solved else _bed_of_curve
+    beds: list[tuple[np.ndarray, np.ndarray]] = []
+    for slip, most in zip(slips[::-1], most_Pa[::-1], strict=True):
+        known_Pa = p[p <= most * (1.0 + SAME_CURVE)]
+        z, K = bed_of(slip, known_Pa)
+        if beds:
+            next_z, next_K = beds[-1]
+            n = z.size
+            stiffer = K[-1] / next_K[n - 1]
+            z = np.append(z, z[-1] + (next_z[n:] - next_z[n - 1]) / stiffer)
+            K = np.append(K, stiffer * next_K[n:])
+        beds.append((z, K))
+    columns = zip(BED, map(np.array, zip(*beds[::-1], strict=True)), strict=True)
     return {ROWS[0]: pressure_Pa, **dict(columns)}
 
 
-def _bed_of_curve(curve: NormalCurve, p: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _bed_of_unloading(slip: SlipCurve, p: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return closures and stiffnesses at growing pressures up to that from which a map unloads."""
+    most_Pa, d = float(slip.preload_N), float(slip.approach_m)
+    whole_m, *e = slip.curve.withdrawal_m(d, np.append(most_Pa, np.maximum(most_Pa - p, 0.0)))
+    z = whole_m - np.array(e)
+    K = np.gradient(p, z)
+    K[-1] = float(slip.curve.stiffness_N_per_m(d))
+    return _from_touch(p, z, K)
+
+
+def _bed_of_curve(slip: SlipCurve, p: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return closures and stiffnesses of a whole curve at growing pressures, and at its touch."""
+    curve = slip.curve
     approach_m = np.asarray(curve.approach_m(p))
     K = np.asarray(curve.stiffness_N_per_m(approach_m))
     return _from_touch(p, approach_m - float(curve.touch_m), K)
