@@ -63,6 +63,7 @@ def analyze(
     """
     from capslip.analysis import analyze as run
     from capslip.contact.rung import rung
+    from capslip.output.renderer import ready
     from capslip.output.staging import check_folder
     from capslip.output.terminal import result_lines
 
@@ -86,20 +87,22 @@ def analyze(
     face = _load(surface, settings, say)
     other = _load(mate, settings, say) if mate is not None else None
     timings_s = {"read": say.elapsed_s()}
-    analysis = run(face, settings, other, progress=say)
-    if not as_json and not quiet:
-        say_result(to_width(result_lines(analysis)))
-    from capslip.output.folder import write  # loads while the numbers are read
+    with ready(settings.run.render) as renderer:
+        analysis = run(face, settings, other, progress=say)
+        if not as_json and not quiet:
+            say_result(to_width(result_lines(analysis)))
+        from capslip.output.folder import write  # loads while the numbers are read
 
-    summary = write(
-        analysis,
-        folder,
-        command=_command_line(),
-        timings_s=timings_s,
-        export=export,
-        progress=say,
-        missing=say.missing,
-    )
+        summary = write(
+            analysis,
+            folder,
+            command=_command_line(),
+            timings_s=timings_s,
+            export=export,
+            renderer=renderer,
+            progress=say,
+            missing=say.missing,
+        )
     print_result(summary, _where(folder), as_json, quiet)
     _raise_errors(analysis, folder, f"{surface}: ")
     say.raise_failures(folder)

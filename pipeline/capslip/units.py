@@ -62,6 +62,7 @@ def in_si(text: str, si_unit: Literal["m", "N"], name: str) -> float:
 
 
 PREFIXES = {-12: "p", -9: "n", -6: "u", -3: "m", 0: "", 3: "k", 6: "M", 9: "G"}
+AREAS = ((1e-3, 1e-4, "cm2"), (1e-9, 1e-6, "mm2"), (0.0, 1e-12, "um2"))  # from where on, in m2
 QUANTITY = re.compile(
     r"(?<![\w.])(\d+(?:\.\d+)?(?:[eE][-+]?\d+)?) (x (\d\S*) )?(m|N|Pa|J|N/m|m2)(?![\w/^])"
 )
@@ -93,6 +94,8 @@ def readable(text: str) -> str:
     '282 nm at 3.12 kN, 8.15 mm and 0.05 mm2'
     >>> readable("0.7769 N of 12000 N and 460 N")
     '776.9 mN of 12 kN and 460 N'
+    >>> readable("2.39e-03 m2")
+    '23.9 cm2'
     >>> readable("moves the energy by 308.7%")
     'moves the energy by 309 %'
     """
@@ -107,12 +110,10 @@ def _readable(match: "re.Match[str]") -> str:
     plain = not re.search("[eE]", number)
     if not 1e-12 <= least < 1e12 or (plain and 1.0 <= least < 1e3):
         return match[0]  # reads well as it is
-    power = 2 if unit == "m2" else 1
-    step = 3 * math.floor(math.log10(least) / 3 + 1e-9)
-    step = max(-12, min(9, step))
-    if power == 2:
-        step = -3 if least >= 1e-9 else -6
-    given = len(re.sub(r"[eE].*|\.", "", number).lstrip("0")) if plain else 0
+    given = len(re.sub(r"\.", "", number).lstrip("0")) if plain else 0
     digits = 4 if second or given > 3 else 3
-    written = " x ".join(f"{value / 10.0 ** (step * power):.{digits}g}" for value in values)
-    return f"{written} {PREFIXES[step]}{unit}"
+    step = max(-12, min(9, 3 * math.floor(math.log10(least) / 3 + 1e-9)))
+    scale, name = 10.0**step, f"{PREFIXES[step]}{unit}"
+    if unit == "m2":  # prefixes of a square mislead
+        scale, name = next(area[1:] for area in AREAS if least >= area[0])
+    return f"{' x '.join(f'{value / scale:.{digits}g}' for value in values)} {name}"

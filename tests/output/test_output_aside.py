@@ -14,7 +14,7 @@ from capslip.output.bend import bent
 @pytest.fixture(params=[1, 2])
 def cores(request, monkeypatch):
     """Whether there is a core for a copy."""
-    monkeypatch.setattr(aside, "_cores", lambda: request.param)
+    monkeypatch.setattr(aside, "cores", lambda: request.param)
     return request.param
 
 

@@ -2,11 +2,12 @@
 
 import contextlib
 import multiprocessing
-import os
 import threading
 from collections.abc import Callable
 from multiprocessing.connection import Connection
 from typing import Generic, TypeVar
+
+from capslip.output.renderer import cores
 
 Found = TypeVar("Found")
 
@@ -31,7 +32,7 @@ class Aside(Generic[Found]):
         self._call = call
         self._answer: Connection | None = None
         # Threads are not copied, and the locks that they hold stay locked
-        if _cores() < 2 or threading.active_count() > 1:
+        if cores() < 2 or threading.active_count() > 1:
             return
         context = multiprocessing.get_context("fork")
         self._answer, answer = context.Pipe(duplex=False)
@@ -54,11 +55,6 @@ class Aside(Generic[Found]):
             self._process.join()
             self._answer.close()
             self._answer = None
-
-
-def _cores() -> int:
-    """Return on how many cores a copy of this process could run; one where there are no copies."""
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else 1
 
 
 def _answer(call: Callable[[], Found], answer: Connection) -> None:

@@ -13,6 +13,7 @@ from capslip.output import figures as all_figures
 from capslip.output import mesh, report, scene, staging, tables
 from capslip.output.aside import Aside
 from capslip.output.export import Export, export_named
+from capslip.output.renderer import Ready
 from capslip.problems import Problem
 from capslip.result import JointOfScans
 from capslip.waiting import Waiting
@@ -33,6 +34,7 @@ def write(
     render: bool | None = None,
     page: bool = True,
     export: str | None = None,
+    renderer: Ready | None = None,
     progress: Callable[[str], None] = lambda _: None,
     missing: Missing = lambda _, __: None,
 ) -> dict[str, Any]:
@@ -59,6 +61,8 @@ def write(
     export : {"jenkins", "law"}, optional
         Write the joint for another program, too: `jenkins.csv`, parallel Jenkins elements of its
         slip curve; or `law.*`, the law of its face per area over pressure.
+    renderer : Ready, optional
+        One of `output.renderer.ready` that waits; otherwise one is started.
     progress : callable, optional
         Told what is done next, one line at a time.
     missing : callable, optional
@@ -101,7 +105,7 @@ def write(
         parts.write_numbers()
         if page or run.figures or run.render:
             (work / "figures").mkdir()
-        no_scene = parts.draw(extra)
+        no_scene = parts.draw(extra, renderer)
         if page:
             parts.write_page(command, no_scene)
         total_s = sum((analysis.timings_s | parts.timings_s).values())
@@ -190,7 +194,7 @@ class _Parts:
         )
         self.lap("report")
 
-    def draw(self, export: Export | None) -> str | None:
+    def draw(self, export: Export | None, renderer: Ready | None) -> str | None:
         """Make export, meshes and figures beside the picture; return why there is no picture."""
         run, rendering = self.analysis.settings.run, None
         pictures, parameters = self.work / "figures", self.analysis.iso25178
@@ -198,7 +202,8 @@ class _Parts:
         if run.render:
             self.progress("rendering")
             name, png = "figures/scene.png", pictures / "scene.png"
-            rendering = self.make((name,), scene.start_render, self.work / "result.h5", png)
+            start = scene.start_render if renderer is None else renderer.start
+            rendering = self.make((name,), start, self.work / "result.h5", png)
         try:
             if export is not None:
                 self.make(export.files, export.write, self.analysis, self.work)

@@ -79,7 +79,7 @@
     const why = make("td", "", "why");
     if (row[ERROR]) why.append(make("div", row[ERROR], "error"));
     for (const [severity, code, moved] of row[CAUSES]) {
-      const cause = make("div", `${code.replaceAll("_", " ")}${moved ? `: ${moved}` : ""}`, severity);
+      const cause = make("div", `${code.replaceAll("_", " ")}${moved ? `: ${moved.replaceAll(" %", "\u00a0%")}` : ""}`, severity);
       cause.title = data.effects[code] || "";
       if (severity !== "error" || !row[ERROR]) why.append(cause);
     }
@@ -179,8 +179,9 @@
       if (value !== null && value > 0) values.push(value / scale);
     }
     values.sort((a, b) => a - b);
-    canvas.setAttribute("aria-label", values.length ? `${label} of ${values.length} scans: ${write(values[0])} to ${write(values.at(-1))} ${unit}, median ${write(values[values.length >> 1])} ${unit}` : `${label}: no scan`);
-    canvas.parentElement.firstChild.textContent = values.length ? `${label}${unit ? ` [${unit}]` : ""}: median ${write(values[values.length >> 1])}` : `${label}: none`;
+    const half = values.length >> 1, median = (values[half] + values[values.length - 1 - half]) / 2;
+    canvas.setAttribute("aria-label", values.length ? `${label} of ${values.length} scans: ${write(values[0])} to ${write(values.at(-1))} ${unit}, median ${write(median)} ${unit}` : `${label}: no scan`);
+    canvas.parentElement.firstChild.textContent = values.length ? `${label}${unit ? ` [${unit}]` : ""}: median ${write(median)}` : `${label}: none`;
     if (!values.length) return;
     let low = Math.log10(values[0]), high = Math.log10(values.at(-1));
     if (high - low < 0.1) { low -= 0.05; high += 0.05; }

@@ -17,6 +17,7 @@ SCALES = {
     "nm": 1e-9,
     "nJ": 1e-9,
     "mm": 1e-3,
+    "µm²": 1e-12,
     "mm²": 1e-6,
     "cm²": 1e-4,
     "MN/m": 1e6,
@@ -205,7 +206,9 @@ class Value:
         if spec and not spec.isdigit():
             return format(self.value, spec)
         if self.unit == "m^2":  # prefixes of a square mislead
-            return f"{self:.3g cm²}" if self.value >= 1e-3 else f"{self:.3g mm²}"
+            least = (1e-3, "cm²"), (1e-9, "mm²"), (0.0, "µm²")
+            name = next(name for low_m2, name in least if self.value >= low_m2)
+            return format(self, f".3g {name}")
         if self.unit == "%":
             return f"{self:.3g %}"
         if self.unit:

@@ -1,7 +1,7 @@
 """Pictures and the window in three dimensions, each made by a process of its own.
 
 VTK ends the whole process where it finds no display or no OpenGL library:
-`python -m capslip.output.scene RESULT.h5 [PICTURE [LOOK]]`, without a picture as a window.
+`python -m capslip.output.scene RESULT.h5 PICTURE LOOK`, without a picture as a window.
 """
 
 import json
@@ -9,59 +9,21 @@ import os
 import subprocess
 import sys
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
 from capslip.errors import OutputError, one_of
 from capslip.output.canvas import write_png
 from capslip.output.picture import Look, plotter_of
+from capslip.output.renderer import REMEDY, RENDER, WAITS, Rendering
 from capslip.output.view import COLOURS, check_result, read_view, result_file
 from capslip.output.window import Window
 
-RENDER = (sys.executable, "-P", "-m", "capslip.output.scene")  # -P: no module beside the scans
-REMEDY = (
-    "3-D pictures need the package pyvista and an OpenGL library "
-    "(Debian, Ubuntu: libgl1, libegl1 or libosmesa6; other systems: Mesa)"
-)
 OFF_SCREEN = "--screenshot FILE.png, --turntable FILE.gif or --html FILE.html need none"
 PICTURE_CELLS = 120_000  # of the face: some nine pixels each
+NICE = 5  # while numbers are sought they come first
 FRAMES, FRAME_ms, FRAME_SIZE = 48, 80, (900, 570)
-
-
-@dataclass(frozen=True)
-class Rendering:
-    """A picture under way in a process of its own."""
-
-    process: "subprocess.Popen[str]"
-    picture: Path
-
-    def wait(self, timeout_s: float = 60.0) -> str | None:
-        """Wait for the picture, at most `timeout_s` from now.
-
-        Returns
-        -------
-        str or None
-            None when the picture is there; otherwise one line that says why not and what to
-            install.
-        """
-        try:
-            _, stderr = self.process.communicate(timeout=timeout_s)
-        except subprocess.TimeoutExpired:
-            self.stop()
-            return f"the renderer was not ready after {timeout_s:g} s"
-        if (
-            self.picture.is_file()
-        ):  # renamed when complete: a crash while VTK shuts down does no harm
-            return None
-        lines = [line.strip() for line in stderr.splitlines() if line.strip()]
-        reason = f": {lines[-1][:200]}" if lines else ""
-        return f"the renderer ended with code {self.process.returncode}{reason}; {REMEDY}"
-
-    def stop(self) -> None:
-        """End the renderer, with or without a picture."""
-        self.process.kill()
-        self.process.communicate()
 
 
 def start_render(
@@ -157,6 +119,14 @@ def show(result: str | Path, look: Look | None = None) -> None:
         raise OutputError(f"{result}: the window ended with code {done.returncode}; {REMEDY}")
 
 
+def _load() -> None:
+    """Load what a picture needs, and begin what draws it."""
+    import h5py  # noqa: F401
+    import pyvista
+
+    pyvista.Plotter(off_screen=True).close()
+
+
 def _turntable(plotter: Any, picture: Path) -> None:
     """Write one turn around the face."""
     from PIL import Image
@@ -174,7 +144,14 @@ def _turntable(plotter: Any, picture: Path) -> None:
 
 
 def main(arguments: list[str]) -> None:
-    """Render `RESULT.h5` to `PICTURE`, or open a window."""
+    """Render `RESULT.h5` to `PICTURE`, or open a window; `--waits` reads which one later."""
+    if arguments == [WAITS]:
+        os.nice(NICE)
+        _load()
+        line = sys.stdin.readline()
+        if not line:  # there was no result
+            return
+        arguments = json.loads(line)
     result, picture, look = arguments
     shown = Look(**json.loads(look))
     if not picture:
