@@ -36,6 +36,26 @@ def test_interpolated_maps_tell_their_points(order, every, noise_m):
     assert found(finer(points_m, every, order)) == (every, every)
 
 
+@pytest.mark.parametrize("every", [2, 3])
+@pytest.mark.parametrize("on_points", [False, True])
+@pytest.mark.parametrize("noise_m", [2e-10, 5e-9])
+def test_cubic_splines_between_close_points_tell_them(every, on_points, noise_m):
+    """No difference misses all knots of such a spline: cells of the map know them all the same."""
+    points_m = waves_m(noise_m=noise_m)[::every, ::every]
+    sizes = [(n * every - every + 1) / n if on_points else every for n in points_m.shape]
+    smooth_m = zoom(points_m, sizes, order=3, grid_mode=not on_points, mode="nearest")
+    assert all(one > 1 and one % every == 0 for one in found(smooth_m))  # or cells of several
+
+
+def test_a_pattern_along_one_axis_is_of_the_scan():
+    """Rows that go to and fro a pixel apart, or every third of which is noisier, were measured."""
+    fro_m = waves_m(width=2.0)
+    fro_m[::2] = np.roll(fro_m[::2], 1, axis=1)
+    assert found(fro_m) == (1, 1)
+    noisy_m = waves_m(noise_m=5e-9)
+    assert found(np.where(ROW % 3 == 0, noisy_m, waves_m())) == (1, 1)
+
+
 @pytest.mark.parametrize("noise_m", [0.0, 5e-9])
 def test_one_axis_alone_may_be_interpolated(noise_m):
     points_m = waves_m(noise_m=noise_m)[:, ::2]
@@ -63,6 +83,8 @@ def test_lost_points_a_tilt_and_the_digits_of_a_file_change_nothing():
         waves_m() + 5e-9 * (COLUMN % 4 == 0),  # a pattern of the sensor
         waves_m() + 1e-6 * (np.random.default_rng(2).random(SHAPE) < 1e-3),  # spikes
         np.maximum(-1e-7, 2e-7 - ((ROW - 60) ** 2 + (COLUMN - 90) ** 2) * 1e-10),  # a sphere
+        np.maximum(-1e-6, -((ROW - 60) ** 2 + (COLUMN % 96 - 48) ** 2) * 1e-9) / 3.0,  # all digits
+        np.where(COLUMN > 90, 0.0, 1e-6) + waves_m(noise_m=2e-10),  # a step
         1e-9 * COLUMN + 2e-9 * ROW,
         np.zeros(SHAPE),
         np.full(SHAPE, np.nan),

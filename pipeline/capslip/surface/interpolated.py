@@ -10,6 +10,9 @@ QUIET = 5e-3  # mean squares where only interpolated points are met, over those 
 LOUD, LOUD_SHARE = 10.0, 0.3  # rms of the quiet places, that this share of the loud ones exceeds
 MOSTLY = 0.8  # of the greatest share of quiet places: as good as that
 OUTERMOST = 0.99  # quantile at which differences are cut: spikes say nothing of it
+CLOSE, CLOSE_ORDERS = (2, 3), (3, 7)  # pixels apart, of which no difference may vanish
+UNEVEN = 0.25  # squares there: 0.002 to 0.24 where interpolated, 0.4 to 1 where measured
+CLOSE_SAMPLED = 5_000
 LEAST_LINES = 8 * MOST_APART
 SAMPLED = 20_000  # points that are looked at, on lines across the whole map
 LEAST_KNOWN = 300  # differences at one place of the cells: of fewer, chance makes quiet ones
@@ -23,6 +26,10 @@ def pixels_apart(surface: HeightMap) -> tuple[int, int]:
     alike everywhere, for noise and roughness know nothing of cells. What lines of a lay share is
     taken off first: it is as periodic, and measured.
 
+    Between points two or three pixels apart no difference of a cubic misses all of them; but those
+    of high order are far smaller at some places of a cell than at others. That counts where it is
+    so along both axes: no lay, step or scan line has one distance both ways.
+
     Parameters
     ----------
     surface : HeightMap
@@ -31,7 +38,35 @@ def pixels_apart(surface: HeightMap) -> tuple[int, int]:
     if min(surface.shape) < LEAST_LINES:
         return 1, 1
     every = max(1, surface.size // SAMPLED)
-    return _apart(surface[:, ::every]), _apart(surface[::every].T)
+    lines_m = surface[:, ::every], surface[::every].T
+    apart_y, apart_x = (_apart(one_m) for one_m in lines_m)
+    if min(apart_y, apart_x) == 1:
+        fewer = [one_m[:, :: max(1, one_m.size // CLOSE_SAMPLED)] for one_m in lines_m]
+        alike = np.maximum(*(_likeness(one_m) for one_m in fewer))
+        close = next((n for n, one in zip(CLOSE, alike, strict=True) if one < UNEVEN), 1)
+        return max(apart_y, close), max(apart_x, close)
+    return apart_y, apart_x
+
+
+def _likeness(height_m: np.ndarray) -> np.ndarray:
+    """Return how alike the places of a cell of each width are, the quietest over the loudest."""
+    alike = np.ones(len(CLOSE))
+    least, most = CLOSE_ORDERS
+    difference_m = np.diff(height_m, least - 1, axis=0)
+    for _ in range(least, most + 1):
+        difference_m = np.diff(difference_m, axis=0)
+        known = np.isfinite(difference_m)
+        shared_m = np.sum(difference_m, axis=1, where=known) / np.maximum(known.sum(axis=1), 1)
+        size_m = np.abs(difference_m - shared_m[:, None])
+        for i, apart in enumerate(CLOSE):
+            places = [size_m[at::apart][known[at::apart]] for at in range(apart)]
+            if min(one.size for one in places) < LEAST_KNOWN:
+                continue
+            # Steps decide means, and heights in few digits medians
+            ways = [np.median(one) ** 2 for one in places], [np.mean(one**2) for one in places]
+            if min(max(way) for way in ways) > 0.0:
+                alike[i] = min(alike[i], max(min(way) / max(way) for way in ways))
+    return alike
 
 
 def _apart(height_m: np.ndarray) -> int:
