@@ -177,7 +177,7 @@ class HeightMap:
             self.__dict__["height_m"] = stored_m
 
     if not TYPE_CHECKING:
-        # Asked for an attribute that the map does not have: its heights, unless they are kept
+        # Heights that are not kept. No property: that is the name of a field, which `replace` sets
         def __getattr__(self, name: str) -> np.ndarray:
             if name != "height_m":
                 raise AttributeError(name)
