@@ -388,3 +388,18 @@ def test_two_unlike_caps_push_each_other_by_the_mean_of_both_directions():
     factor = hertz_over_point_load(a_m / 4e-3).mean()
     assert factor > 1.005
     assert C[0, 1] == pytest.approx(factor / (np.pi * E * 4e-3), rel=1e-6)
+
+
+def test_what_was_asked_before_changes_no_answer():
+    """A curve remembers the approaches of its loads; one in between moves none of them."""
+    rng = np.random.default_rng(4)
+    given = 20.0 * np.ones(9), 1e-7 * rng.random(9), *(0.03 * rng.random((2, 9))), 110e9
+    curve = interacting(*given)
+    first = [float(curve.approach_m(load_N)) for load_N in (40.0, 400.0)]
+    assert first[0] < first[1]
+    assert [float(curve.approach_m(load_N)) for load_N in (40.0, 400.0)] == first
+    alone = [float(interacting(*given).approach_m(load_N)) for load_N in (40.0, 400.0)]
+    assert first == pytest.approx(alone, rel=1e-12)
+    np.testing.assert_allclose(curve.load_N(np.array(first)), (40.0, 400.0), rtol=1e-10)
+    softer = in_series(curve, 1e-10)
+    assert float(softer.approach_m(400.0)) == pytest.approx(first[1] + 4e-8, rel=1e-12)

@@ -259,6 +259,19 @@ def test_noise_ends_the_waves_that_a_map_carries():
     assert spectrum.density_m3[below].mean() == pytest.approx(level_m3, rel=0.3)
     assert carried_waves_m(noisy, 0.0)[0] == pytest.approx(2e-4)  # the pixel alone
     assert carried_waves_m(noisy, 0.0, 3e-3, 5e-3) == pytest.approx((3e-3, 5e-3))
+    for asked_m in (0.5 * shortest_m, shortest_m, 2.0 * shortest_m):  # the same answer to both
+        enough = carried_waves_m(noisy, 5e-8, enough_m=asked_m)[0] <= asked_m
+        assert enough == (shortest_m <= asked_m)
+
+
+def test_waves_that_drown_along_one_axis_are_carried_along_the_other():
+    """Grooves along x: noise hides what is along them, and none of what crosses them."""
+    rng = np.random.default_rng(6)
+    grooves_um = np.cumsum(rng.standard_normal((120, 1)), axis=0)
+    noisy = HeightMap(1e-6 * (grooves_um + 0.01 * rng.standard_normal((120, 120))), (1e-4, 1e-4))
+    assert carried_waves_m(noisy, 1e-8)[0] == pytest.approx(2e-4)
+    turned = HeightMap(noisy.height_m.T, (1e-4, 1e-4))
+    assert carried_waves_m(turned, 1e-8)[0] == pytest.approx(2e-4)
 
 
 def test_a_map_that_was_turned_has_the_parameters_of_the_map_as_levelled():

@@ -184,6 +184,7 @@ def _on_planes(scaled: "_Scaled", most: int = MAX_CLUSTERS) -> tuple[Clusters, n
     slopes, sizes, evidence = [np.zeros(2)], [np.array([n])], []
     evidence.append(scaled.log_evidence_of_one(log_factorial))
     for count in range(2, min(most, n - 3) + 1):
+        planes = np.stack((slopes[-1], np.zeros(2)))
         slope, split = scaled.best_two if count == 2 else scaled.best(planes, count)
         rank = np.argsort(scaled.z - scaled.place @ slope, kind="stable")
         low = np.arange(1, n)
@@ -192,7 +193,6 @@ def _on_planes(scaled: "_Scaled", most: int = MAX_CLUSTERS) -> tuple[Clusters, n
         evidence.append(float(np.logaddexp.reduce(log_each)))
         slopes.append(slope)
         sizes.append(split)
-        planes = np.stack((slope, np.zeros(2)))
     separation = [
         scaled.separation(slope, split) for slope, split in zip(slopes, sizes, strict=True)
     ]

@@ -50,6 +50,7 @@ class MovedCaps:
     by_pairs: NormalCurve  # with another law between two contacts: an error at 95 %
     by_level: NormalCurve | None  # levelled by the floor: the same; None where the face balances
     of_unloading: float = 0.0  # relative error at 95 % of the energy alone, of caps that yielded
+    whole: NormalCurve | None = None  # that of `found` with the bulk sinking
 
 
 @dataclass(frozen=True)
@@ -190,7 +191,7 @@ def error_of_caps(
         of_caps = math.hypot(of_random, 2.0 * shape, pairs, unloading, LEAST_ERROR)
         as_found = _as_slip_uses(curve, scene.surface, settings)
         by_level = None if tilted is None else used[-1]
-        moved = MovedCaps(as_found, used[0], used[1], by_level, unloading)
+        moved = MovedCaps(as_found, used[0], used[1], by_level, unloading, curve)
         return CapsError(None, of_caps, level, moved)
     except (ContactError, UnusableSurfaceError):
         return CapsError("caps that are moved within their errors have no solution")

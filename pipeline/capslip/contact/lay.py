@@ -15,7 +15,7 @@ import numpy as np
 
 from capslip.contact.solvers.half_space import padded_shape
 
-_TURNS = 25  # of the search for an axis ratio: each leaves a quarter of the error at most
+_TURNS = 3  # of the search for an axis ratio: from 3 % off each squares the error
 _MEANS = 8  # steps of the arithmetic-geometric mean: axis ratios down to 1e-9
 _MOST_PAIRED = 4000  # contacts whose pairs are summed; beyond, rows of them are left out
 _ROWS = 500  # of pairs at once
@@ -150,7 +150,8 @@ def axis_ratio(radius_ratio: np.ndarray) -> np.ndarray:
     """Return b / a of the contact of a cap from the ratio of its principal radii.
 
     Hertz (Johnson 1987, Eq. 4.28): R2 / R1 = (b/a)^2 (1 + s) / (1 - s) with the deviator s of the
-    ellipse, solved for b / a in turns.
+    ellipse, solved for the logarithm of b / a in turns that leave a quarter of the error, and by
+    Steffensen's rule from each two of these.
 
     Parameters
     ----------
@@ -162,11 +163,19 @@ def axis_ratio(radius_ratio: np.ndarray) -> np.ndarray:
     >>> axis_ratio(np.array([1.0, 0.5, 0.1])).round(4)
     array([1.    , 0.6306, 0.2222])
     """
-    ratio = radius_ratio
+    goal = np.log(radius_ratio)
+
+    def turn(log_ratio: np.ndarray) -> np.ndarray:
+        s = deviator_of_ellipse(np.exp(log_ratio))
+        return np.asarray(0.5 * (goal + np.log1p(-s) - np.log1p(s)))
+
+    found = goal * (2.0 / 3.0)
     for _ in range(_TURNS):
-        s = deviator_of_ellipse(ratio)
-        ratio = np.sqrt(radius_ratio * (1.0 - s) / (1.0 + s))
-    return np.asarray(ratio)
+        first = turn(found)
+        second = turn(first)
+        step, bend = first - found, second - 2.0 * first + found
+        found = np.where(bend == 0.0, second, found - step**2 / np.where(bend == 0.0, 1.0, bend))
+    return np.exp(np.minimum(found, 0.0))
 
 
 def energies_of_contacts(

@@ -3,7 +3,7 @@
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cache, cached_property
 from typing import Any
 
 import numpy as np
@@ -406,11 +406,19 @@ def _root(changes: np.ndarray) -> np.ndarray:
 
 def _drawn(columns: dict[str, int]) -> dict[str, np.ndarray]:
     """Return independent normal numbers for each input, (POINTS, columns)."""
-    from scipy.special import ndtri
-
-    drawn = ndtri(scrambled_sobol(sum(columns.values()), LOG2_POINTS))
+    drawn = _normal_numbers(sum(columns.values()))
     ends = np.cumsum(list(columns.values()))
     return dict(zip(columns, np.split(drawn, ends[:-1], axis=1), strict=True))
+
+
+@cache
+def _normal_numbers(columns: int) -> np.ndarray:
+    """Return the same numbers for every answer, (POINTS, columns)."""
+    from scipy.special import ndtri
+
+    drawn: np.ndarray = ndtri(scrambled_sobol(columns, LOG2_POINTS))
+    drawn.flags.writeable = False
+    return drawn
 
 
 def _weights(nodes: np.ndarray, at: np.ndarray) -> np.ndarray:

@@ -119,6 +119,7 @@ class InteractingCurve(HertzCurve):
         approach = level + self.compliance_m_per_N * load
         if len(self._solved) > KEPT:
             self._solved.clear()
+            self._approach_m.clear()
         self._solved.update(zip(approach.ravel().tolist(), g.reshape(-1, g.shape[-1]), strict=True))
         return level, g
 

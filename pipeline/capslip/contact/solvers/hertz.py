@@ -1,7 +1,7 @@
 """Sums of Hertz contacts, and the formulas of one contact on which every curve rests."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -96,6 +96,8 @@ class HertzCurve:
     depth_m: np.ndarray  # (..., n)
     E_star_Pa: float
     compliance_m_per_N: Any = 0.0
+    # What `approach_m` returned: the preload is asked again and again
+    _approach_m: dict[float, np.ndarray] = field(default_factory=dict, init=False, repr=False)
 
     @property
     def touch_m(self) -> np.ndarray:
@@ -127,6 +129,8 @@ class HertzCurve:
             approach would fall with growing load.
         """
         load = np.asarray(load_N, dtype=float)
+        if load.ndim == 0 and float(load) in self._approach_m:
+            return self._approach_m[float(load)]
         if not (load >= 0).all():
             raise SettingsError(f"{self.model}: load_N: got {load.min():g}; expected loads >= 0")
         level, g = self._pressed(load)
@@ -138,7 +142,10 @@ class HertzCurve:
                 f" expected less than {bound.min():g} N; check the units of load and radius"
             )
         self._total_slope(g)
-        return level + self.compliance_m_per_N * load
+        approach: np.ndarray = level + self.compliance_m_per_N * load
+        if load.ndim == 0:
+            self._approach_m[float(load)] = approach
+        return approach
 
     def stiffness_N_per_m(self, approach_m: ArrayLike, withdrawal_m: ArrayLike = 0.0) -> np.ndarray:
         """N'(d - e)."""
