@@ -150,7 +150,7 @@ def above_zero(value: float | None, option: str) -> float | None:
 
 
 def preload_in_N(text: str) -> float:
-    """Return a preload with its unit in N; a number alone is in N, as it always was."""
+    """Return a preload in N; a number without a unit is in N."""
     try:
         return float(text)
     except ValueError:
