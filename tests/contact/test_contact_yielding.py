@@ -356,7 +356,7 @@ def test_the_estimated_error_holds_how_yielded_caps_unload():
         contact = analyze_once(caps_map(ROUND, floor_m=-1.5e-6), settings).contact
         estimates[hardness] = contact.estimated_error
     assert estimates[1e9] < 0.05
-    assert estimates[3e6] >= 0.5
+    assert estimates[3e6] > 0.5
 
 
 def test_a_hardness_follows_from_the_yield_stress_and_beats_it():
