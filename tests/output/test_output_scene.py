@@ -11,6 +11,7 @@ import output_cases
 import pytest
 
 from capslip.errors import OutputError
+from capslip.output import renderer
 from capslip.output.picture import STICK, Look, caption, plotter_of
 from capslip.output.scene import look_of, save_picture, show, start_render
 from capslip.output.tables import write_result, write_summary
@@ -87,6 +88,34 @@ def test_renderer_that_hangs_is_ended(result, tmp_path):
     rendering = start_render(result, tmp_path / "scene.png", python("import time; time.sleep(60)"))
     assert "after 0.5 s" in rendering.wait(timeout_s=0.5)
     assert rendering.process.returncode is not None
+
+
+def test_a_renderer_that_waited_draws_the_same_picture(opengl, result, tmp_path, monkeypatch):
+    monkeypatch.setattr(renderer, "cores", lambda: 2)
+    assert start_render(result, tmp_path / "one.png").wait(timeout_s=120) is None
+    with renderer.ready(wanted=True) as waiting:
+        assert waiting.start(result, tmp_path / "other.png").wait(timeout_s=120) is None
+    assert (tmp_path / "one.png").read_bytes() == (tmp_path / "other.png").read_bytes()
+
+
+def test_a_renderer_that_dies_while_it_waits_leaves_one_line(result, tmp_path, monkeypatch):
+    monkeypatch.setattr(renderer, "cores", lambda: 2)
+    monkeypatch.setattr(renderer, "RENDER", python("import sys; sys.exit('no GL context')"))
+    with renderer.ready(wanted=True) as waiting:
+        waiting.process.wait(timeout=60)
+        assert "no GL context" in waiting.start(result, tmp_path / "scene.png").wait()
+
+
+def test_a_renderer_that_nobody_needs_ends(monkeypatch):
+    monkeypatch.setattr(renderer, "cores", lambda: 2)
+    with pytest.raises(ZeroDivisionError), renderer.ready(wanted=True) as waiting:
+        raise ZeroDivisionError
+    assert waiting.process.returncode is not None
+    with renderer.ready(wanted=False) as none:
+        assert none is None
+    monkeypatch.setattr(renderer, "cores", lambda: 1)
+    with renderer.ready(wanted=True) as none:
+        assert none is None
 
 
 def test_crash_after_the_picture_is_no_loss(result, tmp_path):
