@@ -168,8 +168,7 @@ def press(
     model = rung(model_name)
     before = Scene.of(caps, families, surface, settings, use)
     scene = flattened(model, before)
-    known = _known_curve(moved, model, scene)
-    normal: NormalCurve = model.build(scene) if known is None else known
+    normal = _curve(model, scene, moved)
     approach_m = float(normal.approach_m(preload_N))
     found, a_m = _contacts(scene, caps, normal, approach_m, model)
     curve, bulk_m, bulk = normal, 0.0, settings.contact.bulk
@@ -179,8 +178,6 @@ def press(
         if not bulk:
             curve, bulk = without_bulk(normal, bulk_m_per_N, preload_N)
             problems += _of_bulk(bulk_m, approach_m, bulk_m_per_N, curve, preload_N, kept=bulk)
-    if moved is not None and known is not None:
-        moved = replace(moved, found=curve)  # one curve, which remembers what it was asked
     problems += _closes(found, surface)
     of_slip = () if model.problems is None else model.problems(normal, preload_N)
     if choice is not None and model.error is not None:
@@ -195,7 +192,7 @@ def press(
         rung=model,
         model_reason=reason,
         errors=errors,
-        moved=moved,
+        moved=_found(moved, normal, curve),
         preload_N=preload_N,
         approach_m=approach_m,
         bulk_m=bulk_m,
@@ -221,11 +218,20 @@ def press(
     return state, caps.with_columns(load_N=found.load_N, contact_radius_m=a_m)
 
 
-def _known_curve(moved: MovedCaps | None, model: Rung, scene: Scene) -> NormalCurve | None:
-    """Return the curve that the choice pressed already; not of caps that yield, which flatten."""
-    if moved is None or moved.whole is None or scene.law is not None:
-        return None
-    return moved.whole if moved.whole.model == model.name else None
+def _curve(model: Rung, scene: Scene, moved: MovedCaps | None) -> NormalCurve:
+    """Return the curve of a model: that which the choice pressed, but of caps that yield."""
+    known = None if moved is None or scene.law is not None else moved.whole
+    if known is not None and known.model == model.name:
+        return known
+    built: NormalCurve = model.build(scene)
+    return built
+
+
+def _found(moved: MovedCaps | None, normal: NormalCurve, curve: NormalCurve) -> MovedCaps | None:
+    """Return moved caps with the one curve for slip, which remembers what it was asked."""
+    if moved is None or moved.whole is not normal:
+        return moved
+    return replace(moved, found=curve)
 
 
 def _eccentricity_m(found: Contacts, scene: Scene) -> tuple[float, float] | None:
