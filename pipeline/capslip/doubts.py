@@ -16,6 +16,7 @@ from capslip.contact.doubts import (
 )
 from capslip.contact.effects import with_effects
 from capslip.contact.levelling import coarse_map
+from capslip.contact.map_accuracy import ASKED
 from capslip.contact.press import ContactState
 from capslip.contact.relevance import as_read, still_doubtful
 from capslip.contact.slip import SlipCurve
@@ -132,14 +133,19 @@ def _of_small_slip(
 ) -> list[Problem]:
     """Return a doubt where less slips under the force asked for than the model resolves.
 
-    From a tenth of mu N on, detail that decides was measured: then pixels are no second doubt.
+    From a tenth of mu N on, detail that decides was measured, and from a quarter on what pixels
+    leave: then they are no second doubt.
     """
     if answer is None or slip is None or contact.rung.least_share is None:
         return []
     share = answer.slip_force_N / float(slip.total_slip_force_N)
     least = contact.rung.least_share(contact.normal, contact.preload_N)
     measured = any(one.code == "detail_decides" for one in contact.problems)
-    if share >= least or (measured and share >= SMALL_SLIP):
+    said = any(
+        one.code == "small_slip_extrapolated" and one.severity == "warning"
+        for one in contact.problems
+    )
+    if share >= least or (measured and share >= SMALL_SLIP) or (said and share >= ASKED):
         return []
     message = (
         f"asked for is {percent(share)} of the force at gross slip; below {percent(least)} of it "

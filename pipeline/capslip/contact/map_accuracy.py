@@ -10,7 +10,7 @@ from capslip.contact.solvers.noise import white_noise_m
 from capslip.contact.solvers.refinement import SMOOTH
 from capslip.contact.solvers.unloading import SMALL_SLIP, Unloading
 from capslip.errors import OutOfTimeError
-from capslip.problems import Effect, Problem
+from capslip.problems import Effect, Problem, Severity
 from capslip.units import percent
 
 S_FILTER, NOISE_PIXELS = "conditioning.s_filter_nesting_index_m", 5.0  # what takes noise off
@@ -84,11 +84,13 @@ def error_of_map(
         step = f"--set {S_FILTER}={nesting_m:.2g}, if the detail is noise; else a finer scan"
         found.append(Problem("detail_decides", "warning", message, effect, step))
         factor = 1.0 / (1.0 - WHITE_LEFT)
-    elif math.hypot(*(at_force := _at_force(unloading, noise_m, ASKED))) > tolerance:
-        found.append(_unresolved(*at_force, max(curve.pressed(load_N).pixel_size_m)))
-    known = any(one.code == "detail_decides" and one.severity == "warning" for one in found)
+    elif (of_noise := _at_force(unloading, noise_m, ASKED)[1]) > tolerance:
+        found.append(_noisy(noise_m, of_noise, max(curve.pressed(load_N).pixel_size_m)))
+    elif (at_force := math.hypot(*_at_force(unloading, noise_m, ASKED))) > tolerance:
+        found.append(_unresolved("warning", ASKED, at_force))
+    known = any(one.severity == "warning" and one.code != "loss_between_loads" for one in found)
     if of_both > tolerance and not known:
-        found.append(_at_small_slip(of_both))
+        found.append(_unresolved("info", SMALL_SLIP, of_both))
     errors = max(factor * stiffness, LEAST_ERROR), max(factor * energy, least)
     return _with_pixels(unloading, noise_m, *errors), tuple(found)
 
@@ -131,22 +133,18 @@ def _out_of_time(limit_s: float) -> Problem:
     return Problem("time_limit_reached", "warning", message)
 
 
-def _at_small_slip(error: float) -> Problem:
-    force = f"{percent(SMALL_SLIP)} of the force at gross slip"
+def _unresolved(severity: Severity, share: float, error: float) -> Problem:
     message = (
-        f"at {force} pixels and noise of the map leave up to {error:.1%} in the energy per cycle"
+        f"at {percent(share)} of the force at gross slip pixels and noise of the map leave up to "
+        f"{error:.1%} in the energy per cycle"
     )
-    return Problem("small_slip_extrapolated", "info", message, Effect(None, error, error))
+    return Problem("small_slip_extrapolated", severity, message, Effect(None, error, error))
 
 
-def _unresolved(of_pixels: float, of_noise: float, pixel_m: float) -> Problem:
-    """Return that pixels and noise decide the energy at the force that is asked for by default."""
-    error = math.hypot(of_pixels, of_noise)
+def _noisy(noise_m: float, error: float, pixel_m: float) -> Problem:
     message = (
-        f"at {percent(ASKED)} of the force at gross slip pixels of the map leave up to "
-        f"{of_pixels:.1%} in the energy per cycle, its white noise {of_noise:.1%}"
+        f"white noise of {noise_m:.2g} m a point leaves up to {error:.1%} in the energy per cycle "
+        f"at {percent(ASKED)} of the force at gross slip"
     )
-    step = "scan with smaller pixels"
-    if of_noise > of_pixels:
-        step = f"--set {S_FILTER}={NOISE_PIXELS * pixel_m:.2g}, or average several scans"
+    step = f"--set {S_FILTER}={NOISE_PIXELS * pixel_m:.2g}, or average several scans"
     return Problem("detail_decides", "warning", message, Effect(None, error, error), step)

@@ -182,8 +182,8 @@ def press(
     of_slip = () if model.problems is None else model.problems(normal, preload_N)
     if choice is not None and model.error is not None:
         errors, doubts = model.error(normal, preload_N, settings.contact.tolerance)
-        # Notes, as of small forces, are no reason: caps that yield know less of them than pixels.
-        asks = any(doubt.severity != "info" for doubt in doubts)
+        # Small forces are no reason: caps that yield know less of them than pixels
+        asks = {one.code for one in doubts if one.severity != "info"} - {"small_slip_extrapolated"}
         better = choice.caps_within(errors.greatest) if asks and errors is not None else None
         if better is not None and errors is not None:
             return _by_caps(better, doubts, errors.greatest, (caps, families, surface), settings)
