@@ -114,6 +114,20 @@ def test_what_touches_alone_needs_no_margin_around_it(rough, refined):
     np.testing.assert_allclose(sinking_m, expected_m, rtol=2e-6)
 
 
+def test_lines_and_single_points_that_touch_sink_as_on_the_map(rough, monkeypatch):
+    contact = np.zeros(rough.shape, dtype=bool)
+    contact[10, 20:30] = contact[40:52, 90] = contact[75, 30] = contact[60:68, 40:45] = True
+    monkeypatch.setattr(pixels, "_WORTH", np.inf)
+    patches = patched(rough, contact)
+    pressure_Pa = np.where(contact, np.random.default_rng(9).random(rough.shape), 0.0)
+    few = in_contact_alone(patches, patches.gathered(pressure_Pa))
+    assert few.half_space.cost < patches.half_space.cost
+    given_Pa = few.gathered(pressure_Pa)
+    expected_m = few.gathered(rough.half_space.sinking_m(pressure_Pa))
+    np.testing.assert_allclose(few.half_space.sinking_m(given_Pa), expected_m, rtol=2e-6)
+    assert float(given_Pa @ few.half_space.pressure_Pa(given_Pa)) > 0.0  # it preconditions
+
+
 @pytest.mark.parametrize("kind", ["matrix", "patches", "refined patches", "map"])
 def test_fewer_points_sink_as_all_of_them(rough, kind, monkeypatch):
     """What is left of contacts, at their own places, whatever the half-space of them all was."""
