@@ -420,8 +420,8 @@ def _grouped(
 
     shapes: dict[tuple[int, int], list[int]] = {}
     for k, (ny, nx) in enumerate(sides.tolist()):
-        # Steps of an eighth, so that patches share shapes; a line of points has one beside it
-        shape = tuple(int(fft.next_fast_len(max(_rounded(n), 2), real=True)) for n in (ny, nx))
+        # Steps of an eighth, so that patches share shapes
+        shape = tuple(int(fft.next_fast_len(_rounded(n), real=True)) for n in (ny, nx))
         shapes.setdefault((shape[0], shape[1]), []).append(k)
     groups = []
     for shape, members in shapes.items():
