@@ -9,13 +9,14 @@ from typing import Generic, TypeVar
 
 from capslip.output.renderer import cores
 
+PATIENCE_S = 60.0  # with a copy: one that hangs costs no result
 Found = TypeVar("Found")
 
 
 class Aside(Generic[Found]):
     """One call on a second core, where there is one and the system can copy a process.
 
-    Elsewhere, and where the copy ends without a result, `wait` makes the call itself.
+    Elsewhere, and where the copy gives no result, `wait` makes the call itself.
 
     Parameters
     ----------
@@ -44,8 +45,9 @@ class Aside(Generic[Found]):
         """Return what the call returns, or raise what it raises."""
         if self._answer is not None:
             with contextlib.suppress(EOFError, OSError):
-                found: Found = self._answer.recv()
-                return found
+                if self._answer.poll(PATIENCE_S):
+                    found: Found = self._answer.recv()
+                    return found
         return self._call()
 
     def stop(self) -> None:
