@@ -302,6 +302,8 @@ ROWS = [
     Row("non_square_pixels", "warning", "0.00012 x 0.0012 m", "very-oblong"),
     Row("hole_may_hide_hills", "warning", "a disc of 0.00757 m radius", "hole"),
     Row("hole_may_hide_hills", "info", "moves the stiffness by", "hole loosely"),
+    Row("contact_at_hole", "warning", "of the preload rests on contacts that go on",
+        "four-patches solved", "plain solved"),
     Row("outline_assumed", "warning", "18.0% of the map", "cornered", "plain"),
     Row("outline_assumed", "info", "47.7% of the map", "round", "plain"),
     Row("points_filled", "info", "80.1% of the points", "sieve"),

@@ -1,5 +1,6 @@
 """The normal curve of a height map that is pressed itself."""
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -17,10 +18,12 @@ from capslip.contact.solvers.solutions import Solutions
 from capslip.contact.solvers.unloading import SMALL_SLIP, Unloading
 from capslip.errors import ContactError, SettingsError
 from capslip.problems import Effect, Problem
+from capslip.surface.holes import HIDDEN, between
 from capslip.units import percent
 
 MIN_PIXELS_ACROSS = 10.0  # of the contacts that carry half of the load
 MIN_REFINED_ACROSS = 6.0  # the same, where a spline knows what lies between the pixels
+AT_HOLES = 0.05  # of the load: what a hole takes from less moves the answers by less than that
 NEARLY_ALL = 0.95  # of a load: beyond that share contacts let go one by one
 
 
@@ -119,7 +122,7 @@ class BoundaryElementCurve:
         return d - x[0], x[1] - x[0], L[1] - L[0] + 4.0 * (s[1] * x[0] - s[0] * x[1])
 
     def problems(self, load_N: float) -> tuple[Problem, ...]:
-        """Return where the pixels end: notes, as `error_of_map` measures what that does."""
+        """Return where pixels end, notes, as `error_of_map` measures it, and where the map does."""
         pressed, unloading, found = self.pressed(load_N), self.unloading(load_N), []
         least = MIN_PIXELS_ACROSS if unloading.refinement == 1 else MIN_REFINED_ACROSS
         if pressed.pixels_across < least:
@@ -135,6 +138,14 @@ class BoundaryElementCurve:
             "of the force in the end"
         )
         found.append(Problem("small_slip_extrapolated", "info", message))
+        at_holes = load_at_holes(pressed, self.solutions.face.measured)
+        if at_holes > AT_HOLES:
+            message = (
+                f"{at_holes:.0%} of the preload rests on contacts that go on in a hole of the map: "
+                "what lies there would carry, too, and is not counted"
+            )
+            effect = Effect(at_holes, at_holes, at_holes)
+            found.append(Problem("contact_at_hole", "warning", message, effect))
         if unloading.cut_short:
             off = unloading.loss_error
             message = (
@@ -322,3 +333,50 @@ def _single(approach_m: ArrayLike) -> float:
             "contact regions differ from approach to approach"
         )
     return float(np.asarray(approach_m))
+
+
+def load_at_holes(pressed: Pressed, measured: np.ndarray) -> float:
+    """Return the share of the load on contacts of which a part lies in a hole of the map.
+
+    Such a part is farther from all measured points than a quarter of the radius of the contact, and
+    at most half of that beside the contact.
+
+    Parameters
+    ----------
+    pressed : Pressed
+    measured : bool, shape (ny, nx)
+
+    Examples
+    --------
+    The units of load and pixels do not matter; the second of two contacts goes on in a hole.
+
+    >>> pressure_Pa = np.zeros((9, 30))
+    >>> pressure_Pa[2:7, [2, 3, 4, 5, 6, 17, 18, 19, 20]] = 1.0
+    >>> measured = np.ones((9, 30), dtype=bool)
+    >>> measured[1:8, 21:28] = False
+    >>> pressed = Pressed(45.0, 1.0, pressure_Pa, 0 * pressure_Pa, (1.0, 1.0), None)
+    >>> round(load_at_holes(pressed, measured), 3)
+    0.444
+    """
+    from scipy.ndimage import binary_dilation, distance_transform_edt, find_objects
+
+    hole = between(measured)
+    if not hole.any():
+        return 0.0
+    region, size_m, share = pressed.region, pressed.pixel_size_m, 0.0
+    load_N, boxes = pressed.region_loads_N, find_objects(region)
+    for k in np.unique(region[binary_dilation(hole, np.ones((3, 3)))]):
+        if k == 0:
+            continue
+        radius_m = math.sqrt(pressed.region_pixels[k - 1] * math.prod(size_m) / math.pi)
+        beside = [1 + math.ceil(radius_m / one_m) for one_m in size_m]
+        at = tuple(
+            slice(max(0, box.start - n), box.stop + n)
+            for box, n in zip(boxes[k - 1], beside, strict=True)
+        )
+        unknown_m = distance_transform_edt(~measured[at], sampling=size_m)
+        away_m = distance_transform_edt(region[at] != k, sampling=size_m)
+        part_m = unknown_m[hole[at] & (away_m <= 0.5 * radius_m + max(size_m))]
+        if part_m.max(initial=0.0) > max(HIDDEN * radius_m, *size_m):
+            share += float(load_N[k - 1])
+    return share / float(load_N.sum())

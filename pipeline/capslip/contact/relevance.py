@@ -9,6 +9,7 @@ from capslip.contact.press import ContactState
 from capslip.problems import Problem
 from capslip.surface.doubts import sizes_fit
 from capslip.surface.heightmap import HeightMap
+from capslip.surface.holes import HIDDEN
 
 FLAGS = {f"caps_{flag.name}": flag for flag in CapFlag}
 # What the estimated error of the model counts, hill by hill
@@ -34,7 +35,6 @@ FLAGGED_SHARE = 0.2  # of the load, on caps of one flag
 TIPPED = 0.5  # of the height of the caps: a face that turns so much comes down on its floor
 APEX = CapFlag.apex_off_surface | CapFlag.noisy_apex  # whose heights have a standard error
 MISSING = CapFlag.edge | CapFlag.non_measured
-HIDDEN = 0.25  # of a contact's radius: what is farther from all measured points is not known
 
 
 def as_read(

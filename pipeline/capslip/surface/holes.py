@@ -7,6 +7,7 @@ from capslip.surface.doubts import HIGHEST_SHARE, VISIBLE_FORM
 from capslip.surface.heightmap import HeightMap
 
 BLOCK_OVER_DISC = 0.1  # sides of the squares that a hole is looked at in, over a hill's radius
+HIDDEN = 0.25  # of a contact's radius: what is farther from all measured points is not known
 MISSED = 0.01  # of the hills of usual size, where points are measured here and there
 
 TURNS = np.s_[::-1, ::-1], np.s_[::-1], np.s_[:, ::-1]  # half around, and turned over
@@ -85,7 +86,11 @@ def problems_of_filling(surface: HeightMap, approach_m: float) -> list[Problem]:
 
 def holes(surface: HeightMap) -> np.ndarray:
     """Return which points are holes, shape (ny, nx): not measured, between two that are."""
-    measured = surface.measured
+    return between(surface.measured)
+
+
+def between(measured: np.ndarray) -> np.ndarray:
+    """Return which points are not measured and lie between two that are, shape (ny, nx)."""
     mask: np.ndarray = ~measured & (_enclosed(measured, 0) | _enclosed(measured, 1))
     return mask
 
