@@ -22,7 +22,7 @@ def two_spheres(lost, turned=False):
 
 
 def half_lost(from_m):
-    """Lose all beyond some distance from the first apex, as far as the edge of its contact twice."""
+    """Lose all beyond some distance from the first apex, as far as beyond the contact."""
     return (from_m < X_M) & (from_m + 30 * PIXEL_M > X_M) & (abs(Y_M) < 25 * PIXEL_M)
 
 
