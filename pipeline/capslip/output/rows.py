@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from capslip.output.quantity import engineering
+from capslip.units import AREAS
 
 DASH = "–"
 SCALES = {
@@ -206,9 +207,8 @@ class Value:
         if spec and not spec.isdigit():
             return format(self.value, spec)
         if self.unit == "m^2":  # prefixes of a square mislead
-            least = (1e-3, "cm²"), (1e-9, "mm²"), (0.0, "µm²")
-            name = next(name for low_m2, name in least if self.value >= low_m2)
-            return format(self, f".3g {name}")
+            name = next(name for least_m2, _, name in AREAS if self.value >= least_m2)
+            return format(self, f".3g {name.replace('2', '²').replace('u', 'µ')}")
         if self.unit == "%":
             return f"{self:.3g %}"
         if self.unit:
