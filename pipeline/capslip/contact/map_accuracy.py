@@ -74,7 +74,8 @@ def error_of_map(
         f"detail of a few pixels moves the stiffness by {effect.tangential_stiffness:.1%} and the "
         f"energy by up to {effect.energy:.1%}"
     )
-    if greatest > tolerance >= _of_pixels(unloading, ASKED) and detail.white_share < RESOLVED:
+    of_pixels, of_noise = _at_force(unloading, noise_m, ASKED)
+    if greatest > tolerance >= of_pixels and detail.white_share < RESOLVED:
         message = f"{said}, and is smooth from pixel to pixel: it is taken for the face's own"
         found.append(Problem("detail_decides", "info", message, effect))
         factor = detail.white_share
@@ -84,10 +85,10 @@ def error_of_map(
         step = f"--set {S_FILTER}={nesting_m:.2g}, if the detail is noise; else a finer scan"
         found.append(Problem("detail_decides", "warning", message, effect, step))
         factor = 1.0 / (1.0 - WHITE_LEFT)
-    elif (of_noise := _at_force(unloading, noise_m, ASKED)[1]) > tolerance:
+    elif of_noise > tolerance:
         found.append(_noisy(noise_m, of_noise, max(curve.pressed(load_N).pixel_size_m)))
-    elif (at_force := math.hypot(*_at_force(unloading, noise_m, ASKED))) > tolerance:
-        found.append(_unresolved("warning", ASKED, at_force))
+    elif (of_either := math.hypot(of_pixels, of_noise)) > tolerance:
+        found.append(_unresolved("warning", ASKED, of_either))
     known = any(one.severity == "warning" and one.code != "loss_between_loads" for one in found)
     if of_both > tolerance and not known:
         found.append(_unresolved("info", SMALL_SLIP, of_both))
@@ -95,15 +96,11 @@ def error_of_map(
     return _with_pixels(unloading, noise_m, *errors), tuple(found)
 
 
-def _of_pixels(unloading: Unloading, share: float) -> float:
-    """Return what pixels leave in the energy at a share of mu N, relative, at 95 %."""
-    return PIXELS_95[share] * unloading.pixel_error(share * unloading.load_N)
-
-
 def _at_force(unloading: Unloading, noise_m: float, share: float) -> tuple[float, float]:
-    """Return the same, and what white noise of a pixel does to that energy."""
-    of_noise = NORMAL_95 * noise_m * unloading.noise_per_m(share * unloading.load_N)
-    return _of_pixels(unloading, share), of_noise
+    """Return what pixels and white noise do to the energy at a share of mu N, relative, at 95 %."""
+    drop_N = share * unloading.load_N
+    of_pixels = PIXELS_95[share] * unloading.pixel_error(drop_N)
+    return of_pixels, NORMAL_95 * noise_m * unloading.noise_per_m(drop_N)
 
 
 def _with_pixels(
