@@ -9,7 +9,18 @@ import capslip
 from scenes import PROJECT
 
 MOST_MS = 50.0
-HEAVY = ("matplotlib", "pyvista", "vtk", "vtkmodules", "meshio", "pandas", "scipy", "h5py", "PIL")
+HEAVY = (
+    "matplotlib",
+    "pyvista",
+    "vtk",
+    "vtkmodules",
+    "meshio",
+    "pandas",
+    "scipy",
+    "h5py",
+    "PIL",
+    "numba",
+)
 LOADED = f"""
 import sys, time
 import numpy
