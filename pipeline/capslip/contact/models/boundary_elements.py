@@ -107,7 +107,7 @@ def boundary_elements(
         face = face.tilted(pressed.tilt_rad)
     else:
         pressed = press(face, load_N=preload_N, tolerance=tolerance, time_limit_s=time_limit_s)
-    area_m2, first = None, FirstLoading(face, pressed.approach_m)
+    area_m2, first = None, FirstLoading(face, pressed.approach_m, pressed.turns)
     if yields:
         area_m2 = np.count_nonzero(pressed.pressure_Pa >= hardness_Pa) * face.pixel_area_m2
         face, pressed = first_loading(face, pressed)

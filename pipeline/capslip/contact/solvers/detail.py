@@ -30,6 +30,7 @@ class FirstLoading:
 
     face: ElasticFace  # with its hardness, and the tilt that its balance found
     approach_m: float
+    turns: bool = False  # see `Pressed`
 
 
 @dataclass(frozen=True)
@@ -110,6 +111,7 @@ def effect_of_detail(
     )
     if not math.isinf(smooth.hardness_Pa):
         smooth, again = first_loading(smooth, again)
+    again = replace(again, turns=first.turns)
     stiffness_N_per_m, loss_J = _below(smooth, again, tolerance)
     before = _stiffnesses_N_per_m(unloading)
     stiffness = (_alone_N_per_m(one, bulk_m_per_N) for one in (before, stiffness_N_per_m))

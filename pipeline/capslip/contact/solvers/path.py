@@ -18,6 +18,7 @@ from capslip.contact.solvers.polonsky_keer import (
 )
 from capslip.contact.solvers.refinement import refinement, touches_between
 from capslip.contact.solvers.starts import Known, start_Pa
+from capslip.contact.solvers.tilting import press_about
 
 FINEST = 1e-11  # tolerance of a solution, above rounding
 _SHRUNK = 0.6  # of the points of a face, that are left where one of fewer points is sought
@@ -66,10 +67,9 @@ class Path:
                 contact, around = contact | touches_between(face, pressed), None
             self.patches = around or around_contact(face, contact, finest)
         if self.patches is not None:
-            face = self.patches
             t = -math.expm1(2 / 3 * math.log1p(-least_share))
             off = max(_PRELOAD_LEFT * t**3 / 8, FINEST)
-            pressed, region = _on_patches(self.patches, pressed, region, off)
+            face, pressed, region = _on_patches(self.patches, pressed, region, off)
         self.face, self.tolerance = in_contact_alone(face, pressed.pressure_Pa), tolerance
         at = np.flatnonzero(pressed.pressure_Pa)
         pressure_Pa, gap_m = pressed.pressure_Pa.reshape(-1)[at], pressed.gap_m.reshape(-1)[at]
@@ -251,13 +251,21 @@ class Path:
 
 def _on_patches(
     patches: PatchedFace, pressed: Pressed, region: np.ndarray, tolerance: float
-) -> tuple[Pressed, np.ndarray]:
-    """Return the state under the preload as the patches have it, and its regions."""
-    start_Pa = patches.gathered(pressed.pressure_Pa)
-    found = press(patches, load_N=pressed.load_N, tolerance=tolerance, start_Pa=start_Pa)
+) -> tuple[ElasticFace, Pressed, np.ndarray]:
+    """Return the patches, their state under the preload, and its regions.
+
+    A face in balance turns once more where it is refined: contacts that end at the edge of the map
+    reach half a pixel further, and bear more.
+    """
+    start_Pa, load_N = patches.gathered(pressed.pressure_Pa), pressed.load_N
+    face: ElasticFace = patches
+    if pressed.turns and patches.refinement > 1:
+        face, found = press_about(patches, load_N, pressed.resultant_m, tolerance, start_Pa)
+    else:
+        found = press(patches, load_N=load_N, tolerance=tolerance, start_Pa=start_Pa)
     if patches.refinement > 1:
         from scipy.ndimage import distance_transform_edt
 
         nearest = distance_transform_edt(region == 0, return_distances=False, return_indices=True)
         region = region[tuple(nearest)]
-    return found, patches.gathered(region)
+    return face, found, patches.gathered(region)

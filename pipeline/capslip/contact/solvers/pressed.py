@@ -32,6 +32,7 @@ class Pressed:
     pixel_size_m: tuple[float, float]
     certificate: Certificate
     tilt_rad: tuple[float, float] = (0.0, 0.0)  # slopes in x and y that balance added to the map
+    turns: bool = False  # whether the face turned freely, so that the resultant is where it must be
 
     @property
     def resultant_m(self) -> tuple[float, float]:

@@ -113,7 +113,43 @@ def press_balanced(
     if not np.abs(moments).max() < _UNBALANCED:
         raise ContactError(f"{face.name}: a solution does not balance its moments: {certificate}")
     slopes = float(tilt_rad[0]), float(tilt_rad[1])
-    return replace(pressed, tilt_rad=slopes, certificate=certificate)
+    turns = stiffness == 0
+    return replace(pressed, tilt_rad=slopes, certificate=certificate, turns=turns)
+
+
+def press_about(
+    face: ElasticFace,
+    load_N: float,
+    resultant_m: tuple[float, float],
+    tolerance: float,
+    start_Pa: np.ndarray,
+) -> tuple[ElasticFace, Pressed]:
+    """Turn a face, from a state near balance, until its pressures have their resultant at a place.
+
+    Parameters
+    ----------
+    face : ElasticFace
+        A map, or patches of it.
+    load_N : float
+        The load.
+    resultant_m : (float, float)
+        The place, (x, y) in the map.
+    tolerance, start_Pa
+        As in `press`.
+
+    Returns
+    -------
+    ElasticFace, Pressed
+        The face with its tilt held, and its state.
+
+    Raises
+    ------
+    ContactError
+        If no solution is found.
+    """
+    closing = GivenResultant(load_N / face.pixel_area_m2, face.places_m, resultant_m)
+    state, iterations = solve(face, closing, tolerance, start_Pa)
+    return face.tilted(state.tilt_rad), certified(face, state, load_N, iterations)
 
 
 @dataclass(frozen=True, eq=False)
