@@ -6,7 +6,7 @@ import pytest
 from capslip import load_settings
 from capslip.analysis import analyze_once as analyze
 from capslip.surface.heightmap import HeightMap
-from capslip.surface.holes import depth_of_holes, problems_of_holes
+from capslip.surface.holes import depth_of_holes, outside_as_made, problems_of_holes
 from scenes import caps_map
 
 PIXEL_M = (2e-4, 1e-4)
@@ -79,3 +79,16 @@ def test_a_hidden_cap_is_not_passed_over():
     assert "hole_may_hide_hills" in {problem.code for problem in analysis.problems}
     whole = analyze(surface, settings)
     assert "hole_may_hide_hills" not in {problem.code for problem in whole.problems}
+
+
+OBLIQUE = {
+    "turned half around": np.abs(X_M - 0.02 - 0.5 * (Y_M - 0.015)) < 0.01,  # a parallelogram
+    "turned over left to right": np.abs(X_M - 0.02) < 0.004 + 0.4 * Y_M,
+    "turned over top to bottom": np.abs(Y_M - 0.015) < 0.003 + 0.28 * X_M,
+}
+
+
+@pytest.mark.parametrize("way", OBLIQUE)
+def test_a_part_that_goes_into_itself_in_one_way_alone_is_as_it_was_made(way):
+    assert outside_as_made(without(~OBLIQUE[way]))
+    assert not outside_as_made(without(X_M / 0.04 + Y_M / 0.03 < 0.5))  # one corner
