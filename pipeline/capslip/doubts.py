@@ -21,7 +21,7 @@ from capslip.contact.press import ContactState
 from capslip.contact.relevance import as_read, still_doubtful
 from capslip.contact.slip import SlipCurve
 from capslip.contact.solvers.unloading import SMALL_SLIP
-from capslip.problems import Problem
+from capslip.problems import Effect, Problem
 from capslip.result import Analysis
 from capslip.settings import Settings
 from capslip.stages import Face, as_found
@@ -76,7 +76,7 @@ def problems_of(face: Face, found: Analysis, mate: HeightMap | None) -> tuple[Pr
         *problems_of_band(found.caps, surface, face.hills.noise_m, settings.conditioning),
         *as_read(under_load, contact, doubtful, tolerance, surface),
         *found.problems,
-        *_of_small_slip(contact, found.answer, found.slip),
+        *_of_small_slip(contact, found.answer, found.slip, tolerance),
     ]
     caps = face.caps.with_columns(flags=doubtful.flags)
     pressed = (caps, face.family_caps, face.conditioned, as_found(face, settings))
@@ -129,22 +129,28 @@ def _of_bow(face: Face, approach_m: float, flatness_m: float | None) -> list[Pro
 
 
 def _of_small_slip(
-    contact: ContactState, answer: Answer | None, slip: SlipCurve | None
+    contact: ContactState, answer: Answer | None, slip: SlipCurve | None, tolerance: float
 ) -> list[Problem]:
-    """Return a doubt where less slips under the force asked for than the model resolves.
+    """Return a doubt where the map knows less of the energy at the force asked for than it should.
 
-    From a tenth of mu N on, detail that decides was measured, and from a quarter on what pixels
-    leave: then they are no second doubt.
+    Below a quarter of mu N what pixels, noise and detail leave is only noted where nobody asks for
+    it. From a tenth of mu N on, detail that decides was measured, and from a quarter on what pixels
+    leave: then what the pixels resolve is no second doubt.
     """
     if answer is None or slip is None or contact.rung.least_share is None:
         return []
     share = answer.slip_force_N / float(slip.total_slip_force_N)
     least = contact.rung.least_share(contact.normal, contact.preload_N)
+    warned = {one.code for one in contact.problems if one.severity == "warning"}
     measured = any(one.code == "detail_decides" for one in contact.problems)
-    said = any(
-        one.code == "small_slip_extrapolated" and one.severity == "warning"
-        for one in contact.problems
-    )
+    said = "small_slip_extrapolated" in warned
+    left = 0.0 if contact.errors is None else contact.errors.energy_at(share)
+    if share < ASKED and left > tolerance and not said and "detail_decides" not in warned:
+        message = (
+            f"asked for is {percent(share)} of the force at gross slip, where pixels, noise and "
+            f"detail of the map leave up to {left:.1%} in the energy per cycle"
+        )
+        return [Problem("small_slip_extrapolated", "warning", message, Effect(None, left, left))]
     if share >= least or (measured and share >= SMALL_SLIP) or (said and share >= ASKED):
         return []
     message = (

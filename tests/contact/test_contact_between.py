@@ -60,3 +60,27 @@ def test_a_hill_that_no_pixel_touches_loses_its_energy():
         lost_J.append(_loss_J(curve.unloading(300.0))[:2])
     assert lost_J[0] == pytest.approx(lost_J[2], rel=0.02)  # 23 and 7 % less without that hill
     assert lost_J[1] == pytest.approx(lost_J[2], rel=0.005)
+
+
+def approach_of_spheres(off_pixels, finer=1):
+    """Press 16 spheres of 0.1 m so that a = 2 pixels, apexes off the nearest centre along both."""
+    pixel_m, radius_m, E_star_Pa = 1e-4, 0.1, 110e9
+    pixels = (np.arange(80 * finer) + 0.5) / finer - 0.5
+    along_m = (pixels % 20 - 10 + off_pixels) * pixel_m
+    height_m = -(along_m[:, None] ** 2 + along_m**2) / (2 * radius_m)
+    curve = boundary_elements(HeightMap(height_m, (pixel_m / finer,) * 2), E_star_Pa)
+    load_N = 16 * 4 * E_star_Pa * (2 * pixel_m) ** 3 / (3 * radius_m)
+    return curve, load_N, float(curve.approach_m(load_N))
+
+
+@pytest.mark.parametrize(("off_pixels", "noted"), [(0.5, True), (0.0, False)])
+def test_a_face_that_stands_higher_between_its_pixels_is_noted_with_how_much(off_pixels, noted):
+    """Apexes amid four pixels stand dx^2 / 4 R above them, a sixteenth of a^2 / R."""
+    curve, load_N, approach_m = approach_of_spheres(off_pixels)
+    _, _, true_m = approach_of_spheres(off_pixels, finer=5)
+    said = [one for one in curve.problems(load_N) if one.code == "first_touch_decides"]
+    assert [one.severity for one in said] == ["info"] * noted
+    assert (approach_m < 0.96 * true_m) == noted
+    higher_m = curve.unloading(load_N).approach_m - approach_m
+    assert approach_m + higher_m == pytest.approx(true_m, rel=0.01)
+    assert not noted or f"{higher_m:.2g} m higher" in said[0].message

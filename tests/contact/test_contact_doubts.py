@@ -11,6 +11,7 @@ from capslip.caps.families import group_families
 from capslip.caps.table import CapFlag, CapTable
 from capslip.contact import doubts
 from capslip.contact.doubts import contact_doubts, material_doubts, problems_of_first_touch
+from capslip.contact.rung import ModelError
 from capslip.doubts import _of_small_slip
 from capslip.problems import Problem
 from capslip.settings import Material
@@ -240,9 +241,36 @@ def test_pixels_that_hardly_slip_are_no_second_doubt_where_their_detail_was_meas
     contact = SimpleNamespace(
         rung=SimpleNamespace(least_share=lambda curve, load_N: 0.4),
         normal=None,
+        errors=None,
         preload_N=100.0,
         problems=tuple(Problem(code, "warning", "so") for code in codes),
     )
     asked = SimpleNamespace(slip_force_N=20.0 * share), SimpleNamespace(total_slip_force_N=20.0)
-    found = _of_small_slip(contact, *asked)
+    found = _of_small_slip(contact, *asked, 0.05)
     assert [one.severity for one in found] == ["warning"] * doubted
+
+
+@pytest.mark.parametrize(
+    ("share", "severity", "doubted"),
+    [
+        (0.15, "info", True),  # 12 % there, by a power between the two known
+        (0.15, "warning", False),
+        (0.24, "info", False),
+        (0.25, "info", False),
+    ],
+)
+def test_what_is_only_noted_at_small_forces_is_a_doubt_where_the_answer_is_asked(
+    share, severity, doubted
+):
+    contact = SimpleNamespace(
+        rung=SimpleNamespace(least_share=lambda curve, load_N: 0.05),
+        normal=None,
+        errors=ModelError(0.01, 0.3, ((0.1, 0.3), (0.25, 0.04))),
+        preload_N=100.0,
+        problems=(Problem("detail_decides", severity, "so"),),
+    )
+    asked = SimpleNamespace(slip_force_N=20.0 * share), SimpleNamespace(total_slip_force_N=20.0)
+    found = _of_small_slip(contact, *asked, 0.05)
+    assert [one.severity for one in found] == ["warning"] * doubted
+    left = 0.3 * (share / 0.1) ** (np.log(0.04 / 0.3) / np.log(2.5))
+    assert not doubted or found[0].effect.energy == pytest.approx(left, rel=1e-6)

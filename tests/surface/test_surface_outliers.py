@@ -78,11 +78,25 @@ def test_two_spikes_side_by_side_are_found():
     assert found(z).tolist() == [60 * NX + 70, 61 * NX + 71, 90 * NX + 70, 90 * NX + 71]
 
 
-@pytest.mark.parametrize("corner", [(0, 50), (199, 7), (90, 0), (33, 299)])
+@pytest.mark.parametrize("corner", [(0, 50), (199, 7), (90, 0), (33, 299), (0, 0), (199, 299)])
 def test_a_spike_at_the_edge_is_found(corner):
     z = rough()
     z[corner] += 2e-6
     assert found(z).tolist() == [corner[0] * NX + corner[1]]
+
+
+@pytest.mark.parametrize("second", [(1, 51), (1, 50)])
+def test_spikes_at_the_edge_with_four_neighbours_left_are_found(second):
+    z = rough()
+    z[0, 50] += 2e-6
+    z[second] -= 1e-6
+    assert found(z).tolist() == [50, second[0] * NX + second[1]]
+
+
+def test_a_narrow_peak_in_a_corner_stays():
+    z = rough()
+    z += 1e-6 * np.maximum(1 - (np.hypot(Y, X) / 2.5) ** 2, 0)
+    assert found(z).size == 0
 
 
 @pytest.mark.parametrize("seed", range(4))

@@ -1,11 +1,19 @@
 """What a map that is pressed itself is unsure of: `error_of_map` of its curve."""
 
 import math
+from collections.abc import Mapping
+from types import MappingProxyType
 
 from capslip.contact.bulk import bulk_of_face_m_per_N
 from capslip.contact.map_curve import BoundaryElementCurve
 from capslip.contact.rung import ModelError
-from capslip.contact.solvers.detail import WHITE_LEFT, FirstLoading, effect_of_detail
+from capslip.contact.solvers.detail import (
+    FORCE_SHARES,
+    WHITE_LEFT,
+    Detail,
+    FirstLoading,
+    effect_of_detail,
+)
 from capslip.contact.solvers.noise import white_noise_m
 from capslip.contact.solvers.refinement import SMOOTH
 from capslip.contact.solvers.unloading import SMALL_SLIP, Unloading
@@ -28,7 +36,8 @@ def error_of_map(
     """Return the errors of stiffness and energy, and what takes them beyond the tolerance.
 
     What is left between the solved loads, what pixels and white noise leave, and what the finest
-    detail of the map decides.
+    detail of the map decides. Of the energy these fall with the force: they are no more than noted
+    where they are beyond the tolerance below a quarter of mu N alone.
 
     Parameters
     ----------
@@ -67,33 +76,48 @@ def error_of_map(
     except OutOfTimeError:
         found.append(_out_of_time(curve.solutions.time_limit_s))
         return _with_pixels(unloading, noise_m, max(least, of_both), least), tuple(found)
-    effect = detail.effect
-    stiffness, energy, factor = effect.tangential_stiffness or 0.0, effect.energy or 0.0, 1.0
-    greatest = max(stiffness, energy)
+    of_pixels, of_noise = _at_force(unloading, noise_m, ASKED)
+    more, factor = _of_detail(detail, of_pixels, tolerance, max(curve.pressed(load_N).pixel_size_m))
+    found += more
+    if not any(one.severity == "warning" for one in more):
+        if of_noise > tolerance:
+            found.append(_noisy(noise_m, of_noise, max(curve.pressed(load_N).pixel_size_m)))
+        elif (of_either := math.hypot(of_pixels, of_noise)) > tolerance:
+            found.append(_unresolved("warning", ASKED, of_either))
+    known = any(one.severity == "warning" and one.code != "loss_between_loads" for one in found)
+    if of_both > tolerance and not known:
+        found.append(_unresolved("info", SMALL_SLIP, of_both))
+    stiffness = max(factor * (detail.effect.tangential_stiffness or 0.0), LEAST_ERROR)
+    energy = {at: factor * detail.energy_from(at) for at in FORCE_SHARES}
+    return _with_pixels(unloading, noise_m, stiffness, least, energy), tuple(found)
+
+
+def _of_detail(
+    detail: Detail, of_pixels: float, tolerance: float, pixel_m: float
+) -> tuple[list[Problem], float]:
+    """Return what there is to say of the finest detail, and its error over its effect.
+
+    That of noise itself is the greater, as the filter leaves a part of it.
+    """
+    effect, of_noise = detail.effect, 1.0 / (1.0 - WHITE_LEFT)
+    if effect.greatest <= tolerance:
+        return [], of_noise
     said = (
         f"detail of a few pixels moves the stiffness by {effect.tangential_stiffness:.1%} and the "
         f"energy by up to {effect.energy:.1%}"
     )
-    of_pixels, of_noise = _at_force(unloading, noise_m, ASKED)
-    if greatest > tolerance >= of_pixels and detail.white_share < RESOLVED:
+    if of_pixels <= tolerance and detail.white_share < RESOLVED:
         message = f"{said}, and is smooth from pixel to pixel: it is taken for the face's own"
-        found.append(Problem("detail_decides", "info", message, effect))
-        factor = detail.white_share
-    elif greatest > tolerance:
-        message = f"{said}: noise, spikes, lost points or roughness that the map hardly resolves"
-        nesting_m = NOISE_PIXELS * max(curve.pressed(load_N).pixel_size_m)
-        step = f"--set {S_FILTER}={nesting_m:.2g}, if the detail is noise; else a finer scan"
-        found.append(Problem("detail_decides", "warning", message, effect, step))
-        factor = 1.0 / (1.0 - WHITE_LEFT)
-    elif of_noise > tolerance:
-        found.append(_noisy(noise_m, of_noise, max(curve.pressed(load_N).pixel_size_m)))
-    elif (of_either := math.hypot(of_pixels, of_noise)) > tolerance:
-        found.append(_unresolved("warning", ASKED, of_either))
-    known = any(one.severity == "warning" and one.code != "loss_between_loads" for one in found)
-    if of_both > tolerance and not known:
-        found.append(_unresolved("info", SMALL_SLIP, of_both))
-    errors = max(factor * stiffness, LEAST_ERROR), max(factor * energy, least)
-    return _with_pixels(unloading, noise_m, *errors), tuple(found)
+        return [Problem("detail_decides", "info", message, effect)], detail.white_share
+    asked = detail.energy_from(ASKED)
+    if of_noise * max(effect.tangential_stiffness or 0.0, asked) <= tolerance:
+        message = f"{said}, by no more than {asked:.1%} from {percent(ASKED)} of gross slip on"
+        return [Problem("detail_decides", "info", message, effect)], of_noise
+    message = f"{said}: noise, spikes, lost points or roughness that the map hardly resolves"
+    step = (
+        f"--set {S_FILTER}={NOISE_PIXELS * pixel_m:.2g}, if the detail is noise; else a finer scan"
+    )
+    return [Problem("detail_decides", "warning", message, effect, step)], of_noise
 
 
 def _at_force(unloading: Unloading, noise_m: float, share: float) -> tuple[float, float]:
@@ -104,13 +128,20 @@ def _at_force(unloading: Unloading, noise_m: float, share: float) -> tuple[float
 
 
 def _with_pixels(
-    unloading: Unloading, noise_m: float, stiffness: float, energy: float
+    unloading: Unloading,
+    noise_m: float,
+    stiffness: float,
+    energy: float,
+    of_detail: Mapping[float, float] = MappingProxyType({}),
 ) -> ModelError:
-    """Return errors, with what pixels and noise leave in the energy, which falls with the force."""
+    """Return errors, with what pixels and noise leave in the energy, which falls with the force.
+
+    And what detail does to it, at shares of mu N; `energy` is the error at any of them.
+    """
     by_share = []
     for share in PIXELS_95:
         of_both = math.hypot(*_at_force(unloading, noise_m, share))
-        by_share.append((share, max(of_both, energy)))
+        by_share.append((share, max(of_both, energy, of_detail.get(share, 0.0))))
     return ModelError(stiffness, max(error for _, error in by_share), tuple(by_share))
 
 

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from capslip.contact.bulk import bulk_of_face_m_per_N
 from capslip.contact.curve import NormalCurve
 from capslip.contact.scaled import ScaledCurve
 from capslip.contact.solvers.detail import FirstLoading
@@ -23,6 +24,7 @@ from capslip.units import percent
 
 MIN_PIXELS_ACROSS = 10.0  # of the contacts that carry half of the load
 MIN_REFINED_ACROSS = 6.0  # the same, where a spline knows what lies between the pixels
+HIGHER = 0.05  # of the approach, that a face stands above its highest pixel: no less is noted
 AT_HOLES = 0.05  # of the load: what a hole takes from less moves the answers by less than that
 NEARLY_ALL = 0.95  # of a load: beyond that share contacts let go one by one
 
@@ -138,6 +140,7 @@ class BoundaryElementCurve:
             "of the force in the end"
         )
         found.append(Problem("small_slip_extrapolated", "info", message))
+        found += self._of_first_touch(pressed, unloading)
         at_holes = load_at_holes(pressed, self.solutions.face.measured)
         if at_holes > AT_HOLES:
             message = (
@@ -155,6 +158,22 @@ class BoundaryElementCurve:
             )
             found.append(Problem("time_limit_reached", "warning", message, Effect(None, off, off)))
         return tuple(found)
+
+    def _of_first_touch(self, pressed: Pressed, unloading: Unloading) -> list[Problem]:
+        """Return whether the face stands higher between its pixels than the approach counts from.
+
+        A spline through them goes half a pixel beyond the outermost ones, to the edge of the map.
+        """
+        face, higher_m = self.solutions.face, unloading.approach_m - pressed.approach_m
+        bulk_m = bulk_of_face_m_per_N(face, face.E_star_Pa) * pressed.load_N
+        if abs(higher_m) <= HIGHER * (pressed.approach_m - bulk_m):
+            return []
+        message = (
+            f"between its pixels, and from the outermost of them to its edge, the face stands "
+            f"{higher_m:.2g} m higher than at the highest pixel, from which the approach of "
+            f"{pressed.approach_m:.3g} m counts; stiffness and energy do not"
+        )
+        return [Problem("first_touch_decides", "info", message)]
 
     def least_share(self, load_N: float) -> float:
         """Return the least share of mu N that pixels resolve: asked below it, a warning says so."""

@@ -1,7 +1,9 @@
 """Outliers: points that stand off their neighbours, not points that stand off the mean."""
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, field
+from itertools import product
 
 import numpy as np
 
@@ -25,6 +27,7 @@ SAMPLED_LINES = 100
 LEAST_WHOLE = 0.02  # of the measured points inside: those with eight measured neighbours
 NEAREST = 8  # measured points around one that stands alone
 NEIGHBOURS = ((-1, -1), (-1, 0), (-1, 1), (0, -1), (0, 1), (1, -1), (1, 0), (1, 1))
+TWO_AWAY = tuple(one for one in product(range(-2, 3), repeat=2) if one != (0, 0))
 
 
 @dataclass(frozen=True, eq=False)
@@ -125,7 +128,8 @@ def find_outliers(surface: HeightMap, stored: HeightMap | None = None) -> Outlie
     included. An island is a part of at most 8 points, or one of up to 1 % of all points that has
     one stored height throughout. An island of one or two points is a *spike* if it stands above or
     below all its measured neighbours, at least five, by more than 4 times the range of their
-    heights, highest and lowest left out. An island beside a non-measured point is a *bad
+    heights, highest and lowest left out; where an edge of the map leaves it fewer than five,
+    those two pixels away count, too. An island beside a non-measured point is a *bad
     code* if it stands outside the heights of the rest of the face, other such islands left out, by
     more than the range of these; a map without roughness gives no scale for that. What was found
     is no neighbour any more, and the others are judged again. So a cap three pixels wide, a ridge,
@@ -320,9 +324,11 @@ def _at_cliff(z: HeightMap, cliff_m: float, step_m: np.ndarray) -> np.ndarray:
     return np.unique(np.concatenate(found)) if found else np.empty(0, dtype=np.intp)
 
 
-def _neighbours(index: np.ndarray, shape: tuple[int, ...]) -> tuple[np.ndarray, np.ndarray]:
+def _neighbours(
+    index: np.ndarray, shape: tuple[int, ...], offsets: Sequence[tuple[int, ...]] = NEIGHBOURS
+) -> tuple[np.ndarray, np.ndarray]:
     """Return pairs of point (its number in `index`) and neighbour (its place in the map)."""
-    down, right = np.array(NEIGHBOURS).T
+    down, right = np.array(offsets).T
     row, col = index[:, None] // shape[1] + down, index[:, None] % shape[1] + right
     inside = (row >= 0) & (row < shape[0]) & (col >= 0) & (col < shape[1])
     return np.nonzero(inside)[0], (row * shape[1] + col)[inside]
@@ -334,7 +340,7 @@ def _judge(
     """Return which points of islands are outliers, and how far each stands off what is around it.
 
     An outlier is no neighbour: each that is found sets its neighbours free, and they are judged
-    again.
+    again. Those of too few neighbours are judged last, by what is two pixels away.
     """
     n = int(island.max()) + 1
     n_points = np.bincount(island, minlength=n)
@@ -342,7 +348,7 @@ def _judge(
     centre_m = np.bincount(island, own_m, minlength=n) / n_points
     ring, beside, open_ = _rings(surface, index, island)
     beside_m = surface.at(beside)
-    outlier, middle_m = np.zeros(n, dtype=bool), np.zeros(n)
+    outlier, middle_m, wider = np.zeros(n, dtype=bool), np.zeros(n), False
     while True:
         n_ring = np.bincount(ring, minlength=n)
         spike = ~outlier & (n_ring >= MIN_RING_POINTS) & (n_points <= MAX_SPIKE_POINTS)
@@ -361,23 +367,34 @@ def _judge(
             code &= np.abs(off_m) > highest_m - lowest_m
             middle_m[code] = centre_m[code] - off_m[code]
         new = spike | code
-        if not new.any():
-            return outlier[island], own_m - middle_m[island]
         outlier |= new
+        if not new.any():
+            few = ~outlier & ~open_ & (n_points <= MAX_SPIKE_POINTS) & (n_ring < MIN_RING_POINTS)
+            if wider or not few.any():
+                return outlier[island], own_m - middle_m[island]
+            wider, of_few, enough = True, few[island], ~few[ring]
+            more, further, _ = _rings(surface, index[of_few], island[of_few], TWO_AWAY)
+            ring, beside = np.append(ring[enough], more), np.append(beside[enough], further)
+            order = np.lexsort((surface.at(beside), ring))
+            ring, beside = ring[order], beside[order]
+            beside_m = surface.at(beside)
         place = np.minimum(np.searchsorted(index, beside), index.size - 1)
         gone = (index[place] == beside) & outlier[island[place]]
         ring, beside, beside_m = ring[~gone], beside[~gone], beside_m[~gone]
 
 
 def _rings(
-    surface: HeightMap, index: np.ndarray, island: np.ndarray
+    surface: HeightMap,
+    index: np.ndarray,
+    island: np.ndarray,
+    offsets: Sequence[tuple[int, ...]] = NEIGHBOURS,
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return what is around the islands.
 
     Pairs of island and measured point beside it, by island and then by height, and which islands
     have a non-measured point beside them.
     """
-    member, beside = _neighbours(index, surface.shape)
+    member, beside = _neighbours(index, surface.shape, offsets)
     around = island[member]
     missing = np.isnan(surface.at(beside))
     open_ = np.bincount(around[missing], minlength=int(island.max()) + 1) > 0

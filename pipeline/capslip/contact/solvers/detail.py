@@ -39,6 +39,11 @@ class Detail:
 
     effect: Effect
     white_share: float = 0.0  # of its rms, that white noise could be, see `_white_share`
+    energy: tuple[float, ...] = (0.0,) * len(FORCE_SHARES)  # the effect on it at each of these
+
+    def energy_from(self, share: float) -> float:
+        """Return the greatest effect on the energy at these forces from a share of mu N on."""
+        return max(one for at, one in zip(FORCE_SHARES, self.energy, strict=True) if at >= share)
 
 
 def effect_of_detail(
@@ -83,8 +88,8 @@ def effect_of_detail(
     Returns
     -------
     Detail
-        With changes over the greater of both values; of the energy the greatest of four forces, of
-        the stiffness that where slip begins and of the secants at these.
+        With changes over the greater of both values; of the energy those at four forces and the
+        greatest of them, of the stiffness that where slip begins and of the secants at these.
     """
     load_N = unloading.load_N
     smooth = smoothed = _smoothed(first.face)
@@ -116,8 +121,9 @@ def effect_of_detail(
     before = _stiffnesses_N_per_m(unloading)
     stiffness = (_alone_N_per_m(one, bulk_m_per_N) for one in (before, stiffness_N_per_m))
     stiffer = float(_relative(*stiffness).max())
-    more = float(_relative(_loss_J(unloading), loss_J).max())
-    return Detail(Effect(stiffer, more, more), _white_share(first, smoothed))
+    energy = _relative(_loss_J(unloading), loss_J).tolist()
+    more = max(energy)
+    return Detail(Effect(stiffer, more, more), _white_share(first, smoothed), tuple(energy))
 
 
 def _below(face: ElasticFace, pressed: Pressed, tolerance: float) -> tuple[np.ndarray, np.ndarray]:
