@@ -12,10 +12,6 @@ from capslip.contact.solvers.whiteness import white_m2
 # the first, to the second; then the energy at a tenth of mu N is off by 1 %, and not by 2 to 9.
 _WIDE_ENOUGH, _WIDE = 35, 75
 _MOST_REFINED = 6
-# The same of a map that is rough from pixel to pixel: its shortest wave, of two pixels, has four
-# points then. More would follow a spline where it no longer knows the face
-_MOST_OF_ROUGH = 2
-_SWING = 2.0  # of the roughness, that a spline may swing: the greatest of many pixels is at 4.5
 # What a map that may be refined has of white noise at most, of the approach, and the order of the
 # differences that know it: waves of 4 pixels, which a spline follows to 1 %, give them 0.14
 SMOOTH, _ORDER = 0.0055, 8
@@ -25,20 +21,18 @@ _RINGING = 0.27  # 2 - sqrt(3): how a cubic spline's swing falls from pixel to p
 def refinement(face: ElasticFace, pressed: Pressed) -> int:
     """Return how many points along the side of a pixel follow the slip of a contact.
 
-    One where the contacts are wide enough, or a pit or step beside them makes a spline swing.
+    One where the contacts are wide enough, or the map is rough from pixel to pixel: then no spline
+    knows what lies between the pixels.
     """
     across = pressed.pixels_across
     if across >= _WIDE_ENOUGH:
         return 1
     noise_m2 = 0.5 * (white_m2(face.depth_m, _ORDER, 0) + white_m2(face.depth_m, _ORDER, 1))
     inside = (pressed.pressure_Pa > 0) & np.isfinite(noise_m2)
-    if not inside.any():
+    rough_m = np.sqrt(noise_m2[inside].mean()) if inside.any() else np.inf
+    if rough_m > SMOOTH * pressed.approach_m or _rings(noise_m2, pressed):
         return 1
-    rough_m, smooth_m = float(np.sqrt(noise_m2[inside].mean())), SMOOTH * pressed.approach_m
-    if _rings(noise_m2, pressed, max(smooth_m, _SWING * rough_m)):
-        return 1
-    most = _MOST_REFINED if rough_m <= smooth_m else _MOST_OF_ROUGH
-    return min(most, int(np.ceil(_WIDE / across)))
+    return min(_MOST_REFINED, int(np.ceil(_WIDE / across)))
 
 
 def touches_between(face: ElasticFace, pressed: Pressed) -> np.ndarray:
@@ -85,15 +79,15 @@ def _swings(face: ElasticFace, pressed: Pressed) -> np.ndarray:
     return np.asarray(distance_transform_edt(~rough) <= pixels)
 
 
-def _rings(square_m2: np.ndarray, pressed: Pressed, most_m: float) -> bool:
-    """Tell whether a spline swings by more in a contact because of a pit or a step beside it.
+def _rings(square_m2: np.ndarray, pressed: Pressed) -> bool:
+    """Tell whether a spline swings in a contact because of a pit or a step beside it.
 
     What is off its neighbours at one pixel, squared, makes a cubic spline swing about it, by 0.27
     of that less at each pixel further on.
     """
     from scipy.ndimage import distance_transform_edt
 
-    contact = pressed.pressure_Pa > 0
+    contact, most_m = pressed.pressure_Pa > 0, SMOOTH * pressed.approach_m
     rough = (np.sqrt(square_m2) > most_m) & ~contact
     if not rough.any():
         return False
