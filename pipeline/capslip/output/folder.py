@@ -168,17 +168,21 @@ class _Parts:
         try:
             return function(*arguments)
         except Exception as error:
-            for name in names:
-                (self.work / name).unlink(missing_ok=True)
-            reason = str(error)
-            if not isinstance(error, CapslipError):
-                reason = f"{type(error).__name__}: {error}"
-            files = " and ".join(Path(name).name for name in names)
-            text = " ".join(f"{files} could not be made: {reason}".split())
-            self.missing(text, error)
-            problem = Problem("output_missing", "warning", text)
-            self.analysis = replace(self.analysis, problems=(*self.analysis.problems, problem))
+            self.leave_out(names, error)
             return None
+
+    def leave_out(self, names: tuple[str, ...], error: Exception) -> None:
+        """Leave none of some files that could not be made, and say why."""
+        for name in names:
+            (self.work / name).unlink(missing_ok=True)
+        reason = str(error)
+        if not isinstance(error, CapslipError):
+            reason = f"{type(error).__name__}: {error}"
+        files = " and ".join(Path(name).name for name in names)
+        text = " ".join(f"{files} could not be made: {reason}".split())
+        self.missing(text, error)
+        problem = Problem("output_missing", "warning", text)
+        self.analysis = replace(self.analysis, problems=(*self.analysis.problems, problem))
 
     def write_numbers(self) -> None:
         """Write tables and settings."""
@@ -233,13 +237,32 @@ class _Parts:
         return reason
 
     def draw_figures(self, names: Collection[str], pictures: Path) -> None:
-        """Draw the figures of those names."""
+        """Draw the figures of those names, half of them in a copy of this process."""
         self.progress("drawing")
         waiting = Waiting("drawing", "figures")
-        for done, name in enumerate(names, 1):
-            file = (f"figures/{name}.png",)
-            self.make(file, all_figures.write_figure, name, self.analysis, pictures)
-            waiting.tell(done, len(names))
+        first, *others = names
+
+        def draw(some: Collection[str]) -> dict[str, Exception]:
+            failed = {}
+            for name in some:
+                try:
+                    all_figures.write_figure(name, self.analysis, pictures)
+                except Exception as error:
+                    failed[name] = error
+            return failed
+
+        failed = draw((first,))  # loads what both need
+        half = len(others) // 2
+        aside = Aside(lambda: draw(others[half:]))
+        try:
+            for done, name in enumerate(others[:half], 2):
+                failed |= draw((name,))
+                waiting.tell(done, len(names))
+            failed |= aside.wait()
+        finally:
+            aside.stop()
+        for name, error in failed.items():
+            self.leave_out((f"figures/{name}.png",), error)
         self.lap("figures")
 
     def draw_scans(self, joint: JointOfScans, export: Export | None) -> None:
