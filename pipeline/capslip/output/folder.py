@@ -105,7 +105,7 @@ def write(
         parts.write_numbers()
         if page or run.figures or run.render:
             (work / "figures").mkdir()
-        no_scene = parts.draw(extra, renderer)
+        no_scene = parts.draw(extra, renderer, page)
         if page:
             parts.write_page(command, no_scene)
         total_s = sum((analysis.timings_s | parts.timings_s).values())
@@ -198,7 +198,7 @@ class _Parts:
         )
         self.lap("report")
 
-    def draw(self, export: Export | None, renderer: Ready | None) -> str | None:
+    def draw(self, export: Export | None, renderer: Ready | None, page: bool) -> str | None:
         """Make export, meshes and figures beside the picture; return why there is no picture."""
         run, rendering = self.analysis.settings.run, None
         pictures, parameters = self.work / "figures", self.analysis.iso25178
@@ -217,6 +217,8 @@ class _Parts:
                 self.lap("meshes")
             if run.figures:
                 self.draw_figures(all_figures.FIGURES, pictures)
+            if page:
+                report.template()  # while others are at work
             if features is not None:
                 parameters.take(features.wait())
             if not run.render:
