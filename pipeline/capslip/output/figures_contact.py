@@ -9,7 +9,6 @@ import numpy as np
 from capslip.errors import ContactError
 from capslip.output.canvas import ACCENT, INK, blank, legend_beside, write_decades
 from capslip.output.quantity import engineering, unit_on
-from capslip.output.smooth import smooth
 from capslip.result import JointOfScans
 from capslip.structure.response import MOST_LOSS_FACTOR
 from capslip.structure.stiffness import structure_name
@@ -282,18 +281,23 @@ def _veil_unresolved(axes: "Axes", analysis: "Analysis", place: "Callable[[float
 
 def _smooth(x: np.ndarray, y: np.ndarray, points: int = 600) -> tuple[np.ndarray, np.ndarray]:
     """Return a curve over logarithms that bends between its points, as the eye expects."""
+    from scipy.interpolate import PchipInterpolator
+
     seen = y > 0.0
     if seen.sum() < 4:
         return x, y
     fine = np.geomspace(x[seen][0], x[seen][-1], points)
-    return fine, np.exp(smooth(np.log(x[seen]), np.log(y[seen]), np.log(fine)))
+    return fine, np.exp(PchipInterpolator(np.log(x[seen]), np.log(y[seen]))(np.log(fine)))
 
 
 def _between(load_N: np.ndarray, approach_m: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return loads and approaches between those of a normal curve, as if of Hertz contacts."""
+    from scipy.interpolate import PchipInterpolator
+
     fine_N = load_N[-1] * np.linspace(0.0, 1.0, 201) ** 1.5
     apart = np.diff(load_N, prepend=-1.0) > 1e-12 * load_N  # the share of a joint rounds loads
-    return fine_N, smooth(load_N[apart] ** (2 / 3), approach_m[apart], fine_N ** (2 / 3))
+    curve = PchipInterpolator(load_N[apart] ** (2 / 3), approach_m[apart])
+    return fine_N, curve(fine_N ** (2 / 3))
 
 
 def _mark_loss_factor(axes: "Axes", analysis: "Analysis", unit_m: float) -> None:
