@@ -84,10 +84,10 @@ def analyze(
     if os.path.isfile(surface):  # otherwise the reader says what is wrong with it
         check_folder(folder, keep=(surface, mate))
     say = Progress(quiet, options["verbose"])
-    face = _load(surface, settings, say)
-    other = _load(mate, settings, say) if mate is not None else None
-    timings_s = {"read": say.elapsed_s()}
     with ready(settings.run.render) as renderer:
+        face = _load(surface, settings, say)
+        other = _load(mate, settings, say) if mate is not None else None
+        timings_s = {"read": say.elapsed_s()}
         analysis = run(face, settings, other, progress=say)
         if not as_json and not quiet:
             say_result(to_width(result_lines(analysis)))

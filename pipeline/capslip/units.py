@@ -68,6 +68,8 @@ QUANTITY = re.compile(
 )
 
 
+MOVED = re.compile(r"\bby (\d+(?:\.\d+)?)%")
+TENFOLD = 9.0  # a change of 900 %
 SHARE = re.compile(r"(?<![\w.])(\d+(?:\.\d+)?)%")
 
 
@@ -81,6 +83,19 @@ def percent(share: float) -> str:
     """
     value = 100.0 * share
     return f"{value:.0f} %" if value >= 99.5 else f"{value:.2g} %"
+
+
+def change(share: float) -> str:
+    """Write by how much a number moves: in percent, from tenfold on as a factor.
+
+    Examples
+    --------
+    >>> change(0.24), change(3.0), change(108.9)
+    ('24 %', '300 %', 'a factor of 110')
+    """
+    if share < TENFOLD:
+        return percent(share)
+    return f"a factor of {float(f'{1.0 + share:.2g}'):.0f}"
 
 
 def readable(text: str) -> str:
@@ -100,6 +115,7 @@ def readable(text: str) -> str:
     'moves the energy by 309 %'
     """
     text = QUANTITY.sub(_readable, text)
+    text = MOVED.sub(lambda match: f"by {change(float(match[1]) / 100.0)}", text)
     return SHARE.sub(lambda match: percent(float(match[1]) / 100.0), text)
 
 

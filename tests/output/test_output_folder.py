@@ -13,7 +13,7 @@ import pytest
 import capslip
 from capslip.caps.table import UNITS
 from capslip.errors import OutputError, SettingsError
-from capslip.output import mesh, scene, tables
+from capslip.output import figures, mesh, scene, tables
 from capslip.problems import Problem
 from check_result import defects
 
@@ -244,3 +244,25 @@ def test_a_failed_analysis_is_written(tmp_path):
     summary = capslip.write(analysis, tmp_path / "a", figures=False, render=False)
     assert summary["status"] == "failed"
     assert defects(tmp_path / "a") == ["status failed"]
+
+
+@pytest.mark.parametrize("name", ["height_map", "hills_and_caps", "loss_factor"])
+def test_a_figure_that_fails_here_or_in_the_copy_is_told_once(name, tmp_path, monkeypatch):
+    def fail(*_):
+        raise ValueError("torn")
+
+    monkeypatch.setitem(figures.FIGURES, name, replace(figures.FIGURES[name], draw=fail))
+    told = []
+    summary = capslip.write(
+        output_cases.several(),
+        tmp_path / "a",
+        render=False,
+        missing=lambda text, error: told.append((text, type(error))),
+    )
+    text = f"{name}.png could not be made: ValueError: torn"
+    assert told == [(text, ValueError)]
+    assert [p["message"] for p in summary["problems"] if p["code"] == "output_missing"] == [text]
+    drawn = {path.stem for path in (tmp_path / "a" / "figures").iterdir()}
+    assert drawn == set(figures.FIGURES) - {name}
+    page = (tmp_path / "a" / "report.html").read_text("utf-8")
+    assert text in page

@@ -12,6 +12,7 @@ from PIL import Image
 
 from capslip.output import report
 from capslip.output.figures import FIGURES
+from capslip.output.lead import _left_out
 from capslip.output.quantity import engineering
 from capslip.output.report import MAX_ROWS, _data, write_report
 from capslip.problems import Effect, Problem
@@ -181,6 +182,9 @@ def test_at_most_three_causes_come_first_errors_before_what_moves_most(several, 
     assert body.count("Next: ") == 3
     assert "moves little" not in body
     assert page.text.index("moves some") < page.text.index("only a note")
+    far = replace(several, problems=(moving("spikes", "moves", 108.9),))
+    page = Page(write_report(far, far.summary(), tmp_path, None))
+    assert "the energy by a factor of 110" in page.source
 
 
 def test_answer_comes_before_everything_else(page, several):
@@ -219,3 +223,10 @@ def test_quantities_have_one_spelling_of_their_prefix_and_numbers_of_options_sta
     assert report._micro("stored in um, 3 um and 4 uN/x of 2 umbrellas") == (
         "stored in um, 3 µm and 4 µN/x of 2 umbrellas"
     )
+
+
+def test_what_an_interval_leaves_out_is_one_list():
+    found = _left_out(["noise of the map", "what a_doubt moves", "what b_doubt moves"])
+    assert found == "; it leaves out noise of the map and the effect of a_doubt and b_doubt"
+    assert _left_out(["error of the model"]) == "; it leaves out error of the model"
+    assert _left_out([]) == ""

@@ -174,3 +174,22 @@ def test_print_holds_every_figure_and_leaves_no_page_half_empty(case, tmp_path):
 def test_report_is_small(case):
     _, page = case
     assert page.stat().st_size < 4e6
+
+
+@needs_chromium
+def test_fields_and_small_numbers_of_the_panel_can_be_read(case, tmp_path):
+    analysis, page = case
+    modal_N_per_m = analysis.damping.modal_stiffness_N_per_m
+    shown, loss, other_loss, words = ask(
+        page,
+        """const one = window.capslipWhatIf, field = one.inputs.K_m, shown = +field.value;
+        const loss = one.answer(one.state).loss;
+        field.value = 2 * shown; field.dispatchEvent(new Event("input"));
+        const words = document.querySelector("canvas.eta").getAttribute("aria-label");
+        return [shown, loss, one.answer(one.state).loss, words];""",
+        tmp_path,
+    )
+    assert shown * 1e6 == pytest.approx(modal_N_per_m, rel=1e-5)
+    assert other_loss == pytest.approx(loss / 2.0, rel=1e-5)
+    assert "·10⁻" in words
+    assert "0.0000" not in words

@@ -61,13 +61,13 @@ class Iso25178:
         """Whether hills and dales are found: on a map that is not too large."""
         return self.conditioned.surface.size <= MOST_POINTS
 
-    def features(self) -> tuple[FeatureParameters, FeatureParameters]:
-        """Return the parameters of hills and dales."""
-        return self.hills, self.dales
+    def features(self) -> dict[str, SurfaceParameters | FeatureParameters]:
+        """Return the parameters of heights, hills and dales."""
+        return {"field": self.field, "hills": self.hills, "dales": self.dales}
 
-    def take(self, found: tuple[FeatureParameters, FeatureParameters]) -> None:
+    def take(self, found: dict[str, SurfaceParameters | FeatureParameters]) -> None:
         """Keep the `features` that were found elsewhere."""
-        vars(self).update(zip(("hills", "dales"), found, strict=True))
+        vars(self).update(found)
 
     def to_dict(self, *, with_hills: bool) -> dict[str, Any]:
         """Return the numbers; those of hills and dales are None without, and on too large maps."""

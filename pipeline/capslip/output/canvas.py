@@ -161,8 +161,10 @@ def power_of_ten(value: float) -> str:
 
 def save(figure: "Figure", path: Path) -> None:
     """Write a figure as PNG, laid out and drawn once (`savefig` goes through it three times)."""
+    from matplotlib.layout_engine import ConstrainedLayoutEngine
+
     engine = figure.get_layout_engine()
-    if engine is not None:
+    if isinstance(engine, ConstrainedLayoutEngine):  # some figures have their places already
         if len(figure.axes) == 1 and not figure.legends:
             _fit(figure)
         else:

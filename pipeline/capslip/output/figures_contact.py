@@ -209,9 +209,9 @@ def loss_factor(analysis: "Analysis", axes: "Axes | None" = None) -> "Figure | N
     figure, axes = blank(title, axes=axes)
     steady = np.isfinite(damping.loss_factor)
     amplitude_m, eta = damping.amplitude_m[steady], damping.loss_factor[steady]
-    smooth_m, smooth = _smooth(amplitude_m, eta)
-    smooth = np.where(smooth <= MOST_LOSS_FACTOR, smooth, np.nan)
-    axes.semilogx(smooth_m / unit_m, smooth, color=INK, linewidth=1.8, label="_loss factor")
+    fine_m, fine = _smooth(amplitude_m, eta)
+    fine = np.where(fine <= MOST_LOSS_FACTOR, fine, np.nan)
+    axes.semilogx(fine_m / unit_m, fine, color=INK, linewidth=1.8, label="_loss factor")
     for i, scan in enumerate(_scans_of(analysis)):
         label = "_scan" if i else SCATTER
         alone = np.where(

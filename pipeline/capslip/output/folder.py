@@ -105,7 +105,7 @@ def write(
         parts.write_numbers()
         if page or run.figures or run.render:
             (work / "figures").mkdir()
-        no_scene = parts.draw(extra, renderer)
+        no_scene = parts.draw(extra, renderer, page)
         if page:
             parts.write_page(command, no_scene)
         total_s = sum((analysis.timings_s | parts.timings_s).values())
@@ -168,17 +168,21 @@ class _Parts:
         try:
             return function(*arguments)
         except Exception as error:
-            for name in names:
-                (self.work / name).unlink(missing_ok=True)
-            reason = str(error)
-            if not isinstance(error, CapslipError):
-                reason = f"{type(error).__name__}: {error}"
-            files = " and ".join(Path(name).name for name in names)
-            text = " ".join(f"{files} could not be made: {reason}".split())
-            self.missing(text, error)
-            problem = Problem("output_missing", "warning", text)
-            self.analysis = replace(self.analysis, problems=(*self.analysis.problems, problem))
+            self.leave_out(names, error)
             return None
+
+    def leave_out(self, names: tuple[str, ...], error: Exception) -> None:
+        """Leave none of some files that could not be made, and say why."""
+        for name in names:
+            (self.work / name).unlink(missing_ok=True)
+        reason = str(error)
+        if not isinstance(error, CapslipError):
+            reason = f"{type(error).__name__}: {error}"
+        files = " and ".join(Path(name).name for name in names)
+        text = " ".join(f"{files} could not be made: {reason}".split())
+        self.missing(text, error)
+        problem = Problem("output_missing", "warning", text)
+        self.analysis = replace(self.analysis, problems=(*self.analysis.problems, problem))
 
     def write_numbers(self) -> None:
         """Write tables and settings."""
@@ -194,7 +198,7 @@ class _Parts:
         )
         self.lap("report")
 
-    def draw(self, export: Export | None, renderer: Ready | None) -> str | None:
+    def draw(self, export: Export | None, renderer: Ready | None, page: bool) -> str | None:
         """Make export, meshes and figures beside the picture; return why there is no picture."""
         run, rendering = self.analysis.settings.run, None
         pictures, parameters = self.work / "figures", self.analysis.iso25178
@@ -213,6 +217,8 @@ class _Parts:
                 self.lap("meshes")
             if run.figures:
                 self.draw_figures(all_figures.FIGURES, pictures)
+            if page:
+                report.template()  # while others are at work
             if features is not None:
                 parameters.take(features.wait())
             if not run.render:
@@ -233,13 +239,32 @@ class _Parts:
         return reason
 
     def draw_figures(self, names: Collection[str], pictures: Path) -> None:
-        """Draw the figures of those names."""
+        """Draw the figures of those names, half of them in a copy of this process."""
         self.progress("drawing")
         waiting = Waiting("drawing", "figures")
-        for done, name in enumerate(names, 1):
-            file = (f"figures/{name}.png",)
-            self.make(file, all_figures.write_figure, name, self.analysis, pictures)
-            waiting.tell(done, len(names))
+        first, *others = names
+
+        def draw(some: Collection[str]) -> dict[str, Exception]:
+            failed = {}
+            for name in some:
+                try:
+                    all_figures.write_figure(name, self.analysis, pictures)
+                except Exception as error:
+                    failed[name] = error
+            return failed
+
+        failed = draw((first,))  # loads what both need
+        half = len(others) // 2
+        aside = Aside(lambda: draw(others[half:]))
+        try:
+            for done, name in enumerate(others[:half], 2):
+                failed |= draw((name,))
+                waiting.tell(done, len(names))
+            failed |= aside.wait()
+        finally:
+            aside.stop()
+        for name, error in failed.items():
+            self.leave_out((f"figures/{name}.png",), error)
         self.lap("figures")
 
     def draw_scans(self, joint: JointOfScans, export: Export | None) -> None:

@@ -4,7 +4,7 @@ from typing import Any
 
 from capslip.output.rows import write_text
 from capslip.problems import KINDS
-from capslip.units import percent
+from capslip.units import change
 
 ASKED = {
     "amplitude_m": "amplitude {answer_amplitude_m:4} of the {answer_structure}",
@@ -74,6 +74,18 @@ def answer_lines(summary: dict[str, Any], absent: str) -> list[tuple[str, str]]:
     return list(zip(labels, written, strict=True))
 
 
+def _left_out(names: list[str]) -> str:
+    """Say what an interval does not hold, the doubts among it by their codes in one list."""
+    doubts = [
+        one.removeprefix("what ").removesuffix(" moves") for one in names if one.endswith(" moves")
+    ]
+    others = [one for one in names if not one.endswith(" moves")]
+    if doubts:
+        listed = " and ".join(filter(None, (", ".join(doubts[:-1]), doubts[-1])))
+        others.append(f"the effect of {listed}")
+    return LEFT_OUT.format(" and ".join(others)) if others else ""
+
+
 def _interval_texts(answer: dict[str, Any]) -> list[str]:
     """Return the interval and which input makes how much of that of the energy."""
     if answer["contributions"] is None:
@@ -86,8 +98,7 @@ def _interval_texts(answer: dict[str, Any]) -> list[str]:
     shares = answer["contributions"]["energy_J"].items()
     shares = sorted(shares, key=lambda one: -one[1])
     parts = ", ".join(f"{name} {100.0 * share:.0f} %" for name, share in shares if share >= 0.005)
-    names = " and ".join(answer["not_in_interval"])
-    left_out = LEFT_OUT.format(names) if names else ""
+    left_out = _left_out(answer["not_in_interval"] or [])
     return [
         f"90 % interval: {', '.join(ranges)}",
         (f"what makes that of the energy: {parts}" if parts else "no upper bound")
@@ -158,7 +169,7 @@ def effect_text(problem: dict[str, Any]) -> str:
 def moved_by(problem: dict[str, Any]) -> str:
     """Return by how much a problem moves the numbers; nothing where that was not measured."""
     moved = [
-        f"{MOVED[name]} by {percent(value)}"
+        f"{MOVED[name]} by {change(value)}"
         for name, value in (problem["effect"] or {}).items()
         if value is not None
     ]

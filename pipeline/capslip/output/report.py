@@ -107,7 +107,7 @@ def write_report(
     problems = sorted(summary["problems"], key=lambda one: SEVERITIES.index(one["severity"]))
     result, panel = folder / "result.h5", whatif_data(analysis)
     scans = analysis.scans if isinstance(analysis, JointOfScans) else ()
-    page = _template().render(
+    page = template().render(
         summary=summary,
         style=_part("report.css"),
         script=_part("report.js"),
@@ -137,7 +137,7 @@ def write_report(
 
 
 @cache
-def _template() -> "Template":
+def template() -> "Template":
     """Return the page to be filled in; to compile it takes longer than all of a small one."""
     from jinja2 import Environment, StrictUndefined
 

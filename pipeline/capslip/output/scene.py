@@ -21,7 +21,7 @@ from capslip.output.view import COLOURS, check_result, read_view, result_file
 from capslip.output.window import Window
 
 OFF_SCREEN = "--screenshot FILE.png, --turntable FILE.gif or --html FILE.html need none"
-PICTURE_CELLS = 120_000  # of the face: some nine pixels each
+PICTURE_CELLS = 70_000  # of the face: as many as turn on the page
 NICE = 5  # while numbers are sought they come first
 FRAMES, FRAME_ms, FRAME_SIZE = 48, 80, (900, 570)
 

@@ -5,12 +5,20 @@ const place = document.getElementById("whatif"), text = document.getElementById(
 if (!place || !text) return;
 const data = JSON.parse(text.textContent);
 const PREFIX = { "-15": "f", "-12": "p", "-9": "n", "-6": "µ", "-3": "m", 0: "", 3: "k", 6: "M", 9: "G", 12: "T" };
+const RAISED = { "-": "⁻", 0: "⁰", 1: "¹", 2: "²", 3: "³", 4: "⁴", 5: "⁵", 6: "⁶", 7: "⁷", 8: "⁸", 9: "⁹" };
+const SCALE = { K_m: 1e6, K_s: 1e6 };  // of a field: N/m in MN/m
 function engineering(value, unit, digits = 4) {
   if (!Number.isFinite(value)) return "–";
   if (value === 0) return `0 ${unit}`;
   const round = Number(value.toPrecision(digits));
   const power = Math.max(-15, Math.min(12, 3 * Math.floor(Math.log10(Math.abs(round)) / 3 + 1e-12)));
   return `${Number((round / 10 ** power).toPrecision(digits))} ${PREFIX[power]}${unit}`;
+}
+
+function plain(value, digits) {
+  const [digit, power] = value.toExponential(digits - 1).split("e");
+  if (value === 0 || Math.abs(power) < 4) return `${Number(value.toPrecision(digits))}`;
+  return `${Number(digit)}·10${[...`${Number(power)}`].map((one) => RAISED[one]).join("")}`;
 }
 
 // --- the equations ----------------------------------------------------------------------------
@@ -95,8 +103,8 @@ const state = { ...start, amplitude: data.amplitude_m || 0.25 * data.friction * 
 place.innerHTML = `<div class="inputs">
 <label>Preload <select data-name="table"></select></label>
 <label>Friction coefficient <input data-name="friction" type="number" min="0.01" max="2" step="0.01"></label>
-<label>Modal stiffness [N/m] <input data-name="K_m" type="number" min="1" step="any"></label>
-<label>Joint stiffness [N/m] <input data-name="K_s" type="number" min="1" step="any"></label>
+<label>Modal stiffness [MN/m] <input data-name="K_m" type="number" min="0.000001" step="any"></label>
+<label>Joint stiffness [MN/m] <input data-name="K_s" type="number" min="0.000001" step="any"></label>
 <label>Joints <input data-name="n" type="number" min="1" step="1"></label>
 <label>Amplitude <output></output><input data-name="share" type="range" min="-3" max="0" step="0.002"></label>
 <button type="button">as analysed</button></div>
@@ -107,12 +115,12 @@ const inputs = Object.fromEntries([...place.querySelectorAll("[data-name]")].map
 tables.forEach((one, i) => inputs.table.add(new Option(engineering(one.preload, "N"), i)));
 function gross() { return state.friction * joints[state.table].P / state.K_s; }
 function show() {
-  for (const name of ["table", "friction", "K_m", "K_s", "n"]) if (document.activeElement !== inputs[name]) inputs[name].value = name.startsWith("K") ? Number(state[name].toPrecision(6)) : state[name];
+  for (const name of ["table", "friction", "K_m", "K_s", "n"]) if (document.activeElement !== inputs[name]) inputs[name].value = name in SCALE ? Number((state[name] / SCALE[name]).toPrecision(6)) : state[name];
   inputs.share.value = Math.log10(Math.min(1, state.amplitude / gross()));
   update();
 }
 for (const [name, element] of Object.entries(inputs)) element.addEventListener("input", () => {
-  const value = Number(element.value);
+  const value = Number(element.value) * (SCALE[name] || 1);
   if (name === "share") state.amplitude = Math.min(1, 10 ** value) * gross();
   else if (name === "table" || value > 0) state[name] = value;
   if (name !== "share") inputs.share.value = Math.log10(Math.min(1, state.amplitude / gross()));
@@ -166,7 +174,7 @@ function drawEta(found) {
   at.fillText(`${engineering(1e-3 * most, "m", 3)}`, edge, high - 3);
   const end = engineering(most, "m", 3);
   at.fillText(end, wide - edge - at.measureText(end).width, high - 3);
-  const peak = `from ${Number((10 ** low).toPrecision(2))} to ${Number((10 ** (top - 0.1)).toPrecision(3))}`;
+  const peak = `from ${plain(10 ** low, 2)} to ${plain(10 ** (top - 0.1), 3)}`;
   at.fillText(peak, edge, edge * 0.8);
   canvas.setAttribute("aria-label", `Loss factor, ${peak}, amplitudes from ${engineering(1e-3 * most, "m", 3)} to gross slip at ${end}.`);
 }
@@ -175,7 +183,7 @@ function update() {
   place.querySelector("output").textContent = engineering(state.amplitude, "m");
   const rows = !found ? [["State", "beyond gross slip: nothing holds the joint"]] : [
     ["Tangential stiffness K (secant)", engineering(found.stiffness, "N/m")], ["Energy W lost per cycle, one joint", engineering(found.energy, "J")],
-    ["Loss factor of the joint", Number(found.joint_loss.toPrecision(4))], ["Loss factor of the structure", found.loss === null ? "not defined: not lightly damped" : Number(found.loss.toPrecision(4))],
+    ["Loss factor of the joint", plain(found.joint_loss, 4)], ["Loss factor of the structure", found.loss === null ? "not defined: not lightly damped" : plain(found.loss, 4)],
     ["Slip force, displacement", `${engineering(found.force, "N")}, ${engineering(found.displacement, "m")}`], ["Frequency shift", `${Number((100 * found.shift).toPrecision(3))} %`],
   ];
   place.querySelector("tbody").replaceChildren(...rows.map(([name, value]) => {
