@@ -20,8 +20,9 @@ from capslip.contact.solvers.half_space import (
     love_kernel,
     love_kernel_at,
     padded_shape,
-    wave_numbers_per_m,
+    work_of,
 )
+from capslip.contact.solvers.rough_inverse import RoughInverse
 
 KERNEL_ERROR = 1e-6  # aimed at between patches, relative
 _MARGIN = 2  # pixels around the contacts
@@ -187,6 +188,9 @@ class PatchedHalfSpace:
         self.n_nodes = int(self._node_ends[-1])
         if len(boxes) > 1:
             self._between = self._kernel(pixel_size_m, E_star_Pa)
+        maps = [one for group in self._groups for one in group.members]
+        near = love_kernel((2, 2), pixel_size_m, E_star_Pa)
+        self._rough_inverse = RoughInverse(maps, near, pixel_size_m, E_star_Pa)
 
     def sinking_m(self, pressure_Pa: np.ndarray) -> np.ndarray:
         """Return the displacement into the half-space, shape (n,)."""
@@ -194,37 +198,45 @@ class PatchedHalfSpace:
 
     def sinking_roughly_m(self, pressure_Pa: np.ndarray) -> np.ndarray:
         """Return the same in single precision and half of the time: for small changes."""
-        return self._sinking_m(pressure_Pa.astype(np.float32), rough=True).astype(float)
+        return self._sinking_m(pressure_Pa.astype(np.float32), rough=True)
 
     def _sinking_m(self, pressure_Pa: np.ndarray, rough: bool) -> np.ndarray:
         sinking_m = np.empty_like(pressure_Pa)
         for group in self._groups:
             group.convolved(
-                *(pressure_Pa, sinking_m, group.padded),
-                group.rough_spectrum if rough else group.spectrum,
+                *(pressure_Pa, sinking_m, group.rough_spectrum if rough else group.spectrum)
             )
         if len(self._nodes) > 1:
             nodes, between = self._rough if rough else (self._nodes, self._between)
-            moments = np.concatenate(
-                [
-                    (one.y.T @ pressure_Pa[first:last].reshape(one.shape) @ one.x).ravel()
-                    for one, first, last in self._each(nodes)
-                ]
-            )
-            far = between @ moments
+            far = between @ self._moments(pressure_Pa, nodes)
             for k, (one, first, last) in enumerate(self._each(nodes)):
                 at = far[self._node_ends[k] : self._node_ends[k + 1]]
                 at = at.reshape(one.y.shape[1], one.x.shape[1])
                 sinking_m[first:last] += (one.y @ at @ one.x.T).ravel()
         return sinking_m
 
-    def pressure_Pa(self, sinking_m: np.ndarray) -> np.ndarray:
-        """Return roughly the pressure that makes a displacement, patch by patch."""
-        sinking_m = sinking_m.astype(np.float32)
-        pressure_Pa = np.empty_like(sinking_m)
-        for group in self._groups:
-            group.convolved(sinking_m, pressure_Pa, group.shape, group.inverse)
-        return pressure_Pa.astype(float)
+    def work(self, pressure_Pa: np.ndarray) -> tuple[float, None]:
+        """Return the sum of pressures times their own sinking, roughly; that is not found here."""
+        pressure_Pa = pressure_Pa.astype(np.float32)
+        work = sum(group.work_of(pressure_Pa) for group in self._groups)
+        if len(self._nodes) > 1:
+            nodes, between = self._rough
+            moments = self._moments(pressure_Pa, nodes)
+            work += float(moments @ (between @ moments))
+        return work, None
+
+    def pressure_Pa(self, sinking_m: np.ndarray, points: np.ndarray) -> np.ndarray:
+        """Return roughly the pressures at points alone that make a displacement, by patches."""
+        return self._rough_inverse.pressure_Pa(sinking_m, points)
+
+    def _moments(self, pressure_Pa: np.ndarray, nodes: list["_Nodes"]) -> np.ndarray:
+        """Return the moments of pressures at all nodes."""
+        return np.concatenate(
+            [
+                (one.y.T @ pressure_Pa[first:last].reshape(one.shape) @ one.x).ravel()
+                for one, first, last in self._each(nodes)
+            ]
+        )
 
     @cached_property
     def _rough(self) -> tuple[list["_Nodes"], np.ndarray]:
@@ -271,29 +283,43 @@ class _Group:
     shape: tuple[int, int]
     padded: tuple[int, int]
     spectrum: np.ndarray
-    rough_spectrum: np.ndarray  # in single precision, as the inverse
-    inverse: np.ndarray
+    rough_spectrum: np.ndarray  # in single precision
     members: list[tuple[slice, int, int]]  # points of each patch, rows and columns
 
-    def convolved(
-        self, values: np.ndarray, out: np.ndarray, size: tuple[int, int], spectrum: np.ndarray
-    ) -> None:
+    def convolved(self, values: np.ndarray, out: np.ndarray, spectrum: np.ndarray) -> None:
         """Write what the members have of a convolution into `out`, both shape (n,)."""
         from scipy import fft
 
+        for members, array in self._arrays(values):
+            rows = fft.rfft(array, n=self.padded[1], axis=2)
+            waves = fft.fft(rows, n=self.padded[0], axis=1)
+            waves *= spectrum
+            rows = fft.ifft(waves, axis=1, overwrite_x=True)[:, : self.shape[0]]
+            array = fft.irfft(rows, n=self.padded[1], axis=2)
+            for part, (points, ny, nx) in zip(array, members, strict=True):
+                out[points] = part[:ny, :nx].reshape(-1)
+
+    def work_of(self, pressure_Pa: np.ndarray) -> float:
+        """Return the sum of pressures (n,) of the members times what each sinks by its own."""
+        from scipy import fft
+
+        work = 0.0
+        for _, array in self._arrays(pressure_Pa):
+            waves = fft.fft(fft.rfft(array, n=self.padded[1], axis=2), n=self.padded[0], axis=1)
+            work += work_of(waves, self.rough_spectrum, self.padded)
+        return work
+
+    def _arrays(
+        self, values: np.ndarray
+    ) -> Iterator[tuple[list[tuple[slice, int, int]], np.ndarray]]:
+        """Return some of the members at once, and their values."""
         at_once = max(1, _AT_ONCE // math.prod(self.shape))
         for begin in range(0, len(self.members), at_once):
             members = self.members[begin : begin + at_once]
             array = np.zeros((len(members), *self.shape), dtype=values.dtype)
             for part, (points, ny, nx) in zip(array, members, strict=True):
                 part[:ny, :nx] = values[points].reshape(ny, nx)
-            rows = fft.rfft(array, n=size[1], axis=2)
-            waves = fft.fft(rows, n=size[0], axis=1)
-            waves *= spectrum
-            rows = fft.ifft(waves, axis=1, overwrite_x=True)[:, : self.shape[0]]
-            array = fft.irfft(rows, n=size[1], axis=2)
-            for part, (points, ny, nx) in zip(array, members, strict=True):
-                out[points] = part[:ny, :nx].reshape(-1)
+            yield members, array
 
 
 @dataclass(frozen=True, eq=False)
@@ -427,10 +453,8 @@ def _grouped(
     for shape, members in shapes.items():
         padded = padded_shape(shape)
         spectrum = even_spectrum(love_kernel(shape, pixel_size_m, E_star_Pa), padded)
-        inverse = wave_numbers_per_m(shape, pixel_size_m) * (E_star_Pa / 2)
         found = [(slice(ends[k], ends[k + 1]), *sides[k].tolist()) for k in members]
-        rough = spectrum.astype(np.float32), inverse.astype(np.float32)
-        groups.append(_Group(shape, padded, spectrum, *rough, found))
+        groups.append(_Group(shape, padded, spectrum, spectrum.astype(np.float32), found))
     return groups
 
 

@@ -196,9 +196,13 @@ class GatheredHalfSpace:
         """Return the same as the face does it roughly."""
         return self._gathered(self._half_space.sinking_roughly_m(self._spread(pressure_Pa)))
 
-    def pressure_Pa(self, sinking_m: np.ndarray) -> np.ndarray:
-        """Return roughly the pressure that makes a displacement."""
-        return self._gathered(self._half_space.pressure_Pa(self._spread(sinking_m)))
+    def work(self, pressure_Pa: np.ndarray) -> tuple[float, None]:
+        """Return the sum of pressures times their own sinking, roughly; that is not found here."""
+        return self._half_space.work(self._spread(pressure_Pa))
+
+    def pressure_Pa(self, sinking_m: np.ndarray, points: np.ndarray) -> np.ndarray:
+        """Return roughly the pressures at points alone that make a displacement, shape (n,)."""
+        return self._half_space.pressure_Pa(sinking_m, self._points[points])
 
     def _spread(self, values: np.ndarray) -> np.ndarray:
         self._everywhere.reshape(-1)[self._points] = values
@@ -231,11 +235,18 @@ class MatrixHalfSpace:
 
     def sinking_roughly_m(self, pressure_Pa: np.ndarray) -> np.ndarray:
         """Return the same in single precision and half of the time: for small changes."""
-        return np.asarray(self._rough_matrix @ pressure_Pa.astype(np.float32), dtype=float)
+        return np.asarray(self._rough_matrix @ pressure_Pa.astype(np.float32))
 
-    def pressure_Pa(self, sinking_m: np.ndarray) -> np.ndarray:
-        """Return roughly the pressure that makes a displacement: each tile by itself."""
-        return np.asarray(self._tiles @ sinking_m)
+    def work(self, pressure_Pa: np.ndarray) -> tuple[float, np.ndarray]:
+        """Return the sum of pressures times their own sinking, and that as well, roughly."""
+        sinking_m = self.sinking_roughly_m(pressure_Pa)
+        return float(pressure_Pa @ sinking_m), sinking_m
+
+    def pressure_Pa(self, sinking_m: np.ndarray, points: np.ndarray) -> np.ndarray:
+        """Return roughly the pressures at points alone that make a displacement: tile by tile."""
+        everywhere = np.zeros(len(self._tile))
+        everywhere[points] = sinking_m
+        return np.asarray((self._tiles @ everywhere)[points])
 
     def _inverted(self, tile: np.ndarray) -> "csr_array":
         """Return the inverse of the matrix between the pixels of each tile, shape (n, n)."""

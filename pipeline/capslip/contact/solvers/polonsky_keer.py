@@ -259,7 +259,7 @@ def _iterate(
         restored = _bounded(p.reshape(-1)[at], at, closing, hardness_Pa)
     p.reshape(-1)[at] = restored
     fresh = tolerance < _ROUGH_START
-    u = half_space.sinking_m(p) if fresh else half_space.sinking_roughly_m(p)
+    u = half_space.sinking_m(p) if fresh else half_space.sinking_roughly_m(p).astype(float)
     residual, direction = np.zeros(face.shape), np.zeros(face.shape)
     slope, steps = 0.0, 0  # r z of the last step; zero begins anew
     for _ in range(most):
@@ -284,7 +284,7 @@ def _iterate(
         r = project(state.gap_m.reshape(-1)[c])
         residual.fill(0.0)
         residual.reshape(-1)[c] = r
-        z = project(half_space.pressure_Pa(residual).reshape(-1)[c])
+        z = project(half_space.pressure_Pa(r, c))
         new_slope = float(r @ z)
         t = z
         if slope > 0:
@@ -292,16 +292,11 @@ def _iterate(
         direction.fill(0.0)
         direction.reshape(-1)[c] = t
         slope = new_slope
-        du = half_space.sinking_roughly_m(direction)
-        work = float(t @ du.reshape(-1)[c])
+        work, du = half_space.work(direction)
         step = float(r @ t) / work if work > 0 else 0.0
         stepped, cut = _stepped(p, c, t, step, closing, hardness_Pa)
-        if cut:
-            du = half_space.sinking_roughly_m(stepped - p)
-        else:
-            du *= -step
-        du += u
-        u, p, fresh, steps = du, stepped, False, steps + 1
+        u += half_space.sinking_roughly_m(stepped - p) if cut or du is None else -step * du
+        p, fresh, steps = stepped, False, steps + 1
     return _state(face, p, half_space.sinking_m(p), closing), steps
 
 

@@ -2,7 +2,8 @@
 
 import numpy as np
 
-from capslip.contact.solvers.half_space import even_spectrum, padded_shape, wave_numbers_per_m
+from capslip.contact.solvers.half_space import even_spectrum, padded_shape
+from capslip.contact.solvers.rough_inverse import wave_numbers_per_m
 
 
 class ShearedHalfSpace:
