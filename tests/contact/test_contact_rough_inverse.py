@@ -5,6 +5,7 @@ import pytest
 
 from capslip.contact.solvers.half_space import HalfSpace, love_kernel
 from capslip.contact.solvers.patches import PatchedFace, patched
+from capslip.contact.solvers.pixels import around_contact, in_contact_alone
 from capslip.contact.solvers.polonsky_keer import elastic_face
 from capslip.surface.heightmap import HeightMap
 
@@ -60,3 +61,20 @@ def test_the_work_of_pressures_is_that_of_their_sinking():
     p = rng.normal(size=patches.shape)
     work, _ = patches.half_space.work(p)
     assert work == pytest.approx(float(p @ patches.half_space.sinking_m(p)), rel=1e-4)
+
+
+@pytest.mark.parametrize("share", [0.05, 0.6])
+def test_points_of_a_face_work_as_they_do_on_it(share):
+    """Few points that are left of those of a matrix, which knows the sinking of all of them."""
+    face = elastic_face(HeightMap(np.zeros((60, 80)), SIZE_M), E)
+    contact = np.zeros(face.shape, dtype=bool)
+    contact[5:15, 5:20] = np.random.default_rng(1).random((10, 15)) < share
+    whole = around_contact(face, contact)
+    on_contact = whole.gathered(contact.astype(float)) > 0
+    few = in_contact_alone(whole, np.where(np.cumsum(on_contact) > 3, on_contact, 0.0))
+    assert len(few.depth_m) < len(whole.depth_m)
+    p = np.random.default_rng(5).normal(size=few.shape)
+    work, sinking_m = few.half_space.work(p)
+    assert work == pytest.approx(float(p @ few.half_space.sinking_m(p)), rel=1e-5)
+    if sinking_m is not None:
+        np.testing.assert_allclose(sinking_m, few.half_space.sinking_m(p), rtol=1e-3)

@@ -177,7 +177,10 @@ class GatheredHalfSpace:
     """Sinking of some points of a face under pressures on them, with the transforms of the face."""
 
     def __init__(
-        self, points: np.ndarray, half_space: HalfSpace | PatchedHalfSpace, shape: tuple[int, ...]
+        self,
+        points: np.ndarray,
+        half_space: "HalfSpace | PatchedHalfSpace | MatrixHalfSpace",
+        shape: tuple[int, ...],
     ) -> None:
         self._half_space = half_space
         self._points = points
@@ -196,9 +199,10 @@ class GatheredHalfSpace:
         """Return the same as the face does it roughly."""
         return self._gathered(self._half_space.sinking_roughly_m(self._spread(pressure_Pa)))
 
-    def work(self, pressure_Pa: np.ndarray) -> tuple[float, None]:
-        """Return the sum of pressures times their own sinking, roughly; that is not found here."""
-        return self._half_space.work(self._spread(pressure_Pa))
+    def work(self, pressure_Pa: np.ndarray) -> tuple[float, np.ndarray | None]:
+        """Return the sum of pressures times their own sinking, as the face does it."""
+        work, sinking_m = self._half_space.work(self._spread(pressure_Pa))
+        return work, None if sinking_m is None else self._gathered(sinking_m)
 
     def pressure_Pa(self, sinking_m: np.ndarray, points: np.ndarray) -> np.ndarray:
         """Return roughly the pressures at points alone that make a displacement, shape (n,)."""

@@ -42,10 +42,10 @@ def press(
 ) -> Pressed:
     """Press a face against a rigid plane, to a given load or a given approach.
 
-    Conjugate gradients on the pixels in contact (Polonsky and Keer, Wear 231 (1999) 206), with the
-    inverse of the half-space's spectrum as the preconditioner and, without a start, solutions on
-    coarser grids first. Where a face has a hardness, pressures end there: such a point sinks for
-    good, as far as it must (Almqvist et al., Wear 262 (2007) 1370).
+    Conjugate gradients on the pixels in contact (Polonsky and Keer, Wear 231 (1999) 206), with
+    `RoughInverse` as the preconditioner and, without a start, solutions on coarser grids first.
+    Where a face has a hardness, pressures end there: such a point sinks for good, as far as it must
+    (Almqvist et al., Wear 262 (2007) 1370).
 
     Parameters
     ----------
