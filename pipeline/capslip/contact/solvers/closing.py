@@ -139,10 +139,10 @@ class GivenResultant:
         return float(max(np.abs(arm).max() for arm in self._arms_m))
 
     def _basis(self, points: np.ndarray) -> np.ndarray:
-        shape = np.broadcast_shapes(*(arm.shape for arm in self._arms_m))
-        where = np.unravel_index(points, shape)
-        x, y = (np.broadcast_to(arm, shape)[where] / self._length_m for arm in self._arms_m)
-        return np.stack((np.ones(len(points)), x, y))
+        x_m, y_m = self._arms_m
+        row, column = np.divmod(points, x_m.size) if x_m.ndim > 1 else (points, points)
+        x, y = (arm.reshape(-1)[at] for arm, at in ((x_m, column), (y_m, row)))
+        return np.stack((np.ones(len(points)), x / self._length_m, y / self._length_m))
 
     def over(self, plane: np.ndarray) -> np.ndarray:
         """Return the height of a plane over all points."""

@@ -334,7 +334,7 @@ def _stepped(
         stepped.reshape(-1)[c] = np.maximum(p_c, 0.0)
         if not fresh:
             return stepped, False
-        under = np.flatnonzero(stepped)
+        under = np.flatnonzero(stepped > 0)
         restored = _bounded(stepped.reshape(-1)[under], under, closing, hardness_Pa)
         if restored is not None:
             stepped.reshape(-1)[under] = restored
@@ -369,7 +369,7 @@ def _bounded(
 
 def _state(face: ElasticFace, p: np.ndarray, u: np.ndarray, closing: Closing) -> State:
     """Return gaps and certificate of pressures and their sinking."""
-    contact = np.flatnonzero(p)
+    contact = np.flatnonzero(p > 0)
     p_c = p.reshape(-1)[contact]
     gap_m = u + face.depth_m
     gaps_m = gap_m.reshape(-1)
