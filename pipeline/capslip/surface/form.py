@@ -236,18 +236,17 @@ def _reweighted(fit: Fit, surface: HeightMap, measured: np.ndarray | None) -> Fi
 
 def _through_lowest(fit: Fit, measured: np.ndarray | None) -> Fitted:
     """Fit again to the lowest third of the residuals, until nearly the same points are lowest."""
-    weight = None
+    weight, before = None, None
     for _ in range(MAX_REWEIGHTS + 1):
         rest, radius_m, axis_rad = fit(weight)
         residual_m = rest.height_m
-        known_m = residual_m if measured is None else residual_m[measured]
+        known_m = residual_m.reshape(-1) if measured is None else residual_m[measured]
         # Where many points are equally low, as on a clean floor, all of them count
         last = math.ceil(FLOOR_SHARE * (known_m.size - 1))
-        limit_m = np.partition(known_m.reshape(-1), last)[last]
-        low = residual_m <= limit_m  # False where non-measured
-        if weight is not None and np.mean(low != (weight > 0.0)) <= SETTLED:
+        low = residual_m <= np.partition(known_m, last)[last]  # False where non-measured
+        if before is not None and np.count_nonzero(low != before) <= SETTLED * low.size:
             break
-        weight = low.astype(np.float64)
+        weight, before = low.astype(np.float64), low
     return rest, radius_m, axis_rad
 
 
@@ -316,11 +315,11 @@ class _Polynomial:
     def _coefficients_m(self, moment: np.ndarray, right: np.ndarray) -> np.ndarray:
         term, products = _terms(self.degree)
         normal = 0.25 * moment.take(products).sum(axis=0)
-        size = np.linalg.svd(normal, compute_uv=False)
-        if not size[0] < MAX_CONDITION * size[-1]:
+        size, modes = np.linalg.eigh(normal)
+        if not size[-1] < MAX_CONDITION * size[0]:
             raise _loose(self.surface)
         coefficient_m = np.zeros_like(right)
-        coefficient_m.flat[term] = np.linalg.solve(normal, right.take(term))
+        coefficient_m.flat[term] = modes @ (right.take(term) @ modes / size)
         return coefficient_m
 
 
