@@ -176,14 +176,15 @@ def _by_chance(n: int, share: float) -> np.ndarray:
 
 def _stand_off(z: HeightMap | _Left, index: np.ndarray) -> np.ndarray:
     """Return heights of inner points above the middle of two neighbours, along lines, (4, k)."""
-    after_m, before_m = _beside(z, index)
-    return np.asarray(z.at(index) - 0.5 * (after_m + before_m))
+    return _off_and_across(z, index)[0]
 
 
-def _beside(z: HeightMap | _Left, index: np.ndarray) -> np.ndarray:
-    """Return heights of the neighbours after and before inner points, along lines, (2, 4, k)."""
-    along = [i * z.shape[1] + j for i, j in LINES]
-    return np.array([[z.at(index + sign * step) for step in along] for sign in (1, -1)])
+def _off_and_across(z: HeightMap | _Left, index: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return the same, and what lies after less what lies before the points, both (4, k)."""
+    along = np.array([i * z.shape[1] + j for i, j in LINES])[:, None]
+    near_m = z.at(np.concatenate((index[None], index + along, index - along)))
+    own_m, after_m, before_m = near_m[0], near_m[1:5], near_m[5:]
+    return own_m - 0.5 * (after_m + before_m), after_m - before_m
 
 
 def _least(off_m: np.ndarray) -> np.ndarray:
@@ -202,20 +203,21 @@ def _usual(z: HeightMap) -> tuple[float, float]:
     row = row[on_lattice(row, z.shape[0], every)]
     col = col[on_lattice(col, z.shape[1], every)]
     index = (row[:, None] * z.shape[1] + col).reshape(-1)
-    after_m, before_m = _beside(z, index)
-    off_m = z.at(index) - 0.5 * (after_m + before_m)
+    off_m, across_m = _off_and_across(z, index)
     whole = ~np.isnan(off_m).any(axis=0)
     if not whole.any():
         return 0.0, 0.0
-    slope_m = np.abs(after_m - before_m)[:, whole]
+    if not whole.all():
+        off_m, across_m = (np.compress(whole, one_m, axis=1) for one_m in (off_m, across_m))
+    slope_m = np.abs(across_m)
     high_m, low_m = (of(slope_m[:2], slope_m[2:]) for of in (np.maximum, np.minimum))
     # The second greatest: the lesser of two that are the greater of a pair, or beside the greatest
     second_m = np.minimum(*high_m), np.where(high_m[0] > high_m[1], *low_m)
     slope_m = 0.5 * np.maximum(*second_m)
     usual_m, step_m = (
         float(np.partition(one_m, nth)[nth])
-        for nth in [int(USUAL_QUANTILE * (np.count_nonzero(whole) - 1))]
-        for one_m in (np.abs(_least(off_m[:, whole])), slope_m)
+        for nth in [int(USUAL_QUANTILE * (slope_m.size - 1))]
+        for one_m in (np.abs(_least(off_m)), slope_m)
     )
     return usual_m, step_m
 
