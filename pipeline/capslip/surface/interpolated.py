@@ -3,6 +3,7 @@
 import numpy as np
 
 from capslip.surface.heightmap import HeightMap
+from capslip.surface.quantile import quantile
 
 MOST_APART = 8  # measured points, in pixels
 ORDERS = range(1, 6)  # of differences: copies vanish in the first, cubic splines in the fifth
@@ -41,32 +42,45 @@ def pixels_apart(surface: HeightMap) -> tuple[int, int]:
     lines_m = surface[:, ::every], surface[::every].T
     apart_y, apart_x = (_apart(one_m) for one_m in lines_m)
     if min(apart_y, apart_x) == 1:
-        fewer = [one_m[:, :: max(1, one_m.size // CLOSE_SAMPLED)] for one_m in lines_m]
-        alike = np.maximum(*(_likeness(one_m) for one_m in fewer))
-        close = next((n for n, one in zip(CLOSE, alike, strict=True) if one < UNEVEN), 1)
+        close = _close([one_m[:, :: max(1, one_m.size // CLOSE_SAMPLED)] for one_m in lines_m])
         return max(apart_y, close), max(apart_x, close)
     return apart_y, apart_x
 
 
-def _likeness(height_m: np.ndarray) -> np.ndarray:
-    """Return how alike the places of a cell of each width are, the quietest over the loudest."""
-    alike = np.ones(len(CLOSE))
+def _close(lines_m: list[np.ndarray]) -> int:
+    """Return which of the close distances the places of cells are uneven at, along both axes."""
+    uneven = np.ones(len(CLOSE), dtype=bool)
+    for height_m in lines_m:
+        if uneven.any():
+            uneven &= _uneven(height_m)
+    return CLOSE[int(uneven.argmax())] if uneven.any() else 1
+
+
+def _uneven(height_m: np.ndarray) -> np.ndarray:
+    """Tell of each width whether the places of its cells differ, the quietest from the loudest."""
+    uneven = np.zeros(len(CLOSE), dtype=bool)
     least, most = CLOSE_ORDERS
     difference_m = np.diff(height_m, least - 1, axis=0)
     for _ in range(least, most + 1):
         difference_m = np.diff(difference_m, axis=0)
         known = np.isfinite(difference_m)
-        shared_m = np.sum(difference_m, axis=1, where=known) / np.maximum(known.sum(axis=1), 1)
+        n_known = known.sum(axis=1)
+        shared_m = np.sum(difference_m, axis=1, where=known) / np.maximum(n_known, 1)
         size_m = np.abs(difference_m - shared_m[:, None])
+        square_m2 = np.square(size_m).sum(axis=1, where=known)
         for i, apart in enumerate(CLOSE):
-            places = [size_m[at::apart][known[at::apart]] for at in range(apart)]
-            if min(one.size for one in places) < LEAST_KNOWN:
+            every = [slice(at, None, apart) for at in range(apart)]
+            n = [n_known[at].sum() for at in every]
+            if uneven[i] or min(n) < LEAST_KNOWN:
                 continue
             # Steps decide means, and heights in few digits medians
-            ways = [np.median(one) ** 2 for one in places], [np.mean(one**2) for one in places]
-            if min(max(way) for way in ways) > 0.0:
-                alike[i] = min(alike[i], max(min(way) / max(way) for way in ways))
-    return alike
+            if _differ([square_m2[at].sum() / n[at.start] for at in every]):
+                uneven[i] = _differ([np.median(size_m[at][known[at]]) ** 2 for at in every])
+    return uneven
+
+
+def _differ(squares: list[float]) -> bool:
+    return max(squares) > 0.0 and min(squares) < UNEVEN * max(squares)
 
 
 def _apart(height_m: np.ndarray) -> int:
@@ -90,9 +104,7 @@ def _own(difference_m: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """
     known = ~np.isnan(difference_m)
     n_known = known.sum(axis=1)
-    size_m = np.abs(difference_m).reshape(-1)
-    most = max(0, int(OUTERMOST * (n_known.sum() - 1)))
-    most_m = float(np.partition(size_m, most)[most])  # unknown ones are last
+    most_m = quantile(np.abs(difference_m).reshape(-1), OUTERMOST)
     own_m = np.clip(difference_m, -most_m, most_m)
     own_m[~known] = 0.0
     own_m -= (own_m.sum(axis=1) / np.maximum(n_known, 1))[:, None]

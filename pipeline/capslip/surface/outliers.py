@@ -10,6 +10,7 @@ import numpy as np
 from capslip.surface.graph import Runs, connected_parts
 from capslip.surface.heightmap import HeightMap
 from capslip.surface.lifted import lifted_patches
+from capslip.surface.quantile import quantile
 from capslip.surface.rows import row_blocks
 from capslip.surface.small_spikes import find_small_spikes
 from capslip.surface.steps import greatest_steps_m
@@ -196,8 +197,7 @@ def _of_lone_points(surface: HeightMap, stored_m: np.ndarray) -> Outliers:
         _, near = KDTree(at_m).query(at_m, NEAREST + 1)
         own_m, ring_m = z_m[index], np.sort(z_m[index[near[:, 1:]]], axis=1)
         step_m = np.abs(ring_m - own_m[:, None]).reshape(-1)
-        nth = int(STEP_QUANTILE * (step_m.size - 1))
-        cliff_m = CLIFF_OVER_STEP * float(np.partition(step_m, nth)[nth])
+        cliff_m = CLIFF_OVER_STEP * quantile(step_m, STEP_QUANTILE)
         cliff_m = max(cliff_m, ROUNDING * float(np.abs(own_m).max()))
         beyond_m = np.maximum(own_m - ring_m[:, -1], ring_m[:, 0] - own_m)
         first_m, last_m = ring_m[:, 1], ring_m[:, -2]
@@ -231,11 +231,9 @@ def _usual_step(z: HeightMap) -> float:
     for axis in (0, 1):
         every = max(1, z.shape[1 - axis] // SAMPLED_LINES)
         lines = z[:, ::every] if axis == 0 else z[::every]
-        step_m = np.abs(np.diff(lines, axis=axis)).reshape(-1)
-        step_m = step_m[~np.isnan(step_m)]
-        if step_m.size:
-            nth = int(STEP_QUANTILE * (step_m.size - 1))
-            usual_m = max(usual_m, float(np.partition(step_m, nth)[nth]))
+        step_m = np.diff(lines, axis=axis)
+        np.abs(step_m, out=step_m)
+        usual_m = max(usual_m, quantile(step_m.reshape(-1), STEP_QUANTILE))  # not if that is NaN
     return usual_m
 
 

@@ -8,6 +8,7 @@ import numpy as np
 from capslip.surface.graph import connected_parts
 from capslip.surface.heightmap import HeightMap, Heights
 from capslip.surface.noise import on_lattice
+from capslip.surface.quantile import quantile
 from capslip.surface.rows import BLOCK_POINTS
 
 LINES = ((0, 1), (1, 0), (1, 1), (1, -1))
@@ -214,12 +215,8 @@ def _usual(z: HeightMap) -> tuple[float, float]:
     # The second greatest: the lesser of two that are the greater of a pair, or beside the greatest
     second_m = np.minimum(*high_m), np.where(high_m[0] > high_m[1], *low_m)
     slope_m = 0.5 * np.maximum(*second_m)
-    usual_m, step_m = (
-        float(np.partition(one_m, nth)[nth])
-        for nth in [int(USUAL_QUANTILE * (slope_m.size - 1))]
-        for one_m in (np.abs(_least(off_m)), slope_m)
-    )
-    return usual_m, step_m
+    usual_m = quantile(np.abs(_least(off_m)), USUAL_QUANTILE)
+    return usual_m, quantile(slope_m, USUAL_QUANTILE)
 
 
 def _at_gate(z: Heights | _Left, gate_m: float, lines: tuple[tuple[int, int], ...]) -> np.ndarray:
