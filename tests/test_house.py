@@ -11,7 +11,7 @@ PACKAGE = Path(__file__).parents[1] / "pipeline" / "capslip"
 
 # From the ground up: a module imports from deeper floors, or from its own room.
 FLOORS = (
-    {"compiled", "errors", "materials", "provenance", "registry", "units", "waiting"},
+    {"errors", "materials", "provenance", "registry", "units", "waiting"},
     {"problems", "settings"},
     {"surface"},
     {"caps"},
@@ -29,17 +29,7 @@ FLOORS = (
 )
 # The package itself and its entry point only name what they open.
 DOORS = {"capslip", "capslip.__main__"}
-HEAVY = {
-    "matplotlib",
-    "pyvista",
-    "vtk",
-    "dask",
-    "distributed",
-    "scipy",
-    "skimage",
-    "pandas",
-    "numba",
-}
+HEAVY = {"matplotlib", "pyvista", "vtk", "dask", "distributed", "scipy", "skimage", "pandas"}
 MOST_LINES = 500
 MOST_BODY = 60
 REASON = re.compile(r"#\s*long:\s*\S+")  # beside the def of a function that has one to be longer

@@ -9,18 +9,7 @@ import capslip
 from scenes import PROJECT
 
 MOST_MS = 50.0
-HEAVY = (
-    "matplotlib",
-    "pyvista",
-    "vtk",
-    "vtkmodules",
-    "meshio",
-    "pandas",
-    "scipy",
-    "h5py",
-    "PIL",
-    "numba",
-)
+HEAVY = ("matplotlib", "pyvista", "vtk", "vtkmodules", "meshio", "pandas", "scipy", "h5py", "PIL")
 LOADED = f"""
 import sys, time
 import numpy
