@@ -295,7 +295,7 @@ ROWS = [
     Row("outliers", "info", "pits lie 0.0001 m below", "pit kept", "pit"),
     Row("outliers_removed", "info", "0 of them upwards", "shallow-pit", "shallow-pit kept"),
     Row("outliers_removed", "warning", "1 of them upwards", "spike", "spike kept"),
-    Row("outliers_removed", "warning", "538 points (2.5 %)", "dust", "dust kept"),
+    Row("outliers_removed", "warning", "540 points (2.5 %)", "dust", "dust kept"),
     Row("spikes", "warning", "1 of them lie in the highest 10 %", "spike kept", "spike"),
     Row("spikes", "info", "0 of them lie", "shallow-pit kept", "shallow-pit"),
     Row("non_square_pixels", "info", "0.0004 x 0.0006 m", "oblong"),
