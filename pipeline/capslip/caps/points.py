@@ -142,11 +142,10 @@ def _beside_hills(
 
     A point that stands in for a lost one has no label of its own, but a hill.
     """
-    beside = np.zeros(index.size, dtype=bool)
-    for step, in_row in ((-nx, None), (nx, None), (-1, col > 0), (1, col < nx - 1)):
+    beside, above = np.zeros(index.size, dtype=bool), index < label.size - nx
+    for step, inside in ((-nx, index >= nx), (nx, above), (-1, col > 0), (1, col < nx - 1)):
         other = label.take(index + step, mode="clip")
-        there = (other > 0) & (other != own)
-        beside |= there if in_row is None else there & in_row
+        beside |= (other > 0) & (other != own) & inside
     return beside
 
 
