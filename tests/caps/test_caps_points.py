@@ -87,3 +87,4 @@ def test_the_corner_of_the_map_lies_beside_no_point_of_its_last_row():
 
 def test_no_hills_have_no_points():
     points = hills_of(np.zeros((5, 6)), np.zeros((5, 6)))[2]
+    assert (points.n_hills, points.z_m.size, points.count.size) == (0, 0, 0)

@@ -53,7 +53,7 @@ def test_what_takes_less_than_two_seconds_says_nothing(monkeypatch, heard):
 def test_figures_say_how_many_are_left_once_they_take_longer(monkeypatch, heard, tmp_path):
     from capslip.output import folder
 
-    monkeypatch.setattr(waiting, "perf_counter", iter(np.arange(0.0, 9.0, 0.75)).__next__)
+    monkeypatch.setattr(waiting, "perf_counter", iter(np.arange(0.0, 9.0, 2.25)).__next__)
     monkeypatch.setattr(folder.all_figures, "write_figure", lambda *_: None)
     said = []
     parts = folder._Parts(None, tmp_path, {}, said.append, lambda *_: None)

@@ -257,9 +257,9 @@ class _Parts:
         half = len(others) // 2
         aside = Aside(lambda: draw(others[half:]))
         try:
-            for done, name in enumerate(others[:half], 2):
+            for done, name in enumerate(others[:half], 1):
                 failed |= draw((name,))
-                waiting.tell(done, len(names))
+                waiting.tell(1 + 2 * done, len(names))  # the copy is about as far
             failed |= aside.wait()
         finally:
             aside.stop()
