@@ -4,7 +4,6 @@ import math
 from dataclasses import replace
 from typing import Any
 
-import msgspec
 import numpy as np
 
 from capslip.caps.families import Families
@@ -28,7 +27,6 @@ from capslip.surface.seams import find_seams, without_seams
 OF_THE_HEIGHTS = ("hole_may_hide_hills", "outline_assumed", "clipped", "heights_in_steps")
 UNKNOWN: tuple[Effect | None, float] = (None, 0.0)  # changes of the answers, and of the approach
 ASK_MAP = 0.2  # of the tolerance: removed points that may move more are pressed on the map, too
-LOOSE = 1e-5  # tolerance of a solution that is only compared with another
 
 
 def with_effects(
@@ -163,19 +161,14 @@ def _effect_on_map(
     Pixels lower the tops of hills alike on all of them.
     """
     settings = face.settings
-    contact = settings.contact
-    loose = max(contact.solver_tolerance, LOOSE)
-    quick = msgspec.structs.replace(
-        settings, contact=msgspec.structs.replace(contact, solver_tolerance=loose)
-    )
     none = Families(None, None, (), None, None, 0.0, alike=False)
     try:
         before, *after = (
             answers(
-                model.build(Scene.of(peaks, none, one, quick, peaks.usable)),
+                model.build(Scene.of(peaks, none, one, settings, peaks.usable)),
                 model.holds_bulk,
                 one,
-                quick,
+                settings,
             )
             for one in maps
         )
