@@ -23,6 +23,8 @@ from capslip.contact.solvers.tilting import press_about
 FINEST = 1e-11  # tolerance of a solution, above rounding
 _SHRUNK = 0.6  # of the points of a face, that are left where one of fewer points is sought
 _LEFT, _LOOSEST = 1e-2, 1e-6  # of the loss, that gaps may be; tolerance that is enough for any
+# Withdrawals, over that of the last contact, between which exact solutions tell no loss any more
+CLOSEST = (8.0 * FINEST / _LEFT) ** (1 / 3)
 _PRELOAD_LEFT = 1e-4  # of the least loss asked for, that gaps under the preload may be
 _ROUGHLY = 1e-4  # tolerance of a punch that is a start and a stiffness to compare: 1e-5 of it
 _UNSETTLED = 1e-3  # of the loss: the most that a solution may leave open

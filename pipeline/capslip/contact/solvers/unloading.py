@@ -18,7 +18,7 @@ from capslip.contact.solvers.losses import (
 )
 from capslip.contact.solvers.noise import loss_noise_per_m
 from capslip.contact.solvers.patches import PatchedFace
-from capslip.contact.solvers.path import Node, Path
+from capslip.contact.solvers.path import CLOSEST, Node, Path
 from capslip.contact.solvers.polonsky_keer import ElasticFace, Pressed
 from capslip.contact.solvers.refinement import refinement
 from capslip.errors import ContactError
@@ -151,10 +151,11 @@ def unload(
     cut_short = n_first < _FIRST
     while len(path.nodes) < MAX_SOLUTIONS:
         intervals = _between(path)[1]
-        worst, n_open = max(intervals), sum(each.excess > 1 for each in intervals)
-        waiting.tell(len(path.nodes), min(len(path.nodes) + n_open, MAX_SOLUTIONS))
-        if worst.excess <= 1:
+        wide = [each for each in intervals if each.excess > 1 and each.width > CLOSEST]
+        waiting.tell(len(path.nodes), min(len(path.nodes) + len(wide), MAX_SOLUTIONS))
+        if not wide:
             break
+        worst = max(wide)
         used_s = process_time() - begin_s
         if used_s * (1 + 1 / len(path.nodes)) > time_limit_s:
             cut_short = True
@@ -174,6 +175,11 @@ class _Interval(NamedTuple):
     error: float  # relative, of the loss
     low: float
     high: float
+
+    @property
+    def width(self) -> float:
+        """Return how far the withdrawals of its ends are apart, over that of the last contact."""
+        return float(np.diff(1 / (1 + np.exp(-np.array([self.low, self.high]))))[0])
 
 
 def _between(path: Path) -> tuple[Losses | RegionLosses, list[_Interval], float]:
