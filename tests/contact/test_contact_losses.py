@@ -9,7 +9,7 @@ from capslip.contact.solvers import detail
 from capslip.contact.solvers import unloading as module
 from capslip.contact.solvers.hertz import load_drop_of_asperity, loss_of_asperity
 from capslip.contact.solvers.losses import left_out, losses, region_losses
-from capslip.contact.solvers.path import FINEST, Path
+from capslip.contact.solvers.path import CLOSEST, FINEST, Path
 from capslip.contact.solvers.polonsky_keer import elastic_face, press
 from capslip.surface.heightmap import HeightMap
 
@@ -208,3 +208,13 @@ def test_the_stiffness_whose_change_detail_is_asked_for_is_that_at_first_and_of_
     bulk_m_per_N = 0.1 / expected[0]
     less = detail._alone_N_per_m(before, bulk_m_per_N)
     np.testing.assert_allclose(1.0 / got - 1.0 / less, bulk_m_per_N, rtol=1e-9)
+
+
+def test_no_loads_are_solved_that_are_too_close_to_tell_a_loss():
+    """Where all points hold up to some load, the loss begins there with no bend to be found."""
+    y, x = np.mgrid[:24, :24] / 24
+    height_m = 1e-8 * np.cos(2 * np.pi * x) * np.cos(2 * np.pi * y)
+    face = elastic_face(HeightMap(height_m, (1e-4, 1e-4)), 110e9)
+    found = module.unload(face, press(face, load_N=300.0, tolerance=1e-7), 1e-7)
+    withdrawal = 1 - (found.solved_load_N / 300.0) ** (2 / 3)  # of one round contact
+    assert np.abs(np.diff(np.sort(withdrawal))).min() > 0.49 * CLOSEST
