@@ -241,8 +241,9 @@ def read_json(path: Path) -> dict[str, Any] | None:
 
 def summary_text(summary: dict[str, Any]) -> bytes:
     """Return the bytes of `summary.json`; what is no text in a path is escaped."""
+    text = json.dumps(summary, ensure_ascii=False, allow_nan=False)  # with an indent: twice as slow
     try:
-        return msgspec.json.format(msgspec.json.encode(summary), indent=1) + b"\n"
+        return msgspec.json.format(text.encode(), indent=1) + b"\n"
     except UnicodeEncodeError:
         text = json.dumps(summary, indent=1, ensure_ascii=False) + "\n"
         return text.encode("utf-8", "backslashreplace")
