@@ -330,16 +330,15 @@ def _family(family: Family | None) -> dict[str, Any] | None:
 
 def plain(value: Any) -> Any:
     """Make numpy values plain, and what is not a finite number null."""
-    if isinstance(value, dict):
-        return {key: plain(inner) for key, inner in value.items()}
-    if isinstance(value, np.ndarray):
-        if value.dtype.kind in "biuf" and np.isfinite(value).all():
-            return value.tolist()
-        return plain(value.tolist())
-    if isinstance(value, list | tuple):
-        return [plain(inner) for inner in value]
     if isinstance(value, np.generic):
         value = value.item()
-    if isinstance(value, float) and not math.isfinite(value):
-        return None
+    if isinstance(value, float):
+        return value if math.isfinite(value) else None
+    if isinstance(value, dict):
+        return {key: plain(inner) for key, inner in value.items()}
+    if isinstance(value, list | tuple):
+        return [plain(inner) for inner in value]
+    if isinstance(value, np.ndarray):
+        found = value.tolist()
+        return found if value.dtype.kind in "biuf" and np.isfinite(value).all() else plain(found)
     return value

@@ -133,5 +133,7 @@ class CapTable:
     def columns(self) -> dict[str, np.ndarray]:
         """Return the columns by name, flags as words."""
         table = {f.name: getattr(self, f.name) for f in fields(self)}
-        table["flags"] = np.array([CapFlag(int(bits)).words() for bits in self.flags], dtype=object)
+        bits, row = np.unique(self.flags, return_inverse=True)
+        words = [CapFlag(int(some)).words() for some in bits]
+        table["flags"] = np.array(words, dtype=object)[row]
         return table

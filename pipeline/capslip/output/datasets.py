@@ -7,7 +7,7 @@ import numpy as np
 
 
 def write_dataset(group: Any, name: str, values: np.ndarray, unit: str, **options: Any) -> Any:
-    """Write an array with the attribute `unit`, and return its dataset.
+    """Write an array with the attribute `unit`, and return the h5py.h5d.DatasetID of its dataset.
 
     Parameters
     ----------
@@ -23,21 +23,27 @@ def write_dataset(group: Any, name: str, values: np.ndarray, unit: str, **option
         Of `create_dataset`. Without any, the functions below h5py's objects write the same in a
         third of the time: a result has some forty small arrays.
     """
-    import h5py
-    from h5py import h5a, h5d, h5s, h5t
+    from h5py import h5a, h5d, h5s
 
     word, text, scalar = _types()
     if values.dtype.kind in "UO":
         values = values.astype(word)
     if options:
-        dataset = group.create_dataset(name, data=values, **options)
+        held = group.create_dataset(name, data=values, **options).id
     else:
-        kind = text if values.dtype == word else h5t.py_create(values.dtype, logical=True)
+        kind = text if values.dtype == word else _as_stored(values.dtype)
         held = h5d.create(group.id, name.encode(), kind, h5s.create_simple(values.shape))
         held.write(h5s.ALL, h5s.ALL, np.ascontiguousarray(values))
-        dataset = h5py.Dataset(held)
-    h5a.create(dataset.id, b"unit", text, scalar).write(np.array(unit, dtype=word))
-    return dataset
+    h5a.create(held, b"unit", text, scalar).write(np.array(unit, dtype=word))
+    return held
+
+
+@cache
+def _as_stored(dtype: np.dtype) -> Any:
+    """Return a type of numbers as HDF5 has it."""
+    from h5py import h5t
+
+    return h5t.py_create(dtype, logical=True)
 
 
 @cache

@@ -68,9 +68,10 @@ def _write_hdf5(analysis: "Analysis", caps: np.ndarray, path: Path) -> None:
         # Not packed: noise hardly gets smaller, in fifteen times the time
         height_m = surface.height_m
         height = write_dataset(groups["surface"], "height_m", height_m.astype(np.float32), "m")
-        height.attrs["pixel_size_m"] = surface.pixel_size_m
-        height.attrs["pixel_size"] = surface.pixel_size_m
-        height.attrs["pixel_unit"] = "m"
+        attributes = h5py.Dataset(height).attrs
+        attributes["pixel_size_m"] = surface.pixel_size_m
+        attributes["pixel_size"] = surface.pixel_size_m
+        attributes["pixel_unit"] = "m"
         stamp = np.frombuffer(thumbnail(height_m), dtype=np.uint8)
         write_dataset(groups["surface"], "thumbnail_png", stamp, "")
         label = analysis.hills.label

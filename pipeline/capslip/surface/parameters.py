@@ -1,6 +1,7 @@
 """Height parameters and texture of a map, in the words of ISO 25178-2."""
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import lru_cache
 
@@ -74,21 +75,27 @@ def surface_parameters(surface: HeightMap) -> SurfaceParameters:
     >>> round(found.Sq_m * 1e6, 4), round(found.Sku, 4), found.Std_rad
     (0.7071, 1.5, 0.0)
     """
-    measured = surface.measured
-    if not measured.any():
+    n = surface.n_measured
+    if n == 0:
         raise UnusableSurfaceError(
-            f"{surface.origin.name}: all {measured.size} points are non-measured; expected heights"
+            f"{surface.origin.name}: all {surface.size} points are non-measured; expected heights"
         )
-    whole = bool(measured.all())
-    of_all_m = surface.height_m.reshape(-1) if whole else surface.height_m[measured]
-    mean_m = of_all_m.mean()
-    sp_m, sv_m = float(of_all_m.max() - mean_m), float(mean_m - of_all_m.min())
-    sa_m, sq_m, ssk, sku = _moments(of_all_m - mean_m, max(sp_m, sv_m))
-    height_m = surface.height_m - mean_m
-    sal_m, aspect, std_rad = _texture(height_m, None if whole else measured, surface.pixel_size_m)
+    z = surface.height_m.copy()
+    every = z.reshape(-1)
+    every[surface.lost] = 0.0
+    every -= every.sum() / n
+    every[surface.lost] = 0.0  # at the mean, where it adds nothing
+    sp_m, sv_m = float(every.max()), -float(every.min())
+    largest_m = max(sp_m, sv_m) or 1.0
+    every /= largest_m  # fourth powers of nanometres lose digits
+    sa, sq, ssk, sku = _moments(every, n)
+    pixel_size_m = surface.pixel_size_m
+    sal_m, aspect, std_rad = _texture(
+        z, None if surface.complete else surface.measured, pixel_size_m
+    )
     return SurfaceParameters(
-        Sa_m=sa_m,
-        Sq_m=sq_m,
+        Sa_m=sa * largest_m,
+        Sq_m=sq * largest_m,
         Ssk=ssk,
         Sku=sku,
         Sp_m=sp_m,
@@ -110,38 +117,42 @@ def material_ratio_curve(surface: HeightMap, points: int = 501) -> tuple[np.ndar
     return ratio, height_m
 
 
-def _moments(height_m: np.ndarray, largest_m: float) -> tuple[float, float, float, float]:
-    """Return Sa, Sq, Ssk and Sku of heights about their mean, whose array is used up."""
-    largest_m = largest_m or 1.0
-    z = np.divide(height_m, largest_m, out=height_m)  # fourth powers of nanometres lose digits
+def _moments(z: np.ndarray, n: int) -> tuple[float, float, float, float]:
+    """Return Sa, Sq, Ssk and Sku of heights about their mean, of which n were measured."""
     square = z * z
-    n, variance = z.size, float(square.mean())
+    variance = float(square.sum()) / n
     ssk = sku = math.nan
     if variance > 0.0:
         ssk = float(square @ z) / n / variance**1.5
         sku = float(square @ square) / n / variance**2
-    sa_m = float(np.abs(z, out=z).mean()) * largest_m
-    return sa_m, math.sqrt(variance) * largest_m, ssk, sku
+    sa = float(np.abs(z, out=square).sum()) / n
+    return sa, math.sqrt(variance), ssk, sku
 
 
 def _texture(
-    height_m: np.ndarray, measured: np.ndarray | None, pixel_size_m: tuple[float, float]
+    z: np.ndarray, measured: np.ndarray | None, pixel_size_m: tuple[float, float]
 ) -> tuple[float, float, float]:
-    """Return Sal, Str and Std of heights about their mean; `measured` is None where all points are.
+    """Return Sal, Str and Std of heights about their mean, in any unit, zero at those not measured.
+
+    `measured` is None where all points are.
 
     Wiener and Khinchin: the autocorrelation is the transform of the power spectrum.
     """
-    shape = height_m.shape
-    if measured is not None:
-        height_m = np.where(measured, height_m, 0.0)
-    power = _power(height_m)
+    shape = z.shape
+    power = _power(z)
     if not power.any():
         return math.nan, math.nan, math.nan
     std_rad = _direction(power, shape, pixel_size_m)
-    correlation = _half_of_sums(power, shape[1])
+    lines, of_pairs = _lines(power), None
     if measured is not None:
-        pairs = _half_of_sums(_power(measured.astype(float)), shape[1]) / len(measured)
-        correlation /= np.maximum(pairs, 1.0)
+        of_pairs = _lines(_power(measured.astype(float))) / len(measured)
+
+    def correlation(n_rows: int) -> np.ndarray:
+        sums = _sums(lines[:n_rows], shape[1])
+        if of_pairs is not None:
+            sums /= np.maximum(_sums(of_pairs[:n_rows], shape[1]), 1.0)
+        return sums
+
     sal_m, longest_m = _decay(correlation, shape, pixel_size_m)
     return sal_m, sal_m / longest_m, std_rad
 
@@ -156,16 +167,22 @@ def _power(z: np.ndarray) -> np.ndarray:
     return power
 
 
-def _half_of_sums(power: np.ndarray, nx: int) -> np.ndarray:
-    """Return the sums of products at all lags of no negative y, times the number of rows.
+def _lines(power: np.ndarray) -> np.ndarray:
+    """Return the waves along x of the sums of products at each lag of no negative y."""
+    from scipy.fft import rfft
+
+    lines: np.ndarray = rfft(power, axis=0)
+    return np.conjugate(lines, out=lines)
+
+
+def _sums(lines: np.ndarray, nx: int) -> np.ndarray:
+    """Return these sums at all lags along x, times the number of rows.
 
     Power is real and, through the middle, its own mirror: lags (-y, -x) have the sums of (y, x).
     """
-    from scipy.fft import irfft, rfft
+    from scipy.fft import irfft
 
-    lines = rfft(power, axis=0)
-    np.conjugate(lines, out=lines)
-    sums: np.ndarray = irfft(lines, n=nx, axis=1, overwrite_x=True)
+    sums: np.ndarray = irfft(lines, n=nx, axis=1)
     return sums
 
 
@@ -208,12 +225,15 @@ def _classes(
 
 
 def _decay(
-    half: np.ndarray, shape: tuple[int, int], pixel_size_m: tuple[float, float]
+    correlation: Callable[[int], np.ndarray],
+    shape: tuple[int, int],
+    pixel_size_m: tuple[float, float],
 ) -> tuple[float, float]:
     """Return the least and the greatest distance at which the lobe in the middle falls to 0.2.
 
     Straight between neighbouring points. NaN where it never does, or not within the map. The lobe
-    is mostly small, and looked for in a frame around the middle that grows until it holds it.
+    is mostly small, and looked for in a frame around the middle that grows until it holds it; of
+    `correlation`, not scaled, that takes as many rows of no negative y.
     """
     from scipy.ndimage import label
 
@@ -221,8 +241,8 @@ def _decay(
     while not whole:
         lags = [np.arange(max(-(n // 2), -reach), min((n + 1) // 2, reach + 1)) for n in shape]
         whole = all(len(one) == n for one, n in zip(lags, shape, strict=True))
-        correlation = _lags(half, *lags)
-        lobes = label(correlation > DECAY)[0]
+        at_lags = _lags(correlation(reach + 1), *lags)
+        lobes = label(at_lags > DECAY)[0]
         lobe = lobes == lobes[int(-lags[0][0]), int(-lags[1][0])]
         ends = not any(line.any() for line in (lobe[0], lobe[-1], lobe[:, 0], lobe[:, -1]))
         if ends:
@@ -234,8 +254,8 @@ def _decay(
     found = []
     for here, there in ((np.s_[:-1, :], np.s_[1:, :]), (np.s_[:, :-1], np.s_[:, 1:])):
         at = lobe[here] != lobe[there]
-        fall = correlation[here][at] - correlation[there][at]
-        share = (correlation[here][at] - DECAY) / fall
+        fall = at_lags[here][at] - at_lags[there][at]
+        share = (at_lags[here][at] - DECAY) / fall
         crossing = [z[here][at] + share * (z[there][at] - z[here][at]) for z in (y_m, x_m)]
         found.append(np.hypot(*crossing))
     distance_m = np.concatenate(found)
