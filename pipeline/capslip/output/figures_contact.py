@@ -57,24 +57,22 @@ def normal_curve(analysis: "Analysis", axes: "Axes | None" = None) -> "Figure | 
     except ContactError:  # the caps carry the preload, but not half as much again
         load_N[:-1] /= 1.5
         approach_m = np.asarray(contact.curve.approach_m(load_N))
-    bulk_m = contact.bulk_m * load_N / preload_N
-    other_m = approach_m - bulk_m if contact.bulk else approach_m + bulk_m
-    unit_m, unit = _unit_of_length(float(max(approach_m.max(), other_m.max())), axes)
+    bulk = contact.bulk_m / preload_N * (-1.0 if contact.bulk else 1.0)  # towards the other curve
+    most_m = max(approach_m.max(), (approach_m + bulk * load_N).max())
+    unit_m, unit = _unit_of_length(float(most_m), axes)
     unit_N, of_force = _unit_of_force(float(load_N.max()), axes)
     words = ("with", "without") if contact.bulk else ("without", "with")
     used, other = (f"{word} bulk term" for word in words)
 
     figure, axes = blank(f"Normal curve N(d), model: {contact.model}", axes=axes)
-    has_bulk = bool(bulk_m[-1] > 0.0)
-    label = f"{used} (used for slip)" if has_bulk else "N(d)"
-    curve_N, curve_m, curve_other_m = load_N[:-1], approach_m[:-1], other_m[:-1]
+    label = f"{used} (used for slip)" if bulk else "N(d)"
+    curve_N, curve_m = load_N[:-1], approach_m[:-1]
     if contact.rung.solved_loads_N is not None:
         axes.plot(curve_m / unit_m, curve_N / unit_N, ".", color=INK, label="_solved")
-        _, curve_other_m = _between(curve_N, curve_other_m)
         curve_N, curve_m = _between(curve_N, curve_m)
     axes.plot(curve_m / unit_m, curve_N / unit_N, color=INK, linewidth=1.8, label=label)
-    if has_bulk:
-        there = curve_other_m / unit_m, curve_N / unit_N
+    if bulk:
+        there = (curve_m + bulk * curve_N) / unit_m, curve_N / unit_N
         axes.plot(*there, "--", color=INK, linewidth=1.2, label=other)
         with suppress(ContactError):  # a model of the map may carry what its caps do not
             alone_m = _caps_alone(analysis, contact).approach_m(curve_N)
@@ -212,14 +210,11 @@ def loss_factor(analysis: "Analysis", axes: "Axes | None" = None) -> "Figure | N
     steady = np.isfinite(damping.loss_factor)
     amplitude_m, eta = damping.amplitude_m[steady], damping.loss_factor[steady]
     fine_m = np.geomspace(amplitude_m[0], amplitude_m[-1], 600)  # to end where it is not defined
-    fine = np.interp(fine_m, amplitude_m, eta)
-    fine = np.where(fine <= MOST_LOSS_FACTOR, fine, np.nan)
+    fine = _defined(np.interp(fine_m, amplitude_m, eta))
     axes.semilogx(fine_m / unit_m, fine, color=INK, linewidth=1.8, label="_loss factor")
     for i, scan in enumerate(_scans_of(analysis)):
         label = "_scan" if i else SCATTER
-        alone = np.where(
-            scan.damping.loss_factor <= MOST_LOSS_FACTOR, scan.damping.loss_factor, np.nan
-        )
+        alone = _defined(scan.damping.loss_factor)
         axes.plot(scan.damping.amplitude_m / unit_m, alone, color=GREY, linewidth=1.0, label=label)
     beyond = eta > MOST_LOSS_FACTOR
     if beyond.any():
@@ -260,6 +255,11 @@ def loss_factor(analysis: "Analysis", axes: "Axes | None" = None) -> "Figure | N
         axes.set_ylim(bottom=0.0)
     axes.legend(loc="upper left", fontsize=9, framealpha=0.9, edgecolor="none")
     return figure
+
+
+def _defined(loss_factor: np.ndarray) -> np.ndarray:
+    """Return loss factors, NaN where the mode is no longer lightly damped."""
+    return np.where(loss_factor <= MOST_LOSS_FACTOR, loss_factor, np.nan)
 
 
 def _resolved_from_N(analysis: "Analysis") -> float:
