@@ -137,7 +137,8 @@ def test_the_worst_problem_is_the_reason_and_its_remedy_the_next_step(severities
     ) == ("usable with care: it is; next: --set hills.material_ratio=...")
     if "said" in begins:
         worst = codes["error" if "error" in severities else "warning"]
-        assert said.endswith(KINDS[worst].remedy.rstrip("."))
+        remedy = KINDS[worst].remedy.rstrip(".")
+        assert said.endswith(f"next: {remedy[0].lower()}{remedy[1:]}")
 
 
 def run(tmp_path, *options):
@@ -260,6 +261,12 @@ def test_points_taken_away_that_decide_lead_before_a_pressure_that_soft_steel_be
     for listed in ([pressed, removed], [removed, pressed]):
         said = verdict(load(*JOINT.values()), listed, None)
         assert said.startswith("usable with care: decide (and 1 more); next: ")
+
+
+def test_advice_ends_a_sentence_and_options_that_are_open_stay_so():
+    assert Problem("outliers_removed", "info", "said").advice.startswith("look there on the part")
+    assert not Problem("outliers_removed", "info", "said").advice.endswith(".")
+    assert Problem("bow_left", "info", "said", step="--set a.b=...").advice == "--set a.b=..."
 
 
 def test_who_gave_the_bow_of_the_instrument_is_not_told_to_give_it():

@@ -150,7 +150,7 @@ def _raise_errors(result: "JointResult", folder: Path | None, of: str = "") -> N
     for problem in result.problems:
         if problem.severity == "error":
             rest = f"; what was found before is in {folder}" if folder else ""
-            raise ScanError(f"{of}{problem.text}; next: {problem.remedy.removesuffix('.')}{rest}")
+            raise ScanError(f"{of}{problem.text}; next: {problem.advice}{rest}")
 
 
 def _load(path: Path, settings: "Settings", say: Progress) -> "HeightMap":

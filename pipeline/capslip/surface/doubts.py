@@ -372,8 +372,7 @@ def _removed(surface: HeightMap, outliers: Outliers) -> Problem:
         "non-measured"
         + (f"; {outliers.n_lifted} of them {LIFTED}" if outliers.n_lifted else "")
         + ("; as many stand off downwards, as far: errors, no burrs" if outliers.both_ways else "")
-        + (": too many for spikes; look at the map or the scan" if many else "")
-        + "; conditioning.outliers = none keeps them",
+        + (": too many for spikes" if many else ""),
     )
 
 
