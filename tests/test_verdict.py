@@ -13,6 +13,7 @@ from capslip.cli import main
 from capslip.output.lead import causes
 from capslip.problems import KINDS, Effect, Problem
 from capslip.settings import STAND_INS, Contact, Settings, settings_from
+from capslip.surface.doubts import problems_of_flatness
 from capslip.verdict import assumptions, verdict
 from scenes import PROJECT
 
@@ -136,7 +137,8 @@ def test_the_worst_problem_is_the_reason_and_its_remedy_the_next_step(severities
     ) == ("usable with care: it is; next: --set hills.material_ratio=...")
     if "said" in begins:
         worst = codes["error" if "error" in severities else "warning"]
-        assert said.endswith(KINDS[worst].remedy.rstrip("."))
+        remedy = KINDS[worst].remedy.rstrip(".")
+        assert said.endswith(f"next: {remedy[0].lower()}{remedy[1:]}")
 
 
 def run(tmp_path, *options):
@@ -235,7 +237,7 @@ def test_the_verdict_names_the_cause_that_the_page_lists_first():
     )
 
 
-@pytest.mark.parametrize("code", ["scale_suspect", "tips_over", "pressure_beyond_elastic"])
+@pytest.mark.parametrize("code", ["scale_suspect", "tips_over", "not_balanced"])
 def test_what_spoils_every_number_leads_the_verdict_before_what_moves_some(code):
     moves = Problem("bow_left", "warning", "moves much", Effect(0.5, 3.0, None))
     problems = [moves, Problem(code, "warning", "another face")]
@@ -251,6 +253,26 @@ def test_what_spoils_every_number_leads_the_verdict_before_what_moves_some(code)
     assert verdict(load(*JOINT.values()), [*problems, failed], None).startswith(
         "not usable: nothing"
     )
+
+
+def test_points_taken_away_that_decide_lead_before_a_pressure_that_soft_steel_bears():
+    removed = Problem("outliers_removed", "warning", "decide", Effect(0.9, 109.0, 109.0))
+    pressed = Problem("pressure_beyond_elastic", "warning", "yields below its surface")
+    for listed in ([pressed, removed], [removed, pressed]):
+        said = verdict(load(*JOINT.values()), listed, None)
+        assert said.startswith("usable with care: decide (and 1 more); next: ")
+
+
+def test_advice_ends_a_sentence_and_options_that_are_open_stay_so():
+    assert Problem("outliers_removed", "info", "said").advice.startswith("look there on the part")
+    assert not Problem("outliers_removed", "info", "said").advice.endswith(".")
+    assert Problem("bow_left", "info", "said", step="--set a.b=...").advice == "--set a.b=..."
+
+
+def test_who_gave_the_bow_of_the_instrument_is_not_told_to_give_it():
+    (problem,) = problems_of_flatness(1e-7, 1e-6)
+    assert "flatness_deviation_m" not in problem.remedy
+    assert "--set conditioning.form=quadratic" in problem.remedy
 
 
 def test_an_error_that_was_estimated_has_its_place_among_the_effects():

@@ -147,10 +147,10 @@ def _where(folder: Path) -> str:
 
 def _raise_errors(result: "JointResult", folder: Path | None, of: str = "") -> None:
     """End as failed where a stage had no answer."""
-    errors = [problem.text for problem in result.problems if problem.severity == "error"]
-    if errors:
-        rest = f"; what was found before is in {folder}" if folder else ""
-        raise ScanError(f"{of}{errors[0]}{rest}")
+    for problem in result.problems:
+        if problem.severity == "error":
+            rest = f"; what was found before is in {folder}" if folder else ""
+            raise ScanError(f"{of}{problem.text}; next: {problem.advice}{rest}")
 
 
 def _load(path: Path, settings: "Settings", say: Progress) -> "HeightMap":

@@ -106,6 +106,12 @@ class Problem:
         return self.step or self.kind.remedy
 
     @property
+    def advice(self) -> str:
+        """The remedy as the end of a sentence, without its stop."""
+        text = self.remedy if self.remedy.endswith("...") else self.remedy.removesuffix(".")
+        return text[:1].lower() + text[1:]
+
+    @property
     def kind(self) -> Kind:
         """What all problems of this code have in common."""
         if self.code not in KINDS:

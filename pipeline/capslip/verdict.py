@@ -115,9 +115,7 @@ def verdict(
             # The first of the greatest; what spoils every number leads what moves some
             first = max(worst, key=lambda one: (one.kind.spoils_all, one.greatest_effect))
             more = f" (and {len(worst) - 1} more)" if len(worst) > 1 else ""
-            remedy = first.remedy
-            remedy = remedy if remedy.endswith("...") else remedy.removesuffix(".")
-            return f"{begin}{word}: {first.text}{more}; next: {remedy}"
+            return f"{begin}{word}: {first.text}{more}; next: {first.advice}"
     accuracy = "to an accuracy that was not estimated"
     if estimated_error is not None:
         percent = max(100.0 * estimated_error, 0.1)

@@ -199,6 +199,14 @@ def test_pressure_is_doubted_just_beyond_its_threshold(
     assert all("20%" in p.message for p in doubts if p.code == "yielded")
 
 
+@pytest.mark.parametrize(("times", "off"), [(0.9, None), (1.5, 0.5), (4.0, 3.0)])
+def test_a_pressure_moves_no_more_than_the_area_that_its_hardness_needs(times, off):
+    caps, families = caps_of([1.0, 1.0], [0.1, 0.1])
+    pressed = state(max_pressure_Pa=times * 2.8 * 235e6)
+    (found,) = contact_doubts(pressed, caps, families, 1e-8, cut_certified=False)
+    assert (found.effect and found.effect.tangential_stiffness) == pytest.approx(off)
+
+
 @pytest.mark.parametrize(
     ("modulus_Pa", "friction", "codes"),
     [

@@ -37,7 +37,7 @@ class Page(HTMLParser):
         self.hidden -= tag in ("style", "script")
 
     def handle_data(self, data):
-        self.text += "" if self.hidden else data
+        self.text += "" if self.hidden else data.replace("\u00a0", " ")
 
     def all(self, tag):
         return [attributes for name, attributes in self.tags if name == tag]
@@ -97,7 +97,7 @@ def test_report_says_the_numbers_of_the_summary(page, several):
     assert f"status {several.status}." in page.text
     assert f"{several.families.m}, {several.families.n}" in page.text
     assert f"{several.damping.peak_loss_factor:.3g}" in page.text
-    assert f"{several.families.h_m * 1e9:.3g} nm" in page.text
+    assert f"{several.families.h_m * 1e9:.3g}\u00a0nm" in page.source
     assert "Bureau" in page.text
     assert several.settings.sha256() in page.text
     assert "preload_N = 150.0" in page.text
@@ -173,7 +173,7 @@ def test_at_most_three_causes_come_first_errors_before_what_moves_most(several, 
     )
     analysis = replace(several, problems=problems)
     page = Page(write_report(analysis, analysis.summary(), tmp_path, None))
-    body = page.source.split('<ol class="causes">')[1].split("</ol>")[0]
+    body = page.source.split('<ol class="causes">')[1].split("</ol>")[0].replace("\u00a0", " ")
     assert body.count("<li>") == 3
     assert (
         body.index("nothing holds at 282 nm") < body.index("moves most") < body.index("moves some")
@@ -217,12 +217,20 @@ def test_a_heavy_picture_is_packed_and_still_the_same(tmp_path):
 def test_quantities_have_one_spelling_of_their_prefix_and_numbers_of_options_stay_whole():
     text = "a bow of 1.2 um; next: --set conditioning.x_m=1.7e-05, or --amplitude 2nm"
     assert report._options(text) == [
-        *[("a bow of 1.2 µm; next: ", False), ("--set", True), (" conditioning.x_m=", False)],
+        *[("a bow of 1.2\u00a0µm; next: ", False), ("--set", True), (" conditioning.x_m=", False)],
         *[("1.7e-05", True), (", or ", False), ("--amplitude", True), (" 2nm", False)],
     ]
-    assert report._micro("stored in um, 3 um and 4 uN/x of 2 umbrellas") == (
-        "stored in um, 3 µm and 4 µN/x of 2 umbrellas"
+    assert report._written("stored in um, 3 um and 4 uN/x of 2 umbrellas") == (
+        "stored in um, 3\u00a0µm and 4 µN/x of 2 umbrellas"
     )
+
+
+@pytest.mark.parametrize(
+    "text", ["94.66 GN/m", "23 %", "3.6 kN", "15.6 cm²", "2 MPa", "5 m", "0.3 s", "40 mm"]
+)
+def test_no_line_of_the_page_parts_a_number_from_its_unit(text):
+    assert report._written(f"as {text}, or so") == f"as {text.replace(' ', chr(0xA0))}, or so"
+    assert report._written(f"{text}x") == f"{text}x"
 
 
 def test_what_an_interval_leaves_out_is_one_list():

@@ -230,9 +230,14 @@ class _Lattice:
         """Return each pair once, rising, with its highest point; the first of equal ones."""
         if not pair.size:
             return pair, spot
-        order = np.lexsort((spot, -self.height_m[spot], pair))
-        first = np.flatnonzero(np.diff(pair[order], prepend=-1))
-        return pair[order[first]], spot[order[first]]
+        order = np.argsort(pair)
+        pair, spot = pair[order], spot[order]
+        begin = np.flatnonzero(np.diff(pair, prepend=-1))
+        height_m = self.height_m[spot]
+        highest_m = np.maximum.reduceat(height_m, begin)
+        lower = height_m < np.repeat(highest_m, np.diff(begin, append=pair.size))
+        spot[lower] = len(self.point)
+        return pair[begin], np.minimum.reduceat(spot, begin)
 
 
 def _joined(n_hills: int, first: np.ndarray, second: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -10,6 +10,7 @@ from capslip.contact.accuracy import BEYOND_SHARE
 from capslip.contact.joint import Joint
 from capslip.contact.material import dundurs_beta
 from capslip.contact.press import ContactState
+from capslip.contact.solvers.yielding import HARDNESS_PER_YIELD
 from capslip.materials import MATERIALS
 from capslip.problems import Effect, Problem
 from capslip.settings import Conditioning, Material
@@ -285,16 +286,19 @@ def problems_of_pressure(contact: ContactState) -> list[Problem]:
     if pressure_Pa > bearable_Pa:
         message = (
             f"the greatest contact pressure {pressure_Pa / 1e9:.3g} GPa is more than any "
-            "engineering metal bears: without a hardness the answer is none; check preload and "
-            "units, and give material.preset or material.hardness_Pa"
+            "engineering metal bears: without a hardness the answer is none"
         )
         return [Problem("pressure_beyond_elastic", "error", message)]
     if pressure_Pa > FIRST_YIELD * soft.softest_yield_stress_Pa:
         message = (
             f"the greatest contact pressure {pressure_Pa / 1e6:.4g} MPa is more than a soft "
             f"structural steel bears elastically, {FIRST_YIELD:g} times its yield stress of "
-            f"{soft.softest_yield_stress_Pa / 1e6:.4g} MPa; give material.preset or "
-            "material.hardness_Pa"
+            f"{soft.softest_yield_stress_Pa / 1e6:.4g} MPa"
         )
-        return [Problem("pressure_beyond_elastic", "warning", message)]
+        # A face that bears its hardness at most has as many times the area at most
+        off = pressure_Pa / (HARDNESS_PER_YIELD * soft.softest_yield_stress_Pa) - 1.0
+        if off <= 0.0:
+            return [Problem("pressure_beyond_elastic", "warning", message)]
+        message += f": as soft a face moves the stiffness by up to {off:.0%}, the energy as well"
+        return [Problem("pressure_beyond_elastic", "warning", message, Effect(off, off, off))]
     return []

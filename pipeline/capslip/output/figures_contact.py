@@ -57,28 +57,28 @@ def normal_curve(analysis: "Analysis", axes: "Axes | None" = None) -> "Figure | 
     except ContactError:  # the caps carry the preload, but not half as much again
         load_N[:-1] /= 1.5
         approach_m = np.asarray(contact.curve.approach_m(load_N))
-    bulk_m = contact.bulk_m * load_N / preload_N
-    other_m = approach_m - bulk_m if contact.bulk else approach_m + bulk_m
-    unit_m, unit = _unit_of_length(float(max(approach_m.max(), other_m.max())), axes)
+    bulk = contact.bulk_m / preload_N * (-1.0 if contact.bulk else 1.0)  # towards the other curve
+    most_m = max(approach_m.max(), (approach_m + bulk * load_N).max())
+    unit_m, unit = _unit_of_length(float(most_m), axes)
     unit_N, of_force = _unit_of_force(float(load_N.max()), axes)
     words = ("with", "without") if contact.bulk else ("without", "with")
     used, other = (f"{word} bulk term" for word in words)
 
     figure, axes = blank(f"Normal curve N(d), model: {contact.model}", axes=axes)
-    has_bulk = bool(bulk_m[-1] > 0.0)
-    label = f"{used} (used for slip)" if has_bulk else "N(d)"
-    smooth_N, smooth_m = _between(load_N[:-1], approach_m[:-1])
-    axes.plot(smooth_m / unit_m, smooth_N / unit_N, color=INK, linewidth=1.8, label=label)
+    label = f"{used} (used for slip)" if bulk else "N(d)"
+    curve_N, curve_m = load_N[:-1], approach_m[:-1]
     if contact.rung.solved_loads_N is not None:
-        axes.plot(approach_m[:-1] / unit_m, load_N[:-1] / unit_N, ".", color=INK, label="_solved")
-    if has_bulk:
-        smooth_N, smooth_m = _between(load_N[:-1], other_m[:-1])
-        axes.plot(smooth_m / unit_m, smooth_N / unit_N, "--", color=INK, linewidth=1.2, label=other)
+        axes.plot(curve_m / unit_m, curve_N / unit_N, ".", color=INK, label="_solved")
+        curve_N, curve_m = _between(curve_N, curve_m)
+    axes.plot(curve_m / unit_m, curve_N / unit_N, color=INK, linewidth=1.8, label=label)
+    if bulk:
+        there = (curve_m + bulk * curve_N) / unit_m, curve_N / unit_N
+        axes.plot(*there, "--", color=INK, linewidth=1.2, label=other)
         with suppress(ContactError):  # a model of the map may carry what its caps do not
-            alone_m = _caps_alone(analysis, contact).approach_m(smooth_N)
+            alone_m = _caps_alone(analysis, contact).approach_m(curve_N)
             of_map = contact.rung.made_from == "map"
             label = "caps alone, not the map" if of_map else "caps without interaction"
-            alone = alone_m / unit_m, smooth_N / unit_N
+            alone = alone_m / unit_m, curve_N / unit_N
             axes.plot(*alone, ":", color=INK, linewidth=1.2, label=label)
     touching = "whole face" if contact.rung.made_from == "nothing" else f"{contact.contacts}"
     part = analysis.slip is not None and not np.isclose(preload_N, analysis.joint.preload_N)
@@ -209,14 +209,12 @@ def loss_factor(analysis: "Analysis", axes: "Axes | None" = None) -> "Figure | N
     figure, axes = blank(title, axes=axes)
     steady = np.isfinite(damping.loss_factor)
     amplitude_m, eta = damping.amplitude_m[steady], damping.loss_factor[steady]
-    fine_m, fine = _smooth(amplitude_m, eta)
-    fine = np.where(fine <= MOST_LOSS_FACTOR, fine, np.nan)
+    fine_m = np.geomspace(amplitude_m[0], amplitude_m[-1], 600)  # to end where it is not defined
+    fine = _defined(np.interp(fine_m, amplitude_m, eta))
     axes.semilogx(fine_m / unit_m, fine, color=INK, linewidth=1.8, label="_loss factor")
     for i, scan in enumerate(_scans_of(analysis)):
         label = "_scan" if i else SCATTER
-        alone = np.where(
-            scan.damping.loss_factor <= MOST_LOSS_FACTOR, scan.damping.loss_factor, np.nan
-        )
+        alone = _defined(scan.damping.loss_factor)
         axes.plot(scan.damping.amplitude_m / unit_m, alone, color=GREY, linewidth=1.0, label=label)
     beyond = eta > MOST_LOSS_FACTOR
     if beyond.any():
@@ -259,6 +257,11 @@ def loss_factor(analysis: "Analysis", axes: "Axes | None" = None) -> "Figure | N
     return figure
 
 
+def _defined(loss_factor: np.ndarray) -> np.ndarray:
+    """Return loss factors, NaN where the mode is no longer lightly damped."""
+    return np.where(loss_factor <= MOST_LOSS_FACTOR, loss_factor, np.nan)
+
+
 def _resolved_from_N(analysis: "Analysis") -> float:
     """Return the force below which less slips than the pixels of the map resolve; or zero."""
     contact, slip = analysis.contact, analysis.slip
@@ -279,19 +282,8 @@ def _veil_unresolved(axes: "Axes", analysis: "Analysis", place: "Callable[[float
         axes.axvline(end, color=INK, linewidth=0.8, linestyle=":", label=UNRESOLVED_SLIP)
 
 
-def _smooth(x: np.ndarray, y: np.ndarray, points: int = 600) -> tuple[np.ndarray, np.ndarray]:
-    """Return a curve over logarithms that bends between its points, as the eye expects."""
-    from scipy.interpolate import PchipInterpolator
-
-    seen = y > 0.0
-    if seen.sum() < 4:
-        return x, y
-    fine = np.geomspace(x[seen][0], x[seen][-1], points)
-    return fine, np.exp(PchipInterpolator(np.log(x[seen]), np.log(y[seen]))(np.log(fine)))
-
-
 def _between(load_N: np.ndarray, approach_m: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return loads and approaches between those of a normal curve, as if of Hertz contacts."""
+    """Return loads and approaches between the few solved ones, as if of Hertz contacts."""
     from scipy.interpolate import PchipInterpolator
 
     fine_N = load_N[-1] * np.linspace(0.0, 1.0, 201) ** 1.5

@@ -65,15 +65,16 @@ def grid_mesh(z_m: np.ndarray, y_m: np.ndarray, x_m: np.ndarray) -> tuple[np.nda
 
     Points and cells are those of `face_mesh`.
     """
-    number = np.arange(z_m.size).reshape(z_m.shape)
-    corners = (number[:-1, :-1], number[:-1, 1:], number[1:, 1:], number[1:, :-1])
-    cells = np.stack([corner.ravel() for corner in corners], axis=1)
-    cells = cells[np.isfinite(z_m.ravel()[cells]).all(axis=1)]
-    used = np.zeros(z_m.size, dtype=bool)
-    used[cells] = True
+    corners = [np.s_[:-1, :-1], np.s_[:-1, 1:], np.s_[1:, 1:], np.s_[1:, :-1]]
+    measured = np.isfinite(z_m)
+    whole = np.logical_and.reduce([measured[corner] for corner in corners])
+    used = np.zeros(z_m.shape, dtype=bool)
+    for corner in corners:
+        used[corner] |= whole
+    number = np.cumsum(used).reshape(z_m.shape) - 1
     x_m, y_m = np.meshgrid(x_m, y_m)
-    points = np.stack([x_m.ravel(), y_m.ravel(), z_m.ravel()], axis=1)[used]
-    return points, (np.cumsum(used) - 1)[cells]
+    points = np.stack([x_m[used], y_m[used], z_m[used]], axis=1)
+    return points, np.stack([number[corner][whole] for corner in corners], axis=1)
 
 
 def cap_mesh(

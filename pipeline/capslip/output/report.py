@@ -41,6 +41,7 @@ JPEG_QUALITY = 90
 SEVERITIES = ("error", "warning", "info")
 OPTION = re.compile(r"((?<!\S)--[a-z][\w-]*|(?<==)[\d.]+(?:e[-+]?\d+)?)")  # and its number
 MICRO = re.compile(r"(?<=\d )u(?=[mNJ]\b)")  # as the terminal writes it
+UNIT = re.compile(r"(?<=\d) (?=(?:[fpnµmkMGT]?(?:N/m|[mNJs]|Pa|Hz)|[cmµ]?m²|%)(?![\w/]))")
 
 Fact = str | tuple[str, str]  # a quantity of the one table, or a label and a text of several
 IN = {"Std_rad": ":°", "Spd_per_m2": ":1/mm²", "Spc_per_m": ":1/mm"}  # units without a prefix
@@ -144,18 +145,18 @@ def template() -> "Template":
     environment = Environment(
         autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
     )
-    environment.filters.update(options=_options, micro=_micro)
+    environment.filters.update(options=_options, written=_written)
     return environment.from_string(_part("report.html.j2"))
 
 
 def _options(text: str) -> list[tuple[str, bool]]:
     """Split a text at the options in it, which no line may break, and say which parts are such."""
-    return [(part, i % 2 == 1) for i, part in enumerate(OPTION.split(_micro(text)))]
+    return [(part, i % 2 == 1) for i, part in enumerate(OPTION.split(_written(text)))]
 
 
-def _micro(text: str) -> str:
-    """Write the prefix of a quantity as all of the page does."""
-    return MICRO.sub("µ", text)
+def _written(text: str) -> str:
+    """Write quantities as all of the page does: their prefix, and no line between the two."""
+    return UNIT.sub("\u00a0", MICRO.sub("µ", text))
 
 
 @cache

@@ -224,7 +224,11 @@ def problems_of_flatness(flatness_m: float, approach_m: float) -> list[Problem]:
         f"the instrument bows a flat by {flatness_m:.3g} m, which may be in the map; the approach "
         f"is {approach_m:.3g} m"
     )
-    return [Problem("bow_left", "warning", message)]
+    step = (
+        "--set conditioning.form=quadratic, where the bow is not the face's own; else an "
+        f"instrument that bows a flat by less than {flatness_m:.2g} m"
+    )
+    return [Problem("bow_left", "warning", message, step=step)]
 
 
 def bow_of_form_m(surface: HeightMap) -> np.ndarray:
@@ -368,8 +372,7 @@ def _removed(surface: HeightMap, outliers: Outliers) -> Problem:
         "non-measured"
         + (f"; {outliers.n_lifted} of them {LIFTED}" if outliers.n_lifted else "")
         + ("; as many stand off downwards, as far: errors, no burrs" if outliers.both_ways else "")
-        + (": too many for spikes; look at the map or the scan" if many else "")
-        + "; conditioning.outliers = none keeps them",
+        + (": too many for spikes" if many else ""),
     )
 
 

@@ -359,8 +359,7 @@ def _refuse_tipping(arm: np.ndarray) -> None:
     side = ("+" if along[axis] > 0 else "-") + "xy"[axis]
     raise TipsOverError(
         f"tips_over: the load point lies outside the hull of the {len(arm)} peaks that can carry, "
-        f"and the face turns over on its {side} side; expected peaks on all sides of the load; "
-        "move contact.load_point_m, or set contact.alignment to as_levelled"
+        f"and the face turns over on its {side} side; expected peaks on all sides of the load"
     )
 
 
