@@ -153,8 +153,12 @@ def turned(
 
 def coarse_map(surface: HeightMap) -> HeightMap:
     """Return the map on which a level is found first: itself, where it is small."""
-    step = round(min(surface.shape) / COARSE_POINTS)
-    return block_means(surface, step) if step > 1 else surface
+    return block_means(surface, coarse_step(surface))
+
+
+def coarse_step(surface: HeightMap) -> int:
+    """Return the side of the blocks of which the coarse map has the means, in points."""
+    return max(1, round(min(surface.shape) / COARSE_POINTS))
 
 
 @dataclass(frozen=True, eq=False)
