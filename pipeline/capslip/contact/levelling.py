@@ -65,6 +65,8 @@ class Level:
         The same on fewer points, see `coarse_map`.
     coarse_noise : Noise
         Of what can touch of it.
+    hills_at_rest : Hills
+        Of the coarse map over the plane on which it rests, at the ratio of the settings.
     hills, caps : Hills, CapTable
         What stands above the cut on this surface; caps without loads.
     slope : (float, float)
@@ -84,6 +86,7 @@ class Level:
     surface: HeightMap
     coarse: HeightMap
     coarse_noise: Noise
+    hills_at_rest: Hills
     hills: Hills
     caps: CapTable
     slope: tuple[float, float]
@@ -214,6 +217,7 @@ class _Found:
             surface=self.surface,
             coarse=self.surface if small else turned(first.surface, -rest.slope, at_m),
             coarse_noise=first.noise,
+            hills_at_rest=first.hills_at_rest,
             hills=self.hills,
             # A sphere stays one when it is turned; its apex moves by far less than a pixel
             caps=caps.with_columns(peak_height_m=caps.peak_height_m + arm_m @ rest.turn),
@@ -252,6 +256,17 @@ class _Search:
     def noise(self) -> Noise:
         """Noise of what can touch."""
         return noise_at_rest(self.surface, self.rest_slope)
+
+    @cached_property
+    def hills_at_rest(self) -> Hills:
+        """Hills at the ratio of the settings as the map rests, where no approach is known."""
+        surface = turned(self.surface, -np.array(self.rest_slope), self.at_m)
+        return self._hills(surface, self.settings.hills.material_ratio, None)
+
+    def _hills(self, surface: HeightMap, ratio: float, relief_m: float | None) -> Hills:
+        chosen, noise_m = self.settings.hills, self.noise.neighbours_m
+        pruning = (chosen.pruning_height_m, chosen.pruning_percent_Sz)
+        return find_hills(surface, ratio, chosen.separation, *pruning, relief_m, noise_m)
 
     def run(self, start: _Start, deepest: float = RATIOS[-1]) -> _Found:
         """Search from cuts at the ratio of the start on, down to the deepest."""
@@ -302,10 +317,11 @@ class _Search:
         return found
 
     def _on_one_cut(self, start: _Start, last: bool) -> _Found:
-        surface, chosen = turned(self.surface, -start.slope, self.at_m), self.settings.hills
-        pruning = (chosen.pruning_height_m, chosen.pruning_percent_Sz)
-        relief_m, noise_m = start.relief_m, self.noise.neighbours_m
-        hills = find_hills(surface, start.ratio, chosen.separation, *pruning, relief_m, noise_m)
+        surface, relief_m = turned(self.surface, -start.slope, self.at_m), start.relief_m
+        if relief_m is None and start.ratio == self.settings.hills.material_ratio:
+            hills = self.hills_at_rest
+        else:
+            hills = self._hills(surface, start.ratio, relief_m)
         rest, fitted = self._turns(surface, hills, start, last)
         # A table asks for the grid alone: nobody holds the map that was cut
         fitted = replace(fitted, given=replace(fitted.given, surface=self.surface))
