@@ -15,7 +15,6 @@ from capslip.contact.doubts import (
     problems_of_waves,
 )
 from capslip.contact.effects import with_effects
-from capslip.contact.levelling import coarse_step
 from capslip.contact.map_accuracy import ASKED
 from capslip.contact.press import ContactState
 from capslip.contact.relevance import as_read, still_doubtful
@@ -27,6 +26,7 @@ from capslip.settings import Settings
 from capslip.stages import Face, as_found
 from capslip.structure.answer import Answer
 from capslip.structure.doubts import problems_of_structure
+from capslip.surface.blocks import coarse_step
 from capslip.surface.doubts import (
     problems_of_flatness,
     problems_of_form,

@@ -25,7 +25,7 @@ from capslip.contact.choice import boundary_elements_s, estimate_error, rung_of_
 from capslip.contact.depth import press_for_depth
 from capslip.contact.direction import with_direction
 from capslip.contact.joint import Joint, joint_of
-from capslip.contact.levelling import UNSETTLED, Level, coarse_map, find_level, turned
+from capslip.contact.levelling import UNSETTLED, Level, find_level, turned
 from capslip.contact.press import ContactState, press
 from capslip.contact.rung import ModelError, Rung, rung
 from capslip.contact.slip import SlipCurve, slip_curve
@@ -36,6 +36,7 @@ from capslip.settings import Conditioning, Settings
 from capslip.structure.beam import BeamMode
 from capslip.structure.response import Damping, response
 from capslip.structure.stiffness import stiffnesses
+from capslip.surface.blocks import coarse_map
 from capslip.surface.conditioning import Conditioned, condition
 from capslip.surface.heightmap import HeightMap
 from capslip.surface.mating import Placement, mate, place

@@ -7,6 +7,8 @@ import numpy as np
 from capslip.surface.heightmap import HeightMap, Heights
 from capslip.surface.rows import BLOCK_POINTS
 
+COARSE_POINTS = 200  # along the shorter side of a coarse map
+
 
 def block_sums(values: np.ndarray, side: int) -> np.ndarray:
     """Return the sums over blocks of `side` x `side` points; what is left over falls away.
@@ -75,6 +77,16 @@ def block_means(surface: HeightMap, step: int) -> HeightMap:
     height_m = means_of_blocks(surface, step, 0.5 * step**2, (top, left))
     dy_m, dx_m = surface.pixel_size_m
     return replace(surface, height_m=height_m, pixel_size_m=(step * dy_m, step * dx_m))
+
+
+def coarse_map(surface: HeightMap) -> HeightMap:
+    """Return the map on which a level is found first: itself, where it is small."""
+    return block_means(surface, coarse_step(surface))
+
+
+def coarse_step(surface: HeightMap) -> int:
+    """Return the side of the blocks of which the coarse map has the means, in points."""
+    return max(1, round(min(surface.shape) / COARSE_POINTS))
 
 
 def few_lines(surface: HeightMap, lines: int, side: int = 1) -> HeightMap:
