@@ -232,6 +232,7 @@ def test_families_are_those_of_their_own_plane_whatever_the_level(slope):
         surface=tilted,
         coarse=stages.coarse_map(tilted),
         coarse_noise=SimpleNamespace(neighbours_m=0.0),
+        hills_at_rest=None,
         slope=(0.0, 0.0),
         rest_slope=(1e-6, 0.5e-6),
         load_point_m=(0.03, 0.018),

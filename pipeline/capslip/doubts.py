@@ -15,7 +15,6 @@ from capslip.contact.doubts import (
     problems_of_waves,
 )
 from capslip.contact.effects import with_effects
-from capslip.contact.levelling import coarse_map
 from capslip.contact.map_accuracy import ASKED
 from capslip.contact.press import ContactState
 from capslip.contact.relevance import as_read, still_doubtful
@@ -27,6 +26,7 @@ from capslip.settings import Settings
 from capslip.stages import Face, as_found
 from capslip.structure.answer import Answer
 from capslip.structure.doubts import problems_of_structure
+from capslip.surface.blocks import coarse_step
 from capslip.surface.doubts import (
     problems_of_flatness,
     problems_of_form,
@@ -123,9 +123,13 @@ def _of_bow(face: Face, approach_m: float, flatness_m: float | None) -> list[Pro
     """Return whether a bow decides that may be of the instrument, as far as its own is known."""
     if flatness_m is not None:
         return problems_of_flatness(flatness_m, approach_m)
-    level, surface = face.level, face.conditioned.surface
-    coarse = coarse_map(surface) if level is None else level.coarse
-    return problems_of_bow(face.family_caps, approach_m) or problems_of_form(coarse, approach_m)
+    of_peaks = problems_of_bow(face.family_caps, approach_m)
+    if of_peaks:
+        return of_peaks
+    if face.level is not None:
+        return problems_of_form(face.level.coarse, approach_m)
+    surface = face.conditioned.surface
+    return problems_of_form(surface, approach_m, coarse_step(surface))
 
 
 def _of_small_slip(

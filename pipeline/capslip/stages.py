@@ -25,7 +25,7 @@ from capslip.contact.choice import boundary_elements_s, estimate_error, rung_of_
 from capslip.contact.depth import press_for_depth
 from capslip.contact.direction import with_direction
 from capslip.contact.joint import Joint, joint_of
-from capslip.contact.levelling import UNSETTLED, Level, coarse_map, find_level, turned
+from capslip.contact.levelling import UNSETTLED, Level, find_level, turned
 from capslip.contact.press import ContactState, press
 from capslip.contact.rung import ModelError, Rung, rung
 from capslip.contact.slip import SlipCurve, slip_curve
@@ -36,6 +36,7 @@ from capslip.settings import Conditioning, Settings
 from capslip.structure.beam import BeamMode
 from capslip.structure.response import Damping, response
 from capslip.structure.stiffness import stiffnesses
+from capslip.surface.blocks import coarse_map
 from capslip.surface.conditioning import Conditioned, condition
 from capslip.surface.heightmap import HeightMap
 from capslip.surface.mating import Placement, mate, place
@@ -339,8 +340,12 @@ def _families(level: Level, settings: Settings) -> tuple[HeightMap, Hills, CapTa
     coarse, bow, at_m = level.coarse, np.zeros(3), level.load_point_m
     slope = np.array(level.rest_slope) + level.slope
     noise_m, ratio = level.coarse_noise.neighbours_m, _family_ratio(settings)
+    # The search for the level began with the same cut of the same map
+    known = level.hills_at_rest if ratio == settings.hills.material_ratio else None
     for _ in range(FAMILY_TURNS):
-        _, caps = _counted(turned(coarse, -slope, at_m, -bow), settings, noise_m, ratio)
+        over = turned(coarse, -slope, at_m, -bow)
+        _, caps = _counted(over, settings, noise_m, ratio, known)
+        known = None
         turn, bend, count = surface_of_families(caps, at_m)
         if count == 1 and not bow.any() and not bend.any() and 2.0 * ratio < 1.0:
             # A bow may keep the lower caps below the cut, and what is left looks like one family.
@@ -381,9 +386,10 @@ def _counted(
     settings: Settings,
     noise_m: float | None,
     material_ratio: float | None = None,
+    known: Hills | None = None,
 ) -> tuple[Hills, CapTable]:
     chosen = settings.hills
-    hills = find_hills(
+    hills = known or find_hills(
         surface,
         material_ratio or _family_ratio(settings),
         chosen.separation,

@@ -9,12 +9,12 @@ import numpy as np
 from capslip.caps.families import Families
 from capslip.caps.table import CapTable
 from capslip.contact.accuracy import FORCE_SHARES, answers
-from capslip.contact.levelling import coarse_map
 from capslip.contact.rung import Rung, Scene
 from capslip.contact.trials import LEFT_OUT, FaceOfCaps, Trials
 from capslip.errors import CapslipError
 from capslip.problems import Effect, Problem
 from capslip.settings import Settings
+from capslip.surface.blocks import coarse_map
 from capslip.surface.conditioning import Conditioned
 from capslip.surface.doubts import VISIBLE_FORM
 from capslip.surface.flatness import bows_m

@@ -28,12 +28,11 @@ from capslip.contact.rung import load_point_m, turning_stiffness
 from capslip.contact.solvers.yielding import FirstLoading
 from capslip.errors import ContactError, TipsOverError, UnusableSurfaceError
 from capslip.settings import Settings
-from capslip.surface.blocks import block_means
+from capslip.surface.blocks import coarse_map
 from capslip.surface.heightmap import HeightMap
 
 RATIOS = (0.10, 0.15, 0.20, 0.25, 0.30, 0.40, 0.55)  # cuts to try, where one is not deep enough
 DEEP = 0.40  # cut from which on fits that it limits are taken: a deeper one sees what never touches
-COARSE_POINTS = 200  # along the shorter side of the map on which the level is found first
 MAX_CUTS = 4  # at one material ratio
 MAX_TURNS = 25  # of fit and contact on the hills of one cut
 # Of tilt over approach and of depths, that the last turn may leave: fitted anew, caps then move
@@ -65,6 +64,8 @@ class Level:
         The same on fewer points, see `coarse_map`.
     coarse_noise : Noise
         Of what can touch of it.
+    hills_at_rest : Hills
+        Of the coarse map over the plane on which it rests, at the ratio of the settings.
     hills, caps : Hills, CapTable
         What stands above the cut on this surface; caps without loads.
     slope : (float, float)
@@ -84,6 +85,7 @@ class Level:
     surface: HeightMap
     coarse: HeightMap
     coarse_noise: Noise
+    hills_at_rest: Hills
     hills: Hills
     caps: CapTable
     slope: tuple[float, float]
@@ -151,12 +153,6 @@ def turned(
     return surface.plus((slope[0] + xx * x_m) * x_m, (slope[1] + yy * y_m) * y_m, twist)
 
 
-def coarse_map(surface: HeightMap) -> HeightMap:
-    """Return the map on which a level is found first: itself, where it is small."""
-    step = round(min(surface.shape) / COARSE_POINTS)
-    return block_means(surface, step) if step > 1 else surface
-
-
 @dataclass(frozen=True, eq=False)
 class _Start:
     """What one search hands to the next."""
@@ -210,6 +206,7 @@ class _Found:
             surface=self.surface,
             coarse=self.surface if small else turned(first.surface, -rest.slope, at_m),
             coarse_noise=first.noise,
+            hills_at_rest=first.hills_at_rest,
             hills=self.hills,
             # A sphere stays one when it is turned; its apex moves by far less than a pixel
             caps=caps.with_columns(peak_height_m=caps.peak_height_m + arm_m @ rest.turn),
@@ -248,6 +245,17 @@ class _Search:
     def noise(self) -> Noise:
         """Noise of what can touch."""
         return noise_at_rest(self.surface, self.rest_slope)
+
+    @cached_property
+    def hills_at_rest(self) -> Hills:
+        """Hills at the ratio of the settings as the map rests, where no approach is known."""
+        surface = turned(self.surface, -np.array(self.rest_slope), self.at_m)
+        return self._hills(surface, self.settings.hills.material_ratio, None)
+
+    def _hills(self, surface: HeightMap, ratio: float, relief_m: float | None) -> Hills:
+        chosen, noise_m = self.settings.hills, self.noise.neighbours_m
+        pruning = (chosen.pruning_height_m, chosen.pruning_percent_Sz)
+        return find_hills(surface, ratio, chosen.separation, *pruning, relief_m, noise_m)
 
     def run(self, start: _Start, deepest: float = RATIOS[-1]) -> _Found:
         """Search from cuts at the ratio of the start on, down to the deepest."""
@@ -298,10 +306,9 @@ class _Search:
         return found
 
     def _on_one_cut(self, start: _Start, last: bool) -> _Found:
-        surface, chosen = turned(self.surface, -start.slope, self.at_m), self.settings.hills
-        pruning = (chosen.pruning_height_m, chosen.pruning_percent_Sz)
-        relief_m, noise_m = start.relief_m, self.noise.neighbours_m
-        hills = find_hills(surface, start.ratio, chosen.separation, *pruning, relief_m, noise_m)
+        surface, relief_m = turned(self.surface, -start.slope, self.at_m), start.relief_m
+        at_rest = relief_m is None and start.ratio == self.settings.hills.material_ratio
+        hills = self.hills_at_rest if at_rest else self._hills(surface, start.ratio, relief_m)
         rest, fitted = self._turns(surface, hills, start, last)
         # A table asks for the grid alone: nobody holds the map that was cut
         fitted = replace(fitted, given=replace(fitted.given, surface=self.surface))
@@ -313,13 +320,14 @@ class _Search:
         self, surface: HeightMap, hills: Hills, start: _Start, last: bool
     ) -> tuple[_Rest, Fitted]:
         """Fit and press the hills of one cut until the plane over them comes to rest."""
-        fit = self.settings.caps.fit
+        fit, points = self.settings.caps.fit, points_of_hills(surface, hills)
         share = fit_named(fit).compression_share
-        points = points_of_hills(surface, hills)
         slope, depth_m = start.slope, self._carried(start, hills, surface)
         before: tuple[np.ndarray, FirstLoading] | None = None
         before_N = np.zeros(hills.n_hills)
         tried, history, part = last, list[float](), 1.0
+        # A coarse map tells its hills apart anew once it knows the approach
+        rough = self.settled > SETTLED and start.relief_m is None
         least, restless, left, awake, ahead = math.inf, math.inf, math.inf, False, np.zeros(2)
         for _ in range(MAX_TURNS):
             _turn(points, ahead, self.at_m)
@@ -328,24 +336,29 @@ class _Search:
             rest, load_N, turn = pressed.rest, pressed.load_N, np.array(pressed.rest.slope)
             all_N = np.zeros(hills.n_hills)
             all_N[use] = load_N
-            moved = float(np.abs(all_N - before_N).sum()) / (2.0 * sum(load_N)) / part
-            moved = 1.0 if before is None else moved
+            change_N = float(np.abs(all_N - before_N).sum())
+            moved = 1.0 if before is None else change_N / (2.0 * sum(load_N)) / part
             before, before_N = (use, pressed), all_N
             span_m = self._across_m(turn)
             approach_m = rest.level_m - float(depths_m.min())
             plane_m = float(fitted.spheres.apex_m[use].max()) - rest.level_m
-            loads = use, fitted.given.apexes.at_cut[use], load_N
+            pressed_with = fitted.spheres, use, fitted.given.apexes.at_cut[use], load_N
             deeper_m, deeper = depth_m, 0.0
             if share is not None and (moved > HELD_LOAD or depth_m is None):
                 deeper_m, deeper = _deeper(depth_m, use, share * pressed.width_m, all_N, part)
-            found = _Rest(
-                *(fitted.spheres, *loads, plane_m, deeper_m, slope - turn, turn, approach_m, 0.0)
-            )
+            ends = plane_m, deeper_m, slope - turn, turn, approach_m, 0.0
+            found = _Rest(*pressed_with, *ends)
             left, left_before = max(span_m / approach_m, deeper), left
             awake |= moved > max(AWAKE * left_before, SETTLED_LOAD)
-            if moved <= max(EARLY * left_before, SETTLED_LOAD) and (
-                span_m < SETTLED_M or (left < self.settled and not awake)
-            ):
+            settles = moved <= max(EARLY * left_before, SETTLED_LOAD) and (
+                span_m < SETTLED_M or (left < (EARLY if rough else self.settled) and not awake)
+            )
+            early = not tried and moved < EARLY and span_m < EARLY * approach_m
+            if early and (rough or not settles):
+                tried = True
+                if self._missed_area_m2(surface, hills, found) > 0.0:
+                    raise _MissedError(slope, approach_m)
+            if settles:
                 return found, fitted
             history.append(moved)
             if len(history) > 4 and moved > HELD_LOAD and moved > 0.5 * history[-3]:
@@ -357,10 +370,6 @@ class _Search:
                     break
                 # It swings to and fro: half of the way.
                 least, part, history = min(history), 0.5 * part, []
-            if not tried and moved < EARLY and span_m < EARLY * approach_m:
-                tried = True
-                if self._missed_area_m2(surface, hills, found) > 0.0:
-                    raise _MissedError(slope, approach_m)
             depth_m, ahead = deeper_m, part * turn
             slope = slope - ahead
         if last or (moved < NEARLY_LOAD and span_m < NEARLY_M):

@@ -13,7 +13,6 @@ from capslip.contact.accuracy import answers
 from capslip.contact.balanced import rebalanced
 from capslip.contact.bulk import bulk_of_face_m_per_N, filled_outside
 from capslip.contact.doubts import ELASTIC_STRAIN
-from capslip.contact.levelling import coarse_map
 from capslip.contact.material import composite, yield_law
 from capslip.contact.models.interacting import InteractingCurve
 from capslip.contact.reach import reachable
@@ -21,6 +20,7 @@ from capslip.contact.rung import load_point_m, turning_stiffness
 from capslip.contact.solvers.hertz import contact_radius_m
 from capslip.errors import ContactError
 from capslip.settings import Settings
+from capslip.surface.blocks import coarse_map
 from capslip.surface.conditioning import Conditioned
 from capslip.surface.flatness import bows_m
 from capslip.surface.form import remove_form

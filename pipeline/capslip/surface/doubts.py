@@ -6,7 +6,7 @@ import numpy as np
 
 from capslip.errors import UnusableSurfaceError
 from capslip.problems import Problem, Severity
-from capslip.surface.blocks import few_lines
+from capslip.surface.blocks import block_means, few_lines
 from capslip.surface.form import (
     FLOOR_SHARE,
     ROUNDING,
@@ -191,16 +191,19 @@ def problems_of_tilt(surface: HeightMap, approach_m: float) -> list[Problem]:
     return [Problem("tilt_left", "warning", message)]
 
 
-def problems_of_form(surface: HeightMap, approach_m: float) -> list[Problem]:
-    """Return whether most of the relief is a bow, of any height, see `bow_left`."""
-    few = few_lines(surface, FEW_LINES)  # they tell where there is clearly none
+def problems_of_form(surface: HeightMap, approach_m: float, side: int = 1) -> list[Problem]:
+    """Return whether most of the relief is a bow, of any height, see `bow_left`.
+
+    Of the means of blocks with so many points a side.
+    """
+    few = few_lines(surface, FEW_LINES, side)  # they tell where there is clearly none
     for what, bow_of, least in (
         ("the heights", _bow, MOSTLY_FORM),
         ("the floor between the hills", _bow_of_floor, MOSTLY_BOWED),
     ):
         rest, bow_m = bow_of(few)
         if rest <= CLEARLY_NO_BOW:
-            rest, bow_m = bow_of(surface)
+            rest, bow_m = bow_of(block_means(surface, side))
         if rest <= 1.0 - least:
             lies = f"{1.0 - rest:.0%} of the variance of {what} is a bow"
             return [bow_left(lies, bow_m, approach_m)]

@@ -90,10 +90,13 @@ def _apart(height_m: np.ndarray) -> int:
         difference_m = np.diff(difference_m, axis=0)
         own_m, known = _own(difference_m)
         square, count = np.einsum("ij,ij->i", own_m, own_m), known.sum(axis=1)
-        every = range(1, MOST_APART + 1)
+        mean = square / np.maximum(count, 1)
+        if mean.min() > QUIET * mean.max():
+            continue  # no place is quiet where no line is
+        every = range(2, MOST_APART + 1)
         quiet = np.array([_quiet_share(own_m, known, square, count, apart) for apart in every])
         if quiet.any():  # a multiple of the distance meets the same points
-            return int(np.argmax(quiet > MOSTLY * quiet.max())) + 1
+            return int(np.argmax(quiet > MOSTLY * quiet.max())) + 2
     return 1
 
 

@@ -97,7 +97,8 @@ def _jumps_m(lines_m: np.ndarray) -> np.ndarray:
     jump_m *= -0.5
     jump_m += step_m[1:-1]
     jump_m.sort(axis=1)  # unknown ones last; far quicker than to part them at two places
-    n_known = np.count_nonzero(np.isfinite(jump_m), axis=1)
+    n_known, some_lost = np.full(len(jump_m), jump_m.shape[1]), np.isnan(jump_m[:, -1])
+    n_known[some_lost] = np.count_nonzero(np.isfinite(jump_m[some_lost]), axis=1)
     line = np.arange(len(jump_m))
     low_m, high_m = jump_m[line, (n_known - 1) // 2], jump_m[line, n_known // 2]
     return np.where(n_known >= LEAST_POINTS, 0.5 * (low_m + high_m), np.nan)
@@ -112,8 +113,9 @@ def _seams_along(lines_m: np.ndarray, bounds_m: tuple[float, float]) -> np.ndarr
     least_m, parts = ROUNDING * (highest_m - lowest_m), []
     for a, b in pairwise(np.linspace(0, n_points, PARTS + 1).astype(int)):
         # From the middle of all heights: what float32 rounds off is a tenth of the least jump
-        part_m = np.subtract(lines_m[:, a:b], 0.5 * (lowest_m + highest_m), order="C")
-        parts.append(_jumps_m(part_m.astype(np.float32)))
+        part_m = np.empty_like(lines_m[:, a:b], dtype=np.float32)  # turned as few bytes, later
+        np.subtract(lines_m[:, a:b], 0.5 * (lowest_m + highest_m), out=part_m, casting="same_kind")
+        parts.append(_jumps_m(np.ascontiguousarray(part_m)))
     square = np.array(parts, dtype=float) ** 2
     known = np.isfinite(square)
     counts = np.maximum(known.sum(axis=0), 1)
