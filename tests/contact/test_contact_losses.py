@@ -43,6 +43,18 @@ def test_contacts_in_closed_form(depth, within):
     assert np.interp(least, x, drop) == pytest.approx(caps(depth, least)[0], rel=0.01)
 
 
+def test_a_steep_begin_leaves_the_other_loads():
+    """Of a loss that rounding hides at the first load, all else is as it was."""
+    drop, loss = caps([0.0], X)
+    hidden = loss * np.append(0.04, np.ones(len(X) - 1))
+    x, s, L = losses(1.5, drop, X, hidden)[0].table()
+    assert (x[-1], s[-1], L[-1]) == pytest.approx((1.0, drop[-1], loss[-1]), rel=1e-12)
+    for column in (x, s, L):
+        assert (np.diff(column) > 0).all()
+    assert np.interp(X[1:], x, s) == pytest.approx(drop[1:], rel=1e-3)
+    assert np.interp(X[1:], x, L) == pytest.approx(loss[1:], rel=5e-3)
+
+
 def test_a_point_that_is_left_out_tells_the_error():
     found, _ = losses(1.5, caps([0.0], X)[0], X, caps([0.0], X)[1])
     fewer = np.delete(np.arange(len(X)), 3)

@@ -11,7 +11,7 @@ from capslip.contact.models.caps import caps
 from capslip.contact.models.families import families
 from capslip.contact.rung import rung
 from capslip.contact.scaled import ScaledCurve
-from capslip.contact.slip import slip_curve
+from capslip.contact.slip import SlipCurve, slip_curve
 from capslip.contact.solvers.yielding import YieldLaw
 from capslip.errors import ContactError
 from capslip.structure.band import Part
@@ -356,3 +356,21 @@ def test_caps_that_touch_between_two_pressures_of_a_map_stay_at_their_load():
         some = slip.force_N(delta) > 0.1 * MU * p
         w = slip.energy_J(delta)
         np.testing.assert_allclose(tables.loss_J_per_m2(delta, p)[some], w[some], rtol=0.05)
+
+
+def test_pressures_whose_slip_cannot_be_followed_begin_the_law(monkeypatch):
+    """As where too few pixels touch: what is above them is as it would be."""
+    whole = law_of(CURVES["spheres"], name="boundary_elements")
+    energy_J = SlipCurve.energy_J
+
+    def followed(slip, displacement_m):
+        if slip.preload_N < 1.01 * whole.pressure_Pa[1]:
+            raise ContactError("too few pixels")
+        return energy_J(slip, displacement_m)
+
+    monkeypatch.setattr(SlipCurve, "energy_J", followed)
+    found = law_of(CURVES["spheres"], name="boundary_elements")
+    assert found.pressure_Pa == pytest.approx(whole.pressure_Pa[2:], rel=1e-12)
+    assert found.loss_J_per_m2 == pytest.approx(whole.loss_J_per_m2[2:], rel=1e-12)
+    assert "too few pixels" in found.ends
+    assert "too few pixels" not in whole.ends

@@ -102,7 +102,8 @@ class BoundaryElementCurve:
         factors = np.array([1.0, *(of_load for of_load, _ in changes)])
         if self.yielded_area_m2:
             face = self.solutions.face if self.first is None else self.first.face
-            states = nearby(face, self.pressed(load_N), [(1.0, 1.0), *changes], share)
+            pressed, punch = self.pressed(load_N), self.solutions.punch(load_N)
+            states = nearby(face, pressed, punch, list(changes), share)
             found = np.array([[one.approach_m, one.withdrawal_m, one.loss_J] for one in states])
             found[:, :2] += c * load_N * factors[:, None] * (1.0, share)
         else:

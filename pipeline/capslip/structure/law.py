@@ -130,7 +130,8 @@ def law(
     Raises
     ------
     ContactError
-        If no scanned area is known, or a curve cannot carry the lower pressures.
+        If no scanned area is known, or a curve cannot carry the lower pressures. Those of a map
+        whose slip cannot be followed are left out.
 
     Notes
     -----
@@ -281,20 +282,29 @@ def _together(parts: Sequence[Part], patch: Sequence[SlipCurve]) -> SlipCurve:
 def _patches(
     parts: Sequence[Part], friction_coefficient: float, reach_m: Sequence[float | None]
 ) -> tuple[list[list[SlipCurve]], str]:
-    """Return the slip curve per area of each scan under growing pressures, and why they end."""
+    """Return the slip curve per area of each scan under growing pressures, and why they end.
+
+    They begin where the slip of a map can be followed: under less, too few of its pixels may touch.
+    """
     solves, ratio, below, above = _is_solved(parts), RATIO, BELOW, ABOVE
     if parts[0].contact.hardness_Pa is not None:
         ratio, below, above = RATIO_OF_YIELDED, BELOW_OF_YIELDED, ABOVE_OF_YIELDED
     if solves:
         ratio, below, above = RATIO_SOLVED, BELOW_SOLVED, ABOVE_SOLVED
     patches: list[list[SlipCurve]] = []
+    begins = ""  # why they do not begin lower
     for i in range(-below, above + 1):
         try:
             patch = [_patch(part, ratio**i, friction_coefficient) for part in parts]
+            for slip in patch if solves else []:  # solved when first asked for, and not always
+                slip.energy_J(slip.total_slip_displacement_m)
         except ContactError as error:
-            if i <= 0:
+            if i == 0 or (i < 0 and not solves):
                 raise
-            return patches, f"the model carries no more: {error}"
+            if i > 0:
+                return patches, f"{begins}the model carries no more: {error}"
+            begins, patches = f"the slip under less cannot be followed: {error}; ", []
+            continue
         for part, slip, end_m in zip(parts, patch, reach_m, strict=True):
             if i <= 0 or end_m is None or part.contact.rung.made_from != "spheres":
                 continue
@@ -306,7 +316,7 @@ def _patches(
                 )
         patches.append(patch)
     few = f"{MAX_SOLVED} pressures, as each is solved on the whole map, " if solves else ""
-    return patches, f"{few}{ratio**above:.2g} times the pressure of the analysis"
+    return patches, f"{begins}{few}{ratio**above:.2g} times the pressure of the analysis"
 
 
 def _refined(

@@ -57,7 +57,8 @@ class Losses:
         below = (s_N < np.repeat(most_N, _POINTS)) & (x_m < np.repeat(most_m, _POINTS))
         s_N, x_m, loss_J, more = (column[below] for column in (s_N, x_m, loss_J, more))
         # Begins with slip that is all but none, L = a s^3
-        begin = np.geomspace(_FAR * end_m / x_m[0], 1.0, _POINTS, endpoint=False)
+        far = min(_FAR * end_m / x_m[0], 1.0)  # the rows may begin farther down already
+        begin = np.geomspace(far, 1.0, _POINTS, endpoint=False)
         rest = more[0] * begin
         s_N = np.concatenate((s_N[0] * begin, s_N, [end_N]))
         x_m = np.concatenate((s_N[:_POINTS] * (self.compliance_m_per_N + rest), x_m, [end_m]))

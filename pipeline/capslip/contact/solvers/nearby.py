@@ -5,13 +5,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from capslip.contact.solvers.elastic_face import ElasticFace
-from capslip.contact.solvers.pixels import around_contact, in_contact_alone, on_contact
+from capslip.contact.solvers.pixels import around_contact, on_contact, points_alone
 from capslip.contact.solvers.polonsky_keer import first_loading, press
 from capslip.contact.solvers.pressed import Pressed
+from capslip.contact.solvers.starts import Known, start_Pa
 
-_TOLERANCE = 1e-7  # of a first loading: at 1e-5 the loss of rough faces is off by tens of per cent
+_TOLERANCE = 1e-6  # of a first loading: at 1e-5 the loss of rough faces is off by a tenth
+_LEAST_PA = 1e-300  # stands for no pressure below a fraction
 _LEFT, _LOOSEST, _FINEST = 1e-2, 1e-5, 1e-9  # of the loss, that gaps may be; tolerances below it
-_HALVINGS = 30  # of the interval in which a start is sought
 
 
 @dataclass(frozen=True)
@@ -26,14 +27,16 @@ class Nearby:
 def nearby(
     face: ElasticFace,
     pressed: Pressed,
+    punch_Pa_per_m: np.ndarray,
     changes: list[tuple[float, float]],
     share: float,
 ) -> list[Nearby]:
     """Return the states of a face after other first loadings than the one that is known.
 
-    Solved on the points alone that touch under the known load: with less load or more hardness no
-    others do. Each change is one solution from the known pressures, and one of what is left when
-    the share of the load is gone, whose loss follows as in `unloading.unload`.
+    The first is the known one itself. Solved on the points alone that touch under the known load:
+    with less load or more hardness no others do. Each change is one solution from the known
+    pressures, and one of what is left when the share of the load is gone, whose loss follows as in
+    `unloading.unload`.
 
     Parameters
     ----------
@@ -41,6 +44,8 @@ def nearby(
         Before any load, with its hardness.
     pressed : Pressed
         Its state under the known load.
+    punch_Pa_per_m : float64, shape (ny, nx)
+        dp/dd under that load.
     changes : list of (float, float)
         Factors <= 1 on the load and >= 1 on the hardness.
     share : float
@@ -52,41 +57,42 @@ def nearby(
         If a solution fails.
     """
     alone, known = on_contact(face, pressed, around_contact(face, pressed.pressure_Pa > 0))
-    return [
-        _loaded(
-            replace(alone, hardness_Pa=face.hardness_Pa * of_hardness),
-            known.pressure_Pa * of_load,
-            pressed.load_N * of_load,
-            share,
-        )
-        for of_load, of_hardness in changes
-    ]
+    punch = alone.gathered(punch_Pa_per_m)
+    total_Pa = (1.0 - share) * pressed.load_N / face.pixel_area_m2
+    above, end = Known(0.0, known.pressure_Pa), Known(pressed.approach_m, np.zeros(alone.shape))
+    part = start_Pa(total_Pa, punch, above, end) / known.pressure_Pa
+    found: list[Nearby] = []
+    for of_load, of_hardness in [(1.0, 1.0), *changes]:
+        face_i = replace(alone, hardness_Pa=face.hardness_Pa * of_hardness)
+        begin_Pa, load_N = known.pressure_Pa * of_load, pressed.load_N * of_load
+        state = press(face_i, load_N=load_N, tolerance=_TOLERANCE, start_Pa=begin_Pa)
+        one, left_Pa = _unloaded(*first_loading(face_i, state), part, share)
+        if not found:  # the others keep about the same part of their pressures
+            part = left_Pa / np.maximum(state.pressure_Pa, _LEAST_PA)
+        found.append(one)
+    return found
 
 
-def _loaded(face: ElasticFace, start_Pa: np.ndarray, load_N: float, share: float) -> Nearby:
-    state = press(face, load_N=load_N, tolerance=_TOLERANCE, start_Pa=start_Pa)
-    if not np.isinf(face.hardness_Pa):
-        face, state = first_loading(face, state)
-    touching = state.pressure_Pa > 0.0
-    elastic, pressure_Pa = in_contact_alone(face, state.pressure_Pa), state.pressure_Pa[touching]
+def _unloaded(
+    face: ElasticFace, state: Pressed, part: np.ndarray, share: float
+) -> tuple[Nearby, np.ndarray]:
+    """Return what a share of the load takes from an elastic face, and the pressures it leaves.
+
+    What the state leaves of a gap between points that touch is taken for height: so its pressures
+    are exact, and the loss, a small difference of two states, is that of a face all but the same.
+    """
+    at = np.flatnonzero(state.pressure_Pa)
+    touching, pressure_Pa = points_alone(face, at), state.pressure_Pa[at]
+    touching = replace(touching, depth_m=touching.depth_m - state.gap_m[at])
     gone = 1.0 - (1.0 - share) ** (2.0 / 3.0)  # of the approach, in a Hertz contact
     left = press(
-        elastic,
-        load_N=(1.0 - share) * load_N,
+        touching,
+        load_N=(1.0 - share) * state.load_N,
         tolerance=max(min(_LOOSEST, _LEFT * gone**3 / 8.0), _FINEST),
-        start_Pa=_start_Pa(pressure_Pa, share),
+        start_Pa=pressure_Pa * part[at],
     )
     open_m = np.where(left.pressure_Pa > 0.0, 0.0, np.maximum(left.gap_m, 0.0))
     loss_J = 4.0 * float(pressure_Pa @ open_m) * face.pixel_area_m2
-    return Nearby(state.approach_m, state.approach_m - left.approach_m, loss_J)
-
-
-def _start_Pa(pressure_Pa: np.ndarray, share: float) -> np.ndarray:
-    """Return pressures of equal spheres when a share of their load is gone: p^2 falls evenly."""
-    square, least, most = np.square(pressure_Pa), 0.0, float(pressure_Pa.max()) ** 2
-    total_Pa = (1.0 - share) * float(pressure_Pa.sum())
-    for _ in range(_HALVINGS):
-        middle = 0.5 * (least + most)
-        more = np.sqrt(np.maximum(square - middle, 0.0)).sum() > total_Pa
-        least, most = (middle, most) if more else (least, middle)
-    return np.sqrt(np.maximum(square - least, 0.0))
+    left_Pa = np.zeros(face.shape)
+    left_Pa[at] = left.pressure_Pa
+    return Nearby(state.approach_m, state.approach_m - left.approach_m, loss_J), left_Pa

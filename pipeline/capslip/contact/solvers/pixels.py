@@ -28,6 +28,7 @@ _MOST_PIXELS = 6000  # 450 MB
 _FEW = 3000  # pixels of a matrix between what is left of a contact: 110 MB
 _LESS = 4  # times the work of a matrix, of what it takes the place of: to build it takes time, too
 _WORTH = 0.7  # of the work, that patches around what is left may be
+_ROWS = 64  # of a matrix that are filled at once
 _TILE = 16  # pixels along the side of a tile, whose pixels are inverted with each other
 
 
@@ -103,9 +104,20 @@ def in_contact_alone(face: ElasticFace, pressure_Pa: np.ndarray) -> PatchedFace:
     if len(points) == face.depth_m.size and isinstance(face, PatchedFace):
         return face
     half_space = _around(face, points) if isinstance(face, PatchedFace) else None
-    if half_space is None:
-        half_space = GatheredHalfSpace(points, face.half_space, face.shape)
-    return _alone(face, points, half_space)
+    return points_alone(face, points) if half_space is None else _alone(face, points, half_space)
+
+
+def points_alone(face: ElasticFace, points: np.ndarray) -> PatchedFace:
+    """Return some points of a face, which sink by the transforms of all of it.
+
+    Parameters
+    ----------
+    face : ElasticFace
+        A map, or patches of it.
+    points : int, shape (n,)
+        Growing.
+    """
+    return _alone(face, points, GatheredHalfSpace(points, face.half_space, face.shape))
 
 
 def fewer(face: PatchedFace, contact: np.ndarray) -> PatchedFace | None:
@@ -147,9 +159,15 @@ def _matrix_of(
     row, column = np.unravel_index(parent, map_shape)
     shape = int(np.ptp(row)) + 1, int(np.ptp(column)) + 1
     quadrant = love_kernel(shape, face.pixel_size_m, face.E_star_Pa)
-    offset = np.abs(row[:, None] - row) * shape[1] + np.abs(column[:, None] - column)
     tile = row // _TILE * map_shape[1] + column // _TILE
-    return MatrixHalfSpace(quadrant.reshape(-1)[offset], tile)
+    matrix, kernel = np.empty((len(parent), len(parent))), quadrant.reshape(-1)
+    row, column = row.astype(np.int32), column.astype(np.int32)
+    for begin in range(0, len(parent), _ROWS):  # whose offsets stay in the cache
+        some = np.s_[begin : begin + _ROWS]
+        offset = np.abs(row[some, None] - row) * np.int32(shape[1])
+        offset += np.abs(column[some, None] - column)
+        kernel.take(offset, out=matrix[some], mode="clip")
+    return MatrixHalfSpace(matrix, tile)
 
 
 def _alone(
