@@ -1,12 +1,15 @@
 """What preconditions the pressing of maps: symmetric, positive, and near the inverse."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
-from capslip.contact.solvers.half_space import HalfSpace, love_kernel
+from capslip.contact.solvers import pixels
+from capslip.contact.solvers.half_space import ChangedHalfSpace, HalfSpace, love_kernel
 from capslip.contact.solvers.patches import PatchedFace, patched
 from capslip.contact.solvers.pixels import around_contact, in_contact_alone
-from capslip.contact.solvers.polonsky_keer import elastic_face
+from capslip.contact.solvers.polonsky_keer import elastic_face, press
 from capslip.surface.heightmap import HeightMap
 
 SHAPE, SIZE_M, E = (23, 34), (1e-4, 1.5e-4), 110e9
@@ -78,3 +81,44 @@ def test_points_of_a_face_work_as_they_do_on_it(share):
     assert work == pytest.approx(float(p @ few.half_space.sinking_m(p)), rel=1e-5)
     if sinking_m is not None:
         np.testing.assert_allclose(sinking_m, few.half_space.sinking_m(p), rtol=1e-3)
+
+
+@pytest.mark.parametrize("shape", [(1, 50000), (9, 6000), (224, 225), (300, 500)])
+def test_changes_of_pressures_sink_as_on_the_whole_map_but_for_their_error(shape):
+    """Changes that leave the load as it is, as steps do, and such from one end to the other."""
+    half_space = HalfSpace(shape, SIZE_M, E)
+    changes = ChangedHalfSpace(half_space)
+    rng = np.random.default_rng(7)
+    scattered = rng.normal(size=shape) * (rng.random(shape) < 0.2)
+    ends = np.zeros(shape)
+    ends[:, :3], ends[:, -3:] = 1.0, -1.0
+    for p in (scattered - scattered.mean(), ends):
+        exact_m = half_space.sinking_m(p)
+        off_m = changes.sinking_roughly_m(p) - exact_m
+        assert np.linalg.norm(off_m) < changes.change_error * np.linalg.norm(exact_m)
+        work = float((p * exact_m).sum())
+        assert changes.work(p)[0] == pytest.approx(work, rel=changes.change_error)
+        assert changes.work(p)[0] == pytest.approx(
+            float((p * changes.sinking_roughly_m(p)).sum()), rel=1e-4
+        )
+
+
+@pytest.mark.parametrize("hardness_Pa", [np.inf, 2e8])
+def test_a_large_map_is_solved_as_a_small_one_is(monkeypatch, hardness_Pa):
+    """Looks at the whole map between steps on some of its points end in the same state."""
+    rng = np.random.default_rng(11)
+    waves = np.fft.rfft2(rng.normal(size=(180, 300)))
+    n = np.hypot(np.fft.fftfreq(180, 1 / 180)[:, None], np.fft.rfftfreq(300, 1 / 300))
+    height_m = np.fft.irfft2(waves / np.maximum(n, 6.0) ** 1.8, s=(180, 300))
+    surface = HeightMap(2e-7 * height_m / height_m.std(), (1e-6, 1e-6))
+    found = []
+    for large in (pixels._LARGE, 10**9):
+        monkeypatch.setattr(pixels, "_LARGE", large)
+        face = replace(elastic_face(surface, E), hardness_Pa=hardness_Pa)
+        found.append(press(face, load_N=0.1, tolerance=1e-8))
+    some, whole = found
+    assert some.certificate.complementarity < 1e-8
+    assert some.certificate.least_gap > -1e-8
+    assert some.approach_m == pytest.approx(whole.approach_m, rel=1e-7)
+    off_Pa = np.abs(some.pressure_Pa - whole.pressure_Pa)
+    assert off_Pa.sum() < 1e-4 * whole.pressure_Pa.sum()

@@ -138,11 +138,18 @@ class GivenResultant:
         """Length that makes places and slopes comparable to numbers and levels."""
         return float(max(np.abs(arm).max() for arm in self._arms_m))
 
+    @cached_property
+    def _shares(self) -> tuple[np.ndarray, np.ndarray]:
+        """The arms in these lengths, each with one axis."""
+        x, y = (arm.reshape(-1) / self._length_m for arm in self._arms_m)
+        return x, y
+
     def _basis(self, points: np.ndarray) -> np.ndarray:
-        x_m, y_m = self._arms_m
-        row, column = np.divmod(points, x_m.size) if x_m.ndim > 1 else (points, points)
-        x, y = (arm.reshape(-1)[at] for arm, at in ((x_m, column), (y_m, row)))
-        return np.stack((np.ones(len(points)), x / self._length_m, y / self._length_m))
+        x, y = self._shares
+        row, column = np.divmod(points, x.size) if self._arms_m[0].ndim > 1 else (points, points)
+        basis = np.ones((3, len(points)))
+        basis[1], basis[2] = x[column], y[row]
+        return basis
 
     def over(self, plane: np.ndarray) -> np.ndarray:
         """Return the height of a plane over all points."""
@@ -153,13 +160,13 @@ class GivenResultant:
         """Return the least-squares plane, weighted with the pressure."""
         basis = self._basis(points)
         weighted = basis * (pressure / pressure.sum())
-        fitted = _solved(weighted @ basis.T, weighted @ height_m)
+        fitted = _solved(_products(weighted, basis), weighted @ height_m)
         return fitted / (1.0, self._length_m, self._length_m)
 
     def projector(self, points: np.ndarray) -> Projector:
         """Return what takes the sum and both moments out."""
         basis = self._basis(points)
-        inverse = np.linalg.pinv(basis @ basis.T, rcond=1e-12, hermitian=True)
+        inverse = np.linalg.pinv(_products(basis, basis), rcond=1e-12, hermitian=True)
         return lambda values: values - (inverse @ (basis @ values)) @ basis
 
     def restored(self, pressure: np.ndarray, points: np.ndarray) -> np.ndarray | None:
@@ -174,7 +181,7 @@ class GivenResultant:
             off = basis @ weight
             if np.abs(off).max() < 1e-15:
                 break
-            spread = (basis * weight) @ basis.T
+            spread = _products(basis * weight, basis)
             step = -_solved(spread, off)
             if not np.abs(step).max() > 1e-15 * (1 + np.abs(exponent).max()):
                 break
@@ -208,6 +215,11 @@ class GivenResultant:
     def on_grid(self, places_m: tuple[np.ndarray, np.ndarray], area_ratio: float) -> Closing:
         """Return the resultant on the other pixels."""
         return GivenResultant(self.total_Pa * area_ratio, places_m, self.resultant_m)
+
+
+def _products(left: np.ndarray, right: np.ndarray) -> np.ndarray:
+    """Return `left @ right.T`, symmetric, of few long rows: one by one in half of the time."""
+    return np.array([[one @ other for other in right] for one in left])
 
 
 def _solved(matrix: np.ndarray, right: np.ndarray) -> np.ndarray:

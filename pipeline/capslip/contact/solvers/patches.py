@@ -377,13 +377,14 @@ class _Nodes:
 
 def with_margin(contact: np.ndarray) -> np.ndarray:
     """Return the points of a map that lie within the margin of patches around a contact."""
-    (ny, nx), m = contact.shape, _MARGIN
-    near = np.zeros((ny + 2 * m, nx + 2 * m), dtype=bool)
-    row, column = np.nonzero(contact)
-    for down in range(2 * m + 1):
-        for right in range(2 * m + 1):
-            near[row + down, column + right] = True
-    return near[m:-m, m:-m]
+    near = np.pad(contact, _MARGIN)
+    for _ in range(2):  # down, then to the right
+        whole, n = near, len(near) - 2 * _MARGIN
+        near = whole[:n].copy()
+        for first in range(1, 2 * _MARGIN + 1):
+            near |= whole[first : first + n]
+        near = near.T
+    return near
 
 
 def _cheapest(

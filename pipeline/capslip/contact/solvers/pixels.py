@@ -29,6 +29,7 @@ _FEW = 3000  # pixels of a matrix between what is left of a contact: 110 MB
 _LESS = 4  # times the work of a matrix, of what it takes the place of: to build it takes time, too
 _WORTH = 0.7  # of the work, that patches around what is left may be
 _ROWS = 64  # of a matrix that are filled at once
+_LARGE = 50_000  # points of a map from which its changes are found apart
 _TILE = 16  # pixels along the side of a tile, whose pixels are inverted with each other
 
 
@@ -144,6 +145,26 @@ def fewer(face: PatchedFace, contact: np.ndarray) -> PatchedFace | None:
     return None if half_space is None else _alone(face, contact, half_space)
 
 
+def some_points(face: ElasticFace, points: np.ndarray) -> tuple[PatchedFace, float] | None:
+    """Return some points of a large map, to change the pressures on them; None for others.
+
+    Also the share of the sinking of these changes that is left off.
+
+    Parameters
+    ----------
+    face : ElasticFace
+        Any.
+    points : int, shape (n,)
+        Indices into it, growing.
+    """
+    half_space = face.half_space
+    if not isinstance(half_space, HalfSpace) or face.depth_m.size < _LARGE:
+        return None
+    changes = half_space.of_changes
+    alone = _alone(face, points, GatheredHalfSpace(points, changes, face.shape))  # type: ignore[arg-type]
+    return alone, changes.change_error
+
+
 def _around(face: PatchedFace, points: np.ndarray) -> "GatheredHalfSpace | None":
     """Return the half-space on patches around some points, None where it is hardly less work."""
     found = half_space_around(face, points)
@@ -174,7 +195,9 @@ def _alone(
     face: ElasticFace, points: np.ndarray, half_space: "MatrixHalfSpace | GatheredHalfSpace"
 ) -> PatchedFace:
     """Return some points of a face."""
-    x_m, y_m = (np.broadcast_to(place, face.shape).reshape(-1)[points] for place in face.places_m)
+    x_m, y_m = face.places_m
+    row, column = np.divmod(points, x_m.size) if x_m.ndim > 1 else (points, points)
+    x_m, y_m = x_m.reshape(-1)[column], y_m.reshape(-1)[row]
     patches = face if isinstance(face, PatchedFace) else None
     return PatchedFace(
         face.name,

@@ -8,6 +8,7 @@ import numpy as np
 from capslip.contact.solvers.closing import Closing, GivenApproach, GivenLoad
 from capslip.contact.solvers.elastic_face import MOST_PRESSURE, ElasticFace, elastic_face, finer
 from capslip.contact.solvers.patches import patched
+from capslip.contact.solvers.pixels import some_points
 from capslip.contact.solvers.pressed import Certificate, Pressed, State
 from capslip.errors import ContactError, OutOfTimeError, SettingsError
 
@@ -200,14 +201,28 @@ def _nested(
         start_Pa = np.zeros(face.shape) if given else face.measured.astype(float)
     else:
         on_coarser = closing.on_grid(coarser.places_m, face.pixel_area_m2 / coarser.pixel_area_m2)
-        start_Pa = finer(_nested(coarser, on_coarser, _COARSE_TOLERANCE, until_s)[0].pressure_Pa)
-        start_Pa = np.where(face.measured, start_Pa[: face.shape[0], : face.shape[1]], 0.0)
+        found, _ = _nested(coarser, on_coarser, _COARSE_TOLERANCE, until_s)
+        start_Pa = _on_finer(face, coarser, found)
     if face.depth_m.size >= _WORTH_PATCHES and start_Pa.any():
         start_Pa, state, iterations = _patched(face, start_Pa, closing, tolerance, until_s)
         if state is not None and state.fulfils(tolerance):
             return state, iterations
     state, more = _iterate(face, start_Pa, closing, tolerance, until_s)
     return state, iterations + more
+
+
+def _on_finer(face: ElasticFace, coarser: ElasticFace, found: State) -> np.ndarray:
+    """Return the pressures of a state on the coarser grid, each point moved by its own detail.
+
+    Heights that the coarser grid did not have are gaps; a point alone closes its own, or leaves.
+    """
+    ny, nx = face.shape
+    gap_m = finer(found.gap_m - coarser.depth_m)[:ny, :nx] + face.depth_m
+    p = finer(found.pressure_Pa)[:ny, :nx]
+    touches = face.measured & (p > 0)
+    if found.pressure_Pa.max() < face.hardness_Pa:
+        p = np.maximum(p - gap_m / face.half_space.pixel_compliance_m_per_Pa, 0.0)
+    return np.where(touches, p, 0.0)
 
 
 def _patched(
@@ -239,16 +254,48 @@ def _patched(
 def _iterate(
     face: ElasticFace, start_Pa: np.ndarray, closing: Closing, tolerance: float, until_s: float
 ) -> tuple[State, int]:
-    """Run the iteration; return its last state and the number of steps.
+    """Look at the whole face and take steps in turns; return the last state and the steps.
 
-    The pressures stay on the conditions of the closing, so residual and direction are projected on
-    them. The sinking is updated by that of the changes, in single precision; a state that fulfils
-    the tolerance is returned only with one that was computed from its pressures.
+    A look finds the sinking from the pressures, steps that of the changes. Those of a map are on
+    the points alone that touch, or stand clear by less than contact is off, and end when what the
+    sinking of changes leaves off may be as much as what they still have to find. A state that
+    fulfils the tolerance is returned only with a sinking in double precision.
     """
     half_space = face.half_space
-    hardness_Pa = face.hardness_Pa
-    most = _MAX_ITERATIONS if np.isinf(hardness_Pa) else _MAX_YIELDING
-    p = start_Pa.copy()
+    most = _MAX_ITERATIONS if np.isinf(face.hardness_Pa) else _MAX_YIELDING
+    p, steps, aim = _allowed(face, start_Pa, closing), 0, tolerance
+    while True:
+        rough = aim >= _ROUGH_START
+        u = half_space.sinking_roughly_m(p).astype(float) if rough else half_space.sinking_m(p)
+        state = _state(face, p, u, closing)
+        if state.fulfils(tolerance) or steps >= most:
+            if not rough:
+                return state, steps
+            aim = 0.0
+            continue
+        if state.touches_nowhere:
+            return state, steps  # too coarse a grid
+        aim, left = tolerance, range(steps, most)
+        # Where all contact is at the hardness, the others tell the level
+        free = bool((p.reshape(-1)[state.contact] < face.hardness_Pa).any())
+        off = min(state.complementarity, 1.0) if free else 1.0
+        may_touch = (p > 0) | ((state.gap_m < off * state.approach_m) & face.measured)
+        points = np.flatnonzero(may_touch)
+        found = some_points(face, points)
+        if found is None:
+            p, steps = _steps(face, p, u, closing, aim, left, until_s)
+        else:
+            few, change_error = found
+            aim = max(tolerance / 2, change_error * off)
+            on_few = closing.on_grid(few.places_m, 1.0)
+            start, sunk_m = p.reshape(-1)[points], u.reshape(-1)[points]
+            p = np.zeros(face.shape)
+            p.reshape(-1)[points], steps = _steps(few, start, sunk_m, on_few, aim, left, until_s)
+
+
+def _allowed(face: ElasticFace, start_Pa: np.ndarray, closing: Closing) -> np.ndarray:
+    """Return the pressures to begin with on the conditions of the closing."""
+    p, hardness_Pa = start_Pa.copy(), face.hardness_Pa
     at = np.flatnonzero(p)
     restored = _bounded(p.reshape(-1)[at], at, closing, hardness_Pa)
     if restored is None:  # the start lies to one side of the resultant, or bears too little
@@ -258,11 +305,27 @@ def _iterate(
             p *= 1e-3 * hardness_Pa
         restored = _bounded(p.reshape(-1)[at], at, closing, hardness_Pa)
     p.reshape(-1)[at] = restored
-    fresh = tolerance < _ROUGH_START
-    u = half_space.sinking_m(p) if fresh else half_space.sinking_roughly_m(p).astype(float)
+    return p
+
+
+def _steps(
+    face: ElasticFace,
+    p: np.ndarray,
+    u: np.ndarray,
+    closing: Closing,
+    tolerance: float,
+    numbers: range,
+    until_s: float,
+) -> tuple[np.ndarray, int]:
+    """Take at least one step from pressures and their sinking; return pressures, and the steps.
+
+    The pressures stay on the conditions of the closing, so residual and direction are projected on
+    them. The sinking is updated by that of the changes, in single precision.
+    """
+    half_space = face.half_space
     residual, direction = np.zeros(face.shape), np.zeros(face.shape)
-    slope, steps = 0.0, 0  # r z of the last step; zero begins anew
-    for _ in range(most):
+    slope = 0.0  # r z of the last step; zero begins anew
+    for steps in numbers:
         if process_time() > until_s:
             raise OutOfTimeError(
                 f"{face.name}: boundary elements on {face.depth_m.size} points had found no "
@@ -270,13 +333,8 @@ def _iterate(
                 "more, or coarsen the map"
             )
         state = _state(face, p, u, closing)
-        if state.fulfils(tolerance):
-            if fresh:
-                return state, steps
-            u, fresh = half_space.sinking_m(p), True
-            continue
-        if state.contact.size == 0 and state.least_gap >= 0:
-            return state, steps  # too coarse a grid, on which nothing touches
+        if steps > numbers.start and (state.fulfils(tolerance) or state.touches_nowhere):
+            return p, steps
         off_m = tolerance * state.approach_m
         c = _moving(face, state, off_m)
         project = closing.projector(c)
@@ -294,10 +352,10 @@ def _iterate(
         slope = new_slope
         work, du = half_space.work(direction)
         step = float(r @ t) / work if work > 0 else 0.0
-        stepped, cut = _stepped(p, c, t, step, closing, hardness_Pa)
-        u += half_space.sinking_roughly_m(stepped - p) if cut or du is None else -step * du
-        p, fresh, steps = stepped, False, steps + 1
-    return _state(face, p, half_space.sinking_m(p), closing), steps
+        stepped, cut = _stepped(p, c, t, step, closing, face.hardness_Pa)
+        u = u + (half_space.sinking_roughly_m(stepped - p) if cut or du is None else -step * du)
+        p = stepped
+    return p, numbers.stop
 
 
 def _moving(face: ElasticFace, state: State, off_m: float) -> np.ndarray:
@@ -356,13 +414,14 @@ def _bounded(
     p = np.minimum(pressure_Pa, hardness_Pa)
     while True:
         held = p >= hardness_Pa
-        rest = closing.less(p[held], points[held])
+        rest = closing.less(p[held], points[held]) if held.any() else closing
         if held.all() or rest is None:
             return None
-        restored = rest.restored(p[~held], points[~held])
+        free = np.flatnonzero(~held)
+        restored = rest.restored(p[free], points[free])
         if restored is None:
             return None
-        p[~held] = np.minimum(restored, hardness_Pa)
+        p[free] = np.minimum(restored, hardness_Pa)
         if (restored <= hardness_Pa).all():
             return p
 
@@ -403,7 +462,8 @@ def _between(face: ElasticFace, gap_m: np.ndarray, contact: np.ndarray) -> float
     others = face.measured.copy()
     others.reshape(-1)[contact] = False
     highest_m = float(gap_m.reshape(-1)[contact].max())
-    return 0.5 * (highest_m + float(np.min(gap_m, where=others, initial=np.inf)))
+    lowest_m = float(np.min(gap_m, where=others, initial=np.inf))
+    return highest_m if np.isinf(lowest_m) else 0.5 * (highest_m + lowest_m)
 
 
 def certified(

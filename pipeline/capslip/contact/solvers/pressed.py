@@ -104,3 +104,8 @@ class State:
     def fulfils(self, tolerance: float) -> bool:
         """Whether gaps under pressure and penetration are within the tolerance."""
         return self.complementarity <= tolerance and self.least_gap >= -tolerance
+
+    @property
+    def touches_nowhere(self) -> bool:
+        """Whether nothing is under pressure, and nothing should be."""
+        return self.contact.size == 0 and self.least_gap >= 0
