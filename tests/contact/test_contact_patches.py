@@ -222,7 +222,7 @@ def test_coarse_smooth_map_slips_as_the_fine_one(seed):
     assert np.allclose(loss_J(found[1], shares), loss_J(found[0], shares), rtol=0.02)
 
 
-def test_rough_maps_are_not_refined():
+def test_noisy_maps_are_not_refined():
     face = elastic_face(waves((100, 120), 6.0, noise_m=3e-8), E)
     pressed = press(face, load_N=LOAD_N)
     assert pressed.pixels_across < 35

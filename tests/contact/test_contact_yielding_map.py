@@ -12,6 +12,7 @@ from capslip.analysis import analyze_once
 from capslip.contact.models.boundary_elements import boundary_elements
 from capslip.contact.slip import slip_curve
 from capslip.contact.solvers.polonsky_keer import elastic_face, first_loading, press
+from capslip.contact.solvers.refinement import refinement
 from capslip.contact.solvers.tilting import press_balanced
 from capslip.contact.solvers.yielding import YieldLaw
 from capslip.errors import ContactError, SettingsError
@@ -51,6 +52,16 @@ def test_pressures_are_those_of_a_dense_solution_within_the_same_bounds(seed, ha
     dense = lsq_linear(L.T, right, (0.0, hardness / 1e9), tol=1e-15, max_iter=500).x * 1e9
     assert found.max_pressure_Pa == hardness
     assert found.pressure_Pa.ravel() == pytest.approx(dense, abs=2e-4 * hardness)
+
+
+def test_flats_that_a_load_has_left_are_followed_on_the_pixels_of_the_map():
+    """A spline would round their edges; where nothing yields it follows the hills."""
+    refined = []
+    for hardness in (np.inf, 20e9, 2e9):
+        face = soft(rough(96, 1), hardness)  # its greatest pressure would be 10 GPa
+        pressed = press(face, load_N=0.2, tolerance=1e-8)
+        refined.append(refinement(*first_loading(face, pressed)))
+    assert refined == [2, 2, 1]
 
 
 @pytest.mark.parametrize("balanced", [False, True])

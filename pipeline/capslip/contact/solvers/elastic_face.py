@@ -27,6 +27,7 @@ class ElasticFace:
     E_star_Pa: float
     half_space: HalfSpace
     hardness_Pa: float = field(default=np.inf, kw_only=True)  # greatest pressure that it bears
+    yielded: bool = field(default=False, kw_only=True)  # whether a load has left flats on it
 
     @cached_property
     def coarser(self) -> "ElasticFace | None":
@@ -65,7 +66,8 @@ class ElasticFace:
         """Return the elastic face that is left where points have sunk for good, shape (ny, nx)."""
         depth_m = self.depth_m + sunk_m
         depth_m -= np.min(depth_m, where=self.measured, initial=np.inf)
-        return replace(self, depth_m=np.where(self.measured, depth_m, 0.0), hardness_Pa=np.inf)
+        depth_m = np.where(self.measured, depth_m, 0.0)
+        return replace(self, depth_m=depth_m, hardness_Pa=np.inf, yielded=bool(sunk_m.any()))
 
     @property
     def places_m(self) -> tuple[np.ndarray, np.ndarray]:

@@ -13,6 +13,7 @@ _FAR = 1e-5  # first withdrawal of the table, as a share of the last
 # What the loss may be off over the difference between two ways to interpolate it: with that, none
 # of 24 faces of waves at five loads was off by more than said. Up to this share of the load, there
 _APART, _MOST_SLIP, _LOOKS = 2.0, 0.95, 60
+_SMALL = 0.1  # of the load, below which a solved one may be left out
 RIGID = 1e-9  # of the compliance before any slip: less is rounding
 
 
@@ -94,7 +95,7 @@ def losses(
     load_drop_N, withdrawal_m, loss_J : ndarray, shape (n,)
         Of the solved loads, growing; at the last nothing touches any more. Those at which nothing
         has slipped yet, so that their compliance is that before any slip but for rounding, are left
-        out.
+        out, and so are the first where less slips than the compliance is known to.
 
     Examples
     --------
@@ -113,8 +114,16 @@ def losses(
     grows = (more > RIGID * c_0) & (more < least) & (loss_J > 0)
     s, more, loss = load_drop_N[grows], more[grows], loss_J[grows]
     slope = 4 * s**2 * more / loss
+    while len(s) > 2 and s[0] < _SMALL * load_drop_N[-1] and _overshoots(more, loss, slope):
+        grows[np.argmax(grows)] = False
+        s, more, loss, slope = s[1:], more[1:], loss[1:], slope[1:]
     end = float(load_drop_N[-1]), float(withdrawal_m[-1])
     return Losses(c_0, np.log(more), np.log(loss), slope, end), grows
+
+
+def _overshoots(more: np.ndarray, loss_J: np.ndarray, slope: np.ndarray) -> bool:
+    """Tell whether the first cubic rises beyond its end: no slope of it may be three secants."""
+    return bool(slope[0] * np.log(more[1] / more[0]) > 3.0 * np.log(loss_J[1] / loss_J[0]))
 
 
 @dataclass(frozen=True, eq=False)

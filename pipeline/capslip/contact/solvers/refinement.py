@@ -1,6 +1,7 @@
 """How fine a spline of a map must be to follow the slip of its contacts."""
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 
@@ -12,6 +13,13 @@ from capslip.contact.solvers.whiteness import white_m2
 # the first, to the second; then the energy at a tenth of mu N is off by 1 %, and not by 2 to 9.
 _WIDE_ENOUGH, _WIDE = 35, 75
 _MOST_REFINED = 6
+# The same of a map that is rough from pixel to pixel: its shortest wave, of two pixels, has four
+# points then. More would follow a spline where it no longer knows the face
+_MOST_OF_ROUGH = 2
+# Of the variance that differences of half the order find, what those of the whole one do: 1 of
+# noise, 0.93 of a random walk from pixel to pixel, less of all that is smoother; halfway
+_AS_NOISE = 0.965
+_SWING = 2.0  # of the roughness, that a spline may swing: the greatest of many pixels is at 4.5
 # What a map that may be refined has of white noise at most, of the approach, and the order of the
 # differences that know it: waves of 4 pixels, which a spline follows to 1 %, give them 0.14
 SMOOTH, _ORDER = 0.0055, 8
@@ -21,22 +29,63 @@ _RINGING = 0.27  # 2 - sqrt(3): how a cubic spline's swing falls from pixel to p
 def refinement(face: ElasticFace, pressed: Pressed) -> int:
     """Return how many points along the side of a pixel follow the slip of a contact.
 
-    One where the contacts are wide enough, or the map is rough from pixel to pixel: then no spline
-    knows what lies between the pixels.
+    One where the contacts are wide enough, or a spline does not know what lies between the pixels:
+    where a pit or step beside them makes it swing, where heights are as noise is, and where a load
+    has left flats, whose edges it would round.
     """
     across = pressed.pixels_across
     if across >= _WIDE_ENOUGH:
         return 1
+    shape = _roughness(face, pressed)
+    if not shape.smooth and (
+        math.isinf(shape.most_m)  # all contacts lie at the edge of the map
+        or face.yielded
+        or _rings(shape.noise_m2, pressed, shape.most_m)
+        or _is_noise(face, pressed)
+    ):
+        return 1
+    return min(_MOST_REFINED if shape.smooth else _MOST_OF_ROUGH, int(np.ceil(_WIDE / across)))
+
+
+class _Roughness(NamedTuple):
+    """What white noise in the heights could be, and what a spline may swing in the contacts."""
+
+    noise_m2: np.ndarray  # (ny, nx), the mean of both axes; NaN at the edges of the map
+    smooth: bool
+    most_m: float  # infinite where nobody knows
+
+
+def _roughness(face: ElasticFace, pressed: Pressed) -> _Roughness:
     noise_m2 = 0.5 * (white_m2(face.depth_m, _ORDER, 0) + white_m2(face.depth_m, _ORDER, 1))
     inside = (pressed.pressure_Pa > 0) & np.isfinite(noise_m2)
-    rough_m = np.sqrt(noise_m2[inside].mean()) if inside.any() else np.inf
-    if rough_m > SMOOTH * pressed.approach_m or _rings(noise_m2, pressed):
-        return 1
-    return min(_MOST_REFINED, int(np.ceil(_WIDE / across)))
+    rough_m = float(np.sqrt(noise_m2[inside].mean())) if inside.any() else math.inf
+    smooth_m = SMOOTH * pressed.approach_m
+    if rough_m <= smooth_m and not _rings(noise_m2, pressed, smooth_m):
+        return _Roughness(noise_m2, True, smooth_m)
+    return _Roughness(noise_m2, False, max(smooth_m, _SWING * rough_m))
+
+
+def _is_noise(face: ElasticFace, pressed: Pressed) -> bool:
+    """Tell whether the heights about the contacts change from pixel to pixel as noise does.
+
+    All differences count that a contact takes part in: those about its highest points alone would
+    be greater, the more so the lower their order.
+    """
+    from scipy.ndimage import binary_dilation
+
+    short_m2 = long_m2 = 0.0
+    depth_m = np.where(face.measured, face.depth_m, np.nan)
+    for axis, shape in ((0, (_ORDER + 1, 1)), (1, (1, _ORDER + 1))):
+        of_short, of_long = (white_m2(depth_m, order, axis) for order in (_ORDER, _ORDER // 2))
+        near = binary_dilation(pressed.pressure_Pa > 0, np.ones(shape))
+        near &= np.isfinite(of_short) & np.isfinite(of_long)
+        short_m2 += float(of_short[near].sum())
+        long_m2 += float(of_long[near].sum())
+    return short_m2 > _AS_NOISE * long_m2
 
 
 def touches_between(face: ElasticFace, pressed: Pressed) -> np.ndarray:
-    """Return the points off the contact in whose pixels a smooth face may touch nevertheless.
+    """Return the points off the contact in whose pixels a refined face may touch nevertheless.
 
     There the gap is less than about them and, along each axis, so little that the parabola through
     three neighbours falls as much within the pixel; at an edge of the map, half a pixel of the way
@@ -69,7 +118,7 @@ def _swings(face: ElasticFace, pressed: Pressed) -> np.ndarray:
     """Tell where a spline may swing because of what is off its neighbours, as `_rings` has it."""
     from scipy.ndimage import distance_transform_edt
 
-    most_m = SMOOTH * pressed.approach_m
+    most_m = _roughness(face, pressed).most_m
     # Along an edge of the map one axis knows it; in a corner of four pixels none does
     off_m = np.sqrt(np.fmax(*(white_m2(face.depth_m, _ORDER, axis) for axis in (0, 1))))
     rough = off_m > most_m
@@ -79,15 +128,15 @@ def _swings(face: ElasticFace, pressed: Pressed) -> np.ndarray:
     return np.asarray(distance_transform_edt(~rough) <= pixels)
 
 
-def _rings(square_m2: np.ndarray, pressed: Pressed) -> bool:
-    """Tell whether a spline swings in a contact because of a pit or a step beside it.
+def _rings(square_m2: np.ndarray, pressed: Pressed, most_m: float) -> bool:
+    """Tell whether a spline swings by more in a contact because of a pit or a step beside it.
 
     What is off its neighbours at one pixel, squared, makes a cubic spline swing about it, by 0.27
     of that less at each pixel further on.
     """
     from scipy.ndimage import distance_transform_edt
 
-    contact, most_m = pressed.pressure_Pa > 0, SMOOTH * pressed.approach_m
+    contact = pressed.pressure_Pa > 0
     rough = (np.sqrt(square_m2) > most_m) & ~contact
     if not rough.any():
         return False
