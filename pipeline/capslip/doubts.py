@@ -80,7 +80,11 @@ def problems_of(face: Face, found: Analysis, mate: HeightMap | None) -> tuple[Pr
     ]
     caps = face.caps.with_columns(flags=doubtful.flags)
     pressed = (caps, face.family_caps, face.conditioned, as_found(face, settings))
-    return tuple(with_effects(problems, *pressed, contact.rung))
+    share = ASKED
+    if found.answer is not None and found.slip is not None:
+        share = found.answer.slip_force_N / float(found.slip.total_slip_force_N)
+    asked = share, contact.approach_m
+    return tuple(with_effects(problems, *pressed, contact.rung, *asked))
 
 
 def _before_contact(face: Face, found: Analysis, mate: HeightMap | None) -> list[Problem]:

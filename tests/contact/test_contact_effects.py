@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 
 from capslip.analysis import analyze_once
-from capslip.caps.table import CapFlag
+from capslip.caps.table import UNUSABLE, CapFlag
 from capslip.contact.effects import with_effects
+from capslip.contact.trials import FaceOfCaps
 from capslip.problems import Problem
 from capslip.settings import load_settings
 from capslip.studies.faces.synthetic import Scene, synthetic_surface
@@ -36,14 +37,15 @@ def found(surface, *words):
     return analyze_once(surface, load_settings(overrides=("contact.preload_N=200", *words)))
 
 
-def effect_of(analysis, code, caps=None, peaks=None, tolerance=0.05):
+def effect_of(analysis, code, caps=None, peaks=None, tolerance=0.05, least_share=0.1):
     settings = load_settings(
         overrides=("contact.preload_N=200", f"contact.tolerance={tolerance!r}")
     )
     problems = [Problem(code, "warning", "")]
     caps = analysis.caps if caps is None else caps
     peaks = caps if peaks is None else peaks
-    return with_effects(problems, caps, peaks, analysis.conditioned, settings)[0]
+    given = problems, caps, peaks, analysis.conditioned, settings
+    return with_effects(*given, least_share=least_share)[0]
 
 
 def flagged(caps, which, flag=CapFlag.edge):
@@ -90,6 +92,27 @@ def test_a_doubt_within_the_tolerance_is_information():
     for tolerance, severity in ((0.99 * moved, "warning"), (1.01 * moved, "info")):
         one = effect_of(analysis, "load_on_doubtful_caps", caps, tolerance=tolerance)
         assert (one.severity, one.effect) == (severity, effect)
+
+
+def test_what_moves_the_energy_below_the_forces_asked_for_alone_is_noted():
+    """The lowest cap left out: the loss differs most at small forces."""
+    analysis = found(face(MORE))
+    caps = flagged(analysis.caps, [MORE[-1][:2]])
+    given = analysis, "load_on_doubtful_caps", caps
+    effect = effect_of(*given).effect
+    without = caps.with_columns(flags=np.where(caps.flags & CapFlag.edge, caps.flags | UNUSABLE, 0))
+    pressed = FaceOfCaps(analysis.conditioned.surface, analysis.settings)
+    change = np.abs(pressed.answers(without) / pressed.answers(analysis.caps) - 1.0)
+    least, *rest = change[:-1].tolist()
+    assert effect.energy == pytest.approx(least)
+    assert least > max(*rest, change[-1])
+    between = 0.5 * (least + float(max(*rest, change[-1])))
+    for share, severity in ((0.25, "info"), (0.6, "info"), (0.1, "warning"), (1e-3, "warning")):
+        one = effect_of(*given, tolerance=between, least_share=share)
+        assert (one.severity, one.effect) == (severity, effect)
+        assert (f"no more than {max(*rest, change[-1]):.1%} from 25 %" in one.message) == (
+            severity == "info"
+        )
 
 
 def test_what_cannot_be_pressed_has_no_effect_and_stays_a_warning():
@@ -315,7 +338,7 @@ def test_a_bow_of_the_map_moves_what_its_removal_moves():
     def said(tolerance):
         settings = load_settings(overrides=(*words, f"contact.tolerance={tolerance!r}"))
         given = left.caps, left.caps, left.conditioned, settings, left.contact.rung
-        return with_effects([Problem("bow_left", "warning", "")], *given)[0]
+        return with_effects([Problem("bow_left", "warning", "")], *given, least_share=0.1)[0]
 
     one = said(0.9 * more)
     assert one.severity == "warning"
@@ -397,3 +420,25 @@ def test_an_interpolated_map_is_pressed_on_its_measured_points_alone():
         abs(stiffness[1] / stiffness[0] - 1), rel=0.1, abs=2e-3
     )
     assert effect.energy == pytest.approx(moved_energy(fine, alone), rel=0.1)
+
+
+@pytest.mark.parametrize(("missing", "severity"), [(0.5, "info"), (0.98, "warning")])
+def test_a_map_that_was_filled_is_doubted_by_what_fewer_points_say(missing, severity):
+    """Pressed itself, with few points it misses the energy of the whole map by less than is said.
+
+    With many their error is below a hundredth of the approach, and nothing is pressed again.
+    """
+    peaks = [(x, y, 20.0, z - 2e-8 * i) for i, (x, y, _, z) in enumerate(MORE)]
+    whole = face(peaks)
+    lost = np.random.default_rng(3).random(whole.shape) < missing
+    words = ("contact.model=boundary_elements",)
+    filled = found(replace(whole, height_m=np.where(lost, np.nan, whole.height_m)), *words)
+    (said,) = [one for one in filled.problems if one.code == "points_filled"]
+    assert said.severity == severity
+    assert (said.effect is not None) == (severity == "warning")
+    if said.effect is not None:
+        true = found(whole, *words)
+        for share in LARGE:
+            force_N = share * true.slip.total_slip_force_N
+            energy_J = [float(one.slip.energy_at_force_J(force_N)) for one in (filled, true)]
+            assert abs(energy_J[0] / energy_J[1] - 1.0) < said.effect.energy

@@ -5,7 +5,7 @@ import pytest
 
 from capslip import load_settings
 from capslip.analysis import analyze_once
-from capslip.surface.filling import fill_scattered
+from capslip.surface.filling import fill_scattered, filled_from_fewer
 from capslip.surface.heightmap import Filling, HeightMap
 from capslip.surface.holes import problems_of_filling, problems_of_holes
 from capslip.surface.outliers import find_outliers, stand_alone
@@ -130,3 +130,25 @@ def test_lost_points_do_not_change_the_answer():
         for surface in (whole, holed(spheres(), lost(0.8)))
     ]
     assert stiffness[1] == pytest.approx(stiffness[0], rel=0.02)
+
+
+def test_fewer_points_fill_a_map_as_if_the_others_had_never_been_measured():
+    """Each fifth in turn; beyond the points that are left the map stays as it was."""
+    mask, true_m = lost(0.9), spheres()
+    filled = fill_scattered(holed(true_m, mask))
+    every = list(filled_from_fewer(filled))
+    assert len(every) == 5
+    measured, changed = np.flatnonzero(~mask), np.zeros(SHAPE, dtype=int)
+    for one, again in enumerate(every):
+        out = mask.copy()
+        out.ravel()[measured[np.arange(measured.size) % 5 == one]] = True
+        alone = fill_scattered(holed(true_m, out))
+        known = out & ~np.isnan(alone.height_m)
+        assert alone.filling.way == filled.filling.way
+        assert np.abs(again.height_m - alone.height_m)[known].max() < 1e-9 * np.ptp(true_m)
+        assert np.array_equal(np.isnan(again.height_m), np.isnan(filled.height_m))
+        changed += (again.height_m != filled.height_m) & ~mask
+    assert changed.max() == 1  # no measured point is left out twice
+    assert list(filled_from_fewer(holed(true_m, mask))) == []
+    other = Filling(9, 0.9, "cubic", 1e-9, 1e6, measured=np.ones((3, 3), dtype=bool))
+    assert list(filled_from_fewer(HeightMap(true_m, PIXEL_M, filling=other))) == []

@@ -1,7 +1,7 @@
 """What doubts move: the face is pressed again as it may be as well, and the answers compared."""
 
 import math
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -9,6 +9,7 @@ import numpy as np
 from capslip.caps.families import Families
 from capslip.caps.table import CapTable
 from capslip.contact.accuracy import FORCE_SHARES, answers
+from capslip.contact.map_accuracy import ASKED
 from capslip.contact.rung import Rung, Scene
 from capslip.contact.trials import LEFT_OUT, FaceOfCaps, Trials
 from capslip.errors import CapslipError
@@ -17,16 +18,37 @@ from capslip.settings import Settings
 from capslip.surface.blocks import coarse_map
 from capslip.surface.conditioning import Conditioned
 from capslip.surface.doubts import VISIBLE_FORM
+from capslip.surface.filling import filled_from_fewer
 from capslip.surface.flatness import bows_m
 from capslip.surface.form import level_and_straight, remove_form
 from capslip.surface.heightmap import HeightMap
 from capslip.surface.interpolated import pixels_apart
 from capslip.surface.rounding import few_steps
 from capslip.surface.seams import find_seams, without_seams
+from capslip.units import percent
 
 OF_THE_HEIGHTS = ("hole_may_hide_hills", "outline_assumed", "clipped", "heights_in_steps")
-UNKNOWN: tuple[Effect | None, float] = (None, 0.0)  # changes of the answers, and of the approach
-ASK_MAP = 0.2  # of the tolerance: removed points that may move more are pressed on the map, too
+# Judged at all forces: rounding left 19 % where this says 8, as caps are moved each for itself
+AT_ALL_FORCES = ("heights_in_steps",)
+FIRM = ("outliers_removed", "points_filled")
+ASK_MAP = 0.2  # of the tolerance: what may move more is pressed on the map, too
+
+
+@dataclass(frozen=True)
+class _Moved:
+    """What a doubt moves, relative: the answers at all forces, those asked for, the approach."""
+
+    effect: Effect
+    asked: float
+    approach: float = 0.0
+
+    @classmethod
+    def by(cls, change: np.ndarray, least_share: float, approach: float = 0.0) -> "_Moved":
+        """Return it by the greatest changes of energies and stiffness, see `accuracy.answers`."""
+        energy_J, stiffness = change[:-1], float(change[-1])
+        energy = float(energy_J.max())
+        of_asked = float(energy_J[np.array(FORCE_SHARES) >= least_share].max())
+        return cls(Effect(stiffness, energy, energy), max(stiffness, of_asked), approach)
 
 
 def with_effects(
@@ -36,6 +58,8 @@ def with_effects(
     conditioned: Conditioned,
     settings: Settings,
     model: Rung[Any] | None = None,
+    least_share: float = ASKED,
+    approach_m: float = math.inf,
 ) -> list[Problem]:
     """Return the problems, those about single caps with their effects, and as severe as these.
 
@@ -44,8 +68,10 @@ def with_effects(
     the rest, and so may what is open to the edge of the map; points that were removed may have been
     there. Where the map itself answers, bow and levels are taken off it, on points so far apart
     that this costs little; removed points that may matter are put back; of one that was
-    interpolated, the measured points alone are pressed. Within `contact.tolerance` it is
-    information, and so are removed points that stand off both ways, as errors do; else a warning.
+    interpolated, the measured points alone are pressed, and of one that was filled, fewer of them.
+    Within `contact.tolerance` it is information, and so are removed points that stand off both
+    ways, as errors do; else a warning. What moves the energy at smaller forces alone than those
+    that are asked for is only noted.
 
     Parameters
     ----------
@@ -62,35 +88,41 @@ def with_effects(
         `material` and `contact`, with the load of this face.
     model : Rung, optional
         Which answers.
+    least_share : float
+        Of mu N, the least force that is asked for; from a quarter on it is all the same.
+    approach_m : float
+        Of the contact, which tells whether filled points may matter.
     """
     face, tolerance = FaceOfCaps(conditioned.surface, settings), settings.contact.tolerance
-    asked = {one.code for one in problems if _is_asked(one, conditioned)}
-    effects: dict[str, tuple[Effect | None, float]] = {}
+    least_share = max(FORCE_SHARES[0], min(least_share, ASKED))
+    filled_m = ASK_MAP * tolerance * approach_m
+    asked = {one.code for one in problems if _is_asked(one, conditioned, filled_m)}
+    effects: dict[str, _Moved | None] = {}
     how = dict.fromkeys(asked, "estimated with the caps")
     for code in sorted(asked & OF_THE_MAP.keys()):
         if model is not None and model.made_from == "map":
-            by_map = _effect_on_map(model, peaks, face, OF_THE_MAP[code](face))
+            by_map = _effect_on_map(model, peaks, face, OF_THE_MAP[code](face), least_share)
             if by_map is not None:
                 asked.remove(code)
-                effects[code], how[code] = (by_map, 0.0), "found on the map with fewer points"
+                effects[code], how[code] = by_map, "found on the map with fewer points"
     if asked:
         trials = Trials(face, caps, peaks, conditioned)
-        effects |= {code: _effect(trials, code) for code in asked}
-    removed, _ = effects.get("outliers_removed", UNKNOWN)
-    matters = removed is not None and removed.greatest > ASK_MAP * tolerance
+        effects |= {code: _effect(trials, code, least_share) for code in asked}
+    removed = effects.get("outliers_removed")
+    matters = removed is not None and removed.effect.greatest > ASK_MAP * tolerance
     if model is not None and model.made_from == "map" and matters:
-        by_map = _effect_on_map(model, peaks, face, _removed_or_not(conditioned))
+        by_map = _effect_on_map(model, peaks, face, _removed_or_not(conditioned), least_share)
         if by_map is not None:
-            effects["outliers_removed"] = by_map, 0.0
+            effects["outliers_removed"] = by_map
             how["outliers_removed"] = "found on the map with them"
     errors = {"outliers_removed"} if conditioned.removed.both_ways else set()
     limits = {code: math.inf if code in errors else tolerance for code in how}
     return [
         _as_severe(
-            *(one, *effects.get(one.code, UNKNOWN)),
+            *(one, effects.get(one.code), least_share),
             *(limits[one.code], how[one.code], conditioned),
         )
-        if _is_asked(one, conditioned)
+        if _is_asked(one, conditioned, filled_m)
         else one
         for one in problems
     ]
@@ -136,6 +168,11 @@ def _interpolated_or_not(face: FaceOfCaps) -> tuple[HeightMap, ...]:
     return surface, HeightMap(height_m, (every_y * dy_m, every_x * dx_m), surface.origin)
 
 
+def _filled_or_not(face: FaceOfCaps) -> tuple[HeightMap, ...]:
+    """Return a map, and the same filled from fewer points; it alone where it tells of none."""
+    return face.surface, *filled_from_fewer(face.surface)
+
+
 def _removed_or_not(conditioned: Conditioned) -> tuple[HeightMap, HeightMap]:
     """Return a map, and the same with the points that were removed from it."""
     surface, (x_m, y_m, height_m) = conditioned.surface, conditioned.removed_m
@@ -150,16 +187,23 @@ OF_THE_MAP = {
     "bow_left": _bow_or_not,
     "seams": _seams_or_not,
     "interpolated": _interpolated_or_not,
+    "points_filled": _filled_or_not,
 }
 
 
 def _effect_on_map(
-    model: Rung[Any], peaks: CapTable, face: FaceOfCaps, maps: tuple[HeightMap, ...]
-) -> Effect | None:
+    model: Rung[Any],
+    peaks: CapTable,
+    face: FaceOfCaps,
+    maps: tuple[HeightMap, ...],
+    least_share: float,
+) -> _Moved | None:
     """Return the most that other maps change of the first, None where one has no answer.
 
     Pixels lower the tops of hills alike on all of them.
     """
+    if len(maps) == 1:
+        return None
     settings = face.settings
     none = Families(None, None, (), None, None, 0.0, alike=False)
     try:
@@ -174,13 +218,17 @@ def _effect_on_map(
         )
     except CapslipError:
         return None
-    change = np.abs(np.array(after) / before - 1.0).max(axis=0)
-    energy = float(change[:-1].max())
-    return Effect(float(change[-1]), energy, energy)
+    return _Moved.by(np.abs(np.array(after) / before - 1.0).max(axis=0), least_share)
 
 
-def _is_asked(problem: Problem, conditioned: Conditioned) -> bool:
-    """Tell whether a problem has an effect that caps tell."""
+def _is_asked(problem: Problem, conditioned: Conditioned, filled_m: float) -> bool:
+    """Tell whether a problem has an effect that caps or maps tell; of points filled so well none.
+
+    `filled_m` is the error of these from which they may matter.
+    """
+    if problem.code == "points_filled":
+        filling = conditioned.surface.filling
+        return filling is not None and filling.error_m > filled_m
     if problem.code == "outliers_removed":
         return conditioned.removed_m.shape[1] > 0
     others = problem.code in (*OF_THE_HEIGHTS, *OF_THE_MAP, *LEFT_OUT)
@@ -190,13 +238,13 @@ def _is_asked(problem: Problem, conditioned: Conditioned) -> bool:
 def _is_firm(problem: Problem, conditioned: Conditioned) -> bool:
     """Tell whether a warning stays one whatever it does.
 
-    One that may be no information; too many outliers; tops that stay flat, over which anything may
-    have stood; steps of which a hill shows too few.
+    One that may be no information; too many outliers; points filled all too badly; tops that stay
+    flat, over which anything may have stood; steps of which a hill shows too few.
     """
     tops = conditioned.surface.tops
     return (
         "info" not in problem.kind.severities
-        or (problem.code == "outliers_removed" and problem.severity == "warning")
+        or (problem.code in FIRM and problem.severity == "warning")
         or (problem.code == "clipped" and tops is not None and tops.left > 0)
         or (problem.code == "heights_in_steps" and few_steps(conditioned.surface))
     )
@@ -204,8 +252,8 @@ def _is_firm(problem: Problem, conditioned: Conditioned) -> bool:
 
 def _as_severe(
     problem: Problem,
-    effect: Effect | None,
-    approach: float,
+    moved: _Moved | None,
+    least_share: float,
     tolerance: float,
     how: str,
     conditioned: Conditioned,
@@ -216,16 +264,20 @@ def _as_severe(
     """
     firm = _is_firm(problem, conditioned)
     unknown_matters = problem.code == "outliers_removed" and conditioned.removed.n_lifted > 0
-    if effect is None:
+    if moved is None:
         return replace(problem, severity="warning") if unknown_matters else problem
-    moves = firm or effect.greatest > tolerance or approach > VISIBLE_FORM
+    effect = moved.effect
+    asked = effect.greatest if problem.code in AT_ALL_FORCES else moved.asked
+    moves = firm or asked > tolerance or moved.approach > VISIBLE_FORM
     said = f"the stiffness by {effect.tangential_stiffness:.1%}, the energy by {effect.energy:.1%}"
-    said += f", the approach by {approach:.1%}" if approach else ""
+    if asked <= tolerance < effect.greatest:
+        said += f", by no more than {asked:.1%} from {percent(least_share)} of gross slip on"
+    said += f", the approach by {moved.approach:.1%}" if moved.approach else ""
     message = f"{problem.message}; that moves {said} ({how})"
     return replace(problem, severity="warning" if moves else "info", message=message, effect=effect)
 
 
-def _effect(trials: Trials, code: str) -> tuple[Effect | None, float]:
+def _effect(trials: Trials, code: str, least_share: float) -> _Moved | None:
     """Return the greatest changes by all trials of a doubt; unknown where one cannot be pressed.
 
     And that of the approach, which a bow moves before all else: it counts from the highest peaks.
@@ -239,8 +291,5 @@ def _effect(trials: Trials, code: str) -> tuple[Effect | None, float]:
             if code == "bow_left":
                 approach = max(approach, abs(face.approach_m(caps) / before_m - 1.0))
     except CapslipError:
-        return UNKNOWN
-    if not np.isfinite(change).all():
-        return UNKNOWN
-    energy = float(change[:-1].max())
-    return Effect(float(change[-1]), energy, energy), approach
+        return None
+    return _Moved.by(change, least_share, approach) if np.isfinite(change).all() else None

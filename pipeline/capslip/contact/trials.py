@@ -137,7 +137,7 @@ class Trials:
             yield self._levelled()
         elif code == "seams":
             yield self._on_one_level()
-        elif code == "interpolated":
+        elif code in ("interpolated", "points_filled"):
             raise ContactError(f"{code}: caps do not tell")
         elif code == "hole_may_hide_hills":
             yield from self._with_hills(holes(self.face.surface))

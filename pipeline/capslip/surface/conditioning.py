@@ -167,7 +167,7 @@ def condition(
     del stored, smooth  # a map's worth of memory
     surface = fill_scattered(surface)
     if surface.filling is not None:
-        steps.append({"step": "filling", **asdict(surface.filling)})
+        steps.append({"step": "filling", **surface.filling.step})
 
     if s_filter_nesting_index_m is not None:
         surface = gaussian_s_filter(surface, s_filter_nesting_index_m)

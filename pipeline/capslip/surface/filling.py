@@ -1,6 +1,7 @@
 """Points that are missing here and there, filled from the ones around them."""
 
 import math
+from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
@@ -74,10 +75,51 @@ def fill_scattered(surface: HeightMap) -> HeightMap:
     height_m[row, col] = filled_m
     points = int(np.count_nonzero(~np.isnan(filled_m)))
     known = z_m.size / (z_m.size + int(np.count_nonzero(between)))
-    filling = Filling(
-        points, points / (points + z_m.size), way, error_m, known / surface.pixel_area_m2
-    )
+    density_m2 = known / surface.pixel_area_m2
+    filling = Filling(points, points / (points + z_m.size), way, error_m, density_m2, ~lost)
     return replace(surface, height_m=height_m, filling=filling)
+
+
+def filled_from_fewer(surface: HeightMap) -> Iterator[HeightMap]:
+    """Return a filled map as it is without each fifth of its measured points in turn.
+
+    By what its answers differ so much is known of them: five changes d of a group of points left
+    out have the standard error sqrt(4 / 5 sum d^2), about their greatest (the jackknife: Tukey,
+    Ann. Math. Stat. 29 (1958) 614).
+
+    Parameters
+    ----------
+    surface : HeightMap
+        With `filling`, or without. Nothing is returned where it does not say which points of this
+        grid were measured.
+
+    Examples
+    --------
+    >>> z = 1e-9 * np.add.outer(np.arange(60.0), np.arange(80.0))
+    >>> lost = np.random.default_rng(0).random(z.shape) < 0.8
+    >>> filled = fill_scattered(HeightMap(np.where(lost, np.nan, z), (1e-4, 1e-4)))
+    >>> [round(float(np.nanmax(np.abs(one.height_m - filled.height_m))), 15)
+    ...  for one in filled_from_fewer(filled)]
+    [0.0, 0.0, 0.0, 0.0, 0.0]
+    """
+    from scipy.spatial import Delaunay
+
+    filling = surface.filling
+    if filling is None or filling.measured is None or filling.measured.shape != surface.shape:
+        return
+    row, col = np.nonzero(filling.measured & surface.measured)
+    at, z_m = _places(row, col, surface), surface.height_m[row, col]
+    turn = np.arange(row.size) % LEFT_OUT
+    for one in range(LEFT_OUT):
+        out = turn == one
+        again = surface.measured & ~filling.measured
+        again[row[out], col[out]] = True
+        to_row, to_col = np.nonzero(again)
+        to = _places(to_row, to_col, surface)
+        filled_m = _interpolated(filling.way, Delaunay(at[~out]), z_m[~out], to)
+        height_m = surface.height_m.copy()
+        height_m[again] = np.where(np.isnan(filled_m), height_m[again], filled_m)
+        yield replace(surface, height_m=height_m)
 
 
 def _between_points(lost: np.ndarray, pixel_size_m: tuple[float, float]) -> np.ndarray:

@@ -2,7 +2,7 @@
 
 import math
 from copy import copy
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
@@ -74,6 +74,12 @@ class Filling:
     way: str  # between measured points: "cubic", or "linear"
     error_m: float  # rms, where measured points are filled from others; their noise is part of it
     density_m2: float  # of the measured points, outside of holes
+    measured: np.ndarray | None = field(default=None, repr=False, compare=False)  # shape (ny, nx)
+
+    @property
+    def step(self) -> dict[str, Any]:
+        """What is recorded of it."""
+        return {one.name: getattr(self, one.name) for one in fields(self) if one.name != "measured"}
 
     def chance_to_miss(self, radius_m: float) -> float:
         """Return the chance that no measured point lies on a disc, where they are at random."""

@@ -11,7 +11,7 @@ from capslip.problems import Problem
 from capslip.surface.conditioning import Conditioned, sq_and_sz_m
 from capslip.surface.filters import smooth
 from capslip.surface.form import remove_form
-from capslip.surface.heightmap import HeightMap
+from capslip.surface.heightmap import Filling, HeightMap
 from capslip.surface.resampling import resample
 
 Mirror = Literal["x", "y"]
@@ -177,10 +177,16 @@ def composite_surface(
     both = replace(
         first,
         height_m=height_m,
-        filling=first.filling or second.filling,  # one says that the sum is doubtful
+        filling=_either(first.filling, second.filling),
         rounding=first.rounding or second.rounding,
     )
     return remove_form(both, robust=robust, floor=floor)[0]
+
+
+def _either(first: Filling | None, second: Filling | None) -> Filling | None:
+    """Return one that says that the sum of two maps is doubtful; its points are those of none."""
+    one = first or second
+    return None if one is None else replace(one, measured=None)
 
 
 def mate(
