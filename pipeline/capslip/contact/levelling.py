@@ -353,7 +353,7 @@ class _Search:
                 span_m < SETTLED_M or (left < (EARLY if rough else self.settled) and not awake)
             )
             early = not tried and moved < EARLY and span_m < EARLY * approach_m
-            if early and (rough or not settles):
+            if early and (not settles or (rough and left >= self.settled)):
                 tried = True
                 if self._missed_area_m2(surface, hills, found) > 0.0:
                     raise _MissedError(slope, approach_m)
