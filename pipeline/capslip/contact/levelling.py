@@ -342,19 +342,18 @@ class _Search:
             span_m = self._across_m(turn)
             approach_m = rest.level_m - float(depths_m.min())
             plane_m = float(fitted.spheres.apex_m[use].max()) - rest.level_m
-            pressed_with = fitted.spheres, use, fitted.given.apexes.at_cut[use], load_N
+            loads = fitted.spheres, use, fitted.given.apexes.at_cut[use], load_N
             deeper_m, deeper = depth_m, 0.0
             if share is not None and (moved > HELD_LOAD or depth_m is None):
                 deeper_m, deeper = _deeper(depth_m, use, share * pressed.width_m, all_N, part)
-            ends = plane_m, deeper_m, slope - turn, turn, approach_m, 0.0
-            found = _Rest(*pressed_with, *ends)
+            found = _Rest(*loads, plane_m, deeper_m, slope - turn, turn, approach_m, 0.0)
             left, left_before = max(span_m / approach_m, deeper), left
             awake |= moved > max(AWAKE * left_before, SETTLED_LOAD)
             settles = moved <= max(EARLY * left_before, SETTLED_LOAD) and (
                 span_m < SETTLED_M or (left < (EARLY if rough else self.settled) and not awake)
             )
             early = not tried and moved < EARLY and span_m < EARLY * approach_m
-            if early and (rough or not settles):
+            if early and (not settles or (rough and left >= self.settled)):
                 tried = True
                 if self._missed_area_m2(surface, hills, found) > 0.0:
                     raise _MissedError(slope, approach_m)

@@ -1,7 +1,6 @@
 """Caps that push each other apart: each contact sinks the surface under its neighbours."""
 
 from dataclasses import dataclass, field, replace
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -41,10 +40,6 @@ class InteractingCurve(HertzCurve):
     )
     # Compressions at the approaches that `approach_m` returned, for the methods asked next
     _solved: dict[float, np.ndarray] = field(default_factory=dict, init=False, repr=False)
-    # The last solution of `_sheared`: withdrawal and loss at the same drops share it
-    _slipped: dict[tuple[Any, ...], tuple[np.ndarray, np.ndarray]] = field(
-        default_factory=dict, init=False, repr=False
-    )
 
     def overlapping_pairs(self, approach_m: float) -> int:
         """Count the pairs with a_i + a_j > r_ij: their contacts merge, and the model ends there.
@@ -161,22 +156,21 @@ class InteractingCurve(HertzCurve):
         self, g: np.ndarray, goal: np.ndarray, closing: tuple[float, float]
     ) -> tuple[np.ndarray, np.ndarray]:
         """Return the level's withdrawal, shape (...), and that of each cap, shape (..., n)."""
-        shape, n = np.broadcast_shapes(g.shape[:-1], goal.shape), g.shape[-1]
         key = g.tobytes(), goal.tobytes(), goal.shape, closing
-        if key not in self._slipped:
-            on = np.flatnonzero((g > 0).reshape(-1, n).any(axis=0))
-            k, g, goals = self.coefficient[..., on], g[..., on], np.broadcast_to(goal, shape)
-            if g.ndim > 1:
-                k, g = (
-                    np.broadcast_to(one, (*shape, on.size)).reshape(-1, on.size) for one in (k, g)
-                )
-            x = np.zeros((goals.size, n))
-            C = self.pair_compliance_m_per_N[np.ix_(on, on)]
-            e, x[:, on] = shear(k, C, g, goals.ravel(), closing)
-            self._slipped.clear()
-            self._slipped[key] = e.reshape(shape), x.reshape(*shape, n)
-        e, x = self._slipped[key]
-        return e.copy(), x.copy()
+        return self._once(key, self._slid, g, goal, closing)
+
+    def _slid(
+        self, g: np.ndarray, goal: np.ndarray, closing: tuple[float, float]
+    ) -> tuple[np.ndarray, np.ndarray]:
+        shape, n = np.broadcast_shapes(g.shape[:-1], goal.shape), g.shape[-1]
+        on = np.flatnonzero((g > 0).reshape(-1, n).any(axis=0))
+        k, g, goals = self.coefficient[..., on], g[..., on], np.broadcast_to(goal, shape)
+        if g.ndim > 1:
+            k, g = (np.broadcast_to(one, (*shape, on.size)).reshape(-1, on.size) for one in (k, g))
+        x = np.zeros((goals.size, n))
+        C = self.pair_compliance_m_per_N[np.ix_(on, on)]
+        e, x[:, on] = shear(k, C, g, goals.ravel(), closing)
+        return e.reshape(shape), x.reshape(*shape, n)
 
     def _lift_off(self, g: np.ndarray) -> np.ndarray:
         withdrawal = np.full(len(g), np.nan)

@@ -98,6 +98,10 @@ class HertzCurve:
     compliance_m_per_N: Any = 0.0
     # What `approach_m` returned: the preload is asked again and again
     _approach_m: dict[float, np.ndarray] = field(default_factory=dict, init=False, repr=False)
+    # The last solution of `_once`: withdrawal and loss at the same drops share it
+    _slipped: dict[tuple[Any, ...], tuple[np.ndarray, np.ndarray]] = field(
+        default_factory=dict, init=False, repr=False
+    )
 
     @property
     def touch_m(self) -> np.ndarray:
@@ -252,6 +256,22 @@ class HertzCurve:
 
     def _unloaded(self, g: np.ndarray, drop: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return the withdrawal of the asperities' level, and of each, at given load drop."""
+        return self._once((g.tobytes(), drop.tobytes(), drop.shape), self._drawn_by, g, drop)
+
+    def _once(
+        self,
+        key: tuple[Any, ...],
+        solve: Callable[..., tuple[np.ndarray, np.ndarray]],
+        *given: Any,
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Return the solution of a problem of slip, found before where it is the last one."""
+        if key not in self._slipped:
+            self._slipped.clear()  # sets of many caps fill memory
+            self._slipped[key] = solve(*given)
+        e, x = self._slipped[key]
+        return e.copy(), x.copy()
+
+    def _drawn_by(self, g: np.ndarray, drop: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         # With s = x / x0 for the highest asperity the drop is concave in t = 1 - (1 - s)^1.5 and,
         # for one asperity, linear: Newton rises monotonically from t = 0.
         eta = self.depth_m - self.touch_m[..., None]
