@@ -45,7 +45,9 @@ def test_a_sphere_keeps_the_form_of_its_curve():
 
 
 @pytest.mark.parametrize("hardness_Pa", [np.inf, 3e7])
-@pytest.mark.parametrize(("of_load", "of_hardness"), [(0.75, 1.0), (1.0, 1.3)])
+@pytest.mark.parametrize(
+    ("of_load", "of_hardness"), [(0.75, 1.0), (1.25, 1.0), (1.0, 1.3), (1.0, 0.8), (1.3, 0.8)]
+)
 def test_near_is_what_the_map_says_that_is_loaded_anew(hardness_Pa, of_load, of_hardness):
     first, anew = (
         boundary_elements(FOUR, E, preload_N=load_N, hardness_Pa=H, balanced=False)
@@ -82,3 +84,25 @@ def test_an_elastic_sphere_has_its_powers_at_any_share(share):
     powers = np.log([less.approach, less.withdrawal]) / np.log(0.8)
     assert powers == pytest.approx(2 / 3, abs=1e-3)
     assert less.loss == pytest.approx(0.8 ** (5 / 3), rel=0.03)
+
+
+def test_a_hill_that_only_more_load_reaches_carries_there():
+    """Of three hills two touch under the load; the third is a little lower than the approach."""
+    approach_m = float(boundary_elements(FOUR, E).approach_m(N))
+    low = [(36, 40, 1.0, 0.0), (101, 50, 0.6, 0.0), (60, 132, 0.5, 1.02 * approach_m)]
+    first = boundary_elements(hills(low), E)
+    more = boundary_elements(hills(low), E)
+    assert len(first.pressed(N).region_loads_N) == 2
+    assert len(more.pressed(1.3 * N).region_loads_N) == 3
+    (found,) = first.near(N, [(1.3, 1.0)], SHARE)
+    assert asked(found, 1.3 * N) == pytest.approx(asked(more, 1.3 * N), rel=0.03)
+
+
+def test_loads_on_either_side_are_found_as_each_for_itself():
+    first = boundary_elements(FOUR, E, preload_N=N, hardness_Pa=3e7)
+    changes = [(0.8, 1.0), (1.2, 1.0), (1.0, 1.2)]
+    together = first.near(N, changes, SHARE)
+    for one, change in zip(together, changes, strict=True):
+        (alone,) = first.near(N, [change], SHARE)
+        factors = [[of.approach, of.withdrawal, of.loss] for of in (one, alone)]
+        assert factors[0] == pytest.approx(factors[1], rel=2e-3)

@@ -244,8 +244,8 @@ def test_a_joint_of_three_areas_has_three_times_the_interval():
         assert other.interval[name] == pytest.approx(expected, rel=1e-9)
 
 
-def test_a_map_is_followed_below_its_preload_alone():
-    """Pressed as a map, a sphere has the band of a sphere: the power law between two loads."""
+def test_a_map_is_followed_down_from_its_preload_alone():
+    """Pressed as a map, a sphere has the band of a sphere, from three loads."""
     surface = caps_map([(5e-3, 5e-3, R_M, 0.0)], shape=(100, 100), floor_m=-1.0)
     curve = boundary_elements(surface, STEEL.E_star_Pa)
 

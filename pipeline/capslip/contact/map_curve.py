@@ -81,14 +81,15 @@ class BoundaryElementCurve:
         same at the load as it is, so what the pixels do to both is not in them.
 
         What did not yield under the load is elastic, and was loaded along the curve on which it
-        unloads: that costs no solution. Else each change costs two on the contact alone.
+        unloads: that costs no solution. Else each change costs two on the contact alone, and what
+        would touch under more load one of the map.
 
         Parameters
         ----------
         load_N : float
             That is known.
         changes : sequence of (float, float)
-            Factors <= 1 on that load, and >= 1 on the hardness.
+            Factors on that load and on the hardness.
         share : float
             Of the load.
 
@@ -97,21 +98,39 @@ class BoundaryElementCurve:
         ContactError
             If a solution fails, or the spring in series leaves nothing of a withdrawal.
         """
-        unloading, c = self.unloading(load_N), self.compliance_m_per_N
+        unloading = self.unloading(load_N)
         share = min(max(share, SMALL_SLIP, unloading.smallest_drop_N / load_N), NEARLY_ALL)
-        factors = np.array([1.0, *(of_load for of_load, _ in changes)])
-        if self.yielded_area_m2:
-            face = self.solutions.face if self.first is None else self.first.face
-            pressed, punch = self.pressed(load_N), self.solutions.punch(load_N)
-            states = nearby(face, pressed, punch, list(changes), share)
-            found = np.array([[one.approach_m, one.withdrawal_m, one.loss_J] for one in states])
-            found[:, :2] += c * load_N * factors[:, None] * (1.0, share)
-        else:
-            found = np.array([self._below(load_N, one, share) for one in factors.tolist()])
+        known = [load <= 1.0 <= hardness and not self.yielded_area_m2 for load, hardness in changes]
+        solved = [one for one, below in zip(changes, known, strict=True) if not below]
+        anew = iter(self._anew(load_N, solved, share) if solved else ())
+        ratios = [
+            self._ratios_below(load_N, of_load, share) if below else next(anew)
+            for (of_load, _), below in zip(changes, known, strict=True)
+        ]
+        return [
+            ScaledCurve(self, of_load, *map(float, each))
+            for (of_load, _), each in zip(changes, ratios, strict=True)
+        ]
+
+    def _anew(self, load_N: float, changes: list[tuple[float, float]], share: float) -> np.ndarray:
+        """Return factors of approach, withdrawal and loss after other loadings, shape (n, 3)."""
+        face = self.solutions.face if self.first is None else self.first.face
+        states = nearby(face, self.pressed(load_N), self.solutions.punch(load_N), changes, share)
+        found = np.array([[one.approach_m, one.withdrawal_m, one.loss_J] for one in states])
+        of_load = np.array([1.0, *(one for one, _ in changes)])
+        found[:, :2] += self.compliance_m_per_N * load_N * of_load[:, None] * (1.0, share)
+        return self._relative(found)
+
+    def _ratios_below(self, load_N: float, of_load: float, share: float) -> np.ndarray:
+        """Return the same of an elastic face under less load, shape (3,)."""
+        both = [self._below(load_N, one, share) for one in (1.0, of_load)]
+        return self._relative(np.array(both))[0]
+
+    def _relative(self, found: np.ndarray) -> np.ndarray:
+        """Return what was found over its first row, without it."""
         if not (found > 0.0).all():
             raise ContactError(f"{self.model}: nothing is left of a withdrawal without the bulk")
-        ratios = zip(factors[1:], *(found[1:] / found[0]).T, strict=True)
-        return [ScaledCurve(self, *map(float, each)) for each in ratios]
+        return np.asarray(found[1:] / found[0])
 
     def _below(self, load_N: float, of_load: float, share: float) -> tuple[float, float, float]:
         """Return approach, withdrawal and loss of an elastic face where a share of less load goes.

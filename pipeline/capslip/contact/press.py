@@ -91,7 +91,7 @@ class ContactState:
         Parameters
         ----------
         changes : sequence of (float, float)
-            Factors <= 1 on the preload and, of a map, >= 1 on the hardness.
+            Factors on the preload and on the hardness.
         share : float
             Of the preload, at whose withdrawal they are to be good.
 

@@ -5,13 +5,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from capslip.contact.solvers.elastic_face import ElasticFace
-from capslip.contact.solvers.pixels import around_contact, on_contact, points_alone
+from capslip.contact.solvers.pixels import around_contact, in_contact_alone, points_alone
 from capslip.contact.solvers.polonsky_keer import first_loading, press
 from capslip.contact.solvers.pressed import Pressed
 from capslip.contact.solvers.starts import Known, start_Pa
 
 _TOLERANCE = 1e-6  # of a first loading: at 1e-5 the loss of rough faces is off by a tenth
 _LEAST_PA = 1e-300  # stands for no pressure below a fraction
+_ROUGHLY = 1e-4  # the same where only what touches is asked
 _LEFT, _LOOSEST, _FINEST = 1e-2, 1e-5, 1e-9  # of the loss, that gaps may be; tolerances below it
 
 
@@ -33,8 +34,8 @@ def nearby(
 ) -> list[Nearby]:
     """Return the states of a face after other first loadings than the one that is known.
 
-    The first is the known one itself. Solved on the points alone that touch under the known load:
-    with less load or more hardness no others do. Each change is one solution from the known
+    The first is the known one itself. Solved on the points alone that touch under the greatest
+    load, on the least hardness: otherwise no others do. Each change is one solution from the known
     pressures, and one of what is left when the share of the load is gone, whose loss follows as in
     `unloading.unload`.
 
@@ -56,21 +57,39 @@ def nearby(
     ContactError
         If a solution fails.
     """
-    alone, known = on_contact(face, pressed, around_contact(face, pressed.pressure_Pa > 0))
-    punch = alone.gathered(punch_Pa_per_m)
+    touching = _touching(face, pressed, changes)
+    around = around_contact(face, touching)
+    whole = face if around is None else around
+    alone = in_contact_alone(whole, touching if around is None else around.gathered(touching))
+    known_Pa, punch = (alone.gathered(one) for one in (pressed.pressure_Pa, punch_Pa_per_m))
     total_Pa = (1.0 - share) * pressed.load_N / face.pixel_area_m2
-    above, end = Known(0.0, known.pressure_Pa), Known(pressed.approach_m, np.zeros(alone.shape))
-    part = start_Pa(total_Pa, punch, above, end) / known.pressure_Pa
+    above, end = Known(0.0, known_Pa), Known(pressed.approach_m, np.zeros(alone.shape))
+    part = start_Pa(total_Pa, punch, above, end) / np.maximum(known_Pa, _LEAST_PA)
     found: list[Nearby] = []
     for of_load, of_hardness in [(1.0, 1.0), *changes]:
         face_i = replace(alone, hardness_Pa=face.hardness_Pa * of_hardness)
-        begin_Pa, load_N = known.pressure_Pa * of_load, pressed.load_N * of_load
+        begin_Pa, load_N = known_Pa * of_load, pressed.load_N * of_load
         state = press(face_i, load_N=load_N, tolerance=_TOLERANCE, start_Pa=begin_Pa)
         one, left_Pa = _unloaded(*first_loading(face_i, state), part, share)
         if not found:  # the others keep about the same part of their pressures
             part = left_Pa / np.maximum(state.pressure_Pa, _LEAST_PA)
         found.append(one)
     return found
+
+
+def _touching(
+    face: ElasticFace, pressed: Pressed, changes: list[tuple[float, float]]
+) -> np.ndarray:
+    """Return the points that touch after any of the changes, bool, shape (ny, nx)."""
+    contact = pressed.pressure_Pa > 0.0
+    load, hardness = (np.append(1.0, of) for of in zip(*changes, strict=True))
+    most, least = float(load.max()), float(hardness.min())
+    if most == least == 1.0:
+        return contact
+    face = replace(face, hardness_Pa=face.hardness_Pa * least)
+    begin_Pa = np.minimum(pressed.pressure_Pa * most, face.hardness_Pa)
+    widest = press(face, load_N=most * pressed.load_N, tolerance=_ROUGHLY, start_Pa=begin_Pa)
+    return contact | (widest.pressure_Pa > 0.0)
 
 
 def _unloaded(
