@@ -389,7 +389,7 @@ def _counted(
     known: Hills | None = None,
 ) -> tuple[Hills, CapTable]:
     chosen = settings.hills
-    hills = known or find_hills(
+    hills = known if known is not None else find_hills(
         surface,
         material_ratio or _family_ratio(settings),
         chosen.separation,
