@@ -389,13 +389,17 @@ def _counted(
     known: Hills | None = None,
 ) -> tuple[Hills, CapTable]:
     chosen = settings.hills
-    hills = known if known is not None else find_hills(
-        surface,
-        material_ratio or _family_ratio(settings),
-        chosen.separation,
-        chosen.pruning_height_m,
-        chosen.pruning_percent_Sz,
-        noise_m=noise_m,
+    hills = (
+        known
+        if known is not None
+        else find_hills(
+            surface,
+            material_ratio or _family_ratio(settings),
+            chosen.separation,
+            chosen.pruning_height_m,
+            chosen.pruning_percent_Sz,
+            noise_m=noise_m,
+        )
     )
     return hills, fit_spheres(surface, hills, settings.caps.fit).counted
 

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from scipy.ndimage import gaussian_filter
 
+from capslip.studies.faces.synthetic import CapFamily, Scene, synthetic_surface
 from capslip.surface.heightmap import HeightMap
 from capslip.surface.seams import find_seams, leaves_tops, without_seams
 
@@ -56,6 +57,23 @@ def test_a_floor_that_is_stepped_between_equal_tops_is_no_stitched_map(step_m, l
         seams = find_seams(surface)
         assert seams.columns.tolist() == [0, 110, 200]
         assert leaves_tops(surface, seams) == expected
+
+
+@pytest.mark.parametrize("seed", [1001, 18001, 23001, 112001])
+def test_the_straight_valleys_between_caps_are_no_seams(seed):
+    """Two that cross would have a field with a step on one side alone."""
+    families = CapFamily("G", 5, 23.8), CapFamily("P", 18, 26.7, 2.4e-7)
+    scene = Scene((200, 300), (2e-4, 2e-4), seed, families, gap_m=1e-3, balanced=True, floor_m=5e-7)
+    seams = find_seams(synthetic_surface(scene)[0])
+    assert seams is None or seams.span_m < 1e-15  # lines that jump by nothing on the whole
+
+
+def test_fields_that_are_tilted_against_one_another_have_seams():
+    """No level of each explains all of the jumps."""
+    tilted_m = waves_m() + 3e-9 * (ROW - 60) * (COLUMN >= 70) + 6e-8 * (ROW >= 60)
+    seams = find_seams(of(tilted_m))
+    assert seams.rows.tolist() == [0, 60, 120]
+    assert seams.columns.tolist() == [0, 70, 200]
 
 
 def test_rows_and_columns_are_alike():
