@@ -388,20 +388,11 @@ def _counted(
     material_ratio: float | None = None,
     known: Hills | None = None,
 ) -> tuple[Hills, CapTable]:
-    chosen = settings.hills
-    hills = (
-        known
-        if known is not None
-        else find_hills(
-            surface,
-            material_ratio or _family_ratio(settings),
-            chosen.separation,
-            chosen.pruning_height_m,
-            chosen.pruning_percent_Sz,
-            noise_m=noise_m,
-        )
-    )
-    return hills, fit_spheres(surface, hills, settings.caps.fit).counted
+    if known is None:
+        chosen, ratio = settings.hills, material_ratio or _family_ratio(settings)
+        pruning = (chosen.pruning_height_m, chosen.pruning_percent_Sz)
+        known = find_hills(surface, ratio, chosen.separation, *pruning, noise_m=noise_m)
+    return known, fit_spheres(surface, known, settings.caps.fit).counted
 
 
 def _family_ratio(settings: Settings) -> float:
