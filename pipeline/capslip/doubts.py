@@ -83,8 +83,7 @@ def problems_of(face: Face, found: Analysis, mate: HeightMap | None) -> tuple[Pr
     share = ASKED
     if found.answer is not None and found.slip is not None:
         share = found.answer.slip_force_N / float(found.slip.total_slip_force_N)
-    asked = share, contact.approach_m
-    return tuple(with_effects(problems, *pressed, contact.rung, *asked))
+    return tuple(with_effects(problems, *pressed, contact, share))
 
 
 def _before_contact(face: Face, found: Analysis, mate: HeightMap | None) -> list[Problem]:

@@ -201,10 +201,9 @@ def test_a_tilt_that_was_left_in_moves_what_levelling_moves_and_nothing_in_balan
     assert more > 0.05
     assert problem.severity == "warning"
     assert problem.effect.energy == pytest.approx(more, rel=0.1)
-    given = left.caps, left.caps, left.conditioned
-    words = (f"contact.model={model}", "contact.preload_N=200", "conditioning.form=none")
-    free = Problem("tilt_left", "warning", "")
-    (one,) = with_effects([free], *given, load_settings(overrides=words), left.contact.rung)
+    free = found(tilted, f"contact.model={model}", "conditioning.form=none")
+    given = left.caps, left.caps, left.conditioned, free.settings, free.contact
+    (one,) = with_effects([Problem("tilt_left", "warning", "")], *given)
     assert one.severity == "info"
     assert one.effect.greatest < 1e-4
 
@@ -249,7 +248,7 @@ def test_a_bow_of_the_instrument_moves_what_it_moves_on_the_map(model, points):
     stiffness = [one.slip.tangential_stiffness_N_per_m / plain.slip.tangential_stiffness_N_per_m
                  for one in moved]  # fmt: skip
     truth = np.abs(np.array(stiffness) - 1.0).max()
-    known = plain.caps, plain.caps, plain.conditioned, given, plain.contact.rung
+    known = plain.caps, plain.caps, plain.conditioned, given, plain.contact
     effect = with_effects([Problem("bow_left", "warning", "")], *known)[0].effect
     assert truth > 0.01
     assert effect.tangential_stiffness == pytest.approx(truth, rel=0.15, abs=0.003)
@@ -267,7 +266,7 @@ def test_seams_move_what_one_level_moves(model, points):
     words = (f"contact.model={model}",)
     one, other = found(level, *words), found(stitched, *words)
     truth = one.contact.stiffness_N_per_m / other.contact.stiffness_N_per_m - 1.0
-    given = other.caps, other.caps, other.conditioned, other.settings, other.contact.rung
+    given = other.caps, other.caps, other.conditioned, other.settings, other.contact
     effect = with_effects([Problem("seams", "warning", "")], *given)[0].effect
     assert effect.tangential_stiffness == pytest.approx(abs(truth), rel=0.1, abs=0.003)
     more = moved_energy(other, one)
@@ -337,7 +336,7 @@ def test_a_bow_of_the_map_moves_what_its_removal_moves():
 
     def said(tolerance):
         settings = load_settings(overrides=(*words, f"contact.tolerance={tolerance!r}"))
-        given = left.caps, left.caps, left.conditioned, settings, left.contact.rung
+        given = left.caps, left.caps, left.conditioned, settings, left.contact
         return with_effects([Problem("bow_left", "warning", "")], *given, least_share=0.1)[0]
 
     one = said(0.9 * more)
@@ -413,7 +412,7 @@ def test_an_interpolated_map_is_pressed_on_its_measured_points_alone():
     words = ("contact.preload_N=60", "contact.model=boundary_elements")
     fine = found(HeightMap(fine_m, (1e-4, 1.5e-4)), *words)
     alone = found(HeightMap(fine_m[1::2, 1::3], (2e-4, 4.5e-4)), *words)
-    given = fine.caps, fine.caps, fine.conditioned, fine.settings, fine.contact.rung
+    given = fine.caps, fine.caps, fine.conditioned, fine.settings, fine.contact
     effect = with_effects([Problem("interpolated", "warning", "")], *given)[0].effect
     stiffness = [one.slip.tangential_stiffness_N_per_m for one in (fine, alone)]
     assert effect.tangential_stiffness == pytest.approx(

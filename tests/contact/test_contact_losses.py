@@ -245,3 +245,17 @@ def test_no_loads_are_solved_that_are_too_close_to_tell_a_loss():
     found = module.unload(face, press(face, load_N=300.0, tolerance=1e-7), 1e-7)
     withdrawal = 1 - (found.solved_load_N / 300.0) ** (2 / 3)  # of one round contact
     assert np.abs(np.diff(np.sort(withdrawal))).min() > 0.49 * CLOSEST
+
+
+@pytest.mark.parametrize(("seed", "correlation_px"), [(0, 2.0), (1, 8.0)])
+def test_four_forces_alone_take_four_solutions(seed, correlation_px):
+    """A loss follows from the states at its ends, not from those between."""
+    face, load_N = rough_face(seed, correlation_px), 5.0
+    pressed = press(face, load_N=load_N)
+    every = module.unload(face, pressed, 1e-7)
+    four = module.unload(face, pressed, 1e-7, force_shares=detail.FORCE_SHARES)
+    assert len(four.solved_load_N) == 5
+    assert four.refinement == every.refinement
+    assert four.stiffness_N_per_m == pytest.approx(every.stiffness_N_per_m, rel=1e-3)
+    assert detail._loss_J(four) == pytest.approx(detail._loss_J(every), rel=0.01)
+    assert detail._loss_J(four)[0] < 0.1 * detail._loss_J(four)[-1]

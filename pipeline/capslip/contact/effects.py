@@ -2,7 +2,6 @@
 
 import math
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 
@@ -10,7 +9,8 @@ from capslip.caps.families import Families
 from capslip.caps.table import CapTable
 from capslip.contact.accuracy import FORCE_SHARES, answers
 from capslip.contact.map_accuracy import ASKED
-from capslip.contact.rung import Rung, Scene
+from capslip.contact.press import ContactState
+from capslip.contact.rung import Scene
 from capslip.contact.trials import LEFT_OUT, FaceOfCaps, Trials
 from capslip.errors import CapslipError
 from capslip.problems import Effect, Problem
@@ -57,9 +57,8 @@ def with_effects(
     peaks: CapTable,
     conditioned: Conditioned,
     settings: Settings,
-    model: Rung[Any] | None = None,
+    contact: ContactState | None = None,
     least_share: float = ASKED,
-    approach_m: float = math.inf,
 ) -> list[Problem]:
     """Return the problems, those about single caps with their effects, and as severe as these.
 
@@ -86,22 +85,21 @@ def with_effects(
         The face, and the points that were removed from it.
     settings : Settings
         `material` and `contact`, with the load of this face.
-    model : Rung, optional
-        Which answers.
+    contact : ContactState, optional
+        What answers; without it caps tell.
     least_share : float
         Of mu N, the least force that is asked for; from a quarter on it is all the same.
-    approach_m : float
-        Of the contact, which tells whether filled points may matter.
     """
     face, tolerance = FaceOfCaps(conditioned.surface, settings), settings.contact.tolerance
     least_share = max(FORCE_SHARES[0], min(least_share, ASKED))
-    filled_m = ASK_MAP * tolerance * approach_m
+    filled_m = math.inf if contact is None else ASK_MAP * tolerance * contact.approach_m
+    pressed = contact if contact is not None and contact.rung.made_from == "map" else None
     asked = {one.code for one in problems if _is_asked(one, conditioned, filled_m)}
     effects: dict[str, _Moved | None] = {}
     how = dict.fromkeys(asked, "estimated with the caps")
     for code in sorted(asked & OF_THE_MAP.keys()):
-        if model is not None and model.made_from == "map":
-            by_map = _effect_on_map(model, peaks, face, OF_THE_MAP[code](face), least_share)
+        if pressed is not None:
+            by_map = _effect_on_map(pressed, peaks, face, OF_THE_MAP[code](face), least_share)
             if by_map is not None:
                 asked.remove(code)
                 effects[code], how[code] = by_map, "found on the map with fewer points"
@@ -110,8 +108,8 @@ def with_effects(
         effects |= {code: _effect(trials, code, least_share) for code in asked}
     removed = effects.get("outliers_removed")
     matters = removed is not None and removed.effect.greatest > ASK_MAP * tolerance
-    if model is not None and model.made_from == "map" and matters:
-        by_map = _effect_on_map(model, peaks, face, _removed_or_not(conditioned), least_share)
+    if pressed is not None and matters:
+        by_map = _effect_on_map(pressed, peaks, face, _removed_or_not(conditioned), least_share)
         if by_map is not None:
             effects["outliers_removed"] = by_map
             how["outliers_removed"] = "found on the map with them"
@@ -192,7 +190,7 @@ OF_THE_MAP = {
 
 
 def _effect_on_map(
-    model: Rung[Any],
+    contact: ContactState,
     peaks: CapTable,
     face: FaceOfCaps,
     maps: tuple[HeightMap, ...],
@@ -204,18 +202,19 @@ def _effect_on_map(
     """
     if len(maps) == 1:
         return None
-    settings = face.settings
+    settings, model = face.settings, contact.rung
     none = Families(None, None, (), None, None, 0.0, alike=False)
+
+    def answers_on(surface: HeightMap) -> np.ndarray:
+        known = surface is face.surface
+        scene = Scene.of(peaks, none, surface, settings, peaks.usable)
+        curve = contact.normal if known else model.build(scene)
+        if model.at_forces is not None:
+            curve = model.at_forces(curve, FORCE_SHARES)
+        return answers(curve, model.holds_bulk, surface, settings)
+
     try:
-        before, *after = (
-            answers(
-                model.build(Scene.of(peaks, none, one, settings, peaks.usable)),
-                model.holds_bulk,
-                one,
-                settings,
-            )
-            for one in maps
-        )
+        before, *after = map(answers_on, maps)
     except CapslipError:
         return None
     return _Moved.by(np.abs(np.array(after) / before - 1.0).max(axis=0), least_share)

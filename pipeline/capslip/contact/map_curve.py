@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -66,6 +66,11 @@ class BoundaryElementCurve:
         those that go when that falls to a share of itself; on patches around the contact.
         """
         return self.solutions.tractions(float(load_N), later)
+
+    def at_forces(self, shares: tuple[float, ...]) -> "BoundaryElementCurve":
+        """Return this curve, whose slip is followed at these shares of mu N alone, growing."""
+        known = replace(self.solutions, force_shares=shares, unloading={})
+        return replace(self, solutions=known)
 
     def unloading(self, load_N: float) -> Unloading:
         """Return what happens below a preload, with the error to be expected of it."""

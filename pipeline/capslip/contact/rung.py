@@ -157,6 +157,8 @@ class Rung(Generic[C]):
     near: Callable[[C, float, Sequence[tuple[float, float]], float], list[NormalCurve]] | None = (
         None
     )
+    # The same curve, followed at these shares of mu N alone, for less; None: any is as good
+    at_forces: Callable[[C, tuple[float, ...]], C] | None = None
     # Loads of its rows under a load, of caps that sink each other; None: each goes down alone
     coupled_loads_N: Callable[[C, float], np.ndarray] | None = None
 

@@ -168,4 +168,5 @@ RUNG = Rung(
     solved_loads_N=BoundaryElementCurve.solved_loads_N,
     tractions=BoundaryElementCurve.tractions,
     near=BoundaryElementCurve.near,
+    at_forces=BoundaryElementCurve.at_forces,
 )

@@ -4,7 +4,7 @@ import math
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
 from time import process_time
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -88,6 +88,7 @@ def unload(
     on_patches: bool = True,
     punch_Pa_per_m: np.ndarray | None = None,
     around: PatchedFace | None = None,
+    force_shares: tuple[float, ...] = (),
 ) -> Unloading:
     """Solve a pressed face at falling loads, as many as the loss between them needs.
 
@@ -124,6 +125,9 @@ def unload(
         dp/dd under the preload, where it is known.
     around : PatchedFace, optional
         What `around_contact` finds around the contact under the preload, where it is known.
+    force_shares : tuple of float, optional
+        Of mu N, growing: what happens at other forces is not asked for. These loads alone are
+        solved, not as many as it takes between them.
 
     Raises
     ------
@@ -139,8 +143,23 @@ def unload(
             f"at least {enough} to follow its slip; use a finer map or a contact model "
             "of caps"
         )
-    begin_s, waiting = process_time(), Waiting("boundary elements", "loads")
-    path = Path(face, pressed, tolerance, on_patches, punch_Pa_per_m, around)
+    begin_s = process_time()
+    least_share = min(force_shares, default=0.0)
+    path = Path(face, pressed, tolerance, on_patches, punch_Pa_per_m, around, least_share)
+    for share in force_shares:
+        path.at(share)
+    cut_short = not force_shares and _followed(path, begin_s, time_limit_s)
+    error = path.patch_error()
+    if error > PATCH_ERROR:  # not seen yet
+        left_s = max(time_limit_s - (process_time() - begin_s), 0.0)
+        rest: dict[str, Any] = {"time_limit_s": left_s, "force_shares": force_shares}
+        return unload(face, pressed, tolerance, on_patches=False, **rest)
+    return replace(_tabulated(path, cut_short), patch_error=error)
+
+
+def _followed(path: Path, begin_s: float, time_limit_s: float) -> bool:
+    """Solve as many loads as the loss between them needs; return whether time was too short."""
+    waiting = Waiting("boundary elements", "loads")
     first, last = (float(np.log(t / (1 - t))) for t in (_SMALLEST, _LARGEST))
     path.solve(first)
     fit_in = time_limit_s / (process_time() - begin_s)
@@ -148,7 +167,6 @@ def unload(
     for odd in np.linspace(first, last, n_first)[1:].tolist():
         path.solve(odd)
         waiting.tell(len(path.nodes), n_first)
-    cut_short = n_first < _FIRST
     while len(path.nodes) < MAX_SOLUTIONS:
         intervals = _between(path)[1]
         wide = [each for each in intervals if each.excess > 1 and each.width > CLOSEST]
@@ -158,14 +176,9 @@ def unload(
         worst = max(wide)
         used_s = process_time() - begin_s
         if used_s * (1 + 1 / len(path.nodes)) > time_limit_s:
-            cut_short = True
-            break
+            return True
         path.solve((worst.low + worst.high) / 2)
-    error = path.patch_error()
-    if error > PATCH_ERROR:  # not seen yet
-        left_s = max(time_limit_s - (process_time() - begin_s), 0.0)
-        return unload(face, pressed, tolerance, time_limit_s=left_s, on_patches=False)
-    return replace(_tabulated(path, cut_short), patch_error=error)
+    return n_first < _FIRST
 
 
 class _Interval(NamedTuple):
