@@ -87,7 +87,7 @@ class BoundaryElementCurve:
 
         What did not yield under the load is elastic, and was loaded along the curve on which it
         unloads: that costs no solution. Else each change costs two on the contact alone, and what
-        would touch under more load one of the map.
+        would touch under more load one more.
 
         Parameters
         ----------
@@ -119,8 +119,9 @@ class BoundaryElementCurve:
 
     def _anew(self, load_N: float, changes: list[tuple[float, float]], share: float) -> np.ndarray:
         """Return factors of approach, withdrawal and loss after other loadings, shape (n, 3)."""
-        face = self.solutions.face if self.first is None else self.first.face
-        states = nearby(face, self.pressed(load_N), self.solutions.punch(load_N), changes, share)
+        pressed, punch = self.pressed(load_N), self.solutions.punch(load_N)
+        first = self.first or FirstLoading(self.solutions.face, pressed.approach_m)
+        states = nearby(first, pressed, punch, changes, share)
         found = np.array([[one.approach_m, one.withdrawal_m, one.loss_J] for one in states])
         of_load = np.array([1.0, *(one for one, _ in changes)])
         found[:, :2] += self.compliance_m_per_N * load_N * of_load[:, None] * (1.0, share)

@@ -4,7 +4,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from capslip.contact.solvers.detail import FirstLoading
 from capslip.contact.solvers.elastic_face import ElasticFace
+from capslip.contact.solvers.patches import PatchedFace
 from capslip.contact.solvers.pixels import around_contact, in_contact_alone, points_alone
 from capslip.contact.solvers.polonsky_keer import first_loading, press
 from capslip.contact.solvers.pressed import Pressed
@@ -26,7 +28,7 @@ class Nearby:
 
 
 def nearby(
-    face: ElasticFace,
+    first: FirstLoading,
     pressed: Pressed,
     punch_Pa_per_m: np.ndarray,
     changes: list[tuple[float, float]],
@@ -41,10 +43,10 @@ def nearby(
 
     Parameters
     ----------
-    face : ElasticFace
-        Before any load, with its hardness.
+    first : FirstLoading
+        The face before any load, with its hardness.
     pressed : Pressed
-        Its state under the known load.
+        Its state under the known load, from which it unloads.
     punch_Pa_per_m : float64, shape (ny, nx)
         dp/dd under that load.
     changes : list of (float, float)
@@ -57,10 +59,8 @@ def nearby(
     ContactError
         If a solution fails.
     """
-    touching = _touching(face, pressed, changes)
-    around = around_contact(face, touching)
-    whole = face if around is None else around
-    alone = in_contact_alone(whole, touching if around is None else around.gathered(touching))
+    face, touching = first.face, _touching(first, pressed, changes)
+    alone = _alone(face, touching)
     known_Pa, punch = (alone.gathered(one) for one in (pressed.pressure_Pa, punch_Pa_per_m))
     total_Pa = (1.0 - share) * pressed.load_N / face.pixel_area_m2
     above, end = Known(0.0, known_Pa), Known(pressed.approach_m, np.zeros(alone.shape))
@@ -78,18 +78,31 @@ def nearby(
 
 
 def _touching(
-    face: ElasticFace, pressed: Pressed, changes: list[tuple[float, float]]
+    first: FirstLoading, pressed: Pressed, changes: list[tuple[float, float]]
 ) -> np.ndarray:
-    """Return the points that touch after any of the changes, bool, shape (ny, nx)."""
-    contact = pressed.pressure_Pa > 0.0
+    """Return the points that touch after any of the changes, bool, shape (ny, nx).
+
+    The approach grows by no more than the load over the hardness does, as more and more touches,
+    and the gap of a point falls by no more than that.
+    """
+    face, contact = first.face, pressed.pressure_Pa > 0.0
     load, hardness = (np.append(1.0, of) for of in zip(*changes, strict=True))
     most, least = float(load.max()), float(hardness.min())
     if most == least == 1.0:
         return contact
-    face = replace(face, hardness_Pa=face.hardness_Pa * least)
-    begin_Pa = np.minimum(pressed.pressure_Pa * most, face.hardness_Pa)
-    widest = press(face, load_N=most * pressed.load_N, tolerance=_ROUGHLY, start_Pa=begin_Pa)
-    return contact | (widest.pressure_Pa > 0.0)
+    may_touch = contact | (pressed.gap_m < (most / least - 1.0) * first.approach_m) & face.measured
+    alone = replace(_alone(face, may_touch), hardness_Pa=face.hardness_Pa * least)
+    begin_Pa = np.minimum(alone.gathered(pressed.pressure_Pa) * most, alone.hardness_Pa)
+    widest = press(alone, load_N=most * pressed.load_N, tolerance=_ROUGHLY, start_Pa=begin_Pa)
+    return contact | (alone.spread(widest.pressure_Pa) > 0.0)
+
+
+def _alone(face: ElasticFace, points: np.ndarray) -> PatchedFace:
+    """Return some points of a map alone, bool, shape (ny, nx)."""
+    around = around_contact(face, points)
+    return in_contact_alone(
+        *((face, points) if around is None else (around, around.gathered(points)))
+    )
 
 
 def _unloaded(
