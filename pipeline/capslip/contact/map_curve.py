@@ -69,8 +69,9 @@ class BoundaryElementCurve:
 
     def at_forces(self, shares: tuple[float, ...]) -> "BoundaryElementCurve":
         """Return this curve, whose slip is followed at these shares of mu N alone, growing."""
-        known = replace(self.solutions, force_shares=shares, unloading={})
-        return replace(self, solutions=known)
+        solutions, known = self.solutions, dict(self.solutions.approach_m)
+        some = replace(solutions, force_shares=shares, unloading={}, approach_m=known)
+        return replace(self, solutions=some)
 
     def unloading(self, load_N: float) -> Unloading:
         """Return what happens below a preload, with the error to be expected of it."""
