@@ -300,6 +300,35 @@ def test_a_sphere_that_yields_is_loaded_anew_for_what_moves_it(asked, name):
         assert found.contributions[one] == moves, one
 
 
+@pytest.mark.parametrize(
+    ("hardness_Pa", "name"), [(1e12, "preload"), (4e7, "preload"), (4e7, "hardness")]
+)
+def test_a_map_is_loaded_anew_to_what_it_may_bear_on_either_side(hardness_Pa, name):
+    """Two hills, of which the lower one takes more of more load, or of less hardness."""
+    hills = [(2.7e-3, 5e-3, 1.0, 0.0), (7.3e-3, 5e-3, 1.0, 3e-7)]
+    surface = caps_map(hills, shape=(100, 100), floor_m=-1.0)
+
+    def on_the_map(load_N, H_Pa):
+        return boundary_elements(surface, STEEL.E_star_Pa, preload_N=load_N, hardness_Pa=H_Pa)
+
+    def as_a_map(contact):
+        curve = on_the_map(N, hardness_Pa)
+        return replace(contact, rung=BOUNDARY_ELEMENTS, curve=curve, first=curve, errors=None)
+
+    spread, drop_N = 0.2, 0.25 * N
+    given = settings_of({"slip_force_N": MU * drop_N}, **{name: spread})
+    found = band_of(*pressed(given, as_a_map))
+    ends_J = []
+    for factor in np.exp(np.array([-Z_90, Z_90]) * spread / NORMAL_95):
+        of_load, of_hardness = (factor, 1.0) if name == "preload" else (1.0, factor)
+        curve = on_the_map(of_load * N, of_hardness * hardness_Pa)
+        loss_J = curve.loss_integral_at_drop_J(curve.approach_m(of_load * N), drop_N)
+        ends_J.append(MU**2 * STEEL.kappa * float(loss_J))
+    low, high = sorted(ends_J)
+    off = np.abs(np.log(np.array(found.interval["energy_J"]) / (low, high)))
+    assert off.max() < 0.1 * np.log(high / low)
+
+
 def test_yielding_moves_the_interval_of_a_preload():
     """W ~ T^3 / (mu N E* a) under a small force, with a ~ N^(1/3) where elastic, else N^(1/2)."""
     more = f"material.hardness_Pa={H_PA / 50.0}", f"families.radius_G_m={SMALL_M}"

@@ -122,7 +122,8 @@ class BoundaryElementCurve:
         """Return factors of approach, withdrawal and loss after other loadings, shape (n, 3)."""
         pressed, punch = self.pressed(load_N), self.solutions.punch(load_N)
         first = self.first or FirstLoading(self.solutions.face, pressed.approach_m)
-        states = nearby(first, pressed, punch, changes, share)
+        finest = self.unloading(load_N).refinement
+        states = nearby(first, pressed, punch, changes, share, finest)
         found = np.array([[one.approach_m, one.withdrawal_m, one.loss_J] for one in states])
         of_load = np.array([1.0, *(one for one, _ in changes)])
         found[:, :2] += self.compliance_m_per_N * load_N * of_load[:, None] * (1.0, share)

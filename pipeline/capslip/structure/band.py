@@ -26,9 +26,7 @@ NORMAL_95 = 1.96  # standard deviations on either side that hold 95 %
 NODES = 5  # preloads that are solved where the preload is not certain
 NODES_OF_PATCHES = 3  # the same, of a joint that is pressed unevenly
 NODES_OF_HARDNESS = 3  # the same of the hardness, at the preload
-# The same as shares of the widest of a map, of which each is a solution: less hardness may touch
-# where the known state does not, which is one more
-PRELOADS_OF_A_MAP, HARDNESSES_OF_A_MAP = (-1.0, 0.0, 1.0), (0.0, 1.0)
+OF_A_MAP = (-1.0, 0.0, 1.0)  # of either, as shares of the widest: each is a solution of the map
 COUNTED = ("tangential_stiffness_N_per_m", "energy_J", "joint_loss_factor", "loss_factor")
 OF_BOTH = ("caps", "model", "scans", "direction")  # move displacement and energy by factors
 OF_LIGHT_DAMPING = ("loss_factor", "damping_ratio")
@@ -283,23 +281,23 @@ class _State:
         """
         even = all(part.joint.is_even for part in self.parts)
         count = NODES if even else NODES_OF_PATCHES
-        loads = self._axis(float(np.abs(log_N).max()), count, PRELOADS_OF_A_MAP)
+        loads = self._axis(float(np.abs(log_N).max()), count)
         weight = _weights(loads, log_N)
         nodes = np.column_stack((loads, np.zeros(len(loads))))
         if not self.yields or not log_H.any():
             return nodes, weight
-        hard = self._axis(float(np.abs(log_H).max()), NODES_OF_HARDNESS, HARDNESSES_OF_A_MAP)
+        hard = self._axis(float(np.abs(log_H).max()), NODES_OF_HARDNESS)
         nodes = np.vstack((nodes, np.column_stack((np.zeros(len(hard)), hard)), np.zeros((1, 2))))
         weight = np.hstack((weight, _weights(hard, log_H), np.full((len(log_N), 1), -1.0)))
         nodes, place = np.unique(np.round(nodes, 12), axis=0, return_inverse=True)
         return nodes, weight @ np.eye(len(nodes))[place]
 
-    def _axis(self, widest: float, count: int, of_a_map: tuple[float, ...]) -> np.ndarray:
-        """Return places up to the widest on either side; of a map those given, as shares of it."""
+    def _axis(self, widest: float, count: int) -> np.ndarray:
+        """Return places up to the widest on either side."""
         if widest == 0.0:
             return np.zeros(1)
         if any(part.contact.rung.near is not None for part in self.parts):
-            return widest * np.array(of_a_map)
+            return widest * np.array(OF_A_MAP)
         return -widest * np.cos(np.pi * (np.arange(count) + 0.5) / count)
 
 

@@ -33,6 +33,7 @@ def nearby(
     punch_Pa_per_m: np.ndarray,
     changes: list[tuple[float, float]],
     share: float,
+    finest: int = 1,
 ) -> list[Nearby]:
     """Return the states of a face after other first loadings than the one that is known.
 
@@ -51,6 +52,8 @@ def nearby(
         dp/dd under that load.
     changes : list of (float, float)
         Factors <= 1 on the load and >= 1 on the hardness.
+    finest : int
+        Points along the side of a pixel that follow its slip, see `refinement`.
     share : float
         Of the load, between 0 and 1.
 
@@ -60,7 +63,7 @@ def nearby(
         If a solution fails.
     """
     face, touching = first.face, _touching(first, pressed, changes)
-    alone = _alone(face, touching)
+    alone = _alone(face, touching, finest)
     known_Pa, punch = (alone.gathered(one) for one in (pressed.pressure_Pa, punch_Pa_per_m))
     total_Pa = (1.0 - share) * pressed.load_N / face.pixel_area_m2
     above, end = Known(0.0, known_Pa), Known(pressed.approach_m, np.zeros(alone.shape))
@@ -97,9 +100,11 @@ def _touching(
     return contact | (alone.spread(widest.pressure_Pa) > 0.0)
 
 
-def _alone(face: ElasticFace, points: np.ndarray) -> PatchedFace:
-    """Return some points of a map alone, bool, shape (ny, nx)."""
-    around = around_contact(face, points)
+def _alone(face: ElasticFace, points: np.ndarray, finest: int = 1) -> PatchedFace:
+    """Return some points of a map alone, bool, shape (ny, nx); refined ones with a margin."""
+    around = around_contact(face, points, finest)
+    if around is not None and around.refinement > 1:
+        return around  # a hill may touch between its pixels
     return in_contact_alone(
         *((face, points) if around is None else (around, around.gathered(points)))
     )
