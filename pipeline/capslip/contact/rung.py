@@ -152,7 +152,7 @@ class Rung(Generic[C]):
     # How shear is shared before any slip at a load, and what partial slip adds until only a share
     # of the load sticks, as maps of any unit; None: its contacts are caps
     tractions: Callable[[C, float, float], tuple[np.ndarray, np.ndarray]] | None = None
-    # Curves after other first loadings than that to a load, by factors <= 1 on it and >= 1 on the
+    # Curves after other first loadings than that to a load, by factors on it and on the
     # hardness, good about the withdrawal of a share of the load; None: each is built anew
     near: Callable[[C, float, Sequence[tuple[float, float]], float], list[NormalCurve]] | None = (
         None

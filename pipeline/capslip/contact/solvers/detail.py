@@ -7,9 +7,8 @@ from time import process_time
 import numpy as np
 
 from capslip.contact.solvers.elastic_face import ElasticFace
-from capslip.contact.solvers.path import Path
 from capslip.contact.solvers.polonsky_keer import Pressed, first_loading, press
-from capslip.contact.solvers.unloading import PATCH_ERROR, Unloading
+from capslip.contact.solvers.unloading import Unloading, path_at
 from capslip.contact.solvers.whiteness import white_m2
 from capslip.problems import Effect
 
@@ -128,16 +127,12 @@ def effect_of_detail(
 
 def _below(face: ElasticFace, pressed: Pressed, tolerance: float) -> tuple[np.ndarray, np.ndarray]:
     """Return what is compared of a pressed face, from the loads that it takes alone."""
-    for on_patches in (True, False):
-        path = Path(face, pressed, tolerance, on_patches, least_share=min(FORCE_SHARES))
-        nodes = [path.at(share) for share in FORCE_SHARES]
-        if path.patch_error() <= PATCH_ERROR:
-            break
+    path, _ = path_at(face, pressed, tolerance, FORCE_SHARES)
     secant = [
         share * pressed.load_N / node.withdrawal_m
-        for share, node in zip(FORCE_SHARES, nodes, strict=True)
+        for share, node in zip(FORCE_SHARES, path.nodes, strict=True)
     ]
-    loss_J = [float(node.region_loss_J.sum()) for node in nodes]
+    loss_J = [float(node.region_loss_J.sum()) for node in path.nodes]
     return np.array([path.stiffness_N_per_m, *secant]), np.array(loss_J)
 
 

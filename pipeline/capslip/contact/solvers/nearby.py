@@ -7,14 +7,14 @@ import numpy as np
 from capslip.contact.solvers.detail import FirstLoading
 from capslip.contact.solvers.elastic_face import ElasticFace
 from capslip.contact.solvers.patches import PatchedFace
-from capslip.contact.solvers.pixels import around_contact, in_contact_alone, points_alone
+from capslip.contact.solvers.pixels import alone_on, around_contact, points_alone
 from capslip.contact.solvers.polonsky_keer import first_loading, press
 from capslip.contact.solvers.pressed import Pressed
 from capslip.contact.solvers.starts import Known, start_Pa
 
 _TOLERANCE = 1e-6  # of a first loading: at 1e-5 the loss of rough faces is off by a tenth
-_LEAST_PA = 1e-300  # stands for no pressure below a fraction
 _ROUGHLY = 1e-4  # the same where only what touches is asked
+_LEAST_PA = 1e-300  # stands for no pressure below a fraction
 _LEFT, _LOOSEST, _FINEST = 1e-2, 1e-5, 1e-9  # of the loss, that gaps may be; tolerances below it
 
 
@@ -51,11 +51,11 @@ def nearby(
     punch_Pa_per_m : float64, shape (ny, nx)
         dp/dd under that load.
     changes : list of (float, float)
-        Factors <= 1 on the load and >= 1 on the hardness.
-    finest : int
-        Points along the side of a pixel that follow its slip, see `refinement`.
+        Factors on the load and on the hardness.
     share : float
         Of the load, between 0 and 1.
+    finest : int
+        Points along the side of a pixel that follow its slip, see `refinement`.
 
     Raises
     ------
@@ -105,9 +105,7 @@ def _alone(face: ElasticFace, points: np.ndarray, finest: int = 1) -> PatchedFac
     around = around_contact(face, points, finest)
     if around is not None and around.refinement > 1:
         return around  # a hill may touch between its pixels
-    return in_contact_alone(
-        *((face, points) if around is None else (around, around.gathered(points)))
-    )
+    return alone_on(face, points, around)
 
 
 def _unloaded(

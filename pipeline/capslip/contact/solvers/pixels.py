@@ -62,12 +62,16 @@ def on_contact(
     face: ElasticFace, pressed: Pressed, around: PatchedFace | None
 ) -> tuple[PatchedFace, Pressed]:
     """Return the points of a map that touch, alone, and their state; from `around_contact`."""
-    given_Pa = pressed.pressure_Pa
-    alone = in_contact_alone(
-        *((face, given_Pa) if around is None else (around, around.gathered(given_Pa)))
-    )
-    pressure_Pa, gap_m = alone.gathered(given_Pa), alone.gathered(pressed.gap_m)
+    alone = alone_on(face, pressed.pressure_Pa, around)
+    pressure_Pa, gap_m = (alone.gathered(one) for one in (pressed.pressure_Pa, pressed.gap_m))
     return alone, replace(pressed, pressure_Pa=pressure_Pa, gap_m=gap_m)
+
+
+def alone_on(face: ElasticFace, touches: np.ndarray, around: PatchedFace | None) -> PatchedFace:
+    """Return the points of a map where an array is not zero, alone; from `around_contact`."""
+    if around is None:
+        return in_contact_alone(face, touches)
+    return in_contact_alone(around, around.gathered(touches))
 
 
 def pixels_alone(

@@ -4,7 +4,7 @@ import math
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
 from time import process_time
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -144,17 +144,38 @@ def unload(
             "of caps"
         )
     begin_s = process_time()
-    least_share = min(force_shares, default=0.0)
-    path = Path(face, pressed, tolerance, on_patches, punch_Pa_per_m, around, least_share)
-    for share in force_shares:
-        path.at(share)
-    cut_short = not force_shares and _followed(path, begin_s, time_limit_s)
+    if force_shares:
+        path, error = path_at(face, pressed, tolerance, force_shares, punch_Pa_per_m, around)
+        return replace(_tabulated(path, cut_short=False), patch_error=error)
+    path = Path(face, pressed, tolerance, on_patches, punch_Pa_per_m, around)
+    cut_short = _followed(path, begin_s, time_limit_s)
     error = path.patch_error()
     if error > PATCH_ERROR:  # not seen yet
         left_s = max(time_limit_s - (process_time() - begin_s), 0.0)
-        rest: dict[str, Any] = {"time_limit_s": left_s, "force_shares": force_shares}
-        return unload(face, pressed, tolerance, on_patches=False, **rest)
+        return unload(face, pressed, tolerance, time_limit_s=left_s, on_patches=False)
     return replace(_tabulated(path, cut_short), patch_error=error)
+
+
+def path_at(
+    face: ElasticFace,
+    pressed: Pressed,
+    tolerance: float,
+    shares: tuple[float, ...],
+    punch_Pa_per_m: np.ndarray | None = None,
+    around: PatchedFace | None = None,
+) -> tuple[Path, float]:
+    """Return the solutions where shares of the load are gone, growing, and the patches' error.
+
+    On the map itself where that would be too great. Parameters are those of `unload`.
+    """
+    for on_patches, known in ((True, (punch_Pa_per_m, around)), (False, (None, None))):
+        path = Path(face, pressed, tolerance, on_patches, *known, min(shares))
+        for share in shares:
+            path.at(share)
+        error = path.patch_error()
+        if error <= PATCH_ERROR:
+            break
+    return path, error
 
 
 def _followed(path: Path, begin_s: float, time_limit_s: float) -> bool:
