@@ -283,3 +283,21 @@ def test_contacts_too_wide_for_the_finest_spline_are_refined_as_far_as_there_is_
     monkeypatch.setattr(patching, "_MOST_POINTS", 5 * n_points)
     found = unload(face, pressed, 1e-7)
     assert 1 < found.refinement < finest
+
+
+def test_a_refined_contact_along_the_edge_of_the_map_is_followed_to_its_end(monkeypatch):
+    """The outermost row bears a tail that its pixels have shorter than their parts: W 5 % off."""
+    y, x = (np.arange(60)[:, None] + 0.5) * 5e-5, (np.arange(480) + 0.5) * 5e-5
+    apex_beyond_a_corner = HeightMap(
+        -((x - 26e-3) ** 2) / 4e3 - (y + 4e-4) ** 2 / 8.0, (5e-5, 5e-5)
+    )
+    face = elastic_face(apex_beyond_a_corner, E)
+    pressed = press(face, load_N=20.0)
+    found = Path(face, pressed, 1e-7, on_patches=True)
+    monkeypatch.setattr(patching, "_MARGIN", 60)
+    whole = Path(face, pressed, 1e-7, on_patches=True)
+    assert found.patches.refinement == whole.patches.refinement > 1
+    assert len(found.patches.parent) < 0.8 * len(whole.patches.parent)
+    assert found.n_points == whole.n_points
+    of_both_J = [float(path.at(0.1).region_loss_J.sum()) for path in (found, whole)]
+    assert of_both_J[0] == pytest.approx(of_both_J[1], rel=1e-6)

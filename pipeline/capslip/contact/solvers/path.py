@@ -27,6 +27,7 @@ _LEFT, _LOOSEST = 1e-2, 1e-6  # of the loss, that gaps may be; tolerance that is
 CLOSEST = (8.0 * FINEST / _LEFT) ** (1 / 3)
 _PRELOAD_LEFT = 1e-4  # of the least loss asked for, that gaps under the preload may be
 _ROUGHLY = 1e-4  # tolerance of a punch that is a start and a stiffness to compare: 1e-5 of it
+_FURTHER = 4  # pixels that a contact at the end of a patch is first taken to go on
 _UNSETTLED = 1e-3  # of the loss: the most that a solution may leave open
 # Relative error of the loss of a region times the square of the width, in pixels, of the ring that
 # left it; seen on spheres for rings of 0.3 to 2.7 pixels
@@ -64,14 +65,9 @@ class Path:
         region = pressed.region
         self.map, self.map_pressed, self.patches = face, pressed, None
         if on_patches:
-            finest, contact = refinement(face, pressed), region > 0
-            if finest > 1:  # its points may find a contact that no pixel of the map has
-                contact, around = contact | touches_between(face, pressed), None
-            self.patches = around or around_contact(face, contact, finest)
-        if self.patches is not None:
             t = -math.expm1(2 / 3 * math.log1p(-least_share))
             off = max(_PRELOAD_LEFT * t**3 / 8, FINEST)
-            face, pressed, region = _on_patches(self.patches, pressed, region, off)
+            self.patches, face, pressed, region = _on_patches(face, pressed, around, off)
         self.face, self.tolerance = in_contact_alone(face, pressed.pressure_Pa), tolerance
         at = np.flatnonzero(pressed.pressure_Pa)
         pressure_Pa, gap_m = pressed.pressure_Pa.reshape(-1)[at], pressed.gap_m.reshape(-1)[at]
@@ -252,22 +248,73 @@ class Path:
 
 
 def _on_patches(
-    patches: PatchedFace, pressed: Pressed, region: np.ndarray, tolerance: float
-) -> tuple[ElasticFace, Pressed, np.ndarray]:
-    """Return the patches, their state under the preload, and its regions.
+    face: ElasticFace, pressed: Pressed, around: PatchedFace | None, tolerance: float
+) -> tuple[PatchedFace | None, ElasticFace, Pressed, np.ndarray]:
+    """Return patches around the contact, and face, state and regions under the preload on them.
+
+    None, and those of the map, where that is no more work. Where a refined contact goes on at the
+    end of a patch, that was too small.
+    """
+    finest, contact, further = refinement(face, pressed), pressed.region > 0, _FURTHER
+    if finest > 1:  # its points may find a contact that no pixel of the map has
+        contact, around = contact | touches_between(face, pressed), None
+    patches = around or around_contact(face, contact, finest)
+    while patches is not None:
+        turned, state = _state_on(patches, pressed, tolerance)
+        ends = _at_ends(patches, state)
+        if not len(ends):
+            return patches, turned, state, _regions(patches, pressed)
+        contact, further = _with(contact, ends, further), 2 * further
+        patches = around_contact(face, contact, finest)
+    return None, face, pressed, pressed.region
+
+
+def _at_ends(patches: PatchedFace, pressed: Pressed) -> np.ndarray:
+    """Return the pixels that touch at the ends of refined patches, off the edge of the map.
+
+    Flat indices; none of unrefined patches, which hold all that touches on the map.
+    """
+    touching = patches.parent[pressed.pressure_Pa > 0]
+    if patches.refinement == 1:
+        return touching[:0]
+    known = np.zeros(patches.map_shape, dtype=bool)
+    known.reshape(-1)[patches.parent] = True
+    known = np.pad(known, 1, constant_values=True)
+    touching = np.unique(touching)
+    y, x = np.divmod(touching, patches.map_shape[1])
+    around = [known[y + i, x + j] for i in range(3) for j in range(3)]
+    return touching[~np.all(around, axis=0)]
+
+
+def _with(contact: np.ndarray, ends: np.ndarray, pixels: int) -> np.ndarray:
+    """Return a contact, bool (ny, nx), that goes on by some pixels at its ends."""
+    from scipy.ndimage import binary_dilation
+
+    more = np.zeros_like(contact)
+    more.reshape(-1)[ends] = True
+    return np.asarray(contact | binary_dilation(more, iterations=pixels))
+
+
+def _state_on(
+    patches: PatchedFace, pressed: Pressed, tolerance: float
+) -> tuple[ElasticFace, Pressed]:
+    """Return the patches and their state under the preload.
 
     A face in balance turns once more where it is refined: contacts that end at the edge of the map
     reach half a pixel further, and bear more.
     """
     start_Pa, load_N = patches.gathered(pressed.pressure_Pa), pressed.load_N
-    face: ElasticFace = patches
     if pressed.turns and patches.refinement > 1:
-        face, found = press_about(patches, load_N, pressed.resultant_m, tolerance, start_Pa)
-    else:
-        found = press(patches, load_N=load_N, tolerance=tolerance, start_Pa=start_Pa)
-    if patches.refinement > 1:
-        from scipy.ndimage import distance_transform_edt
+        return press_about(patches, load_N, pressed.resultant_m, tolerance, start_Pa)
+    return patches, press(patches, load_N=load_N, tolerance=tolerance, start_Pa=start_Pa)
 
+
+def _regions(patches: PatchedFace, pressed: Pressed) -> np.ndarray:
+    """Return the contact region of each point; a refined one off them counts to the nearest."""
+    from scipy.ndimage import distance_transform_edt
+
+    region = pressed.region
+    if patches.refinement > 1:
         nearest = distance_transform_edt(region == 0, return_distances=False, return_indices=True)
         region = region[tuple(nearest)]
-    return face, found, patches.gathered(region)
+    return patches.gathered(region)
