@@ -81,7 +81,7 @@ def test_a_map_that_is_rough_from_pixel_to_pixel_is_pressed_on_halves_of_them():
 def test_no_spline_goes_through_a_step_in_the_contact(stands_m, refinement):
     """Its edges would ring, and nobody knows what lies between its pixels."""
     surface, _ = synthetic_surface(
-        Scene((80, 120), (2e-4, 2e-4), seed=3, roughness_rms_m=2e-7, roughness_length_m=6e-4)
+        Scene((80, 120), (2e-4, 2e-4), seed=4, roughness_rms_m=2e-7, roughness_length_m=6e-4)
     )
     row, column = np.unravel_index(np.argmax(surface.height_m), surface.shape)
     height_m = surface.height_m.copy()

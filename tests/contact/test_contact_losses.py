@@ -55,6 +55,17 @@ def test_a_steep_begin_leaves_the_other_loads():
     assert np.interp(X[1:], x, L) == pytest.approx(loss[1:], rel=5e-3)
 
 
+def test_a_face_that_all_but_lets_go_at_once_has_losses_that_are_numbers():
+    """Its first loss grows by a power of hundreds: begun with, it lies below all numbers."""
+    x = np.array([1.0, 1.0 + 1e-3, 1.0 + 5e-3, 1.1, 1.5])
+    s, loss = np.array([0.999, 0.9995, 0.9998, 0.99999, 1.0]), np.geomspace(1e-6, 1.0, 5)
+    table = losses(1.0 / 0.99, s, x, loss)[0].table()
+    for column in table:
+        assert np.isfinite(np.log(column)).all()
+        assert (np.diff(column) > 0).all()
+    assert table[2][-1] == pytest.approx(1.0)
+
+
 def test_a_point_that_is_left_out_tells_the_error():
     found, _ = losses(1.5, caps([0.0], X)[0], X, caps([0.0], X)[1])
     fewer = np.delete(np.arange(len(X)), 3)

@@ -301,3 +301,19 @@ def test_a_refined_contact_along_the_edge_of_the_map_is_followed_to_its_end(monk
     assert found.n_points == whole.n_points
     of_both_J = [float(path.at(0.1).region_loss_J.sum()) for path in (found, whole)]
     assert of_both_J[0] == pytest.approx(of_both_J[1], rel=1e-6)
+
+
+def test_a_contact_in_the_outermost_rows_alone_is_refined_and_slips_as_on_finer_pixels():
+    """One axis alone knows how smooth the face is there; W at 0.25 mu N 9 % off without."""
+    found = []
+    for n, size_m in ((1, 1e-4), (4, 2.5e-5)):
+        y, x = (np.arange(30 * n)[:, None] + 0.5) * size_m, (np.arange(240 * n) + 0.5) * size_m
+        height_m = -((x - 26e-3) ** 2) / 4e3 - (y + 4e-4) ** 2 / 8.0
+        face = elastic_face(HeightMap(height_m, (size_m, size_m)), E)
+        pressed = press(face, load_N=5.0)
+        found.append(Path(face, pressed, 1e-7, on_patches=True))
+    assert not found[0].map_pressed.pressure_Pa[2:].any()
+    assert found[0].patches.refinement > 1
+    assert found[0].stiffness_N_per_m == pytest.approx(found[1].stiffness_N_per_m, rel=2e-3)
+    of_both_J = [float(path.at(0.25).region_loss_J.sum()) for path in found]
+    assert of_both_J[0] == pytest.approx(of_both_J[1], rel=0.01)

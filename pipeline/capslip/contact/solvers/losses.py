@@ -52,10 +52,12 @@ class Losses:
         s_N = 0.5 * np.sqrt(np.maximum(rate, 0.0) * np.exp(value - at))
         x_m = (self.compliance_m_per_N + more) * s_N
         loss_J = np.exp(value)
-        # No cubic may rise above the point it leads to, which would then be lost.
+        # No cubic may rise above the point it leads to, which would then be lost, nor fall; where
+        # nearly all lets go at once it begins with losses that are no numbers any more.
         most_N = 0.5 * np.sqrt(slope[1:] * np.exp(log_loss[1:] - z[1:]))
         most_m = (self.compliance_m_per_N + np.exp(z[1:])) * most_N
         below = (s_N < np.repeat(most_N, _POINTS)) & (x_m < np.repeat(most_m, _POINTS))
+        below &= (s_N > 0.0) & (loss_J > np.finfo(float).tiny)
         s_N, x_m, loss_J, more = (column[below] for column in (s_N, x_m, loss_J, more))
         # Begins with slip that is all but none, L = a s^3
         far = min(_FAR * end_m / x_m[0], 1.0)  # the rows may begin farther down already

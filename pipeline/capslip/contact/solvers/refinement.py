@@ -53,13 +53,18 @@ def refinement(face: ElasticFace, pressed: Pressed) -> int:
 class _Roughness(NamedTuple):
     """What white noise in the heights could be, and what a spline may swing in the contacts."""
 
-    noise_m2: np.ndarray  # (ny, nx), the mean of both axes; NaN at the edges of the map
+    noise_m2: np.ndarray  # (ny, nx), the mean of the axes that know it; NaN in corners of the map
     smooth: bool
     most_m: float  # infinite at the edge of the map, or where a step stands off all else
 
 
 def _roughness(face: ElasticFace, pressed: Pressed) -> _Roughness:
-    noise_m2 = 0.5 * (white_m2(face.depth_m, _ORDER, 0) + white_m2(face.depth_m, _ORDER, 1))
+    rows_m2, columns_m2 = (white_m2(face.depth_m, _ORDER, axis) for axis in (0, 1))
+    # Along an edge of the map one axis knows it, and contacts there are the narrowest of all
+    noise_m2 = 0.5 * (
+        np.where(np.isnan(rows_m2), columns_m2, rows_m2)
+        + np.where(np.isnan(columns_m2), rows_m2, columns_m2)
+    )
     inside = (pressed.pressure_Pa > 0) & np.isfinite(noise_m2)
     rough_m = float(np.sqrt(noise_m2[inside].mean())) if inside.any() else math.inf
     smooth_m = SMOOTH * pressed.approach_m
