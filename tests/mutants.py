@@ -228,7 +228,10 @@ TABLE = [
     ),
     (
         ("doubts.py",),
-        ("tests/contact/test_*doubts*.py", "tests/test_stages.py", "tests/test_problems.py"),
+        (
+            *("tests/test_doubts.py", "tests/contact/test_*doubts*.py", "tests/test_stages.py"),
+            "tests/test_verdict.py",
+        ),
     ),
     (
         ("problems.py", "registry.py", "materials.py", "errors.py"),
