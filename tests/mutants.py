@@ -246,7 +246,10 @@ TABLE = [
     ),
     (
         ("result.py", "summary.py"),
-        ("tests/output/test_*summary*.py", "tests/test_python_api.py"),
+        (
+            *("tests/output/test_*summary*.py", "tests/output/test_*scans*.py"),
+            "tests/test_python_api.py",
+        ),
     ),
     (("batch.py",), ("tests/command_line/test_cli_batch.py",)),
     (("sources.py",), ("tests/command_line/test_cli_fleet.py",)),

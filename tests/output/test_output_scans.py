@@ -2,6 +2,7 @@
 
 import csv
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -67,3 +68,13 @@ def test_exports_are_of_the_joint_and_go_with_the_next_result(joint, tmp_path):
     with (folder / "jenkins.csv").open(encoding="utf-8") as file:
         rows = [row for row in csv.reader(file) if row and not row[0].startswith("#")]
     assert len(rows) > 3
+
+
+def test_a_scan_stands_for_its_share_of_what_was_scanned_with_an_answer(joint):
+    one, other = joint.scans
+    thrice_m2 = 3.0 * other.joint.scan_area_m2
+    wider = replace(one, joint=replace(one.joint, scan_area_m2=thrice_m2))
+    without = replace(one, slip=None)
+    summary = replace(joint, scans=(wider, without, other)).summary()
+    shares = [scan["share"] for scan in summary["scans"]]
+    assert shares == [pytest.approx(0.75), None, pytest.approx(0.25)]
