@@ -144,7 +144,7 @@ TABLE = [
     ),
     (("contact/solvers/nearby.py",), ("tests/contact/test_*nearby*.py",)),
     (
-        ("contact/solvers/closing.py", "contact/solvers/refinement.py"),
+        ("contact/solvers/refinement.py",),
         (
             *("tests/contact/test_*patches*.py", "tests/contact/test_*between*.py"),
             "tests/contact/test_*yielding_map*.py",

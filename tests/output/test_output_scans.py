@@ -75,6 +75,7 @@ def test_a_scan_stands_for_its_share_of_what_was_scanned_with_an_answer(joint):
     thrice_m2 = 3.0 * other.joint.scan_area_m2
     wider = replace(one, joint=replace(one.joint, scan_area_m2=thrice_m2))
     without = replace(one, slip=None)
-    summary = replace(joint, scans=(wider, without, other)).summary()
-    shares = [scan["share"] for scan in summary["scans"]]
+    found = replace(joint, scans=(wider, without, other))
+    shares = [scan["share"] for scan in found.summary()["scans"]]
     assert shares == [pytest.approx(0.75), None, pytest.approx(0.25)]
+    assert [part.share for part in found.parts] == pytest.approx([0.75, 0.25])

@@ -165,6 +165,8 @@ def test_stages_that_could_not_run_are_absent(several):
     ):
         assert {key for key, value in found[table].items() if value not in (None, [])} == kept
     assert "no contact" in repr(failed)
+    assert [part.share for part in several.parts] == [1.0]
+    assert failed.parts == replace(several, slip=None).parts == ()
     assert "no loss factor" in repr(failed)
 
 

@@ -118,7 +118,7 @@ class GivenResultant:
     total_Pa : float
         Sum of the pressures.
     places_m : (ndarray, ndarray)
-        x and y of all points, two arrays that broadcast against each other.
+        x and y of all points: of a map, shapes (1, nx) and (ny, 1); else both (n,).
     resultant_m : (float, float)
         Where the resultant acts, (x, y).
     """
