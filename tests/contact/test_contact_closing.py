@@ -62,6 +62,17 @@ def test_pressures_are_moved_onto_load_and_place_by_an_exponential(closing):
     assert closing.restored(moved, of(closing)) == pytest.approx(moved, rel=1e-9)
 
 
+@pytest.mark.parametrize("others", [1e-2, 1e-6, 1e-9, 1e-13])
+def test_a_resultant_beside_the_one_point_that_bears_is_reached(others):
+    """What the other points bear must grow by many powers of ten, and full steps go too far."""
+    pressure, middle = np.full(POINTS.size, others), POINTS.size // 2
+    pressure[middle] = 1.0
+    near_m = (AT_M[0][middle] + 1e-4, AT_M[1][middle] + 5e-5)
+    for x_R, y_R in (near_m, RESULTANT_M, (2.0999e-3, 1.0e-3)):
+        moved = GivenResultant(40.0, (X_M, Y_M), (x_R, y_R)).restored(pressure, POINTS)
+        assert moments(moved) == pytest.approx([40.0, 40.0 * x_R, 40.0 * y_R], rel=1e-12)
+
+
 def test_no_pressures_have_their_resultant_beside_all_of_their_points():
     beside = GivenResultant(40.0, (X_M, Y_M), (2.15e-3, 0.9e-3))
     assert beside.restored(PRESSURE, POINTS) is None
@@ -86,6 +97,8 @@ def test_what_some_points_bear_is_left_to_the_others(closing):
     for one_m, place_m, left_m in zip(AT_M, RESULTANT_M, rest.resultant_m, strict=True):
         together = rest.total_Pa * left_m + PRESSURE[:5] @ one_m[:5]
         assert together == pytest.approx(40.0 * place_m, rel=1e-12)
+    for little in (GIVEN, GivenLoad(40.0)):
+        assert little.less(np.full(5, 7.99), POINTS[:5]).total_Pa == pytest.approx(0.05)
     for too_much in (8.0, 8.1):
         assert closing.less(np.full(5, too_much), first) is None
         assert GivenLoad(40.0).less(np.full(5, too_much), first) is None

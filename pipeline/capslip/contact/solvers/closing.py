@@ -159,7 +159,7 @@ class GivenResultant:
     def plane(self, pressure: np.ndarray, height_m: np.ndarray, points: np.ndarray) -> np.ndarray:
         """Return the least-squares plane, weighted with the pressure."""
         basis = self._basis(points)
-        weighted = basis * (pressure / pressure.sum())
+        weighted = basis * pressure
         fitted = _solved(_products(weighted, basis), weighted @ height_m)
         return fitted / (1.0, self._length_m, self._length_m)
 
