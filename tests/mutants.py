@@ -85,7 +85,10 @@ TABLE = [
     (("surface/*.py",), ("tests/surface/test_*_{stem}.py",)),
     (
         ("contact/effects.py", "contact/trials.py", "contact/map_accuracy.py"),
-        ("tests/contact/test_*effects*.py", "tests/contact/test_*detail*.py"),
+        (
+            *("tests/contact/test_*effects_told*.py", "tests/contact/test_*effects*.py"),
+            "tests/contact/test_*detail*.py",
+        ),
     ),
     (
         (
