@@ -8,8 +8,10 @@ import pytest
 
 from capslip.contact import effects
 from capslip.contact.effects import _as_severe, _is_asked, _Moved, with_effects
+from capslip.errors import ContactError
 from capslip.problems import Problem
 from capslip.settings import load_settings
+from capslip.surface.heightmap import HeightMap
 
 BY_CAPS, BY_MAP = "estimated with the caps", "found on the map with fewer points"
 
@@ -203,3 +205,111 @@ def test_forces_that_are_asked_for_end_between_a_tenth_and_a_quarter_of_gross_sl
     for share, expected in ((1e-3, 0.1), (0.1, 0.1), (0.2, 0.2), (0.25, 0.25), (0.9, 0.25)):
         _, shares = told([Problem("seams", "warning", "")], face(), share=share)
         assert shares == [expected, expected]  # of the map, which does not know, and the caps
+
+
+SIZE_M = (2e-4, 3e-4)  # of pixels
+
+
+def measured(heights, shape=(15, 30)):
+    """Return a map of heights over y and x, with what says how it was levelled."""
+    y_m, x_m = ((np.arange(n) + 0.5) * one_m for n, one_m in zip(shape, SIZE_M, strict=True))
+    return HeightMap(heights(y_m[:, None], x_m), SIZE_M)
+
+
+def of_face(surface, *words):
+    return SimpleNamespace(surface=surface, settings=load_settings(overrides=words))
+
+
+def tilted(y_m, x_m):
+    return 3e-4 * y_m - 1e-4 * x_m
+
+
+@pytest.mark.parametrize("apart", [(3, 5), (5, 3), (1, 2)])
+def test_measured_points_of_an_interpolated_map_lie_where_they_lay(apart):
+    face = of_face(measured(tilted))
+    with mock.patch.object(effects, "pixels_apart", return_value=apart):
+        every, points = effects._interpolated_or_not(face)
+    assert every is face.surface
+    assert points.pixel_size_m == (apart[0] * SIZE_M[0], apart[1] * SIZE_M[1])
+    assert points.shape == (-(-15 // apart[0]), -(-30 // apart[1]))
+    dy_m, dx_m = points.pixel_size_m
+    y_m, x_m = (
+        (np.arange(n) + 0.5) * one for n, one in zip(points.shape, (dy_m, dx_m), strict=True)
+    )
+    between = 0.0 if apart[1] % 2 else 0.5 * SIZE_M[1]  # the later one of two in the middle
+    assert points.height_m == pytest.approx(tilted(y_m[:, None], x_m + between), abs=1e-18)
+
+
+def test_removed_points_are_put_back_where_they_were():
+    surface, at = measured(tilted), (np.array([2, 14]), np.array([29, 0]))
+    removed_m = np.array([(at[1] + 0.5) * SIZE_M[1], (at[0] + 0.5) * SIZE_M[0], [1e-6, 2e-6]])
+    before, after = effects._removed_or_not(SimpleNamespace(surface=surface, removed_m=removed_m))
+    assert before is surface
+    changed = np.argwhere(after.height_m != surface.height_m)
+    assert changed.tolist() == [[2, 29], [14, 0]]
+    assert after.height_m[at].tolist() == [1e-6, 2e-6]
+
+
+def test_a_tilt_and_a_bow_are_taken_off_each_alone():
+    def bow(y_m, x_m):
+        return 0.5 * (x_m - 4.5e-3) ** 2 - 2.0 * (y_m - 1.5e-3) ** 2
+
+    def hill(y_m, x_m):
+        return 1e-7 * np.exp(-((x_m - 5e-3) ** 2 + (y_m - 2e-3) ** 2) / 1e-6)
+
+    flat, bowed = measured(hill), measured(lambda y_m, x_m: hill(y_m, x_m) + bow(y_m, x_m))
+    sloped = measured(lambda y_m, x_m: hill(y_m, x_m) + tilted(y_m, x_m))
+    (same, level), (_, of_flat) = map(effects._tilt_or_not, map(of_face, (sloped, flat)))
+    assert same.height_m == pytest.approx(sloped.height_m)
+    assert level.height_m == pytest.approx(of_flat.height_m, abs=1e-18)
+    (same, straight), (_, of_flat) = map(effects._bow_or_not, map(of_face, (bowed, flat)))
+    assert same.height_m == pytest.approx(bowed.height_m)
+    left_m = straight.height_m - of_flat.height_m  # but for the plane, which stays as it was
+    plane = np.linalg.lstsq(
+        np.stack([np.ones(450), *(one.ravel() for one in np.indices((15, 30)))], axis=1),
+        left_m.ravel(),
+    )
+    assert plane[1][0] ** 0.5 < 1e-12
+
+
+def test_bows_of_an_instrument_are_as_high_as_it_is_flat_over_the_whole_map():
+    flat = of_face(
+        measured(lambda y_m, x_m: 0 * (y_m + x_m)), "instrument.flatness_deviation_m=1e-7"
+    )
+    coarse, *bowed = effects._bow_or_not(flat)
+    assert not coarse.height_m.any()
+    assert len(bowed) == 6
+    for one in bowed:
+        height_m = one.height_m
+        for mirrored_m in (height_m[::-1], height_m[:, ::-1]):
+            assert np.allclose(height_m, mirrored_m, rtol=1e-9, atol=1e-20)
+        highest = np.abs(height_m).max()  # half a pixel within the edge
+        assert (1 - 1 / 15) ** 2 * 1e-7 <= highest * (1 + 1e-9) <= 1e-7
+        assert np.abs(height_m).min() == pytest.approx(0.0, abs=2e-10)
+
+
+def test_an_effect_on_the_map_is_the_greatest_of_all_maps_over_the_first():
+    """Energies at four forces and the stiffness, of three maps; the pressed one is known."""
+    answers = {"known": [1.0, 2.0, 4.0, 5.0, 10.0], 1: [1.1, 2.0, 4.0, 2.5, 10.0],
+               2: [1.0, 1.0, 4.0, 5.0, 10.1]}  # fmt: skip
+    rung = SimpleNamespace(build=lambda scene: scene, at_forces=None, holds_bulk=False)
+    contact = SimpleNamespace(rung=rung, normal="known")
+    face = of_face("pressed")
+
+    def change(maps, unsolved=()):
+        def told(curve, holds_bulk, surface, settings):
+            if curve in unsolved:
+                raise ContactError("no answer")
+            return np.array(answers[curve])
+
+        scene = SimpleNamespace(of=lambda peaks, none, surface, *_: surface)
+        with mock.patch.multiple(effects, answers=told, Scene=scene):
+            caps = SimpleNamespace(usable=None)
+            return effects._effect_on_map(contact, caps, face, maps, 0.25)
+
+    assert change(("pressed", 1, 2)).effect.energy == pytest.approx(0.5)
+    assert change(("pressed", 1, 2)).effect.tangential_stiffness == pytest.approx(0.01)
+    assert change((1, 2)).effect.energy == pytest.approx(1.0)  # the first is the measure
+    assert change(("pressed", 1)).asked == pytest.approx(0.5)
+    assert change(("pressed",)) is None  # nothing to compare
+    assert change(("pressed", 1, 2), unsolved=(2,)) is None
