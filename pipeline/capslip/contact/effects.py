@@ -40,7 +40,7 @@ class _Moved:
 
     effect: Effect
     asked: float
-    approach: float = 0.0
+    approach: float
 
     @classmethod
     def by(cls, change: np.ndarray, least_share: float, approach: float = 0.0) -> "_Moved":
