@@ -160,7 +160,13 @@ TABLE = [
             *("tests/contact/test_*pixels*.py", "tests/contact/test_*tilting*.py"),
         ),
     ),
-    (("contact/solvers/whiteness.py",), ("tests/contact/test_*noise*.py",)),
+    (
+        ("contact/solvers/detail.py", "contact/solvers/whiteness.py"),
+        (
+            *("tests/contact/test_*detail_filter*.py", "tests/contact/test_*detail*.py"),
+            "tests/contact/test_*noise*.py",
+        ),
+    ),
     (
         ("contact/solvers/solutions.py", "contact/solvers/pressed.py"),
         (
@@ -224,6 +230,7 @@ TABLE = [
     (
         ("analysis.py", "__init__.py"),
         (
+            "tests/test_analysis.py",
             *("tests/test_python_api.py", "tests/command_line/test_cli_families.py"),
             *("tests/contact/test_*scans*.py", "tests/output/test_*scans*.py"),
             "tests/output/test_*summary*.py",
