@@ -9,6 +9,7 @@ import pytest
 
 import capslip
 from capslip.analysis import analyze_scans
+from capslip.contact.rung import ModelError
 from capslip.output.figures import FIGURES, OF_JOINT
 from capslip.output.folder import write_joint
 from capslip.structure.interpolation import LawTables
@@ -79,3 +80,17 @@ def test_a_scan_stands_for_its_share_of_what_was_scanned_with_an_answer(joint):
     shares = [scan["share"] for scan in found.summary()["scans"]]
     assert shares == [pytest.approx(0.75), None, pytest.approx(0.25)]
     assert [part.share for part in found.parts] == pytest.approx([0.75, 0.25])
+
+
+def test_the_error_of_a_joint_is_the_greatest_of_its_scans_where_each_is_known(joint):
+    def of(*errors, without=()):
+        scans = [
+            replace(scan, contact=replace(scan.contact, errors=ModelError.of_either(error)))
+            for scan, error in zip(2 * joint.scans, errors, strict=False)
+        ]
+        return replace(joint, scans=(*scans, *without)).estimated_error
+
+    assert of(0.02, 0.05, 0.01) == 0.05
+    assert of(0.02, None) is None
+    assert of(None, None) is None
+    assert of(0.02, without=[replace(joint.scans[0], slip=None)]) == 0.02  # no part of the joint
