@@ -127,3 +127,20 @@ def test_two_maps_of_caps_are_no_map_to_press_and_families_no_scan(mate, words, 
     else:
         with pytest.raises(SettingsError, match=said):
             analysis._check(settings, mate)
+
+
+def test_families_that_yield_slip_after_the_greatest_load_of_a_cycle(monkeypatch):
+    loads_N = []
+
+    def curve_after(contact, load_N, *_):
+        loads_N.append(load_N)
+        return contact.curve
+
+    monkeypatch.setattr(analysis.ContactState, "curve_after", curve_after)
+    monkeypatch.setattr(analysis, "band_of", lambda *_: None)
+    given = {"m": 5, "n": 18, "radius_G_m": 23.8, "radius_P_m": 26.7, "h_m": 2.4e-7}
+    words = [f"families.{name}={value}" for name, value in given.items()]
+    more = ("contact.preload_N=400", "slip.normal_amplitude_ratio=0.3", "material.hardness_Pa=1e9")
+    found = analysis.analyze_families(load_settings(overrides=(*words, *more)))
+    assert found.slip.preload_N == 400.0
+    assert loads_N[0] == pytest.approx(520.0)
