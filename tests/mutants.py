@@ -68,7 +68,7 @@ TABLE = [
         (
             "tests/surface/test_*doubts*.py",
             "tests/surface/test_*holes*.py",
-            "tests/surface/test_*conditioning*.py",
+            *("tests/surface/test_*seams*.py", "tests/surface/test_*conditioning*.py"),
             *("tests/surface/test_*outliers*.py", "tests/surface/test_*filling*.py"),
         ),
     ),

@@ -12,7 +12,7 @@ from click.testing import CliRunner
 import capslip
 from capslip.cli import _command_line, main
 from capslip.errors import SettingsError
-from capslip.options import preload_in_N, shard_of
+from capslip.options import above_zero, preload_in_N, shard_of
 from capslip.units import METRES
 from scenes import PROJECT
 
@@ -41,6 +41,14 @@ def test_a_shard_is_one_of_so_many_parts(text):
 def test_what_is_no_part_is_no_shard(text):
     with pytest.raises(SettingsError, match=f"got {text}; expected I/N"):
         shard_of(text)
+
+
+@pytest.mark.parametrize("value", [0.0, -1.0, float("inf"), float("nan")])
+def test_a_limit_is_a_finite_number_above_zero_or_none(value):
+    assert above_zero(None, "--timeout") is None
+    assert above_zero(1e-3, "--timeout") == 1e-3
+    with pytest.raises(SettingsError, match=f"--timeout: got {value:g}"):
+        above_zero(value, "--timeout")
 
 
 @pytest.mark.parametrize("option", ["--load", "--force"])

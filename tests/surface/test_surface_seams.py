@@ -5,6 +5,7 @@ import pytest
 from scipy.ndimage import gaussian_filter
 
 from capslip.studies.faces.synthetic import CapFamily, Scene, synthetic_surface
+from capslip.surface.doubts import problems_of_seams
 from capslip.surface.heightmap import HeightMap
 from capslip.surface.seams import LEAST_POINTS, _jumps_m, find_seams, leaves_tops, without_seams
 
@@ -87,6 +88,14 @@ def test_a_seam_is_alone_but_for_what_jumps_by_less_than_half_of_it(other_m, fou
     """As lines of a lay are not, and rims of hills are."""
     seams = find_seams(of(1e-7 * (COLUMN >= 100) + other_m * (COLUMN >= 120) + noise_m(1e-10)))
     assert (seams is not None and seams.columns.tolist() == [0, 100, 200]) == found
+
+
+def test_fields_that_differ_by_more_than_a_tenth_of_the_approach_are_doubted():
+    surface = of(waves_m() + 5e-8 * (COLUMN >= 110))
+    span_m = find_seams(surface).span_m
+    assert [one.code for one in problems_of_seams(surface, 9.9 * span_m)] == ["seams"]
+    assert problems_of_seams(surface, 10.1 * span_m) == []
+    assert problems_of_seams(of(waves_m()), 0.1 * span_m) == []
 
 
 def test_the_jump_between_lines_is_the_median_of_what_is_known():
