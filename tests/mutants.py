@@ -22,7 +22,7 @@ import sys
 import tempfile
 import time
 import tokenize
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from itertools import pairwise
@@ -30,8 +30,9 @@ from pathlib import Path
 from queue import SimpleQueue
 
 SOURCE = "pipeline"
-# Globs of modules, below the package, and of the tests that concern them, the quickest first.
-# A glob that finds nothing is passed over, so that a file may move to one of its places.
+# Globs of modules, below the package, and of the tests that concern them, the quickest first. The
+# first row that names a module counts; `{stem}` is its name. A glob that finds nothing is passed
+# over, so that a file may move to one of its places.
 TABLE = [
     (
         ("structure/law.py", "structure/interpolation.py", "output/exports/law.py"),
@@ -62,36 +63,43 @@ TABLE = [
             "tests/contact/test_*press*.py",
         ),
     ),
-    (("contact/doubts.py",), ("tests/contact/test_*doubts*.py",)),
     (
         ("surface/doubts.py", "surface/holes.py"),
         (
             "tests/surface/test_*doubts*.py",
             "tests/surface/test_*holes*.py",
-            "tests/surface/test_*conditioning*.py",
-            "tests/surface/test_*outliers*.py",
+            *("tests/surface/test_*seams*.py", "tests/surface/test_*conditioning*.py"),
+            *("tests/surface/test_*outliers*.py", "tests/surface/test_*filling*.py"),
         ),
     ),
-    *(
-        ((f"surface/{name}.py",), (f"tests/surface/test_*_{name}.py",))
-        for name in ("filling", "interpolated", "rounding", "seams", "tops", "waves")
+    (("surface/flatness.py",), ("tests/surface/test_*doubts*.py", "tests/test_verdict.py")),
+    (
+        ("surface/graph.py", "surface/rows.py", "surface/steps.py"),
+        (
+            *("tests/surface/test_*blocks*.py", "tests/surface/test_*conditioning*.py"),
+            *("tests/surface/test_*lifted*.py", "tests/surface/test_*outliers*.py"),
+        ),
     ),
+    (("surface/spectrum.py",), ("tests/surface/test_*parameters*.py",)),
+    (("surface/readers/*.py",), ("tests/surface/test_*readers*.py",)),
+    (("surface/*.py",), ("tests/surface/test_*_{stem}.py",)),
     (
         ("contact/effects.py", "contact/trials.py", "contact/map_accuracy.py"),
-        ("tests/contact/test_*effects*.py", "tests/contact/test_*detail*.py"),
+        (
+            *("tests/contact/test_*effects_told*.py", "tests/contact/test_*effects*.py"),
+            "tests/contact/test_*detail*.py",
+        ),
     ),
-    (("caps/doubts.py",), ("tests/caps/test_*doubts*.py",)),
-    (("structure/doubts.py",), ("tests/structure/test_*doubts*.py",)),
     (
         (
             *("caps/fit.py", "caps/fits/*.py", "caps/fitting.py", "caps/spheres.py"),
             *("caps/body.py", "caps/flags.py", "caps/profile.py", "caps/apex.py"),
-            *("caps/noise.py", "caps/quadric.py"),
+            *("caps/noise.py", "caps/quadric.py", "caps/points.py", "caps/table.py"),
         ),
         (
             *("tests/caps/test_*quadric*.py", "tests/caps/test_*apex*.py"),
             *("tests/caps/test_*body*.py", "tests/caps/test_*profile*.py"),
-            "tests/caps/test_*noise.py",
+            *("tests/caps/test_*noise.py", "tests/caps/test_*points*.py"),
             *("tests/caps/test_*flags*.py", "tests/caps/test_*fit*.py"),
             "tests/caps/test_*errors*.py",
         ),
@@ -100,20 +108,177 @@ TABLE = [
         ("caps/families.py", "caps/clusters.py"),
         ("tests/caps/test_*families*.py", "tests/caps/test_*levels*.py"),
     ),
-    (("caps/joining.py",), ("tests/caps/test_*joining*.py",)),
+    (("caps/separation.py", "caps/hills.py"), ("tests/caps/test_*hills*.py",)),
+    (("caps/simplex.py",), ("tests/caps/test_*levels*.py", "tests/caps/test_*resting*.py")),
+    (("caps/features.py", "caps/iso25178.py"), ("tests/surface/test_*parameters*.py",)),
+    (("caps/*.py",), ("tests/caps/test_*{stem}*.py",)),
     (
         ("contact/joint.py", "contact/pressure_map.py"),
         ("tests/contact/test_*joint*.py",),
     ),
-    (("contact/given.py",), ("tests/command_line/test_cli_families.py",)),
+    (
+        ("contact/given.py", "contact/models/families.py"),
+        (
+            *("tests/command_line/test_cli_families.py", "tests/contact/test_*curves*.py"),
+            *("tests/contact/test_*slip*.py", "tests/contact/test_*limits*.py"),
+        ),
+    ),
+    (
+        ("contact/models/boundary_elements.py", "contact/map_curve.py"),
+        (
+            *("tests/contact/test_*nearby*.py", "tests/contact/test_*time_limit*.py"),
+            *("tests/contact/test_*at_holes*.py", "tests/contact/test_*boundary_elements*.py"),
+            "tests/contact/test_*yielding_map*.py",
+        ),
+    ),
+    (
+        ("contact/models/*.py", "contact/curve.py", "contact/scaled.py"),
+        (
+            *("tests/contact/test_*curves*.py", "tests/contact/test_*models*.py"),
+            *("tests/contact/test_*slip*.py", "tests/contact/test_*{stem}*.py"),
+            "tests/structure/test_structure_law.py",
+        ),
+    ),
+    (("contact/direction.py",), ("tests/contact/test_*lay.py",)),
+    (("contact/depth.py",), ("tests/test_stages.py",)),
+    (
+        ("contact/balanced.py", "contact/flattening.py"),
+        ("tests/contact/test_*moved*.py", "tests/contact/test_*levelling*.py"),
+    ),
+    (("contact/solvers/nearby.py",), ("tests/contact/test_*nearby*.py",)),
+    (
+        ("contact/solvers/refinement.py",),
+        (
+            *("tests/contact/test_*patches*.py", "tests/contact/test_*between*.py"),
+            "tests/contact/test_*yielding_map*.py",
+        ),
+    ),
+    (
+        ("contact/solvers/unloading.py", "contact/solvers/path.py", "contact/solvers/losses.py"),
+        (
+            *("tests/contact/test_*losses*.py", "tests/contact/test_*patches*.py"),
+            *("tests/contact/test_*pixels*.py", "tests/contact/test_*tilting*.py"),
+        ),
+    ),
+    (
+        ("contact/solvers/detail.py", "contact/solvers/whiteness.py"),
+        (
+            *("tests/contact/test_*detail_filter*.py", "tests/contact/test_*detail*.py"),
+            "tests/contact/test_*noise*.py",
+        ),
+    ),
+    (
+        ("contact/solvers/solutions.py", "contact/solvers/pressed.py"),
+        (
+            *("tests/contact/test_*time_limit*.py", "tests/contact/test_*nearby*.py"),
+            *("tests/contact/test_*press.py", "tests/contact/test_*boundary_elements*.py"),
+        ),
+    ),
+    (
+        (
+            *("contact/solvers/polonsky_keer.py", "contact/solvers/half_space.py"),
+            "contact/solvers/elastic_face.py",
+        ),
+        (
+            *("tests/contact/test_*pixels*.py", "tests/contact/test_*rough_inverse*.py"),
+            *("tests/contact/test_*patches*.py", "tests/contact/test_*boundary_elements*.py"),
+            "tests/contact/test_*tangential*.py",
+        ),
+    ),
+    (
+        ("contact/solvers/hertz.py",),
+        ("tests/contact/test_*curves*.py", "tests/contact/test_*models*.py"),
+    ),
+    (("contact/*.py", "contact/solvers/*.py"), ("tests/contact/test_*{stem}*.py",)),
     (("structure/answer.py", "units.py"), ("tests/structure/test_*answer*.py",)),
-    (("verdict.py",), ("tests/test_verdict.py",)),
-    (("structure/response.py",), ("tests/structure/test_*response*.py",)),
-    (("stages.py",), ("tests/test_stages.py", "tests/caps/test_*registry*.py")),
-    (("sensitivity.py",), ("tests/test_sensitivity.py",)),
-    (("result.py",), ("tests/output/test_*summary*.py", "tests/test_python_api.py")),
-    (("output/rows.py", "output/quantity.py"), ("tests/output/test_*rows*.py",)),
-    (("output/tables.py",), ("tests/output/test_*tables*.py",)),
+    (("structure/*.py",), ("tests/structure/test_*{stem}*.py",)),
+    (("output/exports/jenkins.py",), ("tests/output/test_*rows*.py", "tests/output/test_*law.py")),
+    (("output/quantity.py", "output/terminal.py"), ("tests/output/test_*rows*.py",)),
+    (("output/formats/*.py",), ("tests/output/test_*convert*.py",)),
+    (("output/export.py",), ("tests/output/test_*law.py",)),
+    (
+        ("output/datasets.py", "output/folder.py"),
+        ("tests/output/test_*tables*.py", "tests/output/test_*folder*.py"),
+    ),
+    (
+        ("output/lead.py", "output/methods.py"),
+        ("tests/test_verdict.py", "tests/output/test_*report*.py"),
+    ),
+    (
+        ("output/figures*.py", "output/canvas.py"),
+        ("tests/output/test_*figures*.py", "tests/output/test_*plots*.py"),
+    ),
+    (("output/thumbnail.py",), ("tests/output/test_*overview*.py",)),
+    (
+        ("output/picture.py", "output/renderer.py"),
+        ("tests/output/test_*view.py", "tests/output/test_*scene*.py"),
+    ),
+    (("output/arrays.py",), ("tests/output/test_*zones*.py", "tests/test_python_api.py")),
+    (("output/*.py",), ("tests/output/test_*{stem}*.py",)),
+    (("compare/*.py",), ("tests/compare/test_*.py",)),
+    (
+        ("studies/faces/*.py",),
+        ("tests/surface/test_*synthetic*.py", "tests/surface/test_*samples*.py"),
+    ),
+    (("studies/paper/*.py", "studies/page.py"), ("tests/studies/test_reproduce.py",)),
+    (("studies/clock.py",), ("tests/studies/test_bench.py",)),
+    (("studies/real_scans.py", "studies/validation.py"), ("tests/studies/test_{stem}.py",)),
+    *(
+        ((f"studies/{name}/*.py",), (f"tests/studies/test_{name}*.py",))
+        for name in ("band", "bench", "chart", "level", "limits", "theorem")
+    ),
+    (
+        ("analysis.py", "__init__.py"),
+        (
+            "tests/test_analysis.py",
+            *("tests/test_python_api.py", "tests/command_line/test_cli_families.py"),
+            *("tests/contact/test_*scans*.py", "tests/output/test_*scans*.py"),
+            "tests/output/test_*summary*.py",
+        ),
+    ),
+    (
+        ("doubts.py",),
+        (
+            *("tests/test_doubts.py", "tests/contact/test_*doubts*.py", "tests/test_stages.py"),
+            "tests/test_verdict.py",
+        ),
+    ),
+    (
+        ("problems.py", "registry.py", "materials.py", "errors.py"),
+        (
+            *("tests/test_problems.py", "tests/caps/test_*registry*.py"),
+            "tests/command_line/test_cli_small.py",
+        ),
+    ),
+    (
+        ("stages.py", "settings.py"),
+        ("tests/test_stages.py", "tests/caps/test_*registry*.py", "tests/test_verdict.py"),
+    ),
+    (
+        ("result.py", "summary.py"),
+        (
+            *("tests/output/test_*summary*.py", "tests/output/test_*scans*.py"),
+            "tests/test_python_api.py",
+        ),
+    ),
+    (("batch.py",), ("tests/command_line/test_cli_batch.py",)),
+    (("sources.py",), ("tests/command_line/test_cli_fleet.py",)),
+    (
+        ("workers.py",),
+        ("tests/command_line/test_workers.py", "tests/command_line/test_cli_batch.py"),
+    ),
+    (
+        ("console.py", "waiting.py"),
+        ("tests/command_line/test_cli_console.py", "tests/contact/test_*waiting*.py"),
+    ),
+    (
+        ("cli.py", "options.py"),
+        (
+            *("tests/command_line/test_cli_small.py", "tests/command_line/test_cli_errors.py"),
+            *("tests/command_line/test_cli_models.py", "tests/command_line/test_cli_analyze.py"),
+        ),
+    ),
+    (("*.py",), ("tests/test_{stem}.py",)),
 ]
 SAMPLE = 40
 LIBRARIES = [
@@ -276,22 +441,20 @@ def modules(root: Path, asked: list[str]) -> dict[Path, tuple[str, ...]]:
     known: dict[Path, tuple[str, ...]] = {}
     for globs, tests in TABLE:
         for path in sorted({path for one in globs for path in package.glob(one)}):
-            known.setdefault(path, _existing(root, tests))
+            known.setdefault(path, _existing(root, [one.format(stem=path.stem) for one in tests]))
     if not asked:
-        return known
+        return {path: tests for path, tests in known.items() if tests}
     found = {}
     for name in asked:
         paths = sorted(path for path in root.glob(name) if path.suffix == ".py")
         if not paths:
             raise SystemExit(f"--module {name}: no such module below {root}")
         for path in paths:
-            found[path] = (
-                known.get(path) or _existing(root, (f"tests/{path.parent.name}", "tests"))[:1]
-            )
+            found[path] = known.get(path) or _existing(root, ["tests"])
     return found
 
 
-def _existing(root: Path, globs: tuple[str, ...]) -> tuple[str, ...]:
+def _existing(root: Path, globs: Iterable[str]) -> tuple[str, ...]:
     paths = [path for one in globs for path in sorted(root.glob(one))]
     return tuple(dict.fromkeys(str(path.relative_to(root)) for path in paths))
 

@@ -120,6 +120,20 @@ def test_the_verdict_is_for_a_demonstration_until_the_joint_is_given():
 
 
 @pytest.mark.parametrize(
+    ("scans", "begins"),
+    [
+        ((1, 3), "from 1 of 3 scans, so without their scatter: "),
+        ((2, 2), "from 2 scans, whose scatter rests on two: "),
+        ((2, 3), "from 2 of 3 scans, whose scatter rests on two: "),
+        ((3, 3), "from 3 scans: "),
+    ],
+)
+def test_a_joint_of_scans_says_on_how_many_it_rests(scans, begins):
+    said = verdict(load(*JOINT.values()), [], None)
+    assert verdict(load(*JOINT.values()), [], None, scans) == begins + said
+
+
+@pytest.mark.parametrize(
     ("severities", "begins"),
     [
         (("info", "error", "warning"), "not usable: error said; next: "),

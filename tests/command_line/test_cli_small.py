@@ -12,7 +12,7 @@ from click.testing import CliRunner
 import capslip
 from capslip.cli import _command_line, main
 from capslip.errors import SettingsError
-from capslip.options import preload_in_N
+from capslip.options import above_zero, preload_in_N, shard_of
 from capslip.units import METRES
 from scenes import PROJECT
 
@@ -28,6 +28,35 @@ def test_formats_lists_every_reader():
     assert listed.exit_code == 0, listed.output
     for name in ("hdf5", "npy", "x3p", "vendor"):
         assert name in listed.stdout
+
+
+@pytest.mark.parametrize("text", ["1/1", "1/8", "2/8", "8/8"])
+def test_a_shard_is_one_of_so_many_parts(text):
+    assert "/".join(map(str, shard_of(text))) == text
+
+
+@pytest.mark.parametrize(
+    "text", ["0/3", "4/3", "0/0", "a/3", "3/a", "3", "/3", "3/", "1.5/2", "-1/2"]
+)
+def test_what_is_no_part_is_no_shard(text):
+    with pytest.raises(SettingsError, match=f"got {text}; expected I/N"):
+        shard_of(text)
+
+
+@pytest.mark.parametrize("value", [0.0, -1.0, float("inf"), float("nan")])
+def test_a_limit_is_a_finite_number_above_zero_or_none(value):
+    assert above_zero(None, "--timeout") is None
+    assert above_zero(1e-3, "--timeout") == 1e-3
+    with pytest.raises(SettingsError, match=f"--timeout: got {value:g}"):
+        above_zero(value, "--timeout")
+
+
+@pytest.mark.parametrize("option", ["--load", "--force"])
+@pytest.mark.parametrize("share", [-0.1, 1.5])
+def test_no_more_than_the_preload_and_the_force_at_gross_slip_is_looked_at(option, share, tmp_path):
+    ran = run("inspect", tmp_path, option, share)
+    assert ran.exit_code == 2
+    assert "is not in the range 0.0<=x<=1.0" in ran.stderr
 
 
 def test_init_config_writes_the_defaults_once(tmp_path):

@@ -5,6 +5,7 @@ import pytest
 
 from capslip.contact.map_curve import load_at_holes
 from capslip.contact.models.boundary_elements import boundary_elements
+from capslip.contact.solvers.pressed import Pressed
 from capslip.surface.heightmap import HeightMap
 
 E, PIXEL_M, RADIUS_M, LOAD_N = 110e9, 2e-5, 0.5, 5.0
@@ -53,3 +54,36 @@ def test_what_hides_nothing_of_a_contact_is_no_doubt(lost):
 def test_a_map_that_is_turned_says_the_same():
     lost = half_lost(0.0)
     assert two_spheres(lost, turned=True)[1] == pytest.approx(two_spheres(lost)[1], rel=1e-6)
+
+
+TURNS = (np.s_[:, :], np.s_[:, ::-1], np.s_[::-1, :])
+
+
+@pytest.mark.parametrize("turn", TURNS)
+@pytest.mark.parametrize("turned", [False, True])
+@pytest.mark.parametrize(
+    ("wide", "away", "hides"),
+    [
+        (9, 0, False),  # its middle is 5 pixels from what was measured, a quarter of 21 is 5.25
+        (11, 0, True),  # 6 pixels
+        (11, 5, True),  # which are 11 from the contact; half of the radius and a pixel are 11.5
+        (11, 6, False),
+    ],
+)
+def test_what_lies_beside_a_contact_hides_it_by_its_depth_and_its_distance(
+    wide, away, hides, turned, turn
+):
+    """Two discs of 21 pixels, of which one begins a hole, a strip on a line that leads there."""
+    y, x = np.mgrid[:64, :150]
+    discs = [np.hypot(y - 28, x - at) <= 21.0 for at in (28, 120)]
+    first = 50 + away
+    hole = (abs(y - 28) < 20) & (first <= x) & (x < first + wide)
+    hole |= (y == 28) & (x >= 50) & (x < first)
+    pressure_Pa = 1.0 * discs[0] + 3.0 * discs[1]
+
+    def seen(values):
+        return np.ascontiguousarray(values.T[turn] if turned else values[turn])
+
+    pressed = Pressed(1.0, 1.0, seen(pressure_Pa), 0.0 * seen(pressure_Pa), (2e-5, 2e-5), None)
+    expected = 0.25 if hides else 0.0
+    assert load_at_holes(pressed, seen(~hole)) == pytest.approx(expected)

@@ -10,6 +10,7 @@ from capslip.surface.heightmap import HeightMap
 
 FACE = HeightMap(np.zeros((20, 30)), (2e-3, 2e-3))  # 40 mm by 60 mm
 MIDDLE_M = (0.03, 0.02)
+SEGMENT = 1 / 3 - np.sqrt(3) / (4 * np.pi)  # of a circle, beyond half of its radius
 
 
 def drawn(x_m, y_m, a_m, load_N=None, ratio=None, turn=0.0):
@@ -72,7 +73,10 @@ def test_a_peak_without_load_inside_a_contact_counts():
 
 @pytest.mark.parametrize(
     ("x_m", "y_m", "share"),
-    [(0.03, 0.02, 0.0), (0.0, 0.02, 0.5), (0.06, 0.02, 0.5), (0.03, 0.04, 0.5), (0.0, 0.0, 0.75)],
+    [
+        *[(0.03, 0.02, 0.0), (0.0, 0.02, 0.5), (0.06, 0.02, 0.5), (0.03, 0.04, 0.5)],
+        *[(0.0, 0.0, 0.75), (0.0005, 0.02, SEGMENT), (0.03, 0.0395, SEGMENT)],
+    ],
 )
 def test_the_share_beyond_the_edge_is_that_of_the_area(x_m, y_m, share):
     assert drawn([x_m], [y_m], 1e-3).beyond_share == pytest.approx(share, abs=0.01)

@@ -2,12 +2,14 @@
 
 import csv
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 import capslip
 from capslip.analysis import analyze_scans
+from capslip.contact.rung import ModelError
 from capslip.output.figures import FIGURES, OF_JOINT
 from capslip.output.folder import write_joint
 from capslip.structure.interpolation import LawTables
@@ -67,3 +69,28 @@ def test_exports_are_of_the_joint_and_go_with_the_next_result(joint, tmp_path):
     with (folder / "jenkins.csv").open(encoding="utf-8") as file:
         rows = [row for row in csv.reader(file) if row and not row[0].startswith("#")]
     assert len(rows) > 3
+
+
+def test_a_scan_stands_for_its_share_of_what_was_scanned_with_an_answer(joint):
+    one, other = joint.scans
+    thrice_m2 = 3.0 * other.joint.scan_area_m2
+    wider = replace(one, joint=replace(one.joint, scan_area_m2=thrice_m2))
+    without = replace(one, slip=None)
+    found = replace(joint, scans=(wider, without, other))
+    shares = [scan["share"] for scan in found.summary()["scans"]]
+    assert shares == [pytest.approx(0.75), None, pytest.approx(0.25)]
+    assert [part.share for part in found.parts] == pytest.approx([0.75, 0.25])
+
+
+def test_the_error_of_a_joint_is_the_greatest_of_its_scans_where_each_is_known(joint):
+    def of(*errors, without=()):
+        scans = [
+            replace(scan, contact=replace(scan.contact, errors=ModelError.of_either(error)))
+            for scan, error in zip(2 * joint.scans, errors, strict=False)
+        ]
+        return replace(joint, scans=(*scans, *without)).estimated_error
+
+    assert of(0.02, 0.05, 0.01) == 0.05
+    assert of(0.02, None) is None
+    assert of(None, None) is None
+    assert of(0.02, without=[replace(joint.scans[0], slip=None)]) == 0.02  # no part of the joint

@@ -10,7 +10,8 @@ from capslip.analysis import analyze
 from capslip.caps.table import CapFlag
 from capslip.problems import Problem
 from capslip.result import _cell
-from capslip.summary import _limit, alignment_table, plain
+from capslip.structure.response import MOST_LOSS_FACTOR
+from capslip.summary import _limit, alignment_table, contact_table, hills_table, plain
 
 
 @pytest.mark.parametrize(
@@ -108,6 +109,39 @@ def test_the_tilt_is_that_of_level_and_contact_together(
     assert found["alignment"] == alignment
 
 
+@pytest.mark.parametrize(("missed_area_m2", "certified"), [(0.0, True), (1e-12, False)])
+def test_a_cut_is_certified_where_no_area_that_touches_was_missed(
+    missed_area_m2, certified, several
+):
+    chosen = several.settings.hills.material_ratio
+    found = hills_table(replace(several, level=None))
+    assert (found["material_ratio"], found["cut_certified"]) == (chosen, None)
+    level = SimpleNamespace(material_ratio=0.5 * chosen, missed_area_m2=missed_area_m2)
+    found = hills_table(replace(several, level=level))
+    assert (found["material_ratio"], found["cut_certified"]) == (0.5 * chosen, certified)
+
+
+def test_areas_of_contact_are_those_of_all_patches_of_an_even_joint(several):
+    contact = replace(several.contact, contact_area_m2=3e-6, yielded_area_m2=1e-6)
+    joint = replace(several.joint, weight=np.array([4.0]))
+    found = contact_table(replace(several, contact=contact, joint=joint))
+    assert (found["contact_area_m2"], found["yielded_area_m2"]) == pytest.approx((12e-6, 4e-6))
+    uneven = replace(joint, weight=np.array([2.0, 2.0]), load_N=np.array([150.0, 50.0]))
+    found = contact_table(replace(several, contact=contact, joint=uneven))
+    assert (found["contact_area_m2"], found["yielded_area_m2"]) == (None, None)
+
+
+def test_a_loss_factor_is_told_where_the_mode_is_lightly_damped(several):
+    loss = np.full(several.damping.loss_factor.shape, 0.1)
+    loss[:3] = MOST_LOSS_FACTOR, 1.01 * MOST_LOSS_FACTOR, np.inf
+    damping = replace(several.damping, loss_factor=loss)
+    found = replace(several, damping=damping).summary()["damping"]
+    assert found["loss_factor"] == [MOST_LOSS_FACTOR, None, None, *loss[3:]]
+    assert [one is None for one in found["damping_ratio"]] == [
+        loss_i is None for loss_i in found["loss_factor"]
+    ]
+
+
 def test_seconds_from_outside_stand_beside_those_of_the_stages(several):
     found = several.summary("capslip", {"read": 1.5})
     assert found["timings_s"] == {**several.timings_s, "read": 1.5}
@@ -131,6 +165,8 @@ def test_stages_that_could_not_run_are_absent(several):
     ):
         assert {key for key, value in found[table].items() if value not in (None, [])} == kept
     assert "no contact" in repr(failed)
+    assert [part.share for part in several.parts] == [1.0]
+    assert failed.parts == replace(several, slip=None).parts == ()
     assert "no loss factor" in repr(failed)
 
 

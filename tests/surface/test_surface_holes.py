@@ -6,7 +6,13 @@ import pytest
 from capslip import load_settings
 from capslip.analysis import analyze_once as analyze
 from capslip.surface.heightmap import HeightMap
-from capslip.surface.holes import depth_of_holes, outside_as_made, problems_of_holes
+from capslip.surface.holes import (
+    _within,
+    between,
+    depth_of_holes,
+    outside_as_made,
+    problems_of_holes,
+)
 from scenes import caps_map
 
 PIXEL_M = (2e-4, 1e-4)
@@ -92,3 +98,23 @@ OBLIQUE = {
 def test_a_part_that_goes_into_itself_in_one_way_alone_is_as_it_was_made(way):
     assert outside_as_made(without(~OBLIQUE[way]))
     assert not outside_as_made(without(X_M / 0.04 + Y_M / 0.03 < 0.5))  # one corner
+
+
+@pytest.mark.parametrize("share", [0.05, 0.3, 0.7, 0.95])
+@pytest.mark.parametrize("shape", [(1, 9), (7, 1), (12, 17), (30, 8)])
+def test_a_hole_lies_between_measured_points_of_its_row_or_its_column(share, shape):
+    for seed in range(5):
+        measured = np.random.default_rng(seed).random(shape) < share
+        measured[:, : seed * shape[1] // 9] = False  # open to an edge
+        before, after = (
+            [np.logical_or.accumulate(measured[turn], axis=axis)[turn] for axis in (0, 1)]
+            for turn in (np.s_[:, :], np.s_[::-1, ::-1])
+        )
+        expected = ~measured & ((before[0] & after[0]) | (before[1] & after[1]))
+        assert np.array_equal(between(measured), expected)
+
+
+def test_what_was_measured_lies_within_its_rectangle():
+    height_m = np.full((12, 17), np.nan)
+    height_m[[3, 8], [15, 4]] = 0.0
+    assert _within(HeightMap(height_m, (1.0, 1.0))) == np.s_[3:9, 4:16]

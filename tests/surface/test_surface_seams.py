@@ -5,8 +5,9 @@ import pytest
 from scipy.ndimage import gaussian_filter
 
 from capslip.studies.faces.synthetic import CapFamily, Scene, synthetic_surface
+from capslip.surface.doubts import problems_of_seams
 from capslip.surface.heightmap import HeightMap
-from capslip.surface.seams import find_seams, leaves_tops, without_seams
+from capslip.surface.seams import LEAST_POINTS, _jumps_m, find_seams, leaves_tops, without_seams
 
 SHAPE, PIXEL_M = (120, 200), (1e-4, 1e-4)
 ROW, COLUMN = np.mgrid[: SHAPE[0], : SHAPE[1]]
@@ -74,6 +75,38 @@ def test_fields_that_are_tilted_against_one_another_have_seams():
     seams = find_seams(of(tilted_m))
     assert seams.rows.tolist() == [0, 60, 120]
     assert seams.columns.tolist() == [0, 70, 200]
+
+
+@pytest.mark.parametrize(("column", "found"), [(15, False), (16, True), (184, True), (185, False)])
+def test_a_seam_bounds_fields_of_16_lines_and_more(column, found):
+    seams = find_seams(of(waves_m() + 9e-8 * (column <= COLUMN)))
+    assert (seams is not None and seams.columns.tolist() == [0, column, 200]) == found
+
+
+@pytest.mark.parametrize(("other_m", "found"), [(4e-8, True), (6e-8, False)])
+def test_a_seam_is_alone_but_for_what_jumps_by_less_than_half_of_it(other_m, found):
+    """As lines of a lay are not, and rims of hills are."""
+    seams = find_seams(of(1e-7 * (COLUMN >= 100) + other_m * (COLUMN >= 120) + noise_m(1e-10)))
+    assert (seams is not None and seams.columns.tolist() == [0, 100, 200]) == found
+
+
+def test_fields_that_differ_by_more_than_a_tenth_of_the_approach_are_doubted():
+    surface = of(waves_m() + 5e-8 * (COLUMN >= 110))
+    span_m = find_seams(surface).span_m
+    assert [one.code for one in problems_of_seams(surface, 9.9 * span_m)] == ["seams"]
+    assert problems_of_seams(surface, 10.1 * span_m) == []
+    assert problems_of_seams(of(waves_m()), 0.1 * span_m) == []
+
+
+def test_the_jump_between_lines_is_the_median_of_what_is_known():
+    lines_m = np.random.default_rng(6).random((16, 21))
+    lines_m[7, : 21 - LEAST_POINTS] = lines_m[11, : 22 - LEAST_POINTS] = np.nan
+    lines_m[3, 0] = np.nan
+    step_m = np.diff(lines_m, axis=0)
+    expected = np.nanmedian(step_m[1:-1] - 0.5 * (step_m[:-2] + step_m[2:]), axis=1)
+    expected[8:12] = np.nan  # of seven points
+    assert _jumps_m(lines_m) == pytest.approx(expected, rel=1e-12, nan_ok=True)
+    assert np.isfinite(expected).sum() == 9
 
 
 def test_rows_and_columns_are_alike():

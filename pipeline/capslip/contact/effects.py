@@ -40,7 +40,7 @@ class _Moved:
 
     effect: Effect
     asked: float
-    approach: float = 0.0
+    approach: float
 
     @classmethod
     def by(cls, change: np.ndarray, least_share: float, approach: float = 0.0) -> "_Moved":
@@ -237,13 +237,12 @@ def _is_asked(problem: Problem, conditioned: Conditioned, filled_m: float) -> bo
 def _is_firm(problem: Problem, conditioned: Conditioned) -> bool:
     """Tell whether a warning stays one whatever it does.
 
-    One that may be no information; too many outliers; points filled all too badly; tops that stay
-    flat, over which anything may have stood; steps of which a hill shows too few.
+    Too many outliers; points filled all too badly; tops that stay flat, over which anything may
+    have stood; steps of which a hill shows too few.
     """
     tops = conditioned.surface.tops
     return (
-        "info" not in problem.kind.severities
-        or (problem.code in FIRM and problem.severity == "warning")
+        (problem.code in FIRM and problem.severity == "warning")
         or (problem.code == "clipped" and tops is not None and tops.left > 0)
         or (problem.code == "heights_in_steps" and few_steps(conditioned.surface))
     )

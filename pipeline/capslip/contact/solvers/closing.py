@@ -118,7 +118,7 @@ class GivenResultant:
     total_Pa : float
         Sum of the pressures.
     places_m : (ndarray, ndarray)
-        x and y of all points, two arrays that broadcast against each other.
+        x and y of all points: of a map, shapes (1, nx) and (ny, 1); else both (n,).
     resultant_m : (float, float)
         Where the resultant acts, (x, y).
     """
@@ -159,7 +159,7 @@ class GivenResultant:
     def plane(self, pressure: np.ndarray, height_m: np.ndarray, points: np.ndarray) -> np.ndarray:
         """Return the least-squares plane, weighted with the pressure."""
         basis = self._basis(points)
-        weighted = basis * (pressure / pressure.sum())
+        weighted = basis * pressure
         fitted = _solved(_products(weighted, basis), weighted @ height_m)
         return fitted / (1.0, self._length_m, self._length_m)
 

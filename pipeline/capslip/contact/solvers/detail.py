@@ -162,7 +162,7 @@ def _white_share(first: FirstLoading, smoothed: ElasticFace) -> float:
             return 1.0
         most_m2 = max(most_m2, float(noise_m2.mean()))
     white_m = math.sqrt(most_m2)
-    return min(white_m / max(taken_m, white_m), 1.0) if white_m > 0.0 else 0.0
+    return white_m / max(taken_m, white_m) if white_m > 0.0 else 0.0
 
 
 def _smoothed(face: ElasticFace) -> ElasticFace:

@@ -1,0 +1,316 @@
+"""Which doubts are pressed, on what, and how severe an effect makes them; nothing is pressed."""
+
+from types import SimpleNamespace
+from unittest import mock
+
+import numpy as np
+import pytest
+
+from capslip.contact import effects
+from capslip.contact.effects import _as_severe, _is_asked, _Moved, with_effects
+from capslip.errors import ContactError
+from capslip.problems import Problem
+from capslip.settings import load_settings
+from capslip.surface.heightmap import HeightMap
+
+BY_CAPS, BY_MAP = "estimated with the caps", "found on the map with fewer points"
+
+
+def face(removed=0, both_ways=False, n_lifted=0, tops_left=None, few=False, filled_m=None):
+    """Return a face of which so many points were removed, and so on."""
+    height_m = np.linspace(0.0, 1.0, 100).reshape(10, 10)
+    return SimpleNamespace(
+        removed_m=np.zeros((3, removed)),
+        removed=SimpleNamespace(both_ways=both_ways, n_lifted=n_lifted),
+        surface=SimpleNamespace(
+            height_m=height_m,
+            tops=None if tops_left is None else SimpleNamespace(left=tops_left),
+            rounding=SimpleNamespace(step_m=1.0 if few else 1e-4),
+            filling=None if filled_m is None else SimpleNamespace(error_m=filled_m),
+        ),
+    )
+
+
+def moved(energies=(0.0, 0.0, 0.0, 0.0), stiffness=0.0, least_share=0.25, approach=0.0):
+    return _Moved.by(np.array([*energies, stiffness]), least_share, approach)
+
+
+def test_what_is_asked_for_begins_at_the_least_share():
+    change = (0.4, 0.3, 0.2, 0.1)
+    for share, asked in ((0.1, 0.4), (0.11, 0.3), (0.25, 0.3), (0.5, 0.2), (0.75, 0.1)):
+        found = moved(change, 0.05, share)
+        assert (found.effect.energy, found.effect.loss_factor, found.asked) == (0.4, 0.4, asked)
+        assert moved(change, 0.35, share).asked == max(asked, 0.35)
+    assert moved(change, 0.05).effect.tangential_stiffness == 0.05
+
+
+def severity(code, one, given="warning", conditioned=None, tolerance=0.05):
+    problem = Problem(code, given, "it is so")
+    return _as_severe(problem, one, 0.25, tolerance, "so", conditioned or face()).severity
+
+
+def test_what_moves_more_than_the_tolerance_where_it_is_asked_is_a_warning():
+    for given in ("info", "warning"):
+        assert severity("bow_left", moved((0.9, 0.051, 0, 0)), given) == "warning"
+        assert severity("bow_left", moved(stiffness=0.051), given) == "warning"
+        assert severity("bow_left", moved((0.9, 0.05, 0, 0), 0.05), given) == "info"
+        # steps of the heights are judged at all forces
+        assert severity("heights_in_steps", moved((0.051, 0, 0, 0)), given) == "warning"
+        assert severity("heights_in_steps", moved((0.05, 0, 0, 0)), given) == "info"
+        # a bow that is seen in the approach
+        assert severity("bow_left", moved(approach=0.101), given) == "warning"
+        assert severity("bow_left", moved(approach=0.1), given) == "info"
+
+
+@pytest.mark.parametrize(
+    ("code", "conditioned", "firm"),
+    [
+        ("outliers_removed", face(3), True),  # too many
+        ("points_filled", face(), True),  # all too badly
+        ("clipped", face(tops_left=1), True),
+        ("clipped", face(tops_left=0), False),
+        ("clipped", face(), False),
+        ("heights_in_steps", face(few=True), True),
+        ("heights_in_steps", face(), False),
+        ("seams", face(tops_left=1, few=True), False),
+    ],
+)
+def test_some_warnings_stay_whatever_they_move(code, conditioned, firm):
+    assert severity(code, moved(), "warning", conditioned) == ("warning" if firm else "info")
+    noted = firm and code in ("clipped", "heights_in_steps")
+    assert severity(code, moved(), "info", conditioned) == ("warning" if noted else "info")
+
+
+def test_an_effect_that_nobody_knows_leaves_a_doubt_as_it_is_but_for_lifted_patches():
+    for given in ("info", "warning"):
+        assert severity("outliers_removed", None, given, face(3)) == given
+        assert severity("outliers_removed", None, given, face(3, n_lifted=1)) == "warning"
+        assert severity("seams", None, given, face(n_lifted=1)) == given
+
+
+def test_a_message_tells_what_moves_and_where_it_is_less():
+    problem = Problem("bow_left", "warning", "it is bowed")
+
+    def told(one):
+        return _as_severe(problem, one, 0.25, 0.05, "so", face()).message
+
+    begin = "it is bowed; that moves the stiffness by 1.0%, the energy by 30.0%"
+    assert told(moved((0.3, 0.02, 0, 0), 0.01)) == (
+        f"{begin}, by no more than 2.0% from 25 % of gross slip on (so)"
+    )
+    assert told(moved((0.3, 0.2, 0, 0), 0.01)) == f"{begin} (so)"
+    assert told(moved((0.3, 0.2, 0, 0), 0.01, approach=0.12)) == (
+        f"{begin}, the approach by 12.0% (so)"
+    )
+    within = told(moved((0.04, 0.02, 0, 0), 0.01))
+    assert within == "it is bowed; that moves the stiffness by 1.0%, the energy by 4.0% (so)"
+
+
+@pytest.mark.parametrize(
+    ("code", "given", "conditioned", "asked"),
+    [
+        ("seams", "warning", face(), True),
+        ("seams", "info", face(), False),
+        ("bow_left", "info", face(), True),
+        ("clipped", "warning", face(), True),
+        ("load_on_doubtful_caps", "warning", face(), True),
+        ("spikes", "warning", face(), False),
+        ("outliers_removed", "info", face(removed=1), True),
+        ("outliers_removed", "warning", face(removed=0), False),
+        ("points_filled", "info", face(filled_m=2.1e-9), True),
+        ("points_filled", "warning", face(filled_m=2.0e-9), False),
+        ("points_filled", "warning", face(), False),
+    ],
+)
+def test_who_has_an_effect_that_can_be_told(code, given, conditioned, asked):
+    assert _is_asked(Problem(code, given, ""), conditioned, 2e-9) == asked
+
+
+def told(problems, conditioned, by_caps=None, by_map=None, made_from="map", share=0.25):
+    """Return each problem with its effect, and the shares from which effects were asked for."""
+    by_caps, by_map, shares = by_caps or {}, by_map or {}, []
+
+    def of_caps(trials, code, least_share):
+        shares.append(least_share)
+        return by_caps.get(code)
+
+    def of_map(contact, peaks, of_face, maps, least_share):
+        shares.append(least_share)
+        return by_map.get(maps)
+
+    contact = made_from and SimpleNamespace(
+        rung=SimpleNamespace(made_from=made_from), approach_m=2e-7
+    )
+    with mock.patch.multiple(
+        effects,
+        FaceOfCaps=mock.Mock(),
+        Trials=mock.Mock(),
+        OF_THE_MAP={code: lambda _, code=code: code for code in effects.OF_THE_MAP},
+        _removed_or_not=lambda _: "outliers_removed",
+        _effect=of_caps,
+        _effect_on_map=of_map,
+    ):
+        settings = load_settings(overrides=("contact.tolerance=0.05",))
+        found = with_effects(problems, None, None, conditioned, settings, contact, share)
+    return found, shares
+
+
+@pytest.mark.parametrize(
+    ("made_from", "by_map", "how", "energy"),
+    [
+        ("map", True, BY_MAP, 0.2),
+        ("map", False, BY_CAPS, 0.1),  # where the map has no answer
+        ("spheres", True, BY_CAPS, 0.1),
+        (None, True, BY_CAPS, 0.1),
+    ],
+)
+def test_what_the_map_can_tell_is_told_by_it_where_it_answers(made_from, by_map, how, energy):
+    caps, maps = {"seams": moved((0.1,) * 4)}, {"seams": moved((0.2,) * 4)} if by_map else {}
+    other = Problem("spikes", "warning", "as it was")
+    (one, same), _ = told([Problem("seams", "warning", "x"), other], face(), caps, maps, made_from)
+    assert one.message.endswith(f"({how})")
+    assert one.effect.energy == energy
+    assert same is other
+
+
+@pytest.mark.parametrize(
+    ("energy", "made_from", "on_map"),
+    [(0.0101, "map", True), (0.01, "map", False), (0.0101, "spheres", False)],
+)
+def test_removed_points_that_may_matter_are_put_back_on_the_map(energy, made_from, on_map):
+    caps = {"outliers_removed": moved((energy, 0.0, 0.0, 0.0))}
+    maps = {"outliers_removed": moved((0.0, 0.3, 0.0, 0.0))}
+    problem = Problem("outliers_removed", "info", "x")
+    ((one,), _) = told([problem], face(removed=2), caps, maps, made_from)
+    assert one.severity == ("warning" if on_map else "info")
+    assert one.message.endswith("(found on the map with them)" if on_map else f"({BY_CAPS})")
+    ((one,), _) = told([problem], face(removed=2), caps, {}, made_from)  # it has no answer
+    assert (one.severity, one.effect.energy) == ("info", energy)
+    # errors stand off both ways: no burr of the face
+    ((one,), _) = told([problem], face(removed=2, both_ways=True), caps, maps, made_from)
+    assert (one.severity, one.effect.energy) == ("info", 0.3 if on_map else energy)
+
+
+def test_points_filled_matter_from_a_fifth_of_the_tolerance_of_the_approach_on():
+    problem = Problem("points_filled", "info", "x")
+    for filled_m, asked in ((1.9e-9, False), (2.1e-9, True)):  # of 0.2 x 0.05 x 2e-7
+        given = [problem], face(filled_m=filled_m), {"points_filled": moved((0.2,) * 4)}
+        ((one,), _) = told(*given, made_from="spheres")
+        assert (one.effect is not None) == asked
+        ((one,), _) = told(*given, made_from=None)  # nothing answers: nothing that it would move
+        assert one is problem
+
+
+def test_forces_that_are_asked_for_end_between_a_tenth_and_a_quarter_of_gross_slip():
+    for share, expected in ((1e-3, 0.1), (0.1, 0.1), (0.2, 0.2), (0.25, 0.25), (0.9, 0.25)):
+        _, shares = told([Problem("seams", "warning", "")], face(), share=share)
+        assert shares == [expected, expected]  # of the map, which does not know, and the caps
+
+
+SIZE_M = (2e-4, 3e-4)  # of pixels
+
+
+def measured(heights, shape=(15, 30)):
+    """Return a map of heights over y and x, with what says how it was levelled."""
+    y_m, x_m = ((np.arange(n) + 0.5) * one_m for n, one_m in zip(shape, SIZE_M, strict=True))
+    return HeightMap(heights(y_m[:, None], x_m), SIZE_M)
+
+
+def of_face(surface, *words):
+    return SimpleNamespace(surface=surface, settings=load_settings(overrides=words))
+
+
+def tilted(y_m, x_m):
+    return 3e-4 * y_m - 1e-4 * x_m
+
+
+@pytest.mark.parametrize("apart", [(3, 5), (5, 3), (1, 2)])
+def test_measured_points_of_an_interpolated_map_lie_where_they_lay(apart):
+    face = of_face(measured(tilted))
+    with mock.patch.object(effects, "pixels_apart", return_value=apart):
+        every, points = effects._interpolated_or_not(face)
+    assert every is face.surface
+    assert points.pixel_size_m == (apart[0] * SIZE_M[0], apart[1] * SIZE_M[1])
+    assert points.shape == (-(-15 // apart[0]), -(-30 // apart[1]))
+    dy_m, dx_m = points.pixel_size_m
+    y_m, x_m = (
+        (np.arange(n) + 0.5) * one for n, one in zip(points.shape, (dy_m, dx_m), strict=True)
+    )
+    between = 0.0 if apart[1] % 2 else 0.5 * SIZE_M[1]  # the later one of two in the middle
+    assert points.height_m == pytest.approx(tilted(y_m[:, None], x_m + between), abs=1e-18)
+
+
+def test_removed_points_are_put_back_where_they_were():
+    surface, at = measured(tilted), (np.array([2, 14]), np.array([29, 0]))
+    removed_m = np.array([(at[1] + 0.5) * SIZE_M[1], (at[0] + 0.5) * SIZE_M[0], [1e-6, 2e-6]])
+    before, after = effects._removed_or_not(SimpleNamespace(surface=surface, removed_m=removed_m))
+    assert before is surface
+    changed = np.argwhere(after.height_m != surface.height_m)
+    assert changed.tolist() == [[2, 29], [14, 0]]
+    assert after.height_m[at].tolist() == [1e-6, 2e-6]
+
+
+def test_a_tilt_and_a_bow_are_taken_off_each_alone():
+    def bow(y_m, x_m):
+        return 0.5 * (x_m - 4.5e-3) ** 2 - 2.0 * (y_m - 1.5e-3) ** 2
+
+    def hill(y_m, x_m):
+        return 1e-7 * np.exp(-((x_m - 5e-3) ** 2 + (y_m - 2e-3) ** 2) / 1e-6)
+
+    flat, bowed = measured(hill), measured(lambda y_m, x_m: hill(y_m, x_m) + bow(y_m, x_m))
+    sloped = measured(lambda y_m, x_m: hill(y_m, x_m) + tilted(y_m, x_m))
+    (same, level), (_, of_flat) = map(effects._tilt_or_not, map(of_face, (sloped, flat)))
+    assert same.height_m == pytest.approx(sloped.height_m)
+    assert level.height_m == pytest.approx(of_flat.height_m, abs=1e-18)
+    (same, straight), (_, of_flat) = map(effects._bow_or_not, map(of_face, (bowed, flat)))
+    assert same.height_m == pytest.approx(bowed.height_m)
+    left_m = straight.height_m - of_flat.height_m  # but for the plane, which stays as it was
+    plane = np.linalg.lstsq(
+        np.stack([np.ones(450), *(one.ravel() for one in np.indices((15, 30)))], axis=1),
+        left_m.ravel(),
+    )
+    assert plane[1][0] ** 0.5 < 1e-12
+
+
+def test_bows_of_an_instrument_are_as_high_as_it_is_flat_over_the_whole_map():
+    flat = of_face(
+        measured(lambda y_m, x_m: 0 * (y_m + x_m)), "instrument.flatness_deviation_m=1e-7"
+    )
+    coarse, *bowed = effects._bow_or_not(flat)
+    assert not coarse.height_m.any()
+    assert len(bowed) == 6
+    for one in bowed:
+        height_m = one.height_m
+        for mirrored_m in (height_m[::-1], height_m[:, ::-1]):
+            assert np.allclose(height_m, mirrored_m, rtol=1e-9, atol=1e-20)
+        highest = np.abs(height_m).max()  # half a pixel within the edge
+        assert (1 - 1 / 15) ** 2 * 1e-7 <= highest * (1 + 1e-9) <= 1e-7
+        assert np.abs(height_m).min() == pytest.approx(0.0, abs=2e-10)
+
+
+def test_an_effect_on_the_map_is_the_greatest_of_all_maps_over_the_first():
+    """Energies at four forces and the stiffness, of three maps; the pressed one is known."""
+    answers = {"known": [1.0, 2.0, 4.0, 5.0, 10.0], 1: [1.1, 2.0, 4.0, 2.5, 10.0],
+               2: [1.0, 1.0, 4.0, 5.0, 10.1]}  # fmt: skip
+    rung = SimpleNamespace(build=lambda scene: scene, at_forces=None, holds_bulk=False)
+    contact = SimpleNamespace(rung=rung, normal="known")
+    face = of_face("pressed")
+
+    def change(maps, unsolved=()):
+        def told(curve, holds_bulk, surface, settings):
+            if curve in unsolved:
+                raise ContactError("no answer")
+            return np.array(answers[curve])
+
+        scene = SimpleNamespace(of=lambda peaks, none, surface, *_: surface)
+        with mock.patch.multiple(effects, answers=told, Scene=scene):
+            caps = SimpleNamespace(usable=None)
+            return effects._effect_on_map(contact, caps, face, maps, 0.25)
+
+    assert change(("pressed", 1, 2)).effect.energy == pytest.approx(0.5)
+    assert change(("pressed", 1, 2)).effect.tangential_stiffness == pytest.approx(0.01)
+    assert change((1, 2)).effect.energy == pytest.approx(1.0)  # the first is the measure
+    one = change(("pressed", 1))
+    assert (one.asked, one.approach) == (pytest.approx(0.5), 0.0)
+    assert change(("pressed",)) is None  # nothing to compare
+    assert change(("pressed", 1, 2), unsolved=(2,)) is None

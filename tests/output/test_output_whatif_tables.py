@@ -1,0 +1,100 @@
+"""The tables of the what-if panel, read in Python as its page reads them."""
+
+import base64
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from capslip.contact.models.caps import caps
+from capslip.output.whatif import LEAST, TOLERANCE, _columns, whatif_data
+
+E_STAR_PA, RADIUS_M, LOAD_N = 110e9, 2.0, 40.0
+
+
+def hertz(e_m, d_m):
+    """Return load drop and loss integral of a sphere at d, L = 4 integral of s (e - s) N'' ds.
+
+    With s = d - t^2 what is summed is a polynomial, of which Gauss' three points know the integral.
+    """
+    k, (node, weight) = (
+        4.0 / 3.0 * E_STAR_PA * np.sqrt(RADIUS_M),
+        np.polynomial.legendre.leggauss(3),
+    )
+    least, most, x = np.sqrt(d_m - e_m)[:, None], np.sqrt(d_m), 0.5 * (node + 1.0)
+    width = e_m[:, None] / (least + most)
+    t = least + width * x
+    terms = width**3 * x * (1.0 - x) * (most + t) * (t + least)
+    drop_N = k * e_m * (d_m**2 + d_m * (d_m - e_m) + (d_m - e_m) ** 2)
+    return drop_N / (d_m**1.5 + (d_m - e_m) ** 1.5), 6.0 * k * terms @ (0.5 * weight)
+
+
+def cubic(at, u, value, slope):
+    """Read a table by the cubics of Hermite."""
+    i = np.clip(np.searchsorted(u, at, side="right") - 1, 0, len(u) - 2)
+    step = u[i + 1] - u[i]
+    t = (at - u[i]) / step
+    ends = (1.0 + 2.0 * t) * (1.0 - t) ** 2 * value[i] + t**2 * (3.0 - 2.0 * t) * value[i + 1]
+    return ends + step * t * (1.0 - t) * ((1.0 - t) * slope[i] - t * slope[i + 1])
+
+
+def test_cubics_between_the_nodes_are_hertz():
+    curve = caps([RADIUS_M], [0.0], E_STAR_PA)
+    (u, D, D_slope, L, L_slope), error = _columns(curve, LOAD_N, 5.0)
+    d_m = float(curve.approach_m(LOAD_N))
+    assert np.exp(u[[0, -1]]) == pytest.approx([LEAST * d_m, d_m], rel=1e-12)
+    assert (np.diff(u) > 0.0).all()
+    assert 0.0 < error <= TOLERANCE
+    e_m = d_m * np.append(np.geomspace(1e-6, 0.05, 57), np.linspace(0.051, 0.999, 71))
+    drop_N, loss_J = hertz(e_m, d_m)
+    for values, slope, exact in ((D, D_slope, drop_N), (L, L_slope, loss_J)):
+        read = np.exp(cubic(np.log(e_m), u, values, slope))
+        assert read == pytest.approx(exact, rel=1e-6, abs=0.0)
+    assert np.exp(D[-1]) == pytest.approx(LOAD_N, rel=1e-9)
+
+
+def test_nodes_end_with_the_time_and_the_error_says_so():
+    curve = caps([RADIUS_M], [0.0], E_STAR_PA)
+    (few, *_), error = _columns(curve, LOAD_N, 0.0)
+    (many, *_), less = _columns(curve, LOAD_N, 5.0)
+    assert len(few) < len(many)
+    assert less <= TOLERANCE < error < 0.1
+
+
+def columns_of(table):
+    text = base64.b64decode(table["columns"])
+    return np.frombuffer(text, "<f8").reshape(-1, table["nodes"])
+
+
+def test_the_panel_starts_from_the_joint_as_it_was_analysed(several):
+    found, slip, damping = whatif_data(several), several.slip, several.damping
+    preload_N = float(slip.preload_N)
+    told = [table["preload_N"] for table in found["tables"]]
+    assert told == pytest.approx([0.25 * preload_N, 0.5 * preload_N, 0.75 * preload_N, preload_N])
+    for load_N, table in zip(told, found["tables"], strict=True):
+        _, D, _, _, _ = columns_of(table)
+        assert np.exp(D[-1]) == pytest.approx(load_N, rel=1e-9)  # all of it is gone in the end
+    assert found["cubic"]
+    assert (found["friction"], found["kappa"]) == (slip.friction_coefficient, slip.kappa)
+    assert found["modal_stiffness_N_per_m"] == damping.modal_stiffness_N_per_m
+    assert found["joint_stiffness_N_per_m"] == damping.joint_stiffness_N_per_m
+    assert found["amplitude_m"] == several.answer.amplitude_m
+    assert found["unresolved"] == 0.0
+    assert not found["one_level"]  # as levelled: there is none
+    assert whatif_data(replace(several, level="found"))["one_level"]
+    assert whatif_data(replace(several, answer=None))["amplitude_m"] is None
+
+
+def test_a_face_that_yielded_or_an_uneven_joint_is_known_under_its_preload_alone(several):
+    yielded = replace(several, contact=replace(several.contact, hardness_Pa=1e9))
+    joint = replace(several.joint, load_N=np.array([1.0, 2.0]), weight=np.array([1.0, 1.0]))
+    for one in (yielded, replace(several, joint=joint)):
+        found = whatif_data(replace(one, level="found"))
+        (table,) = found["tables"]
+        assert table["preload_N"] == float(several.slip.preload_N)
+        assert not found["one_level"]
+
+
+def test_without_slip_there_is_no_panel(several):
+    assert whatif_data(replace(several, slip=None)) is None
+    assert whatif_data(replace(several, damping=None)) is None

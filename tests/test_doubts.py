@@ -1,0 +1,99 @@
+"""Which doubts are asked of a face, from how it was levelled and what is asked for."""
+
+from types import SimpleNamespace
+from unittest import mock
+
+import numpy as np
+import pytest
+
+from capslip import doubts
+from capslip.contact.rung import ModelError
+from capslip.settings import load_settings
+
+ASKED = {
+    "problems_of_seams": "seams",
+    "problems_of_tilt": "tilt",
+    "problems_of_bow": "bow of peaks",
+    "problems_of_form": "bow of heights",
+    "problems_of_flatness": "bow of the instrument",
+}
+
+
+def asked_of(form, level=None, approach_m=1e-6, peaks=(), flatness_m=None):
+    """Return which doubts are asked after a form was removed, each of which says its name."""
+    face = SimpleNamespace(
+        level=level, family_caps=None, conditioned=SimpleNamespace(surface="pressed")
+    )
+    known = () if flatness_m is None else (f"instrument.flatness_deviation_m={flatness_m}",)
+    chosen = load_settings(overrides=(f"conditioning.form={form}", *known))
+    answers = {name: mock.Mock(return_value=[word]) for name, word in ASKED.items()}
+    answers["problems_of_bow"].return_value = list(peaks)
+    with mock.patch.multiple(doubts, coarse_step=lambda _: 3, **answers):
+        found = doubts._of_levelling(face, SimpleNamespace(approach_m=approach_m), chosen)
+    return found, {name: one.call_args for name, one in answers.items() if one.called}
+
+
+@pytest.mark.parametrize(
+    ("form", "level", "expected"),
+    [
+        ("none", None, ["seams", "tilt", "bow of heights"]),
+        ("none", "level", ["seams", "bow of heights"]),  # found its own tilt
+        ("plane", None, ["seams", "bow of heights"]),
+        ("plane", "level", ["seams", "bow of heights"]),
+        ("quadratic", None, ["seams"]),
+        ("quadratic", "level", ["seams"]),
+    ],
+)
+def test_a_tilt_or_a_bow_that_was_taken_off_is_not_asked_about(form, level, expected):
+    level = level and SimpleNamespace(coarse="coarse")
+    found, asked = asked_of(form, level)
+    assert found == expected
+    if "problems_of_form" in asked:
+        seen = mock.call("coarse", 1e-6) if level else mock.call("pressed", 1e-6, 3)
+        assert asked["problems_of_form"] == seen
+    assert asked_of(form, level, approach_m=0.0) == ([], {})  # a flat interface: nothing decides
+
+
+def test_a_bow_is_told_by_the_instrument_before_the_peaks_before_the_heights():
+    assert asked_of("plane", peaks=["bow of peaks"])[0] == ["seams", "bow of peaks"]
+    found, asked = asked_of("plane", peaks=["bow of peaks"], flatness_m=2e-7)
+    assert found == ["seams", "bow of the instrument"]
+    assert asked["problems_of_flatness"] == mock.call(2e-7, 1e-6)
+
+
+def test_what_lies_outside_is_compared_with_half_the_usual_diameter():
+    hills = SimpleNamespace(
+        usable=np.array([True, True, False, True]), diameter_m=np.array([2.0, 6.0, 90.0, 4.0])
+    )
+    face = SimpleNamespace(family_caps=hills, conditioned=SimpleNamespace(surface="pressed"))
+    with mock.patch.object(doubts, "problems_of_outline", return_value=["said"]) as asked:
+        assert doubts._of_outline(face) == ["said"]
+        hills.usable = np.zeros(4, dtype=bool)
+        assert doubts._of_outline(face) == []
+    asked.assert_called_once_with("pressed", 2.0)
+
+
+@pytest.mark.parametrize(
+    ("share", "least", "errors", "doubted"),
+    [
+        (0.05, 0.1, None, True),
+        (0.1, 0.1, None, False),  # what pixels resolve begins there
+        (0.15, 0.1, None, False),
+        (0.15, 0.1, 0.06, True),  # pixels resolve it, and leave more than the tolerance
+        (0.15, 0.1, 0.04, False),
+        (0.25, 0.1, 0.3, False),  # from a quarter on the estimate itself says it
+        (0.5, None, 0.3, False),  # a model without pixels
+    ],
+)
+def test_small_slip_is_doubted_where_pixels_leave_more_than_was_asked(
+    share, least, errors, doubted
+):
+    rung = SimpleNamespace(least_share=least and (lambda curve, load_N: least))
+    known = errors and ModelError(0.01, errors, ((0.1, errors), (0.25, errors)))
+    contact = SimpleNamespace(rung=rung, normal=None, errors=known, preload_N=100.0, problems=())
+    answer = SimpleNamespace(slip_force_N=20.0 * share)
+    slip = SimpleNamespace(total_slip_force_N=20.0)
+    found = doubts._of_small_slip(contact, answer, slip, 0.05)
+    assert [one.code for one in found] == ["small_slip_extrapolated"] * doubted
+    assert doubts._of_small_slip(contact, None, slip, 0.05) == []  # beyond gross slip
+    assert doubts._of_small_slip(contact, None, None, 0.05) == []
