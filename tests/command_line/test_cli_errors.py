@@ -96,6 +96,11 @@ def test_fewer_than_nine_points_above_the_cut(run, tmp_path):
         ("material.friction_coefficient=-0.2", ["friction_coefficient", "-0.2"]),
         ("contact.preloadN=5", ["contact.preloadN", "did you mean contact.preload_N?"]),
         ("hils.material_ratio=0.1", ["hils", "did you mean hills?"]),
+        (
+            "material.friction=0.1",
+            ["did you mean material.friction_coefficient or material.friction_spread?"],
+        ),
+        ("material.youngs_modulus_Pa=210e9", ["youngs_modulus_Pa", "expected a list, [a, b]"]),
         ("contact.model=hertz", ["contact.model", "hertz", "interacting"]),
         ("nonsense", ["nonsense", "table.key=value"]),
         ("contact.preload_N=1e300", ["contact.preload_N", "1e+300", "1e+30"]),

@@ -10,6 +10,7 @@ from capslip.output.rows import Value, write_text
 from capslip.result import Analysis, JointOfScans, JointResult
 from capslip.summary import summary_of
 from capslip.surface.doubts import sanity_line
+from capslip.units import percent
 
 HILLS = (
     "hills      cut {cut_height_m}, {regions} regions, {hills} hills, {caps} caps, largest "
@@ -76,9 +77,9 @@ def result_lines(analysis: JointResult) -> str:
     lines.append(f"status     {summary['status']}")
     serious = [problem for problem in analysis.problems if problem.severity != "info"]
     lines += [f"  {p.severity:8} {p.code}: {p.text}" for p in serious]
-    if len(serious) < len(analysis.problems):
-        codes = ", ".join(p.code for p in analysis.problems if p.severity == "info")
-        lines.append(f"  info     {codes}: see the report")
+    said = {p.code for p in serious}
+    if codes := [p.code for p in analysis.problems if p.code not in said]:
+        lines.append(f"  info     {', '.join(codes)}: see the report")
     return "\n".join(printable(line) for line in lines).replace("µ", "u")
 
 
@@ -113,9 +114,10 @@ def _lines_of_scans(scans: list[dict[str, Any]]) -> list[str]:
         if scan["share"] is None or answer["energy_J"] is None:
             text = "no answer: see the problems"
         else:
+            share = percent(scan["share"])
             stiffness = Value(answer["tangential_stiffness_N_per_m"], "N/m", "-")
             text = (
-                f"{scan['share']:.0%} of the joint, {scan['contacts']} touch in {scan['model']}; "
+                f"{share} of the joint, {scan['contacts']} contacts, {scan['model']}; "
                 f"alone {stiffness:3} (secant), {Value(answer['energy_J'], 'J'):3} lost per cycle"
             )
         lines.append(f"{label:10} {scan['name']}: {text}")
