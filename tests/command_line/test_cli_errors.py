@@ -127,6 +127,10 @@ def test_settings(run, tmp_path, override, words):
         (("analyze", "a.h5", "--modle", "caps"), ["--modle", "'--model'"]),
         (("analyze", "a.h5", "--model", "hertz"), ["--model", "hertz", "interacting"]),
         (("analyze", "a.h5", "--pixel-size", "1"), ["--pixel-size"]),
+        (
+            ("analyze", "a.h5", "--export", "law", "--export", "jenkins"),
+            ["--export: got law and jenkins; expected one"],
+        ),
         (("analyse", "a.h5"), ["analyse", "capslip --help"]),
         (("--fast", "analyze", "a.h5"), ["--fast"]),
         (("limits", "--workers", "-1"), ["--workers", "-1"]),
