@@ -130,10 +130,16 @@ def _analyze_scans(
     folder = out if out is not None else Path("results") / name
     check_folder(folder, keep=surfaces)
     say = Progress(quiet, verbose)
-    faces = [_load(path, settings, say) for path in surfaces]
+    faces: dict[str | None, HeightMap] = {}
+    for path in surfaces:
+        face = _load(path, settings, say)
+        if (same := faces.setdefault(face.origin.sha256, face)) is not face:
+            raise SettingsError(
+                f"{path}: holds what {same.origin.path} holds; expected another place of the joint"
+            )
     timings_s = {"read": say.elapsed_s()}
     say(f"analysing {len(faces)} scans")
-    result = analyze_scans(faces, settings)
+    result = analyze_scans(list(faces.values()), settings)
     if not as_json and not quiet:
         say_result(to_width(result_lines(result)))
     summary = write_joint(

@@ -100,6 +100,7 @@ def find_scans(
     if not any(os.path.isfile(scan.path) for scan in found):
         told = ", ".join([*sources, *([str(list_file)] if list_file else [])])
         passed = "".join(f"; skipped: {count} {what}" for what, count in skipped.items())
+        passed += "".join(f"; {scan.path} is no file" for scan in list(found)[:1])
         raise NothingToDoError(
             f"no scan {f'found in {told}{passed}' if told else 'given'}; expected files, a folder "
             "with files, a glob or a list"

@@ -422,7 +422,11 @@ def test_limits_that_make_no_sense_are_refused(scans, tmp_path, options, word):
 
 @pytest.mark.parametrize(
     ("arguments", "word"),
-    [((), "no scan given"), (("in",), "no scan found in in; skipped: 1 folder (see --recursive)")],
+    [
+        ((), "no scan given"),
+        (("in",), "no scan found in in; skipped: 1 folder (see --recursive)"),
+        (("in/a.x3p",), "a.x3p is no file"),
+    ],
 )
 def test_no_scan_is_named_with_what_was_skipped(tmp_path, monkeypatch, arguments, word):
     (tmp_path / "in" / "a.h5").mkdir(parents=True)  # a folder named like a scan

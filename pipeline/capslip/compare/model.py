@@ -134,15 +134,15 @@ def load_model(result: str | Path) -> tuple[JointModel, Settings]:
         raise UnreadableFileError(
             f"{folder}: holds no finished result; expected a folder that capslip analyze wrote"
         )
-    used = summary["contact"]["model"]
-    if used is None:
-        raise UnreadableFileError(
-            f"{folder}: this analysis found no joint to compare (see its problems)"
-        )
     if not (folder / "result.h5").exists():
         raise UnreadableFileError(
             f"{folder}: holds no result.h5, and so no face; expected a folder that capslip analyze "
             "wrote of one scan"
+        )
+    used = summary["contact"]["model"]
+    if used is None:
+        raise UnreadableFileError(
+            f"{folder}: this analysis found no joint to compare (see its problems)"
         )
     settings = load_settings(folder / "settings.toml")
     surface, caps = _load_surface_and_caps(folder / "result.h5")
