@@ -187,6 +187,16 @@ def test_the_lines_of_a_terminal():
     assert lines[8] == f"status     {analysis.status}"
 
 
+def test_the_load_of_a_joint_pressed_unevenly_is_named_for_what_it_is():
+    even = output_cases.several()
+    two = replace(even.joint, load_N=np.repeat(even.joint.load_N, 2), weight=np.full(2, 0.5))
+    contact = [
+        next(line for line in result_lines(one).splitlines() if line.startswith("contact"))
+        for one in (even, replace(even, joint=two))
+    ]
+    assert contact[1] == f"{contact[0]}, under the greatest pressure"
+
+
 def test_a_code_that_warns_is_not_noted_beside_it():
     codes = (("one_family", "info"), ("few_contacts_in_scan", "warning"))
     both = [Problem("small_slip_extrapolated", severity, "so") for severity in ("info", "warning")]

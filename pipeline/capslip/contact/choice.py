@@ -26,6 +26,7 @@ from capslip.units import percent
 # them is taken at five numbers alone, and to interact costs next to nothing
 MARGIN = 0.0085
 ONE_MAP = "--set mating.way=composite, which makes one map of two faces"
+WHY = "see why boundary elements fail: preload, units, pixels or contact.time_limit_s"
 BOUNDARY_ELEMENTS_S = 2.2e-7  # a point and binary digit of their number, on one core
 
 
@@ -129,7 +130,8 @@ def choose_model(
     if one is None:
         limit = f", more than contact.time_limit_s = {settings.contact.time_limit_s:g} s"
         why = f", but fail: {map_failure}" if map_failure else limit
-        return replace(choice, reason=choice.reason + why)
+        step = WHY if map_failure else None
+        return replace(choice, reason=choice.reason + why, step=step)
     chosen = _of_the_map(one, choice.why, choice.estimates, len(caps))
     return replace(chosen, caps=choice)
 

@@ -252,7 +252,7 @@ def _by_caps(
     """Return the face pressed by caps, whose fits average over what decides on the map itself."""
     forced = msgspec.structs.replace(settings.contact, model=choice.model)
     state, caps = press(*face, msgspec.structs.replace(settings, contact=forced))
-    error = choice.estimated_error
+    error = choice.estimated_error or 0.0  # it is known, see `Choice.caps_within`
     said = f"; so caps answer, which average over it and may be off by {percent(error)}"
     effect = Effect(error, error, error)
     problems = [replace(one, message=one.message + said, effect=effect) for one in doubts]

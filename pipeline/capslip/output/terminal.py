@@ -22,6 +22,7 @@ FAMILY = "  {1:9}R {{radius_{0}_m:4}}, D {{diameter_{0}_m}}, df {{height_{0}_m}}
 LEVEL = "level      turned by {tilt_across_face_m} across the face until balanced{0}"
 NOT_CERTIFIED = "; the cut does not hold all that touches"
 CONTACT = "contact    {{model}}: {{scan_load_N:4}} on {{contacts}} {0}, approach {1}"
+UNEVEN = ", under the greatest pressure"  # that of the patch whose state is shown
 APPROACH = "{approach_without_bulk_m} ({approach_m} with bulk)"  # the first, as in the report
 SLIP = (
     "slip       stiffness {0}, gross slip at {{total_slip_force_N:4}}, "
@@ -61,7 +62,8 @@ def result_lines(analysis: JointResult) -> str:
     if contact is not None:
         without = contact.approach_without_bulk_m is not None
         approach = APPROACH if without else "{approach_m}"
-        texts.append(CONTACT.format(contact.rung.contact_name, approach))
+        whole = CONTACT.format(contact.rung.contact_name, approach)
+        texts.append(whole if analysis.joint.is_even else whole + UNEVEN)
     if slip is not None:
         rigid = math.isinf(slip.tangential_stiffness_N_per_m)
         texts.append(SLIP.format("infinite" if rigid else STIFFNESS))
