@@ -1,6 +1,7 @@
 """The Python names that users rely on."""
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -137,6 +138,9 @@ def test_an_analysis_shows_itself_in_a_line_and_in_a_notebook():
     assert "\n" not in line
     assert f"{summary['hills']['caps']} caps, {summary['contact']['model']} at 460 N" in line
     assert f"loss factor {summary['damping']['peak_loss_factor']:.3g}" in line
+    one = analysis.problems[0]
+    assert repr(replace(analysis, problems=(one,))).endswith(", 1 problem>")
+    assert repr(replace(analysis, problems=(one, one))).endswith(", 2 problems>")
     page = analysis._repr_html_()
     assert f"<caption>{summary['name']}: {analysis.status}</caption>" in page
     assert f"<th>caps</th><td>{summary['hills']['caps']}</td>" in page

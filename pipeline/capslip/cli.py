@@ -17,6 +17,7 @@ from capslip.options import (
     above_zero,
     analysis_options,
     joint_options,
+    one_alone,
     result_options,
     settings_of,
     shard_of,
@@ -46,6 +47,8 @@ def main() -> None:
 @click.option(
     "--export",
     type=click.Choice(registry.names("output.exports")),
+    multiple=True,
+    callback=one_alone,
     help="For another program: jenkins.csv, sliders of the joint; law.*, its face per area.",
 )
 def analyze(
@@ -57,7 +60,7 @@ def analyze(
     export: str | None,
     **options: Any,
 ) -> None:
-    """Analyse one scan: caps, families, contact, slip, damping, pictures and report.
+    """Analyse one scan: caps, contact, slip, damping and a report.
 
     Several scans are patches of one joint of joint.area_m2: one answer for it, with their scatter.
     """
@@ -127,10 +130,16 @@ def _analyze_scans(
     folder = out if out is not None else Path("results") / name
     check_folder(folder, keep=surfaces)
     say = Progress(quiet, verbose)
-    faces = [_load(path, settings, say) for path in surfaces]
+    faces: dict[str | None, HeightMap] = {}
+    for path in surfaces:
+        face = _load(path, settings, say)
+        if (same := faces.setdefault(face.origin.sha256, face)) is not face:
+            raise SettingsError(
+                f"{path}: holds what {same.origin.path} holds; expected another place of the joint"
+            )
     timings_s = {"read": say.elapsed_s()}
     say(f"analysing {len(faces)} scans")
-    result = analyze_scans(faces, settings)
+    result = analyze_scans(list(faces.values()), settings)
     if not as_json and not quiet:
         say_result(to_width(result_lines(result)))
     summary = write_joint(
@@ -172,7 +181,10 @@ def _load(path: Path, settings: "Settings", say: Progress) -> "HeightMap":
 @joint_options
 @result_options
 def families(out: Path | None, as_json: bool, quiet: bool, **options: Any) -> None:
-    """Answer for given families, m, n, R and h, without a scan; a folder only with -o."""
+    """Answer for given families, without a scan.
+
+    A folder is written only with -o.
+    """
     from capslip.analysis import analyze_families
     from capslip.output.folder import write_joint
     from capslip.output.terminal import result_lines
@@ -214,7 +226,7 @@ def batch(
     max_failures: int | None,
     **options: Any,
 ) -> None:
-    """Analyse every scan of files, folders, globs or a list; done work is kept."""
+    """Analyse files, folders, globs or a list; done work is kept."""
     from capslip.batch import TO_DO, Options, run_batch
     from capslip.workers import Limits
 
@@ -274,7 +286,7 @@ def batch(
 @click.option("--force", type=SHARE, help="Tangential force over gross slip: shows what slips.")
 @verbose_option
 def inspect(result: Path, html: Path | None, verbose: bool, **options: Any) -> None:
-    """Look at the fitted caps of a result: in a window, or in the files asked for."""
+    """Look at the caps of a result in a window, or write pictures."""
     from capslip.output.scene import look_of, save_picture, show
     from capslip.output.viewer import write_viewer
 
@@ -296,7 +308,7 @@ def inspect(result: Path, html: Path | None, verbose: bool, **options: Any) -> N
 @click.option("-o", "--out", type=PATH, metavar="FILE", help="By default RESULT.FORMAT, here.")
 @verbose_option
 def export(result: Path, to: str, out: Path | None, verbose: bool) -> None:
-    """Write the measured face of a result as a file of another program, in metres."""
+    """Write the face of a result, in metres, for another program."""
     from capslip.output.convert import export_result
 
     path, left_out = export_result(result, to, out)
@@ -321,7 +333,10 @@ def compare(
     quiet: bool,
     verbose: bool,
 ) -> None:
-    """Compare a result with measured damping (CSV: amplitude_um,loss_factor and the like)."""
+    """Compare a result with measured damping.
+
+    It is a CSV of two columns, such as amplitude_um,loss_factor.
+    """
     from capslip.compare import compare_result, lines, to_dict, write_comparison
 
     found = compare_result(result, assembly, monolithic, identify)
@@ -335,7 +350,7 @@ def compare(
 @main.command()
 @result_options
 def reproduce(out: Path | None, as_json: bool, quiet: bool, verbose: bool) -> None:
-    """Reproduce the paper's tables and figures, and show what is wrong in print."""
+    """Reproduce the paper's tables and figures, and its errata."""
     from capslip.studies.paper.reproduce import reproduce as run
 
     folder = out or Path("results") / "reproduce"
@@ -351,7 +366,7 @@ def reproduce(out: Path | None, as_json: bool, quiet: bool, verbose: bool) -> No
 @main.command()
 @result_options
 def bench(out: Path | None, as_json: bool, quiet: bool, verbose: bool) -> None:
-    """Time commands, stages and solvers beside their peers (minutes)."""
+    """Time commands, stages and solvers (minutes)."""
     from capslip.studies.bench.study import bench_markdown, run_bench
 
     result = run_bench(out or Path("results") / "bench")
@@ -374,7 +389,7 @@ def chart(scans: Path | None, out: Path | None, as_json: bool, quiet: bool, verb
 @click.option("--workers", type=click.IntRange(0), default=0, help="Processes; 0: one a core.")
 @result_options
 def limits(workers: int, out: Path | None, as_json: bool, quiet: bool, verbose: bool) -> None:
-    """Drive each axis until the method breaks, and see what the program says (many minutes)."""
+    """Drive each axis until the method breaks (many minutes)."""
     from capslip.studies.limits.study import limits as run
     from capslip.studies.limits.text import limits_lines
 
@@ -387,7 +402,7 @@ def limits(workers: int, out: Path | None, as_json: bool, quiet: bool, verbose: 
 @main.command("init-config")
 @click.argument("path", type=PATH, default="capslip.toml")
 def init_config(path: Path) -> None:
-    """Write a settings file with every setting and its default, to be edited."""
+    """Write a settings file with every default, to be edited."""
     from importlib.resources import files
 
     from capslip.errors import OutputError

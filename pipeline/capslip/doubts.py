@@ -19,7 +19,7 @@ from capslip.contact.map_accuracy import ASKED
 from capslip.contact.press import ContactState
 from capslip.contact.relevance import as_read, still_doubtful
 from capslip.contact.slip import SlipCurve
-from capslip.contact.solvers.unloading import SMALL_SLIP
+from capslip.contact.solvers.unloading import SMALL_SLIP, UNRESOLVED
 from capslip.problems import Effect, Problem
 from capslip.result import Analysis
 from capslip.settings import Settings
@@ -142,7 +142,7 @@ def _of_small_slip(
 
     Below a quarter of mu N what pixels, noise and detail leave is only noted where nobody asks for
     it. From a tenth of mu N on, detail that decides was measured, and from a quarter on what pixels
-    leave: then what the pixels resolve is no second doubt.
+    leave: then what the pixels resolve is no second doubt. Below a tenth more is left than there.
     """
     if answer is None or slip is None or contact.rung.least_share is None:
         return []
@@ -151,18 +151,20 @@ def _of_small_slip(
     warned = {one.code for one in contact.problems if one.severity == "warning"}
     measured = any(one.code == "detail_decides" for one in contact.problems)
     said = "small_slip_extrapolated" in warned
+    asked = f"asked for is {percent(share)} of the force at gross slip"
     left = 0.0 if contact.errors is None else contact.errors.energy_at(share)
     if share < ASKED and left > tolerance and not said and "detail_decides" not in warned:
+        bound = "up to" if share >= SMALL_SLIP else "more than"
         message = (
-            f"asked for is {percent(share)} of the force at gross slip, where pixels, noise and "
-            f"detail of the map leave up to {left:.1%} in the energy per cycle"
+            f"{asked}, where pixels, noise and detail of the map leave {bound} {left:.1%} in the "
+            "energy per cycle"
         )
         return [Problem("small_slip_extrapolated", "warning", message, Effect(None, left, left))]
     if share >= least or (measured and share >= SMALL_SLIP) or (said and share >= ASKED):
         return []
     message = (
-        f"asked for is {percent(share)} of the force at gross slip; below {percent(least)} of it "
-        "less slips than the pixels of the map resolve: the energy per cycle may be off by more "
-        "than 5 %"
+        f"{asked}; below {percent(least)} of it less slips than the pixels of the map resolve: the "
+        f"energy per cycle may be off by more than {percent(max(left, UNRESOLVED))}"
     )
-    return [Problem("small_slip_extrapolated", "warning", message)]
+    effect = Effect(None, left, left) if left > tolerance else None
+    return [Problem("small_slip_extrapolated", "warning", message, effect)]

@@ -59,11 +59,20 @@ def _options(*options: Any) -> Callable[[Any], Any]:
     return add
 
 
+def one_alone(_: click.Context, option: click.Parameter, names: tuple[str, ...]) -> str | None:
+    """Return the one value of an option whose other ones would be lost without a word."""
+    if len(names) > 1:
+        raise click.UsageError(
+            f"--{option.name}: got {' and '.join(names)}; expected one; run again for the other"
+        )
+    return names[0] if names else None
+
+
 verbose_option = click.option("-v", "--verbose", is_flag=True, help="Show tracebacks and details.")
 result_options = _options(  # of every command with a result
     click.option("-o", "--out", type=PATH, help="Output folder."),
     click.option("--json", "as_json", is_flag=True, help="Only the numbers, as JSON, on stdout."),
-    click.option("-q", "--quiet", is_flag=True, help="Errors only on stderr."),
+    click.option("-q", "--quiet", is_flag=True, help="Nothing but errors, on stderr."),
     verbose_option,
 )
 joint_options = _options(  # of every command that answers for a joint

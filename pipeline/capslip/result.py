@@ -148,11 +148,12 @@ class Analysis(JointResult):
     def __repr__(self) -> str:
         contact, peak = contact_table(self), damping_table(self)["peak_loss_factor"]
         of = structure_name(self.settings)
+        n, found = len(self.problems), "problem" if len(self.problems) == 1 else "problems"
         loss = "no loss factor" if peak is None else f"loss factor {peak:.3g} of the {of}"
         return (
             f"<Analysis of {self.name}: {self.status}, {self.caps.usable.sum()} caps, "
             f"{contact['model'] or 'no contact'} at {contact['preload_N']:g} N, {loss}, "
-            f"{len(self.problems)} problems>"
+            f"{n} {found}>"
         )
 
     def _repr_html_(self) -> str:

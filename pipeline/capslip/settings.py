@@ -32,7 +32,7 @@ IN_WORDS = {
     "int": "a whole number",
     "bool": "true or false",
     "str": "a text",
-    "array": "a list",
+    "array": "a list, [a, b]",
 }
 # What nobody may have given: a default that stands in for it is no fact of this joint
 STAND_INS = (
@@ -415,8 +415,10 @@ def _refuse_unknown(
     for key, value in tables.items():
         if key not in known:
             name = ".".join((*path, key))
-            close = difflib.get_close_matches(key, known, n=1)
-            mean = f"; did you mean {'.'.join((*path, close[0]))}?" if close else ""
+            close = [one for one in known if one.startswith(f"{key}_")]
+            close = close or difflib.get_close_matches(key, known, n=1)
+            mean = " or ".join(".".join((*path, one)) for one in close)
+            mean = f"; did you mean {mean}?" if close else ""
             raise SettingsError(
                 f"{where}: unknown setting {name}{mean} (known here: {', '.join(known)})"
             )

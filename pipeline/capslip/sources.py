@@ -100,6 +100,7 @@ def find_scans(
     if not any(os.path.isfile(scan.path) for scan in found):
         told = ", ".join([*sources, *([str(list_file)] if list_file else [])])
         passed = "".join(f"; skipped: {count} {what}" for what, count in skipped.items())
+        passed += "".join(f"; {scan.path} is no file" for scan in list(found)[:1])
         raise NothingToDoError(
             f"no scan {f'found in {told}{passed}' if told else 'given'}; expected files, a folder "
             "with files, a glob or a list"
@@ -228,7 +229,7 @@ def _with(settings: Settings, given: dict[str, str | None], where: str) -> Setti
 def _names(scans: list[Scan]) -> list[str]:
     """One name a scan: the stem, or as much of the path as it takes to tell the scans apart."""
     names = [_plain(scan.path.stem) for scan in scans]
-    for longer in (_with_ending, _with_folder, _with_digest):
+    for longer in (_with_ending, _with_folder, _with_preload, _with_digest):
         count = Counter(name.casefold() for name in names)
         names = [
             name if count[name.casefold()] == 1 else longer(scan)
@@ -243,6 +244,10 @@ def _with_ending(scan: Scan) -> str:
 
 def _with_folder(scan: Scan) -> str:
     return _plain(f"{scan.path.parent.name}_{scan.path.name}")
+
+
+def _with_preload(scan: Scan) -> str:
+    return f"{_with_ending(scan)}_{scan.settings.contact.preload_N:g}N"
 
 
 def _with_digest(scan: Scan) -> str:

@@ -17,6 +17,7 @@ from check_result import defects
 from scenes import PROJECT
 
 FACE = PROJECT / "sample_surfaces" / "paper_face_a.h5"
+OTHER = FACE.with_name("paper_face_b.h5")
 
 
 @pytest.fixture(scope="module")
@@ -122,6 +123,9 @@ def test_several_scans_give_one_joint_and_a_line_each(tmp_path):
         assert f"{scan['name']}: " in ran.stdout
         assert scan["sha256"]
         assert scan["answer"]["energy_J"] > 0.0
+    again = CliRunner().invoke(main, ["analyze", faces[0], faces[0], *options])
+    assert again.exit_code == 2
+    assert "expected another place of the joint" in again.stderr  # the scatter would be none
     low, high = summary["answer"]["interval"]["energy_J"]
     assert low < summary["answer"]["energy_J"] < high
     assert summary["answer"]["contributions"]["energy_J"]["scans"] > 0.0
@@ -140,7 +144,7 @@ def test_several_scans_give_one_joint_and_a_line_each(tmp_path):
 )
 def test_what_several_scans_cannot_have_is_refused(options, says, tmp_path):
     ran = CliRunner().invoke(
-        main, ["analyze", str(FACE), str(FACE), "-o", str(tmp_path / "x"), *options]
+        main, ["analyze", str(FACE), str(OTHER), "-o", str(tmp_path / "x"), *options]
     )
     assert ran.exit_code == 2
     assert says in ran.stderr

@@ -53,6 +53,14 @@ def test_help_shows_commands_that_parse_and_every_exit_code(name):
         assert f"\n  {code}  " in said
 
 
+def test_the_list_of_commands_says_each_in_whole():
+    said = CliRunner().invoke(main, ["--help"], terminal_width=78).output
+    _, _, listed = said.partition("Commands:\n")
+    lines = listed.splitlines()
+    assert [line.split()[0] for line in lines] == sorted(main.commands)  # none is broken
+    assert not [line for line in lines if line.endswith("...")]
+
+
 def test_every_result_is_broken_at_the_width_of_a_terminal(monkeypatch, capsys):
     monkeypatch.setattr(console, "to_width", lambda text: wrapped(text, 40))
     console.print_result({}, "compared   24 amplitudes of 0.018 to 0.91 um, model", False, False)

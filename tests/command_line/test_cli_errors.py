@@ -96,6 +96,11 @@ def test_fewer_than_nine_points_above_the_cut(run, tmp_path):
         ("material.friction_coefficient=-0.2", ["friction_coefficient", "-0.2"]),
         ("contact.preloadN=5", ["contact.preloadN", "did you mean contact.preload_N?"]),
         ("hils.material_ratio=0.1", ["hils", "did you mean hills?"]),
+        (
+            "material.friction=0.1",
+            ["did you mean material.friction_coefficient or material.friction_spread?"],
+        ),
+        ("material.youngs_modulus_Pa=210e9", ["youngs_modulus_Pa", "expected a list, [a, b]"]),
         ("contact.model=hertz", ["contact.model", "hertz", "interacting"]),
         ("nonsense", ["nonsense", "table.key=value"]),
         ("contact.preload_N=1e300", ["contact.preload_N", "1e+300", "1e+30"]),
@@ -122,6 +127,10 @@ def test_settings(run, tmp_path, override, words):
         (("analyze", "a.h5", "--modle", "caps"), ["--modle", "'--model'"]),
         (("analyze", "a.h5", "--model", "hertz"), ["--model", "hertz", "interacting"]),
         (("analyze", "a.h5", "--pixel-size", "1"), ["--pixel-size"]),
+        (
+            ("analyze", "a.h5", "--export", "law", "--export", "jenkins"),
+            ["--export: got law and jenkins; expected one"],
+        ),
         (("analyse", "a.h5"), ["analyse", "capslip --help"]),
         (("--fast", "analyze", "a.h5"), ["--fast"]),
         (("limits", "--workers", "-1"), ["--workers", "-1"]),

@@ -422,7 +422,11 @@ def test_limits_that_make_no_sense_are_refused(scans, tmp_path, options, word):
 
 @pytest.mark.parametrize(
     ("arguments", "word"),
-    [((), "no scan given"), (("in",), "no scan found in in; skipped: 1 folder (see --recursive)")],
+    [
+        ((), "no scan given"),
+        (("in",), "no scan found in in; skipped: 1 folder (see --recursive)"),
+        (("in/a.x3p",), "a.x3p is no file"),
+    ],
 )
 def test_no_scan_is_named_with_what_was_skipped(tmp_path, monkeypatch, arguments, word):
     (tmp_path / "in" / "a.h5").mkdir(parents=True)  # a folder named like a scan
@@ -586,7 +590,7 @@ def test_a_list_gives_preload_mate_unit_and_group(tmp_path):
     found = list(rows(tmp_path / "out").values())
     assert sorted(row["preload_N"] for row in found) == ["100.0", "300.0", "460.0"]
     assert [row["group"] for row in found] == ["left", "left", "right"]
-    assert len({row["scan"] for row in found}) == 3
+    assert {row["scan"] for row in found} == {"a.h5_100N", "a.h5_300N", "b"}
     mated = read_summary(tmp_path / "out" / "scans" / "b")
     assert mated["surface"]["mate"]["path"] == str(tmp_path / "a.h5")
     # the mate is part of what a result depends on

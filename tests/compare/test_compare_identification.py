@@ -360,3 +360,14 @@ def test_measurements_are_sorted():
     measured = Measurement(np.array([3e-7, 1e-7]), np.array([3e-3, 1e-3]))
     assert measured.amplitude_m.tolist() == [1e-7, 3e-7]
     assert measured.loss_factor.tolist() == [1e-3, 3e-3]
+
+
+@pytest.mark.parametrize(("factor", "missed"), [(30.0, True), (1.5, False)])
+def test_points_that_the_model_misses_by_a_factor_identify_nothing(model, gross_m, factor, missed):
+    v_m = np.geomspace(0.05, 0.9, 20) * gross_m
+    loss_factor = model.loss_factor(v_m, MU, PRELOAD_N)
+    wild = loss_factor * factor ** np.resize([1.0, -1.0], 20)  # no curve goes through these
+    found = compare(Measurement(v_m, wild), model, MU, PRELOAD_N, identify=True)
+    said = [one for one in found.remarks if "nothing is identified" in one]
+    assert len(said) == missed
+    assert not missed or "by a factor of 30 (rms)" in said[0]

@@ -151,6 +151,15 @@ def test_monolithic_file_and_points_outside_it(result, tmp_path):
     write_comparison(found, tmp_path / "out")
 
 
+def test_a_structure_that_nobody_gave_is_said(surface, tmp_path):
+    measured = write(tmp_path / "a.csv", "amplitude_nm,loss_factor\n50,0.004\n100,0.006\n")
+    stiff = ("structure.modal_stiffness_N_per_m=2e8", "structure.joint_stiffness_N_per_m=1e8")
+    for name, given in (("demonstration", ()), ("own", stiff)):
+        result_of(surface, tmp_path / name, *CAPS_ALONE, *given)
+        remarks = compare_result(tmp_path / name, measured).remarks
+        assert any("the demonstration beam" in one for one in remarks) == (not given)
+
+
 @pytest.mark.parametrize(
     ("header", "row", "amplitude_m", "loss_factor"),
     [
@@ -207,7 +216,7 @@ GOOD = "amplitude_um,loss_factor\n1,0.01\n2,0.02\n"
         ("amplitude_um\n1\n2\n", ["line 1", "expected one amplitude and one"]),
         ("amplitude_um,amplitude_nm\n1,2\n", ["line 1", "expected one amplitude and one"]),
         ("amplitude_um,loss_factor,damping_ratio\n1,2,3\n", ["expected one amplitude and one"]),
-        ("amplitude_um;loss_factor\n1;0.01\n", ["line 1", "column 1"]),
+        ("amplitude_um;loss_factor\n1;0.01\n", ["line 1", "column 1", "by a comma"]),
         ("amplitude_um,loss_factor\n1,0.01\n", ["1 lines of values"]),
         (GOOD + "3,0.03,4\n", ["line 4", "3 values"]),
         (GOOD + "1,5,0,03\n", ["line 4", "4 values", "point in decimal"]),
@@ -252,6 +261,9 @@ def test_a_folder_that_is_no_result(tmp_path):
 
 def test_a_damaged_result(surface, tmp_path):
     result_of(surface, tmp_path / "result")
+    (tmp_path / "result" / "result.h5").unlink()
+    with pytest.raises(UnreadableFileError, match=r"holds no result\.h5, and so no face"):
+        load_model(tmp_path / "result")
     (tmp_path / "result" / "result.h5").write_bytes(b"nothing")
     with pytest.raises(UnreadableFileError, match="run the analysis again"):
         load_model(tmp_path / "result")

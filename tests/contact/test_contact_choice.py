@@ -239,6 +239,9 @@ def test_contacts_that_run_together_are_not_promised_anything():
     choice = choose_model(moved, families, surface, label, noise_m, settings)
     assert choice.estimated_error is None
     assert "run together" in choice.problem.message
+    two_maps = choose_model(moved, families, surface, None, noise_m, settings)
+    assert two_maps.problem.code == "boundary_elements_needed"
+    assert two_maps.problem.advice.startswith("--set mating.way=composite")  # one map to press
 
 
 def test_contacts_wider_than_their_hills_are_not_promised_anything():

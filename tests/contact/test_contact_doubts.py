@@ -282,3 +282,29 @@ def test_what_is_only_noted_at_small_forces_is_a_doubt_where_the_answer_is_asked
     assert [one.severity for one in found] == ["warning"] * doubted
     left = 0.3 * (share / 0.1) ** (np.log(0.04 / 0.3) / np.log(2.5))
     assert not doubted or found[0].effect.energy == pytest.approx(left, rel=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("share", "least", "error", "codes", "said", "effect"),
+    [
+        (0.15, 0.4, 0.3, (), "leave up to 30.0%", 0.3),
+        (0.05, 0.02, 0.3, (), "leave more than 30.0%", 0.3),  # it grows as the force falls
+        (0.05, 0.4, 0.3, ("detail_decides",), "off by more than 30 %", 0.3),
+        (0.05, 0.4, 0.01, ("detail_decides",), "off by more than 5 %", None),
+    ],
+)
+def test_below_a_tenth_of_gross_slip_what_is_left_there_is_the_least(
+    share, least, error, codes, said, effect
+):
+    contact = SimpleNamespace(
+        rung=SimpleNamespace(least_share=lambda curve, load_N: least),
+        normal=None,
+        errors=ModelError(0.01, error, ((0.1, error), (0.25, error))),
+        preload_N=100.0,
+        problems=tuple(Problem(code, "warning", "so") for code in codes),
+    )
+    asked = SimpleNamespace(slip_force_N=20.0 * share), SimpleNamespace(total_slip_force_N=20.0)
+    (found,) = _of_small_slip(contact, *asked, 0.05)
+    assert said in found.message
+    assert (found.effect and found.effect.energy) == (effect and pytest.approx(effect))
+    assert found.kind.in_interval  # which takes the same error

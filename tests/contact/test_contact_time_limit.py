@@ -63,6 +63,7 @@ def test_caps_stand_in_for_a_map_that_takes_too_long_and_say_so(slow):
     assert found.contact.rung.made_from == "spheres"
     said = {p.code: p for p in found.problems if p.severity == "warning"}
     assert "when contact.time_limit_s was over" in said["boundary_elements_needed"].message
+    assert "contact.time_limit_s" in said["boundary_elements_needed"].advice  # not the map again
 
 
 def test_boundary_elements_that_are_asked_for_fail_when_their_time_is_over(slow):

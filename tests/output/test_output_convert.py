@@ -149,7 +149,7 @@ def test_a_larger_face_is_thinned_and_that_is_said(result, stored, tmp_path):
 def test_the_command_names_its_file(result, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     done = CliRunner().invoke(main, ["export", str(result), "--to", "ply"])
-    assert (done.exit_code, done.stdout.strip()) == (0, "lap.ply")
+    assert (done.exit_code, done.stdout.strip(), done.stderr) == (0, "lap.ply", "")
     assert [path.name for path in tmp_path.iterdir()] == ["lap.ply"]
 
 
@@ -159,6 +159,8 @@ def test_nothing_is_written_over_and_nothing_is_left_behind(result, tmp_path):
     with pytest.raises(OutputError, match="exists already"):
         export_result(result, "x3p", path)
     assert path.read_text("utf-8") == "mine"
+    with pytest.raises(OutputError, match=r"got \.stl; expected \.x3p"):
+        export_result(result, "x3p", tmp_path / "a.stl")
     with pytest.raises(OutputError, match="no such folder"):
         export_result(result, "x3p", tmp_path / "none" / "a.x3p")
     with pytest.raises(SettingsError, match="expected one of csv, gwy, obj"):

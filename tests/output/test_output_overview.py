@@ -153,6 +153,30 @@ def test_page_shows_every_scan_with_what_it_says(real, tmp_path):
 
 
 @needs_chromium
+def test_long_names_and_paths_break_between_words(tmp_path):
+    name = "plate_30x60mm_missing27percent-of-the-second_measurement.of_2026-11-23"
+    error = f"/measured/joints/{name}.csv: zero bytes; expected a scan"
+    write_overview([failed(name, error)], tmp_path)
+    found = ask(
+        tmp_path / "index.html",
+        """const range = document.createRange(), lines = (one) => {
+             range.selectNodeContents(one); return range.getClientRects().length; };
+           return [...document.querySelectorAll('td.scan b, td.why div')].map((one) => [
+             one.textContent, new Set([...one.childNodes].map((piece) => {
+               range.selectNodeContents(piece);
+               return range.getBoundingClientRect().top; })).size,
+             ...[...one.childNodes].filter((piece) =>
+               piece.textContent && !piece.textContent.includes(" ")).map(lines)])""",
+        tmp_path,
+    )
+    assert [text for text, *_ in found] == [name, error]
+    for _, n_tops, *pieces in found:
+        assert n_tops > 1
+        assert len(pieces) > 5
+        assert set(pieces) == {1}
+
+
+@needs_chromium
 @pytest.mark.parametrize("width", [420, 1400])
 def test_page_fits_and_draws(width, many, tmp_path):
     page, _ = many

@@ -10,9 +10,10 @@ import output_cases
 import pytest
 from PIL import Image
 
+from capslip.analysis import analyze_families
 from capslip.output import report
 from capslip.output.figures import FIGURES
-from capslip.output.lead import _left_out
+from capslip.output.lead import _left_out, answer_lines
 from capslip.output.quantity import engineering
 from capslip.output.report import MAX_ROWS, _data, write_report
 from capslip.problems import Effect, Problem
@@ -231,6 +232,25 @@ def test_quantities_have_one_spelling_of_their_prefix_and_numbers_of_options_sta
 def test_no_line_of_the_page_parts_a_number_from_its_unit(text):
     assert report._written(f"as {text}, or so") == f"as {text.replace(' ', chr(0xA0))}, or so"
     assert report._written(f"{text}x") == f"{text}x"
+
+
+@pytest.mark.parametrize(
+    ("overrides", "why"),
+    [
+        ((), "the error of the model is not known, and no spread was given"),
+        (("slip.normal_amplitude_ratio=0.3", "material.friction_spread=0.1"), "load oscillates"),
+    ],
+)
+def test_an_answer_without_an_interval_says_why(overrides, why):
+    families = [f"families.{one}" for one in ("m=3", "n=2", "radius_G_m=24", "radius_P_m=26")]
+    settings = load_settings(overrides=(*families, "families.h_m=1e-7", *overrides))
+    found = analyze_families(settings)
+    (said,) = (text for _, text in answer_lines(found.summary(), "-") if "interval" in text)
+    assert said.startswith("no interval: ")
+    assert why in said
+    known = found.summary() | {"accuracy": {"estimated": 0.01}}
+    (other,) = (text for _, text in answer_lines(known, "-") if "interval" in text)
+    assert ("cannot carry each preload" in other) == ("not known" in said)
 
 
 def test_what_an_interval_leaves_out_is_one_list():

@@ -10,6 +10,7 @@ from capslip.caps.iso25178 import Iso25178
 from capslip.output.quantity import engineering, scaled
 from capslip.output.rows import QUANTITIES, SCALES, Value, value, write_text
 from capslip.output.terminal import result_lines
+from capslip.problems import Problem
 
 SUFFIX = {"m": "_m", "N": "_N", "N/m": "_N_per_m", "Pa": "_Pa", "J": "_J", "m^2": "_m2"}
 SUFFIX |= {"1/m^2": "_per_m2", "1/m": "_per_m", "rad": "_rad"}
@@ -184,6 +185,26 @@ def test_the_lines_of_a_terminal():
         f"{human(damping.gross_slip_amplitude_m, 'm')}"
     )
     assert lines[8] == f"status     {analysis.status}"
+
+
+def test_the_load_of_a_joint_pressed_unevenly_is_named_for_what_it_is():
+    even = output_cases.several()
+    two = replace(even.joint, load_N=np.repeat(even.joint.load_N, 2), weight=np.full(2, 0.5))
+    contact = [
+        next(line for line in result_lines(one).splitlines() if line.startswith("contact"))
+        for one in (even, replace(even, joint=two))
+    ]
+    assert contact[1] == f"{contact[0]}, under the greatest pressure"
+
+
+def test_a_code_that_warns_is_not_noted_beside_it():
+    codes = (("one_family", "info"), ("few_contacts_in_scan", "warning"))
+    both = [Problem("small_slip_extrapolated", severity, "so") for severity in ("info", "warning")]
+    known = [*(Problem(*one, "so") for one in codes), *both]
+    for problems, noted in ((known, ["one_family"]), (both, [])):
+        lines = result_lines(replace(output_cases.several(), problems=tuple(problems))).splitlines()
+        named = [line.split()[1] for line in lines if line.startswith("  info")]
+        assert [name.rstrip(":") for name in named] == noted
 
 
 def test_the_terminal_says_what_is_absent_in_plain_letters():

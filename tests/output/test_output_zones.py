@@ -111,5 +111,15 @@ def test_map_of_two_spheres_is_two_round_contacts_with_round_zones(pressed_map):
     assert (zone_at(zones, 1.0, 1.0).word == "slips").all()
 
 
+def test_region_that_leaves_at_once_touches_under_the_whole_load_alone(pressed_map, monkeypatch):
+    curve = type(pressed_map.contact.normal)
+    lift_m = pressed_map.contact.normal.lift_off_m(pressed_map.contact.approach_m)
+    monkeypatch.setattr(curve, "lift_off_m", lambda *_: lift_m * [0.0, 1.0])
+    share = zones_for(pressed_map).share
+    assert (share[-1] == 1.0).all()
+    assert sorted((share[1:-1] > 0.0).all(axis=0)) == [False, True]
+    assert sorted((share[1:-1] == 0.0).all(axis=0)) == [False, True]
+
+
 def test_face_that_is_not_pressed_has_no_zones(none):
     assert zones_of(none, np.zeros(1), np.zeros(1)) is None

@@ -1,7 +1,7 @@
 """A measurement beside the model: share of the joints, misfit, and what identification finds."""
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -9,6 +9,8 @@ import numpy as np
 from capslip.compare.identification import Identified, friction_and_preload, remarks_on
 from capslip.compare.measurement import Measurement, joint_share, load_measurement
 from capslip.compare.model import JointModel, load_model
+from capslip.structure.stiffness import is_given, structure_name
+from capslip.units import readable
 
 N_CURVE = 160
 BAND_NAMES = ("small", "middle", "great")
@@ -75,14 +77,12 @@ def compare_result(
     measured = load_measurement(assembly)
     intrinsic = load_measurement(monolithic, distinct=True) if monolithic is not None else None
     model, settings = load_model(result)
-    return compare(
-        measured,
-        model,
-        settings.material.friction_coefficient,
-        settings.contact.preload_N,
-        intrinsic,
-        identify,
-    )
+    friction, preload_N = settings.material.friction_coefficient, settings.contact.preload_N
+    found = compare(measured, model, friction, preload_N, intrinsic, identify)
+    if is_given(settings):
+        return found
+    remark = f"the structure is the {structure_name(settings)}: give that which was measured"
+    return replace(found, remarks=(remark, *found.remarks))
 
 
 def compare(
@@ -127,9 +127,10 @@ def compare(
     beyond = int((usable & np.isnan(predicted)).sum())
     if beyond:
         gross_m = model.gross_slip_amplitude_m(friction_coefficient, preload_N)
+        where = readable(f"{gross_m:.3g} m")
         remarks.append(
-            f"{beyond} of {v_m.size} points lie beyond gross slip of the model "
-            f"({gross_m:.3g} m), where it gives no loss factor"
+            f"{beyond} of {v_m.size} points lie beyond gross slip of the model ({where}), where it "
+            "gives no loss factor"
         )
     if (usable & (predicted == 0)).any():
         remarks.append("the model loses nothing below gross slip: no misfit can be given there")

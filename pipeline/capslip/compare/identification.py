@@ -13,6 +13,7 @@ GREATEST_CORRELATION = 0.98
 GREATEST_CONDITION = 100.0
 PRELOAD_RANGE = 10.0  # times and divided by: where the preload is looked for
 GREATEST_EXCESS = 10.0  # ln of gross slip over the greatest amplitude measured
+MISSED = math.log(3.0)  # what is known of real joints at best: a model that misses by more is wrong
 STEP = 1e-4  # of the logarithms, for differences
 
 
@@ -112,6 +113,12 @@ def remarks_on(found: Identified) -> list[str]:
         "the uncertainties count the scatter of the points, not the errors of the model, of the "
         "caps or of the two stiffnesses"
     ]
+    if found.rms_log_ratio > MISSED:
+        missed = math.exp(found.rms_log_ratio)
+        remarks.append(
+            f"even so the model misses the points by a factor of {missed:.2g} (rms): nothing is "
+            "identified; look at structure, material and units first"
+        )
     if not found.distinguishable:
         remarks.append(
             "the data cannot tell friction coefficient and preload apart (correlation "

@@ -192,7 +192,8 @@ def _factors(path: Path, line: int, header: list[str]) -> np.ndarray:
         if name not in known:
             raise UnreadableFileError(
                 f"{path}, line {line}, column {i}: unknown name {name!r}; expected one of "
-                f"{', '.join(AMPLITUDES)} and one of {', '.join(LOSSES)}"
+                f"{', '.join(AMPLITUDES)} and one of {', '.join(LOSSES)}, "
+                "separated by a comma"
             )
     if len(header) != 2 or sum(name in AMPLITUDES for name in header) != 1:
         raise UnreadableFileError(

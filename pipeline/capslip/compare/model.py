@@ -134,6 +134,11 @@ def load_model(result: str | Path) -> tuple[JointModel, Settings]:
         raise UnreadableFileError(
             f"{folder}: holds no finished result; expected a folder that capslip analyze wrote"
         )
+    if not (folder / "result.h5").exists():
+        raise UnreadableFileError(
+            f"{folder}: holds no result.h5, and so no face; expected a folder that capslip analyze "
+            "wrote of one scan"
+        )
     used = summary["contact"]["model"]
     if used is None:
         raise UnreadableFileError(

@@ -10,6 +10,7 @@ import numpy as np
 
 from capslip.compare.comparison import Comparison
 from capslip.errors import OutputError
+from capslip.output.quantity import engineering
 
 SCHEMA = "capslip/compare/1"
 
@@ -66,7 +67,7 @@ def lines(found: Comparison) -> list[str]:
     text = [
         f"compared   {found.amplitude_m.size} amplitudes from {found.amplitude_m[0] * um:.4g} to "
         f"{found.amplitude_m[-1] * um:.4g} um, model with mu {found.friction_coefficient:g} and "
-        f"{found.preload_N:g} N"
+        f"{engineering(found.preload_N, 'N', 5)}"
     ]
     for band in found.bands:
         head = (

@@ -25,6 +25,8 @@ from capslip.units import percent
 # By how much more a rung below interacting caps must be within the tolerance: its difference to
 # them is taken at five numbers alone, and to interact costs next to nothing
 MARGIN = 0.0085
+ONE_MAP = "--set mating.way=composite, which makes one map of two faces"
+WHY = "see why boundary elements fail: preload, units, pixels or contact.time_limit_s"
 BOUNDARY_ELEMENTS_S = 2.2e-7  # a point and binary digit of their number, on one core
 
 
@@ -42,6 +44,7 @@ class Choice:
     why: str = ""  # what is wrong with the caps
     of_the_map: bool = False  # whether the map itself is pressed for that
     moved: MovedCaps | None = None  # where the error of the caps is known
+    step: str | None = None  # what to do next, where boundary elements have no map
     caps: "Choice | None" = None  # that among the caps, where the map is pressed instead
 
     def caps_within(self, error: float) -> "Choice | None":
@@ -63,7 +66,7 @@ class Choice:
             return Problem("levelling_decides", "warning", self.reason, effect)
         if self.boundary_elements_s is None:
             return None
-        return Problem("boundary_elements_needed", "warning", self.reason, effect)
+        return Problem("boundary_elements_needed", "warning", self.reason, effect, self.step)
 
 
 def choose_model(
@@ -120,12 +123,15 @@ def choose_model(
         if one is None:
             raise
         return _of_the_map(one, str(failure), {}, len(caps))
-    if label is None or choice.boundary_elements_s is None:
+    if choice.boundary_elements_s is None:
         return choice
+    if label is None:
+        return replace(choice, step=ONE_MAP)
     if one is None:
         limit = f", more than contact.time_limit_s = {settings.contact.time_limit_s:g} s"
         why = f", but fail: {map_failure}" if map_failure else limit
-        return replace(choice, reason=choice.reason + why)
+        step = WHY if map_failure else None
+        return replace(choice, reason=choice.reason + why, step=step)
     chosen = _of_the_map(one, choice.why, choice.estimates, len(caps))
     return replace(chosen, caps=choice)
 

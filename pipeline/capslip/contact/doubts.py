@@ -17,6 +17,7 @@ from capslip.settings import Conditioning, Material
 from capslip.surface.heightmap import HeightMap
 from capslip.surface.spectrum import carried_waves_m
 from capslip.surface.waves import long_waves_m
+from capslip.units import percent
 
 MIN_PIXELS_ACROSS = 4.0  # of the contacts that carry the lighter half of the load
 COUPLED = 0.25  # of the friction that pressure alone uses up: |beta| / mu
@@ -75,7 +76,7 @@ def problems_of_share(joint: Joint, contact: ContactState) -> list[Problem]:
         return found
     off = 1.0 / math.sqrt(contact.contacts)
     message = (
-        f"the scan is {joint.coverage:.2g} of its joint and touches with {contact.contacts} "
+        f"the scan is {percent(joint.coverage)} of its joint and touches with {contact.contacts} "
         f"{contact.rung.contact_name}: a joint of such patches loses about {off:.0%} less than one "
         "of the same face in one piece; waves longer than the scan are not in it"
     )
@@ -96,9 +97,10 @@ def problems_of_waves(joint: Joint, contact: ContactState, surface: HeightMap) -
     if rms_m <= LONG_WAVES * approach_m:
         return []
     message = (
-        f"the scan is {joint.coverage:.2g} of its joint, and waves of its length and longer stand "
-        f"{rms_m:.2g} m (rms) out of its spectrum, {rms_m / approach_m:.0%} of the approach: the "
-        "face seems to go on in longer and higher ones, which patches of equal pressure leave out"
+        f"the scan is {percent(joint.coverage)} of its joint, and waves of its length and longer "
+        f"stand {rms_m:.2g} m (rms) out of its spectrum, {rms_m / approach_m:.0%} of the approach: "
+        "the face seems to go on in longer and higher ones, which patches of equal pressure leave "
+        "out"
     )
     return [Problem("waves_longer_than_scan", "warning", message)]
 
@@ -291,9 +293,9 @@ def problems_of_pressure(contact: ContactState) -> list[Problem]:
         return [Problem("pressure_beyond_elastic", "error", message)]
     if pressure_Pa > FIRST_YIELD * soft.softest_yield_stress_Pa:
         message = (
-            f"the greatest contact pressure {pressure_Pa / 1e6:.4g} MPa is more than a soft "
-            f"structural steel bears elastically, {FIRST_YIELD:g} times its yield stress of "
-            f"{soft.softest_yield_stress_Pa / 1e6:.4g} MPa"
+            f"the greatest contact pressure {pressure_Pa / 1e6:.4g} MPa is more than the "
+            f"{FIRST_YIELD * soft.softest_yield_stress_Pa / 1e6:.4g} MPa that a soft structural "
+            f"steel bears elastically, {FIRST_YIELD:g} times its yield stress"
         )
         # A face that bears its hardness at most has as many times the area at most
         off = pressure_Pa / (HARDNESS_PER_YIELD * soft.softest_yield_stress_Pa) - 1.0

@@ -252,8 +252,8 @@ def _by_caps(
     """Return the face pressed by caps, whose fits average over what decides on the map itself."""
     forced = msgspec.structs.replace(settings.contact, model=choice.model)
     state, caps = press(*face, msgspec.structs.replace(settings, contact=forced))
-    error = choice.estimated_error
-    said = f"; so caps answer, which average over it and may be off by {error:.2g}"
+    error = choice.estimated_error or 0.0  # it is known, see `Choice.caps_within`
+    said = f"; so caps answer, which average over it and may be off by {percent(error)}"
     effect = Effect(error, error, error)
     problems = [replace(one, message=one.message + said, effect=effect) for one in doubts]
     reason = (
@@ -284,7 +284,7 @@ def _contacts(
     if found.area_m2 is not None and found.area_m2 > FULL * face_m2:
         raise ContactError(
             f"{model.name}: {scene.preload_N:g} N need a contact area of {found.area_m2:.3g} m2; "
-            f"expected less than the face's {face_m2:.3g} m2; check preload and units"
+            f"expected less than the face's {face_m2:.3g} m2"
         )
     yielded = np.zeros(len(caps), dtype=bool)
     if law is not None:
@@ -337,9 +337,9 @@ def _of_bulk(
 
 def _bulk_kept(bulk_m: float, approach_m: float) -> Problem:
     message = (
-        f"the bulk sinking of the half-space, {bulk_m:.3g} m, leaves "
-        f"nothing of the approach of {approach_m:.3g} m or of its compliance: it was kept, "
-        "so stiffness and displacement hold it; the contact is spread over the face, or "
-        "lies near its edges"
+        f"the bulk sinking of the half-space, {bulk_m:.3g} m, cannot be taken off the approach of "
+        f"{approach_m:.3g} m: nothing would be left of it, or of its compliance; it was kept, so "
+        "stiffness and displacement hold it; the contact is spread over the face, or lies near its "
+        "edges"
     )
     return Problem("bulk_kept", "warning", message)

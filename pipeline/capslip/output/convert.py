@@ -87,7 +87,7 @@ def export_result(
     whole = getattr(form, "WHOLE", False)  # a format that has no meaning with lines left out
     view = read_view(result, max_cells=np.iinfo(np.int64).max if whole else max_cells)
     path = path or Path(f"{view.path.absolute().parent.name}.{name}")
-    _refuse(path)
+    _refuse(path, name)
     label = _labels(view.path) if whole else None
     face = Face(view.height_m, view.y_m, view.x_m, view.pixel_size_m, label)
     write = cast(Callable[[Face, Path], None], form.write)
@@ -121,7 +121,9 @@ def _labels(result: Path) -> np.ndarray:
     return label
 
 
-def _refuse(path: Path) -> None:
+def _refuse(path: Path, name: str) -> None:
+    if path.suffix.lower() != f".{name}":
+        raise OutputError(f"{path}: got {path.suffix or 'no suffix'}; expected .{name}")
     if path.exists():
         raise OutputError(f"{path}: exists already; nothing was written; give another with --out")
     if not path.absolute().parent.is_dir():

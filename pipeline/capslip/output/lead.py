@@ -34,10 +34,11 @@ INTERVALS = {  # what a number is called, by its name; {0} is an end
     "loss_factor": ("of the structure", "{{answer_loss_factor_{0}}}"),
 }
 MODEL_FORM = "beside it, dissipation of real joints is known to a factor of two to three at best"
-NO_INTERVAL = (
-    "no interval: the error of the model is not known, it cannot carry each preload that may be, "
-    "or the normal load oscillates"
+OSCILLATES = "no interval: the normal load oscillates"
+NOTHING_KNOWN = (
+    "no interval: the error of the model is not known, and no spread was given that it can carry"
 )
+TOO_MUCH = "no interval: the model cannot carry each preload that may be"
 LEFT_OUT = "; it leaves out {0}"
 JOINT = "preload {preload_N:4}"
 PRESSURE = " on {joint_area_m2}: {nominal_pressure_Pa} nominal"
@@ -68,7 +69,7 @@ def answer_lines(summary: dict[str, Any], absent: str) -> list[tuple[str, str]]:
     else:
         texts.append(f"displacement {{answer_displacement_m}}; {LIMITS}")
     texts.append(NOT_DEFINED if answer["loss_factor"] is None else STRUCTURE)
-    texts += _interval_texts(answer)
+    texts += _interval_texts(summary)
     labels = ["answer", *[""] * (len(texts) - 1)]
     written = [write_text(text, summary, absent) for text in texts]
     return list(zip(labels, written, strict=True))
@@ -86,10 +87,11 @@ def _left_out(names: list[str]) -> str:
     return LEFT_OUT.format(" and ".join(others)) if others else ""
 
 
-def _interval_texts(answer: dict[str, Any]) -> list[str]:
+def _interval_texts(summary: dict[str, Any]) -> list[str]:
     """Return the interval and which input makes how much of that of the energy."""
+    answer = summary["answer"]
     if answer["contributions"] is None:
-        return [] if answer["energy_J"] == 0.0 else [NO_INTERVAL]
+        return [] if answer["energy_J"] == 0.0 else [_why_none(summary)]
     ranges = [
         f"{label} {_range(end, *(answer['interval'][name] or (None, None)))}"
         for name, (label, end) in INTERVALS.items()
@@ -104,6 +106,13 @@ def _interval_texts(answer: dict[str, Any]) -> list[str]:
         (f"what makes that of the energy: {parts}" if parts else "no upper bound")
         + f"{left_out}; {MODEL_FORM}",
     ]
+
+
+def _why_none(summary: dict[str, Any]) -> str:
+    """Return why an answer has no interval, see `structure.band.band_of`."""
+    if all(one["setting"] != "slip.normal_amplitude_ratio" for one in summary["assumed"]):
+        return OSCILLATES
+    return NOTHING_KNOWN if summary["accuracy"]["estimated"] is None else TOO_MUCH
 
 
 def _range(end: str, low: float | None, high: float | None) -> str:

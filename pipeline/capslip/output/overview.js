@@ -11,11 +11,16 @@
     if (kind) one.className = kind;
     return one;
   };
+  const part = (tag, text, kind) => { // a name or a path, which breaks after what parts it
+    const one = make(tag, "", kind);
+    for (const piece of text.split(/(?<=[-_./])/)) one.append(piece, make("wbr"));
+    return one;
+  };
   const colour = (name) => getComputedStyle(document.documentElement).getPropertyValue(name).trim();
   const PREFIX = { "-18": "a", "-15": "f", "-12": "p", "-9": "n", "-6": "µ", "-3": "m", 0: "", 3: "k", 6: "M", 9: "G", 12: "T" };
   const write = (value) => {
     const text = String(Number(value.toPrecision(3)));
-    return text.includes("e") ? value.toExponential(2) : text;
+    return text.includes("e") || (value && Math.abs(value) < 1e-4) ? value.toExponential(2) : text;
   };
   const decade = (power, unit) => {
     if (!unit) return power < -3 || power > 4 ? `1e${power}` : String(Number(`1e${power}`));
@@ -64,10 +69,10 @@
     }
     const scan = make("td", "", "scan");
     if (row[LINK]) {
-      const link = make("a", row[SCAN]);
+      const link = part("a", row[SCAN]);
       link.href = row[LINK].split("/").map(encodeURIComponent).join("/");
       scan.append(link);
-    } else scan.append(make("b", row[SCAN]));
+    } else scan.append(part("b", row[SCAN]));
     scan.append(make("span", row[STATUS] + (row[GROUP] ? `, ${row[GROUP]}` : ""), `is-${row[STATUS].replace(" ", "")}`));
     line.append(face, scan);
     row[NUMBERS].forEach((value, k) => {
@@ -77,7 +82,7 @@
       line.append(cell);
     });
     const why = make("td", "", "why");
-    if (row[ERROR]) why.append(make("div", row[ERROR], "error"));
+    if (row[ERROR]) why.append(part("div", row[ERROR], "error"));
     for (const [severity, code, moved] of row[CAUSES]) {
       const cause = make("div", `${code.replaceAll("_", " ")}${moved ? `: ${moved.replaceAll(" %", "\u00a0%")}` : ""}`, severity);
       cause.title = data.effects[code] || "";

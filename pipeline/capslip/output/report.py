@@ -181,6 +181,7 @@ def _headlines(summary: dict[str, Any]) -> list[tuple[str, str, str]]:
         peak = "not defined: the {structure} is no longer lightly damped"
     if damping["first_peak_loss_factor"] is not None:
         peak += "; a first maximum of {first_peak_loss_factor} at {amplitude_at_first_peak_m}"
+    uneven = ", under the greatest pressure" if contact["pressure_classes"] > 1 else ""
     families: tuple[tuple[Fact, str], ...] = (
         (("G-caps m, P-caps n", "{m}, {n}"), "families by peak height"),
         ("h_m", "G-peaks above P-peaks"),
@@ -194,7 +195,7 @@ def _headlines(summary: dict[str, Any]) -> list[tuple[str, str, str]]:
         ("approach_without_bulk_m", "without bulk; {approach_m} with it"),
         (
             (name, "whole face" if whole else "{contacts}"),
-            "the scan at {scan_load_N:4}, model {model}",
+            "the scan at {scan_load_N:4}" + uneven + ", model {model}",
         ),
         ("stiffness_N_per_m", f"one joint, {'with' if contact['bulk'] else 'without'} bulk"),
         ("tangential_stiffness_N_per_m", "first loading, one joint"),

@@ -10,6 +10,7 @@ from capslip.output.rows import Value, write_text
 from capslip.result import Analysis, JointOfScans, JointResult
 from capslip.summary import summary_of
 from capslip.surface.doubts import sanity_line
+from capslip.units import percent
 
 HILLS = (
     "hills      cut {cut_height_m}, {regions} regions, {hills} hills, {caps} caps, largest "
@@ -21,6 +22,7 @@ FAMILY = "  {1:9}R {{radius_{0}_m:4}}, D {{diameter_{0}_m}}, df {{height_{0}_m}}
 LEVEL = "level      turned by {tilt_across_face_m} across the face until balanced{0}"
 NOT_CERTIFIED = "; the cut does not hold all that touches"
 CONTACT = "contact    {{model}}: {{scan_load_N:4}} on {{contacts}} {0}, approach {1}"
+UNEVEN = ", under the greatest pressure"  # that of the patch whose state is shown
 APPROACH = "{approach_without_bulk_m} ({approach_m} with bulk)"  # the first, as in the report
 SLIP = (
     "slip       stiffness {0}, gross slip at {{total_slip_force_N:4}}, "
@@ -60,7 +62,8 @@ def result_lines(analysis: JointResult) -> str:
     if contact is not None:
         without = contact.approach_without_bulk_m is not None
         approach = APPROACH if without else "{approach_m}"
-        texts.append(CONTACT.format(contact.rung.contact_name, approach))
+        whole = CONTACT.format(contact.rung.contact_name, approach)
+        texts.append(whole if analysis.joint.is_even else whole + UNEVEN)
     if slip is not None:
         rigid = math.isinf(slip.tangential_stiffness_N_per_m)
         texts.append(SLIP.format("infinite" if rigid else STIFFNESS))
@@ -76,9 +79,9 @@ def result_lines(analysis: JointResult) -> str:
     lines.append(f"status     {summary['status']}")
     serious = [problem for problem in analysis.problems if problem.severity != "info"]
     lines += [f"  {p.severity:8} {p.code}: {p.text}" for p in serious]
-    if len(serious) < len(analysis.problems):
-        codes = ", ".join(p.code for p in analysis.problems if p.severity == "info")
-        lines.append(f"  info     {codes}: see the report")
+    said = {p.code for p in serious}
+    if codes := [p.code for p in analysis.problems if p.code not in said]:
+        lines.append(f"  info     {', '.join(codes)}: see the report")
     return "\n".join(printable(line) for line in lines).replace("µ", "u")
 
 
@@ -113,9 +116,10 @@ def _lines_of_scans(scans: list[dict[str, Any]]) -> list[str]:
         if scan["share"] is None or answer["energy_J"] is None:
             text = "no answer: see the problems"
         else:
+            share = percent(scan["share"])
             stiffness = Value(answer["tangential_stiffness_N_per_m"], "N/m", "-")
             text = (
-                f"{scan['share']:.0%} of the joint, {scan['contacts']} touch in {scan['model']}; "
+                f"{share} of the joint, {scan['contacts']} contacts, {scan['model']}; "
                 f"alone {stiffness:3} (secant), {Value(answer['energy_J'], 'J'):3} lost per cycle"
             )
         lines.append(f"{label:10} {scan['name']}: {text}")

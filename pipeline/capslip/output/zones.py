@@ -184,7 +184,9 @@ def _of_map(analysis: "Analysis", contact: "ContactState") -> Zones:
     load_N = preload_N * np.linspace(0.0, 1.0, LOADS) ** 1.5
     below_m = np.asarray(curve.withdrawal_m(contact.approach_m, preload_N - load_N))
     lift_m = np.where(np.isfinite(lift_m), lift_m, below_m[0])[kept]
-    share = np.clip(1.0 - below_m[:, None] / lift_m, 0.0, 1.0) ** 1.5
+    # A region that leaves at once has a lift-off of zero
+    above_m = np.maximum(lift_m, np.finfo(float).tiny)
+    share = np.clip(1.0 - below_m[:, None] / above_m, 0.0, 1.0) ** 1.5
     share[0] = 0.0  # whatever rounding leaves
     number = np.full(len(region_N) + 1, -1, dtype=np.int32)
     number[1 + kept] = np.arange(len(kept))

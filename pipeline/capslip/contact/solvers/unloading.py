@@ -37,7 +37,7 @@ _ORDER = 1.3  # of the error in the width of an interval: three of four points a
 PATCH_ERROR = 1e-5  # of what patches leave out, over the approach, see `Unloading`
 _ENOUGH_PIXELS, _ENOUGH_REFINED = 100, 50  # in contact, of a map as it is and of a refined one
 _STEPS = 0.01  # aimed at for what single pixels that let go may do to the loss, see `_steps`
-_UNCERTAIN = 0.05  # relative error of the loss from which it is not to be trusted
+UNRESOLVED = 0.05  # relative error of the loss from which it is not to be trusted
 
 
 @dataclass(frozen=True, eq=False)
@@ -231,7 +231,7 @@ def _ways(path: Path) -> tuple[list[tuple[Losses | RegionLosses, list[_Interval]
     loss_J = np.array([node.region_loss_J for node in nodes])
     of_face, carries = losses(path.stiffness_N_per_m, drop_N, x_m, loss_J.sum(axis=1))
     pixel_error = np.array([node.pixel_error for node in nodes])
-    trusted = pixel_error <= _UNCERTAIN
+    trusted = pixel_error <= UNRESOLVED
     smallest_N = _where_trusted(drop_N, pixel_error)
     # Places on a scale on which the loss is a power
     more = np.maximum(x_m / drop_N * path.stiffness_N_per_m - 1, RIGID)
@@ -250,15 +250,15 @@ def _ways(path: Path) -> tuple[list[tuple[Losses | RegionLosses, list[_Interval]
 
 
 def _where_trusted(drop_N: np.ndarray, pixel_error: np.ndarray) -> float:
-    """Return the load drop at which the error that pixels leave falls to `_UNCERTAIN`."""
-    trusted = pixel_error <= _UNCERTAIN
+    """Return the load drop at which the error that pixels leave falls to `UNRESOLVED`."""
+    trusted = pixel_error <= UNRESOLVED
     if not trusted.any():
         return float(drop_N[-1])
     k = int(np.argmax(trusted))
     if k == 0 or not np.isfinite(pixel_error[k - 1]):
         return float(drop_N[k])
     errors = np.log(pixel_error[[k, k - 1]])
-    return float(np.exp(np.interp(math.log(_UNCERTAIN), errors, np.log(drop_N[[k, k - 1]]))))
+    return float(np.exp(np.interp(math.log(UNRESOLVED), errors, np.log(drop_N[[k, k - 1]]))))
 
 
 def _intervals(
@@ -345,7 +345,7 @@ def _of_pixels(path: Path) -> np.ndarray:
 def _tabulated(path: Path, cut_short: bool) -> Unloading:
     """Return what was found in one table, so that whatever is asked later is found in it.
 
-    Below the forces that joints are asked for, intervals that are off by more than `_UNCERTAIN` are
+    Below the forces that joints are asked for, intervals that are off by more than `UNRESOLVED` are
     no error between the loads but the end of what pixels resolve.
     """
     pressed = path.pressed
@@ -356,7 +356,7 @@ def _tabulated(path: Path, cut_short: bool) -> Unloading:
     drop_of = {node.odd: pressed.load_N - node.load_N for node in path.nodes}
     least_N = SMALL_SLIP * pressed.load_N
     asked = [drop_of[each.high] > least_N for each in intervals]
-    ends_N = [drop_of[each.high] for each in intervals if each.error > _UNCERTAIN]
+    ends_N = [drop_of[each.high] for each in intervals if each.error > UNRESOLVED]
     smallest_N = max([smallest_N, *(end_N for end_N in ends_N if end_N <= least_N)])
     errors = [each.error for each, used in zip(intervals, asked, strict=True) if used]
     if cut_short:  # what each way expects of itself is too little where loads are few

@@ -2,9 +2,13 @@
 
 from pathlib import Path
 
+import numpy as np
+
 from capslip.output.convert import Face, mesh_of
 
 
 def write(face: Face, path: Path) -> None:
     """Write the face."""
-    mesh_of(face).write(path, file_format="ply")
+    mesh = mesh_of(face)
+    mesh.cells[0].data = mesh.cells[0].data.astype(np.int32)  # the widest that PLY has
+    mesh.write(path, file_format="ply")
