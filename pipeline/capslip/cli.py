@@ -339,6 +339,8 @@ def compare(
     """
     from capslip.compare import compare_result, lines, to_dict, write_comparison
 
+    say = Progress(quiet, verbose)
+    say(f"comparing {result} with {assembly}")
     found = compare_result(result, assembly, monolithic, identify)
     text = lines(found)
     if out is not None:

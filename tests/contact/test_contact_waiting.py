@@ -7,7 +7,10 @@ import numpy as np
 import pytest
 
 from capslip import waiting
+from capslip.compare.identification import friction_and_preload
+from capslip.compare.model import JointModel
 from capslip.console import Progress
+from capslip.contact.models.families import families
 from capslip.contact.solvers.polonsky_keer import elastic_face, press
 from capslip.contact.solvers.unloading import unload
 from capslip.surface.heightmap import HeightMap
@@ -63,6 +66,20 @@ def test_figures_say_how_many_are_left_once_they_take_longer(monkeypatch, heard,
         "drawing: 3 of 6 figures, about 2 s left",
         "drawing: 5 of 6 figures, about 1 s left",
     ]
+
+
+def test_an_identification_says_how_many_preloads_and_fits_are_left(monkeypatch, heard):
+    model = JointModel(lambda _: families(5, 23.8, 0, 109.89e9), 1.21, 1.8e8, 9.9e7, 2, trials=6)
+    amplitude_m = model.gross_slip_amplitude_m(0.2, 460.0) * np.geomspace(0.1, 0.9, 6)
+    measured = model.loss_factor(amplitude_m, 0.2, 460.0)
+    looks = iter(range(10_000))
+    monkeypatch.setattr(waiting, "perf_counter", lambda: 2.25 * next(looks))
+    friction_and_preload(amplitude_m, measured, model, 460.0)
+    assert heard[:5] == [
+        f"identification: {done} of 6 preloads, about {2.25 * (6 - done):.0f} s left"
+        for done in range(1, 6)
+    ]
+    assert all(re.fullmatch(r"identification: \d of \d fits, .*", line) for line in heard[5:])
 
 
 @pytest.mark.parametrize(

@@ -7,6 +7,7 @@ import numpy as np
 
 from capslip.compare.model import JointModel
 from capslip.errors import ContactError, SettingsError
+from capslip.waiting import Waiting
 
 LEAST_POINTS = 5  # two parameters and something left to tell the noise
 GREATEST_CORRELATION = 0.98
@@ -83,7 +84,10 @@ def friction_and_preload(
         return math.log(greatest_m / unit.gross_slip_amplitude_m) + float(x[0])
 
     starts, bounds = _starts(amplitude_m, joint_loss_factor, model, preload_N)
-    fits = [least_squares(residual, start, bounds=bounds, diff_step=STEP) for start in starts]
+    waiting, fits = Waiting("identification", "fits"), []
+    for start in starts:
+        fits.append(least_squares(residual, start, bounds=bounds, diff_step=STEP))
+        waiting.tell(len(fits), len(starts))
     fit = min(fits, key=lambda one: one.cost)
     shift = np.array([0.0, STEP])
     slope = (log_of_friction(fit.x + shift) - log_of_friction(fit.x - shift)) / (2 * STEP)
@@ -165,6 +169,7 @@ def _starts(
     excess = np.append(0.01, np.geomspace(0.03, 8, 40))
     share = amplitude_m / amplitude_m[-1] * np.exp(-excess[:, None])  # of v_gross
     least, best = np.empty(logs.size), np.empty(logs.size)
+    waiting = Waiting("identification", "preloads")
     for i, log_N0 in enumerate(logs):
         try:
             unit = model.unit_curve(math.exp(log_N0), points=100)
@@ -176,6 +181,7 @@ def _starts(
         misfit = np.log(unit(share * unit.gross_slip_amplitude_m) / joint_loss_factor)
         squares = (misfit**2).sum(axis=1)
         least[i], best[i] = squares.min(), excess[squares.argmin()]
+        waiting.tell(i + 1, logs.size)
     padded = np.concatenate(([np.inf], least, [np.inf]))
     carried = np.isfinite(least)
     low = np.flatnonzero(carried & (least <= padded[:-2]) & (least <= padded[2:]))
