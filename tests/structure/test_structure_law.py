@@ -1,5 +1,6 @@
 """The law per area is the theorem per area: closed forms of equal spheres, and slip curves."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -28,7 +29,7 @@ def part_of(curve, name="families", joint=None, hardness=None, after=None, share
         curve=curve,
         curve_after=after or (lambda load_N: curve),
         hardness_Pa=hardness,
-        rung=rung(name),
+        rung=replace(rung(name), least_share=None),  # its curve is one of caps
         composite=STEEL,
         bulk=False,
         model=curve.model,
