@@ -13,11 +13,11 @@ from capslip.contact.solvers.polonsky_keer import first_loading, press
 from capslip.contact.solvers.pressed import Pressed
 from capslip.contact.solvers.starts import Known, start_Pa
 
-_TOLERANCE = 1e-6  # of a first loading: at 1e-5 the loss of rough faces is off by a tenth
+_TOLERANCE = 1e-5  # of a first loading, whose state is used for quotients alone
 _ROUGHLY = 1e-4  # the same where only what touches is asked
 _MOSTLY, _SPARE = 0.5, 2.0  # of the hardness: mean pressure; of the contact that load adds
 _LEAST_PA = 1e-300  # stands for no pressure below a fraction
-_LEFT, _LOOSEST, _FINEST = 1e-2, 1e-5, 1e-9  # of the loss, that gaps may be; tolerances below it
+_LEFT, _LOOSEST, _FINEST = 1e-1, 1e-4, 1e-9  # of the loss, that gaps may be; tolerances below it
 
 
 @dataclass(frozen=True)
