@@ -120,7 +120,7 @@ class BoundaryElementCurve:
         ]
 
     def _hardly_yields(self, load_N: float, of_hardness: float) -> bool:
-        """Tell whether next to none of a load rests on points at the hardness, or at a part of it."""
+        """Tell whether next to none of a load rests on points at the hardness, or part of it."""
         if self.first is None:
             return True
         p = self.pressed(load_N).pressure_Pa
