@@ -98,6 +98,23 @@ def test_a_hill_that_only_more_load_reaches_carries_there():
     assert asked(found, 1.3 * N) == pytest.approx(asked(more, 1.3 * N), rel=0.03)
 
 
+def test_a_hill_that_only_more_load_reaches_carries_there_where_most_yields():
+    def pressed(summits, load_N):
+        return boundary_elements(
+            hills(summits), E, preload_N=load_N, hardness_Pa=3e7, balanced=False
+        )
+
+    two = [(36, 40, 1.0, 0.0), (101, 50, 0.6, 0.0)]
+    low = [*two, (60, 132, 0.5, 0.9 * pressed(two, N).first.approach_m)]
+    first, more = pressed(low, N), pressed(low, 1.3 * N)
+    p = first.pressed(N).pressure_Pa
+    assert p[p > 0.0].mean() > 0.8 * 3e7
+    assert len(first.pressed(N).region_loads_N) == 2
+    assert len(more.pressed(1.3 * N).region_loads_N) == 3
+    (found,) = first.near(N, [(1.3, 1.0)], SHARE)
+    assert asked(found, 1.3 * N) == pytest.approx(asked(more, 1.3 * N), rel=0.01)
+
+
 def test_loads_on_either_side_are_found_as_each_for_itself():
     first = boundary_elements(FOUR, E, preload_N=N, hardness_Pa=3e7)
     changes = [(0.8, 1.0), (1.2, 1.0), (1.0, 1.2)]

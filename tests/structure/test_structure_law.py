@@ -1,5 +1,6 @@
 """The law per area is the theorem per area: closed forms of equal spheres, and slip curves."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -28,7 +29,7 @@ def part_of(curve, name="families", joint=None, hardness=None, after=None, share
         curve=curve,
         curve_after=after or (lambda load_N: curve),
         hardness_Pa=hardness,
-        rung=rung(name),
+        rung=replace(rung(name), least_share=None),  # its curve is one of caps
         composite=STEEL,
         bulk=False,
         model=curve.model,
@@ -341,6 +342,34 @@ def test_pressures_that_a_face_cannot_bear_end_the_law():
     found = law_of(after(LOAD_N), hardness=1e9, after=fails)
     assert found.pressure_Pa[-1] < 1.5 * LOAD_N / AREA_M2
     assert "too much" in found.ends
+
+
+def test_a_map_whose_contacts_only_grow_in_number_lets_them_go_at_shares_of_its_pressure():
+    """So a face at its hardness: twice the load, twice as many of the same contacts."""
+    curve = families((5, 18), (23.8, 26.7), (0.0, 1.2e-7), STEEL.E_star_Pa)
+
+    def more(load_N):
+        return ScaledCurve(curve, load_N / LOAD_N)
+
+    found = law_of(curve, "boundary_elements", hardness=1e9, after=more)
+    assert (found.left_out, found.shear_error < 5e-3, found.loss_error < 0.05) == (True, True, True)
+    tables = tables_of(found.tables())
+    for p in np.sqrt(found.pressure_Pa[1:] * found.pressure_Pa[:-1]):
+        slip = slip_curve(ScaledCurve(more(p * AREA_M2), 1 / AREA_M2), float(p), MU, STEEL.kappa)
+        delta = np.linspace(0.01, 0.95, 30) * slip.total_slip_displacement_m
+        np.testing.assert_allclose(tables.shear_Pa(delta, p), slip.force_N(delta), rtol=5e-3)
+        np.testing.assert_allclose(tables.loss_J_per_m2(delta, p), slip.energy_J(delta), rtol=0.05)
+
+
+def test_what_lies_between_solutions_is_not_known_where_none_can_be_left_out():
+    def fails(load_N):
+        if load_N > LOAD_N or load_N < 0.5 * LOAD_N:
+            raise ContactError("cannot be followed")
+        return after(load_N)
+
+    found = law_of(after(LOAD_N), "boundary_elements", hardness=1e9, after=fails)
+    assert len(found.pressure_Pa) == 2
+    assert np.isinf([found.shear_error, found.loss_error]).all()
 
 
 def test_caps_that_touch_between_two_pressures_of_a_map_stay_at_their_load():

@@ -26,6 +26,7 @@ MIN_PIXELS_ACROSS = 10.0  # of the contacts that carry half of the load
 MIN_REFINED_ACROSS = 6.0  # the same, where a spline knows what lies between the pixels
 HIGHER = 0.05  # of the approach, that a face stands above its highest pixel: no less is noted
 AT_HOLES = 0.05  # of the load: what a hole takes from less moves the answers by less than that
+HARDLY = 0.01  # of a load, on points at their hardness: these are the last to let go
 NEARLY_ALL = 0.95  # of a load: beyond that share contacts let go one by one
 
 
@@ -86,9 +87,9 @@ class BoundaryElementCurve:
         one sphere they are so at any share, as its curve keeps its form. They are ratios to the
         same at the load as it is, so what the pixels do to both is not in them.
 
-        What did not yield under the load is elastic, and was loaded along the curve on which it
+        What hardly yields under the load is elastic, and was loaded along the curve on which it
         unloads: that costs no solution. Else each change costs two on the contact alone, and what
-        would touch under more load one more.
+        would touch under more load at times one more.
 
         Parameters
         ----------
@@ -106,7 +107,7 @@ class BoundaryElementCurve:
         """
         unloading = self.unloading(load_N)
         share = min(max(share, SMALL_SLIP, unloading.smallest_drop_N / load_N), NEARLY_ALL)
-        known = [load <= 1.0 <= hardness and not self.yielded_area_m2 for load, hardness in changes]
+        known = [of_load <= 1.0 and self._hardly_yields(load_N, H) for of_load, H in changes]
         solved = [one for one, below in zip(changes, known, strict=True) if not below]
         anew = iter(self._anew(load_N, solved, share) if solved else ())
         ratios = [
@@ -117,6 +118,14 @@ class BoundaryElementCurve:
             ScaledCurve(self, of_load, *map(float, each))
             for (of_load, _), each in zip(changes, ratios, strict=True)
         ]
+
+    def _hardly_yields(self, load_N: float, of_hardness: float) -> bool:
+        """Tell whether next to none of a load rests on points at the hardness, or part of it."""
+        if self.first is None:
+            return True
+        p = self.pressed(load_N).pressure_Pa
+        at_most = p >= min(of_hardness, 1.0) * self.first.face.hardness_Pa
+        return float(p[at_most].sum()) <= HARDLY * float(p.sum())
 
     def _anew(self, load_N: float, changes: list[tuple[float, float]], share: float) -> np.ndarray:
         """Return factors of approach, withdrawal and loss after other loadings, shape (n, 3)."""

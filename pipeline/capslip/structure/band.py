@@ -27,6 +27,8 @@ NODES = 5  # preloads that are solved where the preload is not certain
 NODES_OF_PATCHES = 3  # the same, of a joint that is pressed unevenly
 NODES_OF_HARDNESS = 3  # the same of the hardness, at the preload
 OF_A_MAP = (-1.0, 0.0, 1.0)  # of either, as shares of the widest: each is a solution of the map
+# The same of a hardness that moves little: half the square of a logarithm is half a percent
+HARDER, LITTLE = (0.0, 1.0), 0.1
 COUNTED = ("tangential_stiffness_N_per_m", "energy_J", "joint_loss_factor", "loss_factor")
 OF_BOTH = ("caps", "model", "scans", "direction")  # move displacement and energy by factors
 OF_LIGHT_DAMPING = ("loss_factor", "damping_ratio")
@@ -286,17 +288,25 @@ class _State:
         nodes = np.column_stack((loads, np.zeros(len(loads))))
         if not self.yields or not log_H.any():
             return nodes, weight
-        hard = self._axis(float(np.abs(log_H).max()), NODES_OF_HARDNESS)
+        widest = float(np.abs(log_H).max())
+        hard = self._axis(widest, NODES_OF_HARDNESS)
+        if self._is_map and widest <= LITTLE:
+            hard = widest * np.array(HARDER)
         nodes = np.vstack((nodes, np.column_stack((np.zeros(len(hard)), hard)), np.zeros((1, 2))))
         weight = np.hstack((weight, _weights(hard, log_H), np.full((len(log_N), 1), -1.0)))
         nodes, place = np.unique(np.round(nodes, 12), axis=0, return_inverse=True)
         return nodes, weight @ np.eye(len(nodes))[place]
 
+    @property
+    def _is_map(self) -> bool:
+        """Whether each node is a solution of a map."""
+        return any(part.contact.rung.near is not None for part in self.parts)
+
     def _axis(self, widest: float, count: int) -> np.ndarray:
         """Return places up to the widest on either side."""
         if widest == 0.0:
             return np.zeros(1)
-        if any(part.contact.rung.near is not None for part in self.parts):
+        if self._is_map:
             return widest * np.array(OF_A_MAP)
         return -widest * np.cos(np.pi * (np.arange(count) + 0.5) / count)
 

@@ -7,11 +7,20 @@ from typing import Any
 import numpy as np
 
 from capslip.contact.joint import MAX_SOLVED, Joint, curve_of_joint
+from capslip.contact.scaled import ScaledCurve
 from capslip.contact.scans import curve_of_scans, kappa_of_scans
 from capslip.contact.slip import SlipCurve, slip_curve
 from capslip.errors import ContactError
-from capslip.structure.band import Part
-from capslip.structure.interpolation import BED, OF_JOINT, ROWS, tables_of
+from capslip.structure.band import NORMAL_95, Part
+from capslip.structure.beds import (
+    LEAST_LOAD,
+    SAME_CURVE,
+    bed_of_curve,
+    bed_of_solutions,
+    beds_at_loads,
+    beds_at_shares,
+)
+from capslip.structure.interpolation import BED, OF_JOINT, tables_of
 from capslip.structure.jenkins import JenkinsElements, jenkins
 
 # Pressures lie at p0 times ratio^i, so that the pressure of the scan is one of them.
@@ -24,9 +33,6 @@ MOST_TURNS, BETWEEN = 4, 0.05  # in which pressures are added, where more is mis
 SHARES = np.union1d(np.geomspace(1e-3, 0.5, 36), 1.0 - np.append(np.geomspace(0.46, 1e-2, 12), 0.0))
 # Each of several scans slips as a whole at a share of its own
 SHARES_OF_SCANS = np.union1d(SHARES, np.geomspace(0.05, 1.0, 80))
-SAME_CURVE = 1e-6  # of a closure, by which a curve is another
-POINTS, LEAST_LOAD = 800, 1e-4  # of the bed of springs; of the load of the scan
-POINTS_OF_YIELDED = 400  # of each of many beds
 JENKINS_TOLERANCE = 0.02
 # Columns that hold how much the scans of a joint differ
 SCATTERS = {
@@ -67,9 +73,10 @@ class Law:
     hardness_Pa: float | None  # None: all is elastic
     model: str
     model_error: float | None  # of energy and stiffness at the pressure of the scan
-    left_out: bool  # whether the next two are measured with every second pressure left out
-    shear_error: float  # of `LawTables`, from a tenth of mu p on, see `law`
-    loss_error: float
+    left_out: bool  # whether the next two are measured with pressures left out, each in turn
+    shear_error: float  # of `LawTables`, from a tenth of mu p on, see `law`; infinite: not known
+    loss_error: float  # from the next on
+    resolved_share: np.ndarray  # (p,), of mu p: a tenth, or what the pixels of a map resolve
 
     @property
     def range_Pa(self) -> tuple[float, float]:
@@ -136,8 +143,12 @@ def law(
     Notes
     -----
     The errors of what lies between the points of the tables are the largest at `pressure_Pa`, from
-    a tenth of mu p on; where each pressure has its own curve, at the quarters between, too, and
-    where each has a solution of its own, with every second one left out.
+    a tenth of mu p on; where each pressure has its own curve, at the quarters between, too. Where
+    each has a solution of its own, each inner one is left out in turn, and the errors there, twice
+    as far from the next solution as a pressure can be, are taken for a sample: its largest, or its
+    mean and 1.96 standard deviations where that is more. Beds of a map are compared at equal loads
+    or at equal shares of their pressures, whichever tells more of those that are left out: the
+    first where it is elastic, the second where most of it yields.
 
     Slip: Eqs. 3-16 of Peyret, Chevallier and Dion, Int. J. Appl. Mech. 8 (2016) 1650097, see
     `contact.slip`. The tilt of the face is that under the pressure of the scan.
@@ -149,12 +160,15 @@ def law(
     rows = _rows(slips, SHARES if len(parts) == 1 else SHARES_OF_SCANS)
     delta, range_Pa = rows["displacement_m"], rows["pressure_Pa"][[0, -1]]
     of_joint = dict(zip(OF_JOINT, (friction_coefficient, slips[0].kappa, range_Pa), strict=True))
-    of_scans, left_out = _of_scans(parts, patches), _is_solved(parts)
-    # What lies between the pressures is measured there, or at those that are left out
-    some = [*patches[:-1:2], patches[-1]] if left_out else patches
-    tables = _tables(of_joint, _of_scans(parts, some) if left_out else of_scans)
-    tested = [*slips, *(_together(parts, patch) for patch in between)]
-    errors_of_tables = _errors_of_tables(tables, tested, delta[0] / delta[0, -1])
+    at_shares, between_solved = False, np.zeros(2)
+    if left_out := _is_solved(parts):
+        at_shares, between_solved = _between_solved(parts, patches, of_joint)
+    of_scans, tested = _of_scans(parts, patches, at_shares), [*patches, *between]
+    resolved = np.array([_resolved_share(parts, patch) for patch in tested])
+    tested_slips = [*slips, *(_together(parts, patch) for patch in between)]
+    shares = delta[0] / delta[0, -1]
+    of_tables = _errors_of_tables(_tables(of_joint, of_scans), tested_slips, shares, resolved)
+    shear_error, loss_error = np.maximum(of_tables.max(axis=1), between_solved)
     errors = [contact.estimated_error for contact in contacts]
     return Law(
         **rows,
@@ -173,8 +187,9 @@ def law(
         model=slips[0].curve.model,
         model_error=None if None in errors else max(error for error in errors if error is not None),
         left_out=left_out,
-        shear_error=float(errors_of_tables[0].max()),
-        loss_error=float(errors_of_tables[1].max()),
+        shear_error=float(shear_error),
+        loss_error=float(loss_error),
+        resolved_share=resolved[: len(patches)],
     )
 
 
@@ -195,21 +210,25 @@ def _tables(of_joint: dict[str, Any], of_scans: Sequence[dict[str, Any]]) -> dic
 
 
 def _of_scans(
-    parts: Sequence[Part], patches: Sequence[Sequence[SlipCurve]]
+    parts: Sequence[Part], patches: Sequence[Sequence[SlipCurve]], at_shares: bool = False
 ) -> tuple[dict[str, Any], ...]:
-    """Return what `tables_of` takes of each scan under growing pressures."""
+    """Return what `tables_of` takes of each scan under growing pressures.
+
+    The beds of a map that yields at equal shares of their pressures, or at equal loads.
+    """
     found = []
     for part, slips in zip(parts, zip(*patches, strict=True), strict=True):
         rows, is_solved = _rows(slips, SHARES), part.contact.rung.solved_loads_N is not None
         yields = part.contact.hardness_Pa is not None
-        if yields and (is_solved or _has_yielded(slips, rows)):
-            tables = _beds(slips, part.joint, _area_m2(part.joint), is_solved)
+        least_Pa = LEAST_LOAD * part.joint.scan_load_N / _area_m2(part.joint)
+        if yields and is_solved and at_shares:
+            tables = beds_at_shares(slips)
+        elif yields and (is_solved or _has_yielded(slips, rows)):
+            tables = beds_at_loads(slips, least_Pa, is_solved)
         elif is_solved:
-            tables = dict(zip(BED, _bed_of_solutions(rows), strict=True))
+            tables = bed_of_solutions(rows)
         else:
-            least_Pa = LEAST_LOAD * part.joint.scan_load_N / _area_m2(part.joint)
-            p = np.geomspace(least_Pa, float(slips[-1].preload_N), POINTS)
-            tables = dict(zip(BED, _bed_of_curve(slips[-1], p), strict=True))
+            tables = bed_of_curve(slips[-1], least_Pa)
         found.append(tables if len(parts) == 1 else {"share": part.share, **tables})
     return tuple(found)
 
@@ -360,90 +379,68 @@ def _patch(part: Part, factor: float, friction_coefficient: float) -> SlipCurve:
     return slip_curve(per_area, load_N / area_m2, friction_coefficient, contact.composite.kappa)
 
 
-def _beds(
-    slips: Sequence[SlipCurve], joint: Joint, area_m2: float, is_solved: bool
-) -> dict[str, np.ndarray]:
-    """Return the bed that each pressure leaves, at the same loads of all.
+def _between_solved(
+    parts: Sequence[Part], patches: list[list[SlipCurve]], of_joint: dict[str, Any]
+) -> tuple[bool, np.ndarray]:
+    """Return whether beds are alike at shares of their pressures, and errors between solutions.
 
-    A map is known up to the pressure itself, caps up to the next one. Beyond, the bed goes on in
-    the form of the next one: what touches there first, touches at one load in both.
+    Those of shear and loss; infinite where less than two pressures can be left out.
     """
-    least_Pa = LEAST_LOAD * joint.scan_load_N / area_m2
-    pressure_Pa = np.array([float(slip.preload_N) for slip in slips])
-    n_points = POINTS if is_solved else POINTS_OF_YIELDED
-    p = np.union1d(np.geomspace(least_Pa, pressure_Pa[-1], n_points), pressure_Pa)
-    p = p[np.append(np.diff(p) > SAME_CURVE * p[:-1], True)]
-    most_Pa = pressure_Pa if is_solved else np.append(pressure_Pa[1:], pressure_Pa[-1])
-    bed_of = _bed_of_unloading if is_solved else _bed_of_curve
-    beds: list[tuple[np.ndarray, np.ndarray]] = []
-    for slip, most in zip(slips[::-1], most_Pa[::-1], strict=True):
-        known_Pa = p[p <= most * (1.0 + SAME_CURVE)]
-        z, K = bed_of(slip, known_Pa)
-        if beds:
-            next_z, next_K = beds[-1]
-            n = z.size
-            stiffer = K[-1] / next_K[n - 1]
-            z = np.append(z, z[-1] + (next_z[n:] - next_z[n - 1]) / stiffer)
-            K = np.append(K, stiffer * next_K[n:])
-        beds.append((z, K))
-    columns = zip(BED, map(np.array, zip(*beds[::-1], strict=True)), strict=True)
-    return {ROWS[0]: pressure_Pa, **dict(columns)}
+    best, least = (False, np.full(2, np.inf)), np.inf
+    inner = range(1, len(patches) - 1)
+    if len(inner) < 2:
+        return best
+    resolved = [np.array([_resolved_share(parts, patch)]) for patch in patches]
+    yields = parts[0].contact.hardness_Pa is not None
+    for at_shares in (False, True) if yields else (False,):
+        found = []
+        for i in inner:
+            of_scans = _of_scans(parts, [*patches[:i], *patches[i + 1 :]], at_shares)
+            left_out = [_together(parts, patches[i])]
+            tables = _tables(of_joint, of_scans)
+            found.append(_errors_of_tables(tables, left_out, SHARES, resolved[i])[:, 0])
+        errors = np.array(found)
+        if errors[:, 1].mean() < least:
+            likely = errors.mean(axis=0) + NORMAL_95 * errors.std(axis=0, ddof=1)
+            best = at_shares, np.maximum(errors.max(axis=0), likely)
+            least = float(errors[:, 1].mean())
+    return best
 
 
-def _bed_of_unloading(slip: SlipCurve, p: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return closures and stiffnesses at growing pressures up to that from which a map unloads."""
-    most_Pa, d = float(slip.preload_N), float(slip.approach_m)
-    whole_m, *e = slip.curve.withdrawal_m(d, np.append(most_Pa, np.maximum(most_Pa - p, 0.0)))
-    z = whole_m - np.array(e)
-    K = np.gradient(p, z)
-    K[-1] = float(slip.curve.stiffness_N_per_m(d))
-    return _from_touch(p, z, K)
-
-
-def _bed_of_curve(slip: SlipCurve, p: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return closures and stiffnesses of a whole curve at growing pressures, and at its touch."""
-    curve = slip.curve
-    approach_m = np.asarray(curve.approach_m(p))
-    K = np.asarray(curve.stiffness_N_per_m(approach_m))
-    return _from_touch(p, approach_m - float(curve.touch_m), K)
-
-
-def _bed_of_solutions(rows: dict[str, np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
-    """Return them between solved pressures: a cubic in log-log with their closures and slopes."""
-    from scipy.interpolate import CubicHermiteSpline
-
-    p, d, K = (rows[name] for name in ROWS[:3])
-    curve = CubicHermiteSpline(np.log(p), np.log(d), p / (K * d))
-    fine = np.linspace(np.log(p[0]), np.log(p[-1]), POINTS)
-    z = np.exp(curve(fine))
-    # Below the least pressure the power law that its closure and slope make
-    exponent = p[0] / (K[0] * d[0])
-    below = np.geomspace(LEAST_LOAD * p[-1], p[0], POINTS // 2, endpoint=False)
-    z_below = d[0] * (below / p[0]) ** exponent
-    all_p, all_z = np.append(below, np.exp(fine)), np.append(z_below, z)
-    slope = np.append(np.full(below.size, exponent), curve(fine, 1))
-    return _from_touch(all_p, all_z, all_p / (slope * all_z))
-
-
-def _from_touch(p: np.ndarray, z: np.ndarray, K: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Add the touch, with the springs there that bear the first pressure."""
-    at_touch = max(2.0 * p[0] / z[0] - K[0], 0.0)
-    return np.append(0.0, z), np.append(at_touch, K)
+def _resolved_share(parts: Sequence[Part], patch: Sequence[SlipCurve]) -> float:
+    """Return the share of mu p from which all scans know the loss; a tenth, if that is more."""
+    shares = [ASKED_SHARE]
+    for part, slip in zip(parts, patch, strict=True):
+        if part.contact.rung.least_share is not None:
+            curve = slip.curve.curve if isinstance(slip.curve, ScaledCurve) else slip.curve
+            load_N = float(curve.load_N(slip.approach_m))
+            shares.append(part.contact.rung.least_share(curve, load_N))
+    return max(shares)
 
 
 def _errors_of_tables(
-    of: dict[str, Any], slips: Sequence[SlipCurve], shares: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
+    of: dict[str, Any],
+    slips: Sequence[SlipCurve],
+    shares: np.ndarray,
+    resolved: np.ndarray | float = ASKED_SHARE,
+) -> np.ndarray:
     """Return the largest errors of shear and loss against each of the curves they stand for.
 
-    At shares of the displacements at total slip, and halfway between them.
+    At shares of the displacements at total slip, and halfway between them; of the loss from a
+    resolved share of mu p of each curve on.
+
+    Returns
+    -------
+    float64, shape (2, p)
     """
     tables = tables_of(of)
     shares = np.union1d(shares, 0.5 * (shares[1:] + shares[:-1]))
     delta = np.array([float(slip.total_slip_displacement_m) for slip in slips])[:, None] * shares
     p = np.array([float(slip.preload_N) for slip in slips])[:, None]
     exact = _sheared(slips, delta)
-    asked = exact["shear_Pa"] >= ASKED_SHARE * slips[0].friction_coefficient * p
+    share = exact["shear_Pa"] / (slips[0].friction_coefficient * p)
     shear = np.abs(tables.shear_Pa(delta, p) / exact["shear_Pa"] - 1.0)
     loss = np.abs(tables.loss_J_per_m2(delta, p) / exact["loss_J_per_m2"] - 1.0)
-    return np.where(asked, shear, 0.0).max(axis=1), np.where(asked, loss, 0.0).max(axis=1)
+    shear = np.where(share >= ASKED_SHARE, shear, 0.0)
+    loss = np.where(share >= np.reshape(resolved, (-1, 1)), loss, 0.0)
+    return np.array((shear.max(axis=1), loss.max(axis=1)))

@@ -1,5 +1,6 @@
 """A pressed face under another load or with another hardness, at next to no cost."""
 
+import math
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -12,10 +13,11 @@ from capslip.contact.solvers.polonsky_keer import first_loading, press
 from capslip.contact.solvers.pressed import Pressed
 from capslip.contact.solvers.starts import Known, start_Pa
 
-_TOLERANCE = 1e-6  # of a first loading: at 1e-5 the loss of rough faces is off by a tenth
+_TOLERANCE = 1e-5  # of a first loading, whose state is used for quotients alone
 _ROUGHLY = 1e-4  # the same where only what touches is asked
+_MOSTLY, _SPARE = 0.5, 2.0  # of the hardness: mean pressure; of the contact that load adds
 _LEAST_PA = 1e-300  # stands for no pressure below a fraction
-_LEFT, _LOOSEST, _FINEST = 1e-2, 1e-5, 1e-9  # of the loss, that gaps may be; tolerances below it
+_LEFT, _LOOSEST, _FINEST = 1e-1, 1e-4, 1e-9  # of the loss, that gaps may be; tolerances below it
 
 
 @dataclass(frozen=True)
@@ -62,7 +64,7 @@ def nearby(
     ContactError
         If a solution fails.
     """
-    face, touching = first.face, _touching(first, pressed, changes)
+    face, (touching, widest_Pa) = first.face, _touching(first, pressed, changes)
     alone = _alone(face, touching, finest)
     known_Pa, punch = (alone.gathered(one) for one in (pressed.pressure_Pa, punch_Pa_per_m))
     total_Pa = (1.0 - share) * pressed.load_N / face.pixel_area_m2
@@ -72,6 +74,8 @@ def nearby(
     for of_load, of_hardness in [(1.0, 1.0), *changes]:
         face_i = replace(alone, hardness_Pa=face.hardness_Pa * of_hardness)
         begin_Pa, load_N = known_Pa * of_load, pressed.load_N * of_load
+        if of_load > 1.0 and widest_Pa is not None:
+            begin_Pa = alone.gathered(widest_Pa)
         state = press(face_i, load_N=load_N, tolerance=_TOLERANCE, start_Pa=begin_Pa)
         one, left_Pa = _unloaded(*first_loading(face_i, state), part, share)
         if not found:  # the others keep about the same part of their pressures
@@ -82,22 +86,31 @@ def nearby(
 
 def _touching(
     first: FirstLoading, pressed: Pressed, changes: list[tuple[float, float]]
-) -> np.ndarray:
-    """Return the points that touch after any of the changes, bool, shape (ny, nx).
+) -> tuple[np.ndarray, np.ndarray | None]:
+    """Return the points that may touch after any of the changes, bool, shape (ny, nx).
 
-    The approach grows by no more than the load over the hardness does, as more and more touches,
-    and the gap of a point falls by no more than that.
+    Less hardness makes less touch than as much more load does. The approach grows by no more than
+    the load, as more and more touches, and the gap of a point falls by no more than that. Where
+    most of the load rests on points at the hardness, contact grows as the load, by the points that
+    stand clear by least: twice as many are taken. Else also returns the pressures under the
+    greatest load, roughly.
     """
     face, contact = first.face, pressed.pressure_Pa > 0.0
-    load, hardness = (np.append(1.0, of) for of in zip(*changes, strict=True))
-    most, least = float(load.max()), float(hardness.min())
-    if most == least == 1.0:
-        return contact
-    may_touch = contact | (pressed.gap_m < (most / least - 1.0) * first.approach_m) & face.measured
-    alone = replace(_alone(face, may_touch), hardness_Pa=face.hardness_Pa * least)
-    begin_Pa = np.minimum(alone.gathered(pressed.pressure_Pa) * most, alone.hardness_Pa)
+    most = max(load / hardness for load, hardness in (*changes, (1.0, 1.0)))
+    if most == 1.0:
+        return contact, None
+    may_touch = (pressed.gap_m < (most - 1.0) * first.approach_m) & face.measured & ~contact
+    if pressed.pressure_Pa[contact].mean() > _MOSTLY * face.hardness_Pa:
+        gap_m = pressed.gap_m[may_touch]
+        count = math.ceil(_SPARE * (most - 1.0) * np.count_nonzero(contact))
+        if count < gap_m.size:
+            may_touch &= pressed.gap_m <= np.partition(gap_m, count)[count]
+        return contact | may_touch, None
+    alone = _alone(face, contact | may_touch)
+    begin_Pa = np.minimum(alone.gathered(pressed.pressure_Pa) * most, face.hardness_Pa)
     widest = press(alone, load_N=most * pressed.load_N, tolerance=_ROUGHLY, start_Pa=begin_Pa)
-    return contact | (alone.spread(widest.pressure_Pa) > 0.0)
+    widest_Pa = alone.spread(widest.pressure_Pa)
+    return contact | (widest_Pa > 0.0), widest_Pa
 
 
 def _alone(face: ElasticFace, points: np.ndarray, finest: int = 1) -> PatchedFace:

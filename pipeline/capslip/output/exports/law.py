@@ -14,7 +14,7 @@ from capslip.errors import ContactError
 from capslip.output.export import Export
 from capslip.result import Analysis, JointOfScans
 from capslip.structure import interpolation
-from capslip.structure.law import JENKINS_TOLERANCE, SCATTERS, Law, law
+from capslip.structure.law import ASKED_SHARE, JENKINS_TOLERANCE, SCATTERS, Law, law
 
 if TYPE_CHECKING:
     from capslip.result import JointResult
@@ -167,11 +167,10 @@ def about(found: Law, name: str, status: str, doubts: list[str]) -> list[str]:
         "Constant pressure during a cycle, one direction of slip, no turning of the face, the tilt "
         f"as under {found.scan_pressure_Pa:.4g} Pa, " + yields + bulk,
         f"Error: of the model, estimated at {found.scan_pressure_Pa:.4g} Pa: {error}. Of law.py "
-        f"against the model, from a tenth of mu p on: up to {found.shear_error:.1%} of tau and "
-        f"{found.loss_error:.1%} of w, measured "
+        f"against the model, {_off(found)}, measured "
         + (
-            "with every second pressure left out: contacts that touch between two of them are "
-            "smeared, so take the pressures of law.csv where this is too much"
+            "where pressures are left out, each in turn: contacts that touch between two of them "
+            "are smeared, so take the pressures of law.csv where this is too much"
             if found.left_out
             else "at the pressures of law.csv"
             + ("" if found.has_beds_alone else " and at the quarters between them")
@@ -181,6 +180,22 @@ def about(found: Law, name: str, status: str, doubts: list[str]) -> list[str]:
         *(["", "What makes it doubtful:"] if doubts else []),
         *(f"- {doubt}" for doubt in doubts),
     ]
+
+
+def _off(found: Law) -> str:
+    """Return by how much `law.py` may be off, and from which share of mu p on."""
+    shear, loss = (
+        f"up to {one:.1%}" if np.isfinite(one) else "not known how much"
+        for one in (found.shear_error, found.loss_error)
+    )
+    low, high = found.resolved_share.min(), found.resolved_share.max()
+    if high <= ASKED_SHARE:
+        return f"from a tenth of mu p on: {shear} of tau and {loss} of w"
+    return (
+        f"from a tenth of mu p on: {shear} of tau; from {low:.0%} to {high:.0%} of mu p on, "
+        f"differing with p: {loss} of w, while below that less slips than the pixels of the map "
+        "resolve, and w may be off by more than its own value between two pressures"
+    )
 
 
 def deck(found: Law, program: str, page: Iterable[str]) -> str:

@@ -1,0 +1,109 @@
+"""The beds of springs that stand for a joint face under any pressure: stiffness over closure."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from capslip.contact.slip import SlipCurve
+from capslip.structure.interpolation import BED, ROWS
+
+SAME_CURVE = 1e-6  # of a closure, by which a curve is another
+POINTS, LEAST_LOAD = 800, 1e-4  # of the bed of springs; of the load of the scan
+POINTS_OF_YIELDED = 400  # of each of many beds
+LEAST_DROP = 1e-3  # of a pressure, that the bed along which a map unloads from it resolves
+LOAD_SHARES = np.union1d(
+    np.geomspace(LEAST_LOAD, 0.5, POINTS_OF_YIELDED),
+    1.0 - np.append(np.geomspace(0.49, LEAST_DROP, POINTS_OF_YIELDED // 2), 0.0),
+)
+
+
+def bed_of_curve(slip: SlipCurve, least_Pa: float) -> dict[str, np.ndarray]:
+    """Return the one bed of a curve that serves all pressures up to that of a slip curve."""
+    p = np.geomspace(least_Pa, float(slip.preload_N), POINTS)
+    return dict(zip(BED, _bed_of_curve(slip, p), strict=True))
+
+
+def bed_of_solutions(rows: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
+    """Return one bed between solved pressures: a cubic in log-log with closures and slopes."""
+    from scipy.interpolate import CubicHermiteSpline
+
+    p, d, K = (rows[name] for name in ROWS[:3])
+    curve = CubicHermiteSpline(np.log(p), np.log(d), p / (K * d))
+    fine = np.linspace(np.log(p[0]), np.log(p[-1]), POINTS)
+    z = np.exp(curve(fine))
+    # Below the least pressure the power law that its closure and slope make
+    exponent = p[0] / (K[0] * d[0])
+    below = np.geomspace(LEAST_LOAD * p[-1], p[0], POINTS // 2, endpoint=False)
+    z_below = d[0] * (below / p[0]) ** exponent
+    all_p, all_z = np.append(below, np.exp(fine)), np.append(z_below, z)
+    slope = np.append(np.full(below.size, exponent), curve(fine, 1))
+    bed = _from_touch(all_p, all_z, all_p / (slope * all_z))
+    return dict(zip(BED, bed, strict=True))
+
+
+def beds_at_loads(
+    slips: Sequence[SlipCurve], least_Pa: float, is_solved: bool
+) -> dict[str, np.ndarray]:
+    """Return the bed that each pressure leaves, at the same loads of all.
+
+    A map is known up to the pressure itself, caps up to the next one. Beyond, the bed goes on in
+    the form of the next one: what touches there first, touches at one load in both.
+    """
+    pressure_Pa = np.array([float(slip.preload_N) for slip in slips])
+    n_points = POINTS if is_solved else POINTS_OF_YIELDED
+    p = np.union1d(np.geomspace(least_Pa, pressure_Pa[-1], n_points), pressure_Pa)
+    p = p[np.append(np.diff(p) > SAME_CURVE * p[:-1], True)]
+    most_Pa = pressure_Pa if is_solved else np.append(pressure_Pa[1:], pressure_Pa[-1])
+    bed_of = _bed_of_unloading if is_solved else _bed_of_curve
+    beds: list[tuple[np.ndarray, np.ndarray]] = []
+    for slip, most in zip(slips[::-1], most_Pa[::-1], strict=True):
+        known_Pa = p[p <= most * (1.0 + SAME_CURVE)]
+        z, K = bed_of(slip, known_Pa)
+        if beds:
+            next_z, next_K = beds[-1]
+            n = z.size
+            stiffer = K[-1] / next_K[n - 1]
+            z = np.append(z, z[-1] + (next_z[n:] - next_z[n - 1]) / stiffer)
+            K = np.append(K, stiffer * next_K[n:])
+        beds.append((z, K))
+    columns = zip(BED, map(np.array, zip(*beds[::-1], strict=True)), strict=True)
+    return {ROWS[0]: pressure_Pa, **dict(columns)}
+
+
+def beds_at_shares(slips: Sequence[SlipCurve]) -> dict[str, np.ndarray]:
+    """Return the beds along which a map unloads, at the same shares of each pressure.
+
+    Where most of it yields, more load makes more of the same contacts: what lets go at a share of
+    one pressure lets go at that of another one, and what is left at a load is not alike.
+    """
+    p = np.array([float(slip.preload_N) for slip in slips])
+    beds = [
+        _bed_of_unloading(slip, most_Pa * LOAD_SHARES)
+        for slip, most_Pa in zip(slips, p, strict=True)
+    ]
+    columns = zip(BED, map(np.array, zip(*beds, strict=True)), strict=True)
+    return {ROWS[0]: p, **dict(columns)}
+
+
+def _bed_of_unloading(slip: SlipCurve, p: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return closures and stiffnesses at growing pressures up to that from which a map unloads."""
+    most_Pa, d = float(slip.preload_N), float(slip.approach_m)
+    whole_m, *e = slip.curve.withdrawal_m(d, np.append(most_Pa, np.maximum(most_Pa - p, 0.0)))
+    z = whole_m - np.array(e)
+    K = np.gradient(p, z)
+    K[-1] = float(slip.curve.stiffness_N_per_m(d))
+    return _from_touch(p, z, K)
+
+
+def _bed_of_curve(slip: SlipCurve, p: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return closures and stiffnesses of a whole curve at growing pressures, and at its touch."""
+    curve = slip.curve
+    approach_m = np.asarray(curve.approach_m(p))
+    K = np.asarray(curve.stiffness_N_per_m(approach_m))
+    return _from_touch(p, approach_m - float(curve.touch_m), K)
+
+
+def _from_touch(p: np.ndarray, z: np.ndarray, K: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Add the touch, with the springs there that bear the first pressure."""
+    at_touch = max(2.0 * p[0] / z[0] - K[0], 0.0)
+    return np.append(0.0, z), np.append(at_touch, K)
