@@ -88,7 +88,7 @@ def test_a_part_that_fails_takes_no_number_along(
 
     monkeypatch.setattr(module, name, fail)
     out = tmp_path / "out"
-    ran = run("analyze", face, "--no-render", "--json", "--sensitivity", "-o", out)
+    ran = run("analyze", face, "--no-render", "--json", "-o", out)
     assert ran.exit_code == 1
     errors = [line for line in ran.stderr.splitlines() if line.startswith("error: ")]
     assert len(errors) == 1

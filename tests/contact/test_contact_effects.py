@@ -217,7 +217,7 @@ def test_a_bow_that_hides_hills_below_the_cut_has_no_effect_that_caps_tell():
     assert effect_of(hidden, "bow_left").effect is None
 
 
-@pytest.mark.parametrize(("model", "points"), [("interacting", 240), ("boundary_elements", 96)])
+@pytest.mark.parametrize(("model", "points"), [("interacting", 240), ("boundary_elements", 64)])
 def test_a_bow_of_the_instrument_moves_what_it_moves_on_the_map(model, points):
     """The greatest change by a cylinder or a sphere of that height over the map, up or down."""
     rng = np.random.default_rng(6)
@@ -274,8 +274,7 @@ def test_seams_move_what_one_level_moves(model, points):
     assert effect.energy == pytest.approx(more, rel=0.1)
 
 
-@pytest.mark.parametrize("load_N", [100.0, 400.0])
-@pytest.mark.parametrize("burr_m", [1e-6, 1.3e-6])
+@pytest.mark.parametrize(("burr_m", "load_N"), [(1e-6, 400.0), (1.3e-6, 100.0)])
 def test_a_burr_moves_what_it_moves_on_the_map_itself(burr_m, load_N):
     """Boundary elements with the burr and without it; less slip than these is not resolved."""
     words = (f"contact.preload_N={load_N!r}", "contact.model=boundary_elements")

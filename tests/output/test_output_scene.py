@@ -11,7 +11,7 @@ import output_cases
 import pytest
 
 from capslip.errors import OutputError
-from capslip.output import renderer
+from capslip.output import renderer, scene
 from capslip.output.picture import STICK, Look, caption, plotter_of
 from capslip.output.scene import look_of, save_picture, show, start_render
 from capslip.output.tables import write_result, write_summary
@@ -228,8 +228,10 @@ def test_spheres_are_not_spoiled_by_the_face_they_coincide_with(opengl, result):
     plotter.close()
 
 
-def test_turntable_turns(opengl, result, tmp_path):
+def test_turntable_turns(opengl, result, tmp_path, monkeypatch):
     from PIL import Image
+
+    monkeypatch.setattr(scene, "FRAME_SIZE", (300, 190))  # each is drawn by the processor here
 
     save_picture(result, tmp_path / "turn.gif", look_of("load", 1.0, 0.4))
     with Image.open(tmp_path / "turn.gif") as picture:
