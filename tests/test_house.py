@@ -83,8 +83,7 @@ def test_imports_run_one_way(module):
 
 def test_no_import_runs_in_a_circle():
     graph = {
-        module: {name for name in imports(without_type_checking(module)) if name in TREES}
-        - DOORS
+        module: {name for name in imports(without_type_checking(module)) if name in TREES} - DOORS
         for module in MODULES
     }
     TopologicalSorter(graph).prepare()  # CycleError names the circle
