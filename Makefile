@@ -78,7 +78,7 @@ samples: $(READY) ## Write the sample surfaces again
 	@$(BIN)/python -P -m capslip.studies.faces.samples sample_surfaces
 
 test: $(READY) ## Run the tests
-	@OPENBLAS_NUM_THREADS=1 $(BIN)/python -P -m pytest --numprocesses=2 --dist=loadfile $(ARGS)
+	@OPENBLAS_NUM_THREADS=1 $(BIN)/python -P -m pytest --numprocesses=2 --dist=loadfile --no-loadscope-reorder $(ARGS)
 
 lint: $(READY) ## Check style and types
 	@$(BIN)/ruff check .

@@ -4,6 +4,7 @@ import ast
 import re
 import sys
 import tomllib
+from functools import cache
 
 import pytest
 
@@ -24,6 +25,7 @@ def modules(requirements):
     return {IMPORTED_AS.get(name, name.replace("-", "_")) for name in names}
 
 
+@cache
 def imported():
     """Return name -> files of the package that import it, our own and Python's left out."""
     package, found = PROJECT / "pipeline" / "capslip", {}

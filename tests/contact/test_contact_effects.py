@@ -1,6 +1,7 @@
 """What a doubt moves: caps that are pressed again as they may be as well."""
 
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 import pytest
@@ -35,6 +36,11 @@ def face(peaks=PEAKS, burr_m=None, at=(120, 100)):
 
 def found(surface, *words):
     return analyze_once(surface, load_settings(overrides=("contact.preload_N=200", *words)))
+
+
+@cache
+def plain():
+    return found(face(MORE))
 
 
 def effect_of(analysis, code, caps=None, peaks=None, tolerance=0.05, least_share=0.1):
@@ -84,7 +90,7 @@ def test_half_of_equal_caps_left_out_is_hertz():
 
 
 def test_a_doubt_within_the_tolerance_is_information():
-    analysis = found(face(MORE))
+    analysis = plain()
     caps = flagged(analysis.caps, [MORE[-1][:2]])
     effect = effect_of(analysis, "load_on_doubtful_caps", caps).effect
     moved = max(effect.tangential_stiffness, effect.energy)
@@ -96,7 +102,7 @@ def test_a_doubt_within_the_tolerance_is_information():
 
 def test_what_moves_the_energy_below_the_forces_asked_for_alone_is_noted():
     """The lowest cap left out: the loss differs most at small forces."""
-    analysis = found(face(MORE))
+    analysis = plain()
     caps = flagged(analysis.caps, [MORE[-1][:2]])
     given = analysis, "load_on_doubtful_caps", caps
     effect = effect_of(*given).effect
@@ -164,7 +170,7 @@ def with_bow(surface, rise_m):
 
 
 def test_a_bow_of_the_floor_is_taken_out_of_peaks_that_are_too_few_to_tell_it():
-    one, other = found(face(MORE)), found(with_bow(face(MORE), 1e-7))
+    one, other = plain(), found(with_bow(face(MORE), 1e-7))
     lifted = one.contact.approach_without_bulk_m / other.contact.approach_without_bulk_m - 1.0
     problem = effect_of(other, "bow_left")
     more = moved_energy(other, one)
@@ -217,7 +223,7 @@ def test_a_bow_that_hides_hills_below_the_cut_has_no_effect_that_caps_tell():
     assert effect_of(hidden, "bow_left").effect is None
 
 
-@pytest.mark.parametrize(("model", "points"), [("interacting", 240), ("boundary_elements", 96)])
+@pytest.mark.parametrize(("model", "points"), [("interacting", 240), ("boundary_elements", 64)])
 def test_a_bow_of_the_instrument_moves_what_it_moves_on_the_map(model, points):
     """The greatest change by a cylinder or a sphere of that height over the map, up or down."""
     rng = np.random.default_rng(6)
@@ -274,8 +280,7 @@ def test_seams_move_what_one_level_moves(model, points):
     assert effect.energy == pytest.approx(more, rel=0.1)
 
 
-@pytest.mark.parametrize("load_N", [100.0, 400.0])
-@pytest.mark.parametrize("burr_m", [1e-6, 1.3e-6])
+@pytest.mark.parametrize(("burr_m", "load_N"), [(1e-6, 400.0), (1.3e-6, 100.0)])
 def test_a_burr_moves_what_it_moves_on_the_map_itself(burr_m, load_N):
     """Boundary elements with the burr and without it; less slip than these is not resolved."""
     words = (f"contact.preload_N={load_N!r}", "contact.model=boundary_elements")
@@ -382,7 +387,6 @@ def test_points_that_stand_off_both_ways_are_errors_and_no_burrs():
 def test_thousands_of_errors_move_nothing_and_pillars_are_told():
     """Spikes of single points, one in twenty; then as many points that are pairs, or all up."""
     surface, rng = face(MORE), np.random.default_rng(4)
-    plain = found(surface)
     n = surface.size // 20
     at, alone = rng.choice(surface.size, n, replace=False), rng.choice((-1.0, 1.0), n)
     pairs = np.append(at[: n // 2], np.minimum(at[: n // 2] + 1, surface.size - 1))
@@ -398,7 +402,7 @@ def test_thousands_of_errors_move_nothing_and_pillars_are_told():
         (said,) = [p for p in spiky.problems if p.code == "outliers_removed"]
         assert said.severity == severity
         if severity == "info":
-            assert abs(moved_energy(plain, spiky)) < 0.02
+            assert abs(moved_energy(plain(), spiky)) < 0.02
             assert said.effect.energy > 0.05  # if they were burrs
 
 

@@ -10,6 +10,7 @@ import pytest
 from scipy.ndimage import gaussian_filter
 
 import capslip
+from capslip.analysis import analyze_once
 from capslip.caps.fit import fit_caps
 from capslip.contact.balanced import rebalanced
 from capslip.contact.levelling import UNSETTLED, _Search, find_level, turned
@@ -45,7 +46,7 @@ def waves():
 
 
 def analyzed(surface, *overrides):
-    return capslip.analyze(surface, load_settings(overrides=overrides))
+    return analyze_once(surface, load_settings(overrides=overrides))
 
 
 @cache
@@ -225,7 +226,7 @@ def test_two_mated_faces_balance_however_they_were_tilted():
     rough = HeightMap(2e-8 * gaussian_filter(rng.standard_normal(SHAPE), 6.0) * 20.0, PIXEL_M)
     tilted = turned(rough, (1e-4, -5e-5), (0.0, 0.0))
     one, other = (
-        capslip.analyze(face(), load_settings(overrides=("conditioning.form=none",)), mate)
+        analyze_once(face(), load_settings(overrides=("conditioning.form=none",)), mate)
         for mate in (rough, tilted)
     )
     assert one.summary()["contact"]["alignment"] == "balanced"

@@ -26,10 +26,10 @@ CAPS = [
 ]
 
 
-def run(*overrides, caps=CAPS, mate=None):
+def run(*overrides, caps=CAPS, mate=None, by=analyze):
     surface = caps_map(caps, SHAPE, PIXEL_M)
     settings = load_settings(overrides=("conditioning.form=none", *overrides))
-    return analyze(surface, settings, mate)
+    return by(surface, settings, mate)
 
 
 def messages(analysis):
@@ -78,12 +78,13 @@ def test_where_interacting_caps_fail_the_error_of_a_lower_rung_is_not_known(monk
 def test_a_bulk_term_that_cannot_be_taken_out_is_said():
     # 150 contacts spread over the face are stiffer than the half-space under an even pressure
     grid = [(2e-3 + 4e-3 * i, 2e-3 + 4e-3 * j, 2.0, 0.0) for i in range(15) for j in range(10)]
-    kept = run("contact.preload_N=60000", caps=grid)
+    given = ("contact.preload_N=60000", "contact.model=interacting")
+    kept = run(*given, caps=grid, by=analyze_once)
     assert kept.contact.bulk
     assert "bulk_kept" in messages(kept)
     assert kept.contact.approach_m < kept.contact.bulk_m
     assert kept.summary()["contact"]["approach_without_bulk_m"] is None
-    asked = run("contact.preload_N=60000", "contact.bulk=true", caps=grid)
+    asked = run(*given, "contact.bulk=true", caps=grid, by=analyze_once)
     assert "bulk_kept" not in messages(asked)
     without = run("contact.preload_N=100")
     assert not without.contact.bulk

@@ -7,7 +7,7 @@ from capslip.analysis import analyze_once
 from capslip.settings import load_settings
 from capslip.surface.heightmap import HeightMap
 
-N, PIXEL_M = 120, 4e-4
+N, PIXEL_M = 96, 5e-4
 Y_M, X_M = (np.mgrid[:N, :N] + 0.5) * PIXEL_M
 SIDE_M = N * PIXEL_M
 SHARES = np.array([0.25, 0.5, 0.75])

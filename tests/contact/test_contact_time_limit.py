@@ -92,7 +92,7 @@ def test_the_limit_counts_for_each_preload(monkeypatch):
     assert (found.left_s(0.9 * LOAD_N), found.left_s(LOAD_N)) == (59.0, 58.0)
 
 
-@pytest.mark.parametrize("seed", [1, 2, 3])
+@pytest.mark.parametrize("seed", [1, 2])
 def test_a_curve_that_is_cut_short_has_an_error_that_holds(seed):
     full, short = (
         model.boundary_elements(wavy(seed), E, time_limit_s=limit_s) for limit_s in (np.inf, 1e-9)

@@ -3,6 +3,7 @@
 import subprocess
 import sys
 from dataclasses import replace
+from functools import cache
 from itertools import combinations
 
 import numpy as np
@@ -67,10 +68,23 @@ def test_every_model_can_be_drawn(model, several, tmp_path):
     assert drawn == set(FIGURES) - (rigid if model == "flat" else set())
 
 
+@pytest.fixture(scope="module")
+def page(several, tmp_path_factory):
+    """Return a function that gives a figure as it was saved, and its file."""
+    folder = tmp_path_factory.mktemp("pages")
+
+    @cache
+    def saved(name):
+        figure = FIGURES[name].draw(several)
+        save(figure, folder / f"{name}.png")
+        return figure, folder / f"{name}.png"
+
+    return saved
+
+
 @pytest.mark.parametrize("name", [name for name in FIGURES if name != "hills_and_caps"])
-def test_no_text_lies_on_another(name, several, tmp_path):
-    figure = FIGURES[name].draw(several)
-    save(figure, tmp_path / "a.png")
+def test_no_text_lies_on_another(name, page):
+    figure, _ = page(name)
     texts = [text for axes in figure.axes for text in visible_texts(axes)]
     boxes = [(text.get_text(), text.get_window_extent().padded(-1)) for text in texts]
     assert len(boxes) > 10
@@ -79,10 +93,9 @@ def test_no_text_lies_on_another(name, several, tmp_path):
 
 
 @pytest.mark.parametrize("name", FIGURES)
-def test_what_is_written_lies_on_the_page(name, several, tmp_path):
-    figure = FIGURES[name].draw(several)
-    save(figure, tmp_path / "a.png")
-    with Image.open(tmp_path / "a.png") as picture:
+def test_what_is_written_lies_on_the_page(name, page):
+    figure, file = page(name)
+    with Image.open(file) as picture:
         assert picture.size == tuple(figure.bbox.size.astype(int))
     texts = [text for axes in figure.axes for text in visible_texts(axes)]
     texts += [text for legend in figure.legends for text in legend.get_texts()]

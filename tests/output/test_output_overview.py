@@ -53,12 +53,21 @@ def data_of(folder):
 @pytest.fixture(scope="module")
 def many(tmp_path_factory, real):
     """Ten thousand rows, each with curves and a stamp, as the two results have them."""
-    folder = tmp_path_factory.mktemp("many")
+    return page_of(MANY, tmp_path_factory.mktemp("many"), real)
+
+
+@pytest.fixture(scope="module")
+def some(tmp_path_factory, real):
+    """More rows than a window shows."""
+    return page_of(100, tmp_path_factory.mktemp("some"), real)
+
+
+def page_of(n_rows, folder, real):
     source, rows = real
     (folder / "scans").symlink_to(source / "scans")
     rng = np.random.default_rng(1)
     found = []
-    for i in range(MANY):
+    for i in range(n_rows):
         row = dict(rows[i % 2]) if i % 50 else failed("")
         row["scan"] = f"scan {i:05d}"
         if i % 50:
@@ -178,8 +187,8 @@ def test_long_names_and_paths_break_between_words(tmp_path):
 
 @needs_chromium
 @pytest.mark.parametrize("width", [420, 1400])
-def test_page_fits_and_draws(width, many, tmp_path):
-    page, _ = many
+def test_page_fits_and_draws(width, some, tmp_path):
+    page, _ = some
     sides = ask(
         page,
         "return [document.documentElement.scrollWidth, innerWidth]",

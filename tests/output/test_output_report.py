@@ -44,11 +44,12 @@ class Page(HTMLParser):
         return [attributes for name, attributes in self.tags if name == tag]
 
 
-@pytest.fixture
-def page(several, tmp_path):
-    (tmp_path / "figures").mkdir()
-    output_cases.write_figures(several, tmp_path / "figures")
-    return Page(write_report(several, several.summary(), tmp_path, "no OpenGL here"))
+@pytest.fixture(scope="module")
+def page(several, tmp_path_factory):
+    folder = tmp_path_factory.mktemp("report")
+    (folder / "figures").mkdir()
+    output_cases.write_figures(several, folder / "figures")
+    return Page(write_report(several, several.summary(), folder, "no OpenGL here"))
 
 
 def test_report_needs_nothing_from_elsewhere(page):

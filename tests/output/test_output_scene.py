@@ -47,18 +47,22 @@ def opengl(tmp_path_factory):
         pytest.skip("VTK finds no OpenGL here")
 
 
-@pytest.mark.parametrize("file", ["", "result.h5"])
-def test_picture_shows_both_families(opengl, result, tmp_path, file):
+@pytest.fixture(scope="module")
+def drawn(opengl, result, tmp_path_factory):
+    """Draw the folder of a result in a process of its own."""
+    png = tmp_path_factory.mktemp("drawn") / "scene.png"
+    assert start_render(result, png).wait(timeout_s=120) is None
+    return png
+
+
+def test_picture_shows_both_families(drawn):
     from matplotlib.image import imread
 
-    png = tmp_path / "scene.png"
-    message = start_render(result / file, png).wait(timeout_s=120)
-    assert message is None
-    red, green, blue = imread(png)[..., :3].transpose(2, 0, 1)
+    red, green, blue = imread(drawn)[..., :3].transpose(2, 0, 1)
     assert (red + green + blue > 2.99).mean() > 0.3  # white paper
     assert ((red > 0.5) & (green < 0.5) & (blue < 0.2)).sum() > 500  # vermilion
     assert ((red < 0.2) & (green < 0.6) & (blue > 0.5)).sum() > 500  # blue
-    assert [path.name for path in tmp_path.iterdir()] == ["scene.png"]
+    assert list(drawn.parent.iterdir()) == [drawn]
 
 
 def test_face_without_caps_can_be_rendered(opengl, none, tmp_path):
@@ -90,12 +94,13 @@ def test_renderer_that_hangs_is_ended(result, tmp_path):
     assert rendering.process.returncode is not None
 
 
-def test_a_renderer_that_waited_draws_the_same_picture(opengl, result, tmp_path, monkeypatch):
+def test_a_renderer_that_waited_draws_the_same_picture(drawn, result, tmp_path, monkeypatch):
+    """Also where the file of the result is named in place of its folder."""
     monkeypatch.setattr(renderer, "cores", lambda: 2)
-    assert start_render(result, tmp_path / "one.png").wait(timeout_s=120) is None
     with renderer.ready(wanted=True) as waiting:
-        assert waiting.start(result, tmp_path / "other.png").wait(timeout_s=120) is None
-    assert (tmp_path / "one.png").read_bytes() == (tmp_path / "other.png").read_bytes()
+        png = tmp_path / "other.png"
+        assert waiting.start(result / "result.h5", png).wait(timeout_s=120) is None
+    assert drawn.read_bytes() == png.read_bytes()
 
 
 def test_a_renderer_that_dies_while_it_waits_leaves_one_line(result, tmp_path, monkeypatch):

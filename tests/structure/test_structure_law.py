@@ -1,6 +1,7 @@
 """The law per area is the theorem per area: closed forms of equal spheres, and slip curves."""
 
 from dataclasses import replace
+from functools import cache
 from types import SimpleNamespace
 
 import numpy as np
@@ -94,10 +95,15 @@ CURVES = {
 }
 
 
+@cache
+def elastic_law(name):
+    """Return the law of a curve as it is, which several tests compare with."""
+    return law_of(CURVES[name])
+
+
 @pytest.mark.parametrize("name", CURVES)
 def test_tables_give_any_pressure_and_displacement(name):
-    curve = CURVES[name]
-    found = law_of(curve)
+    curve, found = CURVES[name], elastic_law(name)
     tables = LawTables(found.tables())
     pressures = np.exp(np.random.default_rng(100).uniform(*np.log(found.range_Pa), 40))
     for p in pressures:
@@ -147,7 +153,7 @@ def test_elements_of_each_pressure_are_the_backbone(of_spheres):
 
 def test_pressures_end_at_the_cut():
     curve = CURVES["two families"]
-    closure_m = law_of(curve).closure_m
+    closure_m = elastic_law("two families").closure_m
     found = law_of(curve, reach_m=float(closure_m[-2] * 1.0001))
     np.testing.assert_array_equal(found.closure_m, closure_m[:-1])
     assert "no cap of the curve" in found.ends
@@ -246,7 +252,7 @@ def test_a_hardness_that_nothing_reaches_leaves_one_curve_for_all_pressures():
     found = law_of(curve, hardness=1e12)
     assert found.has_one_curve
     assert (found.loss_error < 0.05, found.left_out) == (True, False)
-    elastic, hard = (tables_of(one.tables()) for one in (law_of(curve), found))
+    elastic, hard = (tables_of(one.tables()) for one in (elastic_law("two families"), found))
     p = np.geomspace(*found.range_Pa, 30)[:, None]
     delta = np.linspace(0.05, 1.5, 30) * elastic.total_slip_displacement_m(p)
     np.testing.assert_allclose(hard.loss_J_per_m2(delta, p), elastic.loss_J_per_m2(delta, p), 1e-9)
@@ -273,10 +279,10 @@ def test_equal_scans_have_the_law_of_one_and_no_scatter(hardness):
 
 def test_the_scan_that_ends_first_ends_the_law():
     one, two = CURVES["two families"], CURVES["spheres"]
-    closure_m = law_of(one).closure_m
+    closure_m = elastic_law("two families").closure_m
     parts = [part_of(one, share=0.5), part_of(two, share=0.5)]
     found = law(parts, MU, [float(closure_m[-2] * 1.0001), None])
-    assert found.pressure_Pa[-1] == pytest.approx(law_of(one).pressure_Pa[-2])
+    assert found.pressure_Pa[-1] == pytest.approx(elastic_law("two families").pressure_Pa[-2])
     assert "no cap of the curve" in found.ends
 
 

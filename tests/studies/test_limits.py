@@ -4,6 +4,7 @@ import ast
 import json
 import math
 from dataclasses import replace
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -28,14 +29,22 @@ BRACES = {
     "sensitive_to_{sweep.name.split()[0]}": ["cut", "pruning", "filter", "levelling"],
 }
 TOO_DEAR = ("many pixels",)
-DEAR = ("wavy faces", "self-affine faces", "roughness", "grinding lay", "elongated caps")
+SPARSE = ("scattered missing points",)  # of which only the first face is cheap
+DEAR = (
+    "wavy faces",
+    "self-affine faces",
+    "roughness",
+    "grinding lay",
+    "elongated caps",
+    "high load",
+)
 
 
 def thinned(axis):
-    """One case about where things go wrong, and one where nothing is left."""
+    """One case about where things go wrong, and one where nothing is left: not the dearest face."""
     cases = axis.cases
-    middle = cases[len(cases) // 2]
-    return replace(axis, cases=(middle,) if axis.name in DEAR else (middle, cases[-1]))
+    middle, last = cases[len(cases) // 2], cases[-3 if axis.name in SPARSE else -2]
+    return replace(axis, cases=(middle,) if axis.name in DEAR else (middle, last))
 
 
 @pytest.fixture(scope="module")
@@ -91,8 +100,11 @@ def test_another_seed_gives_other_faces_of_the_same_kinds():
             assert (scan_of(one) != scan_of(three)).mean() > 0.01
 
 
+made = cache(synthetic_surface)  # most axes change the same few faces
+
+
 def scan_of(case):
-    scan, truth = synthetic_surface(case.scene)
+    scan, truth = made(case.scene)
     for change in (case.face_change, case.scan_change):
         scan = scan if change is None else change(scan, truth)
     return scan.height_m
