@@ -1,7 +1,10 @@
 """Roughly the pressures under which points sink as asked: what preconditions an iteration."""
 
+import math
+
 import numpy as np
 
+_CALL = 1500  # points that are transformed in the time that it takes to ask for another transform
 _DENSE = 2 / 3  # of a block, from which on contact has no gaps
 
 
@@ -71,14 +74,10 @@ class _Blocks:
         self.of_point = np.empty(sum(ny * nx for _, ny, nx in maps), dtype=np.intp)
         self.count, self._stacks = 0, []
         size_m = (side * pixel_size_m[0], side * pixel_size_m[1])
-        shapes: dict[tuple[int, int], list[tuple[slice, int, int]]] = {}
-        for points, ny, nx in maps:
-            shapes.setdefault(quick_shape((-(-ny // side), -(-nx // side))), []).append(
-                (points, ny, nx)
-            )
-        for shape, members in shapes.items():
+        shapes = [quick_shape((-(-ny // side), -(-nx // side))) for _, ny, nx in maps]
+        for shape, members in by_shape(shapes).items():
             first = self.count
-            for points, ny, nx in members:
+            for points, ny, nx in (maps[k] for k in members):
                 row, column = np.arange(ny)[:, None] // side, np.arange(nx) // side
                 self.of_point[points] = (self.count + row * shape[1] + column).reshape(-1)
                 self.count += shape[0] * shape[1]
@@ -93,6 +92,20 @@ class _Blocks:
             waves = fft.rfft2(values[part].reshape(stack))
             waves /= np.float32(alone_m_per_Pa) + np.float32(share) * spectrum
             values[part] = fft.irfft2(waves, s=stack[1:], overwrite_x=True).reshape(-1)
+
+
+def by_shape(shapes: list[tuple[int, int]]) -> dict[tuple[int, int], list[int]]:
+    """Return which maps have the same shape, as one array; few small ones take that of others."""
+    found: dict[tuple[int, int], list[int]] = {}
+    for k, shape in enumerate(shapes):
+        found.setdefault(shape, []).append(k)
+    for shape in sorted(found, key=math.prod):
+        wider = [one for one in found if one != shape and min(np.subtract(one, shape)) >= 0]
+        least = min(wider, key=math.prod, default=shape)
+        more = len(found[shape]) * (math.prod(least) - math.prod(shape))
+        if 0 < more < _CALL:
+            found[least] += found.pop(shape)
+    return found
 
 
 def quick_shape(shape: tuple[int, int]) -> tuple[int, int]:
