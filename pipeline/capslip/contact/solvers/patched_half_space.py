@@ -9,6 +9,7 @@ in one array, and are done together.
 import math
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
+from itertools import pairwise
 
 import numpy as np
 
@@ -51,7 +52,7 @@ class PatchedHalfSpace:
     ) -> None:
         sides = boxes[:, 2:] - boxes[:, :2]
         ends = np.append(0, np.cumsum(sides.prod(axis=1))).tolist()
-        points = [slice(begin, end) for begin, end in zip(ends[:-1], ends[1:], strict=True)]
+        points = [slice(begin, end) for begin, end in pairwise(ends)]
         self.count, self.n_points = len(boxes), int(ends[-1])
         self.n_nodes = int(counts.prod(axis=1).sum())
         self._place = np.empty(self.n_points, dtype=np.intp)  # of each point in all arrays

@@ -12,13 +12,8 @@ import numpy as np
 
 from capslip.contact.solvers.elastic_face import ElasticFace
 from capslip.contact.solvers.half_space import POINT_COST, HalfSpace, love_kernel
-from capslip.contact.solvers.patches import (
-    PatchedFace,
-    PatchedHalfSpace,
-    half_space_around,
-    patched,
-    with_margin,
-)
+from capslip.contact.solvers.patched_half_space import PatchedHalfSpace
+from capslip.contact.solvers.patches import PatchedFace, half_space_around, patched, with_margin
 from capslip.contact.solvers.pressed import Pressed
 
 if TYPE_CHECKING:
