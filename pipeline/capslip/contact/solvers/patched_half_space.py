@@ -19,7 +19,6 @@ from capslip.contact.solvers.half_space import (
     love_kernel,
     love_kernel_at,
     padded_shape,
-    work_of,
 )
 from capslip.contact.solvers.rough_inverse import RoughInverse, by_shape, quick_shape
 
@@ -97,9 +96,10 @@ class PatchedHalfSpace:
         """Return the same in single precision and half of the time: for small changes."""
         return self._rough_parts.sinking_m(self._placed(pressure_Pa, np.float32))[self._place]
 
-    def work(self, pressure_Pa: np.ndarray) -> tuple[float, None]:
-        """Return the sum of pressures times their own sinking, roughly; that is not found here."""
-        return self._rough_parts.work(self._placed(pressure_Pa, np.float32)), None
+    def work(self, pressure_Pa: np.ndarray) -> tuple[float, np.ndarray]:
+        """Return the sum of pressures times their own sinking, and that as well, roughly."""
+        sinking_m = self.sinking_roughly_m(pressure_Pa)
+        return float(pressure_Pa @ sinking_m), sinking_m
 
     def pressure_Pa(self, sinking_m: np.ndarray, points: np.ndarray) -> np.ndarray:
         """Return roughly the pressures at points alone that make a displacement, by patches."""
@@ -168,24 +168,13 @@ class _Parts:
         for group in self.groups:
             group.convolved(pressure_Pa, sinking_m)
         if self.between is not None:
-            far, first = self.between @ self._moments(pressure_Pa), 0
+            moments = [group.moments(pressure_Pa) for group in self.groups]
+            far, first = self.between @ np.concatenate(moments), 0
             for group in self.groups:
                 last = first + len(group.nodes)
                 group.interpolated(far[first:last], sinking_m)
                 first = last
         return sinking_m
-
-    def work(self, pressure_Pa: np.ndarray) -> float:
-        """Return the sum of pressures times their own sinking."""
-        work = sum(group.work_of(pressure_Pa) for group in self.groups)
-        if self.between is not None:
-            moments = self._moments(pressure_Pa)
-            work += float(moments @ (self.between @ moments))
-        return work
-
-    def _moments(self, pressure_Pa: np.ndarray) -> np.ndarray:
-        """Return the moments of pressures at all nodes."""
-        return np.concatenate([group.moments(pressure_Pa) for group in self.groups])
 
 
 @dataclass(frozen=True, eq=False)
@@ -241,17 +230,6 @@ class _Group:
             waves *= self.spectrum
             rows = fft.ifft(waves, axis=1, overwrite_x=True)[:, : self.shape[1]]
             out[some] = fft.irfft(rows, n=padded[1], axis=2)[:, :, : self.shape[2]]
-
-    def work_of(self, values: np.ndarray) -> float:
-        """Return the sum of pressures times what each patch sinks by its own."""
-        from scipy import fft
-
-        work, padded, array = 0.0, self.padded, self._array(values)
-        at_once = max(1, _AT_ONCE // math.prod(self.shape[1:]))
-        for begin in range(0, len(array), at_once):
-            rows = fft.rfft(array[begin : begin + at_once], n=padded[1], axis=2)
-            work += work_of(fft.fft(rows, n=padded[0], axis=1), self.spectrum, padded)
-        return work
 
     def moments(self, values: np.ndarray) -> np.ndarray:
         """Return the moments of values at the nodes."""
