@@ -7,8 +7,9 @@ in one array, and are done together.
 """
 
 import math
+from copy import copy
 from dataclasses import dataclass, replace
-from functools import cached_property, lru_cache
+from functools import lru_cache
 from itertools import pairwise
 
 import numpy as np
@@ -75,18 +76,22 @@ class PatchedHalfSpace:
         if self.count > 1:
             between = _between(boxes[order], counts[order], pixel_size_m, E_star_Pa)
         self._parts = _Parts(groups, between)
+        self._rough_parts = self._parts.roughly()
         maps = [(at, ny, nx) for at, (ny, nx) in zip(points, sides.tolist(), strict=True)]
         near = love_kernel((2, 2), pixel_size_m, E_star_Pa)
         self._rough_inverse = RoughInverse(maps, near, pixel_size_m, E_star_Pa)
-
-    @cached_property
-    def _rough_parts(self) -> "_Parts":
-        return self._parts.roughly()
 
     @property
     def cost(self) -> int:
         """Work of one sinking, in products of two numbers."""
         return self.n_nodes**2 + POINT_COST * self.n_points
+
+    def part(self, points: np.ndarray) -> "PatchedHalfSpace":
+        """Return that of some of the points, by the same transforms."""
+        one = copy(self)
+        one._place = self._place[points]
+        one._rough_inverse = self._rough_inverse.part(points)
+        return one
 
     def sinking_m(self, pressure_Pa: np.ndarray) -> np.ndarray:
         """Return the displacement into the half-space, shape (n,)."""

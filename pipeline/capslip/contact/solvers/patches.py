@@ -110,10 +110,8 @@ def patched(face: ElasticFace, contact: np.ndarray, refinement: int = 1) -> Patc
     )
 
 
-def half_space_around(
-    face: PatchedFace, points: np.ndarray
-) -> tuple[PatchedHalfSpace, np.ndarray] | None:
-    """Return the half-space on patches around some points of a face, and their places there.
+def half_space_around(face: PatchedFace, points: np.ndarray) -> PatchedHalfSpace | None:
+    """Return the half-space of some points of a face, on patches around them alone.
 
     None where the whole map is no more work.
 
@@ -141,7 +139,7 @@ def half_space_around(
         inside = (row >= y0) & (row < y1) & (column >= x0) & (column < x1)
         place[inside] = first + (row[inside] - y0) * (x1 - x0) + column[inside] - x0
         first += (y1 - y0) * (x1 - x0)
-    return half_space, place
+    return half_space.part(place)
 
 
 def with_margin(contact: np.ndarray) -> np.ndarray:

@@ -1,6 +1,7 @@
 """Roughly the pressures under which points sink as asked: what preconditions an iteration."""
 
 import math
+from copy import copy
 
 import numpy as np
 
@@ -41,6 +42,12 @@ class RoughInverse:
         near = [quadrant[at] for at in ((1, 0), (0, 1)) if np.all(np.less(at, quadrant.shape))]
         self._alone_m_per_Pa = float(quadrant[0, 0])
         self._left_m_per_Pa = self._alone_m_per_Pa - (float(np.mean(near)) if near else 0.0)
+
+    def part(self, points: np.ndarray) -> "RoughInverse":
+        """Return that of some of the points, in the maps of all."""
+        one = copy(self)
+        one._blocks, one._points = self._blocks.part(points), self._points.part(points)
+        return one
 
     def pressure_Pa(self, sinking_m: np.ndarray, points: np.ndarray) -> np.ndarray:
         """Return the pressures at points under which they sink so, both shape (m,)."""
@@ -83,6 +90,12 @@ class _Blocks:
                 self.count += shape[0] * shape[1]
             spectrum = (2 / E_star_Pa / wave_numbers_per_m(shape, size_m)).astype(np.float32)
             self._stacks.append((slice(first, self.count), (len(members), *shape), spectrum))
+
+    def part(self, points: np.ndarray) -> "_Blocks":
+        """Return the blocks with some of the points."""
+        one = copy(self)
+        one.of_point = self.of_point[points]
+        return one
 
     def solve(self, values: np.ndarray, alone_m_per_Pa: float, share: float) -> None:
         """Replace sinking, float32 of shape (count,), by the pressures that make it."""
