@@ -113,9 +113,10 @@ def by_shape(shapes: list[tuple[int, int]]) -> dict[tuple[int, int], list[int]]:
     for k, shape in enumerate(shapes):
         found.setdefault(shape, []).append(k)
     for shape in sorted(found, key=math.prod):
-        wider = [one for one in found if one != shape and min(np.subtract(one, shape)) >= 0]
+        ny, nx = shape
+        wider = [one for one in found if one[0] >= ny and one[1] >= nx and one != shape]
         least = min(wider, key=math.prod, default=shape)
-        more = len(found[shape]) * (math.prod(least) - math.prod(shape))
+        more = len(found[shape]) * (math.prod(least) - ny * nx)
         if 0 < more < _CALL:
             found[least] += found.pop(shape)
     return found
