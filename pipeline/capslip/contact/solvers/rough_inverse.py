@@ -108,7 +108,13 @@ class _Blocks:
 
 
 def by_shape(shapes: list[tuple[int, int]]) -> dict[tuple[int, int], list[int]]:
-    """Return which maps have the same shape, as one array; few small ones take that of others."""
+    """Return which maps share a shape; few small ones take the least that holds them.
+
+    Examples
+    --------
+    >>> by_shape([(4, 4), (30, 30), (5, 6)])
+    {(30, 30): [1], (5, 6): [2, 0]}
+    """
     found: dict[tuple[int, int], list[int]] = {}
     for k, shape in enumerate(shapes):
         found.setdefault(shape, []).append(k)
