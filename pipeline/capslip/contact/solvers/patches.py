@@ -1,36 +1,22 @@
 """Patches around the contacts of a pressed face, on which what happens below its load is solved.
 
-Below a load the contact only shrinks, so no point outside of it is needed any more. Each patch has
-its own small transform. Between two patches the kernel is smooth, and is interpolated between
-Chebyshev nodes of both: moments of the pressures at the nodes of one, times the kernel between the
-nodes, interpolated to the pixels of the other.
+Below a load the contact only shrinks, so no point outside of it is needed any more.
 """
 
-import math
-from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 
 from capslip.contact.solvers.elastic_face import ElasticFace
-from capslip.contact.solvers.half_space import (
-    POINT_COST,
-    even_spectrum,
-    love_kernel,
-    love_kernel_at,
-    padded_shape,
-    work_of,
-)
-from capslip.contact.solvers.rough_inverse import RoughInverse
+from capslip.contact.solvers.half_space import POINT_COST
+from capslip.contact.solvers.patched_half_space import PatchedHalfSpace, node_counts
 
-KERNEL_ERROR = 1e-6  # aimed at between patches, relative
 _MARGIN = 2  # pixels around the contacts
 _APART = (1.0, 0.5, 0.25, 0.1)  # half sides between two patches; nearer ones become one
 _MOST_NODES = 3000  # of all patches
 _MOST_POINTS = 300_000  # where refined
 _MOST_SHARE = 0.5  # of the points of the map in patches; with more, the map itself is quicker
-_AT_ONCE = 25_000  # points transformed together: what stays in the cache
 _SPLINE_MARGIN = 8  # pixels beyond a patch that its refinement sees
 
 
@@ -89,9 +75,9 @@ def patched(face: ElasticFace, contact: np.ndarray, refinement: int = 1) -> Patc
     cheapest = _cheapest(contact, refinement)
     if cheapest is None:
         return None
-    boxes, nodes = cheapest
+    boxes, counts = cheapest
     size_m = face.pixel_size_m[0] / refinement, face.pixel_size_m[1] / refinement
-    half_space = PatchedHalfSpace(boxes * refinement, nodes, size_m, face.E_star_Pa)
+    half_space = PatchedHalfSpace(boxes * refinement, counts, size_m, face.E_star_Pa)
     parents, depths, knowns, places = [], [], [], []
     for y0, x0, y1, x1 in boxes.tolist():
         i, j = (
@@ -124,10 +110,8 @@ def patched(face: ElasticFace, contact: np.ndarray, refinement: int = 1) -> Patc
     )
 
 
-def half_space_around(
-    face: PatchedFace, points: np.ndarray
-) -> tuple["PatchedHalfSpace", np.ndarray] | None:
-    """Return the half-space on patches around some points of a face, and their places there.
+def half_space_around(face: PatchedFace, points: np.ndarray) -> PatchedHalfSpace | None:
+    """Return the half-space of some points of a face, on patches around them alone.
 
     None where the whole map is no more work.
 
@@ -143,9 +127,9 @@ def half_space_around(
     cheapest = _cheapest(contact, face.refinement, tight=True)
     if cheapest is None:
         return None
-    boxes, nodes = cheapest
+    boxes, counts = cheapest
     boxes = boxes * face.refinement
-    half_space = PatchedHalfSpace(boxes, nodes, face.pixel_size_m, face.E_star_Pa)
+    half_space = PatchedHalfSpace(boxes, counts, face.pixel_size_m, face.E_star_Pa)
     column, row = (
         np.rint(at_m[points] / size_m - 0.5).astype(np.intp)
         for at_m, size_m in zip(face.at_m, face.pixel_size_m[::-1], strict=True)
@@ -155,224 +139,7 @@ def half_space_around(
         inside = (row >= y0) & (row < y1) & (column >= x0) & (column < x1)
         place[inside] = first + (row[inside] - y0) * (x1 - x0) + column[inside] - x0
         first += (y1 - y0) * (x1 - x0)
-    return half_space, place
-
-
-class PatchedHalfSpace:
-    """Sinking of a half-space under pressures on patches, as `HalfSpace` on a map.
-
-    Parameters
-    ----------
-    boxes : int, shape (n, 4)
-        First row and column of each patch, and those after the last, in pixels.
-    nodes : list
-        Of each patch.
-    pixel_size_m : (float, float)
-        (dy, dx).
-    E_star_Pa : float
-        Composite modulus.
-    """
-
-    def __init__(
-        self,
-        boxes: np.ndarray,
-        nodes: list["_Nodes"],
-        pixel_size_m: tuple[float, float],
-        E_star_Pa: float,
-    ) -> None:
-        sides = boxes[:, 2:] - boxes[:, :2]
-        self._ends = np.append(0, np.cumsum(sides.prod(axis=1)))
-        self._groups = _grouped(sides, self._ends, pixel_size_m, E_star_Pa)
-        self._nodes = nodes
-        self._node_ends = np.append(0, np.cumsum([nodes.count for nodes in self._nodes]))
-        self.n_nodes = int(self._node_ends[-1])
-        if len(boxes) > 1:
-            self._between = self._kernel(pixel_size_m, E_star_Pa)
-        maps = [one for group in self._groups for one in group.members]
-        near = love_kernel((2, 2), pixel_size_m, E_star_Pa)
-        self._rough_inverse = RoughInverse(maps, near, pixel_size_m, E_star_Pa)
-
-    def sinking_m(self, pressure_Pa: np.ndarray) -> np.ndarray:
-        """Return the displacement into the half-space, shape (n,)."""
-        return self._sinking_m(np.asarray(pressure_Pa, dtype=float), rough=False)
-
-    def sinking_roughly_m(self, pressure_Pa: np.ndarray) -> np.ndarray:
-        """Return the same in single precision and half of the time: for small changes."""
-        return self._sinking_m(pressure_Pa.astype(np.float32), rough=True)
-
-    def _sinking_m(self, pressure_Pa: np.ndarray, rough: bool) -> np.ndarray:
-        sinking_m = np.empty_like(pressure_Pa)
-        for group in self._groups:
-            group.convolved(
-                *(pressure_Pa, sinking_m, group.rough_spectrum if rough else group.spectrum)
-            )
-        if len(self._nodes) > 1:
-            nodes, between = self._rough if rough else (self._nodes, self._between)
-            far = between @ self._moments(pressure_Pa, nodes)
-            for k, (one, first, last) in enumerate(self._each(nodes)):
-                at = far[self._node_ends[k] : self._node_ends[k + 1]]
-                at = at.reshape(one.y.shape[1], one.x.shape[1])
-                sinking_m[first:last] += (one.y @ at @ one.x.T).ravel()
-        return sinking_m
-
-    def work(self, pressure_Pa: np.ndarray) -> tuple[float, None]:
-        """Return the sum of pressures times their own sinking, roughly; that is not found here."""
-        pressure_Pa = pressure_Pa.astype(np.float32)
-        work = sum(group.work_of(pressure_Pa) for group in self._groups)
-        if len(self._nodes) > 1:
-            nodes, between = self._rough
-            moments = self._moments(pressure_Pa, nodes)
-            work += float(moments @ (between @ moments))
-        return work, None
-
-    def pressure_Pa(self, sinking_m: np.ndarray, points: np.ndarray) -> np.ndarray:
-        """Return roughly the pressures at points alone that make a displacement, by patches."""
-        return self._rough_inverse.pressure_Pa(sinking_m, points)
-
-    def _moments(self, pressure_Pa: np.ndarray, nodes: list["_Nodes"]) -> np.ndarray:
-        """Return the moments of pressures at all nodes."""
-        return np.concatenate(
-            [
-                (one.y.T @ pressure_Pa[first:last].reshape(one.shape) @ one.x).ravel()
-                for one, first, last in self._each(nodes)
-            ]
-        )
-
-    @cached_property
-    def _rough(self) -> tuple[list["_Nodes"], np.ndarray]:
-        """The nodes and the kernel between them in single precision."""
-        return [nodes.roughly() for nodes in self._nodes], self._between.astype(np.float32)
-
-    @property
-    def n_points(self) -> int:
-        """Number of points of all patches."""
-        return int(self._ends[-1])
-
-    @property
-    def cost(self) -> int:
-        """Work of one sinking, in products of two numbers."""
-        return self.n_nodes**2 + POINT_COST * self.n_points
-
-    @property
-    def count(self) -> int:
-        """Number of patches."""
-        return len(self._nodes)
-
-    def _each(self, nodes: list["_Nodes"]) -> "Iterator[tuple[_Nodes, int, int]]":
-        return zip(nodes, self._ends[:-1].tolist(), self._ends[1:].tolist(), strict=True)
-
-    def _kernel(self, pixel_size_m: tuple[float, float], E_star_Pa: float) -> np.ndarray:
-        """Return the sinking at each node under unit pressure in a pixel around each other one."""
-        y, x = (
-            np.concatenate([np.array(nodes.places[axis]).ravel() for nodes in self._nodes])
-            for axis in (0, 1)
-        )
-        kernel = np.zeros((self.n_nodes, self.n_nodes))
-        for first, last in zip(self._node_ends[:-1], self._node_ends[1:], strict=True):
-            rows, columns = slice(first, last), slice(last, None)
-            offsets = np.abs(y[rows, None] - y[columns]), np.abs(x[rows, None] - x[columns])
-            kernel[rows, columns] = love_kernel_at(offsets, pixel_size_m, E_star_Pa)
-            kernel[columns, rows] = kernel[rows, columns].T
-        return kernel
-
-
-@dataclass(frozen=True, eq=False)
-class _Group:
-    """Patches that fit into arrays of one shape, transformed some at once."""
-
-    shape: tuple[int, int]
-    padded: tuple[int, int]
-    spectrum: np.ndarray
-    rough_spectrum: np.ndarray  # in single precision
-    members: list[tuple[slice, int, int]]  # points of each patch, rows and columns
-
-    def convolved(self, values: np.ndarray, out: np.ndarray, spectrum: np.ndarray) -> None:
-        """Write what the members have of a convolution into `out`, both shape (n,)."""
-        from scipy import fft
-
-        for members, array in self._arrays(values):
-            rows = fft.rfft(array, n=self.padded[1], axis=2)
-            waves = fft.fft(rows, n=self.padded[0], axis=1)
-            waves *= spectrum
-            rows = fft.ifft(waves, axis=1, overwrite_x=True)[:, : self.shape[0]]
-            array = fft.irfft(rows, n=self.padded[1], axis=2)
-            for part, (points, ny, nx) in zip(array, members, strict=True):
-                out[points] = part[:ny, :nx].reshape(-1)
-
-    def work_of(self, pressure_Pa: np.ndarray) -> float:
-        """Return the sum of pressures (n,) of the members times what each sinks by its own."""
-        from scipy import fft
-
-        work = 0.0
-        for _, array in self._arrays(pressure_Pa):
-            waves = fft.fft(fft.rfft(array, n=self.padded[1], axis=2), n=self.padded[0], axis=1)
-            work += work_of(waves, self.rough_spectrum, self.padded)
-        return work
-
-    def _arrays(
-        self, values: np.ndarray
-    ) -> Iterator[tuple[list[tuple[slice, int, int]], np.ndarray]]:
-        """Return some of the members at once, and their values."""
-        at_once = max(1, _AT_ONCE // math.prod(self.shape))
-        for begin in range(0, len(self.members), at_once):
-            members = self.members[begin : begin + at_once]
-            array = np.zeros((len(members), *self.shape), dtype=values.dtype)
-            for part, (points, ny, nx) in zip(array, members, strict=True):
-                part[:ny, :nx] = values[points].reshape(ny, nx)
-            yield members, array
-
-
-@dataclass(frozen=True, eq=False)
-class _Nodes:
-    """Chebyshev nodes of one patch, and the values of their polynomials at its pixels."""
-
-    y: np.ndarray  # (ny, n)
-    x: np.ndarray  # (nx, m)
-    places: tuple[np.ndarray, np.ndarray]  # of all nodes in the map, in pixels, shape (n, m)
-
-    @property
-    def count(self) -> int:
-        return self.y.shape[1] * self.x.shape[1]
-
-    @property
-    def shape(self) -> tuple[int, int]:
-        return len(self.y), len(self.x)
-
-    def roughly(self) -> "_Nodes":
-        """Return the values in single precision."""
-        return _Nodes(self.y.astype(np.float32), self.x.astype(np.float32), self.places)
-
-    @classmethod
-    def of(cls, boxes: np.ndarray, k: int) -> "_Nodes":
-        """Return as many nodes along each side of patch k as the nearest other patch needs."""
-        low, high = boxes[:, :2], boxes[:, 2:] - 1
-        others = np.arange(len(boxes)) != k
-        gaps = np.maximum(low[others] - high[k], low[k] - high[others]).clip(min=0)
-        bases, places = [], []
-        for axis in (0, 1):
-            n = int(high[k, axis] - low[k, axis]) + 1
-            half = max((n - 1) / 2, 0.5)
-            along, across = gaps[:, axis] / half, gaps[:, 1 - axis] / half
-            # Foci of the ellipse through the singularity: how fast interpolation converges
-            z = np.where(along > 0, 1 + along, 0) + 1j * across
-            rate = np.abs(z + np.sqrt(z - 1) * np.sqrt(z + 1)).min(initial=1e9)
-            n_nodes = min(n, max(2, math.ceil(math.log(1 / KERNEL_ERROR) / math.log(rate))))
-            at = np.arange(n) / half - 1 if n > 1 else np.zeros(1)
-            if n_nodes == n:
-                nodes, basis = at, np.eye(n)
-            else:
-                angle = (np.arange(n_nodes) + 0.5) * np.pi / n_nodes
-                nodes = np.cos(angle)
-                weight = np.sin(angle) * (-1.0) ** np.arange(n_nodes)
-                off = at[:, None] - nodes
-                exact = np.abs(off) < 1e-14
-                terms = weight / np.where(exact, 1.0, off)
-                on_node = np.asarray(exact.any(axis=1))[:, None]
-                basis = np.where(on_node, exact, terms / terms.sum(axis=1)[:, None])
-            bases.append(np.ascontiguousarray(basis))
-            places.append(low[k, axis] + (nodes + 1) * half if n > 1 else low[k, axis] + nodes)
-        y, x = np.meshgrid(*places, indexing="ij")
-        return cls(bases[0], bases[1], (y, x))
+    return half_space.part(place)
 
 
 def with_margin(contact: np.ndarray) -> np.ndarray:
@@ -389,8 +156,8 @@ def with_margin(contact: np.ndarray) -> np.ndarray:
 
 def _cheapest(
     contact: np.ndarray, refinement: int, tight: bool = False
-) -> tuple[np.ndarray, list[_Nodes]] | None:
-    """Return the cheapest boxes around contacts, with their nodes; None if the map is cheaper.
+) -> tuple[np.ndarray, np.ndarray] | None:
+    """Return the cheapest boxes around contacts, and nodes along their sides; None for the map.
 
     Patches that stay apart are small, and need many nodes. Tight ones end where the contact does.
     """
@@ -406,11 +173,11 @@ def _cheapest(
         most = _MOST_SHARE * contact.size if refinement == 1 else _MOST_POINTS / refinement**2
         if n_points > most or len(boxes) > _MOST_NODES / 16:
             continue
-        nodes = [_Nodes.of(boxes * refinement, k) for k in range(len(boxes))]
-        n_nodes = sum(each.count for each in nodes)
+        counts = node_counts(boxes * refinement)
+        n_nodes = int(counts.prod(axis=1).sum())
         cost = n_nodes**2 + POINT_COST * n_points * refinement**2
         if n_nodes <= _MOST_NODES and cost < least:
-            best, least = (boxes, nodes), cost
+            best, least = (boxes, counts), cost
     return best
 
 
@@ -437,31 +204,6 @@ def _merged(boxes: np.ndarray, near: np.ndarray) -> np.ndarray:
     np.minimum.at(low, group, boxes[:, :2])
     np.maximum.at(high, group, boxes[:, 2:])
     return np.concatenate((low, high), axis=1)
-
-
-def _grouped(
-    sides: np.ndarray, ends: np.ndarray, pixel_size_m: tuple[float, float], E_star_Pa: float
-) -> list[_Group]:
-    """Return the patches by the shape of their transforms."""
-    from scipy import fft
-
-    shapes: dict[tuple[int, int], list[int]] = {}
-    for k, (ny, nx) in enumerate(sides.tolist()):
-        # Steps of an eighth, so that patches share shapes
-        shape = tuple(int(fft.next_fast_len(_rounded(n), real=True)) for n in (ny, nx))
-        shapes.setdefault((shape[0], shape[1]), []).append(k)
-    groups = []
-    for shape, members in shapes.items():
-        padded = padded_shape(shape)
-        spectrum = even_spectrum(love_kernel(shape, pixel_size_m, E_star_Pa), padded)
-        found = [(slice(ends[k], ends[k + 1]), *sides[k].tolist()) for k in members]
-        groups.append(_Group(shape, padded, spectrum, spectrum.astype(np.float32), found))
-    return groups
-
-
-def _rounded(n: int) -> int:
-    step = max(1, 2 ** (n.bit_length() - 4))
-    return -(-n // step) * step
 
 
 def _refined(face: ElasticFace, box: tuple[int, int, int, int], refinement: int) -> np.ndarray:

@@ -6,19 +6,14 @@ transforms of patches around them or of the map.
 """
 
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
 
 from capslip.contact.solvers.elastic_face import ElasticFace
 from capslip.contact.solvers.half_space import POINT_COST, HalfSpace, love_kernel
-from capslip.contact.solvers.patches import (
-    PatchedFace,
-    PatchedHalfSpace,
-    half_space_around,
-    patched,
-    with_margin,
-)
+from capslip.contact.solvers.patched_half_space import PatchedHalfSpace
+from capslip.contact.solvers.patches import PatchedFace, half_space_around, patched, with_margin
 from capslip.contact.solvers.pressed import Pressed
 
 if TYPE_CHECKING:
@@ -30,6 +25,7 @@ _LESS = 4  # times the work of a matrix, of what it takes the place of: to build
 _WORTH = 0.7  # of the work, that patches around what is left may be
 _ROWS = 64  # of a matrix that are filled at once
 _LARGE = 50_000  # points of a map from which its changes are found apart
+_OfPoints: TypeAlias = "MatrixHalfSpace | GatheredHalfSpace | PatchedHalfSpace"
 _TILE = 16  # pixels along the side of a tile, whose pixels are inverted with each other
 
 
@@ -122,7 +118,12 @@ def points_alone(face: ElasticFace, points: np.ndarray) -> PatchedFace:
     points : int, shape (n,)
         Growing.
     """
-    return _alone(face, points, GatheredHalfSpace(points, face.half_space, face.shape))
+    half_space: _OfPoints
+    if isinstance(face.half_space, PatchedHalfSpace):
+        half_space = face.half_space.part(points)
+    else:
+        half_space = GatheredHalfSpace(points, face.half_space, face.shape)
+    return _alone(face, points, half_space)
 
 
 def fewer(face: PatchedFace, contact: np.ndarray) -> PatchedFace | None:
@@ -135,7 +136,7 @@ def fewer(face: PatchedFace, contact: np.ndarray) -> PatchedFace | None:
     contact : int, shape (n,)
         The points that are left, growing.
     """
-    half_space: MatrixHalfSpace | GatheredHalfSpace | None
+    half_space: _OfPoints | None
     if isinstance(face.half_space, MatrixHalfSpace):
         half_space = face.half_space.part(contact)
     elif (
@@ -169,13 +170,11 @@ def some_points(face: ElasticFace, points: np.ndarray) -> tuple[PatchedFace, flo
     return alone, changes.change_error
 
 
-def _around(face: PatchedFace, points: np.ndarray) -> "GatheredHalfSpace | None":
+def _around(face: PatchedFace, points: np.ndarray) -> PatchedHalfSpace | None:
     """Return the half-space on patches around some points, None where it is hardly less work."""
     found = half_space_around(face, points)
-    if found is None or found[0].cost > _WORTH * face.half_space.cost:
-        return None
-    half_space, place = found
-    return GatheredHalfSpace(place, half_space, (half_space.n_points,))
+    worth = found is not None and found.cost <= _WORTH * face.half_space.cost
+    return found if worth else None
 
 
 def _matrix_of(
@@ -195,9 +194,7 @@ def _matrix_of(
     return MatrixHalfSpace(matrix, tile)
 
 
-def _alone(
-    face: ElasticFace, points: np.ndarray, half_space: "MatrixHalfSpace | GatheredHalfSpace"
-) -> PatchedFace:
+def _alone(face: ElasticFace, points: np.ndarray, half_space: _OfPoints) -> PatchedFace:
     """Return some points of a face."""
     x_m, y_m = face.places_m
     row, column = np.divmod(points, x_m.size) if x_m.ndim > 1 else (points, points)
@@ -224,7 +221,7 @@ class GatheredHalfSpace:
     def __init__(
         self,
         points: np.ndarray,
-        half_space: "HalfSpace | PatchedHalfSpace | MatrixHalfSpace",
+        half_space: "HalfSpace | MatrixHalfSpace",
         shape: tuple[int, ...],
     ) -> None:
         self._half_space = half_space

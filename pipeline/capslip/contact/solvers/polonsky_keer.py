@@ -283,12 +283,13 @@ def _iterate(
         points = np.flatnonzero(may_touch)
         found = some_points(face, points)
         if found is None:
-            p, steps = _steps(face, p, u, closing, aim, left, until_s)
+            p, steps = _steps(face, state, u, closing, aim, left, until_s)
         else:
             few, change_error = found
             aim = max(tolerance / 2, change_error * off)
             on_few = closing.on_grid(few.places_m, 1.0)
-            start, sunk_m = p.reshape(-1)[points], u.reshape(-1)[points]
+            start_Pa, sunk_m = p.reshape(-1)[points], u.reshape(-1)[points]
+            start = _state(few, start_Pa, sunk_m, on_few)
             p = np.zeros(face.shape)
             p.reshape(-1)[points], steps = _steps(few, start, sunk_m, on_few, aim, left, until_s)
 
@@ -310,19 +311,19 @@ def _allowed(face: ElasticFace, start_Pa: np.ndarray, closing: Closing) -> np.nd
 
 def _steps(
     face: ElasticFace,
-    p: np.ndarray,
+    state: State,
     u: np.ndarray,
     closing: Closing,
     tolerance: float,
     numbers: range,
     until_s: float,
 ) -> tuple[np.ndarray, int]:
-    """Take at least one step from pressures and their sinking; return pressures, and the steps.
+    """Take at least one step from a state and its sinking; return pressures, and the steps.
 
     The pressures stay on the conditions of the closing, so residual and direction are projected on
     them. The sinking is updated by that of the changes, in single precision.
     """
-    half_space = face.half_space
+    half_space, p = face.half_space, state.pressure_Pa
     residual, direction = np.zeros(face.shape), np.zeros(face.shape)
     slope = 0.0  # r z of the last step; zero begins anew
     for steps in numbers:
@@ -332,9 +333,6 @@ def _steps(
                 f"solution after {steps} iterations when contact.time_limit_s was over; allow "
                 "more, or coarsen the map"
             )
-        state = _state(face, p, u, closing)
-        if steps > numbers.start and (state.fulfils(tolerance) or state.touches_nowhere):
-            return p, steps
         off_m = tolerance * state.approach_m
         c = _moving(face, state, off_m)
         project = closing.projector(c)
@@ -355,6 +353,9 @@ def _steps(
         stepped, cut = _stepped(p, c, t, step, closing, face.hardness_Pa)
         u = u + (half_space.sinking_roughly_m(stepped - p) if cut or du is None else -step * du)
         p = stepped
+        state = _state(face, p, u, closing)
+        if state.fulfils(tolerance) or state.touches_nowhere:
+            return p, steps + 1
     return p, numbers.stop
 
 

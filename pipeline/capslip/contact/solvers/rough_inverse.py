@@ -1,7 +1,11 @@
 """Roughly the pressures under which points sink as asked: what preconditions an iteration."""
 
+import math
+from copy import copy
+
 import numpy as np
 
+_CALL = 1500  # points that are transformed in the time that it takes to ask for another transform
 _DENSE = 2 / 3  # of a block, from which on contact has no gaps
 
 
@@ -39,6 +43,12 @@ class RoughInverse:
         self._alone_m_per_Pa = float(quadrant[0, 0])
         self._left_m_per_Pa = self._alone_m_per_Pa - (float(np.mean(near)) if near else 0.0)
 
+    def part(self, points: np.ndarray) -> "RoughInverse":
+        """Return that of some of the points, in the maps of all."""
+        one = copy(self)
+        one._blocks, one._points = self._blocks.part(points), self._points.part(points)
+        return one
+
     def pressure_Pa(self, sinking_m: np.ndarray, points: np.ndarray) -> np.ndarray:
         """Return the pressures at points under which they sink so, both shape (m,)."""
         block = self._blocks.of_point[points]
@@ -71,19 +81,21 @@ class _Blocks:
         self.of_point = np.empty(sum(ny * nx for _, ny, nx in maps), dtype=np.intp)
         self.count, self._stacks = 0, []
         size_m = (side * pixel_size_m[0], side * pixel_size_m[1])
-        shapes: dict[tuple[int, int], list[tuple[slice, int, int]]] = {}
-        for points, ny, nx in maps:
-            shapes.setdefault(quick_shape((-(-ny // side), -(-nx // side))), []).append(
-                (points, ny, nx)
-            )
-        for shape, members in shapes.items():
+        shapes = [quick_shape((-(-ny // side), -(-nx // side))) for _, ny, nx in maps]
+        for shape, members in by_shape(shapes).items():
             first = self.count
-            for points, ny, nx in members:
+            for points, ny, nx in (maps[k] for k in members):
                 row, column = np.arange(ny)[:, None] // side, np.arange(nx) // side
                 self.of_point[points] = (self.count + row * shape[1] + column).reshape(-1)
                 self.count += shape[0] * shape[1]
             spectrum = (2 / E_star_Pa / wave_numbers_per_m(shape, size_m)).astype(np.float32)
             self._stacks.append((slice(first, self.count), (len(members), *shape), spectrum))
+
+    def part(self, points: np.ndarray) -> "_Blocks":
+        """Return the blocks with some of the points."""
+        one = copy(self)
+        one.of_point = self.of_point[points]
+        return one
 
     def solve(self, values: np.ndarray, alone_m_per_Pa: float, share: float) -> None:
         """Replace sinking, float32 of shape (count,), by the pressures that make it."""
@@ -93,6 +105,27 @@ class _Blocks:
             waves = fft.rfft2(values[part].reshape(stack))
             waves /= np.float32(alone_m_per_Pa) + np.float32(share) * spectrum
             values[part] = fft.irfft2(waves, s=stack[1:], overwrite_x=True).reshape(-1)
+
+
+def by_shape(shapes: list[tuple[int, int]]) -> dict[tuple[int, int], list[int]]:
+    """Return which maps share a shape; few small ones take the least that holds them.
+
+    Examples
+    --------
+    >>> by_shape([(4, 4), (30, 30), (5, 6)])
+    {(30, 30): [1], (5, 6): [2, 0]}
+    """
+    found: dict[tuple[int, int], list[int]] = {}
+    for k, shape in enumerate(shapes):
+        found.setdefault(shape, []).append(k)
+    for shape in sorted(found, key=math.prod):
+        ny, nx = shape
+        wider = [one for one in found if one[0] >= ny and one[1] >= nx and one != shape]
+        least = min(wider, key=math.prod, default=shape)
+        more = len(found[shape]) * (math.prod(least) - ny * nx)
+        if 0 < more < _CALL:
+            found[least] += found.pop(shape)
+    return found
 
 
 def quick_shape(shape: tuple[int, int]) -> tuple[int, int]:

@@ -134,9 +134,9 @@ def unload(
     ContactError
         If the contact has too few pixels, or a solution fails.
     """
-    n_pixels = int(np.count_nonzero(pressed.pressure_Pa))
-    refined = on_patches and n_pixels > 0 and refinement(face, pressed) > 1
-    enough = _ENOUGH_REFINED if refined else _ENOUGH_PIXELS
+    n_pixels, enough = int(np.count_nonzero(pressed.pressure_Pa)), _ENOUGH_PIXELS
+    if on_patches and 0 < n_pixels < enough and refinement(face, pressed) > 1:
+        enough = _ENOUGH_REFINED
     if n_pixels < enough:
         raise ContactError(
             f"{face.name}: the contact under {pressed.load_N:g} N has {n_pixels} pixels; expected "
