@@ -271,31 +271,11 @@ def left_out(x: np.ndarray, y: np.ndarray) -> np.ndarray:
     """
     from scipy.interpolate import PchipInterpolator
 
-    inner, last = np.arange(2, len(x) - 2), len(x) - 2
-    if last < 2:
-        return np.empty((0, *y.shape[1:]))
-    near = inner + np.array([[-2], [-1], [1], [2]])
-    rows, h = y[near], np.diff(x[near], axis=0).reshape(3, -1, *[1] * (y.ndim - 1))
-    rise = np.diff(rows, axis=0)
-    low, high = _monotone_slopes(h, rise / h)
-    t = (x[inner] - x[inner - 1]).reshape(h.shape[1:]) / h[1]
-    bend = 3 * rise[1] - h[1] * (2 * low + high)
-    twist = h[1] * (low + high) - 2 * rise[1]
-    found = rows[1] + t * (h[1] * low + t * (bend + t * twist))
-    end = [last - 2, last - 1, last + 1]  # where a slope is that of an end
-    return np.concatenate((found, PchipInterpolator(x[end], y[end])(x[last : last + 1])))
-
-
-def _monotone_slopes(h: np.ndarray, secant: np.ndarray) -> np.ndarray:
-    """Return the slopes between neighbouring intervals of widths h, shape (m - 1, ...).
-
-    The harmonic mean of the secants, weighted with the widths, and zero where they differ in sign
-    (Fritsch and Butland, SIAM J. Sci. Stat. Comput. 5 (1984) 300).
-    """
-    before, after = 2 * h[1:] + h[:-1], h[1:] + 2 * h[:-1]
-    grows = secant[:-1] * secant[1:] > 0
-    one, other = (np.where(grows, each, 1.0) for each in (secant[:-1], secant[1:]))
-    return np.where(grows, (before + after) / (before / one + after / other), 0.0)
+    found = []
+    for k in range(2, len(x) - 1):
+        near = [k - 2, k - 1, *range(k + 1, min(k + 3, len(x)))]
+        found.append(PchipInterpolator(x[near], y[near])(x[k]))
+    return np.array(found).reshape(-1, *y.shape[1:])
 
 
 def _cubic(
