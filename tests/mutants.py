@@ -35,7 +35,12 @@ SOURCE = "pipeline"
 # over, so that a file may move to one of its places.
 TABLE = [
     (
-        ("structure/law.py", "structure/interpolation.py", "output/exports/law.py"),
+        (
+            "structure/law.py",
+            "structure/beds.py",
+            "structure/interpolation.py",
+            "output/exports/law.py",
+        ),
         ("tests/structure/test_structure_law.py", "tests/output/test_output_law.py"),
     ),
     (
@@ -177,7 +182,7 @@ TABLE = [
     (
         (
             *("contact/solvers/polonsky_keer.py", "contact/solvers/half_space.py"),
-            "contact/solvers/elastic_face.py",
+            *("contact/solvers/elastic_face.py", "contact/solvers/patched_half_space.py"),
         ),
         (
             *("tests/contact/test_*pixels*.py", "tests/contact/test_*rough_inverse*.py"),
