@@ -4,6 +4,8 @@ VTK ends the whole process where it finds no display or no OpenGL library:
 `python -m capslip.output.scene RESULT.h5 PICTURE LOOK`, without a picture as a window.
 """
 
+import atexit
+import gc
 import json
 import os
 import subprocess
@@ -157,6 +159,7 @@ def _turntable(drawing: Drawing, picture: Path) -> None:
 
 def main(arguments: list[str]) -> None:
     """Render `RESULT.h5` to `PICTURE`, or open a window; `--waits` reads which one later."""
+    atexit.register(gc.freeze)  # who waits for the picture waits for the end
     drawing = None
     if arguments == [WAITS]:
         os.nice(NICE)
