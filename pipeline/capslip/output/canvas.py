@@ -171,15 +171,15 @@ def save(figure: "Figure", path: Path) -> None:
             engine.execute(figure)
         figure.set_layout_engine("none")
     figure.canvas.draw()
-    pixels = np.asarray(figure.canvas.buffer_rgba())[..., :3]  # type: ignore[attr-defined]
-    write_png(pixels, path)
+    write_png(np.asarray(figure.canvas.buffer_rgba()), path)  # type: ignore[attr-defined]
 
 
 def write_png(pixels: np.ndarray, path: Path) -> None:
-    """Write pixels, shape (rows, columns, 3), as PNG."""
+    """Write pixels, shape (rows, columns, 3), or with a fourth byte that is left out, as PNG."""
     from PIL import Image
 
-    Image.fromarray(np.ascontiguousarray(pixels)).save(path, "PNG", compress_type=RUNS)
+    image = Image.fromarray(np.ascontiguousarray(pixels)).convert("RGB")
+    image.save(path, "PNG", compress_type=RUNS)
 
 
 def _fit(figure: "Figure") -> None:

@@ -147,7 +147,7 @@ def hills_and_caps(analysis: "Analysis", axes: "Axes | None" = None) -> "Figure"
     surface, caps = analysis.conditioned.surface, analysis.caps
     figure, axes = face_axes("Hills and the base circles of their caps", surface.side_m, axes)
     label = thinned(analysis.hills.label)
-    shade = np.where(label > 0, 2 + label % 6, thinned(surface.measured).astype(int))
+    shade = np.where(label > 0, 2 + label % 6, thinned(surface.measured)).astype(np.uint8)
     pale = ["#D9EAD3", "#FFF2CC", "#E6DAF0", "#D5ECF2", "#F7DCE3", "#E4E8C8"]
     axes.imshow(
         shade,

@@ -2,6 +2,7 @@
 
 import time
 from collections.abc import Callable, Collection
+from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -156,6 +157,7 @@ class _Parts:
         self.analysis, self.work = analysis, work
         self.progress, self.missing = progress, missing
         self.timings_s = dict(timings_s)
+        self.panel: dict[str, Any] | None = None
         self.clock_s = time.perf_counter()
 
     def lap(self, stage: str) -> None:
@@ -189,13 +191,18 @@ class _Parts:
         tables.write_result(self.analysis, self.work)
         self.lap("tables")
 
+    def prepare_page(self) -> None:
+        """Find what takes the page some time."""
+        report.template()
+        with suppress(Exception):  # told when the page is written
+            self.panel = report.whatif_data(self.analysis)
+
     def write_page(self, command: str | None, no_scene: str | None) -> None:
         """Write the report, which says why there is no picture."""
         self.progress("writing the report")
         summary = self.analysis.summary(command, self.timings_s)
-        self.make(
-            ("report.html",), report.write_report, self.analysis, summary, self.work, no_scene
-        )
+        given = self.analysis, summary, self.work, no_scene, self.panel
+        self.make(("report.html",), report.write_report, *given)
         self.lap("report")
 
     def draw(self, export: Export | None, renderer: Ready | None, page: bool) -> str | None:
@@ -218,7 +225,7 @@ class _Parts:
             if run.figures:
                 self.draw_figures(all_figures.FIGURES, pictures)
             if page:
-                report.template()  # while others are at work
+                self.prepare_page()  # while others are at work
             if features is not None:
                 parameters.take(features.wait())
             if not run.render:

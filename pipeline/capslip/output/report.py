@@ -81,7 +81,11 @@ OF_THE_JOINT: tuple[Fact, ...] = (
 
 
 def write_report(
-    analysis: "Analysis", summary: dict[str, Any], folder: str | Path, render_message: str | None
+    analysis: "Analysis",
+    summary: dict[str, Any],
+    folder: str | Path,
+    render_message: str | None,
+    panel: dict[str, Any] | None = None,
 ) -> Path:
     """Write `report.html`.
 
@@ -95,6 +99,8 @@ def write_report(
         The result's folder; the pictures are taken from `figures/*.png` in it.
     render_message : str or None
         Why there is no three-dimensional picture; None where there is one.
+    panel : dict, optional
+        What `whatif_data` finds, where that is known.
 
     Returns
     -------
@@ -106,7 +112,7 @@ def write_report(
 
     folder = Path(folder)
     problems = sorted(summary["problems"], key=lambda one: SEVERITIES.index(one["severity"]))
-    result, panel = folder / "result.h5", whatif_data(analysis)
+    result, panel = folder / "result.h5", panel or whatif_data(analysis)
     scans = analysis.scans if isinstance(analysis, JointOfScans) else ()
     page = template().render(
         summary=summary,
