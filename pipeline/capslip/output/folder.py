@@ -15,6 +15,7 @@ from capslip.output import mesh, report, scene, staging, tables
 from capslip.output.aside import Aside
 from capslip.output.export import Export, export_named
 from capslip.output.renderer import Ready
+from capslip.output.whatif import whatif_data
 from capslip.problems import Problem
 from capslip.result import JointOfScans
 from capslip.waiting import Waiting
@@ -195,7 +196,7 @@ class _Parts:
         """Find what takes the page some time."""
         report.template()
         with suppress(Exception):  # told when the page is written
-            self.panel = report.whatif_data(self.analysis)
+            self.panel = whatif_data(self.analysis)
 
     def write_page(self, command: str | None, no_scene: str | None) -> None:
         """Write the report, which says why there is no picture."""
