@@ -16,6 +16,7 @@ IMPORTED_AS = {
     "pytest-xdist": "xdist",
     "scikit-image": "skimage",
     "pillow": "PIL",
+    "vtk": "vtkmodules",
 }  # else the distribution's name, with _ for -
 PEER, BENCH = "skimage", "studies/bench/"  # is timed where it is installed; no result needs it
 

@@ -30,7 +30,17 @@ FLOORS = (
 )
 # The package itself and its entry point only name what they open.
 DOORS = {"capslip", "capslip.__main__"}
-HEAVY = {"matplotlib", "pyvista", "vtk", "dask", "distributed", "scipy", "skimage", "pandas"}
+HEAVY = {
+    "matplotlib",
+    "pyvista",
+    "vtk",
+    "vtkmodules",
+    "dask",
+    "distributed",
+    "scipy",
+    "skimage",
+    "pandas",
+}
 MOST_LINES = 500
 MOST_BODY = 60
 REASON = re.compile(r"#\s*long:\s*\S+")  # beside the def of a function that has one to be longer

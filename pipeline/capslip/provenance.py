@@ -7,7 +7,7 @@ from pathlib import Path
 
 PACKAGE = Path(__file__).parent
 SOURCES = {".py", ".toml", ".j2"}
-LIBRARIES = ("numpy", "scipy", "h5py", "matplotlib", "pyvista")  # of numbers, files and pictures
+LIBRARIES = ("numpy", "scipy", "h5py", "matplotlib", "vtk")  # of numbers, files and pictures
 
 
 def sha256_of(path: Path) -> str:

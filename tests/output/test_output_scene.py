@@ -12,7 +12,8 @@ import pytest
 
 from capslip.errors import OutputError
 from capslip.output import renderer
-from capslip.output.picture import STICK, Look, caption, plotter_of
+from capslip.output.drawing import off_screen
+from capslip.output.picture import STICK, WINDOW, Look, caption, picture_of
 from capslip.output.scene import look_of, save_picture, show, start_render
 from capslip.output.tables import write_result, write_summary
 from capslip.output.view import read_view
@@ -150,9 +151,13 @@ def test_a_wrong_file_is_named_before_a_display_is_missed(tmp_path, monkeypatch)
         show(tmp_path / "scan.txt")
 
 
-def pixels(plotter, colour):
+def picture(view, look):
+    return picture_of(view, look, off_screen(WINDOW))
+
+
+def pixels(drawing, colour):
     """Share of a picture that has about a colour, and looks lit."""
-    picture = plotter.screenshot(return_img=True).astype(float) / 255.0
+    picture = drawing.pixels().astype(float) / 255.0
     red, green, blue = (int(colour[i : i + 2], 16) / 255.0 for i in (1, 3, 5))
     bright = picture.max(axis=-1) / max(red, green, blue)
     bright = np.where(bright > 0.2, bright, np.nan)
@@ -170,29 +175,29 @@ def window(opengl, result):
 
 def test_zones_follow_load_and_force(window):
     green, red = "#009E73", "#CC3311"
-    assert pixels(window.plotter, green) < 1e-4
+    assert pixels(window.drawing, green) < 1e-4
     window.toggle("zones")
-    sticks = pixels(window.plotter, green)
+    sticks = pixels(window.drawing, green)
     assert sticks > 1e-3
     window.change(force_share=0.7)
-    assert pixels(window.plotter, green) < 0.8 * sticks
-    assert pixels(window.plotter, red) > 1e-3
-    slips = pixels(window.plotter, red)
+    assert pixels(window.drawing, green) < 0.8 * sticks
+    assert pixels(window.drawing, red) > 1e-3
+    slips = pixels(window.drawing, red)
     window.change(load_share=0.1)
-    assert pixels(window.plotter, red) < slips
+    assert pixels(window.drawing, red) < slips
     assert "slip in part" in caption(window.view, window.look)
 
 
 def test_parts_come_and_go(window):
-    vermilion = pixels(window.plotter, "#D55E00")
+    vermilion = pixels(window.drawing, "#D55E00")
     window.toggle("caps")
-    assert pixels(window.plotter, "#D55E00") < 0.1 * vermilion
+    assert pixels(window.drawing, "#D55E00") < 0.1 * vermilion
     window.toggle("caps")
-    assert pixels(window.plotter, "#D55E00") == pytest.approx(vermilion, rel=0.01)
+    assert pixels(window.drawing, "#D55E00") == pytest.approx(vermilion, rel=0.01)
     window.toggle("face")
-    assert "face" not in window.plotter.actors
+    assert "face" not in window.drawing.parts
     window.toggle("mate")
-    assert "mate" in window.plotter.actors
+    assert "mate" in window.drawing.parts
     window.toggle("labels")
     for _ in range(5):
         window.next_colour()
@@ -211,26 +216,25 @@ def test_click_on_a_cap_shows_its_profile_and_beside_it_nothing(window):
 
 def test_exaggeration_is_written_and_stretches_the_face(opengl, result):
     view = read_view(result)
-    plotter = plotter_of(view, Look(factor=1234.0))
+    drawing = picture(view, Look(factor=1234.0))
     assert "heights x 1 234;" in caption(view, Look(factor=1234.0))
     assert "heights x 6.5;" in caption(view, Look(factor=6.5))
     high_m = float(np.nanmax(view.height_m)) - view.limits_m[0]
-    assert plotter.actors["face"].bounds.z_max == pytest.approx(1234.0 * high_m, rel=1e-4)
-    plotter.close()
+    top_m = drawing.parts["face"].GetBounds()[5]
+    assert top_m == pytest.approx(1234.0 * high_m, rel=1e-4)
 
 
 def test_spheres_are_not_spoiled_by_the_face_they_coincide_with(opengl, result):
     """Seen from above, what should be a cap is one everywhere: no speckles."""
     view = read_view(result)
-    plotter = plotter_of(view, Look())
-    plotter.view_xy()
-    picture = plotter.screenshot(return_img=True).astype(int)
-    caps = np.abs(picture[..., 2] - picture[..., 0]) > 60
+    drawing = picture(view, Look())
+    drawing.look((0.0, 0.0, 1.0), up=(0.0, 1.0, 0.0))
+    seen = drawing.pixels().astype(int)
+    caps = np.abs(seen[..., 2] - seen[..., 0]) > 60
     from scipy.ndimage import binary_closing, binary_opening
 
     body = binary_closing(binary_opening(caps, iterations=2), iterations=8)
     assert (body & ~caps).sum() < 0.002 * body.sum()
-    plotter.close()
 
 
 def test_turntable_turns(opengl, result, tmp_path):
@@ -264,10 +268,9 @@ def test_a_pressed_map_looks_as_much_in_contact_as_it_is(opengl, tmp_path):
     green = {}
     for every in (1, 7):
         view = output_cases.touching(read_view(tmp_path), every)
-        plotter = plotter_of(view, Look(caps=False, zones=True))
-        plotter.view_xy()
-        green[every] = pixels(plotter, STICK)
-        plotter.close()
+        drawing = picture(view, Look(caps=False, zones=True))
+        drawing.look((0.0, 0.0, 1.0), up=(0.0, 1.0, 0.0))
+        green[every] = pixels(drawing, STICK)
     assert green[1] > 0.1
     assert green[7] / green[1] == pytest.approx(1 / 7, rel=0.15)  # rims are half-tones
 
@@ -278,11 +281,9 @@ def test_what_a_picture_says_does_not_reach_its_colour_bar(opengl, tmp_path):
     write_summary(analysis.summary(), tmp_path)
     view = read_view(tmp_path)
     zones = replace(view.zones, load_N=12345.0 * view.zones.load_N)
-    plotter = plotter_of(replace(view, zones=zones), Look(zones=True, mate=True, force_share=0.5))
-    plotter.remove_actor("face")
-    plotter.remove_scalar_bar("face")
-    seen = plotter.screenshot(return_img=True).min(axis=-1) < 128
-    plotter.close()
+    drawing = picture(replace(view, zones=zones), Look(zones=True, mate=True, force_share=0.5))
+    drawing.remove("face", "heights")
+    seen = drawing.pixels().min(axis=-1) < 128
     low = seen[int(0.85 * len(seen)) :]
     assert low.any()
     assert np.flatnonzero(low.any(axis=0)).max() < 0.53 * low.shape[1]  # the bar begins at 0.56

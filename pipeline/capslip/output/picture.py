@@ -1,29 +1,23 @@
-"""The face and its fitted caps in three dimensions, drawn with PyVista."""
+"""The face and its fitted caps in three dimensions."""
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
 from capslip.output.canvas import ACCENT
+from capslip.output.drawing import SHADES, Drawing
 from capslip.output.mesh import grid_mesh, segment_mesh
 from capslip.output.quantity import engineering, scaled
 from capslip.output.view import View, colouring, round_limits
 from capslip.output.zones import zone_at
 
+Mesh = tuple[np.ndarray, np.ndarray]  # points, and the corners of cells
 WINDOW = (1500, 950)
-STICK, SLIP, MATE = ACCENT, "#CC3311", "#56B4E9"
+STICK, SLIP, MATE, RIM = ACCENT, "#CC3311", "#56B4E9", "#808080"
 FACE_COLOURS = ("#4a4f57", "#f2f1ee")  # greys, so that colour is that of the caps
 LABELLED = 40  # caps, the most loaded
-# How far towards the eye a part is drawn, so that parts that coincide do not speckle
-LINE_SPACING = 1.25  # of the caption: VTK's own lets lines touch
-CLOSER = {"caps": -2.0e4, "zones": -3.0e4}
-NORMALS = {  # of points, so that a surface looks smooth; triangles are in order as they are
-    "cell_normals": False,
-    "consistent_normals": False,
-    "split_vertices": False,
-    "non_manifold_traversal": False,
-}
+CLOSER = {"caps": -2.0e4, "zones": -3.0e4}  # towards the eye
+ASIDE = (0.0, -0.07)  # of the middle of the window: room below for what is said
 
 
 @dataclass(frozen=True)
@@ -45,23 +39,16 @@ class Look:
         return view.exaggeration if self.factor is None else self.factor
 
 
-def plotter_of(view: View, look: Look, off_screen: bool = True) -> Any:
-    """Return a `pyvista.Plotter` that shows a result, seen across its longer side."""
-    import pyvista
-
-    pyvista.global_theme.allow_empty_mesh = True
-    plotter: Any = pyvista.Plotter(off_screen=off_screen, window_size=list(WINDOW))
-    plotter.set_background("white")
-    draw(plotter, view, look)
+def picture_of(view: View, look: Look, drawing: Drawing) -> Drawing:
+    """Return a drawing, still empty, that shows a result, seen across its longer side."""
+    draw(drawing, view, look)
     wide = view.side_m[1] >= view.side_m[0]
-    plotter.view_vector((-0.45, -1.0, 0.75) if wide else (1.0, -0.45, 0.75), viewup=(0, 0, 1))
-    plotter.camera.zoom(1.3)
-    plotter.camera.SetWindowCenter(0.0, -0.07)  # room below for what is said
-    plotter.add_axes(color="black", viewport=(0.0, 0.1, 0.12, 0.28))
-    return plotter
+    drawing.look((-0.45, -1.0, 0.75) if wide else (1.0, -0.45, 0.75), up=(0, 0, 1), zoom=1.3)
+    drawing.renderer.GetActiveCamera().SetWindowCenter(*ASIDE)
+    return drawing
 
 
-def draw(plotter: Any, view: View, look: Look, before: Look | None = None) -> None:
+def draw(drawing: Drawing, view: View, look: Look, before: Look | None = None) -> None:
     """Draw a result, or only what differs from the look it was drawn with before."""
 
     def changed(*names: str) -> bool:
@@ -69,27 +56,17 @@ def draw(plotter: Any, view: View, look: Look, before: Look | None = None) -> No
 
     state = ("load_share", "force_share")
     if changed("face"):
-        _draw_face(plotter, view, look)
+        _draw_face(drawing, view, look)
     if changed("caps", "colour"):
-        _draw_caps(plotter, view, look)
+        _draw_caps(drawing, view, look)
     if changed("labels", "factor"):
-        _draw_labels(plotter, view, look)
+        _draw_labels(drawing, view, look)
     if changed("zones", *state):
-        _draw_zones(plotter, view, look)
+        _draw_zones(drawing, view, look)
     if changed("mate", "load_share"):
-        _draw_mate(plotter, view, look)
-    for actor in plotter.actors.values():
-        if hasattr(actor, "SetScale"):
-            actor.SetScale(1.0, 1.0, look.factor_of(view))
-    text = plotter.add_text(
-        caption(view, look),
-        position="lower_left",
-        font_size=11,
-        color="black",
-        name="caption",
-        render=False,
-    )
-    text.prop.SetLineSpacing(LINE_SPACING)
+        _draw_mate(drawing, view, look)
+    drawing.stretch(look.factor_of(view))
+    drawing.words("caption", caption(view, look))
 
 
 def caption(view: View, look: Look) -> str:
@@ -127,44 +104,29 @@ def state_line(view: View, look: Look) -> str:
     )
 
 
-def _draw_face(plotter: Any, view: View, look: Look) -> None:
-    import pyvista
-    from matplotlib.colors import LinearSegmentedColormap
-
-    plotter.remove_actor("face", render=False)
-    if "face" in plotter.scalar_bars:
-        plotter.remove_scalar_bar("face", render=False)
+def _draw_face(drawing: Drawing, view: View, look: Look) -> None:
+    drawing.remove("face", "heights")
     if not look.face:
         return
     low_m, high_m = view.limits_m
     points, cells = grid_mesh(view.height_m, view.y_m, view.x_m)
-    face = pyvista.PolyData.from_regular_faces(_placed(points, low_m, high_m), cells)
+    if not len(cells):
+        return
     height, unit = scaled(np.clip(points[:, 2], low_m, high_m), "m")
-    title = f"height [{unit}]"
-    face["height"] = height
-    face = face.compute_normals(**NORMALS)
-    plotter.add_mesh(
-        face,
-        name="face",
-        scalars="height",
-        cmap=LinearSegmentedColormap.from_list("face", FACE_COLOURS),
-        clim=round_limits(height),
+    drawing.surface(
+        "face",
+        _placed(points, low_m, high_m),
+        cells,
+        values=height,
+        colours=_shades(*FACE_COLOURS),
+        limits=round_limits(height),
         specular=0.1,
-        smooth_shading=True,
-        split_sharp_edges=False,
-        show_scalar_bar=False,
-        render=False,
     )
-    _scalar_bar(plotter, title, "face", plotter.actors["face"].mapper, 0.56)
+    drawing.bar("heights", "face", f"height [{unit}]", (0.56, 0.02), 0.4)
 
 
-def _draw_caps(plotter: Any, view: View, look: Look) -> None:
-    import pyvista
-
-    plotter.remove_actor("caps", render=False)
-    plotter.remove_legend(render=False)
-    if "caps" in plotter.scalar_bars:
-        plotter.remove_scalar_bar("caps", render=False)
+def _draw_caps(drawing: Drawing, view: View, look: Look) -> None:
+    drawing.remove("caps", "kinds", "colours")
     if not look.caps or not len(view.cap):
         return
     of, low_m = view.columns, view.limits_m[0]
@@ -174,80 +136,62 @@ def _draw_caps(plotter: Any, view: View, look: Look) -> None:
     base_m = np.minimum(base_m, 0.5 * of["diameter_m"])
     points, cells, cap = segment_mesh(apex_m, of["radius_m"], 0.0 * base_m, base_m, view.side_m)
     points[:, 2] = np.maximum(points[:, 2], 0.0)
-    mesh = pyvista.PolyData.from_regular_faces(points, cells)
     colours = colouring(view, look.colour)
-    mesh["value"] = colours.value[cap]
-    mesh = mesh.compute_normals(**NORMALS)
-    how: dict[str, Any] = {"cmap": "plasma", "clim": colours.limits}
-    if colours.names:
-        how = {
-            "cmap": [colour for _, colour in colours.names],
-            "clim": (-0.5, len(colours.names) - 0.5),
-        }
-    actor = plotter.add_mesh(
-        mesh,
-        name="caps",
-        scalars="value",
+    named = [colour for _, colour in colours.names]
+    drawing.surface(
+        "caps",
+        points,
+        cells,
+        values=colours.value[cap],
+        colours=named or _plasma(),
+        limits=(-0.5, len(named) - 0.5) if named else colours.limits,
         specular=0.3,
-        smooth_shading=True,
-        split_sharp_edges=False,
-        show_scalar_bar=False,
-        render=False,
-        **how,
+        closer=CLOSER["caps"],
     )
-    _closer(actor, "caps")
-    if colours.names:
-        plotter.add_legend(
-            [*colours.names],
-            bcolor="white",
-            face="rectangle",
-            size=(0.2, 0.035 * len(colours.names)),
-            loc="upper left",
-        )
+    if named:
+        drawing.legend("kinds", colours.names)
     else:
-        _scalar_bar(plotter, colours.title, "caps", actor.mapper, 0.1)
+        drawing.bar("colours", "caps", colours.title, (0.03, 0.88), 0.3)
 
 
-def _draw_labels(plotter: Any, view: View, look: Look) -> None:
-    plotter.remove_actor("labels", render=False)
-    plotter.remove_actor("labels-labels", render=False)
+def _shades(first: str, last: str) -> list[str]:
+    """Return the colours from one to another."""
+    ends = np.array([list(bytes.fromhex(one[1:])) for one in (first, last)])
+    between = ends[0] + np.linspace(0.0, 1.0, SHADES)[:, None] * (ends[1] - ends[0])
+    return [f"#{bytes(row).hex()}" for row in between.round().astype(np.uint8)]
+
+
+def _plasma() -> list[str]:
+    from matplotlib import colormaps
+    from matplotlib.colors import to_hex
+
+    return [to_hex(colour) for colour in colormaps["plasma"](np.arange(SHADES))]
+
+
+def _draw_labels(drawing: Drawing, view: View, look: Look) -> None:
+    drawing.remove("labels")
     if not look.labels or not len(view.cap):
         return
     of, low_m = view.columns, view.limits_m[0]
     order = np.lexsort((-of["peak_height_m"], -view.cap_load_N))[:LABELLED]
     z_m = (of["peak_height_m"][order] - low_m) * look.factor_of(view)
-    plotter.add_point_labels(
-        np.stack([of["x_m"][order], of["y_m"][order], z_m], axis=1),
-        [str(view.cap[i] + 1) for i in order],
-        name="labels",
-        font_size=14,
-        text_color="black",
-        shape_opacity=0.6,
-        show_points=False,
-        always_visible=True,
-        reset_camera=False,
-        render=False,
-    )
+    places_m = np.stack([of["x_m"][order], of["y_m"][order], z_m], axis=1)
+    drawing.labels("labels", places_m, [str(view.cap[i] + 1) for i in order], size_pt=14)
 
 
-def _draw_zones(plotter: Any, view: View, look: Look) -> None:
-    for name in ("stick", "slip"):
-        plotter.remove_actor(name, render=False)
+def _draw_zones(drawing: Drawing, view: View, look: Look) -> None:
+    drawing.remove("stick", "slip")
     if not look.zones or view.zones is None:
         return
     parts = _pixels(view, look) if view.zones.of_map else _rings(view, look)
-    for name, mesh in parts.items():
-        if mesh.n_points:
-            colour = {"stick": STICK, "slip": SLIP}[name]
-            lit = not view.zones.of_map
-            actor = plotter.add_mesh(mesh, name=name, color=colour, lighting=lit, render=False)
-            _closer(actor, "zones")
+    for name, colour in (("stick", STICK), ("slip", SLIP)):
+        points, cells = parts[name]
+        lit = not view.zones.of_map
+        drawing.surface(name, points, cells, colour, lit=lit, closer=CLOSER["zones"])
 
 
-def _rings(view: View, look: Look) -> dict[str, Any]:
+def _rings(view: View, look: Look) -> dict[str, Mesh]:
     """Return a disc that sticks and a ring that slips on each cap in contact."""
-    import pyvista
-
     zones = view.zones
     assert zones is not None
     state = zone_at(zones, look.load_share, look.force_share)
@@ -260,16 +204,12 @@ def _rings(view: View, look: Look) -> dict[str, Any]:
         i = at[seen]
         apex_m = np.stack([of["x_m"][i], of["y_m"][i], of["peak_height_m"][i] - low_m], axis=1)
         rings = inner_m[seen], outer_m[seen]
-        points, cells, _ = segment_mesh(apex_m, of["radius_m"][i], *rings, view.side_m)
-        mesh = pyvista.PolyData()
-        found[name] = pyvista.PolyData.from_regular_faces(points, cells) if len(i) else mesh
+        found[name] = segment_mesh(apex_m, of["radius_m"][i], *rings, view.side_m)[:2]
     return found
 
 
-def _pixels(view: View, look: Look) -> dict[str, Any]:
+def _pixels(view: View, look: Look) -> dict[str, Mesh]:
     """Return the contact pixels of a map as squares of their size, or of one that is seen."""
-    import pyvista
-
     zones, (low_m, high_m) = view.zones, view.limits_m
     assert zones is not None
     state = zone_at(zones, look.load_share, look.force_share)
@@ -283,18 +223,13 @@ def _pixels(view: View, look: Look) -> dict[str, Any]:
     found = {}
     for name, at in (("stick", stick), ("slip", touch & ~stick)):
         points = (middle[at, None] + corner).reshape(-1, 3)
-        cells: Any = np.arange(len(points)).reshape(-1, 4)
-        mesh = pyvista.PolyData()
-        found[name] = pyvista.PolyData.from_regular_faces(points, cells) if at.any() else mesh
+        found[name] = points, np.arange(len(points)).reshape(-1, 4)
     return found
 
 
-def _draw_mate(plotter: Any, view: View, look: Look) -> None:
+def _draw_mate(drawing: Drawing, view: View, look: Look) -> None:
     """Draw the flat mate at its approach, and the outline of the level before the balance."""
-    import pyvista
-
-    for name in ("mate", "level"):
-        plotter.remove_actor(name, render=False)
+    drawing.remove("mate", "rim", "level")
     if not look.mate or not view.summary.get("contact"):
         return
     contact, low_m = view.summary["contact"], view.limits_m[0]
@@ -302,13 +237,12 @@ def _draw_mate(plotter: Any, view: View, look: Look) -> None:
     ly_m, lx_m = view.side_m
     corners = np.array([(0.0, 0.0), (lx_m, 0.0), (lx_m, ly_m), (0.0, ly_m)])
     flat = np.column_stack([corners, np.full(4, top_m)])
-    quad = pyvista.PolyData.from_regular_faces(flat, np.array([[0, 1, 2, 3]]))
-    plotter.add_mesh(quad, name="mate", color=MATE, opacity=0.35, show_edges=True, render=False)
+    drawing.surface("mate", flat, np.array([[0, 1, 2, 3]]), MATE, opacity=0.35)
+    drawing.line("rim", flat[[0, 1, 2, 3, 0]], RIM)
     if contact.get("tilt_rad") and any(contact["tilt_rad"]):
         turned_m = (corners - 0.5 * corners[2]) @ np.array(contact["tilt_rad"])
         ring = np.column_stack([corners, top_m + turned_m])[[0, 1, 2, 3, 0]]
-        line = pyvista.lines_from_points(ring)
-        plotter.add_mesh(line, name="level", color=SLIP, line_width=2, render=False)
+        drawing.line("level", ring, SLIP, width=2.0)
 
 
 def _top_m(view: View) -> float:
@@ -316,32 +250,6 @@ def _top_m(view: View) -> float:
     if view.zones is not None and view.zones.of_map:
         return float(view.pixel_m[:, 2].max())
     return float(view.columns["peak_height_m"].max(initial=view.limits_m[0]))
-
-
-def _scalar_bar(plotter: Any, title: str, name: str, mapper: Any, x: float) -> None:
-    bar = plotter.add_scalar_bar(
-        title=name,  # under which it is found again
-        mapper=mapper,
-        vertical=False,
-        position_x=x if name == "face" else 0.03,
-        position_y=0.02 if name == "face" else 0.88,
-        height=0.08,
-        width=0.4 if name == "face" else 0.3,
-        n_labels=3,
-        title_font_size=18,
-        label_font_size=16,
-        color="black",
-        fmt="%.3g",
-        render=False,
-    )
-    bar.SetTitle(f"{title}\n")
-
-
-def _closer(actor: Any, part: str) -> None:
-    mapper = actor.mapper
-    mapper.SetResolveCoincidentTopologyToPolygonOffset()
-    mapper.SetRelativeCoincidentTopologyPolygonOffsetParameters(0.0, CLOSER[part])
-    mapper.SetRelativeCoincidentTopologyPointOffsetParameter(CLOSER[part])
 
 
 def _placed(points: np.ndarray, low_m: float, high_m: float) -> np.ndarray:

@@ -13,7 +13,7 @@ from pathlib import Path
 RENDER = (sys.executable, "-P", "-m", "capslip.output.scene")  # -P: no module beside the scans
 WAITS = "--waits"
 REMEDY = (
-    "3-D pictures need the package pyvista and an OpenGL library "
+    "3-D pictures need the package vtk and an OpenGL library "
     "(Debian, Ubuntu: libgl1, libegl1 or libosmesa6; other systems: Mesa)"
 )
 

@@ -13,11 +13,13 @@ import sys
 from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
-from typing import Any
+
+import numpy as np
 
 from capslip.errors import OutputError, one_of
 from capslip.output.canvas import write_png
-from capslip.output.picture import Look, plotter_of
+from capslip.output.drawing import Drawing, off_screen
+from capslip.output.picture import CLOSER, WINDOW, Look, picture_of
 from capslip.output.renderer import REMEDY, RENDER, WAITS, Rendering
 from capslip.output.view import COLOURS, check_result, read_view, result_file
 from capslip.output.window import Window
@@ -121,25 +123,35 @@ def show(result: str | Path, look: Look | None = None) -> None:
         raise OutputError(f"{result}: the window ended with code {done.returncode}; {REMEDY}")
 
 
-def _load() -> None:
-    """Load what a picture needs, and begin what draws it."""
+def _ready() -> Drawing:
+    """Return an empty drawing that has drawn one of each part, which is slow the first time."""
     import h5py  # noqa: F401
-    import pyvista
+    from PIL import Image
 
-    pyvista.Plotter(off_screen=True).close()
+    drawing = off_screen(WINDOW)
+    mesh, colours = (np.eye(3), np.array([[0, 1, 2]])), ("#000000",)
+    for name, closer in {"face": 0.0, **CLOSER}.items():
+        drawing.surface(name, *mesh, values=np.zeros(3), colours=colours, closer=closer)
+    drawing.bar("bar", "face", "m", (0.5, 0.0), 0.5)
+    drawing.legend("legend", [("0", "#000000")])
+    drawing.words("words", "0")
+    drawing.look((0.0, 0.0, 1.0), up=(0.0, 1.0, 0.0))
+    drawing.pixels()
+    drawing.remove(*tuple(drawing.parts))
+    Image.preinit()
+    return drawing
 
 
-def _turntable(plotter: Any, picture: Path) -> None:
+def _turntable(drawing: Drawing, picture: Path) -> None:
     """Write one turn around the face."""
     from PIL import Image
 
-    plotter.window_size = FRAME_SIZE
+    drawing.window.SetSize(*FRAME_SIZE)
     frames = []
     for _ in range(FRAMES):
-        frames.append(Image.fromarray(plotter.screenshot(return_img=True)).quantize(128))
-        plotter.camera.Azimuth(360.0 / FRAMES)
-        plotter.reset_camera_clipping_range()
-        plotter.render()
+        frames.append(Image.fromarray(drawing.pixels()).quantize(128))
+        drawing.renderer.GetActiveCamera().Azimuth(360.0 / FRAMES)
+        drawing.renderer.ResetCameraClippingRange()
     frames[0].save(
         picture, "GIF", save_all=True, append_images=frames[1:], duration=FRAME_ms, loop=0
     )
@@ -148,9 +160,10 @@ def _turntable(plotter: Any, picture: Path) -> None:
 def main(arguments: list[str]) -> None:
     """Render `RESULT.h5` to `PICTURE`, or open a window; `--waits` reads which one later."""
     atexit.register(gc.freeze)  # who waits for the picture waits for the end
+    drawing = None
     if arguments == [WAITS]:
         os.nice(NICE)
-        _load()
+        drawing = _ready()
         line = sys.stdin.readline()
         if not line:  # there was no result
             return
@@ -161,12 +174,12 @@ def main(arguments: list[str]) -> None:
         Window(read_view(result), shown).show()
         return
     path = Path(picture)
-    plotter = plotter_of(read_view(result, PICTURE_CELLS), shown)
+    picture_of(read_view(result, PICTURE_CELLS), shown, drawing := drawing or off_screen(WINDOW))
     unfinished = path.with_suffix(f".part{path.suffix}")
     if path.suffix.lower() == ".gif":
-        _turntable(plotter, unfinished)
+        _turntable(drawing, unfinished)
     else:
-        write_png(plotter.screenshot(return_img=True), unfinished)
+        write_png(drawing.pixels(), unfinished)
     os.replace(unfinished, path)
 
 

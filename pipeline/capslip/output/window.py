@@ -5,7 +5,8 @@ from typing import Any
 
 import numpy as np
 
-from capslip.output.picture import Look, draw, plotter_of
+from capslip.output.drawing import Drawing
+from capslip.output.picture import WINDOW, Look, draw, picture_of
 from capslip.output.quantity import scaled
 from capslip.output.view import COLOURS, View, cap_at, cap_lines, cap_profiles
 
@@ -44,7 +45,8 @@ class Window:
 
     def __init__(self, view: View, look: Look, off_screen: bool = False) -> None:
         self.view, self.look = view, look
-        self.plotter: Any = plotter_of(view, look, off_screen)
+        self.plotter = _plotter(off_screen)
+        self.drawing = picture_of(view, look, Drawing(self.plotter.renderer))
         self.chart: Any = None
         self.selected: int | None = None
         self.with_help = False
@@ -67,7 +69,7 @@ class Window:
     def change(self, **what: Any) -> None:
         """Show something else of the result, or another state."""
         before, self.look = self.look, replace(self.look, **what)
-        draw(self.plotter, self.view, self.look, before)
+        draw(self.drawing, self.view, self.look, before)
         self._write_row()
         self.plotter.render()
 
@@ -160,3 +162,9 @@ class Window:
         chart.legend_visible = True
         self.chart = chart
         self.plotter.add_chart(chart)
+
+
+def _plotter(off_screen: bool) -> Any:
+    import pyvista
+
+    return pyvista.Plotter(off_screen=off_screen, window_size=list(WINDOW))
