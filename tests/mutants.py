@@ -215,7 +215,7 @@ TABLE = [
     ),
     (("output/thumbnail.py",), ("tests/output/test_*overview*.py",)),
     (
-        ("output/picture.py", "output/renderer.py"),
+        ("output/picture.py", "output/drawing.py", "output/renderer.py"),
         ("tests/output/test_*view.py", "tests/output/test_*scene*.py"),
     ),
     (("output/arrays.py",), ("tests/output/test_*zones*.py", "tests/test_python_api.py")),
