@@ -9,6 +9,7 @@ import h5py
 import numpy as np
 import output_cases
 import pytest
+from window_events import Hand
 
 from capslip.errors import OutputError
 from capslip.output import renderer
@@ -202,6 +203,24 @@ def test_parts_come_and_go(window):
     for _ in range(5):
         window.next_colour()
     assert window.look.colour == "family"
+
+
+def test_the_window_looks_from_where_the_picture_does_and_a_click_takes_what_is_seen(window):
+    """The face is thousands of times flatter than drawn: a wide pick would take a nearer hill."""
+    shown = picture(window.view, window.look).renderer.GetActiveCamera()
+    seen = window.plotter.camera.GetDirectionOfProjection()
+    assert seen == pytest.approx(shown.GetDirectionOfProjection())
+    hand, picked = Hand(window), []
+    window.select = lambda x_m, y_m: picked.append(window.plotter.picked_point)
+    apexes = np.array([hand.apex(i) for i in range(len(window.view.cap))])
+    clicks = (apexes[:, None] + [(0.0, 0.0), (0.0, 12.0), (9.0, -9.0)]).reshape(-1, 2).round()
+    for at in clicks:
+        hand.click(*at)
+    renderer = window.plotter.renderer
+    for at, point in zip(clicks, picked, strict=True):
+        renderer.SetWorldPoint(*point, 1.0)
+        renderer.WorldToDisplay()
+        assert renderer.GetDisplayPoint()[:2] == pytest.approx(at, abs=1.0)
 
 
 def test_click_on_a_cap_shows_its_profile_and_beside_it_nothing(window):

@@ -47,6 +47,7 @@ class Window:
         self.view, self.look = view, look
         self.plotter = _plotter(off_screen)
         self.drawing = picture_of(view, look, Drawing(self.plotter.renderer))
+        self.plotter.camera_set = True  # or PyVista looks from a place of its own
         self.chart: Any = None
         self.selected: int | None = None
         self.with_help = False
@@ -60,7 +61,7 @@ class Window:
         self.plotter.enable_surface_point_picking(
             callback=lambda point: self.select(float(point[0]), float(point[1])),
             left_clicking=True,
-            tolerance=1e-4,  # of the window; else a click takes what is nearer to the eye beside it
+            tolerance=1e-10,  # of the window, against true heights: beyond them nearer ones win
             show_message=False,
             show_point=False,
         )
