@@ -54,25 +54,24 @@ class _Roughness(NamedTuple):
     """What white noise in the heights could be, and what a spline may swing in the contacts."""
 
     noise_m2: np.ndarray  # (ny, nx), the mean of the axes that know it; NaN in corners of the map
+    greater_m2: np.ndarray  # (ny, nx), the greater of them
     smooth: bool
-    most_m: float  # infinite at the edge of the map, or where a step stands off all else
+    most_m: float  # infinite where no axis knows a contact, or a step stands off all else
 
 
 def _roughness(face: ElasticFace, pressed: Pressed) -> _Roughness:
-    rows_m2, columns_m2 = (white_m2(face.depth_m, _ORDER, axis) for axis in (0, 1))
+    axes_m2 = [white_m2(face.depth_m, _ORDER, axis) for axis in (0, 1)]
     # Along an edge of the map one axis knows it, and contacts there are the narrowest of all
-    noise_m2 = 0.5 * (
-        np.where(np.isnan(rows_m2), columns_m2, rows_m2)
-        + np.where(np.isnan(columns_m2), rows_m2, columns_m2)
-    )
+    greater_m2, less_m2 = np.fmax(*axes_m2), np.fmin(*axes_m2)
+    noise_m2 = 0.5 * (greater_m2 + less_m2)
     inside = (pressed.pressure_Pa > 0) & np.isfinite(noise_m2)
     rough_m = float(np.sqrt(noise_m2[inside].mean())) if inside.any() else math.inf
     smooth_m = SMOOTH * pressed.approach_m
     if rough_m <= smooth_m and not _rings(noise_m2, pressed, smooth_m):
-        return _Roughness(noise_m2, True, smooth_m)
+        return _Roughness(noise_m2, greater_m2, True, smooth_m)
     if inside.any() and noise_m2[inside].max() > _STANDS_OFF**2 * np.median(noise_m2[inside]):
         rough_m = math.inf
-    return _Roughness(noise_m2, False, max(smooth_m, _SWING * rough_m))
+    return _Roughness(noise_m2, greater_m2, False, max(smooth_m, _SWING * rough_m))
 
 
 def _is_noise(face: ElasticFace, pressed: Pressed) -> bool:
@@ -128,9 +127,8 @@ def _swings(face: ElasticFace, pressed: Pressed) -> np.ndarray:
     """Tell where a spline may swing because of what is off its neighbours, as `_rings` has it."""
     from scipy.ndimage import distance_transform_edt
 
-    most_m = _roughness(face, pressed).most_m
-    # Along an edge of the map one axis knows it; in a corner of four pixels none does
-    off_m = np.sqrt(np.fmax(*(white_m2(face.depth_m, _ORDER, axis) for axis in (0, 1))))
+    shape = _roughness(face, pressed)
+    most_m, off_m = shape.most_m, np.sqrt(shape.greater_m2)
     rough = off_m > most_m
     if not rough.any():
         return rough
