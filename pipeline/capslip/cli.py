@@ -286,6 +286,7 @@ def batch(
 )
 @click.option("--load", type=SHARE, default=1.0, help="Normal load over the preload, 0 to 1.")
 @click.option("--force", type=SHARE, help="Tangential force over gross slip: shows what slips.")
+@click.option("--mate", is_flag=True, help="With the mate: a flat one, or the second face.")
 @verbose_option
 def inspect(result: Path, html: Path | None, verbose: bool, **options: Any) -> None:
     """Look at the caps of a result in a window, or write pictures."""

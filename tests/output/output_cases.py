@@ -7,6 +7,7 @@ import numpy as np
 
 from capslip.analysis import analyze
 from capslip.output.figures import FIGURES, write_figure
+from capslip.output.tables import write_result, write_summary
 from capslip.settings import load_settings
 from capslip.surface.heightmap import HeightMap
 from scenes import caps_map
@@ -61,6 +62,23 @@ def pressed_map():
         *("contact.alignment=as_levelled", "run.sensitivity=false"),
     )
     return analyze(coarse, load_settings(overrides=overrides))
+
+
+@cache
+def two_faces():
+    """Coarse pixels of the same face, and on it one with a large hill opposite a valley."""
+    shape, size_m = (50, 75), (4e-4, 4e-4)
+    first = HeightMap(several().surface.height_m[::4, ::4], size_m)
+    second = caps_map([(14e-3, 10e-3, 6.0, 0.3e-6)], shape, size_m)
+    overrides = ("contact.preload_N=150", "contact.model=caps", "conditioning.form=none")
+    return analyze(first, load_settings(overrides=overrides), mate=second)
+
+
+def written(analysis, folder):
+    """Write what a picture reads of an analysis; return where."""
+    write_result(analysis, folder)
+    write_summary(analysis.summary(), folder)
+    return folder
 
 
 def write_figures(analysis, folder):

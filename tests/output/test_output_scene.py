@@ -223,6 +223,65 @@ def test_the_window_looks_from_where_the_picture_does_and_a_click_takes_what_is_
         assert renderer.GetDisplayPoint()[:2] == pytest.approx(at, abs=1.0)
 
 
+def heights(drawing, part):
+    """Heights of the points of a part, by their places."""
+    points = drawing.parts[part].GetMapper().GetInput().GetPoints()
+    places = (points.GetPoint(i) for i in range(points.GetNumberOfPoints()))
+    return {(round(x, 9), round(y, 9)): z for x, y, z in places}
+
+
+@pytest.mark.parametrize("load", [1e-9, 1.0])
+def test_two_faces_meet_in_one_point_and_then_sink_into_each_other(opengl, tmp_path, load):
+    view = read_view(output_cases.written(output_cases.two_faces(), tmp_path))
+    drawing = picture(view, Look(mate=True, load_share=load))
+    below, above = heights(drawing, "face"), heights(drawing, "mate")
+    assert set(below) == set(above)
+    gap_m = np.array([above[place] - below[place] for place in below])
+    beside_m2 = 0.5 * view.pixel_size_m[0] ** 2  # of the apex, at most, is the highest pixel
+    sag_m = beside_m2 / (2.0 * view.columns["radius_m"].min())
+    assert 0.0 <= gap_m.min() + view.approach_at(load) <= sag_m
+    summed_m = view.height_m[np.isfinite(view.height_m)]
+    highest_m = summed_m.max() - summed_m
+    inside = gap_m < np.quantile(gap_m, 0.9)  # what lies beyond the limits is drawn at them
+    gap_m, highest_m = np.sort(gap_m[inside]), np.sort(highest_m)[: inside.sum()]
+    np.testing.assert_allclose(gap_m - gap_m[0], highest_m, atol=1e-12)
+
+
+def test_caps_and_contacts_of_two_faces_lie_on_the_first(opengl, tmp_path):
+    view = read_view(output_cases.written(output_cases.two_faces(), tmp_path))
+    drawing = picture(view, Look(mate=True, zones=True, force_share=0.4))
+    from scipy.interpolate import RegularGridInterpolator
+
+    first = RegularGridInterpolator((view.y_m, view.x_m), view.first_m)
+    for part in ("caps", "stick", "slip"):
+        found = heights(drawing, part)
+        x_m, y_m = np.array(list(found)).T
+        inside = (x_m > 1e-3) & (x_m < 29e-3) & (y_m > 1e-3) & (y_m < 16e-3)
+        below_m = first(np.stack([y_m, x_m], axis=1)[inside]) - view.first_limits_m[0]
+        away_m = np.array(list(found.values()))[inside] - below_m
+        assert np.nanmedian(np.abs(away_m)) < 0.01e-6  # of a face 1.3 um high, in coarse pixels
+    assert "both faces" in caption(view, Look(mate=True))
+    assert "both faces" not in caption(view, Look())
+
+
+def test_window_shows_two_faces_or_their_sum(opengl, tmp_path):
+    window = Window(
+        read_view(output_cases.written(output_cases.two_faces(), tmp_path)), Look(), True
+    )
+    window.plotter.show(auto_close=False)
+    of_sum = heights(window.drawing, "face")
+    window.change(factor=10.0)
+    window.toggle("mate")
+    view, look = window.view, window.look
+    assert look.factor_of(view) == view.exaggeration(view.first_limits_m)
+    assert window.factor.GetRepresentation().GetValue() == look.factor_of(view)
+    assert heights(window.drawing, "face") != of_sum
+    window.toggle("mate")
+    assert heights(window.drawing, "face") == of_sum
+    assert window.look.factor_of(view) == view.exaggeration(view.limits_m)
+    window.plotter.close()
+
+
 def test_click_on_a_cap_shows_its_profile_and_beside_it_nothing(window):
     of = window.view.columns
     window.select(of["x_m"][1], of["y_m"][1])
@@ -278,6 +337,14 @@ def test_picture_that_cannot_be_written_is_one_clear_line(result, tmp_path, pict
 def test_unknown_colour_is_one_clear_line():
     with pytest.raises(OutputError, match="expected one of family, load"):
         look_of("rainbow", 1.0, None)
+
+
+def test_a_state_shows_what_sticks_and_the_mate_is_asked_for():
+    assert look_of("load", 1.0, None) == Look("load")
+    assert look_of("load", 0.5, None) == Look("load", load_share=0.5, zones=True)
+    assert look_of("load", 1.0, 0.3, mate=True) == Look(
+        "load", force_share=0.3, zones=True, mate=True
+    )
 
 
 def test_a_pressed_map_looks_as_much_in_contact_as_it_is(opengl, tmp_path):

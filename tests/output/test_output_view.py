@@ -71,6 +71,28 @@ def test_large_map_is_thinned_on_the_way_and_keeps_its_edges(folder, view, monke
     assert thin.side_m == view.side_m
 
 
+def test_two_faces_are_parts_of_their_sum(view, tmp_path):
+    both = output_cases.two_faces()
+    pair = read_view(output_cases.written(both, tmp_path))
+    known = np.isfinite(pair.height_m)
+    np.testing.assert_array_equal(known, np.isfinite(both.conditioned.second_m))
+    np.testing.assert_allclose(pair.second_m[known], both.conditioned.second_m[known], rtol=1e-6)
+    assert np.isfinite(pair.second_m).all()
+    np.testing.assert_allclose(pair.first_m + pair.second_m, pair.height_m, rtol=1e-6, atol=1e-12)
+    x_m, y_m = np.meshgrid(pair.x_m, pair.y_m)
+    np.testing.assert_allclose(pair.second_at(x_m, y_m), pair.second_m, atol=1e-15)
+    between_m = 0.5 * (pair.second_m[20, 30] + pair.second_m[20, 31])
+    at = np.array([0.5 * (pair.x_m[30] + pair.x_m[31])]), pair.y_m[[20]]
+    assert pair.second_at(*at)[0] == pytest.approx(between_m)
+    first_m = pair.first_m[known]
+    assert first_m.min() <= pair.first_limits_m[0] < pair.first_limits_m[1]
+    assert pair.first_limits_m != pair.limits_m
+    assert view.second_m is None
+    np.testing.assert_array_equal(view.first_m, view.height_m)
+    assert view.first_limits_m == view.limits_m
+    assert not view.second_at(x_m, y_m).any()
+
+
 @pytest.mark.parametrize("by", COLOURS)
 def test_every_colour_has_a_value_a_cap(view, by):
     colours = colouring(view, by)

@@ -174,6 +174,9 @@ def test_mated_faces_are_conditioned_and_tell_their_steps():
     assert both.steps[2]["second_steps"][1]["removed"] == 1
     assert [problem.message[:9] for problem in both.problems] == ["b: 1 poin"]
     assert np.count_nonzero(~both.surface.measured) == 1
+    less_the_second_m = both.surface.height_m - both.second_m
+    less_the_second_m[~both.surface.measured] = first.surface.height_m[~both.surface.measured]
+    np.testing.assert_allclose(less_the_second_m, first.surface.height_m, atol=1e-18)
     json.dumps(both.steps, allow_nan=False)
 
 

@@ -95,7 +95,7 @@ def legend_beside(axes: "Axes") -> None:
 
 
 def height_limits(
-    height_m: np.ndarray, peak_height_m: np.ndarray, beyond: float = 0.5
+    height_m: np.ndarray, peak_height_m: np.ndarray | None = None, beyond: float = 0.5
 ) -> tuple[float, float]:
     """Choose the heights that a picture spans: the bulk of the points and the caps.
 
@@ -107,7 +107,8 @@ def height_limits(
     low_m, high_m = np.quantile(measured_m, [0.01, 0.99])
     margin_m = beyond * (high_m - low_m)
     low_m = max(measured_m.min(), low_m - margin_m)
-    top_m = min(peak_height_m.max(initial=-np.inf), high_m + 2.0 * margin_m)
+    peak_m = -np.inf if peak_height_m is None else peak_height_m.max(initial=-np.inf)
+    top_m = min(peak_m, high_m + 2.0 * margin_m)
     high_m = max(min(measured_m.max(), high_m + margin_m), top_m)
     if not high_m > low_m:  # all but a few points are equal
         low_m, high_m = measured_m.min(), measured_m.max()

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from capslip.output.canvas import ACCENT
+from capslip.output.canvas import ACCENT, height_limits
 from capslip.output.drawing import SHADES, Drawing
 from capslip.output.mesh import grid_mesh, segment_mesh
 from capslip.output.quantity import engineering, scaled
@@ -32,11 +32,19 @@ class Look:
     caps: bool = True
     labels: bool = False
     zones: bool = False  # contact, stick and slip
-    mate: bool = False  # the flat mate at its approach, and the level before the balance
+    mate: bool = False  # that at its approach, flat or a second face; the level before the balance
+
+    def two_faces(self, view: View) -> bool:
+        """Tell whether two faces are shown, and not their sum."""
+        return self.mate and view.second_m is not None
+
+    def limits_of(self, view: View) -> tuple[float, float]:
+        """Return the heights that are spanned; what lies beyond is drawn at them."""
+        return view.first_limits_m if self.two_faces(view) else view.limits_m
 
     def factor_of(self, view: View) -> float:
         """Return by how much heights are enlarged."""
-        return view.exaggeration if self.factor is None else self.factor
+        return view.exaggeration(self.limits_of(view)) if self.factor is None else self.factor
 
 
 def picture_of(view: View, look: Look, drawing: Drawing) -> Drawing:
@@ -55,13 +63,14 @@ def draw(drawing: Drawing, view: View, look: Look, before: Look | None = None) -
         return before is None or any(getattr(look, n) != getattr(before, n) for n in names)
 
     state = ("load_share", "force_share")
-    if changed("face"):
+    heights = () if view.second_m is None else ("mate",)
+    if changed("face", *heights):
         _draw_face(drawing, view, look)
-    if changed("caps", "colour"):
+    if changed("caps", "colour", *heights):
         _draw_caps(drawing, view, look)
-    if changed("labels", "factor"):
+    if changed("labels", "factor", *heights):
         _draw_labels(drawing, view, look)
-    if changed("zones", *state):
+    if changed("zones", *state, *heights):
         _draw_zones(drawing, view, look)
     if changed("mate", "load_share"):
         _draw_mate(drawing, view, look)
@@ -72,15 +81,19 @@ def draw(drawing: Drawing, view: View, look: Look, before: Look | None = None) -
 def caption(view: View, look: Look) -> str:
     """Return what the picture says of itself: scale, state and what was cut off."""
     side_y, side_x = (f"{side * 1e3:.3g}" for side in view.side_m)
-    measured_m = view.height_m[np.isfinite(view.height_m)]
-    low_m, high_m = view.limits_m
+    measured_m = view.first_m if look.two_faces(view) else view.height_m
+    measured_m = measured_m[np.isfinite(measured_m)]
+    low_m, high_m = look.limits_of(view)
     factor = look.factor_of(view)
     enlarged = f"{factor:,.0f}".replace(",", " ") if factor >= 10.0 else f"{factor:.2g}"
-    sz = engineering(float(f"{view.sz_m:.1e}"), "m")  # over the balanced plane, so about
+    sz_m = float(np.ptp(measured_m)) if look.two_faces(view) else view.sz_m
+    sz = engineering(float(f"{sz_m:.1e}"), "m")  # over the balanced plane, so about
     lines = [f"heights x {enlarged}; true scale: {side_x} x {side_y} mm, about {sz} high"]
     clipped = float(((measured_m < low_m) | (measured_m > high_m)).mean())
     if clipped > 0.0:
         lines.append(f"{100.0 * clipped:.2g} % of the points lie beyond and are drawn at the limit")
+    if look.two_faces(view):
+        lines.append("both faces, the second to be seen through; caps are those of their sum")
     if look.zones and view.zones is not None:
         lines.append(state_line(view, look))
         lines += [view.enlarged_points] if view.enlarged_points else []
@@ -108,14 +121,14 @@ def _draw_face(drawing: Drawing, view: View, look: Look) -> None:
     drawing.remove("face", "heights")
     if not look.face:
         return
-    low_m, high_m = view.limits_m
     points, cells = grid_mesh(view.height_m, view.y_m, view.x_m)
     if not len(cells):
         return
-    height, unit = scaled(np.clip(points[:, 2], low_m, high_m), "m")
+    points = _placed(view, look, points)
+    height, unit = scaled(points[:, 2] + look.limits_of(view)[0], "m")
     drawing.surface(
         "face",
-        _placed(points, low_m, high_m),
+        points,
         cells,
         values=height,
         colours=_shades(*FACE_COLOURS),
@@ -129,18 +142,17 @@ def _draw_caps(drawing: Drawing, view: View, look: Look) -> None:
     drawing.remove("caps", "kinds", "colours")
     if not look.caps or not len(view.cap):
         return
-    of, low_m = view.columns, view.limits_m[0]
-    apex_m = np.stack([of["x_m"], of["y_m"], of["peak_height_m"] - low_m], axis=1)
+    of = view.columns
+    apex_m = np.stack([of["x_m"], of["y_m"], of["peak_height_m"]], axis=1)
     depth_m = np.minimum(of["cap_height_m"], of["radius_m"])  # down to the cut, or the equator
     base_m = np.sqrt(depth_m * (2.0 * of["radius_m"] - depth_m))
     base_m = np.minimum(base_m, 0.5 * of["diameter_m"])
     points, cells, cap = segment_mesh(apex_m, of["radius_m"], 0.0 * base_m, base_m, view.side_m)
-    points[:, 2] = np.maximum(points[:, 2], 0.0)
     colours = colouring(view, look.colour)
     named = [colour for _, colour in colours.names]
     drawing.surface(
         "caps",
-        points,
+        _placed(view, look, points),
         cells,
         values=colours.value[cap],
         colours=named or _plasma(),
@@ -172,10 +184,10 @@ def _draw_labels(drawing: Drawing, view: View, look: Look) -> None:
     drawing.remove("labels")
     if not look.labels or not len(view.cap):
         return
-    of, low_m = view.columns, view.limits_m[0]
+    of = view.columns
     order = np.lexsort((-of["peak_height_m"], -view.cap_load_N))[:LABELLED]
-    z_m = (of["peak_height_m"][order] - low_m) * look.factor_of(view)
-    places_m = np.stack([of["x_m"][order], of["y_m"][order], z_m], axis=1)
+    places_m = np.stack([of[name][order] for name in ("x_m", "y_m", "peak_height_m")], axis=1)
+    places_m = _placed(view, look, places_m) * (1.0, 1.0, look.factor_of(view))
     drawing.labels("labels", places_m, [str(view.cap[i] + 1) for i in order], size_pt=14)
 
 
@@ -196,21 +208,22 @@ def _rings(view: View, look: Look) -> dict[str, Mesh]:
     assert zones is not None
     state = zone_at(zones, look.load_share, look.force_share)
     at = np.searchsorted(view.cap, zones.cap)
-    of, low_m = view.columns, view.limits_m[0]
+    of = view.columns
     touch_m, stick_m = zones.radius_m * state.contact, zones.radius_m * state.stick
     found = {}
     for name, inner_m, outer_m in (("stick", 0.0 * stick_m, stick_m), ("slip", stick_m, touch_m)):
         seen = outer_m > inner_m
         i = at[seen]
-        apex_m = np.stack([of["x_m"][i], of["y_m"][i], of["peak_height_m"][i] - low_m], axis=1)
+        apex_m = np.stack([of["x_m"][i], of["y_m"][i], of["peak_height_m"][i]], axis=1)
         rings = inner_m[seen], outer_m[seen]
-        found[name] = segment_mesh(apex_m, of["radius_m"][i], *rings, view.side_m)[:2]
+        points, cells, _ = segment_mesh(apex_m, of["radius_m"][i], *rings, view.side_m)
+        found[name] = _placed(view, look, points), cells
     return found
 
 
 def _pixels(view: View, look: Look) -> dict[str, Mesh]:
     """Return the contact pixels of a map as squares of their size, or of one that is seen."""
-    zones, (low_m, high_m) = view.zones, view.limits_m
+    zones = view.zones
     assert zones is not None
     state = zone_at(zones, look.load_share, look.force_share)
     reach = zones.pixel_reach
@@ -218,7 +231,7 @@ def _pixels(view: View, look: Look) -> dict[str, Mesh]:
     touch &= state.contact[zones.pixel_contact] > 0.0
     stick = touch & (reach <= state.stick[zones.pixel_contact])
     stick &= state.stick[zones.pixel_contact] > 0.0
-    middle = _placed(view.pixel_m, low_m, high_m)
+    middle = _placed(view, look, view.pixel_m)
     corner = 0.5 * view.point_side_m * np.array([(-1, -1, 0), (1, -1, 0), (1, 1, 0), (-1, 1, 0)])
     found = {}
     for name, at in (("stick", stick), ("slip", touch & ~stick)):
@@ -228,17 +241,23 @@ def _pixels(view: View, look: Look) -> dict[str, Mesh]:
 
 
 def _draw_mate(drawing: Drawing, view: View, look: Look) -> None:
-    """Draw the flat mate at its approach, and the outline of the level before the balance."""
+    """Draw the mate at its approach, and the outline of the level before the balance."""
     drawing.remove("mate", "rim", "level")
     if not look.mate or not view.summary.get("contact"):
         return
-    contact, low_m = view.summary["contact"], view.limits_m[0]
+    contact, low_m = view.summary["contact"], look.limits_of(view)[0]
     top_m = _top_m(view) - view.approach_at(look.load_share) - low_m
     ly_m, lx_m = view.side_m
     corners = np.array([(0.0, 0.0), (lx_m, 0.0), (lx_m, ly_m), (0.0, ly_m)])
-    flat = np.column_stack([corners, np.full(4, top_m)])
-    drawing.surface("mate", flat, np.array([[0, 1, 2, 3]]), MATE, opacity=0.35)
-    drawing.line("rim", flat[[0, 1, 2, 3, 0]], RIM)
+    if view.second_m is not None:
+        low_m, high_m = height_limits(view.second_m)
+        under_m = np.where(np.isnan(view.height_m), np.nan, top_m - view.second_m)
+        under_m = np.clip(under_m, top_m - high_m, top_m - low_m)
+        drawing.surface("mate", *grid_mesh(under_m, view.y_m, view.x_m), MATE, opacity=0.35)
+    else:
+        flat = np.column_stack([corners, np.full(4, top_m)])
+        drawing.surface("mate", flat, np.array([[0, 1, 2, 3]]), MATE, opacity=0.35)
+        drawing.line("rim", flat[[0, 1, 2, 3, 0]], RIM)
     if contact.get("tilt_rad") and any(contact["tilt_rad"]):
         turned_m = (corners - 0.5 * corners[2]) @ np.array(contact["tilt_rad"])
         ring = np.column_stack([corners, top_m + turned_m])[[0, 1, 2, 3, 0]]
@@ -252,8 +271,14 @@ def _top_m(view: View) -> float:
     return float(view.columns["peak_height_m"].max(initial=view.limits_m[0]))
 
 
-def _placed(points: np.ndarray, low_m: float, high_m: float) -> np.ndarray:
-    """Return points with heights from the lowest shown, cut at the limits."""
-    placed: np.ndarray = points.copy()
-    placed[:, 2] = np.clip(points[:, 2], low_m, high_m) - low_m
-    return placed
+def _placed(view: View, look: Look, points: np.ndarray) -> np.ndarray:
+    """Return points with heights from the lowest shown, cut at the limits.
+
+    Where two faces are shown, what lies on their sum comes down on the first: by the heights of the
+    second, which meets it there as the sum meets a flat.
+    """
+    x_m, y_m, z_m = points.T
+    if look.two_faces(view):
+        z_m = z_m - view.second_at(x_m, y_m)
+    low_m, high_m = look.limits_of(view)
+    return np.stack([x_m, y_m, np.clip(z_m, low_m, high_m) - low_m], axis=1)

@@ -62,7 +62,7 @@ def start_render(
     return Rendering(process, picture)
 
 
-def look_of(colour: str, load: float, force: float | None) -> Look:
+def look_of(colour: str, load: float, force: float | None, mate: bool = False) -> Look:
     """Return the look that the options of the command line ask for.
 
     Raises
@@ -73,7 +73,7 @@ def look_of(colour: str, load: float, force: float | None) -> Look:
     if colour not in COLOURS:
         raise OutputError(f"--colour: got {colour}; {one_of(COLOURS, colour)}")
     state = force is not None or load < 1.0
-    return Look(colour=colour, load_share=load, force_share=force or 0.0, zones=state)
+    return Look(colour, load_share=load, force_share=force or 0.0, zones=state, mate=mate)
 
 
 def save_picture(result: str | Path, picture: Path, look: Look) -> None:

@@ -72,6 +72,10 @@ def _write_hdf5(analysis: "Analysis", caps: np.ndarray, path: Path) -> None:
         attributes["pixel_size_m"] = surface.pixel_size_m
         attributes["pixel_size"] = surface.pixel_size_m
         attributes["pixel_unit"] = "m"
+        second_m = analysis.conditioned.second_m
+        if second_m is not None:
+            second_m = second_m.astype(np.float32)
+            write_dataset(groups["surface"], "second_height_m", second_m, "m")
         stamp = np.frombuffer(thumbnail(height_m), dtype=np.uint8)
         write_dataset(groups["surface"], "thumbnail_png", stamp, "")
         label = analysis.hills.label

@@ -9,6 +9,7 @@ import math
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -46,7 +47,8 @@ class View:
     pixel_size_m: tuple[float, float]
     y_m: np.ndarray  # (rows,)
     x_m: np.ndarray  # (columns,)
-    height_m: np.ndarray  # (rows, columns)
+    height_m: np.ndarray  # (rows, columns); of two faces those of their sum
+    second_m: np.ndarray | None  # (rows, columns), its part in the sum; the nearest beside it
     sz_m: float  # from the lowest to the highest point of the whole map
     cap: np.ndarray  # (n,), row in caps.csv, from 0
     columns: dict[str, np.ndarray]  # of the caps, each of shape (n,)
@@ -65,15 +67,36 @@ class View:
         side_y_m, side_x_m = (n * size for n, size in sides)
         return side_y_m, side_x_m
 
-    @property
+    @cached_property
     def limits_m(self) -> tuple[float, float]:
         """Heights that a picture spans; what lies beyond is drawn at them."""
         return height_limits(self.height_m, self.columns["peak_height_m"])
 
+    @cached_property
+    def first_limits_m(self) -> tuple[float, float]:
+        """The same of the first of two faces."""
+        of = self.columns
+        peak_m = of["peak_height_m"] - self.second_at(of["x_m"], of["y_m"])
+        return height_limits(self.first_m, peak_m)
+
     @property
-    def exaggeration(self) -> float:
-        """A round factor that makes the heights a tenth of the longer side, at least 1."""
-        low_m, high_m = self.limits_m
+    def first_m(self) -> np.ndarray:
+        """Heights of the first of two faces, or of the only one, (rows, columns)."""
+        return self.height_m if self.second_m is None else self.height_m - self.second_m
+
+    def second_at(self, x_m: np.ndarray, y_m: np.ndarray) -> np.ndarray:
+        """Return the part of the second face in the heights at some places."""
+        if self.second_m is None:
+            return np.zeros_like(x_m)
+        from scipy.ndimage import map_coordinates
+
+        lines = (self.y_m, y_m), (self.x_m, x_m)
+        at = [np.interp(place_m, line_m, np.arange(len(line_m))) for line_m, place_m in lines]
+        return np.asarray(map_coordinates(self.second_m, at, order=1))
+
+    def exaggeration(self, limits_m: tuple[float, float]) -> float:
+        """Return a round factor that makes heights a tenth of the longer side, at least 1."""
+        low_m, high_m = limits_m
         return round_factor(0.1 * max(self.side_m) / (high_m - low_m)) if high_m > low_m else 1.0
 
     @property
@@ -327,6 +350,7 @@ def _read(path: Path, file: Any, max_cells: int, summary: dict[str, Any] | None)
     rows, cols = thinned_lines(shape, max_cells)
     zones = read_zones(file["zones"]) if "zones" in file else None
     pixel = np.zeros(0, dtype=np.int64) if zones is None else zones.pixel
+    second = file["surface"].get("second_height_m")
     z_m, pixel_z_m = np.empty((len(rows), len(cols))), np.empty(len(pixel))
     lowest_m, highest_m = np.inf, -np.inf
     row, col = np.divmod(pixel, shape[1])
@@ -353,12 +377,22 @@ def _read(path: Path, file: Any, max_cells: int, summary: dict[str, Any] | None)
         y_m=(rows + 0.5) * dy_m,
         x_m=(cols + 0.5) * dx_m,
         height_m=z_m,
+        second_m=None if second is None else _everywhere(second[rows][:, cols]),
         sz_m=highest_m - lowest_m,
         cap=usable,
         columns=columns,
         zones=zones,
         pixel_m=np.stack([(col + 0.5) * dx_m, (row + 0.5) * dy_m, pixel_z_m], axis=1),
     )
+
+
+def _everywhere(height_m: np.ndarray) -> np.ndarray:
+    """Return heights with the nearest one at each point that was not measured."""
+    from scipy.ndimage import distance_transform_edt
+
+    missing = np.isnan(height_m)
+    nearest = distance_transform_edt(missing, return_distances=False, return_indices=True)
+    return np.asarray(height_m[tuple(nearest)])
 
 
 def _blocks(dataset: Any) -> Iterator[tuple[int, np.ndarray]]:

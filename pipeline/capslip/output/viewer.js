@@ -25,6 +25,7 @@ function engineering(value, unit, digits = 3) {
 // --- the data ---------------------------------------------------------------------------------
 const X = unpack(data.x, "f4"), Y = unpack(data.y, "f4");
 const Z = levels(data.z, 0, data.high - data.low);
+const second = data.second && { ...data.second, heights: levels(data.second.z, data.second.low, data.second.high) };
 const [LY, LX] = data.side;
 const caps = { ...data.caps };
 for (const name of ["x", "y", "peak", "df", "D", "R", "a", "base", "load", "loss"]) caps[name] = unpack(data.caps[name], "f4");
@@ -39,6 +40,25 @@ const zones = data.zones && {
 };
 const state = { factor: data.factor, load: 1, force: 0, colour: "family", face: true, caps: true, zones: false, mate: false };
 let turn = LX >= LY ? -0.42 : 1.15, tip = 0.62, zoom = 1, chosen = -1;
+
+// Of two faces what lies on their sum comes down on the first, by the heights of the second.
+const twoFaces = () => Boolean(second) && state.mate;
+const lowest = () => twoFaces() ? second.first_low : data.low;
+const span = () => twoFaces() ? second.first_high - second.first_low : data.high - data.low;
+const roundFactor = () => twoFaces() ? second.factor : data.factor;
+function between(line, value) {
+  let low = 0, high = line.length - 1;
+  while (high - low > 1) { const i = (low + high) >> 1; if (line[i] <= value) low = i; else high = i; }
+  return [low, Math.min(1, Math.max(0, (value - line[low]) / (line[high] - line[low] || 1)))];
+}
+function secondAt(x, y) {
+  const [i, u] = between(X, x), [j, v] = between(Y, y), nx = X.length, h = second.heights, k = j * nx + i;
+  const right = Math.min(i + 1, nx - 1) - i, up = (Math.min(j + 1, Y.length - 1) - j) * nx;
+  return (1 - v) * ((1 - u) * h[k] + u * h[k + right]) + v * ((1 - u) * h[k + up] + u * h[k + up + right]);
+}
+function placed(x, y, z) {
+  return twoFaces() ? Math.min(span(), Math.max(0, z + data.low - secondAt(x, y) - lowest())) : z;
+}
 
 // Radii of contact and stick over those under the preload: the theorem of Ciavarella and Jaeger.
 function table(share) {
@@ -74,25 +94,30 @@ place.innerHTML = `<canvas class="face" role="img" tabindex="0"></canvas>
 <label class="inline"><input type="checkbox" data-name="face" checked> face</label>
 <label class="inline"><input type="checkbox" data-name="caps" checked> caps</label>
 <label class="inline of-zones"><input type="checkbox" data-name="zones"> contact</label>
-<label class="inline of-zones"><input type="checkbox" data-name="mate"> flat mate</label>
+<label class="inline of-zones"><input type="checkbox" data-name="mate"> ${second ? "both faces, not their sum" : "flat mate"}</label>
 <p class="row">Drag turns, Shift and the wheel zoom; a click on a cap shows its row and profile.</p>
 <canvas class="profile" hidden></canvas>
 </div>
 <p class="state"></p>`;
 const canvas = place.querySelector("canvas.face"), chart = place.querySelector("canvas.profile");
 const row = place.querySelector(".row"), stateLine = place.querySelector(".state");
-const MOST = 4 * data.factor;
+const MOST = 4 * Math.max(data.factor, second ? second.factor : 1);
 const sliders = Object.fromEntries([...place.querySelectorAll("[data-name]")].map((e) => [e.dataset.name, e]));
 if (zones && zones.of_map) state.zones = sliders.zones.checked = true;  // caps do not answer then
 if (!zones) for (const element of place.querySelectorAll(".of-zones")) element.hidden = true;
 for (const by of Object.keys(data.colours)) sliders.colour.add(new Option(by === "loss" ? "share of the loss" : by, by));
 // The slider is logarithmic from 1 to four times the round factor.
-sliders.factor.value = MOST > 1 ? Math.log(state.factor) / Math.log(MOST) : 0;
+function setFactor(factor) {
+  state.factor = factor;
+  sliders.factor.value = MOST > 1 ? Math.log(factor) / Math.log(MOST) : 0;
+}
+setFactor(data.factor);
 for (const [name, element] of Object.entries(sliders)) {
   element.addEventListener("input", () => {
     if (element.type === "checkbox") state[name] = element.checked;
     else if (name === "factor") state.factor = MOST ** Number(element.value);
     else state[name] = name === "colour" ? element.value : Number(element.value);
+    if (name === "mate" && second) setFactor(roundFactor());
     if ((name === "force" || name === "load") && !state.zones) { state.zones = sliders.zones.checked = true; }
     update();
   });
@@ -157,20 +182,28 @@ function fill(one, numbers, corners) {
 }
 const parts = { face: part(), caps: part(), zones: part(), mate: part() };
 
-function buildFace() {
+// Heights on the grid as a mesh, with a colour for each height.
+function surface(one, heights, colour) {
   const nx = X.length, ny = Y.length, numbers = new Float32Array(8 * nx * ny), corners = [];
-  const sorted = Z.filter(Number.isFinite).sort();
-  const low = sorted[Math.floor(0.01 * sorted.length)] || 0, high = sorted[Math.floor(0.99 * sorted.length)] || 1;
   for (let j = 0; j < ny; j++) for (let i = 0; i < nx; i++) {
-    const k = j * nx + i, z = Z[k];
+    const k = j * nx + i;
     const i0 = Math.max(i - 1, 0), i1 = Math.min(i + 1, nx - 1), j0 = Math.max(j - 1, 0), j1 = Math.min(j + 1, ny - 1);
-    const sx = (Z[j * nx + i1] - Z[j * nx + i0]) / (X[i1] - X[i0] || 1), sy = (Z[j1 * nx + i] - Z[j0 * nx + i]) / (Y[j1] - Y[j0] || 1);
-    const grey = 0.38 + 0.57 * Math.min(1, Math.max(0, (z - low) / (high - low || 1)));
-    numbers.set([X[i], Y[j], z, sx || 0, sy || 0, grey, grey, 0.99 * grey], 8 * k);
-    if (i + 1 < nx && j + 1 < ny && [k, k + 1, k + nx, k + nx + 1].every((c) => Number.isFinite(Z[c])))
+    const sx = (heights[j * nx + i1] - heights[j * nx + i0]) / (X[i1] - X[i0] || 1);
+    const sy = (heights[j1 * nx + i] - heights[j0 * nx + i]) / (Y[j1] - Y[j0] || 1);
+    numbers.set([X[i], Y[j], heights[k], sx || 0, sy || 0, ...colour(heights[k])], 8 * k);
+    if (i + 1 < nx && j + 1 < ny && [k, k + 1, k + nx, k + nx + 1].every((c) => Number.isFinite(heights[c])))
       corners.push(k, k + 1, k + nx + 1, k, k + nx + 1, k + nx);
   }
-  fill(parts.face, numbers, corners);
+  fill(one, numbers, corners);
+}
+function buildFace() {
+  const nx = X.length, heights = Z.map((z, k) => placed(X[k % nx], Y[Math.floor(k / nx)], z));
+  const sorted = heights.filter(Number.isFinite).sort();
+  const low = sorted[Math.floor(0.01 * sorted.length)] || 0, high = sorted[Math.floor(0.99 * sorted.length)] || 1;
+  surface(parts.face, heights, (z) => {
+    const grey = 0.38 + 0.57 * Math.min(1, Math.max(0, (z - low) / (high - low || 1)));
+    return [grey, grey, 0.99 * grey];
+  });
 }
 // A ring of a sphere about an apex, cut at the edge of the face.
 function ring(numbers, corners, c, inner, outer, colour) {
@@ -180,8 +213,8 @@ function ring(numbers, corners, c, inner, outer, colour) {
     const edge = Math.max(0, Math.min(u > 1e-9 ? (LX - caps.x[c]) / u : u < -1e-9 ? -caps.x[c] / u : Infinity,
       v > 1e-9 ? (LY - caps.y[c]) / v : v < -1e-9 ? -caps.y[c] / v : Infinity));
     const r = Math.min(inner + (outer - inner) * s / steps, edge), root = Math.sqrt(Math.max(0, caps.R[c] ** 2 - r * r));
-    const slope = -r / Math.max(root, 1e-3 * caps.R[c]);
-    numbers.push(caps.x[c] + r * u, caps.y[c] + r * v, caps.peak[c] - data.low - r * r / (caps.R[c] + root), slope * u, slope * v, ...colour);
+    const slope = -r / Math.max(root, 1e-3 * caps.R[c]), x = caps.x[c] + r * u, y = caps.y[c] + r * v;
+    numbers.push(x, y, placed(x, y, caps.peak[c] - data.low - r * r / (caps.R[c] + root)), slope * u, slope * v, ...colour);
     if (s < steps) {
       const a = first + s * sectors, q1 = (q + 1) % sectors;
       corners.push(a + q, a + sectors + q, a + sectors + q1, a + q, a + sectors + q1, a + q1);
@@ -227,7 +260,7 @@ function buildZones() {
     const k = zones.contact[p];
     if (!(zone.contact[k] > 0) || zones.reach[p] > zone.contact[k] + 1e-4) continue;
     const sticks = zone.stick[k] > 0 && zones.reach[p] <= zone.stick[k];
-    numbers.push(zones.px[p], zones.py[p], zones.pz[p], 0, 0, ...(sticks ? stick : slip));
+    numbers.push(zones.px[p], zones.py[p], placed(zones.px[p], zones.py[p], zones.pz[p]), 0, 0, ...(sticks ? stick : slip));
   }
   fill(parts.zones, numbers, null);
 }
@@ -237,8 +270,13 @@ function buildMate() {
   else for (const z of caps.peak) top = Math.max(top, z - data.low);
   const at = state.load ** (2 / 3) * (zones.levels - 1), i = Math.min(Math.floor(at), zones.levels - 2);
   top -= zones.approach[i] + (at - i) * (zones.approach[i + 1] - zones.approach[i]);
-  const numbers = [];
-  for (const [x, y] of [[0, 0], [LX, 0], [LX, LY], [0, LY]]) numbers.push(x, y, top, 0, 0, 0.34, 0.71, 0.91);
+  const numbers = [], colour = [0.34, 0.71, 0.91];
+  if (twoFaces()) {
+    top += data.low - lowest();
+    surface(parts.mate, Z.map((z, k) => Number.isFinite(z) ? top - second.heights[k] : NaN), () => colour);
+    return;
+  }
+  for (const [x, y] of [[0, 0], [LX, 0], [LX, LY], [0, LY]]) numbers.push(x, y, top, 0, 0, ...colour);
   fill(parts.mate, numbers, [0, 1, 2, 0, 2, 3]);
 }
 
@@ -252,7 +290,7 @@ function fit() {
   const unit = 2 * zoom * Math.min(1 / size, high / wide / size * 1.45);
   return [unit, unit * wide / high];
 }
-function middle() { return [LX / 2, LY / 2, 0.5 * (data.high - data.low) * state.factor]; }
+function middle() { return [LX / 2, LY / 2, 0.5 * span() * state.factor]; }
 function draw() {
   const ratio = window.devicePixelRatio || 1;
   canvas.width = Math.max(1, canvas.clientWidth * ratio);
@@ -274,7 +312,7 @@ function draw() {
     if (!on || !(one.count || one.points)) continue;
     gl.uniform1f(at.bias, bias);
     gl.uniform1f(at.alpha, alpha);
-    if (alpha < 1) { gl.enable(gl.BLEND); gl.blendFunc(gl.SRC_ALPHA, gl.ONE_MINUS_SRC_ALPHA); } else gl.disable(gl.BLEND);
+    if (alpha < 1) { gl.enable(gl.BLEND); gl.blendFuncSeparate(gl.SRC_ALPHA, gl.ONE_MINUS_SRC_ALPHA, gl.ONE, gl.ONE_MINUS_SRC_ALPHA); } else gl.disable(gl.BLEND);
     gl.bindVertexArray(one.array);
     if (one.points) gl.drawArrays(gl.POINTS, 0, one.points);
     else gl.drawElements(gl.TRIANGLES, one.count, gl.UNSIGNED_INT, 0);
@@ -282,7 +320,8 @@ function draw() {
 }
 function say() {
   place.querySelector('[data-of="factor"]').textContent = Number(state.factor.toPrecision(2)).toLocaleString("en").replaceAll(",", " ");
-  let text = `Heights × ${place.querySelector('[data-of="factor"]').textContent}; true scale ${engineering(LX, "m")} × ${engineering(LY, "m")}, about ${engineering(Number((data.high - data.low).toPrecision(2)), "m")} shown.`;
+  let text = `Heights × ${place.querySelector('[data-of="factor"]').textContent}; true scale ${engineering(LX, "m")} × ${engineering(LY, "m")}, about ${engineering(Number(span().toPrecision(2)), "m")} shown.`;
+  if (twoFaces()) text += " Both faces, the second to be seen through; caps are those of their sum.";
   if (zones) {
     const load = engineering(state.load * data.preload_N, "N"), n = counts(state.load, state.force);
     place.querySelector('[data-of="load"]').textContent = `${load} on the scan`;
@@ -354,7 +393,8 @@ function profile(c) {
 }
 let built = {};
 function update() {
-  const caps_of = state.colour, zones_of = `${state.load} ${state.force}`;
+  const faces = twoFaces(), caps_of = `${state.colour} ${faces}`, zones_of = `${state.load} ${state.force} ${faces}`;
+  if (built.faces !== faces) { buildFace(); built.faces = faces; }
   if (built.caps !== caps_of) { buildCaps(); built.caps = caps_of; }
   if (zones && built.zones !== zones_of) { buildZones(); buildMate(); built.zones = zones_of; }
   draw();
@@ -390,7 +430,7 @@ canvas.addEventListener("pointerup", (e) => {
   const box = canvas.getBoundingClientRect();
   let best = -1, nearest = Infinity;
   for (let c = 0; c < N; c++) {
-    const [x, y] = seen(caps.x[c], caps.y[c], caps.peak[c] - data.low), [sx] = fit();
+    const [x, y] = seen(caps.x[c], caps.y[c], placed(caps.x[c], caps.y[c], caps.peak[c] - data.low)), [sx] = fit();
     const away = Math.hypot(x - e.clientX + box.left, y - e.clientY + box.top);
     if (away < Math.max(9, 0.5 * caps.base[c] * sx * canvas.clientWidth) && away < nearest) { nearest = away; best = c; }
   }
@@ -411,7 +451,6 @@ canvas.addEventListener("keydown", (e) => {
   draw();
 });
 new ResizeObserver(draw).observe(canvas);
-buildFace();
 update();
-window.capslipViewer = { state, update, counts, choose, seen, sliders };
+window.capslipViewer = { state, update, counts, choose, placed, seen, sliders };
 })();

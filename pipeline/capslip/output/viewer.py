@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 
 from capslip.errors import OutputError
+from capslip.output.canvas import height_limits
 from capslip.output.picture import SLIP, STICK
 from capslip.output.view import COLOURS, View, cap_profiles, colouring, read_view
 from capslip.output.zones import compression_at
@@ -76,12 +77,13 @@ def viewer_data(view: View) -> dict[str, Any]:
     return {
         "name": view.name,
         "side": list(view.side_m),
-        "factor": view.exaggeration,
+        "factor": view.exaggeration(view.limits_m),
         "low": low_m,
         "high": high_m,
         "x": _packed(view.x_m, "f4"),
         "y": _packed(view.y_m, "f4"),
         "z": _levels(view.height_m.ravel(), low_m, high_m),
+        "second": _second(view),
         "caps": {
             "number": (view.cap + 1).tolist(),
             "family": list(of["family"]),
@@ -113,6 +115,21 @@ def _colours(view: View, by: str) -> dict[str, Any]:
         "value": _packed(found.value, "f4"),
         "names": [list(name) for name in found.names],
         "limits": list(found.limits),
+    }
+
+
+def _second(view: View) -> dict[str, Any] | None:
+    if view.second_m is None:
+        return None
+    low_m, high_m = height_limits(view.second_m)
+    first_low_m, first_high_m = view.first_limits_m
+    return {
+        "low": low_m,
+        "high": high_m,
+        "z": _levels(view.second_m.ravel(), low_m, high_m),
+        "first_low": first_low_m,
+        "first_high": first_high_m,
+        "factor": view.exaggeration(view.first_limits_m),
     }
 
 

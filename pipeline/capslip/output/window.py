@@ -15,7 +15,7 @@ KEYS = (  # those that VTK leaves free
     ("g", "caps", "the caps"),
     ("n", "labels", "numbers of caps"),
     ("z", "zones", "what touches, sticks, slips"),
-    ("m", "mate", "flat mate, level unbalanced"),
+    ("m", "mate", "mate, level unbalanced"),
 )
 HELP = "\n".join(
     [
@@ -75,8 +75,13 @@ class Window:
         self.plotter.render()
 
     def toggle(self, name: str) -> None:
-        """Show or hide a part."""
-        self.change(**{name: not getattr(self.look, name)})
+        """Show or hide a part; two faces and their sum have each their round factor."""
+        what: dict[str, Any] = {name: not getattr(self.look, name)}
+        look = replace(self.look, **what)
+        if look.two_faces(self.view) != self.look.two_faces(self.view):
+            what["factor"] = None
+            self._reset_factor(replace(look, factor=None).factor_of(self.view))
+        self.change(**what)
 
     def next_colour(self) -> None:
         """Colour the caps by the next of their columns."""
@@ -104,7 +109,7 @@ class Window:
         self.plotter.show(title=f"capslip: {self.view.name}")
 
     def _add_sliders(self) -> None:
-        def slider(name: str, title: str, most: float, value: float, x: float) -> None:
+        def slider(name: str, title: str, most: float, value: float, x: float) -> Any:
             widget = self.plotter.add_slider_widget(
                 lambda value: self.change(**{name: value}),
                 (1.0 if name == "factor" else 0.0, most),
@@ -120,12 +125,18 @@ class Window:
                 interaction_event="always",
             )
             widget.GetRepresentation().SetSliderLength(BEAD)
+            return widget
 
-        round_factor = self.view.exaggeration
-        slider("factor", "heights x", MOST_FACTOR * round_factor, round_factor, 0.36)
+        round_factor = self.look.factor_of(self.view)
+        self.factor = slider("factor", "heights x", MOST_FACTOR * round_factor, round_factor, 0.36)
         if self.view.zones is not None:
             slider("load_share", "load / preload", 1.0, self.look.load_share, 0.56)
             slider("force_share", "force / gross slip", 1.0, self.look.force_share, 0.76)
+
+    def _reset_factor(self, round_factor: float) -> None:
+        bead = self.factor.GetRepresentation()
+        bead.SetMaximumValue(MOST_FACTOR * round_factor)
+        bead.SetValue(round_factor)
 
     def _write(self, name: str, text: str, place: tuple[float, float], size: int) -> None:
         self.plotter.add_text(

@@ -40,6 +40,8 @@ class Conditioned:
         Place (x, y) of each outlier that was removed, and its height above the fitted form.
     removed : Outliers
         The same, by how far each stands off what is around it.
+    second_m : float64, shape (ny, nx), or None
+        Of the composite surface of two faces the part that is the second one's; NaN beside it.
     slope : (float, float)
         Of all planes that were added since, along x and y; see `turned`.
     """
@@ -52,6 +54,7 @@ class Conditioned:
     removed_m: np.ndarray = field(default_factory=lambda: np.empty((3, 0)))
     slope: tuple[float, float] = (0.0, 0.0)
     removed: Outliers = field(default_factory=Outliers)
+    second_m: np.ndarray | None = None
 
     def turned(
         self,

@@ -240,7 +240,8 @@ def mate(
         for problem in face.problems
     ]
     problems += problems_of_mating(surface, placement)
-    return Conditioned(surface, sq_m, sz_m, (*first.steps, step), tuple(problems))
+    steps, second_m = (*first.steps, step), surface.height_m - first.surface.height_m
+    return Conditioned(surface, sq_m, sz_m, steps, tuple(problems), second_m=second_m)
 
 
 def problems_of_mating(composite: HeightMap, placement: Placement) -> tuple[Problem, ...]:
