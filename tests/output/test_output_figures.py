@@ -156,6 +156,8 @@ def test_dashed_means_are_those_of_the_points_drawn(several):
     for name, mean in zip(("G-caps", "P-caps"), dashed, strict=True):
         (peaks,) = (y for label, y in lines.items() if label.startswith(name))
         assert mean == pytest.approx(np.mean(peaks))
+    words = [text.get_text() for text in axes.get_legend().get_texts()]
+    assert words.count("mean of a family") == 1
 
 
 def test_an_extrapolated_loss_is_drawn_pale():

@@ -280,12 +280,14 @@ def family_scatter(analysis: "Analysis") -> "Figure | None":
             )
     if radius[caps.usable].max() > 10 * radius[caps.usable].min():
         axes.set_xscale("log")
-    mean = {}
+    mean: dict[str, float] = {}
     for name in "GP":
         member = caps.usable & (caps.family == name)
         if member.any():
+            label = None if mean else "mean of a family"
+            colour = FAMILY_COLOUR[name]
             mean[name] = float(caps.peak_height_m[member].mean()) * per_m
-            axes.axhline(mean[name], color=FAMILY_COLOUR[name], linewidth=1, linestyle="--")
+            axes.axhline(mean[name], color=colour, linewidth=1, linestyle="--", label=label)
     axes.margins(x=0.12, y=0.12)
     if axes.get_xscale() == "log":
         unit_m = 1.0 / height_unit(caps.radius_m)[0]
