@@ -274,7 +274,22 @@ def test_points_taken_away_that_decide_lead_before_a_pressure_that_soft_steel_be
     pressed = Problem("pressure_beyond_elastic", "warning", "yields below its surface")
     for listed in ([pressed, removed], [removed, pressed]):
         said = verdict(load(*JOINT.values()), listed, None)
-        assert said.startswith("usable with care: decide (and 1 more); next: ")
+        assert said.startswith("usable with care, not for the energy: decide (and 1 more); next: ")
+
+
+@pytest.mark.parametrize(
+    ("effects", "usable"),
+    [
+        ([Effect(0.9, 0.99, 0.99), Effect(None, None, None), None], "usable with care: "),
+        ([Effect(0.1, 1.01, None), Effect(0.3, 0.2, 0.2)], "usable with care, not for the energy"),
+        ([Effect(0.1, None, 1.01)], "usable with care, not for the energy: "),
+        ([Effect(0.1, 9.0, 9.0), Effect(1.01, 0.2, 0.2)], "usable with care as an order of magn"),
+    ],
+)
+def test_the_verdict_says_what_is_left_where_a_number_moves_by_more_than_itself(effects, usable):
+    warnings = [Problem("bow_left", "warning", "said", effect) for effect in effects]
+    notes = [Problem("bow_left", "info", "said", Effect(9.0, 9.0, 9.0))]
+    assert verdict(load(*JOINT.values()), [*warnings, *notes], None).startswith(usable)
 
 
 def test_advice_ends_a_sentence_and_options_that_are_open_stay_so():

@@ -7,6 +7,9 @@ from capslip.problems import Problem
 from capslip.settings import Settings
 from capslip.structure.stiffness import is_given, structure_name
 
+# What moves a number by more than itself: the loss of a joint is known to a factor of two at best
+USELESS = 1.0
+
 
 @dataclass(frozen=True)
 class Assumption:
@@ -97,7 +100,7 @@ def verdict(
         What was given, and what was not.
     problems : iterable of Problem
         Of the whole result. The reason is, of the worst, one that spoils every number, else the
-        one that moves most.
+        one that moves most; where that moves a number by more than itself, it is said which.
     estimated_error : float or None
         Of energy at given force and of stiffness, against the elastic face pressed exactly.
     scans : tuple of int, optional
@@ -115,7 +118,8 @@ def verdict(
             # The first of the greatest; what spoils every number leads what moves some
             first = max(worst, key=lambda one: (one.kind.spoils_all, one.greatest_effect))
             more = f" (and {len(worst) - 1} more)" if len(worst) > 1 else ""
-            return f"{begin}{word}: {first.text}{more}; next: {first.advice}"
+            what = _left(worst) if severity == "warning" and not first.kind.spoils_all else ""
+            return f"{begin}{word}{what}: {first.text}{more}; next: {first.advice}"
     accuracy = "to an accuracy that was not estimated"
     if estimated_error is not None:
         percent = max(100.0 * estimated_error, 0.1)
@@ -129,6 +133,15 @@ def verdict(
         f"{begin}usable for {use}, {accuracy}; the loss of a real joint is known to a factor of "
         f"two to three; next: {' '.join(steps)}"
     )
+
+
+def _left(warnings: list[Problem]) -> str:
+    """Say for what a result is left usable, where a warning moves a number out of all use."""
+    effects = [one.effect for one in warnings if one.effect is not None]
+    if max((one.tangential_stiffness or 0.0 for one in effects), default=0.0) > USELESS:
+        return " as an order of magnitude"
+    losses = (max(one.energy or 0.0, one.loss_factor or 0.0) for one in effects)
+    return ", not for the energy" if max(losses, default=0.0) > USELESS else ""
 
 
 def _from_scans(known: int, given: int) -> str:
