@@ -361,6 +361,20 @@ def test_a_pressed_map_looks_as_much_in_contact_as_it_is(opengl, tmp_path):
     assert green[7] / green[1] == pytest.approx(1 / 7, rel=0.15)  # rims are half-tones
 
 
+def test_the_picture_of_a_pressed_map_shows_what_touches(opengl, result, tmp_path):
+    """Its caps do not answer; those of a result that they answer are shown alone."""
+    from matplotlib.image import imread
+
+    shown = {}
+    for name, of in (("map", output_cases.written(output_cases.pressed_map(), tmp_path)),
+                     ("caps", result)):  # fmt: skip
+        save_picture(of, tmp_path / f"{name}.png", Look())
+        red, green, blue = imread(tmp_path / f"{name}.png")[..., :3].transpose(2, 0, 1)
+        shown[name] = int(((red < 0.25) & (green > 0.4) & (blue > 0.27) & (blue < 0.55)).sum())
+    assert shown["map"] > 1500
+    assert shown["caps"] < 150  # the arrow of the axes
+
+
 def test_what_a_picture_says_does_not_reach_its_colour_bar(opengl, tmp_path):
     analysis = output_cases.pressed_map()
     write_result(analysis, tmp_path)

@@ -11,7 +11,7 @@ import os
 import subprocess
 import sys
 from collections.abc import Sequence
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from pathlib import Path
 
 import numpy as np
@@ -19,6 +19,7 @@ import numpy as np
 from capslip.errors import OutputError, one_of
 from capslip.output.canvas import write_png
 from capslip.output.drawing import Drawing, off_screen
+from capslip.output.mesh import FACE_CELLS
 from capslip.output.picture import CLOSER, WINDOW, Look, picture_of
 from capslip.output.renderer import REMEDY, RENDER, WAITS, Rendering
 from capslip.output.view import COLOURS, check_result, read_view, result_file
@@ -169,12 +170,15 @@ def main(arguments: list[str]) -> None:
             return
         arguments = json.loads(line)
     result, picture, look = arguments
+    view = read_view(result, PICTURE_CELLS if picture else FACE_CELLS)
     shown = Look(**json.loads(look))
+    if view.zones is not None and view.zones.of_map:
+        shown = replace(shown, zones=True)  # caps do not answer then
     if not picture:
-        Window(read_view(result), shown).show()
+        Window(view, shown).show()
         return
     path = Path(picture)
-    picture_of(read_view(result, PICTURE_CELLS), shown, drawing := drawing or off_screen(WINDOW))
+    picture_of(view, shown, drawing := drawing or off_screen(WINDOW))
     unfinished = path.with_suffix(f".part{path.suffix}")
     if path.suffix.lower() == ".gif":
         _turntable(drawing, unfinished)
