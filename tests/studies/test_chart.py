@@ -4,14 +4,14 @@ import csv
 import json
 import math
 from dataclasses import replace
-from itertools import pairwise
+from itertools import combinations, pairwise
 
 import numpy as np
 import pytest
 
 from capslip.settings import load_settings
 from capslip.studies.chart import statistics, study
-from capslip.studies.chart.figures import figures
+from capslip.studies.chart.figures import PICTURES, figures
 from capslip.studies.chart.measure import measure
 from capslip.studies.chart.methods import PAPER, methods
 from capslip.studies.chart.reference import ENERGIES, QUANTITIES
@@ -174,6 +174,29 @@ def test_what_is_written(results, tmp_path):
     for name, figure in figures(results).items():
         figure.savefig(tmp_path / f"{name}.png")
         assert f"({name}.png)" in page
+
+
+def test_names_of_points_do_not_overprint(results):
+    """Settings that hardly differ have one name; the ends of a scale keep theirs."""
+    (paper,) = (point for point in results["points"] if point["line"] == PAPER)
+
+    def later(setting, times):
+        group = paper["groups"]["all"]
+        seconds = [times * group["seconds"][0], *group["seconds"][1:]]
+        return paper | {"setting": setting, "groups": {"all": group | {"seconds": seconds}}}
+
+    near, far = [later("1/2", 1.01), later("1/4", 1.02)], later("1/8", 3.0)
+    more = results | {"points": [*results["points"], *near, far]}
+    drawn = figures(more)
+    for axes in (axes for name in PICTURES for axes in drawn[name].axes if axes.texts):
+        axes.figure.canvas.draw()
+        texts = [text.get_text() for text in axes.texts]
+        assert texts.count("1/8") == 1
+        assert "1/1" in texts
+        assert "1/4" not in texts
+        boxes = [(text.get_ha(), text.get_window_extent()) for text in axes.texts]
+        for (side, one), (other_side, other) in combinations(boxes, 2):
+            assert side != other_side or not one.overlaps(other)
 
 
 def test_scans_become_cases(scans):

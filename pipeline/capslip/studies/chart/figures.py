@@ -23,6 +23,7 @@ from capslip.studies.page import Row
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
+    from matplotlib.text import Annotation
 
 # After Okabe and Ito; told apart in grey by the markers too.
 COLOUR = {
@@ -34,6 +35,7 @@ COLOUR = {
 MARKER = {name: fit_named(name).marker for name in FITS}
 TICKS_S = (0.01, 0.02, 0.05, 0.1)
 STYLE = {"by tolerance": "--", "by filter": ":", AS_LEVELLED: "-."}
+NAME_DECADES = (0.09, 0.12)  # what a name beside a point takes of the axes of seconds and errors
 LABELLED = (MODELS[-1], BOUNDARY, AUTO, PAPER)  # lines whose points are named
 TITLES = {
     "energy": "energy W, worst of four forces",
@@ -161,18 +163,37 @@ def _line(axes: "Axes", line: str, points: list[Row], quantity: str) -> None:
 
 
 def _name_points(axes: "Axes", points: list[Row], quantity: str, colour: str) -> None:
-    """Write the setting beside each point, where other lines have none."""
+    """Write the setting beside each point, where other lines have none and no name stands yet."""
     below = points[0]["line"].startswith(MODELS[-1])
-    for point in points:
+    for point in [points[0], points[-1], *points[1:-1]]:  # the ends say what lies between them
+        seconds, error = _place(point, quantity)
+        place = seconds, error or np.nan
+        if any(_overprints(text.xy, place) for text in _names(axes, below)):
+            continue
         axes.annotate(
             point["setting"],
-            _place(point, quantity),
+            place,
             (-4, -9) if below else (4, 4),
             textcoords="offset points",
             ha="right" if below else "left",
             fontsize=6.5,
             color=colour,
         )
+
+
+def _names(axes: "Axes", below: bool) -> "list[Annotation]":
+    """Return the names that are written on the same side of their points."""
+    from matplotlib.text import Annotation
+
+    side = "right" if below else "left"
+    names = (text for text in axes.texts if isinstance(text, Annotation))
+    return [text for text in names if text.get_horizontalalignment() == side]
+
+
+def _overprints(one: tuple[float, float], other: tuple[float, float]) -> bool:
+    """Tell whether the names of two points would lie on each other, in decades of both axes."""
+    apart = np.abs(np.log10(np.array(one) / np.array(other)))
+    return bool((apart < NAME_DECADES).all())
 
 
 def _fits(results: dict[str, Any]) -> "Figure":
