@@ -8,10 +8,17 @@ import pytest
 from capslip.contact.map_accuracy import ASKED, LEAST_ERROR, PIXELS_95, error_of_map
 from capslip.contact.models import boundary_elements as bem
 from capslip.contact.solvers import detail
+from capslip.contact.solvers.detail import FirstLoading
+from capslip.contact.solvers.elastic_face import elastic_face
+from capslip.contact.solvers.polonsky_keer import press
+from capslip.contact.solvers.refinement import refinement
+from capslip.contact.solvers.unloading import TOLERANCE as BETWEEN_LOADS
+from capslip.contact.solvers.unloading import unload
 from capslip.studies.faces.finer import finer_waves
 from capslip.studies.faces.synthetic import Cap, Scene, synthetic_surface
+from capslip.surface.heightmap import HeightMap
 
-E_STAR_PA, LOAD_N, TOLERANCE = 110e9, 200.0, 0.05
+E_STAR_PA, LOAD_N, TOLERANCE, TIGHT = 110e9, 200.0, 0.05, 1e-7
 CAPS = Scene(
     (120, 180), (2e-4, 2e-4),
     caps=(
@@ -136,3 +143,20 @@ def test_a_lost_point_on_a_contact_is_filled_and_looked_at(surface):
     first = curve.first
     assert detail._smoothed(first.face).measured.all()
     assert not detail._hardly_moves(first, detail._smoothed(first.face))
+
+
+def test_a_shape_that_the_filter_leaves_has_no_detail_whatever_its_pixels_leave():
+    """A paraboloid on its pixels alone: what a spline on finer ones moves is said of pixels."""
+    y_m, x_m = (np.indices((60, 60)) - 29.7) * 2e-4
+    face = elastic_face(HeightMap(-(x_m**2 + y_m**2) / 40.0, (2e-4, 2e-4)), E_STAR_PA)
+    pressed = press(face, load_N=20.0)
+    assert refinement(face, pressed) > 1
+    unloading = unload(face, pressed, TIGHT, on_patches=False)
+    first = FirstLoading(face, pressed.approach_m)
+    found = detail.effect_of_detail(first, unloading, TIGHT, 0.0, resolved=False)
+    assert found.effect.greatest < BETWEEN_LOADS
+    finer = unload(face, pressed, TIGHT)
+    off = detail._relative(*(detail._loss_J(one) for one in (unloading, finer)))
+    left = [PIXELS_95[at] * unloading.pixel_error(at * 20.0) for at in detail.FORCE_SHARES]
+    assert off[0] > 0.5
+    assert (off <= left).all()

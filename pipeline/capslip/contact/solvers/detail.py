@@ -62,6 +62,9 @@ def effect_of_detail(
     standard deviation of one pixel. It leaves every shape of the third degree as it is, so what is
     much wider than a pixel does not feel it; B alone would lower sharp summits more than others.
 
+    What it leaves is solved on no finer pixels than the map: what pixels leave is stated by itself
+    (`Unloading.pixel_error`), and a shape that the filter leaves as it is has no detail.
+
     It takes a part of what is 4 to 8 pixels long as well, which the map resolves. Differences of
     the tenth order hold next to nothing of that, and all of what changes from pixel to pixel: they
     tell which of both was taken.
@@ -116,7 +119,7 @@ def effect_of_detail(
     if not math.isinf(smooth.hardness_Pa):
         smooth, again = first_loading(smooth, again)
     again = replace(again, turns=first.turns)
-    stiffness_N_per_m, loss_J = _below(smooth, again, tolerance)
+    stiffness_N_per_m, loss_J = _below(smooth, again, tolerance, unloading.refinement)
     before = _stiffnesses_N_per_m(unloading)
     stiffness = (_alone_N_per_m(one, bulk_m_per_N) for one in (before, stiffness_N_per_m))
     stiffer = float(_relative(*stiffness).max())
@@ -125,9 +128,11 @@ def effect_of_detail(
     return Detail(Effect(stiffer, more, more), _white_share(first, smoothed), tuple(energy))
 
 
-def _below(face: ElasticFace, pressed: Pressed, tolerance: float) -> tuple[np.ndarray, np.ndarray]:
+def _below(
+    face: ElasticFace, pressed: Pressed, tolerance: float, refined: int
+) -> tuple[np.ndarray, np.ndarray]:
     """Return what is compared of a pressed face, from the loads that it takes alone."""
-    path, _ = path_at(face, pressed, tolerance, FORCE_SHARES)
+    path, _ = path_at(face, pressed, tolerance, FORCE_SHARES, most=refined)
     secant = [
         share * pressed.load_N / node.withdrawal_m
         for share, node in zip(FORCE_SHARES, path.nodes, strict=True)

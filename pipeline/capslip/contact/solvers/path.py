@@ -61,13 +61,14 @@ class Path:
         punch_Pa_per_m: np.ndarray | None = None,  # of the map, where it is known
         around: PatchedFace | None = None,  # from `around_contact`, where it is known
         least_share: float = 0.0,  # of the load, that is solved for; 0: any, as well as can be
+        most: float = math.inf,  # points along the side of a pixel
     ) -> None:
         region = pressed.region
         self.map, self.map_pressed, self.patches = face, pressed, None
         if on_patches:
             t = -math.expm1(2 / 3 * math.log1p(-least_share))
             off = max(_PRELOAD_LEFT * t**3 / 8, FINEST)
-            self.patches, face, pressed, region = _on_patches(face, pressed, around, off)
+            self.patches, face, pressed, region = _on_patches(face, pressed, around, off, most)
         self.face, self.tolerance = in_contact_alone(face, pressed.pressure_Pa), tolerance
         at = np.flatnonzero(pressed.pressure_Pa)
         pressure_Pa, gap_m = pressed.pressure_Pa.reshape(-1)[at], pressed.gap_m.reshape(-1)[at]
@@ -248,7 +249,7 @@ class Path:
 
 
 def _on_patches(
-    face: ElasticFace, pressed: Pressed, around: PatchedFace | None, tolerance: float
+    face: ElasticFace, pressed: Pressed, around: PatchedFace | None, tolerance: float, most: float
 ) -> tuple[PatchedFace | None, ElasticFace, Pressed, np.ndarray]:
     """Return patches around the contact, and face, state and regions under the preload on them.
 
@@ -256,6 +257,7 @@ def _on_patches(
     end of a patch, that was too small.
     """
     finest, contact, further = refinement(face, pressed), pressed.region > 0, _FURTHER
+    finest = int(min(finest, most))
     if finest > 1:  # its points may find a contact that no pixel of the map has
         contact, around = contact | touches_between(face, pressed), None
     patches = around or around_contact(face, contact, finest)

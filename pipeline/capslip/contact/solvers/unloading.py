@@ -163,13 +163,15 @@ def path_at(
     shares: tuple[float, ...],
     punch_Pa_per_m: np.ndarray | None = None,
     around: PatchedFace | None = None,
+    most: float = math.inf,
 ) -> tuple[Path, float]:
     """Return the solutions where shares of the load are gone, growing, and the patches' error.
 
-    On the map itself where that would be too great. Parameters are those of `unload`.
+    On the map itself where that would be too great. Parameters are those of `unload`, and the most
+    points that a refinement may put along the side of a pixel.
     """
     for on_patches, known in ((True, (punch_Pa_per_m, around)), (False, (None, None))):
-        path = Path(face, pressed, tolerance, on_patches, *known, min(shares))
+        path = Path(face, pressed, tolerance, on_patches, *known, min(shares), most)
         for share in shares:
             path.at(share)
         error = path.patch_error()
