@@ -429,6 +429,8 @@ def test_an_interpolated_map_is_pressed_on_its_measured_points_alone():
 def test_a_map_that_was_filled_is_doubted_by_what_fewer_points_say(missing, severity):
     """Pressed itself, with few points it misses the energy of the whole map by less than is said.
 
+    And the approach by less than two standard errors.
+
     With many their error is below a hundredth of the approach, and nothing is pressed again.
     """
     peaks = [(x, y, 20.0, z - 2e-8 * i) for i, (x, y, _, z) in enumerate(MORE)]
@@ -445,3 +447,6 @@ def test_a_map_that_was_filled_is_doubted_by_what_fewer_points_say(missing, seve
             force_N = share * true.slip.total_slip_force_N
             energy_J = [float(one.slip.energy_at_force_J(force_N)) for one in (filled, true)]
             assert abs(energy_J[0] / energy_J[1] - 1.0) < said.effect.energy
+        approach_m = [one.contact.approach_without_bulk_m for one in (filled, true)]
+        error = float(said.message.partition("the approach by ")[2].partition("%")[0]) / 100.0
+        assert abs(approach_m[0] / approach_m[1] - 1.0) < 2.0 * error < 0.1
