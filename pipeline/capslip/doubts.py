@@ -78,7 +78,7 @@ def problems_of(face: Face, found: Analysis, mate: HeightMap | None) -> tuple[Pr
         *found.problems,
         *_of_small_slip(contact, found.answer, found.slip, tolerance),
     ]
-    caps = face.caps.with_columns(flags=doubtful.flags)
+    caps = face.caps.with_columns(flags=doubtful.flags, contact_radius_m=doubtful.contact_radius_m)
     pressed = (caps, face.family_caps, face.conditioned, as_found(face, settings))
     share = ASKED
     if found.answer is not None and found.slip is not None:

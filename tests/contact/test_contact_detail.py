@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from capslip.contact.map_accuracy import ASKED, LEAST_ERROR, PIXELS_95, error_of_map
+from capslip.contact.map_accuracy import ASKED, LEAST_ERROR, PIXELS_95, _of_detail, error_of_map
 from capslip.contact.models import boundary_elements as bem
 from capslip.contact.solvers import detail
 from capslip.contact.solvers.detail import FirstLoading
@@ -14,6 +14,7 @@ from capslip.contact.solvers.polonsky_keer import press
 from capslip.contact.solvers.refinement import refinement
 from capslip.contact.solvers.unloading import TOLERANCE as BETWEEN_LOADS
 from capslip.contact.solvers.unloading import unload
+from capslip.problems import Effect
 from capslip.studies.faces.finer import finer_waves
 from capslip.studies.faces.synthetic import Cap, Scene, synthetic_surface
 from capslip.surface.heightmap import HeightMap
@@ -112,6 +113,18 @@ def test_detail_that_is_smooth_from_pixel_to_pixel_is_a_note_where_the_force_ask
     errors = dict(stated.energy_by_share)
     assert errors[0.1] > 0.5 * TOLERANCE
     assert (off <= [errors[share] for share in detail.FORCE_SHARES]).all()
+
+
+@pytest.mark.parametrize(("share", "severity"), [(1.0, "warning"), (0.7, "info")])
+def test_of_detail_as_much_is_doubted_as_may_be_of_noise(share, severity):
+    """Noise that the filter takes off by 0.63 moves 1 / 0.63 as much, and no more is noise."""
+    effect = Effect(0.01, 0.2, 0.2)
+    of_map = detail.Detail(effect, share, (0.2, 0.04, 0.03, 0.02))
+    (said,), factor = _of_detail(of_map, 0.0, TOLERANCE, 1e-4)
+    assert (said.code, said.severity, said.effect) == ("detail_decides", severity, effect)
+    assert factor == pytest.approx(share / 0.63)
+    assert (factor * 0.04 > TOLERANCE) == (severity == "warning")
+    assert ("up to 4.4%" in said.message) == (severity == "info")
 
 
 def test_pixels_that_leave_more_than_the_tolerance_at_a_quarter_of_mu_N_are_warned_of(surface):

@@ -11,6 +11,7 @@ from capslip.contact.solvers import detail
 from capslip.contact.solvers.detail import Detail, FirstLoading
 from capslip.contact.solvers.elastic_face import elastic_face
 from capslip.problems import Effect
+from capslip.studies.faces.synthetic import Scene, synthetic_surface
 from capslip.surface.heightmap import HeightMap
 
 Y, X = np.mgrid[:40.0, :50.0]
@@ -46,8 +47,10 @@ def test_of_a_spike_the_filter_leaves_two_binomials_less_their_square():
     b = np.array([1.0, 4.0, 6.0, 4.0, 1.0]) / 16.0
     once, twice = np.pad(np.outer(b, b), 2), np.outer(np.convolve(b, b), np.convolve(b, b))
     assert left[16:25, 21:30] == pytest.approx(2.0 * once - twice, abs=1e-12)
-    # What that leaves of white noise
+    # What that leaves of white noise, and takes off it
     assert np.sqrt(np.square(left).sum()) == pytest.approx(detail.WHITE_LEFT, abs=0.005)
+    taken = spike - left
+    assert np.sqrt(np.square(taken).sum()) == pytest.approx(detail.WHITE_TAKEN, abs=0.005)
 
 
 def test_single_lost_points_are_filled_and_holes_are_not():
@@ -109,12 +112,41 @@ def test_of_white_noise_all_may_be_white_and_of_waves_next_to_nothing(turned):
     waves = np.sin(2.0 * np.pi * X / 6.0) + np.sin(2.0 * np.pi * Y / 6.0)
     # Their differences of order 10 are as they are; cos(pi / 6)^4 of them is left once
     left = np.cos(np.pi / 6.0) ** 4
-    expected = math.sqrt(0.5 / math.comb(20, 10)) / (1.0 - left * (2.0 - left))
+    expected = 0.85 * math.sqrt(0.5 / math.comb(20, 10)) / (1.0 - left * (2.0 - left))
     assert share(waves) == pytest.approx(expected, rel=0.3)  # none is taken at the edge
     assert 0.2 < share(waves + 0.1 * noise) < 0.8
     assert share(waves + 0.1 * noise[:, :1]) > 0.2  # lines of noise: one axis tells
     assert share(np.where(X % 8.0 < 1.0, np.nan, waves)) == 1.0  # too few differences tell
     assert share(X) == 0.0
+
+
+@pytest.mark.parametrize("times", [0.0, 0.3, 1.0, 3.0])
+def test_on_a_self_affine_face_the_share_of_noise_is_bounded_from_above(times):
+    """What the filter takes off the noise alone is known here; it is never more than is found."""
+
+    def taken_m(height_m):
+        mean_m = detail._binomial(height_m)
+        return np.std((height_m - mean_m - detail._binomial(height_m - mean_m))[INSIDE])
+
+    scene = Scene(
+        (160, 240), (2e-4, 2e-4), seed=5, waviness_rms_m=4e-7, waviness_length_m=3e-3,
+        waviness_spectrum="power_law", hurst_exponent=1.0,
+    )  # fmt: skip
+    face_m = synthetic_surface(scene)[0].height_m
+    noise_m = np.random.default_rng(6).standard_normal(face_m.shape)
+    noise_m *= times * taken_m(face_m) / taken_m(noise_m)
+    one = first(face_m + noise_m)
+    found = detail._white_share(one, detail._smoothed(one.face))
+    true = taken_m(noise_m) / taken_m(face_m + noise_m)
+    assert true - 0.03 < found < 0.65 + 0.45 * true
+
+
+def test_what_was_filled_where_it_could_touch_is_no_shape_of_the_face():
+    waves = np.sin(2.0 * np.pi * X / 9.0) + np.sin(2.0 * np.pi * Y / 9.0)
+    for lost, share in ((waves < -1.9, False), (waves > 1.9, True)):  # valleys, tops
+        one = first(np.where(lost & (X > 20.0) & (X < 30.0), np.nan, waves), 1.0)
+        found = detail._white_share(one, detail._smoothed(one.face))
+        assert found == 1.0 if share else found < 0.1
 
 
 def test_the_contact_alone_is_stiffer_than_with_the_bulk_in_series():

@@ -134,7 +134,8 @@ def told(problems, conditioned, by_caps=None, by_map=None, made_from="map", shar
         shares.append(least_share)
         return by_caps.get(code)
 
-    def of_map(contact, peaks, of_face, maps, least_share):
+    def of_map(code, contact, peaks, of_face, maps, least_share):
+        assert maps == code
         shares.append(least_share)
         return by_map.get(maps)
 
@@ -288,29 +289,50 @@ def test_bows_of_an_instrument_are_as_high_as_it_is_flat_over_the_whole_map():
         assert np.abs(height_m).min() == pytest.approx(0.0, abs=2e-10)
 
 
+ANSWERS = {  # energies at four forces, stiffness and approach
+    "known": [1.0, 2.0, 4.0, 5.0, 10.0, 4e-7], 1: [1.1, 2.0, 4.0, 2.5, 10.0, 4e-7],
+    2: [1.0, 1.0, 4.0, 5.0, 10.1, 3.6e-7],
+}  # fmt: skip
+
+
+def change(maps, unsolved=(), code="seams", rest_m=3e-7):
+    """Return what maps of known answers change; the bulk sinks 1e-7 m where that is taken off."""
+    curves = {
+        name: SimpleNamespace(name=name, approach_m=lambda _, it=it: it[-1])
+        for name, it in ANSWERS.items()
+    }
+
+    def told(curve, holds_bulk, surface, settings):
+        if curve.name in unsolved:
+            raise ContactError("no answer")
+        return np.array(ANSWERS[curve.name][:-1])
+
+    rung = SimpleNamespace(build=curves.get, at_forces=None, holds_bulk=False)
+    contact = SimpleNamespace(
+        rung=rung, normal=curves["known"], bulk_m=1e-7, approach_without_bulk_m=rest_m
+    )
+    scene = SimpleNamespace(of=lambda peaks, none, surface, *_: surface)
+    with mock.patch.multiple(effects, answers=told, Scene=scene):
+        caps = SimpleNamespace(usable=None)
+        return effects._effect_on_map(code, contact, caps, of_face("pressed"), maps, 0.25)
+
+
 def test_an_effect_on_the_map_is_the_greatest_of_all_maps_over_the_first():
-    """Energies at four forces and the stiffness, of three maps; the pressed one is known."""
-    answers = {"known": [1.0, 2.0, 4.0, 5.0, 10.0], 1: [1.1, 2.0, 4.0, 2.5, 10.0],
-               2: [1.0, 1.0, 4.0, 5.0, 10.1]}  # fmt: skip
-    rung = SimpleNamespace(build=lambda scene: scene, at_forces=None, holds_bulk=False)
-    contact = SimpleNamespace(rung=rung, normal="known")
-    face = of_face("pressed")
-
-    def change(maps, unsolved=()):
-        def told(curve, holds_bulk, surface, settings):
-            if curve in unsolved:
-                raise ContactError("no answer")
-            return np.array(answers[curve])
-
-        scene = SimpleNamespace(of=lambda peaks, none, surface, *_: surface)
-        with mock.patch.multiple(effects, answers=told, Scene=scene):
-            caps = SimpleNamespace(usable=None)
-            return effects._effect_on_map(contact, caps, face, maps, 0.25)
-
+    """Of three maps; the pressed one is known."""
     assert change(("pressed", 1, 2)).effect.energy == pytest.approx(0.5)
     assert change(("pressed", 1, 2)).effect.tangential_stiffness == pytest.approx(0.01)
     assert change((1, 2)).effect.energy == pytest.approx(1.0)  # the first is the measure
-    one = change(("pressed", 1))
+    one = change(("pressed", 2))
     assert (one.asked, one.approach) == (pytest.approx(0.5), 0.0)
     assert change(("pressed",)) is None  # nothing to compare
     assert change(("pressed", 1, 2), unsolved=(2,)) is None
+
+
+def test_of_maps_that_lack_a_part_each_the_standard_error_counts_that_of_the_approach_too():
+    """sqrt((g - 1) / g sum d^2): of two parts, of which each moves one number."""
+    found = change(("pressed", 1, 2), code="points_filled")
+    assert found.effect.energy == pytest.approx(0.5 / 2**0.5)
+    assert found.effect.tangential_stiffness == pytest.approx(0.01 / 2**0.5)
+    assert found.approach == pytest.approx(0.4 / 3.0 / 2**0.5)  # without the bulk
+    kept = change(("pressed", 1, 2), code="points_filled", rest_m=None)
+    assert kept.approach == pytest.approx(0.1 / 2**0.5)

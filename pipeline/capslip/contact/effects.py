@@ -18,7 +18,7 @@ from capslip.settings import Settings
 from capslip.surface.blocks import coarse_map
 from capslip.surface.conditioning import Conditioned
 from capslip.surface.doubts import VISIBLE_FORM
-from capslip.surface.filling import filled_from_fewer
+from capslip.surface.filling import filled_from_fewer, standard_error
 from capslip.surface.flatness import bows_m
 from capslip.surface.form import level_and_straight, remove_form
 from capslip.surface.heightmap import HeightMap
@@ -31,6 +31,7 @@ OF_THE_HEIGHTS = ("hole_may_hide_hills", "outline_assumed", "clipped", "heights_
 # Judged at all forces: rounding left 19 % where this says 8, as caps are moved each for itself
 AT_ALL_FORCES = ("heights_in_steps",)
 FIRM = ("outliers_removed", "points_filled")
+JACKKNIFED = "points_filled"  # by maps that lack a part of its points each
 ASK_MAP = 0.2  # of the tolerance: what may move more is pressed on the map, too
 
 
@@ -99,7 +100,7 @@ def with_effects(
     how = dict.fromkeys(asked, "estimated with the caps")
     for code in sorted(asked & OF_THE_MAP.keys()):
         if pressed is not None:
-            by_map = _effect_on_map(pressed, peaks, face, OF_THE_MAP[code](face), least_share)
+            by_map = _effect_on_map(code, pressed, peaks, face, OF_THE_MAP[code](face), least_share)
             if by_map is not None:
                 asked.remove(code)
                 effects[code], how[code] = by_map, "found on the map with fewer points"
@@ -109,7 +110,8 @@ def with_effects(
     removed = effects.get("outliers_removed")
     matters = removed is not None and removed.effect.greatest > ASK_MAP * tolerance
     if pressed is not None and matters:
-        by_map = _effect_on_map(pressed, peaks, face, _removed_or_not(conditioned), least_share)
+        maps = _removed_or_not(conditioned)
+        by_map = _effect_on_map("outliers_removed", pressed, peaks, face, maps, least_share)
         if by_map is not None:
             effects["outliers_removed"] = by_map
             how["outliers_removed"] = "found on the map with them"
@@ -190,6 +192,7 @@ OF_THE_MAP = {
 
 
 def _effect_on_map(
+    code: str,
     contact: ContactState,
     peaks: CapTable,
     face: FaceOfCaps,
@@ -198,12 +201,14 @@ def _effect_on_map(
 ) -> _Moved | None:
     """Return the most that other maps change of the first, None where one has no answer.
 
-    Pixels lower the tops of hills alike on all of them.
+    Pixels lower the tops of hills alike on all of them. Where the others lack a part of its points
+    each, the standard error, and that of the approach as well, which counts from the highest.
     """
     if len(maps) == 1:
         return None
     settings, model = face.settings, contact.rung
     none = Families(None, None, (), None, None, 0.0, alike=False)
+    bulk_m = contact.bulk_m if contact.approach_without_bulk_m else 0.0
 
     def answers_on(surface: HeightMap) -> np.ndarray:
         known = surface is face.surface
@@ -211,13 +216,18 @@ def _effect_on_map(
         curve = contact.normal if known else model.build(scene)
         if model.at_forces is not None:
             curve = model.at_forces(curve, FORCE_SHARES)
-        return answers(curve, model.holds_bulk, surface, settings)
+        approach_m = curve.approach_m(settings.contact.preload_N) - bulk_m
+        return np.append(answers(curve, model.holds_bulk, surface, settings), approach_m)
 
     try:
         before, *after = map(answers_on, maps)
     except CapslipError:
         return None
-    return _Moved.by(np.abs(np.array(after) / before - 1.0).max(axis=0), least_share)
+    change = np.abs(np.array(after) / before - 1.0)
+    if code != JACKKNIFED:
+        return _Moved.by(change.max(axis=0)[:-1], least_share)
+    *moved, approach = standard_error(change)
+    return _Moved.by(np.array(moved), least_share, approach)
 
 
 def _is_asked(problem: Problem, conditioned: Conditioned, filled_m: float) -> bool:

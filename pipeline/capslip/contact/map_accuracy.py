@@ -97,27 +97,31 @@ def _of_detail(
 ) -> tuple[list[Problem], float]:
     """Return what there is to say of the finest detail, and its error over its effect.
 
-    That of noise itself is the greater, as the filter leaves a part of it.
+    Of that as much is doubted as may be of white noise: noise moves more than the filter takes off
+    of it, and what changes less from pixel to pixel than noise does is the face's own.
     """
-    effect, of_noise = detail.effect, 1.0 / (1.0 - WHITE_LEFT)
+    effect, factor = detail.effect, detail.white_share / (1.0 - WHITE_LEFT)
     if effect.greatest <= tolerance:
-        return [], of_noise
+        return [], factor
     said = (
         f"detail of a few pixels moves the stiffness by {effect.tangential_stiffness:.1%} and the "
         f"energy by up to {effect.energy:.1%}"
     )
     if of_pixels <= tolerance and detail.white_share < RESOLVED:
         message = f"{said}, and is smooth from pixel to pixel: it is taken for the face's own"
-        return [Problem("detail_decides", "info", message, effect)], detail.white_share
+        return [Problem("detail_decides", "info", message, effect)], factor
     asked = detail.energy_from(ASKED)
-    if of_noise * max(effect.tangential_stiffness or 0.0, asked) <= tolerance:
-        message = f"{said}, by no more than {asked:.1%} from {percent(ASKED)} of gross slip on"
-        return [Problem("detail_decides", "info", message, effect)], of_noise
+    if (doubted := factor * max(effect.tangential_stiffness or 0.0, asked)) <= tolerance:
+        message = (
+            f"{said}, by no more than {asked:.1%} from {percent(ASKED)} of gross slip on; noise as "
+            f"its differences from pixel to pixel allow moves up to {doubted:.1%} there"
+        )
+        return [Problem("detail_decides", "info", message, effect)], factor
     message = f"{said}: noise, spikes, lost points or roughness that the map hardly resolves"
     step = (
         f"--set {S_FILTER}={NOISE_PIXELS * pixel_m:.2g}, if the detail is noise; else a finer scan"
     )
-    return [Problem("detail_decides", "warning", message, effect, step)], of_noise
+    return [Problem("detail_decides", "warning", message, effect, step)], factor
 
 
 def _at_force(unloading: Unloading, noise_m: float, share: float) -> tuple[float, float]:

@@ -16,6 +16,7 @@ from capslip.contact.doubts import ELASTIC_STRAIN
 from capslip.contact.material import composite, yield_law
 from capslip.contact.models.interacting import InteractingCurve
 from capslip.contact.reach import reachable
+from capslip.contact.relevance import MISSING
 from capslip.contact.rung import load_point_m, turning_stiffness
 from capslip.contact.solvers.hertz import contact_radius_m
 from capslip.errors import ContactError
@@ -29,7 +30,7 @@ from capslip.surface.heightmap import HeightMap
 from capslip.surface.holes import depth_of_holes, holes, outside
 from capslip.surface.seams import find_seams
 
-LEFT_OUT = {  # flags of the caps that may carry nothing
+LEFT_OUT = {  # flags of the caps that may carry nothing, or less
     "load_on_doubtful_caps": DOUBTFUL,
 }
 MOST_CAPS = 500  # more take longer than the face itself
@@ -38,6 +39,8 @@ PATCH = 3  # removed points that touch each other, from which they are one punch
 DRAWS = 8  # of the hills in a hole
 UNLIKELY = 0.1  # chance that any hill was not seen at all
 DRAWS_OF_HEIGHTS = 16
+LOAD_PLACES, GOLDEN_ANGLE = 400, math.pi * (3.0 - math.sqrt(5.0))  # of a contact, on a spiral
+LEAST_SEEN = 0.05  # of the load of a contact; below, its cap carries nothing
 
 
 @dataclass(frozen=True, eq=False)
@@ -195,11 +198,23 @@ class Trials:
         return caps.with_columns(peak_height_m=caps.peak_height_m - offset_m)
 
     def _without(self, flag: CapFlag) -> CapTable:
+        """Return caps of which those with the flag carry nothing, or less.
+
+        What lies over no measured point of a contact carries nothing where that is all that is
+        doubted: of a load N = 4/3 E* R^0.5 d^1.5 the rest is that of a sharper cap.
+        """
         caps = self.caps
         flagged = caps.usable & ((caps.flags & flag) != 0)
         if not flagged.any():
             raise ContactError("no cap has the flag that the problem is about")
-        return caps.with_columns(flags=np.where(flagged, caps.flags | UNUSABLE, caps.flags))
+        seen = 1.0 - flagged
+        part = flagged & ((caps.flags & flag & ~MISSING) == 0)
+        a_m = np.nan_to_num(caps.contact_radius_m)
+        seen[part] = _load_seen(caps.x_m[part], caps.y_m[part], a_m[part], self.face.surface)
+        return caps.with_columns(
+            radius_m=caps.radius_m * np.where(seen > LEAST_SEEN, seen, 1.0) ** 2,
+            flags=np.where(seen > LEAST_SEEN, caps.flags, caps.flags | UNUSABLE),
+        )
 
     def _with_other_tops(self) -> Iterator[CapTable]:
         """Return caps whose tops were cut off, moved by their standard errors.
@@ -319,6 +334,21 @@ def _moved(
             peak_height_m=caps.peak_height_m + sign * height_m,
             radius_m=caps.radius_m * np.exp(-sign * log_radius),
         )
+
+
+def _load_seen(x_m: np.ndarray, y_m: np.ndarray, a_m: np.ndarray, surface: HeightMap) -> np.ndarray:
+    """Return the share of the loads of Hertz contacts that rests on measured points.
+
+    Each is made of as many places of equal load: within r are 1 - (1 - (r / a)^2)^1.5 of it.
+    """
+    place = (np.arange(LOAD_PLACES) + 0.5) / LOAD_PLACES
+    r, angle = np.sqrt(1.0 - (1.0 - place) ** (2.0 / 3.0)), GOLDEN_ANGLE * np.arange(LOAD_PLACES)
+    (ny, nx), (dy_m, dx_m) = surface.shape, surface.pixel_size_m
+    row = np.floor((y_m[:, None] + a_m[:, None] * r * np.sin(angle)) / dy_m).astype(int)
+    col = np.floor((x_m[:, None] + a_m[:, None] * r * np.cos(angle)) / dx_m).astype(int)
+    inside = (row >= 0) & (row < ny) & (col >= 0) & (col < nx)
+    seen = inside & surface.measured[np.clip(row, 0, ny - 1), np.clip(col, 0, nx - 1)]
+    return np.asarray(seen.mean(axis=1))
 
 
 def _chance_to_hide(

@@ -83,9 +83,7 @@ def fill_scattered(surface: HeightMap) -> HeightMap:
 def filled_from_fewer(surface: HeightMap) -> Iterator[HeightMap]:
     """Return a filled map as it is without each fifth of its measured points in turn.
 
-    By what its answers differ so much is known of them: five changes d of a group of points left
-    out have the standard error sqrt(4 / 5 sum d^2), about their greatest (the jackknife: Tukey,
-    Ann. Math. Stat. 29 (1958) 614).
+    By what their answers differ so much is known of them, see `standard_error`.
 
     Parameters
     ----------
@@ -120,6 +118,28 @@ def filled_from_fewer(surface: HeightMap) -> Iterator[HeightMap]:
         height_m = surface.height_m.copy()
         height_m[again] = np.where(np.isnan(filled_m), height_m[again], filled_m)
         yield replace(surface, height_m=height_m)
+
+
+def standard_error(change: np.ndarray) -> np.ndarray:
+    """Return the standard errors of numbers by what they change without a part of what they are of.
+
+    The jackknife: sqrt((g - 1) / g sum d^2) of the changes d without each of g parts in turn
+    (Tukey, Ann. Math. Stat. 29 (1958) 614).
+
+    Parameters
+    ----------
+    change : float64, shape (g, n)
+        Of n numbers.
+
+    Examples
+    --------
+    >>> sample = np.array([1.0, 2.0, 4.0, 7.0, 8.0])  # of its mean that is s / sqrt(g)
+    >>> without = np.array([np.delete(sample, i).mean() for i in range(5)])
+    >>> float(standard_error(without[:, None] - sample.mean())[0] - sample.std(ddof=1) / 5**0.5)
+    0.0
+    """
+    parts = len(change)
+    return np.asarray(np.sqrt((parts - 1) / parts * np.square(change).sum(axis=0)))
 
 
 def _between_points(lost: np.ndarray, pixel_size_m: tuple[float, float]) -> np.ndarray:

@@ -14,6 +14,7 @@ from capslip.problems import Effect
 
 FORCE_SHARES = (0.1, 0.25, 0.5, 0.75)  # T / (mu N) at which the energies are compared
 WHITE_LEFT = 0.37  # of the rms of white noise, by the filter: noise itself moves the more
+WHITE_TAKEN = 0.85  # of the same: the rms of what is taken off, as the parts overlap
 _KERNEL = np.array([1.0, 4.0, 6.0, 4.0, 1.0]) / 16.0  # binomial, a standard deviation of one pixel
 _FRAME = 4  # pixels that two passes of the filter reach
 _LEAST_WEIGHT = 0.1  # of the filter on measured points, from which a lost point is filled
@@ -37,7 +38,7 @@ class Detail:
     """What the filter of `effect_of_detail` takes off a map: what it does, and what it is."""
 
     effect: Effect
-    white_share: float = 0.0  # of its rms, that white noise could be, see `_white_share`
+    white_share: float = 0.0  # of its rms, that may come of white noise, see `_white_share`
     energy: tuple[float, ...] = (0.0,) * len(FORCE_SHARES)  # the effect on it at each of these
 
     def energy_from(self, share: float) -> float:
@@ -151,14 +152,17 @@ def _hardly_moves(first: FirstLoading, smooth: ElasticFace) -> bool:
 
 
 def _white_share(first: FirstLoading, smoothed: ElasticFace) -> float:
-    """Return how much of what a filter took, where the face could touch, may be white noise.
+    """Return how much of what a filter took, where the face could touch, may be of white noise.
 
-    The greater of rows and columns; 1 where too few differences lie between measured points.
+    The greater of rows and columns; 1 where too few differences lie between measured points, and
+    where points were filled, as no difference knows of these.
     """
     face = first.face
-    near = (np.minimum(face.depth_m, smoothed.depth_m) < first.approach_m) & face.measured
-    taken_m = np.std((smoothed.depth_m - face.depth_m)[near])
     depth_m = np.where(face.measured, face.depth_m, np.nan)
+    near = (np.fmin(depth_m, smoothed.depth_m) < first.approach_m) & smoothed.measured
+    if not face.measured[near].all():
+        return 1.0
+    taken_m = np.std((smoothed.depth_m - face.depth_m)[near])
     most_m2 = 0.0
     for axis in (0, 1):
         noise_m2 = white_m2(depth_m, _ORDER, axis)[near]
@@ -166,7 +170,7 @@ def _white_share(first: FirstLoading, smoothed: ElasticFace) -> float:
         if noise_m2.size < _ENOUGH:
             return 1.0
         most_m2 = max(most_m2, float(noise_m2.mean()))
-    white_m = math.sqrt(most_m2)
+    white_m = WHITE_TAKEN * math.sqrt(most_m2)
     return white_m / max(taken_m, white_m) if white_m > 0.0 else 0.0
 
 
