@@ -12,7 +12,6 @@ from capslip.contact.solvers.polonsky_keer import first_loading, press
 from capslip.contact.solvers.pressed import Pressed
 from capslip.contact.solvers.starts import Known, start_Pa
 
-_BOTH_ENDS = 0.3  # of the tolerance of what is left: the state is both its start and its measure
 _MOSTLY, _SPARE = 0.5, 2.0  # of the hardness: mean pressure; of the contact that load adds
 _HARDLY = 0.01  # of a load, on points at their hardness: these are the last to let go
 _MOST_LOOKS = 4  # at what more load makes touch
@@ -68,9 +67,9 @@ def nearby(
         If a solution fails.
     """
     face = first.face
-    # Of the approach, of which only the elastic part is withdrawn
+    # Two solutions make a loss; of the approach only the elastic part is withdrawn
     elastic = min(pressed.approach_m / first.approach_m, 1.0)
-    tolerance = max(_BOTH_ENDS * elastic * _enough(share), _FINEST)
+    tolerance = max(0.5 * elastic * _enough(share), _FINEST)
     most = max(load / hardness for load, hardness in (*changes, (1.0, 1.0)))
     alone, widest = _reached(first, pressed, punch_Pa_per_m, most, tolerance)
     if finest > 1:
