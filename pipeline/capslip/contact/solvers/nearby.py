@@ -68,8 +68,8 @@ def nearby(
     """
     face = first.face
     # Two solutions make a loss; of the approach only the elastic part is withdrawn
-    elastic = min(pressed.approach_m / first.approach_m, 1.0)
-    tolerance = max(0.5 * elastic * _enough(share), _FINEST)
+    counts = min(pressed.approach_m / first.approach_m, 1.0)
+    tolerance = max(0.5 * counts * _enough(share), _FINEST)
     most = max(load / hardness for load, hardness in (*changes, (1.0, 1.0)))
     alone, widest = _reached(first, pressed, punch_Pa_per_m, most, tolerance)
     if finest > 1:
