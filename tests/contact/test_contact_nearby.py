@@ -86,6 +86,33 @@ def test_an_elastic_sphere_has_its_powers_at_any_share(share):
     assert less.loss == pytest.approx(0.8 ** (5 / 3), rel=0.03)
 
 
+@pytest.mark.parametrize("share", [0.1, 0.5, 0.9])
+def test_an_elastic_face_comes_back_to_the_known_state_from_more_load(share, monkeypatch):
+    """One solution for the load; a tenth is less than what it has more, and counts as that."""
+    first, more = boundary_elements(FOUR, E), boundary_elements(FOUR, E)
+    monkeypatch.setattr("capslip.contact.solvers.nearby._unloaded", None)
+    (found,) = first.near(N, [(1.3, 1.0)], share)
+    now, then = (
+        np.array([d, one.withdrawal_m(d, drop_N), one.loss_integral_at_drop_J(d, drop_N)])
+        for one, load_N in ((first, N), (more, 1.3 * N))
+        for d, drop_N in [(one.approach_m(load_N), share * load_N)]
+    )
+    factors = [found.approach, found.withdrawal, found.loss]
+    assert factors == pytest.approx(then / now, rel=0.01 if share > 0.1 else 0.02)
+
+
+def test_what_penetrates_beside_the_points_that_were_taken_joins_them(monkeypatch):
+    curve, changes = boundary_elements(FOUR, E), [(1.3, 1.0)]
+    (expected,) = curve.near(N, changes, SHARE)
+    monkeypatch.setattr("capslip.contact.solvers.nearby._SPARE", 0.0)
+    (found,) = curve.near(N, changes, SHARE)
+    for name in ("approach", "withdrawal", "loss"):
+        assert getattr(found, name) == pytest.approx(getattr(expected, name), rel=3e-3)
+    monkeypatch.setattr("capslip.contact.solvers.nearby._MOST_LOOKS", 1)
+    (few,) = curve.near(N, changes, SHARE)
+    assert few.withdrawal != pytest.approx(expected.withdrawal, rel=3e-3)
+
+
 def test_a_hill_that_only_more_load_reaches_carries_there():
     """Of three hills two touch under the load; the third is a little lower than the approach."""
     approach_m = float(boundary_elements(FOUR, E).approach_m(N))

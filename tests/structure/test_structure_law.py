@@ -19,6 +19,7 @@ from capslip.errors import ContactError
 from capslip.structure.band import Part
 from capslip.structure.interpolation import LawTables, tables_of
 from capslip.structure.law import SCATTERS, SHARES, SHARES_OF_SCANS, law
+from capslip.structure.law import _patch as of_factor
 
 AREA_M2, MU, LOAD_N = 2.4e-3, 0.2, 460.0
 STEEL = composite((200e9, 200e9), (0.3, 0.3))
@@ -174,16 +175,33 @@ def test_without_an_area_there_is_no_law():
 
 
 def test_a_map_is_solved_under_few_pressures():
-    """Spheres taken for solutions: the cubic between eight pressures is that of the curve."""
+    """Spheres taken for solutions: the cubic between ten pressures is that of the curve."""
     found = law_of(CURVES["spheres"], name="boundary_elements")
-    assert len(found.pressure_Pa) == 8
-    assert "8 pressures" in found.ends
+    assert len(found.pressure_Pa) == 10
+    assert "10 pressures" in found.ends
+    steps = np.diff(np.log(found.pressure_Pa))
+    np.testing.assert_allclose(steps / steps[2], [0.5, 0.5, *[1.0] * 5, 0.5, 0.5])
     tables = LawTables(found.tables())
     p = np.geomspace(*found.range_Pa, 30)[:, None]
     d = mindlin(p, 0.0)[0]
     delta = np.linspace(0.1, 0.999, 30) * MU * STEEL.kappa * d
     np.testing.assert_allclose(tables.shear_Pa(delta, p), mindlin(p, delta)[2], rtol=1e-3)
     np.testing.assert_allclose(tables.loss_J_per_m2(delta, p), mindlin(p, delta)[3], rtol=5e-3)
+
+
+def test_a_pressure_that_cannot_be_followed_between_two_others_is_left_out(monkeypatch):
+    """The pressures beside it are those that there were."""
+    patch, scan_Pa = of_factor, LOAD_N / AREA_M2
+
+    def fails(part, factor, mu):
+        if factor < 0.13 and factor != pytest.approx(0.1):
+            raise ContactError("too few pixels touch")
+        return patch(part, factor, mu)
+
+    monkeypatch.setattr("capslip.structure.law._patch", fails)
+    found = law_of(CURVES["spheres"], name="boundary_elements")
+    assert found.pressure_Pa[:2] / scan_Pa == pytest.approx([0.1, 10**-0.8])
+    assert len(found.pressure_Pa) == 9
 
 
 def sliding(p, delta, radius_m):
@@ -374,7 +392,7 @@ def test_what_lies_between_solutions_is_not_known_where_none_can_be_left_out():
         return after(load_N)
 
     found = law_of(after(LOAD_N), "boundary_elements", hardness=1e9, after=fails)
-    assert len(found.pressure_Pa) == 2
+    assert len(found.pressure_Pa) == 3
     assert np.isinf([found.shear_error, found.loss_error]).all()
 
 
@@ -405,7 +423,9 @@ def test_pressures_whose_slip_cannot_be_followed_begin_the_law(monkeypatch):
 
     monkeypatch.setattr(SlipCurve, "energy_J", followed)
     found = law_of(CURVES["spheres"], name="boundary_elements")
-    assert found.pressure_Pa == pytest.approx(whole.pressure_Pa[2:], rel=1e-12)
-    assert found.loss_J_per_m2 == pytest.approx(whole.loss_J_per_m2[2:], rel=1e-12)
+    same = [0, *range(2, len(found.pressure_Pa))]  # but the one halfway from the new least
+    assert found.pressure_Pa[same] == pytest.approx(whole.pressure_Pa[2:], rel=1e-12)
+    assert found.loss_J_per_m2[same] == pytest.approx(whole.loss_J_per_m2[2:], rel=1e-12)
+    assert found.pressure_Pa[1] ** 2 == pytest.approx(np.prod(whole.pressure_Pa[2:4]))
     assert "too few pixels" in found.ends
     assert "too few pixels" not in whole.ends

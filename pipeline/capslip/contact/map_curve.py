@@ -12,7 +12,7 @@ from capslip.contact.bulk import bulk_of_face_m_per_N
 from capslip.contact.curve import NormalCurve
 from capslip.contact.scaled import ScaledCurve
 from capslip.contact.solvers.detail import FirstLoading
-from capslip.contact.solvers.nearby import nearby
+from capslip.contact.solvers.nearby import Nearby, hardly_yields, nearby
 from capslip.contact.solvers.polonsky_keer import Pressed
 from capslip.contact.solvers.refinement import refinement
 from capslip.contact.solvers.solutions import Solutions
@@ -26,7 +26,6 @@ MIN_PIXELS_ACROSS = 10.0  # of the contacts that carry half of the load
 MIN_REFINED_ACROSS = 6.0  # the same, where a spline knows what lies between the pixels
 HIGHER = 0.05  # of the approach, that a face stands above its highest pixel: no less is noted
 AT_HOLES = 0.05  # of the load: what a hole takes from less moves the answers by less than that
-HARDLY = 0.01  # of a load, on points at their hardness: these are the last to let go
 NEARLY_ALL = 0.95  # of a load: beyond that share contacts let go one by one
 
 
@@ -123,20 +122,51 @@ class BoundaryElementCurve:
         """Tell whether next to none of a load rests on points at the hardness, or part of it."""
         if self.first is None:
             return True
-        p = self.pressed(load_N).pressure_Pa
-        at_most = p >= min(of_hardness, 1.0) * self.first.face.hardness_Pa
-        return float(p[at_most].sum()) <= HARDLY * float(p.sum())
+        hardness_Pa = min(of_hardness, 1.0) * self.first.face.hardness_Pa
+        return hardly_yields(self.pressed(load_N).pressure_Pa, hardness_Pa)
 
     def _anew(self, load_N: float, changes: list[tuple[float, float]], share: float) -> np.ndarray:
-        """Return factors of approach, withdrawal and loss after other loadings, shape (n, 3)."""
+        """Return factors of approach, withdrawal and loss after other loadings, shape (n, 3).
+
+        Refined points beside more contact are other ones: then the known state is solved on them.
+        """
         pressed, punch = self.pressed(load_N), self.solutions.punch(load_N)
         first = self.first or FirstLoading(self.solutions.face, pressed.approach_m)
         finest = self.unloading(load_N).refinement
-        states = nearby(first, pressed, punch, changes, share, finest)
-        found = np.array([[one.approach_m, one.withdrawal_m, one.loss_J] for one in states])
-        of_load = np.array([1.0, *(one for one, _ in changes)])
-        found[:, :2] += self.compliance_m_per_N * load_N * of_load[:, None] * (1.0, share)
-        return self._relative(found)
+        again = [] if finest == 1 else [(1.0, 1.0)]
+        states = nearby(first, pressed, punch, [*again, *changes], share, finest)
+        known = [self._seen(load_N, 1.0, one) for one in states[: len(again)]]
+        found = []
+        for (of_load, _), one in zip(changes, states[len(again) :], strict=True):
+            at = max(one.share, share)
+            base = known[0] if known else self._below(load_N, 1.0, at)
+            seen = self._seen(load_N, of_load, one)
+            if at > one.share:
+                seen = self._further(load_N, of_load, at, one.share, seen)
+            found.append(self._relative(np.array((base, seen)))[0])
+        return np.array(found)
+
+    def _seen(self, load_N: float, of_load: float, one: Nearby) -> tuple[float, float, float]:
+        """Return approach, withdrawal and loss of a state, with the spring in series."""
+        spring_m = self.compliance_m_per_N * of_load * load_N
+        return one.approach_m + spring_m, one.withdrawal_m + one.share * spring_m, one.loss_J
+
+    def _further(
+        self,
+        load_N: float,
+        of_load: float,
+        share: float,
+        known_share: float,
+        seen: tuple[float, float, float],
+    ) -> tuple[float, float, float]:
+        """Return what is seen under more load where a share goes, beyond that of the known one."""
+        d, x, L = seen
+        s = of_load * load_N * np.array([known_share, share])
+        approach_m, more_s = float(self.approach_m(load_N)), s[1] - s[0]
+        more_x = float(self.withdrawal_m(approach_m, more_s))
+        more_L = float(self.loss_integral_at_drop_J(approach_m, more_s))
+        # As in `_below`: L_2 = L_1 + L_12 - 4 (s_2 x_1 - s_1 x_2)
+        return d, x + more_x, L + more_L - 4.0 * (s[1] * x - s[0] * (x + more_x))
 
     def _ratios_below(self, load_N: float, of_load: float, share: float) -> np.ndarray:
         """Return the same of an elastic face under less load, shape (3,)."""

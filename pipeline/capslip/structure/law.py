@@ -1,6 +1,8 @@
 """The law of a joint face for a structure: stiffness, shear and loss per area, over pressure."""
 
+import math
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from typing import Any
 
@@ -118,7 +120,7 @@ def law(
 
     A face that yields is loaded to each pressure once, and N(d) is the curve along which it unloads
     from there: each pressure has its own. A model that solves the map anew for each load gets at
-    most `MAX_SOLVED` pressures.
+    most `MAX_SOLVED` pressures, and two more halfway to the ends.
 
     Of several scans it is that of their joint, in which each bears p and all move by one delta:
     k_n, tau and w are the means over the scans by their areas, and the scatter is their standard
@@ -146,9 +148,10 @@ def law(
     a tenth of mu p on; where each pressure has its own curve, at the quarters between, too. Where
     each has a solution of its own, each inner one is left out in turn, and the errors there, twice
     as far from the next solution as a pressure can be, are taken for a sample: its largest, or its
-    mean and 1.96 standard deviations where that is more. Beds of a map are compared at equal loads
-    or at equal shares of their pressures, whichever tells more of those that are left out: the
-    first where it is elastic, the second where most of it yields.
+    mean and 1.96 standard deviations where that is more. Errors are the largest at the ends, where
+    the least touches and the most joins: there solutions lie closer. Beds of a map are compared at
+    equal loads or at equal shares of their pressures, whichever tells more of those that are left
+    out: the first where it is elastic, the second where most of it yields.
 
     Slip: Eqs. 3-16 of Peyret, Chevallier and Dion, Int. J. Appl. Mech. 8 (2016) 1650097, see
     `contact.slip`. The tilt of the face is that under the pressure of the scan.
@@ -334,7 +337,7 @@ def _patches(
                     "higher pressure for more"
                 )
         patches.append(patch)
-    few = f"{MAX_SOLVED} pressures, as each is solved on the whole map, " if solves else ""
+    few = f"{MAX_SOLVED + 2} pressures, as each is solved on the whole map, " if solves else ""
     return patches, f"{begins}{few}{ratio**above:.2g} times the pressure of the analysis"
 
 
@@ -343,15 +346,18 @@ def _refined(
 ) -> tuple[list[list[SlipCurve]], list[list[SlipCurve]]]:
     """Return patches under more pressures where the law between two needs them.
 
-    Where contacts touch and yield between two of them. And patches at the quarters between all,
-    where each pressure has a bed of its own, to judge the law by.
+    Where contacts touch and yield between two of them, and at both ends where each is solved. And
+    patches at the quarters between all, where each pressure has a bed of its own, to judge the law
+    by.
     """
     mu, kappa = patches[0][0].friction_coefficient, _together(parts, patches[0]).kappa
     to_factor = _area_m2(parts[0].joint) / parts[0].joint.scan_load_N
     halfway: dict[float, list[SlipCurve]] = {}
     for turn in range(MOST_TURNS + 1):
         of_scans = _of_scans(parts, patches)
-        if _is_solved(parts) or all(map(_has_one_bed, of_scans)):
+        if _is_solved(parts):
+            return _with_ends_halved(parts, patches), []
+        if all(map(_has_one_bed, of_scans)):
             return patches, []
         p = np.array([float(patch[0].preload_N) for patch in patches])
         middle = np.sqrt(p[1:] * p[:-1]).tolist()
@@ -368,6 +374,25 @@ def _refined(
     quarters = np.append(p[1:] ** 0.25 * p[:-1] ** 0.75, p[1:] ** 0.75 * p[:-1] ** 0.25).tolist()
     more = [[_patch(part, one * to_factor, mu) for part in parts] for one in quarters]
     return patches, [*tested, *more]
+
+
+def _with_ends_halved(
+    parts: Sequence[Part], patches: list[list[SlipCurve]]
+) -> list[list[SlipCurve]]:
+    """Return patches under the pressures halfway to the least and the greatest one, too.
+
+    No pressure that is left out tells what those two are off: with these, one does.
+    """
+    p, mu = [float(patch[0].preload_N) for patch in patches], patches[0][0].friction_coefficient
+    to_factor = _area_m2(parts[0].joint) / parts[0].joint.scan_load_N
+    more = list(patches)
+    for one in {math.sqrt(low * high) for low, high in (p[:2], p[-2:])} if len(p) > 1 else ():
+        with suppress(ContactError):  # then the others stand for it, as they would have
+            patch = [_patch(part, one * to_factor, mu) for part in parts]
+            for slip in patch:
+                slip.energy_J(slip.total_slip_displacement_m)
+            more.append(patch)
+    return sorted(more, key=lambda patch: float(patch[0].preload_N))
 
 
 def _patch(part: Part, factor: float, friction_coefficient: float) -> SlipCurve:

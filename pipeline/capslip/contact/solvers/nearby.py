@@ -1,6 +1,5 @@
 """A pressed face under another load or with another hardness, at next to no cost."""
 
-import math
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -13,9 +12,9 @@ from capslip.contact.solvers.polonsky_keer import first_loading, press
 from capslip.contact.solvers.pressed import Pressed
 from capslip.contact.solvers.starts import Known, start_Pa
 
-_TOLERANCE = 1e-5  # of a first loading, whose state is used for quotients alone
-_ROUGHLY = 1e-4  # the same where only what touches is asked
 _MOSTLY, _SPARE = 0.5, 2.0  # of the hardness: mean pressure; of the contact that load adds
+_HARDLY = 0.01  # of a load, on points at their hardness: these are the last to let go
+_MOST_LOOKS = 4  # at what more load makes touch
 _LEAST_PA = 1e-300  # stands for no pressure below a fraction
 _LEFT, _LOOSEST, _FINEST = 1e-1, 1e-4, 1e-9  # of the loss, that gaps may be; tolerances below it
 
@@ -25,7 +24,8 @@ class Nearby:
     """What slip asks of a face under a load: its approach, and one partial withdrawal."""
 
     approach_m: float
-    withdrawal_m: float
+    share: float  # of the load, that is gone
+    withdrawal_m: float  # then
     loss_J: float
 
 
@@ -39,10 +39,12 @@ def nearby(
 ) -> list[Nearby]:
     """Return the states of a face after other first loadings than the one that is known.
 
-    The first is the known one itself. Solved on the points alone that touch under the greatest
-    load, on the least hardness: otherwise no others do. Each change is one solution from the known
-    pressures, and one of what is left when the share of the load is gone, whose loss follows as in
-    `unloading.unload`.
+    Solved on the points alone that touch under the greatest load, on the least hardness: otherwise
+    no others do. Each change is one solution from the known pressures, and one of what is left when
+    the share of the load is gone, whose loss follows as in `unloading.unload`.
+
+    Where hardly a point yields, the face comes back to the known state as more load goes: then this
+    is the partial withdrawal, of another share, whose loss follows from the two without a solution.
 
     Parameters
     ----------
@@ -64,53 +66,118 @@ def nearby(
     ContactError
         If a solution fails.
     """
-    face, (touching, widest_Pa) = first.face, _touching(first, pressed, changes)
-    alone = _alone(face, touching, finest)
-    known_Pa, punch = (alone.gathered(one) for one in (pressed.pressure_Pa, punch_Pa_per_m))
+    face = first.face
+    # Two solutions make a loss; of the approach only the elastic part is withdrawn
+    counts = min(pressed.approach_m / first.approach_m, 1.0)
+    tolerance = max(0.5 * counts * _enough(share), _FINEST)
+    most = max(load / hardness for load, hardness in (*changes, (1.0, 1.0)))
+    alone, widest = _reached(first, pressed, punch_Pa_per_m, most, tolerance)
+    if finest > 1:
+        alone, widest = _alone(face, _touching(pressed, alone, widest), finest), None
+    known_Pa, gap_m, punch = (
+        alone.gathered(one) for one in (pressed.pressure_Pa, pressed.gap_m, punch_Pa_per_m)
+    )
     total_Pa = (1.0 - share) * pressed.load_N / face.pixel_area_m2
     above, end = Known(0.0, known_Pa), Known(pressed.approach_m, np.zeros(alone.shape))
     part = start_Pa(total_Pa, punch, above, end) / np.maximum(known_Pa, _LEAST_PA)
     found: list[Nearby] = []
-    for of_load, of_hardness in [(1.0, 1.0), *changes]:
+    for of_load, of_hardness in changes:
         face_i = replace(alone, hardness_Pa=face.hardness_Pa * of_hardness)
-        begin_Pa, load_N = known_Pa * of_load, pressed.load_N * of_load
-        if of_load > 1.0 and widest_Pa is not None:
-            begin_Pa = alone.gathered(widest_Pa)
-        state = press(face_i, load_N=load_N, tolerance=_TOLERANCE, start_Pa=begin_Pa)
-        one, left_Pa = _unloaded(*first_loading(face_i, state), part, share)
-        if not found:  # the others keep about the same part of their pressures
-            part = left_Pa / np.maximum(state.pressure_Pa, _LEAST_PA)
+        state = widest
+        if state is None or (of_load, of_hardness) != (most, 1.0):
+            begin_Pa = _begin_Pa(face, known_Pa, punch, of_load, of_hardness)
+            load_N = of_load * pressed.load_N
+            state = press(face_i, load_N=load_N, tolerance=tolerance, start_Pa=begin_Pa)
+        elastic, loaded = first_loading(face_i, state)
+        comes_back = finest == 1 and of_load > 1.0 and hardly_yields(known_Pa, face.hardness_Pa)
+        if comes_back and hardly_yields(state.pressure_Pa, face_i.hardness_Pa):
+            lost = float(loaded.pressure_Pa @ gap_m - known_Pa @ loaded.gap_m)
+            back_m, loss_J = state.approach_m - first.approach_m, 4.0 * lost * face.pixel_area_m2
+            found.append(Nearby(loaded.approach_m, 1.0 - 1.0 / of_load, back_m, loss_J))
+            continue
+        one, left_Pa = _unloaded(elastic, loaded, part, share)
+        part = left_Pa / np.maximum(state.pressure_Pa, _LEAST_PA)  # about the same after another
         found.append(one)
     return found
 
 
-def _touching(
-    first: FirstLoading, pressed: Pressed, changes: list[tuple[float, float]]
-) -> tuple[np.ndarray, np.ndarray | None]:
-    """Return the points that may touch after any of the changes, bool, shape (ny, nx).
+def hardly_yields(pressure_Pa: np.ndarray, hardness_Pa: float) -> bool:
+    """Tell whether next to none of a load rests on points at a hardness."""
+    at_most_Pa = pressure_Pa[pressure_Pa >= hardness_Pa]
+    return float(at_most_Pa.sum()) <= _HARDLY * float(pressure_Pa.sum())
 
-    Less hardness makes less touch than as much more load does. The approach grows by no more than
-    the load, as more and more touches, and the gap of a point falls by no more than that. Where
-    most of the load rests on points at the hardness, contact grows as the load, by the points that
-    stand clear by least: twice as many are taken. Else also returns the pressures under the
-    greatest load, roughly.
+
+def _reached(
+    first: FirstLoading,
+    pressed: Pressed,
+    punch_Pa_per_m: np.ndarray,
+    most: float,
+    tolerance: float,
+) -> tuple[PatchedFace, Pressed | None]:
+    """Return the points that may touch under the greatest load, and their state under it.
+
+    Less hardness makes less touch than as much more load does. More load closes gaps as a punch
+    does that sinks as far as the contact is stiff; but where points yield, contact grows as the
+    load, by those that stand clear by least. Twice as many are taken of either; what penetrates of
+    the map all the same, too.
     """
-    face, contact = first.face, pressed.pressure_Pa > 0.0
-    most = max(load / hardness for load, hardness in (*changes, (1.0, 1.0)))
+    face, touching = first.face, pressed.pressure_Pa > 0.0
     if most == 1.0:
-        return contact, None
-    may_touch = (pressed.gap_m < (most - 1.0) * first.approach_m) & face.measured & ~contact
-    if pressed.pressure_Pa[contact].mean() > _MOSTLY * face.hardness_Pa:
-        gap_m = pressed.gap_m[may_touch]
-        count = math.ceil(_SPARE * (most - 1.0) * np.count_nonzero(contact))
-        if count < gap_m.size:
-            may_touch &= pressed.gap_m <= np.partition(gap_m, count)[count]
-        return contact | may_touch, None
-    alone = _alone(face, contact | may_touch)
-    begin_Pa = np.minimum(alone.gathered(pressed.pressure_Pa) * most, face.hardness_Pa)
-    widest = press(alone, load_N=most * pressed.load_N, tolerance=_ROUGHLY, start_Pa=begin_Pa)
-    widest_Pa = alone.spread(widest.pressure_Pa)
-    return contact | (widest_Pa > 0.0), widest_Pa
+        return _alone(face, touching), None
+    may_touch = face.measured & ~touching
+    gap_m, number = pressed.gap_m[may_touch], _SPARE * (most - 1.0) * np.count_nonzero(touching)
+    closes_m = np.partition(gap_m, int(number))[int(number)] if number < gap_m.size else np.inf
+    if not _mostly_yields(face, pressed.pressure_Pa):
+        more_N = _SPARE * (most - 1.0) * pressed.load_N
+        further_m = more_N / (float(punch_Pa_per_m.sum()) * face.pixel_area_m2)
+        sunk = face.half_space.sinking_roughly_m(punch_Pa_per_m)[may_touch]
+        closes_m = np.maximum(further_m * (1.0 - sunk), closes_m)
+    touching[may_touch] = gap_m <= closes_m
+    begin_Pa = _begin_Pa(face, pressed.pressure_Pa, punch_Pa_per_m, most)
+    for _ in range(_MOST_LOOKS):
+        alone = _alone(face, touching)
+        start = alone.gathered(begin_Pa)
+        widest = press(alone, load_N=most * pressed.load_N, tolerance=tolerance, start_Pa=start)
+        begin_Pa = alone.spread(widest.pressure_Pa)
+        gap_m = face.half_space.sinking_roughly_m(begin_Pa) + face.depth_m - widest.approach_m
+        missed = (gap_m < -tolerance * widest.approach_m) & face.measured & ~touching
+        if not missed.any():
+            break
+        touching |= missed
+    return alone, widest
+
+
+def _begin_Pa(
+    face: ElasticFace,
+    known_Pa: np.ndarray,
+    punch_Pa_per_m: np.ndarray,
+    of_load: float,
+    of_hardness: float = 1.0,
+) -> np.ndarray:
+    """Return pressures near those of a state, from the known ones.
+
+    What yields stays at its hardness, and the others carry the rest, as a punch; where most yields,
+    all change alike.
+    """
+    hardness_Pa = face.hardness_Pa * of_hardness
+    if _mostly_yields(face, known_Pa):
+        return np.minimum(known_Pa * of_load, hardness_Pa)
+    held = known_Pa >= face.hardness_Pa
+    begin_Pa = np.where(held, hardness_Pa, known_Pa)
+    punch = np.where(held, 0.0, punch_Pa_per_m)
+    further_m = (of_load * float(known_Pa.sum()) - float(begin_Pa.sum())) / float(punch.sum())
+    return np.asarray(np.clip(begin_Pa + further_m * punch, 0.0, hardness_Pa))
+
+
+def _mostly_yields(face: ElasticFace, pressure_Pa: np.ndarray) -> bool:
+    """Tell whether most of a load rests on points at the hardness."""
+    return float(pressure_Pa[pressure_Pa > 0.0].mean()) > _MOSTLY * face.hardness_Pa
+
+
+def _touching(pressed: Pressed, alone: PatchedFace, widest: Pressed | None) -> np.ndarray:
+    """Return what touches under the known load or the greatest one, bool, shape (ny, nx)."""
+    touching = pressed.pressure_Pa > 0.0
+    return touching if widest is None else touching | (alone.spread(widest.pressure_Pa) > 0.0)
 
 
 def _alone(face: ElasticFace, points: np.ndarray, finest: int = 1) -> PatchedFace:
@@ -119,6 +186,12 @@ def _alone(face: ElasticFace, points: np.ndarray, finest: int = 1) -> PatchedFac
     if around is not None and around.refinement > 1:
         return around  # a hill may touch between its pixels
     return alone_on(face, points, around)
+
+
+def _enough(share: float) -> float:
+    """Return the tolerance that tells the loss where a share of a load goes."""
+    gone = 1.0 - (1.0 - share) ** (2.0 / 3.0)  # of the approach, in a Hertz contact
+    return max(min(_LOOSEST, _LEFT * gone**3 / 8.0), _FINEST)
 
 
 def _unloaded(
@@ -132,15 +205,14 @@ def _unloaded(
     at = np.flatnonzero(state.pressure_Pa)
     touching, pressure_Pa = points_alone(face, at), state.pressure_Pa[at]
     touching = replace(touching, depth_m=touching.depth_m - state.gap_m[at])
-    gone = 1.0 - (1.0 - share) ** (2.0 / 3.0)  # of the approach, in a Hertz contact
     left = press(
         touching,
         load_N=(1.0 - share) * state.load_N,
-        tolerance=max(min(_LOOSEST, _LEFT * gone**3 / 8.0), _FINEST),
+        tolerance=_enough(share),
         start_Pa=pressure_Pa * part[at],
     )
     open_m = np.where(left.pressure_Pa > 0.0, 0.0, np.maximum(left.gap_m, 0.0))
     loss_J = 4.0 * float(pressure_Pa @ open_m) * face.pixel_area_m2
     left_Pa = np.zeros(face.shape)
     left_Pa[at] = left.pressure_Pa
-    return Nearby(state.approach_m, state.approach_m - left.approach_m, loss_J), left_Pa
+    return Nearby(state.approach_m, share, state.approach_m - left.approach_m, loss_J), left_Pa

@@ -110,7 +110,9 @@ def patched(face: ElasticFace, contact: np.ndarray, refinement: int = 1) -> Patc
     )
 
 
-def half_space_around(face: PatchedFace, points: np.ndarray) -> PatchedHalfSpace | None:
+def half_space_around(
+    face: PatchedFace, points: np.ndarray, most_cost: float
+) -> PatchedHalfSpace | None:
     """Return the half-space of some points of a face, on patches around them alone.
 
     None where the whole map is no more work.
@@ -121,6 +123,8 @@ def half_space_around(face: PatchedFace, points: np.ndarray) -> PatchedHalfSpace
         With their places in the map.
     points : int, shape (n,)
         Those that are in contact, as indices into the face.
+    most_cost : float
+        Of one sinking: none, too, where it would be more.
     """
     contact = np.zeros(face.map_shape, dtype=bool)
     contact.reshape(-1)[face.parent[points]] = True
@@ -129,6 +133,8 @@ def half_space_around(face: PatchedFace, points: np.ndarray) -> PatchedHalfSpace
         return None
     boxes, counts = cheapest
     boxes = boxes * face.refinement
+    if _cost(boxes, counts) > most_cost:
+        return None
     half_space = PatchedHalfSpace(boxes, counts, face.pixel_size_m, face.E_star_Pa)
     column, row = (
         np.rint(at_m[points] / size_m - 0.5).astype(np.intp)
@@ -174,11 +180,16 @@ def _cheapest(
         if n_points > most or len(boxes) > _MOST_NODES / 16:
             continue
         counts = node_counts(boxes * refinement)
-        n_nodes = int(counts.prod(axis=1).sum())
-        cost = n_nodes**2 + POINT_COST * n_points * refinement**2
-        if n_nodes <= _MOST_NODES and cost < least:
+        cost = _cost(boxes * refinement, counts)
+        if counts.prod(axis=1).sum() <= _MOST_NODES and cost < least:
             best, least = (boxes, counts), cost
     return best
+
+
+def _cost(boxes: np.ndarray, counts: np.ndarray) -> int:
+    """Return the work of one sinking on patches that are not made yet."""
+    n_points = (boxes[:, 2:] - boxes[:, :2]).prod(axis=1).sum()
+    return int(counts.prod(axis=1).sum()) ** 2 + POINT_COST * int(n_points)
 
 
 def _boxes(boxes: np.ndarray, apart: float) -> np.ndarray:

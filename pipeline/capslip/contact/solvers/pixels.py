@@ -172,9 +172,7 @@ def some_points(face: ElasticFace, points: np.ndarray) -> tuple[PatchedFace, flo
 
 def _around(face: PatchedFace, points: np.ndarray) -> PatchedHalfSpace | None:
     """Return the half-space on patches around some points, None where it is hardly less work."""
-    found = half_space_around(face, points)
-    worth = found is not None and found.cost <= _WORTH * face.half_space.cost
-    return found if worth else None
+    return half_space_around(face, points, _WORTH * face.half_space.cost)
 
 
 def _matrix_of(
