@@ -31,6 +31,7 @@ def batch(tmp_path_factory):
     (scans / ".DS_Store").write_bytes(b"hidden")
     np.save(scans / "one.npy", np.zeros((3, 3)))  # no unit, and the stem of another
     arguments = ["batch", str(scans), "-o", str(folder / "out"), "--no-figures", "--no-render"]
+    arguments += ["--model", "caps"]
     first = CliRunner().invoke(main, arguments)
     return folder, arguments, first
 
@@ -128,11 +129,12 @@ def test_either_kind_of_picture_that_is_wanted_is_made(batch, tmp_path, picture)
     assert CliRunner().invoke(main, [*arguments, "--no-meshes"]).exit_code == 0
     assert not list((tmp_path / "out").glob("scans/two/*.vtu"))
     wanted = {"figures": "false", "render": "false", "meshes": "false", picture: "true"}
-    texts = tuple(f"run.{name}={value}" for name, value in wanted.items())
-    settings = load_settings(overrides=texts)
+    texts = [f"run.{name}={value}" for name, value in wanted.items()]
+    settings = load_settings(overrides=[*texts, "contact.model=caps"])
     (row,) = run_batch([source], tmp_path / "out", settings, lambda _: None, work=again)
     assert row["error"] == "done again"
-    settings = load_settings(overrides=[f"run.{name}=false" for name in wanted])
+    texts = [f"run.{name}=false" for name in wanted]
+    settings = load_settings(overrides=[*texts, "contact.model=caps"])
     (row,) = run_batch([source], tmp_path / "out", settings, lambda _: None, work=again)
     assert row["error"] is None
 
@@ -144,6 +146,7 @@ def test_an_analysis_that_fails_is_counted_and_keeps_its_numbers(batch, tmp_path
     shutil.copy(folder / "scans in" / "two.h5", tmp_path / "in")
     arguments = ["batch", str(tmp_path / "in"), "-o", str(tmp_path / "out"), *arguments[4:]]
     more = ["--preload", "1e9", "--set", "material.hardness_Pa=1e9"]  # more than all of it bears
+    more += ["--model", "auto"]
     for _ in range(2):  # done, and found done
         ran = CliRunner().invoke(main, [*arguments, *more])
         assert ran.exit_code == 3
@@ -265,10 +268,16 @@ def test_an_interrupt_ends_the_workers_and_leaves_no_folder(batch, tmp_path, cap
     assert capfd.readouterr() == ("", "")
 
 
-def test_a_row_holds_the_numbers_of_the_summary(batch):
+@pytest.mark.usefixtures("here")
+def test_a_row_holds_the_numbers_of_the_summary(batch, tmp_path):
     folder, _, _ = batch
-    row = rows(folder)["two"]
-    summary = json.loads((folder / "out" / "scans" / "two" / "summary.json").read_text())
+    source = str(folder / "scans in" / "two.h5")
+    light = ("--no-figures", "--no-render")  # by the model of itself, whose interval is known
+    ran = CliRunner().invoke(main, ["batch", source, "-o", str(tmp_path / "out"), *light])
+    assert ran.exit_code == 0, ran.output
+    row = rows(tmp_path)["two"]
+    summary = json.loads((tmp_path / "out" / "scans" / "two" / "summary.json").read_text())
+    assert summary["answer"]["interval"] is not None
     slip, damping, families = summary["slip"], summary["damping"], summary["families"]
     answer = summary["answer"]
     expected = {
