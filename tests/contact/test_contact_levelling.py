@@ -243,7 +243,7 @@ def test_two_mated_faces_balance_however_they_were_tilted():
 
 def test_the_cut_that_is_fixed_stays_and_says_what_it_misses():
     found = analyzed(
-        *(face(), "hills.cut=fixed"),
+        *(face(), "hills.cut=fixed", "contact.model=interacting"),
         *("hills.material_ratio=0.1", "contact.preload_N=1500"),
     )
     table = found.summary()["hills"]
