@@ -12,7 +12,7 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 
 import numpy as np
-from test_cli_batch import scan
+from batch_cases import scan
 
 from capslip.output.staging import is_whole, read_summary
 

@@ -7,9 +7,9 @@ import shutil
 import time
 from functools import partial
 
-import h5py
 import numpy as np
 import pytest
+from batch_cases import in_this_process, scan
 from click.testing import CliRunner
 
 from capslip import workers
@@ -18,17 +18,6 @@ from capslip.cli import main
 from capslip.output import report
 from capslip.output.staging import new_folder, read_summary
 from capslip.settings import load_settings
-
-
-def scan(path, seed):
-    rng = np.random.default_rng(seed)
-    y, x = np.mgrid[:60, :80] * 1.0
-    height = -5.0 + np.zeros((60, 80))
-    for cx, cy in ((15, 15), (40, 40), (65, 20)):
-        height = np.maximum(height, -((x - cx) ** 2 + (y - cy) ** 2) / 50)
-    with h5py.File(path, "w") as file:
-        file["height"] = height + rng.normal(0, 1e-3, height.shape)
-        file["height"].attrs.update(unit="um", pixel_size=[50.0, 50.0], pixel_unit="um")
 
 
 @pytest.fixture(scope="module")
@@ -42,6 +31,7 @@ def batch(tmp_path_factory):
     (scans / ".DS_Store").write_bytes(b"hidden")
     np.save(scans / "one.npy", np.zeros((3, 3)))  # no unit, and the stem of another
     arguments = ["batch", str(scans), "-o", str(folder / "out"), "--no-figures", "--no-render"]
+    arguments += ["--model", "caps"]
     first = CliRunner().invoke(main, arguments)
     return folder, arguments, first
 
@@ -65,6 +55,7 @@ def test_every_scan_has_a_row(batch):
     assert first.stdout.splitlines()[-1] == f"page       {folder / 'out' / 'index.html'}"
 
 
+@pytest.mark.usefixtures("here")
 def test_done_work_is_kept_and_the_rest_done_again(batch):
     folder, arguments, _ = batch
     before = {
@@ -81,6 +72,7 @@ def test_done_work_is_kept_and_the_rest_done_again(batch):
     assert rows(folder)["two"]["preload_N"] == "100.0"
 
 
+@pytest.mark.usefixtures("here")
 def test_all_good_scans_end_with_code_0(batch, tmp_path):
     folder, arguments, _ = batch
     (tmp_path / "in").mkdir()
@@ -91,6 +83,7 @@ def test_all_good_scans_end_with_code_0(batch, tmp_path):
     assert ran.exit_code == 0, ran.output
 
 
+@pytest.mark.usefixtures("here")
 def test_pictures_that_were_left_out_are_made_when_wanted(batch, tmp_path):
     folder, _, _ = batch
     (tmp_path / "in").mkdir()
@@ -105,6 +98,7 @@ def test_pictures_that_were_left_out_are_made_when_wanted(batch, tmp_path):
     assert summary.stat().st_mtime_ns == written
 
 
+@pytest.mark.usefixtures("here")
 def test_a_batch_of_numbers_alone_has_the_same_numbers_and_no_pages(batch, tmp_path):
     folder, arguments, _ = batch
     source, light = str(folder / "scans in" / "two.h5"), arguments[4:]
@@ -126,6 +120,7 @@ def again(*_):
     return {"status": "failed", "error": "done again"}
 
 
+@pytest.mark.usefixtures("here")
 @pytest.mark.parametrize("picture", ["figures", "render", "meshes"])
 def test_either_kind_of_picture_that_is_wanted_is_made(batch, tmp_path, picture):
     folder, arguments, _ = batch
@@ -134,21 +129,24 @@ def test_either_kind_of_picture_that_is_wanted_is_made(batch, tmp_path, picture)
     assert CliRunner().invoke(main, [*arguments, "--no-meshes"]).exit_code == 0
     assert not list((tmp_path / "out").glob("scans/two/*.vtu"))
     wanted = {"figures": "false", "render": "false", "meshes": "false", picture: "true"}
-    texts = tuple(f"run.{name}={value}" for name, value in wanted.items())
-    settings = load_settings(overrides=texts)
+    texts = [f"run.{name}={value}" for name, value in wanted.items()]
+    settings = load_settings(overrides=[*texts, "contact.model=caps"])
     (row,) = run_batch([source], tmp_path / "out", settings, lambda _: None, work=again)
     assert row["error"] == "done again"
-    settings = load_settings(overrides=[f"run.{name}=false" for name in wanted])
+    texts = [f"run.{name}=false" for name in wanted]
+    settings = load_settings(overrides=[*texts, "contact.model=caps"])
     (row,) = run_batch([source], tmp_path / "out", settings, lambda _: None, work=again)
     assert row["error"] is None
 
 
+@pytest.mark.usefixtures("here")
 def test_an_analysis_that_fails_is_counted_and_keeps_its_numbers(batch, tmp_path):
     folder, arguments, _ = batch
     (tmp_path / "in").mkdir()
     shutil.copy(folder / "scans in" / "two.h5", tmp_path / "in")
     arguments = ["batch", str(tmp_path / "in"), "-o", str(tmp_path / "out"), *arguments[4:]]
     more = ["--preload", "1e9", "--set", "material.hardness_Pa=1e9"]  # more than all of it bears
+    more += ["--model", "auto"]
     for _ in range(2):  # done, and found done
         ran = CliRunner().invoke(main, [*arguments, *more])
         assert ran.exit_code == 3
@@ -188,7 +186,8 @@ def test_a_result_that_lacks_a_part_keeps_its_row_and_is_told(batch, tmp_path, m
     assert row["problems"].split()[-1] == "output_missing"
     assert float(row["answer_joint_loss_factor"]) > 0
     # what is missing is made when it can be
-    ran = call(arguments, analyse_scan, monkeypatch)
+    with in_this_process():
+        ran = call(arguments, analyse_scan, monkeypatch)
     assert ran.exit_code == 0, ran.output
     assert (tmp_path / "out" / "scans" / "two" / "report.html").is_file()
 
@@ -215,8 +214,9 @@ def test_a_scan_that_kills_its_worker_is_named_and_the_only_one(batch, tmp_path,
     assert "was ended" in table["two"]["error"]
     assert {table[name]["status"] for name in ("one", "three", "four")} <= {"ok", "check"}
     before = (tmp_path / "out" / "scans" / "one" / "summary.json").stat().st_mtime_ns
-    assert call(arguments, analyse_scan, monkeypatch).exit_code == 3  # unless it is asked for
-    assert call([*arguments, "--retry-failed"], analyse_scan, monkeypatch).exit_code == 0
+    with in_this_process():
+        assert call(arguments, analyse_scan, monkeypatch).exit_code == 3  # unless it is asked for
+        assert call([*arguments, "--retry-failed"], analyse_scan, monkeypatch).exit_code == 0
     assert (tmp_path / "out" / "scans" / "one" / "summary.json").stat().st_mtime_ns == before
 
 
@@ -268,10 +268,16 @@ def test_an_interrupt_ends_the_workers_and_leaves_no_folder(batch, tmp_path, cap
     assert capfd.readouterr() == ("", "")
 
 
-def test_a_row_holds_the_numbers_of_the_summary(batch):
+@pytest.mark.usefixtures("here")
+def test_a_row_holds_the_numbers_of_the_summary(batch, tmp_path):
     folder, _, _ = batch
-    row = rows(folder)["two"]
-    summary = json.loads((folder / "out" / "scans" / "two" / "summary.json").read_text())
+    source = str(folder / "scans in" / "two.h5")
+    light = ("--no-figures", "--no-render")  # by the model of itself, whose interval is known
+    ran = CliRunner().invoke(main, ["batch", source, "-o", str(tmp_path / "out"), *light])
+    assert ran.exit_code == 0, ran.output
+    row = rows(tmp_path)["two"]
+    summary = json.loads((tmp_path / "out" / "scans" / "two" / "summary.json").read_text())
+    assert summary["answer"]["interval"] is not None
     slip, damping, families = summary["slip"], summary["damping"], summary["families"]
     answer = summary["answer"]
     expected = {
@@ -323,6 +329,7 @@ def test_a_row_holds_the_numbers_of_the_summary(batch):
     assert summary["timings_s"]["read"] > 0
 
 
+@pytest.mark.usefixtures("here")
 def test_a_result_of_something_else_is_not_kept(batch, tmp_path):
     folder, arguments, _ = batch
     (tmp_path / "in").mkdir()

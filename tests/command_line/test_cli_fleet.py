@@ -15,6 +15,7 @@ from contextlib import closing
 from pathlib import Path
 
 import pytest
+from batch_cases import in_this_process, scan
 from click.testing import CliRunner
 from fleet_cases import (
     LIGHT,
@@ -29,7 +30,6 @@ from fleet_cases import (
     listed,
     table,
 )
-from test_cli_batch import scan
 
 from capslip import sources
 from capslip.batch import Options, analyse_scan, run_batch
@@ -55,33 +55,38 @@ def scans(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def undisturbed(scans):
-    """Six scans, analysed by one worker."""
-    return made_by_one_worker(scans)
+    """Six scans, analysed in this process."""
+    return made_in_one_process(scans)
 
 
 @pytest.fixture(scope="module")
 def many(tmp_path_factory):
-    """Thirty good scans, to be disturbed in."""
+    """Twenty good scans, to be disturbed in."""
     folder = tmp_path_factory.mktemp("many") / "in"
-    fill(folder, 30, 0)
+    fill(folder, 20, 0)
     return folder
 
 
 @pytest.fixture(scope="module")
 def many_undisturbed(many):
-    """Thirty scans, analysed by one worker."""
-    return made_by_one_worker(many)
+    """Twenty scans, analysed in this process."""
+    return made_in_one_process(many)
 
 
-def made_by_one_worker(scans):
+def made_in_one_process(scans):
     out = scans.parent / "undisturbed"
-    ran = run(scans, "-o", out, "--workers", "1")
+    ran = run_here(scans, "-o", out)
     assert ran.exit_code == 0, ran.output
     return out
 
 
 def run(*arguments):
     return CliRunner().invoke(main, ["batch", *LIGHT, *map(str, arguments)])
+
+
+def run_here(*arguments):
+    with in_this_process():
+        return run(*arguments)
 
 
 def rows(out):
@@ -106,6 +111,7 @@ def test_two_workers_make_the_same_table_to_the_bit(scans, undisturbed, tmp_path
     assert not left_over(tmp_path / "out")
 
 
+@pytest.mark.usefixtures("here")
 def test_shards_collected_make_the_same_table(scans, undisturbed, tmp_path):
     out = tmp_path / "out"
     for part in (2, 1, 3):
@@ -118,6 +124,7 @@ def test_shards_collected_make_the_same_table(scans, undisturbed, tmp_path):
     assert not left_over(out)
 
 
+@pytest.mark.usefixtures("here")
 def test_a_shard_that_is_missing_is_named(scans, tmp_path):
     out = tmp_path / "out"
     assert run(scans, "-o", out, "--shard", "1/2").exit_code == 0
@@ -128,6 +135,7 @@ def test_a_shard_that_is_missing_is_named(scans, tmp_path):
     assert not any(row["error"] for row in rows(out).values() if row["status"] == "to do")
 
 
+@pytest.mark.usefixtures("here")
 def test_results_of_other_options_are_said_to_be_so(scans, tmp_path):
     out = tmp_path / "out"
     shard = (scans, "-o", out, "--shard", "1/1", "--preload", "7")
@@ -142,6 +150,7 @@ def test_results_of_other_options_are_said_to_be_so(scans, tmp_path):
     assert ran.stdout.count(lacking) == len(rows(out))
 
 
+@pytest.mark.usefixtures("here")
 @pytest.mark.parametrize("text", ["0/2", "3/2", "2", "a/b"])
 def test_a_shard_that_is_none_is_refused(scans, text):
     ran = run(scans, "--shard", text)
@@ -162,7 +171,7 @@ def test_dask_makes_the_same_table_and_a_worker_that_is_killed_loses_nothing(
             stderr=subprocess.PIPE,
             text=True,
         )
-        assert "1 of 30" in process.stderr.readline()
+        assert "1 of 20" in process.stderr.readline()
         workers[1].kill()
         _, told = process.communicate(timeout=120)
         assert process.returncode == 0, told
@@ -246,14 +255,14 @@ def test_a_scheduler_that_ends_is_named_and_what_is_done_stays(many, many_undist
         process = subprocess.Popen(
             command(many, "-o", out, "--scheduler", address), stderr=subprocess.PIPE, text=True
         )
-        assert "1 of 30" in process.stderr.readline()
+        assert "1 of 20" in process.stderr.readline()
         processes[0].kill()
         _, told = process.communicate(timeout=60)
         assert process.returncode == 1
         assert told.splitlines()[-1].startswith("error: the scheduler of the cluster ended")
         assert "Traceback" not in told
-        assert 1 <= len(rows(out)) < 30
-    assert run(many, "-o", out).exit_code == 0
+        assert 1 <= len(rows(out)) < 20
+    assert run_here(many, "-o", out).exit_code == 0
     assert table(out) == table(many_undisturbed)
     assert not left_over(out)
 
@@ -340,6 +349,7 @@ def test_a_scan_that_takes_too_much_memory_is_named(scans, tmp_path):
     assert "memory" in errors["scan0001"].lower()
 
 
+@pytest.mark.usefixtures("here")
 def test_failures_are_kept_until_asked_for_or_changed(tmp_path):
     scan(tmp_path / "a.h5", 1)
     (tmp_path / "b.h5").write_bytes(b"torn")
@@ -398,7 +408,7 @@ def test_a_full_disk_is_named_and_the_same_command_goes_on(scans, undisturbed, t
     assert len(errors) == 6
     assert all(one.endswith("File too large") for one in errors), errors
     assert not left_over(out)
-    assert run(scans, "-o", out).exit_code == 0
+    assert run_here(scans, "-o", out).exit_code == 0
     assert table(out) == table(undisturbed)
 
 
@@ -436,6 +446,7 @@ def test_no_scan_is_named_with_what_was_skipped(tmp_path, monkeypatch, arguments
     assert not (tmp_path / "out").exists()
 
 
+@pytest.mark.usefixtures("here")
 def test_it_stops_after_as_many_failures_as_wanted(tmp_path):
     bad = fill(tmp_path / "in", 12, 6)
     ran = run(
@@ -481,6 +492,7 @@ def test_a_result_that_is_not_whole_or_of_other_code_is_made_again(
     assert (home / "caps.csv").read_text() != "mine"
 
 
+@pytest.mark.usefixtures("here")
 def test_what_an_earlier_run_left_half_written_locks_nobody_out(scans, tmp_path):
     out = tmp_path / "out"
     (out / "scans" / "scan0000" / f"{OURS}old").mkdir(parents=True)
@@ -490,6 +502,7 @@ def test_what_an_earlier_run_left_half_written_locks_nobody_out(scans, tmp_path)
     assert not left_over(out)
 
 
+@pytest.mark.usefixtures("here")
 def test_two_batches_do_not_share_a_folder(scans, tmp_path):
     out, told = tmp_path / "out", []
 
@@ -503,6 +516,7 @@ def test_two_batches_do_not_share_a_folder(scans, tmp_path):
     assert {row["preload_N"] for row in rows(out).values()} == {"460.0"}
 
 
+@pytest.mark.usefixtures("here")
 def test_the_table_never_shrinks_while_a_batch_goes_on(scans, undisturbed, tmp_path):
     out, seen = shutil.copytree(undisturbed, tmp_path / "out"), []
     shutil.rmtree(out / "scans" / "scan0003")
@@ -522,6 +536,7 @@ def test_a_dry_run_writes_nothing_and_says_what_is_to_do(scans, undisturbed, tmp
     assert table(undisturbed) == before
 
 
+@pytest.mark.usefixtures("here")
 def test_a_dry_run_over_what_failed_names_it(tmp_path):
     (tmp_path / "b.h5").write_bytes(b"torn")
     assert run(tmp_path / "b.h5", "-o", tmp_path / "out").exit_code == 3
@@ -569,6 +584,7 @@ def test_a_scan_that_is_named_twice_is_one(tmp_path, monkeypatch):
     assert [(one.path, one.name) for one in found] == [(tmp_path / "in" / "a.h5", "a")]
 
 
+@pytest.mark.usefixtures("here")
 def test_results_below_the_scans_are_no_scans(tmp_path):
     (tmp_path / "in").mkdir()
     scan(tmp_path / "in" / "a.h5", 1)
@@ -578,6 +594,7 @@ def test_results_below_the_scans_are_no_scans(tmp_path):
         assert list(rows(tmp_path / "in" / "out")) == ["a"]
 
 
+@pytest.mark.usefixtures("here")
 def test_a_list_gives_preload_mate_unit_and_group(tmp_path):
     for seed, name in enumerate(("a.h5", "b.h5")):
         scan(tmp_path / name, seed)
@@ -623,6 +640,7 @@ def test_a_list_that_makes_no_sense_is_refused(tmp_path, text, word):
     assert word in ran.stderr
 
 
+@pytest.mark.usefixtures("here")
 def test_a_plain_list_names_a_scan_a_line(tmp_path):
     scan(tmp_path / "a b.h5", 1)
     (tmp_path / "list.txt").write_text("a b.h5\n\ngone.h5\n")
@@ -631,6 +649,7 @@ def test_a_plain_list_names_a_scan_a_line(tmp_path):
     assert "no such file" in rows(tmp_path / "out")["gone"]["error"]
 
 
+@pytest.mark.usefixtures("here")
 def test_a_list_may_be_utf16_and_may_name_a_pipe(tmp_path):
     scan(tmp_path / "a.h5", 1)
     os.mkfifo(tmp_path / "pipe.h5")
@@ -695,7 +714,7 @@ def test_a_signal_ends_it_in_two_seconds_and_nothing_stays(
         # as from a terminal: what a shell starts behind itself ignores Ctrl-C
         preexec_fn=lambda: signal.signal(signal.SIGINT, signal.default_int_handler),
     )
-    assert "1 of 30" in process.stderr.readline()
+    assert "1 of 20" in process.stderr.readline()
     process.send_signal(number)
     started_s = time.monotonic()
     _, told = process.communicate(timeout=60)
@@ -703,12 +722,12 @@ def test_a_signal_ends_it_in_two_seconds_and_nothing_stays(
     assert process.returncode == 128 + number
     assert gone(mark, 0.0)
     done = len(summaries(out))
-    assert 0 < done < 30
+    assert 0 < done < 20
     assert len(rows(out)) <= done  # one may have ended just as it was told to
-    assert f"interrupted; {len(rows(out))} of 30 scans are done" in told
+    assert f"interrupted; {len(rows(out))} of 20 scans are done" in told
     assert not left_over(out)
     before = summaries(out)
-    assert run(many, "-o", out).exit_code == 0
+    assert run_here(many, "-o", out).exit_code == 0
     assert table(out) == table(many_undisturbed)
     assert before.items() <= summaries(out).items()
 
@@ -717,8 +736,8 @@ def test_whatever_is_killed_the_table_is_that_of_an_undisturbed_run(
     many, many_undisturbed, tmp_path
 ):
     out = tmp_path / "out"
-    disturb(out, [many], rounds=4, chance=random.Random(5), wait_s=(0.8, 2.5))
-    ran = batch(many, "-o", out, "--retry-failed")
-    assert ran.returncode == 0, ran.stderr
+    disturb(out, [many], rounds=4, chance=random.Random(5), wait_s=(0.8, 2.0))
+    ran = run_here(many, "-o", out, "--retry-failed")
+    assert ran.exit_code == 0, ran.output
     assert table(out) == table(many_undisturbed)
     assert not left_over(out)

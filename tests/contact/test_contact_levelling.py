@@ -45,6 +45,12 @@ def waves():
     return HeightMap(4e-7 * z / z.std(), PIXEL_M)
 
 
+@cache
+def few_waves():
+    """Every other row and column of the waves, to be pressed as a map again and again."""
+    return HeightMap(waves().height_m[::2, ::2].copy(), (2.0 * PIXEL_M[0], 2.0 * PIXEL_M[1]))
+
+
 def analyzed(surface, *overrides):
     return analyze_once(surface, load_settings(overrides=overrides))
 
@@ -96,14 +102,15 @@ def test_a_plane_added_to_a_map_of_caps_comes_out_as_tilt(across_m, form):
 
 @pytest.mark.parametrize("across_m", [(3e-5, 0.0), (-1e-5, 2e-5)])
 def test_a_plane_added_to_waves_changes_nothing(across_m):
-    added = turned(waves(), (across_m[0] / 0.06, across_m[1] / 0.04), (0.0, 0.0))
-    same_answers(plain(waves), analyzed(added, "conditioning.form=none"), 1e-6)
+    added = turned(few_waves(), (across_m[0] / 0.06, across_m[1] / 0.04), (0.0, 0.0))
+    same_answers(plain(few_waves), analyzed(added, "conditioning.form=none"), 1e-6)
 
 
-@pytest.mark.parametrize("of", [face, waves])
+@pytest.mark.parametrize("of", [face, few_waves])
 def test_a_mirrored_and_a_transposed_map_give_the_same_answers(of):
     z_m = of().height_m
-    mirrored, transposed = (HeightMap(np.array(z), PIXEL_M) for z in (z_m[:, ::-1], z_m.T))
+    pixel_m = of().pixel_size_m
+    mirrored, transposed = (HeightMap(np.array(z), pixel_m) for z in (z_m[:, ::-1], z_m.T))
     tilt_x, tilt_y = tilt(plain(of))
     for surface, expected in ((mirrored, (-tilt_x, tilt_y)), (transposed, (tilt_y, tilt_x))):
         other = analyzed(surface)
@@ -125,7 +132,7 @@ def test_points_that_never_touch_do_not_matter():
 
 
 @pytest.mark.parametrize("ratio", [0.05, 0.2, 0.3])
-@pytest.mark.parametrize(("of", "rel"), [(face, 1e-3), (waves, 1e-2)])
+@pytest.mark.parametrize(("of", "rel"), [(face, 1e-3), (few_waves, 1e-2)])
 def test_the_cut_that_is_started_from_does_not_matter(of, rel, ratio):
     same_answers(plain(of), analyzed(of(), f"hills.material_ratio={ratio}"), rel)
 
@@ -236,7 +243,7 @@ def test_two_mated_faces_balance_however_they_were_tilted():
 
 def test_the_cut_that_is_fixed_stays_and_says_what_it_misses():
     found = analyzed(
-        *(face(), "hills.cut=fixed"),
+        *(face(), "hills.cut=fixed", "contact.model=interacting"),
         *("hills.material_ratio=0.1", "contact.preload_N=1500"),
     )
     table = found.summary()["hills"]

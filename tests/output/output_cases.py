@@ -54,14 +54,17 @@ def several():
 @cache
 def pressed_map():
     """Coarse pixels of the same face, pressed as a map, which resolves no small slip."""
-    surface = several().surface
-    dy_m, dx_m = surface.pixel_size_m
-    coarse = HeightMap(surface.height_m[::4, ::4], (4 * dy_m, 4 * dx_m))
     overrides = (
         *("contact.preload_N=150", "contact.model=boundary_elements", "conditioning.form=none"),
         *("contact.alignment=as_levelled", "run.sensitivity=false"),
     )
-    return analyze(coarse, load_settings(overrides=overrides))
+    return analyze(coarse(several().surface, 4), load_settings(overrides=overrides))
+
+
+def coarse(surface, step):
+    """Every so many rows and columns of a face."""
+    dy_m, dx_m = surface.pixel_size_m
+    return HeightMap(surface.height_m[::step, ::step], (step * dy_m, step * dx_m))
 
 
 @cache

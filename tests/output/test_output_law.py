@@ -332,9 +332,9 @@ def test_calculix_presses_and_shears_two_blocks(of, request, tmp_path):
     assert sheared[0] < 0.2 * -pressed[2]  # it sticks
 
 
-def test_doubts_go_with_the_law(written, tmp_path):
+def test_doubts_go_with_the_law(of_two, tmp_path):
     """What makes an analysis doubtful stands in every file of its law that holds a page."""
-    analysis, _ = written
+    analysis = of_two[0].scans[0]
     doubt = Problem("contact_under_resolved", "warning", "the map is too coarse here")
     EXPORT.write(replace(analysis, problems=(doubt,)), tmp_path)
     for name in ("law.csv", "law.json", "law_jenkins.csv", *DECKS.values()):
@@ -342,8 +342,8 @@ def test_doubts_go_with_the_law(written, tmp_path):
     assert "check" in (tmp_path / "law.json").read_text(encoding="utf-8")
 
 
-def test_a_folder_with_a_law_is_a_result_and_is_replaced(written, tmp_path):
-    analysis, _ = written
+def test_a_folder_with_a_law_is_a_result_and_is_replaced(of_two, tmp_path):
+    analysis = of_two[0].scans[0]
     light = {"figures": False, "render": False}
     capslip.write(analysis, tmp_path / "a", export="law", **light)
     assert all((tmp_path / "a" / name).is_file() for name in EXPORT.files)

@@ -4,6 +4,7 @@ import os
 import subprocess
 import sys
 from dataclasses import replace
+from functools import partial
 
 import h5py
 import numpy as np
@@ -12,7 +13,7 @@ import pytest
 from window_events import Hand
 
 from capslip.errors import OutputError
-from capslip.output import renderer
+from capslip.output import renderer, scene
 from capslip.output.drawing import off_screen
 from capslip.output.picture import STICK, WINDOW, Look, caption, picture_of
 from capslip.output.scene import look_of, save_picture, show, start_render
@@ -158,7 +159,7 @@ def picture(view, look):
 
 def pixels(drawing, colour):
     """Share of a picture that has about a colour, and looks lit."""
-    picture = drawing.pixels().astype(float) / 255.0
+    picture = drawing.pixels().astype(np.float32) / 255.0
     red, green, blue = (int(colour[i : i + 2], 16) / 255.0 for i in (1, 3, 5))
     bright = picture.max(axis=-1) / max(red, green, blue)
     bright = np.where(bright > 0.2, bright, np.nan)
@@ -167,7 +168,9 @@ def pixels(drawing, colour):
 
 
 @pytest.fixture
-def window(opengl, result):
+def window(opengl, result, monkeypatch):
+    """Open a window of a quarter of the pixels: without a graphics card each takes its time."""
+    monkeypatch.setattr("capslip.output.window.WINDOW", (WINDOW[0] // 2, WINDOW[1] // 2))
     window = Window(read_view(result), Look(), off_screen=True)
     window.plotter.show(auto_close=False)
     yield window
@@ -315,11 +318,16 @@ def test_spheres_are_not_spoiled_by_the_face_they_coincide_with(opengl, result):
     assert (body & ~caps).sum() < 0.002 * body.sum()
 
 
-def test_turntable_turns(opengl, result, tmp_path):
+def test_turntable_turns(opengl, result, tmp_path, monkeypatch):
+    """As small as a stamp."""
     from PIL import Image
 
+    small = "import sys; from capslip.output import scene; scene.FRAME_SIZE = (225, 142); "
+    started = partial(start_render, command=python(small + "scene.main(sys.argv[1:])"))
+    monkeypatch.setattr(scene, "start_render", started)
     save_picture(result, tmp_path / "turn.gif", look_of("load", 1.0, 0.4))
     with Image.open(tmp_path / "turn.gif") as picture:
+        assert picture.size == (225, 142)
         assert picture.n_frames >= 24
         first = np.asarray(picture.convert("RGB"), dtype=int)
         picture.seek(picture.n_frames // 2)

@@ -71,13 +71,28 @@ def states(analysis, tables, n=60):
         }
 
 
-@needs_chromium
-def test_panel_equals_python_to_a_millionth(case, tmp_path):
+@pytest.fixture(scope="module")
+def at_rest(case, tmp_path_factory):
+    """Ask a page once for what changes nothing on it; a browser takes a second to start."""
     analysis, page = case
+    tables, slip = whatif_data(analysis)["tables"], analysis.slip
+    asked, tip_m = list(states(analysis, tables)), 0.6 * float(slip.total_slip_displacement_m)
+    answers, loop, wide = ask(
+        page,
+        f"""const panel = window.capslipWhatIf;
+        return [{json.dumps(asked)}.map(panel.answer),
+                panel.loop({len(tables) - 1}, {slip.friction_coefficient}, {tip_m}, 41),
+                document.documentElement.scrollWidth];""",
+        tmp_path_factory.mktemp("at_rest"),
+    )
+    return {"states": asked, "answers": answers, "tip_m": tip_m, "loop": loop, "wide": wide}
+
+
+@needs_chromium
+def test_panel_equals_python_to_a_millionth(case, at_rest):
+    analysis, _ = case
     tables = whatif_data(analysis)["tables"]
-    asked = list(states(analysis, tables))
-    found = ask(page, f"return {json.dumps(asked)}.map(window.capslipWhatIf.answer)", tmp_path)
-    for state, one in zip(asked, found, strict=True):
+    for state, one in zip(at_rest["states"], at_rest["answers"], strict=True):
         preload_N = tables[state["table"]]["preload_N"]
         kappa = analysis.slip.kappa
         slip = slip_curve(analysis.slip.curve, preload_N, state["friction"], kappa)
@@ -97,14 +112,10 @@ def test_panel_equals_python_to_a_millionth(case, tmp_path):
 
 
 @needs_chromium
-def test_loop_of_the_panel_is_that_of_the_slip_curve(case, tmp_path):
-    analysis, page = case
-    last = len(whatif_data(analysis)["tables"]) - 1
-    slip = analysis.slip
-    tip_m = 0.6 * float(slip.total_slip_displacement_m)
-    script = f"return window.capslipWhatIf.loop({last}, {slip.friction_coefficient}, {tip_m}, 41)"
-    found = np.array(ask(page, script, tmp_path))
-    delta_m, force_N = slip.loop(tip_m, 41)
+def test_loop_of_the_panel_is_that_of_the_slip_curve(case, at_rest):
+    analysis, _ = case
+    tip_m, found = at_rest["tip_m"], np.array(at_rest["loop"])
+    delta_m, force_N = analysis.slip.loop(tip_m, 41)
     np.testing.assert_allclose(found[:, 0], delta_m, atol=1e-12 * tip_m)
     np.testing.assert_allclose(found[:, 1], force_N, atol=1e-6 * force_N.max())
 
@@ -131,10 +142,10 @@ def test_panel_answers_within_a_frame_and_follows_its_inputs(case, tmp_path):
 
 
 @needs_chromium
-@pytest.mark.parametrize("wide", [420, 1400])
-def test_report_fits_its_width_and_has_no_fault(case, tmp_path, wide):
+def test_report_fits_its_width_and_has_no_fault(case, at_rest, tmp_path):
     _, page = case
-    assert ask(page, "return document.documentElement.scrollWidth", tmp_path, (wide, 900)) <= wide
+    assert at_rest["wide"] <= 1400
+    assert ask(page, "return document.documentElement.scrollWidth", tmp_path, (420, 900)) <= 420
 
 
 @needs_chromium

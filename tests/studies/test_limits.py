@@ -189,7 +189,7 @@ def stretched(surface, factor):
 
 
 def test_the_files(tmp_path, monkeypatch):
-    few = [thinned(axis) for axis in axes() if axis.name in ("gross slip", "noise")]
+    few = [thinned(axis) for axis in axes() if axis.name in ("gross slip", "low load")]
     asked = []
 
     def some(seed=0):

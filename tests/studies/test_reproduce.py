@@ -10,7 +10,7 @@ import pytest
 from capslip.errors import OutputError
 from capslip.studies.paper import printed as paper
 from capslip.studies.paper.errata import errata, errata_markdown, outside_rounding, table_1_error
-from capslip.studies.paper.figures import cases_of, loss_factors
+from capslip.studies.paper.figures import cases_of, figures, loss_factors
 from capslip.studies.paper.reproduce import reproduce, table_1
 
 PROJECT = Path(__file__).parents[2]
@@ -206,7 +206,10 @@ def test_committed_errata_are_those_computed(found, page):
     assert (page[0] / "errata.md").read_text(encoding="utf-8") == text
 
 
-def test_a_folder_that_cannot_be_made(tmp_path):
+def test_a_folder_that_cannot_be_made(tmp_path, monkeypatch):
+    undrawn = {name: (bytes, caption) for name, (_, caption) in figures().items()}
+    monkeypatch.setattr("capslip.studies.paper.reproduce.figures", lambda: undrawn)
+    monkeypatch.setattr("capslip.studies.paper.reproduce.png", bytes)
     (tmp_path / "file").write_text("")
     with pytest.raises(OutputError, match="choose another"):
         reproduce(tmp_path / "file" / "folder")

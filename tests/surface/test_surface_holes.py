@@ -118,3 +118,13 @@ def test_what_was_measured_lies_within_its_rectangle():
     height_m = np.full((12, 17), np.nan)
     height_m[[3, 8], [15, 4]] = 0.0
     assert _within(HeightMap(height_m, (1.0, 1.0))) == np.s_[3:9, 4:16]
+
+
+@pytest.mark.parametrize("n_columns", [5, 9])
+def test_the_middle_of_a_slit_is_half_its_width_from_what_was_measured(n_columns):
+    slit = np.zeros((150, 400), bool)
+    slit[:, 200 : 200 + n_columns] = True
+    x_m, _, depth_m, _, area_m2 = depth_of_holes(without(slit), 1e-4, slit)
+    assert area_m2 == pytest.approx(2e-4 * 1e-4)  # each pixel is looked at
+    half_m = 0.5 * n_columns * 1e-4
+    np.testing.assert_allclose(depth_m, half_m - abs(x_m - 2e-2 - half_m), rtol=1e-9)
