@@ -13,6 +13,7 @@ from capslip.contact.solvers.detail import (
     Detail,
     FirstLoading,
     effect_of_detail,
+    effect_of_pixels,
 )
 from capslip.contact.solvers.noise import white_noise_m
 from capslip.contact.solvers.refinement import SMOOTH
@@ -56,9 +57,10 @@ def error_of_map(
     noise_m = white_noise_m(first.face, first.approach_m)
     if noise_m > SMOOTH * first.approach_m:  # no small change: pressed without it, see below
         noise_m = 0.0
-    of_both = math.hypot(*_at_force(unloading, noise_m, SMALL_SLIP))
+    flats: dict[float, float] = {}
+    of_both = math.hypot(*_at_force(unloading, noise_m, SMALL_SLIP, flats))
     if unloading.cut_short:  # no time is left to look at what detail decides
-        return _with_pixels(unloading, noise_m, max(least, of_both), least), tuple(found)
+        return _with_pixels(unloading, noise_m, max(least, of_both), least, flats), tuple(found)
     resolved = unloading.smallest_drop_N < SMALL_SLIP * load_N and all(
         problem.code != "under_resolved" for problem in curve.problems(load_N)
     )
@@ -73,10 +75,19 @@ def error_of_map(
                 time_limit_s=curve.solutions.left_s(load_N),
                 start_Pa=curve.pressed(load_N).pressure_Pa,
             )
+            if face.yielded:
+                flats = effect_of_pixels(
+                    first,
+                    unloading,
+                    curve.solutions.tolerance,
+                    curve.pressed(load_N).pressure_Pa,
+                    curve.solutions.left_s(load_N),
+                )
     except OutOfTimeError:
         found.append(_out_of_time(curve.solutions.time_limit_s))
-        return _with_pixels(unloading, noise_m, max(least, of_both), least), tuple(found)
-    of_pixels, of_noise = _at_force(unloading, noise_m, ASKED)
+        return _with_pixels(unloading, noise_m, max(least, of_both), least, flats), tuple(found)
+    of_both = math.hypot(*_at_force(unloading, noise_m, SMALL_SLIP, flats))
+    of_pixels, of_noise = _at_force(unloading, noise_m, ASKED, flats)
     more, factor = _of_detail(detail, of_pixels, tolerance, max(curve.pressed(load_N).pixel_size_m))
     found += more
     if not any(one.severity == "warning" for one in more):
@@ -89,7 +100,7 @@ def error_of_map(
         found.append(_unresolved("info", SMALL_SLIP, of_both))
     stiffness = max(factor * (detail.effect.tangential_stiffness or 0.0), LEAST_ERROR)
     energy = {at: factor * detail.energy_from(at) for at in FORCE_SHARES}
-    return _with_pixels(unloading, noise_m, stiffness, least, energy), tuple(found)
+    return _with_pixels(unloading, noise_m, stiffness, least, flats, energy), tuple(found)
 
 
 def _of_detail(
@@ -124,10 +135,16 @@ def _of_detail(
     return [Problem("detail_decides", "warning", message, effect, step)], factor
 
 
-def _at_force(unloading: Unloading, noise_m: float, share: float) -> tuple[float, float]:
-    """Return what pixels and white noise do to the energy at a share of mu N, relative, at 95 %."""
+def _at_force(
+    unloading: Unloading, noise_m: float, share: float, flats: Mapping[float, float]
+) -> tuple[float, float]:
+    """Return what pixels and white noise do to the energy at a share of mu N, relative, at 95 %.
+
+    With what pixels leave of flats, by shares of mu N.
+    """
     drop_N = share * unloading.load_N
     of_pixels = PIXELS_95[share] * unloading.pixel_error(drop_N)
+    of_pixels = max(of_pixels, flats.get(min(share, FORCE_SHARES[-1]), 0.0))
     return of_pixels, NORMAL_95 * noise_m * unloading.noise_per_m(drop_N)
 
 
@@ -136,6 +153,7 @@ def _with_pixels(
     noise_m: float,
     stiffness: float,
     energy: float,
+    flats: Mapping[float, float],
     of_detail: Mapping[float, float] = MappingProxyType({}),
 ) -> ModelError:
     """Return errors, with what pixels and noise leave in the energy, which falls with the force.
@@ -144,7 +162,7 @@ def _with_pixels(
     """
     by_share = []
     for share in PIXELS_95:
-        of_both = math.hypot(*_at_force(unloading, noise_m, share))
+        of_both = math.hypot(*_at_force(unloading, noise_m, share, flats))
         by_share.append((share, max(of_both, energy, of_detail.get(share, 0.0))))
     return ModelError(stiffness, max(error for _, error in by_share), tuple(by_share))
 
