@@ -1,0 +1,125 @@
+"""What pixels leave of a face that yields: the same on every other of its pixels."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.ndimage import gaussian_filter
+
+from capslip.contact import map_accuracy
+from capslip.contact.map_accuracy import PIXELS_95, error_of_map
+from capslip.contact.models.boundary_elements import boundary_elements
+from capslip.contact.solvers import detail
+from capslip.contact.solvers.elastic_face import elastic_face
+from capslip.errors import ContactError, OutOfTimeError
+from capslip.surface.heightmap import HeightMap
+
+E, LOAD_N, TOLERANCE = 115e9, 2.0, 0.05
+FINER = 3  # pixels of a half of every other one
+
+
+def waves(seed, n=192, pixel_m=1e-6):
+    """A face whose shortest wave of note has thirty pixels."""
+    z = gaussian_filter(np.random.default_rng(seed).normal(size=(n, n)), 9, mode="wrap")
+    return HeightMap(1e-7 * z / z.std(), (pixel_m, pixel_m))
+
+
+def pixels_of(surface, every):
+    """Return the face on pixels that are larger, as an instrument samples it."""
+    size_m = every * surface.pixel_size_m[0]
+    return HeightMap(surface.height_m[every // 2 :: every, every // 2 :: every], (size_m, size_m))
+
+
+def solved(surface, hardness_Pa=0.8e9):
+    curve = boundary_elements(surface, E, preload_N=LOAD_N, hardness_Pa=hardness_Pa)
+    curve.unloading(LOAD_N)
+    return curve
+
+
+def asked(curve):
+    unloading = curve.unloading(LOAD_N)
+    return curve.first, unloading, 1e-6, curve.pressed(LOAD_N).pressure_Pa
+
+
+def test_every_other_pixel_is_that_of_the_face():
+    face = elastic_face(waves(0, 40), E)
+    face = replace(face, measured=face.depth_m < np.quantile(face.depth_m, 0.9))
+    for corner in (0, 1):
+        thin = detail._thinned(face, corner)
+        assert thin.pixel_size_m == (2e-6, 2e-6)
+        assert thin.half_space.shape == thin.shape == (20, 20)
+        np.testing.assert_array_equal(thin.measured, face.measured[corner::2, corner::2])
+        same = (thin.depth_m - face.depth_m[corner::2, corner::2])[thin.measured]
+        assert np.ptp(same) < 1e-20
+        assert thin.depth_m[thin.measured].min() == 0.0
+        assert not thin.depth_m[~thin.measured].any()
+
+
+def test_both_thinned_maps_count_as_the_root_of_their_mean_square(monkeypatch):
+    curve = solved(pixels_of(waves(1), 2))
+    found = detail.effect_of_pixels(*asked(curve))
+    below, of_each = detail._below, []
+
+    def kept(*given):
+        of_each.append(below(*given)[1])
+        return None, of_each[-1]
+
+    monkeypatch.setattr(detail, "_below", kept)
+    assert detail.effect_of_pixels(*asked(curve)) == found
+    before = detail._loss_J(curve.unloading(LOAD_N))
+    moved = [np.abs(one - before) / np.maximum(one, before) for one in of_each]
+    assert len(moved) == 2
+    assert not np.allclose(*moved)
+    assert list(found.values()) == pytest.approx(np.sqrt(0.5 * (moved[0] ** 2 + moved[1] ** 2)))
+    assert tuple(found) == detail.FORCE_SHARES
+
+
+def test_energies_of_faces_that_yield_are_within_what_is_said_of_their_pixels():
+    """Against a third of the pixels; the ring of a smooth contact alone says too little."""
+    off, said, ring = [], [], []
+    for seed in range(3):
+        fine = waves(seed)
+        curve, truth = solved(pixels_of(fine, FINER)), solved(fine)
+        assert curve.solutions.face.yielded
+        errors, _ = error_of_map(curve, LOAD_N, TOLERANCE)
+        unloading = curve.unloading(LOAD_N)
+        off.append(detail._relative(*(detail._loss_J(one.unloading(LOAD_N))
+                                      for one in (curve, truth))))  # fmt: skip
+        said.append([errors.energy_at(share) for share in detail.FORCE_SHARES])
+        ring.append([
+            max(PIXELS_95[at] * unloading.pixel_error(at * LOAD_N), 0.01)
+            for at in detail.FORCE_SHARES
+        ])  # fmt: skip
+    assert np.mean(np.array(off) <= said) >= 0.9
+    assert np.mean(np.array(off) <= ring) < 0.9
+    assert np.median(np.array(said) / np.maximum(off, 0.003)) < 8.0
+
+
+def test_pixels_of_flats_count_where_they_are_more_and_a_load_has_left_any(monkeypatch):
+    told = dict(zip(detail.FORCE_SHARES, (0.6, 0.4, 0.3, 0.2), strict=True))
+    monkeypatch.setattr(map_accuracy, "effect_of_pixels", lambda *_: told)
+    surface = pixels_of(waves(2), 2)
+    errors, problems = error_of_map(solved(surface), LOAD_N, TOLERANCE)
+    for share, error in told.items():
+        assert errors.energy_at(share) == pytest.approx(error, rel=1e-3)
+    assert errors.energy_at(1.0) == pytest.approx(0.2, rel=1e-3)
+    (one,) = (one for one in problems if one.code == "small_slip_extrapolated")
+    assert (one.severity, one.effect.energy) == ("warning", pytest.approx(0.4, rel=1e-3))
+    elastic, _ = error_of_map(solved(surface, 1e12), LOAD_N, TOLERANCE)
+    assert elastic.energy_at(0.75) < 0.1
+
+
+def test_a_thinned_map_that_does_not_carry_the_load_tells_nothing(monkeypatch):
+    curve = solved(pixels_of(waves(3), 2))
+
+    def fails(error):
+        def press(*_, **__):
+            raise error("too much")
+
+        return press
+
+    monkeypatch.setattr(detail, "press", fails(ContactError))
+    assert detail.effect_of_pixels(*asked(curve)) == {}
+    monkeypatch.setattr(detail, "press", fails(OutOfTimeError))
+    with pytest.raises(OutOfTimeError):
+        detail.effect_of_pixels(*asked(curve))
