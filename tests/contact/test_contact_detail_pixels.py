@@ -14,12 +14,12 @@ from capslip.contact.solvers.elastic_face import elastic_face
 from capslip.errors import ContactError, OutOfTimeError
 from capslip.surface.heightmap import HeightMap
 
-E, LOAD_N, TOLERANCE = 115e9, 2.0, 0.05
+E, LOAD_N, TOLERANCE = 115e9, 1.0, 0.05
 FINER = 3  # pixels of a half of every other one
 
 
-def waves(seed, n=192, pixel_m=1e-6):
-    """A face whose shortest wave of note has thirty pixels."""
+def waves(seed, n=132, pixel_m=1e-6):
+    """Return a face whose shortest wave of note has thirty pixels."""
     z = gaussian_filter(np.random.default_rng(seed).normal(size=(n, n)), 9, mode="wrap")
     return HeightMap(1e-7 * z / z.std(), (pixel_m, pixel_m))
 
