@@ -472,7 +472,7 @@ def test_a_map_that_was_filled_is_doubted_by_what_fewer_points_say(missing, seve
     With many their error is below a hundredth of the approach, and nothing is pressed again.
     """
     peaks = [(x, y, 20.0, z - 2e-8 * i) for i, (x, y, _, z) in enumerate(MORE)]
-    whole = caps_map(peaks, (120, 120), (2.0 * PIXEL_M, 2.0 * PIXEL_M), floor_m=-8e-7)
+    whole = face(peaks)
     lost = np.random.default_rng(3).random(whole.shape) < missing
     words = ("contact.model=boundary_elements",)
     filled = found(replace(whole, height_m=np.where(lost, np.nan, whole.height_m)), *words)
