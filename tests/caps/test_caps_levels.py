@@ -190,6 +190,16 @@ def test_few_caps_and_caps_in_a_line_are_one_family():
     assert flat.slope[0] == pytest.approx([3e-4, -1e-4])
 
 
+def test_caps_of_one_height_to_the_last_digit_are_one_family():
+    """As steps of a coarse sensor make them: what rounding leaves of a plane is no family."""
+    for seed in range(60):
+        rng = np.random.default_rng(seed)
+        x_m, y_m = rng.uniform(-0.02, 0.03, (2, int(rng.integers(5, 25))))
+        found = find_levels(x_m, y_m, np.full(x_m.size, rng.uniform(1e-7, 1e-6)))
+        assert [one.tolist() for one in found.clusters.sizes] == [[x_m.size]]
+        assert np.abs(found.slope).max() < 1e-15
+
+
 @settings(deadline=None)  # of another load on the machine
 @given(seed=st.integers(0, 200))
 def test_the_simplex_finds_what_a_linear_programme_has(seed):

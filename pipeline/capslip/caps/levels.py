@@ -38,6 +38,7 @@ SAMPLE = 200  # caps that judge them
 MAX_TURNS = 20  # of plane and split
 FEW_TURNS = 3  # of them for more than two families
 ROUNDING = 1e-12  # of planes through points whose heights range over one
+ROUNDED = 8.0  # last digits of a height, of which its distance from a plane is made
 
 
 @dataclass(frozen=True, eq=False)
@@ -256,7 +257,10 @@ class _Scaled:
 
     @classmethod
     def of(cls, place_m: np.ndarray, height_m: np.ndarray) -> "_Scaled | None":
-        """Return None for fewer than five caps, caps in a line, or all of them in one plane."""
+        """Return None for fewer than five caps, caps in a line, or all of them in one plane.
+
+        Equal heights, as steps of a coarse sensor make them, are in one but for rounding.
+        """
         if len(height_m) < LEAST_CAPS:
             return None
         centred_m = place_m - place_m.mean(axis=0)
@@ -266,7 +270,8 @@ class _Scaled:
         slope_m = _plane_slope(place_m, height_m)
         z_m = _centred(height_m) - centred_m @ slope_m
         height, length = float(np.ptp(z_m)), float(size[0]) / math.sqrt(len(height_m))
-        if height <= 1e-12 * float(np.ptp(height_m)):
+        rounding = ROUNDED * np.finfo(float).eps * float(np.abs(height_m).max())
+        if height <= max(1e-12 * float(np.ptp(height_m)), rounding):
             return None
         return cls(centred_m / length, z_m / height, slope_m, height / length, height)
 
