@@ -264,20 +264,23 @@ function buildZones() {
   }
   fill(parts.zones, numbers, null);
 }
+// The mate as it lies at height zero; how high it is, it is drawn.
 function buildMate() {
-  let top = -Infinity;
-  if (zones.of_map) for (const z of zones.pz) top = Math.max(top, z);
-  else for (const z of caps.peak) top = Math.max(top, z - data.low);
-  const at = state.load ** (2 / 3) * (zones.levels - 1), i = Math.min(Math.floor(at), zones.levels - 2);
-  top -= zones.approach[i] + (at - i) * (zones.approach[i + 1] - zones.approach[i]);
   const numbers = [], colour = [0.34, 0.71, 0.91];
   if (twoFaces()) {
-    top += data.low - lowest();
-    surface(parts.mate, Z.map((z, k) => Number.isFinite(z) ? top - second.heights[k] : NaN), () => colour);
+    surface(parts.mate, Z.map((z, k) => Number.isFinite(z) ? -second.heights[k] : NaN), () => colour);
     return;
   }
-  for (const [x, y] of [[0, 0], [LX, 0], [LX, LY], [0, LY]]) numbers.push(x, y, top, 0, 0, ...colour);
+  for (const [x, y] of [[0, 0], [LX, 0], [LX, LY], [0, LY]]) numbers.push(x, y, 0, 0, 0, ...colour);
   fill(parts.mate, numbers, [0, 1, 2, 0, 2, 3]);
+}
+let touch = -Infinity;  // where the mate first touches
+if (zones && zones.of_map) for (const z of zones.pz) touch = Math.max(touch, z);
+else for (const z of caps.peak) touch = Math.max(touch, z - data.low);
+function mateHeight() {
+  const at = state.load ** (2 / 3) * (zones.levels - 1), i = Math.min(Math.floor(at), zones.levels - 2);
+  const approach = zones.approach[i] + (at - i) * (zones.approach[i + 1] - zones.approach[i]);
+  return touch + data.low - lowest() - approach;
 }
 
 // --- drawing ----------------------------------------------------------------------------------
@@ -301,7 +304,6 @@ function draw() {
   gl.enable(gl.DEPTH_TEST);
   const [right, up, eye] = turning();
   gl.uniformMatrix3fv(at.turn, false, [0, 1, 2].flatMap((i) => [right[i], up[i], eye[i]]));
-  gl.uniform3fv(at.middle, middle());
   gl.uniform2fv(at.scale, fit());
   gl.uniform1f(at.factor, state.factor);
   // The square of a contact point, as wide as its area on the screen has it
@@ -310,6 +312,8 @@ function draw() {
   for (const [name, on, bias, alpha] of shown) {
     const one = parts[name];
     if (!on || !(one.count || one.points)) continue;
+    const [x, y, z] = middle();
+    gl.uniform3fv(at.middle, [x, y, z - (name === "mate" ? mateHeight() * state.factor : 0)]);
     gl.uniform1f(at.bias, bias);
     gl.uniform1f(at.alpha, alpha);
     if (alpha < 1) { gl.enable(gl.BLEND); gl.blendFuncSeparate(gl.SRC_ALPHA, gl.ONE_MINUS_SRC_ALPHA, gl.ONE, gl.ONE_MINUS_SRC_ALPHA); } else gl.disable(gl.BLEND);
@@ -394,9 +398,9 @@ function profile(c) {
 let built = {};
 function update() {
   const faces = twoFaces(), caps_of = `${state.colour} ${faces}`, zones_of = `${state.load} ${state.force} ${faces}`;
-  if (built.faces !== faces) { buildFace(); built.faces = faces; }
+  if (built.faces !== faces) { buildFace(); buildMate(); built.faces = faces; }
   if (built.caps !== caps_of) { buildCaps(); built.caps = caps_of; }
-  if (zones && built.zones !== zones_of) { buildZones(); buildMate(); built.zones = zones_of; }
+  if (zones && built.zones !== zones_of) { buildZones(); built.zones = zones_of; }
   draw();
   say();
 }
