@@ -122,8 +122,6 @@ def effect_of_detail(
         start_Pa=again.pressure_Pa,
         time_limit_s=left_s,
     )
-    if not math.isinf(smooth.hardness_Pa):
-        smooth, again = first_loading(smooth, again)
     again = replace(again, turns=first.turns)
     stiffness_N_per_m, loss_J = _below(smooth, again, tolerance, unloading.refinement)
     before = _stiffnesses_N_per_m(unloading)
@@ -187,7 +185,6 @@ def effect_of_pixels(
             raise
         except ContactError:
             return {}
-        face, pressed = first_loading(face, pressed)
         _, loss_J = _below(face, replace(pressed, turns=first.turns), tolerance, math.inf)
         moved.append(_relative(_loss_J(unloading), loss_J))
     energy = np.sqrt(np.mean(np.square(moved), axis=0))
@@ -214,7 +211,9 @@ def _thinned(face: ElasticFace, corner: int) -> ElasticFace:
 def _below(
     face: ElasticFace, pressed: Pressed, tolerance: float, most: float
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return what is compared of a pressed face, from the loads that it takes alone."""
+    """Return what is compared of a face after its first load, from the loads that takes alone."""
+    if not math.isinf(face.hardness_Pa):
+        face, pressed = first_loading(face, pressed)
     path, _ = path_at(face, pressed, tolerance, FORCE_SHARES, most=most)
     secant = [
         share * pressed.load_N / node.withdrawal_m
