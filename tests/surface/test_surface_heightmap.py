@@ -5,6 +5,7 @@ import tracemalloc
 import numpy as np
 import pytest
 
+from capslip.errors import UnusableSurfaceError
 from capslip.surface.conditioning import condition
 from capslip.surface.heightmap import SMALL, HeightMap
 
@@ -66,3 +67,31 @@ def test_a_large_map_is_conditioned_without_a_copy_in_double_precision(stored_m)
     tracemalloc.stop()
     assert found.removed_m.shape[1] == 40
     assert most < 1.9 * stored_m.nbytes
+
+
+def test_a_map_keeps_its_heights_and_leaves_those_of_the_caller_alone():
+    given_m = np.arange(20.0).reshape(4, 5)
+    expected_m = given_m.copy()
+    for heights_m in (given_m, given_m[:, ::-1][:, ::-1], given_m[:], given_m.astype(np.float32)):
+        surface = HeightMap(heights_m, PIXEL_M)
+        heights_m[0, 0] = 7.0  # as a loop does that adds to its array
+        np.testing.assert_array_equal(surface.height_m, expected_m)
+        heights_m[0, 0] = 0.0
+    given_m.flags.writeable = False
+    assert HeightMap(given_m, PIXEL_M).height_m is given_m  # nobody can: no copy
+
+
+@pytest.mark.parametrize("stored", [np.float64, np.float32, np.int16])
+def test_what_a_mask_hides_was_not_measured(stored):
+    masked = np.ma.masked_equal(np.array([[1, 2, 3], [4, -99, 6], [7, 8, 9]], stored), -99)
+    surface = HeightMap(masked, PIXEL_M)
+    assert surface.lost.tolist() == [4]
+    assert surface.bounds_m == (1.0, 9.0)
+
+
+@pytest.mark.parametrize(
+    "heights", [np.ones((4, 4)) * 1j, np.zeros((4, 4), "M8[s]"), [[1.0, 2.0], [3.0]], "heights"]
+)
+def test_what_is_no_table_of_real_numbers_is_refused(heights):
+    with pytest.raises(UnusableSurfaceError, match="no real numbers on a grid"):
+        HeightMap(heights, PIXEL_M)

@@ -104,7 +104,8 @@ class HeightMap:
         Heights, growing out of the material; NaN marks a non-measured point. Pixel (i, j) has
         its centre at x = (j + 0.5) dx, y = (i + 0.5) dy; x, y and the height are right-handed: with
         x to the right and the height towards the eye, y points up, and row 0 is the lowest. Given
-        as float32 they are kept so, and come out as float64 where they are asked for.
+        as float32 they are kept so, and come out as float64 where they are asked for. What a mask
+        hides was not measured. An array that can be written to is copied.
     pixel_size_m : (float, float)
         (dy, dx), both positive.
     origin : Origin, optional
@@ -126,8 +127,8 @@ class HeightMap:
     Raises
     ------
     UnusableSurfaceError
-        If the array is not two-dimensional, has fewer than 3 points along an axis, or holds an
-        infinite height.
+        If the array is not two-dimensional, has fewer than 3 points along an axis, or holds no
+        real numbers or an infinite height.
     SettingsError
         If the pixel size is not two positive finite numbers.
 
@@ -150,8 +151,8 @@ class HeightMap:
 
     def __post_init__(self) -> None:
         given = self.__dict__.pop("height_m")
-        kept = np.float32 if getattr(given, "dtype", None) == np.float32 else np.float64
-        stored_m, name = np.ascontiguousarray(given, dtype=kept), self.origin.name
+        name = self.origin.name
+        stored_m = _stored_of(given, name)
         if stored_m.ndim != 2 or min(stored_m.shape) < 3:
             raise UnusableSurfaceError(
                 f"{name}: heights have shape {stored_m.shape}; expected two axes of at least 3 "
@@ -167,7 +168,6 @@ class HeightMap:
             raise SettingsError(
                 f"{name}: pixel size ({dy_m:g}, {dx_m:g}) m; expected two positive numbers (dy, dx)"
             )
-        stored_m.flags.writeable = False
         self._hold(stored_m, _lost_of(stored_m, name), None)
         self.__dict__["pixel_size_m"] = (dy_m, dx_m)
 
@@ -355,6 +355,27 @@ def _ends_m(height_m: np.ndarray) -> tuple[float, float]:
     if np.isnan(low_m):
         low_m, high_m = np.fmin.reduce(height_m, axis=None), np.fmax.reduce(height_m, axis=None)
     return low_m, high_m
+
+
+def _stored_of(given: Any, name: str) -> np.ndarray:
+    """Return heights that nobody else can write to; what a mask hides was not measured."""
+    try:
+        given = np.asanyarray(given)
+        if given.dtype.kind in "cmM":
+            raise TypeError(f"they are of type {given.dtype}")
+        kept = np.float32 if given.dtype == np.float32 else np.float64
+        if isinstance(given, np.ma.MaskedArray):
+            given = np.ma.filled(given.astype(kept), np.nan)
+        stored_m = np.ascontiguousarray(given, dtype=kept)
+    except (TypeError, ValueError) as error:
+        raise UnusableSurfaceError(
+            f"{name}: heights are no real numbers on a grid ({error}); expected an array of two "
+            "axes"
+        ) from None
+    if stored_m.flags.writeable and np.may_share_memory(stored_m, given):
+        stored_m = stored_m.copy()
+    stored_m.flags.writeable = False
+    return stored_m
 
 
 def _lost_of(stored_m: np.ndarray, name: str) -> np.ndarray:

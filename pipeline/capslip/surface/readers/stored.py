@@ -229,6 +229,8 @@ def calibrate(stored: Stored, origin: Origin, given: Calibration) -> HeightMap:
             height_m = height_m * factor
     if _is_top_row_first(stored, given.top_row_first, where):
         height_m = height_m[::-1]
+    height_m = np.ascontiguousarray(height_m)
+    height_m.flags.writeable = False  # nobody else has it: a map keeps it without a copy
     origin = replace(
         origin,
         height_unit=height_unit,
