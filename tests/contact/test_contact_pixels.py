@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from capslip.analysis import analyze_once
 from capslip.contact.solvers import path as paths
 from capslip.contact.solvers import pixels
 from capslip.contact.solvers.elastic_face import elastic_face
@@ -13,6 +14,7 @@ from capslip.contact.solvers.path import Path
 from capslip.contact.solvers.pixels import around_contact, fewer, in_contact_alone, pixels_alone
 from capslip.contact.solvers.polonsky_keer import press
 from capslip.contact.solvers.unloading import unload
+from capslip.settings import load_settings
 from capslip.surface.heightmap import HeightMap
 
 E_STAR_PA = 110e9
@@ -188,3 +190,16 @@ def test_a_point_that_was_left_out_wrongly_is_noticed(rough, pressed):
     one, other = path.at(0.6), expected.at(0.6)
     assert np.array_equal(one.contact, other.contact)
     assert one.withdrawal_m == pytest.approx(other.withdrawal_m, rel=1e-6)
+
+
+@pytest.mark.parametrize("lines", [3, 7])
+def test_a_map_of_few_lines_is_pressed_as_it_lies_or_turned(lines):
+    """No difference of a high order fits across it, nor a cubic on three points."""
+    height_m = 1e-8 * np.random.default_rng(3).standard_normal((lines, 150)).cumsum(axis=1)
+    settings = load_settings(overrides=("contact.preload_N=460",))
+    lies, turned = (
+        analyze_once(HeightMap(one_m, (4e-4, 4e-4)), settings) for one_m in (height_m, height_m.T)
+    )
+    assert lies.contact.rung.made_from == "map"
+    assert lies.answer.energy_J == pytest.approx(turned.answer.energy_J, rel=1e-6)
+    assert lies.contact.approach_m == pytest.approx(turned.contact.approach_m, rel=1e-9)

@@ -236,5 +236,6 @@ def _refined(face: ElasticFace, box: tuple[int, int, int, int], refinement: int)
     for axis, (start, end) in enumerate(((y0, y1), (x0, x1))):
         places = (np.arange(start * refinement, end * refinement) + 0.5) / refinement - 0.5
         known = np.arange(depth_m.shape[axis]) + first[axis]
-        depth_m = make_interp_spline(known, depth_m, k=3, axis=axis)(places)
+        degree = min(3, len(known) - 1)  # a map may have three lines
+        depth_m = make_interp_spline(known, depth_m, k=degree, axis=axis)(places)
     return np.asarray(depth_m)

@@ -25,6 +25,8 @@ def white_m2(heights_m: np.ndarray, order: int, axis: int) -> np.ndarray:
     float64, shape (ny, nx)
         m^2 at the middle of each difference; NaN where it leaves the map or meets a NaN.
     """
+    if heights_m.shape[axis] <= order:
+        return np.full(heights_m.shape, np.nan)
     half = order // 2
     differences_m = np.diff(heights_m, order, axis)
     around = [(half, half) if one == axis else (0, 0) for one in (0, 1)]
