@@ -4,10 +4,14 @@ import base64
 from dataclasses import replace
 
 import numpy as np
+import output_cases
 import pytest
 
 from capslip.contact.models.caps import caps
+from capslip.contact.varying_load import varying
 from capslip.output.whatif import LEAST, TOLERANCE, _columns, whatif_data
+from capslip.settings import SlipSettings
+from capslip.structure.answer import answer_to
 
 E_STAR_PA, RADIUS_M, LOAD_N = 110e9, 2.0, 40.0
 
@@ -98,3 +102,13 @@ def test_a_face_that_yielded_or_an_uneven_joint_is_known_under_its_preload_alone
 def test_without_slip_there_is_no_panel(several):
     assert whatif_data(replace(several, slip=None)) is None
     assert whatif_data(replace(several, damping=None)) is None
+
+
+def test_no_panel_shows_a_constant_load_where_it_oscillates():
+    """Its equations lose another energy than the answer beside it."""
+    steady = output_cases.several()
+    slip = varying(steady.slip, SlipSettings(normal_amplitude_ratio=0.3))
+    answer, _ = answer_to(steady.settings.answer, slip, steady.damping)
+    assert answer.energy_J != pytest.approx(steady.answer.energy_J, rel=0.1)
+    assert whatif_data(steady) is not None
+    assert whatif_data(replace(steady, slip=slip, answer=answer)) is None

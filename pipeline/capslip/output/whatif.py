@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from capslip.contact.curve import NormalCurve
+from capslip.contact.varying_load import VaryingSlip
 from capslip.structure.response import MOST_LOSS_FACTOR
 
 if TYPE_CHECKING:
@@ -32,6 +33,8 @@ LEAST = 1e-6  # of the withdrawal at which nothing touches: below, D is linear a
 def whatif_data(analysis: "Analysis") -> dict[str, Any] | None:
     """Return the tables and where the panel starts; None without a joint that gives way.
 
+    None, too, where the normal load oscillates: these equations are those of a constant one.
+
     Parameters
     ----------
     analysis : Analysis
@@ -43,7 +46,9 @@ def whatif_data(analysis: "Analysis") -> dict[str, Any] | None:
     preload, and a face that yielded has its own curve for each preload, so it has one table.
     """
     slip, damping, answer = analysis.slip, analysis.damping, analysis.answer
-    if slip is None or damping is None or not slip.total_slip_displacement_m > 0.0:
+    if slip is None or damping is None or isinstance(slip, VaryingSlip):
+        return None
+    if not slip.total_slip_displacement_m > 0.0:
         return None
     contact = analysis.contact  # None: that of a joint of several scans, which has no single one
     other = contact and contact.rung.solved_loads_N is None and contact.hardness_Pa is None
