@@ -68,6 +68,29 @@ def test_model_of_a_result_is_that_of_its_analysis(surface, tmp_path, name):
     np.testing.assert_allclose(got, expected, rtol=5e-3, atol=1e-15)
 
 
+def test_a_face_that_yielded_under_an_oscillating_load_is_that_of_its_analysis(surface, tmp_path):
+    """It was flattened by the greatest load of the cycle, not by the preload."""
+    slip = ("slip.normal_amplitude_ratio=0.5", "slip.normal_phase_rad=1.2")
+    chosen = ("contact.model=caps", "material.hardness_Pa=5e6", *slip, *CAPS_ALONE)
+    analysis = result_of(surface, tmp_path / "result", *chosen)
+    assert analysis.contact.yielded_area_m2 > 0.0
+    model, settings = load_model(tmp_path / "result")
+    damping, steady = analysis.damping, np.isfinite(analysis.damping.loss_factor)
+    given = settings.material.friction_coefficient, settings.contact.preload_N
+    got = model.loss_factor(damping.total_amplitude_m[steady], *given)
+    expected = (damping.loss_factor * damping.frequency_ratio**2)[steady]
+    np.testing.assert_allclose(got, expected, rtol=5e-3)
+
+
+def test_a_pressure_map_that_changed_since_is_no_joint_to_compare(surface, tmp_path):
+    pressures = write(tmp_path / "pressures.csv", "pressure_Pa,area_m2\n1e6,3e-4\n2e6,3e-4\n")
+    result_of(surface, tmp_path / "result", f"joint.pressure_map={pressures}", *CAPS_ALONE)
+    assert load_model(tmp_path / "result")[1].contact.preload_N == pytest.approx(900.0)
+    write(pressures, "pressure_Pa,area_m2\n4e6,3e-4\n2e6,3e-4\n")
+    with pytest.raises(UnreadableFileError, match=r"pressures\.csv holds something else now"):
+        load_model(tmp_path / "result")
+
+
 @pytest.mark.parametrize(("feature", "m"), [("peak_height", 1), ("radius", 2)])
 def test_families_are_those_of_the_analysis(tmp_path, feature, m):
     four = [(5e-3, 5e-3, 20.0, 0.0), (15e-3, 6e-3, 30.0, -2e-7)]

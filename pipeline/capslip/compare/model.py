@@ -126,7 +126,7 @@ def load_model(result: str | Path) -> tuple[JointModel, Settings]:
     Raises
     ------
     UnreadableFileError
-        If the folder holds no finished result, or one without a joint.
+        If the folder holds no finished result, or one without a joint or of another pressure map.
     """
     folder = Path(result)
     summary = read_summary(folder)
@@ -145,12 +145,19 @@ def load_model(result: str | Path) -> tuple[JointModel, Settings]:
             f"{folder}: this analysis found no joint to compare (see its problems)"
         )
     settings = load_settings(folder / "settings.toml")
+    mapped = settings.joint.pressure_map
+    if mapped is not None and settings.sha256() != summary["provenance"]["settings_sha256"]:
+        raise UnreadableFileError(
+            f"{folder}: joint.pressure_map = {mapped} holds something else now than "
+            "the result was made of, or is read from another folder; run the analysis again"
+        )
     surface, caps = _load_surface_and_caps(folder / "result.h5")
     families = _stored_families(summary["families"])
     material = settings.material
     composed = composite(material.youngs_modulus_Pa, material.poisson_ratio)
     whole = joint_of(settings, surface)
     law = yield_law(material)
+    greatest = 1.0 + settings.slip.normal_amplitude_ratio  # of a cycle, over the preload
 
     @cache
     def curve(preload_N: float) -> NormalCurve:
@@ -163,7 +170,7 @@ def load_model(result: str | Path) -> tuple[JointModel, Settings]:
         changed = joint.settings_of_scan(settings)
         contact = msgspec.structs.replace(changed.contact, model=used)
         changed = msgspec.structs.replace(changed, contact=contact)
-        return joint.curve(press(pressed, families, surface, changed)[0])
+        return joint.curve(press(pressed, families, surface, changed)[0], greatest)
 
     _, modal, shear = stiffnesses(settings)
     contact = msgspec.structs.replace(settings.contact, preload_N=whole.preload_N)
