@@ -41,6 +41,7 @@ LOOKING = 8  # threads that read what is there, which wait for the disk
 AHEAD = 500  # scans that are looked for at a time, each of which takes some memory
 TO_DO = "to do"
 PICTURES = ("figures", "render", "meshes")  # settings of [run]
+MAP_CHANGED = "what joint.pressure_map holds"  # under the same name
 LOST = "process"  # the stage of what came back from no child
 
 
@@ -371,6 +372,7 @@ def _to_do(scan: Scan, folder: Path, there: _Found) -> Row:
         if "settings" in there.differs:
             differs += _differences(home, scan.settings)
         by = f"; it counts with the options of `{there.command}`" if there.command else ""
+        by = "" if MAP_CHANGED in differs else by
         error = f"the result there is of {', '.join(differs)}{by}"
     elif (home / SUMMARY).is_file() and (lacking := _lacking(home, scan.settings)):
         error = f"the result there lacks pictures (made with {', '.join(lacking)})"
@@ -390,7 +392,8 @@ def _differences(home: Path, wanted: Settings) -> list[str]:
         pairs = ((key, then.get(key), of.get(key)) for key in keys)
         found += [f"{table}.{key} ({a} there, {b} here)" for key, a, b in pairs if a != b]
     given = set(there.run.given) ^ set(here.run.given)
-    return found or [f"{name} (given or not)" for name in sorted(given)]
+    found = found or [f"{name} (given or not)" for name in sorted(given)]
+    return found or ([MAP_CHANGED] if here.joint.pressure_map is not None else [])
 
 
 def _stays(failure: dict[str, Any], key: dict[str, str | None], limits: Limits) -> bool:

@@ -84,6 +84,21 @@ def test_all_good_scans_end_with_code_0(batch, tmp_path):
 
 
 @pytest.mark.usefixtures("here")
+def test_a_pressure_map_that_changed_is_named_and_done_again(batch, tmp_path):
+    folder, arguments, _ = batch
+    pressures, source = tmp_path / "p.csv", str(folder / "scans in" / "two.h5")
+    pressures.write_text("pressure_Pa,area_m2\n1e6,2e-5\n")
+    options = [*arguments[4:], "--set", f"joint.pressure_map={pressures}"]
+    command = ["batch", source, "-o", str(tmp_path / "out"), *options]
+    assert CliRunner().invoke(main, command).exit_code == 0
+    pressures.write_text("pressure_Pa,area_m2\n3e6,2e-5\n")
+    looked = CliRunner().invoke(main, [*command, "--dry-run"]).output
+    assert "the result there is of other settings, what joint.pressure_map holds\n" in looked
+    CliRunner().invoke(main, command)
+    assert float(rows(tmp_path)["two"]["preload_N"]) == pytest.approx(60.0)
+
+
+@pytest.mark.usefixtures("here")
 def test_pictures_that_were_left_out_are_made_when_wanted(batch, tmp_path):
     folder, _, _ = batch
     (tmp_path / "in").mkdir()
