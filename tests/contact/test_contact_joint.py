@@ -15,17 +15,23 @@ from capslip.contact.models.interacting import interacting
 from capslip.contact.pressure_map import classes_of_pressure, read_pressure_map
 from capslip.contact.slip import slip_curve
 from capslip.errors import ContactError, SettingsError
+from capslip.structure import band
 from scenes import caps_map
 
 MU, KAPPA = 0.2, 1.2143
 PLACES_M = [(5e-3, 5e-3), (25e-3, 6e-3), (15e-3, 15e-3), (8e-3, 16e-3), (22e-3, 14e-3)]
 FACE = caps_map([(x, y, 20.0 + i, -4e-8 * i) for i, (x, y) in enumerate(PLACES_M)])
 AREA_M2 = 0.02 * 0.03
+YIELDING = ((1e5, 2e-4), (8e5, 1e-4))  # pressures and areas of patches
 LIGHT = ("contact.alignment=as_levelled", "contact.model=interacting")
 
 
 def run(*overrides, face=FACE):
     return capslip.analyze(face, capslip.load_settings(overrides=(*LIGHT, *overrides)))
+
+
+def run_once(*overrides):
+    return analyze_once(FACE, capslip.load_settings(overrides=(*LIGHT, *overrides)))
 
 
 def scan_curve(model="interacting"):
@@ -129,6 +135,40 @@ def test_an_uneven_joint_is_the_sum_of_its_patches_at_one_displacement(model):
     force_N = whole.force_N(inside_m)
     assert whole.displacement_m(force_N) == pytest.approx(inside_m, rel=1e-9)
     assert whole.energy_at_force_J(force_N) == pytest.approx(whole.energy_J(inside_m), rel=1e-9)
+
+
+@pytest.mark.parametrize("model", ["caps", "interacting"])
+def test_each_patch_of_a_face_that_yields_is_flattened_by_its_own_pressure(tmp_path, model):
+    """Not by the greatest one of the joint: they are joints side by side, each loaded alone."""
+    rows = [f"0,0,{pressure!r},{area!r}" for pressure, area in YIELDING]
+    given = (f"contact.model={model}", "material.hardness_Pa=5e6")
+    joint = run_once(f"joint.pressure_map={pressure_file(tmp_path, *rows)}", *given)
+    alone = [
+        run_once(f"contact.nominal_pressure_Pa={pressure}", f"joint.area_m2={area}", *given)
+        for pressure, area in YIELDING
+    ]
+    assert all(one.contact.yielded_area_m2 > 0.0 for one in alone)
+    delta_m = np.array([0.01, 0.1, 0.5, 0.9]) * joint.slip.total_slip_displacement_m
+    for name, accuracy in (("force_N", 1e-3), ("energy_J", 3e-3)):
+        expected = sum(getattr(one.slip, name)(delta_m) for one in alone)
+        np.testing.assert_allclose(getattr(joint.slip, name)(delta_m), expected, rtol=accuracy)
+
+
+def test_an_interval_of_uneven_patches_that_yield_follows_their_answer(tmp_path):
+    """At the preload itself, and at a hundredth more of it as if that had been given."""
+    given = ("contact.model=caps", "material.hardness_Pa=5e6", "answer.slip_force_N=5")
+
+    def found_under(factor):
+        rows = [f"0,0,{factor * pressure!r},{area!r}" for pressure, area in YIELDING]
+        return run_once(f"joint.pressure_map={pressure_file(tmp_path, *rows)}", *given)
+
+    answers = [found_under(factor) for factor in (1.0, 1.01)]
+    state = band._State(answers[0].answer, True, answers[0].parts, answers[0].settings)
+    log = dict.fromkeys(("friction", "modulus", "hardness"), np.zeros(2))
+    delta_m, energy_J = state.under({**log, "preload": np.log([1.0, 1.01])})
+    for i, one in enumerate(answers):
+        assert delta_m[i] == pytest.approx(one.answer.displacement_m, rel=1e-3)
+        assert energy_J[i] == pytest.approx(one.answer.energy_J, rel=3e-3)
 
 
 def test_the_loop_of_an_uneven_joint_encloses_its_energy():

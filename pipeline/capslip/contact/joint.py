@@ -4,8 +4,8 @@ A scan under a pressure gives a law per area. The joint is the sum of patches of
 one tangential displacement: the one place where results of the scan become those of the joint.
 """
 
-from collections.abc import Iterator
-from dataclasses import dataclass
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
@@ -83,11 +83,26 @@ class Joint:
 
         After a first loading to `greatest` times the preload, which counts where the face yields.
         """
-        curve = contact.curve_after(greatest * contact.preload_N)
-        if contact.rung.made_from == "nothing":  # it carries one load, however that is spread
+        return self.curve_of(self.loaded(contact, greatest))
+
+    def loaded(self, contact: ContactState, greatest: float = 1.0) -> list[ContactState]:
+        """Return the state of each patch after its own first loading; one for all where elastic."""
+        if contact.first is None or self.is_even:
+            return [replace(contact, curve=contact.curve_after(greatest * contact.preload_N))]
+        return [
+            replace(contact, curve=contact.curve_after(greatest * N), preload_N=N)
+            for N in self.load_N.tolist()
+        ]
+
+    def curve_of(self, patches: Sequence[ContactState]) -> NormalCurve:
+        """Return the normal curve of the joint from the curves of what `loaded` gives."""
+        curves = [patch.curve for patch in patches]
+        if patches[0].rung.made_from == "nothing":  # it carries one load, however that is spread
             load_N, weight = [self.scan_load_N], [self.preload_N / self.scan_load_N]
-            return curve_of_joint(curve, np.array(load_N), np.array(weight))
-        return curve_of_joint(curve, self.load_N, self.weight)
+            return curve_of_joint(curves[0], np.array(load_N), np.array(weight))
+        if len(curves) == 1:
+            return curve_of_joint(curves[0], self.load_N, self.weight)
+        return _side_by_side(curves, self.load_N, self.weight)
 
 
 def joint_of(settings: Settings, surface: HeightMap) -> Joint:
@@ -165,7 +180,7 @@ def curve_of_joint(curve: NormalCurve, load_N: np.ndarray, weight: np.ndarray) -
     Parameters
     ----------
     curve : NormalCurve
-        Of the scan. Loading is elastic and depends on no path, so one curve serves every load.
+        Of the scan. Where loading is elastic one curve serves every load, whatever came before.
     load_N : ndarray, shape (k,)
         Loads > 0 of the scan in each patch.
     weight : ndarray, shape (k,)
@@ -183,9 +198,16 @@ def curve_of_joint(curve: NormalCurve, load_N: np.ndarray, weight: np.ndarray) -
         return curve
     if len(load_N) == 1:
         return ScaledCurve(curve, float(weight[0]))
+    return _side_by_side((curve,) * len(weight), load_N, weight)
+
+
+def _side_by_side(
+    curves: Sequence[NormalCurve], load_N: np.ndarray, weight: np.ndarray
+) -> NormalCurve:
     # One by one, so that a curve that solves its loads interpolates none
-    approach_m = np.array([float(curve.approach_m(N)) for N in load_N])
-    return PatchedCurve((curve,) * len(weight), approach_m, weight)
+    pairs = zip(curves, load_N, strict=True)
+    approach_m = np.array([float(curve.approach_m(N)) for curve, N in pairs])
+    return PatchedCurve(tuple(curves), approach_m, weight)
 
 
 @dataclass(frozen=True, eq=False)

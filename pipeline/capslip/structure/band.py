@@ -265,13 +265,16 @@ class _State:
         share = self.answer.slip_force_N / self.settings.material.friction_coefficient
         changes = [(float(N), float(hardness)) for N, hardness in factors[others]]
         for part in self.parts:
-            after = dict.fromkeys(as_found, part.contact.curve)
-            if changes:
-                near = part.contact.curves_near(changes, share / self.preload_N)
-                after |= dict(zip(others, near, strict=True))
-            for i, curve in after.items():
+            states = []  # of each patch, by its place in the factors
+            for contact in part.joint.loaded(part.contact):
+                after = dict.fromkeys(as_found, contact.curve)
+                if changes:
+                    near = contact.curves_near(changes, share / self.preload_N)
+                    after |= dict(zip(others, near, strict=True))
+                states.append({i: replace(contact, curve=curve) for i, curve in after.items()})
+            for i in found:
                 joint = part.joint.under(self.preload_N * float(factors[i, 0]))
-                found[i].append(joint.curve(replace(part.contact, curve=curve)))
+                found[i].append(joint.curve_of([of[i] for of in states]))
         shares = [part.share for part in self.parts]
         loads_N = self.preload_N * factors[:, 0]
         return [curve_of_scans(found[i], float(N), shares) for i, N in enumerate(loads_N)]
