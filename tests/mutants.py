@@ -183,11 +183,12 @@ TABLE = [
         (
             *("contact/solvers/polonsky_keer.py", "contact/solvers/half_space.py"),
             *("contact/solvers/elastic_face.py", "contact/solvers/patched_half_space.py"),
+            "contact/solvers/steps.py",
         ),
         (
             *("tests/contact/test_*pixels*.py", "tests/contact/test_*rough_inverse*.py"),
             *("tests/contact/test_*patches*.py", "tests/contact/test_*boundary_elements*.py"),
-            "tests/contact/test_*tangential*.py",
+            *("tests/contact/test_*tangential*.py", "tests/contact/test_*steps*.py"),
         ),
     ),
     (

@@ -7,7 +7,7 @@ import numpy as np
 from capslip.contact.solvers.detail import FirstLoading
 from capslip.contact.solvers.elastic_face import ElasticFace
 from capslip.contact.solvers.patches import PatchedFace
-from capslip.contact.solvers.pixels import alone_on, around_contact, points_alone
+from capslip.contact.solvers.pixels import SINGLE, alone_on, around_contact, points_alone
 from capslip.contact.solvers.polonsky_keer import first_loading, press
 from capslip.contact.solvers.pressed import Pressed
 from capslip.contact.solvers.starts import Known, start_Pa
@@ -16,7 +16,7 @@ _MOSTLY, _SPARE = 0.5, 2.0  # of the hardness: mean pressure; of the contact tha
 _HARDLY = 0.01  # of a load, on points at their hardness: these are the last to let go
 _MOST_LOOKS = 4  # at what more load makes touch
 _LEAST_PA = 1e-300  # stands for no pressure below a fraction
-_LEFT, _LOOSEST, _FINEST = 1e-1, 1e-4, 1e-9  # of the loss, that gaps may be; tolerances below it
+_LEFT, _LOOSEST, _FINEST = 5e-2, 1e-4, 1e-9  # of the loss, that gaps may be; tolerances below it
 
 
 @dataclass(frozen=True)
@@ -73,7 +73,7 @@ def nearby(
     most = max(load / hardness for load, hardness in (*changes, (1.0, 1.0)))
     alone, widest = _reached(first, pressed, punch_Pa_per_m, most, tolerance)
     if finest > 1:
-        alone, widest = _alone(face, _touching(pressed, alone, widest), finest), None
+        alone, widest = _alone(face, _touching(pressed, alone, widest), tolerance, finest), None
     known_Pa, gap_m, punch = (
         alone.gathered(one) for one in (pressed.pressure_Pa, pressed.gap_m, punch_Pa_per_m)
     )
@@ -87,7 +87,9 @@ def nearby(
         if state is None or (of_load, of_hardness) != (most, 1.0):
             begin_Pa = _begin_Pa(face, known_Pa, punch, of_load, of_hardness)
             load_N = of_load * pressed.load_N
-            state = press(face_i, load_N=load_N, tolerance=tolerance, start_Pa=begin_Pa)
+            state = press(
+                face_i, load_N=load_N, tolerance=tolerance, start_Pa=begin_Pa, sinks_once=True
+            )
         elastic, loaded = first_loading(face_i, state)
         comes_back = finest == 1 and of_load > 1.0 and hardly_yields(known_Pa, face.hardness_Pa)
         if comes_back and hardly_yields(state.pressure_Pa, face_i.hardness_Pa):
@@ -123,7 +125,7 @@ def _reached(
     """
     face, touching = first.face, pressed.pressure_Pa > 0.0
     if most == 1.0:
-        return _alone(face, touching), None
+        return _alone(face, touching, tolerance), None
     may_touch = face.measured & ~touching
     gap_m, number = pressed.gap_m[may_touch], _SPARE * (most - 1.0) * np.count_nonzero(touching)
     closes_m = np.partition(gap_m, int(number))[int(number)] if number < gap_m.size else np.inf
@@ -135,9 +137,10 @@ def _reached(
     touching[may_touch] = gap_m <= closes_m
     begin_Pa = _begin_Pa(face, pressed.pressure_Pa, punch_Pa_per_m, most)
     for _ in range(_MOST_LOOKS):
-        alone = _alone(face, touching)
+        alone = _alone(face, touching, tolerance)
         start = alone.gathered(begin_Pa)
-        widest = press(alone, load_N=most * pressed.load_N, tolerance=tolerance, start_Pa=start)
+        load_N = most * pressed.load_N
+        widest = press(alone, load_N=load_N, tolerance=tolerance, start_Pa=start, sinks_once=True)
         begin_Pa = alone.spread(widest.pressure_Pa)
         gap_m = face.half_space.sinking_roughly_m(begin_Pa) + face.depth_m - widest.approach_m
         missed = (gap_m < -tolerance * widest.approach_m) & face.measured & ~touching
@@ -180,9 +183,9 @@ def _touching(pressed: Pressed, alone: PatchedFace, widest: Pressed | None) -> n
     return touching if widest is None else touching | (alone.spread(widest.pressure_Pa) > 0.0)
 
 
-def _alone(face: ElasticFace, points: np.ndarray, finest: int = 1) -> PatchedFace:
+def _alone(face: ElasticFace, points: np.ndarray, tolerance: float, finest: int = 1) -> PatchedFace:
     """Return some points of a map alone, bool, shape (ny, nx); refined ones with a margin."""
-    around = around_contact(face, points, finest)
+    around = around_contact(face, points, finest, tolerance >= SINGLE)
     if around is not None and around.refinement > 1:
         return around  # a hill may touch between its pixels
     return alone_on(face, points, around)
@@ -210,6 +213,7 @@ def _unloaded(
         load_N=(1.0 - share) * state.load_N,
         tolerance=_enough(share),
         start_Pa=pressure_Pa * part[at],
+        sinks_once=True,
     )
     open_m = np.where(left.pressure_Pa > 0.0, 0.0, np.maximum(left.gap_m, 0.0))
     loss_J = 4.0 * float(pressure_Pa @ open_m) * face.pixel_area_m2

@@ -41,6 +41,9 @@ class PatchedHalfSpace:
         (dy, dx).
     E_star_Pa : float
         Composite modulus.
+    single : bool
+        Whether the kernel between patches, which is most of the memory, is in single precision
+        alone: that leaves less than the interpolation.
     """
 
     def __init__(
@@ -49,6 +52,7 @@ class PatchedHalfSpace:
         counts: np.ndarray,
         pixel_size_m: tuple[float, float],
         E_star_Pa: float,
+        single: bool = False,
     ) -> None:
         sides = boxes[:, 2:] - boxes[:, :2]
         ends = np.append(0, np.cumsum(sides.prod(axis=1))).tolist()
@@ -74,7 +78,8 @@ class PatchedHalfSpace:
                 self._n_places += math.prod(shape)
         between = None
         if self.count > 1:
-            between = _between(boxes[order], counts[order], pixel_size_m, E_star_Pa)
+            dtype = np.float32 if single else np.float64
+            between = _between(boxes[order], counts[order], pixel_size_m, E_star_Pa, dtype)
         self._parts = _Parts(groups, between)
         self._rough_parts = self._parts.roughly()
         maps = [(at, ny, nx) for at, (ny, nx) in zip(points, sides.tolist(), strict=True)]
@@ -164,7 +169,7 @@ class _Parts:
 
     def roughly(self) -> "_Parts":
         """Return the same in single precision."""
-        between = None if self.between is None else self.between.astype(np.float32)
+        between = None if self.between is None else self.between.astype(np.float32, copy=False)
         return _Parts([group.roughly() for group in self.groups], between)
 
     def sinking_m(self, pressure_Pa: np.ndarray) -> np.ndarray:
@@ -173,8 +178,8 @@ class _Parts:
         for group in self.groups:
             group.convolved(pressure_Pa, sinking_m)
         if self.between is not None:
-            moments = [group.moments(pressure_Pa) for group in self.groups]
-            far, first = self.between @ np.concatenate(moments), 0
+            moments = np.concatenate([group.moments(pressure_Pa) for group in self.groups])
+            far, first = self.between @ moments.astype(self.between.dtype, copy=False), 0
             for group in self.groups:
                 last = first + len(group.nodes)
                 group.interpolated(far[first:last], sinking_m)
@@ -271,7 +276,11 @@ def _nodes(n: int, count: int) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _between(
-    boxes: np.ndarray, counts: np.ndarray, pixel_size_m: tuple[float, float], E_star_Pa: float
+    boxes: np.ndarray,
+    counts: np.ndarray,
+    pixel_size_m: tuple[float, float],
+    E_star_Pa: float,
+    dtype: type[np.floating],
 ) -> np.ndarray:
     """Return the sinking at each node under unit pressure in a pixel around each other one."""
     grids = []
@@ -279,7 +288,7 @@ def _between(
         along = y0 + _nodes(y1 - y0, ky)[0], x0 + _nodes(x1 - x0, kx)[0]
         grids.append(np.reshape(np.meshgrid(*along, indexing="ij"), (2, -1)))
     y, x = np.concatenate(grids, axis=1)
-    kernel, first = np.zeros((len(y), len(y))), 0
+    kernel, first = np.zeros((len(y), len(y)), dtype), 0
     for grid in grids:
         last = first + grid.shape[1]
         rows, columns = slice(first, last), slice(last, None)

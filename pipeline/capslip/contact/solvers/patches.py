@@ -60,7 +60,9 @@ class PatchedFace(ElasticFace):
         return np.asarray(sums.reshape(self.map_shape) / self.refinement**2)
 
 
-def patched(face: ElasticFace, contact: np.ndarray, refinement: int = 1) -> PatchedFace | None:
+def patched(
+    face: ElasticFace, contact: np.ndarray, refinement: int = 1, single: bool = False
+) -> PatchedFace | None:
     """Return patches around contacts, None where the whole map is no more work.
 
     Parameters
@@ -71,13 +73,15 @@ def patched(face: ElasticFace, contact: np.ndarray, refinement: int = 1) -> Patc
         Where it touches.
     refinement : int
         Points along the side of a pixel; between the heights of the map a cubic spline.
+    single : bool
+        As for `PatchedHalfSpace`.
     """
     cheapest = _cheapest(contact, refinement)
     if cheapest is None:
         return None
     boxes, counts = cheapest
     size_m = face.pixel_size_m[0] / refinement, face.pixel_size_m[1] / refinement
-    half_space = PatchedHalfSpace(boxes * refinement, counts, size_m, face.E_star_Pa)
+    half_space = PatchedHalfSpace(boxes * refinement, counts, size_m, face.E_star_Pa, single)
     parents, depths, knowns, places = [], [], [], []
     for y0, x0, y1, x1 in boxes.tolist():
         i, j = (

@@ -23,13 +23,17 @@ _MOST_PIXELS = 6000  # 450 MB
 _FEW = 3000  # pixels of a matrix between what is left of a contact: 110 MB
 _LESS = 4  # times the work of a matrix, of what it takes the place of: to build it takes time, too
 _WORTH = 0.7  # of the work, that patches around what is left may be
+SINGLE = 1e-6  # tolerance from which kernels in single precision do
+_SUMMED = 256  # of its columns are summed at once
 _ROWS = 64  # of a matrix that are filled at once
 _LARGE = 50_000  # points of a map from which its changes are found apart
 _OfPoints: TypeAlias = "MatrixHalfSpace | GatheredHalfSpace | PatchedHalfSpace"
 _TILE = 16  # pixels along the side of a tile, whose pixels are inverted with each other
 
 
-def around_contact(face: ElasticFace, contact: np.ndarray, finest: int = 1) -> PatchedFace | None:
+def around_contact(
+    face: ElasticFace, contact: np.ndarray, finest: int = 1, single: bool = False
+) -> PatchedFace | None:
     """Return the face of least work that holds a contact, None for the map itself.
 
     Parameters
@@ -40,18 +44,20 @@ def around_contact(face: ElasticFace, contact: np.ndarray, finest: int = 1) -> P
         Where it touches.
     finest : int
         Points along the side of a pixel, as many of them as patches have room for.
+    single : bool
+        Whether single precision does: see `MatrixHalfSpace` and `PatchedHalfSpace`.
     """
     for refinement in range(finest, 1, -1):
-        patches = patched(face, contact, refinement)
+        patches = patched(face, contact, refinement, single)
         if patches is not None:
             return patches
     n_pixels = np.count_nonzero(contact)
     if n_pixels <= _MOST_PIXELS:
         n_points = np.count_nonzero(with_margin(contact))  # patches have no fewer
         if n_pixels**2 <= POINT_COST * n_points:
-            return pixels_alone(face, contact, None)
-    patches = patched(face, contact)
-    return pixels_alone(face, contact, patches) or patches
+            return pixels_alone(face, contact, None, single)
+    patches = patched(face, contact, single=single)
+    return pixels_alone(face, contact, patches, single) or patches
 
 
 def on_contact(
@@ -71,7 +77,7 @@ def alone_on(face: ElasticFace, touches: np.ndarray, around: PatchedFace | None)
 
 
 def pixels_alone(
-    face: ElasticFace, contact: np.ndarray, patches: PatchedFace | None
+    face: ElasticFace, contact: np.ndarray, patches: PatchedFace | None, single: bool = False
 ) -> PatchedFace | None:
     """Return a face of the pixels in contact with a matrix between them, None where that is slow.
 
@@ -83,12 +89,14 @@ def pixels_alone(
         Where it touches.
     patches : PatchedFace, optional
         Around the same contacts: what else would be solved on; the map where None.
+    single : bool
+        As for `around_contact`.
     """
     parent = np.flatnonzero(contact)
     else_on = face.half_space.cost if patches is None else patches.cost
     if len(parent) > _MOST_PIXELS or len(parent) ** 2 > else_on:
         return None
-    return _alone(face, parent, _matrix_of(face, parent, face.shape))
+    return _alone(face, parent, _matrix_of(face, parent, face.shape, single))
 
 
 def in_contact_alone(face: ElasticFace, pressure_Pa: np.ndarray) -> PatchedFace:
@@ -176,13 +184,17 @@ def _around(face: PatchedFace, points: np.ndarray) -> PatchedHalfSpace | None:
 
 
 def _matrix_of(
-    face: ElasticFace, parent: np.ndarray, map_shape: tuple[int, ...]
+    face: ElasticFace, parent: np.ndarray, map_shape: tuple[int, ...], single: bool = False
 ) -> "MatrixHalfSpace":
     row, column = np.unravel_index(parent, map_shape)
     shape = int(np.ptp(row)) + 1, int(np.ptp(column)) + 1
-    quadrant = love_kernel(shape, face.pixel_size_m, face.E_star_Pa)
+    if isinstance(face.half_space, HalfSpace):
+        quadrant = face.half_space.quadrant[: shape[0], : shape[1]]
+    else:
+        quadrant = love_kernel(shape, face.pixel_size_m, face.E_star_Pa)
     tile = row // _TILE * map_shape[1] + column // _TILE
-    matrix, kernel = np.empty((len(parent), len(parent))), quadrant.reshape(-1)
+    kernel = quadrant.astype(np.float32 if single else np.float64).reshape(-1)
+    matrix = np.empty((len(parent), len(parent)), kernel.dtype)
     row, column = row.astype(np.int32), column.astype(np.int32)
     for begin in range(0, len(parent), _ROWS):  # whose offsets stay in the cache
         some = np.s_[begin : begin + _ROWS]
@@ -257,11 +269,23 @@ class GatheredHalfSpace:
 
 
 class MatrixHalfSpace:
-    """Sinking of a half-space under pressures on single pixels, as `HalfSpace` on a map."""
+    """Sinking of a half-space under pressures on single pixels, as `HalfSpace` on a map.
+
+    A matrix in single precision alone takes a third of the memory, which costs most of the time to
+    make one. It does for states to 1e-6 of the approach: summed in double precision, a few columns
+    at a time, it leaves a tenth of that.
+
+    Parameters
+    ----------
+    matrix_m_per_Pa : ndarray, shape (n, n)
+        In single or double precision.
+    tile : int, shape (n,)
+        Of each pixel, the tile in which it lies.
+    """
 
     def __init__(self, matrix_m_per_Pa: np.ndarray, tile: np.ndarray) -> None:
-        self._matrix, self._tile = matrix_m_per_Pa, tile  # of each pixel, the tile in which it lies
-        self._rough_matrix = self._matrix.astype(np.float32)
+        self._matrix, self._tile = matrix_m_per_Pa, tile
+        self._rough_matrix = self._matrix.astype(np.float32, copy=False)
         self._tiles = self._inverted(tile)
 
     @property
@@ -275,7 +299,13 @@ class MatrixHalfSpace:
 
     def sinking_m(self, pressure_Pa: np.ndarray) -> np.ndarray:
         """Return the displacement into the half-space, shape (n,)."""
-        return np.asarray(self._matrix @ pressure_Pa)
+        if self._matrix.dtype == np.float64:
+            return np.asarray(self._matrix @ pressure_Pa)
+        sinking_m, p = np.zeros(len(pressure_Pa)), pressure_Pa.astype(np.float32)
+        for begin in range(0, len(p), _SUMMED):
+            some = slice(begin, begin + _SUMMED)
+            sinking_m += self._matrix[:, some] @ p[some]
+        return sinking_m
 
     def sinking_roughly_m(self, pressure_Pa: np.ndarray) -> np.ndarray:
         """Return the same in single precision and half of the time: for small changes."""

@@ -10,6 +10,7 @@ from capslip.contact.solvers.elastic_face import MOST_PRESSURE, ElasticFace, ela
 from capslip.contact.solvers.patches import patched
 from capslip.contact.solvers.pixels import some_points
 from capslip.contact.solvers.pressed import Certificate, Pressed, State
+from capslip.contact.solvers.steps import bounded, moving, searched_step, tried_step
 from capslip.errors import ContactError, OutOfTimeError, SettingsError
 
 __all__ = [
@@ -40,6 +41,7 @@ def press(
     tolerance: float = 1e-7,
     start_Pa: np.ndarray | None = None,
     time_limit_s: float = np.inf,
+    sinks_once: bool = False,
 ) -> Pressed:
     """Press a face against a rigid plane, to a given load or a given approach.
 
@@ -60,6 +62,9 @@ def press(
         Pressures near the solution, as those at a neighbouring load.
     time_limit_s : float
         Of the processor; `_LEAST_S` where it is less.
+    sinks_once : bool
+        Whether steps from a start are tried, see `tried_step`: half of the work for a tolerance,
+        within which the edges of contacts are three times as far off.
 
     Raises
     ------
@@ -89,7 +94,8 @@ def press(
     if load_N is not None:
         refuse_to_crush(face, load_N)
         closing = GivenLoad(load_N / face.pixel_area_m2)
-    state, iterations = solve(face, closing, tolerance, start_Pa, end_s(time_limit_s))
+    until_s = end_s(time_limit_s)
+    state, iterations = solve(face, closing, tolerance, start_Pa, until_s, sinks_once)
     return certified(face, state, load_N, iterations)
 
 
@@ -163,6 +169,7 @@ def solve(
     tolerance: float,
     start_Pa: np.ndarray | None,
     until_s: float = np.inf,
+    sinks_once: bool = False,
 ) -> tuple[State, int]:
     """Return the state that fulfils the tolerance, and the number of steps on the finest grid.
 
@@ -176,7 +183,7 @@ def solve(
     if start_Pa is None or not start_Pa.any():
         state, iterations = _nested(face, closing, tolerance, until_s)
     else:
-        state, iterations = _iterate(face, start_Pa, closing, tolerance, until_s)
+        state, iterations = _iterate(face, start_Pa, closing, tolerance, until_s, sinks_once)
     if not state.fulfils(tolerance):
         raise ContactError(
             f"{face.name}: boundary elements did not converge in {iterations} iterations: "
@@ -252,7 +259,12 @@ def _patched(
 
 
 def _iterate(
-    face: ElasticFace, start_Pa: np.ndarray, closing: Closing, tolerance: float, until_s: float
+    face: ElasticFace,
+    start_Pa: np.ndarray,
+    closing: Closing,
+    tolerance: float,
+    until_s: float,
+    sinks_once: bool = False,
 ) -> tuple[State, int]:
     """Look at the whole face and take steps in turns; return the last state and the steps.
 
@@ -283,7 +295,8 @@ def _iterate(
         points = np.flatnonzero(may_touch)
         found = some_points(face, points)
         if found is None:
-            p, steps = _steps(face, state, u, closing, aim, left, until_s)
+            p, steps = _steps(face, state, u, closing, aim, left, until_s, sinks_once)
+            aim = 0.0  # most likely done
         else:
             few, change_error = found
             aim = max(tolerance / 2, change_error * off)
@@ -298,13 +311,13 @@ def _allowed(face: ElasticFace, start_Pa: np.ndarray, closing: Closing) -> np.nd
     """Return the pressures to begin with on the conditions of the closing."""
     p, hardness_Pa = start_Pa.copy(), face.hardness_Pa
     at = np.flatnonzero(p)
-    restored = _bounded(p.reshape(-1)[at], at, closing, hardness_Pa)
+    restored = bounded(p.reshape(-1)[at], at, closing, hardness_Pa)
     if restored is None:  # the start lies to one side of the resultant, or bears too little
         p = face.measured.astype(float)
         at = np.flatnonzero(p)
         if not np.isinf(hardness_Pa):
             p *= 1e-3 * hardness_Pa
-        restored = _bounded(p.reshape(-1)[at], at, closing, hardness_Pa)
+        restored = bounded(p.reshape(-1)[at], at, closing, hardness_Pa)
     p.reshape(-1)[at] = restored
     return p
 
@@ -317,6 +330,7 @@ def _steps(
     tolerance: float,
     numbers: range,
     until_s: float,
+    sinks_once: bool = False,
 ) -> tuple[np.ndarray, int]:
     """Take at least one step from a state and its sinking; return pressures, and the steps.
 
@@ -325,7 +339,7 @@ def _steps(
     """
     half_space, p = face.half_space, state.pressure_Pa
     residual, direction = np.zeros(face.shape), np.zeros(face.shape)
-    slope = 0.0  # r z of the last step; zero begins anew
+    slope, length = 0.0, 1.0  # r z of the last step: zero begins anew; as the rough inverse has it
     for steps in numbers:
         if process_time() > until_s:
             raise OutOfTimeError(
@@ -334,7 +348,7 @@ def _steps(
                 "more, or coarsen the map"
             )
         off_m = tolerance * state.approach_m
-        c = _moving(face, state, off_m)
+        c = moving(face, state, off_m)
         project = closing.projector(c)
         old_r, old_t = residual.reshape(-1)[c], direction.reshape(-1)[c]
         r = project(state.gap_m.reshape(-1)[c])
@@ -348,83 +362,15 @@ def _steps(
         direction.fill(0.0)
         direction.reshape(-1)[c] = t
         slope = new_slope
-        work, du = half_space.work(direction)
-        step = float(r @ t) / work if work > 0 else 0.0
-        stepped, cut = _stepped(p, c, t, step, closing, face.hardness_Pa)
-        u = u + (half_space.sinking_roughly_m(stepped - p) if cut or du is None else -step * du)
-        p = stepped
+        if sinks_once:
+            p, du, length = tried_step(face, state, c, t, length, closing)
+        else:
+            p, du = searched_step(face, state, c, direction, r, closing)
+        u = u + du
         state = _state(face, p, u, closing)
         if state.fulfils(tolerance) or state.touches_nowhere:
             return p, steps + 1
     return p, numbers.stop
-
-
-def _moving(face: ElasticFace, state: State, off_m: float) -> np.ndarray:
-    """Return the points whose pressure changes, as indices.
-
-    Those that penetrate join those under pressure; the step itself gives them theirs. Those at the
-    hardness rest until a gap opens.
-    """
-    moving = state.contact
-    if not np.isinf(face.hardness_Pa):
-        at_most = state.pressure_Pa.reshape(-1)[moving] >= face.hardness_Pa
-        moving = moving[~at_most | (state.gap_m.reshape(-1)[moving] > off_m)]
-    if state.least_gap * state.approach_m >= -off_m:
-        return moving
-    joins = (state.gap_m < -off_m) & face.measured
-    flat = joins.reshape(-1)
-    flat[state.contact] = False
-    flat[moving] = True
-    return np.flatnonzero(flat)
-
-
-def _stepped(
-    p: np.ndarray, c: np.ndarray, t: np.ndarray, step: float, closing: Closing, hardness_Pa: float
-) -> tuple[np.ndarray, bool]:
-    """Return the pressures after a step, and whether some would have left their bounds.
-
-    These are cut off, which moves load and moments; a step after which the pressures left cannot
-    be brought back onto them is halved.
-    """
-    while True:
-        p_c = p.reshape(-1)[c] - step * t
-        fresh = bool(p_c.min() < 0 or p_c.max() > hardness_Pa)
-        stepped = p.copy()
-        stepped.reshape(-1)[c] = np.maximum(p_c, 0.0)
-        if not fresh:
-            return stepped, False
-        under = np.flatnonzero(stepped > 0)
-        restored = _bounded(stepped.reshape(-1)[under], under, closing, hardness_Pa)
-        if restored is not None:
-            stepped.reshape(-1)[under] = restored
-            return stepped, True
-        step /= 2
-
-
-def _bounded(
-    pressure_Pa: np.ndarray, points: np.ndarray, closing: Closing, hardness_Pa: float
-) -> np.ndarray | None:
-    """Return pressures > 0, at most the hardness, moved onto load and moments; None if impossible.
-
-    What is at the hardness stays there, and the others carry the rest; some of them may get there.
-    """
-    if not len(points):
-        return pressure_Pa
-    if np.isinf(hardness_Pa):
-        return closing.restored(pressure_Pa, points)
-    p = np.minimum(pressure_Pa, hardness_Pa)
-    while True:
-        held = p >= hardness_Pa
-        rest = closing.less(p[held], points[held]) if held.any() else closing
-        if held.all() or rest is None:
-            return None
-        free = np.flatnonzero(~held)
-        restored = rest.restored(p[free], points[free])
-        if restored is None:
-            return None
-        p[free] = np.minimum(restored, hardness_Pa)
-        if (restored <= hardness_Pa).all():
-            return p
 
 
 def _state(face: ElasticFace, p: np.ndarray, u: np.ndarray, closing: Closing) -> State:

@@ -97,8 +97,13 @@ def press_balanced(
     refuse_to_crush(face, load_N)
     _refuse_to_tip_over(face, point_m)
     if stiffness == np.inf:
-        limits = {"tolerance": tolerance, "time_limit_s": time_limit_s}
-        return press(face, load_N=load_N, start_Pa=start_Pa, **limits)
+        return press(
+            face,
+            load_N=load_N,
+            tolerance=tolerance,
+            start_Pa=start_Pa,
+            time_limit_s=time_limit_s,
+        )
     base_rad = start_tilt_rad or _level(face)
     turned = _Turned(face.tilted(base_rad), load_N, tolerance, base_rad, end_s(time_limit_s))
     if stiffness == 0:
