@@ -23,6 +23,7 @@ _MOST_PIXELS = 6000  # 450 MB
 _FEW = 3000  # pixels of a matrix between what is left of a contact: 110 MB
 _LESS = 4  # times the work of a matrix, of what it takes the place of: to build it takes time, too
 _WORTH = 0.7  # of the work, that patches around what is left may be
+_QUICK = 2_000_000  # work of a sinking on patches that take the time of some dozens to be made anew
 _ROWS = 64  # of a matrix that are filled at once
 _LARGE = 50_000  # points of a map from which its changes are found apart
 _OfPoints: TypeAlias = "MatrixHalfSpace | GatheredHalfSpace | PatchedHalfSpace"
@@ -137,7 +138,8 @@ def fewer(face: PatchedFace, contact: np.ndarray) -> PatchedFace | None:
         The points that are left, growing.
     """
     half_space: _OfPoints | None
-    if isinstance(face.half_space, MatrixHalfSpace):
+    quick = isinstance(face.half_space, PatchedHalfSpace) and face.half_space.cost <= _QUICK
+    if isinstance(face.half_space, MatrixHalfSpace) or quick:
         half_space = face.half_space.part(contact)
     elif (
         face.refinement == 1
