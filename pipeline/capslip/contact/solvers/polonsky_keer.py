@@ -436,11 +436,8 @@ def _state(face: ElasticFace, p: np.ndarray, u: np.ndarray, closing: Closing) ->
     gaps_m = gap_m.reshape(-1)
     at_most = p_c >= face.hardness_Pa  # these have sunk as far as the plane wants
     all_at_most = contact.size > 0 and bool(at_most.all())
-    if all_at_most or not at_most.any():
-        plane = closing.plane(p_c, gaps_m[contact], contact)
-    else:
-        free = contact[~at_most]
-        plane = closing.plane(p_c[~at_most], gaps_m[free], free)
+    tells = slice(None) if all_at_most or not at_most.any() else ~at_most
+    plane = closing.plane(p_c[tells], gaps_m[contact[tells]], contact[tells])
     if all_at_most and not isinstance(closing, GivenApproach):
         plane[0] += _between(face, gap_m - closing.over(plane), contact)
     plane_m = closing.over(plane)

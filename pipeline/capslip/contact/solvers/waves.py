@@ -12,14 +12,14 @@ MOST_BY_PRODUCTS = 48  # points along a side, up to which no transform is faster
 
 
 @lru_cache(maxsize=256)
-def real_waves(n: int, period: int, dtype: type[np.floating]) -> np.ndarray:
+def real_waves(n: int, period: int, dtype: str) -> np.ndarray:
     """Return the real waves of a period at its first points, shape (period, n).
 
     The constant, then cosine and sine of each wave number; orthonormal over the whole period.
 
     Examples
     --------
-    >>> waves = real_waves(5, 5, np.float64)
+    >>> waves = real_waves(5, 5, "float64")
     >>> bool(np.allclose(waves @ waves.T, np.eye(5)))
     True
     """
@@ -66,7 +66,7 @@ def apart(maps: np.ndarray, period: tuple[int, int]) -> np.ndarray:
     period : (int, int)
         (py, px).
     """
-    (ny, nx), (py, px), dtype = maps.shape[1:], period, maps.dtype.type
+    (ny, nx), (py, px), dtype = maps.shape[1:], period, maps.dtype.char
     return np.asarray(real_waves(ny, py, dtype) @ (maps @ real_waves(nx, px, dtype).T))
 
 
@@ -79,5 +79,5 @@ def together(waves: np.ndarray, shape: tuple[int, int]) -> np.ndarray:
     >>> bool(np.allclose(together(apart(one, (4, 5)), (2, 3)), one))
     True
     """
-    (ny, nx), (py, px), dtype = shape, waves.shape[1:], waves.dtype.type
+    (ny, nx), (py, px), dtype = shape, waves.shape[1:], waves.dtype.char
     return np.asarray((real_waves(ny, py, dtype).T @ waves) @ real_waves(nx, px, dtype))
