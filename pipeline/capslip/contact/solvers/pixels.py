@@ -138,9 +138,9 @@ def fewer(face: PatchedFace, contact: np.ndarray) -> PatchedFace | None:
         The points that are left, growing.
     """
     half_space: _OfPoints | None
-    if isinstance(face.half_space, MatrixHalfSpace):
-        half_space = face.half_space.part(contact)
-    elif isinstance(face.half_space, PatchedHalfSpace) and face.half_space.cost <= _QUICK:
+    if isinstance(face.half_space, MatrixHalfSpace) or (
+        isinstance(face.half_space, PatchedHalfSpace) and face.half_space.cost <= _QUICK
+    ):
         half_space = face.half_space.part(contact)
     elif (
         face.refinement == 1
