@@ -138,9 +138,7 @@ def fewer(face: PatchedFace, contact: np.ndarray) -> PatchedFace | None:
         The points that are left, growing.
     """
     half_space: _OfPoints | None
-    if isinstance(face.half_space, MatrixHalfSpace) or (
-        isinstance(face.half_space, PatchedHalfSpace) and face.half_space.cost <= _QUICK
-    ):
+    if isinstance(face.half_space, MatrixHalfSpace):
         half_space = face.half_space.part(contact)
     elif (
         face.refinement == 1
@@ -148,6 +146,8 @@ def fewer(face: PatchedFace, contact: np.ndarray) -> PatchedFace | None:
         and _LESS * len(contact) ** 2 <= face.half_space.cost
     ):
         half_space = _matrix_of(face, face.parent[contact], face.map_shape)
+    elif isinstance(face.half_space, PatchedHalfSpace) and face.half_space.cost <= _QUICK:
+        half_space = face.half_space.part(contact)
     else:
         half_space = _around(face, contact)
     return None if half_space is None else _alone(face, contact, half_space)
