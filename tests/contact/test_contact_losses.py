@@ -43,6 +43,24 @@ def test_contacts_in_closed_form(depth, within):
     assert np.interp(least, x, drop) == pytest.approx(caps(depth, least)[0], rel=0.01)
 
 
+@pytest.mark.parametrize("rows", [3, 4, 5, 9])
+def test_what_is_left_out_is_read_off_a_monotone_cubic_through_its_neighbours(rows):
+    from scipy.interpolate import PchipInterpolator
+
+    rng = np.random.default_rng(rows)
+    x = np.cumsum(rng.uniform(0.1, 2.0, rows))
+    # Growing, of any sign, and with steps of none, where slopes are zero
+    y = np.cumsum(rng.random((rows, 2, 5)), axis=0)
+    for values in (y, rng.standard_normal(y.shape), np.round(y), y[:, 0, 0]):
+        expected = []
+        for k in range(2, rows - 1):
+            others = [i for i in range(k - 2, min(k + 3, rows)) if i != k]
+            expected.append(PchipInterpolator(x[others], values[others])(x[k]))
+        found = left_out(x, values)
+        assert found.shape == (max(rows - 3, 0), *values.shape[1:])
+        np.testing.assert_allclose(found, np.reshape(expected, found.shape), rtol=1e-12, atol=1e-14)
+
+
 def test_a_steep_begin_leaves_the_other_loads():
     """Of a loss that rounding hides at the first load, all else is as it was."""
     drop, loss = caps([0.0], X)

@@ -15,6 +15,7 @@ from capslip.contact.solvers.half_space import (
     love_kernel_at,
     padded_shape,
 )
+from capslip.contact.solvers.patched_half_space import PatchedHalfSpace, node_counts
 from capslip.contact.solvers.patches import patched
 from capslip.contact.solvers.path import Path
 from capslip.contact.solvers.polonsky_keer import elastic_face, press
@@ -89,6 +90,24 @@ def test_sinking_on_patches_is_that_of_the_map(seed):
     assert one @ patches.half_space.sinking_m(other) == pytest.approx(other @ found_m, rel=1e-9)
     # Nothing is lost, nothing counts twice.
     assert np.array_equal(patches.spread(one), pressure_Pa)
+
+
+@pytest.mark.parametrize("side", [(1, 1), (7, 4), (20, 31), (48, 30), (49, 30), (90, 64)])
+def test_sinking_on_one_patch_is_the_sum_over_its_points(side):
+    """By products of matrices where it is small, by transforms where not."""
+    ny, nx = side
+    boxes, sizes_m = np.array([[5, 3, 5 + ny, 3 + nx]]), (1e-4, 1.2e-4)
+    patch = PatchedHalfSpace(boxes, node_counts(boxes), sizes_m, E)
+    pressure_Pa = np.random.default_rng(1).random(side)
+    kernel, (i, j) = love_kernel(side, sizes_m, E), np.indices(side)
+    at = np.random.default_rng(2).integers((ny, nx), size=(5, 2))
+    expected_m = [(kernel[np.abs(i - y), np.abs(j - x)] * pressure_Pa).sum() for y, x in at]
+    found = [
+        one(pressure_Pa.reshape(-1)).reshape(side)[tuple(at.T)]
+        for one in (patch.sinking_m, patch.sinking_roughly_m)
+    ]
+    assert found[0] == pytest.approx(expected_m, rel=1e-12)
+    assert found[1] == pytest.approx(expected_m, rel=1e-5)
 
 
 def test_places_of_the_points_are_those_of_the_map():

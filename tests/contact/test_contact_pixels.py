@@ -147,6 +147,7 @@ def test_fewer_points_sink_as_all_of_them(rough, kind, monkeypatch):
         patches = patched(rough, contact, 2 if "refined" in kind else 1)
         whole = in_contact_alone(patches, patches.gathered(contact.astype(float)))
         monkeypatch.setattr(pixels, "_FEW", 0)
+        monkeypatch.setattr(pixels, "_QUICK", 0)
     x_m, y_m = whole.places_m
     left = np.flatnonzero(np.hypot(x_m - 320e-6, y_m - 145e-6) + 1e-6 * np.sin(1e9 * x_m) < 25e-6)
     few = fewer(whole, left)
@@ -159,6 +160,21 @@ def test_fewer_points_sink_as_all_of_them(rough, kind, monkeypatch):
     np.testing.assert_allclose(roughly_m, expected_m, rtol=1e-5)
     for found, given in zip(few.places_m, whole.places_m, strict=True):
         assert np.array_equal(found, given[left])
+
+
+def test_small_patches_stay_as_they_are_around_fewer_points(rough):
+    contact = np.zeros(rough.shape, dtype=bool)
+    contact[60:75, 90:110] = True
+    patches = patched(rough, contact, 2)
+    whole = in_contact_alone(patches, patches.gathered(contact.astype(float)))
+    left = np.arange(0, whole.depth_m.size, 7)
+    few = fewer(whole, left)
+    assert few.half_space.cost == whole.half_space.cost
+    pressure_Pa = np.zeros(whole.shape)
+    pressure_Pa[left] = np.random.default_rng(4).random(len(left))
+    expected_m = whole.half_space.sinking_m(pressure_Pa)[left]
+    np.testing.assert_allclose(few.half_space.sinking_m(pressure_Pa[left]), expected_m, rtol=1e-12)
+    assert np.array_equal(few.depth_m, whole.depth_m[left])
 
 
 def test_loads_that_fewer_points_carry_are_those_of_all(rough, pressed, monkeypatch):

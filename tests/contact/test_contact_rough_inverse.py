@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from capslip.contact.solvers import pixels
+from capslip.contact.solvers import pixels, rough_inverse
 from capslip.contact.solvers.half_space import ChangedHalfSpace, HalfSpace, love_kernel
 from capslip.contact.solvers.patches import PatchedFace, patched
 from capslip.contact.solvers.pixels import around_contact, in_contact_alone
@@ -38,6 +38,14 @@ def test_the_rough_inverse_is_symmetric_and_positive(share):
     scale = np.abs(inverse).max()
     np.testing.assert_allclose(inverse, inverse.T, atol=1e-5 * scale)
     assert np.linalg.eigvalsh(inverse + inverse.T).min() > 0.0
+
+
+@pytest.mark.parametrize("share", [0.3, 1.0])
+def test_products_of_matrices_invert_as_transforms_do(share, monkeypatch):
+    points = some_points(share)
+    found = inverse_on(points)
+    monkeypatch.setattr(rough_inverse, "MOST_BY_PRODUCTS", 0)
+    np.testing.assert_allclose(inverse_on(points), found, atol=1e-5 * np.abs(found).max())
 
 
 @pytest.mark.parametrize(("share", "most"), [(0.05, 2.5), (0.3, 5.0), (1.0, 3.0)])

@@ -11,7 +11,8 @@ from capslip.contact.solvers.rough_inverse import RoughInverse, quick_shape
 POINT_COST = 400  # of a transform, in products of two numbers
 _WORKERS = 1
 _FAR = 60  # pixels
-_COLUMNS = 64  # transformed at once along y: what fits into the cache
+_AT_ONCE = 100_000  # points of columns that are transformed at once along y: what fits the cache
+_COLUMNS = 64  # that are in any case
 _REPEATS = 1.125  # sides of a map after which changes of its pressures repeat
 _BLOCK = 8  # pixels along the side of those between which that is mended
 
@@ -135,8 +136,9 @@ def _convolved(
     rows = fft.rfft(pressure_Pa, n=px, axis=1, workers=_WORKERS)
     # Along y, the columns are padded, multiplied and cropped a few at a time: half of the
     # time and of the memory of one large transform.
-    for first in range(0, rows.shape[1], _COLUMNS):
-        block = np.s_[:, first : first + _COLUMNS]
+    at_once = max(_COLUMNS, _AT_ONCE // py)
+    for first in range(0, rows.shape[1], at_once):
+        block = np.s_[:, first : first + at_once]
         columns = fft.fft(rows[block], n=py, axis=0, workers=_WORKERS)
         columns *= spectrum[block]
         columns = fft.ifft(columns, axis=0, workers=_WORKERS, overwrite_x=True)
@@ -153,9 +155,9 @@ def _work(pressure_Pa: np.ndarray, spectrum: np.ndarray, padded: tuple[int, int]
     from scipy import fft
 
     rows = fft.rfft(pressure_Pa, n=padded[1], axis=1, workers=_WORKERS)
-    work = 0.0
-    for first in range(0, rows.shape[1], _COLUMNS):
-        block = np.s_[:, first : first + _COLUMNS]
+    work, at_once = 0.0, max(_COLUMNS, _AT_ONCE // padded[0])
+    for first in range(0, rows.shape[1], at_once):
+        block = np.s_[:, first : first + at_once]
         columns = fft.fft(rows[block], n=padded[0], axis=0, workers=_WORKERS)
         work += work_of(columns, spectrum[block], padded, first)
     return work

@@ -72,8 +72,9 @@ def _pixels_around(path: Path) -> tuple[np.ndarray, np.ndarray]:
     for i, j in product(range(-1, 3), repeat=2):
         pixel.append(np.clip(up + i, 0, ny - 1) * nx + np.clip(right + j, 0, nx - 1))
         part.append(_cubic(row - up - i) * _cubic(col - right - j))
-    _, known = np.unique(np.array(pixel), return_inverse=True)
-    return known.reshape(16, -1), np.array(part)
+    pixels, seen = np.array(pixel), np.zeros(ny * nx, dtype=bool)
+    seen[pixels] = True
+    return (np.cumsum(seen) - 1)[pixels], np.array(part)
 
 
 def _cubic(apart: np.ndarray) -> np.ndarray:

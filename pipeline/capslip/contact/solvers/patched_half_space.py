@@ -22,6 +22,7 @@ from capslip.contact.solvers.half_space import (
     padded_shape,
 )
 from capslip.contact.solvers.rough_inverse import RoughInverse, by_shape, quick_shape
+from capslip.contact.solvers.waves import MOST_BY_PRODUCTS, apart, of_real_waves, together
 
 KERNEL_ERROR = 1e-6  # aimed at between patches, relative
 _AT_ONCE = 25_000  # points transformed together: what stays in the cache
@@ -64,12 +65,8 @@ class PatchedHalfSpace:
         groups, order = [], []
         shapes = [_array_shape(*side) for side in sides.tolist()]
         for shape, members in by_shape(shapes).items():
-            spectrum = even_spectrum(
-                love_kernel(shape, pixel_size_m, E_star_Pa), padded_shape(shape)
-            )
-            groups.append(
-                _Group.of(self._n_places, shape, spectrum, sides[members], counts[members])
-            )
+            kernel = love_kernel(shape, pixel_size_m, E_star_Pa)
+            groups.append(_Group.of(self._n_places, kernel, sides[members], counts[members]))
             order += members
             for k in members:
                 row, column = (np.arange(n) for n in sides[k])
@@ -197,7 +194,8 @@ class _Group:
     places: slice
     shape: tuple[int, int, int]  # (m, ny, nx) of m patches
     padded: tuple[int, int]
-    spectrum: np.ndarray
+    spectrum: np.ndarray  # over waves of a transform, or of `real_waves` where these are quicker
+    by_products: bool
     y: np.ndarray  # (m, ny, k), the values of the polynomials of nodes at the rows of each patch
     x: np.ndarray  # (m, nx, l)
     nodes: np.ndarray  # those that a patch has among (m, k, l), as indices
@@ -206,12 +204,15 @@ class _Group:
     def of(
         cls,
         first: int,
-        shape: tuple[int, int],
-        spectrum: np.ndarray,
+        kernel: np.ndarray,
         sides: np.ndarray,
         counts: np.ndarray,
     ) -> "_Group":
-        """Return patches of these sides, with as many nodes along them, both of shape (m, 2)."""
+        """Return patches of these sides, with as many nodes along them, both of shape (m, 2).
+
+        The kernel is `love_kernel` of an array that holds any of them.
+        """
+        shape = kernel.shape[0], kernel.shape[1]
         m, most = len(sides), counts.max(axis=0)
         y, x = (np.zeros((m, n, k)) for n, k in zip(shape, most, strict=True))
         for one_y, one_x, (ny, nx), (ky, kx) in zip(y, x, sides, counts, strict=True):
@@ -219,7 +220,12 @@ class _Group:
         own = np.arange(most[0])[:, None] < counts[:, 0, None, None]
         nodes = np.flatnonzero(own & (np.arange(most[1]) < counts[:, 1, None, None]))
         places = slice(first, first + m * math.prod(shape))
-        return cls(places, (m, *shape), padded_shape(shape), spectrum, y, x, nodes)
+        by_products = max(shape) <= MOST_BY_PRODUCTS
+        padded = (2 * shape[0] - 1, 2 * shape[1] - 1) if by_products else padded_shape(shape)
+        spectrum = even_spectrum(kernel, padded)
+        if by_products:
+            spectrum = of_real_waves(spectrum, padded)
+        return cls(places, (m, *shape), padded, spectrum, by_products, y, x, nodes)
 
     def roughly(self) -> "_Group":
         """Return the same in single precision."""
@@ -235,6 +241,11 @@ class _Group:
         at_once = max(1, _AT_ONCE // math.prod(self.shape[1:]))
         for begin in range(0, len(array), at_once):
             some = slice(begin, begin + at_once)
+            if self.by_products:
+                waves = apart(array[some], padded)
+                waves *= self.spectrum
+                out[some] = together(waves, self.shape[1:])
+                continue
             rows = fft.rfft(array[some], n=padded[1], axis=2)
             waves = fft.fft(rows, n=padded[0], axis=1)
             waves *= self.spectrum

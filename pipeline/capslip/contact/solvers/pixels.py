@@ -25,6 +25,7 @@ _LESS = 4  # times the work of a matrix, of what it takes the place of: to build
 _WORTH = 0.7  # of the work, that patches around what is left may be
 SINGLE = 1e-6  # tolerance from which kernels in single precision do
 _SUMMED = 256  # of its columns are summed at once
+_QUICK = 2_000_000  # work of a sinking on patches that take the time of some dozens to be made anew
 _ROWS = 64  # of a matrix that are filled at once
 _LARGE = 50_000  # points of a map from which its changes are found apart
 _OfPoints: TypeAlias = "MatrixHalfSpace | GatheredHalfSpace | PatchedHalfSpace"
@@ -153,6 +154,8 @@ def fewer(face: PatchedFace, contact: np.ndarray) -> PatchedFace | None:
         and _LESS * len(contact) ** 2 <= face.half_space.cost
     ):
         half_space = _matrix_of(face, face.parent[contact], face.map_shape)
+    elif isinstance(face.half_space, PatchedHalfSpace) and face.half_space.cost <= _QUICK:
+        half_space = face.half_space.part(contact)
     else:
         half_space = _around(face, contact)
     return None if half_space is None else _alone(face, contact, half_space)

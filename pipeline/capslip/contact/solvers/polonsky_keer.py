@@ -296,7 +296,7 @@ def _iterate(
         found = some_points(face, points)
         if found is None:
             p, steps = _steps(face, state, u, closing, aim, left, until_s, sinks_once)
-            aim = 0.0  # most likely done
+            aim = 0.0  # steps that are as rough as a rough look have fulfilled the tolerance
         else:
             few, change_error = found
             aim = max(tolerance / 2, change_error * off)
@@ -379,10 +379,11 @@ def _state(face: ElasticFace, p: np.ndarray, u: np.ndarray, closing: Closing) ->
     p_c = p.reshape(-1)[contact]
     gap_m = u + face.depth_m
     gaps_m = gap_m.reshape(-1)
-    free = p_c < face.hardness_Pa  # the others have sunk as far as the plane wants
-    on = free if free.any() else np.ones_like(free)
-    plane = closing.plane(p_c[on], gaps_m[contact[on]], contact[on])
-    if contact.size and not free.any() and not isinstance(closing, GivenApproach):
+    at_most = p_c >= face.hardness_Pa  # these have sunk as far as the plane wants
+    all_at_most = contact.size > 0 and bool(at_most.all())
+    tells = slice(None) if all_at_most or not at_most.any() else ~at_most
+    plane = closing.plane(p_c[tells], gaps_m[contact[tells]], contact[tells])
+    if all_at_most and not isinstance(closing, GivenApproach):
         plane[0] += _between(face, gap_m - closing.over(plane), contact)
     plane_m = closing.over(plane)
     gap_m -= plane_m
@@ -391,12 +392,15 @@ def _state(face: ElasticFace, p: np.ndarray, u: np.ndarray, closing: Closing) ->
         d = float(np.max(plane_m - face.depth_m, where=face.measured, initial=-np.inf))
     off_m = gaps_m[contact]
     # Set aside for the moment, which is faster than a mask
-    aside = np.concatenate((contact, face.unmeasured))
-    kept_m = gaps_m[aside]
-    gaps_m[aside] = np.inf
+    gaps_m[contact] = np.inf
+    if face.unmeasured.size:
+        kept_m = gaps_m[face.unmeasured]
+        gaps_m[face.unmeasured] = np.inf
     least_gap = float(gaps_m.min()) / d
-    gaps_m[aside] = kept_m
-    off_m = np.where(free, np.abs(off_m), np.maximum(off_m, 0.0))
+    if face.unmeasured.size:
+        gaps_m[face.unmeasured] = kept_m
+    gaps_m[contact] = off_m
+    off_m = np.where(at_most, np.maximum(off_m, 0.0), np.abs(off_m))
     off = float(p_c @ off_m / p_c.sum()) / d if contact.size else np.inf
     return State(p, gap_m, d, (float(plane[1]), float(plane[2])), contact, least_gap, off)
 

@@ -5,6 +5,8 @@ from copy import copy
 
 import numpy as np
 
+from capslip.contact.solvers.waves import MOST_BY_PRODUCTS, apart, of_real_waves, together
+
 _CALL = 1500  # points that are transformed in the time that it takes to ask for another transform
 _DENSE = 2 / 3  # of a block, from which on contact has no gaps
 
@@ -89,6 +91,8 @@ class _Blocks:
                 self.of_point[points] = (self.count + row * shape[1] + column).reshape(-1)
                 self.count += shape[0] * shape[1]
             spectrum = (2 / E_star_Pa / wave_numbers_per_m(shape, size_m)).astype(np.float32)
+            if max(shape) <= MOST_BY_PRODUCTS:
+                spectrum = of_real_waves(spectrum, shape)
             self._stacks.append((slice(first, self.count), (len(members), *shape), spectrum))
 
     def part(self, points: np.ndarray) -> "_Blocks":
@@ -102,9 +106,14 @@ class _Blocks:
         from scipy import fft
 
         for part, stack, spectrum in self._stacks:
-            waves = fft.rfft2(values[part].reshape(stack))
+            maps, by_products = values[part].reshape(stack), max(stack[1:]) <= MOST_BY_PRODUCTS
+            waves = apart(maps, stack[1:]) if by_products else fft.rfft2(maps)
             waves /= np.float32(alone_m_per_Pa) + np.float32(share) * spectrum
-            values[part] = fft.irfft2(waves, s=stack[1:], overwrite_x=True).reshape(-1)
+            if by_products:
+                maps = together(waves, stack[1:])
+            else:
+                maps = fft.irfft2(waves, s=stack[1:], overwrite_x=True)
+            values[part] = maps.reshape(-1)
 
 
 def by_shape(shapes: list[tuple[int, int]]) -> dict[tuple[int, int], list[int]]:
