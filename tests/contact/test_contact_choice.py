@@ -97,8 +97,10 @@ LIGHT = [
 
 
 def test_a_rung_whose_approach_alone_is_beyond_the_tolerance_is_not_taken():
-    """Equal spheres share a light load equally; the approach counts from the highest, which bears
-    more: stiffness and energies do not tell them apart."""
+    """Stiffness and energies do not tell equal spheres, which share a light load equally, apart.
+
+    The approach counts from the highest, which bears more.
+    """
     given = scene(LIGHT, preload_N=1.0)
     choice, settings = choose_model(*given), given[-1]
     pressed = Scene.of(*given[:3], settings, given[0].usable)
