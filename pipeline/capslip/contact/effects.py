@@ -120,8 +120,8 @@ def with_effects(
     limits = {code: math.inf if code in errors else tolerance for code in how}
     return [
         _as_severe(
-            *(one, effects.get(one.code), least_share),
-            *(limits[one.code], how[one.code], conditioned, caps),
+            *(one, effects.get(one.code), least_share, limits[one.code]),
+            *(how[one.code], conditioned, caps),
         )
         if _is_asked(one, conditioned, filled_m)
         else one
