@@ -14,7 +14,7 @@ from capslip.caps.table import CapFlag
 from capslip.contact.accuracy import LEAST_ERROR
 from capslip.contact.bulk import without_bulk
 from capslip.contact.certificate import unmodelled_area_m2
-from capslip.contact.choice import boundary_elements_s, choose_model
+from capslip.contact.choice import boundary_elements_s, choose_model, estimate_error
 from capslip.contact.material import composite
 from capslip.contact.models.caps import caps as caps_curve
 from capslip.contact.models.interacting import interacting
@@ -86,6 +86,39 @@ def test_the_chosen_rung_is_within_its_estimate_and_no_lower_one_promises_as_muc
     assert error <= choice.estimated_error <= tolerance
     lower = RUNGS[: RUNGS.index(choice.model)]
     assert all(choice.estimates[model] > tolerance for model in lower)
+
+
+# Ten equal spheres whose peaks differ by a tenth of what 1 N compresses them
+LIGHT = [
+    (0.006 + 0.012 * i, 0.010 + 0.020 * j, 15.0, 0.5e-6 + 0.3e-9 * ((3 * i + 5 * j) % 5 - 2) / 2)
+    for i in range(5)
+    for j in range(2)
+]
+
+
+def test_a_rung_whose_approach_alone_is_beyond_the_tolerance_is_not_taken():
+    """Stiffness and energies do not tell equal spheres, which share a light load equally, apart.
+
+    The approach counts from the highest, which bears more.
+    """
+    given = scene(LIGHT, preload_N=1.0)
+    choice, settings = choose_model(*given), given[-1]
+    pressed = Scene.of(*given[:3], settings, given[0].usable)
+    approach_m = {
+        rung.name: float(rung.build(pressed).approach_m(1.0)) for rung in ladder() if rung.automatic
+    }
+    assert choice.estimates["families"] < 0.04  # of stiffness and energies
+    assert approach_m["families"] < 0.94 * approach_m["interacting"]
+    assert choice.model not in ("families", "interacting")
+    assert approach_m[choice.model] == pytest.approx(approach_m["interacting"], rel=0.05)
+    forced = msgspec.structs.replace(settings.contact, model="families")
+    estimate, _, doubts = estimate_error(
+        *given[:-1], msgspec.structs.replace(settings, contact=forced)
+    )
+    assert estimate == choice.estimates["families"]
+    (doubt,) = doubts
+    assert doubt.code == "model_doubtful"
+    assert "in the approach" in doubt.message
 
 
 def test_a_dearer_rung_is_taken_as_the_tolerance_falls():

@@ -11,12 +11,28 @@ from capslip.contact.effects import _as_severe, _is_asked, _Moved, with_effects
 from capslip.errors import ContactError
 from capslip.problems import Problem
 from capslip.settings import load_settings
-from capslip.surface.heightmap import HeightMap
+from capslip.surface.heightmap import HeightMap, Tops
 
 BY_CAPS, BY_MAP = "estimated with the caps", "found on the map with fewer points"
 
 
-def face(removed=0, both_ways=False, n_lifted=0, tops_left=None, few=False, filled_m=None):
+CAP_M, CONTACT_M = 1e-3, 4e-4  # where two caps stand (x = y), and the contact of the first
+
+
+def caps(contact_m=CONTACT_M):
+    """Return two caps, of which the second is none that may carry."""
+    place_m = np.array([CAP_M, 2.0 * CAP_M])
+    usable, a_m = np.array([True, False]), np.array([contact_m, CONTACT_M])
+    return SimpleNamespace(x_m=place_m, y_m=place_m, usable=usable, contact_radius_m=a_m)
+
+
+def tops(radius_m, up_m=0.0, at_m=CAP_M):
+    """Return one top of a hill that was cut off, flat unless it stands up."""
+    one = (np.array([value]) for value in (at_m, at_m, radius_m, up_m, 1e-9, 1.0))
+    return Tops(*one, points=9)
+
+
+def face(removed=0, both_ways=False, n_lifted=0, tops=None, few=False, filled_m=None):
     """Return a face of which so many points were removed, and so on."""
     height_m = np.linspace(0.0, 1.0, 100).reshape(10, 10)
     return SimpleNamespace(
@@ -24,7 +40,7 @@ def face(removed=0, both_ways=False, n_lifted=0, tops_left=None, few=False, fill
         removed=SimpleNamespace(both_ways=both_ways, n_lifted=n_lifted),
         surface=SimpleNamespace(
             height_m=height_m,
-            tops=None if tops_left is None else SimpleNamespace(left=tops_left),
+            tops=tops,
             rounding=SimpleNamespace(step_m=1.0 if few else 1e-4),
             filling=None if filled_m is None else SimpleNamespace(error_m=filled_m),
         ),
@@ -46,7 +62,7 @@ def test_what_is_asked_for_begins_at_the_least_share():
 
 def severity(code, one, given="warning", conditioned=None, tolerance=0.05):
     problem = Problem(code, given, "it is so")
-    return _as_severe(problem, one, 0.25, tolerance, "so", conditioned or face()).severity
+    return _as_severe(problem, one, 0.25, tolerance, "so", conditioned or face(), caps()).severity
 
 
 def test_what_moves_more_than_the_tolerance_where_it_is_asked_is_a_warning():
@@ -67,18 +83,28 @@ def test_what_moves_more_than_the_tolerance_where_it_is_asked_is_a_warning():
     [
         ("outliers_removed", face(3), True),  # too many
         ("points_filled", face(), True),  # all too badly
-        ("clipped", face(tops_left=1), True),
-        ("clipped", face(tops_left=0), False),
+        ("clipped", face(tops=tops(1.01e-4)), True),
+        ("clipped", face(tops=tops(0.99e-4)), False),  # a quarter of the contact is 1e-4 m
+        ("clipped", face(tops=tops(0.99e-4, at_m=2.0 * CAP_M)), True),  # on no cap
+        ("clipped", face(tops=tops(1.01e-4, up_m=1e-9)), False),  # put back
         ("clipped", face(), False),
         ("heights_in_steps", face(few=True), True),
         ("heights_in_steps", face(), False),
-        ("seams", face(tops_left=1, few=True), False),
+        ("seams", face(tops=tops(1.01e-4), few=True), False),
     ],
 )
 def test_some_warnings_stay_whatever_they_move(code, conditioned, firm):
     assert severity(code, moved(), "warning", conditioned) == ("warning" if firm else "info")
     noted = firm and code in ("clipped", "heights_in_steps")
     assert severity(code, moved(), "info", conditioned) == ("warning" if noted else "info")
+
+
+@pytest.mark.parametrize("contact_m", [np.nan, 0.0])
+def test_a_flat_top_on_a_contact_that_is_not_known_may_hide_it(contact_m):
+    problem, narrow = Problem("clipped", "info", "it is so"), face(tops=tops(1e-6))
+    given = problem, moved(), 0.25, 0.05, "so", narrow
+    assert _as_severe(*given, caps()).severity == "info"
+    assert _as_severe(*given, caps(contact_m)).severity == "warning"
 
 
 def test_an_effect_that_nobody_knows_leaves_a_doubt_as_it_is_but_for_lifted_patches():
@@ -92,7 +118,7 @@ def test_a_message_tells_what_moves_and_where_it_is_less():
     problem = Problem("bow_left", "warning", "it is bowed")
 
     def told(one):
-        return _as_severe(problem, one, 0.25, 0.05, "so", face()).message
+        return _as_severe(problem, one, 0.25, 0.05, "so", face(), caps()).message
 
     begin = "it is bowed; that moves the stiffness by 1.0%, the energy by 30.0%"
     assert told(moved((0.3, 0.02, 0, 0), 0.01)) == (

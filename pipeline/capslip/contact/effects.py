@@ -21,7 +21,8 @@ from capslip.surface.doubts import VISIBLE_FORM
 from capslip.surface.filling import filled_from_fewer, standard_error
 from capslip.surface.flatness import bows_m
 from capslip.surface.form import level_and_straight, remove_form
-from capslip.surface.heightmap import HeightMap
+from capslip.surface.heightmap import HeightMap, Tops
+from capslip.surface.holes import HIDDEN
 from capslip.surface.interpolated import pixels_apart
 from capslip.surface.rounding import few_steps
 from capslip.surface.seams import find_seams, without_seams
@@ -119,8 +120,8 @@ def with_effects(
     limits = {code: math.inf if code in errors else tolerance for code in how}
     return [
         _as_severe(
-            *(one, effects.get(one.code), least_share),
-            *(limits[one.code], how[one.code], conditioned),
+            *(one, effects.get(one.code), least_share, limits[one.code]),
+            *(how[one.code], conditioned, caps),
         )
         if _is_asked(one, conditioned, filled_m)
         else one
@@ -244,18 +245,33 @@ def _is_asked(problem: Problem, conditioned: Conditioned, filled_m: float) -> bo
     return others and (problem.severity == "warning" or problem.code == "bow_left")
 
 
-def _is_firm(problem: Problem, conditioned: Conditioned) -> bool:
+def _is_firm(problem: Problem, conditioned: Conditioned, caps: CapTable) -> bool:
     """Tell whether a warning stays one whatever it does.
 
     Too many outliers; points filled all too badly; tops that stay flat, over which anything may
     have stood; steps of which a hill shows too few.
     """
-    tops = conditioned.surface.tops
     return (
         (problem.code in FIRM and problem.severity == "warning")
-        or (problem.code == "clipped" and tops is not None and tops.left > 0)
+        or (problem.code == "clipped" and _flat_tops_hide(conditioned.surface.tops, caps))
         or (problem.code == "heights_in_steps" and few_steps(conditioned.surface))
     )
+
+
+def _flat_tops_hide(tops: Tops | None, caps: CapTable) -> bool:
+    """Tell whether tops that stay flat hide a part of the contact, as holes of that size would.
+
+    Not one that is no wider than a quarter of the contact of its cap. Of a contact that is not
+    known, or of a top without a cap, nobody knows.
+    """
+    if tops is None:
+        return False
+    flat = tops.up_m == 0.0
+    for x_m, y_m, radius_m in zip(tops.x_m[flat], tops.y_m[flat], tops.radius_m[flat], strict=True):
+        own = caps.usable & (np.hypot(caps.x_m - x_m, caps.y_m - y_m) <= radius_m)
+        if not (radius_m <= HIDDEN * caps.contact_radius_m[own]).any():
+            return True
+    return False
 
 
 def _as_severe(
@@ -265,12 +281,13 @@ def _as_severe(
     tolerance: float,
     how: str,
     conditioned: Conditioned,
+    caps: CapTable,
 ) -> Problem:
     """Return a problem with its effect, and as severe as that unless it is a firm warning.
 
     Patches that were lifted are a warning where nobody knows what they move, too.
     """
-    firm = _is_firm(problem, conditioned)
+    firm = _is_firm(problem, conditioned, caps)
     unknown_matters = problem.code == "outliers_removed" and conditioned.removed.n_lifted > 0
     if moved is None:
         return replace(problem, severity="warning") if unknown_matters else problem

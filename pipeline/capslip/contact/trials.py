@@ -219,15 +219,17 @@ class Trials:
     def _with_other_tops(self) -> Iterator[CapTable]:
         """Return caps whose tops were cut off, moved by their standard errors.
 
-        A top that is higher is sharper, too: the flanks hold its rim.
+        A top that is higher is sharper, too: the flanks hold its rim. Beside it the hill is that of
+        the fit, so its radius counts for the share of the contact, or of what was fitted if that is
+        less, see `_share_of_tops`.
         """
         tops, caps = self.face.surface.tops, self.caps
         if tops is None or tops.x_m.size == 0:
             raise ContactError("nobody knows which tops were cut off")
-        height_se_m, log_radius_se, _ = tops.errors_at(caps.x_m, caps.y_m)
+        height_se_m, log_radius_se, area_m2 = tops.errors_at(caps.x_m, caps.y_m)
         if not height_se_m[caps.usable].any():
             raise ContactError("no cap stands where tops were cut off")
-        yield from _moved(caps, height_se_m, log_radius_se)
+        yield from _moved(caps, height_se_m, log_radius_se * _share_of_tops(caps, area_m2))
 
     def _with_rounding(self) -> Iterator[CapTable]:
         """Return caps whose heights are moved by the error of rounding, each for itself.
@@ -334,6 +336,21 @@ def _moved(
             peak_height_m=caps.peak_height_m + sign * height_m,
             radius_m=caps.radius_m * np.exp(-sign * log_radius),
         )
+
+
+def _share_of_tops(caps: CapTable, area_m2: np.ndarray) -> np.ndarray:
+    """Return the share that tops have of the contacts of caps, or of what these were fitted to.
+
+    The greater of both, one where there is no contact: an upper bound for a top of radius b in a
+    contact of radius a. Curved more by the share e it is e (b^2 - r^2) / 2R higher, as much as a
+    cap that is all curved more by e (3/8) (b/a)^4, b << a, by the mean under a flat punch. A sphere
+    fitted to depths that are spread evenly takes e s^2 (3 - 2 s) of a share s of the points.
+    """
+    fitted_m2 = 2.0 * np.pi * caps.radius_m * caps.fit_depth_m
+    whole_m2 = np.fmin(np.pi * np.square(caps.contact_radius_m), fitted_m2)
+    known = np.isfinite(caps.contact_radius_m) & (whole_m2 > 0.0)
+    share = np.divide(area_m2, whole_m2, out=np.ones_like(area_m2), where=known)
+    return np.minimum(share, 1.0)
 
 
 def _load_seen(x_m: np.ndarray, y_m: np.ndarray, a_m: np.ndarray, surface: HeightMap) -> np.ndarray:
