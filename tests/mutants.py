@@ -207,7 +207,10 @@ TABLE = [
     ),
     (
         ("output/lead.py", "output/methods.py"),
-        ("tests/test_verdict.py", "tests/output/test_*report*.py"),
+        (
+            *("tests/output/test_*{stem}.py", "tests/test_verdict.py"),
+            "tests/output/test_*report*.py",
+        ),
     ),
     (
         ("output/figures*.py", "output/canvas.py"),
