@@ -154,6 +154,25 @@ def test_slopes_are_sampled_on_a_hundred_lines_and_need_no_measured_point():
     assert problems_of_map(HeightMap(lost, (1e-6, 1e-6)), 1e-5, 2e-6) == ()
 
 
+@pytest.mark.parametrize(
+    ("of_limit", "steep_top", "severity"),
+    [(0.99, False, "info"), (1.01, False, "warning"), (0.99, True, "warning")],
+)
+def test_walls_are_noted_where_the_face_is_touched_on_gentle_slopes(of_limit, steep_top, severity):
+    """Ninety columns of a deep zigzag, and a ramp on which a quarter of its rms slope is left."""
+    n_y, n_x, n_top, step = 50, 100, 10, 4.0
+    n_all, n_of_top = n_y * (n_x - 1) + n_x * (n_y - 1), n_y * (n_top - 1) + n_top * (n_y - 1)
+    along_ramp = n_y * (n_top - 1)
+    walls = n_y * (n_x - n_top) * step**2 / n_all  # in the mean square slope
+    limit = np.sqrt(walls / (along_ramp / n_of_top / 0.25**2 - along_ramp / n_all))
+    ramp = 1.5 * (np.arange(n_top) > 4) if steep_top else of_limit * limit * np.arange(n_top)
+    columns = np.append(step * (np.arange(n_x - n_top) % 2 - 2.0), ramp)
+    height_m = 1e-6 * np.tile(columns, (n_y, 1))
+    found = problems_of_map(HeightMap(height_m, (1e-6, 1e-6)), 1e-5, 2e-5)
+    assert codes(found) == {"slope_suspect": severity}
+    assert ("deep walls" in found[0].message) == (severity == "info")
+
+
 FLAT = np.zeros((10, 20))
 
 
