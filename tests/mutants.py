@@ -269,7 +269,10 @@ TABLE = [
             "tests/test_python_api.py",
         ),
     ),
-    (("batch.py",), ("tests/command_line/test_cli_batch.py",)),
+    (
+        ("batch.py",),
+        ("tests/command_line/test_batch_parts.py", "tests/command_line/test_cli_batch.py"),
+    ),
     (("sources.py",), ("tests/command_line/test_cli_fleet.py",)),
     (
         ("workers.py",),
@@ -282,8 +285,9 @@ TABLE = [
     (
         ("cli.py", "options.py"),
         (
-            *("tests/command_line/test_cli_small.py", "tests/command_line/test_cli_errors.py"),
-            *("tests/command_line/test_cli_models.py", "tests/command_line/test_cli_analyze.py"),
+            *("tests/command_line/test_batch_parts.py", "tests/command_line/test_cli_small.py"),
+            *("tests/command_line/test_cli_errors.py", "tests/command_line/test_cli_models.py"),
+            "tests/command_line/test_cli_analyze.py",
         ),
     ),
     (("*.py",), ("tests/test_{stem}.py",)),
