@@ -3,7 +3,7 @@
 import json
 import os
 import threading
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from pathlib import Path
 
 import pytest
@@ -13,6 +13,7 @@ from click.testing import CliRunner
 from capslip import batch
 from capslip.batch import LOST, Options, _Found, run_batch
 from capslip.cli import main
+from capslip.errors import OutputError
 from capslip.output.overview import COLUMNS
 from capslip.settings import load_settings
 from capslip.sources import Scan
@@ -106,6 +107,7 @@ def scans_of(folder, n):
 
 def quick(scan, home, command, again):
     """Stand for an analysis."""
+    assert (home.name, command, again) == (scan.name, None, False)
     return {"status": "failed" if scan.name in ("s1", "s2") else "ok", "error": None}
 
 
@@ -276,3 +278,79 @@ def test_a_row_is_of_its_scan_and_names_a_folder_where_there_is_a_result(scan):
     of_result = batch._row(scan, CHECK | {"scan": "old name", "caps": 3})
     assert of_result == dict.fromkeys(COLUMNS) | CHECK | known | {"caps": 3, "folder": "scans/a"}
     assert batch._row(scan, FAILED) == dict.fromkeys(COLUMNS) | FAILED | known
+
+
+@pytest.mark.usefixtures("here")
+def test_who_analyses_is_told_the_command_and_whether_to_repeat(tmp_path):
+    asked = []
+
+    def work(scan, home, command, again):
+        asked.append((scan.name, home, command, again))
+        return {"status": "ok"}
+
+    sources, out = scans_of(tmp_path / "in", 2), tmp_path / "out"
+    failed = Scan(tmp_path / "in" / "s1.h5", SETTINGS, name="s1")
+    batch._fail(failed, out / "scans" / "s1", "write", "disk full")
+    run_batch(sources, out, SETTINGS, lambda _: None, "capslip batch x", work=work)
+    homes = [out.absolute() / "scans" / name for name in ("s0", "s1")]
+    again = ("s1", homes[1], "capslip batch x", True)  # as it was not taken for done
+    assert sorted(asked) == [("s0", homes[0], "capslip batch x", False), again]
+
+
+def test_what_would_be_done_is_looked_for_some_at_a_time_and_in_order(tmp_path, monkeypatch):
+    monkeypatch.setattr(batch, "AHEAD", 2)
+    sources, out = scans_of(tmp_path / "in", 5), tmp_path / "out"
+    options = Options(look="dry_run")
+    rows = run_batch(sources, out, SETTINGS, lambda _: None, options=options, work=None)
+    assert [(row["scan"], row["status"]) for row in rows] == [(f"s{i}", "to do") for i in range(5)]
+    assert not out.exists()
+
+
+def test_a_foreign_folder_is_refused_before_it_is_looked_at(tmp_path):
+    (tmp_path / "out").mkdir()
+    (tmp_path / "out" / "thesis.tex").touch()
+    sources, options = scans_of(tmp_path / "in", 1), Options(look="dry_run")
+    with pytest.raises(OutputError, match=r"thesis\.tex, which no batch wrote"):
+        run_batch(sources, tmp_path / "out", SETTINGS, print, options=options, work=None)
+
+
+RESULT = {"status": "ok", "problems": [], "provenance": {"command": "capslip batch x"}}
+FAILURE = {"stage": "analyse", "message": "torn", "limits": asdict(NO_LIMITS)}
+
+
+@pytest.mark.parametrize(
+    ("there", "failure", "whole", "again", "found"),
+    [
+        ({}, None, True, False, _Found(OK)),
+        ({}, None, True, True, _Found(OK)),  # which did not fail
+        ({"status": "failed"}, None, True, False, _Found(FAILED)),
+        ({"status": "failed"}, None, True, True, _Found(None, (), "capslip batch x")),
+        ({}, None, False, False, _Found(None, (), "capslip batch x")),
+        ({"problems": [{"code": "output_missing"}]}, None, True, False,
+         _Found(None, (), "capslip batch x")),
+        ({"key": {"code": "z"}}, None, True, False, _Found(None, ("code",), "capslip batch x")),
+        ({"key": {"scan": "z", "mate": "y"}}, None, True, False,
+         _Found(None, ("scan", "mate"), "capslip batch x")),
+        (None, FAILURE, True, False, _Found({"status": "failed", "error": "torn"})),
+        (None, FAILURE, True, True, _Found()),
+        (None, FAILURE | {"key": None}, True, False, _Found()),
+        ({}, FAILURE, True, False, _Found({"status": "failed", "error": "torn"})),
+        ({}, FAILURE | {"key": None}, True, False, _Found(OK)),
+        (None, None, True, False, _Found()),
+    ],
+)  # fmt: skip
+def test_what_is_there_of_a_scan(there, failure, whole, again, found, scan, tmp_path, monkeypatch):
+    key, home = batch._key(scan), tmp_path / "out" / "scans" / "a"
+    written(home, "run.figures=false", "run.render=false", "run.meshes=false")
+    summary = None if there is None else RESULT | there
+    failure = failure and {"key": key} | failure
+    monkeypatch.setattr(batch, "read_summary", lambda of: summary if of == home else None)
+    monkeypatch.setattr(batch, "read_json", lambda path: failure)
+    monkeypatch.setattr(batch, "is_whole", lambda of, at: (of, at) == (summary, home) and whole)
+    monkeypatch.setattr(batch, "_key_of", lambda of: key | of.get("key", {}))
+    rows = {"ok": OK, "failed": FAILED}
+    monkeypatch.setattr(batch, "row_of", lambda of: rows[of["status"]])
+    none = tuple(f"run.{one}=false" for one in ("figures", "render", "meshes"))
+    scan = replace(scan, settings=load_settings(overrides=none))
+    key |= batch._key(scan)
+    assert batch._look_at(scan, home, again) == found
