@@ -273,7 +273,10 @@ TABLE = [
         ("batch.py",),
         ("tests/command_line/test_batch_parts.py", "tests/command_line/test_cli_batch.py"),
     ),
-    (("sources.py",), ("tests/command_line/test_cli_fleet.py",)),
+    (
+        ("sources.py",),
+        ("tests/command_line/test_{stem}.py", "tests/command_line/test_cli_fleet.py"),
+    ),
     (
         ("workers.py",),
         ("tests/command_line/test_workers.py", "tests/command_line/test_cli_batch.py"),
