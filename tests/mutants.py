@@ -288,9 +288,9 @@ TABLE = [
     (
         ("cli.py", "options.py"),
         (
-            *("tests/command_line/test_batch_parts.py", "tests/command_line/test_cli_small.py"),
-            *("tests/command_line/test_cli_errors.py", "tests/command_line/test_cli_models.py"),
-            "tests/command_line/test_cli_analyze.py",
+            *("tests/command_line/test_cli_parts.py", "tests/command_line/test_batch_parts.py"),
+            *("tests/command_line/test_cli_small.py", "tests/command_line/test_cli_errors.py"),
+            *("tests/command_line/test_cli_models.py", "tests/command_line/test_cli_analyze.py"),
         ),
     ),
     (("*.py",), ("tests/test_{stem}.py",)),

@@ -3,6 +3,7 @@
 import json
 import re
 from dataclasses import fields, replace
+from html import unescape
 from types import SimpleNamespace
 
 import numpy as np
@@ -11,8 +12,10 @@ import pytest
 from capslip.caps.table import CapFlag, CapTable
 from capslip.output import report
 from capslip.output.figures import FIGURES, OF_JOINT
-from capslip.output.report import DASH, write_report
+from capslip.output.methods import citation, methods_paragraph, references
+from capslip.output.report import DASH, OF_SCANS, SCATTER, write_report
 from capslip.problems import Problem
+from capslip.result import JointOfScans
 
 NBSP = "\u00a0"
 SUMMARY = {
@@ -266,3 +269,26 @@ def test_the_panel_on_the_page_is_the_one_that_was_found(several, tmp_path):
     page = write_report(several, several.summary(), tmp_path, None, panel).read_text("utf-8")
     (text,) = re.findall(r'id="whatif-data">(.*?)</script>', page)
     assert json.loads(text) == panel
+
+
+def test_figures_of_several_scans_say_what_lies_between_these(several, tmp_path):
+    of = {"settings": several.settings, "joint": several.joint, "problems": (), "scans": ()}
+    joint = JointOfScans(**of, timings_s={}, started="now")
+    found = report._figures(joint, several.summary(), tmp_path, None)
+    assert [one["name"] for one in found] == list(OF_JOINT)
+    for one in found:
+        entry = FIGURES[one["name"]]
+        good = SCATTER if one["name"] in OF_SCANS else entry.good
+        assert one["caption"] == f"{entry.caption} {good}"
+    assert set(OF_SCANS) < set(OF_JOINT)
+
+
+def test_what_is_to_be_pasted_is_under_its_head(several, tmp_path):
+    summary = several.summary()
+    page = write_report(several, summary, tmp_path, None).read_text("utf-8")
+    page = unescape(page).replace(NBSP, " ")
+    after = page.partition("Methods, to paste")[2]
+    marks = [methods_paragraph(summary)[:60], *references(summary), citation(summary)[:40]]
+    marks.append("preload_N = 150.0")
+    places = [after.index(one) for one in marks]
+    assert places == sorted(places)
