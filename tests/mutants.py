@@ -161,6 +161,7 @@ TABLE = [
     (
         ("contact/solvers/unloading.py", "contact/solvers/path.py", "contact/solvers/losses.py"),
         (
+            "tests/contact/test_*losses_closed.py",
             *("tests/contact/test_*losses*.py", "tests/contact/test_*patches*.py"),
             *("tests/contact/test_*pixels*.py", "tests/contact/test_*tilting*.py"),
         ),
