@@ -197,6 +197,10 @@ TABLE = [
     ),
     (("contact/*.py", "contact/solvers/*.py"), ("tests/contact/test_*{stem}*.py",)),
     (("structure/answer.py", "units.py"), ("tests/structure/test_*answer*.py",)),
+    (
+        ("structure/band.py",),
+        ("tests/structure/test_*band_parts.py", "tests/structure/test_*{stem}*.py"),
+    ),
     (("structure/*.py",), ("tests/structure/test_*{stem}*.py",)),
     (("output/exports/jenkins.py",), ("tests/output/test_*rows*.py", "tests/output/test_*law.py")),
     (("output/quantity.py", "output/terminal.py"), ("tests/output/test_*rows*.py",)),
