@@ -115,12 +115,30 @@ def test_an_unknown_direction_leaves_the_covariance_of_all_directions():
     assert band._of_direction(of_force(parts=parts, contact__tolerance=0.99 * least)).any()
 
 
+def test_at_a_given_displacement_a_direction_moves_what_the_slopes_of_the_curve_make_of_it():
+    """T ~ e^0.5 and W ~ e^3: kappa by a factor moves e = delta / (mu kappa) by as much less."""
+    lay = SimpleNamespace(left_open=lambda direction_rad: (0.3 + 0.1j, -0.2j))
+    state = of_force(by_force=False, parts=[part(lay=lay)], contact__tolerance=0.05)
+    asked = []
+    state.kappa, state.preload_N = 1.25, 50.0
+    state.curves = lambda factors: [SimpleNamespace(approach_m=lambda load_N: 2.0 * load_N)]
+    state.response = lambda curve, approach_m, at: (
+        asked.append((approach_m, at.mean())) or (7.0 * at**0.5, 5.0 * at**3)
+    )
+    root = band._of_direction(state)
+    a, b = -0.5 * (0.3 + 0.1j), -0.2j - 3.0 * (0.3 + 0.1j)
+    expected = 0.5 * np.array([[abs(a) ** 2, (a * b.conjugate()).real], [0.0, abs(b) ** 2]])
+    expected[1, 0] = expected[0, 1]
+    assert root.T @ root == pytest.approx(expected, rel=1e-3)
+    assert asked == [(100.0, pytest.approx(1e-8 / (0.2 * 1.25)))]
+
+
 def test_a_model_without_caps_has_its_error_at_the_force_that_was_asked():
     known = ModelError(0.02, 0.4, ((0.1, 0.4), (0.4, 0.1), (1.0, 0.05)))
     state = of_force(material__friction_coefficient=0.25)
     state.preload_N = 50.0  # 5 N of 12.5 N: 0.4
     caps, model = band._of_one(state, part(errors=known))
-    assert not caps.any()
+    assert caps.tolist() == [[0.0, 0.0], [0.0, 0.0]]
     assert model == pytest.approx(np.diag((0.02, 0.1)) / NORMAL_95)
     state.preload_N = 10.0  # beyond gross slip: as at it
     assert band._of_one(state, part(errors=known))[1][1, 1] == pytest.approx(0.05 / NORMAL_95)
