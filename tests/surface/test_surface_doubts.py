@@ -2,6 +2,7 @@
 
 import re
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -77,6 +78,40 @@ def test_nine_points_at_the_top_and_four_times_the_next_level_are_clipped(n_top,
 @pytest.mark.parametrize("height_m", [np.zeros((4, 4)), np.full((4, 4), np.nan)])
 def test_a_flat_or_an_empty_map_is_not_clipped(height_m):
     assert problems_of_scan(HeightMap(height_m, (1.0, 1.0)), None) == []
+
+
+@pytest.mark.parametrize(
+    ("restored", "left", "said"),
+    [
+        (0, 4, "cut the peaks off, and the caps are higher than they look"),
+        (2, 0, "; 2 tops were put back as their flanks carry on, the highest by 5e-07 m with a "
+         "standard error of 3e-08 m"),
+        (2, 4, "3e-08 m; 4 stay flat: their flanks do not tell"),
+    ],
+)  # fmt: skip
+def test_tops_that_were_put_back_are_told_with_the_error_of_the_highest(restored, left, said):
+    height_m = np.zeros(100)
+    height_m[:9], height_m[9:11] = 2.0, 1.0
+    tops = SimpleNamespace(
+        counts={"restored": restored},
+        up_m=np.array([2e-7, 5e-7, 1e-7]),
+        height_se_m=np.array([1e-8, 3e-8, 9e-8]),
+        left=left,
+    )
+    (found,) = problems_of_scan(HeightMap(height_m.reshape(10, 10), (1.0, 1.0)), tops)
+    assert found.message.startswith("9 points share the greatest height")
+    assert found.message.endswith(said)
+
+
+def test_points_between_those_that_were_measured_are_told_along_their_own_axes(monkeypatch):
+    surface = HeightMap(np.zeros((4, 4)), (1e-6, 5e-6))
+    monkeypatch.setattr(doubts, "pixels_apart", lambda surface: (3, 2))
+    (found,) = doubts.problems_of_points(surface)
+    assert (found.code, found.severity) == ("interpolated", "warning")
+    assert "every 3. row and every 2. column was measured" in found.message
+    assert "pixels of 3e-06 x 1e-05 m (dy x dx)" in found.message
+    monkeypatch.setattr(doubts, "pixels_apart", lambda surface: (1, 1))
+    assert doubts.problems_of_points(surface) == []
 
 
 def ramp(slope_y, slope_x, pixel_m, shape=(40, 30)):
@@ -255,6 +290,24 @@ def test_removed_points_are_too_many_beyond_a_fiftieth(n, severity):
     assert found.message.startswith(f"{n} points ({n:.2g} %)")
     assert " 1 of them upwards" in found.message
     assert problems_of_outliers(surface, 1.0, outliers([], []), False) == ()
+
+
+def test_removed_points_are_told_with_those_of_lifted_patches():
+    height_m = np.zeros(100)
+    height_m[:2] = np.nan
+    surface, removed = HeightMap(height_m.reshape(10, 10), (1.0, 1.0)), outliers([0, 1], [1.0, 1.0])
+    (found,) = problems_of_outliers(surface, 1.0, removed, False)
+    assert found.message.endswith("2 of them upwards, and were marked as non-measured")
+    (found,) = problems_of_outliers(surface, 1.0, replace(removed, n_lifted=1), False)
+    assert f"; 1 of them {doubts.LIFTED}" in found.message
+    errors = outliers(range(20), [1.0, -1.0] * 10)
+    height_m[:20] = np.nan
+    surface = HeightMap(height_m.reshape(10, 10), (1.0, 1.0))
+    (found,) = problems_of_outliers(surface, 1.0, errors, False)
+    assert "; as many stand off downwards, as far: errors, no burrs" in found.message
+    many = outliers(range(20), [1.0] * 20)
+    (found,) = problems_of_outliers(surface, 1.0, many, False)
+    assert found.message.endswith("non-measured: too many for spikes")
 
 
 @pytest.mark.parametrize(
