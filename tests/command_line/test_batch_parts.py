@@ -32,6 +32,8 @@ def ended(rows, monkeypatch, *options):
     asked = {}
 
     def found(sources, folder, settings, say, command, options):
+        assert callable(say)
+        assert command.startswith("capslip ")
         asked.update(sources=sources, folder=folder, settings=settings, options=options)
         return [{"scan": f"s{i}"} | row for i, row in enumerate(rows)]
 

@@ -1,13 +1,18 @@
 """What each command hands on, says and ends with, without the work between."""
 
+from contextlib import nullcontext
 from pathlib import Path
+from types import SimpleNamespace
 
+import numpy as np
 import pytest
 from click.testing import CliRunner
 
 from capslip.cli import main
-from capslip.errors import SettingsError
+from capslip.console import Progress
+from capslip.errors import ScanError, SettingsError
 from capslip.options import settings_of
+from capslip.problems import Problem
 from capslip.settings import load_settings
 
 FAMILIES = ("families", "--m", "3", "--n", "2", "--radius-G", "24", "--radius-P", "26")
@@ -154,3 +159,143 @@ def test_a_comparison_is_of_what_was_given_and_written_where_it_was_asked(monkey
     ran = run("compare", "a", "--assembly", "b.csv", "-o", "out")
     assert ran.stdout == "found 7\npicture    out/compare.png\n"
     assert '"found": 7' in run("compare", "a", "--assembly", "b.csv", "--json", "-q").stdout
+
+
+@pytest.fixture
+def analysed(tmp_path, monkeypatch):
+    """Stand for analysis and writing; note what these are given, and how they end."""
+    asked = SimpleNamespace(problems=(), missing=None)
+    result = SimpleNamespace(name="result")
+
+    def run_one(face, settings, other, progress):
+        assert isinstance(progress, Progress)
+        asked.one = face.origin.path, settings, other and other.origin.path
+        result.problems = asked.problems
+        return result
+
+    def run_several(faces, settings):
+        asked.several = [one.origin.path for one in faces], settings
+        result.problems = asked.problems
+        return result
+
+    def write(of, folder, *given, command=None, timings_s=None, export=None, renderer=None,
+              progress, missing):  # fmt: skip
+        command, timings_s, export = [*given, command, timings_s, export][:3]
+        assert of is result
+        assert isinstance(progress, Progress)
+        assert missing.__func__ is Progress.missing
+        if asked.missing is not None:
+            missing("energy.png could not be drawn", asked.missing)
+        asked.written = folder, command.split()[0], timings_s["read"] >= 0.0, export, renderer
+        return {"number": 1}
+
+    monkeypatch.setattr("capslip.analysis.analyze", run_one)
+    monkeypatch.setattr("capslip.analysis.analyze_scans", run_several)
+    monkeypatch.setattr("capslip.output.folder.write", write)
+    monkeypatch.setattr("capslip.output.folder.write_joint", write)
+    monkeypatch.setattr("capslip.output.terminal.result_lines", lambda of: f"lines of {of.name}")
+    monkeypatch.setattr("capslip.output.renderer.ready", lambda wanted: nullcontext(wanted))
+    monkeypatch.chdir(tmp_path)
+    for i, name in enumerate(("a", "b", "c")):
+        np.save(f"{name}.npy", np.arange(12.0).reshape(3, 4) + (i > 0))  # b and c are alike
+    return asked
+
+
+def where(folder):
+    return f"\nresults    {folder}\nreport     {folder}/report.html\n"
+
+
+SIZES = ("--unit", "um", "--lateral-unit", "um", "--pixel-size", "1", "2")
+
+
+def test_one_scan_is_analysed_written_and_told(analysed):
+    ran = run("analyze", "a.npy", *SIZES, "--mate", "b.npy", "--no-render", "--preload", "3")
+    assert ran.exit_code == 0, ran.output
+    face, settings, mate = analysed.one
+    assert (Path(face).name, Path(mate).name) == ("a.npy", "b.npy")
+    assert (settings.contact.preload_N, settings.reading.pixel_size) == (3.0, (1.0, 2.0))
+    folder = Path("results/a")
+    assert analysed.written == (folder, "capslip", True, None, False)
+    assert ran.stdout == f"lines of result\n{where(folder)}"
+    assert "reading a.npy" in ran.stderr
+    told = run("analyze", "a.npy", *SIZES, "-o", "out", "--json", "--export", "jenkins")
+    assert told.stdout == '{\n "number": 1\n}\n'
+    assert analysed.written == (Path("out"), "capslip", True, "jenkins", True)
+    assert analysed.one[2] is None
+    assert run("analyze", "a.npy", *SIZES, "-q").output == ""
+
+
+def test_several_scans_are_one_joint(analysed):
+    ran = run("analyze", "a.npy", "b.npy", *SIZES)
+    assert ran.exit_code == 0, ran.output
+    assert [Path(one).name for one in analysed.several[0]] == ["a.npy", "b.npy"]
+    folder = Path("results/a-and-1-more")
+    assert analysed.written == (folder, "capslip", True, None, None)
+    assert ran.stdout == f"lines of result\n{where(folder)}"
+    assert "analysing 2 scans" in ran.stderr
+    ran = run("analyze", "a.npy", "b.npy", *SIZES, "-o", "out", "--json", "--export", "jenkins")
+    assert (ran.stdout, analysed.written[0]) == ('{\n "number": 1\n}\n', Path("out"))
+    assert analysed.written[3] == "jenkins"
+    assert run("analyze", "a.npy", "b.npy", *SIZES, "-q").output == ""
+    alike = run("analyze", "a.npy", "b.npy", "c.npy", *SIZES)
+    assert alike.exit_code == 2
+    assert "c.npy: holds what " in alike.stderr
+    mated = run("analyze", "a.npy", "b.npy", *SIZES, "--mate", "c.npy")
+    assert mated.exit_code == 2
+    assert "--mate: got 2 scans" in mated.stderr
+
+
+@pytest.mark.parametrize("scans", [("a.npy",), ("a.npy", "b.npy")])
+def test_an_error_in_a_result_or_a_part_that_is_missing_ends_with_its_code(scans, analysed):
+    note = Problem("one_family", "info", "noted")
+    analysed.problems = (note, Problem("no_caps", "error", "nothing stands"))
+    ran = run("analyze", *scans, *SIZES, "-o", "out")
+    assert ran.exit_code == 3
+    (said,) = [line for line in ran.stderr.splitlines() if line.startswith("error: ")]
+    assert said.startswith("error: a.npy: nothing" if len(scans) == 1 else "error: nothing stands")
+    assert "; next: " in said
+    assert said.endswith("; what was found before is in out")
+    analysed.problems = (note, Problem("spikes", "warning", "so"))
+    assert run("analyze", *scans, *SIZES).exit_code == 0
+    for error, code in ((ScanError("no ink"), 3), (KeyError("ink"), 1)):
+        analysed.missing = error
+        ran = run("analyze", *scans, *SIZES, "-o", "out")
+        assert ran.exit_code == code
+        assert "energy.png could not be drawn; all numbers are in out" in ran.stderr
+
+
+def test_a_model_that_slips_as_a_whole_exports_no_sliders(analysed):
+    ran = run("analyze", "a.npy", *SIZES, "--export", "jenkins", "--model", "flat")
+    assert ran.exit_code == 2
+    assert "contact.model is flat, which slips only as a whole" in ran.stderr
+    assert run("analyze", "a.npy", *SIZES, "--export", "jenkins", "--model", "caps").exit_code == 0
+
+
+def test_a_study_is_told_as_text_or_as_numbers(monkeypatch):
+    asked, numbers = [], {"table1": [{"relative_error": -2e-3}, {"relative_error": 1e-3}]}
+    numbers["errata"] = [1, 2, 3]
+    studies = "capslip.studies"
+    paper = f"{studies}.paper.reproduce.reproduce"
+    monkeypatch.setattr(paper, lambda *of: asked.append(of) or numbers)
+    monkeypatch.setattr(f"{studies}.bench.study.run_bench", lambda *of: asked.append(of) or [5])
+    monkeypatch.setattr(f"{studies}.bench.study.bench_markdown", lambda of: f"| {of[0]} |")
+    monkeypatch.setattr(f"{studies}.chart.study.chart", lambda *of: asked.append(of) or [6])
+    monkeypatch.setattr(f"{studies}.limits.study.limits", lambda *of: asked.append(of) or [7])
+    monkeypatch.setattr(f"{studies}.limits.text.limits_lines", lambda of: f"line {of[0]}")
+    said = {
+        "reproduce": "table 1    2 loads within 0.20 %\nerrata     3\n"
+        "page       {0}/reproduce.html",
+        "bench": "| 5 |",
+        "chart": "chart      {0}/speed-accuracy.md",
+        "limits": "line 7\nlimits           {0}/limits.md",
+    }
+    for command, text in said.items():
+        for folder, options in ((f"results/{command}", ()), ("out", ("-o", "out"))):
+            assert run(command, *options).stdout == f"{text.format(folder)}\n"
+            assert asked[-1][0] == Path(folder)
+        assert run(command, "--json").stdout[0] in "[{"
+        assert run(command, "-q").stdout == ""
+    assert run("chart", "--scans", "x", "-q").exit_code == 0
+    assert asked[-1][1] == Path("x")
+    assert run("limits", "--workers", "3", "-q").exit_code == 0
+    assert asked[-1][2] == 3
