@@ -100,6 +100,19 @@ def test_every_option_of_a_batch_comes_to_its_place(monkeypatch):
         assert asked["options"] == Options(look=look)
 
 
+def test_more_memory_than_any_machine_has_is_a_limit_all_the_same(monkeypatch):
+    _, asked = ended([], monkeypatch, "--memory", "1e300")
+    assert asked["options"].limits == Limits(None, 10**18)
+
+
+def test_rows_are_numbers_on_request_and_warnings_are_never_silent(monkeypatch):
+    ran, _ = ended([OK, FAILED], monkeypatch, "--json")
+    assert [row["status"] for row in json.loads(ran.stdout)] == ["ok", "failed"]
+    ran, _ = ended([OK, FAILED], monkeypatch, "-q")
+    assert (ran.exit_code, ran.stdout) == (3, "")
+    assert "1 of 2 scans failed" in ran.stderr
+
+
 def scans_of(folder, n):
     folder.mkdir()
     for i in range(n):

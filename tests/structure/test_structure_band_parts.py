@@ -145,6 +145,45 @@ def test_a_model_without_caps_has_its_error_at_the_force_that_was_asked():
     assert not band._of_one(state, part(errors=None))[1].any()
 
 
+@pytest.mark.parametrize(("by_force", "at"), [(True, 30.0), (False, 2.5e-8)])
+def test_caps_that_were_moved_are_asked_at_the_state_of_their_scan(by_force, at):
+    """A scan under six times the load of its joint has six times the load drop."""
+    state = of_force(by_force, material__friction_coefficient=0.25)
+    state.preload_N, asked = 20.0, []
+
+    def response(curve, approach_m, where):
+        asked.append((approach_m, float(where)))
+        return np.exp(curve.log[..., 0]), np.exp(curve.log[..., 1])
+
+    def curve(*log):
+        return SimpleNamespace(log=np.array(log), approach_m=lambda load_N: 1e-9 * load_N)
+
+    state.response = response
+    moved = curve((1.0, 2.0), (1.2, 2.4), (0.8, 1.6), (1.01, 2.0))
+    of = SimpleNamespace(
+        found=curve(1.0, 2.0),
+        moved=SimpleNamespace(log=moved.log, approach_m=moved.approach_m),
+        by_pairs=curve(1.0, 2.04),
+        by_level=curve(1.06, 2.0),
+        of_unloading=0.05,
+    )
+    one = part(preload_N=120.0, composite=SimpleNamespace(kappa=1.6), curve=curve(1.03, 2.0))
+    one.contact.moved = of
+    state.answer.slip_force_N = 0.25 * 5.0
+    caps, model = band._of_one(state, one)
+    assert np.array(asked) == pytest.approx(np.tile((1.2e-7, at), (5, 1)), rel=1e-12)
+    random = np.array([[0.0, 0.0], [0.2, 0.4], [-0.2, -0.4]])
+    assert caps.T @ caps == pytest.approx(random.T @ random / 3.0)
+    least = band.LEAST_ERROR
+    others = np.array([[0.02, 0.0], [0.0, 0.04], [0.06, 0.0], [0.03, 0.0], [0.0, 0.05]])
+    expected = (others.T @ others + least**2 * np.eye(2)) / NORMAL_95**2
+    assert model.T @ model == pytest.approx(expected)
+
+
+def test_one_scan_has_no_scatter():
+    assert band._of_scatter(of_force(parts=[part()])).tolist() == [[0.0, 0.0], [0.0, 0.0]]
+
+
 def test_errors_of_caps_are_each_scans_own_and_those_of_the_model_go_together(monkeypatch):
     caps, model = (np.diag(of) for of in ((0.1, 0.2), (0.3, 0.4)))
     monkeypatch.setattr(band, "_of_one", lambda state, one: (caps, model))
