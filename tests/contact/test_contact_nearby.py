@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from capslip.contact.models.boundary_elements import boundary_elements
+from capslip.contact.solvers import nearby as module
 from capslip.surface.heightmap import HeightMap
 
 E, N, SHARE, PIXEL_M = 110e9, 40.0, 0.25, 2e-5
@@ -111,6 +112,22 @@ def test_what_penetrates_beside_the_points_that_were_taken_joins_them(monkeypatc
     monkeypatch.setattr("capslip.contact.solvers.nearby._MOST_LOOKS", 1)
     (few,) = curve.near(N, changes, SHARE)
     assert few.withdrawal != pytest.approx(expected.withdrawal, rel=3e-3)
+
+
+def test_few_points_are_solved_beside_those_that_touch(monkeypatch):
+    solved, press = [], module.press
+
+    def counted(face, **given):
+        solved.append(int(np.prod(face.shape)))
+        return press(face, **given)
+
+    more = boundary_elements(FOUR, E).pressed(1.3 * N)
+    touching = np.count_nonzero(more.pressure_Pa)
+    first = boundary_elements(FOUR, E)
+    first.unloading(N)
+    monkeypatch.setattr(module, "press", counted)
+    first.near(N, [(1.3, 1.0)], SHARE)
+    assert touching <= max(solved) < 2 * touching < 0.5 * FOUR.size
 
 
 def test_a_hill_that_only_more_load_reaches_carries_there():
