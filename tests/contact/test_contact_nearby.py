@@ -167,3 +167,11 @@ def test_loads_on_either_side_are_found_as_each_for_itself():
         (alone,) = first.near(N, [change], SHARE)
         factors = [[of.approach, of.withdrawal, of.loss] for of in (one, alone)]
         assert factors[0] == pytest.approx(factors[1], rel=2e-3)
+
+
+@pytest.mark.parametrize(("gone", "enough"), [(0.1, 1.25e-5), (0.05, 1.5625e-6), (0.5, 1e-4)])
+def test_gaps_that_are_left_open_are_a_tenth_of_a_hertz_loss_at_most(gone, enough):
+    """A loss that begins as the cube of the approach that is gone, over eight."""
+    share = 1.0 - (1.0 - gone) ** 1.5
+    assert module._enough(share) == pytest.approx(enough, rel=1e-9)
+    assert module._enough(1e-6) == module._FINEST
