@@ -1,5 +1,6 @@
 """What a batch keeps, says and ends with, part by part and without an analysis."""
 
+import hashlib
 import json
 import os
 import threading
@@ -15,6 +16,7 @@ from capslip.batch import LOST, Options, _Found, run_batch
 from capslip.cli import main
 from capslip.errors import OutputError
 from capslip.output.overview import COLUMNS
+from capslip.provenance import code_sha256
 from capslip.settings import load_settings
 from capslip.sources import Scan
 from capslip.workers import NO_LIMITS, Limits
@@ -226,7 +228,12 @@ def test_what_a_result_depends_on_is_the_same_of_a_scan_and_of_its_summary(scan,
     (tmp_path / "b.h5").write_bytes(b"another")
     scan = Scan(scan.path, SETTINGS, tmp_path / "b.h5")
     key = batch._key(scan)
-    assert len(set(key.values())) == 4
+    assert key == {
+        "code": code_sha256(),
+        "settings": SETTINGS.sha256(),
+        "scan": hashlib.sha256(b"no scan").hexdigest(),
+        "mate": hashlib.sha256(b"another").hexdigest(),
+    }
     mate = {"path": "b.h5", "sha256": key["mate"]}
     provenance = {"code_sha256": key["code"], "settings_sha256": key["settings"]}
     surface = {"sha256": key["scan"], "mate": mate}
