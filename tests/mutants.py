@@ -161,6 +161,7 @@ TABLE = [
     (
         ("contact/solvers/unloading.py", "contact/solvers/path.py", "contact/solvers/losses.py"),
         (
+            "tests/contact/test_*losses_closed.py",
             *("tests/contact/test_*losses*.py", "tests/contact/test_*patches*.py"),
             *("tests/contact/test_*pixels*.py", "tests/contact/test_*tilting*.py"),
         ),
@@ -197,6 +198,10 @@ TABLE = [
     ),
     (("contact/*.py", "contact/solvers/*.py"), ("tests/contact/test_*{stem}*.py",)),
     (("structure/answer.py", "units.py"), ("tests/structure/test_*answer*.py",)),
+    (
+        ("structure/band.py",),
+        ("tests/structure/test_*band_parts.py", "tests/structure/test_*{stem}*.py"),
+    ),
     (("structure/*.py",), ("tests/structure/test_*{stem}*.py",)),
     (("output/exports/jenkins.py",), ("tests/output/test_*rows*.py", "tests/output/test_*law.py")),
     (("output/quantity.py", "output/terminal.py"), ("tests/output/test_*rows*.py",)),
@@ -208,7 +213,10 @@ TABLE = [
     ),
     (
         ("output/lead.py", "output/methods.py"),
-        ("tests/test_verdict.py", "tests/output/test_*report*.py"),
+        (
+            *("tests/output/test_*{stem}.py", "tests/test_verdict.py"),
+            "tests/output/test_*report*.py",
+        ),
     ),
     (
         ("output/figures*.py", "output/canvas.py"),
@@ -267,8 +275,14 @@ TABLE = [
             "tests/test_python_api.py",
         ),
     ),
-    (("batch.py",), ("tests/command_line/test_cli_batch.py",)),
-    (("sources.py",), ("tests/command_line/test_cli_fleet.py",)),
+    (
+        ("batch.py",),
+        ("tests/command_line/test_batch_parts.py", "tests/command_line/test_cli_batch.py"),
+    ),
+    (
+        ("sources.py",),
+        ("tests/command_line/test_{stem}.py", "tests/command_line/test_cli_fleet.py"),
+    ),
     (
         ("workers.py",),
         ("tests/command_line/test_workers.py", "tests/command_line/test_cli_batch.py"),
@@ -280,6 +294,7 @@ TABLE = [
     (
         ("cli.py", "options.py"),
         (
+            *("tests/command_line/test_cli_parts.py", "tests/command_line/test_batch_parts.py"),
             *("tests/command_line/test_cli_small.py", "tests/command_line/test_cli_errors.py"),
             *("tests/command_line/test_cli_models.py", "tests/command_line/test_cli_analyze.py"),
         ),

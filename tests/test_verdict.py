@@ -64,6 +64,52 @@ def test_what_is_taken_as_known_exactly_is_said_by_name():
     assert names(load(*elastic, *SPREADS[:3])) == ["yield"]  # no hardness to be uncertain of
 
 
+def test_each_assumption_says_what_stands_in_what_it_moves_and_how_to_give_it():
+    beam = "demonstration beam 400 x 60 x 40 mm"
+    stiff = "--set structure.modal_stiffness_N_per_m=K --set structure.joint_stiffness_N_per_m=K"
+    expected = [
+        ("preload", "contact.preload_N", "460 N", "every number", "--preload N", True),
+        ("material", "material.youngs_modulus_Pa", "E 200 GPa, nu 0.3", "stiffness, displ",
+         "--set material.youngs_modulus_Pa=[E1,E2]", True),
+        ("friction", "material.friction_coefficient", "0.2", "slip limits, energy",
+         "--set material.friction_coefficient=MU", True),
+        ("structure", "structure", beam, "amplitudes, loss factor", stiff, False),
+        ("joint area", "joint.area_m2", "that of the scan", "nominal pressure",
+         "--set joint.area_m2=A", False),
+        ("yield", "material.hardness_Pa", "none, elastic", "pressures; ", "--material steel",
+         False),
+        ("normal load", "slip.normal_amplitude_ratio", "constant", "energy and loss",
+         "--set slip.normal_amplitude_ratio=R", False),
+        ("spreads", "material.friction_spread", "friction, preload, modulus as if known exactly",
+         "the intervals", "--set material.friction_spread=0.2", False),
+    ]  # fmt: skip
+    found = [list(asdict(one).values()) for one in assumptions(load())]
+    for one, (name, setting, value, moves, option, demonstrates) in zip(
+        found, expected, strict=True
+    ):
+        assert one[:3] == [name, setting, value]
+        assert one[3].startswith(moves)
+        assert one[4:] == [option, demonstrates]
+    unlike = ("material.youngs_modulus_Pa=[200e9,70e9]", "material.hardness_Pa=2e9")
+    found = {one.name: one for one in assumptions(load(*unlike))}
+    assert found["Poisson's ratio"].value == "0.3"
+    assert found["Poisson's ratio"].option == "--set material.poisson_ratio=[nu1,nu2]"
+    assert found["spreads"].value.startswith("friction, preload, modulus, hardness as if")
+    given = load("material.poisson_ratio=[0.3,0.25]")
+    assert {one.name: one.value for one in assumptions(given)}["material"] == (
+        "E 200 GPa, nu 0.3 and 0.25"
+    )
+
+
+def test_the_next_step_of_a_usable_result_is_to_give_what_is_assumed_or_to_measure():
+    known = load(*JOINT.values())
+    (first, *_) = assumptions(known)
+    assert verdict(known, [], None).endswith(f"three; next: {first.option}")
+    every = load(*EVERY.values(), *SPREADS)
+    assert verdict(every, [], 1e-9).endswith("next: measure a loss factor, and capslip compare it")
+    assert "within 0.1 % of the same elastic face" in verdict(every, [], 1e-9)
+
+
 def test_every_stand_in_moves_the_list():
     for name in STAND_INS:
         assert not Settings().is_given(name)
@@ -281,6 +327,7 @@ def test_points_taken_away_that_decide_lead_before_a_pressure_that_soft_steel_be
     ("effects", "usable"),
     [
         ([Effect(0.9, 0.99, 0.99), Effect(None, None, None), None], "usable with care: "),
+        ([Effect(1.0, 1.0, 1.0)], "usable with care: "),  # by itself, not by more
         ([Effect(0.1, 1.01, None), Effect(0.3, 0.2, 0.2)], "usable with care, not for the energy"),
         ([Effect(0.1, None, 1.01)], "usable with care, not for the energy: "),
         ([Effect(0.1, 9.0, 9.0), Effect(1.01, 0.2, 0.2)], "usable with care as an order of magn"),

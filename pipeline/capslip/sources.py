@@ -183,7 +183,7 @@ def _listed(list_file: Path, settings: Settings) -> Iterator[Scan]:
         own = tuple(given[name] for name in SETTING)
         if own not in known:
             known[own] = _with(settings, given, f"{list_file}: {given['scan']}")
-        mate = list_file.parent / given["mate"] if given["mate"] else None
+        mate = (list_file.parent / given["mate"]).absolute() if given["mate"] else None
         path = (list_file.parent / given["scan"]).absolute()
         yield Scan(path, known[own], mate, given["group"])
 

@@ -5,10 +5,15 @@ import os
 import subprocess
 import sys
 import time
+from concurrent.futures import Executor, Future
+from types import SimpleNamespace
 
+import pytest
 from fleet_cases import children_of, gone
 
 from capslip import workers
+from capslip.errors import CapslipError
+from capslip.settings import Cluster
 from capslip.workers import Limits, Lost, crew, outcomes
 
 
@@ -138,3 +143,103 @@ def test_a_child_ends_with_its_parent_however_that_ends(tmp_path):
     parent.kill()
     parent.wait()
     assert gone(mark, 5.0)
+
+
+class AtOnce(Executor):
+    """Runs each call when it is given, and remembers how many were."""
+
+    def __init__(self):
+        self.given = []
+
+    def submit(self, function, /, *arguments):
+        assert function is workers.in_child
+        self.given.append(arguments)
+        found = Future()
+        try:
+            found.set_result(function(*arguments))
+        except Exception as error:
+            found.set_exception(error)
+        return found
+
+
+def test_what_ended_its_child_is_repeated_last_with_the_machine_to_itself(monkeypatch):
+    ends = {1: [Lost("ended", again=True), Lost("ended", again=True)]}
+    ends |= {2: [Lost("ended", again=True), "second"], 3: [Lost("too slow")], 4: ["first"]}
+    monkeypatch.setattr(workers, "in_child", lambda work, job, limits: ends[job[0]].pop(0))
+    executor, limits = AtOnce(), Limits(3.0)
+    found = dict(outcomes(executor, divide, [(i,) for i in (1, 2, 3, 4)], 4, limits))
+    again = Lost("ended, also when it had the machine to itself")
+    assert found == {(1,): again, (2,): "second", (3,): Lost("too slow"), (4,): "first"}
+    assert set(list(found)[-2:]) == {(1,), (2,)}
+    assert executor.given[:4] == [(divide, (i,), limits) for i in (1, 2, 3, 4)]
+    assert {job for _, job, _ in executor.given[4:]} == {(1,), (2,)}
+    assert len(executor.given) == 6
+
+
+class Waits(AtOnce):
+    """Ends one call at a time, the last that was given first."""
+
+    def __init__(self):
+        super().__init__()
+        self.most, self.open = 0, []
+
+    def submit(self, function, /, *arguments):
+        self.open.append(found := Future())
+        self.most = max(self.most, len(self.open))
+        return found
+
+
+@pytest.mark.parametrize("at_once", [1, 3])
+def test_no_more_calls_are_under_way_than_were_allowed(at_once, monkeypatch):
+    executor = Waits()
+
+    def first_done(running, return_when):
+        one = executor.open.pop()
+        one.set_result("done")
+        return SimpleNamespace(done={one})
+
+    monkeypatch.setattr(workers, "wait", first_done)
+    jobs = [(i,) for i in range(7)]
+    found = dict(outcomes(executor, divide, jobs, at_once))
+    assert found == dict.fromkeys(jobs, "done")
+    assert executor.most == at_once
+
+
+def test_a_scheduler_that_cancels_its_calls_has_ended():
+    class Cancels(AtOnce):
+        def submit(self, function, /, *arguments):
+            found = Future()
+            found.cancel()
+            found.set_running_or_notify_cancel()
+            return found
+
+    with pytest.raises(CapslipError, match="scheduler of the cluster ended"):
+        list(outcomes(Cancels(), divide, [(1,)], 1))
+
+
+@pytest.mark.parametrize(("cores", "at_once"), [((4, 2), 200), ((100, 50), 300)])
+def test_a_cluster_has_two_calls_for_each_core_under_way_and_enough_for_those_to_come(
+    cores, at_once, monkeypatch
+):
+    closed = []
+    client = SimpleNamespace(
+        ncores=lambda: dict(enumerate(cores)),
+        get_executor=lambda pure: ("executor", pure),
+        close=lambda timeout: closed.append(timeout),
+    )
+    asked = []
+    distributed = SimpleNamespace(Client=lambda *at, **of: asked.append((at, of)) or client)
+    monkeypatch.setitem(sys.modules, "distributed", distributed)
+    with workers.cluster("tcp://x") as found:
+        assert closed == []
+    assert found == (("executor", False), at_once)
+    assert asked == [(("tcp://x",), {"timeout": "10s", "set_as_default": False})]
+    assert closed == [1]
+    jobs = SimpleNamespace(scheduler_address="tcp://y", close=lambda: closed.append("jobs"))
+    jobs.adapt = lambda **of: asked.append(of)
+    monkeypatch.setattr(workers, "jobs_of", lambda wanted: jobs)
+    with workers.cluster(Cluster(system="slurm", jobs=30, processes=8)) as found:
+        assert found == (("executor", False), 2 * 30 * 8)
+    assert asked[1] == {"minimum_jobs": 30, "maximum_jobs": 30}
+    assert asked[2][0] == ("tcp://y",)
+    assert closed[1:] == [1, "jobs"]

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from capslip.contact.curve import in_series
+from capslip.contact.map_curve import _proportional
 from capslip.contact.models.boundary_elements import boundary_elements
 from capslip.contact.models.caps import caps
 from capslip.contact.slip import slip_curve
@@ -371,3 +372,11 @@ def test_between_rows_far_apart_nothing_leaves_them():
     np.testing.assert_allclose(y[small], 1e9 * x[small], rtol=1e-12)
     cubic = _proportional(x, withdrawal_m, withdrawal_m**3, power=3)
     np.testing.assert_allclose(cubic, x**3, rtol=1e-12)
+
+
+@pytest.mark.parametrize("power", [1, 3])
+def test_between_solved_loads_a_power_law_holds_and_below_them_the_one_of_the_first(power):
+    xs, ys = np.array([2.0, 8.0, 16.0]), np.array([5.0, 40.0, 50.0])
+    x = np.array([0.0, 1.0, 2.0, 4.0, 8.0, 16.0, 99.0])
+    expected = [0.0, 5.0 / 2**power, 5.0, np.sqrt(5.0 * 40.0), 40.0, 50.0, 50.0]
+    assert _proportional(x, xs, ys, power) == pytest.approx(expected, rel=1e-12)

@@ -10,11 +10,19 @@ import pytest
 from capslip.caps.families import group_families
 from capslip.caps.table import CapFlag, CapTable
 from capslip.contact import doubts
-from capslip.contact.doubts import contact_doubts, material_doubts, problems_of_first_touch
+from capslip.contact.doubts import (
+    contact_doubts,
+    material_doubts,
+    problems_of_band,
+    problems_of_first_touch,
+    problems_of_share,
+    problems_of_waves,
+)
 from capslip.contact.rung import ModelError
 from capslip.doubts import _of_small_slip
 from capslip.problems import Problem
-from capslip.settings import Material
+from capslip.settings import Conditioning, Material
+from capslip.surface.heightmap import HeightMap
 
 
 def loaded_caps(load_N, contact_radius_m):
@@ -308,3 +316,105 @@ def test_below_a_tenth_of_gross_slip_what_is_left_there_is_the_least(
     assert said in found.message
     assert (found.effect and found.effect.energy) == (effect and pytest.approx(effect))
     assert found.kind.in_interval  # which takes the same error
+
+
+def joint(coverage, *, load_N=(1.0,)):
+    return SimpleNamespace(
+        coverage=coverage, is_even=len(load_N) == 1, load_N=np.array(load_N, dtype=float)
+    )
+
+
+def pressed(contacts=24, yielded_area_m2=None, made_from="spheres"):
+    rung = SimpleNamespace(made_from=made_from, contact_name="caps")
+    return SimpleNamespace(contacts=contacts, yielded_area_m2=yielded_area_m2, rung=rung)
+
+
+@pytest.mark.parametrize(
+    ("of", "contact", "codes"),
+    [
+        (joint(0.98), pressed(), ["few_contacts_in_scan"]),
+        (joint(0.995), pressed(), []),  # all of it but for rounding
+        (joint(None), pressed(), []),
+        (joint(0.5), pressed(25), []),
+        (joint(0.5), pressed(1, made_from="nothing"), []),
+        (joint(1.009), pressed(), []),
+        (joint(1.011), pressed(), ["scan_larger_than_joint"]),
+        (joint(0.5, load_N=(1.0, 4.0)), pressed(25, 1e-9), ["uneven_yield"]),
+        (joint(0.5, load_N=(1.0, 4.0)), pressed(25, 0.0), []),
+        (joint(0.5, load_N=(4.0,)), pressed(25, 1e-9), []),
+        (joint(1.5, load_N=(1.0, 4.0)), pressed(1, 1e-9),
+         ["uneven_yield", "scan_larger_than_joint"]),
+    ],
+)  # fmt: skip
+def test_a_scan_is_a_doubtful_share_of_its_joint_just_beyond_each_threshold(of, contact, codes):
+    found = problems_of_share(of, contact)
+    assert [one.code for one in found] == codes
+    for one in found:
+        if one.code == "few_contacts_in_scan":
+            assert "98 % of its joint and touches with 24 caps" in one.message
+            assert "loses about 20% less" in one.message
+            assert one.effect.tangential_stiffness is None
+            assert one.effect.energy == one.effect.loss_factor == pytest.approx(24**-0.5)
+        if one.code == "uneven_yield":
+            assert "down to 0.25 of its greatest pressure" in one.message
+
+
+@pytest.mark.parametrize(
+    ("coverage", "rms_m", "approach_m", "without_bulk_m", "said"),
+    [
+        (0.98, 1.01e-7, 2e-6, 1e-6, True),  # over the approach without bulk
+        (0.98, 1.01e-7, 1e-6, None, True),
+        (0.98, 1e-7, 2e-6, 1e-6, False),
+        (0.98, 1.5e-7, 2e-6, 0.0, False),  # a model that knows no other
+        (0.98, 1.5e-7, 0.0, None, False),
+        (0.995, 1.5e-7, 1e-6, 1e-6, False),
+        (None, 1.5e-7, 1e-6, 1e-6, False),
+    ],
+)
+def test_waves_that_a_scan_does_not_hold_are_doubted_beyond_a_tenth_of_the_approach(
+    coverage, rms_m, approach_m, without_bulk_m, said, monkeypatch
+):
+    monkeypatch.setattr(doubts, "long_waves_m", lambda surface: rms_m)
+    contact = SimpleNamespace(approach_m=approach_m, approach_without_bulk_m=without_bulk_m)
+    found = problems_of_waves(joint(coverage), contact, None)
+    assert [one.code for one in found] == ["waves_longer_than_scan"] * said
+    assert not said or "stand 1e-07 m (rms) out of its spectrum, 10%" in found[0].message
+
+
+@pytest.mark.parametrize(
+    ("shortest_m", "nesting_m", "why"),
+    [
+        (8.1e-6, None, "shorter waves drown in its noise of 3e-09 m a point"),
+        (8.1e-6, 5e-6, "shorter waves drown in its noise"),
+        (8.1e-6, 8.1e-6, "shorter ones were filtered off"),
+        (8e-6, None, ""),  # half of the load on contacts as wide
+        (6.0e-6, None, ""),
+    ],
+)
+def test_contacts_narrower_than_any_wave_of_the_map_are_noted(
+    shortest_m, nesting_m, why, monkeypatch
+):
+    asked = []
+
+    def carried(*given, enough_m):
+        asked.append((*given, enough_m))
+        return shortest_m, 1e-3
+
+    monkeypatch.setattr(doubts, "carried_waves_m", carried)
+    caps, _ = caps_of([1.0, 1.0], [4e-6, 4e-6])
+    surface = HeightMap(np.zeros((4, 4)), (1e-6, 4e-6))
+    found = problems_of_band(caps, surface, 3e-9, Conditioning(s_filter_nesting_index_m=nesting_m))
+    assert asked == [(surface, 3e-9, nesting_m, pytest.approx(8e-6))]
+    assert [one.code for one in found] == ["contacts_outside_band"] * bool(why)
+    assert why in "".join(one.message for one in found)
+
+
+def test_contacts_of_two_pixels_are_said_to_be_so_and_not_to_be_out_of_the_band(monkeypatch):
+    """Of the longer side of a pixel."""
+    caps, _ = caps_of([1.0, 1.0], [1e-6, 1e-6])
+    for size_m, noted in ((4.05e-6, False), (3.95e-6, True)):
+        surface = HeightMap(np.zeros((4, 4)), (1e-6, size_m))
+        monkeypatch.setattr(doubts, "carried_waves_m", lambda *_, enough_m: (8e-6, 1e-3))
+        assert bool(problems_of_band(caps, surface, 0.0, Conditioning())) == noted
+    none, _ = caps_of([NAN, NAN], [NAN, NAN])
+    assert problems_of_band(none, surface, 0.0, Conditioning()) == []

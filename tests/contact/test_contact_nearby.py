@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from capslip.contact.models.boundary_elements import boundary_elements
+from capslip.contact.solvers import nearby as module
 from capslip.surface.heightmap import HeightMap
 
 E, N, SHARE, PIXEL_M = 110e9, 40.0, 0.25, 2e-5
@@ -113,6 +114,22 @@ def test_what_penetrates_beside_the_points_that_were_taken_joins_them(monkeypatc
     assert few.withdrawal != pytest.approx(expected.withdrawal, rel=3e-3)
 
 
+def test_few_points_are_solved_beside_those_that_touch(monkeypatch):
+    solved, press = [], module.press
+
+    def counted(face, **given):
+        solved.append(int(np.prod(face.shape)))
+        return press(face, **given)
+
+    more = boundary_elements(FOUR, E).pressed(1.3 * N)
+    touching = np.count_nonzero(more.pressure_Pa)
+    first = boundary_elements(FOUR, E)
+    first.unloading(N)
+    monkeypatch.setattr(module, "press", counted)
+    first.near(N, [(1.3, 1.0)], SHARE)
+    assert touching <= max(solved) < 2 * touching < 0.5 * FOUR.size
+
+
 def test_a_hill_that_only_more_load_reaches_carries_there():
     """Of three hills two touch under the load; the third is a little lower than the approach."""
     approach_m = float(boundary_elements(FOUR, E).approach_m(N))
@@ -150,3 +167,11 @@ def test_loads_on_either_side_are_found_as_each_for_itself():
         (alone,) = first.near(N, [change], SHARE)
         factors = [[of.approach, of.withdrawal, of.loss] for of in (one, alone)]
         assert factors[0] == pytest.approx(factors[1], rel=2e-3)
+
+
+@pytest.mark.parametrize(("gone", "enough"), [(0.1, 1.25e-5), (0.05, 1.5625e-6), (0.5, 1e-4)])
+def test_gaps_that_are_left_open_are_a_tenth_of_a_hertz_loss_at_most(gone, enough):
+    """A loss that begins as the cube of the approach that is gone, over eight."""
+    share = 1.0 - (1.0 - gone) ** 1.5
+    assert module._enough(share) == pytest.approx(enough, rel=1e-9)
+    assert module._enough(1e-6) == module._FINEST

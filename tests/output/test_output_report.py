@@ -13,7 +13,7 @@ from PIL import Image
 from capslip.analysis import analyze_families
 from capslip.output import report
 from capslip.output.figures import FIGURES
-from capslip.output.lead import _left_out, answer_lines
+from capslip.output.lead import answer_lines
 from capslip.output.quantity import engineering
 from capslip.output.report import MAX_ROWS, _data, write_report
 from capslip.problems import Effect, Problem
@@ -252,10 +252,3 @@ def test_an_answer_without_an_interval_says_why(overrides, why):
     known = found.summary() | {"accuracy": {"estimated": 0.01}}
     (other,) = (text for _, text in answer_lines(known, "-") if "interval" in text)
     assert ("cannot carry each preload" in other) == ("not known" in said)
-
-
-def test_what_an_interval_leaves_out_is_one_list():
-    found = _left_out(["noise of the map", "what a_doubt moves", "what b_doubt moves"])
-    assert found == "; it leaves out noise of the map and the effect of a_doubt and b_doubt"
-    assert _left_out(["error of the model"]) == "; it leaves out error of the model"
-    assert _left_out([]) == ""

@@ -252,3 +252,31 @@ def test_a_folder_that_cannot_be_written_is_named_before_the_work(tmp_path, monk
         staging.check_folder(tmp_path / "new" / "deep")
     with pytest.raises(OutputError, match="File name too long"):
         staging.check_folder(tmp_path / ("x" * 300))
+
+
+def test_a_scan_in_the_folder_of_its_result_is_refused_and_one_elsewhere_is_not(tmp_path):
+    folder = result(tmp_path / "a", OLD)
+    for name in ("scan.h5", "deep/scan.h5", "caps.csv"):
+        with pytest.raises(OutputError, match=f"holds .*{name}, which is to be read"):
+            staging.check_folder(folder, keep=(None, tmp_path / "elsewhere.h5", folder / name))
+    staging.check_folder(folder, keep=(None, tmp_path / "elsewhere.h5"))
+    staging.check_folder(tmp_path / "new", keep=(tmp_path / "new" / "scan.h5",))  # not there yet
+
+
+def test_a_folder_of_the_earlier_result_goes_with_its_last_file_and_no_other(tmp_path):
+    folder = result(tmp_path / "a", OLD | {"extra/a.txt": "old"})
+    (folder / "drafts").mkdir()  # of someone else, and empty
+    result(folder, {"settings.toml": "new"})
+    assert contents(folder) == {"settings.toml": "new"}
+    assert {entry.name for entry in folder.iterdir()} == {"drafts", "settings.toml", "summary.json"}
+
+
+def test_a_link_in_a_result_is_a_file_of_it(tmp_path):
+    (tmp_path / "there").mkdir()
+    (tmp_path / "there" / "mine").touch()
+    work = tmp_path / "work"
+    (work / "figures").mkdir(parents=True)
+    (work / "figures" / "a.png").touch()
+    (work / "link").symlink_to(tmp_path / "there")
+    found = [("figures", True), ("figures/a.png", False), ("link", False)]
+    assert list(staging._below(work)) == found

@@ -244,6 +244,43 @@ def test_a_joint_of_three_areas_has_three_times_the_interval():
         assert other.interval[name] == pytest.approx(expected, rel=1e-9)
 
 
+def test_patches_under_unlike_loads_move_each_by_its_own_closed_form():
+    """Two spheres side by side, one under 0.4 of the load: forces and energies add."""
+    loads_N, spread = np.array([N, 0.4 * N]), 0.2
+    delta_m = sphere_states(T=0.2 * MU * N)[1]
+    settings = settings_of({"displacement_m": delta_m}, preload=spread)
+    _, (part,), _, _ = pressed(settings)
+    joint = replace(part.joint, preload_N=loads_N.sum(), load_N=loads_N, weight=np.ones(2))
+    slip = slip_curve(joint.curve(part.contact), joint.preload_N, MU, STEEL.kappa)
+    damping = response(slip, K_M, K_S, JOINTS)
+    answer, _ = answer_to(settings.answer, slip, damping)
+    found = band_of(answer, (replace(part, joint=joint),), damping, settings)
+    ends = []
+    for factor in np.exp(np.array([-Z_90, Z_90]) * spread / NORMAL_95):
+        T, _, W = zip(*(sphere_states(None, delta_m, MU, factor * one) for one in loads_N),
+                      strict=True)  # fmt: skip
+        ends.append(numbers(sum(T), delta_m, sum(W)))
+    for name in NUMBERS:
+        low, high = sorted(end[name] for end in ends)
+        width = np.log(high / low)
+        assert abs(np.log(np.array(found.interval[name]) / (low, high))).max() < 0.03 * width, name
+
+
+@pytest.mark.parametrize("asked", ["slip_force_N", "displacement_m"])
+def test_from_where_an_approach_counts_does_not_matter(asked):
+    T, delta_m, _ = sphere_states(T=0.5 * MU * N)
+    spreads = {"friction": 0.1, "preload": 0.1, "modulus": 0.1}
+
+    def with_touch_at(depth_m):
+        curve = caps(np.array([R_M]), np.array([depth_m]), STEEL.E_star_Pa)
+        return lambda contact: replace(contact, curve=curve)
+
+    question = {asked: T if asked == "slip_force_N" else delta_m}
+    one, other = (band(question, with_touch_at(depth_m), **spreads) for depth_m in (0.0, 3e-7))
+    for name in NUMBERS:
+        assert other.interval[name] == pytest.approx(one.interval[name], rel=1e-6)
+
+
 def test_a_map_is_followed_down_from_its_preload_alone():
     """Pressed as a map, a sphere has the band of a sphere, from three loads."""
     surface = caps_map([(5e-3, 5e-3, R_M, 0.0)], shape=(100, 100), floor_m=-1.0)

@@ -2,6 +2,7 @@
 
 import re
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -79,6 +80,40 @@ def test_a_flat_or_an_empty_map_is_not_clipped(height_m):
     assert problems_of_scan(HeightMap(height_m, (1.0, 1.0)), None) == []
 
 
+@pytest.mark.parametrize(
+    ("restored", "left", "said"),
+    [
+        (0, 4, "cut the peaks off, and the caps are higher than they look"),
+        (2, 0, "; 2 tops were put back as their flanks carry on, the highest by 5e-07 m with a "
+         "standard error of 3e-08 m"),
+        (2, 4, "3e-08 m; 4 stay flat: their flanks do not tell"),
+    ],
+)  # fmt: skip
+def test_tops_that_were_put_back_are_told_with_the_error_of_the_highest(restored, left, said):
+    height_m = np.zeros(100)
+    height_m[:9], height_m[9:11] = 2.0, 1.0
+    tops = SimpleNamespace(
+        counts={"restored": restored},
+        up_m=np.array([2e-7, 5e-7, 1e-7]),
+        height_se_m=np.array([1e-8, 3e-8, 9e-8]),
+        left=left,
+    )
+    (found,) = problems_of_scan(HeightMap(height_m.reshape(10, 10), (1.0, 1.0)), tops)
+    assert found.message.startswith("9 points share the greatest height")
+    assert found.message.endswith(said)
+
+
+def test_points_between_those_that_were_measured_are_told_along_their_own_axes(monkeypatch):
+    surface = HeightMap(np.zeros((4, 4)), (1e-6, 5e-6))
+    monkeypatch.setattr(doubts, "pixels_apart", lambda surface: (3, 2))
+    (found,) = doubts.problems_of_points(surface)
+    assert (found.code, found.severity) == ("interpolated", "warning")
+    assert "every 3. row and every 2. column was measured" in found.message
+    assert "pixels of 3e-06 x 1e-05 m (dy x dx)" in found.message
+    monkeypatch.setattr(doubts, "pixels_apart", lambda surface: (1, 1))
+    assert doubts.problems_of_points(surface) == []
+
+
 def ramp(slope_y, slope_x, pixel_m, shape=(40, 30)):
     y_m, x_m = (np.arange(n) * size_m for n, size_m in zip(shape, pixel_m, strict=True))
     return HeightMap(slope_y * y_m[:, None] + slope_x * x_m, pixel_m)
@@ -152,6 +187,25 @@ def test_slopes_are_sampled_on_a_hundred_lines_and_need_no_measured_point():
     lost = np.full((4, 4), np.nan)
     lost[1, 1] = 0.0
     assert problems_of_map(HeightMap(lost, (1e-6, 1e-6)), 1e-5, 2e-6) == ()
+
+
+@pytest.mark.parametrize(
+    ("of_limit", "steep_top", "severity"),
+    [(0.99, False, "info"), (1.01, False, "warning"), (0.99, True, "warning")],
+)
+def test_walls_are_noted_where_the_face_is_touched_on_gentle_slopes(of_limit, steep_top, severity):
+    """Ninety columns of a deep zigzag, and a ramp on which a quarter of its rms slope is left."""
+    n_y, n_x, n_top, step = 50, 100, 10, 4.0
+    n_all, n_of_top = n_y * (n_x - 1) + n_x * (n_y - 1), n_y * (n_top - 1) + n_top * (n_y - 1)
+    along_ramp = n_y * (n_top - 1)
+    walls = n_y * (n_x - n_top) * step**2 / n_all  # in the mean square slope
+    limit = np.sqrt(walls / (along_ramp / n_of_top / 0.25**2 - along_ramp / n_all))
+    ramp = 1.5 * (np.arange(n_top) > 4) if steep_top else of_limit * limit * np.arange(n_top)
+    columns = np.append(step * (np.arange(n_x - n_top) % 2 - 2.0), ramp)
+    height_m = 1e-6 * np.tile(columns, (n_y, 1))
+    found = problems_of_map(HeightMap(height_m, (1e-6, 1e-6)), 1e-5, 2e-5)
+    assert codes(found) == {"slope_suspect": severity}
+    assert ("deep walls" in found[0].message) == (severity == "info")
 
 
 FLAT = np.zeros((10, 20))
@@ -236,6 +290,24 @@ def test_removed_points_are_too_many_beyond_a_fiftieth(n, severity):
     assert found.message.startswith(f"{n} points ({n:.2g} %)")
     assert " 1 of them upwards" in found.message
     assert problems_of_outliers(surface, 1.0, outliers([], []), False) == ()
+
+
+def test_removed_points_are_told_with_those_of_lifted_patches():
+    height_m = np.zeros(100)
+    height_m[:2] = np.nan
+    surface, removed = HeightMap(height_m.reshape(10, 10), (1.0, 1.0)), outliers([0, 1], [1.0, 1.0])
+    (found,) = problems_of_outliers(surface, 1.0, removed, False)
+    assert found.message.endswith("2 of them upwards, and were marked as non-measured")
+    (found,) = problems_of_outliers(surface, 1.0, replace(removed, n_lifted=1), False)
+    assert f"; 1 of them {doubts.LIFTED}" in found.message
+    errors = outliers(range(20), [1.0, -1.0] * 10)
+    height_m[:20] = np.nan
+    surface = HeightMap(height_m.reshape(10, 10), (1.0, 1.0))
+    (found,) = problems_of_outliers(surface, 1.0, errors, False)
+    assert "; as many stand off downwards, as far: errors, no burrs" in found.message
+    many = outliers(range(20), [1.0] * 20)
+    (found,) = problems_of_outliers(surface, 1.0, many, False)
+    assert found.message.endswith("non-measured: too many for spikes")
 
 
 @pytest.mark.parametrize(

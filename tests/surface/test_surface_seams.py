@@ -145,3 +145,25 @@ def test_a_form_changes_nothing():
     one, other = find_seams(of(height_m)), find_seams(of(height_m + form_m))
     assert one.rows.tolist() == other.rows.tolist()
     assert one.offset_m == pytest.approx(other.offset_m, abs=1e-10)
+
+
+@pytest.mark.parametrize(("n_points", "found"), [(31, False), (32, True)])
+def test_a_seam_is_told_by_four_parts_of_eight_points(n_points, found):
+    lines_m = (waves_m() + 9e-8 * (COLUMN >= 110))[:n_points]
+    for height_m in (lines_m, lines_m.T.copy()):
+        seams = find_seams(of(height_m))
+        assert (seams is not None and seams.offset_m.size == 2) == found
+
+
+def test_a_height_that_all_points_share_takes_no_digit_of_a_seam():
+    height_m = waves_m() + 5e-8 * (COLUMN >= 110)
+    one, other = find_seams(of(height_m)), find_seams(of(height_m + 1.0))
+    assert other.columns.tolist() == one.columns.tolist() == [0, 110, 200]
+    assert other.offset_m == pytest.approx(one.offset_m, abs=1e-13)
+
+
+def test_lines_that_are_lost_whole_or_in_part_hide_no_seam_beside_them():
+    height_m = waves_m() + 5e-8 * (COLUMN >= 110)
+    height_m[:, 40:44] = np.nan
+    height_m[:85, 105:115] = np.nan  # three of four parts
+    assert find_seams(of(height_m)).columns.tolist() == [0, 110, 200]

@@ -1,0 +1,137 @@
+"""The scans of a batch: which files are some, what a list says of each, and their names."""
+
+from pathlib import Path
+
+import pytest
+
+from capslip.errors import NothingToDoError, SettingsError
+from capslip.settings import load_settings
+from capslip.sources import MOST_BYTES, Scan, _names, _plain, find_scans
+
+SETTINGS = load_settings(overrides=("contact.tolerance=0.1",))
+
+
+@pytest.fixture
+def here(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+def files(*names):
+    for name in names:
+        Path(name).parent.mkdir(parents=True, exist_ok=True)
+        Path(name).touch()
+
+
+def found(*sources, **options):
+    scans, skipped = find_scans(sources, SETTINGS, **options)
+    return [str(one.path.relative_to(Path.cwd())) for one in scans], dict(skipped)
+
+
+@pytest.mark.usefixtures("here")
+def test_a_folder_gives_its_files_and_counts_what_it_leaves_out():
+    files("in/b.h5", "in/a.x3p", "in/.hidden", "in/deep/c.h5", "in/old/summary.json", "in/x.TOML")
+    files("in/old/d.h5", "in/out/e.h5", "in/deep/.f.h5", "in/deep/out/g.h5")
+    flat = {"hidden": 1, "document": 1, "folder (see --recursive)": 3}
+    assert found("in") == (["in/a.x3p", "in/b.h5"], flat)
+    deep, skipped = found("in", recursive=True, leave_out=Path("in/out"))
+    assert deep == ["in/a.x3p", "in/b.h5", "in/deep/c.h5", "in/deep/out/g.h5"]
+    assert skipped == {"hidden": 2, "document": 1, "result": 1, "folder of this batch": 1}
+    deep, skipped = found("in", recursive=True, leave_out=Path("in/deep/out"))
+    assert deep == ["in/a.x3p", "in/b.h5", "in/deep/c.h5", "in/out/e.h5"]
+    assert skipped["folder of this batch"] == 1
+    assert "in/out/e.h5" in found("in", recursive=True)[0]
+
+
+@pytest.mark.usefixtures("here")
+def test_a_glob_gives_the_files_that_it_hits_and_a_file_of_such_a_name_is_itself():
+    files("a1.h5", "a2.h5", "a[12].h5", "b.h5", "deep/a3.h5")
+    Path("a4.h5").mkdir()
+    assert found("a?.h5") == (["a1.h5", "a2.h5"], {"no file": 1})
+    assert found("a[12].h5") == (["a[12].h5"], {})
+    assert found("**/a3.h5") == (["deep/a3.h5"], {})
+    assert found("b.h5", "notes.toml") == (["b.h5", "notes.toml"], {})  # which fails, by name
+    with pytest.raises(NothingToDoError, match=r"no scan found in a4\*; skipped: 1 no file; exp"):
+        found("a4*")
+    with pytest.raises(NothingToDoError, match=r"no scan found in c\.h5; \S*/c\.h5 is no file; "):
+        found("c.h5")
+
+
+def test_a_list_says_of_each_scan_its_mate_group_preload_and_unit(here):
+    rows = "left.h5,right.h5,joint 1,300,um\n ,,,,\nsub/b.h5, , , ,\n"
+    (here / "lists").mkdir()
+    (here / "lists" / "a.csv").write_text(
+        f'"scan",mate,group, preload_N ,unit\n{rows}', "utf-8-sig"
+    )
+    files("lists/left.h5")
+    (left, other), skipped = find_scans((), SETTINGS, Path("lists/a.csv"))
+    assert (left.path, left.group) == (here / "lists" / "left.h5", "joint 1")
+    assert left.mate == here / "lists" / "right.h5"  # a worker may be in another folder
+    assert (left.settings.contact.preload_N, left.settings.reading.unit) == (300.0, "um")
+    assert left.settings.contact.tolerance == 0.1
+    assert left.settings.is_given("contact.preload_N")
+    assert other == Scan(here / "lists" / "sub" / "b.h5", SETTINGS, None, None, "b")
+    assert not skipped
+
+
+def test_a_unit_alone_leaves_the_preload_as_it_is(here):
+    files("a.h5")
+    (here / "a.csv").write_text("scan,unit\na.h5,nm\n")
+    ((one,), _) = find_scans((), SETTINGS, here / "a.csv")
+    assert one.settings.reading.unit == "nm"
+    assert one.settings.contact == SETTINGS.contact
+    assert not one.settings.is_given("contact.preload_N")
+
+
+def test_a_plain_list_is_a_scan_a_line_and_may_hold_commas(here):
+    files("a, 1.h5", "b.h5")
+    (here / "list.txt").write_text("a, 1.h5\n\n  b.h5  \r\nb.h5\n", "utf-16")
+    scans, _ = find_scans((), SETTINGS, here / "list.txt")
+    assert [(one.path.name, one.settings) for one in scans] == [
+        ("a, 1.h5", SETTINGS),
+        ("b.h5", SETTINGS),
+    ]
+    (here / "list.txt").write_text("")
+    with pytest.raises(NothingToDoError, match=r"no scan found in \S*list\.txt; expected files"):
+        find_scans((), SETTINGS, here / "list.txt")
+    with pytest.raises(SettingsError, match=r"none\.txt: No such file"):
+        find_scans((), SETTINGS, here / "none.txt")
+
+
+def scan(path, preload_N=None, group=None, mate=None):
+    texts = () if preload_N is None else (f"contact.preload_N={preload_N}",)
+    return Scan(Path(path), load_settings(overrides=texts), mate, group)
+
+
+def test_a_name_is_as_much_of_the_path_as_tells_the_scans_apart():
+    assert _names([scan("x/a.h5"), scan("x/b.h5")]) == ["a", "b"]
+    assert _names([scan("x/a.h5"), scan("x/A.x3p"), scan("x/b.h5")]) == ["a.h5", "A.x3p", "b"]
+    assert _names([scan("x/a.h5"), scan("y/a.h5")]) == ["x_a.h5", "y_a.h5"]
+    assert _names([scan("a.h5", 3), scan("a.h5", 40)]) == ["a.h5_3N", "a.h5_40N"]
+    alike = [scan("a.h5", group="l"), scan("a.h5", group="r"), scan("a.h5", mate=Path("b.h5"))]
+    names = _names(alike)
+    assert names == [f"a.h5_{one.digest}" for one in alike]
+    assert len(set(names)) == 3
+
+
+@pytest.mark.usefixtures("here")
+def test_each_scan_has_its_own_name_and_they_are_in_the_order_of_their_paths():
+    files("in/b.h5", "in/a.h5", "in/a.x3p")
+    scans, _ = find_scans(["in/b.h5", "in"], SETTINGS)
+    assert [(one.path.name, one.name) for one in scans] == [
+        ("a.h5", "a.h5"),
+        ("a.x3p", "a.x3p"),
+        ("b.h5", "b"),
+    ]
+
+
+def test_a_name_is_one_that_any_system_takes():
+    assert _plain('a<b>c:d"e/f\\g|h?i*j\nk') == "a_b_c_d_e_f_g_h_i_j_k"
+    assert (_plain(".bashrc"), _plain("a.b"), _plain("µ b")) == ("_bashrc", "a.b", "µ b")
+    whole = "é" * (MOST_BYTES // 2)
+    assert _plain(whole) == whole
+    long, other = _plain(whole + "a"), _plain(whole + "b")
+    assert long != other
+    for name in (long, other):
+        stem, _, digest = name.rpartition("_")
+        assert (stem, len(digest)) == (whole, 8)

@@ -1,0 +1,294 @@
+"""The parts of a page, to the letter: each number under its head, each sentence where it holds."""
+
+import json
+import re
+from dataclasses import fields, replace
+from html import unescape
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from capslip.caps.table import CapFlag, CapTable
+from capslip.output import report
+from capslip.output.figures import FIGURES, OF_JOINT
+from capslip.output.methods import citation, methods_paragraph, references
+from capslip.output.report import DASH, OF_SCANS, SCATTER, write_report
+from capslip.problems import Problem
+from capslip.result import JointOfScans
+
+NBSP = "\u00a0"
+SUMMARY = {
+    "families": {"m": 4, "n": 9, "h_m": 2.4e-7},
+    "contact": {
+        "model": "caps",
+        "contacts": 12,
+        "approach_m": 5e-7,
+        "approach_without_bulk_m": 3e-7,
+        "scan_load_N": 150.0,
+        "stiffness_N_per_m": 8e8,
+        "bulk": False,
+        "pressure_classes": 1,
+        "hardness_Pa": None,
+        "coverage": 1.0,
+    },
+    "slip": {"tangential_stiffness_N_per_m": 7e8, "total_slip_force_N": 30.0},
+    "damping": {
+        "structure": "beam",
+        "peak_loss_factor": 0.04,
+        "amplitude_at_peak_m": 2e-6,
+        "first_peak_loss_factor": None,
+        "amplitude_at_first_peak_m": None,
+        "gross_slip_amplitude_m": 6e-6,
+    },
+    "scans": None,
+}
+
+
+def changed(**tables):
+    """Return the summary above with some numbers of its tables others."""
+    return SUMMARY | {name: {**(SUMMARY[name] or {}), **of} for name, of in tables.items()}
+
+
+def headlines(**tables):
+    return report._headlines(changed(**tables))
+
+
+def test_the_headlines():
+    assert headlines() == [
+        ("G-caps m, P-caps n", "4, 9", "families by peak height"),
+        ("height difference h", "240 nm", "G-peaks above P-peaks"),
+        ("normal approach", "300 nm", "without bulk; 500 nm with it"),
+        ("caps in contact", "12", "the scan at 150 N, model caps"),
+        ("normal stiffness", "800 MN/m", "one joint, without bulk"),
+        ("tangential stiffness", "700 MN/m", "first loading, one joint"),
+        ("greatest loss factor", "0.04", "beam, at an amplitude of 2 µm"),
+        ("amplitude at gross slip", "6 µm", "of the beam; 30 N in one joint"),
+    ]
+
+
+@pytest.mark.parametrize(
+    ("place", "tables", "line"),
+    [
+        (0, {"families": {"m": 7, "n": 0, "h_m": None}},
+         ("caps of the one family", "7", "on its own plane; no gap h between their peaks")),
+        (0, {"families": {"m": 0, "n": 0}}, ("G-caps m, P-caps n", "0, 0",
+                                             "families by peak height")),
+        (3, {"contact": {"pressure_classes": 2}},
+         ("caps in contact", "12", "the scan at 150 N, under the greatest pressure, model caps")),
+        (3, {"contact": {"model": "flat"}}, ("caps in contact", "whole face",
+                                             "the scan at 150 N, model flat")),
+        (3, {"contact": {"model": None, "contacts": None}},
+         ("caps in contact", DASH, "not available; see above")),
+        (4, {"contact": {"bulk": True}},
+         ("normal stiffness", "800 MN/m", "one joint, with bulk")),
+        (6, {"damping": {"peak_loss_factor": None}},
+         ("greatest loss factor", DASH, "not defined: the beam is no longer lightly damped")),
+        (6, {"damping": {"peak_loss_factor": None, "amplitude_at_peak_m": None}},
+         ("greatest loss factor", DASH, "not available; see above")),
+        (6, {"damping": {"peak_loss_factor": 0.0}},
+         ("greatest loss factor", "0", "no loss below gross slip")),
+        (6, {"damping": {"first_peak_loss_factor": 0.03, "amplitude_at_first_peak_m": 9e-7}},
+         ("greatest loss factor", "0.04",
+          "beam, at an amplitude of 2 µm; a first maximum of 0.03 at 900 nm")),
+    ],
+)  # fmt: skip
+def test_a_headline_says_what_its_number_is_of(place, tables, line):
+    assert headlines(**tables)[place] == line
+
+
+def test_a_joint_of_scans_has_no_headlines_of_a_face():
+    none = {"families": dict.fromkeys(SUMMARY["families"]), "contact": {"model": None}}
+    several = changed(**none) | {"scans": [1, 2]}
+    labels = [label for label, _, _ in report._headlines(several)]
+    assert labels[:2] == ["normal approach", "caps in contact"]
+    assert len(headlines(**none)) == len(labels) + 2
+
+
+@pytest.mark.parametrize(
+    ("contact", "said", "unsaid"),
+    [
+        ({}, ["Contact model caps: ", "stiffness used does not hold the sinking",
+              "no hardness was given"], ["stands for a larger joint", "GPa everywhere"]),
+        ({"bulk": True}, ["stiffness used holds the sinking"], ["does not hold"]),
+        ({"model": None}, ["no hardness"], ["Contact model", "sinking of the half-space"]),
+        ({"hardness_Pa": 2.5e9}, ["softer face is taken as 2.5 GPa everywhere"],
+         ["no hardness was given"]),
+        ({"coverage": 0.98}, ["stands for a larger joint"], []),
+        ({"coverage": 0.99}, [], ["stands for a larger joint"]),
+        ({"coverage": None}, [], ["stands for a larger joint"]),
+    ],
+)  # fmt: skip
+def test_what_the_numbers_leave_out_is_said_where_it_is_so(contact, said, unsaid):
+    found = report._limits(changed(contact=contact))
+    text = "\n".join(found)
+    assert all(one in text for one in said)
+    assert not any(one in text for one in unsaid)
+    assert "Bureau" in found[0]
+    assert found[-1].startswith("Only the loss in the joints is counted")
+
+
+UNITS = {"nm": 1e-9, "µm": 1e-6, "mm": 1e-3, "m": 1.0, "mN": 1e-3, "N": 1.0, "kN": 1e3}
+
+
+def caps(n=5):
+    """Caps of which every column is other than every other one."""
+    columns = {field.name: np.full(n, np.nan) for field in fields(CapTable)}
+    scale_m = {"x_m": 3e-3, "y_m": 5e-3, "peak_height_m": 2e-7, "cap_height_m": 1e-7}
+    scale_m |= {"residual_m": 3e-8, "diameter_m": 4e-4, "radius_m": 2.0, "contact_radius_m": 6e-5}
+    for name, size_m in scale_m.items():
+        columns[name] = size_m * (1.0 + 0.1 * np.arange(n))
+    columns["load_N"] = np.array([0.0, 2.0, np.nan, 8.0, 0.0])
+    columns["family"] = np.array(["G", "P", "", "G", "P"])
+    columns["flags"] = np.zeros(n, np.uint16)
+    columns["flags"][1] = CapFlag.edge
+    return CapTable(**columns)
+
+
+HEADS = {
+    "x": "x_m",
+    "y": "y_m",
+    "peak height": "peak_height_m",
+    "df": "cap_height_m",
+    "rms residual": "residual_m",
+    "D": "diameter_m",
+    "R": "radius_m",
+    "load": "load_N",
+    "contact radius": "contact_radius_m",
+}
+
+
+def test_every_number_of_the_table_of_caps_is_of_its_head_and_unit():
+    of, found = caps(), report._cap_rows(caps())
+    assert (found["total"], found["more"]) == (5, 0)
+    assert [row[0] for row in found["rows"]] == ["4", "2", "5", "1", "3"]  # by load, by height
+    at = np.array([3, 1, 4, 0, 2])
+    for head, *cells in zip(found["heads"], *found["rows"], strict=False):
+        label, _, unit = head.partition(" [")
+        if label in HEADS:
+            values = [np.nan if one == DASH else float(one) for one in cells]
+            expected = getattr(of, HEADS[label])[at]
+            seen = np.array(values) * UNITS[unit.rstrip("]")]
+            assert seen == pytest.approx(expected, rel=1e-3, nan_ok=True), head
+        elif label == "family":
+            assert cells == ["G", "P", "P", "G", ""]
+    assert [head.partition(" [")[0] for head in found["heads"]] == ["cap", "family", *HEADS]
+    assert [row[-1] for row in found["rows"]] == ["", "edge", "", "", ""]
+
+
+def test_the_row_of_a_scan_holds_its_own_numbers():
+    of = {
+        "name": "left",
+        "status": "check",
+        "share": 0.25,
+        "sq_m": 3e-7,
+        "caps": 17,
+        "model": "boundary_elements",
+        "contacts": 11,
+        "max_pressure_Pa": 2e9,
+        "estimated_error": 0.034,
+        "answer": {"tangential_stiffness_N_per_m": 7e8, "energy_J": 4e-9},
+    }
+    none = of | dict.fromkeys(("share", "model", "estimated_error", "max_pressure_Pa"))
+    none["answer"] = dict.fromkeys(of["answer"])
+    surface = SimpleNamespace(height_m=np.arange(12.0).reshape(3, 4))
+    scan = SimpleNamespace(conditioned=SimpleNamespace(surface=surface))
+    found, empty = report._scan_rows((scan, scan), {"scans": [of, none]})
+    assert (found["name"], found["status"]) == ("left", "check")
+    cells = ["25 %", "300 nm", "17", "11 in boundary elements", "2 GPa", "700 MN/m", "4 nJ"]
+    assert found["cells"] == [one.replace(" ", NBSP, 1) for one in [*cells, "3.4 %"]]
+    assert empty["cells"] == [DASH, f"300{NBSP}nm", "17", *[DASH] * 5]
+    assert found["stamp"].startswith("data:image/png;base64,iVBOR")
+
+
+def test_the_tables_of_a_face(several):
+    summary = several.summary()
+    summary["surface"] |= {"shape": [200, 300], "pixel_size_m": [1e-4, 2e-4], "path": None}
+    summary["hills"] |= {"rejected": {"too_few_points": 3, "no_sphere": 2}, "hills": 9, "caps": 7}
+    summary["families"]["P"] = None
+    of = dict(zip(("count", "radius_m", "diameter_m"), (3, 12.0, 5e-4), strict=True))
+    summary["families"]["G"] |= of | {"height_m": 2e-7, "peak_height_m": 7e-7}
+    summary["timings_s"] = {"read": 0.25, "hills": 3.0}
+    tables = {title: dict(rows) for title, rows in report._tables(summary)}
+    face = tables["Height map"]
+    assert face["file"] == "given as an array"
+    assert (face["points"], face["pixel"]) == ("300 x 200 (x, y)", "200 µm x 100 µm")
+    assert face["face"] == "60 mm x 20 mm"
+    hills = tables["Hills and families"]
+    assert (hills["hills"], hills["rejected"]) == (
+        "9, 7 of them with a sphere",
+        "3 too few points, 2 no sphere",
+    )
+    assert hills["G-caps"] == "3: mean R 12 m, D 500 µm, df 200 nm, peak height 700 nm"
+    assert hills["P-caps"] == "none"
+    assert tables["Time"] == {"read": "250 ms", "hills": "3 s"}
+    assert tables["Provenance"]["settings sha256"] == several.settings.sha256()
+    assert tables["Provenance"]["command"] == DASH
+    contact = tables["Contact, slip and damping"]
+    slip = summary["slip"]
+    assert contact["friction coefficient"] == "0.2"
+    assert contact["gross slip, one joint"].startswith(f"{slip['total_slip_force_N']:.3g} N at ")
+
+
+def test_a_picture_that_is_missing_says_why(several, tmp_path):
+    told = Problem("output_missing", "warning", "energy.png could not be drawn: no ink")
+    broken = replace(several, problems=(told,), sensitivity=None)
+    found = report._figures(broken, several.summary(), tmp_path, "no OpenGL")
+    by_name = {one["name"]: one for one in found}
+    assert list(by_name) == [*list(FIGURES)[:2], "scene", *list(FIGURES)[2:]]
+    assert by_name["energy"]["missing"] == told.message
+    assert by_name["scene"]["missing"] == "Reason: no OpenGL."
+    for name in set(FIGURES) - {"energy"}:
+        assert by_name[name]["missing"].startswith(f"It needs {FIGURES[name].needs}"), name
+        assert by_name[name]["title"] == FIGURES[name].title
+    assert {one["data"] for one in found} == {None}
+    silent = report._figures(broken, several.summary(), tmp_path, None)
+    assert silent[2]["missing"] == "Reason: the renderer left no picture."
+    assert set(OF_JOINT) <= set(FIGURES)
+
+
+@pytest.mark.parametrize(
+    ("name", "model", "said"),
+    [
+        ("families", "boundary_elements", True),
+        ("scene", "boundary_elements", True),
+        ("energy", "boundary_elements", False),
+        ("families", "caps", False),
+        ("families", None, False),
+    ],
+)
+def test_pictures_of_caps_say_where_these_do_not_answer(name, model, said, several, tmp_path):
+    summary = several.summary()
+    summary["contact"]["model"] = model
+    found = {one["name"]: one for one in report._figures(several, summary, tmp_path, None)}
+    assert ("no answer is theirs" in found[name]["caption"]) == said
+
+
+def test_the_panel_on_the_page_is_the_one_that_was_found(several, tmp_path):
+    panel = {"one_level": True, "numbers": [1.5, None]}
+    page = write_report(several, several.summary(), tmp_path, None, panel).read_text("utf-8")
+    (text,) = re.findall(r'id="whatif-data">(.*?)</script>', page)
+    assert json.loads(text) == panel
+
+
+def test_figures_of_several_scans_say_what_lies_between_these(several, tmp_path):
+    of = {"settings": several.settings, "joint": several.joint, "problems": (), "scans": ()}
+    joint = JointOfScans(**of, timings_s={}, started="now")
+    found = report._figures(joint, several.summary(), tmp_path, None)
+    assert [one["name"] for one in found] == list(OF_JOINT)
+    for one in found:
+        entry = FIGURES[one["name"]]
+        good = SCATTER if one["name"] in OF_SCANS else entry.good
+        assert one["caption"] == f"{entry.caption} {good}"
+    assert set(OF_SCANS) < set(OF_JOINT)
+
+
+def test_what_is_to_be_pasted_is_under_its_head(several, tmp_path):
+    summary = several.summary()
+    page = write_report(several, summary, tmp_path, None).read_text("utf-8")
+    page = unescape(page).replace(NBSP, " ")
+    after = page.partition("Methods, to paste")[2]
+    marks = [methods_paragraph(summary)[:60], *references(summary), citation(summary)[:40]]
+    marks.append("preload_N = 150.0")
+    places = [after.index(one) for one in marks]
+    assert places == sorted(places)

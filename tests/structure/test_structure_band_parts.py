@@ -1,0 +1,196 @@
+"""The parts of a band in closed form: covariances, quantiles, polynomials and shares."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from scipy.stats import norm, t
+
+from capslip.contact.rung import ModelError
+from capslip.settings import load_settings
+from capslip.structure import band
+from capslip.structure.band import NORMAL_95
+
+
+def part(coverage=None, error=0.1, made_from="spheres", lay=None, share=1.0, **contact):
+    rung = SimpleNamespace(made_from=made_from)
+    contact = SimpleNamespace(estimated_error=error, rung=rung, lay=lay, moved=None, **contact)
+    return SimpleNamespace(joint=SimpleNamespace(coverage=coverage), contact=contact, share=share)
+
+
+@pytest.mark.parametrize(
+    ("parts", "left_out"),
+    [
+        ([part()], ()),
+        ([part(error=None)], ("error of the model",)),
+        ([part(made_from="map")], ("noise of the map",)),
+        ([part(coverage=0.98)], ("scatter between scans",)),
+        ([part(coverage=0.995)], ()),
+        ([part(coverage=0.3), part(coverage=0.3)], ()),
+        ([part(), part(error=None, made_from="map")], ("error of the model", "noise of the map")),
+    ],
+)
+def test_what_an_interval_does_not_hold_is_listed(parts, left_out):
+    assert band._left_out(parts) == left_out
+
+
+def test_two_rows_have_the_covariance_of_many():
+    changes = np.random.default_rng(0).normal(size=(7, 2)) * (1.0, 3.0)
+    root = band._root(changes)
+    assert root.shape == (2, 2)
+    assert root.T @ root == pytest.approx(changes.T @ changes, rel=1e-12)
+
+
+def test_weights_are_those_of_the_polynomial_through_the_nodes():
+    nodes, at = np.array([-0.5, 0.1, 0.7]), np.linspace(-1.0, 1.0, 9)
+    weight = band._weights(nodes, at)
+    assert weight.sum(axis=1) == pytest.approx(1.0)
+    for power in (1, 2):
+        assert weight @ nodes**power == pytest.approx(at**power, abs=1e-12)
+    assert band._weights(nodes, nodes) == pytest.approx(np.eye(3), abs=1e-12)
+
+
+@pytest.mark.parametrize("scans", [2, 3, 8])
+def test_students_numbers_have_the_probability_of_normal_ones(scans):
+    normal = np.array([-2.0, -0.3, 0.0, 1.0, 2.5])
+    expected = t.ppf(norm.cdf(normal), scans - 1)
+    assert band._students(normal, scans) == pytest.approx(expected, rel=1e-9, abs=1e-12)
+
+
+def test_an_interval_holds_nine_tenths_and_has_no_bound_beyond_light_damping():
+    values = np.arange(1.0, 101.0)
+    assert band._interval("energy_J", values) == (5.0, 95.0)
+    assert band._interval("energy_J", values[::-1]) == (5.0, 95.0)
+    few = np.where(values > 94.0, np.nan, values)
+    assert band._interval("energy_J", few) == (5.0, np.inf)
+    for name, most in (("loss_factor", 0.3), ("damping_ratio", 0.15), ("joint_loss_factor", 9.0)):
+        at = values / 95.0 * most
+        assert band._interval(name, at)[1] == pytest.approx(most)
+        beyond = band._interval(name, 1.001 * at)[1]
+        assert beyond == (np.inf if most < 1.0 else pytest.approx(1.001 * most)), name
+
+
+def test_shares_are_those_of_the_variance_and_leave_out_what_inputs_do_together():
+    one, other, third = (band._drawn({"a": 1, "b": 2})[name][:, [at]] for name, at in
+                         (("a", 0), ("b", 0), ("b", 1)))  # fmt: skip
+    normal = {"a": one, "b": np.hstack((other, third))}
+    linear = np.exp(0.3 * one + 0.1 * other - 0.2 * third)[:, 0]
+    shares = band._contributions(linear, normal)
+    assert shares == pytest.approx({"a": 0.09 / 0.14, "b": 0.05 / 0.14}, abs=1e-6)
+    square = np.exp(0.3 * one + 0.1 * (other**2 - 1.0))[:, 0]
+    assert band._contributions(square, normal)["b"] == pytest.approx(0.02 / 0.11, abs=0.02)
+    crossed = np.exp(0.3 * one + 0.4 * one * other)[:, 0]
+    assert band._contributions(crossed, normal)["a"] == pytest.approx(0.09 / 0.25, abs=0.03)
+    assert band._contributions(np.append(linear[1:], np.inf), normal) == {}
+    assert band._contributions(np.append(linear[1:], 0.0), normal) == {}
+    assert band._contributions(np.ones(len(linear)), normal) == {}
+    assert band._contributions(np.array(2.0), normal) == {}
+
+
+def of_force(by_force=True, parts=(), **overrides):
+    texts = tuple(f"{name.replace('__', '.')}={value}" for name, value in overrides.items())
+    answer = SimpleNamespace(slip_force_N=5.0, displacement_m=1e-8)
+    return SimpleNamespace(
+        by_force=by_force, parts=parts, settings=load_settings(overrides=texts), answer=answer
+    )
+
+
+def test_an_unknown_direction_leaves_the_covariance_of_all_directions():
+    """Of kappa and of the energy, each a cosine of twice the angle, of two scans by their share."""
+
+    def lay(*swings):
+        return SimpleNamespace(left_open=lambda direction_rad: swings)
+
+    of = [(0.3 + 0.1j, -0.2j, 0.25), (0.1 - 0.4j, 0.5 + 0.2j, 0.75)]
+    parts = [part(lay=lay(a, b), share=share) for a, b, share in of] + [part(share=0.5)]
+    a, b = (sum(one[i] * one[2] for one in of) for i in (0, 1))
+    turn = np.exp(2j * np.pi * np.arange(360) / 360)  # e^(2 i phi)
+    moved = np.stack([(a * turn).real, (b * turn).real])
+    root = band._of_direction(of_force(parts=parts, contact__tolerance=0.05))
+    assert root.T @ root == pytest.approx(moved @ moved.T / 360, abs=1e-12)
+    least = abs(np.array([a, b])).max()
+    assert band._of_direction(of_force(parts=parts, contact__tolerance=1.01 * least)).any() is (
+        np.False_
+    )
+    assert band._of_direction(of_force(parts=parts, contact__tolerance=0.99 * least)).any()
+
+
+def test_at_a_given_displacement_a_direction_moves_what_the_slopes_of_the_curve_make_of_it():
+    """T ~ e^0.5 and W ~ e^3: kappa by a factor moves e = delta / (mu kappa) by as much less."""
+    lay = SimpleNamespace(left_open=lambda direction_rad: (0.3 + 0.1j, -0.2j))
+    state = of_force(by_force=False, parts=[part(lay=lay)], contact__tolerance=0.05)
+    asked = []
+    state.kappa, state.preload_N = 1.25, 50.0
+    state.curves = lambda factors: [SimpleNamespace(approach_m=lambda load_N: 2.0 * load_N)]
+    state.response = lambda curve, approach_m, at: (
+        asked.append((approach_m, at.mean())) or (7.0 * at**0.5, 5.0 * at**3)
+    )
+    root = band._of_direction(state)
+    a, b = -0.5 * (0.3 + 0.1j), -0.2j - 3.0 * (0.3 + 0.1j)
+    expected = 0.5 * np.array([[abs(a) ** 2, (a * b.conjugate()).real], [0.0, abs(b) ** 2]])
+    expected[1, 0] = expected[0, 1]
+    assert root.T @ root == pytest.approx(expected, rel=1e-3)
+    assert asked == [(100.0, pytest.approx(1e-8 / (0.2 * 1.25)))]
+
+
+def test_a_model_without_caps_has_its_error_at_the_force_that_was_asked():
+    known = ModelError(0.02, 0.4, ((0.1, 0.4), (0.4, 0.1), (1.0, 0.05)))
+    state = of_force(material__friction_coefficient=0.25)
+    state.preload_N = 50.0  # 5 N of 12.5 N: 0.4
+    caps, model = band._of_one(state, part(errors=known))
+    assert caps.tolist() == [[0.0, 0.0], [0.0, 0.0]]
+    assert model == pytest.approx(np.diag((0.02, 0.1)) / NORMAL_95)
+    state.preload_N = 10.0  # beyond gross slip: as at it
+    assert band._of_one(state, part(errors=known))[1][1, 1] == pytest.approx(0.05 / NORMAL_95)
+    assert not band._of_one(state, part(errors=None))[1].any()
+
+
+@pytest.mark.parametrize(("by_force", "at"), [(True, 30.0), (False, 2.5e-8)])
+def test_caps_that_were_moved_are_asked_at_the_state_of_their_scan(by_force, at):
+    """A scan under six times the load of its joint has six times the load drop."""
+    state = of_force(by_force, material__friction_coefficient=0.25)
+    state.preload_N, asked = 20.0, []
+
+    def response(curve, approach_m, where):
+        asked.append((approach_m, float(where)))
+        return np.exp(curve.log[..., 0]), np.exp(curve.log[..., 1])
+
+    def curve(*log):
+        return SimpleNamespace(log=np.array(log), approach_m=lambda load_N: 1e-9 * load_N)
+
+    state.response = response
+    moved = curve((1.0, 2.0), (1.2, 2.4), (0.8, 1.6), (1.01, 2.0))
+    of = SimpleNamespace(
+        found=curve(1.0, 2.0),
+        moved=SimpleNamespace(log=moved.log, approach_m=moved.approach_m),
+        by_pairs=curve(1.0, 2.04),
+        by_level=curve(1.06, 2.0),
+        of_unloading=0.05,
+    )
+    one = part(preload_N=120.0, composite=SimpleNamespace(kappa=1.6), curve=curve(1.03, 2.0))
+    one.contact.moved = of
+    state.answer.slip_force_N = 0.25 * 5.0
+    caps, model = band._of_one(state, one)
+    assert np.array(asked) == pytest.approx(np.tile((1.2e-7, at), (5, 1)), rel=1e-12)
+    random = np.array([[0.0, 0.0], [0.2, 0.4], [-0.2, -0.4]])
+    assert caps.T @ caps == pytest.approx(random.T @ random / 3.0)
+    least = band.LEAST_ERROR
+    others = np.array([[0.02, 0.0], [0.0, 0.04], [0.06, 0.0], [0.03, 0.0], [0.0, 0.05]])
+    expected = (others.T @ others + least**2 * np.eye(2)) / NORMAL_95**2
+    assert model.T @ model == pytest.approx(expected)
+
+
+def test_one_scan_has_no_scatter():
+    assert band._of_scatter(of_force(parts=[part()])).tolist() == [[0.0, 0.0], [0.0, 0.0]]
+
+
+def test_errors_of_caps_are_each_scans_own_and_those_of_the_model_go_together(monkeypatch):
+    caps, model = (np.diag(of) for of in ((0.1, 0.2), (0.3, 0.4)))
+    monkeypatch.setattr(band, "_of_one", lambda state, one: (caps, model))
+    alone = band._of_caps_and_model(of_force(parts=[part()]))
+    assert (alone[0] == caps).all()
+    assert (alone[1] == model).all()
+    parts = [part(share=0.25), part(share=0.75)]
+    of_caps, of_model = band._of_caps_and_model(of_force(parts=parts))
+    assert of_caps.T @ of_caps == pytest.approx((0.25**2 + 0.75**2) * caps @ caps)
+    assert of_model.T @ of_model == pytest.approx(model @ model)
