@@ -403,13 +403,7 @@ def _family_ratio(settings: Settings) -> float:
 def _named(level: Level, hills: Hills, family_caps: CapTable) -> CapTable:
     """Return the caps of the pressed face with the families of the hills that they stand on."""
     caps, surface = level.caps, level.surface
-    row, col = (
-        np.clip((at_m / size_m).astype(np.intp), 0, n - 1)
-        for at_m, size_m, n in zip(
-            (caps.y_m, caps.x_m), surface.pixel_size_m, surface.shape, strict=True
-        )
-    )
-    names = np.append("", family_caps.family)[hills.label[row, col]]
+    names = np.append("", family_caps.family)[hills.label[surface.pixel_at(caps.x_m, caps.y_m)]]
     return caps.with_columns(family=np.where(caps.usable, names, ""))
 
 

@@ -123,3 +123,35 @@ def test_a_thinned_map_that_does_not_carry_the_load_tells_nothing(monkeypatch):
     monkeypatch.setattr(detail, "press", fails(OutOfTimeError))
     with pytest.raises(OutOfTimeError):
         detail.effect_of_pixels(*asked(curve))
+
+
+def ridge(offset, finer=1, shape=(33, 61), pixel_m=1e-6):
+    """Return a ridge along the rows, so many pixels off the middle: its edges let go row by row."""
+    y_m, x_m = (
+        pixel_m * ((np.arange(n * finer) + 0.5) / finer - 0.5 * n - off)
+        for n, off in zip(shape, (offset, 0.0), strict=True)
+    )
+    height_m = -(y_m[:, None] ** 2) / 8e-4 - 2e-9 * (x_m / 24e-6) ** 4
+    return HeightMap(height_m, (pixel_m / finer,) * 2)
+
+
+@pytest.mark.parametrize(("load_N", "refined"), [(0.1, True), (1.0, False)])
+def test_energies_of_a_ridge_along_the_rows_are_within_what_is_said_of_its_pixels(load_N, refined):
+    """Wherever it lies between the rows; the ring of round contacts says less than they are off."""
+
+    def energy_of(surface):
+        curve = boundary_elements(surface, E, preload_N=load_N)
+        unloading = curve.unloading(load_N)
+        assert (unloading.refinement > 1) == (refined and surface.shape[0] == 33)
+        return curve, detail._loss_J(unloading, (0.25,))[0]
+
+    _, true_J = energy_of(ridge(0.13, 5))
+    off, said, ring = [], [], []
+    for offset in (0.0, 0.0833, 0.1667, 0.25, 0.3333):
+        curve, energy_J = energy_of(ridge(offset))
+        off.append(abs(energy_J / true_J - 1.0))
+        said.append(error_of_map(curve, load_N, TOLERANCE)[0].energy_at(0.25))
+        drop_N = 0.25 * load_N
+        ring.append(PIXELS_95[0.25] * curve.unloading(load_N).pixel_error(drop_N))
+    assert np.all(np.array(off) <= 1.1 * np.array(said))
+    assert max(off) > 1.5 * max(ring)

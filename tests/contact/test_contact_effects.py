@@ -321,14 +321,18 @@ def test_a_bow_of_the_instrument_moves_what_it_moves_on_the_map(model, points):
     assert effect.tangential_stiffness == pytest.approx(truth, rel=0.15, abs=0.003)
 
 
+@pytest.mark.parametrize("rise_m", [0.0, 2e-7])
 @pytest.mark.parametrize(("model", "points"), [("interacting", 240), ("boundary_elements", 96)])
-def test_seams_move_what_one_level_moves(model, points):
+def test_seams_move_what_one_field_moves(model, points, rise_m):
     """The answers of the same face in one field; its caps are of unlike heights."""
     rng = np.random.default_rng(4)
     places = [(x, y) for x in np.linspace(5e-3, 43e-3, 4) for y in np.linspace(5e-3, 43e-3, 4)]
     peaks = [(x, y, 15.0, z) for (x, y), z in zip(places, rng.uniform(-1e-7, 0, 16), strict=True)]
     level = caps_map(peaks, (points, points), (0.048 / points,) * 2, floor_m=-8e-7)
-    step_m = 6e-8 * (np.arange(points) >= points // 2)
+    half = points // 2
+    step_m = np.where(
+        np.arange(points) < half, 0.0, 6e-8 + rise_m * (np.arange(points) - half) / half
+    )
     stitched = replace(level, height_m=level.height_m + step_m)
     words = (f"contact.model={model}",)
     one, other = found(level, *words), found(stitched, *words)

@@ -126,7 +126,7 @@ def test_places_of_the_points_are_those_of_the_map():
 @pytest.mark.parametrize("noise_m", [0.0, 4e-9])
 def test_slip_on_patches_is_that_of_the_map(noise_m, monkeypatch):
     face = elastic_face(waves((200, 240), 14.0, noise_m=noise_m), E)
-    monkeypatch.setattr(refining, "_WIDE_ENOUGH", 0.0)
+    monkeypatch.setattr(refining, "WIDE_ENOUGH", 0.0)
     pressed = press(face, load_N=LOAD_N)
     sinking, on_map = HalfSpace.sinking_m, []
 
@@ -149,7 +149,7 @@ def test_slip_on_patches_is_that_of_the_map(noise_m, monkeypatch):
 def test_patches_that_leave_out_too_much_are_noticed(monkeypatch):
     face = elastic_face(waves((100, 100), 8.0), E)
     pressed = press(face, load_N=LOAD_N)
-    monkeypatch.setattr(refining, "_WIDE_ENOUGH", 0.0)
+    monkeypatch.setattr(refining, "WIDE_ENOUGH", 0.0)
     monkeypatch.setattr(unloading, "PATCH_ERROR", 0.0)
     found = unload(face, pressed, 1e-7)
     assert found.patch_error == 0.0  # the map itself was solved

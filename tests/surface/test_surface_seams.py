@@ -7,7 +7,7 @@ from scipy.ndimage import gaussian_filter
 from capslip.studies.faces.synthetic import CapFamily, Scene, synthetic_surface
 from capslip.surface.doubts import problems_of_seams
 from capslip.surface.heightmap import HeightMap
-from capslip.surface.seams import LEAST_POINTS, _jumps_m, find_seams, leaves_tops, without_seams
+from capslip.surface.seams import LEAST_POINTS, _jumps_m, find_seams, leaves_tops, levels_m, tilts_m
 
 SHAPE, PIXEL_M = (120, 200), (1e-4, 1e-4)
 ROW, COLUMN = np.mgrid[: SHAPE[0], : SHAPE[1]]
@@ -38,10 +38,40 @@ def test_fields_of_view_are_found_with_their_levels(rms_m, lost):
     assert seams.rows.tolist() == [0, 60, 120]
     assert seams.columns.tolist() == [0, 70, 150, 200]
     assert seams.offset_m == pytest.approx(true_m - true_m.mean(), abs=3e-9 + 0.6 * rms_m)
-    at = seams.offset_at_m(np.array([59.9, 60.1]), np.array([0.0, 150.1]))
-    assert at.tolist() == [seams.offset_m[0, 0], seams.offset_m[1, 2]]
-    left_m = without_seams(of(height_m), seams).height_m - height_m + level_m
-    assert np.nanstd(left_m) < 3e-9 + 0.6 * rms_m
+    found_m = levels_m(seams)
+    assert found_m[[59, 60], [0, 150]].tolist() == [seams.offset_m[0, 0], seams.offset_m[1, 2]]
+    assert np.std(found_m - level_m) < 3e-9 + 0.6 * rms_m
+
+
+def caps_on_a_floor_m():
+    return np.maximum(2e-6 - 4e-8 * ((ROW % 30 - 15) ** 2 + (COLUMN % 40 - 20) ** 2), 0.0)
+
+
+@pytest.mark.parametrize("along", [0, 1])
+@pytest.mark.parametrize("rise_m", [8e-7, -8e-7, 1e-5, 0.0])
+def test_tilts_of_fields_are_those_of_their_floors_as_far_as_overlaps_let_them(along, rise_m):
+    """Both rise by as much against the mean, 80 x 120 / 200 times the slope: by ten steps at most.
+
+    The step is that between fields, half a pixel from the lines beside it.
+    """
+    step_m, up = 2e-7, np.clip((COLUMN - 80) / 119, 0.0, None)
+    tilted_m = caps_on_a_floor_m() + np.where(COLUMN >= 80, step_m + rise_m * up, 0.0)
+    surface = of(tilted_m)
+    if along:
+        surface = HeightMap(tilted_m.T.copy(), PIXEL_M)
+    seams = find_seams(surface)
+    found_m = tilts_m(surface, seams).T if along else tilts_m(surface, seams)
+    slopes = [(found_m[:, a] - found_m[:, b]).mean() / (a - b) for a, b in ((79, 0), (199, 80))]
+    between_m = step_m - 0.5 * rise_m / 119
+    assert seams.span_m == pytest.approx(abs(between_m), rel=1e-9)
+    expected = min(rise_m / 119, 10.0 * between_m / 48)
+    assert slopes[1] - slopes[0] == pytest.approx(expected, rel=0.02, abs=1e-12)
+    # The mean of all has none, and there is no step left
+    assert 80 * slopes[0] + 120 * slopes[1] == pytest.approx(0.0, abs=1e-11)
+    left_m = tilted_m - found_m
+    assert np.median(left_m[:, 80] - left_m[:, 79]) == pytest.approx(
+        0.0, abs=0.02 * abs(rise_m) + 1e-12
+    )
 
 
 @pytest.mark.parametrize("lost", [0.0, 0.05])
@@ -90,12 +120,16 @@ def test_a_seam_is_alone_but_for_what_jumps_by_less_than_half_of_it(other_m, fou
     assert (seams is not None and seams.columns.tolist() == [0, 100, 200]) == found
 
 
-def test_fields_that_differ_by_more_than_a_tenth_of_the_approach_are_doubted():
-    surface = of(waves_m() + 5e-8 * (COLUMN >= 110))
-    span_m = find_seams(surface).span_m
-    assert [one.code for one in problems_of_seams(surface, 9.9 * span_m)] == ["seams"]
-    assert problems_of_seams(surface, 10.1 * span_m) == []
-    assert problems_of_seams(of(waves_m()), 0.1 * span_m) == []
+@pytest.mark.parametrize(("rise_m", "apart"), [(0.0, 1.0), (2e-7, 3.0)])
+def test_fields_that_differ_by_more_than_a_tenth_of_the_approach_are_doubted(rise_m, apart):
+    """By their levels, or their tilts: of two floors."""
+    up = np.clip((COLUMN - 100) / 99, 0.0, None)
+    surface = of(caps_on_a_floor_m() + np.where(COLUMN >= 100, 5e-8 + rise_m * up, 0.0))
+    height_m = float(np.ptp(tilts_m(surface, find_seams(surface))))
+    assert height_m == pytest.approx(apart * 5e-8, rel=0.2)
+    assert [one.code for one in problems_of_seams(surface, 9.9 * height_m)] == ["seams"]
+    assert problems_of_seams(surface, 10.1 * height_m) == []
+    assert problems_of_seams(of(waves_m()), 0.1 * height_m) == []
 
 
 def test_the_jump_between_lines_is_the_median_of_what_is_known():

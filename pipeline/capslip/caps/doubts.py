@@ -127,13 +127,9 @@ def without_bow(caps: CapTable, surface: HeightMap, peaks: CapTable) -> tuple[Ca
         form_m = form_m.reshape(surface.shape)
     else:
         form_m = bow_of_form_m(surface)
-        row, col = (
-            np.clip((at_m / size_m).astype(np.intp), 0, n - 1)
-            for at_m, size_m, n in zip(
-                (caps.y_m, caps.x_m), surface.pixel_size_m, surface.shape, strict=True
-            )
+        bow_m = np.nan_to_num(
+            form_m[surface.pixel_at(caps.x_m, caps.y_m)], nan=float(np.nanmean(form_m))
         )
-        bow_m = np.nan_to_num(form_m[row, col], nan=float(np.nanmean(form_m)))
     straight = replace(surface, height_m=surface.height_m - form_m)
     return caps.with_columns(peak_height_m=caps.peak_height_m - bow_m), straight
 

@@ -25,7 +25,7 @@ from capslip.surface.heightmap import HeightMap, Tops
 from capslip.surface.holes import HIDDEN
 from capslip.surface.interpolated import pixels_apart
 from capslip.surface.rounding import few_steps
-from capslip.surface.seams import find_seams, without_seams
+from capslip.surface.seams import find_seams, levels_m, tilts_m
 from capslip.units import percent
 
 OF_THE_HEIGHTS = ("hole_may_hide_hills", "outline_assumed", "clipped", "heights_in_steps")
@@ -153,11 +153,13 @@ def _tilt_or_not(face: FaceOfCaps) -> tuple[HeightMap, ...]:
 
 
 def _seams_or_not(face: FaceOfCaps) -> tuple[HeightMap, ...]:
-    """Return a coarse map, and that of the fields on one level; seams are lines of fine pixels."""
-    surface = face.surface
-    seams = find_seams(surface)
-    level = surface if seams is None else without_seams(surface, seams)
-    return coarse_map(surface), coarse_map(level)
+    """Return a coarse map, and those of the fields on one level, and without tilts, too."""
+    surface, heights_m = face.surface, list[np.ndarray]()
+    seams = find_seams(surface)  # lines of fine pixels
+    if seams is not None:
+        heights_m = [surface.height_m - up_m for up_m in (levels_m(seams), tilts_m(surface, seams))]
+    maps = surface, *(replace(surface, height_m=one_m) for one_m in heights_m)
+    return tuple(coarse_map(one) for one in maps)
 
 
 def _interpolated_or_not(face: FaceOfCaps) -> tuple[HeightMap, ...]:
@@ -177,9 +179,8 @@ def _filled_or_not(face: FaceOfCaps) -> tuple[HeightMap, ...]:
 def _removed_or_not(conditioned: Conditioned) -> tuple[HeightMap, HeightMap]:
     """Return a map, and the same with the points that were removed from it."""
     surface, (x_m, y_m, height_m) = conditioned.surface, conditioned.removed_m
-    dy_m, dx_m = surface.pixel_size_m
     with_them_m = surface.height_m.copy()
-    with_them_m[(y_m / dy_m).astype(int), (x_m / dx_m).astype(int)] = height_m
+    with_them_m[surface.pixel_at(x_m, y_m)] = height_m
     return surface, replace(surface, height_m=with_them_m)
 
 

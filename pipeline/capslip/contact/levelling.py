@@ -439,13 +439,7 @@ class _Search:
         """Return the depths of the last cut for the hills that its caps stand on now."""
         if start.place_m is None or start.depth_m is None or not start.depth_m.size:
             return None
-        row, col = (
-            np.clip((at_m / size_m).astype(np.intp), 0, n - 1)
-            for at_m, size_m, n in zip(
-                start.place_m[::-1], surface.pixel_size_m, surface.shape, strict=True
-            )
-        )
-        label = hills.label[row, col]
+        label = hills.label[surface.pixel_at(*start.place_m)]
         depth_m = np.full(hills.n_hills, np.nan)
         depth_m[label[label > 0] - 1] = start.depth_m[label > 0]
         return depth_m

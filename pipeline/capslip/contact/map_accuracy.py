@@ -14,9 +14,10 @@ from capslip.contact.solvers.detail import (
     FirstLoading,
     effect_of_detail,
     effect_of_pixels,
+    effect_of_refinement,
 )
 from capslip.contact.solvers.noise import white_noise_m
-from capslip.contact.solvers.refinement import SMOOTH
+from capslip.contact.solvers.refinement import SMOOTH, WIDE_ENOUGH
 from capslip.contact.solvers.unloading import SMALL_SLIP, Unloading
 from capslip.errors import OutOfTimeError
 from capslip.problems import Effect, Problem, Severity
@@ -57,10 +58,10 @@ def error_of_map(
     noise_m = white_noise_m(first.face, first.approach_m)
     if noise_m > SMOOTH * first.approach_m:  # no small change: pressed without it, see below
         noise_m = 0.0
-    flats: dict[float, float] = {}
-    of_both = math.hypot(*_at_force(unloading, noise_m, SMALL_SLIP, flats))
+    coarser: dict[float, float] = {}
+    of_both = math.hypot(*_at_force(unloading, noise_m, SMALL_SLIP, coarser))
     if unloading.cut_short:  # no time is left to look at what detail decides
-        return _with_pixels(unloading, noise_m, max(least, of_both), least, flats), tuple(found)
+        return _with_pixels(unloading, noise_m, max(least, of_both), least, coarser), tuple(found)
     resolved = unloading.smallest_drop_N < SMALL_SLIP * load_N and all(
         problem.code != "under_resolved" for problem in curve.problems(load_N)
     )
@@ -75,19 +76,22 @@ def error_of_map(
                 time_limit_s=curve.solutions.left_s(load_N),
                 start_Pa=curve.pressed(load_N).pressure_Pa,
             )
-            if face.yielded:
-                flats = effect_of_pixels(
+            pressed = curve.pressed(load_N)
+            if face.yielded or pressed.pixels_across >= WIDE_ENOUGH:
+                coarser = effect_of_pixels(
                     first,
                     unloading,
                     curve.solutions.tolerance,
-                    curve.pressed(load_N).pressure_Pa,
+                    pressed.pressure_Pa,
                     curve.solutions.left_s(load_N),
                 )
+            elif unloading.refinement > 1:
+                coarser = effect_of_refinement(face, pressed, unloading, curve.solutions.tolerance)
     except OutOfTimeError:
         found.append(_out_of_time(curve.solutions.time_limit_s))
-        return _with_pixels(unloading, noise_m, max(least, of_both), least, flats), tuple(found)
-    of_both = math.hypot(*_at_force(unloading, noise_m, SMALL_SLIP, flats))
-    of_pixels, of_noise = _at_force(unloading, noise_m, ASKED, flats)
+        return _with_pixels(unloading, noise_m, max(least, of_both), least, coarser), tuple(found)
+    of_both = math.hypot(*_at_force(unloading, noise_m, SMALL_SLIP, coarser))
+    of_pixels, of_noise = _at_force(unloading, noise_m, ASKED, coarser)
     more, factor = _of_detail(detail, of_pixels, tolerance, max(curve.pressed(load_N).pixel_size_m))
     found += more
     if not any(one.severity == "warning" for one in more):
@@ -100,7 +104,7 @@ def error_of_map(
         found.append(_unresolved("info", SMALL_SLIP, of_both))
     stiffness = max(factor * (detail.effect.tangential_stiffness or 0.0), LEAST_ERROR)
     energy = {at: factor * detail.energy_from(at) for at in FORCE_SHARES}
-    return _with_pixels(unloading, noise_m, stiffness, least, flats, energy), tuple(found)
+    return _with_pixels(unloading, noise_m, stiffness, least, coarser, energy), tuple(found)
 
 
 def _of_detail(
@@ -136,15 +140,15 @@ def _of_detail(
 
 
 def _at_force(
-    unloading: Unloading, noise_m: float, share: float, flats: Mapping[float, float]
+    unloading: Unloading, noise_m: float, share: float, coarser: Mapping[float, float]
 ) -> tuple[float, float]:
     """Return what pixels and white noise do to the energy at a share of mu N, relative, at 95 %.
 
-    With what pixels leave of flats, by shares of mu N.
+    With what coarser pixels move, by shares of mu N, where that is more.
     """
     drop_N = share * unloading.load_N
     of_pixels = PIXELS_95[share] * unloading.pixel_error(drop_N)
-    of_pixels = max(of_pixels, flats.get(min(share, FORCE_SHARES[-1]), 0.0))
+    of_pixels = max(of_pixels, coarser.get(min(share, FORCE_SHARES[-1]), 0.0))
     return of_pixels, NORMAL_95 * noise_m * unloading.noise_per_m(drop_N)
 
 
@@ -153,7 +157,7 @@ def _with_pixels(
     noise_m: float,
     stiffness: float,
     energy: float,
-    flats: Mapping[float, float],
+    coarser: Mapping[float, float],
     of_detail: Mapping[float, float] = MappingProxyType({}),
 ) -> ModelError:
     """Return errors, with what pixels and noise leave in the energy, which falls with the force.
@@ -162,7 +166,7 @@ def _with_pixels(
     """
     by_share = []
     for share in PIXELS_95:
-        of_both = math.hypot(*_at_force(unloading, noise_m, share, flats))
+        of_both = math.hypot(*_at_force(unloading, noise_m, share, coarser))
         by_share.append((share, max(of_both, energy, of_detail.get(share, 0.0))))
     return ModelError(stiffness, max(error for _, error in by_share), tuple(by_share))
 

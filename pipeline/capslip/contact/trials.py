@@ -28,7 +28,7 @@ from capslip.surface.form import remove_form
 from capslip.surface.graph import connected_parts
 from capslip.surface.heightmap import HeightMap
 from capslip.surface.holes import depth_of_holes, holes, outside
-from capslip.surface.seams import find_seams
+from capslip.surface.seams import find_seams, levels_m, tilts_m
 
 LEFT_OUT = {  # flags of the caps that may carry nothing, or less
     "load_on_doubtful_caps": DOUBTFUL,
@@ -139,7 +139,7 @@ class Trials:
         elif code == "tilt_left":
             yield self._levelled()
         elif code == "seams":
-            yield self._on_one_level()
+            yield from self._in_one_field()
         elif code in ("interpolated", "points_filled"):
             raise ContactError(f"{code}: caps do not tell")
         elif code == "hole_may_hide_hills":
@@ -189,13 +189,15 @@ class Trials:
         at_caps_m = slope_x * caps.x_m + slope_y * caps.y_m + up_m
         return caps.with_columns(peak_height_m=caps.peak_height_m - at_caps_m)
 
-    def _on_one_level(self) -> CapTable:
+    def _in_one_field(self) -> Iterator[CapTable]:
+        """Return caps whose fields lie on one level, and are not tilted either."""
         surface, caps = self.face.surface, self.caps
-        seams, (dy_m, dx_m) = find_seams(surface), surface.pixel_size_m
+        seams = find_seams(surface)
         if seams is None:
             raise ContactError("there are no seams in the map that was pressed")
-        offset_m = seams.offset_at_m(caps.y_m / dy_m, caps.x_m / dx_m)
-        return caps.with_columns(peak_height_m=caps.peak_height_m - offset_m)
+        at = surface.pixel_at(caps.x_m, caps.y_m)
+        for up_m in (levels_m(seams), tilts_m(surface, seams)):
+            yield caps.with_columns(peak_height_m=caps.peak_height_m - up_m[at])
 
     def _without(self, flag: CapFlag) -> CapTable:
         """Return caps of which those with the flag carry nothing, or less.

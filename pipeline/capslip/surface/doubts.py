@@ -17,7 +17,7 @@ from capslip.surface.heightmap import HeightMap, Heights, Tops
 from capslip.surface.interpolated import pixels_apart
 from capslip.surface.outliers import Outliers
 from capslip.surface.rows import row_blocks
-from capslip.surface.seams import find_seams, leaves_tops
+from capslip.surface.seams import find_seams, leaves_tops, tilts_m
 from capslip.surface.tops import clipped_points
 from capslip.units import readable
 
@@ -253,15 +253,19 @@ def bow_of_form_m(surface: HeightMap) -> np.ndarray:
 
 
 def problems_of_seams(surface: HeightMap, approach_m: float) -> list[Problem]:
-    """Return whether fields with straight seams lie on levels so unlike that it decides."""
+    """Return whether fields with straight seams lie on levels, or tilts, that may decide."""
     seams = find_seams(surface)
-    if seams is None or seams.span_m <= VISIBLE_FORM * approach_m or leaves_tops(surface, seams):
+    if seams is None or leaves_tops(surface, seams):
+        return []
+    apart_m = max(seams.span_m, float(np.ptp(tilts_m(surface, seams))))
+    if apart_m <= VISIBLE_FORM * approach_m:
         return []
     message = (
         f"straight seams along rows or columns cut the map into {seams.offset_m.size} fields, on "
-        f"levels up to {seams.span_m:.3g} m apart; the approach is {approach_m:.3g} m. Where "
-        "fields of view were stitched, their overlaps have to be matched again; where the steps "
-        "are the face's own, leave them"
+        f"levels up to {seams.span_m:.3g} m apart, or {apart_m:.3g} m with the tilts that steps "
+        f"like these may come of; the approach is {approach_m:.3g} m. Where fields of view were "
+        "stitched, their overlaps have to be matched again; where the steps are the face's own, "
+        "leave them"
     )
     return [Problem("seams", "warning", message)]
 

@@ -325,6 +325,18 @@ class HeightMap:
         """Lengths of the face along y and x."""
         return self.shape[0] * self.pixel_size_m[0], self.shape[1] * self.pixel_size_m[1]
 
+    def pixel_at(self, x_m: np.ndarray, y_m: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return row and column of the pixels that hold places, the nearest ones beyond the edge.
+
+        Examples
+        --------
+        >>> HeightMap(np.zeros((4, 6)), (2e-4, 1e-4)).pixel_at(np.array([2.5e-4, 1.0]), np.zeros(2))
+        (array([0, 0]), array([2, 5]))
+        """
+        (ny, nx), (dy_m, dx_m) = self.shape, self.pixel_size_m
+        row, col = (y_m / dy_m).astype(np.intp), (x_m / dx_m).astype(np.intp)
+        return np.clip(row, 0, ny - 1), np.clip(col, 0, nx - 1)
+
     @property
     def pixel_area_m2(self) -> float:
         """Area of one pixel."""

@@ -1,10 +1,13 @@
 """Seams: straight lines along which the heights jump, as where fields of view were stitched."""
 
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
 
+from capslip.errors import UnusableSurfaceError
+from capslip.surface.form import floor_slopes
 from capslip.surface.heightmap import HeightMap
 
 PARTS = 4  # of a line: fields above and below one another jump by different heights
@@ -20,6 +23,9 @@ NEIGHBOUR = 0.8  # of a jump, that those beside it may have: half of it, and noi
 MOST_LEFT = 0.1
 LEVEL_TOPS = 0.1  # of what the tops of fields differ by once these are on one level
 ROUNDING = 1e-6  # of the height range: what lines of a plane floor jump by
+# Overlaps are a tenth of a field wide and more: what is left of a step where fields meet may come
+# of a tilt that lifts their far sides ten times as high
+RISE_OVER_STEP = 10.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,12 +40,6 @@ class Seams:
     def span_m(self) -> float:
         """Height of the highest field over the lowest one."""
         return float(np.ptp(self.offset_m))
-
-    def offset_at_m(self, row: np.ndarray, column: np.ndarray) -> np.ndarray:
-        """Return the offsets of the fields that hold points, counted in pixels from the corner."""
-        i = np.searchsorted(self.rows[1:-1], row, side="right")
-        j = np.searchsorted(self.columns[1:-1], column, side="right")
-        return np.asarray(self.offset_m[i, j])
 
 
 def find_seams(surface: HeightMap) -> Seams | None:
@@ -93,11 +93,45 @@ def leaves_tops(surface: HeightMap, seams: Seams) -> bool:
     return bool(np.ptp(top_m) < LEVEL_TOPS * np.ptp(top_m - seams.offset_m))
 
 
-def without_seams(surface: HeightMap, seams: Seams) -> HeightMap:
-    """Return the map with all fields on one level."""
+def levels_m(seams: Seams) -> np.ndarray:
+    """Return how high the fields lie at all points of their map, shape (ny, nx)."""
     sizes = np.diff(seams.rows), np.diff(seams.columns)
-    offset_m = np.repeat(np.repeat(seams.offset_m, sizes[0], axis=0), sizes[1], axis=1)
-    return replace(surface, height_m=surface.height_m - offset_m)
+    return np.repeat(np.repeat(seams.offset_m, sizes[0], axis=0), sizes[1], axis=1)
+
+
+def tilts_m(surface: HeightMap, seams: Seams) -> np.ndarray:
+    """Return how high the fields lie where their floors are tilted, too, shape (ny, nx).
+
+    Against the mean of all, and by no more than errors of the overlaps that left these steps may
+    have done. On the levels that leave no steps then.
+    """
+    (ny, nx), (dy_m, dx_m) = surface.shape, surface.pixel_size_m
+    blocks = [
+        (i, j, slice(*rows), slice(*columns))
+        for i, rows in enumerate(pairwise(seams.rows))
+        for j, columns in enumerate(pairwise(seams.columns))
+    ]
+    slope = np.zeros((2, *seams.offset_m.shape))
+    for i, j, rows, columns in blocks:
+        field_m = surface[rows.start : rows.stop, columns.start : columns.stop]
+        with suppress(UnusableSurfaceError):
+            slope[:, i, j] = floor_slopes(HeightMap(field_m, (dy_m, dx_m)))
+    sizes_m = dy_m * np.diff(seams.rows), dx_m * np.diff(seams.columns)
+    area_m2 = np.outer(*sizes_m)
+    slope -= np.average(slope.reshape(2, -1), axis=1, weights=area_m2.reshape(-1))[:, None, None]
+    rise_m = np.abs(slope[0]) * sizes_m[0][:, None] + np.abs(slope[1]) * sizes_m[1]
+    most_m = float(rise_m.max())
+    slope *= min(1.0, RISE_OVER_STEP * seams.span_m / most_m) if most_m > 0.0 else 1.0
+    tilt_m = np.empty((ny, nx))
+    for i, j, rows, columns in blocks:
+        y_m = dy_m * (np.arange(rows.start, rows.stop) - 0.5 * (rows.start + rows.stop - 1))
+        x_m = dx_m * (
+            np.arange(columns.start, columns.stop) - 0.5 * (columns.start + columns.stop - 1)
+        )
+        tilt_m[rows, columns] = slope[0, i, j] * y_m[:, None] + slope[1, i, j] * x_m
+    offset_m = _offsets_m(surface.height_m - tilt_m, seams.rows, seams.columns)
+    level_m = levels_m(seams if offset_m is None else replace(seams, offset_m=offset_m))
+    return np.asarray(tilt_m + level_m)
 
 
 def _jumps_m(lines_m: np.ndarray) -> np.ndarray:

@@ -140,13 +140,7 @@ def without_lost_tops(surface: HeightMap) -> HeightMap:
     tops = surface.tops
     if tops is None:
         return surface
-    row, col = (
-        np.clip((at_m / size_m).astype(np.intp), 0, n - 1)
-        for at_m, size_m, n in zip(
-            (tops.y_m, tops.x_m), surface.pixel_size_m, surface.shape, strict=True
-        )
-    )
-    there = surface.measured[row, col]
+    there = surface.measured[surface.pixel_at(tops.x_m, tops.y_m)]
     columns = {one.name: getattr(tops, one.name) for one in fields(Tops)}
     kept = {name: of[there] for name, of in columns.items() if isinstance(of, np.ndarray)}
     return replace(surface, tops=replace(tops, **kept))

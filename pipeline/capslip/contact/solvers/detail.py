@@ -1,6 +1,7 @@
 """What the finest detail of a map and its pixels decide.
 
-The map is pressed and unloaded again, once smoothed, and on every other of its pixels.
+The map is pressed and unloaded again, once smoothed, and on fewer points: on every other of its
+pixels where it yielded, on a coarser refinement where it was refined.
 """
 
 import math
@@ -18,6 +19,7 @@ from capslip.errors import ContactError, OutOfTimeError
 from capslip.problems import Effect
 
 FORCE_SHARES = (0.1, 0.25, 0.5, 0.75)  # T / (mu N) at which the energies are compared
+FEW_SLIP = FORCE_SHARES[:2]  # those at which so few points slip that it matters where they lie
 WHITE_LEFT = 0.37  # of the rms of white noise, by the filter: noise itself moves the more
 WHITE_TAKEN = 0.85  # of the same: the rms of what is taken off, as the parts overlap
 _KERNEL = np.array([1.0, 4.0, 6.0, 4.0, 1.0]) / 16.0  # binomial, a standard deviation of one pixel
@@ -191,6 +193,40 @@ def effect_of_pixels(
     return dict(zip(FORCE_SHARES, energy.tolist(), strict=True))
 
 
+def effect_of_refinement(
+    face: ElasticFace, pressed: Pressed, unloading: Unloading, tolerance: float
+) -> dict[float, float]:
+    """Return by how much the energy at small forces moves on coarser refinements.
+
+    Rings of round contacts let go of pixels in all directions, and most of their errors cancel
+    (`Unloading.pixel_error`). The edge of a ridge along a row lets go of the whole row at once:
+    what that leaves depends on where the points lie. With one point fewer along the side of a
+    pixel, and with half as many, they lie elsewhere; returned is the root of the mean square of
+    what both move.
+
+    Parameters
+    ----------
+    face, pressed : ElasticFace, Pressed
+        A face that did not yield, and its state under the preload.
+    unloading : Unloading
+        What happened below the preload, on a refinement of two or more.
+    tolerance : float
+        Of each solution, see `press`.
+
+    Returns
+    -------
+    dict of float to float
+        Change over the greater of both values, by shares of mu N.
+    """
+    finest, moved = unloading.refinement, []
+    for coarser in {finest - 1, (finest + 1) // 2}:
+        path, _ = path_at(face, pressed, tolerance, FEW_SLIP, most=coarser)
+        loss_J = np.array([node.region_loss_J.sum() for node in path.nodes])
+        moved.append(_relative(_loss_J(unloading, FEW_SLIP), loss_J))
+    energy = np.sqrt(np.mean(np.square(moved), axis=0))
+    return dict(zip(FEW_SLIP, energy.tolist(), strict=True))
+
+
 def _thinned(face: ElasticFace, corner: int) -> ElasticFace:
     """Return the face on every other row and column, from the first or the second on."""
     every_other = np.s_[corner::2, corner::2]
@@ -296,8 +332,8 @@ def _alone_N_per_m(stiffness_N_per_m: np.ndarray, bulk_m_per_N: float) -> np.nda
     return np.where(rest > 0.0, 1.0 / np.where(rest > 0.0, rest, 1.0), stiffness_N_per_m)
 
 
-def _loss_J(unloading: Unloading) -> np.ndarray:
-    drop_N = np.array(FORCE_SHARES) * unloading.load_N
+def _loss_J(unloading: Unloading, shares: tuple[float, ...] = FORCE_SHARES) -> np.ndarray:
+    drop_N = np.array(shares) * unloading.load_N
     return np.exp(np.interp(np.log(drop_N), *np.log((unloading.load_drop_N, unloading.loss_J))))
 
 

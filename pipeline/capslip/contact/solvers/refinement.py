@@ -11,7 +11,7 @@ from capslip.contact.solvers.whiteness import white_m2
 
 # Pixels across a contact, see `Pressed.pixels_across`: the map is refined where they are fewer than
 # the first, to the second; then the energy at a tenth of mu N is off by 1 %, and not by 2 to 9.
-_WIDE_ENOUGH, _WIDE = 35, 75
+WIDE_ENOUGH, _WIDE = 35, 75
 _MOST_REFINED = 6
 # The same of a map that is rough from pixel to pixel: its shortest wave, of two pixels, has four
 # points then. More would follow a spline where it no longer knows the face
@@ -37,7 +37,7 @@ def refinement(face: ElasticFace, pressed: Pressed) -> int:
     load has left flats, whose edges it would round.
     """
     across = pressed.pixels_across
-    if across >= _WIDE_ENOUGH:
+    if across >= WIDE_ENOUGH:
         return 1
     shape = _roughness(face, pressed)
     if not shape.smooth and (
