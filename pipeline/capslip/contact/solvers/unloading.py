@@ -219,18 +219,10 @@ class _Interval(NamedTuple):
 
 
 def _between(path: Path) -> tuple[Losses | RegionLosses, list[_Interval], float]:
-    """Return the better one of two ways to interpolate, its errors, and where pixels resolve it.
-
-    The one that is expected to need fewer loads more, and that with the smaller error if neither.
-    """
+    """Return the better one of two ways to interpolate, its errors, and where pixels resolve it."""
     ways, smallest_N = _ways(path)
-    found, intervals = min(ways, key=lambda way: (_missing(way[1]), max(way[1])))
+    found, intervals = min(ways, key=lambda way: max(way[1]))
     return found, _with_steps(path, intervals), smallest_N
-
-
-def _missing(intervals: list[_Interval]) -> float:
-    """Return about how many loads more would bring all intervals within what is allowed."""
-    return sum(max(each.excess, 1.0) ** (1 / _ORDER) - 1.0 for each in intervals)
 
 
 def _ways(path: Path) -> tuple[list[tuple[Losses | RegionLosses, list[_Interval]]], float]:
