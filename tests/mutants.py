@@ -184,7 +184,7 @@ TABLE = [
         (
             *("contact/solvers/polonsky_keer.py", "contact/solvers/half_space.py"),
             *("contact/solvers/elastic_face.py", "contact/solvers/patched_half_space.py"),
-            "contact/solvers/steps.py",
+            *("contact/solvers/steps.py", "contact/solvers/waves.py"),
         ),
         (
             *("tests/contact/test_*pixels*.py", "tests/contact/test_*rough_inverse*.py"),

@@ -3,6 +3,7 @@
 import hashlib
 import json
 import os
+import sys
 import threading
 from dataclasses import asdict, replace
 from pathlib import Path
@@ -35,11 +36,12 @@ def ended(rows, monkeypatch, *options):
 
     def found(sources, folder, settings, say, command, options):
         assert callable(say)
-        assert command.startswith("capslip ")
+        assert command == "capslip batch in"
         asked.update(sources=sources, folder=folder, settings=settings, options=options)
         return [{"scan": f"s{i}"} | row for i, row in enumerate(rows)]
 
     monkeypatch.setattr(batch, "run_batch", found)
+    monkeypatch.setattr(sys, "argv", ["/bin/capslip", "batch", "in"])
     return CliRunner().invoke(main, ["batch", "in", *options]), asked
 
 
