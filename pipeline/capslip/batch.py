@@ -371,8 +371,8 @@ def _to_do(scan: Scan, folder: Path, there: _Found) -> Row:
         differs = [f"other {name}" for name in there.differs]
         if "settings" in there.differs:
             differs += _differences(home, scan.settings)
-        by = f"; it counts with the options of `{there.command}`" if there.command else ""
-        by = "" if MAP_CHANGED in differs else by
+        known = there.command and MAP_CHANGED not in differs
+        by = f"; it counts with the options of `{there.command}`" if known else ""
         error = f"the result there is of {', '.join(differs)}{by}"
     elif (home / SUMMARY).is_file() and (lacking := _lacking(home, scan.settings)):
         error = f"the result there lacks pictures (made with {', '.join(lacking)})"

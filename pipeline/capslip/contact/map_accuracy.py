@@ -50,7 +50,8 @@ def error_of_map(
         Relative, beyond which an error is a problem.
     """
     face, unloading, found = curve.solutions.face, curve.unloading(load_N), []
-    first = curve.first or FirstLoading(face, curve.pressed(load_N).approach_m)
+    pressed = curve.pressed(load_N)
+    first = curve.first or FirstLoading(face, pressed.approach_m)
     between = unloading.loss_error
     if between > tolerance:
         found.append(_between_loads(between, len(unloading.solved_load_N)))
@@ -74,9 +75,8 @@ def error_of_map(
                 bulk_of_face_m_per_N(face, face.E_star_Pa),
                 resolved=resolved,
                 time_limit_s=curve.solutions.left_s(load_N),
-                start_Pa=curve.pressed(load_N).pressure_Pa,
+                start_Pa=pressed.pressure_Pa,
             )
-            pressed = curve.pressed(load_N)
             if face.yielded or pressed.pixels_across >= WIDE_ENOUGH:
                 coarser = effect_of_pixels(
                     first,
@@ -92,11 +92,11 @@ def error_of_map(
         return _with_pixels(unloading, noise_m, max(least, of_both), least, coarser), tuple(found)
     of_both = math.hypot(*_at_force(unloading, noise_m, SMALL_SLIP, coarser))
     of_pixels, of_noise = _at_force(unloading, noise_m, ASKED, coarser)
-    more, factor = _of_detail(detail, of_pixels, tolerance, max(curve.pressed(load_N).pixel_size_m))
+    more, factor = _of_detail(detail, of_pixels, tolerance, max(pressed.pixel_size_m))
     found += more
     if not any(one.severity == "warning" for one in more):
         if of_noise > tolerance:
-            found.append(_noisy(noise_m, of_noise, max(curve.pressed(load_N).pixel_size_m)))
+            found.append(_noisy(noise_m, of_noise, max(pressed.pixel_size_m)))
         elif (of_either := math.hypot(of_pixels, of_noise)) > tolerance:
             found.append(_unresolved("warning", ASKED, of_either))
     known = any(one.severity == "warning" and one.code != "loss_between_loads" for one in found)

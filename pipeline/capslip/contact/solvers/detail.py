@@ -1,7 +1,7 @@
 """What the finest detail of a map and its pixels decide.
 
-The map is pressed and unloaded again, once smoothed, and on fewer points: on every other of its
-pixels where it yielded, on a coarser refinement where it was refined.
+The map is pressed and unloaded again, once smoothed, and on fewer points: on coarser refinements
+where it was refined, on every other of its pixels where it yielded or its contacts are wide.
 """
 
 import math
