@@ -118,7 +118,7 @@ TABLE = [
     (("caps/features.py", "caps/iso25178.py"), ("tests/surface/test_*parameters*.py",)),
     (("caps/*.py",), ("tests/caps/test_*{stem}*.py",)),
     (
-        ("contact/joint.py", "contact/pressure_map.py"),
+        ("contact/joint.py", "contact/pressure_map.py", "contact/uneven.py"),
         ("tests/contact/test_*joint*.py",),
     ),
     (

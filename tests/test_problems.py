@@ -40,7 +40,9 @@ CAPS = [
     for j in range(4)
 ]
 UNEVEN = Path(tempfile.mkdtemp()) / "pressures.csv"
-UNEVEN.write_text("pressure_Pa,area_m2\n1e5,0.002\n2e5,0.002\n")
+UNEVEN.write_text("pressure_Pa,area_m2\n2e5,0.002\n1e-3,0.002\n")
+SPREAD = UNEVEN.with_name("spread.csv")
+SPREAD.write_text("pressure_Pa,area_m2\n2e5,0.002\n2,20\n")
 GAP = (18e-3, 16e-3)  # the middle of four caps
 
 
@@ -265,6 +267,7 @@ WORDS = {
     "less-strictly": "contact.tolerance=0.1",
     "loosely": "contact.tolerance=0.9",
     "uneven": f"joint.pressure_map={UNEVEN}",
+    "spread": f"joint.pressure_map={SPREAD}",
     "along": "slip.direction_rad=0.0",
     "pushed": "answer.slip_force_N=500",
     "barely-pushed": "answer.slip_force_N=0.1",
@@ -402,7 +405,10 @@ ROWS = [
     Row("load_on_doubtful_caps", "info", "25% of the preload",
         "three-at-the-edge levelled loosely"),
     Row("yielded", "info", "hardness of 0.0028 GPa", "plain weak", "plain strong"),
-    Row("uneven_yield", "warning", "down to 0.5 of its", "plain weak uneven", "plain weak"),
+    Row("pressures_interpolated", "info", "solved once for 2 pressures", "plain solved uneven",
+        "plain uneven"),
+    Row("pressures_interpolated", "warning", "9.1 % of the preload", "plain solved spread",
+        "plain solved"),
     Row("pressure_beyond_elastic", "warning", "a soft structural steel", "sharp", "sharp strong"),
     Row("pressure_beyond_elastic", "error", "without a hardness", "steep", "steep strong"),
     Row("first_touch_decides", "info", "of the approach of", "one-tall-grain"),

@@ -24,6 +24,7 @@ from capslip.caps.table import CapTable
 from capslip.contact.choice import boundary_elements_s, estimate_error, rung_of_the_map
 from capslip.contact.depth import press_for_depth
 from capslip.contact.direction import with_direction
+from capslip.contact.doubts import problems_of_patches
 from capslip.contact.joint import Joint, joint_of
 from capslip.contact.levelling import UNSETTLED, Level, find_level, turned
 from capslip.contact.press import ContactState, press
@@ -144,9 +145,11 @@ def press_face(
     with clock("slip"):
         contact = with_direction(contact, caps, face.conditioned.surface, settings)
         friction, kappa = settings.material.friction_coefficient, contact.composite.kappa
-        curve = face.joint.curve(contact, 1.0 + settings.slip.normal_amplitude_ratio)
+        patches = face.joint.loaded(contact, 1.0 + settings.slip.normal_amplitude_ratio)
+        curve = face.joint.curve_of(patches)
         slip = varying(slip_curve(curve, face.joint.preload_N, friction, kappa), settings.slip)
-    return contact, caps, slip
+        doubts = problems_of_patches(face.joint, patches, settings.contact.tolerance)
+    return replace(contact, problems=(*contact.problems, *doubts)), caps, slip
 
 
 def _pressed(face: Face, settings: Settings) -> tuple[ContactState, CapTable]:

@@ -339,11 +339,8 @@ def pressed(contacts=24, yielded_area_m2=None, made_from="spheres"):
         (joint(0.5), pressed(1, made_from="nothing"), []),
         (joint(1.009), pressed(), []),
         (joint(1.011), pressed(), ["scan_larger_than_joint"]),
-        (joint(0.5, load_N=(1.0, 4.0)), pressed(25, 1e-9), ["uneven_yield"]),
-        (joint(0.5, load_N=(1.0, 4.0)), pressed(25, 0.0), []),
-        (joint(0.5, load_N=(4.0,)), pressed(25, 1e-9), []),
-        (joint(1.5, load_N=(1.0, 4.0)), pressed(1, 1e-9),
-         ["uneven_yield", "scan_larger_than_joint"]),
+        (joint(0.5, load_N=(1.0, 4.0)), pressed(25, 1e-9), []),  # each yields by itself
+        (joint(1.5, load_N=(1.0, 4.0)), pressed(1, 1e-9), ["scan_larger_than_joint"]),
     ],
 )  # fmt: skip
 def test_a_scan_is_a_doubtful_share_of_its_joint_just_beyond_each_threshold(of, contact, codes):
@@ -355,8 +352,6 @@ def test_a_scan_is_a_doubtful_share_of_its_joint_just_beyond_each_threshold(of, 
             assert "loses about 20% less" in one.message
             assert one.effect.tangential_stiffness is None
             assert one.effect.energy == one.effect.loss_factor == pytest.approx(24**-0.5)
-        if one.code == "uneven_yield":
-            assert "down to 0.25 of its greatest pressure" in one.message
 
 
 @pytest.mark.parametrize(

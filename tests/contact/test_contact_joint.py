@@ -357,10 +357,3 @@ def test_an_uneven_joint_is_given_up_to_total_slip_and_there():
     )
     beyond = slip.energy_J([total_m, 1.5 * total_m])
     assert np.diff(beyond) == pytest.approx(4 * MU * 340.0 * 0.5 * total_m, rel=1e-9)
-
-
-def test_a_model_that_solves_every_pressure_is_refused_many_of_them(tmp_path):
-    rows = [f"{1e5 + i},1e-3" for i in range(9)]
-    path = pressure_file(tmp_path, *rows, header="pressure_Pa,area_m2")
-    with pytest.raises(SettingsError, match=r"got 9 different pressures .* take contact\.model"):
-        run(f"joint.pressure_map={path}", "contact.model=boundary_elements")

@@ -1,18 +1,20 @@
 """What makes the contact under the preload doubtful, and what of the material it leaves out."""
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 
 from capslip.caps.families import Families
 from capslip.caps.table import DOUBTFUL, CapTable
 from capslip.contact.accuracy import BEYOND_SHARE
+from capslip.contact.curve import NormalCurve
 from capslip.contact.joint import Joint
 from capslip.contact.material import dundurs_beta
 from capslip.contact.press import ContactState
 from capslip.contact.solvers.yielding import HARDNESS_PER_YIELD
 from capslip.materials import MATERIALS
-from capslip.problems import Effect, Problem
+from capslip.problems import Effect, Problem, Severity
 from capslip.settings import Conditioning, Material
 from capslip.surface.heightmap import HeightMap
 from capslip.surface.spectrum import carried_waves_m
@@ -25,6 +27,7 @@ LARGE_FRICTION = 1.5
 FIRST_SHARE, FIRST_TOUCH = 0.01, 0.25  # of the load, and of the approach up to there
 LARGER = 1.01  # coverage from which a scan is larger than its joint: more than rounding
 FEW_IN_SCAN = 25  # contacts of a scan that stands for a larger joint: W some 20 % too low
+NEAR_SMALL = (0.1, 0.15, 0.25, 0.35)  # of mu N: a tenth, a quarter, and what is near them
 LONG_WAVES = 0.1  # of the approach: rms of waves that leave the loss by patches over 10 % too low
 ELASTIC_STRAIN = 0.03  # of E*: the greatest pressure at which the hardest steels stay elastic
 FIRST_YIELD = 1.6  # greatest pressure of a Hertz contact over the yield stress, where it yields
@@ -58,13 +61,6 @@ def problems_of_share(joint: Joint, contact: ContactState) -> list[Problem]:
     because each part touches with its own highest hills (`docs/theory.md`, section 6).
     """
     found: list[Problem] = []
-    if not joint.is_even and contact.yielded_area_m2:
-        least = float(joint.load_N.min() / joint.load_N.max())
-        message = (
-            f"the joint is pressed unevenly, down to {least:.2g} of its greatest pressure, and "
-            "slips as if all of it had yielded under that one: parts under less are taken too flat"
-        )
-        found.append(Problem("uneven_yield", "warning", message))
     if joint.coverage is not None and joint.coverage > LARGER:
         message = (
             f"the scan is {joint.coverage:.3g} times as large as its joint, which is a part of it "
@@ -81,6 +77,57 @@ def problems_of_share(joint: Joint, contact: ContactState) -> list[Problem]:
         "of the same face in one piece; waves longer than the scan are not in it"
     )
     return [*found, Problem("few_contacts_in_scan", "warning", message, Effect(None, off, off))]
+
+
+def problems_of_patches(
+    joint: Joint, patches: Sequence[ContactState], tolerance: float
+) -> list[Problem]:
+    """Return what it does that few patches were solved on the map for all the pressures.
+
+    The greatest change is meant that either half of them makes, together with both ends, and of the
+    energy at any force near the one that is named: one difference alone may vanish by chance. Of
+    patches that are too light to be followed, what is solved for heavier ones tells next to
+    nothing: they count as what they carry.
+
+    Parameters
+    ----------
+    joint : Joint
+    patches : sequence of ContactState
+        What `Joint.loaded` gives.
+    tolerance : float
+        Of the error that was asked for.
+    """
+    least_N, count = patches[0].preload_N, len(patches)
+    if patches[0].rung.solved_loads_N is None or count >= len(joint.load_N):
+        return []
+    light = joint.load_N < (1.0 - 1e-9) * least_N
+    share = float((joint.load_N * joint.weight)[light].sum()) / joint.preload_N
+    inner = range(1, count - 1)
+    halves = [[patches[i] for i in (0, *inner[k::2], count - 1)] for k in (0, 1)] if inner else []
+    whole = _stiffness_and_energies(joint.curve_of(patches), joint.preload_N)
+    fewer = [_stiffness_and_energies(joint.curve_of(half), joint.preload_N) for half in halves]
+    off = np.abs(np.array(fewer) / whole - 1.0).max(axis=0) if fewer else np.zeros(len(whole))
+    times = "once" if count == 1 else f"{count} times"
+    K, small_W, W = (float(one.max()) + share for one in (off[:1], off[1:3], off[2:]))
+    message = (
+        f"the map was solved {times} for {len(joint.load_N)} pressures of the joint: "
+        f"that may move the stiffness by {percent(K)}, the energy by {percent(W)} at a quarter of "
+        f"mu N and by {percent(small_W)} at a tenth"
+    )
+    if share > 0.0:
+        of_greatest = percent(least_N / float(joint.load_N.max()))
+        message += (
+            f"; {percent(share)} of the preload rests on patches under less than {of_greatest} of "
+            "the greatest pressure, whose contacts have too few pixels to be followed"
+        )
+    severity: Severity = "warning" if max(K, W) > tolerance else "info"
+    return [Problem("pressures_interpolated", severity, message, Effect(K, W, W))]
+
+
+def _stiffness_and_energies(curve: NormalCurve, preload_N: float) -> np.ndarray:
+    """Return the stiffness, and what goes with the energies near a tenth and a quarter of mu N."""
+    d, drop_N = curve.approach_m(preload_N), np.array(NEAR_SMALL) * preload_N
+    return np.append(curve.stiffness_N_per_m(d), curve.loss_integral_at_drop_J(d, drop_N))
 
 
 def problems_of_waves(joint: Joint, contact: ContactState, surface: HeightMap) -> list[Problem]:

@@ -4,28 +4,24 @@ A scan under a pressure gives a law per area. The joint is the sum of patches of
 one tangential displacement: the one place where results of the scan become those of the joint.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
-from typing import Any
 
 import msgspec
 import numpy as np
-from numpy.typing import ArrayLike
 
 from capslip.contact.curve import NormalCurve
 from capslip.contact.material import composite
 from capslip.contact.press import ContactState
 from capslip.contact.pressure_map import classes_of_pressure, read_pressure_map
-from capslip.contact.rung import rung
 from capslip.contact.scaled import ScaledCurve
 from capslip.contact.solvers.elastic_face import MOST_PRESSURE
-from capslip.errors import ContactError, SettingsError
+from capslip.contact.uneven import followed, scaled_between, side_by_side
+from capslip.errors import SettingsError
 from capslip.settings import Material, Settings
 from capslip.surface.heightmap import HeightMap
 
 MAX_SOLVED = 8  # pressures, of a model that solves each of them on the map
-LEAST_SHARE = 1e-5  # of the withdrawal at total slip that the table of uneven patches resolves
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,7 +70,7 @@ class Joint:
             settings.contact,
             preload_N=self.scan_load_N,
             nominal_pressure_Pa=None,
-            time_limit_s=settings.contact.time_limit_s / len(self.load_N),
+            time_limit_s=settings.contact.time_limit_s / min(len(self.load_N), MAX_SOLVED),
         )
         return msgspec.structs.replace(settings, contact=contact)
 
@@ -86,23 +82,40 @@ class Joint:
         return self.curve_of(self.loaded(contact, greatest))
 
     def loaded(self, contact: ContactState, greatest: float = 1.0) -> list[ContactState]:
-        """Return the state of each patch after its own first loading; one for all where elastic."""
-        if contact.first is None or self.is_even:
+        """Return the state of each patch after its own first loading; one for all where elastic.
+
+        Where each load is a solution of the map, those of few patches stand for many, and those
+        that are too light for the pixels of the map are left out, see `curve_of`.
+        """
+        solves = contact.rung.solved_loads_N is not None
+        if self.is_even or (contact.first is None and not solves):
             return [replace(contact, curve=contact.curve_after(greatest * contact.preload_N))]
-        return [
-            replace(contact, curve=contact.curve_after(greatest * N), preload_N=N)
-            for N in self.load_N.tolist()
-        ]
+        load_N = self.load_N
+        if solves and len(load_N) > MAX_SOLVED:
+            load_N = np.geomspace(load_N.min(), load_N.max(), MAX_SOLVED)
+        states: list[ContactState] = []
+        for N in sorted(load_N.tolist(), reverse=True):
+            state = replace(contact, curve=contact.curve_after(greatest * N), preload_N=N)
+            if solves and states and not followed(state.curve, N):
+                break
+            states.append(state)
+        return states[::-1]
 
     def curve_of(self, patches: Sequence[ContactState]) -> NormalCurve:
-        """Return the normal curve of the joint from the curves of what `loaded` gives."""
+        """Return the normal curve of the joint from the curves of what `loaded` gives.
+
+        Of patches that are not among these the curve is that of the nearest by factors.
+        """
         curves = [patch.curve for patch in patches]
         if patches[0].rung.made_from == "nothing":  # it carries one load, however that is spread
             load_N, weight = [self.scan_load_N], [self.preload_N / self.scan_load_N]
             return curve_of_joint(curves[0], np.array(load_N), np.array(weight))
-        if len(curves) == 1:
+        if self.is_even or (len(curves) == 1 and patches[0].rung.solved_loads_N is None):
             return curve_of_joint(curves[0], self.load_N, self.weight)
-        return _side_by_side(curves, self.load_N, self.weight)
+        if len(curves) < len(self.load_N):
+            at_N = np.array([patch.preload_N for patch in patches])
+            curves = scaled_between(curves, at_N, self.load_N)
+        return side_by_side(curves, self.load_N, self.weight)
 
 
 def joint_of(settings: Settings, surface: HeightMap) -> Joint:
@@ -130,13 +143,6 @@ def joint_of(settings: Settings, surface: HeightMap) -> Joint:
     if joint.pressure_map is not None:
         pressure_Pa, patch_m2 = read_pressure_map(joint.pressure_map)
         class_Pa, class_m2 = classes_of_pressure(pressure_Pa, patch_m2)
-        solves = contact.model != "auto" and rung(contact.model).solved_loads_N is not None
-        if solves and len(class_Pa) > MAX_SOLVED:
-            raise SettingsError(
-                f"joint.pressure_map: got {len(class_Pa)} different pressures with contact.model = "
-                f"{contact.model}, which solves the whole map for each; expected at most "
-                f"{MAX_SOLVED}; take contact.model = auto, or fewer pressures"
-            )
         ratio = settings.slip.normal_amplitude_ratio
         if ratio > 0.0 and len(class_Pa) > 1:
             raise SettingsError(
@@ -198,175 +204,4 @@ def curve_of_joint(curve: NormalCurve, load_N: np.ndarray, weight: np.ndarray) -
         return curve
     if len(load_N) == 1:
         return ScaledCurve(curve, float(weight[0]))
-    return _side_by_side((curve,) * len(weight), load_N, weight)
-
-
-def _side_by_side(
-    curves: Sequence[NormalCurve], load_N: np.ndarray, weight: np.ndarray
-) -> NormalCurve:
-    # One by one, so that a curve that solves its loads interpolates none
-    pairs = zip(curves, load_N, strict=True)
-    approach_m = np.array([float(curve.approach_m(N)) for curve, N in pairs])
-    return PatchedCurve(tuple(curves), approach_m, weight)
-
-
-@dataclass(frozen=True, eq=False)
-class PatchedCurve:
-    """Patches that are pressed unevenly and move together: N(D) = sum_k w_k N_k(d_k - (D_0 - D)).
-
-    A patch that carries less lies lower, so this is a normal curve as any other: the approach D
-    counts as that of the patch that is pressed deepest, and is D_0 under the preload. Under
-    shear all patches share one withdrawal e, and T = mu sum_k w_k [N_k(d_k) - N_k(d_k - e)], which
-    is what the theorem gives for each patch under the common displacement mu kappa e.
-
-    What happens below the preload is summed once, at some withdrawals, and interpolated in between
-    (to 5e-4, where a contact lets go): so withdrawals from any other approach than D_0 are refused.
-
-    Made by `curve_of_joint`, of one curve for all patches.
-    """
-
-    curves: tuple[NormalCurve, ...]  # (k,)
-    patch_approach_m: np.ndarray  # (k,), under the preload
-    weight: np.ndarray  # (k,)
-    compliance_m_per_N: float = 0.0  # none in series with the whole
-
-    @property
-    def model(self) -> str:
-        """Name of the model, of each where they differ."""
-        return ", ".join(dict.fromkeys(curve.model for curve in self.curves))
-
-    @property
-    def preload_approach_m(self) -> float:
-        """D_0, that of the patch that is pressed deepest."""
-        return float(self.patch_approach_m[self._deepest])
-
-    @property
-    def touch_m(self) -> np.ndarray:
-        """Approach of first touch."""
-        return np.asarray(self.curves[self._deepest].touch_m)
-
-    def load_N(self, approach_m: ArrayLike) -> np.ndarray:
-        """N(D)."""
-        below_m = self.preload_approach_m - np.asarray(approach_m, dtype=float)
-        return np.asarray(sum(w * one.load_N(d - below_m) for one, d, w in self._patches))
-
-    def approach_m(self, load_N: ArrayLike) -> np.ndarray:
-        """D(N) of loads up to the preload.
-
-        Raises
-        ------
-        ContactError
-            If a load exceeds it.
-        """
-        # What a map lets go until it lifts off is its load to one in a hundred thousand alone
-        preload_N = float(self.load_N(self.preload_approach_m))
-        drop_N = preload_N - np.asarray(load_N, dtype=float)
-        if (drop_N < -1e-9 * preload_N).any():
-            raise ContactError(
-                f"{self.model}: got a load of {np.max(load_N):g} N on a joint of unevenly pressed "
-                f"patches; expected at most its preload, {preload_N:g} N"
-            )
-        drop_N = np.where(drop_N < 1e-9 * preload_N, 0.0, drop_N)
-        return np.asarray(self.preload_approach_m - self._withdrawal_m(drop_N))
-
-    def stiffness_N_per_m(self, approach_m: ArrayLike, withdrawal_m: ArrayLike = 0.0) -> np.ndarray:
-        """N'(D - e)."""
-        return self._sum("stiffness_N_per_m", approach_m, withdrawal_m)
-
-    def load_drop_N(self, approach_m: ArrayLike, withdrawal_m: ArrayLike) -> np.ndarray:
-        """N(D) - N(D - e)."""
-        self._check(approach_m)
-        return self._at(withdrawal_m, 1, power=1)
-
-    def withdrawal_m(self, approach_m: ArrayLike, load_drop_N: ArrayLike) -> np.ndarray:
-        """Withdrawal for a load drop of at most N(D)."""
-        self._check(approach_m)
-        return self._withdrawal_m(np.asarray(load_drop_N, dtype=float))
-
-    def loss_integral_J(self, approach_m: ArrayLike, withdrawal_m: ArrayLike) -> np.ndarray:
-        """4 * integral of s (e - s) N''(D - s)."""
-        self._check(approach_m)
-        known_m, known_N, _ = self._below
-        beyond_m = np.maximum(np.asarray(withdrawal_m, dtype=float) - known_m[-1], 0.0)
-        return self._at(withdrawal_m, 2, power=3) + 4.0 * known_N[-1] * beyond_m
-
-    def loss_integral_at_drop_J(self, approach_m: ArrayLike, load_drop_N: ArrayLike) -> np.ndarray:
-        """Return the same at given load drop."""
-        return self.loss_integral_J(approach_m, self.withdrawal_m(approach_m, load_drop_N))
-
-    def lift_off_m(self, approach_m: ArrayLike) -> np.ndarray:
-        """Withdrawal at which each row of the scan loses its load, patch by patch."""
-        self._check(approach_m)
-        rows = [one.lift_off_m(d) for one, d, _ in self._patches]
-        return np.concatenate(rows, axis=-1)
-
-    def lifted(self, approach_m: ArrayLike, withdrawal_m: ArrayLike) -> np.ndarray:
-        """Whether each row of the scan had a load and has lost it, patch by patch."""
-        self._check(approach_m)
-        rows = [one.lifted(d, withdrawal_m) for one, d, _ in self._patches]
-        return np.concatenate(rows, axis=-1)
-
-    @property
-    def _patches(self) -> Iterator[tuple[NormalCurve, float, float]]:
-        """Yield curve, approach under the preload, and weight of each patch."""
-        return zip(self.curves, self.patch_approach_m, self.weight, strict=True)
-
-    @cached_property
-    def _deepest(self) -> int:
-        """Return the patch that is the last to lose its load."""
-        touch_m = [float(curve.touch_m) for curve in self.curves]
-        return int(np.argmax(self.patch_approach_m - touch_m))
-
-    @cached_property
-    def _below(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Return withdrawals from the preload, with their load drops and loss integrals."""
-        share = np.geomspace(LEAST_SHARE, 0.5, 140)
-        share = np.concatenate([share, 1.0 - np.geomspace(0.49, 1e-6, 60), [1.0]])
-        e = share * (self.preload_approach_m - float(self.touch_m))
-        drop_N, loss_J = np.zeros(e.shape), np.zeros(e.shape)
-        for one, d, w in self._patches:  # both of one patch share what its curve solves
-            drop_N += w * one.load_drop_N(d, e)
-            loss_J += w * one.loss_integral_J(d, e)
-        return e, drop_N, loss_J
-
-    @cached_property
-    def _ratios(self) -> Any:
-        """Return load drop over e and loss over e^3, as a smooth function of log e."""
-        from scipy.interpolate import PchipInterpolator
-
-        e, drop_N, loss_J = self._below
-        return PchipInterpolator(np.log(e), np.stack([e, drop_N / e, loss_J / e**3], axis=1))
-
-    def _at(self, withdrawal_m: ArrayLike, column: int, power: int) -> np.ndarray:
-        """Return a column of the table at any withdrawal up to the last, or at that."""
-        known_m = self._below[0]
-        e = np.minimum(np.asarray(withdrawal_m, dtype=float), known_m[-1])
-        ratio = self._ratios(np.log(np.maximum(e, known_m[0])))[..., column]
-        return np.asarray(ratio * e**power)
-
-    def _withdrawal_m(self, drop_N: np.ndarray) -> np.ndarray:
-        """Return the inverse of the interpolated load drop, which grows with the withdrawal."""
-        known_m, known_N, _ = self._below
-        first = np.clip(np.searchsorted(known_N, drop_N) - 1, 0, len(known_m) - 2)
-        low, high = known_m[first], known_m[first + 1]
-        for _ in range(60):
-            middle = 0.5 * (low + high)
-            above = self._at(middle, 1, power=1) > drop_N
-            low, high = np.where(above, low, middle), np.where(above, middle, high)
-        linear = drop_N <= known_N[0]
-        return np.where(linear, drop_N * (known_m[0] / known_N[0]), 0.5 * (low + high))
-
-    def _sum(self, method: str, approach_m: ArrayLike, withdrawal_m: ArrayLike) -> np.ndarray:
-        """Sum a method of the patches' curves under the preload."""
-        self._check(approach_m)
-        return np.asarray(
-            sum(w * getattr(one, method)(d, withdrawal_m) for one, d, w in self._patches)
-        )
-
-    def _check(self, approach_m: ArrayLike) -> None:
-        if np.any(np.asarray(approach_m) != self.preload_approach_m):
-            raise ContactError(
-                f"{self.model}: unevenly pressed patches are withdrawn from their preload alone; "
-                f"got an approach of {np.max(approach_m):g} m; expected "
-                f"{self.preload_approach_m:g} m"
-            )
+    return side_by_side((curve,) * len(weight), load_N, weight)

@@ -219,7 +219,7 @@ class BoundaryElementCurve:
         if unloading.cut_short:
             off = unloading.loss_error
             message = (
-                f"contact.time_limit_s = {self.solutions.time_limit_s:g} s was over after "
+                f"{self.solutions.time_limit_s:g} s of contact.time_limit_s were over after "
                 f"{len(unloading.solved_load_N) - 1} loads below the preload: between them the "
                 f"energy per cycle may be off by {off:.1%}"
             )

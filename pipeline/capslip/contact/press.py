@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
+from functools import cache, partial
 
 import msgspec
 import numpy as np
@@ -269,7 +269,7 @@ def _first(
 ) -> Callable[[float, float], NormalCurve] | None:
     if scene.law is None or model.made_from == "nothing":
         return None
-    return partial(loaded_first, model, scene, tilt_rad, bulk)
+    return cache(partial(loaded_first, model, scene, tilt_rad, bulk))  # answer and band ask twice
 
 
 def _contacts(

@@ -7,8 +7,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from capslip.contact.curve import NormalCurve
-from capslip.contact.joint import PatchedCurve
 from capslip.contact.press import ContactState
+from capslip.contact.uneven import PatchedCurve
 
 MAX_STEPS = 60  # of the search for a withdrawal: bisection alone needs no more
 CONVERGED = 1e-14  # of the withdrawal

@@ -271,7 +271,13 @@ class _State:
                 if changes:
                     near = contact.curves_near(changes, share / self.preload_N)
                     after |= dict(zip(others, near, strict=True))
-                states.append({i: replace(contact, curve=curve) for i, curve in after.items()})
+                loads_N = contact.preload_N * factors[:, 0]
+                states.append(
+                    {
+                        i: replace(contact, curve=curve, preload_N=float(loads_N[i]))
+                        for i, curve in after.items()
+                    }
+                )
             for i in found:
                 joint = part.joint.under(self.preload_N * float(factors[i, 0]))
                 found[i].append(joint.curve_of([of[i] for of in states]))

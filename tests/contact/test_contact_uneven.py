@@ -1,0 +1,189 @@
+"""Patches of one scan under unlike pressures, where each pressure is a solution of the map."""
+
+from dataclasses import replace
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from contact_cases import E_STAR_PA
+from scipy.ndimage import gaussian_filter
+
+import capslip
+from capslip.analysis import analyze_once
+from capslip.contact import joint
+from capslip.contact.doubts import problems_of_patches
+from capslip.contact.models.boundary_elements import RUNG
+from capslip.contact.models.caps import caps
+from capslip.contact.models.families import families
+from capslip.contact.uneven import followed, scaled_between, side_by_side
+from capslip.errors import ContactError
+from capslip.structure import band
+
+SPHERE = families((1, 0), (20.0, 20.0), (0.0, 0.0), E_STAR_PA)
+MANY = caps(np.full(200, 2.0), np.linspace(0.0, 4e-6, 200), E_STAR_PA)
+
+
+def waves():
+    z = gaussian_filter(np.random.default_rng(7).standard_normal((64, 64)), 4, mode="wrap")
+    z *= 2e-4 * 5e-5 / np.sqrt(np.mean(np.gradient(z)[0] ** 2))
+    return capslip.HeightMap(z, (5e-5, 5e-5))
+
+
+def pressed(tmp_path, pressures_Pa, *overrides):
+    path = tmp_path / "pressures.csv"
+    path.write_text("pressure_Pa,area_m2\n" + "".join(f"{p!r},1e-5\n" for p in pressures_Pa))
+    given = ("contact.model=boundary_elements", f"joint.pressure_map={path}", *overrides)
+    return analyze_once(waves(), capslip.load_settings(overrides=given))
+
+
+def said(found):
+    return [one for one in found.problems if one.code == "pressures_interpolated"]
+
+
+@pytest.mark.parametrize("at_N", [[3.0], [1.0, 64.0], [0.5, 2.0, 9.0, 64.0]])
+def test_a_sphere_under_any_other_load_is_a_sphere(at_N):
+    load_N = np.array([0.01, 0.4, 2.9])
+    found = scaled_between([SPHERE] * len(at_N), np.array(at_N), load_N)
+    for N, one in zip(load_N, found, strict=True):
+        d = SPHERE.approach_m(N)
+        e = np.array([0.01, 0.3, 0.9]) * d
+        assert one.approach_m(N) == pytest.approx(d, rel=1e-12)
+        for name in ("load_drop_N", "stiffness_N_per_m", "loss_integral_J"):
+            expected = getattr(SPHERE, name)(d, e)
+            np.testing.assert_allclose(getattr(one, name)(d, e), expected, rtol=1e-9)
+
+
+def test_a_known_load_keeps_its_curve_and_others_follow_their_neighbours():
+    at_N = np.geomspace(50.0, 5000.0, 9)
+    load_N = np.array([at_N[3], 1.2 * at_N[3], 0.8 * at_N[0]])
+    known, near, below = scaled_between([MANY] * 9, at_N, load_N)
+    for N, one, off in zip(load_N, (known, near, below), (1e-9, 0.05, 0.1), strict=True):
+        d, drop_N = float(MANY.approach_m(N)), np.array([0.25, 0.6]) * N
+        assert float(one.approach_m(N)) == pytest.approx(d, rel=off)
+        at = float(one.approach_m(N))
+        for name in ("withdrawal_m", "loss_integral_at_drop_J"):
+            expected = getattr(MANY, name)(d, drop_N)
+            np.testing.assert_allclose(getattr(one, name)(at, drop_N), expected, rtol=off)
+
+
+def test_each_patch_takes_the_curve_of_the_nearest_known_load():
+    """Of two curves that have nothing in common, by the ratio of loads."""
+    soft, stiff = families((1, 0), (5.0, 5.0), (0.0, 0.0), E_STAR_PA), SPHERE
+    found = scaled_between([soft, stiff], np.array([1.0, 100.0]), np.array([9.0, 11.0]))
+    assert [one.curve for one in found] == [soft, stiff]
+
+
+def test_a_curve_that_refuses_to_unload_is_not_followed():
+    def refuses(*_):
+        raise ContactError("too few pixels")
+
+    assert followed(SPHERE, 1.0)
+    assert not followed(SimpleNamespace(approach_m=lambda N: N, withdrawal_m=refuses,
+                                        loss_integral_at_drop_J=refuses), 1.0)  # fmt: skip
+
+
+@pytest.mark.parametrize("yields", [False, True])
+def test_few_solved_pressures_stand_for_many(tmp_path, monkeypatch, yields):
+    pressures_Pa = np.linspace(0.2e6, 1e6, 10).tolist()
+    given = ("material.hardness_Pa=4e8",) if yields else ()
+    few = pressed(tmp_path, pressures_Pa, *given)
+    monkeypatch.setattr(joint, "MAX_SOLVED", 10)
+    every = pressed(tmp_path, pressures_Pa, *given)
+    assert not said(every)
+    (note,) = said(few)
+    assert "the map was solved 8 times for 10 pressures of the joint" in note.message
+    force_N = np.array([0.25, 0.5, 0.75]) * every.slip.total_slip_force_N
+    off = few.slip.energy_at_force_J(force_N) / every.slip.energy_at_force_J(force_N) - 1.0
+    assert np.abs(off).max() < min(0.05, note.effect.energy)
+    assert few.slip.tangential_stiffness_N_per_m == pytest.approx(
+        every.slip.tangential_stiffness_N_per_m, rel=0.005
+    )
+    assert few.slip.total_slip_force_N == pytest.approx(every.slip.total_slip_force_N, rel=1e-12)
+
+
+def test_patches_too_light_for_the_pixels_are_scaled_and_said(tmp_path):
+    """The analysis failed as a whole; what they carry is not lost, and slips at any force."""
+    heavy = pressed(tmp_path, [1e6])
+    found = pressed(tmp_path, [1e6, 10.0, 1e4])
+    (note,) = said(found)
+    assert "the map was solved once for 3 pressures" in note.message
+    assert "patches under less than 100 % of the greatest" in note.message
+    assert found.slip.total_slip_force_N == pytest.approx(
+        1.01001 * heavy.slip.total_slip_force_N, rel=1e-9
+    )
+    delta_m = 0.5 * heavy.slip.total_slip_displacement_m
+    added_N = float(found.slip.force_N(delta_m) - heavy.slip.force_N(delta_m))
+    assert added_N == pytest.approx(0.2 * (1e4 + 10.0) * 1e-5, rel=0.02)
+    assert note.effect.tangential_stiffness == pytest.approx(0.01001 / 1.01001, rel=1e-6)
+
+
+def test_an_interval_of_few_solved_pressures_follows_the_preload(tmp_path):
+    """At a hundredth more of it as if that had been given."""
+    at, answers = np.linspace(0.3e6, 1e6, 9), []
+    for factor in (1.0, 1.01):
+        given = ("answer.slip_force_N=10", "material.hardness_Pa=4e8")
+        answers.append(pressed(tmp_path, (factor * at).tolist(), *given))
+    state = band._State(answers[0].answer, True, answers[0].parts, answers[0].settings)
+    log = dict.fromkeys(("friction", "modulus", "hardness"), np.zeros(2))
+    delta_m, energy_J = state.under({**log, "preload": np.log([1.0, 1.01])})
+    for i, one in enumerate(answers):
+        assert delta_m[i] == pytest.approx(one.answer.displacement_m, rel=2e-3)
+        assert energy_J[i] == pytest.approx(one.answer.energy_J, rel=0.02)
+
+
+def patches_of(loads_N, rung=RUNG):
+    return [SimpleNamespace(preload_N=N, rung=rung) for N in loads_N]
+
+
+class Uneven:
+    """A joint whose answers depend on which of its patches were solved."""
+
+    def __init__(self, load_N, answers):
+        self.load_N, self.weight = np.array(load_N), np.ones(len(load_N))
+        self.preload_N, self.answers = sum(load_N), answers
+
+    def curve_of(self, patches):
+        K, *W = self.answers[tuple(one.preload_N for one in patches)]
+        return SimpleNamespace(
+            approach_m=lambda N: 0.0,
+            stiffness_N_per_m=lambda d: K,
+            loss_integral_at_drop_J=lambda d, drop_N: np.array(W),
+        )
+
+
+def test_what_either_half_of_the_solutions_moves_is_said():
+    of = Uneven([1, 2, 3, 4, 6, 8], {
+        (1, 2, 4, 6, 8): np.ones(5),
+        (1, 2, 6, 8): (1.01, 1.2, 1.0, 0.99, 1.01),
+        (1, 4, 8): (0.97, 1.0, 0.9, 1.0, 1.04),
+    })  # fmt: skip
+    (one,) = problems_of_patches(of, patches_of([1, 2, 4, 6, 8]), 0.11)
+    assert one.severity == "info"
+    assert "solved 5 times for 6 pressures" in one.message
+    assert "the energy by 10 % at a quarter of mu N and by 20 % at a tenth" in one.message
+    assert "too few pixels" not in one.message
+    assert (one.effect.tangential_stiffness, one.effect.energy) == pytest.approx((0.03, 0.1))
+    (strict,) = problems_of_patches(of, patches_of([1, 2, 4, 6, 8]), 0.099)
+    assert strict.severity == "warning"
+
+
+def test_light_patches_count_as_what_they_carry():
+    of = Uneven([1.0, 2.0, 3.0, 4.0], {(3.0, 4.0): np.ones(5)})
+    (one,) = problems_of_patches(of, patches_of([3.0, 4.0]), 0.05)
+    assert one.severity == "warning"
+    assert one.effect.energy == one.effect.tangential_stiffness == pytest.approx(0.3)
+    assert "30 % of the preload rests on patches under less than 75 % of" in one.message
+
+
+def test_nothing_is_said_where_every_pressure_has_its_curve():
+    of = Uneven([1.0, 2.0], {})
+    assert problems_of_patches(of, patches_of([1.0, 2.0]), 0.05) == []
+    any_load = replace(RUNG, solved_loads_N=None)
+    assert problems_of_patches(of, patches_of([2.0], any_load), 0.05) == []
+
+
+def test_patches_are_pressed_to_the_approach_of_their_own_load():
+    load_N = np.array([1.0, 8.0])
+    whole = side_by_side([SPHERE, SPHERE], load_N, np.array([1.0, 2.0]))
+    np.testing.assert_allclose(whole.patch_approach_m, SPHERE.approach_m(load_N), rtol=1e-12)
+    assert whole.preload_approach_m == whole.patch_approach_m[1]
