@@ -1,6 +1,6 @@
 """Patches of one scan under unlike pressures, where each pressure is a solution of the map."""
 
-from dataclasses import replace
+from dataclasses import fields, replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -15,7 +15,8 @@ from capslip.contact.doubts import problems_of_patches
 from capslip.contact.models.boundary_elements import RUNG
 from capslip.contact.models.caps import caps
 from capslip.contact.models.families import families
-from capslip.contact.uneven import followed, scaled_between, side_by_side
+from capslip.contact.press import ContactState
+from capslip.contact.uneven import scaled_between, side_by_side
 from capslip.errors import ContactError
 from capslip.structure import band
 
@@ -57,7 +58,7 @@ def test_a_known_load_keeps_its_curve_and_others_follow_their_neighbours():
     at_N = np.geomspace(50.0, 5000.0, 9)
     load_N = np.array([at_N[3], 1.2 * at_N[3], 0.8 * at_N[0]])
     known, near, below = scaled_between([MANY] * 9, at_N, load_N)
-    for N, one, off in zip(load_N, (known, near, below), (1e-9, 0.05, 0.1), strict=True):
+    for N, one, off in zip(load_N, (known, near, below), (1e-9, 0.05, 0.15), strict=True):
         d, drop_N = float(MANY.approach_m(N)), np.array([0.25, 0.6]) * N
         assert float(one.approach_m(N)) == pytest.approx(d, rel=off)
         at = float(one.approach_m(N))
@@ -73,13 +74,27 @@ def test_each_patch_takes_the_curve_of_the_nearest_known_load():
     assert [one.curve for one in found] == [soft, stiff]
 
 
-def test_a_curve_that_refuses_to_unload_is_not_followed():
-    def refuses(*_):
-        raise ContactError("too few pixels")
+def test_the_heaviest_patch_must_be_followed_and_one_of_spheres_is_no_guess():
+    def refuses(load_N, _):
+        if load_N < 2.0 or rung is not RUNG:
+            raise ContactError("too few pixels")
+        return SPHERE
 
-    assert followed(SPHERE, 1.0)
-    assert not followed(SimpleNamespace(approach_m=lambda N: N, withdrawal_m=refuses,
-                                        loss_integral_at_drop_J=refuses), 1.0)  # fmt: skip
+    def loaded(*loads_N):
+        state = ContactState(**dict.fromkeys((f.name for f in fields(ContactState)), None))
+        state = replace(state, rung=rung, preload_N=9.0, first=refuses)
+        load_N = np.array(loads_N)
+        of = joint.Joint(1.0, 1.0, float(load_N.sum()), load_N, np.ones(len(load_N)), 9.0)
+        return [one.preload_N for one in of.loaded(state)]
+
+    rung = RUNG
+    assert loaded(1.0, 3.0, 8.0) == [3.0, 8.0]
+    assert loaded(*np.linspace(1.0, 8.0, 20)) == pytest.approx(np.geomspace(1.0, 8.0, 8)[3:])
+    with pytest.raises(ContactError):
+        loaded(1.0, 1.5)
+    rung = replace(RUNG, solved_loads_N=None)
+    with pytest.raises(ContactError):
+        loaded(3.0, 8.0)
 
 
 @pytest.mark.parametrize("yields", [False, True])

@@ -16,8 +16,8 @@ from capslip.contact.press import ContactState
 from capslip.contact.pressure_map import classes_of_pressure, read_pressure_map
 from capslip.contact.scaled import ScaledCurve
 from capslip.contact.solvers.elastic_face import MOST_PRESSURE
-from capslip.contact.uneven import followed, scaled_between, side_by_side
-from capslip.errors import SettingsError
+from capslip.contact.uneven import scaled_between, seen, side_by_side
+from capslip.errors import ContactError, SettingsError
 from capslip.settings import Material, Settings
 from capslip.surface.heightmap import HeightMap
 
@@ -95,10 +95,15 @@ class Joint:
             load_N = np.geomspace(load_N.min(), load_N.max(), MAX_SOLVED)
         states: list[ContactState] = []
         for N in sorted(load_N.tolist(), reverse=True):
-            state = replace(contact, curve=contact.curve_after(greatest * N), preload_N=N)
-            if solves and states and not followed(state.curve, N):
+            try:
+                curve = contact.curve_after(greatest * N)
+                if solves:
+                    seen(curve, N)  # a map may have too few pixels
+            except ContactError:
+                if not (solves and states):
+                    raise
                 break
-            states.append(state)
+            states.append(replace(contact, curve=curve, preload_N=N))
         return states[::-1]
 
     def curve_of(self, patches: Sequence[ContactState]) -> NormalCurve:

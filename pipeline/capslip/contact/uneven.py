@@ -14,7 +14,7 @@ from capslip.errors import ContactError
 
 LEAST_SHARE = 1e-5  # of the withdrawal at total slip that the table of uneven patches resolves
 SEEN_AT = 0.25  # of the load of a patch that is gone, where a curve under another load is scaled
-OF_A_SPHERE = np.array([2.0, 2.0, 5.0]) / 3.0  # powers of the load in what `_seen` returns
+OF_A_SPHERE = np.array([2.0, 2.0, 5.0]) / 3.0  # powers of the load in what `seen` returns
 
 
 def side_by_side(
@@ -37,13 +37,17 @@ def side_by_side(
     return PatchedCurve(tuple(curves), approach_m, weight)
 
 
-def followed(curve: NormalCurve, load_N: float) -> bool:
-    """Tell whether a curve knows what happens below a load: a map may have too few pixels."""
-    try:
-        _seen(curve, load_N)
-    except ContactError:
-        return False
-    return True
+def seen(curve: NormalCurve, load_N: float) -> tuple[float, float, float]:
+    """Return approach from first touch, withdrawal and loss where a quarter of a load is gone.
+
+    Raises
+    ------
+    ContactError
+        If the curve does not know what happens below the load: a map may have too few pixels.
+    """
+    d, drop_N = float(curve.approach_m(load_N)), SEEN_AT * load_N
+    loss_J = float(curve.loss_integral_at_drop_J(d, drop_N))
+    return d - float(curve.touch_m), float(curve.withdrawal_m(d, drop_N)), loss_J
 
 
 def scaled_between(
@@ -76,7 +80,7 @@ def scaled_between(
     '1.000000000'
     """
     x, at = np.log(at_N), np.log(load_N)
-    known = np.log([_seen(curve, N) for curve, N in zip(curves, at_N.tolist(), strict=True)])
+    known = np.log([seen(curve, N) for curve, N in zip(curves, at_N.tolist(), strict=True)])
     nearest = np.abs(at[:, None] - x).argmin(axis=1)
     factors = np.exp(_between(x, known, at) - known[nearest])
     return [
@@ -96,13 +100,6 @@ def _between(x: np.ndarray, known: np.ndarray, at: np.ndarray) -> np.ndarray:
     within = np.clip(at, x[0], x[-1])
     inside = PchipInterpolator(x, known)(within) if len(x) > 1 else known
     return np.asarray(inside + (at - within)[:, None] * slope)
-
-
-def _seen(curve: NormalCurve, load_N: float) -> tuple[float, float, float]:
-    """Return approach from first touch, withdrawal and loss where a share of a load is gone."""
-    d, drop_N = float(curve.approach_m(load_N)), SEEN_AT * load_N
-    loss_J = float(curve.loss_integral_at_drop_J(d, drop_N))
-    return d - float(curve.touch_m), float(curve.withdrawal_m(d, drop_N)), loss_J
 
 
 @dataclass(frozen=True, eq=False)
