@@ -169,8 +169,8 @@ class Uneven:
 def test_what_either_half_of_the_solutions_moves_is_said():
     of = Uneven([1, 2, 3, 4, 6, 8], {
         (1, 2, 4, 6, 8): np.ones(5),
-        (1, 2, 6, 8): (1.01, 1.2, 1.0, 0.99, 1.01),
-        (1, 4, 8): (0.97, 1.0, 0.9, 1.0, 1.04),
+        (1, 2, 6, 8): (1.01, 1.0 + 0.2 * 3**0.5, 1.0, 0.99, 1.01),
+        (1, 4, 8): (1.0 - 0.03 * 3**0.5, 1.0, 1.0 - 0.1 * 3**0.5, 1.0, 1.04),
     })  # fmt: skip
     (one,) = problems_of_patches(of, patches_of([1, 2, 4, 6, 8]), 0.11)
     assert one.severity == "info"

@@ -84,10 +84,12 @@ def problems_of_patches(
 ) -> list[Problem]:
     """Return what it does that few patches were solved on the map for all the pressures.
 
-    The greatest change is meant that either half of them makes, together with both ends, and of the
-    energy at any force near the one that is named: one difference alone may vanish by chance. Of
-    patches that are too light to be followed, what is solved for heavier ones tells next to
-    nothing: they count as what they carry.
+    From the greatest change that either half of them makes, together with both ends, and of the
+    energy at any force near the one that is named: one difference alone may vanish by chance. What
+    pixels do to each solution by chance is sqrt(2) times as much in a mean of half of them, so the
+    change is sqrt(3) times what all of them leave; of what is smooth it is more. Of patches that
+    are too light to be followed, what is solved for heavier ones tells next to nothing: they count
+    as what they carry.
 
     Parameters
     ----------
@@ -107,6 +109,7 @@ def problems_of_patches(
     whole = _stiffness_and_energies(joint.curve_of(patches), joint.preload_N)
     fewer = [_stiffness_and_energies(joint.curve_of(half), joint.preload_N) for half in halves]
     off = np.abs(np.array(fewer) / whole - 1.0).max(axis=0) if fewer else np.zeros(len(whole))
+    off /= math.sqrt(3.0)
     times = "once" if count == 1 else f"{count} times"
     K, small_W, W = (float(one.max()) + share for one in (off[:1], off[1:3], off[2:]))
     message = (
