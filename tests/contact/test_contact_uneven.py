@@ -82,14 +82,14 @@ def test_the_heaviest_patch_must_be_followed_and_one_of_spheres_is_no_guess():
 
     def loaded(*loads_N):
         state = ContactState(**dict.fromkeys((f.name for f in fields(ContactState)), None))
-        state = replace(state, rung=rung, preload_N=9.0, first=refuses)
+        state = replace(state, rung=rung, preload_N=9.0, curve=SPHERE, first=refuses)
         load_N = np.array(loads_N)
         of = joint.Joint(1.0, 1.0, float(load_N.sum()), load_N, np.ones(len(load_N)), 9.0)
         return [one.preload_N for one in of.loaded(state)]
 
     rung = RUNG
     assert loaded(1.0, 3.0, 8.0) == [3.0, 8.0]
-    assert loaded(*np.linspace(1.0, 8.0, 20)) == pytest.approx(np.geomspace(1.0, 8.0, 8)[3:])
+    assert loaded(*np.linspace(1.0, 8.0, 20)) == pytest.approx(np.geomspace(1.0, 9.0, 8)[3:])
     with pytest.raises(ContactError):
         loaded(1.0, 1.5)
     rung = replace(RUNG, solved_loads_N=None)
@@ -155,7 +155,7 @@ class Uneven:
 
     def __init__(self, load_N, answers):
         self.load_N, self.weight = np.array(load_N), np.ones(len(load_N))
-        self.preload_N, self.answers = sum(load_N), answers
+        self.preload_N, self.scan_load_N, self.answers = sum(load_N), max(load_N), answers
 
     def curve_of(self, patches):
         K, *W = self.answers[tuple(one.preload_N for one in patches)]

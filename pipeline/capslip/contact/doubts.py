@@ -118,7 +118,7 @@ def problems_of_patches(
         f"mu N and by {percent(small_W)} at a tenth"
     )
     if share > 0.0:
-        of_greatest = percent(least_N / float(joint.load_N.max()))
+        of_greatest = percent(least_N / joint.scan_load_N)
         message += (
             f"; {percent(share)} of the preload rests on patches under less than {of_greatest} of "
             "the greatest pressure, whose contacts have too few pixels to be followed"

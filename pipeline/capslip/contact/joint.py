@@ -92,7 +92,7 @@ class Joint:
             return [replace(contact, curve=contact.curve_after(greatest * contact.preload_N))]
         load_N = self.load_N
         if solves and len(load_N) > MAX_SOLVED:
-            load_N = np.geomspace(load_N.min(), load_N.max(), MAX_SOLVED)
+            load_N = np.geomspace(load_N.min(), self.scan_load_N, MAX_SOLVED)  # it is known there
         states: list[ContactState] = []
         for N in sorted(load_N.tolist(), reverse=True):
             try:
