@@ -119,7 +119,7 @@ TABLE = [
     (("caps/*.py",), ("tests/caps/test_*{stem}*.py",)),
     (
         ("contact/joint.py", "contact/pressure_map.py", "contact/uneven.py"),
-        ("tests/contact/test_*joint*.py",),
+        ("tests/contact/test_*uneven*.py", "tests/contact/test_*joint*.py"),
     ),
     (
         ("contact/given.py", "contact/models/families.py"),
