@@ -9,7 +9,7 @@ import numpy as np
 
 from capslip.caps.doubts import without_bow
 from capslip.caps.table import DOUBTFUL, UNUSABLE, CapFlag, CapTable
-from capslip.contact.accuracy import answers
+from capslip.contact.accuracy import MOST_WIDE, answers
 from capslip.contact.balanced import rebalanced
 from capslip.contact.bulk import bulk_of_face_m_per_N, filled_outside
 from capslip.contact.doubts import ELASTIC_STRAIN
@@ -333,6 +333,7 @@ def _moved(
     The greatest of 16 changes is about that at 95 %.
     """
     rng = np.random.default_rng(0)
+    log_radius = np.minimum(log_radius, MOST_WIDE)  # of shallow fits the factor would overflow
     for sign in rng.choice((-1.0, 1.0), (DRAWS_OF_HEIGHTS, len(caps))):
         yield caps.with_columns(
             peak_height_m=caps.peak_height_m + sign * height_m,
