@@ -299,6 +299,8 @@ def test_cells_of_a_cloud_are_chosen_with_the_pixel_size(tmp_path):
         grid_points(wide, "points")
     with pytest.raises(UnreadableFileError, match="501 points in 10000 x 10000 cells"):
         grid_points(wide, "points", (1.0, 1.0))
+    with pytest.raises(UnreadableFileError, match=r"2 x 3 cells of 500 x 400; .* smaller --pixel"):
+        grid_points(np.random.default_rng(2).uniform(0, 1000, (400, 3)), "points", (500, 400))
 
 
 def test_repeated_points_are_merged_and_contradictions_refused():
