@@ -392,8 +392,8 @@ def _state(face: ElasticFace, p: np.ndarray, u: np.ndarray, closing: Closing) ->
         d = float(np.max(plane_m - face.depth_m, where=face.measured, initial=-np.inf))
     if d == 0.0:
         raise ContactError(
-            "boundary elements: the approach is less than numbers tell beside the heights; expected "
-            "more; check the load and the moduli"
+            "boundary elements: the approach is less than numbers tell beside the heights; check "
+            "the load and the moduli"
         )
     off_m = gaps_m[contact]
     # Set aside for the moment, which is faster than a mask
