@@ -22,7 +22,9 @@ ASKED = {
 def asked_of(form, level=None, approach_m=1e-6, peaks=(), flatness_m=None):
     """Return which doubts are asked after a form was removed, each of which says its name."""
     face = SimpleNamespace(
-        level=level, family_caps=None, conditioned=SimpleNamespace(surface="pressed")
+        level=level,
+        family_caps=None,
+        conditioned=SimpleNamespace(surface="pressed", seams=None),
     )
     known = () if flatness_m is None else (f"instrument.flatness_deviation_m={flatness_m}",)
     chosen = load_settings(overrides=(f"conditioning.form={form}", *known))

@@ -114,7 +114,7 @@ def _of_levelling(face: Face, contact: ContactState, settings: Settings) -> list
     form = settings.conditioning.form
     if contact.approach_m <= 0.0:
         return []  # a flat interface: nothing decides
-    problems = problems_of_seams(face.conditioned.surface, contact.approach_m)
+    problems = problems_of_seams(face.conditioned.seams, contact.approach_m)
     if form == "none" and face.level is None:
         problems += problems_of_tilt(face.conditioned.surface, contact.approach_m)
     if form in ("plane", "none"):

@@ -278,7 +278,7 @@ def load_settings(path: str | Path | None = None, overrides: tuple[str, ...] = (
     path : path, optional
         A TOML file; without it every setting has its default.
     overrides : tuple of str
-        Each `table.key=value`, the value in TOML (a bare word is taken as a string).
+        Each `table.key=value`, the value in TOML (a bare word, in a list too, is a text).
 
     Raises
     ------
@@ -357,13 +357,13 @@ def _with_preset(tables: dict[str, Any], where: str = "settings") -> dict[str, A
     if preset is None:
         return tables
     names = [preset, preset] if isinstance(preset, str) else preset
+    two = "one for each face: [steel, aluminium]"
     if not isinstance(names, list | tuple) or len(names) != 2:
-        raise SettingsError(f"{where}: material.preset: got {preset!r}; expected one name, or two")
-    for name in names:
+        raise SettingsError(f"{where}: material.preset: got {preset!r}; expected one, or {two}")
+    for name in map(str, names):
         if name not in MATERIALS:
-            raise SettingsError(
-                f"{where}: material.preset: got {name!r}; {one_of(MATERIALS, str(name))}"
-            )
+            what = f"got {name!r}; {one_of(MATERIALS, name)}; or {two}"
+            raise SettingsError(f"{where}: material.preset: {what}")
     bodies = [MATERIALS[name] for name in names]
     known: dict[str, Any] = {
         "youngs_modulus_Pa": [body.youngs_modulus_Pa for body in bodies],
@@ -471,10 +471,7 @@ def _apply(tables: dict[str, Any], override: str) -> dict[str, Any]:
     keys = name.strip().split(".")
     if not equals or not all(keys) or len(keys) < 2:
         raise SettingsError(f"--set {override}: expected table.key=value")
-    try:
-        value = tomllib.loads(f"value = {text}")["value"]
-    except tomllib.TOMLDecodeError:
-        value = text.strip()
+    value = _value(text.strip())
     alone: dict[str, Any] = {keys[-1]: value}
     for key in reversed(keys[1:-1]):
         alone = {key: alone}
@@ -484,6 +481,15 @@ def _apply(tables: dict[str, Any], override: str) -> dict[str, Any]:
             raise SettingsError(f"--set {override}: {key} is no table")
     tables[keys[-1]] = value
     return {keys[0]: alone}
+
+
+def _value(text: str) -> Any:
+    """Return a value in TOML; bare words are texts, those of a list as well."""
+    try:
+        return tomllib.loads(f"value = {text}")["value"]
+    except tomllib.TOMLDecodeError:
+        listed = text.startswith("[") and text.endswith("]")
+        return [_value(word.strip()) for word in text[1:-1].split(",")] if listed else text
 
 
 def _without_none(table: dict[str, Any]) -> dict[str, Any]:

@@ -160,6 +160,7 @@ def _listed(list_file: Path, settings: Settings) -> Iterator[Scan]:
         lines = content.decode("utf-16", "replace").splitlines()
     else:
         lines = content.decode("utf-8-sig", "surrogateescape").splitlines()
+    lines = [line for line in lines if not line.startswith("#")]
     if any("\0" in line for line in lines):
         raise SettingsError(f"{list_file}: holds zero bytes; expected text; save it as UTF-8")
     columns = _columns(lines[0], list_file) if lines else []

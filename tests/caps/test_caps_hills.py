@@ -74,7 +74,7 @@ def test_the_square_leaves_five_deviations_of_noise_within_a_fiftieth_of_the_rel
     ("height_m", "ratio", "message"),
     [
         (np.full((20, 20), np.nan), 0.1, "all 400 points are non-measured"),
-        (np.full((20, 20), 3.0), 0.1, "all 400 measured heights equal 3"),
+        (np.full((20, 20), 3.0), 0.1, "all 400 measured heights are equal, "),
         (np.arange(400.0).reshape(20, 20), 0.01, "4 points lie above the cut"),
     ],
 )

@@ -83,6 +83,15 @@ def test_a_unit_alone_leaves_the_preload_as_it_is(here):
     assert not one.settings.is_given("contact.preload_N")
 
 
+@pytest.mark.parametrize("columns", ["", "scan,preload_N\n"])
+def test_remarks_in_a_list_are_no_scans(here, columns):
+    cells = ",3" if columns else ""
+    files("a.h5", "b.h5")
+    (here / "a.csv").write_text(f"# of May, all\n{columns}a.h5{cells}\n#b.h5{cells}\n")
+    ((one,), _) = find_scans((), SETTINGS, here / "a.csv")
+    assert one.path.name == "a.h5"
+
+
 def test_a_plain_list_is_a_scan_a_line_and_may_hold_commas(here):
     files("a, 1.h5", "b.h5")
     (here / "list.txt").write_text("a, 1.h5\n\n  b.h5  \r\nb.h5\n", "utf-16")

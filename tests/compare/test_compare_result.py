@@ -292,6 +292,15 @@ def test_a_damaged_result(surface, tmp_path):
         load_model(tmp_path / "result")
 
 
+@pytest.mark.parametrize("table", ["contact", "families", "slip", "provenance"])
+def test_a_summary_that_somebody_cut(surface, tmp_path, table):
+    result_of(surface, tmp_path / "result")
+    path = tmp_path / "result" / "summary.json"
+    path.write_text(json.dumps({**json.loads(path.read_text()), table: None}))
+    with pytest.raises(UnreadableFileError, match=rf"summary\.json: no table {table}; .*again"):
+        load_model(tmp_path / "result")
+
+
 def test_a_folder_that_cannot_be_made(result, tmp_path):
     found = compare_result(result[0], write(tmp_path / "a.csv", GOOD))
     (tmp_path / "file").write_text("")

@@ -151,6 +151,13 @@ def test_the_random_error_of_one_cap_is_two_thirds_of_that_of_its_radius():
     assert beside_the_least(high) == pytest.approx(0.0, abs=1e-6)
 
 
+@pytest.mark.parametrize("over_radius", [1e2, 1e4, 1e200])
+def test_a_radius_that_nobody_knows_errs_by_a_bounded_factor(over_radius):
+    """Its logarithm is moved by 3, and the answers by a third of that."""
+    error = estimate(one_cap(radius_se_m=over_radius * 20.0))
+    assert np.exp(1.0) - 1.0 < beside_the_least(error) <= 2.0 * (np.exp(1.0) - 1.0) * (1 + 1e-9)
+
+
 @pytest.mark.parametrize(
     ("columns", "noise_m", "ratio"),
     [

@@ -14,6 +14,7 @@ from capslip.contact.models.caps import caps
 from capslip.contact.slip import slip_curve
 from capslip.contact.solvers import elastic_face as elastic_faces
 from capslip.contact.solvers import polonsky_keer
+from capslip.contact.solvers.closing import GivenLoad
 from capslip.contact.solvers.half_space import HalfSpace, love_kernel
 from capslip.contact.solvers.polonsky_keer import elastic_face, press
 from capslip.contact.solvers.tilting import press_balanced
@@ -321,6 +322,14 @@ def test_refusals(monkeypatch):
     monkeypatch.setattr(elastic_faces, "MAX_POINTS", 1000)
     with pytest.raises(ContactError, match="coarsen the map 2 times"):
         elastic_face(surface, E)
+
+
+def test_an_approach_that_is_lost_beside_the_heights_is_said_so():
+    """Heights swallow what the points of a stiff face sink by."""
+    face = elastic_face(rough(), 1e30)
+    p = np.where(face.depth_m == 0.0, 1.0, 0.0)
+    with pytest.raises(ContactError, match="the approach is less than numbers tell"):
+        polonsky_keer._state(face, p, np.zeros(face.shape), GivenLoad(p.sum()))
 
 
 @pytest.mark.parametrize("tilting", [False, True])

@@ -5,11 +5,12 @@ from functools import cache
 
 import numpy as np
 import pytest
+from contact_cases import table
 
 from capslip.analysis import analyze_once
 from capslip.caps.table import UNUSABLE, CapFlag
 from capslip.contact.effects import with_effects
-from capslip.contact.trials import FaceOfCaps, _load_seen
+from capslip.contact.trials import FaceOfCaps, _load_seen, _moved
 from capslip.problems import Problem
 from capslip.settings import load_settings
 from capslip.studies.faces.synthetic import Scene, synthetic_surface
@@ -510,3 +511,11 @@ def test_a_map_that_was_filled_is_doubted_by_what_fewer_points_say(missing, seve
         approach_m = [one.contact.approach_without_bulk_m for one in (filled, true)]
         error = float(said.message.partition("the approach by ")[2].partition("%")[0]) / 100.0
         assert abs(approach_m[0] / approach_m[1] - 1.0) < 2.0 * error < 0.1
+
+
+def test_a_fit_that_is_shallower_than_its_error_is_moved_by_a_bounded_factor():
+    """The heights of steps over the depth of a fit may be any number; others move as they did."""
+    caps = table([0.0] * 3, [0.0] * 3, [2.0] * 3, [0.0] * 3)
+    found = [one.radius_m for one in _moved(caps, 1e-9, np.array([0.1, 3.0, 1e5]))]
+    ratio = np.log(np.array(found) / 2.0)
+    np.testing.assert_allclose(np.abs(ratio), np.broadcast_to([0.1, 3.0, 3.0], ratio.shape))

@@ -38,6 +38,7 @@ def face(removed=0, both_ways=False, n_lifted=0, tops=None, few=False, filled_m=
     return SimpleNamespace(
         removed_m=np.zeros((3, removed)),
         removed=SimpleNamespace(both_ways=both_ways, n_lifted=n_lifted),
+        seams=None,
         surface=SimpleNamespace(
             height_m=height_m,
             tops=tops,

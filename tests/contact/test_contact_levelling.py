@@ -14,6 +14,7 @@ from capslip.analysis import analyze_once
 from capslip.caps.fit import fit_caps
 from capslip.contact.balanced import rebalanced
 from capslip.contact.levelling import UNSETTLED, _Search, find_level, turned
+from capslip.errors import ContactError
 from capslip.settings import load_settings
 from capslip.surface.blocks import block_means
 from capslip.surface.heightmap import HeightMap
@@ -218,6 +219,13 @@ def test_a_load_beside_all_peaks_tips_the_face_over(at_m, side):
     assert found.status == "failed"
     assert found.contact is None
     assert f"on its {side} side" in problem.message
+
+
+def test_a_load_that_compresses_nothing_finds_no_level():
+    """Not even the peaks that rest move by a number."""
+    settings = load_settings(overrides=("contact.preload_N=1e-30", "contact.model=caps"))
+    with pytest.raises(ContactError, match=r"by less than numbers tell; check contact\.preload_N"):
+        find_level(plain(face).conditioned.surface, settings)
 
 
 def test_a_face_whose_hills_tip_over_rests_on_more_than_its_hills_where_there_is_time():

@@ -390,13 +390,27 @@ def test_a_preset_fills_in_what_is_not_given(name):
     assert settings_from(soft.to_dict()) == soft
 
 
-def test_two_presets_are_one_for_each_face_and_the_softer_yields():
-    found = load_settings(overrides=('material.preset=["titanium", "aluminium"]',)).material
+@pytest.mark.parametrize("pair", ['["titanium", "aluminium"]', "[titanium,aluminium]"])
+def test_two_presets_are_one_for_each_face_and_the_softer_yields(pair):
+    """A shell takes the quotes of such a list away."""
+    found = load_settings(overrides=(f"material.preset={pair}",)).material
     assert found.youngs_modulus_Pa == (114e9, 70e9)
+    assert found.poisson_ratio == (0.34, 0.3)
     assert hardness_Pa(found) == pytest.approx(2.8 * 250e6)
 
 
-@pytest.mark.parametrize("preset", ["steeel", '["steel", "wood"]', '["steel"]', "3"])
-def test_an_unknown_preset_is_refused(preset):
-    with pytest.raises(SettingsError, match=r"material\.preset"):
+@pytest.mark.parametrize(
+    ("preset", "got"),
+    [
+        ("steeel", "'steeel'.*did you mean steel"),
+        ("steel,aluminium", "'steel,aluminium'"),
+        ('["steel", "wood"]', "'wood'"),
+        ("[steel, wood]", "'wood'"),
+        ('["steel"]', "\\['steel'\\]"),
+        ("[[1], [2]]", "'\\[1\\]'"),
+        ("3", "3; expected one"),
+    ],
+)
+def test_an_unknown_preset_is_refused(preset, got):
+    with pytest.raises(SettingsError, match=rf"material\.preset: got {got}.*\[steel, aluminium\]"):
         load_settings(overrides=(f"material.preset={preset}",))

@@ -12,6 +12,7 @@ import pytest
 from PIL import Image
 
 from capslip.analysis import analyze, analyze_once
+from capslip.caps.table import CapFlag
 from capslip.output.canvas import blank, height_limits, save, write_decades, write_png
 from capslip.output.figures import FIGURES
 from capslip.output.figures_contact import _between, normal_curve
@@ -321,6 +322,16 @@ def test_a_face_that_yielded_is_drawn_as_it_unloads():
     for line in lines:
         assert max(line.get_ydata()) <= 150.0
         assert min(line.get_xdata()) >= 0.0
+
+
+def test_the_normal_curve_of_a_map_without_caps_has_none_beside_it():
+    found = output_cases.pressed_map()
+    flags = np.full(len(found.caps), CapFlag.not_convex, dtype=np.uint16)
+    without = replace(found, caps=found.caps.with_columns(flags=flags))
+    assert not without.caps.usable.any()
+    for analysis, n_alone in ((found, 1), (without, 0)):
+        labels = [line.get_label() for line in normal_curve(analysis).axes[0].lines]
+        assert labels.count("caps alone, not the map") == n_alone
 
 
 def test_the_normal_curve_of_a_part_says_whose_load_and_stiffness_it_shows():

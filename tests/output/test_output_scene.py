@@ -15,7 +15,7 @@ from window_events import Hand
 from capslip.errors import OutputError
 from capslip.output import renderer, scene
 from capslip.output.drawing import off_screen
-from capslip.output.picture import STICK, WINDOW, Look, caption, picture_of
+from capslip.output.picture import STICK, WINDOW, Look, caption, draw, picture_of
 from capslip.output.scene import look_of, save_picture, show, start_render
 from capslip.output.tables import write_result, write_summary
 from capslip.output.view import read_view
@@ -149,7 +149,7 @@ def test_a_wrong_file_is_named_before_a_display_is_missed(tmp_path, monkeypatch)
     monkeypatch.delenv("DISPLAY", raising=False)
     monkeypatch.delenv("WAYLAND_DISPLAY", raising=False)
     (tmp_path / "scan.txt").write_text("1 2 3")
-    with pytest.raises(OutputError, match=r"scan\.txt: no HDF5 file; expected the folder"):
+    with pytest.raises(OutputError, match=r"scan\.txt: no HDF5 file, .*expected the folder"):
         show(tmp_path / "scan.txt")
 
 
@@ -227,10 +227,12 @@ def test_the_window_looks_from_where_the_picture_does_and_a_click_takes_what_is_
 
 
 def heights(drawing, part):
-    """Heights of the points of a part, by their places."""
-    points = drawing.parts[part].GetMapper().GetInput().GetPoints()
+    """Heights of the points of a part as they are drawn, not enlarged, by their places."""
+    actor = drawing.parts[part]
+    points = actor.GetMapper().GetInput().GetPoints()
     places = (points.GetPoint(i) for i in range(points.GetNumberOfPoints()))
-    return {(round(x, 9), round(y, 9)): z for x, y, z in places}
+    up_m = actor.GetPosition()[2] / actor.GetScale()[2]
+    return {(round(x, 9), round(y, 9)): z + up_m for x, y, z in places}
 
 
 @pytest.mark.parametrize("load", [1e-9, 1.0])
@@ -248,6 +250,21 @@ def test_two_faces_meet_in_one_point_and_then_sink_into_each_other(opengl, tmp_p
     inside = gap_m < np.quantile(gap_m, 0.9)  # what lies beyond the limits is drawn at them
     gap_m, highest_m = np.sort(gap_m[inside]), np.sort(highest_m)[: inside.sum()]
     np.testing.assert_allclose(gap_m - gap_m[0], highest_m, atol=1e-12)
+
+
+def test_a_second_face_that_goes_down_is_not_made_anew(opengl, tmp_path):
+    view = read_view(output_cases.written(output_cases.two_faces(), tmp_path))
+    before, look = Look(mate=True, load_share=1e-9), Look(mate=True, factor=7.0)
+    drawing = picture(view, before)
+    mate, high_m = drawing.parts["mate"], heights(drawing, "mate")
+    draw(drawing, view, look, before)
+    assert drawing.parts["mate"] is mate
+    found_m = heights(drawing, "mate")
+    anew_m = heights(picture(view, look), "mate")
+    down_m = view.approach_at(1.0) - view.approach_at(1e-9)
+    for place, height_m in anew_m.items():
+        assert found_m[place] == pytest.approx(height_m, abs=1e-15)
+        assert found_m[place] == pytest.approx(high_m[place] - down_m, abs=1e-15)
 
 
 def test_caps_and_contacts_of_two_faces_lie_on_the_first(opengl, tmp_path):

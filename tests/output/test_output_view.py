@@ -1,6 +1,7 @@
 """What the pictures in three dimensions show, without a window."""
 
 import json
+import shutil
 from dataclasses import replace
 
 import h5py
@@ -16,6 +17,7 @@ from capslip.output.view import (
     cap_at,
     cap_lines,
     cap_profiles,
+    check_result,
     colouring,
     read_view,
     round_limits,
@@ -169,6 +171,16 @@ def test_wrong_file_is_one_clear_line(tmp_path, name, said):
     with pytest.raises(OutputError, match=said) as caught:
         read_view(tmp_path / name)
     assert "capslip analyze SCAN --out FOLDER" in str(caught.value)
+
+
+@pytest.mark.parametrize("text", ["{", "[]", ""])
+@pytest.mark.parametrize("reads", [read_view, check_result])
+def test_a_damaged_summary_is_one_clear_line(folder, tmp_path, reads, text):
+    shutil.copy(folder / "result.h5", tmp_path)
+    reads(tmp_path)
+    (tmp_path / "summary.json").write_text(text)
+    with pytest.raises(OutputError, match=r"summary\.json: damaged; .*analyse again"):
+        reads(tmp_path)
 
 
 def test_report_beside_the_result_is_as_good(folder, view):

@@ -54,6 +54,13 @@ def test_an_array_of_points_is_no_map_of_three_columns(tmp_path, name, turned):
     assert "was taken for points x, y, z" in surface.origin.notes[0]
 
 
+def test_a_map_of_three_long_rows_is_told_what_it_was_taken_for(tmp_path):
+    np.save(tmp_path / "p.npy", np.random.default_rng(1).normal(size=(3, 160)))
+    words = "array of 3 x 160 numbers was taken for points x, y, z: 160 points lie in 1 x 1 cells"
+    with pytest.raises(UnreadableFileError, match=words):
+        load_surface(tmp_path / "p.npy", pixel_size=(10, 10), **LENGTHS)
+
+
 @pytest.mark.parametrize("name", WRITERS)
 def test_a_list_of_other_numbers_is_refused(tmp_path, name):
     WRITERS[name](tmp_path / name, np.ones((600, 4)))

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 import tifffile
 import x3pio
+from PIL import Image
 from scipy.io import savemat
 
 from capslip.errors import UncalibratedError, UnreadableFileError
@@ -234,12 +235,31 @@ def test_odd_tiff_is_refused(tmp_path, image, words):
         loaded(tmp_path / "t.tif")
 
 
-@pytest.mark.parametrize("keep", [6, 100, -1])
-def test_truncated_tiff_is_refused(tmp_path, keep):
-    tifffile.imwrite(tmp_path / "t.tif", MAP)
-    (tmp_path / "t.tif").write_bytes((tmp_path / "t.tif").read_bytes()[:keep])
-    with pytest.raises(UnreadableFileError, match="truncated"):
-        loaded(tmp_path / "t.tif")
+@pytest.mark.parametrize(
+    "options", [{}, {"bigtiff": True}, {"rowsperstrip": 1}, {"tile": (16, 16)}]
+)
+def test_truncated_tiff_is_refused(tmp_path, options):
+    """One line says so wherever it was cut: in the header, in a directory, its lists, the data."""
+    path = tmp_path / "t.tif"
+    tifffile.imwrite(path, np.tile(MAP, (8, 8)), **options)
+    content = path.read_bytes()
+    for keep in (6, 100, *range(150, 700, 30), 3000, len(content) - 1):
+        path.write_bytes(content[:keep])
+        with pytest.raises(UnreadableFileError, match=r"t\.tif: truncated: .*copy the file again"):
+            loaded(path)
+
+
+@pytest.mark.parametrize("compressed", [False, True])
+def test_a_tiff_with_its_directory_behind_the_data_is_told_to_be_truncated(tmp_path, compressed):
+    path = tmp_path / "t.tif"
+    Image.fromarray(np.tile(MAP, (8, 8)).astype("f4")).save(
+        path, compression="tiff_deflate" if compressed else None
+    )
+    content = path.read_bytes()
+    assert loaded(path).size
+    path.write_bytes(content[: len(content) // 2])
+    with pytest.raises(UnreadableFileError, match=r"t\.tif: truncated: .*copy the file again"):
+        loaded(path)
 
 
 @pytest.mark.parametrize(

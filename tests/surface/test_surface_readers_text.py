@@ -54,6 +54,30 @@ def test_separators_and_decimal_marks(tmp_path, separator, decimal, end):
     assert any("decimal commas" in note for note in surface.origin.notes) == (decimal == ",")
 
 
+@pytest.mark.parametrize("before", ["", "sep=;\n", "# 1.5 mm, 2.5 mm\n"])
+@pytest.mark.parametrize("quote", ["", '"'])
+@pytest.mark.parametrize("extension", ["csv", "txt"])
+def test_a_spreadsheet_with_decimal_commas(tmp_path, before, quote, extension):
+    lines = [";".join(f"{quote}{v:.4f}{quote}" for v in row) for row in MAP]
+    text = before + "\n".join(lines).replace(".", ",") + "\n"
+    surface = load_surface(put(tmp_path / f"m.{extension}", text), **CALIBRATION)
+    np.testing.assert_allclose(surface.height_m, 1e-6 * MAP, rtol=1e-15)
+    assert any("decimal commas" in note for note in surface.origin.notes)
+
+
+@pytest.mark.parametrize("separator", [";", "\t", "  "])
+def test_three_decimals_are_no_thousands(tmp_path, separator):
+    """Heights that have as many digits each, and points on whole steps."""
+    heights = 7.0 + np.abs(np.round(MAP, 3))
+    text = "\n".join(separator.join(f"{v:.3f}" for v in row) for row in heights) + "\n"
+    surface = load_surface(put(tmp_path / "m.csv", text.replace(".", ",")), **CALIBRATION)
+    np.testing.assert_allclose(surface.height_m, 1e-6 * heights, rtol=1e-12)
+    points = points_of(heights)
+    text = "".join(f"{x:g}{separator}{y:g}{separator}{z:.3f}\n" for x, y, z in points)
+    surface = load_surface(put(tmp_path / "p.csv", text.replace(".", ",")), **LENGTHS)
+    np.testing.assert_allclose(surface.height_m, 1e-6 * heights, rtol=1e-12)
+
+
 def test_blanks_with_decimal_commas(tmp_path):
     surface = load_surface(put(tmp_path / "m.txt", rows(decimal=",")), **CALIBRATION)
     np.testing.assert_allclose(surface.height_m, 1e-6 * MAP, rtol=1e-15)
@@ -119,6 +143,11 @@ def test_text_without_an_end_is_noted(tmp_path):
         ("1 2 3 4\n5 6 7\n", "line 2 has 3 numbers; expected 4"),
         ("1.5;2,5;3;4\n1;2;3;4\n", "points and commas"),
         ("1,05,2,07,3,01\n" * 3, "one number or two"),
+        ("1,234;999;12,345;-7\n" * 2 + "998;1,002;-3,001;2,000\n", "1,234 may be 1.234 or 1234"),
+        ("1,234,567;2,5;3;4\n" * 4, "several commas stand inside a number"),
+        ("1,2,3,4;5,6,7,8\n" * 4, "several commas stand inside a number"),
+        ('"1,5","2,5","3,5","4,5"\n' * 4, "column 1: '\"1'"),
+        ("1,5;n.a.;3;4\n" * 4, "line 1, column 2: 'n.a.'"),
         ("1,5,2 2,5,7 3,1 4\n" * 3, "commas and blanks"),
         ("height,of,my,map\n1,2,3,4\n", "line 1, column 1: 'height'"),
         ("Part 12\nof 3.5, 2 mm\n1,2,3,4\n", "line 1, column 1: 'Part 12'.*put # before"),
@@ -270,6 +299,8 @@ def test_cells_of_a_cloud_are_chosen_with_the_pixel_size(tmp_path):
         grid_points(wide, "points")
     with pytest.raises(UnreadableFileError, match="501 points in 10000 x 10000 cells"):
         grid_points(wide, "points", (1.0, 1.0))
+    with pytest.raises(UnreadableFileError, match=r"2 x 3 cells of 500 x 400; .* smaller --pixel"):
+        grid_points(np.random.default_rng(2).uniform(0, 1000, (400, 3)), "points", (500, 400))
 
 
 def test_repeated_points_are_merged_and_contradictions_refused():

@@ -5,6 +5,8 @@ import pytest
 from scipy.ndimage import gaussian_filter
 
 from capslip.studies.faces.synthetic import CapFamily, Scene, synthetic_surface
+from capslip.surface import seams as seams_module
+from capslip.surface.conditioning import Conditioned
 from capslip.surface.doubts import problems_of_seams
 from capslip.surface.heightmap import HeightMap
 from capslip.surface.seams import LEAST_POINTS, _jumps_m, find_seams, leaves_tops, levels_m, tilts_m
@@ -47,6 +49,16 @@ def caps_on_a_floor_m():
     return np.maximum(2e-6 - 4e-8 * ((ROW % 30 - 15) ** 2 + (COLUMN % 40 - 20) ** 2), 0.0)
 
 
+def test_seams_and_tilts_are_found_once_for_their_doubt_and_for_its_effect(monkeypatch):
+    surface = of(caps_on_a_floor_m() + np.where(COLUMN >= 80, 2e-7, 0.0))
+    conditioned, found = Conditioned(surface, 0.0, 0.0, (), ()), []
+    slopes = seams_module.floor_slopes
+    monkeypatch.setattr(seams_module, "floor_slopes", lambda f: found.append(f) or slopes(f))
+    assert problems_of_seams(conditioned.seams, 1e-9)
+    tilts_m(conditioned.seams)
+    assert len(found) == conditioned.seams.offset_m.size == 2
+
+
 @pytest.mark.parametrize("along", [0, 1])
 @pytest.mark.parametrize("rise_m", [8e-7, -8e-7, 1e-5, 0.0])
 def test_tilts_of_fields_are_those_of_their_floors_as_far_as_overlaps_let_them(along, rise_m):
@@ -60,7 +72,7 @@ def test_tilts_of_fields_are_those_of_their_floors_as_far_as_overlaps_let_them(a
     if along:
         surface = HeightMap(tilted_m.T.copy(), PIXEL_M)
     seams = find_seams(surface)
-    found_m = tilts_m(surface, seams).T if along else tilts_m(surface, seams)
+    found_m = tilts_m(seams).T if along else tilts_m(seams)
     slopes = [(found_m[:, a] - found_m[:, b]).mean() / (a - b) for a, b in ((79, 0), (199, 80))]
     between_m = step_m - 0.5 * rise_m / 119
     assert seams.span_m == pytest.approx(abs(between_m), rel=1e-9)
@@ -87,7 +99,7 @@ def test_a_floor_that_is_stepped_between_equal_tops_is_no_stitched_map(step_m, l
         surface = of(np.where(missing, np.nan, height_m + noise_m(1e-9)))
         seams = find_seams(surface)
         assert seams.columns.tolist() == [0, 110, 200]
-        assert leaves_tops(surface, seams) == expected
+        assert leaves_tops(seams) == expected
 
 
 @pytest.mark.parametrize("seed", [1001, 18001, 23001, 112001])
@@ -125,11 +137,11 @@ def test_fields_that_differ_by_more_than_a_tenth_of_the_approach_are_doubted(ris
     """By their levels, or their tilts: of two floors."""
     up = np.clip((COLUMN - 100) / 99, 0.0, None)
     surface = of(caps_on_a_floor_m() + np.where(COLUMN >= 100, 5e-8 + rise_m * up, 0.0))
-    height_m = float(np.ptp(tilts_m(surface, find_seams(surface))))
+    height_m = float(np.ptp(tilts_m(find_seams(surface))))
     assert height_m == pytest.approx(apart * 5e-8, rel=0.2)
-    assert [one.code for one in problems_of_seams(surface, 9.9 * height_m)] == ["seams"]
-    assert problems_of_seams(surface, 10.1 * height_m) == []
-    assert problems_of_seams(of(waves_m()), 0.1 * height_m) == []
+    assert [one.code for one in problems_of_seams(find_seams(surface), 9.9 * height_m)] == ["seams"]
+    assert problems_of_seams(find_seams(surface), 10.1 * height_m) == []
+    assert problems_of_seams(find_seams(of(waves_m())), 0.1 * height_m) == []
 
 
 def test_the_jump_between_lines_is_the_median_of_what_is_known():

@@ -160,8 +160,8 @@ def find_hills(
     point, (cut_m, middle_m) = highest_points(surface, n_measured, material_ratio)
     if point.size == n_measured and np.ptp(surface.bounds_m) == 0.0:
         raise UnusableSurfaceError(
-            f"{name}: all {n_measured} measured heights equal {cut_m:g} m; expected a "
-            "surface with relief; check the dataset and the unit"
+            f"{name}: all {n_measured} measured heights are equal, as measured or less their form; "
+            "expected a surface with relief; check the dataset and the unit"
         )
     if separation == "regions":
         pruning_height_m = math.inf

@@ -21,7 +21,7 @@ from capslip.contact.rung import rung
 from capslip.contact.slip import slip_curve
 from capslip.contact.varying_load import varying
 from capslip.errors import UnreadableFileError
-from capslip.output.staging import read_summary
+from capslip.output.staging import SUMMARY, read_summary
 from capslip.settings import Settings, SlipSettings, load_settings
 from capslip.structure.response import response
 from capslip.structure.stiffness import stiffnesses
@@ -139,11 +139,13 @@ def load_model(result: str | Path) -> tuple[JointModel, Settings]:
             f"{folder}: holds no result.h5, and so no face; expected a folder that capslip analyze "
             "wrote of one scan"
         )
+    _check_has(summary, folder, "contact", "provenance")
     used = summary["contact"]["model"]
     if used is None:
         raise UnreadableFileError(
             f"{folder}: this analysis found no joint to compare (see its problems)"
         )
+    _check_has(summary, folder, "families", "slip")
     settings = load_settings(folder / "settings.toml")
     mapped = settings.joint.pressure_map
     if mapped is not None and settings.sha256() != summary["provenance"]["settings_sha256"]:
@@ -181,6 +183,15 @@ def load_model(result: str | Path) -> tuple[JointModel, Settings]:
     if rung(used).made_from == "map":
         model = replace(model, trials=TRIALS_OF_A_MAP)
     return model, settings
+
+
+def _check_has(summary: dict[str, Any], folder: Path, *tables: str) -> None:
+    for name in tables:
+        if not isinstance(summary.get(name), dict):
+            raise UnreadableFileError(
+                f"{folder / SUMMARY}: no table {name}; expected the summary as it was written; run "
+                "the analysis again"
+            )
 
 
 def _stored_families(table: dict[str, Any]) -> Families:

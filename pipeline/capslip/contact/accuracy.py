@@ -240,6 +240,7 @@ def _at_random(scene: Scene, noise_m: float) -> tuple[np.ndarray, np.ndarray]:
         used(caps.radius_se_m) / caps.radius_m[use],
     )
     height_m = np.hypot(shape_m, height_se_m)
+    radius_se = np.minimum(radius_se, MOST_WIDE)  # of a fit that says nothing the factor overflows
     ratio = np.hypot(radius_se, shape_m / np.maximum(depth_m, shape_m))
     ratio = np.hypot(ratio, _unseen_ellipse(caps)[use])
     both_m = used(caps.peak_radius_correlation) * height_se_m * radius_se

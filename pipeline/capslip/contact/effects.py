@@ -25,7 +25,7 @@ from capslip.surface.heightmap import HeightMap, Tops
 from capslip.surface.holes import HIDDEN
 from capslip.surface.interpolated import pixels_apart
 from capslip.surface.rounding import few_steps
-from capslip.surface.seams import find_seams, levels_m, tilts_m
+from capslip.surface.seams import levels_m, tilts_m
 from capslip.units import percent
 
 OF_THE_HEIGHTS = ("hole_may_hide_hills", "outline_assumed", "clipped", "heights_in_steps")
@@ -92,7 +92,8 @@ def with_effects(
     least_share : float
         Of mu N, the least force that is asked for; from a quarter on it is all the same.
     """
-    face, tolerance = FaceOfCaps(conditioned.surface, settings), settings.contact.tolerance
+    face = FaceOfCaps(conditioned.surface, settings, conditioned.seams)
+    tolerance = settings.contact.tolerance
     least_share = max(FORCE_SHARES[0], min(least_share, ASKED))
     filled_m = math.inf if contact is None else ASK_MAP * tolerance * contact.approach_m
     pressed = contact if contact is not None and contact.rung.made_from == "map" else None
@@ -155,9 +156,9 @@ def _tilt_or_not(face: FaceOfCaps) -> tuple[HeightMap, ...]:
 def _seams_or_not(face: FaceOfCaps) -> tuple[HeightMap, ...]:
     """Return a coarse map, and those of the fields on one level, and without tilts, too."""
     surface, heights_m = face.surface, list[np.ndarray]()
-    seams = find_seams(surface)  # lines of fine pixels
+    seams = face.seams  # along lines of fine pixels
     if seams is not None:
-        heights_m = [surface.height_m - up_m for up_m in (levels_m(seams), tilts_m(surface, seams))]
+        heights_m = [surface.height_m - up_m for up_m in (levels_m(seams), tilts_m(seams))]
     maps = surface, *(replace(surface, height_m=one_m) for one_m in heights_m)
     return tuple(coarse_map(one) for one in maps)
 

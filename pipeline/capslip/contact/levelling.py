@@ -419,7 +419,14 @@ class _Search:
                 f"the face finds no level: its caps need a contact area of {area_m2:.3g} m2; "
                 f"expected less than the face's {math.prod(self.surface.side_m):.3g} m2"
             )
-        return use, pressed, peak_m.max() - peak_m - arm_m @ np.array(pressed.rest.slope)
+        depth_m = peak_m.max() - peak_m - arm_m @ np.array(pressed.rest.slope)
+        if not (pressed.rest.level_m > depth_m.min() and pressed.load_N.any()):
+            raise ContactError(
+                f"the face finds no level: {self.settings.contact.preload_N:g} N compress its caps "
+                "by less than numbers tell; check contact.preload_N and "
+                "contact.alignment_stiffness_Nm_per_rad"
+            )
+        return use, pressed, depth_m
 
     def _across_m(self, slope: np.ndarray) -> float:
         """Return the greater height that slopes (x, y) make along a side of the face."""

@@ -9,7 +9,7 @@ import numpy as np
 
 from capslip.caps.doubts import without_bow
 from capslip.caps.table import DOUBTFUL, UNUSABLE, CapFlag, CapTable
-from capslip.contact.accuracy import answers
+from capslip.contact.accuracy import MOST_WIDE, answers
 from capslip.contact.balanced import rebalanced
 from capslip.contact.bulk import bulk_of_face_m_per_N, filled_outside
 from capslip.contact.doubts import ELASTIC_STRAIN
@@ -28,7 +28,7 @@ from capslip.surface.form import remove_form
 from capslip.surface.graph import connected_parts
 from capslip.surface.heightmap import HeightMap
 from capslip.surface.holes import depth_of_holes, holes, outside
-from capslip.surface.seams import find_seams, levels_m, tilts_m
+from capslip.surface.seams import Seams, levels_m, tilts_m
 
 LEFT_OUT = {  # flags of the caps that may carry nothing, or less
     "load_on_doubtful_caps": DOUBTFUL,
@@ -49,6 +49,7 @@ class FaceOfCaps:
 
     surface: HeightMap
     settings: Settings
+    seams: Seams | None = None  # of the map
 
     def pressed(self, caps: CapTable) -> tuple[CapTable, InteractingCurve]:
         """Return the caps over the plane that balances them, and their curve with interaction."""
@@ -192,11 +193,11 @@ class Trials:
     def _in_one_field(self) -> Iterator[CapTable]:
         """Return caps whose fields lie on one level, and are not tilted either."""
         surface, caps = self.face.surface, self.caps
-        seams = find_seams(surface)
+        seams = self.face.seams
         if seams is None:
             raise ContactError("there are no seams in the map that was pressed")
         at = surface.pixel_at(caps.x_m, caps.y_m)
-        for up_m in (levels_m(seams), tilts_m(surface, seams)):
+        for up_m in (levels_m(seams), tilts_m(seams)):
             yield caps.with_columns(peak_height_m=caps.peak_height_m - up_m[at])
 
     def _without(self, flag: CapFlag) -> CapTable:
@@ -333,6 +334,7 @@ def _moved(
     The greatest of 16 changes is about that at 95 %.
     """
     rng = np.random.default_rng(0)
+    log_radius = np.minimum(log_radius, MOST_WIDE)  # of shallow fits the factor would overflow
     for sign in rng.choice((-1.0, 1.0), (DRAWS_OF_HEIGHTS, len(caps))):
         yield caps.with_columns(
             peak_height_m=caps.peak_height_m + sign * height_m,

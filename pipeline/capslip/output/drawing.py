@@ -34,6 +34,7 @@ class Drawing:
         self.renderer = renderer
         self.window = renderer.GetRenderWindow()
         self.parts: dict[str, Any] = {}
+        self.lifts: dict[str, float] = {}  # by how much parts are drawn above their points
         renderer.SetBackground(1.0, 1.0, 1.0)
         self._marker = _axes(self.window.GetInteractor())
 
@@ -183,14 +184,16 @@ class Drawing:
         """Show some parts no longer; those that are not there are passed over."""
         for name in names:
             part = self.parts.pop(name, None)
+            self.lifts.pop(name, None)
             if part is not None:
                 self.renderer.RemoveViewProp(part)
 
     def stretch(self, factor: float) -> None:
         """Enlarge the heights of all surfaces and lines."""
-        for part in self.parts.values():
+        for name, part in self.parts.items():
             if hasattr(part, "SetScale"):
                 part.SetScale(1.0, 1.0, factor)
+                part.SetPosition(0.0, 0.0, factor * self.lifts.get(name, 0.0))
 
     def look(self, towards: tuple[float, ...], up: tuple[float, ...], zoom: float = 1.0) -> None:
         """Look at the middle of everything from a direction."""

@@ -337,6 +337,8 @@ def _caps_alone(analysis: "Analysis", contact: "ContactState") -> "NormalCurve":
 
     caps, E_star_Pa = analysis.caps, contact.composite.E_star_Pa
     peak_m = caps.peak_height_m[caps.usable]
+    if not peak_m.size:  # a map needs none
+        raise ContactError("no cap can carry")
     radius_m, depth_m = caps.radius_m[caps.usable], peak_m.max() - peak_m
     law = yield_law(analysis.settings.material)
     if law is not None:

@@ -73,7 +73,7 @@ def draw(drawing: Drawing, view: View, look: Look, before: Look | None = None) -
     if changed("zones", *state, *heights):
         _draw_zones(drawing, view, look)
     if changed("mate", "load_share"):
-        _draw_mate(drawing, view, look)
+        _draw_mate(drawing, view, look, anew=changed("mate"))
     drawing.stretch(look.factor_of(view))
     drawing.words("caption", caption(view, look))
 
@@ -240,9 +240,12 @@ def _pixels(view: View, look: Look) -> dict[str, Mesh]:
     return found
 
 
-def _draw_mate(drawing: Drawing, view: View, look: Look) -> None:
-    """Draw the mate at its approach, and the outline of the level before the balance."""
-    drawing.remove("mate", "rim", "level")
+def _draw_mate(drawing: Drawing, view: View, look: Look, anew: bool) -> None:
+    """Draw the mate at its approach, and the outline of the level before the balance.
+
+    A second face is as large as the first: unless `anew`, the one that is drawn goes up or down.
+    """
+    drawing.remove("rim", "level", *(("mate",) if anew else ()))
     if not look.mate or not view.summary.get("contact"):
         return
     contact, low_m = view.summary["contact"], look.limits_of(view)[0]
@@ -250,10 +253,12 @@ def _draw_mate(drawing: Drawing, view: View, look: Look) -> None:
     ly_m, lx_m = view.side_m
     corners = np.array([(0.0, 0.0), (lx_m, 0.0), (lx_m, ly_m), (0.0, ly_m)])
     if view.second_m is not None:
-        low_m, high_m = height_limits(view.second_m)
-        under_m = np.where(np.isnan(view.height_m), np.nan, top_m - view.second_m)
-        under_m = np.clip(under_m, top_m - high_m, top_m - low_m)
-        drawing.surface("mate", *grid_mesh(under_m, view.y_m, view.x_m), MATE, opacity=0.35)
+        if anew:
+            under_m = np.where(np.isnan(view.height_m), np.nan, -view.second_m)
+            low_m, high_m = height_limits(view.second_m)
+            under_m = np.clip(under_m, -high_m, -low_m)
+            drawing.surface("mate", *grid_mesh(under_m, view.y_m, view.x_m), MATE, opacity=0.35)
+        drawing.lifts["mate"] = top_m
     else:
         flat = np.column_stack([corners, np.full(4, top_m)])
         drawing.surface("mate", flat, np.array([[0, 1, 2, 3]]), MATE, opacity=0.35)

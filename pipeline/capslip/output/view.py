@@ -4,7 +4,6 @@ The map is read in blocks and thinned on the way, so that a map of a hundred mil
 more memory than its mesh. Everything here is without a window: pictures only draw it.
 """
 
-import json
 import math
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
@@ -20,6 +19,7 @@ from capslip.errors import OutputError
 from capslip.output.canvas import FAMILY_COLOUR, family_names, height_limits
 from capslip.output.mesh import FACE_CELLS, thinned_lines
 from capslip.output.quantity import engineering, scaled
+from capslip.output.staging import read_json
 from capslip.output.zones import Zones, loss_shares, read_zones, zone_at
 
 COLOURS = ("family", "load", "radius", "flag", "loss")
@@ -324,8 +324,18 @@ def check_result(result: str | Path) -> None:
     OutputError
         As `read_view`.
     """
-    with _opened(result_file(result)):
-        pass
+    path = result_file(result)
+    with _opened(path):
+        _summary_beside(path)
+
+
+def _summary_beside(path: Path) -> dict[str, Any]:
+    """Return what `summary.json` says of a result, nothing where there is none."""
+    told = path.with_name("summary.json")
+    found = read_json(told) if told.is_file() else {}
+    if found is None:
+        raise OutputError(f"{told}: damaged; expected the summary of the result; analyse again")
+    return found
 
 
 @contextmanager
@@ -340,7 +350,7 @@ def _opened(path: Path) -> Iterator[Any]:
     except PermissionError as error:
         raise OutputError(f"{path}: cannot be read (Permission denied)") from error
     except OSError as error:
-        raise OutputError(f"{path}: no HDF5 file; {EXPECTED}") from error
+        raise OutputError(f"{path}: no HDF5 file, or a damaged one; {EXPECTED}") from error
 
 
 def _read(path: Path, file: Any, max_cells: int, summary: dict[str, Any] | None) -> View:
@@ -366,12 +376,9 @@ def _read(path: Path, file: Any, max_cells: int, summary: dict[str, Any] | None)
     text = ("family", "flags")
     columns = {n: (caps[n].asstr() if n in text else caps[n])[:][usable] for n in CAP_COLUMNS}
     columns["contact_radius_m"] = caps["contact_radius_m"][:][usable]
-    told = path.with_name("summary.json")
-    if summary is None:
-        summary = json.loads(told.read_text("utf-8")) if told.is_file() else {}
     return View(
         path=path,
-        summary=summary,
+        summary=_summary_beside(path) if summary is None else summary,
         shape=shape,
         pixel_size_m=(dy_m, dx_m),
         y_m=(rows + 0.5) * dy_m,

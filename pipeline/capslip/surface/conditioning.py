@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import asdict, dataclass, field, replace
+from functools import cached_property
 from typing import Any, Literal, get_args
 
 import numpy as np
@@ -17,6 +18,7 @@ from capslip.surface.outliers import NEIGHBOURS, Outliers, find_outliers
 from capslip.surface.resampling import resample
 from capslip.surface.rounding import problems_of_rounding, smooth_steps
 from capslip.surface.rows import row_blocks
+from capslip.surface.seams import Seams, find_seams
 from capslip.surface.tops import restore_tops, without_lost_tops
 
 OutlierRule = Literal["isolated", "none"]
@@ -55,6 +57,11 @@ class Conditioned:
     slope: tuple[float, float] = (0.0, 0.0)
     removed: Outliers = field(default_factory=Outliers)
     second_m: np.ndarray | None = None
+
+    @cached_property
+    def seams(self) -> Seams | None:
+        """Straight seams of the map, for their doubt and for its effect; None without any."""
+        return find_seams(self.surface)
 
     def turned(
         self,

@@ -2,6 +2,7 @@
 
 from contextlib import suppress
 from dataclasses import dataclass, replace
+from functools import cached_property
 from itertools import pairwise
 
 import numpy as np
@@ -32,6 +33,7 @@ RISE_OVER_STEP = 10.0
 class Seams:
     """Fields that seams bound, and by how much each lies above the mean of all."""
 
+    surface: HeightMap
     rows: np.ndarray  # (r + 2,), the first row of each field, with 0 and ny
     columns: np.ndarray  # (c + 2,)
     offset_m: np.ndarray  # (r + 1, c + 1)
@@ -40,6 +42,49 @@ class Seams:
     def span_m(self) -> float:
         """Height of the highest field over the lowest one."""
         return float(np.ptp(self.offset_m))
+
+    @cached_property
+    def tilts(self) -> tuple[np.ndarray, np.ndarray]:
+        """Slopes (y, x) of the fields, shape (2, r + 1, c + 1), and their levels without these.
+
+        See `tilts_m`, for which they are found once: their sum is as large as the map.
+        """
+        surface, slope = self.surface, np.zeros((2, *self.offset_m.shape))
+        dy_m, dx_m = surface.pixel_size_m
+        for i, j, rows, columns in self.blocks:
+            field_m = surface[rows.start : rows.stop, columns.start : columns.stop]
+            with suppress(UnusableSurfaceError):
+                slope[:, i, j] = floor_slopes(HeightMap(field_m, (dy_m, dx_m)))
+        sizes_m = dy_m * np.diff(self.rows), dx_m * np.diff(self.columns)
+        area_m2 = np.outer(*sizes_m).reshape(-1)
+        slope -= np.average(slope.reshape(2, -1), axis=1, weights=area_m2)[:, None, None]
+        rise_m = np.abs(slope[0]) * sizes_m[0][:, None] + np.abs(slope[1]) * sizes_m[1]
+        most_m = float(rise_m.max())
+        slope *= min(1.0, RISE_OVER_STEP * self.span_m / most_m) if most_m > 0.0 else 1.0
+        level_m = surface.height_m - self.over(slope)
+        offset_m = _offsets_m(level_m, self.rows, self.columns)
+        return slope, self.offset_m if offset_m is None else offset_m
+
+    @property
+    def blocks(self) -> list[tuple[int, int, slice, slice]]:
+        """Row and column of each field among the others, and its points."""
+        return [
+            (i, j, slice(*rows), slice(*columns))
+            for i, rows in enumerate(pairwise(self.rows))
+            for j, columns in enumerate(pairwise(self.columns))
+        ]
+
+    def over(self, slope: np.ndarray) -> np.ndarray:
+        """Return planes of slopes (y, x) about the middles of the fields, shape (ny, nx)."""
+        dy_m, dx_m = self.surface.pixel_size_m
+        tilt_m = np.empty(self.surface.shape)
+        for i, j, rows, columns in self.blocks:
+            y_m = dy_m * (np.arange(rows.start, rows.stop) - 0.5 * (rows.start + rows.stop - 1))
+            x_m = dx_m * (
+                np.arange(columns.start, columns.stop) - 0.5 * (columns.start + columns.stop - 1)
+            )
+            tilt_m[rows, columns] = slope[0, i, j] * y_m[:, None] + slope[1, i, j] * x_m
+        return tilt_m
 
 
 def find_seams(surface: HeightMap) -> Seams | None:
@@ -78,15 +123,16 @@ def find_seams(surface: HeightMap) -> Seams | None:
     ny, nx = surface.shape
     rows, columns = np.array([0, *rows, ny]), np.array([0, *columns, nx])
     offset_m = _offsets_m(surface.height_m, rows, columns)
-    return None if offset_m is None else Seams(rows, columns, offset_m)
+    return None if offset_m is None else Seams(surface, rows, columns, offset_m)
 
 
-def leaves_tops(surface: HeightMap, seams: Seams) -> bool:
+def leaves_tops(seams: Seams) -> bool:
     """Tell whether the tops of all fields are on one level as they are.
 
     Fields that were stitched wrongly took their tops along. Where it is the floor that is stepped,
     as beside a recess, the fields on one level would have their tops apart.
     """
+    surface = seams.surface
     height_m = np.where(surface.measured, surface.height_m, -np.inf)
     of_rows_m = np.maximum.reduceat(height_m, seams.rows[:-1], axis=0)
     top_m = np.maximum.reduceat(of_rows_m, seams.columns[:-1], axis=1)
@@ -99,39 +145,14 @@ def levels_m(seams: Seams) -> np.ndarray:
     return np.repeat(np.repeat(seams.offset_m, sizes[0], axis=0), sizes[1], axis=1)
 
 
-def tilts_m(surface: HeightMap, seams: Seams) -> np.ndarray:
+def tilts_m(seams: Seams) -> np.ndarray:
     """Return how high the fields lie where their floors are tilted, too, shape (ny, nx).
 
     Against the mean of all, and by no more than errors of the overlaps that left these steps may
     have done. On the levels that leave no steps then.
     """
-    (ny, nx), (dy_m, dx_m) = surface.shape, surface.pixel_size_m
-    blocks = [
-        (i, j, slice(*rows), slice(*columns))
-        for i, rows in enumerate(pairwise(seams.rows))
-        for j, columns in enumerate(pairwise(seams.columns))
-    ]
-    slope = np.zeros((2, *seams.offset_m.shape))
-    for i, j, rows, columns in blocks:
-        field_m = surface[rows.start : rows.stop, columns.start : columns.stop]
-        with suppress(UnusableSurfaceError):
-            slope[:, i, j] = floor_slopes(HeightMap(field_m, (dy_m, dx_m)))
-    sizes_m = dy_m * np.diff(seams.rows), dx_m * np.diff(seams.columns)
-    area_m2 = np.outer(*sizes_m)
-    slope -= np.average(slope.reshape(2, -1), axis=1, weights=area_m2.reshape(-1))[:, None, None]
-    rise_m = np.abs(slope[0]) * sizes_m[0][:, None] + np.abs(slope[1]) * sizes_m[1]
-    most_m = float(rise_m.max())
-    slope *= min(1.0, RISE_OVER_STEP * seams.span_m / most_m) if most_m > 0.0 else 1.0
-    tilt_m = np.empty((ny, nx))
-    for i, j, rows, columns in blocks:
-        y_m = dy_m * (np.arange(rows.start, rows.stop) - 0.5 * (rows.start + rows.stop - 1))
-        x_m = dx_m * (
-            np.arange(columns.start, columns.stop) - 0.5 * (columns.start + columns.stop - 1)
-        )
-        tilt_m[rows, columns] = slope[0, i, j] * y_m[:, None] + slope[1, i, j] * x_m
-    offset_m = _offsets_m(surface.height_m - tilt_m, seams.rows, seams.columns)
-    level_m = levels_m(seams if offset_m is None else replace(seams, offset_m=offset_m))
-    return np.asarray(tilt_m + level_m)
+    slope, offset_m = seams.tilts
+    return np.asarray(seams.over(slope) + levels_m(replace(seams, offset_m=offset_m)))
 
 
 def _jumps_m(lines_m: np.ndarray) -> np.ndarray:

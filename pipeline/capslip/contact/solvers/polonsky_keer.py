@@ -390,6 +390,11 @@ def _state(face: ElasticFace, p: np.ndarray, u: np.ndarray, closing: Closing) ->
     d = float(plane[0])
     if np.ndim(plane_m):
         d = float(np.max(plane_m - face.depth_m, where=face.measured, initial=-np.inf))
+    if d == 0.0:
+        raise ContactError(
+            "boundary elements: the approach is less than numbers tell beside the heights; check "
+            "the load and the moduli"
+        )
     off_m = gaps_m[contact]
     # Set aside for the moment, which is faster than a mask
     gaps_m[contact] = np.inf

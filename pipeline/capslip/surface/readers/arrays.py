@@ -47,11 +47,9 @@ def stored_array(array: np.ndarray, what: str, request: Request) -> Stored:
             f"{what}: {array.shape[0]} x {array.shape[1]} numbers are a list, not a map; expected "
             "a matrix of heights, or three columns x y z; leave the other columns out"
         )
-    grid = grid_points(points, what, request.pixel_size_in(None))
-    note = (
-        f"the array of {array.shape[0]} x {array.shape[1]} numbers was taken for points x, y, z; "
-        "--unit is that of z, --lateral-unit that of x and y"
-    )
+    taken = f"the array of {array.shape[0]} x {array.shape[1]} numbers was taken for points x, y, z"
+    grid = grid_points(points, f"{what}: {taken}", request.pixel_size_in(None))
+    note = f"{taken}; --unit is that of z, --lateral-unit that of x and y"
     return Stored(
         grid.height,
         pixel_size=grid.pixel_size,

@@ -23,6 +23,8 @@ HDF5_MAGIC, HDF5_PLACES = b"\x89HDF\r\n\x1a\n", (0, 512, 1024, 2048, 4096)
 AL3D_TAG, AL3D_FIRST = 52, 17
 IBW_LABEL = 32
 MAX_DIRECTORIES, MAX_TAGS = 1000, 4000
+TIFF_PLACES = {273, 279, 324, 325}  # tags: offsets and sizes of strips, and of tiles
+TIFF_BYTES = {3: 2, 4: 4, 16: 8}  # of their types
 PLU_UNDEFINED = np.float32(1000001.0)
 
 
@@ -179,21 +181,41 @@ def _igor(head: bytes, path: Path, size: int) -> int | None:
 
 
 def _tiff(head: bytes, path: Path, size: int) -> None:
-    """Check the chain of directories, along which the library walks without end."""
+    """Check the chain of directories, along which the library walks without end.
+
+    Where a list of offsets is cut off, the library takes its tag for missing, which is why these
+    lists are checked, too.
+    """
     order = "<" if head.startswith(b"II") else ">"
     big = head[2:4] in (b"+\0", b"\0+")
     count, entry, pointer = ("Q", 20, "Q") if big else ("H", 12, "I")
-    (at,) = struct.unpack_from(order + pointer, head, 8 if big else 4)
+    inline = struct.calcsize(pointer)
+
+    def said(letters: str, at: int) -> tuple[int, ...]:
+        end = at + struct.calcsize(order + letters)
+        if end > size:
+            raise UnreadableFileError(
+                f"{path}: truncated: its directory up to offset {end} or more, but {size} bytes; "
+                "copy the file again"
+            )
+        file.seek(at)
+        return struct.unpack(order + letters, file.read(end - at))
+
     seen: set[int] = set()
     with path.open("rb") as file:
+        (at,) = said(pointer, 8 if big else 4)
         while at:
-            file.seek(at)
-            (n_tags,) = struct.unpack(order + count, file.read(struct.calcsize(count)))
+            (n_tags,) = said(count, at)
             if at in seen or len(seen) >= MAX_DIRECTORIES or n_tags > MAX_TAGS:
                 raise ValueError(f"{len(seen) + 1} directories, one of {n_tags} tags")
             seen.add(at)
-            file.seek(at + struct.calcsize(count) + entry * n_tags)
-            (at,) = struct.unpack(order + pointer, file.read(struct.calcsize(pointer)))
+            tags = at + struct.calcsize(count)
+            for place in range(tags, tags + entry * n_tags, entry):
+                tag, kind, n, start = said(f"HH{pointer}{pointer}", place)
+                n_bytes = n * TIFF_BYTES.get(kind, 0)
+                if tag in TIFF_PLACES and n_bytes > inline:
+                    said("B", start + n_bytes - 1)
+            (at,) = said(pointer, tags + entry * n_tags)
 
 
 # By the first bytes of the file, or by its extension where it has none of its own

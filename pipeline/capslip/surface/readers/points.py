@@ -13,6 +13,7 @@ MIN_FILLED = 0.2  # of the nodes; a grid emptier than this is the rounding of sc
 POINTS_A_CELL = 4.0  # leaves 2 % of the cells of randomly scattered points empty
 MAX_CELLS_A_POINT = 100.0  # more is a mistaken cell size, or a stray point far away
 MAX_EMPTY = 0.75  # of the cells of a point cloud whose cell size was not given
+LEAST_CELLS = 3  # along an axis of a height map
 
 
 @dataclass(frozen=True, eq=False)
@@ -191,6 +192,11 @@ def _by_cells(points: np.ndarray, where: str, cell_size: tuple[float, float] | N
             f"{where}: {len(measured)} points in {ny} x {nx} cells of {dy:.4g} x {dx:.4g}; "
             f"expected at most {MAX_CELLS_A_POINT:g} cells a point; give a larger --pixel-size, or "
             "cut stray points off"
+        )
+    if min(ny, nx) < LEAST_CELLS:
+        raise UnreadableFileError(
+            f"{where}: {len(measured)} points lie in {ny} x {nx} cells of {dy:.4g} x {dx:.4g}; "
+            f"expected at least {LEAST_CELLS} along x and along y; give a smaller --pixel-size"
         )
     check_shape((ny, nx), where)
     i = np.minimum(((measured[:, 1] - low[1]) / dy).astype(np.int64), ny - 1)

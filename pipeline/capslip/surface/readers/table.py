@@ -10,7 +10,9 @@ import numpy as np
 from capslip.errors import UnreadableFileError
 from capslip.surface.readers.stored import check_shape, read_head
 
-COMMENT = (b"#", b"%")
+COMMENT = (b"#", b"%", b"sep=")  # the last one says to a spreadsheet what separates
+# A number that a comma may part from its thousands, or from its thousandths
+GROUPED = re.compile(rb"(?<![\d,.])[1-9]\d{0,2},\d{3}(?![\d,eE])")
 LOOK_BYTES = 2**16  # enough for the comments and the first numbers
 MAX_BYTES = 2**30
 MAX_LINE_BYTES = 2**21  # 80,000 numbers of 25 letters: more is no row of a map
@@ -51,7 +53,7 @@ def read_table(path: Path, *, names: bool = False) -> Table:
     """Read a file of rows of numbers.
 
     Separators are tabs, semicolons, commas or blanks; the decimal mark is a point, or a comma
-    where the separator is none.
+    where the separator is none. Between semicolons numbers may stand in quotes.
 
     Parameters
     ----------
@@ -161,13 +163,16 @@ def decoded(line: bytes) -> str:
 
 
 def plain_lines(content: bytes) -> bytes:
-    """Return text in UTF-8 without its mark, lines ended by a line feed; UTF-16 by its mark."""
+    """Return text in UTF-8 without its mark, lines ended by a line feed; UTF-16 by its mark.
+
+    Quotes around cells between semicolons are left out; commas may stand in them anyway.
+    """
     if content.startswith((b"\xff\xfe", b"\xfe\xff")):
         content = content.decode("utf-16", "replace").encode()
     content = content.removeprefix(b"\xef\xbb\xbf")
     if b"\r" in content:
         content = content.replace(b"\r\n", b"\n").replace(b"\r", b"\n")
-    return content
+    return content.replace(b'"', b"") if b'";"' in content else content
 
 
 def _check_lines(body: bytes, where: str, lines_before: int) -> None:
@@ -239,7 +244,7 @@ def _check_first_row(line: bytes, where: str, number: int) -> None:
 def _separator(body: bytes, first: bytes, where: str) -> tuple[bytes | None, bool]:
     """Tell the separator (None: blanks), and whether commas are decimal marks."""
     commas = b"," in body
-    points = b"." in body
+    points = commas and re.search(rb"\d\.|\.\d", body) is not None
     if b";" in body:
         separator = b";"
     elif b"\t" in body and b"\t" in first.strip():
@@ -259,7 +264,24 @@ def _separator(body: bytes, first: bytes, where: str) -> tuple[bytes | None, boo
         return separator, False
     if points:
         raise UnreadableFileError(_ambiguous(where, "points and commas stand inside numbers"))
+    between = b"\\s" if separator is None else re.escape(separator)
+    if re.search(rb",[^%s\n]*," % between, body):
+        raise UnreadableFileError(_ambiguous(where, "several commas stand inside a number"))
+    if _may_be_thousands(body, separator):
+        raise UnreadableFileError(_ambiguous(where, "1,234 may be 1.234 or 1234"))
     return separator, True
+
+
+def _may_be_thousands(body: bytes, separator: bytes | None) -> bool:
+    """Tell whether all commas may group digits: less than a thousand then stands without one."""
+    if sum(1 for _ in GROUPED.finditer(body)) != body.count(b","):
+        return False
+    columns = zip(*(line.split(separator) for line in body.splitlines()), strict=False)
+    small = re.compile(rb"\s*[+-]?\d{1,3}\s*")
+    return any(
+        any(b"," in cell for cell in column) and any(map(small.fullmatch, column))
+        for column in columns
+    )
 
 
 def _ambiguous(where: str, why: str) -> str:

@@ -92,7 +92,6 @@ def _stored(file: Any, path: Path, has_scale: bool) -> Stored:
             "--unit of one count"
         )
     check_real(page.dtype, str(path))
-    check_growth(sum(page.databytecounts), page.nbytes, str(path))
     size = path.stat().st_size
     for offset, count in zip(page.dataoffsets, page.databytecounts, strict=True):
         if offset + count > size:
@@ -100,6 +99,7 @@ def _stored(file: Any, path: Path, has_scale: bool) -> Stored:
                 f"{path}: truncated: data up to offset {offset + count}, but {size} bytes; "
                 "copy the file again"
             )
+    check_growth(sum(page.databytecounts), page.nbytes, str(path))
     heights = np.array(page.asarray(), dtype=np.float64)
     notes = (*_bytes_behind(page, size), *_mask_no_data(heights, page, path))
     pixel_size, unit = _imagej_pixel_size(file, page)
