@@ -151,6 +151,11 @@ def _in_folder(
                 yield from _in_folder(entry.path, recursive, leave_out, skipped)
 
 
+def _is_remark(line: str, folder: Path) -> bool:
+    """Tell whether a line of a list names no scan; a scan may well be called #1.sur."""
+    return line.startswith("#") and not (folder / line.partition(",")[0].strip()).exists()
+
+
 def _listed(list_file: Path, settings: Settings) -> Iterator[Scan]:
     try:
         content = list_file.read_bytes()
@@ -160,7 +165,7 @@ def _listed(list_file: Path, settings: Settings) -> Iterator[Scan]:
         lines = content.decode("utf-16", "replace").splitlines()
     else:
         lines = content.decode("utf-8-sig", "surrogateescape").splitlines()
-    lines = [line for line in lines if not line.startswith("#")]
+    lines = [line for line in lines if not _is_remark(line, list_file.parent)]
     if any("\0" in line for line in lines):
         raise SettingsError(f"{list_file}: holds zero bytes; expected text; save it as UTF-8")
     columns = _columns(lines[0], list_file) if lines else []

@@ -92,6 +92,13 @@ def test_remarks_in_a_list_are_no_scans(here, columns):
     assert one.path.name == "a.h5"
 
 
+def test_a_scan_whose_name_begins_as_a_remark_is_found(here):
+    files("a.h5", "#1.h5")
+    (here / "a.txt").write_text("#1.h5\n#a.h5\na.h5\n")
+    scans, _ = find_scans((), SETTINGS, here / "a.txt")
+    assert [scan.path.name for scan in scans] == ["#1.h5", "a.h5"]
+
+
 def test_a_plain_list_is_a_scan_a_line_and_may_hold_commas(here):
     files("a, 1.h5", "b.h5")
     (here / "list.txt").write_text("a, 1.h5\n\n  b.h5  \r\nb.h5\n", "utf-16")

@@ -253,6 +253,20 @@ def test_unlike_pressures_under_a_load_that_oscillates_are_refused(tmp_path):
                 joint_of(settings, face)
 
 
+def test_pressures_that_no_number_holds_together_are_refused_and_those_beyond_rounding_are_none(
+    tmp_path,
+):
+    path = pressure_file(tmp_path, "1e10,1e300", "1,1e-4", header="pressure_Pa,area_m2")
+    with pytest.raises(SettingsError, match=r"2 patches of 1e\+300 m2 under inf N together"):
+        read_pressure_map(path)
+    path = pressure_file(tmp_path, *["0,1.7e308"] * 2, "1,1e-4", header="pressure_Pa,area_m2")
+    with pytest.raises(SettingsError, match=r"3 patches of inf m2 under 0\.0001 N together"):
+        read_pressure_map(path)
+    rows = ("1e6,1e-4", "1e-300,1e-4", "2e-6,1e-4")
+    path = pressure_file(tmp_path, *rows, header="pressure_Pa,area_m2")
+    assert read_pressure_map(path)[0].tolist() == [1e6, 0.0, 2e-6]
+
+
 def test_a_missing_pressure_map_is_named():
     with pytest.raises(SettingsError, match=r"no\.csv: No such file"):
         read_pressure_map("no.csv")

@@ -13,6 +13,7 @@ COLUMNS = ("pressure_Pa", "area_m2")
 # patches in which further contacts have just touched that tell.
 CELL_RATIO = 1.06
 DECADES = 3.0  # below the greatest pressure; what bears less is one cell
+NOTHING = 1e-12  # of the greatest pressure: what bears less bears nothing
 
 
 def read_pressure_map(path: str | Path) -> tuple[np.ndarray, np.ndarray]:
@@ -24,13 +25,13 @@ def read_pressure_map(path: str | Path) -> tuple[np.ndarray, np.ndarray]:
     Returns
     -------
     ndarray, ndarray
-        Pressures >= 0 and areas > 0, shape (n,).
+        Pressures >= 0 and areas > 0, shape (n,); what is beyond rounding beside the greatest is 0.
 
     Raises
     ------
     SettingsError
-        If the file cannot be read, a column is missing, a value is no number or out of bounds, or
-        no patch bears any pressure.
+        If the file cannot be read, a column is missing, a value is no number or out of bounds, no
+        patch bears any pressure, or all together more than a number holds.
     """
     where = f"joint.pressure_map: {path}"
     try:
@@ -57,7 +58,14 @@ def read_pressure_map(path: str | Path) -> tuple[np.ndarray, np.ndarray]:
         raise SettingsError(
             f"{where}: {len(values)} patches, none under pressure; expected a pressure_Pa > 0"
         )
-    return pressure_Pa, area_m2
+    with np.errstate(over="ignore"):
+        preload_N, whole_m2 = float((pressure_Pa * area_m2).sum()), float(area_m2.sum())
+    if not (math.isfinite(preload_N) and math.isfinite(whole_m2)):
+        raise SettingsError(
+            f"{where}: got {len(values)} patches of {whole_m2:g} m2 under {preload_N:g} N "
+            "together; expected those of a joint; check their units, Pa and m2"
+        )
+    return np.where(pressure_Pa < NOTHING * pressure_Pa.max(), 0.0, pressure_Pa), area_m2
 
 
 def _number(text: str | None, where: str, line: int, name: str) -> float:
