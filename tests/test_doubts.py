@@ -85,6 +85,9 @@ def test_what_lies_outside_is_compared_with_half_the_usual_diameter():
         (0.15, 0.1, 0.04, False),
         (0.25, 0.1, 0.3, False),  # from a quarter on the estimate itself says it
         (0.5, None, 0.3, False),  # a model without pixels
+        (0.15, None, None, False),
+        (0.15, None, 0.06, True),  # caps in place of a map, whose error falls with the force, too
+        (0.15, None, 0.04, False),
     ],
 )
 def test_small_slip_is_doubted_where_pixels_leave_more_than_was_asked(
@@ -97,5 +100,8 @@ def test_small_slip_is_doubted_where_pixels_leave_more_than_was_asked(
     slip = SimpleNamespace(total_slip_force_N=20.0)
     found = doubts._of_small_slip(contact, answer, slip, 0.05)
     assert [one.code for one in found] == ["small_slip_extrapolated"] * doubted
+    contact.errors = ModelError.of_either(0.3)  # at all forces, which its own warning says
+    contact.rung.least_share = None
+    assert doubts._of_small_slip(contact, answer, slip, 0.05) == []
     assert doubts._of_small_slip(contact, None, slip, 0.05) == []  # beyond gross slip
     assert doubts._of_small_slip(contact, None, None, 0.05) == []

@@ -140,26 +140,31 @@ def _of_small_slip(
 ) -> list[Problem]:
     """Return a doubt where the map knows less of the energy at the force asked for than it should.
 
+    Or caps that answer because the finest detail of the map decides: their error falls with the
+    force, too.
     Below a quarter of mu N what pixels, noise and detail leave is only noted where nobody asks for
     it. From a tenth of mu N on, detail that decides was measured, and from a quarter on what pixels
     leave: then what the pixels resolve is no second doubt. Below a tenth more is left than there.
     """
-    if answer is None or slip is None or contact.rung.least_share is None:
+    if answer is None or slip is None:
         return []
     share = answer.slip_force_N / float(slip.total_slip_force_N)
-    least = contact.rung.least_share(contact.normal, contact.preload_N)
     warned = {one.code for one in contact.problems if one.severity == "warning"}
     measured = any(one.code == "detail_decides" for one in contact.problems)
     said = "small_slip_extrapolated" in warned
     asked = f"asked for is {percent(share)} of the force at gross slip"
     left = 0.0 if contact.errors is None else contact.errors.energy_at(share)
-    if share < ASKED and left > tolerance and not said and "detail_decides" not in warned:
+    falls = contact.errors is not None and contact.errors.energy_by_share
+    if falls and share < ASKED and left > tolerance and not said and "detail_decides" not in warned:
         bound = "up to" if share >= SMALL_SLIP else "more than"
         message = (
             f"{asked}, where pixels, noise and detail of the map leave {bound} {left:.1%} in the "
             "energy per cycle"
         )
         return [Problem("small_slip_extrapolated", "warning", message, Effect(None, left, left))]
+    if contact.rung.least_share is None:
+        return []
+    least = contact.rung.least_share(contact.normal, contact.preload_N)
     if share >= least or (measured and share >= SMALL_SLIP) or (said and share >= ASKED):
         return []
     message = (

@@ -61,6 +61,24 @@ def test_the_answers_are_four_energies_of_mindlins_loop_and_the_slope_of_hertz()
     assert answers(curve, False, FACE, WITH_BULK) == pytest.approx(expected, rel=1e-9)
 
 
+def test_the_errors_by_the_force_are_those_of_the_answers():
+    lone = estimate(one_cap(radius_se_m=1.0))
+    assert [at for at, _ in lone.errors.energy_by_share] == [0.1, 0.25, 0.5, 0.75, 1.0]
+    of_lone = [lone.errors.stiffness, *(one for _, one in lone.errors.energy_by_share)]
+    assert of_lone == pytest.approx([2.0 / 3.0 * 0.05] * 6, rel=0.1)  # as R^(1/3), or its inverse
+    hardly_touches = 0.95 * APPROACH_M
+    two = estimate(
+        table(
+            [0.01, 0.05], [0.02] * 2, [20.0] * 2, [0.0, hardly_touches],
+            peak_height_se_m=[0.01 * APPROACH_M] * 2,
+        )
+    )  # fmt: skip
+    energies = [one for _, one in two.errors.energy_by_share]
+    assert energies == sorted(energies, reverse=True)
+    assert energies[0] > 2.0 * energies[2] > 0.0
+    assert max(energies[0], two.errors.stiffness) <= two.errors.energy == two.total
+
+
 def test_the_stiffness_is_that_of_slip_without_the_bulk_term_or_with_it():
     alone = caps_curve([20.0], [0.0], E_STAR_PA)
     sunk = in_series(alone, bulk_compliance_m_per_N(SIDE_M, E_STAR_PA))

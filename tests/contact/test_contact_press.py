@@ -12,6 +12,8 @@ from capslip.caps.families import group_families
 from capslip.contact import choice as module
 from capslip.contact.press import press
 from capslip.errors import ContactError, SettingsError
+from capslip.studies.faces.synthetic import synthetic_surface
+from capslip.studies.limits.tries import harmless_faces
 from capslip.surface.heightmap import HeightMap
 from scenes import caps_map
 
@@ -191,3 +193,28 @@ def test_caps_answer_where_noise_decides_on_the_map():
     ]  # fmt: skip
     assert errors[0] < found.contact.estimated_error
     assert errors[0] < 0.5 * errors[1]
+
+
+def test_caps_that_are_off_at_small_forces_alone_answer_with_a_note():
+    """Noise moves what touches last, which slips first: from a quarter of mu N on it is little."""
+    scene, preload_N = harmless_faces(100)["caps of some spread"]
+    words = ("contact.model=interacting", f"contact.preload_N={preload_N}")
+    truth = analyze_once(synthetic_surface(scene)[0], load_settings(overrides=words))
+    face = synthetic_surface(replace(scene, noise_rms_m=2e-9))[0]
+    found = analyze(face, load_settings(overrides=words[1:]))
+    errors, tolerance = found.contact.errors, found.settings.contact.tolerance
+    assert "as its finest detail decides" in found.contact.model_reason
+    assert errors.energy_at(0.25) < tolerance < errors.energy_at(0.1) <= errors.greatest
+    (doubt,) = (p for p in found.problems if p.code == "detail_decides")
+    assert (doubt.severity, found.status) == ("info", "ok")
+    assert "from 25 % of gross slip on" in doubt.message
+    for share in (0.1, 0.25, 0.5, 0.75):
+        one, other = (
+            slip.energy_at_force_J(share * slip.total_slip_force_N)
+            for slip in (found.slip, truth.slip)
+        )
+        assert abs(one / other - 1.0) < errors.energy_at(share)
+    small = f"answer.slip_force_N={0.1 * float(found.slip.total_slip_force_N)}"
+    asked = analyze(face, load_settings(overrides=(*words[1:], small)))
+    assert "small_slip_extrapolated" in messages(asked)
+    assert asked.status == "check"

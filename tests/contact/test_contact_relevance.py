@@ -8,6 +8,7 @@ import pytest
 
 from capslip.caps.table import CapFlag, CapTable
 from capslip.contact.relevance import as_read, still_doubtful
+from capslip.contact.rung import ModelError
 from capslip.problems import Problem
 from capslip.surface.heightmap import HeightMap
 
@@ -41,7 +42,8 @@ def caps(share, flag):
 
 def state(made_from="spheres", error=0.01, reads_families=False):
     one = SimpleNamespace(made_from=made_from, reads_families=reads_families)
-    return SimpleNamespace(rung=one, estimated_error=error)
+    errors = ModelError.of_either(error)
+    return SimpleNamespace(rung=one, estimated_error=error, errors=errors)
 
 
 def warned(codes, made_from="spheres", error=0.01, share=0.0, flag=CapFlag.edge, families=False):
@@ -86,6 +88,21 @@ def test_the_estimated_error_counts_the_shape_of_the_hills():
     assert warned(hills, error=0.051) == hills
     assert warned(hills, error=None) == hills
     assert warned(OTHERS, error=0.01) == OTHERS
+
+
+@pytest.mark.parametrize(
+    ("stiffness", "at_a_quarter", "doubted"),
+    [(0.02, 0.04, False), (0.02, 0.06, True), (0.06, 0.04, True)],
+)
+def test_the_shape_is_counted_where_the_error_is_small_at_the_forces_asked_for(
+    stiffness, at_a_quarter, doubted
+):
+    errors = ModelError(stiffness, 0.2, ((0.1, 0.2), (0.25, at_a_quarter)))
+    contact = state(error=0.2)
+    contact.errors = errors
+    given = [Problem("not_spherical", "warning", "")]
+    (found,) = as_read(given, contact, caps(0.0, CapFlag.edge), 0.05, FLAT)
+    assert (found.severity == "warning") == doubted
 
 
 @pytest.mark.parametrize(

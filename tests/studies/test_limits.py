@@ -12,12 +12,13 @@ import pytest
 
 import capslip
 from capslip.caps.table import CapFlag
+from capslip.problems import Problem
 from capslip.settings import load_settings
 from capslip.studies.faces.synthetic import synthetic_surface
 from capslip.studies.limits.axes import axes
 from capslip.studies.limits.case import clean
 from capslip.studies.limits.known import slip_of_true_caps
-from capslip.studies.limits.measure import BREAKDOWN, measure
+from capslip.studies.limits.measure import BREAKDOWN, _severities, measure
 from capslip.studies.limits.study import FRESH_SEED, limits
 from capslip.studies.limits.tries import harmless_faces
 
@@ -108,6 +109,12 @@ def scan_of(case):
     for change in (case.face_change, case.scan_change):
         scan = scan if change is None else change(scan, truth)
     return scan.height_m
+
+
+def test_a_code_that_is_said_twice_is_as_severe_as_it_is_once():
+    twice = [Problem("small_slip_extrapolated", one, "so") for one in ("warning", "info")]
+    for said in (twice, twice[::-1]):
+        assert _severities(said) == {"small_slip_extrapolated": "warning"}
 
 
 def test_no_silent_failure(found):

@@ -15,7 +15,7 @@ from capslip.contact.models.interacting import InteractingCurve, around_hertz
 from capslip.contact.moved import moved_caps
 from capslip.contact.outlines import outlines
 from capslip.contact.reach import reachable
-from capslip.contact.rung import Scene
+from capslip.contact.rung import ModelError, Scene
 from capslip.contact.slip import slip_curve
 from capslip.contact.solvers.hertz import contact_radius_m
 from capslip.errors import ContactError, UnusableSurfaceError
@@ -61,6 +61,7 @@ class CapsError:
     of_caps: float = math.inf  # that of the caps themselves, and of the law between them
     of_levelling: float = 0.0
     moved: MovedCaps | None = None
+    errors: ModelError | None = None  # the same by the force at which energies are compared
 
     @property
     def total(self) -> float | None:
@@ -184,7 +185,8 @@ def error_of_caps(
         curves += [] if tilted is None else [tilted]
         used, change = _used_and_changes(curves, scene, found, settings)
         *at_random, by_shape = change[0]
-        of_random = float(2.0 * np.sqrt(np.mean(np.square(at_random), axis=0)).max())
+        at_random_rms = np.sqrt(np.mean(np.square(at_random), axis=0))
+        of_random = 2.0 * float(at_random_rms.max())
         each = (by_shape, *change[1:], np.zeros(1))
         shape, pairs, level = (float(np.abs(one).max()) for one in each[:3])
         unloading = _of_unloading(scene, curve)
@@ -192,9 +194,24 @@ def error_of_caps(
         as_found = _as_slip_uses(curve, scene.surface, settings)
         by_level = None if tilted is None else used[-1]
         moved = MovedCaps(as_found, used[0], used[1], by_level, unloading, curve)
-        return CapsError(None, of_caps, level, moved)
+        by_answer = np.vstack((2.0 * at_random_rms, 2.0 * by_shape, *change[1:]))
+        errors = _by_share(np.linalg.norm(by_answer, axis=0), unloading, of_caps, level)
+        return CapsError(None, of_caps, level, moved, errors)
     except (ContactError, UnusableSurfaceError):
         return CapsError("caps that are moved within their errors have no solution")
+
+
+def _by_share(by_answer: np.ndarray, unloading: float, of_caps: float, level: float) -> ModelError:
+    """Return the errors by share of mu N, of each the greatest from there on.
+
+    `by_answer`, shape (5,), is what caps, pairs and levelling leave in each of the `answers`; the
+    greatest of all stays what the causes together, each where it is worst, may do.
+    """
+    *energies, stiffness = np.hypot(by_answer, LEAST_ERROR).tolist()
+    energies = [math.hypot(one, unloading) for one in energies]
+    greatest = [max(energies[i:]) for i in range(len(energies))]
+    by_share = (*zip(FORCE_SHARES, greatest, strict=True), (1.0, greatest[-1]))
+    return ModelError(stiffness, math.hypot(of_caps, level), by_share)
 
 
 def _doubt(

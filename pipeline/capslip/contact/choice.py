@@ -17,7 +17,7 @@ from capslip.contact.material import composite, yield_law
 from capslip.contact.models.interacting import RUNG as REFERENCE
 from capslip.contact.models.mean_field import RUNG as FALLBACK
 from capslip.contact.reach import reachable
-from capslip.contact.rung import Rung, Scene, ladder, rung
+from capslip.contact.rung import ModelError, Rung, Scene, ladder, rung
 from capslip.errors import ContactError
 from capslip.problems import Effect, Problem
 from capslip.settings import Settings
@@ -48,6 +48,7 @@ class Choice:
     moved: MovedCaps | None = None  # where the error of the caps is known
     step: str | None = None  # what to do next, where boundary elements have no map
     caps: "Choice | None" = None  # that among the caps, where the map is pressed instead
+    errors: ModelError | None = None  # of caps that are beyond the tolerance, by the force
 
     def caps_within(self, error: float) -> "Choice | None":
         """Return the choice among the caps where its error is known and smaller than one."""
@@ -315,7 +316,7 @@ def _beyond_tolerance(
     why = own.doubt or f"interacting caps may be off by {off}"
     reason = f"{why}; boundary elements are needed and take about {needed_s:.2g} s"
     given = (own.total, estimates, scene.use, needed_s)
-    return Choice(REFERENCE.name, reason, *given, why=why, moved=own.moved)
+    return Choice(REFERENCE.name, reason, *given, why=why, moved=own.moved, errors=own.errors)
 
 
 def _too_many(scene: Scene, settings: Settings) -> Choice:

@@ -15,11 +15,12 @@ from capslip.contact.choice import Choice, choose_model
 from capslip.contact.curve import NormalCurve
 from capslip.contact.flattening import flattened, loaded_first
 from capslip.contact.lay import Lay
+from capslip.contact.map_accuracy import ASKED
 from capslip.contact.material import Composite, composite
 from capslip.contact.rung import Contacts, ModelError, Rung, Scene, rung
 from capslip.contact.solvers.hertz import contact_radius_m
 from capslip.errors import ContactError
-from capslip.problems import Effect, Problem
+from capslip.problems import Effect, Problem, Severity
 from capslip.settings import Settings
 from capslip.surface.heightmap import HeightMap
 from capslip.units import percent
@@ -249,19 +250,35 @@ def _by_caps(
     face: tuple[CapTable, Families, HeightMap],
     settings: Settings,
 ) -> tuple[ContactState, CapTable]:
-    """Return the face pressed by caps, whose fits average over what decides on the map itself."""
+    """Return the face pressed by caps, whose fits average over what decides on the map itself.
+
+    What is said of the map is a note where caps are within the tolerance at all forces that are
+    asked for: as of the map, what moves the energy at smaller ones alone is no warning.
+    """
     forced = msgspec.structs.replace(settings.contact, model=choice.model)
     state, caps = press(*face, msgspec.structs.replace(settings, contact=forced))
     error = choice.estimated_error or 0.0  # it is known, see `Choice.caps_within`
+    errors = choice.errors or ModelError(error, error)
+    asked = max(errors.stiffness, errors.energy_at(ASKED))
     said = f"; so caps answer, which average over it and may be off by {percent(error)}"
+    within = asked <= settings.contact.tolerance < error
+    said += f", by no more than {percent(asked)} from {percent(ASKED)} of gross slip on" * within
     effect = Effect(error, error, error)
-    problems = [replace(one, message=one.message + said, effect=effect) for one in doubts]
+    problems = [
+        replace(one, message=one.message + said, effect=effect, severity=_noted(one, within))
+        for one in doubts
+    ]
     reason = (
         f"{choice.why}, but the map itself by {percent(error_of_map)}, as its finest detail "
         "decides: caps average over it"
     )
-    known = replace(state, errors=ModelError.of_either(error), moved=choice.moved)
+    known = replace(state, errors=errors, moved=choice.moved)
     return replace(known, model_reason=reason, problems=(*problems, *state.problems)), caps
+
+
+def _noted(doubt: Problem, within: bool) -> Severity:
+    """Return how severe a doubt of the map is: a note where caps are within the tolerance."""
+    return "info" if within and "info" in doubt.kind.severities else doubt.severity
 
 
 def _first(

@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 
 from capslip.caps.table import CapFlag, CapTable
+from capslip.contact.map_accuracy import ASKED
 from capslip.contact.press import ContactState
 from capslip.problems import Problem
 from capslip.surface.doubts import sizes_fit
@@ -67,7 +68,7 @@ def as_read(
     surface : HeightMap
         The map that was pressed.
     """
-    known = _is_known(contact, tolerance)
+    known, counted = _is_known(contact, tolerance), _is_counted(contact, tolerance)
     share = {code: _share(caps, flag) for code, flag in FLAGS.items()}
 
     def is_read(code: str) -> bool:
@@ -75,7 +76,7 @@ def as_read(
             return False
         if code == "tips_over":
             return contact.rung.made_from != "map" or _tips(contact, caps)
-        if code in SHAPE and known:
+        if code in SHAPE and counted:
             return False
         if code == "non_square_pixels":
             return not (known and sizes_fit(surface))
@@ -112,7 +113,7 @@ def still_doubtful(
     surface : HeightMap
         The map that the caps were fitted to.
     """
-    if contact.rung.made_from != "spheres" or not _is_known(contact, tolerance):
+    if contact.rung.made_from != "spheres" or not _is_counted(contact, tolerance):
         return caps
     flags = caps.flags & ~np.uint16(APEX.value)
     for i in np.flatnonzero(flags & np.uint16(MISSING.value)):
@@ -159,6 +160,12 @@ def _is_known(contact: ContactState, tolerance: float) -> bool:
     """Tell whether the estimated error of the model is within the tolerance."""
     error = contact.estimated_error
     return error is not None and error <= tolerance
+
+
+def _is_counted(contact: ContactState, tolerance: float) -> bool:
+    """Tell the same of the forces that are asked for, at which the error may be less."""
+    errors = contact.errors
+    return errors is not None and max(errors.stiffness, errors.energy_at(ASKED)) <= tolerance
 
 
 def _share(caps: CapTable, flag: CapFlag) -> float:

@@ -5,12 +5,13 @@ import time
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args
 
 import numpy as np
 
 from capslip.analysis import analyze
 from capslip.errors import CapslipError, ContactError
+from capslip.problems import Problem, Severity
 from capslip.result import Analysis
 from capslip.settings import Settings, load_settings
 from capslip.studies.clock import clocks
@@ -196,7 +197,7 @@ def _run(
     except CapslipError as error:
         return _row(axis, case, method, outcome="refused", reason=str(error))
     seconds = float((clocks() - begin)[0])
-    problems = {p.code: p.severity for p in analysis.problems}
+    problems = _severities(analysis.problems)
     m, n = analysis.families.m, analysis.families.n
     row = _row(axis, case, method, seconds=seconds, problems=problems, m=m, n=n)
     row["estimate"] = None if analysis.contact is None else analysis.contact.estimated_error
@@ -297,6 +298,12 @@ def _about(axis: Axis, rows: list[Row], methods: tuple[str, ...]) -> Row:
             "outcomes": dict(Counter(row["outcome"] for row in mine)),
         }
     return found
+
+
+def _severities(problems: Iterable[Problem]) -> dict[str, str]:
+    """Return how severe each code is where it is most: one may be said twice, of other forces."""
+    mildest_first = sorted(problems, key=lambda one: get_args(Severity).index(one.severity))
+    return {one.code: one.severity for one in mildest_first}
 
 
 def _warnings(row: Row) -> list[str]:
