@@ -46,7 +46,8 @@ MAX_TURNS = 10  # of fit and contact
 SETTLED = 1e-3  # of the preload: loads that move less in one turn have settled
 FAMILY_RATIO = 0.10  # of the points, above which the paper counts its caps
 FAMILY_TURNS = 4  # of the families and their plane
-FAMILY_SETTLED_M = 3e-9  # across the face; the next turn is a hundredth of it on the same hills
+# Across the face, of the height of the caps; the next turn is a hundredth of it on the same hills
+FAMILY_SETTLED = 5e-3
 CONDITIONING = Conditioning.__struct_fields__
 
 
@@ -357,7 +358,8 @@ def _families(level: Level, settings: Settings) -> tuple[HeightMap, Hills, CapTa
             deeper, bend, _ = surface_of_families(caps, at_m)
             turn = deeper if bend.any() else turn
         slope, bow = slope + turn, bow + bend
-        if not bend.any() and np.abs(turn * coarse.side_m[::-1]).max() < FAMILY_SETTLED_M:
+        settled_m = FAMILY_SETTLED * float(caps.cap_height_m.max(initial=0.0))
+        if not bend.any() and np.abs(turn * coarse.side_m[::-1]).max() <= settled_m:
             break
     plane = turned(level.surface, -slope, at_m, -bow)
     hills, caps = _counted(plane, settings, level.hills.noise_m)

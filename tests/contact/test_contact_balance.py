@@ -178,6 +178,19 @@ def test_two_caps_carry_no_plane_that_turns_freely():
         balance(np.full(2, hertz(25.0)), np.zeros(2), None, arm)
 
 
+@pytest.mark.parametrize("turn", [0.3, 0.922, 2.5])
+def test_two_caps_opposite_each_other_leave_their_free_slope_as_it_is(turn):
+    """They carry all, and no rounding turns the plane about the line between them."""
+    along = np.array([math.cos(turn), math.sin(turn)])
+    beside = np.array([-along[1], along[0]])
+    arm = 0.02 * np.array([-along, along, 0.7 * beside, -0.9 * beside])
+    h = np.array([0.0, 1e-8, 8e-7, 9e-7])
+    k = hertz([20.0, 30.0, 25.0, 25.0])
+    rest = balance(k, h, compliance(arm), arm)
+    assert loads(k, rest) == pytest.approx([LOAD_N / 2, LOAD_N / 2, 0.0, 0.0], rel=1e-9)
+    assert abs(beside @ rest.slope) * 0.02 < 1e-12 * rest.level_m
+
+
 def test_a_given_level_is_the_inverse_of_a_given_load():
     k, h, C, _ = face(5)
     start = np.full(len(k), 1e-7)

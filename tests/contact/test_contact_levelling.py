@@ -119,6 +119,25 @@ def test_a_mirrored_and_a_transposed_map_give_the_same_answers(of):
         assert tilt(other) == pytest.approx(expected, abs=1e-11)
 
 
+@pytest.mark.parametrize(("times", "seed"), [(3.0, 3), (1e-3, 6), (1e3, 6)])
+def test_all_lengths_times_a_number_change_no_decision(times, seed):
+    """Under the load times its square: stiffness goes with it, energy with its cube."""
+    z = gaussian_filter(np.random.default_rng(seed).standard_normal((80, 120)), 3.0)
+    z *= 4e-7 / z.std()
+
+    def of(factor):
+        surface = HeightMap(factor * z, (5e-4 * factor, 5e-4 * factor))
+        load = f"contact.preload_N={50.0 * factor**2!r}"
+        return analyzed(surface, load, "contact.model=interacting")
+
+    one, other = of(1.0), of(times)
+    power = np.array([3.0, 3.0, 3.0, 3.0, 1.0, 1.0])
+    assert answers(other) / times**power == pytest.approx(answers(one), rel=1e-6)
+    assert other.level.slope == pytest.approx(one.level.slope, rel=1e-6)
+    assert other.level.hills.n_hills == one.level.hills.n_hills
+    assert (other.families.m, other.families.n) == (one.families.m, one.families.n)
+
+
 def test_points_that_never_touch_do_not_matter():
     z_m = face().height_m.copy()
     low = z_m < -7.9e-7

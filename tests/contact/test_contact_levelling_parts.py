@@ -77,12 +77,13 @@ def test_depths_go_a_part_of_the_way_and_change_by_load():
     assert change == pytest.approx(1.0)  # without any so far as a whole
 
 
-def test_relief_is_the_approach_to_the_next_quarter_of_an_octave():
-    for power in (-24.0, -23.75, -23.5):
-        for off in (-0.12, 0.0, 0.12):
-            assert _relief_m(2.0 ** (power + off)) == pytest.approx(2.0**power)
+def test_hills_are_told_apart_anew_where_the_approach_is_another_one():
+    assert _relief_m(None, 3e-8) == 3e-8
+    for near in (1.0 / 1.08, 1.0, 1.08):
+        assert _relief_m(3e-8, near * 3e-8) == 3e-8
+    for other in (1.0 / 1.1, 1.1):
+        assert _relief_m(3e-8, other * 3e-8) == other * 3e-8
     assert _Start(np.zeros(2), 0.1).relief_m is None
-    assert _Start(np.zeros(2), 0.1, 2.0**-24).relief_m == 2.0**-24
 
 
 def test_depths_are_handed_to_the_hills_on_which_their_caps_stand_now():
@@ -111,7 +112,7 @@ def test_a_search_hands_on_the_caps_whose_depth_it_knows():
         spheres=spheres, depth_m=depth_m, slope=np.array([1e-3, 2e-3]), approach_m=1e-7
     )
     found = search(face())._next(_Start(np.zeros(2), 0.15), rest)
-    assert (found.slope is rest.slope, found.ratio, found.approach_m) == (True, 0.15, 1e-7)
+    assert (found.slope is rest.slope, found.ratio, found.relief_m) == (True, 0.15, 1e-7)
     assert found.place_m.tolist() == [[1.0, 3.0], [4.0, 6.0]]
     assert found.depth_m.tolist() == [0.1, 0.3]
     rest.depth_m = None

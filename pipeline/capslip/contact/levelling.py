@@ -41,15 +41,16 @@ SETTLED = 2e-3
 NEARLY_SETTLED = 1e-2  # the same on a map that only tells the next one where to start
 SETTLED_LOAD = 1e-4  # of the preload, that pixels may move in it
 AWAKE = 0.25  # of what a turn left, in load: where the next one moves more, it is pixels that do
-SETTLED_M = 1e-11  # tilt across the face that the last turn may leave then
+SETTLED_TILT = 3e-5  # across the face, of the approach, that the last turn may leave then
 HELD_LOAD = 3e-4  # of the preload: below, depths are held, else a pixel may flip for ever
 LEAST_PART = 0.2  # of a turn: a face that swings to and fro goes only so far each time
-NEARLY_LOAD, NEARLY_M = 1e-3, 1e-9  # what turns that do not settle may leave all the same
+# What turns that do not settle may leave all the same, of the preload and of the approach
+NEARLY_LOAD, NEARLY_TILT = 1e-3, 3e-3
 UNSETTLED = 0.01  # of the preload: a level whose last turn still moves more is none
 SHALLOW_LOAD = 1e-3  # of the preload, on hills whose fit the cut may limit
 EARLY = 0.05  # of load and approach: by then the cut can be tried
 SAME_CUT = 0.1  # of the approach: a face that turned less since it was cut is cut well
-RELIEFS = 4  # a factor of two, to which approaches are rounded before they tell hills apart
+SAME_RELIEF = 1.09  # factor by which an approach may change without telling hills apart anew
 
 
 @dataclass(frozen=True, eq=False)
@@ -159,14 +160,9 @@ class _Start:
 
     slope: np.ndarray  # (2,), of the plane to be taken off the map
     ratio: float
-    approach_m: float | None = None
+    relief_m: float | None = None  # that tells hills apart, None where no approach is known
     place_m: np.ndarray | None = None  # (2, m), of the caps that carried load
     depth_m: np.ndarray | None = None  # (m,), at which they were fitted
-
-    @property
-    def relief_m(self) -> float | None:
-        """Relief that tells hills apart, None where no approach is known."""
-        return None if self.approach_m is None else _relief_m(self.approach_m)
 
 
 @dataclass(frozen=True, eq=False)
@@ -350,7 +346,8 @@ class _Search:
             left, left_before = max(span_m / approach_m, deeper), left
             awake |= moved > max(AWAKE * left_before, SETTLED_LOAD)
             settles = moved <= max(EARLY * left_before, SETTLED_LOAD) and (
-                span_m < SETTLED_M or (left < (EARLY if rough else self.settled) and not awake)
+                span_m < SETTLED_TILT * approach_m
+                or (left < (EARLY if rough else self.settled) and not awake)
             )
             early = not tried and moved < EARLY and span_m < EARLY * approach_m
             if early and (not settles or (rough and left >= self.settled)):
@@ -371,8 +368,8 @@ class _Search:
                 least, part, history = min(history), 0.5 * part, []
             depth_m, ahead = deeper_m, part * turn
             slope = slope - ahead
-        if last or (moved < NEARLY_LOAD and span_m < NEARLY_M):
-            nearly = moved < NEARLY_LOAD and span_m < NEARLY_M
+        nearly = moved < NEARLY_LOAD and span_m < NEARLY_TILT * approach_m
+        if last or nearly:
             return replace(found, moved=0.0 if nearly else moved), fitted
         raise ContactError(
             f"the face finds no level: after {MAX_TURNS} turns of fit and contact {moved:.1%} "
@@ -440,7 +437,8 @@ class _Search:
         spheres = rest.spheres
         place_m = np.stack((spheres.x_m[known], spheres.y_m[known]))
         depth_m = rest.depth_m[known] if rest.depth_m is not None else None
-        return _Start(rest.slope, start.ratio, rest.approach_m, place_m, depth_m)
+        relief_m = _relief_m(start.relief_m, rest.approach_m)
+        return _Start(rest.slope, start.ratio, relief_m, place_m, depth_m)
 
     def _carried(self, start: _Start, hills: Hills, surface: HeightMap) -> np.ndarray | None:
         """Return the depths of the last cut for the hills that its caps stand on now."""
@@ -493,6 +491,8 @@ def _deeper(
     return old_m + part * (new_m - old_m), float(np.average(change, weights=load_N[loaded]))
 
 
-def _relief_m(approach_m: float) -> float:
-    """Return an approach in steps, so that hills do not depend on how it was found."""
-    return float(2.0 ** (round(RELIEFS * math.log2(approach_m)) / RELIEFS))
+def _relief_m(before_m: float | None, approach_m: float) -> float:
+    """Return an approach, or that before if it is nearly the same: hills then stay as they are."""
+    if before_m is None or not 1.0 / SAME_RELIEF < approach_m / before_m < SAME_RELIEF:
+        return approach_m
+    return before_m

@@ -18,6 +18,7 @@ from capslip.errors import ContactError, TipsOverError
 _TOLERANCE = 1e-14  # of the heights: misfit at which a state is an equilibrium
 _ACCEPTED = 1e-12  # of the heights: misfit that rounding may leave
 _MOST_STEPS = 30  # of Newton's method without damping
+_LOOSE = 1e-15  # of the greatest pivot: two caps opposite each other leave a slope to rounding
 _FEW = 0.2  # of the caps that carry: below, a copy of their rows costs less than the others
 _MOST_TOGETHER = 200  # contacts of sets that are solved at once; more are as fast alone
 
@@ -374,7 +375,7 @@ def _solve(matrix: np.ndarray, right: np.ndarray) -> np.ndarray:
     if len(matrix) == 1:
         return right / matrix[0] if matrix[0, 0] > 0 else np.zeros(1)
     try:
-        return _solved(matrix, right)
+        return _solved(matrix, right, _LOOSE)
     except np.linalg.LinAlgError:
         shortest: np.ndarray = np.linalg.pinv(matrix, rcond=1e-12, hermitian=True) @ right
         return shortest
@@ -386,10 +387,14 @@ def _solve_definite(matrix: np.ndarray, diagonal: float, right: np.ndarray) -> n
     return _solved(matrix, right)
 
 
-def _solved(matrix: np.ndarray, right: np.ndarray) -> np.ndarray:
+def _solved(matrix: np.ndarray, right: np.ndarray, least: float = 0.0) -> np.ndarray:
+    """Solve; LinAlgError too where the least pivot is less than a share of the greatest."""
     from scipy.linalg.lapack import dposv  # of few unknowns, five times as fast as its wrappers
 
-    _, x, failed = dposv(matrix, right)
+    factor, x, failed = dposv(matrix, right)
+    if not failed and least > 0.0:
+        pivots = np.square(factor.diagonal())
+        failed = pivots.min() < least * pivots.max()
     if failed:
         raise np.linalg.LinAlgError("not positive definite")
     solution: np.ndarray = x
