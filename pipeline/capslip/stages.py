@@ -47,7 +47,7 @@ SETTLED = 1e-3  # of the preload: loads that move less in one turn have settled
 FAMILY_RATIO = 0.10  # of the points, above which the paper counts its caps
 FAMILY_TURNS = 4  # of the families and their plane
 # Across the face, of the height of the caps; the next turn is a hundredth of it on the same hills
-FAMILY_SETTLED = 5e-3
+FAMILY_SETTLED = 1e-2
 CONDITIONING = Conditioning.__struct_fields__
 
 
