@@ -302,6 +302,34 @@ def test_a_map_is_followed_down_from_its_preload_alone():
     assert found.left_out == ("error of the model", "noise of the map")
 
 
+@pytest.mark.parametrize(
+    ("spread", "yielded_area_m2", "solves"),
+    [(0.1, None, False), (0.1, 0.009e-6, False), (0.1, 0.011e-6, True), (0.2, None, True)],
+)
+def test_a_load_that_moves_an_elastic_map_little_costs_no_solution(
+    monkeypatch, spread, yielded_area_m2, solves
+):
+    """Its own curve goes on below the preload, and a power of the load holds above it."""
+    surface = caps_map([(5e-3, 5e-3, R_M, 0.0)], shape=(100, 100), floor_m=-1.0)
+    curve = boundary_elements(surface, STEEL.E_star_Pa)
+    area = {"contact_area_m2": 1e-6, "yielded_area_m2": yielded_area_m2}
+    solved, anew = [], type(curve)._anew
+    monkeypatch.setattr(type(curve), "_anew", lambda *of: solved.append(of) or anew(*of))
+    found = band(
+        {"slip_force_N": 0.5 * MU * N},
+        lambda contact: replace(contact, rung=BOUNDARY_ELEMENTS, curve=curve, errors=None, **area),
+        preload=spread,
+    )
+    assert bool(solved) == solves
+    ends = [
+        sphere_states(T=0.5 * MU * N, preload=N * np.exp(z * spread / NORMAL_95))[2]
+        for z in (Z_90, -Z_90)
+    ]
+    assert np.diff(np.log(found.interval["energy_J"])) == pytest.approx(
+        np.diff(np.log(ends)), rel=0.05
+    )
+
+
 SMALL_M, H_PA = 0.01, 1e9  # a sphere that has yielded under N
 
 

@@ -27,8 +27,10 @@ NODES = 5  # preloads that are solved where the preload is not certain
 NODES_OF_PATCHES = 3  # the same, of a joint that is pressed unevenly
 NODES_OF_HARDNESS = 3  # the same of the hardness, at the preload
 OF_A_MAP = (-1.0, 0.0, 1.0)  # of either, as shares of the widest: each is a solution of the map
-# The same of a hardness that moves little: half the square of a logarithm is half a percent
-HARDER, LITTLE = (0.0, 1.0), 0.1
+# The same of what moves little, as half the square of a logarithm is two percent there: of the
+# hardness, and of the load on what hardly yields, whose own curve knows what less load does
+HARDER, LIGHTER, LITTLE = (0.0, 1.0), (-1.0, 0.0), 0.2
+HARDLY = 0.01  # of the contact area, that has yielded
 COUNTED = ("tangential_stiffness_N_per_m", "energy_J", "joint_loss_factor", "loss_factor")
 OF_BOTH = ("caps", "model", "scans", "direction")  # move displacement and energy by factors
 OF_LIGHT_DAMPING = ("loss_factor", "damping_ratio")
@@ -292,7 +294,10 @@ class _State:
         """
         even = all(part.joint.is_even for part in self.parts)
         count = NODES if even else NODES_OF_PATCHES
-        loads = self._axis(float(np.abs(log_N).max()), count)
+        widest = float(np.abs(log_N).max())
+        loads = self._axis(widest, count)
+        if self._is_map and self._hardly_yields and 0.0 < widest <= LITTLE:
+            loads = widest * np.array(LIGHTER)
         weight = _weights(loads, log_N)
         nodes = np.column_stack((loads, np.zeros(len(loads))))
         if not self.yields or not log_H.any():
@@ -310,6 +315,15 @@ class _State:
     def _is_map(self) -> bool:
         """Whether each node is a solution of a map."""
         return any(part.contact.rung.near is not None for part in self.parts)
+
+    @property
+    def _hardly_yields(self) -> bool:
+        """Whether the faces come back to where they are after less load."""
+        contacts = [part.contact for part in self.parts]
+        return all(
+            (one.yielded_area_m2 or 0.0) <= HARDLY * (one.contact_area_m2 or 0.0)
+            for one in contacts
+        )
 
     def _axis(self, widest: float, count: int) -> np.ndarray:
         """Return places up to the widest on either side."""
