@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from capslip.contact.models.boundary_elements import boundary_elements
+from capslip.contact.levelling import turned
+from capslip.contact.models.boundary_elements import RUNG, boundary_elements
 from capslip.contact.solvers import nearby as module
 from capslip.surface.heightmap import HeightMap
 
@@ -58,6 +59,21 @@ def test_near_is_what_the_map_says_that_is_loaded_anew(hardness_Pa, of_load, of_
     assert first.yielded_area_m2 != 0.0
     (found,) = first.near(N, [(of_load, of_hardness)], SHARE)
     assert asked(found, of_load * N) == pytest.approx(asked(anew, of_load * N), rel=0.02)
+
+
+@pytest.mark.parametrize(
+    ("of_load", "of_hardness"), [(0.1, 1.0), (0.6, 1.0), (1.0, 1.3), (1.0, 0.8), (1.4, 1.1)]
+)
+def test_another_first_load_is_that_of_the_turned_map_built_anew(of_load, of_hardness):
+    given = {"tolerance": 1e-7, "hardness_Pa": 3e7 * of_hardness, "preload_N": of_load * N}
+    first = boundary_elements(FOUR, E, preload_N=N, hardness_Pa=3e7, balanced=True)
+    assert first.tilt_rad != (0.0, 0.0)
+    found = RUNG.after(first, N, of_load, of_hardness)
+    anew = boundary_elements(turned(FOUR, first.tilt_rad, (0.0, 0.0)), E, **given)
+    assert (found.yielded_area_m2, found.tilt_rad) == (anew.yielded_area_m2, first.tilt_rad)
+    assert asked(found, of_load * N) == pytest.approx(asked(anew, of_load * N), rel=3e-5)
+    assert found.first.approach_m == pytest.approx(anew.first.approach_m, rel=1e-6)
+    assert list(found.solutions.spent_s) == [of_load * N]
 
 
 @pytest.mark.parametrize("hardness_Pa", [np.inf, 3e8])

@@ -1,6 +1,5 @@
 """The caps after their first loading: those that yielded are flatter and lower, all are elastic."""
 
-import math
 from dataclasses import replace
 from typing import Any, cast
 
@@ -9,7 +8,6 @@ import numpy as np
 from capslip.caps.families import Families, Family
 from capslip.contact.bulk import bulk_of_face_m_per_N, without_bulk
 from capslip.contact.curve import NormalCurve
-from capslip.contact.levelling import turned
 from capslip.contact.rung import Rung, Scene
 from capslip.contact.solvers.yielding import YieldLaw, first_loading
 from capslip.errors import ContactError
@@ -45,7 +43,7 @@ def flattened(model: Rung, scene: Scene) -> Scene:
 def loaded_first(
     model: Rung,
     scene: Scene,
-    tilt_rad: tuple[float, float],
+    normal: NormalCurve,
     bulk: bool,
     load_N: float,
     hardness_factor: float = 1.0,
@@ -61,8 +59,9 @@ def loaded_first(
         One that knows yielding.
     scene : Scene
         Before any load, with its law of yielding.
-    tilt_rad : (float, float)
-        Slopes (x, y) that the model added to the map under its own preload, and that are held.
+    normal : NormalCurve
+        After its own first loading, with the bulk sinking where the model has one; the tilt that a
+        map found under that is held.
     bulk : bool
         Whether the curve holds the bulk sinking, where the model has one.
     load_N : float
@@ -76,14 +75,13 @@ def loaded_first(
         If no equilibrium is found, or the bulk cannot be taken off.
     """
     assert scene.law is not None
-    law = replace(scene.law, hardness_Pa=scene.law.hardness_Pa * hardness_factor)
-    scene = replace(scene, preload_N=load_N, law=law)
-    if model.made_from == "map":
-        level = turned(scene.surface, tilt_rad, (0.0, 0.0))
-        scene = replace(scene, surface=level, turning_stiffness=math.inf)
-    after = flattened(model, scene)
-    curve: Any = model.build(after)
-    if model.made_from == "spheres":
+    if model.after is not None:
+        curve: Any = model.after(normal, scene.preload_N, load_N / scene.preload_N, hardness_factor)
+    else:
+        law = replace(scene.law, hardness_Pa=scene.law.hardness_Pa * hardness_factor)
+        scene = replace(scene, preload_N=load_N, law=law)
+        after = flattened(model, scene)
+        curve = model.build(after)
         curve = replace(curve, depth_m=curve.depth_m + _top_m(model, scene) - _top_m(model, after))
     if bulk or not model.holds_bulk:
         return cast(NormalCurve, curve)

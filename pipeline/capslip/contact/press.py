@@ -214,7 +214,7 @@ def press(
         problems=(*problems, *of_slip),
         hardness_Pa=None if scene.law is None else scene.law.hardness_Pa,
         yielded_area_m2=found.yielded_area_m2,
-        first=_first(model, before, found.tilt_rad, bulk),
+        first=_first(model, before, normal, bulk),
     )
     return state, caps.with_columns(load_N=found.load_N, contact_radius_m=a_m)
 
@@ -282,11 +282,11 @@ def _noted(doubt: Problem, within: bool) -> Severity:
 
 
 def _first(
-    model: Rung, scene: Scene, tilt_rad: tuple[float, float], bulk: bool
+    model: Rung, scene: Scene, normal: NormalCurve, bulk: bool
 ) -> Callable[[float, float], NormalCurve] | None:
     if scene.law is None or model.made_from == "nothing":
         return None
-    return cache(partial(loaded_first, model, scene, tilt_rad, bulk))  # answer and band ask twice
+    return cache(partial(loaded_first, model, scene, normal, bulk))  # answer and band ask twice
 
 
 def _contacts(

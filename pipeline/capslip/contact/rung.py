@@ -157,6 +157,9 @@ class Rung(Generic[C]):
     near: Callable[[C, float, Sequence[tuple[float, float]], float], list[NormalCurve]] | None = (
         None
     )
+    # The curve after another first loading than that to a load, by factors on it and on the
+    # hardness; None: it is built anew
+    after: Callable[[C, float, float, float], C] | None = None
     # The same curve, followed at these shares of mu N alone, for less; None: any is as good
     at_forces: Callable[[C, tuple[float, ...]], C] | None = None
     # Loads of its rows under a load, of caps that sink each other; None: each goes down alone

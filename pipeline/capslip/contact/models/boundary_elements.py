@@ -10,11 +10,10 @@ from capslip.contact.map_accuracy import error_of_map
 from capslip.contact.map_curve import BoundaryElementCurve
 from capslip.contact.rung import Contacts, Rung, Scene
 from capslip.contact.solvers.detail import FirstLoading
-from capslip.contact.solvers.polonsky_keer import (
-    elastic_face,
-    first_loading,
-    press,
-)
+from capslip.contact.solvers.elastic_face import ElasticFace, elastic_face
+from capslip.contact.solvers.nearby import loaded_anew
+from capslip.contact.solvers.polonsky_keer import first_loading, press
+from capslip.contact.solvers.pressed import Pressed
 from capslip.contact.solvers.solutions import Solutions
 from capslip.contact.solvers.tilting import press_balanced
 from capslip.errors import SettingsError
@@ -107,12 +106,35 @@ def boundary_elements(
         face = face.tilted(pressed.tilt_rad)
     else:
         pressed = press(face, load_N=preload_N, tolerance=tolerance, time_limit_s=time_limit_s)
+    return _unloading(face, pressed, float(tolerance), time_limit_s, begun_s)
+
+
+def _after(
+    curve: BoundaryElementCurve, load_N: float, of_load: float, of_hardness: float
+) -> BoundaryElementCurve:
+    """Return the curve after another first loading than a known one, by factors; its tilt stays."""
+    assert curve.first is not None
+    pressed, punch, known = curve.pressed(load_N), curve.solutions.punch(load_N), curve.solutions
+    given = (known.tolerance, known.time_limit_s)
+    begun_s = process_time()
+    face, again = loaded_anew(curve.first, pressed, punch, (of_load, of_hardness), *given)
+    return replace(_unloading(face, again, *given, begun_s), tilt_rad=curve.tilt_rad)
+
+
+def _unloading(
+    face: ElasticFace, pressed: Pressed, tolerance: float, time_limit_s: float, begun_s: float
+) -> BoundaryElementCurve:
+    """Return the curve along which a face unloads from its first load, begun at a `process_time`.
+
+    It is given before any load, under the tilt of its state.
+    """
     area_m2, first = None, FirstLoading(face, pressed.approach_m, pressed.turns)
-    if yields:
-        area_m2 = np.count_nonzero(pressed.pressure_Pa >= hardness_Pa) * face.pixel_area_m2
+    if not math.isinf(face.hardness_Pa):
+        yielded = pressed.pressure_Pa >= face.hardness_Pa
+        area_m2 = np.count_nonzero(yielded) * face.pixel_area_m2
         face, pressed = first_loading(face, pressed)
-    spent_s = {preload_N: process_time() - begun_s}
-    solutions = Solutions(face, float(tolerance), time_limit_s, spent_s)
+    spent_s = {pressed.load_N: process_time() - begun_s}
+    solutions = Solutions(face, tolerance, time_limit_s, spent_s)
     solutions.keep(pressed)
     return BoundaryElementCurve(
         solutions, NAME, tilt_rad=pressed.tilt_rad, yielded_area_m2=area_m2, first=first
@@ -168,5 +190,6 @@ RUNG = Rung(
     solved_loads_N=BoundaryElementCurve.solved_loads_N,
     tractions=BoundaryElementCurve.tractions,
     near=BoundaryElementCurve.near,
+    after=_after,
     at_forces=BoundaryElementCurve.at_forces,
 )

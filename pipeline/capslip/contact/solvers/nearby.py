@@ -103,6 +103,50 @@ def nearby(
     return found
 
 
+def loaded_anew(
+    first: FirstLoading,
+    pressed: Pressed,
+    punch_Pa_per_m: np.ndarray,
+    change: tuple[float, float],
+    tolerance: float,
+    time_limit_s: float,
+) -> tuple[ElasticFace, Pressed]:
+    """Return a face with another hardness, and its state under another first load, on all points.
+
+    Under no more load for the hardness no other points touch: then it is solved on these alone
+    before, so that what is left for the whole map is next to nothing.
+
+    Parameters
+    ----------
+    first, pressed, punch_Pa_per_m
+        As for `nearby`.
+    change : (float, float)
+        Factors on the load and on the hardness.
+    tolerance, time_limit_s
+        As for `polonsky_keer.press`.
+
+    Raises
+    ------
+    ContactError
+        If a solution fails.
+    """
+    of_load, of_hardness = change
+    load_N = of_load * pressed.load_N
+    face = replace(first.face, hardness_Pa=of_hardness * first.face.hardness_Pa)
+    begin_Pa = _begin_Pa(first.face, pressed.pressure_Pa, punch_Pa_per_m, of_load, of_hardness)
+    if of_load <= of_hardness:
+        alone = replace(
+            _alone(first.face, pressed.pressure_Pa > 0.0, tolerance), hardness_Pa=face.hardness_Pa
+        )
+        start_Pa = alone.gathered(begin_Pa)
+        left = press(alone, load_N=load_N, tolerance=tolerance, start_Pa=start_Pa, sinks_once=True)
+        begin_Pa = alone.spread(left.pressure_Pa)
+    limit_s = time_limit_s
+    return face, press(
+        face, load_N=load_N, tolerance=tolerance, start_Pa=begin_Pa, time_limit_s=limit_s
+    )
+
+
 def hardly_yields(pressure_Pa: np.ndarray, hardness_Pa: float) -> bool:
     """Tell whether next to none of a load rests on points at a hardness."""
     at_most_Pa = pressure_Pa[pressure_Pa >= hardness_Pa]
@@ -136,8 +180,9 @@ def _reached(
         closes_m = np.maximum(further_m * (1.0 - sunk), closes_m)
     touching[may_touch] = gap_m <= closes_m
     begin_Pa = _begin_Pa(face, pressed.pressure_Pa, punch_Pa_per_m, most)
+    around = around_contact(face, touching, single=tolerance >= SINGLE)
     for _ in range(_MOST_LOOKS):
-        alone = _alone(face, touching, tolerance)
+        alone = alone_on(face, touching, around)
         start = alone.gathered(begin_Pa)
         load_N = most * pressed.load_N
         widest = press(alone, load_N=load_N, tolerance=tolerance, start_Pa=start, sinks_once=True)
@@ -147,6 +192,10 @@ def _reached(
         if not missed.any():
             break
         touching |= missed
+        if around is not None:
+            missed.reshape(-1)[around.parent] = False
+        if around is None or missed.any():
+            around = around_contact(face, touching, single=tolerance >= SINGLE)
     return alone, widest
 
 
