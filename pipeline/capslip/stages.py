@@ -347,25 +347,26 @@ def _families(level: Level, settings: Settings) -> tuple[HeightMap, Hills, CapTa
     # The search for the level began with the same cut of the same map
     known = level.hills_at_rest if ratio == settings.hills.material_ratio else None
     for _ in range(FAMILY_TURNS):
-        over = turned(coarse, -slope, at_m, -bow)
-        _, caps = _counted(over, settings, noise_m, ratio, known)
+        plane, bent = turned(coarse, -slope, at_m, -bow), bow
+        hills, caps = _counted(plane, settings, noise_m, ratio, known)
         known = None
         turn, bend, count = surface_of_families(caps, at_m)
         if count == 1 and not bow.any() and not bend.any() and 2.0 * ratio < 1.0:
             # A bow may keep the lower caps below the cut, and what is left looks like one family.
-            bent = turned(coarse, -slope, at_m)
-            _, caps = _counted(bent, settings, noise_m, 2.0 * ratio)
-            deeper, bend, _ = surface_of_families(caps, at_m)
+            _, deeper_caps = _counted(plane, settings, noise_m, 2.0 * ratio)
+            deeper, bend, _ = surface_of_families(deeper_caps, at_m)
             turn = deeper if bend.any() else turn
         slope, bow = slope + turn, bow + bend
         settled_m = FAMILY_SETTLED * float(caps.cap_height_m.max(initial=0.0))
-        if not bend.any() and np.abs(turn * coarse.side_m[::-1]).max() <= settled_m:
+        settled = not bend.any() and np.abs(turn * coarse.side_m[::-1]).max() <= settled_m
+        if settled:
             break
-    plane = turned(level.surface, -slope, at_m, -bow)
-    hills, caps = _counted(plane, settings, level.hills.noise_m)
+    if not (settled and coarse is level.surface):
+        plane, bent = turned(level.surface, -slope, at_m, -bow), bow
+        hills, caps = _counted(plane, settings, level.hills.noise_m)
     grouping = settings.families
     caps, families = group_families(caps, grouping.count, grouping.feature, own_plane=True)
-    up_m = bow_terms(caps.x_m - at_m[0], caps.y_m - at_m[1]) @ bow
+    up_m = bow_terms(caps.x_m - at_m[0], caps.y_m - at_m[1]) @ bent
     return plane, hills, caps.with_columns(peak_height_m=caps.peak_height_m + up_m), families
 
 

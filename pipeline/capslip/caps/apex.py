@@ -17,6 +17,7 @@ CROWN_POINTS = 25  # highest points from which the apex is taken where there is 
 FEW_POINTS = 2 * CROWN_POINTS  # within a depth that says how the height falls
 MAX_DOUBLINGS = 60  # of the depth within which points are counted
 CROWN_NOISE = 10.0  # depth, in standard deviations of the noise, from which it is taken otherwise
+LIFTED = 4.0  # standard deviations that the highest point of many may stand above the surface
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,15 +68,14 @@ def find_apexes(
     many = np.maximum(count, 1)
     highest_m, ties = _first_highest(points.count, points.hill, points.places_m, points.z_m)
     height_m = np.fmax(highest_m[2] - hills.cut_height_m, 0.0)
-    floor_m = hills.cut_height_m + np.minimum(3.0 * noise.rms_m, 0.3 * height_m)
+    floor_m = _floor_m(hills.cut_height_m, height_m, noise.rms_m)
     # On a sphere the height falls by equal amounts from point to point.
     per_point_m = height_m / many
     if depth_m is not None:
         within_m = _fall_per_point_m(points, highest_m[2], np.minimum(depth_m, height_m))
         per_point_m = np.where(np.isnan(within_m), per_point_m, within_m)
     crown_m = np.maximum(CROWN_NOISE * noise.rms_m, CROWN_POINTS * per_point_m)
-    # The highest point of many stands up to four standard deviations above the surface.
-    seen_m = np.maximum(crown_m, (CROWN_NOISE + 4.0) * noise.rms_m)
+    seen_m = np.maximum(crown_m, (CROWN_NOISE + LIFTED) * noise.rms_m)
     level_m = np.maximum(highest_m[2] - seen_m, floor_m)
     crown = fit_quadrics(points, level_m, highest_m)
     if noise.rms_m > 0.0:
@@ -104,6 +104,27 @@ def find_apexes(
         floor_m=floor_m,
         at_cut=highest_m[2] - seen_m < floor_m,
     )
+
+
+def limited_by_cut(apex_m: np.ndarray, cut_height_m: float, noise_m: float) -> np.ndarray:
+    """Tell whose crown would be deeper than the cut leaves it, on a map of so much more noise.
+
+    For sure: the highest points are taken to stand as far above the apexes as they may.
+
+    Examples
+    --------
+    >>> limited_by_cut(np.array([4e-8, 8e-8]), 2e-8, 3e-9)
+    array([ True, False])
+    """
+    highest_m = apex_m + LIFTED * noise_m
+    floor_m = _floor_m(cut_height_m, np.maximum(highest_m - cut_height_m, 0.0), noise_m)
+    below: np.ndarray = highest_m - (CROWN_NOISE + LIFTED) * noise_m < floor_m
+    return below
+
+
+def _floor_m(cut_height_m: float, height_m: np.ndarray, noise_m: float) -> np.ndarray:
+    """Return the level below which noise takes points away from hills of so much height."""
+    return cut_height_m + np.minimum(3.0 * noise_m, 0.3 * height_m)
 
 
 def _fall_per_point_m(points: HillPoints, highest_m: np.ndarray, depth_m: np.ndarray) -> np.ndarray:

@@ -14,6 +14,7 @@ from functools import cached_property
 
 import numpy as np
 
+from capslip.caps.apex import limited_by_cut
 from capslip.caps.fit import Fitted, fit_spheres
 from capslip.caps.fitting import Spheres, fit_named
 from capslip.caps.hills import Hills, find_hills
@@ -120,8 +121,8 @@ def find_level(surface: HeightMap, settings: Settings) -> Level:
     -----
     A large map is first levelled on the means of blocks, which costs a tenth. The cut grows until
     nothing outside the hills stands in the pressed plane, unless `hills.cut` is fixed. Hills are
-    told apart by saddles of one hundredth of the approach: two peaks that stand in one contact are
-    better as two caps than as one.
+    told apart by saddles of a hundredth of the approach: two peaks in one contact are better two
+    caps than one. A cut too high for the noise of the whole map is passed over on the blocks.
     """
     at_m, coarse = load_point_m(surface, settings), coarse_map(surface)
     try:
@@ -131,7 +132,7 @@ def find_level(surface: HeightMap, settings: Settings) -> Level:
     start = _Start(np.array(rest.slope), settings.hills.material_ratio)
     first = whole = _Search(surface, settings, at_m, rest.slope, SETTLED)
     if coarse is not surface:
-        first = _Search(coarse, settings, at_m, rest.slope, NEARLY_SETTLED)
+        first = _Search(coarse, settings, at_m, rest.slope, NEARLY_SETTLED, whole.noise.rms_m)
         with suppress(ContactError, UnusableSurfaceError):  # small contacts need the whole map
             start = first.run(start, DEEP).next
     return whole.run(start).level(rest, first)
@@ -236,6 +237,7 @@ class _Search:
     at_m: tuple[float, float]
     rest_slope: tuple[float, float]
     settled: float
+    finer_noise_m: float = 0.0  # of the map that is searched next, on the cut that is found here
 
     @cached_property
     def noise(self) -> Noise:
@@ -289,13 +291,13 @@ class _Search:
             found = self._on_one_cut(start, last)
             start = found.next
             same = self._across_m(start.slope - slope) < SAME_CUT * found.rest.approach_m
-            # A finer map is cut anew anyway
-            same = same or (self.settled > SETTLED and found.missed_area_m2 == 0.0)
-            if same and relief_m == start.relief_m:
+            enough = self.settled > SETTLED and found.missed_area_m2 == 0.0  # for a finer map's cut
+            if (enough and relief_m is not None) or (same and relief_m == start.relief_m):
                 break
         assert found is not None
-        rest = found.rest
-        shallow_N = float(rest.load_N[rest.at_cut].sum())
+        rest, peak_m = found.rest, found.rest.spheres.apex_m[found.rest.use]
+        noisy = limited_by_cut(peak_m, found.hills.cut_height_m, self.finer_noise_m)
+        shallow_N = float(rest.load_N[rest.at_cut | noisy].sum())
         shallow = shallow_N > SHALLOW_LOAD * self.settings.contact.preload_N and start.ratio < DEEP
         if (found.missed_area_m2 > 0.0 or shallow) and not last:
             raise _MissedError(rest.slope, rest.approach_m)
