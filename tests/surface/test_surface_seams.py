@@ -111,6 +111,14 @@ def test_the_straight_valleys_between_caps_are_no_seams(seed):
     assert seams is None or seams.span_m < 1e-15  # lines that jump by nothing on the whole
 
 
+def test_edges_of_a_boss_on_one_floor_are_no_seams():
+    """They jump along a quarter of a line, and the floor beside it goes on."""
+    boss_m = np.where((ROW < 30) & (COLUMN >= 70) & (COLUMN < 150), 1e-7, 0.0)
+    assert find_seams(of(boss_m)) is None
+    between = (COLUMN >= 70) & (COLUMN < 150)
+    assert find_seams(of(boss_m + 1e-8 * between)).span_m == pytest.approx(1e-8)
+
+
 def test_fields_that_are_tilted_against_one_another_have_seams():
     """No level of each explains all of the jumps."""
     tilted_m = waves_m() + 3e-9 * (ROW - 60) * (COLUMN >= 70) + 6e-8 * (ROW >= 60)

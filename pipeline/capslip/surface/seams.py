@@ -123,7 +123,10 @@ def find_seams(surface: HeightMap) -> Seams | None:
     ny, nx = surface.shape
     rows, columns = np.array([0, *rows, ny]), np.array([0, *columns, nx])
     offset_m = _offsets_m(surface.height_m, rows, columns)
-    return None if offset_m is None else Seams(surface, rows, columns, offset_m)
+    # Edges of hills along a line may jump where the fields beside them lie on one level
+    if offset_m is None or np.ptp(offset_m) <= ROUNDING * np.ptp(surface.bounds_m):
+        return None
+    return Seams(surface, rows, columns, offset_m)
 
 
 def leaves_tops(seams: Seams) -> bool:
