@@ -150,6 +150,7 @@ TABLE = [
         ("contact/balanced.py", "contact/flattening.py"),
         ("tests/contact/test_*moved*.py", "tests/contact/test_*levelling*.py"),
     ),
+    (("contact/turns.py",), ("tests/contact/test_*levelling*.py",)),
     (("contact/solvers/nearby.py",), ("tests/contact/test_*nearby*.py",)),
     (
         ("contact/solvers/refinement.py",),

@@ -26,7 +26,7 @@ from capslip.contact.depth import press_for_depth
 from capslip.contact.direction import with_direction
 from capslip.contact.doubts import problems_of_patches
 from capslip.contact.joint import Joint, joint_of
-from capslip.contact.levelling import UNSETTLED, Level, find_level, turned
+from capslip.contact.levelling import UNSETTLED, Level, TogetherError, find_level, turned
 from capslip.contact.press import ContactState, press
 from capslip.contact.rung import ModelError, Rung, rung
 from capslip.contact.slip import SlipCurve, slip_curve
@@ -305,8 +305,8 @@ def _levelled(
     needs_no_caps = made_from == "map" or _map_for_auto(surface, settings) is not None
     try:
         with clock("level"):
-            level = find_level(surface, settings)
-        if level.moved > UNSETTLED:
+            level = find_level(surface, settings, needs_no_caps)
+        if level.moved > UNSETTLED and not level.given_up:
             raise ContactError(
                 f"the face finds no level: the last turn still moved {level.moved:.1%} of the load"
             )
@@ -315,7 +315,7 @@ def _levelled(
         if needs_no_caps:  # the map may rest on more than its hills
             severity = "info" if made_from == "map" else "warning"
         return None, [Problem("tips_over", severity, str(error).removeprefix("tips_over: "))]
-    except ContactError as error:
+    except (ContactError, TogetherError) as error:
         if needs_no_caps:
             return None, []
         message = f"{error}; the face is pressed as it was levelled, and its level decides"

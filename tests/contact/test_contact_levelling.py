@@ -13,7 +13,13 @@ import capslip
 from capslip.analysis import analyze_once
 from capslip.caps.fit import fit_caps
 from capslip.contact.balanced import rebalanced
-from capslip.contact.levelling import UNSETTLED, _Search, find_level, turned
+from capslip.contact.levelling import (
+    UNSETTLED,
+    TogetherError,
+    _Search,
+    find_level,
+    turned,
+)
 from capslip.errors import ContactError
 from capslip.settings import load_settings
 from capslip.surface.blocks import block_means
@@ -136,6 +142,30 @@ def test_all_lengths_times_a_number_change_no_decision(times, seed):
     assert other.level.slope == pytest.approx(one.level.slope, rel=1e-6)
     assert other.level.hills.n_hills == one.level.hills.n_hills
     assert (other.families.m, other.families.n) == (one.families.m, one.families.n)
+
+
+@pytest.mark.parametrize("of", [face, waves])
+def test_caps_that_run_together_wait_for_no_rest_where_the_map_is_pressed(of):
+    """Near their rest they stay where the map begins; far from it they are left. Neither counts."""
+    load = "contact.preload_N=2e4"
+    settings = load_settings(overrides=(load,))
+    if of is face:
+        level = find_level(of(), settings, needs_no_caps=True)
+        assert level.given_up
+        assert 0.0 < level.moved < 0.05
+    else:
+        with pytest.raises(TogetherError, match="run together"):
+            find_level(of(), settings, needs_no_caps=True)
+    waited = find_level(of(), settings)
+    assert not waited.given_up
+    assert waited.moved < UNSETTLED
+    found = analyzed(of(), load)
+    assert found.contact.model == "boundary_elements"
+    with patch("capslip.stages.find_level", return_value=waited):
+        known = analyzed(of(), load)
+    assert answers(found) == pytest.approx(answers(known), rel=1e-3)
+    if of is face:  # of waves no family is known
+        same_families(known, found)
 
 
 def test_points_that_never_touch_do_not_matter():

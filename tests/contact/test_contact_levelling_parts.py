@@ -5,14 +5,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from capslip.contact.levelling import (
-    _deeper,
-    _relief_m,
-    _Search,
-    _Start,
-    _turn,
-    turned,
-)
+from capslip.contact.levelling import _Search, _Start, turned
+from capslip.contact.turns import deeper_fits, run_together, same_relief_m, turn_points
 from capslip.settings import Settings
 from capslip.surface.heightmap import HeightMap
 
@@ -25,7 +19,7 @@ def face(shape=(4, 6)):
 
 
 def search(surface):
-    return _Search(surface, Settings(), AT_M, (0.0, 0.0), 1e-3)
+    return _Search(surface, Settings(), AT_M, (0.0, 0.0), False, 1e-3)
 
 
 def places_m(shape):
@@ -50,7 +44,7 @@ def test_points_of_hills_turn_as_their_map_does():
         groups=lambda: [(0, slice(0, 10)), (1, slice(10, 24))],
         places_m=lambda some: (x_m[some] + AT_M[0], y_m[some] + AT_M[1]),
     )
-    _turn(points, np.array([2e-3, -1e-3]), AT_M)
+    turn_points(points, np.array([2e-3, -1e-3]), AT_M)
     assert points.z_m == pytest.approx(2e-3 * x_m - 1e-3 * y_m, abs=1e-18)
 
 
@@ -65,24 +59,24 @@ def test_a_slope_stands_across_the_side_on_which_it_is_higher(slope, across_m):
 def test_depths_go_a_part_of_the_way_and_change_by_load():
     use, own_m = np.array([0, 2, 3]), np.array([2.0, 6.0, 9.0])
     load_N = np.array([1.0, 0.0, 3.0, 0.0])
-    first_m, change = _deeper(None, use, own_m, load_N, 1.0)
+    first_m, change = deeper_fits(None, use, own_m, load_N, 1.0)
     assert first_m == pytest.approx([2.0, np.nan, 6.0, np.nan], nan_ok=True)
     assert change == 1.0
     before_m = np.array([1.0, 5.0, 8.0, 4.0])
-    half_m, change = _deeper(before_m, use, own_m, load_N, 0.5)
+    half_m, change = deeper_fits(before_m, use, own_m, load_N, 0.5)
     assert half_m == pytest.approx([1.5, np.nan, 7.0, np.nan], nan_ok=True)
     assert change == pytest.approx((1.0 * 1.0 + 3.0 * 0.25) / 4.0)
-    new_m, change = _deeper(np.array([1.0, 5.0, np.nan, 4.0]), use, own_m, load_N, 0.5)
+    new_m, change = deeper_fits(np.array([1.0, 5.0, np.nan, 4.0]), use, own_m, load_N, 0.5)
     assert new_m == pytest.approx([1.5, np.nan, 6.0, np.nan], nan_ok=True)
     assert change == pytest.approx(1.0)  # without any so far as a whole
 
 
 def test_hills_are_told_apart_anew_where_the_approach_is_another_one():
-    assert _relief_m(None, 3e-8) == 3e-8
+    assert same_relief_m(None, 3e-8) == 3e-8
     for near in (1.0 / 1.08, 1.0, 1.08):
-        assert _relief_m(3e-8, near * 3e-8) == 3e-8
+        assert same_relief_m(3e-8, near * 3e-8) == 3e-8
     for other in (1.0 / 1.1, 1.1):
-        assert _relief_m(3e-8, other * 3e-8) == other * 3e-8
+        assert same_relief_m(3e-8, other * 3e-8) == other * 3e-8
     assert _Start(np.zeros(2), 0.1).relief_m is None
 
 
@@ -118,3 +112,22 @@ def test_a_search_hands_on_the_caps_whose_depth_it_knows():
     rest.depth_m = None
     found = search(face())._next(_Start(np.zeros(2), 0.15), rest)
     assert (found.place_m.shape, found.depth_m) == ((2, 0), None)
+
+
+@pytest.mark.parametrize(("apart_m", "light_N", "together"), [
+    (2.9e-3, 1.0, True), (3.1e-3, 1.0, False), (2.9e-3, 0.09, False), (2.9e-3, 0.0, False),
+])  # fmt: skip
+def test_contacts_run_together_that_overlap_and_carry_a_twentieth_of_the_load(
+    apart_m, light_N, together
+):
+    """Contacts of 1 and 2 mm, beside one far away that carries the rest; a cap that is not used."""
+    spheres = SimpleNamespace(
+        x_m=np.array([0.0, 5e-2, apart_m, 0.0]),
+        y_m=np.zeros(4),
+        radius_m=np.array([10.0, 10.0, 40.0, 10.0]),
+    )
+    pressed = SimpleNamespace(
+        width_m=np.array([1e-7, 1e-7, 1e-7]),  # of a^2 / R
+        load_N=np.array([light_N / 2.0, 2.0, light_N / 2.0]),
+    )
+    assert run_together(spheres, np.array([0, 1, 2]), pressed) == together

@@ -19,7 +19,7 @@ from capslip.caps.fit import Fitted, fit_spheres
 from capslip.caps.fitting import Spheres, fit_named
 from capslip.caps.hills import Hills, find_hills
 from capslip.caps.noise import Noise, noise_at_rest
-from capslip.caps.points import HillPoints, points_of_hills
+from capslip.caps.points import points_of_hills
 from capslip.caps.resting import RestingPlane, resting_plane
 from capslip.caps.table import CapTable
 from capslip.contact.balanced import press_balanced
@@ -27,7 +27,8 @@ from capslip.contact.certificate import certify_cut
 from capslip.contact.material import composite, yield_law
 from capslip.contact.rung import load_point_m, turning_stiffness
 from capslip.contact.solvers.yielding import FirstLoading
-from capslip.errors import ContactError, TipsOverError, UnusableSurfaceError
+from capslip.contact.turns import deeper_fits, run_together, same_relief_m, turn_points
+from capslip.errors import CapslipError, ContactError, TipsOverError, UnusableSurfaceError
 from capslip.settings import Settings
 from capslip.surface.blocks import coarse_map
 from capslip.surface.heightmap import HeightMap
@@ -51,7 +52,6 @@ UNSETTLED = 0.01  # of the preload: a level whose last turn still moves more is 
 SHALLOW_LOAD = 1e-3  # of the preload, on hills whose fit the cut may limit
 EARLY = 0.05  # of load and approach: by then the cut can be tried
 SAME_CUT = 0.1  # of the approach: a face that turned less since it was cut is cut well
-SAME_RELIEF = 1.09  # factor by which an approach may change without telling hills apart anew
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,6 +82,8 @@ class Level:
         Area outside the hills that the pressed plane reaches; 0 where the cut is deep enough.
     moved : float
         Share of the load that the last turn still moved; 0 where the turns came to rest.
+    given_up : bool
+        Whether the turns ended early, as contacts run together and the map can be pressed instead.
     """
 
     surface: HeightMap
@@ -96,9 +98,10 @@ class Level:
     material_ratio: float
     missed_area_m2: float
     moved: float
+    given_up: bool
 
 
-def find_level(surface: HeightMap, settings: Settings) -> Level:
+def find_level(surface: HeightMap, settings: Settings, needs_no_caps: bool = False) -> Level:
     """Find the level of a face under its preload, and the cut that holds all that touches.
 
     Parameters
@@ -107,6 +110,8 @@ def find_level(surface: HeightMap, settings: Settings) -> Level:
         Heights after removal of the form; their own level does not matter.
     settings : Settings
         `hills`, `caps`, `material` and `contact`.
+    needs_no_caps : bool
+        Whether the map can be pressed where the caps do not hold: then nobody waits for their rest.
 
     Raises
     ------
@@ -114,6 +119,8 @@ def find_level(surface: HeightMap, settings: Settings) -> Level:
         If the load point lies outside the hull of what can touch.
     ContactError
         If the caps cannot carry the preload, or the turns come to no rest.
+    TogetherError
+        If contacts run together and `needs_no_caps`.
     UnusableSurfaceError
         If fewer than 9 points lie above the cut.
 
@@ -130,9 +137,10 @@ def find_level(surface: HeightMap, settings: Settings) -> Level:
     except UnusableSurfaceError as error:
         raise TipsOverError(f"tips_over: {error}") from error
     start = _Start(np.array(rest.slope), settings.hills.material_ratio)
-    first = whole = _Search(surface, settings, at_m, rest.slope, SETTLED)
+    given = settings, at_m, rest.slope, needs_no_caps
+    first = whole = _Search(surface, *given, SETTLED)
     if coarse is not surface:
-        first = _Search(coarse, settings, at_m, rest.slope, NEARLY_SETTLED, whole.noise.rms_m)
+        first = _Search(coarse, *given, NEARLY_SETTLED, whole.noise.rms_m)
         with suppress(ContactError, UnusableSurfaceError):  # small contacts need the whole map
             start = first.run(start, DEEP).next
     return whole.run(start).level(rest, first)
@@ -180,6 +188,7 @@ class _Rest:
     turn: np.ndarray  # (2,), slope of it that the caps were not fitted at, but turned by
     approach_m: float
     moved: float  # share of the load; 0 where the turns came to rest
+    given_up: bool = False
 
 
 @dataclass(frozen=True, eq=False)
@@ -213,7 +222,12 @@ class _Found:
             material_ratio=self.next.ratio,
             missed_area_m2=self.missed_area_m2,
             moved=rest.moved,
+            given_up=rest.given_up,
         )
+
+
+class TogetherError(CapslipError):
+    """Contacts run together, and the caps are far from a level that the map would find."""
 
 
 class _LostCapsError(ContactError):
@@ -236,6 +250,7 @@ class _Search:
     settings: Settings
     at_m: tuple[float, float]
     rest_slope: tuple[float, float]
+    needs_no_caps: bool
     settled: float
     finer_noise_m: float = 0.0  # of the map that is searched next, on the cut that is found here
 
@@ -292,14 +307,15 @@ class _Search:
             start = found.next
             same = self._across_m(start.slope - slope) < SAME_CUT * found.rest.approach_m
             enough = self.settled > SETTLED and found.missed_area_m2 == 0.0  # for a finer map's cut
-            if (enough and relief_m is not None) or (same and relief_m == start.relief_m):
+            enough = (enough and relief_m is not None) or found.rest.given_up
+            if enough or (same and relief_m == start.relief_m):
                 break
         assert found is not None
         rest, peak_m = found.rest, found.rest.spheres.apex_m[found.rest.use]
         noisy = limited_by_cut(peak_m, found.hills.cut_height_m, self.finer_noise_m)
         shallow_N = float(rest.load_N[rest.at_cut | noisy].sum())
         shallow = shallow_N > SHALLOW_LOAD * self.settings.contact.preload_N and start.ratio < DEEP
-        if (found.missed_area_m2 > 0.0 or shallow) and not last:
+        if (found.missed_area_m2 > 0.0 or shallow) and not (last or rest.given_up):
             raise _MissedError(rest.slope, rest.approach_m)
         return found
 
@@ -322,20 +338,20 @@ class _Search:
         share = fit_named(fit).compression_share
         slope, depth_m = start.slope, self._carried(start, hills, surface)
         before: tuple[np.ndarray, FirstLoading] | None = None
-        before_N = np.zeros(hills.n_hills)
+        before_N: np.ndarray = np.zeros(hills.n_hills)
         tried, history, part = last, list[float](), 1.0
         # A coarse map tells its hills apart anew once it knows the approach
         rough = self.settled > SETTLED and start.relief_m is None
+        watched, together = self.needs_no_caps and start.relief_m is not None, 0
         least, restless, left, awake, ahead = math.inf, math.inf, math.inf, False, np.zeros(2)
         for _ in range(MAX_TURNS):
-            _turn(points, ahead, self.at_m)
+            turn_points(points, ahead, self.at_m)
             fitted = fit_spheres(surface, hills, fit, depth_m, points, self.noise)
             use, pressed, depths_m = self._press(fitted, slope, before)
             rest, load_N, turn = pressed.rest, pressed.load_N, np.array(pressed.rest.slope)
-            all_N = np.zeros(hills.n_hills)
-            all_N[use] = load_N
-            change_N = float(np.abs(all_N - before_N).sum())
-            moved = 1.0 if before is None else change_N / (2.0 * sum(load_N)) / part
+            all_N: np.ndarray = np.bincount(use, load_N, hills.n_hills)
+            change = float(np.abs(all_N - before_N).sum() / (2.0 * load_N.sum()))
+            moved = 1.0 if before is None else change / part
             before, before_N = (use, pressed), all_N
             span_m = self._across_m(turn)
             approach_m = rest.level_m - float(depths_m.min())
@@ -343,7 +359,7 @@ class _Search:
             loads = fitted.spheres, use, fitted.given.apexes.at_cut[use], load_N
             deeper_m, deeper = depth_m, 0.0
             if share is not None and (moved > HELD_LOAD or depth_m is None):
-                deeper_m, deeper = _deeper(depth_m, use, share * pressed.width_m, all_N, part)
+                deeper_m, deeper = deeper_fits(depth_m, use, share * pressed.width_m, all_N, part)
             found = _Rest(*loads, plane_m, deeper_m, slope - turn, turn, approach_m, 0.0)
             left, left_before = max(span_m / approach_m, deeper), left
             awake |= moved > max(AWAKE * left_before, SETTLED_LOAD)
@@ -358,6 +374,9 @@ class _Search:
                     raise _MissedError(slope, approach_m)
             if settles:
                 return found, fitted
+            together = together + 1 if watched and run_together(*loads[:2], pressed) else 0
+            if together == 2:
+                return _given_up(found, moved), fitted
             history.append(moved)
             if len(history) > 4 and moved > HELD_LOAD and moved > 0.5 * history[-3]:
                 if part == 1.0:
@@ -368,15 +387,13 @@ class _Search:
                     break
                 # It swings to and fro: half of the way.
                 least, part, history = min(history), 0.5 * part, []
-            depth_m, ahead = deeper_m, part * turn
-            slope = slope - ahead
+            depth_m, ahead, slope = deeper_m, part * turn, slope - part * turn
         nearly = moved < NEARLY_LOAD and span_m < NEARLY_TILT * approach_m
         if last or nearly:
             return replace(found, moved=0.0 if nearly else moved), fitted
-        raise ContactError(
-            f"the face finds no level: after {MAX_TURNS} turns of fit and contact {moved:.1%} "
-            "of the load still move; set contact.alignment to as_levelled"
-        )
+        turns = f"{MAX_TURNS} turns of fit and contact {moved:.1%} of the load still move"
+        why = f"the face finds no level: after {turns}; set contact.alignment to as_levelled"
+        raise ContactError(why)
 
     def _press(
         self,
@@ -439,7 +456,7 @@ class _Search:
         spheres = rest.spheres
         place_m = np.stack((spheres.x_m[known], spheres.y_m[known]))
         depth_m = rest.depth_m[known] if rest.depth_m is not None else None
-        relief_m = _relief_m(start.relief_m, rest.approach_m)
+        relief_m = same_relief_m(start.relief_m, rest.approach_m)
         return _Start(rest.slope, start.ratio, relief_m, place_m, depth_m)
 
     def _carried(self, start: _Start, hills: Hills, surface: HeightMap) -> np.ndarray | None:
@@ -469,32 +486,8 @@ class _Search:
         )
 
 
-def _turn(points: HillPoints, slope: np.ndarray, at_m: tuple[float, float]) -> None:
-    """Add a plane of slopes (x, y) that vanishes at a place (x, y), in place: they fill memory."""
-    for _, some in points.groups():  # some at a time: what is computed stays small
-        x_m, y_m = points.places_m(some)
-        points.z_m[some] += slope[0] * (x_m - at_m[0]) + slope[1] * (y_m - at_m[1])
-
-
-def _deeper(
-    depth_m: np.ndarray | None, use: np.ndarray, own_m: np.ndarray, load_N: np.ndarray, part: float
-) -> tuple[np.ndarray, float]:
-    """Return the depths of the next fit, and their mean relative change by load.
-
-    A cap that carries nothing has none; those without any so far change as a whole.
-    """
-    new_m = np.full(len(load_N), np.nan)
-    new_m[use] = np.where(load_N[use] > 0.0, own_m, np.nan)
-    if depth_m is None:
-        return new_m, 1.0
-    known, loaded = ~np.isnan(depth_m), load_N > 0.0
-    change = np.abs(np.where(known, new_m / depth_m - 1.0, 1.0))[loaded]
-    old_m = np.where(known, depth_m, new_m)
-    return old_m + part * (new_m - old_m), float(np.average(change, weights=load_N[loaded]))
-
-
-def _relief_m(before_m: float | None, approach_m: float) -> float:
-    """Return an approach, or that before if it is nearly the same: hills then stay as they are."""
-    if before_m is None or not 1.0 / SAME_RELIEF < approach_m / before_m < SAME_RELIEF:
-        return approach_m
-    return before_m
+def _given_up(rest: _Rest, moved: float) -> _Rest:
+    """Return the rest of contacts that run together, near which the face of the map lies."""
+    if moved > EARLY:
+        raise TogetherError("the contacts of the caps run together before their face comes to rest")
+    return replace(rest, moved=moved, given_up=True)
