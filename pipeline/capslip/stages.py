@@ -162,7 +162,8 @@ def _pressed(face: Face, settings: Settings) -> tuple[ContactState, CapTable]:
         contact, caps = press(*given, found, *more)
         if found.contact.model != settings.contact.model:
             reason = "the caps find no level; so the map itself is pressed, which finds its own"
-            contact = replace(contact, model_reason=reason)
+            contact, doubts = _error_of_map(replace(contact, model_reason=reason), settings)
+            contact = replace(contact, problems=(*contact.problems, *doubts))
         return contact, caps
     except ContactError as failure:
         if settings.contact.model != "auto" or not face.caps.usable.any():
@@ -191,15 +192,22 @@ def estimate(
     It takes far longer than to press the face; the automatic choice has its estimate already.
     """
     settings = as_found(face, settings)
-    if contact.rung.error is not None:
-        with clock("accuracy"):
-            given = (contact.normal, contact.preload_N, settings.contact.tolerance)
-            errors, doubts = contact.rung.error(*given)
-        return replace(contact, errors=errors), doubts
     with clock("accuracy"):
+        if contact.rung.error is not None:
+            return _error_of_map(contact, settings)
         caps = (face.caps, face.families, face.conditioned.surface, face.label, face.hills.noise_m)
         error, moved, doubts = estimate_error(*caps, settings)
     return replace(contact, errors=ModelError.of_either(error), moved=moved), doubts
+
+
+def _error_of_map(
+    contact: ContactState, settings: Settings
+) -> tuple[ContactState, tuple[Problem, ...]]:
+    """Return a model that knows its own error with that, and whether it is too great."""
+    assert contact.rung.error is not None
+    given = (contact.normal, contact.preload_N, settings.contact.tolerance)
+    errors, doubts = contact.rung.error(*given)
+    return replace(contact, errors=errors), doubts
 
 
 def can_be_pressed(face: Face, settings: Settings) -> bool:
