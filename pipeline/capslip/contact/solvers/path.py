@@ -10,11 +10,10 @@ from capslip.contact.solvers.losses import rates_per_m
 from capslip.contact.solvers.patches import PatchedFace
 from capslip.contact.solvers.pixels import around_contact, fewer, in_contact_alone
 from capslip.contact.solvers.polonsky_keer import (
-    PUNCH_TOLERANCE,
     ElasticFace,
     Pressed,
     press,
-    punch_pressure_Pa_per_m,
+    punch,
 )
 from capslip.contact.solvers.refinement import refinement, touches_between
 from capslip.contact.solvers.starts import Known, start_Pa
@@ -22,11 +21,12 @@ from capslip.contact.solvers.tilting import press_about
 
 FINEST = 1e-11  # tolerance of a solution, above rounding
 _SHRUNK = 0.6  # of the points of a face, that are left where one of fewer points is sought
-_LEFT, _LOOSEST = 1e-2, 1e-6  # of the loss, that gaps may be; tolerance that is enough for any
+_LEFT, _LOOSEST = 3e-2, 1e-6  # of the loss, that gaps may be; tolerance that is enough for any
 # Withdrawals, over that of the last contact, between which exact solutions tell no loss any more
 CLOSEST = (8.0 * FINEST / _LEFT) ** (1 / 3)
-_PRELOAD_LEFT = 1e-4  # of the least loss asked for, that gaps under the preload may be
-_ROUGHLY = 1e-4  # tolerance of a punch that is a start and a stiffness to compare: 1e-5 of it
+_OFF = 1e-6  # of the approach: gaps that are left under the preload, and are taken for heights
+_TRIED = 1e-3  # tolerance of a state that tells where a refined contact ends
+_ROUGHLY = 1e-4  # tolerance of a punch
 _FURTHER = 4  # pixels that a contact at the end of a patch is first taken to go on
 _UNSETTLED = 1e-3  # of the loss: the most that a solution may leave open
 # Relative error of the loss of a region times the square of the width, in pixels, of the ring that
@@ -60,19 +60,20 @@ class Path:
         on_patches: bool,
         punch_Pa_per_m: np.ndarray | None = None,  # of the map, where it is known
         around: PatchedFace | None = None,  # from `around_contact`, where it is known
-        least_share: float = 0.0,  # of the load, that is solved for; 0: any, as well as can be
         most: float = math.inf,  # points along the side of a pixel
     ) -> None:
         region = pressed.region
         self.map, self.map_pressed, self.patches = face, pressed, None
         if on_patches:
-            t = -math.expm1(2 / 3 * math.log1p(-least_share))
-            off = max(_PRELOAD_LEFT * t**3 / 8, FINEST)
-            self.patches, face, pressed, region = _on_patches(face, pressed, around, off, most)
-        self.face, self.tolerance = in_contact_alone(face, pressed.pressure_Pa), tolerance
+            self.patches, face, pressed, region = _on_patches(face, pressed, around, most)
         at = np.flatnonzero(pressed.pressure_Pa)
-        pressure_Pa, gap_m = pressed.pressure_Pa.reshape(-1)[at], pressed.gap_m.reshape(-1)[at]
-        self.pressed = pressed = replace(pressed, pressure_Pa=pressure_Pa, gap_m=gap_m)
+        pressure_Pa = pressed.pressure_Pa.reshape(-1)[at]
+        # Gaps that are left are taken for heights: of a face all but the same the state is exact,
+        # from which the loss at small slip is a small difference
+        face = in_contact_alone(face, pressed.pressure_Pa)
+        left_m = face.half_space.sinking_m(pressure_Pa) + face.depth_m - pressed.approach_m
+        self.face, self.tolerance = replace(face, depth_m=face.depth_m - left_m), tolerance
+        self.pressed = replace(pressed, pressure_Pa=pressure_Pa, gap_m=np.zeros(len(at)))
         # A region may be gone where the solution is finer than that of the preload.
         self.left, self.region = np.unique(region.reshape(-1)[at] - 1, return_inverse=True)
         self.n_regions, self.n_points = len(self.left), len(at)
@@ -80,9 +81,10 @@ class Path:
         self.region_load_N = self._sums(pressure_Pa) * face.pixel_area_m2
         # Slopes of the withdrawals t_i, which the first solved load would give less well.
         start = None if punch_Pa_per_m is None else self.face.gathered(punch_Pa_per_m)
-        off = PUNCH_TOLERANCE if least_share == 0.0 else _ROUGHLY
-        self.punch_Pa_per_m = punch_pressure_Pa_per_m(self.face, pressed, start, off)
-        stiffness = self._sums(self.punch_Pa_per_m) * face.pixel_area_m2
+        found = punch(self.face, self.pressed, start, _ROUGHLY)
+        self.punch_Pa_per_m = found.pressure_Pa
+        # What is left of its gaps counts twice: then its sum is off by the square of what it is
+        stiffness = self._sums(found.pressure_Pa * (1.0 - found.gap_m)) * face.pixel_area_m2
         self.stiffness_N_per_m = float(stiffness.sum())
         self.slope_per_m = stiffness / self.region_load_N / 1.5
         self.nodes: list[Node] = []
@@ -249,7 +251,7 @@ class Path:
 
 
 def _on_patches(
-    face: ElasticFace, pressed: Pressed, around: PatchedFace | None, tolerance: float, most: float
+    face: ElasticFace, pressed: Pressed, around: PatchedFace | None, most: float
 ) -> tuple[PatchedFace | None, ElasticFace, Pressed, np.ndarray]:
     """Return patches around the contact, and face, state and regions under the preload on them.
 
@@ -260,13 +262,18 @@ def _on_patches(
     finest = int(min(finest, most))
     if finest > 1:  # its points may find a contact that no pixel of the map has
         contact, around = contact | touches_between(face, pressed), None
-    patches = around or around_contact(face, contact, finest)
+    patches, near_Pa = around or around_contact(face, contact, finest), pressed.pressure_Pa
     while patches is not None:
-        turned, state = _state_on(patches, pressed, tolerance)
-        ends = _at_ends(patches, state)
-        if not len(ends):
+        begin_Pa = patches.gathered(near_Pa)
+        for tolerance in (_OFF,) if patches.refinement == 1 else (_TRIED, _OFF):
+            turned, state = _state_on(patches, pressed, tolerance, begin_Pa)
+            begin_Pa, ends = state.pressure_Pa, _at_ends(patches, state)
+            if len(ends):
+                break
+        else:
             return patches, turned, state, _regions(patches, pressed)
         contact, further = _with(contact, ends, further), 2 * further
+        near_Pa = patches.spread(begin_Pa)
         patches = around_contact(face, contact, finest)
     return None, face, pressed, pressed.region
 
@@ -298,14 +305,14 @@ def _with(contact: np.ndarray, ends: np.ndarray, pixels: int) -> np.ndarray:
 
 
 def _state_on(
-    patches: PatchedFace, pressed: Pressed, tolerance: float
+    patches: PatchedFace, pressed: Pressed, tolerance: float, start_Pa: np.ndarray
 ) -> tuple[ElasticFace, Pressed]:
     """Return the patches and their state under the preload.
 
     A face in balance turns once more where it is refined: contacts that end at the edge of the map
     reach half a pixel further, and bear more.
     """
-    start_Pa, load_N = patches.gathered(pressed.pressure_Pa), pressed.load_N
+    load_N = pressed.load_N
     if pressed.turns and patches.refinement > 1:
         return press_about(patches, load_N, pressed.resultant_m, tolerance, start_Pa)
     return patches, press(patches, load_N=load_N, tolerance=tolerance, start_Pa=start_Pa)

@@ -20,6 +20,7 @@ __all__ = [
     "elastic_face",
     "first_loading",
     "press",
+    "punch",
     "punch_pressure_Pa_per_m",
 ]
 
@@ -147,20 +148,22 @@ def first_loading(face: ElasticFace, pressed: Pressed) -> tuple[ElasticFace, Pre
     return face.flattened(sunk_m), replace(pressed, gap_m=gap_m, approach_m=approach_m)
 
 
-def punch_pressure_Pa_per_m(
-    face: ElasticFace,
-    pressed: Pressed,
-    start_Pa_per_m: np.ndarray | None = None,
-    tolerance: float = PUNCH_TOLERANCE,
-) -> np.ndarray:
+def punch_pressure_Pa_per_m(face: ElasticFace, pressed: Pressed) -> np.ndarray:
     """Return dp/dd, in the shape of the face.
 
     As long as no pixel enters or leaves, more load is that of a flat punch on the same pixels.
     """
+    return punch(face, pressed, None, PUNCH_TOLERANCE).pressure_Pa
+
+
+def punch(
+    face: ElasticFace, pressed: Pressed, start_Pa_per_m: np.ndarray | None, tolerance: float
+) -> Pressed:
+    """Return the state of a flat punch on the pixels in contact, that sinks by one metre."""
     contact = pressed.pressure_Pa > 0
-    punch = replace(face, depth_m=np.zeros(face.shape), measured=contact)
+    flat = replace(face, depth_m=np.zeros(face.shape), measured=contact)
     start_Pa = pressed.pressure_Pa if start_Pa_per_m is None else start_Pa_per_m
-    return press(punch, approach_m=1.0, start_Pa=start_Pa, tolerance=tolerance).pressure_Pa
+    return press(flat, approach_m=1.0, start_Pa=start_Pa, tolerance=tolerance)
 
 
 def solve(

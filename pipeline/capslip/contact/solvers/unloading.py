@@ -171,7 +171,7 @@ def path_at(
     points that a refinement may put along the side of a pixel.
     """
     for on_patches, known in ((True, (punch_Pa_per_m, around)), (False, (None, None))):
-        path = Path(face, pressed, tolerance, on_patches, *known, min(shares), most)
+        path = Path(face, pressed, tolerance, on_patches, *known, most)
         for share in shares:
             path.at(share)
         error = path.patch_error()
