@@ -158,8 +158,11 @@ def _pressed(face: Face, settings: Settings) -> tuple[ContactState, CapTable]:
     found = as_found(face, settings)
     given = (face.caps, face.families, face.conditioned.surface)
     more = (face.label, face.hills.noise_m)
+    at_ease_rad = (0.0, 0.0)  # what holds the parts is so as they were levelled
+    if face.level is not None:
+        at_ease_rad = (-float(face.level.slope[0]), -float(face.level.slope[1]))
     try:
-        contact, caps = press(*given, found, *more)
+        contact, caps = press(*given, found, *more, at_ease_rad=at_ease_rad)
         if found.contact.model != settings.contact.model:
             reason = "the caps find no level; so the map itself is pressed, which finds its own"
             contact, doubts = _error_of_map(replace(contact, model_reason=reason), settings)
@@ -171,7 +174,7 @@ def _pressed(face: Face, settings: Settings) -> tuple[ContactState, CapTable]:
         why = str(failure)
     found = as_found(face, settings, with_map=False)
     try:
-        contact, caps = press(*given, found, *more, map_failure=why)
+        contact, caps = press(*given, found, *more, map_failure=why, at_ease_rad=at_ease_rad)
     except ContactError as failure:
         raise ContactError(f"{failure}; the map itself: {why}") from failure
     if found.contact.alignment == settings.contact.alignment:

@@ -32,8 +32,8 @@ def settings(*more):
 WITH_BULK = settings("contact.bulk=true")  # what holds the bulk term keeps it: Hertz for one cap
 
 
-def estimate(caps, noise_m=0.0, label=None, chosen=WITH_BULK):
-    scene = scene_of(caps, PRELOAD_N, SIDE_M)
+def estimate(caps, noise_m=0.0, label=None, chosen=WITH_BULK, face=FACE):
+    scene = replace(scene_of(caps, PRELOAD_N, SIDE_M), surface=face)
     curve = RUNG.build(scene)
     found = answers(curve, RUNG.holds_bulk, FACE, chosen)
     return error_of_caps(scene, curve, found, label, noise_m, chosen)
@@ -336,10 +336,17 @@ def test_a_ridge_without_end_has_no_radius():
 
 def test_a_contact_that_ends_at_the_edge_of_the_map_is_none_of_a_cap():
     label = np.ones(FACE.shape, dtype=int)
-    assert estimate(one_cap(), label=label).doubt is None
+    y_m, x_m = 2e-3 * (np.indices(FACE.shape) + 0.5)
+
+    def on_its_hill(caps):
+        square_m2 = (x_m - caps.x_m) ** 2 + (y_m - caps.y_m) ** 2
+        face = replace(FACE, height_m=-square_m2 / (2.0 * caps.radius_m))
+        return estimate(caps, label=label, face=face)
+
+    assert on_its_hill(one_cap()).doubt is None
     a_m = np.sqrt(20.0 * APPROACH_M)
     at_edge = table([0.5 * a_m], [0.02], [20.0], [0.0])
-    assert "edge of the map" in estimate(at_edge, label=label).doubt
+    assert "edge of the map" in on_its_hill(at_edge).doubt
     assert estimate(at_edge).doubt is None  # of caps without a map nobody knows its edge
 
 

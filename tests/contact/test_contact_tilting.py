@@ -6,6 +6,7 @@ import pathlib
 import numpy as np
 import pytest
 
+from capslip.analysis import analyze_once
 from capslip.contact.models.boundary_elements import boundary_elements
 from capslip.contact.slip import slip_curve
 from capslip.contact.solvers.detail import _loss_J
@@ -13,6 +14,7 @@ from capslip.contact.solvers.path import Path
 from capslip.contact.solvers.polonsky_keer import elastic_face, press
 from capslip.contact.solvers.tilting import press_balanced
 from capslip.errors import ContactError, SettingsError
+from capslip.settings import load_settings
 from capslip.studies.faces.synthetic import Scene, synthetic_surface
 from capslip.surface.heightmap import HeightMap
 
@@ -185,6 +187,44 @@ def test_balance_costs_less_than_a_third_more_than_a_plane_that_is_held(monkeypa
         press_balanced(face, LOAD_N)
         free += sum(points)
     assert free < 1.33 * held
+
+
+def test_what_holds_the_parts_is_at_ease_where_they_were_though_the_map_is_turned():
+    slope_rad, stiffness = (3e-6, -2e-6), 1e6
+    surface = waves(7)
+    given = {"rotational_stiffness_Nm_per_rad": stiffness}
+    base = press_balanced(elastic_face(surface, E), LOAD_N, **given)
+    face = elastic_face(surface, E).tilted(slope_rad)
+    at_ease = press_balanced(face, LOAD_N, at_ease_rad=(-3e-6, 2e-6), **given)
+    assert np.add(at_ease.tilt_rad, slope_rad) == pytest.approx(base.tilt_rad, rel=1e-4)
+    assert at_ease.resultant_m == pytest.approx(base.resultant_m, rel=1e-6)
+    as_turned = press_balanced(face, LOAD_N, **given)
+    assert np.hypot(*np.subtract(as_turned.resultant_m, base.resultant_m)) > 1e-4
+
+
+def test_a_map_of_which_caps_found_the_level_is_held_from_where_it_was_levelled():
+    """Moments K theta / N off the load point, with the whole tilt; craters are no caps."""
+    y_m, x_m = 4e-4 * (np.indices((100, 150)) + 0.5)
+    height_m = np.full(x_m.shape, -1e-6)
+    for x0_m, y0_m, top_m in (
+        (10e-3, 9e-3, 0.0),
+        (29e-3, 12e-3, 0.0),
+        (50e-3, 10e-3, -1.2e-7),
+        (13e-3, 31e-3, 2e-8),
+        (33e-3, 29e-3, 0.0),
+        (48e-3, 30e-3, -1e-7),
+    ):
+        square_m2 = (x_m - x0_m) ** 2 + (y_m - y0_m) ** 2
+        hill_m = top_m - square_m2 / 50.0 - 1.5e-7 * np.exp(-square_m2 / 1e-6)
+        height_m = np.maximum(height_m, hill_m)
+    held = ("contact.preload_N=500", "contact.alignment_stiffness_Nm_per_rad=1e6")
+    analysis = analyze_once(HeightMap(height_m, (4e-4, 4e-4)), load_settings(overrides=held))
+    assert analysis.contact.rung.made_from == "map"
+    assert analysis.level is not None
+    tilt_rad = np.array(analysis.summary()["contact"]["tilt_rad"])
+    assert np.hypot(*analysis.level.slope) > 1e-7
+    off_m = np.array(analysis.contact.eccentricity_m)
+    assert off_m == pytest.approx(-1e6 * tilt_rad / 500.0, rel=1e-3)
 
 
 def test_rotational_stiffness_leads_from_balanced_to_levelled():

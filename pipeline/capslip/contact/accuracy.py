@@ -169,7 +169,7 @@ def error_of_caps(
     unload as Hertz contacts, and the map less evenly: half of the energies, times the share of the
     load on such caps. None of these causes has to do with another, so their squares add. The error
     is not known where something else than the caps carries: if contacts overlap, are wider than
-    their hills, or if the plane reaches points outside the hills.
+    their hills, or if the plane reaches points outside the hills or far beside their contacts.
     """
     doubt = _doubt(scene, curve, label, noise_m)
     if doubt is not None:
@@ -235,8 +235,9 @@ def _doubt(
     if drawn.beyond_share > CUT_SHARE:
         return f"{drawn.beyond_share:.0%} of the contact would lie beyond the edge of the map"
     top_m = float(caps.peak_height_m[use].max())
-    if unmodelled_area_m2(scene.surface, label, curve, approach_m, top_m, noise_m) > 0.0:
-        return "parts of the face that are no hills would touch"
+    face = scene.surface, label, curve, approach_m, top_m, noise_m
+    if unmodelled_area_m2(*face, drawn.half_axis_m) > 0.0:
+        return "parts of the face that are no hills, or lie on their flanks, would touch"
     return None
 
 

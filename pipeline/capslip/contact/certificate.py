@@ -16,6 +16,7 @@ from capslip.surface.rows import BLOCK_POINTS, row_blocks
 
 BLOCKS = 100  # along the shorter side of the map, over which heights are averaged
 NOISE_SPREADS = 2.0  # standard deviations of a mean height that may hide a contact
+CERTAIN_SPREADS = 5.0  # by which one of many hills that all but touch is not there by chance
 MODEL_ERROR = 0.02  # of the sinking: what point loads may be off
 NEAR = 1.5  # contact radii within which the shape of a cap is the fit's matter, not the cut's
 AT_ONCE = 2_000_000  # pairs of a block and a contact
@@ -70,7 +71,9 @@ def certify_cut(
     mean_m = means_of_blocks(surface, side, side**2 // 2 + 1)
     n_rows, n_cols = mean_m.shape
     mean_m[label[side // 2 :: side, side // 2 :: side][:n_rows, :n_cols] > 0] = np.nan
-    excess_m = _excess(surface, mean_m, plane_m, contacts, E_star_Pa, noise_m, proven=True)
+    beyond_m = NOISE_SPREADS * noise_m / side
+    near_m = NEAR * contacts[2]
+    excess_m = _excess(surface, mean_m, plane_m + beyond_m, contacts, E_star_Pa, near_m)
     return float(np.count_nonzero(excess_m > 0.0) * (side**2 * dy_m * dx_m))
 
 
@@ -81,8 +84,13 @@ def unmodelled_area_m2(
     approach_m: float,
     peak_height_m: float,
     noise_m: float,
+    half_axis_m: np.ndarray | None = None,
 ) -> float:
-    """Return the area outside the hills that the pressed plane may reach.
+    """Return the area that the pressed plane may reach outside the hills, or does beside contacts.
+
+    A cap stands for its hill, and the fit answers for how well. Not so far beside the contact: a
+    burr or another top on the flank touches where no fit looks, and carries little, but a small
+    contact slips first.
 
     Parameters
     ----------
@@ -98,6 +106,8 @@ def unmodelled_area_m2(
         Height of the highest cap, from which the approach counts.
     noise_m : float
         Standard deviation of the noise, point by point: it may hide that something touches.
+    half_axis_m : float64, shape (m,), optional
+        The longer one of each contact that carries load; by default contacts are circles.
 
     Returns
     -------
@@ -106,15 +116,20 @@ def unmodelled_area_m2(
     """
     side = max(1, min(surface.shape) // BLOCKS)
     plane_m = peak_height_m - approach_m
-    mean_m = _means_beside(surface, label, plane_m - NOISE_SPREADS * noise_m / side, side)
-    if np.isnan(mean_m).all():
-        return 0.0
     load_N = curve.asperity_loads_N(approach_m)
     at = load_N > 0.0
     a_m = contact_radius_m(load_N[at], curve.radius_m[at], curve.E_star_Pa)
     contacts = np.vstack((curve.x_m[at], curve.y_m[at], a_m, load_N[at]))
-    excess_m = _excess(surface, mean_m, plane_m, contacts, curve.E_star_Pa, noise_m, proven=False)
-    return float(np.count_nonzero(excess_m > 0.0) * side**2 * surface.pixel_area_m2)
+    near_m = NEAR * (a_m if half_axis_m is None else half_axis_m)
+    spread_m, n = noise_m / side, 0
+    for on_hills, least_m, beside_m in (
+        (False, plane_m - NOISE_SPREADS * spread_m, None),
+        (True, plane_m + CERTAIN_SPREADS * spread_m, near_m),
+    ):
+        mean_m = _means_of(surface, label, on_hills, least_m, side)
+        excess_m = _excess(surface, mean_m, least_m, contacts, curve.E_star_Pa, beside_m)
+        n += int(np.count_nonzero(excess_m > 0.0))
+    return float(n * side**2 * surface.pixel_area_m2)
 
 
 def _excess(
@@ -123,19 +138,18 @@ def _excess(
     plane_m: float,
     contacts: np.ndarray,
     E_star_Pa: float,
-    noise_m: float,
-    proven: bool,
+    near_m: np.ndarray | None,
 ) -> np.ndarray:
     """Return by how much the blocks that stand above the plane do so where it is sunk.
 
     Of the mean heights of all blocks. The contacts, shape (4, m), are x, y, radius and load. What
-    is to be proven lies beyond noise, the error of the model and the neighbourhood of every
-    contact; else noise counts against.
+    is to be proven lies beyond the error of the model, and farther from every contact than its
+    `near_m`; None where any doubt counts.
     """
     side = max(1, min(surface.shape) // BLOCKS)
     dy_m, dx_m = surface.pixel_size_m
-    sign, near, error = (1.0, NEAR, MODEL_ERROR) if proven else (-1.0, 0.0, 0.0)
-    reach_m = mean_m - (plane_m + sign * NOISE_SPREADS * noise_m / side)
+    error = 0.0 if near_m is None else MODEL_ERROR
+    reach_m = mean_m - plane_m
     row, col = np.nonzero(reach_m > 0.0)  # False where nothing was measured
     reach_m = reach_m[row, col]
     place_m = np.stack([(col + 0.5) * side * dx_m, (row + 0.5) * side * dy_m])
@@ -143,7 +157,7 @@ def _excess(
     excess_m = np.full(row.size, -np.inf)
     for part in np.array_split(np.arange(row.size), 1 + row.size * a_m.size // AT_ONCE):
         r_m = np.hypot(*(place_m[:, part, None] - contacts[:2, None]))
-        beside = (r_m >= near * a_m).all(axis=1)
+        beside = near_m is None or (r_m >= near_m).all(axis=1)
         r_m = np.maximum(r_m, a_m)  # within a contact at least as at its rim
         # Point loads sink the surface less than contacts do, and most places are past even them.
         least_m = (load_N / r_m).sum(axis=1) / (math.pi * E_star_Pa)
@@ -154,24 +168,26 @@ def _excess(
     return excess_m
 
 
-def _means_beside(surface: HeightMap, label: np.ndarray, least_m: float, side: int) -> np.ndarray:
-    """Mean heights of what lies outside hills, NaN where that has no point above a height.
+def _means_of(
+    surface: HeightMap, label: np.ndarray, on_hills: bool, least_m: float, side: int
+) -> np.ndarray:
+    """Mean heights of what lies on hills or outside, NaN where that has no point above a height.
 
     Without such a point the mean is not high either.
     """
     mean_m, inside = np.full([n // side for n in surface.shape], np.nan), np.arange(side)
-    beside = np.zeros([-(-n // side) for n in surface.shape], dtype=bool)
+    high = np.zeros([-(-n // side) for n in surface.shape], dtype=bool)
     for block in row_blocks(surface.shape):
-        above = np.flatnonzero((surface[block] > least_m) & (label[block] == 0))
+        above = np.flatnonzero((surface[block] > least_m) & ((label[block] > 0) == on_hills))
         row, col = np.divmod(above, surface.shape[1])
-        beside[(row + block.start) // side, col // side] = True
-    row, col = np.nonzero(beside[: mean_m.shape[0], : mean_m.shape[1]])
+        high[(row + block.start) // side, col // side] = True
+    row, col = np.nonzero(high[: mean_m.shape[0], : mean_m.shape[1]])
     for some in np.array_split(np.arange(row.size), 1 + row.size * side**2 // BLOCK_POINTS):
         points = (
             row[some, None, None] * side + inside[:, None],
             col[some, None, None] * side + inside,
         )
-        heights_m = np.where(label[points] > 0, np.nan, surface[points])
+        heights_m = np.where((label[points] > 0) == on_hills, surface[points], np.nan)
         mean_m[row[some], col[some]] = _known_means(heights_m)
     return mean_m
 

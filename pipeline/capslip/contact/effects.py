@@ -215,7 +215,7 @@ def _effect_on_map(
 
     def answers_on(surface: HeightMap) -> np.ndarray:
         known = surface is face.surface
-        scene = Scene.of(peaks, none, surface, settings, peaks.usable)
+        scene = Scene.of(peaks, none, surface, settings, peaks.usable, contact.at_ease_rad)
         curve = contact.normal if known else model.build(scene)
         if model.at_forces is not None:
             curve = model.at_forces(curve, FORCE_SHARES)

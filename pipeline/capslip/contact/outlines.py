@@ -23,10 +23,13 @@ class Outlines:
         Pairs of contacts that cross, and peaks without load inside a contact.
     beyond_share : float
         Share of the load whose part of the contact lies beyond the edge of the map.
+    half_axis_m : float64, shape (c,)
+        The longer one of each contact that carries load.
     """
 
     crossing_pairs: int
     beyond_share: float
+    half_axis_m: np.ndarray
 
 
 def outlines(
@@ -73,7 +76,8 @@ def outlines(
     share = np.zeros(at.size)
     for i in np.flatnonzero(_is_near_edge(ellipses, surface)):
         share[i] = _share_beyond(ellipses[:, i], surface)
-    return Outlines(among + inside, float(share @ load_N[carry] / load_N[carry].sum()))
+    beyond_share = float(share @ load_N[carry] / load_N[carry].sum())
+    return Outlines(among + inside, beyond_share, long_m)
 
 
 def _near(ellipses: np.ndarray) -> tuple[np.ndarray, ...]:

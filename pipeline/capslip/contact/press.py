@@ -60,6 +60,7 @@ class ContactState:
     yielded_area_m2: float | None = None  # of the contact area; None as well
     # The curve for slip after a first loading to a load, at a hardness by a factor; None as well
     first: Callable[[float, float], NormalCurve] | None = None
+    at_ease_rad: tuple[float, float] = (0.0, 0.0)  # slopes at which nothing turns the face back
     lay: Lay | None = None  # what the direction of slip does, see `direction`; None: not looked at
 
     @property
@@ -120,6 +121,7 @@ def press(
     label: np.ndarray | None = None,
     noise_m: float = 0.0,
     map_failure: str = "",
+    at_ease_rad: tuple[float, float] = (0.0, 0.0),
 ) -> tuple[ContactState, CapTable]:
     """Choose the normal curve and press the face with the preload.
 
@@ -139,6 +141,9 @@ def press(
         Standard deviation of the noise of the map, for the choice of the model.
     map_failure : str
         Why the map itself cannot be pressed, for the choice of the model.
+    at_ease_rad : (float, float)
+        Slopes (x, y) on the surface at which what holds the parts upright exerts no moment: caps
+        were balanced against it already, and the map is pressed against it.
 
     Returns
     -------
@@ -167,7 +172,7 @@ def press(
         errors = ModelError.of_either(choice.estimated_error)
         problems += [] if choice.problem is None else [choice.problem]
     model = rung(model_name)
-    before = Scene.of(caps, families, surface, settings, use)
+    before = Scene.of(caps, families, surface, settings, use, at_ease_rad)
     scene = flattened(model, before)
     normal = _curve(model, scene, moved)
     approach_m = float(normal.approach_m(preload_N))
@@ -215,6 +220,7 @@ def press(
         hardness_Pa=None if scene.law is None else scene.law.hardness_Pa,
         yielded_area_m2=found.yielded_area_m2,
         first=_first(model, before, normal, bulk),
+        at_ease_rad=at_ease_rad,
     )
     return state, caps.with_columns(load_N=found.load_N, contact_radius_m=a_m)
 

@@ -44,6 +44,7 @@ class Scene:
     law: YieldLaw | None = None  # of caps that yield; None: all stays elastic
     start_m: np.ndarray | None = None  # compressions of the caps in use, where they are known
     time_limit_s: float = math.inf  # of a rung that iterates on the map
+    at_ease_rad: tuple[float, float] = (0.0, 0.0)  # slopes on the surface without a moment
 
     @classmethod
     def of(
@@ -53,6 +54,7 @@ class Scene:
         surface: HeightMap,
         settings: Settings,
         use: np.ndarray,
+        at_ease_rad: tuple[float, float] = (0.0, 0.0),
     ) -> "Scene":
         """Return the scene under the preload of the settings."""
         material, contact = settings.material, settings.contact
@@ -66,6 +68,7 @@ class Scene:
             turning_stiffness(settings),
             yield_law(material),
             time_limit_s=contact.time_limit_s,
+            at_ease_rad=at_ease_rad,
         )
 
     @property

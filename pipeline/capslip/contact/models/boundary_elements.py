@@ -33,6 +33,7 @@ def boundary_elements(
     balanced: bool = False,
     load_point_m: tuple[float, float] | None = None,
     rotational_stiffness_Nm_per_rad: float = 0.0,
+    at_ease_rad: tuple[float, float] = (0.0, 0.0),
     time_limit_s: float = math.inf,
 ) -> BoundaryElementCurve:
     """Return the normal curve of the height map itself: the reference of the other models.
@@ -62,7 +63,7 @@ def boundary_elements(
         Greatest pressure that the map bears.
     balanced : bool
         Whether the preload tilts it.
-    load_point_m, rotational_stiffness_Nm_per_rad
+    load_point_m, rotational_stiffness_Nm_per_rad, at_ease_rad
         Of this preload, see `press_balanced`.
     time_limit_s : float
         Of the processor, so that other work on the machine changes no number, and for each preload
@@ -100,6 +101,7 @@ def boundary_elements(
             preload_N,
             load_point_m,
             rotational_stiffness_Nm_per_rad=rotational_stiffness_Nm_per_rad,
+            at_ease_rad=at_ease_rad,
             tolerance=tolerance,
             time_limit_s=time_limit_s,
         )
@@ -151,6 +153,7 @@ def _build(scene: Scene) -> BoundaryElementCurve:
         balanced=not math.isinf(scene.turning_stiffness),
         load_point_m=scene.load_point_m,
         rotational_stiffness_Nm_per_rad=scene.turning_stiffness,
+        at_ease_rad=scene.at_ease_rad,
         time_limit_s=scene.time_limit_s,
     )
 

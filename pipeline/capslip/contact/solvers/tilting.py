@@ -28,6 +28,7 @@ def press_balanced(
     load_point_m: tuple[float, float] | None = None,
     *,
     rotational_stiffness_Nm_per_rad: float = 0.0,
+    at_ease_rad: tuple[float, float] = (0.0, 0.0),
     tolerance: float = 1e-7,
     start_tilt_rad: tuple[float, float] | None = None,
     start_Pa: np.ndarray | None = None,
@@ -50,6 +51,8 @@ def press_balanced(
     rotational_stiffness_Nm_per_rad : float
         Of the parts, against tilting out of the plane of the map: the moments are then this times
         the tilt. 0 is balanced, infinite as levelled.
+    at_ease_rad : (float, float)
+        Slopes in x and y at which the parts exert no moment, where that is not as the map lies.
     tolerance : float
         As in `press`.
     start_tilt_rad : (float, float), optional
@@ -110,7 +113,8 @@ def press_balanced(
         state, iterations = turned.at(np.array(point_m), start_Pa)
         place_m = np.array(point_m)
     else:
-        state, iterations, place_m = turned.held(np.array(point_m), start_Pa, stiffness)
+        held = (stiffness, np.array(at_ease_rad))
+        state, iterations, place_m = turned.held(np.array(point_m), start_Pa, *held)
     tilt_rad = turned.tilt_rad(state)
     pressed = certified(face, state, load_N, iterations)
     moments = (pressed.resultant_m - place_m) / (nx * dx_m, ny * dy_m)
@@ -179,9 +183,13 @@ class _Turned:
         return np.add(self.base_rad, state.tilt_rad)
 
     def held(
-        self, point_m: np.ndarray, start_Pa: np.ndarray | None, stiffness: float
+        self,
+        point_m: np.ndarray,
+        start_Pa: np.ndarray | None,
+        stiffness: float,
+        at_ease_rad: np.ndarray,
     ) -> tuple[State, int, np.ndarray]:
-        """Return the state whose resultant acts off the load point by -K tilt / N.
+        """Return the state whose resultant acts off the load point by -K tilt / N, from at ease.
 
         Also the steps to it, and where the resultant should be: where K is large, it follows from
         the tilt only with the help of the contact's own stiffness. Broyden's steps, from the
@@ -198,7 +206,7 @@ class _Turned:
         spread_m2 = (arms_m * weight) @ arms_m.T
         jacobian = np.eye(2) + scale * state.approach_m * np.linalg.pinv(spread_m2)
         side_m = float(np.ptp(arms_m))
-        off_m = scale * self.tilt_rad(state)
+        off_m = scale * (self.tilt_rad(state) - at_ease_rad)
         for _ in range(_MAX_TURNS):
             step_m = -np.linalg.solve(jacobian, off_m)
             while _outside_m(self.face, place_m + step_m)[0] > 0:
@@ -206,7 +214,7 @@ class _Turned:
             place_m = place_m + step_m
             state, more = self.at(place_m, state.pressure_Pa)
             iterations += more
-            new_m = place_m - point_m + scale * self.tilt_rad(state)
+            new_m = place_m - point_m + scale * (self.tilt_rad(state) - at_ease_rad)
             change = (new_m - off_m - jacobian @ step_m) / float(step_m @ step_m)
             off_m = new_m
             if float(np.abs(np.linalg.solve(jacobian, off_m)).max()) < _SETTLED * side_m:
