@@ -50,6 +50,8 @@ FAMILY_TURNS = 4  # of the families and their plane
 FAMILY_SETTLED = 1e-2
 CONDITIONING = Conditioning.__struct_fields__
 
+WithDoubts = tuple[ContactState, tuple[Problem, ...]]
+
 
 class Clock:
     """Seconds spent in each stage, summed by its name; each is told as it begins first."""
@@ -158,9 +160,8 @@ def _pressed(face: Face, settings: Settings) -> tuple[ContactState, CapTable]:
     found = as_found(face, settings)
     given = (face.caps, face.families, face.conditioned.surface)
     more = (face.label, face.hills.noise_m)
-    at_ease_rad = (0.0, 0.0)  # what holds the parts is so as they were levelled
-    if face.level is not None:
-        at_ease_rad = (-float(face.level.slope[0]), -float(face.level.slope[1]))
+    level = face.level  # what holds the parts is at ease as they were levelled
+    at_ease_rad = (0.0, 0.0) if level is None else (-level.slope[0], -level.slope[1])
     try:
         contact, caps = press(*given, found, *more, at_ease_rad=at_ease_rad)
         if found.contact.model != settings.contact.model:
@@ -187,9 +188,7 @@ def _pressed(face: Face, settings: Settings) -> tuple[ContactState, CapTable]:
     return replace(contact, problems=(*contact.problems, lost)), caps
 
 
-def estimate(
-    face: Face, contact: ContactState, settings: Settings, clock: Clock
-) -> tuple[ContactState, tuple[Problem, ...]]:
+def estimate(face: Face, contact: ContactState, settings: Settings, clock: Clock) -> WithDoubts:
     """Return a model that the settings force with its estimated error, and whether it is too great.
 
     It takes far longer than to press the face; the automatic choice has its estimate already.
@@ -203,9 +202,7 @@ def estimate(
     return replace(contact, errors=ModelError.of_either(error), moved=moved), doubts
 
 
-def _error_of_map(
-    contact: ContactState, settings: Settings
-) -> tuple[ContactState, tuple[Problem, ...]]:
+def _error_of_map(contact: ContactState, settings: Settings) -> WithDoubts:
     """Return a model that knows its own error with that, and whether it is too great."""
     assert contact.rung.error is not None
     given = (contact.normal, contact.preload_N, settings.contact.tolerance)

@@ -188,9 +188,7 @@ def press(
     of_slip = () if model.problems is None else model.problems(normal, preload_N)
     if choice is not None and model.error is not None:
         errors, doubts = model.error(normal, preload_N, settings.contact.tolerance)
-        # Small forces are no reason: caps that yield know less of them than pixels
-        asks = {one.code for one in doubts if one.severity != "info"} - {"small_slip_extrapolated"}
-        better = choice.caps_within(errors.greatest) if asks and errors is not None else None
+        better = choice.caps_within(errors.greatest) if errors and _ask_caps(doubts) else None
         if better is not None and errors is not None:
             return _by_caps(better, doubts, errors.greatest, (caps, families, surface), settings)
         problems += doubts
@@ -223,6 +221,14 @@ def press(
         at_ease_rad=at_ease_rad,
     )
     return state, caps.with_columns(load_N=found.load_N, contact_radius_m=a_m)
+
+
+def _ask_caps(doubts: tuple[Problem, ...]) -> bool:
+    """Tell whether doubts about a pressed map are a reason to see whether its caps know better.
+
+    Small forces are none: caps that yield know less of them than pixels.
+    """
+    return any(one.severity != "info" for one in doubts if one.code != "small_slip_extrapolated")
 
 
 def _curve(model: Rung, scene: Scene, moved: MovedCaps | None) -> NormalCurve:
