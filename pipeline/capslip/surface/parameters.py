@@ -1,7 +1,7 @@
 """Height parameters and texture of a map, in the words of ISO 25178-2."""
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import lru_cache
 
@@ -9,6 +9,7 @@ import numpy as np
 
 from capslip.errors import UnusableSurfaceError
 from capslip.surface.heightmap import HeightMap
+from capslip.surface.rows import row_blocks
 
 DECAY = 0.2  # of the autocorrelation: the value to which Sal and Str follow it (ISO 25178-3)
 DIRECTIONS = 180  # classes of one degree
@@ -80,24 +81,23 @@ def surface_parameters(surface: HeightMap) -> SurfaceParameters:
         raise UnusableSurfaceError(
             f"{surface.origin.name}: all {surface.size} points are non-measured; expected heights"
         )
-    z = surface.height_m.copy()
-    every = z.reshape(-1)
-    every[surface.lost] = 0.0
-    every -= every.sum() / n
-    every[surface.lost] = 0.0  # at the mean, where it adds nothing
-    sp_m, sv_m = float(every.max()), -float(every.min())
-    largest_m = max(sp_m, sv_m) or 1.0
-    every /= largest_m  # fourth powers of nanometres lose digits
-    sa, sq, ssk, sku = _moments(every, n)
-    pixel_size_m = surface.pixel_size_m
-    sal_m, aspect, std_rad = _texture(
-        z, None if surface.complete else surface.measured, pixel_size_m
-    )
+    mean_m = sum(float(block_m.sum()) for _, block_m in _blocks(surface)) / n
+    (ny, nx), found = surface.shape, []
+    waves_m = np.empty((ny, nx // 2 + 1), dtype=complex)
+    for rows, block_m in _blocks(surface, mean_m):
+        np.fft.rfft(block_m, out=waves_m[rows])
+        found.append((*_power_sums(block_m.reshape(-1)), block_m.max(), -block_m.min()))
+    *sums, highest_m, deepest_m = (list(one) for one in zip(*found, strict=True))
+    sa_m, variance_m2, third_m3, fourth_m4 = (float(sum(one)) / n for one in sums)
+    sp_m, sv_m = float(max(highest_m)), float(max(deepest_m))
+    measured = None if surface.complete else surface.measured
+    sal_m, aspect, std_rad = _texture(waves_m, measured, surface.shape, surface.pixel_size_m)
+    rough = variance_m2 > 0.0
     return SurfaceParameters(
-        Sa_m=sa * largest_m,
-        Sq_m=sq * largest_m,
-        Ssk=ssk,
-        Sku=sku,
+        Sa_m=sa_m,
+        Sq_m=math.sqrt(variance_m2),
+        Ssk=third_m3 / variance_m2**1.5 if rough else math.nan,
+        Sku=fourth_m4 / variance_m2**2 if rough else math.nan,
         Sp_m=sp_m,
         Sv_m=sv_m,
         Sz_m=sp_m + sv_m,
@@ -117,35 +117,43 @@ def material_ratio_curve(surface: HeightMap, points: int = 501) -> tuple[np.ndar
     return ratio, height_m
 
 
-def _moments(z: np.ndarray, n: int) -> tuple[float, float, float, float]:
-    """Return Sa, Sq, Ssk and Sku of heights about their mean, of which n were measured."""
+def _blocks(surface: HeightMap, mean_m: float = 0.0) -> Iterator[tuple[slice, np.ndarray]]:
+    """Yield rows of heights about their mean, zero where they add nothing: not measured.
+
+    What is done with some rows finds them in the cache, where a whole map is read again each time.
+    """
+    for rows in row_blocks(surface.shape):
+        block_m = surface[rows] - mean_m
+        block_m.reshape(-1)[surface.lost_in(rows)] = 0.0
+        yield rows, block_m
+
+
+def _power_sums(z: np.ndarray) -> tuple[float, float, float, float]:
+    """Return the sums of |z|, z^2, z^3 and z^4."""
     square = z * z
-    variance = float(square.sum()) / n
-    ssk = sku = math.nan
-    if variance > 0.0:
-        ssk = float(square @ z) / n / variance**1.5
-        sku = float(square @ square) / n / variance**2
-    sa = float(np.abs(z, out=square).sum()) / n
-    return sa, math.sqrt(variance), ssk, sku
+    second, third, fourth = z @ z, square @ z, square @ square
+    return float(np.abs(z, out=square).sum()), float(second), float(third), float(fourth)
 
 
 def _texture(
-    z: np.ndarray, measured: np.ndarray | None, pixel_size_m: tuple[float, float]
+    waves: np.ndarray,
+    measured: np.ndarray | None,
+    shape: tuple[int, int],
+    pixel_size_m: tuple[float, float],
 ) -> tuple[float, float, float]:
     """Return Sal, Str and Std of heights about their mean, in any unit, zero at those not measured.
 
-    `measured` is None where all points are.
+    `waves` are those of the rows; `measured` is None where all points are.
 
     Wiener and Khinchin: the autocorrelation is the transform of the power spectrum.
     """
-    shape = z.shape
-    power = _power(z)
+    power = _power(waves)
     if not power.any():
         return math.nan, math.nan, math.nan
     std_rad = _direction(power, shape, pixel_size_m)
     lines, of_pairs = _lines(power), None
     if measured is not None:
-        of_pairs = _lines(_power(measured.astype(float))) / len(measured)
+        of_pairs = _lines(_power(np.fft.rfft(measured))) / len(measured)
 
     def correlation(n_rows: int) -> np.ndarray:
         sums = _sums(lines[:n_rows], shape[1])
@@ -157,11 +165,11 @@ def _texture(
     return sal_m, sal_m / longest_m, std_rad
 
 
-def _power(z: np.ndarray) -> np.ndarray:
-    """Return the squares of the amplitudes of the waves of a map, as of `rfft2`."""
-    from scipy.fft import rfft2
+def _power(waves: np.ndarray) -> np.ndarray:
+    """Return the squares of the amplitudes of the waves of a map, as of `rfft2`, from its rows'."""
+    from scipy.fft import fft
 
-    wave = rfft2(z)
+    wave = fft(waves, axis=0, overwrite_x=True)
     power: np.ndarray = wave.real**2
     power += wave.imag**2
     return power
@@ -194,34 +202,30 @@ def _direction(
     Only waves within a circle, so that every direction has waves of the same lengths. Waves of
     rising and of falling phase lie mirrored, and so do their classes.
     """
-    rows, pairs = shape[0] // 2 + 1, (shape[0] - 1) // 2
-    degrees, weight = _classes(shape, pixel_size_m)
-    of_class = np.bincount(degrees.reshape(-1), (power[:rows] * weight).reshape(-1), DIRECTIONS)
-    falling = np.s_[1 : 1 + pairs]
-    mirrored = power[: -pairs - 1 : -1] * weight[falling]
-    there = np.bincount(degrees[falling].reshape(-1), mirrored.reshape(-1), DIRECTIONS)
-    of_class += np.roll(there[::-1], 1)
-    greatest = int(np.argmax(of_class))
+    degrees = _classes(shape, pixel_size_m)
+    of_class = np.bincount(degrees.reshape(-1), power.reshape(-1), DIRECTIONS + 1)
+    # Along y, both of each pair of mirrored waves are there, else one
+    twice = np.bincount(degrees[:, 0], power[:, 0], DIRECTIONS + 1)
+    greatest = int(np.argmax((of_class - 0.5 * twice)[:DIRECTIONS]))
     return math.pi / DIRECTIONS * (greatest if greatest <= 90 else greatest - DIRECTIONS)
 
 
 @lru_cache(maxsize=1)
-def _classes(
-    shape: tuple[int, ...], pixel_size_m: tuple[float, float]
-) -> tuple[np.ndarray, np.ndarray]:
-    """Return the degree of each wave of no negative y, and how much it counts.
+def _classes(shape: tuple[int, ...], pixel_size_m: tuple[float, float]) -> np.ndarray:
+    """Return the degree of each wave of `rfft2`; that of those that do not count is `DIRECTIONS`.
 
     The same for all maps of one size, of which a batch has many.
     """
+    pairs = (shape[0] - 1) // 2
     fy_per_m = np.arange(shape[0] // 2 + 1)[:, None] / (shape[0] * pixel_size_m[0])
     fx_per_m = np.fft.rfftfreq(shape[1], pixel_size_m[1])[None, :]
-    weight = (np.hypot(fy_per_m, fx_per_m) <= 0.5 / max(pixel_size_m)).astype(np.float32)
-    weight[0, 0] = 0.0
-    weight[:, 0] *= 0.5  # along y, both of each pair of mirrored waves are there, else one
     degrees = np.rint(np.arctan2(fy_per_m, fx_per_m) * (DIRECTIONS / math.pi)).astype(np.uint8)
-    for one in (degrees, weight):
-        one.setflags(write=False)
-    return degrees, weight
+    classes = np.concatenate([degrees, (DIRECTIONS - degrees[pairs:0:-1]) % DIRECTIONS])
+    beyond = np.hypot(fy_per_m, fx_per_m) > 0.5 / max(pixel_size_m)
+    classes[np.concatenate([beyond, beyond[pairs:0:-1]])] = DIRECTIONS
+    classes[0, 0] = DIRECTIONS
+    classes.setflags(write=False)
+    return classes
 
 
 def _decay(
@@ -232,12 +236,16 @@ def _decay(
     """Return the least and the greatest distance at which the lobe in the middle falls to 0.2.
 
     Straight between neighbouring points. NaN where it never does, or not within the map. The lobe
-    is mostly small, and looked for in a frame around the middle that grows until it holds it; of
-    `correlation`, not scaled, that takes as many rows of no negative y.
+    is mostly small, and looked for in a frame around the middle that grows until it holds it, from
+    the one that holds it along x; of `correlation`, not scaled, that takes as many rows of no
+    negative y.
     """
     from scipy.ndimage import label
 
-    reach, whole = FIRST_LAGS, False
+    reach, whole, along_x = FIRST_LAGS, False, correlation(1)[0, : shape[1] // 2 + 1]
+    low = along_x <= DECAY * along_x[0]
+    while reach < (int(np.argmax(low)) if low.any() else max(shape)):
+        reach *= 2
     while not whole:
         lags = [np.arange(max(-(n // 2), -reach), min((n + 1) // 2, reach + 1)) for n in shape]
         whole = all(len(one) == n for one, n in zip(lags, shape, strict=True))
@@ -248,16 +256,14 @@ def _decay(
         if ends:
             break
         reach *= 2
-    y_m, x_m = np.meshgrid(
-        *(lag * size_m for lag, size_m in zip(lags, pixel_size_m, strict=True)), indexing="ij"
-    )
-    found = []
-    for here, there in ((np.s_[:-1, :], np.s_[1:, :]), (np.s_[:, :-1], np.s_[:, 1:])):
-        at = lobe[here] != lobe[there]
-        fall = at_lags[here][at] - at_lags[there][at]
-        share = (at_lags[here][at] - DECAY) / fall
-        crossing = [z[here][at] + share * (z[there][at] - z[here][at]) for z in (y_m, x_m)]
-        found.append(np.hypot(*crossing))
+    (y_m, x_m), found = (lag * size_m for lag, size_m in zip(lags, pixel_size_m, strict=True)), []
+    for down, right in ((1, 0), (0, 1)):
+        here, there = lobe[: len(y_m) - down, : len(x_m) - right], lobe[down:, right:]
+        row, col = np.nonzero(here != there)
+        one, next_one = at_lags[row, col], at_lags[row + down, col + right]
+        share = (one - DECAY) / (one - next_one)
+        up_m, along_m = down * share * pixel_size_m[0], right * share * pixel_size_m[1]
+        found.append(np.hypot(y_m[row] + up_m, x_m[col] + along_m))
     distance_m = np.concatenate(found)
     if distance_m.size == 0:
         return math.nan, math.nan
