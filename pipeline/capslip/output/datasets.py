@@ -11,7 +11,7 @@ def write_dataset(group: Any, name: str, values: np.ndarray, unit: str, **option
 
     Parameters
     ----------
-    group : h5py.Group
+    group : h5py.h5g.GroupID
         In which there is nothing of that name.
     name : str
         Without slashes.
@@ -23,34 +23,42 @@ def write_dataset(group: Any, name: str, values: np.ndarray, unit: str, **option
         Of `create_dataset`. Without any, the functions below h5py's objects write the same in a
         third of the time: a result has some forty small arrays.
     """
-    from h5py import h5a, h5d, h5s
+    import h5py
+    from h5py import h5d, h5s
 
-    word, text, scalar = _types()
     if values.dtype.kind in "UO":
-        values = values.astype(word)
+        values = values.astype(_word())
     if options:
-        held = group.create_dataset(name, data=values, **options).id
+        held = h5py.Group(group).create_dataset(name, data=values, **options).id
     else:
-        kind = text if values.dtype == word else _as_stored(values.dtype)
-        held = h5d.create(group.id, name.encode(), kind, h5s.create_simple(values.shape))
-        held.write(h5s.ALL, h5s.ALL, np.ascontiguousarray(values))
-    h5a.create(held, b"unit", text, scalar).write(np.array(unit, dtype=word))
+        stored, in_memory = _types(values.dtype)
+        held = h5d.create(group, name.encode(), stored, h5s.create_simple(values.shape))
+        held.write(h5s.ALL, h5s.ALL, np.ascontiguousarray(values), in_memory)
+    write_attribute(held, "unit", unit)
     return held
 
 
+def write_attribute(held: Any, name: str, value: str | tuple[float, ...]) -> None:
+    """Write a word or some numbers beside the h5py.h5d.DatasetID of a dataset."""
+    from h5py import h5a, h5s
+
+    values = np.array(value, dtype=_word() if isinstance(value, str) else float)
+    stored, in_memory = _types(values.dtype)
+    space = h5s.create_simple(values.shape) if values.ndim else h5s.create(h5s.SCALAR)
+    h5a.create(held, name.encode(), stored, space).write(values, in_memory)
+
+
 @cache
-def _as_stored(dtype: np.dtype) -> Any:
-    """Return a type of numbers as HDF5 has it."""
+def _types(dtype: np.dtype) -> tuple[Any, Any]:
+    """Return a type as HDF5 stores it and as numpy holds it, which takes a while to tell."""
     from h5py import h5t
 
-    return h5t.py_create(dtype, logical=True)
+    return h5t.py_create(dtype, logical=True), h5t.py_create(dtype)
 
 
 @cache
-def _types() -> tuple[np.dtype, Any, Any]:
-    """Return the type of words, the same as HDF5 has it, and the space of one."""
+def _word() -> np.dtype:
+    """Return the type of words."""
     import h5py
-    from h5py import h5s, h5t
 
-    word = h5py.string_dtype()
-    return word, h5t.py_create(word, logical=True), h5s.create(h5s.SCALAR)
+    return h5py.string_dtype()

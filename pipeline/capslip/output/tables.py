@@ -10,7 +10,7 @@ import numpy as np
 import tomli_w
 
 from capslip.output.arrays import UNITS, Tables, table_of
-from capslip.output.datasets import write_dataset
+from capslip.output.datasets import write_attribute, write_dataset
 from capslip.output.staging import SUMMARY, summary_text
 from capslip.output.thumbnail import thumbnail
 from capslip.output.zones import write_zones, zones_of
@@ -59,40 +59,40 @@ def _cells(column: np.ndarray) -> list[str]:
 
 def _write_hdf5(analysis: "Analysis", caps: np.ndarray, path: Path) -> None:
     import h5py
+    from h5py import h5g
 
     surface = analysis.conditioned.surface
     # In memory, then to the disk at once: where that is full, HDF5 itself ends the process
     with h5py.File(path, "w", driver="core", backing_store=False, block_size=BLOCK) as file:
         packed = {"chunks": True, "compression": "gzip", "compression_opts": 1, "shuffle": True}
-        groups = {name: file.create_group(name) for name in ("surface", "hills")}
+        of_surface, of_hills = (h5g.create(file.id, name) for name in (b"surface", b"hills"))
         # Not packed: noise hardly gets smaller, in fifteen times the time
         height_m = surface.height_m
-        height = write_dataset(groups["surface"], "height_m", height_m.astype(np.float32), "m")
-        attributes = h5py.Dataset(height).attrs
-        attributes["pixel_size_m"] = surface.pixel_size_m
-        attributes["pixel_size"] = surface.pixel_size_m
-        attributes["pixel_unit"] = "m"
+        height = write_dataset(of_surface, "height_m", height_m.astype(np.float32), "m")
+        write_attribute(height, "pixel_size_m", surface.pixel_size_m)
+        write_attribute(height, "pixel_size", surface.pixel_size_m)
+        write_attribute(height, "pixel_unit", "m")
         second_m = analysis.conditioned.second_m
         if second_m is not None:
             second_m = second_m.astype(np.float32)
-            write_dataset(groups["surface"], "second_height_m", second_m, "m")
+            write_dataset(of_surface, "second_height_m", second_m, "m")
         stamp = np.frombuffer(thumbnail(height_m), dtype=np.uint8)
-        write_dataset(groups["surface"], "thumbnail_png", stamp, "")
+        write_dataset(of_surface, "thumbnail_png", stamp, "")
         label = analysis.hills.label
         narrow = np.min_scalar_type(-int(label.max(initial=1)))  # packed in a third of the time
-        write_dataset(groups["hills"], "labels", label.astype(narrow), "", **packed)
+        write_dataset(of_hills, "labels", label.astype(narrow), "", **packed)
         found = Tables(analysis)
         normal = found.normal_curve
         stages = {"caps": caps, "normal": normal, "slip": found.slip}
         for stage, table in {**stages, "damping": found.damping}.items():
             if not len(table) and stage != "caps":
                 continue  # no such stage; no caps are a table with all columns
-            group = file.create_group(stage)
+            group = h5g.create(file.id, stage.encode())
             for name in table.dtype.names or ():
                 write_dataset(group, name, table[name], UNITS[name])
         if analysis.contact is not None:
             zones = zones_of(analysis, normal["load_N"], normal["approach_m"])
             if zones is not None:
-                write_zones(zones, file.create_group("zones"))
+                write_zones(zones, h5g.create(file.id, b"zones"))
         file.flush()
         path.write_bytes(file.id.get_file_image())
