@@ -82,16 +82,16 @@ def surface_parameters(surface: HeightMap) -> SurfaceParameters:
             f"{surface.origin.name}: all {surface.size} points are non-measured; expected heights"
         )
     mean_m = sum(float(block_m.sum()) for _, block_m in _blocks(surface)) / n
-    z_m, found = np.empty(surface.shape), []
+    (ny, nx), found = surface.shape, []
+    waves_m = np.empty((ny, nx // 2 + 1), dtype=complex)
     for rows, block_m in _blocks(surface, mean_m):
-        z_m[rows] = block_m
+        np.fft.rfft(block_m, out=waves_m[rows])
         found.append((*_power_sums(block_m.reshape(-1)), block_m.max(), -block_m.min()))
     *sums, highest_m, deepest_m = (list(one) for one in zip(*found, strict=True))
     sa_m, variance_m2, third_m3, fourth_m4 = (float(sum(one)) / n for one in sums)
     sp_m, sv_m = float(max(highest_m)), float(max(deepest_m))
-    sal_m, aspect, std_rad = _texture(
-        z_m, None if surface.complete else surface.measured, surface.pixel_size_m
-    )
+    measured = None if surface.complete else surface.measured
+    sal_m, aspect, std_rad = _texture(waves_m, measured, surface.shape, surface.pixel_size_m)
     rough = variance_m2 > 0.0
     return SurfaceParameters(
         Sa_m=sa_m,
@@ -136,22 +136,24 @@ def _power_sums(z: np.ndarray) -> tuple[float, float, float, float]:
 
 
 def _texture(
-    z: np.ndarray, measured: np.ndarray | None, pixel_size_m: tuple[float, float]
+    waves: np.ndarray,
+    measured: np.ndarray | None,
+    shape: tuple[int, int],
+    pixel_size_m: tuple[float, float],
 ) -> tuple[float, float, float]:
     """Return Sal, Str and Std of heights about their mean, in any unit, zero at those not measured.
 
-    `measured` is None where all points are.
+    `waves` are those of the rows; `measured` is None where all points are.
 
     Wiener and Khinchin: the autocorrelation is the transform of the power spectrum.
     """
-    shape = z.shape
-    power = _power(z)
+    power = _power(waves)
     if not power.any():
         return math.nan, math.nan, math.nan
     std_rad = _direction(power, shape, pixel_size_m)
     lines, of_pairs = _lines(power), None
     if measured is not None:
-        of_pairs = _lines(_power(measured.astype(float))) / len(measured)
+        of_pairs = _lines(_power(np.fft.rfft(measured))) / len(measured)
 
     def correlation(n_rows: int) -> np.ndarray:
         sums = _sums(lines[:n_rows], shape[1])
@@ -163,11 +165,11 @@ def _texture(
     return sal_m, sal_m / longest_m, std_rad
 
 
-def _power(z: np.ndarray) -> np.ndarray:
-    """Return the squares of the amplitudes of the waves of a map, as of `rfft2`."""
-    from scipy.fft import rfft2
+def _power(waves: np.ndarray) -> np.ndarray:
+    """Return the squares of the amplitudes of the waves of a map, as of `rfft2`, from its rows'."""
+    from scipy.fft import fft
 
-    wave = rfft2(z)
+    wave = fft(waves, axis=0, overwrite_x=True)
     power: np.ndarray = wave.real**2
     power += wave.imag**2
     return power
@@ -201,10 +203,10 @@ def _direction(
     rising and of falling phase lie mirrored, and so do their classes.
     """
     degrees = _classes(shape, pixel_size_m)
-    of_class: np.ndarray = np.bincount(degrees.reshape(-1), power.reshape(-1), DIRECTIONS + 1)
+    of_class = np.bincount(degrees.reshape(-1), power.reshape(-1), DIRECTIONS + 1)
     # Along y, both of each pair of mirrored waves are there, else one
-    of_class -= 0.5 * np.bincount(degrees[:, 0], power[:, 0], DIRECTIONS + 1)
-    greatest = int(np.argmax(of_class[:DIRECTIONS]))
+    twice = np.bincount(degrees[:, 0], power[:, 0], DIRECTIONS + 1)
+    greatest = int(np.argmax((of_class - 0.5 * twice)[:DIRECTIONS]))
     return math.pi / DIRECTIONS * (greatest if greatest <= 90 else greatest - DIRECTIONS)
 
 
