@@ -1,5 +1,6 @@
 """What reaches the terminal, and what may not reach the interpreter: names are of others."""
 
+import hashlib
 import os
 import subprocess
 import sys
@@ -198,14 +199,32 @@ def test_a_scan_at_rest_that_changes_is_refused_though_size_and_date_are_the_sam
         readers.load_surface(path)
 
 
-@pytest.mark.parametrize(("age_s", "times"), [(0.0, 2), (3600.0, 1)])
-def test_a_scan_that_was_just_written_is_hashed_again(tmp_path, monkeypatch, age_s, times):
-    path, calls = face(tmp_path / "a.h5"), []
+@pytest.mark.parametrize("held_bytes", [1 << 25, 0])
+@pytest.mark.parametrize(("age_s", "refused"), [(0.0, True), (3600.0, False)])
+def test_a_scan_that_was_just_written_is_refused_though_no_time_tells_that_it_changed(
+    tmp_path, monkeypatch, age_s, refused, held_bytes
+):
+    """As one that is written to by way of mapped memory, whatever its size."""
+    path = face(tmp_path / "a.h5")
+    digest = hashlib.sha256(path.read_bytes()).hexdigest()
+    monkeypatch.setattr(readers, "HELD_BYTES", held_bytes)
+    assert readers.load_surface(path).origin.sha256 == digest
     os.utime(path, (time.time() - age_s,) * 2)
-    digest = readers.sha256_of
-    monkeypatch.setattr(readers, "sha256_of", lambda one: calls.append(one) or digest(one))
-    readers.load_surface(path)
-    assert calls == times * [path]
+    state, row = readers._state(path), next(one for one in readers.FORMATS if one.name == "hdf5")
+    monkeypatch.setattr(readers, "_state", lambda _: state)
+
+    def swapped(source, request):
+        found, content = row.read(source, request), source.read_bytes()
+        source.write_bytes(content[:-1] + bytes([content[-1] ^ 1]))
+        return found
+
+    fake = type(row)(**{**vars(row), "read": swapped})
+    monkeypatch.setattr(readers, "FORMATS", (fake,))
+    if refused:
+        with pytest.raises(readers.UnreadableFileError, match="changed while it was read"):
+            readers.load_surface(path)
+    else:
+        assert readers.load_surface(path).origin.sha256 == digest
 
 
 def test_sigterm_ends_an_analysis_and_leaves_nothing(tmp_path):

@@ -1,5 +1,6 @@
 """Readers of scan files: one file a format, and the registry that chooses between them."""
 
+import hashlib
 import re
 import time
 from dataclasses import replace
@@ -64,6 +65,7 @@ FORMATS: tuple[Format, ...] = (  # asked in this order
     vendor.FORMAT,
 )
 HEAD_BYTES = 512
+HELD_BYTES = 1 << 25  # of a file that is compared with itself; of larger ones the digests are
 FRESH_S = 60.0  # since the last change of a file; the system brings changes to the disk in half
 GAPS = re.compile(r"gap|depth", re.IGNORECASE)
 
@@ -161,7 +163,7 @@ def _of_copy(path: Path, copy: Path, request: Request, given: Calibration) -> He
 def _loaded(path: Path, copy: Path, request: Request, given: Calibration) -> HeightMap:
     """Read a scan from where it lies, or from an unpacked copy."""
     head = _head(copy)
-    before, sha256 = _state(path), sha256_of(path)
+    before, seen = _state(path), _seen(path)
     file_format = next(f for f in FORMATS if f.recognises(head, copy))
     if request.dataset is not None and not file_format.named:
         raise SettingsError(
@@ -169,7 +171,7 @@ def _loaded(path: Path, copy: Path, request: Request, given: Calibration) -> Hei
             f"{file_format.name} holds one height map; leave it out"
         )
     stored = file_format.read(copy, request)
-    if _state(path) != before or (_is_fresh(before) and sha256_of(path) != sha256):
+    if _state(path) != before or (_is_fresh(before) and _seen(path) != seen):
         # else the digest were that of other bytes than those read
         raise UnreadableFileError(f"{path}: changed while it was read; analyse it when it is whole")
     height, marks = without_marks(stored.height)
@@ -177,10 +179,15 @@ def _loaded(path: Path, copy: Path, request: Request, given: Calibration) -> Hei
     origin = Origin(
         name=printable(copy.stem),
         path=str(path),
-        sha256=sha256,
+        sha256=seen if isinstance(seen, str) else hashlib.sha256(seen).hexdigest(),
         file_format=file_format.name,
     )
     return calibrate(replace(stored, height=height, notes=notes), origin, given)
+
+
+def _seen(path: Path) -> bytes | str:
+    """Return all of a file, or the digest of a large one: to compare all of it is quicker."""
+    return path.read_bytes() if path.stat().st_size <= HELD_BYTES else sha256_of(path)
 
 
 def _state(path: Path) -> tuple[int, ...]:
