@@ -81,3 +81,17 @@ def test_the_square_leaves_five_deviations_of_noise_within_a_fiftieth_of_the_rel
 def test_what_cannot_be_cut_is_refused(height_m, ratio, message):
     with pytest.raises(UnusableSurfaceError, match=message):
         find_hills(HeightMap(height_m, (1.0, 1.0)), ratio)
+
+
+@pytest.mark.parametrize("slope", [0.0, 1e-6, 3.3e-5, 1e-3])
+def test_a_floor_at_the_cut_is_no_hill_by_the_rounding_of_a_plane(slope):
+    """Caps on less than the share that is kept: the floor without noise lies at the cut."""
+    small = [(x_m, y_m, 0.1 * radius_m, peak_m) for x_m, y_m, radius_m, peak_m in CAPS]
+    surface = caps_map(small)
+    y_m, x_m = 1e-4 * np.indices(surface.shape)
+    plane_m = slope * (x_m - 0.7 * y_m)
+    rounded = HeightMap((surface.height_m + plane_m) - plane_m, surface.pixel_size_m)
+    assert np.ptp(rounded.height_m - surface.height_m) < 1e-19
+    hills = find_hills(rounded, 0.2)
+    assert hills.kept_fraction >= 0.2
+    assert hills.n_hills == 3

@@ -15,6 +15,7 @@ import numpy as np
 from capslip.caps.pruning import MIN_POINTS, Basins, automatic_pruning_m, change_of_count
 from capslip.caps.separation import ChangeTree, change_tree, region_tree
 from capslip.errors import SettingsError, UnusableSurfaceError
+from capslip.surface.form import ROUNDING
 from capslip.surface.heightmap import HeightMap, Heights, index_type
 from capslip.surface.noise import noise_of_map_m
 from capslip.surface.rows import BLOCK_POINTS, row_blocks
@@ -270,7 +271,13 @@ def _separate(
         hill, raw_m = hill[measured], raw_m[measured]
     highest_m = np.full(m, -np.inf)
     np.maximum.at(highest_m, hill, raw_m)
-    low = (highest_m < NOISE_FACTOR * noise_m) & (tree.peak_m < NOISE_FACTOR * noise_left_m)
+    # A floor without noise lies at the cut but for rounding, and a plane that was taken off rounds:
+    # it is no hill, unless nothing stands on it
+    rounding_m = ROUNDING * float(np.ptp(surface.bounds_m))
+    rounding_m = rounding_m if highest_m.max() > rounding_m else 0.0
+    low = (highest_m < max(NOISE_FACTOR * noise_m, rounding_m)) & (
+        tree.peak_m < max(NOISE_FACTOR * noise_left_m, rounding_m)
+    )
     basins = Basins(tree, np.bincount(hill, minlength=m), low)
     if pruning_m is None and least_m is not None:
         pruning_m = max(least_m, NOISE_FACTOR * noise_left_m)
