@@ -334,11 +334,19 @@ def change(maps, unsolved=(), code="seams", rest_m=3e-7):
             raise ContactError("no answer")
         return np.array(ANSWERS[curve.name][:-1])
 
+    def scene_of(peaks, none, surface, settings, use, at_ease_rad):
+        assert at_ease_rad == (1e-6, -2e-6)  # each map is held as the pressed one
+        return surface
+
     rung = SimpleNamespace(build=curves.get, at_forces=None, holds_bulk=False)
     contact = SimpleNamespace(
-        rung=rung, normal=curves["known"], bulk_m=1e-7, approach_without_bulk_m=rest_m
+        rung=rung,
+        normal=curves["known"],
+        bulk_m=1e-7,
+        approach_without_bulk_m=rest_m,
+        at_ease_rad=(1e-6, -2e-6),
     )
-    scene = SimpleNamespace(of=lambda peaks, none, surface, *_: surface)
+    scene = SimpleNamespace(of=scene_of)
     with mock.patch.multiple(effects, answers=told, Scene=scene):
         caps = SimpleNamespace(usable=None)
         return effects._effect_on_map(code, contact, caps, of_face("pressed"), maps, 0.25)
