@@ -6,9 +6,7 @@ from capslip.caps.fitting import Spheres
 from capslip.caps.points import HillPoints
 from capslip.contact.solvers.yielding import FirstLoading
 
-TOGETHER = (
-    0.05  # of the load, on contacts that overlap: of clean caps none do, of ground faces more
-)
+TOGETHER = 0.05  # of the load, on contacts that overlap: none of clean caps do
 SAME_RELIEF = 1.09  # factor by which an approach may change without telling hills apart anew
 MOST_COMPARED = 500  # contacts, those of the most load
 
