@@ -219,7 +219,8 @@ def test_what_heights_and_radii_err_by_together_is_drawn_together():
     for rest_m in (0.0, 4e-9):
         of_shape_m = 0.38 * rest_m
         caps = table(at, at, np.full(n, 2.0), np.zeros(n), **columns, profile_residual_m=rest_m)
-        up_m, wide = accuracy._at_random(scene_of(caps, PRELOAD_N, SIDE_M), 0.0)
+        own_m = np.full(n, rest_m)
+        up_m, wide = accuracy._at_random(scene_of(caps, PRELOAD_N, SIDE_M), own_m)
         assert up_m.std() == pytest.approx(np.hypot(2e-9, of_shape_m), rel=0.01)
         assert wide.std() == pytest.approx(np.hypot(0.03, of_shape_m / 1e-7), rel=0.05)
         assert np.mean(up_m * wide) == pytest.approx(-0.8 * 2e-9 * 0.03, rel=0.08)

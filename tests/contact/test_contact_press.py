@@ -203,9 +203,9 @@ def test_caps_that_are_off_at_small_forces_alone_answer_with_a_note():
     face = synthetic_surface(replace(scene, noise_rms_m=2e-9))[0]
     found = analyze(face, load_settings(overrides=words[1:]))
     errors, tolerance = found.contact.errors, found.settings.contact.tolerance
-    assert "as its finest detail decides" in found.contact.model_reason
+    assert "the noise of the map leaves" in found.contact.model_reason
     assert errors.energy_at(0.25) < tolerance < errors.energy_at(0.1) <= errors.greatest
-    (doubt,) = (p for p in found.problems if p.code == "detail_decides")
+    (doubt,) = (p for p in found.problems if p.code == "noise_decides")
     assert (doubt.severity, found.status) == ("info", "ok")
     assert "from 25 % of gross slip on" in doubt.message
     for share in (0.1, 0.25, 0.5, 0.75):

@@ -1,6 +1,7 @@
 """How far interacting caps may be from the face that they stand for."""
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -34,6 +35,7 @@ CUT_SHARE = 0.02  # of the load, beyond the edge of the map; at 4 % energies are
 UNLOADING_ERROR = 0.5
 DRAWS = 16
 MOST_WIDE = 3.0  # in the logarithm of a radius
+TINY_M = 1e-30  # a length that is none
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,6 +64,13 @@ class CapsError:
     of_levelling: float = 0.0
     moved: MovedCaps | None = None
     errors: ModelError | None = None  # the same by the force at which energies are compared
+    without_noise: float = math.inf  # what would be left of it all on a map without noise
+
+    @property
+    def of_noise(self) -> float:
+        """What the noise of the map makes of the error; 0 where nobody asked."""
+        total = self.total or 0.0
+        return math.sqrt(max(total**2 - self.without_noise**2, 0.0))
 
     @property
     def total(self) -> float | None:
@@ -167,15 +176,21 @@ def error_of_caps(
     Then there is the change under another law between two contacts: the point load and Johnson's
     Eq. 3.42 err on either side, the latter further. Where caps have yielded they
     unload as Hertz contacts, and the map less evenly: half of the energies, times the share of the
-    load on such caps. None of these causes has to do with another, so their squares add. The error
-    is not known where something else than the caps carries: if contacts overlap, are wider than
-    their hills, or if the plane reaches points outside the hills or far beside their contacts.
+    load on such caps. None of these causes has to do with another, so their squares add.
+
+    Beyond the tolerance, caps are moved again by no more than what noise has not done: that alone
+    pressing the map instead would mend, as its contacts average over no more points than fits do.
+
+    The error is not known where something else than the caps carries: if contacts overlap, are
+    wider than their hills, or if the plane reaches points outside the hills or far beside their
+    contacts.
     """
     doubt = _doubt(scene, curve, label, noise_m)
     if doubt is not None:
         return CapsError(doubt)
     try:
-        (up_m, wide), of_shape = _at_random(scene, noise_m), _of_shape(scene, curve, noise_m)
+        own_m, of_shape = _own_residual_m(scene, noise_m), _of_shape(scene, curve, noise_m)
+        up_m, wide = _at_random(scene, own_m)
         more = np.vstack((up_m, of_shape[0])), np.vstack((wide, of_shape[1]))
         curves: list[NormalCurve] = [
             moved_caps(scene, curve, *more, settings),
@@ -185,20 +200,31 @@ def error_of_caps(
         curves += [] if tilted is None else [tilted]
         used, change = _used_and_changes(curves, scene, found, settings)
         *at_random, by_shape = change[0]
-        at_random_rms = np.sqrt(np.mean(np.square(at_random), axis=0))
+        at_random_rms = _rms(at_random)
         of_random = 2.0 * float(at_random_rms.max())
         each = (by_shape, *change[1:], np.zeros(1))
         shape, pairs, level = (float(np.abs(one).max()) for one in each[:3])
         unloading = _of_unloading(scene, curve)
-        of_caps = math.hypot(of_random, 2.0 * shape, pairs, unloading, LEAST_ERROR)
+        besides = 2.0 * shape, pairs, unloading, LEAST_ERROR
+        of_caps = without_noise = math.hypot(of_random, *besides)
         as_found = _as_slip_uses(curve, scene.surface, settings)
         by_level = None if tilted is None else used[-1]
         moved = MovedCaps(as_found, used[0], used[1], by_level, unloading, curve)
         by_answer = np.vstack((2.0 * at_random_rms, 2.0 * by_shape, *change[1:]))
         errors = _by_share(np.linalg.norm(by_answer, axis=0), unloading, of_caps, level)
-        return CapsError(None, of_caps, level, moved, errors)
+        if math.hypot(of_caps, level) > settings.contact.tolerance:
+            own = _at_random(scene, own_m, _not_of_noise(scene, own_m, noise_m))
+            left = moved_caps(scene, curve, *own, settings)
+            own_change = _used_and_changes([left], scene, found, settings)[1][0]
+            without_noise = math.hypot(2.0 * float(_rms(own_change).max()), *besides)
+        return CapsError(None, of_caps, level, moved, errors, math.hypot(without_noise, level))
     except (ContactError, UnusableSurfaceError):
         return CapsError("caps that are moved within their errors have no solution")
+
+
+def _rms(changes: Sequence[np.ndarray] | np.ndarray) -> np.ndarray:
+    """Return the root mean square over the first axis."""
+    return np.asarray(np.sqrt(np.mean(np.square(changes), axis=0)))
 
 
 def _by_share(by_answer: np.ndarray, unloading: float, of_caps: float, level: float) -> ModelError:
@@ -241,21 +267,24 @@ def _doubt(
     return None
 
 
-def _at_random(scene: Scene, noise_m: float) -> tuple[np.ndarray, np.ndarray]:
+def _at_random(
+    scene: Scene, own_m: np.ndarray, of_errors: np.ndarray | float = 1.0
+) -> tuple[np.ndarray, np.ndarray]:
     """Return by how much caps are higher and, in logarithms, wider at random within their errors.
 
-    Shape (draws, n) each, over the caps in use.
+    Shape (draws, n) each, over the caps in use, whose profiles leave `own_m` of their own; their
+    standard errors count for a share.
     """
     caps, use = scene.caps, scene.use
 
     def used(values: np.ndarray) -> np.ndarray:
         return np.nan_to_num(values[use])  # a table that no fit made has no standard errors
 
-    shape_m = SHAPE_SHARE * _own_residual_m(scene, noise_m)
+    shape_m = SHAPE_SHARE * own_m
     depth_m = np.where(used(caps.fit_depth_m) > 0.0, caps.fit_depth_m[use], caps.cap_height_m[use])
     height_se_m, radius_se = (
-        used(caps.peak_height_se_m),
-        used(caps.radius_se_m) / caps.radius_m[use],
+        of_errors * used(caps.peak_height_se_m),
+        of_errors * used(caps.radius_se_m) / caps.radius_m[use],
     )
     height_m = np.hypot(shape_m, height_se_m)
     radius_se = np.minimum(radius_se, MOST_WIDE)  # of a fit that says nothing the factor overflows
@@ -286,6 +315,19 @@ def _own_residual_m(scene: Scene, noise_m: float) -> np.ndarray:
         between = max(excess, 0.0) / max(weight.sum() - (weight @ weight) / weight.sum(), 1e-300)
         rest_m2[known] = mean + between / (between + variance[known]) * (found - mean)
     return np.sqrt(np.maximum(rest_m2, 0.0))
+
+
+def _not_of_noise(scene: Scene, own_m: np.ndarray, noise_m: float) -> np.ndarray:
+    """Return which share of the standard errors noise has not made, shape (n,).
+
+    They grow with the scatter of the points, whosever it is, and noise misplaces no apex by more
+    than itself. Those of tops that were put back have causes of their own.
+    """
+    noise_m = noise_m if scene.surface.tops is None else 0.0
+    height_se_m = np.nan_to_num(scene.caps.peak_height_se_m[scene.use])
+    most_m = np.maximum(np.hypot(own_m, noise_m), height_se_m)
+    of_noise = noise_m / np.maximum(most_m, TINY_M)
+    return np.asarray(np.sqrt(1.0 - of_noise**2))
 
 
 def _points(scene: Scene) -> np.ndarray:

@@ -13,13 +13,14 @@ from capslip.contact.accuracy import CapsError, MovedCaps, answers, error_of_cap
 from capslip.contact.bulk import bulk_of_face_m_per_N
 from capslip.contact.curve import NormalCurve
 from capslip.contact.flattening import flattened
+from capslip.contact.map_accuracy import ASKED
 from capslip.contact.material import composite, yield_law
 from capslip.contact.models.interacting import RUNG as REFERENCE
 from capslip.contact.models.mean_field import RUNG as FALLBACK
 from capslip.contact.reach import reachable
 from capslip.contact.rung import ModelError, Rung, Scene, ladder, rung
 from capslip.errors import ContactError
-from capslip.problems import Effect, Problem
+from capslip.problems import Effect, Problem, Severity
 from capslip.settings import Settings
 from capslip.surface.heightmap import HeightMap
 from capslip.units import percent
@@ -43,6 +44,7 @@ class Choice:
     use: np.ndarray  # (n,), the caps that can touch
     boundary_elements_s: float | None  # what they would take, where there is no time for them
     levelling: bool = False  # whether the levelling alone makes it doubtful
+    of_noise: Severity | None = None  # how doubtful the noise of the map alone makes it
     why: str = ""  # what is wrong with the caps
     of_the_map: bool = False  # whether the map itself is pressed for that
     moved: MovedCaps | None = None  # where the error of the caps is known
@@ -67,6 +69,8 @@ class Choice:
         effect = _effect(self.estimated_error)
         if self.levelling:
             return Problem("levelling_decides", "warning", self.reason, effect)
+        if self.of_noise is not None:
+            return Problem("noise_decides", self.of_noise, self.reason, effect)
         if self.boundary_elements_s is None:
             return None
         return Problem("boundary_elements_needed", "warning", self.reason, effect, self.step)
@@ -113,8 +117,9 @@ def choose_model(
         Where no rung with caps is within the tolerance, or the caps cannot carry the preload:
         boundary elements, if they are expected to end within `contact.time_limit_s`; else the
         highest rung with caps, with the time that they would take. Where the levelling alone is
-        the cause, which they share, caps too. Where the map is chosen, `caps` keeps what was best
-        among these: its detail may turn out to decide more than they are off.
+        the cause, which they share, or noise, which the map has as well, caps too. Where the map is
+        chosen, `caps` keeps what was best among these: its detail may turn out to decide more than
+        they are off.
 
     Raises
     ------
@@ -312,11 +317,35 @@ def _beyond_tolerance(
         )
         levelled = (REFERENCE.name, reason, own.total, estimates, scene.use, None)
         return Choice(*levelled, levelling=True, moved=own.moved)
+    if own.errors is not None and own.of_noise > max(tolerance, own.without_noise):
+        return _as_noise_allows(own, own.errors, estimates, scene, tolerance)
     needed_s = boundary_elements_s(scene.surface.shape)
     why = own.doubt or f"interacting caps may be off by {off}"
     reason = f"{why}; boundary elements are needed and take about {needed_s:.2g} s"
     given = (own.total, estimates, scene.use, needed_s)
     return Choice(REFERENCE.name, reason, *given, why=why, moved=own.moved, errors=own.errors)
+
+
+def _as_noise_allows(
+    own: CapsError,
+    errors: ModelError,
+    estimates: dict[str, float | None],
+    scene: Scene,
+    tolerance: float,
+) -> Choice:
+    """Return the reference where noise is the cause; a note where small forces alone feel it.
+
+    As of the map, see `error_of_map`, and like that with errors that fall with the force.
+    """
+    asked = max(errors.stiffness, errors.energy_at(ASKED))
+    severity: Severity = "warning" if asked > tolerance else "info"
+    reason = (
+        f"the noise of the map leaves up to {percent(errors.greatest)} in what interacting caps "
+        f"answer, {percent(asked)} from {percent(ASKED)} of gross slip on; a cap averages over the "
+        "points of its hill, and the map itself over no more of them"
+    )
+    given = (REFERENCE.name, reason, own.total, estimates, scene.use, None)
+    return Choice(*given, of_noise=severity, moved=own.moved, errors=errors)
 
 
 def _too_many(scene: Scene, settings: Settings) -> Choice:

@@ -17,7 +17,7 @@ from capslip.contact.solvers.detail import (
     effect_of_refinement,
 )
 from capslip.contact.solvers.noise import white_noise_m
-from capslip.contact.solvers.refinement import SMOOTH, WIDE_ENOUGH
+from capslip.contact.solvers.refinement import WIDE_ENOUGH
 from capslip.contact.solvers.unloading import SMALL_SLIP, Unloading
 from capslip.errors import OutOfTimeError
 from capslip.problems import Effect, Problem, Severity
@@ -26,6 +26,8 @@ from capslip.units import percent
 S_FILTER, NOISE_PIXELS = "conditioning.s_filter_nesting_index_m", 5.0  # what takes noise off
 # Over what pixels leave in the energy of spheres, by shares of mu N, so that nearly all are within
 PIXELS_95 = {0.1: 3.0, 0.25: 6.0, 0.5: 6.0, 0.75: 6.0, 1.0: 6.0}
+SMALL_NOISE = 0.05  # of the approach, up to which noise counts to first order
+MOST_OF_NOISE = 1.0  # relative, of the energy: first order ends where all of it would go
 RESOLVED = 0.1  # of what the filter takes, that noise may be: 0.01 on smooth faces, noise 0.3 to 1
 NORMAL_95 = 1.96  # standard deviations of noise that hold 95 %
 ASKED = 0.25  # of mu N, from which pixels and noise that move the energy warn; below, a note
@@ -57,7 +59,7 @@ def error_of_map(
         found.append(_between_loads(between, len(unloading.solved_load_N)))
     least = max(between, LEAST_ERROR)
     noise_m = white_noise_m(first.face, first.approach_m)
-    if noise_m > SMOOTH * first.approach_m:  # no small change: pressed without it, see below
+    if noise_m > SMALL_NOISE * first.approach_m:  # no small change: pressed without it, see below
         noise_m = 0.0
     coarser: dict[float, float] = {}
     of_both = math.hypot(*_at_force(unloading, noise_m, SMALL_SLIP, coarser))
@@ -149,7 +151,7 @@ def _at_force(
     drop_N = share * unloading.load_N
     of_pixels = PIXELS_95[share] * unloading.pixel_error(drop_N)
     of_pixels = max(of_pixels, coarser.get(min(share, FORCE_SHARES[-1]), 0.0))
-    return of_pixels, NORMAL_95 * noise_m * unloading.noise_per_m(drop_N)
+    return of_pixels, min(NORMAL_95 * noise_m * unloading.noise_per_m(drop_N), MOST_OF_NOISE)
 
 
 def _with_pixels(

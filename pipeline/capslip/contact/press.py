@@ -169,7 +169,7 @@ def press(
     if model_name == "auto":
         choice = choose_model(caps, families, surface, label, noise_m, settings, map_failure)
         use, reason, moved, model_name = choice.use, choice.reason, choice.moved, choice.model
-        errors = ModelError.of_either(choice.estimated_error)
+        errors = choice.errors if choice.of_noise else ModelError.of_either(choice.estimated_error)
         problems += [] if choice.problem is None else [choice.problem]
     model = rung(model_name)
     before = Scene.of(caps, families, surface, settings, use, at_ease_rad)
