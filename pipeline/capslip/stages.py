@@ -13,7 +13,7 @@ import numpy as np
 
 from capslip.caps.below import family_below_cut
 from capslip.caps.doubts import problems_of_caps
-from capslip.caps.families import Families, group_families, surface_of_families
+from capslip.caps.families import Families, FamilySurface, group_families, surface_of_families
 from capslip.caps.fit import fit_caps, fit_spheres
 from capslip.caps.fitting import fit_named
 from capslip.caps.hills import Hills, find_hills
@@ -263,15 +263,9 @@ def _conditioned(surface: HeightMap, settings: Settings, clock: Clock) -> Condit
 
 
 def _placed(first: Conditioned, second: Conditioned, settings: Settings) -> Placement:
-    mating = settings.mating
-    return place(
-        first.surface,
-        second.surface,
-        mirror=mating.mirror,
-        align=mating.align,
-        offset_m=mating.offset_m,
-        rotation_rad=mating.rotation_rad,
-    )
+    names = "mirror", "align", "offset_m", "rotation_rad"
+    options = {name: getattr(settings.mating, name) for name in names}
+    return place(first.surface, second.surface, **options)
 
 
 def _one_map(conditioned: Conditioned, settings: Settings, clock: Clock) -> Face:
@@ -354,26 +348,29 @@ def _families(level: Level, settings: Settings) -> tuple[HeightMap, Hills, CapTa
     noise_m, ratio = level.coarse_noise.neighbours_m, _family_ratio(settings)
     # The search for the level began with the same cut of the same map
     known = level.hills_at_rest if ratio == settings.hills.material_ratio else None
+    found: FamilySurface | None
     for _ in range(FAMILY_TURNS):
         plane, bent = turned(coarse, -slope, at_m, -bow), bow
         hills, caps = _counted(plane, settings, noise_m, ratio, known)
         known = None
-        turn, bend, count = surface_of_families(caps, at_m)
-        if count == 1 and not bow.any() and not bend.any() and 2.0 * ratio < 1.0:
+        found = surface_of_families(caps, at_m)
+        turn, bend = found.slope, found.bow
+        if found.count == 1 and not bow.any() and not bend.any() and 2.0 * ratio < 1.0:
             # A bow may keep the lower caps below the cut, and what is left looks like one family.
             _, deeper_caps = _counted(plane, settings, noise_m, 2.0 * ratio)
-            deeper, bend, _ = surface_of_families(deeper_caps, at_m)
-            turn = deeper if bend.any() else turn
+            deeper = surface_of_families(deeper_caps, at_m)
+            turn, bend = deeper.slope if deeper.bow.any() else turn, deeper.bow
         slope, bow = slope + turn, bow + bend
         settled_m = FAMILY_SETTLED * float(caps.cap_height_m.max(initial=0.0))
         settled = not bend.any() and np.abs(turn * coarse.side_m[::-1]).max() <= settled_m
         if settled:
             break
     if not (settled and coarse is level.surface):
+        found = None  # that is of fewer points
         plane, bent = turned(level.surface, -slope, at_m, -bow), bow
         hills, caps = _counted(plane, settings, level.hills.noise_m)
     grouping = settings.families
-    caps, families = group_families(caps, grouping.count, grouping.feature, own_plane=True)
+    caps, families = group_families(caps, grouping.count, grouping.feature, True, found)
     up_m = bow_terms(caps.x_m - at_m[0], caps.y_m - at_m[1]) @ bent
     return plane, hills, caps.with_columns(peak_height_m=caps.peak_height_m + up_m), families
 

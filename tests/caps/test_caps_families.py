@@ -520,13 +520,13 @@ def test_the_slope_of_families_is_that_of_their_plane(h_m):
     x_m, y_m = rng.uniform(0.0, 0.06, 9), rng.uniform(0.0, 0.04, 9)
     peak_m = 3e-5 * x_m - 7e-5 * y_m - h_m * (np.arange(9) % 2) + 1e-10 * rng.standard_normal(9)
     caps = table(peak_m, x_m=x_m, y_m=y_m, peak_height_se_m=np.full(9, 1e-10))
-    slope, bow, count = surface_of_families(caps, (0.03, 0.02))
-    assert slope == pytest.approx([3e-5, -7e-5], abs=2e-8)
-    assert not bow.any()
-    assert count == (2 if h_m else 1)
+    found = surface_of_families(caps, (0.03, 0.02))
+    assert found.slope == pytest.approx([3e-5, -7e-5], abs=2e-8)
+    assert not found.bow.any()
+    assert found.count == (2 if h_m else 1)
     flags = np.where(np.arange(9) < 4, 0, CapFlag.not_convex).astype(np.uint16)
-    slope, bow, count = surface_of_families(caps.with_columns(flags=flags), (0.03, 0.02))
-    assert (slope.tolist(), bow.tolist(), count) == ([0.0, 0.0], [0.0, 0.0, 0.0], 1)
+    few = surface_of_families(caps.with_columns(flags=flags), (0.03, 0.02))
+    assert (few.slope.tolist(), few.bow.tolist(), few.count) == ([0.0, 0.0], [0.0, 0.0, 0.0], 1)
 
 
 def test_the_slope_of_families_is_not_that_of_caps_without_apex():
@@ -538,12 +538,34 @@ def test_the_slope_of_families_is_not_that_of_caps_without_apex():
     peak_m[:3] += (-1e-6, 7e-7, 3e-7)
     flags = np.zeros(12, dtype=np.uint16)
     columns = {"x_m": x_m, "y_m": y_m, "peak_height_se_m": np.full(12, 1e-10)}
-    tilted, _, _ = surface_of_families(table(peak_m, flags=flags, **columns), (0.0, 0.0))
+    tilted = surface_of_families(table(peak_m, flags=flags, **columns), (0.0, 0.0))
     flags[:3] = CapFlag.edge | CapFlag.ridge
-    slope, _, count = surface_of_families(table(peak_m, flags=flags, **columns), (0.0, 0.0))
-    assert np.abs(slope).max() < 2e-8
-    assert count == 2
-    assert np.abs(tilted).max() > 1e-6
+    caps = table(peak_m, flags=flags, **columns)
+    found = surface_of_families(caps, (0.0, 0.0))
+    assert np.abs(found.slope).max() < 2e-8
+    assert found.count == 2
+    assert np.abs(tilted.slope).max() > 1e-6
+    # Families of all twelve are not those of the nine
+    for known in (tilted, found):
+        assert (
+            group_families(caps, own_plane=True, known=known)[1]
+            == group_families(caps, own_plane=True)[1]
+        )
+
+
+def test_families_on_a_known_surface_are_those_that_find_it():
+    """Wherever the coordinates of that surface begin."""
+    rng = np.random.default_rng(4)
+    x_m, y_m = rng.uniform(0.0, 0.06, 15), rng.uniform(0.0, 0.04, 15)
+    peak_m = 3e-5 * x_m - 2.4e-7 * (np.arange(15) % 3 > 0) + 1e-9 * rng.standard_normal(15)
+    caps = table(peak_m, x_m=x_m, y_m=y_m, peak_height_se_m=np.full(15, 1e-9))
+    known = surface_of_families(caps, (0.03, 0.02))
+    (one, on_known), (other, anew) = (
+        group_families(caps, own_plane=True, known=surface) for surface in (known, None)
+    )
+    assert (on_known.m, on_known.n, one.family.tolist()) == (5, 10, other.family.tolist())
+    assert on_known.h_m == pytest.approx(anew.h_m, rel=1e-9)
+    assert on_known.log_odds == pytest.approx(anew.log_odds, rel=1e-9)
 
 
 def test_the_slope_of_families_is_not_that_of_a_few_spread_peaks():
@@ -551,9 +573,9 @@ def test_the_slope_of_families_is_not_that_of_a_few_spread_peaks():
     x_m, y_m = rng.uniform(0.0, 0.06, 26), rng.uniform(0.0, 0.04, 26)
     peak_m = 3e-6 * x_m - 7e-6 * y_m + 1e-9 * rng.standard_normal(26)
     peak_m += np.repeat((1e-6, 1.1e-6, 1.2e-6, 2.4e-7, 0.0), (1, 1, 1, 5, 18))
-    slope, _, count = surface_of_families(table(peak_m, x_m=x_m, y_m=y_m), (0.0, 0.0))
-    assert slope == pytest.approx([3e-6, -7e-6], abs=1e-7)  # 1 nm over 23 caps: 2e-8
-    assert count == 3
+    found = surface_of_families(table(peak_m, x_m=x_m, y_m=y_m), (0.0, 0.0))
+    assert found.slope == pytest.approx([3e-6, -7e-6], abs=1e-7)  # 1 nm over 23 caps: 2e-8
+    assert found.count == 3
 
 
 @pytest.mark.parametrize(("n", "turns"), [(4, False), (5, True), (12, True)])

@@ -1,6 +1,6 @@
 """Families of caps: the few that carry (G) and the many, lower ones that slip (P)."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Literal
 
 import numpy as np
@@ -119,11 +119,29 @@ class Families:
         return apart and self.log_odds >= CLEAR_LOG_ODDS and self.count == len(self.levels)
 
 
+@dataclass(frozen=True, eq=False)
+class FamilySurface:
+    """The surface on which families are levels, made by `surface_of_families`."""
+
+    slope: np.ndarray  # (2,), along x and y
+    bow: np.ndarray  # (3,), terms of x^2, x y and y^2
+    count: int  # of families
+    levels: Levels | None = None  # of these caps, by their number in the table
+    caps: np.ndarray = field(default_factory=lambda: np.zeros(0, dtype=np.intp))
+
+    def levels_of(self, caps: CapTable, usable: np.ndarray) -> Levels:
+        """Return the levels of some caps of the table, found anew where they are others."""
+        if self.levels is not None and np.array_equal(self.caps, usable):
+            return self.levels
+        return _levels_of(caps, usable)
+
+
 def group_families(
     caps: CapTable,
     count: str | int = "auto",
     feature: Feature = "peak_height",
     own_plane: bool = False,
+    known: FamilySurface | None = None,
 ) -> tuple[CapTable, Families]:
     """Group the usable caps into one or two families by one of their features.
 
@@ -144,6 +162,9 @@ def group_families(
     own_plane : bool
         Whether peak heights are levels on a common plane that is found with them, see
         `find_levels`, so that a plane added to the map moves nothing. It takes five caps.
+    known : FamilySurface, optional
+        What `surface_of_families` returned for the same table: its levels are found already, unless
+        odd caps were left out.
 
     Returns
     -------
@@ -161,7 +182,7 @@ def group_families(
     usable = np.flatnonzero(caps.usable)
     levels = None
     if own_plane and feature == "peak_height" and usable.size >= LEAST_CAPS:
-        levels = _levels_of(caps, usable)
+        levels = _levels_of(caps, usable) if known is None else known.levels_of(caps, usable)
         found = levels.clusters
         alike = _alike(_on_plane(caps, usable, levels, 1), usable, free=3)
     else:
@@ -192,14 +213,11 @@ def group_families(
     )
 
 
-def surface_of_families(
-    caps: CapTable, at_m: tuple[float, float]
-) -> tuple[np.ndarray, np.ndarray, int]:
-    """Return slopes (x, y) and bow (x^2, x y, y^2) of the surface on which families are levels.
+def surface_of_families(caps: CapTable, at_m: tuple[float, float]) -> FamilySurface:
+    """Return the surface on which families are levels, and their number.
 
-    And their number. Odd caps are left out where five others are there: one at an edge whose apex
-    was not found tilts the plane, and the cut along it. Slopes and bow are zero for fewer than five
-    usable caps.
+    Odd caps are left out where five others are there: one at an edge whose apex was not found tilts
+    the plane, and the cut along it. Slopes and bow are zero for fewer than five usable caps.
 
     Parameters
     ----------
@@ -212,11 +230,11 @@ def surface_of_families(
     if usable.size < LEAST_CAPS:
         usable = np.flatnonzero(caps.usable)
     if usable.size < LEAST_CAPS:
-        return np.zeros(2), np.zeros(3), 1
+        return FamilySurface(np.zeros(2), np.zeros(3), 1)
     levels = _levels_of(caps, usable, at_m)
     alike = _alike(_on_plane(caps, usable, levels, 1), usable, free=3)
     count = _supported(levels.clusters, alike)[0]
-    return levels.slope[count - 1], levels.bow, count
+    return FamilySurface(levels.slope[count - 1], levels.bow, count, levels, usable)
 
 
 def _levels_of(
