@@ -271,6 +271,7 @@ WORDS = {
     "uneven": f"joint.pressure_map={UNEVEN}",
     "spread": f"joint.pressure_map={SPREAD}",
     "along": "slip.direction_rad=0.0",
+    "void": "joint.non_measured=void",
     "pushed": "answer.slip_force_N=500",
     "barely-pushed": "answer.slip_force_N=0.1",
     "beam": "structure.beam.length_m=0.5",
@@ -512,6 +513,30 @@ def test_no_tilt_or_bow_decides_what_touches_on_a_flat_interface():
     for scene in ("plain flat", "bowed flat", "tilted as-it-lay flat"):
         codes = {problem.code for problem in analysis(scene, False).problems}
         assert not codes & {"bow_left", "tilt_left"}
+
+
+@pytest.mark.parametrize(
+    ("scene", "code"),
+    [
+        ("hole", "hole_may_hide_hills"),
+        ("cornered", "outline_assumed"),
+        ("HOLED", "contact_at_hole"),
+    ],
+)
+def test_where_no_material_is_nothing_is_hidden_and_no_answer_moves(scene, code):
+    holed = next(row.seen for row in ROWS if row.code == "contact_at_hole")
+    scene = scene.replace("HOLED", holed)
+    unknown, void = analysis(scene, False), analysis(f"{scene} void", False)
+    assert code in {problem.code for problem in unknown.problems}
+    assert code not in {problem.code for problem in void.problems}
+    others = [p.code for p in unknown.problems if p.code not in ("outline_assumed", code)]
+    assert [p.code for p in void.problems if p.code != "outline_assumed"] == others
+    assert void.contact.stiffness_N_per_m == unknown.contact.stiffness_N_per_m
+
+
+def test_points_that_stand_alone_are_no_voids():
+    codes = {problem.code for problem in analysis("coarse-sieve void", False).problems}
+    assert "hole_may_hide_hills" in codes
 
 
 def test_a_note_of_the_reader_is_said(tmp_path):

@@ -39,6 +39,9 @@ from capslip.surface.heightmap import HeightMap
 from capslip.surface.holes import problems_of_filling
 from capslip.units import percent
 
+# Of what lies where nothing was measured, and of that alone
+OF_VOIDS = ("hole_may_hide_hills", "outline_assumed", "contact_at_hole")
+
 
 def problems_of(face: Face, found: Analysis, mate: HeightMap | None) -> tuple[Problem, ...]:
     """Return what makes scans, settings, face, contact and answer doubtful, in this order.
@@ -57,7 +60,7 @@ def problems_of(face: Face, found: Analysis, mate: HeightMap | None) -> tuple[Pr
         before = [
             replace(one, severity="error") if one.code == "no_caps" else one for one in before
         ]
-        return (*before, *found.problems)
+        return (*_less_voids(before, face, found.settings), *found.problems)
     settings, surface = found.settings, face.conditioned.surface
     tolerance = settings.contact.tolerance
     doubtful = still_doubtful(found.caps, contact, surface, tolerance)
@@ -83,7 +86,18 @@ def problems_of(face: Face, found: Analysis, mate: HeightMap | None) -> tuple[Pr
     share = ASKED
     if found.answer is not None and found.slip is not None:
         share = found.answer.slip_force_N / float(found.slip.total_slip_force_N)
+    problems = _less_voids(problems, face, settings)
     return tuple(with_effects(problems, *pressed, contact, share))
+
+
+def _less_voids(problems: list[Problem], face: Face, settings: Settings) -> list[Problem]:
+    """Return the problems without those of holes and outline where no material is there.
+
+    Between measured points that stand alone there is some, whatever the settings say.
+    """
+    if settings.joint.non_measured == "unknown" or face.conditioned.surface.filling is not None:
+        return problems
+    return [one for one in problems if one.code not in OF_VOIDS]
 
 
 def _before_contact(face: Face, found: Analysis, mate: HeightMap | None) -> list[Problem]:

@@ -161,6 +161,8 @@ class JointSettings(_Table, frozen=True):
 
     area_m2: Positive | None = None
     pressure_map: str | None = None  # CSV, see contact/pressure_map.py
+    # What lies in holes of the map and beyond its measured outline: nobody knows, or no material
+    non_measured: Literal["unknown", "void"] = "unknown"
 
 
 class Beam(_Table, frozen=True):
