@@ -148,7 +148,7 @@ class Contact(_Table, frozen=True):
     nominal_pressure_Pa: Positive | None = None  # of the joint, in place of the preload
     preload_spread: Spread = 0.0
     alignment: Literal["balanced", "as_levelled"] = "balanced"
-    load_point_m: Pair | None = None  # (x, y) of its line of action; default: the map's centre
+    load_point_m: Pair | None = None  # (x, y) of its line; default: centre of what was measured
     alignment_stiffness_Nm_per_rad: Annotated[float, msgspec.Meta(ge=0, le=GREATEST)] = 0.0
     tolerance: Share = 0.05
     time_limit_s: Positive = 60.0  # of the processor, for boundary elements

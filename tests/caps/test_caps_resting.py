@@ -103,6 +103,7 @@ def test_a_load_outside_the_measured_points_tips_it_over():
     height_m = waves(0).copy()
     height_m[:, 60:] = np.nan
     with pytest.raises(UnusableSurfaceError, match="tips over"):
-        resting_plane(HeightMap(height_m, PIXEL_M))
+        resting_plane(HeightMap(height_m, PIXEL_M), load_point_m=(1.6e-2, 6e-3))
+    assert resting_plane(HeightMap(height_m, PIXEL_M)).load_point_m[0] == pytest.approx(6e-3)
     with pytest.raises(SettingsError, match="odd"):
         resting_plane(HeightMap(height_m, PIXEL_M), square=4)

@@ -219,6 +219,25 @@ def test_three_spheres_carry_what_statics_gives_them(offset):
     assert np.abs(table["eccentricity_m"]).max() < 1e-8
 
 
+def test_lines_without_any_measured_point_move_neither_the_load_nor_the_answer():
+    height_m = np.pad(face().height_m, ((40, 10), (0, 50)), constant_values=np.nan)
+    found = analyzed(HeightMap(height_m, PIXEL_M))
+    assert found.contact.load_point_m == pytest.approx((0.03, 0.02 + 40 * PIXEL_M[0]))
+    # The outline of what was measured is summed over blocks, that of a whole map is closed
+    assert answers(found) == pytest.approx(answers(plain(face)), rel=3e-3)
+
+
+def test_a_block_on_a_larger_plate_is_loaded_in_its_middle_wherever_it_stands():
+    ny, nx = SHAPE
+    plate = HeightMap(np.zeros((ny + 60, nx + 80)), PIXEL_M)
+    beside = load_settings(overrides=("mating.offset_m=[5e-3,-9e-3]",))
+    found = analyze_once(plate, beside, face())
+    assert found.contact.load_point_m == pytest.approx(
+        (0.5 * plate.side_m[1] - 9e-3, 0.5 * plate.side_m[0] + 5e-3)
+    )
+    assert answers(found) == pytest.approx(answers(plain(face)), rel=3e-3)
+
+
 def test_the_eccentricity_is_the_place_of_the_resultant():
     found = analyzed(face(), "contact.alignment=as_levelled")
     carrying = found.caps.load_N > 0.0

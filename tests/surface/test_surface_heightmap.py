@@ -95,3 +95,14 @@ def test_what_a_mask_hides_was_not_measured(stored):
 def test_what_is_no_table_of_real_numbers_is_refused(heights):
     with pytest.raises(UnusableSurfaceError, match="no real numbers on a grid"):
         HeightMap(heights, PIXEL_M)
+
+
+def test_what_was_measured_lies_within_its_rectangle():
+    height_m = np.full((12, 17), np.nan)
+    height_m[[3, 8], [15, 4]] = 0.0
+    surface = HeightMap(height_m, (2.0, 1.0))
+    assert surface.measured_window == np.s_[3:9, 4:16]
+    assert surface.measured_area_m2 == 6 * 2.0 * 12
+    assert surface.centre_m == (10.0, 12.0)
+    nothing = HeightMap(np.full((12, 17), np.nan), (2.0, 1.0))
+    assert nothing.measured_area_m2 == 0.0

@@ -7,7 +7,6 @@ from capslip import load_settings
 from capslip.analysis import analyze_once as analyze
 from capslip.surface.heightmap import HeightMap
 from capslip.surface.holes import (
-    _within,
     between,
     depth_of_holes,
     outside_as_made,
@@ -112,12 +111,6 @@ def test_a_hole_lies_between_measured_points_of_its_row_or_its_column(share, sha
         )
         expected = ~measured & ((before[0] & after[0]) | (before[1] & after[1]))
         assert np.array_equal(between(measured), expected)
-
-
-def test_what_was_measured_lies_within_its_rectangle():
-    height_m = np.full((12, 17), np.nan)
-    height_m[[3, 8], [15, 4]] = 0.0
-    assert _within(HeightMap(height_m, (1.0, 1.0))) == np.s_[3:9, 4:16]
 
 
 @pytest.mark.parametrize("n_columns", [5, 9])

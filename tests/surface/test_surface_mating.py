@@ -138,6 +138,17 @@ def test_a_worn_pair_finds_its_place(offset_m, rotation_rad, mirror, second_pixe
     assert truth.correlation is None
 
 
+@pytest.mark.parametrize(("height", "unit"), [(0.4, 1.0), (2.5, 1.0), (0.4, 1e-6)])
+def test_a_print_finds_its_place_however_high_it_and_the_faces_are(height, unit):
+    """Where the second face is the smoother one, steps of the sum alone overshoot and end."""
+    first_m = unit * waves((200, 300), width=4)
+    second = HeightMap(-height * first_m[:, ::-1], PIXEL_M)
+    found = place(HeightMap(first_m, PIXEL_M), second, align="least_squares")
+    assert found.offset_m == pytest.approx((0.0, 0.0), abs=0.02 * D_M)
+    assert found.rotation_rad == pytest.approx(0.0, abs=1e-4)
+    assert found.correlation == pytest.approx(2 * height / (1 + height**2), rel=1e-3)
+
+
 def test_faces_that_have_nothing_to_do_with_each_other_are_said_to():
     first = HeightMap(waves((200, 300), 1, width=4), PIXEL_M)
     second = HeightMap(waves((200, 300), 2, width=4), PIXEL_M)

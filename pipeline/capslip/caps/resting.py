@@ -52,7 +52,7 @@ def resting_plane(
     surface : HeightMap
         A map without outliers; its form and level do not matter.
     load_point_m : (float, float), optional
-        Place (x, y) of the line of action; the centre of the map by default.
+        Place (x, y) of the line of action; the centre of what was measured by default.
     square : int
         Side of the squares of points over which heights are averaged, odd; see `Hills.square`.
 
@@ -93,8 +93,7 @@ def resting_plane(
     """
     if square < 1 or square % 2 == 0:
         raise SettingsError(f"square: got {square}; expected an odd number of points")
-    ly_m, lx_m = surface.side_m
-    at_m = (0.5 * lx_m, 0.5 * ly_m) if load_point_m is None else load_point_m
+    at_m = surface.centre_m if load_point_m is None else load_point_m
     squares = _Squares.of(surface, at_m, square)
     if squares.index.size < 3:  # hardly any square has points enough
         squares = _Squares.of(surface, at_m, 1)

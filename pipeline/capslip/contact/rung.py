@@ -170,11 +170,13 @@ class Rung(Generic[C]):
 
 
 def load_point_m(surface: HeightMap, settings: Settings) -> tuple[float, float]:
-    """Return the place (x, y) of the line of action: as set, or the centre of the map."""
+    """Return the place (x, y) of the line of action: as set, or the centre of what was measured.
+
+    An even pressure on the rectangle that it acts on has its resultant there, see `joint_of`.
+    """
     if settings.contact.load_point_m is not None:
         return settings.contact.load_point_m
-    ly_m, lx_m = surface.side_m
-    return 0.5 * lx_m, 0.5 * ly_m
+    return surface.centre_m
 
 
 def turning_stiffness(settings: Settings) -> float:

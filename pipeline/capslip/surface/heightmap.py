@@ -343,13 +343,33 @@ class HeightMap:
         return self.pixel_size_m[0] * self.pixel_size_m[1]
 
     @property
+    def measured_window(self) -> tuple[slice, slice]:
+        """Rows and columns of the least rectangle that holds all measured points.
+
+        Examples
+        --------
+        >>> height_m = np.zeros((4, 6))
+        >>> height_m[0], height_m[:, 4:] = np.nan, np.nan
+        >>> HeightMap(height_m, (1e-4, 1e-4)).measured_window
+        (slice(1, 4, None), slice(0, 4, None))
+        """
+        (ny, nx), window = self.shape, []
+        for line, n, points in ((self.lost // nx, ny, nx), (self.lost % nx, nx, ny)):
+            some = np.flatnonzero(np.bincount(line, minlength=n) < points)
+            window.append(slice(int(some[0]), int(some[-1]) + 1) if some.size else slice(0, 0))
+        return window[0], window[1]
+
+    @property
     def measured_area_m2(self) -> float:
         """Area of the least rectangle that holds all measured points, holes in it included."""
-        sides_m = 1.0
-        for axis, pixel_m in enumerate(self.pixel_size_m):
-            lines = np.flatnonzero(self.measured.any(axis=1 - axis))
-            sides_m *= pixel_m * (int(lines[-1]) - int(lines[0]) + 1 if lines.size else 0)
-        return sides_m
+        rows, columns = self.measured_window
+        return (rows.stop - rows.start) * (columns.stop - columns.start) * self.pixel_area_m2
+
+    @property
+    def centre_m(self) -> tuple[float, float]:
+        """Centre (x, y) of that rectangle: of the map, but for lines that are empty to its edge."""
+        (rows, columns), (dy_m, dx_m) = self.measured_window, self.pixel_size_m
+        return 0.5 * (columns.start + columns.stop) * dx_m, 0.5 * (rows.start + rows.stop) * dy_m
 
 
 @dataclass(frozen=True, eq=False)

@@ -114,7 +114,7 @@ def outside_as_made(surface: HeightMap) -> bool:
     A disc, a washer or a rectangle that lies askew goes into itself when its map is turned or
     turned over; a rectangle without one of its corners does not.
     """
-    out = outside(surface)[_within(surface)]
+    out = outside(surface)[surface.measured_window]
     unlike = min(int(np.count_nonzero(out ^ out[turn])) for turn in TURNS)
     return unlike <= UNLIKE * int(np.count_nonzero(out))
 
@@ -168,12 +168,6 @@ def depth_of_holes(
     place_m = (col + 0.5) * block_x_m, (row + 0.5) * block_y_m
     rim_m = _rims_m(blocks, surface.height_m[:: steps[0], :: steps[1]])[row, col]
     return *place_m, depth_m, rim_m, block_y_m * block_x_m
-
-
-def _within(surface: HeightMap) -> tuple[slice, slice]:
-    """Return the least rectangle that holds all measured points."""
-    rows, columns = (np.flatnonzero(surface.measured.any(axis=axis)) for axis in (1, 0))
-    return slice(rows[0], rows[-1] + 1), slice(columns[0], columns[-1] + 1)
 
 
 def _rims_m(blocks: np.ndarray, height_m: np.ndarray) -> np.ndarray:

@@ -420,9 +420,15 @@ def _refined(first: HeightMap, second: HeightMap, start: Placement) -> Placement
         if match[-1] == max(match):
             best = place
         slopes = [laid_m(place + half) - laid_m(place - half) for half in 0.5 * np.eye(3)]
-        design = np.stack([np.ones_like(here_m), *slopes], axis=1)
+        level_m = np.full_like(here_m, math.sqrt(variance))  # of the size of the others
+        # A print need not be as high as what left it: its height is fitted, too, as steps overshoot
+        # where the second face is the smoother one
+        design = np.stack([level_m, here_m, *slopes], axis=1)
         known &= ~np.isnan(design).any(axis=1)
-        step = np.linalg.lstsq(design[known], -(height_m + here_m)[known], rcond=None)[0][1:]
+        _, height, *steps = np.linalg.lstsq(design[known], -height_m[known], rcond=None)[0]
+        if height <= 0.0:
+            break
+        step = np.array(steps) / height
         place = place + np.clip(step, -MAX_STEP_PIXELS, MAX_STEP_PIXELS)
         if np.abs(step).max() < SETTLED_PIXELS:
             break
