@@ -161,8 +161,7 @@ class JointSettings(_Table, frozen=True):
 
     area_m2: Positive | None = None
     pressure_map: str | None = None  # CSV, see contact/pressure_map.py
-    # What lies in holes of the map and beyond its measured outline: nobody knows, or no material
-    non_measured: Literal["unknown", "void"] = "unknown"
+    non_measured: Literal["unknown", "void"] = "unknown"  # void: no material, as in a bolt hole
 
 
 class Beam(_Table, frozen=True):
@@ -266,8 +265,7 @@ class Settings(_Table, frozen=True):
         """Return the digest of everything that can change a result, so without most of `[run]`."""
         tables = self.to_dict()
         tables["run"] = {"given": self.run.given}
-        path = self.joint.pressure_map
-        if path is not None and Path(path).is_file():  # what it says counts, not its name alone
+        if (path := self.joint.pressure_map) and Path(path).is_file():  # what it says counts
             tables["joint"]["sha256"] = hashlib.sha256(Path(path).read_bytes()).hexdigest()
         return hashlib.sha256(msgspec.json.encode(tables, order="deterministic")).hexdigest()
 
