@@ -40,6 +40,7 @@ class Solutions:
     punch_Pa_per_m: dict[float, np.ndarray] = field(default_factory=dict)  # by load, the last
     around: tuple[Pressed, PatchedFace | None] | None = None  # a state, and what holds its contact
     alone: tuple[Pressed, PatchedFace, Pressed] | None = None  # a state, and what touches in it
+    as_pixels: bool = False  # whether slip is followed no closer than pixels tell, see `unload`
     force_shares: tuple[float, ...] = ()  # of mu N, at which alone slip is asked for; none: at any
 
     def left_s(self, load_N: float) -> float:
@@ -130,6 +131,7 @@ class Solutions:
                     punch_Pa_per_m=self.punch_Pa_per_m.get(load_N),
                     around=around if known is pressed else None,
                     force_shares=self.force_shares,
+                    as_pixels=self.as_pixels,
                 )
             self.unloading[load_N] = found
             pairs = zip(found.solved_load_N.tolist(), found.solved_approach_m.tolist(), strict=True)
