@@ -1,5 +1,6 @@
 """The loss between solved loads against closed forms and loads that were solved for the test."""
 
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
@@ -10,7 +11,7 @@ from capslip.contact.solvers import unloading as module
 from capslip.contact.solvers.hertz import load_drop_of_asperity, loss_of_asperity
 from capslip.contact.solvers.losses import left_out, losses, region_losses
 from capslip.contact.solvers.path import CLOSEST, FINEST, Path
-from capslip.contact.solvers.polonsky_keer import elastic_face, press
+from capslip.contact.solvers.polonsky_keer import elastic_face, first_loading, press
 from capslip.surface.heightmap import HeightMap
 
 X = np.array([0.02, 0.08, 0.2, 0.4, 0.6, 0.8, 0.95, 1.0])
@@ -213,6 +214,19 @@ def test_the_error_holds_where_few_pixels_slip():
         beyond.extend(off / unloading.loss_error)
     assert np.quantile(beyond, 0.95) < 1
     assert max(beyond) < 2
+
+
+@pytest.mark.parametrize("seed", [1, 2, 3])
+def test_one_of_many_patches_is_followed_no_closer_than_its_pixels_tell(seed):
+    load_N, soft = 3.0, replace(rough_face(seed, 1.5), hardness_Pa=1e8)
+    face, pressed = first_loading(soft, press(soft, load_N=load_N))
+    every, few = (module.unload(face, pressed, 1e-7, as_pixels=one) for one in (False, True))
+    assert len(few.solved_load_N) <= 0.8 * len(every.solved_load_N)
+    drops_N = np.linspace(0.1, 0.9, 17) * load_N
+    tables = [np.log((one.load_drop_N, one.loss_J)) for one in (every, few)]
+    off = np.expm1(np.subtract(*(np.interp(np.log(drops_N), *table) for table in tables)))
+    left = np.array([few.pixel_error(drop_N) for drop_N in drops_N])
+    assert (np.abs(off) < module._OF_PIXELS * left + module._STEPS).all()
 
 
 def test_the_bend_between_two_loads_bounds_their_loss():

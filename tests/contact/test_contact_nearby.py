@@ -6,6 +6,7 @@ import pytest
 from capslip.contact.levelling import turned
 from capslip.contact.models.boundary_elements import RUNG, boundary_elements
 from capslip.contact.solvers import nearby as module
+from capslip.contact.solvers import path, solutions
 from capslip.surface.heightmap import HeightMap
 
 E, N, SHARE, PIXEL_M = 110e9, 40.0, 0.25, 2e-5
@@ -191,3 +192,25 @@ def test_gaps_that_are_left_open_are_a_twentieth_of_a_hertz_loss_at_most(gone, e
     share = 1.0 - (1.0 - gone) ** 1.5
     assert module._enough(share) == pytest.approx(enough, rel=1e-9)
     assert module._enough(1e-6) == module._FINEST
+
+
+def test_a_large_contact_is_made_once_for_stiffness_and_slip_and_not_kept(monkeypatch):
+    """Where shear goes needs no more than single precision afterwards."""
+    curve = boundary_elements(FOUR, E, preload_N=N, hardness_Pa=3e7)
+    alike, made, around = curve.tractions(N, 0.5)[1], [], solutions.around_contact
+    curve.solutions.around = curve.solutions.alone = None
+    curve.solutions.punch_Pa_per_m.clear()
+
+    def counted(*args, single):
+        made.append(single)
+        return around(*args, single=single)
+
+    monkeypatch.setattr(solutions, "_SMALL", 0)
+    monkeypatch.setattr(solutions, "around_contact", counted)
+    monkeypatch.setattr(path, "around_contact", None)
+    curve.solutions.punch(N)
+    assert curve.unloading(N).refinement == 1
+    assert curve.solutions.around is curve.solutions.alone is None
+    later = curve.tractions(N, 0.5)[1]
+    assert made == [False, True]
+    np.testing.assert_allclose(later, alike, atol=1e-3 * alike.max())

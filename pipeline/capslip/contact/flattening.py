@@ -43,7 +43,7 @@ def flattened(model: Rung, scene: Scene) -> Scene:
 def loaded_first(
     model: Rung,
     scene: Scene,
-    normal: NormalCurve,
+    known: dict[float, NormalCurve],
     bulk: bool,
     load_N: float,
     hardness_factor: float = 1.0,
@@ -59,9 +59,10 @@ def loaded_first(
         One that knows yielding.
     scene : Scene
         Before any load, with its law of yielding.
-    normal : NormalCurve
-        After its own first loading, with the bulk sinking where the model has one; the tilt that a
-        map found under that is held.
+    known : dict of float to NormalCurve
+        By their load, what is known after other first loadings, with the bulk sinking where the
+        model has one: at first the curve after its own, whose tilt is held on a map. A map begins
+        at that under the next greater load, and what is found joins them.
     bulk : bool
         Whether the curve holds the bulk sinking, where the model has one.
     load_N : float
@@ -76,7 +77,10 @@ def loaded_first(
     """
     assert scene.law is not None
     if model.after is not None:
-        curve: Any = model.after(normal, scene.preload_N, load_N / scene.preload_N, hardness_factor)
+        near_N = min((N for N in known if load_N <= N), default=scene.preload_N)
+        curve: Any = model.after(known[near_N], near_N, load_N / near_N, hardness_factor)
+        if hardness_factor == 1.0:
+            known[load_N] = curve
     else:
         law = replace(scene.law, hardness_Pa=scene.law.hardness_Pa * hardness_factor)
         scene = replace(scene, preload_N=load_N, law=law)

@@ -298,7 +298,9 @@ def _first(
 ) -> Callable[[float, float], NormalCurve] | None:
     if scene.law is None or model.made_from == "nothing":
         return None
-    return cache(partial(loaded_first, model, scene, normal, bulk))  # answer and band ask twice
+    known = {scene.preload_N: normal}
+    # Answer and band ask twice
+    return cache(partial(loaded_first, model, scene, known, bulk))
 
 
 def _contacts(

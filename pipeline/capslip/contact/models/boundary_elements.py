@@ -120,11 +120,17 @@ def _after(
     given = (known.tolerance, known.time_limit_s)
     begun_s = process_time()
     face, again = loaded_anew(curve.first, pressed, punch, (of_load, of_hardness), *given)
-    return replace(_unloading(face, again, *given, begun_s), tilt_rad=curve.tilt_rad)
+    after = _unloading(face, again, *given, begun_s, as_pixels=of_load != 1.0)
+    return replace(after, tilt_rad=curve.tilt_rad)
 
 
 def _unloading(
-    face: ElasticFace, pressed: Pressed, tolerance: float, time_limit_s: float, begun_s: float
+    face: ElasticFace,
+    pressed: Pressed,
+    tolerance: float,
+    time_limit_s: float,
+    begun_s: float,
+    as_pixels: bool = False,
 ) -> BoundaryElementCurve:
     """Return the curve along which a face unloads from its first load, begun at a `process_time`.
 
@@ -136,7 +142,7 @@ def _unloading(
         area_m2 = np.count_nonzero(yielded) * face.pixel_area_m2
         face, pressed = first_loading(face, pressed)
     spent_s = {pressed.load_N: process_time() - begun_s}
-    solutions = Solutions(face, tolerance, time_limit_s, spent_s)
+    solutions = Solutions(face, tolerance, time_limit_s, spent_s, as_pixels=as_pixels)
     solutions.keep(pressed)
     return BoundaryElementCurve(
         solutions, NAME, tilt_rad=pressed.tilt_rad, yielded_area_m2=area_m2, first=first

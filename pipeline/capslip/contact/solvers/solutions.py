@@ -40,6 +40,7 @@ class Solutions:
     punch_Pa_per_m: dict[float, np.ndarray] = field(default_factory=dict)  # by load, the last
     around: tuple[Pressed, PatchedFace | None] | None = None  # a state, and what holds its contact
     alone: tuple[Pressed, PatchedFace, Pressed] | None = None  # a state, and what touches in it
+    as_pixels: bool = False  # whether slip is followed no closer than pixels tell, see `unload`
     force_shares: tuple[float, ...] = ()  # of mu N, at which alone slip is asked for; none: at any
 
     def left_s(self, load_N: float) -> float:
@@ -76,7 +77,7 @@ class Solutions:
         if load_N not in self.punch_Pa_per_m:
             pressed = self.press(load_N)
             with self.counted(load_N):
-                face, on_face = self._on_contact(pressed)
+                face, on_face = self._on_contact(pressed, single=False)
                 found = face.spread(punch_pressure_Pa_per_m(face, on_face))
             self.punch_Pa_per_m = {load_N: found}
         return self.punch_Pa_per_m[load_N]
@@ -88,7 +89,7 @@ class Solutions:
         """
         pressed, punch = self.press(load_N), self.punch(load_N)
         with self.counted(load_N):
-            face, on_face = self._on_contact(pressed)
+            face, on_face = self._on_contact(pressed, single=True)
             above = Known(0.0, on_face.pressure_Pa)
             end = Known(pressed.approach_m, np.zeros(face.shape))
             total_Pa = later * load_N / face.pixel_area_m2
@@ -96,15 +97,17 @@ class Solutions:
             left = press(face, load_N=later * load_N, tolerance=_ROUGHLY, start_Pa=begin_Pa)
         return punch, np.maximum(pressed.pressure_Pa - face.spread(left.pressure_Pa), 0.0)
 
-    def _on_contact(self, pressed: Pressed) -> tuple[PatchedFace, Pressed]:
-        """Return the points that touch, alone, and their state; small ones are kept."""
+    def _on_contact(self, pressed: Pressed, single: bool) -> tuple[PatchedFace, Pressed]:
+        """Return the points that touch, alone, and their state.
+
+        Those in double precision are kept for the slip, which lets go of large ones (`unload`).
+        """
         if self.alone is not None and self.alone[0] is pressed:
             return self.alone[1:]
-        around = around_contact(self.face, pressed.pressure_Pa > 0)
-        if around is None or around.cost <= _SMALL:
-            self.around = (pressed, around)
+        around = around_contact(self.face, pressed.pressure_Pa > 0, single=single)
         face, on_face = on_contact(self.face, pressed, around)
-        self.alone = (pressed, face, on_face) if face.cost <= _SMALL else None
+        if not single:
+            self.around, self.alone = (pressed, around), (pressed, face, on_face)
         return face, on_face
 
     def press_to(self, approach_m: float) -> Pressed:
@@ -130,7 +133,10 @@ class Solutions:
                     punch_Pa_per_m=self.punch_Pa_per_m.get(load_N),
                     around=around if known is pressed else None,
                     force_shares=self.force_shares,
+                    as_pixels=self.as_pixels,
                 )
+            if around is not None and around.cost > _SMALL:
+                self.around = self.alone = None
             self.unloading[load_N] = found
             pairs = zip(found.solved_load_N.tolist(), found.solved_approach_m.tolist(), strict=True)
             self.approach_m.update(pairs)

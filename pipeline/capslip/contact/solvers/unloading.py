@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import dataclass, field, replace
+from functools import partial
 from itertools import pairwise
 from time import process_time
 from typing import NamedTuple
@@ -37,6 +38,7 @@ _ORDER = 1.3  # of the error in the width of an interval: three of four points a
 PATCH_ERROR = 1e-5  # of what patches leave out, over the approach, see `Unloading`
 _ENOUGH_PIXELS, _ENOUGH_REFINED = 100, 50  # in contact, of a map as it is and of a refined one
 _STEPS = 0.01  # aimed at for what single pixels that let go may do to the loss, see `_steps`
+_OF_PIXELS = 0.2  # the same of one of many patches, over what pixels leave, where that is more
 UNRESOLVED = 0.05  # relative error of the loss from which it is not to be trusted
 
 
@@ -89,6 +91,7 @@ def unload(
     punch_Pa_per_m: np.ndarray | None = None,
     around: PatchedFace | None = None,
     force_shares: tuple[float, ...] = (),
+    as_pixels: bool = False,
 ) -> Unloading:
     """Solve a pressed face at falling loads, as many as the loss between them needs.
 
@@ -128,6 +131,9 @@ def unload(
     force_shares : tuple of float, optional
         Of mu N, growing: what happens at other forces is not asked for. These loads alone are
         solved, not as many as it takes between them.
+    as_pixels : bool
+        Whether single pixels that let go may do as much between the loads as pixels leave there
+        anyway: of one of many patches, whose energies are summed.
 
     Raises
     ------
@@ -148,11 +154,12 @@ def unload(
         path, error = path_at(face, pressed, tolerance, force_shares, punch_Pa_per_m, around)
         return replace(_tabulated(path, cut_short=False), patch_error=error)
     path = Path(face, pressed, tolerance, on_patches, punch_Pa_per_m, around)
-    cut_short = _followed(path, begin_s, time_limit_s)
+    cut_short = _followed(path, begin_s, time_limit_s, as_pixels)
     error = path.patch_error()
     if error > PATCH_ERROR:  # not seen yet
         left_s = max(time_limit_s - (process_time() - begin_s), 0.0)
-        return unload(face, pressed, tolerance, time_limit_s=left_s, on_patches=False)
+        more = partial(unload, on_patches=False, as_pixels=as_pixels)
+        return more(face, pressed, tolerance, time_limit_s=left_s)
     return replace(_tabulated(path, cut_short), patch_error=error)
 
 
@@ -180,7 +187,7 @@ def path_at(
     return path, error
 
 
-def _followed(path: Path, begin_s: float, time_limit_s: float) -> bool:
+def _followed(path: Path, begin_s: float, time_limit_s: float, as_pixels: bool) -> bool:
     """Solve as many loads as the loss between them needs; return whether time was too short."""
     waiting = Waiting("boundary elements", "loads")
     first, last = (float(np.log(t / (1 - t))) for t in (_SMALLEST, _LARGEST))
@@ -191,7 +198,7 @@ def _followed(path: Path, begin_s: float, time_limit_s: float) -> bool:
         path.solve(odd)
         waiting.tell(len(path.nodes), n_first)
     while len(path.nodes) < MAX_SOLUTIONS:
-        intervals = _between(path)[1]
+        intervals = _between(path, as_pixels)[1]
         wide = [each for each in intervals if each.excess > 1 and each.width > CLOSEST]
         waiting.tell(len(path.nodes), min(len(path.nodes) + len(wide), MAX_SOLUTIONS))
         if not wide:
@@ -218,11 +225,13 @@ class _Interval(NamedTuple):
         return float(np.diff(1 / (1 + np.exp(-np.array([self.low, self.high]))))[0])
 
 
-def _between(path: Path) -> tuple[Losses | RegionLosses, list[_Interval], float]:
+def _between(
+    path: Path, as_pixels: bool = False
+) -> tuple[Losses | RegionLosses, list[_Interval], float]:
     """Return the better one of two ways to interpolate, its errors, and where pixels resolve it."""
     ways, smallest_N = _ways(path)
     found, intervals = min(ways, key=lambda way: max(way[1]))
-    return found, _with_steps(path, intervals), smallest_N
+    return found, _with_steps(path, intervals, as_pixels), smallest_N
 
 
 def _ways(path: Path) -> tuple[list[tuple[Losses | RegionLosses, list[_Interval]]], float]:
@@ -284,7 +293,7 @@ def _intervals(
     ]
 
 
-def _with_steps(path: Path, intervals: list[_Interval]) -> list[_Interval]:
+def _with_steps(path: Path, intervals: list[_Interval], as_pixels: bool) -> list[_Interval]:
     """Return the intervals with the errors that single pixels may make.
 
     None is halved for them below `SMALL_SLIP`: there they say what is not resolved.
@@ -293,7 +302,8 @@ def _with_steps(path: Path, intervals: list[_Interval]) -> list[_Interval]:
     for pair, each in zip(pairwise(path.nodes), intervals, strict=True):
         step = _steps(path, *pair)
         asked = path.pressed.load_N - pair[1].load_N > SMALL_SLIP * path.pressed.load_N
-        excess = max(each.excess, step / _STEPS) if asked else each.excess
+        most = max(_STEPS, _OF_PIXELS * pair[1].pixel_error) if as_pixels else _STEPS
+        excess = max(each.excess, step / most) if asked else each.excess
         found.append(_Interval(excess, max(each.error, step), each.low, each.high))
     return found
 
