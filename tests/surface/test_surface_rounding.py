@@ -7,7 +7,7 @@ import pytest
 from scipy.ndimage import gaussian_filter
 
 from capslip import load_settings
-from capslip.analysis import analyze_once
+from capslip.analysis import analyze, analyze_once
 from capslip.surface.heightmap import HeightMap
 from capslip.surface.rounding import few_steps, problems_of_rounding, smooth_steps
 
@@ -59,17 +59,30 @@ def test_the_stated_error_is_that_of_tops(step_m):
 def test_what_is_in_no_steps_stays_as_it_is():
     rng = np.random.default_rng(1)
     rough_m = gaussian_filter(rng.standard_normal(SHAPE), 2.0)
-    pillars_m = 1e-6 * (rng.random(SHAPE) < 0.3)
     for surface in (
         HeightMap(caps_m(), PIXEL_M),  # a floor of one height is no step
         HeightMap(rough_m, PIXEL_M),
-        HeightMap(pillars_m, PIXEL_M),  # two levels
         HeightMap(np.zeros(SHAPE), PIXEL_M),
         HeightMap(np.full(SHAPE, np.nan), PIXEL_M),
-        rounded(caps_m(), 2e-7),  # too few
     ):
         assert smooth_steps(surface) is surface
         assert problems_of_rounding(surface) == ()
+
+
+@pytest.mark.parametrize("step_m", [2e-7, 6e-7])
+def test_steps_that_are_too_few_to_smooth_are_told_and_doubted(step_m):
+    """Of four levels and of two: nobody sees what lies between."""
+    surface = rounded(caps_m(), step_m)
+    found = smooth_steps(surface)
+    assert np.array_equal(found.height_m, surface.height_m)
+    assert few_steps(found)
+    assert found.rounding.error_m == pytest.approx(
+        np.std(np.random.default_rng(0).uniform(-0.5 * step_m, 0.5 * step_m, 10**6)), rel=1e-2
+    )
+    analysis = analyze(surface, load_settings(overrides=("contact.preload_N=30",)))
+    (said,) = (one for one in analysis.problems if one.code == "heights_in_steps")
+    assert said.severity == "warning"
+    assert f"steps of {step_m:.3g} m, on so few levels" in said.message
 
 
 @pytest.mark.parametrize("noise", [0.5, 1.0, 3.0])

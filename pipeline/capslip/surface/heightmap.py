@@ -92,6 +92,7 @@ class Rounding:
 
     step_m: float  # of which the stored heights are multiples
     error_m: float  # of tops of hills, rms, after smoothing within half a step
+    smoothed: bool = True  # not where there are too few steps
 
 
 @dataclass(frozen=True, eq=False)

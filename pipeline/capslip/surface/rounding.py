@@ -12,6 +12,7 @@ from capslip.surface.noise import mixed_difference, rms_of_noise_m
 SAMPLED_LINES = 50
 LEAST_EQUAL = 0.1  # of the neighbours: of fewer, steps are finer than what neighbours differ by
 LEAST_LEVELS = 8  # of a relief: on fewer nobody sees what lies between
+UNIFORM = 12.0**-0.5  # of a step: rms of what rounding does to a height
 OFF_STEP = 0.01  # of a step, by which rounding of the numbers themselves moves heights
 SPACINGS, TURNS = (2.0, 1.0), 20  # pixels of the filter, and how often each goes over the map
 SMOOTH = 0.1  # of a step: what is left where a smooth face was rounded
@@ -35,9 +36,9 @@ def smooth_steps(surface: HeightMap) -> HeightMap:
     Returns
     -------
     HeightMap
-        The same where heights are in no steps, in few, in finer ones than neighbours differ by, or
-        where noise or roughness is seen beside the rounding. Else with `rounding`, and no height
-        moved by more than half a step.
+        The same where heights are in no steps, in finer ones than neighbours differ by, or where
+        noise or roughness is seen beside the rounding. Else with `rounding`, and no height moved by
+        more than half a step; none at all on fewer than eight levels.
 
     Notes
     -----
@@ -56,7 +57,9 @@ def smooth_steps(surface: HeightMap) -> HeightMap:
     >>> round(found.rounding.step_m * 1e9), bool(np.std(found.height_m - z) < 1e-8)
     (100, True)
     """
-    step_m = _step_m(surface)
+    step_m, levels = _step_m(surface)
+    if step_m is not None and levels < LEAST_LEVELS:
+        return replace(surface, rounding=Rounding(step_m, UNIFORM * step_m, smoothed=False))
     if step_m is None or _left_m(surface.height_m, surface.height_m) > ROUNDED * step_m:
         return surface
     height_m = _within(surface.height_m, step_m)
@@ -82,7 +85,7 @@ def _error_of_hills_m(surface: HeightMap, off_m: np.ndarray) -> float:
 
 
 def problems_of_rounding(surface: HeightMap) -> tuple[Problem, ...]:
-    """Return `heights_in_steps` (warning) of a map that was smoothed within its steps.
+    """Return `heights_in_steps` (warning) of a map in steps, smoothed within them where it can be.
 
     What the error moves decides later whether it stays a warning.
     """
@@ -90,10 +93,15 @@ def problems_of_rounding(surface: HeightMap) -> tuple[Problem, ...]:
     if rounding is None:
         return ()
     message = (
-        f"heights are stored in steps of {rounding.step_m:.3g} m, and show no noise beside; they "
-        "were smoothed within half a step, after which tops of hills are off by "
-        f"{rounding.error_m:.2g} m (rms)"
+        f"heights are stored in steps of {rounding.step_m:.3g} m, on so few levels that nobody "
+        "sees what lies between: tops of hills are off by half a step"
     )
+    if rounding.smoothed:
+        message = (
+            f"heights are stored in steps of {rounding.step_m:.3g} m, and show no noise beside; "
+            "they were smoothed within half a step, after which tops of hills are off by "
+            f"{rounding.error_m:.2g} m (rms)"
+        )
     return (Problem("heights_in_steps", "warning", message),)
 
 
@@ -105,24 +113,27 @@ def few_steps(surface: HeightMap) -> bool:
     return bool(high_m - cut_m < FEWEST_STEPS * surface.rounding.step_m)
 
 
-def _step_m(height_m: Heights) -> float | None:
-    """Return the step of which the heights are multiples, None where it is none that shows."""
+def _step_m(height_m: Heights) -> tuple[float | None, int]:
+    """Return the step of which the heights are multiples, and on how many levels they lie.
+
+    None where it is none that shows.
+    """
     some_m = height_m[:: max(1, len(height_m) // SAMPLED_LINES)]
     beside_m = np.abs(np.diff(some_m, axis=1)).reshape(-1)
     beside_m = beside_m[~np.isnan(beside_m)]
     if np.count_nonzero(beside_m == 0.0) < LEAST_EQUAL * max(1, beside_m.size):
-        return None
+        return None, 0
     beside_m = beside_m[beside_m > 0.0]
     if not beside_m.size:
-        return None
+        return None, 0
     step_m = float(beside_m.min())
     first_m = float(np.fmin.reduce(some_m, axis=None))
     level = (some_m - first_m) / step_m
     level = level[~np.isnan(level)]
     whole = np.round(level)
-    if np.abs(level - whole).max() > OFF_STEP or np.unique(whole).size < LEAST_LEVELS:
-        return None
-    return step_m
+    if np.abs(level - whole).max() > OFF_STEP:
+        return None, 0
+    return step_m, np.unique(whole).size
 
 
 def _within(stored_m: np.ndarray, step_m: float) -> np.ndarray:
