@@ -84,6 +84,21 @@ def test_the_quadric_sees_no_deeper_than_what_noise_leaves_whole(floor_m, seen_m
     assert body.volume_m3[0] == pytest.approx(np.maximum(height_m + 3.0, 0.0).sum())
 
 
+@pytest.mark.parametrize(("noise_m", "most"), [(0.0, 2e-3), (1e-3, 5e-3)])
+def test_points_lost_at_random_take_nothing_off_a_hill_of_few_points(noise_m, most):
+    """Of some 60 points: the mean of the neighbours of a lost one lies below a top between them."""
+    rng, ratio = np.random.default_rng(2), []
+    for _ in range(40):
+        height_m = bowl_m((80, 30), 20.0 + rng.random(2) * np.array([0.5, 2.0]), 60.0, PIXEL_M)
+        height_m += noise_m * rng.standard_normal(height_m.shape)
+        few = np.where(rng.random(height_m.shape) < 0.2, np.nan, height_m)
+        given = Noise(noise_m, 1.0, noise_m)
+        whole, lost = (body_of(one, -2.0, given, 0.15)[0] for one in (height_m, few))
+        mean_m = [one.volume_m3[0] / (np.pi * one.depth_m[0] ** 2) for one in (whole, lost)]
+        ratio.append(mean_m[1] / mean_m[0])
+    assert np.mean(ratio) == pytest.approx(1.0, abs=most)
+
+
 @pytest.mark.parametrize(("share", "more"), [(0.9e-3, 1), (1.1e-3, 0)])
 def test_noise_of_a_thousandth_of_the_depth_asks_for_a_guide(share, more):
     """A point above the level that lies below it by the quadric counts without one."""

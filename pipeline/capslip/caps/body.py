@@ -1,6 +1,6 @@
 """The body of each hill: its points, its volume and its shape within the depth of a fit."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -59,12 +59,13 @@ def body_of_hills(
     level_m = apexes.apex_m[2] - depth_m
 
     seen_m = np.maximum(level_m, apexes.floor_m)
-    quadric = fit_quadrics(points, seen_m, apexes.apex_m)
-    filled, rise_m, at_edge, at_patch, beside_hills = _contents(points, seen_m, level_m)
-    filled_m2 = points.pixel_area_m2 * filled
-    scattered = filled_m2 < FILLED_ELLIPSE * 4.0 * np.pi * quadric.spread_m2
+    quadric = by_height = fit_quadrics(points, seen_m, apexes.apex_m)
     if noise_m > NEGLIGIBLE_NOISE * np.max(depth_m, initial=0.0):
         quadric = fit_quadrics(points, seen_m, apexes.apex_m, quadric, noise_m)
+    whole = _lost_on_quadric(points, quadric, seen_m)
+    filled, rise_m, at_edge, at_patch, beside_hills = _contents(whole, seen_m, level_m)
+    filled_m2 = points.pixel_area_m2 * filled
+    scattered = filled_m2 < FILLED_ELLIPSE * 4.0 * np.pi * by_height.spread_m2
 
     return Body(
         depth_m=depth_m,
@@ -76,6 +77,24 @@ def body_of_hills(
         quadric=quadric,
         scatter_m=np.fmax(quadric.residual_m, noise_m) * noise.inflation,
     )
+
+
+def _lost_on_quadric(points: HillPoints, quadric: Quadrics, level_m: np.ndarray) -> HillPoints:
+    """Return the points with those that stand in for lost ones on the quadric, where it is high.
+
+    The mean of neighbours lies below the top between them: by 0.75 of what a sphere falls over a
+    pixel along both axes, which took 5 % off radii on 25 points of which a fifth was lost. What
+    measured points deviate from the quadric has no mean, so it takes nothing off the volume.
+    """
+    lost = np.flatnonzero(~points.measured)
+    if not lost.size:
+        return points
+    hill = points.hill[lost]
+    height_m = quadric.height_m(points.count_of(lost), *points.places_m(lost))
+    high = quadric.exists[hill] & (height_m >= level_m[hill])
+    z_m = points.z_m.copy()
+    z_m[lost[high]] = height_m[high]
+    return replace(points, z_m=z_m)
 
 
 def _contents(

@@ -20,7 +20,7 @@ class HillPoints:
     """Points of the hills, shape (k,), sorted by hill.
 
     Single lost points inside a hill stand in with the mean height of their neighbours, so that
-    areas and volumes stay whole; `measured` tells them apart.
+    areas stay whole, and on the quadric of the hill for its volume; `measured` tells them apart.
     """
 
     hill: np.ndarray  # 0 ... n_hills - 1; as few bytes as do, like the two below

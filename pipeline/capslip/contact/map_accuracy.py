@@ -104,7 +104,10 @@ def error_of_map(
     known = any(one.severity == "warning" and one.code != "loss_between_loads" for one in found)
     if of_both > tolerance and not known:
         found.append(_unresolved("info", SMALL_SLIP, of_both))
-    stiffness = max(factor * (detail.effect.tangential_stiffness or 0.0), LEAST_ERROR)
+    # As what noise does where nearly all of the contact slips: both are of all of it alike
+    _, of_whole = _at_force(unloading, noise_m, FORCE_SHARES[-1], {})
+    of_detail = factor * (detail.effect.tangential_stiffness or 0.0)
+    stiffness = max(of_detail, of_whole, LEAST_ERROR)
     energy = {at: factor * detail.energy_from(at) for at in FORCE_SHARES}
     return _with_pixels(unloading, noise_m, stiffness, least, coarser, energy), tuple(found)
 
