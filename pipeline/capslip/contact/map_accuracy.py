@@ -17,7 +17,7 @@ from capslip.contact.solvers.detail import (
     effect_of_refinement,
 )
 from capslip.contact.solvers.noise import white_noise_m
-from capslip.contact.solvers.refinement import WIDE_ENOUGH
+from capslip.contact.solvers.refinement import SMOOTH, WIDE_ENOUGH
 from capslip.contact.solvers.unloading import SMALL_SLIP, Unloading
 from capslip.errors import OutOfTimeError
 from capslip.problems import Effect, Problem, Severity
@@ -26,7 +26,9 @@ from capslip.units import percent
 S_FILTER, NOISE_PIXELS = "conditioning.s_filter_nesting_index_m", 5.0  # what takes noise off
 # Over what pixels leave in the energy of spheres, by shares of mu N, so that nearly all are within
 PIXELS_95 = {0.1: 3.0, 0.25: 6.0, 0.5: 6.0, 0.75: 6.0, 1.0: 6.0}
-SMALL_NOISE = 0.05  # of the approach, up to which noise counts to first order
+SMALL_NOISE = 0.05  # of the approach, up to which what is noise counts to first order
+MOSTLY_WHITE = 0.7  # of the detail, from which on it is: rough faces with a Hurst exponent of 0.8
+# and more have 0.65 at most
 MOST_OF_NOISE = 1.0  # relative, of the energy: first order ends where all of it would go
 RESOLVED = 0.1  # of what the filter takes, that noise may be: 0.01 on smooth faces, noise 0.3 to 1
 NORMAL_95 = 1.96  # standard deviations of noise that hold 95 %
@@ -58,9 +60,8 @@ def error_of_map(
     if between > tolerance:
         found.append(_between_loads(between, len(unloading.solved_load_N)))
     least = max(between, LEAST_ERROR)
-    noise_m = white_noise_m(first.face, first.approach_m)
-    if noise_m > SMALL_NOISE * first.approach_m:  # no small change: pressed without it, see below
-        noise_m = 0.0
+    may_be_m = white_noise_m(first.face, first.approach_m)
+    noise_m = _counted_m(may_be_m, first.approach_m)
     coarser: dict[float, float] = {}
     of_both = math.hypot(*_at_force(unloading, noise_m, SMALL_SLIP, coarser))
     if unloading.cut_short:  # no time is left to look at what detail decides
@@ -92,6 +93,7 @@ def error_of_map(
     except OutOfTimeError:
         found.append(_out_of_time(curve.solutions.time_limit_s))
         return _with_pixels(unloading, noise_m, max(least, of_both), least, coarser), tuple(found)
+    noise_m = _counted_m(may_be_m, first.approach_m, detail.white_share)
     of_both = math.hypot(*_at_force(unloading, noise_m, SMALL_SLIP, coarser))
     of_pixels, of_noise = _at_force(unloading, noise_m, ASKED, coarser)
     more, factor = _of_detail(detail, of_pixels, tolerance, max(pressed.pixel_size_m))
@@ -110,6 +112,17 @@ def error_of_map(
     stiffness = max(of_detail, of_whole, LEAST_ERROR)
     energy = {at: factor * detail.energy_from(at) for at in FORCE_SHARES}
     return _with_pixels(unloading, noise_m, stiffness, least, coarser, energy), tuple(found)
+
+
+def _counted_m(noise_m: float, approach_m: float, white_share: float = 0.0) -> float:
+    """Return the noise that counts to first order.
+
+    A little of it, whatever it is; more where the finest detail of the map may be little else, as
+    roughness changes from pixel to pixel as well. Beyond that it is no small change, and what the
+    map without its detail says is all there is.
+    """
+    most = SMALL_NOISE if white_share >= MOSTLY_WHITE else SMOOTH
+    return noise_m if noise_m <= most * approach_m else 0.0
 
 
 def _of_detail(

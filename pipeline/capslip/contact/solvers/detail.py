@@ -104,7 +104,7 @@ def effect_of_detail(
     load_N = unloading.load_N
     smooth = smoothed = _smoothed(first.face)
     if resolved and _hardly_moves(first, smooth):
-        return Detail(Effect(0.0, 0.0, 0.0))
+        return Detail(Effect(0.0, 0.0, 0.0), _white_share(first, smoothed))
     begun_s = process_time()
     again = press(
         smooth,
@@ -115,7 +115,7 @@ def effect_of_detail(
     )
     moved_m = abs(again.approach_m - first.approach_m)
     if resolved and moved_m < _NO_EFFECT * first.approach_m:
-        return Detail(Effect(0.0, 0.0, 0.0))
+        return Detail(Effect(0.0, 0.0, 0.0), _white_share(first, smoothed))
     left_s = max(time_limit_s - (process_time() - begun_s), 0.0)
     again = press(
         smooth,
