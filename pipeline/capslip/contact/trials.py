@@ -241,7 +241,9 @@ class Trials:
         """
         rounding, caps = self.face.surface.rounding, self.caps
         error_m = 0.0 if rounding is None else rounding.error_m
-        yield from _moved(caps, error_m, np.nan_to_num(error_m / caps.fit_depth_m))
+        with np.errstate(divide="ignore", invalid="ignore"):  # of few steps a cap may have no depth
+            sharper = np.nan_to_num(error_m / caps.fit_depth_m)
+        yield from _moved(caps, error_m, sharper)
 
     def _with_hills(self, hole: np.ndarray) -> Iterator[CapTable]:
         """Return caps with hills that were not seen; none where there hardly is one.
