@@ -337,7 +337,7 @@ def _as_noise_allows(
 
     As of the map, see `error_of_map`, and like that with errors that fall with the force.
     """
-    asked = max(errors.stiffness, errors.energy_at(ASKED))
+    asked = errors.greatest_at(ASKED)
     severity: Severity = "warning" if asked > tolerance else "info"
     reason = (
         f"the noise of the map leaves up to {percent(errors.greatest)} in what interacting caps "

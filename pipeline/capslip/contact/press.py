@@ -271,7 +271,7 @@ def _by_caps(
     state, caps = press(*face, msgspec.structs.replace(settings, contact=forced))
     error = choice.estimated_error or 0.0  # it is known, see `Choice.caps_within`
     errors = choice.errors or ModelError(error, error)
-    asked = max(errors.stiffness, errors.energy_at(ASKED))
+    asked = errors.greatest_at(ASKED)
     said = f"; so caps answer, which average over it and may be off by {percent(error)}"
     within = asked <= settings.contact.tolerance < error
     said += f", by no more than {percent(asked)} from {percent(ASKED)} of gross slip on" * within

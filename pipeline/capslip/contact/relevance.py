@@ -165,7 +165,7 @@ def _is_known(contact: ContactState, tolerance: float) -> bool:
 def _is_counted(contact: ContactState, tolerance: float) -> bool:
     """Tell the same of the forces that are asked for, at which the error may be less."""
     errors = contact.errors
-    return errors is not None and max(errors.stiffness, errors.energy_at(ASKED)) <= tolerance
+    return errors is not None and errors.greatest_at(ASKED) <= tolerance
 
 
 def _share(caps: CapTable, flag: CapFlag) -> float:

@@ -117,6 +117,10 @@ class ModelError:
         """The greater of both."""
         return max(self.stiffness, self.energy)
 
+    def greatest_at(self, share: float) -> float:
+        """Return the greater of the errors of stiffness and of the energy at a share of mu N."""
+        return max(self.stiffness, self.energy_at(share))
+
     def energy_at(self, share: float) -> float:
         """Return the error of the energy at a share of mu N, a power between those known."""
         if not self.energy_by_share:

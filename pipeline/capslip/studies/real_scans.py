@@ -7,7 +7,7 @@ right answer for these faces: the tables say what answered, what is doubted, and
 import argparse
 import sys
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -16,8 +16,9 @@ import msgspec
 from capslip.analysis import analyze
 from capslip.errors import CapslipError
 from capslip.output.quantity import engineering
-from capslip.settings import load_settings
+from capslip.settings import Settings, load_settings
 from capslip.studies.page import Row, table
+from capslip.surface.heightmap import HeightMap
 from capslip.surface.readers import load_surface
 
 AS_A_JOINT = (
@@ -34,11 +35,35 @@ HEAD = (
 
 def main() -> None:
     """Print the tables of every scan of a folder that can be read."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    print_of_folder(real_scans, __doc__)
+
+
+def print_of_folder(study: Callable[[Path, Sequence[str]], str], about: str) -> None:
+    """Print what a study says of a folder of scans, both named on the command line.
+
+    Parameters
+    ----------
+    study : callable
+        Takes the folder and settings as `--set` takes them.
+    about : str
+        Its first line is that of the help.
+    """
+    parser = argparse.ArgumentParser(description=about.splitlines()[0])
     parser.add_argument("folder", type=Path)
     parser.add_argument("--set", action="append", default=[], metavar="KEY=VALUE", dest="overrides")
     given = parser.parse_args()
-    sys.stdout.write(f"{real_scans(given.folder, (*AS_A_JOINT, *given.overrides))}\n")
+    sys.stdout.write(f"{study(given.folder, (*AS_A_JOINT, *given.overrides))}\n")
+
+
+def scans_of(folder: Path, settings: Settings) -> Iterator[tuple[str, HeightMap, float]]:
+    """Give name, map and processor seconds of reading of every file that can be read as a scan."""
+    for file in sorted(path for path in folder.iterdir() if path.is_file()):
+        started_s = time.process_time()
+        try:
+            surface = load_surface(file, **msgspec.structs.asdict(settings.reading))
+        except CapslipError:
+            continue
+        yield file.name, surface, time.process_time() - started_s
 
 
 def real_scans(folder: Path, overrides: Sequence[str] = AS_A_JOINT) -> str:
@@ -53,19 +78,15 @@ def real_scans(folder: Path, overrides: Sequence[str] = AS_A_JOINT) -> str:
     """
     settings = load_settings(overrides=tuple(overrides))
     rows, texts = [], []
-    for file in sorted(path for path in folder.iterdir() if path.is_file()):
-        started_s = time.process_time()
-        try:
-            surface = load_surface(file, **msgspec.structs.asdict(settings.reading))
-        except CapslipError:
-            continue
+    for name, surface, read_s in scans_of(folder, settings):
+        started_s = time.process_time() - read_s
         try:
             summary = analyze(surface, settings).summary()
         except CapslipError as error:
-            texts.append(f"`{file.name}`: no answer: {error}")
+            texts.append(f"`{name}`: no answer: {error}")
             continue
-        rows.append((f"`{file.name}`", *_row(summary), f"{time.process_time() - started_s:.0f}"))
-        texts.append(f"`{file.name}`: {summary['verdict']}.\n{_doubts(summary)}")
+        rows.append((f"`{name}`", *_row(summary), f"{time.process_time() - started_s:.0f}"))
+        texts.append(f"`{name}`: {summary['verdict']}.\n{_doubts(summary)}")
     return "\n\n".join([table(HEAD, rows), *texts])
 
 

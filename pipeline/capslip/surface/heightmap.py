@@ -178,7 +178,7 @@ class HeightMap:
         Heights of a small map are computed once, those of a large one where they are asked for.
         """
         self.__dict__.update(_stored_m=stored_m, lost=lost, _added=added)
-        for name in ("height_m", "bounds_m"):
+        for name in ("height_m", "bounds_m", "measured_window"):
             self.__dict__.pop(name, None)
         if added is None and stored_m.dtype == np.float64:
             self.__dict__["height_m"] = stored_m
@@ -343,7 +343,7 @@ class HeightMap:
         """Area of one pixel."""
         return self.pixel_size_m[0] * self.pixel_size_m[1]
 
-    @property
+    @cached_property
     def measured_window(self) -> tuple[slice, slice]:
         """Rows and columns of the least rectangle that holds all measured points.
 

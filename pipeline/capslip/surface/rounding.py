@@ -92,16 +92,17 @@ def problems_of_rounding(surface: HeightMap) -> tuple[Problem, ...]:
     rounding = surface.rounding
     if rounding is None:
         return ()
-    message = (
-        f"heights are stored in steps of {rounding.step_m:.3g} m, on so few levels that nobody "
-        "sees what lies between: tops of hills are off by half a step"
-    )
     if rounding.smoothed:
-        message = (
-            f"heights are stored in steps of {rounding.step_m:.3g} m, and show no noise beside; "
-            "they were smoothed within half a step, after which tops of hills are off by "
-            f"{rounding.error_m:.2g} m (rms)"
+        then = (
+            "and show no noise beside; they were smoothed within half a step, after which tops of "
+            f"hills are off by {rounding.error_m:.2g} m (rms)"
         )
+    else:
+        then = (
+            "on so few levels that nobody sees what lies between: tops of hills are off by half a "
+            "step"
+        )
+    message = f"heights are stored in steps of {rounding.step_m:.3g} m, {then}"
     return (Problem("heights_in_steps", "warning", message),)
 
 

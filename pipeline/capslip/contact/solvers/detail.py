@@ -103,8 +103,9 @@ def effect_of_detail(
     """
     load_N = unloading.load_N
     smooth = smoothed = _smoothed(first.face)
+    white_share = _white_share(first, smoothed)
     if resolved and _hardly_moves(first, smooth):
-        return Detail(Effect(0.0, 0.0, 0.0), _white_share(first, smoothed))
+        return Detail(Effect(0.0, 0.0, 0.0), white_share)
     begun_s = process_time()
     again = press(
         smooth,
@@ -115,7 +116,7 @@ def effect_of_detail(
     )
     moved_m = abs(again.approach_m - first.approach_m)
     if resolved and moved_m < _NO_EFFECT * first.approach_m:
-        return Detail(Effect(0.0, 0.0, 0.0), _white_share(first, smoothed))
+        return Detail(Effect(0.0, 0.0, 0.0), white_share)
     left_s = max(time_limit_s - (process_time() - begun_s), 0.0)
     again = press(
         smooth,
@@ -131,7 +132,7 @@ def effect_of_detail(
     stiffer = float(_relative(*stiffness).max())
     energy = _relative(_loss_J(unloading), loss_J).tolist()
     more = max(energy)
-    return Detail(Effect(stiffer, more, more), _white_share(first, smoothed), tuple(energy))
+    return Detail(Effect(stiffer, more, more), white_share, tuple(energy))
 
 
 def effect_of_pixels(

@@ -2,7 +2,6 @@
 
 import math
 from dataclasses import dataclass, field, replace
-from functools import partial
 from itertools import pairwise
 from time import process_time
 from typing import NamedTuple
@@ -158,8 +157,14 @@ def unload(
     error = path.patch_error()
     if error > PATCH_ERROR:  # not seen yet
         left_s = max(time_limit_s - (process_time() - begin_s), 0.0)
-        more = partial(unload, on_patches=False, as_pixels=as_pixels)
-        return more(face, pressed, tolerance, time_limit_s=left_s)
+        return unload(
+            face,
+            pressed,
+            tolerance,
+            time_limit_s=left_s,
+            on_patches=False,
+            as_pixels=as_pixels,
+        )
     return replace(_tabulated(path, cut_short), patch_error=error)
 
 

@@ -3,23 +3,19 @@
 `python -m capslip.studies.bench.real_scans FOLDER [--set KEY=VALUE ...]` prints the table.
 """
 
-import argparse
-import sys
 import tempfile
 import time
 from collections.abc import Sequence
 from pathlib import Path
 
-import msgspec
 import numpy as np
 
 from capslip.analysis import analyze
 from capslip.errors import CapslipError
 from capslip.settings import load_settings
 from capslip.studies.page import table
-from capslip.studies.real_scans import AS_A_JOINT
+from capslip.studies.real_scans import AS_A_JOINT, print_of_folder, scans_of
 from capslip.surface.heightmap import HeightMap
-from capslip.surface.readers import load_surface
 
 REPEATS = 3
 SPREADS = (
@@ -35,11 +31,7 @@ HEAD = ("scan", "points", "whole answer [s]", "of it the intervals [s]", "1,000 
 
 def main() -> None:
     """Print the table of every scan of a folder that can be read."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("folder", type=Path)
-    parser.add_argument("--set", action="append", default=[], metavar="KEY=VALUE", dest="overrides")
-    given = parser.parse_args()
-    sys.stdout.write(f"{bench_real_scans(given.folder, (*AS_A_JOINT, *given.overrides))}\n")
+    print_of_folder(bench_real_scans, __doc__)
 
 
 def bench_real_scans(folder: Path, overrides: Sequence[str] = AS_A_JOINT) -> str:
@@ -61,24 +53,19 @@ def bench_real_scans(folder: Path, overrides: Sequence[str] = AS_A_JOINT) -> str
         pressure.
     """
     rows = []
-    with tempfile.TemporaryDirectory() as name:
-        uneven = Path(name) / "pressures.csv"
+    with tempfile.TemporaryDirectory() as scratch:
+        uneven = Path(scratch) / "pressures.csv"
         pressures_Pa = np.linspace(0.1 * GREATEST_PA, GREATEST_PA, PATCHES).tolist()
         lines = ["pressure_Pa,area_m2", *(f"{p_Pa!r},{AREA_M2}" for p_Pa in pressures_Pa)]
         uneven.write_text("\n".join(lines), encoding="utf-8")
         alike = (*overrides, *SPREADS)
         load = ("contact.nominal_pressure_Pa", "contact.preload_N")
         other = [one for one in overrides if not one.startswith(load)]
-        reading = msgspec.structs.asdict(load_settings(overrides=tuple(overrides)).reading)
-        for file in sorted(path for path in folder.iterdir() if path.is_file()):
-            try:
-                surface = load_surface(file, **reading)
-            except CapslipError:
-                continue
+        for name, surface, _ in scans_of(folder, load_settings(overrides=tuple(overrides))):
             points = " x ".join(map(str, surface.shape[::-1]))
             found = _seconds(surface, alike)
             joint = _seconds(surface, (*other, f"joint.pressure_map='{uneven}'"))
-            rows.append((f"`{file.name}`", points, *found, joint[0]))
+            rows.append((f"`{name}`", points, *found, joint[0]))
     return table(HEAD, rows)
 
 
