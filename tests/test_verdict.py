@@ -29,6 +29,7 @@ REST = {
     "joint area": "joint.area_m2=1e-3",
     "yield": "material.yield_stress_Pa=1e9",
     "normal load": "slip.normal_amplitude_ratio=0.1",
+    "noise": "instrument.noise_m=1e-9",
 }
 EVERY = {**JOINT, **REST}
 SPREADS = tuple(
@@ -47,7 +48,7 @@ def load(*overrides, path=None):
 
 def test_what_is_given_is_not_assumed_though_it_be_the_default():
     of_joint = ["preload", "material", "friction", "structure", "joint area", "yield"]
-    assert names(load()) == [*of_joint, "normal load", "spreads"]
+    assert names(load()) == [*of_joint, "normal load", "spreads", "noise"]
     assert names(load(*EVERY.values(), *SPREADS)) == []
     for name in EVERY:
         rest = [override for other, override in EVERY.items() if other != name]
@@ -82,6 +83,8 @@ def test_each_assumption_says_what_stands_in_what_it_moves_and_how_to_give_it():
          "--set slip.normal_amplitude_ratio=R", False),
         ("spreads", "material.friction_spread", "friction, preload, modulus as if known exactly",
          "the intervals", "--set material.friction_spread=0.2", False),
+        ("noise", "instrument.noise_m", "white, as heights change from pixel to pixel",
+         "the stated error where the map", "--set instrument.noise_m=N_M", False),
     ]  # fmt: skip
     found = [list(asdict(one).values()) for one in assumptions(load())]
     for one, (name, setting, value, moves, option, demonstrates) in zip(
@@ -140,7 +143,8 @@ def test_what_an_analysis_wrote_down_gives_what_was_given(tmp_path):
     again = load(path=path)
     assert (names(again), again.sha256()) == (names(settings), settings.sha256())
     assert names(load(JOINT["material"], path=path)) == [
-        *("Poisson's ratio", "structure", "joint area", "yield", "normal load", "spreads")
+        *("Poisson's ratio", "structure", "joint area", "yield", "normal load", "spreads"),
+        "noise",
     ]
 
 

@@ -1,8 +1,7 @@
 """Settings: strict, frozen, SI, with the unit in every name.
 
 A settings file is TOML. Every key has a default, so a file names only what differs. An unknown key,
-a wrong type or a value out of bounds is an error, with a proposal where the name is close to one
-that exists.
+a wrong type or a value out of bounds is an error, with a proposal where one has a like name.
 """
 
 import difflib
@@ -67,6 +66,7 @@ class Instrument(_Table, frozen=True):
     """What is known of the instrument, in the words of ISO 25178-600."""
 
     flatness_deviation_m: Positive | None = None  # z_FLT, of the map of a flat
+    noise_m: Positive | None = None  # N_M, rms of a height of the map as it is analysed
 
 
 class Conditioning(_Table, frozen=True):

@@ -205,8 +205,8 @@ def estimate(face: Face, contact: ContactState, settings: Settings, clock: Clock
 def _error_of_map(contact: ContactState, settings: Settings) -> WithDoubts:
     """Return a model that knows its own error with that, and whether it is too great."""
     assert contact.rung.error is not None
-    given = (contact.normal, contact.preload_N, settings.contact.tolerance)
-    errors, doubts = contact.rung.error(*given)
+    known = settings.contact.tolerance, settings.instrument.noise_m
+    errors, doubts = contact.rung.error(contact.normal, contact.preload_N, *known)
     return replace(contact, errors=errors), doubts
 
 

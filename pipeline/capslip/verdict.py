@@ -31,7 +31,7 @@ def assumptions(settings: Settings) -> tuple[Assumption, ...]:
     >>> from capslip.settings import load_settings
     >>> given = load_settings(overrides=("contact.preload_N=460", "structure.beam.length_m=0.4"))
     >>> [one.name for one in assumptions(given)]
-    ['material', 'friction', 'joint area', 'yield', 'normal load', 'spreads']
+    ['material', 'friction', 'joint area', 'yield', 'normal load', 'spreads', 'noise']
     """
     contact, material, joint = settings.contact, settings.material, settings.joint
     mapped = joint.pressure_map is not None
@@ -83,6 +83,10 @@ def assumptions(settings: Settings) -> tuple[Assumption, ...]:
         key, moves = spreads[certain[0]][0], "the intervals, which leave them out"
         value = f"{', '.join(certain)} as if known exactly"
         found.append(("spreads", key, value, moves, f"--set {key}=0.2", False))
+    if settings.instrument.noise_m is None and settings.families.m is None:
+        key, moves = "instrument.noise_m", "the stated error where the map itself is pressed"
+        value = "white, as heights change from pixel to pixel"
+        found.append(("noise", key, value, moves, f"--set {key}=N_M", False))
     return tuple(Assumption(*one) for one in found)
 
 

@@ -2,7 +2,10 @@
 
 import math
 from collections.abc import Mapping
+from dataclasses import dataclass, replace
 from types import MappingProxyType
+
+import numpy as np
 
 from capslip.contact.bulk import bulk_of_face_m_per_N
 from capslip.contact.map_curve import BoundaryElementCurve
@@ -16,9 +19,14 @@ from capslip.contact.solvers.detail import (
     effect_of_pixels,
     effect_of_refinement,
 )
-from capslip.contact.solvers.noise import white_noise_m
+from capslip.contact.solvers.noise import (
+    LENGTHS,
+    loss_noise_per_m,
+    noise_by_length_m,
+    white_noise_m,
+)
 from capslip.contact.solvers.refinement import SMOOTH, WIDE_ENOUGH
-from capslip.contact.solvers.unloading import SMALL_SLIP, Unloading
+from capslip.contact.solvers.unloading import SMALL_SLIP, Unloading, path_at
 from capslip.errors import OutOfTimeError
 from capslip.problems import Effect, Problem, Severity
 from capslip.units import percent
@@ -34,14 +42,39 @@ RESOLVED = 0.1  # of what the filter takes, that noise may be: 0.01 on smooth fa
 NORMAL_95 = 1.96  # standard deviations of noise that hold 95 %
 ASKED = 0.25  # of mu N, from which pixels and noise that move the energy warn; below, a note
 LEAST_ERROR = 0.01  # of stiffness and energy, by the pixels of contacts that are resolved
+# Of mu N, at which the effect of given noise is solved: slopes of the pressures lie between them
+NOISE_SHARES = (0.05, 0.1, 0.15, 0.25, 0.35, 0.5, 0.65, 0.75)
+
+
+@dataclass(frozen=True)
+class _Causes:
+    """What moves the energy at a force more, the smaller it is."""
+
+    unloading: Unloading
+    noise_m: float  # white, that counts
+    given: Mapping[float, float] | None = None  # by shares of mu N, what noise that is given does
+    coarser: Mapping[float, float] | None = None  # the same, what coarser pixels move
+
+    def at(self, share: float) -> tuple[float, float]:
+        """Return what pixels and noise do to the energy at a share of mu N, relative, at 95 %."""
+        drop_N, near = share * self.unloading.load_N, min(share, FORCE_SHARES[-1])
+        of_pixels = PIXELS_95[share] * self.unloading.pixel_error(drop_N)
+        of_pixels = max(of_pixels, (self.coarser or {}).get(near, 0.0))
+        if self.given is not None:
+            return of_pixels, self.given[near]
+        of_noise = NORMAL_95 * self.noise_m * self.unloading.noise_per_m(drop_N)
+        return of_pixels, min(of_noise, MOST_OF_NOISE)
 
 
 def error_of_map(
-    curve: BoundaryElementCurve, load_N: float, tolerance: float
+    curve: BoundaryElementCurve,
+    load_N: float,
+    tolerance: float,
+    noise_m: float | None = None,
 ) -> tuple[ModelError | None, tuple[Problem, ...]]:
     """Return the errors of stiffness and energy, and what takes them beyond the tolerance.
 
-    What is left between the solved loads, what pixels and white noise leave, and what the finest
+    What is left between the solved loads, what pixels and noise leave, and what the finest
     detail of the map decides. Of the energy these fall with the force: they are no more than noted
     where they are beyond the tolerance below a quarter of mu N alone.
 
@@ -52,66 +85,79 @@ def error_of_map(
         Under which it is.
     tolerance : float
         Relative, beyond which an error is a problem.
+    noise_m : float, optional
+        Measurement noise of the instrument, which may be correlated over a few pixels. Where it is
+        not known, as much as changes from pixel to pixel counts, and is white.
     """
-    face, unloading, found = curve.solutions.face, curve.unloading(load_N), []
-    pressed = curve.pressed(load_N)
-    first = curve.first or FirstLoading(face, pressed.approach_m)
+    unloading, pressed, found = curve.unloading(load_N), curve.pressed(load_N), []
+    first = curve.first or FirstLoading(curve.solutions.face, pressed.approach_m)
     between = unloading.loss_error
     if between > tolerance:
         found.append(_between_loads(between, len(unloading.solved_load_N)))
     least = max(between, LEAST_ERROR)
-    may_be_m = white_noise_m(first.face, first.approach_m)
-    noise_m = _counted_m(may_be_m, first.approach_m)
-    coarser: dict[float, float] = {}
-    of_both = math.hypot(*_at_force(unloading, noise_m, SMALL_SLIP, coarser))
+    white_m = white_noise_m(first.face, first.approach_m)
+    causes = _Causes(unloading, _counted_m(white_m, first.approach_m))
+    if noise_m is not None:
+        causes = replace(causes, given=_of_given(curve, load_N, first, noise_m))
+    of_both = math.hypot(*causes.at(SMALL_SLIP))
     if unloading.cut_short:  # no time is left to look at what detail decides
-        return _with_pixels(unloading, noise_m, max(least, of_both), least, coarser), tuple(found)
-    resolved = unloading.smallest_drop_N < SMALL_SLIP * load_N and all(
-        problem.code != "under_resolved" for problem in curve.problems(load_N)
-    )
+        return _with_pixels(causes, max(least, of_both), least), tuple(found)
     try:
         with curve.solutions.counted(load_N):
-            detail = effect_of_detail(
-                first,
-                unloading,
-                curve.solutions.tolerance,
-                bulk_of_face_m_per_N(face, face.E_star_Pa),
-                resolved=resolved,
-                time_limit_s=curve.solutions.left_s(load_N),
-                start_Pa=pressed.pressure_Pa,
-            )
-            if face.yielded or pressed.pixels_across >= WIDE_ENOUGH:
-                coarser = effect_of_pixels(
-                    first,
-                    unloading,
-                    curve.solutions.tolerance,
-                    pressed.pressure_Pa,
-                    curve.solutions.left_s(load_N),
-                )
-            elif unloading.refinement > 1:
-                coarser = effect_of_refinement(face, pressed, unloading, curve.solutions.tolerance)
+            detail, changes = _pressed_again(curve, load_N, first)
     except OutOfTimeError:
         found.append(_out_of_time(curve.solutions.time_limit_s))
-        return _with_pixels(unloading, noise_m, max(least, of_both), least, coarser), tuple(found)
-    noise_m = _counted_m(may_be_m, first.approach_m, detail.white_share)
-    of_both = math.hypot(*_at_force(unloading, noise_m, SMALL_SLIP, coarser))
-    of_pixels, of_noise = _at_force(unloading, noise_m, ASKED, coarser)
+        return _with_pixels(causes, max(least, of_both), least), tuple(found)
+    counted_m = _counted_m(white_m, first.approach_m, detail.white_share)
+    causes = replace(causes, noise_m=counted_m, coarser=changes)
+    if noise_m is not None and noise_m < white_m:  # the rest of it is the face's
+        detail = replace(detail, white_share=detail.white_share * noise_m / white_m)
+    of_both = math.hypot(*causes.at(SMALL_SLIP))
+    of_pixels, of_noise = causes.at(ASKED)
     more, factor = _of_detail(detail, of_pixels, tolerance, max(pressed.pixel_size_m))
     found += more
     if not any(one.severity == "warning" for one in more):
         if of_noise > tolerance:
-            found.append(_noisy(noise_m, of_noise, max(pressed.pixel_size_m)))
+            of = f"noise of {noise_m:.2g} m" if noise_m else f"white noise of {counted_m:.2g} m"
+            found.append(_noisy(of, of_noise, max(pressed.pixel_size_m)))
         elif (of_either := math.hypot(of_pixels, of_noise)) > tolerance:
             found.append(_unresolved("warning", ASKED, of_either))
     known = any(one.severity == "warning" and one.code != "loss_between_loads" for one in found)
     if of_both > tolerance and not known:
         found.append(_unresolved("info", SMALL_SLIP, of_both))
     # As what noise does where nearly all of the contact slips: both are of all of it alike
-    _, of_whole = _at_force(unloading, noise_m, FORCE_SHARES[-1], {})
+    _, of_whole = causes.at(FORCE_SHARES[-1])
     of_detail = factor * (detail.effect.tangential_stiffness or 0.0)
     stiffness = max(of_detail, of_whole, LEAST_ERROR)
     energy = {at: factor * detail.energy_from(at) for at in FORCE_SHARES}
-    return _with_pixels(unloading, noise_m, stiffness, least, coarser, energy), tuple(found)
+    return _with_pixels(causes, stiffness, least, energy), tuple(found)
+
+
+def _pressed_again(
+    curve: BoundaryElementCurve, load_N: float, first: FirstLoading
+) -> tuple[Detail, dict[float, float]]:
+    """Return what the finest detail does, and what coarser pixels move, by shares of mu N."""
+    solutions, unloading = curve.solutions, curve.unloading(load_N)
+    face, pressed, tolerance = solutions.face, curve.pressed(load_N), solutions.tolerance
+    resolved = unloading.smallest_drop_N < SMALL_SLIP * load_N and all(
+        problem.code != "under_resolved" for problem in curve.problems(load_N)
+    )
+    detail = effect_of_detail(
+        first,
+        unloading,
+        tolerance,
+        bulk_of_face_m_per_N(face, face.E_star_Pa),
+        resolved=resolved,
+        time_limit_s=solutions.left_s(load_N),
+        start_Pa=pressed.pressure_Pa,
+    )
+    changes: dict[float, float] = {}
+    if face.yielded or pressed.pixels_across >= WIDE_ENOUGH:
+        left_s = solutions.left_s(load_N)
+        changes = effect_of_pixels(first, unloading, tolerance, pressed.pressure_Pa, left_s)
+    elif unloading.refinement > 1:
+        changes = effect_of_refinement(face, pressed, unloading, tolerance)
+    return detail, changes
 
 
 def _counted_m(noise_m: float, approach_m: float, white_share: float = 0.0) -> float:
@@ -123,6 +169,21 @@ def _counted_m(noise_m: float, approach_m: float, white_share: float = 0.0) -> f
     """
     most = SMALL_NOISE if white_share >= MOSTLY_WHITE else SMOOTH
     return noise_m if noise_m <= most * approach_m else 0.0
+
+
+def _of_given(
+    curve: BoundaryElementCurve, load_N: float, first: FirstLoading, noise_m: float
+) -> dict[float, float]:
+    """Return what noise of the instrument does to the energy, by shares of mu N, at 95 %."""
+    solutions, pressed = curve.solutions, curve.pressed(load_N)
+    with solutions.counted(load_N):
+        path, _ = path_at(solutions.face, pressed, solutions.tolerance, NOISE_SHARES)
+    drop_N, *per_m = loss_noise_per_m(path, LENGTHS)
+    by_length_m = noise_by_length_m(first.face, first.approach_m, noise_m)
+    relative = NORMAL_95 * np.sqrt(np.square(by_length_m) @ np.square(per_m))
+    at_N = np.array(FORCE_SHARES) * load_N
+    relative = np.minimum(np.interp(at_N, drop_N, relative), MOST_OF_NOISE)
+    return dict(zip(FORCE_SHARES, relative.tolist(), strict=True))
 
 
 def _of_detail(
@@ -157,25 +218,10 @@ def _of_detail(
     return [Problem("detail_decides", "warning", message, effect, step)], factor
 
 
-def _at_force(
-    unloading: Unloading, noise_m: float, share: float, coarser: Mapping[float, float]
-) -> tuple[float, float]:
-    """Return what pixels and white noise do to the energy at a share of mu N, relative, at 95 %.
-
-    With what coarser pixels move, by shares of mu N, where that is more.
-    """
-    drop_N = share * unloading.load_N
-    of_pixels = PIXELS_95[share] * unloading.pixel_error(drop_N)
-    of_pixels = max(of_pixels, coarser.get(min(share, FORCE_SHARES[-1]), 0.0))
-    return of_pixels, min(NORMAL_95 * noise_m * unloading.noise_per_m(drop_N), MOST_OF_NOISE)
-
-
 def _with_pixels(
-    unloading: Unloading,
-    noise_m: float,
+    causes: _Causes,
     stiffness: float,
     energy: float,
-    coarser: Mapping[float, float],
     of_detail: Mapping[float, float] = MappingProxyType({}),
 ) -> ModelError:
     """Return errors, with what pixels and noise leave in the energy, which falls with the force.
@@ -184,7 +230,7 @@ def _with_pixels(
     """
     by_share = []
     for share in PIXELS_95:
-        of_both = math.hypot(*_at_force(unloading, noise_m, share, coarser))
+        of_both = math.hypot(*causes.at(share))
         by_share.append((share, max(of_both, energy, of_detail.get(share, 0.0))))
     return ModelError(stiffness, max(error for _, error in by_share), tuple(by_share))
 
@@ -213,9 +259,9 @@ def _unresolved(severity: Severity, share: float, error: float) -> Problem:
     return Problem("small_slip_extrapolated", severity, message, Effect(None, error, error))
 
 
-def _noisy(noise_m: float, error: float, pixel_m: float) -> Problem:
+def _noisy(noise: str, error: float, pixel_m: float) -> Problem:
     message = (
-        f"white noise of {noise_m:.2g} m a point leaves up to {error:.1%} in the energy per cycle "
+        f"{noise} a point leaves up to {error:.1%} in the energy per cycle "
         f"at {percent(ASKED)} of the force at gross slip"
     )
     step = f"--set {S_FILTER}={NOISE_PIXELS * pixel_m:.2g}, or average several scans"

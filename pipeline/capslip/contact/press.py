@@ -187,7 +187,8 @@ def press(
     problems += _closes(found, surface)
     of_slip = () if model.problems is None else model.problems(normal, preload_N)
     if choice is not None and model.error is not None:
-        errors, doubts = model.error(normal, preload_N, settings.contact.tolerance)
+        known = settings.contact.tolerance, settings.instrument.noise_m
+        errors, doubts = model.error(normal, preload_N, *known)
         better = choice.caps_within(errors.greatest) if errors and _ask_caps(doubts) else None
         if better is not None and errors is not None:
             return _by_caps(better, doubts, errors.greatest, (caps, families, surface), settings)

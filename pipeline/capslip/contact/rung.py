@@ -150,7 +150,11 @@ class Rung(Generic[C]):
     reads_families: bool = False  # whether it takes m, n, R and h, not each cap for itself
     knows_places: bool = True  # whether a tilt moves its contacts; else it stays as levelled
     # The error to be expected at a load, and what takes it beyond a tolerance, where it knows both
-    error: Callable[[C, float, float], tuple[ModelError | None, tuple[Problem, ...]]] | None = None
+    # (curve, load, tolerance, measurement noise)
+    error: (
+        Callable[[C, float, float, float | None], tuple[ModelError | None, tuple[Problem, ...]]]
+        | None
+    ) = None
     # What is doubtful of slip below a load, where the rung looks at that
     problems: Callable[[C, float], tuple[Problem, ...]] | None = None
     # Share of the force at total slip below which the energy at a load is not resolved
