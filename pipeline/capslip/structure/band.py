@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from capslip.contact.accuracy import LEAST_ERROR
+from capslip.contact.accuracy import LEAST_ERROR, OF_STIFFNESS
 from capslip.contact.curve import NormalCurve
 from capslip.contact.joint import Joint
 from capslip.contact.press import ContactState
@@ -371,7 +371,8 @@ def _of_one(state: _State, part: Part) -> tuple[np.ndarray, np.ndarray]:
     *random, by_shape = log_of(moved.moved) - log
     others = [2.0 * by_shape, log_of(moved.by_pairs) - log]
     others += [] if moved.by_level is None else [log_of(moved.by_level) - log]
-    others += [log_of(contact.curve) - log, np.array([0.0, moved.of_unloading])]
+    # Of caps that yielded either of the two alone: nothing tells how they go together
+    others += [log_of(contact.curve) - log, *np.diag((OF_STIFFNESS, 1.0)) * moved.of_unloading]
     others += [*(LEAST_ERROR * np.eye(2))]
     return _root(np.array(random) / math.sqrt(len(random))), _root(np.array(others) / NORMAL_95)
 
