@@ -302,7 +302,7 @@ def test_a_map_that_stands_in_for_caps_without_a_level_has_its_error_and_its_int
         found = analyze(face(), load_settings(overrides=(f"contact.preload_N={PRELOAD_N}",)))
     assert "find no level" in found.contact.model_reason
     assert 0.0 < found.contact.estimated_error < 0.2
-    assert found.band.left_out == ("noise of the map",)
+    assert found.band.left_out == ("noise of the map that pixels share",)
 
 
 @pytest.mark.parametrize("model", ["flat", "boundary_elements", "caps"])

@@ -299,7 +299,7 @@ def test_a_map_is_followed_down_from_its_preload_alone():
         np.diff(np.log(ends)), rel=0.05
     )
     assert list(curve.solutions.unloading) == [N]
-    assert found.left_out == ("error of the model", "noise of the map")
+    assert found.left_out == ("error of the model", "noise of the map that pixels share")
 
 
 @pytest.mark.parametrize(

@@ -23,15 +23,20 @@ def part(coverage=None, error=0.1, made_from="spheres", lay=None, share=1.0, **c
     [
         ([part()], ()),
         ([part(error=None)], ("error of the model",)),
-        ([part(made_from="map")], ("noise of the map",)),
+        ([part(made_from="map")], ("noise of the map that pixels share",)),
         ([part(coverage=0.98)], ("scatter between scans",)),
         ([part(coverage=0.995)], ()),
         ([part(coverage=0.3), part(coverage=0.3)], ()),
-        ([part(), part(error=None, made_from="map")], ("error of the model", "noise of the map")),
+        (
+            [part(), part(error=None, made_from="map")],
+            ("error of the model", "noise of the map that pixels share"),
+        ),
     ],
 )
 def test_what_an_interval_does_not_hold_is_listed(parts, left_out):
-    assert band._left_out(parts) == left_out
+    assert band._left_out(parts, noise_known=False) == left_out
+    known = tuple(one for one in left_out if not one.startswith("noise"))
+    assert band._left_out(parts, noise_known=True) == known
 
 
 def test_two_rows_have_the_covariance_of_many():

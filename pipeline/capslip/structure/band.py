@@ -167,16 +167,16 @@ def _propagated(state: "_State", damping: Damping) -> Band | None:
     return Band(
         {name: _interval(name, np.broadcast_to(one, points)) for name, one in wide.items()},
         {name: _contributions(kept[name], normal) for name in COUNTED if name in kept},
-        _left_out(state.parts),
+        _left_out(state.parts, state.settings.instrument.noise_m is not None),
     )
 
 
-def _left_out(parts: Sequence[Part]) -> tuple[str, ...]:
+def _left_out(parts: Sequence[Part], noise_known: bool) -> tuple[str, ...]:
     unknown = []
     if any(part.contact.estimated_error is None for part in parts):
         unknown.append("error of the model")
-    if any(part.contact.rung.made_from == "map" for part in parts):
-        unknown.append("noise of the map")
+    if not noise_known and any(part.contact.rung.made_from == "map" for part in parts):
+        unknown.append("noise of the map that pixels share")
     coverage = parts[0].joint.coverage
     if len(parts) == 1 and coverage is not None and coverage < WHOLE:
         unknown.append("scatter between scans")
