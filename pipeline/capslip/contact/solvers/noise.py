@@ -19,7 +19,7 @@ _KEYS = -0.75  # of the kernel, about as a spline through all pixels has it
 _LOOKED_AT = 500_000  # points, on whole lines: as many tell a standard deviation to 1 %
 
 
-def loss_noise_per_m(path: Path, lengths: tuple[int, ...] = LENGTHS[:1]) -> np.ndarray:
+def loss_noise_per_m(path: Path, lengths: tuple[float, ...] = LENGTHS[:1]) -> np.ndarray:
     """Return what noise of one metre a pixel would do to the loss at each solved load.
 
     The loss at a load drop F is `8 (U_0 - U_F) - 4 F (d_0 + d_F)` with U the energy that a load
@@ -38,7 +38,7 @@ def loss_noise_per_m(path: Path, lengths: tuple[int, ...] = LENGTHS[:1]) -> np.n
     ----------
     path : Path
         With its nodes.
-    lengths : tuple of int, optional
+    lengths : tuple of float, optional
         Correlation lengths l of the noise, in pixels; 0: white.
 
     Returns
@@ -47,10 +47,7 @@ def loss_noise_per_m(path: Path, lengths: tuple[int, ...] = LENGTHS[:1]) -> np.n
         Load drops, N, growing, and standard deviations of the loss over itself, 1/m.
     """
     area_m2, load_N = path.face.pixel_area_m2, path.pressed.load_N
-    pixel, part = _pixels_around(path)
-    seen = np.zeros(path.map.depth_m.size, dtype=bool)
-    seen[pixel] = True
-    at, place = np.flatnonzero(seen), (np.cumsum(seen) - 1)[pixel]
+    at, place, part = _pixels_around(path)
     states = [(load_N, path.pressed.pressure_Pa)]
     states += [(node.load_N, path.known(node).pressure_Pa) for node in path.nodes]
     states.append((0.0, np.zeros(path.n_points)))
@@ -63,15 +60,15 @@ def loss_noise_per_m(path: Path, lengths: tuple[int, ...] = LENGTHS[:1]) -> np.n
         beside = (above[1] - below[1]) / (above[0] - below[0])
         weight = 8.0 * (states[0][1] - at_Pa) - 4.0 * drop_N * (punch + beside)
         of_pixel = np.bincount(place.reshape(-1), (part * weight * area_m2).reshape(-1))
-        norms = [_norm(of_pixel, at, path.map.shape, length) for length in lengths]
         if loss_J > 0.0:
+            norms = (_norm(of_pixel, at, path.map.shape, length) for length in lengths)
             found.append((drop_N, *(norm / loss_J for norm in norms)))
     return np.array(found).T if found else np.array([[load_N], *[[0.0]] * len(lengths)])
 
 
-def _norm(weight: np.ndarray, at: np.ndarray, shape: tuple[int, int], length: int) -> float:
+def _norm(weight: np.ndarray, at: np.ndarray, shape: tuple[int, int], length: float) -> float:
     """Return the norm of weights at pixels of a map, convolved as for a correlation length."""
-    if length == 0:
+    if length == 0.0:
         return float(np.linalg.norm(weight))
     from scipy.ndimage import gaussian_filter
 
@@ -88,22 +85,24 @@ def _norm(weight: np.ndarray, at: np.ndarray, shape: tuple[int, int], length: in
     return float(np.linalg.norm(gaussian_filter(image, spread, mode="constant"))) / unit
 
 
-def _pixels_around(path: Path) -> tuple[np.ndarray, np.ndarray]:
-    """Return the pixels of the map that each point takes its depth from, and its part of each.
+def _pixels_around(path: Path) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return pixels of the map, in which of them each point has its depth, and its part of each.
 
     Refined points lie on a spline through the pixels around them, and have no noise of their own.
     """
     (ny, nx), (dy_m, dx_m), (x_m, y_m) = path.map.shape, path.map.pixel_size_m, path.face.places_m
     row, col = y_m / dy_m - 0.5, x_m / dx_m - 0.5
     if path.patches is None or path.patches.refinement == 1:
-        pixel = np.rint(row).astype(np.intp) * nx + np.rint(col).astype(np.intp)
-        return pixel[None], np.ones((1, path.n_points))
+        at = np.rint(row).astype(np.intp) * nx + np.rint(col).astype(np.intp)
+        return at, np.arange(path.n_points)[None], np.ones((1, path.n_points))
     up, right = np.floor(row).astype(np.intp), np.floor(col).astype(np.intp)
-    pixels, parts = [], []
+    pixel, part = [], []
     for i, j in product(range(-1, 3), repeat=2):
-        pixels.append(np.clip(up + i, 0, ny - 1) * nx + np.clip(right + j, 0, nx - 1))
-        parts.append(_cubic(row - up - i) * _cubic(col - right - j))
-    return np.array(pixels), np.array(parts)
+        pixel.append(np.clip(up + i, 0, ny - 1) * nx + np.clip(right + j, 0, nx - 1))
+        part.append(_cubic(row - up - i) * _cubic(col - right - j))
+    pixels, seen = np.array(pixel), np.zeros(ny * nx, dtype=bool)
+    seen[pixels] = True
+    return np.flatnonzero(seen), (np.cumsum(seen) - 1)[pixels], np.array(part)
 
 
 def _cubic(apart: np.ndarray) -> np.ndarray:
@@ -126,7 +125,7 @@ def white_noise_m(face: ElasticFace, reach_m: float) -> float:
     reach_m : float
         Depth down to which it may touch.
     """
-    return _seen_m(face, reach_m, 1, _ORDER) or 0.0
+    return _seen_m(_lines_m(face), reach_m, 1, _ORDER) or 0.0
 
 
 def noise_by_length_m(face: ElasticFace, reach_m: float, noise_m: float) -> np.ndarray:
@@ -150,21 +149,29 @@ def noise_by_length_m(face: ElasticFace, reach_m: float, noise_m: float) -> np.n
     -------
     float64, shape (len(LENGTHS),)
     """
-    seen_m = [_seen_m(face, reach_m, 1, _ORDER)]
-    seen_m += [_seen_m(face, reach_m, 2 * length, _WIDER_ORDER) for length in LENGTHS[1:]]
+    lines_m = _lines_m(face)
+    seen_m = [_seen_m(lines_m, reach_m, 1, _ORDER)]
+    seen_m += [_seen_m(lines_m, reach_m, 2 * length, _WIDER_ORDER) for length in LENGTHS[1:]]
     up_to_m = [noise_m if one is None else min(one, noise_m) for one in seen_m]
     in_all_m2 = np.square(np.maximum.accumulate(up_to_m))
     return np.sqrt(np.diff(in_all_m2, prepend=0.0))
 
 
-def _seen_m(face: ElasticFace, reach_m: float, spacing: int, order: int) -> float | None:
-    """Return the noise that differences between points show; None where these are too few."""
+def _lines_m(face: ElasticFace) -> tuple[np.ndarray, np.ndarray]:
+    """Return depths on some columns and on some rows, each line along the first axis."""
     every = max(1, face.depth_m.size // _LOOKED_AT)
     depth_m = np.where(face.measured, face.depth_m, np.nan)
+    return depth_m[:, ::every], depth_m[::every].T
+
+
+def _seen_m(
+    lines_m: tuple[np.ndarray, np.ndarray], reach_m: float, spacing: int, order: int
+) -> float | None:
+    """Return the noise that differences between points show; None where these are too few."""
     noise_m = []
-    for lines_m in (depth_m[:, ::every], depth_m[::every].T):
+    for along_m in lines_m:
         squares_m2 = []
-        for points_m in (lines_m[start::spacing] for start in range(spacing)):
+        for points_m in (along_m[start::spacing] for start in range(spacing)):
             one_m2 = white_m2(points_m, order, 0)
             squares_m2.append(one_m2[np.isfinite(one_m2) & (points_m < reach_m)])
         square_m2 = np.concatenate(squares_m2)
