@@ -28,9 +28,9 @@ NODES_OF_PATCHES = 3  # the same, of a joint that is pressed unevenly
 NODES_OF_HARDNESS = 3  # the same of the hardness, at the preload
 OF_A_MAP = (-1.0, 0.0, 1.0)  # of either, as shares of the widest: each is a solution of the map
 # The same of what moves little, as half the square of a logarithm is two percent there: of the
-# hardness, and of the load on what hardly yields, whose own curve knows what less load does
+# hardness of what yields little, and of the load on what hardly does, whose curve knows less load
 HARDER, LIGHTER, LITTLE = (0.0, 1.0), (-1.0, 0.0), 0.2
-HARDLY = 0.01  # of the contact area, that has yielded
+HARDLY, A_LITTLE = 0.01, 0.05  # of the contact area, that has yielded
 COUNTED = ("tangential_stiffness_N_per_m", "energy_J", "joint_loss_factor", "loss_factor")
 OF_BOTH = ("caps", "model", "scans", "direction")  # move displacement and energy by factors
 OF_LIGHT_DAMPING = ("loss_factor", "damping_ratio")
@@ -296,7 +296,7 @@ class _State:
         count = NODES if even else NODES_OF_PATCHES
         widest = float(np.abs(log_N).max())
         loads = self._axis(widest, count)
-        if self._is_map and self._hardly_yields and 0.0 < widest <= LITTLE:
+        if self._is_map and self._yielded <= HARDLY and 0.0 < widest <= LITTLE:
             loads = widest * np.array(LIGHTER)
         weight = _weights(loads, log_N)
         nodes = np.column_stack((loads, np.zeros(len(loads))))
@@ -304,7 +304,7 @@ class _State:
             return nodes, weight
         widest = float(np.abs(log_H).max())
         hard = self._axis(widest, NODES_OF_HARDNESS)
-        if self._is_map and widest <= LITTLE:
+        if self._is_map and self._yielded <= A_LITTLE and widest <= LITTLE:
             hard = widest * np.array(HARDER)
         nodes = np.vstack((nodes, np.column_stack((np.zeros(len(hard)), hard)), np.zeros((1, 2))))
         weight = np.hstack((weight, _weights(hard, log_H), np.full((len(log_N), 1), -1.0)))
@@ -317,13 +317,11 @@ class _State:
         return any(part.contact.rung.near is not None for part in self.parts)
 
     @property
-    def _hardly_yields(self) -> bool:
-        """Whether the faces come back to where they are after less load."""
+    def _yielded(self) -> float:
+        """Share of the contact area that has yielded, the greatest of any scan."""
         contacts = [part.contact for part in self.parts]
-        return all(
-            (one.yielded_area_m2 or 0.0) <= HARDLY * (one.contact_area_m2 or 0.0)
-            for one in contacts
-        )
+        pairs = [(one.yielded_area_m2 or 0.0, one.contact_area_m2 or 0.0) for one in contacts]
+        return max(yielded / area if area else 0.0 for yielded, area in pairs)
 
     def _axis(self, widest: float, count: int) -> np.ndarray:
         """Return places up to the widest on either side."""
