@@ -147,8 +147,16 @@ TABLE = [
     (("contact/direction.py",), ("tests/contact/test_*lay.py",)),
     (("contact/depth.py",), ("tests/test_stages.py",)),
     (
-        ("contact/balanced.py", "contact/flattening.py"),
+        ("contact/flattening.py",),
+        ("tests/contact/test_*yielding.py", "tests/contact/test_*moved*.py"),
+    ),
+    (
+        ("contact/balanced.py",),
         ("tests/contact/test_*moved*.py", "tests/contact/test_*levelling*.py"),
+    ),
+    (
+        ("contact/doubts.py",),
+        ("tests/contact/test_*doubts*.py", "tests/contact/test_*uneven*.py"),
     ),
     (("contact/turns.py",), ("tests/contact/test_*levelling*.py",)),
     (("contact/solvers/nearby.py",), ("tests/contact/test_*nearby*.py",)),

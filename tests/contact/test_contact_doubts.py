@@ -172,6 +172,15 @@ def test_the_load_is_doubtful_on_caps_of_which_a_part_or_the_apex_is_not_known(f
     found = contact_doubts(state(), caps, families, 1e-8, cut_certified=False)
     names = {"edge", "non_measured", "apex_off_surface", "noisy_apex"}
     assert [p.code for p in found] == ["load_on_doubtful_caps"] * (flag.name in names)
+    said = f"50% of the preload rests on flagged caps ({flag.name})"
+    assert all(p.message == said for p in found)
+
+
+def test_of_flagged_caps_those_that_carry_are_named():
+    flags = np.array([CapFlag.edge | CapFlag.noisy_apex, CapFlag.non_measured, 0], np.uint16)
+    caps, families = caps_of([1.0, 0.0, 1.0], [0.1, 0.0, 0.1], flags=flags)
+    (found,) = contact_doubts(state(), caps, families, 1e-8, cut_certified=False)
+    assert found.message.endswith("(edge, noisy_apex)")
 
 
 @pytest.mark.parametrize(("load_N", "silent"), [([0.5, 0.5], True), ([0.5, 0.0], False)])

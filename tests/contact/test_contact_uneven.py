@@ -74,6 +74,30 @@ def test_each_patch_takes_the_curve_of_the_nearest_known_load():
     assert [one.curve for one in found] == [soft, stiff]
 
 
+def state_of(**known):
+    empty = ContactState(**dict.fromkeys((f.name for f in fields(ContactState)), None))
+    return replace(empty, **known)
+
+
+def joint_under(*loads_N):
+    load_N = np.array(loads_N)
+    return joint.Joint(1.0, 1.0, float(load_N.sum()), load_N, np.ones(len(load_N)), 9.0)
+
+
+def test_where_no_pressure_has_a_curve_of_its_own_nothing_is_solved_for_another():
+    """One alone, though its pixels be too few for the slip, or elastic caps under any."""
+    caps_state = state_of(rung=replace(RUNG, solved_loads_N=None), preload_N=9.0, curve=SPHERE)
+    (one,) = joint_under(3.0, 8.0, 9.0).loaded(caps_state)
+    assert (one.preload_N, one.curve) == (9.0, SPHERE)
+
+    def fails(*_):
+        raise ContactError("too few pixels")
+
+    blind = SimpleNamespace(approach_m=fails)
+    (one,) = joint_under(9.0).loaded(state_of(rung=RUNG, preload_N=9.0, curve=blind))
+    assert (one.preload_N, one.curve) == (9.0, blind)
+
+
 def test_the_heaviest_patch_must_be_followed_and_one_of_spheres_is_no_guess():
     def refuses(load_N, _):
         if load_N < 2.0 or rung is not RUNG:
@@ -81,11 +105,8 @@ def test_the_heaviest_patch_must_be_followed_and_one_of_spheres_is_no_guess():
         return SPHERE
 
     def loaded(*loads_N):
-        state = ContactState(**dict.fromkeys((f.name for f in fields(ContactState)), None))
-        state = replace(state, rung=rung, preload_N=9.0, curve=SPHERE, first=refuses)
-        load_N = np.array(loads_N)
-        of = joint.Joint(1.0, 1.0, float(load_N.sum()), load_N, np.ones(len(load_N)), 9.0)
-        return [one.preload_N for one in of.loaded(state)]
+        state = state_of(rung=rung, preload_N=9.0, curve=SPHERE, first=refuses)
+        return [one.preload_N for one in joint_under(*loads_N).loaded(state)]
 
     rung = RUNG
     assert loaded(1.0, 3.0, 8.0) == [3.0, 8.0]
