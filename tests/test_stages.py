@@ -315,3 +315,27 @@ def test_only_a_model_of_caps_fails_on_a_face_without_any(model):
     assert (found.status == "failed", found.answer is None) == (of_caps, of_caps)
     severity = {problem.code: problem.severity for problem in found.problems}["no_caps"]
     assert severity == ("error" if of_caps else "info")
+
+
+def test_a_face_that_tips_over_is_not_pressed_and_that_is_said_once():
+    """No hill holds a load that acts beside all of them."""
+    load_point = ("contact.alignment=balanced", "contact.load_point_m=[25e-3, 12e-3]")
+    found = analyze_once(face(2.0), settings("contact.model=caps", *load_point))
+    assert found.caps.usable.any()
+    assert found.contact is None
+    assert [one.code for one in found.problems if one.severity == "error"] == ["tips_over"]
+
+
+@pytest.mark.parametrize("model", ["caps", "boundary_elements"])
+def test_a_scan_that_yields_has_felt_the_greatest_load_of_the_cycle(model):
+    chosen = (f"contact.model={model}", "material.hardness_Pa=2.5e6")
+    varied, once, less = (
+        analyze_once(face(2.0), settings(*chosen, f"contact.preload_N={load_N}", *more)).slip.curve
+        for load_N, *more in ((60.0, "slip.normal_amplitude_ratio=0.5"), (90.0,), (60.0,))
+    )
+    shares = np.array([0.25, 0.5, 0.75])
+    got, expected, other = (
+        one.load_N(float(one.approach_m(60.0)) - shares * 2e-8) for one in (varied, once, less)
+    )
+    np.testing.assert_allclose(got, expected, rtol=5e-4)
+    assert (np.abs(other / got - 1.0) > 0.004).all()
