@@ -91,8 +91,9 @@ TABLE = [
     (
         ("contact/effects.py", "contact/trials.py", "contact/map_accuracy.py"),
         (
-            *("tests/contact/test_*effects_told*.py", "tests/contact/test_*effects*.py"),
-            "tests/contact/test_*detail*.py",
+            *("tests/contact/test_*trials*.py", "tests/contact/test_*effects_told*.py"),
+            *("tests/contact/test_*effects*.py", "tests/contact/test_*detail*.py"),
+            "tests/contact/test_*noise*.py",
         ),
     ),
     (
