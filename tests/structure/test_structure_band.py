@@ -21,6 +21,7 @@ from capslip.settings import Question, load_settings
 from capslip.structure.answer import answer_to
 from capslip.structure.band import LEAST_ERROR, NORMAL_95, Part, band_of
 from capslip.structure.response import response
+from capslip.studies.faces.synthetic import Scene, synthetic_surface
 from scenes import caps_map
 
 STEEL = composite((200e9, 200e9), (0.3, 0.3))
@@ -302,32 +303,33 @@ def test_a_map_is_followed_down_from_its_preload_alone():
     assert found.left_out == ("error of the model", "noise of the map that pixels share")
 
 
-@pytest.mark.parametrize(
-    ("spread", "yielded_area_m2", "solves"),
-    [(0.1, None, False), (0.1, 0.009e-6, False), (0.1, 0.011e-6, True), (0.2, None, True)],
-)
-def test_a_load_that_moves_an_elastic_map_little_costs_no_solution(
-    monkeypatch, spread, yielded_area_m2, solves
-):
-    """Its own curve goes on below the preload, and a power of the load holds above it."""
-    surface = caps_map([(5e-3, 5e-3, R_M, 0.0)], shape=(100, 100), floor_m=-1.0)
-    curve = boundary_elements(surface, STEEL.E_star_Pa)
-    area = {"contact_area_m2": 1e-6, "yielded_area_m2": yielded_area_m2}
-    solved, anew = [], type(curve)._anew
-    monkeypatch.setattr(type(curve), "_anew", lambda *of: solved.append(of) or anew(*of))
+@pytest.mark.parametrize("seed", [38, 43])
+def test_an_interval_of_the_load_knows_what_touches_under_more_of_it(seed):
+    """On waves that are elastic: from less load alone more cannot be told."""
+    waves = Scene(
+        *((200, 300), (2e-4, 2e-4)),
+        seed=seed,
+        waviness_rms_m=1e-7,
+        waviness_length_m=4e-3,
+        floor_m=0.0,
+    )
+    surface, _ = synthetic_surface(waves)
+
+    def loss_J(factor):
+        curve = boundary_elements(surface, STEEL.E_star_Pa, preload_N=factor * N, balanced=False)
+        d = curve.approach_m(factor * N)
+        return curve, float(curve.loss_integral_at_drop_J(d, 0.25 * N))
+
+    curve, _ = loss_J(1.0)
     found = band(
-        {"slip_force_N": 0.5 * MU * N},
-        lambda contact: replace(contact, rung=BOUNDARY_ELEMENTS, curve=curve, errors=None, **area),
-        preload=spread,
+        {"slip_force_N": 0.25 * MU * N},
+        lambda contact: replace(contact, rung=BOUNDARY_ELEMENTS, curve=curve, errors=None),
+        preload=0.1,
     )
-    assert bool(solved) == solves
-    ends = [
-        sphere_states(T=0.5 * MU * N, preload=N * np.exp(z * spread / NORMAL_95))[2]
-        for z in (Z_90, -Z_90)
-    ]
-    assert np.diff(np.log(found.interval["energy_J"])) == pytest.approx(
-        np.diff(np.log(ends)), rel=0.05
-    )
+    ends_J = [loss_J(np.exp(z * 0.1 / NORMAL_95))[1] for z in (Z_90, -Z_90)]
+    ends = np.log(MU**2 * STEEL.kappa * np.array(ends_J))
+    off = np.abs(np.log(found.interval["energy_J"]) - ends)
+    assert off.max() < 0.2 * np.ptp(ends)
 
 
 SMALL_M, H_PA = 0.01, 1e9  # a sphere that has yielded under N
@@ -369,6 +371,7 @@ def test_a_sphere_that_yields_is_loaded_anew_for_what_moves_it(asked, name):
     ("hardness_Pa", "name", "spread", "off"),
     [
         (1e12, "preload", 0.2, 0.1),
+        (1e12, "preload", 0.05, 0.1),
         (4e7, "preload", 0.2, 0.1),
         (4e7, "hardness", 0.2, 0.1),
         (4e7, "hardness", 0.1, 0.2),  # what yields in pixels is no parabola

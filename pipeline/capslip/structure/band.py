@@ -27,10 +27,9 @@ NODES = 5  # preloads that are solved where the preload is not certain
 NODES_OF_PATCHES = 3  # the same, of a joint that is pressed unevenly
 NODES_OF_HARDNESS = 3  # the same of the hardness, at the preload
 OF_A_MAP = (-1.0, 0.0, 1.0)  # of either, as shares of the widest: each is a solution of the map
-# The same of what moves little, as half the square of a logarithm is two percent there: of the
-# hardness of what yields little, and of the load on what hardly does, whose curve knows less load
-HARDER, LIGHTER, LITTLE = (0.0, 1.0), (-1.0, 0.0), 0.2
-HARDLY, A_LITTLE = 0.01, 0.05  # of the contact area, that has yielded
+# The same of a hardness that moves little, as half the square of a logarithm is two percent there
+HARDER, LITTLE = (0.0, 1.0), 0.2
+YIELDS_LITTLE = 0.05  # of the contact area, that has yielded
 COUNTED = ("tangential_stiffness_N_per_m", "energy_J", "joint_loss_factor", "loss_factor")
 OF_BOTH = ("caps", "model", "scans", "direction")  # move displacement and energy by factors
 OF_LIGHT_DAMPING = ("loss_factor", "damping_ratio")
@@ -294,17 +293,14 @@ class _State:
         """
         even = all(part.joint.is_even for part in self.parts)
         count = NODES if even else NODES_OF_PATCHES
-        widest = float(np.abs(log_N).max())
-        loads = self._axis(widest, count)
-        if self._is_map and self._yielded <= HARDLY and 0.0 < widest <= LITTLE:
-            loads = widest * np.array(LIGHTER)
+        loads = self._axis(float(np.abs(log_N).max()), count)
         weight = _weights(loads, log_N)
         nodes = np.column_stack((loads, np.zeros(len(loads))))
         if not self.yields or not log_H.any():
             return nodes, weight
         widest = float(np.abs(log_H).max())
         hard = self._axis(widest, NODES_OF_HARDNESS)
-        if self._is_map and self._yielded <= A_LITTLE and widest <= LITTLE:
+        if self._is_map and self._yielded <= YIELDS_LITTLE and widest <= LITTLE:
             hard = widest * np.array(HARDER)
         nodes = np.vstack((nodes, np.column_stack((np.zeros(len(hard)), hard)), np.zeros((1, 2))))
         weight = np.hstack((weight, _weights(hard, log_H), np.full((len(log_N), 1), -1.0)))
