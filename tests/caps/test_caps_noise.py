@@ -5,7 +5,7 @@ import itertools
 import numpy as np
 import pytest
 
-from capslip.caps.noise import Noise, _inflation, noise_at
+from capslip.caps.noise import Noise, _inflation, noise_at, noise_at_rest
 from capslip.surface.heightmap import HeightMap
 
 MEDIAN_OF_NORMAL = 0.6744897501960817
@@ -65,3 +65,25 @@ def test_the_inflation_is_the_sum_of_the_correlations(correlation, lags):
         assert _inflation(seen_m) < 1.0 + 2.0 * (0.8 + 0.5 + 0.35 + 0.2)
     else:
         assert _inflation(seen_m) == pytest.approx(1.0 + 2.0 * lags)
+
+
+def test_neighbours_show_little_of_noise_that_is_correlated():
+    """Of what repeats over two pixels a spacing of one sees less than one of two."""
+    height_m = np.repeat(np.repeat(np.random.default_rng(5).normal(size=(150, 150)), 2, 0), 2, 1)
+    row, col = (at.ravel() for at in np.mgrid[20:280, 20:280])
+    found = noise_at(HeightMap(height_m, (1.0, 1.0)), row, col)
+    assert found.neighbours_m < 0.7 * found.rms_m
+    assert found.rms_m == pytest.approx(1.0, rel=0.15)
+    assert found.inflation > 1.2
+
+
+@pytest.mark.parametrize("slope", [(0.0, 0.0), (3e-3, 0.0), (0.0, 3e-3), (-2e-3, 5e-3)])
+def test_the_noise_of_a_face_at_rest_is_that_of_what_is_highest_then(slope):
+    """Noise on a plateau alone, on pixels that are twice as long as wide."""
+    rng, size_m = np.random.default_rng(6), (2e-4, 1e-4)
+    height_m = np.zeros((120, 200))
+    height_m[40:90, 60:130] = 1e-6 + 1e-8 * rng.normal(size=(50, 70))
+    row, col = np.mgrid[:120, :200]
+    tilted_m = height_m + slope[1] * size_m[0] * row + slope[0] * size_m[1] * col
+    found = noise_at_rest(HeightMap(tilted_m, size_m), slope)
+    assert found.rms_m == pytest.approx(1e-8, rel=0.1)
