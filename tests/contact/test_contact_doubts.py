@@ -50,6 +50,7 @@ def state(contacts=10, pairs=0, max_pressure_Pa=None, hardness_Pa=None, yielded_
         contact_area_m2=1e-4,
         hardness_Pa=hardness_Pa,
         yielded_area_m2=yielded_area_m2,
+        yielded_share=(yielded_area_m2 or 0.0) / 1e-4,
         composite=steel,
     )
 

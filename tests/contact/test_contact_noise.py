@@ -7,8 +7,7 @@ import pytest
 from scipy.ndimage import gaussian_filter
 
 from capslip.analysis import analyze, analyze_once
-from capslip.contact import map_accuracy
-from capslip.contact.map_accuracy import error_of_map
+from capslip.contact.map_accuracy import _counted_m, error_of_map
 from capslip.contact.models import boundary_elements as bem
 from capslip.contact.solvers.noise import (
     LENGTHS,
@@ -186,7 +185,7 @@ def test_noise_that_is_known_is_in_the_stated_error_though_it_be_correlated():
 )
 def test_much_noise_counts_where_the_detail_is_little_else(noise_m, white_share, counted_m):
     """Of an approach of 100 nm: a permille always, three per cent of it if white, six never."""
-    assert map_accuracy._counted_m(noise_m, 1e-7, white_share) == counted_m
+    assert _counted_m(noise_m, 1e-7, white_share) == counted_m
 
 
 def test_what_is_rougher_than_the_noise_that_is_known_is_the_face_itself():

@@ -306,27 +306,22 @@ def test_a_map_is_followed_down_from_its_preload_alone():
 @pytest.mark.parametrize("seed", [38, 43])
 def test_an_interval_of_the_load_knows_what_touches_under_more_of_it(seed):
     """On waves that are elastic: from less load alone more cannot be told."""
-    waves = Scene(
-        *((200, 300), (2e-4, 2e-4)),
-        seed=seed,
-        waviness_rms_m=1e-7,
-        waviness_length_m=4e-3,
-        floor_m=0.0,
-    )
-    surface, _ = synthetic_surface(waves)
+    waves = {"waviness_rms_m": 1e-7, "waviness_length_m": 4e-3, "floor_m": 0.0}
+    surface, _ = synthetic_surface(Scene((200, 300), (2e-4, 2e-4), seed=seed, **waves))
 
-    def loss_J(factor):
-        curve = boundary_elements(surface, STEEL.E_star_Pa, preload_N=factor * N, balanced=False)
-        d = curve.approach_m(factor * N)
-        return curve, float(curve.loss_integral_at_drop_J(d, 0.25 * N))
+    def under(load_N):
+        return boundary_elements(surface, STEEL.E_star_Pa, preload_N=load_N, balanced=False)
 
-    curve, _ = loss_J(1.0)
+    curve = under(N)
     found = band(
         {"slip_force_N": 0.25 * MU * N},
         lambda contact: replace(contact, rung=BOUNDARY_ELEMENTS, curve=curve, errors=None),
         preload=0.1,
     )
-    ends_J = [loss_J(np.exp(z * 0.1 / NORMAL_95))[1] for z in (Z_90, -Z_90)]
+    ends_J = []
+    for load_N in N * np.exp(np.array([Z_90, -Z_90]) * 0.1 / NORMAL_95):
+        other = under(load_N)
+        ends_J.append(other.loss_integral_at_drop_J(other.approach_m(load_N), 0.25 * N))
     ends = np.log(MU**2 * STEEL.kappa * np.array(ends_J))
     off = np.abs(np.log(found.interval["energy_J"]) - ends)
     assert off.max() < 0.2 * np.ptp(ends)
@@ -368,7 +363,7 @@ def test_a_sphere_that_yields_is_loaded_anew_for_what_moves_it(asked, name):
 
 
 @pytest.mark.parametrize(
-    ("hardness_Pa", "name", "spread", "off"),
+    ("hardness_Pa", "name", "spread", "within"),
     [
         (1e12, "preload", 0.2, 0.1),
         (1e12, "preload", 0.05, 0.1),
@@ -377,7 +372,7 @@ def test_a_sphere_that_yields_is_loaded_anew_for_what_moves_it(asked, name):
         (4e7, "hardness", 0.1, 0.2),  # what yields in pixels is no parabola
     ],
 )
-def test_a_map_is_loaded_anew_to_what_it_may_bear_on_either_side(hardness_Pa, name, spread, off):
+def test_a_map_is_loaded_anew_to_what_it_may_bear_on_either_side(hardness_Pa, name, spread, within):
     """Two hills, of which the lower one takes more of more load, or of less hardness."""
     hills = [(2.7e-3, 5e-3, 1.0, 0.0), (7.3e-3, 5e-3, 1.0, 3e-7)]
     surface = caps_map(hills, shape=(100, 100), floor_m=-1.0)
@@ -405,8 +400,26 @@ def test_a_map_is_loaded_anew_to_what_it_may_bear_on_either_side(hardness_Pa, na
         loss_J = curve.loss_integral_at_drop_J(curve.approach_m(of_load * N), drop_N)
         ends_J.append(MU**2 * STEEL.kappa * float(loss_J))
     low, high = sorted(ends_J)
-    ends = np.abs(np.log(np.array(found.interval["energy_J"]) / (low, high)))
-    assert ends.max() < off * np.log(high / low)
+    off = np.abs(np.log(np.array(found.interval["energy_J"]) / (low, high)))
+    assert off.max() < within * np.log(high / low)
+
+
+@pytest.mark.parametrize(
+    ("yielded_share", "spread", "solutions"), [(0.049, 0.1, 1), (0.051, 0.1, 2), (0.049, 0.2, 2)]
+)
+def test_a_hardness_that_moves_little_of_what_yields_little_costs_one_solution(
+    monkeypatch, yielded_share, spread, solutions
+):
+    surface = caps_map([(5e-3, 5e-3, 1.0, 0.0)], shape=(100, 100), floor_m=-1.0)
+    curve = boundary_elements(surface, STEEL.E_star_Pa, preload_N=N, hardness_Pa=4e7)
+    area = {"contact_area_m2": 1e-6, "yielded_area_m2": yielded_share * 1e-6}
+    known = {"rung": BOUNDARY_ELEMENTS, "curve": curve, "first": curve, "errors": None, **area}
+    changes, anew = [], type(curve)._anew
+    monkeypatch.setattr(type(curve), "_anew", lambda *of: changes.extend(of[2]) or anew(*of))
+    band(
+        {"slip_force_N": 0.25 * MU * N}, lambda contact: replace(contact, **known), hardness=spread
+    )
+    assert len(changes) == solutions
 
 
 def test_yielding_moves_the_interval_of_a_preload():

@@ -8,10 +8,9 @@ import pytest
 from capslip.analysis import analyze_once
 from capslip.settings import load_settings
 from capslip.studies.faces.synthetic import Scene, synthetic_surface
-from capslip.surface import tops
 from capslip.surface.conditioning import condition
 from capslip.surface.heightmap import HeightMap
-from capslip.surface.tops import clipped_points, restore_tops
+from capslip.surface.tops import _Surface, clipped_points, restore_tops
 from scenes import caps_map
 
 PIXEL_M = (2e-4, 1e-4)
@@ -205,7 +204,7 @@ def test_a_place_that_stays_flat_is_a_warning_with_its_effect():
 def test_a_surface_curves_by_the_determinant_of_its_second_derivatives(xx, xy, yy, determinant):
     """Of z = xx u^2 / 2 + xy u v + yy v^2 / 2, and none where that is no hill."""
     c = np.array([7.0, 0.3, -0.2, 0.5 * xx, xy, 0.5 * yy])
-    found = tops._Surface((0.0, 0.0), 1.0, c, np.zeros((6, 6)), 0.0)
+    found = _Surface((0.0, 0.0), 1.0, c, np.zeros((6, 6)), 0.0)
     assert found.determinant == pytest.approx(determinant)
 
 
@@ -213,7 +212,7 @@ def test_what_moves_the_curvatures_moves_the_mean_radius_as_their_determinant_sa
     """R ~ det^-1/2, by differences: of coefficients that are off together along one direction."""
     c, off = np.array([7.0, 0.3, -0.2, -1.0, 1.0, -1.5]), np.array([0.1, 0.2, 0.3, 0.4, -0.5, 0.6])
     given = (0.0, 0.0), 1.0
-    found = tops._Surface(*given, c, np.outer(off, off), 0.0)
-    ends = [tops._Surface(*given, c + s * off, np.zeros((6, 6)), 0.0) for s in (-1e-6, 1e-6)]
+    found = _Surface(*given, c, np.outer(off, off), 0.0)
+    ends = [_Surface(*given, c + s * off, np.zeros((6, 6)), 0.0) for s in (-1e-6, 1e-6)]
     log_radius = [-0.5 * np.log(one.determinant) for one in ends]
     assert found.log_radius_se == pytest.approx(abs(np.diff(log_radius)[0]) / 2e-6, rel=1e-6)

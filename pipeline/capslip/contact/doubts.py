@@ -326,12 +326,11 @@ def problems_of_pressure(contact: ContactState) -> list[Problem]:
     if pressure_Pa is None:
         return []
     if hardness_Pa is not None:
-        if not contact.yielded_area_m2 or not contact.contact_area_m2:
+        if contact.yielded_share == 0.0:
             return []
         message = (
-            f"{contact.yielded_area_m2 / contact.contact_area_m2:.0%} of the contact area has "
-            f"yielded at a hardness of {hardness_Pa / 1e9:.3g} GPa; slip follows the curve along "
-            "which the face unloads"
+            f"{contact.yielded_share:.0%} of the contact area has yielded at a hardness of "
+            f"{hardness_Pa / 1e9:.3g} GPa; slip follows the curve along which the face unloads"
         )
         return [Problem("yielded", "info", message)]
     soft, bearable_Pa = MATERIALS["steel"], ELASTIC_STRAIN * contact.composite.E_star_Pa

@@ -73,6 +73,11 @@ class ContactState:
         """Greater of the errors of stiffness and energy, at 95 %; None: not known."""
         return None if self.errors is None else self.errors.greatest
 
+    @property
+    def yielded_share(self) -> float:
+        """Of the contact area, 0 where nothing yields or no area is known."""
+        return (self.yielded_area_m2 or 0.0) / (self.contact_area_m2 or np.inf)
+
     def curve_after(self, load_N: float, hardness_factor: float = 1.0) -> NormalCurve:
         """Return the curve for slip after a first loading to a load; all the same where elastic.
 

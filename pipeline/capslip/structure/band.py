@@ -300,7 +300,8 @@ class _State:
             return nodes, weight
         widest = float(np.abs(log_H).max())
         hard = self._axis(widest, NODES_OF_HARDNESS)
-        if self._is_map and self._yielded <= YIELDS_LITTLE and widest <= LITTLE:
+        yielded = max(part.contact.yielded_share for part in self.parts)
+        if self._is_map and yielded <= YIELDS_LITTLE and widest <= LITTLE:
             hard = widest * np.array(HARDER)
         nodes = np.vstack((nodes, np.column_stack((np.zeros(len(hard)), hard)), np.zeros((1, 2))))
         weight = np.hstack((weight, _weights(hard, log_H), np.full((len(log_N), 1), -1.0)))
@@ -311,13 +312,6 @@ class _State:
     def _is_map(self) -> bool:
         """Whether each node is a solution of a map."""
         return any(part.contact.rung.near is not None for part in self.parts)
-
-    @property
-    def _yielded(self) -> float:
-        """Share of the contact area that has yielded, the greatest of any scan."""
-        contacts = [part.contact for part in self.parts]
-        pairs = [(one.yielded_area_m2 or 0.0, one.contact_area_m2 or 0.0) for one in contacts]
-        return max(yielded / area if area else 0.0 for yielded, area in pairs)
 
     def _axis(self, widest: float, count: int) -> np.ndarray:
         """Return places up to the widest on either side."""
