@@ -126,6 +126,13 @@ def pair(finer):
     return caps_map(both, (40 * finer, 80 * finer), (2e-4 / finer, 2e-4 / finer))
 
 
+def small_caps(n, coarser=1):
+    """Add caps that stand 40 nm above the cut, on a grid so much coarser."""
+    low = [(x, y, 6.0, -1.3e-7) for x, y in (GAP, (36e-3, 16e-3), (54e-3, 32e-3))]
+    first, size_m = coarser // 2, (coarser * PIXEL_M, coarser * PIXEL_M)
+    return of(caps(*low[:n]).height_m[first::coarser, first::coarser].copy(), size_m)
+
+
 def sieve(share):
     """Lose points here and there."""
     return at(np.random.default_rng(4).random(SHAPE) < share, np.nan)
@@ -198,6 +205,10 @@ FACES = {
     "lowest-cap": lambda: caps((*GAP, 10.0, -2.2e-7)),
     "one-grain": lambda: caps((*GAP, 1.5, -5e-8)),
     "one-tall-grain": lambda: caps((*GAP, 1.5, 1e-7)),
+    "small-cap": lambda: small_caps(1),
+    "coarse-small-cap": lambda: small_caps(1, 2),
+    "small-caps": lambda: small_caps(3),
+    "coarse-small-caps": lambda: small_caps(3, 2),
     "four-grains": lambda: caps(
         *(
             (x, y, 1.5, -5e-8)
@@ -338,7 +349,7 @@ ROWS = [
     Row("seams", "info", "(estimated with the caps)", "stitched loosely", "in-one-field loosely"),
     Row("pruning_decides", "warning", "1e-07 m gives 2", "sharp-twins very-coarsely",
         "sharp-twins"),
-    Row("no_caps", "error", "'too_few_points': 1", "all-noise"),
+    Row("no_caps", "error", "'within_noise': 1", "all-noise"),
     Row("connected_network", "warning", "one hill holds 3", "plain half levelled alone"),
     Row("connected_network", "info", "one hill holds 3", "plain half flat"),
     Row("pruning_decides", "info", "1e-07 m gives 2", "sharp-twins very-coarsely flat"),
@@ -350,6 +361,9 @@ ROWS = [
     Row("more_than_two_families", "info", "3 levels (4 at", "low-cap flat"),
     Row("families_doubtful", "info", "12 caps do not settle", "a-little-waved flat"),
     Row("family_below_cut", "info", "beside the 4 G-caps", "deep-P solved", "deep-P fixed fifth"),
+    Row("hills_too_small", "info", "1 of 13 hills", "coarse-small-cap", "small-cap"),
+    Row("hills_too_small", "warning", "3 of 15 hills", "coarse-small-caps levelled families",
+        "small-caps levelled families"),
     Row("level_not_settled", "info", "of the load", "rough fixed solved", "plain"),
     Row("cut_too_high", "info", "the cut at 10% stand", "coarse fixed solved N=3000", "coarse"),
     Row("shallow_saddles", "warning", "50% of the caps", "twins-that-touch", "twins-apart"),

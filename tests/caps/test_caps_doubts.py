@@ -222,6 +222,8 @@ def one_in(n, low, high=1.0):
     [
         (None, {"pruning_sensitivity": 0.199}, {}, 3.0),
         ("pruning_decides", {"pruning_sensitivity": 0.2}, {}, 3.0),
+        (None, {"rejected": {"within_noise": 9}}, {}, 3.0),
+        ("hills_too_small", {"rejected": {"too_few_points": 1}}, {}, 3.0),
         (None, {"largest_hill_share": 0.2}, {}, 3.0),
         ("connected_network", {"largest_hill_share": 0.201}, {}, 3.0),
         (None, {"largest_hill_share": 0.3}, {"usable": 10}, 3.0),  # three of ten
@@ -259,6 +261,15 @@ def test_a_doubt_about_caps_is_raised_just_beyond_its_threshold(code, hills, cap
     face = HeightMap(height_m, (1.0, 1.0))
     found = problems_of_caps(face, hills_of_twenty(**hills), table, 0.1)
     assert [problem.code for problem in found] == ([] if code is None else [code])
+
+
+@pytest.mark.parametrize(("n", "severity"), [(1, "info"), (2, "warning")])
+def test_more_than_a_tenth_of_hills_of_too_few_points_are_a_warning(n, severity):
+    hills = hills_of_twenty(rejected={"too_few_points": n})
+    face = HeightMap(np.full((3, 3), 3.0), (1.0, 1.0))
+    (found,) = problems_of_caps(face, hills, twenty_caps(10), 0.1)
+    assert found.severity == severity
+    assert found.message.startswith(f"{n} of {20 + n} hills")
 
 
 @pytest.mark.parametrize("n", [4, 5])

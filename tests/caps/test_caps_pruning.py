@@ -76,5 +76,7 @@ def test_small_hills_join_and_those_within_noise_are_rejected():
     assert noisy.pruned(3.0)[2] == {}  # joined to one that stands above the noise
     few = Basins(row.tree, np.array([9, 8, 9]), row.within_noise)
     assert few.count(0.1) == 2
-    fewer = Basins(row.tree, np.array([3, 2, 1]), np.ones(3, dtype=bool))
+    fewer = Basins(row.tree, np.array([3, 2, 1]), row.within_noise)
     assert fewer.pruned(0.1)[2] == {"too_few_points": 1}
+    fewer = Basins(row.tree, np.array([3, 2, 1]), np.ones(3, dtype=bool))
+    assert fewer.pruned(0.1)[2] == {"within_noise": 1}  # no hill, however many points it had

@@ -14,7 +14,7 @@ from capslip.surface.heightmap import HeightMap
 
 SHAPE = ["connected_network", "shallow_saddles", "pruning_decides", "not_spherical"]
 SHAPE += ["contact_under_resolved", "caps_ridge"]
-COUNTS = ["families_doubtful", "more_than_two_families", "family_below_cut"]
+COUNTS = ["families_doubtful", "more_than_two_families", "family_below_cut", "hills_too_small"]
 ELSE = ["highest_point_on_no_cap", "plateau_at_cut", "cut_too_high", "level_not_settled"]
 ELSE += ["no_caps", "fit_not_settled"]
 OTHERS = ["outliers", "spikes", "hole_may_hide_hills", "clipped"]

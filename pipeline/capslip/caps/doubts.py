@@ -8,6 +8,7 @@ import numpy as np
 from capslip.caps.families import Families
 from capslip.caps.hills import NOISE_FACTOR, Hills
 from capslip.caps.levels import bow_terms
+from capslip.caps.pruning import MIN_POINTS, TOO_SMALL
 from capslip.caps.table import DOUBTFUL, CapFlag, CapTable
 from capslip.problems import Problem
 from capslip.surface.doubts import bow_left, bow_of_form_m
@@ -15,6 +16,7 @@ from capslip.surface.form import ROUNDING
 from capslip.surface.heightmap import HeightMap
 from capslip.surface.holes import problems_of_holes
 
+MANY_LOST = 0.1  # of the caps: hills of too few points
 BOW_LEVEL = 0.01  # of the F-test that the peaks lie on a bow
 MEANING = {  # of the flags of caps that hills can have
     CapFlag.edge: "touch the edge of the map: part of them was not measured",
@@ -53,6 +55,7 @@ def problems_of_caps(
         return [*found, Problem("no_caps", "warning", message)]
     return [
         *found,
+        *_too_small(hills, caps),
         *_hills_that_run_together(hills, caps),
         *_cut(surface, hills, caps, material_ratio),
         *_flagged(caps),
@@ -170,6 +173,19 @@ def _pruning(hills: Hills) -> list[Problem]:
         "count depends on the pruning; set hills.pruning_height_m or use an S-filter"
     )
     return [Problem("pruning_decides", "warning", message)]
+
+
+def _too_small(hills: Hills, caps: CapTable) -> list[Problem]:
+    """Return how many hills stand clear of the noise, on too few points to be counted."""
+    n_lost, n_usable = hills.rejected.get(TOO_SMALL, 0), int(caps.usable.sum())
+    if n_lost == 0:
+        return []
+    message = (
+        f"{n_lost} of {n_lost + hills.n_hills} hills that stand clear above the cut have fewer "
+        f"than {MIN_POINTS} points, and are not counted: m and n may be too low; a finer scan tells"
+    )
+    many = n_lost > MANY_LOST * n_usable
+    return [Problem("hills_too_small", "warning" if many else "info", message)]
 
 
 def _hills_that_run_together(hills: Hills, caps: CapTable) -> list[Problem]:

@@ -8,6 +8,7 @@ import numpy as np
 from capslip.caps.separation import ChangeTree
 
 MIN_POINTS = 9  # a sphere and a tilt have five unknowns; fewer points than this say nothing
+TOO_SMALL = "too_few_points"  # the reason of these
 LEAST_PRUNING = 0.005  # of the relief: a cap with a dent of this depth is still one cap
 MOST_PRUNING = 1 / 3  # of the relief: beyond, pruning joins whole caps
 STABLE = 0.1  # relative change of the count as the pruning is halved or doubled
@@ -60,8 +61,8 @@ class Basins:
         clear = np.bincount(group, ~self.within_noise, minlength=len(group)) > 0
         enough = n_points >= MIN_POINTS
         rejected = {
-            "too_few_points": int(np.count_nonzero((n_points > 0) & ~enough)),
-            "within_noise": int(np.count_nonzero(enough & ~clear)),
+            TOO_SMALL: int(np.count_nonzero(clear & ~enough)),
+            "within_noise": int(np.count_nonzero((n_points > 0) & ~clear)),
         }
         return group, enough & clear, {reason: n for reason, n in rejected.items() if n}
 

@@ -23,7 +23,12 @@ SHAPE = {
     "caps_several_peaks",
     "contact_under_resolved",
 }
-COUNTS = {"families_doubtful", "more_than_two_families", "family_below_cut"}
+COUNTS = {
+    "families_doubtful",
+    "more_than_two_families",
+    "family_below_cut",
+    "hills_too_small",
+}
 ELSE = {
     "highest_point_on_no_cap",
     "plateau_at_cut",

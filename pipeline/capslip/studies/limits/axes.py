@@ -50,7 +50,7 @@ WAVY = ("boundary_elements_needed", "not_spherical", "connected_network", "shall
         "caps_edge", "not_balanced")
 FORM = ("tilt_left", "bow_left", "one_contact", "caps_edge", "connected_network", "tips_over",
         "not_balanced", "slope_suspect")
-FEW_POINTS = ("contact_under_resolved", "no_caps", "caps_apex_off_surface")
+FEW_POINTS = ("contact_under_resolved", "hills_too_small", "no_caps", "caps_apex_off_surface")
 CUT = ("family_below_cut", "plateau_at_cut", "no_caps",
        "contact_reaches_below_cut", "cut_too_high")
 UNITS = ("slope_suspect", "face_closes", "scale_suspect", "pressure_beyond_elastic",

@@ -36,6 +36,7 @@ COUNT_CODES = (
     "families_doubtful",
     "more_than_two_families",
     "family_below_cut",
+    "hills_too_small",
     "caps_not_pressed",
 )
 FIRST_CODE = "first_touch_decides"  # where the approach alone is wrong
