@@ -19,17 +19,18 @@ ASKED = {
 }
 
 
-def asked_of(form, level=None, approach_m=1e-6, peaks=(), flatness_m=None):
+def asked_of(form, level=None, approach_m=1e-6, peaks=(), flatness_m=None, seams="known"):
     """Return which doubts are asked after a form was removed, each of which says its name."""
     face = SimpleNamespace(
         level=level,
         family_caps=None,
-        conditioned=SimpleNamespace(surface="pressed", seams=None),
+        conditioned=SimpleNamespace(surface="pressed", seams=seams and "seams"),
     )
     known = () if flatness_m is None else (f"instrument.flatness_deviation_m={flatness_m}",)
     chosen = load_settings(overrides=(f"conditioning.form={form}", *known))
     answers = {name: mock.Mock(return_value=[word]) for name, word in ASKED.items()}
     answers["problems_of_bow"].return_value = list(peaks)
+    answers["leaves_peaks"] = mock.Mock(return_value=seams == "of the floor")
     with mock.patch.multiple(doubts, coarse_step=lambda _: 3, **answers):
         found = doubts._of_levelling(face, SimpleNamespace(approach_m=approach_m), chosen)
     return found, {name: one.call_args for name, one in answers.items() if one.called}
@@ -54,6 +55,11 @@ def test_a_tilt_or_a_bow_that_was_taken_off_is_not_asked_about(form, level, expe
         seen = mock.call("coarse", 1e-6) if level else mock.call("pressed", 1e-6, 3)
         assert asked["problems_of_form"] == seen
     assert asked_of(form, level, approach_m=0.0) == ([], {})  # a flat interface: nothing decides
+
+
+@pytest.mark.parametrize("seams", [None, "of the floor"])
+def test_no_seams_or_those_of_the_floor_alone_are_not_asked_about(seams):
+    assert asked_of("quadratic", seams=seams)[0] == []
 
 
 def test_a_bow_is_told_by_the_instrument_before_the_peaks_before_the_heights():

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from capslip.caps.doubts import problems_of_bow, problems_of_families
+from capslip.caps.doubts import leaves_peaks, problems_of_bow, problems_of_families
 from capslip.contact.bulk import problems_of_outline
 from capslip.contact.doubts import (
     contact_doubts,
@@ -128,7 +128,9 @@ def _of_levelling(face: Face, contact: ContactState, settings: Settings) -> list
     form = settings.conditioning.form
     if contact.approach_m <= 0.0:
         return []  # a flat interface: nothing decides
-    problems = problems_of_seams(face.conditioned.seams, contact.approach_m)
+    problems, seams = list[Problem](), face.conditioned.seams
+    if seams is not None and not leaves_peaks(seams, face.family_caps):
+        problems += problems_of_seams(seams, contact.approach_m)
     if form == "none" and face.level is None:
         problems += problems_of_tilt(face.conditioned.surface, contact.approach_m)
     if form in ("plane", "none"):

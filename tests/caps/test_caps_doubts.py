@@ -10,6 +10,7 @@ import pytest
 from capslip.caps import doubts
 from capslip.caps.doubts import (
     bow_of_peaks,
+    leaves_peaks,
     problems_of_bow,
     problems_of_caps,
     problems_of_families,
@@ -19,6 +20,7 @@ from capslip.caps.fit import fit_caps
 from capslip.caps.hills import NOISE_FACTOR, find_hills
 from capslip.caps.table import DOUBTFUL, CapFlag, CapTable
 from capslip.surface.heightmap import HeightMap
+from capslip.surface.seams import Seams
 from scenes import caps_map
 
 APPROACH_M = 2e-7
@@ -298,6 +300,35 @@ def test_a_bow_has_its_height_in_any_direction_and_unit(n, families, scale):
         found_m, chance = bow_of_peaks(caps.with_columns(family=np.array(["G", "P"])[of]))
         assert found_m == pytest.approx(np.ptp(bow_m), rel=1e-6)
         assert chance < 1e-6
+
+
+def two_fields(step_m):
+    """A face of 60 mm x 40 mm whose half on the right lies higher."""
+    surface = HeightMap(np.zeros((40, 60)), (1e-3, 1e-3))
+    offset_m = np.array([[-0.5, 0.5]]) * step_m
+    return Seams(surface, np.array([0, 40]), np.array([0, 30, 60]), offset_m)
+
+
+@pytest.mark.parametrize("slope", [0.0, 1e-5, -4e-6])
+def test_peaks_tell_whose_step_a_seam_has_however_the_face_lies(slope):
+    """A floor that is stepped leaves them on their levels, fields that were stitched do not."""
+    rng = np.random.default_rng(3)
+    for _ in range(20):
+        own = peaks(rng, 1e-8, slope=slope)
+        taken_m = own.peak_height_m + 9e-8 * (own.x_m > 30e-3)
+        assert leaves_peaks(two_fields(9e-8), own)
+        assert not leaves_peaks(two_fields(9e-8), own.with_columns(peak_height_m=taken_m))
+
+
+def test_peaks_that_scatter_more_than_a_seam_or_stand_on_one_side_do_not_tell():
+    rng = np.random.default_rng(4)
+    told = [leaves_peaks(two_fields(9e-8), peaks(rng, 2e-7)) for _ in range(50)]
+    assert sum(told) <= 1
+    own = peaks(rng, 1e-8)
+    aside = own.with_columns(x_m=0.5 * own.x_m)
+    assert not leaves_peaks(two_fields(9e-8), aside)
+    on_both = np.where(np.arange(20) < 3, 0, CapFlag.not_convex).astype(np.uint16)
+    assert not leaves_peaks(two_fields(9e-8), own.with_columns(flags=on_both))
 
 
 def test_too_few_or_equal_peaks_lie_on_no_bow():

@@ -7,7 +7,7 @@ import numpy as np
 
 from capslip.caps.families import Families
 from capslip.caps.hills import NOISE_FACTOR, Hills
-from capslip.caps.levels import bow_terms
+from capslip.caps.levels import bow_terms, find_levels
 from capslip.caps.pruning import MIN_POINTS, TOO_SMALL
 from capslip.caps.table import DOUBTFUL, CapFlag, CapTable
 from capslip.problems import Problem
@@ -15,8 +15,10 @@ from capslip.surface.doubts import bow_left, bow_of_form_m
 from capslip.surface.form import ROUNDING
 from capslip.surface.heightmap import HeightMap
 from capslip.surface.holes import problems_of_holes
+from capslip.surface.seams import Seams, levels_m
 
 MANY_LOST = 0.1  # of the caps: hills of too few points
+LEVEL_ODDS = 5.0  # 150 to 1 that peaks on both sides of a seam are level as they are
 BOW_LEVEL = 0.01  # of the F-test that the peaks lie on a bow
 MEANING = {  # of the flags of caps that hills can have
     CapFlag.edge: "touch the edge of the map: part of them was not measured",
@@ -92,6 +94,23 @@ def problems_of_families(caps: CapTable, families: Families) -> list[Problem]:
         )
         found.append(Problem("families_doubtful", "warning", message))
     return found
+
+
+def leaves_peaks(seams: Seams, caps: CapTable) -> bool:
+    """Tell whether the peaks leave no doubt that all fields lie on one level as they are.
+
+    Fields that were stitched wrongly took their peaks along. Where it is the floor that is stepped,
+    as beside a recess, the fields on one level would have their peaks apart: these are families on
+    a common plane as they are, at far better odds than they would be then. The plane is free, as a
+    face that was pressed lies on its highest peaks, whatever their fields.
+    """
+    x_m, y_m, peak_m = (one[caps.usable] for one in (caps.x_m, caps.y_m, caps.peak_height_m))
+    up_m = levels_m(seams)[seams.surface.pixel_at(x_m, y_m)]
+    as_is, on_one_level = (
+        float(find_levels(x_m, y_m, one_m).clusters.log_evidence.max(initial=-math.inf))
+        for one_m in (peak_m, peak_m - up_m)
+    )
+    return as_is - on_one_level > LEVEL_ODDS
 
 
 def problems_of_bow(caps: CapTable, approach_m: float) -> list[Problem]:

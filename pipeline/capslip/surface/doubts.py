@@ -17,7 +17,7 @@ from capslip.surface.heightmap import HeightMap, Heights, Tops
 from capslip.surface.interpolated import pixels_apart
 from capslip.surface.outliers import Outliers
 from capslip.surface.rows import row_blocks
-from capslip.surface.seams import Seams, leaves_tops, tilts_m
+from capslip.surface.seams import Seams, tilts_m
 from capslip.surface.tops import clipped_points
 from capslip.units import readable
 
@@ -252,10 +252,8 @@ def bow_of_form_m(surface: HeightMap) -> np.ndarray:
     return np.asarray(level.height_m - straight.height_m)
 
 
-def problems_of_seams(seams: Seams | None, approach_m: float) -> list[Problem]:
+def problems_of_seams(seams: Seams, approach_m: float) -> list[Problem]:
     """Return whether fields with straight seams lie on levels, or tilts, that may decide."""
-    if seams is None or leaves_tops(seams):
-        return []
     apart_m = max(seams.span_m, float(np.ptp(tilts_m(seams))))
     if apart_m <= VISIBLE_FORM * approach_m:
         return []

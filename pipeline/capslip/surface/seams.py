@@ -22,7 +22,6 @@ NEIGHBOUR = 0.8  # of a jump, that those beside it may have: half of it, and noi
 # around a corner of four fields jumps sum to zero. Where hills meet in a straight valley one jumps
 # alone, of which a quarter is left, or two do, of which an eighth is; of tilted fields all jump
 MOST_LEFT = 0.1
-LEVEL_TOPS = 0.1  # of what the tops of fields differ by once these are on one level
 ROUNDING = 1e-6  # of the height range: what lines of a plane floor jump by
 # Overlaps are a tenth of a field wide and more: what is left of a step where fields meet may come
 # of a tilt that lifts their far sides ten times as high
@@ -127,19 +126,6 @@ def find_seams(surface: HeightMap) -> Seams | None:
     if offset_m is None or np.ptp(offset_m) <= ROUNDING * np.ptp(surface.bounds_m):
         return None
     return Seams(surface, rows, columns, offset_m)
-
-
-def leaves_tops(seams: Seams) -> bool:
-    """Tell whether the tops of all fields are on one level as they are.
-
-    Fields that were stitched wrongly took their tops along. Where it is the floor that is stepped,
-    as beside a recess, the fields on one level would have their tops apart.
-    """
-    surface = seams.surface
-    height_m = np.where(surface.measured, surface.height_m, -np.inf)
-    of_rows_m = np.maximum.reduceat(height_m, seams.rows[:-1], axis=0)
-    top_m = np.maximum.reduceat(of_rows_m, seams.columns[:-1], axis=1)
-    return bool(np.ptp(top_m) < LEVEL_TOPS * np.ptp(top_m - seams.offset_m))
 
 
 def levels_m(seams: Seams) -> np.ndarray:
