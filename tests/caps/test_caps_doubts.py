@@ -303,7 +303,7 @@ def test_a_bow_has_its_height_in_any_direction_and_unit(n, families, scale):
 
 
 def two_fields(step_m):
-    """A face of 60 mm x 40 mm whose half on the right lies higher."""
+    """Return a face of 60 mm x 40 mm whose half on the right lies higher."""
     surface = HeightMap(np.zeros((40, 60)), (1e-3, 1e-3))
     offset_m = np.array([[-0.5, 0.5]]) * step_m
     return Seams(surface, np.array([0, 40]), np.array([0, 30, 60]), offset_m)

@@ -6,6 +6,11 @@ import numpy as np
 CODES = (-9999.0, -99999.0, -32768.0, -2147483648.0)
 MARKS = 2  # of different size in one map; more are heights that some mistake made large
 BEYOND = 1e37  # 1.7e38 and 3.4e38 mark blanks; no height is as large in any unit
+SHARED = 25  # points that have one height, where heights that were measured are all different
+BY_CHANCE = 1e-3  # of the other neighbours: more that are equal are steps, of which any is no mark
+ROWS = 256  # that tell how much heights scatter
+WALL = 5.0  # usual steps from a mark to what was measured beside it: a floor has none
+NOISY = 0.2  # of second differences turn their sign in what was measured; not in what was designed
 
 
 def without_marks(height: np.ndarray) -> tuple[np.ndarray, tuple[str, ...]]:
@@ -21,8 +26,10 @@ def without_marks(height: np.ndarray) -> tuple[np.ndarray, tuple[str, ...]]:
     shape (ny, nx), tuple of str
         One or two different numbers beyond 1e37 are marks. The least number is one where it is a
         code that software writes for blanks, and stands several times or lies farther below the
-        next one than half the range of the others. A note says what was turned; without marks the
-        array is the same.
+        next one than half the range of the others. Any number but the greatest is one, a zero say,
+        that 25 points and more share with walls around them, where heights scatter so much that
+        hardly two other neighbours are equal. A note says what was turned; without marks the array
+        is the same.
 
     Examples
     --------
@@ -44,7 +51,51 @@ def without_marks(height: np.ndarray) -> tuple[np.ndarray, tuple[str, ...]]:
             marked = height == low
             if _is_mark(height, marked, low):
                 height = _blanked(height, marked, f"{low:.10g}", notes)
+        for shared in _shared(height):
+            height = _blanked(height, height == shared, f"{shared:.10g}", notes)
     return height, tuple(notes)
+
+
+def _shared(height: np.ndarray) -> list[float]:
+    """Return the numbers that stand for no height, as no two neighbours are equal but these."""
+    turned = height, height.T
+    equal = [one[:, 1:] == one[:, :-1] for one in turned]
+    some = np.concatenate([one[:, 1:][same] for one, same in zip(turned, equal, strict=True)])
+    values, counts = np.unique(some, return_counts=True)
+    often = values[counts >= SHARED]
+    if not 0 < often.size <= MARKS:
+        return []
+    known = np.isfinite(height) & ~np.isin(height, often)
+    both = [one[:, 1:] & one[:, :-1] for one in (known, known.T)]
+    n_beside = sum(int(np.count_nonzero(one)) for one in both)
+    n_equal = sum(int(np.count_nonzero(a & b)) for a, b in zip(both, equal, strict=True))
+    few = np.s_[:: max(1, len(height) // ROWS)]
+    step, beside = np.diff(height[few].astype(float), axis=1), both[0][few]
+    if n_equal > BY_CHANCE * n_beside or not _scatters(step, beside):
+        return []
+    wall = WALL * float(np.median(np.abs(step[beside])))
+    low, high = float(height[known].min()), float(height[known].max())
+    return [
+        mark
+        for mark in often.tolist()
+        if _rim(height, mark, known) > wall and (mark < high or mark - high > 0.5 * (high - low))
+    ]
+
+
+def _scatters(step: np.ndarray, beside: np.ndarray) -> bool:
+    """Tell whether steps along rows turn as those of measured heights do, where two are known."""
+    bend = np.diff(step, axis=1)
+    four = beside[:, :-2] & beside[:, 1:-1] & beside[:, 2:]
+    turns = four & (np.signbit(bend[:, 1:]) != np.signbit(bend[:, :-1]))
+    return int(np.count_nonzero(turns)) > NOISY * int(np.count_nonzero(four))
+
+
+def _rim(height: np.ndarray, mark: float, known: np.ndarray) -> float:
+    """Return the usual step between points with a mark and known ones beside them."""
+    marked, rim = height == mark, []
+    for z, at, beside in ((height, marked, known), (height.T, marked.T, known.T)):
+        rim += [z[:, :-1][beside[:, :-1] & at[:, 1:]], z[:, 1:][at[:, :-1] & beside[:, 1:]]]
+    return float(np.median(np.abs(np.concatenate(rim).astype(float) - mark)))
 
 
 def _is_mark(height: np.ndarray, marked: np.ndarray, low: float) -> bool:
