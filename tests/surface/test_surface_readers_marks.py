@@ -31,7 +31,7 @@ VIEWS = {
 )
 def test_a_number_that_many_points_share_is_no_height(view, mark, lost):
     """A zero, what lies outside of the heights, the least of them; wherever and however stored."""
-    lost = lost & (MEASURED > mark) if mark == MEASURED.min() else lost
+    lost = lost & (mark < MEASURED) if mark == MEASURED.min() else lost
     found, notes = without_marks(view(np.where(lost, mark, MEASURED)))
     blank = lost | (mark == MEASURED)
     np.testing.assert_array_equal(found, view(np.where(blank, np.nan, MEASURED)))
