@@ -31,6 +31,7 @@ from capslip.surface.doubts import (
     problems_of_flatness,
     problems_of_form,
     problems_of_points,
+    problems_of_ripple,
     problems_of_scan,
     problems_of_seams,
     problems_of_tilt,
@@ -76,6 +77,7 @@ def problems_of(face: Face, found: Analysis, mate: HeightMap | None) -> tuple[Pr
         *problems_of_filling(surface, contact.approach_m),
         *_of_outline(face),
         *_of_levelling(face, contact, settings),
+        *_of_ripple(contact, surface),
         *problems_of_band(found.caps, surface, face.hills.noise_m, settings.conditioning),
         *as_read(under_load, contact, doubtful, tolerance, surface),
         *found.problems,
@@ -136,6 +138,13 @@ def _of_levelling(face: Face, contact: ContactState, settings: Settings) -> list
     if form in ("plane", "none"):
         problems += _of_bow(face, contact.approach_m, settings.instrument.flatness_deviation_m)
     return problems
+
+
+def _of_ripple(contact: ContactState, surface: HeightMap) -> list[Problem]:
+    """Return whether a ripple decides; where caps answer, each averages over it."""
+    if contact.rung.made_from != "map":
+        return []
+    return problems_of_ripple(surface, contact.approach_m)
 
 
 def _of_bow(face: Face, approach_m: float, flatness_m: float | None) -> list[Problem]:

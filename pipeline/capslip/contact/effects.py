@@ -24,6 +24,7 @@ from capslip.surface.form import level_and_straight, remove_form
 from capslip.surface.heightmap import HeightMap, Tops
 from capslip.surface.holes import HIDDEN
 from capslip.surface.interpolated import pixels_apart
+from capslip.surface.ripple import find_ripple, without_ripple
 from capslip.surface.rounding import few_steps
 from capslip.surface.seams import levels_m, tilts_m
 from capslip.units import percent
@@ -69,7 +70,8 @@ def with_effects(
     the rest, and so may what is open to the edge of the map; points that were removed may have been
     there. Where the map itself answers, bow and levels are taken off it, on points so far apart
     that this costs little; removed points that may matter are put back; of one that was
-    interpolated, the measured points alone are pressed, and of one that was filled, fewer of them.
+    interpolated, the measured points alone are pressed, of one that was filled, fewer of them, and
+    of one with a ripple, the same without it.
     Within `contact.tolerance` it is information, and so are removed points that stand off both
     ways, as errors do; else a warning. What moves the energy at smaller forces alone than those
     that are asked for is only noted.
@@ -105,7 +107,8 @@ def with_effects(
             by_map = _effect_on_map(code, pressed, peaks, face, OF_THE_MAP[code](face), least_share)
             if by_map is not None:
                 asked.remove(code)
-                effects[code], how[code] = by_map, "found on the map with fewer points"
+                points = "without it" if code == "ripple" else "with fewer points"
+                effects[code], how[code] = by_map, f"found on the map {points}"
     if asked:
         trials = Trials(face, caps, peaks, conditioned)
         effects |= {code: _effect(trials, code, least_share) for code in asked}
@@ -177,6 +180,12 @@ def _filled_or_not(face: FaceOfCaps) -> tuple[HeightMap, ...]:
     return face.surface, *filled_from_fewer(face.surface)
 
 
+def _rippled_or_not(face: FaceOfCaps) -> tuple[HeightMap, ...]:
+    """Return a map, and the same without its ripple."""
+    ripple = find_ripple(face.surface)
+    return face.surface, *([] if ripple is None else [without_ripple(face.surface, ripple)])
+
+
 def _removed_or_not(conditioned: Conditioned) -> tuple[HeightMap, HeightMap]:
     """Return a map, and the same with the points that were removed from it."""
     surface, (x_m, y_m, height_m) = conditioned.surface, conditioned.removed_m
@@ -191,6 +200,7 @@ OF_THE_MAP = {
     "seams": _seams_or_not,
     "interpolated": _interpolated_or_not,
     "points_filled": _filled_or_not,
+    "ripple": _rippled_or_not,
 }
 
 

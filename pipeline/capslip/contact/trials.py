@@ -141,7 +141,7 @@ class Trials:
             yield self._levelled()
         elif code == "seams":
             yield from self._in_one_field()
-        elif code in ("interpolated", "points_filled"):
+        elif code in ("interpolated", "points_filled", "ripple"):
             raise ContactError(f"{code}: caps do not tell")
         elif code == "hole_may_hide_hills":
             yield from self._with_hills(holes(self.face.surface))

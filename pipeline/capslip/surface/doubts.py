@@ -16,6 +16,7 @@ from capslip.surface.form import (
 from capslip.surface.heightmap import HeightMap, Heights, Tops
 from capslip.surface.interpolated import pixels_apart
 from capslip.surface.outliers import Outliers
+from capslip.surface.ripple import find_ripple
 from capslip.surface.rows import row_blocks
 from capslip.surface.seams import Seams, tilts_m
 from capslip.surface.tops import clipped_points
@@ -43,6 +44,7 @@ MOSTLY_BOWED = 0.95  # of that of the floor: a step between two floors looks 87 
 FEW_LINES = 50  # each way, that tell a bow of 5 % of the variance from none
 CLEARLY_NO_BOW = 0.25  # of the same, that a bow leaves on some of the points: five times the most
 LIFTED = "lie on patches that are lifted as a whole: grains, chips or fringes miscounted"
+VISIBLE_RIPPLE = 0.02  # of the approach: its height
 VISIBLE_FORM = 0.1  # of the approach: form that moves the peaks by more decides what touches
 
 
@@ -265,6 +267,19 @@ def problems_of_seams(seams: Seams, approach_m: float) -> list[Problem]:
         "leave them"
     )
     return [Problem("seams", "warning", message)]
+
+
+def problems_of_ripple(surface: HeightMap, approach_m: float) -> list[Problem]:
+    """Return whether a ripple runs through a map that may decide, and whose it may be."""
+    ripple = find_ripple(surface)
+    if ripple is None or 2.0 * ripple.amplitude_m <= VISIBLE_RIPPLE * approach_m:
+        return []
+    message = (
+        f"a ripple {2.0 * ripple.amplitude_m:.2g} m high and {ripple.wavelength_m:.3g} m long runs "
+        f"through the map, too regular for a face: it may be of vibrations or fringes; the "
+        f"approach is {approach_m:.3g} m"
+    )
+    return [Problem("ripple", "warning", message)]
 
 
 def _bow(surface: HeightMap) -> tuple[float, float]:

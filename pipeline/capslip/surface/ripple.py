@@ -1,0 +1,117 @@
+"""A ripple of one wavelength that runs through a map: of an instrument more likely than of a face.
+
+Vibrations while a map was scanned, and what is left of fringes, lay a wave on it that is as regular
+as a clock. Grooves are not: their wavelengths scatter, and their spectrum is a ridge, not a line.
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from capslip.surface.heightmap import HeightMap
+
+SIDE = 256  # points of the square in the middle that is looked at: a ripple is everywhere
+LEAST_SIDE = 32
+LEAST_KNOWN = 0.5  # of its points
+LEAST_WAVES = 5.0  # along it: of fewer nobody can tell how regular they are
+SHARP = 10.0  # times the power of all around a line; of random faces and rows it is 6 at most
+LINE, AROUND = 2, 6  # half widths of a line, with a Hann window, and of what it is compared with
+MOST_M = 5e-8  # amplitude, a tenth of a wave of light: instruments leave less, feed marks are more
+MOST_OF_RELIEF = 0.4  # of Sq of the square: beyond, it is the relief of the face
+
+
+@dataclass(frozen=True)
+class Ripple:
+    """A wave of one length, and its periods a row and a column."""
+
+    amplitude_m: float  # up to 28 % low, where it lies between lines of the spectrum
+    per_row: float
+    per_column: float
+    wavelength_m: float
+
+
+def find_ripple(surface: HeightMap) -> Ripple | None:
+    """Find the line in the spectrum of a map that stands off most, None where none does.
+
+    Parameters
+    ----------
+    surface : HeightMap
+        Any form. Of a large one the middle is looked at, at all of its pixels.
+
+    Examples
+    --------
+    >>> y, x = np.mgrid[:200, :300]
+    >>> face_m = 1e-6 * np.cos(y / 60.0) * np.cos(x / 50.0)
+    >>> ripple_m = 1e-8 * np.cos(2.0 * np.pi * (0.1 * y + 0.0625 * x))
+    >>> ripple = find_ripple(HeightMap(face_m + ripple_m, (1e-5, 1e-5)))
+    >>> f"{ripple.amplitude_m:.1e} m, every {1e6 * ripple.wavelength_m:.0f} um"
+    '1.0e-08 m, every 85 um'
+    >>> find_ripple(HeightMap(face_m, (1e-5, 1e-5))) is None
+    True
+    """
+    middle = tuple(slice(max(0, (n - SIDE) // 2), (n + SIDE) // 2) for n in surface.shape)
+    over_m = _over_a_plane(np.asarray(surface[middle[0], middle[1]], dtype=float))
+    if over_m is None or min(over_m.shape) < LEAST_SIDE:
+        return None
+    ny, nx = over_m.shape
+    window = np.outer(np.hanning(ny + 2)[1:-1], np.hanning(nx + 2)[1:-1])
+    power_m2 = np.abs(np.fft.fft2(over_m * window * (2.0 / window.sum()))) ** 2
+    i, j = _sharpest_line(power_m2)
+    amplitude_m, most_m = float(np.sqrt(power_m2[i, j])), MOST_OF_RELIEF * float(over_m.std())
+    if i == j == 0 or amplitude_m > min(MOST_M, most_m):
+        return None
+    per_row, per_column = float(np.fft.fftfreq(ny)[i]), float(np.fft.fftfreq(nx)[j])
+    dy_m, dx_m = surface.pixel_size_m
+    wavelength_m = 1.0 / float(np.hypot(per_row / dy_m, per_column / dx_m))
+    return Ripple(amplitude_m, per_row, per_column, wavelength_m)
+
+
+def without_ripple(surface: HeightMap, ripple: Ripple) -> HeightMap:
+    """Return a map less what its spectrum holds beside the line of a ripple."""
+    over_m = _over_a_plane(surface.height_m)
+    if over_m is None:
+        return surface
+    wave = np.fft.rfft2(over_m)
+    away = []
+    for n, per_point in zip(over_m.shape, (ripple.per_row, ripple.per_column), strict=True):
+        width = (LINE + 1.0) / min(n, SIDE)
+        away.append([(np.abs(np.fft.fftfreq(n) - way * per_point), width) for way in (1.0, -1.0)])
+    inside = np.zeros(wave.shape, dtype=bool)
+    for (rows, high), (columns, wide) in zip(*away, strict=True):
+        inside |= (_cyclic(rows) < high)[:, None] & (_cyclic(columns) < wide)[: wave.shape[1]]
+    ripple_m = np.fft.irfft2(np.where(inside, wave, 0.0), s=over_m.shape)
+    return replace(surface, height_m=surface.height_m - ripple_m)
+
+
+def _cyclic(per_point: np.ndarray) -> np.ndarray:
+    """Return distances of frequencies, of which 1 a point is the same as none."""
+    return np.minimum(per_point, 1.0 - per_point)
+
+
+def _over_a_plane(height_m: np.ndarray) -> np.ndarray | None:
+    """Return heights over their least-squares plane, 0 where none was measured."""
+    known = np.isfinite(height_m)
+    if np.count_nonzero(known) <= LEAST_KNOWN * known.size:
+        return None
+    row, col = np.indices(height_m.shape, dtype=float)
+    terms = np.column_stack((np.ones(known.sum()), row[known], col[known]))
+    at, down, right = np.linalg.lstsq(terms, height_m[known], rcond=None)[0]
+    return np.where(known, height_m - (at + down * row + right * col), 0.0)
+
+
+def _sharpest_line(power: np.ndarray) -> tuple[int, int]:
+    """Return where a line stands off most, (0, 0) where none is sharp."""
+    from scipy.ndimage import maximum_filter
+
+    ny, nx = power.shape
+    waves = np.hypot(ny * np.fft.fftfreq(ny)[:, None], nx * np.fft.fftfreq(nx))
+    highest = power == maximum_filter(power, 2 * AROUND + 1, mode="wrap")
+    row, col = np.nonzero(highest & (waves >= LEAST_WAVES) & (power > 0.0))
+    if row.size == 0:
+        return 0, 0
+    down, right = (one.ravel() for one in np.mgrid[-AROUND : AROUND + 1, -AROUND : AROUND + 1])
+    beside = np.maximum(np.abs(down), np.abs(right)) > LINE
+    rows, cols = row[:, None] + down[beside], col[:, None] + right[beside]
+    stands_off = power[row, col] / power[rows % ny, cols % nx].max(axis=1)
+    best = int(np.argmax(stands_off))
+    return (int(row[best]), int(col[best])) if stands_off[best] > SHARP else (0, 0)
