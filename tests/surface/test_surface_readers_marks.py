@@ -64,6 +64,15 @@ def test_heights_of_which_others_repeat_are_steps(share, marks):
     assert len(without_marks(z)[1]) == marks
 
 
+@pytest.mark.parametrize(("range_", "marks"), [(1.9e4, 1), (2.1e4, 0)])
+def test_a_code_that_stands_once_is_a_mark_where_it_lies_far_below(range_, marks):
+    """Farther below the least of the others than half of their range."""
+    z = range_ * (MEASURED - MEASURED.min()) / np.ptp(MEASURED)
+    z[20, 30] = -9999.0
+    found, notes = without_marks(z)
+    assert (len(notes), np.isnan(found).sum()) == (marks, marks)
+
+
 FLOOR = np.maximum(WAVES, 0.0)
 POCKETS = np.where(LOST, -5e-6, WAVES)
 
@@ -82,6 +91,9 @@ POCKETS = np.where(LOST, -5e-6, WAVES)
         np.where(LOST, MEASURED.max() + 2e-6, MEASURED),  # tops of walls, not far above the rest
         np.zeros(SHAPE),
         np.where(LOST, 0.0, np.nan),
+        np.where(
+            LOST, 9e-6, np.where((Y - 30) ** 2 + (X - 40) ** 2 < 130, np.nan, MEASURED)
+        ),  # apart
         MEASURED[:1],
         MEASURED[:, :2],
     ],

@@ -91,11 +91,12 @@ def _scatters(step: np.ndarray, beside: np.ndarray) -> bool:
 
 
 def _rim(height: np.ndarray, mark: float, known: np.ndarray) -> float:
-    """Return the usual step between points with a mark and known ones beside them."""
+    """Return the usual step between points with a mark and known ones beside them; 0 for none."""
     marked, rim = height == mark, []
     for z, at, beside in ((height, marked, known), (height.T, marked.T, known.T)):
         rim += [z[:, :-1][beside[:, :-1] & at[:, 1:]], z[:, 1:][at[:, :-1] & beside[:, 1:]]]
-    return float(np.median(np.abs(np.concatenate(rim).astype(float) - mark)))
+    step = np.abs(np.concatenate(rim).astype(float) - mark)
+    return float(np.median(step)) if step.size else 0.0
 
 
 def _is_mark(height: np.ndarray, marked: np.ndarray, low: float) -> bool:
