@@ -310,14 +310,16 @@ def two_fields(step_m):
 
 
 @pytest.mark.parametrize("slope", [0.0, 1e-5, -4e-6])
-def test_peaks_tell_whose_step_a_seam_has_however_the_face_lies(slope):
+@pytest.mark.parametrize("spread_m", [0.0, 1e-8])
+@pytest.mark.parametrize("step_m", [9e-8, 1e-6, -1e-4])
+def test_peaks_tell_whose_step_a_seam_has_however_the_face_lies(step_m, spread_m, slope):
     """A floor that is stepped leaves them on their levels, fields that were stitched do not."""
     rng = np.random.default_rng(3)
-    for _ in range(20):
-        own = peaks(rng, 1e-8, slope=slope)
-        taken_m = own.peak_height_m + 9e-8 * (own.x_m > 30e-3)
-        assert leaves_peaks(two_fields(9e-8), own)
-        assert not leaves_peaks(two_fields(9e-8), own.with_columns(peak_height_m=taken_m))
+    for h_m in (0.0, 2e-7):
+        own = peaks(rng, spread_m, slope=slope, h_m=h_m)
+        taken_m = own.peak_height_m + step_m * (own.x_m > 30e-3)
+        assert leaves_peaks(two_fields(step_m), own)
+        assert not leaves_peaks(two_fields(step_m), own.with_columns(peak_height_m=taken_m))
 
 
 def test_peaks_that_scatter_more_than_a_seam_or_stand_on_one_side_do_not_tell():

@@ -249,3 +249,15 @@ def test_a_bow_owes_nothing_to_a_tilt():
 def test_few_peaks_are_given_no_bow():
     x_m, y_m, height_m = peaks(1, 3, 8, 0.01 * H_M)
     assert not find_levels(x_m, y_m, height_m + bowed(x_m, y_m, 1e-7)).bow.any()
+
+
+def test_the_evidence_of_heights_is_a_density_of_metres():
+    """Heights that are c times as large are c^(n - 3) times less dense, beside any plane."""
+    rng = np.random.default_rng(7)
+    x_m, y_m = rng.uniform(0.0, 0.06, 20), rng.uniform(0.0, 0.04, 20)
+    height_m = 2e-7 * (np.arange(20) < 6) + 1e-8 * rng.standard_normal(20)
+    one = find_levels(x_m, y_m, height_m).log_evidence
+    more = find_levels(x_m, y_m, 30.0 * height_m + 1e-4 * x_m).log_evidence
+    assert one - more == pytest.approx(17 * np.log(30.0), abs=1e-6)
+    assert find_levels(x_m, y_m, 1e-4 * x_m - 2e-5 * y_m).log_evidence == np.inf
+    assert find_levels(x_m[:4], y_m[:4], height_m[:4]).log_evidence == np.inf

@@ -107,8 +107,7 @@ def leaves_peaks(seams: Seams, caps: CapTable) -> bool:
     x_m, y_m, peak_m = (one[caps.usable] for one in (caps.x_m, caps.y_m, caps.peak_height_m))
     up_m = levels_m(seams)[seams.surface.pixel_at(x_m, y_m)]
     as_is, on_one_level = (
-        float(find_levels(x_m, y_m, one_m).clusters.log_evidence.max(initial=-math.inf))
-        for one_m in (peak_m, peak_m - up_m)
+        find_levels(x_m, y_m, one_m).log_evidence for one_m in (peak_m, peak_m - up_m)
     )
     return as_is - on_one_level > LEVEL_ODDS
 

@@ -55,13 +55,27 @@ class Levels:
     bow : float64, shape (3,)
         Terms of x^2, x y and y^2 that the planes bend by, all alike; zero unless the peaks leave no
         doubt about it.
+    unit_m : float
+        Height that counts as 1 in the evidence; 0 where the peaks lie in one plane, or fix none.
     """
 
     clusters: Clusters
     slope: np.ndarray
     bow: np.ndarray
+    unit_m: float
     _place_m: np.ndarray
     _height_m: np.ndarray
+
+    @property
+    def log_evidence(self) -> float:
+        """Of the likeliest number of families, the density of heights in metres at given places.
+
+        To compare other heights of the same caps; infinite where `unit_m` is 0.
+        """
+        if self.unit_m == 0.0:
+            return math.inf
+        free = len(self._height_m) - 3  # of heights, beside a plane
+        return float(self.clusters.log_evidence.max()) - free * math.log(self.unit_m)
 
     def heights_m(self, count: int) -> np.ndarray:
         """Return the peaks' heights over a plane of `count` families through their middle."""
@@ -116,7 +130,7 @@ def find_levels(x_m: np.ndarray, y_m: np.ndarray, height_m: np.ndarray) -> Level
     scaled = _Scaled.of(place_m[order], height_m[order])
     if scaled is None:
         slope = _plane_slope(place_m, height_m)
-        return Levels(one_cluster(len(x_m)), slope[None], np.zeros(3), place_m, height_m)
+        return Levels(one_cluster(len(x_m)), slope[None], np.zeros(3), 0.0, place_m, height_m)
     clusters, slopes = _on_planes(scaled)
     terms = bow_terms(*place_m[order].T)
     bow = _bow(scaled, terms, clusters, slopes)
@@ -125,7 +139,7 @@ def find_levels(x_m: np.ndarray, y_m: np.ndarray, height_m: np.ndarray) -> Level
         scaled = bent
         clusters, slopes = _on_planes(scaled)
     clusters, slopes = _split_again(scaled, clusters, slopes)
-    return Levels(clusters, scaled.in_metres(slopes), bow, place_m, height_m)
+    return Levels(clusters, scaled.in_metres(slopes), bow, scaled.height, place_m, height_m)
 
 
 def bow_terms(x_m: np.ndarray, y_m: np.ndarray) -> np.ndarray:
