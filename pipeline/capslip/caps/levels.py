@@ -68,14 +68,11 @@ class Levels:
 
     @property
     def log_evidence(self) -> float:
-        """Of the likeliest number of families, the density of heights in metres at given places.
-
-        To compare other heights of the same caps; infinite where `unit_m` is 0.
-        """
+        """Density of the heights in metres, to compare others at these places; may be infinite."""
         if self.unit_m == 0.0:
             return math.inf
-        free = len(self._height_m) - 3  # of heights, beside a plane
-        return float(self.clusters.log_evidence.max()) - free * math.log(self.unit_m)
+        per_m = (len(self._height_m) - 3) * math.log(self.unit_m)  # a plane is free
+        return float(self.clusters.log_evidence.max()) - per_m
 
     def heights_m(self, count: int) -> np.ndarray:
         """Return the peaks' heights over a plane of `count` families through their middle."""
@@ -438,10 +435,9 @@ class _Scaled:
         slab = minimum(
             between, height, np.array([0.0, 0.0, 0.0, 1.0]), self._radon(places), ROUNDING
         )
-        log_range = math.log(slab.unknowns[3])
         shapes.append(
             (log_factorial[n - 4] - log_factorial[n])
-            - (n - 3) * log_range
+            - (n - 3) * math.log(slab.unknowns[3])
             - self._log_cone(between, slab, 1)
         )
         return float(np.logaddexp.reduce(shapes) - math.log(4.0))
@@ -477,8 +473,7 @@ def _explained(M: np.ndarray, unknowns: int) -> np.ndarray:
     """Return the sum of squares that so many unknowns explain, of moments (n_splits, k, k)."""
     cross = M[:, :unknowns, -1]
     solved = np.linalg.solve(M[:, :unknowns, :unknowns], cross[..., None])[..., 0]
-    explained: np.ndarray = (cross * solved).sum(axis=-1)
-    return explained
+    return np.asarray((cross * solved).sum(axis=-1))
 
 
 def _best_splits(z: np.ndarray, count: int) -> np.ndarray:
