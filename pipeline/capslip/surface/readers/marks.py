@@ -6,8 +6,8 @@ import numpy as np
 CODES = (-9999.0, -99999.0, -32768.0, -2147483648.0)
 MARKS = 2  # of different size in one map; more are heights that some mistake made large
 BEYOND = 1e37  # 1.7e38 and 3.4e38 mark blanks; no height is as large in any unit
-SHARED = 25  # points that have one height, where heights that were measured are all different
-BY_CHANCE = 1e-3  # of the other neighbours: more that are equal are steps, of which any is no mark
+SHARED = 25  # pairs of neighbours that have one height
+OFTEN = 20  # times as many as have any other: of a mark, but for heights in few steps
 ROWS = 256  # that tell how much heights scatter
 WALL = 5.0  # usual steps from a mark to what was measured beside it: a floor has none
 NOISY = 0.2  # of second differences turn their sign in what was measured; not in what was designed
@@ -27,9 +27,9 @@ def without_marks(height: np.ndarray) -> tuple[np.ndarray, tuple[str, ...]]:
         One or two different numbers beyond 1e37 are marks. The least number is one where it is a
         code that software writes for blanks, and stands several times or lies farther below the
         next one than half the range of the others. Any number but the greatest is one, a zero say,
-        that 25 points and more share with walls around them, where heights scatter so much that
-        hardly two other neighbours are equal. A note says what was turned; without marks the array
-        is the same.
+        that 25 pairs of neighbours share with walls around them, and hardly one of another height,
+        where heights scatter as those measured do. A note says what was turned; without marks the
+        array is the same.
 
     Examples
     --------
@@ -57,21 +57,19 @@ def without_marks(height: np.ndarray) -> tuple[np.ndarray, tuple[str, ...]]:
 
 
 def _shared(height: np.ndarray) -> list[float]:
-    """Return the numbers that stand for no height, as no two neighbours are equal but these."""
+    """Return the numbers that stand for no height: many neighbours have them, and few another."""
     turned = height, height.T
     equal = [one[:, 1:] == one[:, :-1] for one in turned]
     some = np.concatenate([one[:, 1:][same] for one, same in zip(turned, equal, strict=True)])
     values, counts = np.unique(some, return_counts=True)
-    often = values[counts >= SHARED]
-    if not 0 < often.size <= MARKS:
-        return []
+    order = np.argsort(-counts, kind="stable")[:MARKS]
+    ordered = np.append(-np.sort(-counts), np.zeros(MARKS + 1))
+    stands_out = ordered[:MARKS] >= np.maximum(SHARED, OFTEN * ordered[1 : MARKS + 1])
+    often = values[order[: int(np.max(np.flatnonzero(stands_out), initial=-1)) + 1]]
     known = np.isfinite(height) & ~np.isin(height, often)
-    both = [one[:, 1:] & one[:, :-1] for one in (known, known.T)]
-    n_beside = sum(int(np.count_nonzero(one)) for one in both)
-    n_equal = sum(int(np.count_nonzero(a & b)) for a, b in zip(both, equal, strict=True))
     few = np.s_[:: max(1, len(height) // ROWS)]
-    step, beside = np.diff(height[few].astype(float), axis=1), both[0][few]
-    if n_equal > BY_CHANCE * n_beside or not _scatters(step, beside):
+    step, beside = np.diff(height[few].astype(float), axis=1), known[few, 1:] & known[few, :-1]
+    if not often.size or not _scatters(step, beside):
         return []
     wall = WALL * float(np.median(np.abs(step[beside])))
     low, high = float(height[known].min()), float(height[known].max())
