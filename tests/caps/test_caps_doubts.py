@@ -20,7 +20,7 @@ from capslip.caps.fit import fit_caps
 from capslip.caps.hills import NOISE_FACTOR, find_hills
 from capslip.caps.table import DOUBTFUL, CapFlag, CapTable
 from capslip.surface.heightmap import HeightMap
-from capslip.surface.seams import Seams
+from capslip.surface.seams import Seams, find_seams
 from scenes import caps_map
 
 APPROACH_M = 2e-7
@@ -320,6 +320,24 @@ def test_peaks_tell_whose_step_a_seam_has_however_the_face_lies(step_m, spread_m
         taken_m = own.peak_height_m + step_m * (own.x_m > 30e-3)
         assert leaves_peaks(two_fields(step_m), own)
         assert not leaves_peaks(two_fields(step_m), own.with_columns(peak_height_m=taken_m))
+
+
+@pytest.mark.parametrize("lost", [0.0, 0.05])
+@pytest.mark.parametrize("step_m", [1e-7, 1e-5])
+def test_a_floor_that_is_stepped_between_equal_tops_is_no_stitched_map(step_m, lost):
+    """Caps of one height on both sides, found on the map as its seam is: fields took none along."""
+    row, column = np.mgrid[:120, :200]
+    caps_m = np.maximum(2e-6 - 4e-8 * ((row % 30 - 15) ** 2 + (column % 40 - 20) ** 2), 0.0)
+    right = column >= 110
+    floor_m = np.where(caps_m > 0.0, caps_m, -step_m * right)
+    noise_m = np.random.default_rng(8).normal(0.0, 1e-9, caps_m.shape)
+    missing = np.random.default_rng(5).random(caps_m.shape) < lost
+    for height_m, expected in ((floor_m, True), (caps_m + step_m * right, False)):
+        surface = HeightMap(np.where(missing, np.nan, height_m + noise_m), (1e-4, 1e-4))
+        seams = find_seams(surface)
+        assert seams.columns.tolist() == [0, 110, 200]
+        caps = fit_caps(surface, find_hills(surface, 0.2), "least_squares")
+        assert leaves_peaks(seams, caps) == expected
 
 
 def test_peaks_that_scatter_more_than_a_seam_or_stand_on_one_side_do_not_tell():

@@ -12,6 +12,7 @@ WAVES = gaussian_filter(RNG.standard_normal(SHAPE), 8.0)
 WAVES = 1e-6 * WAVES / WAVES.std()
 MEASURED = WAVES + 2e-8 * RNG.standard_normal(SHAPE)
 Y, X = np.mgrid[: SHAPE[0], : SHAPE[1]]
+RIM = (Y - 30) ** 2 + (X - 40) ** 2 < 130
 LOST = (Y - 30) ** 2 + (X - 40) ** 2 < 80
 VIEWS = {
     "as it is": np.asarray,
@@ -90,9 +91,7 @@ POCKETS = np.where(LOST, -5e-6, WAVES)
         np.where(LOST, MEASURED.max() + 2e-6, MEASURED),  # tops of walls, not far above the rest
         np.zeros(SHAPE),
         np.where(LOST, 0.0, np.nan),
-        np.where(
-            LOST, 9e-6, np.where((Y - 30) ** 2 + (X - 40) ** 2 < 130, np.nan, MEASURED)
-        ),  # apart
+        np.where(LOST, 9e-6, np.where(RIM, np.nan, MEASURED)),  # nothing was measured beside it
         MEASURED[:1],
         MEASURED[:, :2],
     ],

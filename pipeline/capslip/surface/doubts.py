@@ -276,7 +276,7 @@ def problems_of_ripple(surface: HeightMap, approach_m: float) -> list[Problem]:
         return []
     message = (
         f"a ripple {2.0 * ripple.amplitude_m:.2g} m high and {ripple.wavelength_m:.3g} m long runs "
-        f"through the map, too regular for a face: it may be of vibrations or fringes; the "
+        "through the map, too regular for a face: it may be of vibrations or fringes; the "
         f"approach is {approach_m:.3g} m"
     )
     return [Problem("ripple", "warning", message)]

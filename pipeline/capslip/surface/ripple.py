@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from capslip.surface.form import remove_form
 from capslip.surface.heightmap import HeightMap
 
 SIDE = 256  # points of the square in the middle that is looked at: a ripple is everywhere
@@ -50,10 +51,10 @@ def find_ripple(surface: HeightMap) -> Ripple | None:
     True
     """
     middle = tuple(slice(max(0, (n - SIDE) // 2), (n + SIDE) // 2) for n in surface.shape)
-    over_m = _over_a_plane(np.asarray(surface[middle[0], middle[1]], dtype=float))
-    if over_m is None or min(over_m.shape) < LEAST_SIDE:
+    square = HeightMap(np.asarray(surface[middle[0], middle[1]], float), surface.pixel_size_m)
+    if min(square.shape) < LEAST_SIDE or square.n_measured <= LEAST_KNOWN * square.size:
         return None
-    ny, nx = over_m.shape
+    over_m, (ny, nx) = _over_a_plane_m(square), square.shape
     window = np.outer(np.hanning(ny + 2)[1:-1], np.hanning(nx + 2)[1:-1])
     power_m2 = np.abs(np.fft.fft2(over_m * window * (2.0 / window.sum()))) ** 2
     i, j = _sharpest_line(power_m2)
@@ -68,35 +69,27 @@ def find_ripple(surface: HeightMap) -> Ripple | None:
 
 def without_ripple(surface: HeightMap, ripple: Ripple) -> HeightMap:
     """Return a map less what its spectrum holds beside the line of a ripple."""
-    over_m = _over_a_plane(surface.height_m)
-    if over_m is None:
-        return surface
-    wave = np.fft.rfft2(over_m)
-    away = []
-    for n, per_point in zip(over_m.shape, (ripple.per_row, ripple.per_column), strict=True):
-        width = (LINE + 1.0) / min(n, SIDE)
-        away.append([(np.abs(np.fft.fftfreq(n) - way * per_point), width) for way in (1.0, -1.0)])
-    inside = np.zeros(wave.shape, dtype=bool)
-    for (rows, high), (columns, wide) in zip(*away, strict=True):
-        inside |= (_cyclic(rows) < high)[:, None] & (_cyclic(columns) < wide)[: wave.shape[1]]
+    over_m = _over_a_plane_m(surface)
+    wave, inside = np.fft.rfft2(over_m), np.zeros((), dtype=bool)
+    for way in (1.0, -1.0):
+        rows, columns = (
+            _beside(way * per_point, n)
+            for n, per_point in zip(over_m.shape, (ripple.per_row, ripple.per_column), strict=True)
+        )
+        inside = inside | rows[:, None] & columns[: wave.shape[1]]
     ripple_m = np.fft.irfft2(np.where(inside, wave, 0.0), s=over_m.shape)
     return replace(surface, height_m=surface.height_m - ripple_m)
 
 
-def _cyclic(per_point: np.ndarray) -> np.ndarray:
-    """Return distances of frequencies, of which 1 a point is the same as none."""
-    return np.minimum(per_point, 1.0 - per_point)
+def _beside(per_point: float, n: int) -> np.ndarray:
+    """Return which of n frequencies belong to a line; 1 period a point is the same as none."""
+    away = np.abs(np.fft.fftfreq(n) - per_point)
+    return np.asarray(np.minimum(away, 1.0 - away) < (LINE + 1.0) / min(n, SIDE))
 
 
-def _over_a_plane(height_m: np.ndarray) -> np.ndarray | None:
+def _over_a_plane_m(surface: HeightMap) -> np.ndarray:
     """Return heights over their least-squares plane, 0 where none was measured."""
-    known = np.isfinite(height_m)
-    if np.count_nonzero(known) <= LEAST_KNOWN * known.size:
-        return None
-    row, col = np.indices(height_m.shape, dtype=float)
-    terms = np.column_stack((np.ones(known.sum()), row[known], col[known]))
-    at, down, right = np.linalg.lstsq(terms, height_m[known], rcond=None)[0]
-    return np.where(known, height_m - (at + down * row + right * col), 0.0)
+    return np.nan_to_num(remove_form(surface, "plane")[0].height_m)
 
 
 def _sharpest_line(power: np.ndarray) -> tuple[int, int]:

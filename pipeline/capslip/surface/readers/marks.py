@@ -62,14 +62,16 @@ def _shared(height: np.ndarray) -> list[float]:
     equal = [one[:, 1:] == one[:, :-1] for one in turned]
     some = np.concatenate([one[:, 1:][same] for one, same in zip(turned, equal, strict=True)])
     values, counts = np.unique(some, return_counts=True)
-    order = np.argsort(-counts, kind="stable")[:MARKS]
-    ordered = np.append(-np.sort(-counts), np.zeros(MARKS + 1))
-    stands_out = ordered[:MARKS] >= np.maximum(SHARED, OFTEN * ordered[1 : MARKS + 1])
-    often = values[order[: int(np.max(np.flatnonzero(stands_out), initial=-1)) + 1]]
+    order = np.argsort(-counts, kind="stable")
+    most = np.append(counts[order], np.zeros(MARKS + 1))
+    stands_out = most[:MARKS] >= np.maximum(SHARED, OFTEN * most[1 : MARKS + 1])
+    if not stands_out.any():
+        return []
+    often = values[order[: 1 + int(np.flatnonzero(stands_out)[-1])]]
     known = np.isfinite(height) & ~np.isin(height, often)
     few = np.s_[:: max(1, len(height) // ROWS)]
     step, beside = np.diff(height[few].astype(float), axis=1), known[few, 1:] & known[few, :-1]
-    if not often.size or not _scatters(step, beside):
+    if not _scatters(step, beside):
         return []
     wall = WALL * float(np.median(np.abs(step[beside])))
     low, high = float(height[known].min()), float(height[known].max())
