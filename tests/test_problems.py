@@ -152,6 +152,8 @@ FACES = {
     "coarse": lambda: of(plain_m()[::2, ::2], (2.0 * PIXEL_M, 2.0 * PIXEL_M)),
     # Caps on the lattice have few heights: without noise they look stored in steps
     "clipped": lambda: of(np.minimum(plain_m() + 1e-10 * white(), -2e-8)),
+    "ends-below": lambda: of(np.maximum(plain_m() + 1e-10 * white(), -1.05e-7)),
+    "worn-below": lambda: of(np.maximum(plain_m(), -1.05e-7)),
     "clipped-in-steps": lambda: of(np.minimum(np.round(plain_m() / 4e-9), -5.0) * 4e-9),
     "mm-as-m": lambda: of(2e6 * plain_m()),
     "steep": lambda: of(1e5 * plain_m()),
@@ -352,6 +354,8 @@ ROWS = [
     Row("ripple", "warning", "m high and 0.0032", "rippled solved", "plain solved"),
     Row("ripple", "info", "(found on the map without it)", "rippled solved loosely",
         "hardly-rippled solved"),
+    Row("load_on_floor", "warning", "% of the preload rests", "ends-below solved",
+        "worn-below solved"),
     Row("pruning_decides", "warning", "1e-07 m gives 2", "sharp-twins very-coarsely",
         "sharp-twins"),
     Row("no_caps", "error", "'within_noise': 1", "all-noise"),

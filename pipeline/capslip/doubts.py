@@ -11,6 +11,7 @@ from capslip.contact.doubts import (
     material_doubts,
     problems_of_band,
     problems_of_first_touch,
+    problems_of_floor,
     problems_of_share,
     problems_of_waves,
 )
@@ -78,6 +79,7 @@ def problems_of(face: Face, found: Analysis, mate: HeightMap | None) -> tuple[Pr
         *_of_outline(face),
         *_of_levelling(face, contact, settings),
         *_of_ripple(contact, surface),
+        *problems_of_floor(contact, found.surface),
         *problems_of_band(found.caps, surface, face.hills.noise_m, settings.conditioning),
         *as_read(under_load, contact, doubtful, tolerance, surface),
         *found.problems,

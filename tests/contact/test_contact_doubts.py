@@ -15,6 +15,7 @@ from capslip.contact.doubts import (
     material_doubts,
     problems_of_band,
     problems_of_first_touch,
+    problems_of_floor,
     problems_of_share,
     problems_of_waves,
 )
@@ -72,6 +73,25 @@ def touching(first, solved=None, yielded_area_m2=None):
             solved_loads_N=None if solved is None else lambda curve, most_N: np.array(solved),
         ),
     )
+
+
+def test_load_where_the_sensor_ended_is_said_from_half_a_per_cent_on():
+    height_m = 1e-9 * np.random.default_rng(0).standard_normal((30, 40))
+    height_m[:10] = -1e-8
+
+    def pressed(share, shape=(30, 40), made_from="map"):
+        pressure_Pa = np.zeros(shape)
+        pressure_Pa[0], pressure_Pa[-1] = share, 1.0 - share
+        curve = SimpleNamespace(pressed=lambda load_N: SimpleNamespace(pressure_Pa=pressure_Pa))
+        rung = SimpleNamespace(made_from=made_from)
+        return SimpleNamespace(rung=rung, normal=curve, preload_N=10.0)
+
+    scan = HeightMap(height_m, (1e-6, 1e-6))
+    (found,) = problems_of_floor(pressed(0.006), scan)
+    assert found.message.startswith("400 points")
+    assert "0.6 % of the preload" in found.message
+    others = pressed(0.004), pressed(0.5, (30, 80)), pressed(0.5, made_from="spheres")
+    assert [problems_of_floor(one, scan) for one in others] == [[], [], []]
 
 
 @pytest.mark.parametrize("solved", [None, [0.0, 0.01, 0.05, 0.2, 1.0, 10.0]])

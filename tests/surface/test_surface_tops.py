@@ -10,7 +10,7 @@ from capslip.settings import load_settings
 from capslip.studies.faces.synthetic import Scene, synthetic_surface
 from capslip.surface.conditioning import condition
 from capslip.surface.heightmap import HeightMap
-from capslip.surface.tops import _Surface, clipped_points, restore_tops
+from capslip.surface.tops import _Surface, clipped_points, floor_points, restore_tops
 from scenes import caps_map
 
 PIXEL_M = (2e-4, 1e-4)
@@ -151,6 +151,23 @@ def test_a_grain_without_flanks_stays_flat():
 def test_a_map_without_clipped_points_is_the_same_object():
     for whole in (face(), face(1e-9), HeightMap(np.zeros((9, 9)), PIXEL_M)):
         assert restore_tops(whole) is whole
+
+
+def test_a_floor_is_the_top_of_the_face_upside_down():
+    cut = clipped(face(1e-9))
+    floor = floor_points(replace(cut, height_m=-cut.height_m))
+    np.testing.assert_array_equal(floor, clipped_points(cut))
+    assert floor.size > 9
+
+
+def test_a_floor_that_was_designed_or_is_a_step_or_a_few_points_is_no_limit():
+    noisy_m = np.maximum(face(1e-9).height_m, -2e-7)
+    few_m = noisy_m.copy()
+    few_m[few_m == -2e-7] += 1e-9 * np.arange(1, np.count_nonzero(few_m == -2e-7) + 1)
+    few_m.flat[:8] = -3e-7
+    for height_m in (face().height_m, 2e-8 * np.round(noisy_m / 2e-8 + 0.2), few_m):
+        assert floor_points(HeightMap(height_m, PIXEL_M)) is None
+    assert floor_points(HeightMap(noisy_m, PIXEL_M)) is not None
 
 
 @pytest.mark.parametrize("model", ["interacting", "boundary_elements"])

@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 
@@ -18,6 +19,7 @@ from capslip.problems import Effect, Problem, Severity
 from capslip.settings import Conditioning, Material
 from capslip.surface.heightmap import HeightMap
 from capslip.surface.spectrum import carried_waves_m
+from capslip.surface.tops import floor_points
 from capslip.surface.waves import long_waves_m
 from capslip.units import percent
 
@@ -28,6 +30,7 @@ FIRST_SHARE, FIRST_TOUCH = 0.01, 0.25  # of the load, and of the approach up to 
 LARGER = 1.01  # coverage from which a scan is larger than its joint: more than rounding
 FEW_IN_SCAN = 25  # contacts of a scan that stands for a larger joint: W some 20 % too low
 NEAR_SMALL = (0.1, 0.15, 0.25, 0.35)  # of mu N: a tenth, a quarter, and what is near them
+FLOOR_SHARE = 0.005  # of the load: 6 % of it there made W(0.1 mu N) 2.2 times as large
 LONG_WAVES = 0.1  # of the approach: rms of waves that leave the loss by patches over 10 % too low
 ELASTIC_STRAIN = 0.03  # of E*: the greatest pressure at which the hardest steels stay elastic
 FIRST_YIELD = 1.6  # greatest pressure of a Hertz contact over the yield stress, where it yields
@@ -307,6 +310,28 @@ def problems_of_first_touch(contact: ContactState) -> list[Problem]:
         "stiffness and energy do not"
     )
     return [Problem("first_touch_decides", "info", message)]
+
+
+def problems_of_floor(contact: ContactState, scan: HeightMap) -> list[Problem]:
+    """Return whether a map bears load where the sensor ended, and the face may lie deeper.
+
+    Caps do not read what lies so deep. On another grid than the scan's nobody can tell.
+    """
+    if contact.rung.made_from != "map":
+        return []
+    curve: Any = contact.normal
+    pressure_Pa = curve.pressed(contact.preload_N).pressure_Pa
+    floor = floor_points(scan) if pressure_Pa.shape == scan.shape else None
+    if floor is None:
+        return []
+    share = float(pressure_Pa.ravel()[floor].sum() / pressure_Pa.sum())
+    if share <= FLOOR_SHARE:
+        return []
+    message = (
+        f"{floor.size} points share the least height, below which the sensor may have ended: "
+        f"{percent(share)} of the preload rests there, where the face may lie deeper"
+    )
+    return [Problem("load_on_floor", "warning", message)]
 
 
 def _on_flagged_caps(caps: CapTable) -> list[Problem]:
