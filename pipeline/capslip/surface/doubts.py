@@ -485,7 +485,7 @@ def _slopes(height_m: Heights, pixel_size_m: tuple[float, float]) -> tuple[float
         lines = height_m[:, ::every] if axis == 0 else height_m[::every]
         slope = np.diff(lines, axis=axis).reshape(-1) / size_m
         slope = slope[~np.isnan(slope)]
-        square_sum += float(slope @ slope)
+        square_sum += float(np.einsum("i,i", slope, slope))
         steep += int(np.count_nonzero(np.abs(slope) > 1.0))
         n += slope.size
     return (float(np.sqrt(square_sum / n)), steep / n) if n else (0.0, 0.0)
