@@ -79,7 +79,7 @@ def problems_of(face: Face, found: Analysis, mate: HeightMap | None) -> tuple[Pr
         *_of_outline(face),
         *_of_levelling(face, contact, settings),
         *_of_ripple(contact, surface),
-        *problems_of_floor(contact, found.surface),
+        *_of_floor(contact, found.surface, mate, settings),
         *problems_of_band(found.caps, surface, face.hills.noise_m, settings.conditioning),
         *as_read(under_load, contact, doubtful, tolerance, surface),
         *found.problems,
@@ -140,6 +140,15 @@ def _of_levelling(face: Face, contact: ContactState, settings: Settings) -> list
     if form in ("plane", "none"):
         problems += _of_bow(face, contact.approach_m, settings.instrument.flatness_deviation_m)
     return problems
+
+
+def _of_floor(
+    contact: ContactState, scan: HeightMap, mate: HeightMap | None, settings: Settings
+) -> list[Problem]:
+    """Return whether load rests where a sensor ended; not on two maps, each with its own caps."""
+    if mate is not None and settings.mating.way != "composite":
+        return []
+    return problems_of_floor(contact, scan, mate)
 
 
 def _of_ripple(contact: ContactState, surface: HeightMap) -> list[Problem]:

@@ -92,6 +92,12 @@ def test_load_where_the_sensor_ended_is_said_from_half_a_per_cent_on():
     assert "0.6 % of the preload" in found.message
     others = pressed(0.004), pressed(0.5, (30, 80)), pressed(0.5, made_from="spheres")
     assert [problems_of_floor(one, scan) for one in others] == [[], [], []]
+    caps, whole = others[2], HeightMap(height_m[10:], (1e-6, 1e-6))
+    (found,) = problems_of_floor(caps, whole, scan)  # which of its points touch nobody knows
+    assert "up to 33 % of the preload" in found.message
+    assert problems_of_floor(caps, scan, whole) == [found]
+    assert len(problems_of_floor(caps, scan, scan)) == 2
+    assert problems_of_floor(caps, whole, whole) == []
 
 
 @pytest.mark.parametrize("solved", [None, [0.0, 0.01, 0.05, 0.2, 1.0, 10.0]])

@@ -134,7 +134,7 @@ def test_a_worn_pair_finds_its_place(offset_m, rotation_rad, mirror, second_pixe
     assert found.correlation > 0.99
     both = composite_surface(first, second, found)
     assert np.nanstd(both.height_m) < 5e-8
-    assert problems_of_mating(both, found) == ()
+    assert problems_of_mating(both, found, second) == ()
     assert truth.correlation is None
 
 
@@ -153,15 +153,20 @@ def test_faces_that_have_nothing_to_do_with_each_other_are_said_to():
     first = HeightMap(waves((200, 300), 1, width=4), PIXEL_M)
     second = HeightMap(waves((200, 300), 2, width=4), PIXEL_M)
     found = place(first, second, align="least_squares")
-    problems = problems_of_mating(composite_surface(first, second, found), found)
+    problems = problems_of_mating(composite_surface(first, second, found), found, second)
     assert [p.code for p in problems] == ["mating_unrelated"]
 
 
 def test_little_overlap_is_said_and_none_is_refused():
     face = HeightMap(waves((60, 90)), PIXEL_M)
     beside = place(face, face, offset_m=(0.0, 60 * D_M))
-    problems = problems_of_mating(composite_surface(face, face, beside), beside)
+    problems = problems_of_mating(composite_surface(face, face, beside), beside, face)
     assert [p.code for p in problems] == ["mating_overlap"]
+    for times, codes in ((5.0, []), (6.0, ["mating_overlap"])):  # 4 and 2.8 % of the larger one
+        larger = HeightMap(face.height_m, (times * PIXEL_M[0], times * PIXEL_M[1]))
+        laid = place(face, larger)
+        problems = problems_of_mating(composite_surface(face, larger, laid), laid, larger)
+        assert [p.code for p in problems] == codes
     barely = place(face, face, offset_m=(0.0, 0.99 * face.side_m[1]))
     with pytest.raises(UnusableSurfaceError, match=r"1.* % of the first face is measured"):
         composite_surface(face, face, barely)

@@ -100,3 +100,13 @@ def test_what_may_be_heights_stays(height):
     found, notes = without_marks(height)
     assert found is height
     assert notes == ()
+
+
+@pytest.mark.parametrize("code", [-9999.0, -99999.0, -32768.0, -2147483648.0])
+def test_codes_that_programs_write_for_blanks_are_none_among_a_few_heights(code):
+    few = np.array([[1.0, 2.0], [code, 3.0], [4.0, 9.0]])
+    found, (note,) = without_marks(few)
+    np.testing.assert_array_equal(found, np.where(few == code, np.nan, few))
+    assert note.startswith(f"1 points with {code:.10g},")
+    near = few + np.where(few == code, 0.0, 1.5 * code + 10.0)  # a height below others by as much
+    assert without_marks(near) == (near, ())

@@ -312,26 +312,36 @@ def problems_of_first_touch(contact: ContactState) -> list[Problem]:
     return [Problem("first_touch_decides", "info", message)]
 
 
-def problems_of_floor(contact: ContactState, scan: HeightMap) -> list[Problem]:
-    """Return whether a map bears load where the sensor ended, and the face may lie deeper.
+def problems_of_floor(
+    contact: ContactState, scan: HeightMap, mate: HeightMap | None = None
+) -> list[Problem]:
+    """Return whether load rests where a sensor ended below, and the face may lie deeper.
 
-    Caps do not read what lies so deep. On another grid than the scan's nobody can tell.
+    Caps of one face do not read what lies so deep. Where heights of two faces were added, peaks of
+    one may stand over the floor of the other, so much of which bears as there is of it at most.
     """
-    if contact.rung.made_from != "map":
-        return []
-    curve: Any = contact.normal
-    pressure_Pa = curve.pressed(contact.preload_N).pressure_Pa
-    floor = floor_points(scan) if pressure_Pa.shape == scan.shape else None
-    if floor is None:
-        return []
-    share = float(pressure_Pa.ravel()[floor].sum() / pressure_Pa.sum())
-    if share <= FLOOR_SHARE:
-        return []
-    message = (
-        f"{floor.size} points share the least height, below which the sensor may have ended: "
-        f"{percent(share)} of the preload rests there, where the face may lie deeper"
-    )
-    return [Problem("load_on_floor", "warning", message)]
+    shares = []
+    if mate is not None:
+        floors = [(one, floor_points(one)) for one in (scan, mate)]
+        shares = [(at, at.size / one.n_measured) for one, at in floors if at is not None]
+    elif contact.rung.made_from == "map":
+        curve: Any = contact.normal
+        pressure_Pa = curve.pressed(contact.preload_N).pressure_Pa
+        # On another grid than the scan's nobody can tell
+        at = floor_points(scan) if pressure_Pa.shape == scan.shape else None
+        if at is not None:
+            shares = [(at, float(pressure_Pa.ravel()[at].sum() / pressure_Pa.sum()))]
+    which = "up to " if mate is not None else ""
+    return [
+        Problem(
+            "load_on_floor",
+            "warning",
+            f"{at.size} points share the least height, below which the sensor may have ended: "
+            f"{which}{percent(share)} of the preload rests there, where the face may lie deeper",
+        )
+        for at, share in shares
+        if share > FLOOR_SHARE
+    ]
 
 
 def _on_flagged_caps(caps: CapTable) -> list[Problem]:

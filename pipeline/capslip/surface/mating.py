@@ -13,11 +13,13 @@ from capslip.surface.filters import smooth
 from capslip.surface.form import remove_form
 from capslip.surface.heightmap import Filling, HeightMap
 from capslip.surface.resampling import resample
+from capslip.units import percent
 
 Mirror = Literal["x", "y"]
 Align = Literal["given", "least_squares"]
 LEAST_MEASURED = 0.5
 LEAST_OVERLAP = 0.5
+LEAST_OF_SECOND = 0.03  # a face a hundred times as large as its mate may be in another unit
 LEAST_TO_PRESS = 0.05  # covered by less, a face says nothing of the joint
 LEAST_MATCH = 0.5
 FINER = 1.1  # pixels smaller by less need no smoothing first
@@ -239,12 +241,14 @@ def mate(
         for face in (first, second)
         for problem in face.problems
     ]
-    problems += problems_of_mating(surface, placement)
+    problems += problems_of_mating(surface, placement, second.surface)
     steps, second_m = (*first.steps, step), surface.height_m - first.surface.height_m
     return Conditioned(surface, sq_m, sz_m, steps, tuple(problems), second_m=second_m)
 
 
-def problems_of_mating(composite: HeightMap, placement: Placement) -> tuple[Problem, ...]:
+def problems_of_mating(
+    composite: HeightMap, placement: Placement, second: HeightMap
+) -> tuple[Problem, ...]:
     """Say what makes the composite surface doubtful.
 
     Parameters
@@ -253,12 +257,15 @@ def problems_of_mating(composite: HeightMap, placement: Placement) -> tuple[Prob
         From `composite_surface`.
     placement : Placement
         From `place`.
+    second : HeightMap
+        The second face.
 
     Returns
     -------
     tuple of Problem
         `mating_unrelated` (warning) where the place was looked for and the match is below 0.5;
-        `mating_overlap` (warning) where less than half of the first face is covered.
+        `mating_overlap` (warning) where less than half of the first face is covered, or hardly any
+        of the second one covers it.
     """
     found = []
     match = placement.correlation
@@ -271,16 +278,15 @@ def problems_of_mating(composite: HeightMap, placement: Placement) -> tuple[Prob
                 "nothing to do with each other); the place is one of many; give mating.offset_m",
             )
         )
-    covered = np.count_nonzero(composite.measured) / composite.size
-    if covered < LEAST_OVERLAP:
-        found.append(
-            Problem(
-                "mating_overlap",
-                "warning",
-                f"both faces are measured on {100 * covered:.0f} % of the first only; check "
-                "mating.offset_m and mating.mirror",
-            )
-        )
+    both_m2 = composite.n_measured * composite.pixel_area_m2
+    of_first, of_second = (both_m2 / math.prod(one.side_m) for one in (composite, second))
+    message = ""
+    if of_first < LEAST_OVERLAP:
+        message = f"{percent(of_first)} of the first only; check mating.offset_m and mating.mirror"
+    elif of_second < LEAST_OF_SECOND:
+        message = f"{percent(of_second)} of the second only; check the lateral units"
+    if message:
+        found.append(Problem("mating_overlap", "warning", f"both faces are measured on {message}"))
     return tuple(found)
 
 
