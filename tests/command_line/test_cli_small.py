@@ -13,7 +13,7 @@ import capslip
 from capslip.cli import _command_line, main
 from capslip.errors import SettingsError
 from capslip.options import above_zero, preload_in_N, shard_of
-from capslip.units import METRES
+from capslip.units import METRES, readable
 from scenes import PROJECT
 
 FACE_A, FACE_B = (PROJECT / "sample_surfaces" / f"paper_face_{x}.h5" for x in "ab")
@@ -221,3 +221,24 @@ def test_a_study_says_that_its_folder_cannot_be_used_before_the_work(
         assert "choose another with --out" in told.stderr
     told = run(command, "--out", tmp_path / "new")  # the other way about: a good folder goes on
     assert "the work has begun" in told.stderr
+
+
+@pytest.mark.parametrize(
+    ("written", "read"),
+    [
+        ("1e-12 m", "1 pm"),
+        ("9.9e-13 m", "9.9e-13 m"),  # less than the least prefix
+        ("9.9e11 Pa", "990 GPa"),
+        ("1e12 Pa", "1e12 Pa"),  # more than the greatest
+        ("1.5 N", "1.5 N"),
+        ("999.9 N", "999.9 N"),
+        ("1000 N", "1 kN"),
+        ("1500 N", "1.5 kN"),
+        ("0.999 m", "999 mm"),
+        ("1e-3 m2", "10 cm2"),
+        ("9e-4 m2", "900 mm2"),
+        ("5e-10 m2", "500 um2"),
+    ],
+)
+def test_a_quantity_is_read_with_the_prefix_of_its_size(written, read):
+    assert readable(f"found {written}.") == f"found {read}."

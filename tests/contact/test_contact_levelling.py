@@ -22,6 +22,7 @@ from capslip.contact.levelling import (
 )
 from capslip.errors import ContactError
 from capslip.settings import load_settings
+from capslip.stages import Clock, find_face
 from capslip.surface.blocks import block_means
 from capslip.surface.heightmap import HeightMap
 from capslip.surface.readers import load_surface
@@ -337,6 +338,19 @@ def test_families_survive_a_bow_that_the_contact_feels_and_the_face_is_told(rise
     same_families(plain(face), found, rel=2e-2)
     assert "bow_left" in {problem.code for problem in found.problems}
     assert found.contact.approach_m != pytest.approx(plain(face).contact.approach_m, rel=1e-3)
+
+
+@pytest.mark.parametrize("rise_m", [0.0, 1.5e-7, -1e-7])
+def test_peaks_whose_families_are_told_on_a_bent_plane_keep_the_bow(rise_m):
+    y, x = (np.linspace(-1.0, 1.0, n) for n in SHAPE)
+    bow_m = rise_m * (x**2 + 0.5 * y[:, None] ** 2)
+    bowed = HeightMap(face().height_m + bow_m, PIXEL_M)
+    found = find_face(bowed, load_settings(), None, Clock()).family_caps
+    assert sorted(found.family.tolist()) == ["G"] * 5 + ["P"] * 12
+    over_m = found.peak_height_m - bowed.height_m[bowed.pixel_at(found.x_m, found.y_m)]
+    plane = np.column_stack((np.ones(len(found)), found.x_m, found.y_m))
+    rest_m = over_m - plane @ np.linalg.lstsq(plane, over_m, rcond=None)[0]
+    assert np.abs(rest_m).max() < 3e-9
 
 
 def test_what_lies_below_all_that_touches_does_not_decide_the_noise():
