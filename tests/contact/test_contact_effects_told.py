@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from capslip.contact import effects
-from capslip.contact.effects import _as_severe, _is_asked, _Moved, with_effects
+from capslip.contact.effects import _as_severe, _is_asked, _Moved, _other_maps, with_effects
 from capslip.errors import ContactError
 from capslip.problems import Problem
 from capslip.settings import load_settings
@@ -50,6 +50,17 @@ def face(removed=0, both_ways=False, n_lifted=0, tops=None, few=False, filled_m=
 
 def moved(energies=(0.0, 0.0, 0.0, 0.0), stiffness=0.0, least_share=0.25, approach=0.0):
     return _Moved.by(np.array([*energies, stiffness]), least_share, approach)
+
+
+def test_a_bow_says_by_how_much_the_map_was_bent():
+    """That of a map may be far higher than that of its peaks."""
+    flat_m = np.array([[np.nan, 1e-6, 5e-6]] * 3)
+    bows_m = np.array([0.0, 2e-9, -1e-9]), np.array([7.0, -2e-8, 2e-8])
+    maps = tuple(HeightMap(flat_m + bow_m, (1.0, 1.0)) for bow_m in (0.0, *bows_m))
+    assert _other_maps("bow_left", maps[:2]) == "with fewer points, bent by 3e-09 m"
+    assert _other_maps("bow_left", maps) == "with fewer points, bent by 4e-08 m"
+    assert _other_maps("seams", maps) == "with fewer points"
+    assert _other_maps("ripple", maps) == "without it"
 
 
 def test_what_is_asked_for_begins_at_the_least_share():

@@ -17,6 +17,7 @@ from capslip.output.canvas import blank, height_limits, save, write_decades, wri
 from capslip.output.figures import FIGURES
 from capslip.output.figures_contact import _between, normal_curve
 from capslip.output.quantity import engineering, unit_on
+from capslip.sensitivity import ANSWERS
 from capslip.settings import load_settings, settings_from
 from capslip.surface.readers.hdf5 import write_hdf5
 from scenes import caps_map
@@ -179,6 +180,8 @@ def test_map_has_equal_scale_and_one_grey_patch(several):
     surface = several.conditioned.surface
     np.testing.assert_allclose(heights_um.compressed(), surface.height_m[surface.measured] * 1e6)
     assert heights_um.mask.sum() == (~surface.measured).sum()
+    side_y_mm, side_x_mm = (1e3 * side_m for side_m in surface.side_m)
+    assert axes.get_images()[0].get_extent() == pytest.approx([0.0, side_x_mm, 0.0, side_y_mm])
 
 
 def test_a_wrong_point_does_not_set_the_colours():
@@ -190,6 +193,21 @@ def test_a_wrong_point_does_not_set_the_colours():
     flat_m = np.zeros((20, 20))
     flat_m[0, 0] = 1e-6
     assert height_limits(flat_m, np.array([])) == (0.0, 1e-6)
+
+
+def test_swept_answers_are_drawn_in_the_unit_that_is_written(several):
+    sweeps = several.sensitivity.sweeps
+    figure = FIGURES["sensitivity"].draw(several)
+    columns = len(sweeps)
+    for label, name in (("approach", "approach_m"), ("W", "energy_J")):
+        row = next(k for k, axes in enumerate(figure.axes) if axes.get_ylabel().startswith(label))
+        unit = figure.axes[row].get_ylabel().partition("[")[2].rstrip("]")
+        factor = {"n": 1e9, "µ": 1e6, "m": 1e3}[unit[0]]
+        for sweep, axes in zip(sweeps, figure.axes[row : row + columns], strict=True):
+            answer = sweep.answer[:, ANSWERS.index(name)]
+            line = axes.get_lines()[1]
+            np.testing.assert_allclose(line.get_ydata(), answer * factor)
+            np.testing.assert_array_equal(line.get_xdata(), sweep.value)
 
 
 def test_profile_states_its_true_exaggeration(several, tmp_path):

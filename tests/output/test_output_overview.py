@@ -17,7 +17,7 @@ import pytest
 
 from browser import ask, needs_chromium, picture
 from capslip.output import overview
-from capslip.output.overview import COLUMNS, row_of, write_overview
+from capslip.output.overview import COLUMNS, error_of, row_of, write_overview
 from capslip.output.tables import write_result
 from capslip.output.thumbnail import COLOURS, RAMP, thumbnail
 
@@ -43,6 +43,22 @@ def real(tmp_path_factory):
     rows.append(failed(NASTY))
     write_overview(rows, folder)
     return folder, rows
+
+
+def test_the_error_of_a_row_is_the_first_or_else_what_is_missing_and_no_warning():
+    def problem(code, severity, message):
+        return {"code": code, "severity": severity, "message": message}
+
+    warned = problem("bow_left", "warning", "a bow")
+    missing = problem("output_missing", "warning", "no caps.vtu")
+    errors = [problem("no_caps", "error", "no caps"), problem("tips_over", "error", "it tips")]
+    for problems, said in (
+        ([warned], None),
+        ([], None),
+        ([warned, missing], "no caps.vtu"),
+        ([missing, warned, *errors], "no caps"),
+    ):
+        assert error_of({"problems": problems}) == said
 
 
 def data_of(folder):

@@ -12,7 +12,7 @@ import pytest
 from capslip.caps.table import CapFlag, CapTable
 from capslip.output import report
 from capslip.output.figures import FIGURES, OF_JOINT
-from capslip.output.methods import citation, methods_paragraph, references
+from capslip.output.methods import OF_MAP, OF_YIELD, citation, methods_paragraph, references
 from capslip.output.report import DASH, OF_SCANS, SCATTER, write_report
 from capslip.problems import Problem
 from capslip.result import JointOfScans
@@ -292,3 +292,14 @@ def test_what_is_to_be_pasted_is_under_its_head(several, tmp_path):
     marks.append("preload_N = 150.0")
     places = [after.index(one) for one in marks]
     assert places == sorted(places)
+
+
+def test_the_paper_of_the_solver_is_named_where_a_map_was_pressed_and_of_yield_where_it_yields():
+    def found(model, hardness_Pa):
+        return references({"contact": {"model": model, "hardness_Pa": hardness_Pa}})
+
+    of_caps, of_map = found("interacting", None), found("boundary_elements", None)
+    assert [one for one in of_map if one not in of_caps] == list(OF_MAP)
+    assert [one for one in found("interacting", 1e9) if one not in of_caps] == list(OF_YIELD)
+    assert set(found("boundary_elements", 1e9)) == {*of_caps, *OF_MAP, *OF_YIELD}
+    assert found(None, None) == of_caps

@@ -104,11 +104,11 @@ def with_effects(
     how = dict.fromkeys(asked, "estimated with the caps")
     for code in sorted(asked & OF_THE_MAP.keys()):
         if pressed is not None:
-            by_map = _effect_on_map(code, pressed, peaks, face, OF_THE_MAP[code](face), least_share)
+            maps = OF_THE_MAP[code](face)
+            by_map = _effect_on_map(code, pressed, peaks, face, maps, least_share)
             if by_map is not None:
                 asked.remove(code)
-                points = "without it" if code == "ripple" else "with fewer points"
-                effects[code], how[code] = by_map, f"found on the map {points}"
+                effects[code], how[code] = by_map, f"found on the map {_other_maps(code, maps)}"
     if asked:
         trials = Trials(face, caps, peaks, conditioned)
         effects |= {code: _effect(trials, code, least_share) for code in asked}
@@ -131,6 +131,18 @@ def with_effects(
         else one
         for one in problems
     ]
+
+
+def _other_maps(code: str, maps: tuple[HeightMap, ...]) -> str:
+    """Say what the maps are on which an effect was found."""
+    if code == "ripple":
+        return "without it"
+    if code != "bow_left":
+        return "with fewer points"
+    first, *others = maps
+    bent_m = [one.height_m - first.height_m for one in others]
+    most_m = max(float(np.nanmax(up_m) - np.nanmin(up_m)) for up_m in bent_m)
+    return f"with fewer points, bent by {most_m:.3g} m"
 
 
 def _bow_or_not(face: FaceOfCaps) -> tuple[HeightMap, ...]:
