@@ -168,6 +168,10 @@ def test_a_floor_that_was_designed_or_is_a_step_or_a_few_points_is_no_limit():
     for height_m in (face().height_m, 2e-8 * np.round(noisy_m / 2e-8 + 0.2), few_m):
         assert floor_points(HeightMap(height_m, PIXEL_M)) is None
     assert floor_points(HeightMap(noisy_m, PIXEL_M)) is not None
+    few = slice(18, 43), slice(40, 80)  # around a peak
+    assert (noisy_m[few] == -2e-7).sum() > 9
+    assert floor_points(HeightMap(noisy_m[few], PIXEL_M)) is not None
+    assert floor_points(HeightMap(noisy_m[few][1:], PIXEL_M)) is None
 
 
 @pytest.mark.parametrize("model", ["interacting", "boundary_elements"])

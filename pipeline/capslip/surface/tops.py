@@ -11,6 +11,7 @@ from capslip.surface.rows import row_blocks
 
 CLIPPED_POINTS = 9  # that share the greatest height
 LEAST_FLAT = 4  # points of a place: fewer are a pixel that noise lifted
+LEAST_SEEN = 1_000  # points of a map whose noise tells a floor: on fewer, rims of caps look like it
 LEAST_NOISE = 1e-4  # of the height of a flank: a map of less was computed, not measured
 FIRST_RING, WIDER, WIDEST = 0.1, 1.4, 3.0  # widths of a flank, over the radius of what it holds
 LEAST_POINTS = 24  # of a flank
@@ -78,7 +79,7 @@ def floor_points(surface: HeightMap) -> np.ndarray | None:
     at one height as well.
     """
     index = _at_limit(surface, surface.bounds_m[0], np.fmin)
-    if index is None:
+    if index is None or surface.n_measured < LEAST_SEEN:
         return None
     others = surface.without(index)
     least_m = LEAST_NOISE * float(np.ptp(others.bounds_m))
