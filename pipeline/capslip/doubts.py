@@ -127,7 +127,7 @@ def _of_resampling(scan: HeightMap, surface: HeightMap) -> list[Problem]:
     if max(along_y, along_x) < FINER:
         return []
     message = (
-        f"{along_y:.2g} x {along_x:.2g} points (along y and x) stand for one that was measured: "
+        f"{along_y:.3g} x {along_x:.3g} points (along y and x) stand for one that was measured: "
         "what lies between is interpolated, and the stated errors take it for measured"
     )
     return [Problem("resampled_finer", "warning", message)]
