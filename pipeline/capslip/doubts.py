@@ -41,7 +41,6 @@ from capslip.surface.heightmap import HeightMap
 from capslip.surface.holes import problems_of_filling
 from capslip.units import percent
 
-FINER = 1.1  # points for each measured one along an axis
 # Of what lies where nothing was measured, and of that alone
 OF_VOIDS = ("hole_may_hide_hills", "outline_assumed", "contact_at_hole")
 
@@ -113,24 +112,10 @@ def _before_contact(face: Face, found: Analysis, mate: HeightMap | None) -> list
             problems += [Problem("reader_note", "warning", note) for note in scan.origin.notes]
             tops = face.conditioned.surface.tops if scan is found.surface else None
             problems += [*problems_of_scan(scan, tops), *problems_of_points(scan)]
-    problems += _of_resampling(found.surface, face.conditioned.surface)
     problems += material_doubts(found.settings.material)
     problems += problems_of_structure(found.settings.structure)
     problems += [*face.conditioned.problems, *face.problems]
     return problems + problems_of_families(face.family_caps, face.families)
-
-
-def _of_resampling(scan: HeightMap, surface: HeightMap) -> list[Problem]:
-    """Return whether the map that was analysed has points that nobody measured."""
-    pixels = zip(scan.pixel_size_m, surface.pixel_size_m, strict=True)
-    along_y, along_x = (own_m / new_m for own_m, new_m in pixels)
-    if max(along_y, along_x) < FINER:
-        return []
-    message = (
-        f"{along_y:.3g} x {along_x:.3g} points (along y and x) stand for one that was measured: "
-        "what lies between is interpolated, and the stated errors take it for measured"
-    )
-    return [Problem("resampled_finer", "warning", message)]
 
 
 def _of_outline(face: Face) -> list[Problem]:

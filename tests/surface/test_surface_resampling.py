@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 
 from capslip.errors import SettingsError
+from capslip.surface.conditioning import condition
 from capslip.surface.heightmap import HeightMap
-from capslip.surface.resampling import resample
+from capslip.surface.resampling import problems_of_resampling, resample
 
 PIXEL_M = (60e-6, 50e-6)
 NY, NX = 120, 180
@@ -74,3 +75,16 @@ def test_a_slope_stays_away_from_the_edge():
 def test_impossible_grids_are_refused(shape):
     with pytest.raises(SettingsError, match="resample_to"):
         resample(HeightMap(np.zeros((NY, NX)), PIXEL_M), shape)
+
+
+@pytest.mark.parametrize(
+    ("shape", "said"),
+    [((NY, NX), None), ((NY // 2, NX), None), ((NY, 2 * NX), "1 x 2 "), ((3 * NY, NX), "3 x 1 ")],
+)
+def test_points_that_nobody_measured_are_said_whatever_the_other_axis_has(shape, said):
+    surface = HeightMap(np.random.default_rng(1).standard_normal((NY, NX)) * 1e-6, PIXEL_M)
+    problems = problems_of_resampling(surface, resample(surface, shape))
+    assert [p.code for p in problems] == ([] if said is None else ["resampled_finer"])
+    assert all(p.message.startswith(said) for p in problems)
+    told = [p for p in condition(surface, resample_to=shape).problems if p in problems]
+    assert told == list(problems)

@@ -15,7 +15,7 @@ from capslip.surface.filters import gaussian_l_filter, gaussian_s_filter
 from capslip.surface.form import FormKind, remove_form
 from capslip.surface.heightmap import HeightMap
 from capslip.surface.outliers import NEIGHBOURS, Outliers, find_outliers
-from capslip.surface.resampling import resample
+from capslip.surface.resampling import problems_of_resampling, resample
 from capslip.surface.rounding import problems_of_rounding, smooth_steps
 from capslip.surface.rows import row_blocks
 from capslip.surface.seams import Seams, find_seams
@@ -186,7 +186,8 @@ def condition(
         surface = gaussian_l_filter(surface, l_filter_nesting_index_m)
         steps.append({"step": "l_filter", "nesting_index_m": l_filter_nesting_index_m})
     if resample_to is not None:
-        surface = resample(surface, resample_to)
+        measured, surface = surface, resample(surface, resample_to)
+        problems += problems_of_resampling(measured, surface)
         steps.append({"step": "resampling", "shape": list(surface.shape)})
     if steps[-1] is not step:
         sq_m, sz_m = sq_and_sz_m(surface)

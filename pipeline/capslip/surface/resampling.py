@@ -5,11 +5,13 @@ from dataclasses import replace
 import numpy as np
 
 from capslip.errors import SettingsError
+from capslip.problems import Problem
 from capslip.surface.filters import smooth
 from capslip.surface.heightmap import HeightMap
 
 LEAST_MEASURED = 0.5
 MAX_FINER = 8  # new points a stored one, along an axis: interpolation adds nothing to see
+FINER = 1.1  # points for each measured one along an axis, from which on they are said
 MAX_POINTS = 2**28  # as in a file
 
 
@@ -69,6 +71,19 @@ def resample(surface: HeightMap, shape: tuple[int, int]) -> HeightMap:
     known = weight >= LEAST_MEASURED
     z = np.divide(z, weight, out=np.full(weight.shape, np.nan), where=known)
     return replace(surface, height_m=z, pixel_size_m=size_m)
+
+
+def problems_of_resampling(measured: HeightMap, surface: HeightMap) -> tuple[Problem, ...]:
+    """Return whether a resampled map has points that nobody measured."""
+    pixels = zip(measured.pixel_size_m, surface.pixel_size_m, strict=True)
+    along_y, along_x = (own_m / new_m for own_m, new_m in pixels)
+    if max(along_y, along_x) < FINER:
+        return ()
+    message = (
+        f"{along_y:.3g} x {along_x:.3g} points (along y and x) stand for one that was measured: "
+        "what lies between is interpolated, and the stated errors take it for measured"
+    )
+    return (Problem("resampled_finer", "warning", message),)
 
 
 def _along(z: np.ndarray, axis: int, n: int) -> np.ndarray:

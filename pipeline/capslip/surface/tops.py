@@ -69,7 +69,19 @@ def clipped_points(surface: HeightMap) -> np.ndarray | None:
     surface : HeightMap
         As measured: levelling hides a flat top.
     """
-    return _at_limit(surface, surface.bounds_m[1], np.fmax)
+    top_m, nx = surface.bounds_m[1], surface.shape[1]
+    found = [
+        np.flatnonzero(surface[rows] == top_m) + rows.start * nx
+        for rows in row_blocks(surface.shape)
+    ]
+    index = np.concatenate(found)  # none where nothing was measured
+    if index.size < CLIPPED_POINTS:
+        return None
+    height_m = surface.height_m.reshape(-1)
+    below_m = np.fmax.reduce(height_m, where=height_m < top_m, initial=-np.inf)
+    if index.size <= 4 * np.count_nonzero(height_m == below_m):
+        return None
+    return index if np.isfinite(below_m) else None
 
 
 def floor_points(surface: HeightMap) -> np.ndarray | None:
@@ -78,31 +90,13 @@ def floor_points(surface: HeightMap) -> np.ndarray | None:
     Told as by `clipped_points`, where the other points have noise: a floor that was designed lies
     at one height as well.
     """
-    index = _at_limit(surface, surface.bounds_m[0], np.fmin)
+    index = clipped_points(replace(surface, height_m=-surface.height_m))
     if index is None or surface.n_measured < LEAST_SEEN:
         return None
     others = surface.without(index)
     least_m = LEAST_NOISE * float(np.ptp(others.bounds_m))
     seen = noise_of_map_m(others.height_m) > max(_step_m(others.height_m), least_m)
     return index if seen else None
-
-
-def _at_limit(surface: HeightMap, limit_m: float, farthest: np.ufunc) -> np.ndarray | None:
-    """Return the index of the points at a height, None where the next has a quarter as many."""
-    nx = surface.shape[1]
-    found = [
-        np.flatnonzero(surface[rows] == limit_m) + rows.start * nx
-        for rows in row_blocks(surface.shape)
-    ]
-    index = np.concatenate(found)  # none where nothing was measured
-    if index.size < CLIPPED_POINTS:
-        return None
-    height_m = surface.height_m
-    worst_m = -math.inf if farthest is np.fmax else math.inf
-    next_m = farthest.reduce(height_m, axis=None, where=height_m != limit_m, initial=worst_m)
-    if index.size <= 4 * np.count_nonzero(height_m == next_m):
-        return None
-    return index if np.isfinite(next_m) else None
 
 
 def restore_tops(surface: HeightMap) -> HeightMap:
