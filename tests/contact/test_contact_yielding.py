@@ -8,6 +8,7 @@ from capslip import load_settings
 from capslip.analysis import analyze, analyze_families, analyze_once
 from capslip.caps.families import group_families
 from capslip.contact.material import hardness_Pa, yield_law
+from capslip.contact.models.interacting import interacting
 from capslip.contact.press import press
 from capslip.contact.slip import slip_curve
 from capslip.contact.solvers.hertz import contact_radius_m
@@ -155,6 +156,24 @@ def test_where_a_first_loading_starts_changes_nothing(law, preload_N):
         assert other.load_N == pytest.approx(found.load_N, rel=1e-9, abs=1e-12 * preload_N)
         assert other.rest.slope == pytest.approx(found.rest.slope, rel=1e-9)
     assert law is None or law.yielded(before.load_N, radius_m).any()
+
+
+def test_turns_that_swung_at_first_end_as_newton_s_do(monkeypatch):
+    # Soft caps, each of which yields far: half of each turn, kept to the end, would need forty
+    turns, like_hertz = [], YieldLaw.like_hertz
+    monkeypatch.setattr(
+        YieldLaw, "like_hertz", lambda *of, **how: turns.append(of) or like_hertz(*of, **how)
+    )
+    rng = np.random.default_rng(0)
+    x_m, y_m = rng.uniform(0.0, 3.6e-3, (2, 10))
+    depth_m, radius_m = rng.uniform(0.0, 23e-6, 10), np.full(10, 3.5e-3)
+    C = interacting(radius_m, depth_m, x_m, y_m, E).pair_compliance_m_per_N
+    soft = YieldLaw(58e6, E, 0.3)
+    after = first_loading(soft, radius_m, depth_m, E, 460.0, compliance_m_per_N=C)
+    assert soft.yielded(after.load_N, radius_m).all()
+    assert len(turns) <= 12
+    approach_m = soft.approach_m(after.load_N, radius_m)
+    assert after.rest.level_m - depth_m - C @ after.load_N == pytest.approx(approach_m, rel=1e-9)
 
 
 RUNGS = ("families", "caps", "mean_field", "interacting")

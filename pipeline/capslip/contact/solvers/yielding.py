@@ -25,7 +25,7 @@ from capslip.errors import ContactError
 HARDNESS_PER_YIELD = 2.8  # Tabor 1951; Jackson and Green have 2.84 for small contacts
 _MOST_STRAIN = 0.02  # yield stress over E*, to which the exponent of the area was fitted, roughly
 _MOST_W = 1e4  # of the yield compression: far beyond the greatest mean pressure of the fit
-_MAX_TURNS = 100
+_MAX_TURNS = 40  # those that end take 15 at most; contacts that run together swing for ever
 _MANY = 100  # caps, of which most touch nothing: they start from the balance without interaction
 _NEAR = 0.05  # of the load, that the last turn may move before Newton's
 _LEAST_PART = 0.1  # of the way that a turn goes at least
@@ -302,6 +302,8 @@ def first_loading(
             break
         if 0.0 < 0.8 * last < moved:
             part = max(0.5 * part, _LEAST_PART)  # it swings to and fro: half of the way
+        elif moved < _NEAR:
+            part = min(2.0 * part, 1.0)  # Newton's steps are best as a whole
         one_N = one_N + part * (new_N - one_N)
     if rest is None or moved > _ACCEPTED:
         raise ContactError(
