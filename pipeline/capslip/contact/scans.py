@@ -10,9 +10,6 @@ from capslip.contact.curve import NormalCurve
 from capslip.contact.press import ContactState
 from capslip.contact.uneven import PatchedCurve
 
-MAX_STEPS = 60  # of the search for a withdrawal: bisection alone needs no more
-CONVERGED = 1e-14  # of the withdrawal
-
 
 def curve_of_scans(
     curves: Sequence[NormalCurve], preload_N: float, share: Sequence[float]
@@ -82,24 +79,6 @@ class SummedCurve(PatchedCurve):
         """4 * integral of s (e - s) N''(D - s)."""
         return self._sum("loss_integral_J", approach_m, withdrawal_m)
 
-    def _withdrawal_m(self, drop_N: np.ndarray) -> np.ndarray:
-        """Return the inverse of the load drop: Newton's steps, halved where they leave a bracket.
-
-        Nothing is lost to the drop being flat where the last contact lets go: the bracket closes.
-        """
-        known_m, known_N = (np.concatenate([[0.0], one]) for one in self._below[:2])
-        last = np.clip(np.searchsorted(known_N, drop_N), 1, len(known_m) - 1)
-        low, high = known_m[last - 1], known_m[last]
-        e = low + (high - low) * (drop_N - known_N[last - 1]) / (known_N[last] - known_N[last - 1])
-        D = self.preload_approach_m
-        for _ in range(MAX_STEPS):
-            missing_N = drop_N - self.load_drop_N(D, e)
-            low, high = np.where(missing_N >= 0.0, e, low), np.where(missing_N <= 0.0, e, high)
-            with np.errstate(divide="ignore", invalid="ignore"):
-                newton = e + missing_N / self.stiffness_N_per_m(D, e)
-            inside = (newton >= low) & (newton <= high)
-            better = np.where(inside, newton, 0.5 * (low + high))
-            if (np.abs(better - e) <= CONVERGED * known_m[-1]).all():
-                return np.asarray(better)
-            e = better
-        return np.asarray(e)
+    def _slope_N_per_m(self, withdrawal_m: np.ndarray) -> np.ndarray:
+        """N'(D - e)."""
+        return self.stiffness_N_per_m(self.preload_approach_m, withdrawal_m)

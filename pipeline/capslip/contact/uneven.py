@@ -14,6 +14,8 @@ from capslip.errors import ContactError
 
 LEAST_SHARE = 1e-5  # of the withdrawal at total slip that the table of uneven patches resolves
 SEEN_AT = 0.25  # of the load of a patch that is gone, where a curve under another load is scaled
+MAX_STEPS = 60  # of the search for a withdrawal: bisection alone needs no more
+CONVERGED = 1e-14  # of the withdrawal
 OF_A_SPHERE = np.array([2.0, 2.0, 5.0]) / 3.0  # powers of the load in what `seen` returns
 
 
@@ -237,16 +239,33 @@ class PatchedCurve:
         return np.asarray(ratio * e**power)
 
     def _withdrawal_m(self, drop_N: np.ndarray) -> np.ndarray:
-        """Return the inverse of the interpolated load drop, which grows with the withdrawal."""
-        known_m, known_N, _ = self._below
-        first = np.clip(np.searchsorted(known_N, drop_N) - 1, 0, len(known_m) - 2)
-        low, high = known_m[first], known_m[first + 1]
-        for _ in range(60):
-            middle = 0.5 * (low + high)
-            above = self._at(middle, 1, power=1) > drop_N
-            low, high = np.where(above, low, middle), np.where(above, middle, high)
-        linear = drop_N <= known_N[0]
-        return np.where(linear, drop_N * (known_m[0] / known_N[0]), 0.5 * (low + high))
+        """Return the inverse of the load drop: Newton's steps, halved where they leave a bracket.
+
+        Nothing is lost to the drop being flat where the last contact lets go: the bracket closes.
+        """
+        known_m, known_N = (np.concatenate([[0.0], one]) for one in self._below[:2])
+        last = np.clip(np.searchsorted(known_N, drop_N), 1, len(known_m) - 1)
+        low, high = known_m[last - 1], known_m[last]
+        between_N = np.maximum(known_N[last] - known_N[last - 1], np.finfo(float).tiny)
+        e = low + (high - low) * np.minimum((drop_N - known_N[last - 1]) / between_N, 1.0)
+        for _ in range(MAX_STEPS):
+            missing_N = drop_N - self.load_drop_N(self.preload_approach_m, e)
+            low, high = np.where(missing_N >= 0.0, e, low), np.where(missing_N <= 0.0, e, high)
+            with np.errstate(divide="ignore", invalid="ignore"):
+                newton = e + missing_N / self._slope_N_per_m(e)
+            inside = (newton >= low) & (newton <= high)
+            better = np.where(inside, newton, 0.5 * (low + high))
+            if (np.abs(better - e) <= CONVERGED * known_m[-1]).all():
+                return np.asarray(better)
+            e = better
+        return np.asarray(e)
+
+    def _slope_N_per_m(self, withdrawal_m: np.ndarray) -> np.ndarray:
+        """Return how the load drop of the table grows: its ratio to e is a function of log e."""
+        known_m = self._below[0]
+        at = np.log(np.clip(withdrawal_m, known_m[0], known_m[-1]))
+        grows = self._ratios(at, 1)[..., 1] * (withdrawal_m >= known_m[0])
+        return np.asarray(self._ratios(at)[..., 1] + grows)
 
     def _sum(self, method: str, approach_m: ArrayLike, withdrawal_m: ArrayLike) -> np.ndarray:
         """Sum a method of the patches' curves under the preload."""

@@ -8,6 +8,7 @@ from capslip.surface.heightmap import HeightMap
 
 BLOCK_OVER_DISC = 0.1  # sides of the squares that a hole is looked at in, over a hill's radius
 HIDDEN = 0.25  # of a contact's radius: what is farther from all measured points is not known
+QUARTER = 0.25  # of what lies around a hole is lower than its rim
 MISSED = 0.01  # of the hills of usual size, where points are measured here and there
 
 TURNS = np.s_[::-1, ::-1], np.s_[::-1], np.s_[:, ::-1]  # half around, and turned over
@@ -172,20 +173,24 @@ def depth_of_holes(
 
 def _rims_m(blocks: np.ndarray, height_m: np.ndarray) -> np.ndarray:
     """Return the height that three quarters of what lies around the hole of each square exceed."""
-    from scipy.ndimage import label, labeled_comprehension, maximum_filter
+    from scipy.ndimage import label, maximum_filter
 
     names, count = label(blocks, np.ones((3, 3)))
     around = np.where(np.isfinite(height_m), maximum_filter(names, 5), 0)
+    rim = around > 0
+    # All rims at once, sorted by hole and height: a map may have thousands of holes
+    order = np.lexsort((height_m[rim], around[rim]))
+    sorted_m, hole = height_m[rim][order], around[rim][order]
+    first = np.searchsorted(hole, np.arange(1, count + 2))
+    known = np.diff(first)
+    place = first[:-1] + QUARTER * np.maximum(known - 1, 0)
     rims_m = np.full(count + 1, np.nan)
-    if count:
-        every = np.arange(1, count + 1)
-        rims_m[1:] = labeled_comprehension(height_m, around, every, _low_quarter, float, np.nan)
+    if sorted_m.size:
+        rims_m[1:] = np.where(
+            known > 0, np.interp(place, np.arange(sorted_m.size), sorted_m), np.nan
+        )
     rim_m: np.ndarray = rims_m[names]
     return rim_m
-
-
-def _low_quarter(height_m: np.ndarray) -> float:
-    return float(np.nanquantile(height_m, 0.25))
 
 
 def _blocks(mask: np.ndarray, surface: HeightMap, side_m: float) -> np.ndarray:
