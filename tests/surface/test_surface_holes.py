@@ -56,6 +56,23 @@ def test_a_smaller_disc_of_places_is_left_to_a_larger_hill(hill_m):
     assert rim_m[there] == pytest.approx(0.0)  # more than a quarter of it is low
 
 
+def test_three_quarters_of_what_lies_around_a_hole_exceed_its_rim():
+    """Two holes, and one at the edge, each by the heights within two squares of its own."""
+    height_m = np.random.default_rng(4).normal(size=(40, 60))
+    lost = [np.s_[5:8, 10:13], np.s_[20:25, 30:38], np.s_[0:4, 50:60]]
+    for one in lost:
+        height_m[one] = np.nan
+    surface = HeightMap(height_m, (1e-4, 1e-4))
+    x_m, y_m, _, rim_m, area_m2 = depth_of_holes(surface, 1e-3, np.isnan(height_m))
+    assert area_m2 == pytest.approx(1e-8)
+    assert len(x_m) == sum(height_m[one].size for one in lost)
+    row, col = (np.floor(one / 1e-4).astype(int) for one in (y_m, x_m))
+    for rows, cols in lost:
+        near = np.s_[max(rows.start - 2, 0) : rows.stop + 2, cols.start - 2 : cols.stop + 2]
+        own = (row >= rows.start) & (row < rows.stop) & (col >= cols.start) & (col < cols.stop)
+        assert rim_m[own] == pytest.approx(np.nanquantile(height_m[near], 0.25), rel=1e-12)
+
+
 def test_a_narrow_hole_hides_no_hill_however_long():
     assert problems_of_holes(without((np.abs(Y_M - 0.015) < 2.5e-3) & (X_M > 1e-3)), 3e-3) == ()
 
