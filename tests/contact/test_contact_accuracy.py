@@ -14,7 +14,7 @@ from capslip.contact.bulk import bulk_compliance_m_per_N
 from capslip.contact.curve import in_series
 from capslip.contact.material import composite
 from capslip.contact.models.caps import caps as caps_curve
-from capslip.contact.models.interacting import RUNG, hertz_over_point_load
+from capslip.contact.models.interacting import RUNG
 from capslip.settings import load_settings
 from capslip.surface.heightmap import HeightMap
 
@@ -257,17 +257,18 @@ def test_many_caps_are_moved_less_often_but_err_alike():
 
 @pytest.mark.parametrize("distance_m", [4e-3, 6e-3, 2e-2])
 def test_the_error_of_the_pair_law_of_two_caps(distance_m):
-    """D = d_H(N / 2) + C N / 2, by the point load and by the displacement around a Hertz contact.
-
-    What both sink by is a spring, which changes no energy.
-    """
+    """Half of what point loads alone would change the stiffness by, of D = d_H(N / 2) + sunk."""
     pair = table([0.02, 0.02 + distance_m], [0.02, 0.02], [20.0, 20.0], [0.0, 0.0])
     half_m = APPROACH_M / 2.0 ** (2 / 3)
     compliance = half_m / (1.5 * PRELOAD_N / 2.0)
     C = 1.0 / (np.pi * E_STAR_PA * distance_m)
-    factor = hertz_over_point_load(np.array(np.sqrt(half_m * 20.0) / distance_m))
-    expected = abs((compliance + C) / (compliance + C * factor) - 1.0)
-    assert beside_the_least(estimate(pair)) == pytest.approx(expected, rel=1e-4, abs=1e-7)
+    rho = np.sqrt(half_m * 20.0) / distance_m
+    slope = 1.0 + 5 / 3 * 4 / 15 * rho**2 - 2.0 * 2.0 / np.pi * rho**3  # grow as N^(5/3) and N^2
+    of_stiffness = (compliance + C * slope) / (compliance + C) - 1.0
+    error = estimate(pair)
+    assert error.errors.stiffness == pytest.approx(
+        np.hypot(LEAST_ERROR, 0.5 * of_stiffness), rel=1e-4
+    )
 
 
 @pytest.mark.parametrize(

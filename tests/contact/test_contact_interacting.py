@@ -2,7 +2,6 @@
 
 import time
 
-import mpmath as mp
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -12,10 +11,9 @@ from capslip.contact.bulk import bulk_compliance_m_per_N
 from capslip.contact.curve import in_series
 from capslip.contact.material import composite
 from capslip.contact.models.caps import caps
-from capslip.contact.models.interacting import hertz_over_point_load, interacting
+from capslip.contact.models.interacting import interacting
 from capslip.contact.models.mean_field import mean_field
 from capslip.contact.slip import slip_curve
-from capslip.contact.solvers.hertz import contact_radius_m
 from capslip.errors import ContactError, SettingsError
 
 STEEL = composite((200e9, 200e9), (0.3, 0.3))
@@ -65,10 +63,10 @@ BOUNDARY_ELEMENTS = {
 }
 
 
-def face_of_23():
+def face_of_23(preload_N=None):
     x, y, radius = FACE_CAPS.T
     depth = np.where(radius > 25, 2.4e-7, 0.0)
-    return interacting(radius, depth, x * 1e-3, y * 1e-3, E)
+    return interacting(radius, depth, x * 1e-3, y * 1e-3, E, preload_N)
 
 
 def random_caps(rng, largest):
@@ -132,16 +130,22 @@ def test_random_scenes_reach_equilibrium():
     assert worst < 1e-12
 
 
-def test_boundary_elements_on_a_face_of_caps():
-    joint = slip_curve(face_of_23(), 460.0, MU, KAPPA)
-    assert joint.approach_m == pytest.approx(BOUNDARY_ELEMENTS["approach_m"], rel=5e-3)
+@pytest.mark.parametrize(("preload_N", "within"), [(None, 6e-4), (460.0, 1.5e-4)])
+def test_boundary_elements_on_a_face_of_caps(preload_N, within):
+    """As point loads, and with their near field; the least energies are those of some pixels."""
+    joint = slip_curve(face_of_23(preload_N), 460.0, MU, KAPPA)
+    assert joint.approach_m == pytest.approx(BOUNDARY_ELEMENTS["approach_m"], rel=within, abs=0.0)
     loads = joint.curve.asperity_loads_N(joint.approach_m)
     assert np.count_nonzero(loads) == BOUNDARY_ELEMENTS["contacts"]
     assert joint.curve.overlapping_pairs(joint.approach_m) == 0
     for share, displacement_m, energy_J in BOUNDARY_ELEMENTS["slip"]:
         force = share * joint.total_slip_force_N
-        assert joint.displacement_m(force) == pytest.approx(displacement_m, rel=5e-3)
-        assert joint.energy_at_force_J(force) == pytest.approx(energy_J, rel=2e-2)
+        found_m, found_J = joint.displacement_m(force), joint.energy_at_force_J(force)
+        assert found_m == pytest.approx(displacement_m, rel=within, abs=0.0)
+        of_pixels = 1e-2 if share < 0.2 else 2.5e-3
+        assert found_J == pytest.approx(energy_J, rel=of_pixels, abs=0.0)
+        if share > 0.4 and preload_N is not None:
+            assert found_J == pytest.approx(energy_J, rel=within, abs=0.0)
 
 
 def test_two_equal_caps_in_closed_form():
@@ -153,30 +157,19 @@ def test_two_equal_caps_in_closed_form():
     )
 
 
-@pytest.mark.parametrize("rho", [1e-3, 0.02, 0.04, 0.3, 0.49])
-def test_close_caps_with_the_displacement_around_a_hertz_contact(rho):
-    R, r = 20.0, 0.02
-    a = rho * r
-    N = 4 * E * a**3 / (3 * R)
-    pair = interacting([R, R], [0.0, 0.0], [0.0, r], [0.0, 0.0], E, preload_N=2 * N)
-    with mp.workdps(40):  # Johnson, Eq. 3.42a
-        p0 = 3 * mp.mpf(N) / (2 * mp.pi * a * a)
-        root = r * r * (mp.mpf(a) / r) * mp.sqrt(1 - mp.mpf(a) ** 2 / r**2)
-        sunk = p0 / (2 * a * E) * ((2 * mp.mpf(a) ** 2 - r * r) * mp.asin(mp.mpf(a) / r) + root)
-    assert pair.approach_m(2 * N) - a**2 / R == pytest.approx(float(sunk), rel=1e-9)
-
-
-def test_the_shear_law_is_the_theorem():
+@pytest.mark.parametrize("preload_N", [None, 460.0])
+def test_the_shear_law_is_the_theorem(preload_N):
     for bulk in (0.0, -bulk_compliance_m_per_N(FACE, E)):
-        joint = slip_curve(in_series(face_of_23(), bulk), 460.0, MU, KAPPA)
+        joint = slip_curve(in_series(face_of_23(preload_N), bulk), 460.0, MU, KAPPA)
         d = joint.approach_m
         e = np.array([1e-3, 0.03, 0.2, 0.6, 0.9, 0.999, 1.0]) * d
         drop = 460.0 - joint.curve.load_N(d - e)
         np.testing.assert_allclose(joint.force_N(MU * KAPPA * e), MU * drop, rtol=1e-9)
 
 
-def test_energy_is_the_integral_of_the_force():
-    joint = slip_curve(face_of_23(), 460.0, MU, KAPPA)
+@pytest.mark.parametrize("preload_N", [None, 460.0])
+def test_energy_is_the_integral_of_the_force(preload_N):
+    joint = slip_curve(face_of_23(preload_N), 460.0, MU, KAPPA)
     node, weight = np.polynomial.legendre.leggauss(20)
     for share in (0.05, 0.4, 1.0):
         delta = share * joint.total_slip_displacement_m
@@ -187,8 +180,9 @@ def test_energy_is_the_integral_of_the_force():
         assert joint.energy_J(delta) == pytest.approx(expected, rel=1e-5)
 
 
-def test_many_points_of_one_joint_agree_with_their_inverse():
-    joint = slip_curve(face_of_23(), 460.0, MU, KAPPA)
+@pytest.mark.parametrize("preload_N", [None, 460.0])
+def test_many_points_of_one_joint_agree_with_their_inverse(preload_N):
+    joint = slip_curve(face_of_23(preload_N), 460.0, MU, KAPPA)
     force = np.concatenate([np.geomspace(1e-14, 0.5, 40), 1 - np.geomspace(1e-9, 0.4, 20)])
     force *= joint.total_slip_force_N
     delta = joint.displacement_m(force)
@@ -206,11 +200,13 @@ def test_many_points_of_one_joint_agree_with_their_inverse():
 
 
 @settings(max_examples=40, deadline=None, database=None)
-@given(st.integers(0, 2**32 - 1))
-def test_force_is_increasing_and_concave_and_energy_positive(seed):
+@given(st.integers(0, 2**32 - 1), st.booleans())
+def test_force_is_increasing_and_concave_and_energy_positive(seed, near):
     rng = np.random.default_rng(seed)
-    curve = interacting(*random_caps(rng, 60), E)
-    joint = slip_curve(curve, 10 ** rng.uniform(-6, 3), MU, KAPPA)
+    given = random_caps(rng, 60)
+    load = 10 ** rng.uniform(-6, 3)
+    curve = interacting(*given, E, load if near else None)
+    joint = slip_curve(curve, load, MU, KAPPA)
     delta = np.linspace(0, 1.2, 121) * joint.total_slip_displacement_m
     force, energy = joint.force_N(delta), joint.energy_J(delta)
     assert (np.diff(force) >= -1e-12 * joint.total_slip_force_N).all()
@@ -220,11 +216,12 @@ def test_force_is_increasing_and_concave_and_energy_positive(seed):
 
 
 @settings(max_examples=40, deadline=None, database=None)
-@given(st.integers(0, 2**32 - 1))
-def test_energy_at_given_force_ignores_a_spring_in_series(seed):
+@given(st.integers(0, 2**32 - 1), st.booleans())
+def test_energy_at_given_force_ignores_a_spring_in_series(seed, near):
     rng = np.random.default_rng(seed)
-    curve = interacting(*random_caps(rng, 60), E)
+    given = random_caps(rng, 60)
     load = 10 ** rng.uniform(-3, 2)
+    curve = interacting(*given, E, load if near else None)
     joint = slip_curve(curve, load, MU, KAPPA)
     compliance = rng.uniform(-0.3, 5) / float(curve.stiffness_N_per_m(joint.approach_m))
     other = slip_curve(in_series(curve, compliance), load, MU, KAPPA)
@@ -285,9 +282,10 @@ def test_mean_field_finds_the_approach_of_interacting_caps():
         assert sunk == pytest.approx(float(face_of_23().approach_m(load)), rel=0.03)
 
 
-def test_stiffness_is_the_slope_of_the_load():
+@pytest.mark.parametrize("preload_N", [None, 460.0])
+def test_stiffness_is_the_slope_of_the_load(preload_N):
     for compliance in (0.0, 3e-10, -2e-11):
-        curve = in_series(face_of_23(), compliance)
+        curve = in_series(face_of_23(preload_N), compliance)
         d = float(curve.approach_m(460.0))
         step = 1e-5 * d
         slope = (curve.load_N(d + step) - curve.load_N(d - step)) / (2 * step)
@@ -296,13 +294,14 @@ def test_stiffness_is_the_slope_of_the_load():
         assert curve.stiffness_N_per_m(d, 0.2 * d) == pytest.approx(here, rel=1e-9)
 
 
-def test_a_whole_curve_is_solved_like_its_points():
-    curve = face_of_23()
+@pytest.mark.parametrize("preload_N", [None, 460.0])
+def test_a_whole_curve_is_solved_like_its_points(preload_N):
+    curve = face_of_23(preload_N)
     load = np.append(0.0, np.geomspace(1e-6, 2000.0, 20))
     approach = curve.approach_m(load)
     assert approach[0] == 0.0
     np.testing.assert_allclose(curve.load_N(approach), load, rtol=1e-13)
-    fresh = face_of_23()
+    fresh = face_of_23(preload_N)
     np.testing.assert_allclose(fresh.load_N(approach), load, rtol=1e-11)
     np.testing.assert_allclose(approach[5], fresh.approach_m(load[5]), rtol=1e-13)
     np.testing.assert_array_equal(fresh.load_N([-1e-7, 0.0]), 0.0)
@@ -375,19 +374,6 @@ def test_bad_scenes_are_named():
         interacting(1e-3 * one, 0 * one, [1, 2, 3], one, E).approach_m(1e9)
     with pytest.raises(ContactError, match="fall with growing load"):
         in_series(face_of_23(), -1e-8).approach_m(460.0)
-
-
-def test_two_unlike_caps_push_each_other_by_the_mean_of_both_directions():
-    """Reciprocal (Betti): the law between two contacts of other radii is one number."""
-    curve = interacting([20.0, 2.0], [0.0, 0.0], [0.0, 4e-3], [0.0, 0.0], E, 100.0)
-    approach_m = curve.approach_m(100.0)
-    a_m = contact_radius_m(curve.asperity_loads_N(approach_m), curve.radius_m, E)
-    assert a_m[0] > 1.5 * a_m[1]
-    C = curve.pair_compliance_m_per_N
-    assert C[0, 1] == C[1, 0]
-    factor = hertz_over_point_load(a_m / 4e-3).mean()
-    assert factor > 1.005
-    assert C[0, 1] == pytest.approx(factor / (np.pi * E * 4e-3), rel=1e-6)
 
 
 def test_what_was_asked_before_changes_no_answer():

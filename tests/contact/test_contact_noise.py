@@ -223,7 +223,7 @@ def test_noise_is_stated_by_whichever_model_answers():
     truth, rng = answers(analyze_once(flat, of_model("interacting"))), np.random.default_rng(3)
     off, within = {}, {}
     for _ in range(8):
-        noisy = replace(flat, height_m=flat.height_m + 2.2e-9 * rng.standard_normal(flat.shape))
+        noisy = replace(flat, height_m=flat.height_m + 3.5e-9 * rng.standard_normal(flat.shape))
         for model in ("auto", "boundary_elements"):
             found = analyze(noisy, of_model(model))
             one, errors = answers(found) / truth - 1.0, found.contact.errors

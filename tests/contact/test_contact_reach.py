@@ -47,7 +47,7 @@ def test_where_neighbours_sink_a_cap_further_than_on_average_more_are_asked():
     mean_m = float(reach(at_depths(*[0.0] * 4, 1.0, places=places)).mean.approach_m(PRELOAD_N))
     caps = at_depths(*[0.0] * 4, 1.3 * mean_m, places=places)
     depth_m = caps.peak_height_m.max() - caps.peak_height_m
-    every = interacting(caps.radius_m, depth_m, caps.x_m, caps.y_m, E_STAR_PA)
+    every = interacting(caps.radius_m, depth_m, caps.x_m, caps.y_m, E_STAR_PA, PRELOAD_N)
     assert every.asperity_loads_N(every.approach_m(PRELOAD_N))[4] > 0.0
     found = reach(caps)
     assert found.use.all()

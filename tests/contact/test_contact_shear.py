@@ -136,8 +136,8 @@ def test_a_lift_off_that_is_not_found_is_none(monkeypatch):
     assert np.isfinite(e).all()
     slide = module._slide
 
-    def missed(net, goal, closing, e, x, todo):
-        slide(net, goal, closing, e, x, todo)
+    def missed(net, goal, closing, e, x, todo, lifts):
+        slide(net, goal, closing, e, x, todo, lifts)
         x[1] *= 1 + 1e-6
 
     monkeypatch.setattr(module, "_slide", missed)

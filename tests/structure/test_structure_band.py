@@ -19,7 +19,7 @@ from capslip.contact.slip import slip_curve
 from capslip.contact.solvers.yielding import YieldLaw
 from capslip.settings import Question, load_settings
 from capslip.structure.answer import answer_to
-from capslip.structure.band import LEAST_ERROR, NORMAL_95, Part, band_of
+from capslip.structure.band import LEAST_ERROR, NORMAL_95, PAIRS_SHARE, Part, band_of
 from capslip.structure.response import response
 from capslip.studies.faces.synthetic import Scene, synthetic_surface
 from scenes import caps_map
@@ -175,7 +175,7 @@ def test_no_energy_is_larger_than_the_rectangle_of_its_cycle(question):
 @pytest.mark.parametrize("asked", ["slip_force_N", "displacement_m"])
 def test_moved_radii_and_another_model_go_into_their_own_shares(asked):
     """Under a small force a sphere has K ~ R^(1/3), W ~ R^(-1/3); at a displacement W ~ R^(2/3)."""
-    s, model = 0.06, 0.09
+    s, model = 0.06, 0.18
 
     def moved(contact):
         radius_m = R_M * np.exp([[0.0], [s], [-s], [model]])
@@ -194,7 +194,7 @@ def test_moved_radii_and_another_model_go_into_their_own_shares(asked):
     found = band({asked: value}, moved)
     for name, exponent in (("energy_J", of_energy), ("tangential_stiffness_N_per_m", 1 / 3)):
         of_caps = abs(exponent) * s
-        of_model = np.hypot(exponent * model, LEAST_ERROR) / NORMAL_95
+        of_model = np.hypot(PAIRS_SHARE * exponent * model, LEAST_ERROR) / NORMAL_95
         low, high = found.interval[name]
         assert np.log(high / low) == pytest.approx(
             2.0 * Z_90 * np.hypot(of_caps, of_model), rel=0.05

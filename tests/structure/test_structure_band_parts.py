@@ -182,7 +182,7 @@ def test_caps_that_were_moved_are_asked_at_the_state_of_their_scan(by_force, at)
     least = band.LEAST_ERROR
     of_stiffness = band.OF_STIFFNESS * 0.05
     others = np.array(
-        [[0.02, 0.0], [0.0, 0.04], [0.06, 0.0], [0.03, 0.0], [of_stiffness, 0.0], [0.0, 0.05]]
+        [[0.02, 0.0], [0.0, 0.02], [0.06, 0.0], [0.03, 0.0], [of_stiffness, 0.0], [0.0, 0.05]]
     )
     expected = (others.T @ others + least**2 * np.eye(2)) / NORMAL_95**2
     assert model.T @ model == pytest.approx(expected)

@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -12,7 +12,7 @@ from capslip.contact.bulk import bulk_of_face_m_per_N, without_bulk
 from capslip.contact.certificate import unmodelled_area_m2
 from capslip.contact.curve import NormalCurve
 from capslip.contact.material import composite
-from capslip.contact.models.interacting import InteractingCurve, around_hertz
+from capslip.contact.models.interacting import InteractingCurve
 from capslip.contact.moved import moved_caps
 from capslip.contact.outlines import outlines
 from capslip.contact.reach import reachable
@@ -27,7 +27,8 @@ from capslip.surface.heightmap import HeightMap
 FORCE_SHARES = (0.1, 0.25, 0.5, 0.75)  # T / (mu N) at which the energies are compared
 SHAPE_SHARE = 0.38  # of the rest of a profile that acts like an error of height, see Notes
 QUARTIC_SE = 6.0 * math.sqrt(5.0)  # of q, over that of the mean of as many points
-LEAST_ERROR = 0.0015  # of interacting spheres against boundary elements: 0.1 % on faces of 60 caps
+LEAST_ERROR = 0.001  # of interacting spheres against boundary elements, on faces of 60 caps
+PAIRS_SHARE = 0.5  # of what point loads alone would change: a tenth to seven tenths were seen
 BEYOND_SHARE = 0.05  # of the load, on contacts wider than their hills
 CUT_SHARE = 0.02  # of the load, beyond the edge of the map; at 4 % energies are 6 % off
 # Of the energies of caps that have yielded, against height maps of the same hardness: the pressure
@@ -50,7 +51,7 @@ class MovedCaps:
     # Sets of caps: moved at random by one standard deviation; the last one as they are on profiles
     # as measured, which is half of an error at 95 %
     moved: NormalCurve
-    by_pairs: NormalCurve  # with another law between two contacts: an error at 95 %
+    by_pairs: NormalCurve  # with point loads alone between contacts: twice an error at 95 %
     by_level: NormalCurve | None  # levelled by the floor: the same; None where the face balances
     of_unloading: float = 0.0  # relative error of the energy at 95 %, of caps that yielded
     whole: NormalCurve | None = None  # that of `found` with the bulk sinking
@@ -174,10 +175,10 @@ def error_of_caps(
     lowest third of the points, which peaks that are not balanced over the face do not pull. A
     balanced face has no such doubt: moved caps are balanced anew.
 
-    Then there is the change under another law between two contacts: the point load and Johnson's
-    Eq. 3.42 err on either side, the latter further. Where caps have yielded they
-    unload as Hertz contacts, and the map less evenly: half of the energies, times the share of the
-    load on such caps. None of these causes has to do with another, so their squares add.
+    Then there is the law between two contacts: half of what point loads alone would change. Where
+    caps have yielded they unload as Hertz contacts, and the map less evenly: half of the energies,
+    times the share of the load on such caps. None of these causes has to do with another, so their
+    squares add.
 
     Beyond the tolerance, caps are moved again by no more than what noise has not done: that alone
     pressing the map instead would mend, as its contacts average over no more points than fits do.
@@ -195,7 +196,7 @@ def error_of_caps(
         more = np.vstack((up_m, of_shape[0])), np.vstack((wide, of_shape[1]))
         curves: list[NormalCurve] = [
             moved_caps(scene, curve, *more, settings),
-            around_hertz(curve, scene.preload_N),
+            replace(curve, near=None, _equilibrium={}),
         ]
         tilted = _of_level(scene, settings)
         curves += [] if tilted is None else [tilted]
@@ -205,6 +206,7 @@ def error_of_caps(
         of_random = 2.0 * float(at_random_rms.max())
         each = (by_shape, *change[1:], np.zeros(1))
         shape, pairs, level = (float(np.abs(one).max()) for one in each[:3])
+        pairs *= PAIRS_SHARE
         unloading = _of_unloading(scene, curve)
         besides = 2.0 * shape, pairs, unloading, LEAST_ERROR
         of_caps = without_noise = math.hypot(of_random, *besides)
@@ -212,6 +214,7 @@ def error_of_caps(
         by_level = None if tilted is None else used[-1]
         moved = MovedCaps(as_found, used[0], used[1], by_level, unloading, curve)
         by_answer = np.vstack((2.0 * at_random_rms, 2.0 * by_shape, *change[1:]))
+        by_answer[2] *= PAIRS_SHARE
         errors = _by_share(np.linalg.norm(by_answer, axis=0), unloading, of_caps, level)
         if math.hypot(of_caps, level) > settings.contact.tolerance:
             own = _at_random(scene, own_m, _not_of_noise(scene, own_m, noise_m))

@@ -1,12 +1,14 @@
 """Caps pressed under a plane that may turn, and their heights over it."""
 
 import math
+from typing import Any
 
 import numpy as np
 
 from capslip.caps.table import CapTable
 from capslip.contact.material import composite, yield_law
 from capslip.contact.rung import pairs_in_balance, turning_stiffness
+from capslip.contact.solvers.near_field import NearField, near_field
 from capslip.contact.solvers.yielding import FirstLoading, first_loading
 from capslip.settings import Settings
 
@@ -60,6 +62,7 @@ def press_balanced(
     settings: Settings,
     held: tuple[float, np.ndarray],
     start: tuple[np.ndarray, np.ndarray | None] | None = None,
+    near: bool = True,
 ) -> FirstLoading:
     """Press caps under a plane that may turn.
 
@@ -75,6 +78,8 @@ def press_balanced(
         Stiffness in N m/rad of what holds the plane upright, and with which moment it already does.
     start : (float64, float64 or None), optional
         Compressions and loads to start from, shape (n,) each.
+    near : bool
+        Whether they have their near field, too, unless contacts run together.
 
     Raises
     ------
@@ -85,12 +90,25 @@ def press_balanced(
     """
     material, contact = settings.material, settings.contact
     E_star_Pa = composite(material.youngs_modulus_Pa, material.poisson_ratio).E_star_Pa
-    return first_loading(
-        *(yield_law(material), radius_m, peak_m.max() - peak_m, E_star_Pa, contact.preload_N),
-        compliance_m_per_N=pairs_in_balance(arm_m, E_star_Pa, settings),
-        start_m=None if start is None else start[0],
-        start_N=None if start is None else start[1],
-        arm=arm_m,
-        turning_stiffness=held[0],
-        moment_Nm=held[1],
-    )
+    C = pairs_in_balance(arm_m, E_star_Pa, settings)
+    depth_m = peak_m.max() - peak_m
+
+    def pressed(start: Any, beside: NearField | None) -> FirstLoading:
+        start_m, start_N = start
+        return first_loading(
+            *(yield_law(material), radius_m, depth_m, E_star_Pa, contact.preload_N),
+            compliance_m_per_N=C,
+            near=beside,
+            start_m=start_m,
+            start_N=start_N,
+            arm=arm_m,
+            turning_stiffness=held[0],
+            moment_Nm=held[1],
+        )
+
+    rest = pressed(start or (None, None), None)
+    if C is None or not near:
+        return rest
+    a_m = np.sqrt(radius_m * rest.width_m)
+    beside = near_field(arm_m[:, 0], arm_m[:, 1], a_m, E_star_Pa)
+    return rest if beside is None else pressed((rest.compression_m, rest.load_N), beside)

@@ -108,10 +108,11 @@ def _top_m(model: Rung, scene: Scene) -> float:
 
 def _of_caps(model: Rung, scene: Scene) -> Scene:
     caps, use = scene.caps, scene.use
-    between = getattr(model.build(scene), "pair_compliance_m_per_N", None)
+    curve = model.build(scene)
     after = first_loading(
         *(scene.law, scene.radius_m, scene.depth_m, scene.E_star_Pa, scene.preload_N),
-        compliance_m_per_N=between,
+        compliance_m_per_N=getattr(curve, "pair_compliance_m_per_N", None),
+        near=getattr(curve, "near", None),
         start_m=scene.start_m,
     )
     radius_m, peak_m = caps.radius_m.copy(), caps.peak_height_m.copy()

@@ -50,6 +50,7 @@ LEAST_PART = 0.2  # of a turn: a face that swings to and fro goes only so far ea
 NEARLY_LOAD, NEARLY_TILT = 1e-3, 3e-3
 UNSETTLED = 0.01  # of the preload: a level whose last turn still moves more is none
 SHALLOW_LOAD = 1e-3  # of the preload, on hills whose fit the cut may limit
+FEW_HILLS = 200
 EARLY = 0.05  # of load and approach: by then the cut can be tried
 SAME_CUT = 0.1  # of the approach: a face that turned less since it was cut is cut well
 
@@ -339,7 +340,7 @@ class _Search:
         slope, depth_m = start.slope, self._carried(start, hills, surface)
         before: tuple[np.ndarray, FirstLoading] | None = None
         before_N: np.ndarray = np.zeros(hills.n_hills)
-        tried, history, part = last, list[float](), 1.0
+        tried, history, part, near = last, list[float](), 1.0, self._few(hills)
         # A coarse map tells its hills apart anew once it knows the approach
         rough = self.settled > SETTLED and start.relief_m is None
         watched, together = self.needs_no_caps and start.relief_m is not None, 0
@@ -347,13 +348,12 @@ class _Search:
         for _ in range(MAX_TURNS):
             turn_points(points, ahead, self.at_m)
             fitted = fit_spheres(surface, hills, fit, depth_m, points, self.noise)
-            use, pressed, depths_m = self._press(fitted, slope, before)
+            use, pressed, depths_m = self._press(fitted, slope, before, near)
             rest, load_N, turn = pressed.rest, pressed.load_N, np.array(pressed.rest.slope)
             all_N: np.ndarray = np.bincount(use, load_N, hills.n_hills)
             change = float(np.abs(all_N - before_N).sum() / (2.0 * load_N.sum()))
             moved = 1.0 if before is None else change / part
-            before, before_N = (use, pressed), all_N
-            span_m = self._across_m(turn)
+            span_m, before, before_N = self._across_m(turn), (use, pressed), all_N
             approach_m = rest.level_m - float(depths_m.min())
             plane_m = float(fitted.spheres.apex_m[use].max()) - rest.level_m
             loads = fitted.spheres, use, fitted.given.apexes.at_cut[use], load_N
@@ -372,8 +372,9 @@ class _Search:
                 tried = True
                 if self._missed_area_m2(surface, hills, found) > 0.0:
                     raise _MissedError(slope, approach_m)
-            if settles:
+            if settles and (near or self.settled > SETTLED):
                 return found, fitted
+            near = settles or (self._few(hills) and (not history or moved < EARLY))
             together = together + 1 if watched and run_together(*loads[:2], pressed) else 0
             if together == 2:
                 return _given_up(found, moved), fitted
@@ -395,11 +396,16 @@ class _Search:
         why = f"the face finds no level: after {turns}; set contact.alignment to as_levelled"
         raise ContactError(why)
 
+    def _few(self, hills: Hills) -> bool:
+        """Whether their near field costs next to nothing; of more it waits for the last turn."""
+        return self.settled <= SETTLED and hills.n_hills <= FEW_HILLS
+
     def _press(
         self,
         fitted: Fitted,
         slope: np.ndarray,
         before: tuple[np.ndarray, FirstLoading] | None,
+        near: bool,
     ) -> tuple[np.ndarray, FirstLoading, np.ndarray]:
         """Return the caps that were pressed, how, and their depths below the plane.
 
@@ -420,7 +426,7 @@ class _Search:
             start = before[1].compression_m, before[1].load_N
         radius_m = spheres.radius_m[use]
         try:
-            pressed = press_balanced(arm_m, peak_m, radius_m, self.settings, held, start)
+            pressed = press_balanced(arm_m, peak_m, radius_m, self.settings, held, start, near)
         except TipsOverError as error:
             if before is None or fitted.usable.all():
                 raise
@@ -436,7 +442,7 @@ class _Search:
                 f"expected less than the face's {math.prod(self.surface.side_m):.3g} m2"
             )
         depth_m = peak_m.max() - peak_m - arm_m @ np.array(pressed.rest.slope)
-        if not (pressed.rest.level_m > depth_m.min() and pressed.load_N.any()):
+        if not pressed.compression_m.max() > np.spacing(np.abs(peak_m).max()):
             raise ContactError(
                 f"the face finds no level: {self.settings.contact.preload_N:g} N compress its caps "
                 "by less than numbers tell; check contact.preload_N and "

@@ -72,15 +72,17 @@ def moved_caps(
         each = [_flattened(scene, *one, settings) for one in sets]
         peak_m, radius_m, start_m = (np.array(one) for one in zip(*each, strict=True))
     elif settings.contact.alignment == "balanced":
-        peak_m, start_m = _balanced(scene, peak_m, radius_m, start_m, settings)
+        peak_m, start_m = _balanced(scene, curve, peak_m, radius_m, start_m, settings)
     depth_m = _depth_m(peak_m)
     face = curve.pair_compliance_m_per_N, start_m, scene.preload_N
-    level_m, _, g = press_sets(_coefficient(radius_m, scene.E_star_Pa), depth_m, *face)
+    k = _coefficient(radius_m, scene.E_star_Pa)
+    level_m, _, g = press_sets(k, depth_m, *face, near=curve.near)
     return MovedCurve(
         *(RUNG.name, np.ones_like(radius_m), radius_m, depth_m, scene.E_star_Pa),
         x_m=curve.x_m,
         y_m=curve.y_m,
         pair_compliance_m_per_N=curve.pair_compliance_m_per_N,
+        near=curve.near,
         pressed_N=scene.preload_N,
         level_m=level_m,
         compression_m=g,
@@ -89,6 +91,7 @@ def moved_caps(
 
 def _balanced(
     scene: Scene,
+    curve: InteractingCurve,
     peak_m: np.ndarray,
     radius_m: np.ndarray,
     start_m: np.ndarray,
@@ -98,14 +101,15 @@ def _balanced(
     caps, use, load_N = scene.caps, scene.use, scene.preload_N
     arm_m = np.column_stack((caps.x_m, caps.y_m))[use] - scene.load_point_m
     C = pairs_in_balance(arm_m, scene.E_star_Pa, settings)
+    near = None if C is None else curve.near
     moment_Nm = np.zeros(2)
     if scene.turning_stiffness > 0.0:  # what held the face upright was at ease with caps as found
         k, depth_m = _coefficient(scene.radius_m, scene.E_star_Pa), scene.depth_m
-        held_m = press(k, depth_m, C, start_m[0], load=load_N).compression_m
+        held_m = press(k, depth_m, C, start_m[0], load=load_N, near=near).compression_m
         moment_Nm = k * np.maximum(held_m, 0.0) ** 1.5 @ arm_m
     turning = arm_m, scene.turning_stiffness, moment_Nm
     k, depth_m = _coefficient(radius_m, scene.E_star_Pa), _depth_m(peak_m)
-    _, slope, g = press_sets(k, depth_m, C, start_m, load_N, *turning)
+    _, slope, g = press_sets(k, depth_m, C, start_m, load_N, *turning, near=near)
     return peak_m + slope @ arm_m.T, g
 
 

@@ -78,11 +78,15 @@ def reachable(
         if np.count_nonzero(near) > MAX_INTERACTING:
             return Reach(caps.usable, mean, None)
         spheres, places = (radius_m[near], depth_m[near]), (x_m[near], y_m[near])
-        pairs = interacting(*spheres, *places, E_star_Pa)
+        pairs = interacting(*spheres, *places, E_star_Pa, preload_N)
         if law is not None:
-            between = pairs.pair_compliance_m_per_N
-            after = first_loading(law, *spheres, E_star_Pa, preload_N, compliance_m_per_N=between)
-            pairs = interacting(after.radius_m, after.depth_m, *places, E_star_Pa)
+            after = first_loading(
+                *(law, *spheres, E_star_Pa, preload_N),
+                compliance_m_per_N=pairs.pair_compliance_m_per_N,
+                near=pairs.near,
+            )
+            flat = after.radius_m, after.depth_m
+            pairs = interacting(*flat, *places, E_star_Pa, preload_N)
             pairs = replace(pairs, start_m=after.compression_m)
         approach_m = float(pairs.approach_m(preload_N))
     return Reach(near, mean, pairs)

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from capslip.contact.accuracy import LEAST_ERROR, OF_STIFFNESS
+from capslip.contact.accuracy import LEAST_ERROR, OF_STIFFNESS, PAIRS_SHARE
 from capslip.contact.curve import NormalCurve
 from capslip.contact.joint import Joint
 from capslip.contact.press import ContactState
@@ -357,7 +357,7 @@ def _of_one(state: _State, part: Part) -> tuple[np.ndarray, np.ndarray]:
 
     log = log_of(moved.found)
     *random, by_shape = log_of(moved.moved) - log
-    others = [2.0 * by_shape, log_of(moved.by_pairs) - log]
+    others = [2.0 * by_shape, PAIRS_SHARE * (log_of(moved.by_pairs) - log)]
     others += [] if moved.by_level is None else [log_of(moved.by_level) - log]
     # Of caps that yielded either of the two alone: nothing tells how they go together
     others += [log_of(contact.curve) - log, *np.diag((OF_STIFFNESS, 1.0)) * moved.of_unloading]

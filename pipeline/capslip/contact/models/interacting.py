@@ -7,14 +7,14 @@ from numpy.typing import ArrayLike
 
 from capslip.contact.models.caps import caps
 from capslip.contact.rung import Contacts, Rung, Scene, contacts_of_caps
-from capslip.contact.solvers.balance import press, press_sets
-from capslip.contact.solvers.hertz import HertzCurve, contact_radius_m, load_drop_of_asperity
+from capslip.contact.solvers.balance import Equilibrium, press, press_sets
+from capslip.contact.solvers.hertz import HertzCurve, load_drop_of_asperity, loss_of_asperity
+from capslip.contact.solvers.near_field import NearField, near_field
 from capslip.contact.solvers.shear import lift_off, shear, solve_coupled
 from capslip.errors import ContactError, SettingsError
 
 MAX_LIFT_OFFS = 300  # contacts
 MANY_LOADS, MOST_TOGETHER = 8, 64  # loads that are worth solving together, and of how many contacts
-KEPT = 512  # approaches whose compressions stay known: a joint has some hundred patches
 
 
 @dataclass(frozen=True, eq=False)
@@ -22,10 +22,11 @@ class InteractingCurve(HertzCurve):
     """Hertz contacts whose levels differ: g_i = y - h_i - sum_j C_ij N_j, N_i = k_i g_i^1.5.
 
     C is constant and symmetric: a network of springs, which loses nothing. So the loss is the sum
-    of Eq. 8 over the contacts, each with its own displacement; nothing is interpolated. Where
-    contacts overlap, a small one may grow when the load falls, or touch only then. Under shear, at
-    constant load, the former is displaced backwards and the latter takes no part, and so they are
-    counted; without them the load drop is N(d) - N(d - e).
+    of Eq. 8 over the contacts, each with its own displacement, and what little the near field makes
+    of it; nothing is interpolated. Where contacts overlap, a small one may grow when the load
+    falls, or touch only then. Under shear, at constant load, the former is displaced backwards and
+    the latter takes no part, and so they are counted; without them the load drop is
+    N(d) - N(d - e).
 
     Made by `interacting`, which checks the values.
     """
@@ -33,20 +34,23 @@ class InteractingCurve(HertzCurve):
     x_m: np.ndarray = field(kw_only=True)  # (n,)
     y_m: np.ndarray = field(kw_only=True)  # (n,)
     pair_compliance_m_per_N: np.ndarray = field(kw_only=True)  # (n, n), zero diagonal
+    near: NearField | None = field(default=None, kw_only=True, repr=False)
     start_m: np.ndarray | None = field(default=None, kw_only=True, repr=False)  # of compressions
     # Level and compressions under the last load, which curves that differ by a spring share
     _equilibrium: dict[float, tuple[float, np.ndarray]] = field(
         default_factory=dict, kw_only=True, repr=False
     )
-    # Compressions at the approaches that `approach_m` returned, for the methods asked next
-    _solved: dict[float, np.ndarray] = field(default_factory=dict, init=False, repr=False)
 
     def overlapping_pairs(self, approach_m: float) -> int:
         """Count the pairs with a_i + a_j > r_ij: their contacts merge, and the model ends there.
 
         A cap that carries nothing has a = 0: it counts if its peak lies inside another's contact.
         """
-        a = np.sqrt(self.radius_m * np.maximum(self._compression(approach_m), 0))
+        return self._overlapping(self._compression(approach_m))
+
+    def _overlapping(self, g: np.ndarray) -> int:
+        """Count them, of rows of compressions as if each contact were as wide as in its widest."""
+        a = np.sqrt(self.radius_m * np.maximum(g, 0)).reshape(-1, g.shape[-1]).max(axis=0)
         touching = a > 0
         distance = np.hypot(
             self.x_m[touching, None] - self.x_m, self.y_m[touching, None] - self.y_m
@@ -68,13 +72,6 @@ class InteractingCurve(HertzCurve):
             g.shape
         )
 
-    def _compression(self, approach_m: ArrayLike) -> np.ndarray:
-        d = np.asarray(approach_m, dtype=float)
-        known = [self._solved.get(value) for value in d.ravel().tolist()]
-        if any(g is None for g in known):
-            return super()._compression(d)
-        return np.reshape(np.array(known), (*d.shape, -1))
-
     def _compression_at_level(self, level: np.ndarray) -> np.ndarray:
         g = level[..., None] - self.depth_m
         start = None
@@ -86,7 +83,7 @@ class InteractingCurve(HertzCurve):
                 mean = self.pair_compliance_m_per_N.mean()
                 args = (self.count, self.radius_m, self.depth_m, self.E_star_Pa, mean)
                 start = HertzCurve(self.model, *args)._compression(y)
-            start = press(*self._system, start, level=y).compression_m
+            start = self._at_rest(start, level=y).compression_m
             g[index] = start
         return g
 
@@ -105,23 +102,31 @@ class InteractingCurve(HertzCurve):
                 start = self.start_m
             if start is None:
                 start = super()._pressed(np.asarray(N))[1]
-            rest = press(*self._system, start, load=N)
+            rest = self._at_rest(start, load=N)
             level[index], start = rest.level_m, rest.compression_m
             g[index] = start
         if load.ndim == 0 and load > 0.0:
             self._equilibrium.clear()
             self._equilibrium[float(load)] = float(level), g
-        approach = level + self.compliance_m_per_N * load
-        if len(self._solved) > KEPT:
-            self._solved.clear()
-            self._approach_m.clear()
-        self._solved.update(zip(approach.ravel().tolist(), g.reshape(-1, g.shape[-1]), strict=True))
         return level, g
+
+    def _at_rest(
+        self, start: np.ndarray, load: float | None = None, level: float | None = None
+    ) -> Equilibrium:
+        """Return the equilibrium: that of point loads where contacts run together."""
+        if self.near is not None:
+            try:
+                rest = press(*self._system, start, load, level, near=self.near)
+            except ContactError:  # far above the preload
+                rest = None
+            if rest is not None and not self._overlapping(rest.compression_m):
+                return rest
+        return press(*self._system, start, load, level)
 
     def _pressed_together(self, load: np.ndarray) -> dict[float, tuple[float, np.ndarray]]:
         """Return level and compressions under many loads; none where contacts are many or overlap.
 
-        Under s N all heights are s times those of caps of h / s and k sqrt(s) under N. Without
+        Under s N all heights are s times those of caps of h / s and R s under N. Without
         overlap there is one equilibrium, so it is no matter from where it is found.
         """
         if load.size < MANY_LOADS:
@@ -133,11 +138,10 @@ class InteractingCurve(HertzCurve):
             return {}
         scaled = k * np.sqrt(share)[:, None], h / share[:, None]
         level, _, g = press_sets(*scaled, C, start, float(load.max()))
+        if self._near(g * share[:, None]) is not None:
+            level, _, g = press_sets(*scaled, C, g, float(load.max()), near=self.near)
         level, g = level * share, g * share[:, None]
-        a = np.sqrt(self.radius_m * np.maximum(g, 0.0).max(axis=0))
-        apart = np.hypot(self.x_m[:, None] - self.x_m, self.y_m[:, None] - self.y_m)
-        np.fill_diagonal(apart, np.inf)
-        if (a[:, None] + a > apart).any():
+        if self._overlapping(g):
             return {}
         return dict(zip(load.tolist(), zip(level.tolist(), g, strict=True), strict=True))
 
@@ -163,13 +167,13 @@ class InteractingCurve(HertzCurve):
         self, g: np.ndarray, goal: np.ndarray, closing: tuple[float, float]
     ) -> tuple[np.ndarray, np.ndarray]:
         shape, n = np.broadcast_shapes(g.shape[:-1], goal.shape), g.shape[-1]
-        on = np.flatnonzero((g > 0).reshape(-1, n).any(axis=0))
+        near, on = self._near_of(g)
         k, g, goals = self.coefficient[..., on], g[..., on], np.broadcast_to(goal, shape)
         if g.ndim > 1:
             k, g = (np.broadcast_to(one, (*shape, on.size)).reshape(-1, on.size) for one in (k, g))
         x = np.zeros((goals.size, n))
         C = self.pair_compliance_m_per_N[np.ix_(on, on)]
-        e, x[:, on] = shear(k, C, g, goals.ravel(), closing)
+        e, x[:, on] = shear(k, C, g, goals.ravel(), closing, near)
         return e.reshape(shape), x.reshape(*shape, n)
 
     def _lift_off(self, g: np.ndarray) -> np.ndarray:
@@ -178,21 +182,57 @@ class InteractingCurve(HertzCurve):
         if touching.any():
             k = self.coefficient[touching]
             C = self.pair_compliance_m_per_N[np.ix_(touching, touching)]
-            e, x = lift_off(k, C, g[touching])
+            e, x = lift_off(k, C, g[touching], self._near_of(g)[0])
             drop = load_drop_of_asperity(k, g[touching], x).sum(axis=-1)
             withdrawal[touching] = e + self.compliance_m_per_N * drop
         return withdrawal
 
+    def _loss(self, g: np.ndarray, x: np.ndarray) -> np.ndarray:
+        loss, (near, on) = super()._loss(g, x), self._near_of(g)
+        if near is None:
+            return loss
+        k, g, x = self.coefficient[..., on], g[..., on], x[..., on]
+        slid = np.clip(x, -np.maximum(g, 0.0), np.maximum(g, 0.0))
+        each = load_drop_of_asperity(k, g, slid), loss_of_asperity(k, g, slid)
+        return loss + near.loss_J(k, g, slid, *each)
+
+    def _near(self, g: np.ndarray) -> NearField | None:
+        """Return the near field where no contacts run together."""
+        return None if self.near is None or self._overlapping(g) else self.near
+
+    def _near_of(self, g: np.ndarray) -> tuple[NearField | None, np.ndarray]:
+        """Return the same for what touches in any of the rows of g, and what that is."""
+        near, on = self._near(g), np.flatnonzero((g > 0).reshape(-1, g.shape[-1]).any(axis=0))
+        return (None if near is None else near.of(on)), on
+
     def _slope(self, g: np.ndarray) -> np.ndarray:
-        """dN/dy by the implicit derivative 1^T (1 + D C)^-1 D 1, D = diag(1.5 k sqrt(g))."""
-        touching = (g > 0).reshape(-1, g.shape[-1]).any(axis=0)
-        if not touching.any():
+        """dN/dy by the implicit derivative 1^T (1 + D C)^-1 D 1, D = diag(1.5 k sqrt(g)).
+
+        With the near field C has some per cent more, K. Then the slope is the maximum over s of
+        2 sum s - s (1 / D + K) s, which leaves but the square of what s is off.
+        """
+        near, touching = self._near_of(g)
+        if not touching.size:
             return np.zeros(g.shape[:-1])
-        D = 1.5 * self.coefficient[..., touching] * np.sqrt(np.maximum(g[..., touching], 0))
-        S = np.sqrt(D).reshape(-1, D.shape[-1])
+        held = np.maximum(g[..., touching], 0).reshape(-1, touching.size)
+        k = np.broadcast_to(self.coefficient[..., touching], g[..., touching].shape)
+        k = k.reshape(held.shape)
+        S = np.sqrt(1.5 * k * np.sqrt(held))
         C = self.pair_compliance_m_per_N[np.ix_(touching, touching)]
-        z = solve_coupled(S, C, S[..., None])[..., 0]
-        return (S * z).sum(axis=-1).reshape(g.shape[:-1])
+        s = S * solve_coupled(S, C, S[..., None])[..., 0]
+        if near is None:
+            return s.sum(axis=-1).reshape(g.shape[:-1])
+        N, D = k * held * np.sqrt(held), np.square(S)
+
+        def more_m(s: np.ndarray) -> np.ndarray:
+            dg = np.divide(s, D, out=np.zeros_like(s), where=D > 0)
+            return np.asarray(sum(near.changed_m(k, N, held, s, dg)))
+
+        for _ in range(2):
+            right = (S * (1.0 - more_m(s)))[..., None]
+            s = S * solve_coupled(S, C, right)[..., 0]
+        back = np.divide(s, D, out=np.zeros_like(s), where=D > 0) + s @ C + more_m(s)
+        return (2.0 * s - s * back).sum(axis=-1).reshape(g.shape[:-1])
 
 
 def interacting(
@@ -206,8 +246,9 @@ def interacting(
 ) -> InteractingCurve:
     """Return the normal curve of caps with elastic interaction.
 
-    A contact's load sinks the surface at distance r by N / (pi E* r). As a half-space does, the
-    curve contains the bulk sinking of the face, see `bulk_compliance_m_per_N` and `in_series`.
+    A contact's load sinks the surface at distance r by N / (pi E* r), and near to it by some per
+    cent more or less, see `near_field`. As a half-space does, the curve contains the bulk sinking
+    of the face, see `bulk_compliance_m_per_N` and `in_series`.
 
     Parameters
     ----------
@@ -216,10 +257,10 @@ def interacting(
     x_m, y_m : array_like, shape (n,)
         Places of the peaks.
     preload_N : float, optional
-        With it, the displacement around a contact is that outside a Hertz contact of the radius
-        it has under this load (Johnson 1987, Eq. 3.42; the mean of both directions of a pair).
+        Of the joint. Contacts that stand apart under it have the near field; without it all act on
+        one another as point loads.
     memory_limit_bytes : float, optional
-        The solver needs 32 n^2 bytes.
+        The solver needs 56 n^2 bytes.
 
     Raises
     ------
@@ -231,9 +272,8 @@ def interacting(
     Notes
     -----
     Measured on two equal caps against boundary elements, as a share of N / (pi E* r): 1.006 at
-    r = 3.3 a, 1.000 at 2.5 a and 0.989 at 2.1 a, where the contacts almost merge. Eq. 3.42, exact
-    for the free surface around one contact, gives 1.009, 1.017 and 1.024: it leaves out that
-    neighbours push each other aside. So the point load is the default.
+    r = 3.3 a, 1.000 at 2.5 a and 0.989 at 2.1 a, where the contacts almost merge. The near field
+    has 1.007, 1.002 and 0.992.
 
     Examples
     --------
@@ -254,9 +294,9 @@ def interacting(
     if not np.isfinite(x_m + y_m).all():
         raise SettingsError("x_m, y_m: got a place that is not finite; expected metres")
     n = len(x_m)
-    if 32.0 * n**2 > memory_limit_bytes:
+    if 56.0 * n**2 > memory_limit_bytes:
         raise ContactError(
-            f"interacting: {n} caps need {32e-9 * n**2:.3g} GB; expected at most "
+            f"interacting: {n} caps need {56e-9 * n**2:.3g} GB; expected at most "
             f"{memory_limit_bytes / 1e9:.3g} GB; use the mean_field model, or fewer caps"
         )
     r = np.hypot(x_m[:, None] - x_m, y_m[:, None] - y_m)
@@ -273,42 +313,30 @@ def interacting(
         y_m=y_m,
         pair_compliance_m_per_N=1 / (np.pi * E_star_Pa * r),
     )
-    return curve if preload_N is None else around_hertz(curve, preload_N)
+    return curve if preload_N is None else with_near_field(curve, preload_N)
 
 
-def around_hertz(curve: InteractingCurve, preload_N: float) -> InteractingCurve:
-    """Return the curve with the displacement outside Hertz contacts, see `interacting`."""
-    r_m = np.hypot(curve.x_m[:, None] - curve.x_m, curve.y_m[:, None] - curve.y_m)
-    np.fill_diagonal(r_m, np.inf)
-    # The radii depend on the compliances but weakly: after two rounds nothing changes
-    for _ in range(2):
-        approach_m = curve.approach_m(preload_N)
-        N, start_m = curve.asperity_loads_N(approach_m), curve._compression(approach_m)
-        factor = hertz_over_point_load(contact_radius_m(N, curve.radius_m, curve.E_star_Pa) / r_m)
-        C = (factor + factor.T) / (2 * np.pi * curve.E_star_Pa * r_m)
-        curve = replace(curve, pair_compliance_m_per_N=C, start_m=start_m, _equilibrium={})
-    return curve
+def with_near_field(curve: InteractingCurve, preload_N: float) -> InteractingCurve:
+    """Return the curve with the near field of its contacts, unless they run together.
 
-
-def hertz_over_point_load(rho: np.ndarray) -> np.ndarray:
-    """Return the sinking around a Hertz contact over that around a point load, N / (pi E* r).
-
-    Johnson's Eq. 3.42 with rho = a / r (1.18 at the rim of the contact, 1.02 at r = 2 a):
-
-    3 / (4 rho^3) [(2 rho^2 - 1) asin(rho) + rho sqrt(1 - rho^2)], which cancels for small rho;
-    there 1 + rho^2 / 10 + 9 rho^4 / 280 serves.
+    Those are the contacts that it starts from, where it does.
     """
-    rho = np.minimum(rho, 1)  # beyond, the contacts overlap
-    wide = np.where(rho > 0.03, rho, 1)
-    exact = (2 * wide**2 - 1) * np.arcsin(wide) + wide * np.sqrt(1 - wide**2)
-    return np.where(rho > 0.03, 0.75 * exact / wide**3, 1 + rho**2 / 10 + 9 * rho**4 / 280)
+    g = curve.start_m
+    if g is None:
+        try:
+            _, g = curve._pressed(np.asarray(preload_N, dtype=float))
+        except ContactError:
+            return curve  # who asks for that load hears of it
+    a_m = np.sqrt(curve.radius_m * np.maximum(g, 0.0))
+    near = near_field(curve.x_m, curve.y_m, a_m, curve.E_star_Pa)
+    return curve if near is None else replace(curve, near=near, start_m=g, _equilibrium={})
 
 
 def _build(scene: Scene) -> InteractingCurve:
     caps, use = scene.caps, scene.use
     places = caps.x_m[use], caps.y_m[use]
     curve = interacting(scene.radius_m, scene.depth_m, *places, scene.E_star_Pa)
-    return curve if scene.start_m is None else replace(curve, start_m=scene.start_m)
+    return with_near_field(replace(curve, start_m=scene.start_m), scene.preload_N)
 
 
 def _contacts(scene: Scene, curve: InteractingCurve, approach_m: float) -> Contacts:
@@ -327,8 +355,8 @@ RUNG = Rung(
     made_from="spheres",
     automatic=True,
     holds_bulk=True,
-    leaves_out="Caps are spheres and act on one another as point loads on a half-space: other "
-    "shapes, contacts that merge and the edges of the face are left out.",
+    leaves_out="Caps are spheres and act on one another through a half-space: other shapes, "
+    "contacts that merge and the edges of the face are left out.",
     colour="#0072B2",
     build=_build,
     contacts=_contacts,

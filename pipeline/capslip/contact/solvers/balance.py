@@ -2,7 +2,8 @@
 
 Contact i carries N_i = k_i (g_i)_+^1.5 at compression g_i, and the load N_j of another one sinks it
 by C_ij N_j, so that g_i + sum_j C_ij N_j = y + t . r_i - h_i under a plane of level y at the load
-point and slopes t; r_i counts from that point. The plane has come to rest when its loads carry
+point and slopes t; r_i counts from that point. Contacts that are near one another may sink by a
+little more than that, see `near_field`. The plane has come to rest when its loads carry
 the preload and their moments about the load point are those of the spring that holds it upright:
 sum N_i = N, sum N_i r_i = -K t. K = 0 is a face that turns freely (balanced), K = inf one that does
 not turn at all (as levelled).
@@ -13,6 +14,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from capslip.contact.solvers.near_field import NearField
 from capslip.errors import ContactError, TipsOverError
 
 _TOLERANCE = 1e-14  # of the heights: misfit at which a state is an equilibrium
@@ -42,6 +44,7 @@ def press(
     arm: np.ndarray | None = None,
     turning_stiffness: float = math.inf,
     moment_Nm: np.ndarray | tuple[float, float] = (0.0, 0.0),
+    near: NearField | None = None,
 ) -> Equilibrium:
     """Find the equilibrium under a given load, or under a plane at a given level.
 
@@ -73,6 +76,9 @@ def press(
     moment_Nm : (float, float)
         That the spring already pulls with where the slopes t are zero, along x and y: then
         sum N_i r_i = moment - K t.
+    near : NearField, optional
+        What the contacts do to one another beyond C, with its energy. Newton's steps leave it out,
+        as it is some per cent of C where contacts do not run together.
 
     Returns
     -------
@@ -98,7 +104,7 @@ def press(
     >>> bool(abs(loads.sum() - 160.0) < 1e-9), bool(np.abs(loads @ arm).max() < 1e-12)
     (True, True)
     """
-    plane = _Plane.of(k, h, load, level, arm, turning_stiffness, moment_Nm)
+    plane = _Plane.of(k, h, load, level, arm, turning_stiffness, moment_Nm, near)
     state = plane.state(C, g, np.zeros(plane.columns.shape[1]))
     damping = 0.0
     for _ in range(200):
@@ -131,6 +137,7 @@ def press_sets(
     arm: np.ndarray | None = None,
     turning_stiffness: float = math.inf,
     moment_Nm: np.ndarray | tuple[float, float] = (0.0, 0.0),
+    near: NearField | None = None,
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Find the equilibria of many sets of contacts at the same places, near a known one.
 
@@ -143,7 +150,7 @@ def press_sets(
         Hertz coefficients in N/m^1.5 and depths in m of each set.
     g : ndarray, shape (s, n)
         Compressions to start from.
-    C, load, arm, turning_stiffness, moment_Nm
+    C, load, arm, turning_stiffness, moment_Nm, near
         As for `press`, of all sets.
 
     Returns
@@ -157,8 +164,8 @@ def press_sets(
     ContactError
         As for `press`.
     """
-    turning = (arm, turning_stiffness, moment_Nm)
-    plane = _Plane.of(k[0], h[0], load, None, *turning)
+    turning = arm, turning_stiffness, moment_Nm
+    plane = _Plane.of(k[0], h[0], load, None, *turning, near)
     start, g = g, g.copy()
     free = np.zeros((len(k), plane.columns.shape[1]))
     last, todo = np.full(len(k), np.inf), np.arange(len(k))
@@ -177,7 +184,7 @@ def press_sets(
     level, slope = free[:, 0], np.zeros((len(k), 2))
     slope[:, : free.shape[1] - 1] = free[:, 1:] / plane.reach_m
     for i in todo.tolist():
-        alone = press(k[i], h[i], C, start[i], load, None, *turning)
+        alone = press(k[i], h[i], C, start[i], load, None, *turning, near)
         level[i], slope[i], g[i] = alone.level_m, alone.slope, alone.compression_m
     return level, slope, g
 
@@ -217,6 +224,7 @@ class _Plane:
     spring: np.ndarray  # stiffness of each unknown against the ground, in N/m
     reach_m: float
     level: float  # where it is given, else 0
+    near: NearField | None
 
     @classmethod
     def of(
@@ -228,13 +236,14 @@ class _Plane:
         arm: np.ndarray | None,
         turning_stiffness: float,
         moment_Nm: np.ndarray | tuple[float, float],
+        near: NearField | None,
     ) -> "_Plane":
         one = np.ones((len(k), 1))
         if load is None:
-            return cls(k, h, one[:, :0], np.zeros(0), np.zeros(0), 1.0, float(level or 0.0))
+            return cls(k, h, one[:, :0], np.zeros(0), np.zeros(0), 1.0, float(level or 0.0), near)
         goal = np.array([load])
         if arm is None or math.isinf(turning_stiffness):
-            return cls(k, h, one, goal, np.zeros(1), 1.0, 0.0)
+            return cls(k, h, one, goal, np.zeros(1), 1.0, 0.0, near)
         if turning_stiffness == 0.0:
             _refuse_tipping(arm)
         reach_m = float(np.hypot(*arm.T).max()) or 1.0
@@ -242,7 +251,7 @@ class _Plane:
         stiffness = turning_stiffness / reach_m**2
         return cls(
             *(k, h, columns, np.append(goal, np.divide(moment_Nm, reach_m))),
-            *(np.array([0.0, stiffness, stiffness]), reach_m, 0.0),
+            *(np.array([0.0, stiffness, stiffness]), reach_m, 0.0, near),
         )
 
     def at_rest(self, state: _State) -> Equilibrium:
@@ -260,6 +269,11 @@ class _Plane:
         g = np.maximum(g, 0)
         N = self.k * g * np.sqrt(g)
         sunk = np.zeros_like(g) if C is None else _sunk_m(C, N)
+        each = 0.5 * sunk  # of the energy, over the load
+        if self.near is not None:
+            by_width, by_slope = self.near.sunk_m(self.k, N, g)
+            sunk = sunk + by_width + by_slope
+            each += 3 / 8 * by_width + by_slope / 3
         height = g + sunk + self.h
         # Unknowns that no spring holds are multipliers: those that leave the least misfit.
         loose = self.spring == 0.0
@@ -274,7 +288,7 @@ class _Plane:
         gap = rest - moved
         active = (g > 0) | (gap < 0)
         scale = float((np.abs(height) + np.abs(moved))[active].max(initial=0.0))
-        energy = float(N @ (0.6 * g + 0.5 * sunk + self.h - self.level))
+        energy = float(N @ (0.6 * g + each + self.h - self.level))
         energy += 0.5 * float(self.spring @ free**2)
         error = float(np.abs(gap[active]).max(initial=0.0))
         return _State(g, free, gap, active, error, scale, energy, 1e-13 * scale * float(N.sum()))
@@ -417,6 +431,8 @@ def _newton_steps(
     held = np.maximum(g, 0)
     N = k * held * np.sqrt(held)
     height = held + h + (0.0 if C is None else N @ C)
+    if plane.near is not None:
+        height += sum(plane.near.sunk_m(k, N, held))
     moved = free @ B.T
     gap = height - moved
     active = (g > 0) | (gap < 0)

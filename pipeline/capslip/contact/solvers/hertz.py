@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike
 from capslip.contact.material import check_modulus
 from capslip.errors import ContactError, SettingsError
 
+KEPT = 512  # approaches whose compressions stay known: a joint has some hundred patches
 _AT_ONCE = 1_000_000  # pairs of rows
 
 
@@ -98,6 +99,8 @@ class HertzCurve:
     compliance_m_per_N: Any = 0.0
     # What `approach_m` returned: the preload is asked again and again
     _approach_m: dict[float, np.ndarray] = field(default_factory=dict, init=False, repr=False)
+    # Compressions at the approaches that it returned, which the approach alone tells less exactly
+    _solved: dict[float, np.ndarray] = field(default_factory=dict, init=False, repr=False)
     # The last solution of `_once`: withdrawal and loss at the same drops share it
     _slipped: dict[tuple[Any, ...], tuple[np.ndarray, np.ndarray]] = field(
         default_factory=dict, init=False, repr=False
@@ -147,8 +150,14 @@ class HertzCurve:
             )
         self._total_slope(g)
         approach: np.ndarray = level + self.compliance_m_per_N * load
+        if len(self._solved) > KEPT:
+            self._solved.clear()
+            self._approach_m.clear()
         if load.ndim == 0:
             self._approach_m[float(load)] = approach
+        if self.radius_m.ndim == 1:  # of sets the approach of one is not that of the others
+            rows = g.reshape(-1, g.shape[-1])
+            self._solved.update(zip(np.ravel(approach).tolist(), rows, strict=True))
         return approach
 
     def stiffness_N_per_m(self, approach_m: ArrayLike, withdrawal_m: ArrayLike = 0.0) -> np.ndarray:
@@ -200,7 +209,11 @@ class HertzCurve:
 
     def _compression(self, approach_m: ArrayLike) -> np.ndarray:
         """Return how far each asperity is compressed at an approach, negative for a gap."""
-        return self._compression_at_level(self._level(approach_m))
+        d = np.asarray(approach_m, dtype=float)
+        known = [self._solved.get(value) for value in d.ravel()[:KEPT].tolist()]
+        if d.size > KEPT or any(g is None for g in known):
+            return self._compression_at_level(self._level(d))
+        return np.reshape(np.array(known), (*d.shape, -1))
 
     def _compression_at_level(self, level: np.ndarray) -> np.ndarray:
         return level[..., None] - self.depth_m

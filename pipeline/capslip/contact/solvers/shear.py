@@ -1,15 +1,16 @@
 """Contacts that are coupled by springs and sheared: slip of each, and where each lets go.
 
 Contact i carries N_i = k_i (g_i)_+^1.5 at compression g_i, and the load N_j of another one sinks it
-by C_ij N_j; C is symmetric with zero diagonal. These are the solvers behind `interacting`, from the
-equilibrium that `balance.press` finds on.
+by C_ij N_j; C is symmetric with zero diagonal. Contacts that are near one another may sink by a
+little more than that, see `near_field`: under shear by what the normal loads N less t leave of it.
+These are the solvers behind `interacting`, from the equilibrium that `balance.press` finds on.
 
 Every solution has a certificate. Shear t_i of a contact is a function of its slip x_i alone that
 ends at its load and has the sign of x_i: Coulomb's bound and the direction of slip hold by
 construction. What remains is that the face moves every contact by the same e, and that the closing
 equation holds: both are evaluated from the x that is returned. In t the problem is the minimum of
-a convex energy with the Hessian 1 / D + C, D = diag(1.5 k sqrt(g - |x|)), which only grows with
-slip: where it is positive definite at rest, and that is asked, there is one solution.
+a convex energy with, nearly, the Hessian 1 / D + C, D = diag(1.5 k sqrt(g - |x|)), which only grows
+with slip: where it is positive definite at rest, and that is asked, there is one solution.
 """
 
 from dataclasses import dataclass
@@ -18,6 +19,7 @@ from typing import Any
 import numpy as np
 
 from capslip.contact.solvers.hertz import load_drop_of_asperity
+from capslip.contact.solvers.near_field import NearField
 from capslip.errors import ContactError
 
 _BATCH = 4_000_000  # numbers in the matrices that are solved at once: 32 MB
@@ -37,6 +39,7 @@ def shear(
     g: np.ndarray,
     goal: np.ndarray,
     closing: tuple[float, float],
+    near: NearField | None = None,
 ) -> tuple[np.ndarray, np.ndarray]:
     """Solve x_i + sum_j C_ij t_j = e, t the load drops of the contacts, for many goals at once.
 
@@ -54,6 +57,8 @@ def shear(
         What closes the system: a e + b sum t = goal.
     closing : (float, float)
         a and b: (1, c) gives the withdrawal, with a spring c in series; (0, 1) the load drop.
+    near : NearField, optional
+        As for `balance.press`.
 
     Returns
     -------
@@ -67,13 +72,13 @@ def shear(
         equations to `_CERTIFIED`.
     """
     a, b = closing
-    net = _Network.of(k, C, g)
+    net = _Network.of(k, C, g, near)
     e, x = _first_guess(net, goal, closing)
     todo = np.arange(len(goal))
     if a == 0:
         total = goal >= net.total_N * (1 - _ROUNDING)
         e = np.where(total, net.e_total, e)
-        x = np.where(total[:, None], np.expand_dims(net.e_total, -1) - net.N @ C, x)
+        x = np.where(total[:, None], np.expand_dims(net.e_total, -1) - net.sunk_m, x)
         todo = todo[~total]
     _slide(net, goal, (a, np.full((1, k.shape[-1]), b)), e, x, todo)
     missed = ~(net.misfit(goal, closing, e, x) <= _CERTIFIED)
@@ -81,7 +86,8 @@ def shear(
         for row in np.flatnonzero(missed).tolist():
             one, on = net.alone(row)
             e[row], x[row, on] = _searched(one, float(goal[row]), closing)
-            x[row, ~on] = e[row] - one.drop_N(x[row, on]) @ C[np.ix_(on, ~on)]
+            x[row, ~on] = 0.0
+            x[row, ~on] = e[row] - net.risen_m(x[row], row)[~on]
         off = net.misfit(goal, closing, e, x)
         missed = ~(off <= _CERTIFIED)
     if missed.any():
@@ -93,15 +99,17 @@ def shear(
     return e, np.where(g > 0, x, 0.0)
 
 
-def lift_off(k: np.ndarray, C: np.ndarray, g: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def lift_off(
+    k: np.ndarray, C: np.ndarray, g: np.ndarray, near: NearField | None = None
+) -> tuple[np.ndarray, np.ndarray]:
     """Find where each contact loses its load in the system of `shear`: x_i = g_i.
 
-    As x_i = e - sum_j C_ij t_j, that is a goal linear in e and t like any other, one a contact,
-    and all of them are found at once without a search along e.
+    As x_i = e - sum_j C_ij t_j, that is a goal linear in e and t like any other but for the near
+    field, one a contact, and all of them are found at once without a search along e.
 
     Parameters
     ----------
-    k, C, g
+    k, C, g, near
         As for `shear`.
 
     Returns
@@ -116,16 +124,16 @@ def lift_off(k: np.ndarray, C: np.ndarray, g: np.ndarray) -> tuple[np.ndarray, n
     ContactError
         If contacts overlap so far that there is more than one solution.
     """
-    net = _Network.of(k, C, g)
-    ahead = 1 - C @ net.spread  # dx / de before any slip
+    net = _Network.of(k, C, g, near)
+    ahead = 1 - net.K @ net.spread  # dx / de before any slip
     forward = ahead > 0
     e = np.minimum(g / np.where(forward, ahead, 1), net.e_total)
     x = e[:, None] * ahead
     # The smallest first: neighbours in the batch have then lost about the same contacts.
     order = np.argsort(g)
-    _slide(net, g, (1.0, -C), e, x, order[forward[order]])
+    _slide(net, g, (1.0, -C), e, x, order[forward[order]], lifts=True)
     unknown = ~forward | ~((e > 0) & (e <= net.e_total * (1 + 1e-12)))
-    unknown |= ~(net.misfit(g, (1.0, -C), e, x) <= _CERTIFIED)
+    unknown |= ~(net.misfit(g, (1.0, -C), e, x, lifts=True) <= _CERTIFIED)
     e[unknown], x[unknown] = np.nan, np.nan
     return e, x
 
@@ -137,26 +145,33 @@ class _Network:
     k: np.ndarray
     C: np.ndarray
     g: np.ndarray
+    near: NearField | None
+    K: np.ndarray  # C and, at rest, what the near field adds to it: for slopes
     N: np.ndarray  # their loads
+    sunk_m: np.ndarray  # by the loads of the others
     total_N: np.ndarray
     e_total: np.ndarray  # e at total slip
     spread: np.ndarray  # the load drops for a unit of e
 
     @classmethod
-    def of(cls, k: np.ndarray, C: np.ndarray, g: np.ndarray) -> "_Network":
+    def of(cls, k: np.ndarray, C: np.ndarray, g: np.ndarray, near: NearField | None) -> "_Network":
         """Return it, where it is stable: at rest the energy of the problem is least convex."""
         held = np.maximum(g, 0)
         root = np.sqrt(held)
         S, N = np.sqrt(1.5 * k * root), k * held * root
         rows = S.reshape(-1, S.shape[-1])
+        sunk_m, K = N @ C, C
+        if near is not None:
+            sunk_m += sum(near.sunk_m(k, N, held))
+            K = C + near.slope_m_per_N(*(one.reshape(rows.shape).mean(axis=0) for one in (k, held)))
         try:
             for part in _parts(*rows.shape):
-                np.linalg.cholesky(_coupled(rows[part], C))
+                np.linalg.cholesky(_coupled(rows[part], K))
         except np.linalg.LinAlgError as error:
             raise ContactError(_UNSTABLE) from error
-        spread = (rows * solve_coupled(rows, C, rows[..., None])[..., 0]).reshape(S.shape)
-        e_total = np.where(g > 0, g + N @ C, -np.inf).max(axis=-1)
-        return cls(k, C, g, N, N.sum(axis=-1), e_total, spread)
+        spread = (rows * solve_coupled(rows, K, rows[..., None])[..., 0]).reshape(S.shape)
+        e_total = np.where(g > 0, g + sunk_m, -np.inf).max(axis=-1)
+        return cls(k, C, g, near, K, N, sunk_m, N.sum(axis=-1), e_total, spread)
 
     def of_rows(self, rows: Any) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Return k, g and e at total slip of some goals."""
@@ -168,11 +183,28 @@ class _Network:
         """Return the network of what touches at one goal, and what that is."""
         k, g, _ = self.of_rows(row)
         on = g > 0
-        return _Network.of(k[on], self.C[np.ix_(on, on)], g[on]), on
+        near = None if self.near is None else self.near.of(on)
+        return _Network.of(k[on], self.C[np.ix_(on, on)], g[on], near), on
 
     def drop_N(self, x: np.ndarray) -> np.ndarray:
         """Return t at slips x, of their shape."""
         return load_drop_of_asperity(self.k, self.g, x)
+
+    def risen_m(self, x: np.ndarray, rows: Any = slice(None)) -> np.ndarray:
+        """Return by how much contacts sink less than at rest at slips x of some goals."""
+        k, g, _ = self.of_rows(rows)
+        t = load_drop_of_asperity(k, g, x)
+        return t @ self.C + self.risen_near_m(x, t, rows)
+
+    def risen_near_m(self, x: np.ndarray, t: np.ndarray, rows: Any = slice(None)) -> Any:
+        """Return what the near field has of it, given the load drops t, too."""
+        if self.near is None:
+            return 0.0
+        k, g, _ = self.of_rows(rows)
+        held = np.maximum(g, 0)
+        dg = np.clip(x, -held, held)
+        N = k * held * np.sqrt(held) - 0.5 * t
+        return sum(self.near.changed_m(k, N, held - 0.5 * dg, t, dg))
 
     def misfit(
         self,
@@ -180,6 +212,7 @@ class _Network:
         closing: tuple[float, float | np.ndarray],
         e: np.ndarray,
         x: np.ndarray,
+        lifts: bool = False,
     ) -> np.ndarray:
         """Return by how much each row misses its equations, shape (m,): the certificate.
 
@@ -188,8 +221,12 @@ class _Network:
         """
         a, weights = closing
         t = self.drop_N(x)
-        off_m = np.abs(x + t @ self.C - e[:, None]).max(axis=1)
-        off, scale = np.abs(a * e + (weights * t).sum(axis=1) - goal), goal
+        risen_m = self.risen_near_m(x, t)
+        off_m = np.abs(x + t @ self.C + risen_m - e[:, None]).max(axis=1)
+        off, scale = a * e + (weights * t).sum(axis=1) - goal, goal
+        if lifts and self.near is not None:
+            off -= risen_m.diagonal()
+        off = np.abs(off)
         if a == 0:
             rest = np.maximum(self.total_N - goal, 0.0) + _ROUNDING / _CERTIFIED * self.total_N
             scale = np.minimum(goal, rest)
@@ -214,7 +251,7 @@ def _first_guess(
     rest = np.log1p(-np.minimum(e / e_total, _NEARLY))
     power = net.spread * np.expand_dims(e_total, -1) / np.maximum(net.N, _TINY)
     t = -net.N * np.expm1(np.minimum(power * rest[:, None], _NEARLY))  # not all advance
-    return e, e[:, None] - t @ net.C
+    return e, e[:, None] - t @ net.K
 
 
 def _slide(
@@ -224,10 +261,17 @@ def _slide(
     e: np.ndarray,
     x: np.ndarray,
     todo: np.ndarray,
+    lifts: bool = False,
 ) -> None:
-    """Improve the rows `todo` of e and x until a e + b . t = goal, or steps lead nowhere."""
+    """Improve the rows `todo` of e and x until a e + b . t = goal, or steps lead nowhere.
+
+    The near field has the slopes that it has at rest. In a contact's own lift-off, one a row, its
+    share is not in b . t.
+    """
     a, weights = closing
-    C = net.C
+    C, K = net.C, net.K
+    # Each step squares what the last one left, or takes it down to less than a per cent
+    enough = 1e-8 if net.near is None else 1e-11
     for _ in range(100):
         if todo.size == 0:
             break
@@ -236,9 +280,12 @@ def _slide(
         b = weights[todo] if len(weights) > 1 else weights
         t = load_drop_of_asperity(k, g, xt)
         S = np.sqrt(1.5 * k * np.sqrt(np.maximum(g - np.abs(xt), 0)))
-        misfit = xt + t @ C - et[:, None]
+        risen_m = net.risen_near_m(xt, t, todo)
+        misfit = xt + t @ C + risen_m - et[:, None]
         missing = goal[todo] - a * et - (b * t).sum(axis=1)
-        z = S[..., None] * solve_coupled(S, C, np.stack([S * misfit, S], axis=-1))
+        if lifts and net.near is not None:
+            missing += risen_m[np.arange(todo.size), todo]
+        z = S[..., None] * solve_coupled(S, K, np.stack([S * misfit, S], axis=-1))
         back, stiffness = (b[..., None] * z).sum(axis=1).T
         slope = a + stiffness
         de = np.where(slope > 0, missing + back, 0) / np.where(slope > 0, slope, 1)
@@ -249,12 +296,11 @@ def _slide(
             w = np.cbrt(1 - u)
             de = rest * u * (1 + w) / (1 + w + w * w)
         dt = de[:, None] * z[..., 1] - z[..., 0]
-        dx = de[:, None] - misfit - dt @ C
+        dx = de[:, None] - misfit - dt @ K
         x[todo] = xt = xt + dx
         e[todo] = et + de
         size = np.abs(xt).max(axis=1)
-        # Each step squares what the last one left
-        solved = np.abs(dx).max(axis=1) <= 1e-8 * size
+        solved = np.abs(dx).max(axis=1) <= enough * size
         solved |= (np.abs(misfit).max(axis=1) <= 1e-15 * size) & (
             np.abs(missing) <= 1e-15 * goal[todo]
         )
@@ -283,19 +329,19 @@ def _searched(net: _Network, goal: float, closing: tuple[float, float]) -> tuple
 
 def _at_rest(net: _Network, e: float, x: np.ndarray) -> np.ndarray:
     """Return x of one displacement e, by steps that are halved until the misfit falls."""
-    k, C, g = net.k, net.C, net.g
-    misfit = x + C @ net.drop_N(x) - e
+    k, g = net.k, net.g
+    misfit = x + net.risen_m(x) - e
     off = float(np.linalg.norm(misfit))
     for _ in range(200):
         if off <= 1e-15 * e:
             break
         S = np.sqrt(1.5 * k * np.sqrt(np.maximum(g - np.abs(x), 0)))
-        z = S * solve_coupled(S[None], C, (S * misfit)[None, :, None])[0, :, 0]
-        step = C @ z - misfit
+        z = S * solve_coupled(S[None], net.K, (S * misfit)[None, :, None])[0, :, 0]
+        step = net.K @ z - misfit
         share = 1.0
         while share > 1e-9:
             trial = x + share * step
-            misfit = trial + C @ net.drop_N(trial) - e
+            misfit = trial + net.risen_m(trial) - e
             if float(np.linalg.norm(misfit)) < (1 - 0.1 * share) * off:
                 break
             share /= 2
@@ -335,5 +381,5 @@ def _coupled(S: np.ndarray, C: np.ndarray) -> np.ndarray:
     """Return 1 + S C S, shape (batch, n, n)."""
     matrix = S[:, :, None] * C * S[:, None, :]
     diagonal = np.arange(S.shape[1])
-    matrix[:, diagonal, diagonal] = 1
+    matrix[:, diagonal, diagonal] += 1
     return matrix

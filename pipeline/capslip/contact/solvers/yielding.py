@@ -20,6 +20,7 @@ from typing import Any
 import numpy as np
 
 from capslip.contact.solvers.balance import Equilibrium, press
+from capslip.contact.solvers.near_field import NearField
 from capslip.errors import ContactError
 
 HARDNESS_PER_YIELD = 2.8  # Tabor 1951; Jackson and Green have 2.84 for small contacts
@@ -215,6 +216,7 @@ def first_loading(
     load_N: float,
     *,
     compliance_m_per_N: np.ndarray | None = None,
+    near: NearField | None = None,
     count: np.ndarray | float = 1.0,
     start_m: np.ndarray | None = None,
     start_N: np.ndarray | None = None,
@@ -237,6 +239,8 @@ def first_loading(
         Composite modulus; the load.
     compliance_m_per_N : float64, shape (n, n), optional
         Between the caps, as for `balance.press`.
+    near : NearField, optional
+        The same. Of caps that yield it is that of the flattened ones, turn by turn.
     count : float64, shape (n,)
         Equal caps in each row, only of caps that do not interact.
     start_m, start_N : float64, shape (n,), optional
@@ -258,12 +262,12 @@ def first_loading(
     """
 
     def pressed(
-        radius_m: np.ndarray, depth_m: np.ndarray, start_m: np.ndarray | None
+        radius_m: np.ndarray, depth_m: np.ndarray, start_m: np.ndarray | None, **near: Any
     ) -> tuple[Equilibrium, np.ndarray]:
         k = 4.0 / 3.0 * E_star_Pa * np.sqrt(radius_m)
         rows = k * count
         even_m = (load_N / len(k) / rows) ** (2 / 3)
-        goal = {"load": load_N, **turning}
+        goal = {"load": load_N, **turning, **near}
         try:
             if start_m is None and compliance_m_per_N is not None and len(k) > _MANY:
                 start_m = press(rows, depth_m, None, even_m, **goal).compression_m
@@ -279,7 +283,7 @@ def first_loading(
     if law is None or one_N is None or not law.yielded(one_N, radius_m).any():
         moved = math.inf
         try:
-            rest, one_N = pressed(radius_m, depth_m, start_m)
+            rest, one_N = pressed(radius_m, depth_m, start_m, near=near)
         except ContactError:
             if law is None:
                 raise
@@ -292,9 +296,10 @@ def first_loading(
         near_m, lower_m = law.like_hertz(one_N, radius_m, tangent=moved < _NEAR)
         near_start_m = None
         if gap_m is not None and moved < _NEAR:
-            near = (0.75 * one_N / (E_star_Pa * np.sqrt(near_m))) ** (2 / 3)
-            near_start_m = np.where(one_N > 0.0, near, gap_m)
-        rest, new_N = pressed(near_m, depth_m + lower_m, near_start_m)
+            held_m = (0.75 * one_N / (E_star_Pa * np.sqrt(near_m))) ** (2 / 3)
+            near_start_m = np.where(one_N > 0.0, held_m, gap_m)
+        sunk_m = 0.0 if near is None else _sunk_near_m(near, law, one_N, radius_m, E_star_Pa)
+        rest, new_N = pressed(near_m, depth_m + lower_m + sunk_m, near_start_m)
         gap_m = rest.compression_m
         last, moved = moved, float(np.abs(count * (new_N - one_N)).sum()) / load_N
         if moved < _SETTLED:
@@ -314,3 +319,12 @@ def first_loading(
     a2_m2 = np.cbrt(0.75 * one_N * flat_m / E_star_Pa) ** 2
     g = np.where(one_N > 0.0, a2_m2 / flat_m, rest.compression_m)
     return FirstLoading(rest, one_N, flat_m, depth_m + left_m, a2_m2 / radius_m, g)
+
+
+def _sunk_near_m(
+    near: NearField, law: YieldLaw, load_N: np.ndarray, radius_m: np.ndarray, E_star_Pa: float
+) -> Any:
+    """Return how deep the near field of caps that yielded sinks them."""
+    flat_m, _ = law.flattened(load_N, radius_m)
+    k = 4.0 / 3.0 * E_star_Pa * np.sqrt(flat_m)
+    return sum(near.sunk_m(k, load_N, (load_N / k) ** (2 / 3)))

@@ -122,7 +122,7 @@ def _panel(axes: "Axes", results: dict[str, Any], quantity: str) -> None:
             zorder=0.5,
             label="Pareto front of all methods",
         )
-        axes.set(xscale="log", yscale="log", ylim=(3e-4, 5.0))
+        axes.set(xscale="log", yscale="log", ylim=(1e-5, 5.0))
     axes.set_xlabel("processor seconds of one analysis")
     axes.set_ylabel(f"relative error of the {TITLES[quantity]}", fontsize=8.5)
     _plain(axes)

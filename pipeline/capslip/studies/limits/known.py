@@ -130,13 +130,16 @@ def slip_of_true_caps(
         level, floor_m = found
         places, peak_m = (level.x_m, level.y_m), level.peak_height_m
     spheres = truth.radius_m, peak_m.max() - peak_m
-    curve = interacting(*spheres, *places, joint.E_star_Pa)
+    curve = interacting(*spheres, *places, joint.E_star_Pa, preload_N)
     law = yield_law(material)
     if law is not None:
-        between = curve.pair_compliance_m_per_N
-        given = (law, *spheres, joint.E_star_Pa, preload_N)
-        after = first_loading(*given, compliance_m_per_N=between)
-        curve = interacting(after.radius_m, after.depth_m, *places, joint.E_star_Pa)
+        after = first_loading(
+            *(law, *spheres, joint.E_star_Pa, preload_N),
+            compliance_m_per_N=curve.pair_compliance_m_per_N,
+            near=curve.near,
+        )
+        flat = after.radius_m, after.depth_m
+        curve = interacting(*flat, *places, joint.E_star_Pa, preload_N)
     approach_m = float(curve.approach_m(preload_N))
     if curve.overlapping_pairs(approach_m):
         return None
