@@ -10,7 +10,12 @@ from hill_cases import bowl_m, hills_of
 from capslip.caps.apex import find_apexes
 from capslip.caps.body import body_of_hills
 from capslip.caps.noise import Noise
-from capslip.caps.spheres import elliptic_factor, radius_by_quadric, spheres_by_volume
+from capslip.caps.spheres import (
+    elliptic_factor,
+    lattice_error,
+    radius_by_quadric,
+    spheres_by_volume,
+)
 
 SILENT = Noise(0.0, 1.0, 0.0)
 PIXEL_M = (0.5, 2.0)
@@ -150,7 +155,11 @@ def given(volume_m3, depth_m, edge=False, patch=False, quadric=True, noise_m=0.0
         body=body,
         apexes=apexes,
         noise=Noise(noise_m, 1.0, noise_m),
-        surface=SimpleNamespace(pixel_area_m2=known["pixel_m2"], side_m=(20.0, 80.0)),
+        surface=SimpleNamespace(
+            pixel_area_m2=known["pixel_m2"],
+            pixel_size_m=(known["pixel_m2"] ** 0.5,) * 2,
+            side_m=(20.0, 80.0),
+        ),
         edge_of_face=known["edge_of_face"],
     )
 
@@ -183,9 +192,25 @@ def test_the_error_of_a_radius_is_that_of_apex_and_pixels(pixel_m2, points):
         np.pi * t**2 * (R - t / 3.0), t, apex_se_m=0.3, scatter_m=0.2, pixel_m2=pixel_m2, ratio=4.0
     )
     apex = 2.0 / t * np.sqrt(0.3**2 - 0.2**2 / points)
-    pixels = 0.2 * (points / np.pi) ** -1.25
-    assert error_m == pytest.approx(radius_m * np.hypot(apex, pixels))
+    pixels = 0.1028 * (points / np.pi) ** -1.25  # 8 / sqrt(pi) (2 pi)^-5/2 sqrt(5.08)
+    assert error_m == pytest.approx(radius_m * np.hypot(apex, pixels), rel=1e-3)
     assert radius_m == pytest.approx(R * elliptic_factor(4.0))
+
+
+@pytest.mark.parametrize("power", [0, 1])
+@pytest.mark.parametrize("pixel_m", [(1.0, 1.0), (0.5, 1.5), (2.0, 1.0)])
+def test_sums_over_pixels_miss_discs_that_lie_anywhere_by_as_much_as_is_said(power, pixel_m):
+    """Discs of many sizes, as the error of one size goes up and down with it."""
+    (dy, dx), rng, off = pixel_m, np.random.default_rng(0), []
+    y, x = (step * (np.arange(-40, 41)) for step in pixel_m)
+    for _ in range(4000):
+        rho = rng.uniform(6.0, 10.0)
+        r2 = (y[:, None] - dy * rng.uniform()) ** 2 + (x - dx * rng.uniform()) ** 2
+        inside = r2[r2 < rho**2] / rho**2
+        found = ((1.0 - inside) ** power).sum() * dy * dx / (np.pi * rho**2 / (power + 1))
+        said = lattice_error(np.array([np.pi * rho**2 / (dy * dx)]), pixel_m, power)
+        off.append((found - 1.0) / said[0])
+    assert np.sqrt(np.mean(np.square(off))) == pytest.approx(1.0, abs=0.08)
 
 
 @pytest.mark.parametrize("R", [0.3, 5.0])

@@ -64,9 +64,9 @@ def test_without_noise_the_error_is_that_of_the_pixels(across):
     radius, radius_se, apex_m, apex_se_m, _ = found("equation18", across, 40)
     assert 0.8 < rms(radius) / rms(radius_se) < 1.5
     assert 0.4 < rms(apex_m) / rms(apex_se_m) < 1.0
-    # Sums over a paraboloid: to the power -2.5
+    # Sums over a paraboloid: to the power -2.5, and up and down with the radius
     radius, radius_se, apex_m, _, _ = found("pinned", across, 40)
-    assert 0.2 < rms(radius) / rms(radius_se) < 1.0
+    assert 0.4 < rms(radius) / rms(radius_se) < 1.6
     assert rms(apex_m) < 1e-15
 
 

@@ -1,5 +1,7 @@
 """Spheres by the volume of a hill below its apex, or by the curvature of its quadric."""
 
+import math
+
 import numpy as np
 
 from capslip.caps.body import Body
@@ -11,6 +13,7 @@ LONGEST = 100.0  # such ratio that the summit of a hill is taken to keep up over
 # 0.17 u^5 of a crown, 0.06 % at the first and 2 % at the second, from where on its volume says less
 # than the quadric through what is there
 LITTLE_CUT, MUCH_CUT = 0.1, 0.2
+WAVES = 8  # of the pixels along each axis, of which a lattice sum takes the discs' share
 MOST_HIDDEN = 2.0  # times the radius by volume: a hill beside the apex hides less than half a crown
 
 
@@ -116,6 +119,41 @@ def edge_factor(inside: np.ndarray, outside: np.ndarray) -> np.ndarray:
     return 1.0 + 0.2 * np.hypot(*lost)
 
 
+def lattice_error(points: np.ndarray, pixel_size_m: tuple[float, float], power: int) -> np.ndarray:
+    """Return by how much sums over pixels miss integrals over discs that lie anywhere, rms.
+
+    Relative, of (1 - r^2 / rho^2)^power over a disc of radius rho: its area (0), a cap (1).
+
+    Parameters
+    ----------
+    points : float64, shape (n,)
+        Pixels on each disc, 1 at least.
+    pixel_size_m : (float, float)
+        (dy, dx).
+    power : int
+        Of the function.
+
+    Notes
+    -----
+    By Poisson's sum the error is that of the waves k of the lattice: over the integral, with
+    z = 2 pi |k| rho and q = power + 1, it is 2^q q! J_q(z) / z^q of each, at phases of any kind,
+    and J_q^2 is 1 / (pi z) in the mean.
+
+    Examples
+    --------
+    >>> lattice_error(np.array([100 * np.pi]), (1.0, 1.0), 0).round(5)
+    array([0.00655])
+    >>> lattice_error(np.array([100 * np.pi]), (1.0, 1.0), 1).round(5)
+    array([0.00033])
+    """
+    q, aspect = power + 1, pixel_size_m[0] / pixel_size_m[1]
+    wave = np.arange(-WAVES, WAVES + 1.0)
+    square = wave**2 * aspect + wave[:, None] ** 2 / aspect  # k^2 times the area of a pixel
+    total = float((square[square > 0.0] ** -(q + 0.5)).sum())
+    of_one = 2.0**q * math.factorial(q) / math.sqrt(math.pi) * (2.0 * math.pi) ** -(q + 0.5)
+    return np.asarray(of_one * math.sqrt(total) * (points / math.pi) ** -(0.5 * q + 0.25))
+
+
 def _radius_by_volume(given: FitInput) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Radius of the sphere that has the volume V above the level: V = pi t^2 (R - t/3).
 
@@ -136,7 +174,7 @@ def _radius_by_volume(given: FitInput) -> tuple[np.ndarray, np.ndarray, np.ndarr
     scatter_m = np.fmax(body.scatter_m, 0.0)
     own_m2 = np.maximum(apex_se_m**2 - scatter_m**2 / points, 0.0)  # of the apex alone
     apex = 2.0 / t * np.sqrt(own_m2)
-    pixels = 0.2 * (points / np.pi) ** -1.25  # rms error of a lattice sum over a paraboloid
+    pixels = lattice_error(points, given.surface.pixel_size_m, power=1)
     radius_m = _elliptic_factor(body) * radius_m
     return radius_m, radius_m * np.hypot(apex, pixels), -2.0 / t * radius_m * own_m2
 

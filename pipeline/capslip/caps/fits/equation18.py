@@ -7,6 +7,7 @@ Eq. 18 of Peyret, Chevallier and Dion 2016. Noise lifts the highest point, and w
 import numpy as np
 
 from capslip.caps.fitting import Fit, FitInput, Spheres
+from capslip.caps.spheres import lattice_error
 
 
 def equation18_radius_m(diameter_m: np.ndarray, cap_height_m: np.ndarray) -> np.ndarray:
@@ -37,7 +38,7 @@ def _spheres(given: FitInput) -> Spheres:
     height_m = apex_m - given.hills.cut_height_m
     height_m = np.where(height_m > 0.0, height_m, np.nan)
     radius_m = equation18_radius_m(given.diameter_m, height_m)
-    pixels = 0.2 * (np.maximum(count, 1) / np.pi) ** -0.75  # rms error of points in a circle
+    pixels = lattice_error(np.maximum(count, 1), given.surface.pixel_size_m, power=0)
     return Spheres(
         x_m=x_m,
         y_m=y_m,
