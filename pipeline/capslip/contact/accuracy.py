@@ -201,12 +201,12 @@ def error_of_caps(
         tilted = _of_level(scene, settings)
         curves += [] if tilted is None else [tilted]
         used, change = _used_and_changes(curves, scene, found, settings)
+        change[1] *= PAIRS_SHARE
         *at_random, by_shape = change[0]
         at_random_rms = _rms(at_random)
         of_random = 2.0 * float(at_random_rms.max())
         each = (by_shape, *change[1:], np.zeros(1))
         shape, pairs, level = (float(np.abs(one).max()) for one in each[:3])
-        pairs *= PAIRS_SHARE
         unloading = _of_unloading(scene, curve)
         besides = 2.0 * shape, pairs, unloading, LEAST_ERROR
         of_caps = without_noise = math.hypot(of_random, *besides)
@@ -214,7 +214,6 @@ def error_of_caps(
         by_level = None if tilted is None else used[-1]
         moved = MovedCaps(as_found, used[0], used[1], by_level, unloading, curve)
         by_answer = np.vstack((2.0 * at_random_rms, 2.0 * by_shape, *change[1:]))
-        by_answer[2] *= PAIRS_SHARE
         errors = _by_share(np.linalg.norm(by_answer, axis=0), unloading, of_caps, level)
         if math.hypot(of_caps, level) > settings.contact.tolerance:
             own = _at_random(scene, own_m, _not_of_noise(scene, own_m, noise_m))

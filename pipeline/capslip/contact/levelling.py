@@ -50,7 +50,7 @@ LEAST_PART = 0.2  # of a turn: a face that swings to and fro goes only so far ea
 NEARLY_LOAD, NEARLY_TILT = 1e-3, 3e-3
 UNSETTLED = 0.01  # of the preload: a level whose last turn still moves more is none
 SHALLOW_LOAD = 1e-3  # of the preload, on hills whose fit the cut may limit
-FEW_HILLS = 200
+FEW_HILLS = 200  # whose near field costs next to nothing in each turn
 EARLY = 0.05  # of load and approach: by then the cut can be tried
 SAME_CUT = 0.1  # of the approach: a face that turned less since it was cut is cut well
 
@@ -397,7 +397,7 @@ class _Search:
         raise ContactError(why)
 
     def _few(self, hills: Hills) -> bool:
-        """Whether their near field costs next to nothing; of more it waits for the last turn."""
+        """Whether all turns have their near field; that of more hills waits for the last one."""
         return self.settled <= SETTLED and hills.n_hills <= FEW_HILLS
 
     def _press(

@@ -1,6 +1,6 @@
 """The caps that can touch below a load."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -85,8 +85,7 @@ def reachable(
                 compliance_m_per_N=pairs.pair_compliance_m_per_N,
                 near=pairs.near,
             )
-            flat = after.radius_m, after.depth_m
-            pairs = interacting(*flat, *places, E_star_Pa, preload_N)
-            pairs = replace(pairs, start_m=after.compression_m)
+            spheres, start_m = (after.radius_m, after.depth_m), after.compression_m
+            pairs = interacting(*spheres, *places, E_star_Pa, preload_N, start_m=start_m)
         approach_m = float(pairs.approach_m(preload_N))
     return Reach(near, mean, pairs)

@@ -243,6 +243,7 @@ def interacting(
     E_star_Pa: float,
     preload_N: float | None = None,
     memory_limit_bytes: float = 4e9,
+    start_m: np.ndarray | None = None,
 ) -> InteractingCurve:
     """Return the normal curve of caps with elastic interaction.
 
@@ -261,6 +262,8 @@ def interacting(
         one another as point loads.
     memory_limit_bytes : float, optional
         The solver needs 56 n^2 bytes.
+    start_m : float64, shape (n,), optional
+        Compressions to start from: those under the preload, where there is one.
 
     Raises
     ------
@@ -312,11 +315,12 @@ def interacting(
         x_m=x_m,
         y_m=y_m,
         pair_compliance_m_per_N=1 / (np.pi * E_star_Pa * r),
+        start_m=start_m,
     )
-    return curve if preload_N is None else with_near_field(curve, preload_N)
+    return curve if preload_N is None else _with_near_field(curve, preload_N)
 
 
-def with_near_field(curve: InteractingCurve, preload_N: float) -> InteractingCurve:
+def _with_near_field(curve: InteractingCurve, preload_N: float) -> InteractingCurve:
     """Return the curve with the near field of its contacts, unless they run together.
 
     Those are the contacts that it starts from, where it does.
@@ -334,9 +338,8 @@ def with_near_field(curve: InteractingCurve, preload_N: float) -> InteractingCur
 
 def _build(scene: Scene) -> InteractingCurve:
     caps, use = scene.caps, scene.use
-    places = caps.x_m[use], caps.y_m[use]
-    curve = interacting(scene.radius_m, scene.depth_m, *places, scene.E_star_Pa)
-    return with_near_field(replace(curve, start_m=scene.start_m), scene.preload_N)
+    spheres = scene.radius_m, scene.depth_m, caps.x_m[use], caps.y_m[use]
+    return interacting(*spheres, scene.E_star_Pa, scene.preload_N, start_m=scene.start_m)
 
 
 def _contacts(scene: Scene, curve: InteractingCurve, approach_m: float) -> Contacts:

@@ -14,14 +14,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from capslip.contact.solvers.near_field import NearField
+from capslip.contact.solvers.near_field import FEW, NearField
 from capslip.errors import ContactError, TipsOverError
 
 _TOLERANCE = 1e-14  # of the heights: misfit at which a state is an equilibrium
 _ACCEPTED = 1e-12  # of the heights: misfit that rounding may leave
 _MOST_STEPS = 30  # of Newton's method without damping
 _LOOSE = 1e-15  # of the greatest pivot: two caps opposite each other leave a slope to rounding
-_FEW = 0.2  # of the caps that carry: below, a copy of their rows costs less than the others
 _MOST_TOGETHER = 200  # contacts of sets that are solved at once; more are as fast alone
 
 
@@ -381,7 +380,7 @@ def _refuse_tipping(arm: np.ndarray) -> None:
 def _sunk_m(C: np.ndarray, N: np.ndarray) -> np.ndarray:
     """Return C N, from the rows of the caps that carry where these are few."""
     on = np.flatnonzero(N)
-    return C @ N if on.size > _FEW * N.size else N[on] @ C[on]
+    return C @ N if on.size > FEW * N.size else N[on] @ C[on]
 
 
 def _solve(matrix: np.ndarray, right: np.ndarray) -> np.ndarray:

@@ -18,7 +18,7 @@ from typing import Any
 
 import numpy as np
 
-_FEW = 0.2  # of the contacts that carry: below, a copy of their rows costs less than the others
+FEW = 0.2  # of the contacts that carry: below, a copy of their rows costs less than the others
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,7 +67,7 @@ class NearField:
             By widths, and by slopes.
         """
         on = np.flatnonzero(((N != 0.0) | (dN != 0.0)).reshape(-1, N.shape[-1]).any(axis=0))
-        few = on.size <= _FEW * N.shape[-1]
+        few = on.size <= FEW * N.shape[-1]
         at: Any = on if few else slice(None)
         spread = self.spread_per_N_m[at]
         slopes = self.slope_x_per_N[at], self.slope_y_per_N[at]

@@ -262,28 +262,30 @@ def first_loading(
     """
 
     def pressed(
-        radius_m: np.ndarray, depth_m: np.ndarray, start_m: np.ndarray | None, **near: Any
+        radius_m: np.ndarray,
+        depth_m: np.ndarray,
+        start_m: np.ndarray | None,
+        beside: NearField | None = None,
     ) -> tuple[Equilibrium, np.ndarray]:
         k = 4.0 / 3.0 * E_star_Pa * np.sqrt(radius_m)
         rows = k * count
         even_m = (load_N / len(k) / rows) ** (2 / 3)
-        goal = {"load": load_N, **turning, **near}
         try:
             if start_m is None and compliance_m_per_N is not None and len(k) > _MANY:
-                start_m = press(rows, depth_m, None, even_m, **goal).compression_m
+                start_m = press(rows, depth_m, None, even_m, load_N, **turning).compression_m
             near_m = even_m if start_m is None else start_m
-            rest = press(rows, depth_m, compliance_m_per_N, near_m, **goal)
+            rest = press(rows, depth_m, compliance_m_per_N, near_m, load_N, **turning, near=beside)
         except ContactError:
             if start_m is None:
                 raise
-            rest = press(rows, depth_m, compliance_m_per_N, even_m, **goal)
+            rest = press(rows, depth_m, compliance_m_per_N, even_m, load_N, **turning, near=beside)
         return rest, k * np.maximum(rest.compression_m, 0.0) ** 1.5
 
     rest, one_N, gap_m, moved, part = None, start_N, start_m, 0.0, 1.0
     if law is None or one_N is None or not law.yielded(one_N, radius_m).any():
         moved = math.inf
         try:
-            rest, one_N = pressed(radius_m, depth_m, start_m, near=near)
+            rest, one_N = pressed(radius_m, depth_m, start_m, near)
         except ContactError:
             if law is None:
                 raise

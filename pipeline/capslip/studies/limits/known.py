@@ -138,8 +138,8 @@ def slip_of_true_caps(
             compliance_m_per_N=curve.pair_compliance_m_per_N,
             near=curve.near,
         )
-        flat = after.radius_m, after.depth_m
-        curve = interacting(*flat, *places, joint.E_star_Pa, preload_N)
+        spheres, start_m = (after.radius_m, after.depth_m), after.compression_m
+        curve = interacting(*spheres, *places, joint.E_star_Pa, preload_N, start_m=start_m)
     approach_m = float(curve.approach_m(preload_N))
     if curve.overlapping_pairs(approach_m):
         return None
