@@ -205,28 +205,29 @@ def test_gaps_left_under_the_preload_are_heights_so_that_its_state_is_exact(monk
         assert one.region_loss_J.sum() == pytest.approx(other.region_loss_J.sum(), rel=2e-4)
 
 
+@pytest.mark.parametrize("ratio", [1.0, 4.0, 1 / 8, 16.0])
 @pytest.mark.parametrize(("most", "largest"), [(1, 0.5), (6, 0.03)])
-def test_what_pixels_leave_at_small_slip_is_stated(most, largest, monkeypatch):
-    """Spheres of 24 pixels across, wherever their apex lies between the pixels."""
+def test_what_pixels_leave_at_small_slip_is_stated(most, largest, ratio, monkeypatch):
+    """Spheres of 24 pixels across of any sides, wherever their apex lies between the pixels."""
     from capslip.contact.models.caps import caps
 
     monkeypatch.setattr(refining, "_MOST_REFINED", most)
-    contact_m, radius_m, pixels = 2e-3, 20.0, 12
-    dx = contact_m / pixels
+    contact_m, radius_m = 2e-3, 20.0
+    dy, dx = sides_m = contact_m / 12 * np.sqrt((ratio, 1 / ratio))
     load_N = 4 / 3 * E * contact_m**3 / radius_m
     hertz = caps([radius_m], [0.0], E)
     shares = np.array([0.1, 0.25, 0.5])
     expected_J = hertz.loss_integral_at_drop_J(contact_m**2 / radius_m, shares * load_N)
     within = np.zeros(3)
     for y0, x0 in np.random.default_rng(3).uniform(-0.5, 0.5, (8, 2)):
-        at = np.arange(-pixels - 3, pixels + 4)
-        y, x = (at + y0)[:, None] * dx, (at + x0) * dx
-        face = elastic_face(HeightMap(-(x**2 + y**2) / (2 * radius_m), (dx, dx)), E)
+        at_y, at_x = (np.arange(-n, n + 1) for n in (3 + contact_m // sides_m).astype(int))
+        y, x = (at_y + y0)[:, None] * dy, (at_x + x0) * dx
+        face = elastic_face(HeightMap(-(x**2 + y**2) / (2 * radius_m), (dy, dx)), E)
         found = unload(face, press(face, load_N=load_N), 1e-7)
         off = np.abs(loss_J(found, shares) / expected_J - 1)
         left = [PIXELS_95[share] * found.pixel_error(share * load_N) for share in shares.tolist()]
         within += off <= np.maximum(left, found.loss_error)
-        assert left[0] < largest
+        assert left[0] < largest * max(ratio, 1 / ratio)
         assert np.all(np.diff(left) < 0.0)
     assert np.all(within >= 7)
 

@@ -29,8 +29,8 @@ _TRIED = 1e-3  # tolerance of a state that tells where a refined contact ends
 _ROUGHLY = 1e-4  # tolerance of a punch
 _FURTHER = 4  # pixels that a contact at the end of a patch is first taken to go on
 _UNSETTLED = 1e-3  # of the loss: the most that a solution may leave open
-# Relative error of the loss of a region times the square of the width, in pixels, of the ring that
-# left it; seen on spheres for rings of 0.3 to 2.7 pixels
+# Relative error of the loss of a region times the square of the width, in longer sides of a pixel,
+# of the ring that left it; seen on spheres for rings of 0.3 to 2.7 pixels
 _RING_ERROR = 0.015
 
 
@@ -233,7 +233,9 @@ class Path:
         loss_J = 4 * self._sums(lost) * area_m2
         left = self._sums(pressure_Pa == 0)
         perimeter = 2 * np.sqrt(np.pi * self.n_pixels)
-        error_J = loss_J * _RING_ERROR * np.square(perimeter / np.maximum(left, 1))
+        longer_m, shorter_m = sorted(self.face.pixel_size_m, reverse=True)
+        error_J = loss_J * _RING_ERROR * longer_m / shorter_m
+        error_J *= np.square(perimeter / np.maximum(left, 1))
         least_gap_m = np.full(len(loss_J), np.inf)
         np.minimum.at(least_gap_m, self.region, gap_m)
         contact = np.flatnonzero(pressure_Pa)
