@@ -1,5 +1,6 @@
 """Which doubts are pressed, on what, and how severe an effect makes them; nothing is pressed."""
 
+from functools import partial
 from types import SimpleNamespace
 from unittest import mock
 
@@ -7,7 +8,14 @@ import numpy as np
 import pytest
 
 from capslip.contact import effects
-from capslip.contact.effects import _as_severe, _is_asked, _Moved, _other_maps, with_effects
+from capslip.contact.effects import (
+    OF_FEWER_POINTS,
+    _as_severe,
+    _bent_m,
+    _is_asked,
+    _Moved,
+    with_effects,
+)
 from capslip.errors import ContactError
 from capslip.problems import Problem
 from capslip.settings import load_settings
@@ -57,10 +65,8 @@ def test_a_bow_says_by_how_much_the_map_was_bent():
     flat_m = np.array([[np.nan, 1e-6, 5e-6]] * 3)
     bows_m = np.array([0.0, 2e-9, -1e-9]), np.array([7.0, -2e-8, 2e-8])
     maps = tuple(HeightMap(flat_m + bow_m, (1.0, 1.0)) for bow_m in (0.0, *bows_m))
-    assert _other_maps("bow_left", maps[:2]) == "with fewer points, bent by 3e-09 m"
-    assert _other_maps("bow_left", maps) == "with fewer points, bent by 4e-08 m"
-    assert _other_maps("seams", maps) == "with fewer points"
-    assert _other_maps("ripple", maps) == "without it"
+    assert _bent_m(maps[:2]) == pytest.approx(3e-9, rel=1e-9, abs=0.0)
+    assert _bent_m(maps) == pytest.approx(4e-8, rel=1e-9, abs=0.0)
 
 
 def test_what_is_asked_for_begins_at_the_least_share():
@@ -164,8 +170,16 @@ def test_who_has_an_effect_that_can_be_told(code, given, conditioned, asked):
     assert _is_asked(Problem(code, given, ""), conditioned, 2e-9) == asked
 
 
-def told(problems, conditioned, by_caps=None, by_map=None, made_from="map", share=0.25):
-    """Return each problem with its effect, and the shares from which effects were asked for."""
+FINE, COARSE = ((n, n) for n in (100, 10))  # points of a map, and of what is thinned of it
+
+
+def told(
+    problems, conditioned, by_caps=None, by_map=None, made_from="map", share=0.25, errors=None
+):
+    """Return each problem with its effect, and the shares from which effects were asked for.
+
+    `by_map` has them by code, or by code and points.
+    """
     by_caps, by_map, shares = by_caps or {}, by_map or {}, []
 
     def of_caps(trials, code, least_share):
@@ -173,23 +187,30 @@ def told(problems, conditioned, by_caps=None, by_map=None, made_from="map", shar
         return by_caps.get(code)
 
     def of_map(code, contact, peaks, of_face, maps, least_share):
-        assert maps == code
         shares.append(least_share)
-        return by_map.get(maps)
+        return by_map.get((code, maps[0].shape), by_map.get(code))
 
     contact = made_from and SimpleNamespace(
-        rung=SimpleNamespace(made_from=made_from), approach_m=2e-7
+        rung=SimpleNamespace(made_from=made_from), approach_m=2e-7, errors=errors
     )
+
+    def thinned(of_face, thinned):
+        return (SimpleNamespace(shape=COARSE if thinned is effects.coarse_map else FINE),)
+
+    fewer = dict.fromkeys(effects.OF_FEWER_POINTS, thinned)
+    fine = SimpleNamespace(shape=FINE)
+    settings = load_settings(overrides=("contact.tolerance=0.05",))
     with mock.patch.multiple(
         effects,
-        FaceOfCaps=mock.Mock(),
+        FaceOfCaps=mock.Mock(return_value=SimpleNamespace(surface=fine, settings=settings)),
         Trials=mock.Mock(),
-        OF_THE_MAP={code: lambda _, code=code: code for code in effects.OF_THE_MAP},
-        _removed_or_not=lambda _: "outliers_removed",
+        OF_FEWER_POINTS=fewer,
+        OF_THE_MAP=dict.fromkeys(effects.OF_THE_MAP, lambda _: (fine,)),
+        _removed_or_not=lambda _: (fine,),
+        _bent_m=lambda _: 3e-8,
         _effect=of_caps,
         _effect_on_map=of_map,
     ):
-        settings = load_settings(overrides=("contact.tolerance=0.05",))
         found = with_effects(problems, None, None, conditioned, settings, contact, share)
     return found, shares
 
@@ -243,7 +264,57 @@ def test_points_filled_matter_from_a_fifth_of_the_tolerance_of_the_approach_on()
 def test_forces_that_are_asked_for_end_between_a_tenth_and_a_quarter_of_gross_slip():
     for share, expected in ((1e-3, 0.1), (0.1, 0.1), (0.2, 0.2), (0.25, 0.25), (0.9, 0.25)):
         _, shares = told([Problem("seams", "warning", "")], face(), share=share)
-        assert shares == [expected, expected]  # of the map, which does not know, and the caps
+        # of few points and of all of them, which do not know, and the caps
+        assert shares == [expected] * 3
+
+
+def hidden(energy, at_pixels, stiffness=0.01):
+    return _Moved.by(np.array([*energy, stiffness]), 0.25, 0.0, np.array(at_pixels))
+
+
+def test_what_pixels_leave_in_an_energy_is_no_change_of_it():
+    found = hidden((0.9, 0.3, 0.2, 0.1), (1.0, 0.31, 0.1, 0.1))
+    assert found.effect.energy == found.asked == 0.2
+    assert found.hidden == 0.3  # at a tenth it is more, which nobody asks for
+    assert hidden((1.2, 0, 0, 0), (1.0, 0, 0, 0)).effect.energy == 0.0  # and nobody asks for it
+    assert hidden((1.2, 1.3, 0, 0), (1.0, 1.0, 0, 0)).effect.energy is None  # nobody knows
+    assert hidden((0.99, 0, 0, 0), (0.98, 0, 0, 0)).effect.energy == 0.99
+    for one, said in (
+        (found, "20.0%, and by 30.0% where pixels leave as much (there)"),
+        (hidden((0, 0.3, 0, 0), (0, 0.3, 0, 0)), "30.0% at most, no more than pixels leave in it"),
+        (hidden((0.2, 0.05, 0, 0), (0, 0.05, 0, 0)), "20.0%, by no more than 1.0% from 25 %"),
+    ):
+        given = Problem("seams", "warning", "so"), one, 0.25, 0.05, "there", face(), caps()
+        assert f"by 1.0%, the energy by {said}" in _as_severe(*given).message
+
+
+def stated(energy):
+    return SimpleNamespace(energy_at=lambda share: energy if share == 0.25 else 0.0)
+
+
+@pytest.mark.parametrize(
+    ("few", "errors", "on"),
+    [
+        (hidden((0, 0.3, 0, 0), (0, 0.4, 0, 0)), None, FINE),  # pixels hide it
+        (hidden((0, 0.3, 0, 0), (0, 0.4, 0, 0)), stated(0.29), FINE),
+        (hidden((0, 0.3, 0, 0), (0, 0.4, 0, 0)), stated(0.31), COARSE),  # no more than is said
+        (hidden((0, 0.05, 0, 0), (0, 0.4, 0, 0)), None, COARSE),  # within the tolerance
+        (hidden((0, 0.3, 0, 0), (0, 0.4, 0, 0), 0.06), None, COARSE),  # it matters anyway
+        (None, stated(0.9), FINE),  # few points have no answer
+    ],
+)
+def test_few_points_that_do_not_tell_leave_it_to_all_of_them(few, errors, on):
+    whole = moved((0.2,) * 4)
+    by_map = {("bow_left", COARSE): few, ("bow_left", FINE): whole}
+    ((one,), _) = told([Problem("bow_left", "warning", "x")], face(), {}, by_map, errors=errors)
+    points = "all its points" if on == FINE else "fewer points"
+    assert one.message.endswith(f"(found on the map with {points}, bent by 3e-08 m)")
+    assert one.effect == (whole if on == FINE else few).effect
+    if few is not None:  # all of them have no answer
+        by_map[("bow_left", FINE)] = None
+        ((one,), _) = told([Problem("bow_left", "warning", "x")], face(), {}, by_map)
+        assert one.effect == few.effect
+        assert "fewer points" in one.message
 
 
 SIZE_M = (2e-4, 3e-4)  # of pixels
@@ -296,12 +367,16 @@ def test_a_tilt_and_a_bow_are_taken_off_each_alone():
     def hill(y_m, x_m):
         return 1e-7 * np.exp(-((x_m - 5e-3) ** 2 + (y_m - 2e-3) ** 2) / 1e-6)
 
+    tilt_or_not, bow_or_not = (
+        partial(OF_FEWER_POINTS[code], thinned=lambda one: one)
+        for code in ("tilt_left", "bow_left")
+    )
     flat, bowed = measured(hill), measured(lambda y_m, x_m: hill(y_m, x_m) + bow(y_m, x_m))
     sloped = measured(lambda y_m, x_m: hill(y_m, x_m) + tilted(y_m, x_m))
-    (same, level), (_, of_flat) = map(effects._tilt_or_not, map(of_face, (sloped, flat)))
+    (same, level), (_, of_flat) = map(tilt_or_not, map(of_face, (sloped, flat)))
     assert same.height_m == pytest.approx(sloped.height_m)
     assert level.height_m == pytest.approx(of_flat.height_m, abs=1e-18)
-    (same, straight), (_, of_flat) = map(effects._bow_or_not, map(of_face, (bowed, flat)))
+    (same, straight), (_, of_flat) = map(bow_or_not, map(of_face, (bowed, flat)))
     assert same.height_m == pytest.approx(bowed.height_m)
     left_m = straight.height_m - of_flat.height_m  # but for the plane, which stays as it was
     plane = np.linalg.lstsq(
@@ -315,7 +390,7 @@ def test_bows_of_an_instrument_are_as_high_as_it_is_flat_over_the_whole_map():
     flat = of_face(
         measured(lambda y_m, x_m: 0 * (y_m + x_m)), "instrument.flatness_deviation_m=1e-7"
     )
-    coarse, *bowed = effects._bow_or_not(flat)
+    coarse, *bowed = effects._bow_or_not(flat, effects.coarse_map)
     assert not coarse.height_m.any()
     assert len(bowed) == 6
     for one in bowed:
@@ -333,7 +408,7 @@ ANSWERS = {  # energies at four forces, stiffness and approach
 }  # fmt: skip
 
 
-def change(maps, unsolved=(), code="seams", rest_m=3e-7):
+def change(maps, unsolved=(), code="seams", rest_m=3e-7, left=None):
     """Return what maps of known answers change; the bulk sinks 1e-7 m where that is taken off."""
     curves = {
         name: SimpleNamespace(name=name, approach_m=lambda _, it=it: it[-1])
@@ -349,7 +424,7 @@ def change(maps, unsolved=(), code="seams", rest_m=3e-7):
         assert at_ease_rad == (1e-6, -2e-6)  # each map is held as the pressed one
         return surface
 
-    rung = SimpleNamespace(build=curves.get, at_forces=None, holds_bulk=False)
+    rung = SimpleNamespace(build=curves.get, at_forces=None, holds_bulk=False, of_pixels=left)
     contact = SimpleNamespace(
         rung=rung,
         normal=curves["known"],
@@ -372,6 +447,18 @@ def test_an_effect_on_the_map_is_the_greatest_of_all_maps_over_the_first():
     assert (one.asked, one.approach) == (pytest.approx(0.5), 0.0)
     assert change(("pressed",)) is None  # nothing to compare
     assert change(("pressed", 1, 2), unsolved=(2,)) is None
+
+
+def test_the_pixels_of_any_of_the_maps_hide_a_change():
+    def left(curve, load_N):
+        return {0.1: 0.0, 0.25: 0.6 if curve.name == 1 else 0.4, 0.5: 0.1, 0.75: 0.49, 1.0: 9.0}
+
+    found = change(("pressed", 1, 2), left=left)
+    assert (found.effect.energy, found.hidden) == (pytest.approx(0.5), pytest.approx(0.5))
+    assert change(("pressed", 2), left=left).hidden == 0.0
+    parts = change(("pressed", 1, 2), left=left, code="points_filled")
+    assert parts.effect.energy == pytest.approx(0.1 / 2**0.5)
+    assert parts.hidden == pytest.approx(0.5 / 2**0.5)
 
 
 def test_of_maps_that_lack_a_part_each_the_standard_error_counts_that_of_the_approach_too():

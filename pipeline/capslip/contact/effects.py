@@ -1,7 +1,9 @@
 """What doubts move: the face is pressed again as it may be as well, and the answers compared."""
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass, replace
+from typing import TypeAlias
 
 import numpy as np
 
@@ -35,6 +37,7 @@ AT_ALL_FORCES = ("heights_in_steps",)
 FIRM = ("outliers_removed", "points_filled")
 JACKKNIFED = "points_filled"  # by maps that lack a part of its points each
 ASK_MAP = 0.2  # of the tolerance: what may move more is pressed on the map, too
+Thinned: TypeAlias = Callable[[HeightMap], HeightMap]  # a map of fewer points
 
 
 @dataclass(frozen=True)
@@ -44,14 +47,28 @@ class _Moved:
     effect: Effect
     asked: float
     approach: float
+    hidden: float = 0.0  # by pixels: what may have moved, the most at forces that are asked for
 
     @classmethod
-    def by(cls, change: np.ndarray, least_share: float, approach: float = 0.0) -> "_Moved":
-        """Return it by the greatest changes of energies and stiffness, see `accuracy.answers`."""
-        energy_J, stiffness = change[:-1], float(change[-1])
-        energy = float(energy_J.max())
-        of_asked = float(energy_J[np.array(FORCE_SHARES) >= least_share].max())
-        return cls(Effect(stiffness, energy, energy), max(stiffness, of_asked), approach)
+    def by(
+        cls,
+        change: np.ndarray,
+        least_share: float,
+        approach: float = 0.0,
+        of_pixels: np.ndarray | float = 0.0,
+    ) -> "_Moved":
+        """Return it by the greatest changes of energies and stiffness, see `accuracy.answers`.
+
+        Of an energy that changes by no more than pixels leave in it, or in which they leave all of
+        it, nobody knows whether it does.
+        """
+        asked, stiffness = np.array(FORCE_SHARES) >= least_share, float(change[-1])
+        hides = np.maximum(change[:-1] <= of_pixels, np.greater_equal(of_pixels, 1.0))
+        moved = np.where(hides, 0.0, change[:-1])
+        hidden = float(np.where(hides, change[:-1], 0.0)[asked].max())
+        energy = None if hidden > 0.0 and not moved.any() else float(moved.max())
+        of_asked = max(stiffness, float(moved[asked].max()))
+        return cls(Effect(stiffness, energy, energy), of_asked, approach, hidden)
 
 
 def with_effects(
@@ -69,9 +86,9 @@ def with_effects(
     bow or the levels of stitched fields may not be the face's own; a hole may hold as many hills as
     the rest, and so may what is open to the edge of the map; points that were removed may have been
     there. Where the map itself answers, bow and levels are taken off it, on points so far apart
-    that this costs little; removed points that may matter are put back; of one that was
-    interpolated, the measured points alone are pressed, of one that was filled, fewer of them, and
-    of one with a ripple, the same without it.
+    that this costs little, where these tell; removed points that may matter are put back; of one
+    that was interpolated, the measured points alone are pressed, of one that was filled, fewer of
+    them, and of one with a ripple, the same without it.
     Within `contact.tolerance` it is information, and so are removed points that stand off both
     ways, as errors do; else a warning. What moves the energy at smaller forces alone than those
     that are asked for is only noted.
@@ -102,13 +119,12 @@ def with_effects(
     asked = {one.code for one in problems if _is_asked(one, conditioned, filled_m)}
     effects: dict[str, _Moved | None] = {}
     how = dict.fromkeys(asked, "estimated with the caps")
-    for code in sorted(asked & OF_THE_MAP.keys()):
+    for code in sorted(asked & (OF_FEWER_POINTS.keys() | OF_THE_MAP.keys())):
         if pressed is not None:
-            maps = OF_THE_MAP[code](face)
-            by_map = _effect_on_map(code, pressed, peaks, face, maps, least_share)
+            by_map, on_map = _found_on_map(code, pressed, peaks, face, least_share)
             if by_map is not None:
                 asked.remove(code)
-                effects[code], how[code] = by_map, f"found on the map {_other_maps(code, maps)}"
+                effects[code], how[code] = by_map, f"found on the map {on_map}"
     if asked:
         trials = Trials(face, caps, peaks, conditioned)
         effects |= {code: _effect(trials, code, least_share) for code in asked}
@@ -133,24 +149,49 @@ def with_effects(
     ]
 
 
-def _other_maps(code: str, maps: tuple[HeightMap, ...]) -> str:
-    """Say what the maps are on which an effect was found."""
-    if code == "ripple":
-        return "without it"
-    if code != "bow_left":
-        return "with fewer points"
+def _found_on_map(
+    code: str, contact: ContactState, peaks: CapTable, face: FaceOfCaps, least_share: float
+) -> tuple[_Moved | None, str]:
+    """Return what a doubt moves where the map answers, None where it does not, and on which maps.
+
+    On as few points as tell: on all of them where fewer have no answer, or where their pixels hide
+    more than the answer is said to be off by.
+    """
+    if code in OF_THE_MAP:
+        found = _effect_on_map(code, contact, peaks, face, OF_THE_MAP[code](face), least_share)
+        return found, "without it" if code == "ripple" else "with fewer points"
+    maps, which = OF_FEWER_POINTS[code](face, coarse_map), "with fewer points"
+    found = _effect_on_map(code, contact, peaks, face, maps, least_share)
+    tolerance = face.settings.contact.tolerance
+    stated = 0.0 if contact.errors is None else contact.errors.energy_at(least_share)
+    tells = found is not None and (
+        found.asked > tolerance or found.hidden <= max(tolerance, stated)
+    )
+    if not tells and maps[0].shape != face.surface.shape:
+        whole = OF_FEWER_POINTS[code](face, _all_points)
+        of_all = _effect_on_map(code, contact, peaks, face, whole, least_share)
+        if of_all is not None:
+            found, maps, which = of_all, whole, "with all its points"
+    return found, f"{which}, bent by {_bent_m(maps):.3g} m" if code == "bow_left" else which
+
+
+def _all_points(surface: HeightMap) -> HeightMap:
+    return surface
+
+
+def _bent_m(maps: tuple[HeightMap, ...]) -> float:
+    """Return how high the highest bow is that was put on the first of some maps."""
     first, *others = maps
     bent_m = [one.height_m - first.height_m for one in others]
-    most_m = max(float(np.nanmax(up_m) - np.nanmin(up_m)) for up_m in bent_m)
-    return f"with fewer points, bent by {most_m:.3g} m"
+    return max(float(np.nanmax(up_m) - np.nanmin(up_m)) for up_m in bent_m)
 
 
-def _bow_or_not(face: FaceOfCaps) -> tuple[HeightMap, ...]:
+def _bow_or_not(face: FaceOfCaps, thinned: Thinned) -> tuple[HeightMap, ...]:
     """Return a coarse map, and what `conditioning.form` = quadratic makes of it.
 
     Where the flatness deviation of the instrument is known, what bows of that height make of it.
     """
-    coarse = coarse_map(face.surface)
+    coarse = thinned(face.surface)
     flatness_m = face.settings.instrument.flatness_deviation_m
     if flatness_m is not None:
         row, col = np.indices(coarse.shape)
@@ -162,20 +203,20 @@ def _bow_or_not(face: FaceOfCaps) -> tuple[HeightMap, ...]:
     return coarse, *(replace(coarse, height_m=coarse.height_m + bow_m) for bow_m in bows)
 
 
-def _tilt_or_not(face: FaceOfCaps) -> tuple[HeightMap, ...]:
+def _tilt_or_not(face: FaceOfCaps, thinned: Thinned) -> tuple[HeightMap, ...]:
     """Return a coarse map, and the same without its least-squares plane."""
-    coarse = coarse_map(face.surface)
+    coarse = thinned(face.surface)
     return coarse, remove_form(coarse, "plane")[0]
 
 
-def _seams_or_not(face: FaceOfCaps) -> tuple[HeightMap, ...]:
+def _seams_or_not(face: FaceOfCaps, thinned: Thinned) -> tuple[HeightMap, ...]:
     """Return a coarse map, and those of the fields on one level, and without tilts, too."""
     surface, heights_m = face.surface, list[np.ndarray]()
     seams = face.seams  # along lines of fine pixels
     if seams is not None:
         heights_m = [surface.height_m - up_m for up_m in (levels_m(seams), tilts_m(seams))]
     maps = surface, *(replace(surface, height_m=one_m) for one_m in heights_m)
-    return tuple(coarse_map(one) for one in maps)
+    return tuple(thinned(one) for one in maps)
 
 
 def _interpolated_or_not(face: FaceOfCaps) -> tuple[HeightMap, ...]:
@@ -206,10 +247,12 @@ def _removed_or_not(conditioned: Conditioned) -> tuple[HeightMap, HeightMap]:
     return surface, replace(surface, height_m=with_them_m)
 
 
-OF_THE_MAP = {
+OF_FEWER_POINTS = {
     "tilt_left": _tilt_or_not,
     "bow_left": _bow_or_not,
     "seams": _seams_or_not,
+}
+OF_THE_MAP = {
     "interpolated": _interpolated_or_not,
     "points_filled": _filled_or_not,
     "ripple": _rippled_or_not,
@@ -226,14 +269,17 @@ def _effect_on_map(
 ) -> _Moved | None:
     """Return the most that other maps change of the first, None where one has no answer.
 
-    Pixels lower the tops of hills alike on all of them. Where the others lack a part of its points
-    each, the standard error, and that of the approach as well, which counts from the highest.
+    Pixels lower the tops of hills alike on all of them, but contacts of few pixels let go of other
+    ones: of what they leave in the energies no change is told. Where the others lack a part of its
+    points each, the standard error, and that of the approach as well, which counts from the
+    highest.
     """
     if len(maps) == 1:
         return None
-    settings, model = face.settings, contact.rung
+    settings, model, of_pixels = face.settings, contact.rung, list[list[float]]()
     none = Families(None, None, (), None, None, 0.0, alike=False)
     bulk_m = contact.bulk_m if contact.approach_without_bulk_m else 0.0
+    preload_N = settings.contact.preload_N
 
     def answers_on(surface: HeightMap) -> np.ndarray:
         known = surface is face.surface
@@ -241,18 +287,23 @@ def _effect_on_map(
         curve = contact.normal if known else model.build(scene)
         if model.at_forces is not None:
             curve = model.at_forces(curve, FORCE_SHARES)
-        approach_m = curve.approach_m(settings.contact.preload_N) - bulk_m
-        return np.append(answers(curve, model.holds_bulk, surface, settings), approach_m)
+        approach_m = curve.approach_m(preload_N) - bulk_m
+        found = np.append(answers(curve, model.holds_bulk, surface, settings), approach_m)
+        if model.of_pixels is not None:
+            left = model.of_pixels(curve, preload_N)
+            of_pixels.append([left[share] for share in FORCE_SHARES])
+        return found
 
     try:
         before, *after = map(answers_on, maps)
     except CapslipError:
         return None
     change = np.abs(np.array(after) / before - 1.0)
+    left = np.max(of_pixels, axis=0) if of_pixels else 0.0
     if code != JACKKNIFED:
-        return _Moved.by(change.max(axis=0)[:-1], least_share)
+        return _Moved.by(change.max(axis=0)[:-1], least_share, 0.0, left)
     *moved, approach = standard_error(change)
-    return _Moved.by(np.array(moved), least_share, approach)
+    return _Moved.by(np.array(moved), least_share, approach, left)
 
 
 def _is_asked(problem: Problem, conditioned: Conditioned, filled_m: float) -> bool:
@@ -265,7 +316,7 @@ def _is_asked(problem: Problem, conditioned: Conditioned, filled_m: float) -> bo
         return filling is not None and filling.error_m > filled_m
     if problem.code == "outliers_removed":
         return conditioned.removed_m.shape[1] > 0
-    others = problem.code in (*OF_THE_HEIGHTS, *OF_THE_MAP, *LEFT_OUT)
+    others = problem.code in (*OF_THE_HEIGHTS, *OF_FEWER_POINTS, *OF_THE_MAP, *LEFT_OUT)
     return others and (problem.severity == "warning" or problem.code == "bow_left")
 
 
@@ -318,9 +369,15 @@ def _as_severe(
     effect = moved.effect
     asked = effect.greatest if problem.code in AT_ALL_FORCES else moved.asked
     moves = firm or asked > tolerance or moved.approach > VISIBLE_FORM
-    said = f"the stiffness by {effect.tangential_stiffness:.1%}, the energy by {effect.energy:.1%}"
+    said = f"the stiffness by {effect.tangential_stiffness:.1%}, the energy by "
+    if effect.energy is None:
+        said += f"{moved.hidden:.1%} at most, no more than pixels leave in it"
+    else:
+        said += f"{effect.energy:.1%}"
     if asked <= tolerance < effect.greatest:
         said += f", by no more than {asked:.1%} from {percent(least_share)} of gross slip on"
+    if effect.energy is not None and moved.hidden > max(moved.asked, tolerance):
+        said += f", and by {moved.hidden:.1%} where pixels leave as much"
     said += f", the approach by {moved.approach:.1%}" if moved.approach else ""
     message = f"{problem.message}; that moves {said} ({how})"
     return replace(problem, severity="warning" if moves else "info", message=message, effect=effect)

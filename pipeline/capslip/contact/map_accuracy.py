@@ -57,11 +57,11 @@ class _Causes:
 
     def at(self, share: float) -> tuple[float, float]:
         """Return what pixels and noise do to the energy at a share of mu N, relative, at 95 %."""
-        drop_N, near = share * self.unloading.load_N, min(share, FORCE_SHARES[-1])
-        of_pixels = PIXELS_95[share] * self.unloading.pixel_error(drop_N)
-        of_pixels = max(of_pixels, (self.coarser or {}).get(near, 0.0))
+        near = min(share, FORCE_SHARES[-1])
+        of_pixels = max(_of_pixels(self.unloading, share), (self.coarser or {}).get(near, 0.0))
         if self.given is not None:
             return of_pixels, self.given[near]
+        drop_N = share * self.unloading.load_N
         of_noise = NORMAL_95 * self.noise_m * self.unloading.noise_per_m(drop_N)
         return of_pixels, min(of_noise, MOST_OF_NOISE)
 
@@ -131,6 +131,16 @@ def error_of_map(
     stiffness = max(of_detail, of_whole, LEAST_ERROR)
     energy = {at: factor * detail.energy_from(at) for at in FORCE_SHARES}
     return _with_pixels(causes, stiffness, least, energy), tuple(found)
+
+
+def of_pixels(curve: BoundaryElementCurve, load_N: float) -> dict[float, float]:
+    """Return what pixels leave in the energy, by shares of mu N, relative, at 95 %."""
+    unloading = curve.unloading(load_N)
+    return {share: _of_pixels(unloading, share) for share in PIXELS_95}
+
+
+def _of_pixels(unloading: Unloading, share: float) -> float:
+    return PIXELS_95[share] * unloading.pixel_error(share * unloading.load_N)
 
 
 def _pressed_again(
