@@ -5,7 +5,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from capslip.contact.map_accuracy import ASKED, LEAST_ERROR, PIXELS_95, _of_detail, error_of_map
+from capslip.contact.map_accuracy import (
+    ASKED,
+    LEAST_ERROR,
+    PIXELS_95,
+    _noisy,
+    _of_detail,
+    error_of_map,
+)
 from capslip.contact.models import boundary_elements as bem
 from capslip.contact.solvers import detail
 from capslip.contact.solvers.detail import FirstLoading
@@ -125,6 +132,28 @@ def test_of_detail_as_much_is_doubted_as_may_be_of_noise(share, severity):
     assert factor == pytest.approx(share / 0.63)
     assert (factor * 0.04 > TOLERANCE) == (severity == "warning")
     assert ("up to 4.4%" in said.message) == (severity == "info")
+
+
+@pytest.mark.parametrize(
+    ("of_pixels", "told", "energy"), [(0.31, "31.0%", 0.31), (0.06, "6.0%", 0.2), (0.05, None, 0.2)]
+)
+def test_a_doubt_of_detail_tells_the_pixels_that_leave_more_than_it_moves(of_pixels, told, energy):
+    """Whoever reads of 4 % would not know why the interval has 31."""
+    of_map = detail.Detail(Effect(0.2, 0.2, 0.2), 1.0, (0.2, 0.055, 0.03, 0.02))
+    (said,), _ = _of_detail(of_map, of_pixels, TOLERANCE, 1e-4)
+    assert (said.severity, said.effect) == ("warning", Effect(0.2, energy, energy))
+    assert ("pixels leave up to" in said.message) == (told is not None)
+    assert told is None or f"pixels leave up to {told} in the energy at 25 %" in said.message
+
+
+@pytest.mark.parametrize(("of_pixels", "finer"), [(0.04, False), (0.08, False), (0.3, True)])
+def test_a_doubt_of_noise_tells_the_pixels_and_asks_for_what_helps_most(of_pixels, finer):
+    said = _noisy("noise of 2e-09 m", 0.1, of_pixels, TOLERANCE, 1e-4)
+    assert said.effect.energy == said.effect.loss_factor == pytest.approx(np.hypot(0.1, of_pixels))
+    assert "a point leaves up to 10.0%" in said.message
+    assert ("its pixels up to" in said.message) == (of_pixels > TOLERANCE)
+    assert ("smaller pixels" in said.step) == finer
+    assert ("=0.0005" in said.step) != finer  # a filter of five pixels
 
 
 def test_pixels_that_leave_more_than_the_tolerance_at_a_quarter_of_mu_N_are_warned_of(surface):

@@ -47,7 +47,7 @@ class _Moved:
     effect: Effect
     asked: float
     approach: float
-    hidden: float = 0.0  # by pixels: what may have moved, the most at forces that are asked for
+    hidden: float  # by pixels: what may have moved, the most at forces that are asked for
 
     @classmethod
     def by(
@@ -63,9 +63,10 @@ class _Moved:
         it, nobody knows whether it does.
         """
         asked, stiffness = np.array(FORCE_SHARES) >= least_share, float(change[-1])
-        hides = np.maximum(change[:-1] <= of_pixels, np.greater_equal(of_pixels, 1.0))
-        moved = np.where(hides, 0.0, change[:-1])
-        hidden = float(np.where(hides, change[:-1], 0.0)[asked].max())
+        energies, left = change[:-1], np.broadcast_to(of_pixels, len(FORCE_SHARES))
+        hides = (energies <= left) | (left >= 1.0)
+        moved = np.where(hides, 0.0, energies)
+        hidden = float((energies - moved)[asked].max())
         energy = None if hidden > 0.0 and not moved.any() else float(moved.max())
         of_asked = max(stiffness, float(moved[asked].max()))
         return cls(Effect(stiffness, energy, energy), of_asked, approach, hidden)

@@ -34,6 +34,7 @@ from capslip.units import percent
 S_FILTER, NOISE_PIXELS = "conditioning.s_filter_nesting_index_m", 5.0  # what takes noise off
 # Over what pixels leave in the energy of spheres, by shares of mu N, so that nearly all are within
 PIXELS_95 = {0.1: 3.0, 0.25: 6.0, 0.5: 6.0, 0.75: 6.0, 1.0: 6.0}
+FINER_PIXELS = "scan with smaller pixels, or ask at a greater force"
 SMALL_NOISE = 0.05  # of the approach, up to which what is noise counts to first order
 MOSTLY_WHITE = 0.7  # of the detail, from which on it is: rough faces with a Hurst exponent of 0.8
 # and more have 0.65 at most
@@ -119,7 +120,7 @@ def error_of_map(
     if not any(one.severity == "warning" for one in more):
         if of_noise > tolerance:
             of = f"noise of {noise_m:.2g} m" if noise_m else f"white noise of {counted_m:.2g} m"
-            found.append(_noisy(of, of_noise, max(pressed.pixel_size_m)))
+            found.append(_noisy(of, of_noise, of_pixels, tolerance, max(pressed.pixel_size_m)))
         elif (of_either := math.hypot(of_pixels, of_noise)) > tolerance:
             found.append(_unresolved("warning", ASKED, of_either))
     known = any(one.severity == "warning" and one.code != "loss_between_loads" for one in found)
@@ -222,6 +223,12 @@ def _of_detail(
         )
         return [Problem("detail_decides", "info", message, effect)], factor
     message = f"{said}: noise, spikes, lost points or roughness that the map hardly resolves"
+    if of_pixels > max(tolerance, asked):
+        message += (
+            f"; pixels leave up to {of_pixels:.1%} in the energy at {percent(ASKED)} of gross slip"
+        )
+        energy = max(effect.energy or 0.0, of_pixels)
+        effect = replace(effect, energy=energy, loss_factor=energy)
     step = (
         f"--set {S_FILTER}={NOISE_PIXELS * pixel_m:.2g}, if the detail is noise; else a finer scan"
     )
@@ -269,10 +276,17 @@ def _unresolved(severity: Severity, share: float, error: float) -> Problem:
     return Problem("small_slip_extrapolated", severity, message, Effect(None, error, error))
 
 
-def _noisy(noise: str, error: float, pixel_m: float) -> Problem:
+def _noisy(
+    noise: str, of_noise: float, of_pixels: float, tolerance: float, pixel_m: float
+) -> Problem:
+    error = math.hypot(of_noise, of_pixels)
     message = (
-        f"{noise} a point leaves up to {error:.1%} in the energy per cycle "
+        f"{noise} a point leaves up to {of_noise:.1%} in the energy per cycle "
         f"at {percent(ASKED)} of the force at gross slip"
     )
+    if of_pixels > tolerance:
+        message += f", and its pixels up to {of_pixels:.1%}"
     step = f"--set {S_FILTER}={NOISE_PIXELS * pixel_m:.2g}, or average several scans"
+    if of_pixels > of_noise:
+        step = FINER_PIXELS
     return Problem("detail_decides", "warning", message, Effect(None, error, error), step)
