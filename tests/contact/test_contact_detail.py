@@ -127,7 +127,7 @@ def test_of_detail_as_much_is_doubted_as_may_be_of_noise(share, severity):
     """Noise that the filter takes off by 0.63 moves 1 / 0.63 as much, and no more is noise."""
     effect = Effect(0.01, 0.2, 0.2)
     of_map = detail.Detail(effect, share, (0.2, 0.04, 0.03, 0.02))
-    (said,), factor = _of_detail(of_map, 0.0, TOLERANCE, 1e-4)
+    (said,), factor = _of_detail(of_map, 0.0, TOLERANCE, 1e-4, True)
     assert (said.code, said.severity, said.effect) == ("detail_decides", severity, effect)
     assert factor == pytest.approx(share / 0.63)
     assert (factor * 0.04 > TOLERANCE) == (severity == "warning")
@@ -140,9 +140,11 @@ def test_of_detail_as_much_is_doubted_as_may_be_of_noise(share, severity):
 def test_a_doubt_of_detail_tells_the_pixels_that_leave_more_than_it_moves(of_pixels, told, energy):
     """Whoever reads of 4 % would not know why the interval has 31."""
     of_map = detail.Detail(Effect(0.2, 0.2, 0.2), 1.0, (0.2, 0.055, 0.03, 0.02))
-    (said,), _ = _of_detail(of_map, of_pixels, TOLERANCE, 1e-4)
+    (said,), _ = _of_detail(of_map, of_pixels, TOLERANCE, 1e-4, of_pixels < 0.1)
     assert (said.severity, said.effect) == ("warning", Effect(0.2, energy, energy))
     assert ("pixels leave up to" in said.message) == (told is not None)
+    assert ("instrument.noise_m" in said.step) == (of_pixels > 0.1)  # where it is not known
+    assert "s_filter_nesting_index_m=0.0005, if the detail is noise" in said.step
     assert told is None or f"pixels leave up to {told} in the energy at 25 %" in said.message
 
 

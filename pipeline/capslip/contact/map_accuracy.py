@@ -115,12 +115,13 @@ def error_of_map(
         detail = replace(detail, white_share=detail.white_share * noise_m / white_m)
     of_both = math.hypot(*causes.at(SMALL_SLIP))
     of_pixels, of_noise = causes.at(ASKED)
-    more, factor = _of_detail(detail, of_pixels, tolerance, max(pressed.pixel_size_m))
+    pixel_m = max(pressed.pixel_size_m)
+    more, factor = _of_detail(detail, of_pixels, tolerance, pixel_m, noise_m is not None)
     found += more
     if not any(one.severity == "warning" for one in more):
         if of_noise > tolerance:
             of = f"noise of {noise_m:.2g} m" if noise_m else f"white noise of {counted_m:.2g} m"
-            found.append(_noisy(of, of_noise, of_pixels, tolerance, max(pressed.pixel_size_m)))
+            found.append(_noisy(of, of_noise, of_pixels, tolerance, pixel_m))
         elif (of_either := math.hypot(of_pixels, of_noise)) > tolerance:
             found.append(_unresolved("warning", ASKED, of_either))
     known = any(one.severity == "warning" and one.code != "loss_between_loads" for one in found)
@@ -198,7 +199,7 @@ def _of_given(
 
 
 def _of_detail(
-    detail: Detail, of_pixels: float, tolerance: float, pixel_m: float
+    detail: Detail, of_pixels: float, tolerance: float, pixel_m: float, noise_known: bool
 ) -> tuple[list[Problem], float]:
     """Return what there is to say of the finest detail, and its error over its effect.
 
@@ -229,7 +230,8 @@ def _of_detail(
         )
         energy = max(effect.energy or 0.0, of_pixels)
         effect = replace(effect, energy=energy, loss_factor=energy)
-    step = (
+    step = "" if noise_known else "--set instrument.noise_m=..., which tells noise from detail; or "
+    step += (
         f"--set {S_FILTER}={NOISE_PIXELS * pixel_m:.2g}, if the detail is noise; else a finer scan"
     )
     return [Problem("detail_decides", "warning", message, effect, step)], factor
