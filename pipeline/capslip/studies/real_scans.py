@@ -6,7 +6,6 @@ right answer for these faces: the tables say what answered, what is doubted, and
 
 import argparse
 import sys
-import time
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
@@ -29,7 +28,7 @@ AS_A_JOINT = (
 HEAD = (
     *("scan", "points", "side [mm]", "caps", "answered by", "contacts", "greatest pressure [GPa]"),
     *("stiffness [MN/m]", "energy at a quarter of mu N", "loss factor of the joint"),
-    *("status", "warnings", "CPU [s]"),
+    *("status", "warnings"),
 )
 
 
@@ -55,15 +54,14 @@ def print_of_folder(study: Callable[[Path, Sequence[str]], str], about: str) -> 
     sys.stdout.write(f"{study(given.folder, (*AS_A_JOINT, *given.overrides))}\n")
 
 
-def scans_of(folder: Path, settings: Settings) -> Iterator[tuple[str, HeightMap, float]]:
-    """Give name, map and processor seconds of reading of every file that can be read as a scan."""
+def scans_of(folder: Path, settings: Settings) -> Iterator[tuple[str, HeightMap]]:
+    """Give name and map of every file that can be read as a scan."""
     for file in sorted(path for path in folder.iterdir() if path.is_file()):
-        started_s = time.process_time()
         try:
             surface = load_surface(file, **msgspec.structs.asdict(settings.reading))
         except CapslipError:
             continue
-        yield file.name, surface, time.process_time() - started_s
+        yield file.name, surface
 
 
 def real_scans(folder: Path, overrides: Sequence[str] = AS_A_JOINT) -> str:
@@ -78,14 +76,13 @@ def real_scans(folder: Path, overrides: Sequence[str] = AS_A_JOINT) -> str:
     """
     settings = load_settings(overrides=tuple(overrides))
     rows, texts = [], []
-    for name, surface, read_s in scans_of(folder, settings):
-        started_s = time.process_time() - read_s
+    for name, surface in scans_of(folder, settings):
         try:
             summary = analyze(surface, settings).summary()
         except CapslipError as error:
             texts.append(f"`{name}`: no answer: {error}")
             continue
-        rows.append((f"`{name}`", *_row(summary), f"{time.process_time() - started_s:.0f}"))
+        rows.append((f"`{name}`", *_row(summary)))
         texts.append(f"`{name}`: {summary['verdict']}.\n{_doubts(summary)}")
     return "\n\n".join([table(HEAD, rows), *texts])
 

@@ -61,7 +61,7 @@ def bench_real_scans(folder: Path, overrides: Sequence[str] = AS_A_JOINT) -> str
         alike = (*overrides, *SPREADS)
         load = ("contact.nominal_pressure_Pa", "contact.preload_N")
         other = [one for one in overrides if not one.startswith(load)]
-        for name, surface, _ in scans_of(folder, load_settings(overrides=tuple(overrides))):
+        for name, surface in scans_of(folder, load_settings(overrides=tuple(overrides))):
             points = " x ".join(map(str, surface.shape[::-1]))
             found = _seconds(surface, alike)
             joint = _seconds(surface, (*other, f"joint.pressure_map='{uneven}'"))
