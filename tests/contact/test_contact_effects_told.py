@@ -424,7 +424,7 @@ def change(maps, unsolved=(), code="seams", rest_m=3e-7, left=None):
         assert at_ease_rad == (1e-6, -2e-6)  # each map is held as the pressed one
         return surface
 
-    rung = SimpleNamespace(build=curves.get, at_forces=None, holds_bulk=False, of_pixels=left)
+    rung = SimpleNamespace(build=curves.get, at_forces=None, holds_bulk=False, left_by_pixels=left)
     contact = SimpleNamespace(
         rung=rung,
         normal=curves["known"],

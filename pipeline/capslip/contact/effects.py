@@ -290,8 +290,8 @@ def _effect_on_map(
             curve = model.at_forces(curve, FORCE_SHARES)
         approach_m = curve.approach_m(preload_N) - bulk_m
         found = np.append(answers(curve, model.holds_bulk, surface, settings), approach_m)
-        if model.of_pixels is not None:
-            left = model.of_pixels(curve, preload_N)
+        if model.left_by_pixels is not None:
+            left = model.left_by_pixels(curve, preload_N)
             of_pixels.append([left[share] for share in FORCE_SHARES])
         return found
 

@@ -135,7 +135,7 @@ def error_of_map(
     return _with_pixels(causes, stiffness, least, energy), tuple(found)
 
 
-def of_pixels(curve: BoundaryElementCurve, load_N: float) -> dict[float, float]:
+def left_by_pixels(curve: BoundaryElementCurve, load_N: float) -> dict[float, float]:
     """Return what pixels leave in the energy, by shares of mu N, relative, at 95 %."""
     unloading = curve.unloading(load_N)
     return {share: _of_pixels(unloading, share) for share in PIXELS_95}

@@ -160,7 +160,7 @@ class Rung(Generic[C]):
     # Share of the force at total slip below which the energy at a load is not resolved
     least_share: Callable[[C, float], float] | None = None
     # What pixels leave in the energy at a load, by shares of mu N, relative, at 95 %
-    of_pixels: Callable[[C, float], dict[float, float]] | None = None
+    left_by_pixels: Callable[[C, float], dict[float, float]] | None = None
     interacts: bool = False  # whether each contact sinks the others
     # How shear is shared before any slip at a load, and what partial slip adds until only a share
     # of the load sticks, as maps of any unit; None: its contacts are caps

@@ -6,7 +6,7 @@ from time import process_time
 
 import numpy as np
 
-from capslip.contact.map_accuracy import error_of_map, of_pixels
+from capslip.contact.map_accuracy import error_of_map, left_by_pixels
 from capslip.contact.map_curve import BoundaryElementCurve
 from capslip.contact.rung import Contacts, Rung, Scene
 from capslip.contact.solvers.detail import FirstLoading
@@ -193,7 +193,7 @@ RUNG = Rung(
     error=error_of_map,
     problems=BoundaryElementCurve.problems,
     least_share=BoundaryElementCurve.least_share,
-    of_pixels=of_pixels,
+    left_by_pixels=left_by_pixels,
     build=_build,
     contacts=_contacts,
     contact_name="contact regions",
