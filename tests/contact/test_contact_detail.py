@@ -145,6 +145,8 @@ def test_a_doubt_of_detail_tells_the_pixels_that_leave_more_than_it_moves(of_pix
     assert ("pixels leave up to" in said.message) == (told is not None)
     assert ("instrument.noise_m" in said.step) == (of_pixels > 0.1)  # where it is not known
     assert "s_filter_nesting_index_m=0.0005, if the detail is noise" in said.step
+    assert said.step.startswith("scan with smaller pixels") == (told is not None)
+    assert said.step.endswith("; else a finer scan") == (told is None)
     assert told is None or f"pixels leave up to {told} in the energy at 25 %" in said.message
 
 

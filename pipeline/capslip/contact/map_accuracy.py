@@ -224,16 +224,15 @@ def _of_detail(
         )
         return [Problem("detail_decides", "info", message, effect)], factor
     message = f"{said}: noise, spikes, lost points or roughness that the map hardly resolves"
-    if of_pixels > max(tolerance, asked):
-        message += (
-            f"; pixels leave up to {of_pixels:.1%} in the energy at {percent(ASKED)} of gross slip"
-        )
+    step = "" if noise_known else "--set instrument.noise_m=..., which tells noise from detail; or "
+    step += f"--set {S_FILTER}={NOISE_PIXELS * pixel_m:.2g}, if the detail is noise"
+    if of_pixels <= max(tolerance, asked):
+        step += "; else a finer scan"
+    else:
+        left = f"{of_pixels:.1%} in the energy at {percent(ASKED)} of gross slip"
+        message, step = f"{message}; pixels leave up to {left}", f"{FINER_PIXELS}; {step}"
         energy = max(effect.energy or 0.0, of_pixels)
         effect = replace(effect, energy=energy, loss_factor=energy)
-    step = "" if noise_known else "--set instrument.noise_m=..., which tells noise from detail; or "
-    step += (
-        f"--set {S_FILTER}={NOISE_PIXELS * pixel_m:.2g}, if the detail is noise; else a finer scan"
-    )
     return [Problem("detail_decides", "warning", message, effect, step)], factor
 
 
