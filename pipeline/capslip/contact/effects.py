@@ -37,7 +37,7 @@ AT_ALL_FORCES = ("heights_in_steps",)
 FIRM = ("outliers_removed", "points_filled")
 JACKKNIFED = "points_filled"  # by maps that lack a part of its points each
 ASK_MAP = 0.2  # of the tolerance: what may move more is pressed on the map, too
-Thinned: TypeAlias = Callable[[HeightMap], HeightMap]  # a map of fewer points
+Thinned: TypeAlias = Callable[[HeightMap], HeightMap]  # what is pressed of a map: fewer points
 
 
 @dataclass(frozen=True)
@@ -188,7 +188,7 @@ def _bent_m(maps: tuple[HeightMap, ...]) -> float:
 
 
 def _bow_or_not(face: FaceOfCaps, thinned: Thinned) -> tuple[HeightMap, ...]:
-    """Return a coarse map, and what `conditioning.form` = quadratic makes of it.
+    """Return a thinned map, and what `conditioning.form` = quadratic makes of it.
 
     Where the flatness deviation of the instrument is known, what bows of that height make of it.
     """
@@ -205,13 +205,13 @@ def _bow_or_not(face: FaceOfCaps, thinned: Thinned) -> tuple[HeightMap, ...]:
 
 
 def _tilt_or_not(face: FaceOfCaps, thinned: Thinned) -> tuple[HeightMap, ...]:
-    """Return a coarse map, and the same without its least-squares plane."""
+    """Return a thinned map, and the same without its least-squares plane."""
     coarse = thinned(face.surface)
     return coarse, remove_form(coarse, "plane")[0]
 
 
 def _seams_or_not(face: FaceOfCaps, thinned: Thinned) -> tuple[HeightMap, ...]:
-    """Return a coarse map, and those of the fields on one level, and without tilts, too."""
+    """Return a thinned map, and those of the fields on one level, and without tilts, too."""
     surface, heights_m = face.surface, list[np.ndarray]()
     seams = face.seams  # along lines of fine pixels
     if seams is not None:
@@ -277,12 +277,12 @@ def _effect_on_map(
     """
     if len(maps) == 1:
         return None
-    settings, model, of_pixels = face.settings, contact.rung, list[list[float]]()
+    settings, model = face.settings, contact.rung
     none = Families(None, None, (), None, None, 0.0, alike=False)
     bulk_m = contact.bulk_m if contact.approach_without_bulk_m else 0.0
     preload_N = settings.contact.preload_N
 
-    def answers_on(surface: HeightMap) -> np.ndarray:
+    def answers_on(surface: HeightMap) -> tuple[np.ndarray, np.ndarray]:
         known = surface is face.surface
         scene = Scene.of(peaks, none, surface, settings, peaks.usable, contact.at_ease_rad)
         curve = contact.normal if known else model.build(scene)
@@ -290,19 +290,16 @@ def _effect_on_map(
             curve = model.at_forces(curve, FORCE_SHARES)
         approach_m = curve.approach_m(preload_N) - bulk_m
         found = np.append(answers(curve, model.holds_bulk, surface, settings), approach_m)
-        if model.left_by_pixels is not None:
-            left = model.left_by_pixels(curve, preload_N)
-            of_pixels.append([left[share] for share in FORCE_SHARES])
-        return found
+        left = {} if model.left_by_pixels is None else model.left_by_pixels(curve, preload_N)
+        return found, np.array([left.get(share, 0.0) for share in FORCE_SHARES])
 
     try:
-        before, *after = map(answers_on, maps)
+        (before, *after), of_pixels = zip(*map(answers_on, maps), strict=True)
     except CapslipError:
         return None
-    change = np.abs(np.array(after) / before - 1.0)
-    left = np.max(of_pixels, axis=0) if of_pixels else 0.0
+    change, left = np.abs(np.array(after) / before - 1.0), np.max(of_pixels, axis=0)
     if code != JACKKNIFED:
-        return _Moved.by(change.max(axis=0)[:-1], least_share, 0.0, left)
+        return _Moved.by(change.max(axis=0)[:-1], least_share, of_pixels=left)
     *moved, approach = standard_error(change)
     return _Moved.by(np.array(moved), least_share, approach, left)
 

@@ -34,7 +34,6 @@ from capslip.units import percent
 S_FILTER, NOISE_PIXELS = "conditioning.s_filter_nesting_index_m", 5.0  # what takes noise off
 # Over what pixels leave in the energy of spheres, by shares of mu N, so that nearly all are within
 PIXELS_95 = {0.1: 3.0, 0.25: 6.0, 0.5: 6.0, 0.75: 6.0, 1.0: 6.0}
-FINER_PIXELS = "scan with smaller pixels, or ask at a greater force"
 SMALL_NOISE = 0.05  # of the approach, up to which what is noise counts to first order
 MOSTLY_WHITE = 0.7  # of the detail, from which on it is: rough faces with a Hurst exponent of 0.8
 # and more have 0.65 at most
@@ -230,7 +229,8 @@ def _of_detail(
         step += "; else a finer scan"
     else:
         left = f"{of_pixels:.1%} in the energy at {percent(ASKED)} of gross slip"
-        message, step = f"{message}; pixels leave up to {left}", f"{FINER_PIXELS}; {step}"
+        message += f"; pixels leave up to {left}"
+        step = f"{_unresolved('warning', ASKED, of_pixels).advice}; {step}"
         energy = max(effect.energy or 0.0, of_pixels)
         effect = replace(effect, energy=energy, loss_factor=energy)
     return [Problem("detail_decides", "warning", message, effect, step)], factor
@@ -287,7 +287,8 @@ def _noisy(
     )
     if of_pixels > tolerance:
         message += f", and its pixels up to {of_pixels:.1%}"
-    step = f"--set {S_FILTER}={NOISE_PIXELS * pixel_m:.2g}, or average several scans"
     if of_pixels > of_noise:
-        step = FINER_PIXELS
+        step = _unresolved("warning", ASKED, of_pixels).advice
+    else:
+        step = f"--set {S_FILTER}={NOISE_PIXELS * pixel_m:.2g}, or average several scans"
     return Problem("detail_decides", "warning", message, Effect(None, error, error), step)
