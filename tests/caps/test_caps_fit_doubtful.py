@@ -1,7 +1,6 @@
 """Caps: what is doubtful keeps its row, gets a flag, and never a silent or missing number."""
 
 from dataclasses import replace
-from time import process_time
 
 import numpy as np
 import pytest
@@ -13,7 +12,7 @@ from capslip.caps.quadric import _inverse, _normal_equations
 from capslip.caps.table import CapFlag
 from capslip.errors import SettingsError
 from capslip.surface.heightmap import HeightMap
-from scenes import caps_map
+from scenes import caps_map, in_filters
 
 FITS = registry.names("caps.fits")
 PIXEL_M = 1e-4
@@ -181,9 +180,8 @@ def test_very_many_hills_take_bounded_time():
     label = np.kron(np.arange(1, 50001).reshape(200, 250), np.ones((3, 4)))
     height_m = 1e-6 * np.random.default_rng(0).standard_normal(label.shape)
     surface, hills = HeightMap(height_m, (PIXEL_M, PIXEL_M)), given_hills(label, -1e-5)
-    begin = process_time()
+    assert in_filters(lambda: fit_caps(surface, hills, "pinned")) < 150.0
     table = fit_caps(surface, hills, "pinned")
-    assert process_time() - begin < 2.0
     assert len(table) == 50000
     assert_no_silent_nan(table)
 

@@ -17,7 +17,7 @@ from capslip.studies.faces.synthetic import Cap, CapFamily, Scene, synthetic_sur
 from capslip.surface.conditioning import condition
 from capslip.surface.heightmap import HeightMap
 from capslip.surface.readers import load_surface
-from scenes import caps_map
+from scenes import caps_map, in_filters
 
 EIGHT = np.ones((3, 3))
 PIXEL_M = (1e-4, 1e-4)
@@ -260,12 +260,12 @@ def test_odd_maps_get_an_answer(height_m, ratio, n_hills):
     assert hills.n_hills > 0 or hills.rejected
 
 
-def test_two_hundred_thousand_regions_take_less_than_two_seconds():
+def test_two_hundred_thousand_regions_take_little_time():
     height_m = np.zeros((900, 900))
     height_m[::2, ::2] = 1.0 + NOISE.ravel()[0] * np.arange(202_500).reshape(450, 450)
-    begin = time.process_time()
-    hills = find_hills(HeightMap(height_m, PIXEL_M), 0.249)
-    assert time.process_time() - begin < 2.0
+    surface = HeightMap(height_m, PIXEL_M)
+    assert in_filters(lambda: find_hills(surface, 0.249)) < 25.0
+    hills = find_hills(surface, 0.249)
     assert hills.n_regions > 200_000
     assert hills.rejected == {"within_noise": hills.n_regions}  # each is a single point
 

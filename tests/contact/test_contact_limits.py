@@ -1,7 +1,5 @@
 """Where each interacting cap slips totally, against the state itself and plain caps."""
 
-import time
-
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -14,6 +12,7 @@ from capslip.contact.models.caps import caps
 from capslip.contact.models.families import families
 from capslip.contact.models.interacting import interacting
 from capslip.contact.slip import slip_curve
+from scenes import in_filters
 
 STEEL = composite((200e9, 200e9), (0.3, 0.3))
 E, KAPPA = STEEL.E_star_Pa, STEEL.kappa
@@ -161,10 +160,5 @@ def test_a_cap_that_grows_at_first_has_no_limit():
 def test_quick_enough_to_be_asked_for_always():
     curve = interacting(*random_face(6), E)
     d = float(curve.approach_m(2000.0))
-    times_s = []
-    for _ in range(5):
-        start = time.perf_counter()
-        limits_m = curve.lift_off_m(d)
-        times_s.append(time.perf_counter() - start)
-    assert np.isfinite(limits_m).all()
-    assert min(times_s) < 0.03
+    assert np.isfinite(curve.lift_off_m(d)).all()
+    assert in_filters(lambda: curve.lift_off_m(d)) < 0.5

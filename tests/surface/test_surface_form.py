@@ -1,6 +1,5 @@
 """The F-operator: what is form goes, all of it, and nothing else."""
 
-import time
 import tracemalloc
 from dataclasses import replace
 
@@ -11,6 +10,7 @@ from capslip.errors import SettingsError, UnusableSurfaceError
 from capslip.studies.faces.synthetic import CapFamily, Scene, synthetic_surface
 from capslip.surface.form import remove_form
 from capslip.surface.heightmap import HeightMap
+from scenes import in_filters
 
 PIXEL_M = (60e-6, 50e-6)
 NY, NX = 120, 170
@@ -260,12 +260,7 @@ def test_memory_stays_below_six_maps(kind, robust):
 def test_a_plane_is_removed_quickly():
     z = np.random.default_rng(0).standard_normal((800, 1200)) * 1e-7
     surface = HeightMap(z, PIXEL_M)
-    times = []
-    for _ in range(10):
-        begin = time.thread_time()
-        remove_form(surface)
-        times.append(time.thread_time() - begin)
-    assert min(times) < 0.03  # 4 ms where nothing else runs
+    assert in_filters(lambda: remove_form(surface)) < 0.5
 
 
 def test_the_lowest_third_is_the_floor_under_hills_on_one_side():

@@ -369,17 +369,20 @@ def test_million_points_are_read_in_time_and_memory(tmp_path):
         "import sys, time; from capslip.surface.readers import load_surface\n"
         "start = time.process_time()\n"
         "surface = load_surface(sys.argv[1], unit='um', lateral_unit='mm')\n"
-        "took = time.process_time() - start\n"
+        "read = time.process_time()\n"
         "status = open('/proc/self/status').read() if sys.platform == 'linux' else 'VmHWM: 0 kB'\n"
-        "print(surface.shape, took, status.split('VmHWM:')[1].split()[0])"
+        "begin = time.process_time()\n"
+        "[float(word) for word in open(sys.argv[1]).read().split()]\n"  # the least work there is
+        "by_hand = (read - start) / (time.process_time() - begin)\n"
+        "print(surface.shape, by_hand, status.split('VmHWM:')[1].split()[0])"
     )
     done = subprocess.run(
         [sys.executable, "-c", code, path], capture_output=True, text=True, check=True
     )
     shape, _, rest = done.stdout.partition(") ")
-    took_s, peak_kB = map(float, rest.split())
+    by_hand, peak_kB = map(float, rest.split())
     assert shape == "(1000, 1000"
-    assert took_s < 3.0
+    assert by_hand < 3.0
     assert peak_kB < 400_000
 
 

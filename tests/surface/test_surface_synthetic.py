@@ -1,6 +1,5 @@
 """Synthetic faces: the truth that comes with them is true."""
 
-import time
 from dataclasses import replace
 
 import mpmath
@@ -12,6 +11,7 @@ from capslip.errors import SettingsError
 from capslip.studies.faces.synthetic import Cap, CapFamily, Scene, synthetic_surface
 from capslip.surface.conditioning import condition
 from capslip.surface.form import remove_form
+from scenes import in_filters
 
 PAPER = Scene(families=(CapFamily("G", 2, 23.8), CapFamily("P", 9, 26.7, 0.24e-6)), seed=5)
 SMALL = replace(PAPER, shape=(400, 600), pixel_size_m=(1e-4, 1e-4))
@@ -238,7 +238,4 @@ def test_impossible_scenes_are_refused(change, words):
 
 def test_paper_sized_face_is_made_quickly():
     scene = replace(PAPER, families=(CapFamily("G", 5, 23.8), CapFamily("P", 18, 26.7, 0.24e-6)))
-    synthetic_surface(replace(SMALL, waviness_rms_m=1e-8))
-    begin = time.perf_counter()
-    synthetic_surface(replace(scene, seed=0))
-    assert time.perf_counter() - begin < 2.0  # 0.1 s where nothing else runs
+    assert in_filters(lambda: synthetic_surface(replace(scene, seed=0))) < 40.0
