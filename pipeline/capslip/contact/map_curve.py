@@ -349,14 +349,20 @@ class BoundaryElementCurve:
         for load_N, level_m in self.solutions.approach_m.items():
             if abs(level_m + c * load_N - approach_m) <= 1e-13 * approach_m:
                 return load_N
-        level_m = approach_m
+        level_m, before, first, slope = approach_m, None, 0.0, 0.0
         for _ in range(50):
             pressed = self.solutions.press_to(level_m)
             excess_m = level_m + c * pressed.load_N - approach_m
             if abs(excess_m) <= 1e-9 * approach_m:
                 return pressed.load_N
-            stiffness = self._stiffness_at(pressed.load_N)
-            level_m -= excess_m * self._with_spring(stiffness) / stiffness
+            if before is None:  # that of the pixels is near enough, and costs one solution
+                stiffness = self._stiffness_of_pixels(pressed.load_N)
+                first = slope = stiffness / self._with_spring(stiffness)
+            elif level_m != before[0]:
+                secant = (excess_m - before[1]) / (level_m - before[0])
+                slope = min(max(secant, 0.5 * first), 2.0 * first)
+            before = level_m, excess_m
+            level_m -= excess_m / slope
         raise ContactError(
             f"{self.solutions.face.name}: no load found at an approach of {approach_m:g} m"
         )
@@ -368,6 +374,9 @@ class BoundaryElementCurve:
         pressed = self.pressed(load_N)
         if refinement(self.solutions.face, pressed) > 1:
             return self.unloading(load_N).stiffness_N_per_m
+        return self._stiffness_of_pixels(load_N)
+
+    def _stiffness_of_pixels(self, load_N: float) -> float:
         return float(self.solutions.punch(load_N).sum()) * self.solutions.face.pixel_area_m2
 
     def _with_spring(self, stiffness_N_per_m: Any) -> Any:
