@@ -6,7 +6,7 @@ from scipy.stats import binom
 from capslip.studies.band import study
 from capslip.studies.band.study import NUMBERS, Held, held, table_of_coverage
 
-FACES, REPEATS, NOISE_M = 20, 2, 20e-9
+FACES, REPEATS, NOISE_M = 10, 4, 20e-9
 
 
 def test_nine_of_ten_intervals_hold_the_truth(monkeypatch):
