@@ -107,6 +107,8 @@ def test_beyond_gross_slip_there_is_an_error_and_no_number(name):
     assert answer is None
     assert [(one.code, one.severity) for one in problems] == [("beyond_gross_slip", "error")]
     assert f"{1.001 * most:.4g}" in problems[0].message
+    # the joint itself moves by another length than its structure
+    assert (" m of the structure on " in problems[0].message) == (name == "amplitude_m")
 
 
 def test_a_mode_that_is_not_lightly_damped_has_no_loss_factor_and_its_joint_has_one():

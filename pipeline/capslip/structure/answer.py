@@ -81,10 +81,11 @@ def answer_to(
     }[name]
     if value > most * (1.0 + 1e-12):
         quantity, _, unit = name.rpartition("_")
+        of = " of the structure" if name == "amplitude_m" else ""  # not of the joint
         message = (
             f"got {quantity.replace('_', ' ')} {value:.4g} {unit}; the joint slips as a whole from "
-            f"{most:.4g} {unit} on and nothing holds it there, so no stiffness and no loss can be "
-            "given"
+            f"{most:.4g} {unit}{of} on and nothing holds it there, so no stiffness and no loss can "
+            "be given"
         )
         less = readable(f"{0.5 * most:.2g} {unit}").replace(" ", "")
         option = quantity.replace("_", "-")
