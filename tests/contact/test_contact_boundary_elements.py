@@ -261,6 +261,18 @@ def test_a_spring_in_series_changes_displacements_and_no_loss():
         in_series(curve, -1.1 / stiffness).stiffness_N_per_m(d - 55.0 / stiffness)
 
 
+@pytest.mark.parametrize("share", [-0.2, 3.0])
+def test_the_load_at_an_approach_is_found_by_few_solutions(share):
+    """A spring in series couples both: by a slope and a secant, no path of unloading."""
+    curve = boundary_elements(rough((100, 100), smooth=6.0), E)
+    found = in_series(curve, share * float(curve.approach_m(50.0)) / 50.0)
+    approach_m = float(found.approach_m(40.0))
+    fresh = in_series(boundary_elements(rough((100, 100), smooth=6.0), E), found.compliance_m_per_N)
+    assert fresh.load_N(approach_m) == pytest.approx(40.0, rel=1e-6)
+    assert len(fresh.solutions.approach_m) <= 12
+    assert not fresh.solutions.unloading
+
+
 def test_many_loads_are_interpolated_between_solved_ones():
     curve = boundary_elements(rough((100, 100), smooth=6.0), E)
     load_N = np.append(0.0, np.geomspace(1.0, 200.0, 60))

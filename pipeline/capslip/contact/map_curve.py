@@ -349,7 +349,7 @@ class BoundaryElementCurve:
         for load_N, level_m in self.solutions.approach_m.items():
             if abs(level_m + c * load_N - approach_m) <= 1e-13 * approach_m:
                 return load_N
-        level_m, before, first, slope = approach_m, None, 0.0, 0.0
+        level_m, before, slope = approach_m, None, 0.0
         for _ in range(50):
             pressed = self.solutions.press_to(level_m)
             excess_m = level_m + c * pressed.load_N - approach_m
@@ -357,10 +357,9 @@ class BoundaryElementCurve:
                 return pressed.load_N
             if before is None:  # that of the pixels is near enough, and costs one solution
                 stiffness = self._stiffness_of_pixels(pressed.load_N)
-                first = slope = stiffness / self._with_spring(stiffness)
-            elif level_m != before[0]:
-                secant = (excess_m - before[1]) / (level_m - before[0])
-                slope = min(max(secant, 0.5 * first), 2.0 * first)
+                slope = stiffness / self._with_spring(stiffness)
+            elif level_m != before[0]:  # N(y) is convex: secants come from one side
+                slope = (excess_m - before[1]) / (level_m - before[0])
             before = level_m, excess_m
             level_m -= excess_m / slope
         raise ContactError(
