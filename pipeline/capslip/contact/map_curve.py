@@ -358,7 +358,7 @@ class BoundaryElementCurve:
             if before is None:  # that of the pixels is near enough, and costs one solution
                 stiffness = self._stiffness_of_pixels(pressed.load_N)
                 slope = stiffness / self._with_spring(stiffness)
-            elif level_m != before[0]:  # N(y) is convex: secants come from one side
+            elif excess_m != before[1]:  # N(y) is convex: secants come from one side
                 slope = (excess_m - before[1]) / (level_m - before[0])
             before = level_m, excess_m
             level_m -= excess_m / slope
