@@ -59,7 +59,7 @@ def nearby(
     share : float
         Of the load, between 0 and 1.
     finest : int
-        Points along the side of a pixel that follow its slip, see `refinement`.
+        Points along the longer side of a pixel that follow its slip, see `refinement`.
 
     Raises
     ------

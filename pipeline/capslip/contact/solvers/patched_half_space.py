@@ -119,13 +119,15 @@ class PatchedHalfSpace:
         return placed
 
 
-def node_counts(boxes: np.ndarray) -> np.ndarray:
+def node_counts(boxes: np.ndarray, pixel_size_m: tuple[float, float]) -> np.ndarray:
     """Return how many nodes along its sides a patch needs for the nearest other one.
 
     Parameters
     ----------
     boxes : int, shape (n, 4)
         As for `PatchedHalfSpace`.
+    pixel_size_m : (float, float)
+        (dy, dx).
 
     Returns
     -------
@@ -133,7 +135,8 @@ def node_counts(boxes: np.ndarray) -> np.ndarray:
 
     Examples
     --------
-    >>> node_counts(np.array([[0, 0, 20, 20], [0, 30, 20, 50], [0, 900, 20, 904]]))
+    >>> boxes = np.array([[0, 0, 20, 20], [0, 30, 20, 50], [0, 900, 20, 904]])
+    >>> node_counts(boxes, (1e-5, 1e-5))
     array([[14, 10],
            [14, 10],
            [ 3,  2]])
@@ -142,7 +145,8 @@ def node_counts(boxes: np.ndarray) -> np.ndarray:
     n = high - low + 1
     gaps = np.maximum(low - high[:, None], low[:, None] - high).clip(min=0)
     half = np.maximum((n - 1) / 2, 0.5)
-    along, across = gaps / half[:, None], gaps[:, :, ::-1] / half[:, None]
+    size = np.divide(pixel_size_m, min(pixel_size_m))
+    along, across = gaps / half[:, None], (gaps * size)[:, :, ::-1] / (half * size)[:, None]
     # Foci of the ellipse through the singularity: how fast interpolation converges
     z = np.where(along > 0, 1 + along, 0) + 1j * across
     rate = np.abs(z + np.sqrt(z - 1) * np.sqrt(z + 1))

@@ -3,6 +3,7 @@
 Below a load the contact only shrinks, so no point outside of it is needed any more.
 """
 
+import math
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -26,7 +27,7 @@ class PatchedFace(ElasticFace):
 
     parent: np.ndarray  # (n,), flat index of the pixel of the whole map in which each point lies
     map_shape: tuple[int, int]
-    refinement: int  # points along the side of a pixel of the map
+    per_pixel: tuple[int, int]  # points along the sides y and x of a pixel of the map
     at_m: tuple[np.ndarray, np.ndarray]  # (x, y) of the points, shape (n,) each
 
     @property
@@ -45,6 +46,11 @@ class PatchedFace(ElasticFace):
         return self.at_m
 
     @property
+    def refinement(self) -> int:
+        """Points along the longer side of a pixel of the map."""
+        return max(self.per_pixel)
+
+    @property
     def cost(self) -> int:
         """Work of one sinking, in products of two numbers."""
         return self.half_space.cost
@@ -57,7 +63,7 @@ class PatchedFace(ElasticFace):
         """Return the means over the pixels of the map, zero outside the patches, shape (ny, nx)."""
         n_points = self.map_shape[0] * self.map_shape[1]
         sums = np.bincount(self.parent, weights=values, minlength=n_points)
-        return np.asarray(sums.reshape(self.map_shape) / self.refinement**2)
+        return np.asarray(sums.reshape(self.map_shape) / math.prod(self.per_pixel))
 
 
 def patched(
@@ -72,30 +78,26 @@ def patched(
     contact : bool, shape (ny, nx)
         Where it touches.
     refinement : int
-        Points along the side of a pixel; between the heights of the map a cubic spline.
+        Points along the longer side of a pixel, and along the other as many as make none longer
+        there; between the heights of the map a cubic spline.
     single : bool
         As for `PatchedHalfSpace`.
     """
-    cheapest = _cheapest(contact, refinement)
+    (dy_m, dx_m), (per_y, per_x) = face.pixel_size_m, _per_pixel(face.pixel_size_m, refinement)
+    cheapest = _cheapest(contact, face.pixel_size_m, (per_y, per_x))
     if cheapest is None:
         return None
     boxes, counts = cheapest
-    size_m = face.pixel_size_m[0] / refinement, face.pixel_size_m[1] / refinement
-    half_space = PatchedHalfSpace(boxes * refinement, counts, size_m, face.E_star_Pa, single)
+    fine_boxes, size_m = boxes * (per_y, per_x, per_y, per_x), (dy_m / per_y, dx_m / per_x)
+    half_space = PatchedHalfSpace(fine_boxes, counts, size_m, face.E_star_Pa, single)
     parents, depths, knowns, places = [], [], [], []
-    for y0, x0, y1, x1 in boxes.tolist():
-        i, j = (
-            np.arange(first * refinement, last * refinement) // refinement
-            for first, last in ((y0, y1), (x0, x1))
-        )
-        fine = np.meshgrid(
-            np.arange(x0 * refinement, x1 * refinement) + 0.5,
-            np.arange(y0 * refinement, y1 * refinement) + 0.5,
-        )
-        places.append(np.reshape(fine, (2, -1)))
-        parents.append((i[:, None] * face.shape[1] + j).ravel())
-        knowns.append(face.measured[i[:, None], j].ravel())
-        depths.append(_refined(face, (y0, x0, y1, x1), refinement).ravel())
+    for box, (y0, x0, y1, x1) in zip(boxes.tolist(), fine_boxes.tolist(), strict=True):
+        i, j = np.arange(y0, y1), np.arange(x0, x1)
+        places.append(np.reshape(np.meshgrid(j + 0.5, i + 0.5), (2, -1)))
+        i, j = i[:, None] // per_y, j // per_x
+        parents.append((i * face.shape[1] + j).ravel())
+        knowns.append(face.measured[i, j].ravel())
+        depths.append(_refined(face, box, (per_y, per_x)).ravel())
     at, depth_m = np.concatenate(places, axis=1), np.concatenate(depths)
     if refinement > 1:  # the approach counts from the highest of all points, now on the spline
         depth_m -= depth_m.min()
@@ -108,7 +110,7 @@ def patched(
         half_space,  # type: ignore[arg-type]
         np.concatenate(parents),
         face.shape,
-        refinement,
+        (per_y, per_x),
         (at[0] * size_m[1], at[1] * size_m[0]),
         hardness_Pa=face.hardness_Pa,
     )
@@ -132,11 +134,12 @@ def half_space_around(
     """
     contact = np.zeros(face.map_shape, dtype=bool)
     contact.reshape(-1)[face.parent[points]] = True
-    cheapest = _cheapest(contact, face.refinement, tight=True)
+    (dy_m, dx_m), (per_y, per_x) = face.pixel_size_m, face.per_pixel
+    cheapest = _cheapest(contact, (per_y * dy_m, per_x * dx_m), face.per_pixel, tight=True)
     if cheapest is None:
         return None
     boxes, counts = cheapest
-    boxes = boxes * face.refinement
+    boxes = boxes * (per_y, per_x, per_y, per_x)
     if _cost(boxes, counts) > most_cost:
         return None
     half_space = PatchedHalfSpace(boxes, counts, face.pixel_size_m, face.E_star_Pa)
@@ -164,8 +167,19 @@ def with_margin(contact: np.ndarray) -> np.ndarray:
     return near
 
 
+def _per_pixel(pixel_size_m: tuple[float, float], refinement: int) -> tuple[int, int]:
+    """Return the points along the sides of a pixel, so many along the longer one."""
+    longer_m = max(pixel_size_m)
+    # Sides that are one or two times each other but for rounding are so
+    per_y, per_x = (math.ceil(refinement * (one_m / longer_m) - 1e-6) for one_m in pixel_size_m)
+    return per_y, per_x
+
+
 def _cheapest(
-    contact: np.ndarray, refinement: int, tight: bool = False
+    contact: np.ndarray,
+    pixel_size_m: tuple[float, float],
+    per_pixel: tuple[int, int],
+    tight: bool = False,
 ) -> tuple[np.ndarray, np.ndarray] | None:
     """Return the cheapest boxes around contacts, and nodes along their sides; None for the map.
 
@@ -176,15 +190,18 @@ def _cheapest(
     part = label(with_margin(contact), np.ones((3, 3)))[0]
     found = find_objects(part * contact if tight else part)
     single = np.array([(y.start, x.start, y.stop, x.stop) for y, x in found])
+    n_fine, (per_y, per_x) = math.prod(per_pixel), per_pixel
+    most = _MOST_SHARE * contact.size if n_fine == 1 else _MOST_POINTS / n_fine
+    size_m = pixel_size_m[0] / per_y, pixel_size_m[1] / per_x
     best, least = None, np.inf
     for apart in _APART:
-        boxes = _boxes(single, apart)
-        n_points = int((boxes[:, 2:] - boxes[:, :2]).prod(axis=1).sum())
-        most = _MOST_SHARE * contact.size if refinement == 1 else _MOST_POINTS / refinement**2
-        if n_points > most or len(boxes) > _MOST_NODES / 16:
+        boxes = _boxes(single, apart, pixel_size_m)
+        n_pixels = int((boxes[:, 2:] - boxes[:, :2]).prod(axis=1).sum())
+        if n_pixels > most or len(boxes) > _MOST_NODES / 16:
             continue
-        counts = node_counts(boxes * refinement)
-        cost = _cost(boxes * refinement, counts)
+        fine_boxes = boxes * (per_y, per_x, per_y, per_x)
+        counts = node_counts(fine_boxes, size_m)
+        cost = _cost(fine_boxes, counts)
         if counts.prod(axis=1).sum() <= _MOST_NODES and cost < least:
             best, least = (boxes, counts), cost
     return best
@@ -196,10 +213,11 @@ def _cost(boxes: np.ndarray, counts: np.ndarray) -> int:
     return int(counts.prod(axis=1).sum()) ** 2 + POINT_COST * int(n_points)
 
 
-def _boxes(boxes: np.ndarray, apart: float) -> np.ndarray:
+def _boxes(boxes: np.ndarray, apart: float, pixel_size_m: tuple[float, float]) -> np.ndarray:
     """Return boxes (first row, first column, end row, end column), merged where they are near."""
+    size = np.divide(pixel_size_m, min(pixel_size_m))
     while True:
-        low, high = boxes[:, :2], boxes[:, 2:]
+        low, high = boxes[:, :2] * size, boxes[:, 2:] * size
         half = (high - low).max(axis=1) / 2
         gap = np.maximum(low[:, None] - high, low - high[:, None]).max(axis=2)
         near = gap < apart * np.maximum(half[:, None], half)
@@ -221,10 +239,12 @@ def _merged(boxes: np.ndarray, near: np.ndarray) -> np.ndarray:
     return np.concatenate((low, high), axis=1)
 
 
-def _refined(face: ElasticFace, box: tuple[int, int, int, int], refinement: int) -> np.ndarray:
+def _refined(
+    face: ElasticFace, box: tuple[int, int, int, int], per_pixel: tuple[int, int]
+) -> np.ndarray:
     """Return the depths of a box, on a cubic spline through those of the map where refined."""
     y0, x0, y1, x1 = box
-    if refinement == 1:
+    if per_pixel == (1, 1):
         return face.depth_m[y0:y1, x0:x1]
     from scipy.interpolate import make_interp_spline
     from scipy.ndimage import distance_transform_edt
@@ -237,8 +257,8 @@ def _refined(face: ElasticFace, box: tuple[int, int, int, int], refinement: int)
         nearest = distance_transform_edt(~measured, return_distances=False, return_indices=True)
         depth_m = depth_m[tuple(nearest)]
     # Its ends go on as they are, since a map ends half a pixel beyond its last point.
-    for axis, (start, end) in enumerate(((y0, y1), (x0, x1))):
-        places = (np.arange(start * refinement, end * refinement) + 0.5) / refinement - 0.5
+    for axis, (start, end, n) in enumerate(((y0, y1, per_pixel[0]), (x0, x1, per_pixel[1]))):
+        places = (np.arange(start * n, end * n) + 0.5) / n - 0.5
         known = np.arange(depth_m.shape[axis]) + first[axis]
         degree = min(3, len(known) - 1)  # a map may have three lines
         depth_m = make_interp_spline(known, depth_m, k=degree, axis=axis)(places)

@@ -60,7 +60,7 @@ class Path:
         on_patches: bool,
         punch_Pa_per_m: np.ndarray | None = None,  # of the map, where it is known
         around: PatchedFace | None = None,  # from `around_contact`, where it is known
-        most: float = math.inf,  # points along the side of a pixel
+        most: float = math.inf,  # points along the longer side of a pixel
     ) -> None:
         region = pressed.region
         self.map, self.map_pressed, self.patches = face, pressed, None

@@ -44,7 +44,7 @@ def around_contact(
     contact : bool, shape (ny, nx)
         Where it touches.
     finest : int
-        Points along the side of a pixel, as many of them as patches have room for.
+        Points along the longer side of a pixel, as many of them as patches have room for.
     single : bool
         Whether single precision does: see `MatrixHalfSpace` and `PatchedHalfSpace`.
     """
@@ -222,7 +222,7 @@ def _alone(face: ElasticFace, points: np.ndarray, half_space: _OfPoints) -> Patc
         half_space,  # type: ignore[arg-type]
         points if patches is None else patches.parent[points],
         face.shape if patches is None else patches.map_shape,
-        1 if patches is None else patches.refinement,
+        (1, 1) if patches is None else patches.per_pixel,
         (x_m, y_m),
         hardness_Pa=face.hardness_Pa,
     )

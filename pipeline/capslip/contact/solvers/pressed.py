@@ -76,12 +76,14 @@ class Pressed:
     def pixels_across(self) -> float:
         """Pixels across the median unit of load: the diameter of the circle of its region's area.
 
-        Half of the load rests on regions that are smaller than this.
+        In their longer sides. Half of the load rests on regions that are smaller than this.
         """
         order = np.argsort(self.region_pixels)
         share = np.cumsum(self.region_loads_N[order])
         middle = min(int(np.searchsorted(share, 0.5 * share[-1])), len(order) - 1)
-        return float(np.sqrt(4 / np.pi * self.region_pixels[order[middle]]))
+        shorter_m, longer_m = sorted(self.pixel_size_m)
+        area = self.region_pixels[order[middle]] * shorter_m / longer_m
+        return float(np.sqrt(4 / np.pi * area))
 
     def sum_over_regions(self, density: np.ndarray) -> np.ndarray:
         """Integrate an array (ny, nx) over each contact region, shape (n,)."""

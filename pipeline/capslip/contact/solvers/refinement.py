@@ -26,11 +26,14 @@ _SWING = 2.0  # of the roughness, that a spline may swing: the greatest of many 
 # What a map that may be refined has of white noise at most, of the approach, and the order of the
 # differences that know it: waves of 4 pixels, which a spline follows to 1 %, give them 0.14
 SMOOTH, _ORDER = 0.0055, 8
-_RINGING = 0.27  # 2 - sqrt(3): how a cubic spline's swing falls from pixel to pixel
+_RINGING = 2.0 - math.sqrt(3.0)  # how a cubic spline's swing falls from pixel to pixel
+# What a spline may swing at the end of a smooth contact, of the step there from pixel to pixel
+_OF_STEP = 0.05
+_SEEN = 8  # pixels beside a contact, beyond which nothing makes a spline swing there
 
 
 def refinement(face: ElasticFace, pressed: Pressed) -> int:
-    """Return how many points along the side of a pixel follow the slip of a contact.
+    """Return how many points along the longer side of a pixel follow the slip of a contact.
 
     One where the contacts are wide enough, or a spline does not know what lies between the pixels:
     where a pit or step in or beside them makes it swing, where heights are as noise is, and where a
@@ -60,18 +63,30 @@ class _Roughness(NamedTuple):
 
 
 def _roughness(face: ElasticFace, pressed: Pressed) -> _Roughness:
-    axes_m2 = [white_m2(face.depth_m, _ORDER, axis) for axis in (0, 1)]
+    contact = pressed.pressure_Pa > 0
     # Along an edge of the map one axis knows it, and contacts there are the narrowest of all
+    axes_m2 = [white_m2(face.depth_m, _ORDER, axis) for axis in (0, 1)]
     greater_m2, less_m2 = np.fmax(*axes_m2), np.fmin(*axes_m2)
     noise_m2 = 0.5 * (greater_m2 + less_m2)
-    inside = (pressed.pressure_Pa > 0) & np.isfinite(noise_m2)
-    rough_m = float(np.sqrt(noise_m2[inside].mean())) if inside.any() else math.inf
-    smooth_m = SMOOTH * pressed.approach_m
-    if rough_m <= smooth_m and not _rings(noise_m2, pressed, smooth_m):
+    # Where a hill ends beside a narrow contact, differences of half the order end before it
+    short_m2 = np.fmax(*(white_m2(face.depth_m, _ORDER // 2, axis) for axis in (0, 1)))
+    rough_m, smooth_m = _rms_m(noise_m2, contact), SMOOTH * pressed.approach_m
+    step_m = pressed.approach_m / (0.5 * pressed.pixels_across)  # at the end of a Hertz contact
+    if min(rough_m, _rms_m(short_m2, contact)) <= smooth_m and (
+        not _rings(noise_m2, pressed, smooth_m)
+        or _swing_m(face, pressed) <= max(smooth_m, _OF_STEP * step_m)
+    ):
         return _Roughness(noise_m2, greater_m2, True, smooth_m)
+    inside = contact & np.isfinite(noise_m2)
     if inside.any() and noise_m2[inside].max() > _STANDS_OFF**2 * np.median(noise_m2[inside]):
         rough_m = math.inf
     return _Roughness(noise_m2, greater_m2, False, max(smooth_m, _SWING * rough_m))
+
+
+def _rms_m(square_m2: np.ndarray, contact: np.ndarray) -> float:
+    """Return the root of the mean over the contact, where it is known; infinite where nowhere."""
+    inside = contact & np.isfinite(square_m2)
+    return math.sqrt(square_m2[inside].mean()) if inside.any() else math.inf
 
 
 def _is_noise(face: ElasticFace, pressed: Pressed) -> bool:
@@ -150,3 +165,30 @@ def _rings(square_m2: np.ndarray, pressed: Pressed, most_m: float) -> bool:
         return False
     pixels = distance_transform_edt(~contact)[rough]
     return bool((np.sqrt(square_m2[rough]) * _RINGING**pixels > most_m).any())
+
+
+def _swing_m(face: ElasticFace, pressed: Pressed) -> float:
+    """Return by how much a spline swings in contacts that are smooth up to what is beside them.
+
+    The second derivatives of a cubic spline, times the square of a pixel, are sqrt(3) times the sum
+    of the second differences b, each times (-r)^k with its distance of k pixels, r = 2 - sqrt(3).
+    So at the end of a contact those beside it add as much of what they differ from the last one in
+    it, and between two pixels a spline is an eighth of that away.
+    """
+    contact, most_m = pressed.pressure_Pa > 0, 0.0
+    k = np.arange(1, _SEEN + 1)
+    weight = math.sqrt(3.0) * (-_RINGING) ** k
+    for axis in (0, 1):
+        if contact.shape[axis] < 3:
+            continue
+        # The ends of a map go on as they are
+        around = [(1, 1) if one == axis else (0, 0) for one in (0, 1)]
+        bend_m = np.pad(np.diff(face.depth_m, 2, axis), around, mode="edge")
+        along = np.moveaxis(bend_m, axis, 0), np.moveaxis(contact, axis, 0)
+        for way in (1, -1):
+            b_m, touches = (one[::way] for one in along)
+            last, line = np.nonzero(touches[:-1] & ~touches[1:])
+            beside = np.minimum(last[:, None] + k, len(b_m) - 1)
+            more_m = b_m[beside, line[:, None]] - b_m[last, line][:, None]
+            most_m = max(most_m, float(np.abs(more_m @ weight).max(initial=0.0)) / 8.0)
+    return most_m

@@ -60,7 +60,7 @@ class Unloading:
     solved_approach_m: np.ndarray
     loss_error: float  # expected between the solved loads from a tenth of the preload on, relative
     smallest_drop_N: float  # below it the loss may be off by more than 5 %: too few pixels slip
-    refinement: int = 1  # points along the side of a pixel of the map on which it was solved
+    refinement: int = 1  # points along the longer side of a pixel of the map, that were solved
     # Worst gap off the contact that patches leave out, over the approach, at preload and below it:
     # what the whole map says of their solutions; 0 where the map itself was solved or refined.
     patch_error: float = 0.0
@@ -180,7 +180,7 @@ def path_at(
     """Return the solutions where shares of the load are gone, growing, and the patches' error.
 
     On the map itself where that would be too great. Parameters are those of `unload`, and the most
-    points that a refinement may put along the side of a pixel.
+    points that a refinement may put along the longer side of a pixel.
     """
     for on_patches, known in ((True, (punch_Pa_per_m, around)), (False, (None, None))):
         path = Path(face, pressed, tolerance, on_patches, *known, most)
