@@ -34,6 +34,7 @@ from capslip.units import percent
 S_FILTER, NOISE_PIXELS = "conditioning.s_filter_nesting_index_m", 5.0  # what takes noise off
 # Over what pixels leave in the energy of spheres, by shares of mu N, so that nearly all are within
 PIXELS_95 = {0.1: 3.0, 0.25: 6.0, 0.5: 6.0, 0.75: 6.0, 1.0: 6.0}
+STIFFNESS_95 = 0.75  # of what they leave in the energy at three quarters, in the stiffness
 SMALL_NOISE = 0.05  # of the approach, up to which what is noise counts to first order
 MOSTLY_WHITE = 0.7  # of the detail, from which on it is: rough faces with a Hurst exponent of 0.8
 # and more have 0.65 at most
@@ -126,10 +127,10 @@ def error_of_map(
     known = any(one.severity == "warning" and one.code != "loss_between_loads" for one in found)
     if of_both > tolerance and not known:
         found.append(_unresolved("info", SMALL_SLIP, of_both))
-    # As what noise does where nearly all of the contact slips: both are of all of it alike
-    _, of_whole = causes.at(FORCE_SHARES[-1])
+    # As what is left where nearly all of the contact slips: both are of all of it alike
+    pixels_of_whole, noise_of_whole = causes.at(FORCE_SHARES[-1])
     of_detail = factor * (detail.effect.tangential_stiffness or 0.0)
-    stiffness = max(of_detail, of_whole, LEAST_ERROR)
+    stiffness = max(of_detail, noise_of_whole, STIFFNESS_95 * pixels_of_whole, LEAST_ERROR)
     energy = {at: factor * detail.energy_from(at) for at in FORCE_SHARES}
     return _with_pixels(causes, stiffness, least, energy), tuple(found)
 

@@ -20,7 +20,6 @@ from capslip.contact.solvers.noise import loss_noise_per_m
 from capslip.contact.solvers.patches import PatchedFace
 from capslip.contact.solvers.path import CLOSEST, Node, Path
 from capslip.contact.solvers.polonsky_keer import ElasticFace, Pressed
-from capslip.contact.solvers.refinement import refinement
 from capslip.errors import ContactError
 from capslip.waiting import Waiting
 
@@ -35,7 +34,7 @@ _MOST_REGIONS = 300  # that are interpolated each by itself: more are no Hertz c
 _LEAST_PIXELS = 10  # of a region on average: smaller ones are none either
 _ORDER = 1.3  # of the error in the width of an interval: three of four points are better than that
 PATCH_ERROR = 1e-5  # of what patches leave out, over the approach, see `Unloading`
-_ENOUGH_PIXELS, _ENOUGH_REFINED = 100, 50  # in contact, of a map as it is and of a refined one
+_ENOUGH_PIXELS = 20  # in contact: of fewer, what pixels leave in the stiffness is not known
 _STEPS = 0.01  # aimed at for what single pixels that let go may do to the loss, see `_steps`
 _OF_PIXELS = 0.2  # the same of one of many patches, over what pixels leave, where that is more
 UNRESOLVED = 0.05  # relative error of the loss from which it is not to be trusted
@@ -139,13 +138,11 @@ def unload(
     ContactError
         If the contact has too few pixels, or a solution fails.
     """
-    n_pixels, enough = int(np.count_nonzero(pressed.pressure_Pa)), _ENOUGH_PIXELS
-    if on_patches and 0 < n_pixels < enough and refinement(face, pressed) > 1:
-        enough = _ENOUGH_REFINED
-    if n_pixels < enough:
+    n_pixels = int(np.count_nonzero(pressed.pressure_Pa))
+    if n_pixels < _ENOUGH_PIXELS:
         raise ContactError(
             f"{face.name}: the contact under {pressed.load_N:g} N has {n_pixels} pixels; expected "
-            f"at least {enough} to follow its slip; use a finer map or a contact model "
+            f"at least {_ENOUGH_PIXELS} to follow its slip; use a finer map or a contact model "
             "of caps"
         )
     begin_s = process_time()

@@ -40,17 +40,19 @@ COUNTS = ((5, 18), (12, 11), (18, 5), (20, 3), (3, 8), (2, 21), (2, 4), (5, 2), 
 FACTORS = (25.4, 1 / 25.4, 1e3, 1e-3, 1e6, 1e-6)
 RATIOS = (1.2, 2.0, 1 / 2.0, 4.0, 1 / 4.0, 8.0, 1 / 8.0, 16.0, 1 / 16.0, 64.0)
 
-BUMPY = ("shallow_saddles", "not_spherical", "pruning_decides", "boundary_elements_needed")
+BUMPY = ("shallow_saddles", "not_spherical", "pruning_decides", "boundary_elements_needed",
+         "detail_decides")
 MERGED = ("connected_network", "shallow_saddles", "contacts_merge", "pruning_decides",
           "not_spherical")
 CRUSHED = ("face_closes", "bulk_dominates", "contacts_merge", "contact_beyond_cap",
            "contact_failed", "bulk_kept", "boundary_elements_needed", "contact_reaches_below_cut",
            "pressure_beyond_elastic", "cut_too_high")
 WAVY = ("boundary_elements_needed", "not_spherical", "connected_network", "shallow_saddles",
-        "caps_edge", "not_balanced")
+        "caps_edge", "not_balanced", "detail_decides")
 FORM = ("tilt_left", "bow_left", "one_contact", "caps_edge", "connected_network", "tips_over",
         "not_balanced", "slope_suspect")
-FEW_POINTS = ("contact_under_resolved", "hills_too_small", "no_caps", "caps_apex_off_surface")
+FEW_POINTS = ("contact_under_resolved", "hills_too_small", "no_caps", "caps_apex_off_surface",
+              "detail_decides", "small_slip_extrapolated")
 CUT = ("family_below_cut", "plateau_at_cut", "no_caps",
        "contact_reaches_below_cut", "cut_too_high")
 UNITS = ("slope_suspect", "face_closes", "scale_suspect", "pressure_beyond_elastic",
@@ -154,7 +156,7 @@ AXES = (
          on_faces("cut at {:.1%}", lambda x: {"overrides": (f"hills.material_ratio={x!r}",)}),
          CUT),
     Axis("non-square pixels", "dy / dx", RATIOS, with_scene("dy / dx = {:.3g}", pixel_ratio),
-         ("non_square_pixels", "contact_under_resolved")),
+         ("non_square_pixels", *FEW_POINTS)),
     Axis("heights in a wrong unit", "factor", (*FACTORS, 1e9),
          with_change("scan_change", "times {:.3g}", changes.heights_misread), UNITS, misread=True),
     Axis("pixels in a wrong unit", "factor", FACTORS,
