@@ -2,7 +2,7 @@
 
 import math
 from dataclasses import replace
-from time import process_time
+from time import thread_time
 
 import numpy as np
 
@@ -66,10 +66,10 @@ def boundary_elements(
     load_point_m, rotational_stiffness_Nm_per_rad, at_ease_rad
         Of this preload, see `press_balanced`.
     time_limit_s : float
-        Of the processor, so that other work on the machine changes no number, and for each preload
-        asked for. A solution under it that takes longer is given up, and its slip is followed at as
-        few loads as there is time for, with the error that this leaves. What is solved in time does
-        not depend on it.
+        Of the processor, so that other work on the machine changes no number, by the thread that
+        asks alone, so that more cores do not either, and for each preload asked for. A solution
+        under it that takes longer is given up, and its slip is followed at as few loads as there is
+        time for, with the error that this leaves. What is solved in time does not depend on it.
 
     Raises
     ------
@@ -90,7 +90,7 @@ def boundary_elements(
     yields = not math.isinf(hardness_Pa)
     if preload_N is None and (balanced or yields):
         raise SettingsError(f"{NAME}: a map tilts and yields under preload_N; got none")
-    begun_s = process_time()
+    begun_s = thread_time()
     face = elastic_face(surface, E_star_Pa)
     if preload_N is None or not (balanced or yields):
         return BoundaryElementCurve(Solutions(face, float(tolerance), time_limit_s), NAME)
@@ -118,7 +118,7 @@ def _after(
     assert curve.first is not None
     pressed, punch, known = curve.pressed(load_N), curve.solutions.punch(load_N), curve.solutions
     given = (known.tolerance, known.time_limit_s)
-    begun_s = process_time()
+    begun_s = thread_time()
     face, again = loaded_anew(curve.first, pressed, punch, (of_load, of_hardness), *given)
     after = _unloading(face, again, *given, begun_s, as_pixels=of_load != 1.0)
     return replace(after, tilt_rad=curve.tilt_rad)
@@ -132,7 +132,7 @@ def _unloading(
     begun_s: float,
     as_pixels: bool = False,
 ) -> BoundaryElementCurve:
-    """Return the curve along which a face unloads from its first load, begun at a `process_time`.
+    """Return the curve along which a face unloads from its first load, begun at a `thread_time`.
 
     It is given before any load, under the tilt of its state.
     """
@@ -141,7 +141,7 @@ def _unloading(
         yielded = pressed.pressure_Pa >= face.hardness_Pa
         area_m2 = np.count_nonzero(yielded) * face.pixel_area_m2
         face, pressed = first_loading(face, pressed)
-    spent_s = {pressed.load_N: process_time() - begun_s}
+    spent_s = {pressed.load_N: thread_time() - begun_s}
     solutions = Solutions(face, tolerance, time_limit_s, spent_s, as_pixels=as_pixels)
     solutions.keep(pressed)
     return BoundaryElementCurve(

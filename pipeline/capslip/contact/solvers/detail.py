@@ -6,7 +6,7 @@ where it was refined, on every other of its pixels where it yielded or its conta
 
 import math
 from dataclasses import dataclass, replace
-from time import process_time
+from time import thread_time
 
 import numpy as np
 
@@ -106,7 +106,7 @@ def effect_of_detail(
     white_share = _white_share(first, smoothed)
     if resolved and _hardly_moves(first, smooth):
         return Detail(Effect(0.0, 0.0, 0.0), white_share)
-    begun_s = process_time()
+    begun_s = thread_time()
     again = press(
         smooth,
         load_N=load_N,
@@ -117,7 +117,7 @@ def effect_of_detail(
     moved_m = abs(again.approach_m - first.approach_m)
     if resolved and moved_m < _NO_EFFECT * first.approach_m:
         return Detail(Effect(0.0, 0.0, 0.0), white_share)
-    left_s = max(time_limit_s - (process_time() - begun_s), 0.0)
+    left_s = max(time_limit_s - (thread_time() - begun_s), 0.0)
     again = press(
         smooth,
         load_N=load_N,
@@ -173,7 +173,7 @@ def effect_of_pixels(
     OutOfTimeError
         After the time limit.
     """
-    begun_s, moved = process_time(), []
+    begun_s, moved = thread_time(), []
     for corner in (0, 1):
         face = _thinned(first.face, corner)
         try:
@@ -182,7 +182,7 @@ def effect_of_pixels(
                 load_N=unloading.load_N,
                 tolerance=tolerance,
                 start_Pa=start_Pa[corner::2, corner::2],
-                time_limit_s=max(time_limit_s - (process_time() - begun_s), 0.0),
+                time_limit_s=max(time_limit_s - (thread_time() - begun_s), 0.0),
             )
         except OutOfTimeError:
             raise

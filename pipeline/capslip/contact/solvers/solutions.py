@@ -4,7 +4,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from itertools import pairwise
-from time import process_time
+from time import thread_time
 
 import numpy as np
 
@@ -50,11 +50,11 @@ class Solutions:
     @contextmanager
     def counted(self, load_N: float) -> Iterator[None]:
         """Count what is done inside as done for a preload."""
-        begun_s = process_time()
+        begun_s = thread_time()
         try:
             yield
         finally:
-            self.spent_s[load_N] = self.spent_s.get(load_N, 0.0) + process_time() - begun_s
+            self.spent_s[load_N] = self.spent_s.get(load_N, 0.0) + thread_time() - begun_s
 
     def press(self, load_N: float) -> Pressed:
         """Return the state under a load, solved from a neighbouring one where there is one."""

@@ -169,7 +169,7 @@ class _Turned:
     load_N: float
     tolerance: float
     base_rad: tuple[float, float]
-    until_s: float  # on the clock of `process_time`
+    until_s: float  # on the clock of `thread_time`
 
     def at(self, resultant_m: np.ndarray, start_Pa: np.ndarray | None) -> tuple[State, int]:
         """Return the state whose resultant acts at a place (x, y), and the steps to it."""

@@ -3,7 +3,7 @@
 import math
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
-from time import process_time
+from time import thread_time
 from typing import NamedTuple
 
 import numpy as np
@@ -145,7 +145,7 @@ def unload(
             f"at least {_ENOUGH_PIXELS} to follow its slip; use a finer map or a contact model "
             "of caps"
         )
-    begin_s = process_time()
+    begin_s = thread_time()
     if force_shares:
         path, error = path_at(face, pressed, tolerance, force_shares, punch_Pa_per_m, around)
         return replace(_tabulated(path, cut_short=False), patch_error=error)
@@ -153,7 +153,7 @@ def unload(
     cut_short = _followed(path, begin_s, time_limit_s, as_pixels)
     error = path.patch_error()
     if error > PATCH_ERROR:  # not seen yet
-        left_s = max(time_limit_s - (process_time() - begin_s), 0.0)
+        left_s = max(time_limit_s - (thread_time() - begin_s), 0.0)
         return unload(
             face,
             pressed,
@@ -194,7 +194,7 @@ def _followed(path: Path, begin_s: float, time_limit_s: float, as_pixels: bool) 
     waiting = Waiting("boundary elements", "loads")
     first, last = (float(np.log(t / (1 - t))) for t in (_SMALLEST, _LARGEST))
     path.solve(first)
-    fit_in = time_limit_s / (process_time() - begin_s)
+    fit_in = time_limit_s / (thread_time() - begin_s)
     n_first = _FIRST if fit_in >= _FIRST else max(_FEWEST, int(fit_in))
     for odd in np.linspace(first, last, n_first)[1:].tolist():
         path.solve(odd)
@@ -206,7 +206,7 @@ def _followed(path: Path, begin_s: float, time_limit_s: float, as_pixels: bool) 
         if not wide:
             break
         worst = max(wide)
-        used_s = process_time() - begin_s
+        used_s = thread_time() - begin_s
         if used_s * (1 + 1 / len(path.nodes)) > time_limit_s:
             return True
         path.solve((worst.low + worst.high) / 2)
