@@ -68,11 +68,9 @@ def _roughness(face: ElasticFace, pressed: Pressed) -> _Roughness:
     axes_m2 = [white_m2(face.depth_m, _ORDER, axis) for axis in (0, 1)]
     greater_m2, less_m2 = np.fmax(*axes_m2), np.fmin(*axes_m2)
     noise_m2 = 0.5 * (greater_m2 + less_m2)
-    # Where a hill ends beside a narrow contact, differences of half the order end before it
-    short_m2 = np.fmax(*(white_m2(face.depth_m, _ORDER // 2, axis) for axis in (0, 1)))
     rough_m, smooth_m = _rms_m(noise_m2, contact), SMOOTH * pressed.approach_m
     step_m = pressed.approach_m / (0.5 * pressed.pixels_across)  # at the end of a Hertz contact
-    if min(rough_m, _rms_m(short_m2, contact)) <= smooth_m and (
+    if (rough_m <= smooth_m or _beside_edges_m(face, contact) <= smooth_m) and (
         not _rings(noise_m2, pressed, smooth_m)
         or _swing_m(face, pressed) <= max(smooth_m, _OF_STEP * step_m)
     ):
@@ -81,6 +79,12 @@ def _roughness(face: ElasticFace, pressed: Pressed) -> _Roughness:
     if inside.any() and noise_m2[inside].max() > _STANDS_OFF**2 * np.median(noise_m2[inside]):
         rough_m = math.inf
     return _Roughness(noise_m2, greater_m2, False, max(smooth_m, _SWING * rough_m))
+
+
+def _beside_edges_m(face: ElasticFace, contact: np.ndarray) -> float:
+    """Return the roughness by differences of half the order, which end before a hill does."""
+    axes_m2 = (white_m2(face.depth_m, _ORDER // 2, axis) for axis in (0, 1))
+    return _rms_m(np.fmax(*axes_m2), contact)
 
 
 def _rms_m(square_m2: np.ndarray, contact: np.ndarray) -> float:
