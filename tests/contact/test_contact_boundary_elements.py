@@ -273,6 +273,36 @@ def test_the_load_at_an_approach_is_found_by_few_solutions(share):
     assert not fresh.solutions.unloading
 
 
+def test_a_load_that_is_pressed_again_keeps_its_approach():
+    """Few states are kept; one that is solved anew starts elsewhere, and ends within rounding."""
+    curve = boundary_elements(rough((100, 100), smooth=6.0), E)
+    given_m = float(curve.approach_m(50.0))
+    curve.approach_m(np.array([60.0, 55.0, 46.0, 45.0]))
+    again = curve.pressed(50.0)
+    assert again.approach_m == pytest.approx(given_m, rel=1e-6)
+    assert again.approach_m != given_m  # else nothing was tried
+    assert float(curve.approach_m(50.0)) == given_m
+    n_solved = len(curve.solutions.approach_m)
+    assert curve.load_N(given_m) == 50.0
+    curve.unloading(50.0)
+    assert float(curve.approach_m(50.0)) == given_m
+    assert curve.load_N(given_m) == 50.0
+    assert n_solved == 5
+
+
+@pytest.mark.parametrize("share", [-0.2, -0.4])
+def test_a_load_is_found_to_what_the_solver_tells(share):
+    """Where a spring takes much of the approach off, nothing of 1e-9 of the rest is known."""
+    curve = boundary_elements(rough((100, 100), smooth=6.0), E)
+    compliance_m_per_N = share * float(curve.approach_m(50.0)) / 50.0
+    for load_N in (41.7, 43.0, 45.1):
+        approach_m = float(in_series(curve, compliance_m_per_N).approach_m(load_N))
+        rough_one = boundary_elements(rough((100, 100), smooth=6.0), E, tolerance=1e-4)
+        found = in_series(rough_one, compliance_m_per_N)
+        assert found.load_N(approach_m) == pytest.approx(load_N, rel=2e-3)
+        assert len(rough_one.solutions.approach_m) <= 14
+
+
 def test_many_loads_are_interpolated_between_solved_ones():
     curve = boundary_elements(rough((100, 100), smooth=6.0), E)
     load_N = np.append(0.0, np.geomspace(1.0, 200.0, 60))

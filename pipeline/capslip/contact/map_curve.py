@@ -353,7 +353,10 @@ class BoundaryElementCurve:
         for _ in range(50):
             pressed = self.solutions.press_to(level_m)
             excess_m = level_m + c * pressed.load_N - approach_m
-            if abs(excess_m) <= 1e-9 * approach_m:
+            # What comes no nearer is as near as the solver tells
+            told_m = self.solutions.tolerance * pressed.approach_m
+            no_nearer = before is not None and abs(before[1]) <= abs(excess_m) <= told_m
+            if abs(excess_m) <= 1e-9 * approach_m or no_nearer:
                 return pressed.load_N
             if before is None:  # that of the pixels is near enough, and costs one solution
                 stiffness = self._stiffness_of_pixels(pressed.load_N)

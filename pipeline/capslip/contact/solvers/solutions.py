@@ -139,7 +139,7 @@ class Solutions:
                 self.around = self.alone = None
             self.unloading[load_N] = found
             pairs = zip(found.solved_load_N.tolist(), found.solved_approach_m.tolist(), strict=True)
-            self.approach_m.update(pairs)
+            self.approach_m = dict(pairs) | self.approach_m
         return self.unloading[load_N]
 
     def approach_under(self, load_N: np.ndarray) -> np.ndarray:
@@ -176,8 +176,11 @@ class Solutions:
         return np.where(np.abs(near_N - load_N) <= _ROUNDING * load_N, near_N, load_N)
 
     def keep(self, pressed: Pressed) -> Pressed:
-        """Remember a solution and its approach."""
-        self.approach_m[pressed.load_N] = pressed.approach_m
+        """Remember a solution, and its approach.
+
+        The first one under a load stays: it was given away, and another start has other roundings.
+        """
+        self.approach_m.setdefault(pressed.load_N, pressed.approach_m)
         self.pressed[pressed.load_N] = pressed
         while len(self.pressed) > _KEPT:
             del self.pressed[next(iter(self.pressed))]
