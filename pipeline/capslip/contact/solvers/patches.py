@@ -84,14 +84,14 @@ def patched(
         As for `PatchedHalfSpace`.
     """
     (dy_m, dx_m), (per_y, per_x) = face.pixel_size_m, _per_pixel(face.pixel_size_m, refinement)
-    cheapest = _cheapest(contact, face.pixel_size_m, (per_y, per_x))
+    size_m = dy_m / per_y, dx_m / per_x
+    cheapest = _cheapest(contact, size_m, (per_y, per_x))
     if cheapest is None:
         return None
-    boxes, counts = cheapest
-    fine_boxes, size_m = boxes * (per_y, per_x, per_y, per_x), (dy_m / per_y, dx_m / per_x)
-    half_space = PatchedHalfSpace(fine_boxes, counts, size_m, face.E_star_Pa, single)
+    boxes, of_points, counts = cheapest
+    half_space = PatchedHalfSpace(of_points, counts, size_m, face.E_star_Pa, single)
     parents, depths, knowns, places = [], [], [], []
-    for box, (y0, x0, y1, x1) in zip(boxes.tolist(), fine_boxes.tolist(), strict=True):
+    for box, (y0, x0, y1, x1) in zip(boxes.tolist(), of_points.tolist(), strict=True):
         i, j = np.arange(y0, y1), np.arange(x0, x1)
         places.append(np.reshape(np.meshgrid(j + 0.5, i + 0.5), (2, -1)))
         i, j = i[:, None] // per_y, j // per_x
@@ -134,12 +134,10 @@ def half_space_around(
     """
     contact = np.zeros(face.map_shape, dtype=bool)
     contact.reshape(-1)[face.parent[points]] = True
-    (dy_m, dx_m), (per_y, per_x) = face.pixel_size_m, face.per_pixel
-    cheapest = _cheapest(contact, (per_y * dy_m, per_x * dx_m), face.per_pixel, tight=True)
+    cheapest = _cheapest(contact, face.pixel_size_m, face.per_pixel, tight=True)
     if cheapest is None:
         return None
-    boxes, counts = cheapest
-    boxes = boxes * (per_y, per_x, per_y, per_x)
+    _, boxes, counts = cheapest
     if _cost(boxes, counts) > most_cost:
         return None
     half_space = PatchedHalfSpace(boxes, counts, face.pixel_size_m, face.E_star_Pa)
@@ -177,33 +175,33 @@ def _per_pixel(pixel_size_m: tuple[float, float], refinement: int) -> tuple[int,
 
 def _cheapest(
     contact: np.ndarray,
-    pixel_size_m: tuple[float, float],
+    size_m: tuple[float, float],
     per_pixel: tuple[int, int],
     tight: bool = False,
-) -> tuple[np.ndarray, np.ndarray] | None:
+) -> tuple[np.ndarray, np.ndarray, np.ndarray] | None:
     """Return the cheapest boxes around contacts, and nodes along their sides; None for the map.
 
-    Patches that stay apart are small, and need many nodes. Tight ones end where the contact does.
+    The boxes in pixels, and in points of this size. Patches that stay apart are small, and need
+    many nodes. Tight ones end where the contact does.
     """
     from scipy.ndimage import find_objects, label
 
     part = label(with_margin(contact), np.ones((3, 3)))[0]
     found = find_objects(part * contact if tight else part)
     single = np.array([(y.start, x.start, y.stop, x.stop) for y, x in found])
-    n_fine, (per_y, per_x) = math.prod(per_pixel), per_pixel
+    n_fine, pixel_size_m = math.prod(per_pixel), np.multiply(size_m, per_pixel)
     most = _MOST_SHARE * contact.size if n_fine == 1 else _MOST_POINTS / n_fine
-    size_m = pixel_size_m[0] / per_y, pixel_size_m[1] / per_x
     best, least = None, np.inf
     for apart in _APART:
         boxes = _boxes(single, apart, pixel_size_m)
         n_pixels = int((boxes[:, 2:] - boxes[:, :2]).prod(axis=1).sum())
         if n_pixels > most or len(boxes) > _MOST_NODES / 16:
             continue
-        fine_boxes = boxes * (per_y, per_x, per_y, per_x)
-        counts = node_counts(fine_boxes, size_m)
-        cost = _cost(fine_boxes, counts)
+        of_points = boxes * np.tile(per_pixel, 2)
+        counts = node_counts(of_points, size_m)
+        cost = _cost(of_points, counts)
         if counts.prod(axis=1).sum() <= _MOST_NODES and cost < least:
-            best, least = (boxes, counts), cost
+            best, least = (boxes, of_points, counts), cost
     return best
 
 
@@ -213,9 +211,9 @@ def _cost(boxes: np.ndarray, counts: np.ndarray) -> int:
     return int(counts.prod(axis=1).sum()) ** 2 + POINT_COST * int(n_points)
 
 
-def _boxes(boxes: np.ndarray, apart: float, pixel_size_m: tuple[float, float]) -> np.ndarray:
+def _boxes(boxes: np.ndarray, apart: float, pixel_size_m: np.ndarray) -> np.ndarray:
     """Return boxes (first row, first column, end row, end column), merged where they are near."""
-    size = np.divide(pixel_size_m, min(pixel_size_m))
+    size = pixel_size_m / pixel_size_m.min()
     while True:
         low, high = boxes[:, :2] * size, boxes[:, 2:] * size
         half = (high - low).max(axis=1) / 2
