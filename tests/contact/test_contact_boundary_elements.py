@@ -276,8 +276,10 @@ def test_the_load_at_an_approach_is_found_by_few_solutions(share):
 def test_a_load_that_is_pressed_again_keeps_its_approach():
     """Few states are kept; one that is solved anew starts elsewhere, and ends within rounding."""
     curve = boundary_elements(rough((100, 100), smooth=6.0), E)
+    first = curve.pressed(30.0)
     given_m = float(curve.approach_m(50.0))
     curve.approach_m(np.array([60.0, 55.0, 46.0, 45.0]))
+    assert curve.pressed(30.0) is first
     again = curve.pressed(50.0)
     assert again.approach_m == pytest.approx(given_m, rel=1e-6)
     assert again.approach_m != given_m  # else nothing was tried
@@ -287,7 +289,7 @@ def test_a_load_that_is_pressed_again_keeps_its_approach():
     curve.unloading(50.0)
     assert float(curve.approach_m(50.0)) == given_m
     assert curve.load_N(given_m) == 50.0
-    assert n_solved == 5
+    assert n_solved == 6
 
 
 @pytest.mark.parametrize("share", [-0.2, -0.4])

@@ -35,7 +35,7 @@ class Solutions:
     time_limit_s: float  # of the processor, for each preload
     spent_s: dict[float, float] = field(default_factory=dict)  # of that, by preload
     approach_m: dict[float, float] = field(default_factory=dict)  # by load
-    pressed: dict[float, Pressed] = field(default_factory=dict)  # by load, the last few
+    pressed: dict[float, Pressed] = field(default_factory=dict)  # by load, the first and the last
     unloading: dict[float, Unloading] = field(default_factory=dict)  # by preload
     punch_Pa_per_m: dict[float, np.ndarray] = field(default_factory=dict)  # by load, the last
     around: tuple[Pressed, PatchedFace | None] | None = None  # a state, and what holds its contact
@@ -183,5 +183,6 @@ class Solutions:
         self.approach_m.setdefault(pressed.load_N, pressed.approach_m)
         self.pressed[pressed.load_N] = pressed
         while len(self.pressed) > _KEPT:
-            del self.pressed[next(iter(self.pressed))]
+            _, second, *_ = self.pressed  # the first is that of the preload, asked for to the end
+            del self.pressed[second]
         return pressed
