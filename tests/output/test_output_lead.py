@@ -105,6 +105,11 @@ def test_an_end_of_an_interval_that_is_not_known_is_said(ends, said):
     assert found[4] == INTERVAL.replace("energy 3 nJ to 9 nJ", said)
 
 
+def test_a_number_that_nothing_moves_has_no_interval():
+    found = lines(interval=ANSWER["interval"] | {"tangential_stiffness_N_per_m": [7e8, 7e8]})
+    assert found[4] == INTERVAL.replace("stiffness 600 MN/m to 800 MN/m, ", "")
+
+
 def test_an_interval_without_a_bound_has_no_parts():
     found = lines(contributions={"energy_J": {"friction": 0.0}}, not_in_interval=None)
     assert found[5] == f"no upper bound; {MODEL_FORM}"

@@ -92,11 +92,11 @@ def _interval_texts(summary: dict[str, Any]) -> list[str]:
     answer = summary["answer"]
     if answer["contributions"] is None:
         return [] if answer["energy_J"] == 0.0 else [_why_none(summary)]
-    ranges = [
-        f"{label} {_range(end, *(answer['interval'][name] or (None, None)))}"
-        for name, (label, end) in INTERVALS.items()
-        if answer[name] is not None
-    ]
+    ranges = []
+    for name, (label, end) in INTERVALS.items():
+        low, high = answer["interval"][name] or (None, None)
+        if answer[name] is not None and (low is None or low != high):  # else nothing moves it
+            ranges.append(f"{label} {_range(end, low, high)}")
     shares = answer["contributions"]["energy_J"].items()
     shares = sorted(shares, key=lambda one: -one[1])
     parts = ", ".join(f"{name} {100.0 * share:.0f} %" for name, share in shares if share >= 0.005)
