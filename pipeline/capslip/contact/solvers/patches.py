@@ -19,6 +19,7 @@ _MOST_NODES = 3000  # of all patches
 _MOST_POINTS = 300_000  # where refined
 _MOST_SHARE = 0.5  # of the points of the map in patches; with more, the map itself is quicker
 _SPLINE_MARGIN = 8  # pixels beyond a patch that its refinement sees
+_OF_SLOPE = 1e-3  # weight of first differences beside second ones, where heights are lost
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,7 +80,8 @@ def patched(
         Where it touches.
     refinement : int
         Points along the longer side of a pixel, and along the other as many as make none longer
-        there; between the heights of the map a cubic spline.
+        there; between the heights of the map a cubic spline. So a refined face goes on over points
+        that were lost, too, where others stand on both sides of them.
     single : bool
         As for `PatchedHalfSpace`.
     """
@@ -90,13 +92,14 @@ def patched(
         return None
     boxes, of_points, counts = cheapest
     half_space = PatchedHalfSpace(of_points, counts, size_m, face.E_star_Pa, single)
+    known = face.measured if refinement == 1 else face.measured | _between(face.measured)
     parents, depths, knowns, places = [], [], [], []
     for box, (y0, x0, y1, x1) in zip(boxes.tolist(), of_points.tolist(), strict=True):
         i, j = np.arange(y0, y1), np.arange(x0, x1)
         places.append(np.reshape(np.meshgrid(j + 0.5, i + 0.5), (2, -1)))
         i, j = i[:, None] // per_y, j // per_x
         parents.append((i * face.shape[1] + j).ravel())
-        knowns.append(face.measured[i, j].ravel())
+        knowns.append(known[i, j].ravel())
         depths.append(_refined(face, box, (per_y, per_x)).ravel())
     at, depth_m = np.concatenate(places, axis=1), np.concatenate(depths)
     if refinement > 1:  # the approach counts from the highest of all points, now on the spline
@@ -245,15 +248,11 @@ def _refined(
     if per_pixel == (1, 1):
         return face.depth_m[y0:y1, x0:x1]
     from scipy.interpolate import make_interp_spline
-    from scipy.ndimage import distance_transform_edt
 
     (ny, nx), m = face.shape, _SPLINE_MARGIN
     first, last = (max(y0 - m, 0), max(x0 - m, 0)), (min(y1 + m, ny), min(x1 + m, nx))
     window = np.s_[first[0] : last[0], first[1] : last[1]]
-    depth_m, measured = face.depth_m[window], face.measured[window]
-    if not measured.all():
-        nearest = distance_transform_edt(~measured, return_distances=False, return_indices=True)
-        depth_m = depth_m[tuple(nearest)]
+    depth_m = _filled(face.depth_m[window], face.measured[window])
     # Its ends go on as they are, since a map ends half a pixel beyond its last point.
     for axis, (start, end, n) in enumerate(((y0, y1, per_pixel[0]), (x0, x1, per_pixel[1]))):
         places = (np.arange(start * n, end * n) + 0.5) / n - 0.5
@@ -261,3 +260,47 @@ def _refined(
         degree = min(3, len(known) - 1)  # a map may have three lines
         depth_m = make_interp_spline(known, depth_m, k=degree, axis=axis)(places)
     return np.asarray(depth_m)
+
+
+def _between(measured: np.ndarray) -> np.ndarray:
+    """Return the points that were lost between others: no more than one in a row, or in a column."""
+    from scipy.ndimage import binary_opening
+
+    lost = np.pad(~measured, 1, constant_values=True)
+    wide = binary_opening(lost, np.ones((2, 2)))
+    return np.asarray((lost & ~wide)[1:-1, 1:-1])
+
+
+def _filled(depth_m: np.ndarray, measured: np.ndarray) -> np.ndarray:
+    """Return depths with those that are lost bent as little as the others let them.
+
+    The least sum of squares of the second differences along both axes, and next to none of the
+    first ones, which are all that is left where too few are known. A step beside a contact would
+    make a spline swing in it. Further from all that is known than a refinement sees, the nearest.
+    """
+    if measured.all():
+        return depth_m
+    from numpy.lib.stride_tricks import sliding_window_view
+    from scipy.ndimage import distance_transform_edt
+    from scipy.sparse import csr_array, vstack
+    from scipy.sparse.linalg import spsolve
+
+    away, nearest = distance_transform_edt(~measured, return_indices=True)
+    filled_m = depth_m[tuple(nearest)].ravel()
+    far = away.ravel() > _SPLINE_MARGIN
+    lost = (away.ravel() > 0) & ~far
+    index, rows = np.arange(depth_m.size).reshape(depth_m.shape), []
+    for weights in ((1.0, -2.0, 1.0), (-_OF_SLOPE, _OF_SLOPE)):
+        for axis in (0, 1):
+            at = sliding_window_view(index, min(len(weights), index.shape[axis]), axis)
+            at = at.reshape(-1, at.shape[-1])
+            at = at[lost[at].any(axis=1) & ~far[at].any(axis=1)]
+            if at.shape[1] < len(weights):
+                continue
+            row = np.repeat(np.arange(len(at)), len(weights))
+            entries = np.tile(weights, len(at)), (row, at.ravel())
+            rows.append(csr_array(entries, shape=(len(at), index.size)))
+    differences = vstack(rows).tocsc()
+    of_lost, known_m = differences[:, lost], np.where(lost, 0.0, filled_m)
+    filled_m[lost] = spsolve(of_lost.T @ of_lost, -(of_lost.T @ (differences @ known_m)))
+    return filled_m.reshape(depth_m.shape)

@@ -65,7 +65,7 @@ class _Roughness(NamedTuple):
 def _roughness(face: ElasticFace, pressed: Pressed) -> _Roughness:
     contact = pressed.pressure_Pa > 0
     # Along an edge of the map one axis knows it, and contacts there are the narrowest of all
-    axes_m2 = [white_m2(face.depth_m, _ORDER, axis) for axis in (0, 1)]
+    axes_m2 = [white_m2(_known_m(face), _ORDER, axis) for axis in (0, 1)]
     greater_m2, less_m2 = np.fmax(*axes_m2), np.fmin(*axes_m2)
     noise_m2 = 0.5 * (greater_m2 + less_m2)
     rough_m, smooth_m = _rms_m(noise_m2, contact), SMOOTH * pressed.approach_m
@@ -81,9 +81,14 @@ def _roughness(face: ElasticFace, pressed: Pressed) -> _Roughness:
     return _Roughness(noise_m2, greater_m2, False, max(smooth_m, _SWING * rough_m))
 
 
+def _known_m(face: ElasticFace) -> np.ndarray:
+    """Return the depths, NaN where they were lost: there a refined face goes on smoothly."""
+    return face.depth_m if face.measured.all() else np.where(face.measured, face.depth_m, np.nan)
+
+
 def _beside_edges_m(face: ElasticFace, contact: np.ndarray) -> float:
     """Return the roughness by differences of half the order, which end before a hill does."""
-    axes_m2 = (white_m2(face.depth_m, _ORDER // 2, axis) for axis in (0, 1))
+    axes_m2 = (white_m2(_known_m(face), _ORDER // 2, axis) for axis in (0, 1))
     return _rms_m(np.fmax(*axes_m2), contact)
 
 
@@ -102,7 +107,7 @@ def _is_noise(face: ElasticFace, pressed: Pressed) -> bool:
     from scipy.ndimage import binary_dilation
 
     short_m2 = long_m2 = 0.0
-    depth_m = np.where(face.measured, face.depth_m, np.nan)
+    depth_m = _known_m(face)
     for axis, shape in ((0, (_ORDER + 1, 1)), (1, (1, _ORDER + 1))):
         of_short, of_long = (white_m2(depth_m, order, axis) for order in (_ORDER, _ORDER // 2))
         near = binary_dilation(pressed.pressure_Pa > 0, np.ones(shape))
@@ -187,12 +192,13 @@ def _swing_m(face: ElasticFace, pressed: Pressed) -> float:
             continue
         # The ends of a map go on as they are
         around = [(1, 1) if one == axis else (0, 0) for one in (0, 1)]
-        bend_m = np.pad(np.diff(face.depth_m, 2, axis), around, mode="edge")
+        bend_m = np.pad(np.diff(_known_m(face), 2, axis), around, mode="edge")
         along = np.moveaxis(bend_m, axis, 0), np.moveaxis(contact, axis, 0)
         for way in (1, -1):
             b_m, touches = (one[::way] for one in along)
             last, line = np.nonzero(touches[:-1] & ~touches[1:])
             beside = np.minimum(last[:, None] + k, len(b_m) - 1)
             more_m = b_m[beside, line[:, None]] - b_m[last, line][:, None]
-            most_m = max(most_m, float(np.abs(more_m @ weight).max(initial=0.0)) / 8.0)
+            swing_m = np.abs(np.nan_to_num(more_m) @ weight)
+            most_m = max(most_m, float(swing_m.max(initial=0.0)) / 8.0)
     return most_m
