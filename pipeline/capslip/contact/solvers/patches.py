@@ -263,7 +263,7 @@ def _refined(
 
 
 def _between(measured: np.ndarray) -> np.ndarray:
-    """Return the points that were lost between others: no more than one in a row, or in a column."""
+    """Return the points that were lost between others, on both sides along a row or a column."""
     from scipy.ndimage import binary_opening
 
     lost = np.pad(~measured, 1, constant_values=True)
