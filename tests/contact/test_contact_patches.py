@@ -446,7 +446,7 @@ def test_points_that_were_lost_beside_contacts_hardly_move_the_slip(seed):
 @pytest.mark.parametrize("seed", [1, 5, 7, 11])
 def test_single_points_that_were_lost_in_contacts_are_known_to_a_smooth_face(seed):
     """As holes that bear nothing they moved the energy at a quarter by up to 27 %."""
-    whole, load_N = waves((60, 70), 5.0, seed, pixel_size_m=(1e-4, 1.2e-4)), 20.0
+    whole, load_N = waves((60, 70), smooth=5.0, seed=seed), 20.0
     lost = np.random.default_rng(seed).random(whole.shape) < 0.02
     energies, stiffness = [], []
     for height_m in (whole.height_m, np.where(lost, np.nan, whole.height_m)):
@@ -466,4 +466,4 @@ def test_points_lie_between_others_where_no_wider_hole_is():
         measured[y, x] = False
     measured[6:8, 5:8] = False
     measured[:, 10] = False  # an edge has others on one side alone
-    assert [tuple(one) for one in np.argwhere(patching._between(measured))] == sorted(single)
+    assert [tuple(one) for one in np.argwhere(patching._lost_singly(measured))] == sorted(single)

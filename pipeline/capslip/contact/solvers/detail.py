@@ -276,7 +276,7 @@ def _white_share(first: FirstLoading, smoothed: ElasticFace) -> float:
     where points were filled, as no difference knows of these.
     """
     face = first.face
-    depth_m = np.where(face.measured, face.depth_m, np.nan)
+    depth_m = face.known_m
     near = (np.fmin(depth_m, smoothed.depth_m) < first.approach_m) & smoothed.measured
     if not face.measured[near].all():
         return 1.0

@@ -34,9 +34,8 @@ class ElasticFace:
         """The same face on a grid of pixels twice as large, None where that is too coarse."""
         if min(self.shape) < 2 * _COARSEST:
             return None
-        known_m = np.where(self.measured, self.depth_m, np.nan)
         mean_m = means_of_blocks(
-            np.pad(known_m, [(0, n % 2) for n in self.shape], constant_values=np.nan), 2, 1
+            np.pad(self.known_m, [(0, n % 2) for n in self.shape], constant_values=np.nan), 2, 1
         )
         measured = ~np.isnan(mean_m)
         depth_m = np.where(measured, mean_m, 0.0)
@@ -52,6 +51,13 @@ class ElasticFace:
     def unmeasured(self) -> np.ndarray:
         """The non-measured points, as indices, growing."""
         return np.flatnonzero(~self.measured)
+
+    @property
+    def known_m(self) -> np.ndarray:
+        """The depths, NaN at non-measured points; not to be written to."""
+        if not self.unmeasured.size:
+            return self.depth_m
+        return np.where(self.measured, self.depth_m, np.nan)
 
     def tilted(self, tilt_rad: tuple[float, float]) -> "ElasticFace":
         """Return the face with slopes in x and y added to its heights, in metres a metre."""

@@ -160,8 +160,8 @@ def noise_by_length_m(face: ElasticFace, reach_m: float, noise_m: float) -> np.n
 def _lines_m(face: ElasticFace) -> tuple[np.ndarray, np.ndarray]:
     """Return depths on some columns and on some rows, each line along the first axis."""
     every = max(1, face.depth_m.size // _LOOKED_AT)
-    depth_m = np.where(face.measured, face.depth_m, np.nan)
-    return depth_m[:, ::every], depth_m[::every].T
+    known_m = face.known_m
+    return known_m[:, ::every], known_m[::every].T
 
 
 def _seen_m(

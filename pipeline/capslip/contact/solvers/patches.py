@@ -92,7 +92,9 @@ def patched(
         return None
     boxes, of_points, counts = cheapest
     half_space = PatchedHalfSpace(of_points, counts, size_m, face.E_star_Pa, single)
-    known = face.measured if refinement == 1 else face.measured | _between(face.measured)
+    known = face.measured
+    if refinement > 1 and face.unmeasured.size:
+        known = known | _lost_singly(known)
     parents, depths, knowns, places = [], [], [], []
     for box, (y0, x0, y1, x1) in zip(boxes.tolist(), of_points.tolist(), strict=True):
         i, j = np.arange(y0, y1), np.arange(x0, x1)
@@ -262,7 +264,7 @@ def _refined(
     return np.asarray(depth_m)
 
 
-def _between(measured: np.ndarray) -> np.ndarray:
+def _lost_singly(measured: np.ndarray) -> np.ndarray:
     """Return the points that were lost between others, on both sides along a row or a column."""
     from scipy.ndimage import binary_opening
 

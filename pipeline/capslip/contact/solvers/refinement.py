@@ -63,9 +63,10 @@ class _Roughness(NamedTuple):
 
 
 def _roughness(face: ElasticFace, pressed: Pressed) -> _Roughness:
-    contact = pressed.pressure_Pa > 0
+    # Where a depth was lost none of them counts: there a refined face goes on smoothly
+    contact, known_m = pressed.pressure_Pa > 0, face.known_m
     # Along an edge of the map one axis knows it, and contacts there are the narrowest of all
-    axes_m2 = [white_m2(_known_m(face), _ORDER, axis) for axis in (0, 1)]
+    axes_m2 = [white_m2(known_m, _ORDER, axis) for axis in (0, 1)]
     greater_m2, less_m2 = np.fmax(*axes_m2), np.fmin(*axes_m2)
     noise_m2 = 0.5 * (greater_m2 + less_m2)
     rough_m, smooth_m = _rms_m(noise_m2, contact), SMOOTH * pressed.approach_m
@@ -81,14 +82,10 @@ def _roughness(face: ElasticFace, pressed: Pressed) -> _Roughness:
     return _Roughness(noise_m2, greater_m2, False, max(smooth_m, _SWING * rough_m))
 
 
-def _known_m(face: ElasticFace) -> np.ndarray:
-    """Return the depths, NaN where they were lost: there a refined face goes on smoothly."""
-    return face.depth_m if face.measured.all() else np.where(face.measured, face.depth_m, np.nan)
-
-
 def _beside_edges_m(face: ElasticFace, contact: np.ndarray) -> float:
     """Return the roughness by differences of half the order, which end before a hill does."""
-    axes_m2 = (white_m2(_known_m(face), _ORDER // 2, axis) for axis in (0, 1))
+    known_m = face.known_m
+    axes_m2 = (white_m2(known_m, _ORDER // 2, axis) for axis in (0, 1))
     return _rms_m(np.fmax(*axes_m2), contact)
 
 
@@ -107,7 +104,7 @@ def _is_noise(face: ElasticFace, pressed: Pressed) -> bool:
     from scipy.ndimage import binary_dilation
 
     short_m2 = long_m2 = 0.0
-    depth_m = _known_m(face)
+    depth_m = face.known_m
     for axis, shape in ((0, (_ORDER + 1, 1)), (1, (1, _ORDER + 1))):
         of_short, of_long = (white_m2(depth_m, order, axis) for order in (_ORDER, _ORDER // 2))
         near = binary_dilation(pressed.pressure_Pa > 0, np.ones(shape))
@@ -184,7 +181,7 @@ def _swing_m(face: ElasticFace, pressed: Pressed) -> float:
     So at the end of a contact those beside it add as much of what they differ from the last one in
     it, and between two pixels a spline is an eighth of that away.
     """
-    contact, most_m = pressed.pressure_Pa > 0, 0.0
+    contact, known_m, most_m = pressed.pressure_Pa > 0, face.known_m, 0.0
     k = np.arange(1, _SEEN + 1)
     weight = math.sqrt(3.0) * (-_RINGING) ** k
     for axis in (0, 1):
@@ -192,7 +189,7 @@ def _swing_m(face: ElasticFace, pressed: Pressed) -> float:
             continue
         # The ends of a map go on as they are
         around = [(1, 1) if one == axis else (0, 0) for one in (0, 1)]
-        bend_m = np.pad(np.diff(_known_m(face), 2, axis), around, mode="edge")
+        bend_m = np.pad(np.diff(known_m, 2, axis), around, mode="edge")
         along = np.moveaxis(bend_m, axis, 0), np.moveaxis(contact, axis, 0)
         for way in (1, -1):
             b_m, touches = (one[::way] for one in along)
