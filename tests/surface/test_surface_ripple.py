@@ -36,8 +36,7 @@ def test_a_ripple_is_found_with_its_height_and_length_and_taken_off(waves, tilt,
     height_m = CAPS_M + ripple_m(*waves) + white_m(1, 1e-9) + tilt * COLUMN
     height_m[lost] = np.nan
     found = find_ripple(of(height_m))
-    seen = np.array([found.per_row, found.per_column]) * np.sign(found.per_row or found.per_column)
-    assert seen == pytest.approx(waves, abs=2.6e-3)
+    assert (found.per_row, found.per_column) == pytest.approx(waves, abs=2.6e-3)
     assert 0.72 * HEIGHT_M < found.amplitude_m < 1.2 * HEIGHT_M  # by window and hole
     length_m = 1.0 / np.hypot(waves[0] / PIXEL_M[0], waves[1] / PIXEL_M[1])
     assert found.wavelength_m == pytest.approx(length_m, rel=0.03)

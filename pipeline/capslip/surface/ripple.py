@@ -26,8 +26,8 @@ class Ripple:
     """A wave of one length, and its periods a row and a column."""
 
     amplitude_m: float  # up to 28 % low, where it lies between lines of the spectrum
-    per_row: float
-    per_column: float
+    per_row: float  # >= 0
+    per_column: float  # >= 0 where there is none a row
     wavelength_m: float
 
 
@@ -62,6 +62,8 @@ def find_ripple(surface: HeightMap) -> Ripple | None:
     if i == j == 0 or amplitude_m > min(MOST_M, most_m):
         return None
     per_row, per_column = float(np.fft.fftfreq(ny)[i]), float(np.fft.fftfreq(nx)[j])
+    if (per_row, per_column) < (0.0, 0.0):  # both stand for it, and rounding says which was found
+        per_row, per_column = 0.0 - per_row, 0.0 - per_column
     dy_m, dx_m = surface.pixel_size_m
     wavelength_m = 1.0 / float(np.hypot(per_row / dy_m, per_column / dx_m))
     return Ripple(amplitude_m, per_row, per_column, wavelength_m)
