@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.ndimage import gaussian_filter1d
 
 from capslip.analysis import analyze_once
 from capslip.settings import load_settings
@@ -237,3 +238,16 @@ def test_what_moves_the_curvatures_moves_the_mean_radius_as_their_determinant_sa
     ends = [_Surface(*given, c + s * off, np.zeros((6, 6)), 0.0) for s in (-1e-6, 1e-6)]
     log_radius = [-0.5 * np.log(one.determinant) for one in ends]
     assert found.log_radius_se == pytest.approx(abs(np.diff(log_radius)[0]) / 2e-6, rel=1e-6)
+
+
+def test_a_transposed_map_has_the_same_tops_though_deviations_run_along_one_axis():
+    shared_m = gaussian_filter1d(np.random.default_rng(2).standard_normal(SHAPE), 3.0, axis=1)
+    measured_m = face(1e-9).height_m + 4e-9 * shared_m
+    cut = clipped(HeightMap(measured_m, PIXEL_M))
+    along, across = restore_tops(cut), restore_tops(HeightMap(cut.height_m.T, PIXEL_M[::-1]))
+    np.testing.assert_allclose(across.height_m.T, along.height_m, rtol=0.0, atol=1e-15)
+    order, other = np.argsort(along.tops.x_m), np.argsort(across.tops.y_m)
+    assert (along.tops.up_m > 0.0).any()
+    for name in ("up_m", "height_se_m", "log_radius_se"):
+        found, same = getattr(along.tops, name)[order], getattr(across.tops, name)[other]
+        np.testing.assert_allclose(found, same, rtol=1e-6)

@@ -311,7 +311,8 @@ def _least_squares(
     row, col = (one // every - one.min() // every for one in at)
     grid_m = np.full((row.max() + 1, col.max() + 1), np.nan)
     grid_m[row, col] = rest_m
-    beside_m2 = grid_m[:, 1:] * grid_m[:, :-1]
+    pairs = [(one[:, 1:] * one[:, :-1]).ravel() for one in (grid_m, grid_m.T)]
+    beside_m2 = np.concatenate(pairs)
     known = np.isfinite(beside_m2)
     common_m2 = float(beside_m2[known].mean()) if known.any() else variance_m2
     common_m2 = min(max(common_m2, 0.0), variance_m2)
