@@ -121,3 +121,13 @@ def test_steps_do_not_change_the_answer():
         for surface in (HeightMap(caps_m(), PIXEL_M), rounded(caps_m(), 1e-8))
     ]
     assert stiffness[1] == pytest.approx(stiffness[0], rel=0.03)
+
+
+@pytest.mark.parametrize("along", [0, 1])
+def test_steps_of_grooves_are_seen_whichever_way_they_run(along):
+    smooth = (40.0, 5.0) if along == 0 else (5.0, 40.0)
+    true_m = gaussian_filter(np.random.default_rng(0).standard_normal((200, 200)), smooth)
+    true_m *= 3e-7 / true_m.std()
+    found = smooth_steps(rounded(true_m, 1e-8))
+    assert found.rounding.step_m == pytest.approx(1e-8)
+    assert np.std(found.height_m - true_m) < 0.95 * np.std(rounded(true_m, 1e-8).height_m - true_m)

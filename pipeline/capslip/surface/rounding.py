@@ -9,7 +9,7 @@ from capslip.surface.form import remove_form
 from capslip.surface.heightmap import HeightMap, Heights, Rounding
 from capslip.surface.noise import mixed_difference, rms_of_noise_m
 
-SAMPLED_LINES = 50
+SAMPLED_LINES = 50  # along each axis
 LEAST_EQUAL = 0.1  # of the neighbours: of fewer, steps are finer than what neighbours differ by
 LEAST_LEVELS = 8  # of a relief: on fewer nobody sees what lies between
 UNIFORM = 12.0**-0.5  # of a step: rms of what rounding does to a height
@@ -119,8 +119,9 @@ def _step_m(height_m: Heights) -> tuple[float | None, int]:
 
     None where it is none that shows.
     """
-    some_m = height_m[:: max(1, len(height_m) // SAMPLED_LINES)]
-    beside_m = np.abs(np.diff(some_m, axis=1)).reshape(-1)
+    every_y, every_x = (max(1, n // SAMPLED_LINES) for n in height_m.shape)
+    lines_m = height_m[::every_y], height_m[:, ::every_x].T  # grooves have equal heights along them
+    beside_m = np.abs(np.concatenate([np.diff(one_m).reshape(-1) for one_m in lines_m]))
     beside_m = beside_m[~np.isnan(beside_m)]
     if np.count_nonzero(beside_m == 0.0) < LEAST_EQUAL * max(1, beside_m.size):
         return None, 0
@@ -128,8 +129,8 @@ def _step_m(height_m: Heights) -> tuple[float | None, int]:
     if not beside_m.size:
         return None, 0
     step_m = float(beside_m.min())
-    first_m = float(np.fmin.reduce(some_m, axis=None))
-    level = (some_m - first_m) / step_m
+    some_m = np.concatenate([one_m.reshape(-1) for one_m in lines_m])
+    level = (some_m - np.fmin.reduce(some_m)) / step_m
     level = level[~np.isnan(level)]
     whole = np.round(level)
     if np.abs(level - whole).max() > OFF_STEP:
