@@ -2,6 +2,7 @@
 
 import json
 from dataclasses import replace
+from shutil import copytree
 
 import numpy as np
 import pytest
@@ -282,8 +283,8 @@ def test_a_folder_that_is_no_result(tmp_path):
         load_model(tmp_path)
 
 
-def test_a_damaged_result(surface, tmp_path):
-    result_of(surface, tmp_path / "result")
+def test_a_damaged_result(result, tmp_path):
+    copytree(result[0], tmp_path / "result")
     (tmp_path / "result" / "result.h5").unlink()
     with pytest.raises(UnreadableFileError, match=r"holds no result\.h5, and so no face"):
         load_model(tmp_path / "result")
@@ -293,8 +294,8 @@ def test_a_damaged_result(surface, tmp_path):
 
 
 @pytest.mark.parametrize("table", ["contact", "families", "slip", "provenance"])
-def test_a_summary_that_somebody_cut(surface, tmp_path, table):
-    result_of(surface, tmp_path / "result")
+def test_a_summary_that_somebody_cut(result, tmp_path, table):
+    copytree(result[0], tmp_path / "result")
     path = tmp_path / "result" / "summary.json"
     path.write_text(json.dumps({**json.loads(path.read_text()), table: None}))
     with pytest.raises(UnreadableFileError, match=rf"summary\.json: no table {table}; .*again"):
