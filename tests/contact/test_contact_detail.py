@@ -9,6 +9,7 @@ from capslip.contact.map_accuracy import (
     ASKED,
     LEAST_ERROR,
     PIXELS_95,
+    _less_noise,
     _noisy,
     _of_detail,
     error_of_map,
@@ -16,7 +17,7 @@ from capslip.contact.map_accuracy import (
 from capslip.contact.models import boundary_elements as bem
 from capslip.contact.solvers import detail
 from capslip.contact.solvers.detail import FirstLoading
-from capslip.contact.solvers.elastic_face import elastic_face
+from capslip.contact.solvers.elastic_face import TakenNoise, elastic_face
 from capslip.contact.solvers.polonsky_keer import press
 from capslip.contact.solvers.refinement import refinement
 from capslip.contact.solvers.unloading import TOLERANCE as BETWEEN_LOADS
@@ -152,12 +153,20 @@ def test_a_doubt_of_detail_tells_the_pixels_that_leave_more_than_it_moves(of_pix
 
 @pytest.mark.parametrize(("of_pixels", "finer"), [(0.04, False), (0.08, False), (0.3, True)])
 def test_a_doubt_of_noise_tells_the_pixels_and_asks_for_what_helps_most(of_pixels, finer):
-    said = _noisy("noise of 2e-09 m", 0.1, of_pixels, TOLERANCE, 1e-4)
+    less = _less_noise(0.1 / TOLERANCE, None, 1e-4)
+    said = _noisy("noise of 2e-09 m", 0.1, of_pixels, TOLERANCE, less)
     assert said.effect.energy == said.effect.loss_factor == pytest.approx(np.hypot(0.1, of_pixels))
     assert "a point leaves up to 10.0%" in said.message
     assert ("its pixels up to" in said.message) == (of_pixels > TOLERANCE)
     assert ("smaller pixels" in said.step) == finer
     assert ("=0.0005" in said.step) != finer  # a filter of five pixels
+
+
+def test_of_what_was_filtered_the_mean_of_enough_scans_is_asked_for():
+    """The noise of a mean falls with the root of their number, and what it does with the noise."""
+    taken = TakenNoise(2e-9, np.full((3, 4), 0.1))
+    assert _less_noise(2.9, taken, 1e-4) == "average 9 scans: --set instrument.noise_m=6.7e-10"
+    assert _less_noise(1.1, taken, 1e-4).startswith("average 2 scans: ")
 
 
 def test_pixels_that_leave_more_than_the_tolerance_at_a_quarter_of_mu_N_are_warned_of(surface):

@@ -19,6 +19,7 @@ from capslip.contact.solvers.detail import (
     effect_of_pixels,
     effect_of_refinement,
 )
+from capslip.contact.solvers.elastic_face import TakenNoise
 from capslip.contact.solvers.noise import (
     LENGTHS,
     loss_noise_per_m,
@@ -90,8 +91,10 @@ def error_of_map(
         Measurement noise of the instrument, which may be correlated over a few pixels. Where it is
         not known, as much as changes from pixel to pixel counts, and is white.
     """
-    unloading, pressed, found = curve.unloading(load_N), curve.pressed(load_N), []
+    unloading, pressed = curve.unloading(load_N), curve.pressed(load_N)
     first = curve.first or FirstLoading(curve.solutions.face, pressed.approach_m)
+    taken = first.face.taken
+    found = [] if taken is None else [_noise_taken(taken)]
     between = unloading.loss_error
     if between > tolerance:
         found.append(_between_loads(between, len(unloading.solved_load_N)))
@@ -121,7 +124,8 @@ def error_of_map(
     if not any(one.severity == "warning" for one in more):
         if of_noise > tolerance:
             of = f"noise of {noise_m:.2g} m" if noise_m else f"white noise of {counted_m:.2g} m"
-            found.append(_noisy(of, of_noise, of_pixels, tolerance, pixel_m))
+            less = _less_noise(of_noise / tolerance, taken, pixel_m)
+            found.append(_noisy(of, of_noise, of_pixels, tolerance, less))
         elif (of_either := math.hypot(of_pixels, of_noise)) > tolerance:
             found.append(_unresolved("warning", ASKED, of_either))
     known = any(one.severity == "warning" and one.code != "loss_between_loads" for one in found)
@@ -191,11 +195,21 @@ def _of_given(
     with solutions.counted(load_N):
         path, _ = path_at(solutions.face, pressed, solutions.tolerance, NOISE_SHARES)
     drop_N, *per_m = loss_noise_per_m(path, LENGTHS)
-    by_length_m = noise_by_length_m(first.face, first.approach_m, noise_m)
+    by_length_m = _by_length_m(first, noise_m)
     relative = NORMAL_95 * np.sqrt(np.square(by_length_m) @ np.square(per_m))
     at_N = np.array(FORCE_SHARES) * load_N
     relative = np.minimum(np.interp(at_N, drop_N, relative), MOST_OF_NOISE)
     return dict(zip(FORCE_SHARES, relative.tolist(), strict=True))
+
+
+def _by_length_m(first: FirstLoading, noise_m: float) -> np.ndarray:
+    """Return the noise of each of `LENGTHS`, with the white one that was taken off before."""
+    if (taken := first.face.taken) is None:
+        return noise_by_length_m(first.face, first.approach_m, noise_m)
+    rest_m = math.sqrt(max(noise_m**2 - taken.noise_m**2, 0.0))
+    by_length_m = noise_by_length_m(first.face, first.approach_m, rest_m)
+    by_length_m[0] = taken.noise_m
+    return by_length_m
 
 
 def _of_detail(
@@ -278,9 +292,25 @@ def _unresolved(severity: Severity, share: float, error: float) -> Problem:
     return Problem("small_slip_extrapolated", severity, message, Effect(None, error, error))
 
 
-def _noisy(
-    noise: str, of_noise: float, of_pixels: float, tolerance: float, pixel_m: float
-) -> Problem:
+def _noise_taken(taken: TakenNoise) -> Problem:
+    left_m = taken.noise_m * math.sqrt(float(taken.left.mean()))
+    message = (
+        f"white noise of {taken.noise_m:.2g} m a point, as the instrument has, was taken off the "
+        f"map before it was pressed: {left_m:.2g} m of it are left"
+    )
+    return Problem("noise_taken_off", "info", message)
+
+
+def _less_noise(too_much: float, taken: TakenNoise | None, pixel_m: float) -> str:
+    """Return what to do about noise that does so many times what it may."""
+    scans = max(2, math.ceil(too_much**2))
+    less = f"average {scans} scans"
+    if taken is None:
+        return f"--set {S_FILTER}={NOISE_PIXELS * pixel_m:.2g}, or {less}"
+    return f"{less}: --set instrument.noise_m={taken.noise_m / math.sqrt(scans):.2g}"
+
+
+def _noisy(noise: str, of_noise: float, of_pixels: float, tolerance: float, less: str) -> Problem:
     error = math.hypot(of_noise, of_pixels)
     message = (
         f"{noise} a point leaves up to {of_noise:.1%} in the energy per cycle "
@@ -288,8 +318,5 @@ def _noisy(
     )
     if of_pixels > tolerance:
         message += f", and its pixels up to {of_pixels:.1%}"
-    if of_pixels > of_noise:
-        step = _unresolved("warning", ASKED, of_pixels).advice
-    else:
-        step = f"--set {S_FILTER}={NOISE_PIXELS * pixel_m:.2g}, or average several scans"
+    step = _unresolved("warning", ASKED, of_pixels).advice if of_pixels > of_noise else less
     return Problem("detail_decides", "warning", message, Effect(None, error, error), step)

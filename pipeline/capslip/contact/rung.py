@@ -45,6 +45,7 @@ class Scene:
     start_m: np.ndarray | None = None  # compressions of the caps in use, where they are known
     time_limit_s: float = math.inf  # of a rung that iterates on the map
     at_ease_rad: tuple[float, float] = (0.0, 0.0)  # slopes on the surface without a moment
+    noise_m: float | None = None  # of the instrument, where it is known
 
     @classmethod
     def of(
@@ -69,6 +70,7 @@ class Scene:
             yield_law(material),
             time_limit_s=contact.time_limit_s,
             at_ease_rad=at_ease_rad,
+            noise_m=settings.instrument.noise_m,
         )
 
     @property

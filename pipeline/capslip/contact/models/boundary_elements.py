@@ -9,6 +9,7 @@ import numpy as np
 from capslip.contact.map_accuracy import error_of_map, left_by_pixels
 from capslip.contact.map_curve import BoundaryElementCurve
 from capslip.contact.rung import Contacts, Rung, Scene
+from capslip.contact.solvers.denoising import without_noise
 from capslip.contact.solvers.detail import FirstLoading
 from capslip.contact.solvers.elastic_face import ElasticFace, elastic_face
 from capslip.contact.solvers.nearby import loaded_anew
@@ -35,6 +36,7 @@ def boundary_elements(
     rotational_stiffness_Nm_per_rad: float = 0.0,
     at_ease_rad: tuple[float, float] = (0.0, 0.0),
     time_limit_s: float = math.inf,
+    noise_m: float | None = None,
 ) -> BoundaryElementCurve:
     """Return the normal curve of the height map itself: the reference of the other models.
 
@@ -70,6 +72,8 @@ def boundary_elements(
         asks alone, so that more cores do not either, and for each preload asked for. A solution
         under it that takes longer is given up, and its slip is followed at as few loads as there is
         time for, with the error that this leaves. What is solved in time does not depend on it.
+    noise_m : float, optional
+        Measurement noise of the instrument, which is taken off first, see `without_noise`.
 
     Raises
     ------
@@ -92,6 +96,8 @@ def boundary_elements(
         raise SettingsError(f"{NAME}: a map tilts and yields under preload_N; got none")
     begun_s = thread_time()
     face = elastic_face(surface, E_star_Pa)
+    if noise_m is not None:
+        face = without_noise(face, noise_m)
     if preload_N is None or not (balanced or yields):
         return BoundaryElementCurve(Solutions(face, float(tolerance), time_limit_s), NAME)
     face = replace(face, hardness_Pa=float(hardness_Pa))
@@ -161,6 +167,7 @@ def _build(scene: Scene) -> BoundaryElementCurve:
         rotational_stiffness_Nm_per_rad=scene.turning_stiffness,
         at_ease_rad=scene.at_ease_rad,
         time_limit_s=scene.time_limit_s,
+        noise_m=scene.noise_m,
     )
 
 

@@ -17,6 +17,14 @@ _COARSEST = 48  # points along the shorter side at which nesting ends
 
 
 @dataclass(frozen=True, eq=False)
+class TakenNoise:
+    """White noise that was taken off a face, see `denoising`, and what is left of it."""
+
+    noise_m: float  # rms of a height
+    left: np.ndarray  # (ny, nx), share of its power in each wave of the cosine transform
+
+
+@dataclass(frozen=True, eq=False)
 class ElasticFace:
     """A height map on a half-space, ready to be pressed, made by `elastic_face`."""
 
@@ -28,6 +36,7 @@ class ElasticFace:
     half_space: HalfSpace
     hardness_Pa: float = field(default=np.inf, kw_only=True)  # greatest pressure that it bears
     yielded: bool = field(default=False, kw_only=True)  # whether a load has left flats on it
+    taken: TakenNoise | None = field(default=None, kw_only=True)  # before it was pressed
 
     @cached_property
     def coarser(self) -> "ElasticFace | None":

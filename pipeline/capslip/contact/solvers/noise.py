@@ -32,7 +32,8 @@ def loss_noise_per_m(path: Path, lengths: tuple[float, ...] = LENGTHS[:1]) -> np
     each contact, of slip; a shift of the whole face has no part in it. p' at the preload is that of
     a punch, elsewhere the quotient of the differences to the loads beside it: 30 % of the result.
     For dh whose correlation falls with the distance r as exp(-r^2 / (2 l^2)), w is replaced by its
-    convolution with a Gaussian of standard deviation l / sqrt(2) and of unit norm.
+    convolution with a Gaussian of standard deviation l / sqrt(2) and of unit norm. Of white noise
+    that was taken off the face counts what is left in each wave of w.
 
     Parameters
     ----------
@@ -61,20 +62,20 @@ def loss_noise_per_m(path: Path, lengths: tuple[float, ...] = LENGTHS[:1]) -> np
         weight = 8.0 * (states[0][1] - at_Pa) - 4.0 * drop_N * (punch + beside)
         of_pixel = np.bincount(place.reshape(-1), (part * weight * area_m2).reshape(-1))
         if loss_J > 0.0:
-            norms = (_norm(of_pixel, at, path.map.shape, length) for length in lengths)
+            norms = (_norm(of_pixel, at, path.map, length) for length in lengths)
             found.append((drop_N, *(norm / loss_J for norm in norms)))
     return np.array(found).T if found else np.array([[load_N], *[[0.0]] * len(lengths)])
 
 
-def _norm(weight: np.ndarray, at: np.ndarray, shape: tuple[int, int], length: float) -> float:
+def _norm(weight: np.ndarray, at: np.ndarray, face: ElasticFace, length: float) -> float:
     """Return the norm of weights at pixels of a map, convolved as for a correlation length."""
     if length == 0.0:
-        return float(np.linalg.norm(weight))
+        return _norm_of_left(weight, at, face)
     from scipy.ndimage import gaussian_filter
 
     spread = length / math.sqrt(2.0)
     around = math.ceil(6.0 * spread)
-    row, col = np.unravel_index(at, shape)
+    row, col = np.unravel_index(at, face.shape)
     row, col = row - row.min() + around, col - col.min() + around
     image, one = (
         np.zeros((row.max() + around + 1, col.max() + around + 1)),
@@ -83,6 +84,17 @@ def _norm(weight: np.ndarray, at: np.ndarray, shape: tuple[int, int], length: fl
     image[row, col], one[around] = weight, 1.0
     unit = float(np.square(gaussian_filter(one, spread)).sum())  # along either axis
     return float(np.linalg.norm(gaussian_filter(image, spread, mode="constant"))) / unit
+
+
+def _norm_of_left(weight: np.ndarray, at: np.ndarray, face: ElasticFace) -> float:
+    """Return the norm of weights at pixels of a map, for what is left of its white noise."""
+    if face.taken is None:
+        return float(np.linalg.norm(weight))
+    from scipy.fft import dctn
+
+    image = np.zeros(face.shape)
+    image.reshape(-1)[at] = weight
+    return float(np.linalg.norm(np.sqrt(face.taken.left) * dctn(image, norm="ortho")))
 
 
 def _pixels_around(path: Path) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

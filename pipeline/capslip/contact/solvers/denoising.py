@@ -1,0 +1,81 @@
+"""White noise of an instrument, taken off a smooth map before it is pressed."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+
+from capslip.contact.solvers.elastic_face import ElasticFace, TakenNoise, finer
+from capslip.contact.solvers.noise import white_noise_m
+from capslip.surface.blocks import means_of_blocks
+from capslip.surface.form import remove_form
+from capslip.surface.heightmap import HeightMap
+
+AS_SAID = (0.8, 1.25)  # white noise of a map over what is said of it: else one of them is other
+MOST_LEFT = 0.6  # of its rms; of more the face is as rough, and no spectrum tells which is which
+LEAST_KNOWN = 0.8  # of the points
+_AROUND = 3.0  # waves, standard deviation of the Gaussian over which the power is averaged
+_ALONE = 1.3  # of the noise, power up to which waves may be noise alone
+_TURNS = 5  # in which what stands for lost points follows what is found around them
+
+
+def without_noise(face: ElasticFace, noise_m: float) -> ElasticFace:
+    """Return a smooth face without its white noise, where the map has as much as is said.
+
+    A Wiener filter in the cosine transform of the map over its least-squares plane: of each wave
+    the share 1 - s^2 / P is kept, with s the noise and P the mean power of the waves around it. No
+    linear filter leaves less of the noise and of what it takes from the face together, the same
+    share of s^2 (Wiener 1949, Extrapolation, Interpolation, and Smoothing of Stationary Time
+    Series). What may be noise alone is taken whole.
+
+    Parameters
+    ----------
+    face : ElasticFace
+        Before it is pressed.
+    noise_m : float
+        Measurement noise N_M (ISO 25178-600), rms of a height.
+
+    Returns
+    -------
+    ElasticFace
+        With `taken`. The same where heights change from pixel to pixel by less than that, since
+        noise that neighbours share is no white one; where they change by more, or the face is as
+        rough as its noise, since the filter would smooth the face; and where more than a fifth of
+        the points is lost.
+    """
+    white_m, known = white_noise_m(face, math.inf), face.measured
+    least, most = AS_SAID
+    if not least * noise_m <= white_m <= most * noise_m or known.mean() < LEAST_KNOWN:
+        return face
+    noise_m = min(noise_m, white_m)
+    level_m = remove_form(HeightMap(face.known_m, face.pixel_size_m), "plane")[0].height_m
+    smooth_m, left = _filtered(_filled(level_m), noise_m)
+    for _ in range(0 if known.all() else _TURNS):
+        smooth_m, left = _filtered(np.where(known, level_m, smooth_m), noise_m)
+    if math.sqrt(left.mean()) > MOST_LEFT:
+        return face
+    depth_m = face.depth_m + np.where(known, smooth_m - level_m, 0.0)
+    depth_m[known] -= depth_m[known].min()
+    return replace(face, depth_m=depth_m, taken=TakenNoise(noise_m, left))
+
+
+def _filtered(height_m: np.ndarray, noise_m: float) -> tuple[np.ndarray, np.ndarray]:
+    """Return heights without their noise, and the share of its power that is left in each wave."""
+    from scipy.fft import dctn, idctn
+    from scipy.ndimage import gaussian_filter
+
+    wave_m = dctn(height_m, norm="ortho")
+    power_m2 = gaussian_filter(np.square(wave_m), _AROUND, mode="reflect")
+    noise = noise_m**2 / power_m2
+    kept = np.maximum(1.0 - _ALONE * noise, 0.0)
+    return idctn(kept * wave_m, norm="ortho"), np.maximum(1.0 - noise, 0.0)
+
+
+def _filled(height_m: np.ndarray) -> np.ndarray:
+    """Return heights with those that are lost from the means of ever larger blocks around them."""
+    lost = np.isnan(height_m)
+    if not lost.any():
+        return height_m
+    even_m = np.pad(height_m, [(0, n % 2) for n in height_m.shape], constant_values=np.nan)
+    around_m = finer(_filled(means_of_blocks(even_m, 2, 1)))[: len(height_m), : height_m.shape[1]]
+    return np.where(lost, around_m, height_m)
