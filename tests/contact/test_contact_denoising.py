@@ -70,14 +70,21 @@ def test_a_plane_goes_through_and_a_mirrored_or_transposed_map_is_filtered_alike
     ("surface", "noise_m"),
     [
         (waves(), NOISE_M),  # a map without noise
-        (with_noise(waves()), 1.05 * NOISE_M / AS_SAID[0]),  # of less than is said
-        (with_noise(waves()), 0.95 * NOISE_M / AS_SAID[1]),  # of more: the rest is the face's
+        (with_noise(waves()), 1.05 * NOISE_M / AS_SAID),  # of less than is said
+        (with_noise(waves()), 0.95 * NOISE_M * AS_SAID),  # of more: the rest is the face's
         (with_noise(waves(waviness_spectrum="power_law")), NOISE_M),  # as rough as its noise
     ],
 )
 def test_what_is_not_known_to_be_noise_stays(surface, noise_m):
     face = elastic_face(surface, E_STAR_PA)
     assert without_noise(face, noise_m) is face
+
+
+@pytest.mark.parametrize("said", [0.95, 1.15])
+def test_no_more_is_taken_than_is_said_or_seen(said):
+    face = taken(with_noise(waves()), said * NOISE_M)
+    assert face.taken.noise_m == pytest.approx(min(said, 1.0) * NOISE_M, rel=0.03)
+    assert face.taken.noise_m <= said * NOISE_M
 
 
 def test_noise_that_neighbours_share_stays():

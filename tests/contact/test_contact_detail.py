@@ -169,6 +169,12 @@ def test_of_what_was_filtered_the_mean_of_enough_scans_is_asked_for():
     assert _less_noise(1.1, taken, 1e-4).startswith("average 2 scans: ")
 
 
+def test_noise_that_nobody_knows_is_asked_for_before_a_filter_is():
+    asked = "--set instrument.noise_m=3e-09, if the instrument has as much; else --set "
+    assert _less_noise(2.0, None, 1e-4, 3e-9).startswith(asked)
+    assert "instrument" not in _less_noise(2.0, None, 1e-4)
+
+
 def test_pixels_that_leave_more_than_the_tolerance_at_a_quarter_of_mu_N_are_warned_of(surface):
     """No filter moves smooth caps: what is said is what their pixels leave."""
     curve = solved(surface)

@@ -124,7 +124,8 @@ def error_of_map(
     if not any(one.severity == "warning" for one in more):
         if of_noise > tolerance:
             of = f"noise of {noise_m:.2g} m" if noise_m else f"white noise of {counted_m:.2g} m"
-            less = _less_noise(of_noise / tolerance, taken, pixel_m)
+            white = None if noise_m else counted_m
+            less = _less_noise(of_noise / tolerance, taken, pixel_m, white)
             found.append(_noisy(of, of_noise, of_pixels, tolerance, less))
         elif (of_either := math.hypot(of_pixels, of_noise)) > tolerance:
             found.append(_unresolved("warning", ASKED, of_either))
@@ -301,13 +302,18 @@ def _noise_taken(taken: TakenNoise) -> Problem:
     return Problem("noise_taken_off", "info", message)
 
 
-def _less_noise(too_much: float, taken: TakenNoise | None, pixel_m: float) -> str:
-    """Return what to do about noise that does so many times what it may."""
+def _less_noise(
+    too_much: float, taken: TakenNoise | None, pixel_m: float, white_m: float | None = None
+) -> str:
+    """Return what to do about noise that does so many times what it may, or may be no noise."""
     scans = max(2, math.ceil(too_much**2))
     less = f"average {scans} scans"
-    if taken is None:
-        return f"--set {S_FILTER}={NOISE_PIXELS * pixel_m:.2g}, or {less}"
-    return f"{less}: --set instrument.noise_m={taken.noise_m / math.sqrt(scans):.2g}"
+    if taken is not None:
+        return f"{less}: --set instrument.noise_m={taken.noise_m / math.sqrt(scans):.2g}"
+    less = f"--set {S_FILTER}={NOISE_PIXELS * pixel_m:.2g}, or {less}"
+    if white_m is None:
+        return less
+    return f"--set instrument.noise_m={white_m:.2g}, if the instrument has as much; else {less}"
 
 
 def _noisy(noise: str, of_noise: float, of_pixels: float, tolerance: float, less: str) -> Problem:

@@ -11,8 +11,9 @@ from capslip.surface.blocks import means_of_blocks
 from capslip.surface.form import remove_form
 from capslip.surface.heightmap import HeightMap
 
-AS_SAID = (0.8, 1.25)  # white noise of a map over what is said of it: else one of them is other
-MOST_LEFT = 0.6  # of its rms; of more the face is as rough, and no spectrum tells which is which
+AS_SAID = 0.8  # of the noise that is said, that a map shows at least: else it is no white one
+# Of the rms of noise: where more is left, the face is as rough, or the map has 1.25 times as much
+MOST_LEFT = 0.6
 LEAST_KNOWN = 0.8  # of the points
 _AROUND = 3.0  # waves, standard deviation of the Gaussian over which the power is averaged
 _ALONE = 1.3  # of the noise, power up to which waves may be noise alone
@@ -44,8 +45,7 @@ def without_noise(face: ElasticFace, noise_m: float) -> ElasticFace:
         the points is lost.
     """
     white_m, known = white_noise_m(face, math.inf), face.measured
-    least, most = AS_SAID
-    if not least * noise_m <= white_m <= most * noise_m or known.mean() < LEAST_KNOWN:
+    if white_m < AS_SAID * noise_m or known.mean() < LEAST_KNOWN:
         return face
     noise_m = min(noise_m, white_m)
     level_m = remove_form(HeightMap(face.known_m, face.pixel_size_m), "plane")[0].height_m
