@@ -27,7 +27,7 @@ def waves(seed=1, shape=(120, 160), **more):
 
 
 def with_noise(surface, rms_m=NOISE_M, seed=1):
-    noise_m = rms_m * np.random.default_rng(seed).standard_normal(surface.shape)
+    noise_m = rms_m * np.random.default_rng((7, seed)).standard_normal(surface.shape)
     return replace(surface, height_m=surface.height_m + noise_m)
 
 
@@ -51,6 +51,18 @@ def test_what_is_left_is_no_more_than_is_said_and_little_of_what_was_there(seed)
     assert left_m < 0.45 * NOISE_M
     assert 0.7 * said_m < left_m < 1.1 * said_m
     assert face.depth_m.min() == 0.0
+
+
+def test_edges_of_the_map_are_as_near_as_its_middle():
+    """A transform that turns there alone left twice as much on the outermost lines."""
+    edge, off = np.ones((120, 160), dtype=bool), []
+    edge[3:-3, 3:-3] = False
+    for seed in range(6):
+        true = waves(seed)
+        here_m = off_m(taken(with_noise(true, seed=seed)), true).reshape(true.shape)
+        off.append([np.mean(here_m[edge] ** 2), np.mean(here_m[~edge] ** 2)])
+    of_edge_m, of_middle_m = np.sqrt(np.mean(off, axis=0))
+    assert of_edge_m < 1.6 * of_middle_m
 
 
 def test_a_plane_goes_through_and_a_mirrored_or_transposed_map_is_filtered_alike():
@@ -104,8 +116,8 @@ def test_lost_points_stay_lost_and_hardly_show_around_them(lost):
     np.testing.assert_array_equal(face.measured, ~holes)
     assert (face.depth_m[holes] == 0.0).all()
     assert face.depth_m[~holes].min() == 0.0
-    whole_m = off_m(taken(noisy), true).reshape(true.shape)
-    assert np.std(off_m(face, true)) < 1.6 * np.std(whole_m)
+    said_m = face.taken.noise_m * np.sqrt(face.taken.left.mean())
+    assert np.std(off_m(face, true)) < 1.1 * said_m < 0.7 * NOISE_M
 
 
 def test_of_a_map_with_too_many_lost_points_none_is_moved():
@@ -126,10 +138,10 @@ def losses_J(curve):
 
 
 def test_energies_are_nearer_to_those_without_noise_and_within_what_is_said():
-    """Of 24 energies; 95 % of each are to be within. As the noise was, six times as much is off."""
+    """Of 18 energies, 95 % of which are to be within."""
     off, as_it_was, said = [], [], []
-    for seed in range(21, 29):
-        true = waves(seed)
+    for seed in range(21, 27):
+        true = waves(seed, (80, 100))
         noisy = with_noise(true, seed=seed)
         without, known, unknown = curve_of(true), curve_of(noisy, NOISE_M), curve_of(noisy)
         off.append(losses_J(known) / losses_J(without) - 1.0)
@@ -139,7 +151,7 @@ def test_energies_are_nearer_to_those_without_noise_and_within_what_is_said():
         said.append([stated.energy_at(share) for share in SHARES])
     rms, before = (np.sqrt(np.mean(np.square(one), axis=0)) for one in (off, as_it_was))
     assert (rms < 0.6 * before).all()
-    assert (np.abs(off) <= said).sum() >= 21
+    assert (np.abs(off) <= said).sum() >= 16
     assert (np.median(said, axis=0) < [0.2, 0.1, 0.05]).all()
 
 

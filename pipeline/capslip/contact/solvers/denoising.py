@@ -17,7 +17,8 @@ MOST_LEFT = 0.6
 LEAST_KNOWN = 0.8  # of the points
 _AROUND = 3.0  # waves, standard deviation of the Gaussian over which the power is averaged
 _ALONE = 1.3  # of the noise, power up to which waves may be noise alone
-_TURNS = 5  # in which what stands for lost points follows what is found around them
+_BEYOND = 16  # points beyond the edges, so that the transform, which turns there, bends none of it
+_TURNS = 5  # in which what stands there and for lost points follows what is found around them
 
 
 def without_noise(face: ElasticFace, noise_m: float) -> ElasticFace:
@@ -49,24 +50,34 @@ def without_noise(face: ElasticFace, noise_m: float) -> ElasticFace:
         return face
     noise_m = min(noise_m, white_m)
     level_m = remove_form(HeightMap(face.known_m, face.pixel_size_m), "plane")[0].height_m
-    smooth_m, left = _filtered(_filled(level_m), noise_m)
-    for _ in range(0 if known.all() else _TURNS):
-        smooth_m, left = _filtered(np.where(known, level_m, smooth_m), noise_m)
+    beyond = min(_BEYOND, *(n - 1 for n in face.shape))
+    inside = np.s_[beyond:-beyond, beyond:-beyond]
+    smooth_m, _ = _filtered(_filled(level_m), known, noise_m)
+    wide_m = np.pad(smooth_m, beyond, mode="reflect", reflect_type="odd")
+    seen, seen_m = np.pad(known, beyond), np.pad(level_m, beyond)
+    for _ in range(_TURNS):
+        wide_m, left = _filtered(np.where(seen, seen_m, wide_m), seen, noise_m)
     if math.sqrt(left.mean()) > MOST_LEFT:
         return face
+    smooth_m = wide_m[inside]
     depth_m = face.depth_m + np.where(known, smooth_m - level_m, 0.0)
     depth_m[known] -= depth_m[known].min()
-    return replace(face, depth_m=depth_m, taken=TakenNoise(noise_m, left))
+    return replace(face, depth_m=depth_m, taken=TakenNoise(noise_m, left, beyond))
 
 
-def _filtered(height_m: np.ndarray, noise_m: float) -> tuple[np.ndarray, np.ndarray]:
-    """Return heights without their noise, and the share of its power that is left in each wave."""
+def _filtered(
+    height_m: np.ndarray, seen: np.ndarray, noise_m: float
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return heights without their noise, and the share of its power that is left in each wave.
+
+    What was not seen has none, and so each wave has as much less of it.
+    """
     from scipy.fft import dctn, idctn
     from scipy.ndimage import gaussian_filter
 
     wave_m = dctn(height_m, norm="ortho")
     power_m2 = gaussian_filter(np.square(wave_m), _AROUND, mode="reflect")
-    noise = noise_m**2 / power_m2
+    noise = seen.mean() * noise_m**2 / power_m2
     kept = np.maximum(1.0 - _ALONE * noise, 0.0)
     return idctn(kept * wave_m, norm="ortho"), np.maximum(1.0 - noise, 0.0)
 

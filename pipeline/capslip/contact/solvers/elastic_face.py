@@ -21,7 +21,8 @@ class TakenNoise:
     """White noise that was taken off a face, see `denoising`, and what is left of it."""
 
     noise_m: float  # rms of a height
-    left: np.ndarray  # (ny, nx), share of its power in each wave of the cosine transform
+    left: np.ndarray  # share of its power in each wave of the cosine transform
+    beyond: int  # points by which that goes beyond each edge of the face
 
 
 @dataclass(frozen=True, eq=False)

@@ -92,8 +92,9 @@ def _norm_of_left(weight: np.ndarray, at: np.ndarray, face: ElasticFace) -> floa
         return float(np.linalg.norm(weight))
     from scipy.fft import dctn
 
-    image = np.zeros(face.shape)
-    image.reshape(-1)[at] = weight
+    image, beyond = np.zeros(face.taken.left.shape), face.taken.beyond
+    row, col = np.unravel_index(at, face.shape)
+    image[row + beyond, col + beyond] = weight
     return float(np.linalg.norm(np.sqrt(face.taken.left) * dctn(image, norm="ortho")))
 
 
