@@ -84,7 +84,8 @@ def assumptions(settings: Settings) -> tuple[Assumption, ...]:
         value = f"{', '.join(certain)} as if known exactly"
         found.append(("spreads", key, value, moves, f"--set {key}=0.2", False))
     if settings.instrument.noise_m is None and settings.families.m is None:
-        key, moves = "instrument.noise_m", "the stated error where the map itself is pressed"
+        key = "instrument.noise_m"
+        moves = "the stated error where the map itself is pressed; of a smooth one the energy, too"
         value = "white, as heights change from pixel to pixel"
         found.append(("noise", key, value, moves, f"--set {key}=N_M", False))
     return tuple(Assumption(*one) for one in found)
