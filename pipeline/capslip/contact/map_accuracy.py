@@ -294,10 +294,9 @@ def _unresolved(severity: Severity, share: float, error: float) -> Problem:
 
 
 def _noise_taken(taken: TakenNoise) -> Problem:
-    left_m = taken.noise_m * math.sqrt(float(taken.left.mean()))
     message = (
         f"white noise of {taken.noise_m:.2g} m a point, as the instrument has, was taken off the "
-        f"map before it was pressed: {left_m:.2g} m of it are left"
+        f"map before it was pressed: {taken.left_m:.2g} m of it are left"
     )
     return Problem("noise_taken_off", "info", message)
 

@@ -5,9 +5,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from capslip.contact.solvers.elastic_face import ElasticFace, TakenNoise, finer
+from capslip.contact.solvers.elastic_face import ElasticFace, TakenNoise, coarse, finer
 from capslip.contact.solvers.noise import white_noise_m
-from capslip.surface.blocks import means_of_blocks
 from capslip.surface.form import remove_form
 from capslip.surface.heightmap import HeightMap
 
@@ -51,18 +50,18 @@ def without_noise(face: ElasticFace, noise_m: float) -> ElasticFace:
     noise_m = min(noise_m, white_m)
     level_m = remove_form(HeightMap(face.known_m, face.pixel_size_m), "plane")[0].height_m
     beyond = min(_BEYOND, *(n - 1 for n in face.shape))
-    inside = np.s_[beyond:-beyond, beyond:-beyond]
     smooth_m, _ = _filtered(_filled(level_m), known, noise_m)
     wide_m = np.pad(smooth_m, beyond, mode="reflect", reflect_type="odd")
     seen, seen_m = np.pad(known, beyond), np.pad(level_m, beyond)
     for _ in range(_TURNS):
         wide_m, left = _filtered(np.where(seen, seen_m, wide_m), seen, noise_m)
-    if math.sqrt(left.mean()) > MOST_LEFT:
+    taken = TakenNoise(noise_m, left)
+    if taken.left_m > MOST_LEFT * noise_m:
         return face
-    smooth_m = wide_m[inside]
+    smooth_m = wide_m[beyond:-beyond, beyond:-beyond]
     depth_m = face.depth_m + np.where(known, smooth_m - level_m, 0.0)
     depth_m[known] -= depth_m[known].min()
-    return replace(face, depth_m=depth_m, taken=TakenNoise(noise_m, left, beyond))
+    return replace(face, depth_m=depth_m, taken=taken)
 
 
 def _filtered(
@@ -87,6 +86,5 @@ def _filled(height_m: np.ndarray) -> np.ndarray:
     lost = np.isnan(height_m)
     if not lost.any():
         return height_m
-    even_m = np.pad(height_m, [(0, n % 2) for n in height_m.shape], constant_values=np.nan)
-    around_m = finer(_filled(means_of_blocks(even_m, 2, 1)))[: len(height_m), : height_m.shape[1]]
+    around_m = finer(_filled(coarse(height_m)))[: len(height_m), : height_m.shape[1]]
     return np.where(lost, around_m, height_m)

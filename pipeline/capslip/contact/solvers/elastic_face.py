@@ -21,8 +21,12 @@ class TakenNoise:
     """White noise that was taken off a face, see `denoising`, and what is left of it."""
 
     noise_m: float  # rms of a height
-    left: np.ndarray  # share of its power in each wave of the cosine transform
-    beyond: int  # points by which that goes beyond each edge of the face
+    left: np.ndarray  # share of its power in each wave of the face and as much beyond all its edges
+
+    @property
+    def left_m(self) -> float:
+        """Rms of what is left."""
+        return self.noise_m * float(np.sqrt(self.left.mean()))
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,9 +48,7 @@ class ElasticFace:
         """The same face on a grid of pixels twice as large, None where that is too coarse."""
         if min(self.shape) < 2 * _COARSEST:
             return None
-        mean_m = means_of_blocks(
-            np.pad(self.known_m, [(0, n % 2) for n in self.shape], constant_values=np.nan), 2, 1
-        )
+        mean_m = coarse(self.known_m)
         measured = ~np.isnan(mean_m)
         depth_m = np.where(measured, mean_m, 0.0)
         dy_m, dx_m = self.pixel_size_m
@@ -138,6 +140,12 @@ def elastic_face(surface: HeightMap, E_star_Pa: float) -> ElasticFace:
     depth_m = np.where(measured, surface.bounds_m[1] - surface.height_m, 0.0)
     half_space = HalfSpace(surface.shape, surface.pixel_size_m, E_star_Pa)
     return ElasticFace(name, depth_m, measured, surface.pixel_size_m, E_star_Pa, half_space)
+
+
+def coarse(values: np.ndarray) -> np.ndarray:
+    """Return the means of what is known over pixels twice as large, NaN where nothing is."""
+    even = np.pad(values, [(0, n % 2) for n in values.shape], constant_values=np.nan)
+    return means_of_blocks(even, 2, 1)
 
 
 def finer(values: np.ndarray) -> np.ndarray:

@@ -92,10 +92,10 @@ def _norm_of_left(weight: np.ndarray, at: np.ndarray, face: ElasticFace) -> floa
         return float(np.linalg.norm(weight))
     from scipy.fft import dctn
 
-    image, beyond = np.zeros(face.taken.left.shape), face.taken.beyond
-    row, col = np.unravel_index(at, face.shape)
-    image[row + beyond, col + beyond] = weight
-    return float(np.linalg.norm(np.sqrt(face.taken.left) * dctn(image, norm="ortho")))
+    image, left = np.zeros(face.shape), face.taken.left
+    image.reshape(-1)[at] = weight
+    wave = dctn(np.pad(image, (len(left) - len(image)) // 2), norm="ortho")
+    return float(np.linalg.norm(np.sqrt(left) * wave))
 
 
 def _pixels_around(path: Path) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
