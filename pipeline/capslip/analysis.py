@@ -231,7 +231,7 @@ def _with_band(found: R, clock: Clock) -> R:
     if found.damping is None:
         return found
     with clock("band"):
-        band = band_of(found.answer, found.parts, found.damping, found.settings)
+        band = band_of(found.answer, found.parts, found.damping, found.settings, found.noise_known)
     if band is not None:
         band = replace(band, left_out=(*band.left_out, *_open(found.problems)))
     return replace(found, band=band)

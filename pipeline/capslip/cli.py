@@ -19,8 +19,10 @@ from capslip.options import (
     analysis_options,
     joint_options,
     one_alone,
+    reading_options,
     result_options,
     settings_of,
+    settings_options,
     shard_of,
     verbose_option,
 )
@@ -303,6 +305,33 @@ def inspect(result: Path, html: Path | None, verbose: bool, **options: Any) -> N
         click.echo(path)
     if not pictures and html is None:
         show(result, look)
+
+
+@main.command()
+@click.argument("scans", type=PATH, nargs=-1, required=True, metavar="SCAN...")
+@click.option("-o", "--out", type=PATH, metavar="FILE", help="By default FIRST-mean.h5, here.")
+@settings_options
+@reading_options
+@click.option("-q", "--quiet", is_flag=True, help="Nothing but errors, on stderr.")
+@verbose_option
+def average(scans: tuple[Path, ...], out: Path | None, quiet: bool, **options: Any) -> None:
+    """Average repeated scans of one place, and tell their noise.
+
+    The mean is written with the noise that is left in it, which `analyze` then knows.
+    """
+    from capslip.output.convert import refuse_file, write_whole
+    from capslip.output.terminal import average_lines
+    from capslip.surface.average import average as run
+    from capslip.surface.readers.hdf5 import write_hdf5
+
+    settings = settings_of(**options)
+    path = out or Path(f"{scans[0].stem}-mean.h5")
+    refuse_file(path, "h5")
+    say = Progress(quiet, options["verbose"])
+    found = run([_load(scan, settings, say) for scan in scans])
+    write_whole(path, lambda unfinished: write_hdf5(found.surface, unfinished))
+    if not quiet:
+        say_result(to_width(average_lines(found, [scan.name for scan in scans], path)))
 
 
 @main.command()

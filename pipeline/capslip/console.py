@@ -35,6 +35,7 @@ EXAMPLES = {  # of every command, as its --help shows them
     "families": (
         "capslip families --m 5 --n 18 --radius-G 23.8 --radius-P 26.7 --h 2.4e-7 --preload 460",
     ),
+    "average": ("capslip average first.x3p second.x3p third.x3p -o face.h5",),
     "inspect": (
         "capslip inspect results/face",
         "capslip inspect results/face --colour load --force 0.4 --screenshot face.png",

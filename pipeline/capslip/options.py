@@ -75,6 +75,16 @@ result_options = _options(  # of every command with a result
     click.option("-q", "--quiet", is_flag=True, help="Nothing but errors, on stderr."),
     verbose_option,
 )
+settings_options = _options(  # of every command that takes settings
+    click.option("-c", "--config", type=PATH, help="Settings (TOML)."),
+    click.option(
+        "--set",
+        "overrides",
+        multiple=True,
+        metavar="TABLE.KEY=VALUE",
+        help="Change one setting; repeatable.",
+    ),
+)
 joint_options = _options(  # of every command that answers for a joint
     click.option("--preload", metavar="10kN", help="Normal load of one joint; a number is in N."),
     click.option(
@@ -85,18 +95,9 @@ joint_options = _options(  # of every command that answers for a joint
     click.option("--amplitude", metavar="0.5um", help="Answer at this amplitude of the structure."),
     click.option("--slip-force", metavar="20N", help="Answer at this slip force of a joint."),
     click.option("--displacement", metavar="10nm", help="Answer at this slip of a joint."),
-    click.option("-c", "--config", type=PATH, help="Settings (TOML)."),
-    click.option(
-        "--set",
-        "overrides",
-        multiple=True,
-        metavar="TABLE.KEY=VALUE",
-        help="Change one setting; repeatable.",
-    ),
+    settings_options,
 )
-analysis_options = _options(  # of every command that analyses scans
-    joint_options,
-    click.option("--model", type=click.Choice(MODELS), help="Contact model."),
+reading_options = _options(  # of every command that reads scans
     click.option("--dataset", help="Dataset of an HDF5 file."),
     click.option("--unit", type=click.Choice(WORDS), help="Unit of the heights."),
     click.option("--lateral-unit", type=click.Choice(WORDS), help="Unit of the pixel size."),
@@ -106,6 +107,11 @@ analysis_options = _options(  # of every command that analyses scans
         metavar="DY DX",
         help="Size of a pixel, where the file does not say; needs --lateral-unit.",
     ),
+)
+analysis_options = _options(  # of every command that analyses scans
+    joint_options,
+    click.option("--model", type=click.Choice(MODELS), help="Contact model."),
+    reading_options,
     click.option(
         "--sensitivity/--no-sensitivity",
         default=None,

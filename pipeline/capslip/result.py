@@ -34,6 +34,7 @@ from capslip.summary import (
 )
 from capslip.surface.conditioning import Conditioned
 from capslip.surface.heightmap import HeightMap, Origin
+from capslip.surface.noise import known_noise_m
 from capslip.verdict import verdict
 
 if TYPE_CHECKING:
@@ -74,7 +75,14 @@ class JointResult:
     @property
     def verdict(self) -> str:
         """Return one sentence on what the result is usable for."""
-        return verdict(self.settings, self.problems, self.estimated_error)
+        return verdict(
+            self.settings, self.problems, self.estimated_error, noise_known=self.noise_known
+        )
+
+    @property
+    def noise_known(self) -> bool:
+        """Tell whether somebody says the measurement noise: the settings, or the scans."""
+        return self.settings.instrument.noise_m is not None
 
     @property
     def estimated_error(self) -> float | None:
@@ -134,6 +142,11 @@ class Analysis(JointResult):
     def name(self) -> str:
         """Name of the scan."""
         return self.surface.origin.name
+
+    @property
+    def noise_known(self) -> bool:
+        """Tell whether the settings or the scan say the measurement noise."""
+        return known_noise_m(self.conditioned.surface, self.settings) is not None
 
     @property
     def plot(self) -> "Plots":
@@ -215,7 +228,12 @@ class JointOfScans(JointResult):
     def verdict(self) -> str:
         """Return one sentence on what the result is usable for, and on how many scans it rests."""
         count = (len(self.known), len(self.scans))
-        return verdict(self.settings, self.problems, self.estimated_error, count)
+        return verdict(self.settings, self.problems, self.estimated_error, count, self.noise_known)
+
+    @property
+    def noise_known(self) -> bool:
+        """Tell whether the measurement noise of each scan is known."""
+        return all(scan.noise_known for scan in self.scans)
 
     @property
     def estimated_error(self) -> float | None:

@@ -41,6 +41,7 @@ from capslip.surface.blocks import coarse_map
 from capslip.surface.conditioning import Conditioned, condition
 from capslip.surface.heightmap import HeightMap
 from capslip.surface.mating import Placement, mate, place
+from capslip.surface.noise import known_noise_m
 
 MAX_TURNS = 10  # of fit and contact
 SETTLED = 1e-3  # of the preload: loads that move less in one turn have settled
@@ -166,7 +167,7 @@ def _pressed(face: Face, settings: Settings) -> tuple[ContactState, CapTable]:
         contact, caps = press(*given, found, *more, at_ease_rad=at_ease_rad)
         if found.contact.model != settings.contact.model:
             reason = "the caps find no level; so the map itself is pressed, which finds its own"
-            contact, doubts = _error_of_map(replace(contact, model_reason=reason), settings)
+            contact, doubts = _error_of_map(replace(contact, model_reason=reason), face, settings)
             contact = replace(contact, problems=(*contact.problems, *doubts))
         return contact, caps
     except ContactError as failure:
@@ -196,16 +197,16 @@ def estimate(face: Face, contact: ContactState, settings: Settings, clock: Clock
     settings = as_found(face, settings)
     with clock("accuracy"):
         if contact.rung.error is not None:
-            return _error_of_map(contact, settings)
+            return _error_of_map(contact, face, settings)
         caps = (face.caps, face.families, face.conditioned.surface, face.label, face.hills.noise_m)
         error, moved, doubts = estimate_error(*caps, settings)
     return replace(contact, errors=ModelError.of_either(error), moved=moved), doubts
 
 
-def _error_of_map(contact: ContactState, settings: Settings) -> WithDoubts:
+def _error_of_map(contact: ContactState, face: Face, settings: Settings) -> WithDoubts:
     """Return a model that knows its own error with that, and whether it is too great."""
     assert contact.rung.error is not None
-    known = settings.contact.tolerance, settings.instrument.noise_m
+    known = settings.contact.tolerance, known_noise_m(face.conditioned.surface, settings)
     errors, doubts = contact.rung.error(contact.normal, contact.preload_N, *known)
     return replace(contact, errors=errors), doubts
 

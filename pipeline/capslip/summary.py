@@ -17,6 +17,7 @@ from capslip.provenance import code_sha256, libraries
 from capslip.structure.answer import Answer, asked
 from capslip.structure.response import MOST_LOSS_FACTOR, Damping, lightly_damped
 from capslip.structure.stiffness import structure_name
+from capslip.surface.noise import known_noise_m
 from capslip.surface.spectrum import carried_waves_m
 from capslip.verdict import assumptions
 
@@ -54,7 +55,7 @@ def summary_of(
         "answer": _answer(result),
         "assumed": [
             {"name": one.name, "setting": one.setting, "value": one.value, "moves": one.moves}
-            for one in assumptions(result.settings)
+            for one in assumptions(result.settings, result.noise_known)
         ],
         "surface": None,
         "hills": None,
@@ -141,6 +142,7 @@ def surface_table(analysis: "Analysis") -> dict[str, Any]:
         "non_measured_fraction": 1.0 - surface.n_measured / surface.size,
         "sq_m": conditioned.sq_m,
         "sz_m": conditioned.sz_m,
+        "measurement_noise_m": known_noise_m(conditioned.surface, analysis.settings),
         "form": analysis.settings.conditioning.form,
         "steps": list(conditioned.steps),
         "format": surface.origin.file_format,

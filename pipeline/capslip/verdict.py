@@ -23,8 +23,15 @@ class Assumption:
     demonstrates: bool  # whether the numbers are those of no joint in particular without it
 
 
-def assumptions(settings: Settings) -> tuple[Assumption, ...]:
+def assumptions(settings: Settings, noise_known: bool = False) -> tuple[Assumption, ...]:
     """Return what was assumed, not given, the most important first.
+
+    Parameters
+    ----------
+    settings : Settings
+        What was given.
+    noise_known : bool
+        Whether the scans themselves say their measurement noise.
 
     Examples
     --------
@@ -83,7 +90,7 @@ def assumptions(settings: Settings) -> tuple[Assumption, ...]:
         key, moves = spreads[certain[0]][0], "the intervals, which leave them out"
         value = f"{', '.join(certain)} as if known exactly"
         found.append(("spreads", key, value, moves, f"--set {key}=0.2", False))
-    if settings.instrument.noise_m is None and settings.families.m is None:
+    if not noise_known and settings.instrument.noise_m is None and settings.families.m is None:
         key = "instrument.noise_m"
         moves = "the stated error where the map itself is pressed; of a smooth one the energy, too"
         value = "white, as heights change from pixel to pixel"
@@ -96,6 +103,7 @@ def verdict(
     problems: Iterable[Problem],
     estimated_error: float | None,
     scans: tuple[int, int] | None = None,
+    noise_known: bool = False,
 ) -> str:
     """Return one sentence: usable for what, how accurate, why not, and what to do next.
 
@@ -110,8 +118,10 @@ def verdict(
         Of energy at given force and of stiffness, against the elastic face pressed exactly.
     scans : tuple of int, optional
         On how many scans of how many the joint rests, where there are several.
+    noise_known : bool
+        Whether the scans themselves say their measurement noise.
     """
-    assumed = assumptions(settings)
+    assumed = assumptions(settings, noise_known)
     shown = [one for one in assumed if one.demonstrates]
     named = ", ".join(one.name for one in shown)
     begin = f"for the demonstration values ({named}): " if shown else ""

@@ -165,8 +165,10 @@ def test_a_doubt_of_noise_tells_the_pixels_and_asks_for_what_helps_most(of_pixel
 def test_of_what_was_filtered_the_mean_of_enough_scans_is_asked_for():
     """The noise of a mean falls with the root of their number, and what it does with the noise."""
     taken = TakenNoise(2e-9, np.full((3, 4), 0.1))
-    assert _less_noise(2.9, taken, 1e-4) == "average 9 scans: --set instrument.noise_m=6.7e-10"
-    assert _less_noise(1.1, taken, 1e-4).startswith("average 2 scans: ")
+    assert _less_noise(2.9, taken, 1e-4) == (
+        "average 9 scans (capslip average), with --set instrument.noise_m=6.7e-10"
+    )
+    assert _less_noise(1.1, taken, 1e-4).startswith("average 2 scans (")
 
 
 def test_noise_that_nobody_knows_is_asked_for_before_a_filter_is():

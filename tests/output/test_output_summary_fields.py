@@ -134,7 +134,7 @@ def test_the_scan(monkeypatch):
     settings = load_settings(overrides=(*texts, "conditioning.l_filter_nesting_index_m=2e-3"))
     iso = SimpleNamespace(to_dict=lambda with_hills: {"with_hills": with_hills})
     surface = Of(origin=Of(), shape=(3, 5), pixel_size_m=(1e-6, 2e-6), n_measured=12, size=15)
-    conditioned = Of(steps=("plane", "holes"))
+    conditioned = Of(steps=("plane", "holes"), surface=Of())
     of = analysis(surface=surface, conditioned=conditioned, settings=settings)
     of.mate, of.iso25178 = Of(), iso
     found = summary.surface_table(of)
@@ -142,6 +142,7 @@ def test_the_scan(monkeypatch):
         found, surface.origin, "path sha256 dataset height_unit lateral_unit", format="file_format"
     )
     same(found, conditioned, "sq_m sz_m")
+    assert found["measurement_noise_m"] == conditioned.surface.noise_m
     same(found["mate"], of.mate, "path sha256")
     assert (found["shape"], found["pixel_size_m"]) == ([3, 5], [1e-6, 2e-6])
     assert (found["form"], found["steps"]) == ("plane", ["plane", "holes"])

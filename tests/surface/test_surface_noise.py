@@ -1,9 +1,22 @@
 """The stencil of the noise: what it is blind to, what it passes, and its median."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
-from capslip.surface.noise import mixed_difference, noise_of_map_m, rms_of_noise_m
+from capslip.settings import Settings, load_settings
+from capslip.surface.filters import gaussian_l_filter, gaussian_s_filter
+from capslip.surface.form import remove_form
+from capslip.surface.heightmap import HeightMap
+from capslip.surface.mating import composite_surface, place
+from capslip.surface.noise import (
+    known_noise_m,
+    mixed_difference,
+    noise_of_map_m,
+    rms_of_noise_m,
+)
+from capslip.surface.resampling import resample
 
 
 def on_map(height_m, step):
@@ -42,3 +55,28 @@ def test_spikes_steps_and_missing_points_do_no_harm():
 def test_a_map_too_narrow_for_the_stencil_has_no_noise(shape):
     assert noise_of_map_m(np.random.default_rng(2).random(shape)) == 0.0
     assert noise_of_map_m(np.full((9, 9), np.nan)) == 0.0
+
+
+FLAT = HeightMap(np.zeros((40, 50)), (1e-4, 1e-4))
+NOISY = replace(FLAT, noise_m=3e-9)
+
+
+@pytest.mark.parametrize(
+    ("change", "noise_m"),
+    [
+        (lambda one: one, 3e-9),
+        (lambda one: remove_form(one, "quadratic")[0], 3e-9),
+        (lambda one: gaussian_l_filter(one, 1e-3), 3e-9),  # leaves what pixels do not share
+        (lambda one: gaussian_s_filter(one, 1e-3), None),  # leaves less
+        (lambda one: resample(one, (20, 25)), None),
+        (lambda one: composite_surface(one, replace(one, noise_m=4e-9), place(one, one)), 5e-9),
+        (lambda one: composite_surface(one, FLAT, place(one, FLAT)), None),
+    ],
+)
+def test_the_noise_of_a_map_stays_where_its_heights_keep_it(change, noise_m):
+    found = change(NOISY)
+    assert found.noise_m == (None if noise_m is None else pytest.approx(noise_m))
+    assert known_noise_m(found, Settings()) == found.noise_m
+    assert change(FLAT).noise_m is None
+    given = load_settings(overrides=("instrument.noise_m=1e-9",))
+    assert known_noise_m(found, given) == 1e-9  # as somebody says

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from capslip.errors import UncalibratedError, UnreadableFileError
+from capslip.surface.heightmap import HeightMap
 from capslip.surface.readers import hdf5, load_surface
 
 MAP = np.random.default_rng(4).normal(size=(6, 8))
@@ -162,3 +163,24 @@ def test_all_but_the_heights_is_searched(tmp_path, options):
     for start, end in beside:
         content[start:end] = bytes(end - start)
     assert (heights.tobytes() in bytes(content)) == (not options)
+
+
+def test_the_noise_that_a_map_says_is_read_in_metres_whatever_its_units(tmp_path):
+    path = tmp_path / "face.h5"
+    surface = HeightMap(1e-6 * MAP, (1e-6, 1e-6), noise_m=2.5e-9)
+    hdf5.write_hdf5(surface, path, unit="nm")
+    found = load_surface(path)
+    assert found.noise_m == 2.5e-9
+    assert found.origin.notes == ()
+    hdf5.write_hdf5(HeightMap(1e-6 * MAP, (1e-6, 1e-6)), path)
+    assert load_surface(path).noise_m is None
+
+
+@pytest.mark.parametrize("value", [0.0, -1e-9, np.nan, np.inf, "2 nm", [1e-9, 2e-9]])
+def test_a_noise_that_is_none_is_named(tmp_path, value):
+    path = tmp_path / "face.h5"
+    hdf5.write_hdf5(HeightMap(1e-6 * MAP, (1e-6, 1e-6)), path)
+    with h5py.File(path, "a") as file:
+        file["height"].attrs["noise_m"] = value
+    with pytest.raises((UncalibratedError, UnreadableFileError), match="noise"):
+        load_surface(path)

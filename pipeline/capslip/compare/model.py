@@ -215,7 +215,8 @@ def _load_surface_and_caps(path: Path) -> tuple[HeightMap, CapTable]:
         with h5py.File(path) as file:
             columns: dict[str, Any] = {name: data[()] for name, data in file["caps"].items()}
             height = file["surface/height_m"]
-            surface = HeightMap(height[()], tuple(height.attrs["pixel_size_m"]))
+            pixel_size_m, noise_m = tuple(height.attrs["pixel_size_m"]), height.attrs.get("noise_m")
+            surface = HeightMap(height[()], pixel_size_m, noise_m=noise_m)
     except (OSError, KeyError) as error:
         raise UnreadableFileError(
             f"{path}: cannot be read ({error}); run the analysis again"

@@ -33,6 +33,10 @@ from capslip.problems import Effect, Problem, Severity
 from capslip.units import percent
 
 S_FILTER, NOISE_PIXELS = "conditioning.s_filter_nesting_index_m", 5.0  # what takes noise off
+TELLS_NOISE = (
+    "capslip average with another scan of this place, or --set instrument.noise_m=..., tells noise "
+    "from detail"
+)
 # Over what pixels leave in the energy of spheres, by shares of mu N, so that nearly all are within
 PIXELS_95 = {0.1: 3.0, 0.25: 6.0, 0.5: 6.0, 0.75: 6.0, 1.0: 6.0}
 STIFFNESS_95 = 0.75  # of what they leave in the energy at three quarters, in the stiffness
@@ -239,7 +243,7 @@ def _of_detail(
         )
         return [Problem("detail_decides", "info", message, effect)], factor
     message = f"{said}: noise, spikes, lost points or roughness that the map hardly resolves"
-    step = "" if noise_known else "--set instrument.noise_m=..., which tells noise from detail; or "
+    step = "" if noise_known else f"{TELLS_NOISE}; or "
     step += f"--set {S_FILTER}={NOISE_PIXELS * pixel_m:.2g}, if the detail is noise"
     if of_pixels <= max(tolerance, asked):
         step += "; else a finer scan"
@@ -306,9 +310,9 @@ def _less_noise(
 ) -> str:
     """Return what to do about noise that does so many times what it may, or may be no noise."""
     scans = max(2, math.ceil(too_much**2))
-    less = f"average {scans} scans"
+    less = f"average {scans} scans (capslip average)"
     if taken is not None:
-        return f"{less}: --set instrument.noise_m={taken.noise_m / math.sqrt(scans):.2g}"
+        return f"{less}, with --set instrument.noise_m={taken.noise_m / math.sqrt(scans):.2g}"
     less = f"--set {S_FILTER}={NOISE_PIXELS * pixel_m:.2g}, or {less}"
     if white_m is None:
         return less

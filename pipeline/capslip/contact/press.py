@@ -23,6 +23,7 @@ from capslip.errors import ContactError
 from capslip.problems import Effect, Problem, Severity
 from capslip.settings import Settings
 from capslip.surface.heightmap import HeightMap
+from capslip.surface.noise import known_noise_m
 from capslip.units import percent
 
 MOSTLY_BULK, BULK_ERROR = 0.9, 0.02  # share of the compliance; error that any bulk may have
@@ -192,7 +193,7 @@ def press(
     problems += _closes(found, surface)
     of_slip = () if model.problems is None else model.problems(normal, preload_N)
     if choice is not None and model.error is not None:
-        known = settings.contact.tolerance, settings.instrument.noise_m
+        known = settings.contact.tolerance, known_noise_m(surface, settings)
         errors, doubts = model.error(normal, preload_N, *known)
         better = choice.caps_within(errors.greatest) if errors and _ask_caps(doubts) else None
         if better is not None and errors is not None:

@@ -22,6 +22,7 @@ from capslip.errors import SettingsError, one_of
 from capslip.problems import Problem
 from capslip.settings import Settings
 from capslip.surface.heightmap import HeightMap
+from capslip.surface.noise import known_noise_m
 
 FOLDER = "contact.models"
 C = TypeVar("C", bound=NormalCurve)
@@ -70,7 +71,7 @@ class Scene:
             yield_law(material),
             time_limit_s=contact.time_limit_s,
             at_ease_rad=at_ease_rad,
-            noise_m=settings.instrument.noise_m,
+            noise_m=known_noise_m(surface, settings),
         )
 
     @property

@@ -87,18 +87,33 @@ def export_result(
     whole = getattr(form, "WHOLE", False)  # a format that has no meaning with lines left out
     view = read_view(result, max_cells=np.iinfo(np.int64).max if whole else max_cells)
     path = path or Path(f"{view.path.absolute().parent.name}.{name}")
-    _refuse(path, name)
+    refuse_file(path, name)
     label = _labels(view.path) if whole else None
     face = Face(view.height_m, view.y_m, view.x_m, view.pixel_size_m, label)
     write = cast(Callable[[Face, Path], None], form.write)
+    write_whole(path, lambda unfinished: write(face, unfinished))
+    return path, _left_out(view)
+
+
+def refuse_file(path: Path, suffix: str) -> None:
+    """Refuse a new file that has another suffix or no folder, or exists (OutputError)."""
+    if path.suffix.lower() != f".{suffix}":
+        raise OutputError(f"{path}: got {path.suffix or 'no suffix'}; expected .{suffix}")
+    if path.exists():
+        raise OutputError(f"{path}: exists already; nothing was written; give another with --out")
+    if not path.absolute().parent.is_dir():
+        raise OutputError(f"{path}: no such folder; make it, or give another with --out")
+
+
+def write_whole(path: Path, write: Callable[[Path], None]) -> None:
+    """Write a new file whole or not at all; OutputError where it cannot be written."""
     try:
         with tempfile.TemporaryDirectory(prefix=".capslip.", dir=path.absolute().parent) as work:
-            unfinished = Path(work) / f"face.{name}"
-            write(face, unfinished)
+            unfinished = Path(work) / f"unfinished{path.suffix}"
+            write(unfinished)
             os.replace(unfinished, path)
     except OSError as error:
         raise OutputError(f"{path}: {error.strerror or error}; give another name") from error
-    return path, _left_out(view)
 
 
 def mesh_of(face: Face, corners: int = 4) -> "meshio.Mesh":
@@ -119,15 +134,6 @@ def _labels(result: Path) -> np.ndarray:
     with h5py.File(result) as file:
         label: np.ndarray = file["hills/labels"][:].astype(np.int32)
     return label
-
-
-def _refuse(path: Path, name: str) -> None:
-    if path.suffix.lower() != f".{name}":
-        raise OutputError(f"{path}: got {path.suffix or 'no suffix'}; expected .{name}")
-    if path.exists():
-        raise OutputError(f"{path}: exists already; nothing was written; give another with --out")
-    if not path.absolute().parent.is_dir():
-        raise OutputError(f"{path}: no such folder; make it, or give another with --out")
 
 
 def _left_out(view: View) -> str | None:

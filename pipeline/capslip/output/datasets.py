@@ -38,8 +38,8 @@ def write_dataset(group: Any, name: str, values: np.ndarray, unit: str, **option
     return held
 
 
-def write_attribute(held: Any, name: str, value: str | tuple[float, ...]) -> None:
-    """Write a word or some numbers beside the h5py.h5d.DatasetID of a dataset."""
+def write_attribute(held: Any, name: str, value: str | float | tuple[float, ...]) -> None:
+    """Write a word, a number or some beside the h5py.h5d.DatasetID of a dataset."""
     from h5py import h5a, h5s
 
     values = np.array(value, dtype=_word() if isinstance(value, str) else float)

@@ -2,13 +2,16 @@
 
 import math
 import textwrap
+from pathlib import Path
 from typing import Any
 
 from capslip.errors import printable
 from capslip.output.lead import answer_lines, assumed_lines, joint_line
+from capslip.output.quantity import engineering
 from capslip.output.rows import Value, write_text
 from capslip.result import Analysis, JointOfScans, JointResult
 from capslip.summary import summary_of
+from capslip.surface.average import Average
 from capslip.surface.doubts import sanity_line
 from capslip.units import percent
 
@@ -124,3 +127,24 @@ def _lines_of_scans(scans: list[dict[str, Any]]) -> list[str]:
             )
         lines.append(f"{label:10} {scan['name']}: {text}")
     return lines
+
+
+def average_lines(found: Average, names: list[str], path: Path) -> str:
+    """Return what several scans of one place said, as lines."""
+    surface, n = found.surface, len(names)
+    noise = f"{engineering(found.noise_m, 'm')} (rms) a height of one scan, where it is highest"
+    lines = [
+        ("noise", f"{noise}; {engineering(found.white_m, 'm')} from pixel to pixel"),
+        ("", f"{engineering(found.everywhere_m, 'm')} over the whole map"),
+        ("of mean", f"{engineering(surface.noise_m, 'm')}, over the root of {n}"),
+    ]
+    for name, (dy, dx) in list(zip(names, found.moved_pixels, strict=True))[1:]:
+        lines.append(("moved", f"{printable(name)} by {dy:.2f} pixels along y, {dx:.2f} along x"))
+    if found.spikes:
+        lines.append(("left out", f"{found.spikes} heights that only one scan has"))
+    if found.bow_m > found.noise_m:
+        lines.append(
+            ("bow", f"forms differ by {engineering(found.bow_m, 'm')} (rms) from scan to scan")
+        )
+    lines.append(("written", str(path)))
+    return "\n".join(f"{label:10} {text}" for label, text in lines)

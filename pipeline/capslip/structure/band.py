@@ -58,7 +58,11 @@ class Part:
 
 
 def band_of(
-    answer: Answer | None, parts: Sequence[Part], damping: Damping, settings: Settings
+    answer: Answer | None,
+    parts: Sequence[Part],
+    damping: Damping,
+    settings: Settings,
+    noise_known: bool = False,
 ) -> Band | None:
     """Return the 90 % intervals of an answer, and which input contributes how much to them.
 
@@ -73,6 +77,8 @@ def band_of(
         Of the structure; its stiffnesses count.
     settings : Settings
         The question, and the spreads of friction, preload, moduli and hardness.
+    noise_known : bool
+        Whether the measurement noise of all scans is: else it is named among what is left out.
 
     Returns
     -------
@@ -117,7 +123,9 @@ def band_of(
         return None
     if settings.slip.normal_amplitude_ratio > 0.0:
         return None
-    state = _State(answer, settings.answer.displacement_m is None, tuple(parts), settings)
+    noise_known = noise_known or settings.instrument.noise_m is not None
+    by_force = settings.answer.displacement_m is None
+    state = _State(answer, by_force, tuple(parts), settings, noise_known)
     try:
         return _propagated(state, damping)
     except ContactError:
@@ -166,7 +174,7 @@ def _propagated(state: "_State", damping: Damping) -> Band | None:
     return Band(
         {name: _interval(name, np.broadcast_to(one, points)) for name, one in wide.items()},
         {name: _contributions(kept[name], normal) for name in COUNTED if name in kept},
-        _left_out(state.parts, state.settings.instrument.noise_m is not None),
+        _left_out(state.parts, state.noise_known),
     )
 
 
@@ -190,6 +198,7 @@ class _State:
     by_force: bool  # whether the slip force stays, or the displacement
     parts: tuple[Part, ...]
     settings: Settings
+    noise_known: bool
 
     @property
     def preload_N(self) -> float:

@@ -39,7 +39,8 @@ def gaussian_s_filter(surface: HeightMap, nesting_index_m: float) -> HeightMap:
         or exceeds the shorter side of the face.
     """
     _check(surface, nesting_index_m, "s")
-    return replace(surface, height_m=smooth(surface, nesting_index_m, nesting_index_m))
+    height_m = smooth(surface, nesting_index_m, nesting_index_m)
+    return replace(surface, height_m=height_m, noise_m=None)  # of which less is left
 
 
 def gaussian_l_filter(surface: HeightMap, nesting_index_m: float) -> HeightMap:

@@ -117,6 +117,8 @@ class HeightMap:
         What of the heights was filled.
     rounding : Rounding, optional
         The steps in which heights were stored, where that was smoothed.
+    noise_m : float, optional
+        Measurement noise, rms of a height as stored, where the file says it: see `average`.
 
     Notes
     -----
@@ -146,6 +148,7 @@ class HeightMap:
     tops: Tops | None = None
     filling: Filling | None = None
     rounding: Rounding | None = None
+    noise_m: float | None = None
     _stored_m: np.ndarray = field(init=False, repr=False)  # float32 or float64
     lost: np.ndarray = field(init=False, repr=False)  # points not measured, counted row by row
     _added: "_Added | None" = field(init=False, repr=False)

@@ -181,6 +181,7 @@ def composite_surface(
         height_m=height_m,
         filling=_either(first.filling, second.filling),
         rounding=first.rounding or second.rounding,
+        noise_m=_noise_m(first, second),
     )
     return remove_form(both, robust=robust, floor=floor)[0]
 
@@ -189,6 +190,13 @@ def _either(first: Filling | None, second: Filling | None) -> Filling | None:
     """Return one that says that the sum of two maps is doubtful; its points are those of none."""
     one = first or second
     return None if one is None else replace(one, measured=None)
+
+
+def _noise_m(first: HeightMap, second: HeightMap) -> float | None:
+    """Return the noise of the sum of two maps, where both say theirs."""
+    if first.noise_m is None or second.noise_m is None:
+        return None
+    return math.hypot(first.noise_m, second.noise_m)
 
 
 def mate(

@@ -8,10 +8,14 @@ several points, which only stencils of wider spacing see (`capslip.caps.noise`).
 
 import math
 from collections.abc import Callable
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from capslip.surface.heightmap import Heights
+from capslip.surface.heightmap import HeightMap, Heights
+
+if TYPE_CHECKING:
+    from capslip.settings import Settings
 
 MEDIAN_OF_NORMAL = 0.6744897501960817  # of |x| for a standard normal x
 SAMPLES = 60_000  # of the whole map: enough for the median
@@ -65,3 +69,9 @@ def on_lattice(place: np.ndarray, n: int, every: int) -> np.ndarray:
     """Tell which of rows or columns 0 ... n - 1 lie on a lattice; the mirrored map has the same."""
     chosen: np.ndarray = np.minimum(place, n - 1 - place) % every == 0
     return chosen
+
+
+def known_noise_m(surface: HeightMap, settings: "Settings") -> float | None:
+    """Return the measurement noise of a map: as somebody says, else as its file does, or None."""
+    given_m = settings.instrument.noise_m
+    return surface.noise_m if given_m is None else given_m

@@ -70,7 +70,7 @@ def resample(surface: HeightMap, shape: tuple[int, int]) -> HeightMap:
         z, weight = _along(z, axis, n), _along(weight, axis, n)
     known = weight >= LEAST_MEASURED
     z = np.divide(z, weight, out=np.full(weight.shape, np.nan), where=known)
-    return replace(surface, height_m=z, pixel_size_m=size_m)
+    return replace(surface, height_m=z, pixel_size_m=size_m, noise_m=None)
 
 
 def problems_of_resampling(measured: HeightMap, surface: HeightMap) -> tuple[Problem, ...]:

@@ -86,6 +86,8 @@ def write_hdf5(
             dataset.attrs["unit"] = unit
             dataset.attrs["pixel_size"] = surface.pixel_size_m
             dataset.attrs["pixel_unit"] = "m"
+            if surface.noise_m is not None:
+                dataset.attrs["noise_m"] = surface.noise_m
             if truth is not None:
                 file["truth"] = json.dumps(truth)
     except OSError as error:
@@ -217,14 +219,14 @@ def _stored(chosen: Any, path: Path, request: Request) -> Stored:
     word = "units" if "unit" not in chosen.attrs else "unit"
     unit = _text(_attribute(chosen, word, what), f"{what}: attribute {word}")
     lateral_unit = _text(_attribute(chosen, "pixel_unit", what), f"{what}: attribute pixel_unit")
+    noise_m = _number(_attribute(chosen, "noise_m", what), f"{what}: attribute noise_m")
     stored = (
         stored_array(height, what, request)
         if pixel_size is None
         else Stored(height, pixel_size=_pair(pixel_size, what))
     )
-    return replace(
-        stored, unit=unit, lateral_unit=lateral_unit, notes=stored.notes + notes, dataset=name
-    )
+    stored = replace(stored, unit=unit, lateral_unit=lateral_unit, dataset=name, noise_m=noise_m)
+    return replace(stored, notes=stored.notes + notes)
 
 
 def _unpacked(dataset: Any, what: str) -> tuple[np.ndarray, tuple[str, ...]]:

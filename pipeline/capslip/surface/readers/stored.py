@@ -43,6 +43,8 @@ class Stored:
         the first row then has the least y.
     dataset : str or None
         The one of several maps of the file that this is.
+    noise_m : float or None
+        Measurement noise, rms of a height in metres, whatever the unit of the heights.
     """
 
     height: np.ndarray
@@ -52,6 +54,7 @@ class Stored:
     notes: tuple[str, ...] = ()
     top_row_first: bool | None = None
     dataset: str | None = None
+    noise_m: float | None = None
 
 
 @dataclass(frozen=True)
@@ -238,7 +241,16 @@ def calibrate(stored: Stored, origin: Origin, given: Calibration) -> HeightMap:
         dataset=None if stored.dataset is None else printable(stored.dataset),
         notes=tuple(map(printable, stored.notes)),
     )
-    return HeightMap(height_m, pixel_size_m, origin)
+    return HeightMap(height_m, pixel_size_m, origin, noise_m=_noise_m(stored, where))
+
+
+def _noise_m(stored: Stored, where: str) -> float | None:
+    if stored.noise_m is not None and not 0.0 < stored.noise_m < math.inf:
+        raise UnreadableFileError(
+            f"{where}: the file says a noise of {stored.noise_m:g} m; expected a positive number; "
+            "correct the file"
+        )
+    return stored.noise_m
 
 
 def _check_complete(stored: Stored, given: Calibration, where: str) -> None:

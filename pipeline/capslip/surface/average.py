@@ -1,0 +1,331 @@
+"""Several scans of one place: their mean, and what they differ by, which is noise."""
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from capslip.errors import SettingsError, UnusableSurfaceError
+from capslip.surface.form import remove_form
+from capslip.surface.heightmap import HeightMap
+from capslip.surface.noise import mixed_difference, rms_of_noise_m
+from capslip.units import percent
+
+BLOCKS = (16, 4, 1)  # pixels along each side, over which heights are averaged to find the place
+LEAST_BLOCKS = 8  # along each side of a map that tells a place
+MAX_STEPS, LONGEST_STEP = 20, 2.0  # blocks
+SAMPLES = 200_000  # points that a place is fitted to
+FAR = 6.0  # standard deviations: points farther off have no say in a fit
+NORMAL = 1.4826  # standard deviation over the median of |x| of a normal distribution
+SAME_PIXEL, ROUNDING = 1e-3, 1e-7  # relative
+LEAST_OVERLAP, LEAST_MATCH = 0.5, 0.5
+MOST_TURNED_PIXELS = 1.0  # at a corner
+SPIKE, MOST_SPIKES = 10.0, 0.01  # standard deviations, and share of the points: more are no spikes
+HIGHEST_SHARE = 0.10  # of the points, as the cut keeps them: what touches is among them
+PLANE, FORM, MOVE, TURN = slice(0, 3), slice(3, 6), slice(6, 8), 8  # columns of a fit
+
+
+@dataclass(frozen=True, eq=False)
+class Average:
+    """The mean of several scans of one place.
+
+    Attributes
+    ----------
+    surface : HeightMap
+        On the pixels of the first scan that all have, with the `noise_m` that is left in it.
+    noise_m : float
+        Measurement noise N_M of one scan (ISO 25178-600): rms of what a height changes by from
+        scan to scan, over the highest tenth of the points.
+    white_m : float
+        The part of it that changes from pixel to pixel.
+    everywhere_m : float
+        As `noise_m`, over all points.
+    bow_m : float
+        Rms of the forms of second degree that scans differ by, which are no part of the noise.
+    moved_pixels : tuple of (float, float)
+        (dy, dx) by which each scan lies off the first.
+    spikes : int
+        Heights of single scans that were left out, since the others do not have them.
+    """
+
+    surface: HeightMap
+    noise_m: float
+    white_m: float
+    everywhere_m: float
+    bow_m: float
+    moved_pixels: tuple[tuple[float, float], ...]
+    spikes: int
+
+
+@dataclass(frozen=True, eq=False)
+class _Apart:
+    """What a scan has over the first one, on the pixels of both."""
+
+    plane_m: np.ndarray
+    noise_m: np.ndarray  # of both
+    bow_m: float  # rms
+    moved_pixels: tuple[float, float]
+    turn_rad: float
+
+
+def average(scans: Sequence[HeightMap]) -> Average:
+    """Average scans of one place, and tell noise from face by what changes between them.
+
+    Parameters
+    ----------
+    scans : sequence of HeightMap
+        As measured, two at least, of a part that was not touched between them. They may lie some
+        pixels aside and be levelled differently; none is interpolated.
+
+    Raises
+    ------
+    SettingsError
+        If there are fewer than two, their pixels differ, or two hold the same heights.
+    UnusableSurfaceError
+        If scans do not show one place, are turned by more than a pixel at a corner, or have less
+        than half of their points in common.
+
+    Notes
+    -----
+    Where one scan is z(x), another is z(x - m) with a plane, a form of the second degree and noise
+    added. What they differ by, less these and less ``-m . grad z - turn (x dz/dy - y dz/dx)``, all
+    fitted by least squares, is the noise of both: the subtraction technique (Haitjema and Morel
+    2005, Noise bias removal in profile measurements, Measurement 38). Each scan is shifted by whole
+    pixels and loses its plane over the first; what is left of m, half a pixel at most, blurs the
+    mean by less than a pixel does. The mean of n scans has the noise of one over the root of n.
+
+    Examples
+    --------
+    >>> y, x = np.mgrid[0:60, 0:80]
+    >>> face_m = 1e-6 * np.sin(x / 6.0) * np.cos(y / 7.0)
+    >>> noise_m = 1e-8 * np.random.default_rng(0).standard_normal((2, 60, 80))
+    >>> found = average([HeightMap(face_m + one_m, (1e-4, 1e-4)) for one_m in noise_m])
+    >>> round(found.noise_m * 1e9), round(found.surface.noise_m * 1e9)
+    (10, 7)
+    """
+    _check(scans)
+    shifts, heights_m = _in_common(scans)
+    first_m, size_m = heights_m[0], scans[0].pixel_size_m
+    apart = [
+        _apart(first_m, one_m, shift, size_m)
+        for one_m, shift in zip(heights_m[1:], shifts[1:], strict=True)
+    ]
+    for scan, one in zip(scans[1:], apart, strict=True):
+        _check_place(scans[0], scan, first_m, one)
+    planes_m = (0.0, *(one.plane_m for one in apart))
+    level_m = np.stack([h - plane for h, plane in zip(heights_m, planes_m, strict=True)])
+    noise_m = np.stack([0.0 * first_m, *(one.noise_m for one in apart)])  # over that of the first
+    spikes = _leave_out_spikes(level_m, noise_m)
+    mean = replace(scans[0], height_m=_mean_m(level_m))
+    height_m = remove_form(mean, "plane")[0].height_m
+    high = height_m >= np.nanquantile(height_m, 1.0 - HIGHEST_SHARE)
+    one_m = _rms_m(noise_m, high)
+    return Average(
+        surface=replace(mean, noise_m=one_m / math.sqrt(len(scans)) or None),
+        noise_m=one_m,
+        white_m=_white_m(noise_m, high),
+        everywhere_m=_rms_m(noise_m, np.isfinite(height_m)),
+        bow_m=math.sqrt(np.mean([one.bow_m**2 for one in apart])),
+        moved_pixels=((0.0, 0.0), *(one.moved_pixels for one in apart)),
+        spikes=spikes,
+    )
+
+
+def _check(scans: Sequence[HeightMap]) -> None:
+    if len(scans) < 2:
+        raise SettingsError(f"scans: got {len(scans)}; expected two of one place, or more")
+    first = scans[0]
+    for other in scans[1:]:
+        if not np.allclose(other.pixel_size_m, first.pixel_size_m, rtol=SAME_PIXEL, atol=0.0):
+            (dy_m, dx_m), (first_dy_m, first_dx_m) = other.pixel_size_m, first.pixel_size_m
+            raise SettingsError(
+                f"{other.origin.name}: pixels of {dy_m:g} x {dx_m:g} m, and of {first_dy_m:g} x "
+                f"{first_dx_m:g} m in {first.origin.name}; expected scans of one setting"
+            )
+
+
+def _in_common(scans: Sequence[HeightMap]) -> tuple[np.ndarray, list[np.ndarray]]:
+    """Return by how many whole pixels each scan lies off the first, and heights of all places.
+
+    Places are those that all scans have, if measured or not.
+    """
+    shifts = np.array([(0, 0), *(_shift(scans[0], other) for other in scans[1:])])
+    shapes = np.array([one.shape for one in scans])
+    start, stop = (-shifts).max(axis=0), (shapes - shifts).min(axis=0)
+    if ((stop - start) < LEAST_OVERLAP * shapes.max(axis=0)).any():
+        names = " and ".join(one.origin.name for one in scans)
+        raise UnusableSurfaceError(
+            f"{names}: less than {percent(LEAST_OVERLAP)} of the rows or columns are in all of "
+            "them; expected scans of one place"
+        )
+    heights_m = [
+        one.height_m[tuple(map(slice, start + shift, stop + shift))]
+        for one, shift in zip(scans, shifts, strict=True)
+    ]
+    return shifts, heights_m
+
+
+def _shift(first: HeightMap, other: HeightMap) -> np.ndarray:
+    """Return by how many whole pixels (dy, dx) a scan lies off the first, found on ever finer maps.
+
+    A step that leaves no overlap ends it: what is left then matches or not.
+    """
+    moved = np.zeros(2)
+    for block in BLOCKS:
+        coarse_m, other_m = (_block_means_m(one.height_m, block) for one in (first, other))
+        if min(coarse_m.shape + other_m.shape) < LEAST_BLOCKS:
+            continue
+        size_m = (first.pixel_size_m[0] * block, first.pixel_size_m[1] * block)
+        for _ in range(MAX_STEPS):
+            shift = np.rint(moved / block).astype(int)
+            here, there = _overlap(coarse_m.shape, other_m.shape, shift)
+            if min(coarse_m[here].shape) < LEAST_BLOCKS:
+                return shift * block
+            fit = _fit(coarse_m[here], other_m[there], size_m)
+            moved = block * (shift - np.clip(fit[MOVE], -LONGEST_STEP, LONGEST_STEP))
+            if (np.rint(moved / block) == shift).all():
+                break
+    return np.rint(moved).astype(int)
+
+
+def _overlap(
+    shape: tuple[int, ...], other: tuple[int, ...], shift: np.ndarray
+) -> tuple[tuple[slice, ...], tuple[slice, ...]]:
+    start = np.maximum(-shift, 0)
+    stop = np.maximum(np.minimum(shape, other - shift), start)
+    return tuple(map(slice, start, stop)), tuple(map(slice, start + shift, stop + shift))
+
+
+def _block_means_m(height_m: np.ndarray, block: int) -> np.ndarray:
+    """Return means over blocks of pixels that are measured; NaN where none is."""
+    if block == 1:
+        return height_m
+    ny, nx = (n // block for n in height_m.shape)
+    blocks_m = height_m[: ny * block, : nx * block].reshape(ny, block, nx, block)
+    known = ~np.isnan(blocks_m)
+    count = known.sum(axis=(1, 3))
+    total_m = np.where(known, blocks_m, 0.0).sum(axis=(1, 3))
+    return np.divide(total_m, count, out=np.full(count.shape, np.nan), where=count > 0)
+
+
+def _columns(height_m: np.ndarray, pixel_size_m: tuple[float, float]) -> Iterator[np.ndarray]:
+    """Yield what scans differ by beside noise, shapes as of heights or broadcast to it.
+
+    A plane, a form of the second degree, a move by one pixel along y and x, and a turn.
+    """
+    y, x = np.ix_(*(np.linspace(-1.0, 1.0, n) for n in height_m.shape))
+    along_y, along_x = np.gradient(height_m)
+    yield from (np.ones((1, 1)), y, x, y * y, y * x, x * x, along_y, along_x)
+    half = [0.5 * (n - 1) for n in height_m.shape]
+    square = pixel_size_m[1] / pixel_size_m[0]
+    yield half[1] * x * square * along_y - half[0] * y / square * along_x
+
+
+def _fit(first_m: np.ndarray, other_m: np.ndarray, pixel_size_m: tuple[float, float]) -> np.ndarray:
+    """Fit the columns to what a scan has over the first, shape (9,); far points have no say."""
+    every = max(1, math.isqrt(first_m.size // SAMPLES))
+    lines = slice(every // 2, None, every)
+    columns = _columns(0.5 * (first_m + other_m), pixel_size_m)
+    sampled = [np.broadcast_to(one, first_m.shape)[lines, lines].reshape(-1) for one in columns]
+    matrix = np.stack(sampled, axis=1)
+    over_m = (other_m - first_m)[lines, lines].reshape(-1)
+    good = np.isfinite(matrix).all(axis=1) & np.isfinite(over_m)
+    scale = np.sqrt(np.square(matrix[good]).sum(axis=0))
+    scale[scale == 0.0] = 1.0
+    fit = np.zeros(scale.size)
+    for _ in range(2):
+        if not good.any():
+            break
+        fit = np.linalg.lstsq(matrix[good] / scale, over_m[good], rcond=None)[0] / scale
+        off_m = np.abs(over_m - matrix @ fit)
+        good &= off_m <= FAR * NORMAL * np.median(off_m[good])
+    return fit
+
+
+def _apart(
+    first_m: np.ndarray, other_m: np.ndarray, shift: np.ndarray, pixel_size_m: tuple[float, float]
+) -> _Apart:
+    fit = _fit(first_m, other_m, pixel_size_m)
+    columns = _columns(0.5 * (first_m + other_m), pixel_size_m)
+    parts_m = [share * one for share, one in zip(fit, columns, strict=True)]
+    plane_m, form_m = (np.asarray(sum(parts_m[some])) for some in (PLANE, FORM))
+    dy, dx = shift - fit[MOVE]
+    return _Apart(
+        plane_m=plane_m,
+        noise_m=other_m - first_m - sum(parts_m),
+        bow_m=float(np.std(form_m)),
+        moved_pixels=(float(dy), float(dx)),
+        turn_rad=float(fit[TURN]),
+    )
+
+
+def _check_place(first: HeightMap, other: HeightMap, first_m: np.ndarray, one: _Apart) -> None:
+    """Refuse a scan of another place, one that is turned, and one that is the same."""
+    names = f"{first.origin.name} and {other.origin.name}"
+    off_m = np.abs(one.noise_m[~np.isnan(one.noise_m)])
+    share = 1.0  # of the variance, that is noise
+    if off_m.size:
+        face = remove_form(HeightMap(first_m, first.pixel_size_m), "quadratic")[0]
+        near_m = off_m[off_m <= FAR * NORMAL * np.median(off_m)]
+        share = 0.5 * np.mean(np.square(near_m)) / np.nanmean(np.square(face.height_m))
+    if share < ROUNDING**2:
+        raise SettingsError(f"{names}: hold the same heights; expected two scans of one place")
+    if share > 1.0 - LEAST_MATCH:
+        raise UnusableSurfaceError(
+            f"{names}: less than {percent(LEAST_MATCH)} of the variance of their heights is in "
+            "both; expected scans of one place, by one instrument and without moving the part"
+        )
+    corner = 0.5 * math.hypot(*first.side_m) / min(first.pixel_size_m)
+    if abs(one.turn_rad) * corner > MOST_TURNED_PIXELS:
+        raise UnusableSurfaceError(
+            f"{names}: turned by {abs(one.turn_rad):.2g} rad against each other, which moves a "
+            f"corner by {abs(one.turn_rad) * corner:.2g} pixels; expected scans without moving the "
+            "part"
+        )
+
+
+def _leave_out_spikes(level_m: np.ndarray, noise_m: np.ndarray) -> int:
+    """Make non-measured, in both, what one scan has and the others have not; return how many.
+
+    Of two scans nobody knows which one is right, and both lose it.
+    """
+    every = ~np.isnan(noise_m).any(axis=0)
+    off_m = np.abs(noise_m[:, every] - np.median(noise_m[:, every], axis=0))
+    if not off_m.any():
+        return 0
+    spike = off_m > SPIKE * NORMAL * np.median(off_m[off_m > 0.0])
+    if spike.mean() > MOST_SPIKES:
+        return 0
+    for heights_m in (level_m, noise_m):
+        heights_m[:, every] = np.where(spike, np.nan, heights_m[:, every])
+    return int(np.count_nonzero(spike))
+
+
+def _mean_m(level_m: np.ndarray) -> np.ndarray:
+    """Return means of the scans, of which half at least measured a point."""
+    known = ~np.isnan(level_m)
+    count = known.sum(axis=0)
+    total_m = np.where(known, level_m, 0.0).sum(axis=0)
+    enough = 2 * count >= len(level_m)
+    return np.divide(total_m, count, out=np.full(count.shape, np.nan), where=enough)
+
+
+def _rms_m(noise_m: np.ndarray, here: np.ndarray) -> float:
+    """Return the noise of one scan, from what they change by where all measured."""
+    variance_m2 = np.var(noise_m[:, here], axis=0, ddof=1)
+    variance_m2 = variance_m2[~np.isnan(variance_m2)]
+    return math.sqrt(np.mean(variance_m2)) if variance_m2.size else 0.0
+
+
+def _white_m(noise_m: np.ndarray, here: np.ndarray) -> float:
+    """Return the part of the noise of one scan that changes from pixel to pixel."""
+    own_m = noise_m - noise_m.mean(axis=0)
+    ny, nx = here.shape
+
+    def around(i: int, j: int) -> np.ndarray:
+        heights_m: np.ndarray = own_m[:, 1 + i : ny - 1 + i, 1 + j : nx - 1 + j]
+        return heights_m[:, here[1:-1, 1:-1]]
+
+    n = len(noise_m)
+    return math.sqrt(n / (n - 1.0)) * rms_of_noise_m(mixed_difference(around))

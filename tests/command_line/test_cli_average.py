@@ -1,0 +1,140 @@
+"""Repeated scans on the command line: their mean is a scan that knows its noise."""
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+from capslip.analysis import analyze_scans
+from capslip.cli import main
+from capslip.settings import load_settings
+from capslip.studies.faces.synthetic import Scene, synthetic_surface
+from capslip.surface.average import average
+from capslip.surface.readers import load_surface
+from capslip.surface.readers.hdf5 import write_hdf5
+
+NOISE_M = 4e-9
+
+
+def run(*arguments):
+    return CliRunner().invoke(main, [str(one) for one in arguments])
+
+
+def face(seed=1):
+    scene = Scene(
+        (90, 120), (1e-4, 1e-4), seed, waviness_rms_m=3e-7, waviness_length_m=1.5e-3, floor_m=0.0
+    )
+    return synthetic_surface(scene)[0]
+
+
+def repeats(seed=1, n=3):
+    surface, rng = face(seed), np.random.default_rng((8, seed))
+    return [
+        replace(surface, height_m=surface.height_m + NOISE_M * rng.standard_normal(surface.shape))
+        for _ in range(n)
+    ]
+
+
+@pytest.fixture
+def scans(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    for name, one in zip("abc", repeats(), strict=True):
+        write_hdf5(one, f"{name}.h5")
+    return ["a.h5", "b.h5", "c.h5"]
+
+
+def test_the_mean_is_written_with_its_noise_and_told(scans, tmp_path):
+    ran = run("average", *scans)
+    assert ran.exit_code == 0
+    told = dict(line.split(None, 1) for line in ran.stdout.splitlines() if line[0] != " ")
+    assert told["written"] == "a-mean.h5"
+    mean, found = load_surface("a-mean.h5"), average(repeats())
+    assert np.array_equal(mean.height_m, found.surface.height_m)
+    assert mean.noise_m == found.surface.noise_m
+    assert mean.noise_m == pytest.approx(NOISE_M / np.sqrt(3.0), rel=0.1)
+    assert f"{1e9 * found.noise_m:.3g} nm (rms) a height of one scan" in told["noise"]
+    assert f"{1e9 * found.white_m:.3g} nm from pixel to pixel" in told["noise"]
+    assert f"{1e9 * mean.noise_m:.3g} nm, over the root of 3" in ran.stdout
+    assert [f"{name}.h5 by" in ran.stdout for name in "abc"] == [False, True, True]
+    assert not {"left", "bow"} & set(told)
+    assert sorted(one.name for one in tmp_path.iterdir()) == ["a-mean.h5", *scans]
+
+
+def test_spikes_and_bows_are_told_where_there_are_any(scans):
+    surface = load_surface("b.h5")
+    y, x = np.ix_(*(np.linspace(-1.0, 1.0, n) for n in surface.shape))
+    bowed_m = surface.height_m + 1e-7 * (x * x + y)
+    bowed_m[40, 50] += 1e-6
+    write_hdf5(replace(surface, height_m=bowed_m), "b.h5")
+    ran = run("average", *scans, "-o", "mean.h5")
+    assert "left out   1 heights that only one scan has" in ran.stdout
+    assert "bow        forms differ by" in ran.stdout
+    assert run("average", *scans, "-o", "quiet.h5", "-q").output == ""
+    assert np.array_equal(*(load_surface(f"{one}.h5").height_m for one in ("mean", "quiet")))
+
+
+def test_nothing_is_overwritten_or_left_half(scans, tmp_path):
+    before = (tmp_path / "b.h5").read_bytes()
+    for arguments, said in (
+        ((*scans, "-o", "b.h5"), "b.h5: exists already; nothing was written"),
+        ((*scans, "-o", "mean.npy"), "mean.npy: got .npy; expected .h5"),
+        ((*scans, "-o", "none/mean.h5"), "none/mean.h5: no such folder"),
+        (("a.h5",), "scans: got 1; expected two of one place, or more"),
+        (("a.h5", "a.h5"), "a and a: hold the same heights"),
+    ):
+        ran = run("average", *arguments)
+        assert (ran.exit_code, ran.stdout) == (2, "")
+        assert said in ran.stderr
+    assert run("average", "a.h5", "none.h5").exit_code == 3
+    assert (tmp_path / "b.h5").read_bytes() == before
+    assert sorted(one.name for one in tmp_path.iterdir()) == scans
+
+
+def test_units_that_the_files_lack_are_given_once_for_all(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    for name, one in zip("ab", repeats(n=2), strict=True):
+        np.save(f"{name}.npy", 1e9 * one.height_m)
+    given = ("--unit", "nm", "--pixel-size", "0.1", "0.1", "--lateral-unit", "mm")
+    assert run("average", "a.npy", "b.npy", *given).exit_code == 0
+    mean = load_surface("a-mean.h5")
+    assert mean.noise_m == pytest.approx(NOISE_M / np.sqrt(2.0), rel=0.1)
+    assert mean.pixel_size_m == pytest.approx((1e-4, 1e-4))
+
+
+def test_an_analysis_of_the_mean_knows_its_noise_and_takes_it_off(scans):
+    assert run("average", *scans).exit_code == 0
+    options = ("--preload", 50, "--no-figures", "--no-render", "--no-meshes", "--json")
+    found = json.loads(run("analyze", "a-mean.h5", *options, "-o", "out").stdout)
+    assert found["surface"]["measurement_noise_m"] == load_surface("a-mean.h5").noise_m
+    codes = {one["code"] for one in found["problems"]}
+    assert "noise_taken_off" in codes
+    assert "reader_note" not in codes
+    assert "noise" not in {one["name"] for one in found["assumed"]}
+    other = json.loads(run("analyze", "a.h5", *options, "-o", "one").stdout)
+    assert other["surface"]["measurement_noise_m"] is None
+    assert "noise" in {one["name"] for one in other["assumed"]}
+    again = load_surface("out/result.h5", dataset="surface/height_m")
+    assert again.noise_m == found["surface"]["measurement_noise_m"]
+
+
+def test_a_batch_of_means_is_done_once(scans, tmp_path):
+    assert run("average", *scans).exit_code == 0
+    options = ("--preload", 50, "--no-figures", "--no-render", "--no-meshes", "--workers", 1)
+    written = []
+    for _ in range(2):
+        assert run("batch", "a-mean.h5", "-o", "all", *options).exit_code == 0
+        written.append((tmp_path / "all/scans/a-mean/summary.json").stat().st_mtime_ns)
+    assert written[0] == written[1]
+
+
+def test_a_joint_of_means_knows_its_noise_where_each_does():
+    means = [average(repeats(seed)).surface for seed in (1, 2)]
+    settings = load_settings(overrides=("contact.nominal_pressure_Pa=5e5", "joint.area_m2=1e-3"))
+    for surfaces, known in ((means, True), ([means[0], replace(means[1], noise_m=None)], False)):
+        found = analyze_scans(surfaces, settings)
+        assert found.settings == settings
+        assert found.noise_known is known
+        assert ("noise" in {one["name"] for one in found.summary()["assumed"]}) is not known
+        assert ("noise of the map that pixels share" in found.band.left_out) is not known

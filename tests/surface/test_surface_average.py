@@ -1,0 +1,194 @@
+"""Repeated scans: what stays is the face, what changes is noise, wherever each scan lies."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.ndimage import gaussian_filter, rotate, shift
+
+from capslip.errors import SettingsError, UnusableSurfaceError
+from capslip.surface.average import average
+from capslip.surface.heightmap import HeightMap, Origin
+
+SHAPE, PIXEL_M, NOISE_M = (120, 180), (2e-4, 1e-4), 4e-9
+Y, X = np.ix_(np.linspace(-1.0, 1.0, SHAPE[0]), np.linspace(-1.0, 1.0, SHAPE[1]))
+
+
+def waves(seed=0, shape=SHAPE, width=8.0):
+    z = gaussian_filter(np.random.default_rng(seed).standard_normal(shape), width, mode="wrap")
+    return 3e-7 * z / z.std()
+
+
+def noise(seed, shape=SHAPE):
+    return NOISE_M * np.random.default_rng((5, seed)).standard_normal(shape)
+
+
+def scans_of(face_m, n=3, noise_of=noise):
+    return [HeightMap(face_m + noise_of(k, face_m.shape), PIXEL_M) for k in range(n)]
+
+
+def rms(z):
+    return np.sqrt(np.nanmean(np.square(z - np.nanmean(z))))
+
+
+@pytest.mark.parametrize("n", [2, 3, 8])
+def test_noise_is_what_changes_and_the_mean_has_it_over_the_root_of_their_number(n):
+    face_m = waves()
+    found = average(scans_of(face_m, n))
+    assert found.noise_m == pytest.approx(NOISE_M, rel=0.05)  # of a tenth of the points
+    assert found.everywhere_m == pytest.approx(NOISE_M, rel=0.015)
+    assert found.white_m == pytest.approx(NOISE_M, rel=0.06)
+    assert found.surface.noise_m == pytest.approx(found.noise_m / np.sqrt(n), rel=1e-12)
+    assert rms(found.surface.height_m - face_m) == pytest.approx(NOISE_M / np.sqrt(n), rel=0.02)
+    assert (found.spikes, len(found.moved_pixels)) == (0, n)
+    assert np.abs(found.moved_pixels).max() < 0.02
+
+
+def test_of_two_scans_it_is_the_rms_of_their_difference_over_the_root_of_two():
+    """The subtraction technique; the 9 numbers that are fitted take next to nothing of it."""
+    first, second = scans_of(waves(), 2)
+    found = average([first, second])
+    apart_m = second.height_m - first.height_m
+    assert found.everywhere_m == pytest.approx(rms(apart_m) / np.sqrt(2.0), rel=1e-3)
+
+
+def test_noise_that_neighbours_share_is_noise_and_no_white_one():
+    def shared(seed, shape):
+        z = gaussian_filter(noise(seed, shape), 2.0, mode="wrap")
+        return NOISE_M * z / z.std()
+
+    found = average(scans_of(waves(), 3, shared))
+    assert found.everywhere_m == pytest.approx(NOISE_M, rel=0.03)
+    assert found.white_m < 0.2 * NOISE_M
+
+
+def test_the_noise_that_counts_is_that_of_what_touches():
+    face_m = waves()
+    high = face_m > np.quantile(face_m, 0.6)
+    found = average(scans_of(face_m, 3, lambda k, _: np.where(high, 1.0, 4.0) * noise(k)))
+    assert found.noise_m == pytest.approx(NOISE_M, rel=0.06)
+    assert found.everywhere_m == pytest.approx(NOISE_M * np.sqrt(0.4 + 0.6 * 16.0), rel=0.02)
+
+
+@pytest.mark.parametrize("moved", [(3, -7), (-12, 5), (0.3, -0.4), (2.7, 4.2)])
+def test_scans_that_lie_aside_are_found_and_their_move_is_no_noise(moved):
+    wide_m = waves(1, (200, 260))
+    inside = slice(40, 160), slice(40, 220)
+    there_m = shift(wide_m, moved, order=5)[inside]
+    found = average(
+        [HeightMap(z + noise(k), PIXEL_M) for k, z in enumerate((wide_m[inside], there_m, there_m))]
+    )
+    assert found.moved_pixels[1:] == pytest.approx(np.tile(moved, (2, 1)), abs=0.05)
+    assert found.everywhere_m == pytest.approx(NOISE_M, rel=0.03)
+    whole = np.rint(moved).astype(int)
+    assert found.surface.shape == tuple(np.array(SHAPE) - np.abs(whole))
+    start = np.maximum(-whole, 0)
+    own_m = wide_m[inside][tuple(map(slice, start, start + found.surface.shape))]
+    # Two of three lie aside by what is no whole pixel: the mean does by two thirds of it
+    rest_m = shift(wide_m, moved - whole, order=5)[inside] - wide_m[inside]
+    off_m = found.surface.height_m - own_m
+    assert rms(off_m) < np.hypot(1.05 * NOISE_M / np.sqrt(3.0), 0.7 * rms(rest_m))
+
+
+def test_planes_and_bows_between_scans_are_no_noise():
+    face_m, bow_m = waves(), 5e-8
+    plane, bow = 1e-6 * X - 3e-7 * Y, bow_m * (X * Y - X * X)
+    found = average([
+        one if k == 0 else replace(one, height_m=one.height_m + plane + bow)
+        for k, one in enumerate(scans_of(face_m, 2))
+    ])  # fmt: skip
+    assert found.everywhere_m == pytest.approx(NOISE_M, rel=0.02)
+    assert found.bow_m == pytest.approx(np.std(bow), rel=0.01)
+    rest_m = found.surface.height_m - face_m - 0.5 * bow  # the mean has half of it, and no plane
+    columns = np.stack([np.broadcast_to(one, SHAPE).reshape(-1) for one in (X, Y)], axis=1)
+    slopes = np.linalg.lstsq(columns, rest_m.reshape(-1), rcond=None)[0]
+    assert np.abs(slopes).max() < 0.05 * bow_m
+
+
+def test_what_one_scan_alone_has_is_left_out():
+    face_m, (a, b, c) = waves(), scans_of(waves(), 3)
+    height_m = np.array(b.height_m)
+    height_m[50, 60] += 1e-6
+    spiked = replace(b, height_m=height_m)
+    found = average([a, spiked, c])
+    assert found.spikes == 1
+    assert abs(found.surface.height_m[50, 60] - face_m[50, 60]) < 4.0 * NOISE_M
+    found = average([a, spiked])  # of which nobody knows the right one
+    assert found.spikes == 2
+    assert np.argwhere(np.isnan(found.surface.height_m)).tolist() == [[50, 60]]
+
+
+def test_many_far_heights_are_noise_of_long_tails_and_stay():
+    def tails(seed, shape):
+        rng = np.random.default_rng((6, seed))
+        return noise(seed, shape) * np.where(rng.random(shape) < 0.1, 40.0, 1.0)
+
+    found = average(scans_of(waves(), 2, tails))
+    assert (found.spikes, found.surface.n_measured) == (0, np.prod(SHAPE))
+
+
+def test_half_of_the_scans_are_enough_for_a_point():
+    face_m = waves()
+    lost = np.zeros((3, *SHAPE), dtype=bool)
+    lost[0, 10, 10] = lost[:2, 20, 20] = lost[:, 30, 30] = True
+    three = [
+        replace(one, height_m=np.where(lost[k], np.nan, one.height_m))
+        for k, one in enumerate(scans_of(face_m, 3))
+    ]
+    found = average(three).surface.height_m
+    assert np.argwhere(np.isnan(found)).tolist() == [[20, 20], [30, 30]]
+    assert abs(found[10, 10] - face_m[10, 10]) < 4.0 * NOISE_M
+    found = average(three[1:]).surface.height_m  # of two, one is
+    assert np.argwhere(np.isnan(found)).tolist() == [[30, 30]]
+
+
+@pytest.mark.parametrize("turned", [np.transpose, np.fliplr, np.flipud])
+def test_turned_maps_have_the_same_noise_and_the_turned_mean(turned):
+    scans = [HeightMap(one.height_m, (1e-4, 1e-4)) for one in scans_of(waves(), 3)]
+    found = average(scans)
+    other = average([replace(one, height_m=turned(one.height_m)) for one in scans])
+    for name in ("noise_m", "white_m", "everywhere_m"):
+        assert getattr(other, name) == pytest.approx(getattr(found, name), rel=1e-3)
+    off_m = other.surface.height_m - turned(found.surface.height_m)
+    assert np.abs(off_m).max() < 1e-3 * NOISE_M
+
+
+def test_a_face_of_grooves_is_not_moved_along_them():
+    face_m = np.broadcast_to(waves(2)[60:61], SHAPE)
+    found = average(scans_of(face_m, 3))
+    assert np.abs(found.moved_pixels).max() < 0.2
+    assert found.surface.shape == SHAPE
+    assert found.everywhere_m == pytest.approx(NOISE_M, rel=0.02)
+
+
+def named(surface, name):
+    return replace(surface, origin=Origin(name=name))
+
+
+def test_what_is_no_repeat_is_refused():
+    face_m = waves()
+    a, b = (named(one, name) for one, name in zip(scans_of(face_m, 2), "ab", strict=True))
+    with pytest.raises(SettingsError, match="got 1; expected two"):
+        average([a])
+    with pytest.raises(SettingsError, match=r"c: pixels of 0\.0002 x 0\.000101 m, and of"):
+        average([a, named(HeightMap(b.height_m, (2e-4, 1.01e-4)), "c")])
+    with pytest.raises(SettingsError, match="a and c: hold the same heights"):
+        average([a, b, named(HeightMap(a.height_m + 1e-6 * X, PIXEL_M), "c")])
+    elsewhere = named(HeightMap(waves(7) + noise(7), PIXEL_M), "c")
+    with pytest.raises(UnusableSurfaceError, match="a and c: less than 50 % of the variance"):
+        average([a, elsewhere])
+    lost = named(HeightMap(np.full(SHAPE, np.nan), PIXEL_M), "c")
+    with pytest.raises(UnusableSurfaceError, match="a and c: less than 50 %"):
+        average([a, lost])
+    with pytest.raises(UnusableSurfaceError, match="a and b: less than 50 % of the rows or col"):
+        average([a, named(HeightMap(b.height_m[:, :80], PIXEL_M), "b")])
+
+
+def test_a_scan_that_is_turned_is_refused_with_its_angle():
+    wide_m = waves(3, (300, 300))
+    pair = [
+        HeightMap(z[90:210, 60:240] + noise(k), (1e-4, 1e-4))
+        for k, z in enumerate((wide_m, rotate(wide_m, 1.0, reshape=False, order=3)))
+    ]
+    with pytest.raises(UnusableSurfaceError, match=r"by 0\.017 rad .* a corner by 1\.9 pixels"):
+        average(pair)
