@@ -142,6 +142,39 @@ def test_half_of_the_scans_are_enough_for_a_point():
     assert np.argwhere(np.isnan(found)).tolist() == [[30, 30]]
 
 
+@pytest.mark.parametrize("n", [2, 3])
+def test_points_that_stand_alone_tell_noise_and_no_part_of_it(n):
+    face_m = waves()
+    lost = np.random.default_rng(8).random((n, *SHAPE)) < 0.5
+    scans = [
+        replace(one, height_m=np.where(lost[k], np.nan, one.height_m))
+        for k, one in enumerate(scans_of(face_m, n))
+    ]
+    found = average(scans)
+    assert found.white_m is None
+    assert found.everywhere_m == pytest.approx(NOISE_M, rel=0.05)
+    assert np.abs(found.moved_pixels).max() < 0.05
+    known = np.sum([one.measured for one in scans], axis=0) >= 0.5 * n
+    assert np.array_equal(found.surface.measured, known)
+
+
+@pytest.mark.parametrize("noise_m", [1e-9, 8e-9])
+def test_rounded_heights_change_by_whole_steps(noise_m):
+    """By as much as rounding makes of the noise; of most points nothing changes."""
+    step_m, face_m = 4e-8, waves(2)
+    scans = [
+        HeightMap(np.round((face_m + noise(k) * noise_m / NOISE_M) / step_m) * step_m, PIXEL_M)
+        for k in range(3)
+    ]
+    found = average(scans)
+    stack_m = np.stack([one.height_m for one in scans])
+    assert found.everywhere_m == pytest.approx(
+        np.sqrt(stack_m.var(axis=0, ddof=1).mean()), rel=0.01
+    )
+    assert found.spikes == 0
+    assert np.allclose(found.surface.height_m, stack_m.mean(axis=0), atol=0.02 * step_m)
+
+
 @pytest.mark.parametrize("turned", [np.transpose, np.fliplr, np.flipud])
 def test_turned_maps_have_the_same_noise_and_the_turned_mean(turned):
     scans = [HeightMap(one.height_m, (1e-4, 1e-4)) for one in scans_of(waves(), 3)]
@@ -180,6 +213,11 @@ def test_what_is_no_repeat_is_refused():
     lost = named(HeightMap(np.full(SHAPE, np.nan), PIXEL_M), "c")
     with pytest.raises(UnusableSurfaceError, match="a and c: less than 50 %"):
         average([a, lost])
+    flat = named(HeightMap(np.zeros(SHAPE), PIXEL_M), "a")
+    with pytest.raises(SettingsError, match="a and c: hold the same heights"):
+        average([flat, named(flat, "c")])
+    with pytest.raises(UnusableSurfaceError, match=r"c: heights of up to 1\.\S+e\+144 m"):
+        average([a, named(HeightMap(1e150 * b.height_m, PIXEL_M), "c")])
     with pytest.raises(UnusableSurfaceError, match="a and b: less than 50 % of the rows or col"):
         average([a, named(HeightMap(b.height_m[:, :80], PIXEL_M), "b")])
 

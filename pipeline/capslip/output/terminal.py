@@ -133,8 +133,10 @@ def average_lines(found: Average, names: list[str], path: Path) -> str:
     """Return what several scans of one place said, as lines."""
     surface, n = found.surface, len(names)
     noise = f"{engineering(found.noise_m, 'm')} (rms) a height of one scan, where it is highest"
+    if found.white_m is not None:
+        noise += f"; {engineering(found.white_m, 'm')} from pixel to pixel"
     lines = [
-        ("noise", f"{noise}; {engineering(found.white_m, 'm')} from pixel to pixel"),
+        ("noise", noise),
         ("", f"{engineering(found.everywhere_m, 'm')} over the whole map"),
         ("of mean", f"{engineering(surface.noise_m, 'm')}, over the root of {n}"),
     ]

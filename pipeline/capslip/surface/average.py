@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from capslip.errors import SettingsError, UnusableSurfaceError
+from capslip.surface.doubts import refuse_absurd
 from capslip.surface.form import remove_form
 from capslip.surface.heightmap import HeightMap
 from capslip.surface.noise import mixed_difference, rms_of_noise_m
@@ -18,11 +19,13 @@ MAX_STEPS, LONGEST_STEP = 20, 2.0  # blocks
 SAMPLES = 200_000  # points that a place is fitted to
 FAR = 6.0  # standard deviations: points farther off have no say in a fit
 NORMAL = 1.4826  # standard deviation over the median of |x| of a normal distribution
+NORMAL_95 = 1.96  # 95 % of |x| over the standard deviation
 SAME_PIXEL, ROUNDING = 1e-3, 1e-7  # relative
 LEAST_OVERLAP, LEAST_MATCH = 0.5, 0.5
 MOST_TURNED_PIXELS = 1.0  # at a corner
 SPIKE, MOST_SPIKES = 10.0, 0.01  # standard deviations, and share of the points: more are no spikes
 HIGHEST_SHARE = 0.10  # of the points, as the cut keeps them: what touches is among them
+ENOUGH = 100  # differences between neighbours, of which a median says something
 PLANE, FORM, MOVE, TURN = slice(0, 3), slice(3, 6), slice(6, 8), 8  # columns of a fit
 
 
@@ -37,8 +40,8 @@ class Average:
     noise_m : float
         Measurement noise N_M of one scan (ISO 25178-600): rms of what a height changes by from
         scan to scan, over the highest tenth of the points.
-    white_m : float
-        The part of it that changes from pixel to pixel.
+    white_m : float or None
+        The part of it that changes from pixel to pixel; None where too few neighbours are measured.
     everywhere_m : float
         As `noise_m`, over all points.
     bow_m : float
@@ -51,7 +54,7 @@ class Average:
 
     surface: HeightMap
     noise_m: float
-    white_m: float
+    white_m: float | None
     everywhere_m: float
     bow_m: float
     moved_pixels: tuple[tuple[float, float], ...]
@@ -136,6 +139,8 @@ def _check(scans: Sequence[HeightMap]) -> None:
     if len(scans) < 2:
         raise SettingsError(f"scans: got {len(scans)}; expected two of one place, or more")
     first = scans[0]
+    for one in scans:
+        refuse_absurd(one)
     for other in scans[1:]:
         if not np.allclose(other.pixel_size_m, first.pixel_size_m, rtol=SAME_PIXEL, atol=0.0):
             (dy_m, dx_m), (first_dy_m, first_dx_m) = other.pixel_size_m, first.pixel_size_m
@@ -226,7 +231,7 @@ def _fit(first_m: np.ndarray, other_m: np.ndarray, pixel_size_m: tuple[float, fl
     """Fit the columns to what a scan has over the first, shape (9,); far points have no say."""
     every = max(1, math.isqrt(first_m.size // SAMPLES))
     lines = slice(every // 2, None, every)
-    columns = _columns(0.5 * (first_m + other_m), pixel_size_m)
+    columns = _columns(_together_m(first_m, other_m), pixel_size_m)
     sampled = [np.broadcast_to(one, first_m.shape)[lines, lines].reshape(-1) for one in columns]
     matrix = np.stack(sampled, axis=1)
     over_m = (other_m - first_m)[lines, lines].reshape(-1)
@@ -238,16 +243,36 @@ def _fit(first_m: np.ndarray, other_m: np.ndarray, pixel_size_m: tuple[float, fl
         if not good.any():
             break
         fit = np.linalg.lstsq(matrix[good] / scale, over_m[good], rcond=None)[0] / scale
-        off_m = np.abs(over_m - matrix @ fit)
-        good &= off_m <= FAR * NORMAL * np.median(off_m[good])
+        good[good] = _near(np.abs(over_m - matrix @ fit)[good])
     return fit
+
+
+def _near(off_m: np.ndarray) -> np.ndarray:
+    """Tell which points are no farther off than noise is; of rounded heights half may be exact."""
+    deviation_m = max(NORMAL * np.median(off_m), np.quantile(off_m, 0.95) / NORMAL_95)
+    near: np.ndarray = off_m <= FAR * deviation_m
+    return near
+
+
+def _together_m(first_m: np.ndarray, other_m: np.ndarray) -> np.ndarray:
+    """Return the mean of two scans, or what one has; where neither has any, what lies nearest."""
+    known, other_known = ~np.isnan(first_m), ~np.isnan(other_m)
+    mean_m = np.where(known, first_m, other_m)
+    np.add(0.5 * first_m, 0.5 * other_m, out=mean_m, where=known & other_known)
+    lost = np.isnan(mean_m)
+    if lost.any() and not lost.all():
+        from scipy.ndimage import distance_transform_edt
+
+        _, nearest = distance_transform_edt(lost, return_indices=True)
+        mean_m = mean_m[tuple(nearest)]
+    return mean_m
 
 
 def _apart(
     first_m: np.ndarray, other_m: np.ndarray, shift: np.ndarray, pixel_size_m: tuple[float, float]
 ) -> _Apart:
     fit = _fit(first_m, other_m, pixel_size_m)
-    columns = _columns(0.5 * (first_m + other_m), pixel_size_m)
+    columns = _columns(_together_m(first_m, other_m), pixel_size_m)
     parts_m = [share * one for share, one in zip(fit, columns, strict=True)]
     plane_m, form_m = (np.asarray(sum(parts_m[some])) for some in (PLANE, FORM))
     dy, dx = shift - fit[MOVE]
@@ -264,14 +289,14 @@ def _check_place(first: HeightMap, other: HeightMap, first_m: np.ndarray, one: _
     """Refuse a scan of another place, one that is turned, and one that is the same."""
     names = f"{first.origin.name} and {other.origin.name}"
     off_m = np.abs(one.noise_m[~np.isnan(one.noise_m)])
-    share = 1.0  # of the variance, that is noise
+    face_m2, noise_m2 = 0.0, math.inf
     if off_m.size:
         face = remove_form(HeightMap(first_m, first.pixel_size_m), "quadratic")[0]
-        near_m = off_m[off_m <= FAR * NORMAL * np.median(off_m)]
-        share = 0.5 * np.mean(np.square(near_m)) / np.nanmean(np.square(face.height_m))
-    if share < ROUNDING**2:
+        face_m2 = float(np.nanmean(np.square(face.height_m)))
+        noise_m2 = 0.5 * float(np.mean(np.square(off_m[_near(off_m)])))
+    if off_m.max(initial=0.0) <= ROUNDING * math.sqrt(face_m2) and off_m.size:
         raise SettingsError(f"{names}: hold the same heights; expected two scans of one place")
-    if share > 1.0 - LEAST_MATCH:
+    if noise_m2 > (1.0 - LEAST_MATCH) * face_m2:
         raise UnusableSurfaceError(
             f"{names}: less than {percent(LEAST_MATCH)} of the variance of their heights is in "
             "both; expected scans of one place, by one instrument and without moving the part"
@@ -318,8 +343,8 @@ def _rms_m(noise_m: np.ndarray, here: np.ndarray) -> float:
     return math.sqrt(np.mean(variance_m2)) if variance_m2.size else 0.0
 
 
-def _white_m(noise_m: np.ndarray, here: np.ndarray) -> float:
-    """Return the part of the noise of one scan that changes from pixel to pixel."""
+def _white_m(noise_m: np.ndarray, here: np.ndarray) -> float | None:
+    """Return the part of the noise of one scan that changes from pixel to pixel, where it tells."""
     own_m = noise_m - noise_m.mean(axis=0)
     ny, nx = here.shape
 
@@ -327,5 +352,7 @@ def _white_m(noise_m: np.ndarray, here: np.ndarray) -> float:
         heights_m: np.ndarray = own_m[:, 1 + i : ny - 1 + i, 1 + j : nx - 1 + j]
         return heights_m[:, here[1:-1, 1:-1]]
 
-    n = len(noise_m)
-    return math.sqrt(n / (n - 1.0)) * rms_of_noise_m(mixed_difference(around))
+    n, difference_m = len(noise_m), mixed_difference(around)
+    if np.count_nonzero(~np.isnan(difference_m)) < ENOUGH:
+        return None
+    return math.sqrt(n / (n - 1.0)) * rms_of_noise_m(difference_m)
