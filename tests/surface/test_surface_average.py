@@ -8,6 +8,7 @@ from scipy.ndimage import gaussian_filter, rotate, shift
 
 from capslip.errors import SettingsError, UnusableSurfaceError
 from capslip.surface.average import average
+from capslip.surface.form import remove_form
 from capslip.surface.heightmap import HeightMap, Origin
 
 SHAPE, PIXEL_M, NOISE_M = (120, 180), (2e-4, 1e-4), 4e-9
@@ -63,11 +64,11 @@ def test_noise_that_neighbours_share_is_noise_and_no_white_one():
 
 
 def test_the_noise_that_counts_is_that_of_what_touches():
-    face_m = waves()
-    high = face_m > np.quantile(face_m, 0.6)
+    face_m = remove_form(HeightMap(waves(), PIXEL_M), "plane")[0].height_m
+    high = face_m > np.quantile(face_m, 0.88)
     found = average(scans_of(face_m, 3, lambda k, _: np.where(high, 1.0, 4.0) * noise(k)))
     assert found.noise_m == pytest.approx(NOISE_M, rel=0.06)
-    assert found.everywhere_m == pytest.approx(NOISE_M * np.sqrt(0.4 + 0.6 * 16.0), rel=0.02)
+    assert found.everywhere_m == pytest.approx(NOISE_M * np.sqrt(0.12 + 0.88 * 16.0), rel=0.02)
 
 
 @pytest.mark.parametrize("moved", [(3, -7), (-12, 5), (0.3, -0.4), (2.7, 4.2)])
@@ -103,6 +104,7 @@ def test_planes_and_bows_between_scans_are_no_noise():
     columns = np.stack([np.broadcast_to(one, SHAPE).reshape(-1) for one in (X, Y)], axis=1)
     slopes = np.linalg.lstsq(columns, rest_m.reshape(-1), rcond=None)[0]
     assert np.abs(slopes).max() < 0.05 * bow_m
+    assert rms(rest_m) < 1.05 * NOISE_M / np.sqrt(2.0)
 
 
 def test_what_one_scan_alone_has_is_left_out():
@@ -111,6 +113,9 @@ def test_what_one_scan_alone_has_is_left_out():
     height_m[50, 60] += 1e-6
     spiked = replace(b, height_m=height_m)
     found = average([a, spiked, c])
+    assert found.spikes == 1
+    assert abs(found.surface.height_m[50, 60] - face_m[50, 60]) < 4.0 * NOISE_M
+    found = average([spiked, a, c])
     assert found.spikes == 1
     assert abs(found.surface.height_m[50, 60] - face_m[50, 60]) < 4.0 * NOISE_M
     found = average([a, spiked])  # of which nobody knows the right one
@@ -220,6 +225,35 @@ def test_what_is_no_repeat_is_refused():
         average([a, named(HeightMap(1e150 * b.height_m, PIXEL_M), "c")])
     with pytest.raises(UnusableSurfaceError, match="a and b: less than 50 % of the rows or col"):
         average([a, named(HeightMap(b.height_m[:, :80], PIXEL_M), "b")])
+
+
+def test_half_of_the_variance_is_in_scans_of_one_place():
+    face_m = remove_form(HeightMap(waves(), PIXEL_M), "quadratic")[0].height_m
+    less_m, more_m = 0.8 * face_m.std(), 1.25 * face_m.std()  # 0.39 and 0.61 of the variance
+    scans = scans_of(face_m, 2, lambda k, shape: less_m / NOISE_M * noise(k, shape))
+    assert average(scans).everywhere_m == pytest.approx(less_m, rel=0.02)
+    scans = scans_of(face_m, 2, lambda k, shape: more_m / NOISE_M * noise(k, shape))
+    with pytest.raises(UnusableSurfaceError, match="less than 50 % of the variance"):
+        average(scans)
+
+
+def turned(angle_rad):
+    """Waves of PIXEL_M, whose sides differ, turned about the middle of the map."""
+    y, x = np.ix_(
+        *((np.arange(n) - 0.5 * (n - 1)) * d for n, d in zip(SHAPE, PIXEL_M, strict=True))
+    )
+    c, s = np.cos(angle_rad), np.sin(angle_rad)
+    v, u = c * y - s * x, s * y + c * x
+    return 3e-7 * np.sin(4e3 * u + 1.0) * np.cos(2.5e3 * v) + 1e-7 * np.sin(3e3 * v)
+
+
+def test_a_small_turn_is_no_noise_on_pixels_that_are_not_square():
+    corner = 0.5 * np.hypot(120 * 2e-4, 180 * 1e-4) / 1e-4
+    scans = [HeightMap(turned(a) + noise(k), PIXEL_M) for k, a in enumerate((0.0, 0.8 / corner))]
+    assert average(scans).everywhere_m == pytest.approx(NOISE_M, rel=0.03)
+    scans[1] = HeightMap(turned(1.2 / corner) + noise(1), PIXEL_M)
+    with pytest.raises(UnusableSurfaceError, match=r"a corner by 1\.2 pixels"):
+        average(scans)
 
 
 def test_a_scan_that_is_turned_is_refused_with_its_angle():
