@@ -26,6 +26,7 @@ from capslip.structure.answer import answer_to
 from capslip.structure.band import Part, band_of
 from capslip.structure.doubts import problems_of_damping, problems_of_structure
 from capslip.structure.stiffness import is_given, structure_name
+from capslip.surface.average import problems_of_places
 from capslip.surface.heightmap import HeightMap
 
 R = TypeVar("R", bound=JointResult)
@@ -190,7 +191,7 @@ def analyze_scans(surfaces: Sequence[HeightMap], settings: Settings) -> JointOfS
     found = JointOfScans(
         settings=settings,
         joint=replace(scans[0].joint, scan_area_m2=None),
-        problems=tuple(_of_scans(scans)),
+        problems=(*problems_of_places(surfaces), *_of_scans(scans)),
         timings_s=clock.seconds,
         started=started,
         scans=scans,

@@ -7,7 +7,7 @@ import pytest
 from scipy.ndimage import gaussian_filter, rotate, shift
 
 from capslip.errors import SettingsError, UnusableSurfaceError
-from capslip.surface.average import average
+from capslip.surface.average import average, problems_of_places
 from capslip.surface.form import remove_form
 from capslip.surface.heightmap import HeightMap, Origin
 
@@ -264,3 +264,33 @@ def test_a_scan_that_is_turned_is_refused_with_its_angle():
     ]
     with pytest.raises(UnusableSurfaceError, match=r"by 0\.017 rad .* a corner by 1\.9 pixels"):
         average(pair)
+
+
+def other_place(k, shape=SHAPE):
+    return HeightMap(
+        waves((9, k), shape, width=15.0) + noise(k, shape), PIXEL_M, Origin(name=f"p{k}")
+    )
+
+
+def test_a_place_that_counts_twice_in_a_joint_is_warned_of():
+    places = [other_place(k) for k in range(8)]
+    assert problems_of_places(places) == ()
+    again = HeightMap(np.roll(places[3].height_m, 1, 1) + noise(20), PIXEL_M, Origin(name="again"))
+    (said,) = problems_of_places([*places, again])
+    assert (said.code, said.severity) == ("scans_of_one_place", "warning")
+    assert said.message.startswith("p3 and again match by 0.9")
+
+
+def test_what_tells_no_place_is_no_match():
+    known = other_place(1)
+    lost = HeightMap(np.full(SHAPE, np.nan), PIXEL_M)
+    flat = HeightMap(np.zeros(SHAPE), PIXEL_M)
+    half = np.where(np.arange(SHAPE[1]) < 90, known.height_m, np.nan)
+    for scans in ([lost, lost], [flat, flat], [known, lost], [known, flat]):
+        assert problems_of_places(scans) == ()
+    left, right = (HeightMap(one, PIXEL_M) for one in (half, half[:, ::-1]))
+    assert problems_of_places([left, right]) == ()  # nothing is known of both
+    assert problems_of_places([known, other_place(1, (120, 150))]) == ()
+    bow_m = 1e-6 * (X * X + Y * Y - X * Y**3)  # as each place of a domed face has it
+    bowed = [HeightMap(other_place(k).height_m + bow_m, PIXEL_M) for k in range(3)]
+    assert problems_of_places(bowed) == ()

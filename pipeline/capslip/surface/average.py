@@ -3,10 +3,12 @@
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from itertools import combinations
 
 import numpy as np
 
 from capslip.errors import SettingsError, UnusableSurfaceError
+from capslip.problems import Problem
 from capslip.surface.doubts import refuse_absurd
 from capslip.surface.form import remove_form
 from capslip.surface.heightmap import HeightMap
@@ -25,6 +27,7 @@ LEAST_OVERLAP, LEAST_MATCH = 0.5, 0.5
 MOST_TURNED_PIXELS = 1.0  # at a corner
 SPIKE, MOST_SPIKES = 10.0, 0.01  # standard deviations, and share of the points: more are no spikes
 HIGHEST_SHARE = 0.10  # of the points, as the cut keeps them: what touches is among them
+COARSE_BLOCKS, SAME_PLACE = 48, 0.95  # along the shorter side; correlation
 ENOUGH = 100  # differences between neighbours, of which a median says something
 PLANE, FORM, MOVE, TURN = slice(0, 3), slice(3, 6), slice(6, 8), 8  # columns of a fit
 
@@ -133,6 +136,43 @@ def average(scans: Sequence[HeightMap]) -> Average:
         moved_pixels=((0.0, 0.0), *(one.moved_pixels for one in apart)),
         spikes=spikes,
     )
+
+
+def problems_of_places(scans: Sequence[HeightMap]) -> tuple[Problem, ...]:
+    """Return `scans_of_one_place` (warning) where two scans of a joint look like one place of it.
+
+    Means over blocks are compared, less a form of the fourth degree, which another place may share.
+    """
+    coarse = [_coarse(scan) for scan in scans]
+    for (one, first_m), (other, second_m) in combinations(zip(scans, coarse, strict=True), 2):
+        match = _correlation(first_m, second_m)
+        if match > SAME_PLACE:
+            message = (
+                f"{one.origin.name} and {other.origin.name} match by {match:.3f} (1: the same): "
+                "they look like one place that was scanned twice, and count as two of the joint"
+            )
+            return (Problem("scans_of_one_place", "warning", message),)
+    return ()
+
+
+def _coarse(scan: HeightMap) -> np.ndarray:
+    block = max(1, min(scan.shape) // COARSE_BLOCKS)
+    dy_m, dx_m = scan.pixel_size_m
+    means = HeightMap(_block_means_m(scan.height_m, block), (block * dy_m, block * dx_m))
+    try:
+        return remove_form(means, "polynomial", degree=4)[0].height_m
+    except UnusableSurfaceError:  # too few were measured
+        return np.full(means.shape, np.nan)
+
+
+def _correlation(first_m: np.ndarray, other_m: np.ndarray) -> float:
+    """Return the correlation of two maps where both are known, 0 where it says nothing."""
+    if first_m.shape != other_m.shape:
+        return 0.0
+    both = ~np.isnan(first_m) & ~np.isnan(other_m)
+    off_m = [one[both] - one[both].mean() for one in (first_m, other_m) if both.any()]
+    size = math.sqrt(math.prod(float(np.square(one).sum()) for one in off_m))
+    return float(off_m[0] @ off_m[1]) / size if off_m and size > 0.0 else 0.0
 
 
 def _check(scans: Sequence[HeightMap]) -> None:
