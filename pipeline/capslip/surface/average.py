@@ -27,7 +27,7 @@ LEAST_OVERLAP, LEAST_MATCH = 0.5, 0.5
 MOST_TURNED_PIXELS = 1.0  # at a corner
 SPIKE, MOST_SPIKES = 10.0, 0.01  # standard deviations, and share of the points: more are no spikes
 HIGHEST_SHARE = 0.10  # of the points, as the cut keeps them: what touches is among them
-COARSE_BLOCKS, SAME_PLACE = 48, 0.95  # along the shorter side; correlation
+COARSE_BLOCKS, SAME_PLACE = 48, 0.98  # along the shorter side; correlation
 ENOUGH = 100  # differences between neighbours, of which a median says something
 PLANE, FORM, MOVE, TURN = slice(0, 3), slice(3, 6), slice(6, 8), 8  # columns of a fit
 
