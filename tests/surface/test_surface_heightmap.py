@@ -5,7 +5,7 @@ import tracemalloc
 import numpy as np
 import pytest
 
-from capslip.errors import UnusableSurfaceError
+from capslip.errors import SettingsError, UnusableSurfaceError
 from capslip.surface.conditioning import condition
 from capslip.surface.heightmap import SMALL, HeightMap
 
@@ -106,3 +106,10 @@ def test_what_was_measured_lies_within_its_rectangle():
     assert surface.centre_m == (10.0, 12.0)
     nothing = HeightMap(np.full((12, 17), np.nan), (2.0, 1.0))
     assert nothing.measured_area_m2 == 0.0
+
+
+@pytest.mark.parametrize("noise_m", [0.0, -1e-9, np.nan, np.inf])
+def test_a_noise_that_is_no_positive_number_is_refused(noise_m):
+    with pytest.raises(SettingsError, match=r"surface: noise of \S+ m; expected a positive number"):
+        HeightMap(np.zeros((4, 5)), (1e-4, 1e-4), noise_m=noise_m)
+    assert HeightMap(np.zeros((4, 5)), (1e-4, 1e-4), noise_m=2e-9).noise_m == 2e-9

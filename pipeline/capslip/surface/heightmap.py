@@ -133,7 +133,7 @@ class HeightMap:
         If the array is not two-dimensional, has fewer than 3 points along an axis, or holds no
         real numbers or an infinite height.
     SettingsError
-        If the pixel size is not two positive finite numbers.
+        If the pixel size is not two positive finite numbers, or the noise no such one.
 
     Examples
     --------
@@ -172,6 +172,8 @@ class HeightMap:
             raise SettingsError(
                 f"{name}: pixel size ({dy_m:g}, {dx_m:g}) m; expected two positive numbers (dy, dx)"
             )
+        if self.noise_m is not None and not 0.0 < self.noise_m < np.inf:
+            raise SettingsError(f"{name}: noise of {self.noise_m:g} m; expected a positive number")
         self._hold(stored_m, _lost_of(stored_m, name), None)
         self.__dict__["pixel_size_m"] = (dy_m, dx_m)
 
