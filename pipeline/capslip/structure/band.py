@@ -198,7 +198,7 @@ class _State:
     by_force: bool  # whether the slip force stays, or the displacement
     parts: tuple[Part, ...]
     settings: Settings
-    noise_known: bool
+    noise_known: bool = False
 
     @property
     def preload_N(self) -> float:
