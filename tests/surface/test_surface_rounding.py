@@ -6,8 +6,11 @@ import numpy as np
 import pytest
 from scipy.ndimage import gaussian_filter
 
-from capslip import load_settings
+from capslip import Settings, load_settings
 from capslip.analysis import analyze, analyze_once
+from capslip.stages import Clock, find_face
+from capslip.studies.faces.scenes import PAPER
+from capslip.studies.faces.synthetic import Scene, synthetic_surface
 from capslip.surface.heightmap import HeightMap
 from capslip.surface.rounding import few_steps, problems_of_rounding, smooth_steps
 
@@ -131,3 +134,26 @@ def test_steps_of_grooves_are_seen_whichever_way_they_run(along):
     found = smooth_steps(rounded(true_m, 1e-8))
     assert found.rounding.step_m == pytest.approx(1e-8)
     assert np.std(found.height_m - true_m) < 0.95 * np.std(rounded(true_m, 1e-8).height_m - true_m)
+
+
+def test_the_lower_family_counts_as_well():
+    """On the faces of the paper the highest places are those of five caps of 23."""
+    stated_m, off_m = [], []
+    for seed in (3, 4, 5):
+        scene = Scene((200, 300), (2e-4, 2e-4), seed, families=PAPER, gap_m=5e-4)
+        exact, _ = synthetic_surface(scene)
+        stored = replace(exact, height_m=np.round(exact.height_m / 5e-8) * 5e-8)
+        caps, others = (find_face(one, Settings(), None, Clock()).caps for one in (exact, stored))
+        off_m += list(moved_m(caps, others))
+        stated_m.append(smooth_steps(stored).rounding.error_m)
+    true_error_m = np.sqrt(np.mean(np.square(off_m)))
+    assert 0.7 < np.sqrt(np.mean(np.square(stated_m))) / true_error_m < 2.5
+
+
+def moved_m(caps, others):
+    """Return by how much the tops of caps that both have are moved against each other."""
+    away_m = np.hypot(caps.x_m[:, None] - others.x_m, caps.y_m[:, None] - others.y_m)
+    away_m[~caps.usable] = away_m[:, ~others.usable] = np.inf
+    same = away_m.min(axis=1) < 1e-3
+    off_m = others.peak_height_m[away_m.argmin(axis=1)] - caps.peak_height_m
+    return off_m[same] - off_m[same].mean()

@@ -17,7 +17,6 @@ OFF_STEP = 0.01  # of a step, by which rounding of the numbers themselves moves 
 SPACINGS, TURNS = (2.0, 1.0), 20  # pixels of the filter, and how often each goes over the map
 SMOOTH = 0.1  # of a step: what is left where a smooth face was rounded
 ROUNDED = 0.5  # of a step: rounding alone shows no more noise where heights change
-HIGHEST_SHARE = 0.05  # of the points, by hills: half of what the cut keeps
 KEPT, FEWEST_STEPS = 0.10, 4  # share of the points above the cut, and steps that it has to span
 MIN_POINTS = 9  # of a hill
 
@@ -46,8 +45,9 @@ def smooth_steps(surface: HeightMap) -> HeightMap:
     is. It goes over the map again and again, wide and then narrow, and after each time heights
     return to within half a step of what is stored: projections in turn on two convex sets. The
     error is what the same does to the map that was found, rounded half a step aside: the mean over
-    each of the highest places, rms over these. On spheres it is 0.03 of a step, and so is the true
-    one, up to steps of which a hill shows four; a point of the stored map is off by 0.29.
+    the upper half of each hill of the highest tenth, rms over these. On spheres it is 0.03 of a
+    step or, where a hill shows few steps, 0.1: in the median 1.4 times what fitted apexes are off
+    by, and 0.8 to 2.7 times on eight faces of ten. A point of the stored map is off by 0.29.
 
     Examples
     --------
@@ -73,14 +73,16 @@ def smooth_steps(surface: HeightMap) -> HeightMap:
 
 
 def _error_of_hills_m(surface: HeightMap, off_m: np.ndarray) -> float:
-    """Return the rms over hills of what their highest points are off on the mean."""
-    from scipy.ndimage import label, mean
+    """Return the rms over hills of what the upper half of their points is off on the mean."""
+    from scipy.ndimage import label, mean, median
 
     level_m = remove_form(surface, "plane")[0].height_m
-    high = level_m >= np.nanquantile(level_m, 1.0 - HIGHEST_SHARE)
+    high = level_m >= np.nanquantile(level_m, 1.0 - KEPT)
     hill, n = label(high)
     wide = np.flatnonzero(np.bincount(hill.reshape(-1), minlength=n + 1)[1:] >= MIN_POINTS) + 1
-    each_m = mean(off_m, hill, wide) if wide.size else off_m[high]
+    middle_m = np.append(np.inf, median(level_m, hill, np.arange(1, n + 1)))
+    upper = np.where(level_m >= middle_m[hill], hill, 0)
+    each_m = mean(off_m, upper, wide) if wide.size else off_m[high]
     return float(np.sqrt(np.mean(np.square(each_m))))
 
 
