@@ -41,6 +41,9 @@ for name, seed in seeds.items():
         with h5py.File(f"{name}.h5", "w") as file:
             file["height"] = height_m
             file["height"].attrs.update(unit="m", pixel_size=[0.4, 0.4], pixel_unit="mm")
+for name in ("first", "second"):  # scans of one place
+    noise_m = 1e-9 * np.random.default_rng(len(name)).standard_normal(height_m.shape)
+    x3pio.write(f"{name}.x3p", height_m + noise_m, x_scale=4e-4, y_scale=4e-4)
 y, x = np.indices(height_m.shape)
 points = (400.0 * x, 400.0 * y, 1e6 * height_m)
 np.savetxt("face.xyz", np.transpose([one.ravel() for one in points]), "%.6g")
