@@ -58,6 +58,8 @@ def test_the_mean_is_written_with_its_noise_and_told(scans, tmp_path):
     assert f"{1e9 * found.white_m:.3g} nm from pixel to pixel" in told["noise"]
     assert f"{1e9 * mean.noise_m:.3g} nm, over the root of 3" in ran.stdout
     assert [f"{name}.h5 by" in ran.stdout for name in "abc"] == [False, True, True]
+    assert "-0.00" not in ran.stdout
+    assert "0.00 pixels along y, 0.00 along x" in ran.stdout
     assert not {"left", "bow"} & set(told)
     assert sorted(one.name for one in tmp_path.iterdir()) == ["a-mean.h5", *scans]
 

@@ -141,7 +141,9 @@ def average_lines(found: Average, names: list[str], path: Path) -> str:
         ("of mean", f"{engineering(surface.noise_m, 'm')}, over the root of {n}"),
     ]
     for name, (dy, dx) in list(zip(names, found.moved_pixels, strict=True))[1:]:
-        lines.append(("moved", f"{printable(name)} by {dy:.2f} pixels along y, {dx:.2f} along x"))
+        along_y, along_x = (round(one, 2) + 0.0 for one in (dy, dx))  # no -0.00
+        moved = f"{along_y:.2f} pixels along y, {along_x:.2f} along x"
+        lines.append(("moved", f"{printable(name)} by {moved}"))
     if found.spikes:
         lines.append(("left out", f"{found.spikes} heights that only one scan has"))
     if found.bow_m > found.noise_m:
