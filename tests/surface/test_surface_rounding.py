@@ -12,7 +12,12 @@ from capslip.stages import Clock, find_face
 from capslip.studies.faces.scenes import PAPER
 from capslip.studies.faces.synthetic import Scene, synthetic_surface
 from capslip.surface.heightmap import HeightMap
-from capslip.surface.rounding import few_steps, problems_of_rounding, smooth_steps
+from capslip.surface.rounding import (
+    _error_of_hills_m,
+    few_steps,
+    problems_of_rounding,
+    smooth_steps,
+)
 
 SHAPE, PIXEL_M = (120, 150), (1e-4, 1e-4)
 Y_M, X_M = ((np.indices(SHAPE)[k] + 0.5) * 1e-4 for k in (0, 1))
@@ -157,3 +162,18 @@ def moved_m(caps, others):
     same = away_m.min(axis=1) < 1e-3
     off_m = others.peak_height_m[away_m.argmin(axis=1)] - caps.peak_height_m
     return off_m[same] - off_m[same].mean()
+
+
+@pytest.mark.parametrize(("side", "expected"), [(0, 10.0 / 2.0), (1, 2510.0 / 3.0)])
+def test_the_error_is_that_of_the_upper_half_of_each_hill_that_has_nine_points(side, expected):
+    """Two pyramids are off by 3 and -1 in their upper halves; a plateau counts from nine on."""
+    height_m, off_m = np.zeros((41, 61)), np.full((41, 61), 7.0)
+    y, x = np.ogrid[:41, :61]
+    for row, above_m in ((10, 3.0), (30, -1.0)):
+        pyramid_m = np.maximum(9.0 - np.maximum(abs(y - row), abs(x - 30)), 0.0)
+        height_m = np.maximum(height_m, pyramid_m)
+        off_m[pyramid_m >= 4.0] = above_m  # 121 points, 48 are at 3
+    plateau = np.maximum(abs(y - 20), abs(x - 5)) <= side
+    height_m[plateau], off_m[plateau] = 9.0, 50.0
+    error_m = _error_of_hills_m(HeightMap(height_m, PIXEL_M), off_m)
+    assert error_m == pytest.approx(np.sqrt(expected), rel=1e-12)
