@@ -294,3 +294,13 @@ def test_what_tells_no_place_is_no_match():
     bow_m = 1e-6 * (X * X + Y * Y - X * Y**3)  # as each place of a domed face has it
     bowed = [HeightMap(other_place(k).height_m + bow_m, PIXEL_M) for k in range(3)]
     assert problems_of_places(bowed) == ()
+
+
+@pytest.mark.parametrize("shape", [(7, 30), (14, 12)])
+def test_maps_of_few_points_are_averaged_as_well(shape):
+    """Of fewer than eight lines no move is looked for."""
+    face_m = waves(4, shape, width=2.0)
+    found = average(scans_of(face_m, 4))
+    assert found.surface.shape == shape
+    assert found.everywhere_m == pytest.approx(NOISE_M, rel=0.15)
+    assert rms(found.surface.height_m - face_m) < 0.7 * NOISE_M

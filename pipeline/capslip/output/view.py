@@ -21,6 +21,7 @@ from capslip.output.mesh import FACE_CELLS, thinned_lines
 from capslip.output.quantity import engineering, scaled
 from capslip.output.staging import read_json
 from capslip.output.zones import Zones, loss_shares, read_zones, zone_at
+from capslip.surface.filling import from_nearest
 
 COLOURS = ("family", "load", "radius", "flag", "loss")
 # Neither green nor red, which say what sticks and what slips
@@ -384,22 +385,13 @@ def _read(path: Path, file: Any, max_cells: int, summary: dict[str, Any] | None)
         y_m=(rows + 0.5) * dy_m,
         x_m=(cols + 0.5) * dx_m,
         height_m=z_m,
-        second_m=None if second is None else _everywhere(second[rows][:, cols]),
+        second_m=None if second is None else from_nearest(second[rows][:, cols]),
         sz_m=highest_m - lowest_m,
         cap=usable,
         columns=columns,
         zones=zones,
         pixel_m=np.stack([(col + 0.5) * dx_m, (row + 0.5) * dy_m, pixel_z_m], axis=1),
     )
-
-
-def _everywhere(height_m: np.ndarray) -> np.ndarray:
-    """Return heights with the nearest one at each point that was not measured."""
-    from scipy.ndimage import distance_transform_edt
-
-    missing = np.isnan(height_m)
-    nearest = distance_transform_edt(missing, return_distances=False, return_indices=True)
-    return np.asarray(height_m[tuple(nearest)])
 
 
 def _blocks(dataset: Any) -> Iterator[tuple[int, np.ndarray]]:

@@ -123,7 +123,6 @@ def band_of(
         return None
     if settings.slip.normal_amplitude_ratio > 0.0:
         return None
-    noise_known = noise_known or settings.instrument.noise_m is not None
     by_force = settings.answer.displacement_m is None
     state = _State(answer, by_force, tuple(parts), settings, noise_known)
     try:

@@ -1,7 +1,7 @@
 """Several scans of one place: their mean, and what they differ by, which is noise."""
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations
 
@@ -9,10 +9,12 @@ import numpy as np
 
 from capslip.errors import SettingsError, UnusableSurfaceError
 from capslip.problems import Problem
-from capslip.surface.doubts import refuse_absurd
+from capslip.surface.blocks import means_of_blocks
+from capslip.surface.doubts import HIGHEST_SHARE, refuse_absurd
+from capslip.surface.filling import from_nearest
 from capslip.surface.form import remove_form
 from capslip.surface.heightmap import HeightMap
-from capslip.surface.noise import mixed_difference, rms_of_noise_m
+from capslip.surface.noise import MEDIAN_OF_NORMAL, mixed_difference, rms_of_noise_m
 from capslip.units import percent
 
 BLOCKS = (16, 4, 1)  # pixels along each side, over which heights are averaged to find the place
@@ -20,13 +22,11 @@ LEAST_BLOCKS = 8  # along each side of a map that tells a place
 MAX_STEPS, LONGEST_STEP = 20, 2.0  # blocks
 SAMPLES = 200_000  # points that a place is fitted to
 FAR = 6.0  # standard deviations: points farther off have no say in a fit
-NORMAL = 1.4826  # standard deviation over the median of |x| of a normal distribution
 NORMAL_95 = 1.96  # 95 % of |x| over the standard deviation
 SAME_PIXEL, ROUNDING = 1e-3, 1e-7  # relative
 LEAST_OVERLAP, LEAST_MATCH = 0.5, 0.5
 MOST_TURNED_PIXELS = 1.0  # at a corner
 SPIKE, MOST_SPIKES = 10.0, 0.01  # standard deviations, and share of the points: more are no spikes
-HIGHEST_SHARE = 0.10  # of the points, as the cut keeps them: what touches is among them
 COARSE_BLOCKS, SAME_PLACE = 48, 0.98  # along the shorter side; correlation
 ENOUGH = 100  # differences between neighbours, of which a median says something
 PLANE, FORM, MOVE, TURN = slice(0, 3), slice(3, 6), slice(6, 8), 8  # columns of a fit
@@ -158,7 +158,7 @@ def problems_of_places(scans: Sequence[HeightMap]) -> tuple[Problem, ...]:
 def _coarse(scan: HeightMap) -> np.ndarray:
     block = max(1, min(scan.shape) // COARSE_BLOCKS)
     dy_m, dx_m = scan.pixel_size_m
-    means = HeightMap(_block_means_m(scan.height_m, block), (block * dy_m, block * dx_m))
+    means = HeightMap(means_of_blocks(scan, block, 1), (block * dy_m, block * dx_m))
     try:
         return remove_form(means, "polynomial", degree=4)[0].height_m
     except UnusableSurfaceError:  # too few were measured
@@ -197,17 +197,14 @@ def _in_common(scans: Sequence[HeightMap]) -> tuple[np.ndarray, list[np.ndarray]
     """
     shifts = np.array([(0, 0), *(_shift(scans[0], other) for other in scans[1:])])
     shapes = np.array([one.shape for one in scans])
-    start, stop = (-shifts).max(axis=0), (shapes - shifts).min(axis=0)
-    if ((stop - start) < LEAST_OVERLAP * shapes.max(axis=0)).any():
+    windows = _windows(shapes, shifts)
+    heights_m = [one.height_m[window] for one, window in zip(scans, windows, strict=True)]
+    if (heights_m[0].shape < LEAST_OVERLAP * shapes.max(axis=0)).any():
         names = " and ".join(one.origin.name for one in scans)
         raise UnusableSurfaceError(
             f"{names}: less than {percent(LEAST_OVERLAP)} of the rows or columns are in all of "
             "them; expected scans of one place"
         )
-    heights_m = [
-        one.height_m[tuple(map(slice, start + shift, stop + shift))]
-        for one, shift in zip(scans, shifts, strict=True)
-    ]
     return shifts, heights_m
 
 
@@ -218,63 +215,55 @@ def _shift(first: HeightMap, other: HeightMap) -> np.ndarray:
     """
     moved = np.zeros(2)
     for block in BLOCKS:
-        coarse_m, other_m = (_block_means_m(one.height_m, block) for one in (first, other))
-        if min(coarse_m.shape + other_m.shape) < LEAST_BLOCKS:
+        shapes = np.array([first.shape, other.shape]) // block
+        if shapes.min() < LEAST_BLOCKS:
             continue
+        coarse_m, other_m = (means_of_blocks(one, block, 1) for one in (first, other))
         size_m = (first.pixel_size_m[0] * block, first.pixel_size_m[1] * block)
         for _ in range(MAX_STEPS):
             shift = np.rint(moved / block).astype(int)
-            here, there = _overlap(coarse_m.shape, other_m.shape, shift)
+            here, there = _windows(shapes, np.array([(0, 0), shift]))
             if min(coarse_m[here].shape) < LEAST_BLOCKS:
                 return shift * block
-            fit = _fit(coarse_m[here], other_m[there], size_m)
+            first_m, second_m = coarse_m[here], other_m[there]
+            fit = _fit(second_m - first_m, _columns(first_m, second_m, size_m))
             moved = block * (shift - np.clip(fit[MOVE], -LONGEST_STEP, LONGEST_STEP))
             if (np.rint(moved / block) == shift).all():
                 break
     return np.rint(moved).astype(int)
 
 
-def _overlap(
-    shape: tuple[int, ...], other: tuple[int, ...], shift: np.ndarray
-) -> tuple[tuple[slice, ...], tuple[slice, ...]]:
-    start = np.maximum(-shift, 0)
-    stop = np.maximum(np.minimum(shape, other - shift), start)
-    return tuple(map(slice, start, stop)), tuple(map(slice, start + shift, stop + shift))
+def _windows(shapes: np.ndarray, shifts: np.ndarray) -> list[tuple[slice, ...]]:
+    """Return where each of some maps, shifted so against the first, has the points of them all."""
+    start = (-shifts).max(axis=0)
+    stop = np.maximum((shapes - shifts).min(axis=0), start)
+    return [tuple(map(slice, start + shift, stop + shift)) for shift in shifts]
 
 
-def _block_means_m(height_m: np.ndarray, block: int) -> np.ndarray:
-    """Return means over blocks of pixels that are measured; NaN where none is."""
-    if block == 1:
-        return height_m
-    ny, nx = (n // block for n in height_m.shape)
-    blocks_m = height_m[: ny * block, : nx * block].reshape(ny, block, nx, block)
-    known = ~np.isnan(blocks_m)
-    count = known.sum(axis=(1, 3))
-    total_m = np.where(known, blocks_m, 0.0).sum(axis=(1, 3))
-    return np.divide(total_m, count, out=np.full(count.shape, np.nan), where=count > 0)
-
-
-def _columns(height_m: np.ndarray, pixel_size_m: tuple[float, float]) -> Iterator[np.ndarray]:
-    """Yield what scans differ by beside noise, shapes as of heights or broadcast to it.
+def _columns(
+    first_m: np.ndarray, other_m: np.ndarray, pixel_size_m: tuple[float, float]
+) -> list[np.ndarray]:
+    """Return what scans differ by beside noise, shapes as of heights or broadcast to it.
 
     A plane, a form of the second degree, a move by one pixel along y and x, and a turn.
     """
-    y, x = np.ix_(*(np.linspace(-1.0, 1.0, n) for n in height_m.shape))
-    along_y, along_x = np.gradient(height_m)
-    yield from (np.ones((1, 1)), y, x, y * y, y * x, x * x, along_y, along_x)
-    half = [0.5 * (n - 1) for n in height_m.shape]
+    y, x = np.ix_(*(np.linspace(-1.0, 1.0, n) for n in first_m.shape))
+    mean_m = _mean_m(np.stack([first_m, other_m]))
+    lost = np.isnan(mean_m)
+    along_y, along_x = np.gradient(from_nearest(mean_m) if 0 < lost.sum() < lost.size else mean_m)
+    half = [0.5 * (n - 1) for n in first_m.shape]
     square = pixel_size_m[1] / pixel_size_m[0]
-    yield half[1] * x * square * along_y - half[0] * y / square * along_x
+    turn = half[1] * x * square * along_y - half[0] * y / square * along_x
+    return [np.ones((1, 1)), y, x, y * y, y * x, x * x, along_y, along_x, turn]
 
 
-def _fit(first_m: np.ndarray, other_m: np.ndarray, pixel_size_m: tuple[float, float]) -> np.ndarray:
+def _fit(over_m: np.ndarray, columns: Sequence[np.ndarray]) -> np.ndarray:
     """Fit the columns to what a scan has over the first, shape (9,); far points have no say."""
-    every = max(1, math.isqrt(first_m.size // SAMPLES))
+    every = max(1, math.isqrt(over_m.size // SAMPLES))
     lines = slice(every // 2, None, every)
-    columns = _columns(_together_m(first_m, other_m), pixel_size_m)
-    sampled = [np.broadcast_to(one, first_m.shape)[lines, lines].reshape(-1) for one in columns]
+    sampled = [np.broadcast_to(one, over_m.shape)[lines, lines].reshape(-1) for one in columns]
     matrix = np.stack(sampled, axis=1)
-    over_m = (other_m - first_m)[lines, lines].reshape(-1)
+    over_m = over_m[lines, lines].reshape(-1)
     good = np.isfinite(matrix).all(axis=1) & np.isfinite(over_m)
     scale = np.sqrt(np.square(matrix[good]).sum(axis=0))
     scale[scale == 0.0] = 1.0
@@ -289,36 +278,22 @@ def _fit(first_m: np.ndarray, other_m: np.ndarray, pixel_size_m: tuple[float, fl
 
 def _near(off_m: np.ndarray) -> np.ndarray:
     """Tell which points are no farther off than noise is; of rounded heights half may be exact."""
-    deviation_m = max(NORMAL * np.median(off_m), np.quantile(off_m, 0.95) / NORMAL_95)
+    deviation_m = max(np.median(off_m) / MEDIAN_OF_NORMAL, np.quantile(off_m, 0.95) / NORMAL_95)
     near: np.ndarray = off_m <= FAR * deviation_m
     return near
-
-
-def _together_m(first_m: np.ndarray, other_m: np.ndarray) -> np.ndarray:
-    """Return the mean of two scans, or what one has; where neither has any, what lies nearest."""
-    known, other_known = ~np.isnan(first_m), ~np.isnan(other_m)
-    mean_m = np.where(known, first_m, other_m)
-    np.add(0.5 * first_m, 0.5 * other_m, out=mean_m, where=known & other_known)
-    lost = np.isnan(mean_m)
-    if lost.any() and not lost.all():
-        from scipy.ndimage import distance_transform_edt
-
-        _, nearest = distance_transform_edt(lost, return_indices=True)
-        mean_m = mean_m[tuple(nearest)]
-    return mean_m
 
 
 def _apart(
     first_m: np.ndarray, other_m: np.ndarray, shift: np.ndarray, pixel_size_m: tuple[float, float]
 ) -> _Apart:
-    fit = _fit(first_m, other_m, pixel_size_m)
-    columns = _columns(_together_m(first_m, other_m), pixel_size_m)
+    over_m, columns = other_m - first_m, _columns(first_m, other_m, pixel_size_m)
+    fit = _fit(over_m, columns)
     parts_m = [share * one for share, one in zip(fit, columns, strict=True)]
     plane_m, form_m = (np.asarray(sum(parts_m[some])) for some in (PLANE, FORM))
     dy, dx = shift - fit[MOVE]
     return _Apart(
         plane_m=plane_m,
-        noise_m=other_m - first_m - sum(parts_m),
+        noise_m=over_m - sum(parts_m),
         bow_m=float(np.std(form_m)),
         moved_pixels=(float(dy), float(dx)),
         turn_rad=float(fit[TURN]),
@@ -359,7 +334,7 @@ def _leave_out_spikes(level_m: np.ndarray, noise_m: np.ndarray) -> int:
     off_m = np.abs(noise_m[:, every] - np.median(noise_m[:, every], axis=0))
     if not off_m.any():
         return 0
-    spike = off_m > SPIKE * NORMAL * np.median(off_m[off_m > 0.0])
+    spike = off_m > SPIKE * np.median(off_m[off_m > 0.0]) / MEDIAN_OF_NORMAL
     if spike.mean() > MOST_SPIKES:
         return 0
     for heights_m in (level_m, noise_m):

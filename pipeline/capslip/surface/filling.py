@@ -192,3 +192,13 @@ def _interpolated(way: str, mesh: object, z_m: np.ndarray, at: np.ndarray) -> np
     unit_m = float(np.ptp(z_m)) or 1.0
     found: np.ndarray = unit_m * of(mesh, z_m / unit_m)(at)
     return found
+
+
+def from_nearest(height_m: np.ndarray) -> np.ndarray:
+    """Return heights with the nearest one at each point that was not measured; one is at least."""
+    from scipy.ndimage import distance_transform_edt
+
+    nearest = distance_transform_edt(
+        np.isnan(height_m), return_distances=False, return_indices=True
+    )
+    return np.asarray(height_m[tuple(nearest)])

@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 
 from capslip.problems import Problem
+from capslip.surface.filling import from_nearest
 from capslip.surface.form import remove_form
 from capslip.surface.heightmap import HeightMap, Heights, Rounding
 from capslip.surface.noise import mixed_difference, rms_of_noise_m
@@ -145,10 +146,7 @@ def _within(stored_m: np.ndarray, step_m: float) -> np.ndarray:
     lost = np.isnan(stored_m)
     height_m, least_m, most_m = stored_m, stored_m - 0.5 * step_m, stored_m + 0.5 * step_m
     if lost.any():
-        from scipy.ndimage import distance_transform_edt
-
-        _, nearest = distance_transform_edt(lost, return_indices=True)
-        height_m = stored_m[tuple(nearest)]
+        height_m = from_nearest(stored_m)
         least_m, most_m = np.where(lost, -np.inf, least_m), np.where(lost, np.inf, most_m)
     for spacing in SPACINGS:
         for _ in range(TURNS):
