@@ -32,8 +32,6 @@ from capslip.surface.seams import levels_m, tilts_m
 from capslip.units import percent
 
 OF_THE_HEIGHTS = ("hole_may_hide_hills", "outline_assumed", "clipped", "heights_in_steps")
-# Judged at all forces: rounding left 19 % where this says 8, as caps are moved each for itself
-AT_ALL_FORCES = ("heights_in_steps",)
 FIRM = ("outliers_removed", "points_filled")
 JACKKNIFED = "points_filled"  # by maps that lack a part of its points each
 ASK_MAP = 0.2  # of the tolerance: what may move more is pressed on the map, too
@@ -365,15 +363,14 @@ def _as_severe(
     if moved is None:
         return replace(problem, severity="warning") if unknown_matters else problem
     effect = moved.effect
-    asked = effect.greatest if problem.code in AT_ALL_FORCES else moved.asked
-    moves = firm or asked > tolerance or moved.approach > VISIBLE_FORM
+    moves = firm or moved.asked > tolerance or moved.approach > VISIBLE_FORM
     said = f"the stiffness by {effect.tangential_stiffness:.1%}, the energy by "
     if effect.energy is None:
         said += f"{moved.hidden:.1%} at most, no more than pixels leave in it"
     else:
         said += f"{effect.energy:.1%}"
-    if asked <= tolerance < effect.greatest:
-        said += f", by no more than {asked:.1%} from {percent(least_share)} of gross slip on"
+    if moved.asked <= tolerance < effect.greatest:
+        said += f", by no more than {moved.asked:.1%} from {percent(least_share)} of gross slip on"
     if effect.energy is not None and moved.hidden > max(moved.asked, tolerance):
         said += f", and by {moved.hidden:.1%} where pixels leave as much"
     said += f", the approach by {moved.approach:.1%}" if moved.approach else ""
