@@ -328,10 +328,12 @@ def average(scans: tuple[Path, ...], out: Path | None, quiet: bool, **options: A
     path = out or Path(f"{scans[0].stem}-mean.h5")
     refuse_file(path, "h5")
     say = Progress(quiet, options["verbose"])
-    found = run([_load(scan, settings, say) for scan in scans])
-    write_whole(path, lambda unfinished: write_hdf5(found.surface, unfinished))
+    maps = [_load(scan, settings, say) for scan in scans]
+    found, names = run(maps), [scan.name for scan in scans]
+    of = [f"{name} (SHA-256 {one.origin.sha256})" for name, one in zip(names, maps, strict=True)]
+    write_whole(path, lambda unfinished: write_hdf5(found.surface, unfinished, mean_of=of))
     if not quiet:
-        say_result(to_width(average_lines(found, [scan.name for scan in scans], path)))
+        say_result(to_width(average_lines(found, names, path)))
 
 
 @main.command()

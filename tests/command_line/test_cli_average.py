@@ -2,13 +2,16 @@
 
 import json
 from dataclasses import replace
+from pathlib import Path
 
+import h5py
 import numpy as np
 import pytest
 from click.testing import CliRunner
 
 from capslip.analysis import analyze_scans
 from capslip.cli import main
+from capslip.provenance import sha256_of
 from capslip.settings import load_settings
 from capslip.studies.faces.synthetic import Scene, synthetic_surface
 from capslip.surface.average import average
@@ -61,7 +64,19 @@ def test_the_mean_is_written_with_its_noise_and_told(scans, tmp_path):
     assert "-0.00" not in ran.stdout
     assert "0.00 pixels along y, 0.00 along x" in ran.stdout
     assert not {"left", "bow"} & set(told)
+    with h5py.File("a-mean.h5") as file:
+        of = list(file["height"].attrs["mean_of"])
+    assert of == [f"{name} (SHA-256 {sha256_of(tmp_path / name)})" for name in scans]
     assert sorted(one.name for one in tmp_path.iterdir()) == ["a-mean.h5", *scans]
+
+
+def test_a_mean_names_scans_of_odd_bytes(scans):
+    odd = "b\udce9\x1b.h5"  # a name in Latin-1, which a file of another system may have
+    Path("b.h5").rename(odd)
+    assert run("average", "a.h5", odd, "-o", "mean.h5").exit_code == 0
+    with h5py.File("mean.h5") as file:
+        assert file["height"].attrs["mean_of"][1].startswith(r"b\udce9\x1b.h5 (SHA-256 ")
+    assert load_surface("mean.h5").noise_m > 0.0
 
 
 def test_spikes_and_bows_are_told_where_there_are_any(scans):

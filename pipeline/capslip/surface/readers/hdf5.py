@@ -8,14 +8,20 @@ import json
 import math
 import mmap
 import struct
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from capslip.errors import OutputError, SettingsError, UncalibratedError, UnreadableFileError
+from capslip.errors import (
+    OutputError,
+    SettingsError,
+    UncalibratedError,
+    UnreadableFileError,
+    printable,
+)
 from capslip.surface.heightmap import HeightMap
 from capslip.surface.readers.arrays import stored_array
 from capslip.surface.readers.choice import shown
@@ -45,6 +51,7 @@ def write_hdf5(
     path: str | Path,
     *,
     truth: dict[str, Any] | None = None,
+    mean_of: Sequence[str] = (),
     unit: str = "m",
     dtype: str = "float64",
 ) -> None:
@@ -58,6 +65,8 @@ def write_hdf5(
         The file; an existing one is replaced.
     truth : dict, optional
         What is known of a synthetic surface, stored as JSON text in the dataset `/truth`.
+    mean_of : sequence of str
+        The scans whose mean it is, for the record: the attribute `mean_of`.
     unit : {"m", "mm", "um", "nm"}
         Unit of the stored heights.
     dtype : {"float64", "float32"}
@@ -88,6 +97,8 @@ def write_hdf5(
             dataset.attrs["pixel_unit"] = "m"
             if surface.noise_m is not None:
                 dataset.attrs["noise_m"] = surface.noise_m
+            if mean_of:
+                dataset.attrs["mean_of"] = list(map(printable, mean_of))
             if truth is not None:
                 file["truth"] = json.dumps(truth)
     except OSError as error:
