@@ -133,11 +133,11 @@ def test_noise_without_correlation_is_the_white_one_and_long_noise_is_a_shift(cl
         path.at(share)
     _, white, short, *_ = loss_noise_per_m(path, (0, 0.1))
     assert short == pytest.approx(white, rel=1e-6)
-    cap = pressed(0.0, CAP)
+    cap = pressed(0.0, replace(CAP, shape=(60, 60), pixel_size_m=(2e-4, 2e-4)))
     path = Path(cap.solutions.face, cap.pressed(LOAD_N), 1e-9, on_patches=True)
     for share in (*SHARES, 0.75):
         path.at(share)
-    _, near, long = loss_noise_per_m(path, (8, 200))
+    _, near, long = loss_noise_per_m(path, (4, 100))
     assert (long < 0.05 * near).all()
 
 
