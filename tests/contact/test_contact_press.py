@@ -1,5 +1,6 @@
 """The pressed face: what it says of a model that was forced, and of the bulk term."""
 
+import math
 from dataclasses import replace
 
 import numpy as np
@@ -77,16 +78,27 @@ def test_where_interacting_caps_fail_the_error_of_a_lower_rung_is_not_known(monk
     assert "not known (no equilibrium)" in messages(analysis)["model_doubtful"]
 
 
+# 150 contacts spread over the face are stiffer than the half-space under an even pressure
+SPREAD = [(2e-3 + 4e-3 * i, 2e-3 + 4e-3 * j, 2.0, 0.0) for i in range(15) for j in range(10)]
+
+
+def test_a_bulk_term_that_the_greatest_load_of_a_cycle_leaves_nothing_of_is_kept():
+    given = ("contact.preload_N=11000", "contact.model=interacting")
+    constant = run(*given, caps=SPREAD, by=analyze_once)
+    assert not constant.contact.bulk
+    varied = run(*given, "slip.normal_amplitude_ratio=0.5", caps=SPREAD, by=analyze_once)
+    assert "bulk_kept" in messages(varied)
+    assert math.isfinite(varied.summary()["slip"]["total_slip_displacement_m"])
+
+
 def test_a_bulk_term_that_cannot_be_taken_out_is_said():
-    # 150 contacts spread over the face are stiffer than the half-space under an even pressure
-    grid = [(2e-3 + 4e-3 * i, 2e-3 + 4e-3 * j, 2.0, 0.0) for i in range(15) for j in range(10)]
     given = ("contact.preload_N=60000", "contact.model=interacting")
-    kept = run(*given, caps=grid, by=analyze_once)
+    kept = run(*given, caps=SPREAD, by=analyze_once)
     assert kept.contact.bulk
     assert "bulk_kept" in messages(kept)
     assert kept.contact.approach_m < kept.contact.bulk_m
     assert kept.summary()["contact"]["approach_without_bulk_m"] is None
-    asked = run(*given, "contact.bulk=true", caps=grid, by=analyze_once)
+    asked = run(*given, "contact.bulk=true", caps=SPREAD, by=analyze_once)
     assert "bulk_kept" not in messages(asked)
     without = run("contact.preload_N=100")
     assert not without.contact.bulk

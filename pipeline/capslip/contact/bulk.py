@@ -137,9 +137,17 @@ def bulk_compliance_m_per_N(side_m: tuple[float, float], E_star_Pa: float) -> fl
 
 
 def without_bulk(
-    curve: NormalCurve, bulk_m_per_N: float, preload_N: float
+    curve: NormalCurve, bulk_m_per_N: float, load_N: float
 ) -> tuple[NormalCurve, bool]:
     """Take the bulk sinking out of a curve, unless nothing would be left of its compliance.
+
+    Parameters
+    ----------
+    curve : NormalCurve
+    bulk_m_per_N : float
+        Compliance of the bulk.
+    load_N : float
+        The greatest at which the curve is asked.
 
     Returns
     -------
@@ -148,8 +156,8 @@ def without_bulk(
     """
     rest = in_series(curve, -bulk_m_per_N)
     try:
-        # The compliance falls with the load: what holds at the preload holds below it.
-        approach_m = rest.approach_m(preload_N)
+        # The compliance falls with the load: what holds under the greatest holds below it.
+        approach_m = rest.approach_m(load_N)
         stiffness_N_per_m = rest.stiffness_N_per_m(approach_m)
         left = bool(np.all((approach_m > rest.touch_m) & (stiffness_N_per_m > 0.0)))
     except ContactError:

@@ -188,7 +188,8 @@ def press(
         bulk_m_per_N = bulk_of_face_m_per_N(surface, joint.E_star_Pa)
         bulk_m = bulk_m_per_N * preload_N
         if not bulk:
-            curve, bulk = without_bulk(normal, bulk_m_per_N, preload_N)
+            greatest_N = preload_N * (1.0 + settings.slip.normal_amplitude_ratio)  # of a cycle
+            curve, bulk = without_bulk(normal, bulk_m_per_N, greatest_N)
             problems += _of_bulk(bulk_m, approach_m, bulk_m_per_N, curve, preload_N, kept=bulk)
     problems += _closes(found, surface)
     of_slip = () if model.problems is None else model.problems(normal, preload_N)
