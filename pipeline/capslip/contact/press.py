@@ -188,8 +188,7 @@ def press(
         bulk_m_per_N = bulk_of_face_m_per_N(surface, joint.E_star_Pa)
         bulk_m = bulk_m_per_N * preload_N
         if not bulk:
-            greatest_N = preload_N * (1.0 + settings.slip.normal_amplitude_ratio)  # of a cycle
-            curve, bulk = without_bulk(normal, bulk_m_per_N, greatest_N)
+            curve, bulk = without_bulk(normal, bulk_m_per_N, _greatest_N(settings))
             problems += _of_bulk(bulk_m, approach_m, bulk_m_per_N, curve, preload_N, kept=bulk)
     problems += _closes(found, surface)
     of_slip = () if model.problems is None else model.problems(normal, preload_N)
@@ -349,6 +348,11 @@ def _closes(found: Contacts, surface: HeightMap) -> list[Problem]:
         "rests on its tops, as under far too great a load or with heights or pixels in a wrong unit"
     )
     return [Problem("face_closes", "warning", message)]
+
+
+def _greatest_N(settings: Settings) -> float:
+    """Return the greatest load of a cycle."""
+    return settings.contact.preload_N * (1.0 + settings.slip.normal_amplitude_ratio)
 
 
 def _of_bulk(
