@@ -14,7 +14,7 @@ from capslip.contact.press import ContactState
 from capslip.contact.rung import rung
 from capslip.contact.scans import curve_of_scans, kappa_of_scans
 from capslip.contact.slip import SlipCurve, slip_curve
-from capslip.contact.varying_load import varying
+from capslip.contact.varying_load import greatest_over_mean, varying
 from capslip.doubts import problems_of
 from capslip.errors import ContactError, SettingsError
 from capslip.problems import Problem
@@ -142,7 +142,7 @@ def analyze_families(settings: Settings) -> JointResult:
     families = given_families(settings)
     with clock("contact"):
         joint, contact = press_families(families, settings)
-    curve = contact.curve_after(joint.preload_N * (1.0 + settings.slip.normal_amplitude_ratio))
+    curve = contact.curve_after(joint.preload_N * greatest_over_mean(settings.slip))
     problems = [*material_doubts(settings.material), *problems_of_structure(settings.structure)]
     pressed = JointResult(
         settings=settings,

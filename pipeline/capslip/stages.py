@@ -30,7 +30,7 @@ from capslip.contact.levelling import UNSETTLED, Level, TogetherError, find_leve
 from capslip.contact.press import ContactState, press
 from capslip.contact.rung import ModelError, Rung, rung
 from capslip.contact.slip import SlipCurve, slip_curve
-from capslip.contact.varying_load import varying
+from capslip.contact.varying_load import greatest_over_mean, varying
 from capslip.errors import ContactError, TipsOverError
 from capslip.problems import Problem, Severity
 from capslip.settings import Conditioning, Settings
@@ -149,7 +149,7 @@ def press_face(
     with clock("slip"):
         contact = with_direction(contact, caps, face.conditioned.surface, settings)
         friction, kappa = settings.material.friction_coefficient, contact.composite.kappa
-        patches = face.joint.loaded(contact, 1.0 + settings.slip.normal_amplitude_ratio)
+        patches = face.joint.loaded(contact, greatest_over_mean(settings.slip))
         curve = face.joint.curve_of(patches)
         slip = varying(slip_curve(curve, face.joint.preload_N, friction, kappa), settings.slip)
         doubts = problems_of_patches(face.joint, patches, settings.contact.tolerance)

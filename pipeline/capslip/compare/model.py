@@ -19,7 +19,7 @@ from capslip.contact.press import press
 from capslip.contact.reach import reachable
 from capslip.contact.rung import rung
 from capslip.contact.slip import slip_curve
-from capslip.contact.varying_load import varying
+from capslip.contact.varying_load import greatest_over_mean, varying
 from capslip.errors import UnreadableFileError
 from capslip.output.staging import SUMMARY, read_summary
 from capslip.settings import Settings, SlipSettings, load_settings
@@ -159,7 +159,7 @@ def load_model(result: str | Path) -> tuple[JointModel, Settings]:
     composed = composite(material.youngs_modulus_Pa, material.poisson_ratio)
     whole = joint_of(settings, surface)
     law = yield_law(material)
-    greatest = 1.0 + settings.slip.normal_amplitude_ratio  # of a cycle, over the preload
+    greatest = greatest_over_mean(settings.slip)
 
     @cache
     def curve(preload_N: float) -> NormalCurve:

@@ -19,6 +19,7 @@ from capslip.contact.map_accuracy import ASKED
 from capslip.contact.material import Composite, composite
 from capslip.contact.rung import Contacts, ModelError, Rung, Scene, rung
 from capslip.contact.solvers.hertz import contact_radius_m
+from capslip.contact.varying_load import greatest_over_mean
 from capslip.errors import ContactError
 from capslip.problems import Effect, Problem, Severity
 from capslip.settings import Settings
@@ -186,9 +187,9 @@ def press(
     curve, bulk_m, bulk = normal, 0.0, settings.contact.bulk
     if model.holds_bulk:
         bulk_m_per_N = bulk_of_face_m_per_N(surface, joint.E_star_Pa)
-        bulk_m = bulk_m_per_N * preload_N
+        bulk_m, greatest = bulk_m_per_N * preload_N, greatest_over_mean(settings.slip)
         if not bulk:
-            curve, bulk = without_bulk(normal, bulk_m_per_N, _greatest_N(settings))
+            curve, bulk = without_bulk(normal, bulk_m_per_N, greatest * preload_N)
             problems += _of_bulk(bulk_m, approach_m, bulk_m_per_N, curve, preload_N, kept=bulk)
     problems += _closes(found, surface)
     of_slip = () if model.problems is None else model.problems(normal, preload_N)
@@ -348,11 +349,6 @@ def _closes(found: Contacts, surface: HeightMap) -> list[Problem]:
         "rests on its tops, as under far too great a load or with heights or pixels in a wrong unit"
     )
     return [Problem("face_closes", "warning", message)]
-
-
-def _greatest_N(settings: Settings) -> float:
-    """Return the greatest load of a cycle."""
-    return settings.contact.preload_N * (1.0 + settings.slip.normal_amplitude_ratio)
 
 
 def _of_bulk(

@@ -32,6 +32,11 @@ NODES = 72  # forces at which cycles are followed; between them W^(1/3) is inter
 LEAST_SHARE = 1e-4  # of the force at gross slip: below it W is in proportion to T^3 or T^2
 
 
+def greatest_over_mean(settings: "SlipSettings") -> float:
+    """Return the greatest load of a cycle over the preload."""
+    return 1.0 + settings.normal_amplitude_ratio
+
+
 def varying(slip: SlipCurve, settings: "SlipSettings") -> SlipCurve:
     """Return the slip of a joint whose normal load oscillates as the settings say, if it does.
 
