@@ -1,17 +1,22 @@
 """Slip under an oscillating normal load: closed forms, and springs followed step by step."""
 
 import math
+from pathlib import Path
 
 import numpy as np
 import pytest
 
-from capslip.analysis import analyze_families
+from capslip.analysis import analyze_families, analyze_once
 from capslip.contact.models.families import families
+from capslip.contact.models.interacting import InteractingCurve, interacting
 from capslip.contact.slip import slip_curve
 from capslip.contact.varying_load import VaryingSlip, varying
 from capslip.errors import SettingsError
 from capslip.settings import SlipSettings, load_settings
 from capslip.structure.jenkins import jenkins
+from capslip.surface.readers import load_surface
+
+FACE = Path(__file__).parents[2] / "sample_surfaces" / "paper_face_a.h5"
 
 MU, KAPPA, PRELOAD_N = 0.2, 1.2143, 460.37
 TWO = families((5, 18), (23.8, 26.7), (0, 2.4e-7), 109.89e9)
@@ -100,6 +105,39 @@ def test_losses_of_a_tenth_more_and_less_load(phase_rad, times):
     T = SHARES * CONSTANT.total_slip_force_N
     got = under(0.1, phase_rad).energy_at_force_J(T) / CONSTANT.energy_at_force_J(T)
     np.testing.assert_allclose(got, times, atol=0.01)
+
+
+def test_caps_that_act_on_one_another_are_solved_at_few_loads(monkeypatch):
+    rng = np.random.default_rng(11)
+    place_m = rng.uniform(0.0, 0.06, (2, 40))
+    depth_m = rng.uniform(0.0, 3e-7, 40)
+    curve = interacting(np.full(40, 20.0), depth_m, *place_m, 109.89e9)
+    asked = []
+    withdrawal_m = InteractingCurve.withdrawal_m
+    monkeypatch.setattr(
+        InteractingCurve,
+        "withdrawal_m",
+        lambda *given: asked.append(np.size(given[-1])) or withdrawal_m(*given),
+    )
+    slip = under(0.3, 0.7, slip_curve(curve, 300.0, MU, KAPPA))
+    slip.energy_at_force_J(0.2 * slip.total_slip_force_N)
+    assert sum(asked) < 3000  # of 70,000
+    top_m = float(curve.approach_m(390.0))
+    share = np.append(rng.uniform(0.0, 1.0, 200), [0.0, 1e-9, 1e-5, 1.0])
+    exact_m = withdrawal_m(curve, top_m, 390.0 * share)
+    found_m = slip._withdrawal_m(1.0 - np.cbrt(1.0 - share))
+    np.testing.assert_allclose(found_m, exact_m, rtol=1e-6, atol=2e-7 * exact_m[-1])
+    np.testing.assert_allclose(found_m[-3:-1], exact_m[-3:-1], rtol=1e-7)
+
+
+def test_the_model_and_its_error_are_those_of_the_constant_load():
+    face = load_surface(FACE)
+    still, moved = (
+        analyze_once(face, load_settings(overrides=more)).contact
+        for more in ((), ("slip.normal_amplitude_ratio=0.1",))
+    )
+    assert moved.model == still.model == "interacting"
+    assert moved.estimated_error == pytest.approx(still.estimated_error, rel=1e-9)
 
 
 def test_an_analysis_answers_for_the_oscillating_load():

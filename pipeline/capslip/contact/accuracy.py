@@ -19,7 +19,6 @@ from capslip.contact.reach import reachable
 from capslip.contact.rung import ModelError, Scene
 from capslip.contact.slip import slip_curve
 from capslip.contact.solvers.hertz import contact_radius_m
-from capslip.contact.varying_load import greatest_over_mean
 from capslip.errors import ContactError, UnusableSurfaceError
 from capslip.settings import Settings
 from capslip.surface.form import floor_slopes
@@ -122,8 +121,7 @@ def _as_slip_uses(curve: NormalCurve, surface: HeightMap, settings: Settings) ->
     material = settings.material
     E_star_Pa = composite(material.youngs_modulus_Pa, material.poisson_ratio).E_star_Pa
     bulk_m_per_N = bulk_of_face_m_per_N(surface, E_star_Pa)
-    greatest_N = greatest_over_mean(settings.slip) * settings.contact.preload_N
-    return without_bulk(curve, bulk_m_per_N, greatest_N)[0]
+    return without_bulk(curve, bulk_m_per_N, settings.contact.preload_N)[0]
 
 
 def error_of_caps(
