@@ -23,6 +23,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from capslip.contact.slip import SlipCurve
+from capslip.contact.solvers.refined_spline import refined_spline
 from capslip.errors import SettingsError
 
 if TYPE_CHECKING:
@@ -32,7 +33,7 @@ STEPS = 240  # of one cycle: W to 2e-4 of itself
 NODES = 72  # forces at which cycles are followed; between them W^(1/3) is interpolated
 LEAST_SHARE = 1e-4  # of the force at gross slip: below it W is in proportion to T^3 or T^2
 WITHDRAWN = 1e-7  # of the withdrawal at no load, to which it is known at any load
-_FIRST, _SMALL, _HALVINGS = 64, 24, 8  # loads at which it is solved; halvings of their intervals
+LOADS, SMALL_DROPS = 64, 24  # at which it is solved first
 
 
 def greatest_over_mean(settings: "SlipSettings") -> float:
@@ -125,30 +126,17 @@ class VaryingSlip(SlipCurve):
         """Withdrawal from the top over u = 1 - (1 - drop / greatest load)^(1/3).
 
         All cycles together ask at some 60,000 loads, each of them one solution for caps that act
-        on one another. In u it is smooth up to no load, but where single caps let go, so a few
-        hundred are solved, the nearer the less a cubic spline agrees with what lies between.
+        on one another. In u it is smooth up to no load.
         """
-        from scipy.interpolate import CubicSpline
-
         greatest_N, top_m = self._top
 
         def solved_m(u: np.ndarray) -> np.ndarray:
             return np.asarray(self.curve.withdrawal_m(top_m, greatest_N * (1.0 - (1.0 - u) ** 3)))
 
-        few = np.linspace(0.0, 1.0, _FIRST + 1)
-        u = np.union1d(few, np.geomspace(1e-6, few[1], _SMALL))  # W of little slip is a difference
-        below_m, low, high = solved_m(u), u[:-1], u[1:]
-        for _ in range(_HALVINGS):
-            middle = (low + high) / 2.0
-            if middle.size == 0:
-                break
-            found_m = solved_m(middle)
-            off = np.abs(CubicSpline(u, below_m)(middle) - found_m) > WITHDRAWN * below_m[-1]
-            order = np.argsort(np.append(u, middle))
-            u, below_m = np.append(u, middle)[order], np.append(below_m, found_m)[order]
-            low, middle, high = low[off], middle[off], high[off]
-            low, high = np.append(low, middle), np.append(middle, high)
-        return CubicSpline(u, below_m)
+        u = np.linspace(0.0, 1.0, LOADS + 1)
+        # The energy of little slip is a small difference
+        u = np.union1d(u, np.geomspace(1e-6, u[1], SMALL_DROPS))
+        return refined_spline(solved_m, u, WITHDRAWN)
 
     @cached_property
     def _table(self) -> np.ndarray:

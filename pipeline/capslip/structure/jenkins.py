@@ -1,14 +1,21 @@
 """The slip curve as a few parallel Jenkins elements, for finite-element codes."""
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
 from capslip.contact.slip import SlipCurve
+from capslip.contact.solvers.refined_spline import refined_spline
 from capslip.contact.varying_load import VaryingSlip
 from capslip.errors import OutputError, SettingsError
+
+# Of the tolerance, to which T / delta, W^(1/3) / delta and T' are known at any displacement. T' at
+# the border of two cells only tells to which of them sliders belong that move there.
+SOLVED = np.array((1e-4, 1e-4, 0.1))
+DISPLACEMENTS, SMALL_DISPLACEMENTS = 64, 16  # at which it is solved first
 
 
 @dataclass(frozen=True, eq=False)
@@ -111,13 +118,15 @@ def jenkins(
             f"jenkins: smallest_displacement_m: got {smallest_displacement_m:g}; expected above 0 "
             f"and below {total_m:g} m, the displacement at gross slip"
         )
+    answers = _answers(slip, smallest_displacement_m, total_m, tolerance)
     delta_m = _borders(smallest_displacement_m, total_m, tolerance)
-    stiffness_N_per_m, slip_m = _sliders(slip, delta_m, tolerance)
+    start_N_per_m = float(slip.stiffness_N_per_m(0.0))
+    stiffness_N_per_m, slip_m = _sliders(answers, start_N_per_m, delta_m, tolerance)
     return JenkinsElements(
         stiffness_N_per_m=stiffness_N_per_m,
         slip_force_N=stiffness_N_per_m * slip_m,
         smallest_displacement_m=smallest_displacement_m,
-        energy_error=_energy_error(slip, stiffness_N_per_m, slip_m, delta_m),
+        energy_error=_energy_error(answers, stiffness_N_per_m, slip_m, delta_m),
     )
 
 
@@ -175,14 +184,42 @@ def _borders(smallest_m: float, total_m: float, tolerance: float) -> np.ndarray:
     return np.union1d(from_zero_m, from_total_m[from_total_m > smallest_m])
 
 
+def _answers(
+    slip: SlipCurve, smallest_m: float, total_m: float, tolerance: float
+) -> Callable[[np.ndarray], tuple[np.ndarray, np.ndarray, np.ndarray]]:
+    """Return force, energy and stiffness over displacements between two.
+
+    They are asked for at some 2,000, each of them one solution for caps that act on one another.
+    T / delta, W^(1/3) / delta and T' are smooth in u = 1 - sqrt(1 - delta / total), from rest to
+    total slip.
+    """
+
+    def solved(u: np.ndarray) -> np.ndarray:
+        delta_m = total_m * (1.0 - (1.0 - u) ** 2)
+        T_N, W_J = slip.force_N(delta_m), slip.energy_J(delta_m)
+        return np.stack((T_N / delta_m, np.cbrt(W_J) / delta_m, slip.stiffness_N_per_m(delta_m))).T
+
+    u = np.linspace(0.0, 1.0, DISPLACEMENTS + 1)
+    small = np.geomspace(1.0 - math.sqrt(1.0 - smallest_m / total_m), u[1], SMALL_DISPLACEMENTS)
+    curve = refined_spline(solved, np.union1d(small, u[u > small[0]]), SOLVED * tolerance)
+
+    def answers(delta_m: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        secant, root, slope = curve(1.0 - np.sqrt(np.maximum(1.0 - delta_m / total_m, 0.0))).T
+        return secant * delta_m, (root * delta_m) ** 3, slope
+
+    return answers
+
+
 def _sliders(
-    slip: SlipCurve, delta_m: np.ndarray, tolerance: float
+    answers: Callable[[np.ndarray], tuple[np.ndarray, np.ndarray, np.ndarray]],
+    start_N_per_m: float,
+    delta_m: np.ndarray,
+    tolerance: float,
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return stiffness and slip displacement of the sliders, two for each cell."""
-    border_m = np.concatenate([[0.0], delta_m])
-    T_N, W_J = slip.force_N(border_m), slip.energy_J(border_m)
-    slope = np.array(slip.stiffness_N_per_m(border_m))
-    slope[-1] = 0.0  # at total slip every slider moves
+    T_N, W_J, slope = (np.append(0.0, one) for one in answers(delta_m))
+    border_m = np.append(0.0, delta_m)
+    slope[[0, -1]] = start_N_per_m, 0.0  # at total slip every slider moves
     # Integrals of -T'', -T'' s and -T'' s^2 from zero to every border, by parts.
     first = T_N - border_m * slope
     second = border_m * first - W_J / 4
@@ -237,7 +274,10 @@ def _two_sliders(border_m: np.ndarray, moments: np.ndarray, start: int, stop: in
 
 
 def _energy_error(
-    slip: SlipCurve, stiffness_N_per_m: np.ndarray, slip_m: np.ndarray, delta_m: np.ndarray
+    answers: Callable[[np.ndarray], tuple[np.ndarray, np.ndarray, np.ndarray]],
+    stiffness_N_per_m: np.ndarray,
+    slip_m: np.ndarray,
+    delta_m: np.ndarray,
 ) -> float:
     """Return the largest relative error, at given displacement and at given force.
 
@@ -246,10 +286,10 @@ def _energy_error(
     """
     delta_m = np.union1d(delta_m, slip_m[slip_m > delta_m[0]])
     delta_m = np.union1d(delta_m, (delta_m[1:] + delta_m[:-1]) / 2)
-    exact_J = slip.energy_J(delta_m)
+    exact_N, exact_J, _ = answers(delta_m)
     knot_m = np.concatenate([[0.0], slip_m])
     knot_N = _force_N(stiffness_N_per_m, slip_m, knot_m)
-    at_force_m = np.interp(slip.force_N(delta_m), knot_N, knot_m)
+    at_force_m = np.interp(exact_N, knot_N, knot_m)
     wrong_J = np.abs(
         _energy_J(stiffness_N_per_m, slip_m, np.stack([delta_m, at_force_m])) - exact_J
     )

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 from capslip.contact.material import check_modulus
 from capslip.errors import ContactError, SettingsError
 
-KEPT = 512  # approaches whose compressions stay known: a joint has some hundred patches
+KEPT = 1024  # approaches whose compressions stay known: of a joint, or of the bed of a law
 _AT_ONCE = 1_000_000  # pairs of rows
 
 
