@@ -221,7 +221,8 @@ class BoundaryElementCurve:
             message = (
                 f"{self.solutions.time_limit_s:g} s of contact.time_limit_s were over after "
                 f"{len(unloading.solved_load_N) - 1} loads below the preload: between them the "
-                f"energy per cycle may be off by {off:.1%}"
+                f"energy per cycle may be off by {off:.1%}, and what the finest detail of the map "
+                "decides is not known"
             )
             found.append(Problem("time_limit_reached", "warning", message, Effect(None, off, off)))
         return tuple(found)
