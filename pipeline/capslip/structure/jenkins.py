@@ -104,6 +104,8 @@ def jenkins(
             "(slip.normal_amplitude_ratio = 0)"
         )
     total_m = float(slip.total_slip_displacement_m)
+    if total_m > 0:  # a map may stand higher between its pixels than at the highest of them
+        total_m = max(total_m, float(slip.displacement_m(slip.total_slip_force_N)))
     if not 0.005 <= tolerance <= 0.5:
         raise SettingsError(f"jenkins: tolerance: got {tolerance:g}; expected 0.005 to 0.5")
     if not total_m > 0:
@@ -120,8 +122,8 @@ def jenkins(
         )
     answers = _answers(slip, smallest_displacement_m, total_m, tolerance)
     delta_m = _borders(smallest_displacement_m, total_m, tolerance)
-    start_N_per_m = float(slip.stiffness_N_per_m(0.0))
-    stiffness_N_per_m, slip_m = _sliders(answers, start_N_per_m, delta_m, tolerance)
+    of_joint = float(slip.stiffness_N_per_m(0.0)), float(slip.total_slip_force_N)
+    stiffness_N_per_m, slip_m = _sliders(answers, *of_joint, delta_m, tolerance)
     return JenkinsElements(
         stiffness_N_per_m=stiffness_N_per_m,
         slip_force_N=stiffness_N_per_m * slip_m,
@@ -213,24 +215,24 @@ def _answers(
 def _sliders(
     answers: Callable[[np.ndarray], tuple[np.ndarray, np.ndarray, np.ndarray]],
     start_N_per_m: float,
+    slip_force_N: float,
     delta_m: np.ndarray,
     tolerance: float,
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return stiffness and slip displacement of the sliders, two for each cell."""
     T_N, W_J, slope = (np.append(0.0, one) for one in answers(delta_m))
     border_m = np.append(0.0, delta_m)
+    T_N[-1] = slip_force_N
     slope[[0, -1]] = start_N_per_m, 0.0  # at total slip every slider moves
-    # Integrals of -T'', -T'' s and -T'' s^2 from zero to every border, by parts.
-    first = T_N - border_m * slope
-    second = border_m * first - W_J / 4
+    first, second = _moments(border_m, T_N, W_J, slope)
     moments = np.stack([slope[0] - slope, first, second])
 
-    def fits(sliders: np.ndarray, start: int, stop: int) -> bool:
+    def fits(sliders: np.ndarray, start: int, stop: int, free_N_per_m: float) -> bool:
         """Whether the sliders of a cell lose the right energy all over it."""
         inside = slice(max(start, 1), stop)
         # Force is linear between borders and sliders, and exact at the borders.
         knot_m = np.concatenate([border_m[[start]], sliders[1], border_m[[stop]]])
-        stuck_N_per_m = slope[start] - sliders[0].sum()
+        stuck_N_per_m = start_N_per_m - free_N_per_m - sliders[0].sum()
         knot_N = first[start] + stuck_N_per_m * knot_m + _force_N(sliders[0], sliders[1], knot_m)
         at_force_m = np.interp(T_N[inside], knot_N, knot_m)
         trial_m = np.stack([border_m[inside], at_force_m])
@@ -239,28 +241,65 @@ def _sliders(
         # The margin is for what happens between the points.
         return bool(np.all(error_J <= 0.7 * tolerance * W_J[inside]))
 
-    cells = []
+    cells, free_N_per_m = [], 0.0
     start, last = 0, len(delta_m)
     while start < last:
         stop = start + 1
-        cell = _two_sliders(border_m, moments, start, stop)
+        cell = _two_sliders(border_m, moments, start, stop, free_N_per_m)
         while stop < last:
-            longer = _two_sliders(border_m, moments, start, stop + 1)
-            if not fits(longer, start, stop + 1):
+            longer = _two_sliders(border_m, moments, start, stop + 1, free_N_per_m)
+            if not fits(longer, start, stop + 1, free_N_per_m):
                 break
             cell, stop = longer, stop + 1
         cells.append(cell)
+        free_N_per_m += float(cell[0].sum())
         start = stop
     stiffness_N_per_m, slip_m = np.concatenate(cells, axis=1)
     return stiffness_N_per_m, slip_m
 
 
-def _two_sliders(border_m: np.ndarray, moments: np.ndarray, start: int, stop: int) -> np.ndarray:
-    """Return [stiffness, slip displacement] of the sliders that keep the moments of a cell."""
+def _moments(
+    border_m: np.ndarray, T_N: np.ndarray, W_J: np.ndarray, slope: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return the integrals of -T'' s and -T'' s^2 from zero to every border, by parts.
+
+    The energy comes first: no sliders lose one that is not convex over the displacement, as that of
+    a map may be between its solved loads, so they lose the greatest convex one below it. Its slopes
+    bound those of the force, and none is beyond the force at total slip.
+    """
+    keep = [0]
+    for i in range(1, border_m.size):
+        while len(keep) > 1:
+            (x, y), (w, z) = border_m[keep[-2:]], W_J[keep[-2:]]
+            if (z - w) * (border_m[i] - x) <= (W_J[i] - w) * (y - x):
+                break
+            keep.pop()
+        keep.append(i)
+    step_m = np.diff(border_m)
+    convex_J = np.interp(border_m, border_m[keep], W_J[keep])
+    force_N = np.minimum(np.diff(convex_J) / step_m / 4, T_N[-1])
+    convex_J = np.append(0.0, 4 * np.cumsum(force_N * step_m))
+    first = T_N - border_m * slope
+    first[1:-1] = np.clip(first[1:-1], force_N[:-1], force_N[1:])
+    return first, border_m * first - convex_J / 4
+
+
+def _two_sliders(
+    border_m: np.ndarray, moments: np.ndarray, start: int, stop: int, free_N_per_m: float
+) -> np.ndarray:
+    """Return [stiffness, slip displacement] of the sliders that keep the moments of a cell.
+
+    The stiffness as far as the other two leave it free: the next cells make up for the rest.
+    """
     low_m, high_m = border_m[start], border_m[stop]
-    stiffness, first, second = moments[:, stop] - moments[:, start]
-    if stiffness <= 1e-13 * moments[0, -1]:
+    first, second = moments[1:, stop] - moments[1:, start]
+    if first <= 1e-13 * moments[1, -1]:
         return np.empty((2, 0))
+    # Between all at one place, and all at both borders
+    second = min(max(second, low_m * first), high_m * first)
+    least = first * first / second
+    most = (first * (low_m + high_m) - second) / (low_m * high_m) if low_m > 0.0 else math.inf
+    stiffness = max(min(moments[0, stop] - free_N_per_m, most), least)
     mean_m = min(max(first / stiffness, low_m), high_m)
     below_m, above_m = mean_m - low_m, high_m - mean_m
     # No density between two borders has a larger variance than their product.
