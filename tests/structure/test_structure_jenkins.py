@@ -6,7 +6,7 @@ import pytest
 from capslip.contact.models.caps import caps
 from capslip.contact.models.families import families
 from capslip.contact.models.flat import flat
-from capslip.contact.slip import slip_curve
+from capslip.contact.slip import SlipCurve, slip_curve
 from capslip.errors import OutputError, SettingsError
 from capslip.structure.jenkins import jenkins, write_jenkins
 
@@ -130,3 +130,27 @@ def test_bad_input(spheres, tmp_path):
             jenkins(slip, smallest_displacement_m=smallest_m)
     with pytest.raises(OutputError, match="cannot be written"):
         write_jenkins(jenkins(slip), tmp_path / "missing" / "jenkins.csv")
+
+
+def test_an_energy_that_is_not_convex_is_lost_as_far_as_sliders_can():
+    """As between the solved loads of a map: cells without a stiffness were left out."""
+    slip = slip_curve(families((5, 18), (23.8, 26.7), (0, 2.4e-7), 109.89e9), 460.4, 0.2, 1.2143)
+
+    class Bent(SlipCurve):
+        def energy_J(self, displacement_m):
+            share = np.asarray(displacement_m) / slip.total_slip_displacement_m
+            bump = np.exp(-(((share - 0.3) / 0.03) ** 2))
+            return slip.energy_J(displacement_m) * (1.0 + 0.03 * bump)
+
+        def stiffness_N_per_m(self, displacement_m):
+            share = np.asarray(displacement_m) / slip.total_slip_displacement_m
+            bump = np.exp(-(((share - 0.3) / 0.03) ** 2))
+            return slip.stiffness_N_per_m(displacement_m) * (1.0 + 0.2 * bump)
+
+    given = slip.curve, slip.preload_N, slip.approach_m, slip.friction_coefficient, slip.kappa
+    elements = jenkins(Bent(*given))
+    assert elements.energy_error < 0.05
+    assert elements.slip_force_N.sum() == pytest.approx(slip.total_slip_force_N, rel=1e-9)
+    delta_m = np.linspace(0.05, 1.5, 500) * slip.total_slip_displacement_m
+    np.testing.assert_allclose(elements.energy_J(delta_m), slip.energy_J(delta_m), rtol=0.04)
+    np.testing.assert_allclose(elements.force_N(delta_m), slip.force_N(delta_m), rtol=0.02)
