@@ -154,3 +154,20 @@ def test_an_energy_that_is_not_convex_is_lost_as_far_as_sliders_can():
     delta_m = np.linspace(0.05, 1.5, 500) * slip.total_slip_displacement_m
     np.testing.assert_allclose(elements.energy_J(delta_m), slip.energy_J(delta_m), rtol=0.04)
     np.testing.assert_allclose(elements.force_N(delta_m), slip.force_N(delta_m), rtol=0.02)
+
+
+def test_an_energy_in_proportion_to_the_displacement_needs_no_stiffness_without_end():
+    """A map too coarse for the first slip: sliders at rest would be springs without end."""
+    slip = slip_curve(families((5, 18), (23.8, 26.7), (0, 2.4e-7), 109.89e9), 460.4, 0.2, 1.2143)
+
+    class Coarse(SlipCurve):
+        def energy_J(self, displacement_m):
+            least_J = 4 * 0.01 * slip.total_slip_force_N * np.asarray(displacement_m)
+            return np.maximum(slip.energy_J(displacement_m), least_J)
+
+    given = slip.curve, slip.preload_N, slip.approach_m, slip.friction_coefficient, slip.kappa
+    elements = jenkins(Coarse(*given))
+    assert np.isfinite(elements.stiffness_N_per_m).all()
+    assert (elements.slip_displacement_m > 0).all()
+    assert elements.energy_error < 0.2
+    assert elements.slip_force_N.sum() == pytest.approx(slip.total_slip_force_N, rel=1e-9)

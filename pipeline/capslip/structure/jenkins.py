@@ -16,6 +16,7 @@ from capslip.errors import OutputError, SettingsError
 # the border of two cells only tells to which of them sliders belong that move there.
 SOLVED = np.array((1e-4, 1e-4, 0.1))
 DISPLACEMENTS, SMALL_DISPLACEMENTS = 64, 16  # at which it is solved first
+LEAST_SLIP = 1e-3  # of the upper border of a cell, at which its sliders move
 
 
 @dataclass(frozen=True, eq=False)
@@ -295,8 +296,8 @@ def _two_sliders(
     first, second = moments[1:, stop] - moments[1:, start]
     if first <= 1e-13 * moments[1, -1]:
         return np.empty((2, 0))
-    # Between all at one place, and all at both borders
-    second = min(max(second, low_m * first), high_m * first)
+    # At one place in the cell at least, and none at rest, where a slider would be no spring
+    second = min(max(second, max(low_m, LEAST_SLIP * high_m) * first), high_m * first)
     least = first * first / second
     most = (first * (low_m + high_m) - second) / (low_m * high_m) if low_m > 0.0 else math.inf
     stiffness = max(min(moments[0, stop] - free_N_per_m, most), least)
