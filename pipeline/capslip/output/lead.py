@@ -91,7 +91,9 @@ def _interval_texts(summary: dict[str, Any]) -> list[str]:
     """Return the interval and which input makes how much of that of the energy."""
     answer = summary["answer"]
     if answer["contributions"] is None:
-        return [] if answer["energy_J"] == 0.0 else [_why_none(summary)]
+        why = _why_none(summary)
+        # Below mu times its amplitude nothing is lost under a load that oscillates in phase
+        return [] if answer["energy_J"] == 0.0 and why != OSCILLATES else [why]
     ranges = []
     for name, (label, end) in INTERVALS.items():
         low, high = answer["interval"][name] or (None, None)
