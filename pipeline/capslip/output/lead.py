@@ -91,9 +91,9 @@ def _interval_texts(summary: dict[str, Any]) -> list[str]:
     """Return the interval and which input makes how much of that of the energy."""
     answer = summary["answer"]
     if answer["contributions"] is None:
-        why = _why_none(summary)
         # Below mu times its amplitude nothing is lost under a load that oscillates in phase
-        return [] if answer["energy_J"] == 0.0 and why != OSCILLATES else [why]
+        nothing = answer["energy_J"] == 0.0 and not _oscillates(summary)
+        return [] if nothing else [_why_none(summary)]
     ranges = []
     for name, (label, end) in INTERVALS.items():
         low, high = answer["interval"][name] or (None, None)
@@ -112,9 +112,13 @@ def _interval_texts(summary: dict[str, Any]) -> list[str]:
 
 def _why_none(summary: dict[str, Any]) -> str:
     """Return why an answer has no interval, see `structure.band.band_of`."""
-    if all(one["setting"] != "slip.normal_amplitude_ratio" for one in summary["assumed"]):
+    if _oscillates(summary):
         return OSCILLATES
     return NOTHING_KNOWN if summary["accuracy"]["estimated"] is None else TOO_MUCH
+
+
+def _oscillates(summary: dict[str, Any]) -> bool:
+    return all(one["setting"] != "slip.normal_amplitude_ratio" for one in summary["assumed"])
 
 
 def _range(end: str, low: float | None, high: float | None) -> str:
