@@ -171,3 +171,9 @@ def test_an_energy_in_proportion_to_the_displacement_needs_no_stiffness_without_
     assert (elements.slip_displacement_m > 0).all()
     assert elements.energy_error < 0.2
     assert elements.slip_force_N.sum() == pytest.approx(slip.total_slip_force_N, rel=1e-9)
+
+
+@pytest.mark.parametrize("share", [1e-8, 1e-12])
+def test_the_smallest_displacement_may_be_tiny(slip, share):
+    elements = jenkins(slip, 0.1, share * slip.total_slip_displacement_m)
+    assert elements.energy_error <= 0.1

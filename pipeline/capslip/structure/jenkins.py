@@ -18,6 +18,9 @@ SOLVED = np.array((1e-4, 1e-4, 0.1))
 DISPLACEMENTS, SMALL_DISPLACEMENTS = 64, 16  # at which it is solved first
 LEAST_SLIP = 1e-3  # of the upper border of a cell, at which its sliders move
 
+# Force, energy and stiffness over displacements
+_Answers = Callable[[np.ndarray], tuple[np.ndarray, np.ndarray, np.ndarray]]
+
 
 @dataclass(frozen=True, eq=False)
 class JenkinsElements:
@@ -57,7 +60,9 @@ def jenkins(
     The slip curve is an Iwan model whose density of sliders over the slip displacement s is -T''.
     The range of displacement is cut into cells, and the density in each cell is replaced by two
     sliders that keep its integral and its first two moments. Force, stiffness and energy are then
-    exact at every border of a cell, and the error inside a cell depends on that cell alone::
+    exact at every border of a cell, and the error inside a cell depends on that cell alone. Where a
+    curve is none of such a model, as that of a map may be between its solved loads, the moments are
+    those of the energy, and the stiffness is as near as they leave it::
 
         T = integral of -T'' min(s, delta),  W = 4 integral of -T'' s max(delta - s, 0)
 
@@ -187,9 +192,7 @@ def _borders(smallest_m: float, total_m: float, tolerance: float) -> np.ndarray:
     return np.union1d(from_zero_m, from_total_m[from_total_m > smallest_m])
 
 
-def _answers(
-    slip: SlipCurve, smallest_m: float, total_m: float, tolerance: float
-) -> Callable[[np.ndarray], tuple[np.ndarray, np.ndarray, np.ndarray]]:
+def _answers(slip: SlipCurve, smallest_m: float, total_m: float, tolerance: float) -> _Answers:
     """Return force, energy and stiffness over displacements between two.
 
     They are asked for at some 2,000, each of them one solution for caps that act on one another.
@@ -197,24 +200,28 @@ def _answers(
     total slip.
     """
 
+    def u_of(delta_m: np.ndarray | float) -> np.ndarray:
+        share = np.minimum(delta_m / total_m, 1.0)
+        return np.asarray(share / (1.0 + np.sqrt(1.0 - share)))  # exact for the smallest, too
+
     def solved(u: np.ndarray) -> np.ndarray:
-        delta_m = total_m * (1.0 - (1.0 - u) ** 2)
+        delta_m = total_m * u * (2.0 - u)
         T_N, W_J = slip.force_N(delta_m), slip.energy_J(delta_m)
         return np.stack((T_N / delta_m, np.cbrt(W_J) / delta_m, slip.stiffness_N_per_m(delta_m))).T
 
     u = np.linspace(0.0, 1.0, DISPLACEMENTS + 1)
-    small = np.geomspace(1.0 - math.sqrt(1.0 - smallest_m / total_m), u[1], SMALL_DISPLACEMENTS)
+    small = np.geomspace(u_of(smallest_m), u[1], SMALL_DISPLACEMENTS)
     curve = refined_spline(solved, np.union1d(small, u[u > small[0]]), SOLVED * tolerance)
 
     def answers(delta_m: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        secant, root, slope = curve(1.0 - np.sqrt(np.maximum(1.0 - delta_m / total_m, 0.0))).T
+        secant, root, slope = curve(u_of(delta_m)).T
         return secant * delta_m, (root * delta_m) ** 3, slope
 
     return answers
 
 
 def _sliders(
-    answers: Callable[[np.ndarray], tuple[np.ndarray, np.ndarray, np.ndarray]],
+    answers: _Answers,
     start_N_per_m: float,
     slip_force_N: float,
     delta_m: np.ndarray,
@@ -294,7 +301,7 @@ def _two_sliders(
     """
     low_m, high_m = border_m[start], border_m[stop]
     first, second = moments[1:, stop] - moments[1:, start]
-    if first <= 1e-13 * moments[1, -1]:
+    if first <= 1e-13 * moments[0, -1] * high_m:
         return np.empty((2, 0))
     # At one place in the cell at least, and none at rest, where a slider would be no spring
     second = min(max(second, max(low_m, LEAST_SLIP * high_m) * first), high_m * first)
@@ -314,7 +321,7 @@ def _two_sliders(
 
 
 def _energy_error(
-    answers: Callable[[np.ndarray], tuple[np.ndarray, np.ndarray, np.ndarray]],
+    answers: _Answers,
     stiffness_N_per_m: np.ndarray,
     slip_m: np.ndarray,
     delta_m: np.ndarray,

@@ -350,13 +350,13 @@ def _refined(
     patches at the quarters between all, where each pressure has a bed of its own, to judge the law
     by.
     """
-    mu, kappa = patches[0][0].friction_coefficient, _together(parts, patches[0]).kappa
-    to_factor = _area_m2(parts[0].joint) / parts[0].joint.scan_load_N
-    halfway: dict[float, list[SlipCurve]] = {}
     if _is_solved(parts):
         return _with_ends_halved(parts, patches), []
     if parts[0].contact.hardness_Pa is None:
         return patches, []
+    mu, kappa = patches[0][0].friction_coefficient, _together(parts, patches[0]).kappa
+    to_factor = _area_m2(parts[0].joint) / parts[0].joint.scan_load_N
+    halfway: dict[float, list[SlipCurve]] = {}
     for turn in range(MOST_TURNS + 1):
         of_scans = _of_scans(parts, patches)
         if all(map(_has_one_bed, of_scans)):
