@@ -620,6 +620,7 @@ def test_a_part_of_the_output_that_is_not_there_is_said(more, said, tmp_path):
 def test_every_code_of_the_registry_has_a_row():
     rows = {(row.code, row.severity) for row in ROWS}
     rows |= {("reader_note", "warning"), ("output_missing", "warning")}
+    rows |= {("export_inexact", "info"), ("export_inexact", "warning")}  # in those of the folder
     rows |= {("scans_of_one_place", "warning")}  # in the tests of repeated scans
     rows |= {("fit_not_settled", "info")}  # in the tests of what a model reads
     rows |= {("no_caps", "warning")}  # in those of the caps: a levelled face without families

@@ -2,6 +2,7 @@
 
 import csv
 import json
+import re
 from dataclasses import replace
 
 import h5py
@@ -12,9 +13,13 @@ import pytest
 
 import capslip
 from capslip.caps.table import UNITS
+from capslip.contact.slip import SlipCurve
 from capslip.errors import OutputError, SettingsError
 from capslip.output import figures, mesh, scene, tables
+from capslip.output.export import inexact
 from capslip.problems import Problem
+from capslip.structure.jenkins import jenkins
+from capslip.units import percent
 from check_result import defects
 
 DATASETS = {  # every dataset beside the caps, with its unit
@@ -230,6 +235,55 @@ def test_the_scan_itself_is_never_replaced(tmp_path):
     with pytest.raises(OutputError, match="would be replaced"):
         capslip.write(replace(analysis, surface=surface), tmp_path / "a", **light)
     capslip.write(replace(analysis, surface=surface), tmp_path / "b", **light)
+
+
+class Stepped(SlipCurve):
+    """Loses a third more below two tenths of the way to total slip: no sliders do."""
+
+    def energy_J(self, displacement_m):
+        small = np.asarray(displacement_m) < 0.2 * self.total_slip_displacement_m
+        return super().energy_J(displacement_m) * (1.0 + small / 3.0)
+
+
+@pytest.mark.parametrize(("tolerance", "severity"), [(0.05, "warning"), (0.5, "info")])
+def test_an_export_that_is_less_good_than_the_result_says_so(tolerance, severity, tmp_path):
+    analysis, told = output_cases.several(), []
+    slip = analysis.slip
+    given = slip.curve, slip.preload_N, slip.approach_m, slip.friction_coefficient, slip.kappa
+    contact = msgspec.structs.replace(analysis.settings.contact, tolerance=tolerance)
+    settings = msgspec.structs.replace(analysis.settings, contact=contact)
+    summary = capslip.write(
+        replace(analysis, slip=Stepped(*given), settings=settings),
+        tmp_path / "a",
+        figures=False,
+        render=False,
+        page=False,
+        export="jenkins",
+        missing=lambda text, error: told.append(text),
+    )
+    (found,) = (p for p in summary["problems"] if p["code"] == "export_inexact")
+    assert found["severity"] == severity
+    text = (
+        r"jenkins\.csv: its sliders lose the energy of a cycle within 1 % from (\d+) % of mu N on; "
+    )
+    text += r"from a tenth of mu N on they may be off by (\d+) %"
+    share, error = map(float, re.fullmatch(text, found["message"]).groups())
+    at_border = slip.force_N(0.2 * slip.total_slip_displacement_m) / slip.total_slip_force_N
+    assert share / 100 == pytest.approx(at_border, rel=0.2)
+    assert 5 < error < 34
+    assert told == ([found["message"]] if severity == "warning" else [])
+
+
+def test_the_worst_of_several_sliders_is_said():
+    slip = output_cases.several().slip
+    good = jenkins(slip, 0.01)
+    bad = replace(good, checked_error=np.where(good.checked_m < good.checked_m[50], 0.3, 0.001))
+    assert inexact("a.csv", [good, good], 0.01, 0.05) == ()
+    (small,) = inexact("a.csv", [good, bad, good], 0.01, 0.05)
+    share = float(good.force_N(good.checked_m[50]) / good.slip_force_N.sum())
+    assert share < 0.1  # less than a joint is asked for
+    assert small.severity == "info"
+    assert f"within 1 % from {percent(share)} of mu N on" in small.message
 
 
 def test_an_unknown_export_is_refused_before_anything_is_written(tmp_path):

@@ -365,13 +365,16 @@ def test_the_law_of_a_face_that_yields_has_a_curve_for_each_pressure(tmp_path):
     """At the pressure of the scan that of the analysis, at others after another first loading."""
     overrides = ("material.hardness_Pa=1e7", "contact.model=interacting")
     analysis = analyze_once(capslip.load_surface(FACE), capslip.load_settings(overrides=overrides))
-    EXPORT.write(analysis, tmp_path)
+    found = EXPORT.write(analysis, tmp_path)
     about, law = table(tmp_path / "law.csv")
     assert "yielded at 0.01 GPa" in about
     stated = [float(one) / 100 for one in re.findall(r"([\d.]+)% of (?:tau|w)", about)]
     assert len(stated) == 2
     assert stated[0] < 0.02
     assert stated[1] < 0.2  # where the lower caps touch first, between two pressures
+    said = [problem for problem in found if problem.message.startswith("law.py differs")]
+    assert [problem.severity for problem in said] == ["warning"] * (max(stated) > 0.05)
+    assert all(f"{stated[1]:.1%} of w" in problem.message for problem in said)
     tables = tables_of(json.loads((tmp_path / "law.json").read_text(encoding="utf-8")))
     area_m2, p0 = analysis.joint.scan_area_m2, analysis.joint.nominal_pressure_Pa
     mu, kappa = 0.2, analysis.contact.composite.kappa

@@ -173,6 +173,40 @@ def test_an_energy_in_proportion_to_the_displacement_needs_no_stiffness_without_
     assert elements.slip_force_N.sum() == pytest.approx(slip.total_slip_force_N, rel=1e-9)
 
 
+class Doubled(SlipCurve):
+    """Loses twice as much below two tenths of the way to total slip: no sliders do."""
+
+    def energy_J(self, displacement_m):
+        twice = np.asarray(displacement_m) < 0.2 * self.total_slip_displacement_m
+        return super().energy_J(displacement_m) * (1.0 + twice)
+
+
+def test_from_where_the_energy_is_as_good_as_asked(tmp_path):
+    slip = slip_curve(families((5, 18), (23.8, 26.7), (0, 2.4e-7), 109.89e9), 460.4, 0.2, 1.2143)
+    given = slip.curve, slip.preload_N, slip.approach_m, slip.friction_coefficient, slip.kappa
+    bent = Doubled(*given)
+    elements = jenkins(bent, 0.05)
+    good_m, D = elements.good_from_m(0.05), slip.total_slip_displacement_m
+    assert 0.15 * D < good_m < 0.35 * D
+    delta_m = np.linspace(0.01, 2.0, 4001) * D
+    error = np.abs(elements.energy_J(delta_m) / bent.energy_J(delta_m) - 1.0)
+    assert error[delta_m >= good_m].max() < 0.06
+    assert error[(delta_m < good_m) & (delta_m > 0.8 * good_m)].max() > 0.06
+    assert elements.energy_error == elements.energy_error_from(0.0) > 0.1
+    share = slip.force_N(good_m) / slip.total_slip_force_N
+    assert elements.energy_error_from(1.1 * share) <= 0.05 < elements.energy_error_from(0.7 * share)
+    write_jenkins(elements, tmp_path / "jenkins.csv", 0.05)
+    text = (tmp_path / "jenkins.csv").read_text()
+    assert f"within 0.05 (relative) at amplitudes of u from\n# {good_m:.6g} m to gross slip" in text
+    assert f"and within {elements.energy_error:.2g} from\n# {0.01 * D:.6g} m to gross" in text
+
+
+def test_sliders_as_good_as_asked_are_so_from_the_smallest_displacement_on(slip):
+    elements = jenkins(slip, 0.05)
+    assert elements.good_from_m(0.05) == elements.smallest_displacement_m
+    assert elements.smallest_displacement_m == pytest.approx(0.01 * slip.total_slip_displacement_m)
+
+
 @pytest.mark.parametrize("share", [1e-8, 1e-12])
 def test_the_smallest_displacement_may_be_tiny(slip, share):
     elements = jenkins(slip, 0.1, share * slip.total_slip_displacement_m)

@@ -138,7 +138,7 @@ def choose_model(
     if label is None:
         return replace(choice, step=ONE_MAP)
     if one is None:
-        limit = f", more than contact.time_limit_s = {settings.contact.time_limit_s:g} s"
+        limit = f", more than {settings.contact.time_limit_s:g} s of contact.time_limit_s"
         why = f", but fail: {map_failure}" if map_failure else limit
         step = WHY if map_failure else None
         return replace(choice, reason=choice.reason + why, step=step)

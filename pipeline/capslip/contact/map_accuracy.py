@@ -283,7 +283,7 @@ def _between_loads(error: float, n_solved: int) -> Problem:
 
 def _out_of_time(limit_s: float) -> Problem:
     message = (
-        f"contact.time_limit_s = {limit_s:g} s was over before the map was pressed without its "
+        f"{limit_s:g} s of contact.time_limit_s were over before the map was pressed without its "
         "finest detail: what that decides is not known"
     )
     return Problem("time_limit_reached", "warning", message)

@@ -3,18 +3,22 @@
 Each holds an `Export` named `EXPORT` under the file's own name.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, cast
 
 from capslip import registry
 from capslip.errors import SettingsError, one_of
+from capslip.problems import Problem
+from capslip.units import percent
 
 if TYPE_CHECKING:
     from capslip.result import JointResult
+    from capslip.structure.jenkins import JenkinsElements
 
 FOLDER = "output.exports"
+ASKED_FORCE = 0.1  # of mu N: less is not what a joint is asked for
 
 
 @dataclass(frozen=True)
@@ -22,7 +26,8 @@ class Export:
     """One way to write the joint for another program."""
 
     files: tuple[str, ...]  # in the folder of the result
-    write: Callable[["JointResult", Path], None]  # of one scan or of several
+    # Of one scan or of several; returns what makes the files less good than was asked for
+    write: Callable[["JointResult", Path], tuple[Problem, ...]]
 
 
 def export_named(name: str) -> Export:
@@ -31,3 +36,33 @@ def export_named(name: str) -> Export:
     if name not in known:
         raise SettingsError(f"export: got {name}; {one_of(known, name)}")
     return cast(Export, registry.entry(FOLDER, name).EXPORT)
+
+
+def inexact(
+    file: str, sliders: "Sequence[JenkinsElements]", asked: float, tolerance: float
+) -> tuple[Problem, ...]:
+    """Return what sliders say of themselves that lose the energy less well than was asked for.
+
+    Parameters
+    ----------
+    file : str
+        That holds them.
+    sliders : sequence of JenkinsElements
+        Of one joint or under several pressures; the worst of them counts.
+    asked : float
+        Relative error of the energy of a cycle that was asked for.
+    tolerance : float
+        From which such an error is a warning.
+    """
+    if max(one.energy_error for one in sliders) <= asked:
+        return ()
+    shares = [
+        float(one.force_N(one.good_from_m(asked)) / one.slip_force_N.sum()) for one in sliders
+    ]
+    error = max(one.energy_error_from(ASKED_FORCE) for one in sliders)
+    message = (
+        f"{file}: its sliders lose the energy of a cycle within {percent(asked)} from "
+        f"{percent(max(shares))} of mu N on; from a tenth of mu N on they may be off by "
+        f"{percent(error)}"
+    )
+    return (Problem("export_inexact", "warning" if error > tolerance else "info", message),)

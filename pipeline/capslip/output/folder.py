@@ -183,9 +183,20 @@ class _Parts:
             reason = f"{type(error).__name__}: {error}"
         files = " and ".join(Path(name).name for name in names)
         text = " ".join(f"{files} could not be made: {reason}".split())
-        self.missing(text, error)
-        problem = Problem("output_missing", "warning", text)
+        self.say(Problem("output_missing", "warning", text), error)
+
+    def say(self, problem: Problem, error: Exception | None = None) -> None:
+        """Add a problem to those of the analysis, and tell it where it is more than a note."""
+        if problem.severity != "info":
+            self.missing(problem.message, error)
         self.analysis = replace(self.analysis, problems=(*self.analysis.problems, problem))
+
+    def export(self, export: Export | None) -> None:
+        """Write the joint for another program, where that was asked for."""
+        if export is not None:
+            found = self.make(export.files, export.write, self.analysis, self.work)
+            for problem in found or ():
+                self.say(problem)
 
     def write_numbers(self) -> None:
         """Write tables and settings."""
@@ -217,8 +228,7 @@ class _Parts:
             start = scene.start_render if renderer is None else renderer.start
             rendering = self.make((name,), start, self.work / "result.h5", png)
         try:
-            if export is not None:
-                self.make(export.files, export.write, self.analysis, self.work)
+            self.export(export)
             if run.meshes:
                 files = ("surface.vtu", "caps.vtu")
                 self.make(files, mesh.write_meshes, self.analysis, self.work)
@@ -277,8 +287,7 @@ class _Parts:
 
     def draw_scans(self, joint: JointOfScans, export: Export | None) -> None:
         """Make export and figures of a joint of several scans."""
-        if export is not None:
-            self.make(export.files, export.write, joint, self.work)
+        self.export(export)
         pictures = self.work / "figures"
         pictures.mkdir()
         if joint.settings.run.figures:

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from capslip.contact.slip import SlipCurve
 from capslip.contact.solvers.refined_spline import refined_spline
@@ -26,26 +27,49 @@ _Answers = Callable[[np.ndarray], tuple[np.ndarray, np.ndarray, np.ndarray]]
 class JenkinsElements:
     """Parallel elements of one joint, each a spring in series with a slider; shape (n,).
 
-    The stiffnesses add up to the initial tangential stiffness, the slip forces to mu N0.
+    The slip forces add up to mu N0, the stiffnesses to the initial tangential stiffness, as near as
+    a curve leaves it that is none of an Iwan model, see `jenkins`.
     """
 
     stiffness_N_per_m: np.ndarray
     slip_force_N: np.ndarray
-    smallest_displacement_m: float  # the energy was checked from here to total slip
-    energy_error: float  # largest relative error of the energy per cycle found there
+    checked_m: np.ndarray  # (k,), displacements up to total slip, growing
+    # (k,), relative, of the energy per cycle there: the greater one at it and at its force
+    checked_error: np.ndarray
+
+    @property
+    def smallest_displacement_m(self) -> float:
+        """Displacement from which on the energy was checked."""
+        return float(self.checked_m[0])
+
+    @property
+    def energy_error(self) -> float:
+        """Largest relative error of the energy per cycle that was found."""
+        return float(self.checked_error.max())
+
+    def energy_error_from(self, share: float) -> float:
+        """Return the largest relative error of the energy per cycle from a share of mu N0 on."""
+        asked = self.force_N(self.checked_m) >= share * self.slip_force_N.sum()
+        return float(self.checked_error[asked].max(initial=0.0))
+
+    def good_from_m(self, tolerance: float) -> float:
+        """Return the displacement from which on the energy per cycle keeps to a tolerance."""
+        off = np.flatnonzero(self.checked_error > tolerance)
+        last = len(self.checked_m) - 1
+        return float(self.checked_m[min(off[-1] + 1, last) if off.size else 0])
 
     @property
     def slip_displacement_m(self) -> np.ndarray:
         """Displacement at which each element starts to slide, shape (n,), increasing."""
         return self.slip_force_N / self.stiffness_N_per_m
 
-    def force_N(self, displacement_m: np.ndarray) -> np.ndarray:
+    def force_N(self, displacement_m: ArrayLike) -> np.ndarray:
         """Tangential force on first loading, shape of the displacement."""
         return _force_N(
             self.stiffness_N_per_m, self.slip_displacement_m, np.asarray(displacement_m)
         )
 
-    def energy_J(self, displacement_m: np.ndarray) -> np.ndarray:
+    def energy_J(self, displacement_m: ArrayLike) -> np.ndarray:
         """Energy lost in a cycle between plus and minus a displacement, in its shape."""
         return _energy_J(
             self.stiffness_N_per_m, self.slip_displacement_m, np.asarray(displacement_m)
@@ -82,7 +106,7 @@ def jenkins(
     Returns
     -------
     JenkinsElements
-        Stiffness and slip force of each element, and the largest error found.
+        Stiffness and slip force of each element, and the errors found.
 
     Raises
     ------
@@ -130,15 +154,11 @@ def jenkins(
     delta_m = _borders(smallest_displacement_m, total_m, tolerance)
     of_joint = float(slip.stiffness_N_per_m(0.0)), float(slip.total_slip_force_N)
     stiffness_N_per_m, slip_m = _sliders(answers, *of_joint, delta_m, tolerance)
-    return JenkinsElements(
-        stiffness_N_per_m=stiffness_N_per_m,
-        slip_force_N=stiffness_N_per_m * slip_m,
-        smallest_displacement_m=smallest_displacement_m,
-        energy_error=_energy_error(answers, stiffness_N_per_m, slip_m, delta_m),
-    )
+    checked = _energy_errors(answers, stiffness_N_per_m, slip_m, delta_m)
+    return JenkinsElements(stiffness_N_per_m, stiffness_N_per_m * slip_m, *checked)
 
 
-def write_jenkins(elements: JenkinsElements, path: str | Path) -> None:
+def write_jenkins(elements: JenkinsElements, path: str | Path, tolerance: float = 0.01) -> None:
     """Write the elements as CSV, with the way to use them in comment lines at the top.
 
     Parameters
@@ -147,6 +167,8 @@ def write_jenkins(elements: JenkinsElements, path: str | Path) -> None:
         Elements of one joint.
     path : path
         File to write; an existing one is replaced.
+    tolerance : float, optional
+        That was asked for: the file says from where they keep to it.
 
     Raises
     ------
@@ -154,6 +176,11 @@ def write_jenkins(elements: JenkinsElements, path: str | Path) -> None:
         If the file cannot be written.
     """
     smallest_m, accuracy = elements.smallest_displacement_m, elements.energy_error
+    within = f"within {accuracy:.2g} (relative) at amplitudes of u from"
+    if accuracy > tolerance:
+        good_m = elements.good_from_m(tolerance)
+        within = f"within {tolerance:g} (relative) at amplitudes of u from\n# {good_m:.6g} m to "
+        within += f"gross slip and beyond, and within {accuracy:.2g} from"
     head = f"""\
 # One joint under constant preload, along the direction of slip: {len(elements.slip_force_N)}
 # parallel Jenkins elements. Each is a spring (stiffness_N_per_m, in N/m) in series with a
@@ -164,9 +191,10 @@ def write_jenkins(elements: JenkinsElements, path: str | Path) -> None:
 #   f = stiffness (u - z), cut off at plus or minus slip_force; then z = u - f / stiffness.
 #   The force of the joint is the sum of f.
 # Harmonic balance: the same over two periods of u; the second one is the steady cycle.
-# The energy lost per cycle is within {accuracy:.2g} (relative) at amplitudes of u from
+# The energy lost per cycle is {within}
 # {smallest_m:.6g} m to gross slip and beyond; at smaller ones too little is lost.
-# The stiffnesses add up to the initial stiffness, the slip forces to friction times preload.
+# The stiffnesses add up to the initial stiffness as near as the energy leaves it, the slip forces
+# to friction times preload.
 """
     rows = zip(elements.stiffness_N_per_m.tolist(), elements.slip_force_N.tolist(), strict=True)
     table = "".join(f"{stiffness!r},{force!r}\n" for stiffness, force in rows)
@@ -320,16 +348,16 @@ def _two_sliders(
     return np.array([[above_m, below_m], slip_m]) * [[stiffness / (high_m - low_m)], [1.0]]
 
 
-def _energy_error(
+def _energy_errors(
     answers: _Answers,
     stiffness_N_per_m: np.ndarray,
     slip_m: np.ndarray,
     delta_m: np.ndarray,
-) -> float:
-    """Return the largest relative error, at given displacement and at given force.
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return displacements, growing, and the larger relative error at each and at its force.
 
-    It is looked for between the points that the cells were tested at, and where a slider starts to
-    move: it peaks there.
+    Between the points that the cells were tested at, too, and where a slider starts to move: there
+    the errors peak.
     """
     delta_m = np.union1d(delta_m, slip_m[slip_m > delta_m[0]])
     delta_m = np.union1d(delta_m, (delta_m[1:] + delta_m[:-1]) / 2)
@@ -340,8 +368,9 @@ def _energy_error(
     wrong_J = np.abs(
         _energy_J(stiffness_N_per_m, slip_m, np.stack([delta_m, at_force_m])) - exact_J
     )
-    lossy = exact_J > 0
-    return float((wrong_J[:, lossy] / exact_J[lossy]).max(initial=0.0))
+    error = np.zeros(delta_m.shape)
+    np.divide(wrong_J.max(axis=0), exact_J, out=error, where=exact_J > 0)
+    return delta_m, error
 
 
 def _force_N(stiffness_N_per_m: np.ndarray, slip_m: np.ndarray, delta_m: np.ndarray) -> np.ndarray:

@@ -11,7 +11,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from capslip.errors import ContactError
-from capslip.output.export import Export
+from capslip.output.export import Export, inexact
+from capslip.problems import Problem
 from capslip.result import Analysis, JointOfScans
 from capslip.structure import interpolation
 from capslip.structure.law import ASKED_SHARE, JENKINS_TOLERANCE, SCATTERS, Law, law
@@ -63,7 +64,7 @@ BY_BOTH = ("displacement_m", "shear_Pa", "loss_J_per_m2")
 DECKS = {"calculix": "law_calculix.inp", "abaqus": "law_abaqus.inp"}
 
 
-def write(result: "JointResult", folder: Path) -> None:
+def write(result: "JointResult", folder: Path) -> tuple[Problem, ...]:
     """Write the law as `law.csv`, `law.h5`, `law.json`, and for other programs.
 
     Raises
@@ -81,6 +82,15 @@ def write(result: "JointResult", folder: Path) -> None:
     found = law(result.parts, result.settings.material.friction_coefficient, reach_m)
     doubts = [f"{p.code}: {p.message}" for p in result.problems if p.severity != "info"]
     write_law(found, folder, result.name, result.status, doubts)
+    tolerance, said = result.settings.contact.tolerance, max(found.shear_error, found.loss_error)
+    of_sliders = inexact("law_jenkins.csv", found.elements, JENKINS_TOLERANCE, tolerance)
+    if said <= tolerance:
+        return of_sliders
+    message = (
+        f"law.py differs from the contact model {_off(found)}; take the pressures of law.csv where "
+        "this is too much"
+    )
+    return (Problem("export_inexact", "warning", message), *of_sliders)
 
 
 def _scans(result: "JointResult") -> tuple[Analysis, ...]:
