@@ -171,7 +171,7 @@ class VaryingSlip(SlipCurve):
 
     def _cycle(self, force_N: float, steps: int = STEPS) -> tuple[float, np.ndarray, np.ndarray]:
         """Return the energy of the steady cycle, and force and displacement around it."""
-        angle = 2 * np.pi * np.arange(3 * steps + 1) / steps
+        angle = 2 * np.pi * np.arange(2 * steps + 1) / steps  # the second period is steady
         Q = force_N * np.cos(angle)
         wave = np.cos(angle - self.normal_phase_rad)
         P = np.minimum(self.preload_N * (1.0 + self.normal_amplitude_ratio * wave), self._top[0])

@@ -279,14 +279,29 @@ def _sliders(
 
     cells, free_N_per_m = [], 0.0
     start, last = 0, len(delta_m)
+
+    def longer(end: int) -> np.ndarray | None:
+        """Return the sliders of a cell that ends there, if it may."""
+        if end > last:
+            return None
+        sliders = _two_sliders(border_m, moments, start, end, free_N_per_m)
+        return sliders if fits(sliders, start, end, free_N_per_m) else None
+
     while start < last:
         stop = start + 1
         cell = _two_sliders(border_m, moments, start, stop, free_N_per_m)
-        while stop < last:
-            longer = _two_sliders(border_m, moments, start, stop + 1, free_N_per_m)
-            if not fits(longer, start, stop + 1, free_N_per_m):
-                break
-            cell, stop = longer, stop + 1
+        more, grows = 1, True  # by how much longer the next trial is: doubled, then halved
+        while more > 0:
+            trial = longer(stop + more)
+            if trial is not None:
+                cell, stop = trial, stop + more
+            grows = grows and trial is not None
+            more = 2 * more if grows else more // 2
+        if 0 < last - stop < (stop - start) // 2:  # of so short a cell rounding decides the moments
+            halfway = (start + last) // 2
+            trial = longer(halfway)
+            if trial is not None:
+                cell, stop = trial, halfway
         cells.append(cell)
         free_N_per_m += float(cell[0].sum())
         start = stop
