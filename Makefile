@@ -77,8 +77,9 @@ $(DOCS_READY): $(READY) pyproject.toml constraints.txt
 samples: $(READY) ## Write the sample surfaces again
 	@$(BIN)/python -P -m capslip.studies.faces.samples sample_surfaces
 
+# Many tests start programs, each of which would compile the package anew
 test: $(READY) ## Run the tests
-	@OPENBLAS_NUM_THREADS=1 $(BIN)/python -P -m pytest --numprocesses=2 --dist=loadfile --no-loadscope-reorder $(ARGS)
+	@OPENBLAS_NUM_THREADS=1 PYTHONDONTWRITEBYTECODE= $(BIN)/python -P -m pytest --numprocesses=2 --dist=loadfile --no-loadscope-reorder $(ARGS)
 
 lint: $(READY) ## Check style and types
 	@$(BIN)/ruff check .
