@@ -1,5 +1,6 @@
 """contact.time_limit_s: it bounds every solution, counts for each preload, and leaves an error."""
 
+from dataclasses import replace
 from threading import Thread
 from time import thread_time
 
@@ -126,7 +127,19 @@ def test_a_curve_that_is_cut_short_has_an_error_that_holds(seed):
     )
     assert (np.abs(found_J / truth_J - 1) < errors.energy).all()
     assert {p.code for p in said} <= {"loss_between_loads"}
+    assert all("time_limit_s" in p.remedy for p in said)  # more time helps
     assert "time_limit_reached" in {p.code for p in short.problems(LOAD_N)}
+
+
+def test_where_there_was_time_for_all_loads_more_of_it_is_no_advice():
+    """Single pixels let go between two loads of a contact of a few: smaller ones tell."""
+    curve = model.boundary_elements(wavy(), E)
+    found = replace(curve.unloading(LOAD_N), loss_error=0.2)
+    curve.solutions.unloading[LOAD_N] = found
+    _, said = model.RUNG.error(curve, LOAD_N, 0.05)
+    (one,) = (p for p in said if p.code == "loss_between_loads")
+    assert one.remedy == "Scan with smaller pixels, or ask at a greater force."
+    assert f"20.0% between the {len(found.solved_load_N)} loads" in one.message
 
 
 def test_detail_that_is_out_of_time_is_a_warning_and_leaves_the_error_between_loads(monkeypatch):
@@ -138,7 +151,7 @@ def test_detail_that_is_out_of_time_is_a_warning_and_leaves_the_error_between_lo
     errors, said = model.RUNG.error(curve, LOAD_N, 0.05)
     assert errors.energy == max(curve.unloading(LOAD_N).loss_error, map_accuracy.LEAST_ERROR)
     assert [p.code for p in said] == ["time_limit_reached"]
-    assert "60 s was over before" in said[0].message
+    assert "60 s of contact.time_limit_s were over before" in said[0].message
 
 
 def test_an_analysis_that_is_cut_short_has_an_interval():

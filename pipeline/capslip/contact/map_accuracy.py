@@ -29,7 +29,7 @@ from capslip.contact.solvers.noise import (
 from capslip.contact.solvers.refinement import SMOOTH, WIDE_ENOUGH
 from capslip.contact.solvers.unloading import SMALL_SLIP, Unloading, path_at
 from capslip.errors import OutOfTimeError
-from capslip.problems import Effect, Problem, Severity
+from capslip.problems import KINDS, Effect, Problem, Severity
 from capslip.units import percent
 
 S_FILTER, NOISE_PIXELS = "conditioning.s_filter_nesting_index_m", 5.0  # what takes noise off
@@ -101,7 +101,7 @@ def error_of_map(
     found = [] if taken is None else [_noise_taken(taken)]
     between = unloading.loss_error
     if between > tolerance:
-        found.append(_between_loads(between, len(unloading.solved_load_N)))
+        found.append(_between_loads(unloading))
     least = max(between, LEAST_ERROR)
     white_m = white_noise_m(first.face, first.approach_m)
     causes = _Causes(unloading, _counted_m(white_m, first.approach_m))
@@ -273,12 +273,15 @@ def _with_pixels(
     return ModelError(stiffness, max(error for _, error in by_share), tuple(by_share))
 
 
-def _between_loads(error: float, n_solved: int) -> Problem:
+def _between_loads(unloading: Unloading) -> Problem:
+    """Return what is not known between the loads; where there was time, single pixels decide it."""
+    error = unloading.loss_error
     message = (
         f"from a tenth of mu N on the energy per cycle may be off by {error:.1%} between "
-        f"the {n_solved} loads that were solved"
+        f"the {len(unloading.solved_load_N)} loads that were solved"
     )
-    return Problem("loss_between_loads", "warning", message, Effect(None, error, error))
+    step = KINDS["time_limit_reached"].remedy if unloading.cut_short else None
+    return Problem("loss_between_loads", "warning", message, Effect(None, error, error), step)
 
 
 def _out_of_time(limit_s: float) -> Problem:
