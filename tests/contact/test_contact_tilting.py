@@ -245,6 +245,33 @@ def test_rotational_stiffness_leads_from_balanced_to_levelled():
     assert pressed.approach_m == levelled.approach_m
 
 
+@pytest.mark.parametrize("stiffness", [1e-6, 1e-2, 1.0, 1e2, 1e8])
+@pytest.mark.parametrize("seed", [1, 2, 3])
+def test_few_tops_balance_with_what_holds_them_however_stiff_that_is(seed, stiffness):
+    """A rough face on one top or three: its tilt says little of where its resultant lies."""
+    from scipy.ndimage import gaussian_filter
+
+    noise = gaussian_filter(np.random.default_rng(seed).standard_normal((48, 64)), 2, mode="wrap")
+    face = elastic_face(HeightMap(1e-6 * noise / noise.std(), (2e-5, 2e-5)), E)
+    point_m, load_N, at_ease_rad = (6e-4, 5e-4), 0.2, (1e-5, -2e-5)
+    given = {"rotational_stiffness_Nm_per_rad": stiffness, "at_ease_rad": at_ease_rad}
+    found = press_balanced(face, load_N, point_m, **given)
+    turned_rad = np.subtract(found.tilt_rad, at_ease_rad)
+    moment_Nm = load_N * np.subtract(found.resultant_m, point_m) + stiffness * turned_rad
+    assert np.abs(moment_Nm).max() < 1e-6 * load_N * 64 * 2e-5
+    held = press(face.tilted(found.tilt_rad), load_N=load_N)
+    assert held.approach_m == pytest.approx(found.approach_m, rel=1e-5)
+    np.testing.assert_allclose(held.resultant_m, found.resultant_m, rtol=1e-4)
+    at_ease = press(face.tilted(at_ease_rad), load_N=load_N)
+    arms_m = [np.linalg.norm(np.subtract(one.resultant_m, point_m)) for one in (found, at_ease)]
+    assert arms_m[0] <= 1.0001 * arms_m[1]
+    if stiffness == 1e-6:
+        free = press_balanced(face, load_N, point_m)
+        np.testing.assert_allclose(found.tilt_rad, free.tilt_rad, rtol=1e-2)
+    if stiffness == 1e8:
+        np.testing.assert_allclose(found.tilt_rad, at_ease_rad, rtol=1e-6)
+
+
 def test_tips_over_names_the_side():
     surface = waves(8)
     face = elastic_face(surface, E)

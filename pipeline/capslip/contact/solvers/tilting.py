@@ -4,7 +4,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from capslip.contact.solvers.closing import GivenResultant
+from capslip.contact.solvers.closing import GivenLoad, GivenResultant
 from capslip.contact.solvers.polonsky_keer import (
     ElasticFace,
     Pressed,
@@ -17,9 +17,11 @@ from capslip.contact.solvers.polonsky_keer import (
 from capslip.contact.solvers.pressed import State
 from capslip.errors import ContactError, SettingsError
 
-_MAX_TURNS = 30  # solutions that settle the moments against a rotational stiffness
-_SETTLED = 1e-7  # change of the resultant's place at which they are, over the side
-_UNBALANCED = 1e-6  # moment left over, over load times side, that is an error
+_MAX_TURNS, _MAX_TRIALS = 40, 25  # directions that are turned in, and solutions along each
+_SETTLED = 1e-7  # moment left over, over load times side, at which a face has turned
+_UNBALANCED = 1e-6  # the same, that is an error
+_LESS = 0.5  # of the moment: a trial that leaves no more has gone far enough
+_FLAT = 1e-9  # cosine of change of tilt and of moment, below which they tell no stiffness
 
 
 def press_balanced(
@@ -109,18 +111,23 @@ def press_balanced(
         )
     base_rad = start_tilt_rad or _level(face)
     turned = _Turned(face.tilted(base_rad), load_N, tolerance, base_rad, end_s(time_limit_s))
+    place_m = np.array(point_m)
     if stiffness == 0:
-        state, iterations = turned.at(np.array(point_m), start_Pa)
-        place_m = np.array(point_m)
+        state, iterations = turned.at(place_m, start_Pa)
+        tilt_rad = np.add(base_rad, state.tilt_rad)
     else:
         held = (stiffness, np.array(at_ease_rad))
-        state, iterations, place_m = turned.held(np.array(point_m), start_Pa, *held)
-    tilt_rad = turned.tilt_rad(state)
+        state, iterations, tilt_rad = turned.held(place_m, start_Pa, *held)
+        place_m = place_m - stiffness / load_N * (tilt_rad - at_ease_rad)
     pressed = certified(face, state, load_N, iterations)
     moments = (pressed.resultant_m - place_m) / (nx * dx_m, ny * dy_m)
     certificate = replace(pressed.certificate, moments=(float(moments[0]), float(moments[1])))
-    if not np.abs(moments).max() < _UNBALANCED:
-        raise ContactError(f"{face.name}: a solution does not balance its moments: {certificate}")
+    if not (left := np.abs(moments).max()) < _UNBALANCED:
+        raise ContactError(
+            f"{face.name}: boundary elements leave a moment of {left:.1e} of load times side; "
+            f"expected at most {_UNBALANCED:g}; give another rotational stiffness, or choose "
+            "contact.alignment = as_levelled"
+        )
     slopes = float(tilt_rad[0]), float(tilt_rad[1])
     turns = stiffness == 0
     return replace(pressed, tilt_rad=slopes, certificate=certificate, turns=turns)
@@ -178,10 +185,6 @@ class _Turned:
         closing = GivenResultant(total_Pa, self.face.places_m, place)
         return solve(self.face, closing, self.tolerance, start_Pa, self.until_s)
 
-    def tilt_rad(self, state: State) -> np.ndarray:
-        """Return the slopes added to the map as it was given, shape (2,)."""
-        return np.add(self.base_rad, state.tilt_rad)
-
     def held(
         self,
         point_m: np.ndarray,
@@ -189,38 +192,93 @@ class _Turned:
         stiffness: float,
         at_ease_rad: np.ndarray,
     ) -> tuple[State, int, np.ndarray]:
-        """Return the state whose resultant acts off the load point by -K tilt / N, from at ease.
+        """Return the state under the tilt at which load and rotational stiffness balance.
 
-        Also the steps to it, and where the resultant should be: where K is large, it follows from
-        the tilt only with the help of the contact's own stiffness. Broyden's steps, from the
-        rotational stiffness that N / d on every unit of the load makes.
+        Also the steps to it, and that tilt, of the map as it was given. The moment
+
+            M = N (place of the resultant - load point) + K (tilt - at ease)
+
+        is the slope of the energy of springs, contact and load over the tilt, which is convex. So
+        it falls along quasi-Newton directions (BFGS) until it is zero, from the face at ease on: at
+        first with the stiffness that N / d on every unit of the load makes. At any K: a stiff one
+        hardly lets it turn, and under a soft one the contact is the stiffer of the two.
         """
-        place_m, scale = point_m, stiffness / self.load_N
-        state, iterations = self.at(place_m, start_Pa)
-        weight = state.pressure_Pa.flat[state.contact] / state.pressure_Pa.sum()
-        shape = self.face.shape
-        arms_m = np.stack(
-            [np.broadcast_to(x, shape).flat[state.contact] for x in self.face.places_m]
-        )
-        arms_m -= (arms_m @ weight)[:, None]
-        spread_m2 = (arms_m * weight) @ arms_m.T
-        jacobian = np.eye(2) + scale * state.approach_m * np.linalg.pinv(spread_m2)
-        side_m = float(np.ptp(arms_m))
-        off_m = scale * (self.tilt_rad(state) - at_ease_rad)
-        for _ in range(_MAX_TURNS):
-            step_m = -np.linalg.solve(jacobian, off_m)
-            while _outside_m(self.face, place_m + step_m)[0] > 0:
-                step_m /= 2
-            place_m = place_m + step_m
-            state, more = self.at(place_m, state.pressure_Pa)
+
+        iterations, tilt_rad = 0, at_ease_rad
+
+        def under(tilt_rad: np.ndarray, near_Pa: np.ndarray | None) -> tuple[State, np.ndarray]:
+            nonlocal iterations
+            state, of_contact_Nm, more = self._under(tilt_rad, point_m, near_Pa)
             iterations += more
-            new_m = place_m - point_m + scale * (self.tilt_rad(state) - at_ease_rad)
-            change = (new_m - off_m - jacobian @ step_m) / float(step_m @ step_m)
-            off_m = new_m
-            if float(np.abs(np.linalg.solve(jacobian, off_m)).max()) < _SETTLED * side_m:
+            return state, of_contact_Nm + stiffness * (tilt_rad - at_ease_rad)
+
+        state, moment_Nm = under(tilt_rad, start_Pa)
+        jacobian = stiffness * np.eye(2) + self._stiffness_of_contact(state)
+        for _ in range(_MAX_TURNS):
+            if self._left(moment_Nm) < _SETTLED:
                 break
-            jacobian = jacobian + np.outer(change, step_m)
-        return state, iterations, place_m - np.linalg.solve(jacobian, off_m)
+            step_rad = -np.linalg.solve(jacobian, moment_Nm)
+            slope, part = float(moment_Nm @ step_rad), 1.0
+            low, high = (0.0, slope), None
+            for _ in range(_MAX_TRIALS):
+                turned_rad = tilt_rad + part * step_rad
+                found, new_Nm = under(turned_rad, state.pressure_Pa)
+                along = float(new_Nm @ step_rad)
+                less = self._left(new_Nm) < _LESS * self._left(moment_Nm)
+                if less or abs(along) <= -_LESS * slope:
+                    break
+                low, high = ((part, along), high) if along < 0 else (low, (part, along))
+                part = 2.0 * part if high is None else _between(low, high)
+            else:
+                break  # what is left is what the tolerance leaves
+            jacobian = _updated(jacobian, part * step_rad, new_Nm - moment_Nm)
+            tilt_rad, state, moment_Nm = turned_rad, found, new_Nm
+        return state, iterations, tilt_rad
+
+    def _under(
+        self, tilt_rad: np.ndarray, point_m: np.ndarray, start_Pa: np.ndarray | None
+    ) -> tuple[State, np.ndarray, int]:
+        """Return the state under a tilt, its moment about a place, and the steps to it."""
+        x_rad, y_rad = (tilt_rad - self.base_rad).tolist()
+        closing = GivenLoad(self.load_N / self.face.pixel_area_m2)
+        face = self.face.tilted((x_rad, y_rad))
+        state, iterations = solve(face, closing, self.tolerance, start_Pa, self.until_s)
+        weight, places_m = self._weighted(state)
+        return state, self.load_N * (places_m @ weight - point_m), iterations
+
+    def _weighted(self, state: State) -> tuple[np.ndarray, np.ndarray]:
+        """Return the shares of the load on the points that touch, and their places, (2, n)."""
+        shape, contact = self.face.shape, state.contact
+        places_m = [np.broadcast_to(x, shape).flat[contact] for x in self.face.places_m]
+        pressure_Pa = state.pressure_Pa.flat[contact]
+        return pressure_Pa / pressure_Pa.sum(), np.stack(places_m)
+
+    def _stiffness_of_contact(self, state: State) -> np.ndarray:
+        """Return the rotational stiffness that N / d on every unit of the load makes, (2, 2)."""
+        weight, arms_m = self._weighted(state)
+        arms_m = arms_m - (arms_m @ weight)[:, None]
+        return self.load_N / state.approach_m * ((arms_m * weight) @ arms_m.T)
+
+    def _left(self, moment_Nm: np.ndarray) -> float:
+        """Return a moment over load times side, the larger of two."""
+        sides_m = [np.ptp(x_m) for x_m in self.face.places_m]
+        return float((np.abs(moment_Nm) / sides_m).max()) / self.load_N
+
+
+def _between(low: tuple[float, float], high: tuple[float, float]) -> float:
+    """Return where a slope is zero between two places, (place, slope): not too near either."""
+    share = low[1] / (low[1] - high[1])
+    return low[0] + (high[0] - low[0]) * min(max(share, 0.1), 0.9)
+
+
+def _updated(jacobian: np.ndarray, turn_rad: np.ndarray, change_Nm: np.ndarray) -> np.ndarray:
+    """Return the stiffness that a turn has told (BFGS), or the same where it tells none."""
+    work = float(turn_rad @ change_Nm)
+    if work <= _FLAT * float(np.linalg.norm(turn_rad) * np.linalg.norm(change_Nm)):
+        return jacobian
+    known_Nm = jacobian @ turn_rad
+    loss = np.outer(known_Nm, known_Nm) / float(turn_rad @ known_Nm)
+    return np.asarray(jacobian - loss + np.outer(change_Nm, change_Nm) / work)
 
 
 def _level(face: ElasticFace) -> tuple[float, float]:
