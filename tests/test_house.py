@@ -17,7 +17,7 @@ FLOORS = (
     {"surface"},
     {"caps"},
     {"contact"},
-    {"structure"},
+    {"next_steps", "structure"},
     {"stages"},
     {"sensitivity"},
     {"summary", "verdict"},

@@ -21,6 +21,7 @@ from capslip.contact.press import ContactState
 from capslip.contact.relevance import as_read, still_doubtful
 from capslip.contact.slip import SlipCurve
 from capslip.contact.solvers.unloading import SMALL_SLIP, UNRESOLVED
+from capslip.next_steps import with_next_steps
 from capslip.problems import Effect, Problem
 from capslip.result import Analysis
 from capslip.settings import Settings
@@ -62,7 +63,8 @@ def problems_of(face: Face, found: Analysis, mate: HeightMap | None) -> tuple[Pr
         before = [
             replace(one, severity="error") if one.code == "no_caps" else one for one in before
         ]
-        return (*_less_voids(before, face, found.settings), *found.problems)
+        problems = [*_less_voids(before, face, found.settings), *found.problems]
+        return with_next_steps(problems, face.joint, found.settings, pressed=False)
     settings, surface = found.settings, face.conditioned.surface
     tolerance = settings.contact.tolerance
     doubtful = still_doubtful(found.caps, contact, surface, tolerance)
@@ -91,7 +93,8 @@ def problems_of(face: Face, found: Analysis, mate: HeightMap | None) -> tuple[Pr
     if found.answer is not None and found.slip is not None:
         share = found.answer.slip_force_N / float(found.slip.total_slip_force_N)
     problems = _less_voids(problems, face, settings)
-    return tuple(with_effects(problems, *pressed, contact, share))
+    problems = with_effects(problems, *pressed, contact, share)
+    return with_next_steps(problems, face.joint, settings, pressed=True)
 
 
 def _less_voids(problems: list[Problem], face: Face, settings: Settings) -> list[Problem]:

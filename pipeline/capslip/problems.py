@@ -84,7 +84,7 @@ class Problem:
     severity: Severity
     message: str
     effect: Effect | None = None
-    step: str | None = None  # the remedy with this case's number in it
+    step: str | None = None  # the remedy of this case: with its number, or one that can be taken
 
     def __post_init__(self) -> None:
         if self.severity not in self.kind.severities:

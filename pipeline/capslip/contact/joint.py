@@ -56,6 +56,11 @@ class Joint:
         """Whether all of the joint is under one pressure."""
         return len(self.load_N) == 1
 
+    @property
+    def is_scan(self) -> bool:
+        """Whether the scan is all of the joint."""
+        return np.array_equal(self.weight, [1.0])
+
     def under(self, preload_N: float) -> "Joint":
         """Return the same joint under another preload, spread over it in the same way."""
         factor = preload_N / self.preload_N

@@ -203,7 +203,6 @@ class _Turned:
         first with the stiffness that N / d on every unit of the load makes. At any K: a stiff one
         hardly lets it turn, and under a soft one the contact is the stiffer of the two.
         """
-
         iterations, tilt_rad = 0, at_ease_rad
 
         def under(tilt_rad: np.ndarray, near_Pa: np.ndarray | None) -> tuple[State, np.ndarray]:

@@ -1,0 +1,92 @@
+"""The next step of a problem can be taken, and was not taken already."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from scipy.ndimage import gaussian_filter
+
+import capslip
+from capslip.analysis import analyze_once
+from capslip.contact.choice import ONE_MAP, WHY
+from capslip.next_steps import OF_THE_PARTS, with_next_steps
+from capslip.problems import KINDS, Problem
+from capslip.settings import load_settings
+
+OF_CAPS = ("not_spherical", "caps_several_peaks", "no_caps", "not_balanced", "few_contacts_in_scan")
+
+
+def steps(needed=None, model="auto", is_scan=True, pressed=True):
+    problems = [Problem(code, "warning", "so") for code in (*OF_CAPS, *OF_THE_PARTS)]
+    if needed is not None:
+        problems.append(Problem("boundary_elements_needed", "warning", "so", step=needed))
+    settings = load_settings(overrides=(f"contact.model={model}",))
+    found = with_next_steps(problems, SimpleNamespace(is_scan=is_scan), settings, pressed)
+    assert [one.code for one in found] == [one.code for one in problems]
+    return {one.code: one.remedy for one in found}
+
+
+@pytest.mark.parametrize("model", ["auto", "interacting"])
+def test_where_the_map_may_be_pressed_all_steps_are_those_of_their_kind(model):
+    assert steps(model=model) == {c: KINDS[c].remedy for c in (*OF_CAPS, *OF_THE_PARTS)}
+
+
+@pytest.mark.parametrize("instead", [WHY, ONE_MAP])
+def test_where_the_map_fails_or_there_is_none_the_other_step_is_left_or_that_to_a_map(instead):
+    found = steps(needed=instead)
+    assert found["not_spherical"] == found["not_balanced"] == instead
+    assert found["caps_several_peaks"] == "--set hills.pruning_height_m=..., lower"
+    assert found["no_caps"] == "--set hills.material_ratio=0.2"
+    assert found["few_contacts_in_scan"] == KINDS["few_contacts_in_scan"].remedy
+    assert not any("--model boundary_elements" in step for step in found.values())
+
+
+def test_a_map_that_there_was_no_time_for_is_a_step():
+    found = steps(needed=None)
+    problem = Problem("boundary_elements_needed", "warning", "no time")
+    settings = load_settings()
+    (one,) = with_next_steps([problem], SimpleNamespace(is_scan=True), settings, True)
+    assert one.remedy == found["not_spherical"].rstrip(".") == "--model boundary_elements"
+
+
+@pytest.mark.parametrize(
+    ("model", "step"),
+    [("boundary_elements", WHY), ("auto", WHY), ("caps", "--model boundary_elements.")],
+)
+def test_where_nothing_was_pressed_the_map_failed_if_it_was_asked_for(model, step):
+    assert steps(model=model, pressed=False)["not_spherical"] == step
+
+
+def test_the_bulk_of_a_scan_is_not_kept_in_a_larger_joint():
+    larger, whole = steps(is_scan=False), steps()
+    for code, step in OF_THE_PARTS.items():
+        assert larger[code] == step
+        assert "contact.bulk" not in step
+        assert whole[code] == KINDS[code].remedy
+    assert larger["not_spherical"] == whole["not_spherical"]
+
+
+def closing_face():
+    """Return a rough face, flat enough to close under 30 MPa."""
+    z = gaussian_filter(np.random.default_rng(3).standard_normal((64, 64)), 3, mode="wrap")
+    return capslip.HeightMap(2e-8 * z / z.std(), (1e-5, 1e-5))
+
+
+@pytest.mark.parametrize("share", [1.0, 3.0])
+def test_in_an_analysis(share):
+    surface = closing_face()
+    area_m2 = share * surface.measured_area_m2
+    given = ("contact.model=boundary_elements", "contact.nominal_pressure_Pa=3e7")
+    given += (f"joint.area_m2={area_m2!r}", "contact.alignment=as_levelled")
+    found = analyze_once(surface, load_settings(overrides=given))
+    of_bulk = [one for one in found.problems if one.code in OF_THE_PARTS]
+    assert len(of_bulk) == 1
+    assert ("contact.bulk=true" in of_bulk[0].remedy) == (share == 1.0)
+
+
+def test_a_map_of_few_points_in_contact_is_not_named_as_the_next_step():
+    given = ("contact.preload_N=1e-6", "contact.alignment=as_levelled")
+    found = analyze_once(closing_face(), load_settings(overrides=given))
+    (needed,) = (one for one in found.problems if one.code == "boundary_elements_needed")
+    assert "but fail" in needed.message
+    assert not any("--model boundary_elements" in one.remedy for one in found.problems)
