@@ -9,19 +9,21 @@ from scipy.ndimage import gaussian_filter
 import capslip
 from capslip.analysis import analyze_once
 from capslip.contact.choice import ONE_MAP, WHY
-from capslip.next_steps import OF_THE_PARTS, with_next_steps
+from capslip.contact.rung import rung
+from capslip.next_steps import OF_THE_PARTS, PRESSED, with_next_steps
 from capslip.problems import KINDS, Problem
 from capslip.settings import load_settings
 
 OF_CAPS = ("not_spherical", "caps_several_peaks", "no_caps", "not_balanced", "few_contacts_in_scan")
 
 
-def steps(needed=None, model="auto", is_scan=True, pressed=True):
+def steps(needed=None, model="auto", is_scan=True, pressed="interacting"):
     problems = [Problem(code, "warning", "so") for code in (*OF_CAPS, *OF_THE_PARTS)]
     if needed is not None:
         problems.append(Problem("boundary_elements_needed", "warning", "so", step=needed))
     settings = load_settings(overrides=(f"contact.model={model}",))
-    found = with_next_steps(problems, SimpleNamespace(is_scan=is_scan), settings, pressed)
+    answers = None if pressed is None else rung(pressed)
+    found = with_next_steps(problems, SimpleNamespace(is_scan=is_scan), settings, answers)
     assert [one.code for one in found] == [one.code for one in problems]
     return {one.code: one.remedy for one in found}
 
@@ -45,7 +47,7 @@ def test_a_map_that_there_was_no_time_for_is_a_step():
     found = steps(needed=None)
     problem = Problem("boundary_elements_needed", "warning", "no time")
     settings = load_settings()
-    (one,) = with_next_steps([problem], SimpleNamespace(is_scan=True), settings, True)
+    (one,) = with_next_steps([problem], SimpleNamespace(is_scan=True), settings, rung("caps"))
     assert one.remedy == found["not_spherical"].rstrip(".") == "--model boundary_elements"
 
 
@@ -54,7 +56,15 @@ def test_a_map_that_there_was_no_time_for_is_a_step():
     [("boundary_elements", WHY), ("auto", WHY), ("caps", "--model boundary_elements.")],
 )
 def test_where_nothing_was_pressed_the_map_failed_if_it_was_asked_for(model, step):
-    assert steps(model=model, pressed=False)["not_spherical"] == step
+    assert steps(model=model, pressed=None)["not_spherical"] == step
+
+
+@pytest.mark.parametrize("model", ["auto", "boundary_elements"])
+def test_a_map_that_answers_is_not_to_be_pressed_once_more(model):
+    found = steps(model=model, pressed="boundary_elements")
+    assert found["not_spherical"] == PRESSED
+    assert found["no_caps"] == "--set hills.material_ratio=0.2"
+    assert found["bulk_kept"] == KINDS["bulk_kept"].remedy
 
 
 def test_the_bulk_of_a_scan_is_not_kept_in_a_larger_joint():

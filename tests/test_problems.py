@@ -20,6 +20,7 @@ from scipy.ndimage import gaussian_filter, zoom
 from capslip.analysis import _with_band, analyze, analyze_once
 from capslip.cli import main
 from capslip.contact.choice import WHY
+from capslip.next_steps import PRESSED
 from capslip.options import MODELS
 from capslip.problems import KINDS, Problem, warnings_page
 from capslip.settings import Settings, load_settings
@@ -521,7 +522,7 @@ def test_a_problem_is_said_where_its_cause_is(row):
     listed = [p for p in found.summary()["problems"] if p["code"] == row.code]
     assert {p.text for p in said} <= {p["message"] for p in listed}
     assert {p["remedy"] for p in listed} == {p.remedy for p in said}
-    of_case = [p.step for p in said if p.step not in (None, WHY)]  # WHY: the map was pressed, too
+    of_case = [p.step for p in said if p.step not in (None, WHY, PRESSED)]  # the map was pressed
     assert all(re.search(r"--[a-z].*\d", step) for step in of_case)
     assert all(p.step or p.remedy == KINDS[row.code].remedy for p in said)
 

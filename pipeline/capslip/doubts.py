@@ -64,7 +64,7 @@ def problems_of(face: Face, found: Analysis, mate: HeightMap | None) -> tuple[Pr
             replace(one, severity="error") if one.code == "no_caps" else one for one in before
         ]
         problems = [*_less_voids(before, face, found.settings), *found.problems]
-        return with_next_steps(problems, face.joint, found.settings, pressed=False)
+        return with_next_steps(problems, face.joint, found.settings, pressed=None)
     settings, surface = found.settings, face.conditioned.surface
     tolerance = settings.contact.tolerance
     doubtful = still_doubtful(found.caps, contact, surface, tolerance)
@@ -94,7 +94,7 @@ def problems_of(face: Face, found: Analysis, mate: HeightMap | None) -> tuple[Pr
         share = found.answer.slip_force_N / float(found.slip.total_slip_force_N)
     problems = _less_voids(problems, face, settings)
     problems = with_effects(problems, *pressed, contact, share)
-    return with_next_steps(problems, face.joint, settings, pressed=True)
+    return with_next_steps(problems, face.joint, settings, pressed=contact.rung)
 
 
 def _less_voids(problems: list[Problem], face: Face, settings: Settings) -> list[Problem]:

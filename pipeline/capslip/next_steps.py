@@ -5,11 +5,11 @@ from dataclasses import replace
 
 from capslip.contact.choice import WHY
 from capslip.contact.joint import Joint
-from capslip.contact.rung import rung
+from capslip.contact.rung import Rung, rung
 from capslip.problems import Problem
 from capslip.settings import Settings
 
-PRESS_THE_MAP = "--model boundary_elements"
+PRESS_THE_MAP, PRESSED = "--model boundary_elements", "Nothing: the map itself was pressed."
 # Where the joint is larger than its scan, whose bulk is not that of the joint, see `joint_of`
 OF_THE_PARTS = {
     "bulk_dominates": "Take the stiffness of the parts as the joint's: the face adds next to none.",
@@ -18,7 +18,7 @@ OF_THE_PARTS = {
 
 
 def with_next_steps(
-    problems: Sequence[Problem], joint: Joint, settings: Settings, pressed: bool
+    problems: Sequence[Problem], joint: Joint, settings: Settings, pressed: Rung | None
 ) -> tuple[Problem, ...]:
     """Return the problems, each with a next step that can be taken and was not taken already.
 
@@ -29,11 +29,13 @@ def with_next_steps(
         Keeping the bulk is refused where it is larger than its scan.
     settings : Settings
         With which they were found.
-    pressed : bool
-        Whether anything was pressed: else boundary elements failed, where they were asked for.
+    pressed : Rung or None
+        The model that answers. None: boundary elements failed, where they were asked for.
     """
     model, instead = settings.contact.model, None
-    if not pressed and (model == "auto" or rung(model).made_from == "map"):
+    if pressed is not None and pressed.made_from == "map":
+        instead = PRESSED
+    elif pressed is None and (model == "auto" or rung(model).made_from == "map"):
         instead = WHY
     for one in problems:
         if one.code == "boundary_elements_needed" and one.step is not None:
