@@ -9,12 +9,14 @@ from hypothesis import strategies as st
 from capslip.contact.bulk import bulk_compliance_m_per_N
 from capslip.contact.curve import in_series
 from capslip.contact.material import composite
+from capslip.contact.models.boundary_elements import boundary_elements
 from capslip.contact.models.caps import caps
 from capslip.contact.models.families import families
 from capslip.contact.models.flat import flat
 from capslip.contact.models.mean_field import mean_field
 from capslip.contact.slip import SlipCurve, slip_curve
 from capslip.errors import ContactError, SettingsError
+from capslip.surface.heightmap import HeightMap
 
 STEEL = composite((200e9, 200e9), (0.3, 0.3))
 E, KAPPA = STEEL.E_star_Pa, STEEL.kappa
@@ -296,3 +298,24 @@ def test_negative_amplitudes_are_refused():
 def test_a_preload_beyond_hertz_is_refused():
     with pytest.raises(ContactError, match="wider than its asperity"):
         slip_curve(caps([1e-3], [0.0], E), 1e9, MU, KAPPA)
+
+
+@pytest.mark.parametrize("radius_pixels", [2.6, 3.0, 4.0, 6.0])
+def test_a_top_between_pixels_slips_as_far_as_its_sphere(radius_pixels):
+    """The approach of a map counts from its highest pixel, which lies lower than the top."""
+    y_m, x_m = (np.mgrid[-16:16, -16:16] + 0.5) * 1e-4
+    face = HeightMap(-(x_m**2 + y_m**2) / (2 * 20.0), (1e-4, 1e-4))
+    d_m = (radius_pixels * 1e-4) ** 2 / 20.0
+    load_N = 4 / 3 * 110e9 * (radius_pixels * 1e-4) ** 3 / 20.0
+    slip = slip_curve(boundary_elements(face, 110e9), load_N, 0.2, 1.2)
+    assert slip.total_slip_displacement_m == pytest.approx(0.2 * 1.2 * d_m, rel=2e-3)
+    assert 0.2 * 1.2 * float(slip.approach_m) < 0.992 * 0.2 * 1.2 * d_m
+    assert float(slip.displacement_m(slip.total_slip_force_N)) == slip.total_slip_displacement_m
+    shares = np.array([0.5, 0.99, 1.01])
+    assert slip.phase(shares * slip.total_slip_displacement_m).tolist()[2] == "TS"
+    assert "TS" not in slip.phase(shares[:2] * slip.total_slip_displacement_m).tolist()
+    drop = 1.0 - (1.0 - shares[:2]) ** 1.5
+    expected_N = 0.2 * load_N * drop
+    np.testing.assert_allclose(
+        slip.force_N(shares[:2] * slip.total_slip_displacement_m), expected_N, rtol=5e-3
+    )

@@ -10,6 +10,8 @@ from numpy.typing import ArrayLike
 from capslip.contact.curve import NormalCurve
 from capslip.errors import ContactError, SettingsError
 
+HIGHER = 1e-6  # of the approach: less is what the search for a withdrawal leaves
+
 
 @dataclass(frozen=True, eq=False)
 class SlipCurve:
@@ -31,10 +33,17 @@ class SlipCurve:
         """T = mu N: no equilibrium above it."""
         return self.friction_coefficient * self.preload_N
 
-    @property
+    @cached_property
     def total_slip_displacement_m(self) -> Any:
-        """Displacement at which the last contact slips as a whole."""
-        return _plain(self._scale * (self.approach_m - self.curve.touch_m))
+        """Displacement at which the last contact slips as a whole.
+
+        That of the approach from first touch; of a map, which counts it from its highest pixel,
+        more where the face stands higher between the pixels.
+        """
+        from_touch_m = np.asarray(self.approach_m - self.curve.touch_m)
+        to_lift_m = np.asarray(self.curve.withdrawal_m(self.approach_m, self.preload_N))
+        higher = to_lift_m > (1.0 + HIGHER) * from_touch_m
+        return _plain(self._scale * np.where(higher, to_lift_m, from_touch_m))
 
     @property
     def tangential_stiffness_N_per_m(self) -> Any:
@@ -107,7 +116,7 @@ class SlipCurve:
         """Return "GPS", "PPS" or "TS": none, some or all asperities slip as a whole (Sec. 2.3)."""
         e = _amplitude("displacement_m", displacement_m) / self._scale
         some = self.curve.lifted(self.approach_m, e).any(axis=-1)
-        total = e >= self.approach_m - self.curve.touch_m
+        total = e >= self.total_slip_displacement_m / self._scale
         return np.where(total, "TS", np.where(some, "PPS", "GPS"))
 
     @property

@@ -134,8 +134,6 @@ def jenkins(
             "(slip.normal_amplitude_ratio = 0)"
         )
     total_m = float(slip.total_slip_displacement_m)
-    if total_m > 0:  # a map may stand higher between its pixels than at the highest of them
-        total_m = max(total_m, float(slip.displacement_m(slip.total_slip_force_N)))
     if not 0.005 <= tolerance <= 0.5:
         raise SettingsError(f"jenkins: tolerance: got {tolerance:g}; expected 0.005 to 0.5")
     if not total_m > 0:
