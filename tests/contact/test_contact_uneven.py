@@ -12,10 +12,11 @@ import capslip
 from capslip.analysis import analyze_once
 from capslip.contact import joint
 from capslip.contact.doubts import problems_of_patches
-from capslip.contact.models.boundary_elements import RUNG
+from capslip.contact.models.boundary_elements import RUNG, boundary_elements
 from capslip.contact.models.caps import caps
 from capslip.contact.models.families import families
 from capslip.contact.press import ContactState
+from capslip.contact.slip import slip_curve
 from capslip.contact.uneven import scaled_between, side_by_side
 from capslip.errors import ContactError
 from capslip.structure import band
@@ -72,6 +73,25 @@ def test_each_patch_takes_the_curve_of_the_nearest_known_load():
     soft, stiff = families((1, 0), (5.0, 5.0), (0.0, 0.0), E_STAR_PA), SPHERE
     found = scaled_between([soft, stiff], np.array([1.0, 100.0]), np.array([9.0, 11.0]))
     assert [one.curve for one in found] == [soft, stiff]
+
+
+def test_patches_of_a_map_slip_as_far_as_a_top_between_its_pixels():
+    """Its approach counts from the highest pixel, and its load is gone further below."""
+    y_m, x_m = (np.mgrid[-16:16, -16:16] + 0.5) * 1e-4
+    face = capslip.HeightMap(-(x_m**2 + y_m**2) / 40.0, (1e-4, 1e-4))
+    load_N, weight = np.array([1.0, 0.7]) * 4 / 3 * E_STAR_PA * 3e-4**3 / 20, np.array([1.0, 2.0])
+    curves = [boundary_elements(face, E_STAR_PA) for _ in load_N]
+    slips = [slip_curve(curve, N, 0.2, 1.2) for curve, N in zip(curves, load_N, strict=True)]
+    uneven = side_by_side(curves, load_N, weight)
+    found = slip_curve(uneven, float(load_N @ weight), 0.2, 1.2)
+    total_m = slips[0].total_slip_displacement_m
+    assert found.total_slip_displacement_m == pytest.approx(total_m, rel=1e-9)
+    delta_m = np.array([0.3, 0.9, 0.99, 1.0, 1.5]) * total_m
+    for name, off in (("force_N", 1e-4), ("energy_J", 5e-4)):
+        expected = sum(
+            w * getattr(one, name)(delta_m) for one, w in zip(slips, weight, strict=True)
+        )
+        np.testing.assert_allclose(getattr(found, name)(delta_m), expected, rtol=off)
 
 
 def state_of(**known):
