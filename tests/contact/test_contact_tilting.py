@@ -17,6 +17,7 @@ from capslip.errors import ContactError, SettingsError
 from capslip.settings import load_settings
 from capslip.studies.faces.synthetic import Scene, synthetic_surface
 from capslip.surface.heightmap import HeightMap
+from capslip.surface.readers import load_surface
 
 E = 110e9
 PIXEL_M = (2.5e-4, 2e-4)
@@ -313,3 +314,20 @@ def test_reference_faces_free_to_tilt(name):
     for row in truth["slip"]:
         assert slip.displacement_m(row["force_N"]) == pytest.approx(row["displacement_m"], rel=5e-4)
         assert slip.energy_at_force_J(row["force_N"]) == pytest.approx(row["energy_J"], rel=5e-3)
+
+
+@pytest.mark.scans
+def test_a_real_face_balances_with_a_soft_hold(scans):
+    """On few contacts a solution leaves more of its resultant than it may: it is put in place."""
+    stiffness, surface = 0.01, load_surface(scans / "milled_like_arcs_1.opd")
+    given = ("contact.nominal_pressure_Pa=2e6", "joint.area_m2=0.02", "material.preset=steel")
+    given += (f"contact.alignment_stiffness_Nm_per_rad={stiffness}",)
+    overrides = (*given, "contact.model=boundary_elements")
+    contact = analyze_once(surface, load_settings(overrides=overrides)).contact
+    assert contact is not None
+    assert contact.model == "boundary_elements"
+    off_m = np.array(contact.eccentricity_m)
+    turned_rad = -contact.preload_N * off_m / stiffness
+    np.testing.assert_allclose(
+        np.subtract(contact.tilt_rad, contact.at_ease_rad), turned_rad, rtol=1e-3
+    )

@@ -18,6 +18,7 @@ from capslip.contact.solvers.pressed import State
 from capslip.errors import ContactError, SettingsError
 
 _MAX_TURNS, _MAX_TRIALS = 40, 25  # directions that are turned in, and solutions along each
+_MAX_PLACES = 10  # of the resultant, in the end
 _SETTLED = 1e-7  # moment left over, over load times side, at which a face has turned
 _UNBALANCED = 1e-6  # the same, that is an error
 _LESS = 0.5  # of the moment: a trial that leaves no more has gone far enough
@@ -232,6 +233,15 @@ class _Turned:
                 break  # what is left is what the tolerance leaves
             jacobian = _updated(jacobian, part * step_rad, new_Nm - moment_Nm)
             tilt_rad, state, moment_Nm = turned_rad, found, new_Nm
+        for _ in range(_MAX_PLACES):
+            if self._left(moment_Nm) < _SETTLED:
+                break
+            # Under a soft one counts what a solution leaves of its resultant: that is put in place
+            place_m = point_m - stiffness / self.load_N * (tilt_rad - at_ease_rad)
+            state, more = self.at(place_m, state.pressure_Pa)
+            iterations += more
+            turned_rad = np.add(self.base_rad, state.tilt_rad)
+            tilt_rad, moment_Nm = turned_rad, stiffness * (turned_rad - tilt_rad)
         return state, iterations, tilt_rad
 
     def _under(
