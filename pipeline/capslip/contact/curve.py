@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 Curve = TypeVar("Curve", bound="NormalCurve")
+HIGHER = 1e-6  # of the approach: less is what the search for a withdrawal leaves
 
 
 class NormalCurve(Protocol):
@@ -80,6 +81,19 @@ class AsperityCurve(NormalCurve, Protocol):
 
     def asperity_loads_N(self, approach_m: ArrayLike) -> np.ndarray:
         """Load of one asperity of each row."""
+
+
+def withdrawal_to_lift_m(
+    curve: NormalCurve, approach_m: ArrayLike, load_N: ArrayLike
+) -> np.ndarray:
+    """Return the withdrawal at which nothing touches any more, from an approach under its load.
+
+    That of the approach from first touch; of a map, which counts it from its highest pixel, more
+    where the face stands higher between the pixels.
+    """
+    from_touch_m = np.asarray(approach_m) - curve.touch_m
+    to_lift_m = np.asarray(curve.withdrawal_m(approach_m, load_N))
+    return np.where(to_lift_m > (1.0 + HIGHER) * from_touch_m, to_lift_m, from_touch_m)
 
 
 def in_series(curve: Curve, compliance_m_per_N: float) -> Curve:

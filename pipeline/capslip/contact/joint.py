@@ -170,13 +170,14 @@ def joint_of(settings: Settings, surface: HeightMap) -> Joint:
             preload_N = contact.nominal_pressure_Pa * area_m2
         load_N, weight = np.array([preload_N * (scan_m2 / area_m2)]), np.array([area_m2 / scan_m2])
         scan_load_N = float(load_N[0])
-    if contact.bulk and not np.array_equal(weight, [1.0]):
+    found = Joint(area_m2, scan_m2, preload_N, load_N, weight, scan_load_N)
+    if contact.bulk and not found.is_scan:
         raise SettingsError(
             "contact.bulk: got true with a joint that is larger than its scan; the bulk sinking of "
             "the scan is not that of the joint; leave it to the structure (contact.bulk = false)"
         )
     _check_pressure(scan_load_N / scan_m2, settings.material)
-    return Joint(area_m2, scan_m2, preload_N, load_N, weight, scan_load_N)
+    return found
 
 
 def _check_pressure(pressure_Pa: float, material: Material) -> None:

@@ -7,10 +7,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from capslip.contact.curve import NormalCurve
+from capslip.contact.curve import NormalCurve, withdrawal_to_lift_m
 from capslip.errors import ContactError, SettingsError
-
-HIGHER = 1e-6  # of the approach: less is what the search for a withdrawal leaves
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,15 +33,9 @@ class SlipCurve:
 
     @cached_property
     def total_slip_displacement_m(self) -> Any:
-        """Displacement at which the last contact slips as a whole.
-
-        That of the approach from first touch; of a map, which counts it from its highest pixel,
-        more where the face stands higher between the pixels.
-        """
-        from_touch_m = np.asarray(self.approach_m - self.curve.touch_m)
-        to_lift_m = np.asarray(self.curve.withdrawal_m(self.approach_m, self.preload_N))
-        higher = to_lift_m > (1.0 + HIGHER) * from_touch_m
-        return _plain(self._scale * np.where(higher, to_lift_m, from_touch_m))
+        """Displacement at which the last contact slips as a whole."""
+        to_lift_m = withdrawal_to_lift_m(self.curve, self.approach_m, self.preload_N)
+        return _plain(self._scale * to_lift_m)
 
     @property
     def tangential_stiffness_N_per_m(self) -> Any:

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from capslip.contact.curve import NormalCurve
+from capslip.contact.curve import NormalCurve, withdrawal_to_lift_m
 from capslip.contact.scaled import ScaledCurve
 from capslip.errors import ContactError
 
@@ -16,7 +16,6 @@ LEAST_SHARE = 1e-5  # of the withdrawal at total slip that the table of uneven p
 SEEN_AT = 0.25  # of the load of a patch that is gone, where a curve under another load is scaled
 MAX_STEPS = 60  # of the search for a withdrawal: bisection alone needs no more
 CONVERGED = 1e-14  # of the withdrawal
-HIGHER = 1e-6  # of the approach: less is what the search for a withdrawal leaves
 OF_A_SPHERE = np.array([2.0, 2.0, 5.0]) / 3.0  # powers of the load in what `seen` returns
 
 
@@ -217,10 +216,8 @@ class PatchedCurve:
         """Return withdrawals from the preload, with their load drops and loss integrals."""
         share = np.geomspace(LEAST_SHARE, 0.5, 140)
         share = np.concatenate([share, 1.0 - np.geomspace(0.49, 1e-6, 60), [1.0]])
-        from_touch_m = self.preload_approach_m - float(self.touch_m)
-        to_lift_m = max(float(one.withdrawal_m(d, one.load_N(d))) for one, d, _ in self._patches)
-        # A map stands higher between its pixels than at the one from which its approach counts
-        e = share * (to_lift_m if to_lift_m > (1.0 + HIGHER) * from_touch_m else from_touch_m)
+        to_lift_m = [withdrawal_to_lift_m(one, d, one.load_N(d)) for one, d, _ in self._patches]
+        e = share * float(max(to_lift_m))
         drop_N, loss_J = np.zeros(e.shape), np.zeros(e.shape)
         for one, d, w in self._patches:  # both of one patch share what its curve solves
             drop_N += w * one.load_drop_N(d, e)

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, cast
 
 from capslip import registry
+from capslip.contact.solvers.unloading import SMALL_SLIP
 from capslip.errors import SettingsError, one_of
 from capslip.problems import Problem
 from capslip.units import percent
@@ -18,7 +19,6 @@ if TYPE_CHECKING:
     from capslip.structure.jenkins import JenkinsElements
 
 FOLDER = "output.exports"
-ASKED_FORCE = 0.1  # of mu N: less is not what a joint is asked for
 
 
 @dataclass(frozen=True)
@@ -59,7 +59,7 @@ def inexact(
     shares = [
         float(one.force_N(one.good_from_m(asked)) / one.slip_force_N.sum()) for one in sliders
     ]
-    error = max(one.energy_error_from(ASKED_FORCE) for one in sliders)
+    error = max(one.energy_error_from(SMALL_SLIP) for one in sliders)
     message = (
         f"{file}: its sliders lose the energy of a cycle within {percent(asked)} from "
         f"{percent(max(shares))} of mu N on; from a tenth of mu N on they may be off by "

@@ -17,6 +17,7 @@ from capslip.errors import OutputError, SettingsError
 # the border of two cells only tells to which of them sliders belong that move there.
 SOLVED = np.array((1e-4, 1e-4, 0.1))
 DISPLACEMENTS, SMALL_DISPLACEMENTS = 64, 16  # at which it is solved first
+TOLERANCE = 0.01  # of the energy per cycle, where nothing else is asked
 LEAST_SLIP = 1e-3  # of the upper border of a cell, at which its sliders move
 
 # Force, energy and stiffness over displacements
@@ -77,7 +78,7 @@ class JenkinsElements:
 
 
 def jenkins(
-    slip: SlipCurve, tolerance: float = 0.01, smallest_displacement_m: float | None = None
+    slip: SlipCurve, tolerance: float = TOLERANCE, smallest_displacement_m: float | None = None
 ) -> JenkinsElements:
     """Replace a slip curve by parallel Jenkins elements that lose the same energy per cycle.
 
@@ -156,7 +157,9 @@ def jenkins(
     return JenkinsElements(stiffness_N_per_m, stiffness_N_per_m * slip_m, *checked)
 
 
-def write_jenkins(elements: JenkinsElements, path: str | Path, tolerance: float = 0.01) -> None:
+def write_jenkins(
+    elements: JenkinsElements, path: str | Path, tolerance: float = TOLERANCE
+) -> None:
     """Write the elements as CSV, with the way to use them in comment lines at the top.
 
     Parameters
