@@ -4,7 +4,13 @@ import pytest
 
 from scenes import SCANS
 
-DEAR = ("test_limits.py", "test_cli_fleet.py", "test_chart.py", "test_contact_effects.py")
+DEAR = (
+    "test_problems.py",
+    "test_cli_fleet.py",
+    "test_limits.py",
+    "test_contact_effects.py",
+    "test_chart.py",
+)
 
 
 def pytest_collection_modifyitems(items):
