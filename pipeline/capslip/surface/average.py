@@ -28,8 +28,10 @@ LEAST_OVERLAP, LEAST_MATCH = 0.5, 0.5
 MOST_TURNED_PIXELS = 1.0  # at a corner
 SPIKE, MOST_SPIKES = 10.0, 0.01  # standard deviations, and share of the points: more are no spikes
 COARSE_BLOCKS, SAME_PLACE = 48, 0.98  # along the shorter side; correlation
+RIM, EDGE, LEAST_PLACED = 8, 2, 30  # pixels: added to a map for splines, badly known, along a side
+HIDDEN, MAX_PLACED = 0.1, 4  # a move that changes less than this share of the noise is left
 ENOUGH = 100  # differences between neighbours, of which a median says something
-PLANE, FORM, MOVE, TURN = slice(0, 3), slice(3, 6), slice(6, 8), 8  # columns of a fit
+PLANE, FORM, MOVE, PLACE = slice(0, 3), slice(3, 6), slice(6, 8), slice(6, 9)  # columns of a fit
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,11 +70,12 @@ class Average:
 class _Apart:
     """What a scan has over the first one, on the pixels of both."""
 
-    plane_m: np.ndarray
+    height_m: np.ndarray  # where the first one has its pixels, without plane and form over it
+    form_m: np.ndarray  # of the second degree
     noise_m: np.ndarray  # of both
-    bow_m: float  # rms
     moved_pixels: tuple[float, float]
     turn_rad: float
+    kept: tuple[float, float]  # of white noise: its variance, and that of its mixed differences
 
 
 def average(scans: Sequence[HeightMap]) -> Average:
@@ -82,7 +85,7 @@ def average(scans: Sequence[HeightMap]) -> Average:
     ----------
     scans : sequence of HeightMap
         As measured, two at least, of a part that was not touched between them. They may lie some
-        pixels aside and be levelled differently; none is interpolated.
+        pixels aside, also by fractions, and be levelled differently.
 
     Raises
     ------
@@ -98,8 +101,11 @@ def average(scans: Sequence[HeightMap]) -> Average:
     added. What they differ by, less these and less ``-m . grad z - turn (x dz/dy - y dz/dx)``, all
     fitted by least squares, is the noise of both: the subtraction technique (Haitjema and Morel
     2005, Noise bias removal in profile measurements, Measurement 38). Each scan is shifted by whole
-    pixels and loses its plane over the first; what is left of m, half a pixel at most, blurs the
-    mean by less than a pixel does. The mean of n scans has the noise of one over the root of n.
+    pixels and loses its plane over the first. Where what is left of the move, half a pixel at most,
+    and of the turn changes its heights by more than a tenth of the noise, it is interpolated by
+    splines of the fifth degree until it does not; its spikes and holes stay at their pixels. Half a
+    pixel along both sides leaves 0.70 of the variance of white noise: that is counted in the noise
+    of a scan, and not in that of the mean, which is what is left over the root of n.
 
     Examples
     --------
@@ -119,20 +125,25 @@ def average(scans: Sequence[HeightMap]) -> Average:
     ]
     for scan, one in zip(scans[1:], apart, strict=True):
         _check_place(scans[0], scan, first_m, one)
-    planes_m = (0.0, *(one.plane_m for one in apart))
-    level_m = np.stack([h - plane for h, plane in zip(heights_m, planes_m, strict=True)])
+    level_m = np.stack([first_m, *(one.height_m for one in apart)])
     noise_m = np.stack([0.0 * first_m, *(one.noise_m for one in apart)])  # over that of the first
     spikes = _leave_out_spikes(level_m, noise_m)
-    mean = replace(scans[0], height_m=_mean_m(level_m))
+    form_m = sum(one.form_m for one in apart) / len(scans)  # no step where some scans end
+    mean = replace(scans[0], height_m=_mean_m(level_m) + form_m)
     height_m = remove_form(mean, "plane")[0].height_m
     high = height_m >= np.nanquantile(height_m, 1.0 - HIGHEST_SHARE)
-    one_m = _rms_m(noise_m, high)
+    known, kept = np.isfinite(height_m), np.mean([(1.0, 1.0), *(one.kept for one in apart)], axis=0)
+    if kept[0] < 1.0:
+        for here in (high, known):
+            here[:EDGE] = here[-EDGE:] = here[:, :EDGE] = here[:, -EDGE:] = False
+    left_m = _rms_m(noise_m, high)
+    one_m, white_m = _of_one_m(noise_m, high, kept)
     return Average(
-        surface=replace(mean, noise_m=one_m / math.sqrt(len(scans)) or None),
+        surface=replace(mean, noise_m=left_m / math.sqrt(len(scans)) or None),
         noise_m=one_m,
-        white_m=_white_m(noise_m, high),
-        everywhere_m=_rms_m(noise_m, np.isfinite(height_m)),
-        bow_m=math.sqrt(np.mean([one.bow_m**2 for one in apart])),
+        white_m=white_m,
+        everywhere_m=_of_one_m(noise_m, known, kept)[0],
+        bow_m=math.sqrt(np.mean([np.var(one.form_m) for one in apart])),
         moved_pixels=((0.0, 0.0), *(one.moved_pixels for one in apart)),
         spikes=spikes,
     )
@@ -248,17 +259,29 @@ def _columns(
     A plane, a form of the second degree, a move by one pixel along y and x, and a turn.
     """
     y, x = np.ix_(*(np.linspace(-1.0, 1.0, n) for n in first_m.shape))
-    mean_m = _mean_m(np.stack([first_m, other_m]))
-    lost = np.isnan(mean_m)
-    along_y, along_x = np.gradient(from_nearest(mean_m) if 0 < lost.sum() < lost.size else mean_m)
+    plane = [np.ones((1, 1)), y, x]
+    over_m = other_m - first_m
+    level_m = other_m - sum(
+        share * one for share, one in zip(_fit(over_m, plane), plane, strict=True)
+    )
+    # Slopes of the face: not of a spike, or of a step where one of them was not measured
+    mean_m = _mean_m(np.stack([first_m, level_m]))
+    far = ~_near_noise(level_m - first_m) & ~np.isnan(over_m)
+    along_y, along_x = np.gradient(_known(np.where(far, np.nan, mean_m)))
     half = [0.5 * (n - 1) for n in first_m.shape]
     square = pixel_size_m[1] / pixel_size_m[0]
     turn = half[1] * x * square * along_y - half[0] * y / square * along_x
-    return [np.ones((1, 1)), y, x, y * y, y * x, x * x, along_y, along_x, turn]
+    return [*plane, y * y, y * x, x * x, along_y, along_x, turn]
+
+
+def _known(height_m: np.ndarray) -> np.ndarray:
+    """Return heights, where there are none those of the nearest pixel that has one."""
+    lost = np.isnan(height_m)
+    return from_nearest(height_m) if 0 < lost.sum() < lost.size else height_m
 
 
 def _fit(over_m: np.ndarray, columns: Sequence[np.ndarray]) -> np.ndarray:
-    """Fit the columns to what a scan has over the first, shape (9,); far points have no say."""
+    """Fit columns to what a scan has over the first, one number each; far points have no say."""
     every = max(1, math.isqrt(over_m.size // SAMPLES))
     lines = slice(every // 2, None, every)
     sampled = [np.broadcast_to(one, over_m.shape)[lines, lines].reshape(-1) for one in columns]
@@ -276,6 +299,14 @@ def _fit(over_m: np.ndarray, columns: Sequence[np.ndarray]) -> np.ndarray:
     return fit
 
 
+def _near_noise(noise_m: np.ndarray) -> np.ndarray:
+    """Tell which points of a map are known and no farther off than noise is."""
+    near = ~np.isnan(noise_m)
+    if near.any():
+        near[near] = _near(np.abs(noise_m[near]))
+    return near
+
+
 def _near(off_m: np.ndarray) -> np.ndarray:
     """Tell which points are no farther off than noise is; of rounded heights half may be exact."""
     deviation_m = max(np.median(off_m) / MEDIAN_OF_NORMAL, np.quantile(off_m, 0.95) / NORMAL_95)
@@ -286,18 +317,71 @@ def _near(off_m: np.ndarray) -> np.ndarray:
 def _apart(
     first_m: np.ndarray, other_m: np.ndarray, shift: np.ndarray, pixel_size_m: tuple[float, float]
 ) -> _Apart:
-    over_m, columns = other_m - first_m, _columns(first_m, other_m, pixel_size_m)
-    fit = _fit(over_m, columns)
-    parts_m = [share * one for share, one in zip(fit, columns, strict=True)]
-    plane_m, form_m = (np.asarray(sum(parts_m[some])) for some in (PLANE, FORM))
-    dy, dx = shift - fit[MOVE]
+    here_m, fitted = other_m, np.zeros(3)
+    for placed in range(1 + MAX_PLACED):
+        over_m, columns = here_m - first_m, _columns(first_m, here_m, pixel_size_m)
+        fit = _fit(over_m, columns)
+        parts_m = [share * one for share, one in zip(fit, columns, strict=True)]
+        plane_m, form_m, lies_m = (np.asarray(sum(parts_m[some])) for some in (PLANE, FORM, PLACE))
+        noise_m = over_m - sum(parts_m)
+        near = _near_noise(noise_m)
+        fitted = fitted + fit[PLACE]
+        seen = np.square(lies_m[near]).sum() > HIDDEN**2 * np.square(noise_m[near]).sum()
+        if placed == MAX_PLACED or not seen or min(first_m.shape) < LEAST_PLACED:
+            break
+        if placed == 0:
+            level_m, expected_m = other_m - plane_m, first_m + form_m + lies_m
+            smooth_m = _smooth(level_m, expected_m, near)
+            own_m = level_m - smooth_m  # spikes and holes stay at their pixels
+        here_m = own_m + _placed(smooth_m, fitted, pixel_size_m)
+    dy, dx = shift - fitted[:2]
     return _Apart(
-        plane_m=plane_m,
-        noise_m=over_m - sum(parts_m),
-        bow_m=float(np.std(form_m)),
+        height_m=here_m - plane_m - form_m,
+        form_m=form_m,
+        noise_m=noise_m,
         moved_pixels=(float(dy), float(dx)),
-        turn_rad=float(fit[TURN]),
+        turn_rad=float(fitted[2]),
+        kept=_kept(fitted[:2]) if here_m is not other_m else (1.0, 1.0),
     )
+
+
+def _smooth(level_m: np.ndarray, expected_m: np.ndarray, near: np.ndarray) -> np.ndarray:
+    """Return heights that can be interpolated: without the holes, and the spikes of either scan."""
+    smooth_m = np.where(np.isnan(level_m), expected_m, level_m)
+    far = ~near & ~np.isnan(level_m + expected_m)
+    around_m = _known(np.where(far, np.nan, smooth_m))
+    spike = far & (np.abs(expected_m - around_m) < np.abs(level_m - around_m))  # in this scan
+    smooth_m[spike] = expected_m[spike]
+    return np.where(np.isnan(smooth_m), around_m, smooth_m)
+
+
+def _placed(
+    height_m: np.ndarray, fitted: np.ndarray, pixel_size_m: tuple[float, float]
+) -> np.ndarray:
+    """Return the heights of a scan at the pixels of the first, off which it lies as was fitted."""
+    from scipy.ndimage import affine_transform
+
+    along_y, along_x, turn_rad = fitted
+    square = pixel_size_m[1] / pixel_size_m[0]
+    matrix = np.array([[1.0, -turn_rad * square], [turn_rad / square, 1.0]])
+    centre = 0.5 * (np.array(height_m.shape) - 1.0)
+    offset = centre - matrix @ centre - (along_y, along_x)
+    wide_m = np.pad(height_m, RIM, "reflect", reflect_type="odd")  # slopes go on beyond its end
+    placed_m: np.ndarray = affine_transform(
+        wide_m, matrix, offset + RIM, output_shape=height_m.shape, order=5, mode="nearest"
+    )
+    return placed_m
+
+
+def _kept(move: np.ndarray) -> tuple[float, float]:
+    """Return what splines leave of white noise: its variance, and that of mixed differences."""
+    from scipy.ndimage import shift
+
+    point = np.zeros(64)
+    point[32] = 1.0
+    weights = [shift(point, by, order=5) for by in move]
+    variance = math.prod(float(one @ one) for one in weights)
+    return variance, math.prod(float(np.square(np.diff(one, 2)).sum()) / 6.0 for one in weights)
 
 
 def _check_place(first: HeightMap, other: HeightMap, first_m: np.ndarray, one: _Apart) -> None:
@@ -330,15 +414,15 @@ def _leave_out_spikes(level_m: np.ndarray, noise_m: np.ndarray) -> int:
 
     Of two scans nobody knows which one is right, and both lose it.
     """
-    every = ~np.isnan(noise_m).any(axis=0)
-    off_m = np.abs(noise_m[:, every] - np.median(noise_m[:, every], axis=0))
-    if not off_m.any():
+    some = np.count_nonzero(~np.isnan(noise_m), axis=0) >= 2
+    off_m = np.abs(noise_m[:, some] - np.nanmedian(noise_m[:, some], axis=0))
+    if not (off_m > 0.0).any():
         return 0
     spike = off_m > SPIKE * np.median(off_m[off_m > 0.0]) / MEDIAN_OF_NORMAL
     if spike.mean() > MOST_SPIKES:
         return 0
     for heights_m in (level_m, noise_m):
-        heights_m[:, every] = np.where(spike, np.nan, heights_m[:, every])
+        heights_m[:, some] = np.where(spike, np.nan, heights_m[:, some])
     return int(np.count_nonzero(spike))
 
 
@@ -356,6 +440,17 @@ def _rms_m(noise_m: np.ndarray, here: np.ndarray) -> float:
     variance_m2 = np.var(noise_m[:, here], axis=0, ddof=1)
     variance_m2 = variance_m2[~np.isnan(variance_m2)]
     return math.sqrt(np.mean(variance_m2)) if variance_m2.size else 0.0
+
+
+def _of_one_m(
+    noise_m: np.ndarray, here: np.ndarray, kept: np.ndarray
+) -> tuple[float, float | None]:
+    """Return the noise of one scan as it was measured, and the white part of it where it tells."""
+    left_m, white_m = _rms_m(noise_m, here), _white_m(noise_m, here)
+    if white_m is None:
+        return left_m, None
+    white_m /= math.sqrt(kept[1])
+    return math.sqrt(left_m**2 + (1.0 - kept[0]) * white_m**2), white_m
 
 
 def _white_m(noise_m: np.ndarray, here: np.ndarray) -> float | None:
