@@ -9,6 +9,8 @@ import pytest
 
 import capslip
 from capslip.analysis import analyze_once
+from capslip.errors import CapslipError
+from capslip.settings import settings_from
 from scenes import PROJECT, caps_map
 
 CAPS = [(6e-3, 5e-3, 24.0, 0.0), (14e-3, 12e-3, 27.0, -1e-7), (24e-3, 8e-3, 25.0, -5e-8)]
@@ -63,6 +65,29 @@ def test_default_file_holds_the_defaults():
 def test_the_papers_settings_are_valid():
     settings = capslip.load_settings(PROJECT / "configs" / "peyret2016.toml")
     assert (settings.contact.model, settings.caps.fit) == ("families", "equation18")
+
+
+def test_settings_take_numbers_of_numpy_and_paths(tmp_path):
+    """As studies over a range give them; they are those of plain numbers."""
+    given = {
+        "contact": {"bulk": np.bool_(False)},
+        "structure": {"joints": np.int64(3)},
+        "mating": {"offset_m": np.array([1e-6, 2e-6])},
+        "material": {"poisson_ratio": (np.float32(0.25), 0.3)},
+        "joint": {"pressure_map": tmp_path / "map.csv"},
+    }
+    plain = {
+        "contact": {"bulk": False},
+        "structure": {"joints": 3},
+        "mating": {"offset_m": [1e-6, 2e-6]},
+        "material": {"poisson_ratio": [0.25, 0.3]},
+        "joint": {"pressure_map": str(tmp_path / "map.csv")},
+    }
+    assert settings_from(given) == settings_from(plain)
+    assert settings_from({"contact": {"preload_N": np.float64(3.0)}}).contact.preload_N == 3.0
+    for bad in (np.float64("nan"), np.array([np.inf])):
+        with pytest.raises(CapslipError, match="expected a finite number"):
+            settings_from({"contact": {"preload_N": bad}})
 
 
 def test_what_changes_no_number_is_not_in_the_key():

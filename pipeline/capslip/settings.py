@@ -311,8 +311,7 @@ def load_settings(path: str | Path | None = None, overrides: tuple[str, ...] = (
 def settings_from(tables: dict[str, Any], where: str = "settings") -> Settings:
     """Check nested dictionaries and make them Settings; errors as for `load_settings`."""
     _refuse_unknown(tables, Settings, where, ())
-    _refuse_non_finite(tables, where, ())
-    tables = _with_preset(tables, where)
+    tables = _with_preset(_plain(tables, where, ()), where)
     try:
         settings = msgspec.convert(tables, Settings)
     except msgspec.ValidationError as error:
@@ -337,9 +336,8 @@ def _given(tables: dict[str, Any]) -> set[str]:
 def _check_load(tables: dict[str, Any], where: str) -> None:
     """Refuse what gives the load or the area of the joint twice."""
     contact, joint = tables.get("contact", {}), tables.get("joint", {})
-    approach = ["families.approach_m"] if "approach_m" in tables.get("families", {}) else []
     loads = [f"contact.{key}" for key in ("preload_N", "nominal_pressure_Pa") if key in contact]
-    loads += approach
+    loads += ["families.approach_m"] if "approach_m" in tables.get("families", {}) else []
     if "pressure_map" in joint:
         loads += ["joint.pressure_map"]
         loads += ["joint.area_m2"] if "area_m2" in joint else []
@@ -381,9 +379,8 @@ def _check_meaning(settings: Settings, where: str) -> None:
     ):
         if got not in known:
             raise SettingsError(f"{where}: {name}: got {got!r}; {one_of(known, got)}")
-    conditioning = settings.conditioning
-    short_m = conditioning.s_filter_nesting_index_m
-    long_m = conditioning.l_filter_nesting_index_m
+    filters = settings.conditioning
+    short_m, long_m = filters.s_filter_nesting_index_m, filters.l_filter_nesting_index_m
     if short_m is not None and long_m is not None and short_m >= long_m:
         raise SettingsError(
             f"{where}: conditioning: s_filter_nesting_index_m {short_m:g} is not below "
@@ -429,15 +426,16 @@ def _refuse_unknown(
             _refuse_unknown(value, nested, where, (*path, key))
 
 
-def _refuse_non_finite(value: Any, where: str, path: tuple[str, ...]) -> None:
+def _plain(value: Any, where: str, path: tuple[str, ...]) -> Any:
+    """Return a value without types of NumPy and paths; refuse a number that is not finite."""
     if isinstance(value, dict):
-        for key, inner in value.items():
-            _refuse_non_finite(inner, where, (*path, key))
-    elif isinstance(value, list | tuple):
-        for inner in value:
-            _refuse_non_finite(inner, where, path)
-    elif isinstance(value, float) and not math.isfinite(value):
+        return {key: _plain(inner, where, (*path, key)) for key, inner in value.items()}
+    value = value.tolist() if hasattr(value, "tolist") else value
+    if isinstance(value, list | tuple):
+        return [_plain(inner, where, path) for inner in value]
+    if isinstance(value, float) and not math.isfinite(value):
         raise SettingsError(f"{where}: {'.'.join(path)}: got {value}; expected a finite number")
+    return str(value) if isinstance(value, Path) else value
 
 
 def _explain(message: str, tables: dict[str, Any]) -> str:
