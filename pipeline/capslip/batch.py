@@ -481,7 +481,8 @@ def _fail(
 def _row(scan: Scan, found: Row) -> Row:
     row: Row = dict.fromkeys(COLUMNS)
     row.update(found)
-    row.update(scan=scan.name, path=str(scan.path), group=scan.group)
+    mate = None if scan.mate is None else str(scan.mate)
+    row.update(scan=scan.name, path=str(scan.path), mate=mate, group=scan.group)
     if "verdict" in found:
         row["folder"] = f"scans/{scan.name}"
     return row

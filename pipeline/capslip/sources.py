@@ -235,7 +235,7 @@ def _with(settings: Settings, given: dict[str, str | None], where: str) -> Setti
 def _names(scans: list[Scan]) -> list[str]:
     """One name a scan: the stem, or as much of the path as it takes to tell the scans apart."""
     names = [_plain(scan.path.stem) for scan in scans]
-    for longer in (_with_ending, _with_folder, _with_preload, _with_digest):
+    for longer in (_with_ending, _with_folder, _with_mate, _with_preload, _with_digest):
         count = Counter(name.casefold() for name in names)
         names = [
             name if count[name.casefold()] == 1 else longer(scan)
@@ -252,8 +252,13 @@ def _with_folder(scan: Scan) -> str:
     return _plain(f"{scan.path.parent.name}_{scan.path.name}")
 
 
+def _with_mate(scan: Scan) -> str:
+    own = scan.path.name
+    return _plain(own if scan.mate is None else f"{own}_{scan.mate.stem}")
+
+
 def _with_preload(scan: Scan) -> str:
-    return f"{_with_ending(scan)}_{scan.settings.contact.preload_N:g}N"
+    return f"{_with_mate(scan)}_{scan.settings.contact.preload_N:g}N"
 
 
 def _with_digest(scan: Scan) -> str:

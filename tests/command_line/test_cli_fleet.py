@@ -607,6 +607,7 @@ def test_a_list_gives_preload_mate_unit_and_group(tmp_path):
     assert sorted(row["preload_N"] for row in found) == ["100.0", "300.0", "460.0"]
     assert [row["group"] for row in found] == ["left", "left", "right"]
     assert {row["scan"] for row in found} == {"a.h5_100N", "a.h5_300N", "b"}
+    assert [row["mate"] for row in found] == ["", "", str(tmp_path / "a.h5")]
     mated = read_summary(tmp_path / "out" / "scans" / "b")
     assert mated["surface"]["mate"]["path"] == str(tmp_path / "a.h5")
     # the mate is part of what a result depends on

@@ -52,7 +52,7 @@ RESULTS = (  # columns of numbers, by their names in the one table of quantities
     "gross_slip_amplitude_m",
     "verdict",
 )
-COLUMNS = ("scan", "status", "error", "path", "group", *RESULTS, "problems", "folder")
+COLUMNS = ("scan", "status", "error", "path", "mate", "group", *RESULTS, "problems", "folder")
 INDEX = {  # what the page shows, and its unit there
     "caps": "",
     "m": "",
