@@ -8,6 +8,7 @@ import h5py
 import numpy as np
 import pytest
 from click.testing import CliRunner
+from scipy.ndimage import shift
 
 from capslip.analysis import analyze_scans
 from capslip.cli import main
@@ -68,6 +69,19 @@ def test_the_mean_is_written_with_its_noise_and_told(scans, tmp_path):
         of = list(file["height"].attrs["mean_of"])
     assert of == [f"{name} (SHA-256 {sha256_of(tmp_path / name)})" for name in scans]
     assert sorted(one.name for one in tmp_path.iterdir()) == ["a-mean.h5", *scans]
+
+
+def test_what_splines_take_of_the_noise_is_told(scans):
+    assert "splines" not in run("average", *scans).stdout
+    first, second, _ = repeats()
+    moved_m = shift(face().height_m, (0.5, 0.4), order=5, mode="nearest")
+    second = replace(second, height_m=second.height_m - face().height_m + moved_m)
+    for name, one in (("a", first), ("b", second)):
+        write_hdf5(one, f"{name}.h5")
+    ran = run("average", "a.h5", "b.h5", "-o", "moved.h5")
+    found = average([load_surface("a.h5"), load_surface("b.h5")])
+    assert found.surface.noise_m < 0.97 * found.noise_m / np.sqrt(2.0)
+    assert "over the root of 2, less what splines took where scans lie a fraction" in ran.stdout
 
 
 def test_a_mean_names_scans_of_odd_bytes(scans):

@@ -15,6 +15,7 @@ from capslip.surface.average import Average
 from capslip.surface.doubts import sanity_line
 from capslip.units import percent
 
+SAME = 0.995  # of a noise, as it is written
 HILLS = (
     "hills      cut {cut_height_m}, {regions} regions, {hills} hills, {caps} caps, largest "
     "region {largest_region_share:.0f %}"
@@ -135,10 +136,13 @@ def average_lines(found: Average, names: list[str], path: Path) -> str:
     noise = f"{engineering(found.noise_m, 'm')} (rms) a height of one scan, where it is highest"
     if found.white_m is not None:
         noise += f"; {engineering(found.white_m, 'm')} from pixel to pixel"
+    of_mean = f"{engineering(surface.noise_m, 'm')}, over the root of {n}"
+    if surface.noise_m is not None and surface.noise_m * math.sqrt(n) < SAME * found.noise_m:
+        of_mean += ", less what splines took where scans lie a fraction of a pixel aside"
     lines = [
         ("noise", noise),
         ("", f"{engineering(found.everywhere_m, 'm')} over the whole map"),
-        ("of mean", f"{engineering(surface.noise_m, 'm')}, over the root of {n}"),
+        ("of mean", of_mean),
     ]
     for name, (dy, dx) in list(zip(names, found.moved_pixels, strict=True))[1:]:
         along_y, along_x = (round(one, 2) + 0.0 for one in (dy, dx))  # no -0.00
