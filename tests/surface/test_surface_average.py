@@ -121,13 +121,14 @@ def test_spikes_holes_and_edges_of_scans_that_lie_aside_stay_where_they_are():
     wide_m, moved = waves(1, (200, 260), 3.0), (0.45, -0.4)
     inside = slice(40, 160), slice(40, 220)
     face_m, there_m = wide_m[inside], shift(wide_m, moved, order=5)[inside] + 1e-6 * X
-    heights_m = [z + noise(k) for k, z in enumerate((face_m, there_m, face_m, there_m))]
+    tilted_m = face_m - 3e-6 * Y  # and so is the mean
+    heights_m = [z + noise(k) for k, z in enumerate((tilted_m, there_m, face_m, there_m))]
     place = np.s_[10:110:25, 10:170:40]
     for i, one_m in enumerate(heights_m[:2]):
         one_m[place[0], place[1]][i::2, :] += 3e-6
         one_m[place[0].start + 5 :: 25, 15 + i : 170 : 40] = np.nan
     found = average([HeightMap(z, PIXEL_M) for z in heights_m])
-    off_m = found.surface.height_m - face_m
+    off_m = found.surface.height_m - tilted_m
     assert found.spikes == 16
     assert found.noise_m == pytest.approx(NOISE_M, rel=0.06)
     off_m -= off_m.mean()
