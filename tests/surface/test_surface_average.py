@@ -7,6 +7,7 @@ import pytest
 from scipy.ndimage import gaussian_filter, map_coordinates, rotate, shift
 
 from capslip.errors import SettingsError, UnusableSurfaceError
+from capslip.surface import average as surface_average
 from capslip.surface.average import average, problems_of_places
 from capslip.surface.form import remove_form
 from capslip.surface.heightmap import HeightMap, Origin
@@ -170,6 +171,22 @@ def test_a_turn_that_is_allowed_is_taken_back():
     )
     assert found.everywhere_m == pytest.approx(NOISE_M, rel=0.03)
     assert rms(found.surface.height_m - wide_m[inside]) < 1.05 * NOISE_M / np.sqrt(2.0)
+
+
+def test_a_search_that_ends_some_pixels_away_goes_on(monkeypatch):
+    """Beyond the pixels that all have nothing is known: they are taken anew where it ends."""
+    wide_m, moved = waves(1, (200, 260)), (3, -7)
+    inside = slice(40, 160), slice(40, 220)
+    heights_m = wide_m[inside], np.roll(wide_m, moved, axis=(0, 1))[inside]
+    scans = [HeightMap(z + noise(k), PIXEL_M) for k, z in enumerate(heights_m)]
+    direct = average(scans)
+    search = surface_average._shift
+    monkeypatch.setattr(
+        surface_average, "_shift", lambda *given: search(*given) + np.array((5, -4))
+    )
+    found = average(scans)
+    assert found.moved_pixels[1] == pytest.approx(moved, abs=0.02)
+    assert np.array_equal(found.surface.height_m, direct.surface.height_m)
 
 
 def test_planes_and_bows_between_scans_are_no_noise():

@@ -117,12 +117,17 @@ def average(scans: Sequence[HeightMap]) -> Average:
     (10, 7)
     """
     _check(scans)
-    shifts, heights_m = _in_common(scans)
-    first_m, size_m = heights_m[0], scans[0].pixel_size_m
-    apart = [
-        _apart(first_m, one_m, shift, size_m)
-        for one_m, shift in zip(heights_m[1:], shifts[1:], strict=True)
-    ]
+    shifts = np.array([(0, 0), *(_shift(scans[0], other) for other in scans[1:])])
+    for _ in range(MAX_PLACED):
+        first_m, *others_m = _in_common(scans, shifts)
+        apart = [
+            _apart(first_m, one_m, shift, scans[0].pixel_size_m)
+            for one_m, shift in zip(others_m, shifts[1:], strict=True)
+        ]
+        nearer = np.rint([(0, 0), *(one.moved_pixels for one in apart)]).astype(int)
+        if np.abs(nearer - shifts).max() <= 1:
+            break
+        shifts = nearer
     for scan, one in zip(scans[1:], apart, strict=True):
         _check_place(scans[0], scan, first_m, one)
     level_m = np.stack([first_m, *(one.height_m for one in apart)])
@@ -201,12 +206,8 @@ def _check(scans: Sequence[HeightMap]) -> None:
             )
 
 
-def _in_common(scans: Sequence[HeightMap]) -> tuple[np.ndarray, list[np.ndarray]]:
-    """Return by how many whole pixels each scan lies off the first, and heights of all places.
-
-    Places are those that all scans have, if measured or not.
-    """
-    shifts = np.array([(0, 0), *(_shift(scans[0], other) for other in scans[1:])])
+def _in_common(scans: Sequence[HeightMap], shifts: np.ndarray) -> list[np.ndarray]:
+    """Return the heights of scans, shifted so against the first, at the places that all have."""
     shapes = np.array([one.shape for one in scans])
     windows = _windows(shapes, shifts)
     heights_m = [one.height_m[window] for one, window in zip(scans, windows, strict=True)]
@@ -216,7 +217,7 @@ def _in_common(scans: Sequence[HeightMap]) -> tuple[np.ndarray, list[np.ndarray]
             f"{names}: less than {percent(LEAST_OVERLAP)} of the rows or columns are in all of "
             "them; expected scans of one place"
         )
-    return shifts, heights_m
+    return heights_m
 
 
 def _shift(first: HeightMap, other: HeightMap) -> np.ndarray:
