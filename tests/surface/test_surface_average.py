@@ -173,6 +173,26 @@ def test_a_turn_that_is_allowed_is_taken_back():
     assert rms(found.surface.height_m - wide_m[inside]) < 1.05 * NOISE_M / np.sqrt(2.0)
 
 
+@pytest.mark.parametrize("moved", [(31, -44), (-30, -40.5)])
+def test_scans_that_lie_farther_aside_than_their_hills_are_wide_are_found(moved):
+    wide_m = waves(2, (200, 260), 4.0)
+    inside = slice(40, 160), slice(40, 220)
+    there_m = shift(wide_m, moved, order=5, mode="wrap")[inside] + 1e-6 * X
+    there_m[20:30, 50:90] = np.nan
+    found = average([HeightMap(wide_m[inside] + noise(0), PIXEL_M),
+                     HeightMap(there_m + noise(1), PIXEL_M)])  # fmt: skip
+    assert found.moved_pixels[1] == pytest.approx(moved, abs=0.02)
+    assert found.everywhere_m == pytest.approx(NOISE_M, rel=0.03)
+
+
+def test_a_grating_is_not_moved_by_a_period():
+    """As well as here it matches a period farther on, but for what only the nearest place has."""
+    face_m = 3e-7 * np.sin(np.pi * 18.0 * X) + 0.0 * Y
+    found = average(scans_of(face_m, 2))
+    assert np.abs(found.moved_pixels[1]).max() < 0.1
+    assert found.surface.shape == SHAPE
+
+
 def test_a_search_that_ends_some_pixels_away_goes_on(monkeypatch):
     """Beyond the pixels that all have nothing is known: they are taken anew where it ends."""
     wide_m, moved = waves(1, (200, 260)), (3, -7)

@@ -14,6 +14,7 @@ from capslip.surface.doubts import HIGHEST_SHARE, refuse_absurd
 from capslip.surface.filling import from_nearest
 from capslip.surface.form import remove_form
 from capslip.surface.heightmap import HeightMap
+from capslip.surface.mating import match_by_shift
 from capslip.surface.noise import MEDIAN_OF_NORMAL, mixed_difference, rms_of_noise_m
 from capslip.units import percent
 
@@ -27,6 +28,7 @@ SAME_PIXEL, ROUNDING = 1e-3, 1e-7  # relative
 LEAST_OVERLAP, LEAST_MATCH = 0.5, 0.5
 MOST_TURNED_PIXELS = 1.0  # at a corner
 SPIKE, MOST_SPIKES = 10.0, 0.01  # standard deviations, and share of the points: more are no spikes
+MOST_BLOCKS, BETTER = 128, 0.3  # along the longer side, where a place is looked for everywhere
 COARSE_BLOCKS, SAME_PLACE = 48, 0.98  # along the shorter side; correlation
 RIM, EDGE, LEAST_PLACED = 8, 2, 30  # pixels: added to a map for splines, badly known, along a side
 HIDDEN, MAX_PLACED = 0.1, 4  # a move that changes less than this share of the noise is left
@@ -84,8 +86,8 @@ def average(scans: Sequence[HeightMap]) -> Average:
     Parameters
     ----------
     scans : sequence of HeightMap
-        As measured, two at least, of a part that was not touched between them. They may lie some
-        pixels aside, also by fractions, and be levelled differently.
+        As measured, two at least, of a part that was not touched between them. They may lie aside
+        by less than half of their sides, also by fractions of a pixel, and be levelled differently.
 
     Raises
     ------
@@ -159,7 +161,7 @@ def problems_of_places(scans: Sequence[HeightMap]) -> tuple[Problem, ...]:
 
     Means over blocks are compared, less a form of the fourth degree, which another place may share.
     """
-    coarse = [_coarse(scan) for scan in scans]
+    coarse = [_coarse(one, max(1, min(one.shape) // COARSE_BLOCKS)) for one in scans]
     for (one, first_m), (other, second_m) in combinations(zip(scans, coarse, strict=True), 2):
         match = _correlation(first_m, second_m)
         if match > SAME_PLACE:
@@ -171,8 +173,7 @@ def problems_of_places(scans: Sequence[HeightMap]) -> tuple[Problem, ...]:
     return ()
 
 
-def _coarse(scan: HeightMap) -> np.ndarray:
-    block = max(1, min(scan.shape) // COARSE_BLOCKS)
+def _coarse(scan: HeightMap, block: int) -> np.ndarray:
     dy_m, dx_m = scan.pixel_size_m
     means = HeightMap(means_of_blocks(scan, block, 1), (block * dy_m, block * dx_m))
     try:
@@ -221,11 +222,29 @@ def _in_common(scans: Sequence[HeightMap], shifts: np.ndarray) -> list[np.ndarra
 
 
 def _shift(first: HeightMap, other: HeightMap) -> np.ndarray:
-    """Return by how many whole pixels (dy, dx) a scan lies off the first, found on ever finer maps.
+    """Return by how many whole pixels (dy, dx) a scan lies off the first.
+
+    The nearest place that matches; where one farther off matches much better, that one.
+    """
+    nearest = _nearest(first, other, np.zeros(2))
+    block = max(1, max(first.shape) // MOST_BLOCKS)
+    first_m, other_m = (_coarse(one, block) for one in (first, other))
+    if not (np.nan_to_num(first_m).any() and np.nan_to_num(other_m).any()):
+        return nearest  # too few were measured, or nothing stands out
+    match = match_by_shift(first_m, -other_m)
+    best = np.array(np.unravel_index(np.argmax(match), match.shape))
+    here = match[tuple(-np.rint(nearest / block).astype(int))]
+    if not match[tuple(best)] > max(here + BETTER, LEAST_MATCH):
+        return nearest
+    best = np.where(best < first_m.shape, best, best - match.shape)
+    return _nearest(first, other, -block * best.astype(float))
+
+
+def _nearest(first: HeightMap, other: HeightMap, moved: np.ndarray) -> np.ndarray:
+    """Return as `_shift` what is found from a place on, on ever finer maps.
 
     A step that leaves no overlap ends it: what is left then matches or not.
     """
-    moved = np.zeros(2)
     for block in BLOCKS:
         shapes = np.array([first.shape, other.shape]) // block
         if shapes.min() < LEAST_BLOCKS:

@@ -347,7 +347,7 @@ def _coarse(first: HeightMap, second: HeightMap, given: Placement) -> Placement:
     for turn_rad in np.linspace(-MAX_ROTATION_RAD, MAX_ROTATION_RAD, 2 * n_turns + 1):
         rotation_rad = given.rotation_rad + float(turn_rad)
         laid_m = _laid(canvas, second, replace(on_canvas, rotation_rad=rotation_rad))
-        match = _match_by_shift(first.height_m, laid_m)
+        match = match_by_shift(first.height_m, laid_m)
         at = np.unravel_index(np.argmax(match), match.shape)
         if match[at] > best:
             best = match[at]
@@ -373,7 +373,7 @@ def _coarsened(surface: HeightMap, pixel_m: float) -> HeightMap:
     return resample(surface, (ny, nx))
 
 
-def _match_by_shift(first_m: np.ndarray, second_m: np.ndarray) -> np.ndarray:
+def match_by_shift(first_m: np.ndarray, second_m: np.ndarray) -> np.ndarray:
     """Return how well the faces match for every shift of the second, -inf without overlap.
 
     The match is 1 - var(h1 + h2) / (var h1 + var h2) over the overlap: least squares, made
