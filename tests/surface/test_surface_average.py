@@ -414,8 +414,8 @@ def test_what_tells_no_place_is_no_match():
     assert problems_of_places(bowed) == ()
 
 
-@pytest.mark.parametrize("shape", [(7, 30), (14, 12)])
-def test_maps_of_few_points_are_averaged_as_well(shape):
+@pytest.mark.parametrize("shape", [(7, 30), (14, 12), (8, 1500), (1500, 9)])
+def test_maps_of_few_points_or_lines_are_averaged_as_well(shape):
     """Of fewer than eight lines no move is looked for."""
     face_m = waves(4, shape, width=2.0)
     found = average(scans_of(face_m, 4))

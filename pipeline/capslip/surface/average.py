@@ -227,7 +227,8 @@ def _shift(first: HeightMap, other: HeightMap) -> np.ndarray:
     The nearest place that matches; where one farther off matches much better, that one.
     """
     nearest = _nearest(first, other, np.zeros(2))
-    block = max(1, max(first.shape) // MOST_BLOCKS)
+    shortest = min(*first.shape, *other.shape)
+    block = max(1, min(max(first.shape) // MOST_BLOCKS, shortest // LEAST_BLOCKS))
     first_m, other_m = (_coarse(one, block) for one in (first, other))
     if not (np.nan_to_num(first_m).any() and np.nan_to_num(other_m).any()):
         return nearest  # too few were measured, or nothing stands out
