@@ -335,6 +335,7 @@ def test_a_row_holds_the_numbers_of_the_summary(batch, tmp_path):
         "status": summary["status"],
         "error": None,
         "path": str(folder / "scans in" / "two.h5"),
+        "mate": None,
         "group": None,
         "scan": "two",
     }
