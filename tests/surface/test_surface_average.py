@@ -138,9 +138,10 @@ def test_spikes_holes_and_edges_of_scans_that_lie_aside_stay_where_they_are():
     assert rms(off_m[-2:]) < 2.0 * NOISE_M / np.sqrt(4.0)
 
 
-def test_a_spike_of_one_scan_is_left_out_where_another_has_a_hole():
+@pytest.mark.parametrize("holed", [0, 1])
+def test_a_spike_of_one_scan_is_left_out_where_another_has_a_hole(holed):
     heights_m = [waves() + noise(k) for k in range(4)]
-    heights_m[1][60, 80] = np.nan
+    heights_m[holed][60, 80] = np.nan
     heights_m[2][60, 80] += 1e-6
     found = average([HeightMap(z, PIXEL_M) for z in heights_m])
     assert found.spikes == 1

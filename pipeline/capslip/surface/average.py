@@ -435,8 +435,9 @@ def _leave_out_spikes(level_m: np.ndarray, noise_m: np.ndarray) -> int:
 
     Of two scans nobody knows which one is right, and both lose it.
     """
-    some = np.count_nonzero(~np.isnan(noise_m), axis=0) >= 2
-    off_m = np.abs(noise_m[:, some] - np.nanmedian(noise_m[:, some], axis=0))
+    apart_m = np.where(np.isnan(noise_m[0]), level_m, noise_m)  # also where the first has a hole
+    some = np.count_nonzero(~np.isnan(apart_m), axis=0) >= 2
+    off_m = np.abs(apart_m[:, some] - np.nanmedian(apart_m[:, some], axis=0))
     if not (off_m > 0.0).any():
         return 0
     spike = off_m > SPIKE * np.median(off_m[off_m > 0.0]) / MEDIAN_OF_NORMAL
