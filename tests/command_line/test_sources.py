@@ -124,10 +124,10 @@ def test_a_name_is_as_much_of_the_path_as_tells_the_scans_apart():
     assert _names([scan("x/a.h5"), scan("x/A.x3p"), scan("x/b.h5")]) == ["a.h5", "A.x3p", "b"]
     assert _names([scan("x/a.h5"), scan("y/a.h5")]) == ["x_a.h5", "y_a.h5"]
     assert _names([scan("a.h5", 3), scan("a.h5", 40)]) == ["a.h5_3N", "a.h5_40N"]
-    alike = [scan("a.h5", group="l"), scan("a.h5", group="r")]
+    alike = [scan("a.h5", group="l"), scan("a.h5", group="r"), scan("a.h5", mate=Path("b.h5"))]
     names = _names(alike)
-    assert names == [f"a.h5_{one.digest}" for one in alike]
-    assert len(set(names)) == 2
+    assert names == [*(f"a.h5_{one.digest}" for one in alike[:2]), "a.h5_b"]
+    assert len(set(names)) == 3
     b, c = Path("x/b.h5"), Path("x/c.h5")
     assert _names([scan("a.h5"), scan("a.h5", mate=b), scan("a.h5", mate=c)]) == [
         "a.h5",

@@ -143,13 +143,12 @@ def average(scans: Sequence[HeightMap]) -> Average:
     if kept[0] < 1.0:
         for here in (high, known):
             here[:EDGE] = here[-EDGE:] = here[:, :EDGE] = here[:, -EDGE:] = False
-    left_m = _rms_m(noise_m, high)
-    one_m, white_m = _of_one_m(noise_m, high, kept)
+    left_m, one_m, white_m = _left_and_of_one_m(noise_m, high, kept)
     return Average(
         surface=replace(mean, noise_m=left_m / math.sqrt(len(scans)) or None),
         noise_m=one_m,
         white_m=white_m,
-        everywhere_m=_of_one_m(noise_m, known, kept)[0],
+        everywhere_m=_left_and_of_one_m(noise_m, known, kept)[1],
         bow_m=math.sqrt(np.mean([np.var(one.form_m) for one in apart])),
         moved_pixels=((0.0, 0.0), *(one.moved_pixels for one in apart)),
         spikes=spikes,
@@ -288,17 +287,11 @@ def _columns(
     # Slopes of the face: not of a spike, or of a step where one of them was not measured
     mean_m = _mean_m(np.stack([first_m, level_m]))
     far = ~_near_noise(level_m - first_m) & ~np.isnan(over_m)
-    along_y, along_x = np.gradient(_known(np.where(far, np.nan, mean_m)))
+    along_y, along_x = np.gradient(from_nearest(np.where(far, np.nan, mean_m)))
     half = [0.5 * (n - 1) for n in first_m.shape]
     square = pixel_size_m[1] / pixel_size_m[0]
     turn = half[1] * x * square * along_y - half[0] * y / square * along_x
     return [*plane, y * y, y * x, x * x, along_y, along_x, turn]
-
-
-def _known(height_m: np.ndarray) -> np.ndarray:
-    """Return heights, where there are none those of the nearest pixel that has one."""
-    lost = np.isnan(height_m)
-    return from_nearest(height_m) if 0 < lost.sum() < lost.size else height_m
 
 
 def _fit(over_m: np.ndarray, columns: Sequence[np.ndarray]) -> np.ndarray:
@@ -370,7 +363,7 @@ def _smooth(level_m: np.ndarray, expected_m: np.ndarray, near: np.ndarray) -> np
     """Return heights that can be interpolated: without the holes, and the spikes of either scan."""
     smooth_m = np.where(np.isnan(level_m), expected_m, level_m)
     far = ~near & ~np.isnan(level_m + expected_m)
-    around_m = _known(np.where(far, np.nan, smooth_m))
+    around_m = from_nearest(np.where(far, np.nan, smooth_m))
     spike = far & (np.abs(expected_m - around_m) < np.abs(level_m - around_m))  # in this scan
     smooth_m[spike] = expected_m[spike]
     return np.where(np.isnan(smooth_m), around_m, smooth_m)
@@ -464,15 +457,15 @@ def _rms_m(noise_m: np.ndarray, here: np.ndarray) -> float:
     return math.sqrt(np.mean(variance_m2)) if variance_m2.size else 0.0
 
 
-def _of_one_m(
+def _left_and_of_one_m(
     noise_m: np.ndarray, here: np.ndarray, kept: np.ndarray
-) -> tuple[float, float | None]:
-    """Return the noise of one scan as it was measured, and the white part of it where it tells."""
+) -> tuple[float, float, float | None]:
+    """Return what splines left of the noise of one scan, all of it, and its white part if known."""
     left_m, white_m = _rms_m(noise_m, here), _white_m(noise_m, here)
     if white_m is None:
-        return left_m, None
+        return left_m, left_m, None
     white_m /= math.sqrt(kept[1])
-    return math.sqrt(left_m**2 + (1.0 - kept[0]) * white_m**2), white_m
+    return left_m, math.sqrt(left_m**2 + (1.0 - kept[0]) * white_m**2), white_m
 
 
 def _white_m(noise_m: np.ndarray, here: np.ndarray) -> float | None:

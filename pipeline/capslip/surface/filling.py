@@ -195,10 +195,11 @@ def _interpolated(way: str, mesh: object, z_m: np.ndarray, at: np.ndarray) -> np
 
 
 def from_nearest(height_m: np.ndarray) -> np.ndarray:
-    """Return heights with the nearest one at each point that was not measured; one is at least."""
+    """Return heights with the nearest one at each point that was not measured, if any one was."""
+    lost = np.isnan(height_m)
+    if not 0 < np.count_nonzero(lost) < lost.size:
+        return height_m
     from scipy.ndimage import distance_transform_edt
 
-    nearest = distance_transform_edt(
-        np.isnan(height_m), return_distances=False, return_indices=True
-    )
+    nearest = distance_transform_edt(lost, return_distances=False, return_indices=True)
     return np.asarray(height_m[tuple(nearest)])
