@@ -1,10 +1,11 @@
-"""Maps with few pixels in contact: followed from twenty on, with what that leaves."""
+"""Maps with few pixels in contact: followed where a spline knows them, else from twenty on."""
 
 import numpy as np
 import pytest
 
 from capslip.contact.map_accuracy import LEAST_ERROR, STIFFNESS_95, error_of_map, left_by_pixels
 from capslip.contact.models.boundary_elements import boundary_elements
+from capslip.contact.models.caps import caps
 from capslip.contact.solvers import detail
 from capslip.errors import ContactError
 from capslip.studies.faces.synthetic import Scene, synthetic_surface
@@ -51,15 +52,46 @@ def test_where_it_does_not_pixels_leave_in_the_stiffness_what_they_do_in_all_ene
     assert "warning" in {one.severity for one in problems}
 
 
-def test_fewer_than_twenty_pixels_are_too_few():
+@pytest.mark.parametrize(
+    ("seed", "load_N"), [(61, 2.0), (62, 2.0), (65, 0.6), (66, 0.2), (67, 2.0), (70, 0.6)]
+)
+def test_of_a_smooth_map_any_pixels_are_enough(seed, load_N):
+    """Four to ten of them; on six points a pixel a tenth of mu N was 10 % off in the median."""
+    scan, stiffness, energy = found_and_true(seed, 2e-3, load_N)
+    assert 4 <= np.count_nonzero(scan.pressed(load_N).pressure_Pa) <= 10
+    assert scan.unloading(load_N).refinement >= 20
+    assert stiffness < 0.002
+    assert (energy < (0.035, 0.005, 0.002, 0.002)).all()
+    stated, problems = error_of_map(scan, load_N, TOLERANCE)
+    assert stiffness < stated.stiffness
+    assert (energy < [stated.energy_at(share) for share in detail.FORCE_SHARES]).all()
+    assert stated.energy_at(0.25) <= 0.03
+    assert "warning" not in {one.severity for one in problems}
+
+
+@pytest.mark.parametrize("load_N", [14.0, 4.0, 0.5])
+def test_a_sphere_that_touches_in_a_few_pixels_is_that_of_hertz(load_N):
+    """21, 9 and 1 of them."""
     y, x = np.mgrid[-12:12, -12:12] * 1e-4
-    sphere = HeightMap(-(x**2 + y**2) / (2 * 0.1), (1e-4, 1e-4))
+    sphere = HeightMap(-((x - 3e-5) ** 2 + (y - 4e-5) ** 2) / (2 * 0.1), (1e-4, 1e-4))
     curve = boundary_elements(sphere, E)
-    enough_N, too_little_N = 14.0, 4.0
+    assert np.count_nonzero(curve.pressed(load_N).pressure_Pa) <= 24
+    hertz = caps([0.1], [0.0], E)
+    d = hertz.approach_m(load_N)
+    found = curve.unloading(load_N)
+    assert found.stiffness_N_per_m == pytest.approx(hertz.stiffness_N_per_m(d), rel=2e-3)
+    drop_N = load_N * np.array([0.25, 0.5, 0.75])
+    at_drop_J = np.interp(drop_N, found.load_drop_N, found.loss_J)
+    np.testing.assert_allclose(at_drop_J, hertz.loss_integral_at_drop_J(d, drop_N), rtol=0.02)
+
+
+def test_fewer_than_twenty_pixels_of_a_rough_map_are_too_few():
+    noise_m = 1e-7 * np.random.default_rng(5).standard_normal((40, 40))
+    curve = boundary_elements(HeightMap(noise_m, (1e-4, 1e-4)), E)
+    enough_N, too_little_N = 10.0, 2.0
     assert np.count_nonzero(curve.pressed(enough_N).pressure_Pa) >= 20
-    hertz = 2 * E * (3 * enough_N * 0.1 / (4 * E)) ** (1 / 3)
-    assert curve.unloading(enough_N).stiffness_N_per_m == pytest.approx(hertz, rel=0.01)
+    assert curve.unloading(enough_N).refinement == 1
     n = np.count_nonzero(curve.pressed(too_little_N).pressure_Pa)
-    assert n < 20
+    assert 1 < n < 20
     with pytest.raises(ContactError, match=f"has {n} pixels; expected at least 20"):
         curve.unloading(too_little_N)

@@ -34,7 +34,7 @@ _MOST_REGIONS = 300  # that are interpolated each by itself: more are no Hertz c
 _LEAST_PIXELS = 10  # of a region on average: smaller ones are none either
 _ORDER = 1.3  # of the error in the width of an interval: three of four points are better than that
 PATCH_ERROR = 1e-5  # of what patches leave out, over the approach, see `Unloading`
-_ENOUGH_PIXELS = 20  # in contact: of fewer, what pixels leave in the stiffness is not known
+_ENOUGH_POINTS = 20  # in contact, of a spline where that knows them: fewer follow no slip
 _STEPS = 0.01  # aimed at for what single pixels that let go may do to the loss, see `_steps`
 _OF_PIXELS = 0.2  # the same of one of many patches, over what pixels leave, where that is more
 UNRESOLVED = 0.05  # relative error of the loss from which it is not to be trusted
@@ -138,18 +138,13 @@ def unload(
     ContactError
         If the contact has too few pixels, or a solution fails.
     """
-    n_pixels = int(np.count_nonzero(pressed.pressure_Pa))
-    if n_pixels < _ENOUGH_PIXELS:
-        raise ContactError(
-            f"{face.name}: the contact under {pressed.load_N:g} N has {n_pixels} pixels; expected "
-            f"at least {_ENOUGH_PIXELS} to follow its slip; use a finer map or a contact model "
-            "of caps"
-        )
     begin_s = thread_time()
     if force_shares:
         path, error = path_at(face, pressed, tolerance, force_shares, punch_Pa_per_m, around)
+        _refuse_few(path)
         return replace(_tabulated(path, cut_short=False), patch_error=error)
     path = Path(face, pressed, tolerance, on_patches, punch_Pa_per_m, around)
+    _refuse_few(path)
     cut_short = _followed(path, begin_s, time_limit_s, as_pixels)
     error = path.patch_error()
     if error > PATCH_ERROR:  # not seen yet
@@ -163,6 +158,17 @@ def unload(
             as_pixels=as_pixels,
         )
     return replace(_tabulated(path, cut_short), patch_error=error)
+
+
+def _refuse_few(path: Path) -> None:
+    """Refuse a contact of too few points to follow its slip."""
+    if path.n_points < _ENOUGH_POINTS:
+        n_pixels = int(np.count_nonzero(path.map_pressed.pressure_Pa))
+        raise ContactError(
+            f"{path.map.name}: the contact under {path.pressed.load_N:g} N has {n_pixels} pixels; "
+            f"expected at least {_ENOUGH_POINTS} to follow its slip, or fewer of a smooth map; use "
+            "a finer map or a contact model of caps"
+        )
 
 
 def path_at(
