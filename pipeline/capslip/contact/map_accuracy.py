@@ -39,10 +39,10 @@ TELLS_NOISE = (
 )
 # Over what pixels leave in the energy of spheres, by shares of mu N, so that nearly all are within
 PIXELS_95 = {0.1: 3.0, 0.25: 6.0, 0.5: 6.0, 0.75: 6.0, 1.0: 6.0}
-# What a spline leaves there by each point along the side of a pixel, up to as many: the more there
-# are, the fewer pixels tell of the contact
+# What a spline leaves there by each point along a side of a pixel, from as many on, up to as many:
+# the more there are, the fewer pixels tell of the contact; of fewer it is below `LEAST_ERROR`
 SPLINE_95 = {0.1: 0.0015, 0.25: 0.001, 0.5: 0.0007, 0.75: 0.0007}
-SPLINE_POINTS = 30
+SPLINE_POINTS = 7, 30
 STIFFNESS_95 = 0.75  # of what they leave in the energy at three quarters, in the stiffness
 SMALL_NOISE = 0.05  # of the approach, up to which what is noise counts to first order
 MOSTLY_WHITE = 0.7  # of the detail, from which on it is: rough faces with a Hurst exponent of 0.8
@@ -156,8 +156,10 @@ def left_by_pixels(curve: BoundaryElementCurve, load_N: float) -> dict[float, fl
 
 def _of_pixels(unloading: Unloading, share: float) -> float:
     of_pixels = PIXELS_95[share] * unloading.pixel_error(share * unloading.load_N)
-    points = min(unloading.refinement, SPLINE_POINTS)
-    return max(of_pixels, SPLINE_95.get(share, 0.0) * points)
+    (least, most), points = SPLINE_POINTS, unloading.refinement
+    if points < least:
+        return of_pixels
+    return max(of_pixels, SPLINE_95.get(share, 0.0) * min(points, most))
 
 
 def _pressed_again(
