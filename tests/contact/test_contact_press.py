@@ -49,7 +49,7 @@ def test_a_flat_interface_is_no_answer_without_a_warning():
 @pytest.mark.parametrize("model", ["caps", "interacting"])
 def test_a_forced_model_has_the_estimate_that_the_choice_would_give_it(model):
     analysis = run(f"contact.model={model}", "contact.preload_N=100")
-    found = analysis.caps, analysis.families, analysis.surface, analysis.hills.label
+    found = analysis.caps, analysis.families, analysis.conditioned.surface, analysis.hills.label
     choice = module.choose_model(*found, analysis.hills.noise_m, analysis.settings)
     estimate = analysis.summary()["accuracy"]["estimated"]
     assert estimate == pytest.approx(choice.estimates[model])

@@ -171,6 +171,7 @@ def test_caps_that_were_moved_are_asked_at_the_state_of_their_scan(by_force, at)
         by_pairs=curve(1.0, 2.04),
         by_level=curve(1.06, 2.0),
         of_unloading=0.05,
+        of_profiles=lambda share: (0.01, 0.16 * share),
     )
     one = part(preload_N=120.0, composite=SimpleNamespace(kappa=1.6), curve=curve(1.03, 2.0))
     one.contact.moved = of
@@ -183,6 +184,7 @@ def test_caps_that_were_moved_are_asked_at_the_state_of_their_scan(by_force, at)
     of_stiffness = band.OF_STIFFNESS * 0.05
     others = np.array(
         [[0.02, 0.0], [0.0, 0.02], [0.06, 0.0], [0.03, 0.0], [of_stiffness, 0.0], [0.0, 0.05]]
+        + [[0.01, 0.0], [0.0, 0.04]]  # at a quarter of mu N
     )
     expected = (others.T @ others + least**2 * np.eye(2)) / NORMAL_95**2
     assert model.T @ model == pytest.approx(expected)

@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -15,6 +15,7 @@ from capslip.contact.material import composite
 from capslip.contact.models.interacting import InteractingCurve
 from capslip.contact.moved import moved_caps
 from capslip.contact.outlines import outlines
+from capslip.contact.profiles import profiles
 from capslip.contact.reach import reachable
 from capslip.contact.rung import ModelError, Scene
 from capslip.contact.slip import slip_curve
@@ -55,6 +56,13 @@ class MovedCaps:
     by_level: NormalCurve | None  # levelled by the floor: the same; None where the face balances
     of_unloading: float = 0.0  # relative error of the energy at 95 %, of caps that yielded
     whole: NormalCurve | None = None  # that of `found` with the bulk sinking
+    # What profiles below contacts change of the `answers` beyond that: half of an error at 95 %
+    by_profile: np.ndarray = field(default_factory=lambda: np.zeros(len(FORCE_SHARES) + 1))
+
+    def of_profiles(self, share: float) -> tuple[float, float]:
+        """Return relative errors of stiffness and energy at a share of mu N, at 95 %, by them."""
+        *energies, stiffness = 2.0 * self.by_profile
+        return float(stiffness), float(np.interp(share, FORCE_SHARES, energies))
 
 
 @dataclass(frozen=True)
@@ -171,6 +179,11 @@ def error_of_caps(
     term, 20 t^3 - 30 t^2 + 12 t - 1, has a height error of sqrt(7) / 7 = 0.38 of its root mean
     square.
 
+    Where the map is as smooth as one whose contacts a spline follows, what lies below the contacts
+    is known as well as the map knows it, see `profiles`: the nearest spheres to that stand in for
+    those of the quartic terms, and what it changes of the answers load by load counts where it is
+    more, twice too, as it is the first order again.
+
     As levelled, the level is uncertain by the tilt between the plane taken off and that of the
     lowest third of the points, which peaks that are not balanced over the face do not pull. A
     balanced face has no such doubt: moved caps are balanced anew.
@@ -192,6 +205,11 @@ def error_of_caps(
         return CapsError(doubt)
     try:
         own_m, of_shape = _own_residual_m(scene, noise_m), _of_shape(scene, curve, noise_m)
+        by_profile = np.zeros(len(found))
+        if label is not None and (seen := profiles(scene, curve, FORCE_SHARES, noise_m)):
+            both = zip((seen.up_m, seen.log_radius), of_shape, strict=True)
+            up, wide = (np.where(np.isnan(one), other, one) for one, other in both)
+            of_shape, by_profile = (up, wide), seen.change
         up_m, wide = _at_random(scene, own_m)
         more = np.vstack((up_m, of_shape[0])), np.vstack((wide, of_shape[1]))
         curves: list[NormalCurve] = [
@@ -207,13 +225,16 @@ def error_of_caps(
         of_random = 2.0 * float(at_random_rms.max())
         each = (by_shape, *change[1:], np.zeros(1))
         shape, pairs, level = (float(np.abs(one).max()) for one in each[:3])
+        beyond = np.sqrt(np.maximum(np.square(by_profile) - np.square(by_shape), 0.0))
+        shape = max(shape, float(np.abs(by_profile).max()))
         unloading = _of_unloading(scene, curve)
         besides = 2.0 * shape, pairs, unloading, LEAST_ERROR
         of_caps = without_noise = math.hypot(of_random, *besides)
         as_found = _as_slip_uses(curve, scene.surface, settings)
         by_level = None if tilted is None else used[-1]
-        moved = MovedCaps(as_found, used[0], used[1], by_level, unloading, curve)
-        by_answer = np.vstack((2.0 * at_random_rms, 2.0 * by_shape, *change[1:]))
+        moved = MovedCaps(as_found, used[0], used[1], by_level, unloading, curve, beyond)
+        both_shapes = 2.0 * by_shape, 2.0 * beyond
+        by_answer = np.vstack((2.0 * at_random_rms, *both_shapes, *change[1:]))
         errors = _by_share(np.linalg.norm(by_answer, axis=0), unloading, of_caps, level)
         if math.hypot(of_caps, level) > settings.contact.tolerance:
             own = _at_random(scene, own_m, _not_of_noise(scene, own_m, noise_m))

@@ -348,9 +348,9 @@ def _of_caps_and_model(state: _State) -> tuple[np.ndarray, np.ndarray]:
 def _of_one(state: _State, part: Part) -> tuple[np.ndarray, np.ndarray]:
     moved, contact = part.contact.moved, part.contact
     friction = state.settings.material.friction_coefficient
+    share = min(state.answer.slip_force_N / (friction * state.preload_N), 1.0)
     if moved is None:
         errors = contact.errors or ModelError(0.0, 0.0)
-        share = min(state.answer.slip_force_N / (friction * state.preload_N), 1.0)
         energy = errors.energy_at(share)
         return np.zeros((2, 2)), np.diag((errors.stiffness, energy)) / NORMAL_95
     if state.by_force:
@@ -369,7 +369,7 @@ def _of_one(state: _State, part: Part) -> tuple[np.ndarray, np.ndarray]:
     others += [] if moved.by_level is None else [log_of(moved.by_level) - log]
     # Of caps that yielded either of the two alone: nothing tells how they go together
     others += [log_of(contact.curve) - log, *np.diag((OF_STIFFNESS, 1.0)) * moved.of_unloading]
-    others += [*(LEAST_ERROR * np.eye(2))]
+    others += [*np.diag(moved.of_profiles(share)), *(LEAST_ERROR * np.eye(2))]
     return _root(np.array(random) / math.sqrt(len(random))), _root(np.array(others) / NORMAL_95)
 
 
