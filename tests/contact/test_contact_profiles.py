@@ -24,6 +24,7 @@ PLACE_M = 0.0123, 0.0087  # between the pixels
 
 def profile(height_m, noise_m=0.0, **columns):
     """Return what is found of one cap on a map of it and of something else."""
+    columns = {"profile_residual_m": 0.01 * APPROACH_M} | columns
     columns = {name: [value] for name, value in columns.items()}
     caps = table([PLACE_M[0]], [PLACE_M[1]], [RADIUS_M], [1e-6], **columns)
     y_m, x_m = (np.mgrid[:100, :120] + 0.5) * PIXEL_M
@@ -104,8 +105,10 @@ def test_a_quartic_changes_the_answers_as_sneddons_contact_does(share):
     assert found.change == pytest.approx(exact, rel=0.1)
 
 
-def test_what_noise_hides_or_nobody_measured_is_not_told():
+def test_what_noise_hides_or_nobody_measured_is_not_told_nor_that_spheres_are_spheres():
     assert profile(cap, noise_m=0.01 * APPROACH_M) is None
+    assert profile(cap, profile_residual_m=5e-5 * APPROACH_M) is None
+    assert profile(cap, profile_residual_m=np.nan) is not None
 
     def with_a_hole(x, y):
         return np.where(np.hypot(x, y) < 3e-4, np.nan, 1.1 * cap(x, y))

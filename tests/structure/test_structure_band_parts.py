@@ -182,10 +182,10 @@ def test_caps_that_were_moved_are_asked_at_the_state_of_their_scan(by_force, at)
     assert caps.T @ caps == pytest.approx(random.T @ random / 3.0)
     least = band.LEAST_ERROR
     of_stiffness = band.OF_STIFFNESS * 0.05
-    others = np.array(
-        [[0.02, 0.0], [0.0, 0.02], [0.06, 0.0], [0.03, 0.0], [of_stiffness, 0.0], [0.0, 0.05]]
-        + [[0.01, 0.0], [0.0, 0.04]]  # at a quarter of mu N
-    )
+    at_a_quarter = 0.04
+    first = [[0.02, 0.0], [0.0, 0.02], [0.06, 0.0], [0.03, 0.0]]
+    last = [[of_stiffness, 0.0], [0.0, 0.05], [0.01, 0.0], [0.0, at_a_quarter]]
+    others = np.array([*first, *last])
     expected = (others.T @ others + least**2 * np.eye(2)) / NORMAL_95**2
     assert model.T @ model == pytest.approx(expected)
 

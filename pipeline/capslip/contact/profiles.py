@@ -14,6 +14,7 @@ from capslip.contact.solvers.refinement import SMOOTH
 # Of the preload: where what lies below the contacts is looked at
 DROPS = np.array([0.0, 0.05, 0.1, 0.175, 0.25, 0.375, 0.5, 0.625, 0.75])
 SECANT = 6  # of these, from which on the nearest sphere is asked for: at half of the load
+NOTHING = 1e-4  # of the approach, that the profiles of all caps leave at most: spheres
 BESIDE = 8  # pixels that a spline looks at beyond a contact
 RINGS, ROUND = 4, 16  # of the points at which a mean is taken
 MOST_STEEP = 0.9  # of the curvature of a cap, that a hill may lack
@@ -52,7 +53,7 @@ def profiles(
     Returns
     -------
     Profiles or None
-        None where noise hides it.
+        None where noise hides it, and where all the caps are spheres.
 
     Notes
     -----
@@ -65,7 +66,8 @@ def profiles(
     """
     load_N = scene.preload_N
     approach_m = float(curve.approach_m(load_N))
-    if noise_m > SMOOTH * approach_m:
+    left_m = float(scene.caps.profile_residual_m[scene.use].max())
+    if noise_m > SMOOTH * approach_m or left_m <= NOTHING * approach_m:
         return None
     from scipy.interpolate import CubicSpline, PchipInterpolator
 
