@@ -210,6 +210,17 @@ def test_of_the_rests_of_profiles_counts_what_noise_does_not_make(of_own, least,
     assert accuracy._own_residual_m(scene, 0.0) == pytest.approx(rest_m)
 
 
+@pytest.mark.parametrize("noise_m", [3e-23, 1e-75])
+@pytest.mark.parametrize("n", [1, 2, 3])
+def test_rounding_alone_is_a_noise_that_hides_no_rest(n, noise_m):
+    """Of one hill that sixteen digits know its error was no number."""
+    rest_m, at = np.array([1.45e-11, 1.3e-11, 0.0])[:n], np.linspace(0.0, 0.05, n)
+    columns = {"fit_depth_m": np.full(n, 3e-7), "profile_residual_m": rest_m}
+    hills = table(at, at, np.full(n, 20.0), np.zeros(n), **columns)
+    scene = replace(scene_of(hills, PRELOAD_N, SIDE_M), surface=FACE)
+    assert accuracy._own_residual_m(scene, noise_m) == pytest.approx(rest_m, rel=1e-6, abs=1e-20)
+
+
 def test_what_heights_and_radii_err_by_together_is_drawn_together():
     """Errors of n caps with the correlation of the table; shapes have nothing in common."""
     n = 100

@@ -332,12 +332,13 @@ def _own_residual_m(scene: Scene, noise_m: float) -> np.ndarray:
     rest_m2 = np.nan_to_num(scene.caps.profile_residual_m[scene.use]) ** 2 - noise_m**2
     variance = 2.0 * noise_m**4 / _points(scene)
     known = np.isfinite(variance) & (variance > 0.0) & (rest_m2 > -(noise_m**2))
-    if known.any():
-        weight, found = 1.0 / variance[known], rest_m2[known]
+    if np.count_nonzero(known) > 1:
+        least, found = float(variance[known].min()), rest_m2[known]
+        weight = least / variance[known]
         mean = float(weight @ found / weight.sum())
         # Variance between hills, by moments (DerSimonian and Laird, Control. Clin. Trials 7 (1986))
-        excess = float(weight @ (found - mean) ** 2) - (found.size - 1.0)
-        between = max(excess, 0.0) / max(weight.sum() - (weight @ weight) / weight.sum(), 1e-300)
+        excess = float(weight @ (found - mean) ** 2) - (found.size - 1.0) * least
+        between = max(excess, 0.0) / (weight.sum() - float(weight @ weight) / weight.sum())
         rest_m2[known] = mean + between / (between + variance[known]) * (found - mean)
     return np.sqrt(np.maximum(rest_m2, 0.0))
 
