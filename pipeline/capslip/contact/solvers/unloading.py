@@ -34,7 +34,7 @@ _MOST_REGIONS = 300  # that are interpolated each by itself: more are no Hertz c
 _LEAST_PIXELS = 10  # of a region on average: smaller ones are none either
 _ORDER = 1.3  # of the error in the width of an interval: three of four points are better than that
 PATCH_ERROR = 1e-5  # of what patches leave out, over the approach, see `Unloading`
-_ENOUGH_POINTS = 20  # in contact, of a spline where that knows them: fewer follow no slip
+_ENOUGH = 8  # pixels in contact, times points along a side of each: of fewer caps know more
 _STEPS = 0.01  # aimed at for what single pixels that let go may do to the loss, see `_steps`
 _OF_PIXELS = 0.2  # the same of one of many patches, over what pixels leave, where that is more
 UNRESOLVED = 0.05  # relative error of the loss from which it is not to be trusted
@@ -161,13 +161,14 @@ def unload(
 
 
 def _refuse_few(path: Path) -> None:
-    """Refuse a contact of too few points to follow its slip."""
-    if path.n_points < _ENOUGH_POINTS:
-        n_pixels = int(np.count_nonzero(path.map_pressed.pressure_Pa))
+    """Refuse a contact of too few pixels to follow its slip."""
+    n_pixels = int(np.count_nonzero(path.map_pressed.pressure_Pa))
+    points = 1 if path.patches is None else path.patches.refinement
+    if n_pixels * points < _ENOUGH:
         raise ContactError(
             f"{path.map.name}: the contact under {path.pressed.load_N:g} N has {n_pixels} pixels; "
-            f"expected at least {_ENOUGH_POINTS} to follow its slip, or fewer of a smooth map; use "
-            "a finer map or a contact model of caps"
+            f"expected at least {_ENOUGH} to follow its slip, or fewer of a smooth map; use a "
+            "finer map or a contact model of caps"
         )
 
 
