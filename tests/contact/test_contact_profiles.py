@@ -15,20 +15,21 @@ from capslip.settings import settings_from
 from capslip.studies.faces.synthetic import Scene, synthetic_surface
 from capslip.surface.heightmap import HeightMap
 
-RADIUS_M, PRELOAD_N, PIXEL_M = 20.0, 50.0, 2e-4
+RADIUS_M, PRELOAD_N, PIXELS_M = 20.0, 50.0, (1.6e-4, 2e-4)
 SHARES = (0.1, 0.25, 0.5, 0.75)
 CONTACT_M = np.cbrt(0.75 * PRELOAD_N * RADIUS_M / E_STAR_PA)
 APPROACH_M = CONTACT_M**2 / RADIUS_M
 PLACE_M = 0.0123, 0.0087  # between the pixels
 
 
-def profile(height_m, noise_m=0.0, **columns):
+def profile(height_m, noise_m=0.0, place_m=PLACE_M, **columns):
     """Return what is found of one cap on a map of it and of something else."""
     columns = {"profile_residual_m": 0.01 * APPROACH_M} | columns
     columns = {name: [value] for name, value in columns.items()}
-    caps = table([PLACE_M[0]], [PLACE_M[1]], [RADIUS_M], [1e-6], **columns)
-    y_m, x_m = (np.mgrid[:100, :120] + 0.5) * PIXEL_M
-    face = HeightMap(1e-6 + height_m(x_m - PLACE_M[0], y_m - PLACE_M[1]), (PIXEL_M, PIXEL_M))
+    caps = table([place_m[0]], [place_m[1]], [RADIUS_M], [1e-6], **columns)
+    row, col = np.mgrid[:100, :120] + 0.5
+    y_m, x_m = row * PIXELS_M[0], col * PIXELS_M[1]
+    face = HeightMap(1e-6 + height_m(x_m - place_m[0], y_m - place_m[1]), PIXELS_M)
     scene = replace(scene_of(caps, PRELOAD_N, (0.02, 0.024)), surface=face)
     return profiles(scene, RUNG.build(scene), SHARES, noise_m)
 
@@ -116,6 +117,19 @@ def test_what_noise_hides_or_nobody_measured_is_not_told_nor_that_spheres_are_sp
     found = profile(with_a_hole)
     assert np.isnan([found.up_m[0], found.log_radius[0]]).all()
     assert (found.change == 0.0).all()
+
+
+@pytest.mark.parametrize("beyond", [-1, 1])
+@pytest.mark.parametrize(("axis", "far"), [(0, False), (0, True), (1, False), (1, True)])
+def test_a_contact_is_known_to_the_last_points_of_the_map(axis, far, beyond):
+    """Its outermost places, at 0.978 of its radius, are a little within the last points or past."""
+    side_m = (120 * PIXELS_M[1], 100 * PIXELS_M[0])[axis]
+    pixel_m = PIXELS_M[1 - axis]
+    to_edge_m = 0.978 * CONTACT_M + (0.5 - 0.1 * beyond) * pixel_m
+    place_m = list(PLACE_M)
+    place_m[axis] = side_m - to_edge_m if far else to_edge_m
+    found = profile(cap, place_m=place_m)
+    assert np.isnan(found.up_m[0]) == (beyond > 0)
 
 
 @pytest.mark.parametrize(
