@@ -223,18 +223,17 @@ def error_of_caps(
         *at_random, by_shape = change[0]
         at_random_rms = _rms(at_random)
         of_random = 2.0 * float(at_random_rms.max())
-        each = (by_shape, *change[1:], np.zeros(1))
+        of_shapes = np.maximum(np.abs(by_shape), np.abs(by_profile))
+        each = (of_shapes, *change[1:], np.zeros(1))
         shape, pairs, level = (float(np.abs(one).max()) for one in each[:3])
-        beyond = np.sqrt(np.maximum(np.square(by_profile) - np.square(by_shape), 0.0))
-        shape = max(shape, float(np.abs(by_profile).max()))
         unloading = _of_unloading(scene, curve)
         besides = 2.0 * shape, pairs, unloading, LEAST_ERROR
         of_caps = without_noise = math.hypot(of_random, *besides)
         as_found = _as_slip_uses(curve, scene.surface, settings)
         by_level = None if tilted is None else used[-1]
+        beyond = np.sqrt(np.square(of_shapes) - np.square(by_shape))
         moved = MovedCaps(as_found, used[0], used[1], by_level, unloading, curve, beyond)
-        both_shapes = 2.0 * by_shape, 2.0 * beyond
-        by_answer = np.vstack((2.0 * at_random_rms, *both_shapes, *change[1:]))
+        by_answer = np.vstack((2.0 * at_random_rms, 2.0 * of_shapes, *change[1:]))
         errors = _by_share(np.linalg.norm(by_answer, axis=0), unloading, of_caps, level)
         if math.hypot(of_caps, level) > settings.contact.tolerance:
             own = _at_random(scene, own_m, _not_of_noise(scene, own_m, noise_m))

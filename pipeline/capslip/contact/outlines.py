@@ -55,17 +55,10 @@ def outlines(
     mean of 1 and k, their ratio (Johnson 1985, Eqs. 4.24 and 4.30): M = pi / 2 K, with the complete
     elliptic integral K of 1 - k^2.
     """
-    from scipy.special import ellipkm1
-
     carry = load_N > 0.0
     at = np.flatnonzero(use)[carry]
-    known = np.isfinite(caps.radius_major_m * caps.radius_minor_m) & (caps.radius_minor_m > 0.0)
-    flat_m, steep_m = (
-        np.where(known, one_m, 1.0)[at] for one_m in (caps.radius_major_m, caps.radius_minor_m)
-    )
-    k = axis_ratio(1.0 / np.clip(flat_m / steep_m, 1.0, LONGEST))
-    long_m = a_m[carry] * ellipkm1(k**2) * (2.0 / np.pi)
-    turn = np.where(known, caps.orientation_rad, 0.0)[at]
+    _, k, longer, turn = ellipses_of(caps, at)
+    long_m = a_m[carry] * longer
     ellipses = np.stack((caps.x_m[at], caps.y_m[at], long_m, k * long_m, turn))
     idle = np.flatnonzero(use)[~carry]
     peaks_m = np.stack((caps.x_m[idle], caps.y_m[idle]))
@@ -78,6 +71,25 @@ def outlines(
         share[i] = _share_beyond(ellipses[:, i], surface)
     beyond_share = float(share @ load_N[carry] / load_N[carry].sum())
     return Outlines(among + inside, beyond_share, long_m)
+
+
+def ellipses_of(
+    caps: CapTable, at: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """Return what the contacts of some caps look like, circles where no fit told, shape (m,) each.
+
+    The ratio of the principal radii, that of the half-axes, the longer of these over the radius of
+    the circle, and its direction, see `outlines`.
+    """
+    from scipy.special import ellipkm1
+
+    flat_m, steep_m = caps.radius_major_m[at], caps.radius_minor_m[at]
+    known = np.isfinite(flat_m * steep_m) & (steep_m > 0.0)
+    flat_m, steep_m = (np.where(known, one_m, 1.0) for one_m in (flat_m, steep_m))
+    ratio = np.clip(flat_m / steep_m, 1.0, LONGEST)
+    k = axis_ratio(1.0 / ratio)
+    turn = np.where(known, caps.orientation_rad[at], 0.0)
+    return ratio, k, ellipkm1(k**2) * (2.0 / np.pi), turn
 
 
 def _near(ellipses: np.ndarray) -> tuple[np.ndarray, ...]:

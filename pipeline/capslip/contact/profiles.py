@@ -4,9 +4,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from capslip.caps.spheres import LONGEST, elliptic_factor
-from capslip.contact.lay import axis_ratio
+from capslip.caps.spheres import elliptic_factor
 from capslip.contact.models.interacting import InteractingCurve
+from capslip.contact.outlines import ellipses_of
 from capslip.contact.rung import Scene
 from capslip.contact.solvers.hertz import contact_radius_m
 from capslip.contact.solvers.refinement import SMOOTH
@@ -72,8 +72,8 @@ def profiles(
     from scipy.interpolate import CubicSpline, PchipInterpolator
 
     drop_N = DROPS * load_N
-    x_m = approach_m - np.array([float(curve.approach_m(N)) for N in load_N - drop_N])
-    each_N = np.array([curve.asperity_loads_N(approach_m - one) for one in x_m])
+    left_N = (load_N - drop_N).tolist()
+    each_N = np.array([curve.asperity_loads_N(float(curve.approach_m(N))) for N in left_N])
     height_m, depth_m = _below(scene, each_N)
     share = -PchipInterpolator(drop_N, each_N)(drop_N, 1)
     total_m = (share * np.nan_to_num(height_m)).sum(axis=1)
@@ -95,17 +95,9 @@ def _below(scene: Scene, each_N: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
     The heights are NaN where the map does not know all of a contact, and without one.
     """
-    from scipy.special import ellipkm1
-
     caps, at = scene.caps, np.flatnonzero(scene.use)
-    flat_m, steep_m = caps.radius_major_m[at], caps.radius_minor_m[at]
-    known = np.isfinite(flat_m * steep_m) & (steep_m > 0.0)
-    flat_m, steep_m = (np.where(known, one_m, 1.0) for one_m in (flat_m, steep_m))
-    ratio = np.clip(flat_m / steep_m, 1.0, LONGEST)
-    turn = np.where(known, caps.orientation_rad[at], 0.0)
-    k = axis_ratio(1.0 / ratio)
-    long_m = contact_radius_m(each_N, scene.radius_m, scene.E_star_Pa)
-    long_m = long_m * ellipkm1(k**2) * (2.0 / np.pi)
+    ratio, k, longer, turn = ellipses_of(caps, at)
+    long_m = contact_radius_m(each_N, scene.radius_m, scene.E_star_Pa) * longer
     mean_m = scene.radius_m / elliptic_factor(ratio)
     root = np.sqrt(ratio)
     depth_m = long_m**2 * (1.0 / root + k**2 * root) / (6.0 * mean_m)
