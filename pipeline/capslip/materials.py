@@ -5,6 +5,9 @@ least as hard. Machining hardens its skin: a hardness measured on the face itsel
 """
 
 from dataclasses import dataclass
+from typing import Any
+
+from capslip.errors import SettingsError, one_of
 
 
 @dataclass(frozen=True)
@@ -50,3 +53,32 @@ MATERIALS = {
         "EN 1561:1997, Annex A, EN-GJL-250 and -150",
     ),
 }
+
+
+def with_preset(tables: dict[str, Any], where: str = "settings") -> dict[str, Any]:
+    """Fill in what the materials named in nested dictionaries say and the dictionaries do not.
+
+    Raises
+    ------
+        SettingsError: A name that is none of MATERIALS, or not one or two of them.
+    """
+    given = tables.get("material", {})
+    preset = given.get("preset") if isinstance(given, dict) else None
+    if preset is None:
+        return tables
+    names = [preset, preset] if isinstance(preset, str) else preset
+    two = "one for each face: [steel, aluminium]"
+    if not isinstance(names, list | tuple) or len(names) != 2:
+        raise SettingsError(f"{where}: material.preset: got {preset!r}; expected one, or {two}")
+    for name in map(str, names):
+        if name not in MATERIALS:
+            what = f"got {name!r}; {one_of(MATERIALS, name)}; or {two}"
+            raise SettingsError(f"{where}: material.preset: {what}")
+    bodies = [MATERIALS[name] for name in names]
+    known: dict[str, Any] = {
+        "youngs_modulus_Pa": [body.youngs_modulus_Pa for body in bodies],
+        "poisson_ratio": [body.poisson_ratio for body in bodies],
+    }
+    if "hardness_Pa" not in given:
+        known["yield_stress_Pa"] = min(body.yield_stress_Pa for body in bodies)
+    return {**tables, "material": {**known, **given}}

@@ -8,6 +8,7 @@ import difflib
 import hashlib
 import math
 import tomllib
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Annotated, Any, Literal, get_args
 
@@ -15,7 +16,7 @@ import msgspec
 
 from capslip import registry
 from capslip.errors import SettingsError, one_of
-from capslip.materials import MATERIALS
+from capslip.materials import with_preset
 from capslip.units import LengthUnit
 
 LEAST, GREATEST = 1e-30, 1e30  # of any positive setting, in SI: beyond it powers overflow
@@ -303,7 +304,7 @@ def load_settings(path: str | Path | None = None, overrides: tuple[str, ...] = (
     alone = [_apply(tables, override) for override in overrides]
     written = tables.get("run", {}).get("given") if isinstance(tables.get("run"), dict) else None
     if isinstance(written, list):  # by an analysis, in a file that holds every value
-        more = (name for one in alone for name in _given(_with_preset(one)))
+        more = (name for one in alone for name in _given(with_preset(one)))
         tables["run"]["given"] = [*written, *more]
     return settings_from(tables, str(path) if path else "settings")
 
@@ -311,7 +312,7 @@ def load_settings(path: str | Path | None = None, overrides: tuple[str, ...] = (
 def settings_from(tables: dict[str, Any], where: str = "settings") -> Settings:
     """Check nested dictionaries and make them Settings; errors as for `load_settings`."""
     _refuse_unknown(tables, Settings, where, ())
-    tables = _with_preset(_plain(tables, where, ()), where)
+    tables = with_preset(_plain(tables, where, ()), where)
     try:
         settings = msgspec.convert(tables, Settings)
     except msgspec.ValidationError as error:
@@ -346,30 +347,6 @@ def _check_load(tables: dict[str, Any], where: str) -> None:
             f"{where}: got {' and '.join(loads)}; each says how much load or area the joint has; "
             "expected one of them"
         )
-
-
-def _with_preset(tables: dict[str, Any], where: str = "settings") -> dict[str, Any]:
-    """Fill in what the named materials say and the tables do not."""
-    given = tables.get("material", {})
-    preset = given.get("preset") if isinstance(given, dict) else None
-    if preset is None:
-        return tables
-    names = [preset, preset] if isinstance(preset, str) else preset
-    two = "one for each face: [steel, aluminium]"
-    if not isinstance(names, list | tuple) or len(names) != 2:
-        raise SettingsError(f"{where}: material.preset: got {preset!r}; expected one, or {two}")
-    for name in map(str, names):
-        if name not in MATERIALS:
-            what = f"got {name!r}; {one_of(MATERIALS, name)}; or {two}"
-            raise SettingsError(f"{where}: material.preset: {what}")
-    bodies = [MATERIALS[name] for name in names]
-    known: dict[str, Any] = {
-        "youngs_modulus_Pa": [body.youngs_modulus_Pa for body in bodies],
-        "poisson_ratio": [body.poisson_ratio for body in bodies],
-    }
-    if "hardness_Pa" not in given:
-        known["yield_stress_Pa"] = min(body.yield_stress_Pa for body in bodies)
-    return {**tables, "material": {**known, **given}}
 
 
 def _check_meaning(settings: Settings, where: str) -> None:
@@ -411,19 +388,35 @@ def _refuse_unknown(
     known = {field.name: field.type for field in msgspec.structs.fields(kind)}
     for key, value in tables.items():
         if key not in known:
-            name = ".".join((*path, key))
-            close = [one for one in known if one.startswith(f"{key}_")]
-            close = close or difflib.get_close_matches(key, known, n=1)
-            mean = " or ".join(".".join((*path, one)) for one in close)
-            mean = f"; did you mean {mean}?" if close else ""
             raise SettingsError(
-                f"{where}: unknown setting {name}{mean} (known here: {', '.join(known)})"
+                f"{where}: unknown setting {'.'.join((*path, key))}{_meant(key, known, path)} "
+                f"(known here: {', '.join(known)})"
             )
         nested = known[key]
         if isinstance(nested, type) and issubclass(nested, msgspec.Struct):
             if not isinstance(value, dict):
                 raise SettingsError(f"{where}: {'.'.join((*path, key))}: expected a table of keys")
             _refuse_unknown(value, nested, where, (*path, key))
+
+
+def _meant(key: str, known: dict[str, Any], path: tuple[str, ...]) -> str:
+    """Return a proposal for an unknown name: one of its table, or one of another."""
+    close = [one for one in known if one.startswith(f"{key}_")]
+    close = close or difflib.get_close_matches(key, known, n=1)
+    names = [".".join((*path, one)) for one in close]
+    names = names or [
+        name for name in _names(Settings) if f"{name.rpartition('.')[2]}_".startswith(f"{key}_")
+    ]
+    return f"; did you mean {' or '.join(names)}?" if names else ""
+
+
+def _names(kind: type[msgspec.Struct], path: tuple[str, ...] = ()) -> Iterator[str]:
+    """Return every setting of a table and of the tables in it, with the names of its tables."""
+    for field in msgspec.structs.fields(kind):
+        if isinstance(field.type, type) and issubclass(field.type, msgspec.Struct):
+            yield from _names(field.type, (*path, field.name))
+        else:
+            yield ".".join((*path, field.name))
 
 
 def _plain(value: Any, where: str, path: tuple[str, ...]) -> Any:
@@ -468,7 +461,8 @@ def _apply(tables: dict[str, Any], override: str) -> dict[str, Any]:
     name, equals, text = override.partition("=")
     keys = name.strip().split(".")
     if not equals or not all(keys) or len(keys) < 2:
-        raise SettingsError(f"--set {override}: expected table.key=value")
+        mean = _meant(name.strip(), {}, ())
+        raise SettingsError(f"--set {override}: expected table.key=value{mean}")
     value = _value(text.strip())
     alone: dict[str, Any] = {keys[-1]: value}
     for key in reversed(keys[1:-1]):
