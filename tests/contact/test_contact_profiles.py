@@ -107,7 +107,13 @@ def test_a_quartic_changes_the_answers_as_sneddons_contact_does(share):
 
 
 def test_what_noise_hides_or_nobody_measured_is_not_told_nor_that_spheres_are_spheres():
-    assert profile(cap, noise_m=0.01 * APPROACH_M) is None
+    noise_m = 0.01 * APPROACH_M
+
+    def noisy(x, y):
+        return cap(x, y) + np.random.default_rng(1).normal(0.0, noise_m, x.shape)
+
+    assert profile(noisy, noise_m=noise_m) is None
+    assert profile(noisy, noise_m=0.5 * noise_m) is not None
     assert profile(cap, profile_residual_m=5e-5 * APPROACH_M) is None
     assert profile(cap, profile_residual_m=np.nan) is not None
 
@@ -117,6 +123,21 @@ def test_what_noise_hides_or_nobody_measured_is_not_told_nor_that_spheres_are_sp
     found = profile(with_a_hole)
     assert np.isnan([found.up_m[0], found.log_radius[0]]).all()
     assert (found.change == 0.0).all()
+
+
+def test_waves_of_a_few_pixels_are_not_taken_for_noise_nor_what_lies_beside_a_contact():
+    noise_m = 0.01 * APPROACH_M
+
+    def waves(x, y):
+        return cap(x, y) + noise_m * np.sin(x / PIXELS_M[1]) * np.cos(y / PIXELS_M[1])
+
+    assert profile(waves, noise_m=noise_m) is not None
+
+    def rough_beside(x, y):
+        noise = np.random.default_rng(1).normal(0.0, APPROACH_M, x.shape)
+        return cap(x, y) + (np.hypot(x, y) > 2.0 * CONTACT_M) * noise
+
+    assert profile(rough_beside, noise_m=noise_m) is not None
 
 
 @pytest.mark.parametrize("beyond", [-1, 1])
@@ -134,7 +155,13 @@ def test_a_contact_is_known_to_the_last_points_of_the_map(axis, far, beyond):
 
 @pytest.mark.parametrize(
     ("seed", "length", "load_N"),
-    [(3048, 7.2, 5e-3), (3049, 13.9, 2e-3), (3052, 9.6, 4e-3), (3055, 9.6, 4e-3)],
+    [
+        (3048, 7.2, 5e-3),
+        (3049, 13.9, 2e-3),
+        (3052, 9.6, 4e-3),
+        (3055, 9.6, 4e-3),
+        (3027, 7.2839, 1.318e-3),  # waves that lower differences take for noise
+    ],
 )
 def test_narrow_hills_of_waves_are_off_by_no_more_than_is_said(seed, length, load_N):
     """Their caps are fitted to all of a hill, and rest on its top alone."""

@@ -1,5 +1,6 @@
 """What hills have below their contacts beside their caps, and what that changes of the answers."""
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,6 +11,7 @@ from capslip.contact.outlines import ellipses_of
 from capslip.contact.rung import Scene
 from capslip.contact.solvers.hertz import contact_radius_m
 from capslip.contact.solvers.refinement import SMOOTH
+from capslip.contact.solvers.whiteness import MEDIAN, white_m2
 
 # Of the preload: where what lies below the contacts is looked at
 DROPS = np.array([0.0, 0.05, 0.1, 0.175, 0.25, 0.375, 0.5, 0.625, 0.75])
@@ -17,6 +19,7 @@ SECANT = 6  # of these, from which on the nearest sphere is asked for: at half o
 NOTHING = 1e-4  # of the approach, that the profiles of all caps leave at most: spheres
 BESIDE = 8  # pixels that a spline looks at beyond a contact
 RINGS, ROUND = 4, 16  # of the points at which a mean is taken
+ORDER = 8  # of the differences that tell noise from waves of a few pixels
 MOST_STEEP = 0.9  # of the curvature of a cap, that a hill may lack
 
 
@@ -48,7 +51,8 @@ def profiles(
     shares : tuple of float
         Of mu N, at which the energies are asked for.
     noise_m : float
-        Standard deviation of the noise of the map.
+        Standard deviation of the noise of the map. Beside it counts what the heights below the
+        contacts have of white noise: waves of a few pixels are as noise to lower differences.
 
     Returns
     -------
@@ -67,7 +71,10 @@ def profiles(
     load_N = scene.preload_N
     approach_m = float(curve.approach_m(load_N))
     left_m = float(scene.caps.profile_residual_m[scene.use].max())
-    if noise_m > SMOOTH * approach_m or left_m <= NOTHING * approach_m:
+    most_m = SMOOTH * approach_m
+    if left_m <= NOTHING * approach_m or (
+        noise_m > most_m and _white_noise_m(scene, curve.asperity_loads_N(approach_m)) > most_m
+    ):
         return None
     from scipy.interpolate import CubicSpline, PchipInterpolator
 
@@ -88,6 +95,23 @@ def profiles(
     return Profiles(
         up_m, np.log1p(np.maximum(more, -MOST_STEEP)), np.append(change_J / loss_J, of_stiffness)
     )
+
+
+def _white_noise_m(scene: Scene, each_N: np.ndarray) -> float:
+    """Return the standard deviation of white noise below contacts; infinite where they are few."""
+    caps, at = scene.caps, np.flatnonzero(scene.use)
+    long_m = contact_radius_m(each_N, scene.radius_m, scene.E_star_Pa) * ellipses_of(caps, at)[2]
+    sides, squares_m2 = np.array(scene.surface.pixel_size_m), [np.zeros(0)]
+    for j in np.flatnonzero(each_N > 0.0):
+        apex = np.array((caps.y_m[at[j]], caps.x_m[at[j]])) / sides - 0.5
+        reach = long_m[j] / sides + ORDER // 2
+        top, left = np.maximum(np.floor(apex - reach).astype(int), 0)
+        bottom, right = np.maximum(np.ceil(apex + reach).astype(int) + 1, 0)
+        near_m = scene.surface[top:bottom, left:right]
+        squares_m2 += [white_m2(near_m, ORDER, axis).ravel() for axis in (0, 1)]
+    square_m2 = np.concatenate(squares_m2)
+    known_m2 = square_m2[np.isfinite(square_m2)]
+    return math.sqrt(float(np.median(known_m2)) / MEDIAN) if known_m2.size else math.inf
 
 
 def _below(scene: Scene, each_N: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

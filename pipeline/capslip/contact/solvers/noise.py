@@ -7,14 +7,13 @@ import numpy as np
 
 from capslip.contact.solvers.elastic_face import ElasticFace
 from capslip.contact.solvers.path import Path
-from capslip.contact.solvers.whiteness import white_m2
+from capslip.contact.solvers.whiteness import MEDIAN, white_m2
 
 _ORDER = 10  # of the differences that know noise: what is 5 pixels long gives them 1e-4 of itself
 _WIDER_ORDER = 4  # the same between points that are not neighbours: ten of them leave the hill
 # Correlation lengths in pixels that are told apart: noise of each is seen at twice the spacing
 LENGTHS = (0, 1, 2, 4, 8)
 _ENOUGH = 20  # of these differences, of which a median says something
-_MEDIAN = 0.4549  # of the squares of a normal distribution, over its variance
 _KEYS = -0.75  # of the kernel, about as a spline through all pixels has it
 _LOOKED_AT = 500_000  # points, on whole lines: as many tell a standard deviation to 1 %
 
@@ -189,5 +188,5 @@ def _seen_m(
             squares_m2.append(one_m2[np.isfinite(one_m2) & (points_m < reach_m)])
         square_m2 = np.concatenate(squares_m2)
         if square_m2.size >= _ENOUGH:
-            noise_m.append(math.sqrt(float(np.median(square_m2)) / _MEDIAN))
+            noise_m.append(math.sqrt(float(np.median(square_m2)) / MEDIAN))
     return max(noise_m, default=None)

@@ -4,6 +4,8 @@ import math
 
 import numpy as np
 
+MEDIAN = 0.4549  # of the squares of a normal distribution, over its variance
+
 
 def white_m2(heights_m: np.ndarray, order: int, axis: int) -> np.ndarray:
     """Return the variance of the noise that differences of an even order would come from.
