@@ -5,7 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from capslip.contact.certificate import hertz_over_point_load, unmodelled_area_m2
 from capslip.contact.models.boundary_elements import boundary_elements
+from capslip.contact.models.interacting import interacting
 from capslip.contact.solvers.detail import _loss_J
 from capslip.contact.solvers.polonsky_keer import elastic_face, press
 from capslip.contact.solvers.refinement import touches_between
@@ -36,6 +38,45 @@ def test_a_top_between_the_pixels_is_found_where_it_touches(place):
 @pytest.mark.parametrize("place", [(12.5, 12.5), (12.0, 10.0), (-0.5, 20.0)])
 def test_none_is_found_that_stays_far_from_touching(place):
     assert not touches_between(*pressed_beside(-50e-9, place)).any()
+
+
+def area_m2(top_m, place, noise_m=0.0, load_N=20.0, lost=None):
+    """Ask the same of a cap of 20 m, with such a top over the plane as it sinks there."""
+    row, col = np.mgrid[0:60, 0:60]
+    centre_m = 40.5 * PIXEL_M
+    curve = interacting([20.0], [0.0], [centre_m], [centre_m], 110e9)
+    approach_m = float(curve.approach_m(load_N))
+    contact_m = np.sqrt(20.0 * approach_m)
+    away_m = PIXEL_M * np.hypot(place[0] - 40, place[1] - 40)
+    sunk_m = load_N / (np.pi * 110e9 * away_m) * hertz_over_point_load(contact_m / away_m)
+    wide_m = -(PIXEL_M**2) * ((row - 40) ** 2 + (col - 40) ** 2) / (2 * 20.0)
+    squares = PIXEL_M**2 * ((row - place[0]) ** 2 + (col - place[1]) ** 2)
+    small_m = sunk_m - approach_m + top_m - squares / (2 * RADIUS_M)
+    height_m = np.where(np.hypot(row - place[0], col - place[1]) < 8, small_m, wide_m)
+    if lost is not None:
+        height_m[lost] = np.nan
+    surface = HeightMap(height_m, (PIXEL_M, PIXEL_M))
+    hill = np.ones(surface.shape, dtype=int)
+    return unmodelled_area_m2(surface, hill, curve, approach_m, 0.0, noise_m)
+
+
+@pytest.mark.parametrize("place", [(12.5, 12.5), (12.4, 10.0), (-0.5, 20.0), (20.3, -0.4)])
+def test_caps_are_not_all_that_touches_where_a_top_between_the_pixels_does(place):
+    assert 1 <= round(area_m2(1e-9, place) / PIXEL_M**2) <= 4
+    assert area_m2(-1e-9, place) == 0.0
+    assert area_m2(1e-9, place, noise_m=1e-9) == 0.0  # which may be all of it
+
+
+def test_a_top_beside_lost_points_is_not_known():
+    assert area_m2(1e-9, (12.4, 10.0), lost=(12, 11)) == 0.0
+
+
+def test_tops_between_pixels_are_not_asked_for_beside_wide_contacts(monkeypatch):
+    place = (-0.5, 20.0)
+    assert area_m2(1e-9, place) > 0.0
+    assert area_m2(7e-9, place, load_N=500.0) == 0.0
+    monkeypatch.setattr("capslip.contact.certificate.RESOLVED", 40.0)
+    assert area_m2(7e-9, place, load_N=500.0) > 0.0
 
 
 def test_a_sphere_alone_touches_nowhere_beside_its_contact():

@@ -19,6 +19,8 @@ NOISE_SPREADS = 2.0  # standard deviations of a mean height that may hide a cont
 CERTAIN_SPREADS = 5.0  # by which one of many hills that all but touch is not there by chance
 MODEL_ERROR = 0.02  # of the sinking: what point loads may be off
 NEAR = 1.5  # contact radii within which the shape of a cap is the fit's matter, not the cut's
+RESOLVED = 20.0  # pixels, from which radius on what rises between them carries next to nothing
+TINY_M = 1e-30  # in place of no bend at all
 AT_ONCE = 2_000_000  # pairs of a block and a contact
 
 
@@ -129,7 +131,9 @@ def unmodelled_area_m2(
         mean_m = _means_of(surface, label, on_hills, least_m, side)
         excess_m = _excess(surface, mean_m, least_m, contacts, curve.E_star_Pa, beside_m)
         n += int(np.count_nonzero(excess_m > 0.0))
-    return float(n * side**2 * surface.pixel_area_m2)
+    if n > 0:
+        return float(n * side**2 * surface.pixel_area_m2)
+    return _tops_above_m2(surface, contacts, near_m, plane_m, approach_m, curve.E_star_Pa, noise_m)
 
 
 def hertz_over_point_load(rho: np.ndarray) -> np.ndarray:
@@ -165,11 +169,22 @@ def _excess(
     error = 0.0 if near_m is None else MODEL_ERROR
     reach_m = mean_m - plane_m
     row, col = np.nonzero(reach_m > 0.0)  # False where nothing was measured
-    reach_m = reach_m[row, col]
     place_m = np.stack([(col + 0.5) * side * dx_m, (row + 0.5) * side * dy_m])
+    return _beyond_sunk(reach_m[row, col], place_m, contacts, E_star_Pa, near_m, error)
+
+
+def _beyond_sunk(
+    reach_m: np.ndarray,
+    place_m: np.ndarray,
+    contacts: np.ndarray,
+    E_star_Pa: float,
+    near_m: np.ndarray | None,
+    error: float,
+) -> np.ndarray:
+    """Return by how much what reaches above the plane at places, (2, n), does so where it sinks."""
     a_m, load_N = contacts[2:]
-    excess_m = np.full(row.size, -np.inf)
-    for part in np.array_split(np.arange(row.size), 1 + row.size * a_m.size // AT_ONCE):
+    excess_m = np.full(reach_m.size, -np.inf)
+    for part in np.array_split(np.arange(reach_m.size), 1 + reach_m.size * a_m.size // AT_ONCE):
         r_m = np.hypot(*(place_m[:, part, None] - contacts[:2, None]))
         beside = near_m is None or (r_m >= near_m).all(axis=1)
         r_m = np.maximum(r_m, a_m)  # within a contact at least as at its rim
@@ -180,6 +195,70 @@ def _excess(
         sunk_m = share_N_per_m.sum(axis=1) * (1.0 + error) / (math.pi * E_star_Pa)
         excess_m[part[left]] = reach_m[part[left]] - sunk_m
     return excess_m
+
+
+def _tops_above_m2(
+    surface: HeightMap,
+    contacts: np.ndarray,
+    near_m: np.ndarray,
+    plane_m: float,
+    approach_m: float,
+    E_star_Pa: float,
+    noise_m: float,
+) -> float:
+    """Return the area of pixels that do not reach the plane, and beside which the face does.
+
+    As far below it as another hill as round as the widest contact rises from an outermost pixel,
+    two contact radii beside its top, to the edge of the map.
+    """
+    pixels_wide = float(contacts[2].max()) / max(surface.pixel_size_m)
+    if pixels_wide >= RESOLVED:
+        return 0.0
+    certain_m = plane_m + CERTAIN_SPREADS * noise_m
+    least_m = plane_m - min(1.0, 2.0 / pixels_wide) * approach_m
+    place_m, height_m, top_m = _tops(surface, least_m)
+    place_m, height_m, top_m = (one[..., top_m > certain_m] for one in (place_m, height_m, top_m))
+    face = place_m, contacts, E_star_Pa, near_m + math.hypot(*surface.pixel_size_m), MODEL_ERROR
+    beside_m, of_pixel_m = (_beyond_sunk(one - certain_m, *face) for one in (top_m, height_m))
+    above = (beside_m > 0.0) & (of_pixel_m <= 0.0)
+    return float(np.count_nonzero(above) * surface.pixel_area_m2)
+
+
+def _tops(surface: HeightMap, least_m: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return places, (2, n), and heights of pixels, and how high the face stands beside them.
+
+    Of those that are higher than `least_m` and than their neighbours: along each axis as high as
+    the parabola through them, at an edge of the map as that is half a pixel further.
+    """
+    shape, index = surface.shape, []
+    for rows in row_blocks(shape):
+        index.append(np.flatnonzero(surface[rows] > least_m) + rows.start * shape[1])
+    row, col = np.divmod(np.concatenate(index), shape[1])
+    height_m = top_m = surface[row, col]
+    for axis in (1, 0):
+        before, after = [row, col], [row, col]
+        before[axis] = np.maximum(before[axis] - 1, 0)
+        after[axis] = np.minimum(after[axis] + 1, shape[axis] - 1)
+        down_m, up_m = (height_m - surface[tuple(one)] for one in (before, after))
+        rise_m = np.square(down_m - up_m) / (8.0 * np.maximum(down_m + up_m, TINY_M))
+        at_edge = np.isin((row, col)[axis], (0, shape[axis] - 1))
+        rise_m[at_edge] = _rise_to_edge_m(surface, row[at_edge], col[at_edge], axis)
+        top_m = top_m + rise_m
+        highest = (down_m >= 0.0) & (up_m >= 0.0)  # False beside what was not measured
+        row, col, height_m, top_m = (one[highest] for one in (row, col, height_m, top_m))
+    dy_m, dx_m = surface.pixel_size_m
+    return np.stack(((col + 0.5) * dx_m, (row + 0.5) * dy_m)), height_m, top_m
+
+
+def _rise_to_edge_m(surface: HeightMap, row: np.ndarray, col: np.ndarray, axis: int) -> np.ndarray:
+    """Return how much higher the edge of the map is than the outermost points, on a parabola."""
+    points, last = [], surface.shape[axis] - 1
+    for inward in (0, 1, 2):
+        place = [row, col]
+        place[axis] = np.where(place[axis] == 0, inward, last - inward)
+        points.append(surface[tuple(place)])
+    outermost_m, next_m, third_m = points
+    return np.asarray(0.5 * (outermost_m - next_m) + 0.375 * (outermost_m - 2.0 * next_m + third_m))
 
 
 def _means_of(
