@@ -1,6 +1,5 @@
 """The stages: their clock, and the turns of fit and contact."""
 
-from dataclasses import fields
 from types import SimpleNamespace
 from unittest import mock
 
@@ -11,7 +10,6 @@ from capslip import stages
 from capslip.analysis import analyze, analyze_once
 from capslip.caps import doubts
 from capslip.caps.fit import fit_caps
-from capslip.caps.table import CapFlag, CapTable
 from capslip.contact.depth import press_for_depth
 from capslip.contact.levelling import TogetherError
 from capslip.errors import ContactError, TipsOverError
@@ -208,22 +206,6 @@ def test_nothing_turns_where_nothing_can_or_shall(more):
 @pytest.mark.parametrize(("cut", "ratio"), [("fixed", 0.35), ("certified", 0.10)])
 def test_families_are_counted_above_the_papers_tenth_unless_the_cut_is_fixed(cut, ratio):
     assert stages._family_ratio(settings(f"hills.cut={cut}")) == ratio
-
-
-def test_caps_of_the_pressed_face_have_the_families_of_the_hills_they_stand_on():
-    """Pixels of 1 along y and 2 along x; one cap beyond the edge, one without a sphere."""
-    label = np.zeros((4, 5), dtype=np.int32)
-    label[0, 0], label[2, 3], label[3, 4] = 1, 2, 3
-    flags = np.array([0, 0, 0, 0, CapFlag.not_convex], dtype=np.uint16)
-    x_m, y_m = np.array([0.5, 7.9, 10.5, 5.0, 0.5]), np.array([0.5, 2.1, 4.0, 2.5, 0.5])
-    columns = {field.name: np.ones(5) for field in fields(CapTable)}
-    columns |= {"x_m": x_m, "y_m": y_m, "flags": flags, "family": np.full(5, "X")}
-    caps = CapTable(**columns)
-    surface = HeightMap(np.zeros((4, 5)), (1.0, 2.0))
-    level = SimpleNamespace(caps=caps, surface=surface)
-    families = SimpleNamespace(family=np.array(["P", "G", "P"]))
-    found = stages._named(level, SimpleNamespace(label=label), families)
-    assert found.family.tolist() == ["P", "G", "P", "", ""]
 
 
 @pytest.mark.parametrize("slope", [(0.0, 0.0), (3e-6, -2e-6), (-1e-6, 5e-6)])

@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 import msgspec
 import numpy as np
 
-from capslip.caps.below import family_below_cut
+from capslip.caps.below import caps_below_cut, family_below_cut, with_families
 from capslip.caps.doubts import problems_of_caps
 from capslip.caps.families import Families, FamilySurface, group_families, surface_of_families
 from capslip.caps.fit import fit_caps, fit_spheres
@@ -286,10 +286,11 @@ def _one_map(conditioned: Conditioned, settings: Settings, clock: Clock) -> Face
     conditioned = conditioned.turned(level.surface, level.slope, level.load_point_m, step)
     with clock("families"):
         plane, hills, family_caps, families = _families(level, settings)
-        caps = _named(level, hills, family_caps)
+        caps = with_families(level.caps, level.surface, hills.label, family_caps)
     ratio = _family_ratio(settings)
     with clock("doubts"):
-        problems += _below_cut(plane, families, ratio, settings, own_plane=True)
+        below = _below_cut(plane, families, ratio, settings, own_plane=True)
+        problems += below or caps_below_cut(caps, families, ratio)
         problems += problems_of_caps(plane, hills, family_caps, ratio)
     found = (level.hills, caps, families, level.hills.label, family_caps)
     return Face(joint, conditioned, level, *found, tuple(problems))
@@ -410,13 +411,6 @@ def _counted(
 def _family_ratio(settings: Settings) -> float:
     """Return the material ratio above which caps are counted: the paper's, unless one is fixed."""
     return settings.hills.material_ratio if settings.hills.cut == "fixed" else FAMILY_RATIO
-
-
-def _named(level: Level, hills: Hills, family_caps: CapTable) -> CapTable:
-    """Return the caps of the pressed face with the families of the hills that they stand on."""
-    caps, surface = level.caps, level.surface
-    names = np.append("", family_caps.family)[hills.label[surface.pixel_at(caps.x_m, caps.y_m)]]
-    return caps.with_columns(family=np.where(caps.usable, names, ""))
 
 
 def _two_maps(
