@@ -50,6 +50,9 @@ MOSTLY_WHITE = 0.7  # of the detail, from which on it is: rough faces with a Hur
 MOST_OF_NOISE = 1.0  # relative, of the energy: first order ends where all of it would go
 RESOLVED = 0.1  # of what the filter takes, that noise may be: 0.01 on smooth faces, noise 0.3 to 1
 NORMAL_95 = 1.96  # standard deviations of noise that hold 95 %
+# Over what detail moves of stiffness and energy where noise is more than small: 95 % are within
+STRONG_95 = 1.5, 1.3
+MOST_MOVED = 0.999  # of the greater of two values: three orders of magnitude between them
 ASKED = 0.25  # of mu N, from which pixels and noise that move the energy warn; below, a note
 LEAST_ERROR = 0.01  # of stiffness and energy, by the pixels of contacts that are resolved
 # Of mu N, at which the effect of given noise is solved: slopes of the pressures lie between them
@@ -142,9 +145,9 @@ def error_of_map(
         found.append(_unresolved("info", SMALL_SLIP, of_both))
     # As what is left where nearly all of the contact slips: both are of all of it alike
     pixels_of_whole, noise_of_whole = causes.at(FORCE_SHARES[-1])
-    of_detail = factor * (detail.effect.tangential_stiffness or 0.0)
+    strong = white_m > SMALL_NOISE * first.approach_m
+    of_detail, energy = _left_by_detail(detail, factor, strong)
     stiffness = max(of_detail, noise_of_whole, STIFFNESS_95 * pixels_of_whole, LEAST_ERROR)
-    energy = {at: factor * detail.energy_from(at) for at in FORCE_SHARES}
     return _with_pixels(causes, stiffness, least, energy), tuple(found)
 
 
@@ -262,6 +265,26 @@ def _of_detail(
         energy = max(effect.energy or 0.0, of_pixels)
         effect = replace(effect, energy=energy, loss_factor=energy)
     return [Problem("detail_decides", "warning", message, effect, step)], factor
+
+
+def _left_by_detail(
+    detail: Detail, factor: float, strong: bool
+) -> tuple[float, dict[float, float]]:
+    """Return the errors of stiffness and, by shares of mu N, of the energy that detail leaves.
+
+    As logarithms, as which intervals take them: what a map without its detail has four times less
+    of is no nearer than what it has four times more of. Strong noise moves the less, the more there
+    is already, so what is left of it moves more than its share, and at each force as it may.
+    """
+    stiffness, energies = (
+        factor * -np.log1p(-np.minimum(moved, MOST_MOVED))
+        for moved in (detail.effect.tangential_stiffness or 0.0, np.array(detail.energy))
+    )
+    if strong:
+        stiffness, energies = STRONG_95[0] * stiffness, STRONG_95[1] * energies
+    from_share = np.maximum.accumulate(energies[::-1])[::-1]
+    left = np.full(len(energies), from_share[0]) if strong else from_share
+    return float(stiffness), dict(zip(FORCE_SHARES, left.tolist(), strict=True))
 
 
 def _with_pixels(
