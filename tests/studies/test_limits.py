@@ -11,7 +11,9 @@ import numpy as np
 import pytest
 
 import capslip
+from capslip.analysis import analyze_once
 from capslip.caps.table import CapFlag
+from capslip.contact.rung import load_point_m
 from capslip.problems import Problem
 from capslip.settings import load_settings
 from capslip.studies.faces.synthetic import synthetic_surface
@@ -251,3 +253,21 @@ def test_the_true_answer_is_that_of_the_spheres_wherever_the_face_is_turned_to()
         _, slip = slip_of_true_caps(one, face, settings, 460.0)
         energy_J.append(slip.energy_at_force_J(np.array([0.1, 0.5]) * slip.total_slip_force_N))
     assert energy_J[1] == pytest.approx(energy_J[0], rel=1e-5)
+
+
+def test_three_true_caps_nearly_on_one_line_are_balanced():
+    """A turn moves their places more than their loads: turn after turn swung to 10 % in energy."""
+    (axis,) = (one for one in axes(260) if one.name == "few caps")
+    (case,) = (one for one in axis.cases if one.name == "3 caps, 100 N")
+    face, truth = synthetic_surface(clean(case.scene), case.name)
+    settings = load_settings(overrides=("contact.preload_N=100",))
+    curve, slip = slip_of_true_caps(truth, face, settings, 100.0)
+    load_N = curve.asperity_loads_N(float(curve.approach_m(100.0)))
+    at_m = load_point_m(face, settings)
+    moment_Nm = load_N @ (np.column_stack((curve.x_m, curve.y_m)) - at_m)
+    assert np.abs(moment_Nm).max() < 1e-9
+    found = analyze_once(face, settings).slip
+    force_N = np.array([0.25, 0.75]) * slip.total_slip_force_N
+    assert found.energy_at_force_J(force_N) == pytest.approx(
+        slip.energy_at_force_J(force_N), rel=1e-3
+    )

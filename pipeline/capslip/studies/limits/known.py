@@ -23,7 +23,7 @@ from capslip.studies.limits.of_face import OfFace, answers_of_face
 from capslip.surface.heightmap import HeightMap
 
 CUBIC_BELOW = 1e-3  # share of total slip below which the energy follows the cube of the force
-MOST_TURNS, SETTLED = 10, 1e-6  # of the slope that balances the true caps
+SETTLED, LEAST_TURN = 1e-9, 1e-12  # of the slope that balances the true caps, and that slope
 
 
 @dataclass(frozen=True)
@@ -156,22 +156,31 @@ def _balanced(truth: Truth, face: HeightMap, settings: Settings) -> tuple[CapTab
     A face that turns by s touches its spheres elsewhere, by R s: at R = 24 m and 3 um/m by 70 um,
     which moves the balance again, and the energies by up to 10 %.
 
-    None where the caps alone cannot be balanced: the face tips over until its floor touches.
+    None where the caps alone cannot be balanced: the face tips over until its floor touches. Where
+    they stand nearly on one line, a turn moves their places more than their loads, and turn after
+    turn would swing.
     """
-    at_m, slope = load_point_m(face, settings), np.zeros(2)
+    from scipy.optimize import root
+
+    at_m = load_point_m(face, settings)
     everywhere = np.ones(len(truth.x_m), dtype=bool)
-    for _ in range(MOST_TURNS):
+
+    def turn(slope: np.ndarray) -> np.ndarray:
         table = _turned_caps(truth, slope, at_m)
-        try:
-            level, _ = rebalanced(table, table, everywhere, at_m, settings)
-        except TipsOverError:
-            return None
+        level, _ = rebalanced(table, table, everywhere, at_m, settings)
         arm_m = np.column_stack((table.x_m - at_m[0], table.y_m - at_m[1]))
         up_m = level.peak_height_m - table.peak_height_m
-        turn = np.linalg.lstsq(arm_m, up_m, rcond=None)[0]
-        slope = slope + turn
-        if np.abs(turn).max() <= SETTLED * np.abs(slope).max():
-            break
+        return np.asarray(np.linalg.lstsq(arm_m, up_m, rcond=None)[0])
+
+    try:
+        first = turn(np.zeros(2))
+        unit = max(float(np.abs(first).max()), LEAST_TURN)
+        solved = root(lambda turns: turn(unit * turns) / unit, first / unit, tol=SETTLED)
+    except TipsOverError:
+        return None
+    if not solved.success:
+        return None
+    slope = unit * solved.x
     floor = face.height_m <= face.height_m.min() + 1e-12
     level = _turned_caps(truth, slope, at_m)
     return level, float(turned(face, slope, at_m).height_m[floor].max())
