@@ -52,7 +52,7 @@ RESOLVED = 0.1  # of what the filter takes, that noise may be: 0.01 on smooth fa
 NORMAL_95 = 1.96  # standard deviations of noise that hold 95 %
 # Over what detail moves of stiffness and energy where noise is more than small: 95 % are within
 STRONG_95 = 1.5, 1.3
-MOST_MOVED = 0.999  # of the greater of two values: three orders of magnitude between them
+MOST_MOVED = 0.9  # of the greater of two values: beyond an order of magnitude none is known anyway
 ASKED = 0.25  # of mu N, from which pixels and noise that move the energy warn; below, a note
 LEAST_ERROR = 0.01  # of stiffness and energy, by the pixels of contacts that are resolved
 # Of mu N, at which the effect of given noise is solved: slopes of the pressures lie between them
