@@ -60,7 +60,8 @@ def with_preset(tables: dict[str, Any], where: str = "settings") -> dict[str, An
 
     Raises
     ------
-        SettingsError: A name that is none of MATERIALS, or not one or two of them.
+    SettingsError
+        A name that is none of MATERIALS, or not one or two of them.
     """
     given = tables.get("material", {})
     preset = given.get("preset") if isinstance(given, dict) else None

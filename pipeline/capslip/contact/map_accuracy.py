@@ -276,14 +276,13 @@ def _left_by_detail(
     of is no nearer than what it has four times more of. Strong noise moves the less, the more there
     is already, so what is left of it moves more than its share, and at each force as it may.
     """
-    stiffness, energies = (
+    energies = np.array([detail.energy_from(0.0 if strong else at) for at in FORCE_SHARES])
+    stiffness, left = (
         factor * -np.log1p(-np.minimum(moved, MOST_MOVED))
-        for moved in (detail.effect.tangential_stiffness or 0.0, np.array(detail.energy))
+        for moved in (detail.effect.tangential_stiffness or 0.0, energies)
     )
     if strong:
-        stiffness, energies = STRONG_95[0] * stiffness, STRONG_95[1] * energies
-    from_share = np.maximum.accumulate(energies[::-1])[::-1]
-    left = np.full(len(energies), from_share[0]) if strong else from_share
+        stiffness, left = STRONG_95[0] * stiffness, STRONG_95[1] * left
     return float(stiffness), dict(zip(FORCE_SHARES, left.tolist(), strict=True))
 
 
