@@ -14,7 +14,8 @@ from capslip.structure.band import NORMAL_95
 
 def part(coverage=None, error=0.1, made_from="spheres", lay=None, share=1.0, **contact):
     rung = SimpleNamespace(made_from=made_from)
-    contact = SimpleNamespace(estimated_error=error, rung=rung, lay=lay, moved=None, **contact)
+    known = {"patch_errors": None, **contact}
+    contact = SimpleNamespace(estimated_error=error, rung=rung, lay=lay, moved=None, **known)
     return SimpleNamespace(joint=SimpleNamespace(coverage=coverage), contact=contact, share=share)
 
 
@@ -148,6 +149,21 @@ def test_a_model_without_caps_has_its_error_at_the_force_that_was_asked():
     state.preload_N = 10.0  # beyond gross slip: as at it
     assert band._of_one(state, part(errors=known))[1][1, 1] == pytest.approx(0.05 / NORMAL_95)
     assert not band._of_one(state, part(errors=None))[1].any()
+
+
+def test_what_few_solved_pressures_leave_comes_to_the_error_of_the_model():
+    """Either of the two may be unknown."""
+    state = of_force(material__friction_coefficient=0.25)
+    state.preload_N = 50.0  # 5 N of 12.5 N: 0.4
+    of_model, of_patches = ModelError(0.03, 0.08), ModelError(0.04, 0.3, ((0.1, 0.3), (0.4, 0.06)))
+    for errors, patch_errors, expected in (
+        (of_model, of_patches, (0.05, 0.1)),
+        (None, of_patches, (0.04, 0.06)),
+        (of_model, None, (0.03, 0.08)),
+    ):
+        caps, model = band._of_one(state, part(errors=errors, patch_errors=patch_errors))
+        assert not caps.any()
+        assert model == pytest.approx(np.diag(expected) / NORMAL_95)
 
 
 @pytest.mark.parametrize(("by_force", "at"), [(True, 30.0), (False, 2.5e-8)])

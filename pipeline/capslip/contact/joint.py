@@ -16,7 +16,7 @@ from capslip.contact.press import ContactState
 from capslip.contact.pressure_map import classes_of_pressure, read_pressure_map
 from capslip.contact.scaled import ScaledCurve
 from capslip.contact.solvers.elastic_face import MOST_PRESSURE
-from capslip.contact.uneven import scaled_between, seen, side_by_side
+from capslip.contact.uneven import scaled_between, seen, side_by_side, standing_for
 from capslip.errors import ContactError, SettingsError
 from capslip.settings import Material, Settings
 from capslip.surface.heightmap import HeightMap
@@ -97,7 +97,8 @@ class Joint:
             return [replace(contact, curve=contact.curve_after(greatest * contact.preload_N))]
         load_N = self.load_N
         if solves and len(load_N) > MAX_SOLVED:
-            load_N = np.geomspace(load_N.min(), self.scan_load_N, MAX_SOLVED)  # it is known there
+            load_N = standing_for(load_N, self.weight, MAX_SOLVED)
+            load_N[-1] = self.scan_load_N  # it is known there
         states: list[ContactState] = []
         for N in sorted(load_N.tolist(), reverse=True):
             try:

@@ -63,6 +63,8 @@ class ContactState:
     # The curve for slip after a first loading to a load, at a hardness by a factor; None as well
     first: Callable[[float, float], NormalCurve] | None = None
     at_ease_rad: tuple[float, float] = (0.0, 0.0)  # slopes at which nothing turns the face back
+    # What few solved pressures leave of a joint of many; None: each has its own, or any is as good
+    patch_errors: ModelError | None = None
     lay: Lay | None = None  # what the direction of slip does, see `direction`; None: not looked at
 
     @property

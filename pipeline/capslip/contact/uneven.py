@@ -13,6 +13,7 @@ from capslip.contact.scaled import ScaledCurve
 from capslip.errors import ContactError
 
 LEAST_SHARE = 1e-5  # of the withdrawal at total slip that the table of uneven patches resolves
+LIGHT = 0.05  # of the greatest load: what is lighter counts as much where loads are chosen
 SEEN_AT = 0.25  # of the load of a patch that is gone, where a curve under another load is scaled
 MAX_STEPS = 60  # of the search for a withdrawal: bisection alone needs no more
 CONVERGED = 1e-14  # of the withdrawal
@@ -50,6 +51,49 @@ def seen(curve: NormalCurve, load_N: float) -> tuple[float, float, float]:
     d, drop_N = float(curve.approach_m(load_N)), SEEN_AT * load_N
     loss_J = float(curve.loss_integral_at_drop_J(d, drop_N))
     return d - float(curve.touch_m), float(curve.withdrawal_m(d, drop_N)), loss_J
+
+
+def standing_for(load_N: np.ndarray, weight: np.ndarray, count: int) -> np.ndarray:
+    """Return few loads that stand for many: where most of the preload is, and the greatest.
+
+    Each stands for those that are nearest by ratio. The sum of the squares of these logarithms,
+    times what each bears, is made small: a load is added where it takes the most off it, and all
+    are then moved to the middle of those that they stand for. Light ones count for more than they
+    bear, as they slip first: they decide what is lost at small forces.
+
+    Parameters
+    ----------
+    load_N : ndarray, shape (k,)
+        Loads > 0, k > count.
+    weight : ndarray, shape (k,)
+        How many scans are under each.
+    count : int
+        How many to choose.
+
+    Returns
+    -------
+    ndarray, shape (count,)
+        Growing.
+
+    Examples
+    --------
+    >>> standing_for(np.array([1.0, 1.1, 1.2, 50.0, 90.0, 99.0, 100.0]), np.ones(7), 3)
+    array([  1.1,  50. , 100. ])
+    """
+    x, counts = np.log(load_N), np.maximum(load_N, LIGHT * load_N.max()) * weight
+    apart = np.square(x[:, None] - x)
+    chosen = [int(load_N.argmax())]
+    while len(chosen) < count:
+        nearest = apart[:, chosen].min(axis=1)
+        chosen.append(int(np.argmin(counts @ np.minimum(apart, nearest[:, None]))))
+    for _ in range(MAX_STEPS):
+        mine, before = apart[:, chosen].argmin(axis=1), list(chosen)
+        for i in range(1, count):
+            of_mine = (counts * (mine == i)) @ apart
+            chosen[i] = int(np.argmin(np.where(mine == i, of_mine, np.inf)))
+        if chosen == before:
+            break
+    return np.sort(load_N[chosen])
 
 
 def scaled_between(

@@ -12,7 +12,6 @@ from capslip.contact.accuracy import LEAST_ERROR, OF_STIFFNESS, PAIRS_SHARE
 from capslip.contact.curve import NormalCurve
 from capslip.contact.joint import Joint
 from capslip.contact.press import ContactState
-from capslip.contact.rung import ModelError
 from capslip.contact.scans import curve_of_scans, kappa_of_scans
 from capslip.errors import ContactError
 from capslip.settings import Settings
@@ -90,8 +89,9 @@ def band_of(
     -----
     Every factor on displacement and energy is log-normal. Caps: covariance of the two over the
     caps moved at random. Model: the other causes of `error_of_caps` and the difference to
-    interacting caps, each as it changes this state; the estimated error of a model without caps
-    moves either of the two alone, as nothing tells how they go together. Direction: what kappa is
+    interacting caps, each as it changes this state; the estimated error of a model without caps,
+    and what few solved pressures leave of a joint of many, move either of the two alone, as nothing
+    tells how they go together. Direction: what kappa is
     in all directions of slip, where that is beyond the tolerance. Friction mu, preload P,
     modulus (a factor c on E*) and hardness H follow from the curve: nothing but H / E* and N / E*
     counts in the shape of N(d), so with the share t = T / (mu P) at the load N = P / c and the
@@ -350,9 +350,9 @@ def _of_one(state: _State, part: Part) -> tuple[np.ndarray, np.ndarray]:
     friction = state.settings.material.friction_coefficient
     share = min(state.answer.slip_force_N / (friction * state.preload_N), 1.0)
     if moved is None:
-        errors = contact.errors or ModelError(0.0, 0.0)
-        energy = errors.energy_at(share)
-        return np.zeros((2, 2)), np.diag((errors.stiffness, energy)) / NORMAL_95
+        known = [one for one in (contact.errors, contact.patch_errors) if one is not None]
+        of_each = np.array([(one.stiffness, one.energy_at(share)) for one in known]).reshape(-1, 2)
+        return np.zeros((2, 2)), np.diag(np.linalg.norm(of_each, axis=0)) / NORMAL_95
     if state.by_force:
         at = state.answer.slip_force_N / (friction * state.preload_N) * contact.preload_N
     else:
