@@ -483,11 +483,20 @@ ROWS = [
         "bowed quadratic part"),
     Row("beyond_gross_slip", "error", "got slip force 500 N", "plain pushed", "plain"),
     Row("peak_at_gross_slip", "info", "still grows", "plain", "plain flat"),
-    Row("sensitive_to_cut", "warning", "from 8 to 12 %", "waved levelled", swept=True),
+    Row("sensitive_to_cut", "warning", "from 8 to 12 %", "waved levelled families",
+        "plain levelled families", swept=True),
     Row("sensitive_to_pruning", "warning", "nm more than the error bar", "waved levelled",
         swept=True),
-    Row("sensitive_to_filter", "warning", "from 0 to 1.6e+03 µm", "waved levelled", swept=True),
+    Row("sensitive_to_filter", "warning", "from 0 to 1.6e+03 µm", "waved levelled families",
+        "plain levelled families", swept=True),
     Row("sensitive_to_levelling", "warning", "h and W", "low-side levelled", swept=True),
+    Row("sensitive_to_cut", "info", "decides on m and R_G", "waved levelled solved",
+        "plain levelled solved", swept=True),
+    Row("sensitive_to_pruning", "info", "decides on m and W", "waved levelled solved",
+        "plain levelled solved", swept=True),
+    Row("sensitive_to_filter", "info", "decides on h and R_P", "rough levelled", "plain levelled",
+        swept=True),
+    Row("sensitive_to_levelling", "info", "decides on m, n, h and R_P", "low-side", swept=True),
 ]  # fmt: skip
 
 

@@ -12,6 +12,7 @@ import pytest
 from capslip.analysis import analyze
 from capslip.caps.families import group_families
 from capslip.caps.table import CapTable
+from capslip.contact.models import boundary_elements, families, interacting
 from capslip.errors import ContactError
 from capslip.output.figures_sensitivity import sensitivity as figure_of
 from capslip.sensitivity import ANSWERS, Answers, answers_of, sensitivity
@@ -61,7 +62,7 @@ def test_an_answer_is_stable_from_where_it_settles_to_where_it_leaves():
     assert (cut.stable_from[-1], cut.stable_to[-1]) == pytest.approx((6.0, 15.0))
     assert (cut.stable_from[0], cut.stable_to[0]) == pytest.approx((2.0, 30.0))
     assert "W stable from 6 to 15 %" in cut.sentence
-    assert found.problems == ()
+    assert found.problems_for() == ()
 
 
 def test_a_value_that_comes_back_ends_the_stable_range_all_the_same():
@@ -102,10 +103,39 @@ def test_no_filter_is_longer_than_the_shorter_side():
 
 def test_an_answer_that_one_step_moves_is_a_problem():
     found = swept(lambda s: with_W(1e-6 * cut_of(s)))
-    (problem,) = found.problems
+    (problem,) = found.problems_for()
     assert (problem.code, problem.severity) == ("sensitive_to_cut", "warning")
     assert "decides on W: from 8 to 12 %" in problem.message
     assert "W stable at 10 % alone" in problem.message
+
+
+@pytest.mark.parametrize(
+    ("moved", "answering", "severities"),
+    [  # of the cut and of the levelling
+        ("energy_J", families, ("warning", "warning")),
+        ("energy_J", interacting, ("warning", "warning")),
+        ("approach_m", interacting, ("warning", "warning")),
+        ("energy_J", boundary_elements, ("info", "warning")),
+        ("m", families, ("warning", "warning")),
+        ("m", interacting, ("info", "info")),
+        ("radius_P_m", interacting, ("info", "info")),
+        ("m", boundary_elements, ("info", "info")),
+        ("h_m", None, ("warning", "warning")),
+    ],
+)
+def test_what_the_model_that_answers_does_not_read_is_no_warning(moved, answering, severities):
+    """Families are read by one model alone, and the map is neither cut nor pruned."""
+
+    def value_of(settings):
+        value = STEADY.copy()
+        value[ANSWERS.index(moved)] *= (
+            1.0 + 10.0 * cut_of(settings) + settings.conditioning.form_floor
+        )
+        return value
+
+    found = swept(value_of).problems_for(answering and answering.RUNG)
+    said = {problem.code: problem.severity for problem in found}
+    assert (said["sensitive_to_cut"], said["sensitive_to_levelling"]) == severities
 
 
 def test_the_error_bar_is_two_standard_errors_or_the_tolerance():
@@ -174,7 +204,7 @@ def test_a_run_that_fails_is_no_answer_and_ends_the_range():
 
 def test_nothing_found_anywhere_says_nothing():
     found = swept(lambda _: np.full(7, np.nan))
-    assert (found.problems, found.sweeps) == ((), ())
+    assert (found.problems_for(), found.sweeps) == ((), ())
     assert figure_of(SimpleNamespace(sensitivity=found)) is None
 
 
@@ -204,7 +234,7 @@ def test_the_pruning_is_swept_around_the_height_that_was_used():
     pruning = found.sweeps[1]
     assert pruning.value == pytest.approx([2.5, 5.0, 10.0, 20.0])  # nm
     assert pruning.stable_to[-1] == pytest.approx(10.0)
-    assert [problem.code for problem in found.problems] == ["sensitive_to_pruning"]
+    assert [problem.code for problem in found.problems_for()] == ["sensitive_to_pruning"]
     for hills in asked:  # one of the two ways to say it, never both
         assert (hills.pruning_height_m is None) == (hills.pruning_percent_Sz is not None)
 
@@ -244,7 +274,7 @@ def test_the_face_is_levelled_the_other_way(form, floor):
     other = ("plane", floor) if form == "none" else (form, not floor)
     assert set(asked) == {(form, floor), other}
     assert asked.count(other) == 1  # one run: the sweep has little time
-    (problem,) = found.problems
+    (problem,) = found.problems_for()
     assert (problem.code, problem.severity) == ("sensitive_to_levelling", "warning")
     assert problem.message.startswith("the levelling decides on W: a tilt of some nm")
     sweep = found.sweeps[-1]
@@ -265,7 +295,7 @@ def test_the_face_is_levelled_the_other_way(form, floor):
 
 def test_levelling_that_moves_nothing_is_no_problem():
     found = swept(lambda _: STEADY)
-    assert found.problems == ()
+    assert found.problems_for() == ()
     assert found.sweeps[-1].name == "levelling"
     assert found.sweeps[-1].holds.all()
 

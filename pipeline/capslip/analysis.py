@@ -96,7 +96,8 @@ def analyze(
             face.hills.pruning_height_m,
             with_contact=found.contact is not None,
         )
-    return replace(found, sensitivity=swept, problems=(*found.problems, *swept.problems))
+    doubts = swept.problems_for(found.contact.rung if found.contact is not None else None)
+    return replace(found, sensitivity=swept, problems=(*found.problems, *doubts))
 
 
 def _lacks_error(contact: ContactState, settings: Settings) -> bool:

@@ -8,7 +8,7 @@ import numpy as np
 
 from capslip.contact.models.interacting import RUNG as EXACT
 from capslip.contact.models.mean_field import RUNG as COARSE
-from capslip.contact.rung import rung
+from capslip.contact.rung import Rung, rung
 from capslip.errors import CapslipError, ContactError
 from capslip.problems import Problem
 from capslip.settings import Settings
@@ -17,6 +17,7 @@ from capslip.surface.blocks import block_sums
 from capslip.surface.heightmap import HeightMap
 
 ANSWERS = ("m", "n", "h_m", "radius_G_m", "radius_P_m", "approach_m", "energy_J")
+OF_CONTACT = ANSWERS[-2:]  # the others are of the families
 SYMBOL = dict(zip(ANSWERS, ("m", "n", "h", "R_G", "R_P", "approach", "W"), strict=True))
 UNIT = dict(zip(ANSWERS, ("", "", " m", " m", " m", " m", " J"), strict=True))
 CUTS = (0.02, 0.04, 0.06, 0.08, 0.10, 0.12, 0.15, 0.20, 0.25, 0.30)
@@ -133,12 +134,15 @@ class Sensitivity:
     error_bar: np.ndarray
     sweeps: tuple[Sweep, ...]
 
-    @property
-    def problems(self) -> tuple[Problem, ...]:
-        """One for each setting of which a single step moves an answer beyond its error bar."""
+    def problems_for(self, answering: Rung | None = None) -> tuple[Problem, ...]:
+        """Return one for each setting of which a single step moves an answer beyond its error bar.
+
+        A warning where the model that answers reads what moves: families, or the hills that the
+        caps are fitted to; else information. Where none answers, all counts.
+        """
         found = []
         for sweep in self.sweeps:
-            moved = [SYMBOL[ANSWERS[i]] for i in np.flatnonzero(~sweep.holds)]
+            moved = [ANSWERS[i] for i in np.flatnonzero(~sweep.holds)]
             if not moved:
                 continue
             why = LEVELLING
@@ -148,11 +152,12 @@ class Sensitivity:
                     f"from {step[0]:.3g} to {step[-1]:.3g} {sweep.unit} more than the error bar "
                     "lies between the answers"
                 )
+            names = _listed([SYMBOL[key] for key in moved])
             found.append(
                 Problem(
                     f"sensitive_to_{sweep.name.split()[0]}",
-                    "warning",
-                    f"the {sweep.name} decides on {_listed(moved)}: {why}; {sweep.sentence}",
+                    "warning" if _is_read(sweep.setting, moved, answering) else "info",
+                    f"the {sweep.name} decides on {names}: {why}; {sweep.sentence}",
                 )
             )
         return tuple(found)
@@ -323,6 +328,15 @@ def _levelling(settings: Settings) -> _Plan:
         options, labels = (False, True), (f"{fit} {form}", f"{form} of the lowest third")
         setting, chosen = "conditioning.form_floor", float(settings.conditioning.form_floor)
     return _Plan(setting, "levelling", "", 1.0, (0.0, 1.0), chosen, options, labels)
+
+
+def _is_read(setting: str, moved: list[str], answering: Rung | None) -> bool:
+    """Tell whether a model reads what a setting moves: the map is neither cut nor pruned for it."""
+    if answering is None or answering.reads_families:
+        return True
+    if setting.startswith("hills.") and answering.made_from != "spheres":
+        return False
+    return not set(OF_CONTACT).isdisjoint(moved)
 
 
 def _sweep(
