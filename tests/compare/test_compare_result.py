@@ -6,6 +6,7 @@ from shutil import copytree
 
 import numpy as np
 import pytest
+from scipy.ndimage import gaussian_filter
 
 from capslip.analysis import analyze
 from capslip.compare import compare_result, lines, to_dict, write_comparison
@@ -16,6 +17,7 @@ from capslip.contact.press import press
 from capslip.errors import OutputError, UnreadableFileError
 from capslip.output import tables
 from capslip.settings import load_settings
+from capslip.surface.heightmap import HeightMap
 from scenes import caps_map
 
 CAPS = [(5e-3, 5e-3, 20.0, 0.0), (15e-3, 6e-3, 22.0, -1e-8), (25e-3, 14e-3, 24.0, -5e-8)]
@@ -67,6 +69,23 @@ def test_model_of_a_result_is_that_of_its_analysis(surface, tmp_path, name):
     )
     expected = damping.loss_factor * damping.frequency_ratio**2
     np.testing.assert_allclose(got, expected, rtol=5e-3, atol=1e-15)
+
+
+def test_what_holds_a_face_upright_is_at_ease_as_in_its_analysis(tmp_path):
+    """The face is stored at its level, which is not the one it was mounted at."""
+    z_m = gaussian_filter(np.random.default_rng(7).standard_normal((64, 64)), 4, mode="wrap")
+    z_m *= 1e-8 / np.sqrt(np.mean(np.gradient(z_m)[0] ** 2))
+    face = HeightMap(z_m + 5e-9 * np.arange(64), (5e-5, 5e-5))
+    given = ("contact.preload_N=10", "contact.alignment_stiffness_Nm_per_rad=3")
+    analysis = result_of(face, tmp_path / "result", *given)
+    assert analysis.contact.rung.made_from == "map"
+    assert analysis.level is not None
+    model, settings = load_model(tmp_path / "result")
+    damping = analysis.damping
+    amplitude_m = damping.total_amplitude_m[:-1]
+    got = model.loss_factor(amplitude_m, settings.material.friction_coefficient, 10.0)
+    expected = (damping.loss_factor * damping.frequency_ratio**2)[:-1]
+    np.testing.assert_allclose(got, expected, rtol=5e-3)
 
 
 def test_a_face_that_yielded_under_an_oscillating_load_is_that_of_its_analysis(surface, tmp_path):
@@ -137,7 +156,8 @@ def test_a_map_is_solved_at_every_preload_once(surface, tmp_path, monkeypatch):
     analysis = result_of(surface, tmp_path / "result", "contact.model=boundary_elements")
     solved = []
     monkeypatch.setattr(
-        "capslip.compare.model.press", lambda *given: solved.append(given) or press(*given)
+        "capslip.compare.model.press",
+        lambda *given, **known: solved.append(given) or press(*given, **known),
     )
     model, _ = load_model(tmp_path / "result")
     one, same = model.curve(460.0), model.curve(460.0)

@@ -145,7 +145,7 @@ def load_model(result: str | Path) -> tuple[JointModel, Settings]:
         raise UnreadableFileError(
             f"{folder}: this analysis found no joint to compare (see its problems)"
         )
-    _check_has(summary, folder, "families", "slip")
+    _check_has(summary, folder, "families", "slip", "surface")
     settings = load_settings(folder / "settings.toml")
     mapped = settings.joint.pressure_map
     if mapped is not None and settings.sha256() != summary["provenance"]["settings_sha256"]:
@@ -159,7 +159,7 @@ def load_model(result: str | Path) -> tuple[JointModel, Settings]:
     composed = composite(material.youngs_modulus_Pa, material.poisson_ratio)
     whole = joint_of(settings, surface)
     law = yield_law(material)
-    greatest = greatest_over_mean(settings.slip)
+    greatest, at_ease_rad = greatest_over_mean(settings.slip), _at_ease_rad(summary["surface"])
 
     @cache
     def curve(preload_N: float) -> NormalCurve:
@@ -172,7 +172,8 @@ def load_model(result: str | Path) -> tuple[JointModel, Settings]:
         changed = joint.settings_of_scan(settings)
         contact = msgspec.structs.replace(changed.contact, model=used)
         changed = msgspec.structs.replace(changed, contact=contact)
-        return joint.curve(press(pressed, families, surface, changed)[0], greatest)
+        found, _ = press(pressed, families, surface, changed, at_ease_rad=at_ease_rad)
+        return joint.curve(found, greatest)
 
     _, modal, shear = stiffnesses(settings)
     contact = msgspec.structs.replace(settings.contact, preload_N=whole.preload_N)
@@ -192,6 +193,18 @@ def _check_has(summary: dict[str, Any], folder: Path, *tables: str) -> None:
                 f"{folder / SUMMARY}: no table {name}; expected the summary as it was written; run "
                 "the analysis again"
             )
+
+
+def _at_ease_rad(table: dict[str, Any]) -> tuple[float, float]:
+    """Return the slopes on the stored face at which nothing turns it back.
+
+    It is stored at the level that was found for it; what holds the parts is at ease without that.
+    """
+    for step in table.get("steps") or ():
+        if step["step"] == "level":
+            slope_x, slope_y = step["tilt_rad"]
+            return -float(slope_x), -float(slope_y)
+    return 0.0, 0.0
 
 
 def _stored_families(table: dict[str, Any]) -> Families:
