@@ -37,6 +37,8 @@ def test_an_interval_leaves_out_what_another_face_would_move():
     outside = [c for c, kind in KINDS.items() if not kind.in_interval and allows(kind)][:2]
     known = [Problem(code, "warning", "", effect) for code in (inside, *outside)]
     assert analysis._open(known) == tuple(f"what {code} moves" for code in outside)
+    of_two_scans = [one for one in known for _ in range(2)]
+    assert analysis._open(of_two_scans) == analysis._open(known)
     noted = [replace(one, severity="info") for one in known if "info" in one.kind.severities]
     assert analysis._open([*noted, *(replace(one, effect=None) for one in known)]) == ()
 

@@ -240,9 +240,13 @@ def _with_band(found: R, clock: Clock) -> R:
 
 
 def _open(problems: Sequence[Problem]) -> tuple[str, ...]:
-    """Name the warnings whose effect no input of the interval holds: another face may be meant."""
+    """Name the warnings whose effect no input of the interval holds: another face may be meant.
+
+    Each once, whichever of several scans have it.
+    """
     warned = (one for one in problems if one.severity == "warning" and one.effect is not None)
-    return tuple(f"what {one.code} moves" for one in warned if not one.kind.in_interval)
+    codes = dict.fromkeys(one.code for one in warned if not one.kind.in_interval)
+    return tuple(f"what {code} moves" for code in codes)
 
 
 def _now() -> str:
