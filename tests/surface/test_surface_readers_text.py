@@ -429,14 +429,18 @@ def test_odd_sdf_text_is_refused(tmp_path, old, new, words):
 
 
 def test_refusing_is_quick(tmp_path):
+    """In the median of three: one of them alone may be any number on a machine that is shared."""
     text = "1 2 3\n" * 1_000_000 + "1 2 Bad\n"
-    path, at_s = put(tmp_path / "p.xyz", text), [time.process_time()]
-    assert len([float(word) for word in text.split()[:-1]]) == 3_000_002  # the least work there is
-    at_s.append(time.process_time())
-    with pytest.raises(UnreadableFileError, match="line 1000001, column 3: 'Bad'"):
-        load_surface(path, **LENGTHS)
-    by_hand_s, refused_s = np.diff([*at_s, time.process_time()])
-    assert refused_s < 3.0 * by_hand_s
+    path, ratios = put(tmp_path / "p.xyz", text), []
+    for _ in range(3):
+        at_s = [time.process_time()]
+        assert len([float(word) for word in text.split()[:-1]]) == 3_000_002  # the least work
+        at_s.append(time.process_time())
+        with pytest.raises(UnreadableFileError, match="line 1000001, column 3: 'Bad'"):
+            load_surface(path, **LENGTHS)
+        by_hand_s, refused_s = np.diff([*at_s, time.process_time()])
+        ratios.append(refused_s / by_hand_s)
+    assert np.median(ratios) < 3.0
 
 
 @pytest.mark.parametrize("line", ["1.5,", ",", "1", "a,"])
