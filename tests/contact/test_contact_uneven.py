@@ -215,7 +215,7 @@ def test_an_interval_of_few_solved_pressures_follows_the_preload(tmp_path):
 
 
 def patches_of(loads_N, rung=RUNG):
-    return [SimpleNamespace(preload_N=N, rung=rung, curve=SPHERE) for N in loads_N]
+    return [SimpleNamespace(preload_N=N, rung=rung) for N in loads_N]
 
 
 class Uneven:

@@ -15,7 +15,7 @@ from capslip.errors import ContactError
 LEAST_SHARE = 1e-5  # of the withdrawal at total slip that the table of uneven patches resolves
 LIGHT = 0.05  # of the greatest load: what is lighter counts as much where loads are chosen
 SEEN_AT = 0.25  # of the load of a patch that is gone, where a curve under another load is scaled
-MAX_STEPS = 60  # of the search for a withdrawal: bisection alone needs no more
+MAX_STEPS = 60  # of a search: for a withdrawal bisection alone needs no more
 CONVERGED = 1e-14  # of the withdrawal
 OF_A_SPHERE = np.array([2.0, 2.0, 5.0]) / 3.0  # powers of the load in what `seen` returns
 

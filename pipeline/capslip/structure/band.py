@@ -91,11 +91,10 @@ def band_of(
     caps moved at random. Model: the other causes of `error_of_caps` and the difference to
     interacting caps, each as it changes this state; the estimated error of a model without caps,
     and what few solved pressures leave of a joint of many, move either of the two alone, as nothing
-    tells how they go together. Direction: what kappa is
-    in all directions of slip, where that is beyond the tolerance. Friction mu, preload P,
-    modulus (a factor c on E*) and hardness H follow from the curve: nothing but H / E* and N / E*
-    counts in the shape of N(d), so with the share t = T / (mu P) at the load N = P / c and the
-    hardness H / c of the curve as it was solved::
+    tells how they go together. Direction: what kappa is in all directions of slip, where that is
+    beyond the tolerance. Friction mu, preload P, modulus (a factor c on E*) and hardness H follow
+    from the curve: nothing but H / E* and N / E* counts in the shape of N(d), so with the share t =
+    T / (mu P) at the load N = P / c and the hardness H / c of the curve as it was solved::
 
         delta = mu kappa e(N, H / c, t),  W = mu^2 kappa c L(N, H / c, t)
 
