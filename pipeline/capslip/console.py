@@ -26,7 +26,7 @@ from capslip.waiting import LISTENER
 EXAMPLES = {  # of every command, as its --help shows them
     "analyze": (
         "capslip analyze face.x3p --preload 10kN --material steel --amplitude 0.5um",
-        "capslip analyze a.x3p b.x3p --set joint.area_m2=1.2e-3 --preload 10kN",
+        "capslip analyze a.x3p b.x3p --area 12cm2 --preload 10kN",
     ),
     "batch": (
         "capslip batch folder_of_scans -o results/all --workers 2",

@@ -16,13 +16,18 @@ if TYPE_CHECKING:
     from capslip.settings import Settings
 
 MODELS = ("auto", *registry.names("contact.models"))
-QUESTIONS: dict[str, Literal["m", "N"]] = {
+WITH_UNIT: dict[str, Literal["m", "N", "Pa", "m2"]] = {  # options that need one
+    "pressure": "Pa",
+    "area": "m2",
     "amplitude": "m",
     "slip_force": "N",
     "displacement": "m",
-}  # and their units
+}
 SETTING = {  # what an option of an analysis stands for
     "preload": "contact.preload_N",
+    "pressure": "contact.nominal_pressure_Pa",
+    "area": "joint.area_m2",
+    "friction": "material.friction_coefficient",
     "material": "material.preset",
     "model": "contact.model",
     "amplitude": "answer.amplitude_m",
@@ -87,11 +92,14 @@ settings_options = _options(  # of every command that takes settings
 )
 joint_options = _options(  # of every command that answers for a joint
     click.option("--preload", metavar="10kN", help="Normal load of one joint; a number is in N."),
+    click.option("--pressure", metavar="2MPa", help="Nominal pressure, in place of the preload."),
+    click.option("--area", metavar="12cm2", help="Nominal area of one joint; else the scan's."),
     click.option(
         "--material",
         type=click.Choice(tuple(MATERIALS)),
         help="Moduli and yield stress of both faces.",
     ),
+    click.option("--friction", type=float, metavar="0.15", help="Friction coefficient."),
     click.option("--amplitude", metavar="0.5um", help="Answer at this amplitude of the structure."),
     click.option("--slip-force", metavar="20N", help="Answer at this slip force of a joint."),
     click.option("--displacement", metavar="10nm", help="Answer at this slip of a joint."),
@@ -130,7 +138,7 @@ def settings_of(
     """Read the file, then `--set`, then the options of their own."""
     from capslip.settings import load_settings
 
-    for name, unit in QUESTIONS.items():
+    for name, unit in WITH_UNIT.items():
         if options.get(name) is not None:
             options[name] = in_si(options[name], unit, f"--{name.replace('_', '-')}")
     if options.get("preload") is not None:

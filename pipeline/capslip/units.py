@@ -1,4 +1,4 @@
-"""The units of length and force that a file or a user can name: the one table of them."""
+"""The units that a file or a user can name: the one table of them."""
 
 import math
 import re
@@ -21,7 +21,15 @@ SPELLINGS = {
     "nanometre": "nm",
     "nanometer": "nm",
 }
-NEWTONS = {"N": 1.0, "kN": 1e3, "MN": 1e6, "mN": 1e-3, "uN": 1e-6, "µN": 1e-6}
+NEWTONS = {"N": 1.0, "kN": 1e3, "MN": 1e6, "mN": 1e-3, "uN": 1e-6}
+PASCALS = {"Pa": 1.0, "kPa": 1e3, "MPa": 1e6, "GPa": 1e9, "bar": 1e5, "N/mm2": 1e6}
+SQUARE_METRES = {"m2": 1.0, "cm2": 1e-4, "mm2": 1e-6, "um2": 1e-12}
+KNOWN = {  # of a quantity that a user writes, and how he may
+    "m": (METRES, "0.5um"),
+    "N": (NEWTONS, "20N"),
+    "Pa": (PASCALS, "2MPa"),
+    "m2": (SQUARE_METRES, "12cm2"),
+}
 WORDS = (*METRES, "µm")  # of options and settings
 
 if TYPE_CHECKING:
@@ -30,7 +38,7 @@ else:
     LengthUnit = Literal[WORDS]
 
 
-def in_si(text: str, si_unit: Literal["m", "N"], name: str) -> float:
+def in_si(text: str, si_unit: Literal["m", "N", "Pa", "m2"], name: str) -> float:
     """Return a positive number that a user wrote with its unit, in SI.
 
     Raises
@@ -42,17 +50,19 @@ def in_si(text: str, si_unit: Literal["m", "N"], name: str) -> float:
     --------
     >>> in_si("0.5um", "m", "--amplitude"), in_si("2 kN", "N", "--slip-force")
     (5e-07, 2000.0)
+    >>> in_si("2 MPa", "Pa", "--pressure"), in_si("12cm²", "m2", "--area")
+    (2000000.0, 0.0012)
     """
-    known = NEWTONS if si_unit == "N" else METRES
-    match = re.fullmatch(r"\s*([-+]?[\d.]+(?:[eE][-+]?\d+)?)\s*([^\W\d]*)\s*", text)
-    number, unit = match.groups() if match else ("", "")
+    known, example = KNOWN[si_unit]
+    match = re.fullmatch(r"\s*([-+]?[\d.]+(?:[eE][-+]?\d+)?)\s*([^\W\d][\w/]*)?\s*", text)
+    number, unit = match.groups("") if match else ("", "")
+    unit = unit.replace("µ", "u").replace("μ", "u").replace("²", "2")
     factor = known.get(SPELLINGS.get(unit, unit) if si_unit == "m" else unit)
     try:
         value = float(number)
     except ValueError:
         value = math.nan
     if factor is None or not 0.0 < value < math.inf:
-        example = "0.5um" if si_unit == "m" else "20N"
         raise SettingsError(
             f"{name}: got {text!r}; expected a number > 0 and its unit, one of "
             f"{', '.join(known)}, as in {example}"

@@ -27,6 +27,9 @@ def run(*arguments):
     ("option", "given", "setting", "value"),
     [
         ("preload", "3kN", "contact.preload_N", 3000.0),
+        ("pressure", "2MPa", "contact.nominal_pressure_Pa", 2e6),
+        ("area", "12cm2", "joint.area_m2", 1.2e-3),
+        ("friction", 0.15, "material.friction_coefficient", 0.15),
         ("material", "brass", "material.preset", "brass"),
         ("model", "flat", "contact.model", "flat"),
         ("amplitude", "0.5um", "answer.amplitude_m", 5e-7),
@@ -63,6 +66,10 @@ def test_options_that_go_together_are_their_settings():
 def test_an_option_in_a_wrong_unit_is_named_as_it_was_written():
     with pytest.raises(SettingsError, match="--slip-force: got '3um'"):
         settings_of(None, (), False, slip_force="3um")
+    with pytest.raises(SettingsError, match=r"--pressure: got '2'; .* one of Pa, kPa, MPa"):
+        settings_of(None, (), False, pressure="2")
+    with pytest.raises(SettingsError, match="--area: got '12cm'"):
+        settings_of(None, (), False, area="12cm")
     with pytest.raises(SettingsError, match=r"families\.m: got nan"):
         settings_of(None, (), False, m=float("nan"))
 

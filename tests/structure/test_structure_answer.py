@@ -139,6 +139,12 @@ def test_a_plane_interface_is_rigid_and_loses_nothing():
         ("20N", "N", 20.0),
         ("1.5 kN", "N", 1500.0),
         ("3mN", "N", 3e-3),
+        ("2MPa", "Pa", 2e6),
+        ("3 bar", "Pa", 3e5),
+        ("2N/mm²", "Pa", 2e6),
+        ("12 cm2", "m2", 1.2e-3),
+        ("12cm²", "m2", 1.2e-3),
+        ("7µm2", "m2", 7e-12),
     ],
 )
 def test_a_number_with_its_unit_is_read(text, unit, value):
