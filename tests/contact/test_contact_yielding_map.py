@@ -4,13 +4,16 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.integrate import quad
 from scipy.ndimage import gaussian_filter
-from scipy.optimize import lsq_linear
+from scipy.optimize import brentq, lsq_linear
 
 from capslip import load_settings, load_surface
 from capslip.analysis import analyze_once
+from capslip.contact.map_accuracy import error_of_map
 from capslip.contact.models.boundary_elements import boundary_elements
 from capslip.contact.slip import slip_curve
+from capslip.contact.solvers.path import Path
 from capslip.contact.solvers.polonsky_keer import elastic_face, first_loading, press
 from capslip.contact.solvers.refinement import refinement
 from capslip.contact.solvers.tilting import press_balanced
@@ -54,14 +57,73 @@ def test_pressures_are_those_of_a_dense_solution_within_the_same_bounds(seed, ha
     assert found.pressure_Pa.ravel() == pytest.approx(dense, abs=2e-4 * hardness)
 
 
-def test_flats_that_a_load_has_left_are_followed_on_the_pixels_of_the_map():
-    """A spline would round their edges; where nothing yields it follows the hills."""
+def test_flats_are_followed_as_finely_as_the_hills_on_which_a_load_left_them():
+    """A spline would round their edges: it follows the hills, and these are loaded once more."""
     refined = []
     for hardness in (np.inf, 20e9, 2e9):
         face = soft(rough(96, 1), hardness)  # its greatest pressure would be 10 GPa
         pressed = press(face, load_N=0.2, tolerance=1e-8)
         refined.append(refinement(*first_loading(face, pressed)))
-    assert refined == [2, 2, 1]
+    assert refined == [2, 2, 2]
+
+
+@pytest.mark.parametrize("balanced", [False, True])
+def test_refined_flats_are_those_of_the_load_on_finer_pixels(balanced):
+    """Where points yield they bear the hardness, and elastic pressures hold the flats there."""
+    hardness, load_N = 1e9, 1.5
+    face = soft(rough(96, 0, width=4), hardness)
+    if balanced:
+        pressed = press_balanced(face, load_N, (44e-6, 51e-6), tolerance=1e-8)
+        face = face.tilted(pressed.tilt_rad)
+    else:
+        pressed = press(face, load_N=load_N, tolerance=1e-8)
+    path = Path(*first_loading(face, pressed), 1e-8, True)
+    assert path.patches is not None
+    assert path.patches.refinement > 1
+    refined, p_Pa = path.face, path.pressed.pressure_Pa
+    assert np.isinf(refined.hardness_Pa)
+    assert p_Pa.sum() * refined.pixel_area_m2 == pytest.approx(load_N, rel=1e-9)
+    assert p_Pa.max() == hardness
+    of_map_Pa = pressed.pressure_Pa[pressed.pressure_Pa > 0]  # pixels at the rims bear less
+    assert 0.0 < np.mean(p_Pa == hardness) - np.mean(of_map_Pa == hardness) < 0.1
+    again = press(refined, load_N=load_N, tolerance=1e-8)  # elastic, and from no start
+    assert np.abs(again.pressure_Pa - p_Pa).sum() < 1e-3 * p_Pa.sum()
+
+
+def fully_plastic_loss_J(share, load_N, a_m, hardness_Pa):
+    """Return the loss of a uniform pressure that a share of the load is taken off, L = 4 S x - 8 I.
+
+    Withdrawal x = s e_0 and load drop S(s) as below, I = integral of x dS.
+    """
+    e_0_m, of_load_N = 2 * hardness_Pa * a_m / E, 2 * hardness_Pa * a_m**2
+
+    def drop_N(s):
+        return of_load_N * (s * np.sqrt(1 - s**2) + np.arcsin(s))
+
+    s = brentq(lambda s: drop_N(s) - share * load_N, 0, 1)
+    integral_J = e_0_m * (s * drop_N(s) - quad(drop_N, 0, s)[0])
+    return 4 * drop_N(s) * s * e_0_m - 8 * integral_J
+
+
+@pytest.mark.parametrize(
+    ("load_N", "pixel_m", "off_m"),
+    [(2.0, 4e-6, (0.0, 0.0)), (2.0, 1e-5, (3e-6, 1e-6)), (0.5, 4e-6, (1e-6, 5e-7))],
+)
+def test_the_energy_of_a_fully_plastic_sphere_of_few_pixels_is_the_closed_form(
+    load_N, pixel_m, off_m
+):
+    """Six to fourteen pixels along its radius; on these alone half of mu N was 5 to 70 % off."""
+    hardness = 2e8
+    surface = sphere(pixel_m, 64, off_m)
+    curve = boundary_elements(surface, E, preload_N=load_N, hardness_Pa=hardness)
+    unloading = curve.unloading(load_N)
+    a_m = np.sqrt(load_N / hardness / np.pi)
+    errors, _ = error_of_map(curve, load_N, 0.05)
+    for share, most in ((0.1, np.inf), (0.25, 0.3), (0.5, 0.01), (0.75, 0.005)):
+        at = np.log(share * load_N), np.log(unloading.load_drop_N), np.log(unloading.loss_J)
+        off = abs(np.interp(*at) - np.log(fully_plastic_loss_J(share, load_N, a_m, hardness)))
+        assert off < most
+        assert off < errors.energy_at(share)
 
 
 @pytest.mark.parametrize("balanced", [False, True])

@@ -363,16 +363,16 @@ def test_a_sphere_that_yields_is_loaded_anew_for_what_moves_it(asked, name):
 
 
 @pytest.mark.parametrize(
-    ("hardness_Pa", "name", "spread", "within"),
+    ("hardness_Pa", "name", "spread"),
     [
-        (1e12, "preload", 0.2, 0.1),
-        (1e12, "preload", 0.05, 0.1),
-        (4e7, "preload", 0.2, 0.1),
-        (4e7, "hardness", 0.2, 0.1),
-        (4e7, "hardness", 0.1, 0.2),  # what yields in pixels is no parabola
+        (1e12, "preload", 0.2),
+        (1e12, "preload", 0.05),
+        (4e7, "preload", 0.2),
+        (4e7, "hardness", 0.2),
+        (4e7, "hardness", 0.1),
     ],
 )
-def test_a_map_is_loaded_anew_to_what_it_may_bear_on_either_side(hardness_Pa, name, spread, within):
+def test_a_map_is_loaded_anew_to_what_it_may_bear_on_either_side(hardness_Pa, name, spread):
     """Two hills, of which the lower one takes more of more load, or of less hardness."""
     hills = [(2.7e-3, 5e-3, 1.0, 0.0), (7.3e-3, 5e-3, 1.0, 3e-7)]
     surface = caps_map(hills, shape=(100, 100), floor_m=-1.0)
@@ -401,7 +401,7 @@ def test_a_map_is_loaded_anew_to_what_it_may_bear_on_either_side(hardness_Pa, na
         ends_J.append(MU**2 * STEEL.kappa * float(loss_J))
     low, high = sorted(ends_J)
     off = np.abs(np.log(np.array(found.interval["energy_J"]) / (low, high)))
-    assert off.max() < within * np.log(high / low)
+    assert off.max() < max(0.03 * np.log(high / low), 0.01)  # the latter between solved loads
 
 
 @pytest.mark.parametrize(

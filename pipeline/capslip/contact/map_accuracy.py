@@ -184,11 +184,11 @@ def _pressed_again(
         start_Pa=pressed.pressure_Pa,
     )
     changes: dict[float, float] = {}
-    if face.yielded or pressed.pixels_across >= WIDE_ENOUGH:
+    if unloading.refinement > 1:
+        changes = effect_of_refinement(face, pressed, unloading, tolerance)
+    elif face.yielded or pressed.pixels_across >= WIDE_ENOUGH:
         left_s = solutions.left_s(load_N)
         changes = effect_of_pixels(first, unloading, tolerance, pressed.pressure_Pa, left_s)
-    elif unloading.refinement > 1:
-        changes = effect_of_refinement(face, pressed, unloading, tolerance)
     return detail, changes
 
 

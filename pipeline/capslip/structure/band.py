@@ -25,7 +25,7 @@ NORMAL_95 = 1.96  # standard deviations on either side that hold 95 %
 NODES = 5  # preloads that are solved where the preload is not certain
 NODES_OF_PATCHES = 3  # the same, of a joint that is pressed unevenly
 NODES_OF_HARDNESS = 3  # the same of the hardness, at the preload
-OF_A_MAP = (-1.0, 0.0, 1.0)  # of either, as shares of the widest: each is a solution of the map
+OF_A_MAP = (-0.6, 0.0, 0.6)  # of either, as shares of the widest: about the ends of an interval
 # The same of a hardness that moves little, as half the square of a logarithm is two percent there
 HARDER, LITTLE = (0.0, 1.0), 0.2
 YIELDS_LITTLE = 0.05  # of the contact area, that has yielded

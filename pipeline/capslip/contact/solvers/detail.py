@@ -19,6 +19,7 @@ from capslip.errors import ContactError, OutOfTimeError
 from capslip.problems import Effect
 
 FORCE_SHARES = (0.1, 0.25, 0.5, 0.75)  # T / (mu N) at which the energies are compared
+_FLATS_95 = 1.5  # of what half the points move of the loss of flats: 95 % are off by no more
 FEW_SLIP = FORCE_SHARES[:2]  # those at which so few points slip that it matters where they lie
 WHITE_LEFT = 0.37  # of the rms of white noise, by the filter: noise itself moves the more
 WHITE_TAKEN = 0.85  # of the same: the rms of what is taken off, as the parts overlap
@@ -205,10 +206,13 @@ def effect_of_refinement(
     pixel, and with half as many, they lie elsewhere; returned is the root of the mean square of
     what both move.
 
+    What the edge of a flat leaves falls in proportion to the points, so half as many of them move
+    as much, and at any force.
+
     Parameters
     ----------
     face, pressed : ElasticFace, Pressed
-        A face that did not yield, and its state under the preload.
+        A face after its first load, and its state under the preload.
     unloading : Unloading
         What happened below the preload, on a refinement of two or more.
     tolerance : float
@@ -217,15 +221,21 @@ def effect_of_refinement(
     Returns
     -------
     dict of float to float
-        Change over the greater of both values, by shares of mu N.
+        Change over the greater of both values, by shares of mu N; of flats, so much more that 95 %
+        are within.
     """
     finest, moved = unloading.refinement, []
-    for coarser in {finest - 1, (finest + 1) // 2}:
-        path, _ = path_at(face, pressed, tolerance, FEW_SLIP, most=coarser)
+    half = (finest + 1) // 2
+    flats = face.yielded
+    shares, points, factor = (
+        (FORCE_SHARES, {half}, _FLATS_95) if flats else (FEW_SLIP, {finest - 1, half}, 1.0)
+    )
+    for coarser in points:
+        path, _ = path_at(face, pressed, tolerance, shares, most=coarser)
         loss_J = np.array([node.region_loss_J.sum() for node in path.nodes])
-        moved.append(_relative(_loss_J(unloading, FEW_SLIP), loss_J))
-    energy = np.sqrt(np.mean(np.square(moved), axis=0))
-    return dict(zip(FEW_SLIP, energy.tolist(), strict=True))
+        moved.append(_relative(_loss_J(unloading, shares), loss_J))
+    energy = factor * np.sqrt(np.mean(np.square(moved), axis=0))
+    return dict(zip(shares, energy.tolist(), strict=True))
 
 
 def _thinned(face: ElasticFace, corner: int) -> ElasticFace:

@@ -40,7 +40,7 @@ class ElasticFace:
     E_star_Pa: float
     half_space: HalfSpace
     hardness_Pa: float = field(default=np.inf, kw_only=True)  # greatest pressure that it bears
-    yielded: bool = field(default=False, kw_only=True)  # whether a load has left flats on it
+    before: "ElasticFace | None" = field(default=None, kw_only=True)  # a load left flats on it
     taken: TakenNoise | None = field(default=None, kw_only=True)  # before it was pressed
 
     @cached_property
@@ -85,7 +85,13 @@ class ElasticFace:
         depth_m = self.depth_m + sunk_m
         depth_m -= np.min(depth_m, where=self.measured, initial=np.inf)
         depth_m = np.where(self.measured, depth_m, 0.0)
-        return replace(self, depth_m=depth_m, hardness_Pa=np.inf, yielded=bool(sunk_m.any()))
+        before = self if sunk_m.any() else None
+        return replace(self, depth_m=depth_m, hardness_Pa=np.inf, before=before)
+
+    @property
+    def yielded(self) -> bool:
+        """Whether a load has left flats on it."""
+        return self.before is not None
 
     @property
     def places_m(self) -> tuple[np.ndarray, np.ndarray]:

@@ -12,6 +12,7 @@ from capslip.contact.solvers.pixels import around_contact, fewer, in_contact_alo
 from capslip.contact.solvers.polonsky_keer import (
     ElasticFace,
     Pressed,
+    first_loading,
     press,
     punch,
 )
@@ -264,7 +265,7 @@ def _on_patches(
     finest = int(min(finest, most))
     if finest > 1:  # its points may find a contact that no pixel of the map has
         contact, around = contact | touches_between(face, pressed), None
-    patches, near_Pa = around or around_contact(face, contact, finest), pressed.pressure_Pa
+    patches, near_Pa = around or _around(face, contact, finest), pressed.pressure_Pa
     while patches is not None:
         begin_Pa = patches.gathered(near_Pa)
         for tolerance in (_OFF,) if patches.refinement == 1 else (_TRIED, _OFF):
@@ -273,11 +274,24 @@ def _on_patches(
             if len(ends):
                 break
         else:
+            if not math.isinf(turned.hardness_Pa):
+                turned, state = first_loading(turned, state)
             return patches, turned, state, _regions(patches, pressed)
         contact, further = _with(contact, ends, further), 2 * further
         near_Pa = patches.spread(begin_Pa)
-        patches = around_contact(face, contact, finest)
+        patches = _around(face, contact, finest)
     return None, face, pressed, pressed.region
+
+
+def _around(face: ElasticFace, contact: np.ndarray, finest: int) -> PatchedFace | None:
+    """Return patches around a contact; refined ones of a face with flats as it was before these.
+
+    A spline rounds their edges, so the load that left them is put on its points once more.
+    """
+    patches = around_contact(face.before or face, contact, finest)
+    if not face.yielded or (patches is not None and patches.refinement > 1):
+        return patches
+    return around_contact(face, contact)
 
 
 def _at_ends(patches: PatchedFace, pressed: Pressed) -> np.ndarray:

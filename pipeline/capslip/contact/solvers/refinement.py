@@ -1,6 +1,7 @@
 """How fine a spline of a map must be to follow the slip of its contacts."""
 
 import math
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -39,16 +40,19 @@ def refinement(face: ElasticFace, pressed: Pressed) -> int:
     """Return how many points along the longer side of a pixel follow the slip of a contact.
 
     One where the contacts are wide enough, or a spline does not know what lies between the pixels:
-    where a pit or step in or beside them makes it swing, where heights are as noise is, and where a
-    load has left flats, whose edges it would round.
+    where a pit or step in or beside them makes it swing, and where heights are as noise is.
+
+    Where a load has left flats, whose edges it would round, the face before that load counts.
     """
     across = pressed.pixels_across
     if across >= WIDE_ENOUGH:
         return 1
+    if face.before is not None:  # its approach was what is left, and by how much it lost height
+        lost_m = np.max(face.before.depth_m - face.depth_m, where=face.measured, initial=0.0)
+        face, pressed = face.before, replace(pressed, approach_m=pressed.approach_m + lost_m)
     shape = _roughness(face, pressed)
     if not shape.smooth and (
         math.isinf(shape.most_m)
-        or face.yielded
         or _rings(shape.noise_m2, pressed, shape.most_m)
         or _is_noise(face, pressed)
     ):
