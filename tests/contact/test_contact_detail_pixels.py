@@ -111,14 +111,13 @@ def test_energies_of_refined_flats_are_nearer_and_within_what_half_the_points_te
         unloading, finer = (one.unloading(LOAD_N) for one in (curve, truth))
         assert curve.solutions.face.yielded
         assert unloading.refinement > 1
-        errors, problems = error_of_map(curve, LOAD_N, TOLERANCE)
+        errors, _ = error_of_map(curve, LOAD_N, TOLERANCE)
         off.append(detail._relative(detail._loss_J(unloading), detail._loss_J(finer)))
         said.append([errors.energy_at(share) for share in detail.FORCE_SHARES])
         stiffness = unloading.stiffness_N_per_m / finer.stiffness_N_per_m
         assert stiffness == pytest.approx(1.0, abs=0.003)
         assert errors.stiffness < TOLERANCE
-        assert not any(one.severity == "warning" for one in problems)
-    assert (np.max(off, axis=0)[2:] < (0.02, 0.01)).all()
+    assert (np.max(off, axis=0) < (0.02, 0.06, 0.01, 0.003)).all()
     assert np.mean(np.array(off) <= said) >= 0.9
     assert np.median(np.array(said) / np.maximum(off, 0.003)) < 8.0
 

@@ -112,14 +112,17 @@ def fully_plastic_loss_J(share, load_N, a_m, hardness_Pa):
 def test_the_energy_of_a_fully_plastic_sphere_of_few_pixels_is_the_closed_form(
     load_N, pixel_m, off_m
 ):
-    """Six to fourteen pixels along its radius; on these alone half of mu N was 5 to 70 % off."""
+    """Six to fourteen pixels along its radius: on these alone W was 5 to 70 % off at half of mu N.
+
+    At a tenth its edge lets go of 0.12 % of its radius, which no points follow, as is said.
+    """
     hardness = 2e8
     surface = sphere(pixel_m, 64, off_m)
     curve = boundary_elements(surface, E, preload_N=load_N, hardness_Pa=hardness)
     unloading = curve.unloading(load_N)
     a_m = np.sqrt(load_N / hardness / np.pi)
     errors, _ = error_of_map(curve, load_N, 0.05)
-    for share, most in ((0.1, np.inf), (0.25, 0.3), (0.5, 0.01), (0.75, 0.005)):
+    for share, most in ((0.1, np.inf), (0.25, 0.03), (0.5, 0.003), (0.75, 0.002)):
         at = np.log(share * load_N), np.log(unloading.load_drop_N), np.log(unloading.loss_J)
         off = abs(np.interp(*at) - np.log(fully_plastic_loss_J(share, load_N, a_m, hardness)))
         assert off < most

@@ -12,8 +12,8 @@ from capslip.contact.bulk import bulk_of_face_m_per_N
 from capslip.contact.curve import NormalCurve
 from capslip.contact.scaled import ScaledCurve
 from capslip.contact.solvers.detail import FirstLoading
-from capslip.contact.solvers.nearby import Nearby, hardly_yields, nearby
-from capslip.contact.solvers.polonsky_keer import Pressed
+from capslip.contact.solvers.nearby import Nearby, nearby
+from capslip.contact.solvers.pressed import Pressed, hardly_yields
 from capslip.contact.solvers.refinement import refinement
 from capslip.contact.solvers.solutions import Solutions
 from capslip.contact.solvers.unloading import SMALL_SLIP, Unloading

@@ -9,14 +9,14 @@ from capslip.contact.solvers.elastic_face import ElasticFace
 from capslip.contact.solvers.patches import PatchedFace
 from capslip.contact.solvers.pixels import SINGLE, alone_on, around_contact, points_alone
 from capslip.contact.solvers.polonsky_keer import first_loading, press
-from capslip.contact.solvers.pressed import Pressed
+from capslip.contact.solvers.pressed import Pressed, hardly_yields
 from capslip.contact.solvers.starts import Known, start_Pa
 
 _MOSTLY, _SPARE = 0.5, 2.0  # of the hardness: mean pressure; of the contact that load adds
-_HARDLY = 0.01  # of a load, on points at their hardness: these are the last to let go
 _MOST_LOOKS = 4  # at what more load makes touch
 _LEAST_PA = 1e-300  # stands for no pressure below a fraction
 _LEFT, _LOOSEST, _FINEST = 5e-2, 1e-4, 1e-9  # of the loss, that gaps may be; tolerances below it
+_OF_FLATS = 0.3  # of such a tolerance, where flats are: they lose less than a Hertz contact
 
 
 @dataclass(frozen=True)
@@ -69,7 +69,8 @@ def nearby(
     face = first.face
     # Two solutions make a loss; of the approach only the elastic part is withdrawn
     counts = min(pressed.approach_m / first.approach_m, 1.0)
-    tolerance = max(0.5 * counts * _enough(share), _FINEST)
+    yields = not np.isinf(face.hardness_Pa)
+    tolerance = max(0.5 * counts * _enough(share, yields), _FINEST)
     most = max(load / hardness for load, hardness in (*changes, (1.0, 1.0)))
     alone, widest = _reached(first, pressed, punch_Pa_per_m, most, tolerance)
     if finest > 1:
@@ -145,12 +146,6 @@ def loaded_anew(
     return face, press(
         face, load_N=load_N, tolerance=tolerance, start_Pa=begin_Pa, time_limit_s=limit_s
     )
-
-
-def hardly_yields(pressure_Pa: np.ndarray, hardness_Pa: float) -> bool:
-    """Tell whether next to none of a load rests on points at a hardness."""
-    at_most_Pa = pressure_Pa[pressure_Pa >= hardness_Pa]
-    return float(at_most_Pa.sum()) <= _HARDLY * float(pressure_Pa.sum())
 
 
 def _reached(
@@ -240,10 +235,11 @@ def _alone(face: ElasticFace, points: np.ndarray, tolerance: float, finest: int 
     return alone_on(face, points, around)
 
 
-def _enough(share: float) -> float:
+def _enough(share: float, flats: bool = False) -> float:
     """Return the tolerance that tells the loss where a share of a load goes."""
     gone = 1.0 - (1.0 - share) ** (2.0 / 3.0)  # of the approach, in a Hertz contact
-    return max(min(_LOOSEST, _LEFT * gone**3 / 8.0), _FINEST)
+    enough = min(_LOOSEST, _LEFT * gone**3 / 8.0) * (_OF_FLATS if flats else 1.0)
+    return max(enough, _FINEST)
 
 
 def _unloaded(
@@ -260,7 +256,7 @@ def _unloaded(
     left = press(
         touching,
         load_N=(1.0 - share) * state.load_N,
-        tolerance=_enough(share),
+        tolerance=_enough(share, face.yielded),
         start_Pa=pressure_Pa * part[at],
         sinks_once=True,
     )

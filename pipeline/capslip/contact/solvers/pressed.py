@@ -5,6 +5,8 @@ from functools import cached_property
 
 import numpy as np
 
+_HARDLY = 0.01  # of a load, on points at their hardness: these are the last to let go
+
 
 @dataclass(frozen=True)
 class Certificate:
@@ -111,3 +113,9 @@ class State:
     def touches_nowhere(self) -> bool:
         """Whether nothing is under pressure, and nothing should be."""
         return self.contact.size == 0 and self.least_gap >= 0
+
+
+def hardly_yields(pressure_Pa: np.ndarray, hardness_Pa: float) -> bool:
+    """Tell whether next to none of a load rests on points at a hardness."""
+    at_most_Pa = pressure_Pa[pressure_Pa >= hardness_Pa]
+    return float(at_most_Pa.sum()) <= _HARDLY * float(pressure_Pa.sum())
