@@ -61,6 +61,7 @@ TABLE = [
             "contact/certificate.py",
         ),
         (
+            "tests/contact/test_*certificate*.py",
             "tests/contact/test_*reach*.py",
             "tests/contact/test_*accuracy*.py",
             "tests/contact/test_*moved*.py",

@@ -5,7 +5,8 @@ import math
 import numpy as np
 import pytest
 
-from capslip.contact.certificate import certify_cut
+from capslip.contact import certificate
+from capslip.contact.certificate import certify_cut, hertz_over_point_load
 from capslip.surface.heightmap import HeightMap
 
 E_STAR_PA = 109.89e9
@@ -75,3 +76,63 @@ def test_noise_is_no_hill_and_lost_points_are_none_either():
     assert certify(lost_m, label, noise_m=2e-8) == 0.0
     lost_m = np.where(np.arange(SHAPE[1]) < 300, lost_m, np.nan)
     assert certify(lost_m, label, noise_m=2e-8) == 0.0
+
+
+@pytest.mark.parametrize("rho", [0.005, 0.02, 0.029, 0.031, 0.1, 0.5, 1.0])
+def test_a_contact_sinks_the_surface_as_johnson_has_it(rho):
+    """The series of the arc sine, term by term, needs no difference of small numbers."""
+    asin_terms = [math.comb(2 * k, k) / (4**k * (2 * k + 1)) for k in range(400)]
+    root_terms = [math.comb(2 * k, k) / (4**k * (1 - 2 * k)) for k in range(400)]
+    # 3 / (4 rho^3) [(2 rho^2 - 1) asin(rho) + rho sqrt(1 - rho^2)], powers of rho^2 from the first
+    powers = [
+        2.0 * asin_terms[k] - asin_terms[k + 1] + root_terms[k + 1] for k in range(399)
+    ]  # that of rho is asin_0 - root_0 = 0
+    exact = 0.75 * math.fsum(p * rho ** (2 * k) for k, p in enumerate(powers))
+    within = 1e-3 if rho == 1.0 else 1e-9  # the series ends there as slowly as a root
+    assert hertz_over_point_load(np.array([rho]))[0] == pytest.approx(exact, rel=within)
+
+
+PARABOLOID = 6e-6, 4e-6  # pixel size (dy, dx)
+
+
+def paraboloid(row, column, shape=(12, 17)):
+    """Return a face that is as high as 1 um at a place in pixels, which may be off the map."""
+    y, x = np.mgrid[: shape[0], : shape[1]]
+    return 1e-6 - 2e-8 * (y - row) ** 2 - 1e-8 * (x - column) ** 2
+
+
+@pytest.mark.parametrize(("row", "column"), [(5.3, 8.4), (5.0, 7.0), (1.4, 15.3), (9.7, 1.2)])
+def test_between_its_pixels_a_face_is_as_high_as_its_parabola(row, column):
+    height_m = paraboloid(row, column)
+    place_m, pixel_m, top_m = certificate._tops(HeightMap(height_m, PARABOLOID), -1.0)
+    assert top_m == pytest.approx([1e-6], rel=1e-12)
+    assert pixel_m == pytest.approx([height_m.max()], rel=1e-12)
+    near = np.rint(row) + 0.5, np.rint(column) + 0.5
+    assert place_m[::-1, 0] == pytest.approx(np.multiply(near, PARABOLOID), rel=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("off_row", "off_column"), [(-3, 8.4), (14, 3.2), (5.3, -2), (4.1, 19), (-3, -2)]
+)
+def test_beyond_the_outermost_pixels_a_face_goes_on_to_the_edge_of_the_map(off_row, off_column):
+    """Half a pixel, along the parabola through the last three."""
+    height_m = paraboloid(off_row, off_column)
+    _, pixel_m, top_m = certificate._tops(HeightMap(height_m, PARABOLOID), -1.0)
+    at_edge = [
+        np.clip(place, -0.5, n - 0.5)
+        for place, n in zip((off_row, off_column), height_m.shape, strict=True)
+    ]
+    rest = at_edge[0] - off_row, at_edge[1] - off_column
+    assert top_m == pytest.approx([1e-6 - 2e-8 * rest[0] ** 2 - 1e-8 * rest[1] ** 2], rel=1e-9)
+    assert pixel_m == pytest.approx([height_m.max()], rel=1e-12)
+
+
+def test_tops_are_as_high_as_is_asked_and_have_measured_neighbours():
+    height_m = np.maximum(paraboloid(4.2, 3.1), paraboloid(7.3, 12.4) - 3e-7)
+    face = HeightMap(height_m, PARABOLOID)
+    assert sorted(certificate._tops(face, 0.0)[2]) == pytest.approx([7e-7, 1e-6], rel=1e-12)
+    assert certificate._tops(face, 8e-7)[2] == pytest.approx([1e-6], rel=1e-12)
+    height_m[4, 4] = np.nan
+    assert certificate._tops(HeightMap(height_m, PARABOLOID), 0.0)[2] == pytest.approx([7e-7])
+    level = HeightMap(np.zeros((5, 6)), PARABOLOID)  # as high as its neighbours, nowhere higher
+    assert certificate._tops(level, -1.0)[2] == pytest.approx(np.zeros(30))
