@@ -57,14 +57,15 @@ def test_pressures_are_those_of_a_dense_solution_within_the_same_bounds(seed, ha
     assert found.pressure_Pa.ravel() == pytest.approx(dense, abs=2e-4 * hardness)
 
 
-def test_flats_are_followed_as_finely_as_the_hills_on_which_a_load_left_them():
+def test_flats_are_followed_more_finely_than_the_hills_on_which_a_load_left_them():
     """A spline would round their edges: it follows the hills, and these are loaded once more."""
     refined = []
     for hardness in (np.inf, 20e9, 2e9):
         face = soft(rough(96, 1), hardness)  # its greatest pressure would be 10 GPa
         pressed = press(face, load_N=0.2, tolerance=1e-8)
         refined.append(refinement(*first_loading(face, pressed)))
-    assert refined == [2, 2, 2]
+    assert refined[:2] == [2, 2]
+    assert refined[2] > 2
 
 
 @pytest.mark.parametrize("balanced", [False, True])

@@ -31,6 +31,7 @@ _SWING = 2.0  # of the roughness, that a spline may swing: the greatest of many 
 # What a map that may be refined has of white noise at most, of the approach, and the order of the
 # differences that know it: waves of 4 pixels, which a spline follows to 1 %, give them 0.14
 SMOOTH, _ORDER = 0.0055, 8
+_SMOOTH_OF_FLATS = 0.03  # the same where flats are: these do not care what was there before
 _RINGING = 2.0 - math.sqrt(3.0)  # how a cubic spline's swing falls from pixel to pixel
 # What a spline may swing at the end of a smooth contact, of the step there from pixel to pixel
 _OF_STEP = 0.05
@@ -45,16 +46,12 @@ def refinement(face: ElasticFace, pressed: Pressed) -> int:
 
     Where a load has left flats, whose edges it would round, the face before that load counts.
     """
-    before = face.before
-    flats = before is not None and not hardly_yields(pressed.pressure_Pa, before.hardness_Pa)
-    finer = _OF_FLATS if flats else 1
+    finer = _OF_FLATS if _has_flats(face, pressed) else 1
     across = pressed.pixels_across / finer
     if across >= WIDE_ENOUGH:
         return 1
-    if before is not None:  # its approach was what is left, and by how much it lost height
-        lost_m = np.max(before.depth_m - face.depth_m, where=face.measured, initial=0.0)
-        face, pressed = before, replace(pressed, approach_m=pressed.approach_m + lost_m)
     shape = _roughness(face, pressed)
+    face = face.before or face
     if not shape.smooth and (
         math.isinf(shape.most_m)
         or _rings(shape.noise_m2, pressed, shape.most_m)
@@ -77,14 +74,26 @@ class _Roughness(NamedTuple):
     most_m: float  # infinite where no axis knows a contact, or a step stands off all else
 
 
+def _has_flats(face: ElasticFace, pressed: Pressed) -> bool:
+    """Tell whether a load has left flats that bear more than next to nothing of it."""
+    before = face.before
+    return before is not None and not hardly_yields(pressed.pressure_Pa, before.hardness_Pa)
+
+
 def _roughness(face: ElasticFace, pressed: Pressed) -> _Roughness:
+    """Return it of a face as it was before it yielded."""
+    smooth = _SMOOTH_OF_FLATS if _has_flats(face, pressed) else SMOOTH
+    if face.before is not None:  # its approach was what is left, and by how much it lost height
+        lost_m = np.max(face.before.depth_m - face.depth_m, where=face.measured, initial=0.0)
+        pressed = replace(pressed, approach_m=pressed.approach_m + lost_m)
+        face = face.before
     # Where a depth was lost none of them counts: there a refined face goes on smoothly
     contact, known_m = pressed.pressure_Pa > 0, face.known_m
     # Along an edge of the map one axis knows it, and contacts there are the narrowest of all
     axes_m2 = [white_m2(known_m, _ORDER, axis) for axis in (0, 1)]
     greater_m2, less_m2 = np.fmax(*axes_m2), np.fmin(*axes_m2)
     noise_m2 = 0.5 * (greater_m2 + less_m2)
-    rough_m, smooth_m = _rms_m(noise_m2, contact), SMOOTH * pressed.approach_m
+    rough_m, smooth_m = _rms_m(noise_m2, contact), smooth * pressed.approach_m
     step_m = pressed.approach_m / (0.5 * pressed.pixels_across)  # at the end of a Hertz contact
     if (rough_m <= smooth_m or _beside_edges_m(face, contact) <= smooth_m) and (
         not _rings(noise_m2, pressed, smooth_m)
