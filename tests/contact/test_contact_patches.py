@@ -1,5 +1,7 @@
 """Patches around the contacts against the whole map, and refined maps against finer ones."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.ndimage import binary_dilation, gaussian_filter
@@ -20,7 +22,7 @@ from capslip.contact.solvers.half_space import (
 from capslip.contact.solvers.patched_half_space import PatchedHalfSpace, node_counts
 from capslip.contact.solvers.patches import patched
 from capslip.contact.solvers.path import FINEST, Path
-from capslip.contact.solvers.polonsky_keer import elastic_face, press
+from capslip.contact.solvers.polonsky_keer import elastic_face, first_loading, press
 from capslip.contact.solvers.refinement import refinement
 from capslip.contact.solvers.unloading import unload
 from capslip.surface.heightmap import HeightMap
@@ -467,3 +469,25 @@ def test_points_lie_between_others_where_no_wider_hole_is():
     measured[6:8, 5:8] = False
     measured[:, 10] = False  # an edge has others on one side alone
     assert [tuple(one) for one in np.argwhere(patching._lost_singly(measured))] == sorted(single)
+
+
+def test_between_refined_patches_fewer_nodes_tell_the_same_slip(monkeypatch):
+    """What each contact does to the others is smooth, and hardly goes as the load does."""
+    face = replace(elastic_face(waves((200, 240), 5, seed=4), 115e9), hardness_Pa=1e8)
+    face, pressed = first_loading(face, press(face, load_N=60.0, tolerance=1e-8))
+    assert face.yielded
+    found = []
+    monkeypatch.setattr(patching, "_MOST_NODES", 0)
+    monkeypatch.setattr(patching, "_MOST_ROUGHLY", 100_000)
+    for error in (patching._ROUGHLY, patching.KERNEL_ERROR):
+        monkeypatch.setattr(patching, "_ROUGHLY", error)
+        path = Path(face, pressed, 1e-8, True)
+        assert path.patches is not None
+        assert path.patches.refinement > 1
+        loss_J = [path.at(share).region_loss_J.sum() for share in (0.1, 0.25, 0.75)]
+        found.append((path.patches.half_space.n_nodes, path.stiffness_N_per_m, *loss_J))
+    (few, *slips), (many, *exact) = found
+    assert few < 0.5 * many
+    assert path.patches.half_space.count > 2
+    assert slips == pytest.approx(exact, rel=1e-3)
+    assert slips[0] == pytest.approx(exact[0], rel=3e-5)

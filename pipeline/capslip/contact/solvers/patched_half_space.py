@@ -119,7 +119,9 @@ class PatchedHalfSpace:
         return placed
 
 
-def node_counts(boxes: np.ndarray, pixel_size_m: tuple[float, float]) -> np.ndarray:
+def node_counts(
+    boxes: np.ndarray, pixel_size_m: tuple[float, float], error: float = KERNEL_ERROR
+) -> np.ndarray:
     """Return how many nodes along its sides a patch needs for the nearest other one.
 
     Parameters
@@ -128,6 +130,8 @@ def node_counts(boxes: np.ndarray, pixel_size_m: tuple[float, float]) -> np.ndar
         As for `PatchedHalfSpace`.
     pixel_size_m : (float, float)
         (dy, dx).
+    error : float
+        Aimed at between patches, relative.
 
     Returns
     -------
@@ -151,7 +155,7 @@ def node_counts(boxes: np.ndarray, pixel_size_m: tuple[float, float]) -> np.ndar
     z = np.where(along > 0, 1 + along, 0) + 1j * across
     rate = np.abs(z + np.sqrt(z - 1) * np.sqrt(z + 1))
     rate[np.diag_indices(len(n))] = _FAR
-    enough = np.ceil(math.log(1 / KERNEL_ERROR) / np.log(rate.min(axis=1)))
+    enough = np.ceil(math.log(1 / error) / np.log(rate.min(axis=1)))
     return np.minimum(n, np.maximum(enough, 2).astype(n.dtype))
 
 

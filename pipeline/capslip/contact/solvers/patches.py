@@ -11,12 +11,19 @@ import numpy as np
 
 from capslip.contact.solvers.elastic_face import ElasticFace
 from capslip.contact.solvers.half_space import POINT_COST
-from capslip.contact.solvers.patched_half_space import PatchedHalfSpace, node_counts
+from capslip.contact.solvers.patched_half_space import (
+    KERNEL_ERROR,
+    PatchedHalfSpace,
+    node_counts,
+)
 
 _MARGIN = 2  # pixels around the contacts
 _APART = (1.0, 0.5, 0.25, 0.1)  # half sides between two patches; nearer ones become one
 _MOST_NODES = 3000  # of all patches
 _MOST_POINTS = 300_000  # where refined
+# Between refined patches of a face that yields, where there are more nodes than that: an error that
+# leaves 1e-5 in the stiffness and 1e-4 in the energies, and the most nodes, of 160 MB
+_ROUGHLY, _MOST_ROUGHLY = 1e-3, 4500
 _MOST_SHARE = 0.5  # of the points of the map in patches; with more, the map itself is quicker
 _SPLINE_MARGIN = 8  # pixels beyond a patch that its refinement sees
 _OF_SLOPE = 1e-3  # weight of first differences beside second ones, where heights are lost
@@ -88,6 +95,8 @@ def patched(
     (dy_m, dx_m), (per_y, per_x) = face.pixel_size_m, _per_pixel(face.pixel_size_m, refinement)
     size_m = dy_m / per_y, dx_m / per_x
     cheapest = _cheapest(contact, size_m, (per_y, per_x))
+    if cheapest is None and refinement > 1 and not math.isinf(face.hardness_Pa):
+        cheapest = _cheapest(contact, size_m, (per_y, per_x), (_ROUGHLY, _MOST_ROUGHLY))
     if cheapest is None:
         return None
     boxes, of_points, counts = cheapest
@@ -182,12 +191,13 @@ def _cheapest(
     contact: np.ndarray,
     size_m: tuple[float, float],
     per_pixel: tuple[int, int],
+    nodes: tuple[float, int] | None = None,
     tight: bool = False,
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray] | None:
     """Return the cheapest boxes around contacts, and nodes along their sides; None for the map.
 
     The boxes in pixels, and in points of this size. Patches that stay apart are small, and need
-    many nodes. Tight ones end where the contact does.
+    many nodes, whose error and greatest number may be given. Tight ones end where the contact does.
     """
     from scipy.ndimage import find_objects, label
 
@@ -196,16 +206,17 @@ def _cheapest(
     single = np.array([(y.start, x.start, y.stop, x.stop) for y, x in found])
     n_fine, pixel_size_m = math.prod(per_pixel), np.multiply(size_m, per_pixel)
     most = _MOST_SHARE * contact.size if n_fine == 1 else _MOST_POINTS / n_fine
+    error, most_nodes = nodes or (KERNEL_ERROR, _MOST_NODES)
     best, least = None, np.inf
     for apart in _APART:
         boxes = _boxes(single, apart, pixel_size_m)
         n_pixels = int((boxes[:, 2:] - boxes[:, :2]).prod(axis=1).sum())
-        if n_pixels > most or len(boxes) > _MOST_NODES / 16:
+        if n_pixels > most or len(boxes) > most_nodes / 16:
             continue
         of_points = boxes * np.tile(per_pixel, 2)
-        counts = node_counts(of_points, size_m)
+        counts = node_counts(of_points, size_m, error)
         cost = _cost(of_points, counts)
-        if counts.prod(axis=1).sum() <= _MOST_NODES and cost < least:
+        if counts.prod(axis=1).sum() <= most_nodes and cost < least:
             best, least = (boxes, of_points, counts), cost
     return best
 
