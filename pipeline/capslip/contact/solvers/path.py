@@ -288,10 +288,12 @@ def _around(face: ElasticFace, contact: np.ndarray, finest: int) -> PatchedFace 
 
     A spline rounds their edges, so the load that left them is put on its points once more.
     """
-    patches = around_contact(face.before or face, contact, finest)
-    if not face.yielded or (patches is not None and patches.refinement > 1):
-        return patches
-    return around_contact(face, contact)
+    if finest > 1 and face.before is not None:
+        patches = around_contact(face.before, contact, finest)
+        if patches is not None and patches.refinement > 1:
+            return patches
+        finest = 1
+    return around_contact(face, contact, finest)
 
 
 def _at_ends(patches: PatchedFace, pressed: Pressed) -> np.ndarray:

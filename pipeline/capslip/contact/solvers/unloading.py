@@ -36,9 +36,6 @@ _ORDER = 1.3  # of the error in the width of an interval: three of four points a
 PATCH_ERROR = 1e-5  # of what patches leave out, over the approach, see `Unloading`
 _ENOUGH = 8  # pixels in contact, times points along a side of each: of fewer caps know more
 _STEPS = 0.01  # aimed at for what single pixels that let go may do to the loss, see `_steps`
-_OF_MANY = (
-    2  # points along a pixel that follow flats of one of many patches, each of which takes time
-)
 _OF_PIXELS = 0.2  # the same of one of many patches, over what pixels leave, where that is more
 UNRESOLVED = 0.05  # relative error of the loss from which it is not to be trusted
 
@@ -146,8 +143,7 @@ def unload(
         path, error = path_at(face, pressed, tolerance, force_shares, punch_Pa_per_m, around)
         _refuse_few(path)
         return replace(_tabulated(path, cut_short=False), patch_error=error)
-    most = _OF_MANY if as_pixels and face.yielded else math.inf
-    path = Path(face, pressed, tolerance, on_patches, punch_Pa_per_m, around, most)
+    path = Path(face, pressed, tolerance, on_patches, punch_Pa_per_m, around)
     _refuse_few(path)
     cut_short = _followed(path, begin_s, time_limit_s, as_pixels)
     error = path.patch_error()
