@@ -149,7 +149,8 @@ def effect_of_pixels(
     load has left flats, their edges let go pixel by pixel, and a spline rounds them: then twice the
     pixels tell, which move the energy by no less than the pixels leave, as long as that falls with
     them in proportion or faster. Of the four maps with twice the pixels two are solved, one
-    diagonal apart, as finely as each of them is followed; returned is the root of the mean square.
+    diagonal apart, as finely as each of them is followed, where points yield no more finely than
+    those of the face; returned is the root of the mean square.
 
     Parameters
     ----------
@@ -175,6 +176,7 @@ def effect_of_pixels(
         After the time limit.
     """
     begun_s, moved = thread_time(), []
+    most = math.inf if math.isinf(first.face.hardness_Pa) else unloading.refinement
     for corner in (0, 1):
         face = _thinned(first.face, corner)
         try:
@@ -189,7 +191,7 @@ def effect_of_pixels(
             raise
         except ContactError:
             return {}
-        _, loss_J = _below(face, replace(pressed, turns=first.turns), tolerance, math.inf)
+        _, loss_J = _below(face, replace(pressed, turns=first.turns), tolerance, most)
         moved.append(_relative(_loss_J(unloading), loss_J))
     energy = np.sqrt(np.mean(np.square(moved), axis=0))
     return dict(zip(FORCE_SHARES, energy.tolist(), strict=True))
