@@ -3,20 +3,20 @@
 import json
 from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any
 
 import click
 
 from capslip import registry
 from capslip.errors import SettingsError
 from capslip.materials import MATERIALS
-from capslip.units import WORDS, in_si
+from capslip.units import WORDS, SiUnit, in_si
 
 if TYPE_CHECKING:
     from capslip.settings import Settings
 
 MODELS = ("auto", *registry.names("contact.models"))
-WITH_UNIT: dict[str, Literal["m", "N", "Pa", "m2"]] = {  # options that need one
+WITH_UNIT: dict[str, SiUnit] = {  # options that need one
     "pressure": "Pa",
     "area": "m2",
     "amplitude": "m",

@@ -32,13 +32,14 @@ KNOWN = {  # of a quantity that a user writes, and how he may
 }
 WORDS = (*METRES, "µm")  # of options and settings
 
+SiUnit = Literal["m", "N", "Pa", "m2"]  # of what a user writes
 if TYPE_CHECKING:
     LengthUnit = str
 else:
     LengthUnit = Literal[WORDS]
 
 
-def in_si(text: str, si_unit: Literal["m", "N", "Pa", "m2"], name: str) -> float:
+def in_si(text: str, si_unit: SiUnit, name: str) -> float:
     """Return a positive number that a user wrote with its unit, in SI.
 
     Raises

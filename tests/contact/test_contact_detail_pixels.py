@@ -102,14 +102,11 @@ def test_energies_of_faces_that_yield_are_within_what_is_said_of_their_pixels():
     assert np.median(np.array(said) / np.maximum(off, 0.003)) < 8.0
 
 
+@pytest.mark.usefixtures("on_pixels")
 @pytest.mark.parametrize(("hardness_Pa", "most"), [(0.8e9, 1), (1e12, np.inf)])
 def test_flats_on_pixels_are_compared_with_flats_on_pixels(hardness_Pa, most, monkeypatch):
     """A spline tells what larger pixels leave of elastic contacts, which are wide, by itself."""
-    surface = pixels_of(waves(2), 2)
-    with monkeypatch.context() as pixels:
-        pixels.setattr(path, "refinement", lambda *_: 1)
-        curve = solved(surface, hardness_Pa)
-    given = asked(curve)
+    given = asked(solved(pixels_of(waves(2), 2), hardness_Pa))
     below, finest = detail._below, []
     if hardness_Pa > 1e11:
         face = replace(given[0].face, hardness_Pa=np.inf)

@@ -94,9 +94,8 @@ def patched(
     """
     (dy_m, dx_m), (per_y, per_x) = face.pixel_size_m, _per_pixel(face.pixel_size_m, refinement)
     size_m = dy_m / per_y, dx_m / per_x
-    cheapest = _cheapest(contact, size_m, (per_y, per_x))
-    if cheapest is None and refinement > 1 and not math.isinf(face.hardness_Pa):
-        cheapest = _cheapest(contact, size_m, (per_y, per_x), (_ROUGHLY, _MOST_ROUGHLY))
+    yields = not math.isinf(face.hardness_Pa)
+    cheapest = _cheapest(contact, size_m, (per_y, per_x), roughly=refinement > 1 and yields)
     if cheapest is None:
         return None
     boxes, of_points, counts = cheapest
@@ -191,13 +190,13 @@ def _cheapest(
     contact: np.ndarray,
     size_m: tuple[float, float],
     per_pixel: tuple[int, int],
-    nodes: tuple[float, int] | None = None,
+    roughly: bool = False,
     tight: bool = False,
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray] | None:
     """Return the cheapest boxes around contacts, and nodes along their sides; None for the map.
 
     The boxes in pixels, and in points of this size. Patches that stay apart are small, and need
-    many nodes, whose error and greatest number may be given. Tight ones end where the contact does.
+    many nodes: where these are too many, `roughly` takes fewer. Tight ones end where contact does.
     """
     from scipy.ndimage import find_objects, label
 
@@ -206,19 +205,22 @@ def _cheapest(
     single = np.array([(y.start, x.start, y.stop, x.stop) for y, x in found])
     n_fine, pixel_size_m = math.prod(per_pixel), np.multiply(size_m, per_pixel)
     most = _MOST_SHARE * contact.size if n_fine == 1 else _MOST_POINTS / n_fine
-    error, most_nodes = nodes or (KERNEL_ERROR, _MOST_NODES)
-    best, least = None, np.inf
-    for apart in _APART:
-        boxes = _boxes(single, apart, pixel_size_m)
-        n_pixels = int((boxes[:, 2:] - boxes[:, :2]).prod(axis=1).sum())
-        if n_pixels > most or len(boxes) > most_nodes / 16:
-            continue
-        of_points = boxes * np.tile(per_pixel, 2)
-        counts = node_counts(of_points, size_m, error)
-        cost = _cost(of_points, counts)
-        if counts.prod(axis=1).sum() <= most_nodes and cost < least:
-            best, least = (boxes, of_points, counts), cost
-    return best
+    ways = [_boxes(single, apart, pixel_size_m) for apart in _APART]
+    ways = [boxes for boxes in ways if (boxes[:, 2:] - boxes[:, :2]).prod(axis=1).sum() <= most]
+    exact, fewer = (KERNEL_ERROR, _MOST_NODES), (_ROUGHLY, _MOST_ROUGHLY)
+    for error, most_nodes in (exact, fewer) if roughly else (exact,):
+        best, least = None, np.inf
+        for boxes in ways:
+            if len(boxes) > most_nodes / 16:
+                continue
+            of_points = boxes * np.tile(per_pixel, 2)
+            counts = node_counts(of_points, size_m, error)
+            cost = _cost(of_points, counts)
+            if counts.prod(axis=1).sum() <= most_nodes and cost < least:
+                best, least = (boxes, of_points, counts), cost
+        if best is not None:
+            return best
+    return None
 
 
 def _cost(boxes: np.ndarray, counts: np.ndarray) -> int:

@@ -265,7 +265,7 @@ def _on_patches(
     finest = int(min(finest, most))
     if finest > 1:  # its points may find a contact that no pixel of the map has
         contact, around = contact | touches_between(face, pressed), None
-    patches, near_Pa = around or _around(face, contact, finest), pressed.pressure_Pa
+    patches, near_Pa = around or around_contact(face, contact, finest), pressed.pressure_Pa
     while patches is not None:
         begin_Pa = patches.gathered(near_Pa)
         for tolerance in (_OFF,) if patches.refinement == 1 else (_TRIED, _OFF):
@@ -274,26 +274,13 @@ def _on_patches(
             if len(ends):
                 break
         else:
-            if not math.isinf(turned.hardness_Pa):
+            if not math.isinf(turned.hardness_Pa):  # as it was before it yielded
                 turned, state = first_loading(turned, state)
             return patches, turned, state, _regions(patches, pressed)
         contact, further = _with(contact, ends, further), 2 * further
         near_Pa = patches.spread(begin_Pa)
-        patches = _around(face, contact, finest)
+        patches = around_contact(face, contact, finest)
     return None, face, pressed, pressed.region
-
-
-def _around(face: ElasticFace, contact: np.ndarray, finest: int) -> PatchedFace | None:
-    """Return patches around a contact; refined ones of a face with flats as it was before these.
-
-    A spline rounds their edges, so the load that left them is put on its points once more.
-    """
-    if finest > 1 and face.before is not None:
-        patches = around_contact(face.before, contact, finest)
-        if patches is not None and patches.refinement > 1:
-            return patches
-        finest = 1
-    return around_contact(face, contact, finest)
 
 
 def _at_ends(patches: PatchedFace, pressed: Pressed) -> np.ndarray:

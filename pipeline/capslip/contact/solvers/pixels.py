@@ -37,6 +37,9 @@ def around_contact(
 ) -> PatchedFace | None:
     """Return the face of least work that holds a contact, None for the map itself.
 
+    A refined one of a face with flats is that before the load that left them, with its hardness: a
+    spline would round their edges.
+
     Parameters
     ----------
     face : ElasticFace
@@ -49,7 +52,7 @@ def around_contact(
         Whether single precision does: see `MatrixHalfSpace` and `PatchedHalfSpace`.
     """
     for refinement in range(finest, 1, -1):
-        patches = patched(face, contact, refinement, single)
+        patches = patched(face.before or face, contact, refinement, single)
         if patches is not None:
             return patches
     n_pixels = np.count_nonzero(contact)
