@@ -75,7 +75,11 @@ class PatchedFace(ElasticFace):
 
 
 def patched(
-    face: ElasticFace, contact: np.ndarray, refinement: int = 1, single: bool = False
+    face: ElasticFace,
+    contact: np.ndarray,
+    refinement: int = 1,
+    single: bool = False,
+    ways: list[np.ndarray] | None = None,
 ) -> PatchedFace | None:
     """Return patches around contacts, None where the whole map is no more work.
 
@@ -91,11 +95,17 @@ def patched(
         that were lost, too, where others stand on both sides of them.
     single : bool
         As for `PatchedHalfSpace`.
+    ways : list of ndarray, optional
+        What `boxes_around` finds around them, where it is known.
     """
-    (dy_m, dx_m), (per_y, per_x) = face.pixel_size_m, _per_pixel(face.pixel_size_m, refinement)
+    (dy_m, dx_m), per_pixel = face.pixel_size_m, _per_pixel(face.pixel_size_m, refinement)
+    per_y, per_x = per_pixel
     size_m = dy_m / per_y, dx_m / per_x
     yields = not math.isinf(face.hardness_Pa)
-    cheapest = _cheapest(contact, size_m, (per_y, per_x), roughly=refinement > 1 and yields)
+    if ways is None:
+        ways = boxes_around(contact, face.pixel_size_m)
+    roughly = refinement > 1 and yields
+    cheapest = _cheapest(ways, size_m, per_pixel, contact.size, roughly)
     if cheapest is None:
         return None
     boxes, of_points, counts = cheapest
@@ -110,7 +120,7 @@ def patched(
         i, j = i[:, None] // per_y, j // per_x
         parents.append((i * face.shape[1] + j).ravel())
         knowns.append(known[i, j].ravel())
-        depths.append(_refined(face, box, (per_y, per_x)).ravel())
+        depths.append(_refined(face, box, per_pixel).ravel())
     at, depth_m = np.concatenate(places, axis=1), np.concatenate(depths)
     if refinement > 1:  # the approach counts from the highest of all points, now on the spline
         depth_m -= depth_m.min()
@@ -123,10 +133,40 @@ def patched(
         half_space,  # type: ignore[arg-type]
         np.concatenate(parents),
         face.shape,
-        (per_y, per_x),
+        per_pixel,
         (at[0] * size_m[1], at[1] * size_m[0]),
         hardness_Pa=face.hardness_Pa,
     )
+
+
+def boxes_around(
+    contact: np.ndarray, pixel_size_m: tuple[float, float], tight: bool = False
+) -> list[np.ndarray]:
+    """Return boxes around contacts, in ways that merge the more of them the nearer they are.
+
+    Patches that stay apart are small, and need many nodes between them.
+
+    Parameters
+    ----------
+    contact : bool, shape (ny, nx)
+        Where a map touches.
+    pixel_size_m : tuple of float
+        Along y and x.
+    tight : bool
+        Whether boxes end where contact does; else with a margin.
+
+    Returns
+    -------
+    list of ndarray, shape (k, 4) each
+        First row, first column, end row and end column, in pixels.
+    """
+    from scipy.ndimage import find_objects, label
+
+    part = label(with_margin(contact), np.ones((3, 3)))[0]
+    found = find_objects(part * contact if tight else part)
+    single = np.array([(y.start, x.start, y.stop, x.stop) for y, x in found])
+    size = np.divide(pixel_size_m, min(pixel_size_m))
+    return [_boxes(single, apart, size) for apart in _APART]
 
 
 def half_space_around(
@@ -147,7 +187,9 @@ def half_space_around(
     """
     contact = np.zeros(face.map_shape, dtype=bool)
     contact.reshape(-1)[face.parent[points]] = True
-    cheapest = _cheapest(contact, face.pixel_size_m, face.per_pixel, tight=True)
+    pixel_size_m = np.multiply(face.pixel_size_m, face.per_pixel)
+    ways = boxes_around(contact, pixel_size_m, tight=True)
+    cheapest = _cheapest(ways, face.pixel_size_m, face.per_pixel, contact.size)
     if cheapest is None:
         return None
     _, boxes, counts = cheapest
@@ -187,25 +229,19 @@ def _per_pixel(pixel_size_m: tuple[float, float], refinement: int) -> tuple[int,
 
 
 def _cheapest(
-    contact: np.ndarray,
+    ways: list[np.ndarray],
     size_m: tuple[float, float],
     per_pixel: tuple[int, int],
+    n_pixels: int,
     roughly: bool = False,
-    tight: bool = False,
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray] | None:
     """Return the cheapest boxes around contacts, and nodes along their sides; None for the map.
 
-    The boxes in pixels, and in points of this size. Patches that stay apart are small, and need
-    many nodes: where these are too many, `roughly` takes fewer. Tight ones end where contact does.
+    The boxes in pixels, of which the map has so many, and in points of this size. Where patches
+    need too many nodes, `roughly` takes fewer.
     """
-    from scipy.ndimage import find_objects, label
-
-    part = label(with_margin(contact), np.ones((3, 3)))[0]
-    found = find_objects(part * contact if tight else part)
-    single = np.array([(y.start, x.start, y.stop, x.stop) for y, x in found])
-    n_fine, pixel_size_m = math.prod(per_pixel), np.multiply(size_m, per_pixel)
-    most = _MOST_SHARE * contact.size if n_fine == 1 else _MOST_POINTS / n_fine
-    ways = [_boxes(single, apart, pixel_size_m) for apart in _APART]
+    n_fine = math.prod(per_pixel)
+    most = _MOST_SHARE * n_pixels if n_fine == 1 else _MOST_POINTS / n_fine
     ways = [boxes for boxes in ways if (boxes[:, 2:] - boxes[:, :2]).prod(axis=1).sum() <= most]
     exact, fewer = (KERNEL_ERROR, _MOST_NODES), (_ROUGHLY, _MOST_ROUGHLY)
     for error, most_nodes in (exact, fewer) if roughly else (exact,):
@@ -229,9 +265,8 @@ def _cost(boxes: np.ndarray, counts: np.ndarray) -> int:
     return int(counts.prod(axis=1).sum()) ** 2 + POINT_COST * int(n_points)
 
 
-def _boxes(boxes: np.ndarray, apart: float, pixel_size_m: np.ndarray) -> np.ndarray:
-    """Return boxes (first row, first column, end row, end column), merged where they are near."""
-    size = pixel_size_m / pixel_size_m.min()
+def _boxes(boxes: np.ndarray, apart: float, size: np.ndarray) -> np.ndarray:
+    """Return boxes, merged where they are near, of pixels of this size."""
     while True:
         low, high = boxes[:, :2] * size, boxes[:, 2:] * size
         half = (high - low).max(axis=1) / 2

@@ -13,7 +13,13 @@ import numpy as np
 from capslip.contact.solvers.elastic_face import ElasticFace
 from capslip.contact.solvers.half_space import POINT_COST, HalfSpace, love_kernel
 from capslip.contact.solvers.patched_half_space import PatchedHalfSpace
-from capslip.contact.solvers.patches import PatchedFace, half_space_around, patched, with_margin
+from capslip.contact.solvers.patches import (
+    PatchedFace,
+    boxes_around,
+    half_space_around,
+    patched,
+    with_margin,
+)
 from capslip.contact.solvers.pressed import Pressed
 
 if TYPE_CHECKING:
@@ -51,8 +57,9 @@ def around_contact(
     single : bool
         Whether single precision does: see `MatrixHalfSpace` and `PatchedHalfSpace`.
     """
+    ways = boxes_around(contact, face.pixel_size_m) if finest > 1 else None
     for refinement in range(finest, 1, -1):
-        patches = patched(face.before or face, contact, refinement, single)
+        patches = patched(face.before or face, contact, refinement, single, ways)
         if patches is not None:
             return patches
     n_pixels = np.count_nonzero(contact)
@@ -60,7 +67,7 @@ def around_contact(
         n_points = np.count_nonzero(with_margin(contact))  # patches have no fewer
         if n_pixels**2 <= POINT_COST * n_points:
             return pixels_alone(face, contact, None, single)
-    patches = patched(face, contact, single=single)
+    patches = patched(face, contact, single=single, ways=ways)
     return pixels_alone(face, contact, patches, single) or patches
 
 
