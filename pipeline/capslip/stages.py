@@ -24,7 +24,7 @@ from capslip.caps.table import CapTable
 from capslip.contact.choice import boundary_elements_s, estimate_error, rung_of_the_map
 from capslip.contact.depth import press_for_depth
 from capslip.contact.direction import with_direction
-from capslip.contact.doubts import error_of_patches, problems_of_patches
+from capslip.contact.doubts import error_of_patches, problems_of_patches, problems_of_time
 from capslip.contact.joint import Joint, joint_of
 from capslip.contact.levelling import UNSETTLED, Level, TogetherError, find_level, turned
 from capslip.contact.press import ContactState, press
@@ -154,7 +154,7 @@ def press_face(
         slip = varying(slip_curve(curve, face.joint.preload_N, friction, kappa), settings.slip)
         left = error_of_patches(face.joint, patches)
         doubts = problems_of_patches(face.joint, patches, left, settings.contact.tolerance)
-    problems = (*contact.problems, *doubts)
+    problems = (*contact.problems, *doubts, *problems_of_time(patches))
     return replace(contact, patch_errors=left, problems=problems), caps, slip
 
 

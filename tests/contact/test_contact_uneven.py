@@ -17,6 +17,7 @@ from capslip.contact.models.caps import caps
 from capslip.contact.models.families import families
 from capslip.contact.press import ContactState
 from capslip.contact.slip import slip_curve
+from capslip.contact.solvers import solutions
 from capslip.contact.uneven import scaled_between, side_by_side, standing_for
 from capslip.errors import ContactError
 from capslip.structure import band
@@ -292,6 +293,28 @@ def test_nothing_is_said_where_every_pressure_has_its_curve():
     assert said_of(of, patches_of([1.0, 2.0]), 0.05) == []
     any_load = replace(RUNG, solved_loads_N=None)
     assert said_of(of, patches_of([2.0], any_load), 0.05) == []
+
+
+@pytest.mark.parametrize("hardness", [(), ("material.hardness_Pa=4e8",)])
+def test_a_light_patch_whose_slip_there_was_no_time_to_follow_says_so(
+    tmp_path, monkeypatch, hardness
+):
+    """The heaviest does not know: it had time enough; the worst of the others is said."""
+    left = {1.0: 0.0, 0.75: 0.1, 0.5: 0.4, 0.25: 0.2}
+    followed = solutions.unload
+
+    def short(face, pressed, *given, **more):
+        share = round(pressed.load_N / heaviest_N, 2)
+        done = followed(face, pressed, *given, **more)
+        return replace(done, cut_short=share < 1.0, loss_error=left.get(share, 0.0))
+
+    heaviest_N = pressed(tmp_path, [1e6], *hardness).contact.preload_N
+    monkeypatch.setattr(solutions, "unload", short)
+    found = pressed(tmp_path, [2.5e5, 5e5, 7.5e5, 1e6], *hardness)
+    (one,) = (one for one in found.problems if one.code == "time_limit_reached")
+    assert one.severity == "warning"
+    assert one.effect.energy == 0.4
+    assert one.message.startswith(f"under {0.5 * heaviest_N:.3g} N on the scan, ")
 
 
 def test_patches_are_pressed_to_the_approach_of_their_own_load():

@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -145,6 +146,24 @@ def problems_of_patches(
         )
     severity: Severity = "warning" if max(K, W) > tolerance else "info"
     return [Problem("pressures_interpolated", severity, message, Effect(K, W, W))]
+
+
+def problems_of_time(patches: Sequence[ContactState]) -> list[Problem]:
+    """Return the worst of what short time left of the slip of lighter patches than the heaviest.
+
+    That one says itself what is left of it.
+    """
+    late: list[Problem] = []
+    for patch in patches[:-1]:
+        if patch.rung.solved_loads_N is None or patch.rung.problems is None:
+            continue
+        under = f"under {patch.preload_N:.3g} N on the scan, "
+        late += [
+            replace(one, message=under + one.message)
+            for one in patch.rung.problems(patch.curve, patch.preload_N)
+            if one.code == "time_limit_reached"
+        ]
+    return [max(late, key=lambda one: one.greatest_effect)] if late else []
 
 
 def _too_light(joint: Joint, patches: Sequence[ContactState]) -> float:
