@@ -1,6 +1,7 @@
 """The intervals of an answer against closed forms of one sphere, input by input."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import msgspec
 import numpy as np
@@ -227,6 +228,18 @@ def test_nothing_uncertain_is_no_band():
     assert band_of(*pressed(settings_of({"slip_force_N": 5.0}, more=varies, friction=0.1))) is None
     _, *rest = pressed(settings_of({"slip_force_N": 5.0}, friction=0.1))
     assert band_of(None, *rest) is None
+
+
+def test_a_direction_alone_is_no_interval_of_a_model_whose_error_is_not_known():
+    lay = SimpleNamespace(left_open=lambda direction_rad: (0.1, 0.2j))
+    question = {"slip_force_N": 5.0}
+    assert band(question, lambda contact: replace(contact, lay=lay)) is None
+    given = band(question, lambda contact: replace(contact, lay=lay), friction=0.1)
+    assert given.contributions["energy_J"].keys() == {"direction", "friction"}
+    assert given.left_out == ("error of the model",)
+    error = ModelError(1e-6, 1e-6)
+    known = band(question, lambda contact: replace(contact, lay=lay, errors=error))
+    assert known.contributions["energy_J"]["direction"] == pytest.approx(1.0, abs=1e-6)
 
 
 def test_a_joint_of_three_areas_has_three_times_the_interval():

@@ -35,9 +35,9 @@ def part(coverage=None, error=0.1, made_from="spheres", lay=None, share=1.0, **c
     ],
 )
 def test_what_an_interval_does_not_hold_is_listed(parts, left_out):
-    assert band._left_out(parts, noise_known=False) == left_out
+    assert band._left_out(SimpleNamespace(parts=parts, noise_known=False)) == left_out
     known = tuple(one for one in left_out if not one.startswith("noise"))
-    assert band._left_out(parts, noise_known=True) == known
+    assert band._left_out(SimpleNamespace(parts=parts, noise_known=True)) == known
 
 
 def test_two_rows_have_the_covariance_of_many():

@@ -31,6 +31,7 @@ HARDER, LITTLE = (0.0, 1.0), 0.2
 YIELDS_LITTLE = 0.05  # of the contact area, that has yielded
 COUNTED = ("tangential_stiffness_N_per_m", "energy_J", "joint_loss_factor", "loss_factor")
 OF_BOTH = ("caps", "model", "scans", "direction")  # move displacement and energy by factors
+OF_MODEL = "error of the model"  # in the list of what an interval leaves out
 OF_LIGHT_DAMPING = ("loss_factor", "damping_ratio")
 LEAST_SPREAD = 1e-9  # standard deviation of a logarithm that is more than rounding
 LEAST_J = 1e-300  # stands for an energy of zero in a logarithm
@@ -146,7 +147,8 @@ def _propagated(state: "_State", damping: Damping) -> Band | None:
     if state.yields:
         spreads["hardness"] = np.array([[material.hardness_spread / NORMAL_95]])
     uncertain = [name for name, spread in spreads.items() if spread.any()]
-    if not uncertain:
+    # What the direction of slip moves alone is no interval of a model whose error is not known
+    if not uncertain or (uncertain == ["direction"] and OF_MODEL in _left_out(state)):
         return None
     normal = _drawn({name: len(spreads[name]) for name in uncertain})
     points = 2**LOG2_POINTS
@@ -172,15 +174,15 @@ def _propagated(state: "_State", damping: Damping) -> Band | None:
     return Band(
         {name: _interval(name, np.broadcast_to(one, points)) for name, one in wide.items()},
         {name: _contributions(kept[name], normal) for name in COUNTED if name in kept},
-        _left_out(state.parts, state.noise_known),
+        _left_out(state),
     )
 
 
-def _left_out(parts: Sequence[Part], noise_known: bool) -> tuple[str, ...]:
-    unknown = []
+def _left_out(state: "_State") -> tuple[str, ...]:
+    parts, unknown = state.parts, []
     if any(part.contact.estimated_error is None for part in parts):
-        unknown.append("error of the model")
-    if not noise_known and any(part.contact.rung.made_from == "map" for part in parts):
+        unknown.append(OF_MODEL)
+    if not state.noise_known and any(part.contact.rung.made_from == "map" for part in parts):
         unknown.append("noise of the map that pixels share")
     coverage = parts[0].joint.coverage
     if len(parts) == 1 and coverage is not None and coverage < WHOLE:
