@@ -157,7 +157,7 @@ TABLE = [
         ("tests/contact/test_*moved*.py", "tests/contact/test_*levelling*.py"),
     ),
     (
-        ("contact/doubts.py",),
+        ("contact/doubts.py", "contact/uneven_accuracy.py"),
         ("tests/contact/test_*doubts*.py", "tests/contact/test_*uneven*.py"),
     ),
     (("contact/turns.py",), ("tests/contact/test_*levelling*.py",)),

@@ -24,12 +24,16 @@ from capslip.caps.table import CapTable
 from capslip.contact.choice import boundary_elements_s, estimate_error, rung_of_the_map
 from capslip.contact.depth import press_for_depth
 from capslip.contact.direction import with_direction
-from capslip.contact.doubts import error_of_patches, problems_of_patches, problems_of_time
 from capslip.contact.joint import Joint, joint_of
 from capslip.contact.levelling import UNSETTLED, Level, TogetherError, find_level, turned
 from capslip.contact.press import ContactState, press
 from capslip.contact.rung import ModelError, Rung, rung
 from capslip.contact.slip import SlipCurve, slip_curve
+from capslip.contact.uneven_accuracy import (
+    error_of_joint,
+    error_of_patches,
+    problems_of_patches,
+)
 from capslip.contact.varying_load import greatest_over_mean, varying
 from capslip.errors import ContactError, TipsOverError
 from capslip.problems import Problem, Severity
@@ -154,8 +158,10 @@ def press_face(
         slip = varying(slip_curve(curve, face.joint.preload_N, friction, kappa), settings.slip)
         left = error_of_patches(face.joint, patches)
         doubts = problems_of_patches(face.joint, patches, left, settings.contact.tolerance)
-    problems = (*contact.problems, *doubts, *problems_of_time(patches))
-    return replace(contact, patch_errors=left, problems=problems), caps, slip
+        known = settings.contact.tolerance, known_noise_m(face.conditioned.surface, settings)
+        errors, said = error_of_joint(face.joint, curve, patches, contact.problems, *known)
+    found = replace(contact, patch_errors=left, errors=errors, problems=(*said, *doubts))
+    return found, caps, slip
 
 
 def _pressed(face: Face, settings: Settings) -> tuple[ContactState, CapTable]:
@@ -199,7 +205,12 @@ def estimate(face: Face, contact: ContactState, settings: Settings, clock: Clock
     settings = as_found(face, settings)
     with clock("accuracy"):
         if contact.rung.error is not None:
-            return _error_of_map(contact, face, settings)
+            contact, doubts = _error_of_map(contact, face, settings)
+            patches = face.joint.loaded(contact, greatest_over_mean(settings.slip))
+            curve = face.joint.curve_of(patches)
+            known = settings.contact.tolerance, known_noise_m(face.conditioned.surface, settings)
+            errors, doubts = error_of_joint(face.joint, curve, patches, doubts, *known)
+            return replace(contact, errors=errors), doubts
         caps = (face.caps, face.families, face.conditioned.surface, face.label, face.hills.noise_m)
         error, moved, doubts = estimate_error(*caps, settings)
     return replace(contact, errors=ModelError.of_either(error), moved=moved), doubts
@@ -441,13 +452,8 @@ def _hills_and_caps(
 ) -> tuple[Hills, CapTable, list[Problem]]:
     chosen = settings.hills
     with clock("hills"):
-        hills = find_hills(
-            surface,
-            chosen.material_ratio,
-            chosen.separation,
-            chosen.pruning_height_m,
-            chosen.pruning_percent_Sz,
-        )
+        pruning = (chosen.pruning_height_m, chosen.pruning_percent_Sz)
+        hills = find_hills(surface, chosen.material_ratio, chosen.separation, *pruning)
     with clock("caps"):
         caps, moved = _fitted(surface, hills, settings)
     with clock("doubts"):

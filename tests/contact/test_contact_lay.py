@@ -62,6 +62,10 @@ SOLVED = ("contact.model=boundary_elements", "contact.alignment=as_levelled", "c
 SOLVED = (*SOLVED, "contact.preload_N=150.0")
 
 
+# What caps err by on such faces is not known, and a direction alone is no interval then
+HARDLY_SPREAD = "material.friction_spread=1e-6"
+
+
 def found(surface, *overrides, direction=None):
     if direction is not None:
         overrides = (*overrides, f"slip.direction_rad={direction!r}")
@@ -263,7 +267,7 @@ def test_partial_slip_of_an_ellipse_has_the_same_kappa(along):
 
 def test_what_no_direction_leaves_open_is_said_and_in_the_interval():
     surface = caps_of(9.0)
-    none = found(surface, "contact.model=caps")
+    none = found(surface, "contact.model=caps", HARDLY_SPREAD)
     problem = next(p for p in none.problems if p.code == "slip_direction_matters")
     ends = [found(surface, "contact.model=caps", direction=d) for d in (0.0, ACROSS)]
     assert not any(p.code == "slip_direction_matters" for end in ends for p in end.problems)
@@ -287,7 +291,7 @@ def test_what_no_direction_leaves_open_is_said_and_in_the_interval():
 
 def test_at_a_given_displacement_the_interval_holds_both_directions():
     surface = caps_of(9.0)
-    given = ("contact.model=caps", "answer.displacement_m=1e-8")
+    given = ("contact.model=caps", "answer.displacement_m=1e-8", HARDLY_SPREAD)
     none = found(surface, *given)
     for direction in (0.0, ACROSS):
         end = found(surface, *given, direction=direction)

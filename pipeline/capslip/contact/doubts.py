@@ -1,8 +1,6 @@
 """What makes the contact under the preload doubtful, and what of the material it leaves out."""
 
 import math
-from collections.abc import Sequence
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -10,14 +8,12 @@ import numpy as np
 from capslip.caps.families import Families
 from capslip.caps.table import DOUBTFUL, CapTable
 from capslip.contact.accuracy import BEYOND_SHARE
-from capslip.contact.curve import NormalCurve
-from capslip.contact.joint import MAX_SOLVED, Joint
+from capslip.contact.joint import Joint
 from capslip.contact.material import dundurs_beta
 from capslip.contact.press import ContactState
-from capslip.contact.rung import ModelError
 from capslip.contact.solvers.yielding import HARDNESS_PER_YIELD
 from capslip.materials import MATERIALS
-from capslip.problems import Effect, Problem, Severity
+from capslip.problems import Effect, Problem
 from capslip.settings import Conditioning, Material
 from capslip.surface.heightmap import HeightMap
 from capslip.surface.spectrum import carried_waves_m
@@ -31,11 +27,6 @@ LARGE_FRICTION = 1.5
 FIRST_SHARE, FIRST_TOUCH = 0.01, 0.25  # of the load, and of the approach up to there
 LARGER = 1.01  # coverage from which a scan is larger than its joint: more than rounding
 FEW_IN_SCAN = 25  # contacts of a scan that stands for a larger joint: W some 20 % too low
-NEAR_SMALL = (0.1, 0.15, 0.25, 0.35)  # of mu N: a tenth, a quarter, and what is near them
-LEAST_LEFT = 1e-6  # no more than rounding; powers lie between the errors, and none through zero
-# Over what moves without each of few solutions, of the stiffness, the energy at a tenth of mu N and
-# from a quarter on: 95 % of answers are within
-LEFT_95 = 0.6, 1.25, 0.6
 FLOOR_SHARE = 0.005  # of the load: 6 % of it there made W(0.1 mu N) 2.2 times as large
 LONG_WAVES = 0.1  # of the approach: rms of waves that leave the loss by patches over 10 % too low
 ELASTIC_STRAIN = 0.03  # of E*: the greatest pressure at which the hardest steels stay elastic
@@ -86,101 +77,6 @@ def problems_of_share(joint: Joint, contact: ContactState) -> list[Problem]:
         "of the same face in one piece; waves longer than the scan are not in it"
     )
     return [*found, Problem("few_contacts_in_scan", "warning", message, Effect(None, off, off))]
-
-
-def error_of_patches(joint: Joint, patches: Sequence[ContactState]) -> ModelError | None:
-    """Return what it leaves that few patches were solved on the map for all the pressures, at 95 %.
-
-    From what the answers move by where each of the solutions but the greatest is left out, and of
-    the energy at any force near the one that is named: one difference alone may vanish by chance.
-    What single contacts and pixels do to each of them is chance, so the root of the sum of their
-    squares counts. Of patches that are too light to be followed, what is solved for heavier ones
-    tells next to nothing: they count as what they carry.
-
-    Parameters
-    ----------
-    joint : Joint
-    patches : sequence of ContactState
-        What `Joint.loaded` gives.
-
-    Returns
-    -------
-    ModelError or None
-        None where every pressure has its own curve.
-    """
-    count = len(patches)
-    if patches[0].rung.solved_loads_N is None or count >= len(joint.load_N):
-        return None
-    whole = _stiffness_and_energies(joint.curve_of(patches), joint.preload_N)
-    others = [[*patches[:i], *patches[i + 1 :]] for i in range(count - 1)]
-    fewer = [_stiffness_and_energies(joint.curve_of(rest), joint.preload_N) for rest in others]
-    moved = np.array(fewer).reshape(-1, len(whole)) / whole - 1.0
-    together = np.sqrt(np.square(moved).sum(axis=0))
-    of_light = _too_light(joint, patches)
-    K, small_W, W = (
-        max(factor * float(one.max()) + of_light, LEAST_LEFT)
-        for factor, one in zip(LEFT_95, np.split(together, (1, 3)), strict=True)
-    )
-    energy = max(small_W, W)
-    return ModelError(K, energy, ((NEAR_SMALL[0], energy), (NEAR_SMALL[2], W), (1.0, W)))
-
-
-def problems_of_patches(
-    joint: Joint, patches: Sequence[ContactState], error: ModelError | None, tolerance: float
-) -> list[Problem]:
-    """Return what that error is, and whether it is beyond the one that was asked for."""
-    if error is None:
-        return []
-    times = "once" if len(patches) == 1 else f"{len(patches)} times"
-    K, small_W, W = error.stiffness, error.energy, error.energy_at(NEAR_SMALL[2])
-    message = (
-        f"the map was solved {times} for {len(joint.load_N)} pressures of the joint: "
-        f"that may move the stiffness by {percent(K)}, the energy by {percent(W)} at a quarter of "
-        f"mu N and by {percent(small_W)} at a tenth"
-    )
-    if (share := _too_light(joint, patches)) > 0.0:
-        of_greatest = percent(patches[0].preload_N / joint.scan_load_N)
-        message += (
-            f"; {percent(share)} of the preload rests on patches under less than {of_greatest} of "
-            "the greatest pressure, whose contacts have too few pixels to be followed"
-        )
-    severity: Severity = "warning" if max(K, W) > tolerance else "info"
-    return [Problem("pressures_interpolated", severity, message, Effect(K, W, W))]
-
-
-def problems_of_time(patches: Sequence[ContactState]) -> list[Problem]:
-    """Return the worst of what short time left of the slip of lighter patches than the heaviest.
-
-    That one says itself what is left of it.
-    """
-    late: list[Problem] = []
-    for patch in patches[:-1]:
-        if patch.rung.solved_loads_N is None or patch.rung.problems is None:
-            continue
-        under = f"under {patch.preload_N:.3g} N on the scan, "
-        late += [
-            replace(one, message=under + one.message)
-            for one in patch.rung.problems(patch.curve, patch.preload_N)
-            if one.code == "time_limit_reached"
-        ]
-    return [max(late, key=lambda one: one.greatest_effect)] if late else []
-
-
-def _too_light(joint: Joint, patches: Sequence[ContactState]) -> float:
-    """Return the share of the preload on patches that are lighter than all that was followed.
-
-    None where all was that should be: they follow from heavier ones, as these do from each other.
-    """
-    if len(patches) >= min(MAX_SOLVED, len(joint.load_N)):
-        return 0.0
-    light = joint.load_N < (1.0 - 1e-9) * patches[0].preload_N
-    return float((joint.load_N * joint.weight)[light].sum()) / joint.preload_N
-
-
-def _stiffness_and_energies(curve: NormalCurve, preload_N: float) -> np.ndarray:
-    """Return the stiffness, and what goes with the energies near a tenth and a quarter of mu N."""
-    d, drop_N = curve.approach_m(preload_N), np.array(NEAR_SMALL) * preload_N
-    return np.append(curve.stiffness_N_per_m(d), curve.loss_integral_at_drop_J(d, drop_N))
 
 
 def problems_of_waves(joint: Joint, contact: ContactState, surface: HeightMap) -> list[Problem]:

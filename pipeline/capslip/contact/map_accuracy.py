@@ -104,6 +104,8 @@ def error_of_map(
     """
     unloading, pressed = curve.unloading(load_N), curve.pressed(load_N)
     first = curve.first or FirstLoading(curve.solutions.face, pressed.approach_m)
+    if math.isinf(first.face.hardness_Pa):  # of any load
+        first = replace(first, approach_m=pressed.approach_m)
     taken = first.face.taken
     found = [] if taken is None else [_noise_taken(taken)]
     between = unloading.loss_error

@@ -187,8 +187,8 @@ def half_space_around(
     """
     contact = np.zeros(face.map_shape, dtype=bool)
     contact.reshape(-1)[face.parent[points]] = True
-    pixel_size_m = np.multiply(face.pixel_size_m, face.per_pixel)
-    ways = boxes_around(contact, pixel_size_m, tight=True)
+    dy_m, dx_m = np.multiply(face.pixel_size_m, face.per_pixel).tolist()
+    ways = boxes_around(contact, (dy_m, dx_m), tight=True)
     cheapest = _cheapest(ways, face.pixel_size_m, face.per_pixel, contact.size)
     if cheapest is None:
         return None

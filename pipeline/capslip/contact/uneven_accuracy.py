@@ -1,0 +1,262 @@
+"""What a joint that is pressed unevenly is unsure of: between few solutions, and where it is light.
+
+A map resolves the less of its contacts, the lighter it is pressed: what is known of the patch that
+bears most says too little of a joint whose load rests on lighter ones.
+"""
+
+import math
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from capslip.contact.curve import NormalCurve
+from capslip.contact.joint import MAX_SOLVED, Joint
+from capslip.contact.press import ContactState
+from capslip.contact.rung import ModelError
+from capslip.contact.uneven import PatchedCurve
+from capslip.errors import ContactError
+from capslip.problems import Effect, Problem, Severity
+from capslip.units import percent
+
+SHARES = (0.1, 0.25, 0.5, 0.75, 1.0)  # of mu N, at which the error of the energy is found
+ASKED = 0.25  # of these, at which it warns
+FEW = 0.05  # of stiffness and energy: no more may rest on patches whose error is not found
+NOT_KNOWN = ModelError(1.0, 1.0)
+NEAR_SMALL = (0.1, 0.15, 0.25, 0.35)  # of mu N: a tenth, a quarter, and what is near them
+MOST_MISSING = 0.9  # of an answer: beyond an order of magnitude none is known anyway
+LEAST_LEFT = 1e-6  # no more than rounding; powers lie between the errors, and none through zero
+# Over what moves without each of few solutions, of the stiffness, the energy at a tenth of mu N and
+# from a quarter on: 95 % of answers are within
+LEFT_95 = 0.6, 1.25, 0.6
+LEAST_SLIP, LEAST_ERROR = 1e-3, 1e-9  # that have a logarithm
+
+
+def error_of_patches(joint: Joint, patches: Sequence[ContactState]) -> ModelError | None:
+    """Return what it leaves that few patches were solved on the map for all the pressures, at 95 %.
+
+    From what the answers move by where each of the solutions but the greatest is left out, and of
+    the energy at any force near the one that is named: one difference alone may vanish by chance.
+    What single contacts and pixels do to each of them is chance, so the root of the sum of their
+    squares counts. Of patches that are too light to be followed, what is solved for heavier ones
+    tells next to nothing: all that goes with them of stiffness and energy may be missing, and no
+    less than what they carry.
+
+    Parameters
+    ----------
+    joint : Joint
+    patches : sequence of ContactState
+        What `Joint.loaded` gives.
+
+    Returns
+    -------
+    ModelError or None
+        None where every pressure has its own curve.
+    """
+    count = len(patches)
+    if patches[0].rung.solved_loads_N is None or count >= len(joint.load_N):
+        return None
+    whole = _stiffness_and_energies(joint.curve_of(patches), joint.preload_N)
+    others = [[*patches[:i], *patches[i + 1 :]] for i in range(count - 1)]
+    fewer = [_stiffness_and_energies(joint.curve_of(rest), joint.preload_N) for rest in others]
+    moved = np.array(fewer).reshape(-1, len(whole)) / whole - 1.0
+    together = np.sqrt(np.square(moved).sum(axis=0))
+    of_light = _of_light(joint, patches)
+    K, small_W, W = (
+        max(factor * float(one.max()) + float(light.max()), LEAST_LEFT)
+        for factor, one, light in zip(
+            LEFT_95, np.split(together, (1, 3)), np.split(of_light, (1, 3)), strict=True
+        )
+    )
+    energy = max(small_W, W)
+    return ModelError(K, energy, ((NEAR_SMALL[0], energy), (NEAR_SMALL[2], W), (1.0, W)))
+
+
+def problems_of_patches(
+    joint: Joint, patches: Sequence[ContactState], error: ModelError | None, tolerance: float
+) -> list[Problem]:
+    """Return what that error is, and whether it is beyond the one that was asked for."""
+    if error is None:
+        return []
+    times = "once" if len(patches) == 1 else f"{len(patches)} times"
+    K, small_W, W = error.stiffness, error.energy, error.energy_at(NEAR_SMALL[2])
+    message = (
+        f"the map was solved {times} for {len(joint.load_N)} pressures of the joint: "
+        f"that may move the stiffness by {percent(K)}, the energy by {percent(W)} at a quarter of "
+        f"mu N and by {percent(small_W)} at a tenth"
+    )
+    if (share := _too_light(joint, patches)) > 0.0:
+        of_greatest = percent(patches[0].preload_N / joint.scan_load_N)
+        message += (
+            f"; {percent(share)} of the preload rests on patches under less than {of_greatest} of "
+            "the greatest pressure, whose contacts have too few pixels to be followed"
+        )
+    severity: Severity = "warning" if max(K, W) > tolerance else "info"
+    return [Problem("pressures_interpolated", severity, message, Effect(K, W, W))]
+
+
+def error_of_joint(
+    joint: Joint,
+    curve: NormalCurve,
+    patches: Sequence[ContactState],
+    problems: tuple[Problem, ...],
+    tolerance: float,
+    noise_m: float | None,
+) -> tuple[ModelError | None, tuple[Problem, ...]]:
+    """Return the errors of a joint, and what takes them beyond the tolerance where it is lighter.
+
+    Patches differ in their load alone, so their errors go the same way: each counts by its share of
+    the stiffness, and of the energy under the slip of the joint. They are known of the heaviest
+    patch, and found for the lightest that counts; between, they are a power of the load.
+
+    Parameters
+    ----------
+    joint : Joint
+    curve : NormalCurve
+        What `Joint.curve_of` gives of it.
+    patches : sequence of ContactState
+        What `Joint.loaded` gives; the last is the heaviest, whose errors are known.
+    problems : tuple of Problem
+        What the heaviest says.
+    tolerance : float
+        Relative.
+    noise_m : float, optional
+        Measurement noise of the instrument; see `Rung.error`.
+
+    Returns
+    -------
+    ModelError or None, tuple of Problem
+        Those of the heaviest patch where no more than a twentieth of stiffness and energy rests on
+        lighter ones, or the model does not know its error; else what a lighter one says takes the
+        place of problems with the same code. With both, the worst of those whose slip there was no
+        time to follow.
+    """
+    problems = (*problems, *_out_of_time(patches))
+    heaviest = patches[-1]
+    find, known = heaviest.rung.error, heaviest.errors
+    if find is None or known is None or not isinstance(curve, PatchedCurve):
+        return known, problems
+    stiffness, energy, slipped = _shares(joint, curve, SHARES)
+
+    def rests_on(most_N: float) -> float:
+        """Return the share of stiffness or energy, the greater, of patches under no more."""
+        light = joint.load_N <= most_N * (1.0 + 1e-9)
+        return float(max(stiffness[light].sum(), energy[SHARES.index(ASKED), light].sum()))
+
+    light = next(one for one in patches if one is heaviest or rests_on(one.preload_N) > FEW)
+    if light is heaviest:
+        return known, problems
+    of_light, doubts = _found(light, tolerance, noise_m)
+    span = math.log(heaviest.preload_N / light.preload_N)
+    place = np.clip(np.log(joint.load_N / light.preload_N) / span, 0.0, 1.0)
+    ends = of_light, known
+    by_share = [
+        (share, float(f @ _between(place, [[end.energy_at(t) for t in at] for end in ends])))
+        for share, f, at in zip(SHARES, energy, slipped.tolist(), strict=True)
+    ]
+    K = float(stiffness @ _between(place, [[end.stiffness] * len(place) for end in ends]))
+    found = ModelError(K, max(error for _, error in by_share), tuple(by_share))
+    W = found.energy_at(ASKED)
+    if max(K, W) <= tolerance:
+        return found, problems
+    under = (
+        f"under {light.preload_N:.3g} N on the scan, and {percent(rests_on(light.preload_N))} of "
+        "the joint rests on patches that bear no more, "
+    )
+    said = [
+        replace(one, message=under + one.message, effect=Effect(K, W, W))
+        for one in doubts
+        if one.severity == "warning"
+    ]
+    again = {one.code for one in said}
+    return found, (*(one for one in problems if one.code not in again), *said)
+
+
+def _out_of_time(patches: Sequence[ContactState]) -> list[Problem]:
+    """Return the worst of what short time left of the slip of lighter patches than the heaviest.
+
+    That one says itself what is left of it.
+    """
+    late: list[Problem] = []
+    for patch in patches[:-1]:
+        if patch.rung.solved_loads_N is None or patch.rung.problems is None:
+            continue
+        under = f"under {patch.preload_N:.3g} N on the scan, "
+        late += [
+            replace(one, message=under + one.message)
+            for one in patch.rung.problems(patch.curve, patch.preload_N)
+            if one.code == "time_limit_reached"
+        ]
+    return [max(late, key=lambda one: one.greatest_effect)] if late else []
+
+
+def _found(
+    patch: ContactState, tolerance: float, noise_m: float | None
+) -> tuple[ModelError, Sequence[Problem]]:
+    """Return the errors of a patch and what makes them; all of it where they are not found."""
+    assert patch.rung.error is not None
+    try:
+        error, doubts = patch.rung.error(patch.curve, patch.preload_N, tolerance, noise_m)
+    except ContactError as failure:
+        message = f"nobody knows how far stiffness and energy are off: {failure}"
+        return NOT_KNOWN, [Problem("pressures_interpolated", "warning", message)]
+    return error or NOT_KNOWN, doubts
+
+
+def _too_light(joint: Joint, patches: Sequence[ContactState]) -> float:
+    """Return the share of the preload on patches that are lighter than all that was followed.
+
+    None where all was that should be: they follow from heavier ones, as these do from each other.
+    """
+    if len(patches) >= min(MAX_SOLVED, len(joint.load_N)):
+        return 0.0
+    light = joint.load_N < (1.0 - 1e-9) * patches[0].preload_N
+    return float((joint.load_N * joint.weight)[light].sum()) / joint.preload_N
+
+
+def _of_light(joint: Joint, patches: Sequence[ContactState]) -> np.ndarray:
+    """Return what such patches leave of stiffness and energies near a tenth and a quarter of mu N.
+
+    As logarithms, as which intervals take them.
+    """
+    if (carried := _too_light(joint, patches)) == 0.0:
+        return np.zeros(1 + len(NEAR_SMALL))
+    curve = joint.curve_of(patches)
+    if not isinstance(curve, PatchedCurve):
+        return np.full(1 + len(NEAR_SMALL), carried)
+    stiffness, energy, _ = _shares(joint, curve, NEAR_SMALL)
+    light = joint.load_N < (1.0 - 1e-9) * patches[0].preload_N
+    missing = np.array([stiffness, *energy])[:, light].sum(axis=1)
+    return np.maximum(-np.log1p(-np.minimum(missing, MOST_MISSING)), carried)
+
+
+def _stiffness_and_energies(curve: NormalCurve, preload_N: float) -> np.ndarray:
+    """Return the stiffness, and what goes with the energies near a tenth and a quarter of mu N."""
+    d, drop_N = curve.approach_m(preload_N), np.array(NEAR_SMALL) * preload_N
+    return np.append(curve.stiffness_N_per_m(d), curve.loss_integral_at_drop_J(d, drop_N))
+
+
+def _shares(
+    joint: Joint, curve: PatchedCurve, of_force: Sequence[float]
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return shares of the patches: of the stiffness (k,), of the energy and of their own mu N.
+
+    The latter two where the joint bears shares of its own mu N, (s, k).
+    """
+    d_0 = curve.preload_approach_m
+    e = curve.withdrawal_m(d_0, np.array(of_force) * joint.preload_N)
+    rows = []
+    for one, N, d, weight in zip(
+        curve.curves, joint.load_N, curve.patch_approach_m, curve.weight, strict=True
+    ):
+        slipped = np.clip(one.load_drop_N(d, e) / N, LEAST_SLIP, 1.0)
+        K, loss_J = one.stiffness_N_per_m(d), one.loss_integral_J(d, e)
+        rows.append((weight * float(K), weight * loss_J, slipped))
+    K, loss_J, slipped = (np.array(column) for column in zip(*rows, strict=True))
+    return K / K.sum(), (loss_J / loss_J.sum(axis=0)).T, slipped.T
+
+
+def _between(place: np.ndarray, ends: Sequence[Sequence[float]]) -> np.ndarray:
+    """Return errors between those of both ends, (k,), a power of the load."""
+    low, high = np.log(np.maximum(ends, LEAST_ERROR))
+    return np.asarray(np.exp((1.0 - place) * low + place * high))

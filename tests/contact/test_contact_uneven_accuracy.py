@@ -1,0 +1,176 @@
+"""Errors of a joint that is pressed unevenly: each patch counts by what rests on it."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.optimize import brentq
+
+import capslip
+from capslip.contact import joint as joints
+from capslip.contact.models.families import families
+from capslip.contact.rung import ModelError
+from capslip.contact.uneven import side_by_side
+from capslip.contact.uneven_accuracy import error_of_joint
+from capslip.errors import ContactError
+from capslip.problems import Effect, Problem
+from contact.test_contact_uneven import RUNG, state_of, waves
+
+E_STAR_PA = 1e11
+SPHERE = families((1, 0), (20.0, 20.0), (0.0, 0.0), E_STAR_PA)
+HEAVY, LIGHT = ModelError(0.02, 0.1), ModelError(0.2, 0.6)
+OF_HEAVY = (
+    Problem("detail_decides", "info", "of the heavy one", Effect(0.02, 0.1, 0.1)),
+    Problem("contact_at_hole", "warning", "another thing"),
+)
+OF_LIGHT = (
+    Problem("detail_decides", "warning", "a pixel decides", Effect(0.2, 0.6, 0.6), "look"),
+    Problem("small_slip_extrapolated", "info", "no matter"),
+)
+
+
+def joint_of(load_N, weight):
+    load_N, weight = np.array(load_N, dtype=float), np.array(weight, dtype=float)
+    preload_N = float(load_N @ weight)
+    joint = joints.Joint(1.0, 1.0, preload_N, load_N, weight, float(load_N.max()))
+    return joint, side_by_side([SPHERE] * len(load_N), load_N, weight)
+
+
+def states(load_N, found=LIGHT, says=OF_LIGHT):
+    asked = []
+
+    def error(curve, load_N, tolerance, noise_m):
+        asked.append((load_N, tolerance, noise_m))
+        if found is None:
+            raise ContactError("too few pixels")
+        return found, says
+
+    rung = replace(RUNG, error=error, problems=None)
+    known = [state_of(rung=rung, preload_N=N, curve=SPHERE, errors=HEAVY) for N in load_N]
+    return known, asked
+
+
+def shares_of_spheres(load_N, weight, share):
+    """Of the stiffness, and of the energy where all of them are moved by as much."""
+    d = SPHERE.approach_m(load_N)
+
+    def moved(e):
+        """Of one sphere N ~ d^1.5, with x = 1 - s / d: 4 int s (e - s) N'' ds = 3 N d J."""
+        x = 1.0 - np.minimum(e / d, 1.0)
+        # int (1 - x)(x - x_e) / sqrt(x) dx from x_e to 1, over which e - s = d (x - x_e)
+        x_e = 1.0 - e / d
+
+        def inner(x):
+            root = np.sqrt(x)
+            return root * (-2.0 * x_e + 2.0 / 3.0 * (1.0 + x_e) * x - 0.4 * x**2)
+
+        return load_N * (1.0 - x**1.5), 3.0 * load_N * d * (inner(1.0) - inner(x))
+
+    e = brentq(lambda e: weight @ moved(e)[0] - share * (weight @ load_N), 0.0, d.max())
+    drop_N, loss_J = moved(e)
+    K = weight * load_N ** (1 / 3)
+    return K / K.sum(), weight * loss_J / (weight @ loss_J), drop_N / load_N
+
+
+def test_each_patch_counts_by_its_share_of_stiffness_and_energy():
+    load_N, weight = np.array([1.0, 8.0**0.5, 8.0]), np.array([4.0, 2.0, 1.0])
+    known, asked = states([1.0, 8.0])
+    found, said = error_of_joint(*joint_of(load_N, weight), known, OF_HEAVY, 0.05, 2e-9)
+    assert asked == [(1.0, 0.05, 2e-9)]
+    between = np.sqrt(HEAVY.stiffness * LIGHT.stiffness), np.sqrt(HEAVY.energy * LIGHT.energy)
+    for share in (0.1, 0.25, 0.75):
+        K, W, _ = shares_of_spheres(load_N, weight, share)
+        expected = W @ (LIGHT.energy, between[1], HEAVY.energy)
+        assert found.energy_at(share) == pytest.approx(expected, rel=1e-3), share
+    assert found.stiffness == pytest.approx(K @ (LIGHT.stiffness, between[0], HEAVY.stiffness))
+    kept, light = said
+    assert kept is OF_HEAVY[1]
+    assert light.code == "detail_decides"
+    assert light.message.endswith(
+        "of the joint rests on patches that bear no more, a pixel decides"
+    )
+    assert light.message.startswith("under 1 N on the scan, and ")
+    W = found.energy_at(0.25)
+    assert light.effect == Effect(found.stiffness, W, W)
+    assert light.step == "look"
+
+
+def test_the_energy_of_a_patch_has_the_error_of_its_own_share_of_slip():
+    """Where the joint bears a tenth of mu N, the lighter one bears more of its own."""
+    load_N, weight = np.array([1.0, 8.0]), np.array([8.0, 1.0])
+    by_share = ((0.1, 0.9), (0.5, 0.3), (1.0, 0.01))
+    light = ModelError(0.1, 0.9, by_share)
+    known, _ = states([1.0, 8.0], light)
+    found, _ = error_of_joint(*joint_of(load_N, weight), known, (), 0.05, None)
+    _, W, slipped = shares_of_spheres(load_N, weight, 0.25)
+    assert slipped[0] > 0.3
+    expected = W @ (light.energy_at(slipped[0]), HEAVY.energy)
+    assert found.energy_at(0.25) == pytest.approx(expected, rel=1e-3)
+    assert found.energy == pytest.approx(found.energy_at(0.1))
+    _, W, slipped = shares_of_spheres(load_N, weight, 1.0)
+    assert slipped == pytest.approx(1.0)
+    assert found.energy_at(1.0) == pytest.approx(W @ (0.01, HEAVY.energy), rel=1e-3)
+
+
+def test_patches_on_which_little_rests_are_not_asked():
+    known, asked = states([1.0, 8.0])
+    few = error_of_joint(*joint_of([1.0, 8.0], [0.01, 1.0]), known, OF_HEAVY, 0.05, None)
+    assert few == (HEAVY, OF_HEAVY)
+    assert asked == []
+    known, asked = states([1.0, 4.0, 8.0])
+    error_of_joint(*joint_of([1.0, 4.0, 8.0], [0.01, 1.0, 1.0]), known, OF_HEAVY, 0.05, None)
+    assert [N for N, *_ in asked] == [4.0]
+
+
+def test_what_is_within_the_tolerance_says_nothing():
+    known, _ = states([1.0, 8.0])
+    found, said = error_of_joint(*joint_of([1.0, 8.0], [4.0, 1.0]), known, OF_HEAVY, 0.7, None)
+    assert found.energy > HEAVY.energy
+    assert said == OF_HEAVY
+
+
+def test_a_patch_whose_error_is_not_found_counts_as_a_whole_and_is_said():
+    known, _ = states([1.0, 8.0], None)
+    found, said = error_of_joint(*joint_of([1.0, 8.0], [4.0, 1.0]), known, (), 0.05, None)
+    K, W, _ = shares_of_spheres(np.array([1.0, 8.0]), np.array([4.0, 1.0]), 0.25)
+    assert found.stiffness == pytest.approx(K @ (1.0, HEAVY.stiffness))
+    assert found.energy_at(0.25) == pytest.approx(W @ (1.0, HEAVY.energy), rel=1e-3)
+    (one,) = said
+    assert one.code == "pressures_interpolated"
+    assert one.severity == "warning"
+    assert "too few pixels" in one.message
+
+
+def test_a_model_that_knows_no_error_and_an_even_joint_keep_what_they_have():
+    known, asked = states([1.0, 8.0])
+    joint, curve = joint_of([1.0, 8.0], [4.0, 1.0])
+    of_none = [replace(one, errors=None) for one in known]
+    assert error_of_joint(joint, curve, of_none, OF_HEAVY, 0.05, None) == (None, OF_HEAVY)
+    same = [replace(one, rung=replace(one.rung, error=None)) for one in known]
+    assert error_of_joint(joint, curve, same, OF_HEAVY, 0.05, None) == (HEAVY, OF_HEAVY)
+    assert error_of_joint(joint, SPHERE, known[1:], OF_HEAVY, 0.05, None) == (HEAVY, OF_HEAVY)
+    assert asked == []
+
+
+@pytest.mark.parametrize("hardness", [(), ("material.hardness_Pa=4e8",)])
+def test_a_joint_that_rests_on_light_patches_is_as_unsure_as_these(tmp_path, hardness):
+    """Of a noisy map: one heavy patch of many does not make it sure."""
+    answers = {}
+    for name, pressures_Pa in (
+        ("heavy", [1e6]),
+        ("light", [5e4]),
+        ("both", [1e6, *([5e4] * 400)]),
+        ("mostly heavy", [1e6] * 100 + [5e4]),
+    ):
+        path = tmp_path / "pressures.csv"
+        lines = "".join(f"{p!r},1e-5\n" for p in pressures_Pa)
+        path.write_text("pressure_Pa,area_m2\n" + lines)
+        given = ("contact.model=boundary_elements", f"joint.pressure_map={path}", *hardness)
+        given = (*given, "contact.alignment=as_levelled")
+        found = capslip.analyze(waves(2e-9), capslip.load_settings(overrides=given))
+        answers[name] = found.contact.errors
+    heavy, light, both, mostly = answers.values()
+    assert light.stiffness > 1.5 * heavy.stiffness
+    assert both.stiffness == pytest.approx(light.stiffness, rel=0.1)
+    assert both.energy_at(0.25) == pytest.approx(light.energy_at(0.25), rel=0.25)
+    assert mostly.energy_at(0.25) == heavy.energy_at(0.25)
