@@ -224,6 +224,8 @@ def patches_of(loads_N, rung=RUNG):
 class Uneven:
     """A joint whose answers depend on which of its patches were solved."""
 
+    most_solved = joint.MAX_SOLVED
+
     def __init__(self, load_N, answers):
         self.load_N, self.weight = np.array(load_N), np.ones(len(load_N))
         self.preload_N, self.scan_load_N, self.answers = sum(load_N), max(load_N), answers
@@ -260,6 +262,31 @@ def test_what_moves_without_each_of_the_solutions_but_the_greatest_is_said():
     assert (one.effect.tangential_stiffness, one.effect.energy) == pytest.approx((0.03, W))
     (strict,) = said_of(of, patches_of([1, 2, 4, 6, 8]), W - 1e-9)
     assert strict.severity == "warning"
+
+
+def test_of_very_few_solutions_what_moves_most_at_any_force_counts_twice():
+    """One difference may vanish by chance; so few are solved where time is short for more."""
+    of = Uneven([1, 2, 3], {(1, 3): np.ones(5), (3,): (1.02, 1.0, 0.97, 1.0, 1.01)})
+    of.most_solved = 2
+    left = error_of_patches(of, patches_of([1, 3]))
+    assert left.stiffness == pytest.approx(0.02)
+    assert [left.energy_at(share) for share in (0.1, 0.25, 1.0)] == pytest.approx([0.06] * 3)
+
+
+@pytest.mark.parametrize(("seconds", "count"), [(600.0, 8), (50.0, 7), (21.0, 3), (1.0, 2)])
+def test_of_a_large_map_as_many_pressures_are_solved_as_there_is_time_for(seconds, count):
+    """No fewer than two; each has its share of the time."""
+    settings = capslip.load_settings(overrides=(f"contact.time_limit_s={seconds}",))
+    large = SimpleNamespace(
+        measured_area_m2=1.0, shape=(1500, 1000), pixel_area_m2=1.0, side_m=(1.0, 1.0)
+    )
+    found = joint.joint_of(settings, large)
+    assert joint.boundary_elements_s(large.shape) == pytest.approx(6.77, abs=0.01)
+    assert found.most_solved == count
+    uneven = replace(found, load_N=np.arange(1.0, 20.0), weight=np.ones(19))
+    limit_s = uneven.settings_of_scan(settings).contact.time_limit_s
+    assert limit_s == pytest.approx(seconds / count)
+    assert uneven.under(2.0 * uneven.preload_N).most_solved == count
 
 
 def test_less_is_known_of_the_energy_the_smaller_the_force():

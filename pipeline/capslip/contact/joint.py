@@ -10,6 +10,7 @@ from dataclasses import dataclass, replace
 import msgspec
 import numpy as np
 
+from capslip.contact.choice import boundary_elements_s
 from capslip.contact.curve import NormalCurve
 from capslip.contact.material import composite
 from capslip.contact.press import ContactState
@@ -21,7 +22,8 @@ from capslip.errors import ContactError, SettingsError
 from capslip.settings import Material, Settings
 from capslip.surface.heightmap import HeightMap
 
-MAX_SOLVED = 8  # pressures, of a model that solves each of them on the map
+# Pressures, of a model that solves each of them on the map; and the fewest, where time is short
+MAX_SOLVED, FEWEST_SOLVED = 8, 2
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,6 +40,7 @@ class Joint:
     load_N: np.ndarray  # (k,), of the scan, for each patch
     weight: np.ndarray  # (k,), area of the patch over that of the scan
     scan_load_N: float  # under which the scan is pressed: that of the greatest pressure
+    most_solved: int = MAX_SOLVED  # loads, of a model that solves each of them on the map
 
     @property
     def nominal_pressure_Pa(self) -> float | None:
@@ -66,7 +69,7 @@ class Joint:
         factor = preload_N / self.preload_N
         return Joint(
             *(self.area_m2, self.scan_area_m2, preload_N),
-            *(self.load_N * factor, self.weight, self.scan_load_N * factor),
+            *(self.load_N * factor, self.weight, self.scan_load_N * factor, self.most_solved),
         )
 
     def settings_of_scan(self, settings: Settings) -> Settings:
@@ -75,7 +78,7 @@ class Joint:
             settings.contact,
             preload_N=self.scan_load_N,
             nominal_pressure_Pa=None,
-            time_limit_s=settings.contact.time_limit_s / min(len(self.load_N), MAX_SOLVED),
+            time_limit_s=settings.contact.time_limit_s / min(len(self.load_N), self.most_solved),
         )
         return msgspec.structs.replace(settings, contact=contact)
 
@@ -96,8 +99,8 @@ class Joint:
         if self.is_even or (contact.first is None and not solves):
             return [replace(contact, curve=contact.curve_after(greatest * contact.preload_N))]
         load_N = self.load_N
-        if solves and len(load_N) > MAX_SOLVED:
-            load_N = standing_for(load_N, self.weight, MAX_SOLVED)
+        if solves and len(load_N) > self.most_solved:
+            load_N = standing_for(load_N, self.weight, self.most_solved)
             load_N[-1] = self.scan_load_N  # it is known there
         states: list[ContactState] = []
         for N in sorted(load_N.tolist(), reverse=True):
@@ -133,7 +136,8 @@ def joint_of(settings: Settings, surface: HeightMap) -> Joint:
     """Return the joint that the settings describe and the scan is a part of.
 
     The nominal pressure acts on the rectangle that was scanned, holes in it included: a point that
-    was not measured is face all the same. Lines without any measured point are none.
+    was not measured is face all the same. Lines without any measured point are none. Of a large map
+    fewer pressures are solved, so that each has the time that it takes.
 
     Parameters
     ----------
@@ -171,7 +175,9 @@ def joint_of(settings: Settings, surface: HeightMap) -> Joint:
             preload_N = contact.nominal_pressure_Pa * area_m2
         load_N, weight = np.array([preload_N * (scan_m2 / area_m2)]), np.array([area_m2 / scan_m2])
         scan_load_N = float(load_N[0])
-    found = Joint(area_m2, scan_m2, preload_N, load_N, weight, scan_load_N)
+    fit_in = int(contact.time_limit_s / boundary_elements_s(surface.shape))
+    most_solved = min(max(fit_in, FEWEST_SOLVED), MAX_SOLVED)
+    found = Joint(area_m2, scan_m2, preload_N, load_N, weight, scan_load_N, most_solved)
     if contact.bulk and not found.is_scan:
         raise SettingsError(
             "contact.bulk: got true with a joint that is larger than its scan; the bulk sinking of "

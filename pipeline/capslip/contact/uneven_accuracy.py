@@ -11,7 +11,7 @@ from dataclasses import replace
 import numpy as np
 
 from capslip.contact.curve import NormalCurve
-from capslip.contact.joint import MAX_SOLVED, Joint
+from capslip.contact.joint import Joint
 from capslip.contact.press import ContactState
 from capslip.contact.rung import ModelError
 from capslip.contact.uneven import PatchedCurve
@@ -29,6 +29,9 @@ LEAST_LEFT = 1e-6  # no more than rounding; powers lie between the errors, and n
 # Over what moves without each of few solutions, of the stiffness, the energy at a tenth of mu N and
 # from a quarter on: 95 % of answers are within
 LEFT_95 = 0.6, 1.25, 0.6
+# The same of fewer solutions than that, where time was short for more: of the energy at any force,
+# times what moves most at one of them, as a single difference may be small by chance
+FEW_SOLVED, LEFT_BY_FEW = 7, (1.0, 2.0, 2.0)
 LEAST_SLIP, LEAST_ERROR = 1e-3, 1e-9  # that have a logarithm
 
 
@@ -60,12 +63,14 @@ def error_of_patches(joint: Joint, patches: Sequence[ContactState]) -> ModelErro
     others = [[*patches[:i], *patches[i + 1 :]] for i in range(count - 1)]
     fewer = [_stiffness_and_energies(joint.curve_of(rest), joint.preload_N) for rest in others]
     moved = np.array(fewer).reshape(-1, len(whole)) / whole - 1.0
-    together = np.sqrt(np.square(moved).sum(axis=0))
+    together, factors = np.sqrt(np.square(moved).sum(axis=0)), LEFT_95
+    if joint.most_solved < FEW_SOLVED:
+        together[1:], factors = together[1:].max(), LEFT_BY_FEW
     of_light = _of_light(joint, patches)
     K, small_W, W = (
         max(factor * float(one.max()) + float(light.max()), LEAST_LEFT)
         for factor, one, light in zip(
-            LEFT_95, np.split(together, (1, 3)), np.split(of_light, (1, 3)), strict=True
+            factors, np.split(together, (1, 3)), np.split(of_light, (1, 3)), strict=True
         )
     )
     energy = max(small_W, W)
@@ -208,7 +213,7 @@ def _too_light(joint: Joint, patches: Sequence[ContactState]) -> float:
 
     None where all was that should be: they follow from heavier ones, as these do from each other.
     """
-    if len(patches) >= min(MAX_SOLVED, len(joint.load_N)):
+    if len(patches) >= min(joint.most_solved, len(joint.load_N)):
         return 0.0
     light = joint.load_N < (1.0 - 1e-9) * patches[0].preload_N
     return float((joint.load_N * joint.weight)[light].sum()) / joint.preload_N
