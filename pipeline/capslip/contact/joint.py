@@ -67,10 +67,8 @@ class Joint:
     def under(self, preload_N: float) -> "Joint":
         """Return the same joint under another preload, spread over it in the same way."""
         factor = preload_N / self.preload_N
-        return Joint(
-            *(self.area_m2, self.scan_area_m2, preload_N),
-            *(self.load_N * factor, self.weight, self.scan_load_N * factor, self.most_solved),
-        )
+        load_N, scan_load_N = self.load_N * factor, self.scan_load_N * factor
+        return replace(self, preload_N=preload_N, load_N=load_N, scan_load_N=scan_load_N)
 
     def settings_of_scan(self, settings: Settings) -> Settings:
         """Return the settings under which the scan is pressed; every load has its share of time."""
