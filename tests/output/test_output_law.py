@@ -12,6 +12,7 @@ from pathlib import Path
 import h5py
 import numpy as np
 import pytest
+from scipy.ndimage import gaussian_filter
 
 import capslip
 from capslip.analysis import analyze_once, analyze_scans
@@ -40,6 +41,14 @@ def written(tmp_path_factory):
     folder = tmp_path_factory.mktemp("law")
     EXPORT.write(analysis, folder)
     return analysis, folder
+
+
+def rough():
+    """Return a noisy map of waves."""
+    rng = np.random.default_rng(7)
+    z = gaussian_filter(rng.standard_normal((64, 64)), 4, mode="wrap")
+    z *= 1e-8 / np.sqrt(np.mean(np.gradient(z)[0] ** 2))
+    return capslip.HeightMap(z + 2e-9 * rng.standard_normal(z.shape), (5e-5, 5e-5))
 
 
 def table(path):
@@ -330,6 +339,34 @@ def test_calculix_presses_and_shears_two_blocks(of, request, tmp_path):
     k_t = result.slip.tangential_stiffness_N_per_m / result.joint.area_m2
     assert sheared[0] == pytest.approx(k_t * slip, rel=3e-3)
     assert sheared[0] < 0.2 * -pressed[2]  # it sticks
+
+
+# A face that yields comes to the same load by another way, and single pixels decide its detail
+@pytest.mark.parametrize(("hardness", "off"), [((), 0.02), (("material.hardness_Pa=4e8",), 0.25)])
+def test_the_law_of_a_map_says_how_sure_it_is_where_the_least_of_it_touches(
+    tmp_path, hardness, off
+):
+    """The lower the pressure, the fewer pixels touch; caps know one error for all."""
+    given = ("contact.model=boundary_elements", "contact.alignment=as_levelled", *hardness)
+    settings = capslip.load_settings(overrides=(*given, "contact.nominal_pressure_Pa=1e6"))
+    surface = rough()
+    analysis = capslip.analyze(surface, settings)
+    EXPORT.write(analysis, tmp_path)
+    comment, columns = table(tmp_path / "law.csv")
+    least_Pa = float(columns["pressure_Pa"][0])
+    said = " ".join(line.removeprefix("# ") for line in comment.splitlines())
+    found = re.search(r"at ([\d.e+]+) Pa, where the map has the fewest .*?: ([\d.]+)%", said)
+    assert float(found[1]) == pytest.approx(least_Pa, rel=1e-3)
+    given = (*given, f"contact.nominal_pressure_Pa={least_Pa}")
+    alone = capslip.load_settings(overrides=given)
+    expected = capslip.analyze(surface, alone).contact.estimated_error
+    assert float(found[2]) == pytest.approx(100.0 * expected, rel=off)
+    assert expected > 1.5 * analysis.contact.estimated_error
+
+
+def test_the_law_of_caps_says_one_error(written):
+    comment, _ = table(written[1] / "law.csv")
+    assert "fewest" not in comment
 
 
 def test_doubts_go_with_the_law(of_two, tmp_path):

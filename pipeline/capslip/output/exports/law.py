@@ -3,6 +3,7 @@
 import csv
 import inspect
 import json
+import math
 import textwrap
 from collections.abc import Iterable, Iterator
 from pathlib import Path
@@ -16,6 +17,7 @@ from capslip.problems import Problem
 from capslip.result import Analysis, JointOfScans
 from capslip.structure import interpolation
 from capslip.structure.law import ASKED_SHARE, JENKINS_TOLERANCE, SCATTERS, Law, law
+from capslip.surface.noise import known_noise_m
 
 if TYPE_CHECKING:
     from capslip.result import JointResult
@@ -81,7 +83,8 @@ def write(result: "JointResult", folder: Path) -> tuple[Problem, ...]:
     reach_m = [_reach_m(scan) for scan in _scans(result)]
     found = law(result.parts, result.settings.material.friction_coefficient, reach_m)
     doubts = [f"{p.code}: {p.message}" for p in result.problems if p.severity != "info"]
-    write_law(found, folder, result.name, result.status, doubts)
+    least = _error_at_least(result, found)
+    write_law(found, folder, result.name, result.status, doubts, least)
     tolerance, said = result.settings.contact.tolerance, max(found.shear_error, found.loss_error)
     of_sliders = inexact("law_jenkins.csv", found.elements, JENKINS_TOLERANCE, tolerance)
     if said <= tolerance:
@@ -91,6 +94,20 @@ def write(result: "JointResult", folder: Path) -> tuple[Problem, ...]:
         "this is too much"
     )
     return (Problem("export_inexact", "warning", message), *of_sliders)
+
+
+def _error_at_least(result: "JointResult", found: Law) -> float | None:
+    """Return the error of the model under the least pressure, where it knows that of any load."""
+    errors, settings = [], result.settings
+    for scan in _scans(result):
+        contact = scan.contact
+        if contact is None or contact.rung.error is None:
+            return None
+        load_N = contact.preload_N * float(found.pressure_Pa[0]) / found.scan_pressure_Pa
+        known = settings.contact.tolerance, known_noise_m(scan.conditioned.surface, settings)
+        error, _ = contact.rung.error(contact.curve_after(load_N), load_N, *known)
+        errors.append(math.inf if error is None else error.greatest)
+    return max(errors, default=None)
 
 
 def _scans(result: "JointResult") -> tuple[Analysis, ...]:
@@ -111,9 +128,16 @@ def _reach_m(scan: Analysis) -> float | None:
     return float(caps.peak_height_m[caps.usable].max() - max(ends_m))
 
 
-def write_law(found: Law, folder: Path, name: str, status: str, doubts: list[str]) -> None:
-    """Write a law into a folder; the doubts of the analysis go with it."""
-    page = about(found, name, status, doubts)
+def write_law(
+    found: Law,
+    folder: Path,
+    name: str,
+    status: str,
+    doubts: list[str],
+    least: float | None = None,
+) -> None:
+    """Write a law into a folder; the doubts of the analysis go with it, see `about`."""
+    page = about(found, name, status, doubts, least)
     head = {"schema": SCHEMA, "about": page, "units": UNITS, "model": found.model}
     document: dict[str, Any] = {**head, "scans": found.scans, **_columns(found), **found.tables()}
     text = json.dumps(
@@ -134,10 +158,17 @@ def _columns(found: Law) -> dict[str, np.ndarray]:
     return columns | found.scatter
 
 
-def about(found: Law, name: str, status: str, doubts: list[str]) -> list[str]:
-    """Return the page that goes with the numbers, in lines: what, how to use, how far it holds."""
+def about(
+    found: Law, name: str, status: str, doubts: list[str], least: float | None = None
+) -> list[str]:
+    """Return the page that goes with the numbers, in lines: what, how to use, how far it holds.
+
+    `least` is the error of the model under the least pressure, where it is known for itself.
+    """
     p, mu, D = found.pressure_Pa, found.friction_coefficient, found.total_slip_displacement_m
     error = "not known" if found.model_error is None else f"{found.model_error:.1%}"
+    if least is not None:
+        error += f"; at {p[0]:.4g} Pa, where the map has the fewest pixels in contact: {least:.1%}"
     bulk = (
         "It HOLDS the sinking of a half-space of the size of the scan, which a finite-element body "
         "has already: taken twice, the joint is too soft."
