@@ -90,9 +90,20 @@ def test_each_patch_counts_by_its_share_of_stiffness_and_energy():
         "of the joint rests on patches that bear no more, a pixel decides"
     )
     assert light.message.startswith("under 1 N on the scan, and ")
+    # What all of them move of the joint, where one alone moves more of the light one
     W = found.energy_at(0.25)
     assert light.effect == Effect(found.stiffness, W, W)
     assert light.step == "look"
+    for own, of_joint in (
+        (Effect(0.01, 0.02, None), Effect(0.01, 0.02, None)),
+        (Effect(None, 0.0, 0.9), Effect(None, 0.0, W)),
+        (None, Effect(found.stiffness, W, W)),
+    ):
+        says = (Problem("contact_at_hole", "warning", "a hole", own),)
+        known, _ = states([1.0, 8.0], LIGHT, says)
+        _, said = error_of_joint(*joint_of(load_N, weight), known, OF_HEAVY, 0.05, 2e-9)
+        assert [one.code for one in said] == ["detail_decides", "contact_at_hole"]
+        assert said[1].effect == of_joint
 
 
 def test_the_energy_of_a_patch_has_the_error_of_its_own_share_of_slip():

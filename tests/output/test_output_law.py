@@ -364,6 +364,28 @@ def test_the_law_of_a_map_says_how_sure_it_is_where_the_least_of_it_touches(
     assert expected > 1.5 * analysis.contact.estimated_error
 
 
+def test_the_law_of_an_uneven_joint_has_the_error_of_its_greatest_pressure_there(tmp_path):
+    """Not that of the joint, which rests on lighter patches."""
+    path = tmp_path / "pressures.csv"
+    given = ("contact.model=boundary_elements", "contact.alignment=as_levelled")
+    said = []
+    for patches in ("1e6,1e-5\n", "1e6,1e-5\n1e5,1e-2\n"):
+        path.write_text("pressure_Pa,area_m2\n" + patches)
+        settings = capslip.load_settings(overrides=(*given, f"joint.pressure_map={path}"))
+        analysis = capslip.analyze(rough(), settings)
+        said.append(law_about(analysis, tmp_path / f"{len(said)}"))
+    assert analysis.contact.estimated_error > 0.5
+    assert said[0] == said[1]
+
+
+def law_about(analysis, folder):
+    """Return what a law says of the error of its model."""
+    folder.mkdir()
+    EXPORT.write(analysis, folder)
+    comment, _ = table(folder / "law.csv")
+    return re.search(r"Error: of the model, estimated at .*?%; at .*?%", comment)[0]
+
+
 def test_the_law_of_caps_says_one_error(written):
     comment, _ = table(written[1] / "law.csv")
     assert "fewest" not in comment

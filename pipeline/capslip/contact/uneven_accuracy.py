@@ -169,12 +169,20 @@ def error_of_joint(
         "the joint rests on patches that bear no more, "
     )
     said = [
-        replace(one, message=under + one.message, effect=Effect(K, W, W))
+        replace(one, message=under + one.message, effect=_of_joint(one.effect, K, W))
         for one in doubts
         if one.severity == "warning"
     ]
     again = {one.code for one in said}
     return found, (*(one for one in problems if one.code not in again), *said)
+
+
+def _of_joint(effect: Effect | None, K: float, W: float) -> Effect:
+    """Return what a doubt of the lighter patch moves, and no more than all moves of the joint."""
+    if effect is None:
+        return Effect(K, W, W)
+    moved = (effect.tangential_stiffness, effect.energy, effect.loss_factor)
+    return Effect(*(one and min(one, most) for one, most in zip(moved, (K, W, W), strict=True)))
 
 
 def _out_of_time(patches: Sequence[ContactState]) -> list[Problem]:

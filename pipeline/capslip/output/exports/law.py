@@ -6,6 +6,7 @@ import json
 import math
 import textwrap
 from collections.abc import Iterable, Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -83,7 +84,9 @@ def write(result: "JointResult", folder: Path) -> tuple[Problem, ...]:
     reach_m = [_reach_m(scan) for scan in _scans(result)]
     found = law(result.parts, result.settings.material.friction_coefficient, reach_m)
     doubts = [f"{p.code}: {p.message}" for p in result.problems if p.severity != "info"]
-    least = _error_at_least(result, found)
+    least = _error_at(result, float(found.pressure_Pa[0]) / found.scan_pressure_Pa)
+    if least is not None and not all(part.joint.is_even for part in result.parts):
+        found = replace(found, model_error=_error_at(result, 1.0))  # not that of the joint
     write_law(found, folder, result.name, result.status, doubts, least)
     tolerance, said = result.settings.contact.tolerance, max(found.shear_error, found.loss_error)
     of_sliders = inexact("law_jenkins.csv", found.elements, JENKINS_TOLERANCE, tolerance)
@@ -96,16 +99,20 @@ def write(result: "JointResult", folder: Path) -> tuple[Problem, ...]:
     return (Problem("export_inexact", "warning", message), *of_sliders)
 
 
-def _error_at_least(result: "JointResult", found: Law) -> float | None:
-    """Return the error of the model under the least pressure, where it knows that of any load."""
+def _error_at(result: "JointResult", factor: float) -> float | None:
+    """Return the error of the model under the load of its scans times a factor.
+
+    None where it does not know that of any load.
+    """
     errors, settings = [], result.settings
     for scan in _scans(result):
         contact = scan.contact
         if contact is None or contact.rung.error is None:
             return None
-        load_N = contact.preload_N * float(found.pressure_Pa[0]) / found.scan_pressure_Pa
+        load_N = contact.preload_N * factor
+        curve = contact.normal if factor == 1.0 else contact.curve_after(load_N)
         known = settings.contact.tolerance, known_noise_m(scan.conditioned.surface, settings)
-        error, _ = contact.rung.error(contact.curve_after(load_N), load_N, *known)
+        error, _ = contact.rung.error(curve, load_N, *known)
         errors.append(math.inf if error is None else error.greatest)
     return max(errors, default=None)
 
