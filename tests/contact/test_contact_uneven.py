@@ -304,6 +304,10 @@ def test_light_patches_count_as_what_they_carry():
     assert one.severity == "warning"
     assert one.effect.energy == one.effect.tangential_stiffness == pytest.approx(0.3)
     assert "30 % of the preload rests on patches under less than 75 % of" in one.message
+    of.weight = np.array([6.0, 2.0, 1.0, 1.0])  # scans, of 17 N in all
+    of.preload_N = 17.0
+    (one,) = said_of(of, patches_of([3.0, 4.0]), 0.05)
+    assert one.effect.energy == pytest.approx(10.0 / 17.0)
 
 
 def test_patches_below_the_least_of_enough_solutions_are_not_too_light():

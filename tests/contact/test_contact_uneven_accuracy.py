@@ -140,6 +140,14 @@ def test_what_is_within_the_tolerance_says_nothing():
     assert said == OF_HEAVY
 
 
+@pytest.mark.parametrize("beyond", [ModelError(0.2, 1e-3), ModelError(1e-3, 0.2)])
+def test_either_of_stiffness_and_energy_beyond_the_tolerance_is_said(beyond):
+    known, _ = states([1.0, 8.0], beyond)
+    known = [replace(one, errors=ModelError(1e-3, 1e-3)) for one in known]
+    _, said = error_of_joint(*joint_of([1.0, 8.0], [4.0, 1.0]), known, (), 0.05, None)
+    assert [one.code for one in said] == ["detail_decides"]
+
+
 def test_a_patch_whose_error_is_not_found_counts_as_a_whole_and_is_said():
     known, _ = states([1.0, 8.0], None)
     found, said = error_of_joint(*joint_of([1.0, 8.0], [4.0, 1.0]), known, (), 0.05, None)
