@@ -203,12 +203,15 @@ def test_patches_too_light_for_the_pixels_are_scaled_and_said(tmp_path):
     assert note.effect.tangential_stiffness == pytest.approx(np.log1p(light), rel=1e-3)
 
 
-def test_an_interval_of_few_solved_pressures_follows_the_preload(tmp_path):
-    """At a hundredth more of it as if that had been given."""
+@pytest.mark.parametrize(
+    ("hardness", "noise_m"), [((), 0.0), (("material.hardness_Pa=4e8",), 0.0), ((), 2e-9)]
+)
+def test_an_interval_of_few_solved_pressures_follows_the_preload(tmp_path, hardness, noise_m):
+    """At a hundredth more of it as if that had been given; noise is pressed as it is."""
     at, answers = np.linspace(0.3e6, 1e6, 9), []
     for factor in (1.0, 1.01):
-        given = ("answer.slip_force_N=10", "material.hardness_Pa=4e8")
-        answers.append(pressed(tmp_path, (factor * at).tolist(), *given))
+        given = ("answer.slip_force_N=10", *hardness)
+        answers.append(pressed(tmp_path, (factor * at).tolist(), *given, noise_m=noise_m))
     state = band._State(answers[0].answer, True, answers[0].parts, answers[0].settings)
     log = dict.fromkeys(("friction", "modulus", "hardness"), np.zeros(2))
     delta_m, energy_J = state.under({**log, "preload": np.log([1.0, 1.01])})

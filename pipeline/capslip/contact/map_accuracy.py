@@ -103,9 +103,7 @@ def error_of_map(
         not known, as much as changes from pixel to pixel counts, and is white.
     """
     unloading, pressed = curve.unloading(load_N), curve.pressed(load_N)
-    first = curve.first or FirstLoading(curve.solutions.face, pressed.approach_m)
-    if math.isinf(first.face.hardness_Pa):  # of any load
-        first = replace(first, approach_m=pressed.approach_m)
+    first = curve.loaded_first_to(load_N)
     taken = first.face.taken
     found = [] if taken is None else [_noise_taken(taken)]
     between = unloading.loss_error

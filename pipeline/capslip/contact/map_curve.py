@@ -73,6 +73,17 @@ class BoundaryElementCurve:
         some = replace(solutions, force_shares=shares, unloading={}, approach_m=known)
         return replace(self, solutions=some)
 
+    def loaded_first_to(self, load_N: float) -> FirstLoading:
+        """Return the face before any load, and how far it came when it bore this one.
+
+        A curve of a face that yields is good at and below its own load; an elastic one at any.
+        """
+        pressed = self.pressed(load_N)
+        first = self.first or FirstLoading(self.solutions.face, pressed.approach_m)
+        if math.isinf(first.face.hardness_Pa):
+            return replace(first, approach_m=pressed.approach_m)
+        return first
+
     def unloading(self, load_N: float) -> Unloading:
         """Return what happens below a preload, with the error to be expected of it."""
         return self.solutions.unload(float(load_N))
@@ -131,7 +142,7 @@ class BoundaryElementCurve:
         Refined points beside more contact are other ones: then the known state is solved on them.
         """
         pressed, punch = self.pressed(load_N), self.solutions.punch(load_N)
-        first = self.first or FirstLoading(self.solutions.face, pressed.approach_m)
+        first = self.loaded_first_to(load_N)
         finest = self.unloading(load_N).refinement
         again = [] if finest == 1 else [(1.0, 1.0)]
         states = nearby(first, pressed, punch, [*again, *changes], share, finest)
