@@ -173,8 +173,8 @@ def joint_of(settings: Settings, surface: HeightMap) -> Joint:
             preload_N = contact.nominal_pressure_Pa * area_m2
         load_N, weight = np.array([preload_N * (scan_m2 / area_m2)]), np.array([area_m2 / scan_m2])
         scan_load_N = float(load_N[0])
-    fit_in = int(contact.time_limit_s / boundary_elements_s(surface.shape))
-    most_solved = min(max(fit_in, FEWEST_SOLVED), MAX_SOLVED)
+    fit_in = contact.time_limit_s / boundary_elements_s(surface.shape)
+    most_solved = int(min(max(fit_in, FEWEST_SOLVED), MAX_SOLVED))
     found = Joint(area_m2, scan_m2, preload_N, load_N, weight, scan_load_N, most_solved)
     if contact.bulk and not found.is_scan:
         raise SettingsError(
