@@ -30,6 +30,14 @@ def caps_map(caps, shape=(200, 300), pixel_size_m=(1e-4, 1e-4), floor_m=-1e-6):
     return HeightMap(height_m, pixel_size_m)
 
 
+def noisy_waves(noise_m=0.0):
+    """Map of waves of some 20 pixels, whose contacts are a few wide, with white noise on it."""
+    z = gaussian_filter(np.random.default_rng(7).standard_normal((64, 64)), 4, mode="wrap")
+    z *= 2e-4 * 5e-5 / np.sqrt(np.mean(np.gradient(z)[0] ** 2))
+    z += noise_m * np.random.default_rng(8).standard_normal(z.shape)
+    return HeightMap(z, (5e-5, 5e-5))
+
+
 def in_filters(work):
     """Return how often a Gaussian filter of 1200 x 800 points fits into the time of `work`.
 

@@ -1,12 +1,13 @@
-"""Tables of caps made by hand, which several tests of contact share."""
+"""Tables of caps and states made by hand, which several tests of contact share."""
 
-from dataclasses import fields
+from dataclasses import fields, replace
 
 import numpy as np
 
 from capslip.caps.families import group_families
 from capslip.caps.table import CapTable
 from capslip.contact.material import composite
+from capslip.contact.press import ContactState
 from capslip.contact.rung import Scene
 from capslip.surface.heightmap import HeightMap
 
@@ -30,3 +31,9 @@ def scene_of(caps, preload_N, side_m=(0.04, 0.06)):
     middle_m = (0.5 * side_m[1], 0.5 * side_m[0])
     held = (middle_m, np.inf)
     return Scene(caps, families, face, E_STAR_PA, preload_N, caps.usable, 1e-7, *held)
+
+
+def state_of(**known):
+    """Return a state of which nothing else is known."""
+    empty = ContactState(**dict.fromkeys((f.name for f in fields(ContactState)), None))
+    return replace(empty, **known)

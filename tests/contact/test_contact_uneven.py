@@ -1,12 +1,11 @@
 """Patches of one scan under unlike pressures, where each pressure is a solution of the map."""
 
-from dataclasses import fields, replace
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from contact_cases import E_STAR_PA
-from scipy.ndimage import gaussian_filter
+from contact_cases import E_STAR_PA, state_of
 
 import capslip
 from capslip.analysis import analyze_once
@@ -14,7 +13,6 @@ from capslip.contact import joint
 from capslip.contact.models.boundary_elements import RUNG, boundary_elements
 from capslip.contact.models.caps import caps
 from capslip.contact.models.families import families
-from capslip.contact.press import ContactState
 from capslip.contact.slip import slip_curve
 from capslip.contact.solvers import solutions
 from capslip.contact.uneven import scaled_between, side_by_side, standing_for
@@ -22,23 +20,17 @@ from capslip.contact.uneven_accuracy import error_of_patches, problems_of_patche
 from capslip.errors import ContactError
 from capslip.structure import band
 from capslip.units import percent
+from scenes import noisy_waves
 
 SPHERE = families((1, 0), (20.0, 20.0), (0.0, 0.0), E_STAR_PA)
 MANY = caps(np.full(200, 2.0), np.linspace(0.0, 4e-6, 200), E_STAR_PA)
-
-
-def waves(noise_m=0.0):
-    z = gaussian_filter(np.random.default_rng(7).standard_normal((64, 64)), 4, mode="wrap")
-    z *= 2e-4 * 5e-5 / np.sqrt(np.mean(np.gradient(z)[0] ** 2))
-    z += noise_m * np.random.default_rng(8).standard_normal(z.shape)
-    return capslip.HeightMap(z, (5e-5, 5e-5))
 
 
 def pressed(tmp_path, pressures_Pa, *overrides, noise_m=0.0):
     path = tmp_path / "pressures.csv"
     path.write_text("pressure_Pa,area_m2\n" + "".join(f"{p!r},1e-5\n" for p in pressures_Pa))
     given = ("contact.model=boundary_elements", f"joint.pressure_map={path}", *overrides)
-    return analyze_once(waves(noise_m), capslip.load_settings(overrides=given))
+    return analyze_once(noisy_waves(noise_m), capslip.load_settings(overrides=given))
 
 
 def said(found):
@@ -95,11 +87,6 @@ def test_patches_of_a_map_slip_as_far_as_a_top_between_its_pixels():
             w * getattr(one, name)(delta_m) for one, w in zip(slips, weight, strict=True)
         )
         np.testing.assert_allclose(getattr(found, name)(delta_m), expected, rtol=off)
-
-
-def state_of(**known):
-    empty = ContactState(**dict.fromkeys((f.name for f in fields(ContactState)), None))
-    return replace(empty, **known)
 
 
 def joint_under(*loads_N):

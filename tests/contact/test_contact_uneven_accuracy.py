@@ -4,17 +4,19 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from contact_cases import state_of
 from scipy.optimize import brentq
 
 import capslip
 from capslip.contact import joint as joints
+from capslip.contact.models.boundary_elements import RUNG
 from capslip.contact.models.families import families
 from capslip.contact.rung import ModelError
 from capslip.contact.uneven import side_by_side
 from capslip.contact.uneven_accuracy import error_of_joint
 from capslip.errors import ContactError
 from capslip.problems import Effect, Problem
-from contact.test_contact_uneven import RUNG, state_of, waves
+from scenes import noisy_waves
 
 E_STAR_PA = 1e11
 SPHERE = families((1, 0), (20.0, 20.0), (0.0, 0.0), E_STAR_PA)
@@ -186,7 +188,7 @@ def test_a_joint_that_rests_on_light_patches_is_as_unsure_as_these(tmp_path, har
         path.write_text("pressure_Pa,area_m2\n" + lines)
         given = ("contact.model=boundary_elements", f"joint.pressure_map={path}", *hardness)
         given = (*given, "contact.alignment=as_levelled")
-        found = capslip.analyze(waves(2e-9), capslip.load_settings(overrides=given))
+        found = capslip.analyze(noisy_waves(2e-9), capslip.load_settings(overrides=given))
         answers[name] = found.contact.errors
     heavy, light, both, mostly = answers.values()
     assert light.stiffness > 1.5 * heavy.stiffness

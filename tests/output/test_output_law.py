@@ -12,7 +12,6 @@ from pathlib import Path
 import h5py
 import numpy as np
 import pytest
-from scipy.ndimage import gaussian_filter
 
 import capslip
 from capslip.analysis import analyze_once, analyze_scans
@@ -24,7 +23,7 @@ from capslip.output.exports.law import DECKS, EXPORT, FILES, UNITS
 from capslip.problems import Problem
 from capslip.settings import Settings
 from capslip.structure.interpolation import tables_of
-from scenes import caps_map
+from scenes import caps_map, noisy_waves
 
 FACE = Path(__file__).parents[2] / "sample_surfaces" / "paper_face_a.h5"
 CAPS = [
@@ -41,14 +40,6 @@ def written(tmp_path_factory):
     folder = tmp_path_factory.mktemp("law")
     EXPORT.write(analysis, folder)
     return analysis, folder
-
-
-def rough():
-    """Return a noisy map of waves."""
-    rng = np.random.default_rng(7)
-    z = gaussian_filter(rng.standard_normal((64, 64)), 4, mode="wrap")
-    z *= 1e-8 / np.sqrt(np.mean(np.gradient(z)[0] ** 2))
-    return capslip.HeightMap(z + 2e-9 * rng.standard_normal(z.shape), (5e-5, 5e-5))
 
 
 def table(path):
@@ -349,7 +340,7 @@ def test_the_law_of_a_map_says_how_sure_it_is_where_the_least_of_it_touches(
     """The lower the pressure, the fewer pixels touch; caps know one error for all."""
     given = ("contact.model=boundary_elements", "contact.alignment=as_levelled", *hardness)
     settings = capslip.load_settings(overrides=(*given, "contact.nominal_pressure_Pa=1e6"))
-    surface = rough()
+    surface = noisy_waves(2e-9)
     analysis = capslip.analyze(surface, settings)
     EXPORT.write(analysis, tmp_path)
     comment, columns = table(tmp_path / "law.csv")
@@ -372,7 +363,7 @@ def test_the_law_of_an_uneven_joint_has_the_error_of_its_greatest_pressure_there
     for patches in ("1e6,1e-5\n", "1e6,1e-5\n1e5,1e-2\n"):
         path.write_text("pressure_Pa,area_m2\n" + patches)
         settings = capslip.load_settings(overrides=(*given, f"joint.pressure_map={path}"))
-        analysis = capslip.analyze(rough(), settings)
+        analysis = capslip.analyze(noisy_waves(2e-9), settings)
         said.append(law_about(analysis, tmp_path / f"{len(said)}"))
     assert analysis.contact.estimated_error > 0.5
     assert said[0] == said[1]

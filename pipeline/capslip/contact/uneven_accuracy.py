@@ -59,14 +59,15 @@ def error_of_patches(joint: Joint, patches: Sequence[ContactState]) -> ModelErro
     count = len(patches)
     if patches[0].rung.solved_loads_N is None or count >= len(joint.load_N):
         return None
-    whole = _stiffness_and_energies(joint.curve_of(patches), joint.preload_N)
+    curve = joint.curve_of(patches)
+    whole = _stiffness_and_energies(curve, joint.preload_N)
     others = [[*patches[:i], *patches[i + 1 :]] for i in range(count - 1)]
     fewer = [_stiffness_and_energies(joint.curve_of(rest), joint.preload_N) for rest in others]
     moved = np.array(fewer).reshape(-1, len(whole)) / whole - 1.0
     together, factors = np.sqrt(np.square(moved).sum(axis=0)), LEFT_95
     if joint.most_solved < FEW_SOLVED:
         together[1:], factors = together[1:].max(), LEFT_BY_FEW
-    of_light = _of_light(joint, patches)
+    of_light = _of_light(joint, curve, patches)
     K, small_W, W = (
         max(factor * float(one.max()) + float(light.max()), LEAST_LEFT)
         for factor, one, light in zip(
@@ -227,14 +228,13 @@ def _too_light(joint: Joint, patches: Sequence[ContactState]) -> float:
     return float((joint.load_N * joint.weight)[light].sum()) / joint.preload_N
 
 
-def _of_light(joint: Joint, patches: Sequence[ContactState]) -> np.ndarray:
+def _of_light(joint: Joint, curve: NormalCurve, patches: Sequence[ContactState]) -> np.ndarray:
     """Return what such patches leave of stiffness and energies near a tenth and a quarter of mu N.
 
     As logarithms, as which intervals take them.
     """
     if (carried := _too_light(joint, patches)) == 0.0:
         return np.zeros(1 + len(NEAR_SMALL))
-    curve = joint.curve_of(patches)
     if not isinstance(curve, PatchedCurve):
         return np.full(1 + len(NEAR_SMALL), carried)
     stiffness, energy, _ = _shares(joint, curve, NEAR_SMALL)

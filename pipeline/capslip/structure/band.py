@@ -147,8 +147,9 @@ def _propagated(state: "_State", damping: Damping) -> Band | None:
     if state.yields:
         spreads["hardness"] = np.array([[material.hardness_spread / NORMAL_95]])
     uncertain = [name for name, spread in spreads.items() if spread.any()]
+    left_out = _left_out(state)
     # What the direction of slip moves alone is no interval of a model whose error is not known
-    if not uncertain or (uncertain == ["direction"] and OF_MODEL in _left_out(state)):
+    if not uncertain or (uncertain == ["direction"] and OF_MODEL in left_out):
         return None
     normal = _drawn({name: len(spreads[name]) for name in uncertain})
     points = 2**LOG2_POINTS
@@ -174,7 +175,7 @@ def _propagated(state: "_State", damping: Damping) -> Band | None:
     return Band(
         {name: _interval(name, np.broadcast_to(one, points)) for name, one in wide.items()},
         {name: _contributions(kept[name], normal) for name in COUNTED if name in kept},
-        _left_out(state),
+        left_out,
     )
 
 
