@@ -19,6 +19,7 @@ FLOORS = (
     {"contact"},
     {"next_steps", "structure"},
     {"stages"},
+    {"pressing"},
     {"sensitivity"},
     {"summary", "verdict"},
     {"result"},

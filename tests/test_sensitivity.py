@@ -15,9 +15,10 @@ from capslip.caps.table import CapTable
 from capslip.contact.models import boundary_elements, families, interacting
 from capslip.errors import ContactError
 from capslip.output.figures_sensitivity import sensitivity as figure_of
+from capslip.pressing import press_face
 from capslip.sensitivity import ANSWERS, Answers, answers_of, sensitivity
 from capslip.settings import settings_from
-from capslip.stages import Clock, find_face, press_face
+from capslip.stages import Clock, find_face
 from capslip.studies.faces.synthetic import CapFamily, Scene, synthetic_surface
 from capslip.surface.heightmap import HeightMap
 from capslip.surface.readers import load_surface

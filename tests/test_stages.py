@@ -6,7 +6,7 @@ from unittest import mock
 import numpy as np
 import pytest
 
-from capslip import stages
+from capslip import pressing, stages
 from capslip.analysis import analyze, analyze_once
 from capslip.caps import doubts
 from capslip.caps.fit import fit_caps
@@ -253,7 +253,7 @@ def test_caps_without_a_level_are_pressed_as_levelled(level, model, alignment):
     chosen = settings("contact.alignment=balanced", f"contact.model={model}")
     joint = SimpleNamespace(settings_of_scan=lambda given: given)
     # no label: caps of two maps, which are no map to press
-    found = stages.as_found(SimpleNamespace(level=level, joint=joint, label=None), chosen)
+    found = pressing.as_found(SimpleNamespace(level=level, joint=joint, label=None), chosen)
     assert found.contact.alignment == alignment
     assert found.contact.model == model
 
@@ -273,7 +273,7 @@ def test_a_map_whose_caps_find_no_level_is_pressed_itself_where_there_is_time(
     joint = SimpleNamespace(settings_of_scan=lambda given: given)
     conditioned = SimpleNamespace(surface=face())
     lost = SimpleNamespace(level=None, joint=joint, label=np.ones((1, 1)), conditioned=conditioned)
-    found = stages.as_found(lost, chosen)
+    found = pressing.as_found(lost, chosen)
     assert found.contact.model == model
     balanced_by_itself = model == "boundary_elements"
     assert found.contact.alignment == ("balanced" if balanced_by_itself else "as_levelled")

@@ -17,11 +17,12 @@ from capslip.contact.slip import SlipCurve, slip_curve
 from capslip.contact.varying_load import greatest_over_mean, varying
 from capslip.doubts import problems_of
 from capslip.errors import ContactError, SettingsError
+from capslip.pressing import can_be_pressed, estimate, press_face
 from capslip.problems import Problem
 from capslip.result import Analysis, JointOfScans, JointResult
 from capslip.sensitivity import sensitivity
 from capslip.settings import Settings
-from capslip.stages import Clock, Face, can_be_pressed, damp, estimate, find_face, press_face
+from capslip.stages import Clock, Face, damp, find_face
 from capslip.structure.answer import answer_to
 from capslip.structure.band import Part, band_of
 from capslip.structure.doubts import problems_of_damping, problems_of_structure

@@ -22,10 +22,11 @@ from capslip.contact.relevance import as_read, still_doubtful
 from capslip.contact.slip import SlipCurve
 from capslip.contact.solvers.unloading import SMALL_SLIP, UNRESOLVED
 from capslip.next_steps import with_next_steps
+from capslip.pressing import as_found
 from capslip.problems import Effect, Problem
 from capslip.result import Analysis
 from capslip.settings import Settings
-from capslip.stages import Face, as_found
+from capslip.stages import Face
 from capslip.structure.answer import Answer
 from capslip.structure.doubts import problems_of_structure
 from capslip.surface.blocks import coarse_step

@@ -10,9 +10,10 @@ from capslip.contact.models.interacting import RUNG as EXACT
 from capslip.contact.models.mean_field import RUNG as COARSE
 from capslip.contact.rung import Rung, rung
 from capslip.errors import CapslipError, ContactError
+from capslip.pressing import press_face
 from capslip.problems import Problem
 from capslip.settings import Settings
-from capslip.stages import Clock, find_face, press_face
+from capslip.stages import Clock, find_face
 from capslip.surface.blocks import block_sums
 from capslip.surface.heightmap import HeightMap
 

@@ -8,7 +8,6 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 
-import msgspec
 import numpy as np
 
 from capslip.caps.below import caps_below_cut, family_below_cut, with_families
@@ -21,20 +20,12 @@ from capslip.caps.joining import join_faces
 from capslip.caps.levels import bow_terms
 from capslip.caps.points import points_of_hills
 from capslip.caps.table import CapTable
-from capslip.contact.choice import boundary_elements_s, estimate_error, rung_of_the_map
+from capslip.contact.choice import map_for_auto
 from capslip.contact.depth import press_for_depth
-from capslip.contact.direction import with_direction
 from capslip.contact.joint import Joint, joint_of
 from capslip.contact.levelling import UNSETTLED, Level, TogetherError, find_level, turned
-from capslip.contact.press import ContactState, press
-from capslip.contact.rung import ModelError, Rung, rung
-from capslip.contact.slip import SlipCurve, slip_curve
-from capslip.contact.uneven_accuracy import (
-    error_of_joint,
-    error_of_patches,
-    problems_of_patches,
-)
-from capslip.contact.varying_load import greatest_over_mean, varying
+from capslip.contact.rung import made_from, rung
+from capslip.contact.slip import SlipCurve
 from capslip.errors import ContactError, TipsOverError
 from capslip.problems import Problem, Severity
 from capslip.settings import Conditioning, Settings
@@ -45,7 +36,6 @@ from capslip.surface.blocks import coarse_map
 from capslip.surface.conditioning import Conditioned, condition
 from capslip.surface.heightmap import HeightMap
 from capslip.surface.mating import Placement, mate, place
-from capslip.surface.noise import known_noise_m
 
 MAX_TURNS = 10  # of fit and contact
 SETTLED = 1e-3  # of the preload: loads that move less in one turn have settled
@@ -54,8 +44,6 @@ FAMILY_TURNS = 4  # of the families and their plane
 # Across the face, of the height of the caps; the next turn is a hundredth of it on the same hills
 FAMILY_SETTLED = 1e-2
 CONDITIONING = Conditioning.__struct_fields__
-
-WithDoubts = tuple[ContactState, tuple[Problem, ...]]
 
 
 class Clock:
@@ -130,132 +118,6 @@ def find_face(
     return _two_maps(conditioned, second, placement, settings, clock)
 
 
-def press_face(
-    face: Face, settings: Settings, clock: Clock
-) -> tuple[ContactState, CapTable, SlipCurve]:
-    """Press a face with its share of the preload, and shear the joint.
-
-    Returns
-    -------
-    ContactState, CapTable, SlipCurve
-        The state of the face under its share; the caps with their loads; the slip curve of the
-        whole joint.
-
-    Raises
-    ------
-    ContactError
-        If the caps cannot carry the preload within the validity of the model.
-    """
-    shape = face.conditioned.surface.shape
-    needs_map = _map_for_auto(face.conditioned.surface, settings) or _made_from(settings) == "map"
-    with clock("contact", boundary_elements_s(shape) if needs_map else None):
-        contact, caps = _pressed(face, settings)
-    with clock("slip"):
-        contact = with_direction(contact, caps, face.conditioned.surface, settings)
-        friction, kappa = settings.material.friction_coefficient, contact.composite.kappa
-        patches = face.joint.loaded(contact, greatest_over_mean(settings.slip))
-        curve = face.joint.curve_of(patches)
-        slip = varying(slip_curve(curve, face.joint.preload_N, friction, kappa), settings.slip)
-        left = error_of_patches(face.joint, patches)
-        doubts = problems_of_patches(face.joint, patches, left, settings.contact.tolerance)
-        known = settings.contact.tolerance, known_noise_m(face.conditioned.surface, settings)
-        errors, said = error_of_joint(face.joint, curve, patches, contact.problems, *known)
-    found = replace(contact, patch_errors=left, errors=errors, problems=(*said, *doubts))
-    return found, caps, slip
-
-
-def _pressed(face: Face, settings: Settings) -> tuple[ContactState, CapTable]:
-    """Press a face; where the map was chosen and fails, its caps stand in as well as they can."""
-    found = as_found(face, settings)
-    given = (face.caps, face.families, face.conditioned.surface)
-    more = (face.label, face.hills.noise_m)
-    level = face.level  # what holds the parts is at ease as they were levelled
-    at_ease_rad = (0.0, 0.0) if level is None else (-level.slope[0], -level.slope[1])
-    try:
-        contact, caps = press(*given, found, *more, at_ease_rad=at_ease_rad)
-        if found.contact.model != settings.contact.model:
-            reason = "the caps find no level; so the map itself is pressed, which finds its own"
-            contact, doubts = _error_of_map(replace(contact, model_reason=reason), face, settings)
-            contact = replace(contact, problems=(*contact.problems, *doubts))
-        return contact, caps
-    except ContactError as failure:
-        if settings.contact.model != "auto" or not face.caps.usable.any():
-            raise
-        why = str(failure)
-    found = as_found(face, settings, with_map=False)
-    try:
-        contact, caps = press(*given, found, *more, map_failure=why, at_ease_rad=at_ease_rad)
-    except ContactError as failure:
-        raise ContactError(f"{failure}; the map itself: {why}") from failure
-    if found.contact.alignment == settings.contact.alignment:
-        return contact, caps
-    message = (
-        f"neither caps ({contact.contacts} touch) nor the map find a level; the face is pressed as "
-        "it was levelled, and its level decides"
-    )
-    lost = Problem("not_balanced", "warning", message)
-    return replace(contact, problems=(*contact.problems, lost)), caps
-
-
-def estimate(face: Face, contact: ContactState, settings: Settings, clock: Clock) -> WithDoubts:
-    """Return a model that the settings force with its estimated error, and whether it is too great.
-
-    It takes far longer than to press the face; the automatic choice has its estimate already.
-    """
-    settings = as_found(face, settings)
-    with clock("accuracy"):
-        if contact.rung.error is not None:
-            contact, doubts = _error_of_map(contact, face, settings)
-            patches = face.joint.loaded(contact, greatest_over_mean(settings.slip))
-            curve = face.joint.curve_of(patches)
-            known = settings.contact.tolerance, known_noise_m(face.conditioned.surface, settings)
-            errors, doubts = error_of_joint(face.joint, curve, patches, doubts, *known)
-            return replace(contact, errors=errors), doubts
-        caps = (face.caps, face.families, face.conditioned.surface, face.label, face.hills.noise_m)
-        error, moved, doubts = estimate_error(*caps, settings)
-    return replace(contact, errors=ModelError.of_either(error), moved=moved), doubts
-
-
-def _error_of_map(contact: ContactState, face: Face, settings: Settings) -> WithDoubts:
-    """Return a model that knows its own error with that, and whether it is too great."""
-    assert contact.rung.error is not None
-    known = settings.contact.tolerance, known_noise_m(face.conditioned.surface, settings)
-    errors, doubts = contact.rung.error(contact.normal, contact.preload_N, *known)
-    return replace(contact, errors=errors), doubts
-
-
-def can_be_pressed(face: Face, settings: Settings) -> bool:
-    """Tell whether a face has caps, or a model that needs none, and does not tip over."""
-    if any(problem.severity == "error" for problem in face.problems):
-        return False
-    needs_none = settings.contact.model == "auto" or _made_from(settings) != "spheres"
-    return bool(face.caps.usable.any()) or (needs_none and face.label is not None)
-
-
-def as_found(face: Face, settings: Settings, with_map: bool = True) -> Settings:
-    """Return the settings of a face: its share of the load, and how it was found to lie.
-
-    The caps of a face that was not balanced are pressed as levelled; or the map itself, which finds
-    its own balance, where the choice is free, there is time, and it is not known to fail.
-    """
-    settings = face.joint.settings_of_scan(settings)
-    if face.level is not None or settings.contact.alignment == "as_levelled":
-        return settings
-    if _made_from(settings) == "map":
-        return settings
-    one = None
-    if with_map and face.label is not None:
-        one = _map_for_auto(face.conditioned.surface, settings)
-    change = {"alignment": "as_levelled"} if one is None else {"model": one.name}
-    contact = msgspec.structs.replace(settings.contact, **change)
-    return msgspec.structs.replace(settings, contact=contact)
-
-
-def _map_for_auto(surface: HeightMap, settings: Settings) -> Rung | None:
-    """Return the model that presses the map, where the automatic choice has time for it."""
-    return rung_of_the_map(surface, settings) if settings.contact.model == "auto" else None
-
-
 def damp(slip: SlipCurve, settings: Settings, clock: Clock) -> tuple[BeamMode | None, Damping]:
     """Return the mode of the beam, where the settings have one, and the damping of the mode."""
     with clock("structure"):
@@ -313,13 +175,13 @@ def _levelled(
     surface: HeightMap, settings: Settings, clock: Clock
 ) -> tuple[Level | None, list[Problem]]:
     """Return the level of a face that turns, None where it does not or cannot."""
-    made_from, contact = _made_from(settings), settings.contact
+    contact, from_map = settings.contact, made_from(settings) == "map"
     turns = contact.model == "auto" or rung(contact.model).knows_places
     if contact.alignment == "as_levelled" or not turns:
         return None, []
-    if made_from == "map" and contact.alignment_stiffness_Nm_per_rad > 0.0:
+    if from_map and contact.alignment_stiffness_Nm_per_rad > 0.0:
         return None, []  # what holds the parts is at ease as they were levelled
-    needs_no_caps = made_from == "map" or _map_for_auto(surface, settings) is not None
+    needs_no_caps = from_map or map_for_auto(surface, settings) is not None
     try:
         with clock("level"):
             level = find_level(surface, settings, needs_no_caps)
@@ -330,7 +192,7 @@ def _levelled(
     except TipsOverError as error:
         severity: Severity = "error"
         if needs_no_caps:  # the map may rest on more than its hills
-            severity = "info" if made_from == "map" else "warning"
+            severity = "info" if from_map else "warning"
         return None, [Problem("tips_over", severity, str(error).removeprefix("tips_over: "))]
     except (ContactError, TogetherError) as error:
         if needs_no_caps:
@@ -474,7 +336,7 @@ def _fitted(surface: HeightMap, hills: Hills, settings: Settings) -> tuple[CapTa
     share = fit_named(settings.caps.fit).compression_share
     points = points_of_hills(surface, hills)
     caps = fit_caps(surface, hills, settings.caps.fit, points=points)
-    if share is None or _made_from(settings) == "nothing":
+    if share is None or made_from(settings) == "nothing":
         return caps, 0.0
     load_N, moved = np.zeros(len(caps)), 0.0
     for _ in range(MAX_TURNS):
@@ -492,9 +354,3 @@ def _fitted(surface: HeightMap, hills: Hills, settings: Settings) -> tuple[CapTa
         depth_m = np.where(load_N > 0.0, share * compression_m, np.nan)
         caps = fit_caps(surface, hills, settings.caps.fit, depth_m, points)
     return caps, moved
-
-
-def _made_from(settings: Settings) -> str:
-    """Return what the contact model takes of the face; spheres where it is chosen later."""
-    model = settings.contact.model
-    return "spheres" if model == "auto" else rung(model).made_from

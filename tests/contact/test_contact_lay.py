@@ -23,8 +23,9 @@ from capslip.contact.solvers.polonsky_keer import (
     press,
     punch_pressure_Pa_per_m,
 )
+from capslip.pressing import press_face
 from capslip.settings import load_settings
-from capslip.stages import Clock, find_face, press_face
+from capslip.stages import Clock, find_face
 from capslip.structure.law import law
 from capslip.studies.theorem.tangential import shear
 from capslip.surface.heightmap import HeightMap

@@ -154,6 +154,11 @@ def rung_of_the_map(surface: HeightMap, settings: Settings) -> Rung | None:
     return one
 
 
+def map_for_auto(surface: HeightMap, settings: Settings) -> Rung | None:
+    """Return the rung that presses the map, where the automatic choice has time for it."""
+    return rung_of_the_map(surface, settings) if settings.contact.model == "auto" else None
+
+
 def _of_the_map(one: Rung, why: str, estimates: dict[str, float | None], n_caps: int) -> Choice:
     """Return the rung that presses the map itself, and why the caps are not enough."""
     use = np.zeros(n_caps, dtype=bool)

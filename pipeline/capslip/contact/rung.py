@@ -232,6 +232,12 @@ def rung(name: str) -> Rung[Any]:
     return cast(Rung[Any], registry.entry(FOLDER, name).RUNG)
 
 
+def made_from(settings: Settings) -> str:
+    """Return what the contact model takes of the face; spheres where it is chosen later."""
+    model = settings.contact.model
+    return "spheres" if model == "auto" else rung(model).made_from
+
+
 def ladder() -> tuple[Rung[Any], ...]:
     """Return all rungs, the cheapest first.
 
