@@ -210,7 +210,7 @@ TABLE = [
     (("contact/*.py", "contact/solvers/*.py"), ("tests/contact/test_*{stem}*.py",)),
     (("structure/answer.py", "units.py"), ("tests/structure/test_*answer*.py",)),
     (
-        ("structure/band.py",),
+        ("structure/band.py", "structure/band_*.py"),
         ("tests/structure/test_*band_parts.py", "tests/structure/test_*{stem}*.py"),
     ),
     (("structure/*.py",), ("tests/structure/test_*{stem}*.py",)),

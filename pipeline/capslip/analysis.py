@@ -24,7 +24,8 @@ from capslip.sensitivity import sensitivity
 from capslip.settings import Settings
 from capslip.stages import Clock, Face, damp, find_face
 from capslip.structure.answer import answer_to
-from capslip.structure.band import Part, band_of
+from capslip.structure.band import band_of
+from capslip.structure.band_state import Part
 from capslip.structure.doubts import problems_of_damping, problems_of_structure
 from capslip.structure.stiffness import is_given, structure_name
 from capslip.surface.average import problems_of_places

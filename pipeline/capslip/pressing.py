@@ -4,19 +4,32 @@ What a pressed face says of its own error is said here, too: of a joint that is 
 under the lightest load that counts.
 """
 
+from collections.abc import Sequence
 from dataclasses import replace
+from typing import Any
 
 import msgspec
+import numpy as np
 
+from capslip.caps.families import Families
 from capslip.caps.table import CapTable
-from capslip.contact.choice import boundary_elements_s, estimate_error, map_for_auto
+from capslip.contact.choice import (
+    Choice,
+    boundary_elements_s,
+    choose_model,
+    estimate_error,
+    map_for_auto,
+)
+from capslip.contact.curve import NormalCurve
 from capslip.contact.direction import with_direction
 from capslip.contact.press import ContactState, press
-from capslip.contact.rung import ModelError, made_from
+from capslip.contact.rung import ModelError, made_from, rung
 from capslip.contact.slip import SlipCurve, slip_curve
 from capslip.contact.uneven_accuracy import (
     error_of_joint,
     error_of_patches,
+    lightest,
+    out_of_time,
     problems_of_patches,
 )
 from capslip.contact.varying_load import greatest_over_mean, varying
@@ -24,6 +37,7 @@ from capslip.errors import ContactError
 from capslip.problems import Problem
 from capslip.settings import Settings
 from capslip.stages import Clock, Face
+from capslip.surface.heightmap import HeightMap
 from capslip.surface.noise import known_noise_m
 
 WithDoubts = tuple[ContactState, tuple[Problem, ...]]
@@ -50,17 +64,67 @@ def press_face(
     with clock("contact", boundary_elements_s(shape) if needs_map else None):
         contact, caps = _pressed(face, settings)
     with clock("slip"):
-        contact = with_direction(contact, caps, face.conditioned.surface, settings)
-        friction, kappa = settings.material.friction_coefficient, contact.composite.kappa
-        patches = face.joint.loaded(contact, greatest_over_mean(settings.slip))
-        curve = face.joint.curve_of(patches)
-        slip = varying(slip_curve(curve, face.joint.preload_N, friction, kappa), settings.slip)
-        left = error_of_patches(face.joint, patches)
-        doubts = problems_of_patches(face.joint, patches, left, settings.contact.tolerance)
-        known = settings.contact.tolerance, known_noise_m(face.conditioned.surface, settings)
-        errors, said = error_of_joint(face.joint, curve, patches, contact.problems, *known)
-    found = replace(contact, patch_errors=left, errors=errors, problems=(*said, *doubts))
-    return found, caps, slip
+        contact, slip, dearer = _sheared(face, contact, caps, settings)
+    if dearer is None:
+        return contact, caps, slip
+    try:
+        with clock("contact"):
+            other, other_caps = _pressed_as(dearer, face, settings)
+        with clock("slip"):
+            other, other_slip, _ = _sheared(face, other, other_caps, settings)
+    except ContactError:
+        return contact, caps, slip
+    if other.errors is None or (
+        contact.errors and contact.errors.greatest <= other.errors.greatest
+    ):
+        return contact, caps, slip
+    return other, other_caps, other_slip
+
+
+def _sheared(
+    face: Face, contact: ContactState, caps: CapTable, settings: Settings
+) -> tuple[ContactState, SlipCurve, Choice | None]:
+    """Return the face with the errors of its joint, the slip of that, and a dearer model.
+
+    One that the automatic choice takes where the joint is lighter.
+    """
+    joint, surface, tolerance = face.joint, face.conditioned.surface, settings.contact.tolerance
+    contact = with_direction(contact, caps, surface, settings)
+    friction, kappa = settings.material.friction_coefficient, contact.composite.kappa
+    patches = joint.loaded(contact, greatest_over_mean(settings.slip))
+    curve = joint.curve_of(patches)
+    slip = varying(slip_curve(curve, joint.preload_N, friction, kappa), settings.slip)
+    contact = replace(contact, problems=(*contact.problems, *out_of_time(patches)))
+    contact, dearer = _with_errors_of_joint(face, contact, curve, patches, settings)
+    left = error_of_patches(joint, patches)
+    doubts = problems_of_patches(joint, patches, left, tolerance)
+    found = replace(contact, patch_errors=left, problems=(*contact.problems, *doubts))
+    return found, slip, dearer
+
+
+def _with_errors_of_joint(
+    face: Face,
+    contact: ContactState,
+    curve: NormalCurve,
+    patches: Sequence[ContactState],
+    settings: Settings,
+) -> tuple[ContactState, Choice | None]:
+    """Return the face with the errors of its joint, and a model for where that is lighter."""
+    light = lightest(face.joint, curve, [*patches[:-1], contact])
+    if light is None:
+        return contact, None
+    dearer: Choice | None = None
+    try:
+        if settings.contact.model == "auto" and light.rung.error is None:
+            light, doubts, dearer = _as_chosen(face, light, settings)
+        else:
+            light, doubts = _with_error(face, light, settings)
+    except ContactError as failure:
+        message = f"nobody knows how far stiffness and energy are off: {failure}"
+        doubts = (Problem("pressures_interpolated", "warning", message),)
+    given = face.joint, curve, contact, light, doubts, settings.contact.tolerance
+    errors, problems = error_of_joint(*given)
+    return replace(contact, errors=errors, problems=problems, light=light), dearer
 
 
 def _pressed(face: Face, settings: Settings) -> tuple[ContactState, CapTable]:
@@ -74,7 +138,7 @@ def _pressed(face: Face, settings: Settings) -> tuple[ContactState, CapTable]:
         contact, caps = press(*given, found, *more, at_ease_rad=at_ease_rad)
         if found.contact.model != settings.contact.model:
             reason = "the caps find no level; so the map itself is pressed, which finds its own"
-            contact, doubts = _error_of_map(replace(contact, model_reason=reason), face, settings)
+            contact, doubts = _with_error(face, replace(contact, model_reason=reason), settings)
             contact = replace(contact, problems=(*contact.problems, *doubts))
         return contact, caps
     except ContactError as failure:
@@ -96,31 +160,82 @@ def _pressed(face: Face, settings: Settings) -> tuple[ContactState, CapTable]:
     return replace(contact, problems=(*contact.problems, lost)), caps
 
 
+def _pressed_as(choice: Choice, face: Face, settings: Settings) -> tuple[ContactState, CapTable]:
+    """Press a face with the model that its lighter patches need, and find its error."""
+    forced = msgspec.structs.replace(settings.contact, model=choice.model)
+    contact, caps = _pressed(face, msgspec.structs.replace(settings, contact=forced))
+    contact, doubts = _with_error(face, contact, settings)
+    problems = (*contact.problems, *doubts)
+    return replace(contact, model_reason=choice.reason, problems=problems), caps
+
+
 def estimate(face: Face, contact: ContactState, settings: Settings, clock: Clock) -> WithDoubts:
     """Return a model that the settings force with its estimated error, and whether it is too great.
 
     It takes far longer than to press the face; the automatic choice has its estimate already.
     """
-    settings = as_found(face, settings)
     with clock("accuracy"):
-        if contact.rung.error is not None:
-            contact, doubts = _error_of_map(contact, face, settings)
-            patches = face.joint.loaded(contact, greatest_over_mean(settings.slip))
-            curve = face.joint.curve_of(patches)
-            known = settings.contact.tolerance, known_noise_m(face.conditioned.surface, settings)
-            errors, doubts = error_of_joint(face.joint, curve, patches, doubts, *known)
-            return replace(contact, errors=errors), doubts
-        caps = (face.caps, face.families, face.conditioned.surface, face.label, face.hills.noise_m)
-        error, moved, doubts = estimate_error(*caps, settings)
+        found, doubts = _with_error(face, contact, settings)
+        patches = face.joint.loaded(found, greatest_over_mean(settings.slip))
+        curve = face.joint.curve_of(patches)
+        alone = replace(found, problems=doubts)
+        of_joint, _ = _with_errors_of_joint(face, alone, curve, patches, settings)
+    return replace(of_joint, problems=contact.problems), of_joint.problems
+
+
+def _with_error(face: Face, contact: ContactState, settings: Settings) -> WithDoubts:
+    """Return the estimated error of a model under the load of a patch, and whether it is too great.
+
+    Caps that answer where the choice was free are asked as if the settings forced them.
+    """
+    if contact.rung.error is not None:
+        known = settings.contact.tolerance, known_noise_m(face.conditioned.surface, settings)
+        errors, doubts = contact.rung.error(contact.normal, contact.preload_N, *known)
+        return replace(contact, errors=errors), doubts
+    error, moved, doubts = estimate_error(*_caps_of(face), _settings_of(face, contact, settings))
     return replace(contact, errors=ModelError.of_either(error), moved=moved), doubts
 
 
-def _error_of_map(contact: ContactState, face: Face, settings: Settings) -> WithDoubts:
-    """Return a model that knows its own error with that, and whether it is too great."""
-    assert contact.rung.error is not None
-    known = settings.contact.tolerance, known_noise_m(face.conditioned.surface, settings)
-    errors, doubts = contact.rung.error(contact.normal, contact.preload_N, *known)
-    return replace(contact, errors=errors), doubts
+def _as_chosen(
+    face: Face, light: ContactState, settings: Settings
+) -> tuple[ContactState, tuple[Problem, ...], Choice | None]:
+    """Return caps under a light load with the error that the choice finds, and a dearer model."""
+    under = _settings_of(face, light, settings)
+    auto = msgspec.structs.replace(under.contact, model="auto")
+    choice = choose_model(*_caps_of(face), msgspec.structs.replace(under, contact=auto))
+    dearer: Choice | None = None
+    if rung(choice.model).cost > light.rung.cost:
+        need = f"lighter patches of the joint need it: under {light.preload_N:.3g} N on the scan, "
+        dearer = replace(choice, reason=need + choice.reason)
+    of_caps = choice.caps or choice
+    errors = of_caps.model_errors
+    if of_caps.model != light.rung.name:
+        errors = ModelError.of_either(of_caps.estimates.get(light.rung.name))
+    doubts = () if of_caps.problem is None else (of_caps.problem,)
+    return replace(light, errors=errors, moved=of_caps.moved), doubts, dearer
+
+
+def _caps_of(
+    face: Face,
+) -> tuple[CapTable, Families, HeightMap, np.ndarray | None, float]:
+    """Return what the choice among the models takes of a face."""
+    surface = face.conditioned.surface
+    return face.caps, face.families, surface, face.label, face.hills.noise_m
+
+
+def _settings_of(face: Face, patch: ContactState, settings: Settings) -> Settings:
+    """Return the settings of a patch of the joint: its load, and the model that was pressed.
+
+    The level of a face that was balanced stays that under the greatest pressure.
+    """
+    found = as_found(face, settings)
+    change: dict[str, Any] = {"model": patch.rung.name, "preload_N": patch.preload_N}
+    conditioning = found.conditioning
+    if found.contact.alignment == "balanced" and patch.preload_N < found.contact.preload_N:
+        change["alignment"] = "as_levelled"
+        conditioning = msgspec.structs.replace(conditioning, form="none")  # no other plane counts
+    contact = msgspec.structs.replace(found.contact, **change)
+    return msgspec.structs.replace(found, contact=contact, conditioning=conditioning)
 
 
 def can_be_pressed(face: Face, settings: Settings) -> bool:

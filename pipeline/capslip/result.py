@@ -17,7 +17,8 @@ from capslip.problems import Problem
 from capslip.sensitivity import Sensitivity
 from capslip.settings import Settings
 from capslip.structure.answer import Answer
-from capslip.structure.band import Band, Part
+from capslip.structure.band import Band
+from capslip.structure.band_state import Part
 from capslip.structure.beam import BeamMode
 from capslip.structure.response import Damping
 from capslip.structure.stiffness import structure_name

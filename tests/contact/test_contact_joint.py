@@ -15,7 +15,7 @@ from capslip.contact.models.interacting import interacting
 from capslip.contact.pressure_map import classes_of_pressure, read_pressure_map
 from capslip.contact.slip import slip_curve
 from capslip.errors import ContactError, SettingsError
-from capslip.structure import band
+from capslip.structure import band_state
 from scenes import caps_map
 
 MU, KAPPA = 0.2, 1.2143
@@ -163,7 +163,7 @@ def test_an_interval_of_uneven_patches_that_yield_follows_their_answer(tmp_path)
         return run_once(f"joint.pressure_map={pressure_file(tmp_path, *rows)}", *given)
 
     answers = [found_under(factor) for factor in (1.0, 1.01)]
-    state = band._State(answers[0].answer, True, answers[0].parts, answers[0].settings)
+    state = band_state.State(answers[0].answer, True, answers[0].parts, answers[0].settings)
     log = dict.fromkeys(("friction", "modulus", "hardness"), np.zeros(2))
     delta_m, energy_J = state.under({**log, "preload": np.log([1.0, 1.01])})
     for i, one in enumerate(answers):

@@ -18,7 +18,7 @@ from capslip.contact.solvers import solutions
 from capslip.contact.uneven import scaled_between, side_by_side, standing_for
 from capslip.contact.uneven_accuracy import error_of_patches, problems_of_patches
 from capslip.errors import ContactError
-from capslip.structure import band
+from capslip.structure import band_state
 from capslip.units import percent
 from scenes import noisy_waves
 
@@ -199,7 +199,7 @@ def test_an_interval_of_few_solved_pressures_follows_the_preload(tmp_path, hardn
     for factor in (1.0, 1.01):
         given = ("answer.slip_force_N=10", *hardness)
         answers.append(pressed(tmp_path, (factor * at).tolist(), *given, noise_m=noise_m))
-    state = band._State(answers[0].answer, True, answers[0].parts, answers[0].settings)
+    state = band_state.State(answers[0].answer, True, answers[0].parts, answers[0].settings)
     log = dict.fromkeys(("friction", "modulus", "hardness"), np.zeros(2))
     delta_m, energy_J = state.under({**log, "preload": np.log([1.0, 1.01])})
     for i, one in enumerate(answers):

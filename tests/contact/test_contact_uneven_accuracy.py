@@ -1,6 +1,8 @@
 """Errors of a joint that is pressed unevenly: each patch counts by what rests on it."""
 
 from dataclasses import replace
+from types import SimpleNamespace
+from unittest import mock
 
 import numpy as np
 import pytest
@@ -8,15 +10,17 @@ from contact_cases import state_of
 from scipy.optimize import brentq
 
 import capslip
+from capslip import pressing
 from capslip.contact import joint as joints
 from capslip.contact.models.boundary_elements import RUNG
 from capslip.contact.models.families import families
-from capslip.contact.rung import ModelError
+from capslip.contact.rung import ModelError, rung
 from capslip.contact.uneven import side_by_side
-from capslip.contact.uneven_accuracy import error_of_joint
 from capslip.errors import ContactError
 from capslip.problems import Effect, Problem
-from scenes import noisy_waves
+from capslip.stages import Clock
+from capslip.surface.heightmap import HeightMap
+from scenes import caps_map, noisy_waves
 
 E_STAR_PA = 1e11
 SPHERE = families((1, 0), (20.0, 20.0), (0.0, 0.0), E_STAR_PA)
@@ -47,9 +51,22 @@ def states(load_N, found=LIGHT, says=OF_LIGHT):
             raise ContactError("too few pixels")
         return found, says
 
-    rung = replace(RUNG, error=error, problems=None)
-    known = [state_of(rung=rung, preload_N=N, curve=SPHERE, errors=HEAVY) for N in load_N]
+    asked_rung = replace(RUNG, error=error, problems=None)
+    known = [state_of(rung=asked_rung, preload_N=N, curve=SPHERE, errors=HEAVY) for N in load_N]
     return known, asked
+
+
+def error_of(joint_and_curve, known, problems, tolerance=0.05, noise_m=None):
+    """Errors and problems of a joint whose patches are known."""
+    joint, curve = joint_and_curve
+    face = SimpleNamespace(joint=joint, conditioned=SimpleNamespace(surface=None))
+    sets = ("contact.model=boundary_elements", f"contact.tolerance={tolerance}")
+    pressed = replace(known[-1], problems=problems)
+    with mock.patch("capslip.pressing.known_noise_m", return_value=noise_m):
+        given = face, pressed, curve, known, capslip.load_settings(overrides=sets)
+        found, dearer = pressing._with_errors_of_joint(*given)
+    assert dearer is None
+    return found.errors, found.problems
 
 
 def shares_of_spheres(load_N, weight, share):
@@ -77,7 +94,7 @@ def shares_of_spheres(load_N, weight, share):
 def test_each_patch_counts_by_its_share_of_stiffness_and_energy():
     load_N, weight = np.array([1.0, 8.0**0.5, 8.0]), np.array([4.0, 2.0, 1.0])
     known, asked = states([1.0, 8.0])
-    found, said = error_of_joint(*joint_of(load_N, weight), known, OF_HEAVY, 0.05, 2e-9)
+    found, said = error_of(joint_of(load_N, weight), known, OF_HEAVY, 0.05, 2e-9)
     assert asked == [(1.0, 0.05, 2e-9)]
     between = np.sqrt(HEAVY.stiffness * LIGHT.stiffness), np.sqrt(HEAVY.energy * LIGHT.energy)
     for share in (0.1, 0.25, 0.75):
@@ -103,7 +120,7 @@ def test_each_patch_counts_by_its_share_of_stiffness_and_energy():
     ):
         says = (Problem("contact_at_hole", "warning", "a hole", own),)
         known, _ = states([1.0, 8.0], LIGHT, says)
-        _, said = error_of_joint(*joint_of(load_N, weight), known, OF_HEAVY, 0.05, 2e-9)
+        _, said = error_of(joint_of(load_N, weight), known, OF_HEAVY, 0.05, 2e-9)
         assert [one.code for one in said] == ["detail_decides", "contact_at_hole"]
         assert said[1].effect == of_joint
 
@@ -114,7 +131,7 @@ def test_the_energy_of_a_patch_has_the_error_of_its_own_share_of_slip():
     by_share = ((0.1, 0.9), (0.5, 0.3), (1.0, 0.01))
     light = ModelError(0.1, 0.9, by_share)
     known, _ = states([1.0, 8.0], light)
-    found, _ = error_of_joint(*joint_of(load_N, weight), known, (), 0.05, None)
+    found, _ = error_of(joint_of(load_N, weight), known, (), 0.05)
     _, W, slipped = shares_of_spheres(load_N, weight, 0.25)
     assert slipped[0] > 0.3
     expected = W @ (light.energy_at(slipped[0]), HEAVY.energy)
@@ -127,17 +144,17 @@ def test_the_energy_of_a_patch_has_the_error_of_its_own_share_of_slip():
 
 def test_patches_on_which_little_rests_are_not_asked():
     known, asked = states([1.0, 8.0])
-    few = error_of_joint(*joint_of([1.0, 8.0], [0.01, 1.0]), known, OF_HEAVY, 0.05, None)
+    few = error_of(joint_of([1.0, 8.0], [0.01, 1.0]), known, OF_HEAVY, 0.05)
     assert few == (HEAVY, OF_HEAVY)
     assert asked == []
     known, asked = states([1.0, 4.0, 8.0])
-    error_of_joint(*joint_of([1.0, 4.0, 8.0], [0.01, 1.0, 1.0]), known, OF_HEAVY, 0.05, None)
+    error_of(joint_of([1.0, 4.0, 8.0], [0.01, 1.0, 1.0]), known, OF_HEAVY, 0.05)
     assert [N for N, *_ in asked] == [4.0]
 
 
 def test_what_is_within_the_tolerance_says_nothing():
     known, _ = states([1.0, 8.0])
-    found, said = error_of_joint(*joint_of([1.0, 8.0], [4.0, 1.0]), known, OF_HEAVY, 0.7, None)
+    found, said = error_of(joint_of([1.0, 8.0], [4.0, 1.0]), known, OF_HEAVY, 0.7)
     assert found.energy > HEAVY.energy
     assert said == OF_HEAVY
 
@@ -146,13 +163,13 @@ def test_what_is_within_the_tolerance_says_nothing():
 def test_either_of_stiffness_and_energy_beyond_the_tolerance_is_said(beyond):
     known, _ = states([1.0, 8.0], beyond)
     known = [replace(one, errors=ModelError(1e-3, 1e-3)) for one in known]
-    _, said = error_of_joint(*joint_of([1.0, 8.0], [4.0, 1.0]), known, (), 0.05, None)
+    _, said = error_of(joint_of([1.0, 8.0], [4.0, 1.0]), known, (), 0.05)
     assert [one.code for one in said] == ["detail_decides"]
 
 
 def test_a_patch_whose_error_is_not_found_counts_as_a_whole_and_is_said():
     known, _ = states([1.0, 8.0], None)
-    found, said = error_of_joint(*joint_of([1.0, 8.0], [4.0, 1.0]), known, (), 0.05, None)
+    found, said = error_of(joint_of([1.0, 8.0], [4.0, 1.0]), known, (), 0.05)
     K, W, _ = shares_of_spheres(np.array([1.0, 8.0]), np.array([4.0, 1.0]), 0.25)
     assert found.stiffness == pytest.approx(K @ (1.0, HEAVY.stiffness))
     assert found.energy_at(0.25) == pytest.approx(W @ (1.0, HEAVY.energy), rel=1e-3)
@@ -166,11 +183,107 @@ def test_a_model_that_knows_no_error_and_an_even_joint_keep_what_they_have():
     known, asked = states([1.0, 8.0])
     joint, curve = joint_of([1.0, 8.0], [4.0, 1.0])
     of_none = [replace(one, errors=None) for one in known]
-    assert error_of_joint(joint, curve, of_none, OF_HEAVY, 0.05, None) == (None, OF_HEAVY)
-    same = [replace(one, rung=replace(one.rung, error=None)) for one in known]
-    assert error_of_joint(joint, curve, same, OF_HEAVY, 0.05, None) == (HEAVY, OF_HEAVY)
-    assert error_of_joint(joint, SPHERE, known[1:], OF_HEAVY, 0.05, None) == (HEAVY, OF_HEAVY)
+    assert error_of((joint, curve), of_none, OF_HEAVY) == (None, OF_HEAVY)
+    assert error_of((joint, SPHERE), known[1:], OF_HEAVY) == (HEAVY, OF_HEAVY)
     assert asked == []
+
+
+HEAVY_PA, LIGHT_PA = 2e5, 1e4
+AT_A_QUARTER = ("contact.alignment=as_levelled", "conditioning.form=none")
+
+
+def few_caps(noise_m=0.0, spread_m=1e-7):
+    """Map of 12 caps, in mm apart and of unlike heights, with white noise on it."""
+    rng = np.random.default_rng(3)
+    places = [(x * 5e-3 + 5e-3, y * 5e-3 + 5e-3) for x in range(4) for y in range(3)]
+    caps = [(*at, 1.5 * rng.uniform(0.8, 1.25), -spread_m * rng.random()) for at in places]
+    scene = caps_map(caps, shape=(200, 250), floor_m=-1.5e-6)
+    noise = np.random.default_rng(4).standard_normal(scene.shape)
+    return HeightMap(scene.height_m + noise_m * noise, scene.pixel_size_m)
+
+
+def pressed(surface, path, areas_m2, *sets):
+    """Analyse a joint of a pressure for each area."""
+    lines = "".join(f"{p!r},{area!r}\n" for p, area in areas_m2.items())
+    path.write_text("pressure_Pa,area_m2\n" + lines)
+    given = (f"joint.pressure_map={path}", *AT_A_QUARTER, *sets)
+    return capslip.analyze(surface, capslip.load_settings(overrides=given))
+
+
+@pytest.mark.parametrize("model", ["auto", "interacting"])
+def test_caps_of_a_joint_that_rests_on_light_patches_are_as_unsure_as_these(tmp_path, model):
+    """Noise of some nm decides which caps touch where the pressure is low."""
+    path, area_m2 = tmp_path / "pressures.csv", 1e-2
+    sets = (f"contact.model={model}",)
+    light = pressed(few_caps(6e-9), path, {LIGHT_PA: area_m2}, *sets)
+    heavy = pressed(few_caps(6e-9), path, {HEAVY_PA: area_m2}, *sets)
+    both = pressed(few_caps(6e-9), path, {HEAVY_PA: area_m2 / 500, LIGHT_PA: area_m2}, *sets)
+    true = pressed(few_caps(), path, {HEAVY_PA: area_m2 / 500, LIGHT_PA: area_m2}, *sets)
+    assert both.contact.model == heavy.contact.model == true.contact.model == "interacting"
+    assert heavy.contact.errors.energy_at(0.25) < 0.05
+    of_light = light.contact.errors.energy_at(0.25)
+    assert of_light > 0.05
+    assert 0.5 * of_light < both.contact.errors.energy_at(0.25) < 1.2 * of_light
+    code = "noise_decides" if model == "auto" else "model_doubtful"
+    assert code not in [one.code for one in heavy.problems]
+    (said,) = (one for one in both.problems if one.code == code)
+    assert said.message.startswith(f"under {LIGHT_PA * few_caps().measured_area_m2:.3g} N on the")
+    for name in ("energy_J", "tangential_stiffness_N_per_m"):
+        low, high = both.band.interval[name]
+        value, narrow = getattr(both.answer, name), heavy.band.interval[name]
+        assert low < getattr(true.answer, name) < high, name
+        assert high - low > 2.0 * value / getattr(heavy.answer, name) * (narrow[1] - narrow[0])
+    low, high = np.array(both.band.interval["energy_J"]) / both.answer.energy_J
+    wide = np.array(light.band.interval["energy_J"]) / light.answer.energy_J
+    assert 0.5 < np.log(high / low) / np.log(wide[1] / wide[0]) < 1.2
+
+
+def test_the_model_is_one_that_is_within_the_tolerance_where_the_joint_is_light(tmp_path):
+    path, areas_m2 = tmp_path / "pressures.csv", {2e4: 1e-5, 2e2: 1e-2}
+    surface = few_caps(1e-9, spread_m=1e-9)
+    heavy = pressed(surface, path, {2e4: 1e-2})
+    both = pressed(surface, path, areas_m2)
+    assert rung(heavy.contact.model).cost < rung(both.contact.model).cost
+    assert both.contact.model_reason.startswith("lighter patches of the joint need it: under ")
+    # As near as the caps themselves, which the model of the heavy patch is not
+    interacting = pressed(surface, path, areas_m2, "contact.model=interacting")
+    cheaper = pressed(surface, path, areas_m2, f"contact.model={heavy.contact.model}")
+    W = interacting.answer.energy_J
+    assert both.answer.energy_J == pytest.approx(W, rel=1e-6)
+    assert abs(cheaper.answer.energy_J / W - 1.0) > 1e-3
+    assert both.contact.errors.energy_at(0.25) == pytest.approx(
+        interacting.contact.errors.energy_at(0.25), rel=0.5
+    )
+
+
+@pytest.mark.parametrize(
+    ("of_map", "kept"),
+    [(ModelError(0.01, 0.02), False), (ModelError(0.5, 0.9), True), (None, True), ("fails", True)],
+)
+def test_a_map_that_light_patches_want_answers_only_where_it_knows_better(
+    monkeypatch, of_map, kept
+):
+    """A choice of the map for the lightest patch is tried, and compared with the caps."""
+    caps = state_of(errors=ModelError(0.1, 0.3), curve=SPHERE)
+    other = replace(caps, errors=None if of_map == "fails" else of_map)
+    dearer = SimpleNamespace(model="boundary_elements")
+
+    def pressed_as(choice, face, settings):
+        assert choice is dearer
+        if of_map == "fails":
+            raise ContactError("no solution")
+        return other, "table of the map"
+
+    monkeypatch.setattr(pressing, "_pressed", lambda *_: (caps, "table"))
+    monkeypatch.setattr(pressing, "_pressed_as", pressed_as)
+    monkeypatch.setattr(
+        pressing, "_sheared", lambda face, one, *_: (one, "slip", dearer if one is caps else None)
+    )
+    surface = SimpleNamespace(shape=(10, 10))
+    face = SimpleNamespace(conditioned=SimpleNamespace(surface=surface))
+    found, table, _ = pressing.press_face(face, capslip.load_settings(), Clock())
+    assert (found is caps) is kept
+    assert table == ("table" if kept else "table of the map")
 
 
 @pytest.mark.parametrize("hardness", [(), ("material.hardness_Pa=4e8",)])

@@ -20,7 +20,9 @@ from capslip.contact.slip import slip_curve
 from capslip.contact.solvers.yielding import YieldLaw
 from capslip.settings import Question, load_settings
 from capslip.structure.answer import answer_to
-from capslip.structure.band import LEAST_ERROR, NORMAL_95, PAIRS_SHARE, Part, band_of
+from capslip.structure.band import band_of
+from capslip.structure.band_causes import LEAST_ERROR, NORMAL_95, PAIRS_SHARE
+from capslip.structure.band_state import Part
 from capslip.structure.response import response
 from capslip.studies.faces.synthetic import Scene, synthetic_surface
 from scenes import caps_map

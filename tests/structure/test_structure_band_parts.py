@@ -6,15 +6,18 @@ import numpy as np
 import pytest
 from scipy.stats import norm, t
 
+from capslip.contact.joint import Joint
+from capslip.contact.models.families import families
 from capslip.contact.rung import ModelError
+from capslip.contact.uneven import side_by_side
 from capslip.settings import load_settings
-from capslip.structure import band
-from capslip.structure.band import NORMAL_95
+from capslip.structure import band, band_causes, band_state
+from capslip.structure.band_causes import NORMAL_95
 
 
 def part(coverage=None, error=0.1, made_from="spheres", lay=None, share=1.0, **contact):
     rung = SimpleNamespace(made_from=made_from)
-    known = {"patch_errors": None, **contact}
+    known = {"patch_errors": None, "light": None, **contact}
     contact = SimpleNamespace(estimated_error=error, rung=rung, lay=lay, moved=None, **known)
     return SimpleNamespace(joint=SimpleNamespace(coverage=coverage), contact=contact, share=share)
 
@@ -42,18 +45,18 @@ def test_what_an_interval_does_not_hold_is_listed(parts, left_out):
 
 def test_two_rows_have_the_covariance_of_many():
     changes = np.random.default_rng(0).normal(size=(7, 2)) * (1.0, 3.0)
-    root = band._root(changes)
+    root = band_causes._root(changes)
     assert root.shape == (2, 2)
     assert root.T @ root == pytest.approx(changes.T @ changes, rel=1e-12)
 
 
 def test_weights_are_those_of_the_polynomial_through_the_nodes():
     nodes, at = np.array([-0.5, 0.1, 0.7]), np.linspace(-1.0, 1.0, 9)
-    weight = band._weights(nodes, at)
+    weight = band_state._weights(nodes, at)
     assert weight.sum(axis=1) == pytest.approx(1.0)
     for power in (1, 2):
         assert weight @ nodes**power == pytest.approx(at**power, abs=1e-12)
-    assert band._weights(nodes, nodes) == pytest.approx(np.eye(3), abs=1e-12)
+    assert band_state._weights(nodes, nodes) == pytest.approx(np.eye(3), abs=1e-12)
 
 
 @pytest.mark.parametrize("scans", [2, 3, 8])
@@ -112,13 +115,12 @@ def test_an_unknown_direction_leaves_the_covariance_of_all_directions():
     a, b = (sum(one[i] * one[2] for one in of) for i in (0, 1))
     turn = np.exp(2j * np.pi * np.arange(360) / 360)  # e^(2 i phi)
     moved = np.stack([(a * turn).real, (b * turn).real])
-    root = band._of_direction(of_force(parts=parts, contact__tolerance=0.05))
+    root = band_causes.of_direction(of_force(parts=parts, contact__tolerance=0.05))
     assert root.T @ root == pytest.approx(moved @ moved.T / 360, abs=1e-12)
     least = abs(np.array([a, b])).max()
-    assert band._of_direction(of_force(parts=parts, contact__tolerance=1.01 * least)).any() is (
-        np.False_
-    )
-    assert band._of_direction(of_force(parts=parts, contact__tolerance=0.99 * least)).any()
+    wide = of_force(parts=parts, contact__tolerance=1.01 * least)
+    assert not band_causes.of_direction(wide).any()
+    assert band_causes.of_direction(of_force(parts=parts, contact__tolerance=0.99 * least)).any()
 
 
 def test_at_a_given_displacement_a_direction_moves_what_the_slopes_of_the_curve_make_of_it():
@@ -131,7 +133,7 @@ def test_at_a_given_displacement_a_direction_moves_what_the_slopes_of_the_curve_
     state.response = lambda curve, approach_m, at: (
         asked.append((approach_m, at.mean())) or (7.0 * at**0.5, 5.0 * at**3)
     )
-    root = band._of_direction(state)
+    root = band_causes.of_direction(state)
     a, b = -0.5 * (0.3 + 0.1j), -0.2j - 3.0 * (0.3 + 0.1j)
     expected = 0.5 * np.array([[abs(a) ** 2, (a * b.conjugate()).real], [0.0, abs(b) ** 2]])
     expected[1, 0] = expected[0, 1]
@@ -143,12 +145,14 @@ def test_a_model_without_caps_has_its_error_at_the_force_that_was_asked():
     known = ModelError(0.02, 0.4, ((0.1, 0.4), (0.4, 0.1), (1.0, 0.05)))
     state = of_force(material__friction_coefficient=0.25)
     state.preload_N = 50.0  # 5 N of 12.5 N: 0.4
-    caps, model = band._of_one(state, part(errors=known))
-    assert caps.tolist() == [[0.0, 0.0], [0.0, 0.0]]
-    assert model == pytest.approx(np.diag((0.02, 0.1)) / NORMAL_95)
+    left = band_causes._of_one(state, part(errors=known))
+    assert left.caps.tolist() == [[0.0, 0.0], [0.0, 0.0]]
+    assert left.shift.tolist() == [0.0, 0.0]
+    assert left.model == pytest.approx(np.diag((0.02, 0.1)) / NORMAL_95)
     state.preload_N = 10.0  # beyond gross slip: as at it
-    assert band._of_one(state, part(errors=known))[1][1, 1] == pytest.approx(0.05 / NORMAL_95)
-    assert not band._of_one(state, part(errors=None))[1].any()
+    model = band_causes._of_one(state, part(errors=known)).model
+    assert model[1, 1] == pytest.approx(0.05 / NORMAL_95)
+    assert not band_causes._of_one(state, part(errors=None)).model.any()
 
 
 def test_what_few_solved_pressures_leave_comes_to_the_error_of_the_model():
@@ -161,9 +165,9 @@ def test_what_few_solved_pressures_leave_comes_to_the_error_of_the_model():
         (None, of_patches, (0.04, 0.06)),
         (of_model, None, (0.03, 0.08)),
     ):
-        caps, model = band._of_one(state, part(errors=errors, patch_errors=patch_errors))
-        assert not caps.any()
-        assert model == pytest.approx(np.diag(expected) / NORMAL_95)
+        left = band_causes._of_one(state, part(errors=errors, patch_errors=patch_errors))
+        assert not left.caps.any()
+        assert left.model == pytest.approx(np.diag(expected) / NORMAL_95)
 
 
 @pytest.mark.parametrize(("by_force", "at"), [(True, 30.0), (False, 2.5e-8)])
@@ -192,31 +196,175 @@ def test_caps_that_were_moved_are_asked_at_the_state_of_their_scan(by_force, at)
     one = part(preload_N=120.0, composite=SimpleNamespace(kappa=1.6), curve=curve(1.03, 2.0))
     one.contact.moved = of
     state.answer.slip_force_N = 0.25 * 5.0
-    caps, model = band._of_one(state, one)
+    left = band_causes._of_one(state, one)
     assert np.array(asked) == pytest.approx(np.tile((1.2e-7, at), (5, 1)), rel=1e-12)
     random = np.array([[0.0, 0.0], [0.2, 0.4], [-0.2, -0.4]])
-    assert caps.T @ caps == pytest.approx(random.T @ random / 3.0)
-    least = band.LEAST_ERROR
-    of_stiffness = band.OF_STIFFNESS * 0.05
+    assert left.caps.T @ left.caps == pytest.approx(random.T @ random / 3.0)
+    assert left.shift == pytest.approx([-0.03, 0.0])  # to interacting caps, from those in use
+    least = band_causes.LEAST_ERROR
+    of_stiffness = band_causes.OF_STIFFNESS * 0.05
     at_a_quarter = 0.04
-    first = [[0.02, 0.0], [0.0, 0.02], [0.06, 0.0], [0.03, 0.0]]
+    first = [[0.02, 0.0], [0.0, 0.02], [0.06, 0.0]]
     last = [[of_stiffness, 0.0], [0.0, 0.05], [0.01, 0.0], [0.0, at_a_quarter]]
     others = np.array([*first, *last])
     expected = (others.T @ others + least**2 * np.eye(2)) / NORMAL_95**2
-    assert model.T @ model == pytest.approx(expected)
+    assert left.model.T @ left.model == pytest.approx(expected)
 
 
 def test_one_scan_has_no_scatter():
-    assert band._of_scatter(of_force(parts=[part()])).tolist() == [[0.0, 0.0], [0.0, 0.0]]
+    assert band_causes.of_scatter(of_force(parts=[part()])).tolist() == [[0.0, 0.0], [0.0, 0.0]]
 
 
 def test_errors_of_caps_are_each_scans_own_and_those_of_the_model_go_together(monkeypatch):
     caps, model = (np.diag(of) for of in ((0.1, 0.2), (0.3, 0.4)))
-    monkeypatch.setattr(band, "_of_one", lambda state, one: (caps, model))
-    alone = band._of_caps_and_model(of_force(parts=[part()]))
-    assert (alone[0] == caps).all()
-    assert (alone[1] == model).all()
+
+    def left(state, one):
+        return band_causes.Left(caps, model, one.share * np.array([0.1, 0.3]))
+
+    monkeypatch.setattr(band_causes, "_of_one", left)
+    alone = band_causes.of_caps_and_model(of_force(parts=[part()]))
+    assert (alone.caps == caps).all()
+    assert (alone.model == model).all()
+    assert alone.shift == pytest.approx([0.1, 0.3])
     parts = [part(share=0.25), part(share=0.75)]
-    of_caps, of_model = band._of_caps_and_model(of_force(parts=parts))
-    assert of_caps.T @ of_caps == pytest.approx((0.25**2 + 0.75**2) * caps @ caps)
-    assert of_model.T @ of_model == pytest.approx(model @ model)
+    both = band_causes.of_caps_and_model(of_force(parts=parts))
+    assert both.caps.T @ both.caps == pytest.approx((0.25**2 + 0.75**2) * caps @ caps)
+    assert both.model.T @ both.model == pytest.approx(model @ model)
+    assert both.shift == pytest.approx((0.25**2 + 0.75**2) * np.array([0.1, 0.3]))
+
+
+E_STAR_PA = 1e11
+LOAD_N, WEIGHT = np.array([1.0, 3.0, 8.0]), np.array([12.0, 3.0, 1.0])
+
+
+def spheres(x=0.0):
+    """Return a sphere whose radius is e^x times as large."""
+    return families((1, 0), (20.0 * np.exp(x), 20.0), (0.0, 0.0), E_STAR_PA)
+
+
+class Sets:
+    """Curves of spheres with other radii, asked together."""
+
+    def __init__(self, *log_radius):
+        self.curves = [spheres(x) for x in log_radius]
+
+    def __getattr__(self, name):
+        def each(first, *rest):
+            firsts = np.broadcast_to(first, len(self.curves))
+            asked = zip(self.curves, firsts, strict=True)
+            return np.array([getattr(one, name)(at, *rest) for one, at in asked])
+
+        return each
+
+
+def uneven_part(of_light, of_heavy, used=0.0):
+    """Part of a joint of three pressures, whose spheres may be as much wider or narrower."""
+    curve = spheres(used)
+
+    def state(load_N, spread):
+        moved = SimpleNamespace(
+            found=spheres(),
+            moved=Sets(spread, -spread, 0.0),
+            by_pairs=spheres(),
+            by_level=None,
+            of_unloading=0.0,
+            of_profiles=lambda share: (0.0, 0.0),
+        )
+        composite = SimpleNamespace(kappa=1.25)
+        known = {"moved": moved, "composite": composite, "curve": curve, "light": None}
+        return SimpleNamespace(preload_N=load_N, **known)
+
+    heavy, light = state(8.0, of_heavy), state(1.0, of_light)
+    heavy.light = light
+    preload_N = float(LOAD_N @ WEIGHT)
+    joint = Joint(1.0, 1.0, preload_N, LOAD_N, WEIGHT, 8.0)
+    whole = side_by_side([curve] * 3, LOAD_N, WEIGHT)
+    with_curve = SimpleNamespace(curve=lambda contact: whole, **vars(joint))
+    return SimpleNamespace(joint=with_curve, contact=heavy, share=1.0), whole
+
+
+@pytest.mark.parametrize("share", [0.05, 0.25, 0.6, 0.85])
+@pytest.mark.parametrize("by_force", [True, False])
+def test_spheres_that_are_wider_in_all_patches_scale_all_lengths(share, by_force):
+    """Of a radius e^x times as large under the same load all lengths are e^(-x/3) times as long."""
+    x = 0.01
+    one, whole = uneven_part(x, x)
+    state = of_force(by_force, material__friction_coefficient=0.25)
+    state.preload_N = one.joint.preload_N
+    state.answer.slip_force_N = 0.25 * share * state.preload_N
+    d = whole.preload_approach_m
+    e = float(whole.withdrawal_m(d, share * state.preload_N))
+    state.answer.displacement_m = 0.25 * 1.25 * e
+    left = band_causes._of_one(state, one)
+    expected = np.array([-x / 3.0, -x / 3.0])
+    if not by_force:  # T and W / d are functions of e / d
+        log = np.log(
+            [whole.load_drop_N(d, e * f) for f in (0.999, 1.001)]
+            + [whole.loss_integral_J(d, e * f) for f in (0.999, 1.001)]
+        )
+        slope = (log[[1, 3]] - log[[0, 2]]) / np.log(1.001 / 0.999)
+        expected = np.array([slope[0] * x / 3.0, (slope[1] - 1.0) * x / 3.0])
+    assert left.caps.T @ left.caps == pytest.approx(np.outer(expected, expected), rel=0.02)
+    assert left.shift == pytest.approx([0.0, 0.0], abs=1e-12)
+
+
+@pytest.mark.parametrize("by_force", [True, False])
+def test_the_shift_of_patches_is_that_of_the_joint_of_interacting_caps(by_force):
+    """Where all radii in use are 3 % too small, and both ends know it."""
+    x = -0.03
+    one, whole = uneven_part(0.0, 0.0, used=x)
+    state = of_force(by_force, material__friction_coefficient=0.25)
+    state.preload_N = one.joint.preload_N
+    state.answer.slip_force_N = 0.25 * 0.25 * state.preload_N
+    d = whole.preload_approach_m
+    state.answer.displacement_m = 0.25 * 1.25 * float(whole.withdrawal_m(d, 0.25 * state.preload_N))
+    left = band_causes._of_one(state, one)
+    right = side_by_side([spheres()] * 3, LOAD_N, WEIGHT)
+    d_right, at = right.preload_approach_m, 0.25 * state.preload_N
+    if by_force:
+        both = [
+            (float(c.withdrawal_m(D, at)), float(c.loss_integral_at_drop_J(D, at)))
+            for c, D in ((whole, d), (right, d_right))
+        ]
+    else:
+        e = state.answer.displacement_m / (0.25 * 1.25)
+        both = [
+            (float(c.load_drop_N(D, e)), float(c.loss_integral_J(D, e)))
+            for c, D in ((whole, d), (right, d_right))
+        ]
+    expected = np.log(both[1]) - np.log(both[0])
+    assert left.shift == pytest.approx(expected, rel=0.05)
+
+
+@pytest.mark.parametrize("by_force", [True, False])
+@pytest.mark.parametrize("share", [0.1, 0.4])
+def test_what_ends_leave_counts_by_what_patches_lose_and_bear(share, by_force):
+    """Radii that are wider by a power of the load between both ends, and all together."""
+    of_light, of_heavy = 0.016, 0.001
+    one, whole = uneven_part(of_light, of_heavy)
+    state = of_force(by_force, material__friction_coefficient=0.25)
+    state.preload_N = one.joint.preload_N
+    d, at = whole.preload_approach_m, share * state.preload_N
+    state.answer.slip_force_N = 0.25 * at
+    e = float(whole.withdrawal_m(d, at))
+    state.answer.displacement_m = 0.25 * 1.25 * e
+    left = band_causes._of_one(state, one)
+    place = np.log(LOAD_N) / np.log(8.0)
+    x = of_light ** (1.0 - place) * of_heavy**place
+    wide = side_by_side([spheres(one) for one in x], LOAD_N, WEIGHT)
+    D = wide.preload_approach_m
+    if by_force:
+        found = wide.withdrawal_m(D, at) / e, wide.loss_integral_at_drop_J(D, at)
+        before = 1.0, whole.loss_integral_at_drop_J(d, at)
+    else:
+        found = wide.load_drop_N(D, e), wide.loss_integral_J(D, e)
+        before = whole.load_drop_N(d, e), whole.loss_integral_J(d, e)
+    expected = np.log(np.array(found, dtype=float) / np.array(before, dtype=float))
+    # Sets at +x, -x and by nothing in the place of the shape, which is none of them
+    assert left.caps.T @ left.caps == pytest.approx(np.outer(expected, expected), rel=0.03)
+
+
+def test_an_interval_holds_the_number_that_was_answered():
+    assert band._with(3.0, (1.0, 2.0)) == (1.0, 3.0)
+    assert band._with(0.5, (1.0, 2.0)) == (0.5, 2.0)
+    assert band._with(1.5, (1.0, np.inf)) == (1.0, np.inf)

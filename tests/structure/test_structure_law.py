@@ -16,7 +16,7 @@ from capslip.contact.scaled import ScaledCurve
 from capslip.contact.slip import SlipCurve, slip_curve
 from capslip.contact.solvers.yielding import YieldLaw
 from capslip.errors import ContactError
-from capslip.structure.band import Part
+from capslip.structure.band_state import Part
 from capslip.structure.interpolation import LawTables, tables_of
 from capslip.structure.law import SCATTERS, SHARES, SHARES_OF_SCANS, law
 from capslip.structure.law import _patch as of_factor

@@ -52,6 +52,11 @@ class Choice:
     caps: "Choice | None" = None  # that among the caps, where the map is pressed instead
     errors: ModelError | None = None  # of caps that are beyond the tolerance, by the force
 
+    @property
+    def model_errors(self) -> ModelError | None:
+        """By the force where noise makes them, else one for all; None: not known."""
+        return self.errors if self.of_noise else ModelError.of_either(self.estimated_error)
+
     def caps_within(self, error: float) -> "Choice | None":
         """Return the choice among the caps where its error is known and smaller than one."""
         known = None if self.caps is None else self.caps.estimated_error

@@ -65,6 +65,9 @@ class ContactState:
     at_ease_rad: tuple[float, float] = (0.0, 0.0)  # slopes at which nothing turns the face back
     # What few solved pressures leave of a joint of many; None: each has its own, or any is as good
     patch_errors: ModelError | None = None
+    # The lightest patch that counts of a joint that is pressed unevenly, with its errors; None: no
+    # such joint, or they are not known
+    light: "ContactState | None" = None
     lay: Lay | None = None  # what the direction of slip does, see `direction`; None: not looked at
 
     @property
@@ -178,7 +181,7 @@ def press(
     if model_name == "auto":
         choice = choose_model(caps, families, surface, label, noise_m, settings, map_failure)
         use, reason, moved, model_name = choice.use, choice.reason, choice.moved, choice.model
-        errors = choice.errors if choice.of_noise else ModelError.of_either(choice.estimated_error)
+        errors = choice.model_errors
         problems += [] if choice.problem is None else [choice.problem]
     model = rung(model_name)
     before = Scene.of(caps, families, surface, settings, use, at_ease_rad)

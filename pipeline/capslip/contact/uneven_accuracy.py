@@ -5,17 +5,17 @@ bears most says too little of a joint whose load rests on lighter ones.
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from capslip.contact.curve import NormalCurve
 from capslip.contact.joint import Joint
 from capslip.contact.press import ContactState
 from capslip.contact.rung import ModelError
 from capslip.contact.uneven import PatchedCurve
-from capslip.errors import ContactError
 from capslip.problems import Effect, Problem, Severity
 from capslip.units import percent
 
@@ -101,19 +101,10 @@ def problems_of_patches(
     return [Problem("pressures_interpolated", severity, message, Effect(K, W, W))]
 
 
-def error_of_joint(
-    joint: Joint,
-    curve: NormalCurve,
-    patches: Sequence[ContactState],
-    problems: tuple[Problem, ...],
-    tolerance: float,
-    noise_m: float | None,
-) -> tuple[ModelError | None, tuple[Problem, ...]]:
-    """Return the errors of a joint, and what takes them beyond the tolerance where it is lighter.
-
-    Patches differ in their load alone, so their errors go the same way: each counts by its share of
-    the stiffness, and of the energy under the slip of the joint. They are known of the heaviest
-    patch, and found for the lightest that counts; between, they are a power of the load.
+def lightest(
+    joint: Joint, curve: NormalCurve, patches: Sequence[ContactState]
+) -> ContactState | None:
+    """Return the lightest patch that counts, whose errors are to be found.
 
     Parameters
     ----------
@@ -122,49 +113,80 @@ def error_of_joint(
         What `Joint.curve_of` gives of it.
     patches : sequence of ContactState
         What `Joint.loaded` gives; the last is the heaviest, whose errors are known.
-    problems : tuple of Problem
-        What the heaviest says.
-    tolerance : float
-        Relative.
-    noise_m : float, optional
-        Measurement noise of the instrument; see `Rung.error`.
 
     Returns
     -------
-    ModelError or None, tuple of Problem
-        Those of the heaviest patch where no more than a twentieth of stiffness and energy rests on
-        lighter ones, or the model does not know its error; else what a lighter one says takes the
-        place of problems with the same code. With both, the worst of those whose slip there was no
-        time to follow.
+    ContactState or None
+        None where no more than a twentieth of stiffness and energy rests on lighter patches than
+        the heaviest, or its errors are not known.
     """
-    problems = (*problems, *_out_of_time(patches))
     heaviest = patches[-1]
-    find, known = heaviest.rung.error, heaviest.errors
-    if find is None or known is None or not isinstance(curve, PatchedCurve):
-        return known, problems
-    stiffness, energy, slipped = _shares(joint, curve, SHARES)
+    if heaviest.errors is None or not isinstance(curve, PatchedCurve):
+        return None
+    known = [patch.preload_N for patch in patches[:-1]]
+    if heaviest.rung.solved_loads_N is None:  # any load is as good
+        lighter = joint.load_N < (1.0 - 1e-9) * heaviest.preload_N
+        known = np.sort(joint.load_N[lighter]).tolist()
+    rests_on = _resting(joint, curve)
+    load_N = next((N for N in known if rests_on(N) > FEW), None)
+    if load_N is None:
+        return None
+    light = next((patch for patch in patches if patch.preload_N == load_N), None)
+    if light is None:
+        light = replace(heaviest, preload_N=load_N, curve=heaviest.curve_after(load_N))
+    return replace(light, normal=light.curve, errors=None, moved=None)
 
-    def rests_on(most_N: float) -> float:
-        """Return the share of stiffness or energy, the greater, of patches under no more."""
-        light = joint.load_N <= most_N * (1.0 + 1e-9)
-        return float(max(stiffness[light].sum(), energy[SHARES.index(ASKED), light].sum()))
 
-    light = next(one for one in patches if one is heaviest or rests_on(one.preload_N) > FEW)
-    if light is heaviest:
-        return known, problems
-    of_light, doubts = _found(light, tolerance, noise_m)
-    span = math.log(heaviest.preload_N / light.preload_N)
-    place = np.clip(np.log(joint.load_N / light.preload_N) / span, 0.0, 1.0)
-    ends = of_light, known
+def error_of_joint(
+    joint: Joint,
+    curve: NormalCurve,
+    heaviest: ContactState,
+    light: ContactState,
+    doubts: Sequence[Problem],
+    tolerance: float,
+) -> tuple[ModelError, tuple[Problem, ...]]:
+    """Return the errors of a joint, and what takes them beyond the tolerance where it is lighter.
+
+    Patches differ in their load alone, so their errors go the same way: each counts by its share of
+    the stiffness, and of the energy under the slip of the joint. They are known of the heaviest
+    patch and of the lightest that counts; between, they are a power of the load.
+
+    Parameters
+    ----------
+    joint : Joint
+    curve : NormalCurve
+        What `Joint.curve_of` gives of it.
+    heaviest : ContactState
+        With its errors, and the problems that it has.
+    light : ContactState
+        What `lightest` gives, with its errors.
+    doubts : sequence of Problem
+        What that says.
+    tolerance : float
+        Relative.
+
+    Returns
+    -------
+    ModelError, tuple of Problem
+        Beyond the tolerance, what the lighter one says takes the place of problems with the same
+        code.
+    """
+    problems, known = heaviest.problems, heaviest.errors
+    assert known is not None
+    assert isinstance(curve, PatchedCurve)
+    stiffness, energy, slipped = shares_of_patches(joint, curve, SHARES)
+    place = between_loads(joint, heaviest, light)
+    ends = light.errors or NOT_KNOWN, known
     by_share = [
-        (share, float(f @ _between(place, [[end.energy_at(t) for t in at] for end in ends])))
+        (share, float(f @ power_between(place, *([end.energy_at(t) for t in at] for end in ends))))
         for share, f, at in zip(SHARES, energy, slipped.tolist(), strict=True)
     ]
-    K = float(stiffness @ _between(place, [[end.stiffness] * len(place) for end in ends]))
+    K = float(stiffness @ power_between(place, *(end.stiffness for end in ends)))
     found = ModelError(K, max(error for _, error in by_share), tuple(by_share))
     W = found.energy_at(ASKED)
     if max(K, W) <= tolerance:
         return found, problems
+    rests_on = _resting(joint, curve)
     under = (
         f"under {light.preload_N:.3g} N on the scan, and {percent(rests_on(light.preload_N))} of "
         "the joint rests on patches that bear no more, "
@@ -178,6 +200,18 @@ def error_of_joint(
     return found, (*(one for one in problems if one.code not in again), *said)
 
 
+def between_loads(joint: Joint, heaviest: ContactState, light: ContactState) -> np.ndarray:
+    """Return where the load of each patch is between those of two, 0 to 1 by its logarithm."""
+    span = math.log(heaviest.preload_N / light.preload_N)
+    return np.asarray(np.clip(np.log(joint.load_N / light.preload_N) / span, 0.0, 1.0))
+
+
+def power_between(place: np.ndarray, of_light: ArrayLike, of_heavy: ArrayLike) -> np.ndarray:
+    """Return errors between those of two loads, (k,): a power of the load."""
+    low, high = (np.log(np.maximum(one, LEAST_ERROR)) for one in (of_light, of_heavy))
+    return np.asarray(np.exp((1.0 - place) * low + place * high))
+
+
 def _of_joint(effect: Effect | None, K: float, W: float) -> Effect:
     """Return what a doubt of the lighter patch moves, and no more than all moves of the joint."""
     if effect is None:
@@ -186,7 +220,7 @@ def _of_joint(effect: Effect | None, K: float, W: float) -> Effect:
     return Effect(*(one and min(one, most) for one, most in zip(moved, (K, W, W), strict=True)))
 
 
-def _out_of_time(patches: Sequence[ContactState]) -> list[Problem]:
+def out_of_time(patches: Sequence[ContactState]) -> list[Problem]:
     """Return the worst of what short time left of the slip of lighter patches than the heaviest.
 
     That one says itself what is left of it.
@@ -202,19 +236,6 @@ def _out_of_time(patches: Sequence[ContactState]) -> list[Problem]:
             if one.code == "time_limit_reached"
         ]
     return [max(late, key=lambda one: one.greatest_effect)] if late else []
-
-
-def _found(
-    patch: ContactState, tolerance: float, noise_m: float | None
-) -> tuple[ModelError, Sequence[Problem]]:
-    """Return the errors of a patch and what makes them; all of it where they are not found."""
-    assert patch.rung.error is not None
-    try:
-        error, doubts = patch.rung.error(patch.curve, patch.preload_N, tolerance, noise_m)
-    except ContactError as failure:
-        message = f"nobody knows how far stiffness and energy are off: {failure}"
-        return NOT_KNOWN, [Problem("pressures_interpolated", "warning", message)]
-    return error or NOT_KNOWN, doubts
 
 
 def _too_light(joint: Joint, patches: Sequence[ContactState]) -> float:
@@ -237,7 +258,7 @@ def _of_light(joint: Joint, curve: NormalCurve, patches: Sequence[ContactState])
         return np.zeros(1 + len(NEAR_SMALL))
     if not isinstance(curve, PatchedCurve):
         return np.full(1 + len(NEAR_SMALL), carried)
-    stiffness, energy, _ = _shares(joint, curve, NEAR_SMALL)
+    stiffness, energy, _ = shares_of_patches(joint, curve, NEAR_SMALL)
     light = joint.load_N < (1.0 - 1e-9) * patches[0].preload_N
     missing = np.array([stiffness, *energy])[:, light].sum(axis=1)
     return np.maximum(-np.log1p(-np.minimum(missing, MOST_MISSING)), carried)
@@ -249,7 +270,18 @@ def _stiffness_and_energies(curve: NormalCurve, preload_N: float) -> np.ndarray:
     return np.append(curve.stiffness_N_per_m(d), curve.loss_integral_at_drop_J(d, drop_N))
 
 
-def _shares(
+def _resting(joint: Joint, curve: PatchedCurve) -> Callable[[float], float]:
+    """Return what tells the share of stiffness or energy, the greater, of patches up to a load."""
+    stiffness, energy, _ = shares_of_patches(joint, curve, (ASKED,))
+
+    def rests_on(most_N: float) -> float:
+        light = joint.load_N <= most_N * (1.0 + 1e-9)
+        return float(max(stiffness[light].sum(), energy[0, light].sum()))
+
+    return rests_on
+
+
+def shares_of_patches(
     joint: Joint, curve: PatchedCurve, of_force: Sequence[float]
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return shares of the patches: of the stiffness (k,), of the energy and of their own mu N.
@@ -267,9 +299,3 @@ def _shares(
         rows.append((weight * float(K), weight * loss_J, slipped))
     K, loss_J, slipped = (np.array(column) for column in zip(*rows, strict=True))
     return K / K.sum(), (loss_J / loss_J.sum(axis=0)).T, slipped.T
-
-
-def _between(place: np.ndarray, ends: Sequence[Sequence[float]]) -> np.ndarray:
-    """Return errors between those of both ends, (k,), a power of the load."""
-    low, high = np.log(np.maximum(ends, LEAST_ERROR))
-    return np.asarray(np.exp((1.0 - place) * low + place * high))

@@ -13,7 +13,8 @@ from capslip.contact.scaled import ScaledCurve
 from capslip.contact.scans import curve_of_scans, kappa_of_scans
 from capslip.contact.slip import SlipCurve, slip_curve
 from capslip.errors import ContactError
-from capslip.structure.band import NORMAL_95, Part
+from capslip.structure.band_causes import NORMAL_95
+from capslip.structure.band_state import Part
 from capslip.structure.beds import (
     LEAST_LOAD,
     SAME_CURVE,

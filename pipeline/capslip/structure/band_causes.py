@@ -1,0 +1,207 @@
+"""What each cause of an error leaves of an answer: roots of covariances, in logarithms.
+
+Of what is found, displacement or force, and of the energy.
+"""
+
+import math
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from capslip.contact.accuracy import LEAST_ERROR, OF_STIFFNESS, PAIRS_SHARE
+from capslip.contact.curve import NormalCurve
+from capslip.contact.press import ContactState
+from capslip.contact.scans import curve_of_scans
+from capslip.contact.uneven import PatchedCurve
+from capslip.contact.uneven_accuracy import between_loads, power_between
+from capslip.structure.band_state import LEAST_J, Part, Response, State, at_displacement, at_force
+
+NORMAL_95 = 1.96  # standard deviations on either side that hold 95 %
+LEAST_SPREAD = 1e-9  # standard deviation of a logarithm that is more than rounding
+STEP = 0.01  # of a displacement, for a slope
+MOST_SHARE = 0.9  # of mu N of a joint of patches, above which its slopes tell nothing of it
+
+
+@dataclass(frozen=True, eq=False)
+class Left:
+    """What caps and model leave of what is found and of the energy, in their logarithms."""
+
+    caps: np.ndarray  # (r, 2), a root of the covariance
+    model: np.ndarray  # (r, 2), the same
+    # (2,), by which interacting caps answer otherwise than the model in use: no chance is in that
+    shift: np.ndarray = field(default_factory=lambda: np.zeros(2))
+
+
+def of_caps_and_model(state: State) -> Left:
+    """Return what caps and model leave.
+
+    Each scan at its own state: under the force or the displacement of a joint of its face alone.
+    Errors of the caps of two scans have nothing in common, those of the model all.
+    """
+    each = [_of_one(state, part) for part in state.parts]
+    if len(each) == 1:
+        return each[0]
+    share = np.array([part.share for part in state.parts])
+    of_caps = [s * one.caps for s, one in zip(share, each, strict=True)]
+    of_model = [math.sqrt(s) * one.model for s, one in zip(share, each, strict=True)]
+    shift = share @ np.array([one.shift for one in each])
+    return Left(_root(np.vstack(of_caps)), _root(np.vstack(of_model)), shift)
+
+
+def _of_one(state: State, part: Part) -> Left:
+    contact, light = part.contact, part.contact.light
+    friction = state.settings.material.friction_coefficient
+    share = min(state.answer.slip_force_N / (friction * state.preload_N), 1.0)
+    if contact.moved is None or (light is not None and light.moved is None):
+        known = [one for one in (contact.errors, contact.patch_errors) if one is not None]
+        of_each = np.array([(one.stiffness, one.energy_at(share)) for one in known]).reshape(-1, 2)
+        return Left(np.zeros((2, 2)), np.diag(np.linalg.norm(of_each, axis=0)) / NORMAL_95)
+    e = state.answer.displacement_m / (friction * contact.composite.kappa)
+    if light is not None:
+        return _of_uneven(state, part, light, share, e)
+    at = state.answer.slip_force_N / (friction * state.preload_N) * contact.preload_N
+    return _of_moved(contact, share, at if state.by_force else e, state.response)
+
+
+def _of_moved(contact: ContactState, share: float, at: float, response: Response) -> Left:
+    """Return what caps and model leave where the caps were moved, by a response at a place."""
+    moved = contact.moved
+    assert moved is not None
+
+    def log_of(curve: NormalCurve) -> np.ndarray:
+        """Return both logarithms, shape (2,), or (s, 2) of sets."""
+        approach_m = curve.approach_m(contact.preload_N)
+        return _log(response(curve, approach_m, np.asarray(at))).T
+
+    log = log_of(moved.found)
+    *random, by_shape = log_of(moved.moved) - log
+    others = [2.0 * by_shape, PAIRS_SHARE * (log_of(moved.by_pairs) - log)]
+    others += [] if moved.by_level is None else [log_of(moved.by_level) - log]
+    # Of caps that yielded either of the two alone: nothing tells how they go together
+    others += [*np.diag((OF_STIFFNESS, 1.0)) * moved.of_unloading]
+    others += [*np.diag(moved.of_profiles(share)), *(LEAST_ERROR * np.eye(2))]
+    return Left(
+        _root(np.array(random) / math.sqrt(len(random))),
+        _root(np.array(others) / NORMAL_95),
+        log - log_of(contact.curve),
+    )
+
+
+def _of_uneven(state: State, part: Part, light: ContactState, share: float, e: float) -> Left:
+    """Return the same of a joint whose patches are pressed unevenly, and have one withdrawal.
+
+    What they leave of a withdrawal e_k and a loss L_k, each under its own drop t_k of its load, is
+    known of the heaviest and of the lightest that counts, of which it is a power of the load, and
+    goes together: a_k and l_k, say. Where all have one withdrawal e, and e_k is no more than that
+    of total slip, drops and losses of the w_k scans in all patches add up to::
+
+        dT = - sum_k w_k e_k K_k a_k,  dL = sum_k w_k [L_k l_k - 4 e_k (t_k - e_k K_k) a_k]
+
+    with the stiffness K_k = dt_k/de that is left. At a given force e moves by -dT / (dT/de).
+    """
+    joint, curve = part.joint, part.joint.curve(part.contact)
+    assert isinstance(curve, PatchedCurve)
+    D = curve.preload_approach_m
+    if state.by_force:
+        e = float(curve.withdrawal_m(D, min(share, MOST_SHARE) * joint.preload_N))
+    patches = zip(curve.curves, curve.patch_approach_m, joint.load_N, strict=True)
+    columns = [_slipped(*patch, e) for patch in patches]
+    e_k, drop_N, left_N_per_m, own_J, loss_J = np.array(columns).T
+    place, w = between_loads(joint, part.contact, light), joint.weight
+    ends = []
+    for one in (light, part.contact):
+        at = int(np.abs(joint.load_N - one.preload_N).argmin())
+        ends.append(_of_moved(one, drop_N[at] / joint.load_N[at], drop_N[at], at_force))
+    T, K, L = w @ drop_N, w @ left_N_per_m, w @ loss_J
+    of_heavy = float(place @ (w * loss_J) / L)
+
+    def of_joint(a: np.ndarray, energy: np.ndarray) -> np.ndarray:
+        dT = (-w * e_k * left_N_per_m) @ a
+        dL = (w * own_J) @ energy - (4.0 * w * e_k * (drop_N - e_k * left_N_per_m)) @ a
+        if not state.by_force:
+            return np.array([dT / T, dL / L])
+        de = -dT / K
+        return np.array([de / e, (dL + 4.0 * (T - e * K) * de) / L])
+
+    def together(low: np.ndarray, high: np.ndarray) -> np.ndarray:
+        """Return a root of the joint from those of the ends, which patches have in common."""
+        spread = [np.sqrt(np.square(root).sum(axis=0)) for root in (low, high)]
+        a_k, l_k = (power_between(place, *both) for both in np.transpose(spread))
+        counts = math.sqrt(1.0 - of_heavy), math.sqrt(of_heavy)
+        rows = [
+            count * root / np.where(one > 0.0, one, 1.0)
+            for count, root, one in zip(counts, (low, high), spread, strict=True)
+        ]
+        return np.array([of_joint(a * a_k, energy * l_k) for a, energy in np.vstack(rows)])
+
+    shift = ends[0].shift + place[:, None] * (ends[1].shift - ends[0].shift)
+    of_caps, of_model = together(ends[0].caps, ends[1].caps), together(ends[0].model, ends[1].model)
+    return Left(of_caps, of_model, of_joint(*shift.T))
+
+
+def _slipped(
+    curve: NormalCurve, approach_m: float, load_N: float, e: float
+) -> tuple[float, float, float, float, float]:
+    """Return withdrawal, drop, stiffness left and loss of a patch up to its total slip, and loss.
+
+    The last where the joint is withdrawn by e, beyond total slip or not.
+    """
+    drop_N, loss_J = (float(one) for one in at_displacement(curve, approach_m, np.asarray(e)))
+    if drop_N < load_N:
+        return e, drop_N, float(curve.stiffness_N_per_m(approach_m, e)), loss_J, loss_J
+    whole_m, own_J = (float(one) for one in at_force(curve, approach_m, np.asarray(load_N)))
+    return whole_m, load_N, 0.0, own_J, loss_J
+
+
+def of_scatter(state: State) -> np.ndarray:
+    """Return a root of the covariance that the scatter between scans gives their mean."""
+    parts, friction = state.parts, state.settings.material.friction_coefficient
+    if len(parts) == 1:
+        return np.zeros((2, 2))
+    curves = [part.joint.curve(part.contact) for part in parts]
+    share = np.array([part.share for part in parts])
+    if state.by_force:  # that of total slip at most, which rounding must not pass
+        at = min(state.answer.slip_force_N / friction, state.preload_N)
+    else:
+        at = state.answer.displacement_m / (friction * state.kappa)
+    log = []
+    for i in range(len(parts)):
+        rest = np.delete(share, i) / np.delete(share, i).sum()
+        curve = curve_of_scans([*curves[:i], *curves[i + 1 :]], state.preload_N, rest)
+        approach_m = float(curve.approach_m(state.preload_N))
+        log.append(_log(state.response(curve, approach_m, np.asarray(at))))
+    change = np.array(log) - np.mean(log, axis=0)
+    root = _root(math.sqrt((len(parts) - 1) / len(parts)) * change)
+    return np.where(np.abs(root).max() > LEAST_SPREAD, root, 0.0)
+
+
+def of_direction(state: State) -> np.ndarray:
+    """Return a root of the covariance that an unknown direction of slip leaves.
+
+    Of (a cos 2 phi, b cos 2 (phi - c)) over all phi; zero within the tolerance, as it is said.
+    """
+    slip, swings = state.settings.slip, np.zeros(2, dtype=complex)
+    for part in state.parts:
+        if part.contact.lay is not None:
+            swings += part.share * np.array(part.contact.lay.left_open(slip.direction_rad))
+    if np.abs(swings).max() <= state.settings.contact.tolerance:
+        return np.zeros((2, 2))
+    if not state.by_force:  # where the force goes with the displacement, and the energy with both
+        curve = state.curves(np.ones((1, 2)))[0]
+        e = state.answer.displacement_m
+        e /= state.settings.material.friction_coefficient * state.kappa
+        near = e * np.array([1.0 - STEP, 1.0 + STEP])
+        log = _log(state.response(curve, float(curve.approach_m(state.preload_N)), near))
+        slope = (log[:, 1] - log[:, 0]) / np.log(near[1] / near[0])
+        swings = np.array([0.0, swings[1]]) - slope * swings[0]
+    return np.array([swings.real, swings.imag]) / math.sqrt(2.0)
+
+
+def _log(found: tuple[np.ndarray, np.ndarray]) -> np.ndarray:
+    return np.log(np.maximum(found, LEAST_J))
+
+
+def _root(changes: np.ndarray) -> np.ndarray:
+    """Return two rows with the same sum of squares and products as many rows of two."""
+    variance, axis = np.linalg.eigh(changes.T @ changes)
+    return np.sqrt(np.maximum(variance, 0.0))[:, None] * axis.T

@@ -1,0 +1,195 @@
+"""A joint as it would answer under other inputs: friction, preload, modulus and hardness."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from capslip.contact.curve import NormalCurve
+from capslip.contact.joint import Joint
+from capslip.contact.press import ContactState
+from capslip.contact.scans import curve_of_scans, kappa_of_scans
+from capslip.settings import Settings
+from capslip.structure.answer import Answer
+
+NODES = 5  # preloads that are solved where the preload is not certain
+NODES_OF_PATCHES = 3  # the same, of a joint that is pressed unevenly
+NODES_OF_HARDNESS = 3  # the same of the hardness, at the preload
+OF_A_MAP = (-0.6, 0.0, 0.6)  # of either, as shares of the widest: about the ends of an interval
+# The same of a hardness that moves little, as half the square of a logarithm is two percent there
+HARDER, LITTLE = (0.0, 1.0), 0.2
+YIELDS_LITTLE = 0.05  # of the contact area, that has yielded
+LEAST_J = 1e-300  # stands for an energy of zero in a logarithm
+
+
+Response = Callable[[NormalCurve, Any, Any], tuple[np.ndarray, np.ndarray]]
+
+
+@dataclass(frozen=True, eq=False)
+class Part:
+    """What one scan of a joint says of it."""
+
+    joint: Joint  # as it were if all of it were face as that of this scan
+    contact: ContactState  # of the scan
+    share: float  # of the joint, for which the scan stands
+
+
+@dataclass(frozen=True, eq=False)
+class State:
+    """The state that was answered for, of the joint and of the scans in it."""
+
+    answer: Answer
+    by_force: bool  # whether the slip force stays, or the displacement
+    parts: tuple[Part, ...]
+    settings: Settings
+    noise_known: bool = False
+
+    @property
+    def preload_N(self) -> float:
+        """Return that of the joint."""
+        return self.parts[0].joint.preload_N
+
+    @cached_property
+    def kappa(self) -> float:
+        """Return that of the joint."""
+        contacts = [part.contact for part in self.parts]
+        return kappa_of_scans(contacts, [part.share for part in self.parts])
+
+    @property
+    def yields(self) -> bool:
+        """Tell whether a face has a first loading of its own."""
+        return any(part.contact.first is not None for part in self.parts)
+
+    def under(self, log: dict[str, np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
+        """Return what does not stay (displacement or force) and the energy, each (n,).
+
+        Parameters are the logarithms of factors, each (n,), by the name of the input. Infinite
+        under a force above mu P.
+        """
+        friction = self.settings.material.friction_coefficient * np.exp(log["friction"])
+        kappa, c = self.kappa, np.exp(log["modulus"])
+        log_N = log["preload"] - log["modulus"]
+        log_H = log.get("hardness", 0.0) - log["modulus"]
+        nodes, weight = self._nodes(log_N, log_H)
+        node_N = self.preload_N * np.exp(nodes[:, 0])
+        curves = self.curves(np.exp(nodes))
+        approach_m = [curve.approach_m(N) for curve, N in zip(curves, node_N, strict=True)]
+        if self.by_force:
+            whole = node_N
+            share = self.answer.slip_force_N / friction
+            share = share / (self.preload_N * np.exp(log["preload"]))
+        else:
+            pairs = zip(approach_m, curves, strict=True)
+            whole = np.array([float(d - curve.touch_m) for d, curve in pairs])
+            share = self.answer.displacement_m / (friction * kappa)
+            share = share / np.exp(weight @ np.log(whole))
+        most = 1.0 if self.by_force else np.inf  # a displacement beyond total slip has a force
+        held = share <= most * (1.0 + 1e-12)
+        share, place = np.unique(np.minimum(share, most), return_inverse=True)
+        rows = [
+            self.response(curve, float(d), share * one)
+            for curve, d, one in zip(curves, approach_m, whole, strict=True)
+        ]
+        log_rows = np.log(np.maximum(rows, LEAST_J))[..., place]
+        other, loss_J = np.exp(np.einsum("nk,kqn->qn", weight, log_rows))
+        other = friction * other * (kappa if self.by_force else c)
+        energy_J = friction**2 * kappa * c * loss_J
+        return np.where(held, other, np.inf), np.where(held, energy_J, np.inf)
+
+    def response(
+        self, curve: NormalCurve, approach_m: Any, at: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Return withdrawal and loss integral at load drops, or load drop and it at withdrawals."""
+        return (at_force if self.by_force else at_displacement)(curve, approach_m, at)
+
+    def curves(self, factors: np.ndarray) -> list[NormalCurve]:
+        """Return the curves along which the joint unloads.
+
+        Parameters
+        ----------
+        factors : float64, shape (k, 2)
+            On the preload and on the hardness.
+        """
+        found: dict[int, list[NormalCurve]] = {i: [] for i in range(len(factors))}
+        as_found = [i for i, one in enumerate(factors) if (one == 1.0).all()]
+        others = [i for i in found if i not in as_found]
+        share = self.answer.slip_force_N / self.settings.material.friction_coefficient
+        changes = [(float(N), float(hardness)) for N, hardness in factors[others]]
+        for part in self.parts:
+            states = []  # of each patch, by its place in the factors
+            for contact in part.joint.loaded(part.contact):
+                after = dict.fromkeys(as_found, contact.curve)
+                if changes:
+                    near = contact.curves_near(changes, share / self.preload_N)
+                    after |= dict(zip(others, near, strict=True))
+                loads_N = contact.preload_N * factors[:, 0]
+                states.append(
+                    {
+                        i: replace(contact, curve=curve, preload_N=float(loads_N[i]))
+                        for i, curve in after.items()
+                    }
+                )
+            for i in found:
+                joint = part.joint.under(self.preload_N * float(factors[i, 0]))
+                found[i].append(joint.curve_of([of[i] for of in states]))
+        shares = [part.share for part in self.parts]
+        loads_N = self.preload_N * factors[:, 0]
+        return [curve_of_scans(found[i], float(N), shares) for i, N in enumerate(loads_N)]
+
+    def _nodes(self, log_N: np.ndarray, log_H: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return logarithms of factors on preload and hardness at which the curve is asked.
+
+        Shape (k, 2), and the weights of the nodes, (n, k). What the two do together is left out.
+        """
+        even = all(part.joint.is_even for part in self.parts)
+        count = NODES if even else NODES_OF_PATCHES
+        loads = self._axis(float(np.abs(log_N).max()), count)
+        weight = _weights(loads, log_N)
+        nodes = np.column_stack((loads, np.zeros(len(loads))))
+        if not self.yields or not log_H.any():
+            return nodes, weight
+        widest = float(np.abs(log_H).max())
+        hard = self._axis(widest, NODES_OF_HARDNESS)
+        yielded = max(part.contact.yielded_share for part in self.parts)
+        if self._is_map and yielded <= YIELDS_LITTLE and widest <= LITTLE:
+            hard = widest * np.array(HARDER)
+        nodes = np.vstack((nodes, np.column_stack((np.zeros(len(hard)), hard)), np.zeros((1, 2))))
+        weight = np.hstack((weight, _weights(hard, log_H), np.full((len(log_N), 1), -1.0)))
+        nodes, place = np.unique(np.round(nodes, 12), axis=0, return_inverse=True)
+        return nodes, weight @ np.eye(len(nodes))[place]
+
+    @property
+    def _is_map(self) -> bool:
+        """Whether each node is a solution of a map."""
+        return any(part.contact.rung.near is not None for part in self.parts)
+
+    def _axis(self, widest: float, count: int) -> np.ndarray:
+        """Return places up to the widest on either side."""
+        if widest == 0.0:
+            return np.zeros(1)
+        if self._is_map:
+            return widest * np.array(OF_A_MAP)
+        return -widest * np.cos(np.pi * (np.arange(count) + 0.5) / count)
+
+
+def at_force(curve: NormalCurve, approach_m: Any, drop_N: Any) -> tuple[np.ndarray, np.ndarray]:
+    """Return withdrawal and loss integral."""
+    loss_J = curve.loss_integral_at_drop_J(approach_m, drop_N)
+    return curve.withdrawal_m(approach_m, drop_N), loss_J
+
+
+def at_displacement(
+    curve: NormalCurve, approach_m: Any, withdrawal_m: Any
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return load drop and loss integral."""
+    loss_J = curve.loss_integral_J(approach_m, withdrawal_m)
+    return curve.load_drop_N(approach_m, withdrawal_m), loss_J
+
+
+def _weights(nodes: np.ndarray, at: np.ndarray) -> np.ndarray:
+    """Return the weights (n, k) of Lagrange's polynomial through k nodes."""
+    rest = np.eye(len(nodes), dtype=bool)
+    ratio = (at[:, None, None] - nodes) / np.where(rest, 1.0, nodes[:, None] - nodes)
+    return np.where(rest, 1.0, ratio).prod(axis=-1)
