@@ -183,6 +183,20 @@ def estimate(face: Face, contact: ContactState, settings: Settings, clock: Clock
     return replace(of_joint, problems=contact.problems), of_joint.problems
 
 
+def error_under(
+    face: Face, contact: ContactState, load_N: float, settings: Settings
+) -> ModelError | None:
+    """Return the errors of a pressed face where it bears another load; None: not known.
+
+    Raises
+    ------
+    ContactError
+        If it cannot carry the load.
+    """
+    patch = contact if load_N == contact.preload_N else contact.under(load_N)
+    return _with_error(face, patch, settings)[0].errors
+
+
 def _with_error(face: Face, contact: ContactState, settings: Settings) -> WithDoubts:
     """Return the estimated error of a model under the load of a patch, and whether it is too great.
 

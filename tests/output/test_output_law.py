@@ -23,6 +23,7 @@ from capslip.output.exports.law import DECKS, EXPORT, FILES, UNITS
 from capslip.problems import Problem
 from capslip.settings import Settings
 from capslip.structure.interpolation import tables_of
+from capslip.surface.heightmap import HeightMap
 from scenes import caps_map, noisy_waves
 
 FACE = Path(__file__).parents[2] / "sample_surfaces" / "paper_face_a.h5"
@@ -337,7 +338,7 @@ def test_calculix_presses_and_shears_two_blocks(of, request, tmp_path):
 def test_the_law_of_a_map_says_how_sure_it_is_where_the_least_of_it_touches(
     tmp_path, hardness, off
 ):
-    """The lower the pressure, the fewer pixels touch; caps know one error for all."""
+    """The lower the pressure, the fewer pixels touch."""
     given = ("contact.model=boundary_elements", "contact.alignment=as_levelled", *hardness)
     settings = capslip.load_settings(overrides=(*given, "contact.nominal_pressure_Pa=1e6"))
     surface = noisy_waves(2e-9)
@@ -346,7 +347,7 @@ def test_the_law_of_a_map_says_how_sure_it_is_where_the_least_of_it_touches(
     comment, columns = table(tmp_path / "law.csv")
     least_Pa = float(columns["pressure_Pa"][0])
     said = " ".join(line.removeprefix("# ") for line in comment.splitlines())
-    found = re.search(r"at ([\d.e+]+) Pa, where the map has the fewest .*?: ([\d.]+)%", said)
+    found = re.search(r"at ([\d.e+]+) Pa, where the least of the face touches: ([\d.]+)%", said)
     assert float(found[1]) == pytest.approx(least_Pa, rel=1e-3)
     given = (*given, f"contact.nominal_pressure_Pa={least_Pa}")
     alone = capslip.load_settings(overrides=given)
@@ -377,9 +378,37 @@ def law_about(analysis, folder):
     return re.search(r"Error: of the model, estimated at .*?%; at .*?%", comment)[0]
 
 
-def test_the_law_of_caps_says_one_error(written):
-    comment, _ = table(written[1] / "law.csv")
-    assert "fewest" not in comment
+def test_the_law_of_a_forced_model_without_its_error_says_none(tmp_path):
+    settings = capslip.load_settings(overrides=("contact.model=interacting",))
+    EXPORT.write(analyze_once(caps_map(CAPS, (240, 240)), settings), tmp_path)
+    comment, _ = table(tmp_path / "law.csv")
+    said = " ".join(line.removeprefix("# ") for line in comment.splitlines())
+    assert re.search(r"Error: of the model, estimated at \S+ Pa: not known\.", said)
+    assert "least of the face" not in said
+
+
+@pytest.mark.parametrize("model", ["auto", "interacting"])
+def test_the_law_of_caps_says_how_sure_it_is_under_the_least_pressure(tmp_path, model):
+    """Noise decides the more which of them touch, the lower that is."""
+    noise = np.random.default_rng(5).standard_normal((240, 240))
+    clean = caps_map(CAPS, (240, 240))
+    noisy = HeightMap(clean.height_m + 4e-9 * noise, clean.pixel_size_m)
+    # The load alone differs: the level is that of the pressure of the scan
+    given = (f"contact.model={model}", "contact.alignment=as_levelled", "conditioning.form=none")
+    sets = (*given, "contact.nominal_pressure_Pa=2e5")
+    analysis = capslip.analyze(noisy, capslip.load_settings(overrides=sets))
+    assert analysis.contact.rung.made_from == "spheres"
+    EXPORT.write(analysis, tmp_path)
+    comment, columns = table(tmp_path / "law.csv")
+    least_Pa = float(columns["pressure_Pa"][0])
+    said = " ".join(line.removeprefix("# ") for line in comment.splitlines())
+    found = re.search(r"at ([\d.e+]+) Pa, where the least of the face touches: ([\d.]+)%", said)
+    assert float(found[1]) == pytest.approx(least_Pa, rel=1e-3)
+    sets = (*given, f"contact.nominal_pressure_Pa={least_Pa}")
+    alone = capslip.analyze(noisy, capslip.load_settings(overrides=sets))
+    assert alone.contact.model == analysis.contact.model
+    assert float(found[2]) == pytest.approx(100.0 * alone.contact.estimated_error, rel=0.05)
+    assert alone.contact.estimated_error > 1.5 * analysis.contact.estimated_error
 
 
 def test_doubts_go_with_the_law(of_two, tmp_path):

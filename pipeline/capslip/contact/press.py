@@ -97,6 +97,19 @@ class ContactState:
             return self.curve
         return self.first(load_N, hardness_factor)
 
+    def under(self, load_N: float) -> "ContactState":
+        """Return what slip and errors ask of the face after a first loading to another load.
+
+        Raises
+        ------
+        ContactError
+            If the face cannot carry the load.
+        """
+        curve = self.curve_after(load_N)
+        return replace(
+            self, preload_N=load_N, curve=curve, normal=curve, errors=None, moved=None, light=None
+        )
+
     def curves_near(
         self, changes: Sequence[tuple[float, float]], share: float
     ) -> list[NormalCurve]:

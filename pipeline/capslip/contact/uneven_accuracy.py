@@ -131,10 +131,7 @@ def lightest(
     load_N = next((N for N in known if rests_on(N) > FEW), None)
     if load_N is None:
         return None
-    light = next((patch for patch in patches if patch.preload_N == load_N), None)
-    if light is None:
-        light = replace(heaviest, preload_N=load_N, curve=heaviest.curve_after(load_N))
-    return replace(light, normal=light.curve, errors=None, moved=None)
+    return heaviest.under(load_N)
 
 
 def error_of_joint(

@@ -14,11 +14,12 @@ import numpy as np
 
 from capslip.errors import ContactError
 from capslip.output.export import Export, inexact
+from capslip.pressing import error_under
 from capslip.problems import Problem
 from capslip.result import Analysis, JointOfScans
+from capslip.stages import Face
 from capslip.structure import interpolation
 from capslip.structure.law import ASKED_SHARE, JENKINS_TOLERANCE, SCATTERS, Law, law
-from capslip.surface.noise import known_noise_m
 
 if TYPE_CHECKING:
     from capslip.result import JointResult
@@ -102,19 +103,23 @@ def write(result: "JointResult", folder: Path) -> tuple[Problem, ...]:
 def _error_at(result: "JointResult", factor: float) -> float | None:
     """Return the error of the model under the load of its scans times a factor.
 
-    None where it does not know that of any load.
+    None where it is not known of a scan under its own load; infinite where it is not under that.
     """
-    errors, settings = [], result.settings
+    errors = []
     for scan in _scans(result):
         contact = scan.contact
-        if contact is None or contact.rung.error is None:
+        if contact is None or (contact.errors is None and contact.rung.error is None):
             return None
         load_N = contact.preload_N * factor
-        curve = contact.normal if factor == 1.0 else contact.curve_after(load_N)
-        known = settings.contact.tolerance, known_noise_m(scan.conditioned.surface, settings)
-        error, _ = contact.rung.error(curve, load_N, *known)
-        errors.append(math.inf if error is None else error.greatest)
-    return max(errors, default=None)
+        errors.append(error_under(_face(scan), contact, load_N, result.settings))
+    return max((math.inf if one is None else one.greatest for one in errors), default=None)
+
+
+def _face(scan: Analysis) -> Face:
+    """Return the face of a scan, of which nobody asks for the families any more."""
+    of_two = scan.mate is not None and scan.settings.mating.way == "together"
+    found = scan.joint, scan.conditioned, scan.level, scan.hills, scan.caps, scan.families
+    return Face(*found, None if of_two else scan.hills.label, scan.caps, ())
 
 
 def _scans(result: "JointResult") -> tuple[Analysis, ...]:
@@ -175,7 +180,8 @@ def about(
     p, mu, D = found.pressure_Pa, found.friction_coefficient, found.total_slip_displacement_m
     error = "not known" if found.model_error is None else f"{found.model_error:.1%}"
     if least is not None:
-        error += f"; at {p[0]:.4g} Pa, where the map has the fewest pixels in contact: {least:.1%}"
+        known = f"{least:.1%}" if math.isfinite(least) else "not known"
+        error += f"; at {p[0]:.4g} Pa, where the least of the face touches: {known}"
     bulk = (
         "It HOLDS the sinking of a half-space of the size of the scan, which a finite-element body "
         "has already: taken twice, the joint is too soft."
