@@ -276,6 +276,10 @@ TABLE = [
         ),
     ),
     (
+        ("pressing.py",),
+        ("tests/test_stages.py", "tests/contact/test_*uneven*.py", "tests/contact/test_*lay.py"),
+    ),
+    (
         ("stages.py", "settings.py"),
         ("tests/test_stages.py", "tests/caps/test_*registry*.py", "tests/test_verdict.py"),
     ),

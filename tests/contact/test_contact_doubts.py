@@ -362,7 +362,9 @@ def joint(coverage, *, load_N=(1.0,)):
 
 def pressed(contacts=24, yielded_area_m2=None, made_from="spheres"):
     rung = SimpleNamespace(made_from=made_from, contact_name="caps")
-    return SimpleNamespace(contacts=contacts, yielded_area_m2=yielded_area_m2, rung=rung)
+    return SimpleNamespace(
+        contacts=contacts, yielded_area_m2=yielded_area_m2, rung=rung, light=None
+    )
 
 
 @pytest.mark.parametrize(
@@ -406,7 +408,9 @@ def test_waves_that_a_scan_does_not_hold_are_doubted_beyond_a_tenth_of_the_appro
     coverage, rms_m, approach_m, without_bulk_m, said, monkeypatch
 ):
     monkeypatch.setattr(doubts, "long_waves_m", lambda surface: rms_m)
-    contact = SimpleNamespace(approach_m=approach_m, approach_without_bulk_m=without_bulk_m)
+    contact = SimpleNamespace(
+        approach_m=approach_m, approach_without_bulk_m=without_bulk_m, light=None
+    )
     found = problems_of_waves(joint(coverage), contact, None)
     assert [one.code for one in found] == ["waves_longer_than_scan"] * said
     assert not said or "stand 1e-07 m (rms) out of its spectrum, 10%" in found[0].message

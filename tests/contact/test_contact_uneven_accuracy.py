@@ -10,8 +10,10 @@ from contact_cases import state_of
 from scipy.optimize import brentq
 
 import capslip
-from capslip import pressing
+from capslip import analysis, pressing
+from capslip.contact import doubts
 from capslip.contact import joint as joints
+from capslip.contact.doubts import problems_of_share, problems_of_waves
 from capslip.contact.models.boundary_elements import RUNG
 from capslip.contact.models.families import families
 from capslip.contact.rung import ModelError, rung
@@ -51,8 +53,9 @@ def states(load_N, found=LIGHT, says=OF_LIGHT):
             raise ContactError("too few pixels")
         return found, says
 
-    asked_rung = replace(RUNG, error=error, problems=None)
-    known = [state_of(rung=asked_rung, preload_N=N, curve=SPHERE, errors=HEAVY) for N in load_N]
+    asked_rung = replace(RUNG, error=error, problems=None, touching=None)
+    given = {"rung": asked_rung, "curve": SPHERE, "errors": HEAVY, "bulk_m": 0.0}
+    known = [state_of(preload_N=N, **given) for N in load_N]
     return known, asked
 
 
@@ -188,8 +191,57 @@ def test_a_model_that_knows_no_error_and_an_even_joint_keep_what_they_have():
     assert asked == []
 
 
+def uneven_state(**of_both):
+    """Joint of three pressures with what is known of its heaviest and its lightest patch."""
+    load_N, weight = np.array([1.0, 8.0**0.5, 8.0]), np.array([4.0, 2.0, 1.0])
+    joint, curve = joint_of(load_N, weight)
+    given = {name: of[0] for name, of in of_both.items()}
+    light = state_of(preload_N=1.0, curve=SPHERE, rung=RUNG, **given)
+    given = {name: of[1] for name, of in of_both.items()}
+    heavy = state_of(preload_N=8.0, curve=SPHERE, rung=RUNG, light=light, **given)
+    joint = SimpleNamespace(coverage=0.1, curve=lambda contact: curve, **vars(joint))
+    _, W, _ = shares_of_spheres(load_N, weight, 0.25)
+    return joint, heavy, W
+
+
+def test_few_contacts_are_those_of_the_patches_that_lose():
+    joint, heavy, W = uneven_state(contacts=(4, 100))
+    (one,) = problems_of_share(joint, heavy)
+    assert one.code == "few_contacts_in_scan"
+    assert "contact regions, with 4 under 1 N on the scan" in one.message
+    off = W @ (0.5, np.sqrt(0.5 * 0.1), 0.1)
+    assert one.effect.energy == one.effect.loss_factor == pytest.approx(off, rel=1e-3)
+    joint, heavy, _ = uneven_state(contacts=(26, 100))
+    assert problems_of_share(joint, heavy) == []
+
+
+def test_long_waves_count_over_the_approach_of_the_patches_that_lose(monkeypatch):
+    joint, heavy, W = uneven_state(approach_m=(1e-7, 4e-7), bulk_m=(0.0, 0.0))
+    most_m = 0.1 / (W @ (1e7, np.sqrt(1e7 / 4e-7), 1 / 4e-7))
+    for long_m, said in ((0.998 * most_m, []), (1.002 * most_m, ["waves_longer_than_scan"])):
+        monkeypatch.setattr(doubts, "long_waves_m", lambda surface, long_m=long_m: long_m)
+        assert [one.code for one in problems_of_waves(joint, heavy, None)] == said
+
+
+def test_a_lighter_patch_has_its_own_contacts_and_approach():
+    """Under a load that the heaviest has not: the same as a scan under that alone."""
+    surface = few_caps(1e-9)
+    given = (*AS_IT_LIES, "caps.fit=least_squares")  # which no load changes
+    for model in ("caps", "interacting", "boundary_elements"):
+        found = {}
+        for N in (100.0, 5.0):
+            sets = (*given, f"contact.model={model}", f"contact.preload_N={N}")
+            settings = capslip.load_settings(overrides=sets)
+            found[N] = analysis.analyze_once(surface, settings).contact
+        light, alone = found[100.0].under(5.0), found[5.0]
+        assert light.contacts == alone.contacts < found[100.0].contacts
+        assert light.approach_m == pytest.approx(alone.approach_m, rel=1e-6)
+        without_m = light.approach_without_bulk_m
+        assert without_m == pytest.approx(alone.approach_without_bulk_m, rel=1e-6)
+
+
 HEAVY_PA, LIGHT_PA = 2e5, 1e4
-AT_A_QUARTER = ("contact.alignment=as_levelled", "conditioning.form=none")
+AS_IT_LIES = ("contact.alignment=as_levelled", "conditioning.form=none")
 
 
 def few_caps(noise_m=0.0, spread_m=1e-7):
@@ -206,7 +258,7 @@ def pressed(surface, path, areas_m2, *sets):
     """Analyse a joint of a pressure for each area."""
     lines = "".join(f"{p!r},{area!r}\n" for p, area in areas_m2.items())
     path.write_text("pressure_Pa,area_m2\n" + lines)
-    given = (f"joint.pressure_map={path}", *AT_A_QUARTER, *sets)
+    given = (f"joint.pressure_map={path}", *AS_IT_LIES, *sets)
     return capslip.analyze(surface, capslip.load_settings(overrides=given))
 
 

@@ -12,6 +12,7 @@ from capslip.contact.joint import Joint
 from capslip.contact.material import dundurs_beta
 from capslip.contact.press import ContactState
 from capslip.contact.solvers.yielding import HARDNESS_PER_YIELD
+from capslip.contact.uneven_accuracy import by_energy
 from capslip.materials import MATERIALS
 from capslip.problems import Effect, Problem
 from capslip.settings import Conditioning, Material
@@ -67,14 +68,18 @@ def problems_of_share(joint: Joint, contact: ContactState) -> list[Problem]:
             "then: the unit of the area, or the pixel size, may be wrong"
         )
         found.append(Problem("scan_larger_than_joint", "warning", message))
-    enough = contact.contacts >= FEW_IN_SCAN or contact.rung.made_from == "nothing"
-    if joint.coverage is None or joint.coverage > 0.99 or enough:
+    if joint.coverage is None or joint.coverage > 0.99 or contact.rung.made_from == "nothing":
         return found
-    off = 1.0 / math.sqrt(contact.contacts)
+    off = by_energy(joint, contact, lambda one: 1.0 / math.sqrt(one.contacts))
+    if off <= 1.0 / math.sqrt(FEW_IN_SCAN):
+        return found
+    with_few, light = f"{contact.contacts} {contact.rung.contact_name}", contact.light
+    if light is not None:
+        with_few += f", with {light.contacts} under {light.preload_N:.3g} N on the scan"
     message = (
-        f"the scan is {percent(joint.coverage)} of its joint and touches with {contact.contacts} "
-        f"{contact.rung.contact_name}: a joint of such patches loses about {off:.0%} less than one "
-        "of the same face in one piece; waves longer than the scan are not in it"
+        f"the scan is {percent(joint.coverage)} of its joint and touches with {with_few}: a joint "
+        f"of such patches loses about {off:.0%} less than one of the same face in one piece; waves "
+        "longer than the scan are not in it"
     )
     return [*found, Problem("few_contacts_in_scan", "warning", message, Effect(None, off, off))]
 
@@ -90,11 +95,14 @@ def problems_of_waves(joint: Joint, contact: ContactState, surface: HeightMap) -
     if joint.coverage is None or joint.coverage > 0.99 or approach_m <= 0.0:
         return []
     rms_m = long_waves_m(surface)
-    if rms_m <= LONG_WAVES * approach_m:
+    share = by_energy(
+        joint, contact, lambda one: rms_m / (one.approach_without_bulk_m or one.approach_m)
+    )
+    if share <= LONG_WAVES:
         return []
     message = (
         f"the scan is {percent(joint.coverage)} of its joint, and waves of its length and longer "
-        f"stand {rms_m:.2g} m (rms) out of its spectrum, {rms_m / approach_m:.0%} of the approach: "
+        f"stand {rms_m:.2g} m (rms) out of its spectrum, {share:.0%} of the approach: "
         "the face seems to go on in longer and higher ones, which patches of equal pressure leave "
         "out"
     )

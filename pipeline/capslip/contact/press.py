@@ -98,16 +98,27 @@ class ContactState:
         return self.first(load_N, hardness_factor)
 
     def under(self, load_N: float) -> "ContactState":
-        """Return what slip and errors ask of the face after a first loading to another load.
+        """Return what slip, errors and doubts ask of the face after a first loading to a load.
 
         Raises
         ------
         ContactError
             If the face cannot carry the load.
         """
-        curve = self.curve_after(load_N)
+        curve, count = self.curve_after(load_N), self.rung.touching
+        bulk_m = self.bulk_m * (load_N / self.preload_N)
+        approach_m = float(curve.approach_m(load_N))
         return replace(
-            self, preload_N=load_N, curve=curve, normal=curve, errors=None, moved=None, light=None
+            self,
+            preload_N=load_N,
+            approach_m=approach_m if self.bulk else approach_m + bulk_m,
+            bulk_m=bulk_m,
+            contacts=self.contacts if count is None else count(curve, load_N),
+            normal=curve,
+            curve=curve,
+            errors=None,
+            moved=None,
+            light=None,
         )
 
     def curves_near(

@@ -148,6 +148,8 @@ class Rung(Generic[C]):
     contacts: Callable[[Scene, C, float], Contacts]  # at the approach under the preload
     doubt: str | None = None  # what makes any result of it doubtful
     contact_name: str = "caps in contact"  # what `Contacts.count` counts
+    # How many contacts there are under a load; None: it knows none
+    touching: Callable[[C, float], int] | None = None
     # Growing loads up to one whose approach costs no solution; None: any load is as good
     solved_loads_N: Callable[[C, float], np.ndarray] | None = None
     reads_families: bool = False  # whether it takes m, n, R and h, not each cap for itself
@@ -261,6 +263,11 @@ def contacts_of_caps(
     found = contacts_of_rows(scene.E_star_Pa, curve, one_N, load_N, family, overlapping_pairs)
     x_m, y_m = (float(one_N @ at_m / one_N.sum()) for at_m in places)
     return replace(found, resultant_m=(x_m, y_m))
+
+
+def touching_caps(curve: AsperityCurve, load_N: float) -> int:
+    """Return how many asperities of a curve touch under a load."""
+    return int(curve.count[curve.asperity_loads_N(curve.approach_m(load_N)) > 0.0].sum())
 
 
 def contacts_of_rows(

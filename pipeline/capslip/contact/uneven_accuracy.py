@@ -197,6 +197,23 @@ def error_of_joint(
     return found, (*(one for one in problems if one.code not in again), *said)
 
 
+def by_energy(
+    joint: Joint, contact: ContactState, of_state: Callable[[ContactState], float]
+) -> float:
+    """Return a number of a face for its joint: the mean over patches, by the energy of each.
+
+    It is a power of the load between the heaviest patch and the lightest that counts.
+    """
+    heavy, light = of_state(contact), contact.light
+    if light is None:
+        return heavy
+    curve = joint.curve(contact)
+    assert isinstance(curve, PatchedCurve)
+    _, energy, _ = shares_of_patches(joint, curve, (ASKED,))
+    place = between_loads(joint, contact, light)
+    return float(energy[0] @ power_between(place, of_state(light), heavy))
+
+
 def between_loads(joint: Joint, heaviest: ContactState, light: ContactState) -> np.ndarray:
     """Return where the load of each patch is between those of two, 0 to 1 by its logarithm."""
     span = math.log(heaviest.preload_N / light.preload_N)

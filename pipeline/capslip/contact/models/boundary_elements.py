@@ -186,6 +186,10 @@ def _contacts(scene: Scene, curve: BoundaryElementCurve, approach_m: float) -> C
     )
 
 
+def _touching(curve: BoundaryElementCurve, load_N: float) -> int:
+    return len(curve.pressed(load_N).region_loads_N)
+
+
 RUNG = Rung(
     name=NAME,
     label="boundary elements",
@@ -203,6 +207,7 @@ RUNG = Rung(
     left_by_pixels=left_by_pixels,
     build=_build,
     contacts=_contacts,
+    touching=_touching,
     contact_name="contact regions",
     solved_loads_N=BoundaryElementCurve.solved_loads_N,
     tractions=BoundaryElementCurve.tractions,

@@ -2,7 +2,7 @@
 
 from numpy.typing import ArrayLike
 
-from capslip.contact.rung import Rung, Scene, contacts_of_caps
+from capslip.contact.rung import Rung, Scene, contacts_of_caps, touching_caps
 from capslip.contact.solvers.hertz import HertzCurve, checked_asperities
 
 
@@ -37,4 +37,5 @@ RUNG = Rung(
     colour="#CC79A7",
     build=_build,
     contacts=contacts_of_caps,
+    touching=touching_caps,
 )

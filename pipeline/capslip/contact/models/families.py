@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from capslip.caps.families import Families, Family
-from capslip.contact.rung import Contacts, Rung, Scene, contacts_of_rows
+from capslip.contact.rung import Contacts, Rung, Scene, contacts_of_rows, touching_caps
 from capslip.contact.solvers.hertz import HertzCurve, checked_asperities
 from capslip.errors import ContactError
 
@@ -108,6 +108,7 @@ RUNG = Rung(
     colour="#E69F00",
     build=_build,
     contacts=_contacts,
+    touching=touching_caps,
     reads_families=True,
     knows_places=False,
 )

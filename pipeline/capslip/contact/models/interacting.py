@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from capslip.contact.models.caps import caps
-from capslip.contact.rung import Contacts, Rung, Scene, contacts_of_caps
+from capslip.contact.rung import Contacts, Rung, Scene, contacts_of_caps, touching_caps
 from capslip.contact.solvers.balance import Equilibrium, press, press_sets
 from capslip.contact.solvers.hertz import HertzCurve, load_drop_of_asperity, loss_of_asperity
 from capslip.contact.solvers.near_field import NearField, near_field
@@ -363,6 +363,7 @@ RUNG = Rung(
     colour="#0072B2",
     build=_build,
     contacts=_contacts,
+    touching=touching_caps,
     interacts=True,
     coupled_loads_N=_loads_N,
 )

@@ -7,7 +7,7 @@ from numpy.typing import ArrayLike
 
 from capslip.contact.bulk import bulk_of_face_m_per_N
 from capslip.contact.models.caps import caps
-from capslip.contact.rung import Rung, Scene, contacts_of_caps
+from capslip.contact.rung import Rung, Scene, contacts_of_caps, touching_caps
 from capslip.contact.solvers.hertz import HertzCurve
 from capslip.errors import ContactError, SettingsError
 
@@ -73,4 +73,5 @@ RUNG = Rung(
     colour="#56B4E9",
     build=_build,
     contacts=contacts_of_caps,
+    touching=touching_caps,
 )
