@@ -39,6 +39,9 @@ from capslip.settings import Settings
 from capslip.stages import Clock, Face
 from capslip.surface.heightmap import HeightMap
 from capslip.surface.noise import known_noise_m
+from capslip.units import percent
+
+BETTER_SCAN = "average several scans (capslip average), or scan with more points on each hill"
 
 WithDoubts = tuple[ContactState, tuple[Problem, ...]]
 
@@ -72,13 +75,29 @@ def press_face(
             other, other_caps = _pressed_as(dearer, face, settings)
         with clock("slip"):
             other, other_slip, _ = _sheared(face, other, other_caps, settings)
-    except ContactError:
-        return contact, caps, slip
-    if other.errors is None or (
-        contact.errors and contact.errors.greatest <= other.errors.greatest
-    ):
-        return contact, caps, slip
+    except ContactError as failure:
+        return _tried(contact, f"fails: {failure}"), caps, slip
+    known, better = contact.errors, other.errors
+    if better is None:
+        return _tried(contact, "does not know how far it is off"), caps, slip
+    if known is not None and known.greatest <= better.greatest:
+        return _tried(contact, f"may be off by {percent(better.greatest)}"), caps, slip
     return other, other_caps, other_slip
+
+
+def _tried(contact: ContactState, found: str) -> ContactState:
+    """Return caps that stay in use with what was found of the map that they asked for."""
+    problems = [
+        replace(
+            one,
+            message=f"{one.message}; the map was pressed as well, and {found}",
+            step=BETTER_SCAN,
+        )
+        if one.code == "boundary_elements_needed"
+        else one
+        for one in contact.problems
+    ]
+    return replace(contact, problems=tuple(problems))
 
 
 def _sheared(

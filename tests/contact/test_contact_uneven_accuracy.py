@@ -309,14 +309,21 @@ def test_the_model_is_one_that_is_within_the_tolerance_where_the_joint_is_light(
 
 
 @pytest.mark.parametrize(
-    ("of_map", "kept"),
-    [(ModelError(0.01, 0.02), False), (ModelError(0.5, 0.9), True), (None, True), ("fails", True)],
+    ("of_map", "said"),
+    [
+        (ModelError(0.01, 0.02), None),
+        (ModelError(0.5, 0.9), "may be off by 90 %"),
+        (None, "does not know how far it is off"),
+        ("fails", "fails: no solution"),
+    ],
 )
 def test_a_map_that_light_patches_want_answers_only_where_it_knows_better(
-    monkeypatch, of_map, kept
+    monkeypatch, of_map, said
 ):
     """A choice of the map for the lightest patch is tried, and compared with the caps."""
-    caps = state_of(errors=ModelError(0.1, 0.3), curve=SPHERE)
+    needed = Problem("boundary_elements_needed", "warning", "they are needed")
+    problems = (OF_HEAVY[1], needed)
+    caps = state_of(errors=ModelError(0.1, 0.3), curve=SPHERE, problems=problems)
     other = replace(caps, errors=None if of_map == "fails" else of_map)
     dearer = SimpleNamespace(model="boundary_elements")
 
@@ -334,8 +341,16 @@ def test_a_map_that_light_patches_want_answers_only_where_it_knows_better(
     surface = SimpleNamespace(shape=(10, 10))
     face = SimpleNamespace(conditioned=SimpleNamespace(surface=surface))
     found, table, _ = pressing.press_face(face, capslip.load_settings(), Clock())
-    assert (found is caps) is kept
-    assert table == ("table" if kept else "table of the map")
+    if said is None:
+        assert (found, table) == (other, "table of the map")
+        return
+    assert table == "table"
+    assert found.errors is caps.errors
+    kept, one = found.problems
+    assert kept is OF_HEAVY[1]
+    assert one.code == needed.code
+    assert one.message == f"they are needed; the map was pressed as well, and {said}"
+    assert "average several scans" in one.step
 
 
 @pytest.mark.parametrize("hardness", [(), ("material.hardness_Pa=4e8",)])
