@@ -277,7 +277,11 @@ TABLE = [
     ),
     (
         ("pressing.py",),
-        ("tests/test_stages.py", "tests/contact/test_*uneven*.py", "tests/contact/test_*lay.py"),
+        (
+            *("tests/test_stages.py", "tests/contact/test_*uneven*.py"),
+            *("tests/contact/test_*lay.py", "tests/contact/test_*levelling.py"),
+            "tests/contact/test_*tilting.py",
+        ),
     ),
     (
         ("stages.py", "settings.py"),

@@ -321,3 +321,39 @@ def test_a_scan_that_yields_has_felt_the_greatest_load_of_the_cycle(model):
     )
     np.testing.assert_allclose(got, expected, rtol=5e-4)
     assert (np.abs(other / got - 1.0) > 0.004).all()
+
+
+@pytest.mark.parametrize(
+    ("model", "usable", "asked"),
+    [("auto", [True], 2), ("auto", [False], 1), ("interacting", [True], 1)],
+)
+def test_caps_stand_in_for_a_map_that_fails_where_the_choice_was_free(
+    monkeypatch, model, usable, asked
+):
+    """The second attempt knows why the first one failed; else the failure is told as it is."""
+    calls = []
+
+    def press(*given, map_failure="", at_ease_rad):
+        calls.append((map_failure, at_ease_rad))
+        if map_failure:
+            return "contact", "caps"
+        raise ContactError("no solution")
+
+    monkeypatch.setattr(pressing, "press", press)
+    found = SimpleNamespace(
+        level=SimpleNamespace(slope=(2e-6, -3e-6)),
+        joint=SimpleNamespace(settings_of_scan=lambda given: given),
+        caps=SimpleNamespace(usable=np.array(usable)),
+        hills=SimpleNamespace(noise_m=0.0),
+        conditioned=SimpleNamespace(surface=face()),
+        families=None,
+        label=None,
+    )
+    chosen = settings(f"contact.model={model}")
+    if asked == 1:
+        with pytest.raises(ContactError, match=r"^no solution$"):
+            pressing._pressed(found, chosen)
+    else:
+        assert pressing._pressed(found, chosen) == ("contact", "caps")
+    # What holds the parts is at ease as they were levelled
+    assert calls == [("", (-2e-6, 3e-6)), ("no solution", (-2e-6, 3e-6))][:asked]

@@ -12,7 +12,7 @@ from capslip.contact.rung import ModelError
 from capslip.contact.uneven import side_by_side
 from capslip.settings import load_settings
 from capslip.structure import band, band_causes, band_state
-from capslip.structure.band_causes import NORMAL_95
+from capslip.structure.band_causes import NORMAL_95, PAIRS_SHARE
 
 
 def part(coverage=None, error=0.1, made_from="spheres", lay=None, share=1.0, **contact):
@@ -257,30 +257,35 @@ class Sets:
         return each
 
 
-def uneven_part(of_light, of_heavy, used=0.0):
-    """Part of a joint of three pressures, whose spheres may be as much wider or narrower."""
-    curve = spheres(used)
+def uneven_part(of_light, of_heavy, by_pairs=(0.0, 0.0), found=(0.0, 0.0)):
+    """Part of a joint of three pressures, whose spheres may be as much wider or narrower.
 
-    def state(load_N, spread):
+    And be so with point loads alone, and as they are found, at the lightest and the heaviest.
+    """
+    curve, asked = spheres(), {}
+
+    def state(load_N, spread, pairs, x):
         moved = SimpleNamespace(
-            found=spheres(),
-            moved=Sets(spread, -spread, 0.0),
-            by_pairs=spheres(),
+            found=spheres(x),
+            moved=Sets(x + spread, x - spread, x),
+            by_pairs=spheres(x + pairs),
             by_level=None,
             of_unloading=0.0,
-            of_profiles=lambda share: (0.0, 0.0),
+            of_profiles=lambda share: asked.update({load_N: share}) or (0.0, 0.0),
         )
         composite = SimpleNamespace(kappa=1.25)
         known = {"moved": moved, "composite": composite, "curve": curve, "light": None}
         return SimpleNamespace(preload_N=load_N, **known)
 
-    heavy, light = state(8.0, of_heavy), state(1.0, of_light)
+    heavy = state(8.0, of_heavy, by_pairs[1], found[1])
+    light = state(1.0, of_light, by_pairs[0], found[0])
     heavy.light = light
     preload_N = float(LOAD_N @ WEIGHT)
     joint = Joint(1.0, 1.0, preload_N, LOAD_N, WEIGHT, 8.0)
     whole = side_by_side([curve] * 3, LOAD_N, WEIGHT)
     with_curve = SimpleNamespace(curve=lambda contact: whole, **vars(joint))
-    return SimpleNamespace(joint=with_curve, contact=heavy, share=1.0), whole
+    one = SimpleNamespace(joint=with_curve, contact=heavy, share=1.0, asked=asked)
+    return one, whole
 
 
 @pytest.mark.parametrize("share", [0.05, 0.25, 0.6, 0.85])
@@ -310,38 +315,41 @@ def test_spheres_that_are_wider_in_all_patches_scale_all_lengths(share, by_force
 
 @pytest.mark.parametrize("by_force", [True, False])
 def test_the_shift_of_patches_is_that_of_the_joint_of_interacting_caps(by_force):
-    """Where all radii in use are 3 % too small, and both ends know it."""
-    x = -0.03
-    one, whole = uneven_part(0.0, 0.0, used=x)
-    state = of_force(by_force, material__friction_coefficient=0.25)
+    """Where these are wider by 4 % under the least load, and narrower by 2 % under the greatest."""
+    one, whole = uneven_part(0.0, 0.0, found=(0.04, -0.02))
+    state, share = of_force(by_force, material__friction_coefficient=0.25), 0.25
     state.preload_N = one.joint.preload_N
-    state.answer.slip_force_N = 0.25 * 0.25 * state.preload_N
+    at = share * state.preload_N
+    state.answer.slip_force_N = 0.25 * at
     d = whole.preload_approach_m
-    state.answer.displacement_m = 0.25 * 1.25 * float(whole.withdrawal_m(d, 0.25 * state.preload_N))
+    e = float(whole.withdrawal_m(d, at))
+    state.answer.displacement_m = 0.25 * 1.25 * e
     left = band_causes._of_one(state, one)
-    right = side_by_side([spheres()] * 3, LOAD_N, WEIGHT)
-    d_right, at = right.preload_approach_m, 0.25 * state.preload_N
-    if by_force:
-        both = [
-            (float(c.withdrawal_m(D, at)), float(c.loss_integral_at_drop_J(D, at)))
-            for c, D in ((whole, d), (right, d_right))
-        ]
-    else:
-        e = state.answer.displacement_m / (0.25 * 1.25)
-        both = [
-            (float(c.load_drop_N(D, e)), float(c.loss_integral_J(D, e)))
-            for c, D in ((whole, d), (right, d_right))
-        ]
-    expected = np.log(both[1]) - np.log(both[0])
-    assert left.shift == pytest.approx(expected, rel=0.05)
+    place = np.log(LOAD_N) / np.log(8.0)
+    x = 0.04 + place * (-0.02 - 0.04)
+    right = side_by_side([spheres(one) for one in x], LOAD_N, WEIGHT)
+    assert left.shift == pytest.approx(moved_by(whole, right, by_force, at, e), rel=0.05, abs=3e-5)
+
+
+def moved_by(before, after, by_force, drop_N, withdrawal_m):
+    """Return what a joint answers otherwise with other curves, in logarithms."""
+    found = []
+    for one in (before, after):
+        d = one.preload_approach_m
+        if by_force:
+            found.append((one.withdrawal_m(d, drop_N), one.loss_integral_at_drop_J(d, drop_N)))
+        else:
+            found.append((one.load_drop_N(d, withdrawal_m), one.loss_integral_J(d, withdrawal_m)))
+    log = np.log(np.array(found, dtype=float))
+    return log[1] - log[0]
 
 
 @pytest.mark.parametrize("by_force", [True, False])
 @pytest.mark.parametrize("share", [0.1, 0.4])
 def test_what_ends_leave_counts_by_what_patches_lose_and_bear(share, by_force):
     """Radii that are wider by a power of the load between both ends, and all together."""
-    of_light, of_heavy = 0.016, 0.001
-    one, whole = uneven_part(of_light, of_heavy)
+    of_light, of_heavy, pairs = 0.016, 0.001, (0.24, 0.04)
+    one, whole = uneven_part(of_light, of_heavy, by_pairs=pairs)
     state = of_force(by_force, material__friction_coefficient=0.25)
     state.preload_N = one.joint.preload_N
     d, at = whole.preload_approach_m, share * state.preload_N
@@ -350,18 +358,38 @@ def test_what_ends_leave_counts_by_what_patches_lose_and_bear(share, by_force):
     state.answer.displacement_m = 0.25 * 1.25 * e
     left = band_causes._of_one(state, one)
     place = np.log(LOAD_N) / np.log(8.0)
-    x = of_light ** (1.0 - place) * of_heavy**place
-    wide = side_by_side([spheres(one) for one in x], LOAD_N, WEIGHT)
-    D = wide.preload_approach_m
-    if by_force:
-        found = wide.withdrawal_m(D, at) / e, wide.loss_integral_at_drop_J(D, at)
-        before = 1.0, whole.loss_integral_at_drop_J(d, at)
-    else:
-        found = wide.load_drop_N(D, e), wide.loss_integral_J(D, e)
-        before = whole.load_drop_N(d, e), whole.loss_integral_J(d, e)
-    expected = np.log(np.array(found, dtype=float) / np.array(before, dtype=float))
+
+    def wider(x_of_light, x_of_heavy):
+        x = x_of_light ** (1.0 - place) * x_of_heavy**place
+        wide = side_by_side([spheres(one) for one in x], LOAD_N, WEIGHT)
+        return moved_by(whole, wide, by_force, at, e)
+
     # Sets at +x, -x and by nothing in the place of the shape, which is none of them
+    expected = wider(of_light, of_heavy)
     assert left.caps.T @ left.caps == pytest.approx(np.outer(expected, expected), rel=0.03)
+    expected = PAIRS_SHARE * wider(*pairs) / NORMAL_95
+    least = (band_causes.LEAST_ERROR / NORMAL_95) ** 2
+    found = left.model.T @ left.model
+    assert found == pytest.approx(np.outer(expected, expected), rel=0.15, abs=4.0 * least)
+    # Each end at its own part of its mu N
+    for N in (1.0, 8.0):
+        own = spheres().load_drop_N(spheres().approach_m(N), e) / N
+        assert one.asked[N] == pytest.approx(own, rel=1e-3)
+
+
+def test_near_gross_slip_patches_count_as_at_nine_tenths_of_it():
+    """Where no patch sticks any more the slope of the joint tells nothing."""
+    roots = []
+    for share in (0.9, 0.97, 1.0):
+        one, _ = uneven_part(0.01, 0.002)
+        state = of_force(True, material__friction_coefficient=0.25)
+        state.preload_N = one.joint.preload_N
+        state.answer.slip_force_N = 0.25 * share * state.preload_N
+        state.answer.displacement_m = 1e-6
+        roots.append(band_causes._of_one(state, one).caps)
+    assert roots[1] == pytest.approx(roots[0])
+    assert roots[2] == pytest.approx(roots[0])
+    assert roots[0].any()
 
 
 def test_an_interval_holds_the_number_that_was_answered():
