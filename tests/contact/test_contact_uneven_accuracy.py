@@ -285,6 +285,11 @@ def test_caps_of_a_joint_that_rests_on_light_patches_are_as_unsure_as_these(tmp_
         value, narrow = getattr(both.answer, name), heavy.band.interval[name]
         assert low < getattr(true.answer, name) < high, name
         assert high - low > 2.0 * value / getattr(heavy.answer, name) * (narrow[1] - narrow[0])
+    spread = ("contact.preload_spread=0.2", "material.friction_spread=0.2")
+    areas_m2 = {HEAVY_PA: area_m2 / 500, LIGHT_PA: area_m2}
+    wider = pressed(few_caps(6e-9), path, areas_m2, *sets, *spread)
+    assert set(wider.band.contributions["energy_J"]) == {"caps", "model", "friction", "preload"}
+    assert wider.band.interval["energy_J"][1] > both.band.interval["energy_J"][1]
     low, high = np.array(both.band.interval["energy_J"]) / both.answer.energy_J
     wide = np.array(light.band.interval["energy_J"]) / light.answer.energy_J
     assert 0.5 < np.log(high / low) / np.log(wide[1] / wide[0]) < 1.2

@@ -132,7 +132,7 @@ def _of_uneven(state: State, part: Part, light: ContactState, share: float, e: f
             count * root / np.where(one > 0.0, one, 1.0)
             for count, root, one in zip(counts, (low, high), spread, strict=True)
         ]
-        return np.array([of_joint(a * a_k, energy * l_k) for a, energy in np.vstack(rows)])
+        return _root(np.array([of_joint(a * a_k, energy * l_k) for a, energy in np.vstack(rows)]))
 
     shift = ends[0].shift + place[:, None] * (ends[1].shift - ends[0].shift)
     of_caps, of_model = together(ends[0].caps, ends[1].caps), together(ends[0].model, ends[1].model)
