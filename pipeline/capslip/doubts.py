@@ -184,7 +184,7 @@ def _of_small_slip(
     force, too.
     Below a quarter of mu N what pixels, noise and detail leave is only noted where nobody asks for
     it. From a tenth of mu N on, detail that decides was measured, and from a quarter on what pixels
-    leave: then what the pixels resolve is no second doubt. Below a tenth more is left than there.
+    leave: then what the pixels resolve is no second doubt.
     """
     if answer is None or slip is None:
         return []
@@ -196,9 +196,8 @@ def _of_small_slip(
     left = 0.0 if contact.errors is None else contact.errors.energy_at(share)
     falls = contact.errors is not None and contact.errors.energy_by_share
     if falls and share < ASKED and left > tolerance and not said and "detail_decides" not in warned:
-        bound = "up to" if share >= SMALL_SLIP else "more than"
         message = (
-            f"{asked}, where pixels, noise and detail of the map leave {bound} {left:.1%} in the "
+            f"{asked}, where pixels, noise and detail of the map leave up to {left:.1%} in the "
             "energy per cycle"
         )
         return [Problem("small_slip_extrapolated", "warning", message, Effect(None, left, left))]
@@ -207,9 +206,10 @@ def _of_small_slip(
     least = contact.rung.least_share(contact.normal, contact.preload_N)
     if share >= least or (measured and share >= SMALL_SLIP) or (said and share >= ASKED):
         return []
+    off = percent(left) if left > UNRESOLVED else f"more than {percent(UNRESOLVED)}"
     message = (
         f"{asked}; below {percent(least)} of it less slips than the pixels of the map resolve: the "
-        f"energy per cycle may be off by more than {percent(max(left, UNRESOLVED))}"
+        f"energy per cycle may be off by {off}"
     )
     effect = Effect(None, left, left) if left > tolerance else None
     return [Problem("small_slip_extrapolated", "warning", message, effect)]

@@ -332,12 +332,13 @@ def test_what_is_only_noted_at_small_forces_is_a_doubt_where_the_answer_is_asked
     ("share", "least", "error", "codes", "said", "effect"),
     [
         (0.15, 0.4, 0.3, (), "leave up to 30.0%", 0.3),
-        (0.05, 0.02, 0.3, (), "leave more than 30.0%", 0.3),  # it grows as the force falls
-        (0.05, 0.4, 0.3, ("detail_decides",), "off by more than 30 %", 0.3),
+        (0.05, 0.02, 0.3, (), "leave up to 60.0%", 0.6),  # it grows as the force falls
+        (0.05, 0.02, 0.04, (), "leave up to 8.0%", 0.08),  # from what is none at a tenth
+        (0.05, 0.4, 0.3, ("detail_decides",), "off by 60 %", 0.6),
         (0.05, 0.4, 0.01, ("detail_decides",), "off by more than 5 %", None),
     ],
 )
-def test_below_a_tenth_of_gross_slip_what_is_left_there_is_the_least(
+def test_below_a_tenth_of_gross_slip_more_is_left_than_there(
     share, least, error, codes, said, effect
 ):
     contact = SimpleNamespace(

@@ -149,6 +149,9 @@ def test_a_model_without_caps_has_its_error_at_the_force_that_was_asked():
     assert left.caps.tolist() == [[0.0, 0.0], [0.0, 0.0]]
     assert left.shift.tolist() == [0.0, 0.0]
     assert left.model == pytest.approx(np.diag((0.02, 0.1)) / NORMAL_95)
+    state.preload_N = 1000.0  # 5 N of 250 N: 0.02, a fifth of the least that is known
+    model = band_causes._of_one(state, part(errors=known)).model
+    assert model == pytest.approx(np.diag((0.02, 5.0 * 0.4)) / NORMAL_95)
     state.preload_N = 10.0  # beyond gross slip: as at it
     model = band_causes._of_one(state, part(errors=known)).model
     assert model[1, 1] == pytest.approx(0.05 / NORMAL_95)

@@ -103,10 +103,10 @@ class Contacts:
 
 @dataclass(frozen=True)
 class ModelError:
-    """Relative errors that a model expects of itself, at 95 %; forces from a tenth of mu N on."""
+    """Relative errors that a model expects of itself, at 95 %."""
 
     stiffness: float  # where slip begins, and of the secants
-    energy: float  # the greatest
+    energy: float  # the greatest from a tenth of mu N on
     # Shares of mu N, growing, and the error of the energy at each, where it falls with the force
     energy_by_share: tuple[tuple[float, float], ...] = ()
 
@@ -125,11 +125,16 @@ class ModelError:
         return max(self.stiffness, self.energy_at(share))
 
     def energy_at(self, share: float) -> float:
-        """Return the error of the energy at a share of mu N, a power between those known."""
+        """Return the error of the energy at a share of mu N, a power between those known.
+
+        Below the least of these it grows as the share falls: what slips of a contact is a ring, and
+        as wide as that share of it.
+        """
         if not self.energy_by_share:
             return self.energy
         known = np.log(np.array(self.energy_by_share).T)
-        return math.exp(float(np.interp(math.log(share), *known)))
+        beyond = max(self.energy_by_share[0][0] / share, 1.0)
+        return beyond * math.exp(float(np.interp(math.log(share), *known)))
 
 
 @dataclass(frozen=True, eq=False)
