@@ -357,3 +357,20 @@ def test_caps_stand_in_for_a_map_that_fails_where_the_choice_was_free(
         assert pressing._pressed(found, chosen) == ("contact", "caps")
     # What holds the parts is at ease as they were levelled
     assert calls == [("", (-2e-6, 3e-6)), ("no solution", (-2e-6, 3e-6))][:asked]
+
+
+@pytest.mark.parametrize("alignment", ["balanced", "as_levelled"])
+@pytest.mark.parametrize("load_N", [100.0, 10.0])
+def test_a_lighter_patch_lies_as_the_heaviest_does(alignment, load_N):
+    """No other plane counts where that was balanced; as levelled, it is as unsure as ever."""
+    chosen = settings(f"contact.alignment={alignment}", "contact.preload_N=100")
+    joint = SimpleNamespace(settings_of_scan=lambda given: given)
+    found = SimpleNamespace(level="level", joint=joint)
+    patch = SimpleNamespace(preload_N=load_N, bulk=True, rung=SimpleNamespace(name="interacting"))
+    given = pressing._settings_of(found, patch, chosen)
+    assert (given.contact.model, given.contact.preload_N) == ("interacting", load_N)
+    assert given.contact.bulk  # as it was kept
+    stays = alignment == "balanced" and load_N == 100.0
+    assert given.contact.alignment == ("balanced" if stays else "as_levelled")
+    turned = alignment == "balanced" and load_N < 100.0
+    assert given.conditioning.form == ("none" if turned else chosen.conditioning.form)

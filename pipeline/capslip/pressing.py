@@ -259,11 +259,12 @@ def _caps_of(
 def _settings_of(face: Face, patch: ContactState, settings: Settings) -> Settings:
     """Return the settings of a patch of the joint: its load, and the model that was pressed.
 
-    The level of a face that was balanced stays that under the greatest pressure.
+    The level of a face that was balanced stays that under the greatest pressure, and where the bulk
+    could not be taken off there it is kept.
     """
     found = as_found(face, settings)
-    change: dict[str, Any] = {"model": patch.rung.name, "preload_N": patch.preload_N}
-    conditioning = found.conditioning
+    conditioning, model = found.conditioning, patch.rung.name
+    change: dict[str, Any] = {"model": model, "preload_N": patch.preload_N, "bulk": patch.bulk}
     if found.contact.alignment == "balanced" and patch.preload_N < found.contact.preload_N:
         change["alignment"] = "as_levelled"
         conditioning = msgspec.structs.replace(conditioning, form="none")  # no other plane counts
