@@ -284,7 +284,7 @@ def test_less_is_known_of_the_energy_the_smaller_the_force():
     left = error_of_patches(of, patches_of([2, 3]))
     light = 1 / 6  # what the patch bears whose pixels are too few
     assert left.stiffness == pytest.approx(light)
-    expected = np.array([0.2, 0.2, 0.06, 0.06]) + light
+    expected = np.array([2.0, 1.0, 1.0, 1.0]) * (np.array([0.2, 0.2, 0.06, 0.06]) + light)
     assert [left.energy_at(share) for share in (0.05, 0.1, 0.25, 0.9)] == pytest.approx(expected)
 
 
