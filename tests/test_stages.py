@@ -366,8 +366,8 @@ def test_a_lighter_patch_lies_as_the_heaviest_does(alignment, load_N):
     chosen = settings(f"contact.alignment={alignment}", "contact.preload_N=100")
     joint = SimpleNamespace(settings_of_scan=lambda given: given)
     found = SimpleNamespace(level="level", joint=joint)
-    patch = SimpleNamespace(preload_N=load_N, bulk=True, rung=SimpleNamespace(name="interacting"))
-    given = pressing._settings_of(found, patch, chosen)
+    patch = SimpleNamespace(preload_N=load_N, bulk=True)
+    given = pressing._settings_of(found, patch, chosen, "interacting")
     assert (given.contact.model, given.contact.preload_N) == ("interacting", load_N)
     assert given.contact.bulk  # as it was kept
     stays = alignment == "balanced" and load_N == 100.0

@@ -142,8 +142,9 @@ def _with_errors_of_joint(
         message = f"nobody knows how far stiffness and energy are off: {failure}"
         doubts = (Problem("pressures_interpolated", "warning", message),)
     given = face.joint, curve, contact, light, doubts, settings.contact.tolerance
-    errors, problems = error_of_joint(*given)
-    return replace(contact, errors=errors, problems=problems, light=light), dearer
+    errors, problems, energy_share = error_of_joint(*given)
+    found = replace(contact, errors=errors, problems=problems, light=light)
+    return replace(found, energy_share=energy_share), dearer
 
 
 def _pressed(face: Face, settings: Settings) -> tuple[ContactState, CapTable]:
@@ -225,7 +226,8 @@ def _with_error(face: Face, contact: ContactState, settings: Settings) -> WithDo
         known = settings.contact.tolerance, known_noise_m(face.conditioned.surface, settings)
         errors, doubts = contact.rung.error(contact.normal, contact.preload_N, *known)
         return replace(contact, errors=errors), doubts
-    error, moved, doubts = estimate_error(*_caps_of(face), _settings_of(face, contact, settings))
+    given = _settings_of(face, contact, settings, contact.rung.name)
+    error, moved, doubts = estimate_error(*_caps_of(face), given)
     return replace(contact, errors=ModelError.of_either(error), moved=moved), doubts
 
 
@@ -233,9 +235,7 @@ def _as_chosen(
     face: Face, light: ContactState, settings: Settings
 ) -> tuple[ContactState, tuple[Problem, ...], Choice | None]:
     """Return caps under a light load with the error that the choice finds, and a dearer model."""
-    under = _settings_of(face, light, settings)
-    auto = msgspec.structs.replace(under.contact, model="auto")
-    choice = choose_model(*_caps_of(face), msgspec.structs.replace(under, contact=auto))
+    choice = choose_model(*_caps_of(face), _settings_of(face, light, settings, "auto"))
     dearer: Choice | None = None
     if rung(choice.model).cost > light.rung.cost:
         need = f"lighter patches of the joint need it: under {light.preload_N:.3g} N on the scan, "
@@ -256,14 +256,14 @@ def _caps_of(
     return face.caps, face.families, surface, face.label, face.hills.noise_m
 
 
-def _settings_of(face: Face, patch: ContactState, settings: Settings) -> Settings:
-    """Return the settings of a patch of the joint: its load, and the model that was pressed.
+def _settings_of(face: Face, patch: ContactState, settings: Settings, model: str) -> Settings:
+    """Return the settings of a patch of the joint: its load, and the model to ask.
 
     The level of a face that was balanced stays that under the greatest pressure, and where the bulk
     could not be taken off there it is kept.
     """
     found = as_found(face, settings)
-    conditioning, model = found.conditioning, patch.rung.name
+    conditioning = found.conditioning
     change: dict[str, Any] = {"model": model, "preload_N": patch.preload_N, "bulk": patch.bulk}
     if found.contact.alignment == "balanced" and patch.preload_N < found.contact.preload_N:
         change["alignment"] = "as_levelled"

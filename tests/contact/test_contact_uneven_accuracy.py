@@ -18,6 +18,7 @@ from capslip.contact.models.boundary_elements import RUNG
 from capslip.contact.models.families import families
 from capslip.contact.rung import ModelError, rung
 from capslip.contact.uneven import side_by_side
+from capslip.contact.uneven_accuracy import shares_of_patches
 from capslip.errors import ContactError
 from capslip.problems import Effect, Problem
 from capslip.stages import Clock
@@ -199,9 +200,10 @@ def uneven_state(**of_both):
     light = state_of(preload_N=1.0, curve=SPHERE, rung=RUNG, **given)
     given = {name: of[1] for name, of in of_both.items()}
     heavy = state_of(preload_N=8.0, curve=SPHERE, rung=RUNG, light=light, **given)
-    joint = SimpleNamespace(coverage=0.1, curve=lambda contact: curve, **vars(joint))
+    _, energy, _ = shares_of_patches(joint, curve, (0.25,))
+    joint = SimpleNamespace(coverage=0.1, **vars(joint))
     _, W, _ = shares_of_spheres(load_N, weight, 0.25)
-    return joint, heavy, W
+    return joint, replace(heavy, energy_share=energy[0]), W
 
 
 def test_few_contacts_are_those_of_the_patches_that_lose():

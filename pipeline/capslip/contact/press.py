@@ -68,6 +68,7 @@ class ContactState:
     # The lightest patch that counts of a joint that is pressed unevenly, with its errors; None: no
     # such joint, or they are not known
     light: "ContactState | None" = None
+    energy_share: np.ndarray | None = None  # of each patch, at a quarter of mu N; None as well
     lay: Lay | None = None  # what the direction of slip does, see `direction`; None: not looked at
 
     @property
@@ -119,6 +120,7 @@ class ContactState:
             errors=None,
             moved=None,
             light=None,
+            energy_share=None,
         )
 
     def curves_near(

@@ -127,8 +127,8 @@ def lightest(
     if heaviest.rung.solved_loads_N is None:  # any load is as good
         lighter = joint.load_N < (1.0 - 1e-9) * heaviest.preload_N
         known = np.sort(joint.load_N[lighter]).tolist()
-    rests_on = _resting(joint, curve)
-    load_N = next((N for N in known if rests_on(N) > FEW), None)
+    stiffness, energy, _ = shares_of_patches(joint, curve, (ASKED,))
+    load_N = next((N for N in known if _rests_on(joint, N, stiffness, energy[0]) > FEW), None)
     if load_N is None:
         return None
     return heaviest.under(load_N)
@@ -141,7 +141,7 @@ def error_of_joint(
     light: ContactState,
     doubts: Sequence[Problem],
     tolerance: float,
-) -> tuple[ModelError, tuple[Problem, ...]]:
+) -> tuple[ModelError, tuple[Problem, ...], np.ndarray]:
     """Return the errors of a joint, and what takes them beyond the tolerance where it is lighter.
 
     Patches differ in their load alone, so their errors go the same way: each counts by its share of
@@ -164,9 +164,9 @@ def error_of_joint(
 
     Returns
     -------
-    ModelError, tuple of Problem
+    ModelError, tuple of Problem, ndarray of shape (k,)
         Beyond the tolerance, what the lighter one says takes the place of problems with the same
-        code.
+        code. And the shares of the patches in the energy at a quarter of mu N.
     """
     problems, known = heaviest.problems, heaviest.errors
     assert known is not None
@@ -180,13 +180,13 @@ def error_of_joint(
     ]
     K = float(stiffness @ power_between(place, *(end.stiffness for end in ends)))
     found = ModelError(K, max(error for _, error in by_share), tuple(by_share))
-    W = found.energy_at(ASKED)
+    W, asked = found.energy_at(ASKED), energy[SHARES.index(ASKED)]
     if max(K, W) <= tolerance:
-        return found, problems
-    rests_on = _resting(joint, curve)
+        return found, problems, asked
+    rests = _rests_on(joint, light.preload_N, stiffness, asked)
     under = (
-        f"under {light.preload_N:.3g} N on the scan, and {percent(rests_on(light.preload_N))} of "
-        "the joint rests on patches that bear no more, "
+        f"under {light.preload_N:.3g} N on the scan, and {percent(rests)} of the joint rests on "
+        "patches that bear no more, "
     )
     said = [
         replace(one, message=under + one.message, effect=_of_joint(one.effect, K, W))
@@ -194,7 +194,7 @@ def error_of_joint(
         if one.severity == "warning"
     ]
     again = {one.code for one in said}
-    return found, (*(one for one in problems if one.code not in again), *said)
+    return found, (*(one for one in problems if one.code not in again), *said), asked
 
 
 def by_energy(
@@ -207,11 +207,9 @@ def by_energy(
     heavy, light = of_state(contact), contact.light
     if light is None:
         return heavy
-    curve = joint.curve(contact)
-    assert isinstance(curve, PatchedCurve)
-    _, energy, _ = shares_of_patches(joint, curve, (ASKED,))
+    assert contact.energy_share is not None
     place = between_loads(joint, contact, light)
-    return float(energy[0] @ power_between(place, of_state(light), heavy))
+    return float(contact.energy_share @ power_between(place, of_state(light), heavy))
 
 
 def between_loads(joint: Joint, heaviest: ContactState, light: ContactState) -> np.ndarray:
@@ -284,15 +282,10 @@ def _stiffness_and_energies(curve: NormalCurve, preload_N: float) -> np.ndarray:
     return np.append(curve.stiffness_N_per_m(d), curve.loss_integral_at_drop_J(d, drop_N))
 
 
-def _resting(joint: Joint, curve: PatchedCurve) -> Callable[[float], float]:
-    """Return what tells the share of stiffness or energy, the greater, of patches up to a load."""
-    stiffness, energy, _ = shares_of_patches(joint, curve, (ASKED,))
-
-    def rests_on(most_N: float) -> float:
-        light = joint.load_N <= most_N * (1.0 + 1e-9)
-        return float(max(stiffness[light].sum(), energy[0, light].sum()))
-
-    return rests_on
+def _rests_on(joint: Joint, most_N: float, stiffness: np.ndarray, energy: np.ndarray) -> float:
+    """Return the share of stiffness or energy, the greater, of patches up to a load."""
+    light = joint.load_N <= most_N * (1.0 + 1e-9)
+    return float(max(stiffness[light].sum(), energy[light].sum()))
 
 
 def shares_of_patches(

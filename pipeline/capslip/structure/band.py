@@ -114,7 +114,7 @@ def band_of(
         return None
 
 
-def _propagated(state: "State", damping: Damping) -> Band | None:
+def _propagated(state: State, damping: Damping) -> Band | None:
     """Return the band of a state that moves; None where nothing is known to be uncertain."""
     material, contact = state.settings.material, state.settings.contact
     left = of_caps_and_model(state)
@@ -165,7 +165,7 @@ def _propagated(state: "State", damping: Damping) -> Band | None:
     )
 
 
-def _left_out(state: "State") -> tuple[str, ...]:
+def _left_out(state: State) -> tuple[str, ...]:
     parts, unknown = state.parts, []
     if any(part.contact.estimated_error is None for part in parts):
         unknown.append(OF_MODEL)
