@@ -11,7 +11,7 @@ from scipy.ndimage import gaussian_filter
 from capslip import analyze, load_settings
 from capslip.contact import map_accuracy
 from capslip.contact.models import boundary_elements as model
-from capslip.contact.solvers import polonsky_keer, solutions
+from capslip.contact.solvers import polonsky_keer, solutions, unloading
 from capslip.contact.solvers.polonsky_keer import elastic_face, press
 from capslip.contact.solvers.tilting import press_balanced
 from capslip.errors import OutOfTimeError
@@ -110,6 +110,52 @@ def test_the_work_of_other_threads_does_not_count():
         other.start()
         other.join()
     assert found.left_s(LOAD_N) > 59.8
+
+
+def working(monkeypatch, setting_up_s, load_s):
+    """Let the clock of a curve go on by its work alone: what comes before its loads, and each."""
+    now = [0.0]
+
+    class Timed(unloading.Path):
+        def __init__(self, *given):
+            super().__init__(*given)
+            now[0] += setting_up_s
+
+        def solve(self, odd):
+            now[0] += load_s
+            return super().solve(odd)
+
+    monkeypatch.setattr(unloading, "Path", Timed)
+    monkeypatch.setattr(unloading, "thread_time", lambda: now[0])
+    return now
+
+
+def followed(limit_s):
+    face = elastic_face(wavy(), E)
+    return unloading.unload(face, press(face, load_N=LOAD_N), 1e-6, time_limit_s=limit_s)
+
+
+def test_what_comes_before_the_loads_below_a_preload_is_no_part_of_their_price(monkeypatch):
+    """All of them fit in, however long the patches took: none is left out, and none is missed."""
+    free = followed(np.inf)
+    n_loads = len(free.solved_load_N) - 1  # the preload was solved before
+    working(monkeypatch, 10.0, 1.0)
+    found = followed(12.0 + n_loads)
+    assert not found.cut_short
+    assert np.array_equal(found.solved_load_N, free.solved_load_N)
+
+
+@pytest.mark.parametrize("limit_s", [11.0, 16.0, 20.0])
+def test_loads_end_with_their_time(monkeypatch, limit_s):
+    now = working(monkeypatch, 10.0, 1.0)
+    found = followed(limit_s)
+    assert found.cut_short
+    assert now[0] == max(limit_s, 15.0)  # five loads at least
+
+
+def test_a_clock_that_has_not_moved_is_no_failure(monkeypatch):
+    working(monkeypatch, 0.0, 0.0)
+    assert not followed(10.0).cut_short
 
 
 @pytest.mark.parametrize("seed", [1, 2])

@@ -29,6 +29,7 @@ SMALL_SLIP = 0.1
 TOLERANCE = 0.003  # aimed at for the loss between the solved loads, of which 0.005 is asked
 MAX_SOLUTIONS = 50
 _FIRST, _FEWEST = 9, 5  # solutions before the first look at the accuracy; where time is short
+_LEAST_S = 1e-6  # that one of them takes, whatever the clock says
 _SMALLEST, _LARGEST = 0.007, 0.985  # their withdrawals, as shares of that of a single Hertz contact
 _MOST_REGIONS = 300  # that are interpolated each by itself: more are no Hertz contacts
 _LEAST_PIXELS = 10  # of a region on average: smaller ones are none either
@@ -197,27 +198,31 @@ def path_at(
 
 
 def _followed(path: Path, begin_s: float, time_limit_s: float, as_pixels: bool) -> bool:
-    """Solve as many loads as the loss between them needs; return whether time was too short."""
+    """Solve as many loads as the loss between them needs; return whether time was too short.
+
+    What was done before the first of them, since `begin_s`, none of the others takes again.
+    """
     waiting = Waiting("boundary elements", "loads")
     first, last = (float(np.log(t / (1 - t))) for t in (_SMALLEST, _LARGEST))
+    ready_s = thread_time()
     path.solve(first)
-    fit_in = time_limit_s / (thread_time() - begin_s)
+    took_s = max(thread_time() - ready_s, _LEAST_S)
+    fit_in = (time_limit_s - (ready_s - begin_s)) / took_s
     n_first = _FIRST if fit_in >= _FIRST else max(_FEWEST, int(fit_in))
     for odd in np.linspace(first, last, n_first)[1:].tolist():
         path.solve(odd)
         waiting.tell(len(path.nodes), n_first)
     while len(path.nodes) < MAX_SOLUTIONS:
-        intervals = _between(path, as_pixels)[1]
-        wide = [each for each in intervals if each.excess > 1 and each.width > CLOSEST]
+        intervals = [each for each in _between(path, as_pixels)[1] if each.width > CLOSEST]
+        wide = [each for each in intervals if each.excess > 1]
         waiting.tell(len(path.nodes), min(len(path.nodes) + len(wide), MAX_SOLUTIONS))
-        if not wide:
+        if not wide and len(path.nodes) >= _FIRST:
             break
-        worst = max(wide)
-        used_s = thread_time() - begin_s
-        if used_s * (1 + 1 / len(path.nodes)) > time_limit_s:
+        worst, now_s = max(wide or intervals), thread_time()
+        if now_s - begin_s + (now_s - ready_s) / len(path.nodes) > time_limit_s:
             return True
         path.solve((worst.low + worst.high) / 2)
-    return n_first < _FIRST
+    return False
 
 
 class _Interval(NamedTuple):
