@@ -55,8 +55,31 @@ def test_in_phase_nothing_slips_below_mu_times_the_normal_amplitude(phase_rad):
     slip = under(0.1, phase_rad)
     T = CONSTANT.total_slip_force_N
     assert slip.energy_at_force_J(0.0999 * T) < 1e-6 * CONSTANT.energy_at_force_J(0.0999 * T)
+    assert not slip.energy_at_force_J(np.geomspace(1e-6, 0.09, 9) * T).any()  # rounding is none
     assert slip.energy_at_force_J(0.2 * T) > 0.3 * CONSTANT.energy_at_force_J(0.2 * T)
     assert slip.total_slip_force_N == pytest.approx(0.9 * T, rel=1e-12)
+
+
+@pytest.mark.parametrize("n_P", [18, 180, 1800])
+@pytest.mark.parametrize(("ratio", "phase_rad"), [(0.01, 1.57), (0.1, 0.3), (0.05, 0.0)])
+def test_where_a_family_slips_as_a_whole_the_answers_are_those_of_the_cycles(n_P, ratio, phase_rad):
+    """The more caps it has, the steeper energy and displacement rise there."""
+    many = families((5, n_P), (23.8, 26.7), (0.0, 2e-7), 109.89e9)
+    slip = under(ratio, phase_rad, slip_curve(many, PRELOAD_N, MU, KAPPA))
+    T = np.random.default_rng(n_P).uniform(0.02, 0.98, 40) * slip.total_slip_force_N
+    cycles = [slip._cycle(force_N) for force_N in T.tolist()]
+    lost_J, moved_m = np.array([(W, np.ptp(U) / 2) for W, _, U in cycles]).T
+    np.testing.assert_allclose(slip.displacement_m(T), moved_m, rtol=1e-3)
+    atol_J = 1e-5 * lost_J.max()
+    np.testing.assert_allclose(slip.energy_at_force_J(T), lost_J, rtol=3e-3, atol=atol_J)
+    np.testing.assert_allclose(slip.force_N(slip.displacement_m(T)), T, rtol=1e-9)
+
+
+def test_next_to_no_oscillation_changes_next_to_nothing():
+    still = slip_curve(families((5, 180), (23.8, 26.7), (0.0, 2e-7), 109.89e9), 460.0, MU, KAPPA)
+    T = np.linspace(0.05, 0.95, 60) * still.total_slip_force_N
+    moved_J = under(1e-4, math.pi / 2, still).energy_at_force_J(T)
+    np.testing.assert_allclose(moved_J, still.energy_at_force_J(T), rtol=5e-3)
 
 
 @pytest.mark.parametrize("phase_rad", [0.0, 0.7, math.pi / 2, 2.0, -1.0])

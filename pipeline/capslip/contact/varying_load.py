@@ -30,7 +30,11 @@ if TYPE_CHECKING:
     from capslip.settings import SlipSettings
 
 STEPS = 240  # of one cycle: W to 2e-4 of itself
-NODES = 72  # forces at which cycles are followed; between them W^(1/3) is interpolated
+# Forces at which cycles are followed first; between them displacement and W^(1/3), both over the
+# force, are interpolated, to so much of their greatest
+NODES, INTERPOLATED = 36, 1e-4
+HALVINGS = 50  # of a step between two of these, where the force is sought
+ROUNDING = 1e-12  # of force times way, below which an energy is none
 LEAST_SHARE = 1e-4  # of the force at gross slip: below it W is in proportion to T^3 or T^2
 WITHDRAWN = 1e-7  # of the withdrawal at no load, to which it is known at any load
 LOADS, SMALL_DROPS = 64, 24  # at which it is solved first
@@ -98,12 +102,16 @@ class VaryingSlip(SlipCurve):
 
     def force_N(self, displacement_m: ArrayLike) -> np.ndarray:
         """T(delta), the inverse of `displacement_m`."""
-        from scipy.interpolate import PchipInterpolator
-
         force_N, delta_m, _ = self._table
         wanted = np.asarray(displacement_m, dtype=float)
         inside = np.clip(wanted, delta_m[0], delta_m[-1])
-        found = np.exp(PchipInterpolator(np.log(delta_m), np.log(force_N))(np.log(inside)))
+        above = np.clip(np.searchsorted(delta_m, inside), 1, len(delta_m) - 1)
+        low, high = np.log(force_N[above - 1]), np.log(force_N[above])
+        for _ in range(HALVINGS):
+            middle = 0.5 * (low + high)
+            less = np.exp(middle) * self._over_force(middle)[..., 0] < inside
+            low, high = np.where(less, middle, low), np.where(less, high, middle)
+        found = np.where(inside < delta_m[-1], np.exp(0.5 * (low + high)), force_N[-1])
         return np.asarray(np.where(wanted < delta_m[0], wanted * force_N[0] / delta_m[0], found))
 
     def energy_J(self, displacement_m: ArrayLike) -> np.ndarray:
@@ -139,8 +147,11 @@ class VaryingSlip(SlipCurve):
         return refined_spline(solved_m, u, WITHDRAWN)
 
     @cached_property
-    def _table(self) -> np.ndarray:
-        """Force, displacement and root of the energy over the forces of the table, (3, n)."""
+    def _over_force(self) -> Any:
+        """Displacement and root of the energy, both over the force, over the logarithm of that.
+
+        A spline, (2,): over the force these bend least, but where a contact slips as a whole.
+        """
         T = self.total_slip_force_N
         share = np.append(np.geomspace(LEAST_SHARE, 0.9, NODES), 1.0 - np.geomspace(0.09, 1e-6, 16))
         share = np.append(share, 1.0)
@@ -149,23 +160,30 @@ class VaryingSlip(SlipCurve):
         if LEAST_SHARE < kink < 1.0:
             beyond = np.append(0.0, np.geomspace(1e-3, 0.5, 16))
             share = np.union1d(share, kink + (1.0 - kink) * beyond)
-        rows = []
-        for force_N in share * T:
-            W, _, U = self._cycle(force_N)
-            rows.append((force_N, (U.max() - U.min()) / 2.0, max(W, 0.0) ** (1.0 / 3.0)))
-        return np.array(rows).T
+
+        def solved(log_force: np.ndarray) -> np.ndarray:
+            rows = []
+            for force_N in np.minimum(np.exp(log_force), T).tolist():
+                W, _, U = self._cycle(force_N)
+                rows.append((np.ptp(U) / 2.0 / force_N, np.cbrt(W) / force_N))
+            return np.array(rows)
+
+        return refined_spline(solved, np.log(share * T), INTERPOLATED, monotone=True)
+
+    @cached_property
+    def _table(self) -> np.ndarray:
+        """Force, displacement and root of the energy over the forces of the table, (3, n)."""
+        force_N = np.minimum(np.exp(self._over_force.x), self.total_slip_force_N)
+        return np.vstack((force_N, force_N * self._over_force(self._over_force.x).T))
 
     def _at(self, force_N: ArrayLike, row: int) -> np.ndarray:
-        from scipy.interpolate import PchipInterpolator
-
         T = np.asarray(force_N, dtype=float)
         if not (T >= 0).all():
             raise SettingsError(f"force_N: got {T.min():g}; expected amplitudes >= 0")
         table = self._table
         first, last = table[0, 0], table[0, -1]
         inside = np.clip(T, first, last)
-        # over T the ratio to T bends least
-        value = inside * PchipInterpolator(np.log(table[0]), table[row] / table[0])(np.log(inside))
+        value = inside * self._over_force(np.log(inside))[..., row - 1]
         value = np.where(first > T, value * T / first, value)
         return np.asarray(np.where(last * (1 + 1e-12) >= T, value, np.inf))
 
@@ -185,7 +203,8 @@ class VaryingSlip(SlipCurve):
         )
         U = self.kappa * np.cumsum(np.bincount(step, rise, minlength=len(P)))
         Q, U = Q[-steps - 1 :], U[-steps - 1 :]
-        return float(((Q[1:] + Q[:-1]) / 2 * np.diff(U)).sum()), Q, U
+        W = float(((Q[1:] + Q[:-1]) / 2 * np.diff(U)).sum())
+        return W if ROUNDING * force_N * np.ptp(U) < W else 0.0, Q, U
 
 
 def _history(
