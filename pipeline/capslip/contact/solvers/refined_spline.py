@@ -21,8 +21,8 @@ def refined_spline(
     """Return a cubic spline through solutions that lie close where the function bends.
 
     Halfway between all points the function is solved as well; where the spline before was off
-    there, or next to it, both halves are halved again. So what is left is some powers of a half of the tolerance,
-    but where single contacts touch or let go.
+    there, or next to it, both halves are halved again. So what is left is some powers of a half of
+    the tolerance, but where single contacts touch or let go.
 
     Parameters
     ----------
