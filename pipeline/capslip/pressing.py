@@ -12,7 +12,8 @@ import msgspec
 import numpy as np
 
 from capslip.caps.families import Families
-from capslip.caps.table import CapTable
+from capslip.caps.table import UNUSABLE, CapTable
+from capslip.contact.balanced import rebalanced
 from capslip.contact.choice import (
     Choice,
     boundary_elements_s,
@@ -23,7 +24,7 @@ from capslip.contact.choice import (
 from capslip.contact.curve import NormalCurve
 from capslip.contact.direction import with_direction
 from capslip.contact.press import ContactState, press
-from capslip.contact.rung import ModelError, made_from, rung
+from capslip.contact.rung import ModelError, made_from, rung, turning_stiffness
 from capslip.contact.slip import SlipCurve, slip_curve
 from capslip.contact.uneven_accuracy import (
     error_of_joint,
@@ -215,6 +216,35 @@ def error_under(
     """
     patch = contact if load_N == contact.preload_N else contact.under(load_N)
     return _with_error(face, patch, settings)[0].errors
+
+
+def under_preload(
+    face: Face, contact: ContactState, preload_N: float, settings: Settings
+) -> tuple[ContactState, SlipCurve]:
+    """Return an elastic face of caps, and the slip of its joint, under another preload of that.
+
+    By the same model, with its error: the same caps on the plane that this preload balances, where
+    the face was balanced.
+
+    Raises
+    ------
+    ContactError
+        If the caps cannot carry it, or what holds the face upright was at ease with the other.
+    """
+    joint = face.joint.under(preload_N)
+    change = {"model": contact.rung.name, "bulk": contact.bulk}
+    forced = msgspec.structs.replace(settings.contact, **change)
+    settings = msgspec.structs.replace(settings, contact=forced)
+    flags = np.where(contact.use, face.caps.flags, face.caps.flags | UNUSABLE)
+    caps = face.caps.with_columns(flags=flags)
+    if face.level is not None:
+        of_scan = joint.settings_of_scan(settings)
+        if turning_stiffness(of_scan) > 0.0:
+            raise ContactError("what holds the face upright was at ease under another preload")
+        caps, _ = rebalanced(caps, caps, contact.use, contact.load_point_m, of_scan)
+    face = replace(face, joint=joint, caps=caps)
+    pressed, _, slip = press_face(face, settings, Clock())
+    return _with_error(face, pressed, settings)[0], slip
 
 
 def _with_error(face: Face, contact: ContactState, settings: Settings) -> WithDoubts:

@@ -16,6 +16,7 @@ from capslip.contact.slip import SlipCurve
 from capslip.problems import Problem
 from capslip.sensitivity import Sensitivity
 from capslip.settings import Settings
+from capslip.stages import Face
 from capslip.structure.answer import Answer
 from capslip.structure.band import Band
 from capslip.structure.band_state import Part
@@ -143,6 +144,13 @@ class Analysis(JointResult):
     def name(self) -> str:
         """Name of the scan."""
         return self.surface.origin.name
+
+    @property
+    def face(self) -> Face:
+        """What was pressed; of its families nobody asks any more."""
+        of_two = self.mate is not None and self.settings.mating.way == "together"
+        found = self.joint, self.conditioned, self.level, self.hills, self.caps, self.families
+        return Face(*found, None if of_two else self.hills.label, self.caps, ())
 
     @property
     def noise_known(self) -> bool:

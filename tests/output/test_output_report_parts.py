@@ -265,7 +265,7 @@ def test_pictures_of_caps_say_where_these_do_not_answer(name, model, said, sever
 
 
 def test_the_panel_on_the_page_is_the_one_that_was_found(several, tmp_path):
-    panel = {"one_level": True, "numbers": [1.5, None]}
+    panel = {"of_caps": True, "numbers": [1.5, None]}
     page = write_report(several, several.summary(), tmp_path, None, panel).read_text("utf-8")
     (text,) = re.findall(r'id="whatif-data">(.*?)</script>', page)
     assert json.loads(text) == panel

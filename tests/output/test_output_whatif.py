@@ -142,6 +142,48 @@ def test_panel_answers_within_a_frame_and_follows_its_inputs(case, tmp_path):
 
 
 @needs_chromium
+def test_what_is_no_number_above_0_is_not_taken_and_does_not_stay_in_its_field(case, tmp_path):
+    _, page = case
+    kept, joints, before, after = ask(
+        page,
+        """const panel = window.capslipWhatIf, names = ["friction", "K_m", "K_s", "n"];
+        const text = () => document.querySelector("#whatif tbody").innerText;
+        const give = (name, text) => {
+          const field = panel.inputs[name];
+          field.value = text;
+          for (const what of ["input", "change"]) field.dispatchEvent(new Event(what));
+          return +field.value;
+        };
+        const was = names.map((name) => +panel.inputs[name].value), before = text();
+        const now = names.map((name) => ["0", "-1", ""].map((one) => give(name, one)));
+        const after = text(), kept = now.map((row, i) => row.every((one) => one === was[i]));
+        return [kept, [give("n", "2.6"), panel.state.n], before, after];""",
+        tmp_path,
+    )
+    assert kept == [True] * 4
+    assert joints == [3, 3]
+    assert before == after
+
+
+@needs_chromium
+def test_what_the_pixels_do_not_resolve_is_called_a_guess(case, tmp_path):
+    analysis, page = case
+    unresolved = whatif_data(analysis)["unresolved"]
+    above, below = ask(
+        page,
+        """const panel = window.capslipWhatIf, at = (share) => {
+          panel.inputs.share.value = Math.log10(share);
+          panel.inputs.share.dispatchEvent(new Event("input"));
+          return document.querySelector("#whatif tbody").innerText;
+        };
+        return [at(0.9), at(0.002)];""",
+        tmp_path,
+    )
+    assert "a guess" not in above
+    assert ("a guess" in below) == (unresolved > 0.002)
+
+
+@needs_chromium
 def test_report_fits_its_width_and_has_no_fault(case, at_rest, tmp_path):
     _, page = case
     assert at_rest["wide"] <= 1400

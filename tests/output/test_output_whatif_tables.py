@@ -7,11 +7,18 @@ import numpy as np
 import output_cases
 import pytest
 
+from capslip.analysis import analyze
 from capslip.contact.models.caps import caps
+from capslip.contact.rung import ModelError
 from capslip.contact.varying_load import varying
+from capslip.errors import ContactError
+from capslip.output import whatif
 from capslip.output.whatif import LEAST, TOLERANCE, _columns, whatif_data
-from capslip.settings import SlipSettings
+from capslip.pressing import under_preload
+from capslip.result import JointOfScans
+from capslip.settings import SlipSettings, load_settings
 from capslip.structure.answer import answer_to
+from capslip.studies.faces.synthetic import CapFamily, Scene, synthetic_surface
 
 E_STAR_PA, RADIUS_M, LOAD_N = 110e9, 2.0, 40.0
 
@@ -84,8 +91,7 @@ def test_the_panel_starts_from_the_joint_as_it_was_analysed(several):
     assert found["joint_stiffness_N_per_m"] == damping.joint_stiffness_N_per_m
     assert found["amplitude_m"] == several.answer.amplitude_m
     assert found["unresolved"] == 0.0
-    assert not found["one_level"]  # as levelled: there is none
-    assert whatif_data(replace(several, level="found"))["one_level"]
+    assert found["of_caps"]
     assert whatif_data(replace(several, answer=None))["amplitude_m"] is None
 
 
@@ -93,10 +99,70 @@ def test_a_face_that_yielded_or_an_uneven_joint_is_known_under_its_preload_alone
     yielded = replace(several, contact=replace(several.contact, hardness_Pa=1e9))
     joint = replace(several.joint, load_N=np.array([1.0, 2.0]), weight=np.array([1.0, 1.0]))
     for one in (yielded, replace(several, joint=joint)):
-        found = whatif_data(replace(one, level="found"))
+        found = whatif_data(one)
         (table,) = found["tables"]
         assert table["preload_N"] == float(several.slip.preload_N)
-        assert not found["one_level"]
+        assert not found["of_caps"]
+
+
+def balanced(*overrides):
+    """Return a face that turns where its preload changes."""
+    families = (CapFamily("G", 3, 24.0), CapFamily("P", 6, 24.0, 1e-7))
+    surface, _ = synthetic_surface(Scene((100, 150), (4e-4, 4e-4), seed=4, families=families))
+    given = ("contact.preload_N=200", *overrides)
+    return analyze(surface, load_settings(overrides=given))
+
+
+def at_a_quarter(table, friction, kappa):
+    """Return energy and slip where a quarter of the load is gone."""
+    u, D, D_slope, L, L_slope = columns_of(table)
+    at = np.interp(np.log(0.25 * table["preload_N"]), D, u)
+    e_m, loss_J = np.exp(at), np.exp(cubic(at, u, L, L_slope))
+    assert np.exp(cubic(at, u, D, D_slope)) == pytest.approx(0.25 * table["preload_N"], rel=1e-2)
+    return friction**2 * kappa * loss_J, friction * kappa * e_m
+
+
+def test_another_preload_presses_the_caps_on_the_plane_that_it_balances():
+    found = whatif_data(balanced())
+    assert len(found["tables"]) == 4
+    for table in found["tables"][1:]:
+        again = balanced(f"contact.preload_N={table['preload_N']}", "contact.model=interacting")
+        force_N = 0.25 * again.slip.total_slip_force_N
+        told_J, told_m = at_a_quarter(table, found["friction"], found["kappa"])
+        assert told_J == pytest.approx(float(again.slip.energy_at_force_J(force_N)), rel=0.02)
+        assert told_m == pytest.approx(float(again.slip.displacement_m(force_N)), rel=0.02)
+
+
+def test_a_preload_of_which_caps_know_less_than_is_asked_is_left_out(monkeypatch):
+    analysis = balanced()
+    pressed, slip = under_preload(analysis.face, analysis.contact, 100.0, analysis.settings)
+    known = max(analysis.contact.errors.greatest, analysis.settings.contact.tolerance)
+
+    def under(face, contact, preload_N, settings):
+        if preload_N < 75.0:
+            raise ContactError("tips over")
+        off = known * (1.1 if preload_N < 125.0 else 0.9)
+        return replace(pressed, errors=ModelError(off, off)), slip
+
+    monkeypatch.setattr(whatif, "under_preload", under)
+    assert [table["preload_N"] for table in whatif_data(analysis)["tables"]] == [150.0, 200.0]
+
+
+def test_a_face_that_is_held_upright_is_known_under_its_preload_alone():
+    """What holds it is at ease as it lies under that."""
+    found = whatif_data(balanced("contact.alignment_stiffness_Nm_per_rad=1e6"))
+    assert [table["preload_N"] for table in found["tables"]] == [200.0]
+
+
+def test_a_joint_of_scans_is_resolved_no_finer_than_the_coarsest_of_them(several):
+    pressed = output_cases.pressed_map()
+    alone = whatif_data(pressed)["unresolved"]
+    assert 0.0 < alone < 1.0
+    of = {"settings": pressed.settings, "joint": pressed.joint, "timings_s": {}, "started": "now"}
+    of |= {"slip": pressed.slip, "damping": pressed.damping, "answer": pressed.answer}
+    joint = JointOfScans(**of, problems=(), scans=(several, pressed))
+    assert whatif_data(joint)["unresolved"] == alone
+    assert not whatif_data(joint)["of_caps"]
 
 
 def test_without_slip_there_is_no_panel(several):

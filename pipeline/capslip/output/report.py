@@ -129,7 +129,7 @@ def write_report(
         viewer=viewer_block(read_view(result, CELLS, summary)) if result.is_file() else "",
         whatif=panel and json.dumps(panel, allow_nan=False),
         whatif_script=_part("whatif.js"),
-        one_level=bool(panel and panel["one_level"]),
+        of_caps=bool(panel and panel["of_caps"]),
         caps=None if scans else _cap_rows(analysis.caps),
         scans=_scan_rows(scans, summary),
         tables=_tables(summary),

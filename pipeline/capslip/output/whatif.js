@@ -102,7 +102,7 @@ const start = { table: tables.length - 1, friction: data.friction, K_m: data.mod
 const state = { ...start, amplitude: data.amplitude_m || 0.25 * data.friction * tables[tables.length - 1].preload / data.joint_stiffness_N_per_m };
 place.innerHTML = `<div class="inputs">
 <label>Preload <select data-name="table"></select></label>
-<label>Friction coefficient <input data-name="friction" type="number" min="0.01" max="2" step="0.01"></label>
+<label>Friction coefficient <input data-name="friction" type="number" min="0" step="any"></label>
 <label>Modal stiffness [MN/m] <input data-name="K_m" type="number" min="0.000001" step="any"></label>
 <label>Joint stiffness [MN/m] <input data-name="K_s" type="number" min="0.000001" step="any"></label>
 <label>Joints <input data-name="n" type="number" min="1" step="1"></label>
@@ -114,18 +114,20 @@ place.innerHTML = `<div class="inputs">
 const inputs = Object.fromEntries([...place.querySelectorAll("[data-name]")].map((e) => [e.dataset.name, e]));
 tables.forEach((one, i) => inputs.table.add(new Option(engineering(one.preload, "N"), i)));
 function gross() { return state.friction * joints[state.table].P / state.K_s; }
+function put(name) { inputs[name].value = name in SCALE ? Number((state[name] / SCALE[name]).toPrecision(6)) : state[name]; }
 function show() {
-  for (const name of ["table", "friction", "K_m", "K_s", "n"]) if (document.activeElement !== inputs[name]) inputs[name].value = name in SCALE ? Number((state[name] / SCALE[name]).toPrecision(6)) : state[name];
+  for (const name of ["table", "friction", "K_m", "K_s", "n"]) if (document.activeElement !== inputs[name]) put(name);
   inputs.share.value = Math.log10(Math.min(1, state.amplitude / gross()));
   update();
 }
 for (const [name, element] of Object.entries(inputs)) element.addEventListener("input", () => {
-  const value = Number(element.value) * (SCALE[name] || 1);
+  const number = Number(element.value) * (SCALE[name] || 1), value = name === "n" ? Math.round(number) : number;
   if (name === "share") state.amplitude = Math.min(1, 10 ** value) * gross();
   else if (name === "table" || value > 0) state[name] = value;
   if (name !== "share") inputs.share.value = Math.log10(Math.min(1, state.amplitude / gross()));
   update();
 });
+for (const name of ["friction", "K_m", "K_s", "n"]) inputs[name].addEventListener("change", () => put(name));  // what is no number above 0 was not taken
 place.querySelector("button").addEventListener("click", () => { Object.assign(state, start, { amplitude: data.amplitude_m || 0.25 * start.friction * joints[start.table].P / start.K_s }); show(); });
 function pen(canvas) {
   const scale = window.devicePixelRatio || 1, wide = canvas.width = canvas.clientWidth * scale, high = canvas.height = canvas.clientHeight * scale;
@@ -186,6 +188,7 @@ function update() {
     ["Loss factor of the joint", plain(found.joint_loss, 4)], ["Loss factor of the structure", found.loss === null ? "not defined: not lightly damped" : plain(found.loss, 4)],
     ["Slip force, displacement", `${engineering(found.force, "N")}, ${engineering(found.displacement, "m")}`], ["Frequency shift", `${Number((100 * found.shift).toPrecision(3))} %`],
   ];
+  if (found && state.amplitude < data.unresolved * gross()) rows.push(["Energy and loss factors", "a guess: less slips than the pixels resolve"]);
   place.querySelector("tbody").replaceChildren(...rows.map(([name, value]) => {
     const row = document.createElement("tr"), head = document.createElement("th"), cell = document.createElement("td");
     head.scope = "row";

@@ -8,20 +8,25 @@ is read as it reads itself: D / e over log e, e / D and L / D^3 over log D, by l
 """
 
 import base64
+import math
 import time
+from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from capslip.contact.curve import NormalCurve
 from capslip.contact.varying_load import VaryingSlip
+from capslip.errors import ContactError
+from capslip.pressing import under_preload
+from capslip.result import Analysis
 from capslip.structure.response import MOST_LOSS_FACTOR
 
 if TYPE_CHECKING:
     from capslip.contact.press import ContactState
-    from capslip.result import Analysis
+    from capslip.result import JointResult
 
-PRELOADS = (0.25, 0.5, 0.75, 1.0)  # shares of the preload
+PRELOADS = (0.25, 0.5, 0.75)  # shares of the preload, beside it
 FIRST = 24  # nodes of each end before the first look at the accuracy
 ROUNDS = 24
 MOST = 1500  # nodes
@@ -30,20 +35,21 @@ TIME_LIMIT_S = 1.0  # for all tables together
 LEAST = 1e-6  # of the withdrawal at which nothing touches: below, D is linear and L cubic
 
 
-def whatif_data(analysis: "Analysis") -> dict[str, Any] | None:
+def whatif_data(analysis: "JointResult") -> dict[str, Any] | None:
     """Return the tables and where the panel starts; None without a joint that gives way.
 
     None, too, where the normal load oscillates: these equations are those of a constant one.
 
     Parameters
     ----------
-    analysis : Analysis
+    analysis : JointResult
         A finished one.
 
     Notes
     -----
-    Other preloads are those at which the curve costs no new solution; the level stays that of the
-    preload, and a face that yielded has its own curve for each preload, so it has one table.
+    Other preloads are those of caps that stay elastic, balanced anew; where the model was chosen
+    for its error, those under which that is no more than is asked, or than under the preload
+    itself. A map, and a face that yielded, would have to be pressed anew: they have one table.
     """
     slip, damping, answer = analysis.slip, analysis.damping, analysis.answer
     if slip is None or damping is None or isinstance(slip, VaryingSlip):
@@ -51,15 +57,12 @@ def whatif_data(analysis: "Analysis") -> dict[str, Any] | None:
     if not slip.total_slip_displacement_m > 0.0:
         return None
     contact = analysis.contact  # None: that of a joint of several scans, which has no single one
-    other = contact and contact.rung.solved_loads_N is None and contact.hardness_Pa is None
-    shares = PRELOADS if other and analysis.joint.is_even else PRELOADS[-1:]
     tables = []
-    for share in shares:
-        load_N = share * float(slip.preload_N)
+    for load_N, curve in [*_under_others(analysis), (float(slip.preload_N), slip.curve)]:
         if contact and contact.rung.made_from == "map" and analysis.joint.is_even:
             columns, error = _columns_of_map(analysis, contact), 0.0
         else:
-            columns, error = _columns(slip.curve, load_N, TIME_LIMIT_S / len(shares))
+            columns, error = _columns(curve, load_N, TIME_LIMIT_S / (1 + len(PRELOADS)))
         text = base64.b64encode(columns.astype("<f8").tobytes()).decode("ascii")
         nodes = columns.shape[1]
         tables.append({"preload_N": load_N, "error": error, "nodes": nodes, "columns": text})
@@ -73,19 +76,49 @@ def whatif_data(analysis: "Analysis") -> dict[str, Any] | None:
         "joints": damping.joints,
         "amplitude_m": None if answer is None else answer.amplitude_m,
         "most_loss_factor": MOST_LOSS_FACTOR,
-        "unresolved": _unresolved(contact),
-        "one_level": len(shares) > 1 and analysis.level is not None,
+        "unresolved": max((_unresolved(part.contact) for part in analysis.parts), default=0.0),
+        "of_caps": _has_others(analysis),
     }
 
 
-def _unresolved(contact: "ContactState | None") -> float:
+def _has_others(analysis: "JointResult") -> bool:
+    """Tell whether other preloads of the joint are those of the same caps, or families."""
+    contact = analysis.contact
+    if contact is None or not analysis.joint.is_even or contact.hardness_Pa is not None:
+        return False
+    return contact.rung.solved_loads_N is None
+
+
+def _under_others(analysis: "JointResult") -> Iterator[tuple[float, NormalCurve]]:
+    """Give smaller preloads of the joint, and its curve under each, that are known as well."""
+    contact, slip = analysis.contact, analysis.slip
+    if not _has_others(analysis) or contact is None or slip is None:
+        return
+    of_settings, most = analysis.settings.contact, math.inf
+    if of_settings.model == "auto" and contact.errors is not None:
+        most = max(of_settings.tolerance, contact.errors.greatest)
+    for share in PRELOADS:
+        load_N = share * float(slip.preload_N)
+        if not isinstance(analysis, Analysis):  # families, which lie as they are given
+            yield load_N, slip.curve
+            continue
+        try:
+            given = analysis.face, contact, load_N, analysis.settings
+            pressed, other = under_preload(*given)
+        except ContactError:
+            continue
+        if pressed.errors is None or pressed.errors.greatest <= most:
+            yield load_N, other.curve
+
+
+def _unresolved(contact: "ContactState") -> float:
     """Return the share of gross slip below which less slips than the pixels of a map resolve."""
-    if contact is None or contact.rung.least_share is None:
+    if contact.rung.least_share is None:
         return 0.0
     return float(contact.rung.least_share(contact.normal, contact.preload_N))
 
 
-def _columns_of_map(analysis: "Analysis", contact: "ContactState") -> np.ndarray:
+def _columns_of_map(analysis: "JointResult", contact: "ContactState") -> np.ndarray:
     """Return e, D and L of the joint at the nodes of the map's own table, shape (3, n)."""
     curve: Any = contact.curve
     below, weight = curve.unloading(contact.preload_N), float(analysis.joint.weight[0])

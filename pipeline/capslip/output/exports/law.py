@@ -17,7 +17,6 @@ from capslip.output.export import Export, inexact
 from capslip.pressing import error_under
 from capslip.problems import Problem
 from capslip.result import Analysis, JointOfScans
-from capslip.stages import Face
 from capslip.structure import interpolation
 from capslip.structure.law import ASKED_SHARE, JENKINS_TOLERANCE, SCATTERS, Law, law
 
@@ -111,15 +110,8 @@ def _error_at(result: "JointResult", factor: float) -> float | None:
         if contact is None or (contact.errors is None and contact.rung.error is None):
             return None
         load_N = contact.preload_N * factor
-        errors.append(error_under(_face(scan), contact, load_N, result.settings))
+        errors.append(error_under(scan.face, contact, load_N, result.settings))
     return max((math.inf if one is None else one.greatest for one in errors), default=None)
-
-
-def _face(scan: Analysis) -> Face:
-    """Return the face of a scan, of which nobody asks for the families any more."""
-    of_two = scan.mate is not None and scan.settings.mating.way == "together"
-    found = scan.joint, scan.conditioned, scan.level, scan.hills, scan.caps, scan.families
-    return Face(*found, None if of_two else scan.hills.label, scan.caps, ())
 
 
 def _scans(result: "JointResult") -> tuple[Analysis, ...]:
