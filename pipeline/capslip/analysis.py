@@ -15,7 +15,7 @@ from capslip.contact.rung import rung
 from capslip.contact.scans import curve_of_scans, kappa_of_scans
 from capslip.contact.slip import SlipCurve, slip_curve
 from capslip.contact.varying_load import greatest_over_mean, varying
-from capslip.doubts import problems_of
+from capslip.doubts import counted_by_patches, problems_of
 from capslip.errors import ContactError, SettingsError
 from capslip.pressing import can_be_pressed, estimate, press_face
 from capslip.problems import Problem
@@ -86,6 +86,8 @@ def analyze(
         contact, doubts = estimate(face, found.contact, settings, clock)
         more = tuple(doubt for doubt in doubts if doubt not in found.problems)
         found = replace(found, contact=contact, problems=(*found.problems, *more))
+        if contact.light is not None:
+            found = replace(found, problems=counted_by_patches(face, found))
     found = _with_band(found, clock)
     if not settings.run.sensitivity or not face.caps.usable.any():
         return found

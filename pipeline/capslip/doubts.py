@@ -45,6 +45,7 @@ from capslip.units import percent
 
 # Of what lies where nothing was measured, and of that alone
 OF_VOIDS = ("hole_may_hide_hills", "outline_assumed", "contact_at_hole")
+BY_PATCHES = ("few_contacts_in_scan", "waves_longer_than_scan")  # heavy and light ones
 
 
 def problems_of(face: Face, found: Analysis, mate: HeightMap | None) -> tuple[Problem, ...]:
@@ -96,6 +97,22 @@ def problems_of(face: Face, found: Analysis, mate: HeightMap | None) -> tuple[Pr
     problems = _less_voids(problems, face, settings)
     problems = with_effects(problems, *pressed, contact, share)
     return with_next_steps(problems, face.joint, settings, pressed=contact.rung)
+
+
+def counted_by_patches(face: Face, found: Analysis) -> tuple[Problem, ...]:
+    """Return the problems, with those that patches decide as they are with the lightest one known.
+
+    Of a model that the settings force that is found last.
+    """
+    contact, joint = found.contact, face.joint
+    assert contact is not None
+    all_of = [
+        *problems_of_share(joint, contact),
+        *problems_of_waves(joint, contact, face.conditioned.surface),
+    ]
+    anew = [one for one in all_of if one.code in BY_PATCHES]
+    others = [one for one in found.problems if one.code not in BY_PATCHES]
+    return (*others, *with_next_steps(anew, joint, found.settings, pressed=contact.rung))
 
 
 def _less_voids(problems: list[Problem], face: Face, settings: Settings) -> list[Problem]:

@@ -315,6 +315,20 @@ def test_the_model_is_one_that_is_within_the_tolerance_where_the_joint_is_light(
     )
 
 
+def test_a_model_that_is_forced_counts_by_patches_as_one_that_is_chosen(tmp_path):
+    path, areas_m2 = tmp_path / "pressures.csv", {2e5: 1e-5, 2e2: 1e-2}
+    chosen = pressed(few_caps(), path, areas_m2)
+    forced = pressed(few_caps(), path, areas_m2, f"contact.model={chosen.contact.model}")
+    for code in ("few_contacts_in_scan", "waves_longer_than_scan"):
+        said, again = (
+            [(one.message, one.effect, one.step) for one in found.problems if one.code == code]
+            for found in (chosen, forced)
+        )
+        assert said == again
+    (few,) = (one for one in forced.problems if one.code == "few_contacts_in_scan")
+    assert " N on the scan: a joint of such patches" in few.message
+
+
 @pytest.mark.parametrize(
     ("of_map", "said"),
     [
