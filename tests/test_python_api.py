@@ -9,7 +9,7 @@ import pytest
 
 import capslip
 from capslip.analysis import analyze_once
-from capslip.errors import CapslipError
+from capslip.errors import CapslipError, UnusableSurfaceError
 from capslip.settings import settings_from
 from scenes import PROJECT, caps_map
 
@@ -88,6 +88,18 @@ def test_settings_take_numbers_of_numpy_and_paths(tmp_path):
     for bad in (np.float64("nan"), np.array([np.inf])):
         with pytest.raises(CapslipError, match="expected a finite number"):
             settings_from({"contact": {"preload_N": bad}})
+
+
+def test_what_is_no_map_is_named_with_what_makes_one():
+    surface = caps_map(CAPS)
+    words = r"got {}; expected a HeightMap; .*capslip\.load_surface, .*capslip\.HeightMap"
+    for given, name in (("scan.h5", "str"), (surface.height_m, "ndarray"), (None, "NoneType")):
+        for call in (capslip.analyze, lambda one: analyze_once(one, capslip.Settings())):
+            with pytest.raises(UnusableSurfaceError, match=f"^surface: {words.format(name)}"):
+                call(given)
+    for given, name in (("scan.h5", "str"), (surface.height_m, "ndarray"), ("", "str")):
+        with pytest.raises(UnusableSurfaceError, match=f"^mate: {words.format(name)}"):
+            capslip.analyze(surface, mate=given)
 
 
 def test_what_changes_no_number_is_not_in_the_key():

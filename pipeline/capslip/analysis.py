@@ -16,7 +16,7 @@ from capslip.contact.scans import curve_of_scans, kappa_of_scans
 from capslip.contact.slip import SlipCurve, slip_curve
 from capslip.contact.varying_load import greatest_over_mean, varying
 from capslip.doubts import counted_by_patches, problems_of
-from capslip.errors import ContactError, SettingsError
+from capslip.errors import ContactError, SettingsError, UnusableSurfaceError
 from capslip.pressing import can_be_pressed, estimate, press_face
 from capslip.problems import Problem
 from capslip.result import Analysis, JointOfScans, JointResult
@@ -65,7 +65,8 @@ def analyze(
     Raises
     ------
     UnusableSurfaceError
-        If nothing was measured, all heights are equal, or fewer than 9 points lie above the cut.
+        If a map is no HeightMap, nothing was measured, all heights are equal, or fewer than 9
+        points lie above the cut.
     SettingsError
         If a setting makes no sense for this map, or boundary elements shall press two maps whose
         caps are counted together.
@@ -309,6 +310,7 @@ def _of_scans(scans: Sequence[Analysis]) -> list[Problem]:
 def _analyzed(
     surface: HeightMap, settings: Settings, mate: HeightMap | None, clock: Clock
 ) -> tuple[Face, Analysis]:
+    _check_maps(surface, mate)
     _check(settings, mate)
     started = _now()
     face = find_face(surface, settings, mate, clock)
@@ -337,6 +339,15 @@ def _analyzed(
         found = replace(found, problems=(*found.problems, failed))
     with clock("doubts"):
         return face, replace(found, problems=problems_of(face, found, mate))
+
+
+def _check_maps(surface: HeightMap, mate: HeightMap | None) -> None:
+    for name, one in ("surface", surface), ("mate", surface if mate is None else mate):
+        if not isinstance(one, HeightMap):
+            raise UnusableSurfaceError(
+                f"{name}: got {type(one).__name__}; expected a HeightMap; read a file with "
+                "capslip.load_surface, make one of an array with capslip.HeightMap"
+            )
 
 
 def _check(settings: Settings, mate: HeightMap | None) -> None:
