@@ -90,6 +90,17 @@ def test_settings_take_numbers_of_numpy_and_paths(tmp_path):
             settings_from({"contact": {"preload_N": bad}})
 
 
+@pytest.mark.parametrize(
+    "angle", ["slip.direction_rad", "slip.normal_phase_rad", "mating.rotation_rad"]
+)
+def test_a_whole_turn_either_way_is_an_angle_and_more_is_none(angle):
+    table, key = angle.split(".")
+    for turn_rad in (-2.0 * np.pi, 2.0 * np.pi):
+        assert getattr(getattr(settings_from({table: {key: turn_rad}}), table), key) == turn_rad
+        with pytest.raises(CapslipError, match=f"{angle}: got "):
+            settings_from({table: {key: np.nextafter(turn_rad, 2.0 * turn_rad)}})
+
+
 def test_what_is_no_map_is_named_with_what_makes_one():
     surface = caps_map(CAPS)
     words = r"got {}; expected a HeightMap; .*capslip\.load_surface, .*capslip\.HeightMap"

@@ -25,6 +25,7 @@ Share = Annotated[float, msgspec.Meta(gt=0, lt=1)]
 Pair = tuple[float, float]
 PoissonRatio = Annotated[float, msgspec.Meta(gt=-1, lt=0.5)]
 Size = Annotated[int, msgspec.Meta(ge=3)]
+Angle = Annotated[float, msgspec.Meta(ge=-2.0 * math.pi, le=2.0 * math.pi)]  # degrees are more
 SOLVER_TOLERANCE = (1e-10, 1e-3)  # least and greatest, of boundary elements
 # What msgspec calls types, in words; null is a key that is left out
 IN_WORDS = {
@@ -91,7 +92,7 @@ class Mating(_Table, frozen=True):
     align: Literal["given", "least_squares"] = "given"
     mirror: Literal["x", "y"] = "x"
     offset_m: Pair = (0.0, 0.0)
-    rotation_rad: float = 0.0
+    rotation_rad: Angle = 0.0
 
 
 class HillSettings(_Table, frozen=True):
@@ -188,9 +189,9 @@ class Structure(_Table, frozen=True):
 class SlipSettings(_Table, frozen=True):
     """Where the joint slips to and fro, and how the normal load goes while it does."""
 
-    direction_rad: float | None = None  # from x towards y; None: the mean over all directions
+    direction_rad: Angle | None = None  # from x towards y; None: the mean over all directions
     normal_amplitude_ratio: Annotated[float, msgspec.Meta(ge=0, le=0.9)] = 0.0  # to the preload
-    normal_phase_rad: float = 0.0  # by which it lags the tangential force
+    normal_phase_rad: Angle = 0.0  # by which it lags the tangential force
 
 
 class Question(_Table, frozen=True):
@@ -420,7 +421,7 @@ def _names(kind: type[msgspec.Struct], path: tuple[str, ...] = ()) -> Iterator[s
 
 
 def _plain(value: Any, where: str, path: tuple[str, ...]) -> Any:
-    """Return a value without types of NumPy and paths; refuse a number that is not finite."""
+    """Return a value without types of NumPy and paths; refuse what JSON cannot hold."""
     if isinstance(value, dict):
         return {key: _plain(inner, where, (*path, key)) for key, inner in value.items()}
     value = value.tolist() if hasattr(value, "tolist") else value
@@ -428,7 +429,11 @@ def _plain(value: Any, where: str, path: tuple[str, ...]) -> Any:
         return [_plain(inner, where, path) for inner in value]
     if isinstance(value, float) and not math.isfinite(value):
         raise SettingsError(f"{where}: {'.'.join(path)}: got {value}; expected a finite number")
-    return str(value) if isinstance(value, Path) else value
+    value = str(value) if isinstance(value, Path) else value
+    if isinstance(value, str) and any("\ud800" <= one <= "\udfff" for one in value):
+        name = ".".join(path)
+        raise SettingsError(f"{where}: {name}: got {value!r}; expected a text; write it in UTF-8")
+    return value
 
 
 def _explain(message: str, tables: dict[str, Any]) -> str:

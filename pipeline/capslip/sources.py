@@ -19,7 +19,8 @@ MOST_BYTES = 120  # of a name; file systems take 255, and names of files in it f
 SETTING = {"preload_N": "contact.preload_N", "unit": "reading.unit"}  # of one scan, in a list
 # In a folder of scans no reader takes such a file; named for itself, it is refused with a word
 NO_SCANS = {".html", ".json", ".md", ".pdf", ".py", ".toml", ".yaml", ".yml"}
-LIST = ("scan", "mate", "group", *SETTING)
+TEXTS = ("group", *SETTING)  # in a list, what is no path
+LIST = ("scan", "mate", *TEXTS)
 
 
 @dataclass(frozen=True)
@@ -165,12 +166,13 @@ def _listed(list_file: Path, settings: Settings) -> Iterator[Scan]:
         lines = content.decode("utf-16", "replace").splitlines()
     else:
         lines = content.decode("utf-8-sig", "surrogateescape").splitlines()
+    lines = [line for line in lines if line.replace(",", "").strip()]
     lines = [line for line in lines if not _is_remark(line, list_file.parent)]
     if any("\0" in line for line in lines):
         raise SettingsError(f"{list_file}: holds zero bytes; expected text; save it as UTF-8")
     columns = _columns(lines[0], list_file) if lines else []
     if not columns:
-        for line in filter(None, map(str.strip, lines)):
+        for line in map(str.strip, lines):
             yield Scan((list_file.parent / line).absolute(), settings)
         return
     known: dict[tuple[str | None, ...], Settings] = {}
@@ -184,6 +186,7 @@ def _listed(list_file: Path, settings: Settings) -> Iterator[Scan]:
             )
         cells = {name: cell.strip() or None for name, cell in zip(columns, row, strict=True)}
         given = dict.fromkeys(LIST) | cells
+        given |= {name: _as_text(cell) for name, cell in given.items() if cell and name in TEXTS}
         if given["scan"] is None:
             raise SettingsError(f"{list_file}: {','.join(row)}: got no scan; expected its path")
         own = tuple(given[name] for name in SETTING)
@@ -192,6 +195,15 @@ def _listed(list_file: Path, settings: Settings) -> Iterator[Scan]:
         mate = (list_file.parent / given["mate"]).absolute() if given["mate"] else None
         path = (list_file.parent / given["scan"]).absolute()
         yield Scan(path, known[own], mate, given["group"])
+
+
+def _as_text(cell: str) -> str:
+    """Return the text of a cell that may have been no UTF-8, which only names of files may be."""
+    stored = cell.encode("utf-8", "surrogateescape")
+    try:
+        return stored.decode()
+    except UnicodeDecodeError:
+        return stored.decode("latin-1")
 
 
 def _columns(head: str, list_file: Path) -> list[str]:

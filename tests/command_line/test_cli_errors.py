@@ -120,6 +120,19 @@ def test_fewer_than_nine_points_above_the_cut(run, tmp_path):
         ("material.youngs_modulus_Pa=[1e300,1e300]", ["youngs_modulus_Pa", "1e+300"]),
         ("contact.solver_tolerance=1e-11", ["contact.solver_tolerance", "1e-11"]),
         ("contact.solver_tolerance=0.005", ["contact.solver_tolerance", "0.005"]),
+        ("slip.direction_rad=90", ["slip.direction_rad: got 90; expected a number <= 6.283"]),
+        ("slip.direction_rad=-6.3", ["slip.direction_rad: got -6.3; expected a number >= -6.283"]),
+        ("slip.normal_phase_rad=1e300", ["slip.normal_phase_rad: got 1e+300", "<= 6.283"]),
+        ("slip.normal_phase_rad=-45.0", ["slip.normal_phase_rad: got -45.0", ">= -6.283"]),
+        ("mating.rotation_rad=6.3", ["mating.rotation_rad: got 6.3", "<= 6.283"]),
+        ("mating.rotation_rad=-180", ["mating.rotation_rad: got -180", ">= -6.283"]),
+        (  # a word of a terminal that is not UTF-8
+            "reading.dataset=\udcb5m",
+            [r"settings: reading.dataset: got '\udcb5m'; expected a text; write it in UTF-8"],
+        ),
+        ("reading.unit=\udcb5m", [r"reading.unit: got '\udcb5m'; expected a text"]),
+        ("run.cluster.directives=[\ud800]", ["run.cluster.directives: got", "expected a text"]),
+        ("joint.pressure_map=caf\udce9.csv", ["joint.pressure_map: got", "expected a text"]),
     ],
 )
 def test_settings(run, tmp_path, override, words):

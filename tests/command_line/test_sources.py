@@ -1,5 +1,6 @@
 """The scans of a batch: which files are some, what a list says of each, and their names."""
 
+import os
 from pathlib import Path
 
 import pytest
@@ -90,6 +91,39 @@ def test_remarks_in_a_list_are_no_scans(here, columns):
     (here / "a.csv").write_text(f"# of May, all\n{columns}a.h5{cells}\n#b.h5{cells}\n")
     ((one,), _) = find_scans((), SETTINGS, here / "a.csv")
     assert one.path.name == "a.h5"
+
+
+@pytest.mark.parametrize("blank", ["\n", " \t\n\n", ",,\n", "\n# of May\n\n"])
+@pytest.mark.parametrize("columns", ["", "scan,preload_N,group\n"])
+def test_blank_lines_before_the_first_are_no_lines(here, columns, blank):
+    files("a.h5")
+    (here / "a.csv").write_text(f"{blank}{columns}a.h5{',3,x' if columns else ''}\n{blank}")
+    ((one,), _) = find_scans((), SETTINGS, here / "a.csv")
+    assert (one.path, one.group) == (here / "a.h5", "x" if columns else None)
+    assert one.settings.contact.preload_N == (3.0 if columns else SETTINGS.contact.preload_N)
+
+
+@pytest.mark.parametrize("code", ["latin-1", "utf-8", "utf-8-sig", "utf-16"])
+def test_a_unit_and_a_group_are_texts_in_whatever_code_the_list_is(here, code):
+    files("a.h5")
+    (here / "a.csv").write_bytes("scan,group,unit,preload_N\na.h5,Stößel,µm,3\n".encode(code))
+    ((one,), _) = find_scans((), SETTINGS, here / "a.csv")
+    assert (one.group, one.settings.reading.unit) == ("Stößel", "µm")
+    assert one.settings.contact.preload_N == 3.0
+    assert one.settings.sha256()
+    words = r"preload_N: got '3µ'; expected a force"
+    (here / "a.csv").write_bytes("scan,preload_N\na.h5,3µ\n".encode(code))
+    with pytest.raises(SettingsError, match=words):
+        find_scans((), SETTINGS, here / "a.csv")
+
+
+def test_a_path_in_a_list_keeps_its_bytes_whatever_they_are(here):
+    for name in (b"caf\xe9.h5", b"caf\xc3\xa9.h5"):
+        files(os.fsdecode(name))
+        (here / "a.csv").write_bytes(b"scan,mate,group\n%b,%b,\xe9\n" % (name, name))
+        ((one,), _) = find_scans((), SETTINGS, here / "a.csv")
+        assert os.fsencode(one.path.name) == os.fsencode(one.mate.name) == name
+        assert one.group == "é"
 
 
 def test_a_scan_whose_name_begins_as_a_remark_is_found(here):
