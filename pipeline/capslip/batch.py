@@ -23,12 +23,12 @@ from capslip.output.staging import (
     SUMMARY,
     is_whole,
     locked,
+    new_folder,
     read_json,
     read_summary,
     recover,
-    write_file,
 )
-from capslip.provenance import code_sha256, sha256_of
+from capslip.provenance import UNREAD, Seen, code_sha256, digest_of, is_as_seen, seen_of
 from capslip.settings import Cluster, Settings, load_settings
 from capslip.sources import Scan, find_scans
 from capslip.surface.readers import load_surface
@@ -87,7 +87,7 @@ Work = Callable[[Scan, Path, str | None, bool], Row]
 
 def analyse_scan(scan: Scan, folder: Path, command: str | None, retry_failed: bool) -> Row:
     """Read, analyse and write one scan; what goes wrong is written and returned, not raised."""
-    stage = "look"
+    stage, seen = "look", _seen(scan)
     try:
         done = _look_at(scan, folder, retry_failed).row
         if done is not None:
@@ -106,7 +106,7 @@ def analyse_scan(scan: Scan, folder: Path, command: str | None, retry_failed: bo
     except MemoryError:
         raise  # whoever set the limit notes it
     except Exception as error:
-        return _fail(scan, folder, stage, in_one_line(error), traceback.format_exc())
+        return _fail(scan, folder, stage, in_one_line(error), seen, traceback.format_exc())
 
 
 def run_batch(
@@ -204,12 +204,12 @@ class _Run:
 
     def analyse(self, work: Work, command: str | None, workers: int) -> None:
         """Analyse the rest; where it ends early, leave nothing half written."""
-        started: set[Scan] = set()
+        started: dict[Scan, Seen] = {}
 
         def jobs() -> Iterator[tuple[Scan, Path, str | None, bool]]:
             for scan in self.scans:
                 if scan not in self.rows:
-                    started.add(scan)
+                    started[scan] = _seen(scan)
                     home = _home(scan, self.folder)
                     # a failure that is there was not taken for done
                     again = options.retry_failed or (home / FAILURE).is_file()
@@ -221,8 +221,9 @@ class _Run:
                 for (scan, home, *_), found in outcomes(
                     executor, work, jobs(), at_once, options.limits
                 ):
+                    seen = started.pop(scan)
                     if isinstance(found, Lost):
-                        found = _fail(scan, home, LOST, found.reason, limits=options.limits)
+                        found = _fail(scan, home, LOST, found.reason, seen, limits=options.limits)
                     self.note(scan, found)
                     self.failures += self.rows[scan]["status"] == "failed"
                     if options.max_failures is not None and self.failures >= options.max_failures:
@@ -232,7 +233,7 @@ class _Run:
                     self.write_table_sometimes()
         finally:
             if options.scheduler is None:  # others finish what they began
-                for scan in started - set(self.rows):
+                for scan in started:
                     _mend(_home(scan, self.folder))
 
     def note(self, scan: Scan, row: Row) -> None:
@@ -408,17 +409,15 @@ def _key(scan: Scan) -> dict[str, str | None]:
     return {
         "code": code_sha256(),
         "settings": scan.settings.sha256(),
-        "scan": _digest(scan.path),
-        "mate": None if scan.mate is None else _digest(scan.mate),
+        "scan": digest_of(scan.path),
+        "mate": None if scan.mate is None else digest_of(scan.mate),
     }
 
 
-def _digest(path: Path) -> str:
-    try:
-        # a pipe would be waited for
-        return sha256_of(path) if path.is_file() or not path.exists() else "no file"
-    except OSError as error:  # a failure that this explains is kept while it is the same
-        return str(error.strerror)
+def _seen(scan: Scan) -> Seen:
+    """Return what tells later whether a file that a result is made of has changed."""
+    files = (scan.path, scan.mate, scan.settings.joint.pressure_map)
+    return seen_of(Path(path) for path in files if path is not None)
 
 
 def _key_of(summary: dict[str, Any]) -> dict[str, str | None]:
@@ -455,10 +454,12 @@ def _fail(
     home: Path,
     stage: str,
     message: str,
+    seen: Seen,
     trace: str | None = None,
     limits: Limits = NO_LIMITS,
 ) -> Row:
-    """Write `failure.json`, where that is possible, and return the row."""
+    """Write `failure.json` in place of what was there, where that is possible; return the row."""
+    key = _key(scan)  # taken before it is known whether that is what failed
     record = {
         "schema": FAILURE_SCHEMA,
         "scan": scan.name,
@@ -467,15 +468,25 @@ def _fail(
         "message": message,
         "traceback": trace,
         "limits": asdict(limits),
-        "key": _key(scan),
+        "key": key if is_as_seen(seen) else None,
     }
     text = json.dumps(record, indent=1, ensure_ascii=False) + "\n"
     with suppress(OSError, OutputError):
-        home.mkdir(parents=True, exist_ok=True)
-        with locked(home):
-            recover(home)
-            write_file(home / FAILURE, text.encode("utf-8", "backslashreplace"))
+        _mend(home)
+        if _gives_way(home, record, seen):
+            with new_folder(home) as work:
+                (work / FAILURE).write_bytes(text.encode("utf-8", "backslashreplace"))
     return {"status": "failed", "error": message}
+
+
+def _gives_way(home: Path, failure: dict[str, Any], seen: Seen) -> bool:
+    """Tell whether no result is there, or one that is known to be of something else by now."""
+    if (summary := read_summary(home)) is None:
+        return True
+    key, away = failure["key"], any(digest_of(path).startswith(UNREAD) for path in seen)
+    if key is None or away or failure["stage"] == "write":  # the next run may find it well
+        return False
+    return key != _key_of(summary) or not is_whole(summary, home)
 
 
 def _row(scan: Scan, found: Row) -> Row:

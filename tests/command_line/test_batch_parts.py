@@ -10,17 +10,20 @@ from pathlib import Path
 
 import pytest
 import tomli_w
+from batch_cases import in_this_process
 from click.testing import CliRunner
 
 from capslip import batch
 from capslip.batch import LOST, Options, _Found, run_batch
 from capslip.cli import main
-from capslip.errors import OutputError
+from capslip.errors import OutputError, UnreadableFileError
 from capslip.output.overview import COLUMNS
+from capslip.output.staging import READY, new_folder, summary_text, with_digests
 from capslip.provenance import code_sha256
 from capslip.settings import load_settings
 from capslip.sources import Scan
-from capslip.workers import NO_LIMITS, Limits
+from capslip.summary import SCHEMA
+from capslip.workers import NO_LIMITS, Limits, Lost
 
 SETTINGS = load_settings(overrides=("run.workers=2",))
 OK = {"status": "ok", "error": None, "verdict": "usable"}
@@ -211,7 +214,7 @@ def scan(tmp_path):
 def test_what_failed_is_written_with_all_that_tells_when_to_try_again(scan, tmp_path):
     home = tmp_path / "out" / "scans" / "a"
     for stage in ("read", "analyse"):  # the second one over the first
-        row = batch._fail(scan, home, stage, "said", "trace", Limits(5.0))
+        row = batch._fail(scan, home, stage, "said", batch._seen(scan), "trace", Limits(5.0))
         assert row == {"status": "failed", "error": "said"}
         assert json.loads((home / "failure.json").read_text()) == {
             "schema": "capslip/failure/1",
@@ -224,6 +227,152 @@ def test_what_failed_is_written_with_all_that_tells_when_to_try_again(scan, tmp_
             "key": batch._key(scan),
         }
     assert [one.name for one in home.iterdir()] == ["failure.json"]
+
+
+def fails(files, happens):
+    """Return what stands for reading: something happens to files, and it fails."""
+
+    def read(path, **_):
+        happens(files)
+        raise UnreadableFileError("torn")
+
+    return read
+
+
+def nothing(_):
+    pass
+
+
+def replaced(path):
+    path.with_name("new").write_bytes(b"whole")
+    os.replace(path.with_name("new"), path)
+
+
+def age(*paths):
+    for path in paths:
+        os.utime(path, (1e9, 1e9))
+
+
+@pytest.fixture(params=["fresh", "old"])
+def mated(request, tmp_path):
+    """Return a scan with all files that a scan may have, and these files."""
+    paths = [tmp_path / name for name in ("a.h5", "b.h5", "p.csv")]
+    for path in paths:
+        path.write_bytes(b"no scan")
+    if request.param == "old":
+        age(*paths)
+    settings = load_settings(overrides=(f"joint.pressure_map={paths[2]}",))
+    return Scan(paths[0], settings, paths[1], name="a"), paths
+
+
+@pytest.mark.parametrize("which", [0, 1, 2])
+def test_what_is_replaced_while_it_is_read_is_read_again(mated, which, tmp_path, monkeypatch):
+    (scan, paths), home = mated, tmp_path / "out" / "scans" / "a"
+    assert set(batch._seen(scan)) == set(paths)
+    monkeypatch.setattr(batch, "load_surface", fails(paths[which], replaced))
+    row = {"status": "failed", "error": "torn"}
+    assert batch.analyse_scan(scan, home, None, False) == row
+    assert json.loads((home / "failure.json").read_text())["key"] is None
+    assert batch._look_at(scan, home, False) == _Found()
+    monkeypatch.setattr(batch, "load_surface", fails(None, nothing))
+    assert batch.analyse_scan(scan, home, None, False) == row
+    assert batch._look_at(scan, home, False) == _Found(row)  # as it is whole and failed
+
+
+@pytest.mark.parametrize("happens", [replaced, nothing])
+def test_what_is_replaced_while_its_process_ends_is_read_again(happens, tmp_path, monkeypatch):
+    sources, asked = scans_of(tmp_path / "in", 2), []
+
+    def lost(executor, work, jobs, *_):
+        for job in jobs:
+            happens(job[0].path)
+            yield job, Lost("too slow")
+
+    def work(scan, *_):
+        asked.append(scan.name)
+        return {"status": "ok", "error": None}
+
+    monkeypatch.setattr(batch, "outcomes", lost)
+    rows = run_batch(sources, tmp_path / "out", SETTINGS, lambda _: None, work=work)
+    assert [row["error"] for row in rows] == ["too slow"] * 2
+    monkeypatch.undo()
+    with in_this_process():
+        run_batch(sources, tmp_path / "out", SETTINGS, lambda _: None, work=work)
+    assert sorted(asked) == (["s0", "s1"] if happens is replaced else [])
+
+
+def result_of(of, home, **other):
+    """Write what stands for a result, of the scan or of something else; return what is there."""
+    key = batch._key(of) | other
+    with new_folder(home) as work:
+        (work / "figures").mkdir()
+        for name in ("caps.csv", "report.html", "settings.toml", "figures/height_map.png"):
+            (work / name).write_text("old")
+        summary = RESULT | {
+            "schema": SCHEMA,
+            "provenance": {"code_sha256": key["code"], "settings_sha256": key["settings"]},
+            "surface": {"sha256": key["scan"], "mate": {"sha256": key["mate"]}},
+        }
+        (work / "summary.json").write_bytes(summary_text(with_digests(summary, work)))
+    return contents(home)
+
+
+def contents(home):
+    return {one.relative_to(home).as_posix(): one.read_bytes() for one in home.rglob("*.*")}
+
+
+@pytest.mark.parametrize("other", ["code", "settings", "scan", "mate"])
+@pytest.mark.parametrize("stage", ["read", "analyse", LOST])
+def test_a_failure_takes_the_place_of_a_result_of_something_else(mated, other, stage, tmp_path):
+    (scan, _), home = mated, tmp_path / "out" / "scans" / "a"
+    result_of(scan, home, **{other: "z"})
+    batch._fail(scan, home, stage, "torn", batch._seen(scan))
+    assert set(os.listdir(home)) == {"failure.json"}
+    result_of(scan, home)  # and the other way round
+    assert "failure.json" not in os.listdir(home)
+
+
+def test_a_failure_takes_the_place_of_a_result_that_is_not_whole(scan, tmp_path):
+    home = tmp_path / "out" / "scans" / "a"
+    result_of(scan, home)
+    (home / "caps.csv").write_text("edited")
+    batch._fail(scan, home, "read", "torn", batch._seen(scan))
+    assert set(os.listdir(home)) == {"failure.json"}
+
+
+@pytest.mark.parametrize("stays", ["same", "disk full", *("a.h5", "b.h5", "p.csv"), "replaced"])
+def test_a_result_that_may_still_be_wanted_stays_alone(mated, stays, tmp_path):
+    """As that of a scan on a disk that is away for a while."""
+    (scan, paths), home = mated, tmp_path / "out" / "scans" / "a"
+    there, seen = result_of(scan, home, **({} if stays == "same" else {"code": "z"})), None
+    if stays == "replaced":
+        seen = batch._seen(scan)
+        replaced(paths[0])
+    elif stays.endswith(("h5", "csv")):
+        (tmp_path / stays).unlink()
+    stage = "write" if stays == "disk full" else "read"
+    row = batch._fail(scan, home, stage, "torn", seen or batch._seen(scan))
+    assert row == {"status": "failed", "error": "torn"}
+    assert contents(home) == there
+
+
+def test_a_failure_touches_no_file_of_someone_else(scan, tmp_path):
+    home = tmp_path / "out" / "scans" / "a"
+    there = result_of(scan, home, code="z")
+    (home / "thesis.tex").write_text("years")
+    batch._fail(scan, home, "read", "torn", batch._seen(scan))
+    assert contents(home) == there | {"thesis.tex": b"years"}
+
+
+def test_a_result_whose_process_ended_on_its_last_steps_is_no_failure(scan, tmp_path):
+    home = tmp_path / "out" / "scans" / "a"
+    there = result_of(scan, home)
+    names = os.listdir(home)
+    (home / READY).mkdir()
+    for name in names:
+        os.replace(home / name, home / READY / name)
+    batch._fail(scan, home, LOST, "too slow", batch._seen(scan))
+    assert contents(home) == there
 
 
 def test_what_a_result_depends_on_is_the_same_of_a_scan_and_of_its_summary(scan, tmp_path):
@@ -314,7 +463,7 @@ def test_who_analyses_is_told_the_command_and_whether_to_repeat(tmp_path):
 
     sources, out = scans_of(tmp_path / "in", 2), tmp_path / "out"
     failed = Scan(tmp_path / "in" / "s1.h5", SETTINGS, name="s1")
-    batch._fail(failed, out / "scans" / "s1", "write", "disk full")
+    batch._fail(failed, out / "scans" / "s1", "write", "disk full", batch._seen(failed))
     run_batch(sources, out, SETTINGS, lambda _: None, "capslip batch x", work=work)
     homes = [out.absolute() / "scans" / name for name in ("s0", "s1")]
     again = ("s1", homes[1], "capslip batch x", True)  # as it was not taken for done

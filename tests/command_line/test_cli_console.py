@@ -210,8 +210,8 @@ def test_a_scan_that_was_just_written_is_refused_though_no_time_tells_that_it_ch
     monkeypatch.setattr(readers, "HELD_BYTES", held_bytes)
     assert readers.load_surface(path).origin.sha256 == digest
     os.utime(path, (time.time() - age_s,) * 2)
-    state, row = readers._state(path), next(one for one in readers.FORMATS if one.name == "hdf5")
-    monkeypatch.setattr(readers, "_state", lambda _: state)
+    state, row = readers.state_of(path), next(one for one in readers.FORMATS if one.name == "hdf5")
+    monkeypatch.setattr(readers, "state_of", lambda _: state)
 
     def swapped(source, request):
         found, content = row.read(source, request), source.read_bytes()

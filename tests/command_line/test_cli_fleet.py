@@ -375,6 +375,32 @@ def test_failures_are_kept_until_asked_for_or_changed(tmp_path):
     assert not record.exists()
 
 
+@pytest.mark.usefixtures("here")
+def test_a_scan_leaves_a_result_or_a_failure_and_never_both(tmp_path):
+    path, home = tmp_path / "a.h5", tmp_path / "out" / "scans" / "a"
+    scan(path, 1)
+    whole, found = path.read_bytes(), []
+    for content in (whole, b"torn", whole, None, b"torn"):
+        path.unlink(missing_ok=True)
+        if content is not None:
+            path.write_bytes(content)
+        scan(tmp_path / "b.h5", 2)  # else there would be nothing to do
+        paths = [str(path), str(tmp_path / "b.h5")]
+        row = run_batch(paths, tmp_path / "out", SETTINGS, lambda _: None)[0]
+        found.append((row["status"], set(os.listdir(home)) & {"summary.json", "failure.json"}))
+        assert (found[-1][1] == {"failure.json"}) == (set(os.listdir(home)) == {"failure.json"})
+    result, failure = {"summary.json"}, {"failure.json"}
+    status = found[0][0]
+    assert status in ("ok", "check")
+    assert found == [
+        (status, result),
+        ("failed", failure),
+        (status, result),
+        ("failed", result),  # of a scan that is away
+        ("failed", failure),
+    ]
+
+
 def test_a_failure_of_a_limit_is_tried_again_under_another(tmp_path):
     scan(tmp_path / "a.h5", 1)
 

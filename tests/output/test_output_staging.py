@@ -62,7 +62,17 @@ def every_step(step):
             setattr(place, name, before[name])
 
 
-def write_and_die(folder, at):
+def new_result(folder):
+    return result(folder, NEW)
+
+
+def failure(folder):
+    with new_folder(folder) as work:
+        (work / "failure.json").write_text('{"schema": "capslip/failure/1"}')
+    return folder
+
+
+def write_and_die(folder, at, write=new_result):
     """Replace a result in a process that ends, as by a signal, at one of its steps."""
     pid = os.fork()
     if pid == 0:
@@ -74,7 +84,7 @@ def write_and_die(folder, at):
 
         try:
             with every_step(step):
-                result(folder, NEW)
+                write(folder)
         finally:
             os._exit(0)
     return os.waitstatus_to_exitcode(os.waitpid(pid, 0)[1]) == 9
@@ -98,6 +108,50 @@ def test_wherever_a_process_ends_the_folder_is_old_or_new_and_whole(tmp_path):
     assert len(seen) > 20
     assert seen == sorted(seen)  # once it is the new one, it stays so
     assert {True, False} == set(seen)
+
+
+@pytest.mark.parametrize("before", [new_result, failure])
+def test_wherever_a_process_ends_a_failure_is_beside_no_result(tmp_path, before):
+    """Whichever of both takes the place of the other; and files of someone else stay."""
+    after = failure if before is new_result else new_result
+    ways = [{*NEW, "summary.json"}, {"failure.json"}]
+    old, new = ways if before is new_result else ways[::-1]
+    seen = []
+    for at in count():
+        folder = before(tmp_path / str(at))
+        died = write_and_die(folder, at, after)
+        assert len({"summary.json", "failure.json"} & set(os.listdir(folder))) <= 1, at
+        summary = read_summary(folder)
+        assert summary is None or is_whole(summary, folder), at
+        (folder / "thesis.tex").write_text("years")
+        with locked(folder):
+            recover(folder)
+        (folder / "thesis.tex").unlink()
+        found = {one.relative_to(folder).as_posix() for one in folder.rglob("*") if one.is_file()}
+        assert found in (old, new), at
+        assert (folder / "figures").exists() == ("figures/b.png" in found), at
+        seen.append(found == new)
+        if not died:
+            break
+    assert len(seen) > 10
+    assert seen == sorted(seen)
+    assert {True, False} == set(seen)
+
+
+def test_a_failure_takes_no_place_beside_files_of_someone_else(tmp_path):
+    folder = result(tmp_path / "a", OLD)
+    (folder / "thesis.tex").write_text("years")
+    with pytest.raises(OutputError, match=r"thesis\.tex"):
+        failure(folder)
+    assert contents(folder) == OLD | {"thesis.tex": "years"}
+
+
+def test_a_failure_removes_no_summary_that_is_not_ours(tmp_path):
+    with new_folder(tmp_path / "a") as work:
+        (work / "failure.json").write_text("torn")
+        (tmp_path / "a" / "summary.json").write_text("mine")
+    assert contents(tmp_path / "a") == {"failure.json": "torn"}
+    assert (tmp_path / "a" / "summary.json").read_text() == "mine"
 
 
 def test_the_next_result_finds_a_folder_that_was_left_in_between(tmp_path):

@@ -3,7 +3,8 @@
 A result is made in a folder of its own inside its place, under a lock. When every file is on the
 disk, that folder is renamed to `READY`: from then on the result is whole, and its files move to
 their names, `summary.json` last, which is the only sign of a finished result. What was interrupted
-before is thrown away, what was interrupted after is finished, by whoever writes there next.
+before is thrown away, what was interrupted after is finished, by whoever writes there next. The
+failure of a batch, `failure.json`, takes the place of a result in the same way.
 """
 
 import errno
@@ -66,8 +67,8 @@ NO_LOCKS = {errno.ENOSYS, errno.ENOTSUP, errno.EOPNOTSUPP, errno.ENOLCK}
 def new_folder(folder: Path) -> Iterator[Path]:
     """Give a temporary folder whose files take their place in `folder` when the block ends well.
 
-    The block writes `summary.json`. A link is followed; what else appears in the folder meanwhile
-    stays as it is.
+    The block writes `summary.json` or `failure.json`. A link is followed; what else appears in the
+    folder meanwhile stays as it is.
 
     Raises
     ------
@@ -275,20 +276,24 @@ def is_whole(summary: dict[str, Any], folder: Path) -> bool:
 def _put_in_place(folder: Path) -> None:
     """Move the files of READY to their names; called again, go on where it ended."""
     ready = folder / READY
-    if (ready / SUMMARY).exists():
-        (folder / SUMMARY).unlink(missing_ok=True)
+    below = dict(_below(ready))
+    last = next((name for name in (SUMMARY, FAILURE) if name in below), None)
+    if last is not None:
+        gone = json.loads((ready / GONE).read_text(encoding="utf-8")) if GONE in below else []
+        if SUMMARY in (last, *gone):
+            (folder / SUMMARY).unlink(missing_ok=True)
         folders = [folder]
-        for name, is_folder in (below := dict(_below(ready))).items():
+        for name, is_folder in below.items():
             if is_folder:
                 folders.insert(0, folder / name)
                 folders[0].mkdir(exist_ok=True)
-            elif name not in (SUMMARY, GONE):
+            elif name not in (last, GONE):
                 os.replace(f"{ready}/{name}", f"{folder}/{name}")
-        if GONE in below:
-            _remove(folder, json.loads((ready / GONE).read_text(encoding="utf-8")))
+        if gone:
+            _remove(folder, gone)
         for path in folders:
             _sync(path)
-        os.replace(ready / SUMMARY, folder / SUMMARY)
+        os.replace(ready / last, folder / last)
         _sync(folder)
     shutil.rmtree(ready, ignore_errors=True)
 

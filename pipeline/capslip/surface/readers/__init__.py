@@ -2,12 +2,11 @@
 
 import hashlib
 import re
-import time
 from dataclasses import replace
 from pathlib import Path
 
 from capslip.errors import CapslipError, SettingsError, UnreadableFileError, printable
-from capslip.provenance import sha256_of
+from capslip.provenance import is_fresh, sha256_of, state_of
 from capslip.surface.heightmap import HeightMap, Origin
 from capslip.surface.readers import (
     esri,
@@ -66,7 +65,6 @@ FORMATS: tuple[Format, ...] = (  # asked in this order
 )
 HEAD_BYTES = 512
 HELD_BYTES = 1 << 25  # of a file that is compared with itself; of larger ones the digests are
-FRESH_S = 60.0  # since the last change of a file; the system brings changes to the disk in half
 GAPS = re.compile(r"gap|depth", re.IGNORECASE)
 
 
@@ -163,7 +161,7 @@ def _of_copy(path: Path, copy: Path, request: Request, given: Calibration) -> He
 def _loaded(path: Path, copy: Path, request: Request, given: Calibration) -> HeightMap:
     """Read a scan from where it lies, or from an unpacked copy."""
     head = _head(copy)
-    before, seen = _state(path), _seen(path)
+    before, seen = state_of(path), _seen(path)
     file_format = next(f for f in FORMATS if f.recognises(head, copy))
     if request.dataset is not None and not file_format.named:
         raise SettingsError(
@@ -171,7 +169,7 @@ def _loaded(path: Path, copy: Path, request: Request, given: Calibration) -> Hei
             f"{file_format.name} holds one height map; leave it out"
         )
     stored = file_format.read(copy, request)
-    if _state(path) != before or (_is_fresh(before) and _seen(path) != seen):
+    if state_of(path) != before or (is_fresh(before) and _seen(path) != seen):
         # else the digest were that of other bytes than those read
         raise UnreadableFileError(f"{path}: changed while it was read; analyse it when it is whole")
     height, marks = without_marks(stored.height)
@@ -188,23 +186,6 @@ def _loaded(path: Path, copy: Path, request: Request, given: Calibration) -> Hei
 def _seen(path: Path) -> bytes | str:
     """Return all of a file, or the digest of a large one: to compare all of it is quicker."""
     return path.read_bytes() if path.stat().st_size <= HELD_BYTES else sha256_of(path)
-
-
-def _state(path: Path) -> tuple[int, ...]:
-    """Return what changes with a file; nothing where it is gone."""
-    try:
-        found = path.stat()
-    except OSError:
-        return ()
-    return found.st_ino, found.st_size, found.st_mtime_ns, found.st_ctime_ns
-
-
-def _is_fresh(state: tuple[int, ...]) -> bool:
-    """Tell whether a file may have changed without a trace in its times, which then are too coarse.
-
-    The system notes a change by way of mapped memory once until it wrote that to the disk.
-    """
-    return not state or abs(time.time() - 1e-9 * state[2]) < FRESH_S
 
 
 def _gaps(stored: Stored, given: Calibration) -> tuple[str, ...]:
