@@ -221,6 +221,31 @@ def test_imagej_says_its_pixel_size(tmp_path):
 
 
 @pytest.mark.parametrize(
+    ("units", "pixel_size_m"),
+    [
+        ({"unit": "um", "yunit": "mm"}, (4e-3, 2e-6)),
+        ({"unit": "mm", "yunit": "\\u00B5m"}, (4e-6, 2e-3)),
+        ({"unit": "\\u00B5m", "yunit": "micron"}, (4e-6, 2e-6)),
+    ],
+)
+def test_imagej_has_a_unit_for_y_where_it_is_another_one(tmp_path, units, pixel_size_m):
+    path, image = tmp_path / "t.tif", MAP.astype("f4")
+    tifffile.imwrite(path, image, imagej=True, resolution=(0.5, 0.25), metadata=units)
+    surface = load_surface(path, unit="nm")
+    np.testing.assert_allclose(surface.pixel_size_m, pixel_size_m, rtol=1e-9)
+
+
+def test_y_of_imagej_is_a_length_where_x_is(tmp_path):
+    path, image = tmp_path / "t.tif", MAP.astype("f4")
+    tifffile.imwrite(path, image, imagej=True, metadata={"unit": "um", "yunit": "sec"})
+    with pytest.raises(UncalibratedError, match="'sec'; expected a unit of length"):
+        load_surface(path, unit="nm")
+    tifffile.imwrite(path, image, imagej=True, metadata={"unit": "pixel", "yunit": "um"})
+    with pytest.raises(UncalibratedError, match="--pixel-size"):
+        load_surface(path, unit="nm")
+
+
+@pytest.mark.parametrize(
     ("image", "words"),
     [
         (np.ones((7, 9), "u2"), "uint16; expected float32"),

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from capslip.errors import UnreadableFileError
+from capslip.errors import ScanError, UnreadableFileError
 from capslip.surface.readers.lengths import check_length
 from capslip.surface.readers.stored import (
     Format,
@@ -18,8 +18,9 @@ from capslip.surface.readers.stored import (
     check_growth,
     check_real,
     check_shape,
+    in_one_unit,
+    is_length,
 )
-from capslip.units import METRES, SPELLINGS
 
 MAGICS = (b"II*\0", b"MM\0*", b"II+\0", b"MM\0+")
 IMAGE_DESCRIPTION = 270
@@ -68,7 +69,7 @@ def _read(path: Path, request: Request) -> Stored:
     try:
         with tifffile.TiffFile(path) as file:
             return _stored(file, path, request.scale is not None)
-    except UnreadableFileError:
+    except ScanError:
         raise
     except Exception as error:  # tifffile raises errors of every kind on damaged bytes
         raise UnreadableFileError(
@@ -102,7 +103,7 @@ def _stored(file: Any, path: Path, has_scale: bool) -> Stored:
     check_growth(sum(page.databytecounts), page.nbytes, str(path))
     heights = np.array(page.asarray(), dtype=np.float64)
     notes = (*_bytes_behind(page, size), *_mask_no_data(heights, page, path))
-    pixel_size, unit = _imagej_pixel_size(file, page)
+    pixel_size, unit = _imagej_pixel_size(file, page, path)
     return Stored(
         heights, None, pixel_size, unit, notes, top_row_first=_is_top_row_first(page, path)
     )
@@ -146,16 +147,25 @@ def _mask_no_data(heights: np.ndarray, page: Any, path: Path) -> tuple[str, ...]
     return (f"{int(marked.sum())} points with the file's no-data value {code:g} are non-measured",)
 
 
-def _imagej_pixel_size(file: Any, page: Any) -> tuple[tuple[float, float] | None, str | None]:
-    """Return the pixel size (dy, dx) and its unit, where ImageJ wrote a unit of length."""
-    word = str((file.imagej_metadata or {}).get("unit", "")).replace("\\u00B5", "µ")
-    if SPELLINGS.get(word, word) not in METRES:
+def _imagej_pixel_size(
+    file: Any, page: Any, path: Path
+) -> tuple[tuple[float, float] | None, str | None]:
+    """Return the pixel size (dy, dx) and its unit, where ImageJ wrote a unit of length.
+
+    That of y stands beside that of x where it is another one.
+    """
+    said = file.imagej_metadata or {}
+    unit, unit_y = (
+        str(said.get(name, said.get("unit", ""))).replace("\\u00B5", "µ")
+        for name in ("unit", "yunit")
+    )
+    if not is_length(unit):
         return None, None
     tags = [page.tags.get(name) for name in ("YResolution", "XResolution")]
     if None in tags or any(not tag.value[0] for tag in tags):
         return None, None
     dy, dx = (tag.value[1] / tag.value[0] for tag in tags)
-    return (dy, dx), word
+    return in_one_unit((dy, dx), (unit_y, unit), str(path))
 
 
 FORMAT = Format(
