@@ -127,6 +127,20 @@ def test_a_mesh_that_another_library_wrote(tmp_path, name, options):
     assert "48 points of the mesh" in surface.origin.notes[0]
 
 
+@pytest.mark.parametrize("digits", [15, 28, 60])
+def test_numbers_of_a_mesh_in_text_have_any_length(tmp_path, digits):
+    points, triangles = corners()
+    words = [" ".join(f"{v:.{digits}e}" for v in 1e-6 * point) for point in points]
+    text = "".join(f"v {word}\n" for word in words)
+    surface = load_surface(put(tmp_path / "a.obj", text.encode()), unit="m", lateral_unit="m")
+    check(surface, MAP, file_format="mesh")
+    loops = ("".join(f"vertex {words[i]}\n" for i in triangle) for triangle in triangles)
+    facets = "".join(f"facet normal 0 0 1\nouter loop\n{s}endloop\nendfacet\n" for s in loops)
+    text = f"solid a\n{facets}endsolid a\n"
+    surface = load_surface(put(tmp_path / "a.stl", text.encode()), unit="m", lateral_unit="m")
+    check(surface, MAP, file_format="mesh")
+
+
 def pcd(data, body):
     head = (
         "# .PCD v0.7\nVERSION 0.7\nFIELDS x y z rgb\nSIZE 4 4 4 4\nTYPE F F F U\nCOUNT 1 1 1 1\n"

@@ -6,6 +6,7 @@ A face is seen along z; the points are brought to a grid as those of XYZ are. No
 import re
 import struct
 from collections.abc import Callable
+from itertools import chain
 from pathlib import Path
 
 import numpy as np
@@ -110,7 +111,7 @@ def _obj(content: bytes) -> np.ndarray:
 def _numbers(words: list[tuple[bytes, bytes, bytes]]) -> np.ndarray:
     if not words:
         raise ValueError("no points")
-    return np.array(words, dtype="S32").astype(np.float64)
+    return np.fromiter(map(float, chain.from_iterable(words)), np.float64).reshape(-1, 3)
 
 
 def _ply(content: bytes) -> np.ndarray:
