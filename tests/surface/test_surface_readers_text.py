@@ -66,16 +66,33 @@ def test_a_spreadsheet_with_decimal_commas(tmp_path, before, quote, extension):
 
 
 @pytest.mark.parametrize("separator", [";", "\t", "  "])
-def test_three_decimals_are_no_thousands(tmp_path, separator):
+@pytest.mark.parametrize("decimal", [",", "."])
+def test_three_decimals_are_no_thousands(tmp_path, separator, decimal):
     """Heights that have as many digits each, and points on whole steps."""
     heights = 7.0 + np.abs(np.round(MAP, 3))
     text = "\n".join(separator.join(f"{v:.3f}" for v in row) for row in heights) + "\n"
-    surface = load_surface(put(tmp_path / "m.csv", text.replace(".", ",")), **CALIBRATION)
+    surface = load_surface(put(tmp_path / "m.csv", text.replace(".", decimal)), **CALIBRATION)
     np.testing.assert_allclose(surface.height_m, 1e-6 * heights, rtol=1e-12)
     points = points_of(heights)
     text = "".join(f"{x:g}{separator}{y:g}{separator}{z:.3f}\n" for x, y, z in points)
-    surface = load_surface(put(tmp_path / "p.csv", text.replace(".", ",")), **LENGTHS)
+    surface = load_surface(put(tmp_path / "p.csv", text.replace(".", decimal)), **LENGTHS)
     np.testing.assert_allclose(surface.height_m, 1e-6 * heights, rtol=1e-12)
+
+
+@pytest.mark.parametrize("decimal", [",", "."])
+@pytest.mark.parametrize("other", ["1.25", "0.123", "12.3456", "1234.567", "1.234e-3", "01.234"])
+def test_one_number_that_cannot_be_grouped_tells_a_decimal_mark(tmp_path, decimal, other):
+    """A writer that leaves out zeros at the end writes whole numbers beside 1.018."""
+    text = "# c\n\n9.111;1.018;-22.345;7\n8.222;{};5.001;-9\n7.333;3;7;6\n"
+    for word in ("3.125", "300"):
+        with pytest.raises(UnreadableFileError, match=f"1{decimal}234 may be 1.234 or"):
+            load_surface(
+                put(tmp_path / "m.txt", text.format(word).replace(".", decimal)), **CALIBRATION
+            )
+    read = text.format(other).replace(".", decimal)
+    surface = load_surface(put(tmp_path / "m.txt", read), **CALIBRATION)
+    expected = [[9.111, 1.018, -22.345, 7], [8.222, float(other), 5.001, -9], [7.333, 3, 7, 6]]
+    np.testing.assert_allclose(surface.height_m, 1e-6 * np.array(expected), rtol=1e-12)
 
 
 def test_blanks_with_decimal_commas(tmp_path):
@@ -113,6 +130,54 @@ def test_a_separator_behind_every_row_ends_no_field(tmp_path, separator, end):
     np.testing.assert_allclose(surface.height_m, 1e-6 * MAP, rtol=1e-15)
 
 
+@pytest.mark.parametrize("separator", ["\t", ";", ",", " ; "])
+@pytest.mark.parametrize("trailing", [False, True])
+@pytest.mark.parametrize(("around", "between"), [("", ""), ("\n", "\n"), (" \n\n", "")])
+def test_rows_of_empty_fields_are_not_measured(tmp_path, separator, trailing, around, between):
+    """The first and the last rows of a map as others; the first measured row has one number."""
+    heights = MAP.copy()
+    heights[[0, 1, 4, 5]] = heights[2, 1:] = heights[3, 0] = np.nan
+    body = rows(heights, separator).replace("nan", "")
+    if trailing:
+        body = body.replace("\n", separator.strip(" ") + "\n")
+    text = "# c\n" + around + body.replace("\n", "\n" + between) + around
+    surface = load_surface(put(tmp_path / "m.txt", text), **CALIBRATION)
+    np.testing.assert_allclose(surface.height_m, 1e-6 * heights, rtol=1e-15)
+
+
+@pytest.mark.parametrize("separator", ["\t", ";", ","])
+def test_a_row_that_begins_with_three_numbers_is_no_point(tmp_path, separator):
+    heights = MAP.copy()
+    heights[0, 3:] = np.nan
+    text = rows(heights, separator).replace("nan", "")
+    surface = load_surface(put(tmp_path / "m.txt", text), **CALIBRATION)
+    np.testing.assert_allclose(surface.height_m, 1e-6 * heights, rtol=1e-15)
+
+
+def test_one_number_at_the_end_of_a_row_tells_that_tabs_separate(tmp_path):
+    text = "\t\t\t\n\t\t\t7\n1\t2\t3\t4\n4\t3\t1\t2\n"
+    surface = load_surface(put(tmp_path / "m.txt", text), **CALIBRATION)
+    nan = np.nan
+    expected = [[nan] * 4, [nan, nan, nan, 7], [1, 2, 3, 4], [4, 3, 1, 2]]
+    np.testing.assert_allclose(surface.height_m, 1e-6 * np.array(expected), rtol=1e-15)
+
+
+@pytest.mark.parametrize("separator", ["\t", ","])
+def test_a_map_is_recognised_below_many_empty_rows(tmp_path, separator):
+    heights = np.full((43, 2000), np.nan)
+    heights[-3:] = np.random.default_rng(0).normal(size=(3, 2000)).round(4)
+    text = rows(heights, separator).replace("nan", "")
+    surface = load_surface(put(tmp_path / "m.txt", text), **CALIBRATION)
+    np.testing.assert_allclose(surface.height_m, 1e-6 * heights, rtol=1e-15)
+
+
+@pytest.mark.parametrize("separator", [" ", ","])
+def test_tabs_beside_rows_and_on_empty_lines_are_no_fields(tmp_path, separator):
+    text = "\t# c\n\t\n" + rows(separator=separator).replace("\n", "\t\n") + " \t\n"
+    surface = load_surface(put(tmp_path / "m.txt", text), **CALIBRATION)
+    np.testing.assert_allclose(surface.height_m, 1e-6 * MAP, rtol=1e-15)
+
+
 @pytest.mark.parametrize("turned", [False, True])
 @pytest.mark.parametrize("step", [0.5, -0.25])
 def test_positions_beside_the_heights_are_no_heights(tmp_path, turned, step):
@@ -141,9 +206,15 @@ def test_text_without_an_end_is_noted(tmp_path):
         ("1 2 3 4\n5 Bad 7 8\n9 9 9 9\n", "line 2, column 2: 'Bad'"),
         ("# c\n1,2,3,4\n5,6,7,8\n5,6,7,#\n", "line 4, column 4: '#'"),
         ("1 2 3 4\n5 6 7\n", "line 2 has 3 numbers; expected 4"),
+        ("\t\t\n1\t2\t3\t4\n5\t6\t7\t8\n", "line 1 has 3 numbers; expected 4 as in line 2"),
+        ("\n# c\n\n;;;\n1;2;3;4\n5;Bad;7;8\n", "line 6, column 2: 'Bad'"),
+        ("\n\t\n1,2,3,4\n5,6,Bad,8\n", "line 4, column 3: 'Bad'"),
+        (";;;\n" * 4, "no numbers"),
         ("1.5;2,5;3;4\n1;2;3;4\n", "points and commas"),
         ("1,05,2,07,3,01\n" * 3, "one number or two"),
         ("1,234;999;12,345;-7\n" * 2 + "998;1,002;-3,001;2,000\n", "1,234 may be 1.234 or 1234"),
+        ("1.234;999;12.345;-7\n" * 2 + "998;1.002;-3.001;2.000\n", "1.234 may be 1.234 or 1234"),
+        ("1.234\t9\t12.345\n" * 3 + "8\t7\t2.345\n", "1.234 may be 1.234 or 1234"),
         ("1,234,567;2,5;3;4\n" * 4, "several commas stand inside a number"),
         ("1,2,3,4;5,6,7,8\n" * 4, "several commas stand inside a number"),
         ('"1,5","2,5","3,5","4,5"\n' * 4, "column 1: '\"1'"),
@@ -333,6 +404,47 @@ def test_units_in_the_line_of_names_count(tmp_path):
         load_surface(path, unit="um")
     with pytest.raises(UncalibratedError, match="--lateral-unit"):
         load_surface(put(tmp_path / "q.xyz", rows(points_of())), unit="um")
+
+
+@pytest.mark.parametrize(
+    "between", ["", "\n", "# -----\n", "# [um] [mm] [um]\n", "# z over y and x\n\n# 2026-01-01\n"]
+)
+@pytest.mark.parametrize("sign", ["", "# "])
+@pytest.mark.parametrize(
+    ("names", "extension"),
+    [("y,x,z", "csv"), ("z,X,y", "xyz"), ("i,x,y,z", "csv"), ("y,z,i,x", "xyz")],
+)
+def test_names_hold_whatever_stands_between_them_and_the_numbers(
+    tmp_path, between, sign, names, extension
+):
+    x, y, z = points_of().T
+    columns = {"i": np.arange(MAP.size), "x": x, "y": y, "z": z}
+    points = np.column_stack([columns[name] for name in names.lower().split(",")])
+    text = f"{sign}{names}\n{between}{rows(points, ',')}"
+    surface = load_surface(put(tmp_path / f"p.{extension}", text), **LENGTHS)
+    np.testing.assert_allclose(surface.height_m, 1e-6 * MAP, rtol=1e-15)
+    np.testing.assert_allclose(surface.pixel_size_m, (2e-3, 1e-3), rtol=1e-12)
+
+
+def test_two_lines_of_names_have_one_order(tmp_path):
+    body = rows(points_of()[:, [1, 0, 2]])
+    surface = load_surface(
+        put(tmp_path / "p.xyz", "# y x z\n# y [mm] x [mm] z\n" + body), unit="um"
+    )
+    np.testing.assert_allclose(surface.height_m, 1e-6 * MAP, rtol=1e-15)
+    with pytest.raises(
+        UnreadableFileError, match="columns 3, 1, 2 by one line of names and 2, 1, 3 by another"
+    ):
+        load_surface(put(tmp_path / "p.xyz", "# y z x\n# y x z\n# c\n" + body), **LENGTHS)
+
+
+@pytest.mark.parametrize("separator", ["\t", ","])
+def test_an_empty_row_is_no_point(tmp_path, separator):
+    empty = 2 * separator + "\n"
+    points = points_of(np.where(MAP[2, 3] == MAP, np.nan, MAP))
+    text = f"{empty}x{separator}y{separator}z\n{empty}{rows(points, separator)}{empty}{empty}"
+    surface = load_surface(put(tmp_path / "p.csv", text), **LENGTHS)
+    np.testing.assert_allclose(surface.height_m.ravel(), 1e-6 * points[:, 2], rtol=1e-15)
 
 
 @pytest.mark.parametrize(

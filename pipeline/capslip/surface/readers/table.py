@@ -3,6 +3,7 @@
 import io
 import re
 from dataclasses import dataclass
+from itertools import zip_longest
 from pathlib import Path
 
 import numpy as np
@@ -11,8 +12,15 @@ from capslip.errors import UnreadableFileError
 from capslip.surface.readers.stored import check_shape, read_head
 
 COMMENT = (b"#", b"%", b"sep=")  # the last one says to a spreadsheet what separates
-# A number that a comma may part from its thousands, or from its thousandths
-GROUPED = re.compile(rb"(?<![\d,.])[1-9]\d{0,2},\d{3}(?![\d,eE])")
+# A mark that parts no thousands: not three digits behind it, or not a number of 1 to 999 before
+NO_GROUPS = {
+    mark: re.compile(
+        rb"%b(?:(?!\d{3}(?![\d,.eE]))|(?<!\b[1-9]%b)(?<!\b[1-9]\d%b)(?<!\b[1-9]\d\d%b))"
+        % (4 * (re.escape(mark),))
+    )
+    for mark in (b",", b".")
+}
+BELOW_THOUSAND = re.compile(rb"(?<![^\s;])[+-]?\d{1,3}(?![^\s;])")  # and whole
 LOOK_BYTES = 2**16  # enough for the comments and the first numbers
 MAX_BYTES = 2**30
 MAX_LINE_BYTES = 2**21  # 80,000 numbers of 25 letters: more is no row of a map
@@ -40,12 +48,16 @@ class Table:
 def first_fields(path: Path, *, names: bool = False) -> int | None:
     """Count the fields of the first row of numbers; None if the file is no table of numbers.
 
-    The row may follow comments and, with `names`, one line of column names.
+    The row may follow comments and, with `names`, one line of column names. 0 where all fields are
+    empty as far as one looks.
     """
     content = plain_lines(read_head(path, LOOK_BYTES))
     if b"\0" in content:
         return None
-    row = _line_at(content, _first_row(content, names))
+    start, first = _first_row(content, names)
+    if first == len(content) > start:
+        return 0
+    row = _line_at(content, first)
     return len(_split(row)) if _is_row(row) else None
 
 
@@ -69,7 +81,7 @@ def read_table(path: Path, *, names: bool = False) -> Table:
         separator and the decimal mark cannot be told apart, or the file is too large.
     """
     content = read_text(path)
-    start = _first_row(content, names)
+    start, _ = _first_row(content, names)
     before = content[:start].split(b"\n")[:-1]
     comments = tuple(decoded(line).lstrip("#% ").strip() for line in before)
     values, notes = parse_rows(content[start:], str(path), len(before))
@@ -82,13 +94,16 @@ def parse_rows(body: bytes, where: str, lines_before: int) -> tuple[np.ndarray, 
     _check_lines(body, where, lines_before)
     if not body.endswith(b"\n"):
         notes.append("the last line has no end: the text may be truncated")
-    end = len(body.rstrip())
-    body = body[:end] + body[end:].partition(b"\n")[0] + b"\n"  # a tab there ends the last row
-    first = _line_at(body, _first_row(body, names=False))
+    _, start = _first_row(body, names=False)
+    first = _line_at(body, start)
     if not first:
         raise UnreadableFileError(f"{where}: no numbers; expected rows of numbers; export it again")
-    _check_first_row(first, where, lines_before + body[: body.find(first)].count(b"\n") + 1)
+    number = lines_before + body.count(b"\n", 0, start) + 1
+    _check_first_row(first, where, number)
     separator, decimal_comma = _separator(body, first, where)
+    empty = b" \n" if separator == b"\t" else None  # between tabs, tabs alone are a row
+    lines_before += body[: -len(body.lstrip(empty))].count(b"\n")
+    body = body.strip(empty) + b"\n"
     if decimal_comma:
         notes.append("decimal commas were read as decimal points")
         body = body.replace(b",", b".")
@@ -105,7 +120,7 @@ def parse_rows(body: bytes, where: str, lines_before: int) -> tuple[np.ndarray, 
         )
     except ValueError as error:
         raise UnreadableFileError(
-            _fault(body, separator, where, lines_before, str(error))
+            _fault(body, separator, where, lines_before, number, str(error))
         ) from error
     return values, tuple(notes)
 
@@ -191,21 +206,24 @@ def _check_lines(body: bytes, where: str, lines_before: int) -> None:
 
 def _line_at(content: bytes, start: int) -> bytes:
     end = content.find(b"\n", start)
-    return content[start : len(content) if end < 0 else end].strip()
+    return content[start : len(content) if end < 0 else end].strip(b" ")
 
 
-def _first_row(content: bytes, names: bool) -> int:
-    """Offset of the first line that is neither empty, nor a comment, nor a line of names."""
-    start = 0
-    while start < len(content):
-        line = _line_at(content, start)
-        if line and not line.startswith(COMMENT):
-            if not names or any(map(_is_number, _fields(line))):
-                return start
+def _first_row(content: bytes, names: bool) -> tuple[int, int]:
+    """Offsets of the rows, behind comments and a line of names, and of the first with a word."""
+    start = at = 0
+    while at < len(content):
+        line = _line_at(content, at)
+        fields = _fields(line)
+        if fields and not line.lstrip().startswith(COMMENT):
+            if not names or any(map(_is_number, fields)):
+                return start, at
             names = False
-        end = content.find(b"\n", start)
-        start = len(content) if end < 0 else end + 1
-    return len(content)
+        end = content.find(b"\n", at)
+        at = len(content) if end < 0 else end + 1
+        if fields:
+            start = at
+    return start, at
 
 
 def _is_row(line: bytes) -> bool:
@@ -220,21 +238,26 @@ def _fields(line: bytes) -> list[bytes]:
 
 def _split(line: bytes) -> list[bytes]:
     """Fields of a line, by its strongest separator; a trailing one ends no field."""
+    separator = b";" if b";" in line else b"\t" if _has_tabs(line) else None
+    if separator is not None:
+        return line.removesuffix(separator).split(separator)
     line = line.strip()
-    for separator in (b";", b"\t"):
-        if separator in line:
-            return line.rstrip(separator).split(separator)
     words = line.split()
     if len(words) > 1 and not any(w.startswith(b",") or w.endswith(b",") for w in words[:-1]):
         return words
-    return line.rstrip(b",").split(b",") if b"," in line else words
+    return line.removesuffix(b",").split(b",") if b"," in line else words
+
+
+def _has_tabs(row: bytes) -> bool:
+    """Tell whether tabs separate: they stand between words, or beside the only number of a row."""
+    return b"\t" in row.strip() or (b"\t" in row and _is_number(row))
 
 
 def _check_first_row(line: bytes, where: str, number: int) -> None:
     """Refuse words before the numbers: what they say, such as a unit, would be lost."""
     words = _fields(line)
     if 2 * sum(map(_is_number, words)) <= len(words):
-        first = re.split(rb"[;,\t]", line, maxsplit=1)[0]
+        first = re.split(rb"[;,\t]", line.strip(), maxsplit=1)[0]
         raise UnreadableFileError(
             f"{where}: line {number}, column 1: {_shown(first)}; expected rows of numbers alone; "
             "put # before lines that are no heights, and give as options what they say"
@@ -247,10 +270,10 @@ def _separator(body: bytes, first: bytes, where: str) -> tuple[bytes | None, boo
     points = commas and re.search(rb"\d\.|\.\d", body) is not None
     if b";" in body:
         separator = b";"
-    elif b"\t" in body and b"\t" in first.strip():
+    elif _has_tabs(first):
         separator = b"\t"
     elif not commas:
-        return None, False
+        separator = None
     else:
         words = first.split()
         if len(words) == 1 or any(w.startswith(b",") or w.endswith(b",") for w in words):
@@ -261,25 +284,26 @@ def _separator(body: bytes, first: bytes, where: str) -> tuple[bytes | None, boo
             raise UnreadableFileError(_ambiguous(where, "commas and blanks both separate"))
         separator = None
     if not commas:
+        if _may_be_thousands(body, separator, b"."):
+            raise UnreadableFileError(_ambiguous(where, "1.234 may be 1.234 or 1234"))
         return separator, False
     if points:
         raise UnreadableFileError(_ambiguous(where, "points and commas stand inside numbers"))
     between = b"\\s" if separator is None else re.escape(separator)
     if re.search(rb",[^%s\n]*," % between, body):
         raise UnreadableFileError(_ambiguous(where, "several commas stand inside a number"))
-    if _may_be_thousands(body, separator):
+    if _may_be_thousands(body, separator, b","):
         raise UnreadableFileError(_ambiguous(where, "1,234 may be 1.234 or 1234"))
     return separator, True
 
 
-def _may_be_thousands(body: bytes, separator: bytes | None) -> bool:
-    """Tell whether all commas may group digits: less than a thousand then stands without one."""
-    if sum(1 for _ in GROUPED.finditer(body)) != body.count(b","):
+def _may_be_thousands(body: bytes, separator: bytes | None, mark: bytes) -> bool:
+    """Tell whether all marks may group digits: less than a thousand then stands without one."""
+    if mark not in body or NO_GROUPS[mark].search(body) or not BELOW_THOUSAND.search(body):
         return False
-    columns = zip(*(line.split(separator) for line in body.splitlines()), strict=False)
-    small = re.compile(rb"\s*[+-]?\d{1,3}\s*")
+    columns = zip_longest(*(line.split(separator) for line in body.splitlines()), fillvalue=b"")
     return any(
-        any(b"," in cell for cell in column) and any(map(small.fullmatch, column))
+        any(mark in cell for cell in column) and any(map(BELOW_THOUSAND.search, column))
         for column in columns
     )
 
@@ -287,7 +311,8 @@ def _may_be_thousands(body: bytes, separator: bytes | None) -> bool:
 def _ambiguous(where: str, why: str) -> str:
     return (
         f"{where}: the decimal mark and the separator cannot be told apart ({why}); expected "
-        "points in numbers, or commas in numbers and semicolons between them; save it again"
+        "points in numbers, or commas in numbers and semicolons between them, and nothing between "
+        "thousands; save it again"
     )
 
 
@@ -295,10 +320,9 @@ def _fill_empty_fields(body: bytes, separator: bytes) -> bytes:
     """Write nan into empty fields; a separator at the end of every line ends no field."""
     body = re.sub(rb"[ ]*" + re.escape(separator) + rb"[ ]*", separator, body)
     ends = body.count(separator + b"\n")
-    if ends and ends == body.count(b"\n"):
+    if ends and ends == len(re.findall(rb"[^\n]\n", body)):
         body = body.replace(separator + b"\n", b"\n")
-    else:
-        body = body.replace(separator + b"\n", separator + b"nan\n")
+    body = body.replace(separator + b"\n", separator + b"nan\n")
     while separator * 2 in body:
         body = body.replace(separator * 2, separator + b"nan" + separator)
     return (b"nan" if body.startswith(separator) else b"") + body.replace(
@@ -307,11 +331,11 @@ def _fill_empty_fields(body: bytes, separator: bytes) -> bytes:
 
 
 def _fault(
-    body: bytes, separator: bytes | None, where: str, lines_before: int, message: str
+    body: bytes, separator: bytes | None, where: str, lines_before: int, first: int, message: str
 ) -> str:
     """Say where the first fault of a table is, near the row that numpy's message names."""
     rows = [(n, line) for n, line in enumerate(body.split(b"\n"), lines_before + 1) if line.strip()]
-    expected = len(rows[0][1].split(separator))
+    expected = len(next(line for n, line in rows if n == first).split(separator))
     named = re.search(r"\brow (\d+)", message)
     start = max(int(named.group(1)) - 2, 0) if named else 0
     for number, line in rows[start : start + 5]:
@@ -325,7 +349,7 @@ def _fault(
         if len(fields) != expected:
             return (
                 f"{where}: line {number} has {len(fields)} numbers; expected {expected} as in "
-                "the first row; the file is truncated or no table"
+                f"line {first}; the file is truncated or no table"
             )
     return (
         f"{where}: not a table of numbers ({message[:100]}); expected rows of equal length; "

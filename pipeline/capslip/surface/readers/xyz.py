@@ -40,21 +40,41 @@ def _read(path: Path, request: Request) -> Stored:
 
 
 def _points(table: Table, path: Path) -> tuple[np.ndarray, tuple[str, ...]]:
-    """Return the columns x y z: by their names where the line before the numbers has them."""
+    """Return the columns x y z: by their names where a line before the numbers has them."""
     columns = table.values.shape[1]
-    names = COLUMN_NAME.findall(table.comments[-1]) if table.comments else []
-    names = [name.lower() for name in names]
-    by_name = len(names) == columns and all(names.count(axis) == 1 for axis in "xyz")
-    if columns < 3 or (columns > 3 and not by_name and path.suffix.lower() != OWN_EXTENSION):
+    named = _named_places(table.comments, columns, path)
+    if columns < 3 or (columns > 3 and not named and path.suffix.lower() != OWN_EXTENSION):
         raise UnreadableFileError(
             f"{path}: {columns} columns; expected three, x y z, or a line with their names; leave "
             "the others out"
         )
-    places = [names.index(axis) for axis in "xyz"] if by_name else [0, 1, 2]
+    places = named or [0, 1, 2]
+    empty = np.isnan(table.values).all(axis=1)  # what spreadsheets add above and below
+    points = table.values[~empty][:, places]
     if columns == 3:
-        return table.values[:, places], ()
-    shown = ", ".join(str(place + 1) for place in places)
-    return table.values[:, places], (f"columns {shown} of {columns} were taken for x, y, z",)
+        return points, ()
+    return points, (f"columns {_shown(places)} of {columns} were taken for x, y, z",)
+
+
+def _named_places(comments: tuple[str, ...], columns: int, path: Path) -> list[int]:
+    """Return where x, y and z stand by the lines that name every column; empty without one."""
+    lines = ([name.lower() for name in COLUMN_NAME.findall(line)] for line in comments)
+    named = [
+        [names.index(axis) for axis in "xyz"]
+        for names in lines
+        if len(names) == columns and all(names.count(axis) == 1 for axis in "xyz")
+    ]
+    for other in named:
+        if other != named[-1]:
+            raise UnreadableFileError(
+                f"{path}: x, y, z are columns {_shown(other)} by one line of names and "
+                f"{_shown(named[-1])} by another; expected one order; correct one line"
+            )
+    return named[-1] if named else []
+
+
+def _shown(places: list[int]) -> str:
+    return ", ".join(str(place + 1) for place in places)
 
 
 def _units(comments: tuple[str, ...], path: Path) -> tuple[str | None, str | None]:
