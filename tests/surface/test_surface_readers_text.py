@@ -171,6 +171,12 @@ def test_a_map_is_recognised_below_many_empty_rows(tmp_path, separator):
     np.testing.assert_allclose(surface.height_m, 1e-6 * heights, rtol=1e-15)
 
 
+@pytest.mark.parametrize("end", ["\t", "\t\n", " \t\n", "\t\n\t\n"])
+def test_one_tab_at_the_end_is_no_row(tmp_path, end):
+    surface = load_surface(put(tmp_path / "m.txt", rows(separator="\t") + end), **CALIBRATION)
+    np.testing.assert_allclose(surface.height_m, 1e-6 * MAP, rtol=1e-15)
+
+
 @pytest.mark.parametrize("separator", [" ", ","])
 def test_tabs_beside_rows_and_on_empty_lines_are_no_fields(tmp_path, separator):
     text = "\t# c\n\t\n" + rows(separator=separator).replace("\n", "\t\n") + " \t\n"

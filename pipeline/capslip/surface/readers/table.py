@@ -104,6 +104,8 @@ def parse_rows(body: bytes, where: str, lines_before: int) -> tuple[np.ndarray, 
     empty = b" \n" if separator == b"\t" else None  # between tabs, tabs alone are a row
     lines_before += body[: -len(body.lstrip(empty))].count(b"\n")
     body = body.strip(empty) + b"\n"
+    if len(_split(first)) > 2:  # one tab alone is no row, but an end that some programs write
+        body = re.sub(rb"(?:\n *\t? *)+\Z", b"\n", body)
     if decimal_comma:
         notes.append("decimal commas were read as decimal points")
         body = body.replace(b",", b".")
