@@ -110,9 +110,14 @@ def test_a_number_that_nothing_moves_has_no_interval():
     assert found[4] == INTERVAL.replace("stiffness 600 MN/m to 800 MN/m, ", "")
 
 
-def test_an_interval_without_a_bound_has_no_parts():
-    found = lines(contributions={"energy_J": {"friction": 0.0}}, not_in_interval=None)
-    assert found[5] == f"no upper bound; {MODEL_FORM}"
+@pytest.mark.parametrize("shares", [{}, {"friction": 0.0}])
+def test_an_interval_without_a_bound_has_no_parts_and_one_with_a_bound_says_why(shares):
+    of = {"contributions": {"energy_J": shares}, "not_in_interval": None}
+    for ends in ([3e-9, None], None):
+        found = lines(**of, interval=ANSWER["interval"] | {"energy_J": ends})
+        assert found[5] == f"no upper bound; {MODEL_FORM}"
+    beyond = "what makes that of the energy is not known: some of what may be is beyond gross slip"
+    assert lines(**of)[5] == f"{beyond}; {MODEL_FORM}"
 
 
 def test_no_interval_is_a_reason_but_for_an_answer_of_nothing():
@@ -166,7 +171,10 @@ CONTACT = {
         ({"resultant_off_load_point_m": None, "coverage": None}, None,
          "preload 460 N on 20 cm²: 230 kPa nominal"),
         (dict.fromkeys(CONTACT) | {"preload_N": 460.0}, None, "preload 460 N"),
-        ({}, [1, 2, 3], "preload 460 N on 20 cm²: 230 kPa nominal; 3 scans together 30 % of it"),
+        ({}, [{"share": 0.5}, {"share": 0.5}],
+         "preload 460 N on 20 cm²: 230 kPa nominal; 2 scans together 30 % of it"),
+        ({}, [{"share": 0.2}, {"share": None}, {"share": 0.8}],
+         "preload 460 N on 20 cm²: 230 kPa nominal; 2 of 3 scans together 30 % of it"),
     ],
 )  # fmt: skip
 def test_the_line_of_the_joint(changes, scans, said):

@@ -19,9 +19,10 @@ from capslip.contact.scans import curve_of_scans
 from capslip.contact.slip import slip_curve
 from capslip.contact.solvers.yielding import YieldLaw
 from capslip.settings import Question, load_settings
+from capslip.structure import band as band_module
 from capslip.structure.answer import answer_to
 from capslip.structure.band import band_of
-from capslip.structure.band_causes import LEAST_ERROR, NORMAL_95, PAIRS_SHARE
+from capslip.structure.band_causes import LEAST_ERROR, NORMAL_95, PAIRS_SHARE, Left
 from capslip.structure.band_state import Part
 from capslip.structure.response import response
 from capslip.studies.faces.synthetic import Scene, synthetic_surface
@@ -58,7 +59,10 @@ def numbers(T, delta, W):
 
 
 def settings_of(question, more=(), **spreads):
-    given = (f"contact.preload_N={N}", f"material.friction_coefficient={MU}", "families.m=1")
+    given = (
+        *(f"contact.preload_N={N}", f"material.friction_coefficient={MU}", "families.m=1"),
+        *(f"structure.modal_stiffness_N_per_m={K_M}", f"structure.joint_stiffness_N_per_m={K_S}"),
+    )
     set_to = [f"{SPREADS[name]}={spread}" for name, spread in spreads.items()]
     questions = [f"answer.{name}={float(value)!r}" for name, value in question.items()]
     return load_settings(
@@ -118,6 +122,32 @@ def test_shares_of_the_variance_are_those_of_the_exponents_at_small_slip():
         sd = np.sqrt(parts.sum()) / NORMAL_95
         low, high = found.interval[name]
         assert np.log(high / low) == pytest.approx(2.0 * Z_90 * sd, rel=0.04)
+
+
+@pytest.mark.parametrize("asked", ["amplitude_m", "slip_force_N", "displacement_m"])
+def test_a_beam_is_as_stiff_as_the_material_it_shares_with_the_joint(asked):
+    """Its stiffnesses grow with the modulus, and with them the force at an amplitude."""
+    settings = settings_of({"slip_force_N": 0.25 * MU * N}, modulus=0.1)
+    beam = msgspec.structs.replace(load_settings().structure, beam=settings.structure.beam)
+    T, delta_m, _ = sphere_states(T=0.25 * MU * N)
+    value = {"amplitude_m": T / K_S, "slip_force_N": T, "displacement_m": delta_m}[asked]
+    changes = {"structure": beam, "answer": Question(**{asked: value})}
+    found = band_of(*pressed(msgspec.structs.replace(settings, **changes)))
+    ends = []
+    for z in (-Z_90, Z_90):
+        c = np.exp(z * 0.1 / NORMAL_95)
+        at = {"amplitude_m": {"T": c * T}, "slip_force_N": {"T": T}}.get(asked, {"delta": delta_m})
+        force, moved_m, W = sphere_states(E=c, **at)
+        v = force / (c * K_S)
+        loss = JOINTS * W / (np.pi * c * K_M * v**2)
+        total_m = v + JOINTS * K_S / K_M * moved_m
+        ends.append({"energy_J": W, "slip_force_N": force, "amplitude_m": v, "loss_factor": loss})
+        ends[-1] |= {"displacement_m": moved_m, "frequency_shift": np.sqrt(v / total_m) - 1.0}
+    for name in ends[0]:
+        low, high = sorted(end[name] for end in ends)
+        assert found.interval[name] == pytest.approx((low, high), rel=4e-3), name
+    width = np.log(found.interval["energy_J"][1] / found.interval["energy_J"][0])
+    assert (width > 0.3) == (asked == "amplitude_m")  # W goes as T^3
 
 
 def test_an_estimated_error_at_95_is_a_normal_one():
@@ -504,6 +534,19 @@ def test_two_scans_scatter_by_half_of_what_they_differ_with_one_degree_of_freedo
         half = 6.314 * 0.5 * abs(np.log(a / b))
         low, high = np.log(np.array(found.interval[name]) / middle)
         assert (-low, high) == pytest.approx((half, half), rel=0.15), name
+
+
+def test_all_that_may_be_uncertain_has_an_interval_together(monkeypatch):
+    """Twelve columns: two each of caps, model, scans and direction, and four of the inputs."""
+    two = np.diag([0.01, 0.01])
+    for name in ("of_scatter", "of_direction"):
+        monkeypatch.setattr(band_module, name, lambda state: two)
+    monkeypatch.setattr(band_module, "of_caps_and_model", lambda state: Left(two, two))
+    spreads, more = dict.fromkeys(SPREADS, 0.1), ("material.hardness_Pa=5e9",)
+    answer, (part,), *rest = pressed(settings_of({"slip_force_N": 20.0 * MU}, more, **spreads))
+    found = band_of(answer, [replace(part, share=0.5)] * 2, *rest)
+    assert set(found.contributions["energy_J"]) == {"caps", "model", "scans", "direction", *spreads}
+    assert np.isfinite(found.interval["energy_J"]).all()
 
 
 @pytest.mark.parametrize(("count", "quantile"), [(3, 2.920), (5, 2.132), (9, 1.860)])

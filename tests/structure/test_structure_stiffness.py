@@ -4,7 +4,7 @@ import pytest
 
 from capslip.settings import load_settings
 from capslip.structure.beam import beam_mode
-from capslip.structure.stiffness import stiffnesses
+from capslip.structure.stiffness import stiffnesses, structure_name
 
 MATERIAL = ("material.youngs_modulus_Pa=[70e9, 210e9]", "material.poisson_ratio=[0.34, 0.28]")
 SIZES = {
@@ -36,3 +36,13 @@ def test_beam_is_that_of_the_settings_and_of_the_first_body(theory):
 def test_a_joint_stands_where_the_moment_vanishes_by_default():
     found, *_ = stiffnesses(load_settings())
     assert found.joint_position_m == found.zero_moment_position_m
+
+
+def test_a_beam_of_two_materials_says_the_modulus_of_its_own():
+    """It is made of the first of them."""
+    both = load_settings(overrides=("material.youngs_modulus_Pa=[210e9,70e9]",))
+    assert structure_name(both) == "demonstration beam 400 x 60 x 40 mm, E 210 GPa"
+    assert (
+        stiffnesses(both)[1:]
+        == stiffnesses(load_settings(overrides=("material.youngs_modulus_Pa=[210e9,210e9]",)))[1:]
+    )

@@ -105,9 +105,17 @@ def _interval_texts(summary: dict[str, Any]) -> list[str]:
     left_out = _left_out(answer["not_in_interval"] or [])
     return [
         f"90 % interval: {', '.join(ranges)}",
-        (f"what makes that of the energy: {parts}" if parts else "no upper bound")
-        + f"{left_out}; {MODEL_FORM}",
+        f"{_of_energy(parts, answer)}{left_out}; {MODEL_FORM}",
     ]
+
+
+def _of_energy(parts: str, answer: dict[str, Any]) -> str:
+    """Return what makes the interval of the energy, or why nobody can say."""
+    if parts:
+        return f"what makes that of the energy: {parts}"
+    if (answer["interval"]["energy_J"] or (None, None))[1] is None:
+        return "no upper bound"
+    return "what makes that of the energy is not known: some of what may be is beyond gross slip"
 
 
 def _why_none(summary: dict[str, Any]) -> str:
@@ -134,7 +142,12 @@ def joint_line(summary: dict[str, Any], absent: str) -> str:
     contact = summary["contact"]
     text = JOINT + (PRESSURE if contact["joint_area_m2"] is not None else "")
     scans = summary["scans"]
-    of_scan = COVERAGE if scans is None else SCANS.format(len(scans))
+    if scans is None:
+        of_scan = COVERAGE
+    else:
+        answer = sum(one["share"] is not None for one in scans)
+        count = f"{answer} of {len(scans)}" if answer < len(scans) else f"{answer}"
+        of_scan = SCANS.format(count)
     text += of_scan if contact["coverage"] is not None else ""
     if scans is None and contact["resultant_off_load_point_m"] is not None:
         text += RESULTANT if contact["resultant_off_load_point_m"] else ON_POINT

@@ -106,7 +106,9 @@ def answer_to(
     return Answer(**numbers), ()
 
 
-def numbers_of_state(T: Any, delta: Any, W: Any, damping: Damping) -> dict[str, np.ndarray]:
+def numbers_of_state(
+    T: Any, delta: Any, W: Any, damping: Damping, stiffer: Any = 1.0
+) -> dict[str, np.ndarray]:
     """Return the numbers of an `Answer` in any states of a joint, defined there or not.
 
     Parameters
@@ -115,8 +117,11 @@ def numbers_of_state(T: Any, delta: Any, W: Any, damping: Damping) -> dict[str, 
         Slip force, displacement, and energy lost per cycle in one joint.
     damping : Damping
         Of the structure; its stiffnesses count.
+    stiffer : float or float64, shape (n,)
+        Factor on both of these.
     """
-    K_m, K_s = damping.modal_stiffness_N_per_m, damping.joint_stiffness_N_per_m
+    K_m = damping.modal_stiffness_N_per_m * stiffer
+    K_s = damping.joint_stiffness_N_per_m * stiffer
     T, delta, W = (np.asarray(one, dtype=float) for one in (T, delta, W))
     v, joints = T / K_s, damping.joints
     v_total = v + joints * K_s / K_m * delta

@@ -83,7 +83,8 @@ def band_of(
         delta = mu kappa e(N, H / c, t),  W = mu^2 kappa c L(N, H / c, t)
 
     with the withdrawal e and the loss integral L of the curve along which the face unloads from N,
-    in logarithms one polynomial over N and, where the face yields, one over H. The level of the
+    in logarithms one polynomial over N and, where the face yields, one over H. A beam is of the
+    same material: c is on its stiffnesses, and on the force of an amplitude. The level of the
     face stays that under its preload. On a joint that is pressed unevenly caps and model are those
     of its patches, see `band_causes`. The inputs are drawn at 256 points of a scrambled Sobol
     sequence. The share of an input is its first-order Sobol index for the logarithm of the number,
@@ -140,15 +141,16 @@ def _propagated(state: State, damping: Damping) -> Band | None:
     log |= {name: normal[name] @ spreads[name] for name in uncertain}
     given = {name: of[:, 0] for name, of in log.items() if name not in OF_BOTH}
     found, W = state.under(given)
+    stiffer, more = state.of_the_beam(given)
 
     def numbers_with(scans: np.ndarray) -> dict[str, np.ndarray]:
         with np.errstate(over="ignore"):
             moved = np.exp(log["caps"] + log["model"] + log["direction"] + scans + left.shift)
             other, energy_J = found * moved[:, 0], W * moved[:, 1]
-        stays = state.answer.slip_force_N if state.by_force else state.answer.displacement_m
-        T, delta = (stays, other) if state.by_force else (other, stays)
+        delta_m, force_N = state.answer.displacement_m, more * state.answer.slip_force_N
+        T, delta = (force_N, other) if state.by_force else (other, delta_m)
         energy_J = np.minimum(energy_J, 4.0 * T * delta)  # no cycle is larger than its rectangle
-        numbers = numbers_of_state(T, delta, energy_J, damping).items()
+        numbers = numbers_of_state(T, delta, energy_J, damping, stiffer).items()
         return {name: one for name, one in numbers if getattr(state.answer, name) is not None}
 
     kept = numbers_with(log["scans"])

@@ -78,7 +78,7 @@ class State:
         approach_m = [curve.approach_m(N) for curve, N in zip(curves, node_N, strict=True)]
         if self.by_force:
             whole = node_N
-            share = self.answer.slip_force_N / friction
+            share = self.of_the_beam(log)[1] * self.answer.slip_force_N / friction
             share = share / (self.preload_N * np.exp(log["preload"]))
         else:
             pairs = zip(approach_m, curves, strict=True)
@@ -97,6 +97,16 @@ class State:
         other = friction * other * (kappa if self.by_force else c)
         energy_J = friction**2 * kappa * c * loss_J
         return np.where(held, other, np.inf), np.where(held, energy_J, np.inf)
+
+    def of_the_beam(self, log: dict[str, np.ndarray]) -> tuple[Any, Any]:
+        """Return the factors of its modulus on the stiffnesses of the structure, and on the force.
+
+        Of a beam alone, whose force follows from the amplitude where that was asked for.
+        """
+        if self.settings.structure.modal_stiffness_N_per_m is not None:
+            return 1.0, 1.0
+        c = np.exp(log["modulus"])
+        return c, 1.0 if self.settings.answer.amplitude_m is None else c
 
     def response(
         self, curve: NormalCurve, approach_m: Any, at: np.ndarray

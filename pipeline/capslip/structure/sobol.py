@@ -16,6 +16,10 @@ DIRECTIONS = (
     (0b10011, (1, 1, 3, 3)),
     (0b11001, (1, 3, 5, 13)),
     (0b100101, (1, 1, 5, 5, 17)),
+    (0b101001, (1, 1, 5, 5, 5)),
+    (0b101111, (1, 1, 7, 11, 19)),
+    (0b110111, (1, 1, 5, 1, 1)),
+    (0b111011, (1, 1, 1, 3, 11)),
 )
 MOST_DIMENSIONS = 1 + len(DIRECTIONS)
 
@@ -29,7 +33,7 @@ def scrambled_sobol(dimensions: int, log2_points: int) -> np.ndarray:
     Parameters
     ----------
     dimensions : int
-        1 to 8.
+        1 to 12.
     log2_points : int
         Binary logarithm of the number of points, up to 30.
 

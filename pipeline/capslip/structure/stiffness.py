@@ -18,7 +18,9 @@ def structure_name(settings: Settings) -> str:
     sides = " x ".join(
         f"{1e3 * side_m:.4g}" for side_m in (beam.length_m, beam.width_m, beam.thickness_m)
     )
-    return f"{'' if is_given(settings) else 'demonstration '}beam {sides} mm"
+    moduli_Pa = settings.material.youngs_modulus_Pa
+    of = "" if moduli_Pa[0] == moduli_Pa[1] else f", E {1e-9 * moduli_Pa[0]:.4g} GPa"
+    return f"{'' if is_given(settings) else 'demonstration '}beam {sides} mm{of}"
 
 
 def is_given(settings: Settings) -> bool:
@@ -33,7 +35,7 @@ def stiffnesses(settings: Settings) -> tuple[BeamMode | None, float, float]:
     Parameters
     ----------
     settings : Settings
-        `structure`, and `material` for the beam.
+        `structure`, and `material` for the beam: the first of two.
 
     Returns
     -------
