@@ -1,13 +1,23 @@
 """Touch, stick and slip of single contacts, against closed forms and the slip curve."""
 
+from dataclasses import replace
+
 import numpy as np
 import output_cases
 import pytest
 
 from capslip.analysis import analyze_once
 from capslip.output.arrays import _loads_N
-from capslip.output.zones import Zones, compression_at, loss_shares, zone_at, zones_of
+from capslip.output.zones import (
+    Zones,
+    compression_at,
+    loss_shares,
+    pixels_at,
+    zone_at,
+    zones_of,
+)
 from capslip.settings import load_settings
+from capslip.surface.heightmap import HeightMap
 from scenes import caps_map
 
 
@@ -109,16 +119,67 @@ def test_map_of_two_spheres_is_two_round_contacts_with_round_zones(pressed_map):
     state = zone_at(zones, 1.0, 0.5)
     np.testing.assert_allclose(state.stick, 0.5 ** (1 / 3), rtol=0.02)
     assert (zone_at(zones, 1.0, 1.0).word == "slips").all()
+    middle = replace(zones, pixel_reach=0.0 * zones.pixel_reach)
+    assert not pixels_at(middle, zone_at(middle, 0.0, 0.0))[0].any()
+    touch, stick = pixels_at(middle, zone_at(middle, 0.1, 1.0))
+    assert touch.all()
+    assert not stick.any()
+
+
+@pytest.fixture(scope="module")
+def wavy():
+    """Waves whose contacts run together under the preload."""
+    rng = np.random.default_rng(7)
+    per_pixel = np.hypot(np.fft.fftfreq(160)[:, None], np.fft.rfftfreq(160))
+    spectrum = np.fft.rfft2(rng.normal(size=(160, 160))) * np.maximum(per_pixel, 0.03) ** -3.0
+    height_m = np.fft.irfft2(spectrum, (160, 160))
+    surface = HeightMap(3e-7 * height_m / height_m.std(), (5e-5, 5e-5))
+    overrides = ("contact.model=boundary_elements", "contact.preload_N=600")
+    lies = ("contact.alignment=as_levelled", "run.sensitivity=false")
+    return analyze_once(surface, load_settings(overrides=(*overrides, *lies)))
+
+
+@pytest.mark.parametrize("load_share", [0.25, 0.5, 0.75])
+def test_as_much_of_a_map_touches_as_under_that_load(wavy, load_share):
+    zones, preload_N = zones_for(wavy), wavy.contact.preload_N
+    own = wavy.contact.normal.pressed(load_share * preload_N).pressure_Pa.ravel() > 0.0
+    touch, stick = pixels_at(zones, zone_at(zones, load_share, 0.0))
+    np.testing.assert_array_equal(touch, stick)
+    assert touch.sum() == pytest.approx(own.sum(), rel=0.08)
+    assert own[zones.pixel[touch]].sum() > 0.9 * own.sum()
+    loads_N = zones.contact_load_N * compression_at(zones, load_share) ** 1.5
+    assert loads_N.sum() == pytest.approx(load_share * preload_N, rel=1e-3)
+    # What sticks under a force is what touches where that much of mu N is gone
+    touch, stick = pixels_at(zones, zone_at(zones, 1.0, 1.0 - load_share))
+    assert touch.all()
+    np.testing.assert_array_equal(stick, pixels_at(zones, zone_at(zones, load_share, 0.0))[0])
+
+
+def test_a_region_is_of_the_hill_under_its_greatest_pressure(wavy):
+    zones, hill = zones_for(wavy), wavy.hills.label.ravel()
+    pressure_Pa = wavy.contact.normal.pressed(600.0).pressure_Pa.ravel()[zones.pixel]
+    for k in range(len(zones)):
+        of = zones.pixel_contact == k
+        top = zones.pixel[of][np.argmax(pressure_Pa[of])]
+        assert zones.cap[k] == hill[top] - 1
+    assert len(set(zones.cap)) > 5
 
 
 def test_region_that_leaves_at_once_touches_under_the_whole_load_alone(pressed_map, monkeypatch):
-    curve = type(pressed_map.contact.normal)
-    lift_m = pressed_map.contact.normal.lift_off_m(pressed_map.contact.approach_m)
-    monkeypatch.setattr(curve, "lift_off_m", lambda *_: lift_m * [0.0, 1.0])
-    share = zones_for(pressed_map).share
-    assert (share[-1] == 1.0).all()
-    assert sorted((share[1:-1] > 0.0).all(axis=0)) == [False, True]
-    assert sorted((share[1:-1] == 0.0).all(axis=0)) == [False, True]
+    curve = pressed_map.contact.normal
+    unloading = curve.unloading(4.0)
+    share = unloading.letting_go.region_share.copy()
+    share[:-1, 0] = 0.0
+    left = replace(unloading.letting_go, region_share=share)
+    lift_m = unloading.region_lift_off_m * [0.0, 1.0]
+    at_once = replace(unloading, letting_go=left, region_lift_off_m=lift_m)
+    monkeypatch.setitem(curve.solutions.unloading, 4.0, at_once)
+    zones = zones_for(pressed_map)
+    assert (zones.share[-1] == 1.0).all()
+    assert sorted((zones.share[1:-1] > 0.0).all(axis=0)) == [False, True]
+    assert sorted((zones.share[1:-1] == 0.0).all(axis=0)) == [False, True]
+    assert pixels_at(zones, zone_at(zones, 1.0, 0.0))[0].all()
+    assert np.isfinite(loss_shares(zones, 0.3)).all()
 
 
 def test_face_that_is_not_pressed_has_no_zones(none):

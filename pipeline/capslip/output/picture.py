@@ -1,5 +1,6 @@
 """The face and its fitted caps in three dimensions."""
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -9,7 +10,7 @@ from capslip.output.drawing import SHADES, Drawing
 from capslip.output.mesh import grid_mesh, segment_mesh
 from capslip.output.quantity import engineering, scaled
 from capslip.output.view import View, colouring, round_limits
-from capslip.output.zones import zone_at
+from capslip.output.zones import pixels_at, zone_at
 
 Mesh = tuple[np.ndarray, np.ndarray]  # points, and the corners of cells
 WINDOW = (1500, 950)
@@ -104,15 +105,26 @@ def caption(view: View, look: Look) -> str:
 
 
 def state_line(view: View, look: Look) -> str:
-    """Return the state of the contacts in words."""
-    assert view.zones is not None
-    words = zone_at(view.zones, look.load_share, look.force_share).word
-    load_N = look.load_share * view.zones.load_N[-1]
-    n = {word: int((words == word).sum()) for word in ("sticks", "slips in part", "slips")}
-    what = "contact regions" if view.zones.of_map else "caps"
+    """Return the state of the contacts in words.
+
+    Regions of a map fall apart as the load falls, and what touches then is near what a solution
+    has: so area comes first, and it is about.
+    """
+    zones = view.zones
+    assert zones is not None
+    state = zone_at(zones, look.load_share, look.force_share)
+    n = {word: int((state.word == word).sum()) for word in ("sticks", "slips in part", "slips")}
+    touching = f"of {sum(n.values())} caps in contact"
+    if zones.of_map:
+        touch, stick = (int(each.sum()) for each in pixels_at(zones, state))
+        area_mm2 = touch * math.prod(view.pixel_size_m) * 1e6
+        touching = (
+            f"about {area_mm2:.3g} mm² touch, {100.0 * stick / max(touch, 1):.0f} % of it sticks;\n"
+            f"of {len(zones)} regions under the preload about {sum(n.values())} touch:"
+        )
     return (
-        f"{engineering(load_N, 'N')} on the scan, force {100.0 * look.force_share:.0f} % of gross "
-        f"slip:\nof {sum(n.values())} {what} in contact {n['sticks']} stick, "
+        f"{engineering(look.load_share * zones.load_N[-1], 'N')} on the scan, force "
+        f"{100.0 * look.force_share:.0f} % of gross slip:\n{touching} {n['sticks']} stick, "
         f"{n['slips in part']} slip in part, {n['slips']} slip (green sticks, red slips)"
     )
 
@@ -226,11 +238,7 @@ def _pixels(view: View, look: Look) -> dict[str, Mesh]:
     zones = view.zones
     assert zones is not None
     state = zone_at(zones, look.load_share, look.force_share)
-    reach = zones.pixel_reach
-    touch = reach <= state.contact[zones.pixel_contact] * (1.0 + 1e-9)
-    touch &= state.contact[zones.pixel_contact] > 0.0
-    stick = touch & (reach <= state.stick[zones.pixel_contact])
-    stick &= state.stick[zones.pixel_contact] > 0.0
+    touch, stick = pixels_at(zones, state)
     middle = _placed(view, look, view.pixel_m)
     corner = 0.5 * view.point_side_m * np.array([(-1, -1, 0), (1, -1, 0), (1, 1, 0), (-1, 1, 0)])
     found = {}

@@ -244,6 +244,7 @@ function buildCaps() {
   }
   if (!by.names.length && N) legend.innerHTML = `${by.title}<div class="ramp" style="background:linear-gradient(to right, #0d0887, #7e03a8, #cc4778, #f89540, #f0f921)"></div><div class="ends"><span>${by.limits[0]}</span><span>${by.limits[1]}</span></div>`;
 }
+let pixels = null;  // of a map, as many as are drawn
 function buildZones() {
   const zone = zoneAt(state.load, state.force), stick = rgb(data.stick), slip = rgb(data.slip), numbers = [], corners = [];
   if (!zones.of_map) {
@@ -256,10 +257,14 @@ function buildZones() {
     fill(parts.zones, numbers, corners);
     return;
   }
+  const holds = (radius, p) => radius > 0 && zones.reach[p] <= radius + 1e-4;
+  pixels = { touch: 0, stick: 0 };
   for (let p = 0; p < zones.px.length; p++) {
     const k = zones.contact[p];
-    if (!(zone.contact[k] > 0) || zones.reach[p] > zone.contact[k] + 1e-4) continue;
-    const sticks = zone.stick[k] > 0 && zones.reach[p] <= zone.stick[k];
+    if (!holds(zone.contact[k], p)) continue;
+    const sticks = holds(zone.stick[k], p);
+    pixels.touch++;
+    if (sticks) pixels.stick++;
     numbers.push(zones.px[p], zones.py[p], placed(zones.px[p], zones.py[p], zones.pz[p]), 0, 0, ...(sticks ? stick : slip));
   }
   fill(parts.zones, numbers, null);
@@ -330,8 +335,10 @@ function say() {
     const load = engineering(state.load * data.preload_N, "N"), n = counts(state.load, state.force);
     place.querySelector('[data-of="load"]').textContent = `${load} on the scan`;
     place.querySelector('[data-of="force"]').textContent = `${Math.round(100 * state.force)} % of gross slip`;
-    const touch = n.sticks + n["slips in part"] + n.slips, what = zones.of_map ? "contact regions" : "caps";
-    if (state.zones) text += ` ${load}, force ${Math.round(100 * state.force)} % of gross slip: of ${touch} ${what} in contact ${n.sticks} stick, ${n["slips in part"]} slip in part, ${n.slips} slip (green sticks, red slips).`;
+    const some = n.sticks + n["slips in part"] + n.slips;
+    // Regions of a map fall apart as the load falls, and what touches then is near what a solution has
+    const touching = !pixels ? `of ${some} caps in contact` : `about ${Number((1e6 * zones.pixel_area * pixels.touch).toPrecision(3))} mm² touch, ${Math.round(100 * pixels.stick / Math.max(pixels.touch, 1))} % of it sticks; of ${zones.count} regions under the preload about ${some} touch:`;
+    if (state.zones) text += ` ${load}, force ${Math.round(100 * state.force)} % of gross slip: ${touching} ${n.sticks} stick, ${n["slips in part"]} slip in part, ${n.slips} slip (green sticks, red slips).`;
     if (state.zones && zones.enlarged) text += ` C${zones.enlarged.slice(1)}.`;
     if (state.zones && zones.every > 1) text += ` One contact point of ${zones.every} is drawn.`;
   }

@@ -3,7 +3,8 @@
 A contact that is sheared by T at the load N slips where it would not touch at N - T / mu: the
 theorem of Ciavarella and Jaeger. So one table, the load of every contact over the load of the face,
 tells touch, stick and slip alike. Of caps the table is that of their model, which is exact; of the
-contact regions of a map it is that of a Hertz contact that lifts off where the region does.
+contact regions of a map it is that of the loads that were solved below the preload, and near it
+between them.
 """
 
 from dataclasses import dataclass, fields
@@ -18,7 +19,6 @@ if TYPE_CHECKING:
     from capslip.contact.press import ContactState
     from capslip.result import Analysis
 
-LOADS = 33  # of the table of a map
 MAX_CONTACTS = 20_000  # the most loaded
 
 
@@ -38,7 +38,8 @@ class Zones:
     radius_m: np.ndarray  # (n,), of the contact; zero for a region
     pixel: np.ndarray  # (p,), flat number of each point of the map in contact
     pixel_contact: np.ndarray  # (p,), the contact it belongs to
-    pixel_reach: np.ndarray  # (p,), 0 in the middle of its contact, 1 at the rim
+    # (p,), the radius of its contact when it lets go, over that under the preload
+    pixel_reach: np.ndarray
 
     def __len__(self) -> int:
         return len(self.contact_load_N)
@@ -85,6 +86,15 @@ def zone_at(zones: Zones, load_share: float, force_share: float) -> Zone:
     contact = np.sqrt(compression_at(zones, load))
     stick = np.sqrt(compression_at(zones, load * (1.0 - force)))
     return Zone(contact, np.minimum(stick, contact))
+
+
+def pixels_at(zones: Zones, zone: Zone) -> tuple[np.ndarray, np.ndarray]:
+    """Return whether each pixel of a map touches, and whether it sticks, shape (p,) each."""
+    contact, stick = (
+        (radius > 0.0) & (zones.pixel_reach <= radius * (1.0 + 1e-9))
+        for radius in (zone.contact[zones.pixel_contact], zone.stick[zones.pixel_contact])
+    )
+    return contact, stick
 
 
 def compression_at(zones: Zones, load_share: float) -> np.ndarray:
@@ -175,40 +185,38 @@ def _of_caps(
 
 
 def _of_map(analysis: "Analysis", contact: "ContactState") -> Zones:
-    """Return the zones of the regions of a map, each a Hertz contact with its lift-off."""
+    """Return the zones of the regions of a map, as far as they touch where it was unloaded."""
     curve: Any = contact.normal
     preload_N = contact.preload_N
-    pressed, lift_m = curve.pressed(preload_N), curve.lift_off_m(contact.approach_m)
+    pressed, left = curve.pressed(preload_N), curve.unloading(preload_N).letting_go
     region_N = pressed.region_loads_N
     kept = np.argsort(-region_N, kind="stable")[:MAX_CONTACTS]
-    load_N = preload_N * np.linspace(0.0, 1.0, LOADS) ** 1.5
+    load_N, share = left.load_N, left.region_share[:, kept].astype(float)
     below_m = np.asarray(curve.withdrawal_m(contact.approach_m, preload_N - load_N))
+    lift_m = curve.lift_off_m(contact.approach_m)
     lift_m = np.where(np.isfinite(lift_m), lift_m, below_m[0])[kept]
-    # A region that leaves at once has a lift-off of zero
-    above_m = np.maximum(lift_m, np.finfo(float).tiny)
-    share = np.clip(1.0 - below_m[:, None] / above_m, 0.0, 1.0) ** 1.5
-    share[0] = 0.0  # whatever rounding leaves
     number = np.full(len(region_N) + 1, -1, dtype=np.int32)
     number[1 + kept] = np.arange(len(kept))
     pixel = np.flatnonzero(pressed.region)
     of = number[pressed.region.ravel()[pixel]]
-    pixel, of = pixel[of >= 0], of[of >= 0]
-    pressure_Pa = pressed.pressure_Pa.ravel()[pixel]
-    growing = np.argsort(pressure_Pa, kind="stable")
+    pixel, of, first = (each[of >= 0] for each in (pixel, of, left.first.astype(np.intp)))
+    # Between two loads it is not known when: halfway
+    compression = np.cbrt(share) ** 2
+    reach = np.sqrt(0.5 * (compression[first, of] + compression[first - 1, of]))
+    order = np.argsort(pressed.pressure_Pa.ravel()[pixel], kind="stable")
     top = np.zeros(len(kept), dtype=np.int64)
-    top[of[growing]] = growing  # the last written is the greatest
-    top_Pa = pressure_Pa[top]
+    top[of[order]] = pixel[order]  # the last written has the greatest pressure
     return Zones(
         load_N=load_N,
         withdrawal_m=below_m - contact.bulk_m * (1.0 - load_N / preload_N),
         share=share,
         contact_load_N=region_N[kept],
         closing_m=np.maximum(lift_m, 0.0),
-        cap=analysis.hills.label.ravel()[pixel[top]].astype(np.int64) - 1,
+        cap=analysis.hills.label.ravel()[top].astype(np.int64) - 1,
         radius_m=np.zeros(len(kept)),
         pixel=pixel,
         pixel_contact=of,
-        pixel_reach=np.sqrt(1.0 - (pressure_Pa / top_Pa[of]) ** 2),  # of Hertz' ellipse
+        pixel_reach=reach,
     )
 
 

@@ -79,7 +79,7 @@ class Path:
         self.left, self.region = np.unique(region.reshape(-1)[at] - 1, return_inverse=True)
         self.n_regions, self.n_points = len(self.left), len(at)
         self.n_pixels = self._sums(np.ones(self.n_points))
-        self.region_load_N = self._sums(pressure_Pa) * face.pixel_area_m2
+        self.region_load_N = self.region_loads_N(pressure_Pa)
         # Slopes of the withdrawals t_i, which the first solved load would give less well.
         start = None if punch_Pa_per_m is None else self.face.gathered(punch_Pa_per_m)
         found = punch(self.face, self.pressed, start, _ROUGHLY)
@@ -95,6 +95,10 @@ class Path:
         """Sum values at the points over the regions."""
         return np.bincount(self.region, weights=values, minlength=self.n_regions)
 
+    def region_loads_N(self, pressure_Pa: np.ndarray) -> np.ndarray:
+        """Return the loads of the regions, shape (n_regions,), of pressures at the points."""
+        return self._sums(pressure_Pa) * self.face.pixel_area_m2
+
     def solve(self, odd: float) -> Node:
         """Solve at a withdrawal t with log(t / (1 - t)) = odd of a single Hertz contact."""
         load_N = self.pressed.load_N * (1 + np.exp(odd)) ** -1.5
@@ -105,7 +109,7 @@ class Path:
         t, *others = 1 / (1 + np.exp(-np.array([odd, *(node.odd for node in self.nodes)])))
         apart = min([t, *np.abs(np.subtract(others, t)).tolist()])
         tolerance = min(max(self.tolerance, _LOOSEST), max(_LEFT * apart**3 / 8, FINEST))
-        state = self._press(load_N, tolerance, self._start(load_N))
+        state = self._press(load_N, tolerance, self.start_Pa(load_N))
         node = self._node(odd, state)
         # A pixel that is about to let go may keep a wide gap under next to no pressure, and a start
         # that is good enough at once tells no more than the loads beside it.
@@ -193,7 +197,7 @@ class Path:
         error = max(error, -float(np.min(gap_m, where=out, initial=np.inf)))
         return error / preload.approach_m
 
-    def _start(self, load_N: float) -> np.ndarray:
+    def start_Pa(self, load_N: float) -> np.ndarray:
         """Return pressures near those under a load, from the solved loads around it."""
         k = sum(node.load_N >= load_N for node in self.nodes)
         below = self.known(self.nodes[k] if k < len(self.nodes) else self.end)
@@ -244,7 +248,7 @@ class Path:
             odd,
             load_N,
             withdrawal_m,
-            self._sums(pressure_Pa) * area_m2,
+            self.region_loads_N(pressure_Pa),
             loss_J,
             np.maximum(least_gap_m, 0.0),
             float(np.linalg.norm(error_J) / loss_J.sum()) if loss_J.any() else np.inf,

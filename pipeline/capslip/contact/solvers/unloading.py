@@ -8,6 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from capslip.contact.solvers.letting_go import LettingGo, letting_go
 from capslip.contact.solvers.losses import (
     RIGID,
     Losses,
@@ -56,6 +57,7 @@ class Unloading:
     load_drop_N: np.ndarray  # (n,); the last is the preload
     loss_J: np.ndarray  # (n,), 4 * integral of s (e - s) N''(d - s)
     region_lift_off_m: np.ndarray  # of each contact region, by its number in the pressed face
+    letting_go: LettingGo  # where it still touches, and what bears the load
     solved_load_N: np.ndarray  # growing
     solved_approach_m: np.ndarray
     loss_error: float  # expected between the solved loads from a tenth of the preload on, relative
@@ -399,6 +401,7 @@ def _tabulated(path: Path, cut_short: bool) -> Unloading:
         load_drop_N=drop_N,
         loss_J=loss_J,
         region_lift_off_m=of_all_m,
+        letting_go=letting_go(path),
         solved_load_N=solved[:, 0],
         solved_approach_m=solved[:, 1],
         loss_error=max(errors, default=0.0),
