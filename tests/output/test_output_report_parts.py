@@ -197,6 +197,7 @@ def test_the_row_of_a_scan_holds_its_own_numbers():
     assert (found["name"], found["status"]) == ("left", "check")
     cells = ["25 %", "300 nm", "17", "11 in boundary elements", "2 GPa", "700 MN/m", "4 nJ"]
     assert found["cells"] == [one.replace(" ", NBSP, 1) for one in [*cells, "3.4 %"]]
+    assert found["numbers"] == (0.25, 3e-7, 17, 11, 2e9, 7e8, 4e-9, 0.034)
     assert empty["cells"] == [DASH, f"300{NBSP}nm", "17", *[DASH] * 5]
     assert found["stamp"].startswith("data:image/png;base64,iVBOR")
 

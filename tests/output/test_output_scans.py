@@ -8,10 +8,12 @@ import numpy as np
 import pytest
 
 import capslip
+from browser import ask, needs_chromium
 from capslip.analysis import analyze_scans
 from capslip.contact.rung import ModelError
 from capslip.output.figures import FIGURES, OF_JOINT
 from capslip.output.folder import write_joint
+from capslip.output.report import write_report
 from capslip.structure.interpolation import LawTables
 from scenes import caps_map
 
@@ -39,6 +41,51 @@ def test_the_page_has_the_answer_each_scan_and_every_figure_of_the_joint(joint, 
     assert 'id="whatif"' in page
     assert "2 scans of one joint were analysed" in page
     assert 'href="#caps"' not in page
+
+
+@needs_chromium
+def test_the_scans_sort_by_their_numbers_and_the_rest_of_the_page_answers(joint, tmp_path):
+    summary = joint.summary()
+    one, other = of = summary["scans"]
+    one |= {"name": "one", "estimated_error": None}
+    other |= {"name": "other", "estimated_error": 0.1}
+    one["answer"]["energy_J"], other["answer"]["energy_J"] = 1e-6, 9e-7
+    heads, orders, copied, closed = ask(
+        write_report(joint, summary, tmp_path, None),
+        """const table = document.querySelector("table.sorts"), orders = {};
+        const heads = [...table.tHead.rows[0].cells], names = () =>
+            [...table.tBodies[0].rows].map((row) => row.cells[1].textContent);
+        for (const head of heads.slice(1)) {
+            const button = head.querySelector("button");
+            button.click();
+            orders[head.textContent] = [names()];
+            button.click();
+            orders[head.textContent].push(names());
+        }
+        let copied = "";
+        const clipboard = { writeText: (text) => copied = text };
+        Object.defineProperty(navigator, "clipboard", { value: clipboard });
+        document.querySelector("button.copy").click();
+        dispatchEvent(new Event("beforeprint"));
+        const closed = [...document.querySelectorAll("details")].filter((fold) => !fold.open);
+        return [heads.map((head) => head.textContent), orders, copied, closed.length];""",
+        tmp_path,
+    )
+    assert heads[0] == "face"
+    assert len(orders) == 10
+    assert "capslip" in copied
+    assert closed == 0
+    assert orders["model error"] == 2 * [["other", "one"]]  # what is not known comes last
+    for head, key in {
+        "Sq": lambda one: one["sq_m"],
+        "caps": lambda one: one["caps"],
+        "in contact": lambda one: one["contacts"],
+        "peak pressure": lambda one: one["max_pressure_Pa"],
+        "stiffness (secant)": lambda one: one["answer"]["tangential_stiffness_N_per_m"],
+        "energy per cycle": lambda one: one["answer"]["energy_J"],
+    }.items():
+        growing = [one["name"] for one in sorted(of, key=key)]
+        assert orders[head] == [growing[::-1], growing], head
 
 
 @pytest.mark.parametrize("name", ["slip_loop", "energy"])

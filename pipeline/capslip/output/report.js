@@ -2,12 +2,12 @@
 "use strict";
 for (const table of document.querySelectorAll("table.sorts")) {
   const heads = [...table.tHead.rows[0].cells];
-  heads.forEach((head, column) => head.querySelector("button").addEventListener("click", () => {
+  heads.forEach((head, column) => head.querySelector("button")?.addEventListener("click", () => {
     const down = head.getAttribute("aria-sort") !== "descending";
     for (const other of heads) other.removeAttribute("aria-sort");
     head.setAttribute("aria-sort", down ? "descending" : "ascending");
     const value = (row) => {
-      const text = row.cells[column].textContent;
+      const cell = row.cells[column], text = cell.dataset.number ?? cell.textContent;
       const number = Number(text);
       return text !== "" && Number.isFinite(number) ? number : text;
     };

@@ -351,7 +351,12 @@ def _scan_rows(scans: "tuple[Analysis, ...]", summary: dict[str, Any]) -> list[d
             DASH if error is None else f"{100.0 * error:.2g} %",
         )
         whole = [cell.replace(" ", "\u00a0", 1) for cell in cells]  # a number and its unit
-        row = {"name": of["name"], "status": of["status"], "cells": whole}
+        numbers = (
+            *(of[name] for name in ("share", "sq_m", "caps", "contacts", "max_pressure_Pa")),
+            *(alone[name] for name in ("tangential_stiffness_N_per_m", "energy_J")),
+            error,
+        )
+        row = {"name": of["name"], "status": of["status"], "cells": whole, "numbers": numbers}
         rows.append({**row, "stamp": f"data:image/png;base64,{stamp}"})
     return rows
 
