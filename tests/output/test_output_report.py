@@ -2,6 +2,7 @@
 
 import base64
 import io
+import json
 from dataclasses import replace
 from html.parser import HTMLParser
 
@@ -146,6 +147,14 @@ def test_what_a_file_says_cannot_break_the_page(several, tmp_path):
     assert "<script>alert" not in page.source
     assert page.text.count(nasty) >= 3
     assert page.text.index("contact_failed") < page.text.index("one_family")
+
+
+def test_no_text_ends_the_data_of_the_panel(several, tmp_path):
+    panel = {"one_level": False, "structure": "a <!--<script> b </script>"}
+    source = write_report(several, several.summary(), tmp_path, None, panel).read_text("utf-8")
+    data = source.split('id="whatif-data">')[1].split("</script>")[0]
+    assert "<" not in data
+    assert json.loads(data) == panel
 
 
 def test_long_table_is_cut_and_says_so(several, tmp_path):

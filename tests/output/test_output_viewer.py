@@ -2,6 +2,7 @@
 
 import base64
 import re
+from dataclasses import replace
 
 import numpy as np
 import output_cases
@@ -10,9 +11,10 @@ import pytest
 from browser import ask, needs_chromium, picture
 from capslip.errors import OutputError
 from capslip.output import viewer
+from capslip.output.picture import Look, state_line
 from capslip.output.tables import write_result, write_summary
 from capslip.output.view import read_view
-from capslip.output.viewer import viewer_data, write_viewer
+from capslip.output.viewer import viewer_block, viewer_data, write_viewer
 from capslip.output.zones import zone_at
 
 
@@ -101,6 +103,48 @@ def test_page_of_a_pressed_map_begins_with_what_touches(page, tmp_path):
     write_viewer(tmp_path, tmp_path / "view.html")
     assert ask(tmp_path / "view.html", ask_first, tmp_path) == [True, True]
     assert ask(page, ask_first, tmp_path) == [False, False]
+
+
+@needs_chromium
+def test_page_says_how_much_of_a_pressed_map_touches_as_the_window_does(tmp_path, monkeypatch):
+    view = read_view(output_cases.written(output_cases.pressed_map(), tmp_path))
+    write_viewer(tmp_path, tmp_path / "view.html")
+    set_to = (
+        "const v = window.capslipViewer; Object.assign(v.state, { load: %s, force: %s });"
+        'v.update(); return document.querySelector(".viewer .state").innerText'
+    )
+    areas = {}
+    for state in ((1.0, 0.0), (0.5, 0.0), (1.0, 0.5), (0.5, 1.0)):
+        said = state_line(view, Look(load_share=state[0], force_share=state[1]))
+        said = " ".join(said.split("\n")[1:])
+        assert said in ask(tmp_path / "view.html", set_to % state, tmp_path)
+        areas[state] = re.search(r"about (\S+) mm² touch, (\d+) % of it sticks", said).groups()
+    contact_mm2 = 1e6 * view.summary["contact"]["contact_area_m2"]
+    assert float(areas[1.0, 0.0][0]) == pytest.approx(contact_mm2, rel=5e-3)
+    assert areas[1.0, 0.0][1] == "100"
+    assert areas[0.5, 1.0] == (areas[0.5, 0.0][0], "0")
+    sticks = float(areas[0.5, 0.0][0]) / contact_mm2
+    assert float(areas[1.0, 0.5][1]) == pytest.approx(100.0 * sticks, abs=0.7)
+    assert 0.4 < sticks < 0.8
+    monkeypatch.setattr(viewer, "PIXELS", len(view.zones.pixel) // 3)  # not all are drawn
+    write_viewer(tmp_path, tmp_path / "view.html")
+    said = ask(tmp_path / "view.html", set_to % (1.0, 0.0), tmp_path)
+    (area,) = re.findall(r"about (\S+) mm² touch", said)
+    assert float(area) == pytest.approx(contact_mm2, rel=0.03)
+
+
+@needs_chromium
+def test_no_name_ends_the_data_or_the_page(folder, tmp_path):
+    view = replace(read_view(folder), summary={"name": "a <!--<script> b </script>"})
+    page = tmp_path / "view.html"
+    shown = f"{viewer_block(view)}<p id=after></p>"
+    page.write_text(f"<html><head></head><body>{shown}</body></html>", "utf-8")
+    asked = (
+        'const data = JSON.parse(document.getElementById("viewer-data").textContent);'
+        'return [data.name.replaceAll("<", "["),'
+        'document.getElementById("after") !== null, "capslipViewer" in window]'
+    )
+    assert ask(page, asked, tmp_path) == [view.name.replace("<", "["), True, True]
 
 
 @needs_chromium

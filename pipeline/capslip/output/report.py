@@ -127,7 +127,7 @@ def write_report(
         limits=_limits(summary),
         figures=_figures(analysis, summary, folder / "figures", render_message),
         viewer=viewer_block(read_view(result, CELLS, summary)) if result.is_file() else "",
-        whatif=panel and json.dumps(panel, allow_nan=False),
+        whatif=panel and json.dumps(panel, allow_nan=False).replace("<", "\\u003c"),
         whatif_script=_part("whatif.js"),
         of_caps=bool(panel and panel["of_caps"]),
         caps=None if scans else _cap_rows(analysis.caps),

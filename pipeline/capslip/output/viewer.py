@@ -57,7 +57,7 @@ def write_viewer(result: str | Path, page: Path) -> None:
 def viewer_block(view: View) -> str:
     """Return what shows a result inside a page: elements, data, style and script."""
     room = files("capslip.output")
-    data = json.dumps(viewer_data(view), allow_nan=False).replace("</", "<\\/")
+    data = json.dumps(viewer_data(view), allow_nan=False).replace("<", "\\u003c")
     parts = (
         *("<style>", room.joinpath("viewer.css").read_text("utf-8"), "</style>"),
         '<div class="viewer" id="viewer"></div>',
