@@ -240,7 +240,7 @@ def test_ten_thousand_rows_are_filtered_and_sorted_and_few_are_made(many, tmp_pa
     assert found["made"] <= 300  # of ten thousand; more as they are scrolled to
     assert found["grown"] > 100
     with_number = [row for row in rows if row["tangential_stiffness_N_per_m"] is not None]
-    by = sorted(with_number, key=lambda row: float(f"{row['tangential_stiffness_N_per_m']:.4g}"))
+    by = sorted(with_number, key=lambda row: row["tangential_stiffness_N_per_m"])
     everything, failures = f"{MANY} of {MANY}", sum(row["status"] == "failed" for row in rows)
     assert found["said"][0] == [by[-1]["scan"], everything]
     assert found["said"][1] == [by[0]["scan"], everything]
@@ -260,3 +260,44 @@ def test_words_that_are_looked_for_leave_the_scans_that_have_them(many, tmp_path
     return shown.map((one) => one.firstChild.textContent);
     """
     assert ask(page, script, tmp_path) == [rows[42]["scan"]]
+
+
+@needs_chromium
+def test_numbers_are_rounded_once_and_medians_are_of_all_scans(tmp_path):
+    energies_J = [-3e-9, 0.0, 1e-9, 2.4494e-9, 8e-9, None]
+    names = ["b", "d", "a", "f", "c", "e"]
+    rows = [
+        dict.fromkeys(COLUMNS) | {"scan": name, "status": "ok", "answer_energy_J": energy_J}
+        for name, energy_J in zip(names, energies_J, strict=True)
+    ]
+    for row, N in zip(rows, [1234.6, 1235.4, 1224.96, 1234.96, 1235.04, 0.5], strict=True):
+        row["preload_N"] = N
+    rows[0]["caps"] = rows[1]["caps"] = 0
+    write_overview(rows, tmp_path)
+    script = """
+    const head = (text) => [...document.querySelectorAll("#heads button")].find((one) =>
+        one.textContent.includes(text));
+    const names = () => [...document.querySelectorAll("#rows .scan")].map((one) =>
+        one.firstChild.textContent);
+    const cells = [...document.querySelectorAll('#rows [data-label^="preload"]')];
+    const orders = [names()];
+    for (let i = 0; i < 2; i++) {
+        head("scan").click();
+        orders.push([document.querySelector("[aria-sort]").getAttribute("aria-sort"), ...names()]);
+    }
+    return { cells: cells.map((one) => one.textContent), orders,
+        said: [...document.querySelectorAll("#spread figcaption")].map((one) => one.textContent),
+        told: [...document.querySelectorAll("#spread canvas")].map((one) => one.ariaLabel) };"""
+    found = ask(tmp_path / "index.html", script, tmp_path)
+    assert found["cells"] == ["1230", "1240", "1220", "1230", "1240", "0.5"]
+    assert found["orders"] == [
+        names,
+        ["ascending", *sorted(names)],
+        ["descending", *sorted(names, reverse=True)],
+    ]
+    (energy,) = (one for one in found["said"] if "energy" in one)
+    assert energy.endswith("median 1; 2 of 5 at zero or below are not drawn")
+    (energy,) = (one for one in found["told"] if "energy" in one)
+    assert "of 5 scans: -3 to 8 nJ, median 1 nJ; 2 of 5 at" in energy
+    (caps,) = (one for one in found["said"] if one.startswith("caps"))
+    assert caps.endswith("median 0; 2 of 2 at zero or below are not drawn")

@@ -30,7 +30,7 @@
   const searched = data.rows.map((row) =>
     [row[SCAN], row[GROUP], row[ERROR], ...row[CAUSES].map((cause) => cause[1])].join(" ").toLowerCase());
 
-  const state = { status: null, find: "", sort: -1, down: false, curve: 0, shown: data.rows.map((_, i) => i), made: 0 };
+  const state = { status: null, find: "", sort: null, down: false, curve: 0, shown: data.rows.map((_, i) => i), made: 0 };
   let mark = () => {};
   const some = data.curves.map((_, k) => data.rows.some((row) => (row[CURVES][k] || []).length));
   state.curve = Math.max(0, some.indexOf(true));
@@ -42,7 +42,7 @@
       if (state.status && data.rows[i][STATUS] !== state.status) continue;
       if (words.every((word) => searched[i].includes(word))) state.shown.push(i);
     }
-    if (state.sort >= -1 && !(state.sort === -1 && !state.down)) {
+    if (state.sort !== null) {
       const key = (row) => state.sort < 0 ? row[SCAN] : row[NUMBERS][state.sort];
       const sign = state.down ? -1 : 1;
       state.shown.sort((i, j) => {
@@ -178,20 +178,18 @@
 
   function histogram(canvas, k) {
     const [pen, width, height] = sheet(canvas), [label, unit, scale] = data.columns[k];
-    const values = [];
-    for (const i of state.shown) {
-      const value = data.rows[i][NUMBERS][k];
-      if (value !== null && value > 0) values.push(value / scale);
-    }
+    const values = state.shown.map((i) => data.rows[i][NUMBERS][k]).filter((value) => value !== null).map((value) => value / scale);
     values.sort((a, b) => a - b);
     const half = values.length >> 1, median = (values[half] + values[values.length - 1 - half]) / 2;
-    canvas.setAttribute("aria-label", values.length ? `${label} of ${values.length} scans: ${write(values[0])} to ${write(values.at(-1))} ${unit}, median ${write(median)} ${unit}` : `${label}: no scan`);
-    canvas.parentElement.firstChild.textContent = values.length ? `${label}${unit ? ` [${unit}]` : ""}: median ${write(median)}` : `${label}: none`;
-    if (!values.length) return;
-    let low = Math.log10(values[0]), high = Math.log10(values.at(-1));
+    const drawn = values.filter((value) => value > 0), out = values.length - drawn.length;
+    const without = out ? `; ${out} of ${values.length} at zero or below ${out === 1 ? "is" : "are"} not drawn` : "";
+    canvas.setAttribute("aria-label", values.length ? `${label} of ${values.length} scans: ${write(values[0])} to ${write(values.at(-1))} ${unit}, median ${write(median)} ${unit}${without}` : `${label}: no scan`);
+    canvas.parentElement.firstChild.textContent = values.length ? `${label}${unit ? ` [${unit}]` : ""}: median ${write(median)}${without}` : `${label}: none`;
+    if (!drawn.length) return;
+    let low = Math.log10(drawn[0]), high = Math.log10(drawn.at(-1));
     if (high - low < 0.1) { low -= 0.05; high += 0.05; }
-    const bins = Array(Math.max(8, Math.min(40, Math.ceil(2 * Math.cbrt(values.length))))).fill(0);
-    for (const value of values) bins[Math.min(bins.length - 1, Math.floor(bins.length * (Math.log10(value) - low) / (high - low)))] += 1;
+    const bins = Array(Math.max(8, Math.min(40, Math.ceil(2 * Math.cbrt(drawn.length))))).fill(0);
+    for (const value of drawn) bins[Math.min(bins.length - 1, Math.floor(bins.length * (Math.log10(value) - low) / (high - low)))] += 1;
     const most = Math.max(...bins), bottom = height - 18, wide = (width - 8) / bins.length;
     pen.fillStyle = colour("--info");
     bins.forEach((count, b) => {

@@ -184,7 +184,7 @@ def _unit(name: str) -> str:
 def _seen(row: Row, folder: Path) -> list[Any]:
     """Return what the page knows of a scan, short: there are thousands of them."""
     curves, stamp = _pictured(folder / row["folder"] / "result.h5") if row["folder"] else ([], "")
-    numbers = [None if row[name] is None else float(f"{row[name]:.4g}") for name in INDEX]
+    numbers = [None if row[name] is None else float(f"{row[name]:.6g}") for name in INDEX]
     texts = [printable(str(row[name] or "")) for name in ("scan", "group", "error")]
     return [
         row["status"],
