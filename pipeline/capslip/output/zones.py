@@ -189,6 +189,7 @@ def _of_map(analysis: "Analysis", contact: "ContactState") -> Zones:
     curve: Any = contact.normal
     preload_N = contact.preload_N
     pressed, left = curve.pressed(preload_N), curve.unloading(preload_N).letting_go
+    assert left is not None  # that of the heaviest patch alone is shown
     region_N = pressed.region_loads_N
     kept = np.argsort(-region_N, kind="stable")[:MAX_CONTACTS]
     load_N, share = left.load_N, left.region_share[:, kept].astype(float)

@@ -57,7 +57,6 @@ class Unloading:
     load_drop_N: np.ndarray  # (n,); the last is the preload
     loss_J: np.ndarray  # (n,), 4 * integral of s (e - s) N''(d - s)
     region_lift_off_m: np.ndarray  # of each contact region, by its number in the pressed face
-    letting_go: LettingGo  # where it still touches, and what bears the load
     solved_load_N: np.ndarray  # growing
     solved_approach_m: np.ndarray
     loss_error: float  # expected between the solved loads from a tenth of the preload on, relative
@@ -71,6 +70,8 @@ class Unloading:
     of_pixels: np.ndarray = field(default_factory=lambda: np.ones((2, 1)))
     # The same of white noise of one metre, see `loss_noise_per_m`
     of_noise: np.ndarray = field(default_factory=lambda: np.array([[1.0], [0.0]]))
+    # Where it still touches, and what bears the load; None of one of many patches
+    letting_go: LettingGo | None = None
 
     def pixel_error(self, load_drop_N: float) -> float:
         """Return what pixels leave in the loss at a load drop, a power between those solved."""
@@ -160,7 +161,8 @@ def unload(
             on_patches=False,
             as_pixels=as_pixels,
         )
-    return replace(_tabulated(path, cut_short), patch_error=error)
+    shown = None if as_pixels else letting_go(path)
+    return replace(_tabulated(path, cut_short), patch_error=error, letting_go=shown)
 
 
 def _refuse_few(path: Path) -> None:
@@ -401,7 +403,6 @@ def _tabulated(path: Path, cut_short: bool) -> Unloading:
         load_drop_N=drop_N,
         loss_J=loss_J,
         region_lift_off_m=of_all_m,
-        letting_go=letting_go(path),
         solved_load_N=solved[:, 0],
         solved_approach_m=solved[:, 1],
         loss_error=max(errors, default=0.0),
