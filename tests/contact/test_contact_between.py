@@ -35,6 +35,26 @@ def test_a_top_between_the_pixels_is_found_where_it_touches(place):
     assert (np.abs(found - place) <= 0.5).all()
 
 
+@pytest.mark.parametrize("place", [(-0.5, 20.0), (20.3, -0.4), (59.4, 30.0), (30.2, 59.5)])
+@pytest.mark.parametrize("top_m", [0.2e-9, -50e-9])
+def test_the_edge_of_what_was_measured_is_the_edge_of_a_map(place, top_m):
+    """Round parts lie in a rim of lost points: what lies there does not touch first."""
+    face, pressed = pressed_beside(top_m, place)
+    found = touches_between(face, pressed)
+    assert found.any() == (top_m > 0)
+
+    def rimmed(values, fill):
+        return np.pad(values, ((2, 3), (1, 4)), constant_values=fill)
+
+    around = elastic_face(HeightMap(rimmed(-face.depth_m, np.nan), (PIXEL_M, PIXEL_M)), 110e9)
+    state = replace(
+        pressed,
+        gap_m=rimmed(pressed.gap_m, -1e-7),  # of nothing, less the approach
+        pressure_Pa=rimmed(pressed.pressure_Pa, 0.0),
+    )
+    assert np.array_equal(touches_between(around, state), rimmed(found, False))
+
+
 @pytest.mark.parametrize("place", [(12.5, 12.5), (12.0, 10.0), (-0.5, 20.0)])
 def test_none_is_found_that_stays_far_from_touching(place):
     assert not touches_between(*pressed_beside(-50e-9, place)).any()

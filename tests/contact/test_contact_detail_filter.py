@@ -67,6 +67,18 @@ def test_single_lost_points_are_filled_and_holes_are_not():
     assert (smooth.depth_m[~smooth.measured] == 0.0).all()
 
 
+@pytest.mark.parametrize("wide", [1, 7])
+def test_the_edge_of_what_was_measured_is_that_of_a_map(wide):
+    """A rim of lost points changes nothing, and nothing is filled into it."""
+    rough = np.random.default_rng(5).random(X.shape)
+    alone = first(rough).face
+    rimmed = first(np.pad(rough, wide, constant_values=np.nan)).face
+    smooth, of_rimmed = detail._smoothed(alone), detail._smoothed(rimmed)
+    assert np.array_equal(of_rimmed.measured, rimmed.measured)
+    inner = of_rimmed.depth_m[wide:-wide, wide:-wide]
+    assert inner == pytest.approx(smooth.depth_m, abs=1e-12)
+
+
 def test_beside_lost_points_the_filter_weighs_what_there_is():
     rng = np.random.default_rng(4)
     lost = rng.random(X.shape) < 0.2

@@ -33,7 +33,9 @@ def greatest_steps_m(surface: HeightMap) -> np.ndarray:
         if lost.size:
             z, begin = z.copy(), np.flatnonzero(np.diff(lost, prepend=-2) != 1)
             z[lost] = np.repeat(z[lost[begin] - 1], np.diff(begin, append=lost.size))
-            np.nan_to_num(z[: nx + 1], copy=False)  # also where none is before
+            # Where none is before, which may be more than a row: as high as the first
+            first_m = np.nan_to_num(z[np.isfinite(z).argmax()])
+            np.nan_to_num(z, copy=False, nan=first_m)
         step_m, bend_m = 0.0, 0.0
         for stride in (1, nx):  # of flat arrays: several times as fast as rows less a point
             step = np.subtract(z[stride:], z[:-stride], out=steps_m[: z.size - stride])

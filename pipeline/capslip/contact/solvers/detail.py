@@ -307,13 +307,16 @@ def _white_share(first: FirstLoading, smoothed: ElasticFace) -> float:
 def _smoothed(face: ElasticFace) -> ElasticFace:
     """Return the filtered face; non-measured points count for nothing, single ones are filled.
 
-    At the edge of the map, where the filter has one side alone, the heights stay as they are.
+    At the edge of what was measured, where the filter has one side alone, the heights stay as they
+    are; holes of up to two points are within it.
     """
-    inside = (slice(_FRAME, -_FRAME),) * 2
+    from scipy.ndimage import binary_closing, binary_erosion
+
+    whole = face.measured | binary_closing(face.measured, np.ones((3, 3)))
+    inside = binary_erosion(whole, np.ones((2 * _FRAME + 1,) * 2))
     known = face.measured.astype(float)
     weight = _binomial(known)
-    measured = face.measured.copy()
-    measured[inside] |= weight[inside] > _LEAST_WEIGHT
+    measured = face.measured | (inside & (weight > _LEAST_WEIGHT))
     weight = np.maximum(weight, 1e-300)
     mean_m = _binomial(face.depth_m * known) / weight
     rest_m = _binomial((face.depth_m - mean_m) * known) / weight

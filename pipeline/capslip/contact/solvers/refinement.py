@@ -142,10 +142,10 @@ def touches_between(face: ElasticFace, pressed: Pressed) -> np.ndarray:
     """Return the points off the contact in whose pixels a refined face may touch nevertheless.
 
     There the gap is less than about them and, along each axis, so little that the parabola through
-    three neighbours falls as much within the pixel; at an edge of the map, half a pixel of the way
-    to the one neighbour. Twice that counts, as both axes may go together and the points that a
-    refinement adds move the level: what is taken too many rests without pressure. Where a spline
-    swings because of a pit, a step or a spike, none counts.
+    three neighbours falls as much within the pixel; at an edge of what was measured, half a pixel
+    of the way to the one neighbour. Twice that counts, as both axes may go together and the points
+    that a refinement adds move the level: what is taken too many rests without pressure. Where a
+    spline swings because of a pit, a step or a spike, none counts.
 
     Returns
     -------
@@ -153,17 +153,17 @@ def touches_between(face: ElasticFace, pressed: Pressed) -> np.ndarray:
     """
     gap_m, contact = pressed.gap_m, pressed.pressure_Pa > 0
     falls_m, least = np.zeros(gap_m.shape), face.measured & ~contact & (gap_m > 0)
+    known_m = gap_m if face.measured.all() else np.where(face.measured, gap_m, np.nan)
     for axis in (0, 1):
-        step_m = np.diff(gap_m, axis=axis)
-        none = np.zeros_like(gap_m.take([0], axis=axis))
+        step_m = np.diff(known_m, axis=axis)
+        none = np.full_like(known_m.take([0], axis=axis), np.nan)
         before_m = np.concatenate((none, -step_m), axis=axis)  # how much higher the neighbours are
         after_m = np.concatenate((step_m, none), axis=axis)
+        ends = np.isnan(before_m) | np.isnan(after_m)
+        before_m, after_m = np.nan_to_num(before_m), np.nan_to_num(after_m)
         least &= (before_m >= 0) & (after_m >= 0)
         bend_m = np.maximum(before_m + after_m, np.finfo(float).tiny)
-        fall_m = np.square(before_m - after_m) / (8 * bend_m)
-        ends_m = np.moveaxis(fall_m, axis, 0)
-        ends_m[[0, -1]] = 0.5 * np.moveaxis(before_m + after_m, axis, 0)[[0, -1]]
-        falls_m += fall_m
+        falls_m += np.where(ends, 0.5 * bend_m, np.square(before_m - after_m) / (8 * bend_m))
     found = least & (gap_m < 2 * falls_m)
     return found & ~_swings(face, pressed) if found.any() else found
 
