@@ -36,11 +36,19 @@ def test_an_interval_leaves_out_what_another_face_would_move():
     inside = next(code for code, kind in KINDS.items() if kind.in_interval and allows(kind))
     outside = [c for c, kind in KINDS.items() if not kind.in_interval and allows(kind)][:2]
     known = [Problem(code, "warning", "", effect) for code in (inside, *outside)]
-    assert analysis._open(known) == tuple(f"what {code} moves" for code in outside)
+    assert analysis._open(known, of_map=True) == tuple(f"what {code} moves" for code in outside)
     of_two_scans = [one for one in known for _ in range(2)]
-    assert analysis._open(of_two_scans) == analysis._open(known)
+    assert analysis._open(of_two_scans, of_map=True) == analysis._open(known, of_map=True)
     noted = [replace(one, severity="info") for one in known if "info" in one.kind.severities]
-    assert analysis._open([*noted, *(replace(one, effect=None) for one in known)]) == ()
+    without = [replace(one, effect=None) for one in known]
+    assert analysis._open([*noted, *without], of_map=True) == ()
+
+
+def test_what_filled_points_of_a_pressed_map_move_is_left_out_however_little():
+    """Caps average over them, and say what that leaves; no number of a map does."""
+    filled = [Problem("points_filled", "info", "x")]
+    assert analysis._open(filled, of_map=True) == ("what points_filled moves",)
+    assert analysis._open(filled, of_map=False) == ()
 
 
 def allows(kind):

@@ -240,17 +240,23 @@ def _with_band(found: R, clock: Clock) -> R:
     with clock("band"):
         band = band_of(found.answer, found.parts, found.damping, found.settings, found.noise_known)
     if band is not None:
-        band = replace(band, left_out=(*band.left_out, *_open(found.problems)))
+        of_map = any(part.contact.rung.made_from == "map" for part in found.parts)
+        band = replace(band, left_out=(*band.left_out, *_open(found.problems, of_map)))
     return replace(found, band=band)
 
 
-def _open(problems: Sequence[Problem]) -> tuple[str, ...]:
+def _open(problems: Sequence[Problem], of_map: bool) -> tuple[str, ...]:
     """Name the warnings whose effect no input of the interval holds: another face may be meant.
 
-    Each once, whichever of several scans have it.
+    Each once, whichever of several scans have it. And what filled points of a pressed map move,
+    however little, as nothing else says so.
     """
-    warned = (one for one in problems if one.severity == "warning" and one.effect is not None)
-    codes = dict.fromkeys(one.code for one in warned if not one.kind.in_interval)
+    codes = dict.fromkeys(
+        one.code
+        for one in problems
+        if (one.severity == "warning" and one.effect is not None and not one.kind.in_interval)
+        or (one.code == "points_filled" and of_map)
+    )
     return tuple(f"what {code} moves" for code in codes)
 
 
