@@ -208,8 +208,10 @@ def analyze_scans(surfaces: Sequence[HeightMap], settings: Settings) -> JointOfS
     joint = _joint(parts)
     curves = [part.joint.curve(part.contact) for part in parts]
     shares = [part.share for part in parts]
-    curve = curve_of_scans(curves, joint.preload_N, shares)
-    kappa = kappa_of_scans([part.contact for part in parts], shares)
+    each = [part.contact.composite.kappa for part in parts]
+    kappa = kappa_of_scans(curves, joint.preload_N, shares, each)
+    ratio = [one / kappa for one in each]
+    curve = curve_of_scans(curves, joint.preload_N, shares, ratio)
     slip = _sheared(curve, joint, kappa, settings, clock)
     return _with_band(_answered(replace(found, joint=joint, slip=slip), clock), clock)
 

@@ -10,7 +10,7 @@ from capslip.contact.joint import curve_of_joint
 from capslip.contact.material import composite
 from capslip.contact.models.caps import caps
 from capslip.contact.models.families import families
-from capslip.contact.scans import curve_of_scans
+from capslip.contact.scans import curve_of_scans, kappa_of_scans
 from capslip.contact.slip import slip_curve
 from capslip.errors import ContactError, SettingsError
 from scenes import caps_map
@@ -40,7 +40,15 @@ def sphere_states(delta_m, count, radius_m):
 
 
 def slip_of(curves, share):
-    return slip_curve(curve_of_scans(curves, N, share), N, MU, STEEL.kappa)
+    return slip_curve(curve_of_scans(curves, N, share, [1.0] * len(curves)), N, MU, STEEL.kappa)
+
+
+def slip_of_unlike(curves, share, kappa):
+    """Return that of the joint, and those as if all of it were face as that of one scan."""
+    of_joint = kappa_of_scans(curves, N, share, kappa)
+    curve = curve_of_scans(curves, N, share, [one / of_joint for one in kappa])
+    each = [slip_curve(one, N, MU, own) for one, own in zip(curves, kappa, strict=True)]
+    return slip_curve(curve, N, MU, of_joint), each
 
 
 def test_two_families_of_spheres_average_as_in_closed_form():
@@ -78,6 +86,73 @@ def test_scans_under_a_map_of_pressures_are_the_sum_of_their_uneven_joints():
         expected = sum(0.5 * getattr(part, name)(delta_m) for part in parts)
         assert getattr(slip, name)(delta_m) == pytest.approx(expected, rel=1e-12)
     assert slip.force_N(slip.displacement_m(60.0)) == pytest.approx(60.0, rel=1e-12)
+
+
+@pytest.mark.parametrize("uneven", [False, True])
+@pytest.mark.parametrize("kappa", [(1.4, 1.1), (1.1, 1.4)])
+def test_scans_of_unlike_kappa_move_together_and_add_up(kappa, uneven):
+    """Also where that which closes less under the preload is the last to slip as a whole."""
+    curves, share = [equal_spheres(5, 4.0), equal_spheres(6, 4.0, [(3.0, 4e-8)])], (0.3, 0.7)
+    if uneven:
+        load_N, weight = np.array([100.0, 180.0]), np.array([1.0, 2.0])
+        curves = [curve_of_joint(one, load_N, weight) for one in curves]
+    slip, each = slip_of_unlike(curves, share, kappa)
+    assert slip.total_slip_displacement_m == pytest.approx(
+        max(one.total_slip_displacement_m for one in each), rel=1e-12
+    )
+    delta_m = np.geomspace(1e-3, 1.5, 40) * slip.total_slip_displacement_m
+    for name in ("force_N", "energy_J", "stiffness_N_per_m"):
+        expected = sum(s * getattr(one, name)(delta_m) for s, one in zip(share, each, strict=True))
+        assert getattr(slip, name)(delta_m) == pytest.approx(expected, rel=1e-9), name
+    assert slip.force_N(slip.displacement_m(60.0)) == pytest.approx(60.0, rel=1e-9)
+    K = [one.curve.stiffness_N_per_m(one.approach_m) for one in each]
+    normal = slip.curve.stiffness_N_per_m(slip.approach_m)
+    assert normal == pytest.approx(np.dot(share, K), rel=1e-12)
+    assert min(kappa) < slip.kappa < max(kappa)
+
+
+def test_scans_of_one_kappa_are_summed_as_they_are():
+    curves, share = [equal_spheres(5, 4.0), equal_spheres(40, 0.5)], (0.3, 0.7)
+    slip, _ = slip_of_unlike(curves, share, (1.3, 1.3))
+    assert slip.kappa == 1.3
+    assert slip.curve.curves == tuple(curves)
+
+
+def ridges_map(along_x, other):
+    """Four ridges that are long along x or y, of which the last is a little lower."""
+    y, x = np.mgrid[0:60, 0:60] * 4e-4
+    places = ((6e-3, 6e-3), (18e-3, 6e-3), (6e-3, 18e-3), (18e-3, 18e-3))
+    radii_m = (other, 6.0) if along_x else (6.0, other)
+    z = np.full(x.shape, -1e-6)
+    for i, (x_m, y_m) in enumerate(places):
+        rx, ry = radii_m
+        hill = (x - x_m) ** 2 / (2 * rx) + (y - y_m) ** 2 / (2 * ry)
+        z = np.maximum(z, -1e-8 * (i == 3) - hill)
+    return capslip.HeightMap(z, (4e-4, 4e-4))
+
+
+@pytest.mark.parametrize("asked", ["slip_force_N=20", "displacement_m=5e-9"])
+def test_scans_whose_ridges_lie_across_each_other_are_the_sum_of_their_analyses(asked):
+    faces = ridges_map(True, 60.0), ridges_map(False, 80.0)
+    settings = settings_of(
+        "joint.area_m2=0.00112896",
+        "contact.preload_N=400",
+        "slip.direction_rad=0.0",
+        "material.poisson_ratio=[0.45, 0.45]",
+        f"answer.{asked}",
+    )
+    found = analyze_scans(faces, settings)
+    alone = [analyze_once(face, settings).slip for face in faces]
+    assert alone[0].kappa > 1.2 * alone[1].kappa
+    delta_m = found.answer.displacement_m
+    for name, value in (("force_N", "slip_force_N"), ("energy_J", "energy_J")):
+        expected = np.mean([float(getattr(one, name)(delta_m)) for one in alone])
+        assert getattr(found.answer, value) == pytest.approx(expected, rel=1e-9)
+    # Jackknife of two: half of what they differ by, and 6.314 of it to either side
+    low, high = found.band.interval["tangential_stiffness_N_per_m"]
+    off = np.log(alone[0].stiffness_N_per_m(0.0) / alone[1].stiffness_N_per_m(0.0))
+    assert np.log(high / low) > 6.314 * abs(float(off)) * 0.8
+    assert found.band.contributions["tangential_stiffness_N_per_m"]["scans"] > 0.5
 
 
 def settings_of(*more):
@@ -188,7 +263,7 @@ class _LetsGoOfLess:
 
 def test_a_joint_carries_its_preload_though_a_map_lets_go_of_a_little_less():
     one = families((5, 18), (23.8, 26.7), (0, 2.4e-7), 109.89e9)
-    joint = curve_of_scans([one, _LetsGoOfLess(one)], 460.0, [0.5, 0.5])
+    joint = curve_of_scans([one, _LetsGoOfLess(one)], 460.0, [0.5, 0.5], [1.0, 1.0])
     assert joint.approach_m(460.0) == joint.preload_approach_m
     slip = slip_curve(joint, 460.0, 0.3, 1.2)
     T = np.array([0.01, 0.5, 0.999]) * slip.total_slip_force_N

@@ -19,10 +19,11 @@ from capslip.contact.scaled import ScaledCurve
 from capslip.contact.slip import slip_curve
 from capslip.errors import ContactError
 from capslip.output.export import export_named
-from capslip.output.exports.law import DECKS, EXPORT, FILES, UNITS
+from capslip.output.exports.law import DECKS, EXPORT, FILES, UNITS, deck
 from capslip.problems import Problem
 from capslip.settings import Settings
 from capslip.structure.interpolation import tables_of
+from capslip.structure.law import law
 from capslip.surface.heightmap import HeightMap
 from scenes import caps_map, noisy_waves
 
@@ -236,6 +237,22 @@ def test_the_cards_of_two_scans_are_the_joint_below_its_pressure(of_two, program
     curve, at = joint.slip.curve, joint.slip.approach_m
     drop_N = curve.load_drop_N(at, d[-1] - d)
     np.testing.assert_allclose(p[-1] - p, drop_N / 0.01, rtol=1e-6, atol=1.0)
+
+
+def test_the_cards_of_scans_of_unlike_kappa_are_pressed_and_do_not_slide(of_two):
+    """All open by one e under a load, which is no slip of theirs by one displacement."""
+    parts = [
+        replace(part, contact=replace(part.contact, composite=composite))
+        for part, kappa in zip(of_two[0].parts, (1.1, 1.6), strict=True)
+        for composite in [replace(part.contact.composite, kappa=kappa)]
+    ]
+    lines = deck(law(parts, 0.2), "calculix", []).splitlines()
+    rows = [line.split(",") for line in lines if DATA.match(line)]
+    p, d = np.array(rows[:-1], dtype=float).T
+    assert (np.diff(p) > 0).all()
+    assert (np.diff(d) > 0).all()
+    curve, at = of_two[0].slip.curve, of_two[0].slip.approach_m
+    np.testing.assert_allclose(p[-1] - p, curve.load_drop_N(at, d[-1] - d) / 0.01, 2e-3, 1.0)
 
 
 @pytest.mark.parametrize("program", DECKS)

@@ -15,7 +15,7 @@ from capslip.contact.models.boundary_elements import RUNG as BOUNDARY_ELEMENTS
 from capslip.contact.models.boundary_elements import boundary_elements
 from capslip.contact.models.caps import caps
 from capslip.contact.rung import ModelError
-from capslip.contact.scans import curve_of_scans
+from capslip.contact.scans import curve_of_scans, kappa_of_scans
 from capslip.contact.slip import slip_curve
 from capslip.contact.solvers.yielding import YieldLaw
 from capslip.settings import Question, load_settings
@@ -23,7 +23,7 @@ from capslip.structure import band as band_module
 from capslip.structure.answer import answer_to
 from capslip.structure.band import band_of
 from capslip.structure.band_causes import LEAST_ERROR, NORMAL_95, PAIRS_SHARE, Left
-from capslip.structure.band_state import Part
+from capslip.structure.band_state import Part, State
 from capslip.structure.response import response
 from capslip.studies.faces.synthetic import Scene, synthetic_surface
 from scenes import caps_map
@@ -492,7 +492,7 @@ def test_what_the_unloading_of_yielded_caps_leaves_moves_energy_and_stiffness():
         assert width == pytest.approx(2.0 * Z_90 * sd, rel=0.05)
 
 
-def parts_of(radii_m, shares=None, error=0.0, **spreads):
+def parts_of(radii_m, shares=None, error=0.0, kappa=None, **spreads):
     """Joints of 100 N on one sphere each, without any error but their scatter."""
     settings = settings_of({"slip_force_N": 0.25 * MU * N}, **spreads)
     shares = shares or [1.0 / len(radii_m)] * len(radii_m)
@@ -502,13 +502,19 @@ def parts_of(radii_m, shares=None, error=0.0, **spreads):
         changed = msgspec.structs.replace(settings, families=one)
         joint, contact = press_families(given_families(changed), changed)
         parts.append(Part(joint, replace(contact, errors=ModelError.of_either(error)), share))
+    for i, one in enumerate(kappa or ()):
+        directed = replace(parts[i].contact.composite, kappa=one)
+        contact = replace(parts[i].contact, composite=directed)
+        parts[i] = replace(parts[i], contact=contact)
     return parts, settings
 
 
 def answer_of_parts(parts, settings):
     curves = [part.joint.curve(part.contact) for part in parts]
-    curve = curve_of_scans(curves, N, [part.share for part in parts])
-    slip = slip_curve(curve, N, MU, STEEL.kappa)
+    share, each = zip(*((part.share, part.contact.composite.kappa) for part in parts), strict=True)
+    kappa = kappa_of_scans(curves, N, share, each)
+    curve = curve_of_scans(curves, N, share, np.divide(each, kappa))
+    slip = slip_curve(curve, N, MU, kappa)
     damping = response(slip, K_M, K_S, JOINTS)
     return answer_to(settings.answer, slip, damping)[0], damping
 
@@ -547,6 +553,45 @@ def test_all_that_may_be_uncertain_has_an_interval_together(monkeypatch):
     found = band_of(answer, [replace(part, share=0.5)] * 2, *rest)
     assert set(found.contributions["energy_J"]) == {"caps", "model", "scans", "direction", *spreads}
     assert np.isfinite(found.interval["energy_J"]).all()
+
+
+@pytest.mark.parametrize("asked", ["slip_force_N", "displacement_m"])
+def test_scans_that_differ_in_kappa_alone_scatter_by_it(asked):
+    """At one force of equal faces delta and W go as kappa; at one displacement as by Mindlin."""
+    kappa = (0.9 * STEEL.kappa, 1.1 * STEEL.kappa)
+    T, delta_m, _ = sphere_states(T=0.25 * MU * N)
+    value = T if asked == "slip_force_N" else delta_m
+    found, answer = band_of_parts([R_M, R_M], {asked: value}, kappa=kappa)
+    each = [sphere_states(delta=answer.displacement_m * STEEL.kappa / k) for k in kappa]
+    energies_J = [k / STEEL.kappa * W for k, (_, _, W) in zip(kappa, each, strict=True)]
+    assert answer.slip_force_N == pytest.approx(np.mean([one[0] for one in each]), rel=1e-9)
+    assert answer.energy_J == pytest.approx(np.mean(energies_J), rel=1e-9)
+    if asked == "slip_force_N":
+        off = {"energy_J": kappa, "tangential_stiffness_N_per_m": kappa}
+    else:
+        stiffness = [one[0] / delta_m for one in each]
+        off = {"energy_J": energies_J, "tangential_stiffness_N_per_m": stiffness}
+    for name, (a, b) in off.items():
+        half = 6.314 * 0.5 * abs(np.log(a / b))
+        low, high = np.log(np.array(found.interval[name]) / getattr(answer, name))
+        assert (-low, high) == pytest.approx((half, half), rel=0.15), name
+
+
+def test_scans_of_unlike_kappa_keep_their_sum_under_other_inputs():
+    """Under another friction each has the force of Mindlin at one displacement, by its kappa."""
+    kappa = (0.9 * STEEL.kappa, 1.1 * STEEL.kappa)
+    delta_m = sphere_states(T=0.25 * MU * N)[1]
+    parts, settings = parts_of([R_M, R_M], kappa=kappa, friction=0.2)
+    settings = msgspec.structs.replace(settings, answer=Question(displacement_m=delta_m))
+    answer, _ = answer_of_parts(parts, settings)
+    factor = np.array([0.85, 1.0, 1.2])
+    log = {"friction": np.log(factor), "preload": np.zeros(3), "modulus": np.zeros(3)}
+    T, W = State(answer, False, tuple(parts), settings).under(log)
+    for i, mu in enumerate(MU * factor):
+        each = [sphere_states(delta=delta_m * STEEL.kappa / k, mu=mu) for k in kappa]
+        assert T[i] == pytest.approx(np.mean([one[0] for one in each]), rel=1e-9)
+        of = [k / STEEL.kappa * one[2] for k, one in zip(kappa, each, strict=True)]
+        assert W[i] == pytest.approx(np.mean(of), rel=1e-9)
 
 
 @pytest.mark.parametrize(("count", "quantile"), [(3, 2.920), (5, 2.132), (9, 1.860)])

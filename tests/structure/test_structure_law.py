@@ -26,13 +26,13 @@ STEEL = composite((200e9, 200e9), (0.3, 0.3))
 RADIUS_M, COUNT = 25.0, 7
 
 
-def part_of(curve, name="families", joint=None, hardness=None, after=None, share=1.0):
+def part_of(curve, name="families", joint=None, hardness=None, after=None, share=1.0, kappa=None):
     state = SimpleNamespace(
         curve=curve,
         curve_after=after or (lambda load_N: curve),
         hardness_Pa=hardness,
         rung=replace(rung(name), least_share=None),  # its curve is one of caps
-        composite=STEEL,
+        composite=STEEL if kappa is None else replace(STEEL, kappa=kappa),
         bulk=False,
         model=curve.model,
         estimated_error=0.03,
@@ -246,6 +246,43 @@ def test_the_law_of_two_scans_is_their_mean_in_closed_form(share):
     np.testing.assert_allclose(tables.shear_Pa(delta, p), tau, rtol=5e-3)
     np.testing.assert_allclose(tables.loss_J_per_m2(delta, p), w, rtol=0.02)
     assert (found.shear_error < 0.01, found.loss_error < 0.02) == (True, True)
+
+
+def test_the_law_of_scans_of_unlike_kappa_is_the_mean_of_what_each_does_under_its_own():
+    pair, share, kappa = (CURVES["spheres"], CURVES["two families"]), (0.3, 0.7), (1.5, 1.1)
+    each = zip(pair, share, kappa, strict=True)
+    found = law([part_of(one, share=s, kappa=k) for one, s, k in each], MU)
+    tables = tables_of(found.tables())
+    for i, p in enumerate(found.pressure_Pa):
+        slips = [
+            slip_curve(ScaledCurve(one, 1 / AREA_M2), float(p), MU, k)
+            for one, k in zip(pair, kappa, strict=True)
+        ]
+        closure_m = [float(slip.approach_m - slip.curve.touch_m) for slip in slips]
+        whole_m = max(slip.total_slip_displacement_m for slip in slips)
+        K = [float(slip.curve.stiffness_N_per_m(slip.approach_m)) for slip in slips]
+        delta = found.displacement_m[i]
+        assert delta[-1] == pytest.approx(whole_m, rel=1e-9)
+        assert found.closure_m[i] == pytest.approx(max(closure_m), rel=1e-12)
+        assert found.normal_stiffness_Pa_per_m[i] == pytest.approx(np.dot(share, K), rel=1e-9)
+        k_t = np.dot(share, np.divide(K, kappa))
+        assert found.tangential_stiffness_Pa_per_m[i] == pytest.approx(k_t, rel=1e-9)
+        tau, w = (
+            sum(s * getattr(slip, of)(delta) for s, slip in zip(share, slips, strict=True))
+            for of in ("force_N", "energy_J")
+        )
+        np.testing.assert_allclose(found.shear_Pa[i], tau, rtol=1e-9)
+        np.testing.assert_allclose(found.loss_J_per_m2[i], w, rtol=1e-6)
+        some = tau > 0.1 * MU * p
+        np.testing.assert_allclose(tables.shear_Pa(delta, p)[some], tau[some], rtol=4e-3)
+        np.testing.assert_allclose(tables.loss_J_per_m2(delta, p)[some], w[some], rtol=0.05)
+        assert tables.total_slip_displacement_m(p) == pytest.approx(whole_m, rel=1e-3)
+        assert tables.tangential_stiffness_Pa_per_m(p) == pytest.approx(k_t, rel=3e-3)
+    assert (found.shear_error < 4e-3, found.loss_error < 0.05) == (True, True)
+    assert found.kappa == pytest.approx(
+        found.normal_stiffness_Pa_per_m[found.at_scan_pressure]
+        / found.tangential_stiffness_Pa_per_m[found.at_scan_pressure]
+    )
 
 
 def test_the_mean_of_scans_is_as_good_between_two_pressures_as_one_of_them():

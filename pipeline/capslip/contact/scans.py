@@ -7,12 +7,12 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from capslip.contact.curve import NormalCurve
-from capslip.contact.press import ContactState
+from capslip.contact.scaled import ScaledCurve
 from capslip.contact.uneven import PatchedCurve
 
 
 def curve_of_scans(
-    curves: Sequence[NormalCurve], preload_N: float, share: Sequence[float]
+    curves: Sequence[NormalCurve], preload_N: float, share: Sequence[float], ratio: Sequence[float]
 ) -> NormalCurve:
     """Return the normal curve of a joint whose patches are those of several scans.
 
@@ -21,7 +21,9 @@ def curve_of_scans(
 
         T(delta) = sum_i s_i T_i(delta),  W(delta) = sum_i s_i W_i(delta)
 
-    with T_i and W_i of the joint as it were if all of it were face as that of scan i.
+    with T_i and W_i of the joint as it were if all of it were face as that of scan i. Where these
+    have a kappa_i of their own, the withdrawal e of the joint, with a kappa of its own, is one of
+    e kappa / kappa_i in scan i: so lengths and losses of scan i count kappa_i / kappa times.
 
     Parameters
     ----------
@@ -31,6 +33,8 @@ def curve_of_scans(
         Of the joint.
     share : sequence of float
         Of the joint for which each scan stands; their sum is 1.
+    ratio : sequence of float
+        Of kappa of each scan to that of the joint, which may be any, see `kappa_of_scans`.
 
     Raises
     ------
@@ -41,27 +45,36 @@ def curve_of_scans(
     --------
     >>> from capslip.contact.models.families import families
     >>> one = families((5, 18), (23.8, 26.7), (0, 2.4e-7), 109.89e9)
-    >>> two = curve_of_scans([one, one], 460.0, [0.3, 0.7])
+    >>> two = curve_of_scans([one, one], 460.0, [0.3, 0.7], [1.0, 1.0])
     >>> d, e = one.approach_m(460.0), 5e-8
     >>> [round(float(curve.load_drop_N(d, e)), 6) for curve in (one, two)]
     [140.5234, 140.5234]
     """
-    if len(curves) == 1:
-        return curves[0]
-    approach_m = np.array([float(curve.approach_m(preload_N)) for curve in curves])
-    return SummedCurve(tuple(curves), approach_m, np.asarray(share, dtype=float))
-
-
-def kappa_of_scans(contacts: Sequence[ContactState], share: Sequence[float]) -> float:
-    """Return kappa of a joint of several scans: by their stiffness, as they move together."""
-    known = [contact.composite.kappa for contact in contacts]
-    if len(set(known)) == 1:
-        return known[0]
-    stiffness = [
-        s * contact.stiffness_N_per_m / contact.preload_N
-        for s, contact in zip(share, contacts, strict=True)
+    own = [
+        curve if r == 1.0 else ScaledCurve(curve, 1.0, approach=r, withdrawal=r, loss=r)
+        for curve, r in zip(curves, ratio, strict=True)
     ]
-    return float(np.average(known, weights=stiffness))
+    if len(own) == 1:
+        return own[0]
+    approach_m = np.array([float(curve.approach_m(preload_N)) for curve in own])
+    return SummedCurve(tuple(own), approach_m, np.asarray(share, dtype=float))
+
+
+def kappa_of_scans(
+    curves: Sequence[NormalCurve],
+    preload_N: float,
+    share: Sequence[float],
+    kappa: Sequence[float],
+) -> float:
+    """Return kappa of a joint of several scans, from that of each: their stiffnesses add up.
+
+    sum s_i K_i / sum s_i K_i / kappa_i, so that the stiffness of their curve is the normal one.
+    """
+    if len(set(kappa)) == 1:
+        return kappa[0]
+    K = [float(curve.stiffness_N_per_m(curve.approach_m(preload_N))) for curve in curves]
+    normal = np.multiply(share, K)
+    return float(normal.sum() / (normal / kappa).sum())
 
 
 @dataclass(frozen=True, eq=False)

@@ -16,7 +16,7 @@ LEAST_SHARE = 1e-5  # of the withdrawal at total slip that the table of uneven p
 LIGHT = 0.05  # of the greatest load: what is lighter counts as much where loads are chosen
 SEEN_AT = 0.25  # of the load of a patch that is gone, where a curve under another load is scaled
 MAX_STEPS = 60  # of a search: for a withdrawal bisection alone needs no more
-CONVERGED = 1e-14  # of the withdrawal
+CONVERGED = 1e-14  # of the withdrawal, or of an approach
 OF_A_SPHERE = np.array([2.0, 2.0, 5.0]) / 3.0  # powers of the load in what `seen` returns
 
 
@@ -320,9 +320,10 @@ class PatchedCurve:
         )
 
     def _check(self, approach_m: ArrayLike) -> None:
-        if np.any(np.asarray(approach_m) != self.preload_approach_m):
+        D = self.preload_approach_m
+        if np.any(np.abs(np.asarray(approach_m) - D) > CONVERGED * abs(D)):  # or rounded by factors
             raise ContactError(
                 f"{self.model}: unevenly pressed patches are withdrawn from their preload alone; "
                 f"got an approach of {np.max(approach_m):g} m; expected "
-                f"{self.preload_approach_m:g} m"
+                f"{D:g} m"
             )

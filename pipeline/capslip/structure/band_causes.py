@@ -158,7 +158,6 @@ def of_scatter(state: State) -> np.ndarray:
     parts, friction = state.parts, state.settings.material.friction_coefficient
     if len(parts) == 1:
         return np.zeros((2, 2))
-    curves = [part.joint.curve(part.contact) for part in parts]
     share = np.array([part.share for part in parts])
     if state.by_force:  # that of total slip at most, which rounding must not pass
         at = min(state.answer.slip_force_N / friction, state.preload_N)
@@ -166,8 +165,10 @@ def of_scatter(state: State) -> np.ndarray:
         at = state.answer.displacement_m / (friction * state.kappa)
     log = []
     for i in range(len(parts)):
-        rest = np.delete(share, i) / np.delete(share, i).sum()
-        curve = curve_of_scans([*curves[:i], *curves[i + 1 :]], state.preload_N, rest)
+        others = [k for k in range(len(parts)) if k != i]
+        curves, ratio = [state.as_found[k] for k in others], [state.ratio[k] for k in others]
+        rest = share[others] / share[others].sum()
+        curve = curve_of_scans(curves, state.preload_N, rest, ratio)
         approach_m = float(curve.approach_m(state.preload_N))
         log.append(_log(state.response(curve, approach_m, np.asarray(at))))
     change = np.array(log) - np.mean(log, axis=0)

@@ -52,10 +52,21 @@ class State:
         return self.parts[0].joint.preload_N
 
     @cached_property
+    def as_found(self) -> list[NormalCurve]:
+        """Return the curves of the joint as it were if all of it were face as in each scan."""
+        return [part.joint.curve(part.contact) for part in self.parts]
+
+    @cached_property
     def kappa(self) -> float:
         """Return that of the joint."""
-        contacts = [part.contact for part in self.parts]
-        return kappa_of_scans(contacts, [part.share for part in self.parts])
+        shares = [part.share for part in self.parts]
+        each = [part.contact.composite.kappa for part in self.parts]
+        return kappa_of_scans(self.as_found, self.preload_N, shares, each)
+
+    @property
+    def ratio(self) -> list[float]:
+        """Return that of kappa of each scan to that of the joint."""
+        return [part.contact.composite.kappa / self.kappa for part in self.parts]
 
     @property
     def yields(self) -> bool:
@@ -146,7 +157,9 @@ class State:
                 found[i].append(joint.curve_of([of[i] for of in states]))
         shares = [part.share for part in self.parts]
         loads_N = self.preload_N * factors[:, 0]
-        return [curve_of_scans(found[i], float(N), shares) for i, N in enumerate(loads_N)]
+        return [
+            curve_of_scans(found[i], float(N), shares, self.ratio) for i, N in enumerate(loads_N)
+        ]
 
     def _nodes(self, log_N: np.ndarray, log_H: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return logarithms of factors on preload and hardness at which the curve is asked.

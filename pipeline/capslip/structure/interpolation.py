@@ -187,7 +187,7 @@ class BedsByPressure(LawTables):
 class MeanOfScans(LawTables):
     """The mean over the scans of a joint, each of which bears p and moves by delta.
 
-    The closure, and with it the displacement at total slip, is that of the scan that lets go last.
+    The closure is that of the scan that lets go last, and so is the displacement at total slip.
     """
 
     def __init__(self, tables: dict[str, Any]) -> None:
@@ -206,6 +206,14 @@ class MeanOfScans(LawTables):
     def normal_stiffness_Pa_per_m(self, pressure_Pa: ArrayLike) -> np.ndarray:
         """Slope dp / dd."""
         return self._mean([one.normal_stiffness_Pa_per_m(pressure_Pa) for one in self._scans])
+
+    def tangential_stiffness_Pa_per_m(self, pressure_Pa: ArrayLike) -> np.ndarray:
+        """Slope d tau / d delta before any slip."""
+        return self._mean([one.tangential_stiffness_Pa_per_m(pressure_Pa) for one in self._scans])
+
+    def total_slip_displacement_m(self, pressure_Pa: ArrayLike) -> np.ndarray:
+        """Displacement from which on everything slips."""
+        return np.max([one.total_slip_displacement_m(pressure_Pa) for one in self._scans], axis=0)
 
     def shear_Pa(self, displacement_m: ArrayLike, pressure_Pa: ArrayLike) -> np.ndarray:
         """tau(delta, p) on first loading, odd in delta; mu p from total slip on."""

@@ -124,8 +124,8 @@ def law(
     most `MAX_SOLVED` pressures, and two more halfway to the ends.
 
     Of several scans it is that of their joint, in which each bears p and all move by one delta:
-    k_n, tau and w are the means over the scans by their areas, and the scatter is their standard
-    deviation.
+    k_n, k_t, tau and w are the means over the scans by their areas, and the scatter is their
+    standard deviation. The closure is the greatest of theirs.
 
     Parameters
     ----------
@@ -162,8 +162,11 @@ def law(
     patches, between = _refined(parts, patches)
     slips = [_together(parts, patch) for patch in patches]
     rows = _rows(slips, SHARES if len(parts) == 1 else SHARES_OF_SCANS)
+    rows["closure_m"] = np.max([[_closure_m(one) for one in patch] for patch in patches], axis=1)
     delta, range_Pa = rows["displacement_m"], rows["pressure_Pa"][[0, -1]]
-    of_joint = dict(zip(OF_JOINT, (friction_coefficient, slips[0].kappa, range_Pa), strict=True))
+    scan_Pa = parts[0].joint.scan_load_N / area_m2[0]
+    kappa = min(slips, key=lambda slip: abs(math.log(slip.preload_N / scan_Pa))).kappa
+    of_joint = dict(zip(OF_JOINT, (friction_coefficient, kappa, range_Pa), strict=True))
     at_shares, between_solved = False, np.zeros(2)
     if left_out := _is_solved(parts):
         at_shares, between_solved = _between_solved(parts, patches, of_joint)
@@ -181,8 +184,8 @@ def law(
         of_scans=of_scans,
         elements=tuple(jenkins(slip, JENKINS_TOLERANCE) for slip in slips),
         friction_coefficient=friction_coefficient,
-        kappa=slips[0].kappa,
-        scan_pressure_Pa=parts[0].joint.scan_load_N / area_m2[0],
+        kappa=kappa,
+        scan_pressure_Pa=scan_Pa,
         scans=len(parts),
         area_m2=sum(area_m2),
         ends=ends,
@@ -233,7 +236,8 @@ def _of_scans(
             tables = bed_of_solutions(rows)
         else:
             tables = bed_of_curve(slips[-1], least_Pa)
-        found.append(tables if len(parts) == 1 else {"share": part.share, **tables})
+        own = {} if len(parts) == 1 else {"share": part.share, "kappa": slips[0].kappa}
+        found.append(own | tables)
     return tuple(found)
 
 
@@ -254,10 +258,14 @@ def _rows(slips: Sequence[SlipCurve], shares: np.ndarray) -> dict[str, np.ndarra
     delta = D[:, None] * shares
     return {
         "pressure_Pa": np.array([float(slip.preload_N) for slip in slips]),
-        "closure_m": np.array([float(slip.approach_m - slip.curve.touch_m) for slip in slips]),
+        "closure_m": np.array([_closure_m(slip) for slip in slips]),
         "displacement_m": delta,
         **_sheared(slips, delta),
     }
+
+
+def _closure_m(slip: SlipCurve) -> float:
+    return float(slip.approach_m - slip.curve.touch_m)
 
 
 def _sheared(slips: Sequence[SlipCurve], delta: np.ndarray) -> dict[str, np.ndarray]:
@@ -266,7 +274,7 @@ def _sheared(slips: Sequence[SlipCurve], delta: np.ndarray) -> dict[str, np.ndar
     k_n = [float(slip.curve.stiffness_N_per_m(slip.approach_m)) for slip in slips]
     return {
         "normal_stiffness_Pa_per_m": np.array(k_n),
-        "tangential_stiffness_Pa_per_m": np.array(k_n) / slips[0].kappa,
+        "tangential_stiffness_Pa_per_m": np.array(k_n) / [slip.kappa for slip in slips],
         "shear_Pa": np.array([slip.force_N(x) for slip, x in pairs]),
         "loss_J_per_m2": np.array([slip.energy_J(x) for slip, x in pairs]),
     }
@@ -295,10 +303,10 @@ def _together(parts: Sequence[Part], patch: Sequence[SlipCurve]) -> SlipCurve:
     """Return the slip curve of patches that bear one pressure and move together."""
     if len(patch) == 1:
         return patch[0]
-    share = [part.share for part in parts]
-    kappa = kappa_of_scans([part.contact for part in parts], share)
-    p = patch[0].preload_N
-    curve = curve_of_scans([slip.curve for slip in patch], p, share)
+    share, p = [part.share for part in parts], patch[0].preload_N
+    curves, each = [slip.curve for slip in patch], [slip.kappa for slip in patch]
+    kappa = kappa_of_scans(curves, p, share, each)
+    curve = curve_of_scans(curves, p, share, [one / kappa for one in each])
     return slip_curve(curve, p, patch[0].friction_coefficient, kappa)
 
 

@@ -18,6 +18,7 @@ from capslip.pressing import error_under
 from capslip.problems import Problem
 from capslip.result import Analysis, JointOfScans
 from capslip.structure import interpolation
+from capslip.structure.interpolation import tables_of
 from capslip.structure.law import ASKED_SHARE, JENKINS_TOLERANCE, SCATTERS, Law, law
 
 if TYPE_CHECKING:
@@ -284,13 +285,18 @@ def deck(found: Law, program: str, page: Iterable[str]) -> str:
 def _overclosure(found: Law) -> list[tuple[float, float]]:
     """Return pressures and closures: below the pressure of the scan alone, where each has its own.
 
-    There it unloads, by p(d - e) = p - tau(mu kappa e) / mu.
+    There it unloads, by p(d - e) = p - tau(mu kappa e) / mu; of scans of unlike kappa by that of
+    the tables with one kappa for all, as all open by one e.
     """
     if found.has_one_curve:
         return list(zip(found.pressure_Pa.tolist(), found.closure_m.tolist(), strict=True))
     i, mu = found.at_scan_pressure, found.friction_coefficient
-    p = found.pressure_Pa[i] - found.shear_Pa[i, -2::-1] / mu
-    z = found.closure_m[i] - found.displacement_m[i, -2::-1] / (mu * found.kappa)
+    tau, e = found.shear_Pa[i], found.displacement_m[i] / (mu * found.kappa)
+    if any(scan["kappa"] != found.kappa for scan in found.of_scans if found.scans > 1):
+        tables, e = found.tables(), found.closure_m[i] * (e / e[-1])
+        tables["of_scans"] = [scan | {"kappa": found.kappa} for scan in found.of_scans]
+        tau = tables_of(tables).shear_Pa(mu * found.kappa * e, found.pressure_Pa[i])
+    p, z = found.pressure_Pa[i] - tau[-2::-1] / mu, found.closure_m[i] - e[-2::-1]
     last = float(found.pressure_Pa[i]), float(found.closure_m[i])
     return [*zip(p.tolist(), z.tolist(), strict=True), last]
 
