@@ -111,6 +111,17 @@ def test_scans_of_unlike_kappa_move_together_and_add_up(kappa, uneven):
     assert min(kappa) < slip.kappa < max(kappa)
 
 
+def test_no_kappa_takes_an_uneven_joint_off_its_preload_by_rounding():
+    load_N, weight = np.array([100.0, 180.0]), np.array([1.0, 2.0])
+    joint = curve_of_joint(equal_spheres(5, 4.0), load_N, weight)
+    for kappa in np.linspace(1.1, 1.5, 40):
+        slip, each = slip_of_unlike([joint, joint], (0.5, 0.5), (1.2, float(kappa)))
+        expected = 0.5 * sum(one.force_N(1e-8) for one in each)
+        assert slip.force_N(1e-8) == pytest.approx(expected, rel=1e-12)
+    with pytest.raises(ContactError, match="from their preload alone"):
+        joint.load_drop_N((1.0 + 1e-12) * joint.preload_approach_m, 1e-8)
+
+
 def test_scans_of_one_kappa_are_summed_as_they_are():
     curves, share = [equal_spheres(5, 4.0), equal_spheres(40, 0.5)], (0.3, 0.7)
     slip, _ = slip_of_unlike(curves, share, (1.3, 1.3))
