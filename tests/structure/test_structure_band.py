@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from scipy.special import ndtri
 
+from capslip.analysis import analyze_once
 from capslip.contact.accuracy import MovedCaps
 from capslip.contact.given import given_families, press_families
 from capslip.contact.material import composite
@@ -25,7 +26,7 @@ from capslip.structure.band import band_of
 from capslip.structure.band_causes import LEAST_ERROR, NORMAL_95, PAIRS_SHARE, Left
 from capslip.structure.band_state import Part, State
 from capslip.structure.response import response
-from capslip.studies.faces.synthetic import Scene, synthetic_surface
+from capslip.studies.faces.synthetic import CapFamily, Scene, synthetic_surface
 from scenes import caps_map
 
 STEEL = composite((200e9, 200e9), (0.3, 0.3))
@@ -38,6 +39,7 @@ SPREADS = {
     "modulus": "material.modulus_spread",
     "hardness": "material.hardness_spread",
 }
+OF_CURVE = ("preload", "modulus", "hardness")
 NUMBERS = ("tangential_stiffness_N_per_m", "energy_J", "joint_loss_factor", "loss_factor")
 
 
@@ -465,6 +467,40 @@ def test_a_hardness_that_moves_little_of_what_yields_little_costs_one_solution(
         {"slip_force_N": 0.25 * MU * N}, lambda contact: replace(contact, **known), hardness=spread
     )
     assert len(changes) == solutions
+
+
+@pytest.mark.parametrize("hardness", [(), ("material.hardness_Pa=5e6",)])
+@pytest.mark.parametrize("name", ["preload", "modulus"])
+def test_a_joint_pressed_unevenly_is_followed_where_its_caps_start_to_touch(
+    tmp_path, name, hardness
+):
+    """Against the curves of each state itself, as far out as the ends of an interval."""
+    families = CapFamily("G", 3, 24.0), CapFamily("P", 6, 24.0, 1e-7)
+    scene = Scene((100, 150), (4e-4, 4e-4), seed=0, families=families, noise_rms_m=1e-9)
+    surface = synthetic_surface(scene)[0]
+    area_m2, path = surface.measured_area_m2, tmp_path / "pressures.csv"
+    rows = [f"{p},{w * area_m2!r}" for p, w in ((4e4, 2.0), (1e5, 1.0), (3e5, 0.5))]
+    path.write_text("\n".join(("pressure_Pa,area_m2", *rows)), encoding="utf-8")
+    given = ("contact.model=interacting", "contact.alignment=as_levelled", "hills.cut=fixed")
+    asked = ("answer.slip_force_N=30", f"joint.pressure_map={path}")
+    settings = load_settings(overrides=(*given, *asked, *hardness))
+    found = analyze_once(surface, settings)
+    state = State(found.answer, True, found.parts, settings)
+    z = np.linspace(-Z_90, Z_90, 11) * 0.2 / NORMAL_95
+    log = {of: z if of == name else 0.0 * z for of in ("friction", *OF_CURVE)}
+    _, energy_J = state.under(log)
+    N = log["preload"] - log["modulus"]
+    states = np.exp(np.column_stack((N, -log["modulus"] if hardness else 0.0 * z)))
+    drops_N = 30.0 / settings.material.friction_coefficient / np.exp(log["modulus"])
+    expected = []
+    for curve, load_N, drop_N in zip(
+        state.curves(states), found.joint.preload_N * states[:, 0], drops_N, strict=True
+    ):
+        expected.append(float(curve.loss_integral_at_drop_J(curve.approach_m(load_N), drop_N)))
+    log_W = np.log(np.array(expected) * np.exp(log["modulus"])) - np.log(expected[5])
+    off = np.log(energy_J / found.answer.energy_J) - log_W
+    assert np.ptp(log_W) > 0.2
+    assert np.abs(off).max() < 0.06 * np.ptp(log_W)
 
 
 def test_yielding_moves_the_interval_of_a_preload():

@@ -59,6 +59,64 @@ def test_weights_are_those_of_the_polynomial_through_the_nodes():
     assert band_state._weights(nodes, nodes) == pytest.approx(np.eye(3), abs=1e-12)
 
 
+def state_of(first=None, even=True, near=None, contacts=9):
+    rung = SimpleNamespace(near=near)
+    contact = SimpleNamespace(first=first, rung=rung, yielded_share=1.0, contacts=contacts)
+    parts = (band_state.Part(SimpleNamespace(is_even=even), contact, 1.0),)
+    return band_state.State(None, True, parts, None)
+
+
+def moved(**spreads):
+    """Logarithms of factors on the inputs of which a spread is given."""
+    z = np.random.default_rng(4).uniform(-1.0, 1.0, (50, 3))
+    return {name: z[:, i] * spreads.get(name, 0.0) for i, name in enumerate(OF_CURVE)}
+
+
+OF_CURVE = ("preload", "modulus", "hardness")
+
+
+@pytest.mark.parametrize(
+    ("even", "contacts", "states"), [(True, 9, 5), (False, 49, 9), (False, 50, 5)]
+)
+@pytest.mark.parametrize("name", OF_CURVE)
+def test_each_input_alone_is_followed_along_its_own_line(name, even, contacts, states):
+    """Also where preload and hardness go together, as they do under another modulus."""
+    log = moved(**{name: 0.2})
+    nodes, weight = state_of(first="yields", even=even, contacts=contacts)._nodes(log)
+    assert len(nodes) == states
+
+    def of(N, H):
+        return 1.0 + N - 2.0 * H + 30.0 * N * H - 4.0 * N**3 + 20.0 * (N * H) ** 2
+
+    expected = of(log["preload"] - log["modulus"], log["hardness"] - log["modulus"])
+    assert weight @ of(*nodes.T) == pytest.approx(expected, abs=1e-10)
+
+
+@pytest.mark.parametrize("first", [None, "yields"])
+def test_preload_and_modulus_together_are_one_load_where_the_hardness_moves_nothing(first):
+    log = moved(preload=0.2, modulus=0.3, hardness=0.1 if first else 0.0)
+    nodes, weight = state_of(first=first)._nodes(log)
+    N = log["preload"] - log["modulus"]
+    assert weight @ (nodes[:, 0] - 3.0 * nodes[:, 0] ** 4) == pytest.approx(N - 3.0 * N**4)
+
+
+@pytest.mark.parametrize(
+    ("spreads", "solutions"),
+    [
+        ({}, 0),
+        ({"preload": 0.2}, 2),
+        ({"modulus": 0.2}, 2),
+        ({"hardness": 0.2}, 2),
+        ({"modulus": 0.2, "hardness": 0.2}, 4),
+        ({"preload": 0.2, "modulus": 0.2, "hardness": 0.2}, 4),
+    ],
+)
+def test_a_map_is_solved_for_few_states_beside_its_own(spreads, solutions):
+    nodes, weight = state_of(first="yields", near="solves")._nodes(moved(**spreads))
+    assert (nodes != 0.0).any(axis=1).sum() == solutions == len(nodes) - 1
+    assert weight.sum(axis=1) == pytest.approx(1.0)
+
+
 @pytest.mark.parametrize("scans", [2, 3, 8])
 def test_students_numbers_have_the_probability_of_normal_ones(scans):
     normal = np.array([-2.0, -0.3, 0.0, 1.0, 2.5])

@@ -83,13 +83,13 @@ def band_of(
         delta = mu kappa e(N, H / c, t),  W = mu^2 kappa c L(N, H / c, t)
 
     with the withdrawal e and the loss integral L of the curve along which the face unloads from N,
-    in logarithms one polynomial over N and, where the face yields, one over H. A beam is of the
-    same material: c is on its stiffnesses, and on the force of an amplitude. The level of the
-    face stays that under its preload. On a joint that is pressed unevenly caps and model are those
-    of its patches, see `band_causes`. The inputs are drawn at 256 points of a scrambled Sobol
-    sequence. The share of an input is its first-order Sobol index for the logarithm of the number,
-    from an expansion in Hermite polynomials up to the second degree (Sudret, Reliab. Eng. Syst.
-    Saf. 93 (2008) 964); what is missing to 1 are interactions.
+    in logarithms sums of polynomials along the lines on which preload, modulus and hardness move
+    (N, H). A beam is of the same material: c is on its stiffnesses, and on the force of an
+    amplitude. The level of the face stays that under its preload. On a joint that is pressed
+    unevenly caps and model are those of its patches, see `band_causes`. The inputs are drawn at 256
+    points of a scrambled Sobol sequence. The share of an input is its first-order Sobol index for
+    the logarithm of the number, from an expansion in Hermite polynomials up to the second degree
+    (Sudret, Reliab. Eng. Syst. Saf. 93 (2008) 964); what is missing to 1 are interactions.
 
     Friction, preload, modulus and hardness are those of all scans, and so are the causes of the
     error of the model. Those of the caps are each scan's own. To these comes the scatter between k

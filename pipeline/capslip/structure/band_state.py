@@ -14,10 +14,9 @@ from capslip.contact.scans import curve_of_scans, kappa_of_scans
 from capslip.settings import Settings
 from capslip.structure.answer import Answer
 
-NODES = 5  # preloads that are solved where the preload is not certain
-NODES_OF_PATCHES = 3  # the same, of a joint that is pressed unevenly
-NODES_OF_HARDNESS = 3  # the same of the hardness, at the preload
-OF_A_MAP = (-0.6, 0.0, 0.6)  # of either, as shares of the widest: about the ends of an interval
+NODES = 5  # states that are solved along what is not certain, odd: the one as found is among them
+NODES_OF_PATCHES, FEW = 9, 50  # the same of uneven joints of few contacts, which touch in turn
+OF_A_MAP = (-0.6, 0.0, 0.6)  # the same, as shares of the widest: about the ends of an interval
 # The same of a hardness that moves little, as half the square of a logarithm is two percent there
 HARDER, LITTLE = (0.0, 1.0), 0.2
 YIELDS_LITTLE = 0.05  # of the contact area, that has yielded
@@ -81,9 +80,7 @@ class State:
         """
         friction = self.settings.material.friction_coefficient * np.exp(log["friction"])
         kappa, c = self.kappa, np.exp(log["modulus"])
-        log_N = log["preload"] - log["modulus"]
-        log_H = log.get("hardness", 0.0) - log["modulus"]
-        nodes, weight = self._nodes(log_N, log_H)
+        nodes, weight = self._nodes(log)
         node_N = self.preload_N * np.exp(nodes[:, 0])
         curves = self.curves(np.exp(nodes))
         approach_m = [curve.approach_m(N) for curve, N in zip(curves, node_N, strict=True)]
@@ -161,40 +158,45 @@ class State:
             curve_of_scans(found[i], float(N), shares, self.ratio) for i, N in enumerate(loads_N)
         ]
 
-    def _nodes(self, log_N: np.ndarray, log_H: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    def _nodes(self, log: dict[str, np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
         """Return logarithms of factors on preload and hardness at which the curve is asked.
 
-        Shape (k, 2), and the weights of the nodes, (n, k). What the two do together is left out.
+        Shape (k, 2), and the weights of the nodes, (n, k). What counts is N / c and H / c. Along a
+        line in their plane the answer moves from one place to another, and lines add up.
         """
-        even = all(part.joint.is_even for part in self.parts)
-        count = NODES if even else NODES_OF_PATCHES
-        loads = self._axis(float(np.abs(log_N).max()), count)
-        weight = _weights(loads, log_N)
-        nodes = np.column_stack((loads, np.zeros(len(loads))))
-        if not self.yields or not log_H.any():
-            return nodes, weight
-        widest = float(np.abs(log_H).max())
-        hard = self._axis(widest, NODES_OF_HARDNESS)
-        yielded = max(part.contact.yielded_share for part in self.parts)
-        if self._is_map and yielded <= YIELDS_LITTLE and widest <= LITTLE:
-            hard = widest * np.array(HARDER)
-        nodes = np.vstack((nodes, np.column_stack((np.zeros(len(hard)), hard)), np.zeros((1, 2))))
-        weight = np.hstack((weight, _weights(hard, log_H), np.full((len(log_N), 1), -1.0)))
-        nodes, place = np.unique(np.round(nodes, 12), axis=0, return_inverse=True)
-        return nodes, weight @ np.eye(len(nodes))[place]
+        softer = -log["modulus"]
+        N, none = log["preload"] + softer, np.zeros(len(softer))
+        lines = [((1.0, 0.0), none, N)]
+        if self.yields and self._is_map and log["preload"].any():  # of few solutions each counts
+            lines.append(((0.0, 1.0), none, log["hardness"] + softer))
+        elif self.yields:  # what the modulus moves is taken off the first line, and has its own
+            lines = [((1.0, 0.0), softer, N), ((1.0, 1.0), none, softer)]
+            lines.append(((0.0, 1.0), none, log["hardness"]))
+        nodes, weight = [np.zeros((1, 2))], [np.ones((len(softer), 1))]
+        for direction, start, end in lines:
+            if (start != end).any():
+                at = self._axis(float(np.abs((start, end)).max()), direction[0] == 0.0)
+                nodes.append(np.outer(at, direction))
+                weight.append(_weights(at, end) - _weights(at, start))
+        found, place = np.unique(np.round(np.vstack(nodes), 12), axis=0, return_inverse=True)
+        return found, np.hstack(weight) @ np.eye(len(found))[place]
 
     @property
     def _is_map(self) -> bool:
         """Whether each node is a solution of a map."""
         return any(part.contact.rung.near is not None for part in self.parts)
 
-    def _axis(self, widest: float, count: int) -> np.ndarray:
-        """Return places up to the widest on either side."""
-        if widest == 0.0:
-            return np.zeros(1)
-        if self._is_map:
-            return widest * np.array(OF_A_MAP)
-        return -widest * np.cos(np.pi * (np.arange(count) + 0.5) / count)
+    def _axis(self, widest: float, of_hardness: bool) -> np.ndarray:
+        """Return places up to the widest on either side, zero among them."""
+        if not self._is_map:
+            touches_in_turn = (
+                part.contact.contacts < FEW and not part.joint.is_even for part in self.parts
+            )
+            count = NODES_OF_PATCHES if any(touches_in_turn) else NODES
+            return -widest * np.cos(np.pi * (np.arange(count) + 0.5) / count)
+        yielded = max(part.contact.yielded_share for part in self.parts)
+        little = of_hardness and yielded <= YIELDS_LITTLE and widest <= LITTLE
+        return widest * np.array(HARDER if little else OF_A_MAP)
 
 
 def at_force(curve: NormalCurve, approach_m: Any, drop_N: Any) -> tuple[np.ndarray, np.ndarray]:
