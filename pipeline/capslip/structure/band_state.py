@@ -15,7 +15,9 @@ from capslip.settings import Settings
 from capslip.structure.answer import Answer
 
 NODES = 5  # states that are solved along what is not certain, odd: the one as found is among them
-NODES_OF_PATCHES, FEW = 9, 50  # the same of uneven joints of few contacts, which touch in turn
+# The same of joints that are pressed unevenly: each costs as much as all patches, and where these
+# have few contacts, they touch in turn
+NODES_OF_PATCHES, FEW, NODES_OF_FEW = 3, 50, 9
 OF_A_MAP = (-0.6, 0.0, 0.6)  # the same, as shares of the widest: about the ends of an interval
 # The same of a hardness that moves little, as half the square of a logarithm is two percent there
 HARDER, LITTLE = (0.0, 1.0), 0.2
@@ -189,10 +191,11 @@ class State:
     def _axis(self, widest: float, of_hardness: bool) -> np.ndarray:
         """Return places up to the widest on either side, zero among them."""
         if not self._is_map:
-            touches_in_turn = (
-                part.contact.contacts < FEW and not part.joint.is_even for part in self.parts
+            uneven = [part.contact for part in self.parts if not part.joint.is_even]
+            of_patches = (
+                NODES_OF_FEW if any(one.contacts < FEW for one in uneven) else NODES_OF_PATCHES
             )
-            count = NODES_OF_PATCHES if any(touches_in_turn) else NODES
+            count = of_patches if uneven else NODES
             return -widest * np.cos(np.pi * (np.arange(count) + 0.5) / count)
         yielded = max(part.contact.yielded_share for part in self.parts)
         little = of_hardness and yielded <= YIELDS_LITTLE and widest <= LITTLE
