@@ -169,6 +169,67 @@ def test_a_map_is_solved_at_every_preload_once(surface, tmp_path, monkeypatch):
     assert model.trials < JointModel.trials
 
 
+# Unlike enough that the level moves as the load shifts among them
+FIVE = [(5e-3, 5e-3, 12.0, 0.0), (24e-3, 5e-3, 30.0, -1e-7), (25e-3, 14e-3, 24.0, -2e-7)]
+FIVE += [(6e-3, 15e-3, 18.0, 0.0), (15e-3, 9e-3, 15.0, -2e-7)]
+HARD, SOFT = "material.hardness_Pa=5e9", "material.hardness_Pa=5e7"
+UPRIGHT = "contact.alignment_stiffness_Nm_per_rad=3e5"  # turns the face back by most of its tilt
+BESIDE = "contact.load_point_m=[0.013, 0.011]"
+
+
+@pytest.fixture
+def tilted():
+    """Return a face that was not mounted level."""
+    five = caps_map(FIVE)
+    return HeightMap(five.height_m + 3e-6 * 1e-4 * np.arange(300), five.pixel_size_m)
+
+
+@pytest.mark.parametrize("model", ["caps", "interacting", "auto"])
+@pytest.mark.parametrize("given", [HARD, SOFT, UPRIGHT, BESIDE])
+def test_caps_are_levelled_at_every_preload(tilted, tmp_path, model, given):
+    chosen = (f"contact.model={model}", given, "contact.time_limit_s=1e-3")
+    heavy = result_of(tilted, tmp_path / "heavy", *chosen)
+    light = result_of(tilted, tmp_path / "light", *chosen, "contact.preload_N=230")
+    assert heavy.contact.model == light.contact.model
+    found = load_model(tmp_path / "heavy")[0].curve(230.0)
+    load_N = np.geomspace(1.0, 230.0, 30)
+    expected_m = light.contact.curve.approach_m(load_N)
+    np.testing.assert_allclose(found.approach_m(load_N), expected_m, rtol=0.015)
+    as_stored_m = heavy.contact.curve.approach_m(load_N)
+    assert np.abs(as_stored_m / expected_m - 1.0).max() > 0.04
+
+
+def test_an_uneven_joint_is_levelled_under_its_greatest_pressure(tilted, tmp_path):
+    found = []
+    for name, pressures_Pa in (("heavy", (8e5, 4e5)), ("light", (4e5, 2e5))):
+        rows = "".join(f"{pressure_Pa},6e-4\n" for pressure_Pa in pressures_Pa)
+        pressures = write(tmp_path / f"{name}.csv", f"pressure_Pa,area_m2\n{rows}")
+        chosen = ("contact.model=interacting", f"joint.pressure_map={pressures}")
+        found.append(result_of(tilted, tmp_path / name, *chosen))
+    heavy, light = found
+    assert heavy.joint.preload_N == pytest.approx(2.0 * light.joint.preload_N)
+    load_N = np.geomspace(1.0, light.joint.preload_N, 30)
+    expected_m = light.joint.curve(light.contact).approach_m(load_N)
+    curve = load_model(tmp_path / "heavy")[0].curve(light.joint.preload_N)
+    np.testing.assert_allclose(curve.approach_m(load_N), expected_m, rtol=0.01)
+    as_stored_m = heavy.joint.under(light.joint.preload_N).curve(heavy.contact).approach_m(load_N)
+    assert np.abs(as_stored_m / expected_m - 1.0).max() > 0.04
+
+
+def test_friction_and_preload_of_a_face_that_levels_itself_are_found(tilted, tmp_path):
+    chosen = ("contact.model=interacting",)
+    result_of(tilted, tmp_path / "result", *chosen)
+    truth = ("contact.preload_N=230", "material.friction_coefficient=0.3")
+    damping = result_of(tilted, tmp_path / "truth", *chosen, *truth).damping
+    eta = damping.loss_factor * damping.frequency_ratio**2
+    rows = zip(damping.total_amplitude_m[-20:-1], eta[-20:-1], strict=True)
+    text = "amplitude_m,loss_factor\n" + "".join(f"{v},{loss}\n" for v, loss in rows)
+    measured = write(tmp_path / "measured.csv", text)
+    found = compare_result(tmp_path / "result", measured, identify=True).identified
+    assert found.friction_coefficient == pytest.approx(0.3, rel=0.02)
+    assert found.preload_N == pytest.approx(230.0, rel=0.02)
+
+
 def test_result_against_its_own_curve(result, tmp_path):
     folder, analysis = result
     damping = analysis.damping

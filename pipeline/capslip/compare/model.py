@@ -11,13 +11,14 @@ import numpy as np
 
 from capslip.caps.families import Families, Family
 from capslip.caps.table import CapFlag, CapTable
+from capslip.contact.balanced import balanced
 from capslip.contact.curve import NormalCurve
 from capslip.contact.joint import joint_of
 from capslip.contact.material import composite, yield_law
 from capslip.contact.models.flat import flat
 from capslip.contact.press import press
 from capslip.contact.reach import reachable
-from capslip.contact.rung import rung
+from capslip.contact.rung import load_point_m, rung, turning_stiffness
 from capslip.contact.slip import slip_curve
 from capslip.contact.varying_load import greatest_over_mean, varying
 from capslip.errors import UnreadableFileError
@@ -160,19 +161,23 @@ def load_model(result: str | Path) -> tuple[JointModel, Settings]:
     whole = joint_of(settings, surface)
     law = yield_law(material)
     greatest, at_ease_rad = greatest_over_mean(settings.slip), _at_ease_rad(summary["surface"])
+    turns = rung(used).made_from == "spheres" and rung(used).knows_places
 
     @cache
     def curve(preload_N: float) -> NormalCurve:
         pressed, joint = caps, whole.under(preload_N)
+        changed = joint.settings_of_scan(settings)
+        if turns and at_ease_rad is not None:
+            pressed = _levelled(caps, surface, changed, at_ease_rad)
         if used != settings.contact.model:
             # A choice takes the caps that can touch; of thousands the others would fill the matrix.
             share_N = joint.scan_load_N
-            near = reachable(caps, surface, composed.E_star_Pa, share_N, law).use
-            pressed = replace(caps, **{f.name: getattr(caps, f.name)[near] for f in fields(caps)})
-        changed = joint.settings_of_scan(settings)
+            near = reachable(pressed, surface, composed.E_star_Pa, share_N, law).use
+            pressed = _part(pressed, near)
         contact = msgspec.structs.replace(changed.contact, model=used)
         changed = msgspec.structs.replace(changed, contact=contact)
-        found, _ = press(pressed, families, surface, changed, at_ease_rad=at_ease_rad)
+        at_rad = at_ease_rad or (0.0, 0.0)
+        found, _ = press(pressed, families, surface, changed, at_ease_rad=at_rad)
         return joint.curve(found, greatest)
 
     _, modal, shear = stiffnesses(settings)
@@ -195,8 +200,8 @@ def _check_has(summary: dict[str, Any], folder: Path, *tables: str) -> None:
             )
 
 
-def _at_ease_rad(table: dict[str, Any]) -> tuple[float, float]:
-    """Return the slopes on the stored face at which nothing turns it back.
+def _at_ease_rad(table: dict[str, Any]) -> tuple[float, float] | None:
+    """Return the slopes on the stored face at which nothing turns it back; None without a level.
 
     It is stored at the level that was found for it; what holds the parts is at ease without that.
     """
@@ -204,7 +209,20 @@ def _at_ease_rad(table: dict[str, Any]) -> tuple[float, float]:
         if step["step"] == "level":
             slope_x, slope_y = step["tilt_rad"]
             return -float(slope_x), -float(slope_y)
-    return 0.0, 0.0
+    return None
+
+
+def _part(caps: CapTable, use: np.ndarray) -> CapTable:
+    return replace(caps, **{f.name: getattr(caps, f.name)[use] for f in fields(caps)})
+
+
+def _levelled(
+    caps: CapTable, surface: HeightMap, settings: Settings, at_ease_rad: tuple[float, float]
+) -> CapTable:
+    """Return caps at the level that an analysis under this preload finds, but for their fits."""
+    stiffness = turning_stiffness(settings)
+    held = stiffness, stiffness * np.array(at_ease_rad)
+    return balanced(caps, caps.usable, load_point_m(surface, settings), settings, held)[0]
 
 
 def _stored_families(table: dict[str, Any]) -> Families:

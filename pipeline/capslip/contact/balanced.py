@@ -40,17 +40,43 @@ def rebalanced(
     start_m : float64, shape (m,), optional
         Compressions of those in use to start from.
     """
-    chosen = np.flatnonzero(use)
-    arm_m = np.column_stack((caps.x_m, caps.y_m)) - at_m
-    arms_m = arm_m[chosen]
     held = (turning_stiffness(settings), np.zeros(2))
     if held[0] > 0.0:
+        chosen = np.flatnonzero(use)
+        arms_m = np.column_stack((caps.x_m, caps.y_m))[chosen] - at_m
         peak_m, radius_m = before.peak_height_m[chosen], before.radius_m[chosen]
         level = press_balanced(arms_m, peak_m, radius_m, settings, (math.inf, np.zeros(2)))
         held = (held[0], level.load_N @ arms_m)
+    return balanced(caps, use, at_m, settings, held, start_m)
+
+
+def balanced(
+    caps: CapTable,
+    use: np.ndarray,
+    at_m: tuple[float, float],
+    settings: Settings,
+    held: tuple[float, np.ndarray],
+    start_m: np.ndarray | None = None,
+) -> tuple[CapTable, np.ndarray]:
+    """Return caps at their heights over the plane that balances them, and the compressions in use.
+
+    Parameters
+    ----------
+    caps, use, at_m, settings, start_m
+        As of `rebalanced`.
+    held : (float, float64 of shape (2,))
+        As of `press_balanced`.
+
+    Raises
+    ------
+    ContactError
+        If the caps cannot carry the preload, or tip over.
+    """
+    chosen = np.flatnonzero(use)
+    arm_m = np.column_stack((caps.x_m, caps.y_m)) - at_m
     peak_m, radius_m = caps.peak_height_m[chosen], caps.radius_m[chosen]
     start = None if start_m is None else (start_m, None)
-    rest = press_balanced(arms_m, peak_m, radius_m, settings, held, start).rest
+    rest = press_balanced(arm_m[chosen], peak_m, radius_m, settings, held, start).rest
     up_m = arm_m @ np.array(rest.slope)
     return caps.with_columns(peak_height_m=caps.peak_height_m + up_m), rest.compression_m
 
