@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from capslip.compare.comparison import _bands, compare
-from capslip.compare.identification import _bound, _uncertainty
+from capslip.compare.identification import _bound, _Search, _uncertainty
 from capslip.compare.measurement import Measurement
 from capslip.compare.model import JointModel
 from capslip.contact.models.families import families
@@ -329,6 +329,71 @@ def test_the_search_ends_where_the_caps_carry_no_more(most_N, reached):
         assert 0.96 * most_N < found.preload_N <= most_N
     with pytest.raises(ContactError):
         compare(measured, model, MU, 2 * most_N, identify=True)
+
+
+def failing(from_N, to_N):
+    def curve(preload_N):
+        if from_N < preload_N < to_N:
+            raise ContactError("no level")
+        return ONE
+
+    return JointModel(curve, KAPPA, K_M, K_S, JOINTS)
+
+
+@pytest.mark.parametrize(
+    ("fails_N", "reached"), [((0.0, 300.0), True), ((0.0, 600.0), False), ((500.0, 600.0), False)]
+)
+def test_the_search_ends_where_the_caps_find_no_level_under_less(fails_N, reached):
+    v_m = np.geomspace(0.02, 0.95, 25) * joints(ONE).gross_slip_amplitude_m(MU, PRELOAD_N)
+    measured, model = noisy(joints(ONE), v_m, 0), failing(*fails_N)
+    found = compare(measured, model, MU, 900.0, identify=True).identified
+    assert (found.at_bound is None) == reached
+    if reached:
+        assert abs(np.log(found.preload_N / PRELOAD_N)) < 3 * found.preload_log_std
+    else:
+        assert fails_N[1] <= found.preload_N < 1.04 * fails_N[1]
+
+
+def rough_curve(preload_N):
+    """Return a curve whose radii jump from one preload to the next, as on a map."""
+    jump = np.exp(0.02 * np.random.default_rng(int(1e6 * preload_N)).standard_normal(2))
+    return families((5, 18), (23.8 * jump[0], 26.7 * jump[1]), (0, 1e-7), 109.89e9)
+
+
+def test_uncertainty_holds_the_truth_where_the_curve_jumps_with_the_preload():
+    model = JointModel(rough_curve, KAPPA, K_M, K_S, JOINTS, trials=24, step=2e-2, is_rough=True)
+    off, log_std = [], []
+    for N in (200.0, 250.0, 300.0, 400.0, 630.0, 1000.0):
+        v_m = np.geomspace(0.05, 0.95, 15) * model.gross_slip_amplitude_m(0.3, N)
+        measured = Measurement(v_m, model.loss_factor(v_m, 0.3, N))
+        one = compare(measured, model, MU, PRELOAD_N, identify=True).identified
+        off.append(np.log([one.friction_coefficient / 0.3, one.preload_N / N]))
+        log_std.append([one.friction_coefficient_log_std, one.preload_log_std])
+        assert one.at_bound is None
+        assert one.exponent_log_std <= 1.01 * max(log_std[-1])
+    off = np.array(off) / log_std
+    assert (np.abs(off) < 2.5).all()
+    assert (np.abs(off) > 0.8).any(axis=0).all()  # and the bars are not simply wide
+
+
+def test_one_preload_of_many_that_finds_no_level_does_not_end_the_search():
+    failed = []
+
+    def curve(preload_N):
+        if preload_N != PRELOAD_N and int(1e6 * preload_N) % 9 == 0:
+            failed.append(preload_N)
+            raise ContactError("no level")
+        return TWO
+
+    model = JointModel(curve, KAPPA, K_M, K_S, JOINTS, trials=0, step=2e-2, is_rough=True)
+    v_m = np.geomspace(0.05, 0.95, 15) * joints(TWO).gross_slip_amplitude_m(MU, PRELOAD_N)
+    measured = Measurement(v_m, joints(TWO).loss_factor(v_m, MU, PRELOAD_N))
+    bounds = np.array([[0.0, np.log(200.0)], [10.0, np.log(900.0)]])
+    search = _Search(v_m, measured.loss_factor, model, bounds)
+    x = search.scanned(np.log([350.0, 500.0]), 0.2)
+    search.near(x)
+    assert failed
+    assert np.exp(x[1]) == pytest.approx(PRELOAD_N, rel=0.01)
 
 
 def test_too_few_points_are_refused(model):

@@ -167,6 +167,7 @@ def test_a_map_is_solved_at_every_preload_once(surface, tmp_path, monkeypatch):
     expected_m = analysis.contact.curve.approach_m(load_N)
     np.testing.assert_allclose(one.approach_m(load_N), expected_m, rtol=1e-6)
     assert model.trials < JointModel.trials
+    assert model.is_rough
 
 
 # Unlike enough that the level moves as the load shifts among them

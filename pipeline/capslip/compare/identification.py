@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from capslip.compare.model import JointModel
+from capslip.compare.model import JointModel, UnitCurve
 from capslip.errors import ContactError, SettingsError
 from capslip.waiting import Waiting
 
@@ -14,8 +14,11 @@ GREATEST_CORRELATION = 0.98
 GREATEST_CONDITION = 100.0
 PRELOAD_RANGE = 10.0  # times and divided by: where the preload is looked for
 GREATEST_EXCESS = 10.0  # ln of gross slip over the greatest amplitude measured
+EXCESS = np.append(0.01, np.geomspace(0.03, 8, 40))  # of it, that are looked at first
 MISSED = math.log(3.0)  # what is known of real joints at best: a model that misses by more is wrong
-STEP = 1e-4  # of the logarithms, for differences
+STEP = 1e-4  # of ln v_gross, for differences; that of ln N0 is the model's
+PARTS = 6, 3, 3  # of the way between trials, then of the parts
+NEIGHBOURS = 4  # preloads to either side of the one that fits, whose scatter counts
 
 
 @dataclass(frozen=True)
@@ -54,11 +57,18 @@ def friction_and_preload(
     ------
     SettingsError
         If there are fewer than five points for two parameters, or the model loses nothing.
+    ContactError
+        If the face cannot carry the preload in the middle.
 
     Notes
     -----
     The search is over (ln v_gross / v_n, ln N0), v_n being the greatest amplitude: with v_gross in
     place of mu it stays where every point measured has a loss factor.
+
+    The curve of a map jumps by some percent from one preload to the next, as contacts and pixels
+    come and go, and least squares end in any of its dips. So more and more preloads are tried about
+    the lowest, each with its best friction, and the uncertainties hold how far solutions beside it
+    are off a smooth curve.
     """
     from scipy.optimize import least_squares
 
@@ -72,31 +82,27 @@ def friction_and_preload(
             "identification: this model loses nothing below gross slip; choose a contact model "
             "with caps (contact.model)"
         )
-    greatest_m = float(amplitude_m[-1])
-
-    def residual(x: np.ndarray) -> np.ndarray:
-        unit = model.unit_curve(math.exp(x[1]))
-        gross_m = greatest_m * math.exp(x[0])
-        return np.log(unit(amplitude_m / gross_m * unit.gross_slip_amplitude_m) / joint_loss_factor)
-
-    def log_of_friction(x: np.ndarray) -> float:
-        unit = model.unit_curve(math.exp(x[1]))
-        return math.log(greatest_m / unit.gross_slip_amplitude_m) + float(x[0])
-
     starts, bounds = _starts(amplitude_m, joint_loss_factor, model, preload_N)
-    waiting, fits = Waiting("identification", "fits"), []
-    for start in starts:
-        fits.append(least_squares(residual, start, bounds=bounds, diff_step=STEP))
-        waiting.tell(len(fits), len(starts))
-    fit = min(fits, key=lambda one: one.cost)
-    shift = np.array([0.0, STEP])
-    slope = (log_of_friction(fit.x + shift) - log_of_friction(fit.x - shift)) / (2 * STEP)
-    # x as a function of (ln mu, ln N0)
-    jacobian = fit.jac @ np.array([[1.0, -slope], [0.0, 1.0]])
-    log_std, correlation, condition, exponent = _uncertainty(jacobian, 2 * fit.cost)
+    search = _Search(amplitude_m, joint_loss_factor, model, bounds)
+    if model.is_rough:
+        x = search.scanned(starts[:, 1], 2 * math.log(PRELOAD_RANGE) / (model.trials + 1))
+    else:
+        waiting, fits = Waiting("identification", "fits"), []
+        for start in starts:
+            fits.append(least_squares(search.residual, start, bounds=bounds, diff_step=STEP))
+            waiting.tell(len(fits), len(starts))
+        x = min(fits, key=lambda one: one.cost).x
+    jacobian, covariance = search.near(x)
+    squares = float(np.square(search.residual(x)).sum())
+    log_std, correlation, condition, exponent = _uncertainty(jacobian, squares)
+    of_points = np.append(log_std, log_std[0] * math.sqrt(max(1 - correlation**2, 0.0)))
+    # of ln mu, ln N0 and what of both the data fix best
+    both = np.array([[1.0, 0.0, 1.0], [0.0, 1.0, exponent]])
+    of_model = np.sqrt(np.diag(both.T @ covariance @ both))
+    log_std = np.hypot(of_points, of_model)
     return Identified(
-        friction_coefficient=math.exp(log_of_friction(fit.x)),
-        preload_N=math.exp(fit.x[1]),
+        friction_coefficient=math.exp(search.log_of_friction(x)),
+        preload_N=math.exp(x[1]),
         friction_coefficient_log_std=float(log_std[0]),
         preload_log_std=float(log_std[1]),
         correlation=correlation,
@@ -104,18 +110,119 @@ def friction_and_preload(
         distinguishable=abs(correlation) <= GREATEST_CORRELATION
         and condition <= GREATEST_CONDITION,
         exponent=exponent,
-        exponent_log_std=float(log_std[0]) * math.sqrt(max(1 - correlation**2, 0.0)),
-        rms_log_ratio=math.sqrt(2 * fit.cost / amplitude_m.size),
+        exponent_log_std=float(log_std[2]),
+        rms_log_ratio=math.sqrt(squares / amplitude_m.size),
         points=int(amplitude_m.size),
-        at_bound=_bound(fit.x, bounds),
+        at_bound=_bound(x, bounds),
     )
+
+
+@dataclass(frozen=True, eq=False)
+class _Search:
+    """The misfit over x = (ln v_gross / v_greatest, ln N0)."""
+
+    amplitude_m: np.ndarray
+    joint_loss_factor: np.ndarray
+    model: JointModel
+    bounds: np.ndarray  # (2, 2)
+
+    def residual(self, x: np.ndarray) -> np.ndarray:
+        """Return ln(model / measured); infinite where the face cannot carry the preload."""
+        try:
+            return self._of_curve(self.model.unit_curve(math.exp(x[1])), x[0])
+        except ContactError:
+            return np.full(self.amplitude_m.size, np.inf)
+
+    def log_of_friction(self, x: np.ndarray) -> float:
+        """Return ln mu."""
+        unit = self.model.unit_curve(math.exp(x[1]))
+        return math.log(self.amplitude_m[-1] / unit.gross_slip_amplitude_m) + float(x[0])
+
+    def scanned(self, log_N0: np.ndarray, way: float) -> np.ndarray:
+        """Return the x of least misfit of preloads about those given, which lie a way apart."""
+        tried: dict[float, tuple[float, float]] = {}  # squares and excess
+        waiting = Waiting("identification", "preloads beside")
+        for parts in PARTS:
+            way /= parts
+            beside = log_N0[:, None] + way * np.arange(1 - parts, parts)
+            new = [one for one in np.clip(beside, *self.bounds[:, 1]).flat if one not in tried]
+            for i, one in enumerate(new):
+                tried[one] = self._least(one)[:2]
+                waiting.tell(i + 1, len(new))
+            log_N0 = np.array([min(tried, key=lambda one: tried[one][0])])
+        return np.array([tried[log_N0[0]][1], log_N0[0]])
+
+    def near(self, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return the Jacobian of the residuals (n, 2) in ln mu and ln N0, and a covariance (2, 2).
+
+        That of ln mu and ln N0 between two solutions about x, by what each is off parabolas over
+        ln N0 through them all.
+        """
+        way, n = NEIGHBOURS * self.model.step, self.amplitude_m.size
+        low, high = np.clip([x[1] - way, x[1] + way], *self.bounds[:, 1])
+        logs = np.linspace(low, high, 2 * NEIGHBOURS + 1)
+        values = np.full((logs.size, 1 + n), np.inf)
+        for i, one in enumerate(logs):
+            _, excess, log_gross = self._least(one)
+            values[i] = excess - log_gross, *self.residual(np.array([excess, one]))
+        held = np.isfinite(values).all(axis=1)
+        if held.sum() <= NEIGHBOURS:
+            raise ContactError(
+                f"identification: got a face that carries {math.exp(x[1]):.5g} N, but few preloads "
+                "beside it; expected all; look at its level and material"
+            )
+        smooth = np.vander((logs[held] - x[1]) / self.model.step, 3, increasing=True)
+        coefficients = np.linalg.lstsq(smooth, values[held])[0]
+        rough = values[held] - smooth @ coefficients
+        mu_by_N0, by_N0 = (
+            coefficients[1, 0] / self.model.step,
+            coefficients[1, 1:] / self.model.step,
+        )
+        # Each is best at that ln N0 at which its residuals have nothing of the slope of all in them
+        off = -rough[:, 1:] @ by_N0 / (by_N0 @ by_N0)
+        apart = np.column_stack([rough[:, 0] + mu_by_N0 * off, off])
+        # that of the data and that of the solution which fits them
+        covariance = 2.0 * apart.T @ apart / (held.sum() - 3)
+        low, high = np.clip([x[0] - STEP, x[0] + STEP], *self.bounds[:, 0])
+        by_mu = self.residual(np.array([high, x[1]])) - self.residual(np.array([low, x[1]]))
+        by_mu /= high - low
+        # along the parabolas the best ln mu moves with ln N0; here it is held
+        return np.column_stack([by_mu, by_N0 - mu_by_N0 * by_mu]), covariance
+
+    def _least(self, log_N0: float) -> tuple[float, float, float]:
+        """Return the least squares at a preload, their ln v_gross / v_greatest, and that of mu = 1.
+
+        Infinite where the face cannot carry it.
+        """
+        from scipy.optimize import minimize_scalar
+
+        try:
+            unit = self.model.unit_curve(math.exp(log_N0))
+        except ContactError:
+            return math.inf, 0.0, math.inf
+
+        def squares(excess: float) -> float:
+            return float(np.square(self._of_curve(unit, excess)).sum())
+
+        grid = np.concatenate(([0.0], EXCESS, [GREATEST_EXCESS]))
+        least = 1 + int(np.argmin([squares(one) for one in EXCESS]))
+        around, options = (grid[least - 1], grid[least + 1]), {"xatol": 1e-10}
+        found = minimize_scalar(squares, bounds=around, method="bounded", options=options)
+        log_gross = math.log(unit.gross_slip_amplitude_m / self.amplitude_m[-1])
+        return float(found.fun), float(found.x), log_gross
+
+    def _of_curve(self, unit: UnitCurve, excess: float) -> np.ndarray:
+        gross_m = float(self.amplitude_m[-1]) * math.exp(excess)
+        loss_factor = unit(self.amplitude_m / gross_m * unit.gross_slip_amplitude_m)
+        return np.asarray(np.log(loss_factor / self.joint_loss_factor))
 
 
 def remarks_on(found: Identified) -> list[str]:
     """Return what the uncertainties do not hold, and whether the two can be told apart."""
     remarks = [
-        "the uncertainties count the scatter of the points, not the errors of the model, of the "
-        "caps or of the two stiffnesses"
+        "the uncertainties count the scatter of the points and the jumps of a map, not the errors "
+        "of the model, of the two stiffnesses or of caps, whose fits are those of the result: "
+        "where it had another preload, analyse at the one found and compare again"
     ]
     if found.rms_log_ratio > MISSED:
         missed = math.exp(found.rms_log_ratio)
@@ -161,34 +268,39 @@ def _starts(
     """Return where to begin, (ln v_gross / v_greatest, ln N0), and the bounds of the search.
 
     Families make the misfit a narrow valley with others beside it, so the whole range is looked
-    over first, on coarse curves: the lowest places along the preload, three at most. The range ends
-    at the greatest preload that the caps carry.
+    over first, on coarse curves: the lowest places along the preload, three at most. The range is
+    that about its middle in which the caps carry every preload that is tried.
     """
     middle, reach = math.log(preload_N), math.log(PRELOAD_RANGE)
     logs = np.linspace(middle - reach, middle + reach, model.trials + 2)[1:-1]
-    excess = np.append(0.01, np.geomspace(0.03, 8, 40))
-    share = amplitude_m / amplitude_m[-1] * np.exp(-excess[:, None])  # of v_gross
-    least, best = np.empty(logs.size), np.empty(logs.size)
+    share = amplitude_m / amplitude_m[-1] * np.exp(-EXCESS[:, None])  # of v_gross
+    least, best = np.full(logs.size, np.inf), np.full(logs.size, EXCESS[0])
     waiting = Waiting("identification", "preloads")
     for i, log_N0 in enumerate(logs):
         try:
             unit = model.unit_curve(math.exp(log_N0), points=100)
-        except ContactError:  # more than the caps can carry
-            if log_N0 < middle:
-                raise
-            least[i:], best[i:] = np.inf, excess[0]
-            break
+        except ContactError:  # more than the caps can carry, or they find no level
+            if log_N0 > middle:
+                break
+            least[:i] = np.inf
+            continue
         misfit = np.log(unit(share * unit.gross_slip_amplitude_m) / joint_loss_factor)
         squares = (misfit**2).sum(axis=1)
-        least[i], best[i] = squares.min(), excess[squares.argmin()]
+        least[i], best[i] = squares.min(), EXCESS[squares.argmin()]
         waiting.tell(i + 1, logs.size)
+    carried = np.append(logs[np.isfinite(least)], middle)
     padded = np.concatenate(([np.inf], least, [np.inf]))
-    carried = np.isfinite(least)
-    low = np.flatnonzero(carried & (least <= padded[:-2]) & (least <= padded[2:]))
+    low = np.flatnonzero(np.isfinite(least) & (least <= padded[:-2]) & (least <= padded[2:]))
     low = low[np.argsort(least[low])][:3]
-    greatest = middle + reach if carried.all() else logs[carried][-1] - STEP
-    bounds = np.array([[0.0, middle - reach], [GREATEST_EXCESS, greatest]])
-    return np.column_stack([best[low], np.minimum(logs[low], greatest)]), bounds
+    ends = [middle - reach, middle + reach]
+    if np.isinf(least[0]):
+        ends[0] = carried.min()
+    if np.isinf(least[-1]):
+        ends[1] = carried.max()
+    bounds = np.array([[0.0, ends[0]], [GREATEST_EXCESS, ends[1]]])
+    # a search starts inside
+    inside = np.clip(logs[low], ends[0] + STEP, ends[1] - STEP)
+    return np.column_stack([best[low], inside]), bounds
 
 
 def _bound(x: np.ndarray, bounds: np.ndarray) -> str | None:
@@ -197,5 +309,5 @@ def _bound(x: np.ndarray, bounds: np.ndarray) -> str | None:
     if x[0] > bounds[1, 0] - 1e-6:
         return "gross slip far above every amplitude measured"
     if x[1] - bounds[0, 1] < 1e-6 or x[1] > bounds[1, 1] - 1e-6:
-        return f"a preload {PRELOAD_RANGE:g} times off the one given, or the most the caps carry"
+        return f"a preload {PRELOAD_RANGE:g} times off the one given, or the end of those carried"
     return None

@@ -28,7 +28,7 @@ from capslip.structure.response import response
 from capslip.structure.stiffness import stiffnesses
 from capslip.surface.heightmap import HeightMap
 
-TRIALS_OF_A_MAP = 24
+TRIALS_OF_A_MAP, STEP_OF_A_MAP = 24, 2e-2
 
 
 @dataclass(frozen=True)
@@ -47,6 +47,8 @@ class JointModel:
     joints: int
     normal_load: SlipSettings = field(default_factory=SlipSettings)
     trials: int = 120  # preloads that an identification looks at first; a map takes seconds each
+    step: float = 1e-4  # of ln N0, for differences; that of a map spans what comes and goes
+    is_rough: bool = False  # whether the curve jumps with the preload
 
     def loss_factor(
         self, amplitude_m: np.ndarray, friction_coefficient: float, preload_N: float
@@ -187,7 +189,7 @@ def load_model(result: str | Path) -> tuple[JointModel, Settings]:
     stiffness = (kappa, modal, shear, settings.structure.joints)
     model = JointModel(curve, *stiffness, normal_load=settings.slip)
     if rung(used).made_from == "map":
-        model = replace(model, trials=TRIALS_OF_A_MAP)
+        model = replace(model, trials=TRIALS_OF_A_MAP, step=STEP_OF_A_MAP, is_rough=True)
     return model, settings
 
 
