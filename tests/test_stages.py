@@ -5,6 +5,7 @@ from unittest import mock
 
 import numpy as np
 import pytest
+from scipy.ndimage import gaussian_filter
 
 from capslip import pressing, stages
 from capslip.analysis import analyze, analyze_once
@@ -12,7 +13,7 @@ from capslip.caps import doubts
 from capslip.caps.fit import fit_caps
 from capslip.contact.depth import press_for_depth
 from capslip.contact.levelling import TogetherError
-from capslip.errors import ContactError, TipsOverError
+from capslip.errors import ContactError, TipsOverError, UnusableSurfaceError
 from capslip.settings import load_settings
 from capslip.stages import Clock, find_face
 from capslip.surface.heightmap import HeightMap, Origin
@@ -137,6 +138,50 @@ def test_what_is_wrong_with_the_second_face_is_told_under_its_name():
     assert len(found.caps) == 8
     told = [problem.message for problem in found.problems]
     assert any(message.startswith("other: ") for message in told), told
+
+
+@pytest.mark.parametrize("way", ["together", "composite"])
+def test_how_a_second_face_lies_is_recorded_and_doubted_whatever_is_made_of_both(way):
+    first, second = face(), face(2.0)
+    aside_m = 0.6 * first.side_m[1]
+    laid = (f"mating.way={way}", f"mating.offset_m=[0,{aside_m}]")
+    found = find_face(first, settings(*laid), second, Clock())
+    step = found.conditioned.steps[-1]
+    assert (step["step"], step["way"], step["offset_m"]) == ("mating", way, [0.0, aside_m])
+    problems = [one for one in found.conditioned.problems if one.code == "mating_overlap"]
+    assert [one.message for one in problems] == [
+        "both faces are measured on 40 % of the first only; check mating.offset_m and mating.mirror"
+    ]
+    beside = (f"mating.way={way}", "mating.offset_m=[1,1]")
+    with pytest.raises(UnusableSurfaceError, match=r"^surface and surface: 0 % of the first face"):
+        find_face(first, settings(*beside), second, Clock())
+
+
+@pytest.mark.parametrize("way", ["together", "composite"])
+def test_faces_that_fit_nowhere_are_told_and_where_they_were_laid(way):
+    rng = np.random.default_rng(1)
+    one, other = (
+        HeightMap(1e-6 * gaussian_filter(rng.standard_normal((90, 130)), 4.0), (PIXEL_M, PIXEL_M))
+        for _ in range(2)
+    )
+    looked_for = (f"mating.way={way}", "mating.align=least_squares", "caps.fit=pinned")
+    conditioned = find_face(one, settings(*looked_for), other, Clock()).conditioned
+    assert [p.code for p in conditioned.problems if "mating" in p.code] == ["mating_unrelated"]
+    assert 0.0 < conditioned.steps[-1]["correlation"] < 0.5
+    assert conditioned.steps[-1]["offset_m"] != [0.0, 0.0]
+
+
+def test_where_caps_of_both_are_counted_the_first_face_stays_as_it_is():
+    first, second = face(), face(2.0)
+    alone = find_face(first, settings(), None, Clock())
+    found = find_face(first, settings("mating.way=together"), second, Clock())
+    np.testing.assert_array_equal(
+        found.conditioned.surface.height_m, alone.conditioned.surface.height_m
+    )
+    assert found.conditioned.second_m is None
+    assert found.conditioned.sq_m == alone.conditioned.sq_m
+    assert found.conditioned.problems == alone.conditioned.problems
+    assert found.conditioned.steps[:-1] == alone.conditioned.steps
 
 
 CAPS, MAP = "contact.model=caps", "contact.model=boundary_elements"

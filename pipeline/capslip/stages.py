@@ -105,17 +105,14 @@ def find_face(
         return _one_map(_conditioned(surface, settings, clock), settings, clock)
     conditioned = _conditioned(surface, settings, clock)
     second = _conditioned(other, settings, clock)
+    way, form = settings.mating.way, settings.conditioning
     with clock("mate"):
         placement = _placed(conditioned, second, settings)
-    if settings.mating.way == "composite":
-        with clock("mate"):
-            fit = {
-                "robust": settings.conditioning.form_robust,
-                "floor": settings.conditioning.form_floor,
-            }
-            conditioned = mate(conditioned, second, placement, **fit)
-        return _one_map(conditioned, settings, clock)
-    return _two_maps(conditioned, second, placement, settings, clock)
+        fit = {"robust": form.form_robust, "floor": form.form_floor}
+        mated = mate(conditioned, second, placement, way=way, **fit)
+    if way == "composite":
+        return _one_map(mated, settings, clock)
+    return _two_maps(mated, second, placement, settings, clock)
 
 
 def damp(slip: SlipCurve, settings: Settings, clock: Clock) -> tuple[BeamMode | None, Damping]:

@@ -17,6 +17,7 @@ from capslip.units import percent
 
 Mirror = Literal["x", "y"]
 Align = Literal["given", "least_squares"]
+Way = Literal["composite", "together"]
 LEAST_MEASURED = 0.5
 LEAST_OVERLAP = 0.5
 LEAST_OF_SECOND = 0.03  # a face a hundred times as large as its mate may be in another unit
@@ -204,10 +205,11 @@ def mate(
     second: Conditioned,
     placement: Placement,
     *,
+    way: Way = "composite",
     robust: bool = False,
     floor: bool = False,
 ) -> Conditioned:
-    """Put the composite surface in the place of a conditioned face.
+    """Put the composite surface in the place of a conditioned face, or lay the second beside it.
 
     Parameters
     ----------
@@ -215,6 +217,8 @@ def mate(
         The faces, each conditioned alone.
     placement : Placement
         From `place`, for their surfaces.
+    way : {"composite", "together"}
+        Whether heights are added, or caps of both faces are counted.
     robust, floor : bool
         How the plane of the sum is fitted; see `remove_form`.
 
@@ -222,7 +226,8 @@ def mate(
     -------
     Conditioned
         The composite surface. The steps are those of the first face, then the mating, which holds
-        the steps of the second; each problem names its face.
+        the steps of the second; each problem names its face. Where caps of both are counted it is
+        the first face, with its own problems, that step and the problems of the mating.
 
     Raises
     ------
@@ -232,10 +237,9 @@ def mate(
     surface = composite_surface(
         first.surface, second.surface, placement, robust=robust, floor=floor
     )
-    sq_m, sz_m = sq_and_sz_m(surface)
     step = {
         "step": "mating",
-        "way": "composite",
+        "way": way,
         "second": second.surface.origin.name,
         "second_steps": list(second.steps),
         "mirror": placement.mirror,
@@ -244,14 +248,17 @@ def mate(
         "correlation": placement.correlation,
         "sq_of_faces_m": [first.sq_m, second.sq_m],
     }
+    steps, doubts = (*first.steps, step), problems_of_mating(surface, placement, second.surface)
+    if way == "together":
+        return replace(first, steps=steps, problems=(*first.problems, *doubts))
     problems = [
         replace(problem, message=f"{face.surface.origin.name}: {problem.message}")
         for face in (first, second)
         for problem in face.problems
     ]
-    problems += problems_of_mating(surface, placement, second.surface)
-    steps, second_m = (*first.steps, step), surface.height_m - first.surface.height_m
-    return Conditioned(surface, sq_m, sz_m, steps, tuple(problems), second_m=second_m)
+    sq_m, sz_m = sq_and_sz_m(surface)
+    second_m = surface.height_m - first.surface.height_m
+    return Conditioned(surface, sq_m, sz_m, steps, (*problems, *doubts), second_m=second_m)
 
 
 def problems_of_mating(
