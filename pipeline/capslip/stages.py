@@ -103,16 +103,15 @@ def find_face(
     """
     if other is None:
         return _one_map(_conditioned(surface, settings, clock), settings, clock)
-    conditioned = _conditioned(surface, settings, clock)
-    second = _conditioned(other, settings, clock)
+    first, second = (_conditioned(one, settings, clock) for one in (surface, other))
     way, form = settings.mating.way, settings.conditioning
     with clock("mate"):
-        placement = _placed(conditioned, second, settings)
+        placement = _placed(first, second, settings)
         fit = {"robust": form.form_robust, "floor": form.form_floor}
-        mated = mate(conditioned, second, placement, way=way, **fit)
+        mated = mate(first, second, placement, way=way, **fit)
     if way == "composite":
         return _one_map(mated, settings, clock)
-    return _two_maps(mated, second, placement, settings, clock)
+    return _two_maps(mated, (first, second), placement, settings, clock)
 
 
 def damp(slip: SlipCurve, settings: Settings, clock: Clock) -> tuple[BeamMode | None, Damping]:
@@ -286,9 +285,14 @@ def _family_ratio(settings: Settings) -> float:
 
 
 def _two_maps(
-    first: Conditioned, second: Conditioned, placement: Placement, settings: Settings, clock: Clock
+    mated: Conditioned,
+    faces: tuple[Conditioned, Conditioned],
+    placement: Placement,
+    settings: Settings,
+    clock: Clock,
 ) -> Face:
-    """Count the caps of both maps, as the paper does."""
+    """Count the caps of both maps, as the paper does, each with the doubts of its own map."""
+    first, second = faces
     joint = joint_of(settings, first.surface)
     settings = joint.settings_of_scan(settings)
     hills, caps, problems = _hills_and_caps(first.surface, settings, clock)
@@ -298,7 +302,7 @@ def _two_maps(
     for problem in (*second.problems, *other_problems):
         problems.append(replace(problem, message=f"{name}: {problem.message}"))
     caps, families = _grouped(caps, settings, clock)
-    return Face(joint, first, None, hills, caps, families, None, caps, tuple(problems))
+    return Face(joint, mated, None, hills, caps, families, None, caps, tuple(problems))
 
 
 def _grouped(caps: CapTable, settings: Settings, clock: Clock) -> tuple[CapTable, Families]:

@@ -10,7 +10,7 @@ from scipy import ndimage
 from capslip.errors import SettingsError, UnusableSurfaceError
 from capslip.studies.faces.synthetic import CapFamily, Scene, synthetic_surface
 from capslip.surface.conditioning import condition, sq_and_sz_m
-from capslip.surface.heightmap import HeightMap, Origin
+from capslip.surface.heightmap import Filling, HeightMap, Origin, Rounding
 from capslip.surface.mating import composite_surface, mate, place, problems_of_mating
 
 D_M = 50e-6
@@ -248,3 +248,54 @@ def test_finer_pixels_are_smoothed_to_two_of_the_first_and_equal_ones_are_left(
     assert left == pytest.approx(1.0, abs=0.02 if ratio == 8.0 else 0.09)
     if ratio == 8.0:
         assert both.std() < 0.97 * wave_m.std()
+
+
+@pytest.mark.parametrize("way", ["composite", "together"])
+@pytest.mark.parametrize(
+    ("one", "other", "both"),
+    [
+        (Rounding(1e-9, 3e-10), Rounding(4e-9, 4e-10), Rounding(4e-9, 5e-10)),
+        (Rounding(1e-9, 4e-10), Rounding(4e-9, 3e-10, False), Rounding(4e-9, 5e-10, False)),
+        (Rounding(4e-9, 3e-10, False), Rounding(1e-9, 4e-10), Rounding(4e-9, 5e-10, False)),
+        (Rounding(4e-9, 3e-10, False), None, Rounding(4e-9, 3e-10, False)),
+        (None, None, None),
+    ],
+)
+def test_two_faces_in_steps_are_in_the_coarser_ones_whichever_comes_first(one, other, both, way):
+    faces = [
+        condition(HeightMap(waves((60, 90), seed), PIXEL_M, Origin(name="ab"[seed])))
+        for seed in (0, 1)
+    ]
+    first, second = (
+        replace(face, surface=replace(face.surface, rounding=steps))
+        for face, steps in zip(faces, (one, other), strict=True)
+    )
+    for pair in ((first, second), (second, first)):
+        surfaces = [face.surface for face in pair]
+        found = mate(*pair, place(*surfaces), way=way).surface.rounding
+        assert (found is None) == (both is None)
+        if both is not None:
+            assert found.error_m == pytest.approx(both.error_m, rel=1e-12)
+            assert replace(found, error_m=both.error_m) == both
+
+
+@pytest.mark.parametrize("way", ["composite", "together"])
+def test_two_filled_faces_are_as_doubtful_whichever_comes_first(way):
+    of_one = Filling(70, 0.7, "cubic", 3e-9, 5e6, np.ones((60, 90), dtype=bool))
+    of_other = Filling(90, 0.9, "linear", 4e-9, 8e6)
+    faces = [condition(HeightMap(waves((60, 90), seed), PIXEL_M)) for seed in (0, 1, 2)]
+    one, other, whole = (
+        replace(face, surface=replace(face.surface, filling=filling))
+        for face, filling in zip(faces, (of_one, of_other, None), strict=True)
+    )
+    for pair, expected in (
+        ((one, other), Filling(90, 0.9, "linear", 5e-9, 5e6)),
+        ((other, one), Filling(90, 0.9, "linear", 5e-9, 5e6)),
+        ((one, whole), replace(of_one, measured=None)),
+        ((whole, one), replace(of_one, measured=None)),
+    ):
+        surfaces = [face.surface for face in pair]
+        found = mate(*pair, place(*surfaces), way=way).surface.filling
+        assert replace(found, error_m=round(found.error_m, 15)) == expected
+        assert found.measured is None  # those of one face are none of the sum
+    assert mate(whole, whole, place(whole.surface, whole.surface), way=way).surface.filling is None

@@ -177,3 +177,22 @@ def test_the_error_is_that_of_the_upper_half_of_each_hill_that_has_nine_points(s
     height_m[plateau], off_m[plateau] = 9.0, 50.0
     error_m = _error_of_hills_m(HeightMap(height_m, PIXEL_M), off_m)
     assert error_m == pytest.approx(np.sqrt(expected), rel=1e-12)
+
+
+@pytest.mark.parametrize("way", ["composite", "together"])
+def test_the_doubt_of_two_faces_is_that_of_the_coarser_steps_whichever_comes_first(way):
+    gentle = rounded(4e-8 * np.sin(Y_M / 5e-3) * np.cos(X_M / 6e-3), 1e-9)
+    coarse = rounded(caps_m(), 6e-8)
+    settings = load_settings(overrides=("contact.preload_N=30", f"mating.way={way}"))
+    said = [
+        [one for one in found.problems if one.code == "heights_in_steps"]
+        for found in (
+            analyze_once(gentle, settings, coarse),
+            analyze_once(coarse, settings, gentle),
+        )
+    ]
+    for first, second in said:
+        assert first.severity == second.severity == "warning"
+        assert first.effect.energy == second.effect.energy > 0.05
+    (one, _), (other, _) = said
+    assert one.effect.energy == pytest.approx(other.effect.energy, rel=0.2)

@@ -11,7 +11,7 @@ from capslip.problems import Problem
 from capslip.surface.conditioning import Conditioned, sq_and_sz_m
 from capslip.surface.filters import smooth
 from capslip.surface.form import remove_form
-from capslip.surface.heightmap import Filling, HeightMap
+from capslip.surface.heightmap import Filling, HeightMap, Rounding
 from capslip.surface.resampling import resample
 from capslip.units import percent
 
@@ -180,17 +180,35 @@ def composite_surface(
     both = replace(
         first,
         height_m=height_m,
-        filling=_either(first.filling, second.filling),
-        rounding=first.rounding or second.rounding,
+        filling=_filling(first, second),
+        rounding=_rounding(first, second),
         noise_m=_noise_m(first, second),
     )
     return remove_form(both, robust=robust, floor=floor)[0]
 
 
-def _either(first: Filling | None, second: Filling | None) -> Filling | None:
-    """Return one that says that the sum of two maps is doubtful; its points are those of none."""
-    one = first or second
-    return None if one is None else replace(one, measured=None)
+def _filling(first: HeightMap, second: HeightMap) -> Filling | None:
+    """Return that of the map with the greater error, with the errors of both; its points are none.
+
+    A hill is missed as easily as where the fewest points stand.
+    """
+    both = [one.filling for one in (first, second) if one.filling is not None]
+    if not both:
+        return None
+    error_m = math.hypot(*(one.error_m for one in both))
+    density_m2 = min(one.density_m2 for one in both)
+    worse = max(both, key=lambda one: one.error_m)
+    return replace(worse, error_m=error_m, density_m2=density_m2, measured=None)
+
+
+def _rounding(first: HeightMap, second: HeightMap) -> Rounding | None:
+    """Return the coarser steps of two maps, with the errors of both."""
+    both = [one.rounding for one in (first, second) if one.rounding is not None]
+    if not both:
+        return None
+    error_m = math.hypot(*(one.error_m for one in both))
+    smoothed = all(one.smoothed for one in both)
+    return Rounding(max(one.step_m for one in both), error_m, smoothed)
 
 
 def _noise_m(first: HeightMap, second: HeightMap) -> float | None:
@@ -227,7 +245,8 @@ def mate(
     Conditioned
         The composite surface. The steps are those of the first face, then the mating, which holds
         the steps of the second; each problem names its face. Where caps of both are counted it is
-        the first face, with its own problems, that step and the problems of the mating.
+        the first face, with its own problems, that step, the problems of the mating, and what was
+        filled or rounded of either.
 
     Raises
     ------
@@ -250,7 +269,9 @@ def mate(
     }
     steps, doubts = (*first.steps, step), problems_of_mating(surface, placement, second.surface)
     if way == "together":
-        return replace(first, steps=steps, problems=(*first.problems, *doubts))
+        of_both = {"filling": surface.filling, "rounding": surface.rounding}
+        face = replace(first.surface, **of_both)
+        return replace(first, surface=face, steps=steps, problems=(*first.problems, *doubts))
     problems = [
         replace(problem, message=f"{face.surface.origin.name}: {problem.message}")
         for face in (first, second)
