@@ -128,11 +128,10 @@ def _less_voids(problems: list[Problem], face: Face, settings: Settings) -> list
 def _before_contact(face: Face, found: Analysis, mate: HeightMap | None) -> list[Problem]:
     """Return what makes scans, settings, hills, caps and families doubtful."""
     problems = []
-    for scan in (found.surface, mate):
-        if scan is not None:
-            problems += [Problem("reader_note", "warning", note) for note in scan.origin.notes]
-            tops = face.conditioned.surface.tops if scan is found.surface else None
-            problems += [*problems_of_scan(scan, tops), *problems_of_points(scan)]
+    scans = [one for one in (found.surface, mate) if one is not None]
+    for scan, tops in zip(scans, face.conditioned.tops_of_scans, strict=True):
+        problems += [Problem("reader_note", "warning", note) for note in scan.origin.notes]
+        problems += [*problems_of_scan(scan, tops), *problems_of_points(scan)]
     problems += material_doubts(found.settings.material)
     problems += problems_of_structure(found.settings.structure)
     problems += [*face.conditioned.problems, *face.problems]

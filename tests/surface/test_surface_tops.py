@@ -10,7 +10,8 @@ from capslip.analysis import analyze_once
 from capslip.settings import load_settings
 from capslip.studies.faces.synthetic import Scene, synthetic_surface
 from capslip.surface.conditioning import condition
-from capslip.surface.heightmap import HeightMap
+from capslip.surface.heightmap import HeightMap, Tops
+from capslip.surface.mating import mate, place
 from capslip.surface.tops import _Surface, clipped_points, floor_points, restore_tops
 from scenes import caps_map
 
@@ -251,3 +252,75 @@ def test_a_transposed_map_has_the_same_tops_though_deviations_run_along_one_axis
     for name in ("up_m", "height_se_m", "log_radius_se"):
         found, same = getattr(along.tops, name)[order], getattr(across.tops, name)[other]
         np.testing.assert_allclose(found, same, rtol=1e-6)
+
+
+def pressed_with(first, second, *more):
+    given = ("contact.preload_N=60", "contact.alignment=as_levelled", *more)
+    return analyze_once(first, load_settings(overrides=given), second)
+
+
+def said_of_clipped(found):
+    return [one for one in found.problems if one.code == "clipped"]
+
+
+@pytest.mark.parametrize("way", ["composite", "together"])
+@pytest.mark.parametrize("mirror", ["x", "y"])
+def test_tops_of_the_second_face_are_put_back_and_doubted_as_those_of_the_first(way, mirror):
+    cut = clipped(face(4e-9))
+    gentle = HeightMap(1e-10 * np.random.default_rng(2).standard_normal(SHAPE), PIXEL_M)
+    placed = (f"mating.way={way}", f"mating.mirror={mirror}")
+    first, second = pressed_with(cut, gentle, *placed), pressed_with(gentle, cut, *placed)
+    (one,), (other,) = said_of_clipped(first), said_of_clipped(second)
+    assert one.message.count("9 tops were put back") == 1
+    assert other.message.split("; that moves")[0] == one.message.split("; that moves")[0]
+    assert other.severity == one.severity
+    assert other.effect.energy == pytest.approx(one.effect.energy, rel=0.5)
+    a, b = (found.caps for found in (first, second))
+    assert len(a) == len(b) == 9
+    least_m = condition(cut).surface.tops.height_se_m.min()
+    assert a.peak_height_se_m.min() >= least_m
+    np.testing.assert_allclose(np.sort(b.peak_height_se_m), np.sort(a.peak_height_se_m), rtol=1e-2)
+
+
+def test_each_of_two_scans_tells_of_its_own_tops():
+    one, other = clipped(face(1e-9)), clipped(face(1e-9, seed=2), -3e-8)
+    found = pressed_with(one, other, "mating.mirror=y")
+    alone = [
+        said_of_clipped(analyze_once(scan, load_settings(overrides=("contact.preload_N=60",))))
+        for scan in (one, other)
+    ]
+    told = [said.message.split("; that moves")[0] for said in said_of_clipped(found)]
+    assert told == [said.message.split("; that moves")[0] for (said,) in alone]
+    assert told[0] != told[1]
+
+
+def test_errors_of_tops_that_meet_add_up_and_others_stay():
+    columns = np.array([[1e-3, 1e-3, 5e-3], [1e-3, 1e-3, 1e-3], [2e-4, 3e-4, 2e-4]])
+    errors = np.array([[3e-9, 4e-9, 6e-9], [0.06, 0.08, 0.2]])
+    tops = Tops(*columns, np.full(3, 1e-8), *errors, 50)
+    height_se_m, log_radius_se, area_m2 = tops.errors_at(
+        np.array([1e-3, 1e-3, 5e-3, 3e-3]), np.array([1e-3, 1.25e-3, 1e-3, 1e-3])
+    )
+    assert height_se_m == pytest.approx([5e-9, 4e-9, 6e-9, 0.0], rel=1e-12)
+    assert log_radius_se == pytest.approx([0.1, 0.08, 0.2, 0.0], rel=1e-12)
+    assert area_m2 == pytest.approx(np.pi * np.square([3e-4, 3e-4, 2e-4, 0.0]), rel=1e-12)
+
+
+def test_tops_lie_where_the_second_face_does_and_none_beside_the_sum():
+    cut, whole = condition(clipped(face(1e-10))), condition(face(1e-10))
+    placement = place(whole.surface, cut.surface, offset_m=(-8e-3, 1.5e-3), rotation_rad=0.02)
+    own = cut.surface.tops
+    x_m, y_m = placement.on_first(own.x_m, own.y_m)
+    both = mate(whole, cut, placement)
+    inside = (x_m > 0.0) & (x_m < 30e-3) & (y_m > 0.0) & (y_m < 30e-3)
+    assert 0 < np.count_nonzero(inside) < 9
+    np.testing.assert_allclose(both.surface.tops.x_m, x_m[inside], rtol=1e-12)
+    np.testing.assert_allclose(both.surface.tops.y_m, y_m[inside], rtol=1e-12)
+    assert both.tops_of_scans == (None, own)
+    # of two they are joined: those of the first that the second covers, then those of the second
+    print_of_it = mate(cut, cut, placement).surface.tops
+    assert print_of_it.x_m.size > both.surface.tops.x_m.size
+    assert print_of_it.points == 2 * own.points
+    together = mate(cut, cut, placement, way="together").surface.tops
+    np.testing.assert_allclose(together.x_m, [*own.x_m, *x_m], rtol=1e-12)
+    np.testing.assert_array_equal(together.height_se_m, np.tile(own.height_se_m, 2))

@@ -13,7 +13,7 @@ from capslip.surface.doubts import problems_of_map, problems_of_outliers, refuse
 from capslip.surface.filling import fill_scattered
 from capslip.surface.filters import gaussian_l_filter, gaussian_s_filter
 from capslip.surface.form import FormKind, remove_form
-from capslip.surface.heightmap import HeightMap
+from capslip.surface.heightmap import HeightMap, Tops
 from capslip.surface.outliers import NEIGHBOURS, Outliers, find_outliers
 from capslip.surface.resampling import problems_of_resampling, resample
 from capslip.surface.rounding import problems_of_rounding, smooth_steps
@@ -46,6 +46,8 @@ class Conditioned:
         Of the composite surface of two faces the part that is the second one's; NaN beside it.
     slope : (float, float)
         Of all planes that were added since, along x and y; see `turned`.
+    tops_of_scans : tuple of (Tops or None)
+        What was put back of each scan, in its own frame.
     """
 
     surface: HeightMap
@@ -57,6 +59,7 @@ class Conditioned:
     slope: tuple[float, float] = (0.0, 0.0)
     removed: Outliers = field(default_factory=Outliers)
     second_m: np.ndarray | None = None
+    tops_of_scans: tuple[Tops | None, ...] = ()
 
     @cached_property
     def seams(self) -> Seams | None:
@@ -193,7 +196,8 @@ def condition(
         sq_m, sz_m = sq_and_sz_m(surface)
     problems += problems_of_map(surface, sq_m, sz_m)
     known = surface, sq_m, sz_m, tuple(steps), problems, removed_m
-    return Conditioned(*known, removed=found if removed_m.size else Outliers())
+    removed = found if removed_m.size else Outliers()
+    return Conditioned(*known, removed=removed, tops_of_scans=(surface.tops,))
 
 
 def _trimmed(surface: HeightMap, edge_trim_m: float) -> tuple[HeightMap, dict[str, Any]]:

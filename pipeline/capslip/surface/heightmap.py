@@ -55,13 +55,17 @@ class Tops:
     def errors_at(
         self, x_m: np.ndarray, y_m: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Return height_se_m, log_radius_se and the area of tops at places, zero elsewhere."""
+        """Return height_se_m, log_radius_se and the area of tops at places, zero elsewhere.
+
+        Where tops of two faces meet, their errors add up as squares.
+        """
         height_se_m, log_radius_se, area_m2 = np.zeros((3, *np.shape(x_m)))
         for i in range(self.x_m.size):
             away_m = np.hypot(x_m - self.x_m[i], y_m - self.y_m[i])
             here = away_m <= self.radius_m[i]
-            height_se_m[here], log_radius_se[here] = self.height_se_m[i], self.log_radius_se[i]
-            area_m2[here] = np.pi * self.radius_m[i] ** 2
+            height_se_m[here] = np.hypot(height_se_m[here], self.height_se_m[i])
+            log_radius_se[here] = np.hypot(log_radius_se[here], self.log_radius_se[i])
+            area_m2[here] = np.maximum(area_m2[here], np.pi * self.radius_m[i] ** 2)
         return height_se_m, log_radius_se, area_m2
 
 

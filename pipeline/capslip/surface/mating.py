@@ -11,8 +11,9 @@ from capslip.problems import Problem
 from capslip.surface.conditioning import Conditioned, sq_and_sz_m
 from capslip.surface.filters import smooth
 from capslip.surface.form import remove_form
-from capslip.surface.heightmap import Filling, HeightMap, Rounding
+from capslip.surface.heightmap import Filling, HeightMap, Rounding, Tops
 from capslip.surface.resampling import resample
+from capslip.surface.tops import joined_tops, without_lost_tops
 from capslip.units import percent
 
 Mirror = Literal["x", "y"]
@@ -180,11 +181,21 @@ def composite_surface(
     both = replace(
         first,
         height_m=height_m,
+        tops=_tops(first, second, placement),
         filling=_filling(first, second),
         rounding=_rounding(first, second),
         noise_m=_noise_m(first, second),
     )
-    return remove_form(both, robust=robust, floor=floor)[0]
+    return without_lost_tops(remove_form(both, robust=robust, floor=floor)[0])
+
+
+def _tops(first: HeightMap, second: HeightMap, placement: Placement) -> Tops | None:
+    """Return what was put back of two maps, where it lies on the first."""
+    other = second.tops
+    if other is not None:
+        x_m, y_m = placement.on_first(other.x_m, other.y_m)
+        other = replace(other, x_m=x_m, y_m=y_m)
+    return joined_tops(first.tops, other)
 
 
 def _filling(first: HeightMap, second: HeightMap) -> Filling | None:
@@ -246,7 +257,7 @@ def mate(
         The composite surface. The steps are those of the first face, then the mating, which holds
         the steps of the second; each problem names its face. Where caps of both are counted it is
         the first face, with its own problems, that step, the problems of the mating, and what was
-        filled or rounded of either.
+        put back, filled or rounded of either.
 
     Raises
     ------
@@ -267,11 +278,17 @@ def mate(
         "correlation": placement.correlation,
         "sq_of_faces_m": [first.sq_m, second.sq_m],
     }
+    tops = (*first.tops_of_scans, *second.tops_of_scans)
     steps, doubts = (*first.steps, step), problems_of_mating(surface, placement, second.surface)
     if way == "together":
-        of_both = {"filling": surface.filling, "rounding": surface.rounding}
-        face = replace(first.surface, **of_both)
-        return replace(first, surface=face, steps=steps, problems=(*first.problems, *doubts))
+        face = replace(
+            first.surface,
+            tops=_tops(first.surface, second.surface, placement),
+            filling=surface.filling,
+            rounding=surface.rounding,
+        )
+        told = (*first.problems, *doubts)
+        return replace(first, surface=face, steps=steps, problems=told, tops_of_scans=tops)
     problems = [
         replace(problem, message=f"{face.surface.origin.name}: {problem.message}")
         for face in (first, second)
@@ -279,7 +296,8 @@ def mate(
     ]
     sq_m, sz_m = sq_and_sz_m(surface)
     second_m = surface.height_m - first.surface.height_m
-    return Conditioned(surface, sq_m, sz_m, steps, (*problems, *doubts), second_m=second_m)
+    found = surface, sq_m, sz_m, steps, (*problems, *doubts)
+    return Conditioned(*found, second_m=second_m, tops_of_scans=tops)
 
 
 def problems_of_mating(

@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import dataclass, fields, replace
+from typing import Any
 
 import numpy as np
 
@@ -152,14 +153,29 @@ def restore_tops(surface: HeightMap) -> HeightMap:
 
 
 def without_lost_tops(surface: HeightMap) -> HeightMap:
-    """Return the map less those tops whose points are not measured any more."""
+    """Return the map less those tops whose points are not measured any more, or lie beside it."""
     tops = surface.tops
     if tops is None:
         return surface
-    there = surface.measured[surface.pixel_at(tops.x_m, tops.y_m)]
+    side_y_m, side_x_m = surface.side_m
+    inside = (tops.x_m >= 0.0) & (tops.x_m < side_x_m) & (tops.y_m >= 0.0) & (tops.y_m < side_y_m)
+    there = inside & surface.measured[surface.pixel_at(tops.x_m, tops.y_m)]
     columns = {one.name: getattr(tops, one.name) for one in fields(Tops)}
-    kept = {name: of[there] for name, of in columns.items() if isinstance(of, np.ndarray)}
+    kept: dict[str, Any] = {
+        name: of[there] for name, of in columns.items() if isinstance(of, np.ndarray)
+    }
     return replace(surface, tops=replace(tops, **kept))
+
+
+def joined_tops(first: Tops | None, second: Tops | None) -> Tops | None:
+    """Return the tops of two maps in one frame, None where neither has any."""
+    if first is None or second is None:
+        return first or second
+    both: dict[str, Any] = {}
+    for name in (one.name for one in fields(Tops)):
+        of_each = getattr(first, name), getattr(second, name)
+        both[name] = sum(of_each) if name == "points" else np.concatenate(of_each)
+    return Tops(**both)
 
 
 @dataclass(frozen=True, eq=False)
