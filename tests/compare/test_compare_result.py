@@ -12,7 +12,7 @@ from capslip.analysis import analyze
 from capslip.compare import compare_result, lines, to_dict, write_comparison
 from capslip.compare.comparison import Band
 from capslip.compare.measurement import load_measurement
-from capslip.compare.model import JointModel, load_model
+from capslip.compare.model import JointModel, _load_surface_and_caps, load_model
 from capslip.contact.press import press
 from capslip.errors import OutputError, UnreadableFileError
 from capslip.output import tables
@@ -69,6 +69,14 @@ def test_model_of_a_result_is_that_of_its_analysis(surface, tmp_path, name):
     )
     expected = damping.loss_factor * damping.frequency_ratio**2
     np.testing.assert_allclose(got, expected, rtol=5e-3, atol=1e-15)
+
+
+def test_a_stored_sum_of_two_faces_is_known_as_one(surface, result, tmp_path):
+    settings = load_settings(overrides=("conditioning.form='none'", *CAPS_ALONE))
+    flat = HeightMap(np.zeros(surface.shape), surface.pixel_size_m)
+    tables.write_result(analyze(surface, settings, flat), tmp_path)
+    for folder, faces in ((tmp_path, 2), (result[0], 1)):
+        assert _load_surface_and_caps(folder / "result.h5")[0].faces == faces
 
 
 def test_what_holds_a_face_upright_is_at_ease_as_in_its_analysis(tmp_path):

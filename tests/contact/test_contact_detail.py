@@ -178,6 +178,14 @@ def test_noise_that_nobody_knows_is_asked_for_before_a_filter_is():
     assert "instrument" not in _less_noise(2.0, None, 1e-4)
 
 
+def test_the_noise_that_is_asked_for_is_that_of_one_scan_of_two_faces():
+    taken = TakenNoise(2e-9, np.full((3, 4), 0.1))
+    assert _less_noise(2.0, None, 1e-4, 3e-9, faces=2).startswith(
+        "--set instrument.noise_m=2.1e-09"
+    )
+    assert _less_noise(2.9, taken, 1e-4, faces=2).endswith("--set instrument.noise_m=4.7e-10")
+
+
 def test_pixels_that_leave_more_than_the_tolerance_at_a_quarter_of_mu_N_are_warned_of(surface):
     """No filter moves smooth caps: what is said is what their pixels leave."""
     curve = solved(surface)

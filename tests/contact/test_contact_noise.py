@@ -199,6 +199,23 @@ def test_what_is_rougher_than_the_noise_that_is_known_is_the_face_itself():
     assert (known.energy_at(0.75), known.stiffness) == pytest.approx((0.01, 0.01))
 
 
+def test_noise_that_is_asked_for_is_that_of_one_scan_where_the_map_is_the_sum_of_two():
+    noise_m = 2e-10 * np.random.default_rng(13).standard_normal(WAVES.shape)
+    surface, _ = synthetic_surface(WAVES)
+    asked_m = []
+    for faces in (1, 2):
+        one = replace(surface, height_m=surface.height_m + noise_m, faces=faces)
+        curve = bem.boundary_elements(one, E_STAR_PA, preload_N=LOAD_N, balanced=False)
+        (step,) = (
+            doubt.step
+            for doubt in error_of_map(curve, LOAD_N, 2e-3)[1]
+            if "noise_m=" in (doubt.step or "")
+        )
+        asked_m.append(float(step.split("noise_m=")[1].split(",")[0]))
+    assert asked_m[0] == pytest.approx(2e-10, rel=0.1)
+    assert asked_m[1] == pytest.approx(asked_m[0] / np.sqrt(2.0), rel=0.05)
+
+
 @pytest.mark.parametrize("model", ["boundary_elements", "auto"])
 def test_the_noise_of_the_instrument_reaches_the_model(model):
     """Whether it is forced or chosen."""

@@ -5,7 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from capslip.contact.solvers.elastic_face import elastic_face
 from capslip.settings import Settings, load_settings
+from capslip.stages import Clock, find_face
+from capslip.studies.faces.synthetic import CapFamily, Scene, synthetic_surface
 from capslip.surface.filters import gaussian_l_filter, gaussian_s_filter
 from capslip.surface.form import remove_form
 from capslip.surface.heightmap import HeightMap
@@ -62,21 +65,41 @@ NOISY = replace(FLAT, noise_m=3e-9)
 
 
 @pytest.mark.parametrize(
-    ("change", "noise_m"),
+    ("change", "noise_m", "faces"),
     [
-        (lambda one: one, 3e-9),
-        (lambda one: remove_form(one, "quadratic")[0], 3e-9),
-        (lambda one: gaussian_l_filter(one, 1e-3), 3e-9),  # leaves what pixels do not share
-        (lambda one: gaussian_s_filter(one, 1e-3), None),  # leaves less
-        (lambda one: resample(one, (20, 25)), None),
-        (lambda one: composite_surface(one, replace(one, noise_m=4e-9), place(one, one)), 5e-9),
-        (lambda one: composite_surface(one, FLAT, place(one, FLAT)), None),
+        (lambda one: one, 3e-9, 1),
+        (lambda one: remove_form(one, "quadratic")[0], 3e-9, 1),
+        (lambda one: gaussian_l_filter(one, 1e-3), 3e-9, 1),  # leaves what pixels do not share
+        (lambda one: gaussian_s_filter(one, 1e-3), None, 1),  # leaves less
+        (lambda one: resample(one, (20, 25)), None, 1),
+        (lambda one: composite_surface(one, replace(one, noise_m=4e-9), place(one, one)), 5e-9, 2),
+        (lambda one: composite_surface(one, FLAT, place(one, FLAT)), None, 2),
     ],
 )
-def test_the_noise_of_a_map_stays_where_its_heights_keep_it(change, noise_m):
+def test_the_noise_of_a_map_stays_where_its_heights_keep_it(change, noise_m, faces):
     found = change(NOISY)
     assert found.noise_m == (None if noise_m is None else pytest.approx(noise_m))
     assert known_noise_m(found, Settings()) == found.noise_m
     assert change(FLAT).noise_m is None
     given = load_settings(overrides=("instrument.noise_m=1e-9",))
-    assert known_noise_m(found, given) == 1e-9  # as somebody says
+    # as somebody says, of one scan
+    assert known_noise_m(found, given) == pytest.approx(1e-9 * np.sqrt(faces), rel=1e-12)
+
+
+@pytest.mark.parametrize(("way", "scans"), [("composite", 2), ("together", 1)])
+def test_two_faces_have_the_same_noise_whether_their_files_say_it_or_the_settings(way, scans):
+    told = load_settings(overrides=(f"mating.way={way}", "contact.model=caps"))
+    asked = load_settings(
+        overrides=(f"mating.way={way}", "contact.model=caps", "instrument.noise_m=2e-9")
+    )
+    scene = Scene((60, 80), (4e-4, 4e-4), 3, families=(CapFamily("G", 4, 23.8),))
+    known_m = []
+    for settings, noise_m in ((told, 2e-9), (asked, None), (asked, 7e-9)):
+        one, other = (
+            replace(synthetic_surface(replace(scene, seed=seed))[0], noise_m=noise_m)
+            for seed in (3, 4)
+        )
+        surface = find_face(one, settings, other, Clock()).conditioned.surface
+        known_m.append(known_noise_m(surface, settings))
+        assert elastic_face(surface, 1e11).faces == scans
+    assert known_m == pytest.approx([2e-9 * np.sqrt(scans)] * 3, rel=1e-12)

@@ -249,7 +249,8 @@ def _load_surface_and_caps(path: Path) -> tuple[HeightMap, CapTable]:
             columns: dict[str, Any] = {name: data[()] for name, data in file["caps"].items()}
             height = file["surface/height_m"]
             pixel_size_m, noise_m = tuple(height.attrs["pixel_size_m"]), height.attrs.get("noise_m")
-            surface = HeightMap(height[()], pixel_size_m, noise_m=noise_m)
+            faces = 2 if "second_height_m" in file["surface"] else 1
+            surface = HeightMap(height[()], pixel_size_m, noise_m=noise_m, faces=faces)
     except (OSError, KeyError) as error:
         raise UnreadableFileError(
             f"{path}: cannot be read ({error}); run the analysis again"

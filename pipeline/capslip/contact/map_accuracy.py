@@ -136,7 +136,7 @@ def error_of_map(
         if of_noise > tolerance:
             of = f"noise of {noise_m:.2g} m" if noise_m else f"white noise of {counted_m:.2g} m"
             white = None if noise_m else counted_m
-            less = _less_noise(of_noise / tolerance, taken, pixel_m, white)
+            less = _less_noise(of_noise / tolerance, taken, pixel_m, white, first.face.faces)
             found.append(_noisy(of, of_noise, of_pixels, tolerance, less))
         elif (of_either := math.hypot(of_pixels, of_noise)) > tolerance:
             found.append(_unresolved("warning", ASKED, of_either))
@@ -339,17 +339,26 @@ def _noise_taken(taken: TakenNoise) -> Problem:
 
 
 def _less_noise(
-    too_much: float, taken: TakenNoise | None, pixel_m: float, white_m: float | None = None
+    too_much: float,
+    taken: TakenNoise | None,
+    pixel_m: float,
+    white_m: float | None = None,
+    faces: int = 1,
 ) -> str:
-    """Return what to do about noise that does so many times what it may, or may be no noise."""
+    """Return what to do about noise that does so many times what it may, or may be no noise.
+
+    The setting is the noise of one scan, of which two faces have two.
+    """
     scans = max(2, math.ceil(too_much**2))
     less = f"average {scans} scans (capslip average)"
     if taken is not None:
-        return f"{less}, with --set instrument.noise_m={taken.noise_m / math.sqrt(scans):.2g}"
+        noise_m = taken.noise_m / math.sqrt(scans * faces)
+        return f"{less}, with --set instrument.noise_m={noise_m:.2g}"
     less = f"--set {S_FILTER}={NOISE_PIXELS * pixel_m:.2g}, or {less}"
     if white_m is None:
         return less
-    return f"--set instrument.noise_m={white_m:.2g}, if the instrument has as much; else {less}"
+    noise_m = white_m / math.sqrt(faces)
+    return f"--set instrument.noise_m={noise_m:.2g}, if the instrument has as much; else {less}"
 
 
 def _noisy(noise: str, of_noise: float, of_pixels: float, tolerance: float, less: str) -> Problem:

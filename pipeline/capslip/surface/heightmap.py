@@ -123,6 +123,8 @@ class HeightMap:
         The steps in which heights were stored, where that was smoothed.
     noise_m : float, optional
         Measurement noise, rms of a height as stored, where the file says it: see `average`.
+    faces : int
+        How many faces it is the sum of: two are mated.
 
     Notes
     -----
@@ -153,6 +155,7 @@ class HeightMap:
     filling: Filling | None = None
     rounding: Rounding | None = None
     noise_m: float | None = None
+    faces: int = 1
     _stored_m: np.ndarray = field(init=False, repr=False)  # float32 or float64
     lost: np.ndarray = field(init=False, repr=False)  # points not measured, counted row by row
     _added: "_Added | None" = field(init=False, repr=False)

@@ -185,6 +185,7 @@ def composite_surface(
         filling=_filling(first, second),
         rounding=_rounding(first, second),
         noise_m=_noise_m(first, second),
+        faces=first.faces + second.faces,
     )
     return without_lost_tops(remove_form(both, robust=robust, floor=floor)[0])
 

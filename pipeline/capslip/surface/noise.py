@@ -72,6 +72,9 @@ def on_lattice(place: np.ndarray, n: int, every: int) -> np.ndarray:
 
 
 def known_noise_m(surface: HeightMap, settings: "Settings") -> float | None:
-    """Return the measurement noise of a map: as somebody says, else as its file does, or None."""
+    """Return the measurement noise of a map: as somebody says, else as its file does, or None.
+
+    What is said is that of one scan; a sum of two has that of both.
+    """
     given_m = settings.instrument.noise_m
-    return surface.noise_m if given_m is None else given_m
+    return surface.noise_m if given_m is None else given_m * math.sqrt(surface.faces)

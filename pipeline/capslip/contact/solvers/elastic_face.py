@@ -42,6 +42,7 @@ class ElasticFace:
     hardness_Pa: float = field(default=np.inf, kw_only=True)  # greatest pressure that it bears
     before: "ElasticFace | None" = field(default=None, kw_only=True)  # a load left flats on it
     taken: TakenNoise | None = field(default=None, kw_only=True)  # before it was pressed
+    faces: int = field(default=1, kw_only=True)  # that it is the sum of
 
     @cached_property
     def coarser(self) -> "ElasticFace | None":
@@ -145,7 +146,8 @@ def elastic_face(surface: HeightMap, E_star_Pa: float) -> ElasticFace:
         raise UnusableSurfaceError(f"{name}: all points are non-measured; expected heights")
     depth_m = np.where(measured, surface.bounds_m[1] - surface.height_m, 0.0)
     half_space = HalfSpace(surface.shape, surface.pixel_size_m, E_star_Pa)
-    return ElasticFace(name, depth_m, measured, surface.pixel_size_m, E_star_Pa, half_space)
+    given = name, depth_m, measured, surface.pixel_size_m, E_star_Pa, half_space
+    return ElasticFace(*given, faces=surface.faces)
 
 
 def coarse(values: np.ndarray) -> np.ndarray:
