@@ -150,7 +150,7 @@ def test_what_a_file_says_cannot_break_the_page(several, tmp_path):
 
 
 def test_no_text_ends_the_data_of_the_panel(several, tmp_path):
-    panel = {"one_level": False, "structure": "a <!--<script> b </script>"}
+    panel = {"of_caps": False, "structure": "a <!--<script> b </script>"}
     source = write_report(several, several.summary(), tmp_path, None, panel).read_text("utf-8")
     data = source.split('id="whatif-data">')[1].split("</script>")[0]
     assert "<" not in data
@@ -162,8 +162,11 @@ def test_long_table_is_cut_and_says_so(several, tmp_path):
     rows = np.resize(np.arange(len(several.caps)), n)
     columns = {name: getattr(several.caps, name)[rows] for name in vars(several.caps)}
     columns["load_N"] = np.arange(n, dtype=float)
-    analysis = replace(several, caps=several.caps.with_columns(**columns))
-    page = Page(write_report(analysis, several.summary(), tmp_path, None))
+    analysis, panel = (
+        replace(several, caps=several.caps.with_columns(**columns)),
+        {"of_caps": False},
+    )
+    page = Page(write_report(analysis, several.summary(), tmp_path, None, panel))
     assert f"The first {MAX_ROWS} of {n} caps" in page.text
     assert "57 more are in caps.csv" in page.text
     body = page.source.split('class="sorts"')[1].split("<tbody>")[1].split("</tbody>")[0]
