@@ -13,7 +13,7 @@ import numpy as np
 
 from capslip.caps.families import Families
 from capslip.caps.table import UNUSABLE, CapTable
-from capslip.contact.balanced import rebalanced
+from capslip.contact.balanced import balanced
 from capslip.contact.choice import (
     Choice,
     boundary_elements_s,
@@ -229,7 +229,7 @@ def under_preload(
     Raises
     ------
     ContactError
-        If the caps cannot carry it, or what holds the face upright was at ease with the other.
+        If the caps cannot carry it.
     """
     joint = face.joint.under(preload_N)
     change = {"model": contact.rung.name, "bulk": contact.bulk}
@@ -239,9 +239,9 @@ def under_preload(
     caps = face.caps.with_columns(flags=flags)
     if face.level is not None:
         of_scan = joint.settings_of_scan(settings)
-        if turning_stiffness(of_scan) > 0.0:
-            raise ContactError("what holds the face upright was at ease under another preload")
-        caps, _ = rebalanced(caps, caps, contact.use, contact.load_point_m, of_scan)
+        stiffness = turning_stiffness(of_scan)
+        held = stiffness, -stiffness * np.array(face.level.slope)  # at ease as it was levelled
+        caps, _ = balanced(caps, contact.use, contact.load_point_m, of_scan, held)
     face = replace(face, joint=joint, caps=caps)
     pressed, _, slip = press_face(face, settings, Clock())
     return _with_error(face, pressed, settings)[0], slip
