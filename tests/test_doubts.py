@@ -1,5 +1,6 @@
 """Which doubts are asked of a face, from how it was levelled and what is asked for."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 from unittest import mock
 
@@ -9,6 +10,7 @@ import pytest
 from capslip import doubts
 from capslip.contact.rung import ModelError
 from capslip.settings import load_settings
+from capslip.surface.heightmap import HeightMap
 
 ASKED = {
     "problems_of_seams": "seams",
@@ -19,14 +21,18 @@ ASKED = {
 }
 
 
+FLATNESS = "instrument.flatness_deviation_m"
+PRESSED = HeightMap(np.zeros((3, 4)), (1e-4, 1e-4))
+
+
 def asked_of(form, level=None, approach_m=1e-6, peaks=(), flatness_m=None, seams="known"):
     """Return which doubts are asked after a form was removed, each of which says its name."""
     face = SimpleNamespace(
         level=level,
         family_caps=None,
-        conditioned=SimpleNamespace(surface="pressed", seams=seams and "seams"),
+        conditioned=SimpleNamespace(surface=PRESSED, seams=seams and "seams"),
     )
-    known = () if flatness_m is None else (f"instrument.flatness_deviation_m={flatness_m}",)
+    known = () if flatness_m is None else (f"{FLATNESS}={flatness_m}",)
     chosen = load_settings(overrides=(f"conditioning.form={form}", *known))
     answers = {name: mock.Mock(return_value=[word]) for name, word in ASKED.items()}
     answers["problems_of_bow"].return_value = list(peaks)
@@ -52,7 +58,7 @@ def test_a_tilt_or_a_bow_that_was_taken_off_is_not_asked_about(form, level, expe
     found, asked = asked_of(form, level)
     assert found == expected
     if "problems_of_form" in asked:
-        seen = mock.call("coarse", 1e-6) if level else mock.call("pressed", 1e-6, 3)
+        seen = mock.call("coarse", 1e-6) if level else mock.call(PRESSED, 1e-6, 3)
         assert asked["problems_of_form"] == seen
     assert asked_of(form, level, approach_m=0.0) == ([], {})  # a flat interface: nothing decides
 
@@ -67,6 +73,14 @@ def test_a_bow_is_told_by_the_instrument_before_the_peaks_before_the_heights():
     found, asked = asked_of("plane", peaks=["bow of peaks"], flatness_m=2e-7)
     assert found == ["seams", "bow of the instrument"]
     assert asked["problems_of_flatness"] == mock.call(2e-7, 1e-6)
+
+
+def test_a_bow_of_the_instrument_is_twice_in_the_sum_of_two_scans():
+    one, none = (load_settings(overrides=sets) for sets in ((f"{FLATNESS}=2e-7",), ()))
+    both = replace(PRESSED, faces=2)
+    assert doubts.known_flatness_m(PRESSED, one) == 2e-7
+    assert doubts.known_flatness_m(both, one) == 4e-7
+    assert doubts.known_flatness_m(both, none) is None
 
 
 def test_what_lies_outside_is_compared_with_half_the_usual_diameter():

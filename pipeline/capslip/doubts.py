@@ -39,6 +39,7 @@ from capslip.surface.doubts import (
     problems_of_seams,
     problems_of_tilt,
 )
+from capslip.surface.flatness import known_flatness_m
 from capslip.surface.heightmap import HeightMap
 from capslip.surface.holes import problems_of_filling
 from capslip.units import percent
@@ -158,7 +159,8 @@ def _of_levelling(face: Face, contact: ContactState, settings: Settings) -> list
     if form == "none" and face.level is None:
         problems += problems_of_tilt(face.conditioned.surface, contact.approach_m)
     if form in ("plane", "none"):
-        problems += _of_bow(face, contact.approach_m, settings.instrument.flatness_deviation_m)
+        flatness_m = known_flatness_m(face.conditioned.surface, settings)
+        problems += _of_bow(face, contact.approach_m, flatness_m)
     return problems
 
 

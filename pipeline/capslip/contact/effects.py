@@ -21,7 +21,7 @@ from capslip.surface.blocks import coarse_map
 from capslip.surface.conditioning import Conditioned
 from capslip.surface.doubts import VISIBLE_FORM
 from capslip.surface.filling import filled_from_fewer, standard_error
-from capslip.surface.flatness import bows_m
+from capslip.surface.flatness import bows_m, known_flatness_m
 from capslip.surface.form import level_and_straight, remove_form
 from capslip.surface.heightmap import HeightMap, Tops
 from capslip.surface.holes import HIDDEN
@@ -191,7 +191,7 @@ def _bow_or_not(face: FaceOfCaps, thinned: Thinned) -> tuple[HeightMap, ...]:
     Where the flatness deviation of the instrument is known, what bows of that height make of it.
     """
     coarse = thinned(face.surface)
-    flatness_m = face.settings.instrument.flatness_deviation_m
+    flatness_m = known_flatness_m(face.surface, face.settings)
     if flatness_m is not None:
         row, col = np.indices(coarse.shape)
         dy_m, dx_m = coarse.pixel_size_m

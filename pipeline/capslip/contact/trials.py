@@ -23,7 +23,7 @@ from capslip.errors import ContactError
 from capslip.settings import Settings
 from capslip.surface.blocks import coarse_map
 from capslip.surface.conditioning import Conditioned
-from capslip.surface.flatness import bows_m
+from capslip.surface.flatness import bows_m, known_flatness_m
 from capslip.surface.form import remove_form
 from capslip.surface.graph import connected_parts
 from capslip.surface.heightmap import HeightMap
@@ -163,7 +163,7 @@ class Trials:
         Not where a hill below the cut would touch as well without the bow.
         """
         caps, surface = self.caps, self.face.surface
-        flatness_m = self.face.settings.instrument.flatness_deviation_m
+        flatness_m = known_flatness_m(surface, self.face.settings)
         if flatness_m is not None:
             for bow_m in bows_m(surface, flatness_m, caps.x_m, caps.y_m):
                 yield caps.with_columns(peak_height_m=caps.peak_height_m + bow_m)

@@ -1,8 +1,22 @@
 """Bows that an instrument may make of a flat, as far as its flatness deviation says."""
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 
 from capslip.surface.heightmap import HeightMap
+
+if TYPE_CHECKING:
+    from capslip.settings import Settings
+
+
+def known_flatness_m(surface: HeightMap, settings: "Settings") -> float | None:
+    """Return the flatness deviation of a map, None where nobody says it.
+
+    What is said is that of one scan. It is no chance: a sum of two has it twice.
+    """
+    given_m = settings.instrument.flatness_deviation_m
+    return None if given_m is None else given_m * surface.faces
 
 
 def bows_m(
