@@ -43,6 +43,15 @@ def test_the_page_has_the_answer_each_scan_and_every_figure_of_the_joint(joint, 
     assert 'href="#caps"' not in page
 
 
+def test_an_error_of_more_than_all_is_said_in_full(joint, tmp_path):
+    summary = joint.summary()
+    for scan, error in zip(summary["scans"], (1.049, 0.052), strict=True):
+        scan["estimated_error"] = error
+    page = write_report(joint, summary, tmp_path, None).read_text("utf-8").replace("\u00a0", " ")
+    assert ">105 %</td>" in page
+    assert ">5.2 %</td>" in page
+
+
 @needs_chromium
 def test_the_scans_sort_by_their_numbers_and_the_rest_of_the_page_answers(joint, tmp_path):
     summary = joint.summary()

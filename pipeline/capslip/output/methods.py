@@ -4,6 +4,7 @@ from typing import Any
 
 from capslip.contact.rung import rung
 from capslip.output.quantity import engineering
+from capslip.units import percent
 
 REFERENCES = (  # of docs/theory.md
     "Peyret, N., Chevallier, G., Dion, J.-L., Dynamic Damping in Joints: Multiscale Model Taking "
@@ -63,7 +64,7 @@ def methods_paragraph(summary: dict[str, Any]) -> str:
     if estimated is not None:
         found.append(
             f"Against the same elastic face pressed exactly, stiffness and energy are estimated to "
-            f"within {100.0 * estimated:.2g} %."
+            f"within {percent(estimated)}."
         )
     return " ".join(found)
 

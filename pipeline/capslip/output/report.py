@@ -22,6 +22,7 @@ from capslip.output.view import read_view
 from capslip.output.viewer import CELLS, viewer_block
 from capslip.output.whatif import whatif_data
 from capslip.result import JointOfScans
+from capslip.units import percent
 
 if TYPE_CHECKING:
     from jinja2 import Template
@@ -348,7 +349,7 @@ def _scan_rows(scans: "tuple[Analysis, ...]", summary: dict[str, Any]) -> list[d
             engineering(of["max_pressure_Pa"], "Pa"),
             engineering(alone["tangential_stiffness_N_per_m"], "N/m"),
             engineering(alone["energy_J"], "J"),
-            DASH if error is None else f"{100.0 * error:.2g} %",
+            DASH if error is None else percent(error),
         )
         whole = [cell.replace(" ", "\u00a0", 1) for cell in cells]  # a number and its unit
         numbers = (
