@@ -12,7 +12,7 @@ from capslip.contact.given import given_families, press_families
 from capslip.contact.joint import Joint
 from capslip.contact.press import ContactState
 from capslip.contact.rung import rung
-from capslip.contact.scans import curve_of_scans, kappa_of_scans
+from capslip.contact.scans import joint_of_scans
 from capslip.contact.slip import SlipCurve, slip_curve
 from capslip.contact.varying_load import greatest_over_mean, varying
 from capslip.doubts import counted_by_patches, problems_of
@@ -209,9 +209,7 @@ def analyze_scans(surfaces: Sequence[HeightMap], settings: Settings) -> JointOfS
     curves = [part.joint.curve(part.contact) for part in parts]
     shares = [part.share for part in parts]
     each = [part.contact.composite.kappa for part in parts]
-    kappa = kappa_of_scans(curves, joint.preload_N, shares, each)
-    ratio = [one / kappa for one in each]
-    curve = curve_of_scans(curves, joint.preload_N, shares, ratio)
+    curve, kappa = joint_of_scans(curves, joint.preload_N, shares, each)
     slip = _sheared(curve, joint, kappa, settings, clock)
     return _with_band(_answered(replace(found, joint=joint, slip=slip), clock), clock)
 

@@ -13,7 +13,7 @@ import numpy as np
 
 from capslip.caps.families import Families
 from capslip.caps.table import UNUSABLE, CapTable
-from capslip.contact.balanced import balanced
+from capslip.contact.balanced import levelled
 from capslip.contact.choice import (
     Choice,
     boundary_elements_s,
@@ -24,7 +24,7 @@ from capslip.contact.choice import (
 from capslip.contact.curve import NormalCurve
 from capslip.contact.direction import with_direction
 from capslip.contact.press import ContactState, press
-from capslip.contact.rung import ModelError, made_from, rung, turning_stiffness
+from capslip.contact.rung import ModelError, made_from, rung
 from capslip.contact.slip import SlipCurve, slip_curve
 from capslip.contact.uneven_accuracy import (
     error_of_joint,
@@ -223,8 +223,8 @@ def under_preload(
 ) -> tuple[ContactState, SlipCurve]:
     """Return an elastic face of caps, and the slip of its joint, under another preload of that.
 
-    By the same model, with its error: the same caps on the plane that this preload balances, where
-    the face was balanced.
+    By the same model, and with its error where it was chosen for that: the same caps on the plane
+    that this preload balances, where the face was balanced.
 
     Raises
     ------
@@ -232,19 +232,18 @@ def under_preload(
         If the caps cannot carry it.
     """
     joint = face.joint.under(preload_N)
+    chosen = settings.contact.model == "auto"
     change = {"model": contact.rung.name, "bulk": contact.bulk}
     forced = msgspec.structs.replace(settings.contact, **change)
     settings = msgspec.structs.replace(settings, contact=forced)
     flags = np.where(contact.use, face.caps.flags, face.caps.flags | UNUSABLE)
     caps = face.caps.with_columns(flags=flags)
     if face.level is not None:
-        of_scan = joint.settings_of_scan(settings)
-        stiffness = turning_stiffness(of_scan)
-        held = stiffness, -stiffness * np.array(face.level.slope)  # at ease as it was levelled
-        caps, _ = balanced(caps, contact.use, contact.load_point_m, of_scan, held)
+        given = contact.load_point_m, joint.settings_of_scan(settings), contact.at_ease_rad
+        caps = levelled(caps, contact.use, *given)
     face = replace(face, joint=joint, caps=caps)
     pressed, _, slip = press_face(face, settings, Clock())
-    return _with_error(face, pressed, settings)[0], slip
+    return (_with_error(face, pressed, settings)[0] if chosen else pressed), slip
 
 
 def _with_error(face: Face, contact: ContactState, settings: Settings) -> WithDoubts:

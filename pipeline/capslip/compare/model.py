@@ -11,14 +11,14 @@ import numpy as np
 
 from capslip.caps.families import Families, Family
 from capslip.caps.table import CapFlag, CapTable
-from capslip.contact.balanced import balanced
+from capslip.contact.balanced import levelled
 from capslip.contact.curve import NormalCurve
 from capslip.contact.joint import joint_of
 from capslip.contact.material import composite, yield_law
 from capslip.contact.models.flat import flat
 from capslip.contact.press import press
 from capslip.contact.reach import reachable
-from capslip.contact.rung import load_point_m, rung, turning_stiffness
+from capslip.contact.rung import load_point_m, rung
 from capslip.contact.slip import slip_curve
 from capslip.contact.varying_load import greatest_over_mean, varying
 from capslip.errors import UnreadableFileError
@@ -170,11 +170,11 @@ def load_model(result: str | Path) -> tuple[JointModel, Settings]:
         pressed, joint = caps, whole.under(preload_N)
         changed = joint.settings_of_scan(settings)
         if turns and at_ease_rad is not None:
-            pressed = _levelled(caps, surface, changed, at_ease_rad)
+            at_m = load_point_m(surface, changed)
+            pressed = levelled(caps, caps.usable, at_m, changed, at_ease_rad)
         if used != settings.contact.model:
             # A choice takes the caps that can touch; of thousands the others would fill the matrix.
-            share_N = joint.scan_load_N
-            near = reachable(pressed, surface, composed.E_star_Pa, share_N, law).use
+            near = reachable(pressed, surface, composed.E_star_Pa, joint.scan_load_N, law).use
             pressed = _part(pressed, near)
         contact = msgspec.structs.replace(changed.contact, model=used)
         changed = msgspec.structs.replace(changed, contact=contact)
@@ -216,15 +216,6 @@ def _at_ease_rad(table: dict[str, Any]) -> tuple[float, float] | None:
 
 def _part(caps: CapTable, use: np.ndarray) -> CapTable:
     return replace(caps, **{f.name: getattr(caps, f.name)[use] for f in fields(caps)})
-
-
-def _levelled(
-    caps: CapTable, surface: HeightMap, settings: Settings, at_ease_rad: tuple[float, float]
-) -> CapTable:
-    """Return caps at the level that an analysis under this preload finds, but for their fits."""
-    stiffness = turning_stiffness(settings)
-    held = stiffness, stiffness * np.array(at_ease_rad)
-    return balanced(caps, caps.usable, load_point_m(surface, settings), settings, held)[0]
 
 
 def _stored_families(table: dict[str, Any]) -> Families:

@@ -81,6 +81,21 @@ def balanced(
     return caps.with_columns(peak_height_m=caps.peak_height_m + up_m), rest.compression_m
 
 
+def levelled(
+    caps: CapTable,
+    use: np.ndarray,
+    at_m: tuple[float, float],
+    settings: Settings,
+    at_ease_rad: tuple[float, float],
+) -> CapTable:
+    """Return caps over the plane that balances them under any preload, as `balanced` has it.
+
+    Against what holds it upright, which is at ease at these slopes (x, y) on it.
+    """
+    stiffness = turning_stiffness(settings)
+    return balanced(caps, use, at_m, settings, (stiffness, stiffness * np.array(at_ease_rad)))[0]
+
+
 def press_balanced(
     arm_m: np.ndarray,
     peak_m: np.ndarray,

@@ -60,6 +60,14 @@ def curve_of_scans(
     return SummedCurve(tuple(own), approach_m, np.asarray(share, dtype=float))
 
 
+def joint_of_scans(
+    curves: Sequence[NormalCurve], preload_N: float, share: Sequence[float], kappa: Sequence[float]
+) -> tuple[NormalCurve, float]:
+    """Return the normal curve of a joint of several scans, and its kappa, from those of each."""
+    whole = kappa_of_scans(curves, preload_N, share, kappa)
+    return curve_of_scans(curves, preload_N, share, [one / whole for one in kappa]), whole
+
+
 def kappa_of_scans(
     curves: Sequence[NormalCurve],
     preload_N: float,

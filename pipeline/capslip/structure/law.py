@@ -10,7 +10,7 @@ import numpy as np
 
 from capslip.contact.joint import MAX_SOLVED, Joint, curve_of_joint
 from capslip.contact.scaled import ScaledCurve
-from capslip.contact.scans import curve_of_scans, kappa_of_scans
+from capslip.contact.scans import joint_of_scans
 from capslip.contact.slip import SlipCurve, slip_curve
 from capslip.errors import ContactError
 from capslip.structure.band_causes import NORMAL_95
@@ -305,8 +305,7 @@ def _together(parts: Sequence[Part], patch: Sequence[SlipCurve]) -> SlipCurve:
         return patch[0]
     share, p = [part.share for part in parts], patch[0].preload_N
     curves, each = [slip.curve for slip in patch], [slip.kappa for slip in patch]
-    kappa = kappa_of_scans(curves, p, share, each)
-    curve = curve_of_scans(curves, p, share, [one / kappa for one in each])
+    curve, kappa = joint_of_scans(curves, p, share, each)
     return slip_curve(curve, p, patch[0].friction_coefficient, kappa)
 
 
