@@ -434,6 +434,38 @@ def test_the_law_of_caps_says_how_sure_it_is_under_the_least_pressure(tmp_path, 
     assert alone.contact.estimated_error > 1.5 * analysis.contact.estimated_error
 
 
+LEVEL = re.compile(r"k_t by ([\d.]+) and w by ([\d.]+) under ([\d.]+) times")
+
+
+def test_the_law_of_a_balanced_face_says_what_another_level_does_under_less(written, tmp_path):
+    analysis = written[0]
+    said = np.array(LEVEL.findall(page_of(written[1])), dtype=float)
+    assert said[:, 2].tolist() == [0.5, 0.25]
+    for stiffness, loss, share in said:
+        load_N = share * analysis.joint.preload_N
+        sets = (f"contact.preload_N={load_N}", "contact.model=interacting")
+        anew = analyze_once(capslip.load_surface(FACE), capslip.load_settings(overrides=sets))
+        area_m2, quarter = analysis.joint.scan_area_m2, 0.25 * anew.slip.friction_coefficient
+        here = slip_at(analysis, load_N / area_m2)
+        w = anew.slip.energy_at_force_J(quarter * load_N) / area_m2
+        assert loss == pytest.approx(
+            w / here.energy_at_force_J(quarter * load_N / area_m2), rel=0.05
+        )
+        k_t = anew.slip.tangential_stiffness_N_per_m / area_m2
+        assert stiffness == pytest.approx(k_t / here.tangential_stiffness_N_per_m, rel=0.05)
+    assert abs(said[0, 1] - 1.0) > 0.2  # else nothing would have to be said
+
+
+@pytest.mark.parametrize("alignment", ["balanced", "as_levelled"])
+def test_a_level_that_stays_is_no_doubt(tmp_path, alignment):
+    """Nine caps in a square, whose load point is in their middle, do not turn under any load."""
+    caps = [(x, y, R, 0.0) for x, y, R, _ in CAPS]
+    sets = (f"contact.alignment={alignment}", "contact.model=interacting")
+    analysis = analyze_once(caps_map(caps, (240, 240)), capslip.load_settings(overrides=sets))
+    EXPORT.write(analysis, tmp_path)
+    assert not LEVEL.search(page_of(tmp_path))
+
+
 def test_doubts_go_with_the_law(of_two, tmp_path):
     """What makes an analysis doubtful stands in every file of its law that holds a page."""
     analysis = of_two[0].scans[0]

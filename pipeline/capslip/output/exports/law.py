@@ -6,15 +6,17 @@ import json
 import math
 import textwrap
 from collections.abc import Iterable, Iterator
+from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from capslip.contact.slip import SlipCurve, slip_curve
 from capslip.errors import ContactError
 from capslip.output.export import Export, inexact
-from capslip.pressing import error_under
+from capslip.pressing import error_under, under_preload
 from capslip.problems import Problem
 from capslip.result import Analysis, JointOfScans
 from capslip.structure import interpolation
@@ -65,6 +67,7 @@ OF_SCANS = (
     "amounts: the closure and the displacement at gross slip are those of the one that goes last."
 )
 BY_BOTH = ("displacement_m", "shear_Pa", "loss_J_per_m2")
+LIGHTER = (0.5, 0.25)  # shares of the pressure of the scan under which it may lie otherwise
 DECKS = {"calculix": "law_calculix.inp", "abaqus": "law_abaqus.inp"}
 
 
@@ -85,6 +88,7 @@ def write(result: "JointResult", folder: Path) -> tuple[Problem, ...]:
     reach_m = [_reach_m(scan) for scan in _scans(result)]
     found = law(result.parts, result.settings.material.friction_coefficient, reach_m)
     doubts = [f"{p.code}: {p.message}" for p in result.problems if p.severity != "info"]
+    doubts += [line for scan in _scans(result) for line in _of_level(scan)]
     least = _error_at(result, float(found.pressure_Pa[0]) / found.scan_pressure_Pa)
     if least is not None and not all(part.joint.is_even for part in result.parts):
         found = replace(found, model_error=_error_at(result, 1.0))  # not that of the joint
@@ -98,6 +102,42 @@ def write(result: "JointResult", folder: Path) -> tuple[Problem, ...]:
         "this is too much"
     )
     return (Problem("export_inexact", "warning", message), *of_sliders)
+
+
+def _of_level(scan: Analysis) -> list[str]:
+    """Say what another level does under less pressure, where that is more than the tolerance.
+
+    The law has one level, so that one bed serves all pressures. A face of elastic caps that is
+    analysed under less finds its own.
+    """
+    slip, contact, joint = scan.slip, scan.contact, scan.joint
+    if slip is None or contact is None or scan.face.level is None or not joint.is_even:
+        return []
+    if contact.hardness_Pa is not None or contact.rung.solved_loads_N is not None:
+        return []
+    said = []
+    for share in LIGHTER:
+        load_N = share * joint.preload_N
+        with suppress(ContactError):  # then nothing is known of its level
+            _, anew = under_preload(scan.face, contact, load_N, scan.settings)
+            here = slip_curve(slip.curve, load_N, slip.friction_coefficient, slip.kappa)
+            stiffness, loss = np.array(_seen(anew)) / _seen(here)
+            if max(abs(stiffness - 1.0), abs(loss - 1.0)) > scan.settings.contact.tolerance:
+                said.append(
+                    f"k_t by {stiffness:.2f} and w by {loss:.2f} under {share:g} times that"
+                )
+    if not said:
+        return []
+    return [
+        f"level: {scan.name} lies as it does under the pressure of the analysis; to find its level "
+        f"anew would multiply {', '.join(said)} pressure (w of cycles to a quarter of mu p)"
+    ]
+
+
+def _seen(slip: SlipCurve) -> tuple[float, float]:
+    """Return the stiffness before slip, and the loss of a cycle up to a quarter of mu N."""
+    quarter_N = 0.25 * slip.friction_coefficient * slip.preload_N
+    return float(slip.tangential_stiffness_N_per_m), float(slip.energy_at_force_J(quarter_N))
 
 
 def _error_at(result: "JointResult", factor: float) -> float | None:
