@@ -56,6 +56,8 @@ def test_the_terminal_shows_families_as_it_shows_a_scan():
     assert {"families", "contact", "slip", "damping", "status"} <= set(labels)
     assert not {"scan", "hills", "level"} & set(labels)
     assert "at slip force 20 N" in ran.stdout
+    assert "with bulk" not in ran.stdout  # which needs the size of a scan
+    assert "R 23.8 m\n" in ran.stdout  # no diameter of hills that are not known
 
 
 def test_given_families_answer_as_those_that_were_counted():
@@ -105,3 +107,9 @@ def test_families_beside_a_scan_are_refused():
             caps_map([(15e-3, 10e-3, 10.0, 0.0)]),
             capslip.load_settings(overrides=("families.m=5",)),
         )
+
+
+def test_a_bulk_of_families_that_is_not_known_is_refused():
+    ran = run(*PAIR, "--preload", "460", "--set", "contact.bulk=true")
+    assert ran.exit_code == 2
+    assert ran.stderr.startswith("error: contact.bulk: got true for families")

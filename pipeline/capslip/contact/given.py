@@ -69,6 +69,11 @@ def press_families(families: Families, settings: Settings) -> tuple[Joint, Conta
         preload_N = contact.nominal_pressure_Pa * area_m2
     if settings.joint.pressure_map is not None:
         raise SettingsError("joint.pressure_map: it needs a scan; expected joint.area_m2")
+    if contact.bulk:
+        raise SettingsError(
+            "contact.bulk: got true for families, whose scan is not known; expected false: what the "
+            "half-space sinks by depends on its size"
+        )
     flat = flattened_families(families, law, joint.E_star_Pa, preload_N)
     curve = curve_of(flat, joint.E_star_Pa)
     approach_m = float(curve.approach_m(preload_N))

@@ -22,7 +22,8 @@ HILLS = (
 )
 FAMILIES = "families   m {m}, n {n}, h {h_m}"
 ONE_FAMILY = "families   one, of {m} caps on its own plane"  # neither the higher nor the lower
-FAMILY = "  {1:9}R {{radius_{0}_m:4}}, D {{diameter_{0}_m}}, df {{height_{0}_m}}"
+FAMILY = "  {1:9}R {{radius_{0}_m:4}}"
+OF_HILLS = ", D {{diameter_{0}_m}}, df {{height_{0}_m}}"  # which families that are given have not
 LEVEL = "level      turned by {tilt_across_face_m} across the face until balanced{0}"
 NOT_CERTIFIED = "; the cut does not hold all that touches"
 CONTACT = "contact    {{model}}: {{scan_load_N:4}} on {{contacts}} {0}, approach {1}"
@@ -59,12 +60,13 @@ def result_lines(analysis: JointResult) -> str:
     texts = [*([HILLS] if isinstance(analysis, Analysis) else []), ONE_FAMILY if one else FAMILIES]
     if isinstance(analysis, JointOfScans):
         texts, lines = [], [*lines, *_lines_of_scans(summary["scans"])]
-    texts += [FAMILY.format(name, "" if one else name) for name in "GP" if of[name] is not None]
+    family = FAMILY + OF_HILLS if isinstance(analysis, Analysis) else FAMILY
+    texts += [family.format(name, "" if one else name) for name in "GP" if of[name] is not None]
     if contact is not None and summary["contact"]["alignment"] == "balanced":
         cut = NOT_CERTIFIED if summary["hills"]["cut_certified"] is False else ""
         texts.append(LEVEL.replace("{0}", cut))
     if contact is not None:
-        without = contact.approach_without_bulk_m is not None
+        without = contact.bulk_m > 0.0 and contact.approach_without_bulk_m is not None
         approach = APPROACH if without else "{approach_m}"
         whole = CONTACT.format(contact.rung.contact_name, approach)
         texts.append(whole if analysis.joint.is_even else whole + UNEVEN)
