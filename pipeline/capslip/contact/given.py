@@ -49,10 +49,9 @@ def press_families(families: Families, settings: Settings) -> tuple[Joint, Conta
 
     They are the contacts of the whole joint; nothing is known of places or of a scanned area.
     """
-    material, contact = settings.material, settings.contact
+    material = settings.material
     joint = composite(material.youngs_modulus_Pa, material.poisson_ratio)
     law, curve = yield_law(material), curve_of(families, joint.E_star_Pa)
-    area_m2, preload_N = settings.joint.area_m2, contact.preload_N
     if settings.families.approach_m is not None:
         if law is not None:
             raise SettingsError(
@@ -60,20 +59,9 @@ def press_families(families: Families, settings: Settings) -> tuple[Joint, Conta
                 "elastic curve; expected contact.preload_N"
             )
         preload_N = float(curve.load_N(settings.families.approach_m))
-    elif contact.nominal_pressure_Pa is not None:
-        if area_m2 is None:
-            raise SettingsError(
-                "contact.nominal_pressure_Pa: got a pressure on families without an area; expected "
-                "joint.area_m2 with it"
-            )
-        preload_N = contact.nominal_pressure_Pa * area_m2
-    if settings.joint.pressure_map is not None:
-        raise SettingsError("joint.pressure_map: it needs a scan; expected joint.area_m2")
-    if contact.bulk:
-        raise SettingsError(
-            "contact.bulk: got true for families, whose scan is not known; expected false: what the "
-            "half-space sinks by depends on its size"
-        )
+    else:
+        preload_N = _preload_N(settings)
+    _refuse_what_needs_a_scan(settings)
     flat = flattened_families(families, law, joint.E_star_Pa, preload_N)
     curve = curve_of(flat, joint.E_star_Pa)
     approach_m = float(curve.approach_m(preload_N))
@@ -113,7 +101,30 @@ def press_families(families: Families, settings: Settings) -> tuple[Joint, Conta
         first=None if law is None else partial(_loaded_first, families, law, joint.E_star_Pa),
     )
     whole = np.array([preload_N]), np.ones(1)
-    return Joint(area_m2, None, preload_N, *whole, preload_N), state
+    return Joint(settings.joint.area_m2, None, preload_N, *whole, preload_N), state
+
+
+def _preload_N(settings: Settings) -> float:
+    """Return the preload of the joint, or what its nominal pressure makes on its area."""
+    contact, area_m2 = settings.contact, settings.joint.area_m2
+    if contact.nominal_pressure_Pa is None:
+        return contact.preload_N
+    if area_m2 is None:
+        raise SettingsError(
+            "contact.nominal_pressure_Pa: got a pressure on families without an area; expected "
+            "joint.area_m2 with it"
+        )
+    return contact.nominal_pressure_Pa * area_m2
+
+
+def _refuse_what_needs_a_scan(settings: Settings) -> None:
+    if settings.joint.pressure_map is not None:
+        raise SettingsError("joint.pressure_map: it needs a scan; expected joint.area_m2")
+    if settings.contact.bulk:
+        raise SettingsError(
+            "contact.bulk: got true for families; expected false: what the half-space sinks by "
+            "depends on the size of a scan"
+        )
 
 
 def _loaded_first(
