@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy.special import ndtri
 
-from capslip.analysis import analyze_once
+from capslip.analysis import analyze_families, analyze_once
 from capslip.contact.accuracy import MovedCaps
 from capslip.contact.given import given_families, press_families
 from capslip.contact.material import composite
@@ -40,6 +40,7 @@ SPREADS = {
     "hardness": "material.hardness_spread",
 }
 OF_CURVE = ("preload", "modulus", "hardness")
+ASKED = {"slip_force_N": 23.0, "displacement_m": 5e-9}
 NUMBERS = ("tangential_stiffness_N_per_m", "energy_J", "joint_loss_factor", "loss_factor")
 
 
@@ -501,6 +502,40 @@ def test_a_joint_pressed_unevenly_is_followed_where_its_caps_start_to_touch(
     off = np.log(energy_J / found.answer.energy_J) - log_W
     assert np.ptp(log_W) > 0.2
     assert np.abs(off).max() < 0.06 * np.ptp(log_W)
+
+
+@pytest.mark.parametrize(("model", "off"), [("families", 1e-6), ("interacting", 0.01)])
+@pytest.mark.parametrize("asked", ["slip_force_N", "displacement_m"])
+def test_a_preload_decides_which_of_few_caps_touch(model, off, asked):
+    """Against an answer under each of many preloads, about which the near field is made anew."""
+    given = ("material.friction_coefficient=0.2", f"answer.{asked}={ASKED[asked]}")
+    if model == "families":
+        made = {"m": 5, "n": 18, "radius_G_m": 23.8, "radius_P_m": 26.7, "h_m": 2.4e-7}
+        given += tuple(f"families.{name}={value}" for name, value in made.items())
+
+        def answered(*sets):
+            return analyze_families(load_settings(overrides=(*given, *sets)))
+    else:
+        families = CapFamily("G", 5, 23.8), CapFamily("P", 18, 26.7, 2.4e-7)
+        surface = synthetic_surface(Scene((100, 150), (4e-4, 4e-4), seed=1, families=families))[0]
+        given += ("contact.model=interacting", "contact.alignment=as_levelled", "hills.cut=fixed")
+
+        def answered(*sets):
+            return analyze_once(surface, load_settings(overrides=(*given, *sets)))
+
+    found = answered("contact.preload_N=460", "contact.preload_spread=0.2")
+    state = State(found.answer, asked == "slip_force_N", found.parts, found.settings)
+    z = np.linspace(-Z_90, Z_90, 9)
+    log = dict.fromkeys(("friction", *OF_CURVE), 0.0 * z) | {"preload": z * 0.2 / NORMAL_95}
+    other, energy_J = state.under(log)
+    exact = [
+        answered(f"contact.preload_N={float(460.0 * np.exp(one))!r}").answer
+        for one in log["preload"]
+    ]
+    assert energy_J == pytest.approx([one.energy_J for one in exact], rel=off)
+    name = "displacement_m" if asked == "slip_force_N" else "slip_force_N"
+    assert other == pytest.approx([getattr(one, name) for one in exact], rel=off)
+    assert np.ptp(np.log(energy_J)) > 0.5  # far from a line
 
 
 def test_yielding_moves_the_interval_of_a_preload():

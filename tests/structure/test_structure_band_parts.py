@@ -59,9 +59,11 @@ def test_weights_are_those_of_the_polynomial_through_the_nodes():
     assert band_state._weights(nodes, nodes) == pytest.approx(np.eye(3), abs=1e-12)
 
 
-def state_of(first=None, even=True, near=None, contacts=9):
+def state_of(first=None, even=True, near=None, contacts=50, rows=50):
     rung = SimpleNamespace(near=near)
-    contact = SimpleNamespace(first=first, rung=rung, yielded_share=1.0, contacts=contacts)
+    contact = SimpleNamespace(
+        first=first, rung=rung, yielded_share=1.0, contacts=contacts, row_family=[""] * rows
+    )
     parts = (band_state.Part(SimpleNamespace(is_even=even), contact, 1.0),)
     return band_state.State(None, True, parts, None)
 
@@ -75,14 +77,12 @@ def moved(**spreads):
 OF_CURVE = ("preload", "modulus", "hardness")
 
 
-@pytest.mark.parametrize(
-    ("even", "contacts", "states"), [(True, 9, 5), (False, 49, 9), (False, 50, 3)]
-)
+@pytest.mark.parametrize(("even", "states"), [(True, 5), (False, 3)])
 @pytest.mark.parametrize("name", OF_CURVE)
-def test_each_input_alone_is_followed_along_its_own_line(name, even, contacts, states):
+def test_each_input_alone_is_followed_along_its_own_line(name, even, states):
     """Also where preload and hardness go together, as they do under another modulus."""
     log = moved(**{name: 0.2})
-    nodes, weight = state_of(first="yields", even=even, contacts=contacts)._nodes(log)
+    nodes, weight = state_of(first="yields", even=even)._nodes(log)
     assert len(nodes) == states
 
     def of(N, H):
@@ -91,6 +91,30 @@ def test_each_input_alone_is_followed_along_its_own_line(name, even, contacts, s
 
     expected = of(log["preload"] - log["modulus"], log["hardness"] - log["modulus"])
     assert weight @ of(*nodes.T) == pytest.approx(expected, abs=1e-10)
+
+
+@pytest.mark.parametrize(
+    ("even", "contacts", "rows", "states"),
+    [(True, 49, 200, 17), (True, 900, 2, 17), (False, 49, 49, 9)],
+)
+@pytest.mark.parametrize("name", OF_CURVE)
+def test_what_touches_in_turn_is_followed_by_straight_lines(name, even, contacts, rows, states):
+    """Of few contacts, or of many in two families: kinks stay kinks."""
+    log = moved(**{name: 0.2})
+    nodes, weight = state_of("yields", even, contacts=contacts, rows=rows)._nodes(log)
+    assert len(nodes) == states
+
+    def of(N, H):
+        return 1.0 + N + 3.0 * np.abs(N) - 7.0 * np.abs(H)
+
+    expected = of(log["preload"] - log["modulus"], log["hardness"] - log["modulus"])
+    assert weight @ of(*nodes.T) == pytest.approx(expected, abs=1e-10)
+
+
+def test_the_only_input_has_all_of_the_variance():
+    log_W = np.array([0.0, 0.0, 0.0, 0.1, 0.9, 1.0])  # no polynomial of the second degree
+    normal = {"preload": np.linspace(-2.0, 2.0, 6)[:, None]}
+    assert band._contributions(np.exp(log_W), normal) == {"preload": 1.0}
 
 
 @pytest.mark.parametrize("first", [None, "yields"])

@@ -39,7 +39,7 @@ def contributions(analysis: "Analysis") -> "Figure | None":
     figure, axes = blank("What the intervals are made of", height=1.4 + 0.6 * len(shares))
     inputs = list(next(iter(shares.values())))
     place, left = range(len(shares)), [0.0] * len(shares)
-    for name in (*inputs, "interactions"):
+    for name in (*inputs, "interactions, steps"):
         width = [100.0 * one.get(name, 1.0 - sum(one.values())) for one in shares.values()]
         if max(width) < LEAST_SHARE:
             continue

@@ -83,13 +83,15 @@ def band_of(
         delta = mu kappa e(N, H / c, t),  W = mu^2 kappa c L(N, H / c, t)
 
     with the withdrawal e and the loss integral L of the curve along which the face unloads from N,
-    in logarithms sums of polynomials along the lines on which preload, modulus and hardness move
-    (N, H). A beam is of the same material: c is on its stiffnesses, and on the force of an
+    in logarithms sums of polynomials, or of straight lines where few contacts touch in turn, along
+    the lines on which preload, modulus and hardness move (N, H); or of the one elastic curve
+    itself. A beam is of the same material: c is on its stiffnesses, and on the force of an
     amplitude. The level of the face stays that under its preload. On a joint that is pressed
     unevenly caps and model are those of its patches, see `band_causes`. The inputs are drawn at 256
     points of a scrambled Sobol sequence. The share of an input is its first-order Sobol index for
     the logarithm of the number, from an expansion in Hermite polynomials up to the second degree
-    (Sudret, Reliab. Eng. Syst. Saf. 93 (2008) 964); what is missing to 1 are interactions.
+    (Sudret, Reliab. Eng. Syst. Saf. 93 (2008) 964); what is missing to 1 are interactions, and
+    steps that no parabola follows.
 
     Friction, preload, modulus and hardness are those of all scans, and so are the causes of the
     error of the model. Those of the caps are each scan's own. To these comes the scatter between k
@@ -226,6 +228,8 @@ def _contributions(values: np.ndarray, normal: dict[str, np.ndarray]) -> dict[st
     log = np.log(values)
     if log.std() < LEAST_SPREAD:
         return {}
+    if len(normal) == 1:
+        return dict.fromkeys(normal, 1.0)
     terms = {name: np.hstack((z, (z * z - 1.0) / math.sqrt(2.0))) for name, z in normal.items()}
     basis = np.hstack((np.ones((len(log), 1)), *terms.values()))
     coefficient = np.linalg.lstsq(basis, log, rcond=None)[0]

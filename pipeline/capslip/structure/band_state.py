@@ -15,9 +15,9 @@ from capslip.settings import Settings
 from capslip.structure.answer import Answer
 
 NODES = 5  # states that are solved along what is not certain, odd: the one as found is among them
-# The same of joints that are pressed unevenly: each costs as much as all patches, and where these
-# have few contacts, they touch in turn
-NODES_OF_PATCHES, FEW, NODES_OF_FEW = 3, 50, 9
+NODES_OF_PATCHES = 3  # of joints that are pressed unevenly: each costs as much as all patches
+# Few contacts, or families, touch in turn: straight lines between more states follow that
+FEW, NODES_OF_FEW, NODES_OF_FEW_IN_PATCHES = 50, 17, 9
 OF_A_MAP = (-0.6, 0.0, 0.6)  # the same, as shares of the widest: about the ends of an interval
 # The same of a hardness that moves little, as half the square of a logarithm is two percent there
 HARDER, LITTLE = (0.0, 1.0), 0.2
@@ -82,31 +82,56 @@ class State:
         """
         friction = self.settings.material.friction_coefficient * np.exp(log["friction"])
         kappa, c = self.kappa, np.exp(log["modulus"])
+        if self.by_force:
+            asked = self.of_the_beam(log)[1] * self.answer.slip_force_N / friction
+            held = asked <= self.preload_N * np.exp(log["preload"]) * (1.0 + 1e-12)
+        else:  # beyond total slip it has a force, too
+            asked = self.answer.displacement_m / (friction * kappa)
+            held = np.ones(asked.shape, dtype=bool)
+        read = self._of_one_curve if self._has_one_curve(log) else self._of_nodes
+        other, loss_J = read(log, asked)
+        other = friction * other * (kappa if self.by_force else c)
+        energy_J = friction**2 * kappa * c * loss_J
+        return np.where(held, other, np.inf), np.where(held, energy_J, np.inf)
+
+    def _has_one_curve(self, log: dict[str, np.ndarray]) -> bool:
+        """Tell whether few contacts of one curve answer, and under loads that differ."""
+        if self.yields or self._is_map or not self._touch_in_turn or len(self.parts) > 1:
+            return False
+        return self.parts[0].joint.is_even and bool((log["preload"] != log["modulus"]).any())
+
+    def _of_one_curve(
+        self, log: dict[str, np.ndarray], asked: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Return what `response` says of the curve under the load of each point."""
+        curve, c = self.as_found[0], np.exp(log["modulus"])
+        load_N = self.preload_N * np.exp(log["preload"]) / c
+        at = np.minimum(asked / c, load_N) if self.by_force else asked
+        return self.response(curve, curve.approach_m(load_N), at)
+
+    def _of_nodes(
+        self, log: dict[str, np.ndarray], asked: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Return the same between the states of nodes, at equal shares of what each bears."""
         nodes, weight = self._nodes(log)
         node_N = self.preload_N * np.exp(nodes[:, 0])
         curves = self.curves(np.exp(nodes))
         approach_m = [curve.approach_m(N) for curve, N in zip(curves, node_N, strict=True)]
         if self.by_force:
             whole = node_N
-            share = self.of_the_beam(log)[1] * self.answer.slip_force_N / friction
-            share = share / (self.preload_N * np.exp(log["preload"]))
+            share = np.minimum(asked / (self.preload_N * np.exp(log["preload"])), 1.0)
         else:
             pairs = zip(approach_m, curves, strict=True)
             whole = np.array([float(d - curve.touch_m) for d, curve in pairs])
-            share = self.answer.displacement_m / (friction * kappa)
-            share = share / np.exp(weight @ np.log(whole))
-        most = 1.0 if self.by_force else np.inf  # a displacement beyond total slip has a force
-        held = share <= most * (1.0 + 1e-12)
-        share, place = np.unique(np.minimum(share, most), return_inverse=True)
+            share = asked / np.exp(weight @ np.log(whole))
+        share, place = np.unique(share, return_inverse=True)
         rows = [
             self.response(curve, float(d), share * one)
             for curve, d, one in zip(curves, approach_m, whole, strict=True)
         ]
         log_rows = np.log(np.maximum(rows, LEAST_J))[..., place]
         other, loss_J = np.exp(np.einsum("nk,kqn->qn", weight, log_rows))
-        other = friction * other * (kappa if self.by_force else c)
-        energy_J = friction**2 * kappa * c * loss_J
-        return np.where(held, other, np.inf), np.where(held, energy_J, np.inf)
+        return other, loss_J
 
     def of_the_beam(self, log: dict[str, np.ndarray]) -> tuple[Any, Any]:
         """Return the factors of its modulus on the stiffnesses of the structure, and on the force.
@@ -179,7 +204,8 @@ class State:
             if (start != end).any():
                 at = self._axis(float(np.abs((start, end)).max()), direction[0] == 0.0)
                 nodes.append(np.outer(at, direction))
-                weight.append(_weights(at, end) - _weights(at, start))
+                weights = _straight if len(at) >= NODES_OF_FEW_IN_PATCHES else _weights
+                weight.append(weights(at, end) - weights(at, start))
         found, place = np.unique(np.round(np.vstack(nodes), 12), axis=0, return_inverse=True)
         return found, np.hstack(weight) @ np.eye(len(found))[place]
 
@@ -188,14 +214,20 @@ class State:
         """Whether each node is a solution of a map."""
         return any(part.contact.rung.near is not None for part in self.parts)
 
+    @property
+    def _touch_in_turn(self) -> bool:
+        """Whether a face has so few contacts, or families, that each counts."""
+        contacts = [part.contact for part in self.parts]
+        return any(min(one.contacts, len(one.row_family)) < FEW for one in contacts)
+
     def _axis(self, widest: float, of_hardness: bool) -> np.ndarray:
         """Return places up to the widest on either side, zero among them."""
         if not self._is_map:
-            uneven = [part.contact for part in self.parts if not part.joint.is_even]
-            of_patches = (
-                NODES_OF_FEW if any(one.contacts < FEW for one in uneven) else NODES_OF_PATCHES
-            )
-            count = of_patches if uneven else NODES
+            even = all(part.joint.is_even for part in self.parts)
+            if self._touch_in_turn:
+                count = NODES_OF_FEW if even else NODES_OF_FEW_IN_PATCHES
+                return np.linspace(-widest, widest, count)
+            count = NODES if even else NODES_OF_PATCHES
             return -widest * np.cos(np.pi * (np.arange(count) + 0.5) / count)
         yielded = max(part.contact.yielded_share for part in self.parts)
         little = of_hardness and yielded <= YIELDS_LITTLE and widest <= LITTLE
@@ -214,6 +246,11 @@ def at_displacement(
     """Return load drop and loss integral."""
     loss_J = curve.loss_integral_J(approach_m, withdrawal_m)
     return curve.load_drop_N(approach_m, withdrawal_m), loss_J
+
+
+def _straight(nodes: np.ndarray, at: np.ndarray) -> np.ndarray:
+    """Return the weights (n, k) of straight lines between k growing nodes."""
+    return np.array([np.interp(at, nodes, one) for one in np.eye(len(nodes))]).T
 
 
 def _weights(nodes: np.ndarray, at: np.ndarray) -> np.ndarray:
