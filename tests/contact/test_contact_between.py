@@ -122,6 +122,21 @@ def test_a_hill_that_no_pixel_touches_loses_its_energy():
     assert lost_J[0] == pytest.approx(lost_J[1], rel=0.02)  # 23 and 7 % less without that hill
 
 
+@pytest.mark.parametrize("seed", [0, 7, 12])
+def test_a_hill_beside_the_foot_of_another_touches_between_its_pixels(seed):
+    """Kinks where hills meet are a few pixels away: without that hill W is 17 to 60 % less."""
+    rng = np.random.default_rng(seed)
+    places_m, top_m = rng.uniform(2e-3, 18e-3, (2, 14, 1, 1)), rng.normal(0.0, 1.5e-8, (14, 1, 1))
+    lost_J = []
+    for finer in (1, 4):
+        y_m, x_m = (np.mgrid[: 100 * finer, : 150 * finer] + 0.5) * 2e-4 / finer
+        hills_m = top_m - ((x_m - 1.5 * places_m[0]) ** 2 + (y_m - places_m[1]) ** 2) / (2 * 2.0)
+        surface = HeightMap(hills_m.max(axis=0), (2e-4 / finer, 2e-4 / finer))
+        curve = boundary_elements(surface, 110e9, preload_N=4.0)
+        lost_J.append(_loss_J(curve.unloading(4.0))[:2])
+    assert lost_J[0] == pytest.approx(lost_J[1], rel=0.04)
+
+
 def approach_of_spheres(off_pixels, finer=1):
     """Press 16 spheres of 0.1 m so that a = 2 pixels, apexes off the nearest centre along both."""
     pixel_m, radius_m, E_star_Pa = 1e-4, 0.1, 110e9

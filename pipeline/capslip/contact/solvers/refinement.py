@@ -5,6 +5,7 @@ from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 
 from capslip.contact.solvers.elastic_face import ElasticFace
 from capslip.contact.solvers.pressed import Pressed, hardly_yields
@@ -145,14 +146,15 @@ def touches_between(face: ElasticFace, pressed: Pressed) -> np.ndarray:
     three neighbours falls as much within the pixel; at an edge of what was measured, half a pixel
     of the way to the one neighbour. Twice that counts, as both axes may go together and the points
     that a refinement adds move the level: what is taken too many rests without pressure. Where a
-    spline swings because of a pit, a step or a spike, none counts.
+    spline swings because of a pit, a step or a spike, by more than a part of how the hill bends,
+    none counts.
 
     Returns
     -------
     bool, shape (ny, nx)
     """
     gap_m, contact = pressed.gap_m, pressed.pressure_Pa > 0
-    falls_m, least = np.zeros(gap_m.shape), face.measured & ~contact & (gap_m > 0)
+    falls_m, bends_m, least = *np.zeros((2, *gap_m.shape)), face.measured & ~contact & (gap_m > 0)
     known_m = gap_m if face.measured.all() else np.where(face.measured, gap_m, np.nan)
     for axis in (0, 1):
         step_m = np.diff(known_m, axis=axis)
@@ -163,22 +165,27 @@ def touches_between(face: ElasticFace, pressed: Pressed) -> np.ndarray:
         before_m, after_m = np.nan_to_num(before_m), np.nan_to_num(after_m)
         least &= (before_m >= 0) & (after_m >= 0)
         bend_m = np.maximum(before_m + after_m, np.finfo(float).tiny)
+        bends_m += 0.5 * bend_m
         falls_m += np.where(ends, 0.5 * bend_m, np.square(before_m - after_m) / (8 * bend_m))
-    found = least & (gap_m < 2 * falls_m)
-    return found & ~_swings(face, pressed) if found.any() else found
+    found = np.nonzero(least & (gap_m < 2 * falls_m))
+    shape = _roughness(face, pressed) if found[0].size else None
+    touches = np.zeros(gap_m.shape, dtype=bool)
+    if shape is not None:
+        held = _swings_m(shape, found) <= np.maximum(shape.most_m, _OF_STEP * bends_m[found])
+        touches[found] = held
+    return touches
 
 
-def _swings(face: ElasticFace, pressed: Pressed) -> np.ndarray:
-    """Tell where a spline may swing because of what is off its neighbours, as `_rings` has it."""
-    from scipy.ndimage import distance_transform_edt
+def _swings_m(shape: _Roughness, at: tuple[np.ndarray, np.ndarray]) -> np.ndarray:
+    """Return by how much a spline swings at pixels, shape (n,), see `_rings`.
 
-    shape = _roughness(face, pressed)
-    most_m, off_m = shape.most_m, np.sqrt(shape.greater_m2)
-    rough = off_m > most_m
-    if not rough.any():
-        return rough
-    pixels = math.log(off_m[rough].max() / most_m) / -math.log(_RINGING)
-    return np.asarray(distance_transform_edt(~rough) <= pixels)
+    Because of the pixel about each that makes it swing the most there.
+    """
+    off_m = np.sqrt(np.nan_to_num(shape.greater_m2))
+    off_m[off_m <= shape.most_m] = 0.0
+    along = np.arange(-_SEEN, _SEEN + 1)
+    around = sliding_window_view(np.pad(off_m, _SEEN), (along.size, along.size))[at]
+    return (around * _RINGING ** np.hypot(along[:, None], along)).max(axis=(1, 2))
 
 
 def _rings(square_m2: np.ndarray, pressed: Pressed, most_m: float) -> bool:
