@@ -12,6 +12,7 @@ from capslip.contact.models.interacting import interacting
 from capslip.contact.press import press
 from capslip.contact.slip import slip_curve
 from capslip.contact.solvers.hertz import contact_radius_m
+from capslip.contact.solvers.near_field import near_field
 from capslip.contact.solvers.yielding import YieldLaw, first_loading
 from capslip.errors import SettingsError
 from capslip.materials import MATERIALS
@@ -208,6 +209,52 @@ def test_without_yield_a_hardness_changes_nothing(model):
     assert same.load_N == pytest.approx(caps.load_N, rel=1e-12)
     assert (elastic.hardness_Pa, elastic.yielded_area_m2) == (None, None)
     assert (hard.hardness_Pa, hard.yielded_area_m2) == (1e13, 0.0)
+
+
+def side_by_side(preload_N, *overrides):
+    """Press two caps far apart, and a little lower two that are 0.19 mm from each other."""
+    x_m, y_m = [0.05, 0.01, 0.03, 0.03015], [0.01, 0.03, 0.02, 0.02011]
+    caps = table(x_m, y_m, [24.0, 24.0, 27.0, 22.0], [0.0, -56e-9, -155e-9, -155e-9])
+    caps, families = group_families(caps)
+    given = ("contact.model=interacting", f"contact.preload_N={preload_N!r}", *overrides)
+    return press(
+        caps, families, HeightMap(np.zeros((20, 30)), (2e-3, 2e-3)), load_settings(overrides=given)
+    )
+
+
+@pytest.mark.parametrize("preload_N", [1.0, 4.7, 22.4, 63.3, 106.0, 300.0])
+def test_without_yield_caps_side_by_side_are_the_elastic_ones_to_the_last_digit(preload_N):
+    # Under the greater loads either of the two may carry: two equilibria, of which one is chosen
+    elastic, caps = side_by_side(preload_N)
+    hard, same = side_by_side(preload_N, "material.hardness_Pa=1e15")
+    assert hard.stiffness_N_per_m == elastic.stiffness_N_per_m
+    assert hard.approach_m == elastic.approach_m
+    assert same.load_N.tolist() == caps.load_N.tolist()
+    one, other = (state.curve_after(9.7) for state in (elastic, hard))
+    assert other.approach_m(9.7) == pytest.approx(float(one.approach_m(9.7)), rel=1e-12)
+
+
+@pytest.mark.parametrize("preload_N", [1.5, 4.7, 13.4, 22.4, 37.7, 63.3])
+@pytest.mark.parametrize("hardness", [2e6, 3e6])
+def test_caps_side_by_side_yield_in_equilibrium_under_light_loads(preload_N, hardness):
+    state, caps = side_by_side(preload_N, f"material.hardness_Pa={hardness!r}")
+    law, N, radius_m = yield_law(Material(hardness_Pa=hardness)), caps.load_N, caps.radius_m
+    on = N > 0.0
+    assert law.yielded(N, radius_m).any() == (preload_N > 4.0 or hardness < 3e6)
+    assert N.sum() == pytest.approx(preload_N, rel=1e-9)
+    assert N[:2].sum() > 0.95 * preload_N
+    r_m = np.hypot(*(np.subtract.outer(at, at) for at in (caps.x_m, caps.y_m)))
+    np.fill_diagonal(r_m, np.inf)
+    sunk_m = (N / r_m).sum(axis=1) / (np.pi * law.E_star_Pa)
+    near = near_field(caps.x_m, caps.y_m, caps.contact_radius_m, law.E_star_Pa)
+    # As wide as they yielded, contacts run together earlier: then all are point loads
+    assert (near is None) == (state.overlapping_pairs > 0) == (preload_N > 60.0)
+    if near is not None:
+        k = 4 / 3 * law.E_star_Pa * np.sqrt(law.flattened(N, radius_m)[0])
+        sunk_m += sum(near.sunk_m(k, N, (N / k) ** (2 / 3)))
+    level_m = law.approach_m(N, radius_m) + sunk_m - caps.peak_height_m
+    assert level_m[on] == pytest.approx(level_m[0], rel=1e-9)
+    assert level_m[~on].min(initial=np.inf) >= level_m[0]
 
 
 @pytest.mark.parametrize("model", RUNGS)

@@ -8,8 +8,7 @@ import numpy as np
 from capslip.caps.table import CapTable
 from capslip.contact.material import composite, yield_law
 from capslip.contact.rung import pairs_in_balance, turning_stiffness
-from capslip.contact.solvers.near_field import NearField, near_field
-from capslip.contact.solvers.yielding import FirstLoading, first_loading
+from capslip.contact.solvers.yielding import FirstLoading, first_loading, first_loading_at
 from capslip.settings import Settings
 
 
@@ -134,22 +133,14 @@ def press_balanced(
     C = pairs_in_balance(arm_m, E_star_Pa, settings)
     depth_m = peak_m.max() - peak_m
 
-    def pressed(start: Any, beside: NearField | None) -> FirstLoading:
-        start_m, start_N = start
-        return first_loading(
-            *(yield_law(material), radius_m, depth_m, E_star_Pa, contact.preload_N),
-            compliance_m_per_N=C,
-            near=beside,
-            start_m=start_m,
-            start_N=start_N,
-            arm=arm_m,
-            turning_stiffness=held[0],
-            moment_Nm=held[1],
-        )
-
-    rest = pressed(start or (None, None), None)
-    if C is None or not near:
-        return rest
-    a_m = np.sqrt(radius_m * rest.width_m)
-    beside = near_field(arm_m[:, 0], arm_m[:, 1], a_m, E_star_Pa)
-    return rest if beside is None else pressed((rest.compression_m, rest.load_N), beside)
+    start_m, start_N = start or (None, None)
+    face = yield_law(material), radius_m, depth_m, E_star_Pa, contact.preload_N
+    given: dict[str, Any] = {
+        "compliance_m_per_N": C,
+        "start_m": start_m,
+        "start_N": start_N,
+        "arm": arm_m,
+        "turning_stiffness": held[0],
+        "moment_Nm": held[1],
+    }
+    return first_loading_at(arm_m, *face, **given) if near else first_loading(*face, **given)

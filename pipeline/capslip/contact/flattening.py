@@ -9,7 +9,7 @@ from capslip.caps.families import Families, Family
 from capslip.contact.bulk import bulk_of_face_m_per_N, without_bulk
 from capslip.contact.curve import NormalCurve
 from capslip.contact.rung import Rung, Scene
-from capslip.contact.solvers.yielding import YieldLaw, first_loading
+from capslip.contact.solvers.yielding import YieldLaw, first_loading, first_loading_at
 from capslip.errors import ContactError
 
 
@@ -109,12 +109,14 @@ def _top_m(model: Rung, scene: Scene) -> float:
 def _of_caps(model: Rung, scene: Scene) -> Scene:
     caps, use = scene.caps, scene.use
     curve = model.build(scene)
-    after = first_loading(
+    after = first_loading_at(
+        np.column_stack((caps.x_m, caps.y_m))[use],
         *(scene.law, scene.radius_m, scene.depth_m, scene.E_star_Pa, scene.preload_N),
         compliance_m_per_N=getattr(curve, "pair_compliance_m_per_N", None),
-        near=getattr(curve, "near", None),
-        start_m=scene.start_m,
+        start_m=getattr(curve, "start_m", scene.start_m),
     )
+    if not scene.law.yielded(after.load_N, scene.radius_m).any():
+        return scene
     radius_m, peak_m = caps.radius_m.copy(), caps.peak_height_m.copy()
     radius_m[use] = after.radius_m
     peak_m[use] -= after.depth_m - scene.depth_m

@@ -9,7 +9,7 @@ from capslip.contact.bulk import bulk_of_face_m_per_N
 from capslip.contact.models.interacting import InteractingCurve, interacting
 from capslip.contact.models.mean_field import mean_field
 from capslip.contact.solvers.hertz import HertzCurve
-from capslip.contact.solvers.yielding import YieldLaw, first_loading
+from capslip.contact.solvers.yielding import YieldLaw, first_loading, first_loading_at
 from capslip.surface.heightmap import HeightMap
 
 MAX_INTERACTING = 2000  # caps; the dense matrix of pairs then takes 32 MB
@@ -80,10 +80,10 @@ def reachable(
         spheres, places = (radius_m[near], depth_m[near]), (x_m[near], y_m[near])
         pairs = interacting(*spheres, *places, E_star_Pa, preload_N)
         if law is not None:
-            after = first_loading(
-                *(law, *spheres, E_star_Pa, preload_N),
+            after = first_loading_at(
+                *(np.column_stack(places), law, *spheres, E_star_Pa, preload_N),
                 compliance_m_per_N=pairs.pair_compliance_m_per_N,
-                near=pairs.near,
+                start_m=pairs.start_m,
             )
             spheres, start_m = (after.radius_m, after.depth_m), after.compression_m
             pairs = interacting(*spheres, *places, E_star_Pa, preload_N, start_m=start_m)

@@ -20,7 +20,7 @@ from typing import Any
 import numpy as np
 
 from capslip.contact.solvers.balance import Equilibrium, press
-from capslip.contact.solvers.near_field import NearField
+from capslip.contact.solvers.near_field import NearField, near_field
 from capslip.errors import ContactError
 
 HARDNESS_PER_YIELD = 2.8  # Tabor 1951; Jackson and Green have 2.84 for small contacts
@@ -240,7 +240,8 @@ def first_loading(
     compliance_m_per_N : float64, shape (n, n), optional
         Between the caps, as for `balance.press`.
     near : NearField, optional
-        The same. Of caps that yield it is that of the flattened ones, turn by turn.
+        The same. Of caps that yield it is that of the flattened ones, turn by turn. It needs a
+        start at the equilibrium of the point loads, see `first_loading_at`.
     count : float64, shape (n,)
         Equal caps in each row, only of caps that do not interact.
     start_m, start_N : float64, shape (n,), optional
@@ -276,9 +277,9 @@ def first_loading(
             near_m = even_m if start_m is None else start_m
             rest = press(rows, depth_m, compliance_m_per_N, near_m, load_N, **turning, near=beside)
         except ContactError:
-            if start_m is None:
+            if start_m is None or beside is not None:
                 raise
-            rest = press(rows, depth_m, compliance_m_per_N, even_m, load_N, **turning, near=beside)
+            rest = press(rows, depth_m, compliance_m_per_N, even_m, load_N, **turning)
         return rest, k * np.maximum(rest.compression_m, 0.0) ** 1.5
 
     rest, one_N, gap_m, moved, part = None, start_N, start_m, 0.0, 1.0
@@ -287,7 +288,7 @@ def first_loading(
         try:
             rest, one_N = pressed(radius_m, depth_m, start_m, near)
         except ContactError:
-            if law is None:
+            if law is None or near is not None:
                 raise
             one_N = np.full(len(radius_m), load_N / np.sum(count * np.ones(len(radius_m))))
     if rest is not None and (law is None or not law.yielded(one_N, radius_m).any()):
@@ -321,6 +322,44 @@ def first_loading(
     a2_m2 = np.cbrt(0.75 * one_N * flat_m / E_star_Pa) ** 2
     g = np.where(one_N > 0.0, a2_m2 / flat_m, rest.compression_m)
     return FirstLoading(rest, one_N, flat_m, depth_m + left_m, a2_m2 / radius_m, g)
+
+
+def first_loading_at(
+    place_m: np.ndarray,
+    law: YieldLaw | None,
+    radius_m: np.ndarray,
+    depth_m: np.ndarray,
+    E_star_Pa: float,
+    load_N: float,
+    **given: Any,
+) -> FirstLoading:
+    """Press caps at their places for the first time, with their near field where they have one.
+
+    The near field of wide contacts has equilibria of its own, on caps beside one another and no
+    others, and from a load on all of them these are found, or none. So point loads come first: they
+    say where to start, and whether the contacts, as wide as they yielded, stand apart at all.
+
+    Parameters
+    ----------
+    place_m : float64, shape (n, 2)
+        Places (x, y).
+    law, radius_m, depth_m, E_star_Pa, load_N, given
+        As of `first_loading`. Without a compliance between the caps it is that alone.
+
+    Raises
+    ------
+    ContactError
+        As for `first_loading`.
+    """
+    face = law, radius_m, depth_m, E_star_Pa, load_N
+    rest = first_loading(*face, **given)
+    if given.get("compliance_m_per_N") is None:
+        return rest
+    near = near_field(*place_m.T, np.sqrt(radius_m * rest.width_m), E_star_Pa)
+    if near is None:
+        return rest
+    start = {"start_m": rest.compression_m, "start_N": rest.load_N}
+    return first_loading(*face, **given | start, near=near)
 
 
 def _sunk_near_m(
