@@ -13,7 +13,7 @@ from capslip.contact.press import press
 from capslip.contact.slip import slip_curve
 from capslip.contact.solvers.hertz import contact_radius_m
 from capslip.contact.solvers.near_field import near_field
-from capslip.contact.solvers.yielding import YieldLaw, first_loading
+from capslip.contact.solvers.yielding import YieldLaw, first_loading, first_loading_at
 from capslip.errors import SettingsError
 from capslip.materials import MATERIALS
 from capslip.settings import Material, settings_from
@@ -238,23 +238,28 @@ def test_without_yield_caps_side_by_side_are_the_elastic_ones_to_the_last_digit(
 @pytest.mark.parametrize("hardness", [2e6, 3e6])
 def test_caps_side_by_side_yield_in_equilibrium_under_light_loads(preload_N, hardness):
     state, caps = side_by_side(preload_N, f"material.hardness_Pa={hardness!r}")
-    law, N, radius_m = yield_law(Material(hardness_Pa=hardness)), caps.load_N, caps.radius_m
-    on = N > 0.0
+    law, radius_m = yield_law(Material(hardness_Pa=hardness)), caps.radius_m
+    place_m, depth_m = np.column_stack((caps.x_m, caps.y_m)), -caps.peak_height_m
+    r_m = np.hypot(*(place_m[:, None] - place_m).T)
+    np.fill_diagonal(r_m, np.inf)
+    C = 1 / (np.pi * law.E_star_Pa * r_m)
+    face = law, radius_m, depth_m, law.E_star_Pa, preload_N
+    after = first_loading_at(place_m, *face, compliance_m_per_N=C)
+    N, on = after.load_N, after.load_N > 0.0
+    assert caps.load_N == pytest.approx(N, rel=1e-6)
     assert law.yielded(N, radius_m).any() == (preload_N > 4.0 or hardness < 3e6)
     assert N.sum() == pytest.approx(preload_N, rel=1e-9)
     assert N[:2].sum() > 0.95 * preload_N
-    r_m = np.hypot(*(np.subtract.outer(at, at) for at in (caps.x_m, caps.y_m)))
-    np.fill_diagonal(r_m, np.inf)
-    sunk_m = (N / r_m).sum(axis=1) / (np.pi * law.E_star_Pa)
     near = near_field(caps.x_m, caps.y_m, caps.contact_radius_m, law.E_star_Pa)
     # As wide as they yielded, contacts run together earlier: then all are point loads
     assert (near is None) == (state.overlapping_pairs > 0) == (preload_N > 60.0)
+    sunk_m = C @ N
     if near is not None:
         k = 4 / 3 * law.E_star_Pa * np.sqrt(law.flattened(N, radius_m)[0])
         sunk_m += sum(near.sunk_m(k, N, (N / k) ** (2 / 3)))
-    level_m = law.approach_m(N, radius_m) + sunk_m - caps.peak_height_m
-    assert level_m[on] == pytest.approx(level_m[0], rel=1e-9)
-    assert level_m[~on].min(initial=np.inf) >= level_m[0]
+    level_m = law.approach_m(N, radius_m) + sunk_m + depth_m
+    assert level_m[on] == pytest.approx(after.rest.level_m, rel=1e-9)
+    assert level_m[~on].min(initial=np.inf) >= after.rest.level_m
 
 
 @pytest.mark.parametrize("model", RUNGS)

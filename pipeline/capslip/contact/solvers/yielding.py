@@ -355,7 +355,8 @@ def first_loading_at(
     rest = first_loading(*face, **given)
     if given.get("compliance_m_per_N") is None:
         return rest
-    near = near_field(*place_m.T, np.sqrt(radius_m * rest.width_m), E_star_Pa)
+    a_m = np.sqrt(radius_m * rest.width_m)
+    near = near_field(place_m[:, 0], place_m[:, 1], a_m, E_star_Pa)
     if near is None:
         return rest
     start = {"start_m": rest.compression_m, "start_N": rest.load_N}
