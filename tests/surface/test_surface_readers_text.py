@@ -444,6 +444,102 @@ def test_two_lines_of_names_have_one_order(tmp_path):
         load_surface(put(tmp_path / "p.xyz", "# y z x\n# y x z\n# c\n" + body), **LENGTHS)
 
 
+@pytest.mark.parametrize(
+    ("line", "order"),
+    [
+        ("y_um,x_um,z_um", "yxz"),
+        ("Y/um,X/um,Z/um", "yxz"),
+        ("y / um, x / um, z / um", "yxz"),
+        ("Y,X,Height", "yxz"),
+        ("Elevation [um] X [um] Y [um]", "zxy"),
+        ("# columns: Y X Z", "yxz"),
+        ("# columns of points: Z, X, Y", "zxy"),
+        ("y X z extra", "yxz"),
+        ("y,height,x,z", "yixz"),
+        ("Z_um,Y_um,Height_um,X_um", "zyix"),
+        ("z,x,noise:,y", "zxiy"),
+    ],
+)
+@pytest.mark.parametrize("extension", ["csv", "xyz"])
+def test_names_of_columns_are_understood_as_people_write_them(tmp_path, line, order, extension):
+    x, y, z = points_of().T
+    columns = {"i": np.arange(MAP.size), "x": x, "y": y, "z": z}
+    body = rows(np.column_stack([columns[name] for name in order]), ",")
+    surface = load_surface(
+        put(tmp_path / f"p.{extension}", f"{line}\n{body}"), unit="um", lateral_unit="um"
+    )
+    np.testing.assert_allclose(surface.height_m, 1e-6 * MAP, rtol=1e-15)
+    np.testing.assert_allclose(surface.pixel_size_m, (2e-6, 1e-6), rtol=1e-12)
+    assert not any("not understood" in note for note in surface.origin.notes)
+
+
+@pytest.mark.parametrize(
+    "line",
+    ["x_mm,y_mm,z_nm", "X/mm,Y/mm,Z/nm", "x [mm] y [mm] height (nm)", "x_mm y_mm height_nm i"],
+)
+def test_units_behind_names_hold_against_what_is_given(tmp_path, line):
+    path = put(tmp_path / "p.csv", f"{line}\n{rows(points_of(), ',')}")
+    surface = load_surface(path)
+    np.testing.assert_allclose(surface.height_m, 1e-9 * MAP, rtol=1e-15)
+    np.testing.assert_allclose(surface.pixel_size_m, (2e-3, 1e-3), rtol=1e-12)
+    with pytest.raises(UncalibratedError, match="stored in mm, but --lateral-unit says um"):
+        load_surface(path, lateral_unit="um")
+    with pytest.raises(UncalibratedError, match="stored in nm, but --unit says um"):
+        load_surface(path, unit="um")
+
+
+def test_a_height_that_stands_alone_is_no_unit_of_z(tmp_path):
+    path = put(tmp_path / "p.csv", "# Height [mm]: 12\nx [mm],y,z\n" + rows(points_of(), ","))
+    with pytest.raises(UnreadableFileError, match="x in mm, y in None"):
+        load_surface(path)
+    path = put(tmp_path / "p.csv", "# Height [mm], of x\nx,y,z\n" + rows(points_of(), ","))
+    with pytest.raises(UncalibratedError, match="the file says neither the unit"):
+        load_surface(path)
+
+
+@pytest.mark.parametrize(
+    "line",
+    [
+        "# measured by y. smith at x 20",
+        "# stage at Z 40 Y 30 X 20",
+        "# Z 40 Y 30 X 20",
+        "# y is up, x to the right",
+        "# x and y in mm, z in um",
+        "# height as a function of y and x",
+        "# heights over x and y",
+        "# y",
+        "X Position,Y Position,Z Position",
+    ],
+)
+def test_a_remark_is_no_line_of_names(tmp_path, line):
+    path = put(tmp_path / "p.csv", f"{line}\n{rows(points_of(), ',')}")
+    surface = load_surface(path, **LENGTHS)
+    np.testing.assert_allclose(surface.height_m, 1e-6 * MAP, rtol=1e-15)
+    assert surface.origin.notes == ()
+
+
+@pytest.mark.parametrize(
+    "line",
+    [
+        "Y,X,Depth",
+        "Depth,X,Y",
+        "Y_MM,X_MM,Z_UM",
+        "Y Position,X Position,Z Position",
+        "# Columns Y X Z",
+        "# y z x y",
+    ],
+)
+def test_names_in_another_order_that_are_not_understood_are_said(tmp_path, line):
+    path = put(tmp_path / "p.csv", f"{line}\n{rows(points_of(), ',')}")
+    (note,) = load_surface(path, **LENGTHS).origin.notes
+    assert note == (
+        f"{line.lstrip('# ')!r} was not understood as names of columns: columns 1, 2, 3 were "
+        "taken for x, y, z"
+    )
+    understood = put(tmp_path / "q.csv", f"# {line}\nx y z\n{rows(points_of(), ',')}")
+    assert load_surface(understood, **LENGTHS).origin.notes == ()
+
+
 @pytest.mark.parametrize("separator", ["\t", ","])
 def test_an_empty_row_is_no_point(tmp_path, separator):
     empty = 2 * separator + "\n"
