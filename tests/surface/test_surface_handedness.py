@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from click.testing import CliRunner
+from scipy.io import netcdf_file
 from written import BARE, DX_UM, DY_UM, writers
 
 from capslip.cli import main
@@ -112,3 +113,38 @@ def test_a_wave_lies_as_its_own_scaling_says(tmp_path):
     np.savetxt(tmp_path / "same.xyz", np.column_stack([x.ravel(), y.ravel(), z.ravel()]))
     points = load_surface(tmp_path / "same.xyz", unit="m", lateral_unit="m")
     np.testing.assert_allclose(load_surface(path).height_m, points.height_m, rtol=1e-12)
+
+
+@pytest.mark.parametrize("way_x", [1, -1])
+@pytest.mark.parametrize("way_y", [1, -1, 0])
+def test_netcdf_lies_as_its_own_coordinates_say(tmp_path, way_y, way_x):
+    """The same points as XYZ are the same face; without coordinates the first row is the top."""
+    pytest.importorskip("SurfaceTopography", reason="extra `vendor`", exc_type=ImportError)
+    ny, nx = Z_UM.shape
+    x, y = DX_UM * np.arange(nx)[::way_x], DY_UM * np.arange(ny)[:: way_y or -1]
+    z = Z_UM[:: way_y or -1, ::way_x]
+    with netcdf_file(str(tmp_path / "a.nc"), "w") as file:
+        for name, values, size in (("x", x, DX_UM * nx), ("y", y, DY_UM * ny)):
+            file.createDimension(name, len(values))
+            axis = file.createVariable(name, "f8", (name,))
+            axis[:] = values if way_y or name == "x" else 0.0
+            axis.length, axis.unit = size, "um"
+        file.createVariable("heights", "f8", ("x", "y"))[:] = z.T
+    points = np.column_stack([np.tile(x, ny), np.repeat(y, nx), z.ravel()])
+    np.savetxt(tmp_path / "same.xyz", points)
+    surface = load_surface(tmp_path / "a.nc", unit="um", lateral_unit="um")
+    same = load_surface(tmp_path / "same.xyz", unit="um", lateral_unit="um")
+    np.testing.assert_allclose(surface.height_m, same.height_m, rtol=1e-12)
+    np.testing.assert_allclose(surface.height_m, 1e-6 * Z_UM, rtol=1e-12)
+    np.testing.assert_allclose(surface.pixel_size_m, same.pixel_size_m, rtol=1e-12)
+    with pytest.raises(UncalibratedError, match=r"reading\.top_row_first.*never overridden"):
+        load_surface(tmp_path / "a.nc", top_row_first=way_y == 1)
+
+
+def test_netcdf_without_coordinates_has_its_top_first(tmp_path):
+    pytest.importorskip("SurfaceTopography", reason="extra `vendor`", exc_type=ImportError)
+    with netcdf_file(str(tmp_path / "a.nc"), "w") as file:
+        for name, count in zip("xy", Z_UM.T.shape, strict=True):
+            file.createDimension(name, count)
+        file.createVariable("heights", "f8", ("x", "y"))[:] = Z_UM[::-1].T
+    np.testing.assert_allclose(1e6 * load_surface(tmp_path / "a.nc", **BARE).height_m, Z_UM)

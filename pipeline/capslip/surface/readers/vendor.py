@@ -38,6 +38,7 @@ KNOWN = {  # what is no map in any format, by its first bytes
     b"\xd0\xcf\x11\xe0": ARCHIVE,
     b"version https://git-lfs": "a pointer of Git LFS, not the file; fetch it with `git lfs pull`",
 }
+NETCDF = "nc"  # alone has coordinates of its own
 NO_FORMAT = ("hgt", "asc", "gwy", "h5", "mat", "nms", "npy", "npz", "sdf", "sur", "x3p", "xyz")
 
 
@@ -117,15 +118,30 @@ def _stored(reader: Any, path: Path, dataset: str | None) -> Stored:
         raise UnreadableFileError(f"{path}: no regular grid; expected one; resample the scan")
     heights = np.ma.filled(np.ma.asarray(topography.heights(), dtype=np.float64), np.nan)
     unit = topography.unit
+    way_y, way_x = _ways(path) if kind == NETCDF else (-1, 1)
     return Stored(
-        height=heights.T,  # the library counts [x, y]
+        height=heights.T[:, ::way_x],  # the library counts [x, y]
         unit=unit,
         pixel_size=None if size is None else (size[1] / ny, size[0] / nx),
         lateral_unit=None if size is None else unit,
         notes=note_of_choice(dataset, names, maps),
-        top_row_first=True,  # the library turns every map as it is drawn, from the top down
+        top_row_first=way_y < 0,
         dataset=names[chosen] if len(names) > 1 else None,
     )
+
+
+def _ways(path: Path) -> tuple[int, int]:
+    """Return whether y and x grow (1) or fall (-1) along their indices, as a NetCDF file says.
+
+    What it does not say is as in every other format: the library turns a map as it is drawn, from
+    the top down.
+    """
+    from scipy.io import netcdf_file
+
+    with netcdf_file(str(path), maskandscale=True) as file:
+        said = file.variables
+        y, x = (said[name][:] if name in said else np.zeros(1) for name in "yx")
+    return 1 if y[-1] > y[0] else -1, -1 if x[-1] < x[0] else 1
 
 
 def _maps_of_heights(reader: Any) -> list[int]:
