@@ -12,6 +12,7 @@ from functools import cache
 from pathlib import Path
 from typing import get_type_hints
 
+import h5py
 import numpy as np
 import pytest
 from click.testing import CliRunner
@@ -603,6 +604,20 @@ def test_a_note_of_the_reader_is_said(tmp_path):
         assert said == [("warning", note) for note in notes]
 
 
+@pytest.mark.parametrize("said", [1, 0])
+def test_what_a_file_settles_itself_is_said_and_changes_no_status(tmp_path, said):
+    """A value that the file says for non-measured points, with a point or without."""
+    z = plain_m()
+    z[0, 0] = -9999.0 if said else z[0, 0]
+    with h5py.File(tmp_path / "face.h5", "w") as file:
+        file["height"] = z
+        units = {"unit": "m", "pixel_size": 2 * [PIXEL_M], "pixel_unit": "m"}
+        file["height"].attrs.update({**units, "missing_value": -9999.0})
+    found = analyze_once(load_surface(tmp_path / "face.h5"), Settings()).problems
+    notes = [(p.severity, p.message) for p in found if p.code == "reader_note"]
+    assert notes == said * [("info", "1 points with the missing_value -9999 are non-measured")]
+
+
 @pytest.mark.parametrize(("more", "said"), [(("--export", "jenkins"), 1), ((), 0)])
 def test_a_part_of_the_output_that_is_not_there_is_said(more, said, tmp_path):
     """A Jenkins model needs a slip curve, and three pixels of noise have none."""
@@ -633,7 +648,7 @@ def test_a_part_of_the_output_that_is_not_there_is_said(more, said, tmp_path):
 
 def test_every_code_of_the_registry_has_a_row():
     rows = {(row.code, row.severity) for row in ROWS}
-    rows |= {("reader_note", "warning"), ("output_missing", "warning")}
+    rows |= {("reader_note", "info"), ("reader_note", "warning"), ("output_missing", "warning")}
     rows |= {("export_inexact", "info"), ("export_inexact", "warning")}  # in those of the folder
     rows |= {("scans_of_one_place", "warning")}  # in the tests of repeated scans
     rows |= {("fit_not_settled", "info")}  # in the tests of what a model reads

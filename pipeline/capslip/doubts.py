@@ -40,7 +40,7 @@ from capslip.surface.doubts import (
     problems_of_tilt,
 )
 from capslip.surface.flatness import known_flatness_m
-from capslip.surface.heightmap import HeightMap
+from capslip.surface.heightmap import HeightMap, Statement
 from capslip.surface.holes import problems_of_filling
 from capslip.units import percent
 
@@ -131,12 +131,20 @@ def _before_contact(face: Face, found: Analysis, mate: HeightMap | None) -> list
     problems = []
     scans = [one for one in (found.surface, mate) if one is not None]
     for scan, tops in zip(scans, face.conditioned.tops_of_scans, strict=True):
-        problems += [Problem("reader_note", "warning", note) for note in scan.origin.notes]
+        problems += _of_reader(scan)
         problems += [*problems_of_scan(scan, tops), *problems_of_points(scan)]
     problems += material_doubts(found.settings.material)
     problems += problems_of_structure(found.settings.structure)
     problems += [*face.conditioned.problems, *face.problems]
     return problems + problems_of_families(face.family_caps, face.families)
+
+
+def _of_reader(scan: HeightMap) -> list[Problem]:
+    """Return the notes of the reader: what the file settles changes no status."""
+    return [
+        Problem("reader_note", "info" if isinstance(note, Statement) else "warning", note)
+        for note in scan.origin.notes
+    ]
 
 
 def _of_outline(face: Face) -> list[Problem]:

@@ -11,6 +11,7 @@ import pytest
 from scipy.io import savemat
 
 from capslip.errors import UnreadableFileError
+from capslip.surface.heightmap import Statement
 from capslip.surface.readers import load_surface
 
 JOINT = Path(__file__).parents[3] / "shared" / "joint" / "brb_surface_data.mat"
@@ -52,6 +53,7 @@ def test_an_array_of_points_is_no_map_of_three_columns(tmp_path, name, turned):
     np.testing.assert_allclose(surface.height_m, 1e-6 * MAP, rtol=1e-12)
     np.testing.assert_allclose(surface.pixel_size_m, (2e-6, 1e-6), rtol=1e-9)
     assert "was taken for points x, y, z" in surface.origin.notes[0]
+    assert isinstance(surface.origin.notes[0], Statement)
 
 
 def test_a_map_of_three_long_rows_is_told_what_it_was_taken_for(tmp_path):
@@ -100,6 +102,7 @@ def test_what_marks_blanks_is_non_measured_and_said(tmp_path, name, value):
     surface = load_surface(tmp_path / name, **BARE)
     assert np.argwhere(~surface.measured).tolist() == [list(cell) for cell in CELLS]
     assert surface.origin.notes[-1].startswith("3 points with ")
+    assert not isinstance(surface.origin.notes[-1], Statement)
 
 
 @pytest.mark.parametrize(

@@ -15,6 +15,7 @@ from PIL import Image
 from scipy.io import savemat
 
 from capslip.errors import UncalibratedError, UnreadableFileError
+from capslip.surface.heightmap import Statement
 from capslip.surface.readers import FORMATS, load_surface
 from capslip.surface.readers.stored import check_growth
 
@@ -86,6 +87,7 @@ def test_every_data_type_of_sdf(tmp_path, code, order, magic):
     np.testing.assert_allclose(surface.height_m, 0.5e-9 * raw, rtol=1e-15)
     assert surface.pixel_size_m == (2e-6, 1e-6)
     assert any("big-endian" in note for note in surface.origin.notes) == (order == ">")
+    assert all(isinstance(note, Statement) for note in surface.origin.notes)
 
 
 @pytest.mark.parametrize(
@@ -114,6 +116,7 @@ def test_sdf_with_a_longer_header(tmp_path):
     surface = load_surface(tmp_path / "s.sdf")
     np.testing.assert_allclose(surface.height_m, 0.5e-9 * MAP, rtol=1e-15)
     assert any("eight bytes" in note for note in surface.origin.notes)
+    assert all(isinstance(note, Statement) for note in surface.origin.notes)
 
 
 @pytest.mark.parametrize(
@@ -204,6 +207,19 @@ def test_no_data_value_of_tiff(tmp_path):
     surface = load_surface(tmp_path / "t.tif", **CALIBRATION)
     assert np.argwhere(~surface.measured[::-1]).tolist() == [[1, 2]]
     assert "1 points with the file's no-data value -9999" in surface.origin.notes[0]
+    assert isinstance(surface.origin.notes[0], Statement)
+
+
+@pytest.mark.parametrize("code", ["-9999", "nan"])
+@pytest.mark.parametrize("dtype", ["f4", "f8", "i2"])
+def test_a_no_data_value_that_no_point_has_is_not_said(tmp_path, code, dtype):
+    heights = np.round(100 * MAP).astype(dtype)
+    if dtype != "i2":
+        heights[1, 2] = np.nan
+    tifffile.imwrite(tmp_path / "t.tif", heights, extratags=[(42113, "s", 0, code, True)])
+    surface = load_surface(tmp_path / "t.tif", **CALIBRATION, scale=1.0)
+    np.testing.assert_allclose(1e6 * surface.height_m[::-1], heights, rtol=1e-12)
+    assert surface.origin.notes == ()
 
 
 def test_imagej_says_its_pixel_size(tmp_path):

@@ -8,6 +8,7 @@ import pytest
 from written import gwy_component, gwy_field, gwy_file
 
 from capslip.errors import CapslipError, UncalibratedError, UnreadableFileError
+from capslip.surface.heightmap import Statement
 from capslip.surface.readers import load_surface
 
 CHANNELS = Path(__file__).parents[3] / "shared" / "scans" / "channels"
@@ -80,6 +81,9 @@ def test_what_lies_under_a_mask_is_non_measured_and_said(tmp_path):
     surface = load_surface(put(tmp_path / "a.gwy", titled(0, "z"), component))
     assert np.argwhere(~surface.measured[::-1]).tolist() == [[0, 2], [0, 3], [0, 4]]
     assert "3 points (6.2 %) under the mask" in surface.origin.notes[0]
+    assert not isinstance(surface.origin.notes[0], Statement)  # a mask may mark anything
+    empty = gwy_component("/0/mask", "o", gwy_field(0.0 * mask, "m", "", SIZE_M))
+    assert load_surface(put(tmp_path / "b.gwy", titled(0, "z"), empty)).origin.notes == ()
 
 
 def test_maps_of_one_name_are_told_apart_and_the_choice_is_said(tmp_path):
@@ -92,6 +96,7 @@ def test_maps_of_one_name_are_told_apart_and_the_choice_is_said(tmp_path):
     first = load_surface(path)
     assert first.origin.dataset == "Height#1"
     assert "'Height#1' of the file was read, not Height#2" in first.origin.notes[0]
+    assert not isinstance(first.origin.notes[0], Statement)  # they may be of two faces
     named = load_surface(path, dataset="Height#1")
     np.testing.assert_array_equal(first.height_m, named.height_m)
     assert named.origin.notes == ()

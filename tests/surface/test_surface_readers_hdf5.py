@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from capslip.errors import UncalibratedError, UnreadableFileError
-from capslip.surface.heightmap import HeightMap
+from capslip.surface.heightmap import HeightMap, Statement
 from capslip.surface.readers import hdf5, load_surface
 
 MAP = np.random.default_rng(4).normal(size=(6, 8))
@@ -129,6 +129,18 @@ def test_counts_are_scaled_as_the_attributes_say(tmp_path):
     np.testing.assert_allclose(surface.height_m, expected, rtol=1e-12)
     assert "2 points with the _FillValue -32768 are non-measured" in surface.origin.notes
     assert any("0.01 times the stored numbers plus 7" in note for note in surface.origin.notes)
+    assert all(isinstance(note, Statement) for note in surface.origin.notes)
+
+
+@pytest.mark.parametrize("name", ["_FillValue", "missing_value"])
+@pytest.mark.parametrize("code", [-9999.0, np.nan])
+def test_a_value_that_no_point_has_is_not_said(tmp_path, name, code):
+    with h5py.File(tmp_path / "a.h5", "w") as file:
+        file["height"] = MAP
+        file["height"].attrs[name] = code
+    surface = load_surface(tmp_path / "a.h5", **GIVEN)
+    np.testing.assert_array_equal(surface.height_m, 1e-6 * MAP)
+    assert surface.origin.notes == ()
 
 
 @pytest.mark.parametrize("name", ["scale_factor", "add_offset", "_FillValue"])

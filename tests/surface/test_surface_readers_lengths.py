@@ -10,6 +10,7 @@ from fuzz_readers import OF_KNOWN_LENGTH, changed_in_silence
 from written import sur_header, writers
 
 from capslip.errors import UnreadableFileError
+from capslip.surface.heightmap import Statement
 from capslip.surface.readers import load_surface
 
 SCANS = Path(__file__).parents[3] / "shared" / "scans"
@@ -160,3 +161,4 @@ def test_bytes_behind_the_heights_can_be_tolerated(tmp_path):
     (tmp_path / "a.sur").write_bytes(PLAIN + b"\0")
     surface = load_surface(tmp_path / "a.sur", lenient=True)
     assert "705 bytes, but its header describes 704; read anyway" in surface.origin.notes[0]
+    assert not isinstance(surface.origin.notes[0], Statement)

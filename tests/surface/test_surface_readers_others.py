@@ -10,6 +10,7 @@ import tifffile
 from written import BARE, DX_UM, DY_UM, rows_of, writers
 
 from capslip.errors import CapslipError, UncalibratedError, UnreadableFileError
+from capslip.surface.heightmap import Statement
 from capslip.surface.readers import load_surface
 
 SCANS = Path(__file__).parents[3] / "shared" / "scans"
@@ -125,6 +126,7 @@ def test_a_mesh_that_another_library_wrote(tmp_path, name, options):
     surface = load_surface(tmp_path / name, **LENGTHS)
     check(surface, MAP, rtol=1e-6, file_format="mesh")
     assert "48 points of the mesh" in surface.origin.notes[0]
+    assert all(isinstance(note, Statement) for note in surface.origin.notes)
 
 
 @pytest.mark.parametrize("digits", [15, 28, 60])
@@ -292,6 +294,11 @@ def test_wyko_text_is_in_wavelengths_or_nm(tmp_path, flag, unit_m):
     np.testing.assert_allclose(surface.height_m, unit_m * rows)
     np.testing.assert_allclose(surface.pixel_size_m, (2e-6, 2e-6))
     assert surface.origin.file_format == "wyko"
+    assert surface.origin.notes == ()
+    put(tmp_path / "b.asc", WYKO.format(flag) + "Intensity\t6\t24\t\n1\t2\t3\n")
+    (note,) = load_surface(tmp_path / "b.asc").origin.notes
+    assert note == "of several blocks, RAW_DATA was read"
+    assert isinstance(note, Statement)
 
 
 def test_wyko_text_is_as_another_reader_has_it(tmp_path):
@@ -337,7 +344,9 @@ def test_xyz_with_more_columns(tmp_path, names, order):
     text = (names + "\n" if names else "") + rows_of(columns)
     surface = load_surface(put(path, text), **LENGTHS)
     check(surface, MAP, file_format="xyz")
-    assert any("of 4 were taken for x, y, z" in note for note in surface.origin.notes)
+    (note,) = surface.origin.notes
+    assert "of 4 were taken for x, y, z" in note
+    assert isinstance(note, Statement) == (names is not None)
 
 
 # --- Nanonis ---
@@ -368,6 +377,11 @@ def test_nanonis_scans_lie_as_they_were_scanned(tmp_path, way, dataset):
 def test_nanonis_channels(tmp_path):
     surface = load_surface(put(tmp_path / "a.sxm", sxm(MAP)))
     assert "'Z forward' of the file was read, not Z backward" in surface.origin.notes[0]
+    assert isinstance(surface.origin.notes[0], Statement)  # two ways over one face
+    other = sxm(MAP).replace(b"Current\tA", b"Current\tm")
+    several = load_surface(put(tmp_path / "b.sxm", other)).origin.notes[0]
+    assert "not Z backward, Current forward, Current backward" in several
+    assert not isinstance(several, Statement)
     with pytest.raises(UncalibratedError, match="'Current forward' is in A"):
         load_surface(tmp_path / "a.sxm", dataset="Current forward")
     with pytest.raises(UnreadableFileError, match="bytes were added"):
@@ -396,6 +410,7 @@ def test_nms_agrees_with_another_reader(tmp_path):
     np.testing.assert_allclose(surface.side_m[::-1], 1e-12 * np.array(other.physical_sizes))
     assert surface.origin.file_format == "nms"
     assert "which row is the top" in surface.origin.notes[-1]
+    assert isinstance(surface.origin.notes[-1], Statement)
 
 
 def test_ends_of_the_range_of_nms_are_heights_once_and_no_more(tmp_path):
@@ -405,6 +420,7 @@ def test_ends_of_the_range_of_nms_are_heights_once_and_no_more(tmp_path):
     assert np.isnan(surface.height_m[1, 1:4]).all()
     assert np.isnan(surface.height_m).sum() == 3
     assert "3 points with the count 0" in surface.origin.notes[0]
+    assert not isinstance(surface.origin.notes[0], Statement)
 
 
 @pytest.mark.parametrize(

@@ -15,6 +15,7 @@ from capslip.errors import (
     UnreadableFileError,
     UnusableSurfaceError,
 )
+from capslip.surface.heightmap import Statement
 from capslip.surface.readers import load_surface
 from capslip.surface.readers.points import grid_points
 
@@ -52,6 +53,7 @@ def test_separators_and_decimal_marks(tmp_path, separator, decimal, end):
     np.testing.assert_allclose(surface.height_m, 1e-6 * MAP, rtol=1e-15)
     assert surface.pixel_size_m == (2e-3, 1e-3)
     assert any("decimal commas" in note for note in surface.origin.notes) == (decimal == ",")
+    assert all(isinstance(note, Statement) for note in surface.origin.notes)
 
 
 @pytest.mark.parametrize("before", ["", "sep=;\n", "# 1.5 mm, 2.5 mm\n"])
@@ -204,6 +206,7 @@ def test_positions_beside_the_heights_are_no_heights(tmp_path, turned, step):
 def test_text_without_an_end_is_noted(tmp_path):
     surface = load_surface(put(tmp_path / "m.txt", rows().rstrip("\n")), **CALIBRATION)
     assert any("truncated" in note for note in surface.origin.notes)
+    assert not any(isinstance(note, Statement) for note in surface.origin.notes)
 
 
 @pytest.mark.parametrize(
@@ -345,6 +348,7 @@ def test_jittered_points_go_to_their_nodes_with_a_note(jitter):
     np.testing.assert_array_equal(grid.height, heights)
     np.testing.assert_allclose(grid.pixel_size, (2.0, 1.0), rtol=1e-3)
     assert f"up to {100 * jitter:.0f} % of a pixel" in grid.notes[0]
+    assert not isinstance(grid.notes[0], Statement)
 
 
 def test_cloud_keeps_a_plane_and_says_what_was_done():
@@ -361,6 +365,7 @@ def test_cloud_keeps_a_plane_and_says_what_was_done():
     empty = np.isnan(grid.height).mean()
     assert empty == pytest.approx(np.exp(-4.0), abs=0.01)
     assert "20000 points" in grid.notes[0]
+    assert not isinstance(grid.notes[0], Statement)
     assert f"{100 * empty:.1f} % of the cells are empty" in grid.notes[0]
 
 
@@ -385,6 +390,7 @@ def test_repeated_points_are_merged_and_contradictions_refused():
     grid = grid_points(np.vstack([points, points[5:8]]), "points")
     np.testing.assert_array_equal(grid.height, MAP)
     assert grid.notes == ("3 points that repeat another one were merged with it",)
+    assert isinstance(grid.notes[0], Statement)
     other = points[9] + [0.0, 0.0, 1.0]
     with pytest.raises(
         UnreadableFileError, match=r"two heights at x = 1, y = 2: .* and "
@@ -536,6 +542,7 @@ def test_names_in_another_order_that_are_not_understood_are_said(tmp_path, line)
         f"{line.lstrip('# ')!r} was not understood as names of columns: columns 1, 2, 3 were "
         "taken for x, y, z"
     )
+    assert not isinstance(note, Statement)
     understood = put(tmp_path / "q.csv", f"# {line}\nx y z\n{rows(points_of(), ',')}")
     assert load_surface(understood, **LENGTHS).origin.notes == ()
 

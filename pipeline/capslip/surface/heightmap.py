@@ -26,7 +26,13 @@ class Origin:
     height_unit: str | None = None  # as stored in the file, or as given by the user
     lateral_unit: str | None = None
     dataset: str | None = None  # which of several maps of the file was read
-    notes: tuple[str, ...] = ()  # what the reader did beyond reading, for the user
+    notes: tuple[str, ...] = ()  # what the reader did beyond reading: doubts, or `Statement`
+
+
+class Statement(str):
+    """A note of what a reader found settled in the file; every other note is a doubt."""
+
+    __slots__ = ()
 
 
 @dataclass(frozen=True, eq=False)

@@ -3,6 +3,7 @@
 import numpy as np
 
 from capslip.errors import UnreadableFileError
+from capslip.surface.heightmap import Statement
 from capslip.surface.readers.points import grid_points
 from capslip.surface.readers.stored import Request, Stored
 
@@ -49,7 +50,7 @@ def stored_array(array: np.ndarray, what: str, request: Request) -> Stored:
         )
     taken = f"the array of {array.shape[0]} x {array.shape[1]} numbers was taken for points x, y, z"
     grid = grid_points(points, f"{what}: {taken}", request.pixel_size_in(None))
-    note = f"{taken}; --unit is that of z, --lateral-unit that of x and y"
+    note = Statement(f"{taken}; --unit is that of z, --lateral-unit that of x and y")
     return Stored(
         grid.height,
         pixel_size=grid.pixel_size,

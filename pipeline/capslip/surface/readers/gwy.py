@@ -97,10 +97,11 @@ def _stored(content: bytes, path: Path, dataset: str | None) -> Stored:
         marked = np.frombuffer(content, "<f8", z.size, mask.start).reshape(z.shape) > 0.5
         z[marked] = np.nan
         share = 100.0 * float(marked.mean())
-        notes += (
-            f"{int(marked.sum())} points ({share:.1f} %) under the mask of the channel are "
-            "non-measured; remove the mask in Gwyddion if it marks something else",
-        )
+        if marked.any():
+            notes += (
+                f"{int(marked.sum())} points ({share:.1f} %) under the mask of the channel are "
+                "non-measured; remove the mask in Gwyddion if it marks something else",
+            )
     dy, dx = (side / n for side, n in zip(field.size, field.shape, strict=True))
     return Stored(
         z,

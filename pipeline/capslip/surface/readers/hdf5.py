@@ -22,7 +22,7 @@ from capslip.errors import (
     UnreadableFileError,
     printable,
 )
-from capslip.surface.heightmap import HeightMap
+from capslip.surface.heightmap import HeightMap, Statement
 from capslip.surface.readers.arrays import stored_array
 from capslip.surface.readers.choice import shown
 from capslip.surface.readers.hdf5_items import check_inside, item_of, names_of_maps
@@ -252,7 +252,9 @@ def _unpacked(dataset: Any, what: str) -> tuple[np.ndarray, tuple[str, ...]]:
         code = _number(_attribute(dataset, name, what), f"{what}: attribute {name}")
         if code is not None and not np.isnan(code):
             here = raw == np.asarray(code).astype(raw.dtype)
-            notes += (f"{int(here.sum())} points with the {name} {code:g} are non-measured",)
+            if here.any():
+                said = f"{int(here.sum())} points with the {name} {code:g} are non-measured"
+                notes += (Statement(said),)
             marked |= here
     scale, offset = (
         _number(_attribute(dataset, name, what), f"{what}: attribute {name}")
@@ -261,7 +263,8 @@ def _unpacked(dataset: Any, what: str) -> tuple[np.ndarray, tuple[str, ...]]:
     if scale is not None or offset is not None:
         scale, offset = 1.0 if scale is None else scale, offset or 0.0
         raw = scale * raw.astype(np.float64) + offset
-        notes += (f"heights are {scale:g} times the stored numbers plus {offset:g}, as it says",)
+        said = f"heights are {scale:g} times the stored numbers plus {offset:g}, as it says"
+        notes += (Statement(said),)
     if marked.any():
         raw = np.where(marked, np.nan, raw)
     return raw, notes

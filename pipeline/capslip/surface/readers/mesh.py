@@ -12,6 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from capslip.errors import UnreadableFileError
+from capslip.surface.heightmap import Statement
 from capslip.surface.readers.points import grid_points
 from capslip.surface.readers.stored import MAX_POINTS, Format, Request, Stored
 from capslip.surface.readers.table import parse_numbers
@@ -77,7 +78,7 @@ def _read(path: Path, request: Request) -> Stored:
     # Corners stand in as many triangles as meet there
     points = np.unique(np.asarray(points, dtype=np.float64), axis=0)
     grid = grid_points(points, str(path), request.pixel_size_in(None))
-    note = f"heights are the z of {len(points)} points of the mesh; --unit is that of z"
+    note = Statement(f"heights are the z of {len(points)} points of the mesh; --unit is that of z")
     return Stored(
         grid.height, pixel_size=grid.pixel_size, notes=(note, *grid.notes), top_row_first=False
     )

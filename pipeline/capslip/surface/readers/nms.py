@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from capslip.errors import UnreadableFileError
+from capslip.surface.heightmap import Statement
 from capslip.surface.readers.lengths import compared_length
 from capslip.surface.readers.stored import Format, Request, Stored, check_shape
 
@@ -19,7 +20,7 @@ RANGES_AT, RANGES = 8, struct.Struct("<2I2d")  # of the counts, of the heights i
 PLACE_AT, PLACE = 1352, struct.Struct("<2I")  # of the counts, and their size in bytes
 GRID_AT, GRID = 1368, struct.Struct("<2I2d")  # points and steps in nm, along x, then y
 COUNT_BYTES = 2
-TURNED = (
+TURNED = Statement(
     "the format does not say which row is the top: the first one was taken for the lowest; "
     "reading.top_row_first = true says otherwise"
 )

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from capslip.errors import UnreadableFileError
+from capslip.surface.heightmap import Statement
 from capslip.surface.readers.stored import check_shape
 
 MAX_OFFSET = 0.35  # pixels; a point farther from its node may belong to the next one
@@ -239,7 +240,7 @@ def _without_duplicates(points: np.ndarray, where: str) -> tuple[np.ndarray, lis
             f"({int(contradictory.sum())} such places); expected one; keep one of them"
         )
     return points[np.concatenate([[True], ~again])], [
-        f"{int(again.sum())} points that repeat another one were merged with it"
+        Statement(f"{int(again.sum())} points that repeat another one were merged with it")
     ]
 
 

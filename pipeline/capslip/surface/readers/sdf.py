@@ -13,6 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from capslip.errors import UnreadableFileError
+from capslip.surface.heightmap import Statement
 from capslip.surface.readers.lengths import compared_length
 from capslip.surface.readers.stored import Format, Request, Stored, check_shape
 from capslip.surface.readers.table import decoded, parse_numbers, read_text
@@ -70,10 +71,12 @@ def _binary(path: Path, lenient: bool) -> tuple[_Header, np.ndarray, tuple[str, 
         header = _header(dict(zip(FIELDS.split(), big if swapped else little, strict=True)), path)
         dtype = np.dtype((">" if swapped else "<") + DATA_TYPES[header.data_type])
         n_points = header.shape[0] * header.shape[1]
-        notes = ["the SDF file is big-endian, against its standard"] if swapped else []
+        notes: list[str] = []  # by magic, sane scales and exact length
+        if swapped:
+            notes.append(Statement("the SDF file is big-endian, against its standard"))
         expected = start + n_points * dtype.itemsize
         if size == expected + 8 and struct.unpack_from("<2I", head, start) == EXTRA_WORDS:
-            notes.append("the SDF header has eight bytes more than its standard says")
+            notes.append(Statement("the SDF header has eight bytes more than its standard says"))
             start, expected = start + 8, expected + 8
         if size < expected:
             raise UnreadableFileError(

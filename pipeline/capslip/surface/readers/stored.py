@@ -37,7 +37,8 @@ class Stored:
     lateral_unit : str or None
         Unit of the pixel size.
     notes : tuple of str
-        What the reader did beyond reading: each a sentence for the user.
+        What the reader did beyond reading: each a sentence for the user, a doubt where it is no
+        `Statement`.
     top_row_first : bool or None
         Whether y falls with the row, as in a picture; None where the format leaves it open, and
         the first row then has the least y.
@@ -239,7 +240,7 @@ def calibrate(stored: Stored, origin: Origin, given: Calibration) -> HeightMap:
         height_unit=height_unit,
         lateral_unit=pixel_unit,
         dataset=None if stored.dataset is None else printable(stored.dataset),
-        notes=tuple(map(printable, stored.notes)),
+        notes=tuple(type(note)(printable(note)) for note in stored.notes),
     )
     return HeightMap(height_m, pixel_size_m, origin, noise_m=_noise_m(stored, where))
 

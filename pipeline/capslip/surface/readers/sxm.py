@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from capslip.errors import UncalibratedError, UnreadableFileError
+from capslip.surface.heightmap import Statement
 from capslip.surface.readers.choice import choose, note_of_choice, unique_names
 from capslip.surface.readers.lengths import compared_length
 from capslip.surface.readers.stored import Format, Request, Stored, check_shape, is_length
@@ -60,6 +61,9 @@ def _read(path: Path, request: Request) -> Stored:
     names = unique_names([one.name for one in maps])
     heights = [at for at, one in enumerate(maps) if is_length(one.unit)]
     chosen = choose(request.dataset, names, heights, path)
+    choice = note_of_choice(request.dataset, names, heights)
+    if len({maps[at].name.rpartition(" ")[0] for at in heights}) == 1:  # two ways over one face
+        choice = tuple(map(Statement, choice))
     one = maps[chosen]
     if chosen not in heights:
         raise UncalibratedError(
@@ -72,7 +76,7 @@ def _read(path: Path, request: Request) -> Stored:
         one.unit,
         (height / ny, width / nx),
         "m",
-        (*notes, *note_of_choice(request.dataset, names, heights)),
+        (*notes, *choice),
         top_row_first=direction != "up",
         dataset=names[chosen],
     )

@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from capslip.errors import UnreadableFileError
+from capslip.surface.heightmap import Statement
 from capslip.surface.readers.stored import check_shape, read_head
 
 COMMENT = (b"#", b"%", b"sep=")  # the last one says to a spreadsheet what separates
@@ -107,7 +108,7 @@ def parse_rows(body: bytes, where: str, lines_before: int) -> tuple[np.ndarray, 
     if len(_split(first)) > 2:  # one tab alone is no row, but an end that some programs write
         body = re.sub(rb"(?:\n *\t? *)+\Z", b"\n", body)
     if decimal_comma:
-        notes.append("decimal commas were read as decimal points")
+        notes.append(Statement("decimal commas were read as decimal points"))
         body = body.replace(b",", b".")
     if separator is not None:
         body = _fill_empty_fields(body, separator)

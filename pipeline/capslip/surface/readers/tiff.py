@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from capslip.errors import ScanError, UnreadableFileError
+from capslip.surface.heightmap import Statement
 from capslip.surface.readers.lengths import check_length
 from capslip.surface.readers.stored import (
     Format,
@@ -142,9 +143,15 @@ def _mask_no_data(heights: np.ndarray, page: Any, path: Path) -> tuple[str, ...]
             f"{path}: tag {GDAL_NODATA} (no data) is {str(tag.value)[:40]!r}; expected a number; "
             "export it again"
         ) from None
+    if np.isnan(code):  # as such points are anyway
+        return ()
     marked = heights == np.float64(np.asarray(code, dtype=page.dtype))
+    if not marked.any():
+        return ()
     heights[marked] = np.nan
-    return (f"{int(marked.sum())} points with the file's no-data value {code:g} are non-measured",)
+    count = int(marked.sum())
+    said = f"{count} points with the file's no-data value {code:g} are non-measured"
+    return (Statement(said),)
 
 
 def _imagej_pixel_size(

@@ -13,6 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from capslip.errors import UnreadableFileError
+from capslip.surface.heightmap import Statement
 from capslip.surface.readers.stored import Format, Request, Stored, check_shape
 from capslip.surface.readers.table import decoded, parse_numbers, read_text
 
@@ -59,7 +60,7 @@ def _read(path: Path, request: Request) -> Stored:
             f"{path}: {values.size} heights; expected {nx} lines of {ny} as the header says; copy "
             "or export it again"
         )
-    notes = (f"of several blocks, {name} was read",) if others else ()
+    notes = (Statement(f"of several blocks, {name} was read"),) if others else ()
     z_m = unit_m * values.reshape(nx, ny).T
     return Stored(z_m, "m", (dy_m, dx_m), "m", notes=notes, top_row_first=False)
 

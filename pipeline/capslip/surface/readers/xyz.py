@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 
 from capslip.errors import UnreadableFileError
+from capslip.surface.heightmap import Statement
 from capslip.surface.readers.points import grid_points
 from capslip.surface.readers.stored import Format, Request, Stored
 from capslip.surface.readers.table import (
@@ -69,7 +70,8 @@ def _points(table: Table, path: Path) -> tuple[np.ndarray, tuple[str, ...]]:
     notes = () if named else _other_orders(table.comments, columns)
     if columns == 3:
         return points, notes
-    return points, (f"columns {_shown(places)} of {columns} were taken for x, y, z", *notes)
+    taken = f"columns {_shown(places)} of {columns} were taken for x, y, z"
+    return points, (Statement(taken) if named else taken, *notes)
 
 
 def _named_places(comments: tuple[str, ...], columns: int, path: Path) -> list[int]:
