@@ -106,7 +106,9 @@ joint_options = _options(  # of every command that answers for a joint
     settings_options,
 )
 reading_options = _options(  # of every command that reads scans
-    click.option("--dataset", help="Dataset of an HDF5 file."),
+    click.option(
+        "--dataset", help="Map of a file with several: dataset, array, variable or channel."
+    ),
     click.option("--unit", type=click.Choice(WORDS), help="Unit of the heights."),
     click.option("--lateral-unit", type=click.Choice(WORDS), help="Unit of the pixel size."),
     click.option(

@@ -54,6 +54,13 @@ def test_help_shows_commands_that_parse_and_every_exit_code(name):
         assert f"\n  {code}  " in said
 
 
+@pytest.mark.parametrize("name", ["analyze", "batch", "average"])
+def test_help_of_dataset_names_what_each_format_calls_its_maps(name):
+    said = CliRunner().invoke(main, [name, "--help"], terminal_width=120).output
+    (line,) = (line for line in said.splitlines() if "--dataset" in line)
+    assert all(word in line for word in ("dataset,", "array", "variable", "channel"))
+
+
 def test_the_list_of_commands_says_each_in_whole():
     said = CliRunner().invoke(main, ["--help"], terminal_width=78).output
     _, _, listed = said.partition("Commands:\n")
