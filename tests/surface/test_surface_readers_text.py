@@ -524,6 +524,14 @@ def test_a_remark_is_no_line_of_names(tmp_path, line):
     assert surface.origin.notes == ()
 
 
+@pytest.mark.parametrize("word", ["a", "x(", "x_", "x / "])
+def test_a_long_remark_is_passed_over_quickly(tmp_path, word):
+    path = put(tmp_path / "p.csv", f"# {word * (60_000 // len(word))}\n{rows(points_of(), ',')}")
+    started = time.process_time()
+    np.testing.assert_allclose(load_surface(path, **LENGTHS).height_m, 1e-6 * MAP, rtol=1e-15)
+    assert time.process_time() - started < 2.0
+
+
 @pytest.mark.parametrize(
     "line",
     [

@@ -29,8 +29,10 @@ AXES = ("x", "y", "z")
 HEIGHTS = ("height", "heights", "elevation")  # words for z
 UNITS = "|".join(map(re.escape, (*METRES, *SPELLINGS)))
 # A word with its unit, if it has one: `x [mm]`, `x (mm)`, `x/mm`, `x_mm`
-WORD = re.compile(rf"(?<!\w)(\w+?)(?:\s*[\[(]([^\])]*)[\])]|(?:\s*/\s*|_)({UNITS})(?!\w)|(?!\w))")
-LEAD = re.compile(r"^\w{2,}[\w ]*:")  # as in `columns: x y z`
+WORD = re.compile(
+    rf"(?<!\w)(\w+?)(?:\s*[\[(]([^\])]{{0,99}})[\])]|(?:\s*/\s*|_)({UNITS})(?!\w)|(?!\w))"
+)
+LEAD = re.compile(r"^\w\w[\w ]*:")  # as in `columns: x y z`
 Z = re.compile(r"\bz(?:\b|_)", re.IGNORECASE)
 SHOWN = 60  # letters of a line
 
