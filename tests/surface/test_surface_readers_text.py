@@ -457,6 +457,8 @@ def test_two_lines_of_names_have_one_order(tmp_path):
         ("Y/um,X/um,Z/um", "yxz"),
         ("y / um, x / um, z / um", "yxz"),
         ("Y,X,Height", "yxz"),
+        ("Heights,X,Y", "zxy"),
+        ("y (slow axis),x (fast axis),z", "yxz"),
         ("Elevation [um] X [um] Y [um]", "zxy"),
         ("# columns: Y X Z", "yxz"),
         ("# columns of points: Z, X, Y", "zxy"),
@@ -508,6 +510,7 @@ def test_a_height_that_stands_alone_is_no_unit_of_z(tmp_path):
     [
         "# measured by y. smith at x 20",
         "# stage at Z 40 Y 30 X 20",
+        "# Z Y X 40 30 20",
         "# Z 40 Y 30 X 20",
         "# y is up, x to the right",
         "# x and y in mm, z in um",
@@ -522,6 +525,15 @@ def test_a_remark_is_no_line_of_names(tmp_path, line):
     surface = load_surface(path, **LENGTHS)
     np.testing.assert_allclose(surface.height_m, 1e-6 * MAP, rtol=1e-15)
     assert surface.origin.notes == ()
+
+
+@pytest.mark.parametrize("line", ["y x z", "# x, y and z, and two more columns"])
+def test_fewer_names_than_columns_are_asked_for(tmp_path, line):
+    """Row numbers without a name may come first, as other programs write them."""
+    points = np.column_stack([np.arange(MAP.size), points_of(), MAP.ravel()])
+    path = put(tmp_path / "p.csv", f"{line}\n{rows(points, ',')}")
+    with pytest.raises(UnreadableFileError, match=r"5 columns; .* or a line with their names"):
+        load_surface(path, **LENGTHS)
 
 
 @pytest.mark.parametrize("word", ["a", "x(", "x_", "x / "])
