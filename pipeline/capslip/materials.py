@@ -54,6 +54,8 @@ MATERIALS = {
     ),
 }
 
+SAID = ("youngs_modulus_Pa", "poisson_ratio", "yield_stress_Pa", "hardness_Pa")  # of a material
+
 
 def with_preset(tables: dict[str, Any], where: str = "settings") -> dict[str, Any]:
     """Fill in what the materials named in nested dictionaries say and the dictionaries do not.
@@ -83,3 +85,11 @@ def with_preset(tables: dict[str, Any], where: str = "settings") -> dict[str, An
     if "hardness_Pa" not in given:
         known["yield_stress_Pa"] = min(body.yield_stress_Pa for body in bodies)
     return {**tables, "material": {**known, **given}}
+
+
+def without_said(tables: dict[str, Any]) -> dict[str, Any]:
+    """Leave out of nested dictionaries what a material says, where another one is named instead."""
+    given = tables.get("material")
+    if not isinstance(given, dict):
+        return tables
+    return {**tables, "material": {key: of for key, of in given.items() if key not in SAID}}

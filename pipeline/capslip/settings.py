@@ -16,7 +16,7 @@ import msgspec
 
 from capslip import registry
 from capslip.errors import SettingsError, one_of
-from capslip.materials import with_preset
+from capslip.materials import with_preset, without_said
 from capslip.units import LengthUnit
 
 LEAST, GREATEST = 1e-30, 1e30  # of any positive setting, in SI: beyond it powers overflow
@@ -280,7 +280,8 @@ def load_settings(path: str | Path | None = None, overrides: tuple[str, ...] = (
     path : path, optional
         A TOML file; without it every setting has its default.
     overrides : tuple of str
-        Each `table.key=value`, the value in TOML (a bare word, in a list too, is a text).
+        Each `table.key=value`, the value in TOML (a bare word, in a list too, is a text). Where
+        one names a material, moduli, yield stress and hardness of the file give way to it.
 
     Raises
     ------
@@ -302,11 +303,16 @@ def load_settings(path: str | Path | None = None, overrides: tuple[str, ...] = (
             raise SettingsError(f"settings file {path}: {what}") from error
         except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
             raise SettingsError(f"settings file {path}: not valid TOML: {error}") from error
-    alone = [_apply(tables, override) for override in overrides]
+    said: dict[str, Any] = {}
+    for override in overrides:
+        _apply(said, override)
+    if "preset" in said.get("material", {}):
+        tables = without_said(tables)
+    for override in overrides:
+        _apply(tables, override)
     written = tables.get("run", {}).get("given") if isinstance(tables.get("run"), dict) else None
     if isinstance(written, list):  # by an analysis, in a file that holds every value
-        more = (name for one in alone for name in _given(with_preset(one)))
-        tables["run"]["given"] = [*written, *more]
+        tables["run"]["given"] = [*written, *_given(with_preset(said))]
     return settings_from(tables, str(path) if path else "settings")
 
 
@@ -461,23 +467,18 @@ def _explain(message: str, tables: dict[str, Any]) -> str:
     )
 
 
-def _apply(tables: dict[str, Any], override: str) -> dict[str, Any]:
-    """Set one value, and return it alone in its nested dictionaries."""
+def _apply(tables: dict[str, Any], override: str) -> None:
+    """Set one value in nested dictionaries."""
     name, equals, text = override.partition("=")
     keys = name.strip().split(".")
     if not equals or not all(keys) or len(keys) < 2:
         mean = _meant(name.strip(), {}, ())
         raise SettingsError(f"--set {override}: expected table.key=value{mean}")
-    value = _value(text.strip())
-    alone: dict[str, Any] = {keys[-1]: value}
-    for key in reversed(keys[1:-1]):
-        alone = {key: alone}
     for key in keys[:-1]:
         tables = tables.setdefault(key, {})
         if not isinstance(tables, dict):
             raise SettingsError(f"--set {override}: {key} is no table")
-    tables[keys[-1]] = value
-    return {keys[0]: alone}
+    tables[keys[-1]] = _value(text.strip())
 
 
 def _value(text: str) -> Any:

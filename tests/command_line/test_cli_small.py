@@ -123,6 +123,71 @@ def test_an_option_comes_before_set_and_set_before_the_file(tmp_path):
     assert (ran.stdout, ran.stderr) == ("", "")
 
 
+def test_a_material_that_is_named_beats_what_the_file_says_of_another(tmp_path):
+    light = ("--no-figures", "--no-render", "--no-meshes", "--model", "families", "-q")
+    for name, options in {
+        "steel": ("--preload", "300", "--material", "steel"),
+        "again": ("-c", tmp_path / "steel" / "settings.toml", "--material", "aluminium"),
+        "alone": ("--preload", "300", "--material", "aluminium"),
+    }.items():
+        assert run("analyze", FACE_A, *light, *options, "-o", tmp_path / name).exit_code == 0
+    again, alone = (tmp_path / name / "summary.json" for name in ("again", "alone"))
+    again, alone = (json.loads(path.read_text()) for path in (again, alone))
+    for part in ("contact", "slip", "answer", "damping", "verdict"):
+        assert again[part] == alone[part]
+    digests = {one["provenance"]["settings_sha256"] for one in (again, alone)}
+    assert len(digests) == 1
+
+
+OWN = {
+    "youngs_modulus_Pa": (1e11, 2e11),
+    "poisson_ratio": (0.1, 0.2),
+    "yield_stress_Pa": 5e8,
+    "hardness_Pa": 3e9,
+}
+
+
+def test_own_values_win_where_they_are_said_with_the_material_and_give_way_to_a_later_one(tmp_path):
+    path = tmp_path / "c.toml"
+    values = {key: list(of) if isinstance(of, tuple) else of for key, of in OWN.items()}
+    of_both = "friction_coefficient = 0.4\nhardness_spread = 0.1\n"
+    for own in ("", *(f"{key} = {value}\n" for key, value in values.items())):
+        path.write_text(f'[material]\npreset = "steel"\n{own}{of_both}')
+        key = own.partition(" ")[0]
+        if own:
+            assert getattr(capslip.load_settings(path).material, key) == OWN[key]
+        for other in ("material.friction_coefficient=0.4", "contact.preload_N=460"):
+            assert capslip.load_settings(path, (other,)).material == (
+                capslip.load_settings(path).material
+            )
+        named = ("material.preset=brass",)
+        brass = ("material.friction_coefficient=0.4", "material.hardness_spread=0.1", *named)
+        assert (
+            capslip.load_settings(path, named).material
+            == capslip.load_settings(overrides=brass).material
+        )
+        for mine in (f"material.{one}={value}" for one, value in values.items()):
+            assert (
+                capslip.load_settings(path, (mine, *named)).material
+                == capslip.load_settings(overrides=(*brass, mine)).material
+            )
+
+
+def test_a_material_that_is_named_is_given_though_the_file_said_that_it_was_not(tmp_path):
+    path = tmp_path / "c.toml"
+    path.write_text(
+        "[material]\nyoungs_modulus_Pa = [200e9, 200e9]\nfriction_coefficient = 0.2\n"
+        "[run]\ngiven = []\n"
+    )
+    found = capslip.load_settings(path, ("material.preset=steel",))
+    assert found.material.youngs_modulus_Pa == (210e9, 210e9)
+    assert found.run.given == ("material.youngs_modulus_Pa", "material.poisson_ratio")
+    assert capslip.load_settings(path, ("contact.tolerance=0.1",)).run.given == ()
+    path.write_text("material = 3\n")
+    with pytest.raises(SettingsError, match="material is no table"):
+        capslip.load_settings(path, ("material.preset=steel",))
+
+
 WRONG = ("[[1]]", "'x y'", "1.5", "-3", "true", "[1,2,3]", "1979-05-27")
 OF_THE_PROGRAM = re.compile(r"[`|]|\b(null|float|int|bool|str|array|object|tuple|None)\b")
 
