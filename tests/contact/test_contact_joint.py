@@ -229,6 +229,15 @@ def test_classes_lose_no_more_than_they_say():
         ("area_m2,pressure_Pa", "0,3", "line 2: area_m2: got '0'; expected an area > 0"),
         ("area_m2,pressure_Pa", "1e-4", "line 2: pressure_Pa: got None; expected a pressure >= 0"),
         ("area_m2,pressure_Pa", "1e-4,0", "1 patches, none under pressure"),
+        ("pressure_Pa,area_m2", "1,500000,1e-4", "line 2: got 3 cells; expected 2, as many"),
+        ("pressure_Pa,area_m2,", "1,500000,1e-4,", "line 2: got 3 cells; expected 2, as many"),
+        ("pressure_Pa,area_m2", "1e6,1e-4\n1,500000,,1e-4", "line 3: got 4 cells; expected 2"),
+        (
+            "pressure_Pa,area_m2,pressure_Pa",
+            "1e6,1e-4,2",
+            "got the columns pressure_Pa, area_m2, pressure_Pa; expected pressure_Pa and",
+        ),
+        ("area_m2,pressure_Pa,area_m2", "2e-4,1e6,1e-4", "expected pressure_Pa and area_m2, once"),
     ],
 )
 def test_a_bad_pressure_map_is_one_line_that_says_where(tmp_path, header, row, said):
@@ -236,6 +245,22 @@ def test_a_bad_pressure_map_is_one_line_that_says_where(tmp_path, header, row, s
         read_pressure_map(pressure_file(tmp_path, row, header=header))
     assert said in str(error.value)
     assert "\n" not in str(error.value)
+
+
+@pytest.mark.parametrize(
+    ("header", "row"),
+    [
+        ("pressure_Pa,area_m2", "1e6,1e-4,"),
+        ("pressure_Pa,area_m2", "1e6,1e-4, ,"),
+        ("pressure_Pa,area_m2,", "1e6,1e-4,"),
+        ("pressure_Pa,area_m2,,", "1e6,1e-4"),
+        (",pressure_Pa,area_m2", "0,1e6,1e-4"),  # the count of a table beside it
+        ("x_m,x_m,pressure_Pa,area_m2", "0,1,1e6,1e-4"),  # doubled, and not needed
+    ],
+)
+def test_separators_at_the_end_and_other_columns_are_left_alone(tmp_path, header, row):
+    pressure_Pa, area_m2 = read_pressure_map(pressure_file(tmp_path, row, header=header))
+    assert (pressure_Pa.tolist(), area_m2.tolist()) == ([1e6], [1e-4])
 
 
 def test_unlike_pressures_under_a_load_that_oscillates_are_refused(tmp_path):

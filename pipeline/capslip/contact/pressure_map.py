@@ -3,6 +3,7 @@
 import csv
 import math
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -30,25 +31,22 @@ def read_pressure_map(path: str | Path) -> tuple[np.ndarray, np.ndarray]:
     Raises
     ------
     SettingsError
-        If the file cannot be read, a column is missing, a value is no number or out of bounds, no
-        patch bears any pressure, or all together more than a number holds.
+        If the file cannot be read, a column is missing or there twice, a line has more cells than
+        there are columns, a value is no number or out of bounds, no patch bears any pressure, or
+        all together more than a number holds.
     """
     where = f"joint.pressure_map: {path}"
     try:
         with Path(path).open(newline="", encoding="utf-8-sig") as file:
             rows = csv.DictReader(file, skipinitialspace=True)
-            names = [name.strip() for name in rows.fieldnames or ()]
-            rows.fieldnames = names
-            missing = [name for name in COLUMNS if name not in names]
-            if missing:
+            rows.fieldnames = names = _up_to_last([one.strip() for one in rows.fieldnames or ()])
+            if any(names.count(name) != 1 for name in COLUMNS):
                 raise SettingsError(
                     f"{where}: got the columns {', '.join(names) or 'none'}; expected "
-                    f"{' and '.join(COLUMNS)}, x_m and y_m beside them or not; add a first line "
-                    "with these names"
+                    f"{' and '.join(COLUMNS)}, once each, x_m and y_m beside them or not; write a "
+                    "first line with these names"
                 )
-            values = [
-                [_number(row[name], where, rows.line_num, name) for name in COLUMNS] for row in rows
-            ]
+            values = [_numbers(row, where, rows.line_num) for row in rows]
     except OSError as error:
         raise SettingsError(f"{where}: {error.strerror}; give a CSV file") from error
     except (UnicodeDecodeError, csv.Error) as error:
@@ -66,6 +64,23 @@ def read_pressure_map(path: str | Path) -> tuple[np.ndarray, np.ndarray]:
             "together; expected those of a joint; check their units, Pa and m2"
         )
     return np.where(pressure_Pa < NOTHING * pressure_Pa.max(), 0.0, pressure_Pa), area_m2
+
+
+def _up_to_last(cells: list[str]) -> list[str]:
+    """Leave out empty cells at the end, which separators at the end of a line make."""
+    while cells and not cells[-1].strip():
+        cells = cells[:-1]
+    return cells
+
+
+def _numbers(row: dict[Any, Any], where: str, line: int) -> list[float]:
+    beyond = _up_to_last(row.pop(None, []))
+    if beyond:  # such as 1,500 for 1500
+        raise SettingsError(
+            f"{where}, line {line}: got {len(row) + len(beyond)} cells; expected {len(row)}, as "
+            "many as there are columns; write numbers without a comma"
+        )
+    return [_number(row[name], where, line, name) for name in COLUMNS]
 
 
 def _number(text: str | None, where: str, line: int, name: str) -> float:
