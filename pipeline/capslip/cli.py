@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from capslip import __version__, registry
-from capslip.console import Group, Progress, print_result, say_result, to_width
+from capslip.console import Group, Progress, open_streams, print_result, say_result, to_width
 from capslip.errors import ScanError, SettingsError
 from capslip.options import (
     PATH,
@@ -37,6 +37,7 @@ if TYPE_CHECKING:
 @click.version_option(__version__, prog_name="capslip")
 def main() -> None:
     """From a scan of a joint face to its damping."""
+    open_streams()
     # The systems of equations are small: threads of the linear algebra only wait for each other.
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     # A command ends soon: to look for unused circles of objects after every 700 takes 4 % of it
@@ -196,7 +197,7 @@ def families(out: Path | None, as_json: bool, quiet: bool, **options: Any) -> No
     result = analyze_families(settings_of(**options))
     command = _command_line()
     summary = write_joint(result, out, command) if out else result.summary(command)
-    print_result(summary, result_lines(result), as_json, quiet)
+    print_result(summary, result_lines(result), as_json, quiet, only_copy=out is None)
     _raise_errors(result, out)
 
 
@@ -302,7 +303,7 @@ def inspect(result: Path, html: Path | None, verbose: bool, **options: Any) -> N
     if html is not None:
         write_viewer(result, html)
     for path in (*pictures, *([html] if html else [])):
-        click.echo(path)
+        say_result(str(path))
     if not pictures and html is None:
         show(result, look)
 
@@ -380,7 +381,7 @@ def compare(
     if out is not None:
         write_comparison(found, out)
         text = [*text, f"picture    {out / 'compare.png'}"]
-    print_result(to_dict(found), "\n".join(text), as_json, quiet)
+    print_result(to_dict(found), "\n".join(text), as_json, quiet, only_copy=out is None)
 
 
 @main.command()
@@ -461,7 +462,8 @@ def formats() -> None:
     from capslip.surface.readers import FORMATS
 
     for row in FORMATS:
-        say_result(f"{row.name:12} {' '.join(row.extensions):24} {row.note}")
+        said = f"{row.name:12} {' '.join(row.extensions):24} {row.note}"
+        say_result(said, only_copy=True)
 
 
 def _command_line() -> str:

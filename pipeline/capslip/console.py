@@ -1,8 +1,9 @@
 """What the commands say: results on stdout, progress and errors on stderr, exit codes.
 
 Names, units and notes come from files of others: what is no printable character is written as its
-escape, so that it cannot act on the terminal. Where nobody reads any more (`| head`), the work goes
-on in silence.
+escape, so that it cannot act on the terminal. Where nobody reads any more (`| head`), or a stream
+is closed or full, the work goes on in silence; a full disk that takes the only copy of a result is
+an error.
 """
 
 import json
@@ -59,6 +60,17 @@ EXIT_CODES = (
 )
 
 
+def open_streams() -> None:
+    """Open streams that the shell closed (`>&-`), to be written to in vain.
+
+    Their numbers are those of the next files otherwise: what a library says would go into these.
+    """
+    for name, mode in (("stdin", "r"), ("stdout", "w"), ("stderr", "w")):
+        if getattr(sys, name) is None:
+            null = os.open(os.devnull, os.O_RDWR)  # the least number that is free: its own
+            setattr(sys, name, os.fdopen(null, mode, encoding="utf-8"))
+
+
 class Terminated(KeyboardInterrupt):
     """Another process asked this one to end."""
 
@@ -99,7 +111,7 @@ class _Command(click.Command):
                 return super().invoke(ctx)
         except CapslipError as error:
             if verbose:
-                traceback.print_exc()
+                _echo(traceback.format_exc(), err=True)
             raise _Failure(error) from error
         except KeyboardInterrupt as error:  # 128 and the signal's number, as in shells
             code = 143 if isinstance(error, Terminated) else 130
@@ -109,7 +121,7 @@ class _Command(click.Command):
             raise
         except Exception as error:
             if verbose:
-                traceback.print_exc()
+                _echo(traceback.format_exc(), err=True)
             raise _Failure(CapslipError(in_one_line(error))) from error
 
     def format_epilog(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
@@ -156,18 +168,26 @@ def _termination() -> Iterator[None]:
         signal.signal(signal.SIGTERM, before)
 
 
-def print_result(numbers: Any, text: str, as_json: bool, quiet: bool) -> None:
-    """Print a result: as JSON with `--json`, as text for people, or not at all."""
+def print_result(
+    numbers: Any, text: str, as_json: bool, quiet: bool, only_copy: bool = False
+) -> None:
+    """Print a result: as JSON with `--json`, as text for people, or not at all.
+
+    Raises
+    ------
+    OSError
+        If the JSON, or a text of which there is no other copy, finds the disk full.
+    """
     if as_json:
         plain = json.dumps(numbers, indent=1, ensure_ascii=False, allow_nan=False, default=float)
-        _echo(plain)  # which escapes what is not printable by itself
+        _echo(plain, only_copy=True)  # JSON escapes what is not printable by itself
     elif not quiet:
-        say_result(to_width(text))
+        say_result(to_width(text), only_copy)
 
 
-def say_result(text: str) -> None:
-    """Print lines for people on stdout."""
-    _echo("\n".join(printable(line) for line in text.split("\n")))
+def say_result(text: str, only_copy: bool = False) -> None:
+    """Print lines for people on stdout; errors as for `print_result`."""
+    _echo("\n".join(printable(line) for line in text.split("\n")), only_copy=only_copy)
 
 
 def to_width(text: str) -> str:
@@ -177,17 +197,19 @@ def to_width(text: str) -> str:
     return wrapped(text, shutil.get_terminal_size().columns) if sys.stdout.isatty() else text
 
 
-def _echo(text: str, err: bool = False) -> None:
-    """Print; characters that the stream cannot write are escaped, a closed stream is left alone."""
+def _echo(text: str, err: bool = False, only_copy: bool = False) -> None:
+    """Print; characters that the stream cannot write are escaped, a lost stream is left alone."""
     stream = sys.stderr if err else sys.stdout
     encoding = getattr(stream, "encoding", None) or "utf-8"
     text = text.encode(encoding, "backslashreplace").decode(encoding)
     try:
         click.echo(text, err=err)
-    except BrokenPipeError:
+    except OSError as error:
         null = os.open(os.devnull, os.O_WRONLY)
         os.dup2(null, stream.fileno())
         os.close(null)
+        if only_copy and not isinstance(error, BrokenPipeError):
+            raise OSError(error.errno, error.strerror, "stdout") from error
 
 
 class Progress:
@@ -220,7 +242,7 @@ class Progress:
         if error is not None:
             self.failures.append((message, error))
             if self.verbose:
-                traceback.print_exception(error)
+                _echo("".join(traceback.format_exception(error)), err=True)
         self.warn(message)
 
     def raise_failures(self, folder: Path) -> None:

@@ -2,6 +2,7 @@
 
 import hashlib
 import os
+import shlex
 import subprocess
 import sys
 import time
@@ -167,6 +168,75 @@ def test_a_closed_pipe_loses_no_result(tmp_path):
     assert ran.returncode == 0, (tmp_path / "err").read_text()
     assert "error" not in (tmp_path / "err").read_text()
     assert (tmp_path / "out" / "summary.json").is_file()
+
+
+def redirected(how, *arguments, cwd):
+    """Call the program with streams as a shell redirects them."""
+    if "/dev/full" in how and not Path("/dev/full").exists():
+        pytest.skip("this system has no disk that is always full")
+    command = shlex.join([sys.executable, "-m", "capslip", *map(str, arguments)])
+    return subprocess.run(
+        ["bash", "-c", f"{command} {how}"], cwd=cwd, capture_output=True, check=False, timeout=120
+    )
+
+
+LOST = (">&-", "2>&-", ">/dev/full", "2>/dev/full", "<&- >&- 2>&-", ">/dev/full 2>&1")
+
+
+@pytest.mark.parametrize("how", LOST)
+def test_a_stream_that_is_closed_or_full_loses_no_result(tmp_path, how):
+    face(tmp_path / "a.h5")
+    ran = redirected(how, "analyze", "a.h5", "-o", "out", *LIGHT, cwd=tmp_path)
+    assert ran.returncode == 0, ran.stderr
+    assert b"error" not in ran.stderr
+    assert (tmp_path / "out" / "report.html").is_file()
+    assert (b"verdict" in ran.stdout) == (">" not in how.replace("2>", ""))
+    ran = redirected(how, "analyze", "b.h5", "-o", "out", "-v", *LIGHT, cwd=tmp_path)
+    assert ran.returncode == 3  # of the work, and not of what could not be said of it
+
+
+@pytest.mark.parametrize("how", [">&-", "2>&-", ">/dev/full 2>/dev/full"])
+def test_a_batch_goes_on_where_nobody_can_be_told(tmp_path, how):
+    face(tmp_path / "a.h5")
+    arguments = ("batch", "a.h5", "b.h5", "-o", "all", "--workers", "1", *LIGHT)
+    (tmp_path / "b.h5").write_bytes(b"torn")
+    assert redirected(how, *arguments, cwd=tmp_path).returncode == 3
+    (tmp_path / "b.h5").unlink()
+    face(tmp_path / "b.h5")
+    assert redirected(how, *arguments, cwd=tmp_path).returncode == 0
+    assert (tmp_path / "all" / "index.html").is_file()
+    assert (tmp_path / "all" / "scans" / "b" / "summary.json").is_file()
+
+
+def test_a_full_disk_is_told_where_it_takes_what_was_asked_for(tmp_path):
+    face(tmp_path / "a.h5")
+    given = ("families", "--m", "3", "--n", "2", "--radius-G", "24", "--radius-P", "26")
+    given += ("--h", "1e-7", "--preload", "100")
+    analysis = ("analyze", "a.h5", "-o", "out", "-q", *LIGHT)
+    for arguments in ((*analysis, "--json"), given, (*given, "--json"), ("formats",)):
+        ran = redirected(">/dev/full", *arguments, cwd=tmp_path)
+        assert ran.returncode == 1
+        assert ran.stderr == b"error: stdout: No space left on device\n"
+    assert (tmp_path / "out" / "summary.json").is_file()
+    ran = redirected(">/dev/full", *given, "-o", "given", cwd=tmp_path)  # the folder has it, too
+    assert (ran.returncode, ran.stderr) == (0, b"")
+    ran = redirected("| true; exit ${PIPESTATUS[0]}", *given, cwd=tmp_path)
+    assert (ran.returncode, ran.stderr) == (0, b"")
+
+
+def test_no_file_takes_the_number_of_a_closed_stream(tmp_path):
+    code = (
+        "import sys; from capslip.console import open_streams; open_streams(); "
+        "print('lost'); sys.stderr.write('lost'); file = open('kept', 'w'); "
+        "sys.exit(file.fileno() if not sys.stdin.read() else 1)"
+    )
+    for how in ("<&- >&- 2>&-", "2>&-", ">&-", "<&-"):
+        command = f"{sys.executable} -c {shlex.quote(code)} {how}"
+        ran = subprocess.run(
+            ["bash", "-c", command], cwd=tmp_path, check=False, stdin=subprocess.DEVNULL
+        )
+        assert ran.returncode == 3  # the least that is no stream
+    assert (tmp_path / "kept").read_text() == ""
 
 
 def test_a_scan_that_changes_while_it_is_read_is_refused(tmp_path, monkeypatch):
