@@ -238,6 +238,9 @@ def batch(
     settings = settings_of(**options)
     above_zero(time_s, "--timeout")
     above_zero(memory_GB, "--memory")
+    most_bytes = (
+        None if memory_GB is None else max(1, int(min(memory_GB, 1e9) * 1e9))
+    )  # 0: no limit
     if shard is not None and look == "collect":
         raise SettingsError("--collect: makes the table of all shards; leave out --shard")
     say = Progress(quiet)
@@ -254,7 +257,7 @@ def batch(
             look=look,
             retry_failed=retry_failed,
             max_failures=max_failures,
-            limits=Limits(time_s, None if memory_GB is None else int(min(memory_GB, 1e9) * 1e9)),
+            limits=Limits(time_s, most_bytes),
             scheduler=scheduler,
         ),
     )

@@ -293,7 +293,8 @@ class _Child:
             too_slow.set()
             self.end()
 
-        timer = None if time_s is None else threading.Timer(time_s, stop)
+        longest_s = threading.TIMEOUT_MAX  # that a thread can wait: centuries
+        timer = None if time_s is None else threading.Timer(min(time_s, longest_s), stop)
         try:
             pickle.dump(pickle.dumps((work, arguments)), self.process.stdin)
             self.process.stdin.flush()

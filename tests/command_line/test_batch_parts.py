@@ -107,9 +107,10 @@ def test_every_option_of_a_batch_comes_to_its_place(monkeypatch):
         assert asked["options"] == Options(look=look)
 
 
-def test_more_memory_than_any_machine_has_is_a_limit_all_the_same(monkeypatch):
-    _, asked = ended([], monkeypatch, "--memory", "1e300")
-    assert asked["options"].limits == Limits(None, 10**18)
+@pytest.mark.parametrize(("given", "most_bytes"), [("1e300", 10**18), ("1e-10", 1), ("4e-9", 4)])
+def test_any_memory_is_a_limit_however_much_or_little(monkeypatch, given, most_bytes):
+    _, asked = ended([], monkeypatch, "--memory", given)
+    assert asked["options"].limits == Limits(None, most_bytes)
 
 
 def test_rows_are_numbers_on_request_and_warnings_are_never_silent(monkeypatch):

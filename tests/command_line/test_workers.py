@@ -4,6 +4,7 @@ import operator
 import os
 import subprocess
 import sys
+import threading
 import time
 from concurrent.futures import Executor, Future
 from types import SimpleNamespace
@@ -59,6 +60,25 @@ def test_what_raises_is_lost_and_the_rest_is_not():
     found = every(divide, [(1,), (0,), (2,)])
     assert (found[1,], found[2,]) == (1.0, 0.5)
     assert "ZeroDivisionError" in found[0,].reason
+
+
+@pytest.mark.filterwarnings("error")  # of a thread that ends with an exception
+@pytest.mark.parametrize("time_s", [threading.TIMEOUT_MAX, 1e10, 1e300])
+def test_a_time_that_no_thread_can_wait_is_a_limit_that_never_ends_a_call(monkeypatch, time_s):
+    waits, timer = [], threading.Timer
+
+    def remembered(wait_s, stop):
+        waits.append(wait_s)
+        return timer(wait_s, stop)
+
+    monkeypatch.setattr(threading, "Timer", remembered)
+    assert every(divide, [(2,)], time_s=time_s) == {(2,): 0.5}
+    assert waits == [threading.TIMEOUT_MAX]
+
+
+def test_one_byte_is_too_little_for_any_call():
+    (lost,) = every(divide, [(2,)], memory_bytes=1).values()
+    assert "out of memory" in lost.reason
 
 
 class Nowhere:
