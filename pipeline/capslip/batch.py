@@ -23,6 +23,7 @@ from capslip.output.staging import (
     SUMMARY,
     is_whole,
     locked,
+    named,
     new_folder,
     read_json,
     read_summary,
@@ -151,7 +152,7 @@ def run_batch(
     NothingToDoError
         If the sources hold no file.
     OutputError
-        If the folder holds anything that no batch wrote, or another batch writes there.
+        If the folder cannot be written, holds what no batch wrote, or another batch writes there.
     KeyboardInterrupt
         With what is done so far as its text; the table holds that, too.
     """
@@ -163,7 +164,8 @@ def run_batch(
     if options.shard is not None:
         part, parts = options.shard
         scans = scans[part - 1 :: parts]
-    _check_folder(folder)
+    with named(folder):
+        _check_folder(folder)
     if options.look == "dry_run":
         looked = _look(scans, folder, options)
         return [_row(scan, there.row or _to_do(scan, folder, there)) for scan, there in looked]
@@ -254,17 +256,14 @@ class _Run:
     def write_table(self) -> None:
         """Write the table of what is done; shards leave it to who collects."""
         if self.options.shard is None:
-            write_table(self._known(), self.folder)
+            write_table([self.rows[scan] for scan in self.scans if scan in self.rows], self.folder)
 
     def finish(self) -> list[Row]:
         """Write table and page, and return the rows."""
-        rows = self._known()
+        rows = [self.rows[scan] for scan in self.scans if scan in self.rows]
         if self.options.shard is None:
             write_overview(rows, self.folder)
         return rows
-
-    def _known(self) -> list[Row]:
-        return [self.rows[scan] for scan in self.scans if scan in self.rows]
 
 
 @contextmanager
@@ -280,7 +279,8 @@ def _executor(options: Options, workers: int) -> Iterator[tuple[Executor, int]]:
 @contextmanager
 def _place(folder: Path, shared: bool) -> Iterator[None]:
     """Keep other batches out of a folder; what an earlier one left half written goes."""
-    (folder / "scans").mkdir(parents=True, exist_ok=True)
+    with named(folder):
+        (folder / "scans").mkdir(parents=True, exist_ok=True)
     with locked(folder, shared, wait_s=0.0):
         if not shared:
             recover(folder)
@@ -288,7 +288,7 @@ def _place(folder: Path, shared: bool) -> Iterator[None]:
 
 
 def _check_folder(folder: Path) -> None:
-    if folder.exists() and not folder.is_dir():
+    if folder.absolute().exists() and not folder.is_dir():
         raise OutputError(f"output folder {folder}: is a file; choose another with --out")
     names = {entry.name for entry in folder.iterdir()} if folder.is_dir() else set()
     foreign = sorted(name for name in names - OWN if not name.startswith(OURS))

@@ -6,6 +6,7 @@ import os
 import shutil
 import time
 from functools import partial
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -377,3 +378,49 @@ def test_a_folder_of_someone_else_is_refused(batch, tmp_path):
     assert ran.exit_code == 2
     assert "thesis.tex" in ran.stderr
     assert [entry.name for entry in (tmp_path / "out").iterdir()] == ["thesis.tex"]
+
+
+def test_a_folder_that_cannot_be_made_is_told_as_by_the_other_commands(
+    batch, tmp_path, monkeypatch
+):
+    folder, _, _ = batch
+    face, out = str(folder / "scans in" / "two.h5"), "output folder"
+    (tmp_path / "file").write_text("mine")
+    gone = tmp_path / "gone"
+    gone.mkdir()
+    monkeypatch.chdir(gone)
+    gone.rmdir()
+    for at, says in (
+        (tmp_path / "file", "is a file"),
+        (tmp_path / "file" / "in", "Not a directory"),
+        (tmp_path / ("y" * 300), "File name too long"),
+        ("out", "No such file or directory"),
+    ):
+        told = [
+            CliRunner().invoke(main, [one, face, "-o", str(at)]) for one in ("analyze", "batch")
+        ]
+        assert [one.exit_code for one in told] == [2, 2]
+        line = f"error: {out} {at}: {says}; choose another with --out"
+        assert told[1].stderr.splitlines() == [line]
+        assert out in told[0].stderr
+    ran = CliRunner().invoke(main, ["batch", face, "-o", "out", "--dry-run"])
+    assert (ran.exit_code, ran.stderr.splitlines()) == (2, [line])
+    assert [one.name for one in tmp_path.iterdir()] == ["file"]
+
+
+def test_a_folder_in_which_nothing_can_be_made_is_told(batch, tmp_path, monkeypatch):
+    folder, _, _ = batch
+    mkdir = Path.mkdir
+
+    def refused(path, *given, **how):
+        if path.name == "scans":
+            raise PermissionError(13, "Permission denied", str(path))
+        mkdir(path, *given, **how)
+
+    monkeypatch.setattr(Path, "mkdir", refused)
+    ran = CliRunner().invoke(
+        main, ["batch", str(folder / "scans in" / "two.h5"), "-o", str(tmp_path)]
+    )
+    assert ran.exit_code == 2
+    says = f"output folder {tmp_path}: Permission denied; choose another with --out"
+    assert ran.stderr.splitlines() == [f"error: {says}"]

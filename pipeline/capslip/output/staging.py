@@ -76,12 +76,12 @@ def new_folder(folder: Path) -> Iterator[Path]:
         If `folder` is a file, cannot be written, holds files that no analysis wrote, is being
         written by another process, or if a file of a name that is needed appears meanwhile.
     """
-    with _named(folder):
+    with named(folder):
         made = not folder.exists()
         folder.mkdir(parents=True, exist_ok=True)
     try:
         with locked(folder):
-            with _named(folder):
+            with named(folder):
                 recover(folder)
                 check_folder(folder)
                 work = Path(tempfile.mkdtemp(prefix=OURS, dir=folder))
@@ -99,7 +99,7 @@ def new_folder(folder: Path) -> Iterator[Path]:
             except BaseException:
                 shutil.rmtree(work, ignore_errors=True)
                 raise
-            with _named(folder):
+            with named(folder):
                 _put_in_place(folder)
     finally:
         if made:
@@ -115,7 +115,7 @@ def check_folder(folder: Path, keep: Iterable[str | Path | None] = ()) -> None:
     OutputError
         See `new_folder`.
     """
-    with _named(folder):
+    with named(folder):
         if folder.exists() and not folder.is_dir():
             raise OutputError(f"output folder {folder}: is a file; choose another with --out")
         nearest = next(one for one in (folder, *folder.absolute().parents) if one.exists())
@@ -180,7 +180,7 @@ def locked(folder: Path, shared: bool = False, wait_s: float = WAIT_S) -> Iterat
 
 def _take(path: Path, shared: bool) -> IO[str] | None:
     """Open and lock a file; None where another process holds it."""
-    with _named(path.parent):
+    with named(path.parent):
         file = path.open("a")
     try:
         if fcntl is not None:
@@ -205,7 +205,7 @@ def _is_at(number: int, path: Path) -> bool:
 
 
 @contextmanager
-def _named(folder: Path) -> Iterator[None]:
+def named(folder: Path) -> Iterator[None]:
     """Name the folder where the system refuses something."""
     try:
         yield
