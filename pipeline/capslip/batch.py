@@ -65,7 +65,7 @@ class Options:
         Analyse again what failed; else it keeps its error while scan, settings, code and limits
         are the same, unless it could not be written.
     max_failures : int or None
-        Stop after so many.
+        Stop after so many; the scans that are left are to do.
     limits : Limits
         Of each scan.
     scheduler : str, Cluster or None
@@ -145,7 +145,7 @@ def run_batch(
     list of dict
         One row a scan, in the order of the names; a failed scan has status "failed" and its error;
         one with an error and another status lacks a part that no number depends on; one that was
-        only looked for and is not there has status "to do".
+        left, or only looked for and not there, has status "to do".
 
     Raises
     ------
@@ -259,8 +259,8 @@ class _Run:
             write_table([self.rows[scan] for scan in self.scans if scan in self.rows], self.folder)
 
     def finish(self) -> list[Row]:
-        """Write table and page, and return the rows."""
-        rows = [self.rows[scan] for scan in self.scans if scan in self.rows]
+        """Write table and page, and return the rows, with those of scans that are left."""
+        rows = [self.rows.get(scan) or _row(scan, {"status": TO_DO}) for scan in self.scans]
         if self.options.shard is None:
             write_overview(rows, self.folder)
         return rows

@@ -1,5 +1,6 @@
 """What a batch keeps, says and ends with, part by part and without an analysis."""
 
+import csv
 import hashlib
 import json
 import os
@@ -142,7 +143,11 @@ def test_a_batch_stops_at_the_failures_that_are_too_many(most, n_rows, tmp_path)
     options = Options(max_failures=most)
     sources = scans_of(tmp_path / "in", 5)
     rows = run_batch(sources, tmp_path / "out", settings, told.append, None, options, quick)
-    assert [row["scan"] for row in rows] == [f"s{i}" for i in range(n_rows)]
+    assert [row["scan"] for row in rows] == [f"s{i}" for i in range(5)]
+    done = ["ok", "failed", "failed", "ok", "ok"][:n_rows]
+    assert [row["status"] for row in rows] == [*done, *["to do"] * (5 - n_rows)]
+    with (tmp_path / "out" / "batch.csv").open() as file:
+        assert [row["status"] for row in csv.DictReader(file)] == [row["status"] for row in rows]
     stopped = f"stopped after {most} failures; {5 - n_rows} scans are left"
     assert (stopped in told) == (n_rows < 5)
     assert told[:2] == ["1 of 5: s0: ok", "2 of 5: s1: failed"]

@@ -480,7 +480,11 @@ def test_it_stops_after_as_many_failures_as_wanted(tmp_path):
     )
     assert ran.exit_code == 3
     assert "stopped after 2 failures; 10 scans are left" in ran.stderr
-    assert set(rows(tmp_path / "out")) <= bad
+    assert "2 of 12 scans failed; see batch.csv" in ran.stderr
+    assert "10 of 12 scans are still to be done" in ran.stderr
+    found = {name: row["status"] for name, row in rows(tmp_path / "out").items()}
+    assert list(found.values()).count("to do") == 10
+    assert {name for name, status in found.items() if status != "to do"} <= bad
     assert not left_over(tmp_path / "out")
 
 
