@@ -211,8 +211,8 @@ def families(out: Path | None, as_json: bool, quiet: bool, **options: Any) -> No
 @click.option("--memory", "memory_GB", type=float, metavar="GB", help="Most memory of a scan.")
 @click.option("--scheduler", metavar="ADDRESS", help="Dask scheduler whose workers do it.")
 @click.option("--shard", metavar="I/N", help="Do the I-th of N parts, and no table.")
-@click.option("--collect", "look", flag_value="collect", help="Only make the table of all shards.")
-@click.option("--dry-run", "look", flag_value="dry_run", help="Only say what would be done.")
+@click.option("--collect", is_flag=True, help="Only make the table of all shards.")
+@click.option("--dry-run", is_flag=True, help="Only say what would be done.")
 @click.option("--retry-failed", is_flag=True, help="Analyse again what failed.")
 @click.option("--max-failures", type=click.IntRange(1), metavar="N", help="Stop after so many.")
 def batch(
@@ -226,7 +226,8 @@ def batch(
     memory_GB: float | None,
     scheduler: str | None,
     shard: str | None,
-    look: str | None,
+    collect: bool,
+    dry_run: bool,
     retry_failed: bool,
     max_failures: int | None,
     **options: Any,
@@ -241,8 +242,10 @@ def batch(
     most_bytes = (
         None if memory_GB is None else max(1, int(min(memory_GB, 1e9) * 1e9))
     )  # 0: no limit
-    if shard is not None and look == "collect":
+    if shard is not None and collect:
         raise SettingsError("--collect: makes the table of all shards; leave out --shard")
+    if dry_run and collect:
+        raise SettingsError("--dry-run: writes nothing; leave out --collect, which writes a table")
     say = Progress(quiet)
     rows = run_batch(
         scans,
@@ -254,7 +257,7 @@ def batch(
             list_file=list_file,
             recursive=recursive,
             shard=None if shard is None else shard_of(shard),
-            look=look,
+            look="collect" if collect else "dry_run" if dry_run else None,
             retry_failed=retry_failed,
             max_failures=max_failures,
             limits=Limits(time_s, most_bytes),
@@ -273,7 +276,7 @@ def batch(
         say.warn(f"{to_do} of {len(rows)} scans are still to be done")
     if failed:
         say.warn(f"{len(failed)} of {len(rows)} scans failed; see batch.csv")
-    if look == "dry_run":
+    if dry_run:
         return
     if failed or to_do:
         sys.exit(3)

@@ -446,6 +446,8 @@ def test_a_full_disk_is_named_and_the_same_command_goes_on(scans, undisturbed, t
         (("--memory", "0"), "--memory: got 0"),
         (("--memory", "inf"), "--memory: got inf"),
         (("--collect", "--shard", "1/2"), "leave out --shard"),
+        (("--collect", "--dry-run"), "--dry-run: writes nothing; leave out --collect"),
+        (("--dry-run", "--collect"), "--dry-run: writes nothing; leave out --collect"),
     ],
 )
 def test_limits_that_make_no_sense_are_refused(scans, tmp_path, options, word):
