@@ -243,6 +243,24 @@ def test_pressure_is_doubted_just_beyond_its_threshold(
     assert all("20%" in p.message for p in doubts if p.code == "yielded")
 
 
+@pytest.mark.parametrize(
+    ("E_star_Pa", "pressure_Pa", "says"),
+    [
+        (110.0, 4.31, "pressure 4.31 Pa is more than 3 % of the modulus E* of 110 Pa, which"),
+        (110e9, 4.31e9, "pressure 4.31 GPa is more than 3 % of the modulus E* of 110 GPa, which"),
+    ],
+)
+def test_a_pressure_that_no_metal_bears_is_told_beside_the_modulus(E_star_Pa, pressure_Pa, says):
+    """Which may be what is wrong."""
+    caps, families = caps_of([1.0, 1.0], [0.1, 0.1])
+    pressed = state(max_pressure_Pa=pressure_Pa)
+    pressed.composite.E_star_Pa = E_star_Pa
+    (found,) = contact_doubts(pressed, caps, families, 1e-8, cut_certified=False)
+    assert found.severity == "error"
+    assert says in found.text
+    assert "moduli" in found.advice
+
+
 @pytest.mark.parametrize(("times", "off"), [(0.9, None), (1.5, 0.5), (4.0, 3.0)])
 def test_a_pressure_moves_no_more_than_the_area_that_its_hardness_needs(times, off):
     caps, families = caps_of([1.0, 1.0], [0.1, 0.1])

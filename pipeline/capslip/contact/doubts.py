@@ -319,11 +319,12 @@ def problems_of_pressure(contact: ContactState) -> list[Problem]:
             f"{hardness_Pa / 1e9:.3g} GPa; slip follows the curve along which the face unloads"
         )
         return [Problem("yielded", "info", message)]
-    soft, bearable_Pa = MATERIALS["steel"], ELASTIC_STRAIN * contact.composite.E_star_Pa
-    if pressure_Pa > bearable_Pa:
+    soft, E_star_Pa = MATERIALS["steel"], contact.composite.E_star_Pa
+    if pressure_Pa > ELASTIC_STRAIN * E_star_Pa:
         message = (
-            f"the greatest contact pressure {pressure_Pa / 1e9:.3g} GPa is more than any "
-            "engineering metal bears: without a hardness the answer is none"
+            f"the greatest contact pressure {pressure_Pa:.3g} Pa is more than {ELASTIC_STRAIN:.0%} "
+            f"of the modulus E* of {E_star_Pa:.3g} Pa, which no engineering metal bears: without a "
+            "hardness the answer is none"
         )
         return [Problem("pressure_beyond_elastic", "error", message)]
     if pressure_Pa > FIRST_YIELD * soft.softest_yield_stress_Pa:
