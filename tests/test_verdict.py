@@ -237,6 +237,8 @@ def test_a_question_beyond_gross_slip_fails_with_its_name(tmp_path):
     assert summary["status"] == "failed"
     numbers = {**summary["answer"], "asked": None, "structure": None}
     assert set(numbers.values()) == {None}
+    ran = run(tmp_path, "--slip-force", "92.001N")
+    assert "got slip force 92 N, 1 mN too much; the joint slips as a whole from 92 N" in ran.stderr
     assert summary["slip"]["total_slip_force_N"] == pytest.approx(92.0)
 
 

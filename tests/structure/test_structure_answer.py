@@ -111,6 +111,35 @@ def test_beyond_gross_slip_there_is_an_error_and_no_number(name):
     assert (" m of the structure on " in problems[0].message) == (name == "amplitude_m")
 
 
+@pytest.mark.parametrize(
+    ("name", "beyond", "says"),
+    [
+        (
+            "slip_force_N",
+            1e-3,
+            "got slip force {0} N, 1 mN too much; the joint slips as a whole from {0} N",
+        ),
+        ("slip_force_N", 0.02, "got slip force 24.02 N; the joint"),  # four digits tell them apart
+        ("displacement_m", 2e-13, " nm, 2e-13 m too much; the joint"),
+        ("displacement_m", 2e-9, " nm; the joint"),
+        (
+            "amplitude_m",
+            4e-12,
+            "240 nm, 4 pm too much; the joint slips as a whole from 240 nm of the",
+        ),
+    ],
+)
+def test_what_is_just_beyond_gross_slip_says_by_how_much(name, beyond, says):
+    slip = sphere()
+    most = {
+        "amplitude_m": MU * N / K_S,
+        "slip_force_N": MU * N,
+        "displacement_m": float(slip.total_slip_displacement_m),
+    }[name]
+    _, (problem,) = ask(slip, **{name: most + beyond})
+    assert says.format(f"{most:.4g}") in problem.text
+
+
 def test_a_mode_that_is_not_lightly_damped_has_no_loss_factor_and_its_joint_has_one():
     slip = sphere()
     # eta = n W / (pi K_m v^2), so the modal stiffness sets it

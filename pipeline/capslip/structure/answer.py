@@ -82,10 +82,13 @@ def answer_to(
     if value > most * (1.0 + 1e-12):
         quantity, _, unit = name.rpartition("_")
         of = " of the structure" if name == "amplitude_m" else ""  # not of the joint
+        got, holds = f"{value:.4g} {unit}", f"{most:.4g} {unit}"
+        alike = readable(got) == readable(holds)  # then digits hide what is wrong
+        apart = f", {value - most:.2g} {unit} too much" if alike else ""
         message = (
-            f"got {quantity.replace('_', ' ')} {value:.4g} {unit}; the joint slips as a whole from "
-            f"{most:.4g} {unit}{of} on and nothing holds it there, so no stiffness and no loss can "
-            "be given"
+            f"got {quantity.replace('_', ' ')} {got}{apart}; the joint slips as a "
+            f"whole from {holds}{of} on and nothing holds it there, so no stiffness and no loss "
+            "can be given"
         )
         less = readable(f"{0.5 * most:.2g} {unit}").replace(" ", "")
         option = quantity.replace("_", "-")
