@@ -93,3 +93,21 @@ def without_said(tables: dict[str, Any]) -> dict[str, Any]:
     if not isinstance(given, dict):
         return tables
     return {**tables, "material": {key: of for key, of in given.items() if key not in SAID}}
+
+
+def refuse_stray_spread(tables: dict[str, Any], where: str) -> None:
+    """Refuse the spread of a hardness that nested dictionaries, filled in, do not have.
+
+    Raises
+    ------
+    SettingsError
+        If there is one.
+    """
+    given = tables.get("material", {})
+    spread = given.get("hardness_spread", 0.0)
+    if spread > 0.0 and "hardness_Pa" not in given and "yield_stress_Pa" not in given:
+        raise SettingsError(
+            f"{where}: material.hardness_spread: got {spread:g} without a hardness, so nothing "
+            "yields; expected material.hardness_Pa, material.yield_stress_Pa or material.preset "
+            "with it"
+        )

@@ -16,7 +16,7 @@ import msgspec
 
 from capslip import registry
 from capslip.errors import SettingsError, one_of
-from capslip.materials import with_preset, without_said
+from capslip.materials import refuse_stray_spread, with_preset, without_said
 from capslip.units import LengthUnit
 
 LEAST, GREATEST = 1e-30, 1e30  # of any positive setting, in SI: beyond it powers overflow
@@ -326,6 +326,7 @@ def settings_from(tables: dict[str, Any], where: str = "settings") -> Settings:
         raise SettingsError(f"{where}: {_explain(str(error), tables)}") from error
     _check_meaning(settings, where)
     _check_load(tables, where)
+    refuse_stray_spread(tables, where)
     given = settings.run.given if "given" in tables.get("run", {}) else _given(tables)
     given = tuple(name for name in STAND_INS if name in given)
     return msgspec.structs.replace(settings, run=msgspec.structs.replace(settings.run, given=given))

@@ -104,6 +104,10 @@ def test_fewer_than_nine_points_above_the_cut(run, tmp_path):
             "contact.hardness=1e9",
             ["did you mean material.hardness_Pa or material.hardness_spread? (known here: model"],
         ),
+        (
+            "material.hardness_spread=0.1",
+            ["settings: material.hardness_spread: got 0.1 without a hardness", "material.preset"],
+        ),
         ("contact.hardness_Pa=1e9", ["did you mean material.hardness_Pa? (known here: model"]),
         ("joint.width_m=0.1", ["did you mean structure.beam.width_m?"]),
         ("preload=5", ["did you mean contact.preload_N or contact.preload_spread?"]),

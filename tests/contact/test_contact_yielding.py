@@ -461,6 +461,16 @@ def test_a_preset_fills_in_what_is_not_given(name):
     assert settings_from(soft.to_dict()) == soft
 
 
+@pytest.mark.parametrize("known", ["hardness_Pa=1e9", "yield_stress_Pa=3e8", "preset=steel"])
+def test_a_spread_of_the_hardness_goes_with_a_hardness(known):
+    spread = "material.hardness_spread=0.1"
+    for sets in ((spread, f"material.{known}"), (f"material.{known}", spread)):
+        assert load_settings(overrides=sets).material.hardness_spread == 0.1
+    with pytest.raises(SettingsError, match="got 1e-06 without a hardness"):
+        load_settings(overrides=("material.hardness_spread=1e-6",))
+    load_settings(overrides=("material.hardness_spread=0",))  # as in a file that holds every value
+
+
 @pytest.mark.parametrize("pair", ['["titanium", "aluminium"]', "[titanium,aluminium]"])
 def test_two_presets_are_one_for_each_face_and_the_softer_yields(pair):
     """A shell takes the quotes of such a list away."""

@@ -23,6 +23,7 @@ def test_each_scan_has_its_times_and_other_files_none(tmp_path, monkeypatch):
     np.save(tmp_path / "flat.npy", np.zeros((30, 30)))
     (tmp_path / "README.md").write_text("no scan")
     given = ("contact.model='families'", "contact.nominal_pressure_Pa=1e5")
+    given += ("material.preset='steel'",)  # else there is no hardness to be uncertain of
     head, _, *rows = real_scans.bench_real_scans(tmp_path, (*AS_METRES, *given)).splitlines()
     assert [row.split("`")[1] for row in rows] == ["face.npy", "flat.npy"]
     assert rows[1].count("none") == 3
