@@ -91,6 +91,20 @@ def test_gross_slip_begins_where_the_ellipse_meets_the_limit_of_friction(phase_r
     assert excess.max() == pytest.approx(0.0, abs=1e-7 * MU * PRELOAD_N)
 
 
+def test_beyond_gross_slip_no_cycle_is_steady():
+    slip = under(0.1, 0.7)
+    limit_m = slip.total_slip_displacement_m
+    limit_J = slip.energy_at_force_J(slip.total_slip_force_N)
+    share = np.array([0.0, 0.5, 1.0, 1.0 + 1e-13, 1.0 + 1e-9, 1.5, 2.0])
+    steady = [True] * 4 + [False] * 3
+    energy_J, force_N = slip.energy_J(share * limit_m), slip.force_N(share * limit_m)
+    assert np.isfinite(energy_J).tolist() == np.isfinite(force_N).tolist() == steady
+    np.testing.assert_allclose(energy_J[2:4], limit_J, rtol=1e-12)
+    np.testing.assert_allclose(energy_J[:4], slip.energy_at_force_J(force_N[:4]), rtol=1e-12)
+    assert np.isnan(slip.loop(1.5 * limit_m, 21)).all()
+    assert np.isfinite(slip.loop(limit_m, 21)).all()
+
+
 def test_the_sense_of_the_phase_and_half_a_turn_change_nothing():
     T = SHARES * 0.9 * CONSTANT.total_slip_force_N
     one = under(0.2, 0.7).energy_at_force_J(T)

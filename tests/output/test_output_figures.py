@@ -13,12 +13,13 @@ from PIL import Image
 
 from capslip.analysis import analyze, analyze_once
 from capslip.caps.table import CapFlag
+from capslip.contact.varying_load import varying
 from capslip.output.canvas import blank, height_limits, save, write_decades, write_png
 from capslip.output.figures import FIGURES
 from capslip.output.figures_contact import _between, normal_curve
 from capslip.output.quantity import engineering, unit_on
 from capslip.sensitivity import ANSWERS
-from capslip.settings import load_settings, settings_from
+from capslip.settings import SlipSettings, load_settings, settings_from
 from capslip.surface.readers.hdf5 import write_hdf5
 from scenes import caps_map
 
@@ -290,6 +291,22 @@ def test_energy_starts_with_slope_three(one):
     x, y = curve(FIGURES["energy"].draw(one), "W")
     slope = np.diff(np.log(y)) / np.diff(np.log(x))
     assert slope[0] == pytest.approx(3.0, abs=0.01)
+
+
+def oscillating(analysis):
+    """Return the analysis as it is under a normal load that oscillates by a tenth."""
+    given = SlipSettings(normal_amplitude_ratio=0.1, normal_phase_rad=0.7)
+    return replace(analysis, slip=varying(analysis.slip, given))
+
+
+@pytest.mark.parametrize("name", ["slip_loop", "energy"])
+def test_under_a_load_that_oscillates_lines_end_at_gross_slip(name, several):
+    for analysis, ends in ((several, False), (oscillating(several), True)):
+        axes = FIGURES[name].draw(analysis).axes[0]
+        x, y = axes.get_lines()[0].get_data()
+        (band,) = [patch for patch in axes.patches if patch.get_label().startswith("TS")]
+        last = x[np.isfinite(y)].max()
+        assert last == pytest.approx(band.get_x() if ends else axes.get_xlim()[1], rel=1e-12)
 
 
 def test_loss_factor_ends_at_gross_slip(several):

@@ -35,6 +35,7 @@ STEPS = 240  # of one cycle: W to 2e-4 of itself
 NODES, INTERPOLATED = 36, 1e-4
 HALVINGS = 50  # of a step between two of these, where the force is sought
 ROUNDING = 1e-12  # of force times way, below which an energy is none
+ROUNDED = 1.0 + 1e-12  # of a limit: up to there it is beyond by rounding alone
 LEAST_SHARE = 1e-4  # of the force at gross slip: below it W is in proportion to T^3 or T^2
 WITHDRAWN = 1e-7  # of the withdrawal at no load, to which it is known at any load
 LOADS, SMALL_DROPS = 64, 24  # at which it is solved first
@@ -101,7 +102,7 @@ class VaryingSlip(SlipCurve):
         return self._at(force_N, 2) ** 3
 
     def force_N(self, displacement_m: ArrayLike) -> np.ndarray:
-        """T(delta), the inverse of `displacement_m`."""
+        """T(delta), the inverse of `displacement_m`; NaN beyond gross slip, as no cycle is steady."""
         force_N, delta_m, _ = self._table
         wanted = np.asarray(displacement_m, dtype=float)
         inside = np.clip(wanted, delta_m[0], delta_m[-1])
@@ -112,11 +113,14 @@ class VaryingSlip(SlipCurve):
             less = np.exp(middle) * self._over_force(middle)[..., 0] < inside
             low, high = np.where(less, middle, low), np.where(less, high, middle)
         found = np.where(inside < delta_m[-1], np.exp(0.5 * (low + high)), force_N[-1])
-        return np.asarray(np.where(wanted < delta_m[0], wanted * force_N[0] / delta_m[0], found))
+        found = np.where(wanted < delta_m[0], wanted * force_N[0] / delta_m[0], found)
+        return np.asarray(np.where(wanted <= delta_m[-1] * ROUNDED, found, np.nan))
 
     def energy_J(self, displacement_m: ArrayLike) -> np.ndarray:
-        """W of one cycle over delta."""
-        return self.energy_at_force_J(self.force_N(displacement_m))
+        """W of one cycle over delta; NaN beyond gross slip."""
+        force_N = self.force_N(displacement_m)
+        steady = np.isfinite(force_N)
+        return np.where(steady, self.energy_at_force_J(np.where(steady, force_N, 0.0)), np.nan)
 
     def loop(self, amplitude_m: float, n_points: int = 201) -> tuple[np.ndarray, np.ndarray]:
         """Return displacement and force once around the steady cycle of one amplitude."""
@@ -185,7 +189,7 @@ class VaryingSlip(SlipCurve):
         inside = np.clip(T, first, last)
         value = inside * self._over_force(np.log(inside))[..., row - 1]
         value = np.where(first > T, value * T / first, value)
-        return np.asarray(np.where(last * (1 + 1e-12) >= T, value, np.inf))
+        return np.asarray(np.where(last * ROUNDED >= T, value, np.inf))
 
     def _cycle(self, force_N: float, steps: int = STEPS) -> tuple[float, np.ndarray, np.ndarray]:
         """Return the energy of the steady cycle, and force and displacement around it."""

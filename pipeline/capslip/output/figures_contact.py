@@ -109,11 +109,12 @@ def slip_loop(analysis: "Analysis", axes: "Axes | None" = None) -> "Figure | Non
     slip = analysis.slip
     if slip is None or not slip.total_slip_displacement_m > 0.0:
         return None
-    end_m = 1.2 * float(slip.total_slip_displacement_m)
+    total_m = float(slip.total_slip_displacement_m)
+    end_m = 1.2 * total_m
     unit_m, unit = _unit_of_length(end_m, axes)
     unit_N, of_force = _unit_of_force(float(slip.total_slip_force_N), axes)
     figure, axes = blank("Tangential force over slip displacement, one joint", axes=axes)
-    displacement_m = np.linspace(0.0, end_m, 201)
+    displacement_m = np.union1d(np.linspace(0.0, end_m, 201), total_m)  # where it may end
     axes.plot(
         displacement_m / unit_m,
         slip.force_N(displacement_m) / unit_N,
@@ -154,14 +155,15 @@ def energy(analysis: "Analysis", axes: "Axes | None" = None) -> "Figure | None":
     slip = analysis.slip
     if slip is None or not slip.total_slip_displacement_m > 0.0:
         return None
-    begin_m, end_m = np.array([1e-3, 3.0]) * slip.total_slip_displacement_m
+    total_m = float(slip.total_slip_displacement_m)
+    begin_m, end_m = 1e-3 * total_m, 3.0 * total_m
     displacement_m = np.geomspace(begin_m, end_m, 121)
     least_J = LEAST_ENERGY * float(slip.energy_at_force_J(slip.total_slip_force_N))
     shown = np.asarray(slip.energy_J(displacement_m)) > least_J
     if not shown.any():
         return None
     begin_m = float(displacement_m[shown][0])
-    displacement_m = np.geomspace(begin_m, end_m, 121)
+    displacement_m = np.union1d(np.geomspace(begin_m, end_m, 121), total_m)  # where it may end
     energy_J = np.asarray(slip.energy_J(displacement_m))
     positive = energy_J > 0.0
     unit_m, unit = _unit_of_length(end_m, axes)
