@@ -41,6 +41,16 @@ def brush(approach_m, gap_m, stiffness_N_per_m, displacement_m):
     return np.array(force_N)
 
 
+def springs():
+    """Return gaps and stiffnesses of one Hertz contact, N = C d^1.5.
+
+    The number of springs up to the gap g is 1.5 C g^0.5.
+    """
+    edges_m = 4e-7 * np.linspace(0, 1, 2001) ** 2
+    stiffness_N_per_m = 1.5 * float(ONE.load_N(1.0)) * np.diff(edges_m**0.5)
+    return (edges_m[1:] + edges_m[:-1]) / 2, stiffness_N_per_m
+
+
 def test_a_constant_load_is_the_closed_form():
     steady = VaryingSlip(TWO, PRELOAD_N, CONSTANT.approach_m, MU, KAPPA, 0.0, 0.3)
     T = np.append(SHARES, [1e-5, 0.01, 0.99, 1.0]) * CONSTANT.total_slip_force_N
@@ -114,10 +124,7 @@ def test_the_sense_of_the_phase_and_half_a_turn_change_nothing():
 @pytest.mark.parametrize(("ratio", "phase_rad"), [(0.1, math.pi / 2), (0.3, 0.7), (0.25, 0.0)])
 def test_against_springs_followed_step_by_step(ratio, phase_rad):
     """Springs of their own gaps, each with Coulomb's law: what the theorem is exact for."""
-    # One Hertz contact, N = C d^1.5, as springs whose number up to the gap g is 1.5 C g^0.5
-    edges_m = 4e-7 * np.linspace(0, 1, 2001) ** 2
-    stiffness_N_per_m = 1.5 * float(ONE.load_N(1.0)) * np.diff(edges_m**0.5)
-    gap_m = (edges_m[1:] + edges_m[:-1]) / 2
+    gap_m, stiffness_N_per_m = springs()
     constant = slip_curve(ONE, float(ONE.load_N(2e-7)), MU, KAPPA)
     slip = under(ratio, phase_rad, constant)
     T = 0.4 * float(constant.total_slip_force_N)
@@ -132,6 +139,38 @@ def test_against_springs_followed_step_by_step(ratio, phase_rad):
     assert np.ptp(force_N) / 2 == pytest.approx(T, rel=1e-2)
     lost_J = np.sum((force_N[1:] + force_N[:-1]) / 2 * np.diff(turns[-4801:]))
     assert lost_J == pytest.approx(float(slip.energy_at_force_J(T)), rel=1e-2)
+
+
+@pytest.mark.parametrize("share", [0.3, 0.6, 0.9])
+@pytest.mark.parametrize(("ratio", "phase_rad"), [(0.1, 0.7), (0.3, math.pi / 2), (0.2, 2.5)])
+def test_a_joint_preloaded_and_then_sheared_settles_where_the_loop_is(ratio, phase_rad, share):
+    """Moved as the loop says, springs that were preloaded first have its force, without offset."""
+    gap_m, stiffness_N_per_m = springs()
+    constant = slip_curve(ONE, float(ONE.load_N(2e-7)), MU, KAPPA)
+    slip = under(ratio, phase_rad, constant)
+    T = share * slip.total_slip_force_N
+    displacement_m, loop_N = slip.loop(float(slip.displacement_m(T)), 241)
+    steps = np.arange(0, 720.01, 0.1)  # three turns
+    turns = np.interp(
+        steps, np.arange(721), np.append(np.tile(displacement_m[:-1], 3), displacement_m[0])
+    )
+    wave = np.cos(2 * np.pi * steps / 240 - phase_rad)
+    first = np.linspace(0.0, 1.0, 100)
+    wave = np.concatenate([first * wave[0], np.full(100, wave[0]), wave])
+    moved_m = np.concatenate([np.zeros(100), first * turns[0], turns])
+    approach_m = ONE.approach_m(constant.preload_N * (1 + ratio * wave))
+    force_N = brush(approach_m, gap_m, stiffness_N_per_m, moved_m)[-2401::10]
+    np.testing.assert_allclose(force_N, loop_N, atol=0.02 * T)
+    assert loop_N.max() == -loop_N.min() == pytest.approx(T)
+
+
+def test_a_loop_under_a_constant_load_is_that_of_masing():
+    steady = VaryingSlip(TWO, PRELOAD_N, CONSTANT.approach_m, MU, KAPPA, 0.0, 0.3)
+    amplitude_m = float(CONSTANT.displacement_m(0.6 * CONSTANT.total_slip_force_N))
+    displacement_m, force_N = steady.loop(amplitude_m, 241)
+    expected_m, expected_N = (one[:121][::-1] for one in CONSTANT.loop(amplitude_m, 241))
+    got_N = np.interp(displacement_m[:121], expected_m, expected_N)
+    np.testing.assert_allclose(force_N[:121], got_N, atol=5e-3 * force_N.max())
 
 
 @pytest.mark.parametrize(

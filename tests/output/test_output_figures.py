@@ -293,9 +293,9 @@ def test_energy_starts_with_slope_three(one):
     assert slope[0] == pytest.approx(3.0, abs=0.01)
 
 
-def oscillating(analysis):
-    """Return the analysis as it is under a normal load that oscillates by a tenth."""
-    given = SlipSettings(normal_amplitude_ratio=0.1, normal_phase_rad=0.7)
+def oscillating(analysis, ratio=0.1, phase_rad=0.7):
+    """Return the analysis as it is under a normal load that oscillates."""
+    given = SlipSettings(normal_amplitude_ratio=ratio, normal_phase_rad=phase_rad)
     return replace(analysis, slip=varying(analysis.slip, given))
 
 
@@ -307,6 +307,25 @@ def test_under_a_load_that_oscillates_lines_end_at_gross_slip(name, several):
         (band,) = [patch for patch in axes.patches if patch.get_label().startswith("TS")]
         last = x[np.isfinite(y)].max()
         assert last == pytest.approx(band.get_x() if ends else axes.get_xlim()[1], rel=1e-12)
+
+
+@pytest.mark.parametrize(("ratio", "phase_rad"), [(0.1, 0.7), (0.6, 0.0)])
+def test_loops_under_a_load_that_oscillates_lie_beside_the_amplitudes(ratio, phase_rad, several):
+    moved = oscillating(several, ratio, phase_rad)
+    axes = FIGURES["slip_loop"].draw(moved).axes[0]
+    dashed, *loops = axes.get_lines()
+    assert dashed.get_label() == "amplitudes of steady cycles"
+    for loop in loops:
+        x, y = loop.get_data()
+        assert np.ptp(x) / 2 == pytest.approx(
+            np.interp(y.max(), *dashed.get_data()[::-1]), rel=1e-2
+        )
+        assert x.max() + x.min() < -0.05 * np.ptp(x)
+        assert axes.get_xlim()[0] < x.min() < x.max() < axes.get_xlim()[1]
+    # what a constant load would slip as a whole first is not known here
+    assert axes.patches[0].get_label() == "GPS or PPS, not told apart"
+    still = FIGURES["slip_loop"].draw(several).axes[0].get_lines()[0]
+    assert still.get_label() == "first loading"
 
 
 def test_loss_factor_ends_at_gross_slip(several):

@@ -42,6 +42,7 @@ SUMMARY = {
         "gross_slip_amplitude_m": 6e-6,
     },
     "scans": None,
+    "assumed": [{"setting": "slip.normal_amplitude_ratio"}],
 }
 
 
@@ -126,6 +127,23 @@ def test_what_the_numbers_leave_out_is_said_where_it_is_so(contact, said, unsaid
     assert not any(one in text for one in unsaid)
     assert "Bureau" in found[0]
     assert found[-1].startswith("Only the loss in the joints is counted")
+
+
+def test_no_text_calls_a_load_constant_that_oscillates(several, tmp_path):
+    still = several.summary()
+    moved = still | {"assumed": []}
+    for summary, constant in ((still, True), (moved, False)):
+        slip = next(one for one in report._limits(summary) if one.startswith("Slip follows"))
+        assert ("a constant preload" in slip) == constant
+        assert ("a normal load that oscillates" in slip) != constant
+        assert ("by Masing's rule" in methods_paragraph(summary)) == constant
+        assert ("a normal load that oscillates" in methods_paragraph(summary)) != constant
+        figures = report._figures(several, summary, tmp_path, None)
+        captions = {one["name"]: one["caption"] for one in figures}
+        assert ("constant preload" in captions["slip_loop"]) == constant
+        assert ("first loading" in captions["slip_loop"]) == constant
+        assert ("grows with the third power" in captions["energy"]) == constant
+        assert captions["families"].startswith(FIGURES["families"].caption)
 
 
 UNITS = {"nm": 1e-9, "µm": 1e-6, "mm": 1e-3, "m": 1.0, "mN": 1e-3, "N": 1.0, "kN": 1e3}

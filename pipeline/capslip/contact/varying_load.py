@@ -102,7 +102,7 @@ class VaryingSlip(SlipCurve):
         return self._at(force_N, 2) ** 3
 
     def force_N(self, displacement_m: ArrayLike) -> np.ndarray:
-        """T(delta), the inverse of `displacement_m`; NaN beyond gross slip, as no cycle is steady."""
+        """T(delta), the inverse of `displacement_m`; NaN beyond gross slip."""
         force_N, delta_m, _ = self._table
         wanted = np.asarray(displacement_m, dtype=float)
         inside = np.clip(wanted, delta_m[0], delta_m[-1])
@@ -123,7 +123,11 @@ class VaryingSlip(SlipCurve):
         return np.where(steady, self.energy_at_force_J(np.where(steady, force_N, 0.0)), np.nan)
 
     def loop(self, amplitude_m: float, n_points: int = 201) -> tuple[np.ndarray, np.ndarray]:
-        """Return displacement and force once around the steady cycle of one amplitude."""
+        """Return displacement and force once around the steady cycle of one amplitude.
+
+        Displacements from the preloaded joint: the middle of the way to and fro is beside zero.
+        NaN beyond gross slip.
+        """
         _, force_N, displacement_m = self._cycle(float(self.force_N(amplitude_m)), n_points - 1)
         return displacement_m, force_N
 
@@ -197,6 +201,8 @@ class VaryingSlip(SlipCurve):
         Q = force_N * np.cos(angle)
         wave = np.cos(angle - self.normal_phase_rad)
         P = np.minimum(self.preload_N * (1.0 + self.normal_amplitude_ratio * wave), self._top[0])
+        # Preloaded before it is sheared: deep levels, which never slip, keep tau = 0 for good
+        P, Q = np.append(self.preload_N, P), np.append(0.0, Q)
         step, low, high, change = _history(P, Q, self.friction_coefficient)
         edges = np.unique(np.concatenate([low, high]))
         greatest_N, _ = self._top

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from capslip.contact.varying_load import VaryingSlip
 from capslip.errors import ContactError
 from capslip.output.canvas import ACCENT, INK, blank, legend_beside, write_decades
 from capslip.output.quantity import engineering, unit_on
@@ -105,12 +106,17 @@ def normal_curve(analysis: "Analysis", axes: "Axes | None" = None) -> "Figure | 
 
 
 def slip_loop(analysis: "Analysis", axes: "Axes | None" = None) -> "Figure | None":
-    """First loading to gross slip with its phases, and cycles of three amplitudes."""
+    """First loading to gross slip with its phases, and cycles of three amplitudes.
+
+    Where the normal load oscillates, the amplitudes of all steady cycles in place of the former.
+    """
     slip = analysis.slip
     if slip is None or not slip.total_slip_displacement_m > 0.0:
         return None
     total_m = float(slip.total_slip_displacement_m)
-    end_m = 1.2 * total_m
+    peaks_N = np.array(LOOP_SHARES) * slip.total_slip_force_N
+    loops = [slip.loop(float(slip.displacement_m(peak_N))) for peak_N in peaks_N]
+    end_m = 1.2 * max(total_m, *(np.abs(loop_m).max() for loop_m, _ in loops))
     unit_m, unit = _unit_of_length(end_m, axes)
     unit_N, of_force = _unit_of_force(float(slip.total_slip_force_N), axes)
     figure, axes = blank("Tangential force over slip displacement, one joint", axes=axes)
@@ -121,7 +127,7 @@ def slip_loop(analysis: "Analysis", axes: "Axes | None" = None) -> "Figure | Non
         "--",
         color=INK,
         linewidth=1.2,
-        label="first loading",
+        label="amplitudes of steady cycles" if isinstance(slip, VaryingSlip) else "first loading",
     )
     _shade_scatter(
         axes,
@@ -129,9 +135,8 @@ def slip_loop(analysis: "Analysis", axes: "Axes | None" = None) -> "Figure | Non
         displacement_m / unit_m,
         lambda one: one.force_N(displacement_m) / unit_N,
     )
-    for share, colour in zip(LOOP_SHARES, LOOP_COLOURS, strict=True):
-        peak_N = share * slip.total_slip_force_N
-        loop_m, loop_N = slip.loop(float(slip.displacement_m(peak_N)))
+    drawn = zip(LOOP_SHARES, peaks_N, loops, LOOP_COLOURS, strict=True)
+    for share, peak_N, (loop_m, loop_N), colour in drawn:
         axes.plot(
             loop_m / unit_m,
             loop_N / unit_N,
@@ -365,6 +370,8 @@ def _shade_phases(
     """Shade the phases of first loading; caps that are all loaded alike have no PPS."""
     total_m = float(slip.total_slip_displacement_m)
     limits_m = slip.limits_m[np.isfinite(slip.limits_m)]
+    if isinstance(slip, VaryingSlip):  # they are those of the constant load
+        limits_m = limits_m[:0]
     first_m = float(limits_m.min(initial=total_m))
     edges_m = [begin_m, max(begin_m, first_m), total_m, end_m]
     # A curve that does not know its limits has one band for both.

@@ -92,7 +92,7 @@ def _interval_texts(summary: dict[str, Any]) -> list[str]:
     answer = summary["answer"]
     if answer["contributions"] is None:
         # Below mu times its amplitude nothing is lost under a load that oscillates in phase
-        nothing = answer["energy_J"] == 0.0 and not _oscillates(summary)
+        nothing = answer["energy_J"] == 0.0 and not oscillates(summary)
         return [] if nothing else [_why_none(summary)]
     ranges = []
     for name, (label, end) in INTERVALS.items():
@@ -120,12 +120,13 @@ def _of_energy(parts: str, answer: dict[str, Any]) -> str:
 
 def _why_none(summary: dict[str, Any]) -> str:
     """Return why an answer has no interval, see `structure.band.band_of`."""
-    if _oscillates(summary):
+    if oscillates(summary):
         return OSCILLATES
     return NOTHING_KNOWN if summary["accuracy"]["estimated"] is None else TOO_MUCH
 
 
-def _oscillates(summary: dict[str, Any]) -> bool:
+def oscillates(summary: dict[str, Any]) -> bool:
+    """Tell whether the normal load of a result oscillates."""
     return all(one["setting"] != "slip.normal_amplitude_ratio" for one in summary["assumed"])
 
 

@@ -3,6 +3,7 @@
 from typing import Any
 
 from capslip.contact.rung import rung
+from capslip.output.lead import oscillates
 from capslip.output.quantity import engineering
 from capslip.units import percent
 
@@ -56,9 +57,12 @@ def methods_paragraph(summary: dict[str, Any]) -> str:
             f"It yielded at a hardness of {engineering(contact['hardness_Pa'], 'Pa')} as it was "
             "loaded, and unloads elastically."
         )
+    cycles = "cycles by Masing's rule"
+    if oscillates(summary):
+        cycles = "cycles under a normal load that oscillates level by level of that load"
     found.append(
         f"Slip under a friction coefficient of {slip['friction_coefficient']:g} follows from the "
-        "normal curve by the theorem of Ciavarella and Jaeger, cycles by Masing's rule."
+        f"normal curve by the theorem of Ciavarella and Jaeger, {cycles}."
     )
     estimated = summary["accuracy"]["estimated"]
     if estimated is not None:

@@ -62,7 +62,10 @@ class Plots:
         return self._drawn("normal_curve", figures_contact.normal_curve, ax)
 
     def loop(self, ax: "Axes | None" = None) -> "Axes":
-        """First loading to gross slip, and steady cycles of three amplitudes, of one joint."""
+        """First loading to gross slip, and steady cycles of three amplitudes, of one joint.
+
+        Where the load oscillates, the amplitudes of all steady cycles in place of the former.
+        """
         return self._drawn("slip_loop", figures_contact.slip_loop, ax)
 
     def energy(self, ax: "Axes | None" = None) -> "Axes":

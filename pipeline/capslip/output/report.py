@@ -13,7 +13,14 @@ import numpy as np
 from capslip.contact.rung import rung
 from capslip.output import figures_sensitivity
 from capslip.output.figures import FIGURES, OF_JOINT
-from capslip.output.lead import answer_lines, assumed_lines, causes, effect_text, joint_line
+from capslip.output.lead import (
+    answer_lines,
+    assumed_lines,
+    causes,
+    effect_text,
+    joint_line,
+    oscillates,
+)
 from capslip.output.methods import citation, methods_paragraph, references
 from capslip.output.quantity import engineering, scaled
 from capslip.output.rows import DASH, QUANTITIES, write_text
@@ -36,6 +43,17 @@ SCATTER = (
     "which several scans of the same machining are."
 )
 OF_SCANS = dict.fromkeys(("slip_loop", "energy", "loss_factor"), SCATTER)  # figures
+OSCILLATING = {  # what figures show under a normal load that oscillates
+    "slip_loop": "Tangential force over tangential displacement from the preloaded joint, under a "
+    "normal load that oscillates: steady cycles up to three shares of the force at gross slip, and "
+    "the amplitudes of all of them (dashed), force over half of the way to and fro. A cycle lies "
+    "beside zero, so its tips lie beside that line. The area of a loop is the energy W lost per "
+    "cycle. Good: slim loops that widen towards gross slip.",
+    "energy": "Energy lost per cycle in one joint over half of the way to and fro, under a normal "
+    "load that oscillates: where the amplitude is small it may be none, or grow with another than "
+    "the third power, which is dotted. Pale: less slips than the pixels of the map resolve. "
+    "Good: your amplitude right of what is pale.",
+}
 OF_CAPS = ("hills_and_caps", "cap_profile", "families", "scene")  # figures
 HEAVY_BYTES = 200_000  # of a picture
 JPEG_QUALITY = 90
@@ -227,14 +245,17 @@ def _headlines(summary: dict[str, Any]) -> list[tuple[str, str, str]]:
 
 def _limits(summary: dict[str, Any]) -> list[str]:
     """Say in plain words what the model leaves out."""
+    load = "a constant preload"
+    if oscillates(summary):
+        load = "a normal load that oscillates with the force and its frequency, once it has settled"
     limits = [
         "The loss factor is for comparing faces, preloads and designs. Bureau, Caroli and "
         "Baumberger (2003) report that a model of many Mindlin contacts describes the elastic "
         "response of a real interface, but not its dissipation quantitatively. An absolute value "
         "needs a measurement, and no interval of this report holds that: they hold what the caps, "
         "the contact model and the given spreads leave open.",
-        "Slip follows from the normal curve by the theorem of Ciavarella and Jaeger: constant "
-        "preload, one direction of slip, no rotation, equal materials (or no coupling between "
+        "Slip follows from the normal curve by the theorem of Ciavarella and Jaeger: "
+        f"{load}, one direction of slip, no rotation, equal materials (or no coupling between "
         "normal and tangential deformation), Coulomb friction with one coefficient. Poisson's "
         "effect alone (at 0.3) changes displacement and energy by 0.1 and 0.4 % for one round "
         "contact, by up to 5 and 11 % for waves that leave few contacts.",
@@ -273,10 +294,13 @@ def _figures(
 ) -> list[dict[str, str | None]]:
     """Collect pictures and captions; a picture that is missing carries the reason."""
     figures = []
-    of_scans = isinstance(analysis, JointOfScans)
+    of_scans, moves = isinstance(analysis, JointOfScans), oscillates(summary)
     for name in OF_JOINT if of_scans else FIGURES:
         entry = FIGURES[name]
         good = OF_SCANS.get(name, entry.good) if of_scans else entry.good
+        words = f"{entry.caption} {good}"
+        if moves:
+            words = OSCILLATING.get(name, words)
         missing = f"It needs {entry.needs}, which this analysis does not have; see the problems."
         if entry.draw is figures_sensitivity.sensitivity and not analysis.settings.run.sensitivity:
             missing = "It was not asked for (--sensitivity)."
@@ -288,7 +312,7 @@ def _figures(
             {
                 "name": name,
                 "title": entry.title,
-                "caption": f"{entry.caption} {good}{_of_caps_alone(name, summary)}",
+                "caption": f"{words}{_of_caps_alone(name, summary)}",
                 "alt": write_text(entry.alt, summary),
                 "missing": missing,
                 "data": _data(folder / f"{name}.png"),
