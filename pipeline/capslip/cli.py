@@ -111,7 +111,7 @@ def analyze(
             progress=say,
             missing=say.missing,
         )
-    print_result(summary, _where(folder), as_json, quiet)
+    print_result(summary, _ending(analysis, summary, folder), as_json, quiet)
     _raise_errors(analysis, folder, f"{surface}: ")
     say.raise_failures(folder)
 
@@ -150,13 +150,18 @@ def _analyze_scans(
     summary = write_joint(
         result, folder, _command_line(), timings_s, export, progress=say, missing=say.missing
     )
-    print_result(summary, _where(folder), as_json, quiet)
+    print_result(summary, _ending(result, summary, folder), as_json, quiet)
     _raise_errors(result, folder)
     say.raise_failures(folder)
 
 
-def _where(folder: Path) -> str:
-    return f"\nresults    {folder}\nreport     {folder / 'report.html'}"
+def _ending(printed: "JointResult", summary: dict[str, Any], folder: Path) -> str:
+    """Say where all is; what was written may have told more than what was printed before."""
+    lines = ["", f"results    {folder}", f"report     {folder / 'report.html'}"]
+    if (printed.verdict, printed.status) != (summary["verdict"], summary["status"]):
+        verdict = f"verdict    {summary['verdict']}".replace("µ", "u")
+        lines[1:1] = [verdict, f"status     {summary['status']}"]
+    return "\n".join(lines)
 
 
 def _raise_errors(result: "JointResult", folder: Path | None, of: str = "") -> None:

@@ -111,6 +111,45 @@ def test_a_part_that_fails_takes_no_number_along(
         assert len(list((out / "figures").glob("*.png"))) >= 8
 
 
+@pytest.mark.parametrize(("ratio", "changed"), [(0.1, True), (0.0, False)])
+def test_verdict_and_status_that_changed_while_writing_end_the_lines(
+    ratio, changed, face, tmp_path
+):
+    """No sliders stand for a load that oscillates; what was printed before knew nothing of it."""
+    words = [
+        "--material",
+        "steel",
+        "--preload",
+        "150N",
+        "--set",
+        "material.friction_coefficient=0.2",
+    ]
+    words += ["--set", f"slip.normal_amplitude_ratio={ratio}", "--export", "jenkins"]
+    out = tmp_path / "out"
+    ran = run("analyze", face, *words, "--no-render", "--no-figures", "-o", out)
+    summary = json.loads((out / "summary.json").read_text())
+    assert ran.exit_code == (3 if changed else 0)
+    assert ("output_missing" in [one["code"] for one in summary["problems"]]) == changed
+    lines = ran.stdout.splitlines()
+    for word in ("verdict", "status"):
+        said = [line for line in lines if line.startswith(f"{word:10} ")]
+        assert len(said) == 1 + changed
+        assert said[-1] == f"{word:10} {summary[word]}"
+        assert len(set(said)) == len(said)  # the last is another one
+    assert summary["status"] == ("check" if changed else "ok")
+    last = [line.split(" ")[0] for line in lines[-4:]]
+    assert last == (["verdict", "status"] if changed else last[:2]) + ["results", "report"]
+
+
+def test_an_export_that_a_setting_rules_out_asks_for_the_setting(face, tmp_path):
+    words = ["--set", "slip.normal_amplitude_ratio=0.1", "--export", "jenkins", "--json"]
+    ran = run("analyze", face, *words, "--no-render", "--no-figures", "-o", tmp_path / "out")
+    problems = json.loads(ran.stdout)["problems"]
+    (said,) = [one for one in problems if one["code"] == "output_missing"]
+    assert "expected a constant normal load" in said["message"]
+    assert said["remedy"].startswith("Give what the message expects")
+
+
 @pytest.mark.parametrize(
     ("first", "second", "code"),
     [(ContactError, OSError, 1), (OSError, ContactError, 1), (ContactError, ContactError, 3)],
