@@ -12,6 +12,7 @@ import numpy as np
 
 import capslip
 from capslip.caps.families import Families, Family
+from capslip.contact.material import hardness_Pa
 from capslip.problems import Problem
 from capslip.provenance import code_sha256, libraries
 from capslip.structure.answer import Answer, asked
@@ -231,7 +232,7 @@ def contact_table(analysis: "JointResult") -> dict[str, Any]:
         "stiffness_N_per_m": slip.curve.stiffness_N_per_m(slip.approach_m) if slip else None,
         "contact_area_m2": None if area_m2 is None else area_m2 * float(joint.weight[0]),
         "max_pressure_Pa": contact.max_pressure_Pa if contact else None,
-        "hardness_Pa": contact.hardness_Pa if contact else None,
+        "hardness_Pa": contact.hardness_Pa if contact else hardness_Pa(analysis.settings.material),
         "yielded_area_m2": None if yielded_m2 is None else yielded_m2 * float(joint.weight[0]),
         "bulk": contact.bulk if contact else None,
         **dict.fromkeys(ALIGNMENT),

@@ -6,11 +6,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from msgspec import structs
 
 import capslip
 from browser import ask, needs_chromium
 from capslip.analysis import analyze_scans
 from capslip.contact.rung import ModelError
+from capslip.output import report
 from capslip.output.figures import FIGURES, OF_JOINT
 from capslip.output.folder import write_joint
 from capslip.output.report import write_report
@@ -41,6 +43,22 @@ def test_the_page_has_the_answer_each_scan_and_every_figure_of_the_joint(joint, 
     assert 'id="whatif"' in page
     assert "2 scans of one joint were analysed" in page
     assert 'href="#caps"' not in page
+
+
+def test_the_hardness_of_the_scans_is_said_and_no_row_is_empty(joint, tmp_path):
+    given = structs.replace(joint.settings.material, hardness_Pa=2.5e9)
+    yielding = replace(joint, settings=structs.replace(joint.settings, material=given))
+    for one, hardness_Pa in ((joint, None), (yielding, 2.5e9)):
+        summary = one.summary()
+        assert summary["contact"]["hardness_Pa"] == hardness_Pa
+        page = write_report(one, summary, tmp_path, None).read_text("utf-8")
+        assert ("no hardness was given" in page) == (hardness_Pa is None)
+        assert ("softer face is taken as 2.5 GPa" in page) == (hardness_Pa is not None)
+        (rows,) = (facts for title, facts in report._tables(summary) if title.startswith("Contact"))
+        labels = [label for label, _ in rows]
+        assert "contact model" not in labels
+        assert ("hardness" in labels) == (hardness_Pa is not None)
+        assert {"friction coefficient", "gross slip, one joint", "joints"} <= set(labels)
 
 
 def test_an_error_of_more_than_all_is_said_in_full(joint, tmp_path):

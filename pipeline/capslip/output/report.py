@@ -423,7 +423,8 @@ def _tables(summary: dict[str, Any]) -> list[tuple[str, list[tuple[str, str]]]]:
     groups["Contact, slip and damping"] = OF_THE_JOINT
     tables = [(title, [_fact(fact, summary) for fact in facts]) for title, facts in groups.items()]
     if summary["scans"]:
-        tables = [(title, [one for one in facts if one[1] != DASH]) for title, facts in tables]
+        empty = set(f"{DASH}: ")  # a text of several quantities, too
+        tables = [(title, [one for one in facts if set(one[1]) - empty]) for title, facts in tables]
     provenance = summary["provenance"].items()
     tables.append(
         ("Provenance", [(key.replace("_", " "), text or DASH) for key, text in provenance])
