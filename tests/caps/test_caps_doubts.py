@@ -387,3 +387,17 @@ def test_the_odds_of_the_families_are_told(log_odds, text):
     assert text in found.message
     assert found.message.startswith("6 caps")
     assert "4.5 spreads" in found.message
+
+
+def test_an_apex_that_noise_or_a_misfit_leaves_uncertain_is_not_called_low():
+    """High caps that are no spheres have the flag as low ones under noise do."""
+    caps = caps_at(*(np.arange(4.0) for _ in range(3)))
+    caps = caps.with_columns(flags=np.array([CapFlag.noisy_apex] * 3 + [0], np.uint16))
+    (found,) = doubts._flagged(caps)
+    assert found.code == "caps_noisy_apex"
+    for text in (found.message, found.kind.meaning):
+        assert "uncertain by more than a tenth of their height" in text
+        assert "by noise, or as they are no spheres" in text
+    assert found.message.startswith("3 of 4 caps have")
+    assert "boundary_elements" in found.remedy
+    assert "average" in found.remedy

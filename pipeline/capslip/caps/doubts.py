@@ -24,7 +24,8 @@ MEANING = {  # of the flags of caps that hills can have
     CapFlag.edge: "touch the edge of the map: part of them was not measured",
     CapFlag.non_measured: "touch a patch of non-measured points",
     CapFlag.plateau: "have a flat top (clipped sensor or quantised heights)",
-    CapFlag.noisy_apex: "are less than ten times as high as the noise",
+    CapFlag.noisy_apex: "have an apex that is uncertain by more than a tenth of their height: by "
+    "noise, or as they are no spheres",
     CapFlag.apex_off_surface: "have no fitted apex on the hill: its highest place stands in",
     CapFlag.ridge: "are ridges rather than caps",
     CapFlag.several_peaks: "have several peaks",
