@@ -241,6 +241,10 @@ def test_pressure_is_doubted_just_beyond_its_threshold(
     doubts = contact_doubts(pressed, caps, families, 1e-8, cut_certified=False)
     assert severities(doubts) == found
     assert all("20%" in p.message for p in doubts if p.code == "yielded")
+    useless = [p for p in doubts if p.severity == "error"]  # beside numbers that are there
+    assert all(
+        p.message.endswith("elastic face, as no metal is, and not to be used") for p in useless
+    )
 
 
 @pytest.mark.parametrize(

@@ -301,3 +301,31 @@ def test_numbers_are_rounded_once_and_medians_are_of_all_scans(tmp_path):
     assert "of 5 scans: -3 to 8 nJ, median 1 nJ; 2 of 5 at" in energy
     (caps,) = (one for one in found["said"] if one.startswith("caps"))
     assert caps.endswith("median 0; 2 of 2 at zero or below are not drawn")
+
+
+@needs_chromium
+def test_failed_scans_are_left_out_of_medians_and_curves_and_counted(real, tmp_path):
+    source, rows = real
+    (tmp_path / "scans").symlink_to(source / "scans")
+    energies_J = [1e-9, 2e-9, 3e-9, *[1e-6] * 4]
+    statuses = ["check", "ok", "ok", *["failed"] * 4]
+    found = [
+        rows[0] | {"scan": status, "status": status, "answer_energy_J": energy_J}
+        for status, energy_J in zip(statuses, energies_J, strict=True)
+    ]
+    write_overview([*found, failed("without a number")], tmp_path)
+    script = """
+    const said = () => [document.getElementById("curve-note").textContent,
+        [...document.querySelectorAll("#spread figcaption")].find((one) =>
+            one.textContent.includes("energy")).textContent];
+    const all = said();
+    [...document.querySelectorAll("#strip button")].find((one) =>
+        one.textContent.includes("check")).click();
+    return [...all, ...said()];"""
+    curves, energy, of_kept, energy_of_kept = ask(tmp_path / "index.html", script, tmp_path)
+    assert curves.startswith("3 of 8 scans")
+    assert curves.endswith(" 4 failed, left out.")
+    assert energy.endswith("median 2; 4 failed left out")
+    assert of_kept.startswith("1 of 1 scans")
+    assert energy_of_kept.endswith("median 1")
+    assert "failed" not in of_kept + energy_of_kept

@@ -324,7 +324,8 @@ def problems_of_pressure(contact: ContactState) -> list[Problem]:
         message = (
             f"the greatest contact pressure {pressure_Pa:.3g} Pa is more than {ELASTIC_STRAIN:.0%} "
             f"of the modulus E* of {E_star_Pa:.3g} Pa, which no engineering metal bears: without a "
-            "hardness the answer is none"
+            "hardness stiffness and energy are those of an elastic face, as no metal is, and not "
+            "to be used"
         )
         return [Problem("pressure_beyond_elastic", "error", message)]
     if pressure_Pa > FIRST_YIELD * soft.softest_yield_stress_Pa:

@@ -118,13 +118,19 @@
     return found;
   }
 
+  function usable(has) { // what is shown and has something, and how many more failed: their numbers are not to be used
+    const known = state.shown.filter((i) => has(data.rows[i]));
+    const found = known.filter((i) => data.rows[i][STATUS] !== "failed");
+    return [found, known.length - found.length];
+  }
+
   function curves() {
     const canvas = at("curves"), [pen, width, height] = sheet(canvas);
     const [unitX, unitY, title, over, most] = data.curves[state.curve];
-    const drawn = state.shown.filter((i) => (data.rows[i][CURVES][state.curve] || []).length > 2);
+    const [drawn, failed] = usable((row) => (row[CURVES][state.curve] || []).length > 2);
     canvas.setAttribute("aria-label", `${title} of ${drawn.length} scans`);
     const bound = most === null ? "" : ` Above ${most} it is not defined and not drawn.`;
-    at("curve-note").textContent = drawn.length ? `${drawn.length} of ${state.shown.length} scans, over ${over}; both axes are logarithmic.${bound}` : `None of the ${state.shown.length} scans has this curve.`;
+    at("curve-note").textContent = drawn.length ? `${drawn.length} of ${state.shown.length} scans, over ${over}; both axes are logarithmic.${bound}${failed ? ` ${failed} failed, left out.` : ""}` : `None of the ${state.shown.length} scans has this curve${failed ? `, ${failed} failed left out` : ""}.`;
     mark = () => {};
     if (!drawn.length) return;
     let [x0, x1, y0, y1] = [Infinity, -Infinity, Infinity, -Infinity];
@@ -178,13 +184,15 @@
 
   function histogram(canvas, k) {
     const [pen, width, height] = sheet(canvas), [label, unit, scale] = data.columns[k];
-    const values = state.shown.map((i) => data.rows[i][NUMBERS][k]).filter((value) => value !== null).map((value) => value / scale);
+    const [counted, failed] = usable((row) => row[NUMBERS][k] !== null);
+    const values = counted.map((i) => data.rows[i][NUMBERS][k] / scale);
     values.sort((a, b) => a - b);
     const half = values.length >> 1, median = (values[half] + values[values.length - 1 - half]) / 2;
     const drawn = values.filter((value) => value > 0), out = values.length - drawn.length;
-    const without = out ? `; ${out} of ${values.length} at zero or below ${out === 1 ? "is" : "are"} not drawn` : "";
-    canvas.setAttribute("aria-label", values.length ? `${label} of ${values.length} scans: ${write(values[0])} to ${write(values.at(-1))} ${unit}, median ${write(median)} ${unit}${without}` : `${label}: no scan`);
-    canvas.parentElement.firstChild.textContent = values.length ? `${label}${unit ? ` [${unit}]` : ""}: median ${write(median)}${without}` : `${label}: none`;
+    const left = failed ? `; ${failed} failed left out` : "";
+    const without = (out ? `; ${out} of ${values.length} at zero or below ${out === 1 ? "is" : "are"} not drawn` : "") + left;
+    canvas.setAttribute("aria-label", values.length ? `${label} of ${values.length} scans: ${write(values[0])} to ${write(values.at(-1))} ${unit}, median ${write(median)} ${unit}${without}` : `${label}: no scan${left}`);
+    canvas.parentElement.firstChild.textContent = values.length ? `${label}${unit ? ` [${unit}]` : ""}: median ${write(median)}${without}` : `${label}: none${left}`;
     if (!drawn.length) return;
     let low = Math.log10(drawn[0]), high = Math.log10(drawn.at(-1));
     if (high - low < 0.1) { low -= 0.05; high += 0.05; }
