@@ -7,10 +7,13 @@ import output_cases
 import pytest
 
 from capslip.caps.iso25178 import Iso25178
+from capslip.output import report
 from capslip.output.quantity import engineering, scaled
 from capslip.output.rows import QUANTITIES, SCALES, Value, value, write_text
 from capslip.output.terminal import result_lines
 from capslip.problems import Problem
+from capslip.surface.heightmap import HeightMap
+from capslip.units import percent
 
 SUFFIX = {"m": "_m", "N": "_N", "N/m": "_N_per_m", "Pa": "_Pa", "J": "_J", "m^2": "_m2"}
 SUFFIX |= {"1/m^2": "_per_m2", "1/m": "_per_m", "rad": "_rad"}
@@ -212,3 +215,38 @@ def test_the_terminal_says_what_is_absent_in_plain_letters():
     lines = lines[[line[:4] for line in lines].index("scan") :]
     assert lines[2] == "families   m 0, n 0, h -"
     assert lines[3].startswith("status ")
+
+
+def test_terminal_and_report_tell_the_map_as_read_from_the_map_as_analysed(several):
+    """Read: 300 x 200 points of 0.1 mm; analysed: half as many along either axis."""
+    same = several.surface
+    coarse = HeightMap(same.height_m[::2, ::2].copy(), (2e-4, 2e-4), same.origin)
+    for surface, known in ((same, False), (coarse, True)):
+        conditioned = replace(several.conditioned, surface=surface)
+        analysis = replace(several, conditioned=conditioned)
+        lines = result_lines(analysis).splitlines()
+        at = [line[:4] for line in lines].index("scan")
+        scan = [line[11:] for line in lines[at : at + 2]]
+        assert scan[0].startswith(
+            "as read: 300 x 200 points of 100 x 100 um" if known else "300 x 200"
+        )
+        assert ("; Sq " in scan[0]) != known
+        assert scan[1].startswith("as analysed: 150 x 100 points of 200 x 200 um") == known
+        assert ("; Sq " in scan[1]) == known
+        page = report._tables(analysis.summary(), report._changed(analysis))
+        face = dict(dict(page)["Height map"])
+        assert face["points, as read" if known else "points"] == "300 x 200 (x, y)"
+        assert face["pixel, as read" if known else "pixel"] == "100 µm x 100 µm"
+        assert ("non-measured, as read" in face) == known == ("non-measured" not in face)
+        missing = percent(float(np.isnan(coarse.height_m).mean()))
+        expected = f"150 x 100 (x, y), pixels of 200 µm x 200 µm, {missing} non-measured"
+        assert face.get("as analysed") == (expected if known else None)
+
+
+def test_a_map_that_lost_points_on_the_way_is_told_from_the_one_that_was_read(several):
+    height_m = several.surface.height_m.copy()
+    height_m[:20] = np.nan
+    fewer = HeightMap(height_m, several.surface.pixel_size_m, several.surface.origin)
+    found = replace(several, conditioned=replace(several.conditioned, surface=fewer))
+    assert report._changed(found) is fewer
+    assert report._changed(several) is None

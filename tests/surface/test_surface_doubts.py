@@ -12,6 +12,7 @@ from capslip.errors import UnusableSurfaceError
 from capslip.surface import doubts
 from capslip.surface.doubts import (
     bow_of_form_m,
+    points_line,
     problems_of_form,
     problems_of_map,
     problems_of_outliers,
@@ -377,6 +378,7 @@ def test_the_line_for_a_glance():
         "20 x 10 points of 1 x 2 um (not square), 20 x 20 um; heights stored in nm; "
         "0.5 % non-measured; Sq 2 um, Sz 9 um, Sz/Sq 4.5"
     )
+    assert sanity_line(surface, 2e-6, 9e-6).startswith(f"{points_line(surface)}; Sq")
     square = HeightMap(height_m, (1e-6, 1.0005e-6))
     line = sanity_line(square, 0.0, 0.0)
     assert "(not square)" not in line

@@ -29,6 +29,7 @@ from capslip.output.view import read_view
 from capslip.output.viewer import CELLS, viewer_block
 from capslip.output.whatif import whatif_data
 from capslip.result import JointOfScans
+from capslip.surface.doubts import points_line
 from capslip.units import percent
 
 if TYPE_CHECKING:
@@ -36,6 +37,7 @@ if TYPE_CHECKING:
 
     from capslip.caps.table import CapTable
     from capslip.result import Analysis
+    from capslip.surface.heightmap import HeightMap
 
 MAX_ROWS = 200
 SCATTER = (
@@ -151,7 +153,7 @@ def write_report(
         of_caps=bool(panel and panel["of_caps"]),
         caps=None if scans else _cap_rows(analysis.caps),
         scans=_scan_rows(scans, summary),
-        tables=_tables(summary),
+        tables=_tables(summary, None if scans else _changed(analysis)),
         methods=methods_paragraph(summary),
         references=references(summary),
         citation=citation(summary),
@@ -417,9 +419,11 @@ def _cap_rows(caps: "CapTable") -> dict[str, Any]:
     return {"heads": heads, "rows": rows, "total": len(caps), "more": len(caps) - len(rows)}
 
 
-def _tables(summary: dict[str, Any]) -> list[tuple[str, list[tuple[str, str]]]]:
+def _tables(
+    summary: dict[str, Any], analysed: "HeightMap | None" = None
+) -> list[tuple[str, list[tuple[str, str]]]]:
     """Return the remaining numbers of the summary, grouped, as label and text."""
-    groups = {} if summary["scans"] else _groups_of_face(summary)
+    groups = {} if summary["scans"] else _groups_of_face(summary, analysed)
     groups["Contact, slip and damping"] = OF_THE_JOINT
     tables = [(title, [_fact(fact, summary) for fact in facts]) for title, facts in groups.items()]
     if summary["scans"]:
@@ -434,19 +438,42 @@ def _tables(summary: dict[str, Any]) -> list[tuple[str, list[tuple[str, str]]]]:
     return tables
 
 
-def _groups_of_face(summary: dict[str, Any]) -> dict[str, tuple[Fact, ...]]:
+def _points(shape: tuple[int, int]) -> str:
+    return f"{shape[1]} x {shape[0]} (x, y)"
+
+
+def _pixel(size_m: tuple[float, float]) -> str:
+    return f"{engineering(size_m[1], 'm', 4)} x {engineering(size_m[0], 'm', 4)}"
+
+
+def _changed(analysis: "Analysis") -> "HeightMap | None":
+    """Return the map as it was analysed, where its points are not those that were read."""
+    seen = analysis.conditioned.surface
+    return seen if points_line(seen) != points_line(analysis.surface) else None
+
+
+def _groups_of_face(
+    summary: dict[str, Any], analysed: "HeightMap | None"
+) -> dict[str, tuple[Fact, ...]]:
     surface, families = summary["surface"], summary["families"]
     (ny, nx), (dy_m, dx_m) = surface["shape"], surface["pixel_size_m"]
+    of: tuple[Fact, ...] = ()
+    if analysed is not None:
+        missing = percent(1.0 - analysed.n_measured / analysed.size)
+        points, pixel = _points(analysed.shape), _pixel(analysed.pixel_size_m)
+        of = (("as analysed", f"{points}, pixels of {pixel}, {missing} non-measured"),)
+    as_read = ", as read" if of else ""
     rejected = ", ".join(f"{n} {reason}" for reason, n in summary["hills"]["rejected"].items())
     family = {name: FAMILY.format(name) if families[name] else "none" for name in "GP"}
     return {
         "Height map": (
             "path" if surface["path"] else ("file", "given as an array"),
             "sha256",
-            ("points", f"{nx} x {ny} (x, y)"),
-            ("pixel", f"{engineering(dx_m, 'm', 4)} x {engineering(dy_m, 'm', 4)}"),
-            ("face", f"{engineering(nx * dx_m, 'm')} x {engineering(ny * dy_m, 'm')}"),
-            "non_measured",
+            (f"points{as_read}", _points((ny, nx))),
+            (f"pixel{as_read}", _pixel((dy_m, dx_m))),
+            (f"face{as_read}", f"{engineering(nx * dx_m, 'm')} x {engineering(ny * dy_m, 'm')}"),
+            (f"non-measured{as_read}", "{non_measured}"),
+            *of,
             "form",
             "sq_m",
             "sz_m",

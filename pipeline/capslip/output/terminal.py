@@ -12,7 +12,7 @@ from capslip.output.rows import Value, write_text
 from capslip.result import Analysis, JointOfScans, JointResult
 from capslip.summary import summary_of
 from capslip.surface.average import Average
-from capslip.surface.doubts import sanity_line
+from capslip.surface.doubts import points_line, sanity_line
 from capslip.units import percent
 
 SAME = 0.995  # of a noise, as it is written
@@ -79,8 +79,12 @@ def result_lines(analysis: JointResult) -> str:
             defined += FIRST_PEAK
         texts.append(NO_LOSS if damping.amplitude_at_peak_m is None else defined)
     if isinstance(analysis, Analysis):
-        seen = analysis.conditioned
-        lines.append(f"scan       {sanity_line(seen.surface, seen.sq_m, seen.sz_m)}")
+        seen, read = analysis.conditioned, points_line(analysis.surface)
+        analysed = sanity_line(seen.surface, seen.sq_m, seen.sz_m)
+        if read == points_line(seen.surface):
+            lines.append(f"scan       {analysed}")
+        else:
+            lines += [f"scan       as read: {read}", f"{'':10} as analysed: {analysed}"]
     lines += [write_text(text, summary, absent="-") for text in texts]
     lines.append(f"status     {summary['status']}")
     serious = [problem for problem in analysis.problems if problem.severity != "info"]

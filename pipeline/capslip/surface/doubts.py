@@ -319,10 +319,17 @@ def sanity_line(surface: HeightMap, sq_m: float, sz_m: float) -> str:
     Parameters
     ----------
     surface : HeightMap
-        The map as read.
+        The map as it is analysed.
     sq_m, sz_m : float
         Root mean square height and height range after removal of the form.
     """
+    ratio = f"{sz_m / sq_m:.3g}" if sq_m > 0.0 else "-"
+    heights = readable(f"Sq {sq_m:.3g} m, Sz {sz_m:.3g} m")
+    return f"{points_line(surface)}; {heights}, Sz/Sq {ratio}"
+
+
+def points_line(surface: HeightMap) -> str:
+    """Return what a map has, as read or as analysed: points, sides, unit, and what is missing."""
     (ny, nx), (dy_m, dx_m), (side_y_m, side_x_m) = (
         surface.shape,
         surface.pixel_size_m,
@@ -330,14 +337,12 @@ def sanity_line(surface: HeightMap, sq_m: float, sz_m: float) -> str:
     )
     square = "" if abs(dy_m / dx_m - 1.0) <= SQUARE_WITHIN else " (not square)"
     missing = 100.0 * (1.0 - surface.n_measured / surface.size)
-    ratio = f"{sz_m / sq_m:.3g}" if sq_m > 0.0 else "-"
     which = "" if surface.origin.dataset is None else f" of {surface.origin.dataset!r}"
     return (
         readable(f"{nx} x {ny} points of {dx_m:.4g} x {dy_m:.4g} m{square}, ")
         + readable(f"{side_x_m:.4g} x {side_y_m:.4g} m")
         + f"; heights{which} stored in {surface.origin.height_unit or 'an unnamed unit'}; "
-        + readable(f"{missing:.3g} % non-measured; Sq {sq_m:.3g} m, Sz {sz_m:.3g} m")
-        + f", Sz/Sq {ratio}"
+        + f"{missing:.3g} % non-measured"
     )
 
 
