@@ -298,6 +298,14 @@ def test_a_load_that_compresses_nothing_finds_no_level():
         find_level(plain(face).conditioned.surface, settings)
 
 
+def test_a_load_that_needs_more_than_the_face_finds_no_level_and_says_of_which_state_it_is():
+    """Pressed as it lies such a face needs another area, which is told beside it."""
+    settings = load_settings(overrides=("contact.preload_N=1e9", "contact.model=caps"))
+    area = r"turned until balanced, its caps need a contact area of \S+ m2; expected less than its"
+    with pytest.raises(ContactError, match=area):
+        find_level(plain(face).conditioned.surface, settings)
+
+
 def test_a_face_whose_hills_tip_over_rests_on_more_than_its_hills_where_there_is_time():
     found = analyzed(three(), "contact.load_point_m=[0.002,0.02]")
     (problem,) = (p for p in found.problems if p.code == "tips_over")

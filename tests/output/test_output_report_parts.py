@@ -9,6 +9,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from browser import ask, needs_chromium
 from capslip.caps.table import CapFlag, CapTable
 from capslip.output import report
 from capslip.output.figures import FIGURES, OF_JOINT
@@ -300,6 +301,15 @@ def test_figures_of_several_scans_say_what_lies_between_these(several, tmp_path)
         good = SCATTER if one["name"] in OF_SCANS else entry.good
         assert one["caption"] == f"{entry.caption} {good}"
     assert set(OF_SCANS) < set(OF_JOINT)
+
+
+@needs_chromium
+def test_a_long_setting_in_the_verdict_stays_on_a_narrow_page(several, tmp_path):
+    step = "--set conditioning.s_filter_nesting_index_m_of_the_other_face=9.5e-06"
+    summary = several.summary() | {"verdict": f"usable with care: too fine; next: {step}"}
+    page = write_report(several, summary, tmp_path, None)
+    wide = ask(page, "return document.documentElement.scrollWidth", tmp_path, (400, 900))
+    assert wide <= 400
 
 
 def test_what_is_to_be_pasted_is_under_its_head(several, tmp_path):

@@ -414,6 +414,15 @@ def test_what_a_picture_says_does_not_reach_its_colour_bar(opengl, tmp_path):
     assert np.flatnonzero(low.any(axis=0)).max() < 0.53 * low.shape[1]  # the bar begins at 0.56
 
 
+@pytest.mark.parametrize(
+    ("end", "written"),
+    [(1000.0, "1000"), (-500.0, "-500"), (992.5, "992.5"), (0.475, "0.475"), (12345.0, "12345")],
+)
+def test_ends_of_a_colour_bar_are_written_in_full(end, written, opengl, result):
+    drawing = picture(read_view(result), Look())
+    assert drawing.parts["heights"].GetLabelFormat() % end == written
+
+
 def test_a_picture_of_what_is_no_result_does_not_speak_of_opengl(tmp_path):
     with h5py.File(tmp_path / "scan.h5", "w") as file:
         file["height"] = np.zeros((3, 3))

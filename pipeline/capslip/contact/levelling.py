@@ -438,8 +438,8 @@ class _Search:
         area_m2 = float(math.pi * (radius_m * pressed.width_m).sum())
         if area_m2 > math.prod(self.surface.side_m):
             raise ContactError(
-                f"the face finds no level: its caps need a contact area of {area_m2:.3g} m2; "
-                f"expected less than the face's {math.prod(self.surface.side_m):.3g} m2"
+                "the face finds no level: turned until balanced, its caps need a contact area of "
+                f"{area_m2:.3g} m2; expected less than its {math.prod(self.surface.side_m):.3g} m2"
             )
         depth_m = peak_m.max() - peak_m - arm_m @ np.array(pressed.rest.slope)
         if not pressed.compression_m.max() > np.spacing(np.abs(peak_m).max()):

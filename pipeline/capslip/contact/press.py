@@ -353,8 +353,8 @@ def _contacts(
     face_m2 = float(scene.surface.n_measured) * scene.surface.pixel_area_m2
     if found.area_m2 is not None and found.area_m2 > FULL * face_m2:
         raise ContactError(
-            f"{model.name}: {scene.preload_N:g} N need a contact area of {found.area_m2:.3g} m2; "
-            f"expected less than the face's {face_m2:.3g} m2"
+            f"{model.name}: {scene.preload_N:g} N need a contact area of {found.area_m2:.3g} m2 as "
+            f"the face lies; expected less than the {face_m2:.3g} m2 measured of it"
         )
     yielded = np.zeros(len(caps), dtype=bool)
     if law is not None:

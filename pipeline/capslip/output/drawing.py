@@ -115,7 +115,7 @@ class Drawing:
         bar.SetWidth(width)
         bar.SetHeight(BAR_HEIGHT)
         bar.SetNumberOfLabels(3)
-        bar.SetLabelFormat("%.3g")
+        bar.SetLabelFormat("%.6g")  # of round ends: 1000, where three digits are 1e+03
         bar.SetTitle(f"{title}\n")
         bar.UnconstrainedFontSizeOn()
         bar.GetTitleTextProperty().SetJustificationToCentered()
