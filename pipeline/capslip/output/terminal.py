@@ -60,13 +60,14 @@ def result_lines(analysis: JointResult) -> str:
     texts = [*([HILLS] if isinstance(analysis, Analysis) else []), ONE_FAMILY if one else FAMILIES]
     if isinstance(analysis, JointOfScans):
         texts, lines = [], [*lines, *_lines_of_scans(summary["scans"])]
-    family = FAMILY + OF_HILLS if isinstance(analysis, Analysis) else FAMILY
+    of_scan = isinstance(analysis, Analysis)
+    family = FAMILY + OF_HILLS if of_scan else FAMILY
     texts += [family.format(name, "" if one else name) for name in "GP" if of[name] is not None]
     if contact is not None and summary["contact"]["alignment"] == "balanced":
         cut = NOT_CERTIFIED if summary["hills"]["cut_certified"] is False else ""
         texts.append(LEVEL.replace("{0}", cut))
     if contact is not None:
-        without = contact.bulk_m > 0.0 and contact.approach_without_bulk_m is not None
+        without = of_scan and contact.approach_without_bulk_m is not None
         approach = APPROACH if without else "{approach_m}"
         whole = CONTACT.format(contact.rung.contact_name, approach)
         texts.append(whole if analysis.joint.is_even else whole + UNEVEN)

@@ -176,7 +176,7 @@ def touches_between(face: ElasticFace, pressed: Pressed) -> np.ndarray:
     return touches
 
 
-def _swings_m(shape: _Roughness, at: tuple[np.ndarray, np.ndarray]) -> np.ndarray:
+def _swings_m(shape: _Roughness, at: tuple[np.ndarray, ...]) -> np.ndarray:
     """Return by how much a spline swings at pixels, shape (n,), see `_rings`.
 
     Because of the pixel about each that makes it swing the most there.
