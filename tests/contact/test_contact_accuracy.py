@@ -5,7 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from contact_cases import E_STAR_PA, scene_of, table
+from scipy.ndimage import gaussian_filter
 
+import capslip
 from capslip.caps.spheres import elliptic_factor
 from capslip.caps.table import CapFlag
 from capslip.contact import accuracy
@@ -17,6 +19,7 @@ from capslip.contact.models.caps import caps as caps_curve
 from capslip.contact.models.interacting import RUNG
 from capslip.settings import load_settings
 from capslip.surface.heightmap import HeightMap
+from scenes import caps_map
 
 PRELOAD_N, SIDE_M = 50.0, (0.04, 0.06)
 FACE = HeightMap(np.zeros((20, 30)), (2e-3, 2e-3))
@@ -192,6 +195,49 @@ def test_a_radius_that_nobody_knows_errs_by_a_bounded_factor(over_radius):
 def test_what_is_left_of_a_profile_beyond_noise_is_an_error_of_the_radius(columns, noise_m, ratio):
     error = estimate(one_cap(**columns), noise_m)
     assert beside_the_least(error) == pytest.approx(2.0 * ratio / 3.0, rel=0.02, abs=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("known_m", "shown_m", "shared_m"),
+    [
+        (None, 0.0, 0.0),
+        (0.05e-6, 0.0, 0.05e-6),
+        (0.05e-6, 0.03e-6, 0.04e-6),
+        (0.05e-6, 0.045e-6, 0),
+    ],
+)
+def test_a_known_noise_that_the_hills_do_not_show_moves_a_cap_by_itself(known_m, shown_m, shared_m):
+    given = () if known_m is None else (f"instrument.noise_m={known_m}",)
+    cap, chosen = one_cap(fit_depth_m=1e-6), settings("contact.bulk=true", *given)
+    error = estimate(cap, shown_m, chosen=chosen)
+    assert beside_the_least(error) == pytest.approx(2.0 * shared_m / 1e-6 / 3.0, rel=0.02, abs=1e-6)
+    # of the height by as much: of two caps the one that stands higher bears more
+    two = {"profile_residual_m": [0.0, 0.0], "fit_depth_m": [1.0, 1.0]}
+    pair = table([0.02, 0.04], [0.02, 0.02], [20.0, 20.0], [0.0, 0.0], **two)
+    same = table(
+        [0.02, 0.04], [0.02, 0.02], [20.0, 20.0], [0.0, 0.0], peak_height_se_m=[shared_m] * 2, **two
+    )
+    moved = beside_the_least(estimate(pair, shown_m, chosen=chosen))
+    assert moved == pytest.approx(beside_the_least(estimate(same, shown_m)), rel=1e-4, abs=1e-9)
+
+
+def test_an_interval_holds_the_face_below_known_noise_that_neighbours_share():
+    """Smooth on a hill, it moved W of these faces by 12 %, and 1.5 % was said."""
+    inside = 0
+    for seed in range(8):
+        rng = np.random.default_rng(seed)
+        places = [(5e-3 + 7e-3 * i, 5e-3 + 7e-3 * j) for i in range(3) for j in range(3)]
+        spheres = [(x, y, rng.uniform(1.0, 3.0), -rng.uniform(0, 2e-7)) for x, y in places]
+        clean = caps_map(spheres, (120, 120), (2e-4, 2e-4), floor_m=-1.5e-6)
+        shared = gaussian_filter(rng.standard_normal((120, 120)), 4.0, mode="wrap")
+        noisy = HeightMap(clean.height_m + 5e-9 * shared / shared.std(), (2e-4, 2e-4))
+        sets = ("contact.preload_N=40", "instrument.noise_m=5e-9")
+        truth = capslip.analyze(clean, load_settings(overrides=sets[:1])).answer.energy_J
+        low_J, high_J = capslip.analyze(noisy, load_settings(overrides=sets)).band.interval[
+            "energy_J"
+        ]
+        inside += low_J <= truth <= high_J
+    assert inside >= 6
 
 
 @pytest.mark.parametrize(("of_own", "least", "most"), [(0.0, 0.0, 0.12), (0.5, 0.45, 0.55)])

@@ -24,6 +24,7 @@ from capslip.errors import ContactError, UnusableSurfaceError
 from capslip.settings import Settings
 from capslip.surface.form import floor_slopes
 from capslip.surface.heightmap import HeightMap
+from capslip.surface.noise import known_noise_m
 
 FORCE_SHARES = (0.1, 0.25, 0.5, 0.75)  # T / (mu N) at which the energies are compared
 SHAPE_SHARE = 0.38  # of the rest of a profile that acts like an error of height, see Notes
@@ -38,6 +39,7 @@ UNLOADING_ERROR = 0.5
 OF_STIFFNESS = 0.7  # of that, in the stiffness: 0.06 to 0.33 was seen where nearly all has yielded
 DRAWS = 16
 MOST_WIDE = 3.0  # in the logarithm of a radius
+SHOWN = 0.8  # of a known noise: what shows so much of it may as well be all
 TINY_M = 1e-30  # a length that is none
 
 
@@ -177,7 +179,8 @@ def error_of_caps(
     Random errors are twice the standard deviation over faces whose caps were moved at random:
     heights and radii by their standard errors, and by what is left of the profile. The lowest such
     term, 20 t^3 - 30 t^2 + 12 t - 1, has a height error of sqrt(7) / 7 = 0.38 of its root mean
-    square.
+    square. Known noise of which the hills show less is smooth on them: it moves an apex by itself,
+    and the radius by its part of the fitted depth.
 
     Where the map is as smooth as one whose contacts a spline follows, what lies below the contacts
     is known as well as the map knows it, see `profiles`: the nearest spheres to that stand in for
@@ -210,7 +213,7 @@ def error_of_caps(
             both = zip((seen.up_m, seen.log_radius), of_shape, strict=True)
             up, wide = (np.where(np.isnan(one), other, one) for one, other in both)
             of_shape, by_profile = (up, wide), seen.change
-        up_m, wide = _at_random(scene, own_m)
+        up_m, wide = _at_random(scene, own_m, shared_m=_shared_noise_m(scene, noise_m, settings))
         more = np.vstack((up_m, of_shape[0])), np.vstack((wide, of_shape[1]))
         curves: list[NormalCurve] = [
             moved_caps(scene, curve, *more, settings),
@@ -292,19 +295,22 @@ def _doubt(
 
 
 def _at_random(
-    scene: Scene, own_m: np.ndarray, of_errors: np.ndarray | float = 1.0
+    scene: Scene,
+    own_m: np.ndarray,
+    of_errors: np.ndarray | float = 1.0,
+    shared_m: float = 0.0,
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return by how much caps are higher and, in logarithms, wider at random within their errors.
 
     Shape (draws, n) each, over the caps in use, whose profiles leave `own_m` of their own; their
-    standard errors count for a share.
+    standard errors count for a share, and noise that the points of a hill share in full.
     """
     caps, use = scene.caps, scene.use
 
     def used(values: np.ndarray) -> np.ndarray:
         return np.nan_to_num(values[use])  # a table that no fit made has no standard errors
 
-    shape_m = SHAPE_SHARE * own_m
+    shape_m = np.hypot(SHAPE_SHARE * own_m, shared_m)
     depth_m = np.where(used(caps.fit_depth_m) > 0.0, caps.fit_depth_m[use], caps.cap_height_m[use])
     height_se_m, radius_se = (
         of_errors * used(caps.peak_height_se_m),
@@ -320,6 +326,14 @@ def _at_random(
     draws = max(4, min(DRAWS, DRAWS * 100 // int(np.count_nonzero(use))))
     sign = np.random.default_rng(0).choice((-1.0, 1.0), (draws, 2, len(caps)))[..., use]
     return sign[:, 0] * height_m, sign[:, 0] * with_height + sign[:, 1] * alone
+
+
+def _shared_noise_m(scene: Scene, noise_m: float, settings: Settings) -> float:
+    """Return what of a known noise does not show on the hills: neighbours share it there."""
+    known_m = known_noise_m(scene.surface, settings)
+    if known_m is None or noise_m > SHOWN * known_m:
+        return 0.0
+    return math.sqrt(known_m**2 - noise_m**2)
 
 
 def _own_residual_m(scene: Scene, noise_m: float) -> np.ndarray:
