@@ -337,7 +337,8 @@ def first_loading_at(
 
     The near field of wide contacts has equilibria of its own, on caps beside one another and no
     others, and from a load on all of them these are found, or none. So point loads come first: they
-    say where to start, and whether the contacts, as wide as they yielded, stand apart at all.
+    say where to start, and whether the contacts, as wide as they yielded, stand apart at all. Where
+    the near field finds no balance from there, they are the answer, as of an elastic face.
 
     Parameters
     ----------
@@ -349,7 +350,7 @@ def first_loading_at(
     Raises
     ------
     ContactError
-        As for `first_loading`.
+        As for `first_loading`, of the point loads.
     """
     face = law, radius_m, depth_m, E_star_Pa, load_N
     rest = first_loading(*face, **given)
@@ -360,7 +361,10 @@ def first_loading_at(
     if near is None:
         return rest
     start = {"start_m": rest.compression_m, "start_N": rest.load_N}
-    return first_loading(*face, **given | start, near=near)
+    try:
+        return first_loading(*face, **given | start, near=near)
+    except ContactError:  # it holds about contacts that point loads find nearly as they are
+        return rest
 
 
 def _sunk_near_m(
