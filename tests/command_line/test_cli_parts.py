@@ -1,5 +1,6 @@
 """What each command hands on, says and ends with, without the work between."""
 
+import json
 from contextlib import nullcontext
 from pathlib import Path
 from types import SimpleNamespace
@@ -168,11 +169,15 @@ def test_a_comparison_is_of_what_was_given_and_written_where_it_was_asked(monkey
     assert '"found": 7' in run("compare", "a", "--assembly", "b.csv", "--json", "-q").stdout
 
 
+WRITTEN = {"verdict": "usable", "status": "ok"}
+AS_JSON = json.dumps(WRITTEN, indent=1) + "\n"
+
+
 @pytest.fixture
 def analysed(tmp_path, monkeypatch):
     """Stand for analysis and writing; note what these are given, and how they end."""
     asked = SimpleNamespace(problems=(), missing=None)
-    result = SimpleNamespace(name="result")
+    result = SimpleNamespace(name="result", verdict="usable", status="ok")
 
     def run_one(face, settings, other, progress):
         assert isinstance(progress, Progress)
@@ -194,7 +199,7 @@ def analysed(tmp_path, monkeypatch):
         if asked.missing is not None:
             missing("energy.png could not be drawn", asked.missing)
         asked.written = folder, command.split()[0], timings_s["read"] >= 0.0, export, renderer
-        return {"number": 1}
+        return WRITTEN
 
     monkeypatch.setattr("capslip.analysis.analyze", run_one)
     monkeypatch.setattr("capslip.analysis.analyze_scans", run_several)
@@ -226,7 +231,7 @@ def test_one_scan_is_analysed_written_and_told(analysed):
     assert ran.stdout == f"lines of result\n{where(folder)}"
     assert "reading a.npy" in ran.stderr
     told = run("analyze", "a.npy", *SIZES, "-o", "out", "--json", "--export", "jenkins")
-    assert told.stdout == '{\n "number": 1\n}\n'
+    assert told.stdout == AS_JSON
     assert analysed.written == (Path("out"), "capslip", True, "jenkins", True)
     assert analysed.one[2] is None
     assert run("analyze", "a.npy", *SIZES, "-q").output == ""
@@ -241,7 +246,7 @@ def test_several_scans_are_one_joint(analysed):
     assert ran.stdout == f"lines of result\n{where(folder)}"
     assert "analysing 2 scans" in ran.stderr
     ran = run("analyze", "a.npy", "b.npy", *SIZES, "-o", "out", "--json", "--export", "jenkins")
-    assert (ran.stdout, analysed.written[0]) == ('{\n "number": 1\n}\n', Path("out"))
+    assert (ran.stdout, analysed.written[0]) == (AS_JSON, Path("out"))
     assert analysed.written[3] == "jenkins"
     assert run("analyze", "a.npy", "b.npy", *SIZES, "-q").output == ""
     alike = run("analyze", "a.npy", "b.npy", "c.npy", *SIZES)
