@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+import capslip
 from capslip.contact.map_accuracy import LEAST_ERROR, STIFFNESS_95, error_of_map, left_by_pixels
 from capslip.contact.models.boundary_elements import boundary_elements
 from capslip.contact.models.caps import caps
@@ -111,3 +112,51 @@ def test_what_a_few_pixels_of_a_rough_map_leave_is_stated():
         off = abs(found.stiffness_N_per_m / true.stiffness_N_per_m - 1.0)
         assert off < stated.stiffness
         assert "warning" in {one.severity for one in problems}
+
+
+def four_spheres(off_px, load_N):
+    """Return an analysis of equal spheres, off corners of pixels by some of these, and its W."""
+    pixel_m, radius_m = 2e-4, 1.0
+    y_m, x_m = (np.mgrid[:100, :150] + 0.5) * pixel_m
+    z_m, places_px = np.full(x_m.shape, -1.5e-7), [(35, 25), (115, 25), (35, 75), (115, 75)]
+    for (x_px, y_px), (dx_px, dy_px) in zip(places_px, off_px, strict=True):
+        dx_m, dy_m = x_m - (x_px + dx_px) * pixel_m, y_m - (y_px + dy_px) * pixel_m
+        z_m = np.maximum(z_m, -(dx_m**2 + dy_m**2) / (2.0 * radius_m))
+    sets = (f"contact.preload_N={load_N}", "contact.model=boundary_elements")
+    found = capslip.analyze(
+        HeightMap(z_m, (pixel_m, pixel_m)), capslip.load_settings(overrides=sets)
+    )
+    composite = found.contact.composite
+    hertz = caps([radius_m] * 4, [0.0] * 4, composite.E_star_Pa)
+    drop_N = found.answer.slip_force_N / 0.2
+    loss_J = hertz.loss_integral_at_drop_J(hertz.approach_m(load_N), drop_N)
+    return found, 0.2**2 * composite.kappa * float(loss_J)
+
+
+@pytest.mark.parametrize(
+    ("load_N", "off_px", "up_to"),
+    [
+        (19.2, np.zeros((4, 2)), (0.3, 0.45)),
+        (1.0, np.zeros((4, 2)), (1.0, 1.0)),
+        (19.2, np.array([(0.1, 0.2), (0.3, -0.1), (-0.2, 0.3), (0.4, 0.2)]), (0.0, 0.2)),
+    ],
+)
+def test_where_no_pixel_lets_go_the_energy_is_anything_in_its_rectangle(load_N, off_px, up_to):
+    """Pixels that lie alike about equal contacts hold or let go all at once: W was 1e-4 of it."""
+    found, true_J = four_spheres(off_px, load_N)
+    unknown_to = found.contact.errors.unknown_to
+    assert up_to[0] <= unknown_to <= up_to[1]
+    assert found.contact.curve.unloading(load_N).unknown_to_N == pytest.approx(unknown_to * load_N)
+    low_J, high_J = found.band.interval["energy_J"]
+    assert low_J < true_J < high_J
+    said = [one.message for one in found.problems if one.code == "loss_between_loads"]
+    if up_to[0] > 0.25:
+        assert found.answer.energy_J < 1e-3 * true_J
+        assert low_J == 0.0
+        loop_J = 4.0 * found.answer.slip_force_N * found.answer.displacement_m
+        assert high_J == pytest.approx(loop_J, rel=0.1 if load_N > 10.0 else 100.0)
+        assert said[0].startswith("up to ")
+        assert "rectangle" in said[0]
+    else:
+        assert low_J > 0.0
+        assert not any("rectangle" in one for one in said)

@@ -129,6 +129,13 @@ def test_each_patch_counts_by_its_share_of_stiffness_and_energy():
         assert said[1].effect == of_joint
 
 
+def test_where_nothing_is_known_of_the_heaviest_patch_nothing_is_of_the_joint():
+    load_N, weight = [1.0, 8.0], [4.0, 1.0]
+    known, _ = states(load_N)
+    known[-1] = replace(known[-1], errors=replace(HEAVY, unknown_to=0.3))
+    assert error_of(joint_of(load_N, weight), known, ())[0].unknown_to == 0.3
+
+
 def test_the_energy_of_a_patch_has_the_error_of_its_own_share_of_slip():
     """Where the joint bears a tenth of mu N, the lighter one bears more of its own."""
     load_N, weight = np.array([1.0, 8.0]), np.array([8.0, 1.0])

@@ -120,6 +120,14 @@ def test_an_interval_without_a_bound_has_no_parts_and_one_with_a_bound_says_why(
     assert lines(**of)[5] == f"{beyond}; {MODEL_FORM}"
 
 
+def test_an_energy_of_which_nothing_is_known_has_no_parts_and_says_so():
+    known = ANSWER["interval"] | {"energy_J": [0.0, 9e-9], "joint_loss_factor": [0.0, 1.27]}
+    found = lines(contributions={"energy_J": {}}, not_in_interval=None, interval=known)
+    assert "energy 0 J to 9 nJ, loss factor of the joint 0 to 1.27" in found[4]
+    none = "of the energy nothing is known but that it is no more than the rectangle of its loop"
+    assert found[5] == f"{none}; {MODEL_FORM}"
+
+
 def test_no_interval_is_a_reason_but_for_an_answer_of_nothing():
     assert lines(contributions=None, energy_J=0.0)[4:] == []
     known = {"accuracy": {"estimated": None}, "answer": ANSWER | {"contributions": None}}

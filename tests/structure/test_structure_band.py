@@ -189,6 +189,19 @@ def test_no_interval_holds_more_energy_than_any_loop_encloses():
     assert found.interval["joint_loss_factor"][1] == pytest.approx(4.0 / np.pi, rel=1e-4)
 
 
+def test_up_to_a_force_of_which_nothing_is_known_an_energy_is_anything_in_its_rectangle():
+    known = ModelError(1e-6, 0.1, unknown_to=0.25)
+    for share in (0.1, 0.25, 0.26):
+        question = {"slip_force_N": share * MU * N}
+        found = band(question, lambda contact: replace(contact, errors=known))
+        T, delta, W = sphere_states(T=share * MU * N)
+        expected = W * np.exp(np.array([-1.0, 1.0]) * Z_90 * 0.1 / NORMAL_95)
+        if share <= 0.25:
+            expected = (0.0, 4.0 * T * delta)
+            assert found.contributions["energy_J"] == {}
+        assert found.interval["energy_J"] == pytest.approx(expected, rel=3e-3), share
+
+
 def test_a_model_that_knows_its_stiffness_better_than_its_energy_says_both():
     question = {"slip_force_N": 0.25 * MU * N}
     errors = {"tangential_stiffness_N_per_m": 0.01, "energy_J": 0.4}

@@ -107,7 +107,7 @@ def error_of_map(
     taken = first.face.taken
     found = [] if taken is None else [_noise_taken(taken)]
     between = unloading.loss_error
-    if between > tolerance:
+    if between > tolerance or _unknown_to(unloading) > SMALL_SLIP:
         found.append(_between_loads(unloading))
     least = max(between, LEAST_ERROR)
     white_m = white_noise_m(first.face, first.approach_m)
@@ -300,7 +300,12 @@ def _with_pixels(
     for share in PIXELS_95:
         of_both = math.hypot(*causes.at(share))
         by_share.append((share, max(of_both, energy, of_detail.get(share, 0.0))))
-    return ModelError(stiffness, max(error for _, error in by_share), tuple(by_share))
+    greatest = max(error for _, error in by_share)
+    return ModelError(stiffness, greatest, tuple(by_share), _unknown_to(causes.unloading))
+
+
+def _unknown_to(unloading: Unloading) -> float:
+    return float(unloading.unknown_to_N / unloading.load_N)
 
 
 def _between_loads(unloading: Unloading) -> Problem:
@@ -310,6 +315,12 @@ def _between_loads(unloading: Unloading) -> Problem:
         f"from a tenth of mu N on the energy per cycle may be off by {error:.1%} between "
         f"the {len(unloading.solved_load_N)} loads that were solved"
     )
+    if (unknown_to := _unknown_to(unloading)) > SMALL_SLIP:
+        error = max(error, 1.0)
+        message = (
+            f"up to {percent(unknown_to)} of mu N no pixel lets go, or single ones make all of the "
+            "energy per cycle: it is anything up to the rectangle of its loop there"
+        )
     step = KINDS["time_limit_reached"].remedy if unloading.cut_short else None
     return Problem("loss_between_loads", "warning", message, Effect(None, error, error), step)
 

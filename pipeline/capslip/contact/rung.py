@@ -109,6 +109,7 @@ class ModelError:
     energy: float  # the greatest from a tenth of mu N on
     # Shares of mu N, growing, and the error of the energy at each, where it falls with the force
     energy_by_share: tuple[tuple[float, float], ...] = ()
+    unknown_to: float = 0.0  # share of mu N, up to which the energy is anything in its rectangle
 
     @classmethod
     def of_either(cls, error: float | None) -> "ModelError | None":

@@ -179,7 +179,8 @@ def error_of_joint(
         for share, f, at in zip(SHARES, energy, slipped.tolist(), strict=True)
     ]
     K = float(stiffness @ power_between(place, *(end.stiffness for end in ends)))
-    found = ModelError(K, max(error for _, error in by_share), tuple(by_share))
+    greatest = max(error for _, error in by_share)
+    found = ModelError(K, greatest, tuple(by_share), known.unknown_to)
     W, asked = found.energy_at(ASKED), energy[SHARES.index(ASKED)]
     if max(K, W) <= tolerance:
         return found, problems, asked

@@ -115,6 +115,10 @@ def _of_energy(parts: str, answer: dict[str, Any]) -> str:
         return f"what makes that of the energy: {parts}"
     if (answer["interval"]["energy_J"] or (None, None))[1] is None:
         return "no upper bound"
+    if answer["interval"]["energy_J"][0] == 0.0:
+        return (
+            "of the energy nothing is known but that it is no more than the rectangle of its loop"
+        )
     return "what makes that of the energy is not known: some of what may be is beyond gross slip"
 
 

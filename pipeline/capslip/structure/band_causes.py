@@ -18,6 +18,8 @@ from capslip.structure.band_state import LEAST_J, Part, Response, State, at_disp
 
 NORMAL_95 = 1.96  # standard deviations on either side that hold 95 %
 LEAST_SPREAD = 1e-9  # standard deviation of a logarithm that is more than rounding
+# Of a logarithm: an energy that may be off by as much is anything from nothing to its rectangle
+ANY = 1e4
 STEP = 0.01  # of a displacement, for a slope
 MOST_SHARE = 0.9  # of mu N of a joint of patches, above which its slopes tell nothing of it
 
@@ -54,8 +56,9 @@ def _of_one(state: State, part: Part) -> Left:
     share = min(state.answer.slip_force_N / (friction * state.preload_N), 1.0)
     if contact.moved is None or (light is not None and light.moved is None):
         known = [one for one in (contact.errors, contact.patch_errors) if one is not None]
-        of_each = np.array([(one.stiffness, one.energy_at(share)) for one in known]).reshape(-1, 2)
-        return Left(np.zeros((2, 2)), np.diag(np.linalg.norm(of_each, axis=0)) / NORMAL_95)
+        energy = [ANY if share <= one.unknown_to else one.energy_at(share) for one in known]
+        of_each = np.array([[one.stiffness for one in known], energy])
+        return Left(np.zeros((2, 2)), np.diag(np.linalg.norm(of_each, axis=1)) / NORMAL_95)
     e = state.answer.displacement_m / (friction * contact.composite.kappa)
     if light is not None:
         return _of_uneven(state, part, light, share, e)

@@ -66,6 +66,7 @@ class Unloading:
     # what the whole map says of their solutions; 0 where the map itself was solved or refined.
     patch_error: float = 0.0
     cut_short: bool = False  # whether the time was over before the loss was settled
+    unknown_to_N: float = 0.0  # load drop up to which nothing is known of the loss but its bounds
     # Load drops, growing, and what pixels leave in the loss at each, relative, shape (2, k)
     of_pixels: np.ndarray = field(default_factory=lambda: np.ones((2, 1)))
     # The same of white noise of one metre, see `loss_noise_per_m`
@@ -364,6 +365,17 @@ def _lift_offs_m(path: Path) -> np.ndarray:
     return np.asarray(np.clip(2 / (start + root), x_low, x_high))
 
 
+def _unknown_to_N(path: Path, intervals: list[_Interval]) -> float:
+    """Return the load drop up to which no pixel lets go, or single ones may make all of the loss.
+
+    What slips within pixels until then nobody sees: the loss is anything up to its rectangle.
+    """
+    preload_N, pairs = path.pressed.load_N, zip(path.nodes[1:], intervals, strict=True)
+    if not any(np.isfinite(node.pixel_error) for node in path.nodes):
+        return preload_N
+    return max((preload_N - high.load_N for high, each in pairs if each.error >= 1.0), default=0.0)
+
+
 def _of_pixels(path: Path) -> np.ndarray:
     """Return the solved load drops, growing, and the errors that pixels leave in the loss there."""
     errors = np.array([node.pixel_error for node in path.nodes])
@@ -409,6 +421,7 @@ def _tabulated(path: Path, cut_short: bool) -> Unloading:
         smallest_drop_N=smallest_N,
         refinement=1 if path.patches is None else path.patches.refinement,
         cut_short=cut_short,
+        unknown_to_N=_unknown_to_N(path, intervals),
         of_pixels=_of_pixels(path),
         of_noise=loss_noise_per_m(path),
     )
