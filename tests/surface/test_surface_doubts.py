@@ -111,6 +111,9 @@ def test_points_between_those_that_were_measured_are_told_along_their_own_axes(m
     assert (found.code, found.severity) == ("interpolated", "warning")
     assert "every 3. row and every 2. column was measured" in found.message
     assert "pixels of 3e-06 x 1e-05 m (dy x dx)" in found.message
+    for apart, said in (((1, 7), "every 7. column was"), ((7, 1), "every 7. row was")):
+        monkeypatch.setattr(doubts, "pixels_apart", lambda surface, apart=apart: apart)
+        assert doubts.problems_of_points(surface)[0].message.startswith(said)
     monkeypatch.setattr(doubts, "pixels_apart", lambda surface: (1, 1))
     assert doubts.problems_of_points(surface) == []
 

@@ -36,6 +36,16 @@ def test_interpolated_maps_tell_their_points(order, every, noise_m):
     assert found(finer(points_m, every, order)) == (every, every)
 
 
+@pytest.mark.parametrize("every", [2, 3, 4])
+@pytest.mark.parametrize("order", [1, 3])
+@pytest.mark.parametrize("on_points", [False, True])
+def test_a_map_that_is_as_rough_as_its_points_is_interpolated(every, order, on_points):
+    points_m = waves_m(width=1.0)[::every, ::every]
+    sizes = [(n * every - every + 1) / n if on_points else every for n in points_m.shape]
+    rough_m = zoom(points_m, sizes, order=order, grid_mode=not on_points, mode="nearest")
+    assert all(one > 1 and one % every == 0 for one in found(rough_m))
+
+
 @pytest.mark.parametrize("every", [2, 3])
 @pytest.mark.parametrize("on_points", [False, True])
 @pytest.mark.parametrize("noise_m", [2e-10, 5e-9])
@@ -69,6 +79,52 @@ def test_lost_points_a_tilt_and_the_digits_of_a_file_change_nothing():
     tilted_m = (z + 1e-8 * COLUMN - 3e-8 * ROW).astype(np.float32).astype(float)
     tilted_m[np.random.default_rng(5).random(SHAPE) < 0.2] = np.nan
     assert found(tilted_m) == (4, 4)
+
+
+def exact_caps(x_px, y_px, radius_px, floor):
+    """Return the highest of paraboloids at these places, over a floor, in pixels."""
+    row, column = np.mgrid[:107, : int(x_px[-1]) + 35]
+    z = np.full(row.shape, floor)
+    for x in x_px:
+        for y in y_px:
+            z = np.maximum(z, -((column - x) ** 2) - (row - y) ** 2)
+    return z / (2.0 * radius_px)
+
+
+def cusps_m(every_y, every_x, radius_m, on_m=1e-4):
+    """Return what a ball leaves that cuts at every so many rows and columns."""
+    y, x = ROW % every_y - 0.5 * every_y, COLUMN % every_x - 0.5 * every_x
+    return radius_m - np.sqrt(radius_m**2 - on_m**2 * (y**2 + x**2))
+
+
+def staggered_m(every_y, every_x, off_y, radius_m, on_m=1e-4):
+    """Return the same of rows that are half a step apart."""
+    found_m = []
+    for row in (0, 1):
+        y = (ROW + off_y + row * every_y) % (2 * every_y) - every_y
+        x = (COLUMN + 0.5 * row * every_x) % every_x - 0.5 * every_x
+        found_m.append(radius_m - np.sqrt(radius_m**2 - on_m**2 * (y**2 + x**2)))
+    return np.minimum(*found_m)
+
+
+@pytest.mark.parametrize(
+    "height_m",
+    [
+        2e-4 * exact_caps((35.0, 114.0), (25.0, 74.0), 1.5e4, -22.5),
+        2e-4 * exact_caps((33.0, 99.0, 165.0), (16.5, 52.5, 88.5), 5e3, -7.5),
+        1e-7 * np.maximum(-9.0, -((ROW % 60 - 29.5) ** 2) - (COLUMN % 48 - 23.5) ** 2),
+        cusps_m(8, 10, 5.0),
+        staggered_m(10, 11, 0.5, 0.05),
+        staggered_m(8, 11, 0.3, 5.0),
+        cusps_m(7, 8, 0.5),
+        -cusps_m(5, 5, 0.05),
+        ((ROW % 8 - 4.0) ** 2 + (COLUMN % 7 - 3.5) ** 2) * 1e-8,
+    ],
+)
+def test_exact_shapes_on_whole_pixels_are_not_interpolated(height_m):
+    """Their differences vanish but for their edges, which lie at few lines, or at the same ones."""
+    assert found(height_m) == (1, 1)
+    assert found(height_m + 1e-8 * np.arange(height_m.shape[1])) == (1, 1)
 
 
 @pytest.mark.parametrize(

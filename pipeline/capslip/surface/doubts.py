@@ -110,10 +110,11 @@ def problems_of_points(surface: HeightMap) -> list[Problem]:
     if max(apart) == 1:
         return []
     dy_m, dx_m = (n * size_m for n, size_m in zip(apart, surface.pixel_size_m, strict=True))
+    lines = zip(apart, ("row", "column"), strict=True)
+    measured = " and ".join(f"every {n}. {line}" for n, line in lines if n > 1)
     message = (
-        f"every {apart[0]}. row and every {apart[1]}. column was measured, and what lies between "
-        f"was interpolated: the map resolves no more than one of pixels of {dy_m:.3g} x {dx_m:.3g} "
-        "m (dy x dx)"
+        f"{measured} was measured, and what lies between was interpolated: the map resolves no "
+        f"more than one of pixels of {dy_m:.3g} x {dx_m:.3g} m (dy x dx)"
     )
     return [Problem("interpolated", "warning", message)]
 

@@ -9,6 +9,7 @@ MOST_APART = 8  # measured points, in pixels
 ORDERS = range(1, 6)  # of differences: copies vanish in the first, cubic splines in the fifth
 QUIET = 5e-3  # mean squares where only interpolated points are met, over those elsewhere
 LOUD, LOUD_SHARE = 10.0, 0.3  # rms of the quiet places, that this share of the loud ones exceeds
+LEAST_OWN = 1e-2  # squares, over what lines share: cusps of balls on whole pixels have 1e-5
 MOSTLY = 0.8  # of the greatest share of quiet places: as good as that
 OUTERMOST = 0.99  # quantile at which differences are cut: spikes say nothing of it
 CLOSE, CLOSE_ORDERS = (2, 3), (3, 7)  # pixels apart, of which no difference may vanish
@@ -86,33 +87,40 @@ def _differ(squares: list[float]) -> bool:
 def _apart(height_m: np.ndarray) -> int:
     """Return the distance of measured points along the first axis."""
     difference_m = height_m
-    for _ in ORDERS:
+    for order in ORDERS:
         difference_m = np.diff(difference_m, axis=0)
-        own_m, known = _own(difference_m)
+        own_m, known, shared_m = _own(difference_m)
         square, count = np.einsum("ij,ij->i", own_m, own_m), known.sum(axis=1)
         mean = square / np.maximum(count, 1)
         if mean.min() > QUIET * mean.max():
             continue  # no place is quiet where no line is
-        every = range(2, MOST_APART + 1)
-        quiet = np.array([_quiet_share(own_m, known, square, count, apart) for apart in every])
+        every = np.arange(2, MOST_APART + 1)
+        if mean.max() <= LEAST_OWN * shared_m.var():
+            continue  # exact shapes share their edges
+        quiet = np.array(
+            [_quiet_share(own_m, known, square, count, apart) for apart in every.tolist()]
+        )
+        # Of a polynomial between points all such differences vanish that none of the points is in
+        quiet[quiet * every < np.maximum(every - order, 1) - 0.5] = 0.0
         if quiet.any():  # a multiple of the distance meets the same points
             return int(np.argmax(quiet > MOSTLY * quiet.max())) + 2
     return 1
 
 
-def _own(difference_m: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _own(difference_m: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return differences without their greatest ones, and without what their lines share.
 
-    And which of them are known; the others are zero.
+    Which of them are known, the others being zero, and what each line shares: its median, as the
+    edges of exact caps lie in few lines, and in each of these at few points.
     """
     known = ~np.isnan(difference_m)
-    n_known = known.sum(axis=1)
     most_m = quantile(np.abs(difference_m).reshape(-1), OUTERMOST)
     own_m = np.clip(difference_m, -most_m, most_m)
+    shared_m, measured = np.zeros(len(own_m)), known.any(axis=1)
+    shared_m[measured] = np.nanmedian(own_m[measured], axis=1)
+    own_m -= shared_m[:, None]
     own_m[~known] = 0.0
-    own_m -= (own_m.sum(axis=1) / np.maximum(n_known, 1))[:, None]
-    own_m[~known] = 0.0
-    return own_m, known
+    return own_m, known, shared_m
 
 
 def _quiet_share(
