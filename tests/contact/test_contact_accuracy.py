@@ -7,7 +7,7 @@ import pytest
 from contact_cases import E_STAR_PA, scene_of, table
 from scipy.ndimage import gaussian_filter
 
-import capslip
+from capslip.analysis import analyze
 from capslip.caps.spheres import elliptic_factor
 from capslip.caps.table import CapFlag
 from capslip.contact import accuracy
@@ -18,6 +18,7 @@ from capslip.contact.material import composite
 from capslip.contact.models.caps import caps as caps_curve
 from capslip.contact.models.interacting import RUNG
 from capslip.settings import load_settings
+from capslip.studies.faces.synthetic import Scene, synthetic_surface
 from capslip.surface.heightmap import HeightMap
 from scenes import caps_map
 
@@ -232,10 +233,8 @@ def test_an_interval_holds_the_face_below_known_noise_that_neighbours_share():
         shared = gaussian_filter(rng.standard_normal((120, 120)), 4.0, mode="wrap")
         noisy = HeightMap(clean.height_m + 5e-9 * shared / shared.std(), (2e-4, 2e-4))
         sets = ("contact.preload_N=40", "instrument.noise_m=5e-9")
-        truth = capslip.analyze(clean, load_settings(overrides=sets[:1])).answer.energy_J
-        low_J, high_J = capslip.analyze(noisy, load_settings(overrides=sets)).band.interval[
-            "energy_J"
-        ]
+        truth = analyze(clean, load_settings(overrides=sets[:1])).answer.energy_J
+        low_J, high_J = analyze(noisy, load_settings(overrides=sets)).band.interval["energy_J"]
         inside += low_J <= truth <= high_J
     assert inside >= 6
 
@@ -419,3 +418,24 @@ def test_long_contacts_that_cross_run_together():
     assert estimate(long).doubt == "long contacts run together"
     side_by_side = long.with_columns(orientation_rad=np.full(2, np.pi / 2))
     assert estimate(side_by_side).doubt is None
+
+
+def test_the_level_of_two_faces_is_as_uncertain_whichever_comes_first():
+    """The floor of the first alone tilted the caps of both: 0.4 one way, 0.14 the other."""
+    first, second = (
+        synthetic_surface(
+            Scene((120, 160), (1e-4, 1e-4), seed, waviness_rms_m=3e-7, waviness_length_m=1.5e-3)
+        )[0]
+        for seed in (6, 7)
+    )
+    settings = load_settings(overrides=["contact.preload_N=50", "mating.way=together"])
+    found = []
+    for one, other in ((first, second), (second, first)):
+        contact = analyze(one, settings, mate=other).contact
+        by_level_J, found_J = (
+            curve.loss_integral_at_drop_J(curve.approach_m(50.0), np.array([5.0, 12.5, 25.0]))
+            for curve in (contact.moved.by_level, contact.moved.found)
+        )
+        found.append(by_level_J / found_J)
+    assert np.abs(found[0] - 1.0).max() > 0.02
+    np.testing.assert_allclose(found[0], found[1], rtol=1e-6)

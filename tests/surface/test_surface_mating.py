@@ -10,6 +10,7 @@ from scipy import ndimage
 from capslip.errors import SettingsError, UnusableSurfaceError
 from capslip.studies.faces.synthetic import CapFamily, Scene, synthetic_surface
 from capslip.surface.conditioning import condition, sq_and_sz_m
+from capslip.surface.form import floor_slopes
 from capslip.surface.heightmap import Filling, HeightMap, Origin, Rounding
 from capslip.surface.mating import composite_surface, mate, place, problems_of_mating
 
@@ -299,3 +300,17 @@ def test_two_filled_faces_are_as_doubtful_whichever_comes_first(way):
         assert replace(found, error_m=round(found.error_m, 15)) == expected
         assert found.measured is None  # those of one face are none of the sum
     assert mate(whole, whole, place(whole.surface, whole.surface), way=way).surface.filling is None
+
+
+def test_caps_of_two_faces_have_the_floor_of_their_sum_whichever_comes_first():
+    """Turned over, x points the other way."""
+    first, second = (condition(HeightMap(waves((60, 90), seed), PIXEL_M)) for seed in (0, 1))
+    laid = place(first.surface, second.surface)
+    slope_y, slope_x = mate(first, second, laid, way="together").surface.floor_slope
+    both = composite_surface(first.surface, second.surface, laid)
+    assert (slope_y, slope_x) == floor_slopes(both)
+    back = place(second.surface, first.surface)
+    swapped = mate(second, first, back, way="together").surface.floor_slope
+    assert laid.mirror == "x"
+    assert swapped == pytest.approx((slope_y, -slope_x), rel=1e-6)
+    assert mate(first, second, laid).surface.floor_slope is None

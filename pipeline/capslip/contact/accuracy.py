@@ -188,7 +188,8 @@ def error_of_caps(
     more, twice too, as it is the first order again.
 
     As levelled, the level is uncertain by the tilt between the plane taken off and that of the
-    lowest third of the points, which peaks that are not balanced over the face do not pull. A
+    lowest third of the points, which peaks that are not balanced over the face do not pull; where
+    caps of two faces are counted together, of the points of their sum. A
     balanced face has no such doubt: moved caps are balanced anew.
 
     Then there is the law between two contacts: half of what point loads alone would change. Where
@@ -431,7 +432,7 @@ def _of_level(scene: Scene, settings: Settings) -> NormalCurve | None:
     """Return the curve where the floor levels the face, None where its contacts do."""
     if settings.conditioning.form == "none" or settings.contact.alignment == "balanced":
         return None
-    slope_y, slope_x = floor_slopes(scene.surface)
+    slope_y, slope_x = scene.surface.floor_slope or floor_slopes(scene.surface)
     caps = scene.caps
     peak_m = caps.peak_height_m - slope_y * caps.y_m - slope_x * caps.x_m
     tilted = caps.with_columns(peak_height_m=peak_m)

@@ -131,6 +131,8 @@ class HeightMap:
         Measurement noise, rms of a height as stored, where the file says it: see `average`.
     faces : int
         How many faces it is the sum of: two are mated.
+    floor_slope : (float, float), optional
+        Slopes along y and x of the floor of the sum of two faces whose caps are counted together.
 
     Notes
     -----
@@ -162,6 +164,7 @@ class HeightMap:
     rounding: Rounding | None = None
     noise_m: float | None = None
     faces: int = 1
+    floor_slope: tuple[float, float] | None = None
     _stored_m: np.ndarray = field(init=False, repr=False)  # float32 or float64
     lost: np.ndarray = field(init=False, repr=False)  # points not measured, counted row by row
     _added: "_Added | None" = field(init=False, repr=False)

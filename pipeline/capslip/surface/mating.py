@@ -10,7 +10,7 @@ from capslip.errors import SettingsError, UnusableSurfaceError
 from capslip.problems import Problem
 from capslip.surface.conditioning import Conditioned, sq_and_sz_m
 from capslip.surface.filters import smooth
-from capslip.surface.form import remove_form
+from capslip.surface.form import floor_slopes, remove_form
 from capslip.surface.heightmap import Filling, HeightMap, Rounding, Tops
 from capslip.surface.resampling import resample
 from capslip.surface.tops import joined_tops, without_lost_tops
@@ -257,8 +257,8 @@ def mate(
     Conditioned
         The composite surface. The steps are those of the first face, then the mating, which holds
         the steps of the second; each problem names its face. Where caps of both are counted it is
-        the first face, with its own problems, that step, the problems of the mating, and what was
-        put back, filled or rounded of either.
+        the first face, with its own problems, that step, the problems of the mating, what was
+        put back, filled or rounded of either, and the floor of their sum, which levels both.
 
     Raises
     ------
@@ -287,6 +287,7 @@ def mate(
             tops=_tops(first.surface, second.surface, placement),
             filling=surface.filling,
             rounding=surface.rounding,
+            floor_slope=floor_slopes(surface),
         )
         told = (*first.problems, *doubts)
         return replace(first, surface=face, steps=steps, problems=told, tops_of_scans=tops)
