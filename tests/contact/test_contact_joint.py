@@ -116,6 +116,21 @@ def test_patches_of_one_pressure_are_the_nominal_pressure(tmp_path):
     )
 
 
+def test_what_bears_nothing_is_area_of_the_joint_and_no_part_that_a_scan_stands_for(tmp_path):
+    rows = [f"0,0,{460.0 / AREA_M2},{AREA_M2}", f"0,0,0,{3.0 * AREA_M2}"]
+    whole, part, half = (
+        run(f"joint.pressure_map={pressure_file(tmp_path, *some)}", "material.friction_spread=0.1")
+        for some in (rows[:1], rows, (*rows, rows[0]))
+    )
+    assert part.joint.area_m2 == pytest.approx(4.0 * whole.joint.area_m2)
+    assert part.joint.nominal_pressure_Pa == pytest.approx(0.25 * whole.joint.nominal_pressure_Pa)
+    assert (whole.joint.coverage, part.joint.coverage) == pytest.approx((1.0, 1.0))
+    assert [one.code for one in part.problems] == [one.code for one in whole.problems]
+    assert part.band.left_out == whole.band.left_out
+    assert "scatter between scans" in half.band.left_out
+    assert half.joint.coverage == pytest.approx(0.5)
+
+
 @pytest.mark.parametrize("model", ["caps", "interacting"])
 def test_an_uneven_joint_is_the_sum_of_its_patches_at_one_displacement(model):
     load_N, weight = np.array([40.0, 130.0, 300.0]), np.array([0.7, 2.0, 0.4])

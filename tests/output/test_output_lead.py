@@ -163,6 +163,7 @@ def test_doubts_that_an_interval_leaves_out_are_one_list(names, said):
 CONTACT = {
     "preload_N": 460.0,
     "joint_area_m2": 2e-3,
+    "scan_area_m2": 6e-4,
     "nominal_pressure_Pa": 2.3e5,
     "coverage": 0.3,
     "resultant_off_load_point_m": 4e-6,
@@ -176,6 +177,8 @@ CONTACT = {
          "resultant 4 µm off the load point"),
         ({"resultant_off_load_point_m": 0.0}, None, "preload 460 N on 20 cm²: 230 kPa nominal; "
          "scan 30 % of it, resultant through the load point"),
+        ({"resultant_off_load_point_m": 0.0, "coverage": 0.6}, None, "preload 460 N on 20 cm²: "
+         "230 kPa nominal; scan 60 % of what bears it, resultant through the load point"),
         ({"resultant_off_load_point_m": None, "coverage": None}, None,
          "preload 460 N on 20 cm²: 230 kPa nominal"),
         (dict.fromkeys(CONTACT) | {"preload_N": 460.0}, None, "preload 460 N"),

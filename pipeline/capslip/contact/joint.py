@@ -49,10 +49,8 @@ class Joint:
 
     @property
     def coverage(self) -> float | None:
-        """Area of the scan over that of the joint."""
-        if self.area_m2 is None or self.scan_area_m2 is None:
-            return None
-        return self.scan_area_m2 / self.area_m2
+        """Area of the scan over that of the joint that bears load: for no other it stands."""
+        return None if self.scan_area_m2 is None else float(1.0 / self.weight.sum())
 
     @property
     def is_even(self) -> bool:

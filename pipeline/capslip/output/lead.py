@@ -42,6 +42,7 @@ TOO_MUCH = "no interval: the model cannot carry each preload that may be"
 LEFT_OUT = "; it leaves out {0}"
 JOINT = "preload {preload_N:4}"
 PRESSURE = " on {joint_area_m2}: {nominal_pressure_Pa} nominal"
+LOADED = 0.999  # of the joint: less is said
 COVERAGE = "; scan {coverage} of it"
 RESULTANT = ", resultant {off_m} off the load point"
 ON_POINT = ", resultant through the load point"
@@ -153,7 +154,10 @@ def joint_line(summary: dict[str, Any], absent: str) -> str:
         answer = sum(one["share"] is not None for one in scans)
         count = f"{answer} of {len(scans)}" if answer < len(scans) else f"{answer}"
         of_scan = SCANS.format(count)
-    text += of_scan if contact["coverage"] is not None else ""
+    if contact["coverage"] is not None:
+        loaded_m2 = contact["scan_area_m2"] / contact["coverage"]
+        in_part = loaded_m2 < LOADED * contact["joint_area_m2"]
+        text += of_scan.removesuffix("it") + "what bears it" if in_part else of_scan
     if scans is None and contact["resultant_off_load_point_m"] is not None:
         text += RESULTANT if contact["resultant_off_load_point_m"] else ON_POINT
     return write_text(text, summary, absent)
