@@ -8,6 +8,7 @@ import subprocess
 import sys
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import h5py
 import numpy as np
@@ -19,7 +20,7 @@ from capslip.contact.scaled import ScaledCurve
 from capslip.contact.slip import slip_curve
 from capslip.errors import ContactError
 from capslip.output.export import export_named
-from capslip.output.exports.law import DECKS, EXPORT, FILES, UNITS, deck
+from capslip.output.exports.law import DECKS, EXPORT, FILES, UNITS, _off, deck
 from capslip.problems import Problem
 from capslip.settings import Settings
 from capslip.structure.interpolation import tables_of
@@ -533,3 +534,12 @@ def test_the_law_of_a_face_that_yields_has_a_curve_for_each_pressure(tmp_path):
         assert cards[-1, 0] == pytest.approx(p0, rel=1e-9)
         slope = np.diff(cards[-2:], axis=0)[0]
         assert slope[0] / slope[1] == pytest.approx(k_n, rel=2e-3)
+
+
+@pytest.mark.parametrize("resolved", [0.1, 0.3])
+def test_what_tables_are_off_is_said_of_each_of_the_three(resolved):
+    off = {"shear_error": 0.011, "loss_error": 0.022, "stiffness_error": 0.066}
+    said = _off(SimpleNamespace(**off, resolved_share=np.array([0.1, resolved])))
+    assert said.startswith("up to 6.6% of the stiffness before slip; from a tenth of mu p on: up ")
+    assert "up to 1.1% of tau" in said
+    assert "up to 2.2% of w" in said

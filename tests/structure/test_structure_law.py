@@ -430,7 +430,26 @@ def test_what_lies_between_solutions_is_not_known_where_none_can_be_left_out():
 
     found = law_of(after(LOAD_N), "boundary_elements", hardness=1e9, after=fails)
     assert len(found.pressure_Pa) == 3
-    assert np.isinf([found.shear_error, found.loss_error]).all()
+    assert np.isinf([found.shear_error, found.loss_error, found.stiffness_error]).all()
+
+
+def test_the_stiffness_before_slip_between_two_pressures_of_a_map_is_off_by_no_more_than_said():
+    """A power 0.7 of the load below, which no straight line over the closure follows."""
+    curve = families((5, 18), (23.8, 26.7), (0.0, 1.2e-7), STEEL.E_star_Pa)
+
+    def stiffer(load_N):
+        return ScaledCurve(curve, (load_N / LOAD_N) ** 0.7)
+
+    found = law_of(stiffer(LOAD_N), "boundary_elements", hardness=1e9, after=stiffer)
+    tables, p = tables_of(found.tables()), np.sqrt(found.pressure_Pa[1:] * found.pressure_Pa[:-1])
+    exact = [
+        slip_curve(
+            ScaledCurve(stiffer(one * AREA_M2), 1 / AREA_M2), one, MU, STEEL.kappa
+        ).tangential_stiffness_N_per_m
+        for one in p.tolist()
+    ]
+    off = np.abs(tables.tangential_stiffness_Pa_per_m(p) / exact - 1.0).max()
+    assert 1e-3 < off <= found.stiffness_error < 20.0 * off
 
 
 def test_caps_that_touch_between_two_pressures_of_a_map_stay_at_their_load():

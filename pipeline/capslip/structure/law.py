@@ -76,9 +76,10 @@ class Law:
     hardness_Pa: float | None  # None: all is elastic
     model: str
     model_error: float | None  # of energy and stiffness at the pressure of the scan
-    left_out: bool  # whether the next two are measured with pressures left out, each in turn
+    left_out: bool  # whether the next three are measured with pressures left out, each in turn
     shear_error: float  # of `LawTables`, from a tenth of mu p on, see `law`; infinite: not known
-    loss_error: float  # from the next on
+    loss_error: float  # from `resolved_share` on
+    stiffness_error: float  # before any slip; infinite: not known
     resolved_share: np.ndarray  # (p,), of mu p: a tenth, or what the pixels of a map resolve
 
     @property
@@ -167,7 +168,7 @@ def law(
     scan_Pa = parts[0].joint.scan_load_N / area_m2[0]
     kappa = min(slips, key=lambda slip: abs(math.log(slip.preload_N / scan_Pa))).kappa
     of_joint = dict(zip(OF_JOINT, (friction_coefficient, kappa, range_Pa), strict=True))
-    at_shares, between_solved = False, np.zeros(2)
+    at_shares, between_solved = False, np.zeros(3)
     if left_out := _is_solved(parts):
         at_shares, between_solved = _between_solved(parts, patches, of_joint)
     of_scans, tested = _of_scans(parts, patches, at_shares), [*patches, *between]
@@ -175,7 +176,8 @@ def law(
     tested_slips = [*slips, *(_together(parts, patch) for patch in between)]
     shares = delta[0] / delta[0, -1]
     of_tables = _errors_of_tables(_tables(of_joint, of_scans), tested_slips, shares, resolved)
-    shear_error, loss_error = np.maximum(of_tables.max(axis=1), between_solved)
+    errors_of_tables = np.maximum(of_tables.max(axis=1), between_solved)
+    shear_error, loss_error, stiffness_error = errors_of_tables.tolist()
     errors = [contact.estimated_error for contact in contacts]
     return Law(
         **rows,
@@ -194,8 +196,9 @@ def law(
         model=slips[0].curve.model,
         model_error=None if None in errors else max(error for error in errors if error is not None),
         left_out=left_out,
-        shear_error=float(shear_error),
-        loss_error=float(loss_error),
+        shear_error=shear_error,
+        loss_error=loss_error,
+        stiffness_error=stiffness_error,
         resolved_share=resolved[: len(patches)],
     )
 
@@ -376,7 +379,7 @@ def _refined(
         tested = [halfway[one] for one in middle]
         tables = _tables(dict(zip(OF_JOINT, (mu, kappa, p[[0, -1]]), strict=True)), of_scans)
         slips = [_together(parts, patch) for patch in tested]
-        errors = np.max(_errors_of_tables(tables, slips, SHARES), axis=0)
+        errors = np.max(_errors_of_tables(tables, slips, SHARES)[:2], axis=0)
         poor = [patch for patch, error in zip(tested, errors, strict=True) if error > BETWEEN]
         if not poor or turn == MOST_TURNS:
             break
@@ -419,9 +422,10 @@ def _between_solved(
 ) -> tuple[bool, np.ndarray]:
     """Return whether beds are alike at shares of their pressures, and errors between solutions.
 
-    Those of shear and loss; infinite where less than two pressures can be left out.
+    Those of shear, loss and stiffness before slip; infinite where less than two pressures can be
+    left out.
     """
-    best, least = (False, np.full(2, np.inf)), np.inf
+    best, least = (False, np.full(3, np.inf)), np.inf
     inner = range(1, len(patches) - 1)
     if len(inner) < 2:
         return best
@@ -459,14 +463,14 @@ def _errors_of_tables(
     shares: np.ndarray,
     resolved: np.ndarray | float = ASKED_SHARE,
 ) -> np.ndarray:
-    """Return the largest errors of shear and loss against each of the curves they stand for.
+    """Return the largest errors of shear, loss and stiffness before slip against their curves.
 
     At shares of the displacements at total slip, and halfway between them; of the loss from a
     resolved share of mu p of each curve on.
 
     Returns
     -------
-    float64, shape (2, p)
+    float64, shape (3, p)
     """
     tables = tables_of(of)
     shares = np.union1d(shares, 0.5 * (shares[1:] + shares[:-1]))
@@ -478,4 +482,6 @@ def _errors_of_tables(
     loss = np.abs(tables.loss_J_per_m2(delta, p) / exact["loss_J_per_m2"] - 1.0)
     shear = np.where(share >= ASKED_SHARE, shear, 0.0)
     loss = np.where(share >= np.reshape(resolved, (-1, 1)), loss, 0.0)
-    return np.array((shear.max(axis=1), loss.max(axis=1)))
+    before = np.array([float(slip.tangential_stiffness_N_per_m) for slip in slips])
+    stiffness = np.abs(tables.tangential_stiffness_Pa_per_m(p[:, 0]) / before - 1.0)
+    return np.array((shear.max(axis=1), loss.max(axis=1), stiffness))

@@ -93,7 +93,8 @@ def write(result: "JointResult", folder: Path) -> tuple[Problem, ...]:
     if least is not None and not all(part.joint.is_even for part in result.parts):
         found = replace(found, model_error=_error_at(result, 1.0))  # not that of the joint
     write_law(found, folder, result.name, result.status, doubts, least)
-    tolerance, said = result.settings.contact.tolerance, max(found.shear_error, found.loss_error)
+    tolerance = result.settings.contact.tolerance
+    said = max(found.shear_error, found.loss_error, found.stiffness_error)
     of_sliders = inexact("law_jenkins.csv", found.elements, JENKINS_TOLERANCE, tolerance)
     if said <= tolerance:
         return of_sliders
@@ -271,17 +272,18 @@ def about(
 
 def _off(found: Law) -> str:
     """Return by how much `law.py` may be off, and from which share of mu p on."""
-    shear, loss = (
+    shear, loss, stiffness = (
         f"up to {one:.1%}" if np.isfinite(one) else "not known how much"
-        for one in (found.shear_error, found.loss_error)
+        for one in (found.shear_error, found.loss_error, found.stiffness_error)
     )
+    before = f"{stiffness} of the stiffness before slip"
     low, high = found.resolved_share.min(), found.resolved_share.max()
     if high <= ASKED_SHARE:
-        return f"from a tenth of mu p on: {shear} of tau and {loss} of w"
+        return f"{before}; from a tenth of mu p on: {shear} of tau and {loss} of w"
     return (
-        f"from a tenth of mu p on: {shear} of tau; from {low:.0%} to {high:.0%} of mu p on, "
-        f"differing with p: {loss} of w, while below that less slips than the pixels of the map "
-        "resolve, and w may be off by more than its own value between two pressures"
+        f"{before}; from a tenth of mu p on: {shear} of tau; from {low:.0%} to {high:.0%} of mu p "
+        f"on, differing with p: {loss} of w, while below that less slips than the pixels of the "
+        "map resolve, and w may be off by more than its own value between two pressures"
     )
 
 
