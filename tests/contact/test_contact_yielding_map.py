@@ -162,6 +162,32 @@ def test_a_loaded_map_is_in_equilibrium_and_unloads_from_where_it_is(balanced, s
     assert np.abs(again.pressure_Pa - p).sum() < 1e-4 * p.sum()
 
 
+@pytest.mark.parametrize("balanced", [False, True])
+@pytest.mark.parametrize("across", [1.2, 2.0])
+def test_a_contact_yields_between_its_pixels_though_none_of_them_does(across, balanced):
+    """Hertz's greatest pressure is 1.3 times the hardness, the greatest of a pixel is below it."""
+    pixel_m = 1e-5
+    a_m = 0.5 * across * pixel_m
+    load_N = 4.0 * E * a_m**3 / (3.0 * R_M)
+    hardness = 1.5 * load_N / (np.pi * a_m**2) / 1.3
+    found, whole_m = [], 48 * pixel_m
+    for finer in (1, 5):
+        y_m, x_m = (np.mgrid[: 48 * finer, : 48 * finer] + 0.5) * pixel_m / finer - 0.5 * whole_m
+        surface = HeightMap(-(x_m**2 + y_m**2) / (2 * R_M), (pixel_m / finer, pixel_m / finer))
+        curve = boundary_elements(
+            surface, E, preload_N=load_N, hardness_Pa=hardness, balanced=balanced
+        )
+        d = curve.approach_m(load_N)
+        drops_N = np.array([0.25, 0.5, 0.75]) * load_N
+        found.append(curve.loss_integral_at_drop_J(d, drops_N))
+        if finer == 1:
+            assert curve.pressed(load_N).max_pressure_Pa < hardness
+            elastic = boundary_elements(surface, E, preload_N=load_N, balanced=balanced)
+            of_hertz = elastic.loss_integral_at_drop_J(elastic.approach_m(load_N), drops_N)
+    assert found[0] == pytest.approx(found[1], rel=0.03)
+    assert np.abs(of_hertz / found[1] - 1.0).max() > 0.1  # yielding is seen
+
+
 def test_a_hardness_that_is_not_reached_changes_nothing():
     face = rough(96, 5, width=4)
     curves = [

@@ -40,7 +40,7 @@ class ElasticFace:
     E_star_Pa: float
     half_space: HalfSpace
     hardness_Pa: float = field(default=np.inf, kw_only=True)  # greatest pressure that it bears
-    before: "ElasticFace | None" = field(default=None, kw_only=True)  # a load left flats on it
+    before: "ElasticFace | None" = field(default=None, kw_only=True)  # a load, with its hardness
     taken: TakenNoise | None = field(default=None, kw_only=True)  # before it was pressed
     faces: int = field(default=1, kw_only=True)  # that it is the sum of
 
@@ -82,17 +82,22 @@ class ElasticFace:
         return replace(self, depth_m=np.where(self.measured, depth_m, 0.0))
 
     def flattened(self, sunk_m: np.ndarray) -> "ElasticFace":
-        """Return the elastic face that is left where points have sunk for good, shape (ny, nx)."""
-        depth_m = self.depth_m + sunk_m
-        depth_m -= np.min(depth_m, where=self.measured, initial=np.inf)
-        depth_m = np.where(self.measured, depth_m, 0.0)
-        before = self if sunk_m.any() else None
+        """Return the elastic face that is left where points have sunk for good, shape (ny, nx).
+
+        Where none has, points between its pixels may have: it keeps the face before the load, too.
+        """
+        depth_m = self.depth_m
+        if sunk_m.any():
+            depth_m = depth_m + sunk_m
+            depth_m -= np.min(depth_m, where=self.measured, initial=np.inf)
+            depth_m = np.where(self.measured, depth_m, 0.0)
+        before = self if np.isfinite(self.hardness_Pa) else None
         return replace(self, depth_m=depth_m, hardness_Pa=np.inf, before=before)
 
     @property
     def yielded(self) -> bool:
         """Whether a load has left flats on it."""
-        return self.before is not None
+        return self.before is not None and self.depth_m is not self.before.depth_m
 
     @property
     def places_m(self) -> tuple[np.ndarray, np.ndarray]:
