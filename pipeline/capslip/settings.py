@@ -68,7 +68,7 @@ class Instrument(_Table, frozen=True):
     """What is known of the instrument, in the words of ISO 25178-600."""
 
     flatness_deviation_m: Positive | None = None  # z_FLT, of the map of a flat
-    noise_m: Positive | None = None  # N_M, rms of a height of the map as it is analysed
+    noise_m: Positive | None = None  # N_M, rms of a height of one scan
 
 
 class Conditioning(_Table, frozen=True):
