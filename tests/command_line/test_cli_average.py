@@ -106,6 +106,21 @@ def test_spikes_and_bows_are_told_where_there_are_any(scans):
     assert np.array_equal(*(load_surface(f"{one}.h5").height_m for one in ("mean", "quiet")))
 
 
+def test_points_that_not_all_scans_have_are_told(scans):
+    assert "fewer" not in run("average", *scans).stdout
+    holed_m = np.array(load_surface("b.h5").height_m)
+    holed_m[::2] = np.nan
+    write_hdf5(replace(load_surface("b.h5"), height_m=holed_m), "b.h5")
+    ran = run("average", *scans, "-o", "mean.h5")
+    mean_m, found = load_surface("mean.h5").noise_m, average([load_surface(one) for one in scans])
+    assert found.surface.noise_m == mean_m > 1.05 * found.noise_m / np.sqrt(3.0)
+    assert (
+        f"{1e9 * mean_m:.3g} nm, over the root of {found.scans_a_point:.3g}; "
+        "5400 of 10800 points are in fewer than 3 scans"
+    ) in " ".join(ran.stdout.split())
+    assert "splines" not in ran.stdout
+
+
 def test_nothing_is_overwritten_or_left_half(scans, tmp_path):
     before = (tmp_path / "b.h5").read_bytes()
     for arguments, said in (

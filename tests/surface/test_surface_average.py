@@ -42,7 +42,7 @@ def test_noise_is_what_changes_and_the_mean_has_it_over_the_root_of_their_number
     assert found.white_m == pytest.approx(NOISE_M, rel=0.06)
     assert found.surface.noise_m == pytest.approx(found.noise_m / np.sqrt(n), rel=1e-12)
     assert rms(found.surface.height_m - face_m) == pytest.approx(NOISE_M / np.sqrt(n), rel=0.02)
-    assert (found.spikes, len(found.moved_pixels)) == (0, n)
+    assert (found.spikes, found.fewer, len(found.moved_pixels)) == (0, 0, n)
     assert np.abs(found.moved_pixels).max() < 0.02
 
 
@@ -240,6 +240,40 @@ def test_what_one_scan_alone_has_is_left_out():
     found = average([a, spiked])  # of which nobody knows the right one
     assert found.spikes == 2
     assert np.argwhere(np.isnan(found.surface.height_m)).tolist() == [[50, 60]]
+
+
+@pytest.mark.parametrize("share", [0.1, 0.45])
+@pytest.mark.parametrize("n", [2, 4])
+def test_where_scans_lost_points_the_mean_has_more_noise_and_says_so(n, share):
+    face_m = waves()
+    lost = np.random.default_rng((8, n)).random((n, *SHAPE)) < share
+    scans = [
+        replace(one, height_m=np.where(lost[k], np.nan, one.height_m))
+        for k, one in enumerate(scans_of(face_m, n))
+    ]
+    found = average(scans)
+    off_m = remove_form(replace(found.surface, height_m=found.surface.height_m - face_m))[0]
+    over = found.noise_m**2 / found.surface.noise_m**2
+    assert over == pytest.approx(NOISE_M**2 / rms(off_m.height_m) ** 2, rel=0.04)
+    assert found.surface.noise_m == pytest.approx(
+        rms(off_m.height_m), rel=0.07
+    )  # as few are in all
+    assert found.scans_a_point == pytest.approx(over, rel=1e-9)
+    count = n - lost.sum(axis=0)
+    assert found.fewer == ((count < n) & (count >= 0.5 * n)).sum()
+
+
+def test_points_that_are_lost_count_where_the_face_is_highest():
+    face_m = remove_form(HeightMap(waves(), PIXEL_M), "plane")[0].height_m
+    high = face_m > np.quantile(face_m, 0.8)
+    odd = np.broadcast_to(np.arange(SHAPE[1]) % 2 == 1, SHAPE)
+    for lost, scans in ((~high, 3.0), (high & odd, 1.0 / np.mean([1 / 2, 1 / 3]))):
+        first, *others = scans_of(face_m, 3)
+        holed = replace(first, height_m=np.where(lost, np.nan, first.height_m))
+        for given in ([holed, *others], [*others, holed]):
+            found = average(given)
+            assert found.fewer == lost.sum()
+            assert found.scans_a_point == pytest.approx(scans, rel=0.01)
 
 
 def test_many_far_heights_are_noise_of_long_tails_and_stay():

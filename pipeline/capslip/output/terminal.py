@@ -139,13 +139,16 @@ def _lines_of_scans(scans: list[dict[str, Any]]) -> list[str]:
 
 def average_lines(found: Average, names: list[str], path: Path) -> str:
     """Return what several scans of one place said, as lines."""
-    surface, n = found.surface, len(names)
+    surface, n = found.surface, found.scans_a_point
     noise = f"{engineering(found.noise_m, 'm')} (rms) a height of one scan, where it is highest"
     if found.white_m is not None:
         noise += f"; {engineering(found.white_m, 'm')} from pixel to pixel"
-    of_mean = f"{engineering(surface.noise_m, 'm')}, over the root of {n}"
+    of_mean = f"{engineering(surface.noise_m, 'm')}, over the root of {n:.3g}"
     if surface.noise_m is not None and surface.noise_m * math.sqrt(n) < SAME * found.noise_m:
         of_mean += ", less what splines took where scans lie a fraction of a pixel aside"
+    if found.fewer:
+        points = f"{found.fewer} of {surface.n_measured} points"
+        of_mean += f"; {points} are in fewer than {len(names)} scans"
     lines = [
         ("noise", noise),
         ("", f"{engineering(found.everywhere_m, 'm')} over the whole map"),

@@ -57,6 +57,11 @@ class Average:
         (dy, dx) by which each scan lies off the first.
     spikes : int
         Heights of single scans that were left out, since the others do not have them.
+    scans_a_point : float
+        Harmonic mean, over the highest tenth of the points, of how many scans each one has: the
+        noise of the mean is that of a scan over the root of it.
+    fewer : int
+        Points of the mean that not all scans have.
     """
 
     surface: HeightMap
@@ -66,6 +71,8 @@ class Average:
     bow_m: float
     moved_pixels: tuple[tuple[float, float], ...]
     spikes: int
+    scans_a_point: float
+    fewer: int
 
 
 @dataclass(frozen=True, eq=False)
@@ -107,7 +114,8 @@ def average(scans: Sequence[HeightMap]) -> Average:
     and of the turn changes its heights by more than a tenth of the noise, it is interpolated by
     splines of the fifth degree until it does not; its spikes and holes stay at their pixels. Half a
     pixel along both sides leaves 0.70 of the variance of white noise: that is counted in the noise
-    of a scan, and not in that of the mean, which is what is left over the root of n.
+    of a scan, and not in that of the mean, which is what is left over the root of n, or of fewer
+    where scans have holes.
 
     Examples
     --------
@@ -140,18 +148,23 @@ def average(scans: Sequence[HeightMap]) -> Average:
     height_m = remove_form(mean, "plane")[0].height_m
     high = height_m >= np.nanquantile(height_m, 1.0 - HIGHEST_SHARE)
     known, kept = np.isfinite(height_m), np.mean([(1.0, 1.0), *(one.kept for one in apart)], axis=0)
+    count = np.count_nonzero(~np.isnan(level_m), axis=0)
+    fewer = np.count_nonzero(known & (count < len(scans)))
     if kept[0] < 1.0:
         for here in (high, known):
             here[:EDGE] = here[-EDGE:] = here[:, :EDGE] = here[:, -EDGE:] = False
     left_m, one_m, white_m = _left_and_of_one_m(noise_m, high, kept)
+    scans_a_point = float(1.0 / np.mean(1.0 / count[high])) if high.any() else float(len(scans))
     return Average(
-        surface=replace(mean, noise_m=left_m / math.sqrt(len(scans)) or None),
+        surface=replace(mean, noise_m=left_m / math.sqrt(scans_a_point) or None),
         noise_m=one_m,
         white_m=white_m,
         everywhere_m=_left_and_of_one_m(noise_m, known, kept)[1],
         bow_m=math.sqrt(np.mean([np.var(one.form_m) for one in apart])),
         moved_pixels=((0.0, 0.0), *(one.moved_pixels for one in apart)),
         spikes=spikes,
+        scans_a_point=scans_a_point,
+        fewer=fewer,
     )
 
 
