@@ -380,6 +380,26 @@ def test_what_is_no_repeat_is_refused():
         average([a, named(HeightMap(b.height_m[:, :80], PIXEL_M), "b")])
 
 
+@pytest.mark.parametrize("moved", [(0, 0), (2, -3), (0.45, 0.4)])
+def test_no_two_scans_are_one_whichever_they_are_and_however_they_are_levelled(moved):
+    wide_m, inside = waves(1, (200, 260)), np.s_[40:160, 40:220]
+    there_m = shift(wide_m, moved, order=5)
+    a, b, c = (
+        named(HeightMap((wide_m, there_m, there_m)[k][inside] + noise(k), PIXEL_M), name)
+        for k, name in enumerate("abc")
+    )
+    holed_m = np.array(b.height_m)
+    holed_m[30:40, 50:60] = np.nan
+    b = replace(b, height_m=holed_m)
+    again = named(replace(b, height_m=holed_m + 3e-7 * (Y - X)), "again")
+    assert len(average([a, b, c]).moved_pixels) == 3
+    for scans in ([a, b, again], [a, b, c, again]):
+        with pytest.raises(SettingsError, match=r"^b and again: hold the same heights; expected"):
+            average(scans)
+    with pytest.raises(SettingsError, match=r"^again and b: hold the same heights"):
+        average([a, again, c, b])
+
+
 def test_half_of_the_variance_is_in_scans_of_one_place():
     face_m = remove_form(HeightMap(waves(), PIXEL_M), "quadratic")[0].height_m
     less_m, more_m = 0.8 * face_m.std(), 1.25 * face_m.std()  # 0.39 and 0.61 of the variance

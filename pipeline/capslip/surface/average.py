@@ -15,7 +15,7 @@ from capslip.surface.filling import from_nearest
 from capslip.surface.form import remove_form
 from capslip.surface.heightmap import HeightMap
 from capslip.surface.mating import match_by_shift
-from capslip.surface.noise import MEDIAN_OF_NORMAL, mixed_difference, rms_of_noise_m
+from capslip.surface.noise import MEDIAN_OF_NORMAL, white_noise_of_scans_m
 from capslip.units import percent
 
 BLOCKS = (16, 4, 1)  # pixels along each side, over which heights are averaged to find the place
@@ -32,7 +32,6 @@ MOST_BLOCKS, BETTER = 128, 0.3  # along the longer side, where a place is looked
 COARSE_BLOCKS, SAME_PLACE = 48, 0.98  # along the shorter side; correlation
 RIM, EDGE, LEAST_PLACED = 8, 2, 30  # pixels: added to a map for splines, badly known, along a side
 HIDDEN, MAX_PLACED = 0.1, 4  # a move that changes less than this share of the noise is left
-ENOUGH = 100  # differences between neighbours, of which a median says something
 PLANE, FORM, MOVE, PLACE = slice(0, 3), slice(3, 6), slice(6, 8), slice(6, 9)  # columns of a fit
 
 
@@ -138,10 +137,12 @@ def average(scans: Sequence[HeightMap]) -> Average:
         if np.abs(nearer - shifts).max() <= 1:
             break
         shifts = nearer
-    for scan, one in zip(scans[1:], apart, strict=True):
-        _check_place(scans[0], scan, first_m, one)
     level_m = np.stack([first_m, *(one.height_m for one in apart)])
     noise_m = np.stack([0.0 * first_m, *(one.noise_m for one in apart)])  # over that of the first
+    face_m2 = _face_m2(HeightMap(first_m, scans[0].pixel_size_m))
+    for scan, one in zip(scans[1:], apart, strict=True):
+        _check_place(scans[0], scan, face_m2, one)
+    _refuse_copies(scans, noise_m, face_m2)
     spikes = _leave_out_spikes(level_m, noise_m)
     form_m = sum(one.form_m for one in apart) / len(scans)  # no step where some scans end
     mean = replace(scans[0], height_m=_mean_m(level_m) + form_m)
@@ -411,17 +412,29 @@ def _kept(move: np.ndarray) -> tuple[float, float]:
     return variance, math.prod(float(np.square(np.diff(one, 2)).sum()) / 6.0 for one in weights)
 
 
-def _check_place(first: HeightMap, other: HeightMap, first_m: np.ndarray, one: _Apart) -> None:
-    """Refuse a scan of another place, one that is turned, and one that is the same."""
+def _face_m2(face: HeightMap) -> float:
+    """Return the variance of the heights of a face, less a form of the second degree."""
+    if not face.measured.any():
+        return 0.0
+    return float(np.nanmean(np.square(remove_form(face, "quadratic")[0].height_m)))
+
+
+def _refuse_copies(scans: Sequence[HeightMap], noise_m: np.ndarray, face_m2: float) -> None:
+    """Refuse scans of which any two hold the same heights: they have their noise in common."""
+    for (one, one_m), (other, other_m) in combinations(zip(scans, noise_m, strict=True), 2):
+        off_m = np.abs(other_m - one_m)
+        if np.fmax.reduce(off_m, axis=None) <= ROUNDING * math.sqrt(face_m2):
+            raise SettingsError(
+                f"{one.origin.name} and {other.origin.name}: hold the same heights; expected two "
+                "scans of one place"
+            )
+
+
+def _check_place(first: HeightMap, other: HeightMap, face_m2: float, one: _Apart) -> None:
+    """Refuse a scan of another place, and one that is turned."""
     names = f"{first.origin.name} and {other.origin.name}"
     off_m = np.abs(one.noise_m[~np.isnan(one.noise_m)])
-    face_m2, noise_m2 = 0.0, math.inf
-    if off_m.size:
-        face = remove_form(HeightMap(first_m, first.pixel_size_m), "quadratic")[0]
-        face_m2 = float(np.nanmean(np.square(face.height_m)))
-        noise_m2 = 0.5 * float(np.mean(np.square(off_m[_near(off_m)])))
-    if off_m.max(initial=0.0) <= ROUNDING * math.sqrt(face_m2) and off_m.size:
-        raise SettingsError(f"{names}: hold the same heights; expected two scans of one place")
+    noise_m2 = 0.5 * float(np.mean(np.square(off_m[_near(off_m)]))) if off_m.size else math.inf
     if noise_m2 > (1.0 - LEAST_MATCH) * face_m2:
         raise UnusableSurfaceError(
             f"{names}: less than {percent(LEAST_MATCH)} of the variance of their heights is in "
@@ -474,23 +487,8 @@ def _left_and_of_one_m(
     noise_m: np.ndarray, here: np.ndarray, kept: np.ndarray
 ) -> tuple[float, float, float | None]:
     """Return what splines left of the noise of one scan, all of it, and its white part if known."""
-    left_m, white_m = _rms_m(noise_m, here), _white_m(noise_m, here)
+    left_m, white_m = _rms_m(noise_m, here), white_noise_of_scans_m(noise_m, here)
     if white_m is None:
         return left_m, left_m, None
     white_m /= math.sqrt(kept[1])
     return left_m, math.sqrt(left_m**2 + (1.0 - kept[0]) * white_m**2), white_m
-
-
-def _white_m(noise_m: np.ndarray, here: np.ndarray) -> float | None:
-    """Return the part of the noise of one scan that changes from pixel to pixel, where it tells."""
-    own_m = noise_m - noise_m.mean(axis=0)
-    ny, nx = here.shape
-
-    def around(i: int, j: int) -> np.ndarray:
-        heights_m: np.ndarray = own_m[:, 1 + i : ny - 1 + i, 1 + j : nx - 1 + j]
-        return heights_m[:, here[1:-1, 1:-1]]
-
-    n, difference_m = len(noise_m), mixed_difference(around)
-    if np.count_nonzero(~np.isnan(difference_m)) < ENOUGH:
-        return None
-    return math.sqrt(n / (n - 1.0)) * rms_of_noise_m(difference_m)

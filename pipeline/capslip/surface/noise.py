@@ -19,6 +19,7 @@ if TYPE_CHECKING:
 
 MEDIAN_OF_NORMAL = 0.6744897501960817  # of |x| for a standard normal x
 SAMPLES = 60_000  # of the whole map: enough for the median
+ENOUGH = 100  # differences between neighbours, of which a median says something
 
 
 def mixed_difference(height_m: Callable[[int, int], np.ndarray]) -> np.ndarray:
@@ -63,6 +64,29 @@ def noise_of_map_m(height_m: Heights) -> float:
     )
     lines_m = [height_m[row + i] for i in (-1, 0, 1)]  # whole rows, which is faster than points
     return rms_of_noise_m(mixed_difference(lambda i, j: lines_m[i + 1][:, col + j]))
+
+
+def white_noise_of_scans_m(noise_m: np.ndarray, here: np.ndarray) -> float | None:
+    """Return the part of the noise of one scan that changes from pixel to pixel, where it tells.
+
+    Parameters
+    ----------
+    noise_m : ndarray, shape (n, ny, nx)
+        What each of several scans of one place has over one height map, NaN where not measured.
+    here : ndarray of bool, shape (ny, nx)
+        The points that are asked.
+    """
+    own_m = noise_m - noise_m.mean(axis=0)
+    ny, nx = here.shape
+
+    def around(i: int, j: int) -> np.ndarray:
+        heights_m: np.ndarray = own_m[:, 1 + i : ny - 1 + i, 1 + j : nx - 1 + j]
+        return heights_m[:, here[1:-1, 1:-1]]
+
+    n, difference_m = len(noise_m), mixed_difference(around)
+    if np.count_nonzero(~np.isnan(difference_m)) < ENOUGH:
+        return None
+    return math.sqrt(n / (n - 1.0)) * rms_of_noise_m(difference_m)
 
 
 def on_lattice(place: np.ndarray, n: int, every: int) -> np.ndarray:
