@@ -312,7 +312,7 @@ def inspect(result: Path, html: Path | None, verbose: bool, **options: Any) -> N
     for picture in pictures:
         save_picture(result, picture, look)
     if html is not None:
-        write_viewer(result, html)
+        write_viewer(result, html, look)
     for path in (*pictures, *([html] if html else [])):
         say_result(str(path))
     if not pictures and html is None:

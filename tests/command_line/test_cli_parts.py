@@ -130,8 +130,9 @@ def test_inspect_draws_what_was_asked_for_or_opens_a_window(drawn):
     assert drawn == [("save_picture", result, Path(name), look) for name in ("a.png", "a.gif")]
     assert ran.stdout.splitlines() == ["a.png", "a.gif"]
     drawn.clear()
-    assert run("inspect", result, "--html", "a.html").stdout == "a.html\n"
-    assert drawn == [("write_viewer", result, Path("a.html"))]
+    for given, shown in (((), DEFAULT), (options, look)):
+        assert run("inspect", result, "--html", "a.html", *given).stdout == "a.html\n"
+        assert drawn.pop() == ("write_viewer", result, Path("a.html"), shown)
     drawn.clear()
     ran = run("inspect", result, "--html", "a.html", "--screenshot", "a.png")
     assert [name for name, *_ in drawn] == ["save_picture", "write_viewer"]

@@ -12,6 +12,7 @@ from browser import ask, needs_chromium, picture
 from capslip.errors import OutputError
 from capslip.output import viewer
 from capslip.output.picture import Look, state_line
+from capslip.output.scene import look_of
 from capslip.output.tables import write_result, write_summary
 from capslip.output.view import read_view
 from capslip.output.viewer import viewer_block, viewer_data, write_viewer
@@ -92,6 +93,65 @@ def test_page_shows_face_caps_and_zones_and_says_so(page, tmp_path):
     said = ask(page, force + '; return document.querySelector(".viewer").innerText', tmp_path)
     for words in ("60 % of gross slip", "slip in part", "Heights ×", "G-caps (2)", "flat mate"):
         assert words in said
+
+
+FIRST = (
+    "const v = window.capslipViewer, s = v.sliders;"
+    "const { colour, load, force, zones, mate } = v.state;"
+    "return [[colour, load, force, zones, mate],"
+    "  [s.colour.value, +s.load.value, +s.force.value, s.zones.checked, s.mate.checked],"
+    '  s.face.checked && s.caps.checked, document.querySelector(".viewer").innerText]'
+)
+
+
+@needs_chromium
+def test_page_begins_as_its_picture_looks(folder, page, tmp_path):
+    view = read_view(folder)
+    plain, beads, shown, said = ask(page, FIRST, tmp_path)
+    assert plain == beads == ["family", 1.0, 0.0, False, False]
+    assert shown
+    assert "of gross slip:" not in said
+    look = look_of("loss", 0.3, 0.9, mate=True)
+    write_viewer(folder, tmp_path / "view.html", look)
+    first, beads, shown, said = ask(tmp_path / "view.html", FIRST, tmp_path)
+    assert first == beads == ["loss", 0.3, 0.9, True, True]
+    assert shown
+    assert f"45 N, force 90 % of gross slip: {state_line(view, look).splitlines()[1]}" in said
+    assert "share of the loss [%]" in said
+    assert "G-caps" not in said
+    red, _, blue = picture(tmp_path / "view.html", tmp_path).transpose(2, 0, 1)
+    assert (blue > red + 40).sum() > 100_000  # the mate, seen through
+    write_viewer(folder, tmp_path / "force.html", look_of("load", 1.0, 0.4))
+    first, *_ = ask(tmp_path / "force.html", FIRST, tmp_path)
+    assert first == ["load", 1.0, 0.4, True, False]
+
+
+@needs_chromium
+def test_page_that_begins_with_two_faces_enlarges_the_heights_of_the_first(tmp_path, monkeypatch):
+    view = read_view(output_cases.written(output_cases.two_faces(), tmp_path))
+    view = replace(view, second_m=5.0 * view.second_m)
+    monkeypatch.setattr(viewer, "read_view", lambda *_: view)
+    factors = {}
+    for mate in (False, True):
+        look = look_of("family", 1.0, None, mate)
+        write_viewer(tmp_path, tmp_path / "view.html", look)
+        asked = "return window.capslipViewer.state.factor"
+        factors[mate] = ask(tmp_path / "view.html", asked, tmp_path)
+        assert factors[mate] == look.factor_of(view)
+    assert factors[True] < factors[False]
+
+
+def test_page_refuses_the_state_of_contacts_that_are_not_known(folder, tmp_path, monkeypatch):
+    unknown = replace(read_view(folder), zones=None)
+    monkeypatch.setattr(viewer, "read_view", lambda *_: unknown)
+    page = tmp_path / "view.html"
+    for given in ((0.5, None), (1.0, 0.0), (1.0, None, True)):
+        with pytest.raises(OutputError, match=r"--mate; .*knows no single contacts") as error:
+            write_viewer(folder, page, look_of("family", *given))
+        assert str(error.value).startswith(f"{page}: got --load")
+        assert not page.exists()
+    write_viewer(folder, page, look_of("radius", 1.0, None))
+    assert page.exists()
 
 
 @needs_chromium

@@ -38,7 +38,7 @@ const zones = data.zones && {
   pz: levels(data.zones.pixel_z, 0, data.high - data.low),
   contact: unpack(data.zones.pixel_contact, "i4"), reach: levels(data.zones.pixel_reach, 0, 1),
 };
-const state = { factor: data.factor, load: 1, force: 0, colour: "family", face: true, caps: true, zones: false, mate: false };
+const state = { face: true, caps: true, ...data.first };
 let turn = LX >= LY ? -0.42 : 1.15, tip = 0.62, zoom = 1, chosen = -1;
 
 // Of two faces what lies on their sum comes down on the first, by the heights of the second.
@@ -87,12 +87,12 @@ function counts(load, force) {
 place.innerHTML = `<canvas class="face" role="img" tabindex="0"></canvas>
 <div class="side">
 <label>Heights × <output data-of="factor"></output><input type="range" data-name="factor" min="0" max="1" step="0.001"></label>
-<label class="of-zones">Load <output data-of="load"></output><input type="range" data-name="load" min="0" max="1" step="0.005" value="1"></label>
-<label class="of-zones">Tangential force <output data-of="force"></output><input type="range" data-name="force" min="0" max="1" step="0.005" value="0"></label>
+<label class="of-zones">Load <output data-of="load"></output><input type="range" data-name="load" min="0" max="1" step="0.005"></label>
+<label class="of-zones">Tangential force <output data-of="force"></output><input type="range" data-name="force" min="0" max="1" step="0.005"></label>
 <label>Colour of the caps <select data-name="colour"></select></label>
 <div class="legend"></div>
-<label class="inline"><input type="checkbox" data-name="face" checked> face</label>
-<label class="inline"><input type="checkbox" data-name="caps" checked> caps</label>
+<label class="inline"><input type="checkbox" data-name="face"> face</label>
+<label class="inline"><input type="checkbox" data-name="caps"> caps</label>
 <label class="inline of-zones"><input type="checkbox" data-name="zones"> contact</label>
 <label class="inline of-zones"><input type="checkbox" data-name="mate"> ${second ? "both faces, not their sum" : "flat mate"}</label>
 <p class="row">Drag turns, Shift and the wheel zoom; a click on a cap shows its row and profile.</p>
@@ -103,7 +103,6 @@ const canvas = place.querySelector("canvas.face"), chart = place.querySelector("
 const row = place.querySelector(".row"), stateLine = place.querySelector(".state");
 const MOST = 4 * Math.max(data.factor, second ? second.factor : 1);
 const sliders = Object.fromEntries([...place.querySelectorAll("[data-name]")].map((e) => [e.dataset.name, e]));
-if (zones && zones.of_map) state.zones = sliders.zones.checked = true;  // caps do not answer then
 if (!zones) for (const element of place.querySelectorAll(".of-zones")) element.hidden = true;
 for (const by of Object.keys(data.colours)) sliders.colour.add(new Option(by === "loss" ? "share of the loss" : by, by));
 // The slider is logarithmic from 1 to four times the round factor.
@@ -111,8 +110,10 @@ function setFactor(factor) {
   state.factor = factor;
   sliders.factor.value = MOST > 1 ? Math.log(factor) / Math.log(MOST) : 0;
 }
-setFactor(data.factor);
+setFactor(roundFactor());
 for (const [name, element] of Object.entries(sliders)) {
+  if (element.type === "checkbox") element.checked = state[name];
+  else if (name !== "factor") element.value = state[name];
   element.addEventListener("input", () => {
     if (element.type === "checkbox") state[name] = element.checked;
     else if (name === "factor") state.factor = MOST ** Number(element.value);

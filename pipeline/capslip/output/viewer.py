@@ -15,7 +15,7 @@ import numpy as np
 
 from capslip.errors import OutputError
 from capslip.output.canvas import height_limits
-from capslip.output.picture import SLIP, STICK
+from capslip.output.picture import SLIP, STICK, Look
 from capslip.output.view import COLOURS, View, cap_profiles, colouring, read_view
 from capslip.output.zones import compression_at
 
@@ -27,7 +27,7 @@ SAMPLES = 81  # of a profile
 LEAST = 65535  # of 16 bits: no value
 
 
-def write_viewer(result: str | Path, page: Path) -> None:
+def write_viewer(result: str | Path, page: Path, look: Look | None = None) -> None:
     """Write a page that shows a result.
 
     Parameters
@@ -36,28 +36,37 @@ def write_viewer(result: str | Path, page: Path) -> None:
         `result.h5`, or the folder that holds it.
     page : path
         `.html`, replaced where it exists.
+    look : Look, optional
+        What is shown first.
 
     Raises
     ------
     OutputError
-        If there is no result, or the page cannot be written.
+        If there is no result, it knows no contacts that the look asks for, or the page cannot be
+        written.
     """
     from jinja2 import Environment, StrictUndefined
 
-    view = read_view(result, CELLS)
+    view, look = read_view(result, CELLS), look or Look()
+    if view.zones is None and (look.zones or look.mate):
+        raise OutputError(
+            f"{page}: got --load, --force or --mate; {view.path} knows no single contacts to show "
+            "so; leave them out"
+        )
     template = files("capslip.output").joinpath("viewer.html.j2").read_text("utf-8")
     environment = Environment(autoescape=True, undefined=StrictUndefined)
-    text = environment.from_string(template).render(name=view.name, viewer=viewer_block(view))
+    block = viewer_block(view, look)
+    text = environment.from_string(template).render(name=view.name, viewer=block)
     try:
         page.write_text(text, encoding="utf-8")
     except OSError as error:
         raise OutputError(f"{page}: {error.strerror}; give another name") from error
 
 
-def viewer_block(view: View) -> str:
+def viewer_block(view: View, look: Look | None = None) -> str:
     """Return what shows a result inside a page: elements, data, style and script."""
     room = files("capslip.output")
-    data = json.dumps(viewer_data(view), allow_nan=False).replace("<", "\\u003c")
+    data = json.dumps(viewer_data(view, look), allow_nan=False).replace("<", "\\u003c")
     parts = (
         *("<style>", room.joinpath("viewer.css").read_text("utf-8"), "</style>"),
         '<div class="viewer" id="viewer"></div>',
@@ -67,8 +76,9 @@ def viewer_block(view: View) -> str:
     return "\n".join(parts)
 
 
-def viewer_data(view: View) -> dict[str, Any]:
+def viewer_data(view: View, look: Look | None = None) -> dict[str, Any]:
     """Return what the script needs, plain; long arrays are packed, see `_packed`."""
+    look = look or Look()
     low_m, high_m = view.limits_m
     of = view.columns
     depth_m = np.minimum(of["cap_height_m"], of["radius_m"])
@@ -105,6 +115,13 @@ def viewer_data(view: View) -> dict[str, Any]:
         "stick": STICK,
         "slip": SLIP,
         "preload_N": None if view.zones is None else float(view.zones.load_N[-1]),
+        "first": {
+            "colour": look.colour,
+            "load": look.load_share,
+            "force": look.force_share,
+            "zones": look.zones or (view.zones is not None and view.zones.of_map),  # no caps answer
+            "mate": look.mate,
+        },
     }
 
 
