@@ -150,7 +150,7 @@ def average(scans: Sequence[HeightMap]) -> Average:
     high = height_m >= np.nanquantile(height_m, 1.0 - HIGHEST_SHARE)
     known, kept = np.isfinite(height_m), np.mean([(1.0, 1.0), *(one.kept for one in apart)], axis=0)
     count = np.count_nonzero(~np.isnan(level_m), axis=0)
-    fewer = np.count_nonzero(known & (count < len(scans)))
+    fewer = int(np.count_nonzero(known & (count < len(scans))))
     if kept[0] < 1.0:
         for here in (high, known):
             here[:EDGE] = here[-EDGE:] = here[:, :EDGE] = here[:, -EDGE:] = False
