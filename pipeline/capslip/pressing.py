@@ -23,6 +23,7 @@ from capslip.contact.choice import (
 )
 from capslip.contact.curve import NormalCurve
 from capslip.contact.direction import with_direction
+from capslip.contact.joint import Joint
 from capslip.contact.press import ContactState, press
 from capslip.contact.rung import ModelError, made_from, rung
 from capslip.contact.slip import SlipCurve, slip_curve
@@ -216,6 +217,16 @@ def error_under(
     """
     patch = contact if load_N == contact.preload_N else contact.under(load_N)
     return _with_error(face, patch, settings)[0].errors
+
+
+def knows_other_preloads(joint: Joint, contact: ContactState | None) -> bool:
+    """Tell whether other preloads of a joint are those of the same caps, or families.
+
+    Not of a map, nor of what yields, which would have to be pressed anew.
+    """
+    if contact is None or not joint.is_even or contact.hardness_Pa is not None:
+        return False
+    return contact.rung.solved_loads_N is None
 
 
 def under_preload(

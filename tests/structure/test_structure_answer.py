@@ -94,14 +94,18 @@ def test_the_answer_of_a_larger_joint_goes_with_its_area():
         assert getattr(three, name) == pytest.approx(getattr(one, name), rel=1e-12)
 
 
-@pytest.mark.parametrize("name", ["amplitude_m", "slip_force_N", "displacement_m"])
-def test_beyond_gross_slip_there_is_an_error_and_no_number(name):
-    slip = sphere()
-    most = {
+def at_gross_slip(slip, name):
+    return {
         "amplitude_m": MU * N / K_S,
         "slip_force_N": MU * N,
         "displacement_m": float(slip.total_slip_displacement_m),
     }[name]
+
+
+@pytest.mark.parametrize("name", ["amplitude_m", "slip_force_N", "displacement_m"])
+def test_beyond_gross_slip_there_is_an_error_and_no_number(name):
+    slip = sphere()
+    most = at_gross_slip(slip, name)
     assert ask(slip, **{name: most})[0] is not None
     answer, problems = ask(slip, **{name: 1.001 * most})
     assert answer is None
@@ -131,11 +135,7 @@ def test_beyond_gross_slip_there_is_an_error_and_no_number(name):
 )
 def test_what_is_just_beyond_gross_slip_says_by_how_much(name, beyond, says):
     slip = sphere()
-    most = {
-        "amplitude_m": MU * N / K_S,
-        "slip_force_N": MU * N,
-        "displacement_m": float(slip.total_slip_displacement_m),
-    }[name]
+    most = at_gross_slip(slip, name)
     _, (problem,) = ask(slip, **{name: most + beyond})
     assert says.format(f"{most:.4g}") in problem.text
 

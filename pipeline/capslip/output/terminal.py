@@ -57,10 +57,10 @@ def result_lines(analysis: JointResult) -> str:
     contact, slip, damping = analysis.contact, analysis.slip, analysis.damping
     of = summary["families"]
     one = of["G"] is not None and of["P"] is None
-    texts = [*([HILLS] if isinstance(analysis, Analysis) else []), ONE_FAMILY if one else FAMILIES]
+    of_scan = isinstance(analysis, Analysis)
+    texts = [*([HILLS] if of_scan else []), ONE_FAMILY if one else FAMILIES]
     if isinstance(analysis, JointOfScans):
         texts, lines = [], [*lines, *_lines_of_scans(summary["scans"])]
-    of_scan = isinstance(analysis, Analysis)
     family = FAMILY + OF_HILLS if of_scan else FAMILY
     texts += [family.format(name, "" if one else name) for name in "GP" if of[name] is not None]
     if contact is not None and summary["contact"]["alignment"] == "balanced":

@@ -18,7 +18,7 @@ import numpy as np
 from capslip.contact.curve import NormalCurve
 from capslip.contact.varying_load import VaryingSlip
 from capslip.errors import ContactError
-from capslip.pressing import under_preload
+from capslip.pressing import knows_other_preloads, under_preload
 from capslip.result import Analysis
 from capslip.structure.response import MOST_LOSS_FACTOR
 
@@ -77,22 +77,14 @@ def whatif_data(analysis: "JointResult") -> dict[str, Any] | None:
         "amplitude_m": None if answer is None else answer.amplitude_m,
         "most_loss_factor": MOST_LOSS_FACTOR,
         "unresolved": max((_unresolved(part.contact) for part in analysis.parts), default=0.0),
-        "of_caps": _has_others(analysis),
+        "of_caps": knows_other_preloads(analysis.joint, contact),
     }
-
-
-def _has_others(analysis: "JointResult") -> bool:
-    """Tell whether other preloads of the joint are those of the same caps, or families."""
-    contact = analysis.contact
-    if contact is None or not analysis.joint.is_even or contact.hardness_Pa is not None:
-        return False
-    return contact.rung.solved_loads_N is None
 
 
 def _under_others(analysis: "JointResult") -> Iterator[tuple[float, NormalCurve]]:
     """Give smaller preloads of the joint, and its curve under each, that are known as well."""
     contact, slip = analysis.contact, analysis.slip
-    if not _has_others(analysis) or contact is None or slip is None:
+    if not knows_other_preloads(analysis.joint, contact) or contact is None or slip is None:
         return
     of_settings, most = analysis.settings.contact, math.inf
     if of_settings.model == "auto" and contact.errors is not None:

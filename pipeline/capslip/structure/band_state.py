@@ -96,7 +96,7 @@ class State:
 
     def _has_one_curve(self, log: dict[str, np.ndarray]) -> bool:
         """Tell whether few contacts of one curve answer, and under loads that differ."""
-        if self.yields or self._is_map or not self._touch_in_turn or len(self.parts) > 1:
+        if self.yields or not self._touch_in_turn or len(self.parts) > 1:
             return False
         return self.parts[0].joint.is_even and bool((log["preload"] != log["modulus"]).any())
 
@@ -204,7 +204,7 @@ class State:
             if (start != end).any():
                 at = self._axis(float(np.abs((start, end)).max()), direction[0] == 0.0)
                 nodes.append(np.outer(at, direction))
-                weights = _straight if len(at) >= NODES_OF_FEW_IN_PATCHES else _weights
+                weights = _straight if self._touch_in_turn else _weights
                 weight.append(weights(at, end) - weights(at, start))
         found, place = np.unique(np.round(np.vstack(nodes), 12), axis=0, return_inverse=True)
         return found, np.hstack(weight) @ np.eye(len(found))[place]
@@ -216,9 +216,10 @@ class State:
 
     @property
     def _touch_in_turn(self) -> bool:
-        """Whether a face has so few contacts, or families, that each counts."""
+        """Whether a face of caps has so few contacts, or families, that each counts."""
         contacts = [part.contact for part in self.parts]
-        return any(min(one.contacts, len(one.row_family)) < FEW for one in contacts)
+        few = any(min(one.contacts, len(one.row_family)) < FEW for one in contacts)
+        return few and not self._is_map
 
     def _axis(self, widest: float, of_hardness: bool) -> np.ndarray:
         """Return places up to the widest on either side, zero among them."""

@@ -168,11 +168,11 @@ def touches_between(face: ElasticFace, pressed: Pressed) -> np.ndarray:
         bends_m += 0.5 * bend_m
         falls_m += np.where(ends, 0.5 * bend_m, np.square(before_m - after_m) / (8 * bend_m))
     found = np.nonzero(least & (gap_m < 2 * falls_m))
-    shape = _roughness(face, pressed) if found[0].size else None
     touches = np.zeros(gap_m.shape, dtype=bool)
-    if shape is not None:
-        held = _swings_m(shape, found) <= np.maximum(shape.most_m, _OF_STEP * bends_m[found])
-        touches[found] = held
+    if found[0].size:
+        shape = _roughness(face, pressed)
+        may_swing_m = np.maximum(shape.most_m, _OF_STEP * bends_m[found])
+        touches[found] = _swings_m(shape, found) <= may_swing_m
     return touches
 
 

@@ -16,10 +16,11 @@ import numpy as np
 from capslip.contact.slip import SlipCurve, slip_curve
 from capslip.errors import ContactError
 from capslip.output.export import Export, inexact
-from capslip.pressing import error_under, under_preload
+from capslip.pressing import error_under, knows_other_preloads, under_preload
 from capslip.problems import Problem
 from capslip.result import Analysis, JointOfScans
 from capslip.structure import interpolation
+from capslip.structure.answer import DEFAULT_SHARE
 from capslip.structure.interpolation import tables_of
 from capslip.structure.law import ASKED_SHARE, JENKINS_TOLERANCE, SCATTERS, Law, law
 
@@ -111,14 +112,14 @@ def _of_level(scan: Analysis) -> list[str]:
     The law has one level, so that one bed serves all pressures. A face of elastic caps that is
     analysed under less finds its own.
     """
-    slip, contact, joint = scan.slip, scan.contact, scan.joint
-    if slip is None or contact is None or scan.face.level is None or not joint.is_even:
+    slip, contact = scan.slip, scan.contact
+    if not knows_other_preloads(scan.joint, contact) or scan.face.level is None:
         return []
-    if contact.hardness_Pa is not None or contact.rung.solved_loads_N is not None:
+    if slip is None or contact is None:
         return []
     said = []
     for share in LIGHTER:
-        load_N = share * joint.preload_N
+        load_N = share * scan.joint.preload_N
         with suppress(ContactError):  # then nothing is known of its level
             _, anew = under_preload(scan.face, contact, load_N, scan.settings)
             here = slip_curve(slip.curve, load_N, slip.friction_coefficient, slip.kappa)
@@ -137,7 +138,7 @@ def _of_level(scan: Analysis) -> list[str]:
 
 def _seen(slip: SlipCurve) -> tuple[float, float]:
     """Return the stiffness before slip, and the loss of a cycle up to a quarter of mu N."""
-    quarter_N = 0.25 * slip.friction_coefficient * slip.preload_N
+    quarter_N = DEFAULT_SHARE * slip.friction_coefficient * slip.preload_N
     return float(slip.tangential_stiffness_N_per_m), float(slip.energy_at_force_J(quarter_N))
 
 
