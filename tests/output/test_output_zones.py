@@ -104,6 +104,25 @@ def test_shares_of_the_loss_are_those_of_the_slip_curve(caps, force_share):
     np.testing.assert_allclose(loss_shares(caps, force_share), expected, rtol=0.02, atol=2e-4)
 
 
+def test_contact_that_the_curve_gives_to_its_neighbour_has_no_zone(caps):
+    analysis = output_cases.several()
+    kept = analysis.contact.normal
+    load_N = _loads_N(analysis.contact)
+    approach_m = kept.approach_m(load_N)
+    row_N = kept.asperity_loads_N(approach_m)
+    row_N[:, np.cumsum(analysis.contact.use)[caps.cap[0]] - 1] = 0.0
+
+    class Other:
+        def asperity_loads_N(self, approach_m):
+            return row_N
+
+    other = replace(analysis, contact=replace(analysis.contact, normal=Other()))
+    zones = zones_of(other, load_N, approach_m)
+    np.testing.assert_array_equal(zones.cap, caps.cap[1:])
+    np.testing.assert_array_equal(zones.share, caps.share[:, 1:])
+    assert loss_shares(zones, 0.5).sum() == pytest.approx(1.0)
+
+
 def test_map_of_two_spheres_is_two_round_contacts_with_round_zones(pressed_map):
     zones = zones_for(pressed_map)
     assert len(zones) == 2

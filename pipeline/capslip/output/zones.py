@@ -168,6 +168,9 @@ def _of_caps(
     else:
         names = list(contact.row_family)
         row = np.array([names.index(name) for name in caps.family[cap]], dtype=int)
+    # Either of two caps whose contacts merge can hold their load: the curve may choose the other
+    held = row_N[-1, row] > 0.0
+    cap, row = cap[held], row[held]
     below_m = approach_m - contact.bulk_m * load_N / contact.preload_N
     one_N, radius_m = caps.load_N[cap], caps.contact_radius_m[cap]
     return Zones(
