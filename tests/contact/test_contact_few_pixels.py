@@ -5,6 +5,7 @@ import pytest
 
 import capslip
 from capslip.contact.map_accuracy import LEAST_ERROR, STIFFNESS_95, error_of_map, left_by_pixels
+from capslip.contact.material import composite
 from capslip.contact.models.boundary_elements import boundary_elements
 from capslip.contact.models.caps import caps
 from capslip.contact.solvers import detail
@@ -160,3 +161,27 @@ def test_where_no_pixel_lets_go_the_energy_is_anything_in_its_rectangle(load_N, 
     else:
         assert low_J > 0.0
         assert not any("rectangle" in one for one in said)
+
+
+@pytest.mark.parametrize("hardness", [None, 0.8])
+@pytest.mark.parametrize(("across", "off"), [(1.5, 0.3), (4.0, 0.02)])
+def test_area_and_greatest_pressure_of_few_pixels_are_those_of_hertz(across, off, hardness):
+    pixel_m, radius_m, a_m = 5e-5, 0.05, 0.5 * across * 5e-5
+    E_star_Pa = composite((200e9, 200e9), (0.3, 0.3)).E_star_Pa
+    load_N = 4.0 * E_star_Pa * a_m**3 / (3.0 * radius_m)
+    hertz_m2, greatest_Pa = np.pi * a_m**2, 1.5 * load_N / (np.pi * a_m**2)
+    y, x = ((np.arange(60) - 30.0 - off) * pixel_m,) * 2
+    sphere = HeightMap(-(x**2 + y[:, None] ** 2) / (2.0 * radius_m), (pixel_m, pixel_m))
+    settings = [
+        *("contact.model=boundary_elements", f"contact.preload_N={load_N}"),
+        *("conditioning.form=none", "contact.alignment=as_levelled"),
+    ]
+    if hardness is not None:
+        settings.append(f"material.hardness_Pa={hardness * greatest_Pa}")
+    found = capslip.analyze(sphere, capslip.load_settings(overrides=tuple(settings))).contact
+    assert found.max_pressure_Pa == pytest.approx((hardness or 1.0) * greatest_Pa, rel=0.03)
+    assert found.contact_area_m2 == pytest.approx(hertz_m2, rel=0.05)
+    if hardness is None:
+        assert found.yielded_area_m2 is None
+    else:  # more than where a Hertz pressure is above it: what that gives up rests beside it
+        assert 1.0 - hardness**2 < found.yielded_area_m2 / hertz_m2 < 0.6

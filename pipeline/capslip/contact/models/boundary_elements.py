@@ -15,9 +15,10 @@ from capslip.contact.solvers.elastic_face import ElasticFace, elastic_face
 from capslip.contact.solvers.nearby import loaded_anew
 from capslip.contact.solvers.polonsky_keer import first_loading, press
 from capslip.contact.solvers.pressed import Pressed
+from capslip.contact.solvers.refinement import WIDE_ENOUGH
 from capslip.contact.solvers.solutions import Solutions
 from capslip.contact.solvers.tilting import press_balanced
-from capslip.errors import SettingsError
+from capslip.errors import ContactError, SettingsError
 from capslip.settings import SOLVER_TOLERANCE
 from capslip.surface.heightmap import HeightMap
 
@@ -174,7 +175,7 @@ def _build(scene: Scene) -> BoundaryElementCurve:
 def _contacts(scene: Scene, curve: BoundaryElementCurve, approach_m: float) -> Contacts:
     pressed = curve.pressed(scene.preload_N)
     n_regions = len(pressed.region_loads_N)
-    return Contacts(
+    found = Contacts(
         count=n_regions,
         load_N=np.full(len(scene.caps), np.nan),
         family=np.full(n_regions, ""),
@@ -183,6 +184,19 @@ def _contacts(scene: Scene, curve: BoundaryElementCurve, approach_m: float) -> C
         max_pressure_Pa=pressed.max_pressure_Pa,
         resultant_m=pressed.resultant_m,
         tilt_rad=curve.tilt_rad,
+    )
+    if pressed.pixels_across >= WIDE_ENOUGH:
+        return found
+    # Contacts of few pixels are narrower, and bear more in their middle, than pixels tell
+    try:
+        finer = curve.unloading(scene.preload_N)
+    except ContactError:  # slip says why
+        return found
+    return replace(
+        found,
+        area_m2=finer.contact_area_m2,
+        yielded_area_m2=None if curve.yielded_area_m2 is None else finer.yielded_area_m2,
+        max_pressure_Pa=finer.max_pressure_Pa,
     )
 
 

@@ -73,6 +73,10 @@ class Unloading:
     of_noise: np.ndarray = field(default_factory=lambda: np.array([[1.0], [0.0]]))
     # Where it still touches, and what bears the load; None of one of many patches
     letting_go: LettingGo | None = None
+    # Under the preload, of the points that were solved; the last of those at their hardness
+    contact_area_m2: float = 0.0
+    max_pressure_Pa: float = 0.0
+    yielded_area_m2: float = 0.0
 
     def pixel_error(self, load_drop_N: float) -> float:
         """Return what pixels leave in the loss at a load drop, a power between those solved."""
@@ -407,6 +411,8 @@ def _tabulated(path: Path, cut_short: bool) -> Unloading:
     # In the approach of the map, which the preload has as well
     left = [(node.load_N, 1 - node.withdrawal_m / pressed.approach_m) for node in path.nodes]
     solved = np.array(sorted([*left, (pressed.load_N, 1.0)])) * (1, path.map_pressed.approach_m)
+    hardness_Pa = math.inf if path.map.before is None else path.map.before.hardness_Pa
+    yielded = np.count_nonzero(pressed.pressure_Pa >= hardness_Pa)
     return Unloading(
         load_N=pressed.load_N,
         approach_m=pressed.approach_m,
@@ -424,4 +430,7 @@ def _tabulated(path: Path, cut_short: bool) -> Unloading:
         unknown_to_N=_unknown_to_N(path, intervals),
         of_pixels=_of_pixels(path),
         of_noise=loss_noise_per_m(path),
+        contact_area_m2=path.n_points * path.face.pixel_area_m2,
+        max_pressure_Pa=float(pressed.pressure_Pa.max()),
+        yielded_area_m2=yielded * path.face.pixel_area_m2,
     )
