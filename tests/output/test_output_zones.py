@@ -54,7 +54,7 @@ def test_single_hertz_contact_sticks_inside_the_radius_of_what_is_left():
     single = Zones(
         *(load_N, 1.0 - (load_N / 10.0) ** (2 / 3), (load_N / 10.0)[:, None]),
         *(10.0 * one, one, np.zeros(1, int), one),
-        *(np.zeros(0, int), np.zeros(0, int), np.zeros(0)),
+        *(np.zeros(0, int), np.zeros(0, int), np.zeros(0), np.zeros(0)),
     )
     for load, force in ((1.0, 0.3), (0.4, 0.9), (0.013, 0.5)):
         zone = zone_at(single, load, force)

@@ -1,6 +1,5 @@
 """The face and its fitted caps in three dimensions."""
 
-import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -117,7 +116,7 @@ def state_line(view: View, look: Look) -> str:
     touching = f"of {sum(n.values())} caps in contact"
     if zones.of_map:
         touch, stick = (int(each.sum()) for each in pixels_at(zones, state))
-        area_mm2 = touch * math.prod(view.pixel_size_m) * 1e6
+        area_mm2 = touch * float(zones.pixel_area_m2[0]) * 1e6
         touching = (
             f"about {area_mm2:.3g} mm² touch, {100.0 * stick / max(touch, 1):.0f} % of it sticks;\n"
             f"of {len(zones)} regions under the preload about {sum(n.values())} touch:"

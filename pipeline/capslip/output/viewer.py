@@ -173,7 +173,7 @@ def _zones(view: View) -> dict[str, Any] | None:
         "cap": _packed(np.where(zones.cap >= 0, row[zones.cap], -1), "i4"),
         "radius": _packed(zones.radius_m, "f4"),
         "every": every,
-        "pixel_area": math.prod(view.pixel_size_m) * every,
+        "pixel_area": float(zones.pixel_area_m2.sum()) * every,
         "point_side": view.point_side_m * math.sqrt(every),  # all drawn cover as much as all
         "enlarged": view.enlarged_points,
         "pixel_x": _levels(place_m[:, 0], 0.0, view.side_m[1]),

@@ -40,6 +40,8 @@ class Zones:
     pixel_contact: np.ndarray  # (p,), the contact it belongs to
     # (p,), the radius of its contact when it lets go, over that under the preload
     pixel_reach: np.ndarray
+    # (1,) of a map, what touches under the preload over its pixels in contact; (0,) of caps
+    pixel_area_m2: np.ndarray
 
     def __len__(self) -> int:
         return len(self.contact_load_N)
@@ -184,6 +186,7 @@ def _of_caps(
         pixel=np.zeros(0, dtype=np.int64),
         pixel_contact=np.zeros(0, dtype=np.int32),
         pixel_reach=np.zeros(0),
+        pixel_area_m2=np.zeros(0),
     )
 
 
@@ -221,6 +224,7 @@ def _of_map(analysis: "Analysis", contact: "ContactState") -> Zones:
         pixel=pixel,
         pixel_contact=of,
         pixel_reach=reach,
+        pixel_area_m2=np.array([contact.contact_area_m2]) / np.count_nonzero(pressed.region),
     )
 
 
@@ -231,10 +235,12 @@ def write_zones(zones: Zones, group: Any) -> None:
         if values.dtype.kind == "f" and field.name in ("share", "pixel_reach"):
             values = values.astype(np.float32)
         packed = {"compression": "gzip", "compression_opts": 1} if values.size > 1000 else {}
-        unit = {"N": "N", "m": "m"}.get(field.name.rpartition("_")[2], "")
+        unit = {"N": "N", "m": "m", "m2": "m^2"}.get(field.name.rpartition("_")[2], "")
         write_dataset(group, field.name, values, unit, **packed)
 
 
-def read_zones(group: Any) -> Zones:
-    """Read what `write_zones` wrote."""
+def read_zones(group: Any) -> Zones | None:
+    """Read what `write_zones` wrote; None of one that did not know the area of pixels."""
+    if "pixel_area_m2" not in group:
+        return None
     return Zones(**{field.name: group[field.name][:] for field in fields(Zones)})

@@ -26,6 +26,9 @@ _MOST_POINTS = 300_000  # where refined
 _ROUGHLY, _MOST_ROUGHLY = 1e-3, 4500
 _MOST_SHARE = 0.5  # of the points of the map in patches; with more, the map itself is quicker
 _SPLINE_MARGIN = 8  # pixels beyond a patch that its refinement sees
+# Points along the longer side of a pixel of a map that is rough from pixel to pixel: its shortest
+# wave, of two pixels, has four then. More would follow a spline where it no longer knows the face
+MOST_OF_ROUGH = 2
 _OF_SLOPE = 1e-3  # weight of first differences beside second ones, where heights are lost
 
 
@@ -303,10 +306,13 @@ def _refined(
     first, last = (max(y0 - m, 0), max(x0 - m, 0)), (min(y1 + m, ny), min(x1 + m, nx))
     window = np.s_[first[0] : last[0], first[1] : last[1]]
     depth_m = _filled(face.depth_m[window], face.measured[window])
-    # Its ends go on as they are, since a map ends half a pixel beyond its last point.
+    # Its ends go on as they are, since a map ends half a pixel beyond its last point; of a rough
+    # face as its last points, beyond which a spline may rise by more than all of its approach.
     for axis, (start, end, n) in enumerate(((y0, y1, per_pixel[0]), (x0, x1, per_pixel[1]))):
         places = (np.arange(start * n, end * n) + 0.5) / n - 0.5
         known = np.arange(depth_m.shape[axis]) + first[axis]
+        if max(per_pixel) <= MOST_OF_ROUGH:
+            places = places.clip(known[0], known[-1])
         degree = min(3, len(known) - 1)  # a map may have three lines
         depth_m = make_interp_spline(known, depth_m, k=degree, axis=axis)(places)
     return np.asarray(depth_m)

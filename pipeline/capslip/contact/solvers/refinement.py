@@ -8,6 +8,7 @@ import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 
 from capslip.contact.solvers.elastic_face import ElasticFace
+from capslip.contact.solvers.patches import MOST_OF_ROUGH
 from capslip.contact.solvers.pressed import Pressed, hardly_yields
 from capslip.contact.solvers.whiteness import white_m2
 
@@ -19,9 +20,6 @@ _OF_FLATS = 2  # times as many where a load has left flats: next to nothing of t
 # Pixels in contact: of fewer, as much finer a spline as has no more points there than six a side of
 # these have. Energy at a tenth of mu N is right to 1 % in the median then, of six a side to 10 %
 _FEW_PIXELS = 280
-# The same of a map that is rough from pixel to pixel: its shortest wave, of two pixels, has four
-# points then. More would follow a spline where it no longer knows the face
-_MOST_OF_ROUGH = 2
 # Of the variance that differences of half the order find, what those of the whole one do: 1 of
 # noise, 0.93 of a random walk from pixel to pixel, less of all that is smoother; halfway
 _AS_NOISE = 0.965
@@ -59,7 +57,7 @@ def refinement(face: ElasticFace, pressed: Pressed) -> int:
         or _is_noise(face, pressed)
     ):
         return 1
-    most = _MOST_OF_ROUGH
+    most = MOST_OF_ROUGH
     if shape.smooth:
         n_pixels = int(np.count_nonzero(pressed.pressure_Pa))
         most = int(_MOST_REFINED * finer * math.sqrt(max(_FEW_PIXELS / n_pixels, 1.0)))
