@@ -77,9 +77,8 @@ class JointResult:
     @property
     def verdict(self) -> str:
         """Return one sentence on what the result is usable for."""
-        return verdict(
-            self.settings, self.problems, self.estimated_error, noise_known=self.noise_known
-        )
+        errors = self.estimated_error, self.error_of_answer
+        return verdict(self.settings, self.problems, *errors, noise_known=self.noise_known)
 
     @property
     def noise_known(self) -> bool:
@@ -97,6 +96,16 @@ class JointResult:
         if self.contact is None or self.slip is None:
             return ()
         return (Part(self.joint, self.contact, 1.0),)
+
+    @property
+    def error_of_answer(self) -> float | None:
+        """Return that of the contact model at the force of the answer, the greatest of parts."""
+        errors = [part.contact.errors for part in self.parts]
+        if self.answer is None or self.slip is None or not self.answer.slip_force_N > 0.0:
+            return None
+        share = self.answer.slip_force_N / float(self.slip.total_slip_force_N)
+        known = [one.greatest_at(share) for one in errors if one is not None]
+        return max(known) if known and len(known) == len(errors) else None
 
     def summary(
         self, command: str | None = None, timings_s: dict[str, float] | None = None
@@ -237,7 +246,8 @@ class JointOfScans(JointResult):
     def verdict(self) -> str:
         """Return one sentence on what the result is usable for, and on how many scans it rests."""
         count = (len(self.known), len(self.scans))
-        return verdict(self.settings, self.problems, self.estimated_error, count, self.noise_known)
+        errors = self.estimated_error, self.error_of_answer
+        return verdict(self.settings, self.problems, *errors, count, self.noise_known)
 
     @property
     def noise_known(self) -> bool:

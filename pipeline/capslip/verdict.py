@@ -102,6 +102,7 @@ def verdict(
     settings: Settings,
     problems: Iterable[Problem],
     estimated_error: float | None,
+    error_of_answer: float | None = None,
     scans: tuple[int, int] | None = None,
     noise_known: bool = False,
 ) -> str:
@@ -115,7 +116,10 @@ def verdict(
         Of the whole result. The reason is, of the worst, one that spoils every number, else the
         one that moves most; where that moves a number by more than itself, it is said which.
     estimated_error : float or None
-        Of energy at given force and of stiffness, against the elastic face pressed exactly.
+        Of energy at given force and of stiffness, against the elastic face pressed exactly: the
+        greatest from a tenth of gross slip on.
+    error_of_answer : float or None
+        The same at the force that is answered, where it is known.
     scans : tuple of int, optional
         On how many scans of how many the joint rests, where there are several.
     noise_known : bool
@@ -137,8 +141,11 @@ def verdict(
             return f"{begin}{word}{what}: {first.text}{more}; next: {first.advice}"
     accuracy = "to an accuracy that was not estimated"
     if estimated_error is not None:
-        percent = max(100.0 * estimated_error, 0.1)
-        accuracy = f"within {percent:.2g} % of the same elastic face pressed exactly (estimated)"
+        asked = estimated_error if error_of_answer is None else error_of_answer
+        here, most = (f"{max(100.0 * error, 0.1):.2g} %" for error in (asked, estimated_error))
+        less = estimated_error > asked and most != here
+        beside = f"; up to {most} from a tenth of gross slip on" if less else ""
+        accuracy = f"within {here} of the same elastic face pressed exactly (estimated{beside})"
     use = "stiffness and slip of the joint"
     if is_given(settings):
         use += f" and the damping of the {structure_name(settings)}"

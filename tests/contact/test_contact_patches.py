@@ -4,7 +4,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from scipy.interpolate import make_interp_spline
 from scipy.ndimage import binary_dilation, gaussian_filter
 
 from capslip.contact.map_accuracy import PIXELS_95

@@ -68,7 +68,7 @@ def methods_paragraph(summary: dict[str, Any]) -> str:
     if estimated is not None:
         found.append(
             f"Against the same elastic face pressed exactly, stiffness and energy are estimated to "
-            f"within {percent(estimated)}."
+            f"within {percent(estimated)} from a tenth of gross slip on."
         )
     return " ".join(found)
 
