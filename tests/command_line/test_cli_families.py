@@ -9,6 +9,7 @@ import capslip
 from capslip.analysis import analyze_families
 from capslip.cli import main
 from capslip.errors import SettingsError
+from capslip.options import MODELS
 from scenes import caps_map
 
 PAIR = ("--m", "5", "--n", "18", "--radius-G", "23.8", "--radius-P", "26.7", "--h", "2.4e-7")
@@ -113,3 +114,16 @@ def test_a_bulk_of_families_that_is_not_known_is_refused():
     ran = run(*PAIR, "--preload", "460", "--set", "contact.bulk=true")
     assert ran.exit_code == 2
     assert ran.stderr.startswith("error: contact.bulk: got true for families")
+
+
+@pytest.mark.parametrize("model", MODELS)
+def test_families_are_no_other_contact_model(model, tmp_path):
+    """Settings and summary beside each other would say two."""
+    sets = ("--set", f"contact.model={model}", "-o", str(tmp_path / "out"))
+    ran = run(*PAIR, "--preload", "460", *sets)
+    if model in ("auto", "families"):
+        assert ran.exit_code == 0, ran.output
+        return
+    assert (ran.exit_code, ran.stdout, ran.stderr.count("\n")) == (2, "", 1)
+    assert ran.stderr.startswith(f"error: contact.model: got {model} for families; expected")
+    assert not (tmp_path / "out").exists()

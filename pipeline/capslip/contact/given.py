@@ -48,6 +48,12 @@ def press_families(families: Families, settings: Settings) -> tuple[Joint, Conta
     """Press given families with the preload, or to the approach that is given in its place.
 
     They are the contacts of the whole joint; nothing is known of places or of a scanned area.
+
+    Raises
+    ------
+    SettingsError
+        If the settings ask for what needs a scan, as another contact model does, or leave the load
+        open.
     """
     material = settings.material
     joint = composite(material.youngs_modulus_Pa, material.poisson_ratio)
@@ -118,6 +124,11 @@ def _preload_N(settings: Settings) -> float:
 
 
 def _refuse_what_needs_a_scan(settings: Settings) -> None:
+    if settings.contact.model not in ("auto", RUNG.name):
+        raise SettingsError(
+            f"contact.model: got {settings.contact.model} for families; expected {RUNG.name} or "
+            "auto: analyse a scan with another model"
+        )
     if settings.joint.pressure_map is not None:
         raise SettingsError("joint.pressure_map: it needs a scan; expected joint.area_m2")
     if settings.contact.bulk:
