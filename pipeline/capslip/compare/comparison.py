@@ -36,7 +36,7 @@ class Comparison:
     measured_loss_factor: np.ndarray  # assembly, all sources
     intrinsic_loss_factor: np.ndarray  # monolithic beam; NaN outside its range, 0 where not given
     joint_loss_factor: np.ndarray  # what is left for the joints; NaN where it cannot be told
-    joint_energy_J: np.ndarray  # W_d2 = W_assembly - W_monolithic of a cycle
+    joint_energy_J: np.ndarray  # W_assembly - W_monolithic of a cycle; NaN beyond gross slip, too
     model_loss_factor: np.ndarray  # of the joints; NaN beyond gross slip
     friction_coefficient: float
     preload_N: float
@@ -124,6 +124,7 @@ def compare(
     intrinsic, joint, remarks = joint_share(assembly, monolithic)
     usable = np.isfinite(joint)
     predicted = model.loss_factor(v_m, friction_coefficient, preload_N)
+    stored_J = model.stored_energy_J(v_m, friction_coefficient, preload_N)
     beyond = int((usable & np.isnan(predicted)).sum())
     if beyond:
         gross_m = model.gross_slip_amplitude_m(friction_coefficient, preload_N)
@@ -147,7 +148,7 @@ def compare(
         measured_loss_factor=assembly.loss_factor,
         intrinsic_loss_factor=intrinsic,
         joint_loss_factor=joint,
-        joint_energy_J=math.pi * model.modal_stiffness_N_per_m * v_m**2 * joint,
+        joint_energy_J=2.0 * math.pi * stored_J * joint,
         model_loss_factor=predicted,
         friction_coefficient=friction_coefficient,
         preload_N=preload_N,

@@ -61,10 +61,10 @@ def joint_share(
 ) -> tuple[np.ndarray, np.ndarray, list[str]]:
     """Take the loss that is not that of the joints out of a measurement.
 
-    The losses are subtracted as energies, at the same amplitude and so at the same
-    W_ext = K_m v^2 / 2 (Eqs. 20 to 22)::
+    The losses are subtracted as energies, at the same amplitude and so at the same stored energy U
+    (Eqs. 20 to 22)::
 
-        W_d2(v) = W_assembly(v) - W_monolithic(v),  W = pi K_m v^2 eta
+        W_d2(v) = W_assembly(v) - W_monolithic(v),  W = 2 pi U eta
 
     which supposes that both structures have the same K_m and lose as much elsewhere. The monolithic
     curve is interpolated over ln v inside its range and never extrapolated: a point outside has no

@@ -60,6 +60,14 @@ class JointModel:
         """
         return self.unit_curve(preload_N)(amplitude_m / friction_coefficient)
 
+    def stored_energy_J(
+        self, amplitude_m: np.ndarray, friction_coefficient: float, preload_N: float
+    ) -> np.ndarray:
+        """Return F v_total / 2 = K_m (f / f_0)^2 v_total^2 / 2, (n,); NaN beyond gross slip."""
+        unit = self.unit_curve(preload_N)
+        ratio = unit.stiffness_ratio_at(amplitude_m / friction_coefficient)
+        return np.asarray(0.5 * self.modal_stiffness_N_per_m * ratio * amplitude_m**2)
+
     def gross_slip_amplitude_m(self, friction_coefficient: float, preload_N: float) -> float:
         """Return the amplitude beyond which nothing holds the joint."""
         return friction_coefficient * self.unit_curve(preload_N).gross_slip_amplitude_m
@@ -76,9 +84,8 @@ class JointModel:
             self.joints,
             np.append(share, 1.0) * (slip.total_slip_force_N / self.joint_stiffness_N_per_m),
         )
-        return UnitCurve(
-            damping.total_amplitude_m, damping.loss_factor * damping.frequency_ratio**2
-        )
+        ratio = damping.frequency_ratio**2
+        return UnitCurve(damping.total_amplitude_m, damping.loss_factor * ratio, ratio)
 
     def plane(self) -> "JointModel":
         """Return the same structure with perfectly plane interfaces (Peyret et al. 2010)."""
@@ -87,10 +94,11 @@ class JointModel:
 
 @dataclass(frozen=True, eq=False)
 class UnitCurve:
-    """Loss factor over amplitude up to gross slip for mu = 1, see `JointModel`."""
+    """Loss factor and frequency over amplitude up to gross slip for mu = 1, see `JointModel`."""
 
     amplitude_m: np.ndarray
     loss_factor: np.ndarray
+    stiffness_ratio: np.ndarray  # (f / f_0)^2 = F / (K_m v_total)
 
     @property
     def gross_slip_amplitude_m(self) -> float:
@@ -98,16 +106,22 @@ class UnitCurve:
         return float(self.amplitude_m[-1])
 
     def __call__(self, amplitude_m: np.ndarray) -> np.ndarray:
-        """Interpolate; NaN beyond gross slip."""
+        """Interpolate the loss factor; NaN beyond gross slip."""
+        # eta / v is constant at small amplitudes, and so the smoothest thing to interpolate.
+        return amplitude_m * self._at(amplitude_m, self.loss_factor / self.amplitude_m)
+
+    def stiffness_ratio_at(self, amplitude_m: np.ndarray) -> np.ndarray:
+        """Interpolate (f / f_0)^2; NaN beyond gross slip."""
+        return self._at(amplitude_m, self.stiffness_ratio)
+
+    def _at(self, amplitude_m: np.ndarray, values: np.ndarray) -> np.ndarray:
         from scipy.interpolate import PchipInterpolator
 
-        # eta / v is constant at small amplitudes, and so the smoothest thing to interpolate.
-        ratio = PchipInterpolator(np.log(self.amplitude_m), self.loss_factor / self.amplitude_m)
         inside_m = np.clip(amplitude_m, self.amplitude_m[0], self.amplitude_m[-1])
-        loss = amplitude_m * ratio(np.log(inside_m))
+        found = PchipInterpolator(np.log(self.amplitude_m), values)(np.log(inside_m))
         # the bound itself belongs to the curve, whatever the rounding of v / mu
         held = amplitude_m <= self.amplitude_m[-1] * (1 + 1e-9)
-        return np.asarray(np.where(held, loss, np.nan))
+        return np.asarray(np.where(held, found, np.nan))
 
 
 def load_model(result: str | Path) -> tuple[JointModel, Settings]:
