@@ -286,6 +286,18 @@ def test_the_cards_hold_the_curve(written, program):
         assert float(cards[i].split("=")[1]) == pytest.approx(mu * at / k_t, rel=1e-9)
 
 
+@pytest.mark.parametrize("program", DECKS)
+def test_the_cards_say_how_each_of_their_numbers_becomes_one_in_mm(written, program):
+    lines = (written[1] / DECKS[program]).read_text(encoding="utf-8").splitlines()
+    i = next(i for i, line in enumerate(lines) if line.startswith("** Metres, newtons"))
+    said = " ".join(lines[i : i + 2]).replace("** ", "")
+    assert "in mm, N and MPa divide pressures by 1e6, multiply overclosures" in said
+    if program == "calculix":
+        assert said.endswith("overclosures by 1e3 and divide the stick slope by 1e9.")
+    else:  # its elastic slip is a length
+        assert said.endswith("overclosures and the elastic slip by 1e3.")
+
+
 BLOCKS = """*NODE, NSET=ALL
 {nodes}
 *ELEMENT, TYPE=C3D8, ELSET=BOTH

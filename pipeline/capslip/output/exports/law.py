@@ -299,20 +299,26 @@ def deck(found: Law, program: str, page: Iterable[str]) -> str:
     p, mu = float(found.pressure_Pa[i]), found.friction_coefficient
     stick = float(found.tangential_stiffness_Pa_per_m[i])
     cards = {
-        "calculix": ("stick slope k_t in Pa/m", "*FRICTION", _card(mu, stick)),
+        "calculix": (
+            "overclosures by 1e3 and divide the stick slope by 1e9.",
+            "stick slope k_t in Pa/m",
+            "*FRICTION",
+            _card(mu, stick),
+        ),
         "abaqus": (
+            "overclosures and the elastic slip by 1e3.",
             "elastic slip mu p / k_t in m",
             f"*FRICTION, ELASTIC SLIP={_card(mu * p / stick)}",
             _card(mu),
         ),
     }
-    what, *friction = cards[program]
+    in_mm, what, *friction = cards[program]
     table = _overclosure(found)
     lines = [
         *(f"** {line}".rstrip() for text in page for line in textwrap.wrap(text, 90) or [""]),
         "**",
         "** Metres, newtons and pascals; in mm, N and MPa divide pressures by 1e6, multiply",
-        "** overclosures by 1e3 and divide the stick slope by 1e9.",
+        f"** {in_mm}",
         f"** Keep to less than {table[-1][0]:.6g} Pa, where the table ends.",
         *NOTES[program],
         "*SURFACE INTERACTION, NAME=CAPSLIP",
