@@ -225,35 +225,74 @@ def test_the_sliders_of_two_scans_read_back(of_two, tmp_path):
         np.testing.assert_allclose(loss, joint.slip.energy_J(delta), rtol=1.1 * error)
 
 
-@pytest.mark.parametrize("program", DECKS)
-def test_the_cards_of_two_scans_are_the_joint_below_its_pressure(of_two, program):
-    joint, folder = of_two
-    lines = (folder / DECKS[program]).read_text(encoding="utf-8").splitlines()
+def cards_of(lines):
+    """Return pressures and overclosures of a deck, and the numbers of its friction."""
     rows = [line.split(",") for line in lines if DATA.match(line)]
     p, d = np.array(rows[:-1], dtype=float).T
     assert (p[0], d[0]) == (0.0, 0.0)
-    assert p[-1] == pytest.approx(1e6, rel=1e-9)
     assert (np.diff(p) > 0).all()
     assert (np.diff(d) > 0).all()
-    curve, at = joint.slip.curve, joint.slip.approach_m
-    drop_N = curve.load_drop_N(at, d[-1] - d)
-    np.testing.assert_allclose(p[-1] - p, drop_N / 0.01, rtol=1e-6, atol=1.0)
+    return p, d, [float(field) for field in rows[-1]]
+
+
+@pytest.mark.parametrize("program", DECKS)
+def test_the_cards_of_two_scans_have_the_stiffness_of_its_table(of_two, program):
+    """Under each pressure both scans bear it: normal and shear stiffness are of one state."""
+    joint, folder = of_two
+    _, law = table(folder / "law.csv")
+    lines = (folder / DECKS[program]).read_text(encoding="utf-8").splitlines()
+    p, d, friction = cards_of(lines)
+    first = np.unique(law["pressure_Pa"], return_index=True)[1]
+    np.testing.assert_allclose(p[1:], law["pressure_Pa"][first], rtol=1e-12)
+    np.testing.assert_allclose(d[1:], law["closure_m"][first], rtol=1e-12)
+    k_n = law["normal_stiffness_Pa_per_m"][first]
+    secant = np.diff(p[1:]) / np.diff(d[1:])
+    assert (k_n[:-1] < secant).all()
+    assert (secant < k_n[1:]).all()
+    if program == "calculix":
+        at = np.argmin(np.abs(p[1:] - 1e6))
+        kappa = joint.scans[0].contact.composite.kappa
+        assert friction[1] * kappa == pytest.approx(k_n[at], rel=1e-9)
+    tables = tables_of(json.loads((folder / "law.json").read_text(encoding="utf-8")))
+    np.testing.assert_allclose(tables.closure_m(p[1:]), d[1:], rtol=2e-3)
 
 
 def test_the_cards_of_scans_of_unlike_kappa_are_pressed_and_do_not_slide(of_two):
-    """All open by one e under a load, which is no slip of theirs by one displacement."""
+    """Under pressure alone they close as those of one kappa do."""
     parts = [
         replace(part, contact=replace(part.contact, composite=composite))
         for part, kappa in zip(of_two[0].parts, (1.1, 1.6), strict=True)
         for composite in [replace(part.contact.composite, kappa=kappa)]
     ]
-    lines = deck(law(parts, 0.2), "calculix", []).splitlines()
-    rows = [line.split(",") for line in lines if DATA.match(line)]
-    p, d = np.array(rows[:-1], dtype=float).T
-    assert (np.diff(p) > 0).all()
-    assert (np.diff(d) > 0).all()
-    curve, at = of_two[0].slip.curve, of_two[0].slip.approach_m
-    np.testing.assert_allclose(p[-1] - p, curve.load_drop_N(at, d[-1] - d) / 0.01, 2e-3, 1.0)
+    unlike, alike = (
+        cards_of(deck(law(of, 0.2), "calculix", []).splitlines()) for of in (parts, of_two[0].parts)
+    )
+    np.testing.assert_allclose(unlike[:2], alike[:2], rtol=1e-12)
+
+
+def test_the_cards_of_two_scans_that_yield_unload_from_their_pressure(of_two):
+    """Each pressure has another curve, and both scans bear what is left of the one."""
+    elastic, yields = law(of_two[0].parts, 0.2), []
+    for part in of_two[0].parts:
+        curve, at_N = part.contact.curve, part.contact.preload_N
+
+        def first(load_N, _, curve=curve, at_N=at_N):
+            return ScaledCurve(curve, (load_N / at_N) ** 0.3)
+
+        contact = replace(part.contact, hardness_Pa=1e9, first=first)
+        yields.append(replace(part, contact=contact))
+    found = law(yields, 0.2)
+    assert not found.has_beds_alone
+    p, d, _ = cards_of(deck(found, "calculix", []).splitlines())
+    i = found.at_scan_pressure
+    assert p[-1] == pytest.approx(1e6, rel=1e-9)
+    assert d[-1] == pytest.approx(found.closure_m[i], rel=1e-9)
+    some = p > elastic.range_Pa[0]
+    unloading = tables_of(elastic.tables()).closure_m(p[some])
+    np.testing.assert_allclose(d[some], unloading, rtol=4e-3)
+    assert abs(np.interp(3e5, found.pressure_Pa, found.closure_m) / np.interp(3e5, p, d) - 1) > 0.1
+    secant = np.diff(p[-2:]) / np.diff(d[-2:])
+    assert secant == pytest.approx(found.normal_stiffness_Pa_per_m[i], rel=0.05)
 
 
 @pytest.mark.parametrize("program", DECKS)

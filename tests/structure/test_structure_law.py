@@ -233,7 +233,8 @@ def test_the_law_of_two_scans_is_their_mean_in_closed_form(share):
     np.testing.assert_allclose(found.loss_J_per_m2[:, some], w[:, some], rtol=1e-8)
     scatter = found.scatter["loss_scatter_J_per_m2"][:, some]
     np.testing.assert_allclose(scatter, off[3][:, some], rtol=1e-6)
-    np.testing.assert_allclose(found.closure_m, np.maximum(one[0], two[0])[:, 0], rtol=1e-12)
+    d = 1.0 / (share[0] / one[0] + share[1] / two[0])  # all k_n are as one power of p
+    np.testing.assert_allclose(found.closure_m, d[:, 0], rtol=1e-9)
     assert found.pressure_Pa[found.at_scan_pressure] == pytest.approx(LOAD_N / AREA_M2)
     assert (found.scans, found.area_m2) == (2, 2 * AREA_M2)
 
@@ -248,6 +249,15 @@ def test_the_law_of_two_scans_is_their_mean_in_closed_form(share):
     assert (found.shear_error < 0.01, found.loss_error < 0.02) == (True, True)
 
 
+def closure_of(curves, share, p):
+    """Return the closure of patches that bear one pressure: the integral of dp / k_n."""
+    t = np.linspace(0.0, 1.0, 4001)[1:]
+    N = p * AREA_M2 * t**3
+    each = (curve.stiffness_N_per_m(curve.approach_m(N)) for curve in curves)
+    k_n = sum(s * one for s, one in zip(share, each, strict=True))
+    return np.trapezoid(np.append(0.0, 3.0 * N[-1] * t**2 / k_n), np.append(0.0, t))
+
+
 def test_the_law_of_scans_of_unlike_kappa_is_the_mean_of_what_each_does_under_its_own():
     pair, share, kappa = (CURVES["spheres"], CURVES["two families"]), (0.3, 0.7), (1.5, 1.1)
     each = zip(pair, share, kappa, strict=True)
@@ -258,12 +268,12 @@ def test_the_law_of_scans_of_unlike_kappa_is_the_mean_of_what_each_does_under_it
             slip_curve(ScaledCurve(one, 1 / AREA_M2), float(p), MU, k)
             for one, k in zip(pair, kappa, strict=True)
         ]
-        closure_m = [float(slip.approach_m - slip.curve.touch_m) for slip in slips]
         whole_m = max(slip.total_slip_displacement_m for slip in slips)
         K = [float(slip.curve.stiffness_N_per_m(slip.approach_m)) for slip in slips]
         delta = found.displacement_m[i]
         assert delta[-1] == pytest.approx(whole_m, rel=1e-9)
-        assert found.closure_m[i] == pytest.approx(max(closure_m), rel=1e-12)
+        assert found.closure_m[i] == pytest.approx(closure_of(pair, share, p), rel=5e-4)
+        assert tables.closure_m(p) == pytest.approx(closure_of(pair, share, p), rel=1e-3)
         assert found.normal_stiffness_Pa_per_m[i] == pytest.approx(np.dot(share, K), rel=1e-9)
         k_t = np.dot(share, np.divide(K, kappa))
         assert found.tangential_stiffness_Pa_per_m[i] == pytest.approx(k_t, rel=1e-9)
@@ -283,6 +293,44 @@ def test_the_law_of_scans_of_unlike_kappa_is_the_mean_of_what_each_does_under_it
         found.normal_stiffness_Pa_per_m[found.at_scan_pressure]
         / found.tangential_stiffness_Pa_per_m[found.at_scan_pressure]
     )
+
+
+@pytest.mark.parametrize("other", ["two families", "many heights"])
+def test_scans_close_together_as_their_stiffness_says(other):
+    """Not as the softest of them: then dp over the closure would be its stiffness alone."""
+    pair, share = (CURVES["spheres"], CURVES[other]), (0.4, 0.6)
+    found = law([part_of(one, share=s) for one, s in zip(pair, share, strict=True)], MU)
+    tables, k_n = tables_of(found.tables()), found.normal_stiffness_Pa_per_m
+    secant = np.diff(found.pressure_Pa) / np.diff(found.closure_m)
+    assert (k_n[:-1] < secant).all()
+    assert (secant < k_n[1:]).all()
+    for p, closure_m in zip(found.pressure_Pa, found.closure_m, strict=True):
+        assert closure_m == pytest.approx(closure_of(pair, share, p), rel=5e-4)
+    p = np.geomspace(1.02 * found.range_Pa[0], 0.98 * found.range_Pa[1], 40)
+    rise_m = tables.closure_m(1.01 * p) - tables.closure_m(0.99 * p)
+    np.testing.assert_allclose(0.02 * p / rise_m, tables.normal_stiffness_Pa_per_m(p), rtol=0.02)
+    assert tables.closure_m(found.pressure_Pa) == pytest.approx(found.closure_m, rel=1e-3)
+    assert tables.closure_m(p.reshape(8, 5)).shape == (8, 5)
+    with pytest.raises(ValueError, match="pressure_Pa: got"):
+        tables.closure_m(0.9 * found.range_Pa[0])
+
+
+def test_scans_that_yield_close_together_from_where_they_are_unloaded():
+    """Each pressure from a bed of its own; here all stiffnesses are as one power of the load."""
+    hard = CURVES["spheres"]
+    parts = [
+        part_of(after(LOAD_N), hardness=1e9, after=after, share=0.3),
+        part_of(hard, hardness=1e9, after=lambda _: hard, share=0.7),
+    ]
+    found = law(parts, MU)
+    tables = tables_of(found.tables())
+    between_Pa = np.geomspace(*found.range_Pa, 30)
+    for p, closure_m, off in (
+        (found.pressure_Pa, found.closure_m, 1e-7),
+        (between_Pa, tables.closure_m(between_Pa), 5e-3),
+    ):
+        soft, stiff = (mindlin(p, 0.0, one)[0] for one in (flat_m(p * AREA_M2), RADIUS_M))
+        np.testing.assert_allclose(closure_m, 1.0 / (0.3 / soft + 0.7 / stiff), rtol=off)
 
 
 def test_the_mean_of_scans_is_as_good_between_two_pressures_as_one_of_them():
@@ -305,13 +353,13 @@ def test_the_mean_of_scans_is_as_good_between_two_pressures_as_one_of_them():
 def test_a_hardness_that_nothing_reaches_leaves_one_curve_for_all_pressures():
     curve = CURVES["two families"]
     found = law_of(curve, hardness=1e12)
-    assert found.has_one_curve
+    assert found.has_beds_alone
     assert (found.loss_error < 0.05, found.left_out) == (True, False)
     elastic, hard = (tables_of(one.tables()) for one in (elastic_law("two families"), found))
     p = np.geomspace(*found.range_Pa, 30)[:, None]
     delta = np.linspace(0.05, 1.5, 30) * elastic.total_slip_displacement_m(p)
     np.testing.assert_allclose(hard.loss_J_per_m2(delta, p), elastic.loss_J_per_m2(delta, p), 1e-9)
-    assert not law_of(after(LOAD_N), hardness=1e9, after=after).has_one_curve
+    assert not law_of(after(LOAD_N), hardness=1e9, after=after).has_beds_alone
 
 
 @pytest.mark.parametrize("hardness", [None, 1e9])
@@ -330,6 +378,19 @@ def test_equal_scans_have_the_law_of_one_and_no_scatter(hardness):
     for name, column in SCATTERS.items():
         assert (found.scatter[column] <= 1e-7 * getattr(found, name)).all()
     assert alone.scatter == {}
+
+
+def test_scans_that_are_higher_by_a_shift_have_the_law_of_one():
+    """Nothing tells at which height a scan lies."""
+    higher = families((5, 18), (23.8, 26.7), (1e-7, 3.4e-7), STEEL.E_star_Pa)
+    alone, share = elastic_law("two families"), (0.3, 0.7)
+    pair = (CURVES["two families"], higher)
+    found = law([part_of(one, share=s) for one, s in zip(pair, share, strict=True)], MU)
+    for name in ("closure_m", "normal_stiffness_Pa_per_m", "total_slip_displacement_m"):
+        np.testing.assert_allclose(getattr(found, name), getattr(alone, name), rtol=1e-6)
+    p = np.geomspace(*found.range_Pa, 30)
+    of_both, of_one = (tables_of(one.tables()).closure_m(p) for one in (found, alone))
+    np.testing.assert_allclose(of_both, of_one, rtol=1e-6)
 
 
 def test_the_scan_that_ends_first_ends_the_law():

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from capslip.contact.slip import SlipCurve
-from capslip.structure.interpolation import BED, ROWS
+from capslip.structure.interpolation import BED, LOADS, ROWS, closures_together_m
 
 SAME_CURVE = 1e-6  # of a closure, by which a curve is another
 POINTS, LEAST_LOAD = 800, 1e-4  # of the bed of springs; of the load of the scan
@@ -83,6 +83,17 @@ def beds_at_shares(slips: Sequence[SlipCurve]) -> dict[str, np.ndarray]:
     ]
     columns = zip(BED, map(np.array, zip(*beds, strict=True)), strict=True)
     return {ROWS[0]: p, **dict(columns)}
+
+
+def closure_together_m(slips: Sequence[SlipCurve], share: Sequence[float]) -> float:
+    """Return the closure of patches that bear one pressure, from where it is none."""
+    p, each = float(slips[0].preload_N), []
+    for slip in slips:
+        drop_Pa = np.append(p * (1.0 - LOADS), p)
+        *e, whole_m = slip.curve.withdrawal_m(slip.approach_m, drop_Pa)
+        # A map may stand higher between its pixels than where it is taken to touch
+        each.append((1.0 - np.array(e) / whole_m) * float(slip.approach_m - slip.curve.touch_m))
+    return float(closures_together_m(each, share)[-1])
 
 
 def _bed_of_unloading(slip: SlipCurve, p: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

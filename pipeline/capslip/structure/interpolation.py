@@ -22,6 +22,7 @@ from numpy.typing import ArrayLike
 REACH = 1e-9  # relative, by which a pressure may lie outside of the range
 LEAST_STIFFNESS = 1e-300  # stands for none in a logarithm
 LEAST_SHARE = 1e-4  # of the withdrawal at total slip; below it the loss falls as its cube
+LOADS = np.geomspace(1e-3, 1.0, 120)  # shares of a pressure, between which scans close together
 
 
 class LawTables:
@@ -54,7 +55,13 @@ class LawTables:
 
     def closure_m(self, pressure_Pa: ArrayLike) -> np.ndarray:
         """Approach d of the two faces from their first touch."""
-        p = self._checked(pressure_Pa)
+        return self._closed(self._checked(pressure_Pa))
+
+    def closures_m(self, pressure_Pa: float) -> np.ndarray:
+        """Closures (k,) at `LOADS` times a pressure, as it falls from there."""
+        return self._closed(LOADS * self._checked(pressure_Pa))
+
+    def _closed(self, p: np.ndarray) -> np.ndarray:
         i = np.clip(np.searchsorted(self._P, p, side="right") - 1, 0, len(self._slope) - 1)
         K, rest = self._K[i], p - self._P[i]
         root = np.sqrt(np.maximum(K**2 + 2.0 * self._slope[i] * rest, 0.0))
@@ -157,6 +164,10 @@ class BedsByPressure(LawTables):
         """By how much the faces would open if they were unloaded."""
         return self._each("closure_m", pressure_Pa)
 
+    def closures_m(self, pressure_Pa: float) -> np.ndarray:
+        """Closures (k,) at `LOADS` times a pressure, as it falls from there."""
+        return self._bed(float(self._checked(pressure_Pa))).closures_m(pressure_Pa)
+
     def normal_stiffness_Pa_per_m(self, pressure_Pa: ArrayLike) -> np.ndarray:
         """Slope dp / dd where the pressure falls; where it first rises the face is softer."""
         return self._each("normal_stiffness_Pa_per_m", pressure_Pa)
@@ -187,7 +198,8 @@ class BedsByPressure(LawTables):
 class MeanOfScans(LawTables):
     """The mean over the scans of a joint, each of which bears p and moves by delta.
 
-    The closure is that of the scan that lets go last, and so is the displacement at total slip.
+    They close together by dd = dp / k_n, with the mean k_n. The displacement at total slip is that
+    of the scan that lets go last.
     """
 
     def __init__(self, tables: dict[str, Any]) -> None:
@@ -200,8 +212,14 @@ class MeanOfScans(LawTables):
         self._share = np.array([one["share"] for one in tables["of_scans"]], dtype=float)
 
     def closure_m(self, pressure_Pa: ArrayLike) -> np.ndarray:
-        """Approach of the two faces where the scan that lets go last first touches."""
-        return np.asarray(np.max([one.closure_m(pressure_Pa) for one in self._scans], axis=0))
+        """Approach d of the two faces from their first touch, the integral of dp / k_n."""
+        p = self._checked(pressure_Pa)
+        return np.reshape([self.closures_m(one)[-1] for one in p.ravel().tolist()], p.shape)
+
+    def closures_m(self, pressure_Pa: float) -> np.ndarray:
+        """Closures (k,) at `LOADS` times a pressure, as it falls from there."""
+        each = [one.closures_m(pressure_Pa) for one in self._scans]
+        return closures_together_m(each, self._share)
 
     def normal_stiffness_Pa_per_m(self, pressure_Pa: ArrayLike) -> np.ndarray:
         """Slope dp / dd."""
@@ -232,6 +250,15 @@ def tables_of(tables: dict[str, Any]) -> LawTables:
     if "of_scans" in tables:
         return MeanOfScans(tables)
     return BedsByPressure(tables) if np.ndim(tables[BED[0]]) == 2 else LawTables(tables)
+
+
+def closures_together_m(closure_m: ArrayLike, share: ArrayLike) -> np.ndarray:
+    """Return closures (k,) of patches that bear one growing pressure, of theirs, (n, k).
+
+    From one pressure to the next the stiffness dp / dd is the mean of theirs.
+    """
+    steps_m = np.diff(closure_m, prepend=0.0)
+    return np.cumsum(1.0 / (np.asarray(share) @ (1.0 / steps_m)))
 
 
 def _cell(known: np.ndarray, at: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -22,6 +22,7 @@ from capslip.structure.beds import (
     bed_of_solutions,
     beds_at_loads,
     beds_at_shares,
+    closure_together_m,
 )
 from capslip.structure.interpolation import BED, OF_JOINT, tables_of
 from capslip.structure.jenkins import JenkinsElements, jenkins
@@ -56,7 +57,7 @@ class Law:
     """
 
     pressure_Pa: np.ndarray  # (p,), growing
-    closure_m: np.ndarray  # (p,), from first touch (of all scans), without what yielded
+    closure_m: np.ndarray  # (p,), from first touch, without what yielded
     normal_stiffness_Pa_per_m: np.ndarray  # (p,)
     tangential_stiffness_Pa_per_m: np.ndarray  # (p,), before slip
     total_slip_displacement_m: np.ndarray  # (p,)
@@ -92,11 +93,6 @@ class Law:
         return _tables({name: getattr(self, name) for name in OF_JOINT}, self.of_scans)
 
     @property
-    def has_one_curve(self) -> bool:
-        """Whether one normal curve serves every pressure."""
-        return self.scans == 1 and self.has_beds_alone
-
-    @property
     def has_beds_alone(self) -> bool:
         """Whether one bed of springs of each scan serves every pressure."""
         return all(map(_has_one_bed, self.of_scans))
@@ -126,7 +122,7 @@ def law(
 
     Of several scans it is that of their joint, in which each bears p and all move by one delta:
     k_n, k_t, tau and w are the means over the scans by their areas, and the scatter is their
-    standard deviation. The closure is the greatest of theirs.
+    standard deviation. The closure d is the integral of dp / k_n.
 
     Parameters
     ----------
@@ -163,7 +159,9 @@ def law(
     patches, between = _refined(parts, patches)
     slips = [_together(parts, patch) for patch in patches]
     rows = _rows(slips, SHARES if len(parts) == 1 else SHARES_OF_SCANS)
-    rows["closure_m"] = np.max([[_closure_m(one) for one in patch] for patch in patches], axis=1)
+    if len(parts) > 1:
+        share = [part.share for part in parts]
+        rows["closure_m"] = np.array([closure_together_m(patch, share) for patch in patches])
     delta, range_Pa = rows["displacement_m"], rows["pressure_Pa"][[0, -1]]
     scan_Pa = parts[0].joint.scan_load_N / area_m2[0]
     kappa = min(slips, key=lambda slip: abs(math.log(slip.preload_N / scan_Pa))).kappa

@@ -21,7 +21,7 @@ from capslip.problems import Problem
 from capslip.result import Analysis, JointOfScans
 from capslip.structure import interpolation
 from capslip.structure.answer import DEFAULT_SHARE
-from capslip.structure.interpolation import tables_of
+from capslip.structure.interpolation import LOADS, tables_of
 from capslip.structure.law import ASKED_SHARE, JENKINS_TOLERANCE, SCATTERS, Law, law
 
 if TYPE_CHECKING:
@@ -64,8 +64,9 @@ BY_PRESSURE = (
 )
 OF_SCANS = (
     "Every scan bears the pressure p and all move by the same delta: stiffness, tau and w are the "
-    "means over the scans, the columns of scatter their standard deviation. Scans close by unlike "
-    "amounts: the closure and the displacement at gross slip are those of the one that goes last."
+    "means over the scans, the columns of scatter their standard deviation. The scans "
+    "close together, by dp over that stiffness; the displacement at gross slip is that of the one "
+    "that goes last."
 )
 BY_BOTH = ("displacement_m", "shear_Pa", "loss_J_per_m2")
 LIGHTER = (0.5, 0.25)  # shares of the pressure of the scan under which it may lie otherwise
@@ -334,20 +335,19 @@ def deck(found: Law, program: str, page: Iterable[str]) -> str:
 def _overclosure(found: Law) -> list[tuple[float, float]]:
     """Return pressures and closures: below the pressure of the scan alone, where each has its own.
 
-    There it unloads, by p(d - e) = p - tau(mu kappa e) / mu; of scans of unlike kappa by that of
-    the tables with one kappa for all, as all open by one e.
+    There it unloads, by p(d - e) = p - tau(mu kappa e) / mu; scans do so together.
     """
-    if found.has_one_curve:
+    if found.has_beds_alone:
         return list(zip(found.pressure_Pa.tolist(), found.closure_m.tolist(), strict=True))
     i, mu = found.at_scan_pressure, found.friction_coefficient
+    most_Pa, most_m = float(found.pressure_Pa[i]), float(found.closure_m[i])
+    if found.scans > 1:
+        z = tables_of(found.tables()).closures_m(most_Pa)
+        p, z = LOADS * most_Pa, most_m * z / z[-1]
+        return list(zip(p.tolist(), z.tolist(), strict=True))
     tau, e = found.shear_Pa[i], found.displacement_m[i] / (mu * found.kappa)
-    if any(scan["kappa"] != found.kappa for scan in found.of_scans if found.scans > 1):
-        tables, e = found.tables(), found.closure_m[i] * (e / e[-1])
-        tables["of_scans"] = [scan | {"kappa": found.kappa} for scan in found.of_scans]
-        tau = tables_of(tables).shear_Pa(mu * found.kappa * e, found.pressure_Pa[i])
-    p, z = found.pressure_Pa[i] - tau[-2::-1] / mu, found.closure_m[i] - e[-2::-1]
-    last = float(found.pressure_Pa[i]), float(found.closure_m[i])
-    return [*zip(p.tolist(), z.tolist(), strict=True), last]
+    p, z = most_Pa - tau[-2::-1] / mu, most_m - e[-2::-1]
+    return [*zip(p.tolist(), z.tolist(), strict=True), (most_Pa, most_m)]
 
 
 def _card(*values: float) -> str:
