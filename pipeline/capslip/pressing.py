@@ -14,6 +14,7 @@ import numpy as np
 from capslip.caps.families import Families
 from capslip.caps.table import UNUSABLE, CapTable
 from capslip.contact.balanced import levelled
+from capslip.contact.certificate import certify_cut
 from capslip.contact.choice import (
     Choice,
     boundary_elements_s,
@@ -24,7 +25,9 @@ from capslip.contact.choice import (
 from capslip.contact.curve import NormalCurve
 from capslip.contact.direction import with_direction
 from capslip.contact.joint import Joint
+from capslip.contact.material import yield_law
 from capslip.contact.press import ContactState, press
+from capslip.contact.reach import reachable
 from capslip.contact.rung import ModelError, made_from, rung
 from capslip.contact.slip import SlipCurve, slip_curve
 from capslip.contact.uneven_accuracy import (
@@ -217,6 +220,36 @@ def error_under(
     """
     patch = contact if load_N == contact.preload_N else contact.under(load_N)
     return _with_error(face, patch, settings)[0].errors
+
+
+def caps_hold(face: Face, contact: ContactState, load_N: float, settings: Settings) -> bool:
+    """Tell whether the caps of a pressed face are all that touches under another load.
+
+    Nothing below the plane does. What reaches above it is sunk by the contacts, or is not: so the
+    cut was found, see `certify_cut`. The caps of two maps have no place that could be looked at.
+    """
+    caps, surface = face.caps, face.conditioned.surface
+    E_star_Pa, law = contact.composite.E_star_Pa, yield_law(settings.material)
+    try:
+        reach = reachable(caps, surface, E_star_Pa, load_N, law)
+        approach_m = float(reach.curve.approach_m(load_N))
+    except ContactError:
+        return False
+    each_N = reach.curve.asperity_loads_N(approach_m)
+    loaded = each_N > 0.0
+    touching = np.flatnonzero(reach.use)[loaded]
+    if contact.rung.knows_places and not contact.use[touching].all():
+        return False
+    if reach.pairs is not None and reach.pairs.overlapping_pairs(approach_m):
+        return False  # what lies between them touches
+    plane_m = float(caps.peak_height_m[caps.usable].max()) - approach_m
+    if plane_m >= face.hills.cut_height_m:
+        return True
+    if face.label is None:
+        return False
+    spheres = np.stack([caps.x_m[touching], caps.y_m[touching], reach.curve.radius_m[loaded]])
+    of_face = surface, face.label, plane_m, spheres
+    return certify_cut(*of_face, each_N[loaded], E_star_Pa, face.hills.noise_m) == 0.0
 
 
 def knows_other_preloads(joint: Joint, contact: ContactState | None) -> bool:

@@ -16,11 +16,13 @@ import pytest
 
 import capslip
 from capslip.analysis import analyze_once, analyze_scans
+from capslip.contact.rung import rung
 from capslip.contact.scaled import ScaledCurve
 from capslip.contact.slip import slip_curve
 from capslip.errors import ContactError
 from capslip.output.export import export_named
 from capslip.output.exports.law import DECKS, EXPORT, FILES, UNITS, _off, deck
+from capslip.pressing import caps_hold
 from capslip.problems import Problem
 from capslip.settings import Settings
 from capslip.structure.interpolation import tables_of
@@ -484,6 +486,73 @@ def test_the_law_of_caps_says_how_sure_it_is_under_the_least_pressure(tmp_path, 
     assert alone.contact.model == analysis.contact.model
     assert error == pytest.approx(alone.contact.estimated_error, rel=0.05)
     assert alone.contact.estimated_error > 1.5 * analysis.contact.estimated_error
+
+
+LOWER = [(8e-3 + 8e-3 * j, 8e-3 + 8e-3 * i, 4.0) for i in range(2) for j in range(2)]
+
+
+@pytest.mark.parametrize(("lower_m", "last"), [(1.5e-7, 1), (2e-7, 3)])
+def test_the_law_ends_where_hills_touch_that_the_cut_left_out(tmp_path, lower_m, last):
+    surface = caps_map([*CAPS, *((*one, -lower_m) for one in LOWER)], (240, 240))
+    given = ("contact.model=interacting", "contact.alignment=as_levelled")
+    shallow = (*given, "contact.preload_N=100", "hills.cut=fixed", "hills.material_ratio=0.02")
+    analysis = analyze_once(surface, capslip.load_settings(overrides=shallow))
+    assert analysis.contact.contacts == len(CAPS)
+    EXPORT.write(analysis, tmp_path)
+    p = np.unique(table(tmp_path / "law.csv")[1]["pressure_Pa"])
+    assert p[-1] == pytest.approx(analysis.joint.nominal_pressure_Pa * 10 ** (last / 8))
+    assert "no cap of the curve stands" in page_of(tmp_path)
+    contacts = []
+    for step in (last, last + 1):
+        sets = (*given, f"contact.preload_N={100 * 10 ** (step / 8)}")
+        deep = analyze_once(surface, capslip.load_settings(overrides=sets))
+        contacts.append(deep.contact.contacts)
+    assert contacts == [len(CAPS), len(CAPS) + len(LOWER)]
+
+
+def test_a_plane_below_the_cut_touches_no_more_than_caps_where_all_beside_them_is_sunk(written):
+    """Contacts sink what lies around them: as an analysis under the greatest pressure finds it."""
+    analysis, folder = written
+    _, law = table(folder / "law.csv")
+    assert law["pressure_Pa"].max() == pytest.approx(
+        np.sqrt(10.0) * analysis.joint.nominal_pressure_Pa
+    )
+    last = law["pressure_Pa"] == law["pressure_Pa"].max()
+    sets = (f"contact.preload_N={np.sqrt(10.0) * 460}", "contact.model=interacting")
+    more = analyze_once(capslip.load_surface(FACE), capslip.load_settings(overrides=sets))
+    assert more.level.missed_area_m2 == 0.0
+    k_t = law["tangential_stiffness_Pa_per_m"][last][0] * analysis.joint.scan_area_m2
+    assert k_t == pytest.approx(more.slip.tangential_stiffness_N_per_m, rel=5e-3)
+    caps = analysis.caps.peak_height_m[analysis.caps.usable]
+    assert more.contact.approach_m > caps.max() - analysis.hills.cut_height_m
+
+
+def test_caps_do_not_hold_where_another_one_touches_or_nobody_can_look(written):
+    analysis = written[0]
+    face, contact, settings = analysis.face, analysis.contact, analysis.settings
+    for load_N, without_label in ((460.0, True), (800.0, False)):  # the plane reaches the cut
+        assert caps_hold(face, contact, load_N, settings)
+        found = caps_hold(replace(face, label=None), contact, load_N, settings)
+        assert found == without_label
+    use = contact.use & (np.arange(contact.use.size) != np.nanargmin(analysis.caps.load_N))
+    assert not caps_hold(face, replace(contact, use=use), 460.0, settings)
+    assert caps_hold(face, replace(contact, rung=rung("families"), use=use), 460.0, settings)
+    assert not caps_hold(face, contact, 1e12, settings)  # contacts run together
+
+
+def test_the_scan_whose_caps_hold_least_ends_the_law(of_two, tmp_path, monkeypatch):
+    joint = of_two[0]
+    first, second = (scan.contact.preload_N for scan in joint.scans)
+
+    def holds(face, contact, load_N, settings):
+        return contact is joint.scans[0].contact or load_N < 2.0 * second
+
+    assert first != second
+    monkeypatch.setattr("capslip.output.exports.law.caps_hold", holds)
+    EXPORT.write(joint, tmp_path)
+    p = table(tmp_path / "law.csv")[1]["pressure_Pa"]
+    assert p.max() == pytest.approx(1e6 * 10 ** (2 / 8))
+    assert "no cap of the curve stands" in page_of(tmp_path)
 
 
 LEVEL = re.compile(r"k_t by ([\d.]+) and w by ([\d.]+) under ([\d.]+) times")

@@ -42,8 +42,8 @@ def part_of(curve, name="families", joint=None, hardness=None, after=None, share
     return Part(joint, state, share)
 
 
-def law_of(curve, *about, reach_m=None, **more):
-    return law([part_of(curve, *about, **more)], MU, [reach_m])
+def law_of(curve, *about, holds=None, **more):
+    return law([part_of(curve, *about, **more)], MU, holds)
 
 
 @pytest.fixture(scope="module")
@@ -155,10 +155,13 @@ def test_elements_of_each_pressure_are_the_backbone(of_spheres):
 def test_pressures_end_at_the_cut():
     curve = CURVES["two families"]
     closure_m = elastic_law("two families").closure_m
-    found = law_of(curve, reach_m=float(closure_m[-2] * 1.0001))
+    most = 1.0001 * elastic_law("two families").pressure_Pa[-2] * AREA_M2 / LOAD_N
+    found = law_of(curve, holds=lambda factor: factor < most)
     np.testing.assert_array_equal(found.closure_m, closure_m[:-1])
     assert "no cap of the curve" in found.ends
-    shallow = law_of(curve, reach_m=0.0)  # the pressure of the scan is answered for elsewhere
+    shallow = law_of(
+        curve, holds=lambda _: False
+    )  # the pressure of the scan is answered for elsewhere
     assert shallow.pressure_Pa[-1] == pytest.approx(LOAD_N / AREA_M2)
 
 
@@ -391,15 +394,6 @@ def test_scans_that_are_higher_by_a_shift_have_the_law_of_one():
     p = np.geomspace(*found.range_Pa, 30)
     of_both, of_one = (tables_of(one.tables()).closure_m(p) for one in (found, alone))
     np.testing.assert_allclose(of_both, of_one, rtol=1e-6)
-
-
-def test_the_scan_that_ends_first_ends_the_law():
-    one, two = CURVES["two families"], CURVES["spheres"]
-    closure_m = elastic_law("two families").closure_m
-    parts = [part_of(one, share=0.5), part_of(two, share=0.5)]
-    found = law(parts, MU, [float(closure_m[-2] * 1.0001), None])
-    assert found.pressure_Pa[-1] == pytest.approx(elastic_law("two families").pressure_Pa[-2])
-    assert "no cap of the curve" in found.ends
 
 
 SHARP_M, YIELDS = 2e-3, YieldLaw(1e9, STEEL.E_star_Pa, 0.3)

@@ -1,7 +1,7 @@
 """The law of a joint face for a structure: stiffness, shear and loss per area, over pressure."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from typing import Any
@@ -106,7 +106,7 @@ class Law:
 def law(
     parts: Sequence[Part],
     friction_coefficient: float,
-    reach_m: Sequence[float | None] | None = None,
+    holds: Callable[[float], bool] | None = None,
 ) -> Law:
     """Return the law per nominal area around the pressure under which scans were analysed.
 
@@ -130,9 +130,9 @@ def law(
         What each scan of the joint says of it, under its share of the load.
     friction_coefficient : float
         mu.
-    reach_m : sequence of float, optional
-        Of each scan how far below the highest peak all that may touch is a cap of the curve.
-        Pressures above that of the scan end where the approach gets there.
+    holds : callable, optional
+        Whether all that touches is a cap of the curves, where each scan bears its load times a
+        factor. Pressures above that of the scan end where it is not.
 
     Raises
     ------
@@ -155,7 +155,7 @@ def law(
     `contact.slip`. The tilt of the face is that under the pressure of the scan.
     """
     contacts, area_m2 = [part.contact for part in parts], [_area_m2(part.joint) for part in parts]
-    patches, ends = _patches(parts, friction_coefficient, reach_m or [None] * len(parts))
+    patches, ends = _patches(parts, friction_coefficient, holds)
     patches, between = _refined(parts, patches)
     slips = [_together(parts, patch) for patch in patches]
     rows = _rows(slips, SHARES if len(parts) == 1 else SHARES_OF_SCANS)
@@ -259,14 +259,10 @@ def _rows(slips: Sequence[SlipCurve], shares: np.ndarray) -> dict[str, np.ndarra
     delta = D[:, None] * shares
     return {
         "pressure_Pa": np.array([float(slip.preload_N) for slip in slips]),
-        "closure_m": np.array([_closure_m(slip) for slip in slips]),
+        "closure_m": np.array([float(slip.approach_m - slip.curve.touch_m) for slip in slips]),
         "displacement_m": delta,
         **_sheared(slips, delta),
     }
-
-
-def _closure_m(slip: SlipCurve) -> float:
-    return float(slip.approach_m - slip.curve.touch_m)
 
 
 def _sheared(slips: Sequence[SlipCurve], delta: np.ndarray) -> dict[str, np.ndarray]:
@@ -311,7 +307,7 @@ def _together(parts: Sequence[Part], patch: Sequence[SlipCurve]) -> SlipCurve:
 
 
 def _patches(
-    parts: Sequence[Part], friction_coefficient: float, reach_m: Sequence[float | None]
+    parts: Sequence[Part], friction_coefficient: float, holds: Callable[[float], bool] | None
 ) -> tuple[list[list[SlipCurve]], str]:
     """Return the slip curve per area of each scan under growing pressures, and why they end.
 
@@ -336,15 +332,11 @@ def _patches(
                 return patches, f"{begins}the model carries no more: {error}"
             begins, patches = f"the slip under less cannot be followed: {error}; ", []
             continue
-        for part, slip, end_m in zip(parts, patch, reach_m, strict=True):
-            if i <= 0 or end_m is None or part.contact.rung.made_from != "spheres":
-                continue
-            if float(slip.approach_m) > end_m:
-                return patches, (
-                    f"under more than this the face closes by more than {end_m:.3g} m, below "
-                    "which no cap of the curve stands for what may touch; analyse the scan at a "
-                    "higher pressure for more"
-                )
+        if i > 0 and holds is not None and not holds(ratio**i):
+            return patches, (
+                "under more than this the face may touch where no cap of the curve stands; analyse "
+                "the scan at a higher pressure for more"
+            )
         patches.append(patch)
     few = f"{MAX_SOLVED + 2} pressures, as each is solved on the whole map, " if solves else ""
     return patches, f"{begins}{few}{ratio**above:.2g} times the pressure of the analysis"

@@ -16,7 +16,7 @@ import numpy as np
 from capslip.contact.slip import SlipCurve, slip_curve
 from capslip.errors import ContactError
 from capslip.output.export import Export, inexact
-from capslip.pressing import error_under, knows_other_preloads, under_preload
+from capslip.pressing import caps_hold, error_under, knows_other_preloads, under_preload
 from capslip.problems import Problem
 from capslip.result import Analysis, JointOfScans
 from capslip.structure import interpolation
@@ -87,8 +87,11 @@ def write(result: "JointResult", folder: Path) -> tuple[Problem, ...]:
         raise ContactError(
             "it is a law under a constant pressure; expected slip.normal_amplitude_ratio = 0"
         )
-    reach_m = [_reach_m(scan) for scan in _scans(result)]
-    found = law(result.parts, result.settings.material.friction_coefficient, reach_m)
+
+    def holds(factor: float) -> bool:
+        return all(_holds(scan, factor) for scan in _scans(result))
+
+    found = law(result.parts, result.settings.material.friction_coefficient, holds)
     doubts = [f"{p.code}: {p.message}" for p in result.problems if p.severity != "info"]
     doubts += [line for scan in _scans(result) for line in _of_level(scan)]
     least = _error_at(result, float(found.pressure_Pa[0]) / found.scan_pressure_Pa)
@@ -165,15 +168,12 @@ def _scans(result: "JointResult") -> tuple[Analysis, ...]:
     return (result,) if isinstance(result, Analysis) else ()
 
 
-def _reach_m(scan: Analysis) -> float | None:
-    """Return how far below the highest peak the cut lies, or the highest cap that is left out."""
-    caps, contact = scan.caps, scan.contact
-    if contact is None or not caps.usable.any():
-        return None
-    ends_m = [scan.hills.cut_height_m]
-    if contact.rung.knows_places:  # families hold all caps
-        ends_m += caps.peak_height_m[caps.usable & ~contact.use].tolist()
-    return float(caps.peak_height_m[caps.usable].max() - max(ends_m))
+def _holds(scan: Analysis, factor: float) -> bool:
+    """Tell whether the caps of a scan are all that touches under its load times a factor."""
+    contact = scan.contact
+    if contact is None or contact.rung.made_from != "spheres":
+        return True
+    return caps_hold(scan.face, contact, contact.preload_N * factor, scan.settings)
 
 
 def write_law(
