@@ -10,7 +10,7 @@ from scipy.io import netcdf_file
 from written import BARE, DX_UM, DY_UM, writers
 
 from capslip.cli import main
-from capslip.errors import UncalibratedError
+from capslip.errors import UncalibratedError, UnreadableFileError
 from capslip.surface.mating import composite_surface, place
 from capslip.surface.readers import load_surface
 
@@ -115,9 +115,10 @@ def test_a_wave_lies_as_its_own_scaling_says(tmp_path):
     np.testing.assert_allclose(load_surface(path).height_m, points.height_m, rtol=1e-12)
 
 
+@pytest.mark.parametrize("axes", ["xy", "yx"])
 @pytest.mark.parametrize("way_x", [1, -1])
 @pytest.mark.parametrize("way_y", [1, -1, 0])
-def test_netcdf_lies_as_its_own_coordinates_say(tmp_path, way_y, way_x):
+def test_netcdf_lies_as_its_own_coordinates_say(tmp_path, way_y, way_x, axes):
     """The same points as XYZ are the same face; without coordinates the first row is the top."""
     pytest.importorskip("SurfaceTopography", reason="extra `vendor`", exc_type=ImportError)
     ny, nx = Z_UM.shape
@@ -129,7 +130,7 @@ def test_netcdf_lies_as_its_own_coordinates_say(tmp_path, way_y, way_x):
             axis = file.createVariable(name, "f8", (name,))
             axis[:] = values if way_y or name == "x" else 0.0
             axis.length, axis.unit = size, "um"
-        file.createVariable("heights", "f8", ("x", "y"))[:] = z.T
+        file.createVariable("heights", "f8", tuple(axes))[:] = z.T if axes == "xy" else z
     points = np.column_stack([np.tile(x, ny), np.repeat(y, nx), z.ravel()])
     np.savetxt(tmp_path / "same.xyz", points)
     surface = load_surface(tmp_path / "a.nc", unit="um", lateral_unit="um")
@@ -148,3 +149,38 @@ def test_netcdf_without_coordinates_has_its_top_first(tmp_path):
             file.createDimension(name, count)
         file.createVariable("heights", "f8", ("x", "y"))[:] = Z_UM[::-1].T
     np.testing.assert_allclose(1e6 * load_surface(tmp_path / "a.nc", **BARE).height_m, Z_UM)
+
+
+@pytest.mark.parametrize("axes", ["xy", "yx"])
+@pytest.mark.parametrize("square", [False, True])
+def test_the_mask_of_netcdf_lies_as_its_heights_do(tmp_path, axes, square):
+    pytest.importorskip("SurfaceTopography", reason="extra `vendor`", exc_type=ImportError)
+    z = Z_UM[:, :10] if square else Z_UM
+    lost = np.zeros(z.shape, bool)
+    lost[1, 7] = True
+    with netcdf_file(str(tmp_path / "a.nc"), "w") as file:
+        for name, count in zip("yx", z.shape, strict=True):
+            file.createDimension(name, count)
+        for name, kind, values in (("heights", "f8", z), ("mask", "i4", lost)):
+            stored = values.T if axes == "xy" else values
+            file.createVariable(name, kind, tuple(axes))[:] = stored[::-1, ::-1]
+    surface = load_surface(tmp_path / "a.nc", **BARE)
+    np.testing.assert_allclose(1e6 * surface.height_m[:, ::-1], np.where(lost, np.nan, z))
+
+
+@pytest.mark.parametrize(
+    ("axes", "mask"),
+    [("xx", None), ("yy", None), ("x", None), ("tyx", None), ("yx", "xy"), ("xy", "yx")],
+)
+def test_netcdf_whose_heights_lie_along_other_axes_is_refused(tmp_path, axes, mask):
+    pytest.importorskip("SurfaceTopography", reason="extra `vendor`", exc_type=ImportError)
+    with netcdf_file(str(tmp_path / "a.nc"), "w") as file:
+        for name, count in (("t", 1), ("x", 10), ("y", 10)):
+            file.createDimension(name, count)
+        for name, along in (("heights", axes), ("mask", mask)):
+            if along:
+                stored = file.createVariable(name, "f8", tuple(along))
+                stored[:] = np.eye(10) if len(along) > 1 else 1.0
+    words = rf"heights \({', '.join(axes)}\).*expected heights \(y, x\) or \(x, y\)"
+    with pytest.raises(UnreadableFileError, match=words):
+        load_surface(tmp_path / "a.nc", **BARE)

@@ -111,16 +111,17 @@ def _stored(reader: Any, path: Path, dataset: str | None) -> Stored:
     nx, ny = channel.nb_grid_pts
     check_shape((ny, nx), str(path))
     size = channel.physical_sizes
+    axes, way_y, way_x = _axes(path) if kind == NETCDF else (("x", "y"), -1, 1)
     topography = reader.topography(
         channel_index=channel.index, physical_sizes=(nx, ny) if size is None else None
     )
     if not topography.is_uniform:
         raise UnreadableFileError(f"{path}: no regular grid; expected one; resample the scan")
     heights = np.ma.filled(np.ma.asarray(topography.heights(), dtype=np.float64), np.nan)
+    heights = heights.T if axes == ("x", "y") else heights
     unit = topography.unit
-    way_y, way_x = _ways(path) if kind == NETCDF else (-1, 1)
     return Stored(
-        height=heights.T[:, ::way_x],  # the library counts [x, y]
+        height=heights[:, ::way_x],
         unit=unit,
         pixel_size=None if size is None else (size[1] / ny, size[0] / nx),
         lateral_unit=None if size is None else unit,
@@ -130,18 +131,26 @@ def _stored(reader: Any, path: Path, dataset: str | None) -> Stored:
     )
 
 
-def _ways(path: Path) -> tuple[int, int]:
-    """Return whether y and x grow (1) or fall (-1) along their indices, as a NetCDF file says.
+def _axes(path: Path) -> tuple[tuple[str, ...], int, int]:
+    """Return the axes of the heights of a NetCDF file, and whether y and x grow (1) or fall (-1).
 
-    What it does not say is as in every other format: the library turns a map as it is drawn, from
+    The library takes the first axis of any map for x, which in most such files is y. Ways that the
+    file does not say are as in every other format: the library turns a map as it is drawn, from
     the top down.
     """
     from scipy.io import netcdf_file
 
     with netcdf_file(str(path), maskandscale=True) as file:
         said = file.variables
+        axes, *others = (said[name].dimensions for name in ("heights", "mask") if name in said)
         y, x = (said[name][:] if name in said else np.zeros(1) for name in "yx")
-    return 1 if y[-1] > y[0] else -1, -1 if x[-1] < x[0] else 1
+    if sorted(axes) != ["x", "y"] or any(one != axes for one in others):
+        along = "; mask ".join(f"({', '.join(one)})" for one in (axes, *others))
+        raise UnreadableFileError(
+            f"{path}: heights {along}; expected heights (y, x) or (x, y), and the mask alike; "
+            "export a map along these two"
+        )
+    return axes, 1 if y[-1] > y[0] else -1, -1 if x[-1] < x[0] else 1
 
 
 def _maps_of_heights(reader: Any) -> list[int]:
