@@ -648,6 +648,31 @@ def test_sdf_text(tmp_path, magic, separator, monkeypatch):
 
 
 @pytest.mark.parametrize(
+    ("code", "bad", "least"),
+    [
+        (0, None, "255"),
+        (1, "65535", "65534"),
+        (2, "4294967295", "4294967294"),
+        (3, "-3.402823e+38", "-3.402e+38"),
+        (3, "-3.4028234663852886e+38", "65535"),
+        (4, "-128", "-127"),
+        (5, "-32768", "-32767"),
+        (6, "-2147483648", "-2147483647"),
+        (7, "-1.79769e+308", "-3.402823e+38"),
+        (7, "-1.7976931348623157e+308", "-32768"),
+    ],
+)
+def test_the_marker_of_its_type_is_non_measured_in_sdf_text_too(tmp_path, code, bad, least):
+    """And nothing else is: not the number beside it, nor the marker of another type."""
+    body = "1 2 3 4 5 6 7 8\n" * 4 + f"1 2 {bad or 9} 4 5 6 7 BAD\n{least} 2 3 4 5 6 7 8\n"
+    head = FIELDS.replace("DataType = 7", f"DataType = {code}")
+    surface = load_surface(put(tmp_path / "s.sdf", f"aISO-1.0\n{head}*\n{body}*\n"))
+    lost = ([[4, 2]] if bad else []) + [[4, 7]]
+    assert np.argwhere(~surface.measured).tolist() == lost
+    assert surface.height_m[5, 0] == float(least) * 1e-9
+
+
+@pytest.mark.parametrize(
     ("old", "new", "words"),
     [
         ("NumPoints = 8", "NumPoints = 9", "48 heights; expected 54"),

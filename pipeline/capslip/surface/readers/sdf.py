@@ -23,6 +23,7 @@ VERSIONS = ("0.0", "1.0", "2.0")
 DATA_TYPES = ("u1", "u2", "u4", "f4", "i1", "i2", "i4", "f8")
 FIELDS = "NumPoints NumProfiles Xscale Yscale Zscale Zresolution Compression DataType CheckType"
 SANE_SCALE_M = (1e-15, 1e3)  # of a header read in the right byte order
+PRINTED = 1e-5  # relative: a text may write a real marker in six digits
 EXTRA_WORDS = (5, 1)  # eight bytes that the software of one maker adds to the header
 
 
@@ -113,6 +114,10 @@ def _text(path: Path) -> tuple[_Header, np.ndarray, tuple[str, ...]]:
             f"{path}: {raw.size} heights; expected {expected} for {header.shape[0]} profiles of "
             f"{header.shape[1]} points; the file is truncated or damaged: copy it again"
         )
+    dtype = np.dtype(DATA_TYPES[header.data_type])
+    bad = _bad_value(dtype)
+    if bad is not None:
+        raw[np.isclose(raw, bad, rtol=PRINTED if dtype.kind == "f" else 0.0, atol=0.0)] = np.nan
     ended = len(records) > 2
     return (
         header,
