@@ -175,3 +175,76 @@ def test_the_default_channel_has_a_name_and_is_said(name, first, other):
     assert not np.array_equal(
         surface.height_m, load_surface(CHANNELS / name, dataset=other).height_m
     )
+
+
+# --- factors of the heights ---
+
+COUNTS = np.arange(12, dtype=float).reshape(3, 4)  # the first row is the top
+
+
+def bcr(kind="bcrstm", **factors):
+    head = {"fileformat": kind, "xpixels": 4, "ypixels": 3, "xlength": 8, "ylength": 9}
+    text = "".join(f"{name} = {value}\n" for name, value in {**head, **factors}.items())
+    dtype = "<i2" if kind == "bcrstm" else "<f4"
+    return text.encode().ljust(2048) + COUNTS.astype(dtype).tobytes()
+
+
+def opd(**factors):
+    stored = np.array([4, 3, 4], "<u2").tobytes() + COUNTS[::-1].T.astype("<f4").tobytes()
+    blocks = [("RAW_DATA", 3, stored), ("Pixel_size", 7, struct.pack("<f", 2e-6))]
+    blocks += [(name, 7, struct.pack("<f", value)) for name, value in factors.items()]
+    blocks.insert(0, ("Directory", 1, bytes(24 * (len(blocks) + 1))))
+    heads = (struct.pack("<16shlH", n.encode(), kind, len(c), 0) for n, kind, c in blocks)
+    return b"\1\0" + b"".join(heads) + b"".join(content for _, _, content in blocks[1:])
+
+
+def metropro(scale=0.5, wavelength_m=4096e-9, obliquity=2.0):
+    head = bytearray(834)
+    struct.pack_into(">4sHI", head, 0, b"\x88\x1b\x03\x6f", 1, 834)
+    struct.pack_into(">2HI", head, 68, 4, 3, 48)
+    struct.pack_into(">2f", head, 164, scale, wavelength_m)
+    struct.pack_into(">f", head, 176, obliquity)
+    struct.pack_into(">f", head, 184, 2e-9)
+    return bytes(head) + COUNTS.astype(">i4").tobytes()
+
+
+@pytest.mark.usefixtures("extra")
+@pytest.mark.parametrize(
+    ("name", "content", "step_m"),
+    [
+        ("a.bcr", bcr(bit2nm=5), 5e-9),
+        ("a.bcrf", bcr("bcrf"), 1e-9),
+        ("a.bcrf", bcr("bcrf", bit2nm=0), 1e-9),
+        ("a.opd", opd(Wavelength=600.0, Mult=2.0), 300e-9),
+        ("a.opd", opd(Wavelength=600.0), 600e-9),
+        ("a.dat", metropro(), 1e-9),
+    ],
+)
+def test_heights_are_the_stored_numbers_times_their_factor(tmp_path, name, content, step_m):
+    (tmp_path / name).write_bytes(content)
+    surface = load_surface(tmp_path / name)
+    np.testing.assert_allclose(surface.height_m, step_m * COUNTS[::-1], rtol=1e-6)
+
+
+@pytest.mark.usefixtures("extra")
+@pytest.mark.parametrize(
+    ("name", "content", "words"),
+    [
+        ("a.bcr", bcr(bit2nm=0), "bit2nm is 0"),
+        ("a.bcr", bcr(bit2nm=-5), "bit2nm is -5"),
+        ("a.bcr", bcr(bit2nm="nan"), "bit2nm is nan"),
+        ("a.bcr", bcr(), "bit2nm is missing"),
+        ("a.opd", opd(Wavelength=-600.0, Mult=2.0), "Wavelength is -600"),
+        ("a.opd", opd(Wavelength=np.inf, Mult=2.0), "Wavelength is inf"),
+        ("a.opd", opd(Wavelength=0.0), "Wavelength is 0"),
+        ("a.opd", opd(Wavelength=600.0, Mult=-2.0), "Mult is -2"),
+        ("a.dat", metropro(scale=-0.5), "intf_scale_factor is -0.5"),
+        ("a.dat", metropro(wavelength_m=0.0), "wavelength_in is 0"),
+        ("a.dat", metropro(wavelength_m=-6e-7), "wavelength_in is -6e-07"),
+        ("a.dat", metropro(obliquity=-1.0), "obliquity_factor is -1"),
+    ],
+)
+def test_a_factor_of_the_heights_is_a_positive_number(tmp_path, name, content, words):
+    (tmp_path / name).write_bytes(content)
+    with pytest.raises(UnreadableFileError, match=f"{words}; expected a positive number"):
+        load_surface(tmp_path / name)

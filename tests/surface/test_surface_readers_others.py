@@ -320,12 +320,26 @@ def test_wyko_text_is_as_another_reader_has_it(tmp_path):
         ("Format 0\t0\t1", "Format 0\t2\t1", "damaged header"),
         ("Mult\t7\t4\t2", "Mult\t7\t4\t0", "Mult is 0"),
         ("632.8", "1e999", "Wavelength is inf"),
+        ("632.8", "-632.8", "Wavelength is -632.8; expected a positive number"),
         ("\t12\n", "\n", "11 heights"),
     ],
 )
 def test_a_damaged_wyko_text_is_refused(tmp_path, old, new, word):
     with pytest.raises(UnreadableFileError, match=word):
         load_surface(put(tmp_path / "a.asc", WYKO.format(0).replace(old, new)))
+
+
+@pytest.mark.parametrize("factor", ["0", "-0.5", "nan", "inf"])
+@pytest.mark.parametrize("at", [1, 2, 4])
+def test_a_factor_of_zygo_text_is_a_positive_number(tmp_path, at, factor):
+    writers()["zygo.txt"][0](tmp_path / "a.txt", MAP)
+    lines = (tmp_path / "a.txt").read_text().split("\n")
+    words = lines[7].split()
+    words[at] = factor
+    lines[7] = " ".join(words)
+    name = {1: "scale factor", 2: "wavelength", 4: "obliquity factor"}[at]
+    with pytest.raises(UnreadableFileError, match=f"{name} is {factor}; expected a positive"):
+        load_surface(put(tmp_path / "a.txt", "\n".join(lines)))
 
 
 def test_a_short_zygo_text_is_refused(tmp_path):

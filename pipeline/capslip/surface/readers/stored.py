@@ -183,6 +183,20 @@ def check_real(dtype: np.dtype[Any], what: str) -> None:
         )
 
 
+def check_positive(value: float | str | None, name: str, where: str) -> float:
+    """Return a factor of the heights; UnreadableFileError if it is missing or no positive number.
+
+    Heights times zero are none, and a map times a negative number is upside down.
+    """
+    number = math.nan if value is None else float(value)
+    if not 0.0 < number < math.inf:
+        told = "missing" if value is None else f"{number:g}"
+        raise UnreadableFileError(
+            f"{where}: {name} is {told}; expected a positive number; export it again"
+        )
+    return number
+
+
 def check_growth(packed_bytes: int, unpacked_bytes: int, what: str) -> None:
     """Refuse, before memory is taken, packed data that grow as no measured heights do.
 

@@ -16,6 +16,7 @@ from capslip.surface.readers.stored import (
     Format,
     Request,
     Stored,
+    check_positive,
     check_shape,
     is_length,
     read_head,
@@ -37,6 +38,11 @@ KNOWN = {  # what is no map in any format, by its first bytes
     b"\xfd7zXZ": ARCHIVE,
     b"\xd0\xcf\x11\xe0": ARCHIVE,
     b"version https://git-lfs": "a pointer of Git LFS, not the file; fetch it with `git lfs pull`",
+}
+FACTORS = {  # of the heights; the library takes any, and 1 for one that is missing
+    "bcr": ("bit2nm",),
+    "metropro": ("intf_scale_factor", "wavelength_in", "obliquity_factor"),
+    "opd": ("Wavelength", "Mult"),
 }
 NETCDF = "nc"  # alone has coordinates of its own
 NO_FORMAT = ("hgt", "asc", "gwy", "h5", "mat", "nms", "npy", "npz", "sdf", "sur", "x3p", "xyz")
@@ -108,6 +114,8 @@ def _stored(reader: Any, path: Path, dataset: str | None) -> Stored:
             f"{path}: channel {names[chosen]!r} is in {_unit_of_values(channel)}; expected heights "
             "in a unit of length; choose another one with --dataset"
         )
+    if kind in FACTORS:
+        _check_factors(FACTORS[kind], channel.info["raw_metadata"], path)
     nx, ny = channel.nb_grid_pts
     check_shape((ny, nx), str(path))
     size = channel.physical_sizes
@@ -129,6 +137,15 @@ def _stored(reader: Any, path: Path, dataset: str | None) -> Stored:
         top_row_first=way_y < 0,
         dataset=names[chosen] if len(names) > 1 else None,
     )
+
+
+def _check_factors(names: tuple[str, ...], said: dict[str, Any], path: Path) -> None:
+    """Refuse a factor of the heights that is missing or no positive number."""
+    if str(said.get("fileformat")).startswith("bcrf"):
+        return  # real numbers, which are heights
+    for name in names:
+        if name in said or name != "Mult":  # which Vision leaves out where it is 1
+            check_positive(said.get(name), name, str(path))
 
 
 def _axes(path: Path) -> tuple[tuple[str, ...], int, int]:

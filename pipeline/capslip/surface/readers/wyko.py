@@ -7,14 +7,13 @@ is what Gwyddion 2 makes of it. SurfaceTopography 1.27 has the same numbers and 
 knows of heights in nm; it takes the lines for y, against the header, which counts them as X.
 """
 
-import math
 from pathlib import Path
 
 import numpy as np
 
 from capslip.errors import UnreadableFileError
 from capslip.surface.heightmap import Statement
-from capslip.surface.readers.stored import Format, Request, Stored, check_shape
+from capslip.surface.readers.stored import Format, Request, Stored, check_positive, check_shape
 from capslip.surface.readers.table import decoded, parse_numbers, read_text
 
 MAGIC = b"Wyko ASCII Data File Format 0\t"
@@ -44,8 +43,12 @@ def _read(path: Path, request: Request) -> Stored:
     try:
         nx, ny = int(given["X Size"]), int(given["Y Size"])
         in_nm = IN_NM[decoded(title).split("\t")[1].strip()]
-        mult, aspect = (_positive(given.get(name, "1"), name) for name in ("Mult", "Aspect"))
-        unit_m = 1e-9 * (1.0 if in_nm else _positive(given["Wavelength"], "Wavelength") / mult)
+        mult, aspect = (
+            check_positive(given.get(name, "1"), name, str(path)) for name in ("Mult", "Aspect")
+        )
+        unit_m = 1e-9
+        if not in_nm:
+            unit_m *= check_positive(given["Wavelength"], "Wavelength", str(path)) / mult
         dx_m = 1e-3 * float(given["Pixel_size"])
         dy_m = dx_m * aspect
     except (IndexError, KeyError, ValueError) as error:
@@ -70,13 +73,6 @@ def _block(rest: bytes, nx: int, path: Path) -> tuple[np.ndarray, bool]:
     lines = rest.split(b"\n", nx)
     content = b"\n".join(lines[:nx]).replace(b"Bad", b"nan")
     return parse_numbers(content, str(path)), any(line.strip() for line in lines[nx:])
-
-
-def _positive(word: str, name: str) -> float:
-    value = float(word)
-    if not 0.0 < value < math.inf:
-        raise ValueError(f"{name} is {value:g}")
-    return value
 
 
 FORMAT = Format(

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from capslip.errors import UnreadableFileError
-from capslip.surface.readers.stored import Format, Request, Stored, check_shape
+from capslip.surface.readers.stored import Format, Request, Stored, check_positive, check_shape
 from capslip.surface.readers.table import decoded, parse_numbers, read_text
 
 MAGIC = b"Zygo ASCII Data File"
@@ -43,6 +43,10 @@ def _read(path: Path, request: Request) -> Stored:
             f"{path}: damaged header ({type(error).__name__}: {error}); expected 14 lines as "
             "MetroPro writes them; export it again"
         ) from error
+    # What lies upside down has the sign for that
+    check_positive(scale, "scale factor", str(path))
+    check_positive(wavelength_m, "wavelength", str(path))
+    check_positive(obliquity, "obliquity factor", str(path))
     check_shape((ny, nx), str(path))
     if len(blocks) < 2:
         raise UnreadableFileError(
