@@ -135,7 +135,7 @@ def _in_folder(
         for entry in sorted(entries, key=lambda one: one.name):
             if entry.name.startswith("."):
                 skipped["hidden"] += 1
-            elif entry.is_file():
+            elif os.path.isfile(entry.path):  # entry.is_file() raises on a link to itself
                 if os.path.splitext(entry.name)[1].lower() in NO_SCANS:
                     skipped["document"] += 1
                 else:

@@ -45,6 +45,17 @@ def test_a_folder_gives_its_files_and_counts_what_it_leaves_out():
 
 
 @pytest.mark.usefixtures("here")
+@pytest.mark.parametrize("goal", ["loop.h5", "nowhere", "other.h5"])
+def test_a_link_to_no_file_is_skipped_and_ends_nothing(goal):
+    files("in/a.h5", "in/b.h5")
+    Path("in/loop.h5").symlink_to(goal)
+    Path("in/other.h5").symlink_to("loop.h5")
+    Path("in/sound.h5").symlink_to("a.h5")
+    assert found("in") == (["in/a.h5", "in/b.h5", "in/sound.h5"], {"no file": 2})
+    assert found("in/*.h5") == found("in")
+
+
+@pytest.mark.usefixtures("here")
 def test_a_glob_gives_the_files_that_it_hits_and_a_file_of_such_a_name_is_itself():
     files("a1.h5", "a2.h5", "a[12].h5", "b.h5", "deep/a3.h5")
     Path("a4.h5").mkdir()
