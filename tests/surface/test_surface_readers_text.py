@@ -97,6 +97,23 @@ def test_one_number_that_cannot_be_grouped_tells_a_decimal_mark(tmp_path, decima
     np.testing.assert_allclose(surface.height_m, 1e-6 * np.array(expected), rtol=1e-12)
 
 
+@pytest.mark.parametrize(
+    "text",
+    [
+        "  5, 30,100,200\n-12,113,  0,  9\n  7,  8,112,-13\n",  # blanks fill columns up
+        "  5, 30,  0,-12\n  6, 31,  0,-13\n  7, 32,  0,-14\n",
+        " 5.25, 30.50,100.75, 1.50\n 6.50, 31.25,101.25, 1.25\n 7.75, 32.50,102.50, 1.75\n",
+        "129, 2.004, 558, 1\n1.197, -1.41, 138, 2\n-312, 1.614, 509, 3\n",  # -1.41 tells
+        "129, 2.004, 558, 1\n312, 1.414, 138, 2\n-312, 1.614, 509, 3\n",  # no column has both
+        "1, 2, 3, 4\n4,5,6,7\n7, 8, 9, 9\n",
+    ],
+)
+def test_commas_and_blanks_that_can_mean_one_thing_alone_separate(tmp_path, text):
+    expected = [[float(word) for word in line.split(",")] for line in text.splitlines()]
+    surface = load_surface(put(tmp_path / "m.csv", text), **CALIBRATION)
+    np.testing.assert_allclose(surface.height_m, 1e-6 * np.array(expected), rtol=1e-12)
+
+
 def test_blanks_with_decimal_commas(tmp_path):
     surface = load_surface(put(tmp_path / "m.txt", rows(decimal=",")), **CALIBRATION)
     np.testing.assert_allclose(surface.height_m, 1e-6 * MAP, rtol=1e-15)
@@ -221,6 +238,11 @@ def test_text_without_an_end_is_noted(tmp_path):
         (";;;\n" * 4, "no numbers"),
         ("1.5;2,5;3;4\n1;2;3;4\n", "points and commas"),
         ("1,05,2,07,3,01\n" * 3, "one number or two"),
+        ("-4,4, 9,3, -1,2, 5,1\n" * 4, "4,4, 9,3 may be two numbers or four"),
+        ("-4,4, 9,3, \n7,2 ,-1,8, \n" * 2, "4,4, 9,3 may be two numbers or four"),
+        ("4,4e+00, 9,3e-01, 8\n7, nan, -1,8\n1,5, , 2\n", "4,4, 9,3 may be two"),
+        ("129, 2.004, 558\n1.197, -1.414, 138\n-312, 1.614, 509\n", "1.234 may be 1.234 or 1234"),
+        ("129,2.004,558\n1.197,-1.414,138\n-312,1.614,509\n", "1.234 may be 1.234 or 1234"),
         ("1,234;999;12,345;-7\n" * 2 + "998;1,002;-3,001;2,000\n", "1,234 may be 1.234 or 1234"),
         ("1.234;999;12.345;-7\n" * 2 + "998;1.002;-3.001;2.000\n", "1.234 may be 1.234 or 1234"),
         ("1.234\t9\t12.345\n" * 3 + "8\t7\t2.345\n", "1.234 may be 1.234 or 1234"),

@@ -282,6 +282,10 @@ def _separator(body: bytes, first: bytes, where: str) -> tuple[bytes | None, boo
         if len(words) == 1 or any(w.startswith(b",") or w.endswith(b",") for w in words):
             if not points and re.search(rb",[+-]?0\d", body):
                 raise UnreadableFileError(_ambiguous(where, "0,05 may be one number or two"))
+            if not points and len(words) > 1 and _may_be_decimal(body):
+                raise UnreadableFileError(_ambiguous(where, "4,4, 9,3 may be two numbers or four"))
+            if _may_be_thousands(body.replace(b",", b";"), b";", b"."):
+                raise UnreadableFileError(_ambiguous(where, "1.234 may be 1.234 or 1234"))
             return b",", False
         if any(word.count(b",") > 1 for word in words):
             raise UnreadableFileError(_ambiguous(where, "commas and blanks both separate"))
@@ -298,6 +302,19 @@ def _separator(body: bytes, first: bytes, where: str) -> tuple[bytes | None, boo
     if _may_be_thousands(body, separator, b","):
         raise UnreadableFileError(_ambiguous(where, "1,234 may be 1.234 or 1234"))
     return separator, True
+
+
+def _may_be_decimal(body: bytes) -> bool:
+    """Tell whether commas beside a blank may separate, and the others be decimal marks."""
+    if not re.search(rb"\d,\d", body):
+        return False
+    counts = set()
+    for line in filter(None, map(bytes.strip, body.splitlines())):
+        cells = re.split(rb"\s+,\s*|,\s+", line.removesuffix(b",").rstrip())
+        counts.add(len(cells))
+        if len(counts) > 1 or not all(map(_is_number, filter(None, cells))):
+            return False  # as in columns that blanks fill up
+    return True
 
 
 def _may_be_thousands(body: bytes, separator: bytes | None, mark: bytes) -> bool:
