@@ -22,6 +22,7 @@ from capslip.output.tables import write_result
 from capslip.output.thumbnail import COLOURS, RAMP, thumbnail
 
 MANY = 10_000
+PLANE = ("m on the families' own plane", "n on the families' own plane")
 NASTY = 'bad </script><img src=x onerror="boom()">'
 
 
@@ -153,6 +154,13 @@ def test_a_stamp_shows_heights_upwards_and_what_is_not_measured():
     assert thumbnail(np.full((5, 5), np.nan))[1:4] == b"PNG"
     shades = 255 * colormaps["viridis"](np.linspace(0.0, 1.0, COLOURS))[:, :3]
     assert shades.astype(np.uint8).tobytes() == RAMP
+
+
+def test_titles_say_that_caps_and_families_are_counted_on_two_planes(real):
+    folder, _ = real
+    page = (folder / "index.html").read_text("utf-8")
+    at = [page.index(f'["{title}",') for title in ("caps on the map", *PLANE)]
+    assert at == sorted(at)
 
 
 @needs_chromium

@@ -112,9 +112,9 @@ QUANTITIES = {
         "share of the largest region", "%", "hills.largest_region_share"
     ),
     "hills": Quantity("hills", "", "hills.hills"),
-    "caps": Quantity("caps", "", "hills.caps"),
-    "m": Quantity("m", "", "families.m"),
-    "n": Quantity("n", "", "families.n"),
+    "caps": Quantity("caps on the map", "", "hills.caps"),
+    "m": Quantity("m on the families' own plane", "", "families.m"),
+    "n": Quantity("n on the families' own plane", "", "families.n"),
     "h_m": Quantity("height difference h", "m", "families.h_m"),
     **_of_family("G"),
     **_of_family("P"),
