@@ -9,10 +9,13 @@ import re
 from collections import Counter
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
+from functools import cache
+from itertools import chain
 from pathlib import Path
 from typing import Any
 
 from capslip.errors import NothingToDoError, SettingsError
+from capslip.output.staging import FAILURE, read_json, read_summary
 from capslip.settings import Settings, settings_from
 
 MOST_BYTES = 120  # of a name; file systems take 255, and names of files in it follow
@@ -76,7 +79,8 @@ def find_scans(
     recursive : bool, optional
         Take the folders in a folder, too, but for hidden ones and results.
     leave_out : Path, optional
-        A folder that is not searched: that of the results.
+        A folder that is not searched: that of the results. A scan that has one there keeps its
+        name.
 
     Returns
     -------
@@ -93,22 +97,27 @@ def find_scans(
         If the list cannot be read, or says what makes no sense.
     """
     skipped: Counter[str] = Counter()
-    found = dict.fromkeys(
-        Scan(path.absolute(), settings) for path in _paths(sources, recursive, leave_out, skipped)
+    paths = _paths(sources, recursive, leave_out, skipped)
+    named = chain(
+        (Scan(path.absolute(), settings) for path in paths),
+        () if list_file is None else _listed(list_file, settings),
     )
-    if list_file is not None:
-        found |= dict.fromkeys(_listed(list_file, settings))
+    real = cache(os.path.realpath)  # of folders: a link to a file is a scan with a name of its own
+    once: dict[Scan, Scan] = {}
+    for scan in named:
+        once.setdefault(replace(scan, path=Path(real(scan.path.parent), scan.path.name)), scan)
+    found = list(once.values())
     if not any(os.path.isfile(scan.path) for scan in found):
         told = ", ".join([*sources, *([str(list_file)] if list_file else [])])
         passed = "".join(f"; skipped: {count} {what}" for what, count in skipped.items())
-        passed += "".join(f"; {scan.path} is no file" for scan in list(found)[:1])
+        passed += "".join(f"; {scan.path} is no file" for scan in found[:1])
         raise NothingToDoError(
             f"no scan {f'found in {told}{passed}' if told else 'given'}; expected files, a folder "
             "with files, a glob or a list"
         )
     keys = {one: one.sha256() for one in {scan.settings for scan in found}}
     scans = sorted(found, key=lambda scan: (scan.path, str(scan.mate), keys[scan.settings]))
-    pairs = zip(scans, _names(scans), strict=True)
+    pairs = zip(scans, _names(scans, leave_out), strict=True)
     return [replace(one, name=name) for one, name in pairs], skipped
 
 
@@ -244,16 +253,36 @@ def _with(settings: Settings, given: dict[str, str | None], where: str) -> Setti
     return settings_from(tables, where)
 
 
-def _names(scans: list[Scan]) -> list[str]:
-    """One name a scan: the stem, or as much of the path as it takes to tell the scans apart."""
+def _names(scans: list[Scan], folder: Path | None = None) -> list[str]:
+    """One name a scan: the stem, or as much of the path as it takes to tell the scans apart.
+
+    A scan whose result is in the folder under a name keeps that, whichever others come.
+    """
+
+    @cache
+    def owner(name: str) -> str | None:
+        return None if folder is None else _path_of(folder / "scans" / name)
+
     names = [_plain(scan.path.stem) for scan in scans]
     for longer in (_with_ending, _with_folder, _with_mate, _with_preload, _with_digest):
+        pairs = list(zip(names, scans, strict=True))
         count = Counter(name.casefold() for name in names)
+        same = Counter((name, scan.path) for name, scan in pairs)
         names = [
-            name if count[name.casefold()] == 1 else longer(scan)
-            for scan, name in zip(scans, names, strict=True)
+            name
+            if count[name.casefold()] == 1
+            or (same[name, scan.path] == 1 and str(scan.path) == owner(name))
+            else longer(scan)
+            for name, scan in pairs
         ]
     return names
+
+
+def _path_of(home: Path) -> str | None:
+    """Return the scan of the result or failure in a folder, or None where there is none."""
+    summary, failure = read_summary(home), read_json(home / FAILURE)
+    path: str | None = ((summary or {}).get("surface") or failure or {}).get("path")
+    return path
 
 
 def _with_ending(scan: Scan) -> str:

@@ -1,11 +1,13 @@
 """The scans of a batch: which files are some, what a list says of each, and their names."""
 
+import json
 import os
 from pathlib import Path
 
 import pytest
 
 from capslip.errors import NothingToDoError, SettingsError
+from capslip.output.staging import SCHEMA
 from capslip.settings import load_settings
 from capslip.sources import MOST_BYTES, Scan, _names, _plain, find_scans
 
@@ -195,6 +197,58 @@ def test_each_scan_has_its_own_name_and_they_are_in_the_order_of_their_paths():
         ("a.x3p", "a.x3p"),
         ("b.h5", "b"),
     ]
+
+
+@pytest.mark.usefixtures("here")
+def test_a_scan_that_is_reached_by_two_ways_is_one(here):
+    files("in/a.h5", "in/b.h5")
+    Path("far").mkdir()
+    Path("far/way").symlink_to("../in")
+    Path("in/same.h5").symlink_to("a.h5")  # a name of its own, as in a store of data
+    once = ["in/a.h5", "in/b.h5", "in/same.h5"]
+    assert found("in", "in/../in/a.h5", "far/way", f"{here}/far/way/../in/b.h5") == (once, {})
+    (here / "a.csv").write_text("scan,preload_N\nin/a.h5,\nfar/way/a.h5,7\nin/../in/a.h5,7\n")
+    scans, _ = find_scans(["in/a.h5"], SETTINGS, here / "a.csv")
+    preloads_N = [one.settings.contact.preload_N for one in scans]
+    assert sorted(preloads_N) == [7.0, SETTINGS.contact.preload_N]
+
+
+def result(home, path, file="summary.json"):
+    Path(home).mkdir(parents=True)
+    held = {"schema": "capslip/failure/1", "path": str(path)}
+    if file == "summary.json":
+        held = {"schema": SCHEMA, "surface": {"path": str(path)}}
+    (Path(home) / file).write_text(json.dumps(held))
+
+
+@pytest.mark.parametrize("file", ["summary.json", "failure.json"])
+def test_what_has_a_result_keeps_its_name_and_who_comes_takes_a_longer_one(here, file):
+    files("in/a.h5", "in/a.csv", "more/a.h5", "in/b.h5", "in/b.csv")
+    result("out/scans/a", here / "in/a.h5", file)
+    result("out/scans/a.h5", here / "more/a.h5", file)
+    result("out/scans/b", here / "elsewhere/b.h5", file)
+    scans, _ = find_scans(["in", "more"], SETTINGS, leave_out=Path("out"))
+    assert {str(one.path.relative_to(here)): one.name for one in scans} == {
+        "in/a.h5": "a",
+        "in/a.csv": "a.csv",
+        "more/a.h5": "a.h5",
+        "in/b.h5": "b.h5",
+        "in/b.csv": "b.csv",
+    }
+    assert {one.name for one in find_scans(["in"], SETTINGS)[0]} == {
+        "a.h5",
+        "a.csv",
+        "b.h5",
+        "b.csv",
+    }
+
+
+def test_two_scans_of_one_file_cannot_both_keep_the_name_of_its_result(here):
+    files("a.h5")
+    (here / "a.csv").write_text("scan,preload_N\na.h5,3\na.h5,40\n")
+    result("out/scans/a", here / "a.h5")
+    scans, _ = find_scans((), SETTINGS, here / "a.csv", leave_out=Path("out"))
+    assert sorted(one.name for one in scans) == ["a.h5_3N", "a.h5_40N"]
 
 
 def test_a_name_is_one_that_any_system_takes():

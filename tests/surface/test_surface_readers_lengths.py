@@ -9,7 +9,7 @@ import pytest
 from fuzz_readers import OF_KNOWN_LENGTH, changed_in_silence
 from written import sur_header, writers
 
-from capslip.errors import UnreadableFileError
+from capslip.errors import UncalibratedError, UnreadableFileError
 from capslip.surface.heightmap import Statement
 from capslip.surface.readers import load_surface
 
@@ -114,6 +114,24 @@ def test_sur_may_give_the_sides_in_two_units(tmp_path):
     (tmp_path / "a.sur").write_bytes(changed(PLAIN, at, b"mm"))
     two_units = load_surface(tmp_path / "a.sur").pixel_size_m
     np.testing.assert_allclose(two_units, (1e3 * one_unit[0], one_unit[1]), rtol=1e-12)
+
+
+@pytest.mark.parametrize("blank", ["", "  "])
+def test_an_empty_unit_of_sur_is_a_missing_one(tmp_path, blank):
+    (tmp_path / "a.sur").write_bytes(PLAIN)
+    um = load_surface(tmp_path / "a.sur")
+    word = blank.encode().ljust(16, b"\0")
+    (tmp_path / "a.sur").write_bytes(changed(PLAIN, 180 + 16 * 2, word))  # of the heights
+    with pytest.raises(UncalibratedError, match=r"does not say the unit of its heights.*--unit"):
+        load_surface(tmp_path / "a.sur")
+    nm = load_surface(tmp_path / "a.sur", unit="nm")
+    np.testing.assert_allclose(nm.height_m, 1e-3 * um.height_m)
+    assert nm.pixel_size_m == um.pixel_size_m
+    (tmp_path / "a.sur").write_bytes(changed(PLAIN, 180, 2 * word))  # of both sides
+    with pytest.raises(UncalibratedError, match="but not its unit; add --lateral-unit"):
+        load_surface(tmp_path / "a.sur")
+    mm = load_surface(tmp_path / "a.sur", lateral_unit="mm")
+    np.testing.assert_allclose(mm.pixel_size_m, 1e3 * np.array(um.pixel_size_m))
 
 
 @pytest.mark.scans

@@ -219,7 +219,7 @@ def calibrate(stored: Stored, origin: Origin, given: Calibration) -> HeightMap:
     Parameters
     ----------
     stored : Stored
-        What the file says.
+        What the file says; an empty unit is a missing one.
     origin : Origin
         Name and digest; the units and the reader's notes are added here.
     given : Calibration
@@ -235,6 +235,8 @@ def calibrate(stored: Stored, origin: Origin, given: Calibration) -> HeightMap:
         or the scale no positive number.
     """
     where = origin.path or origin.name
+    unit, lateral_unit = ((word or "").strip() for word in (stored.unit, stored.lateral_unit))
+    stored = replace(stored, unit=unit or None, lateral_unit=lateral_unit or None)
     _check_complete(stored, given, where)
     height_unit = _height_unit(stored.unit, given.unit, where)
     pixel_size_m, pixel_unit = _pixel_size_m(stored, given.lateral_unit, given.pixel_size, where)
