@@ -2,6 +2,7 @@
 
 import json
 from dataclasses import replace
+from pathlib import Path
 from shutil import copytree
 
 import numpy as np
@@ -17,9 +18,22 @@ from capslip.contact.press import press
 from capslip.errors import OutputError, UnreadableFileError
 from capslip.output import tables
 from capslip.settings import load_settings
+from capslip.studies.faces.curve import (
+    ASSEMBLY,
+    FACE,
+    FRICTION,
+    MATERIAL_LOSS,
+    MONOLITHIC,
+    POINTS,
+    PRELOAD_N,
+    SCATTER,
+    SEED,
+)
 from capslip.surface.heightmap import HeightMap
+from capslip.surface.readers import load_surface
 from scenes import caps_map
 
+SAMPLES = Path(__file__).parents[2] / "sample_surfaces"
 CAPS = [(5e-3, 5e-3, 20.0, 0.0), (15e-3, 6e-3, 22.0, -1e-8), (25e-3, 14e-3, 24.0, -5e-8)]
 
 
@@ -254,6 +268,27 @@ def test_result_against_its_own_curve(result, tmp_path):
     assert written == to_dict(found)
     assert (tmp_path / "new" / "out" / "compare.png").stat().st_size > 10_000
     assert sum(line.startswith("misfit") for line in lines(found)) == 3
+
+
+def test_the_sample_curves_are_those_of_their_joint_as_a_sensor_sees_it(tmp_path):
+    given = (f"material.friction_coefficient={FRICTION}", f"contact.preload_N={PRELOAD_N}")
+    analysis = result_of(load_surface(SAMPLES / f"{FACE}.h5"), tmp_path / "result", *given)
+    model, _ = load_model(tmp_path / "result")
+    curves = [load_measurement(SAMPLES / name) for name in (ASSEMBLY, MONOLITHIC)]
+    amplitude_m = curves[0].amplitude_m
+    joints = model.loss_factor(amplitude_m, FRICTION, PRELOAD_N)
+    scatter = np.random.default_rng(SEED).normal(0.0, SCATTER, (2, POINTS))
+    for curve, truth, noise in zip(curves, (joints, 0.0), scatter, strict=True):
+        expected = (truth + MATERIAL_LOSS) * np.exp(noise)
+        np.testing.assert_allclose(curve.loss_factor, expected, rtol=0.015)  # of its own grid
+        np.testing.assert_array_equal(curve.amplitude_m, amplitude_m)
+    gross_m = analysis.damping.total_amplitude_m[-1]
+    np.testing.assert_allclose(amplitude_m[[0, -1]], [0.018 * gross_m, 0.9 * gross_m], rtol=1e-3)
+    found = compare_result(
+        tmp_path / "result", *(SAMPLES / name for name in (ASSEMBLY, MONOLITHIC)), identify=True
+    ).identified
+    off = np.log([found.friction_coefficient / FRICTION, found.preload_N / PRELOAD_N])
+    assert (np.abs(off) < [found.friction_coefficient_log_std, found.preload_log_std]).all()
 
 
 def test_monolithic_file_and_points_outside_it(result, tmp_path):

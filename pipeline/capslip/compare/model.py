@@ -84,8 +84,9 @@ class JointModel:
             self.joints,
             np.append(share, 1.0) * (slip.total_slip_force_N / self.joint_stiffness_N_per_m),
         )
-        ratio = damping.frequency_ratio**2
-        return UnitCurve(damping.total_amplitude_m, damping.loss_factor * ratio, ratio)
+        return UnitCurve(
+            damping.total_amplitude_m, damping.total_loss_factor, damping.frequency_ratio**2
+        )
 
     def plane(self) -> "JointModel":
         """Return the same structure with perfectly plane interfaces (Peyret et al. 2010)."""

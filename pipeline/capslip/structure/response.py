@@ -45,6 +45,11 @@ class Damping:
     joint_stiffness_N_per_m: float
     joints: int
 
+    @property
+    def total_loss_factor(self) -> np.ndarray:
+        """Loss factor of the whole, over `total_amplitude_m`: what a decay or a resonance shows."""
+        return self.loss_factor * self.frequency_ratio**2
+
 
 def response(
     slip: SlipCurve,
@@ -93,7 +98,7 @@ def response(
     -----
     Eqs. 17, 19 and 20 of Peyret, Chevallier and Dion, Int. J. Appl. Mech. 8 (2016) 1650097. W_ext
     leaves out the energy stored in the joints. The loss factor of the whole, over F v_total / 2, is
-    the smaller `loss_factor * frequency_ratio**2`. At small amplitudes W grows as v^3, so the
+    the smaller `Damping.total_loss_factor`. At small amplitudes W grows as v^3, so the
     loss factor as v; xi = eta / 2 holds for light damping.
 
     Examples

@@ -21,19 +21,18 @@ ASSEMBLY, MONOLITHIC = "damping/measured_assembly.csv", "damping/measured_monoli
 def write_curves(folder: Path) -> str:
     """Write the curve of a beam with joints and of one without; return what the README says.
 
-    The joints are those of the sample face in the folder, as the program sees them.
+    The joints are those of the sample face in the folder, as the program sees them. Amplitude and
+    loss factor are those of the whole, as a sensor sees them and `capslip compare` reads them.
     """
     truth = (f"material.friction_coefficient={FRICTION}", f"contact.preload_N={PRELOAD_N}")
     analysis = analyze_once(load_surface(folder / f"{FACE}.h5"), load_settings(overrides=truth))
     damping = analysis.damping
     if damping is None:
         raise ContactError(f"{FACE}: carries no {PRELOAD_N:g} N; there is no damping curve")
-    last_m = 0.9 * damping.gross_slip_amplitude_m
-    amplitude_m = np.geomspace(BEGIN * last_m, last_m, POINTS)
     defined = np.isfinite(damping.loss_factor)
-    joints = np.interp(
-        np.log(amplitude_m), np.log(damping.amplitude_m[defined]), damping.loss_factor[defined]
-    )
+    total_m = damping.total_amplitude_m[defined]
+    amplitude_m = np.geomspace(BEGIN, 1.0, POINTS) * 0.9 * total_m[-1]
+    joints = np.interp(np.log(amplitude_m), np.log(total_m), damping.total_loss_factor[defined])
     noise = np.random.default_rng(SEED).normal(0.0, SCATTER, (2, POINTS))
     assembly, monolithic = np.exp(noise) * (joints + MATERIAL_LOSS, np.full(POINTS, MATERIAL_LOSS))
     about = (
