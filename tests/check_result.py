@@ -11,8 +11,8 @@ KEYS = {
     "families": "count m n h_m G P",
     "answer": "asked tangential_stiffness_N_per_m energy_J loss_factor interval",
     "contact": "alignment tilt_rad tilt_across_face_m load_point_m nominal_pressure_Pa coverage "
-    "model preload_N approach_m approach_without_bulk_m contacts stiffness_N_per_m "
-    "contact_area_m2 max_pressure_Pa",
+    "model preload_N approach_m approach_without_bulk_m first_loading_approach_m contacts "
+    "stiffness_N_per_m contact_area_m2 max_pressure_Pa",
     "slip": "friction_coefficient total_slip_force_N total_slip_displacement_m limit_G_m limit_P_m "
     "tangential_stiffness_N_per_m",
     "damping": "amplitude_m loss_factor damping_ratio frequency_ratio peak_loss_factor "

@@ -228,6 +228,10 @@ def contact_table(analysis: "JointResult") -> dict[str, Any]:
         "pressure_classes": len(joint.load_N),
         "approach_m": contact.approach_m if contact else None,
         "approach_without_bulk_m": contact.approach_without_bulk_m if contact else None,
+        "first_loading_approach_m": contact.first_loading_approach_m if contact else None,
+        "first_loading_approach_without_bulk_m": (
+            contact.first_loading_approach_without_bulk_m if contact else None
+        ),
         "contacts": contact.contacts if contact else None,
         "stiffness_N_per_m": slip.curve.stiffness_N_per_m(slip.approach_m) if slip else None,
         "contact_area_m2": None if area_m2 is None else area_m2 * float(joint.weight[0]),

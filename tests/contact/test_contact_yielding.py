@@ -302,6 +302,7 @@ def test_a_face_may_be_loaded_anew_to_any_load_at_any_hardness(model, bulk):
         opens_m = float(other.curve.approach_m(load_N))
         assert float(approach_m - found.touch_m) == pytest.approx(opens_m, rel=1e-9)
         assert found.touch_m > 0.0  # the peak as it was stood higher
+        assert float(found.touch_m) == pytest.approx(other.left_m, rel=1e-9)
         assert found.stiffness_N_per_m(approach_m) == pytest.approx(
             other.stiffness_N_per_m, rel=1e-9
         )
@@ -315,6 +316,31 @@ def test_the_first_load_of_caps_that_share_one_approach_is_a_sum_of_their_loads(
     approach_m = law.approach_m(caps.load_N, caps.radius_m) - caps.peak_height_m
     assert approach_m == pytest.approx(approach_m[0], rel=1e-9)
     assert state.eccentricity_m is not None
+
+
+@pytest.mark.parametrize("bulk", [False, True])
+@pytest.mark.parametrize("model", RUNGS)
+def test_the_approach_of_the_first_loading_is_that_of_the_caps_as_they_yielded(model, bulk):
+    state, caps = pressed(model, "material.hardness_Pa=2e8", f"contact.bulk={str(bulk).lower()}")
+    law = yield_law(Material(hardness_Pa=2e8))
+    N, R = caps.load_N, caps.radius_m
+    comes_m = state.first_loading_approach_m + caps.peak_height_m  # of each cap, far apart
+    assert comes_m == pytest.approx(law.approach_m(N, R), rel=1e-9 if model == "caps" else 0.1)
+    highest_m = np.max(caps.peak_height_m - law.flattened(N, R)[1])
+    left_m = state.first_loading_approach_m - state.approach_m
+    assert left_m == pytest.approx(-highest_m, rel=1e-6)
+    assert left_m > 3.0 * state.approach_m  # little of it is elastic
+    without_m = state.first_loading_approach_without_bulk_m
+    assert state.first_loading_approach_m - without_m == pytest.approx(state.bulk_m, rel=1e-6)
+    assert state.under(30.0).first_loading_approach_without_bulk_m is None
+
+
+@pytest.mark.parametrize("model", [*RUNGS, "flat"])
+def test_the_approach_of_a_face_that_did_not_yield_is_that_of_its_first_loading(model):
+    for given in ((), ("material.hardness_Pa=1e13",)):
+        state, _ = pressed(model, *given)
+        assert state.first_loading_approach_m == state.approach_m
+        assert state.first_loading_approach_without_bulk_m == state.approach_without_bulk_m
 
 
 def test_a_family_that_was_flattened_below_the_other_keeps_its_name():
@@ -339,6 +365,7 @@ def test_families_that_are_given_yield_like_those_of_a_scan():
     for name in ("stiffness_N_per_m", "contact_area_m2", "yielded_area_m2", "approach_m"):
         assert getattr(found.contact, name) == pytest.approx(getattr(state, name), rel=1e-6)
     assert found.contact.max_pressure_Pa == state.max_pressure_Pa
+    assert found.contact.first_loading_approach_m is None
     assert "yielded" in {problem.code for problem in found.problems}
     with pytest.raises(SettingsError, match="preload_N"):
         analyze_families(load_settings(overrides=(*sets[:-1], "families.approach_m=1e-6")))

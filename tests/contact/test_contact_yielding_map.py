@@ -274,6 +274,12 @@ def test_an_analysis_slips_along_the_unloading_of_the_map(alignment):
     slip = slip_curve(contact.curve, load_N, 0.2, contact.composite.kappa)
     assert slip.total_slip_displacement_m == analysis.slip.total_slip_displacement_m
     assert "yielded" in {p.code for p in analysis.problems}
+    # It came as far as the face that bears no more than its hardness, and recovers less
+    face = elastic_face(analysis.conditioned.surface, contact.composite.E_star_Pa)
+    face = replace(face, hardness_Pa=hardness)
+    first = press(face.tilted(contact.tilt_rad), load_N=load_N, tolerance=1e-6)
+    assert contact.first_loading_approach_m == pytest.approx(first.approach_m, rel=1e-4)
+    assert contact.approach_m < 0.8 * first.approach_m
     # Loaded anew it is held as it was balanced, so the same load gives the same curve
     energy_J = [
         float(slip_curve(curve, load_N, 0.2, contact.composite.kappa).energy_at_force_J(0.1))

@@ -371,6 +371,9 @@ def test_a_face_that_yielded_is_drawn_as_it_unloads():
     tables["material"] |= {"hardness_Pa": 3e6}
     analysis = analyze_once(caps_map(caps), settings_from(tables))
     assert analysis.contact.yielded_area_m2 > 0
+    assert normal_curve(analysis).axes[0].get_xlabel() == "recovery d on unloading [nm]"
+    elastic = normal_curve(output_cases.several()).axes[0]
+    assert elastic.get_xlabel() == "normal approach d from first touch [nm]"
     lines = normal_curve(analysis).axes[0].lines
     assert len(lines) == 4  # with and without the bulk, caps alone, and the preload
     for line in lines:

@@ -200,6 +200,23 @@ def test_the_load_of_a_joint_pressed_unevenly_is_named_for_what_it_is():
     assert contact[1] == f"{contact[0]}, under the greatest pressure"
 
 
+def test_the_terminal_says_of_a_face_that_yielded_what_of_its_approach_is_elastic():
+    elastic = output_cases.several()
+    known = replace(elastic.contact, approach_m=6e-7, bulk_m=1e-7)
+    for given, said in (
+        ({}, "approach 500 nm (600 nm with bulk)"),
+        (
+            {"yielded_area_m2": 1e-6, "left_m": 2e-7},
+            "approach 700 nm (800 nm with bulk), recovers 500 nm (600 nm with bulk) on unloading",
+        ),
+        ({"yielded_area_m2": 1e-6}, "recovers 500 nm (600 nm with bulk) on unloading"),
+        ({"yielded_area_m2": 1e-6, "bulk_m": 7e-7}, "recovers 600 nm on unloading"),
+    ):
+        lines = result_lines(replace(elastic, contact=replace(known, **given))).splitlines()
+        line = next(line for line in lines if line.startswith("contact"))
+        assert line.endswith(f" caps in contact, {said}")
+
+
 def test_a_code_that_warns_is_not_noted_beside_it():
     codes = (("one_family", "info"), ("few_contacts_in_scan", "warning"))
     both = [Problem("small_slip_extrapolated", severity, "so") for severity in ("info", "warning")]

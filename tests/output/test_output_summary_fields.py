@@ -59,6 +59,7 @@ def test_the_contact():
     found = summary.contact_table(of)
     same(found, of.contact, "model approach_m approach_without_bulk_m contacts max_pressure_Pa")
     same(found, of.contact, "hardness_Pa bulk")
+    same(found, of.contact, "first_loading_approach_m first_loading_approach_without_bulk_m")
     same(found, of.joint, "preload_N nominal_pressure_Pa coverage scan_area_m2 scan_load_N")
     same(found, of.joint, "", joint_area_m2="area_m2")
     assert found["contact_area_m2"] == 5.0 * of.contact.contact_area_m2

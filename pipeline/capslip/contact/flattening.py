@@ -86,7 +86,7 @@ def loaded_first(
         scene = replace(scene, preload_N=load_N, law=law)
         after = flattened(model, scene)
         curve = model.build(after)
-        curve = replace(curve, depth_m=curve.depth_m + _top_m(model, scene) - _top_m(model, after))
+        curve = replace(curve, depth_m=curve.depth_m + left_m(model, scene, after, curve))
     if bulk or not model.holds_bulk:
         return cast(NormalCurve, curve)
     bulk_m_per_N = bulk_of_face_m_per_N(scene.surface, scene.E_star_Pa)
@@ -97,6 +97,30 @@ def loaded_first(
             "as it does under the preload; keep the bulk term (contact.bulk)"
         )
     return cast(NormalCurve, curve)
+
+
+def left_m(model: Rung, before: Scene, after: Scene, curve: Any) -> float | None:
+    """Return by how much nearer two faces are for good after their first loading.
+
+    Parameters
+    ----------
+    model : Rung
+        One that knows yielding.
+    before, after : Scene
+        Before any load, and as `flattened` gives it.
+    curve : NormalCurve
+        That of the model, along which the face unloads from its preload.
+
+    Returns
+    -------
+    float or None
+        None for a face that stays elastic, or a model of nothing.
+    """
+    if before.law is None or model.made_from == "nothing":
+        return None
+    if model.made_from == "spheres":
+        return _top_m(model, before) - _top_m(model, after)
+    return float(curve.first.approach_m - curve.approach_m(before.preload_N))
 
 
 def _top_m(model: Rung, scene: Scene) -> float:

@@ -13,7 +13,7 @@ from capslip.contact.accuracy import MovedCaps
 from capslip.contact.bulk import bulk_of_face_m_per_N, without_bulk
 from capslip.contact.choice import Choice, choose_model
 from capslip.contact.curve import NormalCurve
-from capslip.contact.flattening import flattened, loaded_first
+from capslip.contact.flattening import flattened, left_m, loaded_first
 from capslip.contact.lay import Lay
 from capslip.contact.map_accuracy import ASKED
 from capslip.contact.material import Composite, composite
@@ -24,7 +24,6 @@ from capslip.errors import ContactError
 from capslip.problems import Effect, Problem, Severity
 from capslip.settings import Settings
 from capslip.surface.heightmap import HeightMap
-from capslip.surface.noise import known_noise_m
 from capslip.units import percent
 
 MOSTLY_BULK, BULK_ERROR = 0.9, 0.02  # share of the compliance; error that any bulk may have
@@ -41,7 +40,9 @@ class ContactState:
     errors: ModelError | None  # None: not known
     moved: MovedCaps | None  # a part of it; None: not known, or the caps were not pressed
     preload_N: float
-    approach_m: float  # from first touch, half-space bulk term included where the model has one
+    # From first touch, half-space bulk term included where the model has one; of a face that
+    # yielded, what it recovers on unloading
+    approach_m: float
     bulk_m: float  # that term at the preload; 0 where the model has none
     bulk: bool  # whether the curve below holds the bulk term
     contacts: int
@@ -60,6 +61,8 @@ class ContactState:
     problems: tuple[Problem, ...]
     hardness_Pa: float | None = None  # of the softer face; None: all stays elastic
     yielded_area_m2: float | None = None  # of the contact area; None as well
+    # By how much nearer the faces are for good after the first loading; None: not known, or as well
+    left_m: float | None = None
     # The curve for slip after a first loading to a load, at a hardness by a factor; None as well
     first: Callable[[float, float], NormalCurve] | None = None
     at_ease_rad: tuple[float, float] = (0.0, 0.0)  # slopes at which nothing turns the face back
@@ -113,6 +116,7 @@ class ContactState:
             self,
             preload_N=load_N,
             approach_m=approach_m if self.bulk else approach_m + bulk_m,
+            left_m=None,
             bulk_m=bulk_m,
             contacts=self.contacts if count is None else count(curve, load_N),
             normal=curve,
@@ -147,8 +151,23 @@ class ContactState:
     @property
     def approach_without_bulk_m(self) -> float | None:
         """Approach less the bulk term; None where that would be negative."""
-        rest_m = self.approach_m - self.bulk_m
-        return rest_m if rest_m >= 0.0 else None
+        return self._without_bulk_m(self.approach_m)
+
+    @property
+    def first_loading_approach_m(self) -> float | None:
+        """Approach on the first loading, the same where nothing yielded; None: not known."""
+        if self.yielded_area_m2 and self.left_m is None:
+            return None
+        return self.approach_m + (self.left_m or 0.0)
+
+    @property
+    def first_loading_approach_without_bulk_m(self) -> float | None:
+        """The same less the bulk term; None where that would be negative as well."""
+        return self._without_bulk_m(self.first_loading_approach_m)
+
+    def _without_bulk_m(self, approach_m: float | None) -> float | None:
+        rest_m = None if approach_m is None else approach_m - self.bulk_m
+        return None if rest_m is None or rest_m < 0.0 else rest_m
 
 
 def press(
@@ -225,8 +244,7 @@ def press(
     problems += _closes(found, surface)
     of_slip = () if model.problems is None else model.problems(normal, preload_N)
     if choice is not None and model.error is not None:
-        known = settings.contact.tolerance, known_noise_m(surface, settings)
-        errors, doubts = model.error(normal, preload_N, *known)
+        errors, doubts = model.error(normal, preload_N, settings.contact.tolerance, scene.noise_m)
         better = choice.caps_within(errors.greatest) if errors and _ask_caps(doubts) else None
         if better is not None and errors is not None:
             return _by_caps(better, doubts, errors.greatest, (caps, families, surface), settings)
@@ -256,6 +274,7 @@ def press(
         problems=(*problems, *of_slip),
         hardness_Pa=None if scene.law is None else scene.law.hardness_Pa,
         yielded_area_m2=found.yielded_area_m2,
+        left_m=left_m(model, before, scene, normal),
         first=_first(model, before, normal, bulk),
         at_ease_rad=at_ease_rad,
     )

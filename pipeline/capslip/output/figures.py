@@ -99,13 +99,14 @@ FIGURES = {
         "Normal curve",
         "caps that carry the preload",
         "Load of one joint, or of the scan where that is a part of it, over the normal approach "
-        "from first touch; the point is the preload. "
+        "from first touch, or, of a face that yielded, over what that recovers on unloading; the "
+        "point is the preload. "
         "The bulk term is the sinking of the half-space as a whole. Where the model has one, the "
         "dotted line shows the caps without their elastic interaction.",
         "Good: bent upwards, as more caps touch. A structural model of the parts holds the "
         "bulk sinking itself, so slip uses the curve without it, which is stiffer: it is what "
         "the contacts alone yield.",
-        "Load over approach up to {scan_load_N:4}: {approach_without_bulk_m} without bulk, "
+        "Load over elastic approach up to {scan_load_N:4}: {approach_without_bulk_m} without bulk, "
         "{approach_m} with it; stiffness {stiffness_N_per_m}.",
     ),
     "slip_loop": Entry(

@@ -96,7 +96,7 @@ def normal_curve(analysis: "Analysis", axes: "Axes | None" = None) -> "Figure | 
     point = approach_m[-1] / unit_m, preload_N / unit_N
     axes.plot(*point, "o", color=ACCENT, markersize=8, label=state, zorder=3)
     axes.set(
-        xlabel=f"normal approach d from first touch [{unit}]",
+        xlabel=f"{_approach(contact)} [{unit}]",
         ylabel=f"normal load N{on} [{of_force}]",
     )
     axes.set_xlim(left=0.0)
@@ -334,6 +334,12 @@ def _mark_answer(
         + (f", {write(low)} to {write(high)}" if np.isfinite(high) else f", at least {write(low)}"),
         zorder=3,
     )
+
+
+def _approach(contact: "ContactState") -> str:
+    """Return what the approach of the curve is: of a face that yielded, it unloads along that."""
+    yielded = contact.first_loading_approach_m != contact.approach_m
+    return "recovery d on unloading" if yielded else "normal approach d from first touch"
 
 
 def _caps_alone(analysis: "Analysis", contact: "ContactState") -> "NormalCurve":

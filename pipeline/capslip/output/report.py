@@ -23,7 +23,7 @@ from capslip.output.lead import (
 )
 from capslip.output.methods import citation, methods_paragraph, references
 from capslip.output.quantity import engineering, scaled
-from capslip.output.rows import DASH, QUANTITIES, write_text
+from capslip.output.rows import DASH, QUANTITIES, approach_fact, write_text
 from capslip.output.thumbnail import thumbnail
 from capslip.output.view import read_view
 from capslip.output.viewer import CELLS, viewer_block
@@ -219,7 +219,7 @@ def _headlines(summary: dict[str, Any]) -> list[tuple[str, str, str]]:
         )
     numbers: tuple[tuple[Fact, str], ...] = (
         *families,
-        ("approach_without_bulk_m", "without bulk; {approach_m} with it"),
+        approach_fact(contact),
         (
             (name, "whole face" if whole else "{contacts}"),
             "the scan at {scan_load_N:4}" + uneven + ", model {model}",

@@ -130,6 +130,12 @@ QUANTITIES = {
     "scan_load_N": Quantity("load of the scan", "N", "contact.scan_load_N"),
     "approach_m": Quantity("normal approach with bulk", "m", "contact.approach_m"),
     "approach_without_bulk_m": Quantity("normal approach", "m", "contact.approach_without_bulk_m"),
+    "first_loading_approach_m": Quantity(
+        "approach on first loading with bulk", "m", "contact.first_loading_approach_m"
+    ),
+    "first_loading_approach_without_bulk_m": Quantity(
+        "approach on first loading", "m", "contact.first_loading_approach_without_bulk_m"
+    ),
     "contacts": Quantity("contacts", "", "contact.contacts"),
     "stiffness_N_per_m": Quantity("normal stiffness", "N/m", "contact.stiffness_N_per_m"),
     "contact_area_m2": Quantity("contact area", "m^2", "contact.contact_area_m2"),
@@ -231,6 +237,20 @@ def value(summary: dict[str, Any], name: str) -> Any:
         if found is not None:
             found = found[int(key)] if isinstance(found, list) else found[key]
     return found
+
+
+def approach_fact(contact: dict[str, Any]) -> tuple[str | tuple[str, str], str]:
+    """Return quantity, or label and text, and note of how far the faces came together.
+
+    Of a face that yielded the approach of the curves is what it recovers on unloading.
+    """
+    if contact["first_loading_approach_m"] == contact["approach_m"]:
+        return "approach_without_bulk_m", "without bulk; {approach_m} with it"
+    if contact["first_loading_approach_m"] is None:
+        recovery = "recovery on unloading", "{approach_without_bulk_m}"
+        return recovery, "without bulk; {approach_m} with it"
+    note = "without bulk; {first_loading_approach_m} with it; recovers {approach_without_bulk_m}"
+    return "first_loading_approach_without_bulk_m", note
 
 
 def write_text(template: str, summary: dict[str, Any], absent: str = DASH) -> str:

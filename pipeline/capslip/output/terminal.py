@@ -26,7 +26,7 @@ FAMILY = "  {1:9}R {{radius_{0}_m:4}}"
 OF_HILLS = ", D {{diameter_{0}_m}}, df {{height_{0}_m}}"  # which families that are given have not
 LEVEL = "level      turned by {tilt_across_face_m} across the face until balanced{0}"
 NOT_CERTIFIED = "; the cut does not hold all that touches"
-CONTACT = "contact    {{model}}: {{scan_load_N:4}} on {{contacts}} {0}, approach {1}"
+CONTACT = "contact    {{model}}: {{scan_load_N:4}} on {{contacts}} {0}, {1}"
 UNEVEN = ", under the greatest pressure"  # that of the patch whose state is shown
 APPROACH = "{approach_without_bulk_m} ({approach_m} with bulk)"  # the first, as in the report
 SLIP = (
@@ -67,9 +67,7 @@ def result_lines(analysis: JointResult) -> str:
         cut = NOT_CERTIFIED if summary["hills"]["cut_certified"] is False else ""
         texts.append(LEVEL.replace("{0}", cut))
     if contact is not None:
-        without = of_scan and contact.approach_without_bulk_m is not None
-        approach = APPROACH if without else "{approach_m}"
-        whole = CONTACT.format(contact.rung.contact_name, approach)
+        whole = CONTACT.format(contact.rung.contact_name, _approach(summary, of_scan))
         texts.append(whole if analysis.joint.is_even else whole + UNEVEN)
     if slip is not None:
         rigid = math.isinf(slip.tangential_stiffness_N_per_m)
@@ -94,6 +92,20 @@ def result_lines(analysis: JointResult) -> str:
     if codes := [p.code for p in analysis.problems if p.code not in said]:
         lines.append(f"  info     {', '.join(codes)}: see the report")
     return "\n".join(printable(line) for line in lines).replace("µ", "u")
+
+
+def _approach(summary: dict[str, Any], of_scan: bool) -> str:
+    """Return how far the faces came together and, where they yielded, what of it is elastic."""
+    contact = summary["contact"]
+    without = of_scan and contact["approach_without_bulk_m"] is not None
+    approach = APPROACH if without else "{approach_m}"
+    if contact["first_loading_approach_m"] == contact["approach_m"]:
+        return f"approach {approach}"
+    recovers = f"recovers {approach} on unloading"
+    if contact["first_loading_approach_m"] is None:
+        return recovers
+    first = approach.replace("{approach", "{first_loading_approach")
+    return f"approach {first}, {recovers}"
 
 
 def wrapped(text: str, width: int) -> str:

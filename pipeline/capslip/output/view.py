@@ -146,7 +146,7 @@ class View:
         return np.asarray(total[self.cap])
 
     def approach_at(self, load_share: float) -> float:
-        """Return the approach of the flat mate from first touch, without the bulk term."""
+        """Return the elastic approach of the flat mate from first touch, without the bulk term."""
         if self.zones is None:
             return 0.0
         load_N, below_m = self.zones.load_N, self.zones.withdrawal_m
