@@ -106,6 +106,8 @@ def test_evidence(numbers):
     assert stable["printed_1e-5"] > 0.05
     assert stable["printed_1e-6"] > 50
     assert stable["factors_worst"] < 1e-15
+    said = "relative error {printed_1e-5:.1g} at 1e-5 of the limit, {printed_1e-6:.1g} at 1e-6 |"
+    assert said.format(**stable) in (PROJECT / "docs" / "verification.md").read_text("utf-8")
     jump = numbers["Eq. 16"]
     assert jump["right_over_eq_15"] == pytest.approx(1, rel=1e-12)
     assert jump["right_over_loop"] == pytest.approx(1, rel=1e-9)
