@@ -8,9 +8,14 @@ import numpy as np
 import pytest
 
 import capslip
-from capslip.analysis import analyze_once
+from capslip.analysis import analyze_families, analyze_once, analyze_scans
+from capslip.contact.models.families import families
+from capslip.contact.slip import slip_curve
+from capslip.contact.varying_load import varying
 from capslip.errors import CapslipError, UnusableSurfaceError
 from capslip.settings import settings_from
+from capslip.studies.faces.synthetic import Scene, synthetic_surface
+from capslip.surface.average import average
 from scenes import PROJECT, caps_map
 
 CAPS = [(6e-3, 5e-3, 24.0, 0.0), (14e-3, 12e-3, 27.0, -1e-7), (24e-3, 8e-3, 25.0, -5e-8)]
@@ -111,6 +116,50 @@ def test_what_is_no_map_is_named_with_what_makes_one():
     for given, name in (("scan.h5", "str"), (surface.height_m, "ndarray"), ("", "str")):
         with pytest.raises(UnusableSurfaceError, match=f"^mate: {words.format(name)}"):
             capslip.analyze(surface, mate=given)
+
+
+MAPS = [caps_map(CAPS)] * 2
+SLIP = slip_curve(families((5, 18), (23.8, 26.7), (0, 2.4e-7), 1.1e11), 460.0, 0.2, 1.2)
+VARYING = varying(SLIP, capslip.load_settings(overrides=("slip.normal_amplitude_ratio=0.1",)).slip)
+WRONG = [  # what was called, and how its message begins
+    (lambda: capslip.analyze(MAPS[0], {}), "settings: got dict; expected Settings; "),
+    (lambda: capslip.analyze(MAPS[0], "x.toml"), "settings: got str; expected Settings; "),
+    (lambda: analyze_once(MAPS[0], None), "settings: got NoneType; expected Settings; "),
+    (lambda: analyze_families(None), "settings: got NoneType; expected Settings; "),
+    (lambda: analyze_scans(MAPS, None), "settings: got NoneType; expected Settings; "),
+    (lambda: analyze_scans(None, capslip.Settings()), "scans: got NoneType; expected a list"),
+    (lambda: average(MAPS[0]), "scans: got HeightMap; expected a list of HeightMaps"),
+    (lambda: average([*MAPS, None]), r"scans\[2\]: got NoneType; expected a HeightMap; "),
+    (lambda: average(["a", MAPS[0]]), r"scans\[0\]: got str; expected a HeightMap; "),
+    (lambda: capslip.write(MAPS[0], "x"), "analysis: got HeightMap; expected an Analysis; "),
+    (lambda: capslip.HeightMap(np.eye(5), (1.0, 1.0), noise_m="a"), ".*: noise_m: got str; "),
+    (lambda: SLIP.loop([]), r"amplitude_m: got \[\]; expected one finite number >= 0"),
+    (lambda: SLIP.loop([-1, 1]), r"amplitude_m: got \[-1, 1\]; expected one finite number >= 0"),
+    (lambda: SLIP.loop([1e-9]), r"amplitude_m: got \[1e-09\]; expected one finite number >= 0"),
+    (lambda: SLIP.loop(np.inf), "amplitude_m: got inf; expected one finite number >= 0"),
+    (lambda: SLIP.loop(-1e-9), "amplitude_m: got -1e-09; expected one finite number >= 0"),
+    (lambda: VARYING.loop([]), r"amplitude_m: got \[\]; expected one finite number >= 0"),
+    (lambda: SLIP.force_N("a"), "displacement_m: got 'a'; expected numbers"),
+    (lambda: SLIP.energy_at_force_J(1j), "force_N: got 1j; expected numbers"),
+    (lambda: slip_curve(SLIP.curve, [], 0.2, 1.2), r"preload_N: got \[\]; expected a finite"),
+    (lambda: slip_curve(SLIP.curve, 460.0, "a", 1.2), "friction_coefficient: got 'a'; expected"),
+    (lambda: synthetic_surface(None), "scene: got NoneType; expected a Scene"),
+    (lambda: synthetic_surface(Scene((0, 0), (1, 1))), r"scene\.shape: got \(0, 0\); expected "),
+    (lambda: synthetic_surface(Scene((60, 2))), r"scene\.shape: got \(60, 2\); expected "),
+    (lambda: synthetic_surface(Scene((60,))), r"scene\.shape: got \(60,\); expected "),
+    (lambda: synthetic_surface(Scene((9, 9), (0, 1))), r"scene\.pixel_size_m: got \(0, 1\); "),
+    (lambda: synthetic_surface(Scene((9, 9), (1, np.nan))), r"scene\.pixel_size_m: got \(1, nan"),
+    (lambda: synthetic_surface(Scene((9, 9), seed=-1)), r"scene\.seed: got -1; expected 0 or more"),
+]
+
+
+@pytest.mark.parametrize(("call", "message"), WRONG)
+def test_a_wrong_argument_is_an_error_of_one_line(call, message, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(CapslipError, match=f"^{message}") as caught:
+        call()
+    assert "\n" not in str(caught.value)
+    assert not any(tmp_path.iterdir())
 
 
 def test_what_changes_no_number_is_not_in_the_key():

@@ -16,7 +16,7 @@ from capslip.contact.scans import joint_of_scans
 from capslip.contact.slip import SlipCurve, slip_curve
 from capslip.contact.varying_load import greatest_over_mean, varying
 from capslip.doubts import counted_by_patches, problems_of
-from capslip.errors import ContactError, SettingsError, UnusableSurfaceError
+from capslip.errors import ContactError, SettingsError, check_kind
 from capslip.pressing import can_be_pressed, estimate, press_face
 from capslip.problems import Problem
 from capslip.result import Analysis, JointOfScans, JointResult
@@ -29,7 +29,7 @@ from capslip.structure.band_state import Part
 from capslip.structure.doubts import problems_of_damping, problems_of_structure
 from capslip.structure.stiffness import is_given, structure_name
 from capslip.surface.average import problems_of_places
-from capslip.surface.heightmap import HeightMap
+from capslip.surface.heightmap import HeightMap, check_map, check_maps
 
 R = TypeVar("R", bound=JointResult)
 
@@ -68,8 +68,8 @@ def analyze(
         If a map is no HeightMap, nothing was measured, all heights are equal, or fewer than 9
         points lie above the cut.
     SettingsError
-        If a setting makes no sense for this map, or boundary elements shall press two maps whose
-        caps are counted together.
+        If the settings are no Settings, one makes no sense for this map, or boundary elements shall
+        press two maps whose caps are counted together.
 
     Examples
     --------
@@ -144,6 +144,7 @@ def analyze_families(settings: Settings) -> JointResult:
     >>> print(f"{found.joint.preload_N:.1f} N")
     460.4 N
     """
+    _check_settings(settings)
     clock, started = Clock(), _now()
     families = given_families(settings)
     with clock("contact"):
@@ -190,6 +191,8 @@ def analyze_scans(surfaces: Sequence[HeightMap], settings: Settings) -> JointOfS
     UnusableSurfaceError
         As for `analyze`, of any scan.
     """
+    check_maps(surfaces)
+    _check_settings(settings)
     _check_scans(surfaces, settings)
     clock, started = Clock(), _now()
     with clock("scans"):
@@ -316,7 +319,8 @@ def _of_scans(scans: Sequence[Analysis]) -> list[Problem]:
 def _analyzed(
     surface: HeightMap, settings: Settings, mate: HeightMap | None, clock: Clock
 ) -> tuple[Face, Analysis]:
-    _check_maps(surface, mate)
+    check_map("surface", surface)
+    check_map("mate", surface if mate is None else mate)
     _check(settings, mate)
     started = _now()
     face = find_face(surface, settings, mate, clock)
@@ -347,16 +351,12 @@ def _analyzed(
         return face, replace(found, problems=problems_of(face, found, mate))
 
 
-def _check_maps(surface: HeightMap, mate: HeightMap | None) -> None:
-    for name, one in ("surface", surface), ("mate", surface if mate is None else mate):
-        if not isinstance(one, HeightMap):
-            raise UnusableSurfaceError(
-                f"{name}: got {type(one).__name__}; expected a HeightMap; read a file with "
-                "capslip.load_surface, make one of an array with capslip.HeightMap"
-            )
+def _check_settings(settings: Settings) -> None:
+    check_kind("settings", settings, Settings, "Settings; make them with capslip.load_settings")
 
 
 def _check(settings: Settings, mate: HeightMap | None) -> None:
+    _check_settings(settings)
     given = [name for name in GIVEN if getattr(settings.families, name) is not None]
     if given:
         raise SettingsError(

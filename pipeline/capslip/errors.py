@@ -85,6 +85,25 @@ def one_of(words: Iterable[str], got: str) -> str:
     return f"expected one of {', '.join(words)}{mean}"
 
 
+def check_kind(
+    name: str,
+    value: object,
+    kind: type,
+    expected: str,
+    error: type[CapslipError] = SettingsError,
+) -> None:
+    """Refuse an argument that is of another kind.
+
+    Examples
+    --------
+    >>> check_kind("settings", {}, str, "the name of a file")
+    Traceback (most recent call last):
+    capslip.errors.SettingsError: settings: got dict; expected the name of a file
+    """
+    if not isinstance(value, kind):
+        raise error(f"{name}: got {type(value).__name__}; expected {expected}")
+
+
 def printable(text: str) -> str:
     r"""Return a text on one line, with the escape of every character that does not print.
 

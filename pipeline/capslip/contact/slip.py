@@ -93,6 +93,7 @@ class SlipCurve:
         n_points : int
             Length of the arrays; the points are denser at the tips, the last one is the first.
         """
+        check_one_amplitude(amplitude_m)
         if n_points < 3:
             raise SettingsError(f"n_points: got {n_points}; expected at least 3")
         angle = np.linspace(0, 2 * np.pi, n_points)
@@ -168,8 +169,8 @@ def slip_curve(
         ("friction_coefficient", friction_coefficient),
         ("kappa", kappa),
     ):
-        number = np.asarray(value)
-        if not np.all((number > 0) & (number < np.inf)):
+        number = _numbers(name, value)
+        if not number.size or not np.all((number > 0) & (number < np.inf)):
             raise SettingsError(f"{name}: got {value}; expected a finite number > 0")
     approach_m = _plain(curve.approach_m(preload_N))
     carried = curve.load_N(approach_m)
@@ -181,8 +182,22 @@ def slip_curve(
     return SlipCurve(curve, preload_N, approach_m, friction_coefficient, kappa)
 
 
+def check_one_amplitude(amplitude_m: float) -> None:
+    """Refuse the amplitude of a cycle that is none."""
+    array = _numbers("amplitude_m", amplitude_m)
+    if array.ndim or not 0 <= array < np.inf:
+        raise SettingsError(f"amplitude_m: got {amplitude_m}; expected one finite number >= 0")
+
+
+def _numbers(name: str, values: ArrayLike) -> np.ndarray:
+    try:
+        return np.asarray(values, dtype=float)
+    except (TypeError, ValueError):
+        raise SettingsError(f"{name}: got {values!r}; expected numbers") from None
+
+
 def _amplitude(name: str, values: ArrayLike) -> np.ndarray:
-    array = np.asarray(values, dtype=float)
+    array = _numbers(name, values)
     if not (array >= 0).all():
         raise SettingsError(f"{name}: got {array.min():g}; expected amplitudes >= 0")
     return array

@@ -22,7 +22,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from capslip.contact.slip import SlipCurve
+from capslip.contact.slip import SlipCurve, check_one_amplitude
 from capslip.contact.solvers.refined_spline import refined_spline
 from capslip.errors import SettingsError
 
@@ -128,6 +128,7 @@ class VaryingSlip(SlipCurve):
         Displacements from the preloaded joint: the middle of the way to and fro is beside zero.
         NaN beyond gross slip.
         """
+        check_one_amplitude(amplitude_m)
         _, force_N, displacement_m = self._cycle(float(self.force_N(amplitude_m)), n_points - 1)
         return displacement_m, force_N
 

@@ -5,11 +5,11 @@ from collections.abc import Callable, Collection
 from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import msgspec
 
-from capslip.errors import CapslipError
+from capslip.errors import CapslipError, check_kind
 from capslip.output import figures as all_figures
 from capslip.output import mesh, report, scene, staging, tables
 from capslip.output.aside import Aside
@@ -17,17 +17,14 @@ from capslip.output.export import Export, export_named
 from capslip.output.renderer import Ready
 from capslip.output.whatif import whatif_data
 from capslip.problems import Problem
-from capslip.result import JointOfScans
+from capslip.result import Analysis, JointOfScans, JointResult
 from capslip.waiting import Waiting
-
-if TYPE_CHECKING:
-    from capslip.result import Analysis, JointResult
 
 Missing = Callable[[str, Exception | None], None]
 
 
 def write(
-    analysis: "Analysis",
+    analysis: Analysis,
     folder: str | Path,
     *,
     command: str | None = None,
@@ -82,7 +79,7 @@ def write(
         If the folder is a file, cannot be written, holds files that no analysis wrote, or holds
         the scan itself.
     SettingsError
-        If the export is none of those known.
+        If the export is none of those known, or the analysis is no Analysis.
 
     Examples
     --------
@@ -95,6 +92,7 @@ def write(
     >>> summary["hills"]["caps"], summary["status"]
     (6, 'ok')
     """
+    check_kind("analysis", analysis, Analysis, "an Analysis; make one with capslip.analyze")
     extra = None if export is None else export_named(export)
     folder, scan = Path(folder), analysis.surface.origin.path
     staging.check_folder(folder, keep=(scan,))
@@ -118,7 +116,7 @@ def write(
 
 
 def write_joint(
-    result: "JointResult",
+    result: JointResult,
     folder: Path,
     command: str | None,
     timings_s: dict[str, float] | None = None,

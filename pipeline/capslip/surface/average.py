@@ -13,7 +13,7 @@ from capslip.surface.blocks import means_of_blocks
 from capslip.surface.doubts import HIGHEST_SHARE, refuse_absurd
 from capslip.surface.filling import from_nearest
 from capslip.surface.form import remove_form
-from capslip.surface.heightmap import HeightMap
+from capslip.surface.heightmap import HeightMap, check_maps
 from capslip.surface.mating import match_by_shift
 from capslip.surface.noise import MEDIAN_OF_NORMAL, white_noise_of_scans_m
 from capslip.units import percent
@@ -100,8 +100,8 @@ def average(scans: Sequence[HeightMap]) -> Average:
     SettingsError
         If there are fewer than two, their pixels differ, or two hold the same heights.
     UnusableSurfaceError
-        If scans do not show one place, are turned by more than a pixel at a corner, or have less
-        than half of their points in common.
+        If one is no HeightMap, or scans do not show one place, are turned by more than a pixel at a
+        corner, or have less than half of their points in common.
 
     Notes
     -----
@@ -206,6 +206,7 @@ def _correlation(first_m: np.ndarray, other_m: np.ndarray) -> float:
 
 
 def _check(scans: Sequence[HeightMap]) -> None:
+    check_maps(scans)
     if len(scans) < 2:
         raise SettingsError(f"scans: got {len(scans)}; expected two of one place, or more")
     first = scans[0]

@@ -1,14 +1,16 @@
 """The height map: what every reader returns and every later stage takes."""
 
 import math
+from collections.abc import Sequence
 from copy import copy
 from dataclasses import dataclass, field, fields
 from functools import cached_property
+from numbers import Real
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from capslip.errors import SettingsError, UnusableSurfaceError
+from capslip.errors import SettingsError, UnusableSurfaceError, check_kind
 from capslip.surface.rows import BLOCK_POINTS, row_blocks
 
 MOST_OF_FEW_BYTES = 2**30  # points of a map, with a frame around it too
@@ -188,8 +190,11 @@ class HeightMap:
             raise SettingsError(
                 f"{name}: pixel size ({dy_m:g}, {dx_m:g}) m; expected two positive numbers (dy, dx)"
             )
-        if self.noise_m is not None and not 0.0 < self.noise_m < np.inf:
-            raise SettingsError(f"{name}: noise of {self.noise_m:g} m; expected a positive number")
+        if self.noise_m is not None:
+            check_kind(f"{name}: noise_m", self.noise_m, Real, "a positive number in metres")
+            if not 0.0 < self.noise_m < np.inf:
+                got = f"{name}: noise of {self.noise_m:g} m"
+                raise SettingsError(f"{got}; expected a positive number")
         self._hold(stored_m, _lost_of(stored_m, name), None)
         self.__dict__["pixel_size_m"] = (dy_m, dx_m)
 
@@ -446,6 +451,23 @@ def _lost_of(stored_m: np.ndarray, name: str) -> np.ndarray:
             "heights or NaN for non-measured points; mark them as non-measured"
         )
     return np.concatenate([np.empty(0, dtype=np.intp), *found]).astype(index_type(stored_m.size))
+
+
+def check_map(name: str, surface: object) -> None:
+    """Refuse an argument that is no map."""
+    expected = (
+        "a HeightMap; read a file with capslip.load_surface, make one of an array with "
+        "capslip.HeightMap"
+    )
+    check_kind(name, surface, HeightMap, expected, UnusableSurfaceError)
+
+
+def check_maps(scans: object) -> None:
+    """Refuse an argument that is no list of maps."""
+    check_kind("scans", scans, Sequence, "a list of HeightMaps", UnusableSurfaceError)
+    assert isinstance(scans, Sequence)
+    for i, one in enumerate(scans):
+        check_map(f"scans[{i}]", one)
 
 
 def index_type(n_points: int) -> type:

@@ -6,13 +6,14 @@ from typing import Literal
 
 import numpy as np
 
-from capslip.errors import SettingsError
+from capslip.errors import SettingsError, check_kind
 from capslip.studies.faces.finer import finer_waves
 from capslip.studies.faces.placing import balanced_places, free_places
 from capslip.surface.heightmap import HeightMap, Origin
 
 BALANCING_STEPS = 40
 LEVEL_M = 1e-15  # rise of the least-squares plane over half the face at which it is level
+NOT_NEGATIVE = ("seed", "n_spikes", "n_patches", "non_measured_fraction")
 DRAWS = 20  # of places that can be balanced
 
 
@@ -228,6 +229,13 @@ def _on_finer(scene: Scene, finer: int) -> Scene:
 
 
 def _check(scene: Scene, finer: int) -> None:
+    check_kind("scene", scene, Scene, "a Scene")
+    if len(scene.shape) != 2 or min(scene.shape) < 3:
+        raise SettingsError(f"scene.shape: got {scene.shape}; expected two numbers >= 3")
+    if not all(0 < side_m < math.inf for side_m in scene.pixel_size_m):
+        raise SettingsError(
+            f"scene.pixel_size_m: got {scene.pixel_size_m}; expected two positive numbers (dy, dx)"
+        )
     of_points = (scene.noise_rms_m, scene.n_spikes, scene.non_measured_fraction)
     if finer < 1 or (finer > 1 and any(of_points)):
         raise SettingsError(
@@ -235,7 +243,7 @@ def _check(scene: Scene, finer: int) -> None:
             "spikes or non-measured points, which are not defined between the points of the map"
         )
     for key, value in asdict(scene).items():
-        if key.endswith("_rms_m") or key in ("n_spikes", "n_patches", "non_measured_fraction"):
+        if key.endswith("_rms_m") or key in NOT_NEGATIVE:
             if not 0 <= value < math.inf:
                 raise SettingsError(f"scene.{key}: got {value}; expected 0 or more")
         elif key.endswith("_length_m") and not 0 < value < math.inf:
