@@ -100,7 +100,7 @@ joint_options = _options(  # of every command that answers for a joint
         help="Moduli and yield stress of both faces.",
     ),
     click.option("--friction", type=float, metavar="0.15", help="Friction coefficient."),
-    click.option("--amplitude", metavar="0.5um", help="Answer at this amplitude of the structure."),
+    click.option("--amplitude", metavar="0.5um", help="Answer at this amplitude, joints rigid."),
     click.option("--slip-force", metavar="20N", help="Answer at this slip force of a joint."),
     click.option("--displacement", metavar="10nm", help="Answer at this slip of a joint."),
     settings_options,

@@ -197,7 +197,7 @@ class SlipSettings(_Table, frozen=True):
 class Question(_Table, frozen=True):
     """What is asked: one of these, or none; then a quarter of the force at gross slip."""
 
-    amplitude_m: Positive | None = None  # of the structure, at the point of its modal stiffness
+    amplitude_m: Positive | None = None  # of the structure with rigid joints, where K_m is
     slip_force_N: Positive | None = None  # tangential, of one joint
     displacement_m: Positive | None = None  # tangential, of one joint
 
