@@ -623,6 +623,7 @@ def test_the_law_of_a_face_that_yields_has_a_curve_for_each_pressure(tmp_path):
     found = EXPORT.write(analysis, tmp_path)
     about, law = table(tmp_path / "law.csv")
     assert "yielded at 0.01 GPa" in about
+    assert "p what the faces recover on unloading (closure)" in " ".join(about.split())
     stated = [float(one) / 100 for one in re.findall(r"([\d.]+)% of (?:tau|w)", about)]
     assert len(stated) == 2
     assert stated[0] < 0.02

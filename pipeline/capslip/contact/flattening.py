@@ -126,7 +126,12 @@ def left_m(model: Rung, before: Scene, after: Scene, curve: Any) -> float | None
 def _top_m(model: Rung, scene: Scene) -> float:
     if model.knows_places:
         return float(scene.caps.peak_height_m[scene.use].max())
-    members = (scene.families.G, scene.families.P)
+    return top_m(scene.families)
+
+
+def top_m(families: Families) -> float:
+    """Return the height of the higher family."""
+    members = (families.G, families.P)
     return max(one.peak_height_m for one in members if one is not None)
 
 

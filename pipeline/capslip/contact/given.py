@@ -8,7 +8,7 @@ import numpy as np
 
 from capslip.caps.families import Families, Family
 from capslip.contact.curve import NormalCurve
-from capslip.contact.flattening import flattened_families
+from capslip.contact.flattening import flattened_families, top_m
 from capslip.contact.joint import Joint
 from capslip.contact.material import composite, yield_law
 from capslip.contact.models.families import RUNG, contacts_of_families, curve_of
@@ -72,13 +72,14 @@ def press_families(families: Families, settings: Settings) -> tuple[Joint, Conta
     curve = curve_of(flat, joint.E_star_Pa)
     approach_m = float(curve.approach_m(preload_N))
     found = contacts_of_families(flat, curve, approach_m, joint.E_star_Pa)
-    pressure_Pa, yielded_m2 = found.max_pressure_Pa, None
+    pressure_Pa, yielded_m2, left_m = found.max_pressure_Pa, None, None
     if law is not None and pressure_Pa is not None:
         pressure_Pa = min(pressure_Pa, law.hardness_Pa)
         before = [getattr(families, name).radius_m for name in found.family]
         a_m = contact_radius_m(curve.asperity_loads_N(approach_m), curve.radius_m, joint.E_star_Pa)
         area_m2s = curve.count * np.pi * a_m**2
         yielded_m2 = float(area_m2s[curve.radius_m > before].sum())
+        left_m = top_m(families) - top_m(flat)
     state = ContactState(
         rung=RUNG,
         model_reason="the families were given",
@@ -104,6 +105,7 @@ def press_families(families: Families, settings: Settings) -> tuple[Joint, Conta
         problems=(),
         hardness_Pa=None if law is None else law.hardness_Pa,
         yielded_area_m2=yielded_m2,
+        left_m=left_m,
         first=None if law is None else partial(_loaded_first, families, law, joint.E_star_Pa),
     )
     whole = np.array([preload_N]), np.ones(1)

@@ -231,6 +231,11 @@ def about(
         "reached for the first time, and unload and slip elastically: the closure and its "
         "stiffness are those of unloading, and a face that bore more before is stiffer. "
     )
+    closure = (
+        "the approach of the faces from first touch"
+        if found.hardness_Pa is None
+        else "what the faces recover on unloading"
+    )
     scanned = (
         f"scan of {found.area_m2:.6g} m2"
         if found.scans == 1
@@ -242,7 +247,7 @@ def about(
         f"{found.scan_pressure_Pa:.6g} Pa, friction coefficient {mu:g}.",
         *([] if found.scans == 1 else [OF_SCANS]),
         "",
-        "What: under each nominal pressure p the approach of the faces from first touch (closure), "
+        f"What: under each nominal pressure p {closure} (closure), "
         "the stiffness dp/d closure, the shear stiffness before slip, the shear stress tau on "
         "first loading over the relative displacement delta, and the energy w per area lost in a "
         "cycle between -delta and delta. SI; every column names its unit.",
