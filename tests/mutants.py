@@ -70,7 +70,7 @@ TABLE = [
         ),
     ),
     (
-        ("surface/doubts.py", "surface/holes.py"),
+        ("surface/doubts.py", "surface/holes.py", "surface/outline.py"),
         (
             "tests/surface/test_*doubts*.py",
             "tests/surface/test_*holes*.py",

@@ -141,6 +141,7 @@ def _placed(first: Conditioned, second: Conditioned, settings: Settings) -> Plac
 
 
 def _one_map(conditioned: Conditioned, settings: Settings, clock: Clock) -> Face:
+    conditioned = _with_voids(conditioned, settings)
     joint = joint_of(settings, conditioned.surface)
     settings = joint.settings_of_scan(settings)
     level, problems = _levelled(conditioned.surface, settings, clock)
@@ -165,6 +166,13 @@ def _one_map(conditioned: Conditioned, settings: Settings, clock: Clock) -> Face
         problems += problems_of_caps(plane, hills, family_caps, ratio)
     found = (level.hills, caps, families, level.hills.label, family_caps)
     return Face(joint, conditioned, level, *found, tuple(problems))
+
+
+def _with_voids(conditioned: Conditioned, settings: Settings) -> Conditioned:
+    """Return the map with its holes as holes of the face, where the settings say so."""
+    if settings.joint.non_measured == "unknown":
+        return conditioned
+    return replace(conditioned, surface=conditioned.surface.as_void())
 
 
 def _levelled(
@@ -292,7 +300,8 @@ def _two_maps(
     clock: Clock,
 ) -> Face:
     """Count the caps of both maps, as the paper does, each with the doubts of its own map."""
-    first, second = faces
+    mated = _with_voids(mated, settings)
+    first, second = (_with_voids(one, settings) for one in faces)
     joint = joint_of(settings, first.surface)
     settings = joint.settings_of_scan(settings)
     hills, caps, problems = _hills_and_caps(first.surface, settings, clock)

@@ -159,6 +159,7 @@ def given(volume_m3, depth_m, edge=False, patch=False, quadric=True, noise_m=0.0
             pixel_area_m2=known["pixel_m2"],
             pixel_size_m=(known["pixel_m2"] ** 0.5,) * 2,
             side_m=(20.0, 80.0),
+            ends_within=False,
         ),
         edge_of_face=known["edge_of_face"],
     )

@@ -211,3 +211,53 @@ def test_a_cap_away_from_the_edge_is_the_same_by_pinned_and_contact():
     assert np.array_equal(pinned.radius_m, contact.radius_m)
     assert ((contact.flags & CapFlag.edge) == 0).all()
     assert replace(contact).columns().keys() == pinned.columns().keys()
+
+
+def around(height_m, rows, columns):
+    """Return the heights within a frame of so many lines before and behind, not measured."""
+    return np.pad(height_m, (rows, columns), constant_values=np.nan)
+
+
+@pytest.mark.parametrize("fit", ["contact", "pinned", "least_squares"])
+@pytest.mark.parametrize(
+    ("at", "rows", "columns"),
+    [
+        ((0.3, 0.0), (0, 0), (3, 0)),
+        ((-0.2, 0.0), (2, 5), (9, 1)),  # the apex of the whole cap lies outside
+        ((0.2, 0.1), (4, 0), (1, 6)),  # in a corner
+    ],
+)
+def test_a_cap_at_the_end_of_a_face_is_that_of_the_map_that_ends_there(at, rows, columns, fit):
+    pixel_m, R, noise = 2e-5, 25.0, np.random.default_rng(2).normal(0.0, 1e-11, (160, 160))
+    y, x = (np.mgrid[:160, :160] + 0.5) * pixel_m
+    y_m = at[1] * 5.9e-4 if at[1] else 1.6e-3
+    height_m = noise - ((x - at[0] * 5.9e-4) ** 2 + (y - y_m) ** 2) / (2 * R)
+    for turn in (np.s_[:, :], np.s_[::-1, ::-1]):
+        tables = []
+        for one_m in (height_m[turn], around(height_m[turn], rows, columns)):
+            surface = HeightMap(np.ascontiguousarray(one_m), (pixel_m, pixel_m))
+            tables.append(fit_caps(surface, find_hills(surface, 0.3), fit, np.array([7e-9])))
+        whole, within = tables
+        assert (whole.flags & CapFlag.edge).all()
+        assert np.array_equal(whole.flags, within.flags)
+        assert within.radius_m == pytest.approx(whole.radius_m, rel=1e-9)
+        assert within.peak_height_m == pytest.approx(whole.peak_height_m, rel=1e-9, abs=1e-15)
+        assert within.x_m == pytest.approx(whole.x_m + columns[0] * pixel_m, rel=1e-9)
+        assert within.y_m == pytest.approx(whole.y_m + rows[0] * pixel_m, rel=1e-9)
+
+
+@pytest.mark.parametrize(("from_edge", "expected"), [(0.0, 0.600), (0.4, 0.854)])
+def test_a_cap_at_a_hole_loads_like_one_at_the_edge_where_nothing_is_in_it(from_edge, expected):
+    """A hole of 1.2 mm at whose side the apex lies, or 0.4 contact radii beside it."""
+    a_m, pixel_m, R = 5.9e-4, 2e-5, 25.0
+    approach_m = (a_m**3 / R / np.sqrt(R * expected)) ** (2 / 3)
+    y, x = (np.mgrid[:160, :240] + 0.5) * pixel_m - np.array([1.6e-3, 1.8e-3])[:, None, None]
+    hole = (np.abs(y) < 1.5e-3) & (x < -from_edge * a_m) & (x > -from_edge * a_m - 1.2e-3)
+    height_m = np.where(hole, np.nan, -(x**2 + y**2) / (2 * R))
+    surface, depth_m = HeightMap(height_m, (pixel_m, pixel_m)), CONTACT_SHARE * approach_m
+    given = find_hills(surface, 0.2), "contact", np.array([depth_m])
+    unknown, void = fit_caps(surface, *given), fit_caps(surface.as_void(), *given)
+    assert unknown.radius_m[0] == pytest.approx(R, rel=0.01)  # nobody knows: it goes on
+    assert void.radius_m[0] == pytest.approx(expected * R, rel=0.02)
+    assert CapFlag.edge in CapFlag(int(void.flags[0]))
+    assert CapFlag.non_measured in CapFlag(int(unknown.flags[0]))

@@ -5,6 +5,8 @@ import pytest
 from hill_cases import hills_of
 from scipy.ndimage import binary_dilation, binary_erosion, generic_filter
 
+from capslip.caps.points import points_of_hills
+
 SQUARE = np.ones((3, 3), dtype=bool)
 
 
@@ -88,3 +90,38 @@ def test_the_corner_of_the_map_lies_beside_no_point_of_its_last_row():
 def test_no_hills_have_no_points():
     points = hills_of(np.zeros((5, 6)), np.zeros((5, 6)))[2]
     assert (points.n_hills, points.z_m.size, points.count.size) == (0, 0, 0)
+
+
+@pytest.mark.parametrize("wide", [1, 2, 7])
+@pytest.mark.parametrize("seed", range(3))
+def test_points_in_a_margin_that_was_not_measured_are_those_of_the_map_without_it(seed, wide):
+    height_m, label = scene(seed, 0.03)
+    _, _, points = hills_of(height_m, label)
+    around = np.pad(height_m, wide, constant_values=np.nan)
+    _, _, within = hills_of(around, np.pad(label, wide))
+    for name in ("count", "hill", "z_m", "measured", "limit"):
+        assert np.array_equal(getattr(within, name), getattr(points, name)), name
+    for name in ("row", "col"):
+        assert np.array_equal(getattr(within, name), getattr(points, name) + wide), name
+
+
+def test_a_hole_limits_a_hill_as_a_patch_or_as_an_edge_where_nothing_is():
+    height_m, label = np.zeros((9, 12)), np.ones((9, 12), dtype=int)
+    height_m[3:6, 4:7] = np.nan
+    height_m[7, 9] = np.nan  # a single one is filled all the same
+    label[np.isnan(height_m)] = 0
+    surface, hills, patched = hills_of(height_m, label)
+    void = points_of_hills(surface.as_void(), hills)
+    inner = (slice(1, -1), slice(1, -1))
+
+    def limits(points):
+        found = np.zeros(height_m.shape, dtype=int)
+        found[points.row, points.col] = points.limit
+        return found[inner]
+
+    hole = np.zeros((9, 12), dtype=bool)
+    hole[3:6, 4:7] = True
+    cross = np.array([[0, 1, 0], [1, 1, 1], [0, 1, 0]], dtype=bool)
+    assert np.array_equal(limits(patched), 2 * (binary_dilation(hole, SQUARE) & ~hole)[inner])
+    assert np.array_equal(limits(void), (binary_dilation(hole, cross) & ~hole)[inner])
+    assert patched.count == void.count == 9 * 12 - 9

@@ -118,6 +118,8 @@ def test_beyond_the_outermost_pixels_a_face_goes_on_to_the_edge_of_the_map(off_r
     """Half a pixel, along the parabola through the last three."""
     height_m = paraboloid(off_row, off_column)
     _, pixel_m, top_m = certificate._tops(HeightMap(height_m, PARABOLOID), -1.0)
+    around_m = np.pad(height_m, ((2, 0), (1, 3)), constant_values=np.nan)  # as the face ends there
+    assert certificate._tops(HeightMap(around_m, PARABOLOID), -1.0)[2] == pytest.approx(top_m)
     at_edge = [
         np.clip(place, -0.5, n - 0.5)
         for place, n in zip((off_row, off_column), height_m.shape, strict=True)

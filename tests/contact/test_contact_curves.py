@@ -256,6 +256,10 @@ def test_points_lost_here_and_there_leave_the_bulk():
     some = outlined(lambda x, y: ~lost)
     whole = bulk_compliance_m_per_N((2, 2), 1.0)
     assert bulk_of_face_m_per_N(some, 1.0) == pytest.approx(whole, rel=3e-3)
+    part = outlined(lambda x, y: (x > -0.5) & (np.abs(y) < 0.25))  # a rectangle on a larger map
+    assert bulk_of_face_m_per_N(part, 1.0) == pytest.approx(
+        bulk_compliance_m_per_N((0.5, 1.5), 1.0), rel=1e-12
+    )
     one = outlined(lambda x, y: (x > -0.999) | (y > -0.999))  # as good as the closed form
     assert bulk_of_face_m_per_N(one, 1.0) == pytest.approx(whole, rel=1e-3)
 

@@ -82,3 +82,30 @@ def test_the_share_beyond_the_edge_is_that_of_the_area(x_m, y_m, share):
     assert drawn([x_m], [y_m], 1e-3).beyond_share == pytest.approx(share, abs=0.01)
     halved = drawn([x_m, 0.05], [y_m, 0.02], 1e-3, [1.0, 3.0]).beyond_share
     assert halved == pytest.approx(0.25 * share, abs=0.01)
+
+
+SHARES = [(0.0, 0.5), (0.5, SEGMENT), (-0.5, 1.0 - SEGMENT), (1.01, 0.0)]  # by radii from the end
+
+
+@pytest.mark.parametrize(("inside", "share"), SHARES)
+@pytest.mark.parametrize("direction", [0.0, 0.6, 2.4, -2.0])
+def test_the_share_beyond_is_that_beyond_the_outline_of_a_face(direction, inside, share):
+    """A half-plane, at any angle, on fine pixels; the end of the map is far away."""
+    cos, sin = np.cos(direction), np.sin(direction)
+    y_m, x_m = (np.mgrid[:400, :600] + 0.5) * 1e-4 - np.array(MIDDLE_M[::-1])[:, None, None]
+    outside = cos * x_m + sin * y_m > 0.0
+    face = HeightMap(np.where(outside, np.nan, 0.0), (1e-4, 1e-4))
+    a_m = 4e-3
+    at = MIDDLE_M[0] - inside * a_m * cos, MIDDLE_M[1] - inside * a_m * sin
+    caps = table([at[0]], [at[1]], [20.0], [0.0])
+    found = outlines(caps, caps.usable, np.ones(1), np.full(1, a_m), face)
+    assert found.beyond_share == pytest.approx(share, abs=0.012)
+
+
+def test_a_hole_takes_its_share_where_nothing_is_in_it():
+    height_m = np.zeros((400, 600))
+    height_m[180:220, 300:340] = np.nan  # 4 mm wide, its left side in the middle
+    face, caps = HeightMap(height_m, (1e-4, 1e-4)), table([0.03], [0.02], [20.0], [0.0])
+    for surface, share in ((face, 0.0), (face.as_void(), 0.5)):
+        found = outlines(caps, caps.usable, np.ones(1), np.full(1, 1e-3), surface)
+        assert found.beyond_share == pytest.approx(share, abs=0.01)

@@ -22,14 +22,17 @@ APPROACH_M = CONTACT_M**2 / RADIUS_M
 PLACE_M = 0.0123, 0.0087  # between the pixels
 
 
-def profile(height_m, noise_m=0.0, place_m=PLACE_M, **columns):
+def profile(height_m, noise_m=0.0, place_m=PLACE_M, margin=0, **columns):
     """Return what is found of one cap on a map of it and of something else."""
     columns = {"profile_residual_m": 0.01 * APPROACH_M} | columns
     columns = {name: [value] for name, value in columns.items()}
     caps = table([place_m[0]], [place_m[1]], [RADIUS_M], [1e-6], **columns)
     row, col = np.mgrid[:100, :120] + 0.5
     y_m, x_m = row * PIXELS_M[0], col * PIXELS_M[1]
-    face = HeightMap(1e-6 + height_m(x_m - place_m[0], y_m - place_m[1]), PIXELS_M)
+    heights_m = 1e-6 + height_m(x_m - place_m[0], y_m - place_m[1])
+    face = HeightMap(np.pad(heights_m, margin, constant_values=np.nan), PIXELS_M)
+    move_m = margin * np.array(PIXELS_M)
+    caps = caps.with_columns(x_m=caps.x_m + move_m[1], y_m=caps.y_m + move_m[0])
     scene = replace(scene_of(caps, PRELOAD_N, (0.02, 0.024)), surface=face)
     return profiles(scene, RUNG.build(scene), SHARES, noise_m)
 
@@ -149,8 +152,9 @@ def test_a_contact_is_known_to_the_last_points_of_the_map(axis, far, beyond):
     to_edge_m = 0.978 * CONTACT_M + (0.5 - 0.1 * beyond) * pixel_m
     place_m = list(PLACE_M)
     place_m[axis] = side_m - to_edge_m if far else to_edge_m
-    found = profile(cap, place_m=place_m)
-    assert np.isnan(found.up_m[0]) == (beyond > 0)
+    for margin in (0, 3):
+        found = profile(cap, place_m=place_m, margin=margin)
+        assert np.isnan(found.up_m[0]) == (beyond > 0)
 
 
 @pytest.mark.parametrize(

@@ -1,17 +1,19 @@
 """Holes of the map: said where a hill may lie in them, silent where none can."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from capslip import load_settings
 from capslip.analysis import analyze_once as analyze
-from capslip.surface.heightmap import HeightMap
+from capslip.surface.heightmap import Filling, HeightMap
 from capslip.surface.holes import (
-    between,
     depth_of_holes,
     outside_as_made,
     problems_of_holes,
 )
+from capslip.surface.outline import between
 from scenes import caps_map
 
 PIXEL_M = (2e-4, 1e-4)
@@ -138,3 +140,44 @@ def test_the_middle_of_a_slit_is_half_its_width_from_what_was_measured(n_columns
     assert area_m2 == pytest.approx(2e-4 * 1e-4)  # each pixel is looked at
     half_m = 0.5 * n_columns * 1e-4
     np.testing.assert_allclose(depth_m, half_m - abs(x_m - 2e-2 - half_m), rtol=1e-9)
+
+
+def test_the_face_ends_at_what_is_open_to_the_edge_and_at_holes_where_nothing_is():
+    margin, hole, single = (np.zeros((150, 400), bool) for _ in range(3))
+    margin[:, :1] = margin[-5:] = True  # one line is enough
+    hole[40:60, 100:103] = True
+    single[70, 200], single[90:92, 300], single[0, 399] = True, True, True  # and in a corner
+    face = without(margin | hole | single)
+    assert face.ends_within
+    assert np.array_equal(face.outside, margin)
+    assert np.array_equal(face.lost_inside, np.flatnonzero(hole | single))
+    of_void = face.as_void()
+    assert np.array_equal(of_void.outside, margin | hole)
+    assert np.array_equal(of_void.lost_inside, np.flatnonzero(single))
+    turned = of_void.plus(np.arange(400.0), np.arange(150.0))
+    assert np.array_equal(turned.outside, margin | hole)
+    spiked = of_void.without(np.arange(300, 400))  # a corner of the first row
+    assert np.array_equal(spiked.outside, margin | hole | (Y_M < 2e-4) & (X_M > 0.03))
+    for whole in (without(np.zeros((150, 400), bool)), without(single)):
+        assert not whole.as_void().ends_within
+        assert not whole.as_void().outside.any()
+
+
+def test_pixels_are_outside_beyond_the_map_and_where_the_face_ended_before():
+    margin = np.zeros((150, 400), bool)
+    margin[:, 390:] = True
+    rows, columns = np.array([0, -1, 149, 150, 7, 7]), np.array([0, 5, 389, 5, 390, 400])
+    expected = [False, True, False, True, True, True]
+    assert without(margin).is_outside(rows, columns).tolist() == expected
+    assert without(~margin & margin).is_outside(rows, columns).tolist() == [
+        *expected[:4],
+        False,
+        True,
+    ]
+
+
+def test_a_map_that_was_filled_between_points_that_stand_alone_has_no_voids():
+    hole = disc(0.02, 0.015, 3e-3)
+    filled = replace(without(hole), filling=Filling(9, 0.5, "linear", 1e-9, 1e6))
+    assert without(hole).as_void().outside.any()
+    assert not filled.as_void().outside.any()

@@ -156,7 +156,7 @@ def on_hill(surface: HeightMap, hills: Hills, quadric: Quadrics) -> np.ndarray:
     inside = (row >= 0.0) & (row < ny) & (col >= 0.0) & (col < nx)
     at = tuple(np.where(inside, place, 0.0).astype(np.intp) for place in (row, col))
     own = hills.label[at] == np.arange(1, len(row) + 1)
-    return inside & (own | np.isnan(surface[at]))
+    return inside & (own | (np.isnan(surface[at]) & ~surface.is_outside(*at)))
 
 
 def _summit(points: HillPoints, quadric: Quadrics) -> np.ndarray:

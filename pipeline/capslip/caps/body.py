@@ -20,7 +20,7 @@ class Body:
 
     depth_m: np.ndarray
     volume_m3: np.ndarray
-    at_edge: np.ndarray  # whether the edge of the map cuts it
+    at_edge: np.ndarray  # whether the edge of the face cuts it
     at_patch: np.ndarray  # whether non-measured points do
     beside_hills: np.ndarray  # share of its outline that lies along other hills
     scattered: np.ndarray  # whether its points lie in several places
@@ -103,8 +103,8 @@ def _contents(
     """Return what of each hill stands above levels, shape (n,).
 
     The number of points above the first, those that stand in for lost ones too; above the second
-    the sum of their heights, whether the edge of the map or non-measured points are among them, and
-    which share of the outline of as large a disc lies along other hills.
+    the sum of their heights, whether the edge of the face or non-measured points are among them,
+    and which share of the outline of as large a disc lies along other hills.
     """
     filled, rise_m, area = np.zeros((3, points.n_hills))
     cut = np.zeros((3, points.n_hills))  # points there

@@ -21,7 +21,7 @@ MANY_LOST = 0.1  # of the caps: hills of too few points
 LEVEL_ODDS = 5.0  # 150 to 1 that peaks on both sides of a seam are level as they are
 BOW_LEVEL = 0.01  # of the F-test that the peaks lie on a bow
 MEANING = {  # of the flags of caps that hills can have
-    CapFlag.edge: "touch the edge of the map: part of them was not measured",
+    CapFlag.edge: "touch the edge of the face: part of them was not measured",
     CapFlag.non_measured: "touch a patch of non-measured points",
     CapFlag.plateau: "have a flat top (clipped sensor or quantised heights)",
     CapFlag.noisy_apex: "have an apex that is uncertain by more than a tenth of their height: by "

@@ -68,7 +68,7 @@ class Fit:
         Share of a cap's compression a^2 / R at which it wants to be fitted again, once contact has
         found that; None where one fit is all.
     edge_of_face : bool
-        Whether the edge of the map is the edge of the face, where contact ends with the material;
+        Whether contact ends with the material at the edge of the map, or of the face on it;
         else it is where the measurement ended, and a cap goes on beyond.
     at_cut_alone : bool
         Whether it knows the outline at the cut alone: no other depth, nothing beyond an edge.

@@ -18,6 +18,7 @@ from capslip.errors import SettingsError, UnusableSurfaceError
 from capslip.surface.form import ROUNDING
 from capslip.surface.heightmap import HeightMap, Heights, index_type
 from capslip.surface.noise import noise_of_map_m
+from capslip.surface.outline import between
 from capslip.surface.rows import BLOCK_POINTS, row_blocks
 
 NOISE_FACTOR = 5.0  # noise alone lifts a point this many standard deviations once in 3.5 million
@@ -261,9 +262,10 @@ def _separate(
             f"{surface.origin.name}: {n_kept} points lie above the cut at {cut_m:.3g} m; expected "
             f"at least {MIN_POINTS}; raise hills.material_ratio or use a finer scan"
         )
-    square, noise_left_m = _square(noise_m, relief_m, n_measured / surface.size)
+    lost = _lost_between(surface)
+    square, noise_left_m = _square(noise_m, relief_m, n_measured / (n_measured + lost.size))
     build = region_tree if pruning_m == math.inf else change_tree
-    tree, raw_m = _tree(surface, point, cut_m, square, build)
+    tree, raw_m = _tree(surface, point, lost, cut_m, square, build)
 
     hill, m = tree.hill, len(tree.peak_m)
     if hill.size > n_kept:
@@ -309,6 +311,14 @@ def _separate(
     )
 
 
+def _lost_between(surface: HeightMap) -> np.ndarray:
+    """Return the lost points over which a hill may go on: those that are not open to the edge."""
+    if not surface.ends_within:
+        return surface.lost
+    is_open = surface.outside & ~between(surface.measured)
+    return np.asarray(surface.lost[~is_open.reshape(-1)[surface.lost]])
+
+
 def _square(noise_m: float, relief_m: float, measured_share: float) -> tuple[int, float]:
     """Choose the side of the averaging square; return it and the noise that it leaves."""
     for side in SQUARES:
@@ -336,6 +346,7 @@ def _lower_spikes(above_m: np.ndarray, point: np.ndarray) -> None:
 def _tree(
     surface: HeightMap,
     point: np.ndarray,
+    lost: np.ndarray,
     cut_m: float,
     side: int,
     build: Callable[[np.ndarray, np.ndarray, tuple[int, int]], ChangeTree],
@@ -347,7 +358,6 @@ def _tree(
     # A frame of non-measured points spares every later step the edge of the map.
     ny, nx = surface.shape
     width = nx + 2 * MARGIN
-    lost = surface.lost
     framed, lost = (at + 2 * MARGIN * (at // nx) + MARGIN * (width + 1) for at in (point, lost))
     raw_m, mean_m, lost_m = _means(surface, cut_m, framed, lost, side)
     deep = np.isnan(lost_m)

@@ -28,7 +28,7 @@ class HillPoints:
     col: np.ndarray
     z_m: np.ndarray
     measured: np.ndarray  # bool
-    limit: np.ndarray  # uint8: on the map's edge (1), beside a patch not measured (2), a hill (4)
+    limit: np.ndarray  # uint8: on the face's edge (1), beside a patch not measured (2), a hill (4)
     count: np.ndarray  # (n_hills,)
     pixel_size_m: tuple[float, float]
 
@@ -95,7 +95,7 @@ def points_of_hills(surface: HeightMap, hills: Hills) -> HillPoints:
         for rows in row_blocks(surface.shape)
     ]
     index = np.concatenate(found)
-    lost = surface.lost if index.size else index
+    lost = surface.lost_inside if index.size else index
     filled, filled_hill, filled_z_m, beside = _lost_points(surface, hills.label, lost)
     n, n_own = hills.n_hills, index.size
     hill = label[index]
@@ -118,6 +118,8 @@ def points_of_hills(surface: HeightMap, hills: Hills) -> HillPoints:
     row = row.astype(of_lines)
     limit = np.zeros(index.size, dtype=np.uint8)
     limit[(row == 0) | (row == ny - 1) | (col == 0) | (col == nx - 1)] = LIMIT_EDGE
+    if surface.ends_within:
+        limit[_beside_outside(surface.outside)[index]] = LIMIT_EDGE
     if beside.size:
         mask = np.zeros(label.size, dtype=bool)
         mask[beside] = True
@@ -133,6 +135,16 @@ def points_of_hills(surface: HeightMap, hills: Hills) -> HillPoints:
         count=count,
         pixel_size_m=surface.pixel_size_m,
     )
+
+
+def _beside_outside(outside: np.ndarray) -> np.ndarray:
+    """Tell which points, counted row by row, have a neighbour in row or column that is outside."""
+    beside = np.zeros(outside.shape, dtype=bool)
+    beside[1:] |= outside[:-1]
+    beside[:-1] |= outside[1:]
+    beside[:, 1:] |= outside[:, :-1]
+    beside[:, :-1] |= outside[:, 1:]
+    return beside.reshape(-1)
 
 
 def _beside_hills(

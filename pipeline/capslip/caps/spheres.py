@@ -187,13 +187,33 @@ def _elliptic_factor(body: Body) -> np.ndarray:
 
 
 def _edge_factor(given: FitInput, radius_m: np.ndarray) -> np.ndarray:
-    """Return the factor where the edge of the map cuts the cap, 1 elsewhere."""
+    """Return the factor where the edge of the face cuts the cap, 1 elsewhere."""
     body, quadric = given.body, given.body.quadric
-    side_m = np.array(given.surface.side_m)[:, None]
     place_m, vertex_m = given.apexes.apex_m[1::-1], np.stack([quadric.y_m, quadric.x_m])
     reach_m = np.sqrt(2.0 * np.where(radius_m > 0.0, radius_m, np.nan) * body.depth_m)
     slope_m = np.sqrt(2.0 * body.depth_m / np.sqrt(quadric.curvature_per_m.prod(axis=0)))
-    inside = np.fmin(np.minimum(place_m, side_m - place_m) / reach_m, 1.0)
+    begin_m, end_m = _ends_m(given)
+    inside = np.fmin(np.minimum(place_m - begin_m, end_m - place_m) / reach_m, 1.0)
     with np.errstate(divide="ignore", invalid="ignore"):  # a hill without height
-        outside = np.fmax(np.maximum(-vertex_m, vertex_m - side_m) / slope_m, 0.0)
+        outside = np.fmax(np.maximum(begin_m - vertex_m, vertex_m - end_m) / slope_m, 0.0)
     return np.where(body.at_edge, edge_factor(inside, outside), 1.0)
+
+
+def _ends_m(given: FitInput) -> tuple[np.ndarray, np.ndarray]:
+    """Return where the face begins and ends along y and along x of each apex, shape (2, n) each.
+
+    On its column and on its row: at the edge of the map, or at what is outside of the face.
+    """
+    surface, (x_m, y_m, _) = given.surface, given.apexes.apex_m
+    begin_m = np.zeros((2, x_m.size))
+    end_m = begin_m + np.array(surface.side_m)[:, None]
+    if surface.ends_within:
+        cut = np.flatnonzero(given.body.at_edge)
+        row, col = surface.pixel_at(x_m[cut], y_m[cut])
+        lines = (surface.outside[:, col].T, row), (surface.outside[row], col)
+        for axis, (outside, at) in enumerate(lines):
+            place, size_m = np.arange(surface.shape[axis]), surface.pixel_size_m[axis]
+            before, after = (outside & (sign * (place - at[:, None]) > 0) for sign in (-1, 1))
+            begin_m[axis, cut] = size_m * np.where(before, place + 1, 0).max(axis=1)
+            end_m[axis, cut] = size_m * np.where(after, place, place.size).min(axis=1)
+    return begin_m, end_m

@@ -9,7 +9,7 @@ import numpy as np
 class CapFlag(IntFlag):
     """What makes a cap doubtful; the value is a bit, the name goes into `caps.csv`."""
 
-    edge = 1  # the hill touches the edge of the map: part of the cap was not measured
+    edge = 1  # the hill touches the edge of the face: part of the cap was not measured
     non_measured = 2  # the hill touches a patch of non-measured points
     plateau = 4  # a flat top: clipped sensor, or quantised heights
     not_convex = 8  # the hill has no height above the cut: no radius

@@ -32,7 +32,7 @@ QUARTIC_SE = 6.0 * math.sqrt(5.0)  # of q, over that of the mean of as many poin
 LEAST_ERROR = 0.001  # of interacting spheres against boundary elements, on faces of 60 caps
 PAIRS_SHARE = 0.5  # of what point loads alone would change: a tenth to seven tenths were seen
 BEYOND_SHARE = 0.05  # of the load, on contacts wider than their hills
-CUT_SHARE = 0.02  # of the load, beyond the edge of the map; at 4 % energies are 6 % off
+CUT_SHARE = 0.02  # of the load, beyond the edge of the face; at 4 % energies are 6 % off
 # Of the energies of caps that have yielded, against height maps of the same hardness: the pressure
 # that is left after yield is flatter than that of Hertz, see `docs/theory.md`
 UNLOADING_ERROR = 0.5
@@ -287,7 +287,8 @@ def _doubt(
     if label is None:
         return None
     if drawn.beyond_share > CUT_SHARE:
-        return f"{drawn.beyond_share:.0%} of the contact would lie beyond the edge of the map"
+        beyond = f"{drawn.beyond_share:.0%} of the contact would lie beyond the edge of the map"
+        return f"{beyond}, or of the face on it" if scene.surface.ends_within else beyond
     top_m = float(caps.peak_height_m[use].max())
     face = scene.surface, label, curve, approach_m, top_m, noise_m
     if unmodelled_area_m2(*face, drawn.half_axis_m) > 0.0:

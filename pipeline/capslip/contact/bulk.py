@@ -13,7 +13,7 @@ from capslip.contact.solvers.elastic_face import ElasticFace
 from capslip.errors import ContactError, SettingsError
 from capslip.problems import Problem
 from capslip.surface.heightmap import HeightMap
-from capslip.surface.holes import disc_within_m, outside, outside_as_made
+from capslip.surface.holes import disc_within_m, outside_as_made
 
 _BLOCKS = 64  # along the longer side of an outline
 # An analysis asks dozens of times for the same face
@@ -23,9 +23,9 @@ _known: WeakKeyDictionary[HeightMap | ElasticFace, Energies] = WeakKeyDictionary
 def bulk_of_face_m_per_N(face: HeightMap | ElasticFace, E_star_Pa: float) -> float:
     """Return the mean sinking of what was measured of a face, under even pressure, a unit of load.
 
-    That of the rectangle, where all of it was measured. Else by the same integral over all pairs of
-    blocks, see `energies_of_outline`: so a disc or a washer on its map is one, and points lost here
-    and there change nothing.
+    That of the rectangle, where all within was measured. Else by the same integral over all pairs
+    of blocks, see `energies_of_outline`: so a disc or a washer on its map is one, and points lost
+    here and there change nothing.
 
     Parameters
     ----------
@@ -42,7 +42,7 @@ def energies_of_outline(face: HeightMap | ElasticFace) -> Energies:
     """Return twice the energy of an even pressure on what was measured of a face, times E*, in 1/m.
 
     Of blocks, about 64 along the longer side, each with its measured share of the pressure; the
-    mean of a face that was measured as a whole is that of the rectangle.
+    mean of a rectangle that was measured as a whole is that of the rectangle.
     """
     if face not in _known:
         _known[face] = _of_outline(face)
@@ -51,7 +51,7 @@ def energies_of_outline(face: HeightMap | ElasticFace) -> Energies:
 
 def filled_outside(surface: HeightMap) -> HeightMap:
     """Return a face that goes on, at its lowest, where its map is open to the edge."""
-    height_m = np.where(outside(surface), surface.bounds_m[0], surface.height_m)
+    height_m = np.where(surface.outside, surface.bounds_m[0], surface.height_m)
     return replace(surface, height_m=height_m)
 
 
@@ -73,7 +73,7 @@ def problems_of_outline(surface: HeightMap, hill_radius_m: float) -> list[Proble
     """
     if surface.complete:
         return []
-    out = outside(surface)
+    out = surface.outside
     if disc_within_m(out, surface, hill_radius_m) == 0.0:
         return []
     more = energies_of_outline(surface).mean / energies_of_outline(filled_outside(surface)).mean
@@ -90,14 +90,17 @@ def problems_of_outline(surface: HeightMap, hill_radius_m: float) -> list[Proble
 
 def _of_outline(face: HeightMap | ElasticFace) -> Energies:
     lost = face.lost if isinstance(face, HeightMap) else face.unmeasured
-    (ny, nx), (dy_m, dx_m) = face.shape, face.pixel_size_m
+    window, (dy_m, dx_m) = face.measured_window, face.pixel_size_m
+    (top, left), (ny, nx) = zip(*((one.start, one.stop - one.start) for one in window), strict=True)
+    row, col = lost // face.shape[1] - top, lost % face.shape[1] - left
+    within = (row >= 0) & (row < ny) & (col >= 0) & (col < nx)
     block = -(-max(ny, nx) // _BLOCKS)
     rows, columns = (np.diff(np.arange(0, n, block), append=n) for n in (ny, nx))
-    at = lost // nx // block * columns.size + lost % nx // block
+    at = (row // block * columns.size + col // block)[within]
     missing = np.bincount(at, minlength=rows.size * columns.size).reshape(rows.size, -1)
     share = (np.outer(rows, columns) - missing).astype(float)
     (found,) = energies_of_map([share], (block * dy_m, block * dx_m))
-    if lost.size:
+    if at.size:
         return found
     return replace(found, mean=bulk_compliance_m_per_N((ny * dy_m, nx * dx_m), 1.0))
 

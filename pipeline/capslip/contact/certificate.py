@@ -209,7 +209,7 @@ def _tops_above_m2(
     """Return the area of pixels that do not reach the plane, and beside which the face does.
 
     As far below it as another hill as round as the widest contact rises from an outermost pixel,
-    two contact radii beside its top, to the edge of the map.
+    two contact radii beside its top, to the edge of the face.
     """
     pixels_wide = float(contacts[2].max()) / max(surface.pixel_size_m)
     if pixels_wide >= RESOLVED:
@@ -228,21 +228,27 @@ def _tops(surface: HeightMap, least_m: float) -> tuple[np.ndarray, np.ndarray, n
     """Return places, (2, n), and heights of pixels, and how high the face stands beside them.
 
     Of those that are higher than `least_m` and than their neighbours: along each axis as high as
-    the parabola through them, at an edge of the map as that is half a pixel further.
+    the parabola through them, at an edge of the face as that is half a pixel further.
     """
-    shape, index = surface.shape, []
-    for rows in row_blocks(shape):
-        index.append(np.flatnonzero(surface[rows] > least_m) + rows.start * shape[1])
-    row, col = np.divmod(np.concatenate(index), shape[1])
+    index, nx = [], surface.shape[1]
+    for rows in row_blocks(surface.shape):
+        index.append(np.flatnonzero(surface[rows] > least_m) + rows.start * nx)
+    row, col = np.divmod(np.concatenate(index), nx)
     height_m = top_m = surface[row, col]
     for axis in (1, 0):
-        before, after = [row, col], [row, col]
-        before[axis] = np.maximum(before[axis] - 1, 0)
-        after[axis] = np.minimum(after[axis] + 1, shape[axis] - 1)
-        down_m, up_m = (height_m - surface[tuple(one)] for one in (before, after))
+        beside, beyond = [], []
+        for step in (-1, 1):
+            place = [row, col]
+            place[axis] = place[axis] + step
+            beyond.append(surface.is_outside(*place))
+            place[axis] = np.where(beyond[-1], place[axis] - step, place[axis])
+            beside.append(height_m - surface[tuple(place)])
+        down_m, up_m = beside
         rise_m = np.square(down_m - up_m) / (8.0 * np.maximum(down_m + up_m, TINY_M))
-        at_edge = np.isin((row, col)[axis], (0, shape[axis] - 1))
-        rise_m[at_edge] = _rise_to_edge_m(surface, row[at_edge], col[at_edge], axis)
+        at_edge, inward = beyond[0] | beyond[1], np.where(beyond[0], 1, -1)
+        rise_m[at_edge] = _rise_to_edge_m(
+            surface, row[at_edge], col[at_edge], axis, inward[at_edge]
+        )
         top_m = top_m + rise_m
         highest = (down_m >= 0.0) & (up_m >= 0.0)  # False beside what was not measured
         row, col, height_m, top_m = (one[highest] for one in (row, col, height_m, top_m))
@@ -250,12 +256,14 @@ def _tops(surface: HeightMap, least_m: float) -> tuple[np.ndarray, np.ndarray, n
     return np.stack(((col + 0.5) * dx_m, (row + 0.5) * dy_m)), height_m, top_m
 
 
-def _rise_to_edge_m(surface: HeightMap, row: np.ndarray, col: np.ndarray, axis: int) -> np.ndarray:
-    """Return how much higher the edge of the map is than the outermost points, on a parabola."""
+def _rise_to_edge_m(
+    surface: HeightMap, row: np.ndarray, col: np.ndarray, axis: int, inward: np.ndarray
+) -> np.ndarray:
+    """Return how much higher the edge of the face is than the outermost points, on a parabola."""
     points, last = [], surface.shape[axis] - 1
-    for inward in (0, 1, 2):
+    for n in (0, 1, 2):
         place = [row, col]
-        place[axis] = np.where(place[axis] == 0, inward, last - inward)
+        place[axis] = np.clip(place[axis] + n * inward, 0, last)
         points.append(surface[tuple(place)])
     outermost_m, next_m, third_m = points
     return np.asarray(0.5 * (outermost_m - next_m) + 0.375 * (outermost_m - 2.0 * next_m + third_m))

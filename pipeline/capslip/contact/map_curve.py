@@ -19,7 +19,8 @@ from capslip.contact.solvers.solutions import Solutions
 from capslip.contact.solvers.unloading import SMALL_SLIP, Unloading
 from capslip.errors import ContactError, SettingsError
 from capslip.problems import Effect, Problem
-from capslip.surface.holes import HIDDEN, between
+from capslip.surface.holes import HIDDEN
+from capslip.surface.outline import between
 from capslip.units import percent
 
 MIN_PIXELS_ACROSS = 10.0  # of the contacts that carry half of the load

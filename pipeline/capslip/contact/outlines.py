@@ -1,4 +1,4 @@
-"""Where the outlines of elliptic contacts lie: over one another, and over the edge of the map."""
+"""Where the outlines of elliptic contacts lie: over one another, and over the edge of the face."""
 
 from dataclasses import dataclass
 
@@ -22,7 +22,7 @@ class Outlines:
     crossing_pairs : int
         Pairs of contacts that cross, and peaks without load inside a contact.
     beyond_share : float
-        Share of the load whose part of the contact lies beyond the edge of the map.
+        Share of the load whose part of the contact lies beyond the edge of the face.
     half_axis_m : float64, shape (c,)
         The longer one of each contact that carries load.
     """
@@ -121,7 +121,9 @@ def _crosses(one: np.ndarray, other: np.ndarray) -> bool:
 
 
 def _is_near_edge(ellipses: np.ndarray, surface: HeightMap) -> np.ndarray:
-    """Tell which ellipses reach beyond the edge of the map, were they circles."""
+    """Tell which ellipses may reach beyond the edge of the face, were they circles."""
+    if surface.ends_within:
+        return np.ones(ellipses.shape[1], dtype=bool)
     side_y_m, side_x_m = surface.side_m
     x_m, y_m, long_m = ellipses[:3]
     to_edge_m = np.minimum(np.minimum(x_m, side_x_m - x_m), np.minimum(y_m, side_y_m - y_m))
@@ -129,7 +131,8 @@ def _is_near_edge(ellipses: np.ndarray, surface: HeightMap) -> np.ndarray:
 
 
 def _share_beyond(ellipse: np.ndarray, surface: HeightMap) -> float:
-    """Return the share of an ellipse's area beyond the edge of the map."""
-    side_y_m, side_x_m = surface.side_m
-    x_m, y_m = np.concatenate([_outline(ellipse, part) for part in RINGS], axis=1)
-    return float(((x_m < 0.0) | (x_m > side_x_m) | (y_m < 0.0) | (y_m > side_y_m)).mean())
+    """Return the share of an ellipse's area beyond the edge of the face."""
+    place_m, (dy_m, dx_m) = [_outline(ellipse, part) for part in RINGS], surface.pixel_size_m
+    x_m, y_m = np.concatenate(place_m, axis=1)
+    row, col = (np.floor(at).astype(int) for at in (y_m / dy_m, x_m / dx_m))
+    return float(surface.is_outside(row, col).mean())

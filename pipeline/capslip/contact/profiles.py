@@ -141,7 +141,7 @@ def _below(scene: Scene, each_N: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 def _means_m(scene: Scene, axes_m: np.ndarray, x_m: float, y_m: float, turn: float) -> np.ndarray:
     """Return the means of the heights below ellipses under the pressure of a punch, shape (k,).
 
-    NaN where a point was not measured, or lies beyond the edge of the map.
+    NaN where a point was not measured, or lies beyond the edge of all that was.
     """
     from scipy.ndimage import map_coordinates
 
@@ -155,11 +155,13 @@ def _means_m(scene: Scene, axes_m: np.ndarray, x_m: float, y_m: float, turn: flo
     )
     col = (x_m + np.cos(turn) * along_m - np.sin(turn) * across_m) / dx_m - 0.5
     row = (y_m + np.sin(turn) * along_m + np.cos(turn) * across_m) / dy_m - 0.5
-    n_rows, n_cols = surface.shape
-    if min(row.min(), col.min()) < 0.0 or row.max() > n_rows - 1 or col.max() > n_cols - 1:
-        return np.full(len(along_m), np.nan)
-    top, left = (max(int(one.min()) - BESIDE, 0) for one in (row, col))
-    bottom, right = (int(one.max()) + BESIDE + 2 for one in (row, col))
-    near_m = surface[top:bottom, left:right]
+    near = []
+    for one, known in zip((row, col), surface.measured_window, strict=True):
+        if one.min() < known.start or one.max() > known.stop - 1:
+            return np.full(len(along_m), np.nan)
+        first = max(int(one.min()) - BESIDE, known.start)
+        near.append(slice(first, min(int(one.max()) + BESIDE + 2, known.stop)))
+    top, left = (one.start for one in near)
+    near_m = surface[near[0], near[1]]
     heights_m = map_coordinates(near_m, [row - top, col - left], order=3)
     return np.asarray(heights_m.mean(axis=2) @ (0.5 * weight))

@@ -27,7 +27,7 @@ from capslip.surface.flatness import bows_m, known_flatness_m
 from capslip.surface.form import remove_form
 from capslip.surface.graph import connected_parts
 from capslip.surface.heightmap import HeightMap
-from capslip.surface.holes import depth_of_holes, holes, outside
+from capslip.surface.holes import depth_of_holes, holes
 from capslip.surface.seams import Seams, levels_m, tilts_m
 
 LEFT_OUT = {  # flags of the caps that may carry nothing, or less
@@ -147,7 +147,7 @@ class Trials:
             yield from self._with_hills(holes(self.face.surface))
         elif code == "outline_assumed":
             yield self.caps
-            yield from self._with_hills(outside(self.face.surface))
+            yield from self._with_hills(self.face.surface.outside)
         elif code == "outliers_removed":
             yield from self._with_points()
         elif code == "clipped":

@@ -11,10 +11,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from capslip.errors import SettingsError, UnusableSurfaceError, check_kind
+from capslip.surface.outline import outside_of, window_of
 from capslip.surface.rows import BLOCK_POINTS, row_blocks
 
 MOST_OF_FEW_BYTES = 2**30  # points of a map, with a frame around it too
 SMALL = 2**21  # points of a map whose heights are computed once and kept
+OF_LOST = "measured_window", "outside", "ends_within"  # kept as long as the same points lack
 
 
 @dataclass(frozen=True)
@@ -135,6 +137,8 @@ class HeightMap:
         How many faces it is the sum of: two are mated.
     floor_slope : (float, float), optional
         Slopes along y and x of the floor of the sum of two faces whose caps are counted together.
+    void : bool
+        Whether no material is where nothing was measured, as in a bolt hole.
 
     Notes
     -----
@@ -167,6 +171,7 @@ class HeightMap:
     noise_m: float | None = None
     faces: int = 1
     floor_slope: tuple[float, float] | None = None
+    void: bool = False
     _stored_m: np.ndarray = field(init=False, repr=False)  # float32 or float64
     lost: np.ndarray = field(init=False, repr=False)  # points not measured, counted row by row
     _added: "_Added | None" = field(init=False, repr=False)
@@ -203,8 +208,9 @@ class HeightMap:
 
         Heights of a small map are computed once, those of a large one where they are asked for.
         """
+        same_lost = lost is self.__dict__.get("lost")
         self.__dict__.update(_stored_m=stored_m, lost=lost, _added=added)
-        for name in ("height_m", "bounds_m", "measured_window"):
+        for name in ("height_m", "bounds_m", *(() if same_lost else OF_LOST)):
             self.__dict__.pop(name, None)
         if added is None and stored_m.dtype == np.float64:
             self.__dict__["height_m"] = stored_m
@@ -312,6 +318,19 @@ class HeightMap:
         found._hold(stored_m, np.union1d(self.lost, index).astype(self.lost.dtype), self._added)
         return found
 
+    def as_void(self) -> "HeightMap":
+        """Return the map of a face without material where nothing was measured.
+
+        Where measured points stood alone, and the map was filled between them, there is some.
+        """
+        if self.complete or self.filling is not None:
+            return self
+        found = copy(self)
+        found.__dict__["void"] = True
+        for name in OF_LOST:
+            found.__dict__.pop(name, None)
+        return found
+
     @property
     def shape(self) -> tuple[int, int]:
         """(ny, nx)."""
@@ -335,6 +354,34 @@ class HeightMap:
     def complete(self) -> bool:
         """Whether all points were measured."""
         return self.lost.size == 0
+
+    @cached_property
+    def outside(self) -> np.ndarray:
+        """Mask of the points outside of the face, bool, shape (ny, nx): see `outside_of`."""
+        if self.complete:
+            return np.broadcast_to(False, self.shape)
+        return outside_of(self.measured, self.void)
+
+    def is_outside(self, row: np.ndarray, col: np.ndarray) -> np.ndarray:
+        """Tell which pixels lie beyond the edge of the map, or outside of the face on it."""
+        ny, nx = self.shape
+        beyond = (row < 0) | (row >= ny) | (col < 0) | (col >= nx)
+        if not self.ends_within:
+            return np.asarray(beyond)
+        return np.asarray(beyond | self.outside[np.clip(row, 0, ny - 1), np.clip(col, 0, nx - 1)])
+
+    @cached_property
+    def ends_within(self) -> bool:
+        """Whether the face ends before its map does."""
+        return bool(self.outside.any()) if not self.complete else False
+
+    @property
+    def lost_inside(self) -> np.ndarray:
+        """Points not measured that are no outside, counted row by row."""
+        if not self.ends_within:
+            return self.lost
+        inside: np.ndarray = self.lost[~self.outside.reshape(-1)[self.lost]]
+        return inside
 
     @cached_property
     def bounds_m(self) -> tuple[float, float]:
@@ -380,11 +427,7 @@ class HeightMap:
         >>> HeightMap(height_m, (1e-4, 1e-4)).measured_window
         (slice(1, 4, None), slice(0, 4, None))
         """
-        (ny, nx), window = self.shape, []
-        for line, n, points in ((self.lost // nx, ny, nx), (self.lost % nx, nx, ny)):
-            some = np.flatnonzero(np.bincount(line, minlength=n) < points)
-            window.append(slice(int(some[0]), int(some[-1]) + 1) if some.size else slice(0, 0))
-        return window[0], window[1]
+        return window_of(self.lost, self.shape)
 
     @property
     def measured_area_m2(self) -> float:

@@ -5,6 +5,7 @@ import numpy as np
 from capslip.problems import Problem
 from capslip.surface.doubts import HIGHEST_SHARE, VISIBLE_FORM
 from capslip.surface.heightmap import HeightMap
+from capslip.surface.outline import between
 
 BLOCK_OVER_DISC = 0.1  # sides of the squares that a hole is looked at in, over a hill's radius
 HIDDEN = 0.25  # of a contact's radius: what is farther from all measured points is not known
@@ -90,32 +91,13 @@ def holes(surface: HeightMap) -> np.ndarray:
     return between(surface.measured)
 
 
-def between(measured: np.ndarray) -> np.ndarray:
-    """Return which points are not measured and lie between two that are, shape (ny, nx)."""
-    mask: np.ndarray = ~measured
-    # Outside are points of rows and of columns that begin or end with one: of most maps few
-    rows, cols = (np.flatnonzero(mask.take((0, -1), axis).any(axis)) for axis in (1, 0))
-    if 2 * min(rows.size, cols.size) > min(mask.shape):
-        mask &= _enclosed(measured, 0) | _enclosed(measured, 1)
-    elif rows.size and cols.size:
-        along, across = _enclosed(measured[rows], 1), _enclosed(measured[:, cols], 0)
-        mask[np.ix_(rows, cols)] &= along[:, cols] | across[rows]
-    return mask
-
-
-def outside(surface: HeightMap) -> np.ndarray:
-    """Return which points are taken for outside of the face, shape (ny, nx): lost, but no holes."""
-    mask: np.ndarray = ~surface.measured & ~holes(surface)
-    return mask
-
-
 def outside_as_made(surface: HeightMap) -> bool:
     """Tell whether the outside of a face is that of a part as it is made: on both sides alike.
 
     A disc, a washer or a rectangle that lies askew goes into itself when its map is turned or
     turned over; a rectangle without one of its corners does not.
     """
-    out = outside(surface)[surface.measured_window]
+    out = surface.outside[surface.measured_window]
     unlike = min(int(np.count_nonzero(out ^ out[turn])) for turn in TURNS)
     return unlike <= UNLIKE * int(np.count_nonzero(out))
 
@@ -207,22 +189,3 @@ def _blocks(mask: np.ndarray, surface: HeightMap, side_m: float) -> np.ndarray:
 
 def _block_steps(surface: HeightMap, side_m: float) -> list[int]:
     return [max(1, int(side_m / size_m)) for size_m in surface.pixel_size_m]
-
-
-def _enclosed(measured: np.ndarray, axis: int) -> np.ndarray:
-    """Tell which points have measured ones on both sides along an axis, or are measured."""
-    lines = np.moveaxis(measured, axis, 1)
-    n_lines, length = lines.shape
-    first, last = (np.full((n_lines, 1), end, dtype=np.int32) for end in (0, length - 1))
-    if not lines[:, 0].all():
-        open_ = np.flatnonzero(~lines[:, 0])
-        some = lines[open_].any(axis=1)
-        first[open_, 0] = np.where(some, lines[open_].argmax(axis=1), length)
-    if not lines[:, -1].all():
-        open_ = np.flatnonzero(~lines[:, -1])
-        last[open_, 0] -= lines[open_, ::-1].argmax(axis=1).astype(np.int32)
-    place = np.arange(length, dtype=np.int32)
-    if axis == 0:
-        first, last, place = first.T, last.T, place[:, None]
-    both: np.ndarray = (place >= first) & (place <= last)
-    return both

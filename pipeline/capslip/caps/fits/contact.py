@@ -1,7 +1,7 @@
 """The sphere that loads like the hill where the preload compresses it.
 
 Apex and radius as by volume, but fitted again down to half of the compression a^2 / R that contact
-found for each cap; and the edge of the map is taken as the edge of the face: a cap that it cuts
+found for each cap; and the edge of what was measured is taken as that of the face: a cap it cuts
 gets the radius of the sphere that loads like what is there.
 """
 

@@ -9,6 +9,7 @@ from capslip.contact.solvers.half_space import HalfSpace
 from capslip.errors import ContactError, SettingsError, UnusableSurfaceError
 from capslip.surface.blocks import means_of_blocks
 from capslip.surface.heightmap import HeightMap
+from capslip.surface.outline import window_of
 
 MAX_POINTS = 16_000_000  # of a map
 BYTES_PER_POINT = 200  # of memory that a solution takes at its peak
@@ -64,6 +65,11 @@ class ElasticFace:
     def unmeasured(self) -> np.ndarray:
         """The non-measured points, as indices, growing."""
         return np.flatnonzero(~self.measured)
+
+    @cached_property
+    def measured_window(self) -> tuple[slice, slice]:
+        """Rows and columns of the least rectangle that holds all measured points."""
+        return window_of(self.unmeasured, self.shape)
 
     @property
     def known_m(self) -> np.ndarray:

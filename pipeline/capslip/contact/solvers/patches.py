@@ -124,13 +124,13 @@ def patched(
         parents.append((i * face.shape[1] + j).ravel())
         knowns.append(known[i, j].ravel())
         depths.append(_refined(face, box, per_pixel).ravel())
-    at, depth_m = np.concatenate(places, axis=1), np.concatenate(depths)
+    at, depth_m, measured = np.concatenate(places, axis=1), *map(np.concatenate, (depths, knowns))
     if refinement > 1:  # the approach counts from the highest of all points, now on the spline
-        depth_m -= depth_m.min()
+        depth_m -= depth_m[measured].min()
     return PatchedFace(
         face.name,
         depth_m,
-        np.concatenate(knowns),
+        measured,
         size_m,
         face.E_star_Pa,
         half_space,  # type: ignore[arg-type]
@@ -302,17 +302,18 @@ def _refined(
         return face.depth_m[y0:y1, x0:x1]
     from scipy.interpolate import make_interp_spline
 
-    (ny, nx), m = face.shape, _SPLINE_MARGIN
-    first, last = (max(y0 - m, 0), max(x0 - m, 0)), (min(y1 + m, ny), min(x1 + m, nx))
+    (rows, cols), m = face.measured_window, _SPLINE_MARGIN
+    first = max(y0 - m, rows.start), max(x0 - m, cols.start)
+    last = min(y1 + m, rows.stop), min(x1 + m, cols.stop)
     window = np.s_[first[0] : last[0], first[1] : last[1]]
     depth_m = _filled(face.depth_m[window], face.measured[window])
-    # Its ends go on as they are, since a map ends half a pixel beyond its last point; of a rough
+    # Its ends go on as they are, as far as a map goes beyond its last point: half a pixel; of a rough
     # face as its last points, beyond which a spline may rise by more than all of its approach.
+    beyond = 0.0 if max(per_pixel) <= MOST_OF_ROUGH else 0.5
     for axis, (start, end, n) in enumerate(((y0, y1, per_pixel[0]), (x0, x1, per_pixel[1]))):
         places = (np.arange(start * n, end * n) + 0.5) / n - 0.5
+        places = np.clip(places, first[axis] - beyond, last[axis] - 1 + beyond)
         known = np.arange(depth_m.shape[axis]) + first[axis]
-        if max(per_pixel) <= MOST_OF_ROUGH:
-            places = places.clip(known[0], known[-1])
         degree = min(3, len(known) - 1)  # a map may have three lines
         depth_m = make_interp_spline(known, depth_m, k=degree, axis=axis)(places)
     return np.asarray(depth_m)
