@@ -7,11 +7,13 @@ from dataclasses import asdict
 import numpy as np
 import pytest
 from iso_maps import VALUES, maps
+from scipy.ndimage import gaussian_filter
 
 from capslip.caps.features import feature_parameters
 from capslip.caps.iso25178 import Iso25178
 from capslip.errors import UnusableSurfaceError
 from capslip.surface import parameters
+from capslip.surface import spectrum as spectrum_module
 from capslip.surface.conditioning import condition
 from capslip.surface.heightmap import HeightMap
 from capslip.surface.parameters import material_ratio_curve, surface_parameters
@@ -311,3 +313,40 @@ def test_ten_point_height_and_the_area_of_dales_are_those_of_the_map_and_of_it_u
         assert found["S10z_m"] == pytest.approx((peer["S5p"] + peer["S5v"]) * 1e-6, rel=1e-6)
     for one, its in (("S10z_m", "S10z_m"), ("Sda_m2", "Sha_m2"), ("Sha_m2", "Sda_m2")):
         assert found[one] == pytest.approx(other[its], rel=1e-12, nan_ok=True)
+
+
+def smooth_and_noisy_m(shape):
+    rng = np.random.default_rng(6)
+    smooth = gaussian_filter(rng.standard_normal(shape), 4)
+    return 1e-7 * smooth + 1e-9 * rng.standard_normal(shape)
+
+
+@pytest.mark.parametrize("turn", [np.s_[::-1], np.s_[:, ::-1]])
+def test_a_mirrored_map_is_asked_for_its_waves_on_the_same_lines(turn, monkeypatch):
+    """Some rows and some columns are looked at, every second and every third."""
+    seen = []
+    monkeypatch.setattr(
+        spectrum_module,
+        "line_spectrum",
+        lambda lines_m, pixel_m: seen.append(lines_m) or line_spectrum(lines_m, pixel_m),
+    )
+    height_m = smooth_and_noisy_m((150, 200))
+    for one_m in (height_m, height_m[turn]):
+        assert carried_waves_m(HeightMap(one_m, (1e-5, 1e-5)), 1e-9)[0] > 3e-5  # noise decides
+    rows, columns, rows_turned, columns_turned = seen
+    assert len(rows) < 80
+    assert len(columns) < 80
+    of_columns = np.s_[:, ::-1] if isinstance(turn, slice) else np.s_[::-1]
+    assert np.array_equal(rows_turned, rows[turn])
+    assert np.array_equal(columns_turned, columns[of_columns])
+
+
+def test_waves_are_carried_by_what_was_measured():
+    height_m = smooth_and_noisy_m((150, 200))
+    around_m = np.pad(height_m, ((40, 7), (3, 60)), constant_values=np.nan)
+    found, within = (
+        carried_waves_m(HeightMap(one_m, (1e-5, 1e-5)), 1e-9) for one_m in (height_m, around_m)
+    )
+    assert found[0] > 3e-5
+    assert found[1] == pytest.approx(150e-5)
+    assert within == pytest.approx(found, rel=1e-12)

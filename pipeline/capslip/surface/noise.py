@@ -95,6 +95,19 @@ def on_lattice(place: np.ndarray, n: int, every: int) -> np.ndarray:
     return chosen
 
 
+def some_lines(window: slice, count: int) -> np.ndarray:
+    """Return about so many or more rows or columns of a window, all of few; mirrored, the same.
+
+    Examples
+    --------
+    >>> some_lines(slice(2, 12), 4)
+    array([ 2,  4,  6,  7,  9, 11])
+    """
+    n = window.stop - window.start
+    at = np.arange(n)
+    return np.asarray(window.start + at[on_lattice(at, n, max(1, n // count))])
+
+
 def known_noise_m(surface: HeightMap, settings: "Settings") -> float | None:
     """Return the measurement noise of a map: as somebody says, else as its file does, or None.
 

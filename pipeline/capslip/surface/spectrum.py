@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from capslip.surface.heightmap import HeightMap
+from capslip.surface.noise import some_lines
 
 LEAST_OF_A_LINE = 0.5  # measured share; a line with less has no spectrum
 BLOCK_LINES = 64
@@ -113,14 +114,15 @@ def carried_waves_m(
         The greatest of two pixels, the S-filter's nesting index and the wave from which on down the
         heights are weaker than the noise, on both axes.
     longest_m : float
-        The lesser of the shorter side and the L-filter's nesting index.
+        The lesser of the shorter side of what was measured and the L-filter's nesting index.
     """
+    y, x = surface.measured_window
     shortest_m = max(2.0 * max(surface.pixel_size_m), s_filter_nesting_index_m or 0.0)
     if noise_m > 0.0:
         drowned_m = []
-        every_y, every_x = (max(1, n // SAMPLED_LINES) for n in surface.shape)
+        rows, columns = (some_lines(one, SAMPLED_LINES) for one in (y, x))
         for lines_m, pixel_m in zip(
-            (surface[::every_y], surface[:, ::every_x].T), surface.pixel_size_m[::-1], strict=True
+            (surface[rows, x], surface[y, columns].T), surface.pixel_size_m[::-1], strict=True
         ):
             seen = line_spectrum(lines_m, pixel_m).smoothed()
             above = seen.density_m3 >= ABOVE_NOISE * 2.0 * noise_m**2 * pixel_m
@@ -132,4 +134,10 @@ def carried_waves_m(
                 break
         if len(drowned_m) == 2:
             shortest_m = max(shortest_m, min(drowned_m))
-    return shortest_m, min(*surface.side_m, l_filter_nesting_index_m or np.inf)
+    sides_m = (
+        n * size_m
+        for n, size_m in zip(
+            (y.stop - y.start, x.stop - x.start), surface.pixel_size_m, strict=True
+        )
+    )
+    return shortest_m, min(*sides_m, l_filter_nesting_index_m or np.inf)
