@@ -205,3 +205,53 @@ def test_lines_that_are_lost_whole_or_in_part_hide_no_seam_beside_them():
     height_m[:, 40:44] = np.nan
     height_m[:85, 105:115] = np.nan  # three of four parts
     assert find_seams(of(height_m)).columns.tolist() == [0, 110, 200]
+
+
+def fields(found, shape, turn):
+    """Return seams and levels as of the map before it was turned."""
+    rows, columns, offset_m = found.rows, found.columns, found.offset_m
+    if turn[0]:
+        rows, offset_m = shape[0] - rows[::-1], offset_m[::-1]
+    if turn[1]:
+        columns, offset_m = shape[1] - columns[::-1], offset_m[:, ::-1]
+    return rows.tolist(), columns.tolist(), offset_m
+
+
+@pytest.mark.parametrize("turn", [(True, False), (False, True), (True, True)])
+def test_the_lines_that_are_compared_are_those_of_the_mirrored_map(turn, monkeypatch):
+    """What of each part is looked at decides on a seam that hardly stands off."""
+    shape = (701, 963)  # two and three lines apart, and nothing that divides
+    height_m = np.random.default_rng(2).standard_normal(shape)
+    seen, jumps_m = [], seams_module._jumps_m
+    monkeypatch.setattr(
+        seams_module, "_jumps_m", lambda lines: seen.append(jumps_m(lines)) or seen[-1]
+    )
+    turned_m = height_m[tuple(np.s_[::-1] if one else np.s_[:] for one in turn)]
+    for one_m in (height_m, turned_m):
+        find_seams(of(one_m))
+    whole, mirrored = seen[:8], seen[-8:]
+    assert len(seen) == 16
+    for axis in (0, 1):  # jumps along an axis, of four parts along the other
+        parts, others = (one[4 * axis : 4 * axis + 4] for one in (whole, mirrored))
+        others = others[::-1] if turn[1 - axis] else others
+        for part, other in zip(parts, others, strict=True):
+            assert np.array_equal(part, -other[::-1] if turn[axis] else other)
+
+
+@pytest.mark.parametrize(("first", "found"), [(15, False), (16, True)])
+def test_a_margin_that_was_not_measured_is_no_field(first, found):
+    """Fields count from what was measured, at either side, and so do their tilts."""
+    frame = ((25, 30), (40, 18))
+    for turn in ((False, False), (False, True)):
+        height_m = waves_m() + 9e-8 * (first <= COLUMN) + 3e-9 * (ROW - 60) * (ROW >= 60)
+        height_m += 6e-8 * (ROW >= 60)
+        height_m = height_m[:, ::-1] if turn[1] else height_m
+        around = find_seams(of(np.pad(height_m, frame, constant_values=np.nan)))
+        whole = find_seams(of(height_m))
+        expected = [0, first, 200] if found else [0, 200]
+        assert fields(whole, SHAPE, turn)[:2] == ([0, 60, 120], expected)
+        assert (around.rows[1:-1] - 25).tolist() == whole.rows[1:-1].tolist()
+        assert (around.columns[1:-1] - 40).tolist() == whole.columns[1:-1].tolist()
+        assert around.offset_m == pytest.approx(whole.offset_m, rel=1e-9)
+        assert tilts_m(around)[25:-30, 40:-18] == pytest.approx(tilts_m(whole), rel=1e-9, abs=1e-18)
+        assert np.ptp(tilts_m(around)) == pytest.approx(np.ptp(tilts_m(whole)), rel=1e-9)

@@ -10,6 +10,7 @@ import numpy as np
 from capslip.errors import UnusableSurfaceError
 from capslip.surface.form import floor_slopes
 from capslip.surface.heightmap import HeightMap
+from capslip.surface.noise import some_lines
 
 PARTS = 4  # of a line: fields above and below one another jump by different heights
 CLEAR = 4.0  # times what 95 % of all lines jump by: 6 standard deviations of normal jumps
@@ -54,7 +55,10 @@ class Seams:
             field_m = surface[rows.start : rows.stop, columns.start : columns.stop]
             with suppress(UnusableSurfaceError):
                 slope[:, i, j] = floor_slopes(HeightMap(field_m, (dy_m, dx_m)))
-        sizes_m = dy_m * np.diff(self.rows), dx_m * np.diff(self.columns)
+        sizes_m = tuple(
+            size_m * np.diff(edges)
+            for size_m, edges in zip(surface.pixel_size_m, self._measured, strict=True)
+        )
         area_m2 = np.outer(*sizes_m).reshape(-1)
         slope -= np.average(slope.reshape(2, -1), axis=1, weights=area_m2)[:, None, None]
         rise_m = np.abs(slope[0]) * sizes_m[0][:, None] + np.abs(slope[1]) * sizes_m[1]
@@ -65,18 +69,26 @@ class Seams:
         return slope, self.offset_m if offset_m is None else offset_m
 
     @property
+    def _measured(self) -> list[np.ndarray]:
+        """Rows and columns as far as they were measured: a margin is of no field."""
+        window = self.surface.measured_window
+        of_axes = zip((self.rows, self.columns), window, strict=True)
+        return [np.clip(edges, one.start, one.stop) for edges, one in of_axes]
+
+    @property
     def blocks(self) -> list[tuple[int, int, slice, slice]]:
         """Row and column of each field among the others, and its points."""
+        of_rows, of_columns = self._measured
         return [
             (i, j, slice(*rows), slice(*columns))
-            for i, rows in enumerate(pairwise(self.rows))
-            for j, columns in enumerate(pairwise(self.columns))
+            for i, rows in enumerate(pairwise(of_rows))
+            for j, columns in enumerate(pairwise(of_columns))
         ]
 
     def over(self, slope: np.ndarray) -> np.ndarray:
         """Return planes of slopes (y, x) about the middles of the fields, shape (ny, nx)."""
         dy_m, dx_m = self.surface.pixel_size_m
-        tilt_m = np.empty(self.surface.shape)
+        tilt_m = np.zeros(self.surface.shape)
         for i, j, rows, columns in self.blocks:
             y_m = dy_m * (np.arange(rows.start, rows.stop) - 0.5 * (rows.start + rows.stop - 1))
             x_m = dx_m * (
@@ -112,11 +124,10 @@ def find_seams(surface: HeightMap) -> Seams | None:
     >>> seams.rows.tolist(), seams.columns.tolist(), round(1e9 * seams.span_m, 3)
     ([0, 40, 80], [0, 70, 120], 30.0)
     """
-    every_y, every_x = (max(1, n // (PARTS * MOST_POINTS)) for n in surface.shape)
-    columns, rows = (
-        _seams_along(lines_m, surface.bounds_m)
-        for lines_m in (surface[::every_y].T, surface[:, ::every_x])
-    )
+    y, x = surface.measured_window
+    of_rows, of_columns = (some_lines(one, PARTS * MOST_POINTS) for one in (x, y))
+    rows = y.start + _seams_along(surface[y, of_rows], surface.bounds_m)
+    columns = x.start + _seams_along(surface[of_columns, x].T, surface.bounds_m)
     if not rows.size and not columns.size:
         return None
     ny, nx = surface.shape
@@ -168,7 +179,9 @@ def _seams_along(lines_m: np.ndarray, bounds_m: tuple[float, float]) -> np.ndarr
         return np.zeros(0, dtype=int)
     lowest_m, highest_m = bounds_m
     least_m, parts = ROUNDING * (highest_m - lowest_m), []
-    for a, b in pairwise(np.linspace(0, n_points, PARTS + 1).astype(int)):
+    for part in range(PARTS):
+        # One point that does not divide is of two parts, so that a mirrored map has the same
+        a, b = part * n_points // PARTS, -(-(part + 1) * n_points // PARTS)
         # From the middle of all heights: what float32 rounds off is a tenth of the least jump
         part_m = np.empty_like(lines_m[:, a:b], dtype=np.float32)  # turned as few bytes, later
         np.subtract(lines_m[:, a:b], 0.5 * (lowest_m + highest_m), out=part_m, casting="same_kind")
