@@ -336,7 +336,6 @@ def test_refined_heights_go_on_to_the_edge_of_the_map():
     assert np.allclose(patches.depth_m, expected_m - expected_m.min(), rtol=0, atol=1e-15)
 
 
-<<<<<<< HEAD
 @pytest.mark.parametrize("axis", [0, 1])
 def test_rough_heights_end_as_their_last_points(axis):
     """Beyond them the spline through this grooved face rises by up to its whole height."""
@@ -349,7 +348,8 @@ def test_rough_heights_end_as_their_last_points(axis):
     place = patches.places_m[1 - axis] / 1e-4
     first_m, last_m = (patches.depth_m[np.isclose(place, at)] for at in (0.25, 39.75))
     np.testing.assert_allclose(first_m - last_m[0], line_m[-1] - line_m[0], rtol=0, atol=1e-15)
-=======
+
+
 def test_refined_heights_end_with_the_face_as_with_the_map():
     """Also where there is noise, of which what goes on beyond the last points would make more."""
     surface = waves((40, 50), 3.0, noise_m=2e-8)
@@ -371,7 +371,6 @@ def test_refined_heights_end_with_the_face_as_with_the_map():
     assert found.keys() == expected.keys()
     for pixel, depths_m in expected.items():
         assert sorted(found[pixel]) == pytest.approx(sorted(depths_m), abs=1e-16)
->>>>>>> dbffffa (A face ends where its map was not measured to the edge, and at holes where nothing is: caps went on beyond, and the choice did not see it)
 
 
 @pytest.mark.parametrize(

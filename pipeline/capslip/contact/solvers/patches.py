@@ -307,8 +307,8 @@ def _refined(
     last = min(y1 + m, rows.stop), min(x1 + m, cols.stop)
     window = np.s_[first[0] : last[0], first[1] : last[1]]
     depth_m = _filled(face.depth_m[window], face.measured[window])
-    # Its ends go on as they are, as far as a map goes beyond its last point: half a pixel; of a rough
-    # face as its last points, beyond which a spline may rise by more than all of its approach.
+    # Its ends go on as they are, as far as a map goes beyond its last point: half a pixel. A rough
+    # face ends with its last points: a spline may rise by more than all of its approach beyond.
     beyond = 0.0 if max(per_pixel) <= MOST_OF_ROUGH else 0.5
     for axis, (start, end, n) in enumerate(((y0, y1, per_pixel[0]), (x0, x1, per_pixel[1]))):
         places = (np.arange(start * n, end * n) + 0.5) / n - 0.5
