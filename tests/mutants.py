@@ -86,6 +86,7 @@ TABLE = [
             *("tests/surface/test_*lifted*.py", "tests/surface/test_*outliers*.py"),
         ),
     ),
+    (("surface/heights.py",), ("tests/surface/test_*heightmap*.py",)),
     (("surface/spectrum.py",), ("tests/surface/test_*parameters*.py",)),
     (("surface/readers/*.py",), ("tests/surface/test_*readers*.py",)),
     (("surface/*.py",), ("tests/surface/test_*_{stem}.py",)),

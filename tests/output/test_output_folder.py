@@ -31,6 +31,7 @@ DATASETS = {  # every dataset beside the caps, with its unit
     **{f"zones/{name}": "" for name in ("share", "cap", "pixel", "pixel_contact", "pixel_reach")},
     **{f"zones/{name}": "N" for name in ("load_N", "contact_load_N")},
     **{f"zones/{name}": "m" for name in ("withdrawal_m", "closing_m", "radius_m")},
+    "zones/pixel_area_m2": "m^2",
     "slip/force_N": "N",
     "slip/displacement_m": "m",
     "slip/energy_J": "J",

@@ -7,7 +7,8 @@ import pytest
 
 from capslip.errors import SettingsError, UnusableSurfaceError
 from capslip.surface.conditioning import condition
-from capslip.surface.heightmap import SMALL, HeightMap
+from capslip.surface.heightmap import HeightMap
+from capslip.surface.heights import SMALL
 
 SIDE, PIXEL_M = 1500, (1e-5, 2e-5)
 

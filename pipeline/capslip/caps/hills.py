@@ -16,7 +16,8 @@ from capslip.caps.pruning import MIN_POINTS, Basins, automatic_pruning_m, change
 from capslip.caps.separation import ChangeTree, change_tree, region_tree
 from capslip.errors import SettingsError, UnusableSurfaceError
 from capslip.surface.form import ROUNDING
-from capslip.surface.heightmap import HeightMap, Heights, index_type
+from capslip.surface.heightmap import HeightMap, Heights
+from capslip.surface.heights import index_type
 from capslip.surface.noise import noise_of_map_m
 from capslip.surface.outline import between
 from capslip.surface.rows import BLOCK_POINTS, row_blocks

@@ -11,11 +11,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from capslip.errors import SettingsError, UnusableSurfaceError, check_kind
+from capslip.surface.heights import SMALL, ends_m, lost_of, stored_of
 from capslip.surface.outline import outside_of, window_of
 from capslip.surface.rows import BLOCK_POINTS, row_blocks
 
-MOST_OF_FEW_BYTES = 2**30  # points of a map, with a frame around it too
-SMALL = 2**21  # points of a map whose heights are computed once and kept
 OF_LOST = "measured_window", "outside", "ends_within"  # kept as long as the same points lack
 
 
@@ -179,7 +178,7 @@ class HeightMap:
     def __post_init__(self) -> None:
         given = self.__dict__.pop("height_m")
         name = self.origin.name
-        stored_m = _stored_of(given, name)
+        stored_m = stored_of(given, name)
         if stored_m.ndim != 2 or min(stored_m.shape) < 3:
             raise UnusableSurfaceError(
                 f"{name}: heights have shape {stored_m.shape}; expected two axes of at least 3 "
@@ -200,7 +199,7 @@ class HeightMap:
             if not 0.0 < self.noise_m < np.inf:
                 got = f"{name}: noise of {self.noise_m:g} m"
                 raise SettingsError(f"{got}; expected a positive number")
-        self._hold(stored_m, _lost_of(stored_m, name), None)
+        self._hold(stored_m, lost_of(stored_m, name), None)
         self.__dict__["pixel_size_m"] = (dy_m, dx_m)
 
     def _hold(self, stored_m: np.ndarray, lost: np.ndarray, added: "_Added | None") -> None:
@@ -386,8 +385,8 @@ class HeightMap:
     @cached_property
     def bounds_m(self) -> tuple[float, float]:
         """Least and greatest height; NaN where nothing was measured."""
-        ends_m = np.array([_ends_m(self[rows]) for rows in row_blocks(self.shape)])
-        return float(np.fmin.reduce(ends_m[:, 0])), float(np.fmax.reduce(ends_m[:, 1]))
+        of_rows_m = np.array([ends_m(self[rows]) for rows in row_blocks(self.shape)])
+        return float(np.fmin.reduce(of_rows_m[:, 0])), float(np.fmax.reduce(of_rows_m[:, 1]))
 
     @property
     def n_measured(self) -> int:
@@ -452,50 +451,6 @@ class _Added:
     products: tuple[tuple[np.ndarray, np.ndarray], ...]  # of (ny,) and (nx,)
 
 
-def _ends_m(height_m: np.ndarray) -> tuple[float, float]:
-    low_m, high_m = height_m.min(), height_m.max()  # several times as fast as those without NaN
-    if np.isnan(low_m):
-        low_m, high_m = np.fmin.reduce(height_m, axis=None), np.fmax.reduce(height_m, axis=None)
-    return low_m, high_m
-
-
-def _stored_of(given: Any, name: str) -> np.ndarray:
-    """Return heights that nobody else can write to; what a mask hides was not measured."""
-    try:
-        given = np.asanyarray(given)
-        if given.dtype.kind in "cmM":
-            raise TypeError(f"they are of type {given.dtype}")
-        kept = np.float32 if given.dtype == np.float32 else np.float64
-        if isinstance(given, np.ma.MaskedArray):
-            given = np.ma.filled(given.astype(kept), np.nan)
-        stored_m = np.ascontiguousarray(given, dtype=kept)
-    except (TypeError, ValueError) as error:
-        raise UnusableSurfaceError(
-            f"{name}: heights are no real numbers on a grid ({error}); expected an array of two "
-            "axes"
-        ) from None
-    if stored_m.flags.writeable and np.may_share_memory(stored_m, given):
-        stored_m = stored_m.copy()
-    stored_m.flags.writeable = False
-    return stored_m
-
-
-def _lost_of(stored_m: np.ndarray, name: str) -> np.ndarray:
-    """Return the points that were not measured; refuse infinite ones."""
-    found, infinite, nx = [], 0, stored_m.shape[1]
-    for rows in row_blocks(stored_m.shape):
-        finite = np.isfinite(stored_m[rows])
-        if not finite.all():
-            infinite += int(np.count_nonzero(np.isinf(stored_m[rows])))
-            found.append(np.flatnonzero(~finite) + rows.start * nx)
-    if infinite:
-        raise UnusableSurfaceError(
-            f"{name}: {infinite} infinite heights; expected finite "
-            "heights or NaN for non-measured points; mark them as non-measured"
-        )
-    return np.concatenate([np.empty(0, dtype=np.intp), *found]).astype(index_type(stored_m.size))
-
-
 def check_map(name: str, surface: object) -> None:
     """Refuse an argument that is no map."""
     expected = (
@@ -511,11 +466,6 @@ def check_maps(scans: object) -> None:
     assert isinstance(scans, Sequence)
     for i, one in enumerate(scans):
         check_map(f"scans[{i}]", one)
-
-
-def index_type(n_points: int) -> type:
-    """Return the numbers that count the points of a map: of large ones those of fewer bytes."""
-    return np.int32 if SMALL < n_points < MOST_OF_FEW_BYTES else np.intp
 
 
 Heights = np.ndarray | HeightMap  # what gives some of its heights when it is asked for them

@@ -68,6 +68,10 @@ OF_SCANS = (
     "close together, by dp over that stiffness; the displacement at gross slip is that of the one "
     "that goes last."
 )
+APPROACH, RECOVERY = (
+    "the approach of the faces from first touch",
+    "what the faces recover on unloading",
+)
 BY_BOTH = ("displacement_m", "shear_Pa", "loss_J_per_m2")
 LIGHTER = (0.5, 0.25)  # shares of the pressure of the scan under which it may lie otherwise
 DECKS = {"calculix": "law_calculix.inp", "abaqus": "law_abaqus.inp"}
@@ -231,11 +235,7 @@ def about(
         "reached for the first time, and unload and slip elastically: the closure and its "
         "stiffness are those of unloading, and a face that bore more before is stiffer. "
     )
-    closure = (
-        "the approach of the faces from first touch"
-        if found.hardness_Pa is None
-        else "what the faces recover on unloading"
-    )
+    closure = APPROACH if found.hardness_Pa is None else RECOVERY
     scanned = (
         f"scan of {found.area_m2:.6g} m2"
         if found.scans == 1
