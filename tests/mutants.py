@@ -87,6 +87,7 @@ TABLE = [
         ),
     ),
     (("surface/heights.py",), ("tests/surface/test_*heightmap*.py",)),
+    (("surface/shifts.py",), ("tests/surface/test_*mating*.py", "tests/surface/test_*average*.py")),
     (("surface/spectrum.py",), ("tests/surface/test_*parameters*.py",)),
     (("surface/readers/*.py",), ("tests/surface/test_*readers*.py",)),
     (("surface/*.py",), ("tests/surface/test_*_{stem}.py",)),

@@ -251,6 +251,45 @@ def test_finer_pixels_are_smoothed_to_two_of_the_first_and_equal_ones_are_left(
         assert both.std() < 0.97 * wave_m.std()
 
 
+LONG_M = (1e-4, 1e-5)  # pixels ten times as long along y
+
+
+def laid_wave_m(wavelength_m, along, shape, pixel_m, rotation_rad):
+    """Return the rms of a wave of 1 m of the second face on a first one of long pixels."""
+    place_m = (np.arange(shape[along]) + 0.5) * pixel_m[along]
+    wave = np.sin(2.0 * np.pi * place_m / wavelength_m)
+    height_m = np.broadcast_to(wave[:, None] if along == 0 else wave, shape)
+    first = HeightMap(np.zeros((100, 1000)), LONG_M)
+    second = HeightMap(height_m, pixel_m)
+    laid = place(first, second, rotation_rad=rotation_rad)
+    return np.sqrt(2.0) * np.nanstd(composite_surface(first, second, laid).height_m)
+
+
+@pytest.mark.parametrize("turn", [0, 1, 2, 3])
+def test_a_turned_face_is_smoothed_along_the_long_side_of_the_pixels_of_the_first(turn):
+    """On x of the first a wave of ten pixels stays; on y it has the length of one and goes."""
+    for along in (0, 1):
+        on_x = (along == 1) == (turn % 2 == 0)
+        left = laid_wave_m(1.1e-4, along, (1000, 1000), (1e-5, 1e-5), turn * np.pi / 2)
+        expected = 1.0 if on_x else 2.0 ** -((2e-4 / 1.1e-4) ** 2)
+        assert left == pytest.approx(expected, abs=0.02)
+
+
+def test_faces_of_the_same_long_pixels_across_each_other_show_no_false_wave():
+    left = laid_wave_m(1.1e-4, 1, (100, 1000), LONG_M, np.pi / 2)
+    assert left == pytest.approx(2.0 ** -((2e-4 / 1.1e-4) ** 2), abs=0.03)
+    assert laid_wave_m(1.1e-4, 1, (100, 1000), LONG_M, 0.0) == pytest.approx(1.0, abs=0.02)
+
+
+def test_a_turn_brings_as_much_smoothing_as_the_pixels_of_the_first_lean():
+    """A Gaussian leaves 2^-(nesting index / wavelength)^2, of the parts of a pixel on an axis."""
+    for rotation_rad in (0.05, 0.1, 0.3, 1.2):
+        seen_m = np.hypot(1e-5 * np.cos(rotation_rad), 1e-4 * np.sin(rotation_rad))
+        left = laid_wave_m(8e-4, 1, (1000, 1000), (1e-5, 1e-5), rotation_rad)
+        unturned = laid_wave_m(8e-4, 1, (1000, 1000), (1e-5, 1e-5), 0.0)
+        assert left == pytest.approx(unturned * 2.0 ** -((2.0 * seen_m / 8e-4) ** 2), abs=0.02)
+
+
 @pytest.mark.parametrize("way", ["composite", "together"])
 @pytest.mark.parametrize(
     ("one", "other", "both"),

@@ -14,8 +14,8 @@ from capslip.surface.doubts import HIGHEST_SHARE, refuse_absurd
 from capslip.surface.filling import from_nearest
 from capslip.surface.form import remove_form
 from capslip.surface.heightmap import HeightMap, check_maps
-from capslip.surface.mating import match_by_shift
 from capslip.surface.noise import MEDIAN_OF_NORMAL, white_noise_of_scans_m
+from capslip.surface.shifts import match_by_shift
 from capslip.units import percent
 
 BLOCKS = (16, 4, 1)  # pixels along each side, over which heights are averaged to find the place

@@ -13,6 +13,7 @@ from capslip.surface.filters import smooth
 from capslip.surface.form import floor_slopes, remove_form
 from capslip.surface.heightmap import Filling, HeightMap, Rounding, Tops
 from capslip.surface.resampling import resample
+from capslip.surface.shifts import LEAST_OVERLAP, match_by_shift
 from capslip.surface.tops import joined_tops, without_lost_tops
 from capslip.units import percent
 
@@ -20,7 +21,6 @@ Mirror = Literal["x", "y"]
 Align = Literal["given", "least_squares"]
 Way = Literal["composite", "together"]
 LEAST_MEASURED = 0.5
-LEAST_OVERLAP = 0.5
 LEAST_OF_SECOND = 0.03  # a face a hundred times as large as its mate may be in another unit
 LEAST_TO_PRESS = 0.05  # covered by less, a face says nothing of the joint
 LEAST_MATCH = 0.5
@@ -353,21 +353,36 @@ def _turn(placement: Placement) -> np.ndarray:
     return np.array([[cosine, sine], [-sine, cosine]]) * sign
 
 
+def _to_second(
+    first: HeightMap, second: HeightMap, placement: Placement
+) -> tuple[np.ndarray, np.ndarray]:
+    """Matrix and offset from pixels of the first face to those of the second."""
+    size_m, own_m = np.array(first.pixel_size_m), np.array(second.pixel_size_m)
+    back = _turn(placement).T
+    corner_m = 0.5 * size_m - placement.middle_m - placement.offset_m
+    offset = (back @ corner_m + placement.second_middle_m) / own_m - 0.5
+    return back * size_m / own_m[:, None], offset
+
+
+def _finer(matrix: np.ndarray) -> np.ndarray:
+    """Nesting indices in pixels of the second face along its axes, 0 where it is not finer.
+
+    Of a Gaussian along the axes of the first face its variances along those of the second.
+    """
+    ratio = np.hypot(*matrix.T)
+    return np.where(ratio > FINER, 2.0 * ratio, 0.0)
+
+
 def _laid(first: HeightMap, second: HeightMap, placement: Placement) -> np.ndarray:
     """Heights of the second face at the points of the first, NaN beside it."""
     from scipy.ndimage import affine_transform
 
-    finer = [
-        2.0 * size_m if size_m > FINER * own_m else 0.0
-        for size_m, own_m in zip(first.pixel_size_m, second.pixel_size_m, strict=True)
-    ]
-    z = smooth(second, *finer) if any(finer) else second.height_m
-    size_m, own_m = np.array(first.pixel_size_m), np.array(second.pixel_size_m)
-    back = _turn(placement).T
-    corner_m = 0.5 * size_m - placement.middle_m - placement.offset_m
+    matrix, offset = _to_second(first, second, placement)
+    index_m = _finer(matrix) * second.pixel_size_m
+    z = smooth(second, *index_m) if any(index_m) else second.height_m
     options = {
-        "matrix": back * size_m / own_m[:, None],
-        "offset": (back @ corner_m + placement.second_middle_m) / own_m - 0.5,
+        "matrix": matrix,
+        "offset": offset,
         "output_shape": first.shape,
         "order": 1,
         "mode": "grid-constant",
@@ -419,40 +434,6 @@ def _coarsened(surface: HeightMap, pixel_m: float) -> HeightMap:
         for n, side_m in zip(surface.shape, surface.side_m, strict=True)
     )
     return resample(surface, (ny, nx))
-
-
-def match_by_shift(first_m: np.ndarray, second_m: np.ndarray) -> np.ndarray:
-    """Return how well the faces match for every shift of the second, -inf without overlap.
-
-    The match is 1 - var(h1 + h2) / (var h1 + var h2) over the overlap: least squares, made
-    independent of how rough the overlap is.
-    """
-    from scipy import fft
-
-    shape = [
-        fft.next_fast_len(n + m, real=True)
-        for n, m in zip(first_m.shape, second_m.shape, strict=True)
-    ]
-
-    def waves(z: np.ndarray, conjugate: bool) -> list[np.ndarray]:
-        known = ~np.isnan(z)
-        z = np.where(known, (z - np.mean(z[known])) / np.std(z[known]), 0.0)
-        transforms = [fft.rfft2(part, shape) for part in (known.astype(float), z, z * z)]
-        return [np.conj(wave) for wave in transforms] if conjugate else transforms
-
-    scale = np.nanstd(first_m), np.nanstd(second_m)
-    (w1, z1, q1), (w2, z2, q2) = waves(first_m, False), waves(second_m, True)
-    n, s1, s2, ss1, ss2, s12 = (
-        fft.irfft2(product, shape)
-        for product in (w1 * w2, z1 * w2, w1 * z2, q1 * w2, w1 * q2, z1 * z2)
-    )
-    enough = n >= LEAST_OVERLAP * min(np.sum(~np.isnan(first_m)), np.sum(~np.isnan(second_m)))
-    n = np.where(enough, n, 1.0)
-    s1, s2 = s1 / n, s2 / n
-    variance = scale[0] ** 2 * (ss1 / n - s1**2) + scale[1] ** 2 * (ss2 / n - s2**2)
-    covariance = scale[0] * scale[1] * (s12 / n - s1 * s2)
-    variance = np.where(enough & (variance > 0.0), variance, 1.0)
-    return np.where(enough, -2.0 * covariance / variance, -np.inf)
 
 
 def _refined(first: HeightMap, second: HeightMap, start: Placement) -> Placement:
