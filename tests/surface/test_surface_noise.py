@@ -103,3 +103,30 @@ def test_two_faces_have_the_same_noise_whether_their_files_say_it_or_the_setting
         known_m.append(known_noise_m(surface, settings))
         assert elastic_face(surface, 1e11).faces == scans
     assert known_m == pytest.approx([2e-9 * np.sqrt(scans)] * 3, rel=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("shape", "pixel_m", "laid"),
+    [
+        ((1200, 1600), (2.5e-5, 2.5e-5), {}),  # a tenth is left
+        ((600, 480), (5e-5, 1e-4), {}),  # finer along one axis alone
+        ((520, 640), (8e-5, 7e-5), {}),
+        ((240, 320), (1.3e-4, 1.3e-4), {}),  # coarser: interpolated alone
+        ((300, 400), (1e-4, 1e-4), {"offset_m": (5e-5, 2e-5)}),
+        ((300, 400), (1e-4, 1e-4), {"rotation_rad": 0.3}),
+        ((1000, 900), (3e-5, 9e-5), {"rotation_rad": 1.3}),
+        ((1000, 600), (3e-5, 6e-5), {"rotation_rad": np.pi / 2}),
+    ],
+)
+def test_a_sum_has_the_noise_that_its_second_face_keeps_on_the_grid_of_the_first(
+    shape, pixel_m, laid
+):
+    rng = np.random.default_rng(0)
+    first, second = (
+        HeightMap(noise_m * rng.standard_normal(n), size_m, noise_m=noise_m)
+        for n, size_m, noise_m in (((300, 400), (1e-4, 1e-4), 1e-9), (shape, pixel_m, 1e-8))
+    )
+    both = composite_surface(first, second, place(first, second, **laid))
+    assert both.noise_m == pytest.approx(np.nanstd(both.height_m), rel=0.012)
+    swapped = replace(first, noise_m=None), second
+    assert composite_surface(*swapped, place(*swapped, **laid)).noise_m is None

@@ -12,6 +12,7 @@ from capslip.surface.conditioning import Conditioned, sq_and_sz_m
 from capslip.surface.filters import smooth
 from capslip.surface.form import floor_slopes, remove_form
 from capslip.surface.heightmap import Filling, HeightMap, Rounding, Tops
+from capslip.surface.noise import noise_left
 from capslip.surface.resampling import resample
 from capslip.surface.shifts import LEAST_OVERLAP, match_by_shift
 from capslip.surface.tops import joined_tops, without_lost_tops
@@ -184,7 +185,7 @@ def composite_surface(
         tops=_tops(first, second, placement),
         filling=_filling(first, second),
         rounding=_rounding(first, second),
-        noise_m=_noise_m(first, second),
+        noise_m=_noise_m(first, second, placement),
         faces=first.faces + second.faces,
     )
     return without_lost_tops(remove_form(both, robust=robust, floor=floor)[0])
@@ -223,11 +224,14 @@ def _rounding(first: HeightMap, second: HeightMap) -> Rounding | None:
     return Rounding(max(one.step_m for one in both), error_m, smoothed)
 
 
-def _noise_m(first: HeightMap, second: HeightMap) -> float | None:
+def _noise_m(first: HeightMap, second: HeightMap, placement: Placement) -> float | None:
     """Return the noise of the sum of two maps, where both say theirs."""
     if first.noise_m is None or second.noise_m is None:
         return None
-    return math.hypot(first.noise_m, second.noise_m)
+    matrix, offset = _to_second(first, second, placement)
+    row, column = np.ogrid[: first.shape[0], : first.shape[1]]
+    places = (y * row + x * column + at for (y, x), at in zip(matrix, offset, strict=True))
+    return math.hypot(first.noise_m, second.noise_m * noise_left(places, _finer(matrix)))
 
 
 def mate(

@@ -7,11 +7,12 @@ several points, which only stencils of wider spacing see (`capslip.caps.noise`).
 """
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from capslip.surface.filters import REACH_SIGMA, SIGMA_PER_NESTING_INDEX
 from capslip.surface.heightmap import HeightMap, Heights
 
 if TYPE_CHECKING:
@@ -87,6 +88,37 @@ def white_noise_of_scans_m(noise_m: np.ndarray, here: np.ndarray) -> float | Non
     if np.count_nonzero(~np.isnan(difference_m)) < ENOUGH:
         return None
     return math.sqrt(n / (n - 1.0)) * rms_of_noise_m(difference_m)
+
+
+def noise_left(place: Iterable[np.ndarray], nesting_index: Iterable[float]) -> float:
+    """Return the rms left of white noise of rms 1 that is smoothed, then interpolated linearly.
+
+    Weights w of a sum leave the root of sum w^2; a straight line between two neighbours sees what
+    these share as well.
+
+    Parameters
+    ----------
+    place : iterable of ndarray
+        Where it is interpolated along each axis, in pixels; their shapes broadcast.
+    nesting_index : iterable of float
+        Of the Gaussian along each axis, in pixels; 0 leaves that axis as it is.
+
+    Examples
+    --------
+    >>> middles = np.array([0.5])
+    >>> round(noise_left((middles, middles), (0.0, 0.0)), 12)  # means of four points
+    0.5
+    """
+    left = np.ones(1)
+    for at, index in zip(place, nesting_index, strict=True):
+        sigma = SIGMA_PER_NESTING_INDEX * index
+        reach = math.ceil(REACH_SIGMA * sigma) + 1
+        weight = np.exp(-0.5 * (np.arange(-reach, reach + 1) / max(sigma, 1e-3)) ** 2)
+        weight /= weight.sum()
+        alone, shared = weight @ weight, weight[1:] @ weight[:-1]
+        share = at - np.floor(at)
+        left = left * (alone - 2.0 * share * (1.0 - share) * (alone - shared))
+    return math.sqrt(left.mean())
 
 
 def on_lattice(place: np.ndarray, n: int, every: int) -> np.ndarray:
