@@ -50,7 +50,22 @@ SETTING = {  # what an option of an analysis stands for
     "workers": "run.workers",
 }
 PATH = click.Path(path_type=Path)
-SHARE = click.FloatRange(0.0, 1.0)
+
+
+class _Range(click.FloatRange):
+    """A range that nan, which is neither below nor above it, does not lie in."""
+
+    def convert(
+        self, value: Any, param: click.Parameter | None, ctx: click.Context | None
+    ) -> float:
+        """Read a number."""
+        number: float = super().convert(value, param, ctx)
+        if number != number:
+            self.fail(f"{value} is not in the range {self.min}<=x<={self.max}.", param, ctx)
+        return number
+
+
+SHARE = _Range(0.0, 1.0)
 
 
 def _options(*options: Any) -> Callable[[Any], Any]:

@@ -4,6 +4,7 @@ import json
 import os
 import re
 
+import click
 import msgspec
 import numpy as np
 import pytest
@@ -52,11 +53,29 @@ def test_a_limit_is_a_finite_number_above_zero_or_none(value):
 
 
 @pytest.mark.parametrize("option", ["--load", "--force"])
-@pytest.mark.parametrize("share", [-0.1, 1.5])
+@pytest.mark.parametrize("share", [-0.1, 1.5, "nan", "-NaN"])
 def test_no_more_than_the_preload_and_the_force_at_gross_slip_is_looked_at(option, share, tmp_path):
     ran = run("inspect", tmp_path, option, share)
     assert ran.exit_code == 2
-    assert "is not in the range 0.0<=x<=1.0" in ran.stderr
+    assert ran.stderr.startswith(
+        f"error: Invalid value for '{option}': {share} is not in the range"
+    )
+    assert "0.0<=x<=1.0" in ran.stderr
+    assert ran.stderr.count("\n") == 1
+
+
+def test_every_range_of_an_option_is_one_that_nan_is_outside_of():
+    ranges = {
+        option.type
+        for command in main.commands.values()
+        for option in command.params
+        if isinstance(option.type, click.FloatRange)
+    }
+    assert ranges
+    for one in ranges:
+        assert one.convert("0.5", None, None) == 0.5
+        with pytest.raises(click.BadParameter, match="nan is not in the range"):
+            one.convert("nan", None, None)
 
 
 def test_init_config_writes_the_defaults_once(tmp_path):
