@@ -94,6 +94,11 @@ def _in_one_line(ctx: click.Context) -> Iterator[None]:
     except click.UsageError as error:
         said = " ".join(error.format_message().split()).rstrip(".")
         raise _Failure(SettingsError(f"{said} (see {ctx.command_path} --help)")) from error
+    except OSError as error:  # of the help or the version, which are said while words are taken
+        lost = _lost(sys.stdout, error)
+        if lost is None:
+            ctx.exit()
+        raise _Failure(CapslipError(in_one_line(lost))) from error
 
 
 class _Command(click.Command):
@@ -205,11 +210,19 @@ def _echo(text: str, err: bool = False, only_copy: bool = False) -> None:
     try:
         click.echo(text, err=err)
     except OSError as error:
-        null = os.open(os.devnull, os.O_WRONLY)
-        os.dup2(null, stream.fileno())
-        os.close(null)
-        if only_copy and not isinstance(error, BrokenPipeError):
-            raise OSError(error.errno, error.strerror, "stdout") from error
+        lost = _lost(stream, error)
+        if only_copy and lost is not None:
+            raise lost from error
+
+
+def _lost(stream: Any, error: OSError) -> OSError | None:
+    """Leave a lost stream alone, and return what to say of it, None where nobody reads any more."""
+    null = os.open(os.devnull, os.O_WRONLY)
+    os.dup2(null, stream.fileno())
+    os.close(null)
+    if isinstance(error, BrokenPipeError):
+        return None
+    return OSError(error.errno, error.strerror, "stdout")
 
 
 class Progress:

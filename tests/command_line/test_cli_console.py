@@ -224,6 +224,19 @@ def test_a_full_disk_is_told_where_it_takes_what_was_asked_for(tmp_path):
     assert (ran.returncode, ran.stderr) == (0, b"")
 
 
+@pytest.mark.parametrize(
+    "arguments", [("--help",), ("--version",), ("analyze", "-h"), ("init-config", "--help")]
+)
+def test_help_and_version_on_a_full_disk_are_an_error_of_one_line(tmp_path, arguments):
+    ran = redirected(">/dev/full", *arguments, cwd=tmp_path)
+    assert ran.returncode == 1
+    assert ran.stderr == b"error: stdout: No space left on device\n"
+    for how in (">&-", "| true; exit ${PIPESTATUS[0]}", ">/dev/full 2>&1"):
+        ran = redirected(how, *arguments, cwd=tmp_path)
+        assert (ran.returncode, ran.stderr) == (int("full" in how), b"")
+    assert not any(tmp_path.iterdir())
+
+
 def test_no_file_takes_the_number_of_a_closed_stream(tmp_path):
     code = (
         "import sys; from capslip.console import open_streams; open_streams(); "
