@@ -8,15 +8,27 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from output_cases import coarse, two_faces
+from output_cases import several as several_of
 
 from browser import ask, needs_chromium
+from capslip.analysis import analyze_once
 from capslip.caps.table import CapFlag, CapTable
 from capslip.output import report
 from capslip.output.figures import FIGURES, OF_JOINT
-from capslip.output.methods import OF_MAP, OF_YIELD, citation, methods_paragraph, references
+from capslip.output.methods import (
+    OF_MAP,
+    OF_YIELD,
+    citation,
+    conditioned,
+    methods_paragraph,
+    references,
+)
 from capslip.output.report import DASH, OF_SCANS, SCATTER, write_report
 from capslip.problems import Problem
 from capslip.result import JointOfScans
+from capslip.settings import load_settings
+from capslip.surface.heightmap import Origin
 
 NBSP = "\u00a0"
 SUMMARY = {
@@ -145,8 +157,10 @@ def test_no_text_calls_a_load_constant_that_oscillates(several, tmp_path):
         slip = next(one for one in report._limits(summary) if one.startswith("Slip follows"))
         assert ("a constant preload" in slip) == constant
         assert ("a normal load that oscillates" in slip) != constant
-        assert ("by Masing's rule" in methods_paragraph(summary)) == constant
-        assert ("a normal load that oscillates" in methods_paragraph(summary)) != constant
+        assert ("by Masing's rule" in methods_paragraph(summary, several.settings)) == constant
+        assert (
+            "a normal load that oscillates" in methods_paragraph(summary, several.settings)
+        ) != constant
         figures = report._figures(several, summary, tmp_path, None)
         captions = {one["name"]: one["caption"] for one in figures}
         assert ("constant preload" in captions["slip_loop"]) == constant
@@ -325,7 +339,11 @@ def test_what_is_to_be_pasted_is_under_its_head(several, tmp_path):
     page = write_report(several, summary, tmp_path, None).read_text("utf-8")
     page = unescape(page).replace(NBSP, " ")
     after = page.partition("Methods, to paste")[2]
-    marks = [methods_paragraph(summary)[:60], *references(summary), citation(summary)[:40]]
+    marks = [
+        methods_paragraph(summary, several.settings)[:60],
+        *references(summary),
+        citation(summary)[:40],
+    ]
     marks.append("preload_N = 150.0")
     places = [after.index(one) for one in marks]
     assert places == sorted(places)
@@ -340,3 +358,109 @@ def test_the_paper_of_the_solver_is_named_where_a_map_was_pressed_and_of_yield_w
     assert [one for one in found("interacting", 1e9) if one not in of_caps] == list(OF_YIELD)
     assert set(found("boundary_elements", 1e9)) == {*of_caps, *OF_MAP, *OF_YIELD}
     assert found(None, None) == of_caps
+
+
+REGIONS = "Hills above the cut are its connected regions (eight neighbours), not pruned, and 5 sph"
+WATERSHED = "were separated by a watershed, where those that rise by less than "
+FILTER = "taken off by an areal Gaussian filter (ISO 16610-61) with a nesting index of"
+
+
+@pytest.mark.parametrize(
+    ("overrides", "said"),
+    [
+        (("hills.separation=regions",), [REGIONS]),
+        ((), [WATERSHED, "nm (from the map) above", "the form removed was none. Hills"]),
+        (("hills.pruning_height_m=3e-9",), [WATERSHED + "3 nm (given) above"]),
+        (("hills.pruning_percent_Sz=5.0",), [WATERSHED, "(5 % of Sz) above"]),
+        (
+            ("conditioning.s_filter_nesting_index_m=2e-3",),
+            [f"none; short waves were {FILTER} 2 mm. H"],
+        ),
+        (
+            ("conditioning.l_filter_nesting_index_m=1.5e-2",),
+            [f"none; long waves were {FILTER} 15 mm."],
+        ),
+        (
+            ("conditioning.edge_trim_m=7e-4",),
+            ["; 2 columns and 2 rows were cut off at each edge; the"],
+        ),
+        (("conditioning.resample_to=[45, 70]",), ["; heights were resampled to 70 x 45 points."]),
+        (
+            ("conditioning.form=polynomial", "conditioning.form_degree=3"),
+            ["polynomial of degree 3."],
+        ),
+        (("conditioning.form=plane", "conditioning.form_robust=true"), ["plane, fitted robustly."]),
+        (("conditioning.form=plane", "conditioning.form_floor=true"), ["to the lowest third."]),
+    ],
+)
+def test_methods_say_what_was_done_to_the_map_and_nothing_else(overrides, said):
+    surface = coarse(several_of().surface, 4)
+    surface = replace(surface, height_m=np.where(np.isnan(surface.height_m), 0.0, surface.height_m))
+    settings = load_settings(
+        overrides=(
+            "contact.preload_N=150",
+            "contact.model=caps",
+            "conditioning.form=none",
+            "conditioning.outliers=none",
+            *overrides,
+        )
+    )
+    text = methods_paragraph(analyze_once(surface, settings).summary(), settings)
+    assert "A scan of 75 x 50 points at 400 µm x 400 µm was analysed with capslip" in text
+    assert all(one in text for one in said)
+    for one in (REGIONS[:40], WATERSHED, "short waves", "long waves", "cut off at", "resampled"):
+        assert (one in text) == (
+            any(one in other for other in said) or (one == WATERSHED and REGIONS not in said)
+        )
+    assert not any(
+        one in text for one in ("its mate", "second", "both", "outliers", "filled", "tops")
+    )
+
+
+def test_methods_name_the_steps_that_the_map_itself_called_for():
+    steps = [
+        {"step": "edge_trim", "points": [3, 5]},
+        {"step": "tops", "points": 9, "restored": 2, "left": 1},
+        {"step": "rounding", "step_m": 1e-9, "error_m": 1e-10, "smoothed": True},
+        {"step": "outliers", "rule": "isolated", "removed": 7},
+        {"step": "filling", "points": 12},
+        {"step": "level", "tilt_rad": [0.0, 0.0]},
+    ]
+    said = [
+        "5 columns and 3 rows were cut off at each edge",
+        "2 tops that the range of the sensor had cut off were put back",
+        "stored steps of 1 nm were smoothed",
+        "7 points were removed as outliers",
+        "12 points between measured ones were filled",
+    ]
+    assert conditioned(steps) == "; ".join(said)
+    steps[1]["restored"], steps[2]["smoothed"], steps[3]["removed"] = 0, False, 0
+    assert conditioned(steps) == f"{said[0]}; {said[4]}"
+
+
+@pytest.mark.parametrize("align", ["given", "least_squares"])
+@pytest.mark.parametrize("way", ["composite", "together"])
+def test_methods_of_two_faces_name_the_second_and_what_was_made_of_both(way, align):
+    first, settings = two_faces().surface, two_faces().settings
+    second = replace(first, height_m=first.height_m[::-1, ::-1], origin=Origin(name="other.x3p"))
+    settings = load_settings(
+        overrides=(
+            *("contact.preload_N=150", "contact.model=caps", "conditioning.form=none"),
+            *(f"mating.way={way}", f"mating.align={align}", "mating.offset_m=[1e-3, 2e-3]"),
+            *("mating.rotation_rad=0.01", "conditioning.s_filter_nesting_index_m=2e-3"),
+        )
+    )
+    analysis = analyze_once(first, settings, second)
+    text = methods_paragraph(analysis.summary(), settings)
+    assert "A scan of 75 x 50 points at 400 µm x 400 µm was analysed with its mate" in text
+    assert (
+        f"Of the second scan, other.x3p: the form removed was none; short waves were {FILTER}"
+        in text
+    )
+    given = "mirrored in x, turned by 0.573 degrees and shifted by 2 mm along x and 1 mm along y;"
+    assert (given in text) == (align == "given")
+    assert ("where the sum of both varies least" in text) == (align == "least_squares")
+    assert ("the heights of both were added" in text) == (way == "composite")
+    assert ("the caps of both were counted" in text) == (way == "together")
+    assert ("spherical caps of both faces were fitted" in text) == (way == "together")
+    assert ("(from the map, of the first)" in text) == (way == "together")

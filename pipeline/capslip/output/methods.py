@@ -1,11 +1,16 @@
 """What a paper would say of an analysis: a paragraph on the methods, references and a citation."""
 
-from typing import Any
+import math
+from collections.abc import Callable, Iterable
+from typing import TYPE_CHECKING, Any
 
 from capslip.contact.rung import rung
 from capslip.output.lead import oscillates
 from capslip.output.quantity import engineering
 from capslip.units import percent
+
+if TYPE_CHECKING:
+    from capslip.settings import HillSettings, Settings
 
 REFERENCES = (  # of docs/theory.md
     "Peyret, N., Chevallier, G., Dion, J.-L., Dynamic Damping in Joints: Multiscale Model Taking "
@@ -22,7 +27,38 @@ OF_YIELD = (
 )
 
 
-def methods_paragraph(summary: dict[str, Any]) -> str:
+STEPS: dict[str, Callable[[dict[str, Any]], str]] = {  # of conditioning; "" where nothing was done
+    "edge_trim": lambda step: (
+        f"{step['points'][1]} columns and {step['points'][0]} rows were cut off at each edge"
+    ),
+    "tops": lambda step: (
+        f"{step['restored']} tops that the range of the sensor had cut off were put back"
+        if step["restored"]
+        else ""
+    ),
+    "rounding": lambda step: (
+        f"stored steps of {engineering(step['step_m'], 'm')} were smoothed"
+        if step["smoothed"]
+        else ""
+    ),
+    "form": lambda step: (
+        f"the form removed was {_form(step)}"
+        f"{', fitted to the lowest third' if step['floor'] else ''}"
+        f"{', fitted robustly' if step['robust'] else ''}"
+    ),
+    "outliers": lambda step: (
+        f"{step['removed']} points were removed as outliers" if step["removed"] else ""
+    ),
+    "filling": lambda step: f"{step['points']} points between measured ones were filled",
+    "s_filter": lambda step: f"short waves were taken off by {_filter(step)}",
+    "l_filter": lambda step: f"long waves were taken off by {_filter(step)}",
+    "resampling": lambda step: (
+        f"heights were resampled to {step['shape'][1]} x {step['shape'][0]} points"
+    ),
+}
+
+
+def methods_paragraph(summary: dict[str, Any], settings: "Settings") -> str:
     """Return what was done, with the numbers that make it repeatable."""
     surface, contact, slip = (summary[name] for name in ("surface", "contact", "slip"))
     version, sha = summary["provenance"]["version"], summary["provenance"]["settings_sha256"]
@@ -37,12 +73,16 @@ def methods_paragraph(summary: dict[str, Any]) -> str:
             "Ciavarella and Jaeger, cycles by Masing's rule."
         )
     (ny, nx), (dy_m, dx_m) = surface["shape"], surface["pixel_size_m"]
+    mating = next((step for step in surface["steps"] if step["step"] == "mating"), None)
+    of_both = mating is not None and mating["way"] == "together"
     found = [
         f"A scan of {nx} x {ny} points at {engineering(dx_m, 'm', 4)} x "
-        f"{engineering(dy_m, 'm', 4)} was analysed with capslip {version} (settings {sha[:12]}); "
-        f"the form removed was {str(surface['form']).replace('_', ' ')}.",
-        f"Hills above the cut were separated by a watershed whose saddles are pruned at the noise, "
-        f"and {summary['hills']['caps']} spherical caps were fitted.",
+        f"{engineering(dy_m, 'm', 4)} was analysed {'' if mating is None else 'with its mate '}"
+        f"with capslip {version} (settings {sha[:12]}); {conditioned(surface['steps'])}.",
+        *([] if mating is None else _mated(mating)),
+        f"Hills above the cut {_separated(settings.hills, summary['hills'], of_both)}, and "
+        f"{summary['hills']['caps']} spherical caps {'of both faces ' if of_both else ''}"
+        "were fitted.",
     ]
     if contact["model"] is None:
         return " ".join(found)
@@ -71,6 +111,55 @@ def methods_paragraph(summary: dict[str, Any]) -> str:
             f"within {percent(estimated)} from a tenth of gross slip on."
         )
     return " ".join(found)
+
+
+def conditioned(steps: Iterable[dict[str, Any]]) -> str:
+    """Return what was done to one map, in its order."""
+    return "; ".join(filter(None, (STEPS.get(step["step"], lambda _: "")(step) for step in steps)))
+
+
+def _form(step: dict[str, Any]) -> str:
+    """Return the form of a step; of a polynomial its degree."""
+    return (
+        f"polynomial of degree {step['degree']}" if step["kind"] == "polynomial" else step["kind"]
+    )
+
+
+def _filter(step: dict[str, Any]) -> str:
+    """Return the filter of a step."""
+    index = engineering(step["nesting_index_m"], "m", 4)
+    return f"an areal Gaussian filter (ISO 16610-61) with a nesting index of {index}"
+
+
+def _mated(step: dict[str, Any]) -> list[str]:
+    """Return what was done to the second face, and how both became one."""
+    dy_m, dx_m = step["offset_m"]
+    at = f"{engineering(dx_m, 'm', 4)} along x and {engineering(dy_m, 'm', 4)} along y"
+    found = "" if step["correlation"] is None else ", where the sum of both varies least"
+    both = "the heights of both were added, on the points of the first"
+    if step["way"] == "together":
+        both = "each was cut by itself, against a plane, and the caps of both were counted"
+    return [
+        f"Of the second scan, {step['second']}: {conditioned(step['second_steps'])}.",
+        f"It was mirrored in {step['mirror']}, turned by "
+        f"{math.degrees(step['rotation_rad']):.4g} degrees and shifted by {at}{found}; {both}.",
+    ]
+
+
+def _separated(chosen: "HillSettings", hills: dict[str, Any], of_both: bool) -> str:
+    """Return how hills were told apart."""
+    if chosen.separation == "regions":
+        return "are its connected regions (eight neighbours), not pruned"
+    height = engineering(hills["pruning_height_m"], "m")
+    if chosen.pruning_height_m is not None:
+        height += " (given)"
+    else:
+        share, of_first = chosen.pruning_percent_Sz, ", of the first" if of_both else ""
+        height += f" ({'from the map' if share is None else f'{share:g} % of Sz'}{of_first})"
+    return (
+        f"were separated by a watershed, where those that rise by less than {height} above their "
+        "saddle belong to their neighbour"
+    )
 
 
 def references(summary: dict[str, Any]) -> list[str]:

@@ -154,7 +154,7 @@ def write_report(
         caps=None if scans else _cap_rows(analysis.caps),
         scans=_scan_rows(scans, summary),
         tables=_tables(summary, None if scans else _changed(analysis)),
-        methods=methods_paragraph(summary),
+        methods=methods_paragraph(summary, analysis.settings),
         references=references(summary),
         citation=citation(summary),
         settings=tomli_w.dumps(analysis.settings.to_dict()),
