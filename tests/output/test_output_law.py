@@ -11,6 +11,7 @@ from pathlib import Path
 from types import SimpleNamespace
 
 import h5py
+import msgspec
 import numpy as np
 import pytest
 
@@ -597,6 +598,30 @@ def test_doubts_go_with_the_law(of_two, tmp_path):
     assert "check" in (tmp_path / "law.json").read_text(encoding="utf-8")
 
 
+@pytest.mark.parametrize(("tolerance", "status"), [(1e-6, "check"), (0.9, "ok")])
+def test_the_status_of_a_law_counts_what_the_law_says_of_itself(
+    written, tmp_path, tolerance, status
+):
+    analysis, _ = written
+    contact = msgspec.structs.replace(analysis.settings.contact, tolerance=tolerance)
+    settings = msgspec.structs.replace(analysis.settings, contact=contact)
+    told = EXPORT.write(replace(analysis, problems=(), settings=settings), tmp_path)
+    warned = [problem.message for problem in told if problem.severity == "warning"]
+    assert [problem.code for problem in told] == ["export_inexact"] * len(told)
+    assert bool(warned) == (status == "check")
+    for name in ("law.csv", "law_jenkins.csv", "law.json", "law.h5", *DECKS.values()):
+        if name == "law.h5":
+            with h5py.File(tmp_path / name) as file:
+                text = file.attrs["about"]
+        else:
+            text = (tmp_path / name).read_text(encoding="utf-8")
+        (said,) = re.findall(r"\(status:\s(?:\*\* |# )?(\w+)\)", text)
+        assert said == status
+        assert text.count("export_inexact: ") == len(warned)
+    page = json.loads((tmp_path / "law.json").read_text(encoding="utf-8"))["about"]
+    assert all(f"- export_inexact: {message}" in page for message in warned)
+
+
 def test_a_folder_with_a_law_is_a_result_and_is_replaced(of_two, tmp_path):
     analysis = of_two[0].scans[0]
     light = {"figures": False, "render": False}
@@ -624,8 +649,13 @@ def test_the_law_of_a_face_that_yields_has_a_curve_for_each_pressure(tmp_path):
     about, law = table(tmp_path / "law.csv")
     assert "yielded at 0.01 GPa" in about
     assert "p what the faces recover on unloading (closure)" in " ".join(about.split())
-    stated = [float(one) / 100 for one in re.findall(r"([\d.]+)% of (?:tau|w)", about)]
+    error, _, doubts = about.partition("What makes it doubtful:")
+    stated, again = (
+        [float(one) / 100 for one in re.findall(r"([\d.]+)% of (?:tau|w)", text)]
+        for text in (error, doubts)
+    )
     assert len(stated) == 2
+    assert again == (stated if max(stated) > 0.05 else [])
     assert stated[0] < 0.02
     assert stated[1] < 0.2  # where the lower caps touch first, between two pressures
     said = [problem for problem in found if problem.message.startswith("law.py differs")]

@@ -96,16 +96,21 @@ def write(result: "JointResult", folder: Path) -> tuple[Problem, ...]:
         return all(_holds(scan, factor) for scan in _scans(result))
 
     found = law(result.parts, result.settings.material.friction_coefficient, holds)
+    problems = _inexact(found, result.settings.contact.tolerance)
+    result = replace(result, problems=(*result.problems, *problems))
     doubts = [f"{p.code}: {p.message}" for p in result.problems if p.severity != "info"]
     doubts += [line for scan in _scans(result) for line in _of_level(scan)]
     least = _error_at(result, float(found.pressure_Pa[0]) / found.scan_pressure_Pa)
     if least is not None and not all(part.joint.is_even for part in result.parts):
         found = replace(found, model_error=_error_at(result, 1.0))  # not that of the joint
     write_law(found, folder, result.name, result.status, doubts, least)
-    tolerance = result.settings.contact.tolerance
-    said = max(found.shear_error, found.loss_error, found.stiffness_error)
+    return problems
+
+
+def _inexact(found: Law, tolerance: float) -> tuple[Problem, ...]:
+    """Return what `law.py` and the sliders are less good at than the contact model."""
     of_sliders = inexact("law_jenkins.csv", found.elements, JENKINS_TOLERANCE, tolerance)
-    if said <= tolerance:
+    if max(found.shear_error, found.loss_error, found.stiffness_error) <= tolerance:
         return of_sliders
     message = (
         f"law.py differs from the contact model {_off(found)}; take the pressures of law.csv where "
@@ -262,19 +267,23 @@ def about(
         "Constant pressure during a cycle, one direction of slip, no turning of the face, the tilt "
         f"as under {found.scan_pressure_Pa:.4g} Pa, " + yields + bulk,
         f"Error: of the model, estimated at {found.scan_pressure_Pa:.4g} Pa: {error}. Of law.py "
-        f"against the model, {_off(found)}, measured "
-        + (
-            "where pressures are left out, each in turn: contacts that touch between two of them "
-            "are smeared, so take the pressures of law.csv where this is too much"
-            if found.left_out
-            else "at the pressures of law.csv"
-            + ("" if found.has_beds_alone else " and at the quarters between them")
-        )
-        + ". The dissipation of real joints is known to a factor of two to three at best (Bureau, "
-        "Caroli and Baumberger 2003).",
+        f"against the model, {_off(found)}, measured {_measured_at(found)}. The dissipation of "
+        "real joints is known to a factor of two to three at best (Bureau, Caroli and Baumberger "
+        "2003).",
         *(["", "What makes it doubtful:"] if doubts else []),
         *(f"- {doubt}" for doubt in doubts),
     ]
+
+
+def _measured_at(found: Law) -> str:
+    """Return where `law.py` was compared with the model."""
+    if found.left_out:
+        return (
+            "where pressures are left out, each in turn: contacts that touch between two of them "
+            "are smeared, so take the pressures of law.csv where this is too much"
+        )
+    between = "" if found.has_beds_alone else " and at the quarters between them"
+    return f"at the pressures of law.csv{between}"
 
 
 def _off(found: Law) -> str:
