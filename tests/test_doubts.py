@@ -17,6 +17,7 @@ ASKED = {
     "problems_of_tilt": "tilt",
     "problems_of_bow": "bow of peaks",
     "problems_of_form": "bow of heights",
+    "problems_of_fit": "bow of the form",
     "problems_of_flatness": "bow of the instrument",
 }
 
@@ -25,7 +26,9 @@ FLATNESS = "instrument.flatness_deviation_m"
 PRESSED = HeightMap(np.zeros((3, 4)), (1e-4, 1e-4))
 
 
-def asked_of(form, level=None, approach_m=1e-6, peaks=(), flatness_m=None, seams="known"):
+def asked_of(
+    form, level=None, approach_m=1e-6, peaks=(), flatness_m=None, seams="known", floor="false"
+):
     """Return which doubts are asked after a form was removed, each of which says its name."""
     face = SimpleNamespace(
         level=level,
@@ -33,11 +36,16 @@ def asked_of(form, level=None, approach_m=1e-6, peaks=(), flatness_m=None, seams
         conditioned=SimpleNamespace(surface=PRESSED, seams=seams and "seams"),
     )
     known = () if flatness_m is None else (f"{FLATNESS}={flatness_m}",)
-    chosen = load_settings(overrides=(f"conditioning.form={form}", *known))
+    form, _, degree = form.partition(" ")
+    known += (f"conditioning.form_degree={degree}",) if degree else ()
+    forms = f"conditioning.form={form}", f"conditioning.form_floor={floor}"
+    chosen = load_settings(overrides=(*forms, *known))
     answers = {name: mock.Mock(return_value=[word]) for name, word in ASKED.items()}
     answers["problems_of_bow"].return_value = list(peaks)
     answers["leaves_peaks"] = mock.Mock(return_value=seams == "of the floor")
-    with mock.patch.multiple(doubts, coarse_step=lambda _: 3, **answers):
+    with mock.patch.multiple(
+        doubts, coarse_step=lambda _: 3, coarse_map=lambda _: "few", **answers
+    ):
         found = doubts._of_levelling(face, SimpleNamespace(approach_m=approach_m), chosen)
     return found, {name: one.call_args for name, one in answers.items() if one.called}
 
@@ -49,8 +57,8 @@ def asked_of(form, level=None, approach_m=1e-6, peaks=(), flatness_m=None, seams
         ("none", "level", ["seams", "bow of heights"]),  # found its own tilt
         ("plane", None, ["seams", "bow of heights"]),
         ("plane", "level", ["seams", "bow of heights"]),
-        ("quadratic", None, ["seams"]),
-        ("quadratic", "level", ["seams"]),
+        ("quadratic", None, ["seams", "bow of the form"]),
+        ("quadratic", "level", ["seams", "bow of the form"]),
     ],
 )
 def test_a_tilt_or_a_bow_that_was_taken_off_is_not_asked_about(form, level, expected):
@@ -63,9 +71,26 @@ def test_a_tilt_or_a_bow_that_was_taken_off_is_not_asked_about(form, level, expe
     assert asked_of(form, level, approach_m=0.0) == ([], {})  # a flat interface: nothing decides
 
 
+@pytest.mark.parametrize(
+    ("form", "degree"),
+    [("plane", None), ("polynomial 1", None), ("quadratic", 2), ("sphere", 2), ("cylinder", 2),
+     ("polynomial 2", 2), ("polynomial 5", 5)],
+)  # fmt: skip
+def test_a_form_that_takes_bows_off_is_asked_what_it_made_of_the_floor(form, degree):
+    """The bow of the instrument went with it; one that was fitted to the floor leaves none."""
+    level = SimpleNamespace(coarse="coarse")
+    for given in ({"peaks": ["bow of peaks"]}, {"flatness_m": 2e-7}):
+        found, asked = asked_of(form, level, **given)
+        assert (found == ["seams", "bow of the form"]) == (degree is not None)
+        if degree:
+            assert asked["problems_of_fit"] == mock.call("coarse", 1e-6, degree)
+    assert asked_of(form)[1].get("problems_of_fit") == (degree and mock.call("few", 1e-6, degree))
+    assert "bow of the form" not in asked_of(form, floor="true")[0]
+
+
 @pytest.mark.parametrize("seams", [None, "of the floor"])
 def test_no_seams_or_those_of_the_floor_alone_are_not_asked_about(seams):
-    assert asked_of("quadratic", seams=seams)[0] == []
+    assert asked_of("quadratic", seams=seams)[0] == ["bow of the form"]
 
 
 def test_a_bow_is_told_by_the_instrument_before_the_peaks_before_the_heights():

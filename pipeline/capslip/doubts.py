@@ -29,17 +29,21 @@ from capslip.settings import Settings
 from capslip.stages import Face
 from capslip.structure.answer import Answer
 from capslip.structure.doubts import problems_of_structure
-from capslip.surface.blocks import coarse_step
+from capslip.surface.blocks import coarse_map, coarse_step
 from capslip.surface.doubts import (
-    problems_of_flatness,
-    problems_of_form,
     problems_of_points,
     problems_of_ripple,
     problems_of_scan,
     problems_of_seams,
     problems_of_tilt,
 )
-from capslip.surface.flatness import known_flatness_m
+from capslip.surface.flatness import (
+    degree_taken_off,
+    known_flatness_m,
+    problems_of_fit,
+    problems_of_flatness,
+    problems_of_form,
+)
 from capslip.surface.heightmap import HeightMap, Statement
 from capslip.surface.holes import problems_of_filling
 from capslip.units import percent
@@ -158,17 +162,22 @@ def _of_outline(face: Face) -> list[Problem]:
 
 def _of_levelling(face: Face, contact: ContactState, settings: Settings) -> list[Problem]:
     """Return whether a tilt, a bow or seams that were left in decide what touches."""
-    form = settings.conditioning.form
+    conditioning = settings.conditioning
     if contact.approach_m <= 0.0:
         return []  # a flat interface: nothing decides
     problems, seams = list[Problem](), face.conditioned.seams
     if seams is not None and not leaves_peaks(seams, face.family_caps):
         problems += problems_of_seams(seams, contact.approach_m)
-    if form == "none" and face.level is None:
+    if conditioning.form == "none" and face.level is None:
         problems += problems_of_tilt(face.conditioned.surface, contact.approach_m)
-    if form in ("plane", "none"):
+    taken_off = degree_taken_off(conditioning)
+    if taken_off <= 1:
         flatness_m = known_flatness_m(face.conditioned.surface, settings)
         problems += _of_bow(face, contact.approach_m, flatness_m)
+    elif not conditioning.form_floor:
+        level = face.level
+        coarse = coarse_map(face.conditioned.surface) if level is None else level.coarse
+        problems += problems_of_fit(coarse, contact.approach_m, taken_off)
     return problems
 
 

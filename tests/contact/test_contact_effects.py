@@ -242,6 +242,49 @@ def test_a_bow_of_the_floor_is_taken_out_of_peaks_that_are_too_few_to_tell_it():
     assert said == pytest.approx(100.0 * lifted, abs=0.5)
 
 
+@pytest.mark.parametrize(("model", "points"), [("interacting", 240), ("boundary_elements", 96)])
+@pytest.mark.parametrize("form", ["quadratic", "sphere", "polynomial"])
+def test_a_form_that_follows_the_hills_moves_what_one_of_the_floor_moves(model, points, form):
+    """Hills on one side and in the middle, of unlike heights: the answers of the level face."""
+    peaks = [(x, y, 12.0, -6e-8 * (x > 0.02)) for x in (6e-3, 16e-3, 30e-3) for y in SIDES]
+    level = caps_map([*peaks, (42e-3, 24e-3, 12.0, 0.0)], (points,) * 2, (0.048 / points,) * 2,
+                     floor_m=-8e-7)  # fmt: skip
+    words = f"contact.model={model}", f"conditioning.form={form}"
+    words += ("conditioning.form_degree=4",) if form == "polynomial" else ()
+    left, right = found(level, *words), found(level, *words, "conditioning.form_floor=true")
+    (said,) = [one for one in left.problems if one.code == "bow_left"]
+    assert "bow_left" not in {one.code for one in right.problems}
+    assert right.slip.tangential_stiffness_N_per_m == pytest.approx(
+        found(level, words[0]).slip.tangential_stiffness_N_per_m, rel=0.01
+    )
+    stiffer = right.slip.tangential_stiffness_N_per_m / left.slip.tangential_stiffness_N_per_m
+    more = moved_energy(left, right, LARGE)
+    assert more > 0.05
+    assert said.severity == "warning"
+    assert said.effect.tangential_stiffness == pytest.approx(abs(stiffer - 1.0), rel=0.15, abs=0.01)
+    assert said.effect.energy > 0.8 * more
+
+
+def test_a_bow_of_the_floor_is_taken_off_a_map_as_the_floor_has_it():
+    """A quadratic of all heights would follow the hills, and moves other numbers."""
+    level = caps_map(MORE, (96, 96), (5e-4, 5e-4), floor_m=-8e-7)
+    x = (np.arange(96) + 0.5) / 48.0 - 1.0
+    bowed = replace(level, height_m=level.height_m + 6e-7 * x**2)
+    words = ("contact.model=boundary_elements",)
+    left, right = found(bowed, *words), found(level, *words)
+    effect = effect_on_map(left)
+    stiffer = right.slip.tangential_stiffness_N_per_m / left.slip.tangential_stiffness_N_per_m
+    wrong = found(bowed, *words, "conditioning.form=quadratic")
+    off = wrong.slip.tangential_stiffness_N_per_m / right.slip.tangential_stiffness_N_per_m
+    assert abs(off - 1.0) > 0.02
+    assert effect.tangential_stiffness == pytest.approx(abs(stiffer - 1.0), rel=0.02)
+
+
+def effect_on_map(analysis):
+    given = analysis.caps, analysis.caps, analysis.conditioned, analysis.settings, analysis.contact
+    return with_effects([Problem("bow_left", "warning", "")], *given)[0].effect
+
+
 @pytest.mark.parametrize(("seed", "severity"), [(5, "warning"), (2, "info")])
 def test_a_low_bow_is_a_warning_where_it_moves_the_energy_alone(seed, severity):
     """3 nm, a sixtieth of the approach: what it moves is known, and decides what is said."""

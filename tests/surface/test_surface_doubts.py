@@ -11,9 +11,7 @@ from scipy.ndimage import gaussian_filter
 from capslip.errors import UnusableSurfaceError
 from capslip.surface import doubts
 from capslip.surface.doubts import (
-    bow_of_form_m,
     points_line,
-    problems_of_form,
     problems_of_map,
     problems_of_outliers,
     problems_of_scan,
@@ -22,6 +20,7 @@ from capslip.surface.doubts import (
     sanity_line,
     sizes_fit,
 )
+from capslip.surface.flatness import bow_of_form_m, problems_of_fit, problems_of_form
 from capslip.surface.form import remove_form
 from capslip.surface.heightmap import HeightMap, Origin
 from capslip.surface.outliers import Outliers
@@ -427,3 +426,53 @@ def test_a_bow_of_the_floor_is_said_where_hills_hide_it(floor_m, bow_m):
             low = replace(one, height_m=1e-3 * one.height_m)
             bow = replace(one, height_m=1e3 * bow_of_form_m(low))  # the peaks may keep it
             assert np.ptp(remove_form(bow, "plane")[0].height_m) == pytest.approx(bow_m, rel=0.05)
+
+
+FORMS = [("quadratic", None), ("sphere", None), ("polynomial", 2), ("polynomial", 5)]
+
+
+@pytest.mark.parametrize(("form", "degree"), FORMS)
+@pytest.mark.parametrize("rough_m", [0.0, 0.05, 0.2])
+def test_a_form_that_follows_the_hills_is_told_by_the_floor_that_it_bows(form, degree, rough_m):
+    """The map less that bow is the level floor, and the form fitted to the floor leaves none."""
+    level = hills_on(lambda x, y: 0.0 * x)
+    rough = rough_m * np.random.default_rng(1).standard_normal(level.shape)
+    high = replace(level, height_m=level.height_m + rough)
+    left, _ = remove_form(high, form, degree=degree)
+    found = problems_of_fit(left, 1.0, degree or 2)
+    assert codes(found) == {"bow_left": "warning"}
+    assert codes(problems_of_fit(left, 1e3, degree or 2)) == {"bow_left": "info"}
+    made_m, _ = remove_form(replace(level, height_m=left.height_m - high.height_m), "plane")
+    said_m = float(re.search(r"bow of (\S+) m", found[0].message)[1])
+    assert said_m == pytest.approx(np.ptp(made_m.height_m), rel=0.02 + rough_m)
+    assert "may come of the form that was taken off" in found[0].message
+    assert found[0].remedy.startswith("--set conditioning.form_floor=true")
+    straight = replace(left, height_m=left.height_m - bow_of_form_m(left, degree or 2))
+    over_m = remove_form(straight, "plane", floor=True)[0].height_m
+    floor = level.height_m == 0.0
+    assert np.std(over_m[floor]) == pytest.approx(rough_m, abs=0.02 * said_m)
+    fitted, _ = remove_form(high, form, degree=degree, floor=True)
+    assert rough_m or problems_of_fit(fitted, 1.0, degree or 2) == []
+
+
+@pytest.mark.parametrize(("form", "degree"), FORMS)
+@pytest.mark.parametrize("width", [1.0, 3.0, 6.0, 15.0])
+def test_waves_have_no_floor_that_a_form_could_bow(form, degree, width):
+    for seed in range(5):
+        z = gaussian_filter(np.random.default_rng(seed).standard_normal((90, 120)), width)
+        left, _ = remove_form(HeightMap(z / z.std(), (1.0, 1.0)), form, degree=degree)
+        assert problems_of_fit(left, 1e-3, degree or 2) == []
+
+
+def test_the_next_step_of_a_bow_is_the_form_of_what_shows_it():
+    """One that is fitted to hills as well would follow these; of most heights nobody knows it."""
+    (of_floor,) = problems_of_form(hills_on(lambda x, y: 5.0 * (x / 45.0 - 1.0) ** 2), 1.0)
+    assert of_floor.remedy.startswith(
+        "--set conditioning.form=quadratic --set conditioning.form_floor=true"
+    )
+    bow = np.linspace(-1.0, 1.0, 60)[:, None] ** 2 * np.ones(90)
+    (of_all,) = problems_of_form(HeightMap(bow, (1.0, 1.0)), 1.0)
+    assert "the heights" in of_all.message
+    assert of_all.step is None
+    for setting in ("form=quadratic", "form_floor=true", "flatness_deviation_m"):
+        assert setting in of_all.remedy

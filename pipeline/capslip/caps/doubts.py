@@ -11,7 +11,7 @@ from capslip.caps.levels import bow_terms, find_levels
 from capslip.caps.pruning import MIN_POINTS, TOO_SMALL
 from capslip.caps.table import DOUBTFUL, CapFlag, CapTable
 from capslip.problems import Problem
-from capslip.surface.doubts import bow_left, bow_of_form_m
+from capslip.surface.flatness import bow_left, bow_of_form_m
 from capslip.surface.form import ROUNDING
 from capslip.surface.heightmap import HeightMap
 from capslip.surface.holes import problems_of_holes
@@ -135,20 +135,23 @@ def bow_of_peaks(caps: CapTable) -> tuple[float, float]:
     return float(np.ptp(bow_m[member])) if member.any() else 0.0, chance
 
 
-def without_bow(caps: CapTable, surface: HeightMap, peaks: CapTable) -> tuple[CapTable, HeightMap]:
+def without_bow(
+    caps: CapTable, surface: HeightMap, peaks: CapTable, taken_off: int = 1
+) -> tuple[CapTable, HeightMap]:
     """Return caps and their map less the bow on which peaks lie, or that of the map.
 
-    That of the map where the peaks lie on none: of most of its relief or, else, of its floor.
+    That of the map where the peaks lie on none, or a form of a degree above 1 was taken off: see
+    `bow_of_form_m`.
     """
     (ny, nx), (dy_m, dx_m) = surface.shape, surface.pixel_size_m
     at_y_m, at_x_m = (np.arange(ny) + 0.5) * dy_m, (np.arange(nx) + 0.5) * dx_m
     grid_m = np.tile(at_x_m, ny), np.repeat(at_y_m, nx)
     form_m, chance = _bow_and_chance(peaks, *grid_m)
-    if chance <= BOW_LEVEL:
+    if chance <= BOW_LEVEL and taken_off <= 1:
         bow_m, _ = _bow_and_chance(peaks, caps.x_m, caps.y_m)
         form_m = form_m.reshape(surface.shape)
     else:
-        form_m = bow_of_form_m(surface)
+        form_m = bow_of_form_m(surface, taken_off)
         bow_m = np.nan_to_num(
             form_m[surface.pixel_at(caps.x_m, caps.y_m)], nan=float(np.nanmean(form_m))
         )

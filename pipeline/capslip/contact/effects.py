@@ -21,8 +21,8 @@ from capslip.surface.blocks import coarse_map
 from capslip.surface.conditioning import Conditioned
 from capslip.surface.doubts import VISIBLE_FORM
 from capslip.surface.filling import filled_from_fewer, standard_error
-from capslip.surface.flatness import bows_m, known_flatness_m
-from capslip.surface.form import level_and_straight, remove_form
+from capslip.surface.flatness import bow_of_form_m, bows_m, degree_taken_off, known_flatness_m
+from capslip.surface.form import remove_form
 from capslip.surface.heightmap import HeightMap, Tops
 from capslip.surface.holes import HIDDEN
 from capslip.surface.interpolated import pixels_apart
@@ -186,7 +186,7 @@ def _bent_m(maps: tuple[HeightMap, ...]) -> float:
 
 
 def _bow_or_not(face: FaceOfCaps, thinned: Thinned) -> tuple[HeightMap, ...]:
-    """Return a thinned map, and what `conditioning.form` = quadratic makes of it.
+    """Return a thinned map, and what a form makes of it: of its floor, or a quadratic of all.
 
     Where the flatness deviation of the instrument is known, what bows of that height make of it.
     """
@@ -197,8 +197,8 @@ def _bow_or_not(face: FaceOfCaps, thinned: Thinned) -> tuple[HeightMap, ...]:
         dy_m, dx_m = coarse.pixel_size_m
         bows = bows_m(coarse, flatness_m, (col + 0.5) * dx_m, (row + 0.5) * dy_m)
     else:
-        level, straight = level_and_straight(coarse)
-        bows = (straight.height_m - level.height_m,)
+        taken_off = degree_taken_off(face.settings.conditioning)
+        bows = (-bow_of_form_m(coarse, taken_off),)
     return coarse, *(replace(coarse, height_m=coarse.height_m + bow_m) for bow_m in bows)
 
 

@@ -23,7 +23,7 @@ from capslip.errors import ContactError
 from capslip.settings import Settings
 from capslip.surface.blocks import coarse_map
 from capslip.surface.conditioning import Conditioned
-from capslip.surface.flatness import bows_m, known_flatness_m
+from capslip.surface.flatness import bows_m, degree_taken_off, known_flatness_m
 from capslip.surface.form import remove_form
 from capslip.surface.graph import connected_parts
 from capslip.surface.heightmap import HeightMap
@@ -169,7 +169,8 @@ class Trials:
                 yield caps.with_columns(peak_height_m=caps.peak_height_m + bow_m)
             return
         level = coarse_map(surface)
-        unbowed, straight = without_bow(caps, level, self.peaks)
+        taken_off = degree_taken_off(self.face.settings.conditioning)
+        unbowed, straight = without_bow(caps, level, self.peaks, taken_off)
         cut_m = float((caps.peak_height_m - caps.cap_height_m)[caps.usable].min())
         row, col = np.nonzero(level.height_m < cut_m)
         dy_m, dx_m = level.pixel_size_m

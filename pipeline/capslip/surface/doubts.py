@@ -1,18 +1,10 @@
 """What makes a height map doubtful before anything is computed from it."""
 
-from dataclasses import replace
-
 import numpy as np
 
 from capslip.errors import UnusableSurfaceError
 from capslip.problems import Problem, Severity
-from capslip.surface.blocks import block_means, few_lines
-from capslip.surface.form import (
-    FLOOR_SHARE,
-    ROUNDING,
-    level_and_straight,
-    remove_form,
-)
+from capslip.surface.form import remove_form
 from capslip.surface.heightmap import HeightMap, Heights, Tops
 from capslip.surface.interpolated import pixels_apart
 from capslip.surface.outliers import Outliers
@@ -39,10 +31,6 @@ HIGHEST_SHARE = 0.10  # what the paper keeps: a spike up there is touched, or sp
 WALLS = 0.25
 VISIBLE_SHARE_OF_SQ = 0.01
 MAX_OUTLIER_SHARE = 0.02
-MOSTLY_FORM = 0.8  # of the variance of the heights
-MOSTLY_BOWED = 0.95  # of that of the floor: a step between two floors looks 87 % like a bow
-FEW_LINES = 50  # each way, that tell a bow of 5 % of the variance from none
-CLEARLY_NO_BOW = 0.25  # of the same, that a bow leaves on some of the points: five times the most
 LIFTED = "lie on patches that are lifted as a whole: grains, chips or fringes miscounted"
 VISIBLE_RIPPLE = 0.02  # of the approach: its height
 VISIBLE_FORM = 0.1  # of the approach: form that moves the peaks by more decides what touches
@@ -194,67 +182,6 @@ def problems_of_tilt(surface: HeightMap, approach_m: float) -> list[Problem]:
     return [Problem("tilt_left", "warning", message)]
 
 
-def problems_of_form(surface: HeightMap, approach_m: float, side: int = 1) -> list[Problem]:
-    """Return whether most of the relief is a bow, of any height, see `bow_left`.
-
-    Of the means of blocks with so many points a side.
-    """
-    few = few_lines(surface, FEW_LINES, side)  # they tell where there is clearly none
-    for what, bow_of, least in (
-        ("the heights", _bow, MOSTLY_FORM),
-        ("the floor between the hills", _bow_of_floor, MOSTLY_BOWED),
-    ):
-        rest, bow_m = bow_of(few)
-        if rest <= CLEARLY_NO_BOW:
-            rest, bow_m = bow_of(block_means(surface, side))
-        if rest <= 1.0 - least:
-            lies = f"{1.0 - rest:.0%} of the variance of {what} is a bow"
-            return [bow_left(lies, bow_m, approach_m)]
-    return []
-
-
-def bow_left(lies: str, bow_m: float, approach_m: float) -> Problem:
-    """Return the doubt about a bow: no warning where it is low, unless it is found to matter."""
-    decides = bow_m > VISIBLE_FORM * approach_m
-    message = (
-        f"{lies} of {bow_m:.3g} m, the approach is {approach_m:.3g} m: it "
-        f"{'decides' if decides else 'may decide'} what touches, and may be of the instrument "
-        "rather than of the face"
-    )
-    return Problem("bow_left", "warning" if decides else "info", message)
-
-
-def problems_of_flatness(flatness_m: float, approach_m: float) -> list[Problem]:
-    """Return that the map may hold what the instrument makes of a flat: its effect decides."""
-    message = (
-        f"the instrument bows a flat by {flatness_m:.3g} m, which may be in the map; the approach "
-        f"is {approach_m:.3g} m"
-    )
-    step = (
-        "--set conditioning.form=quadratic, where the bow is not the face's own; else an "
-        f"instrument that bows a flat by less than {flatness_m:.2g} m"
-    )
-    return [Problem("bow_left", "warning", message, step=step)]
-
-
-def bow_of_form_m(surface: HeightMap) -> np.ndarray:
-    """Return the bow of which `problems_of_form` speaks: that of most of the relief, or the floor.
-
-    Parameters
-    ----------
-    surface : HeightMap
-        As there.
-
-    Returns
-    -------
-    float64, shape (ny, nx)
-        What a quadratic takes off beyond a plane; NaN where nothing was measured.
-    """
-    floor = _bow(surface)[0] > 1.0 - MOSTLY_FORM
-    level, straight = level_and_straight(surface, floor)
-    return np.asarray(level.height_m - straight.height_m)
-
-
 def problems_of_seams(seams: Seams, approach_m: float) -> list[Problem]:
     """Return whether fields with straight seams lie on levels, or tilts, that may decide."""
     apart_m = max(seams.span_m, float(np.ptp(tilts_m(seams))))
@@ -281,37 +208,6 @@ def problems_of_ripple(surface: HeightMap, approach_m: float) -> list[Problem]:
         f"approach is {approach_m:.3g} m"
     )
     return [Problem("ripple", "warning", message)]
-
-
-def _bow(surface: HeightMap) -> tuple[float, float]:
-    """Return the share of the variance that a bow leaves, and its height."""
-    over_plane, over_bow = (one.height_m for one in level_and_straight(surface))
-    bow_m = over_plane - over_bow
-    rest = float(np.nanvar(over_bow) / np.nanvar(over_plane))
-    return rest, float(np.nanmax(bow_m) - np.nanmin(bow_m))
-
-
-def _bow_of_floor(surface: HeightMap) -> tuple[float, float]:
-    """Return the same of the lowest third of the points, over a level floor and a bowed one.
-
-    Hills hide a bow in the variance of all heights, and it hides those that it lowers. No bow
-    where the floor is level: (1, 0).
-    """
-    try:
-        over = [one.height_m for one in level_and_straight(surface, floor=True)]
-    except UnusableSurfaceError:
-        return 1.0, 0.0
-    level_m2, bowed_m2 = (_variance_of_lowest_m2(one) for one in over)
-    if level_m2 <= (ROUNDING * float(np.nanmax(over[0]) - np.nanmin(over[0]))) ** 2:
-        return 1.0, 0.0
-    bow, _ = remove_form(replace(surface, height_m=over[0] - over[1]), "plane")
-    return bowed_m2 / level_m2, float(np.nanmax(bow.height_m) - np.nanmin(bow.height_m))
-
-
-def _variance_of_lowest_m2(height_m: np.ndarray) -> float:
-    known_m = height_m[np.isfinite(height_m)]
-    lowest = max(1, int(FLOOR_SHARE * known_m.size))
-    return float(np.partition(known_m, lowest - 1)[:lowest].var())
 
 
 def sanity_line(surface: HeightMap, sq_m: float, sz_m: float) -> str:

@@ -1,22 +1,53 @@
-"""Bows that an instrument may make of a flat, as far as its flatness deviation says."""
+"""Bows of a map or of its floor, and those that an instrument may make of a flat."""
 
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from capslip.errors import UnusableSurfaceError
+from capslip.problems import Problem
+from capslip.surface.blocks import block_means, few_lines
+from capslip.surface.doubts import VISIBLE_FORM
+from capslip.surface.form import FLOOR_SHARE, ROUNDING, level_and_straight, remove_form
 from capslip.surface.heightmap import HeightMap
 
 if TYPE_CHECKING:
-    from capslip.settings import Settings
+    from capslip.settings import Conditioning, Settings
+
+MOSTLY_FORM = 0.8  # of the variance of the heights
+MOSTLY_BOWED = 0.95  # of that of the floor: a step between two floors looks 87 % like a bow
+FEW_LINES = 50  # each way, that tell a bow of 5 % of the variance from none
+CLEARLY_NO_BOW = 0.25  # of the same, that a bow leaves on some of the points: five times the most
+BOWED_BY_FIT = 0.2  # of the variance of a floor: roughness may have the rest
+LEVEL_FLOOR = 0.01  # of the variance of all heights; waves have a tenth and more in their lowest
+OF_THE_INSTRUMENT = "be of the instrument rather than of the face"
+THE_FLOOR = "the floor between the hills"
+OF_A_FLOOR = "--set conditioning.form_floor=true"
 
 
 def known_flatness_m(surface: HeightMap, settings: "Settings") -> float | None:
-    """Return the flatness deviation of a map, None where nobody says it.
+    """Return the flatness deviation of a map, None where nobody says it, or its bow was taken off.
 
     What is said is that of one scan. It is no chance: a sum of two has it twice.
     """
     given_m = settings.instrument.flatness_deviation_m
-    return None if given_m is None else given_m * surface.faces
+    if given_m is None or degree_taken_off(settings.conditioning) > 1:
+        return None
+    return given_m * surface.faces
+
+
+def degree_taken_off(conditioning: "Conditioning") -> int:
+    """Return the degree of the form that is taken off, 2 of spheres and cylinders: of low ones.
+
+    Examples
+    --------
+    >>> from capslip.settings import Conditioning
+    >>> [degree_taken_off(Conditioning(form=one)) for one in ("none", "plane", "sphere")]
+    [0, 1, 2]
+    """
+    of_kind = {"none": 0, "plane": 1, "polynomial": conditioning.form_degree}
+    return of_kind.get(conditioning.form) or 2 * (conditioning.form not in of_kind)
 
 
 def bows_m(
@@ -45,3 +76,148 @@ def bows_m(
     along_x, along_y = np.square(2.0 * x_m / width_m - 1.0), np.square(2.0 * y_m / height_m - 1.0)
     shapes = (along_x, along_y, 0.5 * (along_x + along_y))
     return tuple(sign * flatness_m * shape for shape in shapes for sign in (1.0, -1.0))
+
+
+def problems_of_form(surface: HeightMap, approach_m: float, side: int = 1) -> list[Problem]:
+    """Return whether most of the relief is a bow, of any height, see `bow_left`.
+
+    Of the means of blocks with so many points a side.
+    """
+    few = few_lines(surface, FEW_LINES, side)  # they tell where there is clearly none
+    for what, bow_of, least in (
+        ("the heights", _bow, MOSTLY_FORM),
+        (THE_FLOOR, _bow_of_floor, MOSTLY_BOWED),
+    ):
+        rest, bow_m = bow_of(few)
+        if rest <= CLEARLY_NO_BOW:
+            rest, bow_m = bow_of(block_means(surface, side))
+        if rest <= 1.0 - least:
+            lies = f"{1.0 - rest:.0%} of the variance of {what} is a bow"
+            step = (
+                f"--set conditioning.form=quadratic {OF_A_FLOOR}, where the bow of {bow_m:.2g} m "
+                "is not the face's own; or --set instrument.flatness_deviation_m=..., what the "
+                "instrument makes of a flat"
+            )
+            of_floor = {"step": step} if what == THE_FLOOR else {}
+            return [bow_left(lies, bow_m, approach_m, **of_floor)]
+    return []
+
+
+def problems_of_fit(surface: HeightMap, approach_m: float, degree: int) -> list[Problem]:
+    """Return whether a form that was fitted to a floor and its hills bows that floor.
+
+    Parameters
+    ----------
+    surface : HeightMap
+        Heights over a form of that degree, 2 or more. The bow is a part of them where there is a
+        floor. In waves without one, what a form through their lowest third takes off is none.
+    approach_m : float
+        With which the bow is compared.
+    degree : int
+        See `degree_taken_off`.
+    """
+    rest, bow_m, floor_m2 = _floor(surface, degree)
+    relief_m2, bow_m2 = (float(np.nanvar(one_m)) for one_m in (surface.height_m, bow_m))
+    if rest > 1.0 - BOWED_BY_FIT or floor_m2 > LEVEL_FLOOR * relief_m2 or bow_m2 > relief_m2:
+        return []
+    height_m = _range_m(bow_m)
+    lies = f"{1.0 - rest:.0%} of the variance of {THE_FLOOR} is a bow"
+    whose = "come of the form that was taken off, which was fitted to the hills as well"
+    step = f"{OF_A_FLOOR}, which leaves no bow of {height_m:.2g} m in the floor"
+    return [bow_left(lies, height_m, approach_m, whose, step)]
+
+
+def bow_left(
+    lies: str,
+    bow_m: float,
+    approach_m: float,
+    whose: str = OF_THE_INSTRUMENT,
+    step: str | None = None,
+) -> Problem:
+    """Return the doubt about a bow: no warning where it is low, unless it is found to matter."""
+    decides = bow_m > VISIBLE_FORM * approach_m
+    message = (
+        f"{lies} of {bow_m:.3g} m, the approach is {approach_m:.3g} m: it "
+        f"{'decides' if decides else 'may decide'} what touches, and may {whose}"
+    )
+    return Problem("bow_left", "warning" if decides else "info", message, step=step)
+
+
+def problems_of_flatness(flatness_m: float, approach_m: float) -> list[Problem]:
+    """Return that the map may hold what the instrument makes of a flat: its effect decides."""
+    message = (
+        f"the instrument bows a flat by {flatness_m:.3g} m, which may be in the map; the approach "
+        f"is {approach_m:.3g} m"
+    )
+    step = (
+        "--set conditioning.form=quadratic, where the bow is not the face's own, with "
+        f"{OF_A_FLOOR} where a level floor lies between the hills; else an instrument that bows a "
+        f"flat by less than {flatness_m:.2g} m"
+    )
+    return [Problem("bow_left", "warning", message, step=step)]
+
+
+def bow_of_form_m(surface: HeightMap, taken_off: int = 1) -> np.ndarray:
+    """Return the bow of which `problems_of_form` or `problems_of_fit` speaks.
+
+    Parameters
+    ----------
+    surface : HeightMap
+        As there.
+    taken_off : int
+        Degree of the form that was taken off, see `degree_taken_off`.
+
+    Returns
+    -------
+    float64, shape (ny, nx)
+        What a quadratic, or a form of a higher degree that was taken off, takes off beyond a plane:
+        fitted to the floor where that tells the bow, else to all; NaN where nothing was measured.
+    """
+    floor = taken_off > 1 or (
+        _bow(surface)[0] > 1.0 - MOSTLY_FORM and _bow_of_floor(surface)[0] <= 1.0 - MOSTLY_BOWED
+    )
+    level, straight = level_and_straight(surface, floor, max(2, taken_off))
+    return np.asarray(level.height_m - straight.height_m)
+
+
+def _bow(surface: HeightMap) -> tuple[float, float]:
+    """Return the share of the variance that a bow leaves, and its height."""
+    over_plane, over_bow = (one.height_m for one in level_and_straight(surface))
+    rest = float(np.nanvar(over_bow) / np.nanvar(over_plane))
+    return rest, _range_m(over_plane - over_bow)
+
+
+def _bow_of_floor(surface: HeightMap) -> tuple[float, float]:
+    """Return the same of the lowest third of the points, over a level floor and a bowed one.
+
+    Hills hide a bow in the variance of all heights, and it hides those that it lowers.
+    """
+    rest, bow_m, _ = _floor(surface)
+    return rest, _range_m(bow_m)
+
+
+def _floor(surface: HeightMap, degree: int = 2) -> tuple[float, np.ndarray, float]:
+    """Return the share of the variance of a floor that its bow leaves, that bow, and what is left.
+
+    No bow where the floor is level: 1, and a height of zero.
+    """
+    none = 1.0, np.zeros(1), 0.0
+    try:
+        over = [one.height_m for one in level_and_straight(surface, floor=True, degree=degree)]
+    except UnusableSurfaceError:
+        return none
+    level_m2, bowed_m2 = (_variance_of_lowest_m2(one) for one in over)
+    if level_m2 <= (ROUNDING * _range_m(over[0])) ** 2:
+        return none
+    bow, _ = remove_form(replace(surface, height_m=over[0] - over[1]), "plane")
+    return bowed_m2 / level_m2, bow.height_m, bowed_m2
+
+
+def _range_m(height_m: np.ndarray) -> float:
+    return float(np.nanmax(height_m) - np.nanmin(height_m))
+
+
+def _variance_of_lowest_m2(height_m: np.ndarray) -> float:
+    known_m = height_m[np.isfinite(height_m)]
+    lowest = max(1, int(FLOOR_SHARE * known_m.size))
+    return float(np.partition(known_m, lowest - 1)[:lowest].var())

@@ -124,7 +124,9 @@ def remove_form(
     return rest, Form(kind, degree, robust and not floor, radius_m, axis_rad, floor)
 
 
-def level_and_straight(surface: HeightMap, floor: bool = False) -> tuple[HeightMap, HeightMap]:
+def level_and_straight(
+    surface: HeightMap, floor: bool = False, degree: int = 2
+) -> tuple[HeightMap, HeightMap]:
     """Return a map less its plane, and less its quadratic: between them lies its bow.
 
     Parameters
@@ -133,8 +135,12 @@ def level_and_straight(surface: HeightMap, floor: bool = False) -> tuple[HeightM
         In which something was measured.
     floor : bool
         Whether both are fitted to the lowest third, see `remove_form`.
+    degree : int
+        Of the polynomial in place of the quadratic.
     """
-    level, straight = (remove_form(surface, one, floor=floor)[0] for one in ("plane", "quadratic"))
+    level, straight = (
+        remove_form(surface, "polynomial", degree=one, floor=floor)[0] for one in (1, degree)
+    )
     return level, straight
 
 
