@@ -278,6 +278,7 @@ def test_the_face_is_levelled_the_other_way(form, floor):
     (problem,) = found.problems_for()
     assert (problem.code, problem.severity) == ("sensitive_to_levelling", "warning")
     assert problem.message.startswith("the levelling decides on W: a tilt of some nm")
+    assert "or a bow, decides which caps touch" in problem.message  # no tilt, in balance
     sweep = found.sweeps[-1]
     labels = ("no form removed", "plane")
     if form != "none":

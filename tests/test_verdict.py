@@ -13,7 +13,7 @@ from capslip.cli import main
 from capslip.output.lead import causes
 from capslip.problems import KINDS, Effect, Problem
 from capslip.settings import STAND_INS, Contact, Settings, settings_from
-from capslip.surface.doubts import problems_of_flatness
+from capslip.surface.flatness import problems_of_flatness
 from capslip.verdict import assumptions, verdict
 from scenes import PROJECT
 

@@ -29,9 +29,10 @@ FILTER_FACTORS = (0.0, 0.5, 1.0, 2.0)
 MIN_COARSE_POINTS = 40_000
 MAX_INTERACTING = 100  # caps
 LEVELLING = (
-    "a tilt of some nm over the face decides which caps touch; a least-squares plane is tilted by "
-    "where the caps lie; where a level floor is a third of the face, that of the lowest third of "
-    "the points (conditioning.form_floor = true) is right"
+    "a tilt of some nm over the face, or a bow, decides which caps touch; a least-squares plane is "
+    "tilted by where the caps lie, a form of a higher degree bowed, too; where a level floor is a "
+    "third of the face, that of the lowest third of the points (conditioning.form_floor = true) is "
+    "right"
 )
 FORCE_RATIO = 0.5  # of the force at total slip, at which W is taken
 
