@@ -20,8 +20,8 @@ from capslip.surface.doubts import (
     sanity_line,
     sizes_fit,
 )
-from capslip.surface.flatness import bow_of_form_m, problems_of_fit, problems_of_form
-from capslip.surface.form import remove_form
+from capslip.surface.flatness import _floor, bow_of_form_m, problems_of_fit, problems_of_form
+from capslip.surface.form import level_and_straight, remove_form
 from capslip.surface.heightmap import HeightMap, Origin
 from capslip.surface.outliers import Outliers
 
@@ -432,7 +432,7 @@ FORMS = [("quadratic", None), ("sphere", None), ("polynomial", 2), ("polynomial"
 
 
 @pytest.mark.parametrize(("form", "degree"), FORMS)
-@pytest.mark.parametrize("rough_m", [0.0, 0.05, 0.2])
+@pytest.mark.parametrize("rough_m", [0.0, 0.05, 0.2, 0.6])
 def test_a_form_that_follows_the_hills_is_told_by_the_floor_that_it_bows(form, degree, rough_m):
     """The map less that bow is the level floor, and the form fitted to the floor leaves none."""
     level = hills_on(lambda x, y: 0.0 * x)
@@ -462,6 +462,24 @@ def test_waves_have_no_floor_that_a_form_could_bow(form, degree, width):
         z = gaussian_filter(np.random.default_rng(seed).standard_normal((90, 120)), width)
         left, _ = remove_form(HeightMap(z / z.std(), (1.0, 1.0)), form, degree=degree)
         assert problems_of_fit(left, 1e-3, degree or 2) == []
+
+
+def test_what_is_higher_than_the_relief_is_no_bow_of_a_floor():
+    """Few waves, through whose lowest third a form of eight degrees runs off."""
+    z = gaussian_filter(np.random.default_rng(0).standard_normal((90, 120)), 16.0)
+    left, _ = remove_form(HeightMap(z / z.std(), (1.0, 1.0)), "polynomial", degree=8)
+    rest, bow_m, floor_m2 = _floor(left, 8)
+    assert rest < 0.8
+    assert floor_m2 < 0.01 * left.height_m.var()
+    assert bow_m.var() > left.height_m.var()
+    assert problems_of_fit(left, 1e-3, 8) == []
+
+
+def test_the_bow_of_waves_without_a_floor_is_that_of_all_heights():
+    z = gaussian_filter(np.random.default_rng(2).standard_normal((90, 120)), 4.0)
+    waves = HeightMap(z / z.std() + np.linspace(-1.0, 1.0, 120) ** 2, (1.0, 1.0))
+    level, straight = level_and_straight(waves)
+    np.testing.assert_array_equal(bow_of_form_m(waves), level.height_m - straight.height_m)
 
 
 def test_the_next_step_of_a_bow_is_the_form_of_what_shows_it():
