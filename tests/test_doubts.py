@@ -106,6 +106,8 @@ def test_a_bow_of_the_instrument_is_twice_in_the_sum_of_two_scans():
     assert doubts.known_flatness_m(PRESSED, one) == 2e-7
     assert doubts.known_flatness_m(both, one) == 4e-7
     assert doubts.known_flatness_m(both, none) is None
+    off = load_settings(overrides=(f"{FLATNESS}=2e-7", "conditioning.form=quadratic"))
+    assert doubts.known_flatness_m(PRESSED, off) is None  # the form took it off
 
 
 def test_what_lies_outside_is_compared_with_half_the_usual_diameter():

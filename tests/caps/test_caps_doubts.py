@@ -14,6 +14,7 @@ from capslip.caps.doubts import (
     problems_of_bow,
     problems_of_caps,
     problems_of_families,
+    without_bow,
 )
 from capslip.caps.families import group_families
 from capslip.caps.fit import fit_caps
@@ -52,6 +53,16 @@ def says_bow(caps):
 def test_a_bow_of_the_peaks_is_seen_in_both_families_at_once(sign):
     rng = np.random.default_rng(0)
     assert sum(says_bow(peaks(rng, 1e-8, sign * 8e-8)) for _ in range(100)) >= 95
+
+
+def test_peaks_are_not_asked_for_a_bow_after_a_form_that_took_bows_off():
+    """On a floor that is level they keep theirs: it is the face's own."""
+    bowed = peaks(np.random.default_rng(5), 1e-10, 8e-8)
+    level = HeightMap(np.zeros((40, 60)), (1e-3, 1e-3))
+    for taken_off, keeps in ((1, False), (2, True)):
+        less = without_bow(bowed, level, bowed, taken_off)[0]
+        moved_m = np.ptp(less.peak_height_m - bowed.peak_height_m)
+        assert (moved_m < 1e-9) == keeps
 
 
 def test_scatter_alone_is_rarely_called_a_bow():
