@@ -12,6 +12,7 @@ from capslip.contact.doubts import (
     problems_of_band,
     problems_of_first_touch,
     problems_of_floor,
+    problems_of_hidden_tops,
     problems_of_share,
     problems_of_waves,
 )
@@ -49,7 +50,7 @@ from capslip.surface.holes import problems_of_filling
 from capslip.units import percent
 
 # Of what lies where nothing was measured, and of that alone
-OF_VOIDS = ("hole_may_hide_hills", "outline_assumed", "contact_at_hole")
+OF_VOIDS = ("hole_may_hide_hills", "outline_assumed", "contact_at_hole", "tops_in_holes")
 BY_PATCHES = ("few_contacts_in_scan", "waves_longer_than_scan")  # heavy and light ones
 
 
@@ -85,6 +86,7 @@ def problems_of(face: Face, found: Analysis, mate: HeightMap | None) -> tuple[Pr
         *problems_of_waves(face.joint, contact, surface),
         *problems_of_first_touch(contact),
         *problems_of_filling(surface, contact.approach_m),
+        *_of_hidden_tops(face, contact),
         *_of_outline(face),
         *_of_levelling(face, contact, settings),
         *_of_ripple(contact, surface),
@@ -149,6 +151,13 @@ def _of_reader(scan: HeightMap) -> list[Problem]:
         Problem("reader_note", "info" if isinstance(note, Statement) else "warning", note)
         for note in scan.origin.notes
     ]
+
+
+def _of_hidden_tops(face: Face, contact: ContactState) -> list[Problem]:
+    """Return whether holes hide tops that touch; not on two maps, each with its own caps."""
+    if face.label is None:
+        return []
+    return problems_of_hidden_tops(contact, face.caps, face.conditioned.surface)
 
 
 def _of_outline(face: Face) -> list[Problem]:

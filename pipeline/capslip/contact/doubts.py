@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 
 from capslip.caps.families import Families
+from capslip.caps.hidden import hidden_tops
 from capslip.caps.table import DOUBTFUL, CapTable
 from capslip.contact.accuracy import BEYOND_SHARE
 from capslip.contact.joint import Joint
@@ -31,6 +32,8 @@ FEW_IN_SCAN = 25  # contacts of a scan that stands for a larger joint: W some 20
 FLOOR_SHARE = 0.005  # of the load: 6 % of it there made W(0.1 mu N) 2.2 times as large
 LONG_WAVES = 0.1  # of the approach: rms of waves that leave the loss by patches over 10 % too low
 ELASTIC_STRAIN = 0.03  # of E*: the greatest pressure at which the hardest steels stay elastic
+TWO_SIDED = 2.0  # standard errors that a height may be off by
+HIDDEN_LOAD = 0.01  # of the load: hills that would carry less are not noted
 FIRST_YIELD = 1.6  # greatest pressure of a Hertz contact over the yield stress, where it yields
 
 
@@ -304,6 +307,37 @@ def _on_flagged_caps(caps: CapTable) -> list[Problem]:
     names = ", ".join(str(flag.name) for flag, loaded in which.items() if loaded)
     message = f"{share:.0%} of the preload rests on flagged caps ({names})"
     return [Problem("load_on_doubtful_caps", "warning", message)]
+
+
+def problems_of_hidden_tops(
+    contact: ContactState, caps: CapTable, surface: HeightMap
+) -> list[Problem]:
+    """Return whether tops that would touch lie in holes of the map, by the flanks around them.
+
+    Parameters
+    ----------
+    contact : ContactState
+        The face under its preload.
+    caps : CapTable
+        At their heights over the face as it was pressed.
+    surface : HeightMap
+        That face.
+    """
+    if contact.rung.made_from == "nothing" or not caps.usable.any():
+        return []
+    tops = hidden_tops(surface)
+    approach_m = contact.approach_without_bulk_m or contact.approach_m
+    plane_m = float(caps.peak_height_m[caps.usable].max()) - approach_m
+    up_m = np.maximum(tops.height_m + TWO_SIDED * tops.height_se_m - plane_m, 0.0)
+    load_N = float((4.0 / 3.0 * contact.composite.E_star_Pa * tops.radius_m**0.5 * up_m**1.5).sum())
+    if load_N <= HIDDEN_LOAD * contact.preload_N:
+        return []
+    message = (
+        f"{int(np.count_nonzero(up_m))} hills lost their tops in holes of the map: by their flanks "
+        f"these stand up to {up_m.max():.2g} m above the plane that the contact reaches, and carry "
+        "load"
+    )
+    return [Problem("tops_in_holes", "warning", message)]
 
 
 def problems_of_pressure(contact: ContactState) -> list[Problem]:

@@ -31,7 +31,10 @@ from capslip.surface.rounding import few_steps
 from capslip.surface.seams import levels_m, tilts_m
 from capslip.units import percent
 
-OF_THE_HEIGHTS = ("hole_may_hide_hills", "outline_assumed", "clipped", "heights_in_steps")
+OF_THE_HEIGHTS = (
+    *("hole_may_hide_hills", "tops_in_holes", "outline_assumed"),
+    *("clipped", "heights_in_steps"),
+)
 FIRM = ("outliers_removed", "points_filled")
 JACKKNIFED = "points_filled"  # by maps that lack a part of its points each
 ASK_MAP = 0.2  # of the tolerance: what may move more is pressed on the map, too
@@ -125,7 +128,7 @@ def with_effects(
                 asked.remove(code)
                 effects[code], how[code] = by_map, f"found on the map {on_map}"
     if asked:
-        trials = Trials(face, caps, peaks, conditioned)
+        trials = Trials(face, caps, peaks, conditioned, of_map=pressed is not None)
         effects |= {code: _effect(trials, code, least_share) for code in asked}
     removed = effects.get("outliers_removed")
     matters = removed is not None and removed.effect.greatest > ASK_MAP * tolerance

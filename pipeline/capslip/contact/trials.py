@@ -8,11 +8,12 @@ from functools import cached_property
 import numpy as np
 
 from capslip.caps.doubts import without_bow
+from capslip.caps.hidden import hidden_tops
 from capslip.caps.table import DOUBTFUL, UNUSABLE, CapFlag, CapTable
 from capslip.contact.accuracy import MOST_WIDE, answers
 from capslip.contact.balanced import rebalanced
 from capslip.contact.bulk import bulk_of_face_m_per_N, filled_outside
-from capslip.contact.doubts import ELASTIC_STRAIN
+from capslip.contact.doubts import ELASTIC_STRAIN, TWO_SIDED
 from capslip.contact.material import composite, yield_law
 from capslip.contact.models.interacting import InteractingCurve
 from capslip.contact.reach import reachable
@@ -121,6 +122,7 @@ class Trials:
     caps: CapTable
     peaks: CapTable
     conditioned: Conditioned
+    of_map: bool = False  # whether the map answers, which lacks what lies in its holes
 
     @cached_property
     def before(self) -> np.ndarray:
@@ -145,6 +147,8 @@ class Trials:
             raise ContactError(f"{code}: caps do not tell")
         elif code == "hole_may_hide_hills":
             yield from self._with_hills(holes(self.face.surface))
+        elif code == "tops_in_holes":
+            yield from self._with_hidden_tops()
         elif code == "outline_assumed":
             yield self.caps
             yield from self._with_hills(self.face.surface.outside)
@@ -276,6 +280,32 @@ class Trials:
                     like.append(member[one])
             x_m, y_m = np.array(stand_m[len(seen_m) :]).reshape(-1, 2).T
             yield _joined(caps, x_m, y_m, caps.peak_height_m[like], caps.radius_m[like])
+
+    def _with_hidden_tops(self) -> Iterator[CapTable]:
+        """Return caps with the tops that lie in holes, as high as they are by their flanks.
+
+        Those stand for what was fitted to the same flanks. A map has of them what was measured of
+        their contacts, and so do caps of that much.
+        """
+        caps, surface = self.caps, self.face.surface
+        tops = hidden_tops(surface)
+        apart_m = np.hypot(caps.x_m[:, None] - tops.x_m, caps.y_m[:, None] - tops.y_m)
+        own = (apart_m <= tops.flank_m).any(axis=1)
+        others = caps.with_columns(flags=np.where(own, caps.flags | UNUSABLE, caps.flags))
+
+        def with_tops(height_m: np.ndarray, seen: np.ndarray | float = 1.0) -> CapTable:
+            radius_m = np.where(seen > LEAST_SEEN, tops.radius_m * seen**2, np.nan)
+            return _joined(others, tops.x_m, tops.y_m, height_m, radius_m)
+
+        for errors in (0.0, -TWO_SIDED, TWO_SIDED):
+            yield with_tops(tops.height_m + errors * tops.height_se_m)
+        if self.of_map:
+            whole, curve = self.face.pressed(with_tops(tops.height_m))
+            approach_m = float(curve.approach_m(self.face.settings.contact.preload_N))
+            plane_m = float(whole.peak_height_m[whole.usable].max()) - approach_m
+            up_m = np.maximum(whole.peak_height_m[len(caps) :] - plane_m, 0.0)
+            a_m = np.sqrt(tops.radius_m * up_m)
+            yield with_tops(tops.height_m, _load_seen(tops.x_m, tops.y_m, a_m, surface))
 
     def _with_points(self) -> Iterator[CapTable]:
         """Return caps with the removed points that would touch, if there are any.

@@ -129,7 +129,7 @@ AXES = (
     Axis("non-measured patches", "radius of 12 patches [m]",
          (2e-4, 5e-4, 1e-3, 2e-3, 3e-3, 5e-3, 8e-3),
          with_scene("patches of {:g} m", lambda x: {"n_patches": 12, "patch_radius_m": x}),
-         ("hole_may_hide_hills", "caps_non_measured", "load_on_doubtful_caps",
+         ("hole_may_hide_hills", "tops_in_holes", "caps_non_measured", "load_on_doubtful_caps",
           "contact_at_hole")),
     Axis("scattered missing points", "share",
          (0.01, 0.05, 0.2, 0.5, 0.8, 0.9, 0.95, 0.98, 0.995),
