@@ -203,6 +203,7 @@ FACES = {
     "three-at-the-edge": lambda: at_the_edge(0, 4, 8),
     "one-patch": lambda: patched(1),
     "four-patches": lambda: patched(0, 1, 2, 3),
+    "topless": lambda: at(np.hypot(X_M - CAPS[4][0], Y_M - CAPS[4][1]) < 2.5e-3, np.nan),
     "one-ridge": lambda: ridges(5),
     "three-ridges": lambda: ridges(1, 5, 9),
     "long-caps": long_caps,
@@ -334,6 +335,8 @@ ROWS = [
     Row("non_square_pixels", "warning", "0.00012 x 0.0012 m", "very-oblong"),
     Row("hole_may_hide_hills", "warning", "a disc of 0.00757 m radius", "hole"),
     Row("hole_may_hide_hills", "info", "moves the stiffness by", "hole loosely"),
+    Row("tops_in_holes", "warning", "took the tops of hills (1)", "topless", "hole"),
+    Row("tops_in_holes", "info", "moves the stiffness by", "topless loosely"),
     Row("contact_at_hole", "warning", "of the preload rests on contacts that go on",
         "four-patches solved", "plain solved"),
     Row("outline_assumed", "warning", "18.0% of the map", "cornered", "plain"),
@@ -572,6 +575,7 @@ def test_no_tilt_or_bow_decides_what_touches_on_a_flat_interface():
     [
         ("hole", "hole_may_hide_hills"),
         ("cornered", "outline_assumed"),
+        ("topless", "tops_in_holes"),
         ("HOLED", "contact_at_hole"),
     ],
 )

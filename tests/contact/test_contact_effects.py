@@ -8,6 +8,7 @@ import pytest
 from contact_cases import table
 
 from capslip.analysis import analyze_once
+from capslip.caps.hidden import hidden_tops
 from capslip.caps.table import UNUSABLE, CapFlag
 from capslip.contact.effects import with_effects
 from capslip.contact.trials import FaceOfCaps, _load_seen, _moved
@@ -210,6 +211,55 @@ def test_a_hole_hides_what_its_places_and_its_rim_make_likely(at_m, radius_m, hi
     effect = effect_of(found(replace(lost, height_m=height_m)), "hole_may_hide_hills").effect
     assert (effect.tangential_stiffness > 0.01) == hides
     assert hides or effect.energy == 0.0
+
+
+def without_top(surface, at_m, radius_m):
+    x_m = (np.arange(surface.shape[1]) + 0.5) * PIXEL_M
+    lost = np.hypot(x_m - at_m[0], x_m[:, None] - at_m[1]) < radius_m
+    return replace(surface, height_m=np.where(lost, np.nan, surface.height_m))
+
+
+@pytest.mark.parametrize("words", [(), ("contact.model=boundary_elements",)])
+@pytest.mark.parametrize("at_m", [MORE[4][:2], MORE[5][:2]])
+def test_a_top_that_a_hole_took_is_put_back_by_its_flanks(at_m, words):
+    whole = plain_map() if words else plain()
+    lost = found(without_top(face(MORE), at_m, 2.9e-3), *words)
+    (said,) = [one for one in lost.problems if one.code == "tops_in_holes"]
+    truth = whole.contact.stiffness_N_per_m / lost.contact.stiffness_N_per_m - 1.0
+    assert abs(truth) > 0.05
+    assert said.severity == "warning"
+    assert said.effect.tangential_stiffness == pytest.approx(abs(truth), rel=0.4)
+    assert said.effect.energy > 0.5 * abs(moved_energy(lost, whole))
+
+
+def test_a_top_that_caps_know_moves_them_not_but_the_map_that_lacks_it():
+    """The hole begins beside the apex: the crown that is left tells it, and half of it bears."""
+    surface = without_top(face(MORE), (25.2e-3, 20e-3), 1.5e-3)
+    caps, pressed = found(surface), found(surface, "contact.model=boundary_elements")
+    (known,) = [one for one in caps.problems if one.code == "tops_in_holes"]
+    (lacks,) = [one for one in pressed.problems if one.code == "tops_in_holes"]
+    assert (known.severity, lacks.severity) == ("info", "warning")
+    assert known.effect.greatest < 1e-6
+    assert 0.5 < lacks.effect.energy / moved_energy(pressed, plain_map()) < 2.0
+
+
+def test_how_little_flanks_know_of_a_top_is_in_what_it_moves(monkeypatch):
+    lost, effects = found(without_top(face(MORE), MORE[4][:2], 2.9e-3)), []
+    top = hidden_tops(lost.conditioned.surface)
+    for se_m in (0.0, 2e-8):
+        unsure = replace(top, height_se_m=np.array([se_m]))
+        monkeypatch.setattr("capslip.contact.trials.hidden_tops", lambda _, one=unsure: one)
+        effects.append(effect_of(lost, "tops_in_holes").effect)
+    sure, unsure = effects
+    assert unsure.tangential_stiffness > 1.1 * sure.tangential_stiffness
+    assert unsure.energy > 1.3 * sure.energy
+
+
+def test_a_top_that_a_hole_took_far_below_the_contact_is_no_doubt():
+    low = [*PEAKS, (0.024, 0.02, 24.0, -2.5e-7)]
+    lost = found(without_top(face(low), MORE[4][:2], 1.6e-3))
+    assert hidden_tops(lost.conditioned.surface).x_m.size == 1
+    assert "tops_in_holes" not in {one.code for one in lost.problems}
 
 
 def test_a_bow_of_the_peaks_is_taken_out_of_them():

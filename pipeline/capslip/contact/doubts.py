@@ -333,7 +333,7 @@ def problems_of_hidden_tops(
     if load_N <= HIDDEN_LOAD * contact.preload_N:
         return []
     message = (
-        f"{int(np.count_nonzero(up_m))} hills lost their tops in holes of the map: by their flanks "
+        f"holes of the map took the tops of hills ({int(np.count_nonzero(up_m))}): by their flanks "
         f"these stand up to {up_m.max():.2g} m above the plane that the contact reaches, and carry "
         "load"
     )
