@@ -243,16 +243,18 @@ def test_a_top_that_caps_know_moves_them_not_but_the_map_that_lacks_it():
     assert 0.5 < lacks.effect.energy / moved_energy(pressed, plain_map()) < 2.0
 
 
-def test_how_little_flanks_know_of_a_top_is_in_what_it_moves(monkeypatch):
-    lost, effects = found(without_top(face(MORE), MORE[4][:2], 2.9e-3)), []
+@pytest.mark.parametrize("off_m", [-4e-8, 4e-8])
+def test_how_little_flanks_know_of_a_top_is_in_what_it_moves(monkeypatch, off_m):
+    """At its own height it moves most; one that is off by two standard errors may be as high."""
+    lost, energies = found(without_top(face(MORE), MORE[4][:2], 2.9e-3)), []
     top = hidden_tops(lost.conditioned.surface)
-    for se_m in (0.0, 2e-8):
-        unsure = replace(top, height_se_m=np.array([se_m]))
-        monkeypatch.setattr("capslip.contact.trials.hidden_tops", lambda _, one=unsure: one)
-        effects.append(effect_of(lost, "tops_in_holes").effect)
-    sure, unsure = effects
-    assert unsure.tangential_stiffness > 1.1 * sure.tangential_stiffness
-    assert unsure.energy > 1.3 * sure.energy
+    for off_now_m, se_m in ((0.0, 0.0), (off_m, 0.0), (off_m, 0.5 * abs(off_m))):
+        one = replace(top, height_m=top.height_m + off_now_m, height_se_m=np.array([se_m]))
+        monkeypatch.setattr("capslip.contact.trials.hidden_tops", lambda _, one=one: one)
+        energies.append(effect_of(lost, "tops_in_holes").effect.energy)
+    true, sure, unsure = energies
+    assert sure < 0.95 * true
+    assert unsure > (1.0 - 1e-6) * true
 
 
 def test_a_top_that_a_hole_took_far_below_the_contact_is_no_doubt():
