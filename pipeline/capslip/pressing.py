@@ -118,6 +118,7 @@ def _sheared(
     patches = joint.loaded(contact, greatest_over_mean(settings.slip))
     curve = joint.curve_of(patches)
     slip = varying(slip_curve(curve, joint.preload_N, friction, kappa), settings.slip)
+    _ = slip.total_slip_displacement_m  # contacts that overlap may have none: told before any table
     contact = replace(contact, problems=(*contact.problems, *out_of_time(patches)))
     contact, dearer = _with_errors_of_joint(face, contact, curve, patches, settings)
     left = error_of_patches(joint, patches)

@@ -231,3 +231,18 @@ def test_caps_that_are_off_at_small_forces_alone_answer_with_a_note():
     asked = analyze(face, load_settings(overrides=(*words[1:], small)))
     assert "small_slip_extrapolated" in messages(asked)
     assert asked.status == "check"
+
+
+def test_slip_that_overlapping_caps_have_no_end_of_is_told_and_all_before_it_kept(monkeypatch):
+    def unstable(*given, **more):
+        raise ContactError("contacts overlap so far that they are unstable")
+
+    monkeypatch.setattr("capslip.contact.slip.withdrawal_to_lift_m", unstable)
+    surface = caps_map([(4e-3, 4e-3, 20.0, 0.0), (11e-3, 5e-3, 20.0, 0.0)], (60, 90), PIXEL_M)
+    given = "contact.model=interacting", "contact.preload_N=1", "contact.alignment=as_levelled"
+    found = analyze(surface, load_settings(overrides=given))
+    assert found.slip is None
+    assert found.status == "failed"
+    assert found.summary()["hills"]["caps"] == len(found.caps) > 0
+    (said,) = (p for p in found.problems if p.code == "contact_failed")
+    assert "unstable" in said.message
