@@ -588,7 +588,10 @@ def test_where_no_material_is_nothing_is_hidden_and_caps_end(scene, code):
     rim = {"caps_non_measured": "caps_edge"}  # of a hole: there the face ends
     codes = [rim.get(problem.code, problem.code) for problem in unknown.problems]
     others = [one for one in codes if one not in ("outline_assumed", code)]
-    assert [p.code for p in void.problems if p.code != "outline_assumed"] == others
+    of_void = [p.code for p in void.problems if p.code != "outline_assumed"]
+    if scene == "topless":  # its contact would lie in the hole, where caps do not end
+        of_void.remove("boundary_elements_needed")
+    assert of_void == others
     if scene == "hole":  # two caps end at its rim
         on_map = analysis("hole solved", False).contact.stiffness_N_per_m
         of_void, of_unknown = (

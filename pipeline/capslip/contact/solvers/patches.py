@@ -29,6 +29,7 @@ _SPLINE_MARGIN = 8  # pixels beyond a patch that its refinement sees
 # Points along the longer side of a pixel of a map that is rough from pixel to pixel: its shortest
 # wave, of two pixels, has four then. More would follow a spline where it no longer knows the face
 MOST_OF_ROUGH = 2
+ENDS_OF_ROUGH = 0.125  # pixels beyond its outermost heights, that its spline is followed
 _OF_SLOPE = 1e-3  # weight of first differences beside second ones, where heights are lost
 
 
@@ -307,9 +308,9 @@ def _refined(
     last = min(y1 + m, rows.stop), min(x1 + m, cols.stop)
     window = np.s_[first[0] : last[0], first[1] : last[1]]
     depth_m = _filled(face.depth_m[window], face.measured[window])
-    # Its ends go on as they are, as far as a map goes beyond its last point: half a pixel. A rough
-    # face ends with its last points: a spline may rise by more than all of its approach beyond.
-    beyond = 0.0 if max(per_pixel) <= MOST_OF_ROUGH else 0.5
+    # Its ends go on as they are, as far as a map goes beyond its last point: half a pixel. Those of
+    # a rough face half as far as its points: a spline may rise by more than all of its approach.
+    beyond = ENDS_OF_ROUGH if max(per_pixel) <= MOST_OF_ROUGH else 0.5
     for axis, (start, end, n) in enumerate(((y0, y1, per_pixel[0]), (x0, x1, per_pixel[1]))):
         places = (np.arange(start * n, end * n) + 0.5) / n - 0.5
         places = np.clip(places, first[axis] - beyond, last[axis] - 1 + beyond)
