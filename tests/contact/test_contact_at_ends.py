@@ -38,8 +38,7 @@ def at_ends(analysis):
     return np.count_nonzero(analysis.caps.flags & CapFlag.edge)
 
 
-@pytest.mark.parametrize("non_measured", ["unknown", "void"])
-@pytest.mark.parametrize("cut", [0, 1, 2])
+@pytest.mark.parametrize(("cut", "non_measured"), [(0, "void"), (1, "unknown"), (2, "void")])
 def test_a_margin_that_was_not_measured_changes_no_answer(cut, non_measured):
     around_m = np.pad(face_m((*CUT[:cut], *WHOLE)), MARGIN, constant_values=np.nan)
     whole, within = of_the_map(cut), analysed(around_m, f"joint.non_measured={non_measured}")

@@ -196,7 +196,8 @@ def test_what_is_rougher_than_the_noise_that_is_known_is_the_face_itself():
     known, said = error_of_map(rough, LOAD_N, 0.05, 1e-11)
     assert "warning" not in {one.severity for one in said if one.code == "detail_decides"}
     assert known.energy_at(0.5) < 0.5 * unknown.energy_at(0.5)  # what pixels leave is left
-    assert (known.energy_at(0.75), known.stiffness) == pytest.approx((0.01, 0.01))
+    assert known.energy_at(0.75) < 0.011
+    assert known.stiffness == pytest.approx(0.01)
 
 
 def test_noise_that_is_asked_for_is_that_of_one_scan_where_the_map_is_the_sum_of_two():
