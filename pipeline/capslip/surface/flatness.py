@@ -98,8 +98,7 @@ def problems_of_form(surface: HeightMap, approach_m: float, side: int = 1) -> li
                 "is not the face's own; or --set instrument.flatness_deviation_m=..., what the "
                 "instrument makes of a flat"
             )
-            of_floor = {"step": step} if what == THE_FLOOR else {}
-            return [bow_left(lies, bow_m, approach_m, **of_floor)]
+            return [bow_left(lies, bow_m, approach_m, step=step if what == THE_FLOOR else None)]
     return []
 
 

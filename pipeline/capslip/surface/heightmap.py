@@ -372,7 +372,7 @@ class HeightMap:
     @cached_property
     def ends_within(self) -> bool:
         """Whether the face ends before its map does."""
-        return bool(self.outside.any()) if not self.complete else False
+        return not self.complete and bool(self.outside.any())
 
     @property
     def lost_inside(self) -> np.ndarray:
