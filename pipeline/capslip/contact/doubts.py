@@ -12,6 +12,7 @@ from capslip.contact.accuracy import BEYOND_SHARE
 from capslip.contact.joint import Joint
 from capslip.contact.material import dundurs_beta
 from capslip.contact.press import ContactState
+from capslip.contact.solvers.hertz import coefficient_of
 from capslip.contact.solvers.yielding import HARDNESS_PER_YIELD
 from capslip.contact.uneven_accuracy import by_energy
 from capslip.materials import MATERIALS
@@ -329,7 +330,7 @@ def problems_of_hidden_tops(
     approach_m = contact.approach_without_bulk_m or contact.approach_m
     plane_m = float(caps.peak_height_m[caps.usable].max()) - approach_m
     up_m = np.maximum(tops.height_m + TWO_SIDED * tops.height_se_m - plane_m, 0.0)
-    load_N = float((4.0 / 3.0 * contact.composite.E_star_Pa * tops.radius_m**0.5 * up_m**1.5).sum())
+    load_N = float(coefficient_of(tops.radius_m, contact.composite.E_star_Pa) @ up_m**1.5)
     if load_N <= HIDDEN_LOAD * contact.preload_N:
         return []
     message = (

@@ -11,6 +11,7 @@ from capslip.contact.flattening import flattened
 from capslip.contact.models.interacting import RUNG, InteractingCurve
 from capslip.contact.rung import Scene, pairs_in_balance
 from capslip.contact.solvers.balance import press, press_sets
+from capslip.contact.solvers.hertz import coefficient_of
 from capslip.errors import ContactError
 from capslip.settings import Settings
 
@@ -75,7 +76,7 @@ def moved_caps(
         peak_m, start_m = _balanced(scene, curve, peak_m, radius_m, start_m, settings)
     depth_m = _depth_m(peak_m)
     face = curve.pair_compliance_m_per_N, start_m, scene.preload_N
-    k = _coefficient(radius_m, scene.E_star_Pa)
+    k = coefficient_of(radius_m, scene.E_star_Pa)
     level_m, _, g = press_sets(k, depth_m, *face, near=curve.near)
     return MovedCurve(
         *(RUNG.name, np.ones_like(radius_m), radius_m, depth_m, scene.E_star_Pa),
@@ -104,11 +105,11 @@ def _balanced(
     near = None if C is None else curve.near
     moment_Nm = np.zeros(2)
     if scene.turning_stiffness > 0.0:  # what held the face upright was at ease with caps as found
-        k, depth_m = _coefficient(scene.radius_m, scene.E_star_Pa), scene.depth_m
+        k, depth_m = coefficient_of(scene.radius_m, scene.E_star_Pa), scene.depth_m
         held_m = press(k, depth_m, C, start_m[0], load=load_N, near=near).compression_m
         moment_Nm = k * np.maximum(held_m, 0.0) ** 1.5 @ arm_m
     turning = arm_m, scene.turning_stiffness, moment_Nm
-    k, depth_m = _coefficient(radius_m, scene.E_star_Pa), _depth_m(peak_m)
+    k, depth_m = coefficient_of(radius_m, scene.E_star_Pa), _depth_m(peak_m)
     _, slope, g = press_sets(k, depth_m, C, start_m, load_N, *turning, near=near)
     return peak_m + slope @ arm_m.T, g
 
@@ -127,10 +128,6 @@ def _flattened(
     flat = flattened(RUNG, replace(scene, caps=moved, start_m=start))
     assert flat.start_m is not None
     return flat.caps.peak_height_m[use], flat.radius_m, flat.start_m
-
-
-def _coefficient(radius_m: np.ndarray, E_star_Pa: float) -> np.ndarray:
-    return 4 / 3 * E_star_Pa * np.sqrt(radius_m)
 
 
 def _depth_m(peak_m: np.ndarray) -> np.ndarray:

@@ -32,6 +32,11 @@ def contact_radius_m(load_N: ArrayLike, radius_m: ArrayLike, E_star_Pa: float) -
     return np.cbrt(3.0 * np.asarray(load_N) * np.asarray(radius_m) / (4.0 * E_star_Pa))
 
 
+def coefficient_of(radius_m: np.ndarray, E_star_Pa: float) -> np.ndarray:
+    """Return k = 4/3 E* sqrt(R) in N/m^1.5 of spheres, whose load is k times compression^1.5."""
+    return np.asarray(4 / 3 * E_star_Pa * np.sqrt(radius_m))
+
+
 def load_drop_of_asperity(
     coefficient: np.ndarray, compression_m: np.ndarray, withdrawal_m: np.ndarray
 ) -> np.ndarray:
@@ -114,7 +119,7 @@ class HertzCurve:
     @property
     def coefficient(self) -> np.ndarray:
         """4/3 E* sqrt(R) in N/m^1.5, shape (..., n)."""
-        return 4 / 3 * self.E_star_Pa * np.sqrt(self.radius_m)
+        return coefficient_of(self.radius_m, self.E_star_Pa)
 
     def load_N(self, approach_m: ArrayLike) -> np.ndarray:
         """N(d)."""
