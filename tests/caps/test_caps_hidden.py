@@ -79,6 +79,16 @@ def test_each_top_in_a_long_hole_is_told_once():
     assert tops.height_m[order] == pytest.approx([HEIGHT_M, 1.8e-6], rel=1e-3)
 
 
+def test_holes_one_point_apart_are_two():
+    other_m = TOP_M[0] + 3.0e-3, TOP_M[1]
+    face_m = np.maximum(hill(), hill(other_m, 1.9e-6))
+    lost = holed(face_m, beside(1.5e-3), (2.8e-3, 5e-4)).height_m.copy()
+    between = np.argmin(np.abs(X_M - TOP_M[0] - 1.5e-3))
+    lost[:, between] = face_m[:, between]
+    tops = hidden_tops(HeightMap(lost, (DY_M, DX_M)))
+    assert np.sort(tops.x_m) == pytest.approx([TOP_M[0], other_m[0]], abs=1e-6)
+
+
 def test_a_wide_hole_is_told_by_what_is_near_it_where_higher_hills_stand_around():
     around = [(dx_m, dy_m) for dx_m in (-3.8e-3, 0.0, 3.8e-3) for dy_m in (-3.8e-3, 0.0, 3.8e-3)]
     others = [beside(*off_m) for off_m in around if off_m != (0.0, 0.0)]

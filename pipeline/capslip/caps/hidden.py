@@ -1,5 +1,6 @@
 """Tops of hills that lie in holes of a map, by the flanks around them."""
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -11,6 +12,7 @@ from capslip.surface.heightmap import HeightMap
 from capslip.surface.holes import holes
 
 LEAST_PIXELS = 1.5  # of the radius of a hole: smaller ones hide no more than pixels do
+RIM = 3  # longer sides of pixels from what lies within a hole to what was measured
 AROUND = 2.5, 1.5  # radii of a hole, within which its flanks are looked at: as many as tell
 FLANK = 0.5  # of the relief around a hole: what is lower may be another hill, or a floor
 
@@ -78,24 +80,43 @@ def _one_each(
 
 def _places(surface: HeightMap) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return rows and columns of the middles of holes, and how far they are from what is not."""
-    from scipy.ndimage import binary_erosion, distance_transform_edt, maximum_filter
+    from scipy.ndimage import distance_transform_edt, find_objects, label, maximum_filter
 
     none = np.empty(0, dtype=np.intp), np.empty(0, dtype=np.intp), np.empty(0)
     if surface.complete:
         return none
     hole = holes(surface)
-    if not binary_erosion(hole, np.ones((3, 3))).any():  # faster than the distances
+    inner = _inner(hole)
+    if not inner.any():
         return none
-    depth_m = distance_transform_edt(hole, sampling=surface.pixel_size_m)
-    least_m = LEAST_PIXELS * max(surface.pixel_size_m)
-    row, col = np.nonzero((depth_m >= least_m) & (maximum_filter(depth_m, 3) == depth_m))
-    order = np.argsort(-depth_m[row, col], kind="stable")
+    names, _ = label(inner, np.ones((3, 3)))
+    found, least_m = list[np.ndarray](), LEAST_PIXELS * max(surface.pixel_size_m)
+    # Around what is within holes alone: distances on the whole map cost as much as all caps
+    around = [math.ceil(RIM * max(surface.pixel_size_m) / one) for one in surface.pixel_size_m]
+    for name, within in enumerate(find_objects(names), start=1):
+        top, left = (max(0, one.start - n) for one, n in zip(within, around, strict=True))
+        down, right = (one.stop + n for one, n in zip(within, around, strict=True))
+        window = np.s_[top:down, left:right]
+        depth_m = distance_transform_edt(hole[window], sampling=surface.pixel_size_m)
+        middle = (names[window] == name) & (depth_m >= least_m)
+        row, col = np.nonzero(middle & (maximum_filter(depth_m, 3) == depth_m))
+        found.append(np.stack((row + top, col + left, depth_m[row, col])))
+    rows, cols, depth_m = np.concatenate(found, axis=1)
+    row, col = rows.astype(np.intp), cols.astype(np.intp)
     taken, kept = np.zeros(surface.shape, dtype=bool), list[int]()
+    order = np.lexsort((col, row, -depth_m))
     for k in order.tolist():  # the middle of a long hole is not one place
         if not taken[row[k], col[k]]:
             kept.append(k)
-            taken[_window(surface, row[k], col[k], depth_m[row[k], col[k]])] = True
-    return row[kept], col[kept], depth_m[row[kept], col[kept]]
+            taken[_window(surface, row[k], col[k], depth_m[k])] = True
+    return row[kept], col[kept], depth_m[kept]
+
+
+def _inner(hole: np.ndarray) -> np.ndarray:
+    """Return which points of holes have none but such around them; beyond the map as well."""
+    out = np.pad(hole, 1, constant_values=True)
+    rows = out[:-2] & out[1:-1] & out[2:]
+    return rows[:, :-2] & rows[:, 1:-1] & rows[:, 2:]
 
 
 def _window(surface: HeightMap, row: int, col: int, radius_m: float) -> tuple[slice, slice]:
