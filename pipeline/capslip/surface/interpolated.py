@@ -116,8 +116,9 @@ def _own(difference_m: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     known = ~np.isnan(difference_m)
     most_m = quantile(np.abs(difference_m).reshape(-1), OUTERMOST)
     own_m = np.clip(difference_m, -most_m, most_m)
-    shared_m, measured = np.zeros(len(own_m)), known.any(axis=1)
-    shared_m[measured] = np.nanmedian(own_m[measured], axis=1)
+    in_order_m, count = np.sort(own_m, axis=1), np.maximum(known.sum(axis=1), 1)  # unknown: last
+    middle = np.stack(((count - 1) // 2, count // 2), axis=1)
+    shared_m = np.nan_to_num(np.take_along_axis(in_order_m, middle, axis=1).mean(axis=1))
     own_m -= shared_m[:, None]
     own_m[~known] = 0.0
     return own_m, known, shared_m
