@@ -114,7 +114,7 @@ TABLE = [
         ),
     ),
     (
-        ("caps/families.py", "caps/clusters.py"),
+        ("caps/families.py", "caps/clusters.py", "caps/planes.py"),
         ("tests/caps/test_*families*.py", "tests/caps/test_*levels*.py"),
     ),
     (("caps/separation.py", "caps/hills.py"), ("tests/caps/test_*hills*.py",)),

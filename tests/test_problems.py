@@ -506,7 +506,7 @@ ROWS = [
         "plain levelled solved", swept=True),
     Row("sensitive_to_filter", "info", "decides on h and R_P", "rough levelled", "plain levelled",
         swept=True),
-    Row("sensitive_to_levelling", "info", "decides on m, n, h and R_P", "low-side", swept=True),
+    Row("sensitive_to_levelling", "info", "decides on R_G", "waved", "low-side", swept=True),
 ]  # fmt: skip
 
 

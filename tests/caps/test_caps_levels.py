@@ -9,7 +9,8 @@ from hypothesis import strategies as st
 from scipy.optimize import linprog
 
 from capslip.analysis import analyze_once
-from capslip.caps.levels import _Scaled, find_levels
+from capslip.caps.levels import find_levels
+from capslip.caps.planes import Scaled
 from capslip.caps.simplex import minimum
 from capslip.settings import load_settings
 from capslip.studies.faces.scenes import PAPER
@@ -147,7 +148,7 @@ def test_a_row_of_caps_along_an_edge_is_no_worse_than_the_same_face_turned():
 def test_the_evidence_is_the_integral_that_it_says():
     """One family of five caps: the integral over level, slopes and width by quadrature."""
     x_m, y_m, height_m = peaks(5, 0, 5, 1.0)
-    scaled = _Scaled.of(np.column_stack((x_m, y_m)), height_m)
+    scaled = Scaled.of(np.column_stack((x_m, y_m)), height_m)
     places = np.column_stack((np.ones(5), scaled.place))
     z = scaled.z
     # With the plane integrated out: (2 pi)^-1 |P^T P|^-1/2 w^-2 exp(-rest / 2 w^2) dw / w
@@ -244,6 +245,22 @@ def test_a_bow_owes_nothing_to_a_tilt():
     one, other = (find_levels(x_m, y_m, height_m + tilt * y_m) for tilt in (0.0, 5e-4))
     assert other.bow == pytest.approx(one.bow, rel=1e-6)
     assert other.slope[1] - one.slope[1] == pytest.approx([0.0, 5e-4], abs=1e-9)
+
+
+@pytest.mark.parametrize(("across", "lower"), [(4, 0), (4, 1), (4, 2), (6, 0), (6, 1)])
+def test_rounding_does_not_choose_among_levels_of_three_rows(across, lower):
+    """One row of three may be lower, or the plane tilted, or bent: any of these is exact."""
+    row, col = np.divmod(np.arange(3 * across), across)
+    x_m, y_m, height_m = 0.012 * col, 0.016 * row, np.where(row == lower, -1e-7, 0.0)
+    rng, slopes = np.random.default_rng(2), []
+    for scale in (0.0, *np.full(20, 1e-22)):
+        levels = find_levels(x_m, y_m, height_m + scale * rng.standard_normal(3 * across))
+        assert np.ptp(levels.heights_m(2)[row == lower]) < 1e-20
+        assert not levels.bow.any()
+        slopes.append(levels.slope[1])
+    assert np.ptp(slopes, axis=0).max() < 1e-17
+    if across == 4:  # all planes through three caps are tried: the least turn counts
+        assert np.abs(slopes).max() < 1e-17
 
 
 def test_few_peaks_are_given_no_bow():

@@ -6,7 +6,8 @@ from typing import Literal
 import numpy as np
 
 from capslip.caps.clusters import CLEAR_LOG_ODDS, CLEAR_SEPARATION, Clusters, cluster
-from capslip.caps.levels import LEAST_CAPS, Levels, find_levels
+from capslip.caps.levels import Levels, find_levels
+from capslip.caps.planes import LEAST_CAPS
 from capslip.caps.table import CapFlag, CapTable
 
 Feature = Literal["peak_height", "cap_height", "diameter", "radius"]
