@@ -41,6 +41,8 @@ def interacting_caps():
 
 
 CASES = {"caps": output_cases.several, "interacting": interacting_caps, "map": pressed_map}
+# Pages of caps look alike, whether they interact or not
+either_look = pytest.mark.parametrize("case", ["caps", "map"], indirect=True, scope="module")
 
 
 @pytest.fixture(scope="module", params=CASES)
@@ -141,6 +143,7 @@ def test_panel_answers_within_a_frame_and_follows_its_inputs(case, tmp_path):
     assert "beyond gross slip" in beyond
 
 
+@either_look
 @needs_chromium
 def test_what_is_no_number_above_0_is_not_taken_and_does_not_stay_in_its_field(case, tmp_path):
     _, page = case
@@ -183,6 +186,7 @@ def test_what_the_pixels_do_not_resolve_is_called_a_guess(case, tmp_path):
     assert ("a guess" in below) == (unresolved > 0.002)
 
 
+@either_look
 @needs_chromium
 def test_report_fits_its_width_and_has_no_fault(case, at_rest, tmp_path):
     _, page = case
@@ -190,6 +194,7 @@ def test_report_fits_its_width_and_has_no_fault(case, at_rest, tmp_path):
     assert ask(page, "return document.documentElement.scrollWidth", tmp_path, (420, 900)) <= 420
 
 
+@either_look
 @needs_chromium
 def test_columns_of_the_caps_sort(case, tmp_path):
     analysis, page = case
@@ -204,6 +209,7 @@ def test_columns_of_the_caps_sort(case, tmp_path):
     assert column == ["ascending", list(range(1, len(analysis.caps) + 1))]
 
 
+@either_look
 @needs_chromium
 def test_report_is_dark_where_the_reader_wants_it(case, tmp_path):
     _, page = case
@@ -212,6 +218,7 @@ def test_report_is_dark_where_the_reader_wants_it(case, tmp_path):
     assert picture(page, tmp_path)[:, :20].mean() > 240.0
 
 
+@either_look
 @needs_chromium
 def test_print_holds_every_figure_and_leaves_no_page_half_empty(case, tmp_path):
     import subprocess
@@ -229,6 +236,7 @@ def test_report_is_small(case):
     assert page.stat().st_size < 4e6
 
 
+@either_look
 @needs_chromium
 def test_fields_and_small_numbers_of_the_panel_can_be_read(case, tmp_path):
     analysis, page = case
