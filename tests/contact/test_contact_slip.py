@@ -13,6 +13,7 @@ from capslip.contact.models.boundary_elements import boundary_elements
 from capslip.contact.models.caps import caps
 from capslip.contact.models.families import families
 from capslip.contact.models.flat import flat
+from capslip.contact.models.interacting import interacting
 from capslip.contact.models.mean_field import mean_field
 from capslip.contact.slip import SlipCurve, slip_curve
 from capslip.errors import ContactError, SettingsError
@@ -171,6 +172,43 @@ def test_total_slip_and_beyond():
         assert joint.displacement_m(1.01 * muN) == np.inf
         assert joint.energy_at_force_J(1.01 * muN) == np.inf
         assert joint.stiffness_N_per_m(1.1 * limit) == 0.0
+
+
+def of_interacting_caps():
+    curve = interacting([20.0, 30.0], [0.0, 1e-7], [0.0, 5e-3], [0.0, 0.0], E, 50.0)
+    return slip_curve(curve, 50.0, MU, KAPPA)
+
+
+def of_a_map():
+    x_m = (np.arange(24) - 11.5) * 1e-4
+    face = HeightMap(-(x_m**2 + x_m[:, None] ** 2) / 4.0, (1e-4, 1e-4))
+    return slip_curve(boundary_elements(face, E, preload_N=1.0), 1.0, MU, KAPPA)
+
+
+@pytest.mark.parametrize(
+    "joint",
+    [
+        reference(),
+        random_slip(3),
+        random_slip(4, "mean_field"),
+        of_interacting_caps(),
+        of_a_map(),
+        slip_curve(flat(46.0), 46.0, MU, KAPPA),
+    ],
+    ids=lambda joint: joint.curve.model,
+)
+def test_the_displacement_of_a_force_that_nothing_holds_is_one(joint):
+    """It is infinite, and what is asked of it is what lies beyond total slip."""
+    muN = joint.total_slip_force_N
+    delta = joint.displacement_m([0.5 * muN, 1.01 * muN])
+    assert delta[1] == np.inf
+    assert joint.force_N(delta)[1] == pytest.approx(muN, rel=1e-14)
+    assert joint.energy_J(delta)[1] == np.inf
+    assert joint.stiffness_N_per_m(delta)[1] == 0.0
+    assert joint.phase(delta)[1] == "TS"
+    for of in (joint.force_N, joint.energy_J, joint.stiffness_N_per_m, joint.phase):
+        np.testing.assert_array_equal(of(delta)[0], of(delta[0]))
+        assert of([]).shape == (0,)
 
 
 def test_stiffness_is_the_slope_and_the_first_one_that_of_the_joint():

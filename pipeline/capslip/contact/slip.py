@@ -10,6 +10,8 @@ from numpy.typing import ArrayLike
 from capslip.contact.curve import NormalCurve, withdrawal_to_lift_m
 from capslip.errors import ContactError, SettingsError
 
+TINY_M = 1e-300  # beyond total slip of a plane interface, which has no displacement before it
+
 
 @dataclass(frozen=True, eq=False)
 class SlipCurve:
@@ -56,7 +58,7 @@ class SlipCurve:
 
     def force_N(self, displacement_m: ArrayLike) -> np.ndarray:
         """T(delta) of first loading; mu N beyond total slip."""
-        e = _amplitude("displacement_m", displacement_m) / self._scale
+        e = self._withdrawn_m(displacement_m)
         return self.friction_coefficient * self.curve.load_drop_N(self.approach_m, e)
 
     def displacement_m(self, force_N: ArrayLike) -> np.ndarray:
@@ -67,8 +69,10 @@ class SlipCurve:
 
     def energy_J(self, displacement_m: ArrayLike) -> np.ndarray:
         """W of one cycle between -delta and delta, beyond total slip as well."""
-        e = _amplitude("displacement_m", displacement_m) / self._scale
-        return self._energy_scale * self.curve.loss_integral_J(self.approach_m, e)
+        e = self._withdrawn_m(displacement_m)
+        loss = self.curve.loss_integral_J(self.approach_m, e)
+        endless = np.isposinf(np.asarray(displacement_m, dtype=float))
+        return np.where(endless, np.inf, self._energy_scale * loss)
 
     def energy_at_force_J(self, force_N: ArrayLike) -> np.ndarray:
         """W of one cycle between -T and T; infinite above mu N."""
@@ -78,7 +82,7 @@ class SlipCurve:
 
     def stiffness_N_per_m(self, displacement_m: ArrayLike) -> np.ndarray:
         """dT/d delta on first loading; zero beyond total slip."""
-        e = _amplitude("displacement_m", displacement_m) / self._scale
+        e = self._withdrawn_m(displacement_m)
         return self.curve.stiffness_N_per_m(self.approach_m, e) / self.kappa
 
     def loop(self, amplitude_m: float, n_points: int = 201) -> tuple[np.ndarray, np.ndarray]:
@@ -107,10 +111,18 @@ class SlipCurve:
 
     def phase(self, displacement_m: ArrayLike) -> np.ndarray:
         """Return "GPS", "PPS" or "TS": none, some or all asperities slip as a whole (Sec. 2.3)."""
-        e = _amplitude("displacement_m", displacement_m) / self._scale
+        e = self._withdrawn_m(displacement_m)
         some = self.curve.lifted(self.approach_m, e).any(axis=-1)
         total = e >= self.total_slip_displacement_m / self._scale
         return np.where(total, "TS", np.where(some, "PPS", "GPS"))
+
+    def _withdrawn_m(self, displacement_m: ArrayLike) -> np.ndarray:
+        """Return how far the curve is withdrawn; of no end of slip, beyond total slip."""
+        e: np.ndarray = _amplitude("displacement_m", displacement_m) / self._scale
+        if np.isposinf(e).any():
+            beyond = np.maximum(2.0 * self.total_slip_displacement_m / self._scale, TINY_M)
+            e = np.where(np.isposinf(e), beyond, e)
+        return e
 
     @property
     def _energy_scale(self) -> Any:

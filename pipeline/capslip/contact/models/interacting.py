@@ -50,7 +50,8 @@ class InteractingCurve(HertzCurve):
 
     def _overlapping(self, g: np.ndarray) -> int:
         """Count them, of rows of compressions as if each contact were as wide as in its widest."""
-        a = np.sqrt(self.radius_m * np.maximum(g, 0)).reshape(-1, g.shape[-1]).max(axis=0)
+        a = np.sqrt(self.radius_m * np.maximum(g, 0)).reshape(-1, g.shape[-1])
+        a = a.max(axis=0, initial=0.0)
         touching = a > 0
         distance = np.hypot(
             self.x_m[touching, None] - self.x_m, self.y_m[touching, None] - self.y_m
