@@ -30,6 +30,7 @@ from capslip.structure.doubts import problems_of_damping, problems_of_structure
 from capslip.structure.stiffness import is_given, structure_name
 from capslip.surface.average import problems_of_places
 from capslip.surface.heightmap import HeightMap, check_map, check_maps
+from capslip.surface.readers.faces import check_reading
 
 R = TypeVar("R", bound=JointResult)
 
@@ -68,8 +69,9 @@ def analyze(
         If a map is no HeightMap, nothing was measured, all heights are equal, or fewer than 9
         points lie above the cut.
     SettingsError
-        If the settings are no Settings, one makes no sense for this map, or boundary elements shall
-        press two maps whose caps are counted together.
+        If the settings are no Settings, one makes no sense for this map, `reading` says of it what
+        it was not read with (`load_surface(path, **msgspec.structs.asdict(settings.reading))`), or
+        boundary elements shall press two maps whose caps are counted together.
 
     Examples
     --------
@@ -322,6 +324,7 @@ def _analyzed(
     check_map("surface", surface)
     check_map("mate", surface if mate is None else mate)
     _check(settings, mate)
+    check_reading(surface, settings.reading)
     started = _now()
     face = find_face(surface, settings, mate, clock)
     found = Analysis(

@@ -11,8 +11,6 @@ from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
-import msgspec
-
 from capslip.analysis import analyze
 from capslip.errors import OutputError, SettingsError, in_one_line
 from capslip.output.folder import write
@@ -32,7 +30,7 @@ from capslip.output.staging import (
 from capslip.provenance import UNREAD, Seen, code_sha256, digest_of, is_as_seen, seen_of
 from capslip.settings import Cluster, Settings, load_settings
 from capslip.sources import Scan, find_scans
-from capslip.surface.readers import load_surface
+from capslip.surface.readers.faces import load_faces
 from capslip.workers import NO_LIMITS, Limits, Lost, cluster, crew, outcomes
 
 OWN = frozenset({"batch.csv", "batch.parquet", "index.html", "scans"})
@@ -94,9 +92,7 @@ def analyse_scan(scan: Scan, folder: Path, command: str | None, retry_failed: bo
         if done is not None:
             return done
         stage, started_s = "read", time.perf_counter()
-        reading = msgspec.structs.asdict(scan.settings.reading)
-        surface = load_surface(scan.path, **reading)
-        mate = None if scan.mate is None else load_surface(scan.mate, **reading)
+        surface, mate = load_faces(scan.path, scan.mate, scan.settings.reading)
         timings_s = {"read": time.perf_counter() - started_s}
         stage = "analyse"
         analysis = analyze(surface, scan.settings, mate)

@@ -93,8 +93,7 @@ def analyze(
         check_folder(folder, keep=(surface, mate))
     say = Progress(quiet, options["verbose"])
     with ready(settings.run.render) as renderer:
-        face = _load(surface, settings, say)
-        other = _load(mate, settings, say) if mate is not None else None
+        face, other = _load(surface, settings, say, mate)
         timings_s = {"read": say.elapsed_s()}
         analysis = run(face, settings, other, progress=say)
         if not as_json and not quiet:
@@ -137,7 +136,7 @@ def _analyze_scans(
     say = Progress(quiet, verbose)
     faces: dict[str | None, HeightMap] = {}
     for path in surfaces:
-        face = _load(path, settings, say)
+        face, _ = _load(path, settings, say)
         if (same := faces.setdefault(face.origin.sha256, face)) is not face:
             raise SettingsError(
                 f"{path}: holds what {same.origin.path} holds; expected another place of the joint"
@@ -172,13 +171,13 @@ def _raise_errors(result: "JointResult", folder: Path | None, of: str = "") -> N
             raise ScanError(f"{of}{problem.text}; next: {problem.advice}{rest}")
 
 
-def _load(path: Path, settings: "Settings", say: Progress) -> "HeightMap":
-    import msgspec
+def _load(
+    path: Path, settings: "Settings", say: Progress, mate: Path | None = None
+) -> tuple["HeightMap", "HeightMap | None"]:
+    from capslip.surface.readers.faces import load_faces
 
-    from capslip.surface.readers import load_surface
-
-    say(f"reading {path.name}")
-    return load_surface(path, **msgspec.structs.asdict(settings.reading))
+    say(f"reading {path.name}" + (f" and {mate.name}" if mate is not None else ""))
+    return load_faces(path, mate, settings.reading)
 
 
 @main.command()
@@ -340,7 +339,7 @@ def average(scans: tuple[Path, ...], out: Path | None, quiet: bool, **options: A
     path = out or Path(f"{scans[0].stem}-mean.h5")
     refuse_file(path, "h5")
     say = Progress(quiet, options["verbose"])
-    maps = [_load(scan, settings, say) for scan in scans]
+    maps = [_load(scan, settings, say)[0] for scan in scans]
     found, names = run(maps), [scan.name for scan in scans]
     of = [f"{name} (SHA-256 {one.origin.sha256})" for name, one in zip(names, maps, strict=True)]
     write_whole(path, lambda unfinished: write_hdf5(found.surface, unfinished, mean_of=of))

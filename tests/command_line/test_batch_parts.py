@@ -24,6 +24,7 @@ from capslip.provenance import code_sha256
 from capslip.settings import load_settings
 from capslip.sources import Scan
 from capslip.summary import SCHEMA
+from capslip.surface.readers import faces
 from capslip.workers import NO_LIMITS, Limits, Lost
 
 SETTINGS = load_settings(overrides=("run.workers=2",))
@@ -275,12 +276,12 @@ def mated(request, tmp_path):
 def test_what_is_replaced_while_it_is_read_is_read_again(mated, which, tmp_path, monkeypatch):
     (scan, paths), home = mated, tmp_path / "out" / "scans" / "a"
     assert set(batch._seen(scan)) == set(paths)
-    monkeypatch.setattr(batch, "load_surface", fails(paths[which], replaced))
+    monkeypatch.setattr(faces, "load_surface", fails(paths[which], replaced))
     row = {"status": "failed", "error": "torn"}
     assert batch.analyse_scan(scan, home, None, False) == row
     assert json.loads((home / "failure.json").read_text())["key"] is None
     assert batch._look_at(scan, home, False) == _Found()
-    monkeypatch.setattr(batch, "load_surface", fails(None, nothing))
+    monkeypatch.setattr(faces, "load_surface", fails(None, nothing))
     assert batch.analyse_scan(scan, home, None, False) == row
     assert batch._look_at(scan, home, False) == _Found(row)  # as it is whole and failed
 

@@ -29,6 +29,7 @@ class Origin:
     height_unit: str | None = None  # as stored in the file, or as given by the user
     lateral_unit: str | None = None
     dataset: str | None = None  # which of several maps of the file was read
+    read_with: tuple[tuple[str, object], ...] = ()  # what its reader was told, by its keywords
     notes: tuple[str, ...] = ()  # what the reader did beyond reading: doubts, or `Statement`
 
 

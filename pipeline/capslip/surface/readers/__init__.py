@@ -179,6 +179,7 @@ def _loaded(path: Path, copy: Path, request: Request, given: Calibration) -> Hei
         path=str(path),
         sha256=seen if isinstance(seen, str) else hashlib.sha256(seen).hexdigest(),
         file_format=file_format.name,
+        read_with=(*vars(given).items(), ("dataset", request.dataset)),
     )
     return calibrate(replace(stored, height=height, notes=notes), origin, given)
 
