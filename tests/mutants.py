@@ -286,7 +286,7 @@ TABLE = [
         ),
     ),
     (
-        ("stages.py", "settings.py"),
+        ("stages.py", "settings.py", "setting_errors.py"),
         ("tests/test_stages.py", "tests/caps/test_*registry*.py", "tests/test_verdict.py"),
     ),
     (

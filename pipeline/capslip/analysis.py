@@ -16,12 +16,12 @@ from capslip.contact.scans import joint_of_scans
 from capslip.contact.slip import SlipCurve, slip_curve
 from capslip.contact.varying_load import greatest_over_mean, varying
 from capslip.doubts import counted_by_patches, problems_of
-from capslip.errors import ContactError, SettingsError, check_kind
+from capslip.errors import ContactError, SettingsError
 from capslip.pressing import can_be_pressed, estimate, press_face
 from capslip.problems import Problem
 from capslip.result import Analysis, JointOfScans, JointResult
 from capslip.sensitivity import sensitivity
-from capslip.settings import Settings
+from capslip.settings import Settings, checked
 from capslip.stages import Clock, Face, damp, find_face
 from capslip.structure.answer import answer_to
 from capslip.structure.band import band_of
@@ -51,7 +51,7 @@ def analyze(
     surface : HeightMap
         The map as measured.
     settings : Settings, optional
-        All defaults where absent.
+        All defaults where absent. A material that is named fills in what nobody gave, as in a file.
     mate : HeightMap, optional
         The other face, as measured; `settings.mating` says how it is laid on the first.
     progress : callable, optional
@@ -69,9 +69,10 @@ def analyze(
         If a map is no HeightMap, nothing was measured, all heights are equal, or fewer than 9
         points lie above the cut.
     SettingsError
-        If the settings are no Settings, one makes no sense for this map, `reading` says of it what
-        it was not read with (`load_surface(path, **msgspec.structs.asdict(settings.reading))`), or
-        boundary elements shall press two maps whose caps are counted together.
+            If the settings are no Settings, one is of the wrong type or out of bounds, though their
+        classes take it, or makes no sense for this map, `reading` says of it what it was not read
+        with (`load_surface(path, **msgspec.structs.asdict(settings.reading))`), or boundary
+        elements shall press two maps whose caps are counted together.
 
     Examples
     --------
@@ -82,7 +83,7 @@ def analyze(
     >>> found.families.G.count, found.families.P.count
     (3, 6)
     """
-    settings = settings if settings is not None else Settings()
+    settings = checked(settings if settings is not None else Settings())
     clock = Clock(progress)
     face, found = _analyzed(surface, settings, mate, clock)
     if found.contact is not None and _lacks_error(found.contact, settings):
@@ -118,7 +119,7 @@ def analyze_once(surface: HeightMap, settings: Settings, mate: HeightMap | None 
 
     Parameters and errors are those of `analyze`.
     """
-    return _analyzed(surface, settings, mate, Clock())[1]
+    return _analyzed(surface, checked(settings), mate, Clock())[1]
 
 
 def analyze_families(settings: Settings) -> JointResult:
@@ -146,7 +147,7 @@ def analyze_families(settings: Settings) -> JointResult:
     >>> print(f"{found.joint.preload_N:.1f} N")
     460.4 N
     """
-    _check_settings(settings)
+    settings = checked(settings)
     clock, started = Clock(), _now()
     families = given_families(settings)
     with clock("contact"):
@@ -194,7 +195,7 @@ def analyze_scans(surfaces: Sequence[HeightMap], settings: Settings) -> JointOfS
         As for `analyze`, of any scan.
     """
     check_maps(surfaces)
-    _check_settings(settings)
+    settings = checked(settings)
     _check_scans(surfaces, settings)
     clock, started = Clock(), _now()
     with clock("scans"):
@@ -354,12 +355,7 @@ def _analyzed(
         return face, replace(found, problems=problems_of(face, found, mate))
 
 
-def _check_settings(settings: Settings) -> None:
-    check_kind("settings", settings, Settings, "Settings; make them with capslip.load_settings")
-
-
 def _check(settings: Settings, mate: HeightMap | None) -> None:
-    _check_settings(settings)
     given = [name for name in GIVEN if getattr(settings.families, name) is not None]
     if given:
         raise SettingsError(

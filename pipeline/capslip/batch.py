@@ -28,7 +28,7 @@ from capslip.output.staging import (
     recover,
 )
 from capslip.provenance import UNREAD, Seen, code_sha256, digest_of, is_as_seen, seen_of
-from capslip.settings import Cluster, Settings, load_settings
+from capslip.settings import Cluster, Settings, checked, load_settings
 from capslip.sources import Scan, find_scans
 from capslip.surface.readers.faces import load_faces
 from capslip.workers import NO_LIMITS, Limits, Lost, cluster, crew, outcomes
@@ -152,6 +152,7 @@ def run_batch(
     KeyboardInterrupt
         With what is done so far as its text; the table holds that, too.
     """
+    settings = checked(settings)
     if options.scheduler is None and settings.run.cluster.system is not None:
         options = replace(options, scheduler=settings.run.cluster)
     scans, skipped = find_scans(sources, settings, options.list_file, options.recursive, folder)

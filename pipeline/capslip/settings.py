@@ -1,40 +1,33 @@
 """Settings: strict, frozen, SI, with the unit in every name.
 
 A settings file is TOML. Every key has a default, so a file names only what differs. An unknown key,
-a wrong type or a value out of bounds is an error, with a proposal where one has a like name.
+a wrong type or a value out of bounds is an error, with a proposal where one has a like name. The
+classes take anything: what is given settings has them `checked` first.
 """
 
-import difflib
 import hashlib
 import math
 import tomllib
-from collections.abc import Iterator
 from pathlib import Path
-from typing import Annotated, Any, Literal, get_args
+from typing import Annotated, Any, Literal
 
 import msgspec
 
 from capslip import registry
-from capslip.errors import SettingsError, one_of
+from capslip.errors import SettingsError, check_kind, one_of
 from capslip.materials import refuse_stray_spread, with_preset, without_said
+from capslip.setting_errors import GREATEST, LEAST, converted, meant, plain, refuse_unknown
 from capslip.units import LengthUnit
 
-LEAST, GREATEST = 1e-30, 1e30  # of any positive setting, in SI: beyond it powers overflow
+MOST = 10**9  # of anything that is counted
 Positive = Annotated[float, msgspec.Meta(ge=LEAST, le=GREATEST)]
 Share = Annotated[float, msgspec.Meta(gt=0, lt=1)]
 Pair = tuple[float, float]
 PoissonRatio = Annotated[float, msgspec.Meta(gt=-1, lt=0.5)]
-Size = Annotated[int, msgspec.Meta(ge=3)]
+Count = Annotated[int, msgspec.Meta(ge=1, le=MOST)]
+Size = Annotated[int, msgspec.Meta(ge=3, le=MOST)]
 Angle = Annotated[float, msgspec.Meta(ge=-2.0 * math.pi, le=2.0 * math.pi)]  # degrees are more
 SOLVER_TOLERANCE = (1e-10, 1e-3)  # least and greatest, of boundary elements
-# What msgspec calls types, in words; null is a key that is left out
-IN_WORDS = {
-    "float": "a number",
-    "int": "a whole number",
-    "bool": "true or false",
-    "str": "a text",
-    "array": "a list, [a, b]",
-}
 # What nobody may have given: a default that stands in for it is no fact of this joint
 STAND_INS = (
     "contact.preload_N",
@@ -43,6 +36,7 @@ STAND_INS = (
     "material.friction_coefficient",
     "structure.beam",
 )
+OF_A_MATERIAL = {"material.youngs_modulus_Pa", "material.poisson_ratio"}  # that has a name
 Spread = Annotated[float, msgspec.Meta(ge=0, lt=1)]  # relative, at 95 %; 0: not varied
 SolverTolerance = Annotated[float, msgspec.Meta(ge=SOLVER_TOLERANCE[0], le=SOLVER_TOLERANCE[1])]
 
@@ -117,8 +111,8 @@ class FamilySettings(_Table, frozen=True):
     count: Literal["auto", 1, 2] = "auto"
     feature: Literal["peak_height", "cap_height", "diameter", "radius"] = "peak_height"
     # Given in place of a scan
-    m: Annotated[int, msgspec.Meta(ge=1)] | None = None
-    n: Annotated[int, msgspec.Meta(ge=0)] | None = None
+    m: Count | None = None
+    n: Annotated[int, msgspec.Meta(ge=0, le=MOST)] | None = None
     radius_G_m: Positive | None = None
     radius_P_m: Positive | None = None
     h_m: Annotated[float, msgspec.Meta(ge=0, le=GREATEST)] | None = None
@@ -152,7 +146,7 @@ class Contact(_Table, frozen=True):
     alignment: Literal["balanced", "as_levelled"] = "balanced"
     load_point_m: Pair | None = None  # (x, y) of its line; default: centre of what was measured
     alignment_stiffness_Nm_per_rad: Annotated[float, msgspec.Meta(ge=0, le=GREATEST)] = 0.0
-    tolerance: Share = 0.05
+    tolerance: Annotated[float, msgspec.Meta(ge=1e-6, lt=1)] = 0.05
     time_limit_s: Positive = 60.0  # of the processor, for boundary elements
     solver_tolerance: SolverTolerance = 1e-7  # of boundary elements
     bulk: bool = False  # keep the half-space's bulk sinking in stiffness and displacement
@@ -182,7 +176,7 @@ class Structure(_Table, frozen=True):
 
     modal_stiffness_N_per_m: Positive | None = None
     joint_stiffness_N_per_m: Positive | None = None
-    joints: Annotated[int, msgspec.Meta(ge=1)] = 2
+    joints: Count = 2
     beam: Beam = Beam()
 
 
@@ -206,8 +200,8 @@ class Cluster(_Table, frozen=True):
     """Jobs of a batch system that do a batch, in place of processes of this machine."""
 
     system: Literal["slurm", "pbs"] | None = None
-    jobs: Annotated[int, msgspec.Meta(ge=1)] = 1
-    processes: Annotated[int, msgspec.Meta(ge=1)] = 8  # of each job, one a core
+    jobs: Count = 1
+    processes: Count = 8  # of each job, one a core
     memory_GB: Positive = 16.0  # of each job
     time_s: Positive = 14400.0
     directives: tuple[str, ...] = ()  # other lines of the job script, such as "-A project"
@@ -216,7 +210,7 @@ class Cluster(_Table, frozen=True):
 class Run(_Table, frozen=True):
     """What changes no number."""
 
-    workers: Annotated[int, msgspec.Meta(ge=0)] = 0  # 0: one a core
+    workers: Annotated[int, msgspec.Meta(ge=0, le=MOST)] = 0  # 0: one a core
     sensitivity: bool = False  # sweep cut, pruning, filter and level around what was chosen
     figures: bool = True
     render: bool = True
@@ -301,7 +295,7 @@ def load_settings(path: str | Path | None = None, overrides: tuple[str, ...] = (
         except OSError as error:
             what = f"{error.strerror}; give a TOML file"
             raise SettingsError(f"settings file {path}: {what}") from error
-        except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        except ValueError as error:  # no UTF-8, no TOML, or a number of thousands of digits
             raise SettingsError(f"settings file {path}: not valid TOML: {error}") from error
     said: dict[str, Any] = {}
     for override in overrides:
@@ -318,18 +312,51 @@ def load_settings(path: str | Path | None = None, overrides: tuple[str, ...] = (
 
 def settings_from(tables: dict[str, Any], where: str = "settings") -> Settings:
     """Check nested dictionaries and make them Settings; errors as for `load_settings`."""
-    _refuse_unknown(tables, Settings, where, ())
-    tables = with_preset(_plain(tables, where, ()), where)
-    try:
-        settings = msgspec.convert(tables, Settings)
-    except msgspec.ValidationError as error:
-        raise SettingsError(f"{where}: {_explain(str(error), tables)}") from error
+    tables = plain(tables, where)
+    refuse_unknown(tables, Settings, where)
+    tables = with_preset(tables, where)
+    settings = converted(tables, Settings, where)
     _check_meaning(settings, where)
     _check_load(tables, where)
     refuse_stray_spread(tables, where)
-    given = settings.run.given if "given" in tables.get("run", {}) else _given(tables)
-    given = tuple(name for name in STAND_INS if name in given)
-    return msgspec.structs.replace(settings, run=msgspec.structs.replace(settings.run, given=given))
+    given = set(settings.run.given) if "given" in tables.get("run", {}) else _given(tables)
+    given |= OF_A_MATERIAL if settings.material.preset is not None else set()
+    in_order = tuple(name for name in STAND_INS if name in given)
+    run = msgspec.structs.replace(settings.run, given=in_order)
+    return msgspec.structs.replace(settings, run=run)
+
+
+def checked(settings: Settings) -> Settings:
+    """Return settings as `load_settings` makes them, however they were made: by their classes, too.
+
+    What was given in the type of a list, a dictionary or a number of NumPy has its own then, and a
+    material that is named fills in the moduli and the yield stress that nobody gave: those that are
+    the default.
+
+    Raises
+    ------
+    SettingsError
+        As for `load_settings`, or if they are no Settings.
+
+    Examples
+    --------
+    >>> checked(Settings(material=Material(preset="aluminium"))).material.youngs_modulus_Pa
+    (70000000000.0, 70000000000.0)
+    >>> checked(Settings(contact=Contact(preload_N=-1.0)))
+    Traceback (most recent call last):
+    capslip.errors.SettingsError: settings: contact.preload_N: got -1.0; expected a number > 0
+    """
+    check_kind("settings", settings, Settings, "Settings; make them with capslip.load_settings")
+    tables = plain(settings, "settings")
+    refuse_unknown(tables, Settings, "settings")
+    typed = converted(tables, Settings, "settings")
+    tables = plain(typed, "settings")
+    given = [name for name in STAND_INS if typed.is_given(name)]
+    tables["run"]["given"] = given
+    for name in set(STAND_INS) - set(given):  # it stands aside for what is
+        table, key = name.split(".")
+        del tables[table][key]
+    return settings_from(tables)
 
 
 def _given(tables: dict[str, Any]) -> set[str]:
@@ -390,90 +417,12 @@ def _check_meaning(settings: Settings, where: str) -> None:
         )
 
 
-def _refuse_unknown(
-    tables: dict[str, Any], kind: type[msgspec.Struct], where: str, path: tuple[str, ...]
-) -> None:
-    known = {field.name: field.type for field in msgspec.structs.fields(kind)}
-    for key, value in tables.items():
-        if key not in known:
-            raise SettingsError(
-                f"{where}: unknown setting {'.'.join((*path, key))}{_meant(key, known, path)} "
-                f"(known here: {', '.join(known)})"
-            )
-        nested = known[key]
-        if isinstance(nested, type) and issubclass(nested, msgspec.Struct):
-            if not isinstance(value, dict):
-                raise SettingsError(f"{where}: {'.'.join((*path, key))}: expected a table of keys")
-            _refuse_unknown(value, nested, where, (*path, key))
-
-
-def _meant(key: str, known: dict[str, Any], path: tuple[str, ...]) -> str:
-    """Return a proposal for an unknown name: one of its table, or one of another."""
-    close = [one for one in known if one.startswith(f"{key}_")]
-    close = close or difflib.get_close_matches(key, known, n=1)
-    names = [".".join((*path, one)) for one in close]
-    names = names or [
-        name for name in _names(Settings) if f"{name.rpartition('.')[2]}_".startswith(f"{key}_")
-    ]
-    return f"; did you mean {' or '.join(names)}?" if names else ""
-
-
-def _names(kind: type[msgspec.Struct], path: tuple[str, ...] = ()) -> Iterator[str]:
-    """Return every setting of a table and of the tables in it, with the names of its tables."""
-    for field in msgspec.structs.fields(kind):
-        if isinstance(field.type, type) and issubclass(field.type, msgspec.Struct):
-            yield from _names(field.type, (*path, field.name))
-        else:
-            yield ".".join((*path, field.name))
-
-
-def _plain(value: Any, where: str, path: tuple[str, ...]) -> Any:
-    """Return a value without types of NumPy and paths; refuse what JSON cannot hold."""
-    if isinstance(value, dict):
-        return {key: _plain(inner, where, (*path, key)) for key, inner in value.items()}
-    value = value.tolist() if hasattr(value, "tolist") else value
-    if isinstance(value, list | tuple):
-        return [_plain(inner, where, path) for inner in value]
-    if isinstance(value, float) and not math.isfinite(value):
-        raise SettingsError(f"{where}: {'.'.join(path)}: got {value}; expected a finite number")
-    value = str(value) if isinstance(value, Path) else value
-    if isinstance(value, str) and any("\ud800" <= one <= "\udfff" for one in value):
-        name = ".".join(path)
-        raise SettingsError(f"{where}: {name}: got {value!r}; expected a text; write it in UTF-8")
-    return value
-
-
-def _explain(message: str, tables: dict[str, Any]) -> str:
-    """Turn msgspec's message into key, value found, value expected."""
-    expected, _, path = message.partition(" - at `$.")
-    keys = path.rstrip("`").split(".")
-    value: Any = tables
-    kind: Any = Settings
-    for key in keys:
-        name, _, index = key.partition("[")
-        value = value.get(name) if isinstance(value, dict) else value
-        if isinstance(kind, type) and issubclass(kind, msgspec.Struct):
-            kind = next(field.type for field in msgspec.structs.fields(kind) if field.name == name)
-        if index and isinstance(value, list):
-            value = value[int(index.rstrip("]"))] if index[0].isdigit() else value
-    literals = [arg for part in (kind, *get_args(kind)) for arg in get_args(part)]
-    choices = [str(one) for one in dict.fromkeys(literals) if isinstance(one, str | int)]
-    types, _, bounds = expected.removeprefix("Expected `").partition("`")
-    plain = " or ".join(IN_WORDS[one] for one in types.split(" | ") if one in IN_WORDS)
-    if isinstance(value, float | int) and value <= 0.0:
-        bounds = bounds.replace(f">= {LEAST}", "> 0")
-    expected = f"expected {plain}{bounds.partition(', got')[0]}"
-    return (
-        f"{'.'.join(keys)}: got {value!r}; {one_of(choices, str(value)) if choices else expected}"
-    )
-
-
 def _apply(tables: dict[str, Any], override: str) -> None:
     """Set one value in nested dictionaries."""
     name, equals, text = override.partition("=")
     keys = name.strip().split(".")
     if not equals or not all(keys) or len(keys) < 2:
-        mean = _meant(name.strip(), {}, ())
+        mean = meant(name.strip(), Settings)
         raise SettingsError(f"--set {override}: expected table.key=value{mean}")
     for key in keys[:-1]:
         tables = tables.setdefault(key, {})
@@ -486,7 +435,7 @@ def _value(text: str) -> Any:
     """Return a value in TOML; bare words are texts, those of a list as well."""
     try:
         return tomllib.loads(f"value = {text}")["value"]
-    except tomllib.TOMLDecodeError:
+    except ValueError:  # a number of thousands of digits, too
         listed = text.startswith("[") and text.endswith("]")
         return [_value(word.strip()) for word in text[1:-1].split(",")] if listed else text
 

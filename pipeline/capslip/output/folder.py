@@ -18,6 +18,7 @@ from capslip.output.renderer import Ready
 from capslip.output.whatif import whatif_data
 from capslip.problems import Problem
 from capslip.result import Analysis, JointOfScans, JointResult
+from capslip.settings import checked
 from capslip.waiting import Waiting
 
 Missing = Callable[[str, Exception | None], None]
@@ -79,7 +80,8 @@ def write(
         If the folder is a file, cannot be written, holds files that no analysis wrote, or holds
         the scan itself.
     SettingsError
-        If the export is none of those known, or the analysis is no Analysis.
+        If the export is none of those known, the analysis is no Analysis, or `figures` or `render`
+        is neither true nor false.
 
     Examples
     --------
@@ -99,7 +101,8 @@ def write(
     wanted = {"figures": figures, "render": render}
     given = {name: wish for name, wish in wanted.items() if wish is not None}
     run = msgspec.structs.replace(analysis.settings.run, **given)
-    analysis = replace(analysis, settings=msgspec.structs.replace(analysis.settings, run=run))
+    settings = checked(msgspec.structs.replace(analysis.settings, run=run))
+    analysis, run = replace(analysis, settings=settings), settings.run
     with staging.new_folder(folder) as work:
         parts = _Parts(analysis, work, timings_s or {}, progress, missing)
         parts.write_numbers()
