@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from capslip.contact import certificate
-from capslip.contact.certificate import certify_cut, hertz_over_point_load
+from capslip.contact.certificate import certify_cut, hertz_over_point_load, unmodelled_area_m2
+from capslip.contact.models.interacting import interacting
 from capslip.surface.heightmap import HeightMap
 
 E_STAR_PA = 109.89e9
@@ -76,6 +77,35 @@ def test_noise_is_no_hill_and_lost_points_are_none_either():
     assert certify(lost_m, label, noise_m=2e-8) == 0.0
     lost_m = np.where(np.arange(SHAPE[1]) < 300, lost_m, np.nan)
     assert certify(lost_m, label, noise_m=2e-8) == 0.0
+
+
+def areas_m2(height_m, label, x_m, y_m):
+    """Return what stands outside the hills for both questions; places count from the middle."""
+    surface = HeightMap(np.ascontiguousarray(height_m), PIXEL_M)
+    middle_x_m, middle_y_m = surface.centre_m
+    at_m = x_m + middle_x_m, y_m + middle_y_m
+    radius_m, load_N = np.array([20.0, 25.0, 30.0]), np.array([1e-2, 2e-2, 3e-2])
+    missed_m2 = certify_cut(surface, label, 3e-7, np.array([*at_m, radius_m]), load_N, E_STAR_PA)
+    curve = interacting(radius_m, [0.0, 1e-9, 2e-9], *at_m, E_STAR_PA)
+    approach_m = float(curve.approach_m(6e-2))
+    return missed_m2, unmodelled_area_m2(surface, label, curve, approach_m, 1e-6, 0.0)
+
+
+@pytest.mark.parametrize("shape", [(200, 246), (406, 512), (403, 512), (311, 352)])
+def test_a_map_that_lies_another_way_is_as_high(shape):
+    """Whether squares have a middle point or none, and whatever they leave over."""
+    rng = np.random.default_rng(1)
+    height_m = 1e-6 * rng.standard_normal(shape)
+    label = (height_m + 1e-6 * rng.standard_normal(shape) > 1e-6).astype(np.int32)
+    x_m, y_m = (rng.uniform(-0.5, 0.5, 3) * n * PIXEL_M[0] for n in shape[::-1])
+    as_is_m2 = areas_m2(height_m, label, x_m, y_m)
+    assert min(as_is_m2) > 0.0
+    for turn, at_m in (
+        (np.fliplr, (-x_m, y_m)),
+        (np.flipud, (x_m, -y_m)),
+        (np.transpose, (y_m, x_m)),
+    ):
+        assert areas_m2(turn(height_m), turn(label), *at_m) == pytest.approx(as_is_m2, rel=1e-9)
 
 
 @pytest.mark.parametrize("rho", [0.005, 0.02, 0.029, 0.031, 0.1, 0.5, 1.0])

@@ -5,6 +5,7 @@ way. And whether caps are all that touches: then any doubt counts.
 """
 
 import math
+from itertools import product
 
 import numpy as np
 
@@ -61,18 +62,22 @@ def certify_cut(
 
     Notes
     -----
-    Heights are averaged over squares of a hundredth of the shorter side. The plane follows the
-    surface that sinks around each contact as around a Hertz contact (Johnson 1985, Eq. 3.42), so a
-    mean height z is in the way where z - plane > sum N_i f(a_i / r_i) / (pi E* r_i). It is
-    evaluated only where z stands above the plane. Within 1.5 contact radii the surface belongs to
-    that contact.
+    Heights are averaged over squares of a hundredth of the shorter side, and one is outside the
+    hills where most of its middle is: one point, or four. The plane follows the surface that sinks
+    around each contact as around a Hertz contact (Johnson 1985, Eq. 3.42), so a mean height z is in
+    the way where z - plane > sum N_i f(a_i / r_i) / (pi E* r_i). It is evaluated only where z
+    stands above the plane. Within 1.5 contact radii the surface belongs to that contact.
     """
-    side = max(1, min(surface.shape) // BLOCKS)
+    side, (top, left) = _squares(surface.shape)
     dy_m, dx_m = surface.pixel_size_m
     contacts = np.vstack((caps_m[:2], np.cbrt(0.75 * load_N * caps_m[2] / E_star_Pa), load_N))
-    mean_m = means_of_blocks(surface, side, side**2 // 2 + 1)
+    mean_m = means_of_blocks(surface, side, side**2 // 2 + 1, (top, left))
     n_rows, n_cols = mean_m.shape
-    mean_m[label[side // 2 :: side, side // 2 :: side][:n_rows, :n_cols] > 0] = np.nan
+    on_hill = sum(
+        (label[top + i :: side, left + j :: side][:n_rows, :n_cols] > 0).astype(np.int8)
+        for i, j in product(((side - 1) // 2, side // 2), repeat=2)
+    )
+    mean_m[on_hill >= 2] = np.nan
     beyond_m = NOISE_SPREADS * noise_m / side
     near_m = NEAR * contacts[2]
     excess_m = _excess(surface, mean_m, plane_m + beyond_m, contacts, E_star_Pa, near_m)
@@ -116,7 +121,7 @@ def unmodelled_area_m2(
     float
         Zero where only caps touch, as far as noise lets one see.
     """
-    side = max(1, min(surface.shape) // BLOCKS)
+    side, _ = _squares(surface.shape)
     plane_m = peak_height_m - approach_m
     load_N = curve.asperity_loads_N(approach_m)
     at = load_N > 0.0
@@ -128,7 +133,7 @@ def unmodelled_area_m2(
         (False, plane_m - NOISE_SPREADS * spread_m, None),
         (True, plane_m + CERTAIN_SPREADS * spread_m, near_m),
     ):
-        mean_m = _means_of(surface, label, on_hills, least_m, side)
+        mean_m = _means_of(surface, label, on_hills, least_m)
         excess_m = _excess(surface, mean_m, least_m, contacts, curve.E_star_Pa, beside_m)
         n += int(np.count_nonzero(excess_m > 0.0))
     if n > 0:
@@ -150,6 +155,19 @@ def hertz_over_point_load(rho: np.ndarray) -> np.ndarray:
     return np.where(rho > 0.03, 0.75 * exact / wide**3, 1 + rho**2 / 10 + 9 * rho**4 / 280)
 
 
+def _squares(shape: tuple[int, int]) -> tuple[int, tuple[int, int]]:
+    """Return the side of squares of points, and row and column where the first of them begins.
+
+    What is left over falls away on both sides alike, so that a mirrored map has the same squares:
+    along a side of odd length no even squares do.
+    """
+    side = max(1, min(shape) // BLOCKS)
+    if any(n % 2 for n in shape):
+        side -= 1 - side % 2
+    top, left = ((n % side + n % side % 2 * side) // 2 for n in shape)
+    return side, (top, left)
+
+
 def _excess(
     surface: HeightMap,
     mean_m: np.ndarray,
@@ -164,12 +182,13 @@ def _excess(
     is to be proven lies beyond the error of the model, and farther from every contact than its
     `near_m`; None where any doubt counts.
     """
-    side = max(1, min(surface.shape) // BLOCKS)
+    side, (top, left) = _squares(surface.shape)
     dy_m, dx_m = surface.pixel_size_m
     error = 0.0 if near_m is None else MODEL_ERROR
     reach_m = mean_m - plane_m
     row, col = np.nonzero(reach_m > 0.0)  # False where nothing was measured
-    place_m = np.stack([(col + 0.5) * side * dx_m, (row + 0.5) * side * dy_m])
+    x_m, y_m = (left + (col + 0.5) * side) * dx_m, (top + (row + 0.5) * side) * dy_m
+    place_m = np.stack([x_m, y_m])
     return _beyond_sunk(reach_m[row, col], place_m, contacts, E_star_Pa, near_m, error)
 
 
@@ -269,24 +288,27 @@ def _rise_to_edge_m(
     return np.asarray(0.5 * (outermost_m - next_m) + 0.375 * (outermost_m - 2.0 * next_m + third_m))
 
 
-def _means_of(
-    surface: HeightMap, label: np.ndarray, on_hills: bool, least_m: float, side: int
-) -> np.ndarray:
+def _means_of(surface: HeightMap, label: np.ndarray, on_hills: bool, least_m: float) -> np.ndarray:
     """Mean heights of what lies on hills or outside, NaN where that has no point above a height.
 
     Without such a point the mean is not high either.
     """
-    mean_m, inside = np.full([n // side for n in surface.shape], np.nan), np.arange(side)
-    high = np.zeros([-(-n // side) for n in surface.shape], dtype=bool)
+    side, (top, left) = _squares(surface.shape)
+    n_rows, n_cols = (
+        (n - begin) // side for n, begin in zip(surface.shape, (top, left), strict=True)
+    )
+    mean_m, inside = np.full((n_rows, n_cols), np.nan), np.arange(side)
+    # What falls away on the sides lies in a square more on each
+    high = np.zeros((n_rows + 2, n_cols + 2), dtype=bool)
     for block in row_blocks(surface.shape):
         above = np.flatnonzero((surface[block] > least_m) & ((label[block] > 0) == on_hills))
         row, col = np.divmod(above, surface.shape[1])
-        high[(row + block.start) // side, col // side] = True
-    row, col = np.nonzero(high[: mean_m.shape[0], : mean_m.shape[1]])
+        high[(row + block.start - top) // side + 1, (col - left) // side + 1] = True
+    row, col = np.nonzero(high[1:-1, 1:-1])
     for some in np.array_split(np.arange(row.size), 1 + row.size * side**2 // BLOCK_POINTS):
         points = (
-            row[some, None, None] * side + inside[:, None],
-            col[some, None, None] * side + inside,
+            top + row[some, None, None] * side + inside[:, None],
+            left + col[some, None, None] * side + inside,
         )
         heights_m = np.where((label[points] > 0) == on_hills, surface[points], np.nan)
         mean_m[row[some], col[some]] = _known_means(heights_m)
