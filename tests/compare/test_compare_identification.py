@@ -392,6 +392,21 @@ def test_uncertainty_holds_the_truth_where_the_curve_jumps_with_the_preload():
     assert (np.abs(off) > 0.8).any(axis=0).all()  # and the bars are not simply wide
 
 
+def test_the_preload_that_was_given_is_among_those_that_are_tried():
+    """Of a map that pixels decide all others may be off, though one step away."""
+
+    def curve(preload_N):
+        return ONE if np.isclose(preload_N, PRELOAD_N, rtol=1e-9) else rough_curve(preload_N)
+
+    model = JointModel(curve, KAPPA, K_M, K_S, JOINTS, trials=25, step=2e-2, is_rough=True)
+    v_m = np.geomspace(0.05, 0.95, 15) * model.gross_slip_amplitude_m(0.3, PRELOAD_N)
+    measured = Measurement(v_m, model.loss_factor(v_m, 0.3, PRELOAD_N))
+    found = compare(measured, model, MU, PRELOAD_N, identify=True).identified
+    assert found.preload_N == pytest.approx(PRELOAD_N, rel=1e-9)
+    assert found.friction_coefficient == pytest.approx(0.3, rel=1e-3)
+    assert found.rms_log_ratio < 1e-3
+
+
 def test_one_preload_of_many_that_finds_no_level_does_not_end_the_search():
     failed = []
 

@@ -268,8 +268,8 @@ def _starts(
     """Return where to begin, (ln v_gross / v_greatest, ln N0), and the bounds of the search.
 
     Families make the misfit a narrow valley with others beside it, so the whole range is looked
-    over first, on coarse curves: the lowest places along the preload, three at most. The range is
-    that about its middle in which the caps carry every preload that is tried.
+    over first, on coarse curves: the lowest places along the preload, three at most, and the one
+    given. The range is that about its middle in which the caps carry every preload that is tried.
     """
     middle, reach = math.log(preload_N), math.log(PRELOAD_RANGE)
     logs = np.linspace(middle - reach, middle + reach, model.trials + 2)[1:-1]
@@ -291,7 +291,9 @@ def _starts(
     carried = np.append(logs[np.isfinite(least)], middle)
     padded = np.concatenate(([np.inf], least, [np.inf]))
     low = np.flatnonzero(np.isfinite(least) & (least <= padded[:-2]) & (least <= padded[2:]))
-    low = low[np.argsort(least[low])][:3]
+    # A valley about the preload that was given may be narrower than any step: it is looked at, too
+    given = np.isfinite(least) & (np.abs(logs - middle) < STEP)
+    low = np.union1d(low[np.argsort(least[low])][:3], np.flatnonzero(given))
     ends = [middle - reach, middle + reach]
     if np.isinf(least[0]):
         ends[0] = carried.min()

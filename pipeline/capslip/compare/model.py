@@ -28,7 +28,7 @@ from capslip.structure.response import response
 from capslip.structure.stiffness import stiffnesses
 from capslip.surface.heightmap import HeightMap
 
-TRIALS_OF_A_MAP, STEP_OF_A_MAP = 24, 2e-2
+TRIALS_OF_A_MAP, STEP_OF_A_MAP = 25, 2e-2
 
 
 @dataclass(frozen=True)
@@ -46,7 +46,9 @@ class JointModel:
     joint_stiffness_N_per_m: float
     joints: int
     normal_load: SlipSettings = field(default_factory=SlipSettings)
-    trials: int = 120  # preloads that an identification looks at first; a map takes seconds each
+    # Preloads that an identification looks at first, odd: the one given is in their middle. A map
+    # takes seconds each
+    trials: int = 121
     step: float = 1e-4  # of ln N0, for differences; that of a map spans what comes and goes
     is_rough: bool = False  # whether the curve jumps with the preload
 
