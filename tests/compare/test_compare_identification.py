@@ -9,7 +9,7 @@ import pytest
 from capslip.compare.comparison import _bands, compare
 from capslip.compare.identification import _bound, _Search, _uncertainty
 from capslip.compare.measurement import Measurement
-from capslip.compare.model import JointModel
+from capslip.compare.model import STEP_OF_A_MAP, TRIALS_OF_A_MAP, JointModel
 from capslip.contact.models.families import families
 from capslip.contact.slip import slip_curve
 from capslip.errors import ContactError, SettingsError
@@ -398,7 +398,8 @@ def test_the_preload_that_was_given_is_among_those_that_are_tried():
     def curve(preload_N):
         return ONE if np.isclose(preload_N, PRELOAD_N, rtol=1e-9) else rough_curve(preload_N)
 
-    model = JointModel(curve, KAPPA, K_M, K_S, JOINTS, trials=25, step=2e-2, is_rough=True)
+    of_a_map = {"trials": TRIALS_OF_A_MAP, "step": STEP_OF_A_MAP, "is_rough": True}
+    model = JointModel(curve, KAPPA, K_M, K_S, JOINTS, **of_a_map)
     v_m = np.geomspace(0.05, 0.95, 15) * model.gross_slip_amplitude_m(0.3, PRELOAD_N)
     measured = Measurement(v_m, model.loss_factor(v_m, 0.3, PRELOAD_N))
     found = compare(measured, model, MU, PRELOAD_N, identify=True).identified
