@@ -69,7 +69,7 @@ def analyze(
         If a map is no HeightMap, nothing was measured, all heights are equal, or fewer than 9
         points lie above the cut.
     SettingsError
-            If the settings are no Settings, one is of the wrong type or out of bounds, though their
+        If the settings are no Settings, one is of the wrong type or out of bounds, though their
         classes take it, or makes no sense for this map, `reading` says of it what it was not read
         with (`load_surface(path, **msgspec.structs.asdict(settings.reading))`), or boundary
         elements shall press two maps whose caps are counted together.
