@@ -1,6 +1,7 @@
 """What pixels leave of a face that yields: the same on every other of its pixels."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -50,15 +51,36 @@ def asked(curve):
 def test_every_other_pixel_is_that_of_the_face():
     face = elastic_face(waves(0, 40), E)
     face = replace(face, measured=face.depth_m < np.quantile(face.depth_m, 0.9))
-    for corner in (0, 1):
-        thin = detail._thinned(face, corner)
+    for every_other in (np.s_[::2, ::2], np.s_[1::2, ::2]):
+        thin = detail._thinned(face, every_other)
         assert thin.pixel_size_m == (2e-6, 2e-6)
         assert thin.half_space.shape == thin.shape == (20, 20)
-        np.testing.assert_array_equal(thin.measured, face.measured[corner::2, corner::2])
-        same = (thin.depth_m - face.depth_m[corner::2, corner::2])[thin.measured]
+        np.testing.assert_array_equal(thin.measured, face.measured[every_other])
+        same = (thin.depth_m - face.depth_m[every_other])[thin.measured]
         assert np.ptp(same) < 1e-20
         assert thin.depth_m[thin.measured].min() == 0.0
         assert not thin.depth_m[~thin.measured].any()
+
+
+def test_a_map_that_lies_another_way_is_thinned_to_the_same(monkeypatch):
+    """Of the four maps of every other pixel, a mirrored one has the other two in the corners."""
+    face, loss_J = elastic_face(waves(1, 40), E), np.ones(len(detail.FORCE_SHARES))
+    pressed = detail.FirstLoading(face, 1e-7)  # whatever has turns
+    monkeypatch.setattr(detail, "press", lambda *_, **__: pressed)
+    monkeypatch.setattr(detail, "_loss_J", lambda _: loss_J)
+    monkeypatch.setattr(
+        detail, "_below", lambda one, *_: (None, loss_J * (1.0 + 1e6 * one.depth_m.mean()))
+    )
+    unloading = SimpleNamespace(load_N=LOAD_N, refinement=1)
+
+    def effect(turn):
+        maps = {name: turn(getattr(face, name)) for name in ("depth_m", "measured")}
+        first = detail.FirstLoading(replace(face, **maps), 1e-7)
+        return detail.effect_of_pixels(first, unloading, 1e-6, np.zeros(face.shape))
+
+    as_it_lies = effect(np.array)
+    for turn in (np.fliplr, np.flipud, np.transpose, np.rot90):
+        assert effect(turn) == pytest.approx(as_it_lies, rel=1e-9)
 
 
 def test_both_thinned_maps_count_as_the_root_of_their_mean_square(monkeypatch):

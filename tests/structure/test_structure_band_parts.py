@@ -206,6 +206,18 @@ def test_an_unknown_direction_leaves_the_covariance_of_all_directions():
     assert band_causes.of_direction(of_force(parts=parts, contact__tolerance=0.99 * least)).any()
 
 
+def test_a_face_that_lies_another_way_has_the_same_root():
+    """Mirrored, turned by a right angle, or by another: the numbers drawn meet the same rows."""
+
+    def root(turn):
+        swings = turn(np.array([0.3 + 0.1j, 0.15 - 0.2j]))
+        lay = SimpleNamespace(left_open=lambda direction_rad: swings)
+        return band_causes.of_direction(of_force(parts=[part(lay=lay)], contact__tolerance=0.05))
+
+    for turn in (np.conj, np.negative, lambda swings: swings * np.exp(0.7j)):
+        assert root(turn) == pytest.approx(root(np.array), abs=1e-12)
+
+
 def test_at_a_given_displacement_a_direction_moves_what_the_slopes_of_the_curve_make_of_it():
     """T ~ e^0.5 and W ~ e^3: kappa by a factor moves e = delta / (mu kappa) by as much less."""
     lay = SimpleNamespace(left_open=lambda direction_rad: (0.3 + 0.1j, -0.2j))

@@ -198,7 +198,8 @@ def of_direction(state: State) -> np.ndarray:
         log = _log(state.response(curve, float(curve.approach_m(state.preload_N)), near))
         slope = (log[:, 1] - log[:, 0]) / np.log(near[1] / near[0])
         swings = np.array([0.0, swings[1]]) - slope * swings[0]
-    return np.array([swings.real, swings.imag]) / math.sqrt(2.0)
+    # A face that lies another way has other rows of the same covariance, and the same root
+    return _root(np.array([swings.real, swings.imag]) / math.sqrt(2.0))
 
 
 def _log(found: tuple[np.ndarray, np.ndarray]) -> np.ndarray:

@@ -148,9 +148,9 @@ def effect_of_pixels(
     What pixels leave of a smooth contact that shrinks is known (`Unloading.pixel_error`). Where a
     load has left flats, their edges let go pixel by pixel, and a spline rounds them: then twice the
     pixels tell, which move the energy by no less than the pixels leave, as long as that falls with
-    them in proportion or faster. Of the four maps with twice the pixels two are solved, one
-    diagonal apart, as finely as each of them is followed, where points yield no more finely than
-    those of the face; returned is the root of the mean square.
+    them in proportion or faster. Of the four maps with twice the pixels two are solved, that of the
+    highest point and the one a diagonal apart, as finely as each of them is followed, where points
+    yield no more finely than those of the face; returned is the root of the mean square.
 
     Parameters
     ----------
@@ -177,14 +177,17 @@ def effect_of_pixels(
     """
     begun_s, moved = thread_time(), []
     most = math.inf if math.isinf(first.face.hardness_Pa) else unloading.refinement
-    for corner in (0, 1):
-        face = _thinned(first.face, corner)
+    highest = np.unravel_index(np.nanargmin(first.face.known_m), first.face.shape)
+    row, col = (int(at) % 2 for at in highest)
+    for top, left in ((row, col), (1 - row, 1 - col)):
+        every_other = np.s_[top::2, left::2]
+        face = _thinned(first.face, every_other)
         try:
             pressed = press(
                 face,
                 load_N=unloading.load_N,
                 tolerance=tolerance,
-                start_Pa=start_Pa[corner::2, corner::2],
+                start_Pa=start_Pa[every_other],
                 time_limit_s=max(time_limit_s - (thread_time() - begun_s), 0.0),
             )
         except OutOfTimeError:
@@ -240,9 +243,8 @@ def effect_of_refinement(
     return dict(zip(shares, energy.tolist(), strict=True))
 
 
-def _thinned(face: ElasticFace, corner: int) -> ElasticFace:
-    """Return the face on every other row and column, from the first or the second on."""
-    every_other = np.s_[corner::2, corner::2]
+def _thinned(face: ElasticFace, every_other: tuple[slice, slice]) -> ElasticFace:
+    """Return the face on every other row and column."""
     measured = face.measured[every_other]
     depth_m = face.depth_m[every_other]
     depth_m = depth_m - np.min(depth_m, where=measured, initial=np.inf)
