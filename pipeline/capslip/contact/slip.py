@@ -70,9 +70,9 @@ class SlipCurve:
     def energy_J(self, displacement_m: ArrayLike) -> np.ndarray:
         """W of one cycle between -delta and delta, beyond total slip as well."""
         e = self._withdrawn_m(displacement_m)
-        loss = self.curve.loss_integral_J(self.approach_m, e)
+        energy_J: np.ndarray = self._energy_scale * self.curve.loss_integral_J(self.approach_m, e)
         endless = np.isposinf(np.asarray(displacement_m, dtype=float))
-        return np.where(endless, np.inf, self._energy_scale * loss)
+        return np.where(endless, np.inf, energy_J) if endless.any() else energy_J
 
     def energy_at_force_J(self, force_N: ArrayLike) -> np.ndarray:
         """W of one cycle between -T and T; infinite above mu N."""
