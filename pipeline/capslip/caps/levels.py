@@ -152,8 +152,8 @@ def _bow(scaled: Scaled, terms: np.ndarray, clusters: Clusters, slopes: np.ndarr
     unit = np.abs(terms - terms.mean(axis=0)).max(axis=0)
     flat = np.column_stack((np.ones(n), scaled.place))
     bent = (terms - terms.mean(axis=0)) / unit
-    bent = bent - flat @ np.linalg.lstsq(flat, bent, rcond=None)[0]
-    if not _fixed(bent, flat):
+    bent = _beside(bent, flat)
+    if not _fixed(bent):
         return none
     curved = replace(scaled, place=np.column_stack((scaled.place, bent)))
     log_factorial = np.append(0.0, np.cumsum(np.log(np.arange(1.0, n + 1.0))))
@@ -169,8 +169,8 @@ def _bow(scaled: Scaled, terms: np.ndarray, clusters: Clusters, slopes: np.ndarr
             splits = np.column_stack((low, n - low))
         rank = np.argsort(scaled.z - curved.place @ slope, kind="stable")
         if count == 2:  # a row of three may be a level, or as much bow as one likes
-            high = np.arange(n)[np.argsort(rank)] >= split[0]
-            if not _fixed(bent, np.column_stack((flat, high))):
+            high = np.argsort(rank) >= split[0]
+            if not _fixed(_beside(bent, np.column_stack((flat, high)))):
                 continue
         evidence = float(np.logaddexp.reduce(curved.log_evidence(rank, splits, log_factorial)))
         found.append((evidence, slope[2:] * scaled.height / unit))
@@ -178,10 +178,15 @@ def _bow(scaled: Scaled, terms: np.ndarray, clusters: Clusters, slopes: np.ndarr
     return bow if evidence - clusters.log_evidence.max() >= BOW_ODDS else none
 
 
-def _fixed(bent: np.ndarray, others: np.ndarray) -> bool:
-    """Tell whether the places fix a bow beside other columns, which they fix."""
-    rest = bent - others @ np.linalg.lstsq(others, bent, rcond=None)[0]
-    return bool(np.linalg.svd(rest, compute_uv=False)[-1] >= 1e-3)
+def _beside(bent: np.ndarray, others: np.ndarray) -> np.ndarray:
+    """Return what is left of columns where the places fix others first."""
+    rest: np.ndarray = bent - others @ np.linalg.lstsq(others, bent, rcond=None)[0]
+    return rest
+
+
+def _fixed(bent: np.ndarray) -> bool:
+    """Tell whether the places fix a bow by what is left of its columns."""
+    return bool(np.linalg.svd(bent, compute_uv=False)[-1] >= 1e-3)
 
 
 def _on_planes(scaled: Scaled, most: int = MAX_CLUSTERS) -> tuple[Clusters, np.ndarray]:

@@ -93,9 +93,9 @@ class Scaled:
             rest = np.sort(self.z[::every] - planes @ self.place[::every].T, axis=1)
             within = np.maximum(_least_within(rest), EXACT)
             planes = planes[np.lexsort((self._steep(planes), within))[:STARTS]]
-        n, each = self.place.shape[0], np.arange(len(planes))
+        n, todo = self.place.shape[0], np.arange(len(planes))
         slope, within = planes.copy(), np.full(len(planes), np.inf)
-        split, todo = np.empty((len(planes), count), dtype=np.intp), each
+        split = np.empty((len(planes), count), dtype=np.intp)
         groups = np.full((len(planes), n), count)
         for _ in range(MAX_TURNS if count == 2 else FEW_TURNS):
             rest = self.z - slope[todo] @ self.place.T
