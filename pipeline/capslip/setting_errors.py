@@ -166,10 +166,10 @@ def _explain(message: str, tables: dict[str, Any], root: type[msgspec.Struct]) -
     literals = [arg for part in (kind, *get_args(kind)) for arg in get_args(part)]
     choices = [str(one) for one in dict.fromkeys(literals) if isinstance(one, str | int)]
     types, _, bounds = expected.removeprefix("Expected `").partition("`")
-    plain = " or ".join(IN_WORDS[one] for one in types.split(" | ") if one in IN_WORDS)
+    words = " or ".join(IN_WORDS[one] for one in types.split(" | ") if one in IN_WORDS)
     if isinstance(value, float | int) and value <= 0.0:
         bounds = bounds.replace(f">= {LEAST}", "> 0")
-    expected = f"expected {plain}{bounds.partition(', got')[0]}"
+    expected = f"expected {words}{bounds.partition(', got')[0]}"
     return (
         f"{'.'.join(keys)}: got {value!r}; {one_of(choices, str(value)) if choices else expected}"
     )

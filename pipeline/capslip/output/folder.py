@@ -18,7 +18,7 @@ from capslip.output.renderer import Ready
 from capslip.output.whatif import whatif_data
 from capslip.problems import Problem
 from capslip.result import Analysis, JointOfScans, JointResult
-from capslip.settings import checked
+from capslip.settings import settings_from
 from capslip.waiting import Waiting
 
 Missing = Callable[[str, Exception | None], None]
@@ -100,9 +100,10 @@ def write(
     staging.check_folder(folder, keep=(scan,))
     wanted = {"figures": figures, "render": render}
     given = {name: wish for name, wish in wanted.items() if wish is not None}
+    wishes = settings_from({"run": given}).run
+    given = {name: getattr(wishes, name) for name in given}
     run = msgspec.structs.replace(analysis.settings.run, **given)
-    settings = checked(msgspec.structs.replace(analysis.settings, run=run))
-    analysis, run = replace(analysis, settings=settings), settings.run
+    analysis = replace(analysis, settings=msgspec.structs.replace(analysis.settings, run=run))
     with staging.new_folder(folder) as work:
         parts = _Parts(analysis, work, timings_s or {}, progress, missing)
         parts.write_numbers()

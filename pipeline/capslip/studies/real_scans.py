@@ -10,15 +10,13 @@ from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
-import msgspec
-
 from capslip.analysis import analyze
 from capslip.errors import CapslipError
 from capslip.output.quantity import engineering
 from capslip.settings import Settings, load_settings
 from capslip.studies.page import Row, table
 from capslip.surface.heightmap import HeightMap
-from capslip.surface.readers import load_surface
+from capslip.surface.readers.faces import load_faces
 
 AS_A_JOINT = (
     "contact.nominal_pressure_Pa=2e6",
@@ -58,7 +56,7 @@ def scans_of(folder: Path, settings: Settings) -> Iterator[tuple[str, HeightMap]
     """Give name and map of every file that can be read as a scan."""
     for file in sorted(path for path in folder.iterdir() if path.is_file()):
         try:
-            surface = load_surface(file, **msgspec.structs.asdict(settings.reading))
+            surface, _ = load_faces(file, None, settings.reading)
         except CapslipError:
             continue
         yield file.name, surface

@@ -31,15 +31,14 @@ def load_faces(
     CapslipError
         As `load_surface` does; where units or pixels contradict all of the files, too.
     """
-    faces, contradicted = list[HeightMap](), None
+    given, faces, contradicted = asdict(reading), list[HeightMap](), False
     for file in (path,) if mate is None else (path, mate):
-        given = asdict(reading)
         try:
             faces.append(load_surface(file, **given))
         except UncalibratedError as error:
-            if mate is None or contradicted is not None:
+            if mate is None or contradicted:
                 raise
-            contradicted = error
+            contradicted = True
             try:
                 faces.append(load_surface(file, **{**given, **dict.fromkeys(OF_ONE_FILE)}))
             except CapslipError:
