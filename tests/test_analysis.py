@@ -154,3 +154,45 @@ def test_families_that_yield_slip_after_the_greatest_load_of_a_cycle(monkeypatch
     found = analysis.analyze_families(load_settings(overrides=(*words, *more)))
     assert found.slip.preload_N == 400.0
     assert loads_N[0] == pytest.approx(520.0)
+
+
+NO_FORM, FLOOR, ROBUST = "form=none", "form_floor=true", "form_robust=true"
+
+
+@pytest.mark.parametrize(
+    ("table", "idle", "harmless", "says"),
+    [
+        ("conditioning", (FLOOR, ROBUST), ((FLOOR,), (ROBUST,)), "form_robust and form_floor"),
+        ("conditioning", (NO_FORM, FLOOR), ((NO_FORM,), (FLOOR,)), "form_floor with form = none"),
+        ("conditioning", (NO_FORM, ROBUST), ((NO_FORM,),), "form_robust with form = none"),
+        (
+            "hills",
+            ("separation=regions", "pruning_height_m=1e-7"),
+            (("separation=regions",), ("pruning_height_m=1e-7",)),
+            "pruning_height_m with separation = regions",
+        ),
+        (
+            "hills",
+            ("separation=regions", "pruning_percent_Sz=5"),
+            (("separation=watershed", "pruning_percent_Sz=5"),),
+            "pruning_percent_Sz with separation = regions",
+        ),
+        (
+            "contact",
+            ("alignment=as_levelled", "alignment_stiffness_Nm_per_rad=1"),
+            (
+                ("alignment=as_levelled", "alignment_stiffness_Nm_per_rad=0"),
+                ("alignment_stiffness_Nm_per_rad=1",),
+            ),
+            "alignment_stiffness_Nm_per_rad with alignment = as_levelled",
+        ),
+    ],
+)
+def test_a_setting_that_would_do_nothing_beside_another_is_refused(table, idle, harmless, says):
+    def of(words):
+        return load_settings(overrides=tuple(f"{table}.{word}" for word in words))
+
+    with pytest.raises(SettingsError, match=f"{table}: got {says}"):
+        of(idle)
+    for words in harmless:
+        of(words)

@@ -325,7 +325,8 @@ def _analyzed(
     check_map("surface", surface)
     check_map("mate", surface if mate is None else mate)
     _check(settings, mate)
-    check_reading(surface, settings.reading)
+    for face_read in (surface,) if mate is None else (surface, mate):
+        check_reading(face_read, settings.reading)
     started = _now()
     face = find_face(surface, settings, mate, clock)
     found = Analysis(

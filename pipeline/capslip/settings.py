@@ -404,6 +404,7 @@ def _check_meaning(settings: Settings, where: str) -> None:
         raise SettingsError(
             f"{where}: hills: got pruning_height_m and pruning_percent_Sz; expected one or none"
         )
+    _refuse_idle(settings, where)
     question = _without_none(msgspec.to_builtins(settings.answer))
     if len(question) > 1:
         raise SettingsError(
@@ -415,6 +416,40 @@ def _check_meaning(settings: Settings, where: str) -> None:
             f"{where}: structure: modal_stiffness_N_per_m and joint_stiffness_N_per_m go together; "
             "got one of them; expected both, or neither and a [structure.beam]"
         )
+
+
+def _refuse_idle(settings: Settings, where: str) -> None:
+    """Refuse settings that would do nothing beside another one: someone expects them to."""
+    form, hills, contact = settings.conditioning, settings.hills, settings.contact
+    fits = [name for name in ("form_robust", "form_floor") if getattr(form, name)]
+    prunings = [
+        name
+        for name in ("pruning_height_m", "pruning_percent_Sz")
+        if getattr(hills, name) is not None
+    ]
+    held = contact.alignment_stiffness_Nm_per_rad > 0.0 and contact.alignment == "as_levelled"
+    wrong: tuple[tuple[bool, str, str], ...] = (
+        (len(fits) > 1, "conditioning: got form_robust and form_floor", "one fit or the other"),
+        (
+            form.form == "none" and bool(fits),
+            f"conditioning: got {', '.join(fits)} with form = none, which fits nothing",
+            "a form, or none without a fit",
+        ),
+        (
+            hills.separation == "regions" and bool(prunings),
+            f"hills: got {', '.join(prunings)} with separation = regions, which prunes nothing",
+            "separation = watershed, or no pruning",
+        ),
+        (
+            held,
+            "contact: got alignment_stiffness_Nm_per_rad with alignment = as_levelled, which lets "
+            "nothing turn",
+            "alignment = balanced, or no such stiffness",
+        ),
+    )
+    for is_wrong, got, expected in wrong:
+        if is_wrong:
+            raise SettingsError(f"{where}: {got}; expected {expected}")
 
 
 def _apply(tables: dict[str, Any], override: str) -> None:

@@ -17,6 +17,7 @@ from capslip.surface.form import remove_form
 from capslip.surface.graph import connected_parts
 from capslip.surface.heightmap import HeightMap
 from capslip.surface.outliers import _runs_between, find_outliers
+from capslip.surface.rows import even_lines
 
 PIXEL_M = (2e-5, 3e-5)
 LOST = ("none", "single", "patches")
@@ -119,3 +120,72 @@ def test_conditioning_and_hills_hold_few_maps_at_a_time():
         assert tracemalloc.get_traced_memory()[1] - before < 1.5 * surface.height_m.nbytes
     finally:
         tracemalloc.stop()
+
+
+TURNS = {"fliplr": np.fliplr, "flipud": np.flipud, "transpose": np.transpose}
+
+
+def turned_map(surface, turn):
+    size_m = surface.pixel_size_m[::-1] if turn == "transpose" else surface.pixel_size_m
+    return HeightMap(np.ascontiguousarray(TURNS[turn](surface.height_m)), size_m)
+
+
+@pytest.mark.parametrize("side", [2, 3, 4, 7])
+@pytest.mark.parametrize("n", [28, 83, 84, 121, 122])
+def test_blocks_of_lines_are_the_same_from_both_ends_and_leave_none_out(n, side):
+    edges = blocks.symmetric_edges(n, side)
+    assert (edges[0], edges[-1]) == (0, n)
+    np.testing.assert_array_equal(edges, n - edges[::-1])
+    sizes = np.diff(edges)
+    assert sizes.min() >= side
+    assert sizes.max() <= side + 2
+
+
+@pytest.mark.parametrize("turn", TURNS)
+@pytest.mark.parametrize("lost", LOST)
+@pytest.mark.parametrize("shape", [(83, 121), (84, 121), (83, 120), (84, 120)])
+def test_means_of_blocks_and_some_lines_lie_as_their_map_does(shape, lost, turn):
+    surface = face(106, lost, shape)
+    mirrored = turned_map(surface, turn)
+    for fewer in (
+        lambda one: blocks.block_means(one, 3),
+        lambda one: blocks.block_means(one, 4),
+        lambda one: blocks.few_lines(one, 10),
+        lambda one: blocks.few_lines(one, 10, 2),
+    ):
+        found, expected = fewer(mirrored), turned_map(fewer(surface), turn)
+        assert found.pixel_size_m == pytest.approx(expected.pixel_size_m)
+        np.testing.assert_allclose(found.height_m, expected.height_m, rtol=0, atol=1e-18)
+
+
+@pytest.mark.parametrize("shape", [(83, 121), (84, 120)])
+def test_means_of_blocks_cover_the_map_with_all_its_points(shape, monkeypatch):
+    surface = face(107, "none", shape)
+    coarse = blocks.block_means(surface, 4)
+    assert coarse.side_m == pytest.approx(surface.side_m)
+    points = [np.diff(blocks.symmetric_edges(n, 4)) for n in shape]
+    mean_m = np.average(coarse.height_m, weights=np.outer(*points))
+    assert mean_m == pytest.approx(surface.height_m.mean(), rel=1e-9)
+    in_blocks_of(1, monkeypatch)
+    np.testing.assert_allclose(
+        blocks.block_means(surface, 4).height_m, coarse.height_m, rtol=0, atol=1e-18
+    )
+
+
+def test_blocks_lie_where_their_map_says():
+    """A ramp of one a metre: the mean of a block is its place, to half a point of the map."""
+    ramp_m = np.broadcast_to((np.arange(121) + 0.5) * PIXEL_M[1], (83, 121))
+    coarse = blocks.block_means(HeightMap(np.ascontiguousarray(ramp_m), PIXEL_M), 4)
+    place_m = (np.arange(coarse.shape[1]) + 0.5) * coarse.pixel_size_m[1]
+    assert np.abs(coarse.height_m - place_m).max() <= 0.51 * PIXEL_M[1]
+
+
+@pytest.mark.parametrize("n", [1, 2, 9, 10, 101, 250])
+@pytest.mark.parametrize("every", [0, 1, 2, 3, 8])
+def test_some_lines_are_even_and_the_same_from_both_ends(n, every):
+    chosen = np.arange(n)[even_lines(n, every)]
+    np.testing.assert_array_equal(chosen, n - 1 - chosen[::-1])
+    assert chosen.size >= max(1, n // max(1, every) - 1)
+    apart = np.diff(chosen)
+    assert np.unique(apart).size <= 1
+    assert apart.max(initial=0) <= max(1, every)

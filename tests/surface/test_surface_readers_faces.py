@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from msgspec import structs
 from msgspec.structs import asdict, replace
 
 from capslip.analysis import analyze_once
@@ -73,3 +74,12 @@ def test_an_analysis_does_not_pretend_to_have_turned_a_map():
     surface = HeightMap(np.random.default_rng(1).normal(0.0, 1e-7, (40, 40)), SIZE_M)
     with pytest.raises(SettingsError, match="invert"):
         analyze_once(surface, load_settings(overrides=("reading.invert=true",)))
+
+
+def test_nor_to_have_turned_the_other_face(text):
+    """Both are read by the same settings: the first was turned, the other one was not."""
+    inverted = replace(IN_UM, invert=True)
+    face, other = (load_surface(text, **asdict(reading)) for reading in (inverted, IN_UM))
+    settings = structs.replace(load_settings(), reading=inverted)
+    with pytest.raises(SettingsError, match="invert"):
+        analyze_once(face, settings, other)

@@ -12,6 +12,7 @@ from capslip.contact.rung import Scene
 from capslip.contact.solvers.hertz import contact_radius_m
 from capslip.contact.solvers.refinement import SMOOTH
 from capslip.contact.solvers.whiteness import MEDIAN, white_m2
+from capslip.surface.rows import even_lines
 
 # Of the preload: where what lies below the contacts is looked at
 DROPS = np.array([0.0, 0.05, 0.1, 0.175, 0.25, 0.375, 0.5, 0.625, 0.75])
@@ -109,8 +110,8 @@ def _white_noise_m(scene: Scene, each_N: np.ndarray) -> float:
         top, left = np.maximum(np.floor(apex - reach).astype(int), 0)
         bottom, right = np.maximum(np.ceil(apex + reach).astype(int) + 1, 0)
         near_m = scene.surface[top:bottom, left:right]
-        every = max(1, min(near_m.shape) // LINES)
-        lines_m = near_m[:, ::every], near_m[::every].T
+        rows, columns = (even_lines(n, min(near_m.shape) // LINES) for n in near_m.shape)
+        lines_m = near_m[:, columns], near_m[rows].T
         squares_m2 += [white_m2(along_m, ORDER, 0).ravel() for along_m in lines_m]
     square_m2 = np.concatenate(squares_m2)
     known_m2 = square_m2[np.isfinite(square_m2)]

@@ -9,7 +9,7 @@ from capslip.surface.heightmap import HeightMap, Heights, Tops
 from capslip.surface.interpolated import pixels_apart
 from capslip.surface.outliers import Outliers
 from capslip.surface.ripple import find_ripple
-from capslip.surface.rows import row_blocks
+from capslip.surface.rows import even_lines, row_blocks
 from capslip.surface.seams import Seams, tilts_m
 from capslip.surface.tops import clipped_points
 from capslip.units import readable
@@ -361,8 +361,8 @@ def _half_lengths_m(surface: HeightMap) -> tuple[float, float]:
     height_m, found = surface.height_m, []
     variance_m2 = float(np.nanvar(height_m)) or 1.0  # a flat map has no length
     for axis, size_m in enumerate(surface.pixel_size_m):
-        every = max(1, height_m.shape[1 - axis] // SAMPLED_LINES)
-        lines = height_m[:, ::every] if axis == 0 else height_m[::every].T
+        some = _some_lines(height_m.shape[1 - axis])
+        lines = height_m[:, some] if axis == 0 else height_m[some].T
         lags, shares = [0], [0.0]
         while shares[-1] < 1.0 and (lag := max(lags[-1] + 1, lags[-1] * 5 // 4)) <= len(lines) // 2:
             square_m2 = np.square(lines[lag:] - lines[:-lag])
@@ -375,6 +375,10 @@ def _half_lengths_m(surface: HeightMap) -> tuple[float, float]:
     return found[0], found[1]
 
 
+def _some_lines(n: int) -> slice:
+    return even_lines(n, n // SAMPLED_LINES)
+
+
 def _is_steep(rms_slope: float, steep_share: float) -> bool:
     return rms_slope > 1.0 or steep_share > MAX_STEEP_SHARE
 
@@ -383,8 +387,8 @@ def _slopes(height_m: Heights, pixel_size_m: tuple[float, float]) -> tuple[float
     """Return the rms slope and the share of slopes above 1, on lines along both axes."""
     square_sum, steep, n = 0.0, 0, 0
     for axis, size_m in enumerate(pixel_size_m):
-        every = max(1, height_m.shape[1 - axis] // SAMPLED_LINES)
-        lines = height_m[:, ::every] if axis == 0 else height_m[::every]
+        some = _some_lines(height_m.shape[1 - axis])
+        lines = height_m[:, some] if axis == 0 else height_m[some]
         slope = np.diff(lines, axis=axis).reshape(-1) / size_m
         slope = slope[~np.isnan(slope)]
         square_sum += float(np.einsum("i,i", slope, slope))

@@ -4,6 +4,7 @@ import numpy as np
 
 from capslip.surface.heightmap import HeightMap
 from capslip.surface.quantile import quantile
+from capslip.surface.rows import even_lines
 
 MOST_APART = 8  # measured points, in pixels
 ORDERS = range(1, 6)  # of differences: copies vanish in the first, cubic splines in the fifth
@@ -39,8 +40,8 @@ def pixels_apart(surface: HeightMap) -> tuple[int, int]:
     """
     if min(surface.shape) < LEAST_LINES:
         return 1, 1
-    every = max(1, surface.size // SAMPLED)
-    lines_m = surface[:, ::every], surface[::every].T
+    rows, columns = (even_lines(n, surface.size // SAMPLED) for n in surface.shape)
+    lines_m = surface[:, columns], surface[rows].T
     apart_y, apart_x = (_apart(one_m) for one_m in lines_m)
     if min(apart_y, apart_x) == 1:
         close = _close([one_m[:, :: max(1, one_m.size // CLOSE_SAMPLED)] for one_m in lines_m])

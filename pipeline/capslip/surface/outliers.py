@@ -11,7 +11,7 @@ from capslip.surface.graph import Runs, connected_parts
 from capslip.surface.heightmap import HeightMap
 from capslip.surface.lifted import lifted_patches
 from capslip.surface.quantile import quantile
-from capslip.surface.rows import row_blocks
+from capslip.surface.rows import even_lines, row_blocks
 from capslip.surface.small_spikes import find_small_spikes
 from capslip.surface.steps import greatest_steps_m
 
@@ -93,7 +93,7 @@ def stand_alone(measured: np.ndarray) -> bool:
     >>> stand_alone(measured), stand_alone(measured[:, 1::2])
     (True, False)
     """
-    some = measured[:: max(1, len(measured) // SAMPLED_LINES)]
+    some = measured[even_lines(len(measured), len(measured) // SAMPLED_LINES)]
     n_lost = some.size - int(np.count_nonzero(some))
     # A missing point has eight neighbours: fewer cannot touch that many of the measured ones
     if 8 * n_lost < (1.0 - LEAST_WHOLE) * (some.size - n_lost):
@@ -229,8 +229,8 @@ def _usual_step(z: HeightMap) -> float:
     """Height difference that 90 % of the neighbours stay below, along the rougher axis."""
     usual_m = 0.0
     for axis in (0, 1):
-        every = max(1, z.shape[1 - axis] // SAMPLED_LINES)
-        lines = z[:, ::every] if axis == 0 else z[::every]
+        some = even_lines(z.shape[1 - axis], z.shape[1 - axis] // SAMPLED_LINES)
+        lines = z[:, some] if axis == 0 else z[some]
         step_m = np.diff(lines, axis=axis)
         np.abs(step_m, out=step_m)
         usual_m = max(usual_m, quantile(step_m.reshape(-1), STEP_QUANTILE))  # not if that is NaN

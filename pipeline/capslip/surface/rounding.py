@@ -9,6 +9,7 @@ from capslip.surface.filling import from_nearest
 from capslip.surface.form import remove_form
 from capslip.surface.heightmap import HeightMap, Heights, Rounding
 from capslip.surface.noise import mixed_difference, rms_of_noise_m
+from capslip.surface.rows import even_lines
 
 SAMPLED_LINES = 50  # along each axis
 LEAST_EQUAL = 0.1  # of the neighbours: of fewer, steps are finer than what neighbours differ by
@@ -122,8 +123,8 @@ def _step_m(height_m: Heights) -> tuple[float | None, int]:
 
     None where it is none that shows.
     """
-    every_y, every_x = (max(1, n // SAMPLED_LINES) for n in height_m.shape)
-    lines_m = height_m[::every_y], height_m[:, ::every_x].T  # grooves have equal heights along them
+    rows, columns = (even_lines(n, n // SAMPLED_LINES) for n in height_m.shape)
+    lines_m = height_m[rows], height_m[:, columns].T  # grooves have equal heights along them
     beside_m = np.abs(np.concatenate([np.diff(one_m).reshape(-1) for one_m in lines_m]))
     beside_m = beside_m[~np.isnan(beside_m)]
     if np.count_nonzero(beside_m == 0.0) < LEAST_EQUAL * max(1, beside_m.size):

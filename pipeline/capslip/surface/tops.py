@@ -8,7 +8,7 @@ import numpy as np
 
 from capslip.surface.heightmap import HeightMap, Heights, Tops
 from capslip.surface.noise import SAMPLES, noise_of_map_m
-from capslip.surface.rows import row_blocks
+from capslip.surface.rows import even_lines, row_blocks
 
 CLIPPED_POINTS = 9  # that share the greatest height
 LEAST_FLAT = 4  # points of a place: fewer are a pixel that noise lifted
@@ -339,7 +339,8 @@ def _least_squares(
 def _step_m(height_m: Heights) -> float:
     """Return the least step between heights that differ by more than rounding, on a lattice."""
     every = max(1, math.isqrt(height_m.size // SAMPLES))
-    known_m = np.unique(height_m[::every, ::every])
+    rows, columns = (even_lines(n, every) for n in height_m.shape)
+    known_m = np.unique(height_m[rows, columns])
     known_m = known_m[~np.isnan(known_m)]
     steps_m = np.diff(known_m)
     steps_m = steps_m[steps_m > ROUNDING * np.ptp(known_m)] if steps_m.size else steps_m

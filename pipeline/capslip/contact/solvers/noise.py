@@ -8,6 +8,7 @@ import numpy as np
 from capslip.contact.solvers.elastic_face import ElasticFace
 from capslip.contact.solvers.path import Path
 from capslip.contact.solvers.whiteness import MEDIAN, white_m2
+from capslip.surface.rows import even_lines
 
 _ORDER = 10  # of the differences that know noise: what is 5 pixels long gives them 1e-4 of itself
 _WIDER_ORDER = 4  # the same between points that are not neighbours: ten of them leave the hill
@@ -171,9 +172,9 @@ def noise_by_length_m(face: ElasticFace, reach_m: float, noise_m: float) -> np.n
 
 def _lines_m(face: ElasticFace) -> tuple[np.ndarray, np.ndarray]:
     """Return depths on some columns and on some rows, each line along the first axis."""
-    every = max(1, face.depth_m.size // _LOOKED_AT)
     known_m = face.known_m
-    return known_m[:, ::every], known_m[::every].T
+    rows, columns = (even_lines(n, known_m.size // _LOOKED_AT) for n in known_m.shape)
+    return known_m[:, columns], known_m[rows].T
 
 
 def _seen_m(
