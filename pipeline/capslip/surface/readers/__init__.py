@@ -103,7 +103,8 @@ def load_surface(
         Heights in `unit` a stored number, of a map whose file says no unit.
     top_row_first : bool, optional
         Whether y falls with the row, as in a picture; for formats that leave it open (HDF5, NPY,
-        MAT, text matrices), whose first row otherwise has the least y.
+        MAT, text matrices), whose first row otherwise has the least y. False of a table whose rows
+        are counted from below.
     invert : bool, optional
         The numbers grow into the material (gaps, depths): turn their sign.
     lenient : bool, optional
@@ -138,7 +139,7 @@ def load_surface(
     ((4, 5), (0.5, 0.5))
     """
     path = Path(path)
-    request = Request(dataset, pixel_size, lateral_unit, lenient, scale)
+    request = Request(dataset, pixel_size, lateral_unit, lenient, scale, top_row_first)
     given = Calibration(unit, lateral_unit, pixel_size, scale, top_row_first, invert)
     try:
         if _head(path).startswith(packed.MAGIC):

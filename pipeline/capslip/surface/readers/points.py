@@ -14,6 +14,7 @@ MIN_FILLED = 0.2  # of the nodes; a grid emptier than this is the rounding of sc
 POINTS_A_CELL = 4.0  # leaves 2 % of the cells of randomly scattered points empty
 MAX_CELLS_A_POINT = 100.0  # more is a mistaken cell size, or a stray point far away
 MAX_EMPTY = 0.75  # of the cells of a point cloud whose cell size was not given
+MAX_COUNT = 1e9  # rows or columns: more are none
 LEAST_CELLS = 3  # along an axis of a height map
 
 
@@ -90,6 +91,58 @@ def grid_points(
             if grid is not None:
                 return grid
     return _by_cells(points, where, cell_size)
+
+
+def grid_indices(points: np.ndarray, where: str) -> Grid:
+    """Put points whose x and y count columns and rows to their places, whichever number is first.
+
+    Parameters, what is returned and errors are those of `grid_points`; the pixel size is in counts.
+
+    Raises
+    ------
+    UnreadableFileError
+        If columns or rows are not counted in whole steps, or there are more than 100 a point.
+
+    Examples
+    --------
+    >>> j, i = np.meshgrid(np.arange(1.0, 5.0), np.arange(1.0, 4.0))
+    >>> points = np.column_stack([j.ravel(), i.ravel(), np.arange(12.0)])
+    >>> grid_indices(points[points[:, 2] != 5.0], "points").height
+    array([[ 0.,  1.,  2.,  3.],
+           [ 4., nan,  6.,  7.],
+           [ 8.,  9., 10., 11.]])
+    """
+    _check(points, where)
+    across, down = (
+        _counted(points[:, axis], name, where) for axis, name in enumerate(("columns", "rows"))
+    )
+    if across.count * down.count > MAX_CELLS_A_POINT * len(points):
+        raise UnreadableFileError(
+            f"{where}: {len(points)} points in {down.count} rows and {across.count} columns; "
+            f"expected at most {MAX_CELLS_A_POINT:g} places a point; cut stray points off"
+        )
+    grid = _on_nodes(points, across, down, where)
+    assert grid is not None  # places that share a node are one
+    return grid
+
+
+def step_of_indices(values: np.ndarray) -> int:
+    """Return the whole step in which values count, from whatever number on; 0 if they do not."""
+    counts = values - values.min()
+    if not counts.max() < MAX_COUNT or (counts % 1.0).any():
+        return 0
+    return int(np.gcd.reduce(np.unique(counts.astype(np.int64))))
+
+
+def _counted(values: np.ndarray, name: str, where: str) -> _Nodes:
+    step = step_of_indices(values)
+    if step == 0:
+        raise UnreadableFileError(
+            f"{where}: {name} are in pixels, but not in whole steps; expected whole numbers; "
+            "name the unit of what they are"
+        )
+    index = ((values - values.min()) / step).astype(np.int64)
+    return _Nodes(float(step), index, int(index.max()) + 1, 0.0)
 
 
 def _check(points: np.ndarray, where: str) -> None:
