@@ -10,6 +10,7 @@ import pytest
 
 import capslip
 from capslip.analysis import analyze_families, analyze_once, analyze_scans
+from capslip.batch import run_batch
 from capslip.contact.models.families import families
 from capslip.contact.slip import slip_curve
 from capslip.contact.varying_load import varying
@@ -25,6 +26,8 @@ from capslip.settings import (
     checked,
     settings_from,
 )
+from capslip.sources import find_scans
+from capslip.structure.law import law
 from capslip.studies.faces.synthetic import Scene, synthetic_surface
 from capslip.surface.average import average
 from scenes import PROJECT, caps_map
@@ -223,6 +226,132 @@ def test_a_wrong_argument_is_an_error_of_one_line(call, message, tmp_path, monke
         call()
     assert "\n" not in str(caught.value)
     assert not any(tmp_path.iterdir())
+
+
+VALUES = (None, 1, 1.5, True, [], ["a"], (), {}, b"x", "x", np.eye(4), object(), MAPS[0], len)
+
+
+def but(*kinds):
+    """Return the values that are of none of these kinds."""
+    return [one for one in VALUES if not isinstance(one, kinds)]
+
+
+NO_PATH, NO_TRUTH = but(str), but(bool)
+NO_TEXT, NO_TABLE = but(str, type(None)), but(dict, type(None))
+NO_CALL = [one for one in VALUES if not callable(one)]
+NO_LIST = [None, 1, 1.5, True, {}, b"x", "x", object(), len]
+NO_DICT = but(dict)
+ONLY_NUMBERS = {"figures": False, "render": False, "page": False}
+
+
+def load(**given):
+    np.save("a.npy", np.random.default_rng(0).normal(size=(30, 40)))
+    known = {"unit": "um", "pixel_size": (1.0, 1.0), "lateral_unit": "um"}
+    return capslip.load_surface("a.npy", **known | given)
+
+
+def write(**given):
+    return capslip.write(plain(), "result", **ONLY_NUMBERS | given)
+
+
+def map_with(**given):
+    return capslip.HeightMap(np.eye(5), (1.0, 1.0), **given)
+
+
+ARGUMENTS = [  # the name of one, what takes it, and what it is not
+    ("path", capslip.load_surface, NO_PATH),
+    ("unit", lambda one: load(unit=one), NO_TEXT),
+    ("lateral_unit", lambda one: load(lateral_unit=one), NO_TEXT),
+    ("dataset", lambda one: load(dataset=one), NO_TEXT),
+    ("scale", lambda one: load(scale=one), but(int, float, type(None))),
+    ("top_row_first", lambda one: load(top_row_first=one), but(bool, type(None))),
+    ("invert", lambda one: load(invert=one), NO_TRUTH),
+    ("lenient", lambda one: load(lenient=one), NO_TRUTH),
+    ("path", capslip.load_settings, but(str, type(None))),
+    ("overrides", lambda one: capslip.load_settings(None, one), NO_LIST),
+    ("overrides[0]", lambda one: capslip.load_settings(None, [one]), but(str)),
+    ("settings", settings_from, NO_DICT),
+    ("progress", lambda one: capslip.analyze(MAPS[0], progress=one), NO_CALL),
+    ("folder", lambda one: capslip.write(plain(), one, **ONLY_NUMBERS), NO_PATH),
+    ("command", lambda one: write(command=one), NO_TEXT),
+    ("timings_s", lambda one: write(timings_s=one), NO_TABLE),
+    ("page", lambda one: write(page=one), NO_TRUTH),
+    ("export", lambda one: write(export=one), NO_TEXT),
+    ("renderer", lambda one: write(renderer=one), but(type(None))),
+    ("progress", lambda one: write(progress=one), NO_CALL),
+    ("missing", lambda one: write(missing=one), NO_CALL),
+    ("command", lambda one: plain().summary(one), NO_TEXT),
+    ("timings_s", lambda one: plain().summary(None, one), NO_TABLE),
+    ("ax", lambda one: plain().plot.loss_factor(one), but(type(None))),
+    ("analysis", capslip.Plots, VALUES),
+    ("analysis", capslip.Tables, VALUES),
+    ("origin", lambda one: map_with(origin=one), VALUES),
+    ("tops", lambda one: map_with(tops=one), but(type(None))),
+    ("filling", lambda one: map_with(filling=one), but(type(None))),
+    ("rounding", lambda one: map_with(rounding=one), but(type(None))),
+    ("faces", lambda one: map_with(faces=one), but(int)),
+    ("void", lambda one: map_with(void=one), NO_TRUTH),
+    ("parts", lambda one: law(one, 0.2), [None, 1, 1.5, True, {}, np.eye(4), object(), len]),
+    ("parts[0]", lambda one: law([one], 0.2), VALUES),
+    ("friction_coefficient", lambda one: law(plain().parts, one), but(int, float)),
+    ("holds", lambda one: law(plain().parts, 0.2, one), [1, "x", []]),
+    ("sources", lambda one: find_scans(one, capslip.Settings()), NO_LIST),
+    ("settings", lambda one: find_scans(["a.npy"], one), VALUES),
+    ("folder", lambda one: run_batch(["a"], one, capslip.Settings(), print), NO_PATH),
+    ("say", lambda one: run_batch(["a"], "x", capslip.Settings(), one), NO_CALL),
+    (
+        "options",
+        lambda one: run_batch(["a"], "x", capslip.Settings(), print, options=one),
+        VALUES,
+    ),
+]
+
+
+@pytest.mark.parametrize(("name", "call", "values"), ARGUMENTS)
+def test_an_argument_of_the_wrong_type_is_named(name, call, values, tmp_path, monkeypatch):
+    """A traceback from deep within was the answer, or what is no truth counted as one."""
+    monkeypatch.chdir(tmp_path)
+    for value in values:
+        with pytest.raises(SettingsError) as caught:
+            call(value)
+        message = str(caught.value)
+        assert message.startswith(f"{name}: got {type(value).__name__}; expected "), value
+        assert message.isprintable()
+    assert {path.name for path in tmp_path.iterdir()} <= {"a.npy"}
+
+
+@pytest.mark.parametrize(
+    "call",
+    [
+        lambda: load(pixel_size=np.eye(4)),
+        lambda: load(pixel_size=(MAPS[0], 1.0)),
+        lambda: capslip.HeightMap(np.eye(5), MAPS[0]),
+        lambda: capslip.HeightMap(np.eye(5), np.eye(5)),
+        lambda: analyze_once(MAPS[0], capslip.Settings(material=Material(preset=MAPS[0]))),
+        lambda: write(figures=MAPS[0]),
+        lambda: SLIP.loop(np.eye(4)),
+        lambda: SLIP.force_N(np.full((40, 4), "a")),
+    ],
+)
+def test_what_was_found_is_told_on_one_short_line(call, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(CapslipError) as caught:
+        call()
+    assert str(caught.value).isprintable()
+    assert len(str(caught.value)) < 200
+
+
+def test_arguments_have_the_types_of_numpy_too(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    plainly = load(top_row_first=True, invert=True, scale=2.0)
+    given = {"top_row_first": np.bool_(True), "invert": np.bool_(True), "scale": np.float32(2.0)}
+    np.testing.assert_array_equal(load(**given, unit=np.str_("um")).height_m, plainly.height_m)
+
+
+def test_overrides_that_are_read_once_count():
+    """A material that gives way to them takes a look at them first."""
+    lines = ["contact.preload_N=230", "material.preset=aluminium"]
+    assert capslip.load_settings(None, iter(lines)) == capslip.load_settings(None, tuple(lines))
 
 
 def test_what_changes_no_number_is_not_in_the_key():

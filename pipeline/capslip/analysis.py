@@ -16,7 +16,7 @@ from capslip.contact.scans import joint_of_scans
 from capslip.contact.slip import SlipCurve, slip_curve
 from capslip.contact.varying_load import greatest_over_mean, varying
 from capslip.doubts import counted_by_patches, problems_of
-from capslip.errors import ContactError, SettingsError
+from capslip.errors import ContactError, SettingsError, check_call
 from capslip.pressing import can_be_pressed, estimate, press_face
 from capslip.problems import Problem
 from capslip.result import Analysis, JointOfScans, JointResult
@@ -69,9 +69,10 @@ def analyze(
         If a map is no HeightMap, nothing was measured, all heights are equal, or fewer than 9
         points lie above the cut.
     SettingsError
-        If the settings are no Settings, one is of the wrong type or out of bounds, though their
-        classes take it, or makes no sense for this map, `reading` says of it what it was not read
-        with (`load_surface(path, **msgspec.structs.asdict(settings.reading))`), or boundary
+        If the settings are no Settings, progress is no function, a setting is of the wrong type or
+        out of bounds, though its class takes it, or makes no sense for this map, `reading` says of
+        it what it was not read with
+        (`load_surface(path, **msgspec.structs.asdict(settings.reading))`), or boundary
         elements shall press two maps whose caps are counted together.
 
     Examples
@@ -84,6 +85,7 @@ def analyze(
     (3, 6)
     """
     settings = checked(settings if settings is not None else Settings())
+    check_call("progress", progress)
     clock = Clock(progress)
     face, found = _analyzed(surface, settings, mate, clock)
     if found.contact is not None and _lacks_error(found.contact, settings):

@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from capslip.analysis import analyze
-from capslip.errors import OutputError, SettingsError, in_one_line
+from capslip.errors import OutputError, SettingsError, check_call, check_kind, in_one_line, path_of
 from capslip.output.folder import write
 from capslip.output.overview import COLUMNS, Row, row_of, write_overview, write_table
 from capslip.output.staging import (
@@ -152,7 +152,9 @@ def run_batch(
     KeyboardInterrupt
         With what is done so far as its text; the table holds that, too.
     """
-    settings = checked(settings)
+    settings, folder = checked(settings), path_of("folder", folder)
+    check_call("say", say)
+    check_kind("options", options, Options, "Options")
     if options.scheduler is None and settings.run.cluster.system is not None:
         options = replace(options, scheduler=settings.run.cluster)
     scans, skipped = find_scans(sources, settings, options.list_file, options.recursive, folder)

@@ -5,6 +5,10 @@ A message is one line: what is wrong, where, what was found, what was expected, 
 
 import difflib
 from collections.abc import Iterable
+from pathlib import Path
+from typing import Any
+
+SHOWN = 60  # letters of what was found
 
 
 class CapslipError(Exception):
@@ -88,11 +92,11 @@ def one_of(words: Iterable[str], got: str) -> str:
 def check_kind(
     name: str,
     value: object,
-    kind: type,
+    kind: type | tuple[type, ...],
     expected: str,
     error: type[CapslipError] = SettingsError,
 ) -> None:
-    """Refuse an argument that is of another kind.
+    """Refuse an argument that is of another kind, or of none of several.
 
     Examples
     --------
@@ -102,6 +106,93 @@ def check_kind(
     """
     if not isinstance(value, kind):
         raise error(f"{name}: got {type(value).__name__}; expected {expected}")
+
+
+def check_text(name: str, value: object) -> None:
+    """Refuse an argument that is neither a text nor None.
+
+    Examples
+    --------
+    >>> check_text("unit", 1e-6)
+    Traceback (most recent call last):
+    capslip.errors.SettingsError: unit: got float; expected a text, or None
+    """
+    check_kind(name, value, (str, type(None)), "a text, or None")
+
+
+def check_call(name: str, value: object) -> None:
+    """Refuse an argument that cannot be called.
+
+    Examples
+    --------
+    >>> check_call("progress", True)
+    Traceback (most recent call last):
+    capslip.errors.SettingsError: progress: got bool; expected a function
+    """
+    if not callable(value):
+        raise SettingsError(f"{name}: got {type(value).__name__}; expected a function")
+
+
+def path_of(name: str, value: Any) -> Path:
+    """Return the path that an argument is.
+
+    Examples
+    --------
+    >>> path_of("path", None)
+    Traceback (most recent call last):
+    capslip.errors.SettingsError: path: got NoneType; expected a path
+    """
+    try:
+        return Path(value)
+    except TypeError:
+        raise SettingsError(f"{name}: got {type(value).__name__}; expected a path") from None
+
+
+def truth_of(name: str, value: Any) -> bool:
+    """Return whether an argument is true, in the type of NumPy too; a text is neither.
+
+    Examples
+    --------
+    >>> truth_of("invert", "false")
+    Traceback (most recent call last):
+    capslip.errors.SettingsError: invert: got str; expected true or false
+    """
+    plain = value.tolist() if hasattr(value, "tolist") else value
+    if not isinstance(plain, bool):
+        raise SettingsError(f"{name}: got {type(value).__name__}; expected true or false")
+    return plain
+
+
+def texts_of(name: str, values: Any) -> tuple[str, ...]:
+    """Return the texts that an argument lists, paths as texts; one text is no list.
+
+    Examples
+    --------
+    >>> texts_of("overrides", "run.workers=3")
+    Traceback (most recent call last):
+    capslip.errors.SettingsError: overrides: got str; expected a list of texts
+    """
+    try:
+        listed = None if isinstance(values, str | bytes | dict) else tuple(values)
+    except TypeError:
+        listed = None
+    if listed is None:
+        raise SettingsError(f"{name}: got {type(values).__name__}; expected a list of texts")
+    for i, one in enumerate(listed):
+        check_kind(f"{name}[{i}]", one, (str, Path), "a text")
+    return tuple(map(str, listed))
+
+
+def in_short(text: str) -> str:
+    r"""Return what was found on one line, and of a long text its beginning.
+
+    Examples
+    --------
+    >>> in_short("[[1. 0.]\n [0. 1.]]")
+    '[[1. 0.] [0. 1.]]'
+    """
+    line = " ".join(text.split())
+    return line if len(line) <= SHOWN else f"{line[:SHOWN]}..."
 
 
 def printable(text: str) -> str:

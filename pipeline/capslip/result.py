@@ -13,6 +13,7 @@ from capslip.contact.joint import Joint
 from capslip.contact.levelling import Level
 from capslip.contact.press import ContactState
 from capslip.contact.slip import SlipCurve
+from capslip.errors import check_kind, check_text
 from capslip.problems import Problem
 from capslip.sensitivity import Sensitivity
 from capslip.settings import Settings
@@ -119,6 +120,8 @@ class JointResult:
         timings_s : dict, optional
             Seconds of what was done outside the analysis (reading, drawing, ...).
         """
+        check_text("command", command)
+        check_kind("timings_s", timings_s, (dict, type(None)), "a dictionary, or None")
         return summary_of(self, command, timings_s)
 
     def of_the_scan(self, texture: bool) -> dict[str, Any]:

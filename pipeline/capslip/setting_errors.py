@@ -12,7 +12,7 @@ from typing import Any, TypeVar, get_args
 
 import msgspec
 
-from capslip.errors import SettingsError, one_of
+from capslip.errors import SettingsError, in_short, one_of
 
 T = TypeVar("T", bound=msgspec.Struct)
 
@@ -170,6 +170,5 @@ def _explain(message: str, tables: dict[str, Any], root: type[msgspec.Struct]) -
     if isinstance(value, float | int) and value <= 0.0:
         bounds = bounds.replace(f">= {LEAST}", "> 0")
     expected = f"expected {words}{bounds.partition(', got')[0]}"
-    return (
-        f"{'.'.join(keys)}: got {value!r}; {one_of(choices, str(value)) if choices else expected}"
-    )
+    expected = one_of(choices, str(value)) if choices else expected
+    return f"{'.'.join(keys)}: got {in_short(repr(value))}; {expected}"

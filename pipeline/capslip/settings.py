@@ -8,13 +8,14 @@ classes take anything: what is given settings has them `checked` first.
 import hashlib
 import math
 import tomllib
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import msgspec
 
 from capslip import registry
-from capslip.errors import SettingsError, check_kind, one_of
+from capslip.errors import SettingsError, check_kind, one_of, path_of, texts_of
 from capslip.materials import refuse_stray_spread, with_preset, without_said
 from capslip.setting_errors import GREATEST, LEAST, converted, meant, plain, refuse_unknown
 from capslip.units import LengthUnit
@@ -266,32 +267,34 @@ class Settings(_Table, frozen=True):
         return hashlib.sha256(msgspec.json.encode(tables, order="deterministic")).hexdigest()
 
 
-def load_settings(path: str | Path | None = None, overrides: tuple[str, ...] = ()) -> Settings:
+def load_settings(path: str | Path | None = None, overrides: Iterable[str] = ()) -> Settings:
     """Read a settings file and apply `table.key=value` overrides.
 
     Parameters
     ----------
     path : path, optional
         A TOML file; without it every setting has its default.
-    overrides : tuple of str
+    overrides : sequence of str
         Each `table.key=value`, the value in TOML (a bare word, in a list too, is a text). Where
         one names a material, moduli, yield stress and hardness of the file give way to it.
 
     Raises
     ------
     SettingsError
-        If the file cannot be read, a key is unknown, or a value has the wrong type or is out of
-        bounds. The message names the key and, for a misspelt one, the closest that exists.
+        If the path is none, or overrides are no list of texts, the file cannot be read, a key is
+        unknown, or a value has the wrong type or is out of bounds. The message names the key and,
+        for a misspelt one, the closest that exists.
 
     Examples
     --------
     >>> load_settings(overrides=("contact.preload_N=230",)).contact.preload_N
     230.0
     """
+    overrides = texts_of("overrides", overrides)
     tables: dict[str, Any] = {}
     if path is not None:
         try:
-            tables = tomllib.loads(Path(path).read_text(encoding="utf-8"))
+            tables = tomllib.loads(path_of("path", path).read_text(encoding="utf-8"))
         except OSError as error:
             what = f"{error.strerror}; give a TOML file"
             raise SettingsError(f"settings file {path}: {what}") from error
@@ -312,6 +315,7 @@ def load_settings(path: str | Path | None = None, overrides: tuple[str, ...] = (
 
 def settings_from(tables: dict[str, Any], where: str = "settings") -> Settings:
     """Check nested dictionaries and make them Settings; errors as for `load_settings`."""
+    check_kind(where, tables, dict, "nested dictionaries")
     tables = plain(tables, where)
     refuse_unknown(tables, Settings, where)
     tables = with_preset(tables, where)

@@ -14,7 +14,7 @@ from itertools import chain
 from pathlib import Path
 from typing import Any
 
-from capslip.errors import NothingToDoError, SettingsError
+from capslip.errors import NothingToDoError, SettingsError, check_kind, texts_of
 from capslip.output.staging import FAILURE, read_json, read_summary
 from capslip.settings import Settings, settings_from
 
@@ -96,6 +96,8 @@ def find_scans(
     SettingsError
         If the list cannot be read, or says what makes no sense.
     """
+    sources = texts_of("sources", sources)
+    check_kind("settings", settings, Settings, "Settings; make them with capslip.load_settings")
     skipped: Counter[str] = Counter()
     paths = _paths(sources, recursive, leave_out, skipped)
     named = chain(

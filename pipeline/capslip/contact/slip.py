@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from capslip.contact.curve import NormalCurve, withdrawal_to_lift_m
-from capslip.errors import ContactError, SettingsError
+from capslip.errors import ContactError, SettingsError, in_short
 
 TINY_M = 1e-300  # beyond total slip of a plane interface, which has no displacement before it
 
@@ -183,7 +183,7 @@ def slip_curve(
     ):
         number = _numbers(name, value)
         if not number.size or not np.all((number > 0) & (number < np.inf)):
-            raise SettingsError(f"{name}: got {value}; expected a finite number > 0")
+            raise SettingsError(f"{name}: got {in_short(str(value))}; expected a finite number > 0")
     approach_m = _plain(curve.approach_m(preload_N))
     carried = curve.load_N(approach_m)
     if not np.all(np.abs(carried - preload_N) <= 1e-9 * np.abs(preload_N)):
@@ -198,14 +198,16 @@ def check_one_amplitude(amplitude_m: float) -> None:
     """Refuse the amplitude of a cycle that is none."""
     array = _numbers("amplitude_m", amplitude_m)
     if array.ndim or not 0 <= array < np.inf:
-        raise SettingsError(f"amplitude_m: got {amplitude_m}; expected one finite number >= 0")
+        raise SettingsError(
+            f"amplitude_m: got {in_short(str(amplitude_m))}; expected one finite number >= 0"
+        )
 
 
 def _numbers(name: str, values: ArrayLike) -> np.ndarray:
     try:
         return np.asarray(values, dtype=float)
     except (TypeError, ValueError):
-        raise SettingsError(f"{name}: got {values!r}; expected numbers") from None
+        raise SettingsError(f"{name}: got {in_short(repr(values))}; expected numbers") from None
 
 
 def _amplitude(name: str, values: ArrayLike) -> np.ndarray:

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from capslip.caps.table import UNITS as UNITS_OF_CAPS
+from capslip.errors import check_kind
 
 if TYPE_CHECKING:
     from capslip.contact.press import ContactState
@@ -47,6 +48,9 @@ class Tables:
     """
 
     def __init__(self, analysis: "Analysis") -> None:
+        from capslip.result import Analysis  # which opens this room when it is asked for tables
+
+        check_kind("analysis", analysis, Analysis, "an Analysis; make one with capslip.analyze")
         self._analysis = analysis
 
     @property

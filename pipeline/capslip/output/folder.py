@@ -9,7 +9,7 @@ from typing import Any
 
 import msgspec
 
-from capslip.errors import CapslipError, check_kind
+from capslip.errors import CapslipError, check_call, check_kind, check_text, path_of, truth_of
 from capslip.output import figures as all_figures
 from capslip.output import mesh, report, scene, staging, tables
 from capslip.output.aside import Aside
@@ -80,8 +80,7 @@ def write(
         If the folder is a file, cannot be written, holds files that no analysis wrote, or holds
         the scan itself.
     SettingsError
-        If the export is none of those known, the analysis is no Analysis, or `figures` or `render`
-        is neither true nor false.
+        If the export is none of those known, or an argument is of the wrong type.
 
     Examples
     --------
@@ -95,8 +94,15 @@ def write(
     (6, 'ok')
     """
     check_kind("analysis", analysis, Analysis, "an Analysis; make one with capslip.analyze")
+    check_text("command", command)
+    check_text("export", export)
+    check_kind("timings_s", timings_s, (dict, type(None)), "a dictionary, or None")
+    check_kind("renderer", renderer, (Ready, type(None)), "one of renderer.ready, or None")
+    check_call("progress", progress)
+    check_call("missing", missing)
+    page = truth_of("page", page)
     extra = None if export is None else export_named(export)
-    folder, scan = Path(folder), analysis.surface.origin.path
+    folder, scan = path_of("folder", folder), analysis.surface.origin.path
     staging.check_folder(folder, keep=(scan,))
     wanted = {"figures": figures, "render": render}
     given = {name: wish for name, wish in wanted.items() if wish is not None}

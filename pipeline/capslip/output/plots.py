@@ -3,7 +3,7 @@
 from collections.abc import Callable
 from typing import TYPE_CHECKING
 
-from capslip.errors import OutputError
+from capslip.errors import OutputError, check_kind
 from capslip.output import figures_contact, figures_surface, figures_texture
 from capslip.output.canvas import DPI, PAGE, face_size
 from capslip.output.figures import FIGURES
@@ -39,6 +39,9 @@ class Plots:
     """
 
     def __init__(self, analysis: "Analysis") -> None:
+        from capslip.result import Analysis  # which opens this room when it is asked for plots
+
+        check_kind("analysis", analysis, Analysis, "an Analysis; make one with capslip.analyze")
         self._analysis = analysis
 
     def height_map(self, ax: "Axes | None" = None) -> "Axes":
@@ -93,6 +96,10 @@ class Plots:
 
             new, ax = plt.subplots(figsize=size_in, dpi=DPI, layout="constrained")
             ax.set_gid(PAGE)
+        else:
+            from matplotlib.axes import Axes
+
+            check_kind("ax", ax, Axes, "axes of Matplotlib, or None")
         seen = (ax.get_xlim(), ax.get_ylim()) if ax.has_data() else None
         if draw(self._analysis, ax) is None:
             if new is not None:

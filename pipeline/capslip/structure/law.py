@@ -4,6 +4,7 @@ import math
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
+from numbers import Real
 from typing import Any
 
 import numpy as np
@@ -12,7 +13,7 @@ from capslip.contact.joint import MAX_SOLVED, Joint, curve_of_joint
 from capslip.contact.scaled import ScaledCurve
 from capslip.contact.scans import joint_of_scans
 from capslip.contact.slip import SlipCurve, slip_curve
-from capslip.errors import ContactError
+from capslip.errors import ContactError, SettingsError, check_call, check_kind
 from capslip.structure.band_causes import NORMAL_95
 from capslip.structure.band_state import Part
 from capslip.structure.beds import (
@@ -139,6 +140,8 @@ def law(
     ContactError
         If no scanned area is known, or a curve cannot carry the lower pressures. Those of a map
         whose slip cannot be followed are left out.
+    SettingsError
+        If an argument is of the wrong type, or there is no part.
 
     Notes
     -----
@@ -154,6 +157,14 @@ def law(
     Slip: Eqs. 3-16 of Peyret, Chevallier and Dion, Int. J. Appl. Mech. 8 (2016) 1650097, see
     `contact.slip`. The tilt of the face is that under the pressure of the scan.
     """
+    check_kind("parts", parts, Sequence, "a list of what each scan says, as analysis.parts")
+    for i, part in enumerate(parts):
+        check_kind(f"parts[{i}]", part, Part, "one of analysis.parts")
+    if not parts:
+        raise SettingsError("parts: got none; expected one or more, as analysis.parts")
+    check_kind("friction_coefficient", friction_coefficient, Real, "a number")
+    if holds is not None:
+        check_call("holds", holds)
     contacts, area_m2 = [part.contact for part in parts], [_area_m2(part.joint) for part in parts]
     patches, ends = _patches(parts, friction_coefficient, holds)
     patches, between = _refined(parts, patches)

@@ -5,12 +5,12 @@ from collections.abc import Sequence
 from copy import copy
 from dataclasses import dataclass, field, fields
 from functools import cached_property
-from numbers import Real
+from numbers import Integral, Real
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from capslip.errors import SettingsError, UnusableSurfaceError, check_kind
+from capslip.errors import SettingsError, UnusableSurfaceError, check_kind, in_short, truth_of
 from capslip.surface.heights import SMALL, ends_m, lost_of, stored_of
 from capslip.surface.outline import outside_of, window_of
 from capslip.surface.rows import BLOCK_POINTS, row_blocks
@@ -153,7 +153,8 @@ class HeightMap:
         If the array is not two-dimensional, has fewer than 3 points along an axis, or holds no
         real numbers or an infinite height.
     SettingsError
-        If the pixel size is not two positive finite numbers, or the noise no such one.
+        If the pixel size is not two positive finite numbers, the noise no such one, or another
+        argument of the wrong type.
 
     Examples
     --------
@@ -178,6 +179,7 @@ class HeightMap:
 
     def __post_init__(self) -> None:
         given = self.__dict__.pop("height_m")
+        self._check_kinds()
         name = self.origin.name
         stored_m = stored_of(given, name)
         if stored_m.ndim != 2 or min(stored_m.shape) < 3:
@@ -189,7 +191,8 @@ class HeightMap:
             dy_m, dx_m = (float(v) for v in self.pixel_size_m)
         except (TypeError, ValueError):
             raise SettingsError(
-                f"{name}: pixel size {self.pixel_size_m!r}; expected two numbers (dy, dx) in metres"
+                f"{name}: pixel size {in_short(repr(self.pixel_size_m))}; expected two numbers "
+                "(dy, dx) in metres"
             ) from None
         if not (0 < dy_m < np.inf and 0 < dx_m < np.inf):
             raise SettingsError(
@@ -202,6 +205,13 @@ class HeightMap:
                 raise SettingsError(f"{got}; expected a positive number")
         self._hold(stored_m, lost_of(stored_m, name), None)
         self.__dict__["pixel_size_m"] = (dy_m, dx_m)
+
+    def _check_kinds(self) -> None:
+        check_kind("origin", self.origin, Origin, "an Origin")
+        for name, kind in (("tops", Tops), ("filling", Filling), ("rounding", Rounding)):
+            check_kind(name, getattr(self, name), (kind, type(None)), f"{kind.__name__}, or None")
+        check_kind("faces", self.faces, Integral, "a whole number")
+        truth_of("void", self.void)
 
     def _hold(self, stored_m: np.ndarray, lost: np.ndarray, added: "_Added | None") -> None:
         """Keep heights as they are stored, which points lack, and what is added to them.

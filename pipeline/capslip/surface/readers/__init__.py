@@ -3,9 +3,19 @@
 import hashlib
 import re
 from dataclasses import replace
+from numbers import Real
 from pathlib import Path
 
-from capslip.errors import CapslipError, SettingsError, UnreadableFileError, printable
+from capslip.errors import (
+    CapslipError,
+    SettingsError,
+    UnreadableFileError,
+    check_kind,
+    check_text,
+    path_of,
+    printable,
+    truth_of,
+)
 from capslip.provenance import is_fresh, sha256_of, state_of
 from capslip.surface.heightmap import HeightMap, Origin
 from capslip.surface.readers import (
@@ -126,7 +136,8 @@ def load_surface(
     UnusableSurfaceError
         If the map has fewer than 3 points along an axis or holds an infinite height.
     SettingsError
-        If a unit, pixel size or dataset that is given makes no sense.
+        If an argument is of the wrong type, or a unit, pixel size or dataset that is given makes
+        no sense.
 
     Examples
     --------
@@ -138,7 +149,13 @@ def load_surface(
     >>> surface.shape, surface.pixel_size_m
     ((4, 5), (0.5, 0.5))
     """
-    path = Path(path)
+    path = path_of("path", path)
+    for name, word in (("unit", unit), ("lateral_unit", lateral_unit), ("dataset", dataset)):
+        check_text(name, word)
+    check_kind("scale", scale, (Real, type(None)), "a positive number, or None")
+    invert, lenient = truth_of("invert", invert), truth_of("lenient", lenient)
+    if top_row_first is not None:
+        top_row_first = truth_of("top_row_first", top_row_first)
     request = Request(dataset, pixel_size, lateral_unit, lenient, scale, top_row_first)
     given = Calibration(unit, lateral_unit, pixel_size, scale, top_row_first, invert)
     try:

@@ -10,7 +10,13 @@ from zipfile import BadZipFile, ZipFile
 
 import numpy as np
 
-from capslip.errors import SettingsError, UncalibratedError, UnreadableFileError, printable
+from capslip.errors import (
+    SettingsError,
+    UncalibratedError,
+    UnreadableFileError,
+    in_short,
+    printable,
+)
 from capslip.surface.heightmap import HeightMap, Origin
 from capslip.units import METRES, SPELLINGS
 
@@ -299,7 +305,7 @@ def _scale(stored: Stored, given: float | None, where: str) -> float:
             f"{where}: heights are stored in {stored.unit}, but reading.scale says {given:g} a "
             "stored number; a scale in the file is never overridden; leave reading.scale out"
         )
-    return given
+    return float(given)  # of single precision it would leave the map no other
 
 
 def _is_top_row_first(stored: Stored, given: bool | None, where: str) -> bool:
@@ -447,5 +453,7 @@ def _given_pair(pair: tuple[float, float]) -> tuple[float, float]:
     except (TypeError, ValueError):
         dy = dx = math.nan
     if not (0 < dy < math.inf and 0 < dx < math.inf):
-        raise SettingsError(f"--pixel-size {pair}: expected two positive numbers DY DX")
+        raise SettingsError(
+            f"--pixel-size {in_short(str(pair))}: expected two positive numbers DY DX"
+        )
     return dy, dx
