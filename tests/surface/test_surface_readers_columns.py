@@ -7,7 +7,7 @@ from capslip.errors import UncalibratedError, UnreadableFileError
 from capslip.surface.heightmap import Statement
 from capslip.surface.readers import load_surface
 
-# As a picture: the first row is the top one; no turn, mirror or transpose of it is alike
+# No turn, mirror or transpose of it is alike
 PICTURE = np.round(np.random.default_rng(11).normal(size=(5, 8)), 4)
 PIXEL = {"pixel_size": (3.0, 2.0), "lateral_unit": "mm"}  # (dy, dx)
 DY, DX = 3.0, 2.0
@@ -63,7 +63,7 @@ NAMES = [
 def test_rows_and_columns_are_read_by_their_names(tmp_path, names, columns, order):
     path = table(tmp_path / "t.csv", names, columns, order)
     surface = load_surface(path, unit="um", **PIXEL)
-    np.testing.assert_allclose(surface.height_m, 1e-6 * PICTURE[::-1], rtol=1e-15)
+    np.testing.assert_allclose(surface.height_m, 1e-6 * PICTURE, rtol=1e-15)
     assert surface.pixel_size_m == (3e-3, 2e-3)
     (note,) = told(surface)
     assert isinstance(note, Statement)
@@ -74,16 +74,16 @@ def test_rows_and_columns_are_read_by_their_names(tmp_path, names, columns, orde
 def test_it_does_not_matter_from_what_number_on_rows_are_counted(tmp_path, first, extension):
     path = table(tmp_path / f"t.{extension}", "row,col,height", "rcz", first=first)
     surface = load_surface(path, unit="um", **PIXEL)
-    np.testing.assert_allclose(surface.height_m, 1e-6 * PICTURE[::-1], rtol=1e-15)
+    np.testing.assert_allclose(surface.height_m, 1e-6 * PICTURE, rtol=1e-15)
 
 
-def test_a_setting_says_that_rows_are_counted_from_below(tmp_path):
-    path = table(tmp_path / "t.csv", "row,col,height", "rcz")
-    for given, heights in ((None, PICTURE[::-1]), (True, PICTURE[::-1]), (False, PICTURE)):
-        surface = load_surface(path, unit="um", **PIXEL, top_row_first=given)
-        np.testing.assert_allclose(surface.height_m, 1e-6 * heights, rtol=1e-15)
-        from_top = [note for note in surface.origin.notes if "from the top" in note]
-        assert len(from_top) == (given is None)
+def test_rows_lie_as_those_of_a_matrix_that_holds_the_same(tmp_path):
+    path, matrix = table(tmp_path / "t.csv", "row,col,height", "rcz"), tmp_path / "matrix.csv"
+    np.savetxt(matrix, PICTURE, delimiter=",")
+    for given, heights in ((None, PICTURE), (False, PICTURE), (True, PICTURE[::-1])):
+        for one in (path, matrix):
+            surface = load_surface(one, unit="um", **PIXEL, top_row_first=given)
+            np.testing.assert_allclose(surface.height_m, 1e-6 * heights, rtol=1e-15)
 
 
 @pytest.mark.parametrize("order", ["rows", "shuffled"])
@@ -99,7 +99,7 @@ def test_a_setting_says_that_rows_are_counted_from_below(tmp_path):
 def test_rows_and_columns_with_a_unit_are_lengths(tmp_path, names, columns, order):
     path = table(tmp_path / "t.csv", names, columns, order, steps=(DY, DX))
     surface = load_surface(path)
-    np.testing.assert_allclose(surface.height_m, 1e-6 * PICTURE[::-1], rtol=1e-15)
+    np.testing.assert_allclose(surface.height_m, 1e-6 * PICTURE, rtol=1e-15)
     np.testing.assert_allclose(surface.pixel_size_m, (3e-3, 2e-3), rtol=1e-12)
     with pytest.raises(UncalibratedError, match="lateral-unit says um"):
         load_surface(path, lateral_unit="um")
@@ -112,7 +112,7 @@ def test_rows_in_other_steps_than_counts_are_lengths_whose_unit_is_asked_for(tmp
     with pytest.raises(UncalibratedError, match="but not its unit; add --lateral-unit"):
         load_surface(path, unit="um")
     surface = load_surface(path, unit="um", lateral_unit="mm")
-    np.testing.assert_allclose(surface.height_m, 1e-6 * PICTURE[::-1], rtol=1e-15)
+    np.testing.assert_allclose(surface.height_m, 1e-6 * PICTURE, rtol=1e-15)
     np.testing.assert_allclose(surface.pixel_size_m, (3e-4, 2e-4), rtol=1e-9)
 
 
@@ -127,14 +127,14 @@ def test_counts_are_no_lengths(tmp_path, given):
 def test_thinned_and_lost_counts_keep_their_places(tmp_path):
     path = table(tmp_path / "t.csv", "row [px],col [px],z", "rcz", steps=(5.0, 10.0))
     surface = load_surface(path, unit="um", **PIXEL)
-    np.testing.assert_allclose(surface.height_m, 1e-6 * PICTURE[::-1], rtol=1e-15)
+    np.testing.assert_allclose(surface.height_m, 1e-6 * PICTURE, rtol=1e-15)
     path = table(tmp_path / "t.csv", "row,col,z", "rcz")
     names, *lines = path.read_text().splitlines()
     path.write_text("\n".join([names, *lines[:8], *lines[17::3], ""]))
     surface = load_surface(path, unit="um", **PIXEL)
     kept = np.full(PICTURE.size, np.nan)
     kept[:8], kept[17::3] = PICTURE.flat[:8], PICTURE.flat[17::3]
-    np.testing.assert_allclose(surface.height_m, 1e-6 * kept.reshape(PICTURE.shape)[::-1])
+    np.testing.assert_allclose(surface.height_m, 1e-6 * kept.reshape(PICTURE.shape))
 
 
 @pytest.mark.parametrize(

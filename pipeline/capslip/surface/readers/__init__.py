@@ -113,8 +113,7 @@ def load_surface(
         Heights in `unit` a stored number, of a map whose file says no unit.
     top_row_first : bool, optional
         Whether y falls with the row, as in a picture; for formats that leave it open (HDF5, NPY,
-        MAT, text matrices), whose first row otherwise has the least y. False of a table whose rows
-        are counted from below.
+        MAT, text matrices, tables of rows and columns), whose first row otherwise has the least y.
     invert : bool, optional
         The numbers grow into the material (gaps, depths): turn their sign.
     lenient : bool, optional
@@ -156,7 +155,7 @@ def load_surface(
     invert, lenient = truth_of("invert", invert), truth_of("lenient", lenient)
     if top_row_first is not None:
         top_row_first = truth_of("top_row_first", top_row_first)
-    request = Request(dataset, pixel_size, lateral_unit, lenient, scale, top_row_first)
+    request = Request(dataset, pixel_size, lateral_unit, lenient, scale)
     given = Calibration(unit, lateral_unit, pixel_size, scale, top_row_first, invert)
     try:
         if _head(path).startswith(packed.MAGIC):

@@ -107,8 +107,6 @@ class Request:
         Accept what a format names as its leniencies, each with a note.
     scale : float or None
         Heights a stored number, without which whole numbers are no heights in some formats.
-    top_row_first : bool or None
-        Whether y falls with the row, where rows that are counted may begin below.
     """
 
     dataset: str | None = None
@@ -116,7 +114,6 @@ class Request:
     lateral_unit: str | None = None
     lenient: bool = False
     scale: float | None = None
-    top_row_first: bool | None = None
 
     def pixel_size_in(self, unit: str | None) -> tuple[float, float] | None:
         """Return the pixel size in a unit of the file; None for `unit` means the user's own."""

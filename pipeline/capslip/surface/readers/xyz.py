@@ -33,7 +33,7 @@ AXES = ("x", "y", "z")
 HEIGHTS = ("height", "heights", "elevation")  # words for z
 COLUMNS = ("col", "cols", "column", "columns")
 ROWS = ("row", "rows", "line", "lines")
-COUNTED = ((COLUMNS, ROWS), (("j",), ("i",)))  # words for x and y; rows are, from the top
+COUNTED = ((COLUMNS, ROWS), (("j",), ("i",)))  # words for x and y
 PIXELS = ("px", "pixel", "pixels")  # units of what counts them
 # A row or column called an index: `Row Index`, `row_idx`, `col_px`
 INDEX = re.compile(
@@ -93,10 +93,7 @@ def _read(path: Path, request: Request) -> Stored:
     unit, lateral_unit = _units(table.comments, order, path)
     notes = table.notes + more
     by_row = order is not None and order.by_row
-    top_row_first = by_row and request.top_row_first is not False
-    if by_row and request.top_row_first is None:
-        said = "rows were counted from the top; reading.top_row_first = false says otherwise"
-        notes += (Statement(said),)
+    top_row_first = None if by_row else False  # rows lie as those of a matrix
     if by_row and (lateral_unit in PIXELS or (lateral_unit is None and _are_indices(points))):
         grid = grid_indices(points, str(path))
         return Stored(grid.height, unit, notes=notes + grid.notes, top_row_first=top_row_first)
