@@ -263,7 +263,7 @@ class Settings(_Table, frozen=True):
         tables = self.to_dict()
         tables["run"] = {"given": self.run.given}
         if (path := self.joint.pressure_map) and Path(path).is_file():  # what it says counts
-            tables["joint"]["sha256"] = hashlib.sha256(Path(path).read_bytes()).hexdigest()
+            tables["joint"]["pressure_map"] = hashlib.sha256(Path(path).read_bytes()).hexdigest()
         return hashlib.sha256(msgspec.json.encode(tables, order="deterministic")).hexdigest()
 
 
@@ -273,7 +273,8 @@ def load_settings(path: str | Path | None = None, overrides: Iterable[str] = ())
     Parameters
     ----------
     path : path, optional
-        A TOML file; without it every setting has its default.
+        A TOML file; without it every setting has its default. The pressure map that it names lies
+        beside it, unless its path is absolute; that of an override is seen from the current folder.
     overrides : sequence of str
         Each `table.key=value`, the value in TOML (a bare word, in a list too, is a text). Where
         one names a material, moduli, yield stress and hardness of the file give way to it.
@@ -294,12 +295,13 @@ def load_settings(path: str | Path | None = None, overrides: Iterable[str] = ())
     tables: dict[str, Any] = {}
     if path is not None:
         try:
-            tables = tomllib.loads(path_of("path", path).read_text(encoding="utf-8"))
+            tables = tomllib.loads(path_of("path", path).read_text(encoding="utf-8-sig"))
         except OSError as error:
             what = f"{error.strerror}; give a TOML file"
             raise SettingsError(f"settings file {path}: {what}") from error
         except ValueError as error:  # no UTF-8, no TOML, or a number of thousands of digits
             raise SettingsError(f"settings file {path}: not valid TOML: {error}") from error
+        tables = _seen_from(Path(path).parent, tables)
     said: dict[str, Any] = {}
     for override in overrides:
         _apply(said, override)
@@ -316,7 +318,7 @@ def load_settings(path: str | Path | None = None, overrides: Iterable[str] = ())
 def settings_from(tables: dict[str, Any], where: str = "settings") -> Settings:
     """Check nested dictionaries and make them Settings; errors as for `load_settings`."""
     check_kind(where, tables, dict, "nested dictionaries")
-    tables = plain(tables, where)
+    tables = _seen_from(Path(), plain(tables, where))
     refuse_unknown(tables, Settings, where)
     tables = with_preset(tables, where)
     settings = converted(tables, Settings, where)
@@ -361,6 +363,18 @@ def checked(settings: Settings) -> Settings:
         table, key = name.split(".")
         del tables[table][key]
     return settings_from(tables)
+
+
+def _seen_from(folder: Path, tables: dict[str, Any]) -> dict[str, Any]:
+    """Return nested dictionaries whose pressure map, seen from a folder, is found from anywhere."""
+    joint = tables.get("joint")
+    named = joint.get("pressure_map") if isinstance(joint, dict) else None
+    if not isinstance(named, str) or not named:
+        return tables
+    return {
+        **tables,
+        "joint": {**tables["joint"], "pressure_map": str((folder / named).absolute())},
+    }
 
 
 def _given(tables: dict[str, Any]) -> set[str]:

@@ -307,6 +307,34 @@ def test_pressures_that_no_number_holds_together_are_refused_and_those_beyond_ro
     assert read_pressure_map(path)[0].tolist() == [1e6, 0.0, 2e-6]
 
 
+def test_a_settings_file_names_the_pressure_map_beside_it(tmp_path, monkeypatch):
+    """Another one of that name in the current folder is that of another joint."""
+    texts = {"mine": "pressure_Pa,area_m2\n1e5,2e-3\n", "other": "pressure_Pa,area_m2\n5e5,2e-3\n"}
+    for folder, text in texts.items():
+        (tmp_path / folder).mkdir()
+        (tmp_path / folder / "map.csv").write_text(text)
+    mine, other = tmp_path / "mine", tmp_path / "other"
+    (mine / "my.toml").write_text('[joint]\npressure_map = "map.csv"\n')
+    monkeypatch.chdir(other)
+    found = capslip.load_settings("../mine/my.toml")
+    assert read_pressure_map(found.joint.pressure_map)[0].tolist() == [1e5]
+    given = capslip.load_settings("../mine/my.toml", ("joint.pressure_map=map.csv",))
+    assert read_pressure_map(given.joint.pressure_map)[0].tolist() == [5e5]
+    monkeypatch.chdir(tmp_path)  # both are found from anywhere, and one that was moved is the same
+    assert read_pressure_map(given.joint.pressure_map)[0].tolist() == [5e5]
+    (tmp_path / "map.csv").write_text(texts["mine"])
+    moved = capslip.load_settings(overrides=("joint.pressure_map=map.csv",))
+    assert moved.joint.pressure_map != found.joint.pressure_map
+    assert moved.sha256() == found.sha256() != given.sha256()
+
+
+def test_a_settings_file_may_begin_with_a_byte_order_mark(tmp_path):
+    """As that of an editor of Windows does."""
+    path = tmp_path / "my.toml"
+    path.write_text("[contact]\npreload_N = 123.0\n", encoding="utf-8-sig")
+    assert capslip.load_settings(path).contact.preload_N == 123.0
+
+
 def test_a_missing_pressure_map_is_named():
     with pytest.raises(SettingsError, match=r"no\.csv: No such file"):
         read_pressure_map("no.csv")

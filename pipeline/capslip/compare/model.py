@@ -171,7 +171,7 @@ def load_model(result: str | Path) -> tuple[JointModel, Settings]:
     if mapped is not None and settings.sha256() != summary["provenance"]["settings_sha256"]:
         raise UnreadableFileError(
             f"{folder}: joint.pressure_map = {mapped} holds something else now than "
-            "the result was made of, or is read from another folder; run the analysis again"
+            "the result was made of, or is gone; run the analysis again"
         )
     surface, caps = _load_surface_and_caps(folder / "result.h5")
     families = _stored_families(summary["families"])
