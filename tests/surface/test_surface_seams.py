@@ -1,5 +1,7 @@
 """Seams between fields of view: found where they were put, and not in what smooth or ground is."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.ndimage import gaussian_filter
@@ -93,6 +95,41 @@ def test_the_straight_valleys_between_caps_are_no_seams(seed):
     scene = Scene((200, 300), (2e-4, 2e-4), seed, families, gap_m=1e-3, balanced=True, floor_m=5e-7)
     seams = find_seams(synthetic_surface(scene)[0])
     assert seams is None or seams.span_m < 1e-15  # lines that jump by nothing on the whole
+
+
+@pytest.mark.parametrize("seed", [6, 20, 36, 59])
+def test_rims_of_caps_on_a_rough_floor_are_no_seams(seed):
+    """A rim lies in one part of a line; a seam steps in more of them."""
+    families = CapFamily("G", 5, 23.8), CapFamily("P", 18, 26.7, 2.4e-7)
+    rough = {"roughness_rms_m": 1e-8, "roughness_length_m": 8e-4, "noise_rms_m": 5e-10}
+    scene = Scene((200, 300), (2e-4, 2e-4), seed, families, **rough)
+    surface = synthetic_surface(scene)[0]
+    assert find_seams(surface) is None
+    height_m = surface.height_m + 1e-8 * (np.arange(300) >= 150)
+    assert find_seams(replace(surface, height_m=height_m)).columns.tolist() == [0, 150, 300]
+
+
+def test_seams_do_not_hide_one_another():
+    """What a strong one jumps by counts in nothing that a weak one is held against."""
+    level_m = np.array([0.0, 1e-6, 9.8e-7, 0.0])[np.searchsorted([30, 62, 94], ROW, side="right")]
+    height_m = waves_m() + noise_m(1e-9)
+    seams = find_seams(of(height_m + level_m))
+    assert seams.rows.tolist() == [0, 30, 62, 94, 120]
+    assert seams.offset_m[:, 0] == pytest.approx([-4.95e-7, 5.05e-7, 4.85e-7, -4.95e-7], abs=5e-9)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_neither_a_lay_nor_lines_of_their_own_hide_a_seam(seed):
+    """Both let one expect how a line lies by those beside it."""
+    rng = np.random.default_rng(seed)
+    lay_m = gaussian_filter(rng.standard_normal(SHAPE), (40.0, 1.5))
+    lay_m *= 1.5e-7 / lay_m.std()
+    lines_m = rng.normal(0.0, 1e-8, (1, SHAPE[1]))
+    for hiding_m, step_m in ((lay_m, 4e-8), (waves_m(seed) + lines_m, 1.5e-7)):
+        assert find_seams(of(hiding_m)) is None
+        seams = find_seams(of(hiding_m + step_m * (COLUMN >= 110)))
+        assert seams.columns.tolist() == [0, 110, 200]
+        assert seams.rows.tolist() == [0, 120]
 
 
 def test_edges_of_a_boss_on_one_floor_are_no_seams():

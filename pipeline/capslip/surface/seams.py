@@ -13,16 +13,19 @@ from capslip.surface.heightmap import HeightMap
 from capslip.surface.noise import some_lines
 
 PARTS = 4  # of a line: fields above and below one another jump by different heights
-CLEAR = 4.0  # times what 95 % of all lines jump by: 6 standard deviations of normal jumps
+CLEAR = 3.0  # times what 95 % of all lines jump by: 4.6 standard deviations of normal parts
 LEAST_LINES = 32  # along an axis, and from one seam to the next: closer ones are a lay
 LEAST_POINTS = 8  # of a part of a line, that tell its jump
 MOST_POINTS = 80  # of these that are looked at: a median of so many scatters by a seventh of them
 ALONE = 0.5  # of a jump, that others so close may have: rims of hills jump by a little
-NEIGHBOUR = 0.8  # of a jump, that those beside it may have: half of it, and noise
-# Of the squares of all jumps, that no levels of fields explain, where most seams do not jump:
-# around a corner of four fields jumps sum to zero. Where hills meet in a straight valley one jumps
-# alone, of which a quarter is left, or two do, of which an eighth is; of tilted fields all jump
-MOST_LEFT = 0.1
+# Times what 95 % of all lines jump by, for a second part: the rim of a hill, or a straight valley
+# between some, is in one part of a line alone
+COMMON = 2.0
+OF_STEP = np.array([-0.5, 1.0, -0.5])  # what lines jump by about a step of one
+REACH = 4  # lines on either side of a step that tell what it has beside them; 6 and 8 tell no more
+SIGMA_SHARE = 0.68  # of normal numbers lie within a standard deviation
+OUTLYING = 3.0  # standard deviations, to which what is usual is cut: rims of hills are not
+RIDGE = 1e-3  # of their square, that no neighbour tells: few lines say how alike they are
 ROUNDING = 1e-6  # of the height range: what lines of a plane floor jump by
 # Overlaps are a tenth of a field wide and more: what is left of a step where fields meet may come
 # of a tilt that lifts their far sides ten times as high
@@ -65,8 +68,7 @@ class Seams:
         most_m = float(rise_m.max())
         slope *= min(1.0, RISE_OVER_STEP * self.span_m / most_m) if most_m > 0.0 else 1.0
         level_m = surface.height_m - self.over(slope)
-        offset_m = _offsets_m(level_m, self.rows, self.columns)
-        return slope, self.offset_m if offset_m is None else offset_m
+        return slope, _offsets_m(level_m, self.rows, self.columns)
 
     @property
     def _measured(self) -> list[np.ndarray]:
@@ -103,8 +105,9 @@ def find_seams(surface: HeightMap) -> Seams | None:
 
     A smooth surface goes on from two lines to the next two: what it jumps by between two lines is
     the difference of their heights less the mean of those before and behind. The median of that
-    over a part of a line takes noise and hills off, and is compared with all other lines: a lay
-    along an axis jumps everywhere, a seam stands off, alone.
+    over a part of a line takes noise and hills off. Of that is taken what the jumps of the lines
+    beside let one expect, and what is left is compared with all other lines: a lay along an axis
+    jumps everywhere, a seam stands off, alone and in more than one part.
 
     Parameters
     ----------
@@ -134,7 +137,7 @@ def find_seams(surface: HeightMap) -> Seams | None:
     rows, columns = np.array([0, *rows, ny]), np.array([0, *columns, nx])
     offset_m = _offsets_m(surface.height_m, rows, columns)
     # Edges of hills along a line may jump where the fields beside them lie on one level
-    if offset_m is None or np.ptp(offset_m) <= ROUNDING * np.ptp(surface.bounds_m):
+    if np.ptp(offset_m) <= ROUNDING * np.ptp(surface.bounds_m):
         return None
     return Seams(surface, rows, columns, offset_m)
 
@@ -186,25 +189,89 @@ def _seams_along(lines_m: np.ndarray, bounds_m: tuple[float, float]) -> np.ndarr
         part_m = np.empty_like(lines_m[:, a:b], dtype=np.float32)  # turned as few bytes, later
         np.subtract(lines_m[:, a:b], 0.5 * (lowest_m + highest_m), out=part_m, casting="same_kind")
         parts.append(_jumps_m(np.ascontiguousarray(part_m)))
-    square = np.array(parts, dtype=float) ** 2
-    known = np.isfinite(square)
-    counts = np.maximum(known.sum(axis=0), 1)
-    jump_m = np.sqrt(np.where(known, square, 0.0).sum(axis=0) / counts)
-    usual_m = max(float(np.quantile(jump_m, 0.95)), least_m)
-    beside_m = np.maximum(np.append(0.0, jump_m[:-1]), np.append(jump_m[1:], 0.0))
-    clear = (jump_m > CLEAR * usual_m) & (beside_m < NEIGHBOUR * jump_m)
-    at, height_m = np.flatnonzero(clear) + 2, jump_m[clear]  # the first jump is into the third
-    near = np.abs(at[:, None] - at) < LEAST_LINES
-    alone = (near & (height_m > ALONE * height_m[:, None])).sum(axis=1) == 1
-    inside = (at >= LEAST_LINES // 2) & (at <= n - LEAST_LINES // 2)
-    return np.asarray(at[alone & inside])
+    return _stand_off(np.array(parts, dtype=float), least_m) + 2  # the first is into the third
 
 
-def _offsets_m(height_m: np.ndarray, rows: np.ndarray, columns: np.ndarray) -> np.ndarray | None:
-    """Return the offsets of fields from the jumps over all seams, with a mean of zero.
+def _stand_off(jump_m: np.ndarray, least_m: float) -> np.ndarray:
+    """Return the lines that jump by more than the others, and alone, of parts (parts, n).
 
-    None where a few seams jump by what no levels of fields explain.
+    The strongest one first: it is taken off before the others are looked at again, as what it jumps
+    by would hide weaker ones in what is usual.
     """
+    edge = LEAST_LINES // 2 - 2
+    is_open = np.zeros(jump_m.shape[1], dtype=bool)
+    is_open[edge : is_open.size - edge] = True
+    found, left_m = list[int](), jump_m
+    while is_open.any():
+        step_m, unsure_m = _sharpened(left_m, left_m, least_m)
+        line = int(np.argmax(np.where(is_open, _rms(step_m / unsure_m), 0.0)))
+        if not is_open[line]:  # none jumps at all
+            break
+        rest_m = left_m - _of_step(step_m[:, line], line, is_open.size)
+        step_m, unsure_m = _sharpened(left_m, rest_m, least_m)
+        beside_m, _ = _sharpened(rest_m, rest_m, least_m)
+        usual = max(float(np.quantile(_rms(beside_m / unsure_m), 0.95)), 1.0)
+        of_parts = np.abs(step_m[:, line] / unsure_m[:, line])
+        of_parts = np.sort(of_parts[np.isfinite(of_parts)])
+        if _rms(of_parts) <= CLEAR * usual:
+            break
+        near = slice(max(line - LEAST_LINES + 1, 0), line + LEAST_LINES)
+        is_common = of_parts.size == 1 or of_parts[-2] > COMMON * usual
+        if is_common and _rms(beside_m[:, near]).max() < ALONE * _rms(step_m[:, line]):
+            found.append(line)
+            left_m = rest_m
+        is_open[near] = False
+    return np.sort(np.array(found, dtype=int))
+
+
+def _sharpened(
+    jump_m: np.ndarray, usual_m: np.ndarray, least_m: float
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return by which steps parts (parts, n) jump beside what their neighbours let one expect.
+
+    And the standard deviation of that. Both are of generalised least squares: a step makes the
+    lines about it jump, too, by known shares, and the usual jumps, of a surface that waves or lines
+    that are noisy, are alike from one line to the next. NaN at the ends of what is known.
+    """
+    known = np.isfinite(usual_m)
+    step_m, unsure_m = np.full(jump_m.shape, np.nan), np.ones(jump_m.shape)
+    if not known.any():
+        return step_m, unsure_m
+    most_m = OUTLYING * np.quantile(np.abs(usual_m[known]), SIGMA_SHARE)
+    usual_m = np.clip(np.where(known, usual_m, 0.0), -most_m, most_m)
+    n, lags = jump_m.shape[1], np.arange(2 * REACH + 1)
+    alike_m2 = np.array([(usual_m[:, k:] * usual_m[:, : n - k]).sum() for k in lags]) / known.sum()
+    alike_m2[0] += RIDGE * alike_m2[0] + least_m**2
+    if alike_m2[0] == 0.0:
+        return step_m, unsure_m
+    covariance = (alike_m2 / alike_m2[0])[np.abs(lags[:, None] - lags)]
+    for reach in range(REACH, 0, -1):  # fewer beside lines that are lost
+        width = 2 * reach + 1
+        of_step = np.pad(OF_STEP, reach - 1)
+        weight = np.linalg.solve(covariance[:width, :width], of_step)
+        told, inner = float(weight @ of_step), np.s_[:, reach : n - reach]
+        seen_m = np.lib.stride_tricks.sliding_window_view(jump_m, width, axis=1) @ (weight / told)
+        new = np.isnan(step_m[inner]) & np.isfinite(seen_m)
+        step_m[inner][new], unsure_m[inner][new] = seen_m[new], np.sqrt(alike_m2[0] / told)
+    return step_m, unsure_m
+
+
+def _of_step(step_m: np.ndarray, line: int, n: int) -> np.ndarray:
+    """Return what n lines jump by about steps of parts at one of them, shape (parts, n)."""
+    jump_m = np.zeros((step_m.size, n))
+    jump_m[:, line - 1 : line + 2] = np.nan_to_num(step_m)[:, None] * OF_STEP
+    return jump_m
+
+
+def _rms(parts: np.ndarray) -> np.ndarray:
+    """Return the root mean square over the parts that are known, 0 where none is."""
+    known = np.isfinite(parts)
+    square = np.where(known, parts, 0.0) ** 2
+    return np.asarray(np.sqrt(square.sum(axis=0) / np.maximum(known.sum(axis=0), 1)))
+
+
+def _offsets_m(height_m: np.ndarray, rows: np.ndarray, columns: np.ndarray) -> np.ndarray:
+    """Return the offsets of fields from the jumps over all seams, with a mean of zero."""
     shape = len(rows) - 1, len(columns) - 1
     field = np.arange(shape[0] * shape[1]).reshape(shape)
     pairs, jump_m = [np.ones(field.size)], [0.0]
@@ -219,10 +286,5 @@ def _offsets_m(height_m: np.ndarray, rows: np.ndarray, columns: np.ndarray) -> n
                     pairs.append(np.zeros(field.size))
                     pairs[-1][[fields[i, j], fields[i, j + 1]]] = -1.0, 1.0
                     jump_m.append(float(jump))
-    of_fields, jumps_m = np.array(pairs), np.array(jump_m)
-    offset_m = np.linalg.lstsq(of_fields, jumps_m, rcond=None)[0]
-    left_m, high_m = jumps_m - of_fields @ offset_m, np.abs(jumps_m[1:])
-    few = high_m.size and np.median(high_m) < ALONE * high_m.max()
-    if few and left_m @ left_m > MOST_LEFT * (jumps_m @ jumps_m):
-        return None
+    offset_m = np.linalg.lstsq(np.array(pairs), np.array(jump_m), rcond=None)[0]
     return np.asarray(offset_m.reshape(shape))
