@@ -434,6 +434,57 @@ def test_too_few_points_are_refused(model):
         compare(measured, model, MU, PRELOAD_N, identify=True)
 
 
+def of_pixels(model, share):
+    """Return the model with a least share of mu N that goes with the preload, as of pixels."""
+    return replace(model, least_share=lambda preload_N: share * (preload_N / PRELOAD_N) ** 0.1)
+
+
+def test_what_the_model_does_not_resolve_is_left_out_of_the_fit(model, gross_m):
+    """As if it had not been measured: in what is found, in its uncertainty, and it is said."""
+    v_m = np.geomspace(0.01, 0.95, 25) * gross_m
+    known = of_pixels(model, 0.1)
+    unlike = np.where(v_m < known.resolved_from_m(MU, PRELOAD_N), 2.0, 1.0)
+    measured = Measurement(v_m, noisy(model, v_m, 5).loss_factor * unlike)
+    found = compare(measured, known, MU, PRELOAD_N, identify=True)
+    fit, n = found.identified, found.identified.unresolved
+    assert known.resolved_from_m(MU, PRELOAD_N) == pytest.approx(0.1 * gross_m, rel=0.1)
+    assert fit.resolved_from_m == known.resolved_from_m(fit.friction_coefficient, fit.preload_N)
+    assert v_m[n - 1] < fit.resolved_from_m <= v_m[n]
+    assert fit.points == 25 - n
+    of_rest = Measurement(v_m[n:], measured.loss_factor[n:])
+    alone = compare(of_rest, model, MU, PRELOAD_N, identify=True).identified
+    assert fit == replace(alone, unresolved=n, resolved_from_m=fit.resolved_from_m)
+    assert abs(np.log(fit.friction_coefficient / MU)) < 3 * fit.friction_coefficient_log_std
+    assert any(f"{n} of 25 points lie below" in one for one in found.remarks)
+    of_all = compare(measured, model, MU, PRELOAD_N, identify=True)
+    assert of_all.identified.points == 25
+    assert of_all.identified.rms_log_ratio > 2 * fit.rms_log_ratio
+    assert not any("resolve" in one for one in of_all.remarks)
+
+
+def test_which_points_are_resolved_is_asked_of_what_is_found(model, gross_m):
+    """Those given are wrong here, and leave out too few or too many."""
+    v_m = np.geomspace(0.02, 0.6, 25) * gross_m
+    for mu, preload_N in ((0.05, 200.0), (MU, PRELOAD_N), (0.8, 1200.0)):
+        measured = noisy(model, v_m, 2)
+        found = compare(measured, of_pixels(model, 0.1), mu, preload_N, identify=True).identified
+        assert found.unresolved == (v_m < found.resolved_from_m).sum() > 0
+        assert found.resolved_from_m > 1.2 * 0.1 * v_m[-1]  # it is of gross slip, not of these
+
+
+@pytest.mark.parametrize("resolved", [5, 4, 0])
+def test_fewer_than_five_points_that_are_resolved_are_refused(model, gross_m, resolved):
+    known = of_pixels(model, 0.5)
+    from_m = known.resolved_from_m(MU, PRELOAD_N)
+    v_m = np.append(np.geomspace(0.01, 0.7, 12 - resolved), np.linspace(1.1, 1.9, resolved))
+    measured = Measurement(v_m * from_m, model.loss_factor(v_m * from_m, MU, PRELOAD_N))
+    if resolved == 5:
+        assert compare(measured, known, MU, PRELOAD_N, identify=True).identified.points == 5
+        return
+    with pytest.raises(SettingsError, match=r"of 12 points lie above .* expected at least 5"):
+        compare(measured, known, MU, PRELOAD_N, identify=True)
+
+
 def test_a_plane_interface_has_no_misfit_and_nothing_to_identify(model, gross_m):
     v_m = np.geomspace(0.05, 0.9, 12) * gross_m
     measured = Measurement(v_m, np.full(12, 1e-3))

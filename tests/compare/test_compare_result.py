@@ -108,6 +108,12 @@ def test_what_holds_a_face_upright_is_at_ease_as_in_its_analysis(tmp_path):
     got = model.loss_factor(amplitude_m, settings.material.friction_coefficient, 10.0)
     expected = (damping.loss_factor * damping.frequency_ratio**2)[:-1]
     np.testing.assert_allclose(got, expected, rtol=5e-3)
+    share = analysis.contact.rung.least_share(analysis.contact.normal, 10.0)
+    from_m = model.resolved_from_m(settings.material.friction_coefficient, 10.0)
+    force_N = np.interp(from_m, amplitude_m, damping.force_N[:-1])
+    expected_N = share * analysis.slip.total_slip_force_N
+    assert 0.0 < force_N == pytest.approx(expected_N, rel=2e-2)
+    assert model.plane().resolved_from_m(0.2, 10.0) == 0.0
 
 
 def test_a_face_that_yielded_under_an_oscillating_load_is_that_of_its_analysis(surface, tmp_path):

@@ -114,7 +114,8 @@ def compare(
     Raises
     ------
     SettingsError
-        If fewer than five points are left to identify two parameters, or the model loses nothing.
+        If fewer than five points are left, and resolved by the model, to identify two parameters,
+        or the model loses nothing.
 
     Notes
     -----

@@ -1,12 +1,13 @@
 """Friction coefficient and preload from measured damping, with their uncertainties."""
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from capslip.compare.model import JointModel, UnitCurve
 from capslip.errors import ContactError, SettingsError
+from capslip.units import readable
 from capslip.waiting import Waiting
 
 LEAST_POINTS = 5  # two parameters and something left to tell the noise
@@ -35,7 +36,9 @@ class Identified:
     exponent: float  # p: of all mu N0^p the one that the data fix best ...
     exponent_log_std: float  # ... with this standard uncertainty of its logarithm
     rms_log_ratio: float
-    points: int
+    points: int  # that were fitted
+    unresolved: int  # that were not: less slips there than the model resolves
+    resolved_from_m: float  # amplitude from which it does
     at_bound: str | None  # which bound stopped the search; the uncertainties then do not hold
 
 
@@ -56,7 +59,7 @@ def friction_and_preload(
     Raises
     ------
     SettingsError
-        If there are fewer than five points for two parameters, or the model loses nothing.
+        If there are fewer than five resolved points for two parameters, or the model loses nothing.
     ContactError
         If the face cannot carry the preload in the middle.
 
@@ -69,9 +72,10 @@ def friction_and_preload(
     come and go, and least squares end in any of its dips. So more and more preloads are tried about
     the lowest, each with its best friction, and the uncertainties hold how far solutions beside it
     are off a smooth curve.
-    """
-    from scipy.optimize import least_squares
 
+    A map resolves no slip below some share of mu N0, and tells nothing of the points there. They
+    are left out, and as the share is of what is found, the others are fitted anew until it agrees.
+    """
     if amplitude_m.size < LEAST_POINTS:
         raise SettingsError(
             f"identification: {amplitude_m.size} points have a share of the joints; expected at "
@@ -82,6 +86,38 @@ def friction_and_preload(
             "identification: this model loses nothing below gross slip; choose a contact model "
             "with caps (contact.model)"
         )
+    # At least those that would be resolved if the greatest amplitude were at gross slip
+    least_mu = float(amplitude_m[-1]) / model.gross_slip_amplitude_m(1.0, preload_N)
+    from_m, tried = model.resolved_from_m(least_mu, preload_N), set[int]()
+    first = int(np.searchsorted(amplitude_m, from_m))
+    while True:
+        _check_resolved(amplitude_m, first, from_m)
+        found = _fitted(amplitude_m[first:], joint_loss_factor[first:], model, preload_N)
+        from_m = model.resolved_from_m(found.friction_coefficient, found.preload_N)
+        tried.add(first)
+        again = int(np.searchsorted(amplitude_m, from_m))
+        if again == first or (again < first and again in tried):
+            return replace(found, unresolved=first, resolved_from_m=from_m)
+        first = again
+
+
+def _check_resolved(amplitude_m: np.ndarray, first: int, from_m: float) -> None:
+    if amplitude_m.size - first < LEAST_POINTS:
+        above = readable(f"{from_m:.3g} m")
+        raise SettingsError(
+            f"identification: {amplitude_m.size - first} of {amplitude_m.size} points lie above "
+            f"{above}, below which less slips than the pixels of the map resolve; expected at "
+            f"least {LEAST_POINTS} for two parameters; measure at greater amplitudes, or scan on "
+            "finer pixels"
+        )
+
+
+def _fitted(
+    amplitude_m: np.ndarray, joint_loss_factor: np.ndarray, model: JointModel, preload_N: float
+) -> Identified:
+    """Return what fits all of these points best."""
+    from scipy.optimize import least_squares
+
     starts, bounds = _starts(amplitude_m, joint_loss_factor, model, preload_N)
     search = _Search(amplitude_m, joint_loss_factor, model, bounds)
     if model.is_rough:
@@ -113,6 +149,8 @@ def friction_and_preload(
         exponent_log_std=float(log_std[2]),
         rms_log_ratio=math.sqrt(squares / amplitude_m.size),
         points=int(amplitude_m.size),
+        unresolved=0,
+        resolved_from_m=0.0,
         at_bound=_bound(x, bounds),
     )
 
@@ -224,6 +262,13 @@ def remarks_on(found: Identified) -> list[str]:
         "of the model, of the two stiffnesses or of caps, whose fits are those of the result: "
         "where it had another preload, analyse at the one found and compare again"
     ]
+    if found.unresolved:
+        below = readable(f"{found.resolved_from_m:.3g} m")
+        remarks.append(
+            f"{found.unresolved} of {found.unresolved + found.points} points lie below {below}, "
+            "where less slips than the pixels of the map resolve: they were left out of the "
+            "identification"
+        )
     if found.rms_log_ratio > MISSED:
         missed = math.exp(found.rms_log_ratio)
         remarks.append(

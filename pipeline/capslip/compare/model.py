@@ -16,7 +16,7 @@ from capslip.contact.curve import NormalCurve
 from capslip.contact.joint import joint_of
 from capslip.contact.material import composite, yield_law
 from capslip.contact.models.flat import flat
-from capslip.contact.press import press
+from capslip.contact.press import ContactState, press
 from capslip.contact.reach import reachable
 from capslip.contact.rung import load_point_m, rung
 from capslip.contact.slip import slip_curve
@@ -51,6 +51,8 @@ class JointModel:
     trials: int = 121
     step: float = 1e-4  # of ln N0, for differences; that of a map spans what comes and goes
     is_rough: bool = False  # whether the curve jumps with the preload
+    # Share of mu N0 below which the slip of a map is not resolved, for a preload in N
+    least_share: Callable[[float], float] | None = None
 
     def loss_factor(
         self, amplitude_m: np.ndarray, friction_coefficient: float, preload_N: float
@@ -74,25 +76,34 @@ class JointModel:
         """Return the amplitude beyond which nothing holds the joint."""
         return friction_coefficient * self.unit_curve(preload_N).gross_slip_amplitude_m
 
+    def resolved_from_m(self, friction_coefficient: float, preload_N: float) -> float:
+        """Return the amplitude below which less slips than the model resolves; zero for caps."""
+        if self.least_share is None:
+            return 0.0
+        unit = self.unit_curve(preload_N)
+        return friction_coefficient * unit.amplitude_at_m(self.least_share(preload_N))
+
     def unit_curve(self, preload_N: float, points: int = 800) -> "UnitCurve":
         """Return the loss factor over v / mu, on a grid of so many points."""
         slip = slip_curve(self.curve(preload_N), preload_N, 1.0, self.kappa)
         slip = varying(slip, self.normal_load)
         share = np.append(np.geomspace(1e-5, 0.97, points), 1 - np.geomspace(0.029, 1e-6, 60))
+        share = np.append(share, 1.0)
         damping = response(
             slip,
             self.modal_stiffness_N_per_m,
             self.joint_stiffness_N_per_m,
             self.joints,
-            np.append(share, 1.0) * (slip.total_slip_force_N / self.joint_stiffness_N_per_m),
+            share * (slip.total_slip_force_N / self.joint_stiffness_N_per_m),
         )
+        stiffness_ratio = damping.frequency_ratio**2
         return UnitCurve(
-            damping.total_amplitude_m, damping.total_loss_factor, damping.frequency_ratio**2
+            damping.total_amplitude_m, damping.total_loss_factor, stiffness_ratio, share
         )
 
     def plane(self) -> "JointModel":
         """Return the same structure with perfectly plane interfaces (Peyret et al. 2010)."""
-        return replace(self, curve=flat)
+        return replace(self, curve=flat, least_share=None)
 
 
 @dataclass(frozen=True, eq=False)
@@ -102,11 +113,17 @@ class UnitCurve:
     amplitude_m: np.ndarray
     loss_factor: np.ndarray
     stiffness_ratio: np.ndarray  # (f / f_0)^2 = F / (K_m v_total)
+    force_share: np.ndarray  # T / (mu N0), from small to one
 
     @property
     def gross_slip_amplitude_m(self) -> float:
         """The last amplitude."""
         return float(self.amplitude_m[-1])
+
+    def amplitude_at_m(self, force_share: float) -> float:
+        """Interpolate the amplitude at a share of the force at gross slip."""
+        shares = np.append(0.0, self.force_share)
+        return float(np.interp(force_share, shares, np.append(0.0, self.amplitude_m)))
 
     def __call__(self, amplitude_m: np.ndarray) -> np.ndarray:
         """Interpolate the loss factor; NaN beyond gross slip."""
@@ -167,12 +184,7 @@ def load_model(result: str | Path) -> tuple[JointModel, Settings]:
         )
     _check_has(summary, folder, "families", "slip", "surface")
     settings = load_settings(folder / "settings.toml")
-    mapped = settings.joint.pressure_map
-    if mapped is not None and settings.sha256() != summary["provenance"]["settings_sha256"]:
-        raise UnreadableFileError(
-            f"{folder}: joint.pressure_map = {mapped} holds something else now than "
-            "the result was made of, or is gone; run the analysis again"
-        )
+    _check_pressures(settings, summary, folder)
     surface, caps = _load_surface_and_caps(folder / "result.h5")
     families = _stored_families(summary["families"])
     material = settings.material
@@ -183,7 +195,7 @@ def load_model(result: str | Path) -> tuple[JointModel, Settings]:
     turns = rung(used).made_from == "spheres" and rung(used).knows_places
 
     @cache
-    def curve(preload_N: float) -> NormalCurve:
+    def state(preload_N: float) -> ContactState:
         pressed, joint = caps, whole.under(preload_N)
         changed = joint.settings_of_scan(settings)
         if turns and at_ease_rad is not None:
@@ -196,8 +208,11 @@ def load_model(result: str | Path) -> tuple[JointModel, Settings]:
         contact = msgspec.structs.replace(changed.contact, model=used)
         changed = msgspec.structs.replace(changed, contact=contact)
         at_rad = at_ease_rad or (0.0, 0.0)
-        found, _ = press(pressed, families, surface, changed, at_ease_rad=at_rad)
-        return joint.curve(found, greatest)
+        return press(pressed, families, surface, changed, at_ease_rad=at_rad)[0]
+
+    @cache
+    def curve(preload_N: float) -> NormalCurve:
+        return whole.under(preload_N).curve(state(preload_N), greatest)
 
     _, modal, shear = stiffnesses(settings)
     contact = msgspec.structs.replace(settings.contact, preload_N=whole.preload_N)
@@ -206,8 +221,18 @@ def load_model(result: str | Path) -> tuple[JointModel, Settings]:
     stiffness = (kappa, modal, shear, settings.structure.joints)
     model = JointModel(curve, *stiffness, normal_load=settings.slip)
     if rung(used).made_from == "map":
-        model = replace(model, trials=TRIALS_OF_A_MAP, step=STEP_OF_A_MAP, is_rough=True)
+        model = _of_a_map(model, state)
     return model, settings
+
+
+def _of_a_map(model: JointModel, state: Callable[[float], ContactState]) -> JointModel:
+    def least_share(preload_N: float) -> float:
+        contact = state(preload_N)
+        found = contact.rung.least_share
+        return 0.0 if found is None else found(contact.normal, contact.preload_N)
+
+    trials, step = TRIALS_OF_A_MAP, STEP_OF_A_MAP
+    return replace(model, trials=trials, step=step, is_rough=True, least_share=least_share)
 
 
 def _check_has(summary: dict[str, Any], folder: Path, *tables: str) -> None:
@@ -217,6 +242,15 @@ def _check_has(summary: dict[str, Any], folder: Path, *tables: str) -> None:
                 f"{folder / SUMMARY}: no table {name}; expected the summary as it was written; run "
                 "the analysis again"
             )
+
+
+def _check_pressures(settings: Settings, summary: dict[str, Any], folder: Path) -> None:
+    mapped = settings.joint.pressure_map
+    if mapped is not None and settings.sha256() != summary["provenance"]["settings_sha256"]:
+        raise UnreadableFileError(
+            f"{folder}: joint.pressure_map = {mapped} holds something else now than "
+            "the result was made of, or is gone; run the analysis again"
+        )
 
 
 def _at_ease_rad(table: dict[str, Any]) -> tuple[float, float] | None:
