@@ -12,6 +12,7 @@ from scipy.ndimage import gaussian_filter
 from capslip.analysis import analyze
 from capslip.compare import compare_result, lines, to_dict, write_comparison
 from capslip.compare.comparison import Band
+from capslip.compare.figure import comparison
 from capslip.compare.measurement import load_measurement
 from capslip.compare.model import JointModel, _load_surface_and_caps, load_model
 from capslip.contact.press import press
@@ -295,6 +296,16 @@ def test_the_sample_curves_are_those_of_their_joint_as_a_sensor_sees_it(tmp_path
     ).identified
     off = np.log([found.friction_coefficient / FRICTION, found.preload_N / PRELOAD_N])
     assert (np.abs(off) < [found.friction_coefficient_log_std, found.preload_log_std]).all()
+
+
+def test_the_figure_names_the_curves_of_the_model_as_such(result, tmp_path):
+    """A map that was pressed has no caps."""
+    text = "amplitude_um,loss_factor\n" + "".join(f"0.{k},0.00{k}\n" for k in range(1, 8))
+    found = compare_result(result[0], write(tmp_path / "a.csv", text), identify=True)
+    labels = [line.get_label() for line in comparison(found).axes[0].get_lines()]
+    assert "model, µ = 0.2, N = 460 N" in labels
+    assert sum(one.startswith("model, identified: µ = ") for one in labels) == 1
+    assert not any("caps" in one for one in labels)
 
 
 def test_monolithic_file_and_points_outside_it(result, tmp_path):

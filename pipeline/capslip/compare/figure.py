@@ -15,7 +15,7 @@ UM = 1e6
 
 
 def comparison(found: "Comparison") -> "Figure":
-    """Loss factor over amplitude: measured, plane interface and caps, intrinsic loss added back."""
+    """Loss factor over amplitude: measured, plane and model, intrinsic loss added back."""
     figure, axes = blank("Loss factor: measured and computed", 9.0, 5.2)
     v_um = UM * found.curve_amplitude_m
     intrinsic = found.curve_intrinsic
@@ -59,7 +59,7 @@ def comparison(found: "Comparison") -> "Figure":
         intrinsic + found.curve_model,
         color=FAMILY_COLOUR["G"],
         linewidth=1.8,
-        label=f"{added}caps, µ = {found.friction_coefficient:.3g}, N = {found.preload_N:.4g} N",
+        label=f"{added}model, µ = {found.friction_coefficient:.3g}, N = {found.preload_N:.4g} N",
     )
     if found.identified is not None and found.curve_identified is not None:
         axes.loglog(
@@ -68,7 +68,7 @@ def comparison(found: "Comparison") -> "Figure":
             "-.",
             color=ACCENT,
             linewidth=1.8,
-            label=f"{added}caps, identified: µ = {found.identified.friction_coefficient:.3g}, "
+            label=f"{added}model, identified: µ = {found.identified.friction_coefficient:.3g}, "
             f"N = {found.identified.preload_N:.4g} N",
         )
     axes.set(xlabel="amplitude v at mid-span [µm]", ylabel="loss factor η")
