@@ -312,6 +312,28 @@ def test_numbers_are_rounded_once_and_medians_are_of_all_scans(tmp_path):
 
 
 @needs_chromium
+def test_counts_are_written_whole(tmp_path):
+    counts = [1234, 98765, 12_345_678]
+    rows = [
+        dict.fromkeys(COLUMNS)
+        | {"scan": str(caps), "status": "ok", "caps": caps, "m": 7, "n": 1001}
+        for caps in counts
+    ]
+    write_overview(rows, tmp_path)
+    script = """
+    const texts = (one) => [...document.querySelectorAll(one)].map((cell) => cell.textContent);
+    return { cells: texts("#rows .number"), said: texts("#spread figcaption"),
+        told: [...document.querySelectorAll("#spread canvas")].map((one) => one.ariaLabel) };"""
+    found = ask(tmp_path / "index.html", script, tmp_path)
+    assert [cell for cell in found["cells"] if cell] == [
+        *("1234", "7", "1001", "98765", "7", "1001", "12345678", "7", "1001")
+    ]
+    (caps,) = (one for one in found["said"] if one.startswith("caps"))
+    assert caps.endswith("median 98765")
+    assert any("of 3 scans: 1234 to 12345678" in one for one in found["told"])
+
+
+@needs_chromium
 def test_failed_scans_are_left_out_of_medians_and_curves_and_counted(real, tmp_path):
     source, rows = real
     (tmp_path / "scans").symlink_to(source / "scans")

@@ -18,7 +18,8 @@
   };
   const colour = (name) => getComputedStyle(document.documentElement).getPropertyValue(name).trim();
   const PREFIX = { "-18": "a", "-15": "f", "-12": "p", "-9": "n", "-6": "µ", "-3": "m", 0: "", 3: "k", 6: "M", 9: "G", 12: "T" };
-  const write = (value) => {
+  const write = (value, isCount) => {
+    if (isCount) return String(value);
     const text = String(Number(value.toPrecision(3)));
     return text.includes("e") || (value && Math.abs(value) < 1e-4) ? value.toExponential(2) : text;
   };
@@ -76,8 +77,8 @@
     scan.append(make("span", row[STATUS] + (row[GROUP] ? `, ${row[GROUP]}` : ""), `is-${row[STATUS].replace(" ", "")}`));
     line.append(face, scan);
     row[NUMBERS].forEach((value, k) => {
-      const [label, unit, scale] = data.columns[k];
-      const cell = make("td", value === null ? "" : write(value / scale), "number");
+      const [label, unit, scale, , isCount] = data.columns[k];
+      const cell = make("td", value === null ? "" : write(value / scale, isCount), "number");
       cell.dataset.label = unit ? `${label} [${unit}]` : label;
       line.append(cell);
     });
@@ -183,7 +184,7 @@
   }
 
   function histogram(canvas, k) {
-    const [pen, width, height] = sheet(canvas), [label, unit, scale] = data.columns[k];
+    const [pen, width, height] = sheet(canvas), [label, unit, scale, , isCount] = data.columns[k];
     const [counted, failed] = usable((row) => row[NUMBERS][k] !== null);
     const values = counted.map((i) => data.rows[i][NUMBERS][k] / scale);
     values.sort((a, b) => a - b);
@@ -191,8 +192,8 @@
     const drawn = values.filter((value) => value > 0), out = values.length - drawn.length;
     const left = failed ? `; ${failed} failed left out` : "";
     const without = (out ? `; ${out} of ${values.length} at zero or below ${out === 1 ? "is" : "are"} not drawn` : "") + left;
-    canvas.setAttribute("aria-label", values.length ? `${label} of ${values.length} scans: ${write(values[0])} to ${write(values.at(-1))} ${unit}, median ${write(median)} ${unit}${without}` : `${label}: no scan${left}`);
-    canvas.parentElement.firstChild.textContent = values.length ? `${label}${unit ? ` [${unit}]` : ""}: median ${write(median)}${without}` : `${label}: none${left}`;
+    canvas.setAttribute("aria-label", values.length ? `${label} of ${values.length} scans: ${write(values[0], isCount)} to ${write(values.at(-1), isCount)} ${unit}, median ${write(median, isCount)} ${unit}${without}` : `${label}: no scan${left}`);
+    canvas.parentElement.firstChild.textContent = values.length ? `${label}${unit ? ` [${unit}]` : ""}: median ${write(median, isCount)}${without}` : `${label}: none${left}`;
     if (!drawn.length) return;
     let low = Math.log10(drawn[0]), high = Math.log10(drawn.at(-1));
     if (high - low < 0.1) { low -= 0.05; high += 0.05; }

@@ -64,6 +64,7 @@ INDEX = {  # what the page shows, and its unit there
     "answer_loss_factor": "",
     "gross_slip_amplitude_m": "µm",
 }
+COUNTS = ("caps", "m", "n")  # written whole, however many
 SPREAD = (  # whose distributions the page shows
     "tangential_stiffness_N_per_m",
     "answer_energy_J",
@@ -159,7 +160,13 @@ def _page(rows: list[Row], folder: Path) -> str:
     codes = sorted({cause[1] for row in rows for cause in row.get("causes") or ()})
     data = {
         "columns": [
-            [QUANTITIES[name].label, _unit(name), SCALES.get(unit, 1.0), name in SPREAD]
+            [
+                QUANTITIES[name].label,
+                _unit(name),
+                SCALES.get(unit, 1.0),
+                name in SPREAD,
+                name in COUNTS,
+            ]
             for name, unit in INDEX.items()
         ],
         "curves": [told for _, _, *told in CURVES.values()],
@@ -184,7 +191,10 @@ def _unit(name: str) -> str:
 def _seen(row: Row, folder: Path) -> list[Any]:
     """Return what the page knows of a scan, short: there are thousands of them."""
     curves, stamp = _pictured(folder / row["folder"] / "result.h5") if row["folder"] else ([], "")
-    numbers = [None if row[name] is None else float(f"{row[name]:.6g}") for name in INDEX]
+    numbers = [
+        row[name] if row[name] is None or name in COUNTS else float(f"{row[name]:.6g}")
+        for name in INDEX
+    ]
     texts = [printable(str(row[name] or "")) for name in ("scan", "group", "error")]
     return [
         row["status"],
