@@ -77,7 +77,7 @@ def test_each_assumption_says_what_stands_in_what_it_moves_and_how_to_give_it():
          "--set material.friction_coefficient=MU", True),
         ("structure", "structure", beam, "amplitudes, loss factor", stiff, False),
         ("joint area", "joint.area_m2", "that of the scan", "nominal pressure",
-         "--set joint.area_m2=A", False),
+         "--area A", False),
         ("yield", "material.hardness_Pa", "none, elastic", "pressures; ", "--material steel",
          False),
         ("normal load", "slip.normal_amplitude_ratio", "constant", "energy and loss",

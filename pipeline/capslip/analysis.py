@@ -278,7 +278,8 @@ def _check_scans(surfaces: Sequence[HeightMap], settings: Settings) -> None:
     if settings.joint.area_m2 is None and settings.joint.pressure_map is None:
         raise SettingsError(
             f"joint.area_m2: got {len(surfaces)} scans of one joint, and not how large that is; "
-            "expected joint.area_m2 or joint.pressure_map; capslip batch analyses each alone"
+            "expected joint.area_m2 (--area) or joint.pressure_map; capslip batch analyses each "
+            "alone"
         )
     ratio = settings.slip.normal_amplitude_ratio
     if ratio > 0.0:

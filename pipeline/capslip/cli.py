@@ -67,7 +67,7 @@ def analyze(
 ) -> None:
     """Analyse one scan: caps, contact, slip, damping and a report.
 
-    Several scans are patches of one joint of joint.area_m2: one answer for it, with their scatter.
+    Several scans are patches of one joint of --area: one answer for it, with their scatter.
     """
     from capslip.analysis import analyze as run
     from capslip.contact.rung import rung

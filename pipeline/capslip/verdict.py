@@ -70,7 +70,7 @@ def assumptions(settings: Settings, noise_known: bool = False) -> tuple[Assumpti
         found.append(("structure", key, structure_name(settings), moves, option, False))
     if joint.area_m2 is None and not mapped and settings.families.m is None:
         key, moves = "joint.area_m2", "nominal pressure, and with it forces, stiffness, energy"
-        found.append(("joint area", key, "that of the scan", moves, f"--set {key}=A", False))
+        found.append(("joint area", key, "that of the scan", moves, "--area A", False))
     yields = material.hardness_Pa is not None or material.yield_stress_Pa is not None
     if not yields:
         key, moves = "material.hardness_Pa", "pressures; stiffness and energy of rough faces"

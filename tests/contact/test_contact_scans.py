@@ -222,6 +222,7 @@ def test_a_scan_without_an_answer_leaves_the_joint_to_the_others_and_is_named():
     ("overrides", "count", "says"),
     [
         ((), 2, "joint.area_m2: got 2 scans"),
+        ((), 2, r"expected joint\.area_m2 \(--area\)"),
         (("joint.area_m2=1",), 1, "scans: got 1"),
         (("joint.area_m2=1", "contact.model=flat"), 2, "contact.model: got flat"),
         (("joint.area_m2=1", "slip.normal_amplitude_ratio=0.1"), 2, "ratio: got 0.1 with 2 scans"),

@@ -111,6 +111,8 @@ def test_beyond_gross_slip_there_is_an_error_and_no_number(name):
     assert answer is None
     assert [(one.code, one.severity) for one in problems] == [("beyond_gross_slip", "error")]
     assert f"{1.001 * most:.4g}" in problems[0].message
+    # an option, which takes units
+    assert problems[0].step.endswith("; or --area ..., where the joint is larger than the scan")
     # the joint itself moves by another length than its structure
     assert (" m of the structure on " in problems[0].message) == (name == "amplitude_m")
 

@@ -13,7 +13,7 @@ from capslip.structure.response import Damping, lightly_damped
 from capslip.units import readable
 
 DEFAULT_SHARE = 0.25  # of the force at total slip, where nothing was asked
-LARGER = "--set joint.area_m2=..., where the joint is larger than the scan"
+LARGER = "--area ..., where the joint is larger than the scan"
 
 
 @dataclass(frozen=True)
