@@ -371,10 +371,8 @@ def _seen_from(folder: Path, tables: dict[str, Any]) -> dict[str, Any]:
     named = joint.get("pressure_map") if isinstance(joint, dict) else None
     if not isinstance(named, str) or not named:
         return tables
-    return {
-        **tables,
-        "joint": {**tables["joint"], "pressure_map": str((folder / named).absolute())},
-    }
+    place = str((folder / named).absolute())
+    return {**tables, "joint": {**tables["joint"], "pressure_map": place}}
 
 
 def _given(tables: dict[str, Any]) -> set[str]:
