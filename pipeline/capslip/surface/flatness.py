@@ -21,6 +21,7 @@ FEW_LINES = 50  # each way, that tell a bow of 5 % of the variance from none
 CLEARLY_NO_BOW = 0.25  # of the same, that a bow leaves on some of the points: five times the most
 BOWED_BY_FIT = 0.2  # of the variance of a floor: roughness may have the rest
 LEVEL_FLOOR = 0.01  # of the variance of all heights; waves have a tenth and more in their lowest
+BENT = 2.0  # times its variance: what the middle of a map has of a bow is less of it without
 OF_THE_INSTRUMENT = "be of the instrument rather than of the face"
 THE_FLOOR = "the floor between the hills"
 OF_A_FLOOR = "--set conditioning.form_floor=true"
@@ -88,17 +89,20 @@ def problems_of_form(surface: HeightMap, approach_m: float, side: int = 1) -> li
         ("the heights", _bow, MOSTLY_FORM),
         (THE_FLOOR, _bow_of_floor, MOSTLY_BOWED),
     ):
-        rest, bow_m = bow_of(few)
+        seen = few
+        rest, bow_m = bow_of(seen)
         if rest <= CLEARLY_NO_BOW:
-            rest, bow_m = bow_of(block_means(surface, side))
-        if rest <= 1.0 - least:
+            seen = block_means(surface, side)
+            rest, bow_m = bow_of(seen)
+        if rest <= 1.0 - least and not _bends_middle(seen, bow_m):
+            height_m = _range_m(bow_m)
             lies = f"{1.0 - rest:.0%} of the variance of {what} is a bow"
             step = (
-                f"--set conditioning.form=quadratic {OF_A_FLOOR}, where the bow of {bow_m:.2g} m "
+                f"--set conditioning.form=quadratic {OF_A_FLOOR}, where the bow of {height_m:.2g} m "
                 "is not the face's own; or --set instrument.flatness_deviation_m=..., what the "
                 "instrument makes of a flat"
             )
-            return [bow_left(lies, bow_m, approach_m, step=step if what == THE_FLOOR else None)]
+            return [bow_left(lies, height_m, approach_m, step=step if what == THE_FLOOR else None)]
     return []
 
 
@@ -179,20 +183,37 @@ def bow_of_form_m(surface: HeightMap, taken_off: int = 1) -> np.ndarray:
     return np.asarray(level.height_m - straight.height_m)
 
 
-def _bow(surface: HeightMap) -> tuple[float, float]:
-    """Return the share of the variance that a bow leaves, and its height."""
+def _bends_middle(surface: HeightMap, bow_m: np.ndarray) -> bool:
+    """Tell whether the middle of a map, of half its sides, is bent by what straightens the whole.
+
+    Edges that are rounded, or worn, look like a bow, which the face between them does not have.
+    """
+    middle = tuple(slice(n // 4, n - n // 4) for n in surface.shape)
+    as_is_m, bent_m = surface.height_m[middle], (surface.height_m - bow_m)[middle]
+    try:
+        left_m2 = [
+            float(np.nanvar(remove_form(replace(surface, height_m=one_m), "plane")[0].height_m))
+            for one_m in (as_is_m, bent_m)
+        ]
+    except UnusableSurfaceError:  # hardly a point was measured there
+        return False
+    return left_m2[1] > BENT * left_m2[0]
+
+
+def _bow(surface: HeightMap) -> tuple[float, np.ndarray]:
+    """Return the share of the variance that a bow leaves, and that bow."""
     over_plane, over_bow = (one.height_m for one in level_and_straight(surface))
     rest = float(np.nanvar(over_bow) / np.nanvar(over_plane))
-    return rest, _range_m(over_plane - over_bow)
+    return rest, over_plane - over_bow
 
 
-def _bow_of_floor(surface: HeightMap) -> tuple[float, float]:
+def _bow_of_floor(surface: HeightMap) -> tuple[float, np.ndarray]:
     """Return the same of the lowest third of the points, over a level floor and a bowed one.
 
     Hills hide a bow in the variance of all heights, and it hides those that it lowers.
     """
     rest, bow_m, _ = _floor(surface)
-    return rest, _range_m(bow_m)
+    return rest, bow_m
 
 
 def _floor(surface: HeightMap, degree: int = 2) -> tuple[float, np.ndarray, float]:
