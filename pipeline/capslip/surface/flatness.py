@@ -98,8 +98,8 @@ def problems_of_form(surface: HeightMap, approach_m: float, side: int = 1) -> li
             height_m = _range_m(bow_m)
             lies = f"{1.0 - rest:.0%} of the variance of {what} is a bow"
             step = (
-                f"--set conditioning.form=quadratic {OF_A_FLOOR}, where the bow of {height_m:.2g} m "
-                "is not the face's own; or --set instrument.flatness_deviation_m=..., what the "
+                f"--set conditioning.form=quadratic {OF_A_FLOOR}, where the bow of {height_m:.2g} "
+                "m is not the face's own; or --set instrument.flatness_deviation_m=..., what the "
                 "instrument makes of a flat"
             )
             return [bow_left(lies, height_m, approach_m, step=step if what == THE_FLOOR else None)]
