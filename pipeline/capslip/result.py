@@ -11,6 +11,7 @@ from capslip.caps.iso25178 import Iso25178
 from capslip.caps.table import CapTable
 from capslip.contact.joint import Joint
 from capslip.contact.levelling import Level
+from capslip.contact.part_of_joint import left_open
 from capslip.contact.press import ContactState
 from capslip.contact.slip import SlipCurve
 from capslip.errors import check_kind, check_text
@@ -78,8 +79,15 @@ class JointResult:
     @property
     def verdict(self) -> str:
         """Return one sentence on what the result is usable for."""
-        errors = self.estimated_error, self.error_of_answer
-        return verdict(self.settings, self.problems, *errors, noise_known=self.noise_known)
+        errors, (part, *_) = (self.estimated_error, self.error_of_answer), (*self.parts, None)
+        open_of_joint = None if part is None else left_open(part.joint, part.contact)
+        return verdict(
+            self.settings,
+            self.problems,
+            *errors,
+            noise_known=self.noise_known,
+            part_within=None if open_of_joint is None else open_of_joint.energy_up_to,
+        )
 
     @property
     def noise_known(self) -> bool:

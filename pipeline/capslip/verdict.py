@@ -105,6 +105,7 @@ def verdict(
     error_of_answer: float | None = None,
     scans: tuple[int, int] | None = None,
     noise_known: bool = False,
+    part_within: float | None = None,
 ) -> str:
     """Return one sentence: usable for what, how accurate, why not, and what to do next.
 
@@ -124,6 +125,8 @@ def verdict(
         On how many scans of how many the joint rests, where there are several.
     noise_known : bool
         Whether the scans themselves say their measurement noise.
+    part_within : float or None
+        How far the energy of one scan may be off that of the joint that it is a part of.
     """
     assumed = assumptions(settings, noise_known)
     shown = [one for one in assumed if one.demonstrates]
@@ -146,6 +149,8 @@ def verdict(
         less = estimated_error > asked and most != here
         beside = f"; up to {most} from a tenth of gross slip on" if less else ""
         accuracy = f"within {here} of the same elastic face pressed exactly (estimated{beside})"
+    if part_within is not None:
+        accuracy += f", as a part of its joint within about {part_within:.0%} in the energy"
     use = "stiffness and slip of the joint"
     if is_given(settings):
         use += f" and the damping of the {structure_name(settings)}"

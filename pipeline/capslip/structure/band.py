@@ -7,6 +7,7 @@ from functools import cache
 
 import numpy as np
 
+from capslip.contact.part_of_joint import WHOLE
 from capslip.errors import ContactError
 from capslip.settings import Settings
 from capslip.structure.answer import Answer, numbers_of_state
@@ -15,6 +16,7 @@ from capslip.structure.band_causes import (
     NORMAL_95,
     of_caps_and_model,
     of_direction,
+    of_parts,
     of_scatter,
 )
 from capslip.structure.band_state import Part, State
@@ -24,10 +26,9 @@ from capslip.structure.sobol import scrambled_sobol
 INSIDE = 0.90  # of what may be, in an interval
 LOG2_POINTS = 8
 COUNTED = ("tangential_stiffness_N_per_m", "energy_J", "joint_loss_factor", "loss_factor")
-OF_BOTH = ("caps", "model", "scans", "direction")  # move displacement and energy by factors
+OF_BOTH = ("caps", "model", "scans", "part", "direction")  # move displacement and energy by factors
 OF_MODEL = "error of the model"  # in the list of what an interval leaves out
 OF_LIGHT_DAMPING = ("loss_factor", "damping_ratio")
-WHOLE = 0.99  # coverage from which a scan is taken for its joint
 
 
 @dataclass(frozen=True)
@@ -121,10 +122,12 @@ def _propagated(state: State, damping: Damping) -> Band | None:
     """Return the band of a state that moves; None where nothing is known to be uncertain."""
     material, contact = state.settings.material, state.settings.contact
     left = of_caps_and_model(state)
+    of_part, less = of_parts(state)
     spreads = {
         "caps": left.caps,
         "model": left.model,
         "scans": of_scatter(state),
+        "part": of_part,
         "direction": of_direction(state),
         "friction": np.array([[material.friction_spread / NORMAL_95]]),
         "preload": np.array([[contact.preload_spread / NORMAL_95]]),
@@ -134,8 +137,8 @@ def _propagated(state: State, damping: Damping) -> Band | None:
         spreads["hardness"] = np.array([[material.hardness_spread / NORMAL_95]])
     uncertain = [name for name, spread in spreads.items() if spread.any()]
     left_out = _left_out(state)
-    # What the direction of slip moves alone is no interval of a model whose error is not known
-    if not uncertain or (uncertain == ["direction"] and OF_MODEL in left_out):
+    # What these move alone is no interval of a model whose error is not known
+    if not uncertain or (set(uncertain) <= {"part", "direction"} and OF_MODEL in left_out):
         return None
     normal = _drawn({name: len(spreads[name]) for name in uncertain})
     points = 2**LOG2_POINTS
@@ -147,7 +150,8 @@ def _propagated(state: State, damping: Damping) -> Band | None:
 
     def numbers_with(scans: np.ndarray) -> dict[str, np.ndarray]:
         with np.errstate(over="ignore"):
-            moved = np.exp(log["caps"] + log["model"] + log["direction"] + scans + left.shift)
+            of_all = log["caps"] + log["model"] + log["part"] + log["direction"]
+            moved = np.exp(of_all + scans + left.shift + less)
             other, energy_J = found * moved[:, 0], W * moved[:, 1]
         delta_m, force_N = state.answer.displacement_m, more * state.answer.slip_force_N
         T, delta = (force_N, other) if state.by_force else (other, delta_m)

@@ -10,6 +10,7 @@ import numpy as np
 
 from capslip.contact.accuracy import LEAST_ERROR, OF_STIFFNESS, PAIRS_SHARE
 from capslip.contact.curve import NormalCurve
+from capslip.contact.part_of_joint import left_open
 from capslip.contact.press import ContactState
 from capslip.contact.scans import curve_of_scans
 from capslip.contact.uneven import PatchedCurve
@@ -177,6 +178,23 @@ def of_scatter(state: State) -> np.ndarray:
     change = np.array(log) - np.mean(log, axis=0)
     root = _root(math.sqrt((len(parts) - 1) / len(parts)) * change)
     return np.where(np.abs(root).max() > LEAST_SPREAD, root, 0.0)
+
+
+def of_parts(state: State) -> tuple[np.ndarray, np.ndarray]:
+    """Return what scans leave open of a joint that they are a part of: a root, and a shift.
+
+    What is by chance that of one scan is left to the scatter between them, where there are several.
+    """
+    each = [left_open(part.joint, part.contact) for part in state.parts]
+    known = [(part.share, one) for part, one in zip(state.parts, each, strict=True) if one]
+    root, shift = np.zeros((4, 2)), np.zeros(2)
+    for share, one in known:
+        shift[1] += share * one.lost
+        root[0, 0] += share * one.stiffness_by_bulk
+        root[1, 1] += share * one.unsure
+        if len(state.parts) == 1:
+            root[2, 0], root[3, 1] = one.stiffness_by_chance, one.energy_by_chance
+    return _root(root), shift
 
 
 def of_direction(state: State) -> np.ndarray:
