@@ -63,6 +63,20 @@ def test_page_into_a_folder_that_is_not_there_is_one_clear_line(folder, tmp_path
         write_viewer(folder, tmp_path / "none" / "view.html")
 
 
+@pytest.mark.parametrize("name", ["face.x3p", "face", "face.html.h5"])
+def test_a_file_that_is_no_page_is_not_replaced(folder, tmp_path, name):
+    (tmp_path / name).write_text("measured")
+    with pytest.raises(OutputError, match=r"got (\.x3p|no suffix|\.h5); expected \.html or \.htm$"):
+        write_viewer(folder, tmp_path / name)
+    assert (tmp_path / name).read_text() == "measured"
+
+
+@pytest.mark.parametrize("name", ["face.htm", "FACE.HTML"])
+def test_a_page_has_either_ending(folder, tmp_path, name):
+    write_viewer(folder, tmp_path / name)
+    assert "viewer-data" in (tmp_path / name).read_text()
+
+
 @needs_chromium
 def test_page_counts_what_touches_sticks_and_slips_as_python_does(folder, page, tmp_path):
     zones = read_view(folder).zones

@@ -35,18 +35,20 @@ def write_viewer(result: str | Path, page: Path, look: Look | None = None) -> No
     result : path
         `result.h5`, or the folder that holds it.
     page : path
-        `.html`, replaced where it exists.
+        `.html` or `.htm`, replaced where it exists.
     look : Look, optional
         What is shown first.
 
     Raises
     ------
     OutputError
-        If there is no result, it knows no contacts that the look asks for, or the page cannot be
-        written.
+        If there is no result, it knows no contacts that the look asks for, or the page has another
+        ending or cannot be written.
     """
     from jinja2 import Environment, StrictUndefined
 
+    if page.suffix.lower() not in (".html", ".htm"):  # what is there may be a scan
+        raise OutputError(f"{page}: got {page.suffix or 'no suffix'}; expected .html or .htm")
     view, look = read_view(result, CELLS), look or Look()
     if view.zones is None and (look.zones or look.mate):
         raise OutputError(
