@@ -12,7 +12,16 @@ PACKAGE = Path(__file__).parents[1] / "pipeline" / "capslip"
 
 # From the ground up: a module imports from deeper floors, or from its own room.
 FLOORS = (
-    {"errors", "materials", "provenance", "registry", "setting_errors", "units", "waiting"},
+    {
+        "errors",
+        "leftovers",
+        "materials",
+        "provenance",
+        "registry",
+        "setting_errors",
+        "units",
+        "waiting",
+    },
     {"problems", "settings"},
     {"surface"},
     {"caps"},

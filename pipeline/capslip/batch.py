@@ -19,6 +19,8 @@ from capslip.output.staging import (
     FAILURE,
     OURS,
     SUMMARY,
+    check_folder,
+    entries,
     is_whole,
     locked,
     named,
@@ -88,9 +90,10 @@ def analyse_scan(scan: Scan, folder: Path, command: str | None, retry_failed: bo
     """Read, analyse and write one scan; what goes wrong is written and returned, not raised."""
     stage, seen = "look", _seen(scan)
     try:
-        done = _look_at(scan, folder, retry_failed).row
-        if done is not None:
+        if (done := _look_at(scan, folder, retry_failed).row) is not None:
             return done
+        stage = "write"
+        check_folder(folder, keep=(scan.path, scan.mate))  # before the work, which would be lost
         stage, started_s = "read", time.perf_counter()
         surface, mate = load_faces(scan.path, scan.mate, scan.settings.reading)
         timings_s = {"read": time.perf_counter() - started_s}
@@ -289,8 +292,7 @@ def _place(folder: Path, shared: bool) -> Iterator[None]:
 def _check_folder(folder: Path) -> None:
     if folder.absolute().exists() and not folder.is_dir():
         raise OutputError(f"output folder {folder}: is a file; choose another with --out")
-    names = {entry.name for entry in folder.iterdir()} if folder.is_dir() else set()
-    foreign = sorted(name for name in names - OWN if not name.startswith(OURS))
+    foreign = sorted({one.name for one in entries(folder)} - OWN) if folder.is_dir() else []
     if foreign:
         raise OutputError(
             f"output folder {folder}: holds {foreign[0]}, which no batch wrote; nothing was "

@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import Any
 
 from capslip.errors import NothingToDoError, SettingsError, check_kind, texts_of
+from capslip.leftovers import is_leftover
 from capslip.output.staging import FAILURE, read_json, read_summary
 from capslip.settings import Settings, settings_from
 
@@ -69,8 +70,8 @@ def find_scans(
     Parameters
     ----------
     sources : iterable of str
-        Files, folders and globs. Hidden files of a folder are left out. A file that is not there
-        is a scan that fails, if there is another one.
+        Files, folders and globs. Hidden files of a folder are left out, and leftovers of file
+        managers. A file that is not there is a scan that fails, if there is another one.
     settings : Settings
         Of all scans.
     list_file : Path, optional
@@ -131,7 +132,9 @@ def _paths(
             yield from _in_folder(source, recursive, leave_out, skipped)
         elif glob.has_magic(source) and not os.path.lexists(source):
             for hit in glob.iglob(source, recursive=True):
-                if os.path.isfile(hit):
+                if is_leftover(os.path.basename(hit)):
+                    skipped["hidden"] += 1
+                elif os.path.isfile(hit):
                     yield Path(hit)
                 else:
                     skipped["no file"] += 1
@@ -144,7 +147,7 @@ def _in_folder(
 ) -> Iterator[Path]:
     with os.scandir(folder) as entries:
         for entry in sorted(entries, key=lambda one: one.name):
-            if entry.name.startswith("."):
+            if entry.name.startswith(".") or is_leftover(entry.name):
                 skipped["hidden"] += 1
             elif os.path.isfile(entry.path):  # entry.is_file() raises on a link to itself
                 if os.path.splitext(entry.name)[1].lower() in NO_SCANS:

@@ -494,6 +494,28 @@ def test_a_foreign_folder_is_refused_before_it_is_looked_at(tmp_path):
         run_batch(sources, tmp_path / "out", SETTINGS, print, options=options, work=None)
 
 
+def test_leftovers_of_file_managers_are_no_foreign_files(tmp_path):
+    sources, out = scans_of(tmp_path / "in", 1), tmp_path / "out"
+    out.mkdir()
+    for name in (".DS_Store", "Thumbs.db", "desktop.ini", ".~lock.batch.csv#", "~$batch.xlsx"):
+        (out / name).touch()
+    options = Options(look="dry_run")
+    (row,) = run_batch(sources, out, SETTINGS, print, options=options, work=None)
+    assert row["status"] == "to do"
+    assert len(list(out.iterdir())) == 5
+
+
+def test_a_folder_of_a_scan_that_cannot_be_used_is_told_before_the_work(scan, monkeypatch):
+    home = scan.path.parent / "out" / "scans" / "a"
+    there = result_of(scan, home, code="z")
+    (home / "thesis.tex").write_text("years")
+    monkeypatch.setattr(batch, "load_faces", lambda *_: pytest.fail("read"))
+    row = batch.analyse_scan(scan, home, None, False)
+    assert row["status"] == "failed"
+    assert "thesis.tex, which is no earlier result" in row["error"]
+    assert contents(home) == there | {"thesis.tex": b"years"}
+
+
 RESULT = {"status": "ok", "problems": [], "provenance": {"command": "capslip batch x"}}
 FAILURE = {"stage": "analyse", "message": "torn", "limits": asdict(NO_LIMITS)}
 

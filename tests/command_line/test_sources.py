@@ -47,6 +47,14 @@ def test_a_folder_gives_its_files_and_counts_what_it_leaves_out():
 
 
 @pytest.mark.usefixtures("here")
+@pytest.mark.parametrize("recursive", [False, True])
+@pytest.mark.parametrize("source", ["in", "in/*"])
+def test_leftovers_of_file_managers_are_left_out_as_what_is_hidden(source, recursive):
+    files("in/a.x3p", "in/Thumbs.db", "in/desktop.ini", "in/~$a.xlsx", "in/__MACOSX/._a.x3p")
+    assert found(source, recursive=recursive) == (["in/a.x3p"], {"hidden": 4})
+
+
+@pytest.mark.usefixtures("here")
 @pytest.mark.parametrize("goal", ["loop.h5", "nowhere", "other.h5"])
 def test_a_link_to_no_file_is_skipped_and_ends_nothing(goal):
     files("in/a.h5", "in/b.h5")

@@ -236,6 +236,30 @@ def test_a_picture_of_someone_else_among_ours_is_not_replaced(tmp_path):
     assert contents(folder) == OLD | {"figures/mine.png": "mine"}
 
 
+LEFT = (".DS_Store", "Thumbs.db", ".~lock.caps.csv#", "~$caps.xlsx", "figures/.DS_Store")
+
+
+def test_leftovers_of_file_managers_stay_and_stand_in_no_way(tmp_path):
+    folder = result(tmp_path / "a", OLD)
+    left = dict.fromkeys(LEFT, "left")
+    for name, text in left.items():
+        (folder / name).write_text(text)
+    assert contents(result(folder, NEW)) == NEW | left
+    assert contents(result(folder, {"settings.toml": "new"})) == {"settings.toml": "new"} | left
+    assert is_whole(read_summary(folder), folder)
+    result(folder, OLD)
+    (folder / "summary.json").write_bytes(b"")  # which listed what is ours
+    assert contents(failure(folder)) == {"failure.json": '{"schema": "capslip/failure/1"}'} | left
+
+
+def test_leftovers_make_no_file_beside_them_ours(tmp_path):
+    folder = result(tmp_path / "a", OLD)
+    (folder / "figures" / ".DS_Store").touch()
+    (folder / "figures" / ".Mine").touch()
+    with pytest.raises(OutputError, match=r"figures/\.Mine"):
+        result(folder, NEW)
+
+
 def test_a_link_to_a_folder_is_followed_and_stays_one(tmp_path):
     (tmp_path / "there").mkdir()
     (tmp_path / "link").symlink_to(tmp_path / "there")

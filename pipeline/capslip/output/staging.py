@@ -23,6 +23,7 @@ from typing import IO, Any
 import msgspec
 
 from capslip.errors import OutputError
+from capslip.leftovers import is_leftover
 from capslip.provenance import sha256_of
 from capslip.summary import SCHEMA
 
@@ -68,7 +69,7 @@ def new_folder(folder: Path) -> Iterator[Path]:
     """Give a temporary folder whose files take their place in `folder` when the block ends well.
 
     The block writes `summary.json` or `failure.json`. A link is followed; what else appears in the
-    folder meanwhile stays as it is.
+    folder meanwhile stays as it is, and so do leftovers of file managers.
 
     Raises
     ------
@@ -273,6 +274,12 @@ def is_whole(summary: dict[str, Any], folder: Path) -> bool:
         return False
 
 
+def entries(folder: Path) -> list[Path]:
+    """Return what somebody put in a folder."""
+    names = (name for name in os.listdir(folder) if not name.startswith(OURS))
+    return [folder / name for name in names if not is_leftover(name)]
+
+
 def _put_in_place(folder: Path) -> None:
     """Move the files of READY to their names; called again, go on where it ended."""
     ready = folder / READY
@@ -303,7 +310,7 @@ def _remove(folder: Path, names: list[str]) -> None:
     for name in names:
         (folder / name).unlink(missing_ok=True)
     ours = FILES | {Path(name).parts[0] for name in names}
-    for entry in _entries(folder):
+    for entry in entries(folder):
         if entry.name in ours and entry.is_dir() and not (folder / READY / entry.name).is_dir():
             with suppress(OSError):  # not empty
                 entry.rmdir()
@@ -348,18 +355,14 @@ def _schema(path: Path) -> str | None:
 def _foreign(folder: Path) -> str | None:
     """Return the first entry that is no file of the result there."""
     owned = _owned(folder)
-    for entry in sorted(_entries(folder)):
+    for entry in sorted(entries(folder)):
         if entry.is_dir() and not entry.is_symlink():
-            for inner in sorted(entry.iterdir()):
+            for inner in sorted(entries(entry)):
                 if f"{entry.name}/{inner.name}" not in owned:
                     return f"{entry.name}/{inner.name}"
         elif entry.name not in owned:
             return entry.name
     return None
-
-
-def _entries(folder: Path) -> list[Path]:
-    return [folder / name for name in os.listdir(folder) if not name.startswith(OURS)]
 
 
 def _below(folder: str | Path, place: str = "") -> Iterator[tuple[str, bool]]:
@@ -377,9 +380,9 @@ def _below(folder: str | Path, place: str = "") -> Iterator[tuple[str, bool]]:
 
 def _files(folder: Path) -> Iterator[str]:
     """Yield the files of a folder and of those directly in it."""
-    for entry in _entries(folder):
+    for entry in entries(folder):
         if entry.is_dir() and not entry.is_symlink():
-            yield from (f"{entry.name}/{inner.name}" for inner in entry.iterdir())
+            yield from (f"{entry.name}/{inner.name}" for inner in entries(entry))
         else:
             yield entry.name
 

@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 
 from capslip.errors import UnreadableFileError
+from capslip.leftovers import is_leftover
 from capslip.surface.readers.stored import (
     DAMAGED_ZIP,
     Format,
@@ -34,7 +35,6 @@ SIZE = re.compile(rb"<(?:\w+:)?Size[XY]\s*>\s*(\d{1,10})\s*<")
 INCREMENT = re.compile(rb"<(?:\w+:)?Increment\s*>\s*[^<\s]")
 WHOLE = re.compile(rb"<(?:\w+:)?DataType\s*>\s*[IL]\s*<")
 MAX_ENTRIES = 1000
-JUNK = ("__macosx", ".ds_store", "thumbs.db", "desktop.ini")
 
 
 def _recognises(head: bytes, path: Path) -> bool:
@@ -89,7 +89,7 @@ def _archive_notes(path: Path, lenient: bool) -> tuple[str, ...]:
                     f"{path}: {len(entries)} entries in the archive, {len(names)} names of files; "
                     f"expected at most {MAX_ENTRIES}, each name once; export it again"
                 )
-            junk = [name for name in names if _is_junk(name)]
+            junk = [name for name in names if any(map(is_leftover, name.split("/")))]
             mains = [n for n in names if PurePosixPath(n).name == MAIN and n not in junk]
             if MAIN not in names and len(mains) != 1:
                 raise UnreadableFileError(
@@ -165,11 +165,6 @@ def _check_axes(content: bytes, path: Path) -> None:
 
 def _name(entry: zipfile.ZipInfo) -> str:
     return entry.filename.replace("\\", "/")
-
-
-def _is_junk(name: str) -> bool:
-    parts = [part.lower() for part in name.split("/")]
-    return any(part in JUNK for part in parts) or parts[-1].startswith("._")
 
 
 def _stored(path: Path, notes: tuple[str, ...], verify: bool) -> Stored:
