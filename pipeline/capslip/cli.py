@@ -382,8 +382,10 @@ def compare(
 
     It is a CSV of two columns, such as amplitude_um,loss_factor.
     """
-    from capslip.compare import compare_result, lines, to_dict, write_comparison
+    from capslip.compare import check_place, compare_result, lines, to_dict, write_comparison
 
+    if out is not None:
+        check_place(out)  # before the work
     say = Progress(quiet, verbose)
     say(f"comparing {result} with {assembly}")
     found = compare_result(result, assembly, monolithic, identify)

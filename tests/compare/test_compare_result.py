@@ -7,9 +7,11 @@ from shutil import copytree
 
 import numpy as np
 import pytest
+from click.testing import CliRunner
 from scipy.ndimage import gaussian_filter
 
 from capslip.analysis import analyze
+from capslip.cli import main
 from capslip.compare import compare_result, lines, to_dict, write_comparison
 from capslip.compare.comparison import Band
 from capslip.compare.figure import comparison
@@ -442,6 +444,34 @@ def test_a_summary_that_somebody_cut(result, tmp_path, table):
     path.write_text(json.dumps({**json.loads(path.read_text()), table: None}))
     with pytest.raises(UnreadableFileError, match=rf"summary\.json: no table {table}; .*again"):
         load_model(tmp_path / "result")
+
+
+@pytest.mark.parametrize("place", ["", "deep/er", "../result", "link"])
+def test_a_comparison_is_no_foreign_file_in_a_result(result, tmp_path, place):
+    copytree(result[0], folder := tmp_path / "result")
+    (folder / "link").symlink_to(folder)
+    before = sorted(tmp_path.rglob("*"))
+    data = write(tmp_path / "a.csv", GOOD)
+    with pytest.raises(OutputError, match=r"holds a result \(summary\.json\), .* beside it with"):
+        write_comparison(compare_result(folder, data), folder / place)
+    given = [str(each) for each in (folder, "--assembly", data, "-o", folder / place)]
+    ran = CliRunner().invoke(main, ["compare", *given, "-q"])
+    assert (ran.exit_code, ran.stderr.count("\n")) == (2, 1)
+    assert sorted(tmp_path.rglob("*")) == sorted([*before, data])
+
+
+def test_a_comparison_is_no_foreign_file_in_a_batch_and_stands_beside_one(result, tmp_path):
+    (tmp_path / "all" / "scans").mkdir(parents=True)
+    (tmp_path / "all" / "batch.csv").touch()
+    found = compare_result(result[0], write(tmp_path / "a.csv", GOOD))
+    with pytest.raises(OutputError, match="all holds results of a batch, "):
+        write_comparison(found, tmp_path / "all")
+    write_comparison(found, tmp_path / "compared")
+    write_comparison(found, tmp_path / "compared")  # in place of itself
+    assert {one.name for one in (tmp_path / "compared").iterdir()} == {
+        "compare.json",
+        "compare.png",
+    }
 
 
 def test_a_folder_that_cannot_be_made(result, tmp_path):

@@ -11,8 +11,10 @@ import numpy as np
 from capslip.compare.comparison import Comparison
 from capslip.errors import OutputError
 from capslip.output.quantity import engineering
+from capslip.output.staging import SUMMARY, read_summary
 
 SCHEMA = "capslip/compare/1"
+OF_BATCH = ("batch.csv", "scans")  # stand together where results of many scans are
 
 
 def to_dict(found: Comparison) -> dict[str, Any]:
@@ -45,10 +47,30 @@ def _with_null(values: np.ndarray) -> list[float | None]:
     return [float(value) if math.isfinite(value) else None for value in values]
 
 
+def check_place(folder: str | Path) -> None:
+    """Refuse a folder in which a comparison would be a foreign file, in the way of an analysis.
+
+    Raises
+    ------
+    OutputError
+        If the folder, or one that it is in, is that of a result or of a batch.
+    """
+    place = Path(folder).resolve()
+    for one in (place, *place.parents):
+        of_batch = all((one / name).exists() for name in OF_BATCH)
+        if of_batch or read_summary(one) is not None:
+            holds = "results of a batch" if of_batch else f"a result ({SUMMARY})"
+            raise OutputError(
+                f"output folder {folder}: {one} holds {holds}, which no analysis could replace any "
+                "more; nothing was written; choose one beside it with --out"
+            )
+
+
 def write_comparison(found: Comparison, folder: str | Path) -> None:
     """Write `compare.json` and `compare.png`; raises OutputError where that is impossible."""
     from capslip.compare.figure import comparison
 
+    check_place(folder)
     folder = Path(folder)
     try:
         folder.mkdir(parents=True, exist_ok=True)
