@@ -265,4 +265,9 @@ class Progress:
         text = f"{self.failures[0][0]}; all numbers are in {folder}"
         if all(isinstance(error, CapslipError) for _, error in self.failures):
             raise ScanError(text)
+        from capslip.output.staging import is_full
+
+        of_full = [said for said, error in self.failures if is_full(error)]
+        if all(isinstance(error, CapslipError) or is_full(error) for _, error in self.failures):
+            raise CapslipError(f"{of_full[0]}; all numbers are in {folder}; then run this again")
         raise CapslipError(f"internal error: {text}; run again with -v and report it")

@@ -1,5 +1,6 @@
 """Bad input: one clear line, the right exit code, nothing written."""
 
+import errno
 from pathlib import Path
 
 import h5py
@@ -8,7 +9,7 @@ import pytest
 from click.testing import CliRunner
 
 from capslip.cli import main
-from capslip.output import tables
+from capslip.output import report, tables
 from capslip.output.staging import FILES
 
 # The small face has one cap, which balances under no load beside it
@@ -260,6 +261,25 @@ def test_a_scan_inside_the_output_folder_is_kept(run, tmp_path):
     one_line(run("analyze", "a.h5", "--mate", "out/result.h5", "-o", "out", *light), 2, "replaced")
     assert (tmp_path / "out" / "result.h5").read_bytes() == before
     assert run(*again, "-o", "other").exit_code == 0
+
+
+def test_a_full_disk_is_told_with_what_to_do_and_no_error_of_the_program(
+    run, tmp_path, monkeypatch
+):
+    native(tmp_path / "a.h5", hill(), **KNOWN)
+    light = ("--no-render", "--no-figures", *ONE_CAP)
+
+    def full(*_):
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setattr(report, "write_report", full)
+    ran = run("analyze", "a.h5", "-o", "out", *light)
+    one_line(ran, 1, "report.html", "No space left", "make room", "all numbers are in out")
+    assert "internal" not in ran.stderr
+    assert (tmp_path / "out" / "summary.json").is_file()
+    monkeypatch.setattr(tables, "write_summary", full)
+    ran = run("analyze", "a.h5", "-o", "new", *light)
+    one_line(ran, 2, "output folder new: No space left", "nothing was written; make room")
 
 
 def test_an_interrupt_ends_with_130_and_leaves_nothing(run, tmp_path, monkeypatch):

@@ -1,7 +1,9 @@
 """Writing: whole or not at all, the same numbers in every file, and no number lost to a picture."""
 
 import csv
+import errno
 import json
+import os
 import re
 from dataclasses import replace
 
@@ -15,7 +17,7 @@ import capslip
 from capslip.caps.table import UNITS
 from capslip.contact.slip import SlipCurve
 from capslip.errors import OutputError, SettingsError
-from capslip.output import figures, mesh, scene, tables
+from capslip.output import figures, mesh, scene, staging, tables
 from capslip.output.export import inexact
 from capslip.problems import Problem
 from capslip.structure.jenkins import jenkins
@@ -225,6 +227,87 @@ def test_a_failing_number_leaves_no_folder(tmp_path, monkeypatch):
     with pytest.raises(OSError, match="disk full"):
         capslip.write(output_cases.none(), tmp_path / "a", figures=False, render=False)
     assert list(tmp_path.iterdir()) == []
+
+
+NUMBERS = {"result.h5", "caps.csv", "settings.toml", "summary.json"}
+LIGHT = {"figures": False, "render": False}
+
+
+def no_room():
+    raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+
+def disk_of(size, monkeypatch):
+    """Let the last of the numbers find a disk of that size."""
+    write_summary = tables.write_summary
+
+    def on_disk(summary, folder):
+        write_summary(summary, folder)
+        if sum(one.stat().st_size for one in folder.rglob("*") if one.is_file()) > size:
+            no_room()
+
+    monkeypatch.setattr(tables, "write_summary", on_disk)
+
+
+@pytest.mark.parametrize("export", [None, "jenkins"])
+def test_on_a_full_disk_what_is_no_number_makes_room(written, tmp_path, monkeypatch, export):
+    _, folder, whole = written
+    room = sum((folder / name).stat().st_size for name in NUMBERS)
+    disk_of(room + 5000, monkeypatch)
+    told, out = [], tmp_path / "a"
+    (out / "figures").mkdir(parents=True)
+    summary = capslip.write(
+        output_cases.several(),
+        out,
+        **LIGHT,
+        export=export,
+        missing=lambda text, error: told.append((text, error.errno)),
+    )
+    assert {one.name for one in out.iterdir() if not one.is_dir()} == NUMBERS
+    assert not list((out / "figures").iterdir())  # which was there before
+    assert json.loads((out / "summary.json").read_text()) == summary
+    assert set(summary["outputs"]) == NUMBERS
+    assert summary["damping"] == whole["damping"]
+    (missing,) = (p for p in summary["problems"] if p["code"] == "output_missing")
+    gone = "caps.vtu and jenkins.csv and report.html" if export else "caps.vtu and report.html"
+    text = f"{gone} and surface.vtu gave way to the numbers: the disk is full; make room on it"
+    assert missing["message"] == text
+    assert told == [(text, errno.ENOSPC)]
+
+
+def test_room_is_left_for_what_is_noted_beside_a_result(tmp_path, monkeypatch):
+    monkeypatch.setattr(staging, "check_room", lambda work: no_room())
+    summary = capslip.write(output_cases.none(), tmp_path / "a", **LIGHT)
+    assert set(summary["outputs"]) == NUMBERS
+    assert {one.name for one in (tmp_path / "a").iterdir()} == NUMBERS
+
+
+def test_a_disk_without_room_for_the_numbers_keeps_the_earlier_result(tmp_path, monkeypatch):
+    capslip.write(output_cases.none(), tmp_path / "a", **LIGHT)
+    before = {one: one.read_bytes() for one in tmp_path.rglob("*") if one.is_file()}
+    disk_of(1000, monkeypatch)
+    for name in ("a", "new"):
+        with pytest.raises(OutputError) as told:
+            capslip.write(output_cases.none(), tmp_path / name, **LIGHT)
+        assert str(told.value) == (
+            f"output folder {tmp_path / name}: No space left on device; nothing was written; make "
+            "room on its disk, or choose another with --out"
+        )
+    assert {one: one.read_bytes() for one in tmp_path.rglob("*") if one.is_file()} == before
+    assert [one.name for one in tmp_path.iterdir()] == ["a"]
+
+
+def test_an_error_that_is_not_of_the_disk_makes_nothing_give_way(tmp_path, monkeypatch):
+    tries = []
+
+    def fail(*_):
+        tries.append(1)
+        raise OSError(errno.EIO, "torn")
+
+    monkeypatch.setattr(tables, "write_summary", fail)
+    with pytest.raises(OSError, match="torn"):
+        capslip.write(output_cases.none(), tmp_path / "a", **LIGHT)
+    assert tries == [1]
 
 
 def test_the_scan_itself_is_never_replaced(tmp_path):

@@ -68,6 +68,27 @@ def test_every_file_is_there_and_no_other(written):
     assert set(EXPORT.files) == {*FILES, *DECKS.values()}
 
 
+IN_THE_WAY = """
+import resource, sys, types
+from pathlib import Path
+import numpy as np
+from capslip.output.exports import law
+resource.setrlimit(resource.RLIMIT_FSIZE, (20_000, 20_000))  # of a file, as of a disk
+law._columns = lambda found: {"pressure_Pa": np.arange(9e3)}
+law._sliders = lambda found: (["pressure_Pa"], iter([(1.0,)]))
+try:
+    law._write_hdf5(types.SimpleNamespace(scans=1, tables=dict), ["a"], Path(sys.argv[1]))
+except OSError as error:
+    print(error.strerror)
+"""
+
+
+def test_a_file_that_finds_no_room_is_an_error_and_not_the_end_of_the_process(tmp_path):
+    asked = [sys.executable, "-c", IN_THE_WAY, str(tmp_path / "law.h5")]
+    ran = subprocess.run(asked, capture_output=True, text=True, check=False)
+    assert (ran.returncode, ran.stdout, ran.stderr) == (0, "File too large\n", "")
+
+
 def test_at_the_pressure_of_the_scan_it_is_the_slip_curve_of_the_analysis(written):
     analysis, folder = written
     about, law = table(folder / "law.csv")

@@ -1,6 +1,7 @@
 """Several scans of one joint on disk: the answer first, each scan, its curves and its exports."""
 
 import csv
+import errno
 import json
 from dataclasses import replace
 
@@ -12,7 +13,7 @@ import capslip
 from browser import ask, needs_chromium
 from capslip.analysis import analyze_scans
 from capslip.contact.rung import ModelError
-from capslip.output import report
+from capslip.output import report, staging
 from capslip.output.figures import FIGURES, OF_JOINT
 from capslip.output.folder import write_joint
 from capslip.output.report import write_report
@@ -43,6 +44,20 @@ def test_the_page_has_the_answer_each_scan_and_every_figure_of_the_joint(joint, 
     assert 'id="whatif"' in page
     assert "2 scans of one joint were analysed" in page
     assert 'href="#caps"' not in page
+
+
+def test_on_a_full_disk_the_numbers_of_the_joint_are_kept(joint, tmp_path, monkeypatch):
+    def full(work):
+        assert (work / "report.html").is_file()
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setattr(staging, "check_room", full)
+    no_figures = structs.replace(joint.settings.run, figures=False)
+    light = replace(joint, settings=structs.replace(joint.settings, run=no_figures))
+    summary = write_joint(light, tmp_path / "a", None)
+    assert {one.name for one in (tmp_path / "a").iterdir()} == {"settings.toml", "summary.json"}
+    (missing,) = (p["message"] for p in summary["problems"] if p["code"] == "output_missing")
+    assert missing.startswith("report.html gave way")
 
 
 def test_the_hardness_of_the_scans_is_said_and_no_row_is_empty(joint, tmp_path):

@@ -3,6 +3,7 @@
 import os
 import subprocess
 import sys
+import time
 from dataclasses import replace
 from functools import partial
 
@@ -89,6 +90,20 @@ def test_renderer_that_dies_leaves_one_line(result, tmp_path, code, said):
     assert "libgl1" in message
     assert "\n" not in message
     assert not png.exists()
+
+
+UNFINISHED = (
+    "import sys; from pathlib import Path; Path(sys.argv[2]).with_suffix('.part.png').touch()"
+)
+
+
+@pytest.mark.parametrize("rest", ["; sys.exit(1)", "; import time; time.sleep(60)"])
+def test_renderer_that_ends_early_leaves_no_part_of_a_picture(result, tmp_path, rest):
+    rendering = start_render(result, tmp_path / "scene.png", python(UNFINISHED + rest))
+    while not list(tmp_path.iterdir()) and rendering.process.poll() is None:
+        time.sleep(0.01)
+    rendering.wait(timeout_s=0.1 if "sleep" in rest else 60.0)
+    assert not list(tmp_path.iterdir())
 
 
 def test_renderer_that_hangs_is_ended(result, tmp_path):

@@ -1,5 +1,6 @@
 """The way of a result into its folder: at every point where it may end, old or new, and whole."""
 
+import errno
 import json
 import os
 import threading
@@ -203,6 +204,24 @@ def test_an_error_before_the_result_is_whole_leaves_the_earlier_one(tmp_path):
         write_beside(folder, fails)
     assert contents(folder) == OLD
     assert not list(folder.rglob(".capslip*"))
+
+
+def test_hardly_any_room_is_told_and_nothing_is_left(tmp_path, monkeypatch):
+    staging.check_room(tmp_path)
+    write = Path.write_bytes
+
+    def full(path, data):
+        write(path, data[:10])
+        raise OSError(errno.EDQUOT, "Disk quota exceeded")
+
+    monkeypatch.setattr(Path, "write_bytes", full)
+    with pytest.raises(OSError, match="quota") as told:
+        staging.check_room(tmp_path)
+    assert staging.is_full(told.value)
+    assert not staging.is_full(OSError(errno.EIO, "torn"))
+    assert not staging.is_full(OSError("full"))
+    assert not staging.is_full(ValueError(errno.ENOSPC))
+    assert not list(tmp_path.iterdir())
 
 
 def test_what_others_put_there_meanwhile_stays(tmp_path):

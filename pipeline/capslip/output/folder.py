@@ -1,5 +1,6 @@
 """The folder that an analysis leaves: numbers first, then what no number depends on."""
 
+import shutil
 import time
 from collections.abc import Callable, Collection
 from contextlib import suppress
@@ -20,6 +21,8 @@ from capslip.problems import Problem
 from capslip.result import Analysis, JointOfScans, JointResult
 from capslip.settings import settings_from
 from capslip.waiting import Waiting
+
+NUMBERS = {"result.h5", "caps.csv", "settings.toml", staging.SUMMARY}
 
 Missing = Callable[[str, Exception | None], None]
 
@@ -42,7 +45,8 @@ def write(
 
     Everything is written into a temporary folder inside it, `summary.json` last, whose files then
     take their places. A figure, picture, mesh, report or export that fails takes no number along:
-    it becomes a problem `output_missing`, in the summary that is returned, too.
+    it becomes a problem `output_missing`, in the summary that is returned, too. So do those that
+    were made where the disk is full: they make room for the numbers.
 
     Parameters
     ----------
@@ -78,7 +82,7 @@ def write(
     ------
     OutputError
         If the folder is a file, cannot be written, holds files that no analysis wrote, or holds
-        the scan itself.
+        the scan itself, or if its disk has no room for the numbers.
     SettingsError
         If the export is none of those known, or an argument is of the wrong type.
 
@@ -119,10 +123,7 @@ def write(
         if page:
             parts.write_page(command, no_scene)
         total_s = sum((analysis.timings_s | parts.timings_s).values())
-        summary = parts.analysis.summary(command, {**parts.timings_s, "total": total_s})
-        summary = staging.with_digests(summary, work)
-        tables.write_summary(summary, work)
-    return summary
+        return parts.write_summary(command, {**parts.timings_s, "total": total_s})
 
 
 def write_joint(
@@ -146,10 +147,7 @@ def write_joint(
         if isinstance(result, JointOfScans):
             parts.draw_scans(result, extra)
             parts.write_page(command, None)
-        summary = parts.analysis.summary(command, parts.timings_s)
-        summary = staging.with_digests(summary, work)
-        tables.write_summary(summary, work)
-    return summary
+        return parts.write_summary(command, parts.timings_s)
 
 
 class _Parts:
@@ -187,7 +185,9 @@ class _Parts:
         for name in names:
             (self.work / name).unlink(missing_ok=True)
         reason = str(error)
-        if not isinstance(error, CapslipError):
+        if staging.is_full(error):
+            reason = f"{error.strerror}; make room on the disk"
+        elif not isinstance(error, CapslipError):
             reason = f"{type(error).__name__}: {error}"
         files = " and ".join(Path(name).name for name in names)
         text = " ".join(f"{files} could not be made: {reason}".split())
@@ -210,6 +210,40 @@ class _Parts:
         """Write tables and settings."""
         tables.write_result(self.analysis, self.work)
         self.lap("tables")
+
+    def write_summary(self, command: str | None, timings_s: dict[str, float]) -> dict[str, Any]:
+        """Write the last of the numbers, and return it; on a full disk what is none gives way."""
+        try:
+            summary = self._write_summary(command, timings_s)
+            staging.check_room(self.work)
+            return summary
+        except OSError as error:
+            if not staging.is_full(error):
+                raise
+            self.make_room(error)
+            return self._write_summary(command, timings_s)
+
+    def _write_summary(self, command: str | None, timings_s: dict[str, float]) -> dict[str, Any]:
+        summary = self.analysis.summary(command, timings_s)
+        summary = staging.with_digests(summary, self.work)
+        tables.write_summary(summary, self.work)
+        return summary
+
+    def make_room(self, error: Exception) -> None:
+        """Remove what no number depends on, and say so."""
+        gone = []
+        for path in sorted(self.work.iterdir()):
+            if path.is_dir():
+                gone += [path.name] if any(path.iterdir()) else []
+                shutil.rmtree(path)
+            elif path.name not in NUMBERS:
+                gone.append(path.name)
+                path.unlink()
+        if gone:
+            text = (
+                f"{' and '.join(gone)} gave way to the numbers: the disk is full; make room on it"
+            )
+            self.say(Problem("output_missing", "warning", text), error)
 
     def prepare_page(self) -> None:
         """Find what takes the page some time."""

@@ -18,6 +18,11 @@ REMEDY = (
 )
 
 
+def unfinished_of(picture: Path) -> Path:
+    """Return where a picture is written, to take its place when it is complete."""
+    return picture.with_suffix(f".part{picture.suffix}")
+
+
 @dataclass(frozen=True)
 class Rendering:
     """A picture under way in a process of its own."""
@@ -43,6 +48,7 @@ class Rendering:
             self.picture.is_file()
         ):  # renamed when complete: a crash while VTK shuts down does no harm
             return None
+        unfinished_of(self.picture).unlink(missing_ok=True)
         lines = [line.strip() for line in stderr.splitlines() if line.strip()]
         reason = f": {lines[-1][:200]}" if lines else ""
         return f"the renderer ended with code {self.process.returncode}{reason}; {REMEDY}"
@@ -51,6 +57,7 @@ class Rendering:
         """End the renderer, with or without a picture."""
         self.process.kill()
         self.process.communicate()
+        unfinished_of(self.picture).unlink(missing_ok=True)
 
 
 @dataclass(frozen=True)

@@ -21,7 +21,7 @@ from capslip.output.canvas import write_png
 from capslip.output.drawing import Drawing, off_screen
 from capslip.output.mesh import FACE_CELLS
 from capslip.output.picture import CLOSER, WINDOW, Look, picture_of
-from capslip.output.renderer import REMEDY, RENDER, WAITS, Rendering
+from capslip.output.renderer import REMEDY, RENDER, WAITS, Rendering, unfinished_of
 from capslip.output.view import COLOURS, check_result, read_view, result_file
 from capslip.output.window import Window
 
@@ -179,7 +179,7 @@ def main(arguments: list[str]) -> None:
         return
     path = Path(picture)
     picture_of(view, shown, drawing := drawing or off_screen(WINDOW))
-    unfinished = path.with_suffix(f".part{path.suffix}")
+    unfinished = unfinished_of(path)
     if path.suffix.lower() == ".gif":
         _turntable(drawing, unfinished)
     else:

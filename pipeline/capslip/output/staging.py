@@ -18,7 +18,7 @@ from collections.abc import Iterable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager, suppress
 from pathlib import Path
-from typing import IO, Any
+from typing import IO, Any, TypeGuard
 
 import msgspec
 
@@ -59,6 +59,8 @@ READY = f"{OURS}ready"
 LOCK = f"{OURS}lock"
 GONE = "gone.json"  # in READY: files of the earlier result that the new one has not
 WAIT_S = 5.0  # for a lock
+FULL = {errno.ENOSPC, errno.EDQUOT}  # the disk, or one's share of it
+ROOM = 1 << 14  # bytes: of what is still to be noted beside a finished result
 MOST_AT_ONCE = 8  # files that are brought to the disk
 NO_SYNC = {errno.EINVAL, errno.ENOTSUP}  # of folders, on some file systems
 NO_LOCKS = {errno.ENOSYS, errno.ENOTSUP, errno.EOPNOTSUPP, errno.ENOLCK}
@@ -75,7 +77,8 @@ def new_folder(folder: Path) -> Iterator[Path]:
     ------
     OutputError
         If `folder` is a file, cannot be written, holds files that no analysis wrote, is being
-        written by another process, or if a file of a name that is needed appears meanwhile.
+        written by another process, if a file of a name that is needed appears meanwhile, or if the
+        disk is full.
     """
     with named(folder):
         made = not folder.exists()
@@ -97,8 +100,13 @@ def new_folder(folder: Path) -> Iterator[Path]:
                 with ThreadPoolExecutor(MOST_AT_ONCE) as pool:
                     list(pool.map(_sync, (work, *(f"{work}/{name}" for name in made_here))))
                 os.replace(work, folder / READY)
-            except BaseException:
+            except BaseException as error:
                 shutil.rmtree(work, ignore_errors=True)
+                if is_full(error):
+                    raise OutputError(
+                        f"output folder {folder}: {error.strerror}; nothing was written; make room "
+                        "on its disk, or choose another with --out"
+                    ) from error
                 raise
             with named(folder):
                 _put_in_place(folder)
@@ -214,6 +222,20 @@ def named(folder: Path) -> Iterator[None]:
         raise OutputError(
             f"output folder {folder}: {error.strerror}; choose another with --out"
         ) from error
+
+
+def is_full(error: BaseException) -> TypeGuard[OSError]:
+    """Tell whether an error is that of a full disk."""
+    return isinstance(error, OSError) and error.errno in FULL
+
+
+def check_room(folder: Path) -> None:
+    """Raise the error of a full disk where there is hardly room for anything."""
+    path = folder / f"{OURS}room"
+    try:
+        path.write_bytes(bytes(ROOM))
+    finally:
+        path.unlink(missing_ok=True)
 
 
 def write_file(path: Path, data: bytes) -> None:

@@ -418,7 +418,8 @@ def _write_hdf5(found: Law, page: Iterable[str], path: Path) -> None:
     import h5py
 
     names, rows = _sliders(found)
-    with h5py.File(path, "w") as file:
+    # In memory, then to the disk at once: where that is full, HDF5 itself ends the process
+    with h5py.File(path, "w", driver="core", backing_store=False) as file:
         file.attrs["schema"] = SCHEMA
         file.attrs["about"] = "\n".join(page)
         file.attrs["scans"] = found.scans
@@ -430,6 +431,8 @@ def _write_hdf5(found: Law, page: Iterable[str], path: Path) -> None:
         sliders = np.array(list(rows))
         for name, column in zip(names, sliders.T, strict=True):
             file.create_dataset(f"sliders/{name}", data=column).attrs["unit"] = UNITS[name]
+        file.flush()
+        path.write_bytes(file.id.get_file_image())
 
 
 EXPORT = Export((*FILES, *DECKS.values()), write)
