@@ -28,6 +28,8 @@ from capslip.options import (
 )
 
 if TYPE_CHECKING:
+    from collections.abc import Iterable
+
     from capslip.result import JointResult
     from capslip.settings import Settings
     from capslip.surface.heightmap import HeightMap
@@ -94,6 +96,8 @@ def analyze(
     say = Progress(quiet, options["verbose"])
     with ready(settings.run.render) as renderer:
         face, other = _load(surface, settings, say, mate)
+        if out is None:
+            _tell_replaced(folder, [face], say)
         timings_s = {"read": say.elapsed_s()}
         analysis = run(face, settings, other, progress=say)
         if not as_json and not quiet:
@@ -142,6 +146,8 @@ def _analyze_scans(
                 f"{path}: holds what {same.origin.path} holds; expected another place of the joint"
             )
     timings_s = {"read": say.elapsed_s()}
+    if out is None:
+        _tell_replaced(folder, faces.values(), say)
     say(f"analysing {len(faces)} scans")
     result = analyze_scans(list(faces.values()), settings)
     if not as_json and not quiet:
@@ -152,6 +158,14 @@ def _analyze_scans(
     print_result(summary, _ending(result, summary, folder), as_json, quiet)
     _raise_errors(result, folder)
     say.raise_failures(folder)
+
+
+def _tell_replaced(folder: Path, faces: "Iterable[HeightMap]", say: Progress) -> None:
+    """Say whose result gives way in a folder that nobody chose; of the same scans none does."""
+    from capslip.output.staging import scans_replaced
+
+    if of := scans_replaced(folder, (face.origin for face in faces)):
+        say.warn(f"{folder} holds a result of {' and '.join(of)}, which is replaced; see --out")
 
 
 def _ending(printed: "JointResult", summary: dict[str, Any], folder: Path) -> str:

@@ -2,6 +2,7 @@
 
 import json
 from contextlib import nullcontext
+from hashlib import sha256
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -13,8 +14,11 @@ from capslip.cli import main
 from capslip.console import Progress
 from capslip.errors import ScanError, SettingsError
 from capslip.options import settings_of
+from capslip.output.staging import scans_replaced
 from capslip.problems import Problem
 from capslip.settings import load_settings
+from capslip.summary import SCHEMA
+from capslip.surface.heightmap import Origin
 
 FAMILIES = ("families", "--m", "3", "--n", "2", "--radius-G", "24", "--radius-P", "26")
 FAMILIES += ("--h", "1e-7", "--preload", "100", "--slip-force")
@@ -236,6 +240,58 @@ def test_one_scan_is_analysed_written_and_told(analysed):
     assert analysed.written == (Path("out"), "capslip", True, "jenkins", True)
     assert analysed.one[2] is None
     assert run("analyze", "a.npy", *SIZES, "-q").output == ""
+
+
+def there(folder, **summary):
+    """Leave what tells of which scans a result is."""
+    Path(folder).mkdir(parents=True, exist_ok=True)
+    text = json.dumps({"schema": SCHEMA, "outputs": {"summary.json": ""}, **summary})
+    (Path(folder) / "summary.json").write_text(text)
+
+
+def warned(*arguments):
+    ran = run("analyze", *arguments, *SIZES)
+    assert ran.exit_code == 0, ran.output
+    return [line for line in ran.stderr.splitlines() if line.startswith("warning: ")]
+
+
+def test_the_result_of_another_scan_is_not_replaced_without_a_word(analysed):
+    says = "warning: results/a holds a result of {}, which is replaced; see --out"
+    of_b = sha256(Path("b.npy").read_bytes()).hexdigest()
+    for surface, said in (
+        ({"path": "da/a.npy", "sha256": "0"}, True),
+        ({"path": "da/a.npy", "sha256": of_b}, True),
+        ({"path": "a.npy", "sha256": "0"}, False),  # measured again
+        ({"path": str(Path("a.npy").absolute()), "sha256": "0"}, False),
+        ({"path": "moved.npy", "sha256": sha256(Path("a.npy").read_bytes()).hexdigest()}, False),
+        ({"path": "a.npy", "sha256": "0", "dataset": "second"}, False),  # this one has no name
+        ({"path": None, "sha256": None}, False),
+        (None, False),
+    ):
+        there("results/a", surface=surface)
+        expected = [says.format(surface["path"])] if said else []
+        assert warned("a.npy", "-q") == expected, surface
+        there("out", surface=surface)
+        assert warned("a.npy", "-o", "out") == []
+
+
+def test_a_result_of_other_scans_of_a_joint_is_not_replaced_without_a_word(analysed):
+    scans = [{"path": one, "sha256": one} for one in ("b.npy", "a.npy")]
+    there("results/a-and-1-more", surface=None, scans=scans)
+    assert warned("a.npy", "b.npy") == []
+    scans += [{"path": one, "sha256": one} for one in ("d.npy", "e.npy")]
+    there("results/a-and-1-more", surface=None, scans=scans)
+    (line,) = warned("a.npy", "b.npy")
+    assert "results/a-and-1-more holds a result of d.npy and e.npy, which" in line
+    there("out", surface=None, scans=scans)
+    assert warned("a.npy", "b.npy", "-o", "out") == []
+
+
+def test_another_map_of_the_same_file_is_another_scan(tmp_path):
+    there(tmp_path, surface={"path": "a.gwy", "sha256": "0", "dataset": "first"})
+    for dataset, gone in (("first", []), ("second", ["a.gwy"]), (None, [])):
+        origin = Origin(path="a.gwy", sha256="0", dataset=dataset)
+        assert scans_replaced(tmp_path, [origin]) == gone
 
 
 def test_several_scans_are_one_joint(analysed):

@@ -18,7 +18,7 @@ from collections.abc import Iterable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager, suppress
 from pathlib import Path
-from typing import IO, Any, TypeGuard
+from typing import IO, TYPE_CHECKING, Any, TypeGuard
 
 import msgspec
 
@@ -26,6 +26,9 @@ from capslip.errors import OutputError
 from capslip.leftovers import is_leftover
 from capslip.provenance import sha256_of
 from capslip.summary import SCHEMA
+
+if TYPE_CHECKING:
+    from capslip.surface.heightmap import Origin
 
 try:
     import fcntl
@@ -252,6 +255,25 @@ def read_summary(folder: Path) -> dict[str, Any] | None:
     """Return the summary of a finished result, or None where there is none."""
     summary = read_json(folder / SUMMARY)
     return summary if summary is not None and summary.get("schema") == SCHEMA else None
+
+
+def scans_replaced(folder: Path, origins: Iterable["Origin"]) -> list[str]:
+    """Return the scans of the result in a folder that are none of those to be written there.
+
+    A scan is the same by its path, or by its bytes where it was moved; it is one map of its file.
+    """
+    summary, new = read_summary(folder) or {}, list(origins)
+    there = summary.get("scans") or [summary.get("surface") or {}]
+
+    def is_in_new(scan: dict[str, Any]) -> bool:
+        path, maps = Path(scan["path"]).resolve(), {None, scan.get("dataset")}
+        return any(
+            (one.sha256 == scan.get("sha256") or Path(one.path or "").resolve() == path)
+            and (one.dataset in maps or len(maps) == 1)
+            for one in new
+        )
+
+    return [scan["path"] for scan in there if scan.get("path") and not is_in_new(scan)]
 
 
 def read_json(path: Path) -> dict[str, Any] | None:
