@@ -13,6 +13,7 @@ from capslip.compare.model import STEP_OF_A_MAP, TRIALS_OF_A_MAP, JointModel
 from capslip.contact.models.families import families
 from capslip.contact.slip import slip_curve
 from capslip.errors import ContactError, SettingsError
+from capslip.settings import SlipSettings
 from capslip.structure.response import response
 
 KAPPA, K_M, K_S, JOINTS = 1.2142857, 1.8e8, 9.9e7, 2
@@ -493,6 +494,24 @@ def test_a_plane_interface_has_no_misfit_and_nothing_to_identify(model, gross_m)
     assert any("loses nothing" in remark for remark in found.remarks)
     with pytest.raises(SettingsError, match="loses nothing"):
         compare(measured, model.plane(), MU, PRELOAD_N, identify=True)
+
+
+def test_points_at_which_the_model_loses_nothing_are_counted(model, gross_m):
+    """Under a normal load that oscillates small amplitudes lose nothing, and great ones do."""
+    load = SlipSettings(normal_amplitude_ratio=0.3)
+    oscillating = JointModel(model.curve, KAPPA, K_M, K_S, JOINTS, normal_load=load)
+    v_m = np.geomspace(0.02, 2.0, 40) * gross_m
+    known = oscillating.loss_factor(v_m, MU, PRELOAD_N)
+    none, some = int((known == 0).sum()), int((known > 0).sum())
+    assert min(none, some) >= 5
+    monolithic = Measurement(v_m[[0, -2]], np.full(2, 1e-5))  # the last point has no share
+    found = compare(Measurement(v_m, np.full(40, 1e-2)), oscillating, MU, PRELOAD_N, monolithic)
+    assert sum(band.points for band in found.bands) == some
+    remark = next(one for one in found.remarks if "loses nothing" in one)
+    assert f"nothing at {none} of {none + some} points below gross slip" in remark
+    assert f"of the other {some} alone" in remark
+    with pytest.raises(SettingsError, match="nothing at some amplitudes"):
+        compare(Measurement(v_m, np.full(40, 1e-2)), oscillating, MU, PRELOAD_N, identify=True)
 
 
 @pytest.mark.parametrize(

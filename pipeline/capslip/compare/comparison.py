@@ -134,8 +134,8 @@ def compare(
             f"{beyond} of {v_m.size} points lie beyond gross slip of the model ({where}), where it "
             "gives no loss factor"
         )
-    if (usable & (predicted == 0)).any():
-        remarks.append("the model loses nothing below gross slip: no misfit can be given there")
+    if lossless := int((usable & (predicted == 0)).sum()):
+        remarks.append(_on_lossless(lossless, int((usable & ~np.isnan(predicted)).sum())))
     curve_m = np.geomspace(v_m[0], v_m[-1], N_CURVE) if v_m[0] < v_m[-1] else v_m[:1]
     identified, curve_identified = None, None
     if identify:
@@ -161,6 +161,16 @@ def compare(
         curve_model=model.loss_factor(curve_m, friction_coefficient, preload_N),
         curve_plane=model.plane().loss_factor(curve_m, friction_coefficient, preload_N),
         curve_identified=curve_identified,
+    )
+
+
+def _on_lossless(lossless: int, below: int) -> str:
+    """Say at how many points below gross slip the model loses nothing, and what is left."""
+    if lossless == below:
+        return "the model loses nothing below gross slip: no misfit can be given there"
+    return (
+        f"the model loses nothing at {lossless} of {below} points below gross slip, of which no "
+        f"misfit can be given: what is given is of the other {below - lossless} alone"
     )
 
 

@@ -59,7 +59,8 @@ def friction_and_preload(
     Raises
     ------
     SettingsError
-        If there are fewer than five resolved points for two parameters, or the model loses nothing.
+        If there are fewer than five resolved points for two parameters, or the model loses nothing
+        at some amplitudes or all.
     ContactError
         If the face cannot carry the preload in the middle.
 
@@ -81,7 +82,14 @@ def friction_and_preload(
             f"identification: {amplitude_m.size} points have a share of the joints; expected at "
             f"least {LEAST_POINTS} for two parameters; measure more amplitudes"
         )
-    if not (model.unit_curve(preload_N).loss_factor > 0).all():
+    loses = model.unit_curve(preload_N).loss_factor > 0
+    if loses.any() and not loses.all():
+        raise SettingsError(
+            "identification: this model loses nothing at some amplitudes below gross slip, as "
+            "under a normal load that oscillates; expected a loss at all, whose ratio is fitted; "
+            "compare without --identify, or give no slip.normal_amplitude_ratio"
+        )
+    if not loses.any():
         raise SettingsError(
             "identification: this model loses nothing below gross slip; choose a contact model "
             "with caps (contact.model)"
