@@ -267,9 +267,20 @@ def test_the_tables_of_a_face(several):
     assert tables["Provenance"]["settings sha256"] == several.settings.sha256()
     assert tables["Provenance"]["command"] == DASH
     contact = tables["Contact, slip and damping"]
+    assert contact["load of the scan"] == "150 N"
     slip = summary["slip"]
     assert contact["friction coefficient"] == "0.2"
     assert contact["gross slip, one joint"].startswith(f"{slip['total_slip_force_N']:.3g} N at ")
+
+
+def test_the_load_of_the_scan_in_the_table_is_named_for_what_it_is(several):
+    """Beside a preload of the joint that is less, of which the scan is all."""
+    summary = several.summary()
+    summary["contact"] |= {"pressure_classes": 2}
+    tables = {title: dict(rows) for title, rows in report._tables(summary)}
+    assert tables["Contact, slip and damping"]["load of the scan"] == (
+        "150 N, under the greatest pressure"
+    )
 
 
 def test_a_picture_that_is_missing_says_why(several, tmp_path):

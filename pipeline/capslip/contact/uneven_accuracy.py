@@ -184,10 +184,11 @@ def error_of_joint(
     W, asked = found.energy_at(ASKED), energy[SHARES.index(ASKED)]
     if max(K, W) <= tolerance:
         return found, problems, asked
-    rests = _rests_on(joint, light.preload_N, stiffness, asked)
+    of_K, of_W = (float(one @ _no_heavier(joint, light.preload_N)) for one in (stiffness, asked))
     under = (
-        f"under {light.preload_N:.3g} N on the scan, and {percent(rests)} of the joint rests on "
-        "patches that bear no more, "
+        f"under {light.preload_N:.3g} N on the scan, and patches that bear no more have "
+        f"{percent(of_K)} of the stiffness of the joint and {percent(of_W)} of its energy at "
+        f"{percent(ASKED)} of mu N, "
     )
     said = [
         replace(one, message=under + one.message, effect=_of_joint(one.effect, K, W))
@@ -285,8 +286,13 @@ def _stiffness_and_energies(curve: NormalCurve, preload_N: float) -> np.ndarray:
 
 def _rests_on(joint: Joint, most_N: float, stiffness: np.ndarray, energy: np.ndarray) -> float:
     """Return the share of stiffness or energy, the greater, of patches up to a load."""
-    light = joint.load_N <= most_N * (1.0 + 1e-9)
-    return float(max(stiffness[light].sum(), energy[light].sum()))
+    light = _no_heavier(joint, most_N)
+    return float(max(stiffness @ light, energy @ light))
+
+
+def _no_heavier(joint: Joint, most_N: float) -> np.ndarray:
+    """Tell which patches bear no more than a load."""
+    return np.asarray(joint.load_N <= most_N * (1.0 + 1e-9))
 
 
 def shares_of_patches(

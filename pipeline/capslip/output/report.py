@@ -23,7 +23,7 @@ from capslip.output.lead import (
 )
 from capslip.output.methods import citation, methods_paragraph, references
 from capslip.output.quantity import engineering, scaled
-from capslip.output.rows import DASH, QUANTITIES, approach_fact, write_text
+from capslip.output.rows import DASH, QUANTITIES, UNEVEN, approach_fact, write_text
 from capslip.output.thumbnail import thumbnail
 from capslip.output.view import read_view
 from capslip.output.viewer import CELLS, viewer_block
@@ -208,7 +208,7 @@ def _headlines(summary: dict[str, Any]) -> list[tuple[str, str, str]]:
         peak = "not defined: the {structure} is no longer lightly damped"
     if damping["first_peak_loss_factor"] is not None:
         peak += "; a first maximum of {first_peak_loss_factor} at {amplitude_at_first_peak_m}"
-    uneven = ", under the greatest pressure" if contact["pressure_classes"] > 1 else ""
+    uneven = UNEVEN if contact["pressure_classes"] > 1 else ""
     families: tuple[tuple[Fact, str], ...] = (
         (("G-caps m, P-caps n", "{m}, {n}"), "families by peak height"),
         ("h_m", "G-peaks above P-peaks"),
@@ -424,7 +424,11 @@ def _tables(
 ) -> list[tuple[str, list[tuple[str, str]]]]:
     """Return the remaining numbers of the summary, grouped, as label and text."""
     groups = {} if summary["scans"] else _groups_of_face(summary, analysed)
-    groups["Contact, slip and damping"] = OF_THE_JOINT
+    uneven = summary["contact"]["pressure_classes"] > 1
+    load: Fact = ("load of the scan", f"{{scan_load_N}}{UNEVEN}") if uneven else "scan_load_N"
+    groups["Contact, slip and damping"] = tuple(
+        load if one == "scan_load_N" else one for one in OF_THE_JOINT
+    )
     tables = [(title, [_fact(fact, summary) for fact in facts]) for title, facts in groups.items()]
     if summary["scans"]:
         empty = set(f"{DASH}: ")  # a text of several quantities, too

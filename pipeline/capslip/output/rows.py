@@ -12,6 +12,7 @@ from capslip.output.quantity import engineering
 from capslip.units import AREAS
 
 DASH = "–"
+UNEVEN = ", under the greatest pressure"  # that of the patch whose state is shown
 SCALES = {
     "um": 1e-6,
     "µm": 1e-6,

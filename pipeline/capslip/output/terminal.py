@@ -8,7 +8,7 @@ from typing import Any
 from capslip.errors import printable
 from capslip.output.lead import answer_lines, assumed_lines, joint_line
 from capslip.output.quantity import engineering
-from capslip.output.rows import Value, write_text
+from capslip.output.rows import UNEVEN, Value, write_text
 from capslip.result import Analysis, JointOfScans, JointResult
 from capslip.summary import summary_of
 from capslip.surface.average import Average
@@ -27,7 +27,6 @@ OF_HILLS = ", D {{diameter_{0}_m}}, df {{height_{0}_m}}"  # which families that 
 LEVEL = "level      turned by {tilt_across_face_m} across the face until balanced{0}"
 NOT_CERTIFIED = "; the cut does not hold all that touches"
 CONTACT = "contact    {{model}}: {{scan_load_N:4}} on {{contacts}} {0}, {1}"
-UNEVEN = ", under the greatest pressure"  # that of the patch whose state is shown
 APPROACH = "{approach_without_bulk_m} ({approach_m} with bulk)"  # the first, as in the report
 SLIP = (
     "slip       stiffness {0}, gross slip at {{total_slip_force_N:4}}, "
