@@ -21,10 +21,13 @@ from capslip.output.methods import (
     OF_YIELD,
     citation,
     conditioned,
+    limits,
     methods_paragraph,
     references,
 )
+from capslip.output.quantity import engineering
 from capslip.output.report import DASH, OF_SCANS, SCATTER, write_report
+from capslip.output.terminal import result_lines
 from capslip.problems import Problem
 from capslip.result import JointOfScans
 from capslip.settings import load_settings
@@ -142,7 +145,7 @@ def test_a_joint_of_scans_has_no_headlines_of_a_face():
     ],
 )  # fmt: skip
 def test_what_the_numbers_leave_out_is_said_where_it_is_so(contact, said, unsaid):
-    found = report._limits(changed(contact=contact))
+    found = limits(changed(contact=contact))
     text = "\n".join(found)
     assert all(one in text for one in said)
     assert not any(one in text for one in unsaid)
@@ -154,7 +157,7 @@ def test_no_text_calls_a_load_constant_that_oscillates(several, tmp_path):
     still = several.summary()
     moved = still | {"assumed": []}
     for summary, constant in ((still, True), (moved, False)):
-        slip = next(one for one in report._limits(summary) if one.startswith("Slip follows"))
+        slip = next(one for one in limits(summary) if one.startswith("Slip follows"))
         assert ("a constant preload" in slip) == constant
         assert ("a normal load that oscillates" in slip) != constant
         assert ("by Masing's rule" in methods_paragraph(summary, several.settings)) == constant
@@ -475,3 +478,47 @@ def test_methods_of_two_faces_name_the_second_and_what_was_made_of_both(way, ali
     assert ("the caps of both were counted" in text) == (way == "together")
     assert ("spherical caps of both faces were fitted" in text) == (way == "together")
     assert ("(from the map, of the first)" in text) == (way == "together")
+
+
+@pytest.mark.parametrize(
+    ("way", "whose"),
+    [("composite", "of the sum of both faces"), ("together", "of the first face")],
+)
+def test_page_and_terminal_of_two_faces_name_both_and_whose_heights_are_told(way, whose, tmp_path):
+    first, settings = two_faces().surface, two_faces().settings
+    at = Origin("one.x3p", "/scans/{one}.x3p", "abc")
+    first = replace(first, origin=at)
+    height_m = 2.0 * first.height_m[::-1, ::-1]
+    second = replace(first, height_m=height_m, origin=Origin("other.x3p", "/scans/other.x3p", "de"))
+    settings = load_settings(
+        overrides=("contact.preload_N=150", "contact.model=caps", f"mating.way={way}")
+    )
+    analysis = analyze_once(first, settings, second)
+    summary = analysis.summary()
+    page = write_report(analysis, summary, tmp_path, None).read_text("utf-8")
+    assert "<h1>one.x3p with its mate other.x3p</h1>" in page
+    assert "<title>one.x3p with its mate other.x3p – capslip report</title>" in page
+    assert "From scans of both faces of a joint to their damping" in page
+    assert "From a scan" not in page
+    tables = dict(report._tables(summary))
+    face = dict(tables["Height map"])
+    assert face["file"] == "/scans/{one}.x3p; its mate /scans/other.x3p"
+    assert (face["SHA-256"], face["SHA-256 of its mate"]) == ("abc", "de")
+    (step,) = (one for one in summary["surface"]["steps"] if one["step"] == "mating")
+    each = [engineering(one_m, "m") for one_m in step["sq_of_faces_m"]]
+    sq = engineering(analysis.conditioned.sq_m, "m")
+    assert len({*each, sq}) == (3 if way == "composite" else 2)
+    assert (face[f"Sq {whose}"], face["Sq of each face"]) == (sq, " and ".join(each))
+    assert {"Sq", "Sz"}.isdisjoint(face)
+    assert f"Surface parameters after ISO 25178-2 {whose}" in tables
+    said = f"{whose}: with its mate other.x3p, Sq of each {', '.join(each)}\n"
+    lines = result_lines(analysis)
+    assert said.replace("µ", "u") in lines
+    assert lines.index("; Sq ") < lines.index(whose)
+    alone = analyze_once(first, settings)
+    page = write_report(alone, alone.summary(), tmp_path, None).read_text("utf-8")
+    assert "<h1>one.x3p</h1>" in page
+    assert "From a scan of a joint face to its damping" in page
+    face = dict(dict(report._tables(alone.summary()))["Height map"])
+    assert (face["file"], face["Sq"]) == (at.path, engineering(alone.conditioned.sq_m, "m"))
+    assert "its mate" not in result_lines(alone)

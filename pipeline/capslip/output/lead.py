@@ -1,5 +1,6 @@
 """What a reader sees first, on the terminal and in the report: answer, joint, what was assumed."""
 
+from collections.abc import Iterable
 from typing import Any
 
 from capslip.output.rows import write_text
@@ -46,6 +47,8 @@ LOADED = 0.999  # of the joint: less is said
 COVERAGE = "; scan {coverage} of it"
 RESULTANT = ", resultant {off_m} off the load point"
 ON_POINT = ", resultant through the load point"
+# Whose heights a map has, by the way in which two faces were mated
+OF_FACES = {"composite": "of the sum of both faces", "together": "of the first face"}
 SCANS = "; {0} scans together {{coverage}} of it"
 
 
@@ -141,6 +144,11 @@ def _range(end: str, low: float | None, high: float | None) -> str:
         return "without a bound"
     text = end.format("low")
     return f"above {text}, no upper bound" if high is None else f"{text} to {end.format('high')}"
+
+
+def mating_of(steps: Iterable[dict[str, Any]]) -> dict[str, Any] | None:
+    """Return what made one map of two faces; None where there is one face."""
+    return next((step for step in steps if step["step"] == "mating"), None)
 
 
 def joint_line(summary: dict[str, Any], absent: str) -> str:

@@ -1,11 +1,11 @@
-"""What a paper would say of an analysis: a paragraph on the methods, references and a citation."""
+"""What a paper would say of an analysis: methods, what they leave out, references, a citation."""
 
 import math
 from collections.abc import Callable, Iterable
 from typing import TYPE_CHECKING, Any
 
 from capslip.contact.rung import rung
-from capslip.output.lead import oscillates
+from capslip.output.lead import mating_of, oscillates
 from capslip.output.quantity import engineering
 from capslip.units import percent
 
@@ -73,7 +73,7 @@ def methods_paragraph(summary: dict[str, Any], settings: "Settings") -> str:
             "Ciavarella and Jaeger, cycles by Masing's rule."
         )
     (ny, nx), (dy_m, dx_m) = surface["shape"], surface["pixel_size_m"]
-    mating = next((step for step in surface["steps"] if step["step"] == "mating"), None)
+    mating = mating_of(surface["steps"])
     of_both = mating is not None and mating["way"] == "together"
     found = [
         f"A scan of {nx} x {ny} points at {engineering(dx_m, 'm', 4)} x "
@@ -129,6 +129,52 @@ def _filter(step: dict[str, Any]) -> str:
     """Return the filter of a step."""
     index = engineering(step["nesting_index_m"], "m", 4)
     return f"an areal Gaussian filter (ISO 16610-61) with a nesting index of {index}"
+
+
+def limits(summary: dict[str, Any]) -> list[str]:
+    """Say in plain words what the model leaves out."""
+    load = "a constant preload"
+    if oscillates(summary):
+        load = "a normal load that oscillates with the force and its frequency, once it has settled"
+    found = [
+        "The loss factor is for comparing faces, preloads and designs. Bureau, Caroli and "
+        "Baumberger (2003) report that a model of many Mindlin contacts describes the elastic "
+        "response of a real interface, but not its dissipation quantitatively. An absolute value "
+        "needs a measurement, and no interval of this report holds that: they hold what the caps, "
+        "the contact model and the given spreads leave open.",
+        "Slip follows from the normal curve by the theorem of Ciavarella and Jaeger: "
+        f"{load}, one direction of slip, no rotation, equal materials (or no coupling between "
+        "normal and tangential deformation), Coulomb friction with one coefficient. Poisson's "
+        "effect alone (at 0.3) changes displacement and energy by 0.1 and 0.4 % for one round "
+        "contact, by up to 5 and 11 % for waves that leave few contacts.",
+    ]
+    model = summary["contact"]["model"]
+    if model is not None:
+        found.append(f"Contact model {model}: {rung(model).leaves_out}")
+        how = "holds" if summary["contact"]["bulk"] else "does not hold"
+        found.append(
+            f"The stiffness used {how} the sinking of the half-space as a whole (the bulk term). A "
+            "structural model of the parts counts that sinking itself."
+        )
+    hardness_Pa = summary["contact"]["hardness_Pa"]
+    found.append(
+        "The contact is elastic: no hardness was given."
+        if hardness_Pa is None
+        else f"The hardness of the softer face is taken as {hardness_Pa / 1e9:.3g} GPa everywhere; "
+        "2.8 times a yield stress is known to some 20 %, less where machining hardened the skin."
+    )
+    coverage = summary["contact"]["coverage"]
+    if coverage is not None and coverage < 0.99:
+        found.append(
+            "The scan stands for a larger joint: waves longer than the scan are not in the "
+            "numbers, and its few highest hills stand for those of the whole. A face cut in nine "
+            "lost less than in one piece, by about one over the root of the contacts in a part."
+        )
+    found.append(
+        "Only the loss in the joints is counted: not that in the material, at "
+        "the clamps or in the air."
+    )
+    return found
 
 
 def _mated(step: dict[str, Any]) -> list[str]:

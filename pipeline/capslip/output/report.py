@@ -14,14 +14,16 @@ from capslip.contact.rung import rung
 from capslip.output import figures_sensitivity
 from capslip.output.figures import FIGURES, OF_JOINT
 from capslip.output.lead import (
+    OF_FACES,
     answer_lines,
     assumed_lines,
     causes,
     effect_text,
     joint_line,
+    mating_of,
     oscillates,
 )
-from capslip.output.methods import citation, methods_paragraph, references
+from capslip.output.methods import citation, limits, methods_paragraph, references
 from capslip.output.quantity import engineering, scaled
 from capslip.output.rows import DASH, QUANTITIES, UNEVEN, approach_fact, write_text
 from capslip.output.thumbnail import thumbnail
@@ -135,8 +137,10 @@ def write_report(
     problems = sorted(summary["problems"], key=lambda one: SEVERITIES.index(one["severity"]))
     result, panel = folder / "result.h5", panel or whatif_data(analysis)
     scans = analysis.scans if isinstance(analysis, JointOfScans) else ()
+    mating = mating_of(summary["surface"]["steps"]) if summary["surface"] else None
     page = template().render(
         summary=summary,
+        mate=mating and mating["second"],
         style=_part("report.css"),
         script=_part("report.js"),
         answer=[text for _, text in answer_lines(summary, DASH)],
@@ -145,7 +149,7 @@ def write_report(
         causes=causes(summary),
         problems=[{**one, "does": effect_text(one)} for one in problems],
         headlines=_headlines(summary),
-        limits=_limits(summary),
+        limits=limits(summary),
         figures=_figures(analysis, summary, folder / "figures", render_message),
         viewer=viewer_block(read_view(result, CELLS, summary)) if result.is_file() else "",
         whatif=panel and json.dumps(panel, allow_nan=False).replace("<", "\\u003c"),
@@ -243,52 +247,6 @@ def _headlines(summary: dict[str, Any]) -> list[tuple[str, str, str]]:
         if not (gone and summary["scans"]):  # what is of a face, and not of a joint of several
             found.append((label, text, note))
     return found
-
-
-def _limits(summary: dict[str, Any]) -> list[str]:
-    """Say in plain words what the model leaves out."""
-    load = "a constant preload"
-    if oscillates(summary):
-        load = "a normal load that oscillates with the force and its frequency, once it has settled"
-    limits = [
-        "The loss factor is for comparing faces, preloads and designs. Bureau, Caroli and "
-        "Baumberger (2003) report that a model of many Mindlin contacts describes the elastic "
-        "response of a real interface, but not its dissipation quantitatively. An absolute value "
-        "needs a measurement, and no interval of this report holds that: they hold what the caps, "
-        "the contact model and the given spreads leave open.",
-        "Slip follows from the normal curve by the theorem of Ciavarella and Jaeger: "
-        f"{load}, one direction of slip, no rotation, equal materials (or no coupling between "
-        "normal and tangential deformation), Coulomb friction with one coefficient. Poisson's "
-        "effect alone (at 0.3) changes displacement and energy by 0.1 and 0.4 % for one round "
-        "contact, by up to 5 and 11 % for waves that leave few contacts.",
-    ]
-    model = summary["contact"]["model"]
-    if model is not None:
-        limits.append(f"Contact model {model}: {rung(model).leaves_out}")
-        how = "holds" if summary["contact"]["bulk"] else "does not hold"
-        limits.append(
-            f"The stiffness used {how} the sinking of the half-space as a whole (the bulk term). A "
-            "structural model of the parts counts that sinking itself."
-        )
-    hardness_Pa = summary["contact"]["hardness_Pa"]
-    limits.append(
-        "The contact is elastic: no hardness was given."
-        if hardness_Pa is None
-        else f"The hardness of the softer face is taken as {hardness_Pa / 1e9:.3g} GPa everywhere; "
-        "2.8 times a yield stress is known to some 20 %, less where machining hardened the skin."
-    )
-    coverage = summary["contact"]["coverage"]
-    if coverage is not None and coverage < 0.99:
-        limits.append(
-            "The scan stands for a larger joint: waves longer than the scan are not in the "
-            "numbers, and its few highest hills stand for those of the whole. A face cut in nine "
-            "lost less than in one piece, by about one over the root of the contacts in a part."
-        )
-    limits.append(
-        "Only the loss in the joints is counted: not that in the material, at "
-        "the clamps or in the air."
-    )
-    return limits
 
 
 def _figures(
@@ -456,6 +414,17 @@ def _changed(analysis: "Analysis") -> "HeightMap | None":
     return seen if points_line(seen) != points_line(analysis.surface) else None
 
 
+def _files(surface: dict[str, Any], mating: dict[str, Any] | None) -> tuple[Fact, ...]:
+    """Return the file of a face, or of both, which a text that is filled in takes as they are."""
+    first = surface["path"] or "given as an array"
+    if mating is None:
+        return (("file", "{path}" if surface["path"] else first), "sha256")
+    mate = surface["mate"]
+    other = mate["path"] or f"{mating['second']}, given as an array"
+    files = f"{first}; its mate {other}".replace("{", "{{").replace("}", "}}")
+    return (("file", files), "sha256", ("SHA-256 of its mate", mate["sha256"] or DASH))
+
+
 def _groups_of_face(
     summary: dict[str, Any], analysed: "HeightMap | None"
 ) -> dict[str, tuple[Fact, ...]]:
@@ -467,22 +436,28 @@ def _groups_of_face(
         points, pixel = _points(analysed.shape), _pixel(analysed.pixel_size_m)
         of = (("as analysed", f"{points}, pixels of {pixel}, {missing} non-measured"),)
     as_read = ", as read" if of else ""
+    mating, of_faces = mating_of(surface["steps"]), ""
+    each: tuple[Fact, ...] = ()
+    if mating is not None:
+        of_faces = f" {OF_FACES[mating['way']]}"
+        both = " and ".join(engineering(one_m, "m") for one_m in mating["sq_of_faces_m"])
+        each = (("Sq of each face", both),)
     rejected = ", ".join(f"{n} {reason}" for reason, n in summary["hills"]["rejected"].items())
     family = {name: FAMILY.format(name) if families[name] else "none" for name in "GP"}
     return {
         "Height map": (
-            "path" if surface["path"] else ("file", "given as an array"),
-            "sha256",
+            *_files(surface, mating),
             (f"points{as_read}", _points((ny, nx))),
             (f"pixel{as_read}", _pixel((dy_m, dx_m))),
             (f"face{as_read}", f"{engineering(nx * dx_m, 'm')} x {engineering(ny * dy_m, 'm')}"),
             (f"non-measured{as_read}", "{non_measured}"),
             *of,
             "form",
-            "sq_m",
-            "sz_m",
+            (f"Sq{of_faces}", "{sq_m}"),
+            (f"Sz{of_faces}", "{sz_m}"),
+            *each,
         ),
-        "Surface parameters after ISO 25178-2": ISO25178,
+        f"Surface parameters after ISO 25178-2{of_faces}": ISO25178,
         "Hills and families": (
             "alignment",
             "tilt_across_face_m",

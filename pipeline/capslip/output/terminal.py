@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from capslip.errors import printable
-from capslip.output.lead import answer_lines, assumed_lines, joint_line
+from capslip.output.lead import OF_FACES, answer_lines, assumed_lines, joint_line, mating_of
 from capslip.output.quantity import engineering
 from capslip.output.rows import UNEVEN, Value, write_text
 from capslip.result import Analysis, JointOfScans, JointResult
@@ -79,6 +79,10 @@ def result_lines(analysis: JointResult) -> str:
     if isinstance(analysis, Analysis):
         seen, read = analysis.conditioned, points_line(analysis.surface)
         analysed = sanity_line(seen.surface, seen.sq_m, seen.sz_m)
+        if (mating := mating_of(seen.steps)) is not None:
+            both = ", ".join(engineering(one_m, "m") for one_m in mating["sq_of_faces_m"])
+            analysed += f", {OF_FACES[mating['way']]}: with its mate {mating['second']}, Sq of each"
+            analysed += f" {both}"
         if read == points_line(seen.surface):
             lines.append(f"scan       {analysed}")
         else:
