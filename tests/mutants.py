@@ -87,6 +87,10 @@ TABLE = [
         ),
     ),
     (("surface/heights.py",), ("tests/surface/test_*heightmap*.py",)),
+    (
+        ("surface/repeats.py",),
+        ("tests/surface/test_*average*.py", "tests/command_line/test_cli_average.py"),
+    ),
     (("surface/shifts.py",), ("tests/surface/test_*mating*.py", "tests/surface/test_*average*.py")),
     (("surface/spectrum.py",), ("tests/surface/test_*parameters*.py",)),
     (("surface/readers/*.py",), ("tests/surface/test_*readers*.py",)),

@@ -355,7 +355,7 @@ def average(scans: tuple[Path, ...], out: Path | None, quiet: bool, **options: A
     say = Progress(quiet, options["verbose"])
     maps = [_load(scan, settings, say)[0] for scan in scans]
     found, names = run(maps), [scan.name for scan in scans]
-    of = [f"{name} (SHA-256 {one.origin.sha256})" for name, one in zip(names, maps, strict=True)]
+    of = found.surface.origin.mean_of
     write_whole(path, lambda unfinished: write_hdf5(found.surface, unfinished, mean_of=of))
     if not quiet:
         say_result(to_width(average_lines(found, names, path)))

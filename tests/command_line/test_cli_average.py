@@ -12,6 +12,7 @@ from scipy.ndimage import shift
 
 from capslip.analysis import analyze_scans
 from capslip.cli import main
+from capslip.errors import UnreadableFileError
 from capslip.provenance import sha256_of
 from capslip.settings import load_settings
 from capslip.studies.faces.synthetic import Scene, synthetic_surface
@@ -69,6 +70,54 @@ def test_the_mean_is_written_with_its_noise_and_told(scans, tmp_path):
         of = list(file["height"].attrs["mean_of"])
     assert of == [f"{name} (SHA-256 {sha256_of(tmp_path / name)})" for name in scans]
     assert sorted(one.name for one in tmp_path.iterdir()) == ["a-mean.h5", *scans]
+
+
+def test_averages_that_share_a_scan_are_refused_and_others_are_as_good_as_they_say(scans):
+    """Of ab and bc the noise of b does not go down: 0.61 of that of one scan, not 0.35."""
+    write_hdf5(repeats(n=4)[3], "d.h5")
+    for pair in ("ab", "bc", "cd"):
+        assert run("average", *(f"{name}.h5" for name in pair), "-o", f"{pair}.h5").exit_code == 0
+    for given, said in (
+        (("ab", "bc"), "error: ab and bc: b.h5 in both"),
+        (("ab", "a"), "error: ab and a: a.h5 in both"),
+        (("c", "d", "bc"), "error: c and bc: c.h5 in both"),
+    ):
+        ran = run("average", *(f"{name}.h5" for name in given), "-o", "no.h5")
+        assert (ran.exit_code, ran.stdout) == (2, "")
+        (line,) = (one for one in ran.stderr.splitlines() if one.startswith("error"))
+        assert line.startswith(said)
+        assert line.endswith("give the scans themselves")
+    assert not Path("no.h5").exists()
+    assert run("average", "ab.h5", "cd.h5", "-o", "abcd.h5").exit_code == 0
+    whole, once = load_surface("abcd.h5"), average([load_surface(f"{one}.h5") for one in "abcd"])
+    assert whole.noise_m == pytest.approx(once.surface.noise_m, rel=0.1)
+    of = [line.split(" ")[0] for line in whole.origin.mean_of]
+    assert of == ["ab.h5", "a.h5", "b.h5", "cd.h5", "c.h5", "d.h5"]
+    ran = run("average", "abcd.h5", "bc.h5", "-o", "no.h5")
+    assert "error: abcd and bc: b.h5, c.h5 in both" in ran.stderr
+
+
+def test_a_damaged_list_of_scans_does_not_hang_the_library(scans):
+    assert run("average", *scans).exit_code == 0
+    whole = Path("a-mean.h5").read_bytes()
+    at = whole.index(b"mean_of\0")
+    for which in range(3):  # the length of each of its strings
+        length = len(load_surface("a-mean.h5").origin.mean_of[which]).to_bytes(4, "little")
+        place = at
+        for _ in range(1 + which):
+            place = whole.index(length, place + 1)
+        broken = bytearray(whole)
+        broken[place : place + 4] = b"\xff\xff\xff\x7f"
+        Path("broken.h5").write_bytes(broken)
+        with pytest.raises(UnreadableFileError, match="damaged HDF5 file at offset"):
+            load_surface("broken.h5")
+
+
+@pytest.mark.parametrize("odd", [3.0, "one", np.array([[1, 2]]), np.array([b"x", b"y"])])
+def test_a_list_of_scans_that_is_none_of_ours_is_no_matter(scans, odd):
+    with h5py.File("a.h5", "r+") as file:
+        file["height"].attrs["mean_of"] = odd
+    assert load_surface("a.h5").origin.mean_of == ()
 
 
 def test_what_splines_take_of_the_noise_is_told(scans):

@@ -380,6 +380,24 @@ def test_what_is_no_repeat_is_refused():
         average([a, named(HeightMap(b.height_m[:, :80], PIXEL_M), "b")])
 
 
+def test_averages_in_memory_that_share_a_scan_are_refused():
+    """Arrays are known by their heights; maps of one file by their datasets, too."""
+    a, b, c, d = (named(one, name) for one, name in zip(scans_of(waves(), 4), "abcd", strict=True))
+    ab, ba, bc, cd = (average(two).surface for two in ((a, b), (b, a), (b, c), (c, d)))
+    for scans, both in (([ab, bc], "b"), ([ab, ba], "a, b"), ([c, d, ab, a], "a"), ([bc, b], "b")):
+        with pytest.raises(SettingsError, match=f": {both} in both, and so the noise of it; exp"):
+            average(scans)
+    assert average([ab, cd]).surface.noise_m == pytest.approx(NOISE_M / 2.0, rel=0.05)
+    of_file = [
+        replace(one, origin=Origin(one.origin.name, "scans.h5", "abc", dataset=f"scan {i}"))
+        for i, one in enumerate((a, b, c, d))
+    ]
+    ab, bc, cd = (average(of_file[i : i + 2]).surface for i in range(3))
+    assert average([ab, cd]).surface.origin.mean_of[1] == "scans.h5 (SHA-256 abc, scan 0)"
+    with pytest.raises(SettingsError, match=r": scans\.h5 in both"):
+        average([ab, bc])
+
+
 @pytest.mark.parametrize("moved", [(0, 0), (2, -3), (0.45, 0.4)])
 def test_no_two_scans_are_one_whichever_they_are_and_however_they_are_levelled(moved):
     wide_m, inside = waves(1, (200, 260)), np.s_[40:160, 40:220]

@@ -15,6 +15,7 @@ from capslip.surface.filling import from_nearest
 from capslip.surface.form import remove_form
 from capslip.surface.heightmap import HeightMap, check_maps
 from capslip.surface.noise import MEDIAN_OF_NORMAL, white_noise_of_scans_m
+from capslip.surface.repeats import lines_of, refuse_shared
 from capslip.surface.shifts import match_by_shift
 from capslip.units import percent
 
@@ -98,7 +99,7 @@ def average(scans: Sequence[HeightMap]) -> Average:
     Raises
     ------
     SettingsError
-        If there are fewer than two, their pixels differ, or two hold the same heights.
+        If there are fewer than two, their pixels differ, or two hold the same heights or a scan.
     UnusableSurfaceError
         If one is no HeightMap, or scans do not show one place, are turned by more than a pixel at a
         corner, or have less than half of their points in common.
@@ -145,7 +146,8 @@ def average(scans: Sequence[HeightMap]) -> Average:
     _refuse_copies(scans, noise_m, face_m2)
     spikes = _leave_out_spikes(level_m, noise_m)
     form_m = sum(one.form_m for one in apart) / len(scans)  # no step where some scans end
-    mean = replace(scans[0], height_m=_mean_m(level_m) + form_m)
+    origin = replace(scans[0].origin, mean_of=tuple(x for one in scans for x in lines_of(one)))
+    mean = replace(scans[0], height_m=_mean_m(level_m) + form_m, origin=origin)
     height_m = remove_form(mean, "plane")[0].height_m
     high = height_m >= np.nanquantile(height_m, 1.0 - HIGHEST_SHARE)
     known, kept = np.isfinite(height_m), np.mean([(1.0, 1.0), *(one.kept for one in apart)], axis=0)
@@ -219,6 +221,7 @@ def _check(scans: Sequence[HeightMap]) -> None:
                 f"{other.origin.name}: pixels of {dy_m:g} x {dx_m:g} m, and of {first_dy_m:g} x "
                 f"{first_dx_m:g} m in {first.origin.name}; expected scans of one setting"
             )
+    refuse_shared(scans)
 
 
 def _in_common(scans: Sequence[HeightMap], shifts: np.ndarray) -> list[np.ndarray]:

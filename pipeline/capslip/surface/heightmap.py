@@ -31,6 +31,7 @@ class Origin:
     dataset: str | None = None  # which of several maps of the file was read
     read_with: tuple[tuple[str, object], ...] = ()  # what its reader was told, by its keywords
     notes: tuple[str, ...] = ()  # what the reader did beyond reading: doubts, or `Statement`
+    mean_of: tuple[str, ...] = ()  # name and digest of each scan that an average is made of
 
 
 class Statement(str):

@@ -43,6 +43,7 @@ UNIT_WORDS = (b"unit\0", b"pixel_unit\0")  # names of attributes; each ends as t
 HEAP = b"GCOL\x01\0\0\0"  # where HDF5 keeps strings of free length
 VARIABLE_LENGTH = 9  # class of a data type
 MAX_WORD_BYTES = 1024
+MEAN_OF, MAX_SCANS, MAX_LINE_BYTES = b"mean_of\0", 4096, 1 << 14
 VENDOR_EXTENSIONS = (".datx", ".nc")  # HDF5 inside, with a structure of their own
 
 
@@ -116,8 +117,12 @@ def _read(path: Path, request: Request) -> Stored:
     try:
         with h5py.File(path, "r") as file:
             chosen = _chosen(file, path, request.dataset)
-            _check_strings(path, _beside(chosen, path.stat().st_size))
+            scans = _n_scans(chosen)
+            _check_strings(path, _beside(chosen, path.stat().st_size), scans)
             stored = _stored(chosen, path, request)
+            if scans:
+                lines = filter(None, (_line(one) for one in chosen.attrs["mean_of"]))
+                stored = replace(stored, mean_of=tuple(lines))
             return replace(stored, notes=lengths + stored.notes)
     except (OSError, RuntimeError, KeyError, ValueError, TypeError) as error:
         # each of these is what h5py raises on one kind of damaged bytes
@@ -142,12 +147,21 @@ def _beside(dataset: Any, n_bytes: int) -> list[tuple[int, int]]:
     return [*beside, (at, n_bytes)]
 
 
-def _check_strings(path: Path, beside: list[tuple[int, int]]) -> None:
+def _n_scans(dataset: Any) -> int:
+    """Return how many scans an average names; 0 where it names none, or in no way of ours."""
+    if "mean_of" not in dataset.attrs:
+        return 0
+    held = dataset.attrs.get_id("mean_of")
+    known = held.dtype.kind == "O" and len(held.shape) == 1 and held.shape[0] <= MAX_SCANS
+    return int(held.shape[0]) if known else 0
+
+
+def _check_strings(path: Path, beside: list[tuple[int, int]], scans: int) -> None:
     """Refuse damaged strings of free length: the HDF5 library loops or takes gigabytes over them.
 
     The bytes beside the heights are looked at as they lie in the file: the heaps that hold such
-    strings, and the attributes `unit` and `pixel_unit` (format specification 3.0, III.E and
-    IV.A.2.m).
+    strings, and the attributes `unit`, `pixel_unit` and, where an average names scans, `mean_of`
+    (format specification 3.0, III.E and IV.A.2.m).
     """
     with (
         path.open("rb") as file,
@@ -159,6 +173,9 @@ def _check_strings(path: Path, beside: list[tuple[int, int]]) -> None:
                 here = start >= 0 and content[start : start + len(name)] == name
                 if here and _is_endless(content, start, len(name)):
                     raise _damaged_strings(path, start)
+        for at in _places(content, MEAN_OF, beside) if scans else ():
+            if _is_endless(content, at, len(MEAN_OF), scans, MAX_LINE_BYTES):
+                raise _damaged_strings(path, at)
         for at in _places(content, HEAP, beside):
             place, end = at + 16, at + int.from_bytes(content[at + 8 : at + 16], "little")
             while place + 16 <= min(end, len(content)):
@@ -180,8 +197,10 @@ def _places(content: mmap.mmap, word: bytes, within: list[tuple[int, int]]) -> I
                 at = block.find(word, at + 1)
 
 
-def _is_endless(content: mmap.mmap, at: int, name_size: int) -> bool:
-    """Say whether the attribute with its name at `at` is a string of free, absurd length."""
+def _is_endless(
+    content: mmap.mmap, at: int, name_size: int, count: int = 1, most: int = MAX_WORD_BYTES
+) -> bool:
+    """Say whether the attribute with its name at `at` is strings of free, absurd length."""
     for start, versions in ((at - 8, (1, 2)), (at - 9, (3,))):
         if start < 0 or content[start] not in versions:
             continue
@@ -189,9 +208,11 @@ def _is_endless(content: mmap.mmap, at: int, name_size: int) -> bool:
         if sizes[0] != name_size:
             continue
         name, kind, space = (-(-n // 8) * 8 for n in sizes) if content[start] == 1 else sizes
-        value = at + name + kind + space
-        if value + 4 <= len(content) and content[at + name] & 0x0F == VARIABLE_LENGTH:
-            return int.from_bytes(content[value : value + 4], "little") > MAX_WORD_BYTES
+        value, step = at + name + kind + space, 16  # a length, and where in which heap it lies
+        end = value + step * (count - 1) + 4
+        if end <= len(content) and content[at + name] & 0x0F == VARIABLE_LENGTH:
+            lengths = (content[i : i + 4] for i in range(value, end, step))
+            return max(int.from_bytes(one, "little") for one in lengths) > most
     return False
 
 
@@ -305,6 +326,12 @@ def _text(value: Any, what: str) -> str | None:
             f"{what}: got {value!r}; expected a word (m, mm, um, nm); correct the file"
         )
     return value
+
+
+def _line(value: Any) -> str | None:
+    """Return a text that is for the record, or None."""
+    value = value.decode("utf-8", "replace") if isinstance(value, bytes) else value
+    return value if isinstance(value, str) else None
 
 
 def _pair(value: Any, what: str) -> tuple[float, float]:

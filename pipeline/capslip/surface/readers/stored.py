@@ -52,6 +52,8 @@ class Stored:
         The one of several maps of the file that this is.
     noise_m : float or None
         Measurement noise, rms of a height in metres, whatever the unit of the heights.
+    mean_of : tuple of str
+        Name and digest of each scan that an average is made of.
     """
 
     height: np.ndarray
@@ -62,6 +64,7 @@ class Stored:
     top_row_first: bool | None = None
     dataset: str | None = None
     noise_m: float | None = None
+    mean_of: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -263,6 +266,7 @@ def calibrate(stored: Stored, origin: Origin, given: Calibration) -> HeightMap:
         lateral_unit=pixel_unit,
         dataset=None if stored.dataset is None else printable(stored.dataset),
         notes=tuple(type(note)(printable(note)) for note in stored.notes),
+        mean_of=tuple(map(printable, stored.mean_of)),
     )
     return HeightMap(height_m, pixel_size_m, origin, noise_m=_noise_m(stored, where))
 
