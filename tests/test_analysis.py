@@ -156,15 +156,13 @@ def test_families_that_yield_slip_after_the_greatest_load_of_a_cycle(monkeypatch
     assert loads_N[0] == pytest.approx(520.0)
 
 
-NO_FORM, FLOOR, ROBUST = "form=none", "form_floor=true", "form_robust=true"
+FLOOR, ROBUST = "form_floor=true", "form_robust=true"
 
 
 @pytest.mark.parametrize(
     ("table", "idle", "harmless", "says"),
     [
         ("conditioning", (FLOOR, ROBUST), ((FLOOR,), (ROBUST,)), "form_robust and form_floor"),
-        ("conditioning", (NO_FORM, FLOOR), ((NO_FORM,), (FLOOR,)), "form_floor with form = none"),
-        ("conditioning", (NO_FORM, ROBUST), ((NO_FORM,),), "form_robust with form = none"),
         (
             "hills",
             ("separation=regions", "pruning_height_m=1e-7"),

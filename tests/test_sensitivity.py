@@ -287,7 +287,7 @@ def test_the_face_is_levelled_the_other_way(form, floor):
     assert sweep.sentence in problem.message
     assert sweep.sentence == (
         f"levelling, {' / '.join(labels)}: m 5, n 18, h 2.4e-07 m, R_G 23.8 m, R_P 26.7 m, "
-        f"approach 3e-07 m, W {energies}."
+        f"approach with bulk 3e-07 m, W {energies}."
     )
     plain = found.to_dict()[sweep.setting]
     assert plain["value"] == labels

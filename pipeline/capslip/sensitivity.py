@@ -19,7 +19,8 @@ from capslip.surface.heightmap import HeightMap
 
 ANSWERS = ("m", "n", "h_m", "radius_G_m", "radius_P_m", "approach_m", "energy_J")
 OF_CONTACT = ANSWERS[-2:]  # the others are of the families
-SYMBOL = dict(zip(ANSWERS, ("m", "n", "h", "R_G", "R_P", "approach", "W"), strict=True))
+SYMBOLS = ("m", "n", "h", "R_G", "R_P", "approach with bulk", "W")
+SYMBOL = dict(zip(ANSWERS, SYMBOLS, strict=True))
 UNIT = dict(zip(ANSWERS, ("", "", " m", " m", " m", " m", " J"), strict=True))
 CUTS = (0.02, 0.04, 0.06, 0.08, 0.10, 0.12, 0.15, 0.20, 0.25, 0.30)
 PRUNING_FACTORS = (0.25, 0.5, 1.0, 2.0)

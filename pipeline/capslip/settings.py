@@ -447,11 +447,6 @@ def _refuse_idle(settings: Settings, where: str) -> None:
     wrong: tuple[tuple[bool, str, str], ...] = (
         (len(fits) > 1, "conditioning: got form_robust and form_floor", "one fit or the other"),
         (
-            form.form == "none" and bool(fits),
-            f"conditioning: got {', '.join(fits)} with form = none, which fits nothing",
-            "a form, or none without a fit",
-        ),
-        (
             hills.separation == "regions" and bool(prunings),
             f"hills: got {', '.join(prunings)} with separation = regions, which prunes nothing",
             "separation = watershed, or no pruning",

@@ -38,6 +38,14 @@ def test_the_papers_families_give_its_loads_and_limits(tmp_path):
         assert again[table] == summary[table]
 
 
+def test_what_is_to_know_is_told_where_no_report_is_written(tmp_path):
+    for more in ((), ("-o", str(tmp_path / "out"))):
+        told = " ".join(run(*PAIR, "--preload", "460", *more).stdout.split())
+        assert "see the report" not in told
+        assert "info peak_at_gross_slip: the loss factor still grows where" in told
+    assert not list(tmp_path.rglob("report.html"))
+
+
 @pytest.mark.parametrize(
     ("displacement", "force_N", "energy_J"),
     [("1nm", 3.694, 2.728e-10), ("5nm", 13.53, 3.488e-8), ("40nm", 74.27, 1.381e-6)],

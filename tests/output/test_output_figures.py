@@ -200,7 +200,7 @@ def test_swept_answers_are_drawn_in_the_unit_that_is_written(several):
     sweeps = several.sensitivity.sweeps
     figure = FIGURES["sensitivity"].draw(several)
     columns = len(sweeps)
-    for label, name in (("approach", "approach_m"), ("W", "energy_J")):
+    for label, name in (("approach\nwith bulk", "approach_m"), ("W", "energy_J")):
         row = next(k for k, axes in enumerate(figure.axes) if axes.get_ylabel().startswith(label))
         unit = figure.axes[row].get_ylabel().partition("[")[2].rstrip("]")
         factor = {"n": 1e9, "µ": 1e6, "m": 1e3}[unit[0]]

@@ -6,6 +6,7 @@ import json
 import os
 import re
 from dataclasses import replace
+from types import SimpleNamespace
 
 import h5py
 import msgspec
@@ -18,7 +19,7 @@ from capslip.caps.table import UNITS
 from capslip.contact.slip import SlipCurve
 from capslip.errors import OutputError, SettingsError
 from capslip.output import figures, mesh, scene, staging, tables
-from capslip.output.export import inexact
+from capslip.output.export import export_named, inexact
 from capslip.problems import Problem
 from capslip.structure.jenkins import jenkins
 from capslip.units import percent
@@ -64,6 +65,29 @@ def written(tmp_path_factory):
     return analysis, folder, summary
 
 
+def test_each_stage_of_writing_has_its_own_time(tmp_path, monkeypatch):
+    """What another program asked for is no time of meshes."""
+    takes_s, now_s = {"export": 19.0, "meshes": 2.0}, [0.0]
+
+    def slow(stage):
+        def made(*given):
+            now_s[0] += takes_s[stage]
+
+        return made
+
+    clock = SimpleNamespace(perf_counter=lambda: now_s[0])
+    export = replace(export_named("jenkins"), write=slow("export"))
+    monkeypatch.setattr("capslip.output.folder.time", clock)
+    monkeypatch.setattr("capslip.output.folder.export_named", lambda name: export)
+    monkeypatch.setattr("capslip.output.mesh.write_meshes", slow("meshes"))
+    analysis = output_cases.one()
+    run = msgspec.structs.replace(analysis.settings.run, meshes=True)
+    analysis = replace(analysis, settings=msgspec.structs.replace(analysis.settings, run=run))
+    given = {"figures": False, "render": False, "page": False, "export": "jenkins"}
+    times_s = capslip.write(analysis, tmp_path / "result", **given)["timings_s"]
+    assert {stage: times_s[stage] for stage in takes_s} == takes_s
+
+
 def test_the_summary_returned_is_the_one_on_disk(written):
     analysis, folder, summary = written
     assert json.loads((folder / "summary.json").read_text()) == summary
@@ -75,7 +99,7 @@ def test_the_summary_returned_is_the_one_on_disk(written):
     assert summary["provenance"]["command"] == "capslip by hand"
     times_s = summary["timings_s"]
     assert times_s["read"] == 2.0
-    assert {"tables", "report", "hills", "caps"} <= set(times_s)
+    assert {"tables", "export", "report", "hills", "caps"} <= set(times_s)
     rest_s = [time_s for stage, time_s in times_s.items() if stage != "total"]
     assert times_s["total"] == pytest.approx(sum(rest_s), rel=1e-9)
 

@@ -165,7 +165,8 @@ FIGURES = {
         "Sensitivity",
         "a usable cap",
         "Every answer with one choice changed at a time: the cut, the pruning of the hills, the "
-        "S-filter and the levelling. W is the energy lost per cycle at half the force at total "
+        "S-filter and the levelling. The approach is that with bulk; of a face that yielded, what "
+        "it recovers on unloading. W is the energy lost per cycle at half the force at total "
         "slip. In the shaded range the answer stays within its error bar: two standard errors, or "
         "the requested tolerance.",
         "Good: every line flat inside its band.",

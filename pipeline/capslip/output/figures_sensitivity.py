@@ -19,7 +19,7 @@ PANELS = (  # label, unit, and the answers of one row of panels with their colou
     ("caps", "", (("m", "G"), ("n", "P"))),
     ("h", "m", (("h_m", ""),)),
     ("radius", "m", (("radius_G_m", "G"), ("radius_P_m", "P"))),
-    ("approach", "m", (("approach_m", ""),)),
+    ("approach\nwith bulk", "m", (("approach_m", ""),)),
     ("W", "J", (("energy_J", ""),)),
 )
 STABLE = "#D9F0E3"

@@ -205,6 +205,7 @@ class _Parts:
             found = self.make(export.files, export.write, self.analysis, self.work)
             for problem in found or ():
                 self.say(problem)
+            self.lap("export")  # a law solves its map under ten pressures
 
     def write_numbers(self) -> None:
         """Write tables and settings."""

@@ -89,7 +89,8 @@ def result_lines(analysis: JointResult) -> str:
             lines += [f"scan       as read: {read}", f"{'':10} as analysed: {analysed}"]
     lines += [write_text(text, summary, absent="-") for text in texts]
     lines.append(f"status     {summary['status']}")
-    serious = [problem for problem in analysis.problems if problem.severity != "info"]
+    on_page = isinstance(analysis, Analysis | JointOfScans)  # of given families there is no report
+    serious = [one for one in analysis.problems if one.severity != "info" or not on_page]
     lines += [f"  {p.severity:8} {p.code}: {p.text}" for p in serious]
     said = {p.code for p in serious}
     if codes := [p.code for p in analysis.problems if p.code not in said]:
