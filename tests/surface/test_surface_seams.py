@@ -213,6 +213,53 @@ def test_what_is_no_seam_is_none(height_m):
     assert find_seams(of(height_m)) is None
 
 
+def bend_m(place, power):
+    """Return a slope, or a curvature, that begins at a place and goes on to the first column.
+
+    It falls by 10 nm over the first pixel.
+    """
+    return -1e-8 * np.clip(place - COLUMN, 0.0, None) ** power
+
+
+def lines_between(height_m, along):
+    """Return the seams across the columns, of a map of these or one that was turned."""
+    seams = find_seams(of(height_m.T.copy() if along else height_m))
+    if seams is None:
+        return []
+    across, others = (seams.rows, seams.columns) if along else (seams.columns, seams.rows)
+    assert others.size == 2
+    return across[1:-1].tolist()
+
+
+@pytest.mark.parametrize("along", [0, 1])
+@pytest.mark.parametrize(
+    ("place", "power"), [(40.0, 1), (40.25, 1), (40.75, 1), (40.25, 2), (40.5, 2), (40.75, 2)]
+)
+def test_an_edge_that_begins_at_a_line_is_no_seam(place, power, along):
+    """Chamfers have a kink, rounded edges the onset of a curvature: nothing steps."""
+    bent_m = waves_m() + bend_m(place, power)
+    assert lines_between(bent_m, along) == []
+    assert lines_between(bent_m[:, ::-1], along) == []
+
+
+@pytest.mark.parametrize("along", [0, 1])
+@pytest.mark.parametrize(("place", "power"), [(40.25, 1), (40.25, 2)])
+def test_a_step_where_an_edge_begins_is_a_seam(place, power, along):
+    """That on the one side alone, not what the edges of both sides have without it."""
+    bent_m = waves_m() + bend_m(place, power) + bend_m(place, power)[:, ::-1]
+    assert lines_between(bent_m, along) == []
+    assert lines_between(bent_m + 3e-8 * (COLUMN >= 160), along) == [160]
+    assert lines_between(bent_m + 3e-8 * (COLUMN >= 40), along) == [40]
+
+
+@pytest.mark.parametrize("share", [0.1, 0.2, 0.3])
+def test_a_step_that_a_resampled_map_shares_between_two_lines_is_a_seam(share):
+    """A line within it makes two kinks, of which each alone would explain much."""
+    step_m = 9e-8 * np.clip(COLUMN - 109 - share, 0.0, 1.0)
+    for along in (0, 1):
+        assert lines_between(waves_m() + step_m, along) == [110]
+
+
 def test_a_form_changes_nothing():
     """A plane has no jumps, a bow only those of its curvature, which all lines share."""
     height_m = waves_m() + 4e-8 * (ROW >= 50)

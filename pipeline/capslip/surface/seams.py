@@ -23,6 +23,12 @@ ALONE = 0.5  # of a jump, that others so close may have: rims of hills jump by a
 COMMON = 2.0
 OF_STEP = np.array([-0.5, 1.0, -0.5])  # what lines jump by about a step of one
 REACH = 4  # lines on either side of a step that tell what it has beside them; 6 and 8 tell no more
+FURTHER = 8  # lines on either side that tell a step from a bend
+# Of bends, in pixels from the middle between the lines that a step parts: they lie on no line
+PLACES = np.linspace(-1.0, 1.0, 9)
+# Times what the best bend explains, that a step must: there are more bends, and of weak steps noise
+# lets the best of them explain up to 2 % more
+AS_GOOD = 0.98
 SIGMA_SHARE = 0.68  # of normal numbers lie within a standard deviation
 OUTLYING = 3.0  # standard deviations, to which what is usual is cut: rims of hills are not
 RIDGE = 1e-3  # of their square, that no neighbour tells: few lines say how alike they are
@@ -107,7 +113,9 @@ def find_seams(surface: HeightMap) -> Seams | None:
     the difference of their heights less the mean of those before and behind. The median of that
     over a part of a line takes noise and hills off. Of that is taken what the jumps of the lines
     beside let one expect, and what is left is compared with all other lines: a lay along an axis
-    jumps everywhere, a seam stands off, alone and in more than one part.
+    jumps everywhere, a seam stands off, alone and in more than one part. Where an edge begins, the
+    slope or the curvature changes at a line, which makes lines jump, too: a seam is what a step
+    explains better than these.
 
     Parameters
     ----------
@@ -217,7 +225,8 @@ def _stand_off(jump_m: np.ndarray, least_m: float) -> np.ndarray:
             break
         near = slice(max(line - LEAST_LINES + 1, 0), line + LEAST_LINES)
         is_common = of_parts.size == 1 or of_parts[-2] > COMMON * usual
-        if is_common and _rms(beside_m[:, near]).max() < ALONE * _rms(step_m[:, line]):
+        is_alone = _rms(beside_m[:, near]).max() < ALONE * _rms(step_m[:, line])
+        if is_common and is_alone and not _is_bend(left_m, rest_m, line, least_m):
             found.append(line)
             left_m = rest_m
         is_open[near] = False
@@ -233,18 +242,10 @@ def _sharpened(
     lines about it jump, too, by known shares, and the usual jumps, of a surface that waves or lines
     that are noisy, are alike from one line to the next. NaN at the ends of what is known.
     """
-    known = np.isfinite(usual_m)
     step_m, unsure_m = np.full(jump_m.shape, np.nan), np.ones(jump_m.shape)
-    if not known.any():
+    n, (variance_m2, covariance) = jump_m.shape[1], _usual(usual_m, REACH, least_m)
+    if variance_m2 == 0.0:
         return step_m, unsure_m
-    most_m = OUTLYING * np.quantile(np.abs(usual_m[known]), SIGMA_SHARE)
-    usual_m = np.clip(np.where(known, usual_m, 0.0), -most_m, most_m)
-    n, lags = jump_m.shape[1], np.arange(2 * REACH + 1)
-    alike_m2 = np.array([(usual_m[:, k:] * usual_m[:, : n - k]).sum() for k in lags]) / known.sum()
-    alike_m2[0] += RIDGE * alike_m2[0] + least_m**2
-    if alike_m2[0] == 0.0:
-        return step_m, unsure_m
-    covariance = (alike_m2 / alike_m2[0])[np.abs(lags[:, None] - lags)]
     for reach in range(REACH, 0, -1):  # fewer beside lines that are lost
         width = 2 * reach + 1
         of_step = np.pad(OF_STEP, reach - 1)
@@ -252,8 +253,60 @@ def _sharpened(
         told, inner = float(weight @ of_step), np.s_[:, reach : n - reach]
         seen_m = np.lib.stride_tricks.sliding_window_view(jump_m, width, axis=1) @ (weight / told)
         new = np.isnan(step_m[inner]) & np.isfinite(seen_m)
-        step_m[inner][new], unsure_m[inner][new] = seen_m[new], np.sqrt(alike_m2[0] / told)
+        step_m[inner][new], unsure_m[inner][new] = seen_m[new], np.sqrt(variance_m2 / told)
     return step_m, unsure_m
+
+
+def _usual(usual_m: np.ndarray, reach: int, least_m: float) -> tuple[float, np.ndarray]:
+    """Return the variance of the usual jumps, 0 of none, and how alike they are within a reach.
+
+    The latter has the shape (2 reach + 1, 2 reach + 1).
+    """
+    known, lags = np.isfinite(usual_m), np.arange(2 * reach + 1)
+    if not known.any():
+        return 0.0, np.eye(lags.size)
+    most_m = OUTLYING * np.quantile(np.abs(usual_m[known]), SIGMA_SHARE)
+    usual_m = np.clip(np.where(known, usual_m, 0.0), -most_m, most_m)
+    n = usual_m.shape[1]
+    alike_m2 = np.array([(usual_m[:, k:] * usual_m[:, : n - k]).sum() for k in lags]) / known.sum()
+    alike_m2[0] += RIDGE * alike_m2[0] + least_m**2
+    if alike_m2[0] == 0.0:
+        return 0.0, np.eye(lags.size)
+    return float(alike_m2[0]), (alike_m2 / alike_m2[0])[np.abs(lags[:, None] - lags)]
+
+
+def _is_bend(jump_m: np.ndarray, usual_m: np.ndarray, line: int, least_m: float) -> bool:
+    """Return whether a kink, or the onset of a curvature, explains more than a step at a line.
+
+    Of the squares of parts (parts, n) about it, by generalised least squares as in `_sharpened`. A
+    bend lies at one place of all parts, as a step does.
+    """
+    _, covariance = _usual(usual_m, FURTHER, least_m)
+    of_steps, of_bends = np.zeros(len(PLACES) - len(PLACES) // 2), np.zeros(2 * len(PLACES))
+    for part_m in jump_m:
+        for reach in range(FURTHER, 0, -1):  # fewer beside lines that are lost
+            about_m, width = part_m[line - reach : line + reach + 1], 2 * reach + 1
+            if np.isfinite(about_m).all():
+                shapes = np.vstack(_shapes(reach))
+                weight = np.linalg.solve(covariance[:width, :width], shapes.T)
+                explained = (about_m @ weight) ** 2 / (shapes.T * weight).sum(axis=0)
+                of_steps += explained[: of_steps.size]
+                of_bends += explained[of_steps.size :]
+                break
+    return bool(of_steps.max() < AS_GOOD * of_bends.max())
+
+
+def _shapes(reach: int) -> tuple[np.ndarray, np.ndarray]:
+    """Return what lines jump by about steps, and about kinks and then onsets of curvature.
+
+    A step is a slope from a kink to one that takes it back a line further: where a map was
+    resampled, it may lie up to half a line off, and then takes two.
+    """
+    beyond = np.arange(2 * reach + 4) - (reach + 1.5) - PLACES[:, None]
+    kink, onset = (np.clip(beyond, 0.0, None) ** power for power in (1, 2))
+    half = len(PLACES) // 2
+    step = kink[:-half] - kink[half:]
+    return -0.5 * np.diff(step, 3, axis=1), -0.5 * np.diff(np.vstack([kink, onset]), 3, axis=1)
 
 
 def _of_step(step_m: np.ndarray, line: int, n: int) -> np.ndarray:
