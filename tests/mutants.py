@@ -126,7 +126,10 @@ TABLE = [
     (("caps/features.py", "caps/iso25178.py"), ("tests/surface/test_*parameters*.py",)),
     (("caps/*.py",), ("tests/caps/test_*{stem}*.py",)),
     (
-        ("contact/joint.py", "contact/pressure_map.py", "contact/uneven.py"),
+        (
+            *("contact/joint.py", "contact/pressure_map.py", "contact/uneven.py"),
+            "contact/part_of_joint.py",
+        ),
         ("tests/contact/test_*uneven*.py", "tests/contact/test_*joint*.py"),
     ),
     (

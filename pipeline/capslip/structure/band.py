@@ -76,7 +76,8 @@ def band_of(
     What interacting caps answer otherwise than the model in use is known: it is what the interval
     lies about, which holds the answer, too. The estimated error of a model without caps,
     and what few solved pressures leave of a joint of many, move either of the two alone, as nothing
-    tells how they go together. Direction: what kappa is in all directions of slip, where that is
+    tells how they go together. Part: what one scan leaves open of a larger joint by the number of
+    its contacts, see `left_open`. Direction: what kappa is in all directions of slip, where that is
     beyond the tolerance. Friction mu, preload P, modulus (a factor c on E*) and hardness H follow
     from the curve: nothing but H / E* and N / E* counts in the shape of N(d), so with the share t =
     T / (mu P) at the load N = P / c and the hardness H / c of the curve as it was solved::
