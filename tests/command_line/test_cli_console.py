@@ -150,9 +150,12 @@ def test_a_disk_that_refuses_is_no_internal_error(tmp_path, monkeypatch):
 
     monkeypatch.setattr(output_folder.tables, "write_result", full)
     ran = CliRunner().invoke(main, ["analyze", str(face(tmp_path / "a.h5")), "-o", "out", *LIGHT])
-    assert ran.exit_code == 1
+    assert ran.exit_code == 2
     last = ran.stderr.splitlines()[-1]
-    assert last == "error: out/result.h5: No space left on device"
+    assert last == (
+        "error: output folder out: No space left on device; nothing was written; make room on its "
+        "disk, or choose another with --out"
+    )
     assert not (tmp_path / "out").exists()
 
 

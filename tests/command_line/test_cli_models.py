@@ -77,7 +77,7 @@ def test_the_normal_curve_of_boundary_elements_costs_no_solution(
     ("module", "name", "missing"),
     [
         (figures_contact, "_caps_alone", "normal_curve.png"),
-        (report, "_limits", "report.html"),
+        (report, "limits", "report.html"),
         (mesh, "cap_mesh", "caps.vtu"),
     ],
 )
