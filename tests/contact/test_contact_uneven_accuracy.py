@@ -306,7 +306,7 @@ def test_caps_of_a_joint_that_rests_on_light_patches_are_as_unsure_as_these(tmp_
     spread = ("contact.preload_spread=0.2", "material.friction_spread=0.2")
     areas_m2 = {HEAVY_PA: area_m2 / 500, LIGHT_PA: area_m2}
     wider = pressed(few_caps(6e-9), path, areas_m2, *sets, *spread)
-    causes = {"caps", "model", "part", "friction", "preload"}
+    causes = {"caps", "model", "part_of_joint", "friction", "preload"}
     assert set(wider.band.contributions["energy_J"]) == causes
     assert wider.band.interval["energy_J"][1] > both.band.interval["energy_J"][1]
     low, high = np.array(both.band.interval["energy_J"]) / both.answer.energy_J

@@ -15,7 +15,7 @@ NUMBERS = {  # of the answer, by name
     "joint_loss_factor": "loss factor, joint",
     "loss_factor": "loss factor, structure",
 }
-COLOURS = {  # after Okabe and Ito
+COLOURS = {  # after Okabe and Ito, but for the last
     "caps": "#D55E00",
     "model": "#0072B2",
     "friction": "#009E73",
@@ -24,6 +24,7 @@ COLOURS = {  # after Okabe and Ito
     "hardness": "#CC79A7",
     "scans": "#F0E442",
     "direction": "#000000",
+    "part_of_joint": "#7F3C8D",
 }
 INTERACTIONS = "#BDBDBD"
 LEAST_SHARE = 0.05  # %, of what can be seen
@@ -44,7 +45,7 @@ def contributions(analysis: "Analysis") -> "Figure | None":
         if max(width) < LEAST_SHARE:
             continue
         colour = COLOURS.get(name, INTERACTIONS)
-        axes.barh(place, width, left=left, color=colour, height=0.6, label=name)
+        axes.barh(place, width, left=left, color=colour, height=0.6, label=name.replace("_", " "))
         left = [a + b for a, b in zip(left, width, strict=True)]
     axes.set_yticks(list(place), [NUMBERS[name] for name in shares], color=INK)
     axes.invert_yaxis()

@@ -105,7 +105,11 @@ def _interval_texts(summary: dict[str, Any]) -> list[str]:
             ranges.append(f"{label} {_range(end, low, high)}")
     shares = answer["contributions"]["energy_J"].items()
     shares = sorted(shares, key=lambda one: -one[1])
-    parts = ", ".join(f"{name} {100.0 * share:.0f} %" for name, share in shares if share >= 0.005)
+    parts = ", ".join(
+        f"{name.replace('_', ' ')} {100.0 * share:.0f} %"
+        for name, share in shares
+        if share >= 0.005
+    )
     left_out = _left_out(answer["not_in_interval"] or [])
     return [
         f"90 % interval: {', '.join(ranges)}",

@@ -168,7 +168,8 @@ def limits(summary: dict[str, Any]) -> list[str]:
         found.append(
             "The scan stands for a larger joint: waves longer than the scan are not in the "
             "numbers, and its few highest hills stand for those of the whole. A face cut in nine "
-            "lost less than in one piece, by about one over the root of the contacts in a part."
+            "lost less than in one piece, by about one over the root of the contacts in a part, "
+            "and from part to part it scattered by as much. The intervals hold that."
         )
     found.append(
         "Only the loss in the joints is counted: not that in the material, at "

@@ -26,7 +26,8 @@ from capslip.structure.sobol import scrambled_sobol
 INSIDE = 0.90  # of what may be, in an interval
 LOG2_POINTS = 8
 COUNTED = ("tangential_stiffness_N_per_m", "energy_J", "joint_loss_factor", "loss_factor")
-OF_BOTH = ("caps", "model", "scans", "part", "direction")  # move displacement and energy by factors
+# They move displacement and energy by factors
+OF_BOTH = ("caps", "model", "scans", "part_of_joint", "direction")
 OF_MODEL = "error of the model"  # in the list of what an interval leaves out
 OF_LIGHT_DAMPING = ("loss_factor", "damping_ratio")
 
@@ -128,7 +129,7 @@ def _propagated(state: State, damping: Damping) -> Band | None:
         "caps": left.caps,
         "model": left.model,
         "scans": of_scatter(state),
-        "part": of_part,
+        "part_of_joint": of_part,
         "direction": of_direction(state),
         "friction": np.array([[material.friction_spread / NORMAL_95]]),
         "preload": np.array([[contact.preload_spread / NORMAL_95]]),
@@ -139,7 +140,7 @@ def _propagated(state: State, damping: Damping) -> Band | None:
     uncertain = [name for name, spread in spreads.items() if spread.any()]
     left_out = _left_out(state)
     # What these move alone is no interval of a model whose error is not known
-    if not uncertain or (set(uncertain) <= {"part", "direction"} and OF_MODEL in left_out):
+    if not uncertain or (set(uncertain) <= {"part_of_joint", "direction"} and OF_MODEL in left_out):
         return None
     normal = _drawn({name: len(spreads[name]) for name in uncertain})
     points = 2**LOG2_POINTS
@@ -151,7 +152,7 @@ def _propagated(state: State, damping: Damping) -> Band | None:
 
     def numbers_with(scans: np.ndarray) -> dict[str, np.ndarray]:
         with np.errstate(over="ignore"):
-            of_all = log["caps"] + log["model"] + log["part"] + log["direction"]
+            of_all = log["caps"] + log["model"] + log["part_of_joint"] + log["direction"]
             moved = np.exp(of_all + scans + left.shift + less)
             other, energy_J = found * moved[:, 0], W * moved[:, 1]
         delta_m, force_N = state.answer.displacement_m, more * state.answer.slip_force_N
