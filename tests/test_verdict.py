@@ -385,6 +385,20 @@ def test_an_error_that_was_estimated_has_its_place_among_the_effects():
     assert "what model_doubtful moves" not in found.band.left_out
 
 
+def test_how_well_a_scan_stands_for_its_joint_is_a_part_of_the_verdict():
+    face = capslip.load_surface(FACE)
+    given = (JOINT["material"], "contact.nominal_pressure_Pa=2e5", "contact.model=interacting")
+    whole, part = (
+        capslip.analyze(face, load(*given, *area)) for area in ((), ("joint.area_m2=0.0048",))
+    )
+    said = verdict(part.settings, (), 0.01, part_within=0.4)
+    assert "exactly (estimated), as a part of its joint within about 40% in the energy; " in said
+    assert "as a part of its joint" not in verdict(part.settings, (), 0.01)
+    causes_of = [set(one.band.contributions["energy_J"]) for one in (whole, part)]
+    assert causes_of[1] - causes_of[0] == {"part_of_joint"}
+    assert part.answer.energy_J == pytest.approx(2.0 * whole.answer.energy_J, rel=1e-9)
+
+
 def test_a_number_without_a_unit_is_a_usage_error(tmp_path):
     ran = run(tmp_path, "--amplitude", "0.5")
     assert (ran.exit_code, ran.stdout) == (2, "")

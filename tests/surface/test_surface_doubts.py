@@ -494,3 +494,25 @@ def test_the_next_step_of_a_bow_is_the_form_of_what_shows_it():
     assert of_all.step is None
     for setting in ("form=quadratic", "form_floor=true", "flatness_deviation_m"):
         assert setting in of_all.remedy
+
+
+@pytest.mark.parametrize("axes", [(0,), (1,), (0, 1)])
+@pytest.mark.parametrize("seed", [1, 2])
+def test_rounded_edges_are_no_bow_and_a_bow_with_them_is_one(seed, axes):
+    """The face between the edges is as level as before: what straightens the whole bends it."""
+    shape, pixel_m = (180, 240), (1e-5, 1e-5)
+    waves_m = gaussian_filter(np.random.default_rng(seed).standard_normal(shape), 8.0)
+    waves_m *= 1e-7 / waves_m.std()
+    edge_m, across_m = np.zeros(shape), np.zeros(shape)
+    for axis in axes:
+        n = shape[axis]
+        place = np.arange(n).reshape((-1, 1) if axis == 0 else (1, -1))
+        within = np.clip(n // 15 - np.minimum(place, n - 1 - place), 0, None) * pixel_m[axis]
+        edge_m = edge_m - within**2 / (2.0 * 2e-4)
+        across_m = across_m + (2.0 * place / (n - 1) - 1.0) ** 2
+    for height_m, said in (
+        (waves_m + edge_m, []),
+        (waves_m - 2e-6 * across_m, ["bow_left"]),
+    ):
+        found = problems_of_form(HeightMap(height_m, pixel_m), 1e-7)
+        assert [one.code for one in found] == said
