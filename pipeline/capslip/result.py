@@ -79,14 +79,12 @@ class JointResult:
     @property
     def verdict(self) -> str:
         """Return one sentence on what the result is usable for."""
-        errors, (part, *_) = (self.estimated_error, self.error_of_answer), (*self.parts, None)
-        open_of_joint = None if part is None else left_open(part.joint, part.contact)
+        errors = self.estimated_error, self.error_of_answer
+        each = (left_open(part.joint, part.contact) for part in self.parts)
+        part_within = next((one.energy_up_to for one in each if one is not None), None)
+        known = self.noise_known
         return verdict(
-            self.settings,
-            self.problems,
-            *errors,
-            noise_known=self.noise_known,
-            part_within=None if open_of_joint is None else open_of_joint.energy_up_to,
+            self.settings, self.problems, *errors, noise_known=known, part_within=part_within
         )
 
     @property

@@ -172,6 +172,17 @@ def test_means_of_blocks_cover_the_map_with_all_its_points(shape, monkeypatch):
     )
 
 
+@pytest.mark.parametrize("side", [2, 3, 5, 10])
+def test_a_block_with_just_as_many_points_as_are_asked_for_has_a_mean(side):
+    """Whatever rounding a share of the block would have."""
+    for least in range(1, side**2 + 1):
+        block = np.full(side**2, np.nan)
+        block[:least] = 1.0
+        for asked, mean in ((least, 1.0), (least + 1, np.nan)):
+            found = blocks.means_of_blocks(block.reshape(side, side), side, asked)
+            np.testing.assert_array_equal(found, [[mean]])
+
+
 def test_blocks_lie_where_their_map_says():
     """A ramp of one a metre: the mean of a block is its place, to half a point of the map."""
     ramp_m = np.broadcast_to((np.arange(121) + 0.5) * PIXEL_M[1], (83, 121))

@@ -11,6 +11,7 @@ from capslip.caps.table import DOUBTFUL, CapTable
 from capslip.contact.accuracy import BEYOND_SHARE
 from capslip.contact.joint import Joint
 from capslip.contact.material import dundurs_beta
+from capslip.contact.part_of_joint import WHOLE, few_contacts
 from capslip.contact.press import ContactState
 from capslip.contact.solvers.hertz import coefficient_of
 from capslip.contact.solvers.yielding import HARDNESS_PER_YIELD
@@ -72,10 +73,8 @@ def problems_of_share(joint: Joint, contact: ContactState) -> list[Problem]:
             "then: the unit of the area, or the pixel size, may be wrong"
         )
         found.append(Problem("scan_larger_than_joint", "warning", message))
-    if joint.coverage is None or joint.coverage > 0.99 or contact.rung.made_from == "nothing":
-        return found
-    off = by_energy(joint, contact, lambda one: 1.0 / math.sqrt(one.contacts))
-    if off <= 1.0 / math.sqrt(FEW_IN_SCAN):
+    off = few_contacts(joint, contact)
+    if off is None or joint.coverage is None or off <= 1.0 / math.sqrt(FEW_IN_SCAN):
         return found
     with_few, light = f"{contact.contacts} {contact.rung.contact_name}", contact.light
     if light is not None:
@@ -96,7 +95,7 @@ def problems_of_waves(joint: Joint, contact: ContactState, surface: HeightMap) -
     (`docs/theory.md`, section 6).
     """
     approach_m = contact.approach_without_bulk_m or contact.approach_m
-    if joint.coverage is None or joint.coverage > 0.99 or approach_m <= 0.0:
+    if joint.coverage is None or joint.coverage > WHOLE or approach_m <= 0.0:
         return []
     rms_m = long_waves_m(surface)
     share = by_energy(

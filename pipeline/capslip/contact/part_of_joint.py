@@ -32,6 +32,16 @@ class LeftOpen:
         return math.expm1(self.lost + NORMAL_90 * math.hypot(self.unsure, self.energy_by_chance))
 
 
+def few_contacts(joint: Joint, contact: ContactState) -> float | None:
+    """Return one over the root of the contacts of a scan, by the energy of each patch.
+
+    None where the scan is its joint, or nothing touches.
+    """
+    if joint.coverage is None or joint.coverage > WHOLE or contact.rung.made_from == "nothing":
+        return None
+    return by_energy(joint, contact, lambda one: 1.0 / math.sqrt(one.contacts))
+
+
 def left_open(joint: Joint, contact: ContactState) -> LeftOpen | None:
     """Return what a scan leaves open of its joint; None where it is the joint, or nothing touches.
 
@@ -46,9 +56,9 @@ def left_open(joint: Joint, contact: ContactState) -> LeftOpen | None:
     contact : ContactState
         The scan under its preload, and its lightest patch that counts.
     """
-    if joint.coverage is None or joint.coverage > WHOLE or contact.rung.made_from == "nothing":
+    few = few_contacts(joint, contact)
+    if few is None:
         return None
-    few = by_energy(joint, contact, lambda one: 1.0 / math.sqrt(one.contacts))
     rest_m = contact.approach_m - contact.bulk_m
     of_bulk = contact.bulk_m / rest_m if rest_m > contact.bulk_m else 1.0
     return LeftOpen(

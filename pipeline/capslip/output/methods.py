@@ -4,6 +4,7 @@ import math
 from collections.abc import Callable, Iterable
 from typing import TYPE_CHECKING, Any
 
+from capslip.contact.part_of_joint import WHOLE
 from capslip.contact.rung import rung
 from capslip.output.lead import mating_of, oscillates
 from capslip.output.quantity import engineering
@@ -164,7 +165,7 @@ def limits(summary: dict[str, Any]) -> list[str]:
         "2.8 times a yield stress is known to some 20 %, less where machining hardened the skin."
     )
     coverage = summary["contact"]["coverage"]
-    if coverage is not None and coverage < 0.99:
+    if coverage is not None and coverage < WHOLE:
         found.append(
             "The scan stands for a larger joint: waves longer than the scan are not in the "
             "numbers, and its few highest hills stand for those of the whole. A face cut in nine "

@@ -50,19 +50,23 @@ def means_of_blocks(
     rows, columns = (
         np.arange(begin, n + 1, side) for n, begin in zip(values.shape, corner, strict=True)
     )
-    return _means_between(values, rows, columns, least / side**2)
+    return _means_between(values, rows, columns, least)
 
 
 def _means_between(
-    values: Heights, rows: np.ndarray, columns: np.ndarray, least_share: float
+    values: Heights, rows: np.ndarray, columns: np.ndarray, least: float | None = None
 ) -> np.ndarray:
-    """Return the means of blocks between rows and between columns, NaN of too few known points."""
+    """Return the means of blocks between rows and between columns, NaN of too few known points.
+
+    Of less than half of a block where nothing is said.
+    """
     high, wide, nx = np.diff(rows), np.diff(columns), columns.size - 1
     total, known = np.empty((high.size, nx)), np.outer(high, wide).astype(np.float64)
     left, first = int(columns[0]), columns[:-1] - columns[0]
     n_columns = int(columns[-1]) - left
     block_of = np.repeat(np.arange(nx), wide)
-    least, same = least_share * known, bool((high == high[:1]).all())
+    enough = 0.5 * known if least is None else np.full(known.shape, least)
+    same = bool((high == high[:1]).all())
     at_once = max(1, BLOCK_POINTS // max(1, n_columns * int(high.max(initial=1))))
     for begin in range(0, high.size, at_once):
         edges = rows[begin : begin + at_once + 1]
@@ -79,7 +83,7 @@ def _means_between(
         else:
             part = np.add.reduceat(band, edges[:-1] - top, axis=0)
         np.add.reduceat(part, first, axis=1, out=total[begin : begin + at_once])
-    return np.asarray(total / np.where(known < least, np.nan, known))
+    return np.asarray(total / np.where(known < enough, np.nan, known))
 
 
 def symmetric_edges(n: int, side: int) -> np.ndarray:
@@ -110,11 +114,7 @@ def block_means(surface: HeightMap, step: int) -> HeightMap:
     if step == 1:
         return surface
     rows, columns = (symmetric_edges(n, step) for n in surface.shape)
-    return _of_blocks(surface, _means_between(surface, rows, columns, 0.5))
-
-
-def _of_blocks(surface: HeightMap, height_m: np.ndarray) -> HeightMap:
-    """Return a map of one part of the points, which covers what the map did."""
+    height_m = _means_between(surface, rows, columns)
     dy_m, dx_m = (length_m / n for length_m, n in zip(surface.side_m, height_m.shape, strict=True))
     return replace(surface, height_m=height_m, pixel_size_m=(dy_m, dx_m))
 
@@ -143,7 +143,7 @@ def few_lines(surface: HeightMap, lines: int, side: int = 1) -> HeightMap:
     few_y, few_x = (_few_blocks(n, side, lines) for n in surface.shape)
     few_m = surface[np.ix_(few_y.line, few_x.line)]
     if side > 1:
-        few_m = _means_between(few_m, few_y.edge, few_x.edge, 0.5)
+        few_m = _means_between(few_m, few_y.edge, few_x.edge)
     dy_m, dx_m = surface.pixel_size_m
     return replace(surface, height_m=few_m, pixel_size_m=(few_y.apart * dy_m, few_x.apart * dx_m))
 
