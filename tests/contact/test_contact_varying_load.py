@@ -77,7 +77,7 @@ def test_where_a_family_slips_as_a_whole_the_answers_are_those_of_the_cycles(n_P
     many = families((5, n_P), (23.8, 26.7), (0.0, 2e-7), 109.89e9)
     slip = under(ratio, phase_rad, slip_curve(many, PRELOAD_N, MU, KAPPA))
     T = np.random.default_rng(n_P).uniform(0.02, 0.98, 40) * slip.total_slip_force_N
-    cycles = [slip._cycle(force_N) for force_N in T.tolist()]
+    cycles = [slip._cycle(share) for share in (T / slip.total_slip_force_N).tolist()]
     lost_J, moved_m = np.array([(W, np.ptp(U) / 2) for W, _, U in cycles]).T
     np.testing.assert_allclose(slip.displacement_m(T), moved_m, rtol=1e-3)
     atol_J = 1e-5 * lost_J.max()

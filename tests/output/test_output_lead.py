@@ -128,6 +128,22 @@ def test_an_energy_of_which_nothing_is_known_has_no_parts_and_says_so():
     assert found[5] == f"{none}; {MODEL_FORM}"
 
 
+@pytest.mark.parametrize(
+    ("energy_J", "said"),
+    [
+        ([0.0, 0.0], "nothing slips under any friction that may be, and no energy is lost"),
+        ([0.0, 9e-9], "under some of what may be nothing slips, and no energy is lost"),
+        ([0.0, None], "no upper bound"),
+    ],
+)
+def test_under_a_load_that_oscillates_an_energy_may_be_none(energy_J, said):
+    """In phase nothing slips below mu times its amplitude, and that is known."""
+    known = {"contributions": {"energy_J": {}}, "not_in_interval": None}
+    known["interval"] = ANSWER["interval"] | {"energy_J": energy_J}
+    found = answer_lines(SUMMARY | {"assumed": [], "answer": ANSWER | known}, "-")
+    assert found[5] == ("", f"{said}; {MODEL_FORM}")
+
+
 def test_no_interval_is_a_reason_but_for_an_answer_of_nothing():
     assert lines(contributions=None, energy_J=0.0)[4:] == []
     known = {"accuracy": {"estimated": None}, "answer": ANSWER | {"contributions": None}}

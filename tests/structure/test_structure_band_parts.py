@@ -65,7 +65,7 @@ def state_of(first=None, even=True, near=None, contacts=50, rows=50):
         first=first, rung=rung, yielded_share=1.0, contacts=contacts, row_family=[""] * rows
     )
     parts = (band_state.Part(SimpleNamespace(is_even=even), contact, 1.0),)
-    return band_state.State(None, True, parts, None)
+    return band_state.State(None, True, parts, load_settings())
 
 
 def moved(**spreads):
@@ -281,7 +281,7 @@ def test_caps_that_were_moved_are_asked_at_the_state_of_their_scan(by_force, at)
     def curve(*log):
         return SimpleNamespace(log=np.array(log), approach_m=lambda load_N: 1e-9 * load_N)
 
-    state.response = response
+    state.greatest, state.at_constant_load = 1.0, response
     moved = curve((1.0, 2.0), (1.2, 2.4), (0.8, 1.6), (1.01, 2.0))
     of = SimpleNamespace(
         found=curve(1.0, 2.0),

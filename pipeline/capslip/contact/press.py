@@ -128,7 +128,7 @@ class ContactState:
         )
 
     def curves_near(
-        self, changes: Sequence[tuple[float, float]], share: float
+        self, changes: Sequence[tuple[float, float]], share: float, greatest: float = 1.0
     ) -> list[NormalCurve]:
         """Return the curves for slip after first loadings near the preload.
 
@@ -138,15 +138,18 @@ class ContactState:
             Factors on the preload and on the hardness.
         share : float
             Of the preload, at whose withdrawal they are to be good.
+        greatest : float
+            Times each preload, to which a load that oscillates goes: they are good up to there.
 
         Raises
         ------
         ContactError
             If the face cannot carry a load.
         """
-        if self.rung.near is not None:
+        if self.rung.near is not None and greatest == 1.0:
             return self.rung.near(self.curve, self.preload_N, changes, share)
-        return [self.curve_after(self.preload_N * N, hardness) for N, hardness in changes]
+        most_N = greatest * self.preload_N
+        return [self.curve_after(most_N * N, hardness) for N, hardness in changes]
 
     @property
     def approach_without_bulk_m(self) -> float | None:

@@ -16,7 +16,7 @@ kind: Putignano, Ciavarella and Barber, J. Mech. Phys. Solids 59 (2011) 2442.
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -30,6 +30,7 @@ if TYPE_CHECKING:
     from capslip.settings import SlipSettings
 
 STEPS = 240  # of one cycle: W to 2e-4 of itself
+FOLLOWED = 512  # cycles that are kept: as many as one curve asks for, and others ask again
 # Forces at which cycles are followed first; between them displacement and W^(1/3), both over the
 # force, are interpolated, to so much of their greatest
 NODES, INTERPOLATED = 36, 1e-4
@@ -84,9 +85,7 @@ class VaryingSlip(SlipCurve):
     @property
     def total_slip_force_N(self) -> Any:
         """The greatest T at which |Q| stays below mu P all the time."""
-        r, c = self.normal_amplitude_ratio, abs(math.cos(self.normal_phase_rad))
-        share = math.sqrt(1.0 - r * r * (1.0 - c * c)) - r * c
-        return self.friction_coefficient * self.preload_N * share
+        return self.friction_coefficient * self.preload_N * self._most
 
     @property
     def total_slip_displacement_m(self) -> Any:
@@ -107,12 +106,13 @@ class VaryingSlip(SlipCurve):
         wanted = np.asarray(displacement_m, dtype=float)
         inside = np.clip(wanted, delta_m[0], delta_m[-1])
         above = np.clip(np.searchsorted(delta_m, inside), 1, len(delta_m) - 1)
-        low, high = np.log(force_N[above - 1]), np.log(force_N[above])
+        T = self.total_slip_force_N
+        low, high = np.log(force_N[above - 1] / T), np.log(force_N[above] / T)
         for _ in range(HALVINGS):
             middle = 0.5 * (low + high)
-            less = np.exp(middle) * self._over_force(middle)[..., 0] < inside
+            less = T * np.exp(middle) * self._over_force(middle)[..., 0] < inside
             low, high = np.where(less, middle, low), np.where(less, high, middle)
-        found = np.where(inside < delta_m[-1], np.exp(0.5 * (low + high)), force_N[-1])
+        found = np.where(inside < delta_m[-1], T * np.exp(0.5 * (low + high)), force_N[-1])
         found = np.where(wanted < delta_m[0], wanted * force_N[0] / delta_m[0], found)
         return np.asarray(np.where(wanted <= delta_m[-1] * ROUNDED, found, np.nan))
 
@@ -129,8 +129,15 @@ class VaryingSlip(SlipCurve):
         NaN beyond gross slip.
         """
         check_one_amplitude(amplitude_m)
-        _, force_N, displacement_m = self._cycle(float(self.force_N(amplitude_m)), n_points - 1)
+        share = float(self.force_N(amplitude_m)) / self.total_slip_force_N
+        _, force_N, displacement_m = self._cycle(share, n_points - 1)
         return displacement_m, force_N
+
+    @property
+    def _most(self) -> float:
+        """The force at gross slip over mu times the preload."""
+        r, c = self.normal_amplitude_ratio, abs(math.cos(self.normal_phase_rad))
+        return math.sqrt(1.0 - r * r * (1.0 - c * c)) - r * c
 
     @cached_property
     def _top(self) -> tuple[float, float]:
@@ -157,32 +164,33 @@ class VaryingSlip(SlipCurve):
 
     @cached_property
     def _over_force(self) -> Any:
-        """Displacement and root of the energy, both over the force, over the logarithm of that.
+        """Displacement and root of the energy, both over the force.
 
-        A spline, (2,): over the force these bend least, but where a contact slips as a whole.
+        A spline, (2,), over the logarithm of the share of gross slip: over the force these bend
+        least, but where a contact slips as a whole.
         """
         T = self.total_slip_force_N
         share = np.append(np.geomspace(LEAST_SHARE, 0.9, NODES), 1.0 - np.geomspace(0.09, 1e-6, 16))
         share = np.append(share, 1.0)
         # in phase nothing slips below mu times the normal amplitude, and the loss grows from there
-        kink = self.friction_coefficient * self.preload_N * self.normal_amplitude_ratio / T
+        kink = self.normal_amplitude_ratio / self._most
         if LEAST_SHARE < kink < 1.0:
             beyond = np.append(0.0, np.geomspace(1e-3, 0.5, 16))
             share = np.union1d(share, kink + (1.0 - kink) * beyond)
 
-        def solved(log_force: np.ndarray) -> np.ndarray:
+        def solved(log_share: np.ndarray) -> np.ndarray:
             rows = []
-            for force_N in np.minimum(np.exp(log_force), T).tolist():
-                W, _, U = self._cycle(force_N)
-                rows.append((np.ptp(U) / 2.0 / force_N, np.cbrt(W) / force_N))
+            for share in np.minimum(np.exp(log_share), 1.0).tolist():
+                W, _, U = self._cycle(share)
+                rows.append((np.ptp(U) / 2.0 / (share * T), np.cbrt(W) / (share * T)))
             return np.array(rows)
 
-        return refined_spline(solved, np.log(share * T), INTERPOLATED, monotone=True)
+        return refined_spline(solved, np.log(share), INTERPOLATED, monotone=True)
 
     @cached_property
     def _table(self) -> np.ndarray:
         """Force, displacement and root of the energy over the forces of the table, (3, n)."""
-        force_N = np.minimum(np.exp(self._over_force.x), self.total_slip_force_N)
+        force_N = np.minimum(np.exp(self._over_force.x), 1.0) * self.total_slip_force_N
         return np.vstack((force_N, force_N * self._over_force(self._over_force.x).T))
 
     def _at(self, force_N: ArrayLike, row: int) -> np.ndarray:
@@ -192,70 +200,75 @@ class VaryingSlip(SlipCurve):
         table = self._table
         first, last = table[0, 0], table[0, -1]
         inside = np.clip(T, first, last)
-        value = inside * self._over_force(np.log(inside))[..., row - 1]
+        share = inside / self.total_slip_force_N
+        value = inside * self._over_force(np.log(share))[..., row - 1]
         value = np.where(first > T, value * T / first, value)
         return np.asarray(np.where(last * ROUNDED >= T, value, np.inf))
 
-    def _cycle(self, force_N: float, steps: int = STEPS) -> tuple[float, np.ndarray, np.ndarray]:
-        """Return the energy of the steady cycle, and force and displacement around it."""
-        angle = 2 * np.pi * np.arange(2 * steps + 1) / steps  # the second period is steady
-        Q = force_N * np.cos(angle)
-        wave = np.cos(angle - self.normal_phase_rad)
-        P = np.minimum(self.preload_N * (1.0 + self.normal_amplitude_ratio * wave), self._top[0])
-        # Preloaded before it is sheared: deep levels, which never slip, keep tau = 0 for good
-        P, Q = np.append(self.preload_N, P), np.append(0.0, Q)
-        step, low, high, change = _history(P, Q, self.friction_coefficient)
+    def _cycle(self, share: float, steps: int = STEPS) -> tuple[float, np.ndarray, np.ndarray]:
+        """Return the energy of the steady cycle, and force and displacement around it.
+
+        At a share of the force at gross slip.
+        """
+        cycle = self._most * share, self.normal_amplitude_ratio, self.normal_phase_rad
+        Q, step, low, high, change = _history(*cycle, steps)
+        N, mu = self.preload_N, self.friction_coefficient
         edges = np.unique(np.concatenate([low, high]))
         greatest_N, _ = self._top
-        drop_N = np.clip(greatest_N - edges, 0.0, greatest_N)
+        drop_N = np.clip(greatest_N - edges * N, 0.0, greatest_N)
         below_m = self._withdrawal_m(1.0 - np.cbrt(1.0 - drop_N / greatest_N))
         rise = change * (
             below_m[np.searchsorted(edges, low)] - below_m[np.searchsorted(edges, high)]
         )
-        U = self.kappa * np.cumsum(np.bincount(step, rise, minlength=len(P)))
-        Q, U = Q[-steps - 1 :], U[-steps - 1 :]
+        U = self.kappa * mu * np.cumsum(np.bincount(step, rise, minlength=Q.size))
+        Q, U = mu * N * Q[-steps - 1 :], U[-steps - 1 :]
         W = float(((Q[1:] + Q[:-1]) / 2 * np.diff(U)).sum())
-        return W if ROUNDING * force_N * np.ptp(U) < W else 0.0, Q, U
+        return W if ROUNDING * Q[0] * np.ptp(U) < W else 0.0, Q, U
 
 
+@lru_cache(maxsize=FOLLOWED)
 def _history(
-    P: np.ndarray, Q: np.ndarray, mu: float
-) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """Follow tau(s): for each change its step, the levels between which, and by how much.
+    force: float, ratio: float, phase_rad: float, steps: int
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """Follow tau(s) through two periods, with the preload and mu as units: no curve is in it.
 
-    The levels are a stack of pieces (upper end, tau), the uppermost last.
+    Returns the force at each step, and for each change its step, the levels between which, and by
+    how much. The levels are a stack of pieces (upper end, tau), the uppermost last.
     """
-    pieces: list[tuple[float, float]] = [(P[0], Q[0] / P[0])]
-    changes: list[tuple[int, float, float, float]] = [(0, 0.0, P[0], Q[0] / P[0])]
-    load, force = float(P[0]), float(Q[0])
-    for k in range(1, len(P)):
-        wanted_N, wanted_Q = float(P[k]), float(Q[k])
-        if wanted_N > load:
-            tau = min(max((wanted_Q - force) / (wanted_N - load), -mu), mu)
-            pieces.append((wanted_N, tau))
-            changes.append((k, load, wanted_N, tau))
-            force += tau * (wanted_N - load)
-        while pieces[-1][0] > wanted_N:
+    angle = 2 * np.pi * np.arange(2 * steps + 1) / steps  # the second period is steady
+    P = np.minimum(1.0 + ratio * np.cos(angle - phase_rad), 1.0 + ratio)
+    # Preloaded before it is sheared: deep levels, which never slip, keep tau = 0 for good
+    P, Q = np.append(1.0, P), np.append(0.0, force * np.cos(angle))
+    pieces: list[tuple[float, float]] = [(1.0, 0.0)]
+    changes: list[tuple[int, float, float, float]] = [(0, 0.0, 1.0, 0.0)]
+    load, now = 1.0, 0.0
+    for k, (wanted_load, wanted) in enumerate(zip(P[1:].tolist(), Q[1:].tolist(), strict=True), 1):
+        if wanted_load > load:
+            tau = min(max((wanted - now) / (wanted_load - load), -1.0), 1.0)
+            pieces.append((wanted_load, tau))
+            changes.append((k, load, wanted_load, tau))
+            now += tau * (wanted_load - load)
+        while pieces[-1][0] > wanted_load:
             high, tau = pieces.pop()
-            low = max(pieces[-1][0] if pieces else 0.0, wanted_N)
+            low = max(pieces[-1][0] if pieces else 0.0, wanted_load)
             changes.append((k, low, high, -tau))
-            force -= tau * (high - low)
-            if low == wanted_N and not (pieces and pieces[-1][0] == low):
+            now -= tau * (high - low)
+            if low == wanted_load and not (pieces and pieces[-1][0] == low):
                 pieces.append((low, tau))
-        load = wanted_N
-        full = math.copysign(mu, wanted_Q - force)
+        load = wanted_load
+        full = math.copysign(1.0, wanted - now)
         edge = load
-        while pieces and abs(wanted_Q - force) > 1e-14 * mu * load:
+        while pieces and abs(wanted - now) > 1e-14 * load:
             high, tau = pieces.pop()
             low = pieces[-1][0] if pieces else 0.0
             if tau != full:
-                low = max(low, high - (wanted_Q - force) / (full - tau))
+                low = max(low, high - (wanted - now) / (full - tau))
                 changes.append((k, low, high, full - tau))
-                force += (full - tau) * (high - low)
+                now += (full - tau) * (high - low)
                 if low > (pieces[-1][0] if pieces else 0.0):
                     pieces.append((low, tau))
             edge = low
         if edge < load:
             pieces.append((load, full))
     step, low_, high_, change = zip(*changes, strict=True)
-    return np.array(step), np.array(low_), np.array(high_), np.array(change)
+    return Q, np.array(step), np.array(low_), np.array(high_), np.array(change)

@@ -35,7 +35,6 @@ INTERVALS = {  # what a number is called, by its name; {0} is an end
     "loss_factor": ("of the structure", "{{answer_loss_factor_{0}}}"),
 }
 MODEL_FORM = "beside it, dissipation of real joints is known to a factor of two to three at best"
-OSCILLATES = "no interval: the normal load oscillates"
 NOTHING_KNOWN = (
     "no interval: the error of the model is not known, and no spread was given that it can carry"
 )
@@ -96,8 +95,9 @@ def _interval_texts(summary: dict[str, Any]) -> list[str]:
     answer = summary["answer"]
     if answer["contributions"] is None:
         # Below mu times its amplitude nothing is lost under a load that oscillates in phase
-        nothing = answer["energy_J"] == 0.0 and not oscillates(summary)
-        return [] if nothing else [_why_none(summary)]
+        if answer["energy_J"] == 0.0 and not oscillates(summary):
+            return []
+        return [NOTHING_KNOWN if summary["accuracy"]["estimated"] is None else TOO_MUCH]
     ranges = []
     for name, (label, end) in INTERVALS.items():
         low, high = answer["interval"][name] or (None, None)
@@ -113,28 +113,26 @@ def _interval_texts(summary: dict[str, Any]) -> list[str]:
     left_out = _left_out(answer["not_in_interval"] or [])
     return [
         f"90 % interval: {', '.join(ranges)}",
-        f"{_of_energy(parts, answer)}{left_out}; {MODEL_FORM}",
+        f"{_of_energy(parts, summary)}{left_out}; {MODEL_FORM}",
     ]
 
 
-def _of_energy(parts: str, answer: dict[str, Any]) -> str:
+def _of_energy(parts: str, summary: dict[str, Any]) -> str:
     """Return what makes the interval of the energy, or why nobody can say."""
     if parts:
         return f"what makes that of the energy: {parts}"
-    if (answer["interval"]["energy_J"] or (None, None))[1] is None:
+    low, high = summary["answer"]["interval"]["energy_J"] or (None, None)
+    if high is None:
         return "no upper bound"
-    if answer["interval"]["energy_J"][0] == 0.0:
+    if high == 0.0:
+        return "nothing slips under any friction that may be, and no energy is lost"
+    if low == 0.0 and oscillates(summary):
+        return "under some of what may be nothing slips, and no energy is lost"
+    if low == 0.0:
         return (
             "of the energy nothing is known but that it is no more than the rectangle of its loop"
         )
     return "what makes that of the energy is not known: some of what may be is beyond gross slip"
-
-
-def _why_none(summary: dict[str, Any]) -> str:
-    """Return why an answer has no interval, see `structure.band.band_of`."""
-    if oscillates(summary):
-        return OSCILLATES
-    return NOTHING_KNOWN if summary["accuracy"]["estimated"] is None else TOO_MUCH
 
 
 def oscillates(summary: dict[str, Any]) -> bool:

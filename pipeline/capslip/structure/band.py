@@ -68,7 +68,7 @@ def band_of(
     -------
     Band or None
         None where there is no answer, where nothing moves, where nothing is known to be uncertain,
-        where the model cannot carry a preload that may be, and where the normal load oscillates.
+        and where the model cannot carry a preload that may be.
 
     Notes
     -----
@@ -109,8 +109,6 @@ def band_of(
     errors, too, so these count twice. That the scans are a part of a finite joint is not used.
     """
     if answer is None or not answer.displacement_m > 0.0:
-        return None
-    if settings.slip.normal_amplitude_ratio > 0.0:
         return None
     by_force = settings.answer.displacement_m is None
     state = State(answer, by_force, tuple(parts), settings, noise_known)

@@ -64,7 +64,12 @@ def _of_one(state: State, part: Part) -> Left:
     if light is not None:
         return _of_uneven(state, part, light, share, e)
     at = state.answer.slip_force_N / (friction * state.preload_N) * contact.preload_N
-    return _of_moved(contact, share, at if state.by_force else e, state.response)
+    if not state.by_force:
+        at = e
+        if state.greatest > 1.0:  # it may be beyond total slip at constant load
+            d = contact.curve.approach_m(contact.preload_N)
+            at = float(contact.curve.withdrawal_m(d, share * contact.preload_N))
+    return _of_moved(contact, share, at, state.at_constant_load)
 
 
 def _of_moved(contact: ContactState, share: float, at: float, response: Response) -> Left:

@@ -11,18 +11,21 @@ from capslip.contact.curve import NormalCurve
 from capslip.contact.joint import Joint
 from capslip.contact.press import ContactState
 from capslip.contact.scans import curve_of_scans, kappa_of_scans
+from capslip.contact.slip import slip_curve
+from capslip.contact.varying_load import greatest_over_mean, varying
 from capslip.settings import Settings
 from capslip.structure.answer import Answer
 
 NODES = 5  # states that are solved along what is not certain, odd: the one as found is among them
 NODES_OF_PATCHES = 3  # of joints that are pressed unevenly: each costs as much as all patches
 # Few contacts, or families, touch in turn: straight lines between more states follow that
-FEW, NODES_OF_FEW, NODES_OF_FEW_IN_PATCHES = 50, 17, 9
+FEW, NODES_OF_FEW, NODES_OF_FEW_IN_PATCHES = 50, 17, 9  # the last under a varying load as well
 OF_A_MAP = (-0.6, 0.0, 0.6)  # the same, as shares of the widest: about the ends of an interval
 # The same of a hardness that moves little, as half the square of a logarithm is two percent there
 HARDER, LITTLE = (0.0, 1.0), 0.2
 YIELDS_LITTLE = 0.05  # of the contact area, that has yielded
-LEAST_J = 1e-300  # stands for an energy of zero in a logarithm
+LEAST_J, NO_LOSS_J = 1e-300, 1e-290  # stands for an energy of zero in a logarithm, and is one
+ROUNDED = 1.0 + 1e-12  # of a limit: up to there it is beyond by rounding alone
 
 
 Response = Callable[[NormalCurve, Any, Any], tuple[np.ndarray, np.ndarray]]
@@ -55,7 +58,12 @@ class State:
     @cached_property
     def as_found(self) -> list[NormalCurve]:
         """Return the curves of the joint as it were if all of it were face as in each scan."""
-        return [part.joint.curve(part.contact) for part in self.parts]
+        return [part.joint.curve(part.contact, self.greatest) for part in self.parts]
+
+    @property
+    def greatest(self) -> float:
+        """Return the greatest load of a cycle over the preload."""
+        return greatest_over_mean(self.settings.slip)
 
     @cached_property
     def kappa(self) -> float:
@@ -84,7 +92,7 @@ class State:
         kappa, c = self.kappa, np.exp(log["modulus"])
         if self.by_force:
             asked = self.of_the_beam(log)[1] * self.answer.slip_force_N / friction
-            held = asked <= self.preload_N * np.exp(log["preload"]) * (1.0 + 1e-12)
+            held = asked <= self._most_share * self.preload_N * np.exp(log["preload"]) * ROUNDED
         else:  # beyond total slip it has a force, too
             asked = self.answer.displacement_m / (friction * kappa)
             held = np.ones(asked.shape, dtype=bool)
@@ -96,7 +104,7 @@ class State:
 
     def _has_one_curve(self, log: dict[str, np.ndarray]) -> bool:
         """Tell whether few contacts of one curve answer, and under loads that differ."""
-        if self.yields or not self._touch_in_turn or len(self.parts) > 1:
+        if self.yields or not self._touch_in_turn or len(self.parts) > 1 or self.greatest > 1.0:
             return False
         return self.parts[0].joint.is_even and bool((log["preload"] != log["modulus"]).any())
 
@@ -119,7 +127,7 @@ class State:
         approach_m = [curve.approach_m(N) for curve, N in zip(curves, node_N, strict=True)]
         if self.by_force:
             whole = node_N
-            share = np.minimum(asked / (self.preload_N * np.exp(log["preload"])), 1.0)
+            share = np.minimum(asked / (self.preload_N * np.exp(log["preload"])), self._most_share)
         else:
             pairs = zip(approach_m, curves, strict=True)
             whole = np.array([float(d - curve.touch_m) for d, curve in pairs])
@@ -131,7 +139,7 @@ class State:
         ]
         log_rows = np.log(np.maximum(rows, LEAST_J))[..., place]
         other, loss_J = np.exp(np.einsum("nk,kqn->qn", weight, log_rows))
-        return other, loss_J
+        return other, np.where(loss_J < NO_LOSS_J, 0.0, loss_J)
 
     def of_the_beam(self, log: dict[str, np.ndarray]) -> tuple[Any, Any]:
         """Return the factors of its modulus on the stiffnesses of the structure, and on the force.
@@ -146,8 +154,29 @@ class State:
     def response(
         self, curve: NormalCurve, approach_m: Any, at: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Return withdrawal and loss integral at load drops, or load drop and it at withdrawals."""
+        """Return withdrawal and loss integral at load drops, or load drop and it at withdrawals.
+
+        Under a load that oscillates what a steady cycle has in their place, one approach at a time.
+        """
+        if self.greatest == 1.0:
+            return self.at_constant_load(curve, approach_m, at)
+        load_N = float(curve.load_N(approach_m))
+        slip = varying(slip_curve(curve, load_N, 1.0, 1.0), self.settings.slip)
+        if self.by_force:
+            return slip.displacement_m(at), slip.energy_at_force_J(at)
+        return slip.force_N(at), slip.energy_J(at)
+
+    def at_constant_load(
+        self, curve: NormalCurve, approach_m: Any, at: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Return the same as if the load did not oscillate."""
         return (at_force if self.by_force else at_displacement)(curve, approach_m, at)
+
+    @cached_property
+    def _most_share(self) -> float:
+        """Return the share of mu N at gross slip, 1 unless the load oscillates."""
+        slip = slip_curve(self.as_found[0], self.preload_N, 1.0, 1.0)
+        return float(varying(slip, self.settings.slip).total_slip_force_N) / self.preload_N
 
     def curves(self, factors: np.ndarray) -> list[NormalCurve]:
         """Return the curves along which the joint unloads.
@@ -164,10 +193,10 @@ class State:
         changes = [(float(N), float(hardness)) for N, hardness in factors[others]]
         for part in self.parts:
             states = []  # of each patch, by its place in the factors
-            for contact in part.joint.loaded(part.contact):
+            for contact in part.joint.loaded(part.contact, self.greatest):
                 after = dict.fromkeys(as_found, contact.curve)
                 if changes:
-                    near = contact.curves_near(changes, share / self.preload_N)
+                    near = contact.curves_near(changes, share / self.preload_N, self.greatest)
                     after |= dict(zip(others, near, strict=True))
                 loads_N = contact.preload_N * factors[:, 0]
                 states.append(
@@ -204,7 +233,9 @@ class State:
             if (start != end).any():
                 at = self._axis(float(np.abs((start, end)).max()), direction[0] == 0.0)
                 nodes.append(np.outer(at, direction))
-                weights = _straight if self._touch_in_turn else _weights
+                # At one displacement some nodes may lose energy, others nothing
+                kinks = self._touch_in_turn or (self.greatest > 1.0 and not self.by_force)
+                weights = _straight if kinks else _weights
                 weight.append(weights(at, end) - weights(at, start))
         found, place = np.unique(np.round(np.vstack(nodes), 12), axis=0, return_inverse=True)
         return found, np.hstack(weight) @ np.eye(len(found))[place]
@@ -226,7 +257,8 @@ class State:
         if not self._is_map:
             even = all(part.joint.is_even for part in self.parts)
             if self._touch_in_turn:
-                count = NODES_OF_FEW if even else NODES_OF_FEW_IN_PATCHES
+                one_by_one = even and self.greatest == 1.0  # else each takes many solutions
+                count = NODES_OF_FEW if one_by_one else NODES_OF_FEW_IN_PATCHES
                 return np.linspace(-widest, widest, count)
             count = NODES if even else NODES_OF_PATCHES
             return -widest * np.cos(np.pi * (np.arange(count) + 0.5) / count)
