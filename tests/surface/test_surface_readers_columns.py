@@ -210,3 +210,29 @@ def test_x_and_y_count_more_than_rows_and_columns_beside_them(tmp_path):
     surface = load_surface(path, unit="um")
     np.testing.assert_allclose(surface.height_m, 1e-6 * PICTURE, rtol=1e-15)
     np.testing.assert_allclose(surface.pixel_size_m, (3e-3, 2e-3), rtol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("names", "columns", "called"),
+    [
+        ("row,column,Depth", "rcz", "Depth"),
+        ("Depth;column;row", "zcr", "Depth"),
+        ("i,j,gap", "rcz", "gap"),
+        ("row,col,z_depth", "rcz", "z_depth"),
+        ("x,y,depth", "crz", "depth"),
+        ("X,Y,Gap", "crz", "Gap"),
+        ("row,column,height", "rcz", None),
+        ("x,y,z", "crz", None),
+    ],
+)
+def test_a_column_of_depths_is_said_and_turned_by_invert(tmp_path, names, columns, called):
+    """They grow into the material, and ran as heights without a word: a face of its pits."""
+    path = table(tmp_path / "t.csv", names, columns)
+    given = {"unit": "um", "pixel_size": (1.0, 1.0), "lateral_unit": "mm"}
+    heights, turned = (load_surface(path, **given, invert=invert) for invert in (False, True))
+    np.testing.assert_allclose(1e6 * heights.height_m, PICTURE)
+    np.testing.assert_array_equal(turned.height_m, -heights.height_m)
+    words = [note for note in heights.origin.notes if "reading.invert" in note]
+    assert [note.partition(" sounds")[0] for note in words] == ([repr(called)] if called else [])
+    assert not any(isinstance(note, Statement) for note in words)
+    assert not any("invert" in note for note in turned.origin.notes)

@@ -208,10 +208,11 @@ def _seen(path: Path) -> bytes | str:
 
 def _gaps(stored: Stored, given: Calibration) -> tuple[str, ...]:
     """Say that a map sounds like one of gaps, which grow into the material."""
-    if given.invert or not GAPS.search(stored.dataset or ""):
+    name = stored.dataset or stored.column or ""
+    if given.invert or not GAPS.search(name):
         return ()
     return (
-        f"{stored.dataset!r} sounds like gaps or depths, not heights, which grow out of the "
+        f"{name!r} sounds like gaps or depths, not heights, which grow out of the "
         "material; reading.invert = true turns them",
     )
 

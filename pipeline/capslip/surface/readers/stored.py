@@ -54,6 +54,8 @@ class Stored:
         Measurement noise, rms of a height in metres, whatever the unit of the heights.
     mean_of : tuple of str
         Name and digest of each scan that an average is made of.
+    column : str or None
+        What a table calls its heights.
     """
 
     height: np.ndarray
@@ -65,6 +67,7 @@ class Stored:
     dataset: str | None = None
     noise_m: float | None = None
     mean_of: tuple[str, ...] = ()
+    column: str | None = None
 
 
 @dataclass(frozen=True)

@@ -55,12 +55,14 @@ SHOWN = 60  # letters of a line
 class _Words:
     """The words of a line, in lower case, as x, y and z where they mean these.
 
-    `units` holds the unit of each word, or nothing; `by_row` says that x is a column, and y a row.
+    `units` holds the unit of each word, or nothing; `by_row` says that x is a column, and y a row;
+    `written` are the words as they stand.
     """
 
     names: tuple[str, ...]
     units: tuple[str, ...]
     by_row: bool
+    written: tuple[str, ...]
 
 
 @dataclass(frozen=True)
@@ -94,12 +96,15 @@ def _read(path: Path, request: Request) -> Stored:
     notes = table.notes + more
     by_row = order is not None and order.by_row
     top_row_first = None if by_row else False  # rows lie as those of a matrix
+    column = _height_column(table.comments, order, columns)
     if by_row and (lateral_unit in PIXELS or (lateral_unit is None and _are_indices(points))):
         grid = grid_indices(points, str(path))
-        return Stored(grid.height, unit, notes=notes + grid.notes, top_row_first=top_row_first)
+        notes += grid.notes
+        return Stored(grid.height, unit, notes=notes, top_row_first=top_row_first, column=column)
     grid = grid_points(points, str(path), request.pixel_size_in(lateral_unit))
     notes += grid.notes
-    return Stored(grid.height, unit, grid.pixel_size, lateral_unit, notes, top_row_first)
+    pixels = grid.pixel_size, lateral_unit
+    return Stored(grid.height, unit, *pixels, notes, top_row_first, column=column)
 
 
 def _are_indices(points: np.ndarray) -> bool:
@@ -143,6 +148,16 @@ def _order(comments: tuple[str, ...], columns: int, path: Path) -> _Order | None
                 f"{_told(orders[-1])} by another; expected one order; correct one line"
             )
     return orders[-1] if orders else None
+
+
+def _height_column(comments: tuple[str, ...], order: _Order | None, columns: int) -> str | None:
+    """Return how the column of the heights is called: by the name one sees whether it is depths."""
+    for words in map(_words, comments):
+        if order is not None and order in _orders([words], columns):
+            return words.written[order.places[2]]
+        if order is None and len(words.names) == columns and words.names[:2] == AXES[:2]:
+            return words.written[2]  # another word than z, in its place
+    return None
 
 
 def _is_unclear(line: str, columns: int) -> bool:
@@ -203,7 +218,7 @@ def _words(line: str) -> _Words:
         names = tuple("z" if name in HEIGHTS else name for name in names)
     if by_row and "z" not in names and len(names) == len(CELL.split(line)) == 3:
         names = tuple(name if name in AXES else "z" for name in names)  # it is no other thing
-    return _Words(names, units, by_row)
+    return _Words(names, units, by_row, tuple(name for name, _, _ in found))
 
 
 def _as_axes(names: list[str]) -> tuple[tuple[str, ...], bool]:
