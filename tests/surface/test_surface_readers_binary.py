@@ -210,13 +210,14 @@ def test_no_data_value_of_tiff(tmp_path):
     assert isinstance(surface.origin.notes[0], Statement)
 
 
-@pytest.mark.parametrize("code", ["-9999", "nan"])
-@pytest.mark.parametrize("dtype", ["f4", "f8", "i2"])
+@pytest.mark.parametrize("code", ["-9999", "nan", "-1.7e308"])
+@pytest.mark.parametrize("dtype", ["f4", "f8", "i2", "u2"])
 def test_a_no_data_value_that_no_point_has_is_not_said(tmp_path, code, dtype):
     heights = np.round(100 * MAP).astype(dtype)
-    if dtype != "i2":
+    if dtype[0] == "f":
         heights[1, 2] = np.nan
-    tifffile.imwrite(tmp_path / "t.tif", heights, extratags=[(42113, "s", 0, code, True)])
+    options = {"photometric": "minisblack", "extratags": [(42113, "s", 0, code, True)]}
+    tifffile.imwrite(tmp_path / "t.tif", heights, **options)
     surface = load_surface(tmp_path / "t.tif", **CALIBRATION, scale=1.0)
     np.testing.assert_allclose(1e6 * surface.height_m[::-1], heights, rtol=1e-12)
     assert surface.origin.notes == ()

@@ -145,13 +145,22 @@ def _mask_no_data(heights: np.ndarray, page: Any, path: Path) -> tuple[str, ...]
         ) from None
     if np.isnan(code):  # as such points are anyway
         return ()
-    marked = heights == np.float64(np.asarray(code, dtype=page.dtype))
+    if page.dtype.kind in "iu" and not _holds(page.dtype, code):
+        return ()  # as of -9999 among counts: no point can have it
+    with np.errstate(over="ignore"):  # of float64 in a map of float32
+        marked = heights == np.float64(np.asarray(code, dtype=page.dtype))
     if not marked.any():
         return ()
     heights[marked] = np.nan
     count = int(marked.sum())
     said = f"{count} points with the file's no-data value {code:g} are non-measured"
     return (Statement(said),)
+
+
+def _holds(dtype: np.dtype[Any], code: float) -> bool:
+    """Tell whether a type of whole numbers has a number."""
+    ends = np.iinfo(dtype)
+    return code.is_integer() and ends.min <= code <= ends.max
 
 
 def _imagej_pixel_size(
