@@ -406,6 +406,21 @@ def test_nanonis_channels(tmp_path):
         load_surface(put(tmp_path / "b.sxm", sxm(MAP).replace(b":SCAN_DIR:", b":SCAN_DOR:")))
 
 
+def test_nanonis_numbers_are_read_in_the_order_of_bytes_that_the_header_says(tmp_path):
+    """Read in the other order they were heights of up to 1e38 m."""
+
+    def said(words, order=">f4"):
+        head, sign, data = sxm(HOLED).partition(b"\x1a\x04")
+        head = head.replace(b":SCAN_PIXELS:", f":SCANIT_TYPE:\n   {words}\n:SCAN_PIXELS:".encode())
+        data = np.frombuffer(data, ">f4").astype(order).tobytes()
+        return load_surface(put(tmp_path / "a.sxm", head + sign + data), dataset="Z forward")
+
+    check(said("FLOAT            MSBFIRST"), rtol=1e-6, file_format="sxm")
+    check(said("FLOAT            LSBFIRST", "<f4"), rtol=1e-6, file_format="sxm")
+    with pytest.raises(UnreadableFileError, match="SCANIT_TYPE is INT MSBFIRST; expected FLOAT"):
+        said("INT              MSBFIRST")
+
+
 # --- NMS ---
 
 

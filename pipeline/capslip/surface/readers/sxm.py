@@ -1,4 +1,4 @@
-"""Nanonis scans (.sxm): a header of `:KEY:` lines, then channels of big-endian float32.
+"""Nanonis scans (.sxm): a header of `:KEY:` lines, then channels of float32, big-endian as a rule.
 
 Each channel holds one map, or two: forward, and backward with its columns mirrored (Nanonis user
 manual, "File formats"). A scan that went up has its lowest line first.
@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from capslip.errors import UncalibratedError, UnreadableFileError
+from capslip.errors import UncalibratedError, UnreadableFileError, in_short
 from capslip.surface.heightmap import Statement
 from capslip.surface.readers.choice import choose, note_of_choice, unique_names
 from capslip.surface.readers.lengths import compared_length
@@ -18,6 +18,7 @@ from capslip.surface.readers.stored import Format, Request, Stored, check_shape,
 MAGIC = b":NANONIS_VERSION:"
 END, SIGN = b":SCANIT_END:", b"\x1a\x04"
 MAX_HEADER_BYTES = 2**20
+NUMBERS = {"FLOAT MSBFIRST": ">f4", "FLOAT LSBFIRST": "<f4"}  # by SCANIT_TYPE
 
 
 @dataclass(frozen=True)
@@ -49,12 +50,19 @@ def _read(path: Path, request: Request) -> Stored:
         width, height = (float(word) for word in fields["SCAN_RANGE"][0].split())
         direction = fields["SCAN_DIR"][0].strip().lower()
         maps = _maps(fields["DATA_INFO"])
+        written = fields.get("SCANIT_TYPE", ["FLOAT MSBFIRST"])[0].upper()
     except (KeyError, ValueError, IndexError) as error:
         raise UnreadableFileError(
             f"{path}: damaged header ({type(error).__name__}: {error}); expected SCAN_PIXELS, "
             "SCAN_RANGE, SCAN_DIR and DATA_INFO; copy the file again"
         ) from error
     check_shape((ny, nx), str(path))
+    numbers = NUMBERS.get(" ".join(written.split()))
+    if numbers is None:
+        raise UnreadableFileError(
+            f"{path}: SCANIT_TYPE is {in_short(written.strip())}; expected FLOAT MSBFIRST or FLOAT "
+            "LSBFIRST; export it again"
+        )
     data = start + len(SIGN)
     expected = data + 4 * nx * ny * len(maps)
     notes = compared_length(path, len(content), expected, request.lenient)
@@ -70,7 +78,7 @@ def _read(path: Path, request: Request) -> Stored:
             f"{path}: channel {names[chosen]!r} is in {one.unit}; expected heights in a unit of "
             "length; choose another one with --dataset"
         )
-    z = np.frombuffer(content, ">f4", nx * ny, data + 4 * nx * ny * one.place).reshape(ny, nx)
+    z = np.frombuffer(content, numbers, nx * ny, data + 4 * nx * ny * one.place).reshape(ny, nx)
     return Stored(
         z[:, ::-1] if one.mirrored else z,
         one.unit,
