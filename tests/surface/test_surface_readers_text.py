@@ -304,6 +304,17 @@ def test_hidden_scale_factor_is_applied(tmp_path):
     assert surface.origin.file_format == "gwyddion"
 
 
+@pytest.mark.parametrize("encoding", ["utf-8-sig", "utf-16"])
+def test_a_header_is_known_in_other_encodings(tmp_path, encoding):
+    """In UTF-16 it was an unknown format, or a bare matrix without units."""
+    commented = "# Channel: z\n# Width: 4 µm\n# Height: 3 µm\n# Value units: nm\n"
+    for head, unit_m in ((SIZED, 2e-8), (commented, 1e-9)):
+        surface = load_surface(put(tmp_path / "g.txt", (head + rows()).encode(encoding)))
+        np.testing.assert_allclose(surface.height_m[::-1], unit_m * MAP, rtol=1e-15)
+        np.testing.assert_allclose(surface.pixel_size_m, (5e-7, 5e-7), rtol=1e-12)
+        assert surface.origin.file_format == "gwyddion"
+
+
 @pytest.mark.parametrize("encoding", ["utf-8", "latin-1"])
 def test_commented_header_gives_the_field(tmp_path, encoding):
     head = "# Channel: z\n# Width: 8 µm\n# Height: 12 µm\n# Value units: nm\n"

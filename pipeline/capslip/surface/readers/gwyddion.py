@@ -11,7 +11,7 @@ from pathlib import Path
 
 from capslip.errors import UnreadableFileError
 from capslip.surface.readers.stored import Format, Request, Stored, check_shape, in_one_unit
-from capslip.surface.readers.table import decoded, parse_rows, read_text
+from capslip.surface.readers.table import decoded, parse_rows, plain_lines, read_text
 
 SIZES = re.compile(rb"[ \t]*h[ \t]*=[ \t]*(\d{1,9})[ \t]+w[ \t]*=[ \t]*(\d{1,9})[ \t]*[\r\n]")
 # Whatever the words: a name, two lengths and a unit, in this order
@@ -26,7 +26,7 @@ FACTOR = re.compile(r"height conversion factor\s*\(\s*->\s*(\S+?)\s*\)")
 
 
 def _recognises(head: bytes, path: Path) -> bool:
-    head = head.removeprefix(b"\xef\xbb\xbf")
+    head = plain_lines(head)
     return bool(SIZES.match(head) or CHANNEL.match(head))
 
 
