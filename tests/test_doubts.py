@@ -9,8 +9,9 @@ import pytest
 
 from capslip import doubts
 from capslip.contact.rung import ModelError
-from capslip.settings import load_settings
+from capslip.settings import Settings, load_settings
 from capslip.surface.heightmap import HeightMap
+from scenes import PROJECT
 
 ASKED = {
     "problems_of_seams": "seams",
@@ -152,3 +153,39 @@ def test_small_slip_is_doubted_where_pixels_leave_more_than_was_asked(
     assert doubts._of_small_slip(contact, answer, slip, 0.05) == []
     assert doubts._of_small_slip(contact, None, slip, 0.05) == []  # beyond gross slip
     assert doubts._of_small_slip(contact, None, None, 0.05) == []
+
+
+TURNED, LAGS = "mating.rotation_rad=0.1", "slip.normal_phase_rad=1"
+OF_A_SCAN = ("reading.invert=true", "hills.cut=fixed", "families.count=2", "run.sensitivity=true")
+OF_A_JOINT = ("contact.preload_N=5", "slip.direction_rad=1", "run.figures=false", "families.m=3")
+
+
+@pytest.mark.parametrize(
+    ("words", "scanned", "mated", "said"),
+    [
+        ((TURNED, "mating.mirror=y"), True, False, ["warning mating.mirror, mating.rotation_rad"]),
+        ((TURNED,), True, True, []),
+        ((TURNED,), False, False, ["info mating.rotation_rad"]),
+        ((LAGS,), True, False, ["warning slip.normal_phase_rad"]),
+        ((LAGS,), False, False, ["warning slip.normal_phase_rad"]),
+        ((LAGS, "slip.normal_amplitude_ratio=0.1"), False, False, []),
+        (OF_A_SCAN, True, False, []),
+        (
+            OF_A_SCAN,
+            False,
+            False,
+            ["info reading.invert, hills.cut, families.count, run.sensitivity"],
+        ),
+        (OF_A_JOINT, False, False, []),
+    ],
+)
+def test_settings_that_nothing_reads_are_named(words, scanned, mated, said):
+    found = doubts.problems_of_settings(load_settings(overrides=words), scanned, mated)
+    heads = [f"{one.severity} {one.message}".partition(" not used")[0] for one in found]
+    assert heads == [f"{one} {'are' if ', ' in one else 'is'}" for one in said]
+
+
+@pytest.mark.parametrize("scanned", [True, False])
+def test_defaults_that_are_written_out_are_not_given(scanned):
+    for settings in (load_settings(PROJECT / "configs" / "default.toml"), Settings()):
+        assert doubts.problems_of_settings(settings, scanned, mated=False) == []

@@ -32,7 +32,7 @@ from scenes import PROJECT, caps_map
 
 # Messages that say that something is so, and have no number to say
 WITHOUT_NUMBER = {"beam_ignored", "contact_reaches_below_cut", "one_contact", "output_missing"}
-WITHOUT_NUMBER |= {"P_not_in_contact", "peak_at_gross_slip", "reader_note"}
+WITHOUT_NUMBER |= {"P_not_in_contact", "peak_at_gross_slip", "reader_note", "settings_ignored"}
 
 SHAPE, PIXEL_M = (120, 180), 4e-4
 Y_M, X_M = (np.mgrid[: SHAPE[0], : SHAPE[1]] + 0.5) * PIXEL_M
@@ -260,6 +260,7 @@ WORDS = {
     "of-little-bow": "instrument.flatness_deviation_m=1e-10",
     "of-known-noise": "instrument.noise_m=4e-9",
     "by-place": "mating.align=least_squares",
+    "together": "mating.way=together",
     "aside": "mating.offset_m=[0.0,0.05]",
     "levelled": "contact.alignment=as_levelled",
     "beside": "contact.load_point_m=[0.002,0.024]",
@@ -300,6 +301,8 @@ WORDS = {
     "void": "joint.non_measured=void",
     "pushed": "answer.slip_force_N=500",
     "barely-pushed": "answer.slip_force_N=0.1",
+    "lagging": "slip.normal_phase_rad=1.2",
+    "swinging": "slip.normal_amplitude_ratio=0.3",
     "beam": "structure.beam.length_m=0.5",
 }
 
@@ -483,6 +486,10 @@ ROWS = [
     Row("friction_suspect", "warning", "is 2;", "plain sticky"),
     Row("beam_ignored", "warning", "structure.beam is not used", "plain stiff-mode joint beam",
         "plain stiff-mode joint"),
+    Row("settings_ignored", "warning", "mating.way, mating.offset_m are not used: there is no",
+        "plain together aside"),
+    Row("settings_ignored", "warning", "normal_amplitude_ratio = 0", "plain lagging",
+        "plain lagging swinging"),
     Row("not_lightly_damped", "warning", "would be 1.3", "plain levelled soft-mode stiff-joint",
         "plain levelled stiff-mode joint"),
     Row("not_lightly_damped", "info", "of the demonstration beam 400 x 60 x 40 mm",
@@ -674,6 +681,7 @@ def test_every_code_of_the_registry_has_a_row():
     rows |= {("reader_note", "info"), ("reader_note", "warning"), ("output_missing", "warning")}
     rows |= {("export_inexact", "info"), ("export_inexact", "warning")}  # in those of the folder
     rows |= {("scans_of_one_place", "warning")}  # in the tests of repeated scans
+    rows |= {("settings_ignored", "info")}  # in those of given families
     rows |= {("fit_not_settled", "info")}  # in the tests of what a model reads
     rows |= {("no_caps", "warning")}  # in those of the caps: a levelled face without families
     registered = {(kind.code, severity) for kind in KINDS.values() for severity in kind.severities}

@@ -15,7 +15,7 @@ from capslip.contact.rung import rung
 from capslip.contact.scans import joint_of_scans
 from capslip.contact.slip import SlipCurve, slip_curve
 from capslip.contact.varying_load import greatest_over_mean, varying
-from capslip.doubts import counted_by_patches, problems_of
+from capslip.doubts import counted_by_patches, problems_of, problems_of_settings
 from capslip.errors import ContactError, SettingsError, check_call
 from capslip.pressing import can_be_pressed, estimate, press_face
 from capslip.problems import Problem
@@ -156,6 +156,7 @@ def analyze_families(settings: Settings) -> JointResult:
         joint, contact = press_families(families, settings)
     curve = contact.curve_after(joint.preload_N * greatest_over_mean(settings.slip))
     problems = [*material_doubts(settings.material), *problems_of_structure(settings.structure)]
+    problems += problems_of_settings(settings, scanned=False, mated=False)
     pressed = JointResult(
         settings=settings,
         joint=joint,

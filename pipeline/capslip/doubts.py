@@ -24,8 +24,9 @@ from capslip.contact.slip import SlipCurve
 from capslip.contact.solvers.unloading import SMALL_SLIP, UNRESOLVED
 from capslip.next_steps import with_next_steps
 from capslip.pressing import as_found
-from capslip.problems import Effect, Problem
+from capslip.problems import Effect, Problem, Severity
 from capslip.result import Analysis
+from capslip.setting_errors import changed
 from capslip.settings import Settings
 from capslip.stages import Face
 from capslip.structure.answer import Answer
@@ -51,6 +52,12 @@ from capslip.units import percent
 
 # Of what lies where nothing was measured, and of that alone
 OF_VOIDS = ("hole_may_hide_hills", "outline_assumed", "contact_at_hole", "tops_in_holes")
+# What only a scan reads
+OF_A_SCAN = (
+    *("reading", "instrument", "conditioning", "mating", "hills", "caps", "families.count"),
+    *("families.feature", "contact.alignment", "contact.load_point_m", "run.sensitivity"),
+    *("contact.alignment_stiffness_Nm_per_rad", "joint.non_measured"),
+)
 BY_PATCHES = ("few_contacts_in_scan", "waves_longer_than_scan")  # heavy and light ones
 
 
@@ -106,6 +113,37 @@ def problems_of(face: Face, found: Analysis, mate: HeightMap | None) -> tuple[Pr
     return with_next_steps(problems, face.joint, settings, pressed=contact.rung)
 
 
+def problems_of_settings(settings: Settings, scanned: bool, mated: bool) -> list[Problem]:
+    """Return which settings were given that nothing reads: someone expects them to do something.
+
+    Parameters
+    ----------
+    settings : Settings
+    scanned : bool
+        Whether there is a scan; else families are given.
+    mated : bool
+        Whether there is a second face.
+    """
+    idle: list[tuple[Severity, list[str], str]] = []
+    if not scanned:
+        idle += [("info", changed(settings, OF_A_SCAN), "families are given, and no scan")]
+    elif not mated:
+        why = "there is no second face (--mate)"
+        idle += [("warning", changed(settings, ["mating"]), why)]
+    if settings.slip.normal_amplitude_ratio == 0.0:
+        why = "the normal load is constant (slip.normal_amplitude_ratio = 0)"
+        idle += [("warning", changed(settings, ["slip.normal_phase_rad"]), why)]
+    return [
+        Problem(
+            "settings_ignored",
+            severity,
+            f"{', '.join(names)} {'is' if len(names) == 1 else 'are'} not used: {why}",
+        )
+        for severity, names, why in idle
+        if names
+    ]
+
+
 def counted_by_patches(face: Face, found: Analysis) -> tuple[Problem, ...]:
     """Return the problems, with those that patches decide as they are with the lightest one known.
 
@@ -141,6 +179,7 @@ def _before_contact(face: Face, found: Analysis, mate: HeightMap | None) -> list
         problems += [*problems_of_scan(scan, tops), *problems_of_points(scan)]
     problems += material_doubts(found.settings.material)
     problems += problems_of_structure(found.settings.structure)
+    problems += problems_of_settings(found.settings, scanned=True, mated=mate is not None)
     problems += [*face.conditioned.problems, *face.problems]
     return problems + problems_of_families(face.family_caps, face.families)
 

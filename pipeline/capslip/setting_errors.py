@@ -5,7 +5,7 @@ The line names the key, what was found there and what is expected.
 
 import difflib
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from functools import cache
 from pathlib import Path
 from typing import Any, TypeVar, get_args
@@ -133,6 +133,32 @@ def converted(tables: dict[str, Any], root: type[T], where: str) -> T:
         return msgspec.convert(tables, root)
     except msgspec.ValidationError as error:
         raise SettingsError(f"{where}: {_explain(str(error), tables, root)}") from error
+
+
+def changed(settings: msgspec.Struct, wanted: Iterable[str]) -> list[str]:
+    """Return the names of settings that have another value than their default.
+
+    Parameters
+    ----------
+    settings : Struct
+        All tables.
+    wanted : iterable of str
+        Names of settings, or of tables, for all that they hold.
+    """
+    root = type(settings)
+    begins = tuple(f"{name}." for name in wanted)
+    default = root()
+    return [
+        name
+        for name in _names(root)
+        if f"{name}.".startswith(begins) and _at(settings, name) != _at(default, name)
+    ]
+
+
+def _at(settings: Any, name: str) -> Any:
+    for key in name.split("."):
+        settings = getattr(settings, key)
+    return settings
 
 
 @cache  # hints are evaluated anew each time that msgspec is asked

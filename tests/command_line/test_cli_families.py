@@ -10,7 +10,7 @@ from capslip.analysis import analyze_families
 from capslip.cli import main
 from capslip.errors import SettingsError
 from capslip.options import MODELS
-from scenes import caps_map
+from scenes import PROJECT, caps_map
 
 PAIR = ("--m", "5", "--n", "18", "--radius-G", "23.8", "--radius-P", "26.7", "--h", "2.4e-7")
 
@@ -36,6 +36,20 @@ def test_the_papers_families_give_its_loads_and_limits(tmp_path):
     again = analyze_families(capslip.load_settings(tmp_path / "out" / "settings.toml")).summary()
     for table in ("contact", "slip", "answer", "assumed", "verdict"):
         assert again[table] == summary[table]
+
+
+def test_settings_of_a_scan_are_named_and_move_nothing(tmp_path):
+    """The file of a scan serves its families, too; what it wrote out runs again as it was."""
+    paper = ("--config", str(PROJECT / "configs" / "peyret2016.toml"))
+    told = " ".join(run(*PAIR, *paper, "-o", str(tmp_path / "out")).stdout.split())
+    assert "info settings_ignored: hills.cut, hills.separation, caps.fit, families.count" in told
+    plain = run(*PAIR, "--preload", "460", "-o", str(tmp_path / "plain")).stdout
+    assert "settings_ignored" not in plain
+    answers = [json.loads((tmp_path / f / "summary.json").read_text()) for f in ("out", "plain")]
+    assert answers[0]["slip"] == answers[1]["slip"]
+    again = capslip.load_settings(tmp_path / "plain" / "settings.toml")
+    codes = {one.code for one in analyze_families(again).problems}
+    assert "settings_ignored" not in codes
 
 
 def test_what_is_to_know_is_told_where_no_report_is_written(tmp_path):
