@@ -7,6 +7,8 @@ from functools import cache
 
 import numpy as np
 import pytest
+import tomli_w
+from msgspec import structs
 
 import capslip
 from capslip.analysis import analyze_families, analyze_once, analyze_scans
@@ -80,6 +82,67 @@ def test_a_material_has_its_modulus_however_the_settings_were_made(said):
     assert found.settings == same.settings
     assert found.contact.composite == same.contact.composite
     assert found.slip.tangential_stiffness_N_per_m == same.slip.tangential_stiffness_N_per_m
+
+
+def of_steel(*words):
+    return capslip.load_settings(overrides=("material.preset=steel", *words))
+
+
+def exchanged(settings, **said):
+    """Name another material in settings that hold the numbers of one."""
+    return structs.replace(settings, material=structs.replace(settings.material, **said))
+
+
+@pytest.mark.parametrize("preset", ["aluminium", "stainless", ("steel", "titanium")])
+def test_a_material_that_is_exchanged_keeps_no_number_of_the_one_before(preset):
+    """Aluminium had the modulus and the yield stress of the steel that it took the place of."""
+    lines = f"material.preset={list(preset) if isinstance(preset, tuple) else preset}"
+    expected = capslip.load_settings(overrides=(lines,))
+    before, own = of_steel(), {"preset": preset, "friction_coefficient": 0.3}
+    for made in (
+        exchanged(before, preset=preset),
+        structs.replace(before, material=Material(preset=preset)),
+        exchanged(checked(exchanged(before, preset="brass")), preset=preset),
+        exchanged(of_steel("material.youngs_modulus_Pa=[210e9,210e9]"), preset=preset),
+    ):
+        assert checked(made) == expected
+        assert checked(checked(made)) == expected
+    assert checked(exchanged(before, **own)).material == structs.replace(
+        expected.material, friction_coefficient=0.3
+    )
+    back = exchanged(checked(exchanged(before, preset=preset)), preset="steel")
+    assert checked(back) == before
+
+
+@pytest.mark.parametrize("mine", ["hardness_Pa=3e9", "youngs_modulus_Pa=[205e9,205e9]"])
+def test_own_numbers_of_a_material_that_is_exchanged_may_be_of_either(mine):
+    given = of_steel(f"material.{mine}")
+    assert checked(given) == given
+    says = f"'brass' in place of 'steel', and material.{mine.partition('=')[0]}, which may be"
+    with pytest.raises(SettingsError, match=says) as raised:
+        analyze_once(caps_map(CAPS), exchanged(given, preset="brass"))
+    assert "\n" not in str(raised.value)
+    of_both = Material(preset="brass", hardness_Pa=3e9)  # a material of its own says so
+    assert (
+        checked(structs.replace(given, material=of_both)).material
+        == checked(capslip.Settings(material=of_both)).material
+    )
+
+
+def test_a_written_file_whose_material_is_named_anew_has_no_number_of_the_one_before(tmp_path):
+    """In its text, or by an override, beside which a modulus may be said."""
+    path, named = tmp_path / "settings.toml", 'preset = "aluminium"'
+    text = tomli_w.dumps(of_steel("material.friction_spread=0.1").to_dict())
+    path.write_text(text)
+    assert capslip.load_settings(path) == of_steel("material.friction_spread=0.1")
+    expected = capslip.load_settings(
+        overrides=("material.preset=aluminium", "material.friction_spread=0.1")
+    )
+    assert capslip.load_settings(path, ("material.preset=aluminium",)).material == expected.material
+    both = ("material.youngs_modulus_Pa=[71e9,71e9]", "material.preset=aluminium")
+    assert capslip.load_settings(path, both).material.youngs_modulus_Pa == (71e9, 71e9)
+    path.write_text(text.replace('preset = "steel"', named))
+    assert capslip.load_settings(path).material == expected.material
 
 
 @pytest.mark.parametrize(

@@ -60,31 +60,63 @@ SAID = ("youngs_modulus_Pa", "poisson_ratio", "yield_stress_Pa", "hardness_Pa") 
 def with_preset(tables: dict[str, Any], where: str = "settings") -> dict[str, Any]:
     """Fill in what the materials named in nested dictionaries say and the dictionaries do not.
 
+    What they say is marked as theirs, by `material.values_of`: where another material is named
+    later, it gives way.
+
     Raises
     ------
     SettingsError
-        A name that is none of MATERIALS, or not one or two of them.
+        A name that is none of MATERIALS, or not one or two of them; or numbers that may be of the
+        material before.
     """
     given = tables.get("material", {})
     preset = given.get("preset") if isinstance(given, dict) else None
     if preset is None:
         return tables
+    known = _said(_named(preset, "preset", where))
+    given = _without_others(given, preset, where)
+    if "hardness_Pa" in given:
+        del known["yield_stress_Pa"]
+    return {**tables, "material": {**known, **given, "values_of": preset}}
+
+
+def _named(preset: Any, key: str, where: str) -> list[str]:
+    """Return the name of the material of each face."""
     names = [preset, preset] if isinstance(preset, str) else preset
     two = "one for each face: [steel, aluminium]"
     if not isinstance(names, list | tuple) or len(names) != 2:
-        raise SettingsError(f"{where}: material.preset: got {preset!r}; expected one, or {two}")
+        raise SettingsError(f"{where}: material.{key}: got {preset!r}; expected one, or {two}")
     for name in map(str, names):
         if name not in MATERIALS:
             what = f"got {name!r}; {one_of(MATERIALS, name)}; or {two}"
-            raise SettingsError(f"{where}: material.preset: {what}")
+            raise SettingsError(f"{where}: material.{key}: {what}")
+    return list(names)
+
+
+def _said(names: list[str]) -> dict[str, Any]:
+    """Return what the materials of two faces say."""
     bodies = [MATERIALS[name] for name in names]
-    known: dict[str, Any] = {
+    return {
         "youngs_modulus_Pa": [body.youngs_modulus_Pa for body in bodies],
         "poisson_ratio": [body.poisson_ratio for body in bodies],
+        "yield_stress_Pa": min(body.yield_stress_Pa for body in bodies),
     }
-    if "hardness_Pa" not in given:
-        known["yield_stress_Pa"] = min(body.yield_stress_Pa for body in bodies)
-    return {**tables, "material": {**known, **given}}
+
+
+def _without_others(given: dict[str, Any], preset: Any, where: str) -> dict[str, Any]:
+    """Leave out what another material said, that stood here before; refuse what may be of it."""
+    before = given.get("values_of")
+    if before is None or before == preset:
+        return given
+    said = _said(_named(before, "values_of", where))
+    kept = {key: of for key, of in given.items() if key not in SAID or of != said.get(key)}
+    if unclear := [f"material.{key}" for key in SAID if key in kept]:
+        raise SettingsError(
+            f"{where}: material.preset: got {preset!r} in place of {before!r}, and "
+            f"{', '.join(unclear)}, which may be of either; expected a material of its own, such "
+            f"as Material(preset={preset!r}, ...), or a file without material.values_of"
+        )
+    return kept
 
 
 def without_said(tables: dict[str, Any]) -> dict[str, Any]:
@@ -92,7 +124,8 @@ def without_said(tables: dict[str, Any]) -> dict[str, Any]:
     given = tables.get("material")
     if not isinstance(given, dict):
         return tables
-    return {**tables, "material": {key: of for key, of in given.items() if key not in SAID}}
+    stale = (*SAID, "values_of")
+    return {**tables, "material": {key: of for key, of in given.items() if key not in stale}}
 
 
 def refuse_stray_spread(tables: dict[str, Any], where: str) -> None:

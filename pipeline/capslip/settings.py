@@ -127,6 +127,7 @@ class Material(_Table, frozen=True):
     """
 
     preset: str | tuple[str, str] | None = None  # of capslip.materials; fills in what is not given
+    values_of: str | tuple[str, str] | None = None  # the preset that filled in; nobody gives it
     youngs_modulus_Pa: tuple[Positive, Positive] = (200e9, 200e9)
     poisson_ratio: tuple[PoissonRatio, PoissonRatio] = (0.3, 0.3)
     friction_coefficient: Positive = 0.2
@@ -358,6 +359,9 @@ def checked(settings: Settings) -> Settings:
     typed = converted(tables, Settings, "settings")
     tables = plain(typed, "settings")
     given = [name for name in STAND_INS if typed.is_given(name)]
+    if typed.material.preset is not None and typed.material.values_of is None:  # a new material
+        made = Settings(material=typed.material)
+        given = [name for name in given if name not in OF_A_MATERIAL or made.is_given(name)]
     tables["run"]["given"] = given
     for name in set(STAND_INS) - set(given):  # it stands aside for what is
         table, key = name.split(".")
