@@ -330,7 +330,7 @@ def _analyzed(
     check_map("mate", surface if mate is None else mate)
     _check(settings, mate)
     for face_read in (surface,) if mate is None else (surface, mate):
-        check_reading(face_read, settings.reading)
+        check_reading(face_read, settings.reading, alone=mate is None)
     started = _now()
     face = find_face(surface, settings, mate, clock)
     found = Analysis(

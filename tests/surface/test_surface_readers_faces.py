@@ -70,6 +70,41 @@ def test_settings_that_the_map_was_not_read_with_are_refused(text, said):
             check_reading(surface, reading)
 
 
+OTHER = {
+    "unit": {"unit": "mm"},
+    "pixel_size": {"pixel_size": (7.0, 3.0)},
+    "size of its unit": {"lateral_unit": "mm"},
+}
+
+
+@pytest.mark.parametrize("said", OTHER.values(), ids=OTHER)
+def test_units_and_pixels_that_the_map_was_not_read_with_are_refused(text, stored, said):
+    """They were not compared: the heights were a thousandth of what the settings said."""
+    name = "unit" if "unit" in said else "pixel_size"
+    reading = replace(IN_UM, **said)
+    check_reading(load_surface(text, **asdict(reading)), reading)
+    with pytest.raises(SettingsError, match=f"reading.{name} = .*; read it as the settings say"):
+        check_reading(load_surface(text, **asdict(IN_UM)), reading)
+    of_text = replace(IN_UM, lateral_unit="mm", pixel_size=tuple(1e-3 * np.array(IN_UM.pixel_size)))
+    check_reading(load_surface(text, **asdict(of_text)), IN_UM)  # the same in another unit
+    check_reading(load_surface(text, **asdict(replace(IN_UM, unit="µm"))), IN_UM)
+    check_reading(HeightMap(HEIGHT_M, SIZE_M), reading)  # made of an array: in metres
+
+
+def test_what_a_file_says_itself_is_compared_where_no_other_face_may_lack_it(stored):
+    face = load_surface(stored)
+    for said in ({"unit": "pm"}, {"lateral_unit": "inch"}, {"pixel_size": (9.0, 9.0)}):
+        reading = Reading(**{"lateral_unit": "m", **said} if "pixel_size" in said else said)
+        (name,) = said
+        with pytest.raises(SettingsError, match=f"reading.{name} = "):
+            check_reading(face, reading)
+        check_reading(face, reading, alone=False)
+    same = Reading(face.origin.height_unit, "m", tuple(face.pixel_size_m))
+    check_reading(face, same)
+    with pytest.raises(SettingsError, match=r"reading.unit = 'pm'"):
+        analyze_once(face, load_settings(overrides=("reading.unit=pm",)))
+
+
 def test_an_analysis_does_not_pretend_to_have_turned_a_map():
     surface = HeightMap(np.random.default_rng(1).normal(0.0, 1e-7, (40, 40)), SIZE_M)
     with pytest.raises(SettingsError, match="invert"):
