@@ -109,6 +109,32 @@ def test_what_was_measured_lies_within_its_rectangle():
     assert nothing.measured_area_m2 == 0.0
 
 
+@pytest.mark.parametrize(
+    "slope",
+    [
+        (np.nan, 0.0),
+        (0.0, np.inf),
+        (1e-3,),
+        (1e-3, 0.0, 0.0),
+        "ab",
+        ("a", 0.0),
+        1e-3,
+        np.ones((2, 2)),
+    ],
+    ids=str,
+)
+def test_a_floor_without_two_finite_slopes_is_refused(slope):
+    """Slopes of the floor were taken as they came, a text or NaN too."""
+    with pytest.raises(
+        SettingsError, match=r"surface: floor_slope: got .*; expected two"
+    ) as raised:
+        HeightMap(np.zeros((4, 5)), (1e-4, 1e-4), floor_slope=slope)
+    assert "\n" not in str(raised.value)
+    for sound in (np.array([1e-3, -2e-3]), [np.float32(1), 0], (0.0, 0.0), None):
+        held = HeightMap(np.zeros((4, 5)), (1e-4, 1e-4), floor_slope=sound).floor_slope
+        assert held == (None if sound is None else tuple(map(float, sound)))
+
+
 @pytest.mark.parametrize("noise_m", [0.0, -1e-9, np.nan, np.inf])
 def test_a_noise_that_is_no_positive_number_is_refused(noise_m):
     with pytest.raises(SettingsError, match=r"surface: noise of \S+ m; expected a positive number"):

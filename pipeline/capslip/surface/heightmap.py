@@ -154,8 +154,8 @@ class HeightMap:
         If the array is not two-dimensional, has fewer than 3 points along an axis, or holds no
         real numbers or an infinite height.
     SettingsError
-        If the pixel size is not two positive finite numbers, the noise no such one, or another
-        argument of the wrong type.
+        If the pixel size is not two positive finite numbers, the noise no such one, the slopes of
+        the floor not two finite ones, or another argument of the wrong type.
 
     Examples
     --------
@@ -204,6 +204,8 @@ class HeightMap:
             if not 0.0 < self.noise_m < np.inf:
                 got = f"{name}: noise of {self.noise_m:g} m"
                 raise SettingsError(f"{got}; expected a positive number")
+        if self.floor_slope is not None:
+            self.__dict__["floor_slope"] = _slopes(self.floor_slope, name)
         self._hold(stored_m, lost_of(stored_m, name), None)
         self.__dict__["pixel_size_m"] = (dy_m, dx_m)
 
@@ -470,6 +472,17 @@ def check_map(name: str, surface: object) -> None:
         "capslip.HeightMap"
     )
     check_kind(name, surface, HeightMap, expected, UnusableSurfaceError)
+
+
+def _slopes(given: Any, name: str) -> tuple[float, float]:
+    """Return two slopes of a floor; SettingsError if they are none, or not finite."""
+    numbers = list(given) if isinstance(given, Sequence | np.ndarray) else []
+    if any(not isinstance(one, Real) or not math.isfinite(one) for one in numbers):
+        numbers = []
+    if len(numbers) != 2:
+        got = f"{name}: floor_slope: got {in_short(repr(given))}"
+        raise SettingsError(f"{got}; expected two finite numbers, along y and x")
+    return float(numbers[0]), float(numbers[1])
 
 
 def check_maps(scans: object) -> None:
