@@ -344,7 +344,7 @@ def average(scans: tuple[Path, ...], out: Path | None, quiet: bool, **options: A
 
     The mean is written with the noise that is left in it, which `analyze` then knows.
     """
-    from capslip.output.convert import refuse_file, write_whole
+    from capslip.output.convert import refuse_file
     from capslip.output.terminal import average_lines
     from capslip.surface.average import average as run
     from capslip.surface.readers.hdf5 import write_hdf5
@@ -355,8 +355,7 @@ def average(scans: tuple[Path, ...], out: Path | None, quiet: bool, **options: A
     say = Progress(quiet, options["verbose"])
     maps = [_load(scan, settings, say)[0] for scan in scans]
     found, names = run(maps), [scan.name for scan in scans]
-    of = found.surface.origin.mean_of
-    write_whole(path, lambda unfinished: write_hdf5(found.surface, unfinished, mean_of=of))
+    write_hdf5(found.surface, path, mean_of=found.surface.origin.mean_of)
     if not quiet:
         say_result(to_width(average_lines(found, names, path)))
 

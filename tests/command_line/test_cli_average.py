@@ -1,6 +1,8 @@
 """Repeated scans on the command line: their mean is a scan that knows its noise."""
 
+import errno
 import json
+import os
 from dataclasses import replace
 from pathlib import Path
 
@@ -70,6 +72,20 @@ def test_the_mean_is_written_with_its_noise_and_told(scans, tmp_path):
         of = list(file["height"].attrs["mean_of"])
     assert of == [f"{name} (SHA-256 {sha256_of(tmp_path / name)})" for name in scans]
     assert sorted(one.name for one in tmp_path.iterdir()) == ["a-mean.h5", *scans]
+
+
+def test_a_mean_that_finds_no_room_is_one_line_and_no_file(scans, tmp_path, monkeypatch):
+    def full(*_):
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    monkeypatch.setattr(Path, "write_bytes", full)
+    ran = run("average", *scans, "-q")
+    assert (ran.exit_code, ran.stdout) == (2, "")
+    assert ran.stderr == (
+        "error: a-mean.h5: cannot be written (No space left on device); nothing was written; make "
+        f"room on the disk of {tmp_path}, or choose another folder\n"
+    )
+    assert sorted(one.name for one in tmp_path.iterdir()) == scans
 
 
 def test_averages_that_share_a_scan_are_refused_and_others_are_as_good_as_they_say(scans):

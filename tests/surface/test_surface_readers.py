@@ -1,11 +1,13 @@
 """Readers: units, refusals, round trips."""
 
 import contextlib
+import errno
 import hashlib
 import os
 import subprocess
 import sys
 import time
+from pathlib import Path
 
 import h5py
 import numpy as np
@@ -294,6 +296,37 @@ def test_writing_refuses_unknown_units_and_folders(tmp_path):
         write_hdf5(surface, tmp_path / "a.h5", unit="parsec")
     with pytest.raises(OutputError, match="cannot be written"):
         write_hdf5(surface, tmp_path / "absent" / "a.h5")
+
+
+@pytest.mark.parametrize("reason", [errno.ENOSPC, errno.EIO])
+def test_a_map_that_finds_no_room_leaves_what_was_there(reason, tmp_path, monkeypatch):
+    path, there, write_bytes = tmp_path / "a.h5", HeightMap(HEIGHTS, (1, 1)), Path.write_bytes
+    write_hdf5(there, path)
+    before = path.read_bytes()
+
+    def half(file, data):
+        write_bytes(file, data[: len(data) // 2])
+        raise OSError(reason, os.strerror(reason))
+
+    monkeypatch.setattr(Path, "write_bytes", half)
+    room = f"make room on the disk of {tmp_path}, or " if reason == errno.ENOSPC else ""
+    for name in ("a.h5", "new.h5"):
+        with pytest.raises(OutputError) as told:
+            write_hdf5(HeightMap(2.0 * HEIGHTS, (1, 1)), tmp_path / name)
+        assert str(told.value) == (
+            f"{tmp_path / name}: cannot be written ({os.strerror(reason)}); nothing was written; "
+            f"{room}choose another folder"
+        )
+    assert path.read_bytes() == before
+    assert list(tmp_path.iterdir()) == [path]
+
+
+def test_a_map_is_written_where_a_link_leads(tmp_path):
+    (tmp_path / "far").mkdir()
+    (tmp_path / "a.h5").symlink_to(tmp_path / "far" / "b.h5")
+    write_hdf5(HeightMap(HEIGHTS, (1, 1)), tmp_path / "a.h5")
+    assert (tmp_path / "a.h5").is_symlink()
+    assert np.array_equal(load_surface(tmp_path / "far" / "b.h5").height_m, HEIGHTS)
 
 
 def test_formats_names_every_reader():

@@ -4,10 +4,13 @@ The native file holds the dataset `/height` (ny, nx), float32 or float64, NaN wh
 with the attributes `unit`, `pixel_size` = [dy, dx] and `pixel_unit`.
 """
 
+import errno
 import json
 import math
 import mmap
+import os
 import struct
+import tempfile
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -63,7 +66,7 @@ def write_hdf5(
     surface : HeightMap
         What to write.
     path : path
-        The file; an existing one is replaced.
+        The file; an existing one is replaced by a whole one or not at all.
     truth : dict, optional
         What is known of a synthetic surface, stored as JSON text in the dataset `/truth`.
     mean_of : sequence of str
@@ -78,7 +81,7 @@ def write_hdf5(
     SettingsError
         If the unit or the data type is not one of these.
     OutputError
-        If the file cannot be written.
+        If the file cannot be written; what was there before stays.
     """
     import h5py
 
@@ -88,22 +91,40 @@ def write_hdf5(
             "float64 or float32"
         )
     heights = (surface.height_m / METRES[unit]).astype(dtype)
+    # In memory, then to the disk at once: where that is full, HDF5 itself ends the process
+    with h5py.File(path, "w", driver="core", backing_store=False) as file:
+        dataset = file.create_dataset(
+            "height", data=heights, compression="gzip", compression_opts=6, shuffle=True
+        )
+        dataset.attrs["unit"] = unit
+        dataset.attrs["pixel_size"] = surface.pixel_size_m
+        dataset.attrs["pixel_unit"] = "m"
+        if surface.noise_m is not None:
+            dataset.attrs["noise_m"] = surface.noise_m
+        if mean_of:
+            dataset.attrs["mean_of"] = list(map(printable, mean_of))
+        if truth is not None:
+            file["truth"] = json.dumps(truth)
+        file.flush()
+        image = file.id.get_file_image()
+    _put(image, Path(path))
+
+
+def _put(image: bytes, path: Path) -> None:
+    """Write a file whole, or leave what is there as it is."""
+    place = Path(os.path.realpath(path))  # a link stays one
     try:
-        with h5py.File(path, "w") as file:
-            dataset = file.create_dataset(
-                "height", data=heights, compression="gzip", compression_opts=6, shuffle=True
-            )
-            dataset.attrs["unit"] = unit
-            dataset.attrs["pixel_size"] = surface.pixel_size_m
-            dataset.attrs["pixel_unit"] = "m"
-            if surface.noise_m is not None:
-                dataset.attrs["noise_m"] = surface.noise_m
-            if mean_of:
-                dataset.attrs["mean_of"] = list(map(printable, mean_of))
-            if truth is not None:
-                file["truth"] = json.dumps(truth)
+        with tempfile.TemporaryDirectory(prefix=".capslip.", dir=place.parent) as work:
+            unfinished = Path(work) / "unfinished.h5"
+            unfinished.write_bytes(image)
+            os.replace(unfinished, place)
     except OSError as error:
-        raise OutputError(f"{path}: cannot be written ({error}); choose another folder") from error
+        full = error.errno in (errno.ENOSPC, errno.EDQUOT)
+        step = f"make room on the disk of {place.parent}, or " if full else ""
+        raise OutputError(
+            f"{path}: cannot be written ({error.strerror}); nothing was written; {step}choose "
+            "another folder"
+        ) from error
 
 
 def _recognises(head: bytes, path: Path) -> bool:
