@@ -317,11 +317,15 @@ def batch(
 @verbose_option
 def inspect(result: Path, html: Path | None, verbose: bool, **options: Any) -> None:
     """Look at the caps of a result in a window, or write pictures."""
-    from capslip.output.scene import look_of, save_picture, show
-    from capslip.output.viewer import write_viewer
+    from capslip.output.scene import check_picture, look_of, save_picture, show
+    from capslip.output.viewer import check_page, write_viewer
 
     pictures = [path for path in (options.pop("screenshot"), options.pop("turntable")) if path]
     look = look_of(**options)
+    for picture in pictures:
+        check_picture(result, picture)
+    if html is not None:
+        check_page(result, html, look)
     for picture in pictures:
         save_picture(result, picture, look)
     if html is not None:

@@ -117,6 +117,8 @@ def drawn(monkeypatch):
             calls.append((name.partition(".")[2], *given))
 
         monkeypatch.setattr(f"capslip.output.{name}", call)
+    for name in ("scene.check_picture", "viewer.check_page"):
+        monkeypatch.setattr(f"capslip.output.{name}", lambda *_: None)
     return calls
 
 
@@ -141,6 +143,26 @@ def test_inspect_draws_what_was_asked_for_or_opens_a_window(drawn):
     ran = run("inspect", result, "--html", "a.html", "--screenshot", "a.png")
     assert [name for name, *_ in drawn] == ["save_picture", "write_viewer"]
     assert ran.stdout.splitlines() == ["a.png", "a.html"]
+
+
+@pytest.mark.parametrize(
+    ("bad", "said"),
+    [
+        (("--html", "a.x3p"), "a.x3p: got .x3p; expected .html or .htm"),
+        (("--html", "absent/a.html"), "absent/a.html: No such file or directory; give"),
+        (("--turntable", "a.jpg"), "a.jpg: got .jpg; expected .png or .gif"),
+        (("--turntable", "absent/a.gif"), "absent/a.gif: no such folder"),
+    ],
+)
+def test_inspect_refuses_a_place_before_anything_is_drawn(bad, said, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr("capslip.output.scene.start_render", lambda *_, **__: pytest.fail("drawn"))
+    for name in ("scene", "viewer"):
+        monkeypatch.setattr(f"capslip.output.{name}.check_result", lambda _: True)
+    ran = run("inspect", "a", "--screenshot", "s.png", *bad)
+    assert (ran.exit_code, ran.stdout) == (2, "")
+    assert ran.stderr.startswith(f"error: {said}")
+    assert ran.stderr.count("\n") == 1
 
 
 @pytest.mark.parametrize("left_out", [None, "3 caps have no sphere"])

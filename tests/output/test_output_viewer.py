@@ -2,8 +2,10 @@
 
 import base64
 import re
+import shutil
 from dataclasses import replace
 
+import h5py
 import numpy as np
 import output_cases
 import pytest
@@ -155,9 +157,10 @@ def test_page_that_begins_with_two_faces_enlarges_the_heights_of_the_first(tmp_p
     assert factors[True] < factors[False]
 
 
-def test_page_refuses_the_state_of_contacts_that_are_not_known(folder, tmp_path, monkeypatch):
-    unknown = replace(read_view(folder), zones=None)
-    monkeypatch.setattr(viewer, "read_view", lambda *_: unknown)
+def test_page_refuses_the_state_of_contacts_that_are_not_known(folder, tmp_path):
+    folder = shutil.copytree(folder, tmp_path / "unknown")
+    with h5py.File(folder / "result.h5", "r+") as file:
+        del file["zones"]
     page = tmp_path / "view.html"
     for given in ((0.5, None), (1.0, 0.0), (1.0, None, True)):
         with pytest.raises(OutputError, match=r"--mate; .*knows no single contacts") as error:

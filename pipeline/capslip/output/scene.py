@@ -85,17 +85,27 @@ def save_picture(result: str | Path, picture: Path, look: Look) -> None:
     OutputError
         If there is no result, or the picture cannot be made.
     """
+    check_picture(result, picture)
+    reason = start_render(result_file(result), picture, look=look).wait(timeout_s=300.0)
+    if reason is not None:
+        raise OutputError(f"{picture}: {reason}")
+
+
+def check_picture(result: str | Path, picture: Path) -> None:
+    """Refuse a picture that cannot be made of a result, before anything is written.
+
+    Raises
+    ------
+    OutputError
+        As `save_picture`.
+    """
     check_result(result)
-    result = result_file(result)
     if picture.suffix.lower() not in (".png", ".gif"):
         raise OutputError(f"{picture}: got {picture.suffix or 'no suffix'}; expected .png or .gif")
     if not picture.parent.is_dir():
         raise OutputError(f"{picture}: no such folder; make it, or give another one")
     if not os.access(picture.parent, os.W_OK):
         raise OutputError(f"{picture}: its folder cannot be written; give another one")
-    reason = start_render(result, picture, look=look).wait(timeout_s=300.0)
-    if reason is not None:
-        raise OutputError(f"{picture}: {reason}")
 
 
 def show(result: str | Path, look: Look | None = None) -> None:

@@ -317,8 +317,8 @@ def result_file(result: str | Path) -> Path:
     return path
 
 
-def check_result(result: str | Path) -> None:
-    """Raise where there is no result of an analysis, before anything else is asked for.
+def check_result(result: str | Path) -> bool:
+    """Return whether a result knows single contacts; raise where there is no result.
 
     Raises
     ------
@@ -326,8 +326,9 @@ def check_result(result: str | Path) -> None:
         As `read_view`.
     """
     path = result_file(result)
-    with _opened(path):
+    with _opened(path) as file:
         _summary_beside(path)
+        return "zones" in file
 
 
 def _summary_beside(path: Path) -> dict[str, Any]:

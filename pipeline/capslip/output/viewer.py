@@ -16,7 +16,15 @@ import numpy as np
 from capslip.errors import OutputError
 from capslip.output.canvas import height_limits
 from capslip.output.picture import SLIP, STICK, Look
-from capslip.output.view import COLOURS, View, cap_profiles, colouring, read_view
+from capslip.output.view import (
+    COLOURS,
+    View,
+    cap_profiles,
+    check_result,
+    colouring,
+    read_view,
+    result_file,
+)
 from capslip.output.zones import compression_at
 
 CELLS = 70_000  # of the face
@@ -47,14 +55,9 @@ def write_viewer(result: str | Path, page: Path, look: Look | None = None) -> No
     """
     from jinja2 import Environment, StrictUndefined
 
-    if page.suffix.lower() not in (".html", ".htm"):  # what is there may be a scan
-        raise OutputError(f"{page}: got {page.suffix or 'no suffix'}; expected .html or .htm")
-    view, look = read_view(result, CELLS), look or Look()
-    if view.zones is None and (look.zones or look.mate):
-        raise OutputError(
-            f"{page}: got --load, --force or --mate; {view.path} knows no single contacts to show "
-            "so; leave them out"
-        )
+    look = look or Look()
+    check_page(result, page, look)
+    view = read_view(result, CELLS)
     template = files("capslip.output").joinpath("viewer.html.j2").read_text("utf-8")
     environment = Environment(autoescape=True, undefined=StrictUndefined)
     block = viewer_block(view, look)
@@ -63,6 +66,25 @@ def write_viewer(result: str | Path, page: Path, look: Look | None = None) -> No
         page.write_text(text, encoding="utf-8")
     except OSError as error:
         raise OutputError(f"{page}: {error.strerror}; give another name") from error
+
+
+def check_page(result: str | Path, page: Path, look: Look) -> None:
+    """Refuse a page that cannot show a result so, before anything is written.
+
+    Raises
+    ------
+    OutputError
+        As `write_viewer`.
+    """
+    if page.suffix.lower() not in (".html", ".htm"):  # what is there may be a scan
+        raise OutputError(f"{page}: got {page.suffix or 'no suffix'}; expected .html or .htm")
+    if not page.absolute().parent.is_dir():
+        raise OutputError(f"{page}: No such file or directory; give another name")
+    if not check_result(result) and (look.zones or look.mate):
+        raise OutputError(
+            f"{page}: got --load, --force or --mate; {result_file(result)} knows no single "
+            "contacts to show so; leave them out"
+        )
 
 
 def viewer_block(view: View, look: Look | None = None) -> str:
