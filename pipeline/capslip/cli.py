@@ -323,7 +323,7 @@ def inspect(result: Path, html: Path | None, verbose: bool, **options: Any) -> N
     pictures = [path for path in (options.pop("screenshot"), options.pop("turntable")) if path]
     look = look_of(**options)
     for picture in pictures:
-        check_picture(result, picture)
+        check_picture(result, picture, look)
     if html is not None:
         check_page(result, html, look)
     for picture in pictures:

@@ -447,6 +447,31 @@ def test_a_picture_of_what_is_no_result_does_not_speak_of_opengl(tmp_path):
     assert "OpenGL" not in str(error.value)
 
 
+def test_a_state_of_contacts_that_are_not_known_is_refused(none, tmp_path, monkeypatch):
+    write_result(none, tmp_path)
+    monkeypatch.setattr(scene, "start_render", lambda *_, **__: pytest.fail("drawn"))
+    monkeypatch.setattr(scene.subprocess, "run", lambda *_, **__: pytest.fail("opened"))
+    monkeypatch.setattr(sys, "platform", "darwin")  # where nothing tells of a display
+    for look in (look_of("family", 0.5, None), look_of("family", 1.0, 0.0)):
+        for draw_it, place in (
+            (lambda look: save_picture(tmp_path, tmp_path / "seen.png", look), "seen.png"),
+            (lambda look: show(tmp_path, look), "result.h5"),
+        ):
+            with pytest.raises(OutputError) as error:
+                draw_it(look)
+            assert str(error.value) == (
+                f"{tmp_path / place}: got --load or --force; {tmp_path / 'result.h5'} knows no "
+                "single contacts to show so; leave them out"
+            )
+
+
+@pytest.mark.parametrize("mate", [False, True])
+def test_a_result_without_contacts_is_drawn_as_it_is(mate, opengl, none, tmp_path):
+    write_result(none, tmp_path)
+    save_picture(tmp_path, tmp_path / "seen.png", look_of("family", 1.0, None, mate))
+    assert (tmp_path / "seen.png").is_file()
+
+
 def test_what_may_not_be_read_or_written_is_said(result, tmp_path, monkeypatch):
     def locked(*_args, **_options):
         raise PermissionError(13, "Permission denied")

@@ -83,29 +83,40 @@ def save_picture(result: str | Path, picture: Path, look: Look) -> None:
     Raises
     ------
     OutputError
-        If there is no result, or the picture cannot be made.
+        If there is no result, it knows no contacts that the look asks for, or the picture cannot
+        be made.
     """
-    check_picture(result, picture)
+    check_picture(result, picture, look)
     reason = start_render(result_file(result), picture, look=look).wait(timeout_s=300.0)
     if reason is not None:
         raise OutputError(f"{picture}: {reason}")
 
 
-def check_picture(result: str | Path, picture: Path) -> None:
-    """Refuse a picture that cannot be made of a result, before anything is written.
+def check_picture(result: str | Path, picture: Path, look: Look) -> None:
+    """Refuse a picture that cannot show a result so, before anything is written.
 
     Raises
     ------
     OutputError
         As `save_picture`.
     """
-    check_result(result)
+    known = check_result(result)
     if picture.suffix.lower() not in (".png", ".gif"):
         raise OutputError(f"{picture}: got {picture.suffix or 'no suffix'}; expected .png or .gif")
     if not picture.parent.is_dir():
         raise OutputError(f"{picture}: no such folder; make it, or give another one")
     if not os.access(picture.parent, os.W_OK):
         raise OutputError(f"{picture}: its folder cannot be written; give another one")
+    _check_state(known, look, result, picture)
+
+
+def _check_state(known: bool, look: Look, result: str | Path, place: Path) -> None:
+    """Refuse a state of contacts of which nothing is known; a flat mate is drawn without them."""
+    if look.zones and not known:
+        raise OutputError(
+            f"{place}: got --load or --force; {result_file(result)} knows no single contacts to "
+            "show so; leave them out"
+        )
 
 
 def show(result: str | Path, look: Look | None = None) -> None:
@@ -121,10 +132,12 @@ def show(result: str | Path, look: Look | None = None) -> None:
     Raises
     ------
     OutputError
-        If there is no result, no display, or no OpenGL.
+        If there is no result, it knows no contacts that the look asks for, or there is no display
+        or no OpenGL.
     """
-    check_result(result)
+    known = check_result(result)
     result = result_file(result)
+    _check_state(known, look or Look(), result, result)
     on_x11 = sys.platform not in ("darwin", "win32")
     if on_x11 and not (os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")):
         raise OutputError(f"{result}: no display to open a window on; {OFF_SCREEN}")
